@@ -1,0 +1,32 @@
+"""`@kernel`: compiles a scalar function on floats and tuples, callable from anyone's `@njit` code."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any, ParamSpec, TypeVar, overload
+
+from numba import njit
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+@overload
+def kernel(function: Callable[P, R], /) -> Callable[P, R]: ...
+@overload
+def kernel(*, inline: bool) -> Callable[[Callable[P, R]], Callable[P, R]]: ...
+def kernel(function: Any = None, /, *, inline: bool = True) -> Any:
+    """Compile lazily, strict IEEE (no fastmath: one result everywhere), cached on disk where that can be written.
+
+    inline: merge into the caller's code, for cores of up to some 30 lines; others stay calls.
+    """
+    if function is None:
+        return partial(_compile, inline=inline)
+    return _compile(function, inline=inline)
+
+
+def _compile(function: Callable[P, R], *, inline: bool) -> Callable[P, R]:
+    options: dict[str, Any] = {"error_model": "numpy", "nogil": True, "forceinline": inline}
+    try:
+        return njit(cache=True, **options)(function)  # type: ignore[no-any-return]
+    except RuntimeError:  # no folder for the cache can be written
+        return njit(**options)(function)  # type: ignore[no-any-return]

@@ -1,0 +1,25 @@
+"""Core types of kernels. A kernel's annotations are its shapes; array functions are made from them."""
+
+from typing import get_args, get_origin
+
+Vec3 = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+"""Euler parameters (eta, eps_1, eps_2, eps_3): scalar first."""
+Matrix = tuple[Vec3, Vec3, Vec3]
+"""Rows: R[i][j] is row i, column j."""
+
+Shape = tuple[int, ...]
+_SHAPES: dict[object, Shape] = {float: (), Vec3: (3,), Quaternion: (4,), Matrix: (3, 3)}
+
+
+def shape_of(annotation: object) -> Shape:
+    """Core shape of one argument or result, e.g. (3, 3) for Matrix."""
+    return _SHAPES[annotation]
+
+
+def shapes_of_result(annotation: object) -> list[Shape]:
+    """Core shapes of a kernel's results: one, or several where it returns a tuple of core types."""
+    if annotation in _SHAPES:
+        return [_SHAPES[annotation]]
+    assert get_origin(annotation) is tuple
+    return [shape_of(a) for a in get_args(annotation)]

@@ -1,0 +1,1 @@
+"""One rigid body, done right."""

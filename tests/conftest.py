@@ -1,0 +1,18 @@
+"""Compiled kernels are cached by a hash of all kernel sources: numba itself looks only at a function's own file."""
+
+import hashlib
+import os
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def _hash_of_kernels() -> str:
+    digest = hashlib.sha256()
+    for path in sorted((ROOT / "kernels").rglob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+os.environ.setdefault("NUMBA_CACHE_DIR", str(Path(tempfile.gettempdir()) / f"rbfmu-numba-{_hash_of_kernels()}"))
