@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from rbfmu_kernels._batch import core_shapes, gufunc, python_function
+from rbfmu_kernels.euler_angles import sequence
 
 
-def array_function(kernel: Callable[..., Any]) -> Callable[..., Any]:
+def array_function(kernel: Callable[..., Any], *constants: int) -> Callable[..., Any]:
     """The array function of a scalar kernel: same name, arguments and docstring, any leading axes."""
     compiled: Any = None
 
@@ -23,8 +24,23 @@ def array_function(kernel: Callable[..., Any]) -> Callable[..., Any]:
                 raise _clear_error(kernel, args, kwargs) from None
         except ValueError:
             raise _clear_error(kernel, args, kwargs) from None
-        compiled = gufunc(kernel)
+        compiled = gufunc(kernel, *constants)
         return call(*args, **kwargs)
+
+    return call
+
+
+def sequence_function(kernel: Callable[..., Any]) -> Callable[..., Any]:
+    """The array function of a kernel whose first argument is an Euler sequence: compiled once for each sequence used."""
+    functions: dict[str, Callable[..., Any]] = {}
+
+    @wraps(python_function(kernel))
+    def call(seq: str, *args: Any, **kwargs: Any) -> Any:
+        try:
+            function = functions[seq]
+        except KeyError:
+            function = functions[seq] = array_function(kernel, sequence(seq))
+        return function(*args, **kwargs)
 
     return call
 

@@ -1,0 +1,149 @@
+"""Rotation matrices: R_ab takes coordinates in b to coordinates in a."""
+
+import math
+
+from . import vec3
+from ._kernel import kernel
+from .elementary import sincos
+from .quaternion import normalize
+from .shapes import Matrix, Quaternion, Vec3
+
+
+@kernel
+def rotation_x(angle: float) -> Matrix:
+    """R_x(angle), the simple rotation about the x axis.
+
+    angle: rad.  Error <= 1 eps.  E&G (6.101).
+    """
+    s, c = sincos(angle)
+    return ((1.0, 0.0, 0.0), (0.0, c, -s), (0.0, s, c))
+
+
+@kernel
+def rotation_y(angle: float) -> Matrix:
+    """R_y(angle), the simple rotation about the y axis.
+
+    angle: rad.  Error <= 1 eps.  E&G (6.102).
+    """
+    s, c = sincos(angle)
+    return ((c, 0.0, s), (0.0, 1.0, 0.0), (-s, 0.0, c))
+
+
+@kernel
+def rotation_z(angle: float) -> Matrix:
+    """R_z(angle), the simple rotation about the z axis.
+
+    angle: rad.  Error <= 1 eps.  E&G (6.103).
+    """
+    s, c = sincos(angle)
+    return ((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0))
+
+
+@kernel
+def compose_matrices(R_ab: Matrix, R_bc: Matrix) -> Matrix:
+    """R_ac = R_ab R_bc.
+
+    Any matrices.  Error <= 2 eps.  E&G (6.91).
+    """
+    columns = invert_matrix(R_bc)
+    return (
+        (vec3.dot(R_ab[0], columns[0]), vec3.dot(R_ab[0], columns[1]), vec3.dot(R_ab[0], columns[2])),
+        (vec3.dot(R_ab[1], columns[0]), vec3.dot(R_ab[1], columns[1]), vec3.dot(R_ab[1], columns[2])),
+        (vec3.dot(R_ab[2], columns[0]), vec3.dot(R_ab[2], columns[1]), vec3.dot(R_ab[2], columns[2])),
+    )
+
+
+@kernel
+def invert_matrix(R_ab: Matrix) -> Matrix:
+    """R_ba = R_ab^T.
+
+    R_ab: orthogonal; otherwise this is the transpose, not the inverse.  Exact.  E&G (6.87).
+    """
+    a, b, c = R_ab
+    return ((a[0], b[0], c[0]), (a[1], b[1], c[1]), (a[2], b[2], c[2]))
+
+
+@kernel
+def transform(R_ab: Matrix, v_b: Vec3) -> Vec3:
+    """v_a = R_ab v_b.
+
+    R_ab: any matrix; v_b: any unit.  Error <= 2 eps |v|.  E&G (6.84).
+    """
+    return (vec3.dot(R_ab[0], v_b), vec3.dot(R_ab[1], v_b), vec3.dot(R_ab[2], v_b))
+
+
+@kernel
+def matrix_rate_a(R_ab: Matrix, omega_ab_a: Vec3) -> Matrix:
+    """dR/dt = skew(omega_ab_a) R_ab.
+
+    omega_ab_a: rad/s in a.  Error <= 1 eps |omega|.  E&G (6.240).
+    """
+    return compose_matrices(vec3.skew(omega_ab_a), R_ab)
+
+
+@kernel
+def matrix_rate_b(R_ab: Matrix, omega_ab_b: Vec3) -> Matrix:
+    """dR/dt = R_ab skew(omega_ab_b).
+
+    omega_ab_b: rad/s in b.  Error <= 1 eps |omega|.  E&G (6.241).
+    """
+    return compose_matrices(R_ab, vec3.skew(omega_ab_b))
+
+
+@kernel
+def omega_a_from_matrix_rate(R_ab: Matrix, dR: Matrix) -> Vec3:
+    """omega_ab_a of skew(omega_ab_a) = dR R_ab^T.
+
+    dR: d/dt R_ab, 1/s; the symmetric part of the product (0 in exact arithmetic) is dropped.
+    Error <= 2 eps |omega|.  E&G (6.239).
+    """
+    return vec3.unskew(compose_matrices(dR, invert_matrix(R_ab)))
+
+
+@kernel
+def omega_b_from_matrix_rate(R_ab: Matrix, dR: Matrix) -> Vec3:
+    """omega_ab_b of skew(omega_ab_b) = R_ab^T dR.
+
+    dR: d/dt R_ab, 1/s; the symmetric part of the product (0 in exact arithmetic) is dropped.
+    Error <= 2 eps |omega|.
+    """
+    return vec3.unskew(compose_matrices(invert_matrix(R_ab), dR))
+
+
+@kernel
+def matrix_from_quaternion(q_ab: Quaternion) -> Matrix:
+    """R_ab = I + 2 eta skew(eps) + 2 skew(eps)^2.
+
+    q_ab: unit; a norm of 1 + d leaves R orthogonal to 4 d.  Error <= 2 eps.  E&G (6.163).
+    """
+    w, x, y, z = q_ab
+    x2, y2, z2 = x + x, y + y, z + z
+    wx, wy, wz = w * x2, w * y2, w * z2
+    xx, xy, xz = x * x2, x * y2, x * z2
+    yy, yz, zz = y * y2, y * z2, z * z2
+    return (
+        (1.0 - (yy + zz), xy - wz, xz + wy),
+        (xy + wz, 1.0 - (xx + zz), yz - wx),
+        (xz - wy, yz + wx, 1.0 - (xx + yy)),
+    )
+
+
+@kernel
+def quaternion_from_matrix(R_ab: Matrix) -> Quaternion:
+    """q_ab of R_ab, eta >= 0: the row of 4 q q^T with the largest diagonal element, normalised.
+
+    R_ab: a rotation to round-off.  Error <= 2 eps.  Singular: nowhere.  Shepperd 1978, Markley 2008.
+    """
+    (a, b, c), (d, e, f), (g, h, i) = R_ab
+    t0, t1, t2, t3 = 1.0 + a + e + i, 1.0 + a - e - i, 1.0 - a + e - i, 1.0 - a - e + i
+    wx, wy, wz = h - f, c - g, d - b
+    xy, xz, yz = b + d, c + g, f + h
+    x_first = t1 > t0
+    z_second = t3 > t2
+    second = (t3 if z_second else t2) > (t1 if x_first else t0)
+    q0 = (wz if z_second else wy) if second else (wx if x_first else t0)
+    q1 = (xz if z_second else xy) if second else (t1 if x_first else wx)
+    q2 = (yz if z_second else t2) if second else (xy if x_first else wy)
+    q3 = (t3 if z_second else yz) if second else (xz if x_first else wz)
+    sign = math.copysign(1.0, q0)
+    return normalize((sign * q0, sign * q1, sign * q2, sign * q3))

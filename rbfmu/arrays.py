@@ -1,0 +1,42 @@
+"""The array functions: each is made from the scalar kernel of the same name."""
+
+from rbfmu_kernels import euler_angles as _euler
+from rbfmu_kernels import quaternion as _quaternion
+from rbfmu_kernels import rotation as _rotation
+from rbfmu_kernels import vec3 as _vec3
+
+from ._array_function import array_function, sequence_function
+
+# Vectors and rotation matrices
+skew = array_function(_vec3.skew)
+unskew = array_function(_vec3.unskew)
+rotation_x = array_function(_rotation.rotation_x)
+rotation_y = array_function(_rotation.rotation_y)
+rotation_z = array_function(_rotation.rotation_z)
+compose_matrices = array_function(_rotation.compose_matrices)
+invert_matrix = array_function(_rotation.invert_matrix)
+transform = array_function(_rotation.transform)
+matrix_rate_a = array_function(_rotation.matrix_rate_a)
+matrix_rate_b = array_function(_rotation.matrix_rate_b)
+omega_a_from_matrix_rate = array_function(_rotation.omega_a_from_matrix_rate)
+omega_b_from_matrix_rate = array_function(_rotation.omega_b_from_matrix_rate)
+matrix_from_quaternion = array_function(_rotation.matrix_from_quaternion)
+quaternion_from_matrix = array_function(_rotation.quaternion_from_matrix)
+
+# Euler parameters
+compose_quaternions = array_function(_quaternion.compose_quaternions)
+invert_quaternion = array_function(_quaternion.invert_quaternion)
+normalize = array_function(_quaternion.normalize)
+rotate = array_function(_quaternion.rotate)
+quaternion_rate_a = array_function(_quaternion.quaternion_rate_a)
+quaternion_rate_b = array_function(_quaternion.quaternion_rate_b)
+omega_a_from_quaternion_rate = array_function(_quaternion.omega_a_from_quaternion_rate)
+omega_b_from_quaternion_rate = array_function(_quaternion.omega_b_from_quaternion_rate)
+
+# Euler angles: the first argument is the sequence's name, such as "ZYX"
+matrix_from_euler = sequence_function(_euler.matrix_from_euler)
+quaternion_from_euler = sequence_function(_euler.quaternion_from_euler)
+euler_from_matrix = sequence_function(_euler.euler_from_matrix)
+euler_from_quaternion = sequence_function(_euler.euler_from_quaternion)
+
+# Inertia and rigid-body dynamics
