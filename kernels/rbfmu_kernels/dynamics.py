@@ -1,0 +1,55 @@
+"""Equations of motion of one body, free or turning about a pivot, under known and supplied loads."""
+
+from ._kernel import kernel
+from .quaternion import invert_quaternion, quaternion_rate_b, rotate
+from .rigid_body import damping_torque, gyroscopic_torque
+from .rotation import transform
+from .shapes import Matrix, Quaternion, Vec3
+from .vec3 import add, add_scaled, cross, subtract
+
+State = tuple[Vec3, Vec3, Quaternion, Vec3]
+"""Position and velocity of the centre of mass (in a), q_ab, omega_ab_b."""
+Rates = State
+Body = tuple[float, Matrix, Matrix, Vec3, Vec3, float]
+"""1/mass (0 with a pivot: o does not move), M and its inverse about c (about o with a pivot), arm, damping_b.
+
+arm: from the point that M is about to where `arm_force` acts: -r_oc_b, free; r_oc_b with a pivot.
+The last number is 1 for a free body, 0 with a pivot.
+"""
+Loads = tuple[Vec3, Vec3, Vec3, Vec3, Vec3]
+"""gravity_a, arm_force_a, arm_force_b, torque_a, torque_b.
+
+arm_force: the forces at o, free; with a pivot the weight, which acts at c (the pivot takes the forces at o).
+"""
+
+
+@kernel
+def angular_acceleration(q_ab: Quaternion, omega_b: Vec3, body: Body, loads: Loads) -> Vec3:
+    """alpha_b of Euler's equation about c (free) or o (pivot)."""
+    _, M, M_inverse, arm, damping_b, _ = body
+    _, arm_force_a, arm_force_b, torque_a, torque_b = loads
+    q_ba = invert_quaternion(q_ab)
+    force_b = add(arm_force_b, rotate(q_ba, arm_force_a))
+    torque = add(add(torque_b, rotate(q_ba, torque_a)), add(cross(arm, force_b), damping_torque(damping_b, omega_b)))
+    return transform(M_inverse, subtract(torque, gyroscopic_torque(M, omega_b)))
+
+
+@kernel
+def linear_acceleration(q_ab: Quaternion, body: Body, loads: Loads) -> Vec3:
+    """a_c in a: gravity and the forces at o; zero with a pivot, where c follows from the attitude."""
+    gravity_a, arm_force_a, arm_force_b, _, _ = loads
+    force_a = add(arm_force_a, rotate(q_ab, arm_force_b))
+    g, f = body[5], body[0]
+    return add_scaled((g * gravity_a[0], g * gravity_a[1], g * gravity_a[2]), f, force_a)
+
+
+@kernel(inline=False)
+def state_rates(state: State, body: Body, loads: Loads) -> Rates:
+    """d/dt of the state."""
+    _, v_c, q_ab, omega_b = state
+    return (
+        v_c,
+        linear_acceleration(q_ab, body, loads),
+        quaternion_rate_b(q_ab, omega_b),
+        angular_acceleration(q_ab, omega_b, body, loads),
+    )

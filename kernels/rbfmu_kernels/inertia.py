@@ -1,0 +1,216 @@
+"""Inertia matrices: of simple shapes, about other points and in other axes, principal axes, plausibility."""
+
+import math
+
+from ._kernel import kernel
+from .rotation import compose_matrices, invert_matrix
+from .shapes import Matrix, Vec3
+from .vec3 import add_scaled, dot, scale
+
+INERTIA_TOLERANCE = 1e-12
+"""Share of the trace by which round-off may break symmetry, sign and triangle inequality; below it a moment is zero."""
+NOT_FINITE, NOT_SYMMETRIC, NEGATIVE, TRIANGLE = 1, 2, 3, 4
+
+
+@kernel
+def diagonal(d: Vec3) -> Matrix:
+    """The matrix diag(d)."""
+    return ((d[0], 0.0, 0.0), (0.0, d[1], 0.0), (0.0, 0.0, d[2]))
+
+
+@kernel
+def add_scaled_matrix(A: Matrix, s: float, B: Matrix) -> Matrix:
+    """A + s B."""
+    return (add_scaled(A[0], s, B[0]), add_scaled(A[1], s, B[1]), add_scaled(A[2], s, B[2]))
+
+
+@kernel
+def scale_matrix(s: float, A: Matrix) -> Matrix:
+    """s A."""
+    return (scale(s, A[0]), scale(s, A[1]), scale(s, A[2]))
+
+
+@kernel
+def trace(A: Matrix) -> float:
+    """Sum of the diagonal."""
+    return A[0][0] + A[1][1] + A[2][2]
+
+
+@kernel
+def beam_inertia(mass: float, length: float) -> Matrix:
+    """diag(0, m l^2/12, m l^2/12): slender beam along x, about its centre.
+
+    mass: kg; length: m.  Error <= 2 eps.  E&G 7.2; lecture, "Example: slender beam".
+    """
+    m = mass * length * length / 12.0
+    return diagonal((0.0, m, m))
+
+
+@kernel
+def box_inertia(mass: float, sides: Vec3) -> Matrix:
+    """M of a homogeneous box about its centre, axes along its sides.
+
+    mass: kg; sides: m.  Error <= 3 eps.
+    """
+    x, y, z = sides[0] * sides[0], sides[1] * sides[1], sides[2] * sides[2]
+    m = mass / 12.0
+    return diagonal((m * (y + z), m * (z + x), m * (x + y)))
+
+
+@kernel
+def cylinder_inertia(mass: float, radius: float, length: float) -> Matrix:
+    """M of a homogeneous cylinder about its centre, axis along z.
+
+    mass: kg; radius, length: m.  Error <= 4 eps.
+    """
+    r2 = radius * radius
+    side = mass * (3.0 * r2 + length * length) / 12.0
+    return diagonal((side, side, 0.5 * mass * r2))
+
+
+@kernel
+def sphere_inertia(mass: float, radius: float) -> Matrix:
+    """M of a homogeneous ball about its centre: 2/5 m r^2.
+
+    mass: kg; radius: m.  Error <= 2 eps.
+    """
+    m = 0.4 * mass * radius * radius
+    return diagonal((m, m, m))
+
+
+@kernel
+def ellipsoid_inertia(mass: float, semiaxes: Vec3) -> Matrix:
+    """M of a homogeneous ellipsoid about its centre, axes along its semiaxes.
+
+    mass: kg; semiaxes: m.  Error <= 3 eps.
+    """
+    x, y, z = semiaxes[0] * semiaxes[0], semiaxes[1] * semiaxes[1], semiaxes[2] * semiaxes[2]
+    m = mass / 5.0
+    return diagonal((m * (y + z), m * (z + x), m * (x + y)))
+
+
+@kernel
+def point_inertia(mass: float, r: Vec3) -> Matrix:
+    """-m skew(r) skew(r): inertia of a particle at r about the origin.
+
+    mass: kg; r: m.  Error <= 3 eps of its trace.
+    """
+    x, y, z = mass * r[0], mass * r[1], mass * r[2]
+    xx, yy, zz = x * r[0], y * r[1], z * r[2]
+    xy, xz, yz = -x * r[1], -x * r[2], -y * r[2]
+    return ((yy + zz, xy, xz), (xy, xx + zz, yz), (xz, yz, xx + yy))
+
+
+@kernel
+def parallel_axis(M_c: Matrix, mass: float, r_oc: Vec3) -> Matrix:
+    """M_o = M_c - m skew(r_oc) skew(r_oc): inertia about o, r_oc from o to the centre of mass, all in one frame.
+
+    M_c: kg m^2; mass: kg; r_oc: m.  Error <= 4 eps of its trace.  E&G (7.39).
+    """
+    return add_scaled_matrix(M_c, 1.0, point_inertia(mass, r_oc))
+
+
+@kernel
+def rotate_inertia(R_ab: Matrix, M_b: Matrix) -> Matrix:
+    """M_a = R_ab M_b R_ab^T.
+
+    Error <= 8 eps of the trace.  Result symmetric to that.  E&G (7.33).
+    """
+    return compose_matrices(compose_matrices(R_ab, M_b), invert_matrix(R_ab))
+
+
+@kernel
+def adjugate_symmetric(M: Matrix) -> Matrix:
+    """adj(M) = det(M) M^-1 of a symmetric matrix."""
+    (a, d, e), (_, b, f), (_, _, c) = M
+    xy, xz, yz = e * f - d * c, d * f - e * b, d * e - a * f
+    return ((b * c - f * f, xy, xz), (xy, a * c - e * e, yz), (xz, yz, a * b - d * d))
+
+
+@kernel
+def inverse_inertia(M: Matrix) -> Matrix:
+    """M^-1 of a symmetric inertia matrix; where one principal moment is zero, its pseudo-inverse.
+
+    A moment at most 1e-12 of the trace is zero (a slender beam): no angular acceleration about its axis.
+    Error <= some eps of the condition number; exact to 3 eps for a diagonal matrix.  M must have two moments > 0.
+    """
+    A = adjugate_symmetric(M)
+    det = dot(M[0], A[0])
+    singular = det <= INERTIA_TOLERANCE * trace(M) * trace(A)
+    t = trace(M)
+    shift = t / trace(A) if singular else 0.0  # t n n^T, n the beam's axis: adj(M) = (product of moments) n n^T
+    B = add_scaled_matrix(M, shift, A)
+    adj = adjugate_symmetric(B)
+    s = 1.0 / dot(B[0], adj[0])
+    back = -shift / (t * t)
+    return add_scaled_matrix(scale_matrix(s, adj), back, A)
+
+
+@kernel
+def _jacobi(p: float, q: float, o: float) -> tuple[float, float, float]:
+    """Cosine, sine and tangent of the rotation that annihilates the off-diagonal o of ((p, o), (o, q))."""
+    if o == 0.0:
+        return 1.0, 0.0, 0.0
+    x = (q - p) / (2.0 * o)
+    t = math.copysign(1.0, x) / (abs(x) + math.sqrt(x * x + 1.0))
+    c = 1.0 / math.sqrt(t * t + 1.0)
+    return c, t * c, t
+
+
+@kernel(inline=False)
+def principal_axes(M: Matrix) -> tuple[Vec3, Matrix]:
+    """(moments ascending, R) with M = R diag(moments) R^T, R a rotation whose columns are the principal axes.
+
+    M: symmetric, kg m^2.  Error <= 6 eps of the trace; a diagonal matrix gives its own numbers and a permutation.
+    Equal moments: any axes of that plane.  Cyclic Jacobi (Golub & Van Loan 8.5).
+    """
+    (a, d, e), (_, b, f), (_, _, c) = M
+    x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)  # the axes, columns of R
+    for _ in range(12):  # 5 sweeps were the most seen
+        if d == 0.0 and e == 0.0 and f == 0.0:
+            break
+        cos, sin, tan = _jacobi(a, b, d)
+        a, b, d, e, f = a - tan * d, b + tan * d, 0.0, cos * e - sin * f, sin * e + cos * f
+        x, y = _turn(x, y, cos, sin)
+        cos, sin, tan = _jacobi(a, c, e)
+        a, c, e, d, f = a - tan * e, c + tan * e, 0.0, cos * d - sin * f, sin * d + cos * f
+        x, z = _turn(x, z, cos, sin)
+        cos, sin, tan = _jacobi(b, c, f)
+        b, c, f, d, e = b - tan * f, c + tan * f, 0.0, cos * d - sin * e, sin * d + cos * e
+        y, z = _turn(y, z, cos, sin)
+    if a > b:
+        a, b, x, y = b, a, y, (-x[0], -x[1], -x[2])
+    if b > c:
+        b, c, y, z = c, b, z, (-y[0], -y[1], -y[2])
+    if a > b:
+        a, b, x, y = b, a, y, (-x[0], -x[1], -x[2])
+    return (a, b, c), ((x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2]))
+
+
+@kernel
+def _turn(u: Vec3, v: Vec3, cos: float, sin: float) -> tuple[Vec3, Vec3]:
+    """Two columns after a Jacobi rotation."""
+    return (
+        (cos * u[0] - sin * v[0], cos * u[1] - sin * v[1], cos * u[2] - sin * v[2]),
+        (sin * u[0] + cos * v[0], sin * u[1] + cos * v[1], sin * u[2] + cos * v[2]),
+    )
+
+
+@kernel(inline=False)
+def check_inertia(M: Matrix) -> float:
+    """0 for a possible inertia matrix, else NOT_FINITE, NOT_SYMMETRIC, NEGATIVE or TRIANGLE.
+
+    Each beyond 1e-12 of the trace; one zero moment is a slender beam and allowed.
+    """
+    t = trace(M)
+    total = t + M[0][1] + M[0][2] + M[1][2] + M[1][0] + M[2][0] + M[2][1]
+    if not math.isfinite(total):
+        return 1.0 * NOT_FINITE
+    bound = INERTIA_TOLERANCE * t
+    off = max(abs(M[0][1] - M[1][0]), abs(M[0][2] - M[2][0]), abs(M[1][2] - M[2][1]))
+    if off > abs(bound):
+        return 1.0 * NOT_SYMMETRIC
+    (low, middle, high), _ = principal_axes(M)
+    if t < 0.0 or low < -bound:
+        return 1.0 * NEGATIVE
+    return 1.0 * TRIANGLE if low + middle < high - bound else 0.0

@@ -1,0 +1,77 @@
+"""Newton-Euler equations of one rigid body, momentum and energy."""
+
+from ._kernel import kernel
+from .inertia import add_scaled_matrix, inverse_inertia, point_inertia
+from .rotation import transform
+from .shapes import Matrix, Vec3
+from .vec3 import add, cross, dot, scale, subtract
+
+
+@kernel
+def angular_momentum(M_c: Matrix, omega: Vec3) -> Vec3:
+    """h = M omega, about the point that M is about.
+
+    M_c: kg m^2, omega: rad/s, one frame; h in kg m^2/s.  Error <= 3 eps |M| |omega|.  E&G (7.44).
+    """
+    return transform(M_c, omega)
+
+
+@kernel
+def kinetic_energy(mass: float, M_c: Matrix, v_c: Vec3, omega: Vec3) -> float:
+    """T = m v_c.v_c / 2 + omega.M_c omega / 2.
+
+    v_c: m/s, of the centre of mass; M_c and omega in one frame, v_c in any; T in J.  Error <= 4 eps T.  E&G 8.2.
+    """
+    return 0.5 * mass * dot(v_c, v_c) + 0.5 * dot(omega, transform(M_c, omega))
+
+
+@kernel
+def gyroscopic_torque(M: Matrix, omega: Vec3) -> Vec3:
+    """omega x (M omega), N m."""
+    return cross(omega, transform(M, omega))
+
+
+@kernel
+def euler_equation(M_c: Matrix, omega: Vec3, torque_c: Vec3) -> Vec3:
+    """alpha of T_c = M_c alpha + omega x (M_c omega).
+
+    Body components; kg m^2, rad/s, N m, rad/s^2.  A zero principal moment (slender beam): alpha about its axis is 0.
+    Error <= some eps times the condition of M_c; 8 eps for principal axes.  E&G (7.53).
+    """
+    return transform(inverse_inertia(M_c), subtract(torque_c, gyroscopic_torque(M_c, omega)))
+
+
+@kernel
+def newton_euler_c(mass: float, M_c: Matrix, omega: Vec3, force: Vec3, torque_c: Vec3) -> tuple[Vec3, Vec3]:
+    """(a_c, alpha) of F = m a_c, T_c = M_c alpha + omega x (M_c omega), about the centre of mass.
+
+    All in one frame, SI.  E&G (7.52), (7.53).
+    """
+    return scale(1.0 / mass, force), euler_equation(M_c, omega, torque_c)
+
+
+@kernel
+def newton_euler_o(
+    mass: float, M_o: Matrix, r_oc: Vec3, omega: Vec3, force: Vec3, torque_o: Vec3
+) -> tuple[Vec3, Vec3]:
+    """(a_o, alpha) about a point o of the body, r_oc from o to the centre of mass.
+
+    F = m (a_o + alpha x r_oc + omega x (omega x r_oc)) ; T_o = M_o alpha + omega x (M_o omega) + m r_oc x a_o.
+    All in one frame, SI.  Loses digits where m r_oc^2 is far above the moments about c.  E&G (7.66), (7.67).
+    """
+    M_c = add_scaled_matrix(M_o, -1.0, point_inertia(mass, r_oc))
+    a_c, alpha = newton_euler_c(mass, M_c, omega, force, subtract(torque_o, cross(r_oc, force)))
+    return subtract(a_c, relative_acceleration(omega, alpha, r_oc)), alpha
+
+
+@kernel
+def relative_acceleration(omega: Vec3, alpha: Vec3, r: Vec3) -> Vec3:
+    """alpha x r + omega x (omega x r): acceleration of a body point at r relative to the origin of r."""
+    return add(cross(alpha, r), cross(omega, cross(omega, r)))
+
+
+@kernel
+def damping_torque(damping_b: Vec3, omega_b: Vec3) -> Vec3:
+    """-damping_b * omega_b, per axis; damping_b: N m s/rad."""
+    return (-damping_b[0] * omega_b[0], -damping_b[1] * omega_b[1], -damping_b[2] * omega_b[2])
+
