@@ -1,7 +1,9 @@
 """The array functions: each is made from the scalar kernel of the same name."""
 
 from rbfmu_kernels import euler_angles as _euler
+from rbfmu_kernels import inertia as _inertia
 from rbfmu_kernels import quaternion as _quaternion
+from rbfmu_kernels import rigid_body as _rigid_body
 from rbfmu_kernels import rotation as _rotation
 from rbfmu_kernels import vec3 as _vec3
 
@@ -40,3 +42,22 @@ euler_from_matrix = sequence_function(_euler.euler_from_matrix)
 euler_from_quaternion = sequence_function(_euler.euler_from_quaternion)
 
 # Inertia and rigid-body dynamics
+
+# Inertia
+beam_inertia = array_function(_inertia.beam_inertia)
+box_inertia = array_function(_inertia.box_inertia)
+cylinder_inertia = array_function(_inertia.cylinder_inertia)
+sphere_inertia = array_function(_inertia.sphere_inertia)
+ellipsoid_inertia = array_function(_inertia.ellipsoid_inertia)
+parallel_axis = array_function(_inertia.parallel_axis)
+rotate_inertia = array_function(_inertia.rotate_inertia)
+principal_axes = array_function(_inertia.principal_axes)
+
+# Newton-Euler
+euler_equation = array_function(_rigid_body.euler_equation)
+newton_euler_c = array_function(_rigid_body.newton_euler_c)
+newton_euler_o = array_function(_rigid_body.newton_euler_o)
+angular_momentum = array_function(_rigid_body.angular_momentum)
+kinetic_energy = array_function(_rigid_body.kinetic_energy)
+
+__all__ = [name for name, value in globals().items() if hasattr(value, "__wrapped__")]

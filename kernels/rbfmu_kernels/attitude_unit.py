@@ -16,7 +16,9 @@ SETTINGS: dict[str, int] = {}
 OUTPUTS = {"quaternion": 4, "rpy": 3, "omega_a": 3}
 BLOCKS, SIZE = places(INPUTS | PARAMETERS | SETTINGS | OUTPUTS)  # the quaternion is the state
 
-_OMEGA, _Q_0, _Q, _RPY, _OMEGA_A = (BLOCKS[n].start for n in ("omega_b", "quaternion_0", "quaternion", "rpy", "omega_a"))
+_OMEGA, _Q_0, _Q, _RPY, _OMEGA_A = (
+    BLOCKS[n].start for n in ("omega_b", "quaternion_0", "quaternion", "rpy", "omega_a")
+)
 
 
 @kernel(inline=False)

@@ -11,7 +11,7 @@ from .dynamics import Body, Loads, State, angular_acceleration, linear_accelerat
 from .euler_angles import ZYX, euler_from_quaternion
 from .inertia import check_inertia, inverse_inertia, parallel_axis, principal_axes, trace
 from .layout import FINE, MOST_SUBSTEPS, NOT_REACHED, places
-from .quaternion import invert_quaternion, normalize, rotate
+from .quaternion import normalize, rotate
 from .rigid_body import angular_momentum, kinetic_energy, relative_acceleration
 from .shapes import Matrix, Quaternion, Vec3
 from .steppers import rk4_step

@@ -21,16 +21,16 @@ FINE, NOT_REACHED, PAST_STOP = 0, 1, 2
 MOST_SUBSTEPS = 1e9
 """Substeps in one communication step above which a step is refused rather than hang the host."""
 
-FAULTS = {
-    1: "mass must be positive and finite",
-    2: "inertia must be finite",
-    3: "inertia must be symmetric",
-    4: "inertia has a negative principal moment",
-    5: "inertia breaks the triangle inequality (a moment above the sum of the other two)",
-    6: "inertia has two zero principal moments: a slender beam has one, no body has two",
-    7: "quaternion_0 must be finite and not zero",
-    8: "a parameter or initial value is not finite",
-    9: "omega_b_0 turns a slender beam about its own axis, where it has no inertia",
-    10: "damping_b must not be negative",
+FAULTS: dict[int, tuple[str, str]] = {
+    1: ("mass", "expected a positive number (kg)"),
+    2: ("inertia", "expected finite numbers (kg m2)"),
+    3: ("inertia", "expected a symmetric matrix"),
+    4: ("inertia", "expected no negative principal moment"),
+    5: ("inertia", "expected no principal moment above the sum of the other two"),
+    6: ("inertia", "expected at most one zero principal moment (a slender beam)"),
+    7: ("quaternion_0", "expected finite numbers, not all zero"),
+    8: ("", "expected finite numbers in all parameters and initial values"),
+    9: ("omega_b_0", "expected no rate about a slender beam's own axis, where it has no inertia"),
+    10: ("damping_b", "expected no negative damping (N m s/rad)"),
 }
-"""What a unit's `initialize` refuses, by its return value."""
+"""What a unit's `initialize` refuses, by its return value: the block of variables, and what was expected."""

@@ -51,9 +51,7 @@ def newton_euler_c(mass: float, M_c: Matrix, omega: Vec3, force: Vec3, torque_c:
 
 
 @kernel
-def newton_euler_o(
-    mass: float, M_o: Matrix, r_oc: Vec3, omega: Vec3, force: Vec3, torque_o: Vec3
-) -> tuple[Vec3, Vec3]:
+def newton_euler_o(mass: float, M_o: Matrix, r_oc: Vec3, omega: Vec3, force: Vec3, torque_o: Vec3) -> tuple[Vec3, Vec3]:
     """(a_o, alpha) about a point o of the body, r_oc from o to the centre of mass.
 
     F = m (a_o + alpha x r_oc + omega x (omega x r_oc)) ; T_o = M_o alpha + omega x (M_o omega) + m r_oc x a_o.
@@ -74,4 +72,3 @@ def relative_acceleration(omega: Vec3, alpha: Vec3, r: Vec3) -> Vec3:
 def damping_torque(damping_b: Vec3, omega_b: Vec3) -> Vec3:
     """-damping_b * omega_b, per axis; damping_b: N m s/rad."""
     return (-damping_b[0] * omega_b[0], -damping_b[1] * omega_b[1], -damping_b[2] * omega_b[2])
-

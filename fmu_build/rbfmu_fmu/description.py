@@ -1,0 +1,251 @@
+"""What an FMU shows of a unit: its variables in FMI's terms, and the modelDescription.xml made from them."""
+
+import math
+import re
+from dataclasses import asdict, dataclass
+from typing import Any
+from xml.etree.ElementTree import Element, SubElement
+
+from rbfmu.planning import Plan
+from rbfmu.scene import Scene
+from rbfmu.unit import Unit, filled_buffer, unit_of
+from rbfmu_kernels.layout import FAULTS
+
+UNITS: dict[str, dict[str, int]] = {
+    "1": {},
+    "kg": {"kg": 1},
+    "kg.m2": {"kg": 1, "m": 2},
+    "m": {"m": 1},
+    "m/s": {"m": 1, "s": -1},
+    "m/s2": {"m": 1, "s": -2},
+    "rad": {"rad": 1},
+    "rad/s": {"rad": 1, "s": -1},
+    "rad/s2": {"rad": 1, "s": -2},
+    "N": {"kg": 1, "m": 1, "s": -2},
+    "N.m": {"kg": 1, "m": 2, "s": -2},
+    "N.m.s/rad": {"kg": 1, "m": 2, "s": -1, "rad": -1},
+    "kg.m2/s": {"kg": 1, "m": 2, "s": -1},
+    "J": {"kg": 1, "m": 2, "s": -2},
+}
+"""SI units by name, with FMI's exponents of the base units."""
+
+_ONE = 1.0 + 2.0**-50  # a normalised quaternion's component may pass 1 by round-off
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Unit, meaning and bounds of a block of variables; what its outputs depend on, instantly and initially."""
+
+    unit: str
+    text: str
+    bounds: tuple[tuple[float | None, float | None], ...] = ((None, None),)
+    feedthrough: tuple[str, ...] = ()
+    initially: tuple[str, ...] = ()
+
+
+_TORQUES = ("torque_a", "torque_b")
+_FORCES = ("force_a", "force_b")
+_LOADS = ("gravity_a", "damping_b", *_FORCES, *_TORQUES)
+_EULER = ("mass", "inertia", "r_oc_b", "quaternion_0", "omega_b_0", *_LOADS)
+
+QUANTITIES: dict[str, Quantity] = {
+    "mass": Quantity("kg", "mass", ((0.0, None),)),
+    "inertia": Quantity("kg.m2", "inertia matrix about the centre of mass, body axes",
+                        ((0.0, None),) * 3 + ((None, None),) * 3),
+    "r_oc_b": Quantity("m", "from the origin o to the centre of mass, body axes"),
+    "gravity_a": Quantity("m/s2", "gravity, inertial axes"),
+    "damping_b": Quantity("N.m.s/rad", "damping: torque -damping_b * omega_b, body axes", ((0.0, None),)),
+    "force_a": Quantity("N", "force at o, inertial axes"),
+    "force_b": Quantity("N", "force at o, body axes"),
+    "torque_a": Quantity("N.m", "torque about o, inertial axes"),
+    "torque_b": Quantity("N.m", "torque about o, body axes"),
+    "position_0": Quantity("m", "initial position of o, inertial axes"),
+    "velocity_0": Quantity("m/s", "initial velocity of o, inertial axes"),
+    "quaternion_0": Quantity("1", "initial Euler parameters q_ab, scalar first; normalised at initialisation"),
+    "omega_b_0": Quantity("rad/s", "initial angular velocity omega_ab, body axes"),
+    "position": Quantity("m", "position of o, inertial axes", initially=("position_0",)),
+    "velocity": Quantity("m/s", "velocity of o, inertial axes", initially=("velocity_0",)),
+    "acceleration": Quantity("m/s2", "acceleration of o, inertial axes", ((None, None),), _FORCES + _TORQUES, _EULER),
+    "quaternion": Quantity("1", "Euler parameters q_ab, scalar first", ((-_ONE, _ONE),), (), ("quaternion_0",)),
+    "rpy": Quantity("rad", "roll, pitch, yaw: R_ab = R_z(yaw) R_y(pitch) R_x(roll)",
+                    ((-math.pi, math.pi), (-math.pi / 2, math.pi / 2), (-math.pi, math.pi)), (), ("quaternion_0",)),
+    "omega_b": Quantity("rad/s", "angular velocity omega_ab, body axes", initially=("omega_b_0",)),
+    "omega_a": Quantity("rad/s", "angular velocity omega_ab, inertial axes", ((None, None),), ("omega_b",),
+                        ("omega_b_0", "quaternion_0", "omega_b")),
+    "alpha_b": Quantity("rad/s2", "angular acceleration, body axes", ((None, None),), _FORCES + _TORQUES, _EULER),
+    "angular_momentum_a": Quantity("kg.m2/s", "angular momentum about the centre of mass (with a pivot: about o), "
+                                   "inertial axes", ((None, None),), (),
+                                   ("mass", "inertia", "r_oc_b", "quaternion_0", "omega_b_0")),
+    "kinetic_energy": Quantity("J", "kinetic energy", ((0.0, None),), (),
+                               ("mass", "inertia", "r_oc_b", "velocity_0", "quaternion_0", "omega_b_0")),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One Real variable: its name, its block of the contract, and its place in the unit's buffer."""
+
+    name: str
+    block: str
+    offset: int
+    causality: str
+    start: float | None
+    minimum: float | None
+    maximum: float | None
+
+
+@dataclass(frozen=True)
+class Description:
+    """A scene's FMU: everything that a slave or a C layer must know of the unit, and nothing of its formulas."""
+
+    name: str
+    identifier: str
+    variables: tuple[Variable, ...]
+    start_buffer: tuple[float, ...]
+    start: float
+    stop: float
+    step: float
+    accuracy: float
+    unit: str
+    faults: dict[int, str]
+
+    @property
+    def status_reference(self) -> int:
+        """Value reference of the Integer output `status`; the Real variables count from 0 up to it."""
+        return len(self.variables)
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)
+
+
+def describe(scene: Scene, plan: Plan) -> Description:
+    """The FMU of a scene under its plan."""
+    unit = unit_of(scene)
+    z = filled_buffer(scene, plan.substep)
+    return Description(
+        name=scene.name,
+        identifier=identifier(scene.name),
+        variables=tuple(v for block in _blocks(scene, unit, z) for v in _variables(*block, z)),
+        start_buffer=tuple(z.tolist()),
+        start=scene.run.start,
+        stop=scene.run.stop,
+        step=scene.run.step,
+        accuracy=scene.run.accuracy,
+        unit=unit.__name__.rsplit(".", 1)[-1],  # type: ignore[attr-defined]
+        faults=FAULTS,
+    )
+
+
+def identifier(name: str) -> str:
+    """A C identifier made from a scene's name."""
+    text = re.sub(r"\W", "_", name, flags=re.ASCII)
+    return text if re.match(r"[A-Za-z_]", text) else f"_{text}"
+
+
+def _blocks(scene: Scene, unit: Unit, z: Any) -> list[tuple[str, slice, str]]:
+    """(FMU name, place in the buffer, causality) of the blocks that the scene's body needs."""
+    ports, listed = scene.inputs.ports, scene.inputs.parameters
+    blocks = [(n, unit.BLOCKS[n], "input") for n in unit.INPUTS if n in ports]
+    fixed = scene.body is not None and scene.body.pivot
+    for block in unit.PARAMETERS:
+        name, place = block.removeprefix("known_"), unit.BLOCKS[block]
+        optional = block.startswith("known_") or block == "damping_b"  # a load that is zero is not shown
+        if fixed and block in ("velocity_0", "known_force_a", "known_force_b"):
+            continue  # o does not move, and takes the forces at it
+        if fixed and block == "position_0" and "position" not in scene.outputs.quantities:
+            continue
+        if name in ports or (optional and name not in listed and not z[place].any()):
+            continue  # a port's name is taken: its known part stays inside
+        blocks.append((name, place, "parameter"))
+    return blocks + [(n, unit.BLOCKS[n], "output") for n in unit.OUTPUTS if n in scene.outputs.quantities]
+
+
+def _variables(name: str, place: slice, causality: str, z: Any) -> list[Variable]:
+    size = place.stop - place.start
+    bounds = QUANTITIES[name].bounds
+    bounds = bounds if len(bounds) == size else bounds * size
+    return [
+        Variable(
+            name=f"{name}{index}",
+            block=name,
+            offset=place.start + i,
+            causality=causality,
+            start=None if causality == "output" else float(z[place.start + i]),
+            minimum=bounds[i][0],
+            maximum=bounds[i][1],
+        )
+        for i, index in enumerate(_indices(name, size))
+    ]
+
+
+def _indices(name: str, size: int) -> list[str]:
+    if name == "inertia":
+        return ["[1,1]", "[2,2]", "[3,3]", "[1,2]", "[1,3]", "[2,3]"]
+    return [""] if size == 1 else [f"[{i + 1}]" for i in range(size)]
+
+
+def model_description(d: Description, guid: str, co_simulation: dict[str, str]) -> Element:
+    """modelDescription.xml; `co_simulation` holds the attributes in which kinds of FMU differ."""
+    root = Element("fmiModelDescription", {
+        "fmiVersion": "2.0", "modelName": d.name, "guid": guid, "generationTool": "rbfmu",
+        "description": "One rigid body", "variableNamingConvention": "structured",
+    })  # fmt: skip
+    SubElement(root, "CoSimulation", {
+        "modelIdentifier": d.identifier, "canHandleVariableCommunicationStepSize": "true",
+        "canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true",
+        "canBeInstantiatedOnlyOncePerProcess": "false", **co_simulation,
+    })  # fmt: skip
+    definitions = SubElement(root, "UnitDefinitions")
+    for unit in sorted({QUANTITIES[v.block].unit for v in d.variables}):
+        exponents = {k: str(e) for k, e in UNITS[unit].items()}
+        SubElement(SubElement(definitions, "Unit", name=unit), "BaseUnit", exponents)
+    categories = SubElement(root, "LogCategories")
+    for category in ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal", "logAll"):
+        SubElement(categories, "Category", name=category)
+    SubElement(root, "DefaultExperiment", startTime=repr(d.start), stopTime=repr(d.stop), stepSize=repr(d.step))
+    variables = SubElement(root, "ModelVariables")
+    for reference, v in enumerate(d.variables):
+        variables.append(_scalar_variable(v, reference))
+    status = {"name": "status", "valueReference": str(d.status_reference), "causality": "output"}
+    text = "0: fine; 1: the last step was refused or missed the accuracy; 2: past the stop time, accuracy not promised"
+    status |= {"variability": "discrete", "initial": "calculated", "description": text}
+    SubElement(SubElement(variables, "ScalarVariable", status), "Integer", min="0", max="2")
+    root.append(_model_structure(d))
+    return root
+
+
+def _scalar_variable(v: Variable, reference: int) -> Element:
+    variability, initial = {
+        "input": ("continuous", None),
+        "parameter": ("fixed", "exact"),
+        "output": ("continuous", "calculated"),
+    }[v.causality]
+    attributes = {"name": v.name, "valueReference": str(reference), "causality": v.causality}
+    attributes |= {"variability": variability, "description": QUANTITIES[v.block].text}
+    if initial:
+        attributes["initial"] = initial
+    element = Element("ScalarVariable", attributes)
+    real = {"unit": QUANTITIES[v.block].unit}
+    for key, value in (("min", v.minimum), ("max", v.maximum), ("start", v.start)):
+        if value is not None:
+            real[key] = repr(value)
+    SubElement(element, "Real", real)
+    return element
+
+
+def _model_structure(d: Description) -> Element:
+    """Outputs with what they depend on: without, an importer sees algebraic loops that are not there."""
+    structure = Element("ModelStructure")
+    outputs, unknowns = SubElement(structure, "Outputs"), SubElement(structure, "InitialUnknowns")
+    for index, v in enumerate(d.variables, start=1):
+        if v.causality == "output":
+            quantity = QUANTITIES[v.block]
+            on = [k for k, u in enumerate(d.variables, 1) if u.causality == "input" and u.block in quantity.feedthrough]
+            SubElement(outputs, "Unknown", index=str(index), dependencies=" ".join(map(str, on)))
+            first = quantity.initially
+            on = [k for k, u in enumerate(d.variables, 1) if u.causality != "output" and u.block in first]
+            SubElement(unknowns, "Unknown", index=str(index), dependencies=" ".join(map(str, on)))
+    for element in (outputs, unknowns):
+        SubElement(element, "Unknown", index=str(d.status_reference + 1), dependencies="")
+    return structure

@@ -1,0 +1,147 @@
+"""Builds the pythonfmu FMU of a scene: slave, kernels and their object code in one reproducible archive."""
+
+import hashlib
+import importlib.resources
+import json
+import os
+import re
+import sys
+import tempfile
+import uuid
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from xml.etree.ElementTree import indent, tostring
+
+from pythonfmu.builder import FmuBuilder
+
+import rbfmu_kernels
+from rbfmu.planning import Plan
+from rbfmu.scene import Scene
+from rbfmu.unit import unit_of
+from rbfmu_fmu.description import Description, describe, model_description
+from rbfmu_fmu.object_code import object_code, platform_name
+
+SCRIPT = '''"""Entry of the FMU: pythonfmu instantiates the class below."""
+import ctypes
+
+# pythonfmu 0.7.0 releases this module's dict, which it does not own, at every instantiation.
+ctypes.pythonapi.Py_IncRef(ctypes.py_object(globals()))
+from {package} import ACCESS
+from {package}.slave import Slave
+
+
+class {identifier}(Slave):
+    access = ACCESS
+'''
+
+PACKAGE = '''"""A rigid body's unit: slave, kernels, object code. The name holds a hash of all, so that FMUs do not mix."""
+import os
+
+from .slave import Access, load_description
+
+ACCESS = Access(load_description(os.path.join(os.path.dirname(__file__), "description.json")), "{identity}")
+'''
+
+CAPABILITIES = {"needsExecutionTool": "true", "canInterpolateInputs": "false"}
+CAPABILITIES |= {"canNotUseMemoryManagementFunctions": "true"}
+UNUSED = re.compile(r"resources/pythonfmu/(deploy|csvbuilder|__main__)\.py")
+
+
+def build_python_fmu(scene: Scene, plan: Plan, path: Path) -> Path:
+    """Write the FMU: the same bytes for the same scene; a file that stands at `path` is replaced when done."""
+    description = describe(scene, plan)
+    files = _package_files(scene, description)
+    identity = _hash(files)
+    with tempfile.TemporaryDirectory(prefix="rbfmu_") as folder:
+        script = _write_sources(Path(folder), files, description, identity)
+        with _imports_undone():
+            raw = FmuBuilder.build_FMU(
+                script, dest=Path(folder) / "out", project_files=[Path(folder) / _package(identity)]
+            )
+        with zipfile.ZipFile(raw) as archive:
+            contents = {n: archive.read(n) for n in archive.namelist() if not UNUSED.fullmatch(n)}
+    contents["resources/scene.json"] = _json(
+        {"scene": scene.to_dict(), "plan": plan.to_dict(), "kernels": kernel_hash()}
+    )
+    xml = model_description(description, "{}", CAPABILITIES)
+    guid = "{%s}" % uuid.UUID(_hash(contents | {"": tostring(xml)})[:32])
+    xml.set("guid", guid)
+    indent(xml)
+    contents["modelDescription.xml"] = b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(xml, "utf-8") + b"\n"
+    _write_archive(contents, path)
+    return path
+
+
+def kernel_sources() -> dict[str, bytes]:
+    """The modules of `rbfmu_kernels` by file name."""
+    folder = importlib.resources.files(rbfmu_kernels)
+    return {f.name: f.read_bytes() for f in folder.iterdir() if f.name.endswith(".py") and f.name != "__init__.py"}
+
+
+def kernel_hash() -> str:
+    """Identifies the kernels that an FMU was made from."""
+    return _hash(kernel_sources())
+
+
+def _package_files(scene: Scene, description: Description) -> dict[str, bytes]:
+    slave = importlib.resources.files("rbfmu_fmu").joinpath("slave.py").read_bytes()
+    code = {f"unit-{platform_name()}.o": object_code(unit_of(scene))}
+    return kernel_sources() | code | {"slave.py": slave, "description.json": _json(description.to_dict())}
+
+
+def _package(identity: str) -> str:
+    return f"rbfmu_{identity[:12]}"
+
+
+def _write_sources(folder: Path, files: dict[str, bytes], description: Description, identity: str) -> Path:
+    package = folder / _package(identity)
+    package.mkdir()
+    for name, content in files.items():
+        (package / name).write_bytes(content)
+    (package / "__init__.py").write_text(PACKAGE.format(identity=identity[:12]))
+    script = folder / f"{description.identifier}_{identity[:12]}.py"
+    script.write_text(SCRIPT.format(package=package.name, identifier=description.identifier))
+    return script
+
+
+@contextmanager
+def _imports_undone() -> Iterator[None]:
+    """FmuBuilder imports the script: forget it, or a later instance in this process meets modules without files."""
+    path, before, no_bytecode = list(sys.path), set(sys.modules), sys.dont_write_bytecode
+    sys.dont_write_bytecode = True
+    try:
+        yield
+    finally:
+        sys.path[:], sys.dont_write_bytecode = path, no_bytecode
+        for name in set(sys.modules) - before:
+            if re.search(r"(^|\.)rbfmu_[0-9a-f]{12}|_[0-9a-f]{12}$", name):
+                del sys.modules[name]
+
+
+def _json(data: object) -> bytes:
+    return json.dumps(data, indent=1, sort_keys=True, allow_nan=False).encode()
+
+
+def _hash(files: dict[str, bytes]) -> str:
+    digest = hashlib.sha256()
+    for name in sorted(files):
+        digest.update(f"{name}\0{len(files[name])}\0".encode() + files[name])
+    return digest.hexdigest()
+
+
+def _write_archive(contents: dict[str, bytes], path: Path) -> None:
+    """Sorted, without times, and put in place only when whole."""
+    handle, temporary = tempfile.mkstemp(prefix=path.name, suffix=".part", dir=path.parent)
+    try:
+        with os.fdopen(handle, "wb") as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name in sorted(contents, key=lambda n: (n != "modelDescription.xml", n)):
+                entry = zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0))
+                entry.compress_type, entry.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
+                archive.writestr(entry, contents[name])
+        os.chmod(temporary, 0o644)
+        os.replace(temporary, path)
+    except BaseException:
+        os.unlink(temporary)
+        raise

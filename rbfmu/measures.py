@@ -1,0 +1,32 @@
+"""Errors between two results: attitude in rad, all else relative, as a scene's `accuracy` counts them."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def attitude_error(q_1: Array, q_2: Array) -> Array:
+    """Angle in rad between attitudes of unit quaternions (..., 4), Kahan's form: no digits lost near 0 or pi."""
+    q_2 = np.where(np.sum(q_1 * q_2, axis=-1, keepdims=True) < 0.0, -q_2, q_2)
+    return 4.0 * np.arctan2(np.linalg.norm(q_1 - q_2, axis=-1), np.linalg.norm(q_1 + q_2, axis=-1))
+
+
+def relative_error(a: Array, b: Array, floor: float) -> Array:
+    """|a - b| over rows of (n, 3), relative to the largest |b| of the run, at least `floor`."""
+    largest = max(float(np.max(np.linalg.norm(b, axis=-1), initial=0.0)), floor)
+    if largest == 0.0:
+        return np.linalg.norm(a - b, axis=-1)
+    return np.linalg.norm(a - b, axis=-1) / largest
+
+
+def largest_error(z_1: dict[str, Array], z_2: dict[str, Array]) -> float:
+    """The largest error over a run in the quantities that `accuracy` speaks of; infinite where one is not finite."""
+    errors = [
+        attitude_error(z_1["quaternion"], z_2["quaternion"]),
+        relative_error(z_1["omega_b"], z_2["omega_b"], 0.0),
+        relative_error(z_1["position"], z_2["position"], 1.0),
+        relative_error(z_1["velocity"], z_2["velocity"], 1.0),
+    ]
+    worst = max(float(np.max(e)) for e in errors)
+    return worst if np.isfinite(worst) else np.inf

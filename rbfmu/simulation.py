@@ -1,0 +1,98 @@
+"""Run a scene by its plan and hold the result."""
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rbfmu.planning import Plan, plan
+from rbfmu.scene import Scene
+from rbfmu.unit import filled_buffer, initialize, output_block, unit_of
+from rbfmu_kernels.layout import FINE
+
+Array = NDArray[np.float64]
+
+
+class SimulationError(RuntimeError):
+    """A step could not be taken: the motion left the range of numbers, or would take too many substeps."""
+
+
+class Result:
+    """A simulated scene: `.time` (n,) in s, and one (n,) or (n, k) array per quantity by attribute."""
+
+    def __init__(self, time: Array, quantities: dict[str, Array]) -> None:
+        self.time = time
+        self.quantities = quantities
+
+    def __getattr__(self, name: str) -> Array:
+        try:
+            return self.__dict__["quantities"][name]  # type: ignore[no-any-return]
+        except KeyError:
+            known = ", ".join(self.__dict__.get("quantities", ()))
+            raise AttributeError(f"no quantity {name!r} in this result; it has time, {known}") from None
+
+    def __repr__(self) -> str:
+        return f"Result({len(self.time)} points, {', '.join(self.quantities)})"
+
+    def columns(self) -> dict[str, Array]:
+        """Flat columns by FMU variable name: time, quaternion[1], ..."""
+        columns = {"time": self.time}
+        for name, values in self.quantities.items():
+            if values.ndim == 1:
+                columns[name] = values
+            else:
+                columns |= {f"{name}[{i + 1}]": values[:, i] for i in range(values.shape[1])}
+        return columns
+
+    def save(self, path: str | Path) -> None:
+        """Write `.csv` (FMU variable names, every digit) or `.npz` (arrays by quantity)."""
+        path = Path(path)
+        if path.suffix == ".npz":
+            np.savez(path, time=self.time, **self.quantities)  # type: ignore[arg-type]
+        elif path.suffix == ".csv":
+            columns = self.columns()
+            rows = zip(*(c.tolist() for c in columns.values()), strict=True)
+            lines = [",".join(f'"{n}"' for n in columns), *(",".join(map(repr, row)) for row in rows)]
+            path.write_text("\n".join(lines) + "\n")
+        else:
+            raise ValueError(f"cannot save to {str(path)!r}: the name must end in .csv or .npz")
+
+
+def time_grid(start: float, stop: float, step: float) -> Array:
+    """start, start + step, ... stop: the points that FMPy visits, to the bit."""
+    steps = math.ceil((stop - start) / step * (1.0 - 1e-9))
+    grid = start + np.arange(steps + 1) * step
+    if not math.isclose(grid[-1], stop):
+        grid[-1] = stop
+    return grid  # type: ignore[no-any-return]
+
+
+def simulate(
+    scene: Scene, *, plan_: Plan | None = None, progress: Callable[[Sequence[int]], Any] | None = None
+) -> Result:
+    """Run a scene with its ports at zero: the same bits as its FMU at the same communication step.
+
+    progress: wraps the sequence of step numbers, e.g. a progress bar. Raises SceneError, SimulationError.
+    """
+    unit = unit_of(scene)
+    z = filled_buffer(scene, (plan_ or plan(scene)).substep)
+    initialize(scene, unit, z)
+    time = time_grid(scene.run.start, scene.run.stop, scene.run.step)
+    block = output_block(unit)
+    outputs = z[block]
+    rows = np.empty((len(time), len(outputs)))
+    rows[0] = outputs
+    numbers = range(1, len(time))
+    for k in numbers if progress is None else progress(numbers):
+        if unit.step(z, time[k] - time[k - 1]) != FINE:
+            raise SimulationError(f"{scene.name}: the step from t = {float(time[k - 1])!r} s was refused: not finite")
+        rows[k] = outputs
+    return Result(time, {n: _quantity(rows, unit.BLOCKS[n], block.start) for n in scene.outputs.quantities})
+
+
+def _quantity(rows: Array, block: slice, first: int) -> Array:
+    values = rows[:, block.start - first : block.stop - first].copy()
+    return values[:, 0] if values.shape[1] == 1 else values

@@ -1,0 +1,86 @@
+"""From a scene to a co-simulation unit: which one, and its buffer filled with the scene's numbers."""
+
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rbfmu.scene import Scene, SceneError
+from rbfmu_kernels import attitude_unit, body_unit
+from rbfmu_kernels.layout import FAULTS
+
+Buffer = NDArray[np.float64]
+
+
+class Unit(Protocol):
+    """A unit's module in `rbfmu_kernels`: the layout of its buffer and its three entry functions."""
+
+    INPUTS: dict[str, int]
+    PARAMETERS: dict[str, int]
+    OUTPUTS: dict[str, int]
+    BLOCKS: dict[str, slice]
+    SIZE: int
+
+    def initialize(self, z: Any) -> int:
+        """0, or a key of `layout.FAULTS`."""
+
+    def step(self, z: Any, h: float) -> int:
+        """`layout.FINE` or `layout.NOT_REACHED`."""
+
+    def outputs(self, z: Any) -> int:
+        """Refresh the outputs."""
+
+
+def unit_of(scene: Scene) -> Unit:
+    """The unit that simulates a scene."""
+    return attitude_unit if "omega_b" in scene.inputs.ports else body_unit  # type: ignore[return-value]
+
+
+def filled_buffer(scene: Scene, substep: float) -> Buffer:
+    """The unit's buffer before `initialize`: parameters and settings of the scene, inputs zero."""
+    unit = unit_of(scene)
+    z = np.zeros(unit.SIZE)
+    for name, value in _numbers(scene, substep).items():
+        if name in unit.BLOCKS:
+            z[unit.BLOCKS[name]] = value
+    return z
+
+
+def initialize(scene: Scene, unit: Unit, z: Buffer) -> None:
+    """Set state and outputs from the parameters; SceneError where the unit refuses them."""
+    if code := unit.initialize(z):
+        block, expected = FAULTS[code]
+        value = z[unit.BLOCKS[block]].tolist() if block else "..."
+        raise SceneError(f"{block or 'parameters'} = {value}: {expected}", scene.name)
+
+
+def output_block(unit: Unit) -> slice:
+    """Where the outputs stand in the unit's buffer, one after the other."""
+    blocks = [unit.BLOCKS[name] for name in unit.OUTPUTS]
+    return slice(blocks[0].start, blocks[-1].stop)
+
+
+def _numbers(scene: Scene, substep: float) -> dict[str, Any]:
+    initial, loads = scene.initial, scene.loads
+    numbers: dict[str, Any] = {
+        "gravity_a": loads.gravity_a,
+        "damping_b": loads.damping_b,
+        "known_force_a": loads.force_a,
+        "known_force_b": loads.force_b,
+        "known_torque_a": loads.torque_a,
+        "known_torque_b": loads.torque_b,
+        "position_0": initial.position,
+        "velocity_0": initial.velocity,
+        "quaternion_0": initial.quaternion,
+        "omega_b_0": initial.omega_b,
+        "substep": substep,
+    }
+    if scene.body is not None:
+        M = scene.body.M_c
+        numbers |= {
+            "mass": scene.body.mass,
+            "inertia": (M[0][0], M[1][1], M[2][2], M[0][1], M[0][2], M[1][2]),
+            "r_oc_b": scene.body.r_oc_b,
+            "pivot": float(scene.body.pivot),
+        }
+    return numbers
