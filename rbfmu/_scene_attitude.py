@@ -1,0 +1,105 @@
+"""The attitude of a scene: a quaternion from any of the ways to write one."""
+
+import math
+from collections.abc import Iterable
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+
+from rbfmu._scene_fields import Numbers, OneOf, Section, fault
+from rbfmu_kernels import euler_angles, quaternion, rotation, rotvec
+from rbfmu_kernels.shapes import Matrix, Quaternion, Vec3
+
+UNIT_TOLERANCE = 1e-6
+"""How far a quaternion's length may be from 1, a matrix from orthogonal: numbers typed with seven digits."""
+ROUND_OFF = 8 * 2.0**-52
+"""|q|^2 - 1 of a quaternion that has been normalised: it is kept to the bit."""
+
+
+class UnitQuaternion(Numbers):
+    """Euler parameters, scalar first."""
+
+    def __init__(self) -> None:
+        super().__init__((4,), "eta, eps_1, eps_2, eps_3")
+
+    def __call__(self, value: Any) -> Quaternion:
+        """Of unit length to round-off."""
+        q: Quaternion = super().__call__(value)
+        length = math.hypot(*q)
+        if length == 0.0:
+            raise ValueError("a unit quaternion, not zero")
+        if not abs(length - 1.0) <= UNIT_TOLERANCE:
+            raise ValueError(f"a unit quaternion to {UNIT_TOLERANCE:g}, not one of length {length:.9g}")
+        return normalized(q)
+
+
+def normalized(q: Quaternion) -> Quaternion:
+    """q / |q|; one that is unit to round-off stays as it is, so that reading what was written changes no bit."""
+    square = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
+    return q if abs(square - 1.0) <= ROUND_OFF else quaternion.normalize(q)
+
+
+class RotationMatrix(Numbers):
+    """Rows of R_ab."""
+
+    def __init__(self) -> None:
+        super().__init__((3, 3), "")
+
+    def __call__(self, value: Any) -> Matrix:
+        """Orthogonal to 1e-6, right-handed."""
+        R: Matrix = super().__call__(value)
+        with np.errstate(all="ignore"):
+            error = float(np.max(np.abs(np.array(R) @ np.array(R).T - np.eye(3))))
+        if not error <= UNIT_TOLERANCE:
+            raise ValueError(f"a rotation matrix: R R^T is off the identity by {error:.2g}, above {UNIT_TOLERANCE:g}")
+        if np.linalg.det(np.array(R)) < 0.0:
+            raise ValueError("a rotation matrix: the determinant is -1, a reflection")
+        return R
+
+
+class Attitude(Section):
+    """`initial.attitude`: exactly one of the representations."""
+
+    _path: ClassVar[str] = "initial.attitude"
+
+    euler: Annotated[str, OneOf(tuple(euler_angles.NAMES), 'an Euler sequence such as "ZYX" or "xyz"')] = "ZYX"
+    angles_deg: Annotated[Vec3, Numbers((3,), "deg")] = (0.0, 0.0, 0.0)
+    angles: Annotated[Vec3, Numbers((3,), "rad")] = (0.0, 0.0, 0.0)
+    quaternion: Annotated[Quaternion, UnitQuaternion()] = (1.0, 0.0, 0.0, 0.0)
+    rotvec: Annotated[Vec3, Numbers((3,), "rad")] = (0.0, 0.0, 0.0)
+    matrix: Annotated[Matrix, RotationMatrix()] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+    @classmethod
+    def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
+        given = set(data) - {"angles_deg", "angles"}
+        ways = "euler (with angles_deg or angles), quaternion, rotvec or matrix"
+        if len(given) != 1 and not faults:
+            faults.append(fault(cls._path, data, f"exactly one of {ways}"))
+        elif given == {"euler"} and len(data) != 2 and not faults:
+            faults.append(fault(cls._path, data, "euler with either angles_deg or angles"))
+        elif len(given) == 1 and given != {"euler"} and len(data) != 1:
+            faults.append(fault(cls._path, data, f"{given.pop()} alone; angles belong to euler"))
+        return data
+
+    def _contradictions(self) -> Iterable[str]:
+        if not abs(math.hypot(*self.resolved()) - 1.0) <= UNIT_TOLERANCE:
+            value = self.rotvec if "rotvec" in self.model_fields_set else self.angles
+            yield fault(self._path, value, "angles of a size whose rotation can be computed (rad)")
+
+    def resolved(self) -> Quaternion:
+        """q_ab."""
+        given = self.model_fields_set
+        if "euler" in given:
+            degrees = "angles_deg" in given
+            angles = tuple(map(math.radians, self.angles_deg)) if degrees else self.angles
+            return normalized(euler_angles.quaternion_from_euler(euler_angles.sequence(self.euler), angles))
+        if "rotvec" in given:
+            return normalized(rotvec.quaternion_from_rotvec(self.rotvec))
+        if "matrix" in given:
+            return normalized(rotation.quaternion_from_matrix(self.matrix))
+        return self.quaternion
+
+
+def read_attitude(value: Any) -> Quaternion:
+    """q_ab of an attitude table, or of a quaternion that is one already. Raises SceneError."""
+    return Attitude.read(value).resolved()
