@@ -31,7 +31,7 @@ def array_function(kernel: Callable[..., Any], *constants: int) -> Callable[...,
 
 
 def sequence_function(kernel: Callable[..., Any]) -> Callable[..., Any]:
-    """The array function of a kernel whose first argument is an Euler sequence: compiled once for each sequence used."""
+    """The array function of a kernel whose first argument is an Euler sequence: compiled once per sequence."""
     functions: dict[str, Callable[..., Any]] = {}
 
     @wraps(python_function(kernel))

@@ -1,14 +1,18 @@
 """Makes an array function (a NumPy gufunc with fixed core sizes) from a scalar kernel's one definition.
 
-The loop is generated as source and compiled by `numba.cfunc` at the first call: contiguous rows take a loop
-that LLVM vectorises, all else (broadcasting, slices, transposes) one that follows the strides.
+The loop is generated as source and compiled by `numba.cfunc` at the first call. LLVM vectorises it over items:
+directly where items are short and contiguous; all else (matrices, broadcasting, slices, transposes) goes through
+a small tile on the stack in which a number's values for successive items are neighbours.
 """
 
 import inspect
+import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from llvmlite import ir
 from numba import carray, cfunc, config, float64, intp, types
 from numba.core import cgutils
 from numba.extending import intrinsic
@@ -20,6 +24,7 @@ _LOOP_SIGNATURE = types.void(
     types.CPointer(types.CPointer(float64)), types.CPointer(intp), types.CPointer(intp), types.voidptr
 )
 _clear_float_flags = types.ExternalFunction("feclearexcept", types.int32(types.int32))
+_TILE = 32  # items
 _ALL_FLAGS = 0x3D  # FE_ALL_EXCEPT of x86; its bits contain those of the other platforms
 
 
@@ -32,6 +37,30 @@ def _at(typingctx: Any, pointer: Any, offset: Any) -> Any:
         return cgutils.pointer_add(builder, args[0], args[1])
 
     return signature, generate
+
+
+@intrinsic(prefer_literal=True)
+def _scratch(typingctx: Any, size: Any) -> Any:
+    """Address of `size` (a literal) doubles on the stack."""
+    signature = types.CPointer(float64)(size)
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        array = cgutils.alloca_once(builder, ir.ArrayType(ir.DoubleType(), size.literal_value))
+        array.align = 64
+        return builder.bitcast(array, ir.DoubleType().as_pointer())
+
+    return signature, generate
+
+
+@intrinsic
+def _scalar(typingctx: Any) -> Any:
+    """An empty instruction that keeps LLVM from vectorising a copying loop: its gathers and scatters are slow."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        builder.asm(ir.FunctionType(ir.VoidType(), []), "", "~{memory}", [], True)
+        return context.get_dummy_value()
+
+    return types.void(), generate
 
 
 def core_shapes(kernel: Callable[..., Any]) -> tuple[dict[str, Shape], list[Shape]]:
@@ -54,8 +83,8 @@ def gufunc(kernel: Callable[..., Any], *constants: int) -> np.ufunc:
     name = python_function(kernel).__name__
     source = _loop_source(name, constants, [*arguments.values()], results)
     filename = inspect.getfile(python_function(kernel))  # so that the cache is kept beside the kernel's
-    scope: dict[str, Any] = {"__name__": python_function(kernel).__module__, "carray": carray, "_at": _at}
-    scope |= {"kernel": kernel, "clear_float_flags": _clear_float_flags}
+    scope: dict[str, Any] = {"__name__": python_function(kernel).__module__, "carray": carray, "kernel": kernel}
+    scope |= {"_at": _at, "_scratch": _scratch, "_scalar": _scalar, "clear_float_flags": _clear_float_flags}
     exec(compile(source, filename, "exec"), scope)
     loop = scope[_loop_name(name, constants)]
     options = {"error_model": "numpy", "nopython": True}
@@ -80,50 +109,83 @@ def _loop_name(name: str, constants: tuple[int, ...]) -> str:
     return "_".join([name, "loop", *map(str, constants)])
 
 
-def _cells(shape: Shape, cell: Callable[[tuple[int, ...]], str], index: tuple[int, ...] = ()) -> str:
-    """Source text of a (nested) tuple of cells: `(a[i, 0], a[i, 1], a[i, 2])`."""
-    if len(index) == len(shape):
-        return cell(index)
-    return "(" + ", ".join(_cells(shape, cell, (*index, i)) for i in range(shape[len(index)])) + ")"
-
-
 def _loop_source(name: str, constants: tuple[int, ...], arguments: list[Shape], results: list[Shape]) -> str:
-    shapes = arguments + results
-    core_stride = len(shapes)  # in `steps`, the core strides follow one outer stride for each operand
-    lines = [f"def {_loop_name(name, constants)}(args, dims, steps, data):", "    n = dims[0]"]
-    conditions, strided, contiguous = [], [], []
-    for k, shape in enumerate(shapes):
-        size = int(np.prod(shape, dtype=int))
-        lines.append(f"    p{k} = args[{k}]; s{k} = steps[{k}]")
-        conditions.append(f"s{k} == {8 * size}")
-        axes = range(core_stride, core_stride + len(shape))
-        core_stride += len(shape)
-        row_sizes = [8 * int(np.prod(shape[i + 1 :], dtype=int)) for i in range(len(shape))]
-        conditions += [f"steps[{axis}] == {row}" for axis, row in zip(axes, row_sizes, strict=True)]
-
-        def strided_cell(index: tuple[int, ...], k: int = k, axes: range = axes) -> str:
-            offset = " + ".join([f"i * s{k}", *(f"{i} * c{axis}" for i, axis in zip(index, axes, strict=True))])
-            return f"_at(p{k}, {offset})[0]"
-
-        def contiguous_cell(index: tuple[int, ...], k: int = k, shape: Shape = shape, size: int = size) -> str:
-            return f"a{k}[i, {np.ravel_multi_index(index, shape) if shape else 0}]"
-
-        strided.append(_cells(shape, strided_cell))
-        contiguous.append(_cells(shape, contiguous_cell))
+    """The loop over items. Operands of up to 4 contiguous numbers are vectorised as they lie in memory."""
+    operands = _operands(arguments + results)
     inputs = len(arguments)
+    lines = [f"def {_loop_name(name, constants)}(args, dims, steps, data):", "    n = dims[0]"]
+    lines += [f"    p{o.k} = args[{o.k}]; s{o.k} = steps[{o.k}]" for o in operands]
 
     def call(cells: list[str]) -> str:
         return f"{', '.join(cells[inputs:])} = kernel({', '.join([*map(str, constants), *cells[:inputs]])})"
 
-    lines.append(f"    if {' and '.join(conditions)}:")
-    lines += [f"        a{k} = carray(p{k}, (n, {int(np.prod(s, dtype=int))}))" for k, s in enumerate(shapes)]
-    lines += ["        for i in range(n):", f"            {call(contiguous)}"]
-    lines.append("    else:")
-    lines += [f"        c{axis} = steps[{axis}]" for axis in range(len(shapes), core_stride)]
-    lines += ["        for i in range(n):", f"            {call(strided)}"]
-    # Branch-free code evaluates what it does not select; its flags would become NumPy warnings.
-    lines.append(f"    clear_float_flags({_ALL_FLAGS})")
-    return "\n".join(lines) + "\n"
+    if all(o.size <= 4 for o in operands):
+        lines.append(f"    if {' and '.join(condition for o in operands for condition in o.contiguity())}:")
+        lines += [f"        a{o.k} = carray(p{o.k}, (n, {o.size}))" for o in operands]
+        lines += ["        for i in range(n):", f"            {call([o.cells(o.in_array) for o in operands])}"]
+        # Branch-free code evaluates what it does not select; its flags would become NumPy warnings.
+        lines += [f"        clear_float_flags({_ALL_FLAGS})", "        return"]
+    lines += [f"    c{o.k}_{axis} = steps[{axis}]" for o in operands for axis in o.axes]
+    lines.append(
+        f"    tile = carray(_scratch({_TILE * sum(o.size for o in operands)}), ({_TILE * sum(o.size for o in operands)},))"
+    )
+    lines += [f"    for start in range(0, n, {_TILE}):", f"        m = min({_TILE}, n - start)"]
+    for o in operands[:inputs]:
+        lines += _per_item([f"{o.in_tile(index)} = {o.strided(index)}" for index in np.ndindex(*o.shape)])
+    lines += ["        for i in range(m):", f"            {call([o.cells(o.in_tile) for o in operands])}"]
+    for o in operands[inputs:]:
+        lines += _per_item([f"{o.strided(index)} = {o.in_tile(index)}" for index in np.ndindex(*o.shape)])
+    return "\n".join([*lines, f"    clear_float_flags({_ALL_FLAGS})"]) + "\n"
+
+
+def _per_item(moves: list[str]) -> list[str]:
+    return ["        for i in range(m):", *("            " + move for move in moves), "            _scalar()"]
+
+
+@dataclass(frozen=True)
+class _Operand:
+    """Argument or result k of a loop: the source text of its cells, as they lie in memory and in the tile."""
+
+    k: int
+    shape: Shape
+    axes: range  # where `steps` has the strides of its core axes
+    first_row: int  # in the tile
+
+    @property
+    def size(self) -> int:
+        return math.prod(self.shape)
+
+    def contiguity(self) -> list[str]:
+        rows = [8 * math.prod(self.shape[i + 1 :]) for i in range(len(self.shape))]
+        return [f"s{self.k} == {8 * self.size}"] + [f"steps[{a}] == {r}" for a, r in zip(self.axes, rows, strict=True)]
+
+    def _flat(self, index: Shape) -> int:
+        return sum(i * math.prod(self.shape[axis + 1 :]) for axis, i in enumerate(index))
+
+    def in_array(self, index: Shape) -> str:
+        return f"a{self.k}[i, {self._flat(index)}]"
+
+    def in_tile(self, index: Shape) -> str:
+        return f"tile[{_TILE * (self.first_row + self._flat(index))} + i]"
+
+    def strided(self, index: Shape) -> str:
+        terms = [f"{i} * c{self.k}_{axis}" for i, axis in zip(index, self.axes, strict=True)]
+        return f"_at(p{self.k}, {' + '.join([f'(start + i) * s{self.k}', *terms])})[0]"
+
+    def cells(self, cell: Callable[[Shape], str], index: Shape = ()) -> str:
+        """A (nested) tuple of cells, such as `(a0[i, 0], a0[i, 1], a0[i, 2])`."""
+        if len(index) == len(self.shape):
+            return cell(index)
+        return "(" + ", ".join(self.cells(cell, (*index, i)) for i in range(self.shape[len(index)])) + ")"
+
+
+def _operands(shapes: list[Shape]) -> list[_Operand]:
+    operands: list[_Operand] = []
+    axis, row = len(shapes), 0  # in `steps`, the core strides follow one outer stride for each operand
+    for k, shape in enumerate(shapes):
+        operands.append(_Operand(k, shape, range(axis, axis + len(shape)), row))
+        axis, row = axis + len(shape), row + operands[-1].size
+    return operands
 
 
 def _interpreted(kernel: Callable[..., Any], constants: tuple[int, ...], arguments: list[Shape],

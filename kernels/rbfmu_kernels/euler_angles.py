@@ -11,7 +11,7 @@ from .elementary import atan2, sincos
 from .rotation import matrix_from_quaternion, quaternion_from_matrix
 from .shapes import Matrix, Quaternion, Vec3
 
-NAMES = "XYZ XZY YXZ YZX ZXY ZYX XYX XZX YXY YZY ZXZ ZYZ".split()
+NAMES = ["XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX", "XYX", "XZX", "YXY", "YZY", "ZXZ", "ZYZ"]
 NAMES += [name.lower() for name in NAMES]
 
 
