@@ -1,0 +1,116 @@
+"""Double-double arithmetic: a number as an unevaluated sum (high, low), |low| <= half an ulp of high, 106 bits.
+
+Error-free sums by Knuth, products by Dekker (1971) with Veltkamp's splitting (no fused multiply-add: the same bits
+on every platform).  Algorithms and bounds: Joldes, Muller & Popescu, ACM TOMS 44 (2017), u = 2^-53.
+Domain: results and their squares neither overflow nor come near 1e-290, where the low parts become subnormal.
+"""
+
+import math
+
+from ._kernel import kernel
+
+DoubleDouble = tuple[float, float]
+
+PI: DoubleDouble = (3.141592653589793116, 1.224646799147353207e-16)
+
+_SPLIT = 134217729.0  # 2^27 + 1
+_LARGE = 2.0**990  # beyond this the splitting of a factor overflows
+_DOWN, _UP = 2.0**-60, 2.0**60
+
+
+@kernel
+def two_sum(a: float, b: float) -> DoubleDouble:
+    """a + b exactly (Knuth)."""
+    s = a + b
+    t = s - a
+    return (s, (a - (s - t)) + (b - t))
+
+
+@kernel
+def quick_two_sum(a: float, b: float) -> DoubleDouble:
+    """a + b exactly, for |a| >= |b| or a = 0 (Dekker)."""
+    s = a + b
+    return (s, b - (s - a))
+
+
+@kernel
+def two_product(a: float, b: float) -> DoubleDouble:
+    """A b exactly (Dekker, Veltkamp), where it does not overflow and |a b| > 1e-290."""
+    scale_a = _DOWN if abs(a) > _LARGE else 1.0
+    scale_b = _DOWN if abs(b) > _LARGE else 1.0
+    x, y = scale_a * a, scale_b * b
+    c = _SPLIT * x
+    x1 = c - (c - x)
+    x2 = x - x1
+    c = _SPLIT * y
+    y1 = c - (c - y)
+    y2 = y - y1
+    error = ((x1 * y1 - x * y) + x1 * y2 + x2 * y1) + x2 * y2
+    return (a * b, error * (_UP if scale_a != 1.0 else 1.0) * (_UP if scale_b != 1.0 else 1.0))
+
+
+@kernel
+def dd_negate(a: DoubleDouble) -> DoubleDouble:
+    """-a."""
+    return (-a[0], -a[1])
+
+
+@kernel
+def dd_scale(power: float, a: DoubleDouble) -> DoubleDouble:
+    """Power a, exact for a power of two (or a sign)."""
+    return (power * a[0], power * a[1])
+
+
+@kernel
+def dd_add(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
+    """a + b.  Relative error <= 3 u^2, also where a and b cancel."""
+    s, e = two_sum(a[0], b[0])
+    t, f = two_sum(a[1], b[1])
+    s, e = quick_two_sum(s, e + t)
+    return quick_two_sum(s, e + f)
+
+
+@kernel
+def dd_subtract(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
+    """a - b.  Relative error <= 3 u^2."""
+    return dd_add(a, dd_negate(b))
+
+
+@kernel
+def dd_add_float(a: DoubleDouble, b: float) -> DoubleDouble:
+    """a + b.  Relative error <= 2 u^2."""
+    s, e = two_sum(a[0], b)
+    return quick_two_sum(s, e + a[1])
+
+
+@kernel
+def dd_multiply(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
+    """A b.  Relative error <= 7 u^2."""
+    p, e = two_product(a[0], b[0])
+    return quick_two_sum(p, e + (a[0] * b[1] + a[1] * b[0]))
+
+
+@kernel
+def dd_multiply_float(a: DoubleDouble, b: float) -> DoubleDouble:
+    """A b.  Relative error <= 3 u^2."""
+    p, e = two_product(a[0], b)
+    return quick_two_sum(p, e + a[1] * b)
+
+
+@kernel
+def dd_divide(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
+    """A / b, b != 0.  Relative error <= 15 u^2."""
+    quotient = a[0] / b[0]
+    p, e = two_product(quotient, b[0])
+    rest = ((a[0] - p) - e) + (a[1] - quotient * b[1])
+    return quick_two_sum(quotient, rest / b[0])
+
+
+@kernel
+def dd_sqrt(a: DoubleDouble) -> DoubleDouble:
+    """The square root; 0 for a <= 0.  Relative error <= 4 u^2 (one Newton step, Karp & Markstein 1997)."""
+    positive = not a[0] <= 0.0  # NaN goes the same way as a number
+    root = math.sqrt(a[0] if positive else 1.0)
+    p, e = two_product(root, root)
+    high, low = quick_two_sum(root, 0.5 * (((a[0] - p) - e) + a[1]) / root)
+    return (high if positive else 0.0, low if positive else 0.0)
