@@ -149,6 +149,11 @@ def faults_of(**changes):
         {"body": {"r_oc_b": [1, 1, 0]}, "loads": {"force_b": [1, 2, 0]}},
         {"body": {"r_oc_b": [1, 0, 0], "pivot": True}, "loads": {"force_a": [1, 2, 3], "torque_b": [0, 1, 0]}},
         {
+            "body": {"r_oc_b": [1, 1e-8, 0], "pivot": True},
+            "loads": {"force_a": [1, 2, 3]},
+            "inputs": {"ports": ["force_b"]},
+        },
+        {
             "body": {"r_oc_b": [1, 1, 0], "pivot": True},
             "inputs": {"ports": ["torque_a"]},
             "initial": {"omega_b": [1, 2, 3]},
