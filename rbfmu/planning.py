@@ -31,6 +31,12 @@ class Plan:
         """For JSON: an infinite substep is None."""
         return asdict(self) | {"substep": self.substep if math.isfinite(self.substep) else None}
 
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> "Plan":
+        """The inverse of `to_dict`, also after JSON."""
+        substep = math.inf if data["substep"] is None else data["substep"]
+        return cls(**data | {"substep": substep, "reasons": tuple(data["reasons"])})
+
 
 def plan(scene: Scene) -> Plan:
     """Choose model, method and substep. Raises SceneError where the accuracy asked cannot be met."""

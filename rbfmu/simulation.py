@@ -71,14 +71,14 @@ def time_grid(start: float, stop: float, step: float) -> Array:
 
 
 def simulate(
-    scene: Scene, *, plan_: Plan | None = None, progress: Callable[[Sequence[int]], Any] | None = None
+    scene: Scene, *, planned: Plan | None = None, progress: Callable[[Sequence[int]], Any] | None = None
 ) -> Result:
     """Run a scene with its ports at zero: the same bits as its FMU at the same communication step.
 
     progress: wraps the sequence of step numbers, e.g. a progress bar. Raises SceneError, SimulationError.
     """
     unit = unit_of(scene)
-    z = filled_buffer(scene, (plan_ or plan(scene)).substep)
+    z = filled_buffer(scene, (planned or plan(scene)).substep)
     initialize(scene, unit, z)
     time = time_grid(scene.run.start, scene.run.stop, scene.run.step)
     block = output_block(unit)

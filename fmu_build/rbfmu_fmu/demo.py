@@ -1,0 +1,197 @@
+"""The demonstration: NASA's tumbling brick by kernels, by the FMU in FMPy, by the `fmpy` command; compared and drawn."""
+
+import csv
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import fmpy
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+
+import rbfmu
+from rbfmu.charts import COLORS, draw_components
+from rbfmu.planning import Plan, plan
+from rbfmu.scene import Scene, load_scene
+from rbfmu.simulation import Result, simulate
+from rbfmu_fmu import nasa_brick
+from rbfmu_fmu.python_fmu import build_python_fmu
+from rbfmu_fmu.verification import Verification, verify
+
+RATE_BOUND, ATTITUDE_BOUND = 1e-9, 1e-4
+"""deg/s and deg: NASA's simulations 01 and 04 agree with Euler's equations to 4e-10 and 6e-5 (their printed digits)."""
+
+Columns = dict[str, NDArray[np.float64]]
+
+
+@dataclass(frozen=True)
+class Way:
+    """One way of simulating: its columns by FMU variable name, and its cost per communication step in s."""
+
+    name: str
+    columns: Columns
+    cost: float
+
+
+def scene_file(name: str) -> Path:
+    """A scene of the gallery: installed inside the package, or in `examples/scenes` of the clone."""
+    package = Path(rbfmu.__file__).parent
+    for folder in (package / "scenes", package.parent / "examples" / "scenes"):
+        if (folder / name).exists():
+            return folder / name
+    raise FileNotFoundError(2, "no such scene in this installation", name)
+
+
+def run_demo(folder: Path, console: Console) -> bool:
+    """Run all, write FMU, results and picture to `folder`, print a short table; False if anything disagrees."""
+    folder.mkdir(parents=True, exist_ok=True)
+    doing = _progress(console)
+    with doing("compiling the kernels (once), planning"):
+        scene = load_scene(scene_file("tumbling_brick.toml"))
+        planned = plan(scene)
+    with doing("simulating with the kernels"):
+        result, kernels = _by_kernels(scene, planned)
+        result.save(folder / "kernels.csv")
+    with doing("building the FMU"):
+        fmu = build_python_fmu(scene, planned, folder / "tumbling_brick.fmu")
+    with doing("simulating the FMU through FMPy's API"):
+        by_api = _by_api(fmu, list(kernels.columns)[1:])
+    with doing("simulating the FMU through the fmpy command"):
+        by_command = _by_command(fmu, folder / "fmpy_command.csv", list(kernels.columns)[1:])
+    with doing("verifying the FMU against the kernels"):
+        verified = verify(fmu)
+    with doing("drawing"):
+        _draw(result, folder / "tumbling_brick.png")
+    ways = [kernels, by_api, by_command]
+    passed = _print(console, scene, planned, result, ways, verified)
+    console.print(f"written to {folder}/: tumbling_brick.png, tumbling_brick.fmu, kernels.csv, fmpy_command.csv")
+    return passed
+
+
+def _by_kernels(scene: Scene, planned: Plan) -> tuple[Result, Way]:
+    simulate(scene, planned=planned)  # the first call loads what was compiled
+    start = perf_counter()
+    result = simulate(scene, planned=planned)
+    return result, Way("kernels", result.columns(), (perf_counter() - start) / (len(result.time) - 1))
+
+
+def _by_api(fmu: Path, outputs: list[str]) -> Way:
+    unzipped = fmpy.extract(str(fmu))
+    try:
+        for _ in range(2):  # the first run loads
+            start = perf_counter()
+            recorded = fmpy.simulate_fmu(unzipped, validate=False, output=outputs)
+            seconds = perf_counter() - start
+    finally:
+        shutil.rmtree(unzipped, ignore_errors=True)
+    columns = {n: recorded[n] for n in recorded.dtype.names}
+    return Way("FMU, FMPy's API", columns, seconds / (len(recorded) - 1))
+
+
+def _by_command(fmu: Path, target: Path, outputs: list[str]) -> Way:
+    command = [sys.executable, "-m", "fmpy", "simulate", str(fmu), "--output-file", str(target)]
+    start = perf_counter()
+    done = subprocess.run([*command, "--output-variables", *outputs], capture_output=True, text=True, check=False)
+    seconds = perf_counter() - start
+    if done.returncode:
+        raise RuntimeError(f"{' '.join(command)} failed:\n{done.stdout}{done.stderr}")
+    with target.open(newline="") as file:
+        rows = list(csv.reader(file))
+    values = np.array([[float(x) for x in row] for row in rows[1:]])
+    return Way("FMU, fmpy command", dict(zip(rows[0], values.T, strict=True)), seconds / (len(values) - 1))
+
+
+def _largest_difference(a: Columns, b: Columns) -> float:
+    """Over all columns; infinite where a point or a column is missing."""
+    if a.keys() != b.keys() or any(len(a[n]) != len(b[n]) for n in a):
+        return float("inf")
+    return max(float(np.max(np.abs(a[n] - b[n]))) for n in a)
+
+
+def _print(
+    console: Console, scene: Scene, planned: Plan, result: Result, ways: list[Way], verified: Verification
+) -> bool:
+    console.print(f"\nNASA's tumbling brick, {scene.run.stop:g} s: {planned.method}, {planned.reasons[0]}")
+    against = Table("t (s)", *(f"{what}\nagainst {s}" for s in nasa_brick.NASA for what in ("rates, deg/s", "attitude, deg")))
+    against.title = "errors against NASA/TM-2015-218675, atmospheric case 2, simulations 01 and 04"
+    found = {s: nasa_brick.errors(s, result.time, result.quaternion, result.omega_b) for s in nasa_brick.NASA}
+    for rows in zip(*found.values(), strict=True):
+        against.add_row(f"{rows[0][0]:g}", *(f"{x:.1e}" for row in rows for x in row[1:]))
+    console.print(against)
+    costs = Table("way", "difference to the kernels", "µs a step")
+    differences = [_largest_difference(way.columns, ways[0].columns) for way in ways]
+    for way, difference in zip(ways, differences, strict=True):
+        note = " (with the process's start)" if "command" in way.name else ""
+        costs.add_row(way.name, repr(difference), f"{1e6 * way.cost:.3g}{note}")
+    costs.add_row("verify, seeded inputs", repr(max(verified.differences.values())), "")
+    console.print(costs)
+    for problem in verified.problems:
+        console.print(f"problem: {problem}")
+    errors = [row for rows in found.values() for row in rows]
+    near = all(rate <= RATE_BOUND and attitude <= ATTITUDE_BOUND for _, rate, attitude in errors)
+    passed = near and verified.passed and all(d == 0.0 for d in differences)
+    verdict = "the same bits in all three ways" if all(d == 0.0 for d in differences) else "the ways DIFFER"
+    bound = f"rates within {RATE_BOUND:g} deg/s, attitude within {ATTITUDE_BOUND:g} deg"
+    console.print(f"{verdict}; NASA: {bound}: {'yes' if near else 'NO'}")
+    return passed
+
+
+def _draw(result: Result, path: Path) -> None:
+    figure = Figure(figsize=(8.4, 7.2), layout="constrained")
+    rates, angles, error = figure.subplots(3, 1, sharex=True, height_ratios=(1.1, 1.1, 1.0))
+    local = nasa_brick.local_attitude(result.time, result.quaternion)
+    draw_components(rates, result.time, np.degrees(result.omega_b), ("p", "q", "r"))
+    turned = np.degrees(rbfmu.euler_from_quaternion("ZYX", local))
+    draw_components(angles, result.time, _without_jumps(turned), ("yaw", "pitch", "roll"))
+    nasa = np.array(nasa_brick.NASA["01"])
+    for k in range(3):
+        rates.plot(nasa[:, 0], nasa[:, 1 + k], "o", color=COLORS[k], markersize=6, markerfacecolor="white")
+        angles.plot(nasa[:, 0], nasa[:, 4 + k], "o", color=COLORS[k], markersize=6, markerfacecolor="white")
+    for simulation, marker in (("01", "o"), ("04", "s")):
+        found = np.array(nasa_brick.errors(simulation, result.time, result.quaternion, result.omega_b))
+        error.semilogy(found[:, 0], found[:, 1], marker, color=COLORS[0], label=f"rates against {simulation}, deg/s",
+                       markerfacecolor="white" if simulation == "01" else None)  # fmt: skip
+        error.semilogy(found[:, 0], found[:, 2], marker, color=COLORS[1], label=f"attitude against {simulation}, deg",
+                       markerfacecolor="white" if simulation == "01" else None)  # fmt: skip
+    for bound, k in ((RATE_BOUND, 0), (ATTITUDE_BOUND, 1)):
+        error.axhline(bound, color=COLORS[k], linewidth=0.8, linestyle="--")
+    error.set_ylim(1e-13, 1e-2)
+    error.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=9)
+    error.spines[["top", "right"]].set_visible(False)
+    rates.set_ylabel("body rates (deg/s)")
+    angles.set_ylabel("attitude in\nnorth-east-down (deg)")
+    error.set_ylabel("error against NASA\n(dashed: bound)")
+    error.set_xlabel("time (s)")
+    figure.suptitle("NASA's tumbling brick: rbfmu (lines) and NASA's simulation 01 (circles)", fontsize=11)
+    figure.savefig(path, dpi=130)
+
+
+def _without_jumps(angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Angles in degrees with a gap where a line would cross the picture at +-180."""
+    jumps = np.abs(np.diff(angles, axis=0, prepend=angles[:1])) > 180.0
+    return np.where(jumps, np.nan, angles)
+
+
+def _progress(console: Console) -> Callable[[str], Any]:
+    """A spinner on a terminal; one line for each stage elsewhere."""
+
+    @contextmanager
+    def stage(text: str) -> Iterator[None]:
+        start = perf_counter()
+        if console.is_terminal:
+            with console.status(text + " ..."):
+                yield
+        else:
+            yield
+        console.print(f"{text}: {perf_counter() - start:.1f} s")
+
+    return stage

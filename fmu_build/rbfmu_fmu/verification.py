@@ -1,0 +1,161 @@
+"""Verify an FMU: valid, complete, and equal to direct calls of the kernels that it was made from."""
+
+import json
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import numpy as np
+from fmpy.validation import validate_fmu
+from numpy.typing import NDArray
+
+from rbfmu.planning import Plan
+from rbfmu.scene import Scene
+from rbfmu.simulation import time_grid
+from rbfmu.unit import Buffer, Unit, filled_buffer, initialize, unit_of
+from rbfmu_fmu.description import Description, describe
+from rbfmu_fmu.python_fmu import kernel_hash
+from rbfmu_kernels.layout import FINE
+
+MOST_STEPS = 10_000
+HELD_STEPS = 10
+"""Communication steps between changes of the inputs."""
+
+
+class VerificationError(ValueError):
+    """The file cannot be verified at all: it is no FMU, or none that rbfmu built."""
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What was found: problems in words, and the largest difference of each output to the kernels."""
+
+    seed: int
+    steps_asked: int
+    steps_done: int
+    differences: dict[str, float]
+    problems: tuple[str, ...]
+
+    @property
+    def passed(self) -> bool:
+        """No problem, no difference, every step done."""
+        same = all(d == 0.0 for d in self.differences.values())
+        return same and not self.problems and self.steps_done == self.steps_asked
+
+
+def verify(path: str | Path, seed: int = 1) -> Verification:
+    """Drive an FMU through FMPy with seeded piecewise-constant inputs and compare with direct kernel calls.
+
+    At most 10,000 steps of the scene. Raises VerificationError where the file is no FMU of rbfmu's.
+    """
+    path = Path(path)
+    scene, plan, problems = _scene_inside(path)
+    problems += [f"fmpy validate: {text}" for text in validate_fmu(str(path))]
+    description = describe(scene, plan)
+    problems += _missing(path, description)
+    time = time_grid(scene.run.start, scene.run.stop, scene.run.step)[: MOST_STEPS + 1]
+    inputs = _signal(scene, description, len(time) - 1, np.random.default_rng(seed))
+    recorded, log = _through_fmpy(path, description, time, inputs)
+    expected = _through_kernels(scene, plan, recorded["time"], inputs)
+    names = [v.name for v in description.variables if v.causality == "output"]
+    differences = {n: _largest(recorded[n], expected[:, k]) for k, n in enumerate(names)}
+    done = len(recorded["time"]) - 1
+    return Verification(seed, len(time) - 1, done, differences, tuple(problems + log))
+
+
+def _scene_inside(path: Path) -> tuple[Scene, Plan, list[str]]:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            data = json.loads(archive.read("resources/scene.json"))
+    except OSError as error:
+        raise VerificationError(f"{path}: cannot be read ({error.strerror}): expected an FMU") from None
+    except (zipfile.BadZipFile, EOFError):
+        raise VerificationError(f"{path}: not an FMU (a zip archive)") from None
+    except (KeyError, ValueError):
+        raise VerificationError(f"{path}: not an FMU that rbfmu built (no resources/scene.json in it)") from None
+    old = data.get("kernels") != kernel_hash()
+    problems = ["built from other kernels than those installed: build it anew"] if old else []
+    return Scene.from_dict(data["scene"], source=str(path)), Plan.from_dict(data["plan"]), problems
+
+
+def _missing(path: Path, description: Description) -> list[str]:
+    """Variables, units and dependencies that an importer needs and does not find."""
+    model = fmpy.read_model_description(str(path), validate=False)
+    found = {v.name: v for v in model.modelVariables}
+    problems = [f"variable {v.name} is missing" for v in description.variables if v.name not in found]
+    problems += [f"variable {v.name} has no unit" for v in found.values() if v.type == "Real" and not v.unit]
+    outputs = {v.name for v in found.values() if v.causality == "output"}
+    for kind, unknowns in (("outputs", model.outputs), ("initial unknowns", model.initialUnknowns)):
+        listed = {u.variable.name for u in unknowns if u.dependencies is not None}
+        problems += [f"{n} is not among the {kind} with dependencies" for n in sorted(outputs - listed)]
+    return problems
+
+
+def _signal(scene: Scene, description: Description, steps: int, random: np.random.Generator) -> NDArray[np.float64]:
+    """Piecewise-constant inputs (steps, n): about 1 m/s2 for forces, 1 rad/s2 for torques, 1 rad/s for rates."""
+    scale = {"omega_b": 1.0}
+    if scene.body is not None:
+        moment = max(scene.body.M_c[i][i] for i in range(3))
+        scale |= {"force_a": scene.body.mass, "force_b": scene.body.mass, "torque_a": moment, "torque_b": moment}
+    blocks = [v.block for v in description.variables if v.causality == "input"]
+    levels = random.normal(size=(steps // HELD_STEPS + 1, len(blocks))) * [scale[b] for b in blocks]
+    return np.repeat(levels, HELD_STEPS, axis=0)[:steps]
+
+
+def _through_fmpy(
+    path: Path, description: Description, time: NDArray[np.float64], inputs: NDArray[np.float64]
+) -> tuple[Any, list[str]]:
+    references = [k for k, v in enumerate(description.variables) if v.causality == "input"]
+    names = [description.variables[r].name for r in references]
+    outputs = [v.name for v in description.variables if v.causality == "output"]
+    messages: list[str] = []
+    step = 0
+
+    def supply_next(now: float, recorder: Any) -> bool:
+        nonlocal step
+        step += 1
+        if references and step < len(inputs):
+            recorder.fmu.setReal(references, inputs[step].tolist())
+        return True
+
+    def log(component: Any, instance: bytes, status: int, category: bytes, message: bytes) -> None:
+        if status:
+            messages.append(message.decode())
+
+    first = inputs[0].tolist() if references else []
+    recorded = fmpy.simulate_fmu(
+        str(path), validate=False, start_time=time[0], stop_time=time[-1], output_interval=description.step,
+        start_values=dict(zip(names, first, strict=True)), output=[*outputs, "status"], step_finished=supply_next,
+        logger=log, debug_logging=True,
+    )  # fmt: skip
+    bad = int(np.count_nonzero(recorded["status"]))
+    return recorded, messages + ([f"status was not 0 at {bad} points"] if bad else [])
+
+
+def _through_kernels(
+    scene: Scene, plan: Plan, time: NDArray[np.float64], inputs: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    unit, z, description = unit_of(scene), filled_buffer(scene, plan.substep), describe(scene, plan)
+    places = [v.offset for v in description.variables if v.causality == "input"]
+    wanted = [v.offset for v in description.variables if v.causality == "output"]
+    rows = np.full((len(time), len(wanted)), np.nan)
+    for k in range(len(time)):
+        z[places] = inputs[max(k - 1, 0)]
+        _advance(scene, unit, z, k, time)
+        rows[k] = z[wanted]
+    return rows
+
+
+def _advance(scene: Scene, unit: Unit, z: Buffer, k: int, time: NDArray[np.float64]) -> None:
+    if k == 0:
+        initialize(scene, unit, z)
+    elif unit.step(z, time[k] - time[k - 1]) != FINE:
+        z[:] = np.nan
+
+
+def _largest(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    """The largest difference; a NaN on either side counts as infinite."""
+    difference = np.abs(a - b)
+    return float(np.max(difference)) if np.all(np.isfinite(difference)) else np.inf

@@ -1,0 +1,5 @@
+"""`python -m rbfmu`."""
+
+from rbfmu.cli import main
+
+main(prog_name="rbfmu")

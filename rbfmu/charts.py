@@ -1,0 +1,54 @@
+"""Pictures of results."""
+
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from rbfmu.simulation import Result
+
+LABELS = {
+    "position": "position of o (m)",
+    "velocity": "velocity of o (m/s)",
+    "acceleration": "acceleration of o (m/s²)",
+    "quaternion": "Euler parameters",
+    "rpy": "roll, pitch, yaw (rad)",
+    "omega_b": "body rates (rad/s)",
+    "omega_a": "rates, inertial axes (rad/s)",
+    "alpha_b": "angular acceleration (rad/s²)",
+    "angular_momentum_a": "angular momentum (kg m²/s)",
+    "kinetic_energy": "kinetic energy (J)",
+}
+COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
+"""Okabe and Ito's: told apart by everyone."""
+
+
+def plot_result(result: Result, path: str | Path, title: str = "") -> None:
+    """One panel for each quantity over time; the file's ending (.png, .svg, .pdf) sets the format."""
+    figure = Figure(figsize=(8.0, 1.2 + 1.9 * len(result.quantities)), layout="constrained")
+    panels = figure.subplots(len(result.quantities), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, (name, values) in zip(panels, result.quantities.items(), strict=True):
+        draw_components(axes, result.time, values, _component_names(name))
+        axes.set_ylabel(LABELS[name], fontsize=9)
+    panels[-1].set_xlabel("time (s)")
+    figure.suptitle(title, fontsize=11)
+    figure.savefig(path, dpi=130)
+
+
+def draw_components(axes: Any, time: Any, values: Any, names: tuple[str, ...]) -> None:
+    """Lines of (n,) or (n, k) values with their names at the right."""
+    columns = values[:, None] if values.ndim == 1 else values
+    for k, name in enumerate(names):
+        axes.plot(time, columns[:, k], color=COLORS[k], linewidth=1.2, label=name)
+    if len(names) > 1:
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=9)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.margins(x=0.0)
+
+
+def _component_names(name: str) -> tuple[str, ...]:
+    if name == "quaternion":
+        return ("η", "ε₁", "ε₂", "ε₃")
+    if name == "rpy":
+        return ("roll", "pitch", "yaw")
+    return ("",) if name == "kinetic_energy" else ("x", "y", "z")

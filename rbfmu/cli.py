@@ -1,0 +1,143 @@
+"""The command line: the one module above all layers."""
+
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from rbfmu.scene import Scene, SceneError, load_scene
+
+SAVED = (".csv", ".npz")
+PICTURES = (".png", ".svg", ".pdf")
+
+
+class _Commands(click.Group):
+    """Turns errors that users cause into one message and exit status 2."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        from rbfmu.simulation import SimulationError
+
+        try:
+            return super().invoke(ctx)
+        except SceneError as error:
+            click.echo(f"Error: {error}" if len(error.faults) == 1 else f"Errors:\n{error}", err=True)
+        except SimulationError as error:
+            click.echo(f"Error: {error}", err=True)
+            ctx.exit(1)
+        except OSError as error:
+            click.echo(f"Error: {error.filename or 'a file'}: {error.strerror or error}", err=True)
+        ctx.exit(2)
+
+
+@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="rbfmu")
+def main() -> None:
+    """One rigid body: simulate scenes, build and verify their co-simulation units (FMUs).
+
+    Exit status: 0, 1 (a check failed), 2 (bad usage or a bad scene).
+    """
+
+
+@main.command()
+@click.option("-o", "--output", "folder", type=click.Path(file_okay=False, path_type=Path), default=Path("rbfmu_demo"),
+              show_default=True, help="Folder for the FMU, the results and the picture.")  # fmt: skip
+def demo(folder: Path) -> None:
+    """Simulate NASA's tumbling brick in three ways, compare them with each other and with NASA, draw it."""
+    from rbfmu_fmu.demo import run_demo
+
+    ctx = click.get_current_context()
+    ctx.exit(0 if run_demo(folder, Console(highlight=False)) else 1)
+
+
+@main.command()
+@click.argument("scene", metavar="SCENE", type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), help="Save to FILE (.csv or .npz).")
+@click.option("--plot", type=click.Path(dir_okay=False, path_type=Path), help="Draw to FILE (.png, .svg or .pdf).")
+def run(scene: Path, output: Path | None, plot: Path | None) -> None:
+    """Simulate a scene with its ports at zero."""
+    from rbfmu.planning import plan
+    from rbfmu.simulation import simulate
+
+    _check_target(output, "--output", SAVED)
+    _check_target(plot, "--plot", PICTURES)
+    loaded = load_scene(scene)
+    planned = plan(loaded)
+    result = simulate(loaded, planned=planned, progress=_progress(loaded.name))
+    if output:
+        result.save(output)
+    if plot:
+        from rbfmu.charts import plot_result
+
+        plot_result(result, plot, loaded.name)
+    _print_end(loaded, planned.reasons, result)
+
+
+@main.command()
+@click.argument("scene", metavar="SCENE", type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), help="FMU to write.  [NAME.fmu]")
+def build(scene: Path, output: Path | None) -> None:
+    """Build a scene's FMU (FMI 2.0 co-simulation, pythonfmu)."""
+    from rbfmu_fmu import build as build_fmu
+    from rbfmu_fmu.description import identifier
+
+    _check_target(output, "--output", (".fmu",))
+    loaded = load_scene(scene)
+    click.echo(build_fmu(loaded, output or Path(f"{identifier(loaded.name)}.fmu")))
+
+
+@main.command()
+@click.argument("fmu", metavar="FILE.fmu", type=click.Path(path_type=Path))
+@click.option("--seed", default=1, show_default=True, help="Of the signal that drives the inputs.")
+def verify(fmu: Path, seed: int) -> None:
+    """Compare an FMU with direct calls of its kernels, bit by bit, and validate it."""
+    from rbfmu_fmu import VerificationError
+    from rbfmu_fmu import verify as verify_fmu
+
+    try:
+        found = verify_fmu(fmu, seed)
+    except VerificationError as error:
+        raise click.UsageError(str(error)) from None
+    table = Table("output", "largest difference to the kernels", box=None)
+    for name, difference in found.differences.items():
+        table.add_row(name.replace("[", r"\["), repr(difference))
+    Console(highlight=False).print(table)
+    click.echo(f"{found.steps_done} of {found.steps_asked} steps done; inputs from seed {found.seed}")
+    for problem in found.problems:
+        click.echo(f"problem: {problem}")
+    click.echo("passed" if found.passed else "FAILED")
+    click.get_current_context().exit(0 if found.passed else 1)
+
+
+def _check_target(path: Path | None, option: str, endings: Sequence[str]) -> None:
+    """Refuse a file that cannot be written before anything runs."""
+    if path is None:
+        return
+    if path.suffix not in endings:
+        raise click.UsageError(f"{option} {str(path)!r}: expected a name that ends in {' or '.join(endings)}")
+    if not path.parent.is_dir():
+        raise click.UsageError(f"{option} {str(path)!r}: there is no folder {str(path.parent)!r}")
+
+
+def _progress(name: str) -> Callable[[Sequence[int]], Any] | None:
+    """A bar on a terminal; it goes when done."""
+    if not sys.stderr.isatty():
+        return None
+    return lambda numbers: track(numbers, name, console=Console(stderr=True), transient=True)
+
+
+def _print_end(scene: Scene, reasons: Sequence[str], result: Any) -> None:
+    for reason in reasons:
+        click.echo(reason)
+    table = Table("at the end", f"t = {result.time[-1]:g} s", box=None)
+    for name, values in result.quantities.items():
+        table.add_row(name, " ".join(f"{x: .9g}" for x in values[-1:].ravel()))
+    Console(highlight=False).print(table)
+
+
+if __name__ == "__main__":
+    main()
