@@ -1,7 +1,6 @@
 """The attitude of a scene: a quaternion from any of the ways to write one."""
 
 import math
-from collections.abc import Iterable
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -12,6 +11,8 @@ from rbfmu_kernels.shapes import Matrix, Quaternion, Vec3
 
 UNIT_TOLERANCE = 1e-6
 """How far a quaternion's length may be from 1, a matrix from orthogonal: numbers typed with seven digits."""
+LARGEST_ANGLE = 1e9
+"""Beyond, the last digit of a float is more than 1e-7: no attitude, but a slip."""
 ROUND_OFF = 8 * 2.0**-52
 """|q|^2 - 1 of a quaternion that has been normalised: it is kept to the bit."""
 
@@ -57,16 +58,20 @@ class RotationMatrix(Numbers):
         return R
 
 
+def _angles(unit: str) -> Numbers:
+    return Numbers((3,), unit, " from -1e9 to 1e9", lambda angle: abs(angle) <= LARGEST_ANGLE)
+
+
 class Attitude(Section):
     """`initial.attitude`: exactly one of the representations."""
 
     _path: ClassVar[str] = "initial.attitude"
 
     euler: Annotated[str, OneOf(tuple(euler_angles.NAMES), 'an Euler sequence such as "ZYX" or "xyz"')] = "ZYX"
-    angles_deg: Annotated[Vec3, Numbers((3,), "deg")] = (0.0, 0.0, 0.0)
-    angles: Annotated[Vec3, Numbers((3,), "rad")] = (0.0, 0.0, 0.0)
+    angles_deg: Annotated[Vec3, _angles("deg")] = (0.0, 0.0, 0.0)
+    angles: Annotated[Vec3, _angles("rad")] = (0.0, 0.0, 0.0)
     quaternion: Annotated[Quaternion, UnitQuaternion()] = (1.0, 0.0, 0.0, 0.0)
-    rotvec: Annotated[Vec3, Numbers((3,), "rad")] = (0.0, 0.0, 0.0)
+    rotvec: Annotated[Vec3, _angles("rad")] = (0.0, 0.0, 0.0)
     matrix: Annotated[Matrix, RotationMatrix()] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
     @classmethod
@@ -81,18 +86,12 @@ class Attitude(Section):
             faults.append(fault(cls._path, data, f"{given.pop()} alone; angles belong to euler"))
         return data
 
-    def _contradictions(self) -> Iterable[str]:
-        if not abs(math.hypot(*self.resolved()) - 1.0) <= UNIT_TOLERANCE:
-            value = self.rotvec if "rotvec" in self.model_fields_set else self.angles
-            yield fault(self._path, value, "angles of a size whose rotation can be computed (rad)")
-
     def resolved(self) -> Quaternion:
         """q_ab."""
         given = self.model_fields_set
         if "euler" in given:
-            degrees = "angles_deg" in given
-            angles = tuple(map(math.radians, self.angles_deg)) if degrees else self.angles
-            return normalized(euler_angles.quaternion_from_euler(euler_angles.sequence(self.euler), angles))
+            x, y, z = map(math.radians, self.angles_deg) if "angles_deg" in given else self.angles
+            return normalized(euler_angles.quaternion_from_euler(euler_angles.sequence(self.euler), (x, y, z)))
         if "rotvec" in given:
             return normalized(rotvec.quaternion_from_rotvec(self.rotvec))
         if "matrix" in given:

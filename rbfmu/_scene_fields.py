@@ -166,8 +166,9 @@ class Name(Rule):
 
     def __call__(self, value: Any) -> str:
         """The value, if it is one."""
-        fits = isinstance(value, str) and value.strip() and len(value) <= 200 and value.isprintable()
-        return value if fits and not set(value) & set("/\\") else self.refuse()
+        if not isinstance(value, str) or not value.isprintable() or set(value) & set("/\\"):
+            self.refuse()
+        return value if value.strip() and len(value) <= 200 else self.refuse()
 
 
 @dataclass(frozen=True)

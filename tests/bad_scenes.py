@@ -123,6 +123,8 @@ NOT_ATTITUDES = {
     "quaternion nan": ("{ quaternion = [nan, 0, 0, 0] }", "initial.attitude.quaternion"),
     "quaternion too large": ("{ quaternion = [1e308, 1e308, 1e308, 1e308] }", "length inf"),
     "rotvec of four": ("{ rotvec = [1, 2, 3, 4] }", "initial.attitude.rotvec"),
+    "rotvec too large": ("{ rotvec = [1e200, 0, 0] }", "from -1e9 to 1e9 (rad)"),
+    "angle too large": ('{ euler = "ZYX", angles_deg = [0, -1e10, 0] }', "from -1e9 to 1e9 (deg)"),
     "rotvec inf": ("{ rotvec = [1, 2, -inf] }", "initial.attitude.rotvec"),
     "reflection": ("{ matrix = [[1, 0, 0], [0, 1, 0], [0, 0, -1]] }", "reflection"),
     "stretched matrix": ("{ matrix = [[1.001, 0, 0], [0, 1, 0], [0, 0, 1]] }", "initial.attitude.matrix"),
