@@ -46,7 +46,8 @@ ACCESS = Access(load_description(os.path.join(os.path.dirname(__file__), "descri
 
 CAPABILITIES = {"needsExecutionTool": "true", "canInterpolateInputs": "false"}
 CAPABILITIES |= {"canNotUseMemoryManagementFunctions": "true"}
-UNUSED = re.compile(r"resources/pythonfmu/(deploy|csvbuilder|__main__)\.py")
+LEFT_OUT = re.compile(r"modelDescription\.xml|resources/pythonfmu/(deploy|csvbuilder|__main__)\.py")
+"""Of what pythonfmu packs: its description (replaced; with a random guid and the date), and what no FMU uses."""
 
 
 def build_python_fmu(scene: Scene, plan: Plan, path: Path) -> Path:
@@ -61,7 +62,7 @@ def build_python_fmu(scene: Scene, plan: Plan, path: Path) -> Path:
                 script, dest=Path(folder) / "out", project_files=[Path(folder) / _package(identity)]
             )
         with zipfile.ZipFile(raw) as archive:
-            contents = {n: archive.read(n) for n in archive.namelist() if not UNUSED.fullmatch(n)}
+            contents = {n: archive.read(n) for n in archive.namelist() if not LEFT_OUT.fullmatch(n)}
     contents["resources/scene.json"] = _json(
         {"scene": scene.to_dict(), "plan": plan.to_dict(), "kernels": kernel_hash()}
     )
