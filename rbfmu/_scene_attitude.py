@@ -5,7 +5,8 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from rbfmu._scene_fields import Numbers, OneOf, Section, fault
+from rbfmu._scene_fields import Numbers, OneOf, fault
+from rbfmu._scene_section import Section
 from rbfmu_kernels import euler_angles, quaternion, rotation, rotvec
 from rbfmu_kernels.shapes import Matrix, Quaternion, Vec3
 

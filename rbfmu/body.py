@@ -4,7 +4,8 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from rbfmu._scene_fields import Flag, Numbers, SceneError, Section, fault, flattened, one_of, positive
+from rbfmu._scene_fields import Flag, Numbers, SceneError, fault, flattened, positive
+from rbfmu._scene_section import Section, one_of
 from rbfmu_kernels import inertia as _inertia
 from rbfmu_kernels.shapes import Matrix, Vec3
 

@@ -8,7 +8,8 @@ from typing import Annotated, Any, ClassVar, Self
 
 from rbfmu._scene_attitude import read_attitude
 from rbfmu._scene_checks import default_quantities, faults_between
-from rbfmu._scene_fields import Name, Names, Numbers, SceneError, Section, fault, one_of, positive
+from rbfmu._scene_fields import Name, Names, Numbers, SceneError, fault, positive
+from rbfmu._scene_section import Section, one_of
 from rbfmu.body import ZERO, Body
 from rbfmu_kernels.shapes import Quaternion, Vec3
 
