@@ -64,10 +64,10 @@ class Result:
 def time_grid(start: float, stop: float, step: float) -> Array:
     """start, start + step, ... stop: the points that FMPy visits, to the bit."""
     steps = math.ceil((stop - start) / step * (1.0 - 1e-9))
-    grid = start + np.arange(steps + 1) * step
+    grid: Array = start + np.arange(steps + 1, dtype=np.float64) * step
     if not math.isclose(grid[-1], stop):
         grid[-1] = stop
-    return grid  # type: ignore[no-any-return]
+    return grid
 
 
 def simulate(

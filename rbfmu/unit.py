@@ -15,6 +15,7 @@ Buffer = NDArray[np.float64]
 class Unit(Protocol):
     """A unit's module in `rbfmu_kernels`: the layout of its buffer and its three entry functions."""
 
+    __name__: str
     INPUTS: dict[str, int]
     PARAMETERS: dict[str, int]
     OUTPUTS: dict[str, int]
@@ -33,7 +34,7 @@ class Unit(Protocol):
 
 def unit_of(scene: Scene) -> Unit:
     """The unit that simulates a scene."""
-    return attitude_unit if "omega_b" in scene.inputs.ports else body_unit  # type: ignore[return-value]
+    return attitude_unit if "omega_b" in scene.inputs.ports else body_unit
 
 
 def filled_buffer(scene: Scene, substep: float) -> Buffer:

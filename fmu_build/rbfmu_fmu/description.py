@@ -107,7 +107,7 @@ class Description:
     step: float
     accuracy: float
     unit: str
-    faults: dict[int, str]
+    faults: dict[int, tuple[str, str]]
 
     @property
     def status_reference(self) -> int:
@@ -132,7 +132,7 @@ def describe(scene: Scene, plan: Plan) -> Description:
         stop=scene.run.stop,
         step=scene.run.step,
         accuracy=scene.run.accuracy,
-        unit=unit.__name__.rsplit(".", 1)[-1],  # type: ignore[attr-defined]
+        unit=unit.__name__.rsplit(".", 1)[-1],
         faults=FAULTS,
     )
 

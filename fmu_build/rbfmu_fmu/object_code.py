@@ -6,7 +6,6 @@ signature, merged, optimised by LLVM for the plain instruction set of the platfo
 
 import re
 import threading
-from functools import cache
 from typing import Any
 
 import llvmlite.binding as llvm
@@ -21,6 +20,7 @@ LIBM = frozenset({"sqrt", "fabs", "copysign", "floor", "ceil", "memcpy", "memset
 """The only symbols that an object may leave to the platform: correctly rounded everywhere, or no arithmetic."""
 
 BASE_CPU = {"x86_64": "x86-64", "aarch64": "generic"}
+_DONE: dict[str, bytes] = {}
 _LOCK = threading.Lock()  # LLVM modules of one Numba process are not made for concurrent use
 
 
@@ -30,12 +30,14 @@ class NotSelfContainedError(RuntimeError):
 
 def object_code(unit: Unit) -> bytes:
     """Relocatable object file of the unit's entries for this platform; the same bytes each time."""
+    name = unit.__name__
     with _LOCK:
-        return _object_code(unit)
+        if name not in _DONE:
+            _DONE[name] = _compile(unit)
+        return _DONE[name]
 
 
-@cache
-def _object_code(unit: Unit) -> bytes:
+def _compile(unit: Unit) -> bytes:
     llvm.initialize_native_asmprinter()
     module = _merged([_entry_module(unit, name) for name in ENTRIES])
     target = _target_machine()

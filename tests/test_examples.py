@@ -1,0 +1,48 @@
+"""Every example runs as a user runs it, and shows what it says."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
+NUMBERED = sorted(p.name for p in EXAMPLES.glob("[0-9]*.py"))
+
+
+def printed(name: str) -> str:
+    done = subprocess.run(
+        [sys.executable, EXAMPLES / name], capture_output=True, text=True, check=False, timeout=60, cwd=EXAMPLES
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_every_example_is_tested() -> None:
+    assert NUMBERED == ["01_kernels.py", "02_brick.py", "03_slender_beam.py", "04_controlled.py"]
+
+
+def test_kernels_in_three_ways() -> None:
+    text = printed("01_kernels.py")
+    assert "[0. 1. 0.]" in text.replace("-0.", "0.")
+    change = float(re.search(r"change of a length: (\S+)", text)[1])  # type: ignore[index]
+    assert change < 1e-15
+
+
+def test_brick_agrees_with_nasa() -> None:
+    difference = float(re.search(r"largest difference: (\S+) deg/s", printed("02_brick.py"))[1])  # type: ignore[index]
+    assert difference < 1e-9
+
+
+def test_beam_has_the_analytic_period() -> None:
+    found = re.search(r"relative difference: (\S+) \(theory for this swing: (\S+)\)", printed("03_slender_beam.py"))
+    assert found
+    # Interpolated crossings of six periods of 1.6 s with steps of 0.01 s: some 1e-8.
+    assert float(found[1]) == pytest.approx(float(found[2]), abs=3e-8)
+
+
+def test_controller_brings_the_satellite_home() -> None:
+    angles = [float(a) for a in re.findall(r": +(\S+) deg", printed("04_controlled.py"))]
+    assert angles[0] == pytest.approx(73.72, abs=0.01)  # ZYX 60, -30, 45 deg
+    assert angles[-1] < 0.01

@@ -1,0 +1,81 @@
+"""`verify` passes what is right and finds what is wrong: a changed kernel, parameter, step or description."""
+
+import json
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import rbfmu
+import rbfmu_fmu
+from rbfmu_fmu import VerificationError, verify
+
+SCENE = {
+    "body": {"mass": 2.0, "inertia": [1.0, 2.0, 2.5], "r_oc_b": [0.1, 0.2, -0.1]},
+    "initial": {"omega_b": [0.3, 1.0, 0.2]},
+    "inputs": {"ports": ["torque_b", "force_a"]},
+    "run": {"stop": 2.0, "step": 0.1},
+}
+
+
+@pytest.fixture(scope="module")
+def fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return rbfmu_fmu.build(rbfmu.Scene.from_dict(SCENE), tmp_path_factory.mktemp("fmu") / "body.fmu")
+
+
+def changed(fmu: Path, target: Path, change: Callable[[str, bytes], bytes | None]) -> Path:
+    """A copy of an FMU with its files changed; a file for which `change` gives None is left out."""
+    with zipfile.ZipFile(fmu) as old, zipfile.ZipFile(target, "w") as new:
+        for name in old.namelist():
+            content = change(name, old.read(name))
+            if content is not None:
+                new.writestr(name, content)
+    return target
+
+
+def test_an_fmu_equals_its_kernels_to_the_bit(fmu: Path) -> None:
+    found = verify(fmu, seed=3)
+    assert found.passed
+    assert found.steps_done == found.steps_asked == 20
+    assert set(found.differences.values()) == {0.0}
+    assert len(found.differences) == 29
+
+
+def test_a_scene_that_differs_from_the_fmu_is_found(fmu: Path, tmp_path: Path) -> None:
+    def heavier(name: str, content: bytes) -> bytes:
+        if name != "resources/scene.json":
+            return content
+        data = json.loads(content)
+        data["scene"]["body"]["mass"] *= 1.0 + 2.0**-50
+        return json.dumps(data).encode()
+
+    found = verify(changed(fmu, tmp_path / "changed.fmu", heavier))
+    assert not found.passed
+    assert 0.0 < max(found.differences.values()) < 1e-9
+
+
+def test_an_fmu_of_other_kernels_is_named(fmu: Path, tmp_path: Path) -> None:
+    def older(name: str, content: bytes) -> bytes:
+        return json.dumps(json.loads(content) | {"kernels": "0"}).encode() if name == "resources/scene.json" else content
+
+    found = verify(changed(fmu, tmp_path / "changed.fmu", older))
+    assert not found.passed
+    assert any("other kernels" in p for p in found.problems)
+
+
+def test_missing_units_and_dependencies_are_found(fmu: Path, tmp_path: Path) -> None:
+    def poorer(name: str, content: bytes) -> bytes:
+        if name != "modelDescription.xml":
+            return content
+        return content.replace(b' unit="m/s2"', b"").replace(b' dependencies=""', b"")
+
+    problems = verify(changed(fmu, tmp_path / "changed.fmu", poorer)).problems
+    assert any("acceleration[1] has no unit" in p for p in problems)
+    assert any("position[1] is not among the outputs with dependencies" in p for p in problems)
+
+
+def test_an_fmu_of_another_maker_is_refused(fmu: Path, tmp_path: Path) -> None:
+    other = changed(fmu, tmp_path / "other.fmu", lambda name, content: None if "scene.json" in name else content)
+    with pytest.raises(VerificationError, match="not an FMU that rbfmu built"):
+        verify(other)
