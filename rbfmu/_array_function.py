@@ -1,6 +1,8 @@
-"""Array functions from scalar kernels: NumPy broadcasting, `out=`, compiled at the first call."""
+"""Array functions from scalar kernels: NumPy broadcasting, `out=`, compiled at the first call, threads on request."""
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextvars import copy_context
 from functools import wraps
 from typing import Any
 
@@ -9,8 +11,26 @@ import numpy as np
 from rbfmu_kernels._batch import core_shapes, gufunc, python_function
 from rbfmu_kernels.euler_angles import sequence
 
+CHUNK = 16384  # items that a thread takes at a time
+THRESHOLD = 8 * CHUNK  # items from which on threads pay
+_KEYWORDS = {"out", "where", "axes", "order", "subok", "casting", "dtype"}
 
-def array_function(kernel: Callable[..., Any], *constants: int) -> Callable[..., Any]:
+_pool: ThreadPoolExecutor | None = None
+
+
+def set_threads(n: int) -> None:
+    """Let array functions use n threads on arrays of some 1e5 items and more. The default is 1."""
+    global _pool
+    if n < 1:
+        raise ValueError(f"set_threads: n must be at least 1, got {n}")
+    if _pool is not None:
+        _pool.shutdown()
+    _pool = ThreadPoolExecutor(n, "rbfmu") if n > 1 else None
+
+
+def array_function(
+    kernel: Callable[..., Any], *constants: int, singular: Callable[..., bool] | None = None
+) -> Callable[..., Any]:
     """The array function of a scalar kernel: same name, arguments and docstring, any leading axes."""
     compiled: Any = None
 
@@ -18,19 +38,21 @@ def array_function(kernel: Callable[..., Any], *constants: int) -> Callable[...,
     def call(*args: Any, **kwargs: Any) -> Any:
         nonlocal compiled
         try:
-            return compiled(*args, **kwargs)
+            if _pool is None:
+                return compiled(*args, **kwargs)
+            return _in_threads(_pool, compiled, kernel, args, kwargs)
         except TypeError:
             if compiled is not None:
                 raise _clear_error(kernel, args, kwargs) from None
         except ValueError:
             raise _clear_error(kernel, args, kwargs) from None
-        compiled = gufunc(kernel, *constants)
+        compiled = gufunc(kernel, *constants, singular=singular)
         return call(*args, **kwargs)
 
     return call
 
 
-def sequence_function(kernel: Callable[..., Any]) -> Callable[..., Any]:
+def sequence_function(kernel: Callable[..., Any], singular: Callable[..., bool] | None = None) -> Callable[..., Any]:
     """The array function of a kernel whose first argument is an Euler sequence: compiled once per sequence."""
     functions: dict[str, Callable[..., Any]] = {}
 
@@ -39,17 +61,53 @@ def sequence_function(kernel: Callable[..., Any]) -> Callable[..., Any]:
         try:
             function = functions[seq]
         except KeyError:
-            function = functions[seq] = array_function(kernel, sequence(seq))
+            function = functions[seq] = array_function(kernel, sequence(seq), singular=singular)
         return function(*args, **kwargs)
 
     return call
+
+
+def _in_threads(pool: ThreadPoolExecutor, compiled: Any, kernel: Any, args: Any, kwargs: dict[str, Any]) -> Any:
+    """The call cut into chunks along its longest leading axis; as a whole where it is small or unusual."""
+    arguments, results = core_shapes(kernel)
+    shapes = [*arguments.values()]
+    if compiled is None or len(args) != len(shapes) or kwargs.keys() - {"out"}:
+        return compiled(*args, **kwargs)
+    arrays = [np.asarray(a) for a in args]
+    depths = [a.ndim - len(s) for a, s in zip(arrays, shapes, strict=True)]
+    leading = np.broadcast_shapes(*(a.shape[:d] for a, d in zip(arrays, depths, strict=True) if d > 0), ())
+    if min(depths) < 0 or np.prod(leading, dtype=int) < THRESHOLD:
+        return compiled(*args, **kwargs)
+    out = kwargs.get("out")
+    outs = out if isinstance(out, tuple) else (out,) * len(results)
+    outs = tuple(np.empty(leading + s) if o is None else o for o, s in zip(outs, results, strict=True))
+    if any(o.shape != leading + s for o, s in zip(outs, results, strict=True)):
+        return compiled(*args, **kwargs)
+    axis = int(np.argmax(leading)) - len(leading)  # counted from the last leading axis: -1 is the last
+    rows = max(1, CHUNK * leading[axis] // int(np.prod(leading, dtype=int)))
+
+    def cut(array: Any, shape: tuple[int, ...], piece: slice) -> Any:
+        position = array.ndim - len(shape) + axis
+        if position < 0 or array.shape[position] == 1:
+            return array
+        return array[(slice(None),) * position + (piece,)]
+
+    def one(start: int) -> None:
+        piece = slice(start, start + rows)
+        inputs = [cut(a, s, piece) for a, s in zip(arrays, shapes, strict=True)]
+        compiled(*inputs, out=tuple(cut(o, s, piece) for o, s in zip(outs, results, strict=True)))
+
+    tasks = [pool.submit(copy_context().run, one, start) for start in range(0, leading[axis], rows)]
+    for task in tasks:
+        task.result()
+    return outs if len(outs) > 1 else outs[0]
 
 
 def _clear_error(kernel: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any]) -> Exception:
     """Name the argument that NumPy refused."""
     shapes, _ = core_shapes(kernel)
     name = python_function(kernel).__name__
-    if unknown := set(kwargs) - {"out", "where", "axes", "order", "subok", "casting", "dtype"}:
+    if unknown := set(kwargs) - _KEYWORDS:
         return TypeError(f"{name}: unexpected keyword {sorted(unknown)[0]!r}; arguments are {', '.join(shapes)}, out")
     if not len(shapes) <= len(args) <= len(shapes) + 2:
         return TypeError(f"{name} takes {len(shapes)} arguments ({', '.join(shapes)}), got {len(args)}")

@@ -2,9 +2,11 @@
 
 from rbfmu_kernels import euler_angles as _euler
 from rbfmu_kernels import inertia as _inertia
+from rbfmu_kernels import kinematics as _kinematics
 from rbfmu_kernels import quaternion as _quaternion
 from rbfmu_kernels import rigid_body as _rigid_body
 from rbfmu_kernels import rotation as _rotation
+from rbfmu_kernels import rotvec as _rotvec
 from rbfmu_kernels import vec3 as _vec3
 
 from ._array_function import array_function, sequence_function
@@ -23,6 +25,7 @@ matrix_rate_b = array_function(_rotation.matrix_rate_b)
 omega_a_from_matrix_rate = array_function(_rotation.omega_a_from_matrix_rate)
 omega_b_from_matrix_rate = array_function(_rotation.omega_b_from_matrix_rate)
 matrix_from_quaternion = array_function(_rotation.matrix_from_quaternion)
+nearest_rotation = array_function(_rotation.nearest_rotation)
 quaternion_from_matrix = array_function(_rotation.quaternion_from_matrix)
 
 # Euler parameters
@@ -30,6 +33,8 @@ compose_quaternions = array_function(_quaternion.compose_quaternions)
 invert_quaternion = array_function(_quaternion.invert_quaternion)
 normalize = array_function(_quaternion.normalize)
 rotate = array_function(_quaternion.rotate)
+slerp = array_function(_quaternion.slerp)
+angle_between = array_function(_quaternion.angle_between)
 quaternion_rate_a = array_function(_quaternion.quaternion_rate_a)
 quaternion_rate_b = array_function(_quaternion.quaternion_rate_b)
 omega_a_from_quaternion_rate = array_function(_quaternion.omega_a_from_quaternion_rate)
@@ -40,8 +45,28 @@ matrix_from_euler = sequence_function(_euler.matrix_from_euler)
 quaternion_from_euler = sequence_function(_euler.quaternion_from_euler)
 euler_from_matrix = sequence_function(_euler.euler_from_matrix)
 euler_from_quaternion = sequence_function(_euler.euler_from_quaternion)
+euler_rate_matrix_a = sequence_function(_euler.euler_rate_matrix_a)
+euler_rate_matrix_b = sequence_function(_euler.euler_rate_matrix_b)
+euler_rate_a = sequence_function(_euler.euler_rate_a, singular=_euler.euler_rate_is_singular)
+euler_rate_b = sequence_function(_euler.euler_rate_b, singular=_euler.euler_rate_is_singular)
 
-# Inertia and rigid-body dynamics
+# Rotation vectors, axis and angle
+quaternion_from_rotvec = array_function(_rotvec.quaternion_from_rotvec)
+rotvec_from_quaternion = array_function(_rotvec.rotvec_from_quaternion)
+matrix_from_rotvec = array_function(_rotvec.matrix_from_rotvec)
+rotvec_from_matrix = array_function(_rotvec.rotvec_from_matrix)
+quaternion_from_axis_angle = array_function(_rotvec.quaternion_from_axis_angle)
+matrix_from_axis_angle = array_function(_rotvec.matrix_from_axis_angle)
+axis_angle_from_quaternion = array_function(_rotvec.axis_angle_from_quaternion)
+axis_angle_from_matrix = array_function(_rotvec.axis_angle_from_matrix)
+rotvec_rate_a = array_function(_rotvec.rotvec_rate_a, singular=_rotvec.rotvec_rate_is_singular)
+rotvec_rate_b = array_function(_rotvec.rotvec_rate_b, singular=_rotvec.rotvec_rate_is_singular)
+
+# Velocities and accelerations
+compose_omega = array_function(_kinematics.compose_omega)
+vector_rate = array_function(_kinematics.vector_rate)
+point_velocity = array_function(_kinematics.point_velocity)
+point_acceleration = array_function(_kinematics.point_acceleration)
 
 # Inertia
 beam_inertia = array_function(_inertia.beam_inertia)

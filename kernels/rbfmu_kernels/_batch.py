@@ -7,6 +7,8 @@ a small tile on the stack in which a number's values for successive items are ne
 
 import inspect
 import math
+import platform
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -24,7 +26,9 @@ _LOOP_SIGNATURE = types.void(
     types.CPointer(types.CPointer(float64)), types.CPointer(intp), types.CPointer(intp), types.voidptr
 )
 _clear_float_flags = types.ExternalFunction("feclearexcept", types.int32(types.int32))
+_raise_float_flags = types.ExternalFunction("feraiseexcept", types.int32(types.int32))
 _TILE = 32  # items
+_DIVISION_BY_ZERO = 0x04 if platform.machine() in ("x86_64", "AMD64") else 0x02  # FE_DIVBYZERO
 _ALL_FLAGS = 0x3D  # FE_ALL_EXCEPT of x86; its bits contain those of the other platforms
 
 
@@ -65,9 +69,12 @@ def _scalar(typingctx: Any) -> Any:
 
 def core_shapes(kernel: Callable[..., Any]) -> tuple[dict[str, Shape], list[Shape]]:
     """Argument names with core shapes, and result shapes, from the kernel's annotations (ints are left out)."""
-    signature = inspect.signature(python_function(kernel))
-    arguments = {n: shape_of(p.annotation) for n, p in signature.parameters.items() if p.annotation is not int}
-    return arguments, shapes_of_result(signature.return_annotation)
+    return _argument_shapes(kernel), shapes_of_result(inspect.signature(python_function(kernel)).return_annotation)
+
+
+def _argument_shapes(kernel: Callable[..., Any]) -> dict[str, Shape]:
+    parameters = inspect.signature(python_function(kernel)).parameters
+    return {name: shape_of(p.annotation) for name, p in parameters.items() if p.annotation is not int}
 
 
 def python_function(kernel: Callable[..., Any]) -> Callable[..., Any]:
@@ -75,15 +82,21 @@ def python_function(kernel: Callable[..., Any]) -> Callable[..., Any]:
     return getattr(kernel, "py_func", kernel)
 
 
-def gufunc(kernel: Callable[..., Any], *constants: int) -> np.ufunc:
-    """A gufunc that maps `kernel(*constants, ...)` over leading axes. Compiles now (or loads from the cache)."""
+def gufunc(kernel: Callable[..., Any], *constants: int, singular: Callable[..., bool] | None = None) -> Any:
+    """A gufunc that maps `kernel(*constants, ...)` over leading axes. Compiles now (or loads from the cache).
+
+    singular: a kernel of the first few arguments; where it is true for an item, NumPy reports a division by zero
+    (by default a RuntimeWarning).
+    """
     arguments, results = core_shapes(kernel)
     if config.DISABLE_JIT:
-        return _interpreted(kernel, constants, [*arguments.values()], results)
+        return interpreted(kernel, *constants, singular=singular)
     name = python_function(kernel).__name__
-    source = _loop_source(name, constants, [*arguments.values()], results)
+    checked = len(_argument_shapes(singular)) if singular else 0
+    source = _loop_source(name, constants, [*arguments.values()], results, checked)
     filename = inspect.getfile(python_function(kernel))  # so that the cache is kept beside the kernel's
     scope: dict[str, Any] = {"__name__": python_function(kernel).__module__, "carray": carray, "kernel": kernel}
+    scope |= {"singular": singular, "raise_float_flags": _raise_float_flags}
     scope |= {"_at": _at, "_scratch": _scratch, "_scalar": _scalar, "clear_float_flags": _clear_float_flags}
     exec(compile(source, filename, "exec"), scope)
     loop = scope[_loop_name(name, constants)]
@@ -109,33 +122,47 @@ def _loop_name(name: str, constants: tuple[int, ...]) -> str:
     return "_".join([name, "loop", *map(str, constants)])
 
 
-def _loop_source(name: str, constants: tuple[int, ...], arguments: list[Shape], results: list[Shape]) -> str:
-    """The loop over items. Operands of up to 4 contiguous numbers are vectorised as they lie in memory."""
+def _loop_source(
+    name: str, constants: tuple[int, ...], arguments: list[Shape], results: list[Shape], checked: int
+) -> str:
+    """The loop over items. Operands of up to 4 contiguous numbers are vectorised as they lie in memory.
+
+    checked: how many arguments `singular` takes (0: there is nothing to check).
+    """
     operands = _operands(arguments + results)
     inputs = len(arguments)
     lines = [f"def {_loop_name(name, constants)}(args, dims, steps, data):", "    n = dims[0]"]
     lines += [f"    p{o.k} = args[{o.k}]; s{o.k} = steps[{o.k}]" for o in operands]
 
-    def call(cells: list[str]) -> str:
-        return f"{', '.join(cells[inputs:])} = kernel({', '.join([*map(str, constants), *cells[:inputs]])})"
+    fixed = [*map(str, constants)]
+    # Branch-free code evaluates what it does not select; its flags would become NumPy warnings.
+    end = [f"clear_float_flags({_ALL_FLAGS})"]
+    if checked:
+        lines.append("    found = 0")
+        end += ["if found > 0:", f"    raise_float_flags({_DIVISION_BY_ZERO})"]
+
+    def body(cells: list[str]) -> list[str]:
+        call = f"{', '.join(cells[inputs:])} = kernel({', '.join([*fixed, *cells[:inputs]])})"
+        test = f"found += 1 if singular({', '.join([*fixed, *cells[:checked]])}) else 0"
+        return [test, call] if checked else [call]
 
     if all(o.size <= 4 for o in operands):
         lines.append(f"    if {' and '.join(condition for o in operands for condition in o.contiguity())}:")
         lines += [f"        a{o.k} = carray(p{o.k}, (n, {o.size}))" for o in operands]
-        lines += ["        for i in range(n):", f"            {call([o.cells(o.in_array) for o in operands])}"]
-        # Branch-free code evaluates what it does not select; its flags would become NumPy warnings.
-        lines += [f"        clear_float_flags({_ALL_FLAGS})", "        return"]
+        lines.append("        for i in range(n):")
+        lines += ["            " + line for line in body([o.cells(o.in_array) for o in operands])]
+        lines += ["        " + line for line in [*end, "return"]]
+    cells_of_tile = _TILE * sum(o.size for o in operands)
     lines += [f"    c{o.k}_{axis} = steps[{axis}]" for o in operands for axis in o.axes]
-    lines.append(
-        f"    tile = carray(_scratch({_TILE * sum(o.size for o in operands)}), ({_TILE * sum(o.size for o in operands)},))"
-    )
+    lines.append(f"    tile = carray(_scratch({cells_of_tile}), ({cells_of_tile},))")
     lines += [f"    for start in range(0, n, {_TILE}):", f"        m = min({_TILE}, n - start)"]
     for o in operands[:inputs]:
         lines += _per_item([f"{o.in_tile(index)} = {o.strided(index)}" for index in np.ndindex(*o.shape)])
-    lines += ["        for i in range(m):", f"            {call([o.cells(o.in_tile) for o in operands])}"]
+    lines.append("        for i in range(m):")
+    lines += ["            " + line for line in body([o.cells(o.in_tile) for o in operands])]
     for o in operands[inputs:]:
         lines += _per_item([f"{o.strided(index)} = {o.in_tile(index)}" for index in np.ndindex(*o.shape)])
-    return "\n".join([*lines, f"    clear_float_flags({_ALL_FLAGS})"]) + "\n"
+    return "\n".join([*lines, *("    " + line for line in end)]) + "\n"
 
 
 def _per_item(moves: list[str]) -> list[str]:
@@ -188,26 +215,31 @@ def _operands(shapes: list[Shape]) -> list[_Operand]:
     return operands
 
 
-def _interpreted(kernel: Callable[..., Any], constants: tuple[int, ...], arguments: list[Shape],
-                 results: list[Shape]) -> Any:  # fmt: skip
-    """The same map without compilation, for NUMBA_DISABLE_JIT=1."""
-
-    def one(*arrays: Any) -> Any:
-        tuples = [_as_tuple(a) for a in arrays]
-        value = kernel(*constants, *tuples)
-        return np.asarray(value) if len(results) == 1 else tuple(map(np.asarray, value))
-
-    letters = _layout(arguments) + "->" + _layout(results)
-    named = "".join({"3": "k", "4": "q"}.get(c, c) for c in letters)
-    mapped = np.vectorize(one, otypes=[float] * len(results), signature=named)
+def interpreted(kernel: Callable[..., Any], *constants: int, singular: Callable[..., bool] | None = None) -> Any:
+    """The same map item by item, without compilation (for NUMBA_DISABLE_JIT=1)."""
+    arguments, results = core_shapes(kernel)
+    shapes = [*arguments.values()]
+    checked = len(_argument_shapes(singular)) if singular else 0
 
     def call(*args: Any, out: Any = None) -> Any:
-        value = mapped(*(np.asarray(a, float) for a in args))
-        if out is None:
-            return value
-        for target, part in zip(out if isinstance(out, tuple) else (out,), np.atleast_1d(value), strict=True):
-            target[...] = part
-        return out
+        if len(args) != len(shapes):
+            raise TypeError(f"{len(shapes)} arguments are needed")
+        arrays = [np.asarray(a, dtype=np.float64) for a in args]
+        if any(a.shape[a.ndim - len(s) :] != s for a, s in zip(arrays, shapes, strict=True)):
+            raise ValueError("wrong trailing shape")
+        leading = np.broadcast_shapes(*(a.shape[: a.ndim - len(s)] for a, s in zip(arrays, shapes, strict=True)))
+        arrays = [np.broadcast_to(a, leading + s) for a, s in zip(arrays, shapes, strict=True)]
+        outs = out if isinstance(out, tuple) else (out,) * len(results)
+        outs = tuple(np.empty(leading + s) if o is None else o for o, s in zip(outs, results, strict=True))
+        for index in np.ndindex(*leading):
+            items = [_as_tuple(a[index]) for a in arrays]
+            if singular and singular(*constants, *items[:checked]):
+                warnings.warn(f"divide by zero encountered in {kernel.__name__}", RuntimeWarning, stacklevel=3)
+            value = kernel(*constants, *items)
+            for target, part in zip(outs, value if len(results) > 1 else (value,), strict=True):
+                target[index] = part
+        values = tuple(o[()] for o in outs)
+        return values if len(values) > 1 else values[0]
 
     return call
 

@@ -58,6 +58,12 @@ def _sincos_near_zero(r: float, tail: float) -> tuple[float, float]:
     return (sine, w + (((1.0 - w) - half) + (zz * p - r * tail)))
 
 
+@kernel
+def scale_for_squares(largest: float) -> float:
+    """A power of two: numbers up to `largest`, times it, can be squared and summed without over- or underflow."""
+    return 2.0**-600 if largest > 2.0**500 else (2.0**600 if largest < 2.0**-500 else 1.0)
+
+
 _PIO4_HI = 0.7853981633974492  # 49 bits of pi / 4: its multiples up to 4 are exact
 _PIO4_LO = -8.575622497214414e-16
 

@@ -27,6 +27,9 @@ XYZ, XZY, YXZ, YZX, ZXY, ZYX, XYX, XZX, YXY, YZY, ZXZ, ZYZ = (sequence(name) for
 xyz, xzy, yxz, yzx, zxy, zyx, xyx, xzx, yxy, yzy, zxz, zyz = (sequence(name) for name in NAMES[12:])
 
 
+EPS = 2.0**-52
+
+
 @kernel
 def _axes(seq: int) -> tuple[int, int, int, int]:
     """First, second and third axis of the intrinsic sequence, and the axis that is neither first nor second."""
@@ -115,8 +118,7 @@ def euler_from_quaternion(seq: int, q_ab: Quaternion) -> Vec3:
         middle = 2.0 * atan2(math.sqrt(h_ab), math.sqrt(h_cd))
     else:
         middle = atan2(2.0 * (q0 * qj + qi * qn), math.sqrt(h_ab * h_cd))
-    pole = 1.5 * 2.220446049250313e-16
-    at_ab, at_cd = h_ab <= pole * pole, h_cd <= pole * pole
+    at_ab, at_cd = h_ab <= (1.5 * EPS) ** 2, h_cd <= (1.5 * EPS) ** 2
     free = -1.0 if seq >= 64 else 1.0  # at a pole: which of the outer angles is zero
     a, b = (c if at_ab else a), (free * d if at_ab else b)
     c, d = (a if at_cd else c), (free * b if at_cd else d)
@@ -130,3 +132,98 @@ def euler_from_quaternion(seq: int, q_ab: Quaternion) -> Vec3:
 def euler_from_matrix(seq: int, R_ab: Matrix) -> Vec3:
     """Angles of R_ab, as `euler_from_quaternion` of its quaternion."""
     return euler_from_quaternion(seq, quaternion_from_matrix(R_ab))
+
+
+@kernel
+def _fixed_columns(i: int, j: int, k: int, sincos1: tuple[float, float], sincos2: tuple[float, float]) -> Matrix:
+    """The axes about which three successive rotations turn, in the frame before the first (as rows)."""
+    s1, c1 = sincos1
+    s2, c2 = sincos2
+    p = _parity(i, j)
+    first = _place(1.0, 0.0, 0.0, i, j)
+    second = _place(0.0, c1, p * s1, i, j)
+    if i == k:
+        return (first, second, _place(c2, s1 * s2, -p * (c1 * s2), i, j))
+    return (first, second, _place(p * s2, -p * (s1 * c2), c1 * c2, i, j))
+
+
+@kernel
+def _solve_fixed(i: int, j: int, k: int, sincos1: tuple[float, float], sincos2: tuple[float, float], w: Vec3) -> Vec3:
+    """Angle rates (x1, x2, x3) with x1 column 1 + x2 column 2 + x3 column 3 of `_fixed_columns` = w."""
+    s1, c1 = sincos1
+    s2, c2 = sincos2
+    p = _parity(i, j)
+    wi, wj, wn = _pick(w, i), _pick(w, j), p * _pick(w, 3 - i - j)
+    proper = i == k
+    across = s1 * wj - c1 * wn
+    determinant = s2 if proper else -p * c2
+    along = c2 if proper else p * s2
+    third = across / determinant if determinant != 0.0 else across * math.inf
+    return (wi - along * third, c1 * wj + s1 * wn, third)
+
+
+@kernel
+def euler_rate_matrix_a(seq: int, angles: Vec3) -> Matrix:
+    """E_a with omega_ab_a = E_a d(angles)/dt.
+
+    seq: sequence constant; angles: rad; columns in the order of the letters.  E&G (6.259).
+    """
+    i, j, k, _ = _axes(seq)
+    a1, a2, _ = _order(seq, angles)
+    a, b, c = _fixed_columns(i, j, k, sincos(a1), sincos(a2))
+    return _columns(seq, a, b, c)
+
+
+@kernel
+def euler_rate_matrix_b(seq: int, angles: Vec3) -> Matrix:
+    """E_b = R_ab^T E_a with omega_ab_b = E_b d(angles)/dt.
+
+    seq: sequence constant; angles: rad; columns in the order of the letters.
+    """
+    i, j, k, _ = _axes(seq)
+    _, a2, a3 = _order(seq, angles)
+    s2, c2 = sincos(a2)
+    s3, c3 = sincos(a3)
+    c, b, a = _fixed_columns(k, j, i, (-s3, c3), (-s2, c2))
+    return _columns(seq, a, b, c)
+
+
+@kernel
+def _columns(seq: int, a: Vec3, b: Vec3, c: Vec3) -> Matrix:
+    first, third = (c if seq >= 64 else a), (a if seq >= 64 else c)
+    return ((first[0], b[0], third[0]), (first[1], b[1], third[1]), (first[2], b[2], third[2]))
+
+
+@kernel
+def euler_rate_a(seq: int, angles: Vec3, omega_ab_a: Vec3) -> Vec3:
+    """d(angles)/dt = E_a^-1 omega_ab_a.
+
+    seq: sequence constant; angles: rad; omega_ab_a: rad/s in a.  Singular where `euler_rate_is_singular`;
+    not finite only where det E is 0 in floating point.  E&G (6.260).
+    """
+    i, j, k, _ = _axes(seq)
+    a1, a2, _ = _order(seq, angles)
+    return _order(seq, _solve_fixed(i, j, k, sincos(a1), sincos(a2), omega_ab_a))
+
+
+@kernel
+def euler_rate_b(seq: int, angles: Vec3, omega_ab_b: Vec3) -> Vec3:
+    """d(angles)/dt = E_b^-1 omega_ab_b.
+
+    seq: sequence constant; angles: rad; omega_ab_b: rad/s in b.  Singular where `euler_rate_is_singular`;
+    not finite only where det E is 0 in floating point.
+    """
+    i, j, k, _ = _axes(seq)
+    _, a2, a3 = _order(seq, angles)
+    s2, c2 = sincos(a2)
+    s3, c3 = sincos(a3)
+    c, b, a = _solve_fixed(k, j, i, (-s3, c3), (-s2, c2), omega_ab_b)
+    return _order(seq, (a, b, c))
+
+
+@kernel
+def euler_rate_is_singular(seq: int, angles: Vec3) -> bool:
+    """|det E| < 4 eps: |cos| of the middle angle, for proper Euler angles |sin|."""
+    i, _, k, _ = _axes(seq)
+    s, c = sincos(angles[1])
+    return abs(s if i == k else c) < 4.0 * EPS

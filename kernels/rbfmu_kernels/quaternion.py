@@ -4,10 +4,8 @@ import math
 
 from . import vec3
 from ._kernel import kernel
+from .elementary import atan2, scale_for_squares, sincos
 from .shapes import Quaternion, Vec3
-
-_HUGE, _TINY = 2.0**500, 2.0**-500
-_UP, _DOWN = 2.0**600, 2.0**-600
 
 
 @kernel
@@ -44,7 +42,7 @@ def normalize(q: Quaternion) -> Quaternion:
     """
     a, b, c, d = q
     largest = max(max(abs(a), abs(b)), max(abs(c), abs(d)))
-    s = _DOWN if largest > _HUGE else (_UP if largest < _TINY else 1.0)
+    s = scale_for_squares(largest)
     a, b, c, d = s * a, s * b, s * c, s * d
     length = math.sqrt((a * a + b * b) + (c * c + d * d))
     length = length if length != 0.0 else math.nan
@@ -60,6 +58,48 @@ def rotate(q_ab: Quaternion, v_b: Vec3) -> Vec3:
     eps = (q_ab[1], q_ab[2], q_ab[3])
     t = vec3.scale(2.0, vec3.cross(eps, v_b))
     return vec3.add(v_b, vec3.add_scaled(vec3.cross(eps, t), q_ab[0], t))
+
+
+@kernel
+def _sum_and_difference(q0: Quaternion, q1: Quaternion) -> tuple[Quaternion, float, float]:
+    """q1 - q0, |q1 - q0| and |q1 + q0|: 2 sin and 2 cos of half the angle between them as 4-vectors."""
+    a, b, c, d = q1[0] - q0[0], q1[1] - q0[1], q1[2] - q0[2], q1[3] - q0[3]
+    e, f, g, h = q1[0] + q0[0], q1[1] + q0[1], q1[2] + q0[2], q1[3] + q0[3]
+    difference = math.sqrt((a * a + b * b) + (c * c + d * d))
+    return ((a, b, c, d), difference, math.sqrt((e * e + f * f) + (g * g + h * h)))
+
+
+@kernel
+def slerp(q0: Quaternion, q1: Quaternion, s: float) -> Quaternion:
+    """From q0 (s = 0) to q1 or -q1 (s = 1) at constant rate along the shorter arc; s outside [0, 1] extrapolates.
+
+    q0, q1: unit. With p the end nearer to s, D the step to the other end, t the distance in s and w the angle:
+    p cos(t w) + (D + p |D|^2 / 2) sin(t w) / sin w.  Nothing cancels at any angle; the ends are exact.
+    """
+    dot = (q0[0] * q1[0] + q0[1] * q1[1]) + (q0[2] * q1[2] + q0[3] * q1[3])
+    from_end = s > 0.5
+    t = 1.0 - s if from_end else s
+    sign = -1.0 if dot < 0.0 else 1.0
+    end = (sign * q1[0], sign * q1[1], sign * q1[2], sign * q1[3])
+    p = end if from_end else q0
+    step, difference, total = _sum_and_difference(p, q0 if from_end else end)
+    sine, cosine = sincos(2.0 * t * atan2(difference, total))
+    product = difference * total
+    g = 2.0 * sine / (product if product > 0.0 else 1.0)
+    g = g if product > 0.0 else t
+    f = cosine + g * (0.5 * (difference * difference))
+    return (f * p[0] + g * step[0], f * p[1] + g * step[1], f * p[2] + g * step[2], f * p[3] + g * step[3])
+
+
+@kernel
+def angle_between(q0: Quaternion, q1: Quaternion) -> float:
+    """The angle of the rotation from q0 to q1, in [0, pi]: 4 atan2(|q1 - q0|, |q1 + q0|), signs aside.
+
+    q0, q1: unit, any signs.  Kahan.
+    """
+    _, difference, total = _sum_and_difference(q0, q1)
+    swap = difference > total
+    return 4.0 * atan2(total if swap else difference, difference if swap else total)
 
 
 @kernel

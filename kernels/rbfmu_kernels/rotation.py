@@ -4,8 +4,8 @@ import math
 
 from . import vec3
 from ._kernel import kernel
-from .elementary import sincos
-from .quaternion import normalize
+from .elementary import scale_for_squares, sincos
+from .quaternion import compose_quaternions, normalize
 from .shapes import Matrix, Quaternion, Vec3
 
 
@@ -147,3 +147,78 @@ def quaternion_from_matrix(R_ab: Matrix) -> Quaternion:
     q3 = (t3 if z_second else yz) if second else (xz if x_first else wz)
     sign = math.copysign(1.0, q0)
     return normalize((sign * q0, sign * q1, sign * q2, sign * q3))
+
+
+@kernel(inline=False)
+def nearest_rotation(R: Matrix) -> Matrix:
+    """The rotation nearest to R in the Frobenius norm: for R near a rotation, its polar factor.
+
+    R: any matrix (the zero matrix gives I). The dominant eigenvector of Davenport's 4x4 matrix, found by squaring it,
+    then corrected by Newton's method.  Singular: where two rotations are nearest.
+    """
+    s = scale_for_squares(_largest(R))
+    M = (vec3.scale(s, R[0]), vec3.scale(s, R[1]), vec3.scale(s, R[2]))
+    (a, b, c), (d, e, f), (g, h, i) = M
+    size = vec3.dot(M[0], M[0]) + vec3.dot(M[1], M[1]) + vec3.dot(M[2], M[2])
+    shift = math.sqrt(3.0 * size) if size > 0.0 else 1.0
+    u = 0.25 / shift
+    p = (
+        (u * (shift + a + e + i), u * (h - f), u * (c - g), u * (d - b)),
+        (u * (shift + a - e - i), u * (b + d), u * (c + g)),
+        (u * (shift - a + e - i), u * (f + h)),
+        u * (shift - a - e + i),
+    )
+    spread, count = 1.0, 0
+    while spread > 1e-9 and count < 40:
+        p, spread = _square(p)
+        count += 1
+    (p00, p01, p02, p03), (p11, p12, p13), (p22, p23), p33 = p
+    q = (p00, p01, p02, p03)
+    q = (p01, p11, p12, p13) if p11 > max(p00, max(p22, p33)) else q
+    q = (p02, p12, p22, p23) if p22 > max(p00, max(p11, p33)) else q
+    q = (p03, p13, p23, p33) if p33 > max(p00, max(p11, p22)) else q
+    q = _toward_symmetry(normalize(q), M)
+    return matrix_from_quaternion(_toward_symmetry(q, M))
+
+
+@kernel
+def _largest(R: Matrix) -> float:
+    a, b, c = R
+    first = max(max(abs(a[0]), abs(a[1])), abs(a[2]))
+    second = max(max(abs(b[0]), abs(b[1])), abs(b[2]))
+    return max(max(first, second), max(max(abs(c[0]), abs(c[1])), abs(c[2])))
+
+
+_Symmetric4 = tuple[Quaternion, Vec3, tuple[float, float], float]
+
+
+@kernel
+def _square(p: _Symmetric4) -> tuple[_Symmetric4, float]:
+    """p^2 / tr p^2 for a symmetric p with trace 1 (rows from the diagonal on), and tr(p)^2 - tr(p^2)."""
+    (a, b, c, d), (e, f, g), (h, i), j = p
+    bb, cc, dd, ff, gg, ii = b * b, c * c, d * d, f * f, g * g, i * i
+    aa, ee, hh, jj = a * a + bb + cc + dd, bb + e * e + ff + gg, cc + ff + h * h + ii, dd + gg + ii + j * j
+    trace = aa + ee + hh + jj
+    u = 1.0 / trace
+    first = (
+        u * aa,
+        u * (b * (a + e) + c * f + d * g),
+        u * (c * (a + h) + b * f + d * i),
+        u * (d * (a + j) + b * g + c * i),
+    )
+    second = (u * ee, u * (f * (e + h) + b * c + g * i), u * (g * (e + j) + b * d + f * i))
+    return (first, second, (u * hh, u * (i * (h + j) + c * d + f * g)), u * jj), 1.0 - trace
+
+
+@kernel
+def _toward_symmetry(q: Quaternion, M: Matrix) -> Quaternion:
+    """One Newton step towards the q with R(q)^T M symmetric: (tr(S) I - S) delta = the antisymmetric part."""
+    N = compose_matrices(invert_matrix(matrix_from_quaternion(q)), M)
+    x, y, z = N[1][1] + N[2][2], N[2][2] + N[0][0], N[0][0] + N[1][1]
+    u, v, w = -0.5 * (N[1][2] + N[2][1]), -0.5 * (N[0][2] + N[2][0]), -0.5 * (N[0][1] + N[1][0])
+    first, second, third = (x, w, v), (w, y, u), (v, u, z)
+    adjugate = (vec3.cross(second, third), vec3.cross(third, first), vec3.cross(first, second))
+    determinant = vec3.dot(first, adjugate[0])
+    delta = transform(adjugate, vec3.unskew(N))  # half of the rotation vector
+    delta = vec3.scale(1.0 / determinant if determinant != 0.0 else 0.0, delta)
+    return normalize(compose_quaternions(q, (1.0, delta[0], delta[1], delta[2])))

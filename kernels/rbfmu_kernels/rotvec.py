@@ -1,16 +1,148 @@
-"""Rotation vectors u = k theta: axis times angle."""
+"""Rotation vectors u = axis x angle, and axis-angle pairs (k, theta)."""
 
 import math
 
+from . import vec3
 from ._kernel import kernel
-from .elementary import sincos
-from .shapes import Quaternion, Vec3
+from .elementary import atan2, scale_for_squares, sincos
+from .rotation import matrix_from_quaternion, quaternion_from_matrix
+from .shapes import Matrix, Quaternion, Vec3
 
 
 @kernel
 def quaternion_from_rotvec(u: Vec3) -> Quaternion:
-    """Q of the rotation about u by the angle |u|, rad."""
-    angle = math.sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2])
+    """q_ab = (cos(|u| / 2), u sin(|u| / 2) / |u|).
+
+    u: rad, any size to 1e150.  E&G (6.152).
+    """
+    angle = math.sqrt(vec3.dot(u, u))
     s, c = sincos(0.5 * angle)
-    k = s / angle if angle > 0.0 else 0.5
-    return (c, k * u[0], k * u[1], k * u[2])
+    x, y, z = vec3.scale(s / angle if angle > 0.0 else 0.5, u)
+    return (c, x, y, z)
+
+
+@kernel
+def rotvec_from_quaternion(q_ab: Quaternion) -> Vec3:
+    """u = eps 2 atan2(|eps|, |eta|) / |eps| (with the sign of eta), |u| <= pi.
+
+    q_ab: either sign, any common scale of 1e-150 to 1e150.  Singular: nowhere; at half a turn u is one of two.
+    """
+    eta = abs(q_ab[0])
+    eps = (q_ab[1], q_ab[2], q_ab[3])
+    s = scale_for_squares(max(eta, max(max(abs(eps[0]), abs(eps[1])), abs(eps[2]))))
+    eta, eps = s * eta, vec3.scale(math.copysign(s, q_ab[0]), eps)
+    length = math.sqrt(vec3.dot(eps, eps))
+    per_length = atan2(length, eta) / length if length > 0.0 else 1.0 / eta
+    return vec3.scale(2.0 * per_length, eps)
+
+
+@kernel
+def matrix_from_rotvec(u: Vec3) -> Matrix:
+    """R_ab = exp(skew(u)), of `quaternion_from_rotvec`.
+
+    u: rad.
+    """
+    return matrix_from_quaternion(quaternion_from_rotvec(u))
+
+
+@kernel
+def rotvec_from_matrix(R_ab: Matrix) -> Vec3:
+    """The rotation vector of R_ab, |u| <= pi: through the quaternion, so that no angle loses digits.
+
+    R_ab: a rotation to round-off.
+    """
+    return rotvec_from_quaternion(quaternion_from_matrix(R_ab))
+
+
+@kernel
+def quaternion_from_axis_angle(k: Vec3, theta: float) -> Quaternion:
+    """q_ab = (cos(theta / 2), k sin(theta / 2)).
+
+    k: unit; theta: rad.  E&G (6.152).
+    """
+    s, c = sincos(0.5 * theta)
+    x, y, z = vec3.scale(s, k)
+    return (c, x, y, z)
+
+
+@kernel
+def matrix_from_axis_angle(k: Vec3, theta: float) -> Matrix:
+    """R_ab = cos(theta) I + sin(theta) skew(k) + (1 - cos(theta)) k k^T.
+
+    k: unit; theta: rad.  E&G (6.148).
+    """
+    return matrix_from_quaternion(quaternion_from_axis_angle(k, theta))
+
+
+@kernel
+def axis_angle_from_quaternion(q_ab: Quaternion) -> tuple[Vec3, float]:
+    """(k, theta), theta in [0, pi]; k = (1, 0, 0) for no rotation.
+
+    q_ab: either sign, any common scale of 1e-150 to 1e150.
+    """
+    eps = (q_ab[1], q_ab[2], q_ab[3])
+    s = scale_for_squares(max(max(abs(eps[0]), abs(eps[1])), abs(eps[2])))
+    eps = vec3.scale(s, eps)
+    length = math.sqrt(vec3.dot(eps, eps))
+    signed = math.copysign(length, q_ab[0])
+    x, y, z = vec3.scale(1.0 / signed if length != 0.0 else 0.0, eps)
+    return ((x if length != 0.0 else 1.0, y, z), 2.0 * atan2(length / s, abs(q_ab[0])))
+
+
+@kernel
+def axis_angle_from_matrix(R_ab: Matrix) -> tuple[Vec3, float]:
+    """(k, theta) of R_ab, theta in [0, pi]; k = (1, 0, 0) for no rotation.
+
+    R_ab: a rotation to round-off.
+    """
+    return axis_angle_from_quaternion(quaternion_from_matrix(R_ab))
+
+
+@kernel
+def _rate(u: Vec3, side: float, omega: Vec3) -> Vec3:
+    """Omega + side u x omega + c u x (u x omega), c = (1 - h cot h) / |u|^2 with h = |u| / 2."""
+    square = vec3.dot(u, u)
+    h = 0.5 * math.sqrt(square)
+    s, c = sincos(h)
+    small = h < 0.5
+    z = 0.0 if small else 4.0 * h * h
+    large_c = (1.0 - h * (c / s)) / z if z > 0.0 and s != 0.0 else z * math.inf
+    coefficient = _series(0.25 * square) if small else large_c
+    turned = vec3.cross(u, omega)
+    return vec3.add_scaled(vec3.add_scaled(omega, side, turned), coefficient, vec3.cross(u, turned))
+
+
+@kernel
+def _series(hh: float) -> float:
+    """(1 - h cot h) / (4 h^2) for h^2 <= 1/4: minimax, 2^-51."""
+    low = 0.08333333333333363 + hh * (0.005555555555501095 + hh * 0.0005291005314961205)
+    high = 5.2910007920860135e-05 + hh * (
+        5.34487944815658e-06 + hh * (5.389144953373273e-07 + hh * 6.043161256145148e-08)
+    )
+    return low + (hh * hh * hh) * high
+
+
+@kernel
+def rotvec_rate_a(u: Vec3, omega_ab_a: Vec3) -> Vec3:
+    """du/dt = Jl(u)^-1 omega_ab_a.
+
+    u: rad; omega_ab_a: rad/s in a.  Singular at |u| = 2 pi n, n >= 1: |du/dt| grows as 1 / (2 pi - |u|).
+    """
+    return _rate(u, -0.5, omega_ab_a)
+
+
+@kernel
+def rotvec_rate_b(u: Vec3, omega_ab_b: Vec3) -> Vec3:
+    """du/dt = Jr(u)^-1 omega_ab_b.
+
+    u: rad; omega_ab_b: rad/s in b.  Singular at |u| = 2 pi n, n >= 1: |du/dt| grows as 1 / (2 pi - |u|).
+    """
+    return _rate(u, 0.5, omega_ab_b)
+
+
+@kernel
+def rotvec_rate_is_singular(u: Vec3) -> bool:
+    """|sin(|u| / 2)| < 2 eps |u|: within round-off of a full turn."""
+    angle = math.sqrt(vec3.dot(u, u))
+    s, _ = sincos(0.5 * angle)
+    return angle > 1.0 and abs(s) < 2.0 * 2.0**-52 * angle

@@ -1,6 +1,9 @@
 """Vectors as 3-tuples and their cross-product matrices."""
 
+import math
+
 from ._kernel import kernel
+from .elementary import scale_for_squares
 from .shapes import Matrix, Vec3
 
 
@@ -38,6 +41,17 @@ def dot(a: Vec3, b: Vec3) -> float:
 def cross(a: Vec3, b: Vec3) -> Vec3:
     """a x b."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+@kernel
+def norm(v: Vec3) -> float:
+    """|v|.
+
+    v: any unit, any size.  Error <= 1.5 eps.
+    """
+    s = scale_for_squares(max(max(abs(v[0]), abs(v[1])), abs(v[2])))
+    scaled = scale(s, v)
+    return math.sqrt(dot(scaled, scaled)) / s
 
 
 @kernel
