@@ -3,6 +3,7 @@
 import math
 import re
 from dataclasses import asdict, dataclass
+from keyword import iskeyword
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement
 
@@ -138,9 +139,9 @@ def describe(scene: Scene, plan: Plan) -> Description:
 
 
 def identifier(name: str) -> str:
-    """A C identifier made from a scene's name."""
+    """An identifier, of C and of Python, made from a scene's name."""
     text = re.sub(r"\W", "_", name, flags=re.ASCII)
-    return text if re.match(r"[A-Za-z_]", text) else f"_{text}"
+    return f"_{text}" if text[0].isdigit() or iskeyword(text) else text
 
 
 def _blocks(scene: Scene, unit: Unit, z: Any) -> list[tuple[str, slice, str]]:

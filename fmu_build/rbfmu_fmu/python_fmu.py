@@ -36,12 +36,12 @@ class {identifier}(Slave):
     access = ACCESS
 '''
 
-PACKAGE = '''"""A rigid body's unit: slave, kernels, object code. The name holds a hash of all, so that FMUs do not mix."""
+PACKAGE = '''"""A rigid body's unit: slave, kernels, object code. The name holds a hash of all: FMUs do not mix."""
 import os
 
-from .slave import Access, load_description
+from .slave_access import Access
 
-ACCESS = Access(load_description(os.path.join(os.path.dirname(__file__), "description.json")), "{identity}")
+ACCESS = Access(os.path.dirname(__file__), "{identity}")
 '''
 
 CAPABILITIES = {"needsExecutionTool": "true", "canInterpolateInputs": "false"}
@@ -54,7 +54,7 @@ def build_python_fmu(scene: Scene, plan: Plan, path: Path) -> Path:
     """Write the FMU: the same bytes for the same scene; a file that stands at `path` is replaced when done."""
     description = describe(scene, plan)
     files = _package_files(scene, description)
-    identity = _hash(files)
+    identity = _hash(files | {"templates": (SCRIPT + PACKAGE).encode()})
     with tempfile.TemporaryDirectory(prefix="rbfmu_") as folder:
         script = _write_sources(Path(folder), files, description, identity)
         with _imports_undone():
@@ -67,8 +67,7 @@ def build_python_fmu(scene: Scene, plan: Plan, path: Path) -> Path:
         {"scene": scene.to_dict(), "plan": plan.to_dict(), "kernels": kernel_hash()}
     )
     xml = model_description(description, "{}", CAPABILITIES)
-    guid = "{%s}" % uuid.UUID(_hash(contents | {"": tostring(xml)})[:32])
-    xml.set("guid", guid)
+    xml.set("guid", f"{{{uuid.UUID(_hash(contents | {'': tostring(xml)})[:32])}}}")
     indent(xml)
     contents["modelDescription.xml"] = b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(xml, "utf-8") + b"\n"
     _write_archive(contents, path)
@@ -87,9 +86,10 @@ def kernel_hash() -> str:
 
 
 def _package_files(scene: Scene, description: Description) -> dict[str, bytes]:
-    slave = importlib.resources.files("rbfmu_fmu").joinpath("slave.py").read_bytes()
-    code = {f"unit-{platform_name()}.o": object_code(unit_of(scene))}
-    return kernel_sources() | code | {"slave.py": slave, "description.json": _json(description.to_dict())}
+    folder = importlib.resources.files("rbfmu_fmu")
+    files = {name: folder.joinpath(name).read_bytes() for name in ("slave.py", "slave_access.py")}
+    files[f"unit-{platform_name()}.o"] = object_code(unit_of(scene))
+    return kernel_sources() | files | {"description.json": _json(description.to_dict())}
 
 
 def _package(identity: str) -> str:

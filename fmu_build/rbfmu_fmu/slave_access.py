@@ -1,0 +1,124 @@
+"""What all instances of one pythonfmu FMU share, bundled beside its slave: variables, states, the unit's code.
+
+Imports neither rbfmu nor, where the shipped object code loads, Numba or NumPy.
+"""
+
+import contextlib
+import ctypes
+import importlib
+import json
+import os
+import struct
+import sys
+import zlib
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+PHASES = "before initialisation", "in initialisation", "while stepping", "after termination"
+INSTANTIATED, INITIALIZING, STEPPING, TERMINATED = range(len(PHASES))
+
+_OWNERS: list[Any] = []  # of loaded code
+
+
+class Entries(NamedTuple):
+    """A unit's entry functions: on an array, or on the address of a buffer."""
+
+    initialize: Callable[..., int]
+    step: Callable[..., int]
+    outputs: Callable[..., int]
+    on_array: bool
+
+
+class Access:
+    """How value references reach a unit's buffer; which code runs on it; which bytes are a saved state."""
+
+    def __init__(self, folder: str, identity: str) -> None:
+        with open(os.path.join(folder, "description.json"), encoding="utf-8") as file:
+            self.description: dict[str, Any] = json.load(file)
+        self.identity = identity.encode()
+        variables = self.description["variables"]
+        self.names: list[str] = [v["name"] for v in variables]
+        self.offsets: list[int] = [v["offset"] for v in variables]
+        self.causality: list[str] = [v["causality"] for v in variables]
+        self.inputs = [r for r, c in enumerate(self.causality) if c == "input"]
+        self.outputs = [r for r, c in enumerate(self.causality) if c == "output"]
+        self.settable = {r for r, c in enumerate(self.causality) if c != "output"}
+        self.input_struct = _struct([self.offsets[r] for r in self.inputs])
+        self.output_struct = _struct([self.offsets[r] for r in self.outputs])
+        start = self.description["start_buffer"]
+        self.start = struct.pack(f"{len(start)}d", *start)
+        self.last_time = self.description["stop"] + 1e-9 * max(self.description["step"], abs(self.description["stop"]))
+        self._folder = folder
+        self._entries: Entries | None = None
+
+    def entries(self) -> Entries:
+        """Compiled ahead of time, else by Numba here and now."""
+        if self._entries is None:
+            self._entries = _shipped_entries(self._folder) or _numba_entries(self.description["unit"])
+        return self._entries
+
+    def state_head(self, content: bytes) -> bytes:
+        """What stands before the content of a saved state: the FMU's identity and a checksum."""
+        return self.identity + zlib.crc32(content).to_bytes(4, "little")
+
+    def state_content(self, state: bytes) -> bytes:
+        """Phase, status, stale, buffer; ValueError where this is no state of this FMU."""
+        size = len(self.identity) + 4
+        head, content = state[:size], state[size:]
+        if len(content) != 3 + len(self.start) or head != self.state_head(content):
+            raise ValueError(f"these {len(state)} bytes are no state of this FMU")
+        return content
+
+
+def _struct(offsets: list[int]) -> tuple[struct.Struct, int]:
+    """(struct, first byte) of ascending offsets: all of them at once. Packing zeroes what lies between them."""
+    layout, end = "", offsets[0] if offsets else 0
+    first = 8 * end
+    for offset in offsets:
+        layout += f"{8 * (offset - end)}xd"
+        end = offset + 1
+    return struct.Struct(layout), first
+
+
+def _shipped_entries(folder: str) -> Entries | None:
+    """Load the shipped object file for this platform; None where there is none, or no loader for it."""
+    if os.environ.get("RBFMU_COMPILE") == "1":
+        return None
+    try:
+        import llvmlite.binding as llvm
+
+        triple = llvm.get_process_triple()
+        machine, _, system = triple.split("-")[:3]
+        path = os.path.join(folder, f"unit-{machine}-{system}.o")
+        if not os.path.exists(path):
+            return None
+        if hasattr(llvm, "initialize_native_target"):
+            llvm.initialize_native_target()
+        llvm.initialize_native_asmprinter()
+        target = llvm.Target.from_triple(triple).create_target_machine()
+        engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target)
+        engine.add_object_file(llvm.object_file.ObjectFileRef.from_path(path))
+        engine.finalize_object()
+    except (ImportError, RuntimeError, OSError, AttributeError, ValueError) as error:
+        tell(f"rbfmu: shipped kernels do not load here ({error}); compiling them anew")
+        return None
+    _OWNERS.append(engine)
+    pointer, result = ctypes.c_void_p, ctypes.c_int64
+    of_buffer = ctypes.PYFUNCTYPE(result, pointer)
+    of_buffer_and_step = ctypes.PYFUNCTYPE(result, pointer, ctypes.c_double)
+    address = engine.get_function_address
+    return Entries(
+        of_buffer(address("initialize")), of_buffer_and_step(address("step")), of_buffer(address("outputs")), False
+    )
+
+
+def _numba_entries(unit: str) -> Entries:
+    module = importlib.import_module(f".{unit}", __package__)
+    return Entries(module.initialize, module.step, module.outputs, True)
+
+
+def tell(text: str) -> None:
+    """One line on stderr, where there is one; no error of its own, which pythonfmu would not survive."""
+    with contextlib.suppress(OSError, ValueError, AttributeError):
+        sys.stderr.write(f"{text}\n")
+        sys.stderr.flush()
