@@ -7,28 +7,40 @@ floats and tuples, for `@njit` code, are in `rbfmu_kernels`; co-simulation units
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from rbfmu.arrays import *  # noqa: F403
-from rbfmu.arrays import __all__ as _ARRAY_FUNCTIONS
-
 if TYPE_CHECKING:
-    from rbfmu.planning import Plan, plan
-    from rbfmu.scene import Body, Scene, SceneError, load_scene
-    from rbfmu.simulation import Result, SimulationError, simulate
+    from rbfmu._array_function import set_threads as set_threads
+    from rbfmu.arrays import *  # noqa: F403
+    from rbfmu.planning import Plan as Plan
+    from rbfmu.planning import plan as plan
+    from rbfmu.scene import Body as Body
+    from rbfmu.scene import Scene as Scene
+    from rbfmu.scene import SceneError as SceneError
+    from rbfmu.scene import load_scene as load_scene
+    from rbfmu.simulation import Result as Result
+    from rbfmu.simulation import SimulationError as SimulationError
+    from rbfmu.simulation import simulate as simulate
 
 __version__ = "0.1.0"
 
-_LAZY = {
-    "Body": "scene", "Scene": "scene", "SceneError": "scene", "load_scene": "scene",
-    "Plan": "planning", "plan": "planning",
-    "Result": "simulation", "SimulationError": "simulation", "simulate": "simulation",
-}  # fmt: skip
-__all__ = [*_ARRAY_FUNCTIONS, *_LAZY]
+_MODULES = {
+    "scene": ("Body", "Scene", "SceneError", "load_scene"),
+    "planning": ("Plan", "plan"),
+    "_array_function": ("set_threads",),
+    "simulation": ("Result", "SimulationError", "simulate"),
+}
+_HOMES = {name: module for module, names in _MODULES.items() for name in names}
 
 
 def __getattr__(name: str) -> Any:
-    """Scenes and their libraries load when first used: `import rbfmu` costs little more than `import numba`."""
-    if name not in _LAZY:
+    """Names load their modules when first used; what is no scene's is an array function."""
+    if name.startswith("__"):
+        raise AttributeError(name)
+    module = import_module(f"rbfmu.{_HOMES.get(name, 'arrays')}")
+    if name not in (_HOMES if name in _HOMES else module.__all__):
         raise AttributeError(f"module 'rbfmu' has no attribute {name!r}")
-    value = getattr(import_module(f"rbfmu.{_LAZY[name]}"), name)
-    globals()[name] = value
+    value = globals()[name] = getattr(module, name)
     return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_HOMES, *import_module("rbfmu.arrays").__all__])

@@ -25,6 +25,8 @@ QUANTITIES = (
     *("position", "velocity", "acceleration", "quaternion", "rpy", "omega_b", "omega_a", "alpha_b"),
     *("angular_momentum_a", "kinetic_energy"),
 )
+MOST_STEPS = 1e8
+"""Communication steps of a run: their results take some 20 GB."""
 LARGEST_FILE = 1_000_000
 """Bytes; a scene is some hundred."""
 _IDENTITY = (1.0, 0.0, 0.0, 0.0)
@@ -113,6 +115,12 @@ class Run(Section):
             yield fault("run.stop", self.stop, "a span from run.start that is a number (s)")
         elif self.step > self.stop - self.start:
             yield fault("run.step", self.step, f"at most stop - start = {self.stop - self.start!r} (s)")
+        elif self.stop - self.start > MOST_STEPS * self.step:
+            yield fault(
+                "run.step",
+                self.step,
+                f"at least {(self.stop - self.start) / MOST_STEPS:.2g}: a run has at most 1e8 steps",
+            )
         elif self.step < resolution:
             yield fault("run.step", self.step, f"at least {resolution:.2g}, what the clock resolves there (s)")
 

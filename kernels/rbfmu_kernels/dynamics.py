@@ -5,7 +5,7 @@ from .quaternion import invert_quaternion, quaternion_rate_b, rotate
 from .rigid_body import damping_torque, gyroscopic_torque
 from .rotation import transform
 from .shapes import Matrix, Quaternion, Vec3
-from .vec3 import add, add_scaled, cross, subtract
+from .vec3 import add, add_scaled, cross, scale, subtract
 
 State = tuple[Vec3, Vec3, Quaternion, Vec3]
 """Position and velocity of the centre of mass (in a), q_ab, omega_ab_b."""
@@ -28,19 +28,30 @@ def angular_acceleration(q_ab: Quaternion, omega_b: Vec3, body: Body, loads: Loa
     """alpha_b of Euler's equation about c (free) or o (pivot)."""
     _, M, M_inverse, arm, damping_b, _ = body
     _, arm_force_a, arm_force_b, torque_a, torque_b = loads
-    q_ba = invert_quaternion(q_ab)
-    force_b = add(arm_force_b, rotate(q_ba, arm_force_a))
-    torque = add(add(torque_b, rotate(q_ba, torque_a)), add(cross(arm, force_b), damping_torque(damping_b, omega_b)))
+    torque = add(add(torque_b, cross(arm, arm_force_b)), damping_torque(damping_b, omega_b))
+    if _any(arm_force_a) or _any(torque_a):  # most bodies have none, and turning them is half the cost
+        q_ba = invert_quaternion(q_ab)
+        torque = add(torque, add(rotate(q_ba, torque_a), cross(arm, rotate(q_ba, arm_force_a))))
     return transform(M_inverse, subtract(torque, gyroscopic_torque(M, omega_b)))
+
+
+@kernel
+def _any(v: Vec3) -> bool:
+    return v[0] != 0.0 or v[1] != 0.0 or v[2] != 0.0
+
+
+@kernel
+def turning_acceleration(q_ab: Quaternion, body: Body, loads: Loads) -> Vec3:
+    """The part of a_c, in a, from the force at o that turns with the body."""
+    return scale(body[0], rotate(q_ab, loads[2]))
 
 
 @kernel
 def linear_acceleration(q_ab: Quaternion, body: Body, loads: Loads) -> Vec3:
     """a_c in a: gravity and the forces at o; zero with a pivot, where c follows from the attitude."""
-    gravity_a, arm_force_a, arm_force_b, _, _ = loads
-    force_a = add(arm_force_a, rotate(q_ab, arm_force_b))
-    g, f = body[5], body[0]
-    return add_scaled((g * gravity_a[0], g * gravity_a[1], g * gravity_a[2]), f, force_a)
+    gravity_a, force_a = loads[0], loads[1]
+    steady = add_scaled(scale(body[5], gravity_a), body[0], force_a)
+    return add(steady, turning_acceleration(q_ab, body, loads))
 
 
 @kernel(inline=False)

@@ -1,0 +1,152 @@
+"""The 8th-order Runge-Kutta pair DOP853 for the motion of a body, with error control inside a communication step.
+
+Works in a piece of a unit's buffer: 12 stages of 16 numbers are too many for tuples. A state is q (4), omega (3), 0,
+r_c (3), v_c (3), 0, 0: sizes that vectorise. No load depends on the position, so it is integrated only where a force
+turns with the body (`TURNING`); else the first half suffices (`ROTATION`) and the position has a closed form.
+"""
+
+import math
+from typing import Any
+
+from ._kernel import kernel
+from .dop853_tableau import E3, E5, STAGES, A
+from .dynamics import Body, Loads, angular_acceleration, turning_acceleration
+from .layout import FINE, MOST_SUBSTEPS, NOT_REACHED
+from .quaternion import quaternion_rate_b
+from .shapes import Quaternion, Vec3
+
+ROTATION, TURNING = 8, 16
+"""Numbers of a state that are integrated."""
+STATE = 16
+WORK = STATE * (STAGES + 1)
+"""Size of the work space: a trial state, then the stages' rates."""
+
+
+@kernel
+def attitude_at(z: Any, i: int) -> Quaternion:
+    """The quaternion of the state that begins at z[i]."""
+    return (z[i], z[i + 1], z[i + 2], z[i + 3])
+
+
+@kernel
+def rate_at(z: Any, i: int) -> Vec3:
+    """The body rate of the state that begins at z[i]."""
+    return (z[i + 4], z[i + 5], z[i + 6])
+
+
+@kernel(inline=False)
+def _rates(z: Any, y: int, k: int, n: int, body: Body, loads: Loads) -> None:
+    """z[k:] = d/dt of the state z[y:]."""
+    q_ab, omega_b = attitude_at(z, y), rate_at(z, y)
+    z[k], z[k + 1], z[k + 2], z[k + 3] = quaternion_rate_b(q_ab, omega_b)
+    z[k + 4], z[k + 5], z[k + 6] = angular_acceleration(q_ab, omega_b, body, loads)
+    if n == TURNING:
+        z[k + 8], z[k + 9], z[k + 10] = z[y + 11], z[y + 12], z[y + 13]
+        z[k + 11], z[k + 12], z[k + 13] = turning_acceleration(q_ab, body, loads)
+
+
+@kernel
+def _combine(z: Any, y: int, w: int, n: int, s: int, h: float) -> None:
+    """Trial state z[w:] = z[y:] + h sum_l A[s, l] k_l; s is a literal, so that the sum unrolls and zeros vanish."""
+    for j in range(n):
+        total = 0.0
+        for l in range(s):
+            if A[s, l] != 0.0:
+                total += A[s, l] * z[w + STATE * (l + 1) + j]
+        z[w + j] = z[y + j] + h * total
+
+
+@kernel(inline=False)
+def dop853_step(z: Any, y: int, w: int, n: int, h: float, body: Body, loads: Loads) -> None:
+    """One step of order 8 from the state z[y:] to the trial state z[w:], not normalised; the rates stay in z[w + 16:].
+
+    Stable to h d / I = 6.394 (damping) and h omega / 2 = 5.96 (attitude).
+    """
+    _rates(z, y, w + STATE, n, body, loads)
+    _combine(z, y, w, n, 1, h)
+    _rates(z, w, w + 2 * STATE, n, body, loads)
+    _combine(z, y, w, n, 2, h)
+    _rates(z, w, w + 3 * STATE, n, body, loads)
+    _combine(z, y, w, n, 3, h)
+    _rates(z, w, w + 4 * STATE, n, body, loads)
+    _combine(z, y, w, n, 4, h)
+    _rates(z, w, w + 5 * STATE, n, body, loads)
+    _combine(z, y, w, n, 5, h)
+    _rates(z, w, w + 6 * STATE, n, body, loads)
+    _combine(z, y, w, n, 6, h)
+    _rates(z, w, w + 7 * STATE, n, body, loads)
+    _combine(z, y, w, n, 7, h)
+    _rates(z, w, w + 8 * STATE, n, body, loads)
+    _combine(z, y, w, n, 8, h)
+    _rates(z, w, w + 9 * STATE, n, body, loads)
+    _combine(z, y, w, n, 9, h)
+    _rates(z, w, w + 10 * STATE, n, body, loads)
+    _combine(z, y, w, n, 10, h)
+    _rates(z, w, w + 11 * STATE, n, body, loads)
+    _combine(z, y, w, n, 11, h)
+    _rates(z, w, w + 12 * STATE, n, body, loads)
+    _combine(z, y, w, n, 12, h)
+
+
+@kernel(inline=False)
+def _error(z: Any, y: int, w: int, n: int, h: float) -> float:
+    """The step's error estimate: attitude in rad, the rest relative to the size of its vector (at least 1 for r, v)."""
+    rate = max(_largest(z, y + 4), _largest(z, w + 4), 1e-300)
+    position, velocity = max(_largest(z, y + 8), 1.0), max(_largest(z, y + 11), 1.0)
+    five, three = 0.0, 0.0
+    for j in range(n):
+        e5, e3 = 0.0, 0.0
+        for l in range(STAGES):
+            k = z[w + STATE * (l + 1) + j]
+            e5 += E5[l] * k
+            e3 += E3[l] * k
+        size = 0.5 if j < 4 else (rate if j < 8 else (position if j < 11 else velocity))
+        five += (e5 / size) * (e5 / size)
+        three += (e3 / size) * (e3 / size)
+    if five == 0.0:
+        return 0.0
+    return h * five / math.sqrt((five + 0.01 * three) * (7.0 if n == ROTATION else 13.0))
+
+
+@kernel
+def _largest(z: Any, i: int) -> float:
+    return max(abs(z[i]), abs(z[i + 1]), abs(z[i + 2]))
+
+
+@kernel(inline=False)
+def dop853_advance(
+    z: Any, y: int, w: int, size: int, n: int, h: float, tolerance: float, body: Body, loads: Loads
+) -> int:
+    """Advance the state z[y:] by h, each step's estimated error at most `tolerance`; z[size] keeps the step size.
+
+    Equal parts reach h: each step is the rest divided by the number of steps that the kept size would need.
+    NOT_REACHED where the motion is not finite or needs too many steps; state and size are then the caller's to restore.
+    """
+    rest, steps = h, 0
+    while rest > 0.0:
+        steps += 1
+        if not (rest < MOST_SUBSTEPS * z[size] and steps < MOST_SUBSTEPS):
+            return NOT_REACHED
+        count = math.ceil(rest / z[size] * (1.0 - 1e-9))
+        part = rest / count
+        dop853_step(z, y, w, n, part, body, loads)
+        error = _error(z, y, w, n, part) / tolerance
+        if error <= 1.0:
+            growth = 6.0 if error < 2.6e-7 else 0.9 / math.sqrt(math.sqrt(math.sqrt(error)))
+            _accept(z, y, w, n)
+            rest = 0.0 if count == 1 else rest - part
+            z[size] = max(z[size], part * growth) if growth >= 1.0 else part * growth
+        else:
+            shrink = 0.9 / math.sqrt(math.sqrt(math.sqrt(error))) if math.isfinite(error) else 0.0
+            z[size] = part * max(0.2, shrink)
+    return FINE
+
+
+@kernel
+def _accept(z: Any, y: int, w: int, n: int) -> None:
+    """The trial state becomes the state, its quaternion scaled to length 1."""
+    for j in range(4, n):
+        z[y + j] = z[w + j]
+    q = attitude_at(z, w)
+    s = 1.0 / math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    z[y], z[y + 1], z[y + 2], z[y + 3] = s * q[0], s * q[1], s * q[2], s * q[3]
