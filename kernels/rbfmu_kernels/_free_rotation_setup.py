@@ -4,10 +4,9 @@ import math
 from typing import TYPE_CHECKING
 
 from ._kernel import kernel
-from ._precession import precession, weight_of_integral
+from ._precession import precession
 from ._scaling import power_of_two_for
 from .double_double import (
-    PI,
     DoubleDouble,
     dd_add,
     dd_add_float,
@@ -21,7 +20,7 @@ from .double_double import (
     two_product,
     two_sum,
 )
-from .elliptic import climb_scale, scale_levels
+from .elliptic import angle_in_half_turns, climb_scale, scale_levels
 from .quaternion import compose_quaternions
 from .shapes import Quaternion, Vec3
 
@@ -34,6 +33,8 @@ else:
 TUMBLING, STEADY, SEPARATRIX = 0.0, 1.0, 2.0
 _LEAST_KC = 1e-300
 _LAST_U = 600.0  # beyond it a body on the separatrix has come to rest at the middle axis, to 1e-260
+_ONE_OVER_PI: DoubleDouble = (0.3183098861837907, -1.9678676675182486e-17)
+_ONE_OVER_4PI: DoubleDouble = (0.07957747154594767, -4.919669168795622e-18)
 
 
 @kernel(inline=False)
@@ -42,22 +43,23 @@ def steady_setup(moments: Vec3, q_0: Quaternion, omega: Vec3, unit: float) -> Fr
     x, y, z = omega
     rate = dd_sqrt(dd_add(dd_add(two_product(x, x), two_product(y, y)), two_product(z, z)))
     inverse = 1.0 / rate[0] if rate[0] != 0.0 else 1.0
-    unit_q = q_0 if min(min(moments[0], moments[1]), moments[2]) >= 0.0 else (math.nan, math.nan, math.nan, math.nan)
+    turns = dd_multiply(rate, _ONE_OVER_4PI)
+    nan = 0.0 if min(min(moments[0], moments[1]), moments[2]) >= 0.0 else math.nan
     return (
-        STEADY, unit, rate[0], rate[1], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-        inverse * x, inverse * y, inverse * z, unit * x, unit * y, unit * z, *unit_q,
-        0.0, 1.0, 1.0, 1.0, 1.0,
+        STEADY, unit, turns[0] + nan, turns[1], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+        inverse * x, inverse * y, inverse * z, unit * x, unit * y, unit * z, *q_0, 0.0, 1.0, 1.0, 1.0, 1.0,
         1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0,
-        0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0,
+        1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0,
     )  # fmt: skip
 
 
 @kernel(inline=False)
 def tumbling_setup(moments: Vec3, q_0: Quaternion, omega: Vec3, unit: float) -> FreeRotation:
     """Any other motion. moments and omega scaled to about 1, time in units that undo the scaling of omega."""
-    p, r, s, difference = _axes(moments, omega)
+    p, r, s, difference, up_difference = _axes(moments, omega)
     i_p, i_r, i_s = moments[p], moments[r], moments[s]
-    valid = i_p > 0.0 and i_r > 0.0 and (i_s > 0.0 or (i_s == 0.0 and i_p == i_r))
+    symmetric = i_r == i_p
+    valid = i_p > 0.0 and i_r > 0.0 and (i_s > 0.0 or (i_s == 0.0 and symmetric))
     i_p, i_r = (i_p if valid else 1.0), (i_r if valid else 1.0)
     sign_p = -1.0 if omega[p] < 0.0 else 1.0
     sign_s = -1.0 if omega[s] < 0.0 else 1.0
@@ -66,73 +68,83 @@ def tumbling_setup(moments: Vec3, q_0: Quaternion, omega: Vec3, unit: float) -> 
     sign = 1.0 if i_s > i_p else -1.0
     s_r, s_p, r_p = _distance(i_s, i_r), _distance(i_s, i_p), _distance(i_r, i_p)
     m_s, m_r = two_product(i_s, w_s), two_product(i_r, w_r)
-
-    symmetric = i_r == i_p
-    divisor = dd_multiply_float(s_r, i_p)
-    kappa = dd_divide(dd_multiply_float(r_p, i_s), divisor if divisor[0] != 0.0 else (1.0, 0.0))
-    one_kappa = dd_add_float(kappa, 1.0)
-    root_kappa = dd_sqrt(one_kappa)
-    # A_p and the initial sn, cn, which may be tiny: from rates scaled on their own.
+    # m_p and m_r, both of which may be tiny, scaled on their own.
     up = power_of_two_for(max(w_p, abs(w_r)))
     m_p_up, m_r_up = two_product(i_p, up * w_p), two_product(i_r, up * w_r)
-    a_p_up = dd_sqrt(
-        dd_add(dd_multiply(m_p_up, m_p_up), dd_divide(dd_multiply(m_r_up, m_r_up), one_kappa))
-    )
-    a_p = dd_scale(1.0 / up, a_p_up)
-    a_s = m_s
-    if not symmetric:
-        other = dd_divide(dd_multiply(dd_multiply(m_r, m_r), kappa), one_kappa)
-        a_s = dd_sqrt(dd_add(dd_multiply(m_s, m_s), other))
-    g = dd_sqrt(dd_add(dd_multiply(a_p, a_p), dd_multiply(a_s, a_s)))
-    rate_s: DoubleDouble = (w_s, 0.0)
-    rho: DoubleDouble = (1.0, 0.0)
-    if not symmetric:
-        rate_s = dd_divide(a_s, (i_s, 0.0))
-        root_rho = dd_divide(a_p, a_s)
-        rho = dd_multiply(root_rho, root_rho)
-    one_rho = dd_add_float(rho, 1.0)
-    root_rho = dd_sqrt(one_rho)
-    lam = dd_multiply(rate_s, dd_sqrt(dd_divide(dd_multiply(s_r, s_p), two_product(i_p, i_r))))
-    kc: DoubleDouble = (1.0, 0.0)
-    if not symmetric:
-        kc = dd_divide(dd_sqrt(dd_divide(difference[0], dd_multiply_float(s_r, i_s))), rate_s)
-        kc = dd_scale(difference[1], kc)
-        kc = kc if kc[0] < 1.0 else (1.0, 0.0)
-    kind = TUMBLING
-    if kc[0] < _LEAST_KC:
-        kind, kc = SEPARATRIX, (_LEAST_KC, 0.0)
 
-    sn = dd_scale(sign, dd_divide(m_r_up, dd_multiply(root_kappa, a_p_up)))
-    cn = dd_divide(m_p_up, a_p_up)
-    dn: DoubleDouble = (1.0, 0.0)
+    kappa: DoubleDouble = (0.0, 0.0)
+    one_kappa: DoubleDouble = (1.0, 0.0)
     if not symmetric:
-        dn = dd_divide(m_s, a_s)
-    first = kappa[0] <= rho[0]
-    n = kappa if first else rho
-    agm, x, total = climb_scale(kc, n, sn, cn, dn)
-    nu = dd_multiply(lam, agm)
-    rate = dd_divide(g, (i_p if first else i_s, 0.0))
-    # Half a turn of the polhode: 2 S (Pi - K) - pi or 2 S (K - Pi).
-    turn = dd_multiply(dd_multiply(dd_multiply(root_kappa, root_rho), n), total)
-    turn = dd_multiply(dd_divide(turn, dd_multiply(agm, dd_add_float(n, 1.0))), dd_scale(0.5, PI))
-    turn = dd_scale(sign, dd_negate(dd_add(turn, PI)) if first else turn)
-    if kind == SEPARATRIX:
-        turn = dd_divide(dd_subtract(dd_divide(g, (i_r, 0.0)), rate), nu)
+        kappa = dd_divide(dd_multiply_float(r_p, i_s), dd_multiply_float(s_r, i_p))
+        one_kappa = dd_add_float(kappa, 1.0)
+    root_kappa = dd_sqrt(one_kappa)
+    m_r2 = dd_divide(dd_multiply(m_r_up, m_r_up), one_kappa)
+    a_p2 = dd_add(dd_multiply(m_p_up, m_p_up), m_r2)
+    a_p_up = math.sqrt(a_p2[0])
+    sn, cn, dn = sign * m_r_up[0] / (root_kappa[0] * a_p_up), m_p_up[0] / a_p_up, 1.0
+    down = 1.0 / up
+    a_p, a_p2 = down * a_p_up, dd_scale(down, dd_scale(down, a_p2))
+    a_s2 = dd_multiply(m_s, m_s)
+    am_s, am_c = (m_r_up if m_r_up[0] >= 0.0 else dd_negate(m_r_up)), dd_multiply(root_kappa, m_p_up)
 
-    weight = weight_of_integral(n[0], sign, kappa[0], rho[0])
-    constants = (n[0], sign, weight, root_kappa[0], kappa[0], rho[0], root_rho[0])
-    psi_0 = precession(sn[0], cn[0], dn[0], constants)
-    z = 1.0 + dd_divide(m_s, g)[0]
+    kind, first, a_s, rate_s, kc = TUMBLING, 1.0, m_s[0], w_s, 1.0
+    y, b, rho, root_rho = 0.0, 0.0, 1.0, 1.0
+    agm: DoubleDouble = (1.0, 0.0)
+    half_turn: DoubleDouble = (-0.25, 0.0)
+    if symmetric:
+        g = dd_sqrt(dd_add(a_p2, a_s2))
+        lam = dd_divide(dd_multiply_float(s_r, w_s), (i_r, 0.0))
+        x = angle_in_half_turns(am_s, am_c)
+    else:
+        a_s2 = dd_add(a_s2, dd_multiply(kappa, dd_scale(down, dd_scale(down, m_r2))))
+        g2 = dd_add(a_p2, a_s2)
+        g = dd_sqrt(g2)
+        a_s = math.sqrt(a_s2[0])
+        rate_s, dn = a_s / i_s, m_s[0] / a_s
+        s_r_a_s2 = dd_multiply(s_r, a_s2)
+        lam = dd_sqrt(dd_divide(dd_multiply(s_r_a_s2, s_p), two_product(i_p, i_r)))
+        lam = dd_divide(lam, (i_s, 0.0))
+        modulus = dd_scale(up_difference, dd_sqrt(dd_divide(dd_multiply_float(difference, i_s), s_r_a_s2)))
+        modulus = modulus if modulus[0] < 1.0 else (1.0, 0.0)
+        if modulus[0] < _LEAST_KC:
+            kind, modulus = SEPARATRIX, (_LEAST_KC, 0.0)
+        kc = modulus[0]
+        dd_rho = dd_divide(a_p2, a_s2)
+        one_rho = dd_divide(g2, a_s2)
+        rho, root_rho = dd_rho[0], math.sqrt(one_rho[0])
+        if kappa[0] <= rho:
+            n, one_n, one_other = kappa, one_kappa, one_rho
+        else:
+            n, one_n, one_other, first = dd_rho, one_rho, one_kappa, 0.0
+        dd_y = dd_multiply(n, dd_sqrt(dd_divide(one_other, one_n)))
+        y, b = dd_y[0], kc / math.sqrt(one_n[0])
+        agm, total, x = climb_scale(modulus, n, am_s, am_c)
+        # y pi / (2 AGM) (2 - sum) is T over a half turn.
+        half_turn = dd_scale(0.125, dd_divide(dd_multiply(dd_y, dd_add_float(dd_negate(total), 2.0)), agm))
+        half_turn = dd_add_float(half_turn, -0.25) if first != 0.0 else dd_negate(half_turn)
+    x = dd_scale(sign if m_r_up[0] >= 0.0 else -sign, x)
+    half_turn = dd_scale(sign, half_turn)
+    nu = dd_multiply(dd_multiply(lam, agm), _ONE_OVER_PI)
+    if first != 0.0:
+        rate = dd_divide(g, (i_r, 0.0))
+    else:  # 2 T / G
+        energy = dd_add(dd_multiply_float(a_p2, i_s), dd_multiply_float(a_s2, i_p))
+        rate = dd_divide(energy, dd_multiply(g, two_product(i_p, i_s)))
+    rate = dd_multiply(rate, _ONE_OVER_4PI)
+
+    constants = (first, sign, y, b, root_kappa[0], root_rho, rho)
+    psi_0 = precession(sn, cn, dn, constants)
     inverse_g = 1.0 / g[0]
-    turned = (z, -inverse_g * m_r[0], inverse_g * i_p * w_p, 0.0)
-    q = compose_quaternions((q_0[0], sign_p * q_0[p + 1], sign_r * q_0[r + 1], sign_s * q_0[s + 1]), turned)
+    mu_s = inverse_g * m_s[0]
+    back = (1.0 + mu_s, -inverse_g * m_r[0], inverse_g * i_p * w_p, 0.0)
+    q = compose_quaternions((q_0[0], sign_p * q_0[p + 1], sign_r * q_0[r + 1], sign_s * q_0[s + 1]), back)
+    a_r = sign * root_kappa[0] * a_p
     nan = 0.0 if valid else math.nan
-    a_p_1, a_r_1 = a_p[0], sign * root_kappa[0] * a_p[0]
     return (
-        kind, unit, rate[0] + nan, rate[1], nu[0], nu[1], x[0], x[1], turn[0], turn[1], _LAST_U * agm[0], psi_0,
-        inverse_g * a_p_1, inverse_g * a_r_1, inverse_g * a_s[0], unit * sign_p * a_p_1 / i_p, unit * sign_r * a_r_1 / i_r, unit * sign_s * rate_s[0],
-        *q, float(p), float(r), sign_p, sign_r, sign_s,
-        *scale_levels(kc[0]), *constants,
+        kind, unit, rate[0] + nan, rate[1], nu[0], nu[1], x[0], x[1], half_turn[0], half_turn[1],
+        _LAST_U * _ONE_OVER_PI[0] * agm[0], psi_0, inverse_g * a_p, inverse_g * a_r, inverse_g * a_s,
+        unit * sign_p * a_p / i_p, unit * sign_r * a_r / i_r, unit * sign_s * rate_s,
+        *q, float(p), float(r), sign_p, sign_r, sign_s, *scale_levels(kc), *constants,
     )  # fmt: skip
 
 
@@ -142,19 +154,19 @@ def _distance(a: float, b: float) -> DoubleDouble:
     return two_sum(a, -b) if a >= b else two_sum(b, -a)
 
 
-@kernel(inline=False)
-def _axes(moments: Vec3, omega: Vec3) -> tuple[int, int, int, tuple[DoubleDouble, float]]:
-    """Axes p, r, s, and the distance from the separatrix |w_hi^2 I_hi (I_hi - I_r) - w_lo^2 I_lo (I_r - I_lo)|.
+@kernel
+def _axes(moments: Vec3, omega: Vec3) -> tuple[int, int, int, DoubleDouble, float]:
+    """Axes p, r, s; the distance from the separatrix |w_hi^2 I_hi (I_hi - I_r) - w_lo^2 I_lo (I_r - I_lo)| as scale^2 d.
 
-    The distance as (d, scale): scale^2 d, so that it may be as small as 1e-600.
+    Returns (p, r, s, d, scale).
     """
     a, b, c = moments
     lo = 0 if a <= b and a <= c else (1 if b <= c else 2)
     hi = 2 if c >= a and c >= b else (1 if b >= a else 0)
     lo = 0 if lo == hi else lo
     r = 3 - lo - hi
-    scale = power_of_two_for(max(abs(omega[lo]), abs(omega[hi])))
-    w_lo, w_hi = scale * omega[lo], scale * omega[hi]
+    up = power_of_two_for(max(abs(omega[lo]), abs(omega[hi])))
+    w_lo, w_hi = up * omega[lo], up * omega[hi]
     upper = dd_multiply(dd_multiply_float(two_product(w_hi, w_hi), moments[hi]), _distance(moments[hi], moments[r]))
     lower = dd_multiply(dd_multiply_float(two_product(w_lo, w_lo), moments[lo]), _distance(moments[r], moments[lo]))
     d = dd_subtract(upper, lower)
@@ -164,4 +176,4 @@ def _axes(moments: Vec3, omega: Vec3) -> tuple[int, int, int, tuple[DoubleDouble
         d = dd_negate(d)
     if moments[s] == moments[r]:
         p, s = s, p
-    return (p, r, s, (d, 1.0 / scale))
+    return (p, r, s, d, 1.0 / up)

@@ -2,7 +2,7 @@
 
 Error-free sums by Knuth, products by Dekker (1971) with Veltkamp's splitting (no fused multiply-add: the same bits
 on every platform).  Algorithms and bounds: Joldes, Muller & Popescu, ACM TOMS 44 (2017), u = 2^-53.
-Domain: results and their squares neither overflow nor come near 1e-290, where the low parts become subnormal.
+Numbers are to be scaled by their users: beyond 1e299 the splitting overflows, products below 1e-290 lose their low part.
 """
 
 import math
@@ -14,8 +14,6 @@ DoubleDouble = tuple[float, float]
 PI: DoubleDouble = (3.141592653589793116, 1.224646799147353207e-16)
 
 _SPLIT = 134217729.0  # 2^27 + 1
-_LARGE = 2.0**990  # beyond this the splitting of a factor overflows
-_DOWN, _UP = 2.0**-60, 2.0**60
 
 
 @kernel
@@ -35,18 +33,18 @@ def quick_two_sum(a: float, b: float) -> DoubleDouble:
 
 @kernel
 def two_product(a: float, b: float) -> DoubleDouble:
-    """A b exactly (Dekker, Veltkamp), where it does not overflow and |a b| > 1e-290."""
-    scale_a = _DOWN if abs(a) > _LARGE else 1.0
-    scale_b = _DOWN if abs(b) > _LARGE else 1.0
-    x, y = scale_a * a, scale_b * b
-    c = _SPLIT * x
-    x1 = c - (c - x)
-    x2 = x - x1
-    c = _SPLIT * y
-    y1 = c - (c - y)
-    y2 = y - y1
-    error = ((x1 * y1 - x * y) + x1 * y2 + x2 * y1) + x2 * y2
-    return (a * b, error * (_UP if scale_a != 1.0 else 1.0) * (_UP if scale_b != 1.0 else 1.0))
+    """The product a b exactly (Dekker, Veltkamp).
+
+    |a|, |b| < 1e299, and |a b| not in (0, 1e-290).
+    """
+    c = _SPLIT * a
+    a1 = c - (c - a)
+    a2 = a - a1
+    c = _SPLIT * b
+    b1 = c - (c - b)
+    b2 = b - b1
+    p = a * b
+    return (p, ((a1 * b1 - p) + a1 * b2 + a2 * b1) + a2 * b2)
 
 
 @kernel
@@ -57,7 +55,7 @@ def dd_negate(a: DoubleDouble) -> DoubleDouble:
 
 @kernel
 def dd_scale(power: float, a: DoubleDouble) -> DoubleDouble:
-    """Power a, exact for a power of two (or a sign)."""
+    """The product power a, exact for a power of two (or a sign)."""
     return (power * a[0], power * a[1])
 
 
@@ -85,21 +83,21 @@ def dd_add_float(a: DoubleDouble, b: float) -> DoubleDouble:
 
 @kernel
 def dd_multiply(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
-    """A b.  Relative error <= 7 u^2."""
+    """The product a b.  Relative error <= 7 u^2."""
     p, e = two_product(a[0], b[0])
     return quick_two_sum(p, e + (a[0] * b[1] + a[1] * b[0]))
 
 
 @kernel
 def dd_multiply_float(a: DoubleDouble, b: float) -> DoubleDouble:
-    """A b.  Relative error <= 3 u^2."""
+    """The product a b.  Relative error <= 3 u^2."""
     p, e = two_product(a[0], b)
     return quick_two_sum(p, e + a[1] * b)
 
 
 @kernel
 def dd_divide(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
-    """A / b, b != 0.  Relative error <= 15 u^2."""
+    """The quotient a / b, b != 0.  Relative error <= 15 u^2."""
     quotient = a[0] / b[0]
     p, e = two_product(quotient, b[0])
     rest = ((a[0] - p) - e) + (a[1] - quotient * b[1])

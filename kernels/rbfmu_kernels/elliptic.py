@@ -1,14 +1,14 @@
 """Elliptic functions and integrals in the forms the free rigid body needs: no cancellation for any modulus.
 
 The scale of arithmetic-geometric means a_0 = 1, g_0 = kc (the complementary modulus), a' = (a + g) / 2, g' = sqrt(a g)
-serves all: it turns an amplitude into its phase x = pi u / (2 K) (`climb_scale`, once), a phase into sn, cn, dn
-(`jacobi_from_phase`, at each evaluation), and gives the complete integrals.
-Gauss' transformation: DLMF 22.7(i); the descent is Bulirsch's (Numer. Math. 7, 1965) without his cotangents.
+serves all: complete integrals, the phase x = pi u / (2 K) of an amplitude (both once, `climb_scale`), and sn, cn, dn of
+a phase (`jacobi_from_phase`).  Sources: DLMF 19.8, 22.7, 22.20; Bulirsch, Numer. Math. 7 (1965); Carlson's R_J: DLMF 19.36.
 """
 
 import math
 
 from ._kernel import kernel
+from ._scaling import power_of_two_for
 from .double_double import (
     DoubleDouble,
     dd_add,
@@ -50,17 +50,17 @@ def scale_levels(kc: float) -> Levels:
 
 @kernel
 def _level(kc: float) -> tuple[float, float]:
-    """F and the complementary modulus g' / a' of the level below."""
+    """The level's f and the complementary modulus g' / a' of the one below."""
     inverse = 2.0 / (1.0 + kc)
     root = math.sqrt(kc) * inverse
     return (kc * inverse, root if root < 1.0 else 1.0)
 
 
-@kernel(inline=False)
+@kernel
 def jacobi_from_phase(sin_x: float, cos_x: float, levels: Levels) -> tuple[float, float, float]:
-    """(sn, cn, dn) of u at the phase x = pi u / (2 K).
+    """(sn, cn, dn) of u at the phase x = pi u / (2 K): Gauss' transformation, from modulus 0 up to k.
 
-    |x| <= pi / 2.  Error <= 4 eps, in cn and dn relative.
+    |x| <= pi / 2.  Error <= 3 eps, in cn and dn relative.
     """
     f0, f1, f2, f3, f4, f5, f6, f7, f8, f9, f10, f11, f12, f13 = levels
     s, c, dn = sin_x, cos_x, 1.0
@@ -80,8 +80,8 @@ def jacobi_from_phase(sin_x: float, cos_x: float, levels: Levels) -> tuple[float
     s, c, dn = _descend(s, c, dn, f2)
     s, c, dn = _descend(s, c, dn, f1)
     s, c, dn = _descend(s, c, dn, f0)
-    length = 1.0 / math.sqrt(s * s + c * c)
-    return (s * length, c * length, dn)
+    scale = 1.0 / math.sqrt(s * s + c * c)
+    return (scale * s, scale * c, dn)
 
 
 @kernel
@@ -96,53 +96,70 @@ def _descend(s: float, c: float, dn: float, f: float) -> tuple[float, float, flo
 
 @kernel(inline=False)
 def climb_scale(
-    kc: DoubleDouble, n: DoubleDouble, s: DoubleDouble, c: DoubleDouble, dn: DoubleDouble
+    kc: DoubleDouble, n: DoubleDouble, s: DoubleDouble, c: DoubleDouble
 ) -> tuple[DoubleDouble, DoubleDouble, DoubleDouble]:
-    """The AGM of (1, kc), the phase x = pi u / (2 K) of sn = s, cn = c, and (Pi(-n) / K - 1) (1 + n) / -n.
+    """The AGM of (1, kc); the sum with Pi(-n) = pi / (4 AGM) (2 - n / (1 + n) sum); x / pi = u / (2 K) of tan am = s / c.
 
-    0 < kc <= 1, 0 <= n <= 1, c >= 0.  Pi by DLMF 19.8.6-7, the phase by Gauss' transformation upwards:
-    D = a dn, D'^2 = a a' (D + g) / (D + a), tan am' = tan am D' / a.  Relative error about 1e-30, of the phase 1e-18.
+    1e-300 <= kc <= 1, 0 <= n <= 1, s, c >= 0.  Pi: DLMF 19.8.7; x by Landen's descent, am' = am + atan(g / a tan am),
+    in products of complex numbers.  Relative error about 1e-31, of x 1e-19.
     """
     a: DoubleDouble = (1.0, 0.0)
-    g, big_d = kc, dn
+    g = kc
     p = dd_sqrt(dd_add_float(n, 1.0))
     term: DoubleDouble = (1.0, 0.0)
     total: DoubleDouble = (1.0, 0.0)
-    for _ in range(20):
+    turns, halves = 0.0, 1.0
+    for _ in range(16):
         ag = dd_multiply(a, g)
-        mean = dd_scale(0.5, dd_add(a, g))
-        ratio = dd_divide(dd_add(big_d, g), dd_add(big_d, a))
-        big_d = dd_sqrt(dd_multiply(dd_multiply(a, mean), ratio))
-        s = dd_multiply(s, big_d)
-        c = dd_multiply(c, a)
+        a_plus_g = dd_add(a, g)
+        gap = a[0] - g[0]
+        # am' = 2 pi turns + the angle of (c, s)
+        turns = 2.0 * turns + ((1.0 if s[0] >= 0.0 else -1.0) if c[0] < 0.0 else 0.0)
+        sc = dd_multiply(a_plus_g, dd_multiply(s, c))
+        c = dd_subtract(dd_multiply(a, dd_multiply(c, c)), dd_multiply(g, dd_multiply(s, s)))
+        s = sc
+        size = abs(s[0]) + abs(c[0])
+        if size < 1e-10:
+            power = power_of_two_for(size)
+            s, c = dd_scale(power, s), dd_scale(power, c)
+        halves *= 0.5
         p2 = dd_multiply(p, p)
         p_sum = dd_add(p2, ag)
-        term = dd_scale(0.5, dd_multiply(term, dd_divide(dd_subtract(p2, ag), p_sum)))
+        epsilon = dd_divide(dd_subtract(p2, ag), p_sum)
         p = dd_scale(0.5, dd_divide(p_sum, p))
+        term = dd_scale(0.5, dd_multiply(term, epsilon))
         total = dd_add(total, term)
-        close = abs(a[0] - g[0]) < 1e-8 * a[0] and abs(term[0]) < 1e-16
-        a, g = mean, dd_sqrt(ag)
-        if close:
+        done = gap < 6e-4 * a[0] and abs(epsilon[0]) < 1e-3
+        a, g = dd_scale(0.5, a_plus_g), dd_sqrt(ag)
+        if done:
             break
-    # One more level, whose corrections are below 1e-16, needs no double-double.
-    gap = dd_subtract(a, g)[0]
-    s = dd_add_float(s, -0.5 * s[0] * gap / a[0])
-    a = dd_add_float(a, -0.5 * gap)
-    return (a, dd_atan2(s, c), total)
+    # What is left is below 1e-6: series in h = (a - g) / a and epsilon, in double.
+    gap_left = dd_subtract(a, g)
+    h = gap_left[0] / a[0]
+    p2, ag = dd_multiply(p, p), dd_multiply(a, g)
+    epsilon_1 = dd_subtract(p2, ag)[0] / (p2[0] + ag[0])
+    total = dd_add_float(total, 0.5 * term[0] * epsilon_1 * (1.0 + 0.25 * (epsilon_1 * epsilon_1 - 0.125 * h * h)))
+    agm = dd_add_float(dd_add(a, dd_scale(-0.5, gap_left)), -a[0] * h * h * (0.0625 + h * 0.03125))
+    # x = am - (h / 4 + h^2 / 8) sin 2 am + 3 h^2 / 64 sin 4 am, am = pi (2 turns + angle)
+    size = 1.0 / (s[0] * s[0] + c[0] * c[0])
+    sin_2, cos_2 = 2.0 * s[0] * c[0] * size, (c[0] - s[0]) * (c[0] + s[0]) * size
+    rest = sin_2 * h * (0.09375 * h * cos_2 - 0.25 - 0.125 * h)
+    x = dd_add_float(dd_add_float(angle_in_half_turns(s, c), _ONE_OVER_PI[0] * rest), 2.0 * turns)
+    return (agm, total, dd_scale(halves, x))
 
 
-_PI_8 = (0.39269908169872414, 1.5308084989341915e-17)
-_SIN_PI_8 = (0.3826834323650898, -1.0050772696461588e-17)
-_COS_PI_8 = (0.9238795325112867, 1.7645047084336677e-17)
-_SQRT_HALF = (0.7071067811865476, -4.833646656726457e-17)
+_ONE_OVER_PI: DoubleDouble = (0.3183098861837907, -1.9678676675182486e-17)
+_SIN_PI_8: DoubleDouble = (0.3826834323650898, -1.0050772696461588e-17)
+_COS_PI_8: DoubleDouble = (0.9238795325112867, 1.7645047084336677e-17)
+_SQRT_HALF: DoubleDouble = (0.7071067811865476, -4.833646656726457e-17)
 
 
-@kernel
-def dd_atan2(y: DoubleDouble, x: DoubleDouble) -> DoubleDouble:
-    """The angle of the point (x, y), x >= 0.  Error about 1e-18: beyond double, short of double-double."""
-    below = y[0] < 0.0
-    sign = -1.0 if below else 1.0
-    y = dd_scale(sign, y)
+@kernel(inline=False)
+def angle_in_half_turns(y: DoubleDouble, x: DoubleDouble) -> DoubleDouble:
+    """The angle of the point (x, y) over pi, in [-1, 1].  Error about 1e-19: beyond double, short of double-double."""
+    below, left = y[0] < 0.0, x[0] < 0.0
+    y = dd_scale(-1.0 if below else 1.0, y)
+    x = dd_scale(-1.0 if left else 1.0, x)
     # Turn the point by the nearest multiple of pi / 8.
     eighths = 0.0
     sine: DoubleDouble = (0.0, 0.0)
@@ -153,42 +170,54 @@ def dd_atan2(y: DoubleDouble, x: DoubleDouble) -> DoubleDouble:
         eighths, sine, cosine = 2.0, _SQRT_HALF, _SQRT_HALF
     if y[0] > 1.496605762665489 * x[0]:
         eighths, sine, cosine = 3.0, _COS_PI_8, _SIN_PI_8
-    if y[0] > 5.027339492125846 * x[0]:
+    if y[0] > 5.027339492125848 * x[0]:
         eighths, sine, cosine = 4.0, (1.0, 0.0), (0.0, 0.0)
     along = dd_add(dd_multiply(x, cosine), dd_multiply(y, sine))
     across = dd_subtract(dd_multiply(y, cosine), dd_multiply(x, sine))
     t = dd_divide(across, along)
+    # atan t = t - t^3 / 3 + t^5 / 5 - ...: the sum after t is below 3e-3, double is enough.
     z = t[0] * t[0]
-    # atan t = t - t^3 / 3 + t^5 / 5 - ...: the sum after t is below 3e-3 and double is enough.
-    p = 1.0 / 23.0
-    for k in (21.0, 19.0, 17.0, 15.0, 13.0, 11.0, 9.0, 7.0, 5.0, 3.0):
-        p = 1.0 / k - z * p
-    angle = dd_add(dd_multiply_float(_PI_8, eighths), dd_add_float(t, -t[0] * z * p))
-    return dd_scale(sign, angle)
+    z2 = z * z
+    p = 1.0 / 19.0 - z * (1.0 / 21.0) + z2 * (1.0 / 23.0)
+    p = 1.0 / 15.0 - z * (1.0 / 17.0) + z2 * p
+    p = 1.0 / 11.0 - z * (1.0 / 13.0) + z2 * p
+    p = 1.0 / 7.0 - z * (1.0 / 9.0) + z2 * p
+    p = 1.0 / 3.0 - z * (1.0 / 5.0) + z2 * p
+    angle = dd_multiply(dd_add_float(t, -t[0] * z * p), _ONE_OVER_PI)
+    angle = dd_add_float(angle, 0.125 * eighths)
+    angle = dd_add_float(dd_scale(-1.0, angle), 1.0) if left else angle
+    return dd_scale(-1.0 if below else 1.0, angle)
 
 
-@kernel(inline=False)
-def third_kind(w: float, p: float, c: float, dn: float) -> float:
-    """w / 3 R_J(c^2, dn^2, 1, p) for w^2 = (p - c^2) (p - dn^2) (p - 1), 1 <= p <= 2.
+@kernel
+def third_kind(w: float, b: float, s: float, c: float, dn: float) -> float:
+    """w (b s)^2 / 3 R_J(c^2, dn^2, 1, p), p = c^2 + (b s)^2, where w^2 (b s)^4 = (p - c^2) (dn^2 - p) (1 - p).
 
-    Duplication (DLMF 19.36.1, 19.26.19); here the factor w makes of its sum of R_C a sum of arctangents
-    2^n atan(w / (8^n d_n)), none beyond pi / 8.  The series to seventh degree: DLMF 19.36.2.  Error <= 4 eps.
+    s, c, dn = sn, cn, dn of any modulus, (dn^2 - c^2) / 2 <= (b s)^2 <= dn^2 - c^2; c and dn may be as small as 1e-300.
+    Duplication (DLMF 19.36.1, 19.26.19): with this factor its sum of R_C is 2 sum 2^n atan(w_n / (8^n d_n)), no
+    argument beyond tan(pi / 8).  The series to seventh degree: DLMF 19.36.2.  Error <= 4 eps.
     """
-    x, y, z = c * c, dn * dn, 1.0
-    root_x, root_y, root_z, root_p = abs(c), dn, 1.0, math.sqrt(p)
+    up = 1.0 if dn > 1e-100 else 2.0**600
+    bs = b * s
+    square = (up * bs) * (up * bs)
+    root_x, root_y, root_z = abs(c), dn, 1.0
+    root_p = math.sqrt((up * c) * (up * c) + square) / up
+    x, y, z, p = c * c, dn * dn, 1.0, root_p * root_p
     mean = (x + y + z + 2.0 * p) * 0.2
-    spread = 80.0 * max(max(abs(mean - x), abs(mean - y)), max(abs(mean - z), abs(mean - p)))
-    arcs, doubled, quarter = 0.0, 1.0, w * (1.0 / 3.0)
+    spread = 64.0 * max(max(abs(mean - x), abs(mean - y)), max(abs(mean - z), abs(mean - p)))
+    first = (root_p + root_x) * up * ((root_p + root_y) * up) * (root_p + root_z)
+    arcs = _small_atan(w * square / first)
+    w *= bs * bs
+    quarter, doubled = w * (1.0 / 12.0), 2.0
     for _ in range(600):
-        d = (root_p + root_x) * (root_p + root_y) * (root_p + root_z)
-        arcs += doubled * _small_atan(w / d)
         shift = root_x * root_y + root_y * root_z + root_z * root_x
         x, y, z, p = 0.25 * (x + shift), 0.25 * (y + shift), 0.25 * (z + shift), 0.25 * (p + shift)
-        mean = 0.25 * (mean + shift)
-        spread, quarter, w, doubled = 0.25 * spread, 0.25 * quarter, 0.125 * w, 2.0 * doubled
+        mean, spread, w = 0.25 * (mean + shift), 0.25 * spread, 0.125 * w
         if not spread > mean:
             break
         root_x, root_y, root_z, root_p = math.sqrt(x), math.sqrt(y), math.sqrt(z), math.sqrt(p)
+        arcs += doubled * _small_atan(w / ((root_p + root_x) * (root_p + root_y) * (root_p + root_z)))
+        quarter, doubled = 0.25 * quarter, 2.0 * doubled
     inverse = 1.0 / mean
     x, y, z = (mean - x) * inverse, (mean - y) * inverse, (mean - z) * inverse
     p = -0.5 * (x + y + z)
@@ -206,7 +235,7 @@ def third_kind(w: float, p: float, c: float, dn: float) -> float:
 
 @kernel
 def _small_atan(r: float) -> float:
-    """Atan r, |r| <= sqrt 2 - 1: Chebyshev fit of atan(r) / r in r^2, error 2e-18, and one rounding."""
+    """The arctangent of r, |r| <= sqrt 2 - 1: Chebyshev fit of atan(r) / r in r^2, error 2e-18, and one rounding."""
     z = r * r
     z2 = z * z
     a = 0.0379473290518238 - 0.0177855413361691 * z

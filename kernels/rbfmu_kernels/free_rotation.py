@@ -19,22 +19,11 @@ from ._free_rotation_setup import SEPARATRIX, STEADY, FreeRotation, steady_setup
 from ._kernel import kernel
 from ._precession import precession
 from ._scaling import power_of_two_for, round_to_integer
-from .double_double import (
-    PI,
-    DoubleDouble,
-    dd_add,
-    dd_add_float,
-    dd_multiply,
-    dd_multiply_float,
-    dd_scale,
-    dd_subtract,
-)
+from .double_double import PI, DoubleDouble, dd_add, dd_multiply_float, quick_two_sum, two_product, two_sum
 from .elementary import sincos
 from .elliptic import jacobi_from_phase
 from .quaternion import compose_quaternions
 from .shapes import Quaternion, Vec3
-
-_TWO_PI: DoubleDouble = (2.0 * PI[0], 2.0 * PI[1])
 
 
 @kernel(inline=False)
@@ -61,7 +50,7 @@ def free_rotation_setup(moments: Vec3, q_0: Quaternion, omega_b_0: Vec3) -> Free
     return tumbling_setup((i_1, i_2, i_3), q, (w_1, w_2, w_3), 1.0 / scale)
 
 
-@kernel(inline=False)
+@kernel
 def free_rotation_at(setup: FreeRotation, t: float) -> tuple[Quaternion, Vec3]:
     """(q_ab, omega_ab_b) at time t after the state of `setup`, continuous in t, q of unit length.
 
@@ -73,36 +62,36 @@ def free_rotation_at(setup: FreeRotation, t: float) -> tuple[Quaternion, Vec3]:
     q_0 = setup[18:22]
     axis_p, axis_r, sign_p, sign_r, sign_s = setup[22:27]
     t *= unit
-    psi = dd_multiply_float((rate_1, rate_2), t)
-    if kind != STEADY:
-        x = dd_multiply_float((nu_1, nu_2), t)
-        if kind == SEPARATRIX:
-            x = dd_add(x, (x_1, x_2))
-            inside = max(-clip, min(clip, x[0]))
-            if inside != x[0]:
-                psi = dd_add(psi, dd_multiply(dd_add_float(x, -inside), (turn_1, turn_2)))
-                x = (inside, 0.0)
-            odd = False
-        else:
-            turns = round_to_integer(x[0] / PI[0])
-            x = dd_add(dd_subtract(x, dd_multiply_float(PI, turns)), (x_1, x_2))
-            rest = round_to_integer(x[0] / PI[0])
-            x = dd_subtract(x, dd_multiply_float(PI, rest))
-            turns += rest
-            psi = dd_add(psi, dd_multiply_float((turn_1, turn_2), turns))
-            half = 0.5 * turns
-            odd = round_to_integer(half) != half
-        sin_x, cos_x = _sincos_dd(x)
-        sn, cn, dn = jacobi_from_phase(sin_x, cos_x, setup[27:41])
-        psi = dd_add_float(psi, precession(sn, cn, dn, setup[41:48]) - psi_0)
-        sn, cn = (-sn if odd else sn), (-cn if odd else cn)
-        mu_p, mu_r, mu_s, w_p, w_r, w_s = mu_p * cn, mu_r * sn, mu_s * dn, w_p * cn, w_r * sn, w_s * dn
-    half_angle = dd_scale(0.5, psi)
-    half_angle = dd_subtract(half_angle, dd_multiply_float(_TWO_PI, round_to_integer(half_angle[0] / _TWO_PI[0])))
-    s, c = _sincos_dd(half_angle)
+    # psi / (4 pi), whole turns dropped as they arise
+    psi = _without_turns(rate_1, rate_2, t)
     if kind == STEADY:
+        s, c = _sincos_half_turns(2.0 * psi[0], 2.0 * psi[1])
         turned = (c, s * mu_p, s * mu_r, s * mu_s)
     else:
+        # The phase x / pi of the polhode = half turns done + a rest in [-1/2, 1/2].
+        high, low = two_product(nu_1, t)
+        low += nu_2 * t
+        if kind == SEPARATRIX:
+            high, low = quick_two_sum(high, low)
+            high, low = two_sum(max(-clip, min(clip, high + x_1)), 0.0)
+            done, more = 0.0, 0.0
+        else:
+            done = round_to_integer(high)
+            high, low = two_sum(high - done, low)
+            more = round_to_integer(high + x_1)
+            high, more_low = two_sum(high - more, x_1)
+            low += more_low + x_2
+        sin_x, cos_x = _sincos_half_turns(high, low)
+        if cos_x < 0.0:
+            more += math.copysign(1.0, sin_x)
+            sin_x, cos_x = -sin_x, -cos_x
+        sn, cn, dn = jacobi_from_phase(sin_x, cos_x, setup[27:41])
+        psi = dd_add(psi, dd_add(_without_turns(turn_1, turn_2, done), dd_multiply_float((turn_1, turn_2), more)))
+        s, c = _sincos_half_turns_plus(psi, 0.5 * (precession(sn, cn, dn, setup[41:48]) - psi_0))
+        parity = 0.5 * (done + more)
+        flip = -1.0 if round_to_integer(parity) != parity else 1.0
+        sn, cn = flip * sn, flip * cn
+        mu_p, mu_r, mu_s, w_p, w_r, w_s = mu_p * cn, mu_r * sn, mu_s * dn, w_p * cn, w_r * sn, w_s * dn
         # Z P with P = (1 + mu_s, mu_r, -mu_p, 0) / sqrt(2 (1 + mu_s)); the length is made 1 at the end.
         z = 1.0 + mu_s
         turned = (c * z, c * mu_r + s * mu_p, s * mu_r - c * mu_p, s * z)
@@ -138,6 +127,28 @@ def free_rotation(moments: Vec3, q_0: Quaternion, omega_b_0: Vec3, t: float) -> 
 
 
 @kernel
-def _sincos_dd(x: DoubleDouble) -> tuple[float, float]:
-    s, c = sincos(x[0])
-    return (s + c * x[1], c - s * x[1])
+def _without_turns(a_1: float, a_2: float, t: float) -> DoubleDouble:
+    """(a_1 + a_2) t less an integer, within [-1, 1]."""
+    high, low = two_product(a_1, t)
+    low += a_2 * t
+    high, low = two_sum(high - round_to_integer(high), low)
+    return (high - round_to_integer(high), low)
+
+
+@kernel
+def _sincos_half_turns(high: float, low: float) -> tuple[float, float]:
+    """(sin, cos) of pi (high + low), low small."""
+    angle, rest = two_product(PI[0], high)
+    rest += PI[0] * low + PI[1] * high
+    s, c = sincos(angle)
+    return (s + c * rest, c - s * rest)
+
+
+@kernel
+def _sincos_half_turns_plus(turns: DoubleDouble, angle: float) -> tuple[float, float]:
+    """(sin, cos) of 2 pi turns + angle."""
+    high, low = two_product(2.0 * PI[0], turns[0])
+    high, rest = two_sum(high, angle)
+    rest += low + 2.0 * (PI[0] * turns[1] + PI[1] * turns[0])
+    s, c = sincos(high)
+    return (s + c * rest, c - s * rest)
