@@ -1,0 +1,304 @@
+"""One-step methods that people use elsewhere: contestants in charts and stability tests, no part of the product.
+
+Each integrates the same right-hand sides over the same `State`, `Body`, `Loads` tuples as `rbfmu_kernels.steppers`,
+but may hold the attitude in another form. `Contestant.start` takes a state to that form, `steps` advances it as long
+as you like (so that drift adds up as it does for users), `state_of` takes it back with a quaternion of unit length.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from numba import njit
+
+from rbfmu_kernels._kernel import kernel
+from rbfmu_kernels.dynamics import Body, Loads, State, angular_acceleration, linear_acceleration, state_rates
+from rbfmu_kernels.euler_angles import (
+    ZYX,
+    euler_from_quaternion,
+    euler_rate_b,
+    matrix_from_euler,
+    quaternion_from_euler,
+)
+from rbfmu_kernels.inertia import add_scaled_matrix
+from rbfmu_kernels.quaternion import compose_quaternions, normalize, quaternion_rate_b
+from rbfmu_kernels.rotation import (
+    invert_matrix,
+    matrix_from_quaternion,
+    matrix_rate_b,
+    quaternion_from_matrix,
+    transform,
+)
+from rbfmu_kernels.rotvec import quaternion_from_rotvec
+from rbfmu_kernels.shapes import Matrix, Quaternion, Vec3
+from rbfmu_kernels.steppers import advance, rk4_step, unit_attitude
+from rbfmu_kernels.vec3 import add, add_scaled, cross, scale, subtract
+
+MatrixState = tuple[Vec3, Vec3, Matrix, Vec3]
+"""Position, velocity, R_ab, omega_b."""
+VectorState = tuple[Vec3, Vec3, Vec3, Vec3]
+"""Position, velocity, Euler angles or rotation vector, omega_b."""
+
+NONE: Vec3 = (0.0, 0.0, 0.0)
+NO_TURN: Quaternion = (1.0, 0.0, 0.0, 0.0)
+MOST_ROUNDS = 100
+
+
+# Quaternions
+
+
+@kernel(inline=False)
+def explicit_euler_step(state: State, h: float, body: Body, loads: Loads) -> State:
+    """Y + h f(y): |q| grows by sqrt(1 + (h omega)^2 / 4), a symmetric body's nutation by sqrt(1 + (h nu)^2) a step."""
+    return advance(state, h, state_rates(state, body, loads))
+
+
+@kernel(inline=False)
+def semi_implicit_euler_step(state: State, h: float, body: Body, loads: Loads) -> State:
+    """Rates first, then position and attitude with the new rates, normalised: what game engines do."""
+    r, v, q, omega = state
+    v = add_scaled(v, h, linear_acceleration(q, body, loads))
+    omega = add_scaled(omega, h, angular_acceleration(q, omega, body, loads))
+    return unit_attitude(advance((r, v, q, omega), h, (v, NONE, quaternion_rate_b(q, omega), NONE)))
+
+
+@kernel(inline=False)
+def rk4_not_normalised_step(state: State, h: float, body: Body, loads: Loads) -> State:
+    """Classical Runge-Kutta on q as on any vector: |q| falls by 1 - (h omega)^6 / 9216 a step."""
+    k1 = state_rates(state, body, loads)
+    k2 = state_rates(advance(state, 0.5 * h, k1), body, loads)
+    k3 = state_rates(advance(state, 0.5 * h, k2), body, loads)
+    k4 = state_rates(advance(state, h, k3), body, loads)
+    return advance(advance(advance(advance(state, h / 6.0, k1), h / 3.0, k2), h / 3.0, k3), h / 6.0, k4)
+
+
+@kernel
+def _difference(a: State, b: State) -> float:
+    """A size of b - a: attitude in half rad, and rates."""
+    q, p = a[2], b[2]
+    turn = abs(p[0] - q[0]) + abs(p[1] - q[1]) + abs(p[2] - q[2]) + abs(p[3] - q[3])
+    u, w = a[3], b[3]
+    return turn + abs(w[0] - u[0]) + abs(w[1] - u[1]) + abs(w[2] - u[2])
+
+
+@kernel(inline=False)
+def midpoint(state: State, h: float, body: Body, loads: Loads) -> tuple[State, float]:
+    """(y, rounds) of y = state + h / 2 f(y) by fixed-point iteration; rounds = MOST_ROUNDS where it does not settle."""
+    middle, change, rounds = state, 1.0, 0.0
+    size = 1.0 + abs(state[3][0]) + abs(state[3][1]) + abs(state[3][2])
+    while change > 1e-15 * size and rounds < MOST_ROUNDS:
+        after = advance(state, 0.5 * h, state_rates(middle, body, loads))
+        change = _difference(middle, after)
+        middle = after
+        rounds += 1.0
+    return middle, rounds
+
+
+@kernel(inline=False)
+def implicit_midpoint_step(state: State, h: float, body: Body, loads: Loads) -> State:
+    """Y + h f((y + y_next) / 2): keeps |q|, energy and |h| of a free body; not finite where the iteration fails."""
+    middle, rounds = midpoint(state, h, body, loads)
+    settled = h if rounds < MOST_ROUNDS else h * float("inf")
+    return advance(state, settled, state_rates(middle, body, loads))
+
+
+# Rotation matrices and Euler angles: the loads are taken to the body's axes first
+
+
+@kernel
+def _loads_in_b(R_ab: Matrix, loads: Loads) -> Loads:
+    gravity_a, arm_force_a, arm_force_b, torque_a, torque_b = loads
+    R_ba = invert_matrix(R_ab)
+    force_b, total_b = add(arm_force_b, transform(R_ba, arm_force_a)), add(torque_b, transform(R_ba, torque_a))
+    return gravity_a, NONE, force_b, NONE, total_b
+
+
+@kernel
+def _accelerations(R_ab: Matrix, omega_b: Vec3, body: Body, loads: Loads) -> tuple[Vec3, Vec3]:
+    force_a = add(loads[1], transform(R_ab, loads[2]))
+    a_c = linear_acceleration(NO_TURN, body, (loads[0], force_a, NONE, NONE, NONE))
+    return a_c, angular_acceleration(NO_TURN, omega_b, body, _loads_in_b(R_ab, loads))
+
+
+@kernel(inline=False)
+def _matrix_rates(state: MatrixState, body: Body, loads: Loads) -> MatrixState:
+    _, v, R_ab, omega = state
+    a_c, alpha = _accelerations(R_ab, omega, body, loads)
+    return v, a_c, matrix_rate_b(R_ab, omega), alpha
+
+
+@kernel
+def _advance_matrix(state: MatrixState, s: float, k: MatrixState) -> MatrixState:
+    r, v, R_ab, omega = state
+    return add_scaled(r, s, k[0]), add_scaled(v, s, k[1]), add_scaled_matrix(R_ab, s, k[2]), add_scaled(omega, s, k[3])
+
+
+@kernel(inline=False)
+def rk4_matrix_step(state: MatrixState, h: float, body: Body, loads: Loads) -> MatrixState:
+    """Classical Runge-Kutta on the nine numbers of R: |R^T R - I| = n (h omega)^6 / 72 after n steps."""
+    k1 = _matrix_rates(state, body, loads)
+    k2 = _matrix_rates(_advance_matrix(state, 0.5 * h, k1), body, loads)
+    k3 = _matrix_rates(_advance_matrix(state, 0.5 * h, k2), body, loads)
+    k4 = _matrix_rates(_advance_matrix(state, h, k3), body, loads)
+    after = _advance_matrix(_advance_matrix(state, h / 6.0, k1), h / 3.0, k2)
+    return _advance_matrix(_advance_matrix(after, h / 3.0, k3), h / 6.0, k4)
+
+
+@kernel(inline=False)
+def _angle_rates(state: VectorState, body: Body, loads: Loads) -> VectorState:
+    _, v, angles, omega = state
+    a_c, alpha = _accelerations(matrix_from_euler(ZYX, angles), omega, body, loads)
+    return v, a_c, euler_rate_b(ZYX, angles, omega), alpha
+
+
+@kernel
+def _advance_vector(state: VectorState, s: float, k: VectorState) -> VectorState:
+    r, v, u, omega = state
+    return add_scaled(r, s, k[0]), add_scaled(v, s, k[1]), add_scaled(u, s, k[2]), add_scaled(omega, s, k[3])
+
+
+@kernel
+def _rk4_sum(
+    state: VectorState, h: float, k1: VectorState, k2: VectorState, k3: VectorState, k4: VectorState
+) -> VectorState:
+    after = _advance_vector(_advance_vector(state, h / 6.0, k1), h / 3.0, k2)
+    return _advance_vector(_advance_vector(after, h / 3.0, k3), h / 6.0, k4)
+
+
+@kernel(inline=False)
+def rk4_angles_step(state: VectorState, h: float, body: Body, loads: Loads) -> VectorState:
+    """Classical Runge-Kutta on yaw, pitch, roll (ZYX): singular where cos(pitch) = 0."""
+    k1 = _angle_rates(state, body, loads)
+    k2 = _angle_rates(_advance_vector(state, 0.5 * h, k1), body, loads)
+    k3 = _angle_rates(_advance_vector(state, 0.5 * h, k2), body, loads)
+    k4 = _angle_rates(_advance_vector(state, h, k3), body, loads)
+    return _rk4_sum(state, h, k1, k2, k3, k4)
+
+
+# Lie group methods: within a step, the attitude is q exp(u)
+
+
+@kernel
+def _local_state(local: VectorState, q: Quaternion) -> State:
+    return local[0], local[1], compose_quaternions(q, quaternion_from_rotvec(local[2])), local[3]
+
+
+@kernel(inline=False)
+def _local_rates(local: VectorState, q: Quaternion, correction: float, body: Body, loads: Loads) -> VectorState:
+    """Du/dt = omega + u x omega / 2 + u x (u x omega) / 12, enough for order 4; correction = 0: du/dt = omega."""
+    v, a_c, _, alpha = state_rates(_local_state(local, q), body, loads)
+    u, omega = local[2], local[3]
+    turned = cross(u, omega)
+    du = add_scaled(add_scaled(omega, 0.5 * correction, turned), correction / 12.0, cross(u, turned))
+    return v, a_c, du, alpha
+
+
+@kernel(inline=False)
+def rkmk4_step(state: State, h: float, body: Body, loads: Loads) -> State:
+    """Runge-Kutta-Munthe-Kaas: classical Runge-Kutta on the rotation vector of the step.  Munthe-Kaas 1998."""
+    r, v, q, omega = state
+    local = (r, v, NONE, omega)
+    k1 = _local_rates(local, q, 1.0, body, loads)
+    k2 = _local_rates(_advance_vector(local, 0.5 * h, k1), q, 1.0, body, loads)
+    k3 = _local_rates(_advance_vector(local, 0.5 * h, k2), q, 1.0, body, loads)
+    k4 = _local_rates(_advance_vector(local, h, k3), q, 1.0, body, loads)
+    return _local_state(_rk4_sum(local, h, k1, k2, k3, k4), q)
+
+
+@kernel(inline=False)
+def cf4_step(state: State, h: float, body: Body, loads: Loads) -> State:
+    """Commutator-free Lie group method of order 4.  Celledoni, Marthinsen & Owren 2003."""
+    r, v, q, omega = state
+    local = (r, v, NONE, omega)
+    k1 = _local_rates(local, q, 0.0, body, loads)
+    y2 = _advance_vector(local, 0.5 * h, k1)
+    k2 = _local_rates(y2, q, 0.0, body, loads)
+    k3 = _local_rates(_advance_vector(local, 0.5 * h, k2), q, 0.0, body, loads)
+    y4 = _advance_vector(local, h, k3)
+    q2 = compose_quaternions(q, quaternion_from_rotvec(y2[2]))
+    k4 = _local_rates((y4[0], y4[1], subtract(y4[2], y2[2]), y4[3]), q2, 0.0, body, loads)
+    r, v, u, omega = _rk4_sum(local, h, k1, k2, k3, k4)
+    u = scale(0.5, u)
+    lean = scale(h / 6.0, subtract(k1[2], k4[2]))
+    q = compose_quaternions(q, quaternion_from_rotvec(add(u, lean)))
+    return r, v, compose_quaternions(q, quaternion_from_rotvec(subtract(u, lean))), omega
+
+
+# Forms of the attitude
+
+
+@kernel
+def _as_it_is(state: State) -> State:
+    return state
+
+
+@kernel(inline=False)
+def _with_unit_quaternion(state: State) -> State:
+    return state[0], state[1], normalize(state[2]), state[3]
+
+
+@kernel(inline=False)
+def _with_matrix(state: State) -> MatrixState:
+    return state[0], state[1], matrix_from_quaternion(state[2]), state[3]
+
+
+@kernel(inline=False)
+def _from_matrix(state: MatrixState) -> State:
+    return state[0], state[1], quaternion_from_matrix(state[2]), state[3]
+
+
+@kernel(inline=False)
+def _with_angles(state: State) -> VectorState:
+    return state[0], state[1], euler_from_quaternion(ZYX, state[2]), state[3]
+
+
+@kernel(inline=False)
+def _from_angles(state: VectorState) -> State:
+    return state[0], state[1], quaternion_from_euler(ZYX, state[2]), state[3]
+
+
+@dataclass(frozen=True)
+class Contestant:
+    """A one-step method: `step(y, h, body, loads) -> y`, its order and right-hand sides a step (0: see `midpoint`)."""
+
+    name: str
+    step: Callable[[Any, float, Body, Loads], Any]
+    order: int
+    evaluations: int
+    start: Callable[[State], Any] = _as_it_is
+    state_of: Callable[[Any], State] = _with_unit_quaternion
+
+    @cached_property
+    def steps(self) -> Callable[[Any, float, int, Body, Loads], Any]:
+        """`steps(y, h, n, body, loads)`: n steps of h in one compiled loop; all numbers but n floats."""
+        step = self.step
+
+        @njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+        def loop(y: Any, h: float, n: int, body: Body, loads: Loads) -> Any:
+            for _ in range(n):
+                y = step(y, h, body, loads)
+            return y
+
+        return loop  # type: ignore[no-any-return]
+
+    def run(self, state: State, h: float, n: int, body: Body, loads: Loads) -> State:
+        """The state after n steps of h."""
+        return self.state_of(self.steps(self.start(state), h, n, body, loads))
+
+
+CONTESTANTS = {
+    contestant.name: contestant
+    for contestant in (
+        Contestant("explicit Euler", explicit_euler_step, 1, 1),
+        Contestant("semi-implicit Euler", semi_implicit_euler_step, 1, 1),
+        Contestant("implicit midpoint", implicit_midpoint_step, 2, 0),
+        Contestant("RK4, quaternion", rk4_step, 4, 4),
+        Contestant("RK4, quaternion not normalised", rk4_not_normalised_step, 4, 4),
+        Contestant("RK4, matrix", rk4_matrix_step, 4, 4, _with_matrix, _from_matrix),
+        Contestant("RK4, Euler angles", rk4_angles_step, 4, 4, _with_angles, _from_angles),
+        Contestant("RKMK4", rkmk4_step, 4, 4),
+        Contestant("CF4", cf4_step, 4, 4),
+    )
+}
+"""By name, in order of `order`."""
