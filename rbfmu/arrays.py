@@ -9,7 +9,8 @@ from rbfmu_kernels import rotation as _rotation
 from rbfmu_kernels import rotvec as _rotvec
 from rbfmu_kernels import vec3 as _vec3
 
-from ._array_function import array_function, sequence_function
+from ._array_function import array_function, sequence_function, set_threads
+from ._inertia_arrays import check_inertia, inertia_of_points
 
 # Vectors and rotation matrices
 skew = array_function(_vec3.skew)
@@ -85,4 +86,5 @@ newton_euler_o = array_function(_rigid_body.newton_euler_o)
 angular_momentum = array_function(_rigid_body.angular_momentum)
 kinetic_energy = array_function(_rigid_body.kinetic_energy)
 
-__all__ = [name for name, value in globals().items() if hasattr(value, "__wrapped__")]
+__all__ = ["check_inertia", "inertia_of_points", "set_threads"]
+__all__ += [name for name, value in globals().items() if hasattr(value, "__wrapped__")]

@@ -3,9 +3,10 @@
 import math
 
 from ._kernel import kernel
-from .rotation import compose_matrices, invert_matrix
+from ._scaling import power_of_two_for
+from .rotation import compose_matrices
 from .shapes import Matrix, Vec3
-from .vec3 import add_scaled, dot, scale
+from .vec3 import add, add_scaled, dot, scale
 
 INERTIA_TOLERANCE = 1e-12
 """Share of the trace by which round-off may break symmetry, sign and triangle inequality; below it a moment is zero."""
@@ -114,9 +115,11 @@ def parallel_axis(M_c: Matrix, mass: float, r_oc: Vec3) -> Matrix:
 def rotate_inertia(R_ab: Matrix, M_b: Matrix) -> Matrix:
     """M_a = R_ab M_b R_ab^T.
 
-    Error <= 8 eps of the trace.  Result symmetric to that.  E&G (7.33).
+    M_b: symmetric; the result is so to the bit.  Error <= 8 eps of the trace.  E&G (7.33).
     """
-    return compose_matrices(compose_matrices(R_ab, M_b), invert_matrix(R_ab))
+    H = compose_matrices(R_ab, M_b)
+    xy, xz, yz = dot(H[0], R_ab[1]), dot(H[0], R_ab[2]), dot(H[1], R_ab[2])
+    return ((dot(H[0], R_ab[0]), xy, xz), (xy, dot(H[1], R_ab[1]), yz), (xz, yz, dot(H[2], R_ab[2])))
 
 
 @kernel
@@ -131,25 +134,26 @@ def adjugate_symmetric(M: Matrix) -> Matrix:
 def inverse_inertia(M: Matrix) -> Matrix:
     """M^-1 of a symmetric inertia matrix; where one principal moment is zero, its pseudo-inverse.
 
-    A moment at most 1e-12 of the trace is zero (a slender beam): no angular acceleration about its axis.
-    Error <= some eps of the condition number; exact to 3 eps for a diagonal matrix.  M must have two moments > 0.
+    M: any scale.  A moment at most 1e-12 of the trace is zero (a slender beam): no angular acceleration about its axis.
+    Error <= some eps of the condition number; exact to 3 eps for a diagonal matrix.  With two zero moments NaN.
     """
+    p = power_of_two_for(trace(M))  # so that products of three moments neither over- nor underflow
+    M = scale_matrix(p, M)
     A = adjugate_symmetric(M)
-    det = dot(M[0], A[0])
-    singular = det <= INERTIA_TOLERANCE * trace(M) * trace(A)
-    t = trace(M)
-    shift = t / trace(A) if singular else 0.0  # t n n^T, n the beam's axis: adj(M) = (product of moments) n n^T
-    B = add_scaled_matrix(M, shift, A)
-    adj = adjugate_symmetric(B)
-    s = 1.0 / dot(B[0], adj[0])
-    back = -shift / (t * t)
-    return add_scaled_matrix(scale_matrix(s, adj), back, A)
+    t, d, det = trace(M), trace(A), dot(M[0], A[0])
+    d = d if d > 0.0 else math.nan
+    regular = det > INERTIA_TOLERANCE * t * d
+    # Singular: adj(M) = d n n^T, n the beam's axis, and M^2 - t M + d (I - n n^T) = 0 (Cayley & Hamilton).
+    N = add_scaled_matrix(diagonal((d, d, d)), -1.0, A)
+    pseudo = add_scaled_matrix(scale_matrix(t / d, N), -1.0, M)
+    f, g = 0.0 if regular else p / d, p / det if regular else 0.0
+    return add_scaled_matrix(scale_matrix(f, pseudo), g, A)
 
 
 @kernel
 def _jacobi(p: float, q: float, o: float) -> tuple[float, float, float]:
-    """Cosine, sine and tangent of the rotation that annihilates the off-diagonal o of ((p, o), (o, q))."""
-    if o == 0.0:
+    """Cosine, sine and tangent of the rotation that annihilates o of ((p, o), (o, q)); none where o is negligible."""
+    if o == 0.0 or abs(o) <= 2.0**-55 * math.sqrt(abs(p)) * math.sqrt(abs(q)):
         return 1.0, 0.0, 0.0
     x = (q - p) / (2.0 * o)
     t = math.copysign(1.0, x) / (abs(x) + math.sqrt(x * x + 1.0))
@@ -184,6 +188,7 @@ def principal_axes(M: Matrix) -> tuple[Vec3, Matrix]:
         b, c, y, z = c, b, z, (-y[0], -y[1], -y[2])
     if a > b:
         a, b, x, y = b, a, y, (-x[0], -x[1], -x[2])
+    x, y, z = _orthonormal(x, y, z)
     return (a, b, c), ((x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2]))
 
 
@@ -193,6 +198,18 @@ def _turn(u: Vec3, v: Vec3, cos: float, sin: float) -> tuple[Vec3, Vec3]:
     return (
         (cos * u[0] - sin * v[0], cos * u[1] - sin * v[1], cos * u[2] - sin * v[2]),
         (sin * u[0] + cos * v[0], sin * u[1] + cos * v[1], sin * u[2] + cos * v[2]),
+    )
+
+
+@kernel
+def _orthonormal(x: Vec3, y: Vec3, z: Vec3) -> tuple[Vec3, Vec3, Vec3]:
+    """Nearly orthonormal columns without the round-off of the rotations before: R (3 I - R^T R) / 2."""
+    xy, xz, yz = -0.5 * dot(x, y), -0.5 * dot(x, z), -0.5 * dot(y, z)
+    dx, dy, dz = 0.5 * (1.0 - dot(x, x)), 0.5 * (1.0 - dot(y, y)), 0.5 * (1.0 - dot(z, z))
+    return (
+        add(x, add_scaled(add_scaled(scale(dx, x), xy, y), xz, z)),
+        add(y, add_scaled(add_scaled(scale(dy, y), xy, x), yz, z)),
+        add(z, add_scaled(add_scaled(scale(dz, z), xz, x), yz, y)),
     )
 
 

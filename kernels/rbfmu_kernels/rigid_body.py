@@ -1,7 +1,7 @@
 """Newton-Euler equations of one rigid body, momentum and energy."""
 
 from ._kernel import kernel
-from .inertia import add_scaled_matrix, inverse_inertia, point_inertia
+from .inertia import add_scaled_matrix, diagonal, inverse_inertia, point_inertia
 from .rotation import transform
 from .shapes import Matrix, Vec3
 from .vec3 import add, cross, dot, scale, subtract
@@ -27,8 +27,14 @@ def kinetic_energy(mass: float, M_c: Matrix, v_c: Vec3, omega: Vec3) -> float:
 
 @kernel
 def gyroscopic_torque(M: Matrix, omega: Vec3) -> Vec3:
-    """omega x (M omega), N m."""
-    return cross(omega, transform(M, omega))
+    """omega x (M omega), N m: of M less a multiple of I, the median of its diagonal.
+
+    So nothing cancels with principal axes, and a ball or a symmetric body's own axis has exactly none.
+    """
+    a, b, c = M[0][0], M[1][1], M[2][2]
+    middle = max(min(a, b), min(max(a, b), c))
+    rest = add_scaled_matrix(M, -1.0, diagonal((middle, middle, middle)))
+    return cross(omega, transform(rest, omega))
 
 
 @kernel
