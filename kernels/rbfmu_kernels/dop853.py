@@ -14,10 +14,13 @@ from .dynamics import Body, Loads, angular_acceleration, turning_acceleration
 from .layout import FINE, MOST_SUBSTEPS, NOT_REACHED
 from .quaternion import quaternion_rate_b
 from .shapes import Quaternion, Vec3
+from .vec3 import dot
 
 ROTATION, TURNING = 8, 16
 """Numbers of a state that are integrated."""
 STATE = 16
+LONGEST_STEP = 1e30
+"""s: the step size of a body at rest without loads."""
 WORK = STATE * (STAGES + 1)
 """Size of the work space: a trial state, then the stages' rates."""
 
@@ -111,6 +114,15 @@ def _error(z: Any, y: int, w: int, n: int, h: float) -> float:
 @kernel
 def _largest(z: Any, i: int) -> float:
     return max(abs(z[i]), abs(z[i + 1]), abs(z[i + 2]))
+
+
+@kernel
+def first_step(z: Any, y: int, body: Body, loads: Loads) -> float:
+    """A step size to begin with: half a radian at the rate and acceleration of the state z[y:]."""
+    omega = rate_at(z, y)
+    alpha = angular_acceleration(attitude_at(z, y), omega, body, loads)
+    pace = math.sqrt(dot(omega, omega)) + math.sqrt(math.sqrt(dot(alpha, alpha)))
+    return 0.5 / pace if pace > 0.0 else LONGEST_STEP
 
 
 @kernel(inline=False)

@@ -47,11 +47,15 @@ def turning_acceleration(q_ab: Quaternion, body: Body, loads: Loads) -> Vec3:
 
 
 @kernel
+def steady_acceleration(body: Body, loads: Loads) -> Vec3:
+    """The part of a_c, in a, that does not turn with the body: gravity and `arm_force_a`; zero with a pivot."""
+    return add_scaled(scale(body[5], loads[0]), body[0], loads[1])
+
+
+@kernel
 def linear_acceleration(q_ab: Quaternion, body: Body, loads: Loads) -> Vec3:
     """a_c in a: gravity and the forces at o; zero with a pivot, where c follows from the attitude."""
-    gravity_a, force_a = loads[0], loads[1]
-    steady = add_scaled(scale(body[5], gravity_a), body[0], force_a)
-    return add(steady, turning_acceleration(q_ab, body, loads))
+    return add(steady_acceleration(body, loads), turning_acceleration(q_ab, body, loads))
 
 
 @kernel(inline=False)

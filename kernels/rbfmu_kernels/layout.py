@@ -32,5 +32,6 @@ FAULTS: dict[int, tuple[str, str]] = {
     8: ("", "expected finite numbers in all parameters and initial values"),
     9: ("omega_b_0", "expected no rate about a slender beam's own axis, where it has no inertia"),
     10: ("damping_b", "expected no negative damping (N m s/rad)"),
+    11: ("", "expected loads without torque, as in the scene: this unit's model is torque-free"),
 }
 """What a unit's `initialize` refuses, by its return value: the block of variables, and what was expected."""

@@ -1,0 +1,235 @@
+"""What the units of a body have in common: the layout of their buffers, their start, their loads, their outputs.
+
+A unit's buffer begins with these blocks; what its method needs besides follows. The state is laid out for `dop853`.
+"""
+
+import math
+from typing import Any
+
+from ._kernel import kernel
+from .dynamics import Body, Loads, angular_acceleration, linear_acceleration, steady_acceleration
+from .euler_angles import ZYX, euler_from_quaternion
+from .inertia import check_inertia, inverse_inertia, parallel_axis, principal_axes, trace
+from .layout import places
+from .quaternion import normalize, rotate
+from .rigid_body import angular_momentum, kinetic_energy, relative_acceleration
+from .shapes import Matrix, Quaternion, Vec3
+from .vec3 import add, add_scaled, cross, dot, scale, subtract
+
+INPUTS = {"force_a": 3, "force_b": 3, "torque_a": 3, "torque_b": 3}
+PARAMETERS = {
+    "mass": 1, "inertia": 6, "r_oc_b": 3, "gravity_a": 3, "damping_b": 3,
+    "known_force_a": 3, "known_force_b": 3, "known_torque_a": 3, "known_torque_b": 3,
+    "position_0": 3, "velocity_0": 3, "quaternion_0": 4, "omega_b_0": 3,
+}  # fmt: skip
+SETTINGS = {"pivot": 1, "tolerance": 1, "substep": 1}
+OUTPUTS = {
+    "position": 3, "velocity": 3, "acceleration": 3, "quaternion": 4, "rpy": 3, "omega_b": 3, "omega_a": 3,
+    "alpha_b": 3, "angular_momentum_a": 3, "kinetic_energy": 1,
+}  # fmt: skip
+MEMORY = {
+    "q": 4, "omega": 3, "pad": 1, "r_c": 3, "v_c": 3, "pad_2": 2,
+    "inverse_mass": 1, "M": 9, "M_inverse": 9, "arm": 3,
+}  # fmt: skip
+COMMON = INPUTS | PARAMETERS | SETTINGS | OUTPUTS | MEMORY
+BLOCKS, _ = places(COMMON)
+
+_AT = {name: block.start for name, block in BLOCKS.items()}
+_FORCE_A, _FORCE_B, _TORQUE_A, _TORQUE_B = (_AT[n] for n in INPUTS)
+_MASS, _INERTIA, _R_OC, _GRAVITY, _DAMPING = (_AT[n] for n in ("mass", "inertia", "r_oc_b", "gravity_a", "damping_b"))
+_KNOWN, _END = _AT["known_force_a"], BLOCKS["omega_b_0"].stop
+_POSITION_0, _VELOCITY_0, _Q_0, _OMEGA_0 = (_AT[n] for n in ("position_0", "velocity_0", "quaternion_0", "omega_b_0"))
+_PIVOT = _AT["pivot"]
+_POSITION, _VELOCITY, _ACCELERATION, _Q, _RPY = (_AT[n] for n in list(OUTPUTS)[:5])
+_OMEGA_B, _OMEGA_A, _ALPHA, _MOMENTUM, _ENERGY = (_AT[n] for n in list(OUTPUTS)[5:])
+STATE = _AT["q"]
+"""Where the state begins: see `dop853`."""
+STATE_SIZE = 16
+_OMEGA, _R_C, _V_C = _AT["omega"], _AT["r_c"], _AT["v_c"]
+_INVERSE_MASS, _M, _M_INVERSE, _ARM = (_AT[n] for n in ("inverse_mass", "M", "M_inverse", "arm"))
+
+
+@kernel(inline=False)
+def initialize_body(z: Any) -> int:
+    """Check the parameters, set the state; returns 0 or a key of `layout.FAULTS`."""
+    fault = _fault_of_parameters(z)
+    if fault != 0:
+        return fault
+    mass, r_oc, pivot = z[_MASS], vec3_at(z, _R_OC), z[_PIVOT] != 0.0
+    M_c = _inertia(z)
+    M = parallel_axis(M_c, mass, r_oc) if pivot else M_c
+    q = normalize(_quaternion(z, _Q_0))
+    omega = vec3_at(z, _OMEGA_0)
+    (low, middle, _), axes = principal_axes(M)
+    if middle <= 1e-12 * trace(M):
+        return 6
+    beam_rate = axes[0][0] * omega[0] + axes[1][0] * omega[1] + axes[2][0] * omega[2]
+    if low <= 1e-12 * trace(M) and abs(beam_rate) > 1e-12 * math.sqrt(dot(omega, omega)):
+        return 9
+    put_matrix_at(z, _M, M)
+    put_matrix_at(z, _M_INVERSE, inverse_inertia(M))
+    z[_INVERSE_MASS] = 0.0 if pivot else 1.0 / mass
+    put_vec3_at(z, _ARM, r_oc if pivot else scale(-1.0, r_oc))
+    position, velocity = vec3_at(z, _POSITION_0), vec3_at(z, _VELOCITY_0)
+    v_c = add(velocity, rotate(q, cross(omega, r_oc)))
+    put_rotation(z, q, omega)
+    put_vec3_at(z, _R_C, add(position, rotate(q, r_oc)))
+    put_vec3_at(z, _V_C, (0.0, 0.0, 0.0) if pivot else v_c)
+    return 0
+
+
+@kernel(inline=False)
+def outputs(z: Any) -> int:
+    """Refresh the outputs from the state and the inputs now set."""
+    body, loads = body_of(z), loads_of(z)
+    (q, omega), r_c, v_c = rotation_of(z), vec3_at(z, _R_C), vec3_at(z, _V_C)
+    pivot, r_oc = z[_PIVOT] != 0.0, vec3_at(z, _R_OC)
+    alpha = angular_acceleration(q, omega, body, loads)
+    a_c = linear_acceleration(q, body, loads)
+    v_rel = rotate(q, cross(omega, r_oc))
+    if pivot:
+        position, velocity, acceleration = vec3_at(z, _POSITION_0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    else:
+        position, velocity = subtract(r_c, rotate(q, r_oc)), subtract(v_c, v_rel)
+        acceleration = subtract(a_c, rotate(q, relative_acceleration(omega, alpha, r_oc)))
+    put_vec3_at(z, _POSITION, position)
+    put_vec3_at(z, _VELOCITY, velocity)
+    put_vec3_at(z, _ACCELERATION, acceleration)
+    z[_Q], z[_Q + 1], z[_Q + 2], z[_Q + 3] = q
+    yaw, pitch, roll = euler_from_quaternion(ZYX, q)
+    put_vec3_at(z, _RPY, (roll, pitch, yaw))
+    put_vec3_at(z, _OMEGA_B, omega)
+    put_vec3_at(z, _OMEGA_A, rotate(q, omega))
+    put_vec3_at(z, _ALPHA, alpha)
+    M = body[1]
+    put_vec3_at(z, _MOMENTUM, rotate(q, angular_momentum(M, omega)))
+    z[_ENERGY] = kinetic_energy(0.0 if pivot else z[_MASS], M, v_c, omega)
+    return 0
+
+
+@kernel(inline=False)
+def _fault_of_parameters(z: Any) -> int:
+    finite = 0.0
+    for i in range(_END):
+        finite += 0.0 * z[i]
+    if finite != 0.0:
+        return 8
+    if not z[_MASS] > 0.0:
+        return 1
+    if z[_DAMPING] < 0.0 or z[_DAMPING + 1] < 0.0 or z[_DAMPING + 2] < 0.0:
+        return 10
+    q = _quaternion(z, _Q_0)
+    if not (q[0] != 0.0 or q[1] != 0.0 or q[2] != 0.0 or q[3] != 0.0):
+        return 7
+    fault = check_inertia(_inertia(z))
+    return 0 if fault == 0.0 else int(fault) + 1
+
+
+@kernel
+def vec3_at(z: Any, i: int) -> Vec3:
+    """The vector that begins at z[i]."""
+    return (z[i], z[i + 1], z[i + 2])
+
+
+@kernel
+def _quaternion(z: Any, i: int) -> Quaternion:
+    return (z[i], z[i + 1], z[i + 2], z[i + 3])
+
+
+@kernel
+def matrix_at(z: Any, i: int) -> Matrix:
+    """The matrix that begins at z[i]."""
+    return (vec3_at(z, i), vec3_at(z, i + 3), vec3_at(z, i + 6))
+
+
+@kernel
+def put_vec3_at(z: Any, i: int, v: Vec3) -> None:
+    """Store a vector from z[i] on."""
+    z[i], z[i + 1], z[i + 2] = v
+
+
+@kernel
+def put_matrix_at(z: Any, i: int, A: Matrix) -> None:
+    """Store a matrix from z[i] on."""
+    put_vec3_at(z, i, A[0])
+    put_vec3_at(z, i + 3, A[1])
+    put_vec3_at(z, i + 6, A[2])
+
+
+@kernel
+def _inertia(z: Any) -> Matrix:
+    """The symmetric matrix of (11, 22, 33, 12, 13, 23)."""
+    xx, yy, zz = vec3_at(z, _INERTIA)
+    xy, xz, yz = vec3_at(z, _INERTIA + 3)
+    return ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
+
+
+@kernel
+def rotation_of(z: Any) -> tuple[Quaternion, Vec3]:
+    """(q_ab, omega_ab_b) of the state."""
+    return _quaternion(z, STATE), vec3_at(z, _OMEGA)
+
+
+@kernel
+def put_rotation(z: Any, q: Quaternion, omega: Vec3) -> None:
+    """Set attitude and body rate of the state."""
+    z[STATE], z[STATE + 1], z[STATE + 2], z[STATE + 3] = q
+    put_vec3_at(z, _OMEGA, omega)
+
+
+@kernel
+def translate(z: Any, h: float, drift: float, body: Body, loads: Loads) -> None:
+    """Move the centre of mass by h under its steady acceleration, in closed form; drift: 0 where v_c h is done."""
+    r_c, v_c, a = vec3_at(z, _R_C), vec3_at(z, _V_C), steady_acceleration(body, loads)
+    put_vec3_at(z, _R_C, add_scaled(add_scaled(r_c, drift * h, v_c), 0.5 * h * h, a))
+    put_vec3_at(z, _V_C, add_scaled(v_c, h, a))
+
+
+@kernel
+def keep_state(z: Any, before: int) -> None:
+    """Copy the state to z[before:], from where `restore_state` brings it back."""
+    for i in range(STATE_SIZE):
+        z[before + i] = z[STATE + i]
+
+
+@kernel
+def restore_state(z: Any, before: int) -> None:
+    """Bring back the state that `keep_state` kept."""
+    for i in range(STATE_SIZE):
+        z[STATE + i] = z[before + i]
+
+
+@kernel
+def is_finite(z: Any) -> bool:
+    """Whether every number of the state is."""
+    total = 0.0
+    for i in range(STATE, STATE + STATE_SIZE):
+        total += 0.0 * z[i]
+    return total == 0.0
+
+
+@kernel
+def has_pivot(z: Any) -> bool:
+    """Whether o is fixed in space."""
+    return z[_PIVOT] != 0.0
+
+
+@kernel
+def body_of(z: Any) -> Body:
+    """The constants of the equations of motion; see `dynamics.Body`."""
+    free = 1.0 if z[_PIVOT] == 0.0 else 0.0
+    M, M_inverse = matrix_at(z, _M), matrix_at(z, _M_INVERSE)
+    return z[_INVERSE_MASS], M, M_inverse, vec3_at(z, _ARM), vec3_at(z, _DAMPING), free
+
+
+@kernel
+def loads_of(z: Any) -> Loads:
+    """Known and supplied loads together; see `dynamics.Loads`."""
+    gravity_a = vec3_at(z, _GRAVITY)
+    torque_a = add(vec3_at(z, _KNOWN + 6), vec3_at(z, _TORQUE_A))
+    torque_b = add(vec3_at(z, _KNOWN + 9), vec3_at(z, _TORQUE_B))
+    if z[_PIVOT] != 0.0:
+        return gravity_a, scale(z[_MASS], gravity_a), (0.0, 0.0, 0.0), torque_a, torque_b
+    force_a = add(vec3_at(z, _KNOWN), vec3_at(z, _FORCE_A))
+    force_b = add(vec3_at(z, _KNOWN + 3), vec3_at(z, _FORCE_B))
+    return gravity_a, force_a, force_b, torque_a, torque_b
