@@ -1,5 +1,6 @@
 """Array functions from scalar kernels: NumPy broadcasting, `out=`, compiled at the first call, threads on request."""
 
+import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextvars import copy_context
@@ -15,17 +16,18 @@ CHUNK = 16384  # items that a thread takes at a time
 THRESHOLD = 8 * CHUNK  # items from which on threads pay
 _KEYWORDS = {"out", "where", "axes", "order", "subok", "casting", "dtype"}
 
+_threads = 1
 _pool: ThreadPoolExecutor | None = None
 
 
 def set_threads(n: int) -> None:
-    """Let array functions use n threads on arrays of some 1e5 items and more. The default is 1."""
-    global _pool
+    """Let array functions use n threads, the caller's included, on some 1e5 items and more. The default is 1."""
+    global _threads, _pool
     if n < 1:
         raise ValueError(f"set_threads: n must be at least 1, got {n}")
     if _pool is not None:
         _pool.shutdown()
-    _pool = ThreadPoolExecutor(n, "rbfmu") if n > 1 else None
+    _threads, _pool = n, ThreadPoolExecutor(n - 1, "rbfmu") if n > 1 else None
 
 
 def array_function(
@@ -71,12 +73,13 @@ def _in_threads(pool: ThreadPoolExecutor, compiled: Any, kernel: Any, args: Any,
     """The call cut into chunks along its longest leading axis; as a whole where it is small or unusual."""
     arguments, results = core_shapes(kernel)
     shapes = [*arguments.values()]
-    if compiled is None or len(args) != len(shapes) or kwargs.keys() - {"out"}:
+    few = math.prod(map(np.size, args)) < THRESHOLD
+    if few or compiled is None or len(args) != len(shapes) or kwargs.keys() - {"out"}:
         return compiled(*args, **kwargs)
     arrays = [np.asarray(a) for a in args]
     depths = [a.ndim - len(s) for a, s in zip(arrays, shapes, strict=True)]
     leading = np.broadcast_shapes(*(a.shape[:d] for a, d in zip(arrays, depths, strict=True) if d > 0), ())
-    if min(depths) < 0 or np.prod(leading, dtype=int) < THRESHOLD:
+    if min(depths) < 0 or math.prod(leading) < THRESHOLD:
         return compiled(*args, **kwargs)
     out = kwargs.get("out")
     outs = out if isinstance(out, tuple) else (out,) * len(results)
@@ -84,7 +87,7 @@ def _in_threads(pool: ThreadPoolExecutor, compiled: Any, kernel: Any, args: Any,
     if any(o.shape != leading + s for o, s in zip(outs, results, strict=True)):
         return compiled(*args, **kwargs)
     axis = int(np.argmax(leading)) - len(leading)  # counted from the last leading axis: -1 is the last
-    rows = max(1, CHUNK * leading[axis] // int(np.prod(leading, dtype=int)))
+    rows = max(1, CHUNK * leading[axis] // math.prod(leading))
 
     def cut(array: Any, shape: tuple[int, ...], piece: slice) -> Any:
         position = array.ndim - len(shape) + axis
@@ -92,14 +95,20 @@ def _in_threads(pool: ThreadPoolExecutor, compiled: Any, kernel: Any, args: Any,
             return array
         return array[(slice(None),) * position + (piece,)]
 
-    def one(start: int) -> None:
-        piece = slice(start, start + rows)
-        inputs = [cut(a, s, piece) for a, s in zip(arrays, shapes, strict=True)]
-        compiled(*inputs, out=tuple(cut(o, s, piece) for o, s in zip(outs, results, strict=True)))
+    starts = iter(range(0, leading[axis], rows))  # shared: whoever is free takes the next chunk
 
-    tasks = [pool.submit(copy_context().run, one, start) for start in range(0, leading[axis], rows)]
-    for task in tasks:
-        task.result()
+    def work() -> None:
+        for start in starts:
+            piece = slice(start, start + rows)
+            inputs = [cut(a, s, piece) for a, s in zip(arrays, shapes, strict=True)]
+            compiled(*inputs, out=tuple(cut(o, s, piece) for o, s in zip(outs, results, strict=True)))
+
+    others = [pool.submit(copy_context().run, work) for _ in range(_threads - 1)]
+    try:
+        work()
+    finally:
+        for other in others:
+            other.result()
     return outs if len(outs) > 1 else outs[0]
 
 

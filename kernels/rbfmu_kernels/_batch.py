@@ -11,6 +11,7 @@ import platform
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -67,6 +68,7 @@ def _scalar(typingctx: Any) -> Any:
     return types.void(), generate
 
 
+@cache
 def core_shapes(kernel: Callable[..., Any]) -> tuple[dict[str, Shape], list[Shape]]:
     """Argument names with core shapes, and result shapes, from the kernel's annotations (ints are left out)."""
     return _argument_shapes(kernel), shapes_of_result(inspect.signature(python_function(kernel)).return_annotation)

@@ -44,29 +44,35 @@ def normalize(q: Quaternion) -> Quaternion:
     largest = max(max(abs(a), abs(b)), max(abs(c), abs(d)))
     s = scale_for_squares(largest)
     a, b, c, d = s * a, s * b, s * c, s * d
-    length = math.sqrt((a * a + b * b) + (c * c + d * d))
+    length = math.sqrt(square_of((a, b, c, d)))
     length = length if length != 0.0 else math.nan
     return (a / length, b / length, c / length, d / length)
 
 
 @kernel
-def rotate(q_ab: Quaternion, v_b: Vec3) -> Vec3:
-    """v_a = R(q_ab) v_b = v + 2 eta (eps x v) + 2 eps x (eps x v).
+def square_of(q: Quaternion) -> float:
+    """|q|^2."""
+    return (q[0] * q[0] + q[1] * q[1]) + (q[2] * q[2] + q[3] * q[3])
 
-    q_ab: unit (not normalised here); v_b: any unit.  Error <= 3 eps |v|.  E&G (6.163).
+
+@kernel
+def rotate(q_ab: Quaternion, v_b: Vec3) -> Vec3:
+    """v_a = R(q_ab) v_b = v + s eta (eps x v) + s eps x (eps x v), s = 2 / |q|^2.
+
+    q_ab: any length from 1e-150 to 1e150, 0 gives NaN; v_b: any unit.  Error <= 2 eps |v|.  E&G 6.7.
     """
     eps = (q_ab[1], q_ab[2], q_ab[3])
-    t = vec3.scale(2.0, vec3.cross(eps, v_b))
+    square = square_of(q_ab)
+    t = vec3.scale(2.0 / square if square > 0.0 else math.nan, vec3.cross(eps, v_b))
     return vec3.add(v_b, vec3.add_scaled(vec3.cross(eps, t), q_ab[0], t))
 
 
 @kernel
 def _sum_and_difference(q0: Quaternion, q1: Quaternion) -> tuple[Quaternion, float, float]:
     """q1 - q0, |q1 - q0| and |q1 + q0|: 2 sin and 2 cos of half the angle between them as 4-vectors."""
-    a, b, c, d = q1[0] - q0[0], q1[1] - q0[1], q1[2] - q0[2], q1[3] - q0[3]
-    e, f, g, h = q1[0] + q0[0], q1[1] + q0[1], q1[2] + q0[2], q1[3] + q0[3]
-    difference = math.sqrt((a * a + b * b) + (c * c + d * d))
-    return ((a, b, c, d), difference, math.sqrt((e * e + f * f) + (g * g + h * h)))
+    difference = (q1[0] - q0[0], q1[1] - q0[1], q1[2] - q0[2], q1[3] - q0[3])
+    total = (q1[0] + q0[0], q1[1] + q0[1], q1[2] + q0[2], q1[3] + q0[3])
+    return (difference, math.sqrt(square_of(difference)), math.sqrt(square_of(total)))
 
 
 @kernel

@@ -5,7 +5,7 @@ import math
 from . import vec3
 from ._kernel import kernel
 from .elementary import scale_for_squares, sincos
-from .quaternion import compose_quaternions, normalize
+from .quaternion import compose_quaternions, normalize, square_of
 from .shapes import Matrix, Quaternion, Vec3
 
 
@@ -112,12 +112,14 @@ def omega_b_from_matrix_rate(R_ab: Matrix, dR: Matrix) -> Vec3:
 
 @kernel
 def matrix_from_quaternion(q_ab: Quaternion) -> Matrix:
-    """R_ab = I + 2 eta skew(eps) + 2 skew(eps)^2.
+    """R_ab = I + s eta skew(eps) + s skew(eps)^2, s = 2 / |q|^2 (2 in the books: q there is exactly unit).
 
-    q_ab: unit; a norm of 1 + d leaves R orthogonal to 4 d.  Error <= 2 eps.  E&G (6.163).
+    q_ab: any length from 1e-150 to 1e150; 0 gives NaN.  Error <= 2 eps.  E&G (6.163).
     """
     w, x, y, z = q_ab
-    x2, y2, z2 = x + x, y + y, z + z
+    square = square_of(q_ab)
+    s = 2.0 / square if square > 0.0 else math.nan
+    x2, y2, z2 = s * x, s * y, s * z
     wx, wy, wz = w * x2, w * y2, w * z2
     xx, xy, xz = x * x2, x * y2, x * z2
     yy, yz, zz = y * y2, y * z2, z * z2
