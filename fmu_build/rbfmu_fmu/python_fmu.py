@@ -9,6 +9,7 @@ import sys
 import tempfile
 import uuid
 import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -88,8 +89,9 @@ def kernel_hash() -> str:
 def _package_files(scene: Scene, description: Description) -> dict[str, bytes]:
     folder = importlib.resources.files("rbfmu_fmu")
     files = {name: folder.joinpath(name).read_bytes() for name in ("slave.py", "slave_access.py")}
-    files[f"unit-{platform_name()}.o"] = object_code(unit_of(scene))
-    return kernel_sources() | files | {"description.json": _json(description.to_dict())}
+    name, code = f"unit-{platform_name()}.o", object_code(unit_of(scene))
+    known = description.to_dict() | {"object_code": {name: zlib.crc32(code)}}
+    return kernel_sources() | files | {name: code, "description.json": _json(known)}
 
 
 def _package(identity: str) -> str:

@@ -15,7 +15,17 @@ from typing import Any
 from pythonfmu import Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
-from .slave_access import INITIALIZING, INSTANTIATED, PHASES, STEPPING, TERMINATED, Access, Entries, tell
+from .slave_access import (
+    INITIALIZING,
+    INSTANTIATED,
+    PHASES,
+    STEPPING,
+    TERMINATED,
+    Access,
+    Entries,
+    release_at_exit,
+    tell,
+)
 
 FINE, NOT_REACHED, PAST_STOP = range(3)
 
@@ -45,6 +55,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         _LIVE.add(self)
         if self.instance_name != "dummyInstance":  # what pythonfmu's builder makes
             _forget_path(kwargs["resources"])
+            release_at_exit(kwargs["logger"])
             try:
                 self._bind(access.entries())
             except BaseException as error:

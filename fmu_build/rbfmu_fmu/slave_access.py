@@ -3,6 +3,7 @@
 Imports neither rbfmu nor, where the shipped object code loads, Numba or NumPy.
 """
 
+import atexit
 import contextlib
 import ctypes
 import importlib
@@ -18,6 +19,7 @@ PHASES = "before initialisation", "in initialisation", "while stepping", "after 
 INSTANTIATED, INITIALIZING, STEPPING, TERMINATED = range(len(PHASES))
 
 _OWNERS: list[Any] = []  # of loaded code
+_LIBRARIES: set[str] = set()  # of pythonfmu's, that this FMU was loaded from
 
 
 class Entries(NamedTuple):
@@ -54,7 +56,8 @@ class Access:
     def entries(self) -> Entries:
         """Compiled ahead of time, else by Numba here and now."""
         if self._entries is None:
-            self._entries = _shipped_entries(self._folder) or _numba_entries(self.description["unit"])
+            shipped = _shipped_entries(self._folder, self.description["object_code"])
+            self._entries = shipped or _numba_entries(self.description["unit"])
         return self._entries
 
     def state_head(self, content: bytes) -> bytes:
@@ -80,7 +83,7 @@ def _struct(offsets: list[int]) -> tuple[struct.Struct, int]:
     return struct.Struct(layout), first
 
 
-def _shipped_entries(folder: str) -> Entries | None:
+def _shipped_entries(folder: str, checksums: dict[str, int]) -> Entries | None:
     """Load the shipped object file for this platform; None where there is none, or no loader for it."""
     if os.environ.get("RBFMU_COMPILE") == "1":
         return None
@@ -89,18 +92,19 @@ def _shipped_entries(folder: str) -> Entries | None:
 
         triple = llvm.get_process_triple()
         machine, _, system = triple.split("-")[:3]
-        path = os.path.join(folder, f"unit-{machine}-{system}.o")
-        if not os.path.exists(path):
-            return None
+        with open(os.path.join(folder, f"unit-{machine}-{system}.o"), "rb") as file:
+            code = file.read()
+        if zlib.crc32(code) != checksums.get(os.path.basename(file.name)):
+            raise ValueError(f"{file.name} is damaged")  # LLVM would end the process
         if hasattr(llvm, "initialize_native_target"):
             llvm.initialize_native_target()
         llvm.initialize_native_asmprinter()
         target = llvm.Target.from_triple(triple).create_target_machine()
         engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target)
-        engine.add_object_file(llvm.object_file.ObjectFileRef.from_path(path))
+        engine.add_object_file(llvm.object_file.ObjectFileRef.from_data(code))
         engine.finalize_object()
     except (ImportError, RuntimeError, OSError, AttributeError, ValueError) as error:
-        tell(f"rbfmu: shipped kernels do not load here ({error}); compiling them anew")
+        tell(f"rbfmu: no shipped kernels can be used here ({error}): Numba compiles them")
         return None
     _OWNERS.append(engine)
     pointer, result = ctypes.c_void_p, ctypes.c_int64
@@ -115,6 +119,38 @@ def _shipped_entries(folder: str) -> Entries | None:
 def _numba_entries(unit: str) -> Entries:
     module = importlib.import_module(f".{unit}", __package__)
     return Entries(module.initialize, module.step, module.outputs, True)
+
+
+class _Symbol(ctypes.Structure):
+    """What `dladdr` tells of an address."""
+
+    _fields_ = (
+        ("file", ctypes.c_char_p),
+        ("base", ctypes.c_void_p),
+        ("name", ctypes.c_char_p),
+        ("address", ctypes.c_void_p),
+    )
+
+
+def release_at_exit(logger: int) -> None:
+    """Save the end of a process from pythonfmu's library, which there, still loaded, releases its interpreter twice.
+
+    logger: address of a C++ object of it, whose first word points into it. Does nothing in a host without Python: there
+    the interpreter is the library's, and ends with it.
+    """
+    if sys.platform != "linux" or not sys.orig_argv:
+        return
+    symbol, table = _Symbol(), ctypes.c_void_p.from_address(logger)
+    if ctypes.CDLL(None).dladdr(table, ctypes.byref(symbol)):
+        if not _LIBRARIES:
+            atexit.register(_release)
+        _LIBRARIES.add(os.fsdecode(symbol.file))
+
+
+def _release() -> None:
+    for library in _LIBRARIES:
+        with contextlib.suppress(OSError):  # it has been unloaded, and released
+            ctypes.CDLL(library, os.RTLD_NOW | os.RTLD_NOLOAD).finalizePythonInterpreter()
 
 
 def tell(text: str) -> None:
