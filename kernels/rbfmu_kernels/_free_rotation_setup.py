@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 else:
     FreeRotation = tuple[(float,) * FREE_ROTATION_SIZE]
 
+_NO_LEVELS = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
 TUMBLING, STEADY, SEPARATRIX = 0.0, 1.0, 2.0
 _LEAST_KC = 1e-300
 _LAST_U = 600.0  # beyond it a body on the separatrix has come to rest at the middle axis, to 1e-260
@@ -38,18 +40,16 @@ _ONE_OVER_4PI: DoubleDouble = (0.07957747154594767, -4.919669168795622e-18)
 
 
 @kernel(inline=False)
-def steady_setup(moments: Vec3, q_0: Quaternion, omega: Vec3, unit: float) -> FreeRotation:
+def steady_setup(q_0: Quaternion, omega: Vec3, unit: float) -> FreeRotation:
     """A constant rate: about a principal axis, across a symmetric body's axis, about any axis of a sphere."""
     x, y, z = omega
     rate = dd_sqrt(dd_add(dd_add(two_product(x, x), two_product(y, y)), two_product(z, z)))
     inverse = 1.0 / rate[0] if rate[0] != 0.0 else 1.0
     turns = dd_multiply(rate, _ONE_OVER_4PI)
-    nan = 0.0 if min(min(moments[0], moments[1]), moments[2]) >= 0.0 else math.nan
     return (
-        STEADY, unit, turns[0] + nan, turns[1], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+        STEADY, unit, turns[0], turns[1], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
         inverse * x, inverse * y, inverse * z, unit * x, unit * y, unit * z, *q_0, 0.0, 1.0, 1.0, 1.0, 1.0,
-        1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0,
-        1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0,
+        *_NO_LEVELS, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0,
     )  # fmt: skip
 
 
@@ -59,8 +59,8 @@ def tumbling_setup(moments: Vec3, q_0: Quaternion, omega: Vec3, unit: float) -> 
     p, r, s, difference, up_difference = _axes(moments, omega)
     i_p, i_r, i_s = moments[p], moments[r], moments[s]
     symmetric = i_r == i_p
-    valid = i_p > 0.0 and i_r > 0.0 and (i_s > 0.0 or (i_s == 0.0 and symmetric))
-    i_p, i_r = (i_p if valid else 1.0), (i_r if valid else 1.0)
+    if not (i_p > 0.0 and i_r > 0.0 and (i_s > 0.0 or symmetric)):
+        i_p = i_r = i_s = unit = math.nan
     sign_p = -1.0 if omega[p] < 0.0 else 1.0
     sign_s = -1.0 if omega[s] < 0.0 else 1.0
     sign_r = sign_p * sign_s * (1.0 if (p + 1) % 3 == r else -1.0)
@@ -87,7 +87,8 @@ def tumbling_setup(moments: Vec3, q_0: Quaternion, omega: Vec3, unit: float) -> 
     a_s2 = dd_multiply(m_s, m_s)
     am_s, am_c = (m_r_up if m_r_up[0] >= 0.0 else dd_negate(m_r_up)), dd_multiply(root_kappa, m_p_up)
 
-    kind, first, a_s, rate_s, kc = TUMBLING, 1.0, m_s[0], w_s, 1.0
+    kind, first, a_s, rate_s = TUMBLING, 1.0, m_s[0], w_s
+    levels = _NO_LEVELS
     y, b, rho, root_rho = 0.0, 0.0, 1.0, 1.0
     agm: DoubleDouble = (1.0, 0.0)
     half_turn: DoubleDouble = (-0.25, 0.0)
@@ -108,7 +109,7 @@ def tumbling_setup(moments: Vec3, q_0: Quaternion, omega: Vec3, unit: float) -> 
         modulus = modulus if modulus[0] < 1.0 else (1.0, 0.0)
         if modulus[0] < _LEAST_KC:
             kind, modulus = SEPARATRIX, (_LEAST_KC, 0.0)
-        kc = modulus[0]
+        levels = scale_levels(modulus)
         dd_rho = dd_divide(a_p2, a_s2)
         one_rho = dd_divide(g2, a_s2)
         rho, root_rho = dd_rho[0], math.sqrt(one_rho[0])
@@ -117,7 +118,7 @@ def tumbling_setup(moments: Vec3, q_0: Quaternion, omega: Vec3, unit: float) -> 
         else:
             n, one_n, one_other, first = dd_rho, one_rho, one_kappa, 0.0
         dd_y = dd_multiply(n, dd_sqrt(dd_divide(one_other, one_n)))
-        y, b = dd_y[0], kc / math.sqrt(one_n[0])
+        y, b = dd_y[0], modulus[0] / math.sqrt(one_n[0])
         agm, total, x = climb_scale(modulus, n, am_s, am_c)
         # y pi / (2 AGM) (2 - sum) is T over a half turn.
         half_turn = dd_scale(0.125, dd_divide(dd_multiply(dd_y, dd_add_float(dd_negate(total), 2.0)), agm))
@@ -139,12 +140,11 @@ def tumbling_setup(moments: Vec3, q_0: Quaternion, omega: Vec3, unit: float) -> 
     back = (1.0 + mu_s, -inverse_g * m_r[0], inverse_g * i_p * w_p, 0.0)
     q = compose_quaternions((q_0[0], sign_p * q_0[p + 1], sign_r * q_0[r + 1], sign_s * q_0[s + 1]), back)
     a_r = sign * root_kappa[0] * a_p
-    nan = 0.0 if valid else math.nan
     return (
-        kind, unit, rate[0] + nan, rate[1], nu[0], nu[1], x[0], x[1], half_turn[0], half_turn[1],
+        kind, unit, rate[0], rate[1], nu[0], nu[1], x[0], x[1], half_turn[0], half_turn[1],
         _LAST_U * _ONE_OVER_PI[0] * agm[0], psi_0, inverse_g * a_p, inverse_g * a_r, inverse_g * a_s,
         unit * sign_p * a_p / i_p, unit * sign_r * a_r / i_r, unit * sign_s * rate_s,
-        *q, float(p), float(r), sign_p, sign_r, sign_s, *scale_levels(kc), *constants,
+        *q, float(p), float(r), sign_p, sign_r, sign_s, *levels, *constants,
     )  # fmt: skip
 
 
@@ -163,13 +163,17 @@ def _axes(moments: Vec3, omega: Vec3) -> tuple[int, int, int, DoubleDouble, floa
     a, b, c = moments
     lo = 0 if a <= b and a <= c else (1 if b <= c else 2)
     hi = 2 if c >= a and c >= b else (1 if b >= a else 0)
-    lo = 0 if lo == hi else lo
     r = 3 - lo - hi
     up = power_of_two_for(max(abs(omega[lo]), abs(omega[hi])))
     w_lo, w_hi = up * omega[lo], up * omega[hi]
-    upper = dd_multiply(dd_multiply_float(two_product(w_hi, w_hi), moments[hi]), _distance(moments[hi], moments[r]))
-    lower = dd_multiply(dd_multiply_float(two_product(w_lo, w_lo), moments[lo]), _distance(moments[r], moments[lo]))
+    above, below = _distance(moments[hi], moments[r]), _distance(moments[r], moments[lo])
+    upper = dd_multiply(dd_multiply_float(two_product(w_hi, w_hi), moments[hi]), above)
+    lower = dd_multiply(dd_multiply_float(two_product(w_lo, w_lo), moments[lo]), below)
     d = dd_subtract(upper, lower)
+    if abs(d[0]) < 1e-8 * upper[0]:  # the difference of the two is left with too few digits
+        sums = _add_exactly((0.0, 0.0, 0.0, 0.0), w_hi, moments[hi], above)
+        sums = _add_exactly(sums, w_lo, -moments[lo], below)
+        d = dd_add(two_sum(sums[0], sums[1]), (sums[2], sums[3]))
     p, s = lo, hi
     if d[0] < 0.0:
         p, s = hi, lo
@@ -177,3 +181,21 @@ def _axes(moments: Vec3, omega: Vec3) -> tuple[int, int, int, DoubleDouble, floa
     if moments[s] == moments[r]:
         p, s = s, p
     return (p, r, s, d, 1.0 / up)
+
+
+_Sums = tuple[float, float, float, float]
+
+
+@kernel(inline=False)
+def _add_exactly(sums: _Sums, w: float, moment: float, distance: DoubleDouble) -> _Sums:
+    """The running sum plus w^2 moment distance, to 212 bits (cascaded error-free sums of 16 exact products)."""
+    s_1, s_2, s_3, s_4 = sums
+    for part in distance:
+        for lever in two_product(moment, part):
+            for square in two_product(w, w):
+                for term in two_product(square, lever):
+                    s_1, e = two_sum(s_1, term)
+                    s_2, e = two_sum(s_2, e)
+                    s_3, e = two_sum(s_3, e)
+                    s_4 += e
+    return (s_1, s_2, s_3, s_4)

@@ -9,14 +9,14 @@ _STEPS = (2.0**512, 2.0**256, 2.0**128, 2.0**64)
 
 @kernel
 def power_of_two_for(x: float) -> float:
-    """A power of two with 2^-64 <= |power x| < 2^64; 1 for 0 and NaN."""
+    """A power of two with 2^-64 <= |power x| < 2^64 (2^-114 for the least subnormal numbers); 1 for 0 and NaN."""
     size, power = abs(x), 1.0
     for step in _STEPS:
         inverse = 1.0 / step
         if size >= step:
             size *= inverse
             power *= inverse
-        if 0.0 < size < inverse and power < 2.0**512:
+        if 0.0 < size < inverse:
             size *= step
             power *= step
     return power

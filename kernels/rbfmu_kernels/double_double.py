@@ -61,22 +61,20 @@ def dd_scale(power: float, a: DoubleDouble) -> DoubleDouble:
 
 @kernel
 def dd_add(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
-    """a + b.  Relative error <= 3 u^2, also where a and b cancel."""
+    """a + b.  Error <= 3 u^2 (|a| + |b|): relative only as far as they do not cancel."""
     s, e = two_sum(a[0], b[0])
-    t, f = two_sum(a[1], b[1])
-    s, e = quick_two_sum(s, e + t)
-    return quick_two_sum(s, e + f)
+    return quick_two_sum(s, e + (a[1] + b[1]))
 
 
 @kernel
 def dd_subtract(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
-    """a - b.  Relative error <= 3 u^2."""
+    """a - b.  Error <= 3 u^2 (|a| + |b|)."""
     return dd_add(a, dd_negate(b))
 
 
 @kernel
 def dd_add_float(a: DoubleDouble, b: float) -> DoubleDouble:
-    """a + b.  Relative error <= 2 u^2."""
+    """a + b.  Error <= 2 u^2 (|a| + |b|)."""
     s, e = two_sum(a[0], b)
     return quick_two_sum(s, e + a[1])
 

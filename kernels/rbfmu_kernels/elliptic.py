@@ -22,38 +22,44 @@ from .double_double import (
 )
 
 Levels = tuple[float, float, float, float, float, float, float, float, float, float, float, float, float, float]
-"""f = 2 g / (a + g) of each level of the scale, 1 where its modulus is 0: 14 are enough for kc >= 1e-300."""
+"""Of each level of the scale e = (a - g) / (a + g) where it is below 1/2, e - 1 = -2 g / (a + g) otherwise.
+
+14 are enough for kc >= 1e-300.
+"""
 
 
 @kernel(inline=False)
-def scale_levels(kc: float) -> Levels:
-    """The levels of kc.  Error <= 2 eps each."""
-    f5 = f6 = f7 = f8 = f9 = f10 = f11 = f12 = f13 = 1.0
-    f0, k = _level(kc)
-    f1, k = _level(k)
-    f2, k = _level(k)
-    f3, k = _level(k)
-    f4, k = _level(k)
-    if k < 1.0:
-        f5, k = _level(k)
-        f6, k = _level(k)
-        f7, k = _level(k)
-        f8, k = _level(k)
-    if k < 1.0:
-        f9, k = _level(k)
-        f10, k = _level(k)
-        f11, k = _level(k)
-        f12, k = _level(k)
-        f13, k = _level(k)
-    return (f0, f1, f2, f3, f4, f5, f6, f7, f8, f9, f10, f11, f12, f13)
+def scale_levels(kc: DoubleDouble) -> Levels:
+    """The levels of kc.  Relative error <= 3 eps each."""
+    k = kc[0]
+    e = dd_add_float(dd_scale(-1.0, kc), 1.0)[0] / (1.0 + k)
+    v5 = v6 = v7 = v8 = v9 = v10 = v11 = v12 = v13 = 0.0
+    v0, e, k = _level(e, k)
+    v1, e, k = _level(e, k)
+    v2, e, k = _level(e, k)
+    v3, e, k = _level(e, k)
+    v4, e, k = _level(e, k)
+    if e > 0.0:
+        v5, e, k = _level(e, k)
+        v6, e, k = _level(e, k)
+        v7, e, k = _level(e, k)
+        v8, e, k = _level(e, k)
+    if e > 0.0:
+        v9, e, k = _level(e, k)
+        v10, e, k = _level(e, k)
+        v11, e, k = _level(e, k)
+        v12, e, k = _level(e, k)
+        v13, e, k = _level(e, k)
+    return (v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12, v13)
 
 
 @kernel
-def _level(kc: float) -> tuple[float, float]:
-    """The level's f and the complementary modulus g' / a' of the one below."""
-    inverse = 2.0 / (1.0 + kc)
-    root = math.sqrt(kc) * inverse
-    return (kc * inverse, root if root < 1.0 else 1.0)
+def _level(e: float, kc: float) -> tuple[float, float, float]:
+    """The level's entry, then e (0 below 1e-17) and the complementary modulus g' / a' of the level below."""
+    below = 2.0 * math.sqrt(kc) / (1.0 + kc)
+    root = e / (1.0 + below)
+    entry = e if e < 0.5 else -2.0 * kc / (1.0 + kc)
+    return (entry, (root * root if root > 3e-9 else 0.0), below)
 
 
 @kernel
@@ -62,36 +68,51 @@ def jacobi_from_phase(sin_x: float, cos_x: float, levels: Levels) -> tuple[float
 
     |x| <= pi / 2.  Error <= 3 eps, in cn and dn relative.
     """
-    f0, f1, f2, f3, f4, f5, f6, f7, f8, f9, f10, f11, f12, f13 = levels
+    v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12, v13 = levels
     s, c, dn = sin_x, cos_x, 1.0
-    if f5 < 1.0:
-        if f9 < 1.0:
-            s, c, dn = _descend(s, c, dn, f13)
-            s, c, dn = _descend(s, c, dn, f12)
-            s, c, dn = _descend(s, c, dn, f11)
-            s, c, dn = _descend(s, c, dn, f10)
-            s, c, dn = _descend(s, c, dn, f9)
-        s, c, dn = _descend(s, c, dn, f8)
-        s, c, dn = _descend(s, c, dn, f7)
-        s, c, dn = _descend(s, c, dn, f6)
-        s, c, dn = _descend(s, c, dn, f5)
-    s, c, dn = _descend(s, c, dn, f4)
-    s, c, dn = _descend(s, c, dn, f3)
-    s, c, dn = _descend(s, c, dn, f2)
-    s, c, dn = _descend(s, c, dn, f1)
-    s, c, dn = _descend(s, c, dn, f0)
+    if v5 == 0.0:  # kc > 0.1: e < 1/2 below the first level
+        s, c, dn = _descend(s, c, dn, v4)
+        s, c, dn = _descend(s, c, dn, v3)
+        s, c, dn = _descend(s, c, dn, v2)
+        s, c, dn = _descend(s, c, dn, v1)
+        s, c, dn = _descend_any(s, c, dn, v0)
+    else:
+        if v9 != 0.0:
+            s, c, dn = _descend_any(s, c, dn, v13)
+            s, c, dn = _descend_any(s, c, dn, v12)
+            s, c, dn = _descend_any(s, c, dn, v11)
+            s, c, dn = _descend_any(s, c, dn, v10)
+            s, c, dn = _descend_any(s, c, dn, v9)
+        s, c, dn = _descend_any(s, c, dn, v8)
+        s, c, dn = _descend_any(s, c, dn, v7)
+        s, c, dn = _descend_any(s, c, dn, v6)
+        s, c, dn = _descend_any(s, c, dn, v5)
+        s, c, dn = _descend_any(s, c, dn, v4)
+        s, c, dn = _descend_any(s, c, dn, v3)
+        s, c, dn = _descend_any(s, c, dn, v2)
+        s, c, dn = _descend_any(s, c, dn, v1)
+        s, c, dn = _descend_any(s, c, dn, v0)
     scale = 1.0 / math.sqrt(s * s + c * c)
     return (scale * s, scale * c, dn)
 
 
 @kernel
-def _descend(s: float, c: float, dn: float, f: float) -> tuple[float, float, float]:
-    """From tan am = s / c and dn of one level to those of the level above, whose modulus is larger.
+def _descend(s: float, c: float, dn: float, e: float) -> tuple[float, float, float]:
+    """From tan am = s / c and dn of one level to those of the level above, whose modulus is larger, e not close to 1.
 
-    tan am = (2 - f) s / (c dn); dn = (c^2 + f s^2) / (c^2 + (2 - f) s^2) with s, c of the lower level (DLMF 22.7.2-4).
+    tan am = (1 + e) s / (c dn); dn = 1 - 2 e s^2 / (c^2 + (1 + e) s^2) with s, c of the lower level (DLMF 22.7.2-4).
     """
-    c2, s2, inverse = c * c, s * s, 2.0 - f
-    return (s * inverse, c * dn, (c2 + f * s2) / (c2 + inverse * s2))
+    s2 = s * s
+    return (s + e * s, c * dn, 1.0 - 2.0 * e * s2 / (c * c + (s2 + e * s2)))
+
+
+@kernel
+def _descend_any(s: float, c: float, dn: float, v: float) -> tuple[float, float, float]:
+    """The same for any e: where it is close to 1, dn has no digits to lose."""
+    if v >= 0.0:
+        return _descend(s, c, dn, v)
+    c2, s2 = c * c, s * s
+    return (s * (2.0 + v), c * dn, (c2 - v * s2) / (c2 + (2.0 + v) * s2))
 
 
 @kernel(inline=False)
@@ -119,7 +140,7 @@ def climb_scale(
         c = dd_subtract(dd_multiply(a, dd_multiply(c, c)), dd_multiply(g, dd_multiply(s, s)))
         s = sc
         size = abs(s[0]) + abs(c[0])
-        if size < 1e-10:
+        if not 1e-10 < size < 1e10:  # squared at each level
             power = power_of_two_for(size)
             s, c = dd_scale(power, s), dd_scale(power, c)
         halves *= 0.5

@@ -36,21 +36,23 @@ def free_rotation_setup(moments: Vec3, q_0: Quaternion, omega_b_0: Vec3) -> Free
     """
     i_1, i_2, i_3 = moments
     w_1, w_2, w_3 = omega_b_0
-    scale = power_of_two_for(max(max(abs(i_1), abs(i_2)), abs(i_3)))
+    valid = 0.0 <= i_1 < math.inf and 0.0 <= i_2 < math.inf and 0.0 <= i_3 < math.inf
+    scale = power_of_two_for(max(max(i_1, i_2), i_3))
     i_1, i_2, i_3 = scale * i_1, scale * i_2, scale * i_3
     scale = power_of_two_for(max(max(abs(q_0[0]), abs(q_0[1])), max(abs(q_0[2]), abs(q_0[3]))))
     q = (scale * q_0[0], scale * q_0[1], scale * q_0[2], scale * q_0[3])
     scale = power_of_two_for(max(max(abs(w_1), abs(w_2)), abs(w_3)))
     w_1, w_2, w_3 = scale * w_1, scale * w_2, scale * w_3
-    no_1 = i_2 == i_3 or w_2 == 0.0 or w_3 == 0.0
-    no_2 = i_3 == i_1 or w_3 == 0.0 or w_1 == 0.0
-    no_3 = i_1 == i_2 or w_1 == 0.0 or w_2 == 0.0
-    if no_1 and no_2 and no_3:
-        return steady_setup((i_1, i_2, i_3), q, (w_1, w_2, w_3), 1.0 / scale)
-    return tumbling_setup((i_1, i_2, i_3), q, (w_1, w_2, w_3), 1.0 / scale)
+    unit = 1.0 / scale if valid else math.nan
+    steady_1 = i_2 == i_3 or w_2 == 0.0 or w_3 == 0.0
+    steady_2 = i_3 == i_1 or w_3 == 0.0 or w_1 == 0.0
+    steady_3 = i_1 == i_2 or w_1 == 0.0 or w_2 == 0.0
+    if steady_1 and steady_2 and steady_3:
+        return steady_setup(q, (w_1, w_2, w_3), unit)
+    return tumbling_setup((i_1, i_2, i_3), q, (w_1, w_2, w_3), unit)
 
 
-@kernel
+@kernel(inline=False)
 def free_rotation_at(setup: FreeRotation, t: float) -> tuple[Quaternion, Vec3]:
     """(q_ab, omega_ab_b) at time t after the state of `setup`, continuous in t, q of unit length.
 
@@ -71,16 +73,15 @@ def free_rotation_at(setup: FreeRotation, t: float) -> tuple[Quaternion, Vec3]:
         # The phase x / pi of the polhode = half turns done + a rest in [-1/2, 1/2].
         high, low = two_product(nu_1, t)
         low += nu_2 * t
+        done, more = 0.0, 0.0
         if kind == SEPARATRIX:
-            high, low = quick_two_sum(high, low)
-            high, low = two_sum(max(-clip, min(clip, high + x_1)), 0.0)
-            done, more = 0.0, 0.0
+            high, low = dd_add((high, low), (x_1, x_2))
+            high = clip if high > clip else (-clip if high < -clip else high)
         else:
             done = round_to_integer(high)
-            high, low = two_sum(high - done, low)
-            more = round_to_integer(high + x_1)
-            high, more_low = two_sum(high - more, x_1)
-            low += more_low + x_2
+            high, low = dd_add(two_sum(high - done, low), (x_1, x_2))
+            more = round_to_integer(high)
+            high -= more
         sin_x, cos_x = _sincos_half_turns(high, low)
         if cos_x < 0.0:
             more += math.copysign(1.0, sin_x)
@@ -96,7 +97,8 @@ def free_rotation_at(setup: FreeRotation, t: float) -> tuple[Quaternion, Vec3]:
         z = 1.0 + mu_s
         turned = (c * z, c * mu_r + s * mu_p, s * mu_r - c * mu_p, s * z)
     e, x_p, x_r, x_s = compose_quaternions(q_0, turned)
-    inverse = 1.0 / math.sqrt(e * e + x_p * x_p + x_r * x_r + x_s * x_s)
+    length = math.sqrt(e * e + x_p * x_p + x_r * x_r + x_s * x_s)
+    inverse = 1.0 / (length if length != 0.0 else math.nan)
     x_p, x_r, x_s = inverse * sign_p * x_p, inverse * sign_r * x_r, inverse * sign_s * x_s
     first_p, first_r = axis_p == 0.0, axis_r == 0.0
     second_p, second_r = axis_p == 1.0, axis_r == 1.0
