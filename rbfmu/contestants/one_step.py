@@ -1,16 +1,4 @@
-"""One-step methods that people use elsewhere: contestants in charts and stability tests, no part of the product.
-
-Each integrates the same right-hand sides over the same `State`, `Body`, `Loads` tuples as `rbfmu_kernels.steppers`,
-but may hold the attitude in another form. `Contestant.start` takes a state to that form, `steps` advances it as long
-as you like (so that drift adds up as it does for users), `state_of` takes it back with a quaternion of unit length.
-"""
-
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
-
-from numba import njit
+"""The contestants' steps, `step(y, h, body, loads) -> y`, and the forms in which they hold the attitude."""
 
 from rbfmu_kernels._kernel import kernel
 from rbfmu_kernels.dynamics import Body, Loads, State, angular_acceleration, linear_acceleration, state_rates
@@ -32,7 +20,7 @@ from rbfmu_kernels.rotation import (
 )
 from rbfmu_kernels.rotvec import quaternion_from_rotvec
 from rbfmu_kernels.shapes import Matrix, Quaternion, Vec3
-from rbfmu_kernels.steppers import advance, rk4_step, unit_attitude
+from rbfmu_kernels.steppers import advance, unit_attitude
 from rbfmu_kernels.vec3 import add, add_scaled, cross, scale, subtract
 
 MatrixState = tuple[Vec3, Vec3, Matrix, Vec3]
@@ -229,76 +217,36 @@ def cf4_step(state: State, h: float, body: Body, loads: Loads) -> State:
 
 
 @kernel
-def _as_it_is(state: State) -> State:
+def as_it_is(state: State) -> State:
+    """The state itself."""
     return state
 
 
 @kernel(inline=False)
-def _with_unit_quaternion(state: State) -> State:
+def with_unit_quaternion(state: State) -> State:
+    """The state, its quaternion scaled to length 1."""
     return state[0], state[1], normalize(state[2]), state[3]
 
 
 @kernel(inline=False)
-def _with_matrix(state: State) -> MatrixState:
+def with_matrix(state: State) -> MatrixState:
+    """The state with R_ab for q_ab."""
     return state[0], state[1], matrix_from_quaternion(state[2]), state[3]
 
 
 @kernel(inline=False)
-def _from_matrix(state: MatrixState) -> State:
+def from_matrix(state: MatrixState) -> State:
+    """The state with the unit quaternion nearest to R_ab."""
     return state[0], state[1], quaternion_from_matrix(state[2]), state[3]
 
 
 @kernel(inline=False)
-def _with_angles(state: State) -> VectorState:
+def with_angles(state: State) -> VectorState:
+    """The state with (yaw, pitch, roll) for q_ab."""
     return state[0], state[1], euler_from_quaternion(ZYX, state[2]), state[3]
 
 
 @kernel(inline=False)
-def _from_angles(state: VectorState) -> State:
+def from_angles(state: VectorState) -> State:
+    """The state with q_ab for (yaw, pitch, roll)."""
     return state[0], state[1], quaternion_from_euler(ZYX, state[2]), state[3]
-
-
-@dataclass(frozen=True)
-class Contestant:
-    """A one-step method: `step(y, h, body, loads) -> y`, its order and right-hand sides a step (0: see `midpoint`)."""
-
-    name: str
-    step: Callable[[Any, float, Body, Loads], Any]
-    order: int
-    evaluations: int
-    start: Callable[[State], Any] = _as_it_is
-    state_of: Callable[[Any], State] = _with_unit_quaternion
-
-    @cached_property
-    def steps(self) -> Callable[[Any, float, int, Body, Loads], Any]:
-        """`steps(y, h, n, body, loads)`: n steps of h in one compiled loop; all numbers but n floats."""
-        step = self.step
-
-        @njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
-        def loop(y: Any, h: float, n: int, body: Body, loads: Loads) -> Any:
-            for _ in range(n):
-                y = step(y, h, body, loads)
-            return y
-
-        return loop  # type: ignore[no-any-return]
-
-    def run(self, state: State, h: float, n: int, body: Body, loads: Loads) -> State:
-        """The state after n steps of h."""
-        return self.state_of(self.steps(self.start(state), h, n, body, loads))
-
-
-CONTESTANTS = {
-    contestant.name: contestant
-    for contestant in (
-        Contestant("explicit Euler", explicit_euler_step, 1, 1),
-        Contestant("semi-implicit Euler", semi_implicit_euler_step, 1, 1),
-        Contestant("implicit midpoint", implicit_midpoint_step, 2, 0),
-        Contestant("RK4, quaternion", rk4_step, 4, 4),
-        Contestant("RK4, quaternion not normalised", rk4_not_normalised_step, 4, 4),
-        Contestant("RK4, matrix", rk4_matrix_step, 4, 4, _with_matrix, _from_matrix),
-        Contestant("RK4, Euler angles", rk4_angles_step, 4, 4, _with_angles, _from_angles),
-        Contestant("RKMK4", rkmk4_step, 4, 4),
-        Contestant("CF4", cf4_step, 4, 4),
-    )
-}
-"""By name, in order of `order`."""
