@@ -24,7 +24,7 @@ from .elliptic import angle_in_half_turns, climb_scale, scale_levels
 from .quaternion import compose_quaternions
 from .shapes import Quaternion, Vec3
 
-FREE_ROTATION_SIZE = 48
+FREE_ROTATION_SIZE = 53
 if TYPE_CHECKING:
     FreeRotation = tuple[float, ...]
 else:
@@ -50,6 +50,7 @@ def steady_setup(q_0: Quaternion, omega: Vec3, unit: float) -> FreeRotation:
         STEADY, unit, turns[0], turns[1], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
         inverse * x, inverse * y, inverse * z, unit * x, unit * y, unit * z, *q_0, 0.0, 1.0, 1.0, 1.0, 1.0,
         *_NO_LEVELS, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0,
+        0.0, 0.0, 0.0, 1.0, 0.0,
     )  # fmt: skip
 
 
@@ -80,14 +81,16 @@ def tumbling_setup(moments: Vec3, q_0: Quaternion, omega: Vec3, unit: float) -> 
     root_kappa = dd_sqrt(one_kappa)
     m_r2 = dd_divide(dd_multiply(m_r_up, m_r_up), one_kappa)
     a_p2 = dd_add(dd_multiply(m_p_up, m_p_up), m_r2)
-    a_p_up = math.sqrt(a_p2[0])
-    sn, cn, dn = sign * m_r_up[0] / (root_kappa[0] * a_p_up), m_p_up[0] / a_p_up, 1.0
+    a_p_up = dd_sqrt(a_p2)
+    sn, cn, dn = sign * m_r_up[0] / (root_kappa[0] * a_p_up[0]), m_p_up[0] / a_p_up[0], 1.0
     down = 1.0 / up
-    a_p, a_p2 = down * a_p_up, dd_scale(down, dd_scale(down, a_p2))
+    a_p, a_p2 = dd_scale(down, a_p_up), dd_scale(down, dd_scale(down, a_p2))
     a_s2 = dd_multiply(m_s, m_s)
     am_s, am_c = (m_r_up if m_r_up[0] >= 0.0 else dd_negate(m_r_up)), dd_multiply(root_kappa, m_p_up)
 
-    kind, first, a_s, rate_s = TUMBLING, 1.0, m_s[0], w_s
+    kind, first, a_s = TUMBLING, 1.0, m_s
+    rate_s: DoubleDouble = (w_s, 0.0)
+    kc2: DoubleDouble = (1.0, 0.0)
     levels = _NO_LEVELS
     y, b, rho, root_rho = 0.0, 0.0, 1.0, 1.0
     agm: DoubleDouble = (1.0, 0.0)
@@ -100,13 +103,14 @@ def tumbling_setup(moments: Vec3, q_0: Quaternion, omega: Vec3, unit: float) -> 
         a_s2 = dd_add(a_s2, dd_multiply(kappa, dd_scale(down, dd_scale(down, m_r2))))
         g2 = dd_add(a_p2, a_s2)
         g = dd_sqrt(g2)
-        a_s = math.sqrt(a_s2[0])
-        rate_s, dn = a_s / i_s, m_s[0] / a_s
-        s_r_a_s2 = dd_multiply(s_r, a_s2)
-        lam = dd_sqrt(dd_divide(dd_multiply(s_r_a_s2, s_p), two_product(i_p, i_r)))
-        lam = dd_divide(lam, (i_s, 0.0))
-        modulus = dd_scale(up_difference, dd_sqrt(dd_divide(dd_multiply_float(difference, i_s), s_r_a_s2)))
-        modulus = modulus if modulus[0] < 1.0 else (1.0, 0.0)
+        a_s = dd_sqrt(a_s2)
+        rate_s, dn = dd_divide(a_s, (i_s, 0.0)), m_s[0] / a_s[0]
+        lam = dd_multiply(rate_s, dd_sqrt(dd_divide(dd_multiply(s_r, s_p), two_product(i_p, i_r))))
+        kc2 = dd_divide(dd_multiply_float(difference, i_s), dd_multiply(s_r, a_s2))
+        modulus = dd_scale(up_difference, dd_sqrt(kc2))
+        kc2 = dd_scale(up_difference, dd_scale(up_difference, kc2))
+        if not modulus[0] < 1.0:
+            modulus, kc2 = (1.0, 0.0), (1.0, 0.0)
         if modulus[0] < _LEAST_KC:
             kind, modulus = SEPARATRIX, (_LEAST_KC, 0.0)
         levels = scale_levels(modulus)
@@ -139,12 +143,15 @@ def tumbling_setup(moments: Vec3, q_0: Quaternion, omega: Vec3, unit: float) -> 
     mu_s = inverse_g * m_s[0]
     back = (1.0 + mu_s, -inverse_g * m_r[0], inverse_g * i_p * w_p, 0.0)
     q = compose_quaternions((q_0[0], sign_p * q_0[p + 1], sign_r * q_0[r + 1], sign_s * q_0[s + 1]), back)
-    a_r = sign * root_kappa[0] * a_p
+    rate_p = dd_divide(dd_scale(unit * sign_p, a_p), (i_p, 0.0))
+    a_r = dd_scale(sign, dd_multiply(root_kappa, a_p))
+    rate_r = dd_divide(dd_scale(unit * sign_r, a_r), (i_r, 0.0))
+    rate_s = dd_scale(unit * sign_s, rate_s)
     return (
         kind, unit, rate[0], rate[1], nu[0], nu[1], x[0], x[1], half_turn[0], half_turn[1],
-        _LAST_U * _ONE_OVER_PI[0] * agm[0], psi_0, inverse_g * a_p, inverse_g * a_r, inverse_g * a_s,
-        unit * sign_p * a_p / i_p, unit * sign_r * a_r / i_r, unit * sign_s * rate_s,
-        *q, float(p), float(r), sign_p, sign_r, sign_s, *levels, *constants,
+        _LAST_U * _ONE_OVER_PI[0] * agm[0], psi_0, inverse_g * a_p[0], inverse_g * a_r[0], inverse_g * a_s[0],
+        rate_p[0], rate_r[0], rate_s[0], *q, float(p), float(r), sign_p, sign_r, sign_s, *levels, *constants,
+        rate_p[1], rate_r[1], rate_s[1], kc2[0], kc2[1],
     )  # fmt: skip
 
 

@@ -19,6 +19,8 @@ from .double_double import (
     dd_scale,
     dd_sqrt,
     dd_subtract,
+    two_product,
+    two_sum,
 )
 
 Levels = tuple[float, float, float, float, float, float, float, float, float, float, float, float, float, float]
@@ -113,6 +115,20 @@ def _descend_any(s: float, c: float, dn: float, v: float) -> tuple[float, float,
         return _descend(s, c, dn, v)
     c2, s2 = c * c, s * s
     return (s * (2.0 + v), c * dn, (c2 - v * s2) / (c2 + (2.0 + v) * s2))
+
+
+@kernel
+def jacobi_low_parts(sn: float, cn: float, dn: float, kc2: DoubleDouble) -> tuple[float, float, float]:
+    """What to add to sn, cn, dn, each off by some eps, so that sn^2 + cn^2 = 1 and dn^2 = cn^2 + kc^2 sn^2 to 1e-30."""
+    s_1, s_2 = two_product(sn, sn)
+    c_1, c_2 = two_product(cn, cn)
+    d_1, d_2 = two_product(dn, dn)
+    k_1, k_2 = two_product(kc2[0], s_1)
+    one, one_2 = two_sum(s_1, c_1)
+    short = 0.5 * ((1.0 - one) - (one_2 + (s_2 + c_2)))
+    total, total_2 = two_sum(c_1, k_1)
+    rest = (total - d_1) + ((total_2 - d_2) + (c_2 + (k_2 + (kc2[0] * s_2 + kc2[1] * s_1))))
+    return (short * sn, short * cn, short * dn + 0.5 * rest / dn)
 
 
 @kernel(inline=False)

@@ -19,11 +19,14 @@ from ._free_rotation_setup import SEPARATRIX, STEADY, FreeRotation, steady_setup
 from ._kernel import kernel
 from ._precession import precession
 from ._scaling import power_of_two_for, round_to_integer
-from .double_double import PI, DoubleDouble, dd_add, dd_multiply_float, quick_two_sum, two_product, two_sum
+from .double_double import PI, DoubleDouble, dd_add, two_product, two_sum
 from .elementary import sincos
-from .elliptic import jacobi_from_phase
+from .elliptic import jacobi_from_phase, jacobi_low_parts
 from .quaternion import compose_quaternions
 from .shapes import Quaternion, Vec3
+
+
+_LAST_TURN = 1e28
 
 
 @kernel(inline=False)
@@ -64,6 +67,7 @@ def free_rotation_at(setup: FreeRotation, t: float) -> tuple[Quaternion, Vec3]:
     q_0 = setup[18:22]
     axis_p, axis_r, sign_p, sign_r, sign_s = setup[22:27]
     t *= unit
+    t = t if abs(rate_1 * t) < _LAST_TURN else math.nan
     # psi / (4 pi), whole turns dropped as they arise
     psi = _without_turns(rate_1, rate_2, t)
     if kind == STEADY:
@@ -87,12 +91,15 @@ def free_rotation_at(setup: FreeRotation, t: float) -> tuple[Quaternion, Vec3]:
             more += math.copysign(1.0, sin_x)
             sin_x, cos_x = -sin_x, -cos_x
         sn, cn, dn = jacobi_from_phase(sin_x, cos_x, setup[27:41])
-        psi = dd_add(psi, dd_add(_without_turns(turn_1, turn_2, done), dd_multiply_float((turn_1, turn_2), more)))
+        psi = dd_add(psi, dd_add(_without_turns(turn_1, turn_2, done), _without_turns(turn_1, turn_2, more)))
         s, c = _sincos_half_turns_plus(psi, 0.5 * (precession(sn, cn, dn, setup[41:48]) - psi_0))
-        parity = 0.5 * (done + more)
-        flip = -1.0 if round_to_integer(parity) != parity else 1.0
-        sn, cn = flip * sn, flip * cn
-        mu_p, mu_r, mu_s, w_p, w_r, w_s = mu_p * cn, mu_r * sn, mu_s * dn, w_p * cn, w_r * sn, w_s * dn
+        flip = 1.0 if _is_even(done) == _is_even(more) else -1.0
+        w_p2, w_r2, w_s2, kc2_1, kc2_2 = setup[48:53]
+        sn_2, cn_2, dn_2 = jacobi_low_parts(sn, cn, dn, (kc2_1, kc2_2))
+        w_p = flip * (w_p * cn + (w_p * cn_2 + w_p2 * cn))
+        w_r = flip * (w_r * sn + (w_r * sn_2 + w_r2 * sn))
+        w_s = w_s * dn + (w_s * dn_2 + w_s2 * dn)
+        mu_p, mu_r, mu_s = flip * mu_p * cn, flip * mu_r * sn, mu_s * dn
         # Z P with P = (1 + mu_s, mu_r, -mu_p, 0) / sqrt(2 (1 + mu_s)); the length is made 1 at the end.
         z = 1.0 + mu_s
         turned = (c * z, c * mu_r + s * mu_p, s * mu_r - c * mu_p, s * z)
@@ -126,6 +133,12 @@ def free_rotation(moments: Vec3, q_0: Quaternion, omega_b_0: Vec3, t: float) -> 
     Error and singularities: see `free_rotation_at`, `free_rotation_setup`, which serve many t of one body.
     """
     return free_rotation_at(free_rotation_setup(moments, q_0, omega_b_0), t)
+
+
+@kernel
+def _is_even(n: float) -> bool:
+    half = 0.5 * n
+    return round_to_integer(half) == half
 
 
 @kernel
