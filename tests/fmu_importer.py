@@ -1,0 +1,182 @@
+"""A small FMI 2.0 importer on ctypes: raw statuses, log messages with their categories.
+
+Needs the standard library only: cases that may crash run it in a process of their own (see fmu_cases.py).
+"""
+
+import ctypes as c
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+OK, WARNING, DISCARD, ERROR, FATAL = range(5)
+LAST_SUCCESSFUL_TIME, TERMINATED = 2, 3
+
+_LOGGER = c.CFUNCTYPE(None, c.c_void_p, c.c_char_p, c.c_int, c.c_char_p, c.c_char_p)
+
+
+class _Callbacks(c.Structure):
+    _fields_ = [
+        ("logger", _LOGGER),
+        ("allocate", c.c_void_p),
+        ("free", c.c_void_p),
+        ("finished", c.c_void_p),
+        ("environment", c.c_void_p),
+    ]
+
+
+class Fmu:
+    """An unzipped FMU: its library, and the value references of its variables by causality and name."""
+
+    def __init__(self, folder):
+        self.folder = Path(folder)
+        root = ElementTree.parse(self.folder / "modelDescription.xml").getroot()
+        self.guid = root.get("guid")
+        identifier = root.find("CoSimulation").get("modelIdentifier")
+        self.lib = c.CDLL(str(self.folder / "binaries" / "linux64" / f"{identifier}.so"))
+        self.lib.fmi2Instantiate.restype = c.c_void_p
+        self.references, self.by_causality = {}, {"parameter": [], "input": [], "output": []}
+        for variable in root.find("ModelVariables"):
+            name, reference = variable.get("name"), int(variable.get("valueReference"))
+            self.references[name] = reference
+            if variable.find("Real") is not None:
+                self.by_causality[variable.get("causality")].append(name)
+
+    def instance(self, name="it"):
+        return Instance(self, name)
+
+    def started(self, values=(), name="it"):
+        """An instance ready to step."""
+        instance = self.instance(name)
+        instance.start(values)
+        return instance
+
+
+class Instance:
+    """Calls return the FMI status unless they say what else; `log` collects (status, category, message)."""
+
+    def __init__(self, fmu, name):
+        self.fmu, self.lib, self.log = fmu, fmu.lib, []
+        self._logger = _LOGGER(lambda environment, who, *message: self.log.append(message))
+        self._callbacks = _Callbacks(self._logger, None, None, None, None)
+        uri = (fmu.folder / "resources").as_uri()
+        self.component = c.c_void_p(
+            self.lib.fmi2Instantiate(name.encode(), 1, fmu.guid.encode(), uri.encode(), c.byref(self._callbacks), 0, 1)
+        )
+
+    def setup(self, start=0.0):
+        return self.lib.fmi2SetupExperiment(self.component, 0, c.c_double(0.0), c.c_double(start), 0, c.c_double(0.0))
+
+    def enter(self):
+        return self.lib.fmi2EnterInitializationMode(self.component)
+
+    def exit(self):
+        return self.lib.fmi2ExitInitializationMode(self.component)
+
+    def start(self, values=()):
+        assert self.component.value
+        assert self.setup() == OK
+        assert self.enter() == OK
+        assert not values or self.set(values) == OK
+        assert self.exit() == OK, self.log
+
+    def terminate(self):
+        return self.lib.fmi2Terminate(self.component)
+
+    def reset(self):
+        return self.lib.fmi2Reset(self.component)
+
+    def free(self):
+        self.lib.fmi2FreeInstance(self.component)
+
+    def step(self, time, size):
+        return self.lib.fmi2DoStep(self.component, c.c_double(time), c.c_double(size), 1)
+
+    def steps(self, count, size=0.01, first=0):
+        """Outputs after each of some steps, which must all be fine."""
+        rows = []
+        for k in range(first, first + count):
+            assert self.step(k * size, size) == OK
+            rows.append(self.outputs())
+        return rows
+
+    def set(self, values):
+        """Reals by name, in one call."""
+        return self.set_references([self.fmu.references[name] for name in values], list(values.values()))
+
+    def set_references(self, references, values):
+        n = len(references)
+        which, what = (c.c_uint * n)(*references), (c.c_double * n)(*values)
+        return self.lib.fmi2SetReal(self.component, which, c.c_size_t(n), what)
+
+    def get(self, *names):
+        """Values of Reals by name."""
+        status, values = self.get_references([self.fmu.references[name] for name in names])
+        assert status == OK, self.log
+        return values
+
+    def get_references(self, references):
+        """(status, values)."""
+        n, values = len(references), (c.c_double * len(references))()
+        status = self.lib.fmi2GetReal(self.component, (c.c_uint * n)(*references), c.c_size_t(n), values)
+        return status, list(values)
+
+    def outputs(self):
+        return self.get(*self.fmu.by_causality["output"])
+
+    def status(self):
+        """The Integer output `status`."""
+        code, value = self.get_integer(self.fmu.references["status"])
+        assert code == OK
+        return value
+
+    def get_integer(self, reference):
+        """(status, value)."""
+        value = c.c_int(-1)
+        status = self.lib.fmi2GetInteger(self.component, (c.c_uint * 1)(reference), c.c_size_t(1), c.byref(value))
+        return status, value.value
+
+    def last_time(self):
+        """fmi2LastSuccessfulTime."""
+        value = c.c_double()
+        assert self.lib.fmi2GetRealStatus(self.component, LAST_SUCCESSFUL_TIME, c.byref(value)) == OK
+        return value.value
+
+    def terminated(self):
+        """fmi2Terminated."""
+        value = c.c_int()
+        assert self.lib.fmi2GetBooleanStatus(self.component, TERMINATED, c.byref(value)) == OK
+        return bool(value.value)
+
+    def state(self):
+        """An FMU state."""
+        state = c.c_void_p()
+        assert self.lib.fmi2GetFMUstate(self.component, c.byref(state)) == OK
+        return state
+
+    def restore(self, state):
+        return self.lib.fmi2SetFMUstate(self.component, state)
+
+    def free_state(self, state):
+        return self.lib.fmi2FreeFMUstate(self.component, c.byref(state))
+
+    def serialized(self, state):
+        """The state's bytes."""
+        size = c.c_size_t()
+        assert self.lib.fmi2SerializedFMUstateSize(self.component, state, c.byref(size)) == OK
+        content = c.create_string_buffer(size.value)
+        assert self.lib.fmi2SerializeFMUstate(self.component, state, content, size) == OK
+        return content.raw
+
+    def deserialized(self, content):
+        """(status, state)."""
+        state = c.c_void_p()
+        size = c.c_size_t(len(content))
+        status = self.lib.fmi2DeSerializeFMUstate(self.component, content, size, c.byref(state))
+        return status, state
+
+
+def without(*modules):
+    """Make modules impossible to import in this process."""
+    for name in modules:
+        assert name not in sys.modules
+        sys.modules[name] = None

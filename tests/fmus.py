@@ -1,0 +1,156 @@
+"""FMUs of a few scenes, built and unzipped once per session; their kernels by hand; cases in processes of their own."""
+
+import atexit
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import zipfile
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from fmu_importer import Fmu
+
+import rbfmu_fmu
+from rbfmu.planning import plan
+from rbfmu.scene import Scene, load_scene
+from rbfmu.unit import filled_buffer, initialize
+from rbfmu_fmu.description import describe
+
+TESTS = Path(__file__).parent
+ROOT = TESTS.parent
+BRICK = ROOT / "examples" / "scenes" / "tumbling_brick.toml"
+TRIAXIAL = [[1.0, 0.1, -0.05], [0.1, 2.0, 0.2], [-0.05, 0.2, 2.5]]
+ALL_PORTS = ["force_a", "force_b", "torque_a", "torque_b"]
+RUN = {"stop": 100.0, "step": 0.01, "accuracy": 1e-3}
+TABLES = {
+    # a torque-driven triaxial body with forces at an offset point
+    "driven": {
+        "body": {"mass": 2.0, "inertia": TRIAXIAL, "r_oc_b": [0.3, -0.2, 0.1]},
+        "initial": {
+            "position": [1.0, 2.0, 3.0],
+            "velocity": [0.1, 0.2, 0.3],
+            "attitude": {"euler": "ZYX", "angles_deg": [10, 20, 30]},
+            "omega_b": [0.1, 0.2, 0.3],
+        },
+        "loads": {"gravity_a": [0.0, 0.0, -9.81], "torque_b": [0.0, 0.01, 0.0], "damping_b": [0.02, 0.01, 0.03]},
+        "inputs": {"ports": ALL_PORTS},
+        "run": RUN,
+    },
+    "two_ports": {
+        "body": {"mass": 2.0, "inertia": TRIAXIAL},
+        "inputs": {"ports": ["torque_b", "force_a"]},
+        "run": RUN,
+    },
+    "prescribed": {"inputs": {"ports": ["omega_b"]}, "run": RUN},
+    "pendulum": {
+        "body": {"mass": 2.0, "inertia": [1.0, 1.2, 1.4], "r_oc_b": [0.1, 0.0, -0.5], "pivot": True},
+        "loads": {"damping_b": [0.5, 0.5, 0.5]},
+        "inputs": {"ports": ["torque_a"]},
+        "run": RUN,
+    },
+    "default": {"body": {"mass": 2.0, "inertia": [1.0, 2.0, 2.5]}},
+    # start values that .16g loses, a name that is a word of Python's
+    "class": {
+        "name": "class",
+        "body": {"mass": 0.1 + 0.2, "inertia": [1 / 3, 2 / 3, 0.7 + 0.1], "r_oc_b": [0.1 * 3, 5e-324, -1.7e-308]},
+        "initial": {"position": [0.1 + 0.7, 123456789.12345679, -1e22], "omega_b": [1e-17, 2 / 3, 4.35]},
+        "inputs": {"parameters": ["force_a"]},
+        "run": {"start": 0.1 + 0.2, "stop": 1.1, "step": 0.1, "accuracy": 1e-3},
+    },
+}
+
+
+@cache
+def workshop():
+    """A folder for the session."""
+    folder = Path(tempfile.mkdtemp(prefix="rbfmu-tests-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
+
+
+@cache
+def scene(name):
+    return load_scene(BRICK) if name == "brick" else Scene.from_dict({"name": name} | TABLES[name])
+
+
+@cache
+def planned(name):
+    return plan(scene(name))
+
+
+@cache
+def built(name):
+    """The FMU's file."""
+    return rbfmu_fmu.build(scene(name), workshop() / f"{name}.fmu")
+
+
+def unzipped_at(path, folder):
+    with zipfile.ZipFile(path) as archive:
+        archive.extractall(folder)
+    return folder
+
+
+@cache
+def unzipped(name):
+    """The FMU's folder."""
+    return unzipped_at(built(name), workshop() / name)
+
+
+def copied(name, folder):
+    """A copy of the FMU's folder, to spoil."""
+    return Path(shutil.copytree(unzipped(name), folder))
+
+
+@cache
+def opened(name):
+    """The FMU's library in this process."""
+    return Fmu(unzipped(name))
+
+
+class Kernels:
+    """The unit's kernels on a buffer, by the FMU's variable names."""
+
+    def __init__(self, name, values=()):
+        self.unit, self.z = planned(name).unit, filled_buffer(scene(name), planned(name))
+        variables = describe(scene(name), planned(name)).variables
+        self.places = {v.name: v.offset for v in variables}
+        self.wanted = [v.offset for v in variables if v.causality == "output"]
+        self.set(dict(values))
+        initialize(scene(name), self.unit, self.z)
+
+    def set(self, values):
+        for name, value in values.items():
+            self.z[self.places[name]] = value
+
+    def step(self, size):
+        assert self.unit.step(self.z, size) == 0
+
+    def outputs(self):
+        self.unit.outputs(self.z)
+        return self.z[self.wanted].tolist()
+
+
+def signal(name, steps, seed=1, held=10):
+    """Piecewise-constant inputs: a dict for every step."""
+    names = opened(name).by_causality["input"]
+    levels = np.random.default_rng(seed).normal(size=(-(-steps // held), len(names)))
+    return [dict(zip(names, levels[k // held].tolist(), strict=True)) for k in range(steps)]
+
+
+def run_case(case, *arguments, **environment):
+    """Run a case of fmu_cases.py in a process of its own, in an empty folder, where rbfmu cannot be imported.
+
+    It must end well; (what it printed last, as JSON; its stderr).
+    """
+    start = f"import sys; sys.path.insert(0, {str(TESTS)!r}); import fmu_cases; fmu_cases.main(*sys.argv[1:])"
+    command = [sys.executable, "-I", "-X", "faulthandler", "-c", start, case, *map(str, arguments)]
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(workshop() / "numba")} | environment
+    with tempfile.TemporaryDirectory() as empty:
+        done = subprocess.run(command, cwd=empty, env=environment, capture_output=True, timeout=120)
+    errors = done.stderr.decode(errors="replace")
+    assert done.returncode == 0, f"{case} ended with {done.returncode}:\n{errors}"
+    return json.loads(done.stdout.decode().splitlines()[-1]), errors

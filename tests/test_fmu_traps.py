@@ -1,0 +1,208 @@
+"""The traps of pythonfmu, each closed; what could crash runs in a process of its own."""
+
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+
+import fmpy
+import pytest
+from fmu_cases import WRONGS
+from fmu_importer import DISCARD, FATAL
+from fmus import built, copied, planned, run_case, scene, unzipped, unzipped_at
+
+from rbfmu_fmu import python_fmu
+from rbfmu_fmu.object_code import object_code
+from rbfmu_fmu.python_fmu import build_python_fmu
+
+NAMED = {
+    "mass_negative": "mass = -1.0",
+    "mass_zero": "mass = 0.0",
+    "inertia_triangle": "inertia[1,1] = 9.0",
+    "inertia_negative": "inertia[2,2] = -1.0",
+    "inertia_indefinite": "inertia[1,2] = 100.0",
+    "inertia_zero": "inertia[1,1] = 0.0",
+    "quaternion_zero": "quaternion_0[1] = 0.0",
+    "damping_negative": "damping_b[1] = -0.1",
+    "parameter_nan": "mass = nan",
+    "parameter_infinite": "gravity_a[3] = -inf",
+    "input_nan": "torque_b[2] = nan",
+    "all_inputs_nan": "force_a[1] = nan",
+    "input_infinite": "force_a[1] = inf",
+    "parameter_while_stepping": "parameter mass cannot be set while stepping",
+    "start_while_stepping": "parameter omega_b_0[1] cannot be set while stepping",
+    "input_and_parameter": "parameter mass cannot be set while stepping",
+    "output": "output omega_b[1] cannot be set while stepping",
+    "output_at_first": "output position[2] cannot be set before initialisation",
+    "get_unknown": "value reference 4294967295 is no Real",
+    "get_just_above": "is no Real",
+    "set_unknown": "value reference 4294967295 is no Real",
+    "get_integer_unknown": "value reference 0 is no Integer",
+    "step_zero": "by 0.0 s refused",
+    "step_negative": "by -0.01 s refused",
+    "step_nan": "by nan s refused",
+    "step_infinite": "by inf s refused",
+    "step_minus_infinite": "by -inf s refused",
+    "time_nan": "from t = nan",
+    "step_out_of_reach": "by 1e+300 s refused",
+    "step_before_initialisation": "no step can be taken before initialisation",
+    "step_in_initialisation": "no step can be taken in initialisation",
+    "enter_twice": "initialisation cannot begin while stepping",
+    "exit_twice": "initialisation cannot end while stepping",
+    "exit_before_enter": "initialisation cannot end before initialisation",
+    "state_of_no_bytes": "no state of this FMU",
+    "state_too_short": "no state of this FMU",
+    "state_too_long": "no state of this FMU",
+    "state_with_a_bit_wrong": "no state of this FMU",
+}
+STATES = [case for case in NAMED if case.startswith("state_")]
+
+
+@cache
+def refused():
+    return run_case("refusals", unzipped("driven"))
+
+
+def test_every_refusal_is_listed():
+    assert set(NAMED) == set(WRONGS) == set(refused()[0])
+
+
+@pytest.mark.parametrize("case", NAMED)
+def test_refusal_is_answered_logged_and_printed_and_leaves_no_trace(case):
+    """The case itself asserts that this instance, the same after a reset, and another one all go on to the bit."""
+    found, errors = refused()
+    answer, printed = found[case], errors.splitlines()
+    discarded = case.startswith(("step_", "time_")) and not case.endswith("initialisation")
+    assert answer["status"] == (DISCARD if discarded else FATAL)
+    assert answer["untouched"]
+    category = "logStatusDiscard" if discarded else "logStatusFatal"
+    messages = [text for status, named, text in answer["log"] if status == answer["status"] and named == category]
+    if case in STATES:  # the class is asked, which has no log: pythonfmu logs the error, without a category
+        messages = [text for _, _, text in answer["log"]]
+        printed_by_it = [line for line in printed if line.startswith("rbfmu: fmi2DeSerializeFMUstate")]
+        assert len(printed_by_it) == len(STATES)
+    else:
+        printed_by_it = [line for line in printed if line.startswith(f"[{case}]")]
+        assert len(printed_by_it) == 1
+    assert len(messages) == 1
+    assert NAMED[case] in messages[0]
+    assert NAMED[case] in printed_by_it[0]
+
+
+def test_hundreds_of_errors_break_nothing():
+    assert run_case("errors_again_and_again", unzipped("driven"))[0] is True
+
+
+def test_errors_are_survived_where_nobody_reads_stderr():
+    assert run_case("closed_stderr", unzipped("driven"))[0] == [DISCARD, FATAL]
+
+
+def test_state_of_another_fmu_is_refused_and_of_a_copy_taken():
+    assert run_case("foreign_state", unzipped("brick"), unzipped("driven"))[0] is True
+
+
+@pytest.mark.parametrize("name", ["brick", "driven", "pendulum", "prescribed"])
+def test_shipped_code_needs_no_numba_and_no_numpy(name):
+    found, errors = run_case("object_code_alone", unzipped(name))
+    assert found == run_case("rows", unzipped(name))[0]
+    assert not errors
+
+
+def alone(name):
+    return run_case("rows", unzipped(name))[0][0]
+
+
+def test_a_run_imports_no_numba():
+    assert run_case("rows_and_imports", unzipped("driven"))[0] == [alone("driven"), []]
+
+
+@pytest.mark.parametrize("name", ["driven", "prescribed"])
+def test_compiling_anew_gives_the_same_bits(name):
+    found, errors = run_case("rows_and_imports", unzipped(name), RBFMU_COMPILE="1")
+    assert found == [alone(name), ["numba", "numpy"]]
+    assert not errors
+
+
+@pytest.mark.parametrize("spoil", [Path.unlink, lambda code: code.write_bytes(code.read_bytes()[:2000])])
+def test_without_usable_object_code_numba_compiles(spoil, tmp_path):
+    """None is there on another platform; damaged code would end the process in LLVM."""
+    folder = copied("prescribed", tmp_path / "spoilt")
+    (code,) = folder.glob("resources/*/*.o")
+    spoil(code)
+    found, errors = run_case("rows_and_imports", folder)
+    assert found == [alone("prescribed"), ["numba", "numpy"]]
+    assert errors.count("\n") == 1
+    assert code.name in errors
+
+
+def test_two_fmus_in_one_process_each_compute_their_own():
+    a, b = unzipped("driven"), unzipped("pendulum")
+    assert run_case("rows", a, b)[0] == [alone("driven"), alone("pendulum")]
+    assert run_case("rows", b, a, b)[0] == [alone("pendulum"), alone("driven"), alone("pendulum")]
+
+
+OTHER_UNIT = """
+from ._kernel import kernel
+
+@kernel(inline=False)
+def initialize(z):
+    return 0
+
+@kernel(inline=False)
+def step(z, h):
+    z[{first}] += 1.0
+    return 0
+
+@kernel(inline=False)
+def outputs(z):
+    return 0
+"""
+
+
+@pytest.fixture(scope="module")
+def other_kernels(tmp_path_factory):
+    """The FMU of the same scene from other kernels: its first output counts the steps."""
+    place = scene("prescribed"), planned("prescribed")
+    text = OTHER_UNIT.format(first=place[1].unit.BLOCKS["quaternion"].start)
+    other = ModuleType("rbfmu_kernels.other_unit")
+    other.__package__, other.SIZE = "rbfmu_kernels", place[1].unit.SIZE
+    exec(compile(text, "<other unit>", "exec"), other.__dict__)
+    with pytest.MonkeyPatch.context() as patch:
+        sources = python_fmu.kernel_sources() | {"attitude_unit.py": text.encode()}
+        patch.setattr(python_fmu, "kernel_sources", lambda: sources)
+        patch.setattr(python_fmu, "object_code", lambda unit: object_code(other))
+        path = build_python_fmu(*place, tmp_path_factory.mktemp("other") / "prescribed.fmu")
+    return unzipped_at(path, path.parent / "unzipped")
+
+
+@pytest.mark.parametrize("compile_anew", ["0", "1"])
+def test_two_fmus_of_one_name_each_compute_with_their_own_kernels(other_kernels, compile_anew):
+    folder = unzipped("prescribed")
+    found = run_case("rows", folder, other_kernels, folder, RBFMU_COMPILE=compile_anew)[0]
+    again = run_case("rows", other_kernels, folder, RBFMU_COMPILE=compile_anew)[0]
+    assert found[0] == found[2] == again[1] == alone("prescribed")
+    assert [row[0] for row in found[1]] == [k + 1.0 for k in range(20)]
+    assert found[1] == again[0]
+
+
+def test_threads_compute_the_same_bits():
+    assert run_case("threads", unzipped("driven"))[0] == [True] * 16
+
+
+def test_a_thousand_lives_leave_nothing_behind():
+    assert run_case("cycles", unzipped("driven"))[0] < 12.0
+
+
+def test_fresh_folders_leave_no_path_behind():
+    found = run_case("fresh_folders", built("driven"))[0]
+    assert found == [run_case("rows", unzipped("driven"))[0][0]] * 5
+
+
+def test_folders_may_vanish_under_running_instances():
+    assert run_case("deleted_folders", unzipped("driven"), unzipped("brick"))[0] is True
+
+
+def test_fmpy_runs_it_where_rbfmu_is_not_installed():
+    last, same = run_case("in_fmpy", built("brick"))[0]
+    assert same
+    here = fmpy.simulate_fmu(str(built("brick")), stop_time=0.5, output_interval=0.1)
+    assert list(here[-1].item()) == last
