@@ -44,5 +44,5 @@ def rk4_step(state: State, h: float, body: Body, loads: Loads) -> State:
     k2 = state_rates(advance(state, 0.5 * h, k1), body, loads)
     k3 = state_rates(advance(state, 0.5 * h, k2), body, loads)
     k4 = state_rates(advance(state, h, k3), body, loads)
-    after = advance(advance(state, h / 6.0, k1), h / 3.0, k2)
-    return unit_attitude(advance(advance(after, h / 3.0, k3), h / 6.0, k4))
+    rates = advance(advance(advance(k1, 1.0, k4), 2.0, k2), 2.0, k3)  # one rounding of the state, not four
+    return unit_attitude(advance(state, h / 6.0, rates))
