@@ -24,7 +24,7 @@ from .elliptic import angle_in_half_turns, climb_scale, scale_levels
 from .quaternion import compose_quaternions
 from .shapes import Quaternion, Vec3
 
-FREE_ROTATION_SIZE = 53
+FREE_ROTATION_SIZE = 48
 if TYPE_CHECKING:
     FreeRotation = tuple[float, ...]
 else:
@@ -34,7 +34,6 @@ _NO_LEVELS = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0
 
 TUMBLING, STEADY, SEPARATRIX = 0.0, 1.0, 2.0
 _LEAST_KC = 1e-300
-_LAST_U = 600.0  # beyond it a body on the separatrix has come to rest at the middle axis, to 1e-260
 _ONE_OVER_PI: DoubleDouble = (0.3183098861837907, -1.9678676675182486e-17)
 _ONE_OVER_4PI: DoubleDouble = (0.07957747154594767, -4.919669168795622e-18)
 
@@ -47,10 +46,9 @@ def steady_setup(q_0: Quaternion, omega: Vec3, unit: float) -> FreeRotation:
     inverse = 1.0 / rate[0] if rate[0] != 0.0 else 1.0
     turns = dd_multiply(rate, _ONE_OVER_4PI)
     return (
-        STEADY, unit, turns[0], turns[1], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-        inverse * x, inverse * y, inverse * z, unit * x, unit * y, unit * z, *q_0, 0.0, 1.0, 1.0, 1.0, 1.0,
-        *_NO_LEVELS, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0,
-        0.0, 0.0, 0.0, 1.0, 0.0,
+        STEADY, unit, turns[0], turns[1], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+        inverse * x, inverse * y, inverse * z, unit * x, unit * y, unit * z, *q_0, 1.0, 2.0, 3.0,
+        *_NO_LEVELS, 1.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0,
     )  # fmt: skip
 
 
@@ -88,11 +86,11 @@ def tumbling_setup(moments: Vec3, q_0: Quaternion, omega: Vec3, unit: float) -> 
     a_s2 = dd_multiply(m_s, m_s)
     am_s, am_c = (m_r_up if m_r_up[0] >= 0.0 else dd_negate(m_r_up)), dd_multiply(root_kappa, m_p_up)
 
-    kind, first, a_s = TUMBLING, 1.0, m_s
+    kind, form, a_s = TUMBLING, 1.0, m_s
     rate_s: DoubleDouble = (w_s, 0.0)
     kc2: DoubleDouble = (1.0, 0.0)
     levels = _NO_LEVELS
-    y, b, rho, root_rho = 0.0, 0.0, 1.0, 1.0
+    y, b, rho = 0.0, 0.0, 1.0
     agm: DoubleDouble = (1.0, 0.0)
     half_turn: DoubleDouble = (-0.25, 0.0)
     if symmetric:
@@ -116,28 +114,28 @@ def tumbling_setup(moments: Vec3, q_0: Quaternion, omega: Vec3, unit: float) -> 
         levels = scale_levels(modulus)
         dd_rho = dd_divide(a_p2, a_s2)
         one_rho = dd_divide(g2, a_s2)
-        rho, root_rho = dd_rho[0], math.sqrt(one_rho[0])
+        rho = dd_rho[0]
         if kappa[0] <= rho:
             n, one_n, one_other = kappa, one_kappa, one_rho
         else:
-            n, one_n, one_other, first = dd_rho, one_rho, one_kappa, 0.0
+            n, one_n, one_other, form = dd_rho, one_rho, one_kappa, 2.0
         dd_y = dd_multiply(n, dd_sqrt(dd_divide(one_other, one_n)))
         y, b = dd_y[0], modulus[0] / math.sqrt(one_n[0])
         agm, total, x = climb_scale(modulus, n, am_s, am_c)
         # y pi / (2 AGM) (2 - sum) is T over a half turn.
         half_turn = dd_scale(0.125, dd_divide(dd_multiply(dd_y, dd_add_float(dd_negate(total), 2.0)), agm))
-        half_turn = dd_add_float(half_turn, -0.25) if first != 0.0 else dd_negate(half_turn)
+        half_turn = dd_add_float(half_turn, -0.25) if form == 1.0 else dd_negate(half_turn)
     x = dd_scale(sign if m_r_up[0] >= 0.0 else -sign, x)
     half_turn = dd_scale(sign, half_turn)
     nu = dd_multiply(dd_multiply(lam, agm), _ONE_OVER_PI)
-    if first != 0.0:
+    if form == 1.0:
         rate = dd_divide(g, (i_r, 0.0))
     else:  # 2 T / G
         energy = dd_add(dd_multiply_float(a_p2, i_s), dd_multiply_float(a_s2, i_p))
         rate = dd_divide(energy, dd_multiply(g, two_product(i_p, i_s)))
     rate = dd_multiply(rate, _ONE_OVER_4PI)
 
-    constants = (first, sign, y, b, root_kappa[0], root_rho, rho)
+    constants = (sign * form, y, b, root_kappa[0], rho)
     psi_0 = precession(sn, cn, dn, constants)
     inverse_g = 1.0 / g[0]
     mu_s = inverse_g * m_s[0]
@@ -148,9 +146,9 @@ def tumbling_setup(moments: Vec3, q_0: Quaternion, omega: Vec3, unit: float) -> 
     rate_r = dd_divide(dd_scale(unit * sign_r, a_r), (i_r, 0.0))
     rate_s = dd_scale(unit * sign_s, rate_s)
     return (
-        kind, unit, rate[0], rate[1], nu[0], nu[1], x[0], x[1], half_turn[0], half_turn[1],
-        _LAST_U * _ONE_OVER_PI[0] * agm[0], psi_0, inverse_g * a_p[0], inverse_g * a_r[0], inverse_g * a_s[0],
-        rate_p[0], rate_r[0], rate_s[0], *q, float(p), float(r), sign_p, sign_r, sign_s, *levels, *constants,
+        kind, unit, rate[0], rate[1], nu[0], nu[1], x[0], x[1], half_turn[0], half_turn[1], psi_0,
+        inverse_g * a_p[0], inverse_g * a_r[0], inverse_g * a_s[0], rate_p[0], rate_r[0], rate_s[0], *q,
+        sign_p * (p + 1.0), sign_r * (r + 1.0), sign_s * (s + 1.0), *levels, *constants,
         rate_p[1], rate_r[1], rate_s[1], kc2[0], kc2[1],
     )  # fmt: skip
 

@@ -96,10 +96,11 @@ def dd_multiply_float(a: DoubleDouble, b: float) -> DoubleDouble:
 @kernel
 def dd_divide(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
     """The quotient a / b, b != 0.  Relative error <= 15 u^2."""
-    quotient = a[0] / b[0]
+    inverse = 1.0 / b[0]
+    quotient = a[0] * inverse
     p, e = two_product(quotient, b[0])
     rest = ((a[0] - p) - e) + (a[1] - quotient * b[1])
-    return quick_two_sum(quotient, rest / b[0])
+    return quick_two_sum(quotient, rest * inverse)
 
 
 @kernel
@@ -107,6 +108,7 @@ def dd_sqrt(a: DoubleDouble) -> DoubleDouble:
     """The square root; 0 for a <= 0.  Relative error <= 4 u^2 (one Newton step, Karp & Markstein 1997)."""
     positive = not a[0] <= 0.0  # NaN goes the same way as a number
     root = math.sqrt(a[0] if positive else 1.0)
+    half_inverse = 0.5 / root
     p, e = two_product(root, root)
-    high, low = quick_two_sum(root, 0.5 * (((a[0] - p) - e) + a[1]) / root)
+    high, low = quick_two_sum(root, (((a[0] - p) - e) + a[1]) * half_inverse)
     return (high if positive else 0.0, low if positive else 0.0)

@@ -27,6 +27,7 @@ from .shapes import Quaternion, Vec3
 
 
 _LAST_TURN = 1e28
+_LAST_X = 0.4334246564202994  # u = 600 on the separatrix: from there on the body rests at the middle axis, to 1e-260
 
 
 @kernel(inline=False)
@@ -62,10 +63,10 @@ def free_rotation_at(setup: FreeRotation, t: float) -> tuple[Quaternion, Vec3]:
     t: s, of either sign.  Error of the attitude's angle: about 1 eps, <= 10 eps; near the separatrix 100 eps;
     of omega the same, relative to |omega|; where |omega t| > 1e15, 1e-31 |omega t| more.
     """
-    kind, unit, rate_1, rate_2, nu_1, nu_2, x_1, x_2, turn_1, turn_2, clip, psi_0 = setup[0:12]
-    mu_p, mu_r, mu_s, w_p, w_r, w_s = setup[12:18]
-    q_0 = setup[18:22]
-    axis_p, axis_r, sign_p, sign_r, sign_s = setup[22:27]
+    kind, unit, rate_1, rate_2, nu_1, nu_2, x_1, x_2, turn_1, turn_2, psi_0 = setup[0:11]
+    mu_p, mu_r, mu_s, w_p, w_r, w_s = setup[11:17]
+    q_0 = setup[17:21]
+    axis_p, axis_r, axis_s = setup[21:24]
     t *= unit
     t = t if abs(rate_1 * t) < _LAST_TURN else math.nan
     # psi / (4 pi), whole turns dropped as they arise
@@ -80,7 +81,7 @@ def free_rotation_at(setup: FreeRotation, t: float) -> tuple[Quaternion, Vec3]:
         done, more = 0.0, 0.0
         if kind == SEPARATRIX:
             high, low = dd_add((high, low), (x_1, x_2))
-            high = clip if high > clip else (-clip if high < -clip else high)
+            high = _LAST_X if high > _LAST_X else (-_LAST_X if high < -_LAST_X else high)
         else:
             done = round_to_integer(high)
             high, low = dd_add(two_sum(high - done, low), (x_1, x_2))
@@ -90,11 +91,11 @@ def free_rotation_at(setup: FreeRotation, t: float) -> tuple[Quaternion, Vec3]:
         if cos_x < 0.0:
             more += math.copysign(1.0, sin_x)
             sin_x, cos_x = -sin_x, -cos_x
-        sn, cn, dn = jacobi_from_phase(sin_x, cos_x, setup[27:41])
+        sn, cn, dn = jacobi_from_phase(sin_x, cos_x, setup[24:38])
         psi = dd_add(psi, dd_add(_without_turns(turn_1, turn_2, done), _without_turns(turn_1, turn_2, more)))
-        s, c = _sincos_half_turns_plus(psi, 0.5 * (precession(sn, cn, dn, setup[41:48]) - psi_0))
+        s, c = _sincos_half_turns_plus(psi, 0.5 * (precession(sn, cn, dn, setup[38:43]) - psi_0))
         flip = 1.0 if _is_even(done) == _is_even(more) else -1.0
-        w_p2, w_r2, w_s2, kc2_1, kc2_2 = setup[48:53]
+        w_p2, w_r2, w_s2, kc2_1, kc2_2 = setup[43:48]
         sn_2, cn_2, dn_2 = jacobi_low_parts(sn, cn, dn, (kc2_1, kc2_2))
         w_p = flip * (w_p * cn + (w_p * cn_2 + w_p2 * cn))
         w_r = flip * (w_r * sn + (w_r * sn_2 + w_r2 * sn))
@@ -106,10 +107,12 @@ def free_rotation_at(setup: FreeRotation, t: float) -> tuple[Quaternion, Vec3]:
     e, x_p, x_r, x_s = compose_quaternions(q_0, turned)
     length = math.sqrt(e * e + x_p * x_p + x_r * x_r + x_s * x_s)
     inverse = 1.0 / (length if length != 0.0 else math.nan)
-    x_p, x_r, x_s = inverse * sign_p * x_p, inverse * sign_r * x_r, inverse * sign_s * x_s
-    first_p, first_r = axis_p == 0.0, axis_r == 0.0
-    second_p, second_r = axis_p == 1.0, axis_r == 1.0
-    third_p, third_r = axis_p == 2.0, axis_r == 2.0
+    x_p = math.copysign(inverse, axis_p) * x_p
+    x_r = math.copysign(inverse, axis_r) * x_r
+    x_s = math.copysign(inverse, axis_s) * x_s
+    first_p, first_r = abs(axis_p) == 1.0, abs(axis_r) == 1.0
+    second_p, second_r = abs(axis_p) == 2.0, abs(axis_r) == 2.0
+    third_p, third_r = abs(axis_p) == 3.0, abs(axis_r) == 3.0
     return (
         (
             inverse * e,
