@@ -3,7 +3,6 @@
 Numbers come as floats and count as exact. Formulas are those of NOTATION, not those of the kernels.
 """
 
-from collections.abc import Sequence
 from typing import Any
 
 import mpmath
@@ -16,7 +15,9 @@ Rows = list[list[Any]]
 
 
 def exact(value: Any) -> Any:
-    """Floats, arrays and nested tuples as (lists of) exact numbers."""
+    """Floats, arrays and nested tuples as (lists of) exact numbers; integers stay."""
+    if isinstance(value, int):
+        return value
     return [exact(v) for v in value] if hasattr(value, "__len__") else mp.mpf(value)
 
 
@@ -33,11 +34,6 @@ def error(value: Any, truth: Any, scale: Any = 1) -> float:
     """Largest difference of components, in eps times the scale."""
     differences = [abs(mp.mpf(v) - t) for v, t in zip(flat(value), flat(truth), strict=True)]
     return float(max(differences) / (mp.mpf(scale) * mp.mpf(EPS)))
-
-
-def error_up_to_sign(value: Any, truth: Any) -> float:
-    """As `error`, for quaternions: q and -q are one rotation."""
-    return min(error(value, truth), error(value, [-t for t in truth]))
 
 
 def norm(v: Vector) -> Any:
@@ -189,9 +185,3 @@ def polar_factor(M: Rows) -> Rows:
             break
         X = Y
     return [[Y[i, j] for j in range(3)] for i in range(3)]
-
-
-def cases_times(*columns: Sequence[Any]) -> list[tuple[Any, ...]]:
-    """Rows of arguments: short columns repeat."""
-    rows = max(map(len, columns))
-    return [tuple(column[i % len(column)] for column in columns) for i in range(rows)]

@@ -3,15 +3,16 @@
 import math
 from itertools import product
 
+import exact
 import numpy as np
-
-from tests import exact
-from tests.exact import mp
+from exact import mp
+from hypothesis import settings
+from hypothesis import strategies as st
 
 Tuple = tuple[float, ...]
 SMALL = [1e-160, 1e-80, 1e-20, 1e-9, 1e-8, 1e-4]
 AXES: list[Tuple] = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, -1.0), (0.6, 0.0, 0.8), (-0.6, 0.48, 0.64)]
-"""Angles of one rotation: small, around half a turn and on both sides of it."""
+# Angles of one rotation: small, around half a turn and beyond.
 ANGLES = [0.0, *SMALL, 0.3, math.pi / 2, 3.0, *(math.pi - d for d in (1e-3, 1e-8, 1e-15)), math.pi]
 BESIDE_POLE = [0.0, 1e-15, 1e-12, 1e-9, 1e-7, 1e-5, 1e-3]
 
@@ -67,3 +68,26 @@ def euler_angles(name: str, n: int = 20, seed: int = 3) -> list[Tuple]:
     small = [tuple(1e-9 * r.uniform(0.1, 1.0, 3) * r.choice([-1.0, 1.0], 3)) for _ in range(4)]
     cases += [] if proper else small
     return [tuple(map(float, case)) for case in cases]
+
+
+# Hypothesis: the same examples in every run; the first call compiles, which is no fault of the example.
+settings.register_profile("rbfmu", deadline=None, derandomize=True, max_examples=200)
+settings.load_profile("rbfmu")
+
+numbers = st.floats(-1e3, 1e3, allow_subnormal=False)
+angles = st.floats(-7.0, 7.0, allow_subnormal=False)
+any_vector = st.tuples(numbers, numbers, numbers)
+any_angles = st.tuples(angles, angles, angles)
+
+
+def _normalized(q: Tuple) -> Tuple:
+    length = math.hypot(*q)
+    return tuple(x / length for x in q)
+
+
+_components = st.floats(-1.0, 1.0, allow_subnormal=False)
+any_quaternion = (
+    st.tuples(_components, _components, _components, _components)
+    .filter(lambda q: math.hypot(*q) > 0.1)
+    .map(_normalized)
+)

@@ -47,7 +47,7 @@ def cross(a: Vec3, b: Vec3) -> Vec3:
 def norm(v: Vec3) -> float:
     """|v|.
 
-    v: any unit, any size.  Error <= 1.5 eps.
+    v: any unit, any size.  Error <= 1 eps.
     """
     s = scale_for_squares(max(max(abs(v[0]), abs(v[1])), abs(v[2])))
     scaled = scale(s, v)
@@ -58,7 +58,7 @@ def norm(v: Vec3) -> float:
 def skew(v: Vec3) -> Matrix:
     """The matrix with skew(v) u = v x u.
 
-    v: any unit.  Exact.  E&G (6.36).
+    v: any unit.  Exact.
     """
     return ((0.0, -v[2], v[1]), (v[2], 0.0, -v[0]), (-v[1], v[0], 0.0))
 
