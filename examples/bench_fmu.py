@@ -13,7 +13,6 @@ import tempfile
 import time
 import zipfile
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -21,7 +20,7 @@ from xml.etree import ElementTree
 from pythonfmu.builder import FmuBuilder
 
 import rbfmu
-from rbfmu_fmu.python_fmu import build_python_fmu
+import rbfmu_fmu
 
 GOAL_STEP, GOAL_START = 2.2, 4.0
 SCENES = {
@@ -87,12 +86,11 @@ class Fmu:
         with zipfile.ZipFile(path) as archive:
             archive.extractall(folder)
         root = ElementTree.parse(folder / "modelDescription.xml").getroot()
-        variables = [v for v in root.iter("ScalarVariable") if v.find("Real") is not None]
-        self.names = {
-            causality: {v.attrib["name"]: int(v.attrib["valueReference"]) for v in found}
-            for causality in ("input", "output")
-            if (found := [v for v in variables if v.get("causality") == causality]) or True
-        }
+        self.names: dict[str, dict[str, int]] = {"input": {}, "output": {}, "parameter": {}}
+        for variable in root.iter("ScalarVariable"):
+            if variable.find("Real") is not None:
+                names = self.names[variable.attrib["causality"]]
+                names[variable.attrib["name"]] = int(variable.attrib["valueReference"])
         identifier = next(root.iter("CoSimulation")).attrib["modelIdentifier"]
         (library,) = (folder / "binaries").glob(f"linux*/{identifier}.so")
         inputs, outputs = (list(self.names[c].values()) for c in ("input", "output"))
@@ -112,7 +110,11 @@ class Fmu:
         lib.fmi2EnterInitializationMode(it)
         lib.fmi2ExitInitializationMode(it)
         set_real, do_step, get_real = lib.fmi2SetReal, lib.fmi2DoStep, lib.fmi2GetReal
-        given = _array(ctypes.c_uint, inputs), ctypes.c_size_t(len(inputs)), _array(ctypes.c_double, [0.1] * len(inputs))
+        given = (
+            _array(ctypes.c_uint, inputs),
+            ctypes.c_size_t(len(inputs)),
+            _array(ctypes.c_double, [0.1] * len(inputs)),
+        )
         taken = _array(ctypes.c_uint, outputs), ctypes.c_size_t(len(outputs)), (ctypes.c_double * len(outputs))()
         h = ctypes.c_double(STEP)
 
@@ -126,8 +128,10 @@ def _ignore(*arguments: Any) -> None:
     """Log nothing."""
 
 
-def _array(kind: Any, values: list[Any]) -> Any:
-    return (kind * len(values))(*values)
+def _real_arguments(references: list[int]) -> tuple[Any, Any, Any]:
+    """Of fmi2SetReal (zeros) or fmi2GetReal."""
+    n = len(references)
+    return (ctypes.c_uint * n)(*references), ctypes.c_size_t(n), (ctypes.c_double * n)()
 
 
 def _scene(name: str) -> rbfmu.Scene:
@@ -141,8 +145,7 @@ def _scene(name: str) -> rbfmu.Scene:
 def _build_pair(name: str, folder: Path) -> tuple[Fmu, Fmu]:
     """(empty, ours), with the same numbers of inputs and outputs."""
     scene = _scene(name)
-    one_substep = replace(rbfmu.plan(scene), substep=STEP)
-    ours = Fmu(build_python_fmu(scene, one_substep, folder / "ours.fmu"), folder / "ours")
+    ours = Fmu(rbfmu_fmu.build(scene, folder / "ours.fmu"), folder / "ours")
     inputs, outputs = (list(ours.names[causality]) for causality in ("input", "output"))
     identifier = f"Empty{len(inputs)}x{len(outputs)}"
     script = folder / f"{identifier.lower()}.py"

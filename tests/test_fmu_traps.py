@@ -1,5 +1,11 @@
 """The traps of pythonfmu, each closed; what could crash runs in a process of its own."""
 
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -8,8 +14,9 @@ import fmpy
 import pytest
 from fmu_cases import WRONGS
 from fmu_importer import DISCARD, FATAL
-from fmus import built, copied, planned, run_case, scene, unzipped, unzipped_at
+from fmus import TESTS, built, copied, opened, planned, run_case, scene, unzipped, unzipped_at
 
+import rbfmu_fmu
 from rbfmu_fmu import python_fmu
 from rbfmu_fmu.object_code import object_code
 from rbfmu_fmu.python_fmu import build_python_fmu
@@ -206,3 +213,130 @@ def test_fmpy_runs_it_where_rbfmu_is_not_installed():
     assert same
     here = fmpy.simulate_fmu(str(built("brick")), stop_time=0.5, output_interval=0.1)
     assert list(here[-1].item()) == last
+
+
+def test_holding_the_thread_state_changes_nothing_in_a_python_host():
+    assert run_case("rows", unzipped("driven"), RBFMU_HOLD_GIL="1")[0][0] == alone("driven")
+    assert run_case("threads", unzipped("driven"), RBFMU_HOLD_GIL="1")[0] == [True] * 16
+
+
+def shared_python():
+    """A shared library of this Python, which a host that is not Python preloads; (library, its home)."""
+    name = sysconfig.get_config_var("INSTSONAME") or "libpython.so"
+    places = [sysconfig.get_config_var("LIBDIR"), "/usr/lib/x86_64-linux-gnu", "/usr/lib/aarch64-linux-gnu"]
+    found = [Path(p) / name for p in places if p and (Path(p) / name).suffix != ".a" and (Path(p) / name).is_file()]
+    if not found:
+        pytest.skip(f"no shared {name} in {places}")
+    return found[0], sys.base_prefix if str(found[0]).startswith(sys.base_prefix) else "/usr"
+
+
+@cache
+def c_host(folder):
+    compiler = shutil.which("cc") or shutil.which("gcc") or pytest.skip("no C compiler")
+    subprocess.run([compiler, "-O2", "-o", folder / "host", TESTS / "fmu_host.c", "-ldl"], check=True)
+    return folder / "host"
+
+
+def run_c_host(folder, name, steps, repeats, hold):
+    """(rows, rows after a reset, ns per step) from a process without Python."""
+    library, home = shared_python()
+    fmu = opened(name)
+    inputs, outputs = (fmu.by_causality[c] for c in ("input", "output"))
+    assert [fmu.references[n] for n in inputs] == list(range(len(inputs)))
+    shared_object = next((fmu.folder / "binaries" / "linux64").glob("*.so"))
+    command = [c_host(folder), shared_object, fmu.guid, (fmu.folder / "resources").as_uri(), steps, 0.01]
+    command += [len(inputs), fmu.references[outputs[0]], len(outputs), repeats]
+    packages = os.pathsep.join({sysconfig.get_path("purelib"), sysconfig.get_path("platlib")})
+    environment = {"LD_PRELOAD": str(library), "PYTHONHOME": home, "PYTHONPATH": packages, "RBFMU_HOLD_GIL": hold}
+    done = subprocess.run(
+        list(map(str, command)), env=os.environ | environment, capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 0, done.stderr
+    assert not done.stderr
+    lines = [[float.fromhex(number) for number in line.split()] for line in done.stdout.splitlines() if "x" in line]
+    times = [float(line) for line in done.stdout.splitlines() if "x" not in line]
+    return lines[:steps], lines[steps:], min(times)
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    return tmp_path_factory.mktemp("host")
+
+
+def test_a_host_without_python_gets_the_same_bits_held_or_not_and_faster_held(place):
+    steps, fmu = 50, opened("two_ports")
+    instance, names, expected = fmu.started(), fmu.by_causality["input"], []
+    for k in range(steps):
+        instance.set({name: 0.125 * ((k + i) % 8 - 4) for i, name in enumerate(names)})
+        expected += instance.steps(1, first=k)
+    first, again, slow = run_c_host(place, "two_ports", steps, 2000, "0")
+    assert first == again == expected
+    first, again, fast = run_c_host(place, "two_ports", steps, 2000, "1")
+    assert first == again == expected
+    assert fast < 0.7 * slow  # measured: a fifth
+
+
+BUILD = """
+import hashlib, os, sys
+sys.path[:0] = sys.argv[2:]
+{before}
+from pathlib import Path
+import fmus, rbfmu_fmu
+path = rbfmu_fmu.build(fmus.scene("prescribed"), Path(sys.argv[1]))
+print(hashlib.sha256(path.read_bytes()).hexdigest())
+"""
+
+
+def build_elsewhere(path, before="", **environment):
+    """Build in a process of its own; its hash, or what it ended with."""
+    roots = [str(TESTS.parent / part) for part in (".", "kernels", "fmu_build", "tests")]
+    command = [sys.executable, "-c", BUILD.format(before=before), str(path), *roots]
+    done = subprocess.run(command, env=os.environ | environment, capture_output=True, text=True, timeout=120)
+    return done.stdout.strip() or done.returncode
+
+
+def test_builds_are_the_same_bytes_in_any_process_and_with_any_cache(tmp_path):
+    here = hashlib.sha256(built("prescribed").read_bytes()).hexdigest()
+    again = rbfmu_fmu.build(scene("prescribed"), tmp_path / "another name.fmu")
+    assert again.read_bytes() == built("prescribed").read_bytes()
+    warm = build_elsewhere(tmp_path / "a.fmu", PYTHONHASHSEED="1")
+    cold = build_elsewhere(tmp_path / "b.fmu", PYTHONHASHSEED="2", NUMBA_CACHE_DIR=str(tmp_path / "cold"))
+    assert here == warm == cold
+
+
+@pytest.mark.slow
+def test_builds_of_a_loaded_body_are_the_same_bytes_with_any_cache(tmp_path, monkeypatch):
+    monkeypatch.setitem(globals(), "BUILD", BUILD.replace("prescribed", "driven"))
+    cold = build_elsewhere(tmp_path / "b.fmu", PYTHONHASHSEED="2", NUMBA_CACHE_DIR=str(tmp_path / "cold"))
+    assert cold == hashlib.sha256(built("driven").read_bytes()).hexdigest()
+
+
+KILLED = [
+    "os.replace = lambda *paths: os.kill(os.getpid(), 9)",
+    "import zipfile; zipfile.ZipFile.writestr = lambda *args: os.kill(os.getpid(), 9)",
+]
+
+
+@pytest.mark.parametrize("before", KILLED, ids=["before it is in place", "while it is written"])
+def test_a_killed_build_leaves_the_file_that_was_there(before, tmp_path):
+    path = tmp_path / "it.fmu"
+    path.write_bytes(b"what was there")
+    assert build_elsewhere(path, before) == -9
+    assert path.read_bytes() == b"what was there"
+    assert build_elsewhere(path) == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert path.read_bytes() == built("prescribed").read_bytes()
+
+
+def test_a_build_that_fails_leaves_nothing(tmp_path, monkeypatch):
+    monkeypatch.setattr(python_fmu.os, "replace", lambda *paths: (_ for _ in ()).throw(OSError("disk full")))
+    with pytest.raises(OSError, match="disk full"):
+        rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_building_leaves_no_module_and_no_path_behind(tmp_path):
+    path, modules, caching = list(sys.path), set(sys.modules), sys.dont_write_bytecode
+    rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu")
+    assert sys.path == path
+    assert set(sys.modules) == modules
+    assert sys.dont_write_bytecode == caching
