@@ -110,12 +110,7 @@ class Fmu:
         lib.fmi2EnterInitializationMode(it)
         lib.fmi2ExitInitializationMode(it)
         set_real, do_step, get_real = lib.fmi2SetReal, lib.fmi2DoStep, lib.fmi2GetReal
-        given = (
-            _array(ctypes.c_uint, inputs),
-            ctypes.c_size_t(len(inputs)),
-            _array(ctypes.c_double, [0.1] * len(inputs)),
-        )
-        taken = _array(ctypes.c_uint, outputs), ctypes.c_size_t(len(outputs)), (ctypes.c_double * len(outputs))()
+        given, taken = _real_arguments(inputs), _real_arguments(outputs)
         h = ctypes.c_double(STEP)
 
         def communicate() -> int:
@@ -129,9 +124,9 @@ def _ignore(*arguments: Any) -> None:
 
 
 def _real_arguments(references: list[int]) -> tuple[Any, Any, Any]:
-    """Of fmi2SetReal (zeros) or fmi2GetReal."""
+    """References, their number and values, of fmi2SetReal and fmi2GetReal."""
     n = len(references)
-    return (ctypes.c_uint * n)(*references), ctypes.c_size_t(n), (ctypes.c_double * n)()
+    return (ctypes.c_uint * n)(*references), ctypes.c_size_t(n), (ctypes.c_double * n)(*[0.1] * n)
 
 
 def _scene(name: str) -> rbfmu.Scene:
