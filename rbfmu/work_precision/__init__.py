@@ -1,0 +1,1 @@
+"""`rbfmu chart`: for accuracy X, use method Y, it costs Z."""
