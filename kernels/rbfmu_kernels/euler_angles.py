@@ -104,7 +104,7 @@ def matrix_from_euler(seq: int, angles: Vec3) -> Matrix:
 def euler_from_quaternion(seq: int, q_ab: Quaternion) -> Vec3:
     """Angles of R_ab: outer ones in (-pi, pi], the middle one in [-pi/2, pi/2] (proper Euler: [0, pi]).
 
-    q_ab: any length from 1e-75 to 1e75, either sign.  Error of the rotation <= 4 eps, of the middle angle <= 2 eps.
+    q_ab: any length from 1e-75 to 1e75, either sign.  Error <= 4 eps in the rotation, 2 eps in the middle angle.
     Singular: within 3 eps of a pole the middle angle is the pole's and the third angle is 0.
     Bernardes & Viollet 2022; E&G 6.5.
     """
@@ -140,7 +140,7 @@ def _outer(angle: float) -> float:
 def euler_from_matrix(seq: int, R_ab: Matrix) -> Vec3:
     """Angles of R_ab, as `euler_from_quaternion` of its quaternion: no digits are lost near a pole.
 
-    R_ab: a rotation to round-off.  Error of the rotation <= 4 eps, of the middle angle <= 2 eps.
+    R_ab: a rotation to round-off.  Error <= 4 eps in the rotation, 2 eps in the middle angle.
     """
     return euler_from_quaternion(seq, quaternion_from_matrix(R_ab))
 
