@@ -1,31 +1,46 @@
-"""From a scene to a plan: the model, the method and the substep that meet the scene's accuracy."""
+"""From a scene to a plan: the model, the method, and the step or tolerance that meets the scene's accuracy."""
 
 import math
-from dataclasses import asdict, dataclass
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from rbfmu.measures import largest_error
 from rbfmu.scene import Scene, SceneError
-from rbfmu.unit import filled_buffer, initialize, unit_of
+from rbfmu.unit import filled_buffer, initialize
+from rbfmu_kernels import attitude_unit, body_unit, free_unit, top_unit
+from rbfmu_kernels.kicked_top import is_symmetric_top, resonant_step
 from rbfmu_kernels.layout import FINE
 
-CHECKPOINTS = 256
-"""Most points of a pilot run at which two step sizes are compared."""
-MOST_PILOT_STEPS = 2e8
-"""Substeps that a pilot run may take before its scene counts as out of reach."""
+PILOT_POINTS = 20_000
+"""Communication steps up to which a pilot run has the scene's own; a longer run takes several at once."""
+TIGHTEST, EXACT = 1e-15, 1e-14
+"""The smallest tolerance that double precision serves, and the accuracy that the exact models keep."""
+MARGIN = 1e3
+"""How much tighter the pilot's reference run is."""
+COST = {0: 345.0, 2: 100.0, 4: 453.0, 6: 801.0}
+"""ns a substep of DOP853 (0) and of kicks by order, measured in one run on a heavy top; only their ratios count."""
+
+Motion = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What simulates a scene: `substep` in s (infinite: one step whatever its size), and why."""
+    """What simulates a scene, and why.
+
+    substep: s, infinite where the method chooses or needs none; tolerance: largest estimated error of a substep, 0
+    where none is estimated; order: of the kicks, 0 where there are none.
+    """
 
     model: str
     method: str
-    substep: float
     states: int
-    reasons: tuple[str, ...]
+    substep: float = math.inf
+    tolerance: float = 0.0
+    order: int = 0
+    reasons: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON: an infinite substep is None."""
@@ -37,54 +52,170 @@ class Plan:
         substep = math.inf if data["substep"] is None else data["substep"]
         return cls(**data | {"substep": substep, "reasons": tuple(data["reasons"])})
 
+    @property
+    def unit(self) -> Any:
+        """The unit (a module of `rbfmu_kernels`) that runs the model."""
+        return UNITS[self.model]
+
+
+UNITS = {
+    "prescribed rates": attitude_unit,
+    "torque-free body": free_unit,
+    "symmetric top": top_unit,
+    "body under loads": body_unit,
+}
+
 
 def plan(scene: Scene) -> Plan:
-    """Choose model, method and substep. Raises SceneError where the accuracy asked cannot be met."""
+    """Choose model, method and step. Raises SceneError where the accuracy asked cannot be met."""
     if "omega_b" in scene.inputs.ports:
         reason = "port omega_b prescribes the body's rates: attitude only, exact for rates held over a step"
-        return Plan("prescribed rates", "exact rotation", math.inf, 4, (reason,))
-    substep, reason = _pilot_substep(scene)
-    reasons = [reason]
-    if scene.inputs.ports:
-        reasons.append("the pilot run has the ports at zero: larger loads need a smaller substep (or accuracy)")
+        return Plan("prescribed rates", "exact rotation", 4, reasons=(reason,))
     assert scene.body is not None
-    model = "rotation about a pivot" if scene.body.pivot else "free body, 6 degrees of freedom"
-    return Plan(model, "RK4", substep, 7 if scene.body.pivot else 13, tuple(reasons))
+    states = 7 if scene.body.pivot else 13
+    if _is_torque_free(scene):
+        _check_exact(scene)
+        reason = f"no load makes a torque: rotation exact at any time, position in closed form; error below {EXACT:g}"
+        return Plan("torque-free body", "elliptic functions", states, reasons=(reason,))
+    return _cheapest_fit(scene, Plan("body under loads", "DOP853", states, tolerance=scene.run.accuracy))
 
 
-def _pilot_substep(scene: Scene) -> tuple[float, str]:
-    """The largest step/2^k whose run differs from that of half of it by no more than half the accuracy."""
-    run = scene.run
-    substep, coarse, previous = run.step, None, math.inf
-    while run.stop - run.start <= MOST_PILOT_STEPS * substep:
-        fine, fastest = _pilot(scene, 0.5 * substep)
-        if coarse is not None and fastest * substep <= 1.0:  # above, RK4's turns alias and two runs can agree by chance
-            error = largest_error(coarse, fine)
-            if error <= 0.5 * run.accuracy:
-                return substep, f"RK4 at {substep:.3g} s: error at most {error:.1e}, from a pilot run at half the step"
-            if error > 0.25 * previous and error < 1e-6:
-                break  # round-off has taken over: halving no longer helps
-            previous = error
-        coarse, substep = fine, 0.5 * substep
-    reached = f"RK4 reaches {previous:.1e}" if math.isfinite(previous) else "RK4 reaches none"
-    raise SceneError(f"run.accuracy = {run.accuracy!r}: expected one that this scene can meet; {reached}", scene.name)
+def _is_torque_free(scene: Scene) -> bool:
+    """Whether nothing known, supplied or listed as a parameter makes a torque (or turns a force with the body)."""
+    body, inputs = scene.body, scene.inputs
+    assert body is not None
+    acting = _acting(scene)
+    arm = any(body.r_oc_b) or "r_oc_b" in inputs.parameters
+    if acting & {"torque_a", "torque_b", "damping_b"}:
+        return False
+    if body.pivot:
+        return not (arm and "gravity_a" in acting)
+    return "force_b" not in acting and not (arm and "force_a" in acting)
 
 
-def _pilot(scene: Scene, substep: float) -> tuple[dict[str, Any], float]:
-    """The motion at up to CHECKPOINTS points of the scene's grid, inputs at zero, and the fastest rate seen."""
-    unit, run = unit_of(scene), scene.run
-    z = filled_buffer(scene, substep)
+def _acting(scene: Scene) -> set[str]:
+    """Names of the loads that are known and not zero, supplied through a port, or an importer's to change."""
+    known = {n for n in type(scene.loads).model_fields if any(getattr(scene.loads, n))}
+    return known | set(scene.inputs.ports) | set(scene.inputs.parameters)
+
+
+def _check_exact(scene: Scene) -> None:
+    if scene.run.accuracy < EXACT:
+        expected = f"at least {EXACT:g}, what double precision keeps"
+        raise SceneError(f"run.accuracy = {scene.run.accuracy!r}: expected {expected}", scene.name)
+
+
+def _cheapest_fit(scene: Scene, general: Plan) -> Plan:
+    """DOP853, or kicks where the body is a symmetric top and they are cheaper, fitted to the accuracy by pilot runs."""
+    accuracy, ports = scene.run.accuracy, scene.inputs.ports
+    reference, _ = _pilot(scene, replace(general, tolerance=max(accuracy / MARGIN, TIGHTEST)), parts=2)
+
+    def tolerance(value: float) -> Plan:
+        return replace(general, tolerance=min(max(value, TIGHTEST), accuracy))
+
+    best = _fit(scene, reference, tolerance, accuracy / 8.0, 1.0)
+    for order in (2, 4, 6) if _is_top(scene) else ():
+        best = _fit(scene, reference, *_kicks(scene, general, order), best)
+    if best.error > accuracy / 3.0:
+        expected = f"expected one that this scene can meet; double precision reaches {best.error:.1e} here"
+        raise SceneError(f"run.accuracy = {accuracy!r}: {expected}", scene.name)
+    how = (
+        f"at tolerance {best.plan.tolerance:.1e}" if best.plan.order == 0 else f"in steps of {best.plan.substep:.3g} s"
+    )
+    reason = f"{best.plan.method} {how}: error {best.error:.1e} in a pilot run, against one {MARGIN:g} times tighter in half the steps"
+    if not ports:
+        return replace(best.plan, reasons=(reason,))
+    share = max(min(best.plan.tolerance, accuracy * scene.run.step / (scene.run.stop - scene.run.start)), TIGHTEST)
+    held = f"ports: each substep's estimated error at most {share:.1e}, a communication step's share of the accuracy"
+    return replace(best.plan, tolerance=share, reasons=(reason, held))
+
+
+def _is_top(scene: Scene) -> bool:
+    body = scene.body
+    assert body is not None
+    steady = not scene.inputs.ports and not scene.inputs.parameters and not any(scene.loads.damping_b)
+    return steady and bool(is_symmetric_top(body.M))
+
+
+def _kicks(scene: Scene, general: Plan, order: int) -> tuple[Callable[[float], Plan], float, float]:
+    """The plan of a step size, the size to begin with, and the exponent of the error's law."""
+    body, run = scene.body, scene.run
+    assert body is not None
+    longest = min(0.45 * resonant_step(body.M, scene.initial.omega_b), run.stop - run.start)
+
+    def kicks(substep: float) -> Plan:
+        method = f"kicks of order {order}"
+        return replace(general, model="symmetric top", method=method, tolerance=0.0, order=order,
+                       substep=min(substep, longest))  # fmt: skip
+
+    return kicks, min(run.step, 0.2 * longest), 1.0 / order
+
+
+@dataclass(frozen=True)
+class _Fit:
+    plan: Plan
+    error: float
+    cost: float
+
+
+def _fit(
+    scene: Scene,
+    reference: Motion,
+    plan_of: Callable[[float], Plan],
+    value: float,
+    exponent: float,
+    best: "_Fit | None" = None,
+) -> _Fit:
+    """The cheapest plan of a family with an error of at most a third of the accuracy, if cheaper than `best`.
+
+    Where nothing is that good, the one with the smallest error.
+    """
+    accuracy, error, run = scene.run.accuracy, math.inf, scene.run
+    for _ in range(8):
+        trial, last = plan_of(value), error
+        if (
+            best
+            and best.error <= accuracy / 3.0
+            and COST[trial.order] * (run.stop - run.start) > best.cost * trial.substep
+        ):
+            break  # dearer than what was found
+        motion, substeps = _pilot(scene, trial)
+        error = largest_error(motion, reference)
+        fit = _Fit(trial, error, COST[trial.order] * substeps)
+        if best is None or _better(fit, best, accuracy / 3.0):
+            best = fit
+        if accuracy / 30.0 <= error <= accuracy / 3.0 or error == last:
+            break  # good; or the step is as long, or as short, as may be
+        ratio = accuracy / (8.0 * error) if 0.0 < error < math.inf else (1e3 if error == 0.0 else 1e-3)
+        value *= min(max(ratio**exponent, 1e-3), 1e3)
+    assert best
+    return best
+
+
+def _better(a: _Fit, b: _Fit, bound: float) -> bool:
+    if a.error <= bound and b.error <= bound:
+        return a.cost < b.cost
+    return a.error < b.error
+
+
+def _pilot(scene: Scene, trial: Plan, parts: int = 1) -> tuple[Motion, float]:
+    """The motion on the scene's grid (every so many points of a long one), ports at zero, and the substeps it took.
+
+    parts: into how many each communication step is cut, so that a reference shares no step with what it judges.
+    NaN from where the motion ends early.
+    """
+    unit, run, z = trial.unit, scene.run, filled_buffer(scene, trial)
     initialize(scene, unit, z)
     steps = math.ceil((run.stop - run.start) / run.step * (1.0 - 1e-9))
-    stride = math.ceil(steps / CHECKPOINTS)
-    names = ("quaternion", "omega_b", "position", "velocity")
-    rows: dict[str, list[Any]] = {n: [z[unit.BLOCKS[n]].copy()] for n in names}
-    for k in range(0, steps, stride):
-        status = unit.step(z, min(stride, steps - k) * run.step)
-        for n in names:
-            rows[n].append(z[unit.BLOCKS[n]].copy() if status == FINE else np.full_like(rows[n][0], np.nan))
-        if status != FINE:
+    stride = math.ceil(steps / PILOT_POINTS)
+    blocks = {n: z[unit.BLOCKS[n]] for n in ("quaternion", "omega_b", "position", "velocity")}
+    motion = {n: np.full((math.ceil(steps / stride) + 1, len(b)), np.nan) for n, b in blocks.items()}
+    substeps = 0.0
+    for k in range(len(motion["quaternion"])):
+        h = min(stride, steps - (k - 1) * stride) * run.step
+        if k and any(unit.step(z, h / parts) != FINE for _ in range(parts)):
             break
-    motion = {n: np.array(r + [np.full_like(r[0], np.nan)] * (0 if status == FINE else 1)) for n, r in rows.items()}
-    fastest = float(np.max(np.linalg.norm(motion["omega_b"], axis=1)))
-    return motion, fastest if math.isfinite(fastest) else math.inf
+        substeps += math.ceil(h / trial.substep * (1.0 - 1e-9)) if k else 0.0
+        for n, block in blocks.items():
+            motion[n][k] = block
+    return motion, float(z[unit.BLOCKS["substeps"]][0]) if "substeps" in unit.BLOCKS else substeps

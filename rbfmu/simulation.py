@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rbfmu.planning import Plan, plan
 from rbfmu.scene import Scene
-from rbfmu.unit import filled_buffer, initialize, output_block, unit_of
+from rbfmu.unit import filled_buffer, initialize, output_block
 from rbfmu_kernels.layout import FINE
 
 Array = NDArray[np.float64]
@@ -77,8 +77,8 @@ def simulate(
 
     progress: wraps the sequence of step numbers, e.g. a progress bar. Raises SceneError, SimulationError.
     """
-    unit = unit_of(scene)
-    z = filled_buffer(scene, (planned or plan(scene)).substep)
+    planned = planned or plan(scene)
+    unit, z = planned.unit, filled_buffer(scene, planned)
     initialize(scene, unit, z)
     time = time_grid(scene.run.start, scene.run.stop, scene.run.step)
     block = output_block(unit)

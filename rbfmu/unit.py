@@ -1,13 +1,16 @@
-"""From a scene to a co-simulation unit: which one, and its buffer filled with the scene's numbers."""
+"""A co-simulation unit, its buffer filled with a scene's numbers, its start."""
 
-from typing import Any, Protocol
+import math
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu.scene import Scene, SceneError
-from rbfmu_kernels import attitude_unit, body_unit
 from rbfmu_kernels.layout import FAULTS
+
+if TYPE_CHECKING:
+    from rbfmu.planning import Plan
 
 Buffer = NDArray[np.float64]
 
@@ -32,16 +35,11 @@ class Unit(Protocol):
         """Refresh the outputs."""
 
 
-def unit_of(scene: Scene) -> Unit:
-    """The unit that simulates a scene."""
-    return attitude_unit if "omega_b" in scene.inputs.ports else body_unit
-
-
-def filled_buffer(scene: Scene, substep: float) -> Buffer:
-    """The unit's buffer before `initialize`: parameters and settings of the scene, inputs zero."""
-    unit = unit_of(scene)
+def filled_buffer(scene: Scene, plan: "Plan") -> Buffer:
+    """The buffer of the plan's unit before `initialize`: parameters and settings of the scene, inputs zero."""
+    unit = plan.unit
     z = np.zeros(unit.SIZE)
-    for name, value in _numbers(scene, substep).items():
+    for name, value in _numbers(scene, plan).items():
         if name in unit.BLOCKS:
             z[unit.BLOCKS[name]] = value
     return z
@@ -61,7 +59,7 @@ def output_block(unit: Unit) -> slice:
     return slice(blocks[0].start, blocks[-1].stop)
 
 
-def _numbers(scene: Scene, substep: float) -> dict[str, Any]:
+def _numbers(scene: Scene, plan: "Plan") -> dict[str, Any]:
     initial, loads = scene.initial, scene.loads
     numbers: dict[str, Any] = {
         "gravity_a": loads.gravity_a,
@@ -74,7 +72,9 @@ def _numbers(scene: Scene, substep: float) -> dict[str, Any]:
         "velocity_0": initial.velocity,
         "quaternion_0": initial.quaternion,
         "omega_b_0": initial.omega_b,
-        "substep": substep,
+        "substep": plan.substep if math.isfinite(plan.substep) else 0.0,
+        "tolerance": plan.tolerance,
+        "order": plan.order,
     }
     if scene.body is not None:
         M = scene.body.M_c

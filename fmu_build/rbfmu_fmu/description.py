@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from rbfmu.planning import Plan
 from rbfmu.scene import Scene
-from rbfmu.unit import Unit, filled_buffer, unit_of
+from rbfmu.unit import Unit, filled_buffer
 from rbfmu_kernels.layout import FAULTS
 
 UNITS: dict[str, dict[str, int]] = {
@@ -122,8 +122,7 @@ class Description:
 
 def describe(scene: Scene, plan: Plan) -> Description:
     """The FMU of a scene under its plan."""
-    unit = unit_of(scene)
-    z = filled_buffer(scene, plan.substep)
+    unit, z = plan.unit, filled_buffer(scene, plan)
     return Description(
         name=scene.name,
         identifier=identifier(scene.name),

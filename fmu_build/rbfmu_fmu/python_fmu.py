@@ -20,7 +20,6 @@ from pythonfmu.builder import FmuBuilder
 import rbfmu_kernels
 from rbfmu.planning import Plan
 from rbfmu.scene import Scene
-from rbfmu.unit import unit_of
 from rbfmu_fmu.description import Description, describe, model_description
 from rbfmu_fmu.object_code import object_code, platform_name
 
@@ -54,7 +53,7 @@ LEFT_OUT = re.compile(r"modelDescription\.xml|resources/pythonfmu/(deploy|csvbui
 def build_python_fmu(scene: Scene, plan: Plan, path: Path) -> Path:
     """Write the FMU: the same bytes for the same scene; a file that stands at `path` is replaced when done."""
     description = describe(scene, plan)
-    files = _package_files(scene, description)
+    files = _package_files(plan, description)
     identity = _hash(files | {"templates": (SCRIPT + PACKAGE).encode()})
     with tempfile.TemporaryDirectory(prefix="rbfmu_") as folder:
         script = _write_sources(Path(folder), files, description, identity)
@@ -86,10 +85,10 @@ def kernel_hash() -> str:
     return _hash(kernel_sources())
 
 
-def _package_files(scene: Scene, description: Description) -> dict[str, bytes]:
+def _package_files(plan: Plan, description: Description) -> dict[str, bytes]:
     folder = importlib.resources.files("rbfmu_fmu")
     files = {name: folder.joinpath(name).read_bytes() for name in ("slave.py", "slave_access.py")}
-    name, code = f"unit-{platform_name()}.o", object_code(unit_of(scene))
+    name, code = f"unit-{platform_name()}.o", object_code(plan.unit)
     known = description.to_dict() | {"object_code": {name: zlib.crc32(code)}}
     return kernel_sources() | files | {name: code, "description.json": _json(known)}
 

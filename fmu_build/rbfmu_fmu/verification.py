@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rbfmu.planning import Plan
 from rbfmu.scene import Scene
 from rbfmu.simulation import time_grid
-from rbfmu.unit import Buffer, Unit, filled_buffer, initialize, unit_of
+from rbfmu.unit import Buffer, Unit, filled_buffer, initialize
 from rbfmu_fmu.description import Description, describe
 from rbfmu_fmu.python_fmu import kernel_hash
 from rbfmu_kernels.layout import FINE
@@ -137,7 +137,7 @@ def _through_fmpy(
 def _through_kernels(
     scene: Scene, plan: Plan, time: NDArray[np.float64], inputs: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    unit, z, description = unit_of(scene), filled_buffer(scene, plan.substep), describe(scene, plan)
+    unit, z, description = plan.unit, filled_buffer(scene, plan), describe(scene, plan)
     places = [v.offset for v in description.variables if v.causality == "input"]
     wanted = [v.offset for v in description.variables if v.causality == "output"]
     rows = np.full((len(time), len(wanted)), np.nan)

@@ -7,7 +7,7 @@ import math
 from typing import Any
 
 from ._kernel import kernel
-from .dynamics import Body, Loads, angular_acceleration, linear_acceleration, steady_acceleration
+from .dynamics import Body, Loads, State, angular_acceleration, linear_acceleration, steady_acceleration
 from .euler_angles import ZYX, euler_from_quaternion
 from .inertia import check_inertia, inverse_inertia, parallel_axis, principal_axes, trace
 from .layout import places
@@ -39,7 +39,7 @@ _FORCE_A, _FORCE_B, _TORQUE_A, _TORQUE_B = (_AT[n] for n in INPUTS)
 _MASS, _INERTIA, _R_OC, _GRAVITY, _DAMPING = (_AT[n] for n in ("mass", "inertia", "r_oc_b", "gravity_a", "damping_b"))
 _KNOWN, _END = _AT["known_force_a"], BLOCKS["omega_b_0"].stop
 _POSITION_0, _VELOCITY_0, _Q_0, _OMEGA_0 = (_AT[n] for n in ("position_0", "velocity_0", "quaternion_0", "omega_b_0"))
-_PIVOT = _AT["pivot"]
+_PIVOT, _SUBSTEP = _AT["pivot"], _AT["substep"]
 _POSITION, _VELOCITY, _ACCELERATION, _Q, _RPY = (_AT[n] for n in list(OUTPUTS)[:5])
 _OMEGA_B, _OMEGA_A, _ALPHA, _MOMENTUM, _ENERGY = (_AT[n] for n in list(OUTPUTS)[5:])
 STATE = _AT["q"]
@@ -175,6 +175,26 @@ def put_rotation(z: Any, q: Quaternion, omega: Vec3) -> None:
     """Set attitude and body rate of the state."""
     z[STATE], z[STATE + 1], z[STATE + 2], z[STATE + 3] = q
     put_vec3_at(z, _OMEGA, omega)
+
+
+@kernel
+def motion_of(z: Any) -> State:
+    """The state as `dynamics.State`."""
+    return vec3_at(z, _R_C), vec3_at(z, _V_C), _quaternion(z, STATE), vec3_at(z, _OMEGA)
+
+
+@kernel
+def put_motion(z: Any, motion: State) -> None:
+    """Set the state from `dynamics.State`."""
+    put_vec3_at(z, _R_C, motion[0])
+    put_vec3_at(z, _V_C, motion[1])
+    put_rotation(z, motion[2], motion[3])
+
+
+@kernel
+def substep_of(z: Any) -> float:
+    """The largest substep of a method of fixed steps, s."""
+    return z[_SUBSTEP]  # type: ignore[no-any-return]
 
 
 @kernel

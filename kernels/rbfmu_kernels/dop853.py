@@ -129,7 +129,9 @@ def first_step(z: Any, y: int, body: Body, loads: Loads) -> float:
 def dop853_advance(
     z: Any, y: int, w: int, size: int, n: int, h: float, tolerance: float, body: Body, loads: Loads
 ) -> int:
-    """Advance the state z[y:] by h, each step's estimated error at most `tolerance`; z[size] keeps the step size.
+    """Advance the state z[y:] by h, each step's estimated error at most `tolerance`.
+
+    z[size] keeps the step size, z[size + 1] counts the steps tried.
 
     Equal parts reach h: each step is the rest divided by the number of steps that the kept size would need.
     NOT_REACHED where the motion is not finite or needs too many steps; state and size are then the caller's to restore.
@@ -142,6 +144,7 @@ def dop853_advance(
         count = math.ceil(rest / z[size] * (1.0 - 1e-9))
         part = rest / count
         dop853_step(z, y, w, n, part, body, loads)
+        z[size + 1] += 1.0
         error = _error(z, y, w, n, part) / tolerance
         if error <= 1.0:
             growth = 6.0 if error < 2.6e-7 else 0.9 / math.sqrt(math.sqrt(math.sqrt(error)))

@@ -33,5 +33,7 @@ FAULTS: dict[int, tuple[str, str]] = {
     9: ("omega_b_0", "expected no rate about a slender beam's own axis, where it has no inertia"),
     10: ("damping_b", "expected no negative damping (N m s/rad)"),
     11: ("", "expected loads without torque, as in the scene: this unit's model is torque-free"),
+    12: ("", "expected two equal moments and no damping, as in the scene: this unit's model is a symmetric top"),
+    13: ("omega_b_0", "expected a rate at which the planned substep is below half the resonance of a top's kicks"),
 }
 """What a unit's `initialize` refuses, by its return value: the block of variables, and what was expected."""
