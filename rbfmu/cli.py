@@ -1,5 +1,6 @@
 """The command line: the one module above all layers."""
 
+import json
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -52,6 +53,21 @@ def demo(folder: Path) -> None:
 
     ctx = click.get_current_context()
     ctx.exit(0 if run_demo(folder, Console(highlight=False)) else 1)
+
+
+@main.command("plan")
+@click.argument("scene", metavar="SCENE", type=click.Path(path_type=Path))
+@click.option("--json", "as_json", is_flag=True, help="Print model, method, substep, states and reasons as JSON.")
+def show_plan(scene: Path, as_json: bool) -> None:
+    """Say which model and method a scene gets, and why."""
+    from rbfmu.planning import plan
+
+    chosen = plan(load_scene(scene)).to_dict()
+    if as_json:
+        click.echo(json.dumps(chosen, indent=1))
+    else:
+        click.echo(f"{chosen['model']}: {chosen['method']}, {chosen['states']} states")
+        click.echo("\n".join(chosen["reasons"]))
 
 
 @main.command()

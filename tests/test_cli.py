@@ -38,7 +38,7 @@ def short(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("command", ["", "demo", "run", "build", "verify"])
+@pytest.mark.parametrize("command", ["", "demo", "plan", "run", "build", "verify"])
 def test_help_everywhere(command: str) -> None:
     result = call(*filter(None, [command]), "--help")
     assert result.exit_code == 0
@@ -71,6 +71,14 @@ def test_no_traceback_from_a_real_process(tmp_path: Path) -> None:
     assert done.returncode == 2
     assert "body" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_plan_says_why_and_speaks_json(short: Path) -> None:
+    assert "no load makes a torque" in call("plan", short).output
+    chosen = json.loads(call("plan", short, "--json").output)
+    assert {"model", "method", "substep", "states", "reasons"} <= set(chosen)
+    assert chosen["model"] == "torque-free body"
+    assert chosen["substep"] is None
 
 
 def test_run_saves_every_digit_and_draws(short: Path, tmp_path: Path) -> None:
