@@ -1,7 +1,7 @@
-"""The constants of a free body's motion (see free_rotation.py): those that multiply time in double-double."""
+"""The constants of a free body's motion (notation: free_rotation.py). Those that multiply time are double-double."""
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ._kernel import kernel
 from ._precession import precession
@@ -22,20 +22,20 @@ from .double_double import (
 )
 from .elliptic import angle_in_half_turns, climb_scale, scale_levels
 from .quaternion import compose_quaternions
-from .shapes import Quaternion, Vec3
+from .shapes import _SHAPES, Quaternion, Vec3
 
 FREE_ROTATION_SIZE = 48
 if TYPE_CHECKING:
-    FreeRotation = tuple[float, ...]
+    FreeRotation = Any  # mypy has no tuple of 48 floats short of writing it out
 else:
     FreeRotation = tuple[(float,) * FREE_ROTATION_SIZE]
-
-_NO_LEVELS = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+_SHAPES[FreeRotation] = (FREE_ROTATION_SIZE,)
 
 TUMBLING, STEADY, SEPARATRIX = 0.0, 1.0, 2.0
-_LEAST_KC = 1e-300
 _ONE_OVER_PI: DoubleDouble = (0.3183098861837907, -1.9678676675182486e-17)
 _ONE_OVER_4PI: DoubleDouble = (0.07957747154594767, -4.919669168795622e-18)
+_NO_LEVELS = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+_LEAST_KC = 1e-300
 
 
 @kernel(inline=False)
@@ -54,95 +54,56 @@ def steady_setup(q_0: Quaternion, omega: Vec3, unit: float) -> FreeRotation:
 
 @kernel(inline=False)
 def tumbling_setup(moments: Vec3, q_0: Quaternion, omega: Vec3, unit: float) -> FreeRotation:
-    """Any other motion. moments and omega scaled to about 1, time in units that undo the scaling of omega."""
-    p, r, s, difference, up_difference = _axes(moments, omega)
+    """Any other motion. moments and omega scaled to about 1; `unit` undoes the scaling of omega."""
+    p, r, s, distance, distance_unit = _axes(moments, omega)
     i_p, i_r, i_s = moments[p], moments[r], moments[s]
-    symmetric = i_r == i_p
-    if not (i_p > 0.0 and i_r > 0.0 and (i_s > 0.0 or symmetric)):
+    if not (i_p > 0.0 and i_r > 0.0 and (i_s > 0.0 or i_p == i_r)):
         i_p = i_r = i_s = unit = math.nan
-    sign_p = -1.0 if omega[p] < 0.0 else 1.0
-    sign_s = -1.0 if omega[s] < 0.0 else 1.0
+    sign = 1.0 if i_s > i_p else -1.0
+    sign_p = math.copysign(1.0, omega[p])
+    sign_s = math.copysign(1.0, omega[s])
     sign_r = sign_p * sign_s * (1.0 if (p + 1) % 3 == r else -1.0)
     w_p, w_r, w_s = abs(omega[p]), sign_r * omega[r], abs(omega[s])
-    sign = 1.0 if i_s > i_p else -1.0
-    s_r, s_p, r_p = _distance(i_s, i_r), _distance(i_s, i_p), _distance(i_r, i_p)
-    m_s, m_r = two_product(i_s, w_s), two_product(i_r, w_r)
-    # m_p and m_r, both of which may be tiny, scaled on their own.
+    m_r, m_s = two_product(i_r, w_r), two_product(i_s, w_s)
+
+    kappa, one_kappa = _kappa(i_p, i_r, i_s)
+    root_kappa = dd_sqrt(one_kappa)
+    # m_p and m_r, which may both be tiny, scaled by a power of two.
     up = power_of_two_for(max(w_p, abs(w_r)))
     m_p_up, m_r_up = two_product(i_p, up * w_p), two_product(i_r, up * w_r)
-
-    kappa: DoubleDouble = (0.0, 0.0)
-    one_kappa: DoubleDouble = (1.0, 0.0)
-    if not symmetric:
-        kappa = dd_divide(dd_multiply_float(r_p, i_s), dd_multiply_float(s_r, i_p))
-        one_kappa = dd_add_float(kappa, 1.0)
-    root_kappa = dd_sqrt(one_kappa)
-    m_r2 = dd_divide(dd_multiply(m_r_up, m_r_up), one_kappa)
-    a_p2 = dd_add(dd_multiply(m_p_up, m_p_up), m_r2)
-    a_p_up = dd_sqrt(a_p2)
-    sn, cn, dn = sign * m_r_up[0] / (root_kappa[0] * a_p_up[0]), m_p_up[0] / a_p_up[0], 1.0
+    m_r2_up = dd_divide(dd_multiply(m_r_up, m_r_up), one_kappa)
+    a_p2_up = dd_add(dd_multiply(m_p_up, m_p_up), m_r2_up)
+    a_p_up = dd_sqrt(a_p2_up)
+    sn, cn = sign * m_r_up[0] / (root_kappa[0] * a_p_up[0]), m_p_up[0] / a_p_up[0]
+    am_s, am_c = dd_scale(math.copysign(1.0, m_r_up[0]), m_r_up), dd_multiply(root_kappa, m_p_up)
     down = 1.0 / up
-    a_p, a_p2 = dd_scale(down, a_p_up), dd_scale(down, dd_scale(down, a_p2))
-    a_s2 = dd_multiply(m_s, m_s)
-    am_s, am_c = (m_r_up if m_r_up[0] >= 0.0 else dd_negate(m_r_up)), dd_multiply(root_kappa, m_p_up)
+    a_p, a_p2 = dd_scale(down, a_p_up), dd_scale(down, dd_scale(down, a_p2_up))
+    a_r = dd_scale(sign, dd_multiply(root_kappa, a_p))
 
-    kind, form, a_s = TUMBLING, 1.0, m_s
-    rate_s: DoubleDouble = (w_s, 0.0)
-    kc2: DoubleDouble = (1.0, 0.0)
-    levels = _NO_LEVELS
-    y, b, rho = 0.0, 0.0, 1.0
-    agm: DoubleDouble = (1.0, 0.0)
-    half_turn: DoubleDouble = (-0.25, 0.0)
-    if symmetric:
-        g = dd_sqrt(dd_add(a_p2, a_s2))
-        lam = dd_divide(dd_multiply_float(s_r, w_s), (i_r, 0.0))
-        x = angle_in_half_turns(am_s, am_c)
+    if i_p == i_r:
+        polhode = _symmetric(i_r, i_s, w_s, m_s, a_p2, am_s, am_c)
+        kind, kc2, dn, levels = TUMBLING, (1.0, 0.0), 1.0, _NO_LEVELS
     else:
-        a_s2 = dd_add(a_s2, dd_multiply(kappa, dd_scale(down, dd_scale(down, m_r2))))
-        g2 = dd_add(a_p2, a_s2)
-        g = dd_sqrt(g2)
-        a_s = dd_sqrt(a_s2)
-        rate_s, dn = dd_divide(a_s, (i_s, 0.0)), m_s[0] / a_s[0]
-        lam = dd_multiply(rate_s, dd_sqrt(dd_divide(dd_multiply(s_r, s_p), two_product(i_p, i_r))))
-        kc2 = dd_divide(dd_multiply_float(difference, i_s), dd_multiply(s_r, a_s2))
-        modulus = dd_scale(up_difference, dd_sqrt(kc2))
-        kc2 = dd_scale(up_difference, dd_scale(up_difference, kc2))
-        if not modulus[0] < 1.0:
-            modulus, kc2 = (1.0, 0.0), (1.0, 0.0)
-        if modulus[0] < _LEAST_KC:
-            kind, modulus = SEPARATRIX, (_LEAST_KC, 0.0)
-        levels = scale_levels(modulus)
-        dd_rho = dd_divide(a_p2, a_s2)
-        one_rho = dd_divide(g2, a_s2)
-        rho = dd_rho[0]
-        if kappa[0] <= rho:
-            n, one_n, one_other = kappa, one_kappa, one_rho
-        else:
-            n, one_n, one_other, form = dd_rho, one_rho, one_kappa, 2.0
-        dd_y = dd_multiply(n, dd_sqrt(dd_divide(one_other, one_n)))
-        y, b = dd_y[0], modulus[0] / math.sqrt(one_n[0])
-        agm, total, x = climb_scale(modulus, n, am_s, am_c)
-        # y pi / (2 AGM) (2 - sum) is T over a half turn.
-        half_turn = dd_scale(0.125, dd_divide(dd_multiply(dd_y, dd_add_float(dd_negate(total), 2.0)), agm))
-        half_turn = dd_add_float(half_turn, -0.25) if form == 1.0 else dd_negate(half_turn)
-    x = dd_scale(sign if m_r_up[0] >= 0.0 else -sign, x)
-    half_turn = dd_scale(sign, half_turn)
-    nu = dd_multiply(dd_multiply(lam, agm), _ONE_OVER_PI)
-    if form == 1.0:
-        rate = dd_divide(g, (i_r, 0.0))
-    else:  # 2 T / G
-        energy = dd_add(dd_multiply_float(a_p2, i_s), dd_multiply_float(a_s2, i_p))
-        rate = dd_divide(energy, dd_multiply(g, two_product(i_p, i_s)))
-    rate = dd_multiply(rate, _ONE_OVER_4PI)
+        a_s2 = dd_add(dd_multiply(m_s, m_s), dd_multiply(kappa, dd_scale(down, dd_scale(down, m_r2_up))))
+        kc2 = dd_divide(dd_multiply_float(distance, i_s), dd_multiply(_gap(i_s, i_r), a_s2))
+        kc = dd_scale(distance_unit, dd_sqrt(kc2))
+        kc2 = dd_scale(distance_unit, dd_scale(distance_unit, kc2))
+        if not kc[0] < 1.0:
+            kc = kc2 = (1.0, 0.0)
+        kind = SEPARATRIX if kc[0] < _LEAST_KC else TUMBLING
+        kc = (_LEAST_KC, 0.0) if kind == SEPARATRIX else kc
+        polhode = _triaxial((i_p, i_r, i_s), kappa, one_kappa, a_p2, a_s2, kc, am_s, am_c)
+        dn, levels = m_s[0] / polhode[1][0], scale_levels(kc)
+    form, a_s, rate_s, rate, nu, x, half_turn, y, b, rho = polhode
 
     constants = (sign * form, y, b, root_kappa[0], rho)
     psi_0 = precession(sn, cn, dn, constants)
-    inverse_g = 1.0 / g[0]
-    mu_s = inverse_g * m_s[0]
-    back = (1.0 + mu_s, -inverse_g * m_r[0], inverse_g * i_p * w_p, 0.0)
+    inverse_g = 1.0 / math.sqrt(a_p2[0] + a_s[0] * a_s[0])
+    back = (1.0 + inverse_g * m_s[0], -inverse_g * m_r[0], inverse_g * i_p * w_p, 0.0)
     q = compose_quaternions((q_0[0], sign_p * q_0[p + 1], sign_r * q_0[r + 1], sign_s * q_0[s + 1]), back)
+    x = dd_scale(sign * math.copysign(1.0, m_r_up[0]), x)
+    half_turn = dd_scale(sign, half_turn)
     rate_p = dd_divide(dd_scale(unit * sign_p, a_p), (i_p, 0.0))
-    a_r = dd_scale(sign, dd_multiply(root_kappa, a_p))
     rate_r = dd_divide(dd_scale(unit * sign_r, a_r), (i_r, 0.0))
     rate_s = dd_scale(unit * sign_s, rate_s)
     return (
@@ -153,29 +114,84 @@ def tumbling_setup(moments: Vec3, q_0: Quaternion, omega: Vec3, unit: float) -> 
     )  # fmt: skip
 
 
+_Polhode = tuple[
+    float, DoubleDouble, DoubleDouble, DoubleDouble, DoubleDouble, DoubleDouble, DoubleDouble, float, float, float
+]
+"""Form of the precession; A_s; A_s / I_s; rate of psi / (4 pi); rate and start of the phase x / pi of the polhode;
+psi / (4 pi) in half a turn of it; y; b; rho."""
+
+
+@kernel(inline=False)
+def _symmetric(
+    i_r: float, i_s: float, w_s: float, m_s: DoubleDouble, a_p2: DoubleDouble, am_s: DoubleDouble, am_c: DoubleDouble
+) -> _Polhode:
+    """Two equal moments: sn, cn, dn are sin, cos, 1; I_s may be 0."""
+    g = dd_sqrt(dd_add(a_p2, dd_multiply(m_s, m_s)))
+    rate = dd_divide(dd_multiply(g, _ONE_OVER_4PI), (i_r, 0.0))
+    lam = dd_divide(dd_multiply_float(_gap(i_s, i_r), w_s), (i_r, 0.0))
+    x = angle_in_half_turns(am_s, am_c)
+    return (1.0, m_s, (w_s, 0.0), rate, dd_multiply(lam, _ONE_OVER_PI), x, (-0.25, 0.0), 0.0, 0.0, 1.0)
+
+
+@kernel(inline=False)
+def _triaxial(
+    moments_prs: Vec3, kappa: DoubleDouble, one_kappa: DoubleDouble, a_p2: DoubleDouble, a_s2: DoubleDouble,
+    kc: DoubleDouble, am_s: DoubleDouble, am_c: DoubleDouble,
+) -> _Polhode:  # fmt: skip
+    """Three different moments."""
+    i_p, i_r, i_s = moments_prs
+    g2 = dd_add(a_p2, a_s2)
+    g, a_s = dd_sqrt(g2), dd_sqrt(a_s2)
+    rate_s = dd_divide(a_s, (i_s, 0.0))
+    lam = dd_multiply(_gap(i_s, i_r), _gap(i_s, i_p))
+    lam = dd_multiply(rate_s, dd_sqrt(dd_divide(lam, two_product(i_p, i_r))))
+    rho, one_rho = dd_divide(a_p2, a_s2), dd_divide(g2, a_s2)
+    if kappa[0] <= rho[0]:
+        form, n, one_n, one_other = 1.0, kappa, one_kappa, one_rho
+        rate = dd_divide(g, (i_r, 0.0))
+    else:
+        form, n, one_n, one_other = 2.0, rho, one_rho, one_kappa
+        energy = dd_add(dd_multiply_float(a_p2, i_s), dd_multiply_float(a_s2, i_p))
+        rate = dd_divide(energy, dd_multiply(g, two_product(i_p, i_s)))
+    y = dd_multiply(n, dd_sqrt(dd_divide(one_other, one_n)))
+    agm, total, x = climb_scale(kc, n, am_s, am_c)
+    # T over a half turn is pi y (2 - total) / (2 AGM).
+    half_turn = dd_scale(0.125, dd_divide(dd_multiply(y, dd_add_float(dd_negate(total), 2.0)), agm))
+    half_turn = dd_add_float(half_turn, -0.25) if form == 1.0 else dd_negate(half_turn)
+    nu = dd_multiply(dd_multiply(lam, agm), _ONE_OVER_PI)
+    rate = dd_multiply(rate, _ONE_OVER_4PI)
+    return (form, a_s, rate_s, rate, nu, x, half_turn, y[0], kc[0] / math.sqrt(one_n[0]), rho[0])
+
+
 @kernel
-def _distance(a: float, b: float) -> DoubleDouble:
+def _kappa(i_p: float, i_r: float, i_s: float) -> tuple[DoubleDouble, DoubleDouble]:
+    """(kappa, 1 + kappa), kappa = I_s (I_r - I_p) / (I_p (I_s - I_r))."""
+    if i_p == i_r:
+        return ((0.0, 0.0), (1.0, 0.0))
+    kappa = dd_divide(dd_multiply_float(_gap(i_r, i_p), i_s), dd_multiply_float(_gap(i_s, i_r), i_p))
+    return (kappa, dd_add_float(kappa, 1.0))
+
+
+@kernel
+def _gap(a: float, b: float) -> DoubleDouble:
     """|a - b| exactly."""
     return two_sum(a, -b) if a >= b else two_sum(b, -a)
 
 
 @kernel
 def _axes(moments: Vec3, omega: Vec3) -> tuple[int, int, int, DoubleDouble, float]:
-    """Axes p, r, s; the distance from the separatrix |w_hi^2 I_hi (I_hi - I_r) - w_lo^2 I_lo (I_r - I_lo)| as scale^2 d.
-
-    Returns (p, r, s, d, scale).
-    """
+    """(p, r, s, d, unit), d unit^2 = |w_hi^2 I_hi (I_hi - I_r) - w_lo^2 I_lo (I_r - I_lo)|: 0 on the separatrix."""
     a, b, c = moments
     lo = 0 if a <= b and a <= c else (1 if b <= c else 2)
     hi = 2 if c >= a and c >= b else (1 if b >= a else 0)
     r = 3 - lo - hi
     up = power_of_two_for(max(abs(omega[lo]), abs(omega[hi])))
     w_lo, w_hi = up * omega[lo], up * omega[hi]
-    above, below = _distance(moments[hi], moments[r]), _distance(moments[r], moments[lo])
+    above, below = _gap(moments[hi], moments[r]), _gap(moments[r], moments[lo])
     upper = dd_multiply(dd_multiply_float(two_product(w_hi, w_hi), moments[hi]), above)
     lower = dd_multiply(dd_multiply_float(two_product(w_lo, w_lo), moments[lo]), below)
     d = dd_subtract(upper, lower)
-    if abs(d[0]) < 1e-8 * upper[0]:  # the difference of the two is left with too few digits
+    if abs(d[0]) < 1e-8 * upper[0]:  # too few digits would be left
         sums = _add_exactly((0.0, 0.0, 0.0, 0.0), w_hi, moments[hi], above)
         sums = _add_exactly(sums, w_lo, -moments[lo], below)
         d = dd_add(two_sum(sums[0], sums[1]), (sums[2], sums[3]))
@@ -192,10 +208,10 @@ _Sums = tuple[float, float, float, float]
 
 
 @kernel(inline=False)
-def _add_exactly(sums: _Sums, w: float, moment: float, distance: DoubleDouble) -> _Sums:
-    """The running sum plus w^2 moment distance, to 212 bits (cascaded error-free sums of 16 exact products)."""
+def _add_exactly(sums: _Sums, w: float, moment: float, gap: DoubleDouble) -> _Sums:
+    """The running sum plus w^2 moment gap, to 212 bits: cascaded error-free sums of 16 exact products."""
     s_1, s_2, s_3, s_4 = sums
-    for part in distance:
+    for part in gap:
         for lever in two_product(moment, part):
             for square in two_product(w, w):
                 for term in two_product(square, lever):

@@ -2,7 +2,7 @@
 
 Error-free sums by Knuth, products by Dekker (1971) with Veltkamp's splitting (no fused multiply-add: the same bits
 on every platform).  Algorithms and bounds: Joldes, Muller & Popescu, ACM TOMS 44 (2017), u = 2^-53.
-Numbers are to be scaled by their users: beyond 1e299 the splitting overflows, products below 1e-290 lose their low part.
+Users scale their numbers: beyond 1e299 the splitting overflows, products below 1e-290 lose their low part.
 """
 
 import math

@@ -2,7 +2,7 @@
 
 The scale of arithmetic-geometric means a_0 = 1, g_0 = kc (the complementary modulus), a' = (a + g) / 2, g' = sqrt(a g)
 serves all: complete integrals, the phase x = pi u / (2 K) of an amplitude (both once, `climb_scale`), and sn, cn, dn of
-a phase (`jacobi_from_phase`).  Sources: DLMF 19.8, 22.7, 22.20; Bulirsch, Numer. Math. 7 (1965); Carlson's R_J: DLMF 19.36.
+a phase (`jacobi_from_phase`).  Sources: DLMF 19.8, 22.7, 22.20; Bulirsch, Numer. Math. 7 (1965); Carlson: DLMF 19.36.
 """
 
 import math
@@ -15,7 +15,6 @@ from .double_double import (
     dd_add_float,
     dd_divide,
     dd_multiply,
-    dd_multiply_float,
     dd_scale,
     dd_sqrt,
     dd_subtract,
@@ -135,7 +134,7 @@ def jacobi_low_parts(sn: float, cn: float, dn: float, kc2: DoubleDouble) -> tupl
 def climb_scale(
     kc: DoubleDouble, n: DoubleDouble, s: DoubleDouble, c: DoubleDouble
 ) -> tuple[DoubleDouble, DoubleDouble, DoubleDouble]:
-    """The AGM of (1, kc); the sum with Pi(-n) = pi / (4 AGM) (2 - n / (1 + n) sum); x / pi = u / (2 K) of tan am = s / c.
+    """(AGM(1, kc), sum, x / pi): Pi(-n) = pi / (4 AGM) (2 - n / (1 + n) sum), x / pi = u / (2 K) of tan am = s / c.
 
     1e-300 <= kc <= 1, 0 <= n <= 1, s, c >= 0.  Pi: DLMF 19.8.7; x by Landen's descent, am' = am + atan(g / a tan am),
     in products of complex numbers.  Relative error about 1e-31, of x 1e-19.

@@ -7,15 +7,16 @@ and modulus come from sums of terms of one sign, never from G^2 - 2 T I_r, and t
 that difference, so that k <= 1 (P. Leroy, "On an article by Celledoni et al.", Principia).
 
 The attitude is q = q_0 S^-1 P(m_0)^-1 Z(psi) P(m) S: S takes the body's axes to (p, r, s), P(m) turns m onto z by the
-shortest way, Z turns about z by psi.  With kappa = I_s (I_r - I_p) / (I_p (I_s - I_r)), rho = (A_p / A_s)^2 and
-kappa rho = k^2, psi is a rate times t plus an integral of the third kind whose characteristic, -min(kappa, rho), is in
-[-1, 0]: no cancellation for any inertia, no pole.  What grows with t is in double-double: the error does not grow.
+shortest way, Z turns about z by psi (see _precession.py).  With kappa = I_s (I_r - I_p) / (I_p (I_s - I_r)) and
+rho = (A_p / A_s)^2, kappa rho = k^2, all is a sum of terms of one sign, for any inertia: nothing cancels, nothing has a
+pole.  What grows with t is double-double, the rest is bounded: the error does not grow.
 """
 
 import math
 
 from ._free_rotation_setup import FREE_ROTATION_SIZE as FREE_ROTATION_SIZE
-from ._free_rotation_setup import SEPARATRIX, STEADY, FreeRotation, steady_setup, tumbling_setup
+from ._free_rotation_setup import SEPARATRIX, STEADY, steady_setup, tumbling_setup
+from ._free_rotation_setup import FreeRotation as FreeRotation
 from ._kernel import kernel
 from ._precession import precession
 from ._scaling import power_of_two_for, round_to_integer
@@ -25,8 +26,7 @@ from .elliptic import jacobi_from_phase, jacobi_low_parts
 from .quaternion import compose_quaternions
 from .shapes import Quaternion, Vec3
 
-
-_LAST_TURN = 1e28
+_LAST_TURN = 1e28  # of psi / (4 pi): double-double has no digit left there
 _LAST_X = 0.4334246564202994  # u = 600 on the separatrix: from there on the body rests at the middle axis, to 1e-260
 
 
@@ -58,74 +58,23 @@ def free_rotation_setup(moments: Vec3, q_0: Quaternion, omega_b_0: Vec3) -> Free
 
 @kernel(inline=False)
 def free_rotation_at(setup: FreeRotation, t: float) -> tuple[Quaternion, Vec3]:
-    """(q_ab, omega_ab_b) at time t after the state of `setup`, continuous in t, q of unit length.
+    """(q_ab, omega_ab_b) at time t after the state of `setup`; q_ab of unit length and without jumps of sign.
 
-    t: s, of either sign.  Error of the attitude's angle: about 1 eps, <= 10 eps; near the separatrix 100 eps;
-    of omega the same, relative to |omega|; where |omega t| > 1e15, 1e-31 |omega t| more.
+    t: s, of either sign.  Error for exact inputs, of the attitude's angle and of omega relative to |omega|: 1 eps, at
+    most 5 eps, for any body, state and time; beyond |omega t| = 1e14 plus 3e-31 |omega t|, and NaN beyond some 1e29.
     """
-    kind, unit, rate_1, rate_2, nu_1, nu_2, x_1, x_2, turn_1, turn_2, psi_0 = setup[0:11]
-    mu_p, mu_r, mu_s, w_p, w_r, w_s = setup[11:17]
-    q_0 = setup[17:21]
     axis_p, axis_r, axis_s = setup[21:24]
-    t *= unit
-    t = t if abs(rate_1 * t) < _LAST_TURN else math.nan
-    # psi / (4 pi), whole turns dropped as they arise
-    psi = _without_turns(rate_1, rate_2, t)
-    if kind == STEADY:
-        s, c = _sincos_half_turns(2.0 * psi[0], 2.0 * psi[1])
-        turned = (c, s * mu_p, s * mu_r, s * mu_s)
-    else:
-        # The phase x / pi of the polhode = half turns done + a rest in [-1/2, 1/2].
-        high, low = two_product(nu_1, t)
-        low += nu_2 * t
-        done, more = 0.0, 0.0
-        if kind == SEPARATRIX:
-            high, low = dd_add((high, low), (x_1, x_2))
-            high = _LAST_X if high > _LAST_X else (-_LAST_X if high < -_LAST_X else high)
-        else:
-            done = round_to_integer(high)
-            high, low = dd_add(two_sum(high - done, low), (x_1, x_2))
-            more = round_to_integer(high)
-            high -= more
-        sin_x, cos_x = _sincos_half_turns(high, low)
-        if cos_x < 0.0:
-            more += math.copysign(1.0, sin_x)
-            sin_x, cos_x = -sin_x, -cos_x
-        sn, cn, dn = jacobi_from_phase(sin_x, cos_x, setup[24:38])
-        psi = dd_add(psi, dd_add(_without_turns(turn_1, turn_2, done), _without_turns(turn_1, turn_2, more)))
-        s, c = _sincos_half_turns_plus(psi, 0.5 * (precession(sn, cn, dn, setup[38:43]) - psi_0))
-        flip = 1.0 if _is_even(done) == _is_even(more) else -1.0
-        w_p2, w_r2, w_s2, kc2_1, kc2_2 = setup[43:48]
-        sn_2, cn_2, dn_2 = jacobi_low_parts(sn, cn, dn, (kc2_1, kc2_2))
-        w_p = flip * (w_p * cn + (w_p * cn_2 + w_p2 * cn))
-        w_r = flip * (w_r * sn + (w_r * sn_2 + w_r2 * sn))
-        w_s = w_s * dn + (w_s * dn_2 + w_s2 * dn)
-        mu_p, mu_r, mu_s = flip * mu_p * cn, flip * mu_r * sn, mu_s * dn
-        # Z P with P = (1 + mu_s, mu_r, -mu_p, 0) / sqrt(2 (1 + mu_s)); the length is made 1 at the end.
-        z = 1.0 + mu_s
-        turned = (c * z, c * mu_r + s * mu_p, s * mu_r - c * mu_p, s * z)
-    e, x_p, x_r, x_s = compose_quaternions(q_0, turned)
+    scaled = setup[1] * t
+    scaled = scaled if abs(setup[2] * scaled) < _LAST_TURN else math.nan
+    turned, omega = _steady(setup, scaled) if setup[0] == STEADY else _tumble(setup, scaled)
+    e, x_p, x_r, x_s = compose_quaternions(setup[17:21], turned)
     length = math.sqrt(e * e + x_p * x_p + x_r * x_r + x_s * x_s)
     inverse = 1.0 / (length if length != 0.0 else math.nan)
     x_p = math.copysign(inverse, axis_p) * x_p
     x_r = math.copysign(inverse, axis_r) * x_r
     x_s = math.copysign(inverse, axis_s) * x_s
-    first_p, first_r = abs(axis_p) == 1.0, abs(axis_r) == 1.0
-    second_p, second_r = abs(axis_p) == 2.0, abs(axis_r) == 2.0
-    third_p, third_r = abs(axis_p) == 3.0, abs(axis_r) == 3.0
-    return (
-        (
-            inverse * e,
-            x_p if first_p else (x_r if first_r else x_s),
-            x_p if second_p else (x_r if second_r else x_s),
-            x_p if third_p else (x_r if third_r else x_s),
-        ),
-        (
-            w_p if first_p else (w_r if first_r else w_s),
-            w_p if second_p else (w_r if second_r else w_s),
-            w_p if third_p else (w_r if third_r else w_s),
-        ),
-    )
+    x_1, x_2, x_3 = _in_body_axes((x_p, x_r, x_s), abs(axis_p), abs(axis_r))
+    return ((inverse * e, x_1, x_2, x_3), _in_body_axes(omega, abs(axis_p), abs(axis_r)))
 
 
 @kernel
@@ -139,31 +88,96 @@ def free_rotation(moments: Vec3, q_0: Quaternion, omega_b_0: Vec3, t: float) -> 
 
 
 @kernel
+def free_rotation_is_singular(moments: Vec3) -> bool:
+    """Whether no motion exists: a moment is negative or infinite, or 0 while the others differ."""
+    a, b, c = moments
+    refused = a < 0.0 or b < 0.0 or c < 0.0 or a == math.inf or b == math.inf or c == math.inf
+    return refused or (a == 0.0 and b != c) or (b == 0.0 and c != a) or (c == 0.0 and a != b)
+
+
+@kernel
+def _steady(setup: FreeRotation, t: float) -> tuple[Quaternion, Vec3]:
+    """The turn about the constant rate's axis, and the rate."""
+    high, low = _without_turns((setup[2], setup[3]), t)
+    s, c = _sincos_half_turns((2.0 * high, 2.0 * low))
+    return ((c, s * setup[11], s * setup[12], s * setup[13]), setup[14:17])
+
+
+@kernel
+def _tumble(setup: FreeRotation, t: float) -> tuple[Quaternion, Vec3]:
+    """Z(psi) P(m), of any length, and the rates about p, r, s with their body axes' signs."""
+    kind, x_0, half_turn, psi_0 = setup[0], (setup[6], setup[7]), (setup[8], setup[9]), setup[10]
+    mu_p, mu_r, mu_s, w_p, w_r, w_s = setup[11:17]
+    # The phase x / pi of the polhode = half turns done + a rest in [-1/2, 1/2].
+    nu_1, nu_2 = setup[4], setup[5]
+    high, low = two_product(nu_1, t)
+    low += nu_2 * t
+    done, more = 0.0, 0.0
+    if kind == SEPARATRIX:
+        high, low = dd_add((high, low), x_0)
+        high = _LAST_X if high > _LAST_X else (-_LAST_X if high < -_LAST_X else high)
+    else:
+        done = round_to_integer(high)
+        high, low = dd_add(two_sum(high - done, low), x_0)
+        more = round_to_integer(high)
+        high -= more
+    sin_x, cos_x = _sincos_half_turns((high, low))
+    if cos_x < 0.0:
+        more += math.copysign(1.0, sin_x)
+        sin_x, cos_x = -sin_x, -cos_x
+    sn, cn, dn = jacobi_from_phase(sin_x, cos_x, setup[24:38])
+    # psi / (4 pi), whole turns dropped as they arise
+    psi = dd_add(_without_turns(half_turn, done), _without_turns(half_turn, more))
+    psi = dd_add(_without_turns((setup[2], setup[3]), t), psi)
+    s, c = _sincos_turns_plus(psi, 0.5 * (precession(sn, cn, dn, setup[38:43]) - psi_0))
+    sn_2, cn_2, dn_2 = jacobi_low_parts(sn, cn, dn, (setup[46], setup[47]))
+    flip = 1.0 if _is_even(done) == _is_even(more) else -1.0
+    omega = (
+        flip * (w_p * cn + (w_p * cn_2 + setup[43] * cn)),
+        flip * (w_r * sn + (w_r * sn_2 + setup[44] * sn)),
+        w_s * dn + (w_s * dn_2 + setup[45] * dn),
+    )
+    # P = (1 + mu_s, mu_r, -mu_p, 0) / sqrt(2 (1 + mu_s)), mu = m / |m|
+    mu_p, mu_r, z = flip * mu_p * cn, flip * mu_r * sn, 1.0 + mu_s * dn
+    return ((c * z, c * mu_r + s * mu_p, s * mu_r - c * mu_p, s * z), omega)
+
+
+@kernel
+def _in_body_axes(v: Vec3, p: float, r: float) -> Vec3:
+    """V given along p, r and s; p, r: the numbers 1, 2, 3 of the body axes."""
+    return (
+        v[0] if p == 1.0 else (v[1] if r == 1.0 else v[2]),
+        v[0] if p == 2.0 else (v[1] if r == 2.0 else v[2]),
+        v[0] if p == 3.0 else (v[1] if r == 3.0 else v[2]),
+    )
+
+
+@kernel
 def _is_even(n: float) -> bool:
     half = 0.5 * n
     return round_to_integer(half) == half
 
 
 @kernel
-def _without_turns(a_1: float, a_2: float, t: float) -> DoubleDouble:
-    """(a_1 + a_2) t less an integer, within [-1, 1]."""
-    high, low = two_product(a_1, t)
-    low += a_2 * t
+def _without_turns(a: DoubleDouble, t: float) -> DoubleDouble:
+    """The product a t less an integer, within [-1, 1]."""
+    high, low = two_product(a[0], t)
+    low += a[1] * t
     high, low = two_sum(high - round_to_integer(high), low)
     return (high - round_to_integer(high), low)
 
 
 @kernel
-def _sincos_half_turns(high: float, low: float) -> tuple[float, float]:
-    """(sin, cos) of pi (high + low), low small."""
-    angle, rest = two_product(PI[0], high)
-    rest += PI[0] * low + PI[1] * high
+def _sincos_half_turns(x: DoubleDouble) -> tuple[float, float]:
+    """(sin, cos) of pi x."""
+    angle, rest = two_product(PI[0], x[0])
+    rest += PI[0] * x[1] + PI[1] * x[0]
     s, c = sincos(angle)
     return (s + c * rest, c - s * rest)
 
 
 @kernel
-def _sincos_half_turns_plus(turns: DoubleDouble, angle: float) -> tuple[float, float]:
+def _sincos_turns_plus(turns: DoubleDouble, angle: float) -> tuple[float, float]:
     """(sin, cos) of 2 pi turns + angle."""
     high, low = two_product(2.0 * PI[0], turns[0])
     high, rest = two_sum(high, angle)

@@ -1,0 +1,31 @@
+"""The array function of exact torque-free motion: one setup per body, however many times are asked for."""
+
+import math
+from functools import wraps
+from typing import Any
+
+import numpy as np
+
+from rbfmu._array_function import _clear_error, array_function
+from rbfmu_kernels import free_rotation as _kernel
+from rbfmu_kernels._batch import python_function
+from rbfmu_kernels.free_rotation import free_rotation_at, free_rotation_is_singular, free_rotation_setup
+
+_one_time_per_body = array_function(_kernel, singular=free_rotation_is_singular)
+_setup = array_function(free_rotation_setup, singular=free_rotation_is_singular)
+_at = array_function(free_rotation_at)
+
+
+@wraps(python_function(_kernel))
+def free_rotation(*args: Any, **kwargs: Any) -> Any:
+    try:
+        if len(args) < 4 or np.ndim(args[3]) == 0 or not _times_exceed_bodies(*args[:4]):
+            return _one_time_per_body(*args, **kwargs)
+        return _at(_setup(*args[:3]), *args[3:], **kwargs)
+    except (TypeError, ValueError):
+        raise _clear_error(_kernel, args, kwargs) from None
+
+
+def _times_exceed_bodies(moments: Any, q_0: Any, omega_b_0: Any, t: Any) -> bool:
+    bodies = np.broadcast_shapes(*(np.shape(a)[:-1] for a in (moments, q_0, omega_b_0)))
+    return math.prod(np.broadcast_shapes(bodies, np.shape(t))) > math.prod(bodies)
