@@ -62,7 +62,7 @@ def sequence_function(kernel: Callable[..., Any], singular: Callable[..., bool] 
     def call(seq: str, *args: Any, **kwargs: Any) -> Any:
         try:
             function = functions[seq]
-        except KeyError:
+        except (KeyError, TypeError):
             function = functions[seq] = array_function(kernel, sequence(seq), singular=singular)
         return function(*args, **kwargs)
 
@@ -122,9 +122,11 @@ def _clear_error(kernel: Callable[..., Any], args: tuple[Any, ...], kwargs: dict
         return TypeError(f"{name} takes {len(shapes)} arguments ({', '.join(shapes)}), got {len(args)}")
     for (argument, shape), value in zip(shapes.items(), args, strict=False):
         try:
-            array = np.asarray(value, dtype=np.float64)
-        except (TypeError, ValueError):
-            return ValueError(f"{name}: {argument} must be numbers, got {value!r}")
+            array = np.asarray(value)
+        except ValueError:
+            return ValueError(f"{name}: {argument} must be a regular array of numbers, got {value!r}")
+        if array.dtype.kind not in "biuf":
+            return ValueError(f"{name}: {argument} must be real numbers, got {value!r}")
         if array.shape[array.ndim - len(shape) :] != shape or array.ndim < len(shape):
             return ValueError(f"{name}: {argument} must have trailing shape {shape}, got {array.shape}")
     leading = {n: np.shape(v)[: np.ndim(v) - len(s)] for (n, s), v in zip(shapes.items(), args, strict=False)}

@@ -226,7 +226,9 @@ def interpreted(kernel: Callable[..., Any], *constants: int, singular: Callable[
     def call(*args: Any, out: Any = None) -> Any:
         if len(args) != len(shapes):
             raise TypeError(f"{len(shapes)} arguments are needed")
-        arrays = [np.asarray(a, dtype=np.float64) for a in args]
+        arrays = [np.asarray(a) for a in args]
+        if any(a.dtype.kind not in "biuf" for a in arrays):
+            raise TypeError("not real numbers")
         if any(a.shape[a.ndim - len(s) :] != s for a, s in zip(arrays, shapes, strict=True)):
             raise ValueError("wrong trailing shape")
         leading = np.broadcast_shapes(*(a.shape[: a.ndim - len(s)] for a, s in zip(arrays, shapes, strict=True)))
@@ -240,7 +242,7 @@ def interpreted(kernel: Callable[..., Any], *constants: int, singular: Callable[
             value = kernel(*constants, *items)
             for target, part in zip(outs, value if len(results) > 1 else (value,), strict=True):
                 target[index] = part
-        values = tuple(o[()] for o in outs)
+        values = tuple(o[()] if out is None else o for o in outs)
         return values if len(values) > 1 else values[0]
 
     return call

@@ -17,7 +17,7 @@ NAMES += [name.lower() for name in NAMES]
 
 def sequence(name: str) -> int:
     """The integer constant of a sequence's name."""
-    if name not in NAMES:
+    if not isinstance(name, str) or name not in NAMES:
         raise ValueError(f"an Euler sequence is one of {' '.join(NAMES)}; got {name!r}")
     i, j, k = ("XYZ".index(letter) for letter in name.upper())
     return (64 if name.islower() else 0) + 16 * i + 4 * j + k

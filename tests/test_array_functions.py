@@ -1,0 +1,268 @@
+"""Array functions: the kernels' bits under NumPy's rules."""
+
+import math
+import re
+import warnings
+from pathlib import Path
+
+import exact
+import numpy as np
+import pytest
+import test_euler_angles
+import test_kinematics
+import test_quaternion
+import test_rotation
+import test_rotvec
+from hard_cases import random_quaternions, random_vectors, rng, rotation_matrices
+from numba import config, njit
+
+import rbfmu
+from rbfmu import arrays
+from rbfmu_kernels import _batch, euler_angles, quaternion, rotvec
+
+TABLES = [test_rotation, test_quaternion, test_euler_angles, test_rotvec, test_kinematics]
+LAWS = {law.name: law for module in TABLES for law in module.LAWS}
+ARRAY_FUNCTIONS = {name: f for name in arrays.__all__ if hasattr(f := getattr(rbfmu, name), "__wrapped__")}
+Q = np.array(random_quaternions(100, 71))
+V = np.array(random_vectors(100, 72))
+R = np.array(rotation_matrices(random_quaternions(100, 73)))
+compiled_only = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="needs the compiled functions")
+
+
+def test_every_array_function_stands_in_a_table_of_laws():
+    """Or its module's own tests call it."""
+    for name in ARRAY_FUNCTIONS.keys() - LAWS.keys():
+        module = ARRAY_FUNCTIONS[name].__wrapped__.__module__.rpartition(".")[2]
+        own = Path(__file__).with_name(f"test_{module}.py").read_text()
+        assert re.search(rf"\b(rbfmu|{module})\.{name}\b", own), name
+
+
+def test_every_law_is_of_an_array_function():
+    assert set(LAWS) <= set(ARRAY_FUNCTIONS)
+
+
+def by_array_function(name, cases):
+    """One row of numbers for each case."""
+    columns = [np.array(column) for column in zip(*cases, strict=True)]
+    if isinstance(cases[0][0], int):
+        columns[0] = "ZYX"
+    results = ARRAY_FUNCTIONS[name](*columns)
+    results = results if isinstance(results, tuple) else (results,)
+    return np.concatenate([np.reshape(r, (len(cases), -1)) for r in results], axis=1).tolist()
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_array_function_has_the_kernel_s_bits(name):
+    """Vectorised or not: 100 items are tiles of 32 and a remainder. Euler angles: ZYX, compiled as a constant."""
+    cases = [case for case in LAWS[name].cases() if not isinstance(case[0], int) or case[0] == euler_angles.ZYX][-100:]
+    assert by_array_function(name, cases) == [exact.flat(LAWS[name].kernel(*case)) for case in cases]
+
+
+@pytest.mark.parametrize("sequence", ["ZXZ", "xyz"])
+def test_sequences_compiled_as_constants_have_the_kernel_s_bits(sequence):
+    seq = euler_angles.sequence(sequence)
+    ours = rbfmu.euler_from_quaternion(sequence, Q)
+    assert ours.tolist() == [list(euler_angles.euler_from_quaternion(seq, tuple(q))) for q in Q.tolist()]
+
+
+def strided(array):
+    """The same numbers, every other one of a larger array, core axes reversed in memory."""
+    larger = np.full(tuple(2 * n for n in array.shape), np.nan)
+    view = larger[tuple(slice(None, None, -2) for _ in array.shape)]
+    view[...] = array
+    return view
+
+
+@pytest.mark.parametrize(
+    ("function", "args"),
+    [(rbfmu.rotate, (Q, V)), (rbfmu.transform, (R, V)), (rbfmu.slerp, (Q, Q[::-1], np.linspace(0, 1, 100)))],
+)
+def test_layout_in_memory_does_not_matter(function, args):
+    expected = function(*args)
+    assert (function(*map(strided, args)) == expected).all()
+    assert (function(*(np.asfortranarray(a) for a in args)) == expected).all()
+    out = strided(np.zeros_like(expected))
+    assert function(*args, out=out) is out
+    assert (out == expected).all()
+
+
+def test_leading_axes_broadcast():
+    assert rbfmu.rotate(Q[0], V).shape == (100, 3)
+    assert (rbfmu.rotate(Q[0], V)[7] == rbfmu.rotate(Q[0], V[7])).all()
+    all_pairs = rbfmu.transform(R[:5, np.newaxis], V[:40])
+    assert all_pairs.shape == (5, 40, 3)
+    assert (all_pairs[3, 35] == rbfmu.transform(R[3], V[35])).all()
+    assert rbfmu.rotation_z(np.zeros((2, 3))).shape == (2, 3, 3, 3)
+    assert rbfmu.quaternion_from_axis_angle(V[:4] / np.linalg.norm(V[:4], axis=1, keepdims=True), 0.3).shape == (4, 4)
+
+
+def test_no_items_are_no_error():
+    assert rbfmu.rotate(np.empty((0, 4)), np.empty((0, 3))).shape == (0, 3)
+    assert rbfmu.euler_from_quaternion("ZYX", np.empty((0, 4))).shape == (0, 3)
+
+
+def test_one_item_may_be_a_list_of_integers():
+    assert rbfmu.rotate([1, 0, 0, 0], [1, 2, 3]).tolist() == [1.0, 2.0, 3.0]
+    assert isinstance(rbfmu.angle_between([1, 0, 0, 0], [0, 1, 0, 0]), float)
+    assert rbfmu.rotate(Q.astype(np.float32)[0], V[0]).dtype == np.float64
+
+
+def test_several_results_and_their_out():
+    axis, angle = rbfmu.axis_angle_from_quaternion(Q)
+    outs = (np.empty((100, 3)), np.empty(100))
+    returned = rbfmu.axis_angle_from_quaternion(Q, out=outs)
+    assert returned[0] is outs[0]
+    assert (outs[0] == axis).all()
+    assert (outs[1] == angle).all()
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: rbfmu.rotate(Q[:, :3], V), r"rotate: q_ab must have trailing shape \(4,\), got \(100, 3\)"),
+        (lambda: rbfmu.rotate(Q, 3.0), r"rotate: v_b must have trailing shape \(3,\), got \(\)"),
+        (lambda: rbfmu.transform(R[0, 0], V), r"transform: R_ab must have trailing shape \(3, 3\)"),
+        (lambda: rbfmu.euler_from_matrix("ZYX", Q), r"euler_from_matrix: R_ab must have trailing shape \(3, 3\)"),
+        (lambda: rbfmu.euler_from_matrix("ZZX", R), "Euler sequence"),
+        (lambda: rbfmu.euler_from_matrix(R, R), "Euler sequence"),
+        (lambda: rbfmu.rotate(Q[:7], V[:6]), "do not broadcast"),
+        (lambda: rbfmu.rotate(["a", "b", "c", "d"], V[0]), "q_ab must be real numbers"),
+        (lambda: rbfmu.normalize(Q * 1j), "q must be real numbers"),
+        (lambda: rbfmu.rotate([[1.0], [1.0, 2.0]], V[0]), "q_ab must be a regular array"),
+    ],
+)
+def test_what_does_not_fit_is_a_value_error_that_names_the_argument(call, message):
+    for _ in range(2):  # before and after compilation
+        with pytest.raises(ValueError, match=message):
+            call()
+
+
+@pytest.mark.parametrize("call", [lambda: rbfmu.rotate(Q), lambda: rbfmu.rotate(Q, V, speed=3)])
+def test_a_call_that_does_not_fit_is_a_type_error(call):
+    with pytest.raises(TypeError, match="rotate"):
+        call()
+
+
+def test_array_functions_are_documented():
+    for name, function in ARRAY_FUNCTIONS.items():
+        assert function.__name__ == name
+        assert function.__doc__
+
+
+def test_nan_stays_where_it_is_and_nothing_warns():
+    spoiled = Q.copy()
+    spoiled[3, 2] = np.nan
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for function in (rbfmu.normalize, rbfmu.matrix_from_quaternion, rbfmu.rotvec_from_quaternion):
+            bad = np.isnan(function(spoiled)).reshape(100, -1).any(axis=1)
+            assert np.flatnonzero(bad).tolist() == [3]
+
+
+@pytest.mark.parametrize(("rate", "omega"), [("euler_rate_a", V), ("euler_rate_b", V[0])])
+def test_singular_euler_rates_warn(rate, omega):
+    angles = np.full((100, 3), 0.3)
+    function = getattr(rbfmu, rate)
+    expected = function("ZYX", angles, omega)
+    angles[60, 1] = math.pi / 2
+    with pytest.warns(RuntimeWarning, match=f"divide by zero encountered in {rate}"):
+        rates = function("ZYX", angles, omega)
+    assert np.isfinite(rates).all()
+    assert (np.delete(rates, 60, axis=0) == np.delete(expected, 60, axis=0)).all()
+    with pytest.warns(RuntimeWarning), np.errstate(all="warn"):
+        assert not np.isfinite(function("ZXZ", [0.1, 0.0, 0.2], omega)).all()
+
+
+def test_singular_rotation_vector_rates_warn():
+    with pytest.warns(RuntimeWarning, match="divide by zero encountered in rotvec_rate_a"):
+        rbfmu.rotvec_rate_a([0.0, 2.0 * math.pi, 0.0], V[0])
+    rbfmu.rotvec_rate_a([0.0, 0.0, 0.0], V[0])
+
+
+@compiled_only
+def test_numpy_s_error_state_rules_the_warning():
+    with np.errstate(divide="ignore"):
+        rbfmu.euler_rate_a("ZYX", [0.0, math.pi / 2, 0.0], V[0])
+    with np.errstate(divide="raise"), pytest.raises(FloatingPointError):
+        rbfmu.euler_rate_a("ZYX", [0.0, math.pi / 2, 0.0], V[0])
+
+
+@pytest.fixture
+def two_threads(monkeypatch):
+    monkeypatch.setattr(rbfmu._array_function, "CHUNK", 16)
+    monkeypatch.setattr(rbfmu._array_function, "THRESHOLD", 64)
+    rbfmu.set_threads(2)
+    yield
+    rbfmu.set_threads(1)
+
+
+CALLS = [
+    lambda: rbfmu.rotate(Q, V),
+    lambda: rbfmu.rotate(Q[0], V),
+    lambda: rbfmu.transform(R[:4, np.newaxis], V),
+    lambda: rbfmu.slerp(Q, Q[::-1], 0.3),
+    lambda: rbfmu.axis_angle_from_quaternion(Q)[1],
+    lambda: rbfmu.euler_from_quaternion("ZYX", Q.reshape(2, 50, 4)),
+    lambda: rbfmu.rotate(Q, V, out=np.empty((100, 3))),
+    lambda: rbfmu.rotate(Q[3], V[3]),
+]
+
+
+@pytest.mark.parametrize("number", range(len(CALLS)))
+def test_threads_give_the_same_bits(number, two_threads):
+    threaded = CALLS[number]()
+    rbfmu.set_threads(1)
+    alone = CALLS[number]()
+    assert threaded.shape == alone.shape
+    assert (threaded == alone).all()
+
+
+def test_threads_warn_and_raise_as_one_does(two_threads):
+    angles = np.full((100, 3), math.pi / 2)
+    with pytest.warns(RuntimeWarning, match="euler_rate_a"):
+        rbfmu.euler_rate_a("ZYX", angles, V)
+    with pytest.raises(ValueError, match="v_b must have trailing shape"):
+        rbfmu.rotate(Q, V[:, :2])
+    with pytest.raises(ValueError, match="do not broadcast"):
+        rbfmu.rotate(Q, V[:99])
+
+
+@compiled_only
+def test_threads_obey_the_caller_s_error_state(two_threads):
+    with np.errstate(divide="raise"), pytest.raises(FloatingPointError):
+        rbfmu.euler_rate_a("ZYX", np.full((100, 3), math.pi / 2), V)
+
+
+def test_there_is_at_least_one_thread():
+    with pytest.raises(ValueError, match="at least 1"):
+        rbfmu.set_threads(0)
+
+
+@compiled_only
+@pytest.mark.parametrize("kernel", [quaternion.rotate, quaternion.angle_between, rotvec.axis_angle_from_quaternion])
+def test_interpreted_functions_have_the_same_bits(kernel):
+    args = {"rotate": (Q, V[:1]), "angle_between": (Q, Q[3])}.get(kernel.__name__, (Q,))
+    ours, theirs = _batch.interpreted(kernel)(*args), _batch.gufunc(kernel)(*args)
+    for a, b in zip(ours, theirs, strict=True):
+        assert (a == b).all()
+
+
+@compiled_only
+def test_kernels_are_callable_from_compiled_code():
+    @njit
+    def path_length(q, steps):
+        total = 0.0
+        for _ in range(steps):
+            turned = quaternion.compose_quaternions(q, quaternion.normalize((1.0, 0.01, 0.0, 0.0)))
+            total += quaternion.angle_between(q, turned)
+            q = turned
+        return total
+
+    step = 2.0 * math.atan(0.01)
+    assert path_length((1.0, 0.0, 0.0, 0.0), 100) == pytest.approx(100 * step, rel=1e-13)
+
+
+def test_random_rotations_are_uniform():
+    """Of the tests' own generator: the mean of R over all rotations is 0 (1/sqrt(3 n), five standard deviations)."""
+    mean = rbfmu.matrix_from_quaternion(random_quaternions(3000, int(rng(74).integers(100)))).mean(axis=0)
+    assert np.abs(mean).max() <= 5.0 / math.sqrt(3 * 3000)
