@@ -82,7 +82,7 @@ def _in_threads(pool: ThreadPoolExecutor, compiled: Any, kernel: Any, args: Any,
     if min(depths) < 0 or math.prod(leading) < THRESHOLD:
         return compiled(*args, **kwargs)
     out = kwargs.get("out")
-    outs = out if isinstance(out, tuple) else (out,) * len(results)
+    outs: tuple[Any, ...] = out if isinstance(out, tuple) else (out,) * len(results)
     outs = tuple(np.empty(leading + s) if o is None else o for o, s in zip(outs, results, strict=True))
     if any(o.shape != leading + s for o, s in zip(outs, results, strict=True)):
         return compiled(*args, **kwargs)

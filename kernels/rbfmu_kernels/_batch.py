@@ -19,7 +19,7 @@ from llvmlite import ir
 from numba import carray, cfunc, config, float64, intp, types
 from numba.core import cgutils
 from numba.extending import intrinsic
-from numba.np.ufunc import _internal
+from numba.np.ufunc import _internal  # type: ignore[attr-defined]
 
 from .shapes import Shape, shape_of, shapes_of_result
 
@@ -33,7 +33,7 @@ _DIVISION_BY_ZERO = 0x04 if platform.machine() in ("x86_64", "AMD64") else 0x02 
 _ALL_FLAGS = 0x3D  # FE_ALL_EXCEPT of x86; its bits contain those of the other platforms
 
 
-@intrinsic
+@intrinsic  # type: ignore[untyped-decorator]
 def _at(typingctx: Any, pointer: Any, offset: Any) -> Any:
     """The address `offset` bytes after a double*."""
     signature = types.CPointer(float64)(types.CPointer(float64), intp)
@@ -44,7 +44,7 @@ def _at(typingctx: Any, pointer: Any, offset: Any) -> Any:
     return signature, generate
 
 
-@intrinsic(prefer_literal=True)
+@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
 def _scratch(typingctx: Any, size: Any) -> Any:
     """Address of `size` (a literal) doubles on the stack."""
     signature = types.CPointer(float64)(size)
@@ -57,7 +57,7 @@ def _scratch(typingctx: Any, size: Any) -> Any:
     return signature, generate
 
 
-@intrinsic
+@intrinsic  # type: ignore[untyped-decorator]
 def _scalar(typingctx: Any) -> Any:
     """An empty instruction that keeps LLVM from vectorising a copying loop: its gathers and scatters are slow."""
 
@@ -110,7 +110,7 @@ def gufunc(kernel: Callable[..., Any], *constants: int, singular: Callable[..., 
     layout = _layout([*arguments.values()]) + "->" + _layout(results)
     operands = len(arguments) + len(results)
     double = [np.dtype(np.float64).num] * operands
-    return _internal.fromfunc(  # type: ignore[no-any-return]
+    return _internal.fromfunc(
         name, kernel.__doc__ or "", [compiled.address], [double], len(arguments), len(results), [None], compiled, -1,
         layout, (),
     )  # fmt: skip
