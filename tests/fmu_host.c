@@ -43,15 +43,14 @@ static double seconds(void) {
     return now.tv_sec + 1e-9 * now.tv_nsec;
 }
 
-int main(int argc, char **argv) {
-    if (argc != 10) return 2;
-    int steps = atoi(argv[4]), inputs = atoi(argv[6]), first = atoi(argv[7]), outputs = atoi(argv[8]);
-    int repeats = atoi(argv[9]);
-    double h = atof(argv[5]);
-    void *library = dlopen(argv[1], RTLD_NOW | RTLD_LOCAL);
+static void live(char **argument) {
+    int steps = atoi(argument[4]), inputs = atoi(argument[6]), first = atoi(argument[7]), outputs = atoi(argument[8]);
+    int repeats = atoi(argument[9]);
+    double h = atof(argument[5]);
+    void *library = dlopen(argument[1], RTLD_NOW | RTLD_LOCAL);
     if (!library) {
         fprintf(stderr, "%s\n", dlerror());
-        return 3;
+        exit(3);
     }
     Component (*instantiate)(const char *, int, const char *, const char *, const Callbacks *, int, int) =
         need(library, "fmi2Instantiate");
@@ -70,8 +69,8 @@ int main(int argc, char **argv) {
     for (int i = 0; i < inputs; i++) in[i] = i;
     for (int i = 0; i < outputs; i++) out[i] = first + i;
     Callbacks callbacks = {logger, calloc, free, NULL, NULL};
-    Component it = instantiate("host", 1, argv[2], argv[3], &callbacks, 0, 1);
-    if (!it) return 5;
+    Component it = instantiate("host", 1, argument[2], argument[3], &callbacks, 0, 1);
+    if (!it) exit(5);
     for (int run = 0; run < 2; run++) { /* the second after a reset */
         check(setup(it, 0, 0.0, 0.0, 0, 0.0), "setup");
         check(enter(it), "enter");
@@ -96,5 +95,11 @@ int main(int argc, char **argv) {
     }
     release(it);
     dlclose(library);
+}
+
+int main(int count, char **argument) {
+    if (count != 10) return 2;
+    live(argument);
+    live(argument); /* the library loaded again */
     return 0;
 }

@@ -135,22 +135,34 @@ class _Symbol(ctypes.Structure):
 def release_at_exit(logger: int) -> None:
     """Save the end of a process from pythonfmu's library, which there, still loaded, releases its interpreter twice.
 
-    logger: address of a C++ object of it, whose first word points into it. Does nothing in a host without Python: there
-    the interpreter is the library's, and ends with it.
+    logger: address of a C++ object of it, whose first word points into it. In a host without Python the library also
+    stays loaded to the end: it would take the interpreter from other FMUs, and Numba cannot start in a second one.
     """
-    if sys.platform != "linux" or not sys.orig_argv:
+    if sys.platform != "linux":
         return
-    symbol, table = _Symbol(), ctypes.c_void_p.from_address(logger)
-    if ctypes.CDLL(None).dladdr(table, ctypes.byref(symbol)):
-        if not _LIBRARIES:
-            atexit.register(_release)
-        _LIBRARIES.add(os.fsdecode(symbol.file))
+    symbol, table, process = _Symbol(), ctypes.c_void_p.from_address(logger), ctypes.CDLL(None)
+    if not process.dladdr(table, ctypes.byref(symbol)):
+        return
+    library = os.fsdecode(symbol.file)
+    if library in _LIBRARIES:
+        return
+    if not sys.orig_argv:
+        release = ctypes.cast(_loaded(library).finalizePythonInterpreter, ctypes.c_void_p)
+        process.__cxa_atexit(release, None, None)
+    elif not _LIBRARIES:
+        atexit.register(_release)
+    _LIBRARIES.add(library)
 
 
 def _release() -> None:
     for library in _LIBRARIES:
         with contextlib.suppress(OSError):  # it has been unloaded, and released
-            ctypes.CDLL(library, os.RTLD_NOW | os.RTLD_NOLOAD).finalizePythonInterpreter()
+            _loaded(library).finalizePythonInterpreter()
+
+
+def _loaded(library: str) -> ctypes.CDLL:
+    """A library that is loaded, which then stays so; OSError where it is not."""
+    return ctypes.CDLL(library, os.RTLD_NOW | os.RTLD_NOLOAD)
 
 
 def tell(text: str) -> None:
