@@ -26,8 +26,9 @@ def main() -> float:
     measured = period(result.time, result.omega_b[:, 1])
     print(f"period of the simulated beam: {measured:.7f} s")
     print(f"2 pi sqrt(2 l / (3 g)):       {analytic:.7f} s")
-    print(f"relative difference: {measured / analytic - 1.0:.1e} (theory for this swing: {np.radians(0.1) ** 2 / 16:.1e})")
-    return measured / analytic - 1.0
+    found, theory = measured / analytic - 1.0, np.radians(0.1) ** 2 / 16.0
+    print(f"relative difference: {found:.1e} (theory for this swing: {theory:.1e})")
+    return found
 
 
 if __name__ == "__main__":

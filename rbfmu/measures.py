@@ -3,21 +3,18 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from rbfmu.arrays import angle_between as attitude_error
+
+__all__ = ["attitude_error", "largest_error", "relative_error"]
+
 Array = NDArray[np.float64]
-
-
-def attitude_error(q_1: Array, q_2: Array) -> Array:
-    """Angle in rad between attitudes of unit quaternions (..., 4), Kahan's form: no digits lost near 0 or pi."""
-    q_2 = np.where(np.sum(q_1 * q_2, axis=-1, keepdims=True) < 0.0, -q_2, q_2)
-    return 4.0 * np.arctan2(np.linalg.norm(q_1 - q_2, axis=-1), np.linalg.norm(q_1 + q_2, axis=-1))
 
 
 def relative_error(a: Array, b: Array, floor: float) -> Array:
     """|a - b| over rows of (n, 3), relative to the largest |b| of the run, at least `floor`."""
     largest = max(float(np.max(np.linalg.norm(b, axis=-1), initial=0.0)), floor)
-    if largest == 0.0:
-        return np.linalg.norm(a - b, axis=-1)
-    return np.linalg.norm(a - b, axis=-1) / largest
+    error: Array = np.linalg.norm(a - b, axis=-1)
+    return error if largest == 0.0 else error / largest
 
 
 def largest_error(z_1: dict[str, Array], z_2: dict[str, Array]) -> float:

@@ -57,7 +57,9 @@ def test_a_scene_that_differs_from_the_fmu_is_found(fmu: Path, tmp_path: Path) -
 
 def test_an_fmu_of_other_kernels_is_named(fmu: Path, tmp_path: Path) -> None:
     def older(name: str, content: bytes) -> bytes:
-        return json.dumps(json.loads(content) | {"kernels": "0"}).encode() if name == "resources/scene.json" else content
+        return (
+            json.dumps(json.loads(content) | {"kernels": "0"}).encode() if name == "resources/scene.json" else content
+        )
 
     found = verify(changed(fmu, tmp_path / "changed.fmu", older))
     assert not found.passed

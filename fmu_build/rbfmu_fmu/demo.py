@@ -1,4 +1,4 @@
-"""The demonstration: NASA's tumbling brick by kernels, by the FMU in FMPy, by the `fmpy` command; compared and drawn."""
+"""The demonstration: NASA's tumbling brick by kernels, by FMPy's API, by the `fmpy` command; compared and drawn."""
 
 import csv
 import shutil
@@ -121,8 +121,9 @@ def _print(
     console: Console, scene: Scene, planned: Plan, result: Result, ways: list[Way], verified: Verification
 ) -> bool:
     console.print(f"\nNASA's tumbling brick, {scene.run.stop:g} s: {planned.method}, {planned.reasons[0]}")
-    against = Table("t (s)", *(f"{what}\nagainst {s}" for s in nasa_brick.NASA for what in ("rates, deg/s", "attitude, deg")))
-    against.title = "errors against NASA/TM-2015-218675, atmospheric case 2, simulations 01 and 04"
+    heads = [f"{what}\nagainst {s}" for s in nasa_brick.NASA for what in ("rates, deg/s", "attitude, deg")]
+    against = Table("t (s)", *heads)
+    against.title = "errors against NASA/TM-2015-218675, case 2"
     found = {s: nasa_brick.errors(s, result.time, result.quaternion, result.omega_b) for s in nasa_brick.NASA}
     for rows in zip(*found.values(), strict=True):
         against.add_row(f"{rows[0][0]:g}", *(f"{x:.1e}" for row in rows for x in row[1:]))

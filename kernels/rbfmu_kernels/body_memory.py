@@ -231,7 +231,7 @@ def is_finite(z: Any) -> bool:
 @kernel
 def has_pivot(z: Any) -> bool:
     """Whether o is fixed in space."""
-    return z[_PIVOT] != 0.0
+    return bool(z[_PIVOT] != 0.0)
 
 
 @kernel

@@ -113,7 +113,7 @@ def _error(z: Any, y: int, w: int, n: int, h: float) -> float:
 
 @kernel
 def _largest(z: Any, i: int) -> float:
-    return max(abs(z[i]), abs(z[i + 1]), abs(z[i + 2]))
+    return max(abs(float(z[i])), abs(float(z[i + 1])), abs(float(z[i + 2])))
 
 
 @kernel
