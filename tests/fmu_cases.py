@@ -3,6 +3,8 @@
 A case gets folders of unzipped FMUs, asserts what must hold, and returns what is to be compared (printed as JSON).
 """
 
+import atexit
+import ctypes
 import gc
 import json
 import math
@@ -202,6 +204,28 @@ def threads(folder):
     with ThreadPoolExecutor(8) as pool:  # whole lives in threads
         found += pool.map(lambda k: _rows(fmu.started(name=f"again {k}"), 200), range(8))
     return [rows_of_it == expected for rows_of_it in found]
+
+
+def threads_from_the_start(folder):
+    """The very first instances are made in eight threads at once."""
+    fmu = Fmu(folder)
+    with ThreadPoolExecutor(8) as pool:
+        found = list(pool.map(lambda k: _rows(fmu.started(name=f"number {k}")), range(8)))
+    return found == [found[0]] * 8, found[0]
+
+
+def released_at_exit(folder, place):
+    """Ends badly where pythonfmu's library still holds its interpreter (at `place`, hexadecimal) late in the exit."""
+    fmu = Fmu(folder)
+    name = fmu.lib._name
+    with open("/proc/self/maps") as file:
+        base = min(int(line.split("-")[0], 16) for line in file if line.strip().endswith(name))
+    pointer = ctypes.c_void_p.from_address(base + int(place, 16))
+    assert not pointer.value
+    atexit.register(lambda: os._exit(9) if pointer.value else None)
+    fmu.started()
+    assert pointer.value
+    return True
 
 
 def cycles(folder):

@@ -122,7 +122,10 @@ def test_a_run_imports_no_numba():
     assert run_case("rows_and_imports", unzipped("driven"))[0] == [alone("driven"), []]
 
 
-@pytest.mark.parametrize("name", ["driven", "prescribed"])
+SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("brick", "driven", "pendulum")]
+
+
+@pytest.mark.parametrize("name", ["prescribed", *SLOW])
 def test_compiling_anew_gives_the_same_bits(name):
     found, errors = run_case("rows_and_imports", unzipped(name), RBFMU_COMPILE="1")
     assert found == [alone(name), ["numba", "numpy"]]
@@ -195,6 +198,23 @@ def test_threads_compute_the_same_bits():
     assert run_case("threads", unzipped("driven"))[0] == [True] * 16
 
 
+def test_the_first_instances_may_be_made_by_many_threads_at_once():
+    assert run_case("threads_from_the_start", unzipped("driven"))[0] == [True, alone("driven")]
+
+
+def test_pythonfmu_releases_its_interpreter_once_though_the_library_stays_loaded():
+    """Else it does so again in the last moment of the process, in memory that is no more its own."""
+    nm = shutil.which("nm") or pytest.skip("no nm")
+    (library,) = (unzipped("brick") / "binaries" / "linux64").glob("*.so")
+    symbols = subprocess.run([nm, "-C", library], capture_output=True, text=True, check=True).stdout.splitlines()
+    (place,) = {line.split()[0] for line in symbols if line.endswith("::pyState")}
+    assert run_case("released_at_exit", unzipped("brick"), place)[0] is True
+
+
+def test_a_folder_with_a_space_in_its_path_works(tmp_path):
+    assert run_case("rows", copied("driven", tmp_path / "a b"))[0] == [alone("driven")]
+
+
 def test_a_thousand_lives_leave_nothing_behind():
     assert run_case("cycles", unzipped("driven"))[0] < 12.0
 
@@ -204,8 +224,10 @@ def test_fresh_folders_leave_no_path_behind():
     assert found == [run_case("rows", unzipped("driven"))[0][0]] * 5
 
 
-def test_folders_may_vanish_under_running_instances():
-    assert run_case("deleted_folders", unzipped("driven"), unzipped("brick"))[0] is True
+@pytest.mark.parametrize(("name", "other", "compile_anew"), [("driven", "brick", "0"), ("prescribed",) * 2 + ("1",)])
+def test_folders_may_vanish_under_running_instances(name, other, compile_anew):
+    """Compiling anew, even before Numba has compiled: what it needs has been read."""
+    assert run_case("deleted_folders", unzipped(name), unzipped(other), RBFMU_COMPILE=compile_anew)[0] is True
 
 
 def test_fmpy_runs_it_where_rbfmu_is_not_installed():
