@@ -122,7 +122,8 @@ def _cheapest_fit(scene: Scene, general: Plan) -> Plan:
     how = (
         f"at tolerance {best.plan.tolerance:.1e}" if best.plan.order == 0 else f"in steps of {best.plan.substep:.3g} s"
     )
-    reason = f"{best.plan.method} {how}: error {best.error:.1e} in a pilot run, against one {MARGIN:g} times tighter in half the steps"
+    judge = f"one {MARGIN:g} times tighter in half the steps"
+    reason = f"{best.plan.method} {how}: error {best.error:.1e} in a pilot run, against {judge}"
     if not ports:
         return replace(best.plan, reasons=(reason,))
     share = max(min(best.plan.tolerance, accuracy * scene.run.step / (scene.run.stop - scene.run.start)), TIGHTEST)
