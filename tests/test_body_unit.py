@@ -19,6 +19,7 @@ EPS = 2.0**-52
 TRIAXIAL = {"mass": 2.0, "inertia": [1.0, 2.0, 2.5]}
 OFFSET = {"mass": 2.0, "inertia": [[1.0, 0.1, 0.05], [0.1, 1.2, 0.02], [0.05, 0.02, 1.5]], "r_oc_b": [0.1, -0.2, 0.3]}
 NO_GRAVITY = {"gravity_a": [0.0, 0.0, 0.0]}
+GRAVITY = {"gravity_a": [0.0, 0.0, -9.81]}
 TURNED = {"rotvec": [0.3, -0.8, 0.5]}
 
 
@@ -65,9 +66,7 @@ def matrix(unit):
 
 
 def test_a_body_falls_on_a_parabola():
-    unit = Unit(
-        made(TRIAXIAL, {"position": [1.0, 2.0, 3.0], "velocity": [4.0, 5.0, 6.0]}, {"gravity_a": [0.0, 0.0, -9.81]})
-    )
+    unit = Unit(made(TRIAXIAL, {"position": [1.0, 2.0, 3.0], "velocity": [4.0, 5.0, 6.0]}, GRAVITY))
     unit.step(0.5, 20)
     g = np.array([0.0, 0.0, -9.81])
     assert distance(unit["position"], [1.0, 2.0, 3.0] + 10.0 * np.array([4.0, 5.0, 6.0]) + 50.0 * g) <= 10 * EPS * 490.0
@@ -96,7 +95,7 @@ def test_the_centre_of_mass_of_an_offset_body_falls_on_a_parabola_as_it_tumbles(
 
 def test_gravity_does_not_turn_a_free_body():
     initial = {"omega_b": [1.0, 2.0, -1.0]}
-    with_gravity = Unit(made(OFFSET, initial, {"gravity_a": [0.0, 0.0, -9.81]}))
+    with_gravity = Unit(made(OFFSET, initial, GRAVITY))
     without = Unit(made(OFFSET, initial), with_gravity.plan)
     with_gravity.step(0.5, 10)
     without.step(0.5, 10)
@@ -283,7 +282,7 @@ def test_a_heavy_top_keeps_energy_and_vertical_momentum(inertia):
     scene = made(
         TOP | {"inertia": inertia},
         {"omega_b": [0.2, 0.0, 20.0], "attitude": LEANING},
-        {"gravity_a": [0.0, 0.0, -9.81]},
+        GRAVITY,
         stop=5.0,
     )
     unit = Unit(scene)
@@ -314,10 +313,7 @@ def test_a_heavy_top_moves_as_40_digit_arithmetic_has_it():
 
 def test_a_pivot_holds_the_origin_whatever_pushes_there():
     start = {"omega_b": [0.2, 0.0, 2.0], "attitude": LEANING, "position": [1.0, 2.0, 3.0]}
-    pushed, free = (
-        Unit(made(TOP, start, {"gravity_a": [0.0, 0.0, -9.81]}, inputs={"ports": ["force_a", "force_b"]}))
-        for _ in range(2)
-    )
+    pushed, free = (Unit(made(TOP, start, GRAVITY, inputs={"ports": ["force_a", "force_b"]})) for _ in range(2))
     pushed["force_a"], pushed["force_b"] = [100.0, 200.0, 300.0], [-50.0, 0.0, 10.0]
     pushed.step(0.5, 4)
     free.step(0.5, 4)
@@ -330,9 +326,7 @@ def test_a_pivot_holds_the_origin_whatever_pushes_there():
 
 def test_a_fast_top_precesses_slowly():
     """m g l / h about the vertical, to the square of the ratio of the rates: here 1 %."""
-    unit = Unit(
-        made(TOP, {"omega_b": [0.0, 0.0, 200.0], "attitude": LEANING}, {"gravity_a": [0.0, 0.0, -9.81]}, 1e-6, stop=1.0)
-    )
+    unit = Unit(made(TOP, {"omega_b": [0.0, 0.0, 200.0], "attitude": LEANING}, GRAVITY, 1e-6, stop=1.0))
     unit.step(0.1, 10)
     axis = matrix(unit)[:, 2]
     assert math.atan2(axis[0], -axis[1]) == pytest.approx(9.81 * 0.5 / (0.3 * 200.0), rel=0.02)
@@ -346,7 +340,7 @@ def test_a_beam_on_its_end_swings_with_the_period_of_a_pendulum(amplitude):
     hanging = math.pi / 2.0  # turned about y, the beam's x axis points down
     period = float(4 * mp.ellipk(mp.sin(amplitude / 2) ** 2) / mp.sqrt(3 * 9.81 / 4))
     initial = {"attitude": {"rotvec": [0.0, hanging + amplitude, 0.0]}}
-    unit = Unit(made(body, initial, {"gravity_a": [0.0, 0.0, -9.81]}, stop=period))
+    unit = Unit(made(body, initial, GRAVITY, stop=period))
     start = unit["quaternion"]
     unit.step(period / 8.0, 4)
     half = Rotation.from_rotvec([0.0, hanging - amplitude, 0.0]).as_quat(scalar_first=True)
@@ -433,28 +427,47 @@ def test_a_step_out_of_the_numbers_is_refused_and_changes_nothing(port, value):
     np.testing.assert_array_equal(unit.step(0.5)["quaternion"], other.step(0.5)["quaternion"])
 
 
-BEAM = {"mass": 3.0, "shape": {"kind": "beam", "length": 2.0}}
-FAULTY = [
-    (1, TRIAXIAL, {"mass": 0.0}),
-    (1, TRIAXIAL, {"mass": -1.0}),
-    (2, TRIAXIAL, {"inertia": [1e308, 1e308, 1e308, 0.0, 0.0, 0.0]}),
-    (4, TRIAXIAL, {"inertia": [-1.0, 2.0, 2.5, 0.0, 0.0, 0.0]}),
-    (4, TRIAXIAL, {"inertia": [1.0, 2.0, 2.5, 9.0, 0.0, 0.0]}),
-    (5, TRIAXIAL, {"inertia": [1.0, 2.0, 3.1, 0.0, 0.0, 0.0]}),
-    (6, TRIAXIAL, {"inertia": [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]}),
-    (7, TRIAXIAL, {"quaternion_0": [0.0, 0.0, 0.0, 0.0]}),
-    (8, TRIAXIAL, {"mass": math.inf}),
-    (8, TRIAXIAL, {"inertia": [math.nan, 2.0, 2.5, 0.0, 0.0, 0.0]}),
-    (8, TRIAXIAL, {"position_0": [0.0, 0.0, -math.inf]}),
-    (8, TRIAXIAL, {"known_torque_b": [0.0, math.nan, 0.0]}),
-    (9, BEAM, {"omega_b_0": [1e-3, 1.0, 0.0]}),
-    (10, TRIAXIAL, {"damping_b": [0.0, -1e-9, 0.0]}),
+def scene_of(model):
+    """The plainest scene that is planned as this model."""
+    return {
+        "torque-free body": lambda: made(TRIAXIAL),
+        "beam": lambda: made({"mass": 3.0, "shape": {"kind": "beam", "length": 2.0}}),
+        "body under loads": lambda: made(TRIAXIAL, {}, NO_GRAVITY | {"torque_b": [0.1, 0.2, 0.3]}),
+        "symmetric top": lambda: made(TOP, {"omega_b": [0.0, 0.0, 200.0], "attitude": LEANING}, GRAVITY, 1e-3),
+    }[model]()
+
+
+ANY_BODY = [
+    (1, {"mass": 0.0}),
+    (1, {"mass": -1.0}),
+    (2, {"inertia": [1e308, 1e308, 1e308, 0.0, 0.0, 0.0]}),
+    (4, {"inertia": [-1.0, 2.0, 2.5, 0.0, 0.0, 0.0]}),
+    (4, {"inertia": [1.0, 2.0, 2.5, 9.0, 0.0, 0.0]}),
+    (5, {"inertia": [1.0, 2.0, 3.1, 0.0, 0.0, 0.0]}),
+    (6, {"inertia": [0.0, 0.0, 0.0, 0.0, 0.0, 0.0], "r_oc_b": [0.0, 0.0, 0.0]}),
+    (7, {"quaternion_0": [0.0, 0.0, 0.0, 0.0]}),
+    (8, {"mass": math.inf}),
+    (8, {"inertia": [math.nan, 2.0, 2.5, 0.0, 0.0, 0.0]}),
+    (8, {"position_0": [0.0, 0.0, -math.inf]}),
+    (8, {"known_torque_b": [0.0, math.nan, 0.0]}),
+    (10, {"damping_b": [0.0, -1e-9, 0.0]}),
+]
+FAULTY = [(model, *fault) for model in ("torque-free body", "body under loads", "symmetric top") for fault in ANY_BODY]
+FAULTY += [
+    ("beam", 9, {"omega_b_0": [1e-3, 1.0, 0.0]}),
+    ("torque-free body", 11, {"known_torque_a": [0.0, 1e-9, 0.0]}),
+    ("torque-free body", 11, {"damping_b": [0.0, 0.0, 1.0]}),
+    ("torque-free body", 11, {"r_oc_b": [1.0, 0.0, 0.0], "known_force_a": [0.0, 1.0, 0.0]}),
+    ("symmetric top", 12, {"inertia": [0.5, 0.6, 0.3, 0.0, 0.0, 0.0]}),
+    ("symmetric top", 12, {"damping_b": [0.0, 0.0, 1.0]}),
+    ("symmetric top", 13, {"omega_b_0": [0.0, 0.0, 2e4]}),
 ]
 
 
-@pytest.mark.parametrize(("code", "body", "values"), FAULTY)
-def test_initialize_refuses_what_no_body_has(code, body, values):
-    unit = Unit(made(body))
+@pytest.mark.parametrize(("model", "code", "values"), FAULTY)
+def test_initialize_refuses_what_its_model_cannot_be(model, code, values):
+    unit = Unit(scene_of(model))
+    assert unit.plan.model == model or model == "beam"
     for name, value in values.items():
         unit[name] = value
     with np.errstate(all="ignore"):
@@ -463,9 +476,9 @@ def test_initialize_refuses_what_no_body_has(code, body, values):
     assert block == "" or block in values
 
 
-def test_every_fault_of_a_body_is_reached():
+def test_every_fault_is_reached():
     """But 3, not symmetric: the buffer has six numbers, a symmetric matrix by construction."""
-    assert {code for code, _, _ in FAULTY} == {*range(1, 11)} - {3}
+    assert {code for _, code, _ in FAULTY} == FAULTS.keys() - {3}
 
 
 def test_initialize_takes_a_quaternion_of_any_length():
