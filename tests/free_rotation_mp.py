@@ -46,9 +46,11 @@ def relative_distance(v: Numbers, truth: Numbers) -> float:
         return float(mp.sqrt(sum((mp.mpf(float(a)) - b) ** 2 for a, b in zip(v, truth, strict=True))) / length)
 
 
-def closed_form(moments: Numbers, q_0: Numbers, omega_0: Numbers, t: float) -> tuple[list[Any], list[Any]]:
-    """(q, omega) at t. Not on the separatrix itself."""
-    with mp.workdps(DIGITS):
+def closed_form(
+    moments: Numbers, q_0: Numbers, omega_0: Numbers, t: float, digits: int = DIGITS
+) -> tuple[list[Any], list[Any]]:
+    """(q, omega) at t. Not on the separatrix itself; digits: more where a state is nearer than 1e-40 to something."""
+    with mp.workdps(digits):
         i = [mp.mpf(x) for x in moments]
         w = [mp.mpf(x) for x in omega_0]
         q = [mp.mpf(x) for x in q_0]
@@ -81,7 +83,7 @@ def _closed_form(i: list[Any], q_0: list[Any], w: list[Any], t: Any) -> tuple[li
     # A right-handed frame of body axes with m_z > 0.
     flip = -1 if m[z] < 0 else 1
     sign = (1, _parity(x, y, z) * flip, flip)
-    (ix, iy, iz), (mx, my, mz) = [i[k] for k in (x, y, z)], [s * m[k] for s, k in zip(sign, (x, y, z), strict=True)]
+    (ix, iy, iz), (mx, my) = [i[k] for k in (x, y, z)], (sign[0] * m[x], sign[1] * m[y])
     ax = mp.sqrt(ix * (g2 - energy2 * iz) / (ix - iz))
     ay = mp.sqrt(iy * (g2 - energy2 * iz) / (iy - iz))
     az = mp.sqrt(iz * (g2 - energy2 * ix) / (iz - ix))
@@ -173,12 +175,17 @@ CLASSES = ("generic", "symmetric", "near-symmetric", "slow drift", "near-separat
 def random_case(kind: str, rng: np.random.Generator) -> Case:
     """(moments, q_0, omega_0, t) of a random body of a class; axes in random order, signs random."""
     sides = rng.uniform(0.2, 1.0, 3)  # of a box
-    low, middle, high = sorted([sides[1] ** 2 + sides[2] ** 2, sides[0] ** 2 + sides[2] ** 2, sides[0] ** 2 + sides[1] ** 2])
+    low, middle, high = sorted(
+        [sides[1] ** 2 + sides[2] ** 2, sides[0] ** 2 + sides[2] ** 2, sides[0] ** 2 + sides[1] ** 2]
+    )
     omega = rng.normal(size=3)
     t = rng.uniform(-100.0, 100.0)
     if kind in ("symmetric", "near-symmetric"):
         stretch = 1.0 if kind == "symmetric" else 1.0 + 1e-12 * rng.uniform(0.1, 1.0)
-        middle, high = (low, low * stretch)[:: rng.choice([-1, 1])] if rng.random() < 0.5 else (middle, middle * stretch)
+        if rng.random() < 0.5:
+            middle = low * stretch
+        else:
+            high = middle * stretch
     elif kind == "slow drift":
         low, middle, high = 1.0 + 1e-6 * rng.uniform(-1.0, 1.0, 3)
         t *= 1e5
@@ -188,8 +195,13 @@ def random_case(kind: str, rng: np.random.Generator) -> Case:
     elif kind == "near the intermediate axis":
         omega[[0, 2]] *= 10.0 ** rng.uniform(-12.0, -3.0, 2)
     elif kind == "equilibrium":
-        low, middle, high = ((low, middle, high), (low, low, low), (low, low, high))[rng.integers(3)]
-        omega[[[0, 1], [1, 2], [2, 0]][rng.integers(3)] if low < middle else ([] if low == high else [2])] = 0.0
+        shape = rng.integers(3)
+        if shape == 0:  # about a principal axis
+            omega *= np.eye(3)[rng.integers(3)]
+        elif shape == 1:  # across a symmetric body's axis
+            middle, omega[2] = low, 0.0
+        else:
+            low = middle = high
         t *= 10.0 ** rng.uniform(0.0, 6.0)
     elif kind == "1e6 periods":
         t *= 1e6
