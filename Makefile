@@ -24,4 +24,5 @@ demo:
 	$(BIN)/rbfmu demo
 
 bench:
+	$(BIN)/python examples/bench_kernels.py bench
 	$(BIN)/python examples/bench_fmu.py
