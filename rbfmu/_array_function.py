@@ -13,7 +13,7 @@ from rbfmu_kernels._batch import core_shapes, gufunc, python_function
 from rbfmu_kernels.euler_angles import sequence
 
 CHUNK = 16384  # items that a thread takes at a time
-THRESHOLD = 8 * CHUNK  # items from which on threads pay
+THRESHOLD = 16 * CHUNK  # items from which on threads pay
 _KEYWORDS = {"out", "where", "axes", "order", "subok", "casting", "dtype"}
 
 _threads = 1

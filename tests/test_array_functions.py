@@ -149,6 +149,24 @@ def test_array_functions_are_documented():
         assert function.__doc__
 
 
+def test_results_may_overwrite_an_argument():
+    vectors, matrices = V.copy(), R.copy()
+    rbfmu.rotate(Q, vectors, out=vectors)
+    assert (vectors == rbfmu.rotate(Q, V)).all()
+    rbfmu.compose_matrices(matrices, R[::-1], out=matrices)
+    assert (matrices == rbfmu.compose_matrices(R, R[::-1])).all()
+
+
+@pytest.mark.parametrize("number", [0.0, math.nan, math.inf, -1e300, 5e-324])
+@pytest.mark.parametrize("name", LAWS)
+def test_no_kernel_raises(name, number):
+    """Whatever the numbers, also in plain Python (NUMBA_DISABLE_JIT=1)."""
+    arguments, _ = _batch.core_shapes(LAWS[name].kernel)
+    takes_sequence = isinstance(LAWS[name].cases()[0][0], int)
+    sequence = [euler_angles.ZXZ] if takes_sequence else []
+    LAWS[name].kernel(*sequence, *(exact.rounded(np.full(shape, number).tolist()) for shape in arguments.values()))
+
+
 def test_nan_stays_where_it_is_and_nothing_warns():
     spoiled = Q.copy()
     spoiled[3, 2] = np.nan

@@ -148,7 +148,8 @@ def _loop_source(
         test = f"found += 1 if singular({', '.join([*fixed, *cells[:checked]])}) else 0"
         return [test, call] if checked else [call]
 
-    if all(o.size <= 4 for o in operands):
+    leaves_gaps = bool(constants and checked)  # rates of Euler angles leave one out: LLVM would gather, slow in memory
+    if all(o.size <= 4 for o in operands) and not leaves_gaps:
         lines.append(f"    if {' and '.join(condition for o in operands for condition in o.contiguity())}:")
         lines += [f"        a{o.k} = carray(p{o.k}, (n, {o.size}))" for o in operands]
         lines.append("        for i in range(n):")

@@ -25,7 +25,7 @@ def quaternion_from_rotvec(u: Vec3) -> Quaternion:
 def rotvec_from_quaternion(q_ab: Quaternion) -> Vec3:
     """u = eps 2 atan2(|eps|, |eta|) / |eps| (with the sign of eta), |u| <= pi.
 
-    q_ab: either sign, any common scale of 1e-150 to 1e150.  Error <= 2 eps |u|.
+    q_ab: either sign, any length from 1e-150 to 1e150, 0 gives NaN.  Error <= 2 eps |u|.
     Singular: nowhere; at half a turn u is one of two.
     """
     eta = abs(q_ab[0])
@@ -33,7 +33,8 @@ def rotvec_from_quaternion(q_ab: Quaternion) -> Vec3:
     s = scale_for_squares(max(eta, max(max(abs(eps[0]), abs(eps[1])), abs(eps[2]))))
     eta, eps = s * eta, vec3.scale(math.copysign(s, q_ab[0]), eps)
     length = math.sqrt(vec3.dot(eps, eps))
-    per_length = atan2(length, eta) / length if length > 0.0 else 1.0 / eta
+    tiny = 1.0 / eta if eta > 0.0 else math.nan
+    per_length = atan2(length, eta) / length if length > 0.0 else tiny
     return vec3.scale(2.0 * per_length, eps)
 
 
@@ -79,7 +80,7 @@ def matrix_from_axis_angle(k: Vec3, theta: float) -> Matrix:
 def axis_angle_from_quaternion(q_ab: Quaternion) -> tuple[Vec3, float]:
     """(k, theta), theta in [0, pi]; k = (1, 0, 0) for no rotation.
 
-    q_ab: either sign, any common scale of 1e-150 to 1e150.  Error <= 2 eps in k and relative in theta.  E&G 6.7.
+    q_ab: either sign, any length from 1e-150 to 1e150.  Error <= 2 eps in k and relative in theta.  E&G 6.7.
     """
     eps = (q_ab[1], q_ab[2], q_ab[3])
     s = scale_for_squares(max(max(abs(eps[0]), abs(eps[1])), abs(eps[2])))
