@@ -1,0 +1,73 @@
+"""Where methods fail: the laws of stability, measured against their predictions, pictures and maps.
+
+`run_stability` collects all numbers in CSV files first and draws afterwards; `failures` reads what does not hold.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from rbfmu.stability.attitude_laws import drift, gimbal_passage, growth_factors, small_angles
+from rbfmu.stability.body_laws import damping_limits, energy_drift, gyroscopic_blow_up, moser_veselov_limits
+from rbfmu.stability.findings import Finding, Study, failures, write_columns, write_findings
+from rbfmu.stability.maps import METHODS, QUICK_METHODS, Row, verdicts
+from rbfmu.stability.top_laws import intermediate_axis, kick_resonance, sleeping_top
+
+__all__ = ["STUDIES", "Finding", "Study", "failures", "run_stability", "write_findings"]
+
+STUDIES: tuple[Callable[[bool], Study], ...] = (
+    growth_factors, drift, gimbal_passage, gyroscopic_blow_up, damping_limits, moser_veselov_limits, energy_drift,
+    small_angles, intermediate_axis, sleeping_top, kick_resonance,
+)  # fmt: skip
+"""Each measures one or more laws; the argument asks for a quick, coarse run."""
+
+
+def run_stability(
+    folder: Path, quick: bool = False, progress: Callable[[Sequence[Any]], Iterable[Any]] | None = None
+) -> list[Path]:
+    """Measure all laws and maps, write CSV files and pictures into a folder; their paths, `laws.csv` first.
+
+    progress: wraps the sequence of parts, e.g. a progress bar. Parts take a second or some.
+    """
+    from rbfmu.stability.map_chart import draw_maps
+
+    folder.mkdir(parents=True, exist_ok=True)
+    studies: list[Study] = []
+    rows: list[Row] = []
+    pictures: list[Path] = []
+    tables: list[Path] = []
+    names = QUICK_METHODS if quick else tuple(METHODS)
+    parts: list[Callable[[], object]] = [partial(_study, studies, study, quick) for study in STUDIES]
+    parts += [partial(_map, rows, name, quick) for name in names]
+    parts.append(lambda: tables.extend(_write(folder, studies, rows)))
+    parts += [partial(_picture, pictures, studies, k, folder) for k in range(len(STUDIES))]
+    parts.append(lambda: pictures.append(draw_maps(rows, folder / "maps.png")))
+    for part in parts if progress is None else progress(parts):
+        part()
+    return tables + pictures
+
+
+def _study(studies: list[Study], measure: Callable[[bool], Study], quick: bool) -> None:
+    studies.append(measure(quick))
+
+
+def _map(rows: list[Row], name: str, quick: bool) -> None:
+    rows += verdicts(name, quick)
+
+
+def _picture(pictures: list[Path], studies: Sequence[Study], k: int, folder: Path) -> None:
+    from rbfmu.stability.charts import draw
+
+    pictures.append(draw(studies[k], folder))
+
+
+def _write(folder: Path, studies: Sequence[Study], rows: Sequence[Row]) -> list[Path]:
+    findings = sorted((f for study in studies for f in study.findings), key=lambda f: f.law)
+    names = ("method", "h_omega", "moment_ratio", "verdict")
+    maps = {name: [row[k] for row in rows] for k, name in enumerate(names)}
+    return [
+        write_findings(folder / "laws.csv", findings),
+        *(write_columns(folder / f"{study.name}.csv", study.columns) for study in studies),
+        write_columns(folder / "maps.csv", maps),
+    ]

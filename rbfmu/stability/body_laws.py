@@ -1,0 +1,177 @@
+"""Laws 5 to 8: what integrating a body's rates does to its energy, and how large a step may be."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from rbfmu.contestants import CONTESTANTS, TORQUE_FREE_CONTESTANTS
+from rbfmu.stability.attitude_laws import crossing, stability_polynomial
+from rbfmu.stability.cases import (
+    BRICK,
+    EXACT_STEPS,
+    NO_LOADS,
+    SPHERE,
+    TUMBLE,
+    UPRIGHT,
+    ZERO,
+    angle,
+    at,
+    exact,
+    free_body,
+    one_step,
+    rotational_energy,
+    spin,
+)
+from rbfmu.stability.findings import AT_MOST, Finding, Study
+from rbfmu_kernels.dynamics import State, angular_acceleration
+from rbfmu_kernels.rigid_body import angular_momentum, kinetic_energy
+from rbfmu_kernels.vec3 import norm
+
+_ROD = (1.0, 1.0, 0.01)
+_RATE, _STEP = 30.0, 1.0 / 60.0
+_NUTATION = _RATE * (1.0 - _ROD[2] / _ROD[0])
+
+
+def _transverse(state: State) -> float:
+    return math.hypot(state[3][0], state[3][1])
+
+
+def _gains(method: str) -> tuple[float, float, float, float]:
+    """Over 1000 steps of 0.05 on BRICK: energy and momentum^2 gained over what theory says, and the smallest gains."""
+    y, h, body = TUMBLE, 0.05, free_body(BRICK)
+    step = one_step(method)
+    M = body[1]
+    gained, predicted, least = [0.0, 0.0], [0.0, 0.0], [math.inf, math.inf]
+    for _ in range(1000):
+        after = step(y, h, body, NO_LOADS)
+        alpha = angular_acceleration(y[2], y[3], body, NO_LOADS)
+        square = norm(angular_momentum(M, y[3])) ** 2
+        gain = (
+            rotational_energy(BRICK, after) - rotational_energy(BRICK, y),
+            norm(angular_momentum(M, after[3])) ** 2 - square,
+        )
+        theory = (h * h * kinetic_energy(0.0, M, ZERO, alpha), (h * norm(angular_momentum(M, alpha))) ** 2)
+        for i in range(2):
+            gained[i] += gain[i]
+            predicted[i] += theory[i]
+            least[i] = min(least[i], gain[i])
+        y = after
+    return gained[0] / predicted[0], gained[1] / predicted[1], least[0], least[1]
+
+
+def gyroscopic_blow_up(quick: bool) -> Study:
+    """Law 5: the gyroscopic term, taken explicitly, makes energy."""
+    start, body = at(UPRIGHT, (1e-3, 0.0, _RATE)), free_body(_ROD)
+    factor = math.sqrt(1.0 + (_STEP * _NUTATION) ** 2)
+    names = ("explicit Euler", "semi-implicit Euler", "RK4, quaternion", "implicit midpoint")
+    columns: dict[str, Any] = {"time": [k * _STEP for k in range(61)], "predicted": [factor**k for k in range(61)]}
+    for name in names:
+        states = [start]
+        for _ in range(60):
+            states.append(one_step(name)(states[-1], _STEP, body, NO_LOADS))
+        columns[name] = [_transverse(s) / 1e-3 for s in states]
+    findings = [
+        Finding(5, f"{name}, growth of a rod's transverse rate in 1 s, 30 rad/s at 60 Hz", factor**60,
+                columns[name][-1], 1e-12)
+        for name in names[:2]
+    ]  # fmt: skip
+    findings.append(Finding(5, "that growth", 717.0, columns["semi-implicit Euler"][-1], 1e-3))
+    for name in names[:2]:
+        energy, momentum, least_energy, least_momentum = _gains(name)
+        findings += [
+            Finding(5, f"{name}, brick: energy gained over the sum of h^2 alpha . M alpha / 2", 1.0, energy, 1e-10),
+            Finding(5, f"{name}, brick: |h|^2 gained over the sum of h^2 |M alpha|^2", 1.0, momentum, 1e-10),
+            Finding(5, f"{name}, brick: loss of energy in any step", 0.0, -least_energy, 0.0, AT_MOST),
+            Finding(5, f"{name}, brick: loss of |h|^2 in any step", 0.0, -least_momentum, 0.0, AT_MOST),
+        ]
+    return Study("gyroscopic_blow_up", findings, columns)
+
+
+_DAMPED = ("explicit Euler", "RK4, quaternion", "DOP853")
+_POLYNOMIAL = {"RK4, quaternion": "RK4"}
+_LIMITS = {"explicit Euler": 2.0, "semi-implicit Euler": 2.0, "RK4, quaternion": 2.785, "DOP853": 6.394}
+_TAYLOR = {"Taylor 8": 4.314, "Taylor 12": 5.823, "Taylor 16": 7.324}
+
+
+def decay_factor(method: str, x: float) -> float:
+    """What one step makes of a damped spin of 1 rad/s, h d / I = x; NaN where there is no step."""
+    return float(one_step(method)(spin(1.0), 1.0, free_body(SPHERE, (x, x, x)), NO_LOADS)[3][2])
+
+
+def damping_limits(quick: bool) -> Study:
+    """Law 6: the largest h d / I at which a damped spin still decays."""
+    x = np.linspace(0.05, 8.0, 32 if quick else 160).tolist()
+    columns: dict[str, Any] = {"h d / I": x, "exact": [math.exp(-value) for value in x]}
+    for method in (*_DAMPED, "implicit midpoint"):
+        columns[method] = [abs(decay_factor(method, value)) for value in x]
+    for method in _DAMPED:
+        R = stability_polynomial(_POLYNOMIAL.get(method, method))
+        columns[f"{method}, predicted"] = [abs(R(-value)) for value in x]
+    findings = [
+        Finding(6, f"{method}, largest h d / I", limit,
+                crossing(lambda x: abs(decay_factor(method, x)), 0.8 * limit, 1.2 * limit), 2e-4)  # noqa: B023
+        for method, limit in _LIMITS.items()
+    ]  # fmt: skip
+    findings += [
+        Finding(6, f"{method}, largest h d / I of its polynomial", limit,
+                crossing(lambda x: abs(stability_polynomial(method)(-x)), 0.8 * limit, 1.2 * limit), 2e-4)  # noqa: B023
+        for method, limit in _TAYLOR.items()
+    ]  # fmt: skip
+    return Study("damping_limits", findings, columns)
+
+
+def _moser_veselov_error(method: str, x: float) -> float:
+    """Error in rad of one step of a sphere that turns by x; NaN where there is no solution."""
+    after = TORQUE_FREE_CONTESTANTS[method].run(spin(1.0), x, 1, free_body(SPHERE), NO_LOADS)
+    return angle(after, exact(SPHERE, spin(1.0), x)[2])
+
+
+def _last_use(method: str, error: float) -> float:
+    """The largest h omega below which a step has a solution within an error in rad."""
+    return crossing(lambda x: 0.0 if _moser_veselov_error(method, x) <= error else 2.0, 0.5, 3.0)
+
+
+def moser_veselov_limits(quick: bool) -> Study:
+    """Law 7: the discrete Moser-Veselov algorithm has no solution for large steps."""
+    x = np.geomspace(0.02, 2.0, 21 if quick else 161).tolist()
+    columns: dict[str, Any] = {"h_omega": x}
+    columns |= {name: [_moser_veselov_error(name, value) for value in x] for name in TORQUE_FREE_CONTESTANTS}
+    columns["Moser-Veselov, predicted"] = [math.asin(value) - value if value <= 1.0 else math.nan for value in x]
+    findings = [
+        Finding(7, "Moser-Veselov, last h omega with a solution", 1.0, _last_use("Moser-Veselov", math.inf), 1e-4),
+        Finding(7, "Moser-Veselov, order 10, last h omega with the error below 0.01 rad, over pi / 2", 1.0,
+                _last_use("Moser-Veselov, order 10", 0.01) / (0.5 * math.pi), 4e-3),
+        Finding(7, "Moser-Veselov, error of a step at h omega = 0.5: asin(h omega) - h omega", math.asin(0.5) - 0.5,
+                _moser_veselov_error("Moser-Veselov", 0.5), 1e-12),
+    ]  # fmt: skip
+    return Study("moser_veselov_limits", findings, columns)
+
+
+_FREE = CONTESTANTS | TORQUE_FREE_CONTESTANTS | {"exact steps": EXACT_STEPS}
+
+
+def energy_drift(quick: bool) -> Study:
+    """Law 8: energy of a tumbling brick over long runs at h = 0.1."""
+    h, counts = 0.1, [10**k for k in range(0, 4 if quick else 6)]
+    names = ("semi-implicit Euler", "RK4, quaternion", "implicit midpoint", "Moser-Veselov, order 10", "exact steps")
+    body, start = free_body(BRICK), rotational_energy(BRICK, TUMBLE)
+    columns: dict[str, Any] = {"steps": counts}
+    signed: dict[str, list[float]] = {}
+    for name in names:
+        method = _FREE[name]
+        y, done, signed[name] = TUMBLE, 0, []
+        for count in counts:
+            y = method.steps(y, h, count - done, body, NO_LOADS)
+            done = count
+            signed[name].append(rotational_energy(BRICK, y) / start - 1.0)
+        columns[name] = [abs(e) for e in signed[name]]
+    per_100_s = signed["RK4, quaternion"][counts.index(1000)] / h**5
+    findings = [Finding(8, "RK4, relative energy error over h^5 per 100 s", -0.03, per_100_s, 0.1)]
+    if not quick:
+        findings += [
+            Finding(8, "RK4, relative energy error after 1e5 steps", 2.6e-5, columns["RK4, quaternion"][-1], 4e-3),
+            Finding(8, "Moser-Veselov, order 10, the same", 1e-13, columns["Moser-Veselov, order 10"][-1], 0, AT_MOST),
+            Finding(8, "exact steps, the same", 1e-13, columns["exact steps"][-1], 0.0, AT_MOST),
+        ]
+    return Study("energy_drift", findings, columns)
