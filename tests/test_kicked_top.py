@@ -142,3 +142,17 @@ def test_resonant_step_is_a_turn_about_the_momentum() -> None:
     assert fast(M, (0.0, 0.0, -50.0)) == pytest.approx(2.0 * math.pi / 15.0, rel=4 * EPS)
     assert fast(M, (3.0, 4.0, 0.0)) == pytest.approx(2.0 * math.pi / 5.0, rel=4 * EPS)
     assert fast(M, ZERO) > 1e300
+
+
+def test_torque_fixed_in_the_body_resonates_with_its_turns() -> None:
+    start: State = (ZERO, ZERO, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 50.0))
+    loads: Loads = (ZERO, ZERO, ZERO, ZERO, (1.0, 0.0, 0.0))
+
+    def error(h: float) -> float:
+        n = round(10.0 / h)
+        truth = STEPPERS["RKN6"].run(start, n * h / 10_000, 10_000, TOP, loads)
+        return _angle(STEPPERS["Strang"].run(start, h, n, TOP, loads), truth[2])
+
+    at_resonance = error(2.0 * math.pi / 50.0)
+    assert at_resonance == pytest.approx(0.670, abs=2e-3)  # rad in 10 s: the kicks all point the same way in space
+    assert error(0.8 * 2.0 * math.pi / 50.0) < 0.01 * at_resonance
