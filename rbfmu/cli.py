@@ -129,6 +129,22 @@ def verify(fmu: Path, seed: int) -> None:
     click.get_current_context().exit(0 if found.passed else 1)
 
 
+@main.command()
+@click.option("-o", "--output", "folder", type=click.Path(file_okay=False, path_type=Path),
+              default=Path("rbfmu_stability"), show_default=True, help="Folder for the tables and pictures.")  # fmt: skip
+@click.option("--quick", is_flag=True, help="Coarse and fast: to see that it runs.")
+def stability(folder: Path, quick: bool) -> None:
+    """Measure where methods fail, against the laws that predict it; draw it."""
+    from rbfmu.stability import failures, run_stability
+
+    for path in run_stability(folder, quick, _progress("stability")):
+        click.echo(path)
+    wrong = failures(folder)
+    for text in wrong:
+        click.echo(f"does not hold: {text}")
+    click.get_current_context().exit(1 if wrong else 0)
+
+
 def _check_target(path: Path | None, option: str, endings: Sequence[str]) -> None:
     """Refuse a file that cannot be written before anything runs."""
     if path is None:
@@ -139,7 +155,7 @@ def _check_target(path: Path | None, option: str, endings: Sequence[str]) -> Non
         raise click.UsageError(f"{option} {str(path)!r}: there is no folder {str(path.parent)!r}")
 
 
-def _progress(name: str) -> Callable[[Sequence[int]], Any] | None:
+def _progress(name: str) -> Callable[[Sequence[Any]], Any] | None:
     """A bar on a terminal; it goes when done."""
     if not sys.stderr.isatty():
         return None

@@ -108,12 +108,17 @@ def _check_exact(scene: Scene) -> None:
 def _cheapest_fit(scene: Scene, general: Plan) -> Plan:
     """DOP853, or kicks where the body is a symmetric top and they are cheaper, fitted to the accuracy by pilot runs."""
     accuracy, ports = scene.run.accuracy, scene.inputs.ports
-    reference, _ = _pilot(scene, replace(general, tolerance=max(accuracy / MARGIN, TIGHTEST)), parts=2)
 
     def tolerance(value: float) -> Plan:
         return replace(general, tolerance=min(max(value, TIGHTEST), accuracy))
 
-    best = _fit(scene, reference, tolerance, accuracy / 8.0, 1.0)
+    margin, found = 1.0, False
+    while not found and accuracy / margin > TIGHTEST:
+        margin *= MARGIN
+        reference, _ = _pilot(scene, tolerance(accuracy / margin), parts=2)
+        best = _fit(scene, reference, tolerance, accuracy / 8.0, 1.0)
+        # the reference's own error, if it grows over the run as the judged one's does
+        found = best.error <= accuracy / 3.0 and best.error <= 0.1 * margin * best.plan.tolerance
     for order in (2, 4, 6) if _is_top(scene) else ():
         best = _fit(scene, reference, *_kicks(scene, general, order), best)
     if best.error > accuracy / 3.0:
@@ -122,7 +127,7 @@ def _cheapest_fit(scene: Scene, general: Plan) -> Plan:
     how = (
         f"at tolerance {best.plan.tolerance:.1e}" if best.plan.order == 0 else f"in steps of {best.plan.substep:.3g} s"
     )
-    judge = f"one {MARGIN:g} times tighter in half the steps"
+    judge = f"one {margin:g} times tighter in half the steps"
     reason = f"{best.plan.method} {how}: error {best.error:.1e} in a pilot run, against {judge}"
     if not ports:
         return replace(best.plan, reasons=(reason,))
@@ -142,7 +147,8 @@ def _kicks(scene: Scene, general: Plan, order: int) -> tuple[Callable[[float], P
     """The plan of a step size, the size to begin with, and the exponent of the error's law."""
     body, run = scene.body, scene.run
     assert body is not None
-    longest = min(0.45 * resonant_step(body.M, scene.initial.omega_b), run.stop - run.start)
+    turn = 2.0 * math.pi / max(math.hypot(*scene.initial.omega_b), 1e-300)  # where a torque fixed in the body resonates
+    longest = min(0.45 * resonant_step(body.M, scene.initial.omega_b), 0.45 * turn, run.stop - run.start)
 
     def kicks(substep: float) -> Plan:
         method = f"kicks of order {order}"
@@ -185,9 +191,11 @@ def _fit(
         fit = _Fit(trial, error, COST[trial.order] * substeps)
         if best is None or _better(fit, best, accuracy / 3.0):
             best = fit
-        if accuracy / 30.0 <= error <= accuracy / 3.0 or error == last:
-            break  # good; or the step is as long, or as short, as may be
+        stuck = error == last  # each communication step is one substep, or the step is as short as may be
+        if accuracy / 30.0 <= error <= accuracy / 3.0 or (stuck and error <= accuracy / 3.0):
+            break
         ratio = accuracy / (8.0 * error) if 0.0 < error < math.inf else (1e3 if error == 0.0 else 1e-3)
+        ratio = min(ratio, 0.03) if stuck else ratio
         value *= min(max(ratio**exponent, 1e-3), 1e3)
     assert best
     return best
