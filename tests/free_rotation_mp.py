@@ -105,7 +105,8 @@ def _closed_form(i: list[Any], q_0: list[Any], w: list[Any], t: Any) -> tuple[li
         across = mp.sqrt((ax * mp.cos(am)) ** 2 + (ay * mp.sin(am)) ** 2)
         theta = mp.atan2(across, az * mp.sqrt(1 - k2 * mp.sin(am) ** 2))
         turns = mp.nint(am / mp.pi)
-        chi = mp.pi / 2 - drive * (mp.atan(ay / ax * mp.tan(am - turns * mp.pi)) + turns * mp.pi)
+        rest = am - turns * mp.pi  # may be beyond pi / 2 by a rounding
+        chi = mp.pi / 2 - drive * (mp.atan2(ay * mp.sin(rest), ax * mp.cos(rest)) + turns * mp.pi)
         return compose(compose(_turn(3, phi), _turn(1, theta)), _turn(3, chi))
 
     turned = compose(conjugate(frame(am_0, mp.mpf(0))), frame(am, phi))

@@ -33,7 +33,7 @@ def value(a):
 
 
 def test_jacobi_functions():
-    rng, kcs = moduli(1, 240)
+    rng, kcs = moduli(1, 150)
     worst = {"sn": 0.0, "cn": 0.0, "dn": 0.0, "relative": 0.0}
     for i, kc in enumerate(kcs):
         near_quarter = math.pi / 2 - 10.0 ** rng.uniform(-9.0, 0.0)
@@ -47,12 +47,12 @@ def test_jacobi_functions():
                 worst[name] = max(worst[name], float(abs(value_ - truth)) / EPS)
                 relative = float(abs(value_ / truth - 1)) / EPS
                 worst["relative"] = max(worst["relative"], relative / max(1.0, abs(float(u))))
-    assert 0.5 < max(worst["sn"], worst["cn"], worst["dn"]) <= 3.0
+    assert 1.5 < max(worst["sn"], worst["cn"], worst["dn"]) <= 5.0
     assert 3.0 < worst["relative"] <= 12.0
 
 
 def test_scale_gives_agm_third_kind_and_phase_beyond_double():
-    rng, kcs = moduli(2, 180)
+    rng, kcs = moduli(2, 90)
     for i, kc in enumerate(kcs):
         n = float(rng.random() ** (1, 6)[i % 2])
         am = float(rng.random()) * math.pi / 2
@@ -68,7 +68,7 @@ def test_scale_gives_agm_third_kind_and_phase_beyond_double():
 
 
 def test_third_kind_with_its_factor():
-    rng, kcs = moduli(3, 300)
+    rng, kcs = moduli(3, 180)
     worst = 0.0
     for i, kc in enumerate(kcs):
         n = float(rng.random() ** (1, 4)[i % 2])

@@ -88,7 +88,7 @@ def tumbling_setup(moments: Vec3, q_0: Quaternion, omega: Vec3, unit: float) -> 
         kc2 = dd_divide(dd_multiply_float(distance, i_s), dd_multiply(_gap(i_s, i_r), a_s2))
         kc = dd_scale(distance_unit, dd_sqrt(kc2))
         kc2 = dd_scale(distance_unit, dd_scale(distance_unit, kc2))
-        if not kc[0] < 1.0:
+        if kc[0] - 1.0 + kc[1] > 0.0:
             kc = kc2 = (1.0, 0.0)
         kind = SEPARATRIX if kc[0] < _LEAST_KC else TUMBLING
         kc = (_LEAST_KC, 0.0) if kind == SEPARATRIX else kc

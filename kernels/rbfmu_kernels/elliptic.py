@@ -67,7 +67,7 @@ def _level(e: float, kc: float) -> tuple[float, float, float]:
 def jacobi_from_phase(sin_x: float, cos_x: float, levels: Levels) -> tuple[float, float, float]:
     """(sn, cn, dn) of u at the phase x = pi u / (2 K): Gauss' transformation, from modulus 0 up to k.
 
-    |x| <= pi / 2.  Error <= 3 eps; of cn and dn also <= 12 max(1, |u|) eps of themselves, however small they are.
+    |x| <= pi / 2.  Error <= 5 eps; of cn and dn also <= 12 max(1, |u|) eps of themselves, however small they are.
     """
     v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12, v13 = levels
     s, c, dn = sin_x, cos_x, 1.0

@@ -41,7 +41,7 @@ def free_rotation_setup(moments: Vec3, q_0: Quaternion, omega_b_0: Vec3) -> Free
     i_1, i_2, i_3 = moments
     w_1, w_2, w_3 = omega_b_0
     valid = 0.0 <= i_1 < math.inf and 0.0 <= i_2 < math.inf and 0.0 <= i_3 < math.inf
-    scale = power_of_two_for(max(max(i_1, i_2), i_3))
+    scale = power_of_two_for(max(max(i_1, i_2), i_3)) if valid else math.nan
     i_1, i_2, i_3 = scale * i_1, scale * i_2, scale * i_3
     scale = power_of_two_for(max(max(abs(q_0[0]), abs(q_0[1])), max(abs(q_0[2]), abs(q_0[3]))))
     q = (scale * q_0[0], scale * q_0[1], scale * q_0[2], scale * q_0[3])
