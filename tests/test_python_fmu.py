@@ -204,7 +204,7 @@ def test_a_step_that_leaves_the_range_of_numbers_never_happened(input_):
     for size in (H, 10.0):
         assert instance.step(0.03, size) == DISCARD
         assert instance.status() == 1
-        assert "range of numbers" in instance.log[-1][2].decode()
+        assert "no finite motion" in instance.log[-1][2].decode()
     assert instance.set({input_: usual}) == OK
     assert instance.steps(10, first=3) == expected
 
@@ -279,6 +279,14 @@ def test_a_set_that_is_refused_sets_nothing():
         assert instance.get(*LOADED) == list(LOADED.values())
     assert instance.set_references([instance.fmu.references["force_a[1]"], 9999], [9.0, 9.0]) == FATAL
     assert instance.get(*LOADED) == list(LOADED.values())
+
+
+def test_calls_without_variables_do_nothing():
+    instance = opened("driven").started(LOADED)
+    before = instance.outputs()
+    assert instance.set_references([], []) == OK
+    assert instance.get_references([]) == (OK, [])
+    assert instance.outputs() == before
 
 
 def test_huge_finite_inputs_are_taken_though_their_sum_is_not_finite():

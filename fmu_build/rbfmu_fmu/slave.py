@@ -203,7 +203,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
             if not (step_size > 0.0 and -_INFINITY < end < _INFINITY):
                 return self._discard(current_time, step_size, "the step size must be positive, and all times finite")
             if self._step_by(self._where, step_size):
-                return self._discard(current_time, step_size, "the motion leaves the range of numbers")
+                return self._discard(current_time, step_size, "no finite motion, or none that the accuracy allows")
             self._stale = False
             self._status = PAST_STOP if end > self.access.last_time else FINE
             return True
