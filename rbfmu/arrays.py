@@ -10,6 +10,7 @@ from rbfmu_kernels import rotvec as _rotvec
 from rbfmu_kernels import vec3 as _vec3
 
 from ._array_function import array_function, sequence_function, set_threads
+from ._free_rotation import free_rotation as free_rotation
 from ._inertia_arrays import check_inertia, inertia_of_points
 
 # Vectors and rotation matrices

@@ -49,10 +49,14 @@ def main() -> None:
               show_default=True, help="Folder for the FMU, the results and the picture.")  # fmt: skip
 def demo(folder: Path) -> None:
     """Simulate NASA's tumbling brick in three ways, compare them with each other and with NASA, draw it."""
+    from rbfmu_fmu import VerificationError
     from rbfmu_fmu.demo import run_demo
 
-    ctx = click.get_current_context()
-    ctx.exit(0 if run_demo(folder, Console(highlight=False)) else 1)
+    try:
+        passed = run_demo(folder, Console(highlight=False))
+    except VerificationError as error:
+        raise click.UsageError(str(error)) from None
+    click.get_current_context().exit(0 if passed else 1)
 
 
 @main.command("plan")
@@ -130,8 +134,10 @@ def verify(fmu: Path, seed: int) -> None:
 
 
 @main.command()
-@click.option("-o", "--output", "folder", type=click.Path(file_okay=False, path_type=Path),
-              default=Path("rbfmu_stability"), show_default=True, help="Folder for the tables and pictures.")  # fmt: skip
+@click.option(
+    "-o", "--output", "folder", type=click.Path(file_okay=False, path_type=Path), default=Path("rbfmu_stability"),
+    show_default=True, help="Folder for the tables and pictures.",
+)  # fmt: skip
 @click.option("--quick", is_flag=True, help="Coarse and fast: to see that it runs.")
 def stability(folder: Path, quick: bool) -> None:
     """Measure where methods fail, against the laws that predict it; draw it."""

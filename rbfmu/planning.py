@@ -194,9 +194,9 @@ def _fit(
         if best is None or _better(fit, best, accuracy / 3.0):
             best = fit
         stuck = error == last  # each communication step is one substep, or the step is as short as may be
-        if accuracy / 30.0 <= error <= accuracy / 3.0 or (stuck and error <= accuracy / 3.0):
+        if accuracy / 12.0 <= error <= accuracy / 3.0 or (stuck and error <= accuracy / 3.0):
             break
-        ratio = accuracy / (8.0 * error) if 0.0 < error < math.inf else (1e3 if error == 0.0 else 1e-3)
+        ratio = accuracy / (6.0 * error) if 0.0 < error < math.inf else (1e3 if error == 0.0 else 1e-3)
         ratio = min(ratio, 0.03) if stuck else ratio
         value *= min(max(ratio**exponent, 1e-3), 1e3)
     assert best

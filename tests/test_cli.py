@@ -140,3 +140,15 @@ def test_results_of_run_are_those_of_python(short: Path, tmp_path: Path) -> None
     direct = rbfmu.simulate(rbfmu.load_scene(short))
     assert np.array_equal(saved["quaternion"], direct.quaternion)
     assert json.dumps(saved["time"].tolist()) == json.dumps(direct.time.tolist())
+
+
+@pytest.mark.parametrize("command", [["demo"], ["verify", "short.fmu"]])
+def test_a_temporary_folder_that_crashes_pythonfmu_is_refused(
+    command: list[str], short: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(short.parent)
+    call("build", short)
+    monkeypatch.setattr("tempfile.tempdir", str(short.parent / "a+b"))
+    result = call(*command)
+    assert result.exit_code == 2
+    assert "TMPDIR" in result.stderr

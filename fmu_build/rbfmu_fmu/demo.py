@@ -4,6 +4,7 @@ import csv
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -25,7 +26,7 @@ from rbfmu.scene import Scene, load_scene
 from rbfmu.simulation import Result, simulate
 from rbfmu_fmu import nasa_brick
 from rbfmu_fmu.python_fmu import build_python_fmu
-from rbfmu_fmu.verification import Verification, verify
+from rbfmu_fmu.verification import Verification, check_plain, verify
 
 RATE_BOUND, ATTITUDE_BOUND = 1e-9, 1e-4
 """deg/s and deg: NASA's simulations 01 and 04 agree with Euler's equations to 4e-10 and 6e-5 (their printed digits)."""
@@ -53,6 +54,7 @@ def scene_file(name: str) -> Path:
 
 def run_demo(folder: Path, console: Console) -> bool:
     """Run all, write FMU, results and picture to `folder`, print a short table; False if anything disagrees."""
+    check_plain(tempfile.gettempdir())
     folder.mkdir(parents=True, exist_ok=True)
     doing = _progress(console)
     with doing("compiling the kernels (once), planning"):

@@ -1,6 +1,8 @@
 """Verify an FMU: valid, complete, and equal to direct calls of the kernels that it was made from."""
 
 import json
+import re
+import tempfile
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -51,6 +53,7 @@ def verify(path: str | Path, seed: int = 1) -> Verification:
     At most 10,000 steps of the scene. Raises VerificationError where the file is no FMU of rbfmu's.
     """
     path = Path(path)
+    check_plain(tempfile.gettempdir())
     scene, plan, problems = _scene_inside(path)
     problems += [f"fmpy validate: {text}" for text in validate_fmu(str(path))]
     description = describe(scene, plan)
@@ -63,6 +66,13 @@ def verify(path: str | Path, seed: int = 1) -> Verification:
     differences = {n: _largest(recorded[n], expected[:, k]) for k, n in enumerate(names)}
     done = len(recorded["time"]) - 1
     return Verification(seed, len(time) - 1, done, differences, tuple(problems + log))
+
+
+def check_plain(folder: str) -> None:
+    """Refuse a folder for unzipped FMUs at whose characters pythonfmu's decoding of its path crashes."""
+    if found := re.search(r"[+%(#]|[^\x00-\x7f]", folder):
+        expected = "expected a plain path; set TMPDIR to one"
+        raise VerificationError(f"FMUs are unzipped to {folder!r}, and pythonfmu crashes at {found[0]!r}: {expected}")
 
 
 def _scene_inside(path: Path) -> tuple[Scene, Plan, list[str]]:

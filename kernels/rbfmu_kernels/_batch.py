@@ -21,6 +21,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.ufunc import _internal  # type: ignore[attr-defined]
 
+from ._kernel import SOURCES
 from .shapes import Shape, shape_of, shapes_of_result
 
 _LOOP_SIGNATURE = types.void(
@@ -121,7 +122,7 @@ def _layout(shapes: list[Shape]) -> str:
 
 
 def _loop_name(name: str, constants: tuple[int, ...]) -> str:
-    return "_".join([name, "loop", *map(str, constants)])
+    return "_".join([name, "loop", *map(str, constants), SOURCES])
 
 
 def _loop_source(

@@ -1,10 +1,23 @@
 """`@kernel`: compiles a scalar function on floats and tuples, callable from anyone's `@njit` code."""
 
+import hashlib
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, overload
 
 from numba import njit
+
+
+def _hash_of_sources() -> str:
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+SOURCES = _hash_of_sources()
+"""Stamp of cached code: Numba's own sees a function's file, not those of the functions that it calls."""
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -27,6 +40,9 @@ def kernel(function: Any = None, /, *, inline: bool = True) -> Any:
 def _compile(function: Callable[P, R], *, inline: bool) -> Callable[P, R]:
     options: dict[str, Any] = {"error_model": "numpy", "nogil": True, "forceinline": inline}
     try:
-        return njit(cache=True, **options)(function)  # type: ignore[no-any-return]
+        compiled = njit(cache=True, **options)(function)
     except RuntimeError:  # no folder for the cache can be written
         return njit(**options)(function)  # type: ignore[no-any-return]
+    if hasattr(compiled, "_cache"):  # not where the JIT is disabled
+        compiled._cache._cache_file._source_stamp = SOURCES
+    return compiled  # type: ignore[no-any-return]
