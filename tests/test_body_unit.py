@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from rbfmu import rotate
 from rbfmu.measures import attitude_error
-from rbfmu.planning import plan
+from rbfmu.planning import Plan, plan
 from rbfmu.scene import Scene
 from rbfmu.unit import filled_buffer, initialize
 from rbfmu_kernels.layout import FAULTS, FINE, NOT_REACHED
@@ -437,6 +437,9 @@ def scene_of(model):
     }[model]()
 
 
+KICKS = Plan("symmetric top", "kicks of order 2", 7, substep=1e-3, order=2)
+"""Whether a top gets it depends on what is cheapest."""
+
 ANY_BODY = [
     (1, {"mass": 0.0}),
     (1, {"mass": -1.0}),
@@ -466,7 +469,7 @@ FAULTY += [
 
 @pytest.mark.parametrize(("model", "code", "values"), FAULTY)
 def test_initialize_refuses_what_its_model_cannot_be(model, code, values):
-    unit = Unit(scene_of(model))
+    unit = Unit(scene_of(model), KICKS if model == "symmetric top" else None)
     assert unit.plan.model == model or model == "beam"
     for name, value in values.items():
         unit[name] = value
