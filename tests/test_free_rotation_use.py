@@ -8,7 +8,7 @@ import pytest
 from free_rotation_mp import angle_to, random_case
 from numba import config, njit
 
-from rbfmu._free_rotation import free_rotation as free_rotation_array
+import rbfmu
 from rbfmu_kernels import free_rotation as body_at
 from rbfmu_kernels.free_rotation import FREE_ROTATION_SIZE, free_rotation_at, free_rotation_setup
 
@@ -36,11 +36,11 @@ def test_array_function_equals_the_kernel_over_bodies_and_times():
     cases = [random_case("generic", rng) for _ in range(3)]
     moments, q_0, omega_0, _ = (np.array(a) for a in zip(*cases, strict=True))
     times = np.array([[0.0], [1.0], [1e6], [-3.0]])
-    q, omega = free_rotation_array(moments, q_0, omega_0, times)
+    q, omega = rbfmu.free_rotation(moments, q_0, omega_0, times)
     assert (q.shape, omega.shape) == ((4, 3, 4), (4, 3, 3))
-    one_each = free_rotation_array(moments, q_0, omega_0, times[2])
+    one_each = rbfmu.free_rotation(moments, q_0, omega_0, times[2])
     out = (np.empty((4, 3, 4)), np.empty((4, 3, 3)))
-    assert free_rotation_array(moments, q_0, omega_0, times, out=out)[0] is out[0]
+    assert rbfmu.free_rotation(moments, q_0, omega_0, times, out=out)[0] is out[0]
     np.testing.assert_array_equal(out[0], q)
     for k, case in enumerate(cases):
         for j, t in enumerate(times[:, 0].tolist()):
@@ -55,9 +55,9 @@ def test_array_function_equals_the_kernel_over_bodies_and_times():
 ])  # fmt: skip
 def test_array_function_names_the_wrong_argument(arguments, message):
     with pytest.raises(ValueError, match=f"free_rotation: .*{message}"):
-        free_rotation_array(*arguments)
+        rbfmu.free_rotation(*arguments)
     with pytest.raises(TypeError, match="takes 4 arguments"):
-        free_rotation_array(I_123, Q)
+        rbfmu.free_rotation(I_123, Q)
 
 
 @compiled_only
@@ -65,11 +65,11 @@ def test_array_function_of_many_times_sets_up_once():
     """Times of one body cost an evaluation each; so many bodies cost four times that."""
     times = np.linspace(0.0, 10.0, 2000)
     bodies = np.broadcast_to(OMEGA, (2000, 3)).copy()
-    free_rotation_array(I_123, Q, OMEGA, times), free_rotation_array(I_123, Q, bodies, 1.0)
+    rbfmu.free_rotation(I_123, Q, OMEGA, times), rbfmu.free_rotation(I_123, Q, bodies, 1.0)
     once, each = [], []
     for _ in range(40):
-        once.append(seconds(lambda: free_rotation_array(I_123, Q, OMEGA, times)))
-        each.append(seconds(lambda: free_rotation_array(I_123, Q, bodies, 1.0)))
+        once.append(seconds(lambda: rbfmu.free_rotation(I_123, Q, OMEGA, times)))
+        each.append(seconds(lambda: rbfmu.free_rotation(I_123, Q, bodies, 1.0)))
     assert min(once) < 0.5 * min(each)
 
 
