@@ -14,8 +14,12 @@ check:
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+# The core once more as plain Python: readable tracebacks, and no result may hang on the compiler.
+CORE = elementary rotation quaternion euler_angles rotvec kinematics inertia rigid_body double_double elliptic
+
 test:
 	$(BIN)/pytest -n 2 --dist loadfile -m "not slow"
+	NUMBA_DISABLE_JIT=1 $(BIN)/pytest -n 2 --dist loadfile $(CORE:%=tests/test_%.py)
 
 slow:
 	$(BIN)/pytest -m slow
