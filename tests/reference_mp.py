@@ -119,7 +119,7 @@ class _Equations:
     def series(self, state: list[int], step: int) -> tuple[list[Series], list[Series]]:
         """Taylor coefficients times powers of the step, of the state and of omega_b."""
         s = [[x] for x in state]
-        R, h, v, r = [s[0:3], s[3:6], s[6:9]], s[9:12], s[12:15], s[15:18]
+        R, h, v = [s[0:3], s[3:6], s[6:9]], s[9:12], s[12:15]
         columns = transposed(R)
         omega: list[Series] = [[], [], []]
         for k in range(ORDER):
@@ -143,7 +143,8 @@ class _Equations:
         return s, omega
 
     def _torque(self, now: list[Vector], k: int, R: Any, omega: list[Series]) -> Vector:
-        torque = [(x >> BITS) + (t if k == 0 else 0) for x, t in zip(matvec(now, self.torque_b), self.torque_a, strict=True)]
+        turned = matvec(now, self.torque_b)
+        torque = [(x >> BITS) + (t if k == 0 else 0) for x, t in zip(turned, self.torque_a, strict=True)]
         if self.levers:
             at = [x >> BITS for x in matvec(now, self.arm)]
             torque = [t + (x >> BITS) for t, x in zip(torque, cross(at, self.arm_force), strict=True)]
