@@ -28,6 +28,9 @@ class Settings(NamedTuple):
     vanished: int = 50
 
 
+USUAL = Settings()
+
+
 class Motion:
     """The scene's motion; state: q (4), omega (3), r_c (3), v_c (3) times 2^bits."""
 
@@ -39,7 +42,7 @@ class Motion:
         m, r, g = Fraction(body.mass), [Fraction(x) for x in body.r_oc_b], [Fraction(x) for x in loads.gravity_a]
         M = [Fraction(body.inertia[k][k]) for k in range(3)]
         torque, force = ([Fraction(x) for x in v] for v in (loads.torque_b, loads.force_b))
-        assert not any(loads.torque_a) and not any(loads.force_a)
+        assert not any((*loads.torque_a, *loads.force_a))
         if body.pivot:
             square = sum(x * x for x in r)
             M = [M[k] + m * (square - r[k] * r[k]) for k in range(3)]
@@ -47,7 +50,7 @@ class Motion:
         else:
             torque = [t - x for t, x in zip(torque, _cross(r, force), strict=True)]
             weight, gravity, push = [Fraction(0)] * 3, g, [f / m for f in force]
-        assert not weight[0] and not weight[1]
+        assert not any(weight[:2])
         self.factor = [self.fixed((M[k - 2] - M[k - 1]) / M[k]) for k in range(3)]
         self.torque = [self.fixed(torque[k] / M[k]) for k in range(3)]
         self.damping = [self.fixed(Fraction(loads.damping_b[k]) / M[k]) for k in range(3)]
@@ -195,7 +198,7 @@ def _conjugate(q: Sequence[Any]) -> list[Any]:
     return [q[0], -q[1], -q[2], -q[3]]
 
 
-def reference_motion(key: str, settings: Settings = Settings()) -> dict[str, list[list[str]]]:
+def reference_motion(key: str, settings: Settings = USUAL) -> dict[str, list[list[str]]]:
     """The case's motion at its checkpoints, as texts of 40 digits."""
     scene = CASES[key].scene
     with mp.workdps(int(settings.bits * 0.302)):
