@@ -136,20 +136,22 @@ def dop853_advance(
     Equal parts reach h: each step is the rest divided by the number of steps that the kept size would need.
     NOT_REACHED where the motion is not finite or needs too many steps; state and size are then the caller's to restore.
     """
-    rest, steps = h, 0
+    rest, low, steps = h, 0.0, 0  # rest + low: the time left, so that a thousand steps end where h does
     while rest > 0.0:
         steps += 1
         if not (rest < MOST_SUBSTEPS * z[size] and steps < MOST_SUBSTEPS):
             return NOT_REACHED
         count = math.ceil(rest / z[size] * (1.0 - 1e-9))
-        part = rest / count
+        part = (rest + low) / count
         dop853_step(z, y, w, n, part, body, loads)
         z[size + 1] += 1.0
         error = _error(z, y, w, n, part) / tolerance
         if error <= 1.0:
             growth = 6.0 if error < 2.6e-7 else 0.9 / math.sqrt(math.sqrt(math.sqrt(error)))
             _accept(z, y, w, n)
-            rest = 0.0 if count == 1 else rest - part
+            left = 0.0 if count == 1 else rest - part
+            low += (rest - left) - part
+            rest = left
             z[size] = max(z[size], part * growth) if growth >= 1.0 else part * growth
         else:
             shrink = 0.9 / math.sqrt(math.sqrt(math.sqrt(error))) if math.isfinite(error) else 0.0
