@@ -64,11 +64,11 @@ def inverse(M: list[Vector]) -> list[Vector]:
     return [[columns[j][i] / det for j in range(3)] for i in range(3)]
 
 
-def matrix_of(q: Sequence[float]) -> list[Vector]:
+def matrix_of(q: Sequence[Any]) -> list[Vector]:
     """R of q / |q|, by E&G (6.163)."""
     with mp.workdps(DIGITS):
-        n = mp.sqrt(sum(mp.mpf(float(x)) ** 2 for x in q))
-        e, x, y, z = (mp.mpf(float(c)) / n for c in q)
+        n = mp.sqrt(sum(mp.mpf(x) ** 2 for x in q))
+        e, x, y, z = (mp.mpf(x) / n for x in q)
         return [
             [e * e + x * x - y * y - z * z, 2 * (x * y - e * z), 2 * (x * z + e * y)],
             [2 * (x * y + e * z), e * e - x * x + y * y - z * z, 2 * (y * z - e * x)],
@@ -77,10 +77,9 @@ def matrix_of(q: Sequence[float]) -> list[Vector]:
 
 
 class _Equations:
-    """Right-hand sides as linear maps of the series of R and of the two products R^T h and R skew(omega)."""
+    """Right-hand sides: linear maps of R, but for the products R^T h, R skew(omega) and, with damping, R (d omega)."""
 
-    def __init__(self, scene: Any) -> None:
-        body, loads = scene.body, scene.loads
+    def __init__(self, body: Any, initial: Any, loads: Any) -> None:
         exact = lambda v: [Fraction(x) for x in v]  # noqa: E731
         mass, r_oc = Fraction(body.mass), exact(body.r_oc_b)
         gravity, force_a, force_b = exact(loads.gravity_a), exact(loads.force_a), exact(loads.force_b)
@@ -98,26 +97,23 @@ class _Equations:
             self.body_acceleration = [f / mass for f in force_b]
         self.M_inverse = [[fixed(x) for x in row] for row in inverse(M)]
         self.torque_a = [fixed(t) for t in torque_a]
-        # (R arm) x F as a map of R: component i is the sum over j, k of levi(i, j, k) R[j][l] arm[l] F[k].
         self.arm, self.arm_force = [fixed(x) for x in arm], [fixed(x) for x in arm_force]
         self.torque_b, self.damping = [fixed(x) for x in torque_b], [fixed(x) for x in loads.damping_b]
         self.body_acceleration = [fixed(x) for x in self.body_acceleration]
         self.levers, self.r_oc = any(self.arm) and any(self.arm_force), [fixed(x) for x in r_oc]
-        R = matrix_of(scene.initial.quaternion)
         with mp.workdps(DIGITS):
-            omega = [mp.mpf(x) for x in scene.initial.omega_b]
-            R_exact = [[Fraction(int(mp.nint(x * ONE)), ONE) for x in row] for row in R]
-        omega = exact(scene.initial.omega_b)
+            R_exact = [[Fraction(int(mp.nint(x * ONE)), ONE) for x in row] for row in matrix_of(initial.quaternion)]
+        omega = exact(initial.omega_b)
         h = matvec(R_exact, matvec(M, omega))
-        r_c = [p + r for p, r in zip(exact(scene.initial.position), matvec(R_exact, r_oc), strict=True)]
-        v_c = [v + w for v, w in zip(exact(scene.initial.velocity), matvec(R_exact, cross(omega, r_oc)), strict=True)]
+        r_c = [p + r for p, r in zip(exact(initial.position), matvec(R_exact, r_oc), strict=True)]
+        v_c = [v + w for v, w in zip(exact(initial.velocity), matvec(R_exact, cross(omega, r_oc)), strict=True)]
         if self.pivot:
             v_c = [Fraction(0)] * 3
         flat = [x for row in R_exact for x in row]
         self.start = [fixed(x) for x in (*flat, *h, *v_c, *r_c)]
 
-    def series(self, state: list[int], step: int) -> tuple[list[Series], list[Series]]:
-        """Taylor coefficients times powers of the step, of the state and of omega_b."""
+    def series(self, state: list[int], step: int) -> list[Series]:
+        """Taylor coefficients of the state, times powers of the step."""
         s = [[x] for x in state]
         R, h, v = [s[0:3], s[3:6], s[6:9]], s[9:12], s[12:15]
         columns = transposed(R)
@@ -140,7 +136,7 @@ class _Equations:
             rates += [x[k] for x in v]
             for x, rate in zip(s, rates, strict=True):
                 x.append((rate * step >> BITS) // (k + 1))
-        return s, omega
+        return s
 
     def _torque(self, now: list[Vector], k: int, R: Any, omega: list[Series]) -> Vector:
         turned = matvec(now, self.torque_b)
@@ -181,16 +177,20 @@ def _at(series: list[Series], part: Fraction) -> list[int]:
     return values
 
 
-@cache
-def motion(scene: Any, times: tuple[float, ...]) -> list[Point]:
+def motion(scene: Any, times: Sequence[float]) -> list[Point]:
     """The body's motion at times from the scene's start on, ascending; inputs zero."""
-    equations = _Equations(scene)
-    state, now = equations.start, Fraction(scene.run.start)
-    rate = max(1e-3, float(np.linalg.norm(scene.initial.omega_b)))
+    return _motion(scene.body, scene.initial, scene.loads, scene.run.start, tuple(times))
+
+
+@cache
+def _motion(body: Any, initial: Any, loads: Any, start: float, times: tuple[float, ...]) -> list[Point]:
+    equations = _Equations(body, initial, loads)
+    state, now = equations.start, Fraction(start)
+    rate = max(1e-3, float(np.linalg.norm(initial.omega_b)))
     step = Fraction(1.0 / rate)
     points: list[Point] = []
     while len(points) < len(times):
-        series, _ = equations.series(state, fixed(step))
+        series = equations.series(state, fixed(step))
         last = max(abs(s[ORDER]) for s in series)
         part = Fraction(min(1.0, math.exp((math.log(LAST_TERM) - _log(last)) / ORDER)))
         end = now + part * step

@@ -63,7 +63,7 @@ def errors_of(scene):
     zero = np.zeros((len(result.time), 3))
     position = zero + scene.initial.position if scene.body.pivot else result.position
     velocity = zero if scene.body.pivot else result.velocity
-    points = reference.motion(scene, tuple(result.time.tolist()))
+    points = reference.motion(scene, result.time.tolist())
     return reference.errors(points, result.quaternion, result.omega_b, position, velocity)
 
 
@@ -107,7 +107,7 @@ def test_a_fast_spin_is_not_mistaken_for_a_slow_one():
     """1e6 rad/s, 16 thousand turns a communication step; damped: theta = w I / d (1 - exp(-d t / I))."""
     omega, damping = 1e6, 0.3
     loads = NO_GRAVITY | {"damping_b": [0.0, 0.0, damping]}
-    scene = made(TRIAXIAL, {"omega_b": [0.0, 0.0, omega]}, loads, stop=0.5, accuracy=1e-6, steps=5)
+    scene = made(TRIAXIAL, {"omega_b": [0.0, 0.0, omega]}, loads, stop=0.2, accuracy=1e-6, steps=2)
     planned = plan(scene)
     assert planned.method == "DOP853"
     result = rbfmu.simulate(scene, planned=planned)
@@ -169,7 +169,7 @@ def test_a_chaotic_motion_is_not_promised_better_than_round_off_allows():
     """Runs of a pilot share the round-off of the constants; a heavy triaxial body magnifies it some 1e4 times."""
     body = {"mass": 0.2, "inertia": [0.0052, 0.0192, 0.0166], "r_oc_b": [0.37, 0.064, 0.153], "pivot": True}
     initial = {"omega_b": [0.5, -0.3, 0.4], "attitude": {"rotvec": [1.0, 0.5, -0.2]}}
-    for accuracy in (1e-8, 1e-9, 1e-10, 1e-11, 1e-12):
+    for accuracy in (1e-10, 1e-11, 1e-12, 1e-13):
         scene = made(body, initial, GRAVITY, stop=15.0, accuracy=accuracy)
         try:
             plan(scene)

@@ -5,6 +5,8 @@ import itertools
 import math
 from pathlib import Path
 
+import free_rotation_mp
+import mpmath as mp
 import numpy as np
 import pytest
 import reference_mp as reference
@@ -29,6 +31,20 @@ def run(state, h, n, body, loads):
     for _ in range(n):
         state = rk4_step(state, h, body, loads)
     return state
+
+
+def test_the_reference_has_its_40_digits():
+    """Against the closed form of torque-free motion, in another formulation and from another module."""
+    (found,) = reference.motion(BRICK, (30.0,))
+    moments = [BRICK.body.inertia[i][i] for i in range(3)]
+    q, omega = free_rotation_mp.closed_form(moments, BRICK.initial.quaternion, BRICK.initial.omega_b, 30.0)
+    with mp.workdps(50):
+        truth = reference.matrix_of(q)
+        error = max(
+            abs(a - b) for row, other in zip(found.R_ab, truth, strict=True) for a, b in zip(row, other, strict=True)
+        )
+        assert error < mp.mpf(10) ** -40
+        assert max(abs(a - b) for a, b in zip(found.omega_b, omega, strict=True)) < mp.mpf(10) ** -40
 
 
 def free_body(M, mass=1.0, arm=ZERO, damping_b=ZERO):
