@@ -7,6 +7,7 @@ import re
 import numpy as np
 import pytest
 import reference_mp as reference
+from numba import config
 
 import rbfmu
 from rbfmu.measures import attitude_error, largest_error, relative_error
@@ -42,6 +43,9 @@ def made(body, initial=None, loads=None, stop=5.0, accuracy=1e-6, steps=10, **ot
     return Scene(body=body, initial=initial or {}, loads=loads or NO_GRAVITY, run=run, **other)
 
 
+CHAOTIC = made(OFFSET | {"pivot": True}, {"omega_b": [1.0, 2.0, -1.0]}, GRAVITY, stop=60.0, accuracy=1e-12)
+compiled = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="too many steps to interpret")
+
 SCENES = {
     "free, offset": (OFFSET, MOVING, GRAVITY, 5.0),
     "constant torque": (TRIAXIAL, {"omega_b": [0.1, 0.2, 0.3]}, NO_GRAVITY | {"torque_b": [0.1, 0.05, -0.2]}, 10.0),
@@ -76,6 +80,7 @@ def test_a_plan_meets_its_accuracy(name, accuracy):
     assert max(errors.values()) <= 0.4 * accuracy
 
 
+@compiled
 @pytest.mark.parametrize("steps", [1, 3, 300])
 @pytest.mark.parametrize("name", ["all loads", "fast top", "triaxial top"])
 def test_a_plan_meets_its_accuracy_whatever_the_communication_step(name, steps):
@@ -103,6 +108,7 @@ def test_less_accuracy_costs_fewer_steps(name):
 # What could fool a pilot run
 
 
+@compiled
 def test_a_fast_spin_is_not_mistaken_for_a_slow_one():
     """1e6 rad/s, 16 thousand turns a communication step; damped: theta = w I / d (1 - exp(-d t / I))."""
     omega, damping = 1e6, 0.3
@@ -146,7 +152,7 @@ def test_a_free_body_far_from_its_start_is_exact():
     [
         made(OFFSET, MOVING, LOADS, accuracy=1e-15),
         made(TRIAXIAL, {"omega_b": [1.0, 2.0, 3.0]}, accuracy=1e-15),
-        made(OFFSET | {"pivot": True}, {"omega_b": [1.0, 2.0, -1.0]}, GRAVITY, stop=60.0, accuracy=1e-12),
+        pytest.param(CHAOTIC, marks=compiled),
     ],
     ids=["under loads", "free", "chaotic"],
 )
@@ -155,6 +161,7 @@ def test_an_accuracy_out_of_reach_is_a_scene_error(scene):
         plan(scene)
 
 
+@compiled
 def test_what_a_scene_reaches_is_an_accuracy_it_can_meet():
     def scene(accuracy):
         return made(OFFSET | {"pivot": True}, {"omega_b": [1.0, 2.0, -1.0]}, GRAVITY, stop=30.0, accuracy=accuracy)
@@ -165,6 +172,7 @@ def test_what_a_scene_reaches_is_an_accuracy_it_can_meet():
     assert max(errors_of(scene(3.0 * reached)).values()) <= 3.0 * reached
 
 
+@compiled
 def test_a_chaotic_motion_is_not_promised_better_than_round_off_allows():
     """Runs of a pilot share the round-off of the constants; a heavy triaxial body magnifies it some 1e4 times."""
     body = {"mass": 0.2, "inertia": [0.0052, 0.0192, 0.0166], "r_oc_b": [0.37, 0.064, 0.153], "pivot": True}
