@@ -3,6 +3,7 @@
 A vector f fixed in a has components in b with df/dt = f x omega, so that no product is of more than two series.
 """
 
+import math
 from typing import Any
 
 import numpy as np
@@ -100,13 +101,25 @@ def _integral(s: Any, i: int, h: float) -> float:
     return total * h
 
 
+Work = tuple[Any, Any, Any, Any, Any]
+"""Coefficients of q, omega, v_c, and of `arm_force_a` and `torque_a` in b: arrays (order + 1, 4 or 3)."""
+
+
+@njit  # type: ignore[untyped-decorator]
+def work_space(order: int) -> Work:
+    """For `series` of an order."""
+    n = order + 1
+    return np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
+
+
 @kernel(inline=False)
-def _step(state: State, h: float, body: Body, loads: Loads, q: Any, w: Any, v: Any, f: Any, g: Any) -> State:
-    """One step; work space for the series of q, omega, v_c, and of `arm_force_a` and `torque_a` in b."""
-    r, v_c, attitude, omega = state
+def series(work: Any, state: State, body: Body, loads: Loads) -> None:
+    """The motion's Taylor coefficients at a state, to the order that the work space has room for."""
+    q, w, v, f, g = work
+    _, v_c, attitude, omega = state
     lightness, M, _, arm, damping, _ = body
     _, force_a, force_b, torque_a, torque_b = loads
-    moments = (M[0][0], M[1][1], M[2][2])
+    one, two, three = M[0][0], M[1][1], M[2][2]
     push, steady_torque = scale(lightness, force_b), add(torque_b, cross(arm, force_b))
     lifted, twisted, pushed = _any(force_a), _any(torque_a), _any(force_b)
     q_ba = invert_quaternion(attitude)
@@ -117,25 +130,33 @@ def _step(state: State, h: float, body: Body, loads: Loads, q: Any, w: Any, v: A
     _put(f, 0, rotate(q_ba, force_a))
     _put(g, 0, rotate(q_ba, torque_a))
     for k in range(len(q) - 1):
+        s = 1.0 / (k + 1.0)
         x, y, z = _gyroscopic_term(w, k)
-        d_1, d_2, d_3 = damping[0] * w[k, 0], damping[1] * w[k, 1], damping[2] * w[k, 2]
-        i, j, l = moments
-        torque = ((j - l) * x - d_1, (l - i) * y - d_2, (i - j) * z - d_3)
+        torque = (
+            (two - three) * x - damping[0] * w[k, 0],
+            (three - one) * y - damping[1] * w[k, 1],
+            (one - two) * z - damping[2] * w[k, 2],
+        )
         if k == 0:
             torque = add(torque, steady_torque)
         if lifted:
             torque = add(torque, cross(arm, _at(f, k)))
-            _put(f, k + 1, scale(1.0 / (k + 1.0), _cross_term(f, w, k)))
+            _put(f, k + 1, scale(s, _cross_term(f, w, k)))
         if twisted:
             torque = add(torque, _at(g, k))
-            _put(g, k + 1, scale(1.0 / (k + 1.0), _cross_term(g, w, k)))
+            _put(g, k + 1, scale(s, _cross_term(g, w, k)))
         if pushed:
-            turning = scale(1.0 / (k + 1.0), _turned_term(q, push, k))
+            turning = scale(s, _turned_term(q, push, k))
             _put(v, k + 1, add(turning, _at(v, k + 1)) if k == 0 else turning)
-        dq = _quaternion_term(q, w, k)
-        _put(w, k + 1, scale(1.0 / (k + 1.0), (torque[0] / i, torque[1] / j, torque[2] / l)))
-        s = 1.0 / (k + 1.0)
-        q[k + 1, 0], q[k + 1, 1], q[k + 1, 2], q[k + 1, 3] = s * dq[0], s * dq[1], s * dq[2], s * dq[3]
+        d = _quaternion_term(q, w, k)
+        _put(w, k + 1, (s * torque[0] / one, s * torque[1] / two, s * torque[2] / three))
+        q[k + 1, 0], q[k + 1, 1], q[k + 1, 2], q[k + 1, 3] = s * d[0], s * d[1], s * d[2], s * d[3]
+
+
+@kernel(inline=False)
+def state_at(work: Any, r: Vec3, h: float) -> State:
+    """The state at a time h after that of the series, |q| = 1; r: the position there."""
+    q, w, v, _, _ = work
     return (
         add(r, (_integral(v, 0, h), _integral(v, 1, h), _integral(v, 2, h))),
         (_sum(v, 0, h), _sum(v, 1, h), _sum(v, 2, h)),
@@ -144,15 +165,64 @@ def _step(state: State, h: float, body: Body, loads: Loads, q: Any, w: Any, v: A
     )
 
 
+@kernel
+def _size(s: Any, k: int, n: int) -> float:
+    total = 0.0
+    for i in range(n):
+        total += s[k, i] * s[k, i]
+    return math.sqrt(total)
+
+
+@kernel
+def _term(work: Any, k: int) -> float:
+    """The k-th coefficient's size: attitude in rad, omega relative to itself, v_c to at least 1 m/s."""
+    q, w, v, _, _ = work
+    turn, rate = 2.0 * _size(q, k, 4), _size(w, k, 3) / max(_size(w, 0, 3), _size(w, 1, 3), 1e-300)
+    return max(turn, rate, _size(v, k, 3) / max(_size(v, 0, 3), 1.0))
+
+
+@kernel(inline=False)
+def longest_step(work: Any, tolerance: float) -> float:
+    """The step at which the last two terms are within the tolerance."""
+    last = len(work[0]) - 1
+    h = 1e30
+    for k in range(last - 1, last + 1):
+        size = _term(work, k)
+        if size > 0.0:
+            h = min(h, (tolerance / size) ** (1.0 / k))
+    return h
+
+
+def order_for(tolerance: float) -> int:
+    """The order of least work.  A. Jorba & M. Zou, Experimental Mathematics 14 (2005), 3.1."""
+    return math.ceil(1.0 - 0.5 * math.log(tolerance))
+
+
 def taylor(order: int) -> Any:
     """`steps(y, h, n, body, loads)` of an order; off-diagonal M is ignored."""
 
     @njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
     def steps(y: State, h: float, n: int, body: Body, loads: Loads) -> State:
-        q, w, v = np.zeros((order + 1, 4)), np.zeros((order + 1, 3)), np.zeros((order + 1, 3))
-        f, g = np.zeros((order + 1, 3)), np.zeros((order + 1, 3))
+        work = work_space(order)
         for _ in range(n):
-            y = _step(y, h, body, loads, q, w, v, f, g)
+            series(work, y, body, loads)
+            y = state_at(work, y[0], h)
         return y
 
     return steps
+
+
+@kernel(inline=False)
+def advance_within(
+    work: Any, y: State, interval: float, tolerance: float, body: Body, loads: Loads
+) -> tuple[State, float]:
+    """(state after an interval, steps taken), every step's last two terms within the tolerance: no step is refused."""
+    rest, steps = interval, 0.0
+    while rest > 0.0:
+        series(work, y, body, loads)
+        count = math.ceil(rest / longest_step(work, tolerance) * (1.0 - 1e-9))
+        part = rest / count
+        y = state_at(work, y[0], part)
+        rest = 0.0 if not count > 1 else rest - part
+        steps += 1.0
+    return y, steps

@@ -78,31 +78,36 @@ def extent(quick: bool) -> Extent:
     return Extent([CASES[key] for key in QUICK_CASES], few, 0.02, 2, 2e-4, True)
 
 
-def collect(what: Extent, progress: Progress) -> list[Point]:
-    """Try each method's settings, then time them in turn, in an order that no method can profit from."""
+def collect(what: Extent, progress: Progress) -> tuple[list[Point], list[str]]:
+    """Try each method's settings, then time them in turn, in an order that no method can profit from.
+
+    Returns the points, and what could not be run.
+    """
     pairs = [(case, method) for case in what.cases for method in what.methods if method.suits(case)]
     total = len(pairs) + what.repeats * len(what.cases)
     found: list[tuple[Point, Run]] = []
     first_calls: dict[str, float] = {}
+    notes: dict[str, str] = {}
     for i, (case, method) in enumerate(pairs):
         progress(i, total, f"{case.title}: {method.name}")
-        found += _explored(what, case, method, first_calls)
+        found += _explored(what, case, method, first_calls, notes)
     order = random.Random(1)
     for repeat in range(what.repeats):
         for j, case in enumerate(what.cases):
             progress(len(pairs) + repeat * len(what.cases) + j, total, f"{case.title}: timing {repeat + 1}")
-            again = [
-                (p, run) for p, run in found if p.case == case.key and (repeat < 2 or p.seconds < what.longest / 10)
-            ]
+            longest = what.longest * (2.0 if repeat < 2 else 0.1)
+            again = [(p, run) for p, run in found if p.case == case.key and p.seconds < longest]
             order.shuffle(again)
             for point, run in again:
                 k = max(1, round(what.shortest / point.seconds))
                 point.seconds = min(point.seconds, run.seconds(k) / k)
     progress(total, total, "")
-    return [point for point, _ in found]
+    return [point for point, _ in found], list(notes.values())
 
 
-def _explored(what: Extent, case: Case, method: Method, first_calls: dict[str, float]) -> Iterator[tuple[Point, Run]]:
+def _explored(
+    what: Extent, case: Case, method: Method, first_calls: dict[str, float], notes: dict[str, str]
+) -> Iterator[tuple[Point, Run]]:
     """Settings from coarse to fine until time or digits end."""
     least, idle = np.inf, 0
     for value in method.settings(case, what.quick):
@@ -110,7 +115,8 @@ def _explored(what: Extent, case: Case, method: Method, first_calls: dict[str, f
         try:
             run = method.run(case, value)
             errors = case.errors(run.states())
-        except NotFeasibleError:
+        except NotFeasibleError as error:
+            notes.setdefault(f"{case.key} {method.name}", f"{case.key}, {method.name}, {value:g}: {error}"[:200])
             continue
         seconds = perf_counter() - start
         if method.name not in first_calls:
@@ -161,16 +167,16 @@ def write_rows(path: Path, rows: Iterable[dict[str, Any]], head: Iterable[str]) 
     """A CSV file whose first lines, after #, say where the figures come from."""
     rows = list(rows)
     with path.open("w", newline="", encoding="utf-8") as file:
-        file.writelines(f"# {line}\n" for line in head)
+        file.writelines(f"# {' '.join(line.split())}\n" for line in head)
         writer = csv.DictWriter(file, list(rows[0]))
         writer.writeheader()
         writer.writerows(rows)
     return path
 
 
-def write_points(path: Path, points: Sequence[Point]) -> Path:
+def write_points(path: Path, points: Sequence[Point], notes: Sequence[str] = ()) -> Path:
     """The collected figures; every digit."""
-    return write_rows(path, map(asdict, points), machine())
+    return write_rows(path, map(asdict, points), [*machine(), *(f"not run: {note}" for note in notes)])
 
 
 def read_points(path: Path) -> list[Point]:

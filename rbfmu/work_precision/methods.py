@@ -12,7 +12,7 @@ from numba import njit
 
 from rbfmu.contestants import CONTESTANTS, TORQUE_FREE_CONTESTANTS, Contestant, compiled_loop
 from rbfmu.contestants.one_step import midpoint
-from rbfmu.contestants.taylor import taylor
+from rbfmu.contestants.taylor import advance_within, order_for, taylor, work_space
 from rbfmu.planning import plan
 from rbfmu.scene import Scene, SceneError
 from rbfmu.unit import filled_buffer, initialize
@@ -77,11 +77,11 @@ def timed(repeat: Callable[[int], Any]) -> Callable[[int], float]:
 
 
 def step_counts(case: Case, quick: bool) -> Iterator[float]:
-    """Step sizes from 8 rad on, by factors of sqrt 2 (quick: 4); two that take seconds where motion is long."""
+    """Step sizes from 16 rad on, by factors of sqrt 2 (quick: 4); two that take seconds where motion is long."""
     if case.long:
         yield from (case.interval / round(case.interval * case.rate / radians) for radians in (0.25, 0.15))
         return
-    n, last = max(1.0, case.interval * case.rate / 8.0), 0
+    n, last = max(1.0, case.interval * case.rate / 16.0), 0
     while True:
         if round(n) > last:
             last = round(n)
@@ -264,6 +264,49 @@ def _moved(case: Case, state: State, i: int) -> State:
     return add_scaled(r, 0.5 * t * t, a), add_scaled(v, t, a), state[2], state[3]
 
 
+# Taylor series with error control
+
+
+@njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+def _within(
+    out: Any, y: State, interval: float, tolerance: float, order: int, body: Body, loads: Loads, k: int
+) -> float:
+    """K solutions; checkpoints to out; returns the steps of one."""
+    total = 0.0
+    for _ in range(k):
+        work, state, total = work_space(order), y, 0.0
+        for i in range(len(out)):
+            state, steps = advance_within(work, state, interval, tolerance, body, loads)
+            _put_state(out[i], state)
+            total += steps
+    return total
+
+
+class ControlledTaylor:
+    """Taylor series whose order follows from the tolerance and whose steps follow from the last terms."""
+
+    name, family, setting = "Taylor, error control", "Taylor", "tolerance"
+
+    def suits(self, case: Case) -> bool:
+        """All but long motions."""
+        return not case.long
+
+    def settings(self, case: Case, quick: bool) -> Iterator[float]:
+        """Tolerances."""
+        return tolerances(-1, -16, quick)
+
+    def run(self, case: Case, value: float) -> Run:
+        """With a tolerance of `value`."""
+        out, order = np.zeros((CHECKPOINTS, STATE)), order_for(value)
+
+        def repeat(k: int) -> float:
+            return float(_within(out, case.start, case.interval, value, order, case.body, case.loads, k))
+
+        steps = repeat(1)
+        found = [_state(row) for row in out]
+        return Run(lambda: found, timed(repeat), steps * order)
+
+
 # Exact
 
 
@@ -294,7 +337,7 @@ class Exact:
 
     def settings(self, case: Case, quick: bool) -> Iterator[float]:
         """Outputs at the checkpoints only."""
-        yield CHECKPOINTS
+        yield float(CHECKPOINTS)
 
     def run(self, case: Case, value: float) -> Run:
         """`value` outputs, a multiple of the checkpoints."""
@@ -384,7 +427,7 @@ def contestants() -> tuple[Method, ...]:
         FixedSteps(Contestant(f"Taylor, order {n}", taylor(n), n, n), "Taylor", _short) for n in (12, 16, 20)
     ]
     free = [FixedSteps(method, "Moser-Veselov", _torque_free) for method in TORQUE_FREE_CONTESTANTS.values()]
-    return (*any_torque, *free)
+    return (*any_torque, ControlledTaylor(), *free)
 
 
 def _any_case(case: Case) -> bool:
