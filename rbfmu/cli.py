@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 from rich.console import Console
-from rich.progress import track
+from rich.progress import Progress, track
 from rich.table import Table
 
 from rbfmu.scene import Scene, SceneError, load_scene
@@ -131,6 +131,27 @@ def verify(fmu: Path, seed: int) -> None:
         click.echo(f"problem: {problem}")
     click.echo("passed" if found.passed else "FAILED")
     click.get_current_context().exit(0 if found.passed else 1)
+
+
+@main.command()
+@click.option(
+    "-o", "--output", "folder", type=click.Path(file_okay=False, path_type=Path), default=Path("rbfmu_chart"),
+    show_default=True, help="Folder for the tables and pictures.",
+)  # fmt: skip
+@click.option("--quick", is_flag=True, help="Few cases and methods: to see that it runs.")
+def chart(folder: Path, quick: bool) -> None:
+    """Chart accuracy against cost: which method to use, here and with the peers that are installed."""
+    from rbfmu.work_precision import run_charts
+    from rbfmu_fmu.cosimulation_chart import run_cosimulation_chart
+
+    with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as bar:
+        for run in (run_charts, run_cosimulation_chart):
+            task = bar.add_task("chart", total=None)
+            for path in run(
+                folder, quick, lambda n, of, text: bar.update(task, completed=n, total=of, description=text)
+            ):  # noqa: B023
+                click.echo(path)
+    click.echo((folder / "answers.txt").read_text(encoding="utf-8"))
 
 
 @main.command()

@@ -38,7 +38,7 @@ def short(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("command", ["", "demo", "plan", "run", "build", "verify", "stability"])
+@pytest.mark.parametrize("command", ["", "demo", "plan", "run", "build", "verify", "chart", "stability"])
 def test_help_everywhere(command: str) -> None:
     result = call(*filter(None, [command]), "--help")
     assert result.exit_code == 0
