@@ -145,12 +145,13 @@ def chart(folder: Path, quick: bool) -> None:
     from rbfmu_fmu.cosimulation_chart import run_cosimulation_chart
 
     with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as bar:
-        for run in (run_charts, run_cosimulation_chart):
-            task = bar.add_task("chart", total=None)
-            for path in run(
-                folder, quick, lambda n, of, text: bar.update(task, completed=n, total=of, description=text)
-            ):  # noqa: B023
-                click.echo(path)
+        task = bar.add_task("chart", total=None)
+
+        def progress(done: int, total: int, text: str) -> None:
+            bar.update(task, completed=done, total=total, description=text)
+
+        paths = run_charts(folder, quick, progress) + run_cosimulation_chart(folder, quick, progress)
+    click.echo("\n".join(map(str, paths)))
     click.echo((folder / "answers.txt").read_text(encoding="utf-8"))
 
 
