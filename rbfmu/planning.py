@@ -157,7 +157,7 @@ def _kicks(scene: Scene, general: Plan, order: int) -> tuple[Callable[[float], P
         return replace(general, model="symmetric top", method=method, tolerance=0.0, order=order,
                        substep=min(substep, longest))  # fmt: skip
 
-    return kicks, min(run.step, 0.2 * longest), 1.0 / order
+    return kicks, longest, 1.0 / order
 
 
 @dataclass(frozen=True)
