@@ -108,6 +108,16 @@ def outputs(z: Any) -> int:
 
 
 @kernel(inline=False)
+def first_outputs(z: Any) -> int:
+    """Set the outputs at the start; 0, or a key of `layout.FAULTS` where the parameters overflow them."""
+    outputs(z)
+    total = 0.0
+    for i in range(_POSITION, _ENERGY + 1):
+        total += 0.0 * z[i]
+    return 0 if total == 0.0 else 8
+
+
+@kernel(inline=False)
 def _fault_of_parameters(z: Any) -> int:
     finite = 0.0
     for i in range(_END):

@@ -12,6 +12,7 @@ from .body_memory import (
     STATE,
     STATE_SIZE,
     body_of,
+    first_outputs,
     has_pivot,
     initialize_body,
     is_finite,
@@ -42,7 +43,7 @@ def initialize(z: Any) -> int:
     if fault != 0:
         return fault
     z[_STEP_SIZE] = first_step(z, STATE, body_of(z), loads_of(z))
-    return outputs(z)
+    return first_outputs(z)
 
 
 @kernel(inline=False)

@@ -10,6 +10,7 @@ from .body_memory import (
     COMMON,
     STATE_SIZE,
     body_of,
+    first_outputs,
     initialize_body,
     is_finite,
     keep_state,
@@ -62,7 +63,7 @@ def initialize(z: Any) -> int:
     for i in range(FREE_ROTATION_SIZE):
         z[_CONSTANTS + i] = constants[i]
     z[_ELAPSED] = z[_ELAPSED + 1] = 0.0
-    return outputs(z)
+    return first_outputs(z)
 
 
 @kernel(inline=False)

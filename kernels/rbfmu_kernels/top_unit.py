@@ -11,6 +11,7 @@ from ._kernel import kernel
 from .body_memory import (
     COMMON,
     body_of,
+    first_outputs,
     initialize_body,
     loads_of,
     motion_of,
@@ -44,7 +45,7 @@ def initialize(z: Any) -> int:
         return _NO_TOP
     if substep_of(z) > 0.5 * resonant_step(body[1], motion_of(z)[3]):
         return _RESONANT
-    return outputs(z)
+    return first_outputs(z)
 
 
 @kernel(inline=False)
