@@ -10,6 +10,8 @@ from rbfmu.work_precision.collection import Point
 DECADES = tuple(10.0**-k for k in range(2, 15))
 OWN = ("exact", "DOP853", "kicks")
 """Families of the library's own methods; `planned` chooses among them."""
+NOTABLE = 1.3
+"""How much cheaper a contestant must be to be named."""
 OUTSIDE = ("classic", "Moser-Veselov", "Taylor", "peer")
 
 
@@ -102,19 +104,26 @@ def text_of(seconds: float) -> str:
     return f"{seconds:.1e} s"
 
 
+def rival(answer: Answer) -> Offer | None:
+    """A contestant that is notably cheaper than the library's own methods, or does what they cannot."""
+    other = answer.contestant
+    return None if other and answer.own and other.cost * NOTABLE > answer.own.cost else other
+
+
 def advice(found: Sequence[Answer]) -> str:
-    """Of one case: which of the library's methods to use, up to which accuracy."""
-    names = [(answer.own.method if answer.own else "", answer.accuracy) for answer in found]
-    best = [name for name, _ in names if name]
-    if not best:
-        return "no method reaches it"
-    if len(set(best)) == 1 and len(best) == len(names):
+    """Of one case: the cheapest method, up to which accuracy."""
+    offers = [(rival(answer) or answer.own, answer.accuracy) for answer in found]
+    names = [(_general(offer), accuracy) for offer, accuracy in offers if offer]
+    best = list(dict.fromkeys(name for name, _ in names))
+    if len(best) == 1 and len(names) == len(found):
         return f"{best[0]}, at every accuracy"
-    parts = []
-    for name in dict.fromkeys(best):
-        finest = min(accuracy for other, accuracy in names if other == name)
-        parts.append(f"{name} to {finest:.0e} rad")
-    return ", ".join(parts).replace("e-0", "e-")
+    finest = {name: min(accuracy for other, accuracy in names if other == name) for name in best}
+    return "; ".join(f"{name} to {finest[name]:.0e} rad" for name in best).replace("e-0", "e-") or "no method"
+
+
+def _general(offer: Offer) -> str:
+    """DOP853 however its steps, Taylor series of any order; else the method's name."""
+    return {"DOP853": "DOP853", "Taylor": "Taylor series"}.get(offer.family, offer.method)
 
 
 def answer_table(found: Sequence[Answer], decades: Sequence[float] = (1e-3, 1e-6, 1e-9, 1e-12)) -> str:

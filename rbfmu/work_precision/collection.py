@@ -95,7 +95,7 @@ def collect(what: Extent, progress: Progress) -> tuple[list[Point], list[str]]:
     for repeat in range(what.repeats):
         for j, case in enumerate(what.cases):
             progress(len(pairs) + repeat * len(what.cases) + j, total, f"{case.title}: timing {repeat + 1}")
-            longest = what.longest * (2.0 if repeat < 2 else 0.1)
+            longest = what.longest * (3.0 if repeat < 2 else 0.1)
             again = [(p, run) for p, run in found if p.case == case.key and p.seconds < longest]
             order.shuffle(again)
             for point, run in again:
@@ -124,7 +124,7 @@ def _explored(
             first = perf_counter() - start
             seconds = run.seconds(1)
             first_calls[method.name] = max(0.0, first - 2.0 * seconds)
-        elif seconds < 2.0 * what.longest:
+        elif not case.long:
             seconds = run.seconds(1)
         if errors["attitude"] <= LARGEST_ERROR:
             yield _point(case, method, value, run, errors, seconds, first_calls[method.name]), run

@@ -13,7 +13,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import LogLocator
 from matplotlib.transforms import Bbox
 
-from rbfmu.work_precision.answers import Answer, advice, front, text_of
+from rbfmu.work_precision.answers import Answer, advice, front, rival, text_of
 from rbfmu.work_precision.collection import Point
 
 COLORS = {
@@ -48,8 +48,6 @@ IMPORTANCE = ("planned", "exact", "kicks", "DOP853", "Taylor", "Moser-Veselov", 
 DPI = 120
 GAIN = 0.8
 """Points that gain less are left out: a line ends where its digits do."""
-NOTABLE = 1.3
-"""How much cheaper than the library's own methods a contestant must be to be shown."""
 _ERROR = "attitude error (rad), more accurate to the right"
 
 
@@ -62,21 +60,23 @@ def draw_case(points: Sequence[Point], found: Sequence[Answer], path: Path) -> P
     ]
     figure = Figure(figsize=(14.0, 8.2), dpi=DPI, layout="constrained")
     FigureCanvasAgg(figure)
-    side = 1 + len(drifts)
+    counted = len({p.method for p in points if p.right_hand_sides > 0.0}) > 1
+    side = counted + len(drifts)
     grid = figure.add_gridspec(side, 2, width_ratios=(2.1, 1.0))
     main = figure.add_subplot(grid[:, 0])
     _draw(main, points, lambda p: p.attitude_error, lambda p: p.cost)
     main.set_xlabel(_ERROR)
     main.set_ylabel("time per simulated second (s)")
     panels = [figure.add_subplot(grid[k, 1]) for k in range(side)]
-    _draw(panels[0], points, lambda p: p.attitude_error, lambda p: p.right_hand_sides / p.simulated)
-    panels[0].set_ylabel("right-hand sides\nper simulated second")
-    panels[0].set_xlabel(_ERROR)
-    for axes, (label, name) in zip(panels[1:], drifts, strict=True):
+    if counted:
+        _draw(panels[0], points, lambda p: p.attitude_error, lambda p: p.right_hand_sides / p.simulated)
+        panels[0].set_ylabel("right-hand sides\nper simulated second")
+        panels[0].set_xlabel(_ERROR)
+    for axes, (label, name) in zip(panels[counted:], drifts, strict=True):
         _draw(axes, points, lambda p, name=name: max(getattr(p, name), 1e-17), lambda p: p.cost)  # type: ignore[misc]
         axes.set_xlabel(f"{label} (relative), better to the right")
         axes.set_ylabel("time per\nsimulated second (s)")
-    figure.suptitle(f"{points[0].title}: {advice(found)}", fontsize=13)
+    figure.suptitle(f"{points[0].title}. Cheapest: {advice(found)}", fontsize=13)
     main.set_xlim(right=main.get_xlim()[1] * 10.0**-1.3)  # room for names
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
@@ -181,9 +181,10 @@ def draw_answers(found: Sequence[Answer], path: Path) -> Path:
     axes.set_xlabel("attitude error at most (rad)", fontsize=11)
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
+    strip = "; strip: a cheaper contestant from outside the library" if any(a.own and rival(a) for a in found) else ""
     figure.suptitle(
-        "For this accuracy, use this method; it costs this much time per simulated second "
-        "(below: how much more the best peer costs)",
+        "For this accuracy, use this method; it costs this much time per simulated second\n"
+        f"(peers: how much more the cheapest of them costs{strip})",
         fontsize=13,
     )
     figure.savefig(path, dpi=DPI)
@@ -192,9 +193,7 @@ def draw_answers(found: Sequence[Answer], path: Path) -> Path:
 
 def _draw_cell(axes: Any, column: int, row: int, answer: Answer) -> None:
     own = answer.own
-    other = answer.contestant
-    if other and own and other.cost * NOTABLE > own.cost:
-        other = None
+    other = rival(answer)
     if own is None:
         text = f"only {SHORT.get(other.method, other.method)}\n{text_of(other.cost)}" if other else "nobody"
         axes.text(column, row, text, ha="center", va="center", fontsize=8, color="0.4")
