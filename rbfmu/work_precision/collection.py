@@ -22,6 +22,10 @@ LARGEST_ERROR = 1.0
 """rad; what is worse is no answer and is not kept."""
 
 
+MOST_IDLE = 5
+"""Finer settings in a row that bring nothing, after which a method has given all."""
+
+
 @dataclass
 class Point:
     """One method at one setting on one case.
@@ -130,7 +134,7 @@ def _explored(
             yield _point(case, method, value, run, errors, seconds, first_calls[method.name]), run
         idle = 0 if errors["attitude"] < 0.7 * least else idle + 1
         least = min(least, errors["attitude"])
-        if (1.5 * seconds > what.longest and not case.long) or (idle >= 3 and least < 1e-2):
+        if (1.5 * seconds > what.longest and not case.long) or (idle >= MOST_IDLE and least < 1e-2):
             return
 
 

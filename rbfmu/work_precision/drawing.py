@@ -64,7 +64,7 @@ def draw_case(points: Sequence[Point], found: Sequence[Answer], path: Path) -> P
     side = counted + len(drifts)
     grid = figure.add_gridspec(side, 2, width_ratios=(2.1, 1.0))
     main = figure.add_subplot(grid[:, 0])
-    _draw(main, points, lambda p: p.attitude_error, lambda p: p.cost)
+    _draw(main, points, lambda p: p.attitude_error, lambda p: p.cost, 9)
     main.set_xlabel(_ERROR)
     main.set_ylabel("time per simulated second (s)")
     panels = [figure.add_subplot(grid[k, 1]) for k in range(side)]
@@ -90,7 +90,9 @@ def _methods(points: Sequence[Point]) -> list[str]:
     return sorted(families, key=lambda name: IMPORTANCE.index(families[name]))
 
 
-def _draw(axes: Any, points: Sequence[Point], x: Callable[[Point], float], y: Callable[[Point], float]) -> None:
+def _draw(
+    axes: Any, points: Sequence[Point], x: Callable[[Point], float], y: Callable[[Point], float], ticks: int = 6
+) -> None:
     for name in reversed(_methods(points)):
         mine = [p for p in points if p.method == name and math.isfinite(x(p)) and y(p) > 0.0]
         shown = front(mine, x, GAIN)
@@ -109,7 +111,7 @@ def _draw(axes: Any, points: Sequence[Point], x: Callable[[Point], float], y: Ca
             clip_on=False,
         )
     axes.invert_xaxis()
-    axes.xaxis.set_major_locator(LogLocator(numticks=9))
+    axes.xaxis.set_major_locator(LogLocator(numticks=ticks))
     axes.grid(color="0.93", linewidth=0.6)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)

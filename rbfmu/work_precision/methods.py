@@ -392,6 +392,7 @@ class Planned:
         start = filled_buffer(scene, chosen)
         initialize(scene, chosen.unit, start)
         z = start.copy()
+        _unit_repeated(chosen.unit.step, z, start, case.interval, 1, 1)  # compiled for each unit
 
         def states() -> list[State]:
             z[:], found = start, []
