@@ -15,7 +15,7 @@ import reference_mp
 
 from rbfmu.contestants import Contestant
 from rbfmu.contestants.taylor import order_for, taylor
-from rbfmu.work_precision import cases, collection, methods, peers, run_charts
+from rbfmu.work_precision import cases, collection, methods, own, peers, run_charts, simulators
 from rbfmu.work_precision.answers import Offer, answers, cost_of, front, text_of
 from rbfmu.work_precision.cases import CASES, CHECKPOINTS, reference
 from rbfmu.work_precision.collection import Point, read_points, write_points
@@ -23,7 +23,7 @@ from rbfmu.work_precision.collection import Point, read_points, write_points
 DIGITS = mp.mpf(10) ** -37
 """Of 40 in the file; body rates grow to 50."""
 EPS = 2.0**-52
-OWN = {method.name: method for method in methods.own_methods()}
+OWN = {method.name: method for method in own.own_methods()}
 
 
 @pytest.fixture(scope="module")
@@ -148,7 +148,7 @@ def test_order_of_taylor_series_with_six_degrees_of_freedom(order: int, steps: t
 @pytest.mark.parametrize("key", ["d", "e", "f"])
 def test_taylor_series_meet_their_tolerance(key: str) -> None:
     assert order_for(1e-12) == 15
-    found = CASES[key].errors(methods.ControlledTaylor().run(CASES[key], 1e-12).states())
+    found = CASES[key].errors(own.ControlledTaylor().run(CASES[key], 1e-12).states())
     assert max(found["attitude"], found["position"]) < 1e-12 * 20  # steps
 
 
@@ -178,7 +178,7 @@ def test_absent_peers_are_named_and_left_out(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_a_peer_that_does_not_load_is_not_feasible() -> None:
     with pytest.raises(methods.NotFeasibleError, match="does not load"):
-        peers._module("rbfmu.no_such_module")
+        simulators.module("rbfmu.no_such_module")
 
 
 # Answers

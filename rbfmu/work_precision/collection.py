@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from rbfmu.work_precision.cases import CASES, Case
-from rbfmu.work_precision.methods import Method, NotFeasibleError, Run, contestants, own_methods
+from rbfmu.work_precision.methods import Method, NotFeasibleError, Run, contestants
+from rbfmu.work_precision.own import ControlledTaylor, own_methods
 from rbfmu.work_precision.peers import peers
 
 Progress = Callable[[int, int, str], Any]
@@ -75,7 +76,7 @@ QUICK_CASES, QUICK_METHODS = ("a", "c", "d"), (
 
 def extent(quick: bool) -> Extent:
     """All of it, or what a test has time for."""
-    methods = (*own_methods(), *contestants(), *peers()[0])
+    methods = (*own_methods(), *contestants(), ControlledTaylor(), *peers()[0])
     if not quick:
         return Extent(tuple(CASES.values()), methods, 0.1, 5, 2e-3, False)
     few = [method for method in methods if method.name in QUICK_METHODS]

@@ -7,24 +7,13 @@ from functools import cache
 from time import perf_counter
 from typing import Any, Protocol
 
-import numpy as np
 from numba import njit
 
-from rbfmu.contestants import CONTESTANTS, TORQUE_FREE_CONTESTANTS, Contestant, compiled_loop
+from rbfmu.contestants import CONTESTANTS, TORQUE_FREE_CONTESTANTS, Contestant
 from rbfmu.contestants.one_step import midpoint
-from rbfmu.contestants.taylor import advance_within, order_for, taylor, work_space
-from rbfmu.planning import plan
-from rbfmu.scene import Scene, SceneError
-from rbfmu.unit import filled_buffer, initialize
+from rbfmu.contestants.taylor import taylor
 from rbfmu.work_precision.cases import CHECKPOINTS, Case
-from rbfmu_kernels._kernel import kernel
-from rbfmu_kernels.body_memory import motion_of
-from rbfmu_kernels.dop853 import ROTATION, STATE, TURNING, WORK, dop853_advance, dop853_step, first_step
-from rbfmu_kernels.dynamics import Body, Loads, State, steady_acceleration
-from rbfmu_kernels.free_rotation import free_rotation_at, free_rotation_setup
-from rbfmu_kernels.kicked_top import rkn4_step, rkn6_step, strang_step
-from rbfmu_kernels.shapes import Quaternion, Vec3
-from rbfmu_kernels.vec3 import add_scaled
+from rbfmu_kernels.dynamics import Body, Loads, State
 
 
 class NotFeasibleError(Exception):
@@ -162,264 +151,6 @@ class FixedSteps:
         return Run(states, seconds, evaluations)
 
 
-# DOP853
-
-_SIZE = STATE + WORK
-"""Where the step size stands, in a buffer of a state, work space, step size and count."""
-
-
-@kernel
-def _put_state(z: Any, y: State) -> None:
-    r, v, q, w = y
-    z[0], z[1], z[2], z[3], z[4], z[5], z[6], z[7] = q[0], q[1], q[2], q[3], w[0], w[1], w[2], 0.0
-    z[8], z[9], z[10], z[11], z[12], z[13] = r[0], r[1], r[2], v[0], v[1], v[2]
-
-
-@kernel(inline=False)
-def _tolerated(
-    z: Any, out: Any, y: State, interval: float, tolerance: float, n: int, body: Body, loads: Loads, k: int
-) -> None:
-    """K solutions with error control; checkpoints to out."""
-    for _ in range(k):
-        _put_state(z, y)
-        z[_SIZE] = first_step(z, 0, body, loads)
-        z[_SIZE + 1] = 0.0
-        for i in range(len(out)):
-            if dop853_advance(z, 0, STATE, _SIZE, n, interval, tolerance, body, loads) != 0:
-                z[0] = math.nan
-            for j in range(STATE):
-                out[i, j] = z[j]
-
-
-@kernel(inline=False)
-def _stepped(z: Any, out: Any, y: State, h: float, steps: int, n: int, body: Body, loads: Loads, k: int) -> None:
-    """K solutions in fixed steps, never normalised; checkpoints to out."""
-    for _ in range(k):
-        _put_state(z, y)
-        for i in range(len(out)):
-            for _ in range(steps):
-                dop853_step(z, 0, STATE, n, h, body, loads)
-                for j in range(n):
-                    z[j] = z[STATE + j]
-            for j in range(STATE):
-                out[i, j] = z[j]
-
-
-def _state(row: Any) -> State:
-    x = row.tolist()
-    return tuple(x[8:11]), tuple(x[11:14]), tuple(x[0:4]), tuple(x[4:7])
-
-
-@dataclass(frozen=True)
-class Dop853:
-    """The kernel of `rbfmu_kernels.dop853`, with error control or at fixed steps."""
-
-    controlled: bool
-    family: str = "DOP853"
-
-    @property
-    def name(self) -> str:
-        """By how its steps are chosen."""
-        return "DOP853, error control" if self.controlled else "DOP853, fixed steps"
-
-    @property
-    def setting(self) -> str:
-        """What is varied."""
-        return "tolerance" if self.controlled else "step (s)"
-
-    def suits(self, case: Case) -> bool:
-        """All; of a long motion, fixed steps only."""
-        return not (self.controlled and case.long)
-
-    def settings(self, case: Case, quick: bool) -> Iterator[float]:
-        """Tolerances or step sizes."""
-        return tolerances(0, -15, quick) if self.controlled else step_counts(case, quick)
-
-    def run(self, case: Case, value: float) -> Run:
-        """With a tolerance or step of `value`."""
-        z, out = np.zeros(STATE + WORK + 2), np.zeros((CHECKPOINTS, STATE))
-        n = TURNING if case.turning_force else ROTATION
-        y, body, loads = case.start, case.body, case.loads
-        steps = 0 if self.controlled else round(case.interval / value)
-
-        def repeat(k: int) -> None:
-            if self.controlled:
-                _tolerated(z, out, y, case.interval, value, n, body, loads, k)
-            else:
-                _stepped(z, out, y, value, steps, n, body, loads, k)
-
-        def states() -> list[State]:
-            repeat(1)
-            return [_moved(case, _state(row), i) for i, row in enumerate(out)]
-
-        found = states()
-        count = z[_SIZE + 1] if self.controlled else CHECKPOINTS * steps
-        return Run(lambda: found, timed(repeat), 12.0 * float(count))
-
-
-def _moved(case: Case, state: State, i: int) -> State:
-    """The state with what the kernels leave to closed form: the path under the loads that do not turn."""
-    t, a = (i + 1) * case.interval, steady_acceleration(case.body, case.loads)
-    r, v = state[:2] if case.turning_force else (add_scaled(case.start[0], t, case.start[1]), case.start[1])
-    return add_scaled(r, 0.5 * t * t, a), add_scaled(v, t, a), state[2], state[3]
-
-
-# Taylor series with error control
-
-
-@njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
-def _within(
-    out: Any, y: State, interval: float, tolerance: float, order: int, body: Body, loads: Loads, k: int
-) -> float:
-    """K solutions; checkpoints to out; returns the steps of one."""
-    total = 0.0
-    for _ in range(k):
-        work, state, total = work_space(order), y, 0.0
-        for i in range(len(out)):
-            state, steps = advance_within(work, state, interval, tolerance, body, loads)
-            _put_state(out[i], state)
-            total += steps
-    return total
-
-
-class ControlledTaylor:
-    """Taylor series whose order follows from the tolerance and whose steps follow from the last terms."""
-
-    name, family, setting = "Taylor, error control", "Taylor", "tolerance"
-
-    def suits(self, case: Case) -> bool:
-        """All but long motions."""
-        return not case.long
-
-    def settings(self, case: Case, quick: bool) -> Iterator[float]:
-        """Tolerances."""
-        return tolerances(-1, -16, quick)
-
-    def run(self, case: Case, value: float) -> Run:
-        """With a tolerance of `value`."""
-        out, order = np.zeros((CHECKPOINTS, STATE)), order_for(value)
-
-        def repeat(k: int) -> float:
-            return float(_within(out, case.start, case.interval, value, order, case.body, case.loads, k))
-
-        steps = repeat(1)
-        found = [_state(row) for row in out]
-        return Run(lambda: found, timed(repeat), steps * order)
-
-
-# Exact
-
-
-@kernel(inline=False)
-def _exact(out: Any, moments: Vec3, q: Quaternion, w: Vec3, span: float, n: int, k: int) -> float:
-    """K times: set up, then n outputs; the checkpoints to out."""
-    rest, every = 0.0, n // len(out)
-    for _ in range(k):
-        setup = free_rotation_setup(moments, q, (w[0] + 0.0 * rest, w[1], w[2]))
-        for i in range(1, n + 1):
-            q_ab, omega = free_rotation_at(setup, span * i / n)
-            rest = omega[0] + q_ab[0]
-            if i % every == 0:
-                j = i // every - 1
-                out[j, 0], out[j, 1], out[j, 2], out[j, 3] = q_ab
-                out[j, 4], out[j, 5], out[j, 6] = omega
-    return rest
-
-
-class Exact:
-    """Exact torque-free motion."""
-
-    name, family, setting = "exact", "exact", "outputs"
-
-    def suits(self, case: Case) -> bool:
-        """Where no load makes a torque."""
-        return case.torque_free
-
-    def settings(self, case: Case, quick: bool) -> Iterator[float]:
-        """Outputs at the checkpoints only."""
-        yield float(CHECKPOINTS)
-
-    def run(self, case: Case, value: float) -> Run:
-        """`value` outputs, a multiple of the checkpoints."""
-        out = np.zeros((CHECKPOINTS, STATE))
-        _, _, q, w = case.start
-
-        def repeat(k: int) -> None:
-            _exact(out, case.moments, q, w, case.span, int(value), k)
-
-        def states() -> list[State]:
-            repeat(1)
-            return [_moved(case, _state(row), i) for i, row in enumerate(out)]
-
-        return Run(states, timed(repeat), 0.0)
-
-
-# The product: plan, then step its unit
-
-
-@njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
-def _unit_repeated(step: Any, z: Any, start: Any, interval: float, n: int, k: int) -> int:
-    fault = 0
-    for _ in range(k):
-        z[:] = start
-        for _ in range(n):
-            fault += step(z, interval)
-    return fault
-
-
-class Planned:
-    """What `rbfmu.plan` chooses for an accuracy, with all of a unit's outputs."""
-
-    name, family, setting = "rbfmu, as planned", "planned", "accuracy asked"
-
-    def suits(self, case: Case) -> bool:
-        """All."""
-        return True
-
-    def settings(self, case: Case, quick: bool) -> Iterator[float]:
-        """Accuracies."""
-        return iter((1e-3, 1e-6, 1e-9, 1e-12)[:: 2 if quick else 1])
-
-    def run(self, case: Case, value: float) -> Run:
-        """Planned for the accuracy."""
-        tables = case.scene.to_dict()
-        tables["run"]["accuracy"] = value
-        scene = Scene.from_dict(tables, case.key)
-        try:
-            chosen = plan(scene)
-        except SceneError as error:
-            raise NotFeasibleError(str(error)) from None
-        start = filled_buffer(scene, chosen)
-        initialize(scene, chosen.unit, start)
-        z = start.copy()
-        _unit_repeated(chosen.unit.step, z, start, case.interval, 1, 1)  # compiled for each unit
-
-        def states() -> list[State]:
-            z[:], found = start, []
-            for _ in range(CHECKPOINTS):
-                if chosen.unit.step(z, case.interval):
-                    z[:] = math.nan
-                found.append(motion_of(z))
-            return found
-
-        seconds = timed(lambda k: _unit_repeated(chosen.unit.step, z, start, case.interval, CHECKPOINTS, k))
-        return Run(states, seconds, math.nan)
-
-
-_KICKS = (
-    Contestant("kicks, order 2 (Strang)", compiled_loop(strang_step), 2, 2),
-    Contestant("kicks, order 4", compiled_loop(rkn4_step), 4, 7),
-    Contestant("kicks, order 6", compiled_loop(rkn6_step), 6, 12),
-)
-
-
-@cache
-def own_methods() -> tuple[Method, ...]:
-    """The library's methods, the plan last."""
-    kicks = [FixedSteps(kick, "kicks", _top) for kick in _KICKS]
-    return Exact(), Dop853(True), Dop853(False), *kicks, Planned()
-
-
 @cache
 def contestants() -> tuple[Method, ...]:
     """One-step methods that people use, over the same right-hand sides."""
@@ -428,7 +159,7 @@ def contestants() -> tuple[Method, ...]:
         FixedSteps(Contestant(f"Taylor, order {n}", taylor(n), n, n), "Taylor", _short) for n in (12, 16, 20)
     ]
     free = [FixedSteps(method, "Moser-Veselov", _torque_free) for method in TORQUE_FREE_CONTESTANTS.values()]
-    return (*any_torque, ControlledTaylor(), *free)
+    return (*any_torque, *free)
 
 
 def _any_case(case: Case) -> bool:
@@ -441,7 +172,3 @@ def _short(case: Case) -> bool:
 
 def _torque_free(case: Case) -> bool:
     return case.torque_free
-
-
-def _top(case: Case) -> bool:
-    return case.top
