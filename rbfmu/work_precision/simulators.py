@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable, Iterator
+from importlib import import_module
 from itertools import islice
 from time import perf_counter
 from typing import Any
