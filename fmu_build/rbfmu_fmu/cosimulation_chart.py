@@ -89,10 +89,10 @@ WAYS = {
 }
 """By name: the torque over a step from the controller's answers to the last two states; None: iterated."""
 LABELS = {
-    "one step late": "one step late\n(Jacobi)",
-    "held": "held\n(zero order)",
-    "extrapolated": "extrapolated\nby the master",
-    "rolled back": "rolled back\nand iterated",
+    "one step late": "one step late (Jacobi)",
+    "held": "held (zero order)",
+    "extrapolated": "extrapolated",
+    "rolled back": "rolled back, iterated",
 }
 
 
