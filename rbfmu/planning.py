@@ -124,7 +124,7 @@ def _cheapest_fit(scene: Scene, general: Plan) -> Plan:
     for order in (2, 4, 6) if _is_top(scene) else ():
         best = _fit(scene, references, *_kicks(scene, general, order), best)
     if best.error > accuracy / 3.0:
-        expected = f"expected one that this scene can meet; double precision reaches {3.0 * best.error:.1e} here"
+        expected = f"expected one that this scene can meet; the methods here reach {3.0 * best.error:.1e} here"
         raise SceneError(f"run.accuracy = {accuracy!r}: {expected}", scene.name)
     how = (
         f"at tolerance {best.plan.tolerance:.1e}" if best.plan.order == 0 else f"in steps of {best.plan.substep:.3g} s"

@@ -168,7 +168,7 @@ def test_what_a_scene_reaches_is_an_accuracy_it_can_meet():
 
     with pytest.raises(SceneError) as refused:
         plan(scene(1e-13))
-    reached = float(re.search(r"double precision reaches (\S+) here", str(refused.value))[1])
+    reached = float(re.search(r"the methods here reach (\S+) here", str(refused.value))[1])
     assert max(errors_of(scene(3.0 * reached)).values()) <= 3.0 * reached
 
 
