@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rbfmu._array_function import set_threads as set_threads
     from rbfmu.arrays import *  # noqa: F403
-    from rbfmu.planning import Plan as Plan
+    from rbfmu.models import Plan as Plan
     from rbfmu.planning import plan as plan
     from rbfmu.scene import Body as Body
     from rbfmu.scene import Scene as Scene
@@ -24,7 +24,8 @@ __version__ = "0.1.0"
 
 _MODULES = {
     "scene": ("Body", "Scene", "SceneError", "load_scene"),
-    "planning": ("Plan", "plan"),
+    "models": ("Plan",),
+    "planning": ("plan",),
     "_array_function": ("set_threads",),
     "simulation": ("Result", "SimulationError", "simulate"),
 }

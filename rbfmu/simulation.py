@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rbfmu.planning import Plan, plan
+from rbfmu.models import Plan
+from rbfmu.planning import plan
 from rbfmu.scene import Scene
 from rbfmu.unit import filled_buffer, initialize, output_block
 from rbfmu_kernels.layout import FINE

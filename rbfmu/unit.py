@@ -10,7 +10,7 @@ from rbfmu.scene import Scene, SceneError
 from rbfmu_kernels.layout import FAULTS
 
 if TYPE_CHECKING:
-    from rbfmu.planning import Plan
+    from rbfmu.models import Plan
 
 Buffer = NDArray[np.float64]
 

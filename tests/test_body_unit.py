@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from rbfmu import rotate
 from rbfmu.measures import attitude_error
-from rbfmu.planning import Plan, plan
+from rbfmu.models import Plan
+from rbfmu.planning import plan
 from rbfmu.scene import Scene
 from rbfmu.unit import filled_buffer, initialize
 from rbfmu_kernels.layout import FAULTS, FINE, NOT_REACHED

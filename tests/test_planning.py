@@ -11,7 +11,8 @@ from numba import config
 
 import rbfmu
 from rbfmu.measures import attitude_error, largest_error, relative_error
-from rbfmu.planning import Plan, plan
+from rbfmu.models import Plan
+from rbfmu.planning import plan
 from rbfmu.scene import Scene, SceneError
 from rbfmu.unit import filled_buffer, initialize
 from rbfmu_kernels.layout import FINE

@@ -21,7 +21,8 @@ from rich.table import Table
 
 import rbfmu
 from rbfmu.charts import COLORS, draw_components
-from rbfmu.planning import Plan, plan
+from rbfmu.models import Plan
+from rbfmu.planning import plan
 from rbfmu.scene import Scene, load_scene
 from rbfmu.simulation import Result, simulate
 from rbfmu_fmu import nasa_brick

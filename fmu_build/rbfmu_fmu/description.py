@@ -7,7 +7,7 @@ from keyword import iskeyword
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement
 
-from rbfmu.planning import Plan
+from rbfmu.models import Plan
 from rbfmu.scene import Scene
 from rbfmu.unit import Unit, filled_buffer
 from rbfmu_kernels.layout import FAULTS

@@ -18,7 +18,7 @@ from xml.etree.ElementTree import indent, tostring
 from pythonfmu.builder import FmuBuilder
 
 import rbfmu_kernels
-from rbfmu.planning import Plan
+from rbfmu.models import Plan
 from rbfmu.scene import Scene
 from rbfmu_fmu.description import Description, describe, model_description
 from rbfmu_fmu.object_code import object_code, platform_name

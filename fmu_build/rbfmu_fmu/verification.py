@@ -13,7 +13,7 @@ import numpy as np
 from fmpy.validation import validate_fmu
 from numpy.typing import NDArray
 
-from rbfmu.planning import Plan
+from rbfmu.models import Plan
 from rbfmu.scene import Scene
 from rbfmu.simulation import time_grid
 from rbfmu.unit import Buffer, Unit, filled_buffer, initialize

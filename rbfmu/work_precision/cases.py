@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 import rbfmu
 from rbfmu.measures import relative_error
-from rbfmu.planning import Plan
+from rbfmu.models import Plan
 from rbfmu.scene import Scene
 from rbfmu.unit import filled_buffer, initialize
 from rbfmu_kernels import body_unit
