@@ -147,6 +147,7 @@ def _pilot(scene: Scene, trial: Plan, side: float = 0.0) -> tuple[Motion, float]
     """
     unit, run, z = trial.unit, scene.run, filled_buffer(scene, trial)
     parts = 2 if side else 1
+    z[unit.BLOCKS["unwanted"]] = 0.0
     _shake(unit, z, side * ROUND_OFF)
     initialize(scene, unit, z)
     steps = math.ceil((run.stop - run.start) / run.step * (1.0 - 1e-9))

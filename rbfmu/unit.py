@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rbfmu.scene import Scene, SceneError
+from rbfmu.scene import QUANTITIES, Scene, SceneError
 from rbfmu_kernels.layout import FAULTS
 
 if TYPE_CHECKING:
@@ -75,6 +75,7 @@ def _numbers(scene: Scene, plan: "Plan") -> dict[str, Any]:
         "substep": plan.substep if math.isfinite(plan.substep) else 0.0,
         "tolerance": plan.tolerance,
         "order": plan.order,
+        "unwanted": [float(name not in scene.outputs.quantities) for name in QUANTITIES],
     }
     if scene.body is not None:
         M = scene.body.M_c

@@ -7,12 +7,13 @@ import math
 from typing import Any
 
 from ._kernel import kernel
-from .dynamics import Body, Loads, State, angular_acceleration, linear_acceleration, steady_acceleration
-from .euler_angles import ZYX, euler_from_quaternion
+from .dynamics import Body, Loads, State, angular_acceleration, angular_jerk, linear_acceleration, steady_acceleration
+from .euler_angles import ZYX, euler_from_quaternion, euler_rate_b
 from .inertia import check_inertia, inverse_inertia, parallel_axis, principal_axes, trace
 from .layout import places
-from .quaternion import normalize, rotate
-from .rigid_body import angular_momentum, kinetic_energy, relative_acceleration
+from .quaternion import normalize, quaternion_rate_b, rotate
+from .rigid_body import angular_momentum, gyroscopic_torque, kinetic_energy, relative_acceleration, relative_jerk
+from .rotation import transform
 from .shapes import Matrix, Quaternion, Vec3
 from .vec3 import add, add_scaled, cross, dot, scale, subtract
 
@@ -22,16 +23,20 @@ PARAMETERS = {
     "known_force_a": 3, "known_force_b": 3, "known_torque_a": 3, "known_torque_b": 3,
     "position_0": 3, "velocity_0": 3, "quaternion_0": 4, "omega_b_0": 3,
 }  # fmt: skip
-SETTINGS = {"pivot": 1, "tolerance": 1, "substep": 1}
 OUTPUTS = {
     "position": 3, "velocity": 3, "acceleration": 3, "quaternion": 4, "rpy": 3, "omega_b": 3, "omega_a": 3,
     "alpha_b": 3, "angular_momentum_a": 3, "kinetic_energy": 1,
 }  # fmt: skip
+SETTINGS = {"pivot": 1, "tolerance": 1, "substep": 1, "as_planned": 1, "unwanted": len(OUTPUTS)}
+"""as_planned: 1 where a plan has judged the model by the parameters' values, so that no unit need ask whether it serves
+them; unwanted: 1 for each output that nobody looks at, which is then not computed."""
+OUTPUT_RATES = {f"d_{name}": size for name, size in OUTPUTS.items()}
+"""Time derivatives of the outputs, refreshed by `output_rates` alone."""
 MEMORY = {
     "q": 4, "omega": 3, "pad": 1, "r_c": 3, "v_c": 3, "pad_2": 2,
     "inverse_mass": 1, "M": 9, "M_inverse": 9, "arm": 3,
 }  # fmt: skip
-COMMON = INPUTS | PARAMETERS | SETTINGS | OUTPUTS | MEMORY
+COMMON = INPUTS | PARAMETERS | SETTINGS | OUTPUTS | OUTPUT_RATES | MEMORY
 BLOCKS, _ = places(COMMON)
 
 _AT = {name: block.start for name, block in BLOCKS.items()}
@@ -39,9 +44,13 @@ _FORCE_A, _FORCE_B, _TORQUE_A, _TORQUE_B = (_AT[n] for n in INPUTS)
 _MASS, _INERTIA, _R_OC, _GRAVITY, _DAMPING = (_AT[n] for n in ("mass", "inertia", "r_oc_b", "gravity_a", "damping_b"))
 _KNOWN, _END = _AT["known_force_a"], BLOCKS["omega_b_0"].stop
 _POSITION_0, _VELOCITY_0, _Q_0, _OMEGA_0 = (_AT[n] for n in ("position_0", "velocity_0", "quaternion_0", "omega_b_0"))
-_PIVOT, _SUBSTEP = _AT["pivot"], _AT["substep"]
+_PIVOT, _SUBSTEP, _AS_PLANNED = _AT["pivot"], _AT["substep"], _AT["as_planned"]
 _POSITION, _VELOCITY, _ACCELERATION, _Q, _RPY = (_AT[n] for n in list(OUTPUTS)[:5])
 _OMEGA_B, _OMEGA_A, _ALPHA, _MOMENTUM, _ENERGY = (_AT[n] for n in list(OUTPUTS)[5:])
+_NO_POSITION, _NO_VELOCITY, _NO_ACCELERATION, _NO_QUATERNION, _NO_RPY = (_AT["unwanted"] + i for i in range(5))
+_NO_OMEGA_B, _NO_OMEGA_A, _NO_ALPHA, _NO_MOMENTUM, _NO_ENERGY = (_AT["unwanted"] + i for i in range(5, 10))
+_D_POSITION, _D_VELOCITY, _D_ACCELERATION, _D_Q, _D_RPY = (_AT[n] for n in list(OUTPUT_RATES)[:5])
+_D_OMEGA_B, _D_OMEGA_A, _D_ALPHA, _D_MOMENTUM, _D_ENERGY = (_AT[n] for n in list(OUTPUT_RATES)[5:])
 STATE = _AT["q"]
 """Where the state begins: see `dop853`."""
 STATE_SIZE = 16
@@ -80,30 +89,79 @@ def initialize_body(z: Any) -> int:
 
 @kernel(inline=False)
 def outputs(z: Any) -> int:
-    """Refresh the outputs from the state and the inputs now set."""
-    body, loads = body_of(z), loads_of(z)
-    (q, omega), r_c, v_c = rotation_of(z), vec3_at(z, _R_C), vec3_at(z, _V_C)
-    pivot, r_oc = z[_PIVOT] != 0.0, vec3_at(z, _R_OC)
-    alpha = angular_acceleration(q, omega, body, loads)
-    a_c = linear_acceleration(q, body, loads)
-    v_rel = rotate(q, cross(omega, r_oc))
-    if pivot:
-        position, velocity, acceleration = vec3_at(z, _POSITION_0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    else:
-        position, velocity = subtract(r_c, rotate(q, r_oc)), subtract(v_c, v_rel)
-        acceleration = subtract(a_c, rotate(q, relative_acceleration(omega, alpha, r_oc)))
-    put_vec3_at(z, _POSITION, position)
-    put_vec3_at(z, _VELOCITY, velocity)
-    put_vec3_at(z, _ACCELERATION, acceleration)
-    z[_Q], z[_Q + 1], z[_Q + 2], z[_Q + 3] = q
-    yaw, pitch, roll = euler_from_quaternion(ZYX, q)
-    put_vec3_at(z, _RPY, (roll, pitch, yaw))
+    """Refresh the outputs that somebody wants from the state and the inputs now set."""
+    q, omega = rotation_of(z)
+    if moves(z):
+        _put_translation(z, q, omega)
+    if z[_NO_ACCELERATION] == 0.0 or z[_NO_ALPHA] == 0.0:
+        _put_accelerations(z, q, omega)
+    if z[_NO_QUATERNION] == 0.0:
+        z[_Q], z[_Q + 1], z[_Q + 2], z[_Q + 3] = q
+    if z[_NO_RPY] == 0.0:
+        yaw, pitch, roll = euler_from_quaternion(ZYX, q)
+        put_vec3_at(z, _RPY, (roll, pitch, yaw))
     put_vec3_at(z, _OMEGA_B, omega)
-    put_vec3_at(z, _OMEGA_A, rotate(q, omega))
+    if z[_NO_OMEGA_A] == 0.0:
+        put_vec3_at(z, _OMEGA_A, rotate(q, omega))
+    if z[_NO_MOMENTUM] == 0.0:
+        put_vec3_at(z, _MOMENTUM, rotate(q, angular_momentum(matrix_at(z, _M), omega)))
+    if z[_NO_ENERGY] == 0.0:
+        mass = 0.0 if has_pivot(z) else z[_MASS]
+        z[_ENERGY] = kinetic_energy(mass, matrix_at(z, _M), vec3_at(z, _V_C), omega)
+    return 0
+
+
+@kernel
+def _put_translation(z: Any, q: Quaternion, omega: Vec3) -> None:
+    """Position and velocity of o."""
+    r_oc = vec3_at(z, _R_OC)
+    if has_pivot(z):
+        put_vec3_at(z, _POSITION, vec3_at(z, _POSITION_0))
+        put_vec3_at(z, _VELOCITY, (0.0, 0.0, 0.0))
+    else:
+        put_vec3_at(z, _POSITION, subtract(vec3_at(z, _R_C), rotate(q, r_oc)))
+        put_vec3_at(z, _VELOCITY, subtract(vec3_at(z, _V_C), rotate(q, cross(omega, r_oc))))
+
+
+@kernel
+def _put_accelerations(z: Any, q: Quaternion, omega: Vec3) -> None:
+    """alpha_b, and the acceleration of o."""
+    body, loads = body_of(z), loads_of(z)
+    alpha = angular_acceleration(q, omega, body, loads)
+    relative = relative_acceleration(omega, alpha, vec3_at(z, _R_OC))
+    a_o = subtract(linear_acceleration(q, body, loads), rotate(q, relative))
     put_vec3_at(z, _ALPHA, alpha)
-    M = body[1]
-    put_vec3_at(z, _MOMENTUM, rotate(q, angular_momentum(M, omega)))
-    z[_ENERGY] = kinetic_energy(0.0 if pivot else z[_MASS], M, v_c, omega)
+    put_vec3_at(z, _ACCELERATION, (0.0, 0.0, 0.0) if has_pivot(z) else a_o)
+
+
+@kernel(inline=False)
+def output_rates(z: Any) -> int:
+    """Set the outputs' time derivatives, inputs held: blocks `d_<output>`.
+
+    Not finite where rpy is at its pole.
+    """
+    (q, omega), body, loads = rotation_of(z), body_of(z), loads_of(z)
+    _put_translation(z, q, omega)
+    _put_accelerations(z, q, omega)
+    M, alpha = body[1], vec3_at(z, _ALPHA)
+    alpha_rate = angular_jerk(q, omega, alpha, body, loads)
+    torque = add(transform(M, alpha), gyroscopic_torque(M, omega))
+    yaw, pitch, roll = euler_from_quaternion(ZYX, q)
+    d_yaw, d_pitch, d_roll = euler_rate_b(ZYX, (yaw, pitch, roll), omega)
+    z[_D_Q], z[_D_Q + 1], z[_D_Q + 2], z[_D_Q + 3] = quaternion_rate_b(q, omega)
+    put_vec3_at(z, _D_RPY, (d_roll, d_pitch, d_yaw))
+    put_vec3_at(z, _D_OMEGA_B, alpha)
+    put_vec3_at(z, _D_OMEGA_A, rotate(q, alpha))
+    put_vec3_at(z, _D_ALPHA, alpha_rate)
+    put_vec3_at(z, _D_MOMENTUM, rotate(q, torque))
+    a_c, v_c = linear_acceleration(q, body, loads), vec3_at(z, _V_C)
+    z[_D_ENERGY] = dot(omega, torque) + (0.0 if has_pivot(z) else z[_MASS] * dot(v_c, a_c))
+    put_vec3_at(z, _D_POSITION, vec3_at(z, _VELOCITY))
+    put_vec3_at(z, _D_VELOCITY, vec3_at(z, _ACCELERATION))
+    r_oc = vec3_at(z, _R_OC)
+    relative = relative_jerk(omega, alpha, alpha_rate, r_oc)
+    jerk = rotate(q, subtract(cross(omega, scale(body[0], loads[2])), relative))
+    put_vec3_at(z, _D_ACCELERATION, (0.0, 0.0, 0.0) if has_pivot(z) else jerk)
     return 0
 
 
@@ -210,6 +268,8 @@ def substep_of(z: Any) -> float:
 @kernel
 def translate(z: Any, h: float, drift: float, body: Body, loads: Loads) -> None:
     """Move the centre of mass by h under its steady acceleration, in closed form; drift: 0 where v_c h is done."""
+    if not moves(z):
+        return
     r_c, v_c, a = vec3_at(z, _R_C), vec3_at(z, _V_C), steady_acceleration(body, loads)
     put_vec3_at(z, _R_C, add_scaled(add_scaled(r_c, drift * h, v_c), 0.5 * h * h, a))
     put_vec3_at(z, _V_C, add_scaled(v_c, h, a))
@@ -242,6 +302,32 @@ def is_finite(z: Any) -> bool:
 def has_pivot(z: Any) -> bool:
     """Whether o is fixed in space."""
     return bool(z[_PIVOT] != 0.0)
+
+
+@kernel
+def is_as_planned(z: Any) -> bool:
+    """Whether a plan answers for the model, see SETTINGS."""
+    return bool(z[_AS_PLANNED] != 0.0)
+
+
+@kernel
+def moves(z: Any) -> bool:
+    """Whether an output needs the position or velocity."""
+    return bool(z[_NO_POSITION] == 0.0 or z[_NO_VELOCITY] == 0.0 or z[_NO_ENERGY] == 0.0)
+
+
+@kernel
+def turns(z: Any) -> bool:
+    """Whether an output needs the attitude, itself or as the way to a point beside the centre of mass."""
+    beside = z[_R_OC] != 0.0 or z[_R_OC + 1] != 0.0 or z[_R_OC + 2] != 0.0
+    attitude = z[_NO_QUATERNION] == 0.0 or z[_NO_RPY] == 0.0 or z[_NO_OMEGA_A] == 0.0 or z[_NO_MOMENTUM] == 0.0
+    return bool(attitude or (beside and not has_pivot(z) and (moves(z) or z[_NO_ACCELERATION] == 0.0)))
+
+
+@kernel
+def spins(z: Any) -> bool:
+    """Whether an output needs the body's rate."""
+    return bool(turns(z) or z[_NO_OMEGA_B] == 0.0 or z[_NO_ALPHA] == 0.0 or z[_NO_ENERGY] == 0.0)
 
 
 @kernel

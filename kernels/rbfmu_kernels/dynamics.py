@@ -41,6 +41,19 @@ def _any(v: Vec3) -> bool:
 
 
 @kernel
+def angular_jerk(q_ab: Quaternion, omega_b: Vec3, alpha_b: Vec3, body: Body, loads: Loads) -> Vec3:
+    """d alpha_b / dt as seen in b, rad/s^3, of loads that are constant, each in its own frame."""
+    _, M, M_inverse, arm, damping_b, _ = body
+    _, arm_force_a, _, torque_a, _ = loads
+    q_ba = invert_quaternion(q_ab)
+    torque_rate = cross(rotate(q_ba, torque_a), omega_b)  # a vector fixed in a changes by -omega x itself
+    torque_rate = add(torque_rate, cross(arm, cross(rotate(q_ba, arm_force_a), omega_b)))
+    torque_rate = add(torque_rate, damping_torque(damping_b, alpha_b))
+    gyroscopic = add(cross(alpha_b, transform(M, omega_b)), cross(omega_b, transform(M, alpha_b)))
+    return transform(M_inverse, subtract(torque_rate, gyroscopic))
+
+
+@kernel
 def turning_acceleration(q_ab: Quaternion, body: Body, loads: Loads) -> Vec3:
     """The part of a_c, in a, from the force at o that turns with the body."""
     return scale(body[0], rotate(q_ab, loads[2]))

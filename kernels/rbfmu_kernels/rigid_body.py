@@ -77,6 +77,16 @@ def relative_acceleration(omega: Vec3, alpha: Vec3, r: Vec3) -> Vec3:
 
 
 @kernel
+def relative_jerk(omega: Vec3, alpha: Vec3, alpha_rate: Vec3, r: Vec3) -> Vec3:
+    """d/dt of `relative_acceleration`, in a, of a point fixed in the body.
+
+    alpha_rate: d alpha / dt as seen in b; all in one frame, rad/s, rad/s^2, rad/s^3, m; m/s^3.
+    """
+    turning = add(cross(alpha_rate, r), add(cross(alpha, cross(omega, r)), cross(omega, cross(alpha, r))))
+    return add(turning, cross(omega, relative_acceleration(omega, alpha, r)))
+
+
+@kernel
 def damping_torque(damping_b: Vec3, omega_b: Vec3) -> Vec3:
     """-damping_b * omega_b, per axis; damping_b: N m s/rad."""
     return (-damping_b[0] * omega_b[0], -damping_b[1] * omega_b[1], -damping_b[2] * omega_b[2])

@@ -1,0 +1,66 @@
+"""`output_rates`: the outputs' time derivatives, against differences of the outputs along the motion."""
+
+import numpy as np
+import pytest
+from numba import config
+
+from rbfmu.fitting import cheapest_fit
+from rbfmu.models import Plan
+from rbfmu.scene import QUANTITIES, Scene
+from rbfmu.unit import filled_buffer, initialize
+from rbfmu_kernels import body_memory, body_unit
+from rbfmu_kernels.layout import FINE
+
+LOADS = {
+    "gravity_a": [0.1, -0.3, -1.0], "force_b": [1.0, 0.5, 0.2], "force_a": [0.3, 0.1, -0.4],
+    "torque_b": [0.1, 0.2, 0.1], "torque_a": [0.05, 0.3, 0.02], "damping_b": [0.1, 0.05, 0.02],
+}  # fmt: skip
+H = 1e-3
+
+
+def body_at(pivot):
+    body = {"mass": 2.0, "inertia": [[1.0, 0.1, 0.05], [0.1, 1.2, 0.02], [0.05, 0.02, 1.5]], "r_oc_b": [0.1, -0.2, 0.3]}
+    initial = {"omega_b": [1.0, 2.0, -1.0], "attitude": {"rotvec": [0.3, -0.8, 0.5]}}
+    initial |= {} if pivot else {"position": [1.0, 2.0, 3.0], "velocity": [0.1, 0.2, 0.3]}
+    run = {"stop": 4 * H, "step": H, "accuracy": 1e-13}
+    scene = Scene(body=body | {"pivot": pivot}, initial=initial, loads=LOADS, run=run)
+    z = filled_buffer(scene, Plan("body under loads", "DOP853", 13, tolerance=1e-15))
+    z[body_unit.BLOCKS["unwanted"]] = 0.0
+    initialize(scene, body_unit, z)
+    return z
+
+
+def block(z, name):
+    return z[body_unit.BLOCKS[name]].copy()
+
+
+@pytest.mark.parametrize("pivot", [False, True])
+@pytest.mark.parametrize("name", body_memory.OUTPUTS)
+def test_output_rates_are_the_outputs_differences(name, pivot):
+    """Five points, order 4: error h^4 / 30 times the fifth derivative, some 1e-11, and round-off eps / h."""
+    z = body_at(pivot)
+    values = [block(z, name)]
+    for k in range(4):
+        assert body_unit.step(z, H) == FINE
+        values.append(block(z, name))
+        if k == 1:
+            assert body_memory.output_rates(z) == 0
+            rate = block(z, f"d_{name}")
+    difference = (values[0] - 8.0 * values[1] + 8.0 * values[3] - values[4]) / (12.0 * H)
+    np.testing.assert_allclose(rate, difference, rtol=1e-9, atol=1e-9)
+    assert np.any(rate != 0.0) or (pivot and name in ("position", "velocity", "acceleration"))
+
+
+@pytest.mark.skipif(bool(config.DISABLE_JIT), reason="fits by pilot runs")
+def test_what_nobody_wants_is_not_computed():
+    scene = Scene(body={"mass": 1.0, "inertia": [1.0, 2.0, 3.0]}, loads={"torque_b": [0.1, 0.0, 0.2]},
+                  outputs={"quantities": ["omega_b"]})  # fmt: skip
+    z = filled_buffer(scene, cheapest_fit(scene, Plan("body under loads", "DOP853", 13, tolerance=1e-6)))
+    initialize(scene, body_unit, z)
+    assert body_unit.step(z, 0.1) == FINE
+    assert np.any(block(z, "omega_b") != 0.0)
+    assert all(np.all(block(z, name) == 0.0) for name in body_memory.OUTPUTS if name != "omega_b")
+
+
+def test_flags_of_unwanted_outputs_stand_in_the_order_of_the_quantities():
+    assert tuple(body_memory.OUTPUTS) == QUANTITIES
