@@ -5,7 +5,7 @@ from .quaternion import invert_quaternion, quaternion_rate_b, rotate
 from .rigid_body import damping_torque, gyroscopic_torque
 from .rotation import transform
 from .shapes import Matrix, Quaternion, Vec3
-from .vec3 import add, add_scaled, cross, scale, subtract
+from .vec3 import add, add_scaled, cross, is_nonzero, scale, subtract
 
 State = tuple[Vec3, Vec3, Quaternion, Vec3]
 """Position and velocity of the centre of mass (in a), q_ab, omega_ab_b."""
@@ -29,15 +29,10 @@ def angular_acceleration(q_ab: Quaternion, omega_b: Vec3, body: Body, loads: Loa
     _, M, M_inverse, arm, damping_b, _ = body
     _, arm_force_a, arm_force_b, torque_a, torque_b = loads
     torque = add(add(torque_b, cross(arm, arm_force_b)), damping_torque(damping_b, omega_b))
-    if _any(arm_force_a) or _any(torque_a):  # most bodies have none, and turning them is half the cost
+    if is_nonzero(arm_force_a) or is_nonzero(torque_a):  # most bodies have none, and turning them is half the cost
         q_ba = invert_quaternion(q_ab)
         torque = add(torque, add(rotate(q_ba, torque_a), cross(arm, rotate(q_ba, arm_force_a))))
     return transform(M_inverse, subtract(torque, gyroscopic_torque(M, omega_b)))
-
-
-@kernel
-def _any(v: Vec3) -> bool:
-    return v[0] != 0.0 or v[1] != 0.0 or v[2] != 0.0
 
 
 @kernel

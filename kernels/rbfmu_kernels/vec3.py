@@ -44,6 +44,12 @@ def cross(a: Vec3, b: Vec3) -> Vec3:
 
 
 @kernel
+def is_nonzero(v: Vec3) -> bool:
+    """Whether any component is (a NaN is)."""
+    return v[0] != 0.0 or v[1] != 0.0 or v[2] != 0.0
+
+
+@kernel
 def norm(v: Vec3) -> float:
     """|v|.
 

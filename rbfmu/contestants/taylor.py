@@ -13,12 +13,7 @@ from rbfmu_kernels._kernel import kernel
 from rbfmu_kernels.dynamics import Body, Loads, State, steady_acceleration
 from rbfmu_kernels.quaternion import invert_quaternion, normalize, rotate
 from rbfmu_kernels.shapes import Vec3
-from rbfmu_kernels.vec3 import add, cross, scale
-
-
-@kernel
-def _any(v: Vec3) -> bool:
-    return v[0] != 0.0 or v[1] != 0.0 or v[2] != 0.0
+from rbfmu_kernels.vec3 import add, cross, is_nonzero, scale
 
 
 @kernel
@@ -121,7 +116,7 @@ def series(work: Any, state: State, body: Body, loads: Loads) -> None:
     _, force_a, force_b, torque_a, torque_b = loads
     one, two, three = M[0][0], M[1][1], M[2][2]
     push, steady_torque = scale(lightness, force_b), add(torque_b, cross(arm, force_b))
-    lifted, twisted, pushed = _any(force_a), _any(torque_a), _any(force_b)
+    lifted, twisted, pushed = is_nonzero(force_a), is_nonzero(torque_a), is_nonzero(force_b)
     q_ba = invert_quaternion(attitude)
     q[0, 0], q[0, 1], q[0, 2], q[0, 3] = attitude
     _put(w, 0, omega)
