@@ -100,14 +100,25 @@ def run(scene: Path, output: Path | None, plot: Path | None) -> None:
 @main.command()
 @click.argument("scene", metavar="SCENE", type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), help="FMU to write.  [NAME.fmu]")
-def build(scene: Path, output: Path | None) -> None:
-    """Build a scene's FMU (FMI 2.0 co-simulation, pythonfmu)."""
+@click.option("--native", is_flag=True, help="Compiled: the importer needs no Python.")
+@click.option("--platform", "platforms", default="", metavar="NAME,...",
+              help="Of a native FMU: linux64, win64, darwin64, linux-aarch64, darwin-aarch64.  [this one]")  # fmt: skip
+def build(scene: Path, output: Path | None, native: bool, platforms: str) -> None:
+    """Build a scene's FMU (FMI 2.0 co-simulation, pythonfmu or native)."""
+    from rbfmu_fmu import BuildError
     from rbfmu_fmu import build as build_fmu
     from rbfmu_fmu.description import identifier
 
     _check_target(output, "--output", (".fmu",))
+    names = [name.strip() for name in platforms.split(",") if name.strip()]
+    if names and not native:
+        raise click.UsageError("--platform: expected --native with it")
     loaded = load_scene(scene)
-    click.echo(build_fmu(loaded, output or Path(f"{identifier(loaded.name)}.fmu")))
+    target = output or Path(f"{identifier(loaded.name)}.fmu")
+    try:
+        click.echo(build_fmu(loaded, target, "native" if native else "python", names))
+    except BuildError as error:
+        raise click.UsageError(str(error)) from None
 
 
 @main.command()

@@ -1,17 +1,26 @@
 """Co-simulation units (FMI 2.0) of rigid-body scenes: `build` and `verify`."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from rbfmu.planning import plan
 from rbfmu.scene import Scene
+from rbfmu_fmu.native_fmu import build_native_fmu
+from rbfmu_fmu.platforms import BuildError
 from rbfmu_fmu.python_fmu import build_python_fmu
 from rbfmu_fmu.verification import Verification, VerificationError, verify
 
-__all__ = ["Verification", "VerificationError", "build", "verify"]
+__all__ = ["BuildError", "Verification", "VerificationError", "build", "verify"]
 
 
-def build(scene: Scene, path: str | Path, kind: str = "python") -> Path:
-    """Build a scene's FMU at `path` and return it; kind: "python" (pythonfmu; the importer's process needs Python)."""
-    if kind != "python":
-        raise ValueError(f'kind = {kind!r}: expected "python"')
+def build(scene: Scene, path: str | Path, kind: str = "python", platforms: Sequence[str] = ()) -> Path:
+    """Build a scene's FMU at `path` and return it.
+
+    kind: "python" (pythonfmu; the importer's process needs Python) or "native" (it needs nothing); platforms: of a
+    native FMU, names from `rbfmu_fmu.platforms.PLATFORMS`; none: this one.
+    """
+    if kind not in ("python", "native"):
+        raise ValueError(f'kind = {kind!r}: expected "python" or "native"')
+    if kind == "native":
+        return build_native_fmu(scene, plan(scene), Path(path), platforms)
     return build_python_fmu(scene, plan(scene), Path(path))

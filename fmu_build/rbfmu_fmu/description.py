@@ -30,6 +30,8 @@ UNITS: dict[str, dict[str, int]] = {
 }
 """SI units by name, with FMI's exponents of the base units."""
 
+LOG_CATEGORIES = ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal", "logAll")
+
 _ONE = 1.0 + 2.0**-50  # a normalised quaternion's component may pass 1 by round-off
 
 
@@ -84,7 +86,11 @@ QUANTITIES: dict[str, Quantity] = {
 
 @dataclass(frozen=True)
 class Variable:
-    """One Real variable: its name, its block of the contract, and its place in the unit's buffer."""
+    """One Real variable: its name, its block of the contract, and its place in the unit's buffer.
+
+    held: the plan holds for the start value only; rates: places of the time derivatives, from the first order on, that
+    an importer may give of an input, or take of an output.
+    """
 
     name: str
     block: str
@@ -93,6 +99,8 @@ class Variable:
     start: float | None
     minimum: float | None
     maximum: float | None
+    held: bool
+    rates: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -115,6 +123,22 @@ class Description:
         """Value reference of the Integer output `status`; the Real variables count from 0 up to it."""
         return len(self.variables)
 
+    @property
+    def last_time(self) -> float:
+        """The stop time and a round-off of an importer's clock: what is later has `status` 2."""
+        return self.stop + 1e-9 * max(self.step, abs(self.stop))
+
+    @property
+    def interpolates_inputs(self) -> bool:
+        """Whether every input (and there are some) takes derivatives."""
+        rates = [v.rates for v in self.variables if v.causality == "input"]
+        return bool(rates) and all(rates)
+
+    @property
+    def output_rates(self) -> bool:
+        """Whether every output has a derivative."""
+        return all(v.rates for v in self.variables if v.causality == "output")
+
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
         return asdict(self)
@@ -126,7 +150,7 @@ def describe(scene: Scene, plan: Plan) -> Description:
     return Description(
         name=scene.name,
         identifier=identifier(scene.name),
-        variables=tuple(v for block in _blocks(scene, unit, z) for v in _variables(*block, z)),
+        variables=tuple(v for block in _blocks(scene, unit, z) for v in _variables(*block, plan, z)),
         start_buffer=tuple(z.tolist()),
         start=scene.run.start,
         stop=scene.run.stop,
@@ -161,8 +185,9 @@ def _blocks(scene: Scene, unit: Unit, z: Any) -> list[tuple[str, slice, str]]:
     return blocks + [(n, unit.BLOCKS[n], "output") for n in unit.OUTPUTS if n in scene.outputs.quantities]
 
 
-def _variables(name: str, place: slice, causality: str, z: Any) -> list[Variable]:
+def _variables(name: str, place: slice, causality: str, plan: Plan, z: Any) -> list[Variable]:
     size = place.stop - place.start
+    rates = _rate_blocks(plan.unit, name, causality)
     bounds = QUANTITIES[name].bounds
     bounds = bounds if len(bounds) == size else bounds * size
     return [
@@ -174,9 +199,20 @@ def _variables(name: str, place: slice, causality: str, z: Any) -> list[Variable
             start=None if causality == "output" else float(z[place.start + i]),
             minimum=bounds[i][0],
             maximum=bounds[i][1],
+            held=causality == "parameter" and name in getattr(plan, "held", ()),
+            rates=tuple(block.start + i for block in rates),
         )
         for i, index in enumerate(_indices(name, size))
     ]
+
+
+def _rate_blocks(unit: Unit, name: str, causality: str) -> list[slice]:
+    """Blocks of an input's derivatives, which `step` uses, or of an output's, which `output_rates` fills."""
+    if causality == "output":
+        names = [f"d_{name}"] if hasattr(unit, "output_rates") else []
+    else:
+        names = [f"{name}_rate", f"{name}_rate_2"] if causality == "input" else []
+    return [unit.BLOCKS[n] for n in names if n in unit.BLOCKS]
 
 
 def _indices(name: str, size: int) -> list[str]:
@@ -201,7 +237,7 @@ def model_description(d: Description, guid: str, co_simulation: dict[str, str]) 
         exponents = {k: str(e) for k, e in UNITS[unit].items()}
         SubElement(SubElement(definitions, "Unit", name=unit), "BaseUnit", exponents)
     categories = SubElement(root, "LogCategories")
-    for category in ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal", "logAll"):
+    for category in LOG_CATEGORIES:
         SubElement(categories, "Category", name=category)
     SubElement(root, "DefaultExperiment", startTime=repr(d.start), stopTime=repr(d.stop), stepSize=repr(d.step))
     variables = SubElement(root, "ModelVariables")

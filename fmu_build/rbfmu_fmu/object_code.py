@@ -1,62 +1,64 @@
 """A unit's entry functions, compiled ahead of time to one object file that needs no Python and no Numba.
 
 Numba compiles each entry; the inner function of the overload (not its Python or C wrapper) is kept, given a plain C
-signature, merged, optimised by LLVM for the plain instruction set of the platform, and checked to be self-contained.
+signature, merged, optimised by LLVM for the plain instruction set of a platform, and checked to be self-contained.
 """
 
 import re
 import threading
+from functools import cache
 from typing import Any
 
 import llvmlite.binding as llvm
 from numba import carray, njit, types
 
 from rbfmu.unit import Unit
+from rbfmu_fmu.platforms import BuildError, Platform
 
-ENTRIES = {"initialize": "", "step": "double", "outputs": ""}
-"""Entry functions `int64 NAME(double *buffer[, double h])`."""
+ENTRIES = ("initialize", "step", "outputs", "output_rates")
+"""Entry functions `int64 NAME(double *buffer[, double h])`; not every unit has the last."""
 
 LIBM = frozenset({"sqrt", "fabs", "copysign", "floor", "ceil", "memcpy", "memset", "memmove"})
 """The only symbols that an object may leave to the platform: correctly rounded everywhere, or no arithmetic."""
 
-BASE_CPU = {"x86_64": "x86-64", "aarch64": "generic"}
-_DONE: dict[str, bytes] = {}
 _LOCK = threading.Lock()  # LLVM modules of one Numba process are not made for concurrent use
 
 
-class NotSelfContainedError(RuntimeError):
+class NotSelfContainedError(BuildError):
     """The compiled kernels need something that only a Python process has."""
 
 
-def object_code(unit: Unit) -> bytes:
-    """Relocatable object file of the unit's entries for this platform; the same bytes each time."""
-    name = unit.__name__
+def object_code(unit: Unit, platform: Platform) -> bytes:
+    """Relocatable object file of the unit's entries; the same bytes each time."""
     with _LOCK:
-        if name not in _DONE:
-            _DONE[name] = _compile(unit)
-        return _DONE[name]
+        return _compiled(unit, platform)  # type: ignore[arg-type]
 
 
-def _compile(unit: Unit) -> bytes:
-    llvm.initialize_native_asmprinter()
-    module = _merged([_entry_module(unit, name) for name in ENTRIES])
-    target = _target_machine()
-    module.triple, module.data_layout = target.triple, str(target.target_data)
-    module = llvm.parse_assembly(_without_counters(_optimised(module, target)))
+@cache
+def _compiled(unit: Any, platform: Platform) -> bytes:
+    llvm.initialize_all_targets()
+    llvm.initialize_all_asmprinters()
+    machine = llvm.Target.from_triple(platform.triple).create_target_machine(
+        cpu=platform.cpu, opt=3, reloc="pic", codemodel="default"
+    )
+    module = llvm.parse_assembly(_source(unit))
+    module.triple, module.data_layout = platform.triple, str(machine.target_data)
+    module = llvm.parse_assembly(_without_counters(_optimised(module, machine)))
     _check_self_contained(module)
-    return target.emit_object(module)  # type: ignore[no-any-return]
+    return machine.emit_object(module)  # type: ignore[no-any-return]
 
 
-def platform_name() -> str:
-    """The platform that `object_code` compiles for, e.g. x86_64-linux."""
-    parts = llvm.get_process_triple().split("-")
-    return f"{parts[0]}-{parts[2]}"
-
-
-def _target_machine() -> Any:
-    triple = llvm.get_process_triple()
-    cpu = BASE_CPU.get(triple.split("-")[0], "")
-    return llvm.Target.from_triple(triple).create_target_machine(cpu=cpu, opt=3, reloc="pic", codemodel="default")
+@cache
+def _source(unit: Any) -> str:
+    """LLVM source of all entries, for no platform yet."""
+    first, *others = [_entry_module(unit, name) for name in ENTRIES if hasattr(unit, name)]
+    for other in others:
+        first.link_in(other)
+    for value in [*first.functions, *first.global_variables]:
+        if not value.is_declaration and value.name not in ENTRIES:
+            value.linkage = llvm.Linkage.internal
+    first.verify()
+    return re.sub(r"^target (triple|datalayout).*$", "", str(first), flags=re.MULTILINE)
 
 
 def _entry_module(unit: Unit, name: str) -> Any:
@@ -78,11 +80,7 @@ def _entry_module(unit: Unit, name: str) -> Any:
     (compiled,) = entry.overloads.values()
     inner = compiled.fndesc.llvm_func_name
     module = llvm.parse_assembly(compiled.library.get_llvm_str())
-    for value in [*module.functions, *module.global_variables]:
-        if not value.is_declaration and value.name != inner:
-            value.linkage = llvm.Linkage.internal
     module.link_in(llvm.parse_assembly(_c_signature(name, inner)))
-    module.get_function(inner).linkage = llvm.Linkage.internal
     return module
 
 
@@ -91,7 +89,7 @@ def _c_signature(name: str, inner: str) -> str:
     declared, given = ("ptr, double", "ptr %z, double %h") if name == "step" else ("ptr", "ptr %z")
     return f"""
         declare i32 @"{inner}"(ptr, ptr, {declared})
-        define i64 @{name}({given}) {{
+        define hidden i64 @{name}({given}) {{
             %result = alloca i64
             %exception = alloca ptr
             %failed = call i32 @"{inner}"(ptr %result, ptr %exception, {given})
@@ -100,13 +98,6 @@ def _c_signature(name: str, inner: str) -> str:
             %status = select i1 %bad, i64 -1, i64 %value
             ret i64 %status
         }}"""
-
-
-def _merged(modules: list[Any]) -> Any:
-    for other in modules[1:]:
-        modules[0].link_in(other)
-    modules[0].verify()
-    return modules[0]
 
 
 def _optimised(module: Any, target: Any) -> str:

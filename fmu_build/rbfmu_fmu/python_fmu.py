@@ -1,27 +1,23 @@
 """Builds the pythonfmu FMU of a scene: slave, kernels and their object code in one reproducible archive."""
 
-import hashlib
 import importlib.resources
-import json
-import os
 import re
 import sys
 import tempfile
-import uuid
 import zipfile
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from xml.etree.ElementTree import indent, tostring
 
 from pythonfmu.builder import FmuBuilder
 
-import rbfmu_kernels
 from rbfmu.models import Plan
 from rbfmu.scene import Scene
+from rbfmu_fmu.archive import guid_of, hash_of, json_bytes, kernel_sources, scene_inside, write_archive, xml_bytes
 from rbfmu_fmu.description import Description, describe, model_description
-from rbfmu_fmu.object_code import object_code, platform_name
+from rbfmu_fmu.object_code import object_code
+from rbfmu_fmu.platforms import this_platform
 
 SCRIPT = '''"""Entry of the FMU: pythonfmu instantiates the class below."""
 import ctypes
@@ -54,7 +50,7 @@ def build_python_fmu(scene: Scene, plan: Plan, path: Path) -> Path:
     """Write the FMU: the same bytes for the same scene; a file that stands at `path` is replaced when done."""
     description = describe(scene, plan)
     files = _package_files(plan, description)
-    identity = _hash(files | {"templates": (SCRIPT + PACKAGE).encode()})
+    identity = hash_of(files | {"templates": (SCRIPT + PACKAGE).encode()})
     with tempfile.TemporaryDirectory(prefix="rbfmu_") as folder:
         script = _write_sources(Path(folder), files, description, identity)
         with _imports_undone():
@@ -63,34 +59,21 @@ def build_python_fmu(scene: Scene, plan: Plan, path: Path) -> Path:
             )
         with zipfile.ZipFile(raw) as archive:
             contents = {n: archive.read(n) for n in archive.namelist() if not LEFT_OUT.fullmatch(n)}
-    contents["resources/scene.json"] = _json(
-        {"scene": scene.to_dict(), "plan": plan.to_dict(), "kernels": kernel_hash()}
-    )
+    contents["resources/scene.json"] = scene_inside(scene, plan)
     xml = model_description(description, "{}", CAPABILITIES)
-    xml.set("guid", f"{{{uuid.UUID(_hash(contents | {'': tostring(xml)})[:32])}}}")
-    indent(xml)
-    contents["modelDescription.xml"] = b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(xml, "utf-8") + b"\n"
-    _write_archive(contents, path)
+    xml.set("guid", guid_of(contents, xml))
+    write_archive(contents | {"modelDescription.xml": xml_bytes(xml)}, path)
     return path
-
-
-def kernel_sources() -> dict[str, bytes]:
-    """The modules of `rbfmu_kernels` by file name."""
-    folder = importlib.resources.files(rbfmu_kernels)
-    return {f.name: f.read_bytes() for f in folder.iterdir() if f.name.endswith(".py") and f.name != "__init__.py"}
-
-
-def kernel_hash() -> str:
-    """Identifies the kernels that an FMU was made from."""
-    return _hash(kernel_sources())
 
 
 def _package_files(plan: Plan, description: Description) -> dict[str, bytes]:
     folder = importlib.resources.files("rbfmu_fmu")
     files = {name: folder.joinpath(name).read_bytes() for name in ("slave.py", "slave_access.py")}
-    name, code = f"unit-{platform_name()}.o", object_code(plan.unit)
+    platform = this_platform()
+    machine, _, system = platform.triple.split("-")[:3]
+    name, code = f"unit-{machine}-{system}.o", object_code(plan.unit, platform)
     known = description.to_dict() | {"object_code": {name: zlib.crc32(code)}}
-    return kernel_sources() | files | {name: code, "description.json": _json(known)}
+    return kernel_sources() | files | {name: code, "description.json": json_bytes(known)}
 
 
 def _package(identity: str) -> str:
@@ -120,30 +103,3 @@ def _imports_undone() -> Iterator[None]:
         for name in set(sys.modules) - before:
             if re.search(r"(^|\.)rbfmu_[0-9a-f]{12}|_[0-9a-f]{12}$", name):
                 del sys.modules[name]
-
-
-def _json(data: object) -> bytes:
-    return json.dumps(data, indent=1, sort_keys=True, allow_nan=False).encode()
-
-
-def _hash(files: dict[str, bytes]) -> str:
-    digest = hashlib.sha256()
-    for name in sorted(files):
-        digest.update(f"{name}\0{len(files[name])}\0".encode() + files[name])
-    return digest.hexdigest()
-
-
-def _write_archive(contents: dict[str, bytes], path: Path) -> None:
-    """Sorted, without times, and put in place only when whole."""
-    handle, temporary = tempfile.mkstemp(prefix=path.name, suffix=".part", dir=path.parent)
-    try:
-        with os.fdopen(handle, "wb") as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-            for name in sorted(contents, key=lambda n: (n != "modelDescription.xml", n)):
-                entry = zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0))
-                entry.compress_type, entry.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
-                archive.writestr(entry, contents[name])
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        os.unlink(temporary)
-        raise

@@ -17,8 +17,8 @@ from rbfmu.models import Plan
 from rbfmu.scene import Scene
 from rbfmu.simulation import time_grid
 from rbfmu.unit import Buffer, Unit, filled_buffer, initialize
+from rbfmu_fmu.archive import kernel_hash
 from rbfmu_fmu.description import Description, describe
-from rbfmu_fmu.python_fmu import kernel_hash
 from rbfmu_kernels.layout import FINE
 
 MOST_STEPS = 10_000

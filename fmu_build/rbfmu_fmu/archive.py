@@ -1,0 +1,71 @@
+"""An FMU's file: one zip archive, the same bytes for the same contents, put in place only when whole."""
+
+import hashlib
+import importlib.resources
+import json
+import os
+import tempfile
+import uuid
+import zipfile
+from pathlib import Path
+from xml.etree.ElementTree import Element, indent, tostring
+
+import rbfmu_kernels
+from rbfmu.models import Plan
+from rbfmu.scene import Scene
+
+
+def kernel_sources() -> dict[str, bytes]:
+    """The modules of `rbfmu_kernels` by file name."""
+    folder = importlib.resources.files(rbfmu_kernels)
+    return {f.name: f.read_bytes() for f in folder.iterdir() if f.name.endswith(".py") and f.name != "__init__.py"}
+
+
+def kernel_hash() -> str:
+    """Identifies the kernels that an FMU was made from."""
+    return hash_of(kernel_sources())
+
+
+def scene_inside(scene: Scene, plan: Plan) -> bytes:
+    """What `verify` reads in an FMU: resources/scene.json."""
+    return json_bytes({"scene": scene.to_dict(), "plan": plan.to_dict(), "kernels": kernel_hash()})
+
+
+def json_bytes(data: object) -> bytes:
+    """Sorted, and without what JSON does not know."""
+    return json.dumps(data, indent=1, sort_keys=True, allow_nan=False).encode()
+
+
+def hash_of(files: dict[str, bytes]) -> str:
+    """SHA-256 of names and contents."""
+    digest = hashlib.sha256()
+    for name in sorted(files):
+        digest.update(f"{name}\0{len(files[name])}\0".encode() + files[name])
+    return digest.hexdigest()
+
+
+def guid_of(contents: dict[str, bytes], xml: Element) -> str:
+    """A guid made from an FMU's contents and its description, whose own guid must not be set yet."""
+    return f"{{{uuid.UUID(hash_of(contents | {'': tostring(xml)})[:32])}}}"
+
+
+def xml_bytes(xml: Element) -> bytes:
+    """As a file."""
+    indent(xml)
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{tostring(xml, "unicode")}\n'.encode()
+
+
+def write_archive(contents: dict[str, bytes], path: Path) -> None:
+    """Sorted, without times; a file that stands at `path` is replaced when all is written."""
+    handle, temporary = tempfile.mkstemp(prefix=path.name, suffix=".part", dir=path.parent)
+    try:
+        with os.fdopen(handle, "wb") as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name in sorted(contents, key=lambda n: (n != "modelDescription.xml", n)):
+                entry = zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0))
+                entry.compress_type, entry.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
+                archive.writestr(entry, contents[name])
+        os.chmod(temporary, 0o644)
+        os.replace(temporary, path)
+    except BaseException:
+        os.unlink(temporary)
+        raise

@@ -1,0 +1,56 @@
+"""The platforms that a native FMU can be built for, by name."""
+
+import platform
+import sys
+from dataclasses import dataclass
+
+
+class BuildError(ValueError):
+    """An FMU that cannot be built here, and why."""
+
+
+@dataclass(frozen=True)
+class Platform:
+    """For LLVM a triple and a processor, for ziglang a target, for importers a folder of `binaries` and a suffix."""
+
+    name: str
+    triple: str
+    cpu: str
+    zig: str
+    folder: str
+    suffix: str
+
+
+PLATFORMS = {
+    p.name: p
+    for p in (
+        Platform("linux64", "x86_64-unknown-linux-gnu", "x86-64", "x86_64-linux-gnu.2.17", "linux64", ".so"),
+        Platform("win64", "x86_64-pc-windows-gnu", "x86-64", "x86_64-windows-gnu", "win64", ".dll"),
+        Platform("darwin64", "x86_64-apple-macosx11.0.0", "x86-64", "x86_64-macos.11.0", "darwin64", ".dylib"),
+        Platform("linux-aarch64", "aarch64-unknown-linux-gnu", "generic", "aarch64-linux-gnu.2.17", "aarch64-linux",
+                 ".so"),
+        Platform("darwin-aarch64", "arm64-apple-macosx11.0.0", "apple-m1", "aarch64-macos.11.0", "darwin64", ".dylib"),
+    )
+}  # fmt: skip
+"""Processors are the oldest of their kind: none has what another lacks, so that all give the same bits.
+
+FMI 2.0 has one folder for macOS and none for Linux on aarch64: the first takes both processors in one file, the second
+has the name that FMI 3.0 gave it.
+"""
+
+
+def platform_named(name: str) -> Platform:
+    """Raises BuildError where there is none."""
+    if name not in PLATFORMS:
+        raise BuildError(f"platform {name!r}: expected one of {', '.join(PLATFORMS)}")
+    return PLATFORMS[name]
+
+
+def this_platform() -> Platform:
+    """The one that Python runs on. Raises BuildError where it is none of the above."""
+    machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(platform.machine().lower(), platform.machine().lower())
+    system = {"linux": "linux", "darwin": "macos", "win32": "windows"}.get(sys.platform, sys.platform)
+    for one in PLATFORMS.values():
+        if one.zig.startswith(f"{machine}-{system}"):
+            return one
+    raise BuildError(f"this platform is {machine}-{system}: name one of {', '.join(PLATFORMS)}")
