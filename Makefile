@@ -3,7 +3,7 @@ VENV ?= .venv
 PYTHON ?= python3
 BIN = $(VENV)/bin
 
-.PHONY: setup check test slow demo bench
+.PHONY: setup check test slow demo bench interop
 setup:
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --editable ".[dev]"
@@ -30,3 +30,7 @@ demo:
 bench:
 	$(BIN)/python examples/bench_kernels.py bench
 	$(BIN)/python examples/bench_fmu.py
+
+interop:
+	$(BIN)/pip install --quiet --editable ".[interop]"
+	$(BIN)/python examples/interop.py interop

@@ -1,0 +1,188 @@
+"""Importers of FMUs, each made to run one FMU: `importers.py NAME FMU JOB` prints its version and the outputs it saw.
+
+JOB is JSON: values to set before initialisation, outputs wanted, communication step and number of steps. interop.py
+runs each of these in a process of its own: a wrong FMU ends some of them with a segmentation fault.
+"""
+
+import importlib.metadata
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import sysconfig
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+Rows = list[list[float]]
+"""The outputs wanted, after each communication step."""
+
+
+class Importer(NamedTuple):
+    """How to run an FMU; what the importer must find; whether it can set values; how many digits it writes."""
+
+    run: Callable[[str, dict[str, Any]], Rows]
+    package: str | None = None
+    program: str | None = None
+    sets_values: bool = True
+    decimals: int | None = None  # None: full doubles
+
+
+def fmpy_api(fmu: str, job: dict[str, Any]) -> Rows:
+    """`fmpy.simulate_fmu`."""
+    import fmpy
+
+    result = fmpy.simulate_fmu(fmu, start_values=job["values"], output=job["outputs"], output_interval=job["step"],
+                               stop_time=job["step"] * job["steps"])  # fmt: skip
+    return [[float(x) for x in list(row)[1:]] for row in result[1:]]
+
+
+def fmpy_command(fmu: str, job: dict[str, Any]) -> Rows:
+    """`fmpy simulate`."""
+    values = [str(x) for pair in job["values"].items() for x in pair]
+    run(Path(sys.executable).with_name("fmpy"), "simulate", fmu, "--output-interval", job["step"], "--stop-time",
+        job["step"] * job["steps"], *(["--start-values", *values] if values else []), "--output-variables",
+        *job["outputs"], "--output-file", "out.csv")  # fmt: skip
+    return table("out.csv", job["outputs"])
+
+
+def libcosim(fmu: str, job: dict[str, Any]) -> Rows:
+    """The Open Simulation Platform's library, through libcosimpy."""
+    from libcosimpy.CosimExecution import CosimExecution
+    from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
+    from libcosimpy.CosimObserver import CosimObserver
+    from libcosimpy.CosimSlave import CosimLocalSlave
+
+    log_output_level(CosimLogLevel.WARNING)
+    execution = CosimExecution.from_step_size(round(job["step"] * 1e9))
+    one = execution.add_local_slave(CosimLocalSlave(fmu, "it"))
+    reference = {v.name.decode(): v.reference for v in execution.slave_variables(one)}
+    for name, value in job["values"].items():
+        execution.real_initial_value(one, reference[name], value)
+    observer = CosimObserver.create_last_value()
+    execution.add_observer(observer)
+    rows = []
+    for _ in range(job["steps"]):
+        if not execution.step():
+            raise RuntimeError(f"stopped: {execution.status()}")
+        rows.append(list(observer.last_real_values(one, [reference[name] for name in job["outputs"]])))
+    return rows
+
+
+def ecos(fmu: str, job: dict[str, Any]) -> Rows:
+    """Ecos, through ecospy."""
+    from ecospy import EcosSimulation, EcosSimulationStructure
+
+    structure = EcosSimulationStructure()
+    structure.add_model("it", fmu)
+    structure.add_parameter_set("values", {f"it::{name}": value for name, value in job["values"].items()})
+    simulation, rows = EcosSimulation(structure=structure, step_size=job["step"]), []
+    simulation.init(parameter_set="values")
+    for _ in range(job["steps"]):
+        simulation.step()
+        rows.append([simulation.get_real(f"it::{name}") for name in job["outputs"]])
+    simulation.terminate()
+    return rows
+
+
+def ecos_command(fmu: str, job: dict[str, Any], **environment: str) -> Rows:
+    """Ecos' own program, which comes with ecospy: a host without Python."""
+    wheel = importlib.metadata.distribution("ecospy")
+    program = shutil.copy(str(wheel.locate_file("ecospy/binaries/ecos")), "ecos")  # the wheel's is not executable
+    os.chmod(program, 0o755)
+    run("./ecos", "simulate", "--path", fmu, "--stepSize", job["step"], "--stopTime", job["step"] * job["steps"],
+        **environment)  # fmt: skip
+    (written,) = Path.cwd().glob("*.csv")
+    return table(written, [f"instance::{name}[REAL]" for name in job["outputs"]], ", ")
+
+
+def with_python(host: Callable[..., Rows]) -> Callable[[str, dict[str, Any]], Rows]:
+    """The same host with Python's shared library loaded into it."""
+    return lambda fmu, job: host(fmu, job, **python_preloaded())
+
+
+def python_preloaded() -> dict[str, str]:
+    """Variables of the environment that give a host without Python this Python."""
+    folders = [sysconfig.get_config_var("LIBDIR"), f"/usr/lib/{sysconfig.get_config_var('MULTIARCH')}"]
+    name = sysconfig.get_config_var("INSTSONAME")
+    found = [Path(f, name) for f in folders if Path(f, name).suffix != ".a" and Path(f, name).exists()]
+    if not found:
+        raise RuntimeError(f"no shared {name} in {folders}")
+    home = sys.base_prefix if str(found[0]).startswith(sys.base_prefix) else "/usr"
+    packages = os.pathsep.join({sysconfig.get_path("purelib"), sysconfig.get_path("platlib")})
+    return {"LD_PRELOAD": str(found[0]), "PYTHONHOME": home, "PYTHONPATH": packages}
+
+
+def compliance_checker(fmu: str, job: dict[str, Any], **environment: str) -> Rows:
+    """FMUComplianceChecker: a host without Python."""
+    run("fmuCheck.linux64", "-h", job["step"], "-s", job["step"] * job["steps"], "-o", "out.csv", fmu, **environment)
+    return table("out.csv", job["outputs"])
+
+
+IMPORTERS = {
+    "FMPy": Importer(fmpy_api, "fmpy"),
+    "fmpy simulate": Importer(fmpy_command, "fmpy"),
+    "libcosimpy": Importer(libcosim, "libcosimpy"),
+    "ecospy": Importer(ecos, "ecospy"),
+    "ecos": Importer(ecos_command, "ecospy", sets_values=False, decimals=6),
+    "ecos, libpython preloaded": Importer(with_python(ecos_command), "ecospy", sets_values=False, decimals=6),
+    "fmuCheck": Importer(compliance_checker, program="fmuCheck.linux64", sets_values=False),
+    "fmuCheck, libpython preloaded": Importer(
+        with_python(compliance_checker), program="fmuCheck.linux64", sets_values=False
+    ),
+}
+
+
+def version(importer: Importer) -> str | None:
+    """Of its package; an empty string of a program; None where it is not on this machine."""
+    if importer.package is None:
+        return "" if shutil.which(str(importer.program)) else None
+    try:
+        return importlib.metadata.version(importer.package)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+
+
+def table(path: str | Path, names: list[str], separator: str = ",") -> Rows:
+    """Columns of a text file, without the row of the start."""
+    head, _, *lines = Path(path).read_text().splitlines()
+    heads = [text.strip('"') for text in head.split(separator)]
+    places = [heads.index(name) for name in names]
+    return [[float(line.split(separator)[k]) for k in places] for line in lines]
+
+
+def run(*command: object, **environment: str) -> str:
+    """What a program printed; RuntimeError with its last line where it fails."""
+    libraries = f"{sys.prefix}/lib"  # where pip puts the `tbb` that Ecos needs
+    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, errors="replace",
+                          env={"LD_LIBRARY_PATH": libraries} | os.environ | environment)  # fmt: skip
+    if done.returncode:
+        raise RuntimeError(ending(done.returncode, done.stdout + done.stderr))
+    return done.stdout + done.stderr
+
+
+def ending(status: int, printed: str) -> str:
+    """How a process ended, in words, with the line of what it printed that says most."""
+    lines = [line.strip() for line in printed.splitlines() if line.strip()]
+    errors = [line for line in lines if re.search(r"\berror\b|fatal", line, re.IGNORECASE)]
+    how = str(signal.strsignal(-status)) if status < 0 else f"exit status {status}"
+    return ": ".join([how, *(errors[:1] or lines[-1:])])
+
+
+def main(name: str, fmu: str, job: str) -> None:
+    """Run it in an empty folder."""
+    with tempfile.TemporaryDirectory() as folder:
+        os.chdir(folder)
+        try:
+            rows = IMPORTERS[name].run(fmu, json.loads(job))
+        except RuntimeError as error:
+            sys.exit(f"error: {error}")
+    print(json.dumps(rows))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
