@@ -1,0 +1,84 @@
+"""The gallery: draws each scene of examples/scenes and writes their page, with what `rbfmu plan` says, word for word.
+
+`python examples/gallery.py [NAME ...]` draws the pictures named (all: none named) and writes the page.
+"""
+
+import sys
+from io import BytesIO
+from pathlib import Path
+
+import matplotlib as mpl
+from click.testing import CliRunner
+from gallery_pictures import PICTURES
+from PIL import Image
+
+import rbfmu
+from rbfmu.cli import main as command_line
+
+SCENES = Path(__file__).parent / "scenes"
+FOLDER = Path(__file__).parent / "pictures"
+PAGE = SCENES / "README.md"
+HEAD = """# Gallery
+
+Scenes from the smallest model to the largest. Each says what one sees and why its model is the smallest that serves;
+then stands what `rbfmu plan` says. This page and its pictures are written by `python examples/gallery.py`.
+
+| scene | model |
+|---|---|
+"""
+
+
+def scene_file(name: str) -> Path:
+    """The scene's file."""
+    return SCENES / f"{name}.toml"
+
+
+def paragraphs(name: str) -> list[str]:
+    """The comment at the head of a scene's file: its title, and its paragraphs, each in lines as written."""
+    lines = scene_file(name).read_text(encoding="utf-8").splitlines()
+    end = next(k for k, line in enumerate(lines) if not line.startswith("#"))
+    return "\n".join(line.removeprefix("#").strip() for line in lines[:end]).split("\n\n")
+
+
+def plan_text(name: str) -> str:
+    """What `rbfmu plan` prints."""
+    done = CliRunner().invoke(command_line, ["plan", str(scene_file(name))])
+    if done.exit_code != 0:
+        raise RuntimeError(f"{name}: {done.output}")
+    return done.output.rstrip()
+
+
+def page() -> str:
+    """The page's text, in Markdown."""
+    table, sections = [], []
+    for name in PICTURES:
+        (title, *texts), plan = paragraphs(name), plan_text(name)
+        table.append(f"| [{title}](#{name}) | {plan.splitlines()[0]} |")
+        picture = f"![{title}](../pictures/{name}.png)"
+        told = f"```\n$ rbfmu plan {name}.toml\n{plan}\n```"
+        sections.append("\n\n".join((f'<a id="{name}"></a>\n## {title}', picture, *texts, told)))
+    return HEAD + "\n".join(table) + "\n\n" + "\n\n".join(sections) + "\n"
+
+
+def draw(name: str) -> Path:
+    """The scene's picture."""
+    FOLDER.mkdir(exist_ok=True)
+    path = FOLDER / f"{name}.png"
+    file = BytesIO()
+    PICTURES[name](rbfmu.load_scene(scene_file(name))).savefig(file, dpi=110)
+    Image.open(file).convert("RGB").quantize(64).save(path, optimize=True)  # a third of the size
+    return path
+
+
+def main(names: list[str]) -> None:
+    """Draw and write."""
+    mpl.use("agg")
+    for name in names or PICTURES:
+        path = draw(name)
+        print(f"{path}: {path.stat().st_size / 1024:.0f} kB")
+    PAGE.write_text(page(), encoding="utf-8")
+    print(PAGE)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
