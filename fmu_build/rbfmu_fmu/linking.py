@@ -2,13 +2,20 @@
 
 import importlib.util
 import shutil
+import struct
 import subprocess
 import sys
 from pathlib import Path
 
 from rbfmu_fmu.platforms import BuildError, Platform, this_platform
 
-FLAGS = ["-std=c11", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-shared", "-s"]
+FLAGS = ["-std=c11", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-fno-asynchronous-unwind-tables"]
+FLAGS += ["-shared", "-s"]
+FORMAT_FLAGS = {
+    ".so": ["-fPIC", "-Wl,--build-id=none,--gc-sections,-z,defs"],
+    ".dylib": ["-fPIC"],
+    ".dll": ["-D__USE_MINGW_ANSI_STDIO=0"],  # else MinGW's own printf is linked in, 50 kB
+}
 
 
 class NoLinkerError(BuildError):
@@ -21,7 +28,7 @@ class LinkError(BuildError):
 
 def link(sources: list[Path], includes: list[Path], library: Path, platform: Platform) -> None:
     """Write a shared library that exports what the C sources export, stripped, the same bytes each time."""
-    command = [*compiler(platform), *FLAGS, *_format_flags(platform), *[f"-I{folder}" for folder in includes]]
+    command = [*compiler(platform), *FLAGS, *FORMAT_FLAGS[platform.suffix], *[f"-I{folder}" for folder in includes]]
     done = subprocess.run(
         [*command, *map(str, sources), "-lm", "-o", str(library)],
         capture_output=True, text=True, cwd=library.parent, check=False,
@@ -34,7 +41,7 @@ def compiler(platform: Platform) -> list[str]:
     """The command that compiles C for a platform. Raises NoLinkerError."""
     own = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
     if own and sys.platform != "win32" and platform == this_platform():
-        return [own]
+        return [own, "-Wl,-z,noseparate-code"] if platform.suffix == ".so" else [own]  # 8 kB less
     if importlib.util.find_spec("ziglang"):
         return [sys.executable, "-m", "ziglang", "cc", "-target", platform.zig]
     remedy = 'pip install "rbfmu[native]" (ziglang, compiles for every platform)'
@@ -42,7 +49,14 @@ def compiler(platform: Platform) -> list[str]:
     raise NoLinkerError(f"a native FMU for {platform.name} needs {remedy}{own_remedy}")
 
 
-def _format_flags(platform: Platform) -> list[str]:
-    if platform.suffix == ".so":
-        return ["-fPIC", "-Wl,--build-id=none,--gc-sections,-z,defs"]
-    return ["-fPIC"] if platform.suffix == ".dylib" else []
+def universal(libraries: list[bytes]) -> bytes:
+    """One library for macOS from one or two of its processors (Mach-O; magic numbers of <mach-o/fat.h>)."""
+    if len(libraries) == 1:
+        return libraries[0]
+    align, place, header, body = 14, 1 << 14, struct.pack(">II", 0xCAFEBABE, len(libraries)), b""
+    for library in libraries:
+        processor = library[4:12][::-1]  # subtype, type: big-endian here
+        body += bytes(-len(body) % place)
+        header += processor[4:] + processor[:4] + struct.pack(">III", place + len(body), len(library), align)
+        body += library
+    return header.ljust(place, b"\0") + body

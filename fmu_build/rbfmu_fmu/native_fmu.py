@@ -12,7 +12,7 @@ from rbfmu.models import Plan
 from rbfmu.scene import Scene
 from rbfmu_fmu.archive import guid_of, scene_inside, write_archive, xml_bytes
 from rbfmu_fmu.description import LOG_CATEGORIES, Description, describe, model_description
-from rbfmu_fmu.linking import FLAGS, link
+from rbfmu_fmu.linking import FLAGS, link, universal
 from rbfmu_fmu.object_code import object_code
 from rbfmu_fmu.platforms import Platform, platform_named, this_platform
 
@@ -42,7 +42,7 @@ def build_native_fmu(scene: Scene, plan: Plan, path: Path, platforms: Sequence[s
     for folder in sorted({p.folder for p in chosen}):
         libraries = [_library(description, guid, p, objects[p]) for p in chosen if p.folder == folder]
         suffix = next(p.suffix for p in chosen if p.folder == folder)
-        contents[f"binaries/{folder}/{description.identifier}{suffix}"] = libraries[0]
+        contents[f"binaries/{folder}/{description.identifier}{suffix}"] = universal(libraries)
     write_archive(contents, path)
     return path
 
