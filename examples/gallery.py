@@ -1,8 +1,10 @@
 """The gallery: draws each scene of examples/scenes and writes their page, with what `rbfmu plan` says, word for word.
 
-`python examples/gallery.py [NAME ...]` draws the pictures named (all: none named) and writes the page.
+`python examples/gallery.py [NAME ...]` draws the pictures named (all: none named) and writes the page. What the scenes
+cost stands there as `python examples/bench_gallery.py examples/pictures` has measured it.
 """
 
+import csv
 import sys
 from io import BytesIO
 from pathlib import Path
@@ -26,6 +28,20 @@ then stands what `rbfmu plan` says. This page and its pictures are written by `p
 | scene | model |
 |---|---|
 """
+COSTS = """## What they cost
+
+![Cost and error of the planned model, the full one and MuJoCo](../pictures/gallery_cost.png)
+
+Time per communication step in a compiled loop, ns, of the planned model, of the full one (all outputs, six degrees of
+freedom, DOP853) and of MuJoCo (its cheapest integrator and step that meet the accuracy; where it has no such body or
+port, none), and how many times more than the planned one they take. Ports are at zero. Errors are the largest in what
+the scene asks for, against 40 digits, at five times of the run.
+
+| scene | planned | full | MuJoCo | full, times | MuJoCo, times | error | full | MuJoCo | asked |
+|---|---|---|---|---|---|---|---|---|---|
+{table}
+
+Measured by `python examples/bench_gallery.py`: {machine}."""
 
 
 def scene_file(name: str) -> Path:
@@ -42,10 +58,27 @@ def paragraphs(name: str) -> list[str]:
 
 def plan_text(name: str) -> str:
     """What `rbfmu plan` prints."""
-    done = CliRunner().invoke(command_line, ["plan", str(scene_file(name))])
+    done = CliRunner().invoke(command_line, ["plan", str(scene_file(name))], catch_exceptions=False)
     if done.exit_code != 0:
         raise RuntimeError(f"{name}: {done.output}")
     return done.output.rstrip()
+
+
+def costs() -> str:
+    """The section on what scenes cost, from the figures beside the pictures."""
+    with (FOLDER / "gallery_cost.csv").open(newline="", encoding="utf-8") as file:
+        lines = file.read().splitlines()
+    machine = [line.removeprefix("# ") for line in lines if line.startswith("#")]
+    rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
+    cells = {(row["scene"], row["who"]): row for row in rows}
+    table = []
+    for name in dict.fromkeys(row["scene"] for row in rows):
+        found = [cells.get((name, who)) for who in ("planned", "full", "MuJoCo")]
+        cost = [f"{float(row['cost']):.0f}" if row else "" for row in found]
+        times = [f"{float(row['ratio']):.3g}" if row else "" for row in found[1:]]
+        errors = [f"{float(row['error']):.0e}" if row else "" for row in found]
+        table.append(f"| {' | '.join((name, *cost, *times, *errors, found[0]['accuracy']))} |")
+    return COSTS.format(table="\n".join(table), machine="; ".join(machine))
 
 
 def page() -> str:
@@ -57,7 +90,7 @@ def page() -> str:
         picture = f"![{title}](../pictures/{name}.png)"
         told = f"```\n$ rbfmu plan {name}.toml\n{plan}\n```"
         sections.append("\n\n".join((f'<a id="{name}"></a>\n## {title}', picture, *texts, told)))
-    return HEAD + "\n".join(table) + "\n\n" + "\n\n".join(sections) + "\n"
+    return HEAD + "\n".join(table) + "\n\n" + "\n\n".join(sections) + "\n\n" + costs() + "\n"
 
 
 def draw(name: str) -> Path:

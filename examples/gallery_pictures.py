@@ -19,6 +19,7 @@ from gallery_surroundings import (
     driven,
     mean_rates,
     water,
+    with_step,
 )
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
@@ -187,7 +188,7 @@ def top_falling(scene: rbfmu.Scene) -> Figure:
 
 def t_handle(scene: rbfmu.Scene) -> Figure:
     """The stem's direction over time, and the handle itself above."""
-    result = rbfmu.simulate(scene)
+    result = rbfmu.simulate(with_step(scene, 0.02))
     stem, bar = rbfmu.rotate(result.quaternion, X), rbfmu.rotate(result.quaternion, Y)
     figure, (axes,) = panels("Spun about the stem, the handle turns over every 1.8 s", 1.0)
     axes.plot(result.time, stem[:, 0], color=BLUE)
@@ -229,7 +230,7 @@ def tumbling_brick(scene: rbfmu.Scene) -> Figure:
 
 def toutatis(scene: rbfmu.Scene) -> Figure:
     """The rates over forty days, and radar's."""
-    result = rbfmu.simulate(scene)
+    result = rbfmu.simulate(with_step(scene, 0.1 * DAY))
     figure, (axes,) = panels("Toutatis tumbles: body rates, and what radar saw in December 1992 (dots)", 1.0)
     days = [days_since_epoch(date) for date, _, _ in RADAR]
     names = ("intermediate axis", "short axis", "long axis")

@@ -14,6 +14,13 @@ DAY = 86400.0
 Law = Callable[[float, dict[str, Any]], dict[str, Any]]
 
 
+def with_step(scene: rbfmu.Scene, step: float) -> rbfmu.Scene:
+    """The same with another communication step, s."""
+    tables = scene.to_dict()
+    tables["run"]["step"] = step
+    return rbfmu.Scene.from_dict(tables, scene.name)
+
+
 def driven(scene: rbfmu.Scene, law: Law) -> tuple[Any, dict[str, Any]]:
     """Times (n,) and the scene's quantities (n, k) where another unit sets the ports at the start of each step."""
     planned = rbfmu.plan(scene)
