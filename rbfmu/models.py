@@ -4,7 +4,16 @@ import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from rbfmu_kernels import attitude_unit, body_unit, free_unit, top_unit
+from rbfmu_kernels import (
+    attitude_unit,
+    axis_unit,
+    body_unit,
+    free_unit,
+    precession_unit,
+    steady_unit,
+    top_unit,
+    translation_unit,
+)
 
 
 @dataclass(frozen=True)
@@ -12,7 +21,9 @@ class Plan:
     """What simulates a scene, and why.
 
     substep: s, infinite where the method chooses or needs none; tolerance: largest estimated error of a substep, 0
-    where none is estimated; order: of the kicks, 0 where there are none.
+    where none is estimated; order: of the kicks or of the series, 0 where there are none; held: parameters by whose
+    values the model was judged, so that an importer must not change them; error: the largest that is expected, as the
+    scene's `accuracy` counts; cost: ns a communication step, as measured on the machine named in `rbfmu.costs`.
     """
 
     model: str
@@ -21,6 +32,9 @@ class Plan:
     substep: float = math.inf
     tolerance: float = 0.0
     order: int = 0
+    held: tuple[str, ...] = ()
+    error: float = 0.0
+    cost: float = 0.0
     reasons: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
@@ -31,7 +45,8 @@ class Plan:
     def from_dict(cls, data: dict[str, Any]) -> "Plan":
         """The inverse of `to_dict`, also after JSON."""
         substep = math.inf if data["substep"] is None else data["substep"]
-        return cls(**data | {"substep": substep, "reasons": tuple(data["reasons"])})
+        lists = {"held": tuple(data["held"]), "reasons": tuple(data["reasons"])}
+        return cls(**data | {"substep": substep} | lists)
 
     @property
     def unit(self) -> Any:
@@ -40,8 +55,13 @@ class Plan:
 
 
 UNITS = {
+    "no rotation": translation_unit,
+    "constant rate": steady_unit,
+    "one axis": axis_unit,
     "prescribed rates": attitude_unit,
+    "torque-free symmetric body": precession_unit,
     "torque-free body": free_unit,
     "symmetric top": top_unit,
     "body under loads": body_unit,
 }
+"""From the smallest model to the largest."""

@@ -1,47 +1,128 @@
 """From a scene to a plan: the smallest model that serves it, and why."""
 
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from rbfmu import explanations as say
+from rbfmu.arrays import principal_axes
+from rbfmu.comparison import Motion, Times, largest_difference, motion, watched
 from rbfmu.fitting import cheapest_fit
+from rbfmu.ladder import CLOSED, Needs, closed_forms, rests_on, varying_parameters
 from rbfmu.models import Plan
+from rbfmu.scene import PARAMETERS as SCENE_PARAMETERS
 from rbfmu.scene import Scene, SceneError
 
 EXACT = 1e-14
-"""The accuracy that the exact models keep."""
+"""The accuracy that closed forms keep."""
+METHODS = {
+    "no rotation": "closed form",
+    "constant rate": "closed form",
+    "one axis": "closed form",
+    "torque-free symmetric body": "elementary functions",
+    "torque-free body": "elliptic functions",
+}
+ROTATION_STATES = {"no rotation": 0, "constant rate": 4, "one axis": 2}
+RATE_STATES = {"no rotation": 0, "constant rate": 0, "one axis": 1}
+"""Numbers that a small model keeps of the rotation, with and without the attitude; the others 4 and 3."""
+TRANSLATION = ("position", "velocity", "acceleration")
+SHARE = 0.6
+"""Of the accuracy: what a smaller model may differ by, where the larger one has an error of a third itself."""
 
 
-def plan(scene: Scene) -> Plan:
-    """Choose model, method and step. Raises SceneError where the accuracy asked cannot be met."""
+def plan(scene: Scene, full: bool = False) -> Plan:
+    """Choose model, method and step; full: all degrees of freedom and outputs, integrated.
+
+    Raises SceneError where the accuracy asked cannot be met.
+    """
     if "omega_b" in scene.inputs.ports:
-        reason = "port omega_b prescribes the body's rates: attitude only, exact for rates held over a step"
-        return Plan("prescribed rates", "exact rotation", 4, reasons=(reason,))
-    assert scene.body is not None
-    states = 7 if scene.body.pivot else 13
-    if _is_torque_free(scene):
-        _check_exact(scene)
-        reason = f"no load makes a torque: rotation exact at any time, position in closed form; error below {EXACT:g}"
-        return Plan("torque-free body", "elliptic functions", states, reasons=(reason,))
-    return cheapest_fit(scene, Plan("body under loads", "DOP853", states, tolerance=scene.run.accuracy))
+        return Plan("prescribed rates", "exact rotation", 4, reasons=(say.PRESCRIBED,))
+    if full:
+        return _integrated(_with_all_outputs(scene), Needs(True, True, True))
+    needs = Needs.of(scene)
+    exact = closed_forms(scene, needs)
+    found = _closed(scene, exact[0], needs) if exact else _integrated(scene, needs)
+    smaller = _smaller(scene, found, needs)
+    return smaller or replace(found, reasons=(*_left_out(scene, needs, found.model), *found.reasons))
 
 
-def _is_torque_free(scene: Scene) -> bool:
-    """Whether nothing known, supplied or listed as a parameter makes a torque (or turns a force with the body)."""
-    body, inputs = scene.body, scene.inputs
-    assert body is not None
-    acting = _acting(scene)
-    arm = any(body.r_oc_b) or "r_oc_b" in inputs.parameters
-    if acting & {"torque_a", "torque_b", "damping_b"}:
-        return False
-    if body.pivot:
-        return not (arm and "gravity_a" in acting)
-    return "force_b" not in acting and not (arm and "force_a" in acting)
-
-
-def _acting(scene: Scene) -> set[str]:
-    """Names of the loads that are known and not zero, supplied through a port, or an importer's to change."""
-    known = {n for n in type(scene.loads).model_fields if any(getattr(scene.loads, n))}
-    return known | set(scene.inputs.ports) | set(scene.inputs.parameters)
-
-
-def _check_exact(scene: Scene) -> None:
+def _closed(scene: Scene, model: str, needs: Needs) -> Plan:
     if scene.run.accuracy < EXACT:
         expected = f"at least {EXACT:g}, what double precision keeps"
         raise SceneError(f"run.accuracy = {scene.run.accuracy!r}: expected {expected}", scene.name)
+    reasons = say.why_exact(scene, model, needs.rotation, needs.attitude)
+    return Plan(model, METHODS[model], _states(model, needs), error=EXACT, reasons=reasons)
+
+
+def _left_out(scene: Scene, needs: Needs, model: str) -> tuple[str, ...]:
+    return say.what_is_left_out(scene, needs.attitude or model not in CLOSED, needs.rotation, needs.translation)
+
+
+def _integrated(scene: Scene, needs: Needs) -> Plan:
+    states = _states("body under loads", needs)
+    return cheapest_fit(scene, Plan("body under loads", "DOP853", states, tolerance=scene.run.accuracy))
+
+
+def _states(model: str, needs: Needs) -> int:
+    integrated = model not in CLOSED
+    rotation = ROTATION_STATES.get(model, 7) if needs.attitude or integrated else RATE_STATES.get(model, 3)
+    return rotation + (6 if needs.translation else 0)
+
+
+def _with_all_outputs(scene: Scene) -> Scene:
+    return Scene.from_dict({k: v for k, v in scene.to_dict().items() if k != "outputs"}, scene.name)
+
+
+# Models that are not exact, but within the accuracy
+
+
+def _smaller(scene: Scene, found: Plan, needs: Needs) -> Plan | None:
+    """The smallest model that differs by less than the accuracy from the one found, if nothing varies that turns it."""
+    if not needs.rotation or rests_on(scene, needs)["one axis"] & varying_parameters(scene):
+        return None
+    times, names = Times.of(scene), watched(scene)
+    truth = motion(scene, found, times, tuple(dict.fromkeys((*names, "quaternion", "omega_b"))))
+    bound = (SHARE if found.model not in CLOSED else 1.0) * scene.run.accuracy - EXACT
+    for model in _below(found.model):
+        if _may_be_close(scene, model, truth, names):
+            candidate = Plan(model, METHODS[model], _states(model, needs), held=_held())
+            error = largest_difference(motion(scene, candidate, times, names), truth, names)
+            if error <= bound:
+                why = say.why_close(scene, model, found, error, len(times.steps))
+                return replace(candidate, error=error + found.error, reasons=(*_left_out(scene, needs, model), why))
+    return None
+
+
+def _may_be_close(scene: Scene, model: str, truth: Motion, names: tuple[str, ...]) -> bool:
+    """Whether it is worth running a model, judged by the larger one's motion."""
+    run, rates = scene.run, truth["omega_b"]
+    if model == "no rotation":
+        names = tuple(n for n in names if n not in TRANSLATION)
+        return largest_difference({n: truth[n][:1] + 0.0 * truth[n] for n in names}, truth, names) <= run.accuracy
+    if model not in ("constant rate", "one axis"):
+        return True
+    span = run.stop - run.start
+    if say.growth_rate(scene) * span > say.GROWTH:
+        return False
+    assert scene.body is not None
+    along = rates @ principal_axes(np.array(scene.body.M))[1]
+    along[:, np.argmax(np.max(np.abs(along), axis=0))] = 0.0
+    change = float(np.max(np.linalg.norm(rates - rates[0] if model == "constant rate" else along, axis=1)))
+    fastest = float(np.max(np.linalg.norm(rates, axis=1)))
+    if "omega_b" in names and change > run.accuracy * fastest:
+        return False
+    return 0.01 * change * min(span, 1.0 / fastest if fastest > 0.0 else math.inf) <= run.accuracy
+
+
+def _below(model: str) -> Iterator[str]:
+    for smaller in CLOSED:
+        if smaller == model:
+            return
+        yield smaller
+
+
+def _held() -> tuple[str, ...]:
+    """Parameters on whose values a comparison rests: all but the translation's start."""
+    return tuple(name for name in SCENE_PARAMETERS if name not in ("position_0", "velocity_0"))

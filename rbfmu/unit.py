@@ -75,6 +75,7 @@ def _numbers(scene: Scene, plan: "Plan") -> dict[str, Any]:
         "substep": plan.substep if math.isfinite(plan.substep) else 0.0,
         "tolerance": plan.tolerance,
         "order": plan.order,
+        "as_planned": float(bool(plan.held)),
         "unwanted": [float(name not in scene.outputs.quantities) for name in QUANTITIES],
     }
     if scene.body is not None:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 from ._kernel import kernel
 from ._precession import precession
 from ._scaling import power_of_two_for
+from ._turns import ONE_OVER_4PI, turning_about
 from .double_double import (
     DoubleDouble,
     dd_add,
@@ -23,6 +24,7 @@ from .double_double import (
 from .elliptic import angle_in_half_turns, climb_scale, scale_levels
 from .quaternion import compose_quaternions
 from .shapes import _SHAPES, Quaternion, Vec3
+from .vec3 import scale
 
 FREE_ROTATION_SIZE = 48
 if TYPE_CHECKING:
@@ -33,7 +35,6 @@ _SHAPES[FreeRotation] = (FREE_ROTATION_SIZE,)
 
 TUMBLING, STEADY, SEPARATRIX = 0.0, 1.0, 2.0
 _ONE_OVER_PI: DoubleDouble = (0.3183098861837907, -1.9678676675182486e-17)
-_ONE_OVER_4PI: DoubleDouble = (0.07957747154594767, -4.919669168795622e-18)
 _NO_LEVELS = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _LEAST_KC = 1e-300
 
@@ -41,13 +42,10 @@ _LEAST_KC = 1e-300
 @kernel(inline=False)
 def steady_setup(q_0: Quaternion, omega: Vec3, unit: float) -> FreeRotation:
     """A constant rate: about a principal axis, across a symmetric body's axis, about any axis of a sphere."""
-    x, y, z = omega
-    rate = dd_sqrt(dd_add(dd_add(two_product(x, x), two_product(y, y)), two_product(z, z)))
-    inverse = 1.0 / rate[0] if rate[0] != 0.0 else 1.0
-    turns = dd_multiply(rate, _ONE_OVER_4PI)
+    x, y, z = scale(unit, omega)
+    axis, turns = turning_about(omega)
     return (
-        STEADY, unit, turns[0], turns[1], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-        inverse * x, inverse * y, inverse * z, unit * x, unit * y, unit * z, *q_0, 1.0, 2.0, 3.0,
+        STEADY, unit, turns[0], turns[1], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, *axis, x, y, z, *q_0, 1.0, 2.0, 3.0,
         *_NO_LEVELS, 1.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0,
     )  # fmt: skip
 
@@ -127,7 +125,7 @@ def _symmetric(
 ) -> _Polhode:
     """Two equal moments: sn, cn, dn are sin, cos, 1; I_s may be 0."""
     g = dd_sqrt(dd_add(a_p2, dd_multiply(m_s, m_s)))
-    rate = dd_divide(dd_multiply(g, _ONE_OVER_4PI), (i_r, 0.0))
+    rate = dd_divide(dd_multiply(g, ONE_OVER_4PI), (i_r, 0.0))
     lam = dd_divide(dd_multiply_float(_gap(i_s, i_r), w_s), (i_r, 0.0))
     x = angle_in_half_turns(am_s, am_c)
     return (1.0, m_s, (w_s, 0.0), rate, dd_multiply(lam, _ONE_OVER_PI), x, (-0.25, 0.0), 0.0, 0.0, 1.0)
@@ -159,7 +157,7 @@ def _triaxial(
     half_turn = dd_scale(0.125, dd_divide(dd_multiply(y, dd_add_float(dd_negate(total), 2.0)), agm))
     half_turn = dd_add_float(half_turn, -0.25) if form == 1.0 else dd_negate(half_turn)
     nu = dd_multiply(dd_multiply(lam, agm), _ONE_OVER_PI)
-    rate = dd_multiply(rate, _ONE_OVER_4PI)
+    rate = dd_multiply(rate, ONE_OVER_4PI)
     return (form, a_s, rate_s, rate, nu, x, half_turn, y[0], kc[0] / math.sqrt(one_n[0]), rho[0])
 
 

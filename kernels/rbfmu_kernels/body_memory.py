@@ -15,7 +15,7 @@ from .quaternion import normalize, quaternion_rate_b, rotate
 from .rigid_body import angular_momentum, gyroscopic_torque, kinetic_energy, relative_acceleration, relative_jerk
 from .rotation import transform
 from .shapes import Matrix, Quaternion, Vec3
-from .vec3 import add, add_scaled, cross, dot, scale, subtract
+from .vec3 import add, add_scaled, cross, dot, is_nonzero, scale, subtract
 
 INPUTS = {"force_a": 3, "force_b": 3, "torque_a": 3, "torque_b": 3}
 PARAMETERS = {
@@ -67,7 +67,7 @@ def initialize_body(z: Any) -> int:
     mass, r_oc, pivot = z[_MASS], vec3_at(z, _R_OC), z[_PIVOT] != 0.0
     M_c = _inertia(z)
     M = parallel_axis(M_c, mass, r_oc) if pivot else M_c
-    q = normalize(_quaternion(z, _Q_0))
+    q = normalize(quaternion_at(z, _Q_0))
     omega = vec3_at(z, _OMEGA_0)
     (low, middle, _), axes = principal_axes(M)
     if middle <= 1e-12 * trace(M):
@@ -96,7 +96,7 @@ def outputs(z: Any) -> int:
     if z[_NO_ACCELERATION] == 0.0 or z[_NO_ALPHA] == 0.0:
         _put_accelerations(z, q, omega)
     if z[_NO_QUATERNION] == 0.0:
-        z[_Q], z[_Q + 1], z[_Q + 2], z[_Q + 3] = q
+        put_quaternion_at(z, _Q, q)
     if z[_NO_RPY] == 0.0:
         yaw, pitch, roll = euler_from_quaternion(ZYX, q)
         put_vec3_at(z, _RPY, (roll, pitch, yaw))
@@ -148,7 +148,7 @@ def output_rates(z: Any) -> int:
     torque = add(transform(M, alpha), gyroscopic_torque(M, omega))
     yaw, pitch, roll = euler_from_quaternion(ZYX, q)
     d_yaw, d_pitch, d_roll = euler_rate_b(ZYX, (yaw, pitch, roll), omega)
-    z[_D_Q], z[_D_Q + 1], z[_D_Q + 2], z[_D_Q + 3] = quaternion_rate_b(q, omega)
+    put_quaternion_at(z, _D_Q, quaternion_rate_b(q, omega))
     put_vec3_at(z, _D_RPY, (d_roll, d_pitch, d_yaw))
     put_vec3_at(z, _D_OMEGA_B, alpha)
     put_vec3_at(z, _D_OMEGA_A, rotate(q, alpha))
@@ -186,7 +186,7 @@ def _fault_of_parameters(z: Any) -> int:
         return 1
     if z[_DAMPING] < 0.0 or z[_DAMPING + 1] < 0.0 or z[_DAMPING + 2] < 0.0:
         return 10
-    q = _quaternion(z, _Q_0)
+    q = quaternion_at(z, _Q_0)
     if not (q[0] != 0.0 or q[1] != 0.0 or q[2] != 0.0 or q[3] != 0.0):
         return 7
     fault = check_inertia(_inertia(z))
@@ -200,8 +200,15 @@ def vec3_at(z: Any, i: int) -> Vec3:
 
 
 @kernel
-def _quaternion(z: Any, i: int) -> Quaternion:
+def quaternion_at(z: Any, i: int) -> Quaternion:
+    """The quaternion that begins at z[i]."""
     return (z[i], z[i + 1], z[i + 2], z[i + 3])
+
+
+@kernel
+def put_quaternion_at(z: Any, i: int, q: Quaternion) -> None:
+    """Store a quaternion from z[i] on."""
+    z[i], z[i + 1], z[i + 2], z[i + 3] = q
 
 
 @kernel
@@ -235,27 +242,39 @@ def _inertia(z: Any) -> Matrix:
 @kernel
 def rotation_of(z: Any) -> tuple[Quaternion, Vec3]:
     """(q_ab, omega_ab_b) of the state."""
-    return _quaternion(z, STATE), vec3_at(z, _OMEGA)
+    return quaternion_at(z, STATE), vec3_at(z, _OMEGA)
 
 
 @kernel
 def put_rotation(z: Any, q: Quaternion, omega: Vec3) -> None:
     """Set attitude and body rate of the state."""
-    z[STATE], z[STATE + 1], z[STATE + 2], z[STATE + 3] = q
+    put_quaternion_at(z, STATE, q)
     put_vec3_at(z, _OMEGA, omega)
+
+
+@kernel
+def centre_of(z: Any) -> tuple[Vec3, Vec3]:
+    """(r_c, v_c) of the state, in a."""
+    return vec3_at(z, _R_C), vec3_at(z, _V_C)
+
+
+@kernel
+def put_centre(z: Any, r_c: Vec3, v_c: Vec3) -> None:
+    """Set position and velocity of the centre of mass."""
+    put_vec3_at(z, _R_C, r_c)
+    put_vec3_at(z, _V_C, v_c)
 
 
 @kernel
 def motion_of(z: Any) -> State:
     """The state as `dynamics.State`."""
-    return vec3_at(z, _R_C), vec3_at(z, _V_C), _quaternion(z, STATE), vec3_at(z, _OMEGA)
+    return vec3_at(z, _R_C), vec3_at(z, _V_C), quaternion_at(z, STATE), vec3_at(z, _OMEGA)
 
 
 @kernel
 def put_motion(z: Any, motion: State) -> None:
     """Set the state from `dynamics.State`."""
-    put_vec3_at(z, _R_C, motion[0])
-    put_vec3_at(z, _V_C, motion[1])
+    put_centre(z, motion[0], motion[1])
     put_rotation(z, motion[2], motion[3])
 
 
@@ -318,9 +337,9 @@ def moves(z: Any) -> bool:
 
 @kernel
 def turns(z: Any) -> bool:
-    """Whether an output needs the attitude, itself or as the way to a point beside the centre of mass."""
-    beside = z[_R_OC] != 0.0 or z[_R_OC + 1] != 0.0 or z[_R_OC + 2] != 0.0
+    """Whether an output needs the attitude: itself, or a point beside the centre of mass, or a force that turns."""
     attitude = z[_NO_QUATERNION] == 0.0 or z[_NO_RPY] == 0.0 or z[_NO_OMEGA_A] == 0.0 or z[_NO_MOMENTUM] == 0.0
+    beside = is_nonzero(vec3_at(z, _R_OC)) or is_nonzero(vec3_at(z, _KNOWN + 3)) or is_nonzero(vec3_at(z, _FORCE_B))
     return bool(attitude or (beside and not has_pivot(z) and (moves(z) or z[_NO_ACCELERATION] == 0.0)))
 
 
@@ -328,6 +347,14 @@ def turns(z: Any) -> bool:
 def spins(z: Any) -> bool:
     """Whether an output needs the body's rate."""
     return bool(turns(z) or z[_NO_OMEGA_B] == 0.0 or z[_NO_ALPHA] == 0.0 or z[_NO_ENERGY] == 0.0)
+
+
+@kernel(inline=False)
+def principal_frame(M: Matrix) -> tuple[Vec3, Matrix]:
+    """(moments, R_bp): the body's own axes where they are principal, whatever their order."""
+    if M[0][1] == 0.0 and M[0][2] == 0.0 and M[1][2] == 0.0:
+        return (M[0][0], M[1][1], M[2][2]), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    return principal_axes(M)
 
 
 @kernel

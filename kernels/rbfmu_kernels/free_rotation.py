@@ -20,6 +20,7 @@ from ._free_rotation_setup import FreeRotation as FreeRotation
 from ._kernel import kernel
 from ._precession import precession
 from ._scaling import power_of_two_for, round_to_integer
+from ._turns import sincos_half_turns, turned, without_turns
 from .double_double import PI, DoubleDouble, dd_add, two_product, two_sum
 from .elementary import sincos
 from .elliptic import jacobi_from_phase, jacobi_low_parts
@@ -77,6 +78,19 @@ def free_rotation_at(setup: FreeRotation, t: float) -> tuple[Quaternion, Vec3]:
     return ((inverse * e, x_1, x_2, x_3), _in_body_axes(omega, abs(axis_p), abs(axis_r)))
 
 
+@kernel(inline=False)
+def free_rates_at(setup: FreeRotation, t: float) -> Vec3:
+    """omega_ab_b of `free_rotation_at`, alone."""
+    scaled = setup[1] * t
+    scaled = scaled if abs(setup[2] * scaled) < _LAST_TURN else math.nan
+    if setup[0] == STEADY:
+        return setup[14:17]  # type: ignore[no-any-return]
+    done, more, sin_x, cos_x = _phase(setup, scaled)
+    sn, cn, dn = jacobi_from_phase(sin_x, cos_x, setup[24:38])
+    flip = 1.0 if _is_even(done) == _is_even(more) else -1.0
+    return _in_body_axes(_rates(setup, flip, sn, cn, dn), abs(setup[21]), abs(setup[22]))
+
+
 @kernel
 def free_rotation(moments: Vec3, q_0: Quaternion, omega_b_0: Vec3, t: float) -> tuple[Quaternion, Vec3]:
     """(q_ab, omega_ab_b) at time t of a body that moves without torque from q_0, omega_b_0: exact.
@@ -98,22 +112,17 @@ def free_rotation_is_singular(moments: Vec3) -> bool:
 @kernel
 def _steady(setup: FreeRotation, t: float) -> tuple[Quaternion, Vec3]:
     """The turn about the constant rate's axis, and the rate."""
-    high, low = _without_turns((setup[2], setup[3]), t)
-    s, c = _sincos_half_turns((2.0 * high, 2.0 * low))
-    return ((c, s * setup[11], s * setup[12], s * setup[13]), setup[14:17])
+    return turned((setup[11:14], (setup[2], setup[3])), t), setup[14:17]
 
 
 @kernel
-def _tumble(setup: FreeRotation, t: float) -> tuple[Quaternion, Vec3]:
-    """Z(psi) P(m), of any length, and the rates about p, r, s with their body axes' signs."""
-    kind, x_0, half_turn, psi_0 = setup[0], (setup[6], setup[7]), (setup[8], setup[9]), setup[10]
-    mu_p, mu_r, mu_s, w_p, w_r, w_s = setup[11:17]
-    # The phase x / pi of the polhode = half turns done + a rest in [-1/2, 1/2].
-    nu_1, nu_2 = setup[4], setup[5]
-    high, low = two_product(nu_1, t)
-    low += nu_2 * t
+def _phase(setup: FreeRotation, t: float) -> tuple[float, float, float, float]:
+    """Of the phase x / pi of the polhode: half turns done, those that the start adds, (sin, cos) of the rest."""
+    x_0 = (setup[6], setup[7])
+    high, low = two_product(setup[4], t)
+    low += setup[5] * t
     done, more = 0.0, 0.0
-    if kind == SEPARATRIX:
+    if setup[0] == SEPARATRIX:
         high, low = dd_add((high, low), x_0)
         high = _LAST_X if high > _LAST_X else (-_LAST_X if high < -_LAST_X else high)
     else:
@@ -121,25 +130,40 @@ def _tumble(setup: FreeRotation, t: float) -> tuple[Quaternion, Vec3]:
         high, low = dd_add(two_sum(high - done, low), x_0)
         more = round_to_integer(high)
         high -= more
-    sin_x, cos_x = _sincos_half_turns((high, low))
+    sin_x, cos_x = sincos_half_turns((high, low))
     if cos_x < 0.0:
         more += math.copysign(1.0, sin_x)
         sin_x, cos_x = -sin_x, -cos_x
-    sn, cn, dn = jacobi_from_phase(sin_x, cos_x, setup[24:38])
-    # psi / (4 pi), whole turns dropped as they arise
-    psi = dd_add(_without_turns(half_turn, done), _without_turns(half_turn, more))
-    psi = dd_add(_without_turns((setup[2], setup[3]), t), psi)
-    s, c = _sincos_turns_plus(psi, 0.5 * (precession(sn, cn, dn, setup[38:43]) - psi_0))
+    return done, more, sin_x, cos_x
+
+
+@kernel
+def _rates(setup: FreeRotation, flip: float, sn: float, cn: float, dn: float) -> Vec3:
+    """The rates about p, r, s with their body axes' signs."""
     sn_2, cn_2, dn_2 = jacobi_low_parts(sn, cn, dn, (setup[46], setup[47]))
-    flip = 1.0 if _is_even(done) == _is_even(more) else -1.0
-    omega = (
+    w_p, w_r, w_s = setup[14:17]
+    return (
         flip * (w_p * cn + (w_p * cn_2 + setup[43] * cn)),
         flip * (w_r * sn + (w_r * sn_2 + setup[44] * sn)),
         w_s * dn + (w_s * dn_2 + setup[45] * dn),
     )
+
+
+@kernel
+def _tumble(setup: FreeRotation, t: float) -> tuple[Quaternion, Vec3]:
+    """Z(psi) P(m), of any length, and the rates about p, r, s with their body axes' signs."""
+    half_turn, psi_0 = (setup[8], setup[9]), setup[10]
+    mu_p, mu_r, mu_s = setup[11:14]
+    done, more, sin_x, cos_x = _phase(setup, t)
+    sn, cn, dn = jacobi_from_phase(sin_x, cos_x, setup[24:38])
+    # psi / (4 pi), whole turns dropped as they arise
+    psi = dd_add(without_turns(half_turn, done), without_turns(half_turn, more))
+    psi = dd_add(without_turns((setup[2], setup[3]), t), psi)
+    s, c = _sincos_turns_plus(psi, 0.5 * (precession(sn, cn, dn, setup[38:43]) - psi_0))
+    flip = 1.0 if _is_even(done) == _is_even(more) else -1.0
     # P = (1 + mu_s, mu_r, -mu_p, 0) / sqrt(2 (1 + mu_s)), mu = m / |m|
     mu_p, mu_r, z = flip * mu_p * cn, flip * mu_r * sn, 1.0 + mu_s * dn
-    return ((c * z, c * mu_r + s * mu_p, s * mu_r - c * mu_p, s * z), omega)
+    return ((c * z, c * mu_r + s * mu_p, s * mu_r - c * mu_p, s * z), _rates(setup, flip, sn, cn, dn))
 
 
 @kernel
@@ -156,24 +180,6 @@ def _in_body_axes(v: Vec3, p: float, r: float) -> Vec3:
 def _is_even(n: float) -> bool:
     half = 0.5 * n
     return round_to_integer(half) == half
-
-
-@kernel
-def _without_turns(a: DoubleDouble, t: float) -> DoubleDouble:
-    """The product a t less an integer, within [-1, 1]."""
-    high, low = two_product(a[0], t)
-    low += a[1] * t
-    high, low = two_sum(high - round_to_integer(high), low)
-    return (high - round_to_integer(high), low)
-
-
-@kernel
-def _sincos_half_turns(x: DoubleDouble) -> tuple[float, float]:
-    """(sin, cos) of pi x."""
-    angle, rest = two_product(PI[0], x[0])
-    rest += PI[0] * x[1] + PI[1] * x[0]
-    s, c = sincos(angle)
-    return (s + c * rest, c - s * rest)
 
 
 @kernel

@@ -6,39 +6,32 @@
 from typing import Any
 
 from ._kernel import kernel
-from .body_memory import (
-    COMMON,
-    STATE_SIZE,
-    body_of,
-    first_outputs,
-    initialize_body,
-    is_finite,
-    keep_state,
-    loads_of,
-    matrix_at,
-    put_matrix_at,
-    put_rotation,
-    restore_state,
-    rotation_of,
-    translate,
-)
 from .body_memory import INPUTS as INPUTS
 from .body_memory import OUTPUTS as OUTPUTS
 from .body_memory import PARAMETERS as PARAMETERS
+from .body_memory import (
+    body_of,
+    first_outputs,
+    initialize_body,
+    is_as_planned,
+    loads_of,
+    matrix_at,
+    principal_frame,
+    put_matrix_at,
+    put_rotation,
+    rotation_of,
+    turns,
+)
 from .body_memory import outputs as outputs
-from .double_double import two_sum
-from .dynamics import Body, Loads
-from .free_rotation import FREE_ROTATION_SIZE, FreeRotation, free_rotation_at, free_rotation_setup
-from .inertia import principal_axes
+from .closed_form import CLOSED_FORM, finish_step, has_torque, start_clocks, time_after
+from .free_rotation import FREE_ROTATION_SIZE, FreeRotation, free_rates_at, free_rotation_at, free_rotation_setup
 from .layout import NOT_REACHED, places
 from .quaternion import compose_quaternions, invert_quaternion
 from .rotation import invert_matrix, quaternion_from_matrix, transform
-from .shapes import Vec3
 
-BLOCKS, SIZE = places(COMMON | {"before": STATE_SIZE, "elapsed": 2, "axes": 9, "constants": FREE_ROTATION_SIZE})
+BLOCKS, SIZE = places(CLOSED_FORM | {"axes": 9, "constants": FREE_ROTATION_SIZE})
 
-_BEFORE, _ELAPSED, _AXES, _CONSTANTS = (BLOCKS[n].start for n in ("before", "elapsed", "axes", "constants"))
-_IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+_AXES, _CONSTANTS = BLOCKS["axes"].start, BLOCKS["constants"].start
 _TORQUE = 11
 """Key of `layout.FAULTS`."""
 
@@ -49,20 +42,17 @@ def initialize(z: Any) -> int:
     fault = initialize_body(z)
     if fault != 0:
         return fault
-    body, loads = body_of(z), loads_of(z)
-    if _may_have_torque(body, loads):
+    body = body_of(z)
+    if has_torque(z, body, loads_of(z)) and not is_as_planned(z):
         return _TORQUE
-    M = body[1]
-    (x, y, w), R_bp = principal_axes(M)
-    if M[0][1] == 0.0 and M[0][2] == 0.0 and M[1][2] == 0.0:  # its own axes, not a permutation of them
-        (x, y, w), R_bp = (M[0][0], M[1][1], M[2][2]), _IDENTITY
+    moments, R_bp = principal_frame(body[1])
     put_matrix_at(z, _AXES, R_bp)
     q_ab, omega_b = rotation_of(z)
     q_ap = compose_quaternions(q_ab, quaternion_from_matrix(R_bp))
-    constants = free_rotation_setup((x, y, w), q_ap, transform(invert_matrix(R_bp), omega_b))
+    constants = free_rotation_setup(moments, q_ap, transform(invert_matrix(R_bp), omega_b))
     for i in range(FREE_ROTATION_SIZE):
         z[_CONSTANTS + i] = constants[i]
-    z[_ELAPSED] = z[_ELAPSED + 1] = 0.0
+    start_clocks(z)
     return first_outputs(z)
 
 
@@ -70,35 +60,17 @@ def initialize(z: Any) -> int:
 def step(z: Any, h: float) -> int:
     """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite or an input makes a torque."""
     body, loads = body_of(z), loads_of(z)
-    if not h > 0.0 or _may_have_torque(body, loads):
+    if not h > 0.0 or (has_torque(z, body, loads) and not is_as_planned(z)):
         return NOT_REACHED
-    keep_state(z, _BEFORE)
-    t, low = two_sum(z[_ELAPSED], h)
-    low += z[_ELAPSED + 1]
+    t = time_after(z, h)
     R_bp = matrix_at(z, _AXES)
-    q_ap, omega_p = free_rotation_at(_constants(z), t + low)
-    q_ab = compose_quaternions(q_ap, invert_quaternion(quaternion_from_matrix(R_bp)))
-    put_rotation(z, q_ab, transform(R_bp, omega_p))
-    translate(z, h, 1.0, body, loads)
-    if not is_finite(z):
-        restore_state(z, _BEFORE)
-        return NOT_REACHED
-    z[_ELAPSED], z[_ELAPSED + 1] = t, low
-    return outputs(z)
-
-
-@kernel
-def _may_have_torque(body: Body, loads: Loads) -> bool:
-    """Whether damping, a torque, or a force with an arm acts; or one that turns, which has no closed form here."""
-    _, force_a, force_b, torque_a, torque_b = loads
-    arm_b, damping_b = body[3], body[4]
-    lever = _any(arm_b) and _any(force_a)
-    return lever or _any(force_b) or _any(torque_a) or _any(torque_b) or _any(damping_b)
-
-
-@kernel
-def _any(v: Vec3) -> bool:
-    return v[0] != 0.0 or v[1] != 0.0 or v[2] != 0.0
+    if turns(z):
+        q_ap, omega_p = free_rotation_at(_constants(z), t)
+        q_ab = compose_quaternions(q_ap, invert_quaternion(quaternion_from_matrix(R_bp)))
+        put_rotation(z, q_ab, transform(R_bp, omega_p))
+    else:
+        put_rotation(z, rotation_of(z)[0], transform(R_bp, free_rates_at(_constants(z), t)))
+    return finish_step(z, h, body, loads)
 
 
 @kernel

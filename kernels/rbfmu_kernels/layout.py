@@ -21,6 +21,11 @@ FINE, NOT_REACHED, PAST_STOP = 0, 1, 2
 MOST_SUBSTEPS = 1e9
 """Substeps in one communication step above which a step is refused rather than hang the host."""
 
+
+def _to_vary(names: str) -> str:
+    return f"list {names} under parameters in the scene's [inputs] to vary it"
+
+
 FAULTS: dict[int, tuple[str, str]] = {
     1: ("mass", "expected a positive number (kg)"),
     2: ("inertia", "expected finite numbers (kg m2)"),
@@ -32,8 +37,15 @@ FAULTS: dict[int, tuple[str, str]] = {
     8: ("", "expected finite numbers in all parameters and initial values"),
     9: ("omega_b_0", "expected no rate about a slender beam's own axis, where it has no inertia"),
     10: ("damping_b", "expected no negative damping (N m s/rad)"),
-    11: ("", "expected loads without torque, as in the scene: this unit's model is torque-free"),
-    12: ("", "expected two equal moments and no damping, as in the scene: this unit's model is a symmetric top"),
-    13: ("omega_b_0", "expected a rate at which the planned substep is below half the resonance of a top's kicks"),
-}
+    11: ("", f"expected loads without torque: this model is torque-free; {_to_vary('the load')}"),
+    12: ("", "expected two equal moments, no damping: this model is a symmetric top; "
+         + _to_vary("inertia, damping_b")),
+    13: ("omega_b_0", "expected a rate at which the planned substep is below half the resonance of a top's kicks; "
+         + _to_vary("omega_b_0")),
+    14: ("omega_b_0", f"expected none, nor a torque: this model does not turn; {_to_vary('omega_b_0')}"),
+    15: ("omega_b_0", f"expected one about a principal axis: this model's rate is constant; {_to_vary('omega_b_0')}"),
+    16: ("inertia", f"expected two equal moments: this model is a symmetric body's; {_to_vary('inertia')}"),
+    17: ("omega_b_0", "expected rate and torque about one principal axis: this model turns about a single one; "
+         + _to_vary("omega_b_0")),
+}  # fmt: skip
 """What a unit's `initialize` refuses, by its return value: the block of variables, and what was expected."""

@@ -1,0 +1,89 @@
+"""Turns whose angle grows with time: whole turns are dropped in double-double, so that the error does not grow."""
+
+from ._kernel import kernel
+from ._scaling import power_of_two_for, round_to_integer
+from .double_double import (
+    PI,
+    DoubleDouble,
+    dd_add,
+    dd_divide,
+    dd_multiply,
+    dd_multiply_float,
+    dd_scale,
+    dd_sqrt,
+    two_product,
+    two_sum,
+)
+from .elementary import sincos
+from .shapes import Quaternion, Vec3
+from .vec3 import scale
+
+ONE_OVER_4PI: DoubleDouble = (0.07957747154594767, -4.919669168795622e-18)
+
+Turning = tuple[Vec3, DoubleDouble]
+"""A unit axis, and the rate about it over 4 pi, 1/s."""
+
+
+@kernel
+def without_turns(a: DoubleDouble, t: float) -> DoubleDouble:
+    """The product a t less an integer, within [-1, 1]."""
+    high, low = two_product(a[0], t)
+    low += a[1] * t
+    high, low = two_sum(high - round_to_integer(high), low)
+    return (high - round_to_integer(high), low)
+
+
+@kernel
+def sincos_half_turns(x: DoubleDouble) -> tuple[float, float]:
+    """(sin, cos) of pi x."""
+    angle, rest = two_product(PI[0], x[0])
+    rest += PI[0] * x[1] + PI[1] * x[0]
+    s, c = sincos(angle)
+    return (s + c * rest, c - s * rest)
+
+
+@kernel
+def turned(turning: Turning, t: float) -> Quaternion:
+    """The rotation of a turning after a time t, s."""
+    axis, rate = turning
+    high, low = without_turns(rate, t)
+    s, c = sincos_half_turns((2.0 * high, 2.0 * low))
+    return (c, s * axis[0], s * axis[1], s * axis[2])
+
+
+@kernel
+def length_of(x: DoubleDouble, y: DoubleDouble, z: DoubleDouble) -> DoubleDouble:
+    """sqrt(x^2 + y^2 + z^2) of numbers of about 1 or less."""
+    return dd_sqrt(dd_add(dd_add(dd_multiply(x, x), dd_multiply(y, y)), dd_multiply(z, z)))
+
+
+@kernel
+def turning_about(omega: Vec3) -> Turning:
+    """The turning of a constant rate omega, rad/s, of any size."""
+    up = power_of_two_for(max(max(abs(omega[0]), abs(omega[1])), abs(omega[2])))
+    x, y, z = scale(up, omega)
+    rate = length_of((x, 0.0), (y, 0.0), (z, 0.0))
+    inverse = 1.0 / rate[0] if rate[0] != 0.0 else 1.0
+    return (inverse * x, inverse * y, inverse * z), dd_scale(1.0 / up, dd_multiply(rate, ONE_OVER_4PI))
+
+
+@kernel
+def symmetric_turnings(i_t: float, i_s: float, omega: Vec3) -> tuple[Turning, Turning]:
+    """(A, B) of a free body with moments i_t, i_t, i_s and rate omega: q(t) = q(0) A(t) B(t).
+
+    A turns about the angular momentum by its size over i_t, B about the third axis by omega_3 (1 - i_s / i_t).
+    i_t > 0, kg m^2, rad/s, of any size.
+    """
+    up = power_of_two_for(max(max(abs(omega[0]), abs(omega[1])), abs(omega[2])))
+    shrink = power_of_two_for(max(i_t, i_s))
+    i_t, i_s = shrink * i_t, shrink * i_s
+    w_1, w_2, w_3 = scale(up, omega)
+    m_1, m_2, m_3 = two_product(i_t, w_1), two_product(i_t, w_2), two_product(i_s, w_3)
+    momentum = length_of(m_1, m_2, m_3)
+    inverse = 1.0 / momentum[0] if momentum[0] != 0.0 else 1.0
+    rate = dd_divide(dd_multiply(momentum, ONE_OVER_4PI), (i_t, 0.0))
+    own = dd_divide(dd_multiply_float(two_sum(i_t, -i_s), w_3), (i_t, 0.0))
+    own = dd_multiply(own, ONE_OVER_4PI)
+    down = 1.0 / up
+    first = (inverse * m_1[0], inverse * m_2[0], inverse * m_3[0]), dd_scale(down, rate)
+    return first, ((0.0, 0.0, 1.0), dd_scale(down, own))

@@ -1,0 +1,107 @@
+"""What units with a closed form share: a clock that keeps its low part, the fall of the centre of mass, the commit."""
+
+from typing import Any
+
+from ._kernel import kernel
+from ._turns import Turning
+from .body_memory import (
+    COMMON,
+    STATE_SIZE,
+    centre_of,
+    has_pivot,
+    is_finite,
+    keep_state,
+    moves,
+    outputs,
+    put_centre,
+    put_vec3_at,
+    restore_state,
+    rotation_of,
+    vec3_at,
+)
+from .double_double import DoubleDouble, two_sum
+from .dynamics import Body, Loads, linear_acceleration
+from .layout import NOT_REACHED, places
+from .vec3 import add_scaled, is_nonzero
+
+CLOSED_FORM = COMMON | {"before": STATE_SIZE, "elapsed": 2, "r_0": 3, "v_0": 3, "held": 3, "since": 2}
+"""Besides what all bodies have: the state before a step and the time since the start; position and velocity of the
+centre of mass when its acceleration last changed, that acceleration, and the time since then."""
+_BLOCKS, _ = places(CLOSED_FORM)
+_BEFORE, _ELAPSED, _R_0, _V_0, _HELD, _SINCE = (_BLOCKS[n].start for n in list(CLOSED_FORM)[-6:])
+
+
+@kernel
+def start_clocks(z: Any) -> None:
+    """At the start of a run."""
+    z[_ELAPSED] = z[_ELAPSED + 1] = z[_SINCE] = z[_SINCE + 1] = 0.0
+    r_c, v_c = centre_of(z)
+    put_vec3_at(z, _R_0, r_c)
+    put_vec3_at(z, _V_0, v_c)
+    put_vec3_at(z, _HELD, (0.0, 0.0, 0.0))
+
+
+@kernel
+def time_after(z: Any, h: float) -> float:
+    """The time since the start, s, after a step h that begins: the state is kept in case that it fails."""
+    keep_state(z, _BEFORE)
+    t, low = _later(z, _ELAPSED, h)
+    return t + low
+
+
+@kernel
+def _later(z: Any, clock: int, h: float) -> DoubleDouble:
+    t, low = two_sum(z[clock], h)
+    return t, low + z[clock + 1]
+
+
+@kernel
+def has_torque(z: Any, body: Body, loads: Loads) -> bool:
+    """Whether damping, a torque, or a force with an arm acts; or one that turns, where the position is wanted."""
+    _, force_a, force_b, torque_a, torque_b = loads
+    arm_b, damping_b = body[3], body[4]
+    lever = is_nonzero(arm_b) and (is_nonzero(force_a) or is_nonzero(force_b))
+    turning = is_nonzero(force_b) and moves(z)
+    return lever or turning or is_nonzero(torque_a) or is_nonzero(torque_b) or is_nonzero(damping_b)
+
+
+@kernel(inline=False)
+def finish_step(z: Any, h: float, body: Body, loads: Loads) -> int:
+    """Move the centre of mass, refresh the outputs, advance the clocks; NOT_REACHED restores what was before."""
+    since, low, r_0, v_0 = 0.0, 0.0, vec3_at(z, _R_0), vec3_at(z, _V_0)
+    a = vec3_at(z, _HELD)
+    if moves(z) and not has_pivot(z):
+        a = linear_acceleration(rotation_of(z)[0], body, loads)
+        held = a == vec3_at(z, _HELD)
+        if held:
+            since, low = _later(z, _SINCE, h)
+        else:
+            since, (r_0, v_0) = h, centre_of(z)
+        t = since + low
+        put_centre(z, add_scaled(add_scaled(r_0, t, v_0), 0.5 * t * t, a), add_scaled(v_0, t, a))
+    if not is_finite(z):
+        restore_state(z, _BEFORE)
+        return NOT_REACHED
+    z[_ELAPSED], z[_ELAPSED + 1] = _later(z, _ELAPSED, h)
+    z[_SINCE], z[_SINCE + 1] = since, low
+    put_vec3_at(z, _R_0, r_0)
+    put_vec3_at(z, _V_0, v_0)
+    put_vec3_at(z, _HELD, a)
+    return outputs(z)
+
+
+TURNING = 5
+"""Size of a turning in a buffer."""
+
+
+@kernel
+def put_turning_at(z: Any, i: int, turning: Turning) -> None:
+    """Store a turning from z[i] on."""
+    put_vec3_at(z, i, turning[0])
+    z[i + 3], z[i + 4] = turning[1]
+
+
+@kernel
+def turning_at(z: Any, i: int) -> Turning:
+    """The turning that begins at z[i]."""
+    return vec3_at(z, i), (z[i + 3], z[i + 4])

@@ -1,0 +1,102 @@
+"""A free body with two equal moments as a co-simulation unit: two steady turns, elementary functions only.
+
+`initialize`, `step` and `outputs` work over one flat buffer (see BLOCKS), the unit's whole memory.
+"""
+
+from typing import Any
+
+from ._kernel import kernel
+from ._turns import symmetric_turnings, turned
+from .body_memory import INPUTS as INPUTS
+from .body_memory import OUTPUTS as OUTPUTS
+from .body_memory import PARAMETERS as PARAMETERS
+from .body_memory import (
+    body_of,
+    first_outputs,
+    initialize_body,
+    is_as_planned,
+    loads_of,
+    principal_frame,
+    put_quaternion_at,
+    put_rotation,
+    put_vec3_at,
+    quaternion_at,
+    rotation_of,
+    turns,
+    vec3_at,
+)
+from .body_memory import outputs as outputs
+from .closed_form import (
+    CLOSED_FORM,
+    TURNING,
+    finish_step,
+    has_torque,
+    put_turning_at,
+    start_clocks,
+    time_after,
+    turning_at,
+)
+from .kicked_top import is_symmetric_top
+from .layout import NOT_REACHED, places
+from .quaternion import compose_quaternions, invert_quaternion, rotate
+from .rotation import invert_matrix, transform
+from .shapes import Vec3
+
+BLOCKS, SIZE = places(CLOSED_FORM | {"q_0": 4, "omega_0": 3, "about_momentum": TURNING, "about_axis": TURNING})
+
+_Q_0, _OMEGA_0, _ABOUT_MOMENTUM, _ABOUT_AXIS = (
+    BLOCKS[n].start for n in ("q_0", "omega_0", "about_momentum", "about_axis")
+)
+_TORQUE, _NOT_SYMMETRIC = 11, 16
+"""Keys of `layout.FAULTS`."""
+
+
+@kernel(inline=False)
+def initialize(z: Any) -> int:
+    """Check the parameters, set state and outputs; returns 0 or a key of `layout.FAULTS`."""
+    fault = initialize_body(z)
+    if fault != 0:
+        return fault
+    (q, omega), body = rotation_of(z), body_of(z)
+    if not is_as_planned(z):
+        if has_torque(z, body, loads_of(z)):
+            return _TORQUE
+        if not is_symmetric_top(body[1]):
+            return _NOT_SYMMETRIC
+    moments, R_bp = principal_frame(body[1])
+    s = _odd_one(moments)
+    t, u = (s + 1) % 3, (s + 2) % 3
+    e_t = (R_bp[0][t], R_bp[1][t], R_bp[2][t])
+    e_u = (R_bp[0][u], R_bp[1][u], R_bp[2][u])
+    e_s = (R_bp[0][s], R_bp[1][s], R_bp[2][s])
+    axes = (e_t, e_u, e_s)
+    mean = moments[t] if moments[t] == moments[u] else 0.5 * (moments[t] + moments[u])
+    momentum, own = symmetric_turnings(mean, moments[s], transform(axes, omega))
+    put_quaternion_at(z, _Q_0, q)
+    put_vec3_at(z, _OMEGA_0, omega)
+    put_turning_at(z, _ABOUT_MOMENTUM, (transform(invert_matrix(axes), momentum[0]), momentum[1]))
+    put_turning_at(z, _ABOUT_AXIS, (e_s, own[1]))
+    start_clocks(z)
+    return first_outputs(z)
+
+
+@kernel(inline=False)
+def step(z: Any, h: float) -> int:
+    """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite or an input makes a torque."""
+    body, loads = body_of(z), loads_of(z)
+    if not h > 0.0 or (has_torque(z, body, loads) and not is_as_planned(z)):
+        return NOT_REACHED
+    t = time_after(z, h)
+    q, back = quaternion_at(z, _Q_0), turned(turning_at(z, _ABOUT_AXIS), t)
+    if turns(z):
+        q = compose_quaternions(compose_quaternions(q, turned(turning_at(z, _ABOUT_MOMENTUM), t)), back)
+    put_rotation(z, q, rotate(invert_quaternion(back), vec3_at(z, _OMEGA_0)))
+    return finish_step(z, h, body, loads)
+
+
+@kernel
+def _odd_one(moments: Vec3) -> int:
+    """The axis whose moment is farthest from the other two."""
+    a, b, c = moments
+    x, y, w = abs(b - c), abs(c - a), abs(a - b)
+    return 0 if x <= y and x <= w else (1 if y <= w else 2)

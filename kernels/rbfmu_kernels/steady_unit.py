@@ -1,0 +1,72 @@
+"""A free body that turns at a constant rate as a co-simulation unit: a sphere, or a spin about a principal axis.
+
+`initialize`, `step` and `outputs` work over one flat buffer (see BLOCKS), the unit's whole memory.
+"""
+
+from typing import Any
+
+from ._kernel import kernel
+from ._turns import turned, turning_about
+from .body_memory import INPUTS as INPUTS
+from .body_memory import OUTPUTS as OUTPUTS
+from .body_memory import PARAMETERS as PARAMETERS
+from .body_memory import (
+    body_of,
+    first_outputs,
+    initialize_body,
+    is_as_planned,
+    loads_of,
+    put_quaternion_at,
+    put_rotation,
+    quaternion_at,
+    rotation_of,
+)
+from .body_memory import outputs as outputs
+from .closed_form import (
+    CLOSED_FORM,
+    TURNING,
+    finish_step,
+    has_torque,
+    put_turning_at,
+    start_clocks,
+    time_after,
+    turning_at,
+)
+from .dynamics import angular_acceleration
+from .layout import NOT_REACHED, places
+from .quaternion import compose_quaternions
+from .vec3 import is_nonzero
+
+BLOCKS, SIZE = places(CLOSED_FORM | {"q_0": 4, "turning": TURNING})
+
+_Q_0, _TURNING = BLOCKS["q_0"].start, BLOCKS["turning"].start
+_UNSTEADY = 15
+"""Key of `layout.FAULTS`."""
+
+
+@kernel(inline=False)
+def initialize(z: Any) -> int:
+    """Check the parameters, set state and outputs; returns 0 or a key of `layout.FAULTS`."""
+    fault = initialize_body(z)
+    if fault != 0:
+        return fault
+    (q, omega), body, loads = rotation_of(z), body_of(z), loads_of(z)
+    steady = not is_nonzero(angular_acceleration(q, omega, body, loads)) and not has_torque(z, body, loads)
+    if not steady and not is_as_planned(z):
+        return _UNSTEADY
+    put_quaternion_at(z, _Q_0, q)
+    put_turning_at(z, _TURNING, turning_about(omega))
+    start_clocks(z)
+    return first_outputs(z)
+
+
+@kernel(inline=False)
+def step(z: Any, h: float) -> int:
+    """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite or an input makes a torque."""
+    body, loads = body_of(z), loads_of(z)
+    if not h > 0.0 or (has_torque(z, body, loads) and not is_as_planned(z)):
+        return NOT_REACHED
+    t = time_after(z, h)
+    q = compose_quaternions(quaternion_at(z, _Q_0), turned(turning_at(z, _TURNING), t))
+    put_rotation(z, q, rotation_of(z)[1])
+    return finish_step(z, h, body, loads)

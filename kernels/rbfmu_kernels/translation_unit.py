@@ -1,0 +1,63 @@
+"""A body whose rotation nobody needs or that does not turn, as a co-simulation unit: its position in closed form.
+
+`initialize`, `step` and `outputs` work over one flat buffer (see BLOCKS), the unit's whole memory.
+"""
+
+from typing import Any
+
+from ._kernel import kernel
+from .body_memory import INPUTS as INPUTS
+from .body_memory import OUTPUTS as OUTPUTS
+from .body_memory import PARAMETERS as PARAMETERS
+from .body_memory import (
+    body_of,
+    first_outputs,
+    initialize_body,
+    is_as_planned,
+    loads_of,
+    moves,
+    rotation_of,
+    spins,
+    turns,
+)
+from .body_memory import outputs as outputs
+from .closed_form import CLOSED_FORM, finish_step, has_torque, start_clocks, time_after
+from .dynamics import angular_acceleration
+from .layout import FINE, NOT_REACHED, places
+from .vec3 import is_nonzero
+
+BLOCKS, SIZE = places(CLOSED_FORM)
+
+_TURNS = 14
+"""Key of `layout.FAULTS`."""
+
+
+@kernel(inline=False)
+def initialize(z: Any) -> int:
+    """Check the parameters, set state and outputs; returns 0 or a key of `layout.FAULTS`."""
+    fault = initialize_body(z)
+    if fault != 0:
+        return fault
+    if spins(z) and not is_as_planned(z) and _begins_to_turn(z):
+        return _TURNS
+    start_clocks(z)
+    return first_outputs(z)
+
+
+@kernel(inline=False)
+def step(z: Any, h: float) -> int:
+    """Advance by h with the inputs held; NOT_REACHED (and nothing changed) where the result is not finite."""
+    if not h > 0.0:
+        return NOT_REACHED
+    if not moves(z):
+        return FINE
+    time_after(z, h)
+    return finish_step(z, h, body_of(z), loads_of(z))
+
+
+@kernel
+def _begins_to_turn(z: Any) -> bool:
+    """Whether an output that depends on the rotation would change."""
+    (q, omega), body, loads = rotation_of(z), body_of(z), loads_of(z)
+    changes = is_nonzero(angular_acceleration(q, omega, body, loads))
+    return changes or (is_nonzero(omega) and (turns(z) or has_torque(z, body, loads)))

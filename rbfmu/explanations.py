@@ -1,0 +1,114 @@
+"""Why a plan is what it is, in lines that each state a number with its unit."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rbfmu.arrays import principal_axes, rotate
+from rbfmu.models import Plan
+from rbfmu.scene import Scene
+
+PRESCRIBED = "rotation: 4 states, port omega_b prescribes the rates; exact for rates held over a step"
+Array = NDArray[np.float64]
+
+GROWTH = 0.1
+"""Growth of a disturbance over the run, as an exponent, from which on a spin counts as unstable."""
+
+
+def what_is_left_out(scene: Scene, attitude: bool, rotation: bool, translation: bool) -> tuple[str, ...]:
+    """Degrees of freedom that are not modelled, or in closed form."""
+    lines = [_translation(scene, translation)]
+    if not rotation:
+        lines.append("rotation: 0 of 7 states, no output shows it and no force depends on it")
+    elif not attitude:
+        lines.append("attitude: 0 of 4 states, no output shows it and no load depends on it")
+    return tuple(lines)
+
+
+def _translation(scene: Scene, needed: bool) -> str:
+    body, loads, initial = scene.body, scene.loads, scene.initial
+    assert body is not None
+    if not needed:
+        return "translation: 0 of 6 states, " + ("the pivot holds o" if body.pivot else "no output shows it")
+    ports = [p for p in scene.inputs.ports if p.startswith("force")]
+    if any(loads.force_b) or "force_b" in scene.inputs.ports:
+        return f"translation: 6 states, force_b turns with the body of {body.mass:.6g} kg"
+    a = np.array(loads.gravity_a) + np.array(loads.force_a) / body.mass
+    if ports:
+        return f"translation: 6 states in closed form, {ports[0]} held over steps of {scene.run.step:g} s"
+    if np.any(a):
+        return f"translation: 6 states in closed form, constant acceleration {np.linalg.norm(a):.6g} m/s2"
+    speed = float(np.linalg.norm(initial.velocity))
+    return f"translation: 6 states in closed form, constant velocity {speed:.6g} m/s of the centre of mass"
+
+
+def why_exact(scene: Scene, model: str, rotation: bool, attitude: bool) -> tuple[str, ...]:
+    """What makes a closed form exact."""
+    if not rotation:
+        return ()
+    rate = float(np.linalg.norm(scene.initial.omega_b))
+    moments = ", ".join(f"{m:.6g}" for m in _moments(scene))
+    lines = {
+        "no rotation": _standing(scene, rate, attitude),
+        "constant rate": f"rotation: constant rate {rate:.6g} rad/s, about a principal axis (moments {moments} kg m2)",
+        "one axis": f"rotation: one angle, closed form from {rate:.6g} rad/s under torque and damping about one axis",
+        "torque-free symmetric body": f"rotation: no torque, two equal moments ({moments} kg m2): elementary functions",
+        "torque-free body": f"rotation: no torque, moments {moments} kg m2: elliptic functions",
+    }
+    growth = growth_rate(scene) if model in ("no rotation", "constant rate", "one axis") else 0.0
+    unstable = f"unstable: a disturbance would grow e-fold in {1.0 / growth:.3g} s" if growth > 0.0 else ""
+    return (lines[model], unstable) if unstable else (lines[model],)
+
+
+def _standing(scene: Scene, rate: float, attitude: bool) -> str:
+    if attitude or rate == 0.0:
+        return "rotation: 0 of 7 states, the body begins at 0 rad/s and nothing turns it"
+    return f"rotation: 0 of 7 states, the rates asked for stay as they begin ({rate:.6g} rad/s)"
+
+
+def why_close(scene: Scene, model: str, found: Plan, error: float, points: int) -> str:
+    """What a model that is not exact leaves out."""
+    return f"{found.model} dropped for {model}: {error:.1e} apart at {points} times, {scene.run.accuracy:g} asked"
+
+
+def growth_rate(scene: Scene) -> float:
+    """1/s: how fast a disturbance of the motion at the start grows; 0 where it is stable.
+
+    A free spin about the middle axis: omega sqrt((I_k - I_i) (I_j - I_k) / (I_i I_j)); a body on a pivot whose centre
+    of mass is above it, spinning at omega_s: sqrt(4 I_t m g l - (I_s omega_s)^2) / (2 I_t).
+    """
+    body, omega, gravity = scene.body, np.array(scene.initial.omega_b), np.array(scene.loads.gravity_a)
+    assert body is not None
+    moments, R = principal_axes(np.array(body.M))
+    arm = np.array(body.r_oc_b)
+    if body.pivot and np.any(gravity) and np.any(arm):
+        return _growth_above_pivot(scene, moments, R)
+    rates = np.abs(R.T @ omega)
+    k = int(np.argmax(rates))
+    if k != 1 or moments[0] == 0.0:
+        return 0.0
+    low, middle, high = moments
+    return float(rates[k] * math.sqrt((middle - low) * (high - middle) / (low * high)))
+
+
+def _growth_above_pivot(scene: Scene, moments: Array, R: Array) -> float:
+    body = scene.body
+    assert body is not None
+    arm = np.array(body.r_oc_b)
+    length = float(np.linalg.norm(arm))
+    up = -np.array(scene.loads.gravity_a)
+    if float(rotate(np.array(scene.initial.quaternion), arm) @ up) <= 0.0:
+        return 0.0
+    own = int(np.argmax(np.abs(R.T @ arm)))
+    least = float(np.min(np.delete(moments, own)))
+    spin = float(moments[own] * (R.T @ np.array(scene.initial.omega_b))[own])
+    weight = body.mass * float(np.linalg.norm(up)) * length
+    square = 4.0 * least * weight - spin * spin
+    return math.sqrt(square) / (2.0 * least) if square > 0.0 else 0.0
+
+
+def _moments(scene: Scene) -> list[float]:
+    assert scene.body is not None
+    found: list[float] = principal_axes(np.array(scene.body.M))[0].tolist()
+    return found
