@@ -61,6 +61,7 @@ from .inertia import (
 )
 from .kinematics import compose_omega, point_acceleration, point_velocity, vector_rate
 from .quaternion import (
+    add_scaled_quaternion,
     angle_between,
     compose_quaternions,
     invert_quaternion,
@@ -111,7 +112,6 @@ from .rotvec import (
     rotvec_rate_is_singular,
 )
 from .shapes import Matrix, Quaternion, Vec3
-from .steppers import add_scaled_quaternion
 from .vec3 import add, add_scaled, cross, dot, norm, scale, skew, subtract, unskew
 
 __all__ = [

@@ -9,8 +9,8 @@ import math
 from typing import Any
 
 from ._kernel import kernel
-from .dop853_tableau import E3, E5, STAGES, A
-from .dynamics import Body, Loads, angular_acceleration, turning_acceleration
+from .dop853_tableau import E3, E5, STAGES, A, C
+from .dynamics import Body, Course, Loads, angular_acceleration, is_changing, loads_after, turning_acceleration
 from .layout import FINE, MOST_SUBSTEPS, NOT_REACHED
 from .quaternion import quaternion_rate_b
 from .shapes import Quaternion, Vec3
@@ -29,6 +29,13 @@ WORK = STATE * (STAGES + 1)
 def attitude_at(z: Any, i: int) -> Quaternion:
     """The quaternion of the state that begins at z[i]."""
     return (z[i], z[i + 1], z[i + 2], z[i + 3])
+
+
+@kernel
+def put_attitude(z: Any, i: int, q: Quaternion) -> None:
+    """Set the quaternion of the state that begins at z[i], scaled to length 1."""
+    s = 1.0 / math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    z[i], z[i + 1], z[i + 2], z[i + 3] = s * q[0], s * q[1], s * q[2], s * q[3]
 
 
 @kernel
@@ -60,34 +67,36 @@ def _combine(z: Any, y: int, w: int, n: int, s: int, h: float) -> None:
 
 
 @kernel(inline=False)
-def dop853_step(z: Any, y: int, w: int, n: int, h: float, body: Body, loads: Loads) -> None:
+def _stage_loads(course: Course, t: float) -> Loads:
+    return loads_after(course, t)
+
+
+@kernel
+def _stage(z: Any, y: int, w: int, n: int, s: int, t: float, h: float, body: Body, course: Course) -> None:
+    """Stage s (a literal): trial state and its rates, loads at t + c_s h."""
+    _combine(z, y, w, n, s, h)
+    loads = _stage_loads(course, t + C[s] * h) if is_changing(course) else course[0]
+    _rates(z, w, w + STATE * (s + 1), n, body, loads)
+
+
+@kernel(inline=False)
+def dop853_step(z: Any, y: int, w: int, n: int, t: float, h: float, body: Body, course: Course) -> None:
     """One step of order 8 from the state z[y:] to the trial state z[w:], not normalised; the rates stay in z[w + 16:].
 
-    Stable to h d / I = 6.394 (damping) and h omega / 2 = 5.96 (attitude).
+    t: time since the course's begin.  Stable to h d / I = 6.394 (damping) and h omega / 2 = 5.96 (attitude).
     """
-    _rates(z, y, w + STATE, n, body, loads)
-    _combine(z, y, w, n, 1, h)
-    _rates(z, w, w + 2 * STATE, n, body, loads)
-    _combine(z, y, w, n, 2, h)
-    _rates(z, w, w + 3 * STATE, n, body, loads)
-    _combine(z, y, w, n, 3, h)
-    _rates(z, w, w + 4 * STATE, n, body, loads)
-    _combine(z, y, w, n, 4, h)
-    _rates(z, w, w + 5 * STATE, n, body, loads)
-    _combine(z, y, w, n, 5, h)
-    _rates(z, w, w + 6 * STATE, n, body, loads)
-    _combine(z, y, w, n, 6, h)
-    _rates(z, w, w + 7 * STATE, n, body, loads)
-    _combine(z, y, w, n, 7, h)
-    _rates(z, w, w + 8 * STATE, n, body, loads)
-    _combine(z, y, w, n, 8, h)
-    _rates(z, w, w + 9 * STATE, n, body, loads)
-    _combine(z, y, w, n, 9, h)
-    _rates(z, w, w + 10 * STATE, n, body, loads)
-    _combine(z, y, w, n, 10, h)
-    _rates(z, w, w + 11 * STATE, n, body, loads)
-    _combine(z, y, w, n, 11, h)
-    _rates(z, w, w + 12 * STATE, n, body, loads)
+    _rates(z, y, w + STATE, n, body, _stage_loads(course, t) if is_changing(course) else course[0])
+    _stage(z, y, w, n, 1, t, h, body, course)
+    _stage(z, y, w, n, 2, t, h, body, course)
+    _stage(z, y, w, n, 3, t, h, body, course)
+    _stage(z, y, w, n, 4, t, h, body, course)
+    _stage(z, y, w, n, 5, t, h, body, course)
+    _stage(z, y, w, n, 6, t, h, body, course)
+    _stage(z, y, w, n, 7, t, h, body, course)
+    _stage(z, y, w, n, 8, t, h, body, course)
+    _stage(z, y, w, n, 9, t, h, body, course)
+    _stage(z, y, w, n, 10, t, h, body, course)
+    _stage(z, y, w, n, 11, t, h, body, course)
     _combine(z, y, w, n, 12, h)
 
 
@@ -126,8 +135,24 @@ def first_step(z: Any, y: int, body: Body, loads: Loads) -> float:
 
 
 @kernel(inline=False)
+def dop853_march(z: Any, y: int, w: int, n: int, h: float, substep: float, body: Body, course: Course) -> int:
+    """Advance the state z[y:] by h in equal steps of at most `substep`, without error control.
+
+    NOT_REACHED where that needs too many; the state is then unchanged.
+    """
+    substeps = h / substep * (1.0 - 1e-9)  # so that round-off in the importer's clock adds none
+    if not substeps < MOST_SUBSTEPS:
+        return NOT_REACHED
+    count = max(math.ceil(substeps), 1)
+    for i in range(count):
+        dop853_step(z, y, w, n, h / count * i, h / count, body, course)
+        _accept(z, y, w, n)
+    return FINE
+
+
+@kernel(inline=False)
 def dop853_advance(
-    z: Any, y: int, w: int, size: int, n: int, h: float, tolerance: float, body: Body, loads: Loads
+    z: Any, y: int, w: int, size: int, n: int, h: float, tolerance: float, body: Body, course: Course
 ) -> int:
     """Advance the state z[y:] by h, each step's estimated error at most `tolerance`.
 
@@ -143,7 +168,7 @@ def dop853_advance(
             return NOT_REACHED
         count = math.ceil(rest / z[size] * (1.0 - 1e-9))
         part = (rest + low) / count
-        dop853_step(z, y, w, n, part, body, loads)
+        dop853_step(z, y, w, n, h - rest, part, body, course)
         z[size + 1] += 1.0
         error = _error(z, y, w, n, part) / tolerance
         if error <= 1.0:
@@ -164,6 +189,4 @@ def _accept(z: Any, y: int, w: int, n: int) -> None:
     """The trial state becomes the state, its quaternion scaled to length 1."""
     for j in range(4, n):
         z[y + j] = z[w + j]
-    q = attitude_at(z, w)
-    s = 1.0 / math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
-    z[y], z[y + 1], z[y + 2], z[y + 3] = s * q[0], s * q[1], s * q[2], s * q[3]
+    put_attitude(z, y, attitude_at(z, w))

@@ -39,6 +39,9 @@ A[12, [0, 5, 6, 7, 8, 9, 10, 11]] = [
     -0.1521609496625161, 0.20136540080403034, 0.04471061572777259,
 ]  # fmt: skip
 
+C = np.sum(A, axis=1)
+"""C[s]: the time of stage s in the step."""
+
 E5, E3 = np.zeros(STAGES), np.zeros(STAGES)
 """Weights of the rates in the two error estimates."""
 E5[[0, 5, 6, 7, 8, 9, 10, 11]] = [

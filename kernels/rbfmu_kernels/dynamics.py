@@ -21,6 +21,8 @@ Loads = tuple[Vec3, Vec3, Vec3, Vec3, Vec3]
 
 arm_force: the forces at o, free; with a pivot the weight, which acts at c (the pivot takes the forces at o).
 """
+Course = tuple[Loads, Loads, Loads]
+"""Loads, their first and their second time derivatives at the beginning of a step."""
 
 
 @kernel
@@ -46,6 +48,37 @@ def angular_jerk(q_ab: Quaternion, omega_b: Vec3, alpha_b: Vec3, body: Body, loa
     torque_rate = add(torque_rate, damping_torque(damping_b, alpha_b))
     gyroscopic = add(cross(alpha_b, transform(M, omega_b)), cross(omega_b, transform(M, alpha_b)))
     return transform(M_inverse, subtract(torque_rate, gyroscopic))
+
+
+@kernel
+def _acts(loads: Loads) -> bool:
+    gravity_a, arm_force_a, arm_force_b, torque_a, torque_b = loads
+    force = is_nonzero(gravity_a) or is_nonzero(arm_force_a) or is_nonzero(arm_force_b)
+    return force or is_nonzero(torque_a) or is_nonzero(torque_b)
+
+
+@kernel
+def is_changing(course: Course) -> bool:
+    """Whether the loads do not stay as they are."""
+    return _acts(course[1]) or _acts(course[2])
+
+
+@kernel
+def _after(course: Course, i: int, t: float) -> Vec3:
+    return add_scaled(add_scaled(course[0][i], t, course[1][i]), 0.5 * t * t, course[2][i])
+
+
+@kernel
+def loads_after(course: Course, t: float) -> Loads:
+    """The loads a time t after the step's begin."""
+    return _after(course, 0, t), _after(course, 1, t), _after(course, 2, t), _after(course, 3, t), _after(course, 4, t)
+
+
+@kernel
+def course_after(course: Course, t: float) -> Course:
+    """The course of the loads from a time t on."""
+    nothing = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    return loads_after(course, t), loads_after((course[1], course[2], nothing), t), course[2]
 
 
 @kernel

@@ -34,6 +34,12 @@ def invert_quaternion(q_ab: Quaternion) -> Quaternion:
 
 
 @kernel
+def add_scaled_quaternion(p: Quaternion, s: float, q: Quaternion) -> Quaternion:
+    """P + s q."""
+    return (p[0] + s * q[0], p[1] + s * q[1], p[2] + s * q[2], p[3] + s * q[3])
+
+
+@kernel
 def normalize(q: Quaternion) -> Quaternion:
     """q / |q|.
 

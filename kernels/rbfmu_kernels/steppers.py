@@ -8,14 +8,8 @@ import math
 
 from ._kernel import kernel
 from .dynamics import Body, Loads, Rates, State, state_rates
-from .shapes import Quaternion
+from .quaternion import add_scaled_quaternion
 from .vec3 import add_scaled
-
-
-@kernel
-def add_scaled_quaternion(p: Quaternion, s: float, q: Quaternion) -> Quaternion:
-    """P + s q."""
-    return (p[0] + s * q[0], p[1] + s * q[1], p[2] + s * q[2], p[3] + s * q[3])
 
 
 @kernel
