@@ -72,10 +72,12 @@ def _stage_loads(course: Course, t: float) -> Loads:
 
 
 @kernel
-def _stage(z: Any, y: int, w: int, n: int, s: int, t: float, h: float, body: Body, course: Course) -> None:
+def _stage(
+    z: Any, y: int, w: int, n: int, s: int, t: float, h: float, body: Body, course: Course, changing: bool
+) -> None:
     """Stage s (a literal): trial state and its rates, loads at t + c_s h."""
     _combine(z, y, w, n, s, h)
-    loads = _stage_loads(course, t + C[s] * h) if is_changing(course) else course[0]
+    loads = _stage_loads(course, t + C[s] * h) if changing else course[0]
     _rates(z, w, w + STATE * (s + 1), n, body, loads)
 
 
@@ -85,18 +87,19 @@ def dop853_step(z: Any, y: int, w: int, n: int, t: float, h: float, body: Body, 
 
     t: time since the course's begin.  Stable to h d / I = 6.394 (damping) and h omega / 2 = 5.96 (attitude).
     """
-    _rates(z, y, w + STATE, n, body, _stage_loads(course, t) if is_changing(course) else course[0])
-    _stage(z, y, w, n, 1, t, h, body, course)
-    _stage(z, y, w, n, 2, t, h, body, course)
-    _stage(z, y, w, n, 3, t, h, body, course)
-    _stage(z, y, w, n, 4, t, h, body, course)
-    _stage(z, y, w, n, 5, t, h, body, course)
-    _stage(z, y, w, n, 6, t, h, body, course)
-    _stage(z, y, w, n, 7, t, h, body, course)
-    _stage(z, y, w, n, 8, t, h, body, course)
-    _stage(z, y, w, n, 9, t, h, body, course)
-    _stage(z, y, w, n, 10, t, h, body, course)
-    _stage(z, y, w, n, 11, t, h, body, course)
+    changing = is_changing(course)
+    _rates(z, y, w + STATE, n, body, _stage_loads(course, t) if changing else course[0])
+    _stage(z, y, w, n, 1, t, h, body, course, changing)
+    _stage(z, y, w, n, 2, t, h, body, course, changing)
+    _stage(z, y, w, n, 3, t, h, body, course, changing)
+    _stage(z, y, w, n, 4, t, h, body, course, changing)
+    _stage(z, y, w, n, 5, t, h, body, course, changing)
+    _stage(z, y, w, n, 6, t, h, body, course, changing)
+    _stage(z, y, w, n, 7, t, h, body, course, changing)
+    _stage(z, y, w, n, 8, t, h, body, course, changing)
+    _stage(z, y, w, n, 9, t, h, body, course, changing)
+    _stage(z, y, w, n, 10, t, h, body, course, changing)
+    _stage(z, y, w, n, 11, t, h, body, course, changing)
     _combine(z, y, w, n, 12, h)
 
 

@@ -1,0 +1,45 @@
+"""A body under any of the scene's loads as a co-simulation unit: Taylor series inside a communication step.
+
+`initialize`, `step` and `outputs` work over one flat buffer (see BLOCKS), the unit's whole memory. `step` commits all
+of a communication step or nothing. `tolerance` is the largest estimated error of a substep, `order` that of the series
+(`rbfmu.fitting` chooses). Inputs may change within a step: see `driven_body`.
+"""
+
+from typing import Any
+
+from ._kernel import kernel
+from .body_memory import INPUTS as INPUTS
+from .body_memory import OUTPUTS as OUTPUTS
+from .body_memory import PARAMETERS as PARAMETERS
+from .body_memory import STATE, body_of, first_outputs, initialize_body, loads_of
+from .body_memory import outputs as outputs
+from .dop853 import first_step
+from .driven_body import DRIVEN, STEP_SIZE, course_of, finish, integrated, keep
+from .layout import NOT_REACHED, places
+from .taylor import WORK, taylor_advance
+
+BLOCKS, SIZE = places(DRIVEN | {"order": 1, "work": WORK})
+
+_TOLERANCE, _ORDER, _WORK = (BLOCKS[n].start for n in ("tolerance", "order", "work"))
+
+
+@kernel(inline=False)
+def initialize(z: Any) -> int:
+    """Check the parameters, set state and outputs; returns 0 or a key of `layout.FAULTS`."""
+    fault = initialize_body(z)
+    if fault != 0:
+        return fault
+    z[STEP_SIZE] = first_step(z, STATE, body_of(z), loads_of(z))
+    return first_outputs(z)
+
+
+@kernel(inline=False)
+def step(z: Any, h: float) -> int:
+    """Advance by h; NOT_REACHED (and nothing changed) where the motion cannot be followed."""
+    if not h > 0.0:
+        return NOT_REACHED
+    keep(z)
+    body, course = body_of(z), course_of(z)
+    n = integrated(z, course)
+    status = taylor_advance(z, STATE, _WORK, STEP_SIZE, n, int(z[_ORDER]), h, z[_TOLERANCE], body, course)
+    return finish(z, n, h, status, body, course)
