@@ -24,18 +24,18 @@ _FLOORS = {"position": 1.0, "velocity": 1.0}
 
 @dataclass(frozen=True)
 class Times:
-    """Communication points (every so many of a long run) and a point within each step."""
+    """The steps from one point of a comparison to the next, s."""
 
     steps: tuple[float, ...]
 
     @classmethod
-    def of(cls, scene: Scene, most: int = MOST_POINTS) -> "Times":
-        """From the scene's run."""
+    def of(cls, scene: Scene, parts: tuple[float, ...] = (GOLDEN, 1.0 - GOLDEN)) -> "Times":
+        """The scene's communication steps (several at once where there are too many), each cut into parts."""
         run = scene.run
         count = math.ceil((run.stop - run.start) / run.step * (1.0 - 1e-9))
-        stride = math.ceil(count / most)
+        stride = math.ceil(count / MOST_POINTS)
         lengths = [min(stride, count - k) * run.step for k in range(0, count, stride)]
-        return cls(tuple(part * h for h in lengths for part in (GOLDEN, 1.0 - GOLDEN)))
+        return cls(tuple(part * h for h in lengths for part in parts))
 
 
 def watched(scene: Scene) -> tuple[str, ...]:
@@ -43,8 +43,11 @@ def watched(scene: Scene) -> tuple[str, ...]:
     return tuple(dict.fromkeys("quaternion" if q == "rpy" else q for q in scene.outputs.quantities))
 
 
-def motion(scene: Scene, plan: Plan, times: Times, names: tuple[str, ...]) -> Motion:
-    """Blocks of the plan's unit over the run, its ports at zero; NaN from where the motion cannot be followed."""
+def motion(scene: Scene, plan: Plan, times: Times, names: tuple[str, ...]) -> tuple[Motion, float]:
+    """Blocks of the plan's unit over the run, its ports at zero, and the substeps counted, where they are.
+
+    NaN from where the motion cannot be followed.
+    """
     unit, z = plan.unit, filled_buffer(scene, plan)
     if "unwanted" in unit.BLOCKS:
         z[unit.BLOCKS["unwanted"]] = [float(name not in names) for name in unit.OUTPUTS]
@@ -56,7 +59,7 @@ def motion(scene: Scene, plan: Plan, times: Times, names: tuple[str, ...]) -> Mo
             break
         for n, block in blocks.items():
             found[n][k] = block
-    return found
+    return found, float(z[unit.BLOCKS["substeps"]][0]) if "substeps" in unit.BLOCKS else 0.0
 
 
 def largest_difference(a: Motion, b: Motion, names: tuple[str, ...]) -> float:

@@ -67,6 +67,12 @@ def _standing(scene: Scene, rate: float, attitude: bool) -> str:
     return f"rotation: 0 of 7 states, the rates asked for stay as they begin ({rate:.6g} rad/s)"
 
 
+def why_swinging(scene: Scene, plan: Plan, error: float) -> tuple[str, ...]:
+    """One angle, integrated."""
+    why = "rotation: one angle, every load turns the body about one principal axis; 2 of 7 states"
+    return why, f"{plan.method}: error {error:.1e}, against order 16 at round-off; {scene.run.accuracy:g} asked"
+
+
 def why_close(scene: Scene, model: str, found: Plan, error: float, points: int) -> str:
     """What a model that is not exact leaves out."""
     return f"{found.model} dropped for {model}: {error:.1e} apart at {points} times, {scene.run.accuracy:g} asked"

@@ -1,7 +1,6 @@
 """Which models serve a scene exactly, whatever its ports supply and its listed parameters become."""
 
 from dataclasses import dataclass
-from typing import Any
 
 from rbfmu.models import UNITS, Plan
 from rbfmu.scene import Scene
@@ -60,6 +59,7 @@ def rests_on(scene: Scene, needs: Needs) -> dict[str, set[str]]:
         "no rotation": (loads | start | shape) if needs.rotation else set(),
         "constant rate": loads | shape | (set() if sphere else {"omega_b_0"}),
         "one axis": loads | shape | start,
+        "one swinging axis": loads | shape | start,
         "torque-free symmetric body": loads | shape,
         "torque-free body": loads,
     }
@@ -68,10 +68,9 @@ def rests_on(scene: Scene, needs: Needs) -> dict[str, set[str]]:
 def closed_forms(scene: Scene, needs: Needs) -> list[str]:
     """The models with a closed form that are exact for this scene, the smallest first."""
     needed, varying = rests_on(scene, needs), varying_parameters(scene)
-    return [model for model in CLOSED if not needed[model] & varying and _accepts(scene, model)]
+    return [model for model in CLOSED if not needed[model] & varying and accepts(scene, model)]
 
 
-def _accepts(scene: Scene, model: str) -> bool:
+def accepts(scene: Scene, model: str) -> bool:
     """Whether the model's own unit takes the scene's values."""
-    z: Any = filled_buffer(scene, Plan(model, "", 0))
-    return bool(UNITS[model].initialize(z) == FINE)
+    return bool(UNITS[model].initialize(filled_buffer(scene, Plan(model, "", 0))) == FINE)

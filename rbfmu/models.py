@@ -9,8 +9,10 @@ from rbfmu_kernels import (
     axis_unit,
     body_unit,
     free_unit,
+    pendulum_unit,
     precession_unit,
     steady_unit,
+    taylor_unit,
     top_unit,
     translation_unit,
 )
@@ -58,10 +60,12 @@ UNITS = {
     "no rotation": translation_unit,
     "constant rate": steady_unit,
     "one axis": axis_unit,
+    "one swinging axis": pendulum_unit,
     "prescribed rates": attitude_unit,
     "torque-free symmetric body": precession_unit,
     "torque-free body": free_unit,
     "symmetric top": top_unit,
     "body under loads": body_unit,
+    "body under loads, by series": taylor_unit,
 }
 """From the smallest model to the largest."""

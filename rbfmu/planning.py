@@ -10,10 +10,11 @@ from rbfmu import explanations as say
 from rbfmu.arrays import principal_axes
 from rbfmu.comparison import Motion, Times, largest_difference, motion, watched
 from rbfmu.fitting import cheapest_fit
-from rbfmu.ladder import CLOSED, Needs, closed_forms, rests_on, varying_parameters
+from rbfmu.ladder import CLOSED, Needs, accepts, closed_forms, rests_on, varying_parameters
 from rbfmu.models import Plan
 from rbfmu.scene import PARAMETERS as SCENE_PARAMETERS
 from rbfmu.scene import Scene, SceneError
+from rbfmu_kernels.pendulum_unit import ORDERS
 
 EXACT = 1e-14
 """The accuracy that closed forms keep."""
@@ -24,7 +25,8 @@ METHODS = {
     "torque-free symmetric body": "elementary functions",
     "torque-free body": "elliptic functions",
 }
-ROTATION_STATES = {"no rotation": 0, "constant rate": 4, "one axis": 2}
+SWING = "one swinging axis"
+ROTATION_STATES = {"no rotation": 0, "constant rate": 4, "one axis": 2, SWING: 2}
 RATE_STATES = {"no rotation": 0, "constant rate": 0, "one axis": 1}
 """Numbers that a small model keeps of the rotation, with and without the attitude; the others 4 and 3."""
 TRANSLATION = ("position", "velocity", "acceleration")
@@ -43,7 +45,7 @@ def plan(scene: Scene, full: bool = False) -> Plan:
         return _integrated(_with_all_outputs(scene), Needs(True, True, True))
     needs = Needs.of(scene)
     exact = closed_forms(scene, needs)
-    found = _closed(scene, exact[0], needs) if exact else _integrated(scene, needs)
+    found = _closed(scene, exact[0], needs) if exact else _swinging(scene, needs) or _integrated(scene, needs)
     smaller = _smaller(scene, found, needs)
     return smaller or replace(found, reasons=(*_left_out(scene, needs, found.model), *found.reasons))
 
@@ -58,6 +60,30 @@ def _closed(scene: Scene, model: str, needs: Needs) -> Plan:
 
 def _left_out(scene: Scene, needs: Needs, model: str) -> tuple[str, ...]:
     return say.what_is_left_out(scene, needs.attitude or model not in CLOSED, needs.rotation, needs.translation)
+
+
+def _swinging(scene: Scene, needs: Needs) -> Plan | None:
+    """One angle under forces fixed in space, by the series of least work that meets the accuracy."""
+    if rests_on(scene, needs)[SWING] & varying_parameters(scene) or not accepts(scene, SWING):
+        return None
+    times, names = Times.of(scene, (1.0,)), ("quaternion", "omega_b")
+
+    def series(order: int, tolerance: float) -> Plan:
+        return Plan(SWING, f"Taylor series of order {order}", _states(SWING, needs), tolerance=tolerance, order=order)
+
+    truth, _ = motion(scene, series(16, 1e-18), times, names)
+    best: tuple[float, Plan] | None = None
+    for order in ORDERS:
+        for tolerance in (scene.run.accuracy * 10.0**-k for k in range(0, 18, 2)):
+            trial = series(order, tolerance)
+            found, substeps = motion(scene, trial, times, names)
+            error = largest_difference(found, truth, names)
+            if error <= scene.run.accuracy / 3.0:
+                work = substeps * (order + 4.0) ** 2
+                if best is None or work < best[0]:
+                    best = work, replace(trial, error=error, reasons=say.why_swinging(scene, trial, error))
+                break
+    return best[1] if best else None
 
 
 def _integrated(scene: Scene, needs: Needs) -> Plan:
@@ -83,12 +109,12 @@ def _smaller(scene: Scene, found: Plan, needs: Needs) -> Plan | None:
     if not needs.rotation or rests_on(scene, needs)["one axis"] & varying_parameters(scene):
         return None
     times, names = Times.of(scene), watched(scene)
-    truth = motion(scene, found, times, tuple(dict.fromkeys((*names, "quaternion", "omega_b"))))
+    truth, _ = motion(scene, found, times, tuple(dict.fromkeys((*names, "quaternion", "omega_b"))))
     bound = (SHARE if found.model not in CLOSED else 1.0) * scene.run.accuracy - EXACT
     for model in _below(found.model):
         if _may_be_close(scene, model, truth, names):
             candidate = Plan(model, METHODS[model], _states(model, needs), held=_held())
-            error = largest_difference(motion(scene, candidate, times, names), truth, names)
+            error = largest_difference(motion(scene, candidate, times, names)[0], truth, names)
             if error <= bound:
                 why = say.why_close(scene, model, found, error, len(times.steps))
                 return replace(candidate, error=error + found.error, reasons=(*_left_out(scene, needs, model), why))

@@ -13,12 +13,9 @@ from .body_memory import PARAMETERS as PARAMETERS
 from .body_memory import (
     body_of,
     first_outputs,
-    has_pivot,
     initialize_body,
     is_as_planned,
     loads_of,
-    moves,
-    principal_frame,
     put_quaternion_at,
     put_rotation,
     put_vec3_at,
@@ -29,13 +26,13 @@ from .body_memory import (
 )
 from .body_memory import outputs as outputs
 from .closed_form import CLOSED_FORM, finish_step, start_clocks, time_after
-from .dynamics import Body, Loads, angular_acceleration
+from .dynamics import angular_acceleration
 from .elementary import sincos
+from .fixed_axis import leaves_axis, main_axis, swing_torque
 from .layout import NOT_REACHED, places
-from .quaternion import compose_quaternions, invert_quaternion, rotate
+from .quaternion import compose_quaternions
 from .rigid_body import damping_torque
-from .shapes import Quaternion, Vec3
-from .vec3 import add, cross, dot, is_nonzero, scale
+from .vec3 import dot, scale
 
 BLOCKS, SIZE = places(CLOSED_FORM | {"q_0": 4, "axis": 3, "rate": 1, "pull": 1, "decay": 1})
 
@@ -51,8 +48,9 @@ def initialize(z: Any) -> int:
     if fault != 0:
         return fault
     (q, omega), body, loads = rotation_of(z), body_of(z), loads_of(z)
-    axis, moment = _main_axis(q, omega, body, loads)
-    if not is_as_planned(z) and _leaves(z, axis, q, omega, body, loads):
+    axis, moment = main_axis(q, omega, body, loads)
+    swing = swing_torque(axis, q, body, loads)
+    if not is_as_planned(z) and (swing[0] != 0.0 or swing[1] != 0.0 or leaves_axis(z, axis, q, omega, body, loads)):
         return _MORE_AXES
     put_quaternion_at(z, _Q_0, q)
     put_vec3_at(z, _AXIS, axis)
@@ -78,29 +76,3 @@ def step(z: Any, h: float) -> int:
         q = compose_quaternions(q, (c, s * axis[0], s * axis[1], s * axis[2]))
     put_rotation(z, q, scale(rate + change * first, axis))
     return finish_step(z, h, body_of(z), loads_of(z))
-
-
-@kernel
-def _main_axis(q: Quaternion, omega: Vec3, body: Body, loads: Loads) -> tuple[Vec3, float]:
-    """The principal axis of most of the rate, or of what begins to turn a body at rest; and its moment."""
-    moments, R = principal_frame(body[1])
-    v = omega if is_nonzero(omega) else angular_acceleration(q, omega, body, loads)
-    e = ((R[0][0], R[1][0], R[2][0]), (R[0][1], R[1][1], R[2][1]), (R[0][2], R[1][2], R[2][2]))
-    x, y, w = abs(dot(e[0], v)), abs(dot(e[1], v)), abs(dot(e[2], v))
-    k = 0 if x >= y and x >= w else (1 if y >= w else 2)
-    return e[k], moments[k]
-
-
-@kernel
-def _leaves(z: Any, axis: Vec3, q: Quaternion, omega: Vec3, body: Body, loads: Loads) -> bool:
-    """Whether anything turns the body about another axis, or pulls harder at another angle."""
-    _, force_a, force_b, torque_a, _ = loads
-    arm, damping_b = body[3], body[4]
-    q_ba = invert_quaternion(q)
-    start = add(omega, angular_acceleration(q, omega, body, loads))
-    across = is_nonzero(cross(axis, start)) or is_nonzero(cross(axis, omega))
-    across = across or is_nonzero(cross(axis, damping_torque(damping_b, axis)))
-    across = across or is_nonzero(cross(axis, rotate(q_ba, torque_a)))
-    lever = is_nonzero(arm) and is_nonzero(force_a)
-    swings = lever and (is_nonzero(cross(axis, arm)) or is_nonzero(cross(axis, rotate(q_ba, force_a))))
-    return across or swings or (is_nonzero(force_b) and moves(z) and not has_pivot(z))
