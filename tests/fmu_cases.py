@@ -72,10 +72,10 @@ def refusals(folder):
             assert instance.setup() == instance.enter() == OK
         if phase == "stepping":
             assert instance.exit() == OK
-        before = _reals(instance)
+        before = _reals(instance, phase)
         status = wrong(instance)
         found[name] = {"status": status, "log": [(s, c and c.decode(), t.decode()) for s, c, t in instance.log]}
-        found[name]["untouched"] = _reals(instance) == before
+        found[name]["untouched"] = _reals(instance, phase) == before
         instance.log.clear()
         if phase == "stepping":
             assert _rows(instance) == expected, name
@@ -87,9 +87,10 @@ def refusals(folder):
     return found
 
 
-def _reals(instance):
+def _reals(instance, phase):
     names = instance.fmu.by_causality
-    return instance.get(*names["parameter"], *names["input"]), instance.outputs()
+    known = instance.get(*names["parameter"], *names["input"])
+    return known + (instance.outputs() if phase != "instantiated" else [])
 
 
 def _bad_parameters(values):
@@ -134,6 +135,7 @@ WRONGS = {
     "output_at_first": ("instantiated", _set({"position[2]": 3.0})),
     "get_unknown": ("stepping", lambda i: i.get_references([0, NO_REFERENCE])[0]),
     "get_just_above": ("stepping", lambda i: i.get_references([i.fmu.references["status"]])[0]),
+    "get_output_at_first": ("instantiated", lambda i: i.get_references([i.fmu.references["position[2]"]])[0]),
     "set_unknown": ("stepping", lambda i: i.set_references([0, NO_REFERENCE], [5.0, 5.0])),
     "get_integer_unknown": ("stepping", lambda i: i.get_integer(0)[0]),
     "step_zero": ("stepping", _step(0.0)),

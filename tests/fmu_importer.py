@@ -12,13 +12,15 @@ OK, WARNING, DISCARD, ERROR, FATAL = range(5)
 LAST_SUCCESSFUL_TIME, TERMINATED = 2, 3
 
 _LOGGER = c.CFUNCTYPE(None, c.c_void_p, c.c_char_p, c.c_int, c.c_char_p, c.c_char_p)
+_ALLOCATE = c.CFUNCTYPE(c.c_void_p, c.c_size_t, c.c_size_t)
+_FREE = c.CFUNCTYPE(None, c.c_void_p)
 
 
 class _Callbacks(c.Structure):
     _fields_ = [
         ("logger", _LOGGER),
-        ("allocate", c.c_void_p),
-        ("free", c.c_void_p),
+        ("allocate", _ALLOCATE),
+        ("free", _FREE),
         ("finished", c.c_void_p),
         ("environment", c.c_void_p),
     ]
@@ -41,8 +43,8 @@ class Fmu:
             if variable.find("Real") is not None:
                 self.by_causality[variable.get("causality")].append(name)
 
-    def instance(self, name="it"):
-        return Instance(self, name)
+    def instance(self, name="it", **options):
+        return Instance(self, name, **options)
 
     def started(self, values=(), name="it"):
         """An instance ready to step."""
@@ -51,20 +53,43 @@ class Fmu:
         return instance
 
 
-class Instance:
-    """Calls return the FMI status unless they say what else; `log` collects (status, category, message)."""
+class Memory:
+    """What an FMU takes through the importer's callbacks: `sizes` by address; nothing above `most` bytes in all."""
 
-    def __init__(self, fmu, name):
+    def __init__(self, most=1 << 30):
+        self.sizes, self.most, self._kept = {}, most, {}
+        self.functions = _ALLOCATE(self._allocate), _FREE(self._free)
+
+    def _allocate(self, count, size):
+        if sum(self.sizes.values()) + count * size > self.most:
+            return None
+        block = c.create_string_buffer(b"\xff" * (count * size), count * size)  # not zero: nobody may rely on it
+        self._kept[c.addressof(block)] = block
+        self.sizes[c.addressof(block)] = count * size
+        return c.addressof(block)
+
+    def _free(self, address):
+        del self.sizes[address], self._kept[address]
+
+
+class Instance:
+    """Calls return the FMI status unless they say what else; `log` collects (status, category, message).
+
+    guid, kind (1: co-simulation), logging: arguments of fmi2Instantiate; memory: a `Memory`, else none is offered.
+    """
+
+    def __init__(self, fmu, name, guid=None, kind=1, logging=1, memory=None):
         self.fmu, self.lib, self.log = fmu, fmu.lib, []
         self._logger = _LOGGER(lambda environment, who, *message: self.log.append(message))
-        self._callbacks = _Callbacks(self._logger, None, None, None, None)
+        self.memory = memory
+        self._callbacks = _Callbacks(self._logger, *(memory.functions if memory else ()))
         uri = (fmu.folder / "resources").as_uri()
-        self.component = c.c_void_p(
-            self.lib.fmi2Instantiate(name.encode(), 1, fmu.guid.encode(), uri.encode(), c.byref(self._callbacks), 0, 1)
-        )
+        arguments = (guid or fmu.guid).encode(), uri.encode(), c.byref(self._callbacks)
+        self.component = c.c_void_p(self.lib.fmi2Instantiate(name and name.encode(), kind, *arguments, 0, logging))
 
-    def setup(self, start=0.0):
-        return self.lib.fmi2SetupExperiment(self.component, 0, c.c_double(0.0), c.c_double(start), 0, c.c_double(0.0))
+    def setup(self, start=0.0, stop=None):
+        times = c.c_double(start), int(stop is not None), c.c_double(stop or 0.0)
+        return self.lib.fmi2SetupExperiment(self.component, 0, c.c_double(0.0), *times)
 
     def enter(self):
         return self.lib.fmi2EnterInitializationMode(self.component)
@@ -99,6 +124,10 @@ class Instance:
             rows.append(self.outputs())
         return rows
 
+    def set_debug_logging(self, on, *categories):
+        names = (c.c_char_p * len(categories))(*(name.encode() for name in categories))
+        return self.lib.fmi2SetDebugLogging(self.component, on, c.c_size_t(len(categories)), names)
+
     def set(self, values):
         """Reals by name, in one call."""
         return self.set_references([self.fmu.references[name] for name in values], list(values.values()))
@@ -118,6 +147,21 @@ class Instance:
         """(status, values)."""
         n, values = len(references), (c.c_double * len(references))()
         status = self.lib.fmi2GetReal(self.component, (c.c_uint * n)(*references), c.c_size_t(n), values)
+        return status, list(values)
+
+    def set_rates(self, values, order=1):
+        """Derivatives of inputs by name, all of one order."""
+        n = len(values)
+        which = (c.c_uint * n)(*(self.fmu.references[name] for name in values))
+        what = (c.c_int * n)(*[order] * n), (c.c_double * n)(*values.values())
+        return self.lib.fmi2SetRealInputDerivatives(self.component, which, c.c_size_t(n), *what)
+
+    def get_rates(self, *names, order=1):
+        """(status, derivatives of outputs)."""
+        n, values = len(names), (c.c_double * len(names))()
+        which = (c.c_uint * n)(*(self.fmu.references[name] for name in names))
+        orders = (c.c_int * n)(*[order] * n)
+        status = self.lib.fmi2GetRealOutputDerivatives(self.component, which, c.c_size_t(n), orders, values)
         return status, list(values)
 
     def outputs(self):
@@ -149,15 +193,26 @@ class Instance:
 
     def state(self):
         """An FMU state."""
-        state = c.c_void_p()
-        assert self.lib.fmi2GetFMUstate(self.component, c.byref(state)) == OK
+        code, state = self.new_state()
+        assert code == OK
         return state
+
+    def new_state(self):
+        """(status, state)."""
+        state = c.c_void_p()
+        return self.lib.fmi2GetFMUstate(self.component, c.byref(state)), state
+
+    def state_into(self, state):
+        """What becomes of a state's pointer where the state is to be overwritten."""
+        given = c.c_void_p(state.value)
+        assert self.lib.fmi2GetFMUstate(self.component, c.byref(given)) == OK
+        return given
 
     def restore(self, state):
         return self.lib.fmi2SetFMUstate(self.component, state)
 
     def free_state(self, state):
-        return self.lib.fmi2FreeFMUstate(self.component, c.byref(state))
+        return self.lib.fmi2FreeFMUstate(self.component, c.byref(c.c_void_p(state.value)))
 
     def serialized(self, state):
         """The state's bytes."""

@@ -22,7 +22,8 @@ from rbfmu_fmu.description import describe
 
 TESTS = Path(__file__).parent
 ROOT = TESTS.parent
-BRICK = ROOT / "examples" / "scenes" / "tumbling_brick.toml"
+SCENES = ROOT / "examples" / "scenes"
+BRICK = SCENES / "tumbling_brick.toml"
 TRIAXIAL = [[1.0, 0.1, -0.05], [0.1, 2.0, 0.2], [-0.05, 0.2, 2.5]]
 ALL_PORTS = ["force_a", "force_b", "torque_a", "torque_b"]
 RUN = {"stop": 100.0, "step": 0.01, "accuracy": 1e-3}
@@ -69,12 +70,17 @@ def workshop():
     """A folder for the session."""
     folder = Path(tempfile.mkdtemp(prefix="rbfmu-tests-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    (folder / "python").mkdir()
+    (folder / "native").mkdir()
     return folder
 
 
 @cache
 def scene(name):
-    return load_scene(BRICK) if name == "brick" else Scene.from_dict({"name": name} | TABLES[name])
+    """One of the tables above, or of the shipped scenes by its file's name."""
+    if name in TABLES:
+        return Scene.from_dict({"name": name} | TABLES[name])
+    return load_scene(BRICK if name == "brick" else SCENES / f"{name}.toml")
 
 
 @cache
@@ -82,10 +88,9 @@ def planned(name):
     return plan(scene(name))
 
 
-@cache
-def built(name):
+def built(name, kind="python"):
     """The FMU's file."""
-    return rbfmu_fmu.build(scene(name), workshop() / f"{name}.fmu")
+    return unzipped(name, kind).with_suffix(".fmu")
 
 
 def unzipped_at(path, folder):
@@ -94,21 +99,35 @@ def unzipped_at(path, folder):
     return folder
 
 
-@cache
-def unzipped(name):
+def unzipped(name, kind="python"):
     """The FMU's folder."""
-    return unzipped_at(built(name), workshop() / name)
+    return opened(name, kind).folder
 
 
 def copied(name, folder):
-    """A copy of the FMU's folder, to spoil."""
+    """A copy of the pythonfmu FMU's folder, to spoil."""
     return Path(shutil.copytree(unzipped(name), folder))
 
 
-@cache
-def opened(name):
+def opened(name, kind="python"):
     """The FMU's library in this process."""
-    return Fmu(unzipped(name))
+    return _opened(name, kind)
+
+
+@cache
+def _opened(name, kind):
+    path = rbfmu_fmu.build(scene(name), workshop() / kind / f"{name}.fmu", kind=kind)
+    return Fmu(unzipped_at(path, path.with_suffix("")))
+
+
+def native(name="driven"):
+    """The native FMU's library."""
+    return opened(name, "native")
+
+
+def started(values=(), name="driven"):
+    """An instance of a native FMU that is ready to step."""
+    return native(name).started(values)
 
 
 class Kernels:
@@ -136,7 +155,7 @@ class Kernels:
 
 def signal(name, steps, seed=1, held=10):
     """Piecewise-constant inputs: a dict for every step."""
-    names = opened(name).by_causality["input"]
+    names = [v.name for v in describe(scene(name), planned(name)).variables if v.causality == "input"]
     levels = np.random.default_rng(seed).normal(size=(-(-steps // held), len(names)))
     return [dict(zip(names, levels[k // held].tolist(), strict=True)) for k in range(steps)]
 

@@ -17,7 +17,7 @@ from fmu_importer import DISCARD, FATAL
 from fmus import TESTS, built, copied, opened, planned, run_case, scene, unzipped, unzipped_at
 
 import rbfmu_fmu
-from rbfmu_fmu import python_fmu
+from rbfmu_fmu import archive, python_fmu
 from rbfmu_fmu.object_code import object_code
 from rbfmu_fmu.python_fmu import build_python_fmu
 
@@ -42,6 +42,7 @@ NAMED = {
     "output_at_first": "output position[2] cannot be set before initialisation",
     "get_unknown": "value reference 4294967295 is no Real",
     "get_just_above": "is no Real",
+    "get_output_at_first": "outputs have no values before initialisation",
     "set_unknown": "value reference 4294967295 is no Real",
     "get_integer_unknown": "value reference 0 is no Integer",
     "step_zero": "by 0.0 s refused",
@@ -179,7 +180,7 @@ def other_kernels(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         sources = python_fmu.kernel_sources() | {"attitude_unit.py": text.encode()}
         patch.setattr(python_fmu, "kernel_sources", lambda: sources)
-        patch.setattr(python_fmu, "object_code", lambda unit: object_code(other))
+        patch.setattr(python_fmu, "object_code", lambda unit, platform: object_code(other, platform))
         path = build_python_fmu(*place, tmp_path_factory.mktemp("other") / "prescribed.fmu")
     return unzipped_at(path, path.parent / "unzipped")
 
@@ -315,15 +316,15 @@ sys.path[:0] = sys.argv[2:]
 {before}
 from pathlib import Path
 import fmus, rbfmu_fmu
-path = rbfmu_fmu.build(fmus.scene("prescribed"), Path(sys.argv[1]))
+path = rbfmu_fmu.build(fmus.scene("prescribed"), Path(sys.argv[1]), "{kind}")
 print(hashlib.sha256(path.read_bytes()).hexdigest())
 """
 
 
-def build_elsewhere(path, before="", **environment):
+def build_elsewhere(path, before="", kind="python", **environment):
     """Build in a process of its own; its hash, or what it ended with."""
     roots = [str(TESTS.parent / part) for part in (".", "kernels", "fmu_build", "tests")]
-    command = [sys.executable, "-c", BUILD.format(before=before), str(path), *roots]
+    command = [sys.executable, "-c", BUILD.format(before=before, kind=kind), str(path), *roots]
     done = subprocess.run(command, env=os.environ | environment, capture_output=True, text=True, timeout=120)
     return done.stdout.strip() or done.returncode
 
@@ -361,7 +362,7 @@ def test_a_killed_build_leaves_the_file_that_was_there(before, tmp_path):
 
 
 def test_a_build_that_fails_leaves_nothing(tmp_path, monkeypatch):
-    monkeypatch.setattr(python_fmu.os, "replace", lambda *paths: (_ for _ in ()).throw(OSError("disk full")))
+    monkeypatch.setattr(archive.os, "replace", lambda *paths: (_ for _ in ()).throw(OSError("disk full")))
     with pytest.raises(OSError, match="disk full"):
         rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu")
     assert list(tmp_path.iterdir()) == []

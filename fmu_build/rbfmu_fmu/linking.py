@@ -1,10 +1,10 @@
 """A shared library from C and an object file: by the machine's own C compiler, or by ziglang for any platform."""
 
-import importlib.util
 import shutil
 import struct
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 from rbfmu_fmu.platforms import BuildError, Platform, this_platform
@@ -42,7 +42,7 @@ def compiler(platform: Platform) -> list[str]:
     own = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
     if own and sys.platform != "win32" and platform == this_platform():
         return [own, "-Wl,-z,noseparate-code"] if platform.suffix == ".so" else [own]  # 8 kB less
-    if importlib.util.find_spec("ziglang"):
+    if find_spec("ziglang"):
         return [sys.executable, "-m", "ziglang", "cc", "-target", platform.zig]
     remedy = 'pip install "rbfmu[native]" (ziglang, compiles for every platform)'
     own_remedy = ", or a C compiler on PATH (cc, gcc or clang)" if platform == this_platform() else ""

@@ -15,9 +15,7 @@ from rbfmu_fmu.description import LOG_CATEGORIES, Description, describe, model_d
 from rbfmu_fmu.linking import FLAGS, link, universal
 from rbfmu_fmu.object_code import object_code
 from rbfmu_fmu.platforms import Platform, platform_named, this_platform
-
-HELD = "this FMU's model was planned for %s here; list \"%s\" under parameters in the scene's [inputs] to vary it"
-"""Why a parameter must keep its value, with that value and the parameter's block."""
+from rbfmu_fmu.slave_access import HELD
 
 HEADERS = Path(fmpy.__file__).parent / "c-code"
 """FMI's own, as FMPy ships them."""

@@ -16,6 +16,7 @@ from pythonfmu import Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
 from .slave_access import (
+    HELD,
     INITIALIZING,
     INSTANTIATED,
     PHASES,
@@ -51,7 +52,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         inputs, self._first_input = access.input_struct
         outputs, self._first_output = access.output_struct
         self._pack_inputs, self._unpack_outputs = inputs.pack_into, outputs.unpack_from
-        self._phase, self._status, self._stale = INSTANTIATED, FINE, False
+        self._phase, self._status, self._stale = INSTANTIATED, FINE, True
         _LIVE.add(self)
         if self.instance_name != "dummyInstance":  # what pythonfmu's builder makes
             _forget_path(kwargs["resources"])
@@ -100,7 +101,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
                     self._settable(r)
                 for r, value in zip(references, values, strict=True):
                     self._z[self.access.offsets[r]] = value
-            self._stale = self._phase != INSTANTIATED
+            self._stale = True
         except BaseException as error:
             raise self._survivable("fmi2SetReal", error) from None
 
@@ -156,6 +157,8 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
                 raise ValueError(f"{self.access.names[r]} = {value!r}: expected a finite number")
 
     def _refresh(self) -> None:
+        if self._phase == INSTANTIATED:
+            raise RuntimeError(f"outputs have no values {PHASES[self._phase]}")
         if self._phase == INITIALIZING:
             self._initialize_or_refuse()
         else:
@@ -172,7 +175,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         if self._phase != INSTANTIATED:
             error = RuntimeError(f"initialisation cannot begin {PHASES[self._phase]}")
             raise self._survivable("fmi2EnterInitializationMode", error)
-        self._phase, self._stale = INITIALIZING, True
+        self._phase = INITIALIZING
 
     def exit_initialization_mode(self) -> None:
         """Check every parameter, set the state and the first outputs."""
@@ -186,6 +189,9 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
             raise self._survivable("fmi2ExitInitializationMode", error) from None
 
     def _initialize_or_refuse(self) -> None:
+        for name, offset, planned, block in self.access.held:
+            if self._z[offset] != planned:
+                raise ValueError(HELD % (name, self._z[offset], planned, block))
         fault = self._initialize(self._where)
         if fault:
             block, expected = self.access.description["faults"][str(fault)]

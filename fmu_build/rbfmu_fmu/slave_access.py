@@ -18,6 +18,11 @@ from typing import Any, NamedTuple
 PHASES = "before initialisation", "in initialisation", "while stepping", "after termination"
 INSTANTIATED, INITIALIZING, STEPPING, TERMINATED = range(len(PHASES))
 
+HELD = (
+    "%s = %s: this FMU's model was planned for %s here; list \"%s\" under parameters in the scene's [inputs] to vary it"
+)
+"""Refuses a parameter: its name, its value, the planned value, its block."""
+
 _OWNERS: list[Any] = []  # of loaded code
 _LIBRARIES: set[str] = set()  # of pythonfmu's, that this FMU was loaded from
 
@@ -45,6 +50,7 @@ class Access:
         self.inputs = [r for r, c in enumerate(self.causality) if c == "input"]
         self.outputs = [r for r, c in enumerate(self.causality) if c == "output"]
         self.settable = {r for r, c in enumerate(self.causality) if c != "output"}
+        self.held = [(v["name"], v["offset"], v["start"], v["block"]) for v in variables if v["held"]]
         self.input_struct = _struct([self.offsets[r] for r in self.inputs])
         self.output_struct = _struct([self.offsets[r] for r in self.outputs])
         start = self.description["start_buffer"]

@@ -143,6 +143,7 @@ static void begin(State *s) {
     s->time = START_TIME;
     s->stop = INFINITY;
     s->mode = INSTANTIATED;
+    s->stale = 1;
     memcpy(s->z, START, sizeof START);
 }
 
@@ -227,7 +228,6 @@ fmi2Status fmi2EnterInitializationMode(fmi2Component c) {
     Instance *m = c;
     if (!allowed(m, "fmi2EnterInitializationMode", INSTANTIATED, "initialisation cannot begin")) return fmi2Error;
     m->now.mode = INITIALIZING;
-    m->now.stale = 1;
     return fmi2OK;
 }
 
@@ -235,7 +235,7 @@ static int held(Instance *m, const char *call) {
     for (int r = 0; r < REALS; r++) {
         double planned = START[OFFSETS[r]], value = m->now.z[OFFSETS[r]];
         if (VARIABLES[r].held && value != planned) {
-            refuse(m, call, "%s = %s: " HELD, VARIABLES[r].name, number(value).text, number(planned).text,
+            refuse(m, call, HELD, VARIABLES[r].name, number(value).text, number(planned).text,
                    VARIABLES[r].block);
             return 0;
         }
@@ -336,7 +336,7 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference r[], size_t n, 
     for (size_t i = 0; i < n; i++)
         if (!settable(m, call, r[i], values[i])) return fmi2Error;
     for (size_t i = 0; i < n; i++) m->now.z[OFFSETS[r[i]]] = values[i];
-    m->now.stale = m->now.mode != INSTANTIATED;
+    m->now.stale = 1;
     return fmi2OK;
 }
 
