@@ -23,6 +23,7 @@ arm_force: the forces at o, free; with a pivot the weight, which acts at c (the 
 """
 Course = tuple[Loads, Loads, Loads]
 """Loads, their first and their second time derivatives at the beginning of a step."""
+NO_LOADS: Loads = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 @kernel
@@ -77,8 +78,13 @@ def loads_after(course: Course, t: float) -> Loads:
 @kernel
 def course_after(course: Course, t: float) -> Course:
     """The course of the loads from a time t on."""
-    nothing = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    return loads_after(course, t), loads_after((course[1], course[2], nothing), t), course[2]
+    return loads_after(course, t), loads_after((course[1], course[2], NO_LOADS), t), course[2]
+
+
+@kernel
+def steady(loads: Loads) -> Course:
+    """The course of loads that stay as they are."""
+    return loads, NO_LOADS, NO_LOADS
 
 
 @kernel

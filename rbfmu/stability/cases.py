@@ -7,7 +7,7 @@ import numpy as np
 from rbfmu.contestants import CONTESTANTS, Contestant, compiled_loop
 from rbfmu_kernels import dop853, kicked_top
 from rbfmu_kernels._kernel import kernel
-from rbfmu_kernels.dynamics import Body, Loads, State
+from rbfmu_kernels.dynamics import Body, Loads, State, steady
 from rbfmu_kernels.free_rotation import free_rotation
 from rbfmu_kernels.inertia import diagonal, inverse_inertia
 from rbfmu_kernels.quaternion import angle_between
@@ -94,7 +94,7 @@ def one_step(method: str) -> Any:
 def _dop853_step(state: State, h: float, body: Body, loads: Loads) -> State:
     z = np.zeros(dop853.STATE + dop853.WORK)
     z[0:4], z[4:7] = state[2], state[3]
-    dop853.dop853_step(z, 0, dop853.STATE, dop853.ROTATION, h, body, loads)
+    dop853.dop853_step(z, 0, dop853.STATE, dop853.ROTATION, 0.0, h, body, steady(loads))
     after = z[dop853.STATE :].tolist()
     return at(tuple(after[0:4]), tuple(after[4:7]))
 
