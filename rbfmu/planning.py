@@ -42,7 +42,7 @@ def plan(scene: Scene, full: bool = False) -> Plan:
     if "omega_b" in scene.inputs.ports:
         return Plan("prescribed rates", "exact rotation", 4, reasons=(say.PRESCRIBED,))
     if full:
-        return _integrated(_with_all_outputs(scene), Needs(True, True, True))
+        return _integrated(with_all_outputs(scene), Needs(True, True, True), kicks=False)
     needs = Needs.of(scene)
     exact = closed_forms(scene, needs)
     found = _closed(scene, exact[0], needs) if exact else _swinging(scene, needs) or _integrated(scene, needs)
@@ -86,9 +86,10 @@ def _swinging(scene: Scene, needs: Needs) -> Plan | None:
     return best[1] if best else None
 
 
-def _integrated(scene: Scene, needs: Needs) -> Plan:
+def _integrated(scene: Scene, needs: Needs, kicks: bool = True) -> Plan:
     states = _states("body under loads", needs)
-    return cheapest_fit(scene, Plan("body under loads", "DOP853", states, tolerance=scene.run.accuracy))
+    found = cheapest_fit(scene, Plan("body under loads", "DOP853", states, tolerance=scene.run.accuracy), kicks)
+    return replace(found, held=_held()) if found.model == "symmetric top" else found
 
 
 def _states(model: str, needs: Needs) -> int:
@@ -97,7 +98,8 @@ def _states(model: str, needs: Needs) -> int:
     return rotation + (6 if needs.translation else 0)
 
 
-def _with_all_outputs(scene: Scene) -> Scene:
+def with_all_outputs(scene: Scene) -> Scene:
+    """The scene with every quantity asked for."""
     return Scene.from_dict({k: v for k, v in scene.to_dict().items() if k != "outputs"}, scene.name)
 
 
