@@ -52,6 +52,12 @@ def mean_rates(t: float, h: float) -> Any:
     return np.array([*(sine * chord), -CONING * (1.0 - math.cos(CONE))])
 
 
+def coning_drift(t: Any, h: float) -> Any:
+    """The classical formula for what mean rates over steps of h lose while a gyro cones, rad."""
+    turn = CONING * h
+    return 0.5 * CONING * math.sin(CONE) ** 2 * (1.0 - math.sin(turn) / turn) * t
+
+
 def control(now: dict[str, Any]) -> Any:
     """The torque of examples/04_controlled.py's PD law."""
     q, omega = now["quaternion"], now["omega_b"]
