@@ -1,8 +1,8 @@
 """Makes an array function (a NumPy gufunc with fixed core sizes) from a scalar kernel's one definition.
 
-The loop is generated as source and compiled by `numba.cfunc` at the first call. LLVM vectorises it over items:
-directly where items are short and contiguous; all else (matrices, broadcasting, slices, transposes) goes through
-a small tile on the stack in which a number's values for successive items are neighbours.
+The loop is generated as source and compiled by `numba.cfunc` at the first call. It takes sixteen items at a time to a
+tile, where LLVM vectorises over items: by transposing vectors where items are packed in memory (or are one item,
+broadcast), number by number where they are not (slices, transposes).
 """
 
 import inspect
@@ -15,13 +15,11 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
-from numba import carray, cfunc, config, float64, intp, types
-from numba.core import cgutils
-from numba.extending import intrinsic
+from numba import cfunc, config, float64, intp, types
 from numba.np.ufunc import _internal  # type: ignore[attr-defined]
 
 from ._kernel import SOURCES
+from ._tile import ITEMS, address, from_tile, in_vectors, item_from_tile, item_to_tile, read, tile_of, to_tile, write
 from .shapes import Shape, shape_of, shapes_of_result
 
 _LOOP_SIGNATURE = types.void(
@@ -29,44 +27,12 @@ _LOOP_SIGNATURE = types.void(
 )
 _clear_float_flags = types.ExternalFunction("feclearexcept", types.int32(types.int32))
 _raise_float_flags = types.ExternalFunction("feraiseexcept", types.int32(types.int32))
-_TILE = 32  # items
 _DIVISION_BY_ZERO = 0x04 if platform.machine() in ("x86_64", "AMD64") else 0x02  # FE_DIVBYZERO
 _ALL_FLAGS = 0x3D  # FE_ALL_EXCEPT of x86; its bits contain those of the other platforms
-
-
-@intrinsic  # type: ignore[untyped-decorator]
-def _at(typingctx: Any, pointer: Any, offset: Any) -> Any:
-    """The address `offset` bytes after a double*."""
-    signature = types.CPointer(float64)(types.CPointer(float64), intp)
-
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return cgutils.pointer_add(builder, args[0], args[1])
-
-    return signature, generate
-
-
-@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
-def _scratch(typingctx: Any, size: Any) -> Any:
-    """Address of `size` (a literal) doubles on the stack."""
-    signature = types.CPointer(float64)(size)
-
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        array = cgutils.alloca_once(builder, ir.ArrayType(ir.DoubleType(), size.literal_value))
-        array.align = 64
-        return builder.bitcast(array, ir.DoubleType().as_pointer())
-
-    return signature, generate
-
-
-@intrinsic  # type: ignore[untyped-decorator]
-def _scalar(typingctx: Any) -> Any:
-    """An empty instruction that keeps LLVM from vectorising a copying loop: its gathers and scatters are slow."""
-
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        builder.asm(ir.FunctionType(ir.VoidType(), []), "", "~{memory}", [], True)
-        return context.get_dummy_value()
-
-    return types.void(), generate
+_NAMES = {
+    f.__name__: f for f in (address, tile_of, to_tile, from_tile, item_to_tile, item_from_tile, read, write, in_vectors)
+}
+_NAMES |= {"raise_float_flags": _raise_float_flags, "clear_float_flags": _clear_float_flags}
 
 
 @cache
@@ -98,9 +64,7 @@ def gufunc(kernel: Callable[..., Any], *constants: int, singular: Callable[..., 
     checked = len(_argument_shapes(singular)) if singular else 0
     source = _loop_source(name, constants, [*arguments.values()], results, checked)
     filename = inspect.getfile(python_function(kernel))  # so that the cache is kept beside the kernel's
-    scope: dict[str, Any] = {"__name__": python_function(kernel).__module__, "carray": carray, "kernel": kernel}
-    scope |= {"singular": singular, "raise_float_flags": _raise_float_flags}
-    scope |= {"_at": _at, "_scratch": _scratch, "_scalar": _scalar, "clear_float_flags": _clear_float_flags}
+    scope = {"__name__": python_function(kernel).__module__, "kernel": kernel, "singular": singular, **_NAMES}
     exec(compile(source, filename, "exec"), scope)
     loop = scope[_loop_name(name, constants)]
     options = {"error_model": "numpy", "nopython": True}
@@ -128,86 +92,89 @@ def _loop_name(name: str, constants: tuple[int, ...]) -> str:
 def _loop_source(
     name: str, constants: tuple[int, ...], arguments: list[Shape], results: list[Shape], checked: int
 ) -> str:
-    """The loop over items. Operands of up to 4 contiguous numbers are vectorised as they lie in memory.
-
-    checked: how many arguments `singular` takes (0: there is nothing to check).
-    """
+    """The loop over items. checked: how many arguments `singular` takes (0: there is nothing to check)."""
     operands = _operands(arguments + results)
-    inputs = len(arguments)
-    lines = [f"def {_loop_name(name, constants)}(args, dims, steps, data):", "    n = dims[0]"]
-    lines += [f"    p{o.k} = args[{o.k}]; s{o.k} = steps[{o.k}]" for o in operands]
-
-    fixed = [*map(str, constants)]
+    inputs, outputs = operands[: len(arguments)], operands[len(arguments) :]
+    compute = _computation([*map(str, constants)], inputs, outputs, checked)
+    lines = ["n, start, found, m = dims[0], 0, 0, ITEMS"]
+    lines += [f"p{o.k} = args[{o.k}]; s{o.k} = steps[{o.k}]; c{o.k} = {o.strides()}" for o in operands]
+    lines += [f"tile = tile_of({sum(o.size for o in operands)})"]
+    lines += [*_packed_items(inputs, outputs, compute), *_any_items(inputs, outputs, compute)]
     # Branch-free code evaluates what it does not select; its flags would become NumPy warnings.
-    end = [f"clear_float_flags({_ALL_FLAGS})"]
-    if checked:
-        lines.append("    found = 0")
-        end += ["if found > 0:", f"    raise_float_flags({_DIVISION_BY_ZERO})"]
-
-    def body(cells: list[str]) -> list[str]:
-        call = f"{', '.join(cells[inputs:])} = kernel({', '.join([*fixed, *cells[:inputs]])})"
-        test = f"found += 1 if singular({', '.join([*fixed, *cells[:checked]])}) else 0"
-        return [test, call] if checked else [call]
-
-    leaves_gaps = bool(constants and checked)  # rates of Euler angles leave one out: LLVM would gather, slow in memory
-    if all(o.size <= 4 for o in operands) and not leaves_gaps:
-        lines.append(f"    if {' and '.join(condition for o in operands for condition in o.contiguity())}:")
-        lines += [f"        a{o.k} = carray(p{o.k}, (n, {o.size}))" for o in operands]
-        lines.append("        for i in range(n):")
-        lines += ["            " + line for line in body([o.cells(o.in_array) for o in operands])]
-        lines += ["        " + line for line in [*end, "return"]]
-    cells_of_tile = _TILE * sum(o.size for o in operands)
-    lines += [f"    c{o.k}_{axis} = steps[{axis}]" for o in operands for axis in o.axes]
-    lines.append(f"    tile = carray(_scratch({cells_of_tile}), ({cells_of_tile},))")
-    lines += [f"    for start in range(0, n, {_TILE}):", f"        m = min({_TILE}, n - start)"]
-    for o in operands[:inputs]:
-        lines += _per_item([f"{o.in_tile(index)} = {o.strided(index)}" for index in np.ndindex(*o.shape)])
-    lines.append("        for i in range(m):")
-    lines += ["            " + line for line in body([o.cells(o.in_tile) for o in operands])]
-    for o in operands[inputs:]:
-        lines += _per_item([f"{o.strided(index)} = {o.in_tile(index)}" for index in np.ndindex(*o.shape)])
-    return "\n".join([*lines, *("    " + line for line in end)]) + "\n"
+    lines += [f"clear_float_flags({_ALL_FLAGS})"]
+    lines += [f"if found > 0: raise_float_flags({_DIVISION_BY_ZERO})"] if checked else []
+    header = f"def {_loop_name(name, constants)}(args, dims, steps, data):"
+    return "\n".join([header, *_indented(1, lines)]).replace("ITEMS", str(ITEMS)) + "\n"
 
 
-def _per_item(moves: list[str]) -> list[str]:
-    return ["        for i in range(m):", *("            " + move for move in moves), "            _scalar()"]
+def _computation(fixed: list[str], inputs: list["_Operand"], outputs: list["_Operand"], checked: int) -> list[str]:
+    """From the tile's item i to the tile."""
+    items = [f"read(address(tile, 8 * i), {o.row}, {o.shape})" for o in inputs]
+    parts = [f"r[{n}]" for n in range(len(outputs))] if len(outputs) > 1 else ["r"]
+    check = [f"found += 1 if singular({', '.join([*fixed, *items[:checked]])}) else 0"] if checked else []
+    call = f"r = kernel({', '.join([*fixed, *items])})"
+    writes = [f"write(address(tile, 8 * i), {o.row}, {o.shape}, {r})" for o, r in zip(outputs, parts, strict=True)]
+    return [*check, call, *writes]
+
+
+def _packed_items(inputs: list["_Operand"], outputs: list["_Operand"], compute: list[str]) -> list[str]:
+    """Whole tiles of items that are packed in memory, or one item for all."""
+    lines = [f"if {' and '.join([*(o.packed_or_one() for o in inputs), *(o.packed() for o in outputs)])}:"]
+    for o in inputs:
+        lines += [f"    if s{o.k} == 0:", *_indented(2, o.moves("item_to_tile"))]
+    lines += ["    while start + ITEMS <= n:"]
+    lines += [f"        if s{o.k} != 0: {o.move('to_tile')}" for o in inputs]
+    lines += ["        for i in range(ITEMS):", *_indented(3, [*compute, "in_vectors()"])]
+    lines += [f"        {o.move('from_tile')}" for o in outputs]
+    return [*lines, "        start += ITEMS"]
+
+
+def _any_items(inputs: list["_Operand"], outputs: list["_Operand"], compute: list[str]) -> list[str]:
+    """The rest, anywhere in memory."""
+    lines = ["while start < n:", "    m = min(ITEMS, n - start)"]
+    lines += _indented(1, [line for o in inputs for line in o.moves("item_to_tile")])
+    lines += ["    for i in range(m):", *_indented(2, compute)]
+    lines += _indented(1, [line for o in outputs for line in o.moves("item_from_tile")])
+    return [*lines, "    start += ITEMS"]
+
+
+def _indented(levels: int, lines: list[str]) -> list[str]:
+    return ["    " * levels + line for line in lines]
 
 
 @dataclass(frozen=True)
 class _Operand:
-    """Argument or result k of a loop: the source text of its cells, as they lie in memory and in the tile."""
+    """Argument or result k of a loop, as source text."""
 
     k: int
     shape: Shape
     axes: range  # where `steps` has the strides of its core axes
-    first_row: int  # in the tile
+    row: int  # its first in the tile
 
     @property
     def size(self) -> int:
         return math.prod(self.shape)
 
-    def contiguity(self) -> list[str]:
-        rows = [8 * math.prod(self.shape[i + 1 :]) for i in range(len(self.shape))]
-        return [f"s{self.k} == {8 * self.size}"] + [f"steps[{a}] == {r}" for a, r in zip(self.axes, rows, strict=True)]
+    def packed(self) -> str:
+        strides = [8 * math.prod(self.shape[i + 1 :]) for i in range(len(self.shape))]
+        core = [f" and c{self.k}[{n}] == {stride}" for n, stride in enumerate(strides)]
+        return f"s{self.k} == {8 * self.size}" + "".join(core)
 
-    def _flat(self, index: Shape) -> int:
-        return sum(i * math.prod(self.shape[axis + 1 :]) for axis, i in enumerate(index))
+    def packed_or_one(self) -> str:
+        return f"(s{self.k} == 0 or {self.packed()})"
 
-    def in_array(self, index: Shape) -> str:
-        return f"a{self.k}[i, {self._flat(index)}]"
+    def strides(self) -> str:
+        return "(" + "".join(f"steps[{axis}], " for axis in self.axes) + ")"
 
-    def in_tile(self, index: Shape) -> str:
-        return f"tile[{_TILE * (self.first_row + self._flat(index))} + i]"
+    def move(self, function: str) -> str:
+        """A tile's items, packed in memory."""
+        return f"{function}(tile, address(p{self.k}, start * {8 * self.size}), {self.row}, {self.size})"
 
-    def strided(self, index: Shape) -> str:
-        terms = [f"{i} * c{self.k}_{axis}" for i, axis in zip(index, self.axes, strict=True)]
-        return f"_at(p{self.k}, {' + '.join([f'(start + i) * s{self.k}', *terms])})[0]"
-
-    def cells(self, cell: Callable[[Shape], str], index: Shape = ()) -> str:
-        """A (nested) tuple of cells, such as `(a0[i, 0], a0[i, 1], a0[i, 2])`."""
-        if len(index) == len(self.shape):
-            return cell(index)
-        return "(" + ", ".join(self.cells(cell, (*index, i)) for i in range(self.shape[len(index)])) + ")"
+    def moves(self, function: str) -> list[str]:
+        """A tile's items, anywhere in memory."""
+        item = f"address(p{self.k}, (start + i) * s{self.k})"
+        call = f"{function}(address(tile, 8 * i), {item}, {self.row}, {self.shape}, c{self.k})"
+        return ["for i in range(m):", f"    {call}"]
 
 
 def _operands(shapes: list[Shape]) -> list[_Operand]:
