@@ -1,22 +1,23 @@
 """The method and its step or tolerance that meet a scene's accuracy at the least cost, found by pilot runs."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
 from rbfmu.measures import largest_error
 from rbfmu.models import Plan
-from rbfmu.pilot import Motion, pilot_run, references
+from rbfmu.pilot import communication_steps, pilot_run, references, substeps_taken
 from rbfmu.scene import Scene, SceneError
 from rbfmu.unit import filled_buffer, initialize
 from rbfmu_kernels.body_memory import body_of, loads_of
 from rbfmu_kernels.kicked_top import is_symmetric_top, resonant_step
+from rbfmu_kernels.taylor import MOST_ORDER
 
 TIGHTEST = 1e-15
 """The smallest tolerance that double precision serves."""
-LEAST_ORDER_OF_PORTS = 8
-"""Of series: pilot runs do not see what comes through ports."""
+LEAST_ORDER_OF_INPUTS = 8
+"""Of series: pilot runs do not see what comes through ports, or what parameters are set to."""
 TAYLOR_COSTS = {
     6: (163.0, 259.0, 237.0), 8: (181.0, 306.0, 257.0), 10: (224.0, 386.0, 324.0), 12: (267.0, 466.0, 394.0),
     14: (314.0, 582.0, 477.0), 16: (347.0, 656.0, 516.0), 18: (396.0, 750.0, 589.0), 20: (468.0, 878.0, 682.0),
@@ -42,45 +43,190 @@ class _Family:
 @dataclass(frozen=True)
 class _Fit:
     plan: Plan
-    value: float
     error: float
     cost: float
 
 
-def cheapest_fit(scene: Scene, general: Plan) -> Plan:
+def cheapest_fit(scene: Scene, general: Plan, kicks: bool = True) -> Plan:
     """DOP853, Taylor series of some order, or kicks for a symmetric top: the cheapest that meets the accuracy.
 
-    general: the plan for a body under loads, whose method and settings are to be found.
+    general: the plan for a body under loads, whose method and settings are to be found; kicks: whether they may be.
     """
-    return _Search(scene, general).plan()
+    return _Search(scene, general).plan(kicks)
 
 
 class _Search:
-    """Pilot runs of one scene, judged by the same references; what was found so far."""
+    """Pilot runs of one scene, judged by the same references, and the best that they found."""
 
     def __init__(self, scene: Scene, general: Plan) -> None:
-        self.scene, self.general, self.best = scene, general, None
-        self.accuracy, self.ports = scene.run.accuracy, bool(scene.inputs.ports)
-        self.known = not self.ports and not scene.inputs.parameters
-        self.kind = _kind(scene)
-        tightest = replace(_series(general, 20, 0.0), tolerance=1e-3 * min(TIGHTEST, self.accuracy))
-        self.references: list[Motion] = references(scene, tightest)
+        self.scene, self.general = scene, general
+        self.accuracy = scene.run.accuracy
+        self.known = not scene.inputs.ports and not scene.inputs.parameters
+        self.steps = communication_steps(scene)
+        self.best: _Fit | None = None
+        self.shares = _load_shares(scene, general)
+        self.references = references(scene, _series(general, MOST_ORDER - 4, 1e-3 * TIGHTEST))
 
-    best: _Fit | None
-
-    def plan(self) -> Plan:
+    def plan(self, kicks: bool) -> Plan:
         """The cheapest plan; SceneError where none is accurate enough."""
         apart = largest_error(*self.references)
         if apart > self.accuracy / 3.0:
             raise self._out_of_reach(apart)
-        start = self._series()
-        others = [_Family(partial(_controlled, self.general), 1.0, self._cost(DOP853_COSTS))]
+        self._fit_series()
+        self._fit(self._family(partial(_controlled, self.general), 1.0, DOP853_COSTS), self.accuracy / 8.0)
         if self.known:
-            others += [_Family(partial(_uncontrolled, self.general), 0.125, self._cost(UNCONTROLLED_COSTS))]
-            others += _kicks(self.scene, self.general)
-        for family in others:
-            self._fit(family, start)
+            self._fit_uncontrolled()
+            if kicks:
+                self._fit_kicks()
         assert self.best
         if self.best.error > self.accuracy / 3.0:
             raise self._out_of_reach(self.best.error)
         return self._explained(self.best)
+
+    def _out_of_reach(self, error: float) -> SceneError:
+        expected = f"expected one that this scene can meet; the methods here reach {3.0 * error:.1e} here"
+        return SceneError(f"run.accuracy = {self.accuracy!r}: {expected}", self.scene.name)
+
+    def _explained(self, best: _Fit) -> Plan:
+        found = best.plan
+        how = f"at tolerance {found.tolerance:.1e}" if found.tolerance else f"in steps of {found.substep:.3g} s"
+        judges = "two of Taylor series in half the steps, begun a round-off away to either side"
+        reason = f"{found.method} {how}: error {best.error:.1e} in a pilot run, against {judges}"
+        if self.known:
+            return replace(found, error=best.error, reasons=(reason,))
+        run = self.scene.run
+        share = max(min(found.tolerance, self.accuracy * run.step / (run.stop - run.start)), TIGHTEST)
+        held = (
+            f"inputs: each substep's estimated error at most {share:.1e}, a communication step's share of the accuracy"
+        )
+        return replace(self._cheapest_at(share), error=best.error, reasons=(reason, held))
+
+    # Families
+
+    def _family(self, plan_of: Callable[[float], Plan], power: float, costs: tuple[float, float, float]) -> _Family:
+        plain, *more = costs
+        return _Family(plan_of, power, plain + sum(s * (c - plain) for s, c in zip(self.shares, more, strict=True)))
+
+    def _of_order(self, order: int) -> _Family:
+        return self._family(partial(_series, self.general, order), 1.0, TAYLOR_COSTS[order])
+
+    def _fit_series(self) -> None:
+        """From a likely order up, or else down, as long as that is cheaper."""
+        likely = 2 * round(1.0 + 0.25 * math.log(100.0 / self.accuracy))
+        order = min(max(likely, min(TAYLOR_COSTS)), max(TAYLOR_COSTS))
+        value = self._fit(self._of_order(order), self.accuracy / 8.0)
+        for way in (2, -2):
+            other = order + way
+            while other in TAYLOR_COSTS:
+                before = self.best
+                value = self._fit(self._of_order(other), value)
+                if self.best is before:
+                    break
+                other += way
+            if other != order + way:
+                return
+
+    def _cheapest_at(self, tolerance: float) -> Plan:
+        """The cheapest method of error control at a tolerance."""
+        families = [self._of_order(order) for order in TAYLOR_COSTS if order >= LEAST_ORDER_OF_INPUTS]
+        families.append(self._family(partial(_controlled, self.general), 1.0, DOP853_COSTS))
+        best, least = None, math.inf
+        for family in families:
+            if family.cost * self.steps < least:
+                trial = family.plan_of(tolerance)
+                cost = family.cost * pilot_run(self.scene, trial)[1]
+                best, least = (trial, cost) if cost < least else (best, least)
+        assert best
+        return best
+
+    def _fit_uncontrolled(self) -> None:
+        """DOP853 in equal steps, from the shortest that would be cheaper than what was found."""
+        family = self._family(partial(_uncontrolled, self.general), 0.125, UNCONTROLLED_COSTS)
+        if self.best and self.best.cost > family.cost * self.steps:
+            span = self.scene.run.stop - self.scene.run.start
+            self._fit(family, 1.01 * span * family.cost / self.best.cost)
+
+    def _fit_kicks(self) -> None:
+        """From the longest step down, where kicks are cheapest; with a bound on the step by their resonances."""
+        body, run, omega = self.scene.body, self.scene.run, self.scene.initial.omega_b
+        assert body is not None
+        if any(self.scene.loads.damping_b) or not is_symmetric_top(body.M):
+            return
+        turn = 2.0 * math.pi / max(math.hypot(*omega), 1e-300)  # where a torque fixed in the body resonates
+        longest = min(0.45 * resonant_step(body.M, omega), 0.45 * turn, run.stop - run.start)
+        for order, cost in KICK_COSTS.items():
+            self._fit(_Family(partial(_kicks, self.general, order, longest), 1.0 / order, cost), longest)
+
+    # Values
+
+    def _fit(self, family: _Family, value: float) -> float:
+        """Bring a family's error to some sixth of the accuracy, as long as it may become the best; the last value."""
+        bound, error = self.accuracy / 3.0, math.inf
+        for _ in range(8):
+            plan, last = family.plan_of(value), error
+            if self._is_dearer(self._least_cost(family, plan)):
+                break
+            motion, substeps = pilot_run(self.scene, plan)
+            error = max(largest_error(motion, reference) for reference in self.references)
+            found = _Fit(plan, error, family.cost * substeps)
+            if self.best is None or _better(found, self.best, bound):
+                self.best = found
+            stuck = error == last  # each communication step is one substep, or the step is as short as may be
+            if (
+                bound / 4.0 <= error <= bound
+                or (error <= bound and stuck)
+                or (error > bound and self._is_dearer(found.cost))
+            ):
+                break
+            ratio = 0.5 * bound / error if 0.0 < error < math.inf else (1e3 if error == 0.0 else 1e-3)
+            ratio = min(ratio, 0.03) if stuck else ratio
+            value *= min(max(ratio**family.power, 1e-3), 1e3)
+        return value
+
+    def _least_cost(self, family: _Family, plan: Plan) -> float:
+        """As far as it is known before a pilot run."""
+        known = substeps_taken(self.scene, plan.substep) if math.isfinite(plan.substep) else self.steps
+        return family.cost * known
+
+    def _is_dearer(self, cost: float) -> bool:
+        """Than what meets the accuracy already."""
+        return self.best is not None and self.best.error <= self.accuracy / 3.0 and cost >= self.best.cost
+
+
+def _better(a: _Fit, b: _Fit, bound: float) -> bool:
+    if a.error <= bound and b.error <= bound:
+        return a.cost < b.cost
+    return a.error < b.error
+
+
+def _load_shares(scene: Scene, general: Plan) -> tuple[float, float]:
+    """Whether there may be loads that turn in b, and a force that turns with a free body, as 0 or 1."""
+    z = filled_buffer(scene, general)
+    initialize(scene, general.unit, z)
+    _, force_a, force_b, torque_a, _ = loads_of(z)
+    varying = {*scene.inputs.ports, *scene.inputs.parameters}
+    lifted = any(body_of(z)[3]) and (any(force_a) or "force_a" in varying)
+    turned = lifted or any(torque_a) or "torque_a" in varying
+    return float(turned), float(any(force_b) or ("force_b" in varying and not scene.body.pivot))
+
+
+# Plans
+
+
+def _series(general: Plan, order: int, tolerance: float) -> Plan:
+    value = min(max(tolerance, 1e-3 * TIGHTEST), 0.1)
+    method = f"Taylor series of order {order}"
+    return replace(general, model="body under loads, by series", method=method, order=order, tolerance=value)
+
+
+def _controlled(general: Plan, tolerance: float) -> Plan:
+    return replace(general, method="DOP853", tolerance=min(max(tolerance, TIGHTEST), 0.1))
+
+
+def _uncontrolled(general: Plan, substep: float) -> Plan:
+    return replace(general, method="DOP853 in equal steps", tolerance=0.0, substep=substep)
+
+
+def _kicks(general: Plan, order: int, longest: float, substep: float) -> Plan:
+    method, step = f"kicks of order {order}", min(substep, longest)
+    return replace(general, model="symmetric top", method=method, tolerance=0.0, order=order, substep=step)
