@@ -46,6 +46,11 @@ TABLES = {
         "inputs": {"ports": ["torque_b", "force_a"]},
         "run": RUN,
     },
+    "torqued": {  # about its centre of mass: angular momentum is what the torque adds
+        "body": {"mass": 2.0, "inertia": [1.0, 2.0, 2.5]},
+        "inputs": {"ports": ["torque_a"]},
+        "run": RUN | {"accuracy": 1e-9},
+    },
     "prescribed": {"inputs": {"ports": ["omega_b"]}, "run": RUN},
     "pendulum": {
         "body": {"mass": 2.0, "inertia": [1.0, 1.2, 1.4], "r_oc_b": [0.1, 0.0, -0.5], "pivot": True},

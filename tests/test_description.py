@@ -26,9 +26,10 @@ ALL = ["position", "velocity", "acceleration", "quaternion", "rpy", "omega_b", "
        "angular_momentum_a", "kinetic_energy"]  # fmt: skip
 ROTATION = [name for name in ALL if name not in ("position", "velocity", "acceleration")]
 EXPECTED = {  # inputs, parameters, outputs
-    "brick": ([], BODY + START, ["quaternion", "rpy", "omega_b"]),
+    "brick": ([], ["inertia", "quaternion_0", "omega_b_0"], ["quaternion", "rpy", "omega_b"]),
     "default": ([], BODY + START, ALL),
     "driven": (["force_a", "force_b", "torque_a", "torque_b"], [*BODY, "damping_b", *START], ALL),
+    "torqued": (["torque_a"], BODY + START, ALL),
     "two_ports": (["force_a", "torque_b"], BODY + START, ALL),
     "pendulum": (["torque_a"], [*BODY, "damping_b", "quaternion_0", "omega_b_0"], ROTATION),
     "prescribed": (["omega_b"], ["quaternion_0"], ["quaternion", "rpy", "omega_a"]),

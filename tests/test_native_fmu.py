@@ -1,15 +1,19 @@
 """The native FMU computes what the kernels compute, to the bit; all its memory is the importer's."""
 
+import math
+
 import fmpy
 import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
-from fmu_importer import ERROR, OK, Memory
-from fmus import SCENES, Kernels, built, native, run_case, scene, signal, started, unzipped
+from fmu_importer import ERROR, OK, Fmu, Memory
+from fmus import SCENES, Kernels, built, native, run_case, scene, signal, started, unzipped, unzipped_at
 from test_python_fmu import LOADED, both_step
 
+import rbfmu_fmu
 from rbfmu.simulation import simulate
-from rbfmu_fmu import verify
+from rbfmu_fmu import object_code, verify
+from rbfmu_kernels import body_memory, body_unit
 
 H = 0.01
 OWN = ["brick", "driven", "pendulum", "prescribed"]
@@ -70,6 +74,98 @@ def test_outputs_follow_parameters_in_initialisation_and_inputs_at_any_time():
     kernels.set(LOADED)
     assert instance.terminate() == OK
     assert instance.outputs() == kernels.outputs()
+
+
+# --- derivatives with respect to time
+
+
+RATES = {"force_a[2]": 30.0, "torque_b[1]": 2.0, "torque_b[3]": -1.0}
+
+
+def test_inputs_follow_their_derivatives_over_one_step_and_stay_where_that_ends():
+    instance, kernels = started(LOADED), Kernels("driven", LOADED)
+    blocks = kernels.unit.BLOCKS
+    for k in range(100):
+        for order, suffix in ((1, "_rate"), (2, "_rate_2")):
+            values = {name: rate * math.sin(k) for name, rate in RATES.items()}
+            assert instance.set_rates(values, order) == OK
+            for name, value in values.items():
+                block, index = name.rstrip("]").split("[")
+                kernels.z[blocks[block + suffix].start + int(index) - 1] = value
+        assert instance.step(k * H, H) == OK
+        kernels.step(H)
+        assert instance.outputs() == kernels.outputs()
+        expected = [kernels.z[kernels.places[name]] for name in RATES]
+        assert instance.get(*RATES) == expected
+    before = instance.get(*RATES)
+    instance.steps(1, first=100)
+    assert instance.get(*RATES) == before  # derivatives count for one step
+
+
+def test_a_ramp_of_an_input_is_exact_and_held_steps_are_not():
+    """Angular momentum is what the torque adds: torque t^2 / 2; a round-off of the sum, and half a step too little."""
+    rates = {"torque_a[1]": 1.0, "torque_a[2]": -2.0}
+    exact, held = started(name="torqued"), started(name="torqued")
+    for k in range(100):
+        assert exact.set_rates(rates) == OK
+        assert held.set({name: rate * k * H for name, rate in rates.items()}) == OK
+        exact.steps(1, first=k)
+        held.steps(1, first=k)
+    momentum = [f"angular_momentum_a[{i}]" for i in (1, 2)]
+    scale = 0.5 * np.array([1.0, -2.0])
+    assert np.allclose(exact.get(*momentum), scale, rtol=1e-9, atol=0.0)
+    assert np.allclose(held.get(*momentum), scale * 0.99, rtol=1e-9, atol=0.0)
+
+
+def test_derivatives_that_there_are_not_are_errors():
+    instance, plain = started(LOADED), started(name="prescribed")
+    for rates, order in (({"torque_b[1]": 1.0}, 3), ({"torque_b[1]": 1.0}, 0), ({"mass": 1.0}, 1),
+                         ({"rpy[1]": 1.0}, 1), ({"torque_b[1]": math.nan}, 1)):  # fmt: skip
+        assert instance.set_rates(rates, order) == ERROR, (rates, order)
+    assert plain.set_rates({"omega_b[1]": 1.0}) == ERROR
+    assert "omega_b[1] has no derivative of order 1 here" in plain.log[-1][2].decode()
+    assert plain.get_rates("rpy[1]")[0] == ERROR
+    assert instance.get_rates("torque_b[1]")[0] == ERROR
+    assert instance.steps(5) == started(LOADED).steps(5)
+    assert instance.terminate() == OK
+    assert instance.set_rates({"torque_b[1]": 1.0}) == ERROR
+
+
+def _forget_code():
+    object_code._compiled.cache_clear()
+    object_code._source.cache_clear()
+
+
+@pytest.fixture(scope="module")
+def with_output_rates(tmp_path_factory):
+    """The FMU of a unit that gives its outputs' derivatives."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(body_unit, "output_rates", body_memory.output_rates, raising=False)
+        _forget_code()
+        path = rbfmu_fmu.build(scene("driven"), tmp_path_factory.mktemp("rates") / "it.fmu", "native")
+    _forget_code()
+    assert validate_fmu(str(path)) == []
+    return Fmu(unzipped_at(path, path.with_suffix("")))
+
+
+def test_outputs_have_first_derivatives(with_output_rates):
+    instance, kernels = with_output_rates.started(LOADED), Kernels("driven", LOADED)
+    names = with_output_rates.by_causality["output"]
+    for k in range(10):
+        kernels.unit.outputs(kernels.z)
+        body_memory.output_rates(kernels.z)
+        expected = np.concatenate([kernels.z[kernels.unit.BLOCKS[f"d_{name}"]] for name in kernels.unit.OUTPUTS])
+        assert instance.get_rates(*names) == (OK, expected.tolist())
+        inputs = {"torque_b[1]": math.sin(k)}
+        assert instance.set(inputs) == OK
+        kernels.set(inputs)
+        instance.steps(1, first=k)
+        kernels.step(H)
+    assert instance.get_rates(names[0], order=2)[0] == ERROR
+    assert with_output_rates.instance().get_rates(names[0])[0] == ERROR  # before initialisation
+
+
+# --- memory
 
 
 def test_all_memory_is_the_importers_and_comes_back():

@@ -26,13 +26,12 @@ class LinkError(BuildError):
     """The compiler failed: with what it said."""
 
 
-def link(sources: list[Path], includes: list[Path], library: Path, platform: Platform) -> None:
-    """Write a shared library that exports what the C sources export, stripped, the same bytes each time."""
-    command = [*compiler(platform), *FLAGS, *FORMAT_FLAGS[platform.suffix], *[f"-I{folder}" for folder in includes]]
+def link(folder: Path, sources: list[str], includes: list[Path], library: str, platform: Platform) -> None:
+    """Make a shared library of sources in a folder: it exports what they export, stripped, the same bytes each time."""
+    command = [*compiler(platform), *FLAGS, *FORMAT_FLAGS[platform.suffix], *[f"-I{place}" for place in includes]]
     done = subprocess.run(
-        [*command, *map(str, sources), "-lm", "-o", str(library)],
-        capture_output=True, text=True, cwd=library.parent, check=False,
-    )  # fmt: skip
+        [*command, *sources, "-lm", "-o", library], capture_output=True, text=True, cwd=folder, check=False
+    )
     if done.returncode:
         raise LinkError(f"{platform.name}: {command[0]} failed:\n{done.stderr.strip()}")
 

@@ -67,9 +67,9 @@ def _library(d: Description, guid: str, platform: Platform, code: bytes) -> byte
         (folder / "model.h").write_text(_model_header(d, guid), encoding="ascii")
         (folder / "fmi2.c").write_bytes(_c_layer())
         (folder / "unit.o").write_bytes(code)
-        library = folder / f"{d.identifier}{platform.suffix}"
-        link([folder / "fmi2.c", folder / "unit.o"], [HEADERS], library, platform)
-        return library.read_bytes()
+        library = f"{d.identifier}{platform.suffix}"
+        link(folder, ["fmi2.c", "unit.o"], [HEADERS], library, platform)
+        return (folder / library).read_bytes()
 
 
 def _model_header(d: Description, guid: str) -> str:

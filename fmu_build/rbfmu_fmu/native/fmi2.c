@@ -26,8 +26,8 @@ enum { FINE, NOT_REACHED, PAST_STOP };
 #define ROUND_OFF 1e-9 /* of an importer's clock, relative */
 
 typedef struct {
-    double time, stop;                            /* where the instance stands; the experiment's end, or infinite */
-    int64_t mode, status, stale, discarded, rated; /* rated: an input has a derivative */
+    double time, stop; /* where the instance stands; the experiment's end, or infinite */
+    int64_t mode, status, stale, discarded;
     double z[SIZE];
 } State; /* what a saved state holds */
 
@@ -391,7 +391,7 @@ static int derivative_known(Instance *m, const char *call, fmi2ValueReference r,
     return 0;
 }
 
-/* They count for one step: from its begin the input is u + u' dt + u'' dt^2 / 2. */
+/* They count for one step, after which the kernels leave the input at its last value: u + u' h + u'' h^2 / 2. */
 fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference r[], size_t n,
                                        const fmi2Integer order[], const fmi2Real values[]) {
     const char *call = "fmi2SetRealInputDerivatives";
@@ -402,7 +402,6 @@ fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference
     for (size_t i = 0; i < n; i++)
         if (!derivative_known(m, call, r[i], order[i], 0) || !settable(m, call, r[i], values[i])) return fmi2Error;
     for (size_t i = 0; i < n; i++) m->now.z[RATES[r[i]][order[i] - 1]] = values[i];
-    m->now.rated |= n > 0;
     return fmi2OK;
 }
 
@@ -429,13 +428,6 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
 }
 
 /* --- steps */
-
-static void forget_rates(State *s) {
-    for (int r = 0; r < FIRST_PARAMETER; r++)
-        for (int k = 0; k < MOST_RATES; k++)
-            if (RATES[r][k] >= 0) s->z[RATES[r][k]] = 0.0;
-    s->rated = 0;
-}
 
 /* Why a step cannot even be tried, or NULL. */
 static const char *impossible(const State *s, double t, double h) {
@@ -469,7 +461,6 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real h, fmi2Boolean never
     m->now.time = t + h;
     m->now.status = t + h > LAST_TIME ? PAST_STOP : FINE;
     m->now.stale = m->now.discarded = 0;
-    if (m->now.rated) forget_rates(&m->now);
     return fmi2OK;
 }
 
