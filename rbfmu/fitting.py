@@ -207,7 +207,8 @@ def _load_shares(scene: Scene, general: Plan) -> tuple[float, float]:
     varying = {*scene.inputs.ports, *scene.inputs.parameters}
     lifted = any(body_of(z)[3]) and (any(force_a) or "force_a" in varying)
     turned = lifted or any(torque_a) or "torque_a" in varying
-    return float(turned), float(any(force_b) or ("force_b" in varying and not scene.body.pivot))
+    pushed = any(force_b) or ("force_b" in varying and not z[general.unit.BLOCKS["pivot"]][0])
+    return float(turned), float(pushed)
 
 
 # Plans

@@ -335,7 +335,7 @@ def _error(s: Any, order: int, h: float, push: float) -> float:
         power *= h
     last = max(_largest(vec3_at(s, ROW * (order - 1))), h * _largest(vec3_at(s, ROW * order))) * _power(h, order - 1)
     turn = h * rate
-    remainder = _REMAINDER[m] * _power(turn * turn, m) * max(turn, _FOUR[m] * h * push)
+    remainder: float = _REMAINDER[m] * _power(turn * turn, m) * max(turn, _FOUR[m] * h * push)
     return max(last / rate if rate > 0.0 else 0.0, remainder)
 
 

@@ -1,7 +1,7 @@
 """One-step methods that people use elsewhere: contestants in charts and stability tests, no part of the product.
 
-Each integrates the same right-hand sides over the same `State`, `Body`, `Loads` tuples as `rbfmu_kernels.steppers`,
-but may hold the attitude in another form. `Contestant.start` takes a state to that form, `steps` advances it as long
+Each integrates the right-hand sides of `rbfmu_kernels.dynamics` over its `State`, `Body`, `Loads` tuples, but may hold
+the attitude in another form. `Contestant.start` takes a state to that form, `steps` advances it as long
 as you like (so that drift adds up as it does for users), `state_of` takes it back with a quaternion of unit length.
 """
 
@@ -14,7 +14,6 @@ from numba import njit
 from rbfmu.contestants import one_step as _one
 from rbfmu.contestants.moser_veselov import moser_veselov
 from rbfmu_kernels.dynamics import Body, Loads, State
-from rbfmu_kernels.steppers import rk4_step
 
 Steps = Callable[[Any, float, int, Body, Loads], Any]
 """`steps(y, h, n, body, loads)`: n steps of h; all numbers but n floats."""
@@ -53,7 +52,7 @@ _ALL = (
     Contestant("explicit Euler", compiled_loop(_one.explicit_euler_step), 1, 1),
     Contestant("semi-implicit Euler", compiled_loop(_one.semi_implicit_euler_step), 1, 1),
     Contestant("implicit midpoint", compiled_loop(_one.implicit_midpoint_step), 2, 0),
-    Contestant("RK4, quaternion", compiled_loop(rk4_step), 4, 4),
+    Contestant("RK4, quaternion", compiled_loop(_one.rk4_step), 4, 4),
     Contestant("RK4, quaternion not normalised", compiled_loop(_one.rk4_not_normalised_step), 4, 4),
     Contestant("RK4, matrix", compiled_loop(_one.rk4_matrix_step), 4, 4, *_MATRIX),
     Contestant("RK4, Euler angles", compiled_loop(_one.rk4_angles_step), 4, 4, *_ANGLES),

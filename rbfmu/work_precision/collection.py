@@ -15,7 +15,7 @@ import numpy as np
 
 from rbfmu.work_precision.cases import CASES, Case
 from rbfmu.work_precision.methods import Method, NotFeasibleError, Run, contestants
-from rbfmu.work_precision.own import ControlledTaylor, own_methods
+from rbfmu.work_precision.own import own_methods
 from rbfmu.work_precision.peers import peers
 
 Progress = Callable[[int, int, str], Any]
@@ -69,14 +69,16 @@ class Extent:
     quick: bool
 
 
-QUICK_CASES, QUICK_METHODS = ("a", "c", "d"), (
-    "exact", "DOP853, error control", "kicks, order 4", "RK4, quaternion", "Moser-Veselov, order 10", "SciPy DOP853",
+QUICK_CASES = ("a", "c", "d")
+QUICK_METHODS = (
+    "exact", "DOP853, error control", "Taylor, order 12", "kicks, order 4", "RK4, quaternion",
+    "Moser-Veselov, order 10", "SciPy DOP853",
 )  # fmt: skip
 
 
 def extent(quick: bool) -> Extent:
     """All of it, or what a test has time for."""
-    methods = (*own_methods(), *contestants(), ControlledTaylor(), *peers()[0])
+    methods = (*own_methods(), *contestants(), *peers()[0])
     if not quick:
         return Extent(tuple(CASES.values()), methods, 0.1, 5, 2e-3, False)
     few = [method for method in methods if method.name in QUICK_METHODS]

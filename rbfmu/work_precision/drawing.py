@@ -27,7 +27,7 @@ COLORS = {
     "planned": "#000000",
 }
 """By family; Okabe and Ito's, grey for what people have always used."""
-WIDTHS = {"classic": 0.9, "peer": 1.1, "Taylor": 1.4, "Moser-Veselov": 1.4}
+WIDTHS = {"classic": 0.9, "peer": 1.1, "Taylor": 1.6, "Moser-Veselov": 1.4}
 SHORT = {
     "RK4, quaternion": "RK4, q",
     "RK4, quaternion not normalised": "RK4, q not normalised",
@@ -35,12 +35,9 @@ SHORT = {
     "kicks, order 2 (Strang)": "kicks 2 (Strang)",
     "kicks, order 4": "kicks 4",
     "kicks, order 6": "kicks 6",
-    "Taylor, order 12": "Taylor 12",
-    "Taylor, order 16": "Taylor 16",
-    "Taylor, order 20": "Taylor 20",
+    **{f"Taylor, order {n}": f"Taylor {n}" for n in (6, 8, 12, 16, 20, 24)},
     "DOP853, fixed steps": "DOP853 fixed",
     "DOP853, error control": "DOP853",
-    "Taylor, error control": "Taylor",
     "SciPy LSODA, f in NumPy": "SciPy LSODA, NumPy",
     "rbfmu, as planned": "rbfmu's plan",
 }

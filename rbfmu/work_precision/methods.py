@@ -11,7 +11,6 @@ from numba import njit
 
 from rbfmu.contestants import CONTESTANTS, TORQUE_FREE_CONTESTANTS, Contestant
 from rbfmu.contestants.one_step import midpoint
-from rbfmu.contestants.taylor import taylor
 from rbfmu.work_precision.cases import CHECKPOINTS, Case
 from rbfmu_kernels.dynamics import Body, Loads, State
 
@@ -155,19 +154,12 @@ class FixedSteps:
 def contestants() -> tuple[Method, ...]:
     """One-step methods that people use, over the same right-hand sides."""
     any_torque = [FixedSteps(method, "classic", _any_case) for method in CONTESTANTS.values()]
-    any_torque += [
-        FixedSteps(Contestant(f"Taylor, order {n}", taylor(n), n, n), "Taylor", _short) for n in (12, 16, 20)
-    ]
     free = [FixedSteps(method, "Moser-Veselov", _torque_free) for method in TORQUE_FREE_CONTESTANTS.values()]
     return (*any_torque, *free)
 
 
 def _any_case(case: Case) -> bool:
     return True
-
-
-def _short(case: Case) -> bool:
-    return not case.long
 
 
 def _torque_free(case: Case) -> bool:

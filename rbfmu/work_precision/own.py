@@ -1,4 +1,4 @@
-"""The library's methods as competitors, and Taylor series with error control."""
+"""The library's methods as competitors."""
 
 import math
 from collections.abc import Iterator
@@ -10,7 +10,6 @@ import numpy as np
 from numba import njit
 
 from rbfmu.contestants import Contestant, compiled_loop
-from rbfmu.contestants.taylor import advance_within, order_for, work_space
 from rbfmu.planning import plan
 from rbfmu.scene import Scene, SceneError
 from rbfmu.unit import filled_buffer, initialize
@@ -18,14 +17,15 @@ from rbfmu.work_precision.cases import CHECKPOINTS, Case
 from rbfmu.work_precision.methods import FixedSteps, Method, NotFeasibleError, Run, step_counts, timed, tolerances
 from rbfmu_kernels._kernel import kernel
 from rbfmu_kernels.body_memory import motion_of
-from rbfmu_kernels.dop853 import ROTATION, STATE, TURNING, WORK, dop853_advance, dop853_step, first_step
-from rbfmu_kernels.dynamics import Body, Loads, State, steady_acceleration
+from rbfmu_kernels.dop853 import ROTATION, STATE, TURNING, dop853_advance, dop853_march, first_step
+from rbfmu_kernels.dynamics import Body, Loads, State, steady, steady_acceleration
 from rbfmu_kernels.free_rotation import free_rotation_at, free_rotation_setup
 from rbfmu_kernels.kicked_top import rkn4_step, rkn6_step, strang_step
 from rbfmu_kernels.shapes import Quaternion, Vec3
+from rbfmu_kernels.taylor import WORK, taylor_advance
 from rbfmu_kernels.vec3 import add_scaled
 
-# DOP853
+# DOP853 and Taylor series
 
 _SIZE = STATE + WORK
 """Where the step size stands, in a buffer of a state, work space, step size and count."""
@@ -40,30 +40,31 @@ def _put_state(z: Any, y: State) -> None:
 
 @kernel(inline=False)
 def _tolerated(
-    z: Any, out: Any, y: State, interval: float, tolerance: float, n: int, body: Body, loads: Loads, k: int
+    z: Any, out: Any, y: State, interval: float, order: int, tolerance: float, n: int, body: Body, loads: Loads, k: int
 ) -> None:
-    """K solutions with error control; checkpoints to out."""
+    """K solutions with error control, order 0: DOP853; checkpoints to out."""
     for _ in range(k):
         _put_state(z, y)
         z[_SIZE] = first_step(z, 0, body, loads)
         z[_SIZE + 1] = 0.0
         for i in range(len(out)):
-            if dop853_advance(z, 0, STATE, _SIZE, n, interval, tolerance, body, loads) != 0:
+            if order > 0:
+                status = taylor_advance(z, 0, STATE, _SIZE, n, order, interval, tolerance, body, steady(loads))
+            else:
+                status = dop853_advance(z, 0, STATE, _SIZE, n, interval, tolerance, body, steady(loads))
+            if status != 0:
                 z[0] = math.nan
             for j in range(STATE):
                 out[i, j] = z[j]
 
 
 @kernel(inline=False)
-def _stepped(z: Any, out: Any, y: State, h: float, steps: int, n: int, body: Body, loads: Loads, k: int) -> None:
-    """K solutions in fixed steps, never normalised; checkpoints to out."""
+def _stepped(z: Any, out: Any, y: State, interval: float, h: float, n: int, body: Body, loads: Loads, k: int) -> None:
+    """K solutions of DOP853 in equal steps; checkpoints to out."""
     for _ in range(k):
         _put_state(z, y)
         for i in range(len(out)):
-            for _ in range(steps):
-                dop853_step(z, 0, STATE, n, h, body, loads)
-                for j in range(n):
-                    z[j] = z[STATE + j]
+            dop853_march(z, 0, STATE, n, interval, h, body, steady(loads))
             for j in range(STATE):
                 out[i, j] = z[j]
 
@@ -74,16 +75,26 @@ def _state(row: Any) -> State:
 
 
 @dataclass(frozen=True)
-class Dop853:
-    """The kernel of `rbfmu_kernels.dop853`, with error control or at fixed steps."""
+class Substeps:
+    """The kernels inside the units of a body under loads: with error control, or DOP853 in equal steps.
 
-    controlled: bool
-    family: str = "DOP853"
+    order: of Taylor series, 0 for DOP853.
+    """
+
+    order: int
+    controlled: bool = True
 
     @property
     def name(self) -> str:
-        """By how its steps are chosen."""
+        """By method and how its steps are chosen."""
+        if self.order:
+            return f"Taylor, order {self.order}"
         return "DOP853, error control" if self.controlled else "DOP853, fixed steps"
+
+    @property
+    def family(self) -> str:
+        """By method."""
+        return "Taylor" if self.order else "DOP853"
 
     @property
     def setting(self) -> str:
@@ -96,28 +107,27 @@ class Dop853:
 
     def settings(self, case: Case, quick: bool) -> Iterator[float]:
         """Tolerances or step sizes."""
-        return tolerances(0, -15, quick) if self.controlled else step_counts(case, quick)
+        return tolerances(0, -16 if self.order else -15, quick) if self.controlled else step_counts(case, quick)
 
     def run(self, case: Case, value: float) -> Run:
         """With a tolerance or step of `value`."""
-        z, out = np.zeros(STATE + WORK + 2), np.zeros((CHECKPOINTS, STATE))
+        z, out = np.zeros(_SIZE + 2), np.zeros((CHECKPOINTS, STATE))
         n = TURNING if case.turning_force else ROTATION
         y, body, loads = case.start, case.body, case.loads
-        steps = 0 if self.controlled else round(case.interval / value)
 
         def repeat(k: int) -> None:
             if self.controlled:
-                _tolerated(z, out, y, case.interval, value, n, body, loads, k)
+                _tolerated(z, out, y, case.interval, self.order, value, n, body, loads, k)
             else:
-                _stepped(z, out, y, value, steps, n, body, loads, k)
+                _stepped(z, out, y, case.interval, value, n, body, loads, k)
 
         def states() -> list[State]:
             repeat(1)
             return [_moved(case, _state(row), i) for i, row in enumerate(out)]
 
         found = states()
-        count = z[_SIZE + 1] if self.controlled else CHECKPOINTS * steps
-        return Run(lambda: found, timed(repeat), 12.0 * float(count))
+        count = float(z[_SIZE + 1]) if self.controlled else CHECKPOINTS * round(case.interval / value)
+        return Run(lambda: found, timed(repeat), (self.order or 12.0) * count)
 
 
 def _moved(case: Case, state: State, i: int) -> State:
@@ -125,49 +135,6 @@ def _moved(case: Case, state: State, i: int) -> State:
     t, a = (i + 1) * case.interval, steady_acceleration(case.body, case.loads)
     r, v = state[:2] if case.turning_force else (add_scaled(case.start[0], t, case.start[1]), case.start[1])
     return add_scaled(r, 0.5 * t * t, a), add_scaled(v, t, a), state[2], state[3]
-
-
-# Taylor series with error control
-
-
-@njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
-def _within(
-    out: Any, y: State, interval: float, tolerance: float, order: int, body: Body, loads: Loads, k: int
-) -> float:
-    """K solutions; checkpoints to out; returns the steps of one."""
-    total = 0.0
-    for _ in range(k):
-        work, state, total = work_space(order), y, 0.0
-        for i in range(len(out)):
-            state, steps = advance_within(work, state, interval, tolerance, body, loads)
-            _put_state(out[i], state)
-            total += steps
-    return total
-
-
-class ControlledTaylor:
-    """Taylor series whose order follows from the tolerance and whose steps follow from the last terms."""
-
-    name, family, setting = "Taylor, error control", "Taylor", "tolerance"
-
-    def suits(self, case: Case) -> bool:
-        """All but long motions."""
-        return not case.long
-
-    def settings(self, case: Case, quick: bool) -> Iterator[float]:
-        """Tolerances."""
-        return tolerances(-1, -16, quick)
-
-    def run(self, case: Case, value: float) -> Run:
-        """With a tolerance of `value`."""
-        out, order = np.zeros((CHECKPOINTS, STATE)), order_for(value)
-
-        def repeat(k: int) -> float:
-            return float(_within(out, case.start, case.interval, value, order, case.body, case.loads, k))
-
-        steps = repeat(1)
-        found = [_state(row) for row in out]
-        return Run(lambda: found, timed(repeat), steps * order)
 
 
 # Exact
@@ -280,7 +247,8 @@ _KICKS = (
 def own_methods() -> tuple[Method, ...]:
     """The library's methods, the plan last."""
     kicks = [FixedSteps(kick, "kicks", _top) for kick in _KICKS]
-    return Exact(), Dop853(True), Dop853(False), *kicks, Planned()
+    series = [Substeps(order) for order in (6, 8, 12, 16, 20, 24)]
+    return Exact(), Substeps(0), Substeps(0, False), *series, *kicks, Planned()
 
 
 def _top(case: Case) -> bool:
