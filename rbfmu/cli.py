@@ -17,6 +17,10 @@ SAVED = (".csv", ".npz")
 PICTURES = (".png", ".svg", ".pdf")
 
 
+_MODEL = click.option("--model", type=click.Choice(["planned", "full"]), default="planned", show_default=True,
+                      help="The smallest that serves the scene, or all degrees of freedom.")  # fmt: skip
+
+
 class _Commands(click.Group):
     """Turns errors that users cause into one message and exit status 2."""
 
@@ -62,23 +66,32 @@ def demo(folder: Path) -> None:
 @main.command("plan")
 @click.argument("scene", metavar="SCENE", type=click.Path(path_type=Path))
 @click.option("--json", "as_json", is_flag=True, help="Print model, method, substep, states and reasons as JSON.")
-def show_plan(scene: Path, as_json: bool) -> None:
+@_MODEL
+def show_plan(scene: Path, as_json: bool, model: str) -> None:
     """Say which model and method a scene gets, and why."""
     from rbfmu.planning import plan
+    from rbfmu_fmu.description import sizes
 
-    chosen = plan(load_scene(scene)).to_dict()
+    loaded = load_scene(scene)
+    chosen = plan(loaded, full=model == "full")
+    variables, full = sizes(loaded, chosen)
     if as_json:
-        click.echo(json.dumps(chosen, indent=1))
+        click.echo(json.dumps(chosen.to_dict() | {"variables": variables}, indent=1))
     else:
-        click.echo(f"{chosen['model']}: {chosen['method']}, {chosen['states']} states")
-        click.echo("\n".join(chosen["reasons"]))
+        click.echo(f"{chosen.model}: {chosen.method}")
+        click.echo("\n".join(chosen.reasons))
+        click.echo(
+            f"{chosen.states} states and {variables} FMU variables, against {full[0]} and {full[1]} of the full model"
+        )
+        click.echo(f"expected: error {chosen.error:.1e}, {chosen.cost:.3g} ns a step of {loaded.run.step:g} s")
 
 
 @main.command()
 @click.argument("scene", metavar="SCENE", type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), help="Save to FILE (.csv or .npz).")
 @click.option("--plot", type=click.Path(dir_okay=False, path_type=Path), help="Draw to FILE (.png, .svg or .pdf).")
-def run(scene: Path, output: Path | None, plot: Path | None) -> None:
+@_MODEL
+def run(scene: Path, output: Path | None, plot: Path | None, model: str) -> None:
     """Simulate a scene with its ports at zero."""
     from rbfmu.planning import plan
     from rbfmu.simulation import simulate
@@ -86,7 +99,7 @@ def run(scene: Path, output: Path | None, plot: Path | None) -> None:
     _check_target(output, "--output", SAVED)
     _check_target(plot, "--plot", PICTURES)
     loaded = load_scene(scene)
-    planned = plan(loaded)
+    planned = plan(loaded, full=model == "full")
     result = simulate(loaded, planned=planned, progress=_progress(loaded.name))
     if output:
         result.save(output)
@@ -103,7 +116,8 @@ def run(scene: Path, output: Path | None, plot: Path | None) -> None:
 @click.option("--native", is_flag=True, help="Compiled: the importer needs no Python.")
 @click.option("--platform", "platforms", default="", metavar="NAME,...",
               help="Of a native FMU: linux64, win64, darwin64, linux-aarch64, darwin-aarch64.  [this one]")  # fmt: skip
-def build(scene: Path, output: Path | None, native: bool, platforms: str) -> None:
+@_MODEL
+def build(scene: Path, output: Path | None, native: bool, platforms: str, model: str) -> None:
     """Build a scene's FMU (FMI 2.0 co-simulation, pythonfmu or native)."""
     from rbfmu_fmu import BuildError
     from rbfmu_fmu import build as build_fmu
@@ -116,7 +130,7 @@ def build(scene: Path, output: Path | None, native: bool, platforms: str) -> Non
     loaded = load_scene(scene)
     target = output or Path(f"{identifier(loaded.name)}.fmu")
     try:
-        click.echo(build_fmu(loaded, target, "native" if native else "python", names))
+        click.echo(build_fmu(loaded, target, "native" if native else "python", names, full=model == "full"))
     except BuildError as error:
         raise click.UsageError(str(error)) from None
 
@@ -138,6 +152,7 @@ def verify(fmu: Path, seed: int) -> None:
         table.add_row(name.replace("[", r"\["), repr(difference))
     Console(highlight=False).print(table)
     click.echo(f"{found.steps_done} of {found.steps_asked} steps done; inputs from seed {found.seed}")
+    click.echo(f"planned and full model differ by {found.to_full:.1e}, accuracy asked {found.accuracy:g}")
     for problem in found.problems:
         click.echo(f"problem: {problem}")
     click.echo("passed" if found.passed else "FAILED")

@@ -65,6 +65,34 @@ def rests_on(scene: Scene, needs: Needs) -> dict[str, set[str]]:
     }
 
 
+def needed_parameters(scene: Scene, model: str) -> set[str]:
+    """Names of the parameters that a model of the scene depends on, or that are listed; loads that are zero are not."""
+    body, loads = scene.body, scene.loads
+    if body is None:
+        return {"quaternion_0"}
+    needs, wanted, turning = Needs.of(scene), set(scene.outputs.quantities), torques(scene)
+    moving = needs.translation or (not body.pivot and "acceleration" in wanted)
+    pushing = {"gravity_a", "force_a", "force_b"} if moving else set()
+    acting = {n for n in type(loads).model_fields if any(getattr(loads, n))} & (turning | pushing)
+    names = set(scene.inputs.parameters) | (acting - set(scene.inputs.ports))
+    if needs.rotation:
+        names |= {"omega_b_0"}
+        still = model in ("no rotation", "constant rate")
+        names |= {"inertia"} if not still or wanted & {"angular_momentum_a", "kinetic_energy"} else set()
+    if needs.attitude or turning & {"torque_a", "force_a", "gravity_a"}:
+        names |= {"quaternion_0"}
+    if needs.translation:
+        names |= {"position_0", "velocity_0"}
+    if body.pivot and "position" in wanted:
+        names |= {"position_0"}
+    forced = (turning | pushing) & (acting | set(scene.inputs.ports)) - {"gravity_a"}
+    if (needs.rotation and body.pivot) or (moving and forced) or (not body.pivot and "kinetic_energy" in wanted):
+        names |= {"mass"}
+    if any(body.r_oc_b) and (moving or turning or body.pivot):
+        names |= {"r_oc_b"}
+    return names
+
+
 def closed_forms(scene: Scene, needs: Needs) -> list[str]:
     """The models with a closed form that are exact for this scene, the smallest first."""
     needed, varying = rests_on(scene, needs), varying_parameters(scene)

@@ -21,16 +21,17 @@ from rbfmu_fmu.description import UNITS, describe, identifier
 NAMES = ("brick", *TABLES)
 SIZES = {"mass": 0, "kinetic_energy": 0, "quaternion": 4, "quaternion_0": 4}  # others: 3
 BODY = ["mass", "inertia", "r_oc_b", "gravity_a"]
+CENTRED = ["mass", "inertia", "gravity_a"]
 START = ["position_0", "velocity_0", "quaternion_0", "omega_b_0"]
 ALL = ["position", "velocity", "acceleration", "quaternion", "rpy", "omega_b", "omega_a", "alpha_b",
        "angular_momentum_a", "kinetic_energy"]  # fmt: skip
 ROTATION = [name for name in ALL if name not in ("position", "velocity", "acceleration")]
 EXPECTED = {  # inputs, parameters, outputs
     "brick": ([], ["inertia", "quaternion_0", "omega_b_0"], ["quaternion", "rpy", "omega_b"]),
-    "default": ([], BODY + START, ALL),
+    "default": ([], CENTRED + START, ALL),
     "driven": (["force_a", "force_b", "torque_a", "torque_b"], [*BODY, "damping_b", *START], ALL),
     "torqued": (["torque_a"], BODY + START, ALL),
-    "two_ports": (["force_a", "torque_b"], BODY + START, ALL),
+    "two_ports": (["force_a", "torque_b"], CENTRED + START, ALL),
     "pendulum": (["torque_a"], [*BODY, "damping_b", "quaternion_0", "omega_b_0"], ROTATION),
     "prescribed": (["omega_b"], ["quaternion_0"], ["quaternion", "rpy", "omega_a"]),
     "class": ([], [*BODY, "force_a", *START], ALL),

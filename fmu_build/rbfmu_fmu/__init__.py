@@ -13,14 +13,16 @@ from rbfmu_fmu.verification import Verification, VerificationError, verify
 __all__ = ["BuildError", "Verification", "VerificationError", "build", "verify"]
 
 
-def build(scene: Scene, path: str | Path, kind: str = "python", platforms: Sequence[str] = ()) -> Path:
+def build(
+    scene: Scene, path: str | Path, kind: str = "python", platforms: Sequence[str] = (), full: bool = False
+) -> Path:
     """Build a scene's FMU at `path` and return it.
 
     kind: "python" (pythonfmu; the importer's process needs Python) or "native" (it needs nothing); platforms: of a
-    native FMU, names from `rbfmu_fmu.platforms.PLATFORMS`; none: this one.
+    native FMU, names from `rbfmu_fmu.platforms.PLATFORMS`; none: this one; full: with all degrees of freedom.
     """
     if kind not in ("python", "native"):
         raise ValueError(f'kind = {kind!r}: expected "python" or "native"')
     if kind == "native":
-        return build_native_fmu(scene, plan(scene), Path(path), platforms)
-    return build_python_fmu(scene, plan(scene), Path(path))
+        return build_native_fmu(scene, plan(scene, full), Path(path), platforms)
+    return build_python_fmu(scene, plan(scene, full), Path(path))

@@ -7,7 +7,9 @@ from keyword import iskeyword
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement
 
+from rbfmu.ladder import needed_parameters
 from rbfmu.models import Plan
+from rbfmu.planning import with_all_outputs
 from rbfmu.scene import Scene
 from rbfmu.unit import Unit, filled_buffer
 from rbfmu_kernels.layout import FAULTS
@@ -150,7 +152,7 @@ def describe(scene: Scene, plan: Plan) -> Description:
     return Description(
         name=scene.name,
         identifier=identifier(scene.name),
-        variables=tuple(v for block in _blocks(scene, unit, z) for v in _variables(*block, plan, z)),
+        variables=tuple(v for block in _blocks(scene, plan) for v in _variables(*block, plan, z)),
         start_buffer=tuple(z.tolist()),
         start=scene.run.start,
         stop=scene.run.stop,
@@ -161,27 +163,30 @@ def describe(scene: Scene, plan: Plan) -> Description:
     )
 
 
+def sizes(scene: Scene, plan: Plan) -> tuple[int, tuple[int, int]]:
+    """Variables of the scene's FMU; states and variables of a full model, with all outputs and loads that act."""
+    count = len(describe(scene, plan).variables) + 1
+    if scene.body is None:
+        return count, (plan.states, count)
+    states = 7 if scene.body.pivot else 13
+    full = Plan("body under loads", "", states)
+    return count, (states, len(describe(with_all_outputs(scene), full).variables) + 1)
+
+
 def identifier(name: str) -> str:
     """An identifier, of C and of Python, made from a scene's name."""
     text = re.sub(r"\W", "_", name, flags=re.ASCII)
     return f"_{text}" if text[0].isdigit() or iskeyword(text) else text
 
 
-def _blocks(scene: Scene, unit: Unit, z: Any) -> list[tuple[str, slice, str]]:
-    """(FMU name, place in the buffer, causality) of the blocks that the scene's body needs."""
-    ports, listed = scene.inputs.ports, scene.inputs.parameters
+def _blocks(scene: Scene, plan: Plan) -> list[tuple[str, slice, str]]:
+    """(FMU name, place in the buffer, causality) of the blocks that the scene's model needs."""
+    unit, ports, needed = plan.unit, scene.inputs.ports, needed_parameters(scene, plan.model)
     blocks = [(n, unit.BLOCKS[n], "input") for n in unit.INPUTS if n in ports]
-    fixed = scene.body is not None and scene.body.pivot
     for block in unit.PARAMETERS:
-        name, place = block.removeprefix("known_"), unit.BLOCKS[block]
-        optional = block.startswith("known_") or block == "damping_b"  # a load that is zero is not shown
-        if fixed and block in ("velocity_0", "known_force_a", "known_force_b"):
-            continue  # o does not move, and takes the forces at it
-        if fixed and block == "position_0" and "position" not in scene.outputs.quantities:
-            continue
-        if name in ports or (optional and name not in listed and not z[place].any()):
-            continue  # a port's name is taken: its known part stays inside
-        blocks.append((name, place, "parameter"))
+        name = block.removeprefix("known_")
+        if name in needed and name not in ports:  # a port's name is taken: its known part stays inside
+            blocks.append((name, unit.BLOCKS[block], "parameter"))
     return blocks + [(n, unit.BLOCKS[n], "output") for n in unit.OUTPUTS if n in scene.outputs.quantities]
 
 

@@ -1,6 +1,7 @@
 """Verify an FMU: valid, complete, and equal to direct calls of the kernels that it was made from."""
 
 import json
+import math
 import re
 import tempfile
 import zipfile
@@ -13,8 +14,11 @@ import numpy as np
 from fmpy.validation import validate_fmu
 from numpy.typing import NDArray
 
+from rbfmu import planning
+from rbfmu.arrays import quaternion_from_euler
+from rbfmu.comparison import largest_difference
 from rbfmu.models import Plan
-from rbfmu.scene import Scene
+from rbfmu.scene import Scene, SceneError
 from rbfmu.simulation import time_grid
 from rbfmu.unit import Buffer, Unit, filled_buffer, initialize
 from rbfmu_fmu.archive import kernel_hash
@@ -32,13 +36,19 @@ class VerificationError(ValueError):
 
 @dataclass(frozen=True)
 class Verification:
-    """What was found: problems in words, and the largest difference of each output to the kernels."""
+    """What was found: problems in words, and the largest difference of each output to the kernels.
+
+    to_full: how far the planned model lies from the full one under the same inputs, as the scene's accuracy counts; NaN
+    where the full one cannot meet the accuracy.
+    """
 
     seed: int
     steps_asked: int
     steps_done: int
     differences: dict[str, float]
     problems: tuple[str, ...]
+    to_full: float
+    accuracy: float
 
     @property
     def passed(self) -> bool:
@@ -65,7 +75,10 @@ def verify(path: str | Path, seed: int = 1) -> Verification:
     names = [v.name for v in description.variables if v.causality == "output"]
     differences = {n: _largest(recorded[n], expected[:, k]) for k, n in enumerate(names)}
     done = len(recorded["time"]) - 1
-    return Verification(seed, len(time) - 1, done, differences, tuple(problems + log))
+    to_full = _distance_to_full(scene, description, time, inputs, expected)
+    if to_full > scene.run.accuracy:
+        problems += [f"the planned model is {to_full:.2g} from the full one: accuracy asked {scene.run.accuracy:g}"]
+    return Verification(seed, len(time) - 1, done, differences, tuple(problems + log), to_full, scene.run.accuracy)
 
 
 def check_plain(folder: str) -> None:
@@ -156,6 +169,26 @@ def _through_kernels(
         _advance(scene, unit, z, k, time)
         rows[k] = z[wanted]
     return rows
+
+
+def _distance_to_full(
+    scene: Scene, description: Description, time: NDArray[np.float64], inputs: NDArray[np.float64], planned: Any
+) -> float:
+    """Between the planned and the full model under the same inputs."""
+    tighter = scene.to_dict()
+    tighter["run"] |= {"stop": float(time[-1]), "accuracy": max(scene.run.accuracy / 10.0, 1e-12)}
+    try:
+        full = planning.plan(Scene.from_dict(tighter, scene.name), full=True)
+    except SceneError:
+        return math.nan
+    rows = _through_kernels(scene, full, time, inputs)
+    blocks = [v.block for v in description.variables if v.causality == "output"]
+    columns = {name: [k for k, block in enumerate(blocks) if block == name] for name in blocks}
+    a, b = ({n: m[: len(planned), c] for n, c in columns.items()} for m in (planned, rows))
+    for motion in (a, b):
+        if "rpy" in motion:
+            motion["quaternion"] = quaternion_from_euler("ZYX", motion.pop("rpy")[:, ::-1])
+    return largest_difference(a, b, tuple(a))
 
 
 def _advance(scene: Scene, unit: Unit, z: Buffer, k: int, time: NDArray[np.float64]) -> None:

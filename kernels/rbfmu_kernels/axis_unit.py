@@ -24,6 +24,7 @@ from .body_memory import (
     turns,
     vec3_at,
 )
+from .body_memory import output_rates as output_rates
 from .body_memory import outputs as outputs
 from .closed_form import CLOSED_FORM, finish_step, start_clocks, time_after
 from .dynamics import angular_acceleration

@@ -22,6 +22,7 @@ from .body_memory import (
     rotation_of,
     turns,
 )
+from .body_memory import output_rates as output_rates
 from .body_memory import outputs as outputs
 from .closed_form import CLOSED_FORM, finish_step, has_torque, start_clocks, time_after
 from .free_rotation import FREE_ROTATION_SIZE, FreeRotation, free_rates_at, free_rotation_at, free_rotation_setup

@@ -23,6 +23,7 @@ from .body_memory import (
     rotation_of,
     vec3_at,
 )
+from .body_memory import output_rates as output_rates
 from .body_memory import outputs as outputs
 from .closed_form import CLOSED_FORM, finish_step, start_clocks, time_after
 from .dop853 import LONGEST_STEP

@@ -25,6 +25,7 @@ from .body_memory import (
     turns,
     vec3_at,
 )
+from .body_memory import output_rates as output_rates
 from .body_memory import outputs as outputs
 from .closed_form import (
     CLOSED_FORM,

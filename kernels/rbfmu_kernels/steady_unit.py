@@ -21,6 +21,7 @@ from .body_memory import (
     quaternion_at,
     rotation_of,
 )
+from .body_memory import output_rates as output_rates
 from .body_memory import outputs as outputs
 from .closed_form import (
     CLOSED_FORM,

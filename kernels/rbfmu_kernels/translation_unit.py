@@ -20,6 +20,7 @@ from .body_memory import (
     spins,
     turns,
 )
+from .body_memory import output_rates as output_rates
 from .body_memory import outputs as outputs
 from .closed_form import CLOSED_FORM, finish_step, has_torque, start_clocks, time_after
 from .dynamics import angular_acceleration

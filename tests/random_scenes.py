@@ -1,0 +1,83 @@
+"""Random scenes over all rungs of the ladder of models and their borders."""
+
+import numpy as np
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from rbfmu.scene import Scene
+
+DECADES = st.integers(-13, -2).map(lambda k: 10.0**k)
+SIGNS = st.sampled_from([-1.0, 1.0])
+
+
+def vectors(largest=1.0):
+    number = st.integers(-1000, 1000).map(lambda n: largest * n / 1000.0)
+    return st.tuples(number, number, number)
+
+
+@st.composite
+def bodies(draw):
+    """A sphere, a beam, symmetric, nearly symmetric or triaxial, sometimes in axes that are not principal."""
+    kind = draw(st.sampled_from(["sphere", "beam", "symmetric", "nearly symmetric", "triaxial", "triaxial"]))
+    moment = draw(st.sampled_from([0.7, 1.0, 1.3]))
+    near = 1.0 + draw(DECADES)
+    moments = {
+        "sphere": (1.0, 1.0, 1.0), "beam": (0.0, 1.0, 1.0), "symmetric": (1.0, 1.0, moment),
+        "nearly symmetric": (1.0, near, moment), "triaxial": (1.0, 1.2, moment + 0.3),
+    }[kind]  # fmt: skip
+    moments = draw(st.permutations(moments))
+    if kind != "beam" and draw(st.integers(0, 3)) == 0:
+        R = Rotation.from_rotvec(draw(vectors(3.0))).as_matrix()
+        M = R @ np.diag(moments) @ R.T
+        return {"mass": 2.0, "inertia": (0.5 * (M + M.T)).tolist()}, moments, R
+    return {"mass": 2.0, "inertia": list(moments)}, moments, np.eye(3)
+
+
+@st.composite
+def spins(draw, moments, R):
+    """At rest, about a principal axis, near one, or anyhow; a beam never about itself."""
+    kind = draw(st.sampled_from(["rest", "principal", "principal", "near", "any"]))
+    k = draw(st.integers(0, 2))
+    size = draw(st.sampled_from([0.03, 1.0, 3.0])) * draw(SIGNS)
+    omega = np.zeros(3)
+    if kind != "rest":
+        omega[k] = size
+    if kind == "near":
+        omega += np.array(draw(vectors(draw(DECADES))))
+    elif kind == "any":
+        omega = np.array(draw(vectors(2.0)))
+    omega[[m == 0.0 for m in moments]] = 0.0
+    return (R @ omega).tolist(), k
+
+
+@st.composite
+def scenes(draw):
+    """Scenes that are good; whether their accuracy can be met is for the plan to say."""
+    body, moments, R = draw(bodies())
+    omega_b, k = draw(spins(moments, R))
+    beam = 0.0 in moments
+    kind = draw(st.sampled_from(["none", "none", "weight", "axis", "axis", "tiny", "pivot", "force_b", "all"]))
+    loads = {"gravity_a": [0.0, 0.0, 0.0]}
+    axis = R[:, k] if moments[k] else R[:, (np.flatnonzero(np.array(moments) > 0.0))[0]]
+    if kind in ("weight", "pivot", "all"):
+        loads["gravity_a"] = [0.0, 0.0, -1.0]
+    if kind == "axis":
+        loads["torque_b"] = (draw(st.sampled_from([0.0, 0.3, -1.0])) * axis).tolist()
+        loads["damping_b"] = [0.0 if beam else draw(st.sampled_from([0.0, 0.2]))] * 3
+    if kind in ("tiny", "all") and not beam:
+        loads["torque_b"] = list(draw(vectors(draw(DECADES) if kind == "tiny" else 0.3)))
+        loads["damping_b"] = [abs(x) for x in draw(vectors(draw(DECADES)))]
+    if kind in ("force_b", "all"):
+        loads["force_b"] = list(draw(vectors(0.5)))
+    if kind == "pivot":
+        body |= {"pivot": True, "r_oc_b": (draw(st.sampled_from([0.2, -0.3])) * R[:, (k + 1) % 3]).tolist()}
+    elif draw(st.integers(0, 4)) == 0 and not beam:
+        body |= {"r_oc_b": list(draw(vectors(0.3)))}
+    wanted = ["quaternion", "rpy", "omega_b", *(() if body.get("pivot") else ("position", "velocity"))]
+    wanted = draw(st.lists(st.sampled_from(wanted), min_size=1, max_size=3, unique=True))
+    initial = {"omega_b": omega_b, "attitude": {"rotvec": list(draw(vectors(draw(st.sampled_from([0.0, 1.0])))))}}
+    if not body.get("pivot"):
+        initial |= {"velocity": list(draw(vectors(draw(st.sampled_from([0.0, 2.0])))))}
+    stop, steps = draw(st.sampled_from([0.5, 5.0, 20.0])), draw(st.sampled_from([2, 10, 40]))
+    run = {"stop": stop, "step": stop / steps, "accuracy": 10.0 ** -draw(st.integers(2, 11))}
+    return Scene(body=body, initial=initial, loads=loads, outputs={"quantities": wanted}, run=run)

@@ -1,0 +1,76 @@
+"""Random scenes: the planned model meets the accuracy against 40 digits, and the next smaller one does not serve."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+import reference_mp as reference
+from hypothesis import HealthCheck, assume, given, settings
+from numba import config
+from random_scenes import scenes
+
+import rbfmu
+from rbfmu.explanations import GROWTH, growth_rate
+from rbfmu.ladder import CLOSED
+from rbfmu.models import Plan
+from rbfmu.planning import SHARE, plan
+from rbfmu.scene import SceneError
+
+pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="too many steps to interpret")
+QUIET = {"deadline": None, "suppress_health_check": list(HealthCheck), "derandomize": True}
+SEEN: Counter[str] = Counter()
+
+
+def error_of(scene, planned):
+    """The largest error against 40-digit arithmetic in what the scene asks for."""
+    result = rbfmu.simulate(scene, planned=planned)
+    points = reference.motion(scene, result.time.tolist())
+    count = len(result.time)
+    found = dict(result.quantities)
+    if "rpy" in found:
+        found["quaternion"] = rbfmu.quaternion_from_euler("ZYX", found.pop("rpy")[:, ::-1])
+    blank = {"quaternion": np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)), "omega_b": np.zeros((count, 3))}
+    blank |= {"position": np.zeros((count, 3)), "velocity": np.zeros((count, 3))}
+    rows = blank | found
+    errors = reference.errors(points, rows["quaternion"], rows["omega_b"], rows["position"], rows["velocity"])
+    names = {"quaternion": "attitude"}
+    return max(errors[names.get(name, name)] for name in found)
+
+
+def planned_or_assumed_away(scene):
+    try:
+        found = plan(scene)
+    except SceneError as error:
+        assert "accuracy" in str(error)
+        assume(False)
+    SEEN[found.model] += 1
+    return found
+
+
+def check(scene):
+    found = planned_or_assumed_away(scene)
+    assert error_of(scene, found) <= scene.run.accuracy
+    for model in CLOSED[: CLOSED.index(found.model)] if found.model in CLOSED else CLOSED:
+        unstable = growth_rate(scene) * scene.run.stop > GROWTH
+        if not unstable:
+            smaller = Plan(model, "", 0, held=("all",))
+            assert error_of(scene, smaller) > 0.9 * SHARE * scene.run.accuracy, (model, found.model)
+
+
+@given(scenes())
+@settings(max_examples=40, **QUIET)
+def test_the_plan_is_right_and_smallest(scene):
+    check(scene)
+
+
+@pytest.mark.slow
+@given(scenes())
+@settings(max_examples=600, **QUIET)
+def test_the_plan_is_right_and_smallest_on_hundreds_of_scenes(scene):
+    check(scene)
+
+
+@pytest.mark.slow
+def test_the_random_scenes_reach_every_rung():
+    """Runs after the hundreds."""
+    assert set(SEEN) >= {*CLOSED, "one swinging axis", "body under loads"}, SEEN
