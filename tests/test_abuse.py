@@ -1,0 +1,42 @@
+"""Any FMI 2.0 call in any order with any argument: the right answer, the right motion, and never a crash.
+
+abuse_machine.py makes the calls in a child process (abuse_process.py, abuse_child.py); abuse_model.py says what each
+must answer, and has the motion from direct calls of the kernels. Numbers of calls are printed (`make fuzz`, or -s).
+"""
+
+import pytest
+from abuse_machine import Abuse
+from abuse_model import Facts
+from abuse_process import Process
+from fmus import planned, scene, unzipped
+from hypothesis import HealthCheck, settings
+from hypothesis.stateful import run_state_machine_as_test
+
+NAMES = ("driven", "prescribed")
+
+
+def abuse(kind, examples, steps):
+    facts = [Facts(scene(name), planned(name), kind) for name in NAMES]
+    process = Process(kind, [unzipped(name, kind) for name in NAMES])
+    chosen = settings(max_examples=examples, stateful_step_count=steps, deadline=None, derandomize=True,
+                      database=None, suppress_health_check=list(HealthCheck))  # fmt: skip
+    try:
+        run_state_machine_as_test(lambda: Abuse(kind, process, facts), settings=chosen)
+    finally:
+        process.stop()
+    print(process.report())
+    return process
+
+
+@pytest.mark.parametrize("kind", ["python", "native"])
+def test_any_calls_are_answered_rightly(kind):
+    process = abuse(kind, 100, 50)
+    assert sum(process.calls.values()) > 5_000
+    assert sum(process.refused.values()) > 1_000
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["python", "native"])
+def test_very_many_calls_are_answered_rightly(kind):
+    process = abuse(kind, 5000, 80)
+    assert sum(process.calls.values()) > 200_000
