@@ -116,7 +116,7 @@ def _explored(
     what: Extent, case: Case, method: Method, first_calls: dict[str, float], notes: dict[str, str]
 ) -> Iterator[tuple[Point, Run]]:
     """Settings from coarse to fine until time or digits end."""
-    least, idle = np.inf, 0
+    least, last, idle = np.inf, np.inf, 0
     for value in method.settings(case, what.quick):
         start = perf_counter()
         try:
@@ -135,7 +135,8 @@ def _explored(
             seconds = run.seconds(1)
         if errors["attitude"] <= LARGEST_ERROR:
             yield _point(case, method, value, run, errors, seconds, first_calls[method.name]), run
-        idle = 0 if errors["attitude"] < 0.7 * least else idle + 1
+        idle = 0 if errors["attitude"] < 0.7 * least else idle + (errors["attitude"] != last)
+        last = errors["attitude"]  # equal where both take one step to each checkpoint
         least = min(least, errors["attitude"])
         if (1.5 * seconds > what.longest and not case.long) or (idle >= MOST_IDLE and least < 1e-2):
             return

@@ -17,7 +17,7 @@ from rbfmu.work_precision.cases import CHECKPOINTS, Case
 from rbfmu.work_precision.methods import FixedSteps, Method, NotFeasibleError, Run, step_counts, timed, tolerances
 from rbfmu_kernels._kernel import kernel
 from rbfmu_kernels.body_memory import motion_of
-from rbfmu_kernels.dop853 import ROTATION, STATE, TURNING, dop853_advance, dop853_march, first_step
+from rbfmu_kernels.dop853 import LONGEST_STEP, ROTATION, STATE, TURNING, dop853_advance, dop853_march, first_step
 from rbfmu_kernels.dynamics import Body, Loads, State, steady, steady_acceleration
 from rbfmu_kernels.free_rotation import free_rotation_at, free_rotation_setup
 from rbfmu_kernels.kicked_top import rkn4_step, rkn6_step, strang_step
@@ -45,7 +45,7 @@ def _tolerated(
     """K solutions with error control, order 0: DOP853; checkpoints to out."""
     for _ in range(k):
         _put_state(z, y)
-        z[_SIZE] = first_step(z, 0, body, loads)
+        z[_SIZE] = LONGEST_STEP if order > 0 else first_step(z, 0, body, loads)
         z[_SIZE + 1] = 0.0
         for i in range(len(out)):
             if order > 0:
