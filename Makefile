@@ -3,7 +3,7 @@ VENV ?= .venv
 PYTHON ?= python3
 BIN = $(VENV)/bin
 
-.PHONY: setup check test slow demo bench interop
+.PHONY: setup check test slow demo bench interop fuzz
 setup:
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --editable ".[dev]"
@@ -34,3 +34,8 @@ bench:
 interop:
 	$(BIN)/pip install --quiet --editable ".[interop]"
 	$(BIN)/python examples/interop.py interop
+
+# Wrong calls of both kinds of FMU, millions of them, counted; the C layer under sanitizers.
+fuzz:
+	$(BIN)/python tests/fuzzing.py 1 20000
+	$(BIN)/pytest -s -m "slow or not slow" tests/test_fuzz.py tests/test_abuse.py
