@@ -22,7 +22,7 @@ from pythonfmu.builder import FmuBuilder
 import rbfmu
 import rbfmu_fmu
 
-GOAL_STEP, GOAL_START = 2.2, 4.0
+GOAL_STEP, GOAL_START = 2.2, 1.5
 SCENES = {
     "tumbling brick, no input": {"inertia": [0.0026, 0.0084, 0.0098], "ports": []},
     "triaxial body, 6 inputs": {"inertia": [1.0, 2.0, 2.5], "ports": ["force_a", "torque_b"]},

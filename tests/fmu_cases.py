@@ -50,9 +50,9 @@ def rows(*folders):
     return found
 
 
-def object_code_alone(folder):
-    """The rows of an FMU where neither Numba nor NumPy can be imported."""
-    without("numba", "numpy")
+def shipped_code_alone(folder):
+    """The rows of an FMU where neither Numba, nor llvmlite, nor NumPy can be imported."""
+    without("numba", "llvmlite", "numpy")
     return rows(folder)
 
 

@@ -17,7 +17,7 @@ from fmu_importer import DISCARD, FATAL
 from fmus import TESTS, built, copied, opened, planned, run_case, scene, unzipped, unzipped_at
 
 import rbfmu_fmu
-from rbfmu_fmu import archive, python_fmu
+from rbfmu_fmu import archive, linking, python_fmu
 from rbfmu_fmu.object_code import object_code
 from rbfmu_fmu.python_fmu import build_python_fmu
 
@@ -110,8 +110,19 @@ def test_state_of_another_fmu_is_refused_and_of_a_copy_taken():
 
 @pytest.mark.parametrize("name", ["brick", "driven", "pendulum", "prescribed"])
 def test_shipped_code_needs_no_numba_and_no_numpy(name):
-    found, errors = run_case("object_code_alone", unzipped(name))
+    found, errors = run_case("shipped_code_alone", unzipped(name))
     assert found == run_case("rows", unzipped(name))[0]
+    assert not errors
+
+
+@pytest.mark.parametrize("name", ["brick", "driven"])
+def test_built_without_a_linker_it_ships_an_object_file(name, tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(linking, "find_spec", lambda module: None)
+    folder = unzipped_at(build_python_fmu(scene(name), planned(name), tmp_path / "it.fmu"), tmp_path / "it")
+    assert [path.suffix for path in folder.glob("resources/*/unit-*")] == [".o"]
+    found, errors = run_case("rows_and_imports", folder)
+    assert found == [alone(name), []]
     assert not errors
 
 
@@ -137,7 +148,7 @@ def test_compiling_anew_gives_the_same_bits(name):
 def test_without_usable_object_code_numba_compiles(spoil, tmp_path):
     """None is there on another platform; damaged code would end the process in LLVM."""
     folder = copied("prescribed", tmp_path / "spoilt")
-    (code,) = folder.glob("resources/*/*.o")
+    (code,) = folder.glob("resources/*/unit-*.so")
     spoil(code)
     found, errors = run_case("rows_and_imports", folder)
     assert found == [alone("prescribed"), ["numba", "numpy"]]

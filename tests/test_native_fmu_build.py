@@ -14,7 +14,7 @@ from fmus import built, native, scene, unzipped, unzipped_at
 from test_fmu_traps import KILLED, build_elsewhere
 
 import rbfmu_fmu
-from rbfmu_fmu import archive, linking, native_fmu
+from rbfmu_fmu import archive, linking
 from rbfmu_fmu.linking import NoLinkerError, universal
 from rbfmu_fmu.platforms import PLATFORMS, BuildError, this_platform
 
@@ -110,7 +110,7 @@ def test_unknown_platforms_and_kinds_are_refused(tmp_path):
 def test_what_the_c_compiler_says_is_in_the_message(tmp_path, monkeypatch):
     exported = b'__attribute__((visibility("default")))'
     layer = b"int unknown(void); %s int f(void) { return unknown(); }" % exported
-    monkeypatch.setattr(native_fmu, "_c_layer", lambda: layer)
+    monkeypatch.setattr(linking, "source", lambda name: layer)
     with pytest.raises(linking.LinkError, match="unknown"):
         rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", kind="native")
 

@@ -1,13 +1,20 @@
 """A shared library from C and an object file: by the machine's own C compiler, or by ziglang for any platform."""
 
+import importlib.resources
 import shutil
 import struct
 import subprocess
 import sys
+import tempfile
 from importlib.util import find_spec
 from pathlib import Path
 
+import fmpy
+
 from rbfmu_fmu.platforms import BuildError, Platform, this_platform
+
+HEADERS = Path(fmpy.__file__).parent / "c-code"
+"""FMI's own, as FMPy ships them."""
 
 FLAGS = ["-std=c11", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-fno-asynchronous-unwind-tables"]
 FLAGS += ["-shared", "-s"]
@@ -26,14 +33,28 @@ class LinkError(BuildError):
     """The compiler failed: with what it said."""
 
 
-def link(folder: Path, sources: list[str], includes: list[Path], library: str, platform: Platform) -> None:
-    """Make a shared library of sources in a folder: it exports what they export, stripped, the same bytes each time."""
-    command = [*compiler(platform), *FLAGS, *FORMAT_FLAGS[platform.suffix], *[f"-I{place}" for place in includes]]
-    done = subprocess.run(
-        [*command, *sources, "-lm", "-o", library], capture_output=True, text=True, cwd=folder, check=False
-    )
-    if done.returncode:
-        raise LinkError(f"{platform.name}: {command[0]} failed:\n{done.stderr.strip()}")
+def linked(layer: str, code: bytes, platform: Platform, name: str, includes: dict[str, str] | None = None) -> bytes:
+    """A shared library of an object file behind a C file of `native/`, stripped, the same bytes each time.
+
+    name: the library's, without its suffix; includes: further C sources by name, beside FMI's headers.
+    """
+    with tempfile.TemporaryDirectory(prefix="rbfmu_") as place:
+        folder, library = Path(place), f"{name}{platform.suffix}"
+        (folder / layer).write_bytes(source(layer))
+        (folder / "unit.o").write_bytes(code)
+        for include, text in (includes or {}).items():
+            (folder / include).write_text(text, encoding="ascii")
+        command = [*compiler(platform), *FLAGS, *FORMAT_FLAGS[platform.suffix], f"-I{HEADERS}"]
+        command += [layer, "unit.o", "-lm", "-o", library]
+        done = subprocess.run(command, capture_output=True, text=True, cwd=folder, check=False)
+        if done.returncode:
+            raise LinkError(f"{platform.name}: {command[0]} failed:\n{done.stderr.strip()}")
+        return (folder / library).read_bytes()
+
+
+def source(layer: str) -> bytes:
+    """A C file of `native/`."""
+    return importlib.resources.files("rbfmu_fmu").joinpath("native", layer).read_bytes()
 
 
 def compiler(platform: Platform) -> list[str]:

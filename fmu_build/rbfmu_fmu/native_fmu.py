@@ -1,24 +1,19 @@
 """Builds the native FMU of a scene: the unit's object code behind one C layer, a library for each platform."""
 
-import importlib.resources
 import json
-import tempfile
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-
-import fmpy
 
 from rbfmu.models import Plan
 from rbfmu.scene import Scene
 from rbfmu_fmu.archive import guid_of, scene_inside, write_archive, xml_bytes
 from rbfmu_fmu.description import LOG_CATEGORIES, Description, describe, model_description
-from rbfmu_fmu.linking import FLAGS, link, universal
+from rbfmu_fmu.linking import FLAGS, linked, source, universal
 from rbfmu_fmu.object_code import object_code
 from rbfmu_fmu.platforms import Platform, platform_named, this_platform
 from rbfmu_fmu.slave_access import HELD
 
-HEADERS = Path(fmpy.__file__).parent / "c-code"
-"""FMI's own, as FMPy ships them."""
+LAYER = "fmi2.c"
 
 MOST_RATES = 2
 """Order of derivatives that the C layer's table has room for."""
@@ -38,7 +33,11 @@ def build_native_fmu(scene: Scene, plan: Plan, path: Path, platforms: Sequence[s
     xml.set("guid", guid)
     contents["modelDescription.xml"] = xml_bytes(xml)
     for folder in sorted({p.folder for p in chosen}):
-        libraries = [_library(description, guid, p, objects[p]) for p in chosen if p.folder == folder]
+        libraries = [
+            linked(LAYER, objects[p], p, description.identifier, {"model.h": _model_header(description, guid)})
+            for p in chosen
+            if p.folder == folder
+        ]
         suffix = next(p.suffix for p in chosen if p.folder == folder)
         contents[f"binaries/{folder}/{description.identifier}{suffix}"] = universal(libraries)
     write_archive(contents, path)
@@ -53,23 +52,8 @@ def _capabilities(d: Description) -> dict[str, str]:
 
 def _identity(d: Description, objects: dict[Platform, bytes]) -> dict[str, bytes]:
     """What makes the libraries what they are, but for their guid."""
-    sources = {"fmi2.c": _c_layer(), "model.h": _model_header(d, "").encode(), "flags": " ".join(FLAGS).encode()}
+    sources = {LAYER: source(LAYER), "model.h": _model_header(d, "").encode(), "flags": " ".join(FLAGS).encode()}
     return sources | {f"{p.name}.o": code for p, code in objects.items()}
-
-
-def _c_layer() -> bytes:
-    return importlib.resources.files("rbfmu_fmu").joinpath("native/fmi2.c").read_bytes()
-
-
-def _library(d: Description, guid: str, platform: Platform, code: bytes) -> bytes:
-    with tempfile.TemporaryDirectory(prefix="rbfmu_") as name:
-        folder = Path(name)
-        (folder / "model.h").write_text(_model_header(d, guid), encoding="ascii")
-        (folder / "fmi2.c").write_bytes(_c_layer())
-        (folder / "unit.o").write_bytes(code)
-        library = f"{d.identifier}{platform.suffix}"
-        link(folder, ["fmi2.c", "unit.o"], [HEADERS], library, platform)
-        return (folder / library).read_bytes()
 
 
 def _model_header(d: Description, guid: str) -> str:

@@ -16,8 +16,10 @@ from rbfmu.models import Plan
 from rbfmu.scene import Scene
 from rbfmu_fmu.archive import guid_of, hash_of, json_bytes, kernel_sources, scene_inside, write_archive, xml_bytes
 from rbfmu_fmu.description import Description, describe, model_description
+from rbfmu_fmu.linking import NoLinkerError, linked
 from rbfmu_fmu.object_code import object_code
 from rbfmu_fmu.platforms import this_platform
+from rbfmu_fmu.slave_access import CODE, LIBRARY, OBJECT
 
 SCRIPT = '''"""Entry of the FMU: pythonfmu instantiates the class below."""
 import ctypes
@@ -69,11 +71,19 @@ def build_python_fmu(scene: Scene, plan: Plan, path: Path) -> Path:
 def _package_files(plan: Plan, description: Description) -> dict[str, bytes]:
     folder = importlib.resources.files("rbfmu_fmu")
     files = {name: folder.joinpath(name).read_bytes() for name in ("slave.py", "slave_access.py")}
-    platform = this_platform()
-    machine, _, system = platform.triple.split("-")[:3]
-    name, code = f"unit-{machine}-{system}.o", object_code(plan.unit, platform)
-    known = description.to_dict() | {"object_code": {name: zlib.crc32(code)}}
+    name, code = _shipped_code(plan)
+    known = description.to_dict() | {"shipped_code": {name: zlib.crc32(code)}}
     return kernel_sources() | files | {name: code, "description.json": json_bytes(known)}
+
+
+def _shipped_code(plan: Plan) -> tuple[str, bytes]:
+    """(name, content) of a shared library for this platform; where there is no C compiler, of an object file."""
+    platform = this_platform()
+    code = object_code(plan.unit, platform)
+    try:
+        return CODE + LIBRARY, linked("exports.c", code, platform, "unit")
+    except NoLinkerError:
+        return CODE + OBJECT, code
 
 
 def _package(identity: str) -> str:

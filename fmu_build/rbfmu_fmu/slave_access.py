@@ -23,6 +23,11 @@ HELD = (
 )
 """Refuses a parameter: its name, its value, the planned value, its block."""
 
+CODE = f"unit-{sys.platform}-{os.uname().machine if hasattr(os, 'uname') else 'any'}"
+"""Shipped code for this platform: its name but for the suffix."""
+LIBRARY, OBJECT = ".so", ".o"
+"""Suffixes of shipped code: a shared library (on every platform), or an object file, to be loaded by llvmlite."""
+
 _OWNERS: list[Any] = []  # of loaded code
 _LIBRARIES: set[str] = set()  # of pythonfmu's, that this FMU was loaded from
 
@@ -62,7 +67,7 @@ class Access:
     def entries(self) -> Entries:
         """Compiled ahead of time, else by Numba here and now."""
         if self._entries is None:
-            shipped = _shipped_entries(self._folder, self.description["object_code"])
+            shipped = _shipped_entries(self._folder, self.description["shipped_code"])
             self._entries = shipped or _numba_entries(self.description["unit"])
         return self._entries
 
@@ -90,36 +95,48 @@ def _struct(offsets: list[int]) -> tuple[struct.Struct, int]:
 
 
 def _shipped_entries(folder: str, checksums: dict[str, int]) -> Entries | None:
-    """Load the shipped object file for this platform; None where there is none, or no loader for it."""
+    """Load the shipped code for this platform; None where there is none, or no loader for it."""
     if os.environ.get("RBFMU_COMPILE") == "1":
         return None
     try:
-        import llvmlite.binding as llvm
-
-        triple = llvm.get_process_triple()
-        machine, _, system = triple.split("-")[:3]
-        with open(os.path.join(folder, f"unit-{machine}-{system}.o"), "rb") as file:
+        names = [name for name in checksums if name.startswith(CODE)]
+        if not names:
+            raise OSError(f"there are none for {CODE}")
+        path = os.path.join(folder, names[0])
+        with open(path, "rb") as file:
             code = file.read()
-        if zlib.crc32(code) != checksums.get(os.path.basename(file.name)):
-            raise ValueError(f"{file.name} is damaged")  # LLVM would end the process
-        if hasattr(llvm, "initialize_native_target"):
-            llvm.initialize_native_target()
-        llvm.initialize_native_asmprinter()
-        target = llvm.Target.from_triple(triple).create_target_machine()
-        engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target)
-        engine.add_object_file(llvm.object_file.ObjectFileRef.from_data(code))
-        engine.finalize_object()
+        if zlib.crc32(code) != checksums[names[0]]:
+            raise ValueError(f"{path} is damaged")  # loading it could end the process
+        address = _addresses_in_library(path) if path.endswith(LIBRARY) else _addresses_in_object(code)
+        pointer, result = ctypes.c_void_p, ctypes.c_int64
+        of_buffer = ctypes.PYFUNCTYPE(result, pointer)
+        of_buffer_and_step = ctypes.PYFUNCTYPE(result, pointer, ctypes.c_double)
+        initialize, outputs = of_buffer(address("initialize")), of_buffer(address("outputs"))
+        return Entries(initialize, of_buffer_and_step(address("step")), outputs, False)
     except (ImportError, RuntimeError, OSError, AttributeError, ValueError) as error:
         tell(f"rbfmu: no shipped kernels can be used here ({error}): Numba compiles them")
         return None
+
+
+def _addresses_in_library(path: str) -> Callable[[str], int]:
+    library = ctypes.PyDLL(path)
+    _OWNERS.append(library)
+    return lambda name: ctypes.cast(library[f"unit_{name}"], ctypes.c_void_p).value or 0
+
+
+def _addresses_in_object(code: bytes) -> Callable[[str], int]:
+    """For an FMU that was built where there was no linker."""
+    import llvmlite.binding as llvm
+
+    if hasattr(llvm, "initialize_native_target"):
+        llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    target = llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine()
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target)
+    engine.add_object_file(llvm.object_file.ObjectFileRef.from_data(code))
+    engine.finalize_object()
     _OWNERS.append(engine)
-    pointer, result = ctypes.c_void_p, ctypes.c_int64
-    of_buffer = ctypes.PYFUNCTYPE(result, pointer)
-    of_buffer_and_step = ctypes.PYFUNCTYPE(result, pointer, ctypes.c_double)
-    address = engine.get_function_address
-    return Entries(
-        of_buffer(address("initialize")), of_buffer_and_step(address("step")), of_buffer(address("outputs")), False
-    )
+    return engine.get_function_address  # type: ignore[no-any-return]
 
 
 def _numba_entries(unit: str) -> Entries:
