@@ -6,7 +6,7 @@ import fuzzing
 import pytest
 from fmus import workshop
 
-from rbfmu_fmu import native_fmu
+from rbfmu_fmu import linking
 
 SPOILT = {
     "heap-buffer-overflow": ("if (size < sizeof s) return refuse", "if (size + 9 < sizeof s) return refuse"),
@@ -48,7 +48,7 @@ def test_sanitizers_are_silent(name, compiler, folder):
 @pytest.mark.parametrize("finding", SPOILT)
 def test_the_fuzzer_finds_what_is_wrong(finding, compiler, folder):
     right, wrong = SPOILT[finding]
-    source = native_fmu._c_layer().decode()
+    source = linking.source("fmi2.c").decode()
     assert right in source
     program = fuzzing.compiled("prescribed", folder, compiler, c_layer=source.replace(right, wrong))
     done = fuzzing.fuzz(program, 1, 2000)

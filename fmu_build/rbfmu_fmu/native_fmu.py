@@ -34,7 +34,7 @@ def build_native_fmu(scene: Scene, plan: Plan, path: Path, platforms: Sequence[s
     contents["modelDescription.xml"] = xml_bytes(xml)
     for folder in sorted({p.folder for p in chosen}):
         libraries = [
-            linked(LAYER, objects[p], p, description.identifier, {"model.h": _model_header(description, guid)})
+            linked(LAYER, objects[p], p, description.identifier, {"model.h": model_header(description, guid)})
             for p in chosen
             if p.folder == folder
         ]
@@ -52,11 +52,11 @@ def _capabilities(d: Description) -> dict[str, str]:
 
 def _identity(d: Description, objects: dict[Platform, bytes]) -> dict[str, bytes]:
     """What makes the libraries what they are, but for their guid."""
-    sources = {LAYER: source(LAYER), "model.h": _model_header(d, "").encode(), "flags": " ".join(FLAGS).encode()}
+    sources = {LAYER: source(LAYER), "model.h": model_header(d, "").encode(), "flags": " ".join(FLAGS).encode()}
     return sources | {f"{p.name}.o": code for p, code in objects.items()}
 
 
-def _model_header(d: Description, guid: str) -> str:
+def model_header(d: Description, guid: str) -> str:
     """C source of the scene's numbers and names."""
     inputs, parameters = (sum(v.causality == c for v in d.variables) for c in ("input", "parameter"))
     faults = {0: ("", "initialisation failed")} | d.faults
