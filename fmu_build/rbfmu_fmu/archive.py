@@ -66,6 +66,8 @@ def write_archive(contents: dict[str, bytes], path: Path) -> None:
                 archive.writestr(entry, contents[name])
         os.chmod(temporary, 0o644)
         os.replace(temporary, path)
-    except BaseException:
+    except BaseException as error:
         os.unlink(temporary)
+        if isinstance(error, OSError):
+            error.filename = str(path)  # else a full disk names no file
         raise
