@@ -1,4 +1,8 @@
-"""Attitude from prescribed body rates as a co-simulation unit: kinematics only, exact for rates held over a step."""
+"""Attitude from prescribed body rates as a co-simulation unit: kinematics only.
+
+Rates held over a step turn the attitude exactly. They may change as omega_b + omega_b_rate t + omega_b_rate_2 t^2 / 2,
+t from the step's begin, to round-off by Taylor series; after the step they hold their last value.
+"""
 
 import math
 from typing import Any
@@ -6,17 +10,19 @@ from typing import Any
 from ._kernel import kernel
 from .double_double import two_sum
 from .euler_angles import ZYX, euler_from_quaternion
-from .layout import FINE, NOT_REACHED, places
-from .quaternion import compose_quaternions, normalize, rotate
+from .layout import FINE, MOST_SUBSTEPS, NOT_REACHED, places
+from .quaternion import add_scaled_quaternion, compose_quaternions, normalize, rotate
 from .rotvec import quaternion_from_rotvec
-from .vec3 import norm, scale
+from .shapes import Quaternion, Vec3
+from .vec3 import add_scaled, is_nonzero, norm, scale
 
 INPUTS = {"omega_b": 3}
 PARAMETERS = {"quaternion_0": 4}
 SETTINGS: dict[str, int] = {}
 OUTPUTS = {"quaternion": 4, "rpy": 3, "omega_a": 3}
+RATES = {"omega_b_rate": 3, "omega_b_rate_2": 3}
 MEMORY = {"anchor": 4, "held": 3, "elapsed": 2}  # attitude when the rates changed, those rates, the time since then
-BLOCKS, SIZE = places(INPUTS | PARAMETERS | SETTINGS | OUTPUTS | MEMORY)  # the quaternion is the state
+BLOCKS, SIZE = places(INPUTS | PARAMETERS | SETTINGS | OUTPUTS | RATES | MEMORY)  # the quaternion is the state
 
 LARGEST_TURN = 1e15
 """rad: from here on an angle in double precision says nothing about the attitude."""
@@ -24,7 +30,10 @@ LARGEST_TURN = 1e15
 _OMEGA, _Q_0, _Q, _RPY, _OMEGA_A = (
     BLOCKS[n].start for n in ("omega_b", "quaternion_0", "quaternion", "rpy", "omega_a")
 )
+_RATES = BLOCKS["omega_b_rate"].start
 _ANCHOR, _HELD, _ELAPSED = (BLOCKS[n].start for n in MEMORY)
+_ORDER = 16
+"""Of the series, for turns of at most a radian: the remainder is 2^-17 / 17! = 2e-20."""
 
 
 @kernel(inline=False)
@@ -46,6 +55,9 @@ def step(z: Any, h: float) -> int:
     While the rates stay as they are the attitude is that of the time since they changed: no error piles up.
     """
     omega = (z[_OMEGA], z[_OMEGA + 1], z[_OMEGA + 2])
+    slope, bend = (z[_RATES], z[_RATES + 1], z[_RATES + 2]), (z[_RATES + 3], z[_RATES + 4], z[_RATES + 5])
+    if is_nonzero(slope) or is_nonzero(bend):
+        return _changing_step(z, h, omega, slope, bend)
     held = omega[0] == z[_HELD] and omega[1] == z[_HELD + 1] and omega[2] == z[_HELD + 2]
     t, low = two_sum(z[_ELAPSED] if held else 0.0, h)
     low += z[_ELAPSED + 1] if held else 0.0
@@ -60,6 +72,51 @@ def step(z: Any, h: float) -> int:
     z[_ELAPSED], z[_ELAPSED + 1] = t, low
     z[_Q], z[_Q + 1], z[_Q + 2], z[_Q + 3] = q
     return outputs(z)
+
+
+@kernel(inline=False)
+def _changing_step(z: Any, h: float, omega: Vec3, slope: Vec3, bend: Vec3) -> int:
+    """The same for rates that change; their last value is then the input."""
+    turn = h * (norm(omega) + h * (norm(slope) + h * norm(bend)))
+    if not (h > 0.0 and turn < MOST_SUBSTEPS):
+        return NOT_REACHED
+    n = max(math.ceil(turn), 1)
+    part, q = h / n, (z[_Q], z[_Q + 1], z[_Q + 2], z[_Q + 3])
+    for i in range(n):
+        t = i * part
+        q = normalize(
+            compose_quaternions(q, _turn(part, _after(omega, slope, bend, t), add_scaled(slope, t, bend), bend))
+        )
+    omega = _after(omega, slope, bend, h)
+    if not math.isfinite(q[0] + q[1] + q[2] + q[3] + omega[0] + omega[1] + omega[2]):
+        return NOT_REACHED
+    for i in range(6):
+        z[_RATES + i] = 0.0
+    z[_Q], z[_Q + 1], z[_Q + 2], z[_Q + 3] = z[_ANCHOR], z[_ANCHOR + 1], z[_ANCHOR + 2], z[_ANCHOR + 3] = q
+    z[_OMEGA], z[_OMEGA + 1], z[_OMEGA + 2] = z[_HELD], z[_HELD + 1], z[_HELD + 2] = omega
+    z[_ELAPSED] = z[_ELAPSED + 1] = 0.0
+    return outputs(z)
+
+
+@kernel
+def _after(omega: Vec3, slope: Vec3, bend: Vec3, t: float) -> Vec3:
+    return add_scaled(add_scaled(omega, t, slope), 0.5 * t * t, bend)
+
+
+@kernel
+def _turn(h: float, omega: Vec3, slope: Vec3, bend: Vec3) -> Quaternion:
+    """The attitude after h, relative to that before: the series of dD/dt = D o (0, omega) / 2."""
+    none = (0.0, 0.0, 0.0, 0.0)
+    half, first, second = scale(0.5 * h, omega), scale(0.5 * h * h, slope), scale(0.25 * h * h * h, bend)
+    term, before, earlier = (1.0, 0.0, 0.0, 0.0), none, none
+    total = term
+    for k in range(_ORDER):
+        after = compose_quaternions(term, (0.0, half[0], half[1], half[2]))
+        after = add_scaled_quaternion(after, 1.0, compose_quaternions(before, (0.0, first[0], first[1], first[2])))
+        after = add_scaled_quaternion(after, 1.0, compose_quaternions(earlier, (0.0, second[0], second[1], second[2])))
+        earlier, before, term = before, term, add_scaled_quaternion(none, 1.0 / (k + 1.0), after)
+        total = add_scaled_quaternion(total, 1.0, term)
+    return total
 
 
 @kernel(inline=False)
