@@ -30,6 +30,7 @@ demo:
 bench:
 	$(BIN)/python examples/bench_kernels.py bench
 	$(BIN)/python examples/bench_fmu.py
+	$(BIN)/python examples/bench_native.py
 
 interop:
 	$(BIN)/pip install --quiet --editable ".[interop]"

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
 from fmu_importer import ERROR, OK, Fmu, Memory
-from fmus import SCENES, Kernels, built, native, run_case, scene, signal, started, unzipped, unzipped_at
+from fmus import SCENES, Kernels, built, native, planned, run_case, scene, signal, started, unzipped, unzipped_at
 from test_python_fmu import LOADED, both_step
 
 import rbfmu_fmu
 from rbfmu.simulation import simulate
 from rbfmu_fmu import object_code, verify
-from rbfmu_kernels import body_memory, body_unit
+from rbfmu_kernels import body_memory
 
 H = 0.01
 OWN = ["brick", "driven", "pendulum", "prescribed"]
@@ -140,7 +140,7 @@ def _forget_code():
 def with_output_rates(tmp_path_factory):
     """The FMU of a unit that gives its outputs' derivatives."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(body_unit, "output_rates", body_memory.output_rates, raising=False)
+        patch.setattr(planned("driven").unit, "output_rates", body_memory.output_rates, raising=False)
         _forget_code()
         path = rbfmu_fmu.build(scene("driven"), tmp_path_factory.mktemp("rates") / "it.fmu", "native")
     _forget_code()
