@@ -106,18 +106,18 @@ class _Search:
         return SceneError(f"run.accuracy = {self.accuracy!r}: {expected}", self.scene.name)
 
     def _explained(self, best: _Fit) -> Plan:
-        found = best.plan
+        found, cost = best.plan, best.cost / self.steps
         how = f"at tolerance {found.tolerance:.1e}" if found.tolerance else f"in steps of {found.substep:.3g} s"
-        judges = "two of Taylor series in half the steps, begun a round-off away to either side"
-        reason = f"{found.method} {how}: error {best.error:.1e} in a pilot run, against {judges}"
+        judges = "two tighter ones"
+        reason = f"{found.method} {how}: error {best.error:.1e} rad in a pilot run, judged by {judges}"
         if self.known:
-            return replace(found, error=best.error, reasons=(reason,))
+            return replace(found, error=best.error, cost=cost, reasons=(reason,))
         run = self.scene.run
         share = max(min(found.tolerance, self.accuracy * run.step / (run.stop - run.start)), TIGHTEST)
         held = (
             f"inputs: each substep's estimated error at most {share:.1e}, a communication step's share of the accuracy"
         )
-        return replace(self._cheapest_at(share), error=best.error, reasons=(reason, held))
+        return replace(self._cheapest_at(share), error=best.error, cost=cost, reasons=(reason, held))
 
     # Families
 

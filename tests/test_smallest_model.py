@@ -53,7 +53,8 @@ def check(scene):
     assert error_of(scene, found) <= scene.run.accuracy
     for model in CLOSED[: CLOSED.index(found.model)] if found.model in CLOSED else CLOSED:
         unstable = growth_rate(scene) * scene.run.stop > GROWTH
-        if not unstable:
+        pushed = any(scene.loads.force_b) and set(scene.outputs.quantities) & {"position", "velocity"}
+        if not unstable and not (pushed and model != "no rotation"):
             smaller = Plan(model, "", 0, held=("all",))
             assert error_of(scene, smaller) > 0.9 * SHARE * scene.run.accuracy, (model, found.model)
 
@@ -74,4 +75,4 @@ def test_the_plan_is_right_and_smallest_on_hundreds_of_scenes(scene):
 @pytest.mark.slow
 def test_the_random_scenes_reach_every_rung():
     """Runs after the hundreds."""
-    assert set(SEEN) >= {*CLOSED, "one swinging axis", "body under loads"}, SEEN
+    assert set(SEEN) >= {*CLOSED, "one swinging axis", "body under loads", "body under loads, by series"}, SEEN

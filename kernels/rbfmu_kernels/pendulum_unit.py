@@ -85,8 +85,12 @@ def step(z: Any, h: float) -> int:
     rest, steps, order = h, 0, int(z[_ORDER])
     while rest > 0.0:
         steps += 1
-        _expand(z, angle, rate, order)
-        longest = _longest_step(z, rate, order)
+        if order == 4:
+            longest = _expand(z, angle, rate, 4)
+        elif order == 8:
+            longest = _expand(z, angle, rate, 8)
+        else:
+            longest = _expand(z, angle, rate, 16)
         if not (rest < MOST_SUBSTEPS * longest and steps < MOST_SUBSTEPS):
             return NOT_REACHED
         count = math.ceil(rest / longest * (1.0 - 1e-9))
@@ -103,9 +107,12 @@ def step(z: Any, h: float) -> int:
     return status
 
 
-@kernel(inline=False)
-def _expand(z: Any, angle: float, rate: float, order: int) -> None:
-    """The series of the rate, and of sine and cosine of the angle: sin' = rate cos, cos' = -rate sin."""
+@kernel
+def _expand(z: Any, angle: float, rate: float, order: int) -> float:
+    """The series of the rate, and of sine and cosine of the angle: sin' = rate cos, cos' = -rate sin; the longest step.
+
+    order: a literal, so that the loops unroll.
+    """
     pull, decay, cosine, sine = z[_PULL], z[_DECAY], z[_SWING], z[_SWING + 1]
     z[_RATES] = rate
     z[_SINES], z[_COSINES] = sincos(angle)
@@ -115,8 +122,10 @@ def _expand(z: Any, angle: float, rate: float, order: int) -> None:
             d_sine += z[_RATES + j] * z[_COSINES + k - j]
             d_cosine -= z[_RATES + j] * z[_SINES + k - j]
         torque = cosine * z[_COSINES + k] + sine * z[_SINES + k] - decay * z[_RATES + k]
-        z[_RATES + k + 1] = (torque + (pull if k == 0 else 0.0)) / (k + 1.0)
-        z[_SINES + k + 1], z[_COSINES + k + 1] = d_sine / (k + 1.0), d_cosine / (k + 1.0)
+        share = 1.0 / (k + 1.0)
+        z[_RATES + k + 1] = share * (torque + (pull if k == 0 else 0.0))
+        z[_SINES + k + 1], z[_COSINES + k + 1] = share * d_sine, share * d_cosine
+    return _longest_step(z, rate, order)
 
 
 @kernel
