@@ -56,7 +56,11 @@ def scenes(draw):
     body, moments, R = draw(bodies())
     omega_b, k = draw(spins(moments, R))
     beam = 0.0 in moments
-    kind = draw(st.sampled_from(["none", "none", "weight", "weight", "axis", "tiny", "tiny", "pivot", "force_b", "all"]))
+    kind = draw(
+        st.sampled_from(
+            ["none", "none", "weight", "weight", "axis", "tiny", "tiny", "pivot", "swing", "force_b", "all"]
+        )
+    )
     loads = {"gravity_a": [0.0, 0.0, 0.0]}
     axis = R[:, k] if moments[k] else R[:, (np.flatnonzero(np.array(moments) > 0.0))[0]]
     if kind in ("weight", "pivot", "all"):
@@ -71,11 +75,19 @@ def scenes(draw):
         loads["force_b"] = list(draw(vectors(0.5)))
     if kind == "pivot":
         body |= {"pivot": True, "r_oc_b": (draw(st.sampled_from([0.2, -0.3])) * R[:, (k + 1) % 3]).tolist()}
-    elif draw(st.integers(0, 4)) == 0 and not beam:
+    elif kind != "swing" and draw(st.integers(0, 4)) == 0 and not beam:
         body |= {"r_oc_b": list(draw(vectors(0.3)))}
+    turn = list(draw(vectors(draw(st.sampled_from([0.0, 1.0])))))
+    if kind == "swing":  # about x, which stays level
+        body |= {"inertia": [1.0, 1.2, 1.4], "pivot": True, "r_oc_b": [0.0, 0.3, draw(st.sampled_from([0.0, -0.2]))]}
+        omega_b, turn = (
+            [draw(st.sampled_from([0.0, 1.0, 3.0])), 0.0, 0.0],
+            [draw(st.sampled_from([0.0, 1.0])), 0.0, 0.0],
+        )
+        loads = {"gravity_a": [0.0, 0.0, -1.0], "damping_b": [draw(st.sampled_from([0.0, 0.1])), 0.0, 0.0]}
     wanted = ["quaternion", "rpy", "omega_b", *(() if body.get("pivot") else ("position", "velocity"))]
     wanted = draw(st.lists(st.sampled_from(wanted), min_size=1, max_size=3, unique=True))
-    initial = {"omega_b": omega_b, "attitude": {"rotvec": list(draw(vectors(draw(st.sampled_from([0.0, 1.0])))))}}
+    initial = {"omega_b": omega_b, "attitude": {"rotvec": turn}}
     if not body.get("pivot"):
         initial |= {"velocity": list(draw(vectors(draw(st.sampled_from([0.0, 2.0])))))}
     stop, steps = draw(st.sampled_from([0.5, 5.0, 20.0])), draw(st.sampled_from([2, 10, 40]))
