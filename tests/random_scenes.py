@@ -7,6 +7,8 @@ from scipy.spatial.transform import Rotation
 from rbfmu.scene import Scene
 
 DECADES = st.integers(-13, -2).map(lambda k: 10.0**k)
+KINDS = ("none", "none", "weight", "weight", "axis", "tiny", "tiny", "pivot", "swing", "force_b", "all")
+"""Of loads."""
 SIGNS = st.sampled_from([-1.0, 1.0])
 
 
