@@ -70,10 +70,10 @@ def step(z: Any, h: float) -> int:
     t = time_after(z, h)
     axis, rate, decay = vec3_at(z, _AXIS), z[_RATE], z[_DECAY]
     first, second = relaxation(decay * t)
-    change = (z[_PULL] - decay * rate) * t
+    gained = z[_PULL] * t
     q = quaternion_at(z, _Q_0)
     if turns(z):
-        s, c = sincos(0.5 * (rate + change * second) * t)
+        s, c = sincos(0.5 * (rate * first + gained * second) * t)
         q = compose_quaternions(q, (c, s * axis[0], s * axis[1], s * axis[2]))
-    put_rotation(z, q, scale(rate + change * first, axis))
+    put_rotation(z, q, scale(rate + (gained - decay * rate * t) * first, axis))
     return finish_step(z, h, body_of(z), loads_of(z))
