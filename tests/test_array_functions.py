@@ -1,7 +1,10 @@
 """Array functions: the kernels' bits under NumPy's rules."""
 
 import math
+import os
 import re
+import subprocess
+import sys
 import warnings
 from pathlib import Path
 
@@ -84,6 +87,14 @@ def test_layout_in_memory_does_not_matter(function, args):
     out = strided(np.zeros_like(expected))
     assert function(*args, out=out) is out
     assert (out == expected).all()
+
+
+def test_one_item_for_all_has_the_same_bits():
+    """Packed arguments and one that is broadcast, packed or not, in whole tiles and a remainder."""
+    for one in (Q[7], strided(Q)[7], np.asfortranarray(Q)[7]):
+        assert (rbfmu.rotate(one, V) == rbfmu.rotate(np.array([Q[7]] * 100), V)).all()
+    assert (rbfmu.transform(R, V[5]) == rbfmu.transform(R, np.array([V[5]] * 100))).all()
+    assert (rbfmu.slerp(Q[3], Q, 0.3) == rbfmu.slerp(np.array([Q[3]] * 100), Q, np.full(100, 0.3))).all()
 
 
 def test_leading_axes_broadcast():
@@ -263,6 +274,20 @@ def test_interpreted_functions_have_the_same_bits(kernel):
     ours, theirs = _batch.interpreted(kernel)(*args), _batch.gufunc(kernel)(*args)
     for a, b in zip(ours, theirs, strict=True):
         assert (a == b).all()
+
+
+@compiled_only
+def test_cached_functions_load_without_the_compiler(tmp_path):
+    """Some 0.2 s of a new process's first call; the module stands for all that Numba loads when it compiles."""
+    calls = "rbfmu.rotate([0.6, 0.8, 0, 0], [1, 2, 3]), rbfmu.nearest_rotation([[1, 2, 3], [4, 5, 6], [7, 8, 10]])"
+    code = f"import sys, rbfmu; print({calls}, 'numba.np.arraymath' in sys.modules)"
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    compiling, loading = (
+        subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True).stdout
+        for _ in range(2)
+    )
+    assert compiling.endswith("True\n")
+    assert loading == compiling.replace("True", "False")
 
 
 @compiled_only

@@ -76,7 +76,7 @@ def rebuilt(value, truth, scale):
 LAWS = [
     Law(euler.quaternion_from_euler, exact_matrix, all_cases, 1.5,
         measure=lambda q, matrix, _: exact.error(exact.matrix_from_quaternion(exact.exact(q)), matrix, 2)),
-    Law(euler.matrix_from_euler, exact_matrix, all_cases, 4.0),
+    Law(euler.matrix_from_euler, exact_matrix, all_cases, 3.0),
     Law(euler.euler_from_quaternion, lambda seq, q: (seq, exact.matrix_from_quaternion(q)), with_quaternions, 4.0,
         measure=rebuilt),
     Law(euler.euler_from_matrix, lambda seq, R: (seq, R), with_rotations, 4.0, measure=rebuilt),

@@ -56,7 +56,7 @@ LAWS = [
     Law(quaternion.compose_quaternions, exact.compose_quaternions, lambda: PAIRS, 1.2),
     Law(quaternion.invert_quaternion, conjugate, lambda: [(q,) for q in QUATERNIONS], 0.0),
     Law(quaternion.normalize, exact.unit, scaled, 1.2),
-    Law(quaternion.rotate, lambda q, v: exact.apply(exact.matrix_from_quaternion(q), v), lambda: WITH_VECTORS, 4.5,
+    Law(quaternion.rotate, lambda q, v: exact.apply(exact.matrix_from_quaternion(q), v), lambda: WITH_VECTORS, 3.0,
         norm_of_second),
     Law(quaternion.slerp, exact.slerp, lambda: [(*pair, s) for pair in apart() for s in ALONG], 3.0),
     Law(quaternion.angle_between, exact.angle_between, lambda: [pair for pair in apart() if far_enough(*pair)], 2.5,

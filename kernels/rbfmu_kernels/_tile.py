@@ -223,16 +223,18 @@ def _shuffled(builder: Any, a: Any, b: Any, places: list[int]) -> Any:
 
 def _columns(builder: Any, items: Any, index: int, width: int) -> list[Any]:
     """Of eight items as rows."""
+    if width in (1, 2, 4):
+        return _unzipped(builder, [_load(builder, items, index + _LANES * n, _LANES) for n in range(width)])
     if width < _LANES:
         wide = _load(builder, items, index, _LANES * width)
         return [_shuffled(builder, wide, wide, [n + width * i for i in range(_LANES)]) for n in range(width)]
     columns: list[Any] = []
     for n in range(0, width - _LANES + 1, _LANES):
-        columns += _transposed(builder, [_load(builder, items, index + i * width + n, _LANES) for i in range(_LANES)])
+        columns += _unzipped(builder, [_load(builder, items, index + width * i + n, _LANES) for i in range(_LANES)])
     for n in range(len(columns), width):
         column = ir.Constant(ir.VectorType(_double, _LANES), ir.Undefined)
         for i in range(_LANES):
-            number = builder.load(builder.gep(items, [_index(index + i * width + n)]))
+            number = builder.load(builder.gep(items, [_index(index + width * i + n)]))
             column = builder.insert_element(column, number, _index(i))
         columns.append(column)
     return columns
@@ -240,32 +242,41 @@ def _columns(builder: Any, items: Any, index: int, width: int) -> list[Any]:
 
 def _store_items(builder: Any, columns: list[Any], items: Any, index: int) -> None:
     width = len(columns)
-    if width < _LANES:
+    if width in (1, 2, 4):
+        for i, row in enumerate(_zipped(builder, columns)):
+            _store(builder, row, items, index + _LANES * i)
+    elif width < _LANES:
         wide = columns[0]
         for column in columns[1:]:
             count = wide.type.count
             padded = _shuffled(builder, column, column, [i % _LANES for i in range(count)])
-            wide = _shuffled(builder, wide, padded, list(range(count + _LANES)))
-        _store(builder, _shuffled(builder, wide, wide, [n * _LANES + i for i in range(_LANES) for n in range(width)]),
-               items, index)  # fmt: skip
-        return
-    whole = width - width % _LANES
-    for n in range(0, whole, _LANES):
-        for i, row in enumerate(_transposed(builder, columns[n : n + _LANES])):
-            _store(builder, row, items, index + i * width + n)
-    for n in range(whole, width):
-        for i in range(_LANES):
-            number = builder.extract_element(columns[n], _index(i))
-            builder.store(number, builder.gep(items, [_index(index + i * width + n)]))
+            wide = _shuffled(builder, wide, padded, [*range(count + _LANES)])
+        order = [n * _LANES + i for i in range(_LANES) for n in range(width)]
+        _store(builder, _shuffled(builder, wide, wide, order), items, index)
+    else:
+        whole = width - width % _LANES
+        for n in range(0, whole, _LANES):
+            for i, row in enumerate(_zipped(builder, columns[n : n + _LANES])):
+                _store(builder, row, items, index + width * i + n)
+        for n, i in np.ndindex(width - whole, _LANES):
+            number = builder.extract_element(columns[whole + n], _index(i))
+            builder.store(number, builder.gep(items, [_index(index + width * i + whole + n)]))
 
 
-def _transposed(builder: Any, rows: list[Any]) -> list[Any]:
-    """An 8 x 8 block, in three rounds of exchanges: between rows 1, 2 and 4 apart."""
-    for apart in (1, 2, 4):
-        low = [j - apart + _LANES if j & apart else j for j in range(_LANES)]
-        high = [j + _LANES if j & apart else j + apart for j in range(_LANES)]
-        for i in range(_LANES):
-            if not i & apart:
-                a, b = rows[i], rows[i + apart]
-                rows[i], rows[i + apart] = _shuffled(builder, a, b, low), _shuffled(builder, a, b, high)
-    return rows
+def _unzipped(builder: Any, vectors: list[Any]) -> list[Any]:
+    """Every w-th number of w vectors in a row, w = 1, 2, 4 or 8: even from odd places, log2(w) times."""
+    even, odd = [*range(0, 2 * _LANES, 2)], [*range(1, 2 * _LANES, 2)]
+    for _ in range(len(vectors).bit_length() - 1):
+        pairs = [*zip(vectors[::2], vectors[1::2], strict=True)]
+        vectors = [_shuffled(builder, a, b, places) for places in (even, odd) for a, b in pairs]
+    return vectors
+
+
+def _zipped(builder: Any, vectors: list[Any]) -> list[Any]:
+    """The same back: the first half of the numbers between those of the second, log2(w) times."""
+    both = [place for i in range(_LANES) for place in (i, i + _LANES)]
+    for _ in range(len(vectors).bit_length() - 1):
+        half = len(vectors) // 2
+        pairs = zip(vectors[:half], vectors[half:], strict=True)
+        vectors = [_shuffled(builder, a, b, part) for a, b in pairs for part in (both[:_LANES], both[_LANES:])]
+    return vectors

@@ -6,10 +6,11 @@ no cast. Polynomials are split into pairs (Estrin) for short chains.
 
 import math
 
+import numpy as np
+
 from ._kernel import kernel
 
 _ROUND = 1.5 * 2.0**52  # adding and subtracting it rounds to an integer
-_ROUND_TO_4 = 4.0 * _ROUND
 _LARGEST = 1e15
 _TWO_OVER_PI = 0.6366197723675814
 # pi / 2 as a sum; the first two have 36 bits, so that their products with |k| < 2^17 are exact (Cody & Waite).
@@ -26,17 +27,22 @@ def sincos(x: float) -> tuple[float, float]:
     Infinite x gives NaN.
     """
     x = x - x if abs(x) > _LARGEST else x
-    k = (x * _TWO_OVER_PI + _ROUND) - _ROUND
+    shifted = x * _TWO_OVER_PI + _ROUND
+    k = shifted - _ROUND
     first = x - k * _PIO2_1
     w = k * _PIO2_2
     r = first - w
     tail = ((first - r) - w) - k * _PIO2_3
     s, c = _sincos_near_zero(r, tail)
-    quadrant = k - (((k - 0.5) + _ROUND_TO_4) - _ROUND_TO_4)  # -1, 0, 1, 2
-    odd = abs(quadrant) == 1.0
-    sine = c if odd else s
-    cosine = s if odd else c
-    return (-sine if abs(quadrant - 0.5) > 1.0 else sine, -cosine if quadrant > 0.5 else cosine)
+    quadrant = np.float64(shifted).view(np.int64)  # its last two bits are those of k
+    odd = quadrant & 1 != 0
+    return (_signed(c if odd else s, quadrant), _signed(s if odd else c, quadrant + 1))
+
+
+@kernel
+def _signed(x: float, quadrant: np.int64) -> float:
+    """x, or -x in the quadrants 2 and 3 (of 0 to 3)."""
+    return float(np.int64(np.float64(x).view(np.int64) ^ ((quadrant & 2) << 62)).view(np.float64))
 
 
 @kernel

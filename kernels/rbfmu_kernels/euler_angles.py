@@ -95,7 +95,7 @@ def quaternion_from_euler(seq: int, angles: Vec3) -> Quaternion:
 def matrix_from_euler(seq: int, angles: Vec3) -> Matrix:
     """R_ab = R_i(angle 1) R_j(angle 2) R_k(angle 3).
 
-    seq: sequence constant; angles: rad, any size.  Error <= 4 eps.  E&G 6.5.
+    seq: sequence constant; angles: rad, any size.  Error <= 3 eps.  E&G 6.5.
     """
     return matrix_from_quaternion(quaternion_from_euler(seq, angles))
 

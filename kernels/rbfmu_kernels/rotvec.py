@@ -42,7 +42,7 @@ def rotvec_from_quaternion(q_ab: Quaternion) -> Vec3:
 def matrix_from_rotvec(u: Vec3) -> Matrix:
     """R_ab = exp(skew(u)), of `quaternion_from_rotvec`.
 
-    u: rad.  Error <= 4 eps to |u| = pi, then eps |u|.
+    u: rad.  Error <= 3 eps to |u| = pi, then eps |u|.
     """
     return matrix_from_quaternion(quaternion_from_rotvec(u))
 
@@ -71,7 +71,7 @@ def quaternion_from_axis_angle(k: Vec3, theta: float) -> Quaternion:
 def matrix_from_axis_angle(k: Vec3, theta: float) -> Matrix:
     """R_ab = cos(theta) I + sin(theta) skew(k) + (1 - cos(theta)) k k^T.
 
-    k: unit to round-off; theta: rad.  Error <= 4 eps.  E&G 6.6.
+    k: unit to round-off; theta: rad.  Error <= 2.5 eps.  E&G 6.6.
     """
     return matrix_from_quaternion(quaternion_from_axis_angle(k, theta))
 
