@@ -9,7 +9,7 @@ import numpy as np
 
 from rbfmu.measures import largest_error
 from rbfmu.models import Plan
-from rbfmu.pilot import communication_steps, pilot_run, references, substeps_taken
+from rbfmu.pilot import communication_steps, pilot_run, references, substeps_taken, whole_run
 from rbfmu.scene import Scene, SceneError
 from rbfmu.unit import Buffer, filled_buffer, initialize
 from rbfmu_kernels.body_memory import body_of, loads_of
@@ -106,7 +106,7 @@ class _Search:
         return SceneError(f"run.accuracy = {self.accuracy!r}: {expected}", self.scene.name)
 
     def _explained(self, best: _Fit) -> Plan:
-        found, cost = best.plan, best.cost / self.steps
+        found, cost = self._whatever_the_step(best.plan), best.cost / self.steps
         how = f"at tolerance {found.tolerance:.1e}" if found.tolerance else f"in steps of {found.substep:.3g} s"
         judges = "two tighter ones"
         reason = f"{found.method} {how}: error {best.error:.1e} rad in a pilot run, judged by {judges}"
@@ -117,7 +117,18 @@ class _Search:
         held = (
             f"inputs: each substep's estimated error at most {share:.1e}, a communication step's share of the accuracy"
         )
-        return replace(self._cheapest_at(share), error=best.error, cost=cost, reasons=(reason, held))
+        cheapest, work = self._cheapest_at(share)
+        return replace(cheapest, error=best.error, cost=work / self.steps, reasons=(reason, held))
+
+    def _whatever_the_step(self, plan: Plan) -> Plan:
+        """The plan, its tolerance such that one communication step for the whole run meets the accuracy as well."""
+        ends = [{name: rows[[0, -1]] for name, rows in reference.items()} for reference in self.references]
+        while plan.tolerance > TIGHTEST:
+            motion = whole_run(self.scene, plan)
+            if max(largest_error(motion, end) for end in ends) <= 0.5 * self.accuracy:
+                break
+            plan = replace(plan, tolerance=0.1 * plan.tolerance)
+        return plan
 
     # Families
 
@@ -144,8 +155,8 @@ class _Search:
                 idle = idle + 1 if self.best is before else 0
                 other += way
 
-    def _cheapest_at(self, tolerance: float) -> Plan:
-        """The cheapest method of error control at a tolerance."""
+    def _cheapest_at(self, tolerance: float) -> tuple[Plan, float]:
+        """The cheapest method of error control at a tolerance, and its cost (ns)."""
         families = [self._of_order(order) for order in TAYLOR_COSTS if order >= LEAST_ORDER_OF_INPUTS]
         families.append(self._dop853())
         best, least = None, math.inf
@@ -155,7 +166,7 @@ class _Search:
                 cost = family.cost * pilot_run(self.scene, trial)[1]
                 best, least = (trial, cost) if cost < least else (best, least)
         assert best
-        return best
+        return best, least
 
     def _fit_uncontrolled(self) -> None:
         """DOP853 in equal steps, from the shortest that would be cheaper than what was found."""

@@ -37,11 +37,8 @@ def pilot_run(scene: Scene, trial: Plan, side: float = 0.0) -> tuple[Motion, flo
 
     side: where not 0, the start is shaken and each communication step cut in two.  NaN from where the motion ends.
     """
-    unit, run, z = trial.unit, scene.run, filled_buffer(scene, trial)
-    parts = 2 if side else 1
-    _shake(unit, z, side * ROUND_OFF)
-    z[unit.BLOCKS["unwanted"]] = [float(name not in _JUDGED) for name in unit.OUTPUTS]
-    initialize(scene, unit, z)
+    unit, run = trial.unit, scene.run
+    parts, z = 2 if side else 1, _begun(scene, trial, side)
     steps = communication_steps(scene)
     stride = math.ceil(steps / MOST_POINTS)
     blocks = {n: z[unit.BLOCKS[n]] for n in _JUDGED}
@@ -55,6 +52,24 @@ def pilot_run(scene: Scene, trial: Plan, side: float = 0.0) -> tuple[Motion, flo
     if math.isfinite(trial.substep):
         return motion, substeps_taken(scene, trial.substep)
     return motion, max(float(z[unit.BLOCKS["substeps"]][0]), float(steps))
+
+
+def whole_run(scene: Scene, trial: Plan) -> Motion:
+    """The motion's begin and end, all in one communication step."""
+    unit, z = trial.unit, _begun(scene, trial, 0.0)
+    motion = {n: [z[unit.BLOCKS[n]].copy()] for n in _JUDGED}
+    fine = unit.step(z, scene.run.stop - scene.run.start) == FINE
+    for n, points in motion.items():
+        points.append(z[unit.BLOCKS[n]] if fine else points[0] + math.nan)
+    return {n: np.array(points) for n, points in motion.items()}
+
+
+def _begun(scene: Scene, trial: Plan, side: float) -> Any:
+    unit, z = trial.unit, filled_buffer(scene, trial)
+    _shake(unit, z, side * ROUND_OFF)
+    z[unit.BLOCKS["unwanted"]] = [float(name not in _JUDGED) for name in unit.OUTPUTS]
+    initialize(scene, unit, z)
+    return z
 
 
 def substeps_taken(scene: Scene, substep: float) -> float:
