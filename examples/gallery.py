@@ -25,8 +25,8 @@ HEAD = """# Gallery
 Scenes from the smallest model to the largest. Each says what one sees and why its model is the smallest that serves;
 then stands what `rbfmu plan` says. This page and its pictures are written by `python examples/gallery.py`.
 
-| scene | model |
-|---|---|
+| scene | model | size |
+|---|---|---|
 """
 COSTS = """## What they cost
 
@@ -86,7 +86,9 @@ def page() -> str:
     table, sections = [], []
     for name in PICTURES:
         (title, *texts), plan = paragraphs(name), plan_text(name)
-        table.append(f"| [{title}](#{name}) | {plan.splitlines()[0]} |")
+        model, *reasons = plan.splitlines()
+        size = next(line for line in reasons if "FMU variables" in line)
+        table.append(f"| [{title}](#{name}) | {model} | {size} |")
         picture = f"![{title}](../pictures/{name}.png)"
         told = f"```\n$ rbfmu plan {name}.toml\n{plan}\n```"
         sections.append("\n\n".join((f'<a id="{name}"></a>\n## {title}', picture, *texts, told)))

@@ -97,7 +97,7 @@ def earth(scene: rbfmu.Scene) -> Figure:
 
 def spinning_satellite(scene: rbfmu.Scene) -> Figure:
     """The small rates over time and as a circle."""
-    result = rbfmu.simulate(scene)
+    result = rbfmu.simulate(around.with_step(scene, 0.1))
     rates = np.degrees(result.omega_b)
     figure, (axes, circle) = panels(f"A steady spin of {rates[0, 2]:.0f}°/s; the other rates circle", 2.4, 1.0)
     for k, color in ((0, BLUE), (1, VERMILION)):
