@@ -3,7 +3,7 @@ VENV ?= .venv
 PYTHON ?= python3
 BIN = $(VENV)/bin
 
-.PHONY: setup check test slow demo bench interop fuzz
+.PHONY: setup check test slow demo bench interop platforms fuzz
 setup:
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --editable ".[dev]"
@@ -35,6 +35,11 @@ bench:
 interop:
 	$(BIN)/pip install --quiet --editable ".[interop]"
 	$(BIN)/python examples/interop.py interop
+
+# Native FMUs for all platforms; those that an emulator here runs give the kernels' bits (apt: qemu-user libc6-arm64-cross wine64).
+platforms:
+	$(BIN)/pip install --quiet --editable ".[native]"
+	$(BIN)/pytest -m slow tests/test_native_fmu_build.py tests/test_native_fmu_platforms.py
 
 # Wrong calls of both kinds of FMU, millions of them, counted; the C layer under sanitizers.
 fuzz:

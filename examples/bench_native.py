@@ -100,6 +100,7 @@ class Running:
         self.lib.fmi2EnterInitializationMode(it)
         assert self.lib.fmi2ExitInitializationMode(it) == 0
         self.values = (ctypes.c_double * len(outputs))()
+        self._instance = it
         self._arguments = it, (ctypes.c_uint * len(outputs))(*outputs), ctypes.c_size_t(len(outputs)), self.values
         self._driver = driver
         self.seconds(0, 1)
@@ -112,6 +113,11 @@ class Running:
         )  # fmt: skip
         assert found > 0.0
         return found
+
+    def end(self) -> list[float]:
+        """Free the instance; what was read last."""
+        self.lib.fmi2FreeInstance(self._instance)
+        return list(self.values)
 
 
 def _compile(text: str, folder: Path, includes: dict[str, str], *flags: str) -> bytes:
@@ -138,6 +144,7 @@ def _with_other_unit(fmu: Fmu, folder: Path, scene: rbfmu.Scene, planned: Plan, 
     """A native FMU whose unit is this C source."""
     blocks = "".join(f"#define AT_{name.upper()} {b.start}\n" for name, b in planned.unit.BLOCKS.items() if name != "q")
     layout = blocks + f"#define AT_Q {planned.unit.BLOCKS['q'].start}\n" if "q" in planned.unit.BLOCKS else blocks
+    folder.mkdir()
     code = _compile(text, folder, {"layout.h": layout, "tableau.h": _tableau()}, "-c")
     library, guid, *others = fmu.arguments
     header = {"model.h": model_header(describe(scene, planned), guid)}
@@ -179,7 +186,7 @@ def _costs(scene: rbfmu.Scene, planned: Plan, fmus: dict[str, Fmu], driver: Any,
     for k in range(repeats):
         for name, timer in timers.items():
             costs[name].append(timer(1 + k * steps, steps))
-    return costs, {name: list(one.values) for name, one in running.items()}
+    return costs, {name: one.end() for name, one in running.items()}
 
 
 def _figures_of(text: str, folder: Path, driver: Any, repeats: int, steps: int, starts: int) -> dict[str, float]:
@@ -192,14 +199,14 @@ def _figures_of(text: str, folder: Path, driver: Any, repeats: int, steps: int, 
     }
     if text == HAND:
         source = (FOLDER / "bench_native_by_hand.c").read_text()
-        fmus["by hand"] = _with_other_unit(fmus["native"], folder, scene, planned, source)
+        fmus["by hand"] = _with_other_unit(fmus["native"], folder / "hand", scene, planned, source)
     costs, values = _costs(scene, planned, fmus, driver, repeats, steps)
     figures = _row(text, costs)
     if text == HAND:
         pairs = zip(values["native"], values["by hand"], strict=True)
         figures["difference"] = max(abs(a - b) for a, b in pairs)
         print(f"  by hand differs by {figures['difference']:.1e} after {repeats * steps} steps")
-        nothing = _with_other_unit(fmus["native"], folder, scene, planned, NOTHING)
+        nothing = _with_other_unit(fmus["native"], folder / "nothing", scene, planned, NOTHING)
         figures["first step"] = _first_step(fmus["native"], nothing, starts)
     return figures
 
@@ -212,8 +219,8 @@ def _first_step(native: Fmu, nothing: Fmu, starts: int) -> float:
     return ratio
 
 
-def main(repeats: int = 41, steps: int = 4000, starts: int = 15) -> dict[str, dict[str, float]]:
-    """Print the table; ratios by scene."""
+def main(repeats: int = 301, steps: int = 200, starts: int = 15) -> dict[str, dict[str, float]]:
+    """Print the table; ratios by scene. Many short blocks: each fits between the interruptions of a busy machine."""
     print(f"ns per step (fmi2DoStep, all outputs), medians; goals: {GOAL_LOOP} of the loop, {GOAL_HAND} of C by hand")
     with tempfile.TemporaryDirectory() as name:
         place = Path(name)

@@ -1,7 +1,11 @@
 /* An importer in C: steps an FMU, prints its outputs in hexadecimal at every step, then the ns that a step takes.
    usage: fmu_host LIBRARY GUID RESOURCES STEPS H INPUTS FIRST_OUTPUT OUTPUTS REPEATS, where the value references of
    the inputs count from 0, those of the outputs from FIRST_OUTPUT. */
+#ifdef _WIN32
+#include <windows.h>
+#else
 #include <dlfcn.h>
+#endif
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -17,12 +21,24 @@ typedef struct {
     void *environment;
 } Callbacks;
 
+#ifdef _WIN32
+static void *opened(const char *path) { return LoadLibraryA(path); }
+static void *symbol(void *library, const char *name) { return (void *)GetProcAddress(library, name); }
+static void close_library(void *library) { FreeLibrary(library); }
+static const char *problem(void) { return "LoadLibrary failed"; }
+#else
+static void *opened(const char *path) { return dlopen(path, RTLD_NOW | RTLD_LOCAL); }
+static void *symbol(void *library, const char *name) { return dlsym(library, name); }
+static void close_library(void *library) { dlclose(library); }
+static const char *problem(void) { return dlerror(); }
+#endif
+
 static void logger(void *environment, const char *who, int status, const char *category, const char *text, ...) {
     fprintf(stderr, "%s %d %s %s\n", who, status, category ? category : "NULL", text);
 }
 
 static void *need(void *library, const char *name) {
-    void *found = dlsym(library, name);
+    void *found = symbol(library, name);
     if (!found) {
         fprintf(stderr, "no %s\n", name);
         exit(3);
@@ -39,7 +55,7 @@ static void check(int status, const char *what) {
 
 static double seconds(void) {
     struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
+    timespec_get(&now, TIME_UTC);
     return now.tv_sec + 1e-9 * now.tv_nsec;
 }
 
@@ -47,9 +63,9 @@ static void live(char **argument) {
     int steps = atoi(argument[4]), inputs = atoi(argument[6]), first = atoi(argument[7]), outputs = atoi(argument[8]);
     int repeats = atoi(argument[9]);
     double h = atof(argument[5]);
-    void *library = dlopen(argument[1], RTLD_NOW | RTLD_LOCAL);
+    void *library = opened(argument[1]);
     if (!library) {
-        fprintf(stderr, "%s\n", dlerror());
+        fprintf(stderr, "%s\n", problem());
         exit(3);
     }
     Component (*instantiate)(const char *, int, const char *, const char *, const Callbacks *, int, int) =
@@ -94,7 +110,7 @@ static void live(char **argument) {
         check(reset(it), "reset");
     }
     release(it);
-    dlclose(library);
+    close_library(library);
 }
 
 int main(int count, char **argument) {

@@ -8,13 +8,16 @@ import subprocess
 import zipfile
 from xml.etree import ElementTree
 
+import fmpy
 import pytest
+from click.testing import CliRunner
 from fmu_importer import Fmu
-from fmus import built, native, scene, unzipped, unzipped_at
+from fmus import SCENES, built, native, scene, unzipped, unzipped_at
 from test_fmu_traps import KILLED, build_elsewhere
 
 import rbfmu_fmu
-from rbfmu_fmu import archive, linking
+from rbfmu.cli import main
+from rbfmu_fmu import VerificationError, archive, linking, verify
 from rbfmu_fmu.linking import NoLinkerError, universal
 from rbfmu_fmu.platforms import PLATFORMS, BuildError, this_platform
 
@@ -117,6 +120,7 @@ def test_what_the_c_compiler_says_is_in_the_message(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("platform", PLATFORMS)
 @pytest.mark.parametrize("name", ["brick", "driven", "prescribed"])
+@pytest.mark.slow
 @needs_ziglang
 def test_every_platform_is_built_small_and_the_same_each_time(name, platform, tmp_path):
     """Of its own format, and the FMU no larger than this, all in all."""
@@ -129,6 +133,7 @@ def test_every_platform_is_built_small_and_the_same_each_time(name, platform, tm
         assert fmu.read(library).startswith(FORMATS[platform])
 
 
+@pytest.mark.slow
 @needs_ziglang
 def test_one_fmu_may_serve_all_platforms(tmp_path):
     path = rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", "native", list(PLATFORMS))
@@ -144,3 +149,50 @@ def test_one_fmu_may_serve_all_platforms(tmp_path):
         assert content[place : place + 8] == b"\xcf\xfa\xed\xfe" + processor.to_bytes(4, "little")
     assert place + size == len(content)
     assert universal([content]) == content
+
+
+# --- the command line
+
+
+def run(*arguments):
+    return CliRunner().invoke(main, list(map(str, arguments)))
+
+
+def test_the_command_builds_what_the_function_builds(tmp_path):
+    path = tmp_path / "it.fmu"
+    result = run("build", SCENES / "gyro_attitude.toml", "--native", "-o", path)
+    assert (result.exit_code, result.stdout.strip()) == (0, str(path))
+    expected = rbfmu_fmu.build(scene("gyro_attitude"), tmp_path / "expected.fmu", "native")
+    assert path.read_bytes() == expected.read_bytes()
+    verified = run("verify", path)
+    assert verified.exit_code == 0
+    assert "passed" in verified.stdout
+
+
+@pytest.mark.parametrize(("options", "message"), [
+    (["--platform", "win64"], "--platform: expected --native"),
+    (["--native", "--platform", "amiga"], "platform 'amiga': expected one of linux64, win64"),
+])  # fmt: skip
+def test_bad_usage_is_one_message_and_status_2(options, message, tmp_path):
+    result = run("build", SCENES / "gyro_attitude.toml", "-o", tmp_path / "it.fmu", *options)
+    assert result.exit_code == 2
+    assert message in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_machine_without_compilers_gets_one_message(tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(linking, "find_spec", lambda name: None)
+    result = run("build", SCENES / "gyro_attitude.toml", "--native", "-o", tmp_path / "it.fmu")
+    assert result.exit_code == 2
+    assert 'pip install "rbfmu[native]"' in result.stderr
+    assert "Traceback" not in result.output
+
+
+@pytest.mark.slow
+@needs_ziglang
+def test_an_fmu_for_another_platform_cannot_be_verified_here(tmp_path):
+    other = "win64" if this_platform().name != "win64" else "linux64"
+    path = rbfmu_fmu.build(scene("gyro_attitude"), tmp_path / "it.fmu", "native", [other])
+    with pytest.raises(VerificationError, match=f"built for {other}, not {fmpy.platform}"):
+        verify(path)

@@ -16,7 +16,7 @@ def figures():
         import bench_native
     finally:
         sys.path.remove(str(ROOT / "examples"))
-    return bench_native, bench_native.main(repeats=21, steps=1000, starts=5)
+    return bench_native, bench_native.main(repeats=301, steps=200, starts=9)
 
 
 def test_a_step_costs_at_most_1p2_of_the_same_kernel_in_a_numba_loop(figures):
@@ -29,7 +29,7 @@ def test_a_step_costs_at_most_1p2_of_the_same_kernel_in_a_numba_loop(figures):
 def test_a_step_costs_at_most_what_c_by_hand_does_for_the_same_motion(figures):
     bench, by_scene = figures
     assert by_scene[bench.HAND]["by hand"] <= 1.0 * bench.ALLOWANCE
-    assert by_scene[bench.HAND]["difference"] < 1e-12  # round-off of some 1e4 steps
+    assert by_scene[bench.HAND]["difference"] < 1e-11  # round-off of 6e4 steps
 
 
 def test_the_first_step_of_a_process_costs_at_most_1p1_of_an_fmus_that_does_nothing(figures):

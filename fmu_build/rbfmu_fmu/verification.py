@@ -63,8 +63,8 @@ def verify(path: str | Path, seed: int = 1) -> Verification:
     At most 10,000 steps of the scene. Raises VerificationError where the file is no FMU of rbfmu's.
     """
     path = Path(path)
-    check_plain(tempfile.gettempdir())
     scene, plan, problems = _scene_inside(path)
+    _check_runs_here(path)
     problems += [f"fmpy validate: {text}" for text in validate_fmu(str(path))]
     description = describe(scene, plan)
     problems += _missing(path, description)
@@ -79,6 +79,15 @@ def verify(path: str | Path, seed: int = 1) -> Verification:
     if to_full > scene.run.accuracy:
         problems += [f"the planned model is {to_full:.2g} from the full one: accuracy asked {scene.run.accuracy:g}"]
     return Verification(seed, len(time) - 1, done, differences, tuple(problems + log), to_full, scene.run.accuracy)
+
+
+def _check_runs_here(path: Path) -> None:
+    platforms = fmpy.supported_platforms(str(path))
+    if fmpy.platform not in platforms:
+        raise VerificationError(f"{path}: built for {', '.join(platforms) or 'other platforms'}, not {fmpy.platform}")
+    with zipfile.ZipFile(path) as archive:
+        if any(name.startswith("resources/pythonfmu/") for name in archive.namelist()):
+            check_plain(tempfile.gettempdir())
 
 
 def check_plain(folder: str) -> None:
