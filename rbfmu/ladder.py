@@ -14,7 +14,7 @@ CLOSED = ("no rotation", "constant rate", "one axis", "torque-free symmetric bod
 
 @dataclass(frozen=True)
 class Needs:
-    """What a scene's outputs make it necessary to model."""
+    """What a scene's outputs, and what acts on them, make it necessary to model."""
 
     rotation: bool
     attitude: bool
@@ -28,7 +28,9 @@ class Needs:
         translation = bool(moves(z)) and free
         watched = translation or (free and "acceleration" in scene.outputs.quantities)
         attitude = bool(turns(z)) or (watched and bool(varying & {"r_oc_b", "force_b"}))
-        return cls(bool(spins(z)) or attitude, attitude, translation)
+        rotation = bool(spins(z)) or attitude
+        attitude = attitude or (rotation and bool(torques(scene) & {"torque_a", "force_a", "gravity_a"}))
+        return cls(rotation, attitude, translation)
 
 
 def varying_parameters(scene: Scene) -> set[str]:
@@ -79,7 +81,7 @@ def needed_parameters(scene: Scene, model: str) -> set[str]:
         names |= {"omega_b_0"}
         still = model in ("no rotation", "constant rate")
         names |= {"inertia"} if not still or wanted & {"angular_momentum_a", "kinetic_energy"} else set()
-    if needs.attitude or turning & {"torque_a", "force_a", "gravity_a"}:
+    if needs.attitude:
         names |= {"quaternion_0"}
     if needs.translation:
         names |= {"position_0", "velocity_0"}

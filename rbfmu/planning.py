@@ -32,7 +32,7 @@ COSTS = {
 }  # fmt: skip
 """ns a communication step in a compiled loop, of which some 55 are the call; measured on an Intel Xeon in 2026."""
 ROTATION_STATES = {"no rotation": 0, "constant rate": 4, "one axis": 2, SWING: 2}
-RATE_STATES = {"no rotation": 0, "constant rate": 0, "one axis": 1}
+RATE_STATES = {"no rotation": 0, "constant rate": 0, "one axis": 1, SWING: 2, "symmetric top": 7, "body under loads": 7}
 """Numbers that a small model keeps of the rotation, with and without the attitude; the others 4 and 3."""
 TRANSLATION = ("position", "velocity", "acceleration")
 MOVING = ("position", "velocity", "kinetic_energy")
@@ -48,12 +48,12 @@ def plan(scene: Scene, full: bool = False) -> Plan:
     if "omega_b" in scene.inputs.ports:
         return Plan("prescribed rates", "exact rotation", 4, cost=COSTS["prescribed rates"], reasons=(say.PRESCRIBED,))
     if full:
-        return _integrated(with_all_outputs(scene), Needs(True, True, True), kicks=False)
+        return _integrated(with_all_outputs(scene), Needs(True, True, not _has_pivot(scene)), kicks=False)
     needs = Needs.of(scene)
     exact = closed_forms(scene, needs)
     found = _closed(scene, exact[0], needs) if exact else _swinging(scene, needs) or _integrated(scene, needs)
     smaller = _smaller(scene, found, needs)
-    return smaller or replace(found, reasons=(*_left_out(scene, needs, found.model), *found.reasons))
+    return smaller or replace(found, reasons=(*_left_out(scene, needs), *found.reasons))
 
 
 def _closed(scene: Scene, model: str, needs: Needs) -> Plan:
@@ -64,8 +64,8 @@ def _closed(scene: Scene, model: str, needs: Needs) -> Plan:
     return Plan(model, METHODS[model], _states(model, needs), error=EXACT, cost=COSTS[model], reasons=reasons)
 
 
-def _left_out(scene: Scene, needs: Needs, model: str) -> tuple[str, ...]:
-    return say.what_is_left_out(scene, needs.attitude or model not in CLOSED, needs.rotation, needs.translation)
+def _left_out(scene: Scene, needs: Needs) -> tuple[str, ...]:
+    return say.what_is_left_out(scene, needs.attitude, needs.rotation, needs.translation)
 
 
 def _swinging(scene: Scene, needs: Needs) -> Plan | None:
@@ -94,15 +94,17 @@ def _swinging(scene: Scene, needs: Needs) -> Plan | None:
 
 
 def _integrated(scene: Scene, needs: Needs, kicks: bool = True) -> Plan:
-    states = _states("body under loads", needs)
-    found = cheapest_fit(scene, Plan("body under loads", "DOP853", states, tolerance=scene.run.accuracy), kicks)
-    return replace(found, held=_held()) if found.model == "symmetric top" else found
+    found = cheapest_fit(scene, Plan("body under loads", "DOP853", 0, tolerance=scene.run.accuracy), kicks)
+    return replace(found, states=_states(found.model, needs), held=_held() if found.model == "symmetric top" else ())
 
 
 def _states(model: str, needs: Needs) -> int:
-    integrated = model not in CLOSED
-    rotation = ROTATION_STATES.get(model, 7) if needs.attitude or integrated else RATE_STATES.get(model, 3)
+    rotation = ROTATION_STATES.get(model, 7) if needs.attitude else RATE_STATES.get(model, 3)
     return rotation + (6 if needs.translation else 0)
+
+
+def _has_pivot(scene: Scene) -> bool:
+    return scene.body is not None and scene.body.pivot
 
 
 def with_all_outputs(scene: Scene) -> Scene:
@@ -126,7 +128,7 @@ def _smaller(scene: Scene, found: Plan, needs: Needs) -> Plan | None:
             error = largest_difference(motion(scene, candidate, times, names)[0], truth, names)
             if error <= bound:
                 why = say.why_close(scene, model, found, error, len(times.steps))
-                return replace(candidate, error=error + found.error, reasons=(*_left_out(scene, needs, model), why))
+                return replace(candidate, error=error + found.error, reasons=(*_left_out(scene, needs), why))
     return None
 
 

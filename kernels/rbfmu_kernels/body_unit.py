@@ -13,7 +13,7 @@ from .body_memory import OUTPUTS as OUTPUTS
 from .body_memory import PARAMETERS as PARAMETERS
 from .body_memory import STATE, body_of, first_outputs, initialize_body, loads_of
 from .body_memory import outputs as outputs
-from .dop853 import WORK, dop853_advance, dop853_march, first_step
+from .dop853 import ROTATION, WORK, dop853_advance, dop853_march, first_step
 from .driven_body import DRIVEN, STEP_SIZE, course_of, finish, integrated, keep
 from .layout import NOT_REACHED, places
 
@@ -39,7 +39,7 @@ def step(z: Any, h: float) -> int:
         return NOT_REACHED
     keep(z)
     body, course = body_of(z), course_of(z)
-    n = integrated(z, course)
+    n = max(ROTATION, integrated(z, body, course))
     if z[_TOLERANCE] > 0.0:
         status = dop853_advance(z, STATE, _WORK, STEP_SIZE, n, h, z[_TOLERANCE], body, course)
     else:

@@ -16,8 +16,8 @@ from .quaternion import quaternion_rate_b
 from .shapes import Quaternion, Vec3
 from .vec3 import dot
 
-ROTATION, TURNING = 8, 16
-"""Numbers of a state that are integrated."""
+SPIN, ROTATION, TURNING = 3, 8, 16
+"""What of a state is integrated: the rate alone (here with the attitude), rotation, all."""
 STATE = 16
 LONGEST_STEP = 1e30
 """s: the step size of a body at rest without loads."""

@@ -16,13 +16,15 @@ from .body_memory import (
     is_finite,
     keep_state,
     loads_of,
+    moves,
     outputs,
     put_centre,
     restore_state,
     translate,
+    turns,
     vec3_at,
 )
-from .dop853 import ROTATION, TURNING
+from .dop853 import ROTATION, SPIN, TURNING
 from .dynamics import Body, Course, Loads, is_changing, steady_acceleration
 from .layout import NOT_REACHED, places
 from .vec3 import add_scaled, is_nonzero
@@ -57,10 +59,18 @@ def _load_rates(z: Any, i: int) -> Loads:
 
 
 @kernel
-def integrated(z: Any, course: Course) -> int:
+def integrated(z: Any, body: Body, course: Course) -> int:
     """Numbers of the state that need integration: see `dop853`."""
-    pushes = is_nonzero(course[0][2]) or is_nonzero(course[1][2]) or is_nonzero(course[2][2])
-    return TURNING if pushes and not has_pivot(z) else ROTATION
+    if _acts(course, 2) and moves(z) and not has_pivot(z):
+        return TURNING
+    turned = _acts(course, 3) or (_acts(course, 1) and is_nonzero(body[3]))
+    return ROTATION if turned or turns(z) else SPIN
+
+
+@kernel
+def _acts(course: Course, i: int) -> bool:
+    """Whether the i-th of the loads is not zero throughout a step."""
+    return is_nonzero(course[0][i]) or is_nonzero(course[1][i]) or is_nonzero(course[2][i])
 
 
 @kernel

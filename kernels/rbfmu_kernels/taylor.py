@@ -17,7 +17,7 @@ import numpy as np
 
 from ._kernel import kernel
 from .body_memory import put_vec3_at, vec3_at
-from .dop853 import TURNING, attitude_at, put_attitude, rate_at
+from .dop853 import SPIN, TURNING, attitude_at, put_attitude, rate_at
 from .dynamics import Body, Course, Loads, course_after, is_changing
 from .layout import FINE, MOST_SUBSTEPS, NOT_REACHED
 from .quaternion import add_scaled_quaternion, compose_quaternions, invert_quaternion, rotate
@@ -324,7 +324,7 @@ def _largest(v: Vec3) -> float:
 
 
 @kernel(inline=False)
-def _error(s: Any, order: int, h: float, push: float) -> float:
+def _error(s: Any, order: int, h: float, push: float, n: int) -> float:
     """Estimate for a step of h: the last two terms relative to the rate, and the two-point formula's remainder (rad).
 
     push: a force's acceleration, relative to the velocity and at least 1 m/s, if it turns with the body.
@@ -335,8 +335,11 @@ def _error(s: Any, order: int, h: float, push: float) -> float:
         power *= h
     last = max(_largest(vec3_at(s, ROW * (order - 1))), h * _largest(vec3_at(s, ROW * order))) * _power(h, order - 1)
     turn = h * rate
+    last = last / rate if rate > 0.0 else 0.0
+    if n == SPIN:
+        return last
     remainder: float = _REMAINDER[m] * _power(turn * turn, m) * max(turn, _FOUR[m] * h * push)
-    return max(last / rate if rate > 0.0 else 0.0, remainder)
+    return max(last, remainder)
 
 
 @kernel
@@ -378,7 +381,8 @@ def taylor_advance(
     if turned:
         _turned_loads(s, attitude_at(z, y), now)
     _rate_series(s, 0, order, body, torques, acting)
-    _turn_series(s, m)
+    if n != SPIN:
+        _turn_series(s, m)
     if n == TURNING:
         _push_series(s, m, body[0], now)
     rest, low, tried = h, 0.0, 0
@@ -389,7 +393,7 @@ def taylor_advance(
         count = math.ceil(rest / z[size] * (1.0 - 1e-9))
         part = (rest + low) / count
         push = _largest(vec3_at(s, _PUSH)) / max(_largest(vec3_at(z, y + 11)), 1.0) if n == TURNING else 0.0
-        excess = _error(s, order, part, push) / tolerance
+        excess = _error(s, order, part, push, n) / tolerance
         if not excess <= 1.0:
             z[size] = _nearer_size(part, order, 2.0 * excess)
             continue
@@ -399,19 +403,22 @@ def taylor_advance(
         left = 0.0 if count == 1 else rest - part
         low += (rest - left) - part
         rest = left
-        q = attitude_at(z, y)
-        half = _half_turn(s, m, part)
+        q, half = attitude_at(z, y), (1.0, 0.0, 0.0, 0.0)
+        if n != SPIN:
+            half = _half_turn(s, m, part)
         if n == TURNING:
             _move(z, y, q, m, s, part)
         _sums(s, order, part, acting)
         if acting[2]:
             now = course_after(course, h - rest)
             torques = _torques(now, body)
-        _rate_series(s, 0, m if turned or rest == 0.0 else order, body, torques, acting)
-        _turn_series(s, m)
-        q = compose_quaternions(compose_quaternions(q, half), invert_quaternion(_half_turn(s, m, -part)))
-        put_attitude(z, y, q)
         put_vec3_at(z, y + 4, vec3_at(s, 0))
+        if n != SPIN or rest > 0.0:
+            _rate_series(s, 0, m if turned or rest == 0.0 else order, body, torques, acting)
+        if n != SPIN:
+            _turn_series(s, m)
+            q = compose_quaternions(compose_quaternions(q, half), invert_quaternion(_half_turn(s, m, -part)))
+            put_attitude(z, y, q)
         if n == TURNING:
             _push_series(s, m, body[0], now)
             _move(z, y, attitude_at(z, y), m, s, -part)

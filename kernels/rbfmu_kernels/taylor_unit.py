@@ -40,6 +40,6 @@ def step(z: Any, h: float) -> int:
         return NOT_REACHED
     keep(z)
     body, course = body_of(z), course_of(z)
-    n = integrated(z, course)
+    n = integrated(z, body, course)
     status = taylor_advance(z, STATE, _WORK, STEP_SIZE, n, int(z[_ORDER]), h, z[_TOLERANCE], body, course)
     return finish(z, n, h, status, body, course)
