@@ -25,6 +25,7 @@ from reference_motions import USUAL, Motion
 
 import rbfmu
 from rbfmu.measures import attitude_error, relative_error
+from rbfmu.planning import with_all_outputs
 from rbfmu.unit import filled_buffer, initialize
 from rbfmu.work_precision.cases import CHECKPOINTS, Case
 from rbfmu.work_precision.collection import machine, write_rows
@@ -125,8 +126,8 @@ def _runs(step: Any, z: Any, start: Any, h: float, n: int, k: int) -> int:
 
 
 def own(scene: rbfmu.Scene, who: str, planned: Any, true: list[Values]) -> Contestant:
-    """A plan's unit, stepped at the scene's communication step."""
-    unit, start = planned.unit, filled_buffer(scene, planned)
+    """A plan's unit, stepped at the scene's communication step; the full model with all outputs."""
+    unit, start = planned.unit, filled_buffer(with_all_outputs(scene) if who == "full" else scene, planned)
     initialize(scene, unit, start)
     z, n, h = start.copy(), steps_of(scene), scene.run.step
     found = []
