@@ -169,7 +169,7 @@ def dop853_advance(
         steps += 1
         if not (rest < MOST_SUBSTEPS * z[size] and steps < MOST_SUBSTEPS):
             return NOT_REACHED
-        count = math.ceil(rest / z[size] * (1.0 - 1e-9))
+        count = max(math.ceil(rest / z[size] * (1.0 - 1e-9)), 1)
         part = (rest + low) / count
         dop853_step(z, y, w, n, h - rest, part, body, course)
         z[size + 1] += 1.0

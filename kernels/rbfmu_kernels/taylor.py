@@ -390,7 +390,7 @@ def taylor_advance(
         tried += 1
         if not (rest < MOST_SUBSTEPS * z[size] and tried < MOST_SUBSTEPS):
             return NOT_REACHED
-        count = math.ceil(rest / z[size] * (1.0 - 1e-9))
+        count = max(math.ceil(rest / z[size] * (1.0 - 1e-9)), 1)
         part = (rest + low) / count
         push = _largest(vec3_at(s, _PUSH)) / max(_largest(vec3_at(z, y + 11)), 1.0) if n == TURNING else 0.0
         excess = _error(s, order, part, push, n) / tolerance
