@@ -10,7 +10,6 @@ import math
 import platform
 import warnings
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -18,11 +17,9 @@ from typing import Any
 import numpy as np
 from numba import config, float64, intp, types
 from numba.core.ccallback import CFunc
-from numba.core.registry import cpu_target
-from numba.core.runtime import rtsys
 from numba.np.ufunc import _internal  # type: ignore[attr-defined]
 
-from ._kernel import SOURCES
+from ._kernel import Cache
 from ._tile import ITEMS, address, from_tile, in_vectors, item_from_tile, item_to_tile, read, tile_of, to_tile, write
 from .shapes import Shape, shape_of, shapes_of_result
 
@@ -71,7 +68,9 @@ def gufunc(kernel: Callable[..., Any], *constants: int, singular: Callable[..., 
     scope = {"__name__": python_function(kernel).__module__, "kernel": kernel, "singular": singular, **_NAMES}
     exec(compile(source, filename, "exec"), scope)
     loop = scope[_loop_name(name, constants)]
-    compiled = _compiled(loop)
+    compiled: Any = CFunc(loop, (_LOOP_SIGNATURE.args, _LOOP_SIGNATURE.return_type), {}, {"error_model": "numpy"})
+    compiled._cache = Cache(loop)
+    compiled.compile()
     layout = _layout([*arguments.values()]) + "->" + _layout(results)
     operands = len(arguments) + len(results)
     double = [np.dtype(np.float64).num] * operands
@@ -81,23 +80,12 @@ def gufunc(kernel: Callable[..., Any], *constants: int, singular: Callable[..., 
     )  # fmt: skip
 
 
-def _compiled(loop: Callable[..., Any]) -> Any:
-    """What `numba.cfunc(cache=True)` makes; loading it from the cache leaves Numba's compiler (0.2 s) unloaded."""
-    compiled: Any = CFunc(loop, (_LOOP_SIGNATURE.args, _LOOP_SIGNATURE.return_type), {}, {"error_model": "numpy"})
-    with suppress(RuntimeError):  # no folder for the cache can be written
-        compiled.enable_caching()
-        rtsys.initialize(cpu_target.target_context)  # object code names its functions, and must find all it names
-        compiled._cache.load_overload = compiled._cache._load_overload  # without all of Numba's registries
-    compiled.compile()
-    return compiled
-
-
 def _layout(shapes: list[Shape]) -> str:
     return ",".join("(" + ",".join(map(str, s)) + ")" for s in shapes)
 
 
 def _loop_name(name: str, constants: tuple[int, ...]) -> str:
-    return "_".join([name, "loop", *map(str, constants), SOURCES])
+    return "_".join([name, "loop", *map(str, constants)])
 
 
 def _loop_source(

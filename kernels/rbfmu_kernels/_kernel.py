@@ -2,11 +2,13 @@
 
 import hashlib
 from collections.abc import Callable
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, overload
 
 from numba import njit
+from numba.core.caching import FunctionCache, NullCache
+from numba.core.runtime import rtsys
 
 
 def _hash_of_sources() -> str:
@@ -21,6 +23,37 @@ SOURCES = _hash_of_sources()
 
 P = ParamSpec("P")
 R = TypeVar("R")
+
+
+class Cache:
+    """Numba's cache of a function's compiled code on disk, none where no folder for it can be written.
+
+    Looked for at the first use, and read without loading Numba's compiler first: it costs 0.2 s and is not needed.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._function = function
+
+    def load_overload(self, signature: Any, context: Any) -> Any:
+        rtsys.initialize(context)  # object code names its functions, and must find all that it names
+        return self._cache._load_overload(signature, context)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._cache, name)
+
+    @cached_property
+    def _cache(self) -> Any:
+        try:
+            cache = FunctionCache(self._function)
+        except RuntimeError:
+            return _NoCache()
+        cache._cache_file._source_stamp = SOURCES
+        return cache
+
+
+class _NoCache(NullCache):  # type: ignore[misc]
+    def _load_overload(self, signature: Any, context: Any) -> None:
+        return None
 
 
 @overload
@@ -38,12 +71,7 @@ def kernel(function: Any = None, /, *, inline: bool = True) -> Any:
 
 
 def _compile(function: Callable[P, R], *, inline: bool) -> Callable[P, R]:
-    # _nrt: kernels allocate nothing, and counting references to a buffer costs half of a small unit's step
-    options: dict[str, Any] = {"error_model": "numpy", "nogil": True, "forceinline": inline, "_nrt": False}
-    try:
-        compiled = njit(cache=True, **options)(function)
-    except RuntimeError:  # no folder for the cache can be written
-        return njit(**options)(function)  # type: ignore[no-any-return]
+    compiled = njit(error_model="numpy", nogil=True, forceinline=inline)(function)
     if hasattr(compiled, "_cache"):  # not where the JIT is disabled
-        compiled._cache._cache_file._source_stamp = SOURCES
+        compiled._cache = Cache(function)
     return compiled  # type: ignore[no-any-return]
