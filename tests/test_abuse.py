@@ -4,11 +4,14 @@ abuse_machine.py makes the calls in a child process (abuse_process.py, abuse_chi
 must answer, and has the motion from direct calls of the kernels. Numbers of calls are printed (`make fuzz`, or -s).
 """
 
+import subprocess
+import sys
+
 import pytest
 from abuse_machine import Abuse
 from abuse_model import Facts
 from abuse_process import Process
-from fmus import planned, scene, unzipped
+from fmus import TESTS, planned, scene, unzipped
 from hypothesis import HealthCheck, settings
 from hypothesis.stateful import run_state_machine_as_test
 
@@ -40,3 +43,37 @@ def test_any_calls_are_answered_rightly(kind):
 def test_very_many_calls_are_answered_rightly(kind):
     process = abuse(kind, 5000, 80)
     assert sum(process.calls.values()) > 200_000
+
+
+LIVES = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from fmu_importer import Fmu
+
+def kilobytes():
+    with open("/proc/self/status") as file:
+        return int(next(line for line in file if line.startswith("VmRSS")).split()[1])
+
+fmu, before = Fmu(sys.argv[2]), None
+for k in range(100_000):
+    instance = fmu.instance()
+    assert instance.component.value
+    if k % 10 == 0:
+        instance.start()
+        assert instance.step(0.0, 0.01) == 0
+        state = instance.state()
+        assert instance.deserialized(instance.serialized(state))[0] == 0
+    instance.free()
+    if k == 1000:
+        before = kilobytes()
+print(kilobytes() - before)
+"""
+
+
+def test_a_hundred_thousand_native_lives_leave_nothing_behind():
+    """Every tenth one is used, and freed with its states."""
+    command = [sys.executable, "-I", "-c", LIVES, TESTS, unzipped("driven", "native")]
+    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    print(f"growth over 99,000 lives: {done.stdout.strip()} kB")
+    assert int(done.stdout) < 500  # the smallest block kept of each life would be 3000
