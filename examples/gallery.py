@@ -6,14 +6,13 @@ cost stands there as `python examples/bench_gallery.py examples/pictures` has me
 
 import csv
 import sys
-from io import BytesIO
 from pathlib import Path
 from statistics import median
 
 import matplotlib as mpl
 from click.testing import CliRunner
+from gallery_axes import save
 from gallery_pictures import PICTURES
-from PIL import Image
 
 import rbfmu
 from rbfmu.cli import main as command_line
@@ -103,9 +102,7 @@ def draw(name: str) -> Path:
     """The scene's picture."""
     FOLDER.mkdir(exist_ok=True)
     path = FOLDER / f"{name}.png"
-    file = BytesIO()
-    PICTURES[name](rbfmu.load_scene(scene_file(name))).savefig(file, dpi=110)
-    Image.open(file).convert("RGB").quantize(64).save(path, optimize=True)  # a third of the size
+    save(PICTURES[name](rbfmu.load_scene(scene_file(name))), path)
     return path
 
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from gallery_axes import save
 from matplotlib.figure import Figure
 
 from rbfmu.charts import COLORS
@@ -37,10 +38,9 @@ def draw(rows: Sequence[Any], path: Path) -> None:
         if any(row.who == who for row in rows)
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False, fontsize=9)
-    figure.suptitle(
-        "A model no larger than the scene needs, beside the full one: its cost over the planned one's", fontsize=11
-    )
-    figure.savefig(path, dpi=110)
+    title = "Models no larger than the scene needs (at the full ones: how many times more they cost)"
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11)
+    save(figure, path)
 
 
 def _draw_scene(cost: Any, error: Any, y: float, rows: Sequence[Any]) -> None:
