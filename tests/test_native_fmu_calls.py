@@ -6,8 +6,8 @@ import fmpy
 import numpy as np
 import pytest
 from fmu_cases import WRONGS
-from fmu_importer import DISCARD, ERROR, OK, Memory
-from fmus import ALL_PORTS, built, native, run_case, scene, started, unzipped
+from fmu_importer import DISCARD, ERROR, FATAL, OK, Memory
+from fmus import ALL_PORTS, built, native, opened, run_case, scene, started, unzipped
 from test_fmu_traps import NAMED
 from test_python_fmu import LOADED
 
@@ -196,6 +196,20 @@ def test_refused_parameters_can_be_put_right():
     assert instance.set({"mass": 3.0}) == OK
     assert instance.exit() == OK
     assert instance.steps(5) == right.steps(5)
+
+
+@pytest.mark.parametrize(("kind", "refusal"), [("native", ERROR), ("python", FATAL)])
+def test_what_the_plan_rests_on_must_keep_its_value(kind, refusal):
+    """Of both kinds: they ask when initialisation ends, and say what to list in the scene."""
+    instance = opened("earth", kind).instance()
+    name, (planned,) = "omega_b_0[3]", instance.get("omega_b_0[3]")
+    assert instance.setup() == instance.enter() == OK
+    assert instance.set({name: 0.25}) == OK
+    assert instance.exit() == refusal
+    expected = f'{name} = 0.25: this FMU\'s model was planned for {planned!r} here; list "omega_b_0" under parameters'
+    assert any(expected in text.decode() for _, _, text in instance.log)
+    assert instance.set({name: planned}) == OK
+    assert instance.exit() == OK
 
 
 def test_a_set_that_is_refused_sets_nothing():

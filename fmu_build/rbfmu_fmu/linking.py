@@ -11,7 +11,7 @@ from pathlib import Path
 
 import fmpy
 
-from rbfmu_fmu.platforms import BuildError, Platform, this_platform
+from rbfmu_fmu.platforms import BuildError, Platform, is_this
 
 HEADERS = Path(fmpy.__file__).parent / "c-code"
 """FMI's own, as FMPy ships them."""
@@ -60,12 +60,12 @@ def source(layer: str) -> bytes:
 def compiler(platform: Platform) -> list[str]:
     """The command that compiles C for a platform. Raises NoLinkerError."""
     own = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
-    if own and sys.platform != "win32" and platform == this_platform():
+    if own and sys.platform != "win32" and is_this(platform):
         return [own, "-Wl,-z,noseparate-code"] if platform.suffix == ".so" else [own]  # 8 kB less
     if find_spec("ziglang"):
         return [sys.executable, "-m", "ziglang", "cc", "-target", platform.zig]
     remedy = 'pip install "rbfmu[native]" (ziglang, compiles for every platform)'
-    own_remedy = ", or a C compiler on PATH (cc, gcc or clang)" if platform == this_platform() else ""
+    own_remedy = ", or a C compiler on PATH (cc, gcc or clang)" if is_this(platform) else ""
     raise NoLinkerError(f"a native FMU for {platform.name} needs {remedy}{own_remedy}")
 
 

@@ -48,9 +48,21 @@ def platform_named(name: str) -> Platform:
 
 def this_platform() -> Platform:
     """The one that Python runs on. Raises BuildError where it is none of the above."""
-    machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(platform.machine().lower(), platform.machine().lower())
-    system = {"linux": "linux", "darwin": "macos", "win32": "windows"}.get(sys.platform, sys.platform)
     for one in PLATFORMS.values():
-        if one.zig.startswith(f"{machine}-{system}"):
+        if is_this(one):
             return one
-    raise BuildError(f"this platform is {machine}-{system}: name one of {', '.join(PLATFORMS)}")
+    raise BuildError(f"{_processor()}-{_system()} is no platform for FMUs: name one of {', '.join(PLATFORMS)}")
+
+
+def is_this(one: Platform) -> bool:
+    """Whether Python runs on it."""
+    return one.zig.startswith(f"{_processor()}-{_system()}")
+
+
+def _processor() -> str:
+    machine = platform.machine().lower()
+    return {"amd64": "x86_64", "arm64": "aarch64"}.get(machine, machine)
+
+
+def _system() -> str:
+    return {"darwin": "macos", "win32": "windows"}.get(sys.platform, sys.platform)
