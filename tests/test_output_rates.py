@@ -8,7 +8,7 @@ from rbfmu.fitting import cheapest_fit
 from rbfmu.models import Plan
 from rbfmu.scene import QUANTITIES, Scene
 from rbfmu.unit import filled_buffer, initialize
-from rbfmu_kernels import body_memory, body_unit
+from rbfmu_kernels import attitude_unit, body_memory, body_outputs, body_unit
 from rbfmu_kernels.layout import FINE
 
 LOADS = {
@@ -44,7 +44,7 @@ def test_output_rates_are_the_outputs_differences(name, pivot):
         assert body_unit.step(z, H) == FINE
         values.append(block(z, name))
         if k == 1:
-            assert body_memory.output_rates(z) == 0
+            assert body_outputs.output_rates(z) == 0
             rate = block(z, f"d_{name}")
     difference = (values[0] - 8.0 * values[1] + 8.0 * values[3] - values[4]) / (12.0 * H)
     np.testing.assert_allclose(rate, difference, rtol=1e-9, atol=1e-9)
@@ -64,3 +64,21 @@ def test_what_nobody_wants_is_not_computed():
 
 def test_flags_of_unwanted_outputs_stand_in_the_order_of_the_quantities():
     assert tuple(body_memory.OUTPUTS) == QUANTITIES
+
+
+@pytest.mark.parametrize("name", attitude_unit.OUTPUTS)
+def test_output_rates_of_prescribed_rates_are_differences_too(name):
+    scene = Scene(inputs={"ports": ["omega_b"]}, initial={"attitude": {"rotvec": [0.3, -0.8, 0.5]}})
+    z = filled_buffer(scene, Plan("prescribed rates", "", 4))
+    initialize(scene, attitude_unit, z)
+    values = []
+    for k in range(5):
+        z[attitude_unit.BLOCKS["omega_b"]] = [0.3, -1.2, 0.7]
+        attitude_unit.outputs(z)
+        values.append(z[attitude_unit.BLOCKS[name]].copy())
+        if k == 2:
+            assert attitude_unit.output_rates(z) == FINE
+            rate = z[attitude_unit.BLOCKS[f"d_{name}"]].copy()
+        assert attitude_unit.step(z, H) == FINE
+    difference = (values[0] - 8.0 * values[1] + 8.0 * values[3] - values[4]) / (12.0 * H)
+    np.testing.assert_allclose(rate, difference, rtol=1e-9, atol=1e-9)

@@ -9,9 +9,9 @@ from typing import Any
 
 from ._kernel import kernel
 from .double_double import two_sum
-from .euler_angles import ZYX, euler_from_quaternion
+from .euler_angles import ZYX, euler_from_quaternion, euler_rate_b
 from .layout import FINE, MOST_SUBSTEPS, NOT_REACHED, places
-from .quaternion import add_scaled_quaternion, compose_quaternions, normalize, rotate
+from .quaternion import add_scaled_quaternion, compose_quaternions, normalize, quaternion_rate_b, rotate
 from .rotvec import quaternion_from_rotvec
 from .shapes import Quaternion, Vec3
 from .vec3 import add_scaled, is_nonzero, norm, scale
@@ -20,9 +20,12 @@ INPUTS = {"omega_b": 3}
 PARAMETERS = {"quaternion_0": 4}
 SETTINGS: dict[str, int] = {}
 OUTPUTS = {"quaternion": 4, "rpy": 3, "omega_a": 3}
+OUTPUT_RATES = {f"d_{name}": size for name, size in OUTPUTS.items()}
 RATES = {"omega_b_rate": 3, "omega_b_rate_2": 3}
 MEMORY = {"anchor": 4, "held": 3, "elapsed": 2}  # attitude when the rates changed, those rates, the time since then
-BLOCKS, SIZE = places(INPUTS | PARAMETERS | SETTINGS | OUTPUTS | RATES | MEMORY)  # the quaternion is the state
+BLOCKS, SIZE = places(
+    INPUTS | PARAMETERS | SETTINGS | OUTPUTS | OUTPUT_RATES | RATES | MEMORY
+)  # the quaternion is the state
 
 LARGEST_TURN = 1e15
 """rad: from here on an angle in double precision says nothing about the attitude."""
@@ -30,6 +33,7 @@ LARGEST_TURN = 1e15
 _OMEGA, _Q_0, _Q, _RPY, _OMEGA_A = (
     BLOCKS[n].start for n in ("omega_b", "quaternion_0", "quaternion", "rpy", "omega_a")
 )
+_D_Q, _D_RPY, _D_OMEGA_A = (BLOCKS[n].start for n in OUTPUT_RATES)
 _RATES = BLOCKS["omega_b_rate"].start
 _ANCHOR, _HELD, _ELAPSED = (BLOCKS[n].start for n in MEMORY)
 _ORDER = 16
@@ -126,4 +130,16 @@ def outputs(z: Any) -> int:
     yaw, pitch, roll = euler_from_quaternion(ZYX, q)
     z[_RPY], z[_RPY + 1], z[_RPY + 2] = roll, pitch, yaw
     z[_OMEGA_A], z[_OMEGA_A + 1], z[_OMEGA_A + 2] = rotate(q, (z[_OMEGA], z[_OMEGA + 1], z[_OMEGA + 2]))
+    return FINE
+
+
+@kernel(inline=False)
+def output_rates(z: Any) -> int:
+    """Set the outputs' time derivatives, blocks `d_<output>`, by the inputs now set; not finite at the pole of rpy."""
+    q, omega = (z[_Q], z[_Q + 1], z[_Q + 2], z[_Q + 3]), (z[_OMEGA], z[_OMEGA + 1], z[_OMEGA + 2])
+    d_yaw, d_pitch, d_roll = euler_rate_b(ZYX, euler_from_quaternion(ZYX, q), omega)
+    slope = (z[_RATES], z[_RATES + 1], z[_RATES + 2])
+    z[_D_Q], z[_D_Q + 1], z[_D_Q + 2], z[_D_Q + 3] = quaternion_rate_b(q, omega)
+    z[_D_RPY], z[_D_RPY + 1], z[_D_RPY + 2] = d_roll, d_pitch, d_yaw
+    z[_D_OMEGA_A], z[_D_OMEGA_A + 1], z[_D_OMEGA_A + 2] = rotate(q, slope)
     return FINE

@@ -11,8 +11,10 @@ from ._kernel import kernel
 from .body_memory import INPUTS as INPUTS
 from .body_memory import OUTPUTS as OUTPUTS
 from .body_memory import PARAMETERS as PARAMETERS
-from .body_memory import STATE, body_of, first_outputs, initialize_body, loads_of
-from .body_memory import outputs as outputs
+from .body_memory import STATE, body_of, initialize_body, loads_of
+from .body_outputs import first_outputs
+from .body_outputs import output_rates as output_rates
+from .body_outputs import outputs as outputs
 from .dop853 import ROTATION, WORK, dop853_advance, dop853_march, first_step
 from .driven_body import DRIVEN, STEP_SIZE, course_of, finish, integrated, keep
 from .layout import NOT_REACHED, places

@@ -12,13 +12,13 @@ from .body_memory import (
     is_finite,
     keep_state,
     moves,
-    outputs,
     put_centre,
     put_vec3_at,
     restore_state,
     rotation_of,
     vec3_at,
 )
+from .body_outputs import outputs
 from .double_double import DoubleDouble, two_sum
 from .dynamics import Body, Loads, linear_acceleration
 from .layout import NOT_REACHED, places

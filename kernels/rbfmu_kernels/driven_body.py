@@ -17,13 +17,13 @@ from .body_memory import (
     keep_state,
     loads_of,
     moves,
-    outputs,
     put_centre,
     restore_state,
     translate,
     turns,
     vec3_at,
 )
+from .body_outputs import outputs
 from .dop853 import ROTATION, SPIN, TURNING
 from .dynamics import Body, Course, Loads, is_changing, steady_acceleration
 from .layout import NOT_REACHED, places

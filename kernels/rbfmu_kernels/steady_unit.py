@@ -12,7 +12,6 @@ from .body_memory import OUTPUTS as OUTPUTS
 from .body_memory import PARAMETERS as PARAMETERS
 from .body_memory import (
     body_of,
-    first_outputs,
     initialize_body,
     is_as_planned,
     loads_of,
@@ -21,8 +20,9 @@ from .body_memory import (
     quaternion_at,
     rotation_of,
 )
-from .body_memory import output_rates as output_rates
-from .body_memory import outputs as outputs
+from .body_outputs import first_outputs
+from .body_outputs import output_rates as output_rates
+from .body_outputs import outputs as outputs
 from .closed_form import (
     CLOSED_FORM,
     TURNING,

@@ -11,12 +11,15 @@ from ._kernel import kernel
 from .body_memory import INPUTS as INPUTS
 from .body_memory import OUTPUTS as OUTPUTS
 from .body_memory import PARAMETERS as PARAMETERS
-from .body_memory import STATE, body_of, first_outputs, initialize_body
-from .body_memory import outputs as outputs
+from .body_memory import STATE, body_of, initialize_body
+from .body_outputs import first_outputs
+from .body_outputs import output_rates as output_rates
+from .body_outputs import outputs as outputs
 from .dop853 import LONGEST_STEP
 from .driven_body import DRIVEN, STEP_SIZE, course_of, finish, integrated, keep
 from .layout import NOT_REACHED, places
-from .taylor import WORK, taylor_advance
+from .taylor import taylor_advance
+from .taylor_series import WORK
 
 BLOCKS, SIZE = places(DRIVEN | {"order": 1, "work": WORK})
 

@@ -11,7 +11,6 @@ from ._kernel import kernel
 from .body_memory import (
     COMMON,
     body_of,
-    first_outputs,
     initialize_body,
     loads_of,
     motion_of,
@@ -21,7 +20,9 @@ from .body_memory import (
 from .body_memory import INPUTS as INPUTS
 from .body_memory import OUTPUTS as OUTPUTS
 from .body_memory import PARAMETERS as PARAMETERS
-from .body_memory import outputs as outputs
+from .body_outputs import first_outputs
+from .body_outputs import output_rates as output_rates
+from .body_outputs import outputs as outputs
 from .kicked_top import is_symmetric_top, resonant_step, rkn4_step, rkn6_step, strang_step
 from .layout import MOST_SUBSTEPS, NOT_REACHED, places
 from .vec3 import dot

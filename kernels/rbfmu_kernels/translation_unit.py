@@ -11,7 +11,6 @@ from .body_memory import OUTPUTS as OUTPUTS
 from .body_memory import PARAMETERS as PARAMETERS
 from .body_memory import (
     body_of,
-    first_outputs,
     initialize_body,
     is_as_planned,
     loads_of,
@@ -20,8 +19,9 @@ from .body_memory import (
     spins,
     turns,
 )
-from .body_memory import output_rates as output_rates
-from .body_memory import outputs as outputs
+from .body_outputs import first_outputs
+from .body_outputs import output_rates as output_rates
+from .body_outputs import outputs as outputs
 from .closed_form import CLOSED_FORM, finish_step, has_torque, start_clocks, time_after
 from .dynamics import angular_acceleration
 from .layout import FINE, NOT_REACHED, places
