@@ -14,7 +14,7 @@ from rbfmu.scene import Scene, SceneError
 from rbfmu.unit import Buffer, filled_buffer, initialize
 from rbfmu_kernels.body_memory import body_of, loads_of
 from rbfmu_kernels.kicked_top import is_symmetric_top, resonant_step, transverse_moment
-from rbfmu_kernels.taylor import MOST_ORDER
+from rbfmu_kernels.taylor_series import MOST_ORDER
 
 TIGHTEST = 1e-15
 """The smallest tolerance that double precision serves."""

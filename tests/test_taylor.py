@@ -14,7 +14,8 @@ from rbfmu_kernels import taylor_unit
 from rbfmu_kernels.dop853 import ROTATION, STATE
 from rbfmu_kernels.dynamics import steady
 from rbfmu_kernels.layout import FINE
-from rbfmu_kernels.taylor import MOST_ORDER, WORK, derivatives_of_attitude, taylor_advance
+from rbfmu_kernels.taylor import derivatives_of_attitude, taylor_advance
+from rbfmu_kernels.taylor_series import MOST_ORDER, WORK
 
 EPS = 2.0**-52
 SIZE = STATE + WORK

@@ -22,7 +22,8 @@ from rbfmu_kernels.dynamics import Body, Loads, State, steady, steady_accelerati
 from rbfmu_kernels.free_rotation import free_rotation_at, free_rotation_setup
 from rbfmu_kernels.kicked_top import rkn4_step, rkn6_step, strang_step
 from rbfmu_kernels.shapes import Quaternion, Vec3
-from rbfmu_kernels.taylor import WORK, taylor_advance
+from rbfmu_kernels.taylor import taylor_advance
+from rbfmu_kernels.taylor_series import WORK
 from rbfmu_kernels.vec3 import add_scaled
 
 # DOP853 and Taylor series
