@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -74,11 +75,33 @@ def test_no_traceback_from_a_real_process(tmp_path: Path) -> None:
 
 
 def test_plan_says_why_and_speaks_json(short: Path) -> None:
-    assert "no load makes a torque" in call("plan", short).output
+    text = call("plan", short).output
+    assert "rotation: no torque" in text
+    assert "of the full model" in text
     chosen = json.loads(call("plan", short, "--json").output)
     assert {"model", "method", "substep", "states", "reasons"} <= set(chosen)
     assert chosen["model"] == "torque-free body"
     assert chosen["substep"] is None
+
+
+def test_the_full_model_is_there_on_request(short: Path, tmp_path: Path) -> None:
+    chosen = json.loads(call("plan", short, "--json", "--model", "full").output)
+    assert (chosen["model"], chosen["states"]) == ("body under loads, by series", 13)
+    rows = []
+    for model in ("planned", "full"):
+        path = tmp_path / f"{model}.csv"
+        assert call("run", short, "-o", path, "--model", model).exit_code == 0
+        rows.append(np.loadtxt(path, delimiter=",", skiprows=1))
+    assert 0.0 < np.max(np.abs(rows[0] - rows[1])) <= 1e-5  # accuracy 1e-6, numbers up to some 10
+    assert call("build", short, "-o", tmp_path / "full.fmu", "--model", "full").exit_code == 0
+
+
+def test_verify_says_how_far_the_full_model_is(short: Path, tmp_path: Path) -> None:
+    call("build", short, "-o", tmp_path / "it.fmu")
+    text = call("verify", tmp_path / "it.fmu").output
+    found = re.search(r"planned and full model differ by (\S+), accuracy asked 1e-06", text)
+    assert found
+    assert 0.0 < float(found[1]) <= 1e-6
 
 
 def test_run_saves_every_digit_and_draws(short: Path, tmp_path: Path) -> None:
