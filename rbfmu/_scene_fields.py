@@ -4,6 +4,7 @@ import difflib
 import json
 import math
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import date, time
@@ -71,14 +72,16 @@ def joined(path: str, key: str) -> str:
     return f"{path}.{key}" if path else key
 
 
-class Rule:
+class Rule(ABC):
     """What one key may hold: returns the value as stored or raises ValueError(what was expected)."""
 
+    @abstractmethod
     def expected(self) -> str:
-        raise NotImplementedError
+        """In words."""
 
+    @abstractmethod
     def __call__(self, value: Any) -> Any:
-        raise NotImplementedError
+        """The value as stored."""
 
     def refuse(self, detail: str = "") -> NoReturn:
         raise ValueError(self.expected() + detail)

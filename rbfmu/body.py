@@ -1,6 +1,7 @@
 """The body of a scene: mass, inertia about the centre of mass, and where it is held."""
 
 import math
+from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
@@ -60,9 +61,9 @@ class _Shape(Section):
     _path: ClassVar[str] = "body.shape"
     kind: str
 
+    @abstractmethod
     def inertia(self, mass: float) -> Matrix:
         """M_c."""
-        raise NotImplementedError
 
 
 class _Beam(_Shape):
