@@ -128,6 +128,16 @@ def test_derivatives_that_there_are_not_are_errors():
     assert instance.set_rates({"torque_b[1]": 1.0}) == ERROR
 
 
+@pytest.mark.parametrize("name", OWN)
+def test_derivatives_are_served_where_the_description_says_so(name):
+    said = fmpy.read_model_description(str(built(name, "native"))).coSimulation
+    instance = started(name=name)
+    inputs, outputs = (instance.fmu.by_causality[causality] for causality in ("input", "output"))
+    served = bool(inputs) and instance.set_rates(dict.fromkeys(inputs, 0.5)) == OK
+    assert served == said.canInterpolateInputs
+    assert (instance.get_rates(*outputs)[0] == OK) == (said.maxOutputDerivativeOrder == 1)
+
+
 def test_outputs_have_first_derivatives():
     fmu = native("driven")
     instance, kernels = fmu.started(LOADED), Kernels("driven", LOADED)
@@ -167,5 +177,5 @@ def test_all_memory_is_the_importers_and_comes_back():
     assert memory.sizes == {}
 
 
-def test_ten_thousand_lives_leave_nothing_behind():
+def test_a_thousand_lives_leave_nothing_behind():
     assert run_case("cycles", unzipped("driven", "native"))[0] < 1.0

@@ -595,7 +595,7 @@ fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte b
     const char *call = "fmi2SerializeFMUstate";
     Instance *m = c;
     Saved *saved = saved_of(m, call, state);
-    Serialized s = {GUID, 0, {0}};
+    Serialized s = {.guid = GUID};
     if (!saved || !given(m, call, 1, bytes, bytes)) return fmi2Error;
     if (size < sizeof s) return refuse(m, call, "%zu bytes: expected room for %zu", size, sizeof s);
     s.state = saved->state;
