@@ -285,3 +285,32 @@ def test_the_largest_error_is_the_worst_of_all_quantities():
     ]:
         assert largest_error(motion | {name: value}, motion) == pytest.approx(error, rel=8 * EPS)
     assert largest_error(motion | {"velocity": np.array([[math.nan, 0.0, 0.0]])}, motion) == math.inf
+
+
+# Equilibria
+
+
+def test_a_spin_exactly_about_the_middle_axis_is_constant_and_said_to_be_unstable():
+    found = plan(made(TRIAXIAL, {"omega_b": [0.0, 2.0, 0.0]}))
+    assert found.model == "constant rate"
+    assert any("unstable: a disturbance would grow e-fold in 0.866 s" in reason for reason in found.reasons)
+    assert not any("unstable" in r for r in plan(made(TRIAXIAL, {"omega_b": [0.0, 0.0, 2.0]})).reasons)
+
+
+@pytest.mark.parametrize("beside", [1e-3, 1e-16, 5e-324])
+def test_a_spin_beside_the_middle_axis_gets_the_elliptic_model(beside):
+    assert plan(made(TRIAXIAL, {"omega_b": [beside, 2.0, 0.0]})).model == FREE
+
+
+@pytest.mark.parametrize(("spin", "unstable"), [(0.0, True), (1.0, True), (100.0, False)])
+def test_a_top_exactly_upright_stands_and_is_unstable_below_the_critical_spin(spin, unstable):
+    found = plan(made(TOP, {"omega_b": [0.0, 0.0, spin]}, GRAVITY))
+    assert found.model in (("one axis", "constant rate") if spin else ("no rotation",))
+    assert any("unstable" in reason for reason in found.reasons) == unstable
+
+
+def test_what_no_motion_changes_is_not_integrated():
+    """Angular momentum and energy of a tumbling body without torque."""
+    wanted = {"quantities": ["angular_momentum_a", "kinetic_energy"]}
+    found = plan(made(TRIAXIAL, {"omega_b": [0.1, 2.0, 0.3]}, outputs=wanted))
+    assert (found.model, found.states) == ("no rotation", 6)
