@@ -11,6 +11,7 @@ import pytest
 from abuse_machine import Abuse
 from abuse_model import Facts
 from abuse_process import Process
+from fmu_importer import OK
 from fmus import TESTS, planned, scene, unzipped
 from hypothesis import HealthCheck, settings
 from hypothesis.stateful import run_state_machine_as_test
@@ -41,8 +42,22 @@ def test_any_calls_are_answered_rightly(kind):
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["python", "native"])
 def test_very_many_calls_are_answered_rightly(kind):
-    process = abuse(kind, 5000, 80)
+    process = abuse(kind, 2000, 80)
     assert sum(process.calls.values()) > 200_000
+
+
+@pytest.mark.parametrize("kind", ["python", "native"])
+def test_every_byte_of_a_state_counts(kind):
+    process = Process(kind, [unzipped("prescribed", kind)])
+    process.ask("instantiate", 1, 0, "it", 1, None, False)
+    process.ask("get_state", 1, 0)
+    _, size, _ = process.ask("size", 1, 0)
+    _, content, _ = process.ask("serialize", 1, 0, size)
+    for k in range(size):
+        damaged = content[:k] + bytes([content[k] ^ 1]) + content[k + 1 :]
+        assert process.ask("deserialize", 1, 1, damaged)[0] != OK, k
+    assert process.ask("deserialize", 1, 1, content)[0] == OK
+    process.stop()
 
 
 LIVES = """

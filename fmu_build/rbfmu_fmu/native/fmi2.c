@@ -574,9 +574,10 @@ static uint64_t checksum(const State *state) { /* FNV-1a */
 }
 
 static int is_valid(const Serialized *s) {
+    static const char guid[sizeof s->guid] = GUID; /* with the zeros behind it */
     const State *state = &s->state;
     int64_t mode = state->mode;
-    if (strncmp(s->guid, GUID, sizeof s->guid) || s->checksum != checksum(state)) return 0;
+    if (memcmp(s->guid, guid, sizeof guid) || s->checksum != checksum(state)) return 0;
     if (mode != INSTANTIATED && mode != INITIALIZING && mode != STEPPING && mode != TERMINATED) return 0;
     for (int r = 0; r < FIRST_OUTPUT; r++)
         if (!isfinite(state->z[OFFSETS[r]])) return 0;
