@@ -52,6 +52,7 @@ class _Family:
 class _Fit:
     plan: Plan
     error: float
+    substeps: float
     cost: float
 
 
@@ -106,7 +107,7 @@ class _Search:
         return SceneError(f"run.accuracy = {self.accuracy!r}: {expected}", self.scene.name)
 
     def _explained(self, best: _Fit) -> Plan:
-        found, cost = self._whatever_the_step(best.plan), best.cost / self.steps
+        found, cost = self._whatever_the_step(best), best.cost / self.steps
         how = f"at tolerance {found.tolerance:.1e}" if found.tolerance else f"in steps of {found.substep:.3g} s"
         judges = "two tighter ones"
         reason = f"{found.method} {how}: error {best.error:.1e} rad in a pilot run, judged by {judges}"
@@ -120,14 +121,20 @@ class _Search:
         cheapest, work = self._cheapest_at(share)
         return replace(cheapest, error=best.error, cost=work / self.steps, reasons=(reason, held))
 
-    def _whatever_the_step(self, plan: Plan) -> Plan:
-        """The plan, its tolerance such that one communication step for the whole run meets the accuracy as well."""
+    def _whatever_the_step(self, best: _Fit) -> Plan:
+        """The plan; its tolerance such that one communication step for the whole run meets the accuracy as well.
+
+        That is looked at where the communication step has cut substeps short, so that the tolerance says little.
+        """
+        plan = best.plan
+        if best.substeps > 3.0 * self.steps:
+            return plan
         ends = [{name: rows[[0, -1]] for name, rows in reference.items()} for reference in self.references]
         while plan.tolerance > TIGHTEST:
             motion = whole_run(self.scene, plan)
-            if max(largest_error(motion, end) for end in ends) <= 0.5 * self.accuracy:
+            if max(largest_error(motion, end) for end in ends) <= self.accuracy:
                 break
-            plan = replace(plan, tolerance=0.1 * plan.tolerance)
+            plan = replace(plan, tolerance=0.3 * plan.tolerance)
         return plan
 
     # Families
@@ -209,7 +216,7 @@ class _Search:
                 break
             motion, substeps = pilot_run(self.scene, plan)
             error = max(largest_error(motion, reference) for reference in self.references)
-            found = _Fit(plan, error, family.cost * substeps)
+            found = _Fit(plan, error, substeps, family.cost * substeps)
             if self.best is None or _better(found, self.best, bound):
                 self.best = found
             stuck = error == last  # each communication step is one substep, or the step is as short as may be
