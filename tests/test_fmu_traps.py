@@ -358,7 +358,7 @@ def test_builds_of_a_loaded_body_are_the_same_bytes_with_any_cache(tmp_path, mon
 
 KILLED = [
     "os.replace = lambda *paths: os.kill(os.getpid(), 9)",
-    "import zipfile; zipfile.ZipFile.writestr = lambda *args: os.kill(os.getpid(), 9)",
+    "import zipfile; zipfile.ZipFile.writestr = lambda *args, **options: os.kill(os.getpid(), 9)",
 ]
 
 
@@ -373,7 +373,7 @@ def test_a_killed_build_leaves_the_file_that_was_there(before, tmp_path):
 
 
 def test_a_build_that_fails_leaves_nothing(tmp_path, monkeypatch):
-    monkeypatch.setattr(archive.os, "replace", lambda *paths: (_ for _ in ()).throw(OSError("disk full")))
+    monkeypatch.setattr(archive.os, "replace", lambda *paths: (_ for _ in ()).throw(OSError(28, "disk full")))
     with pytest.raises(OSError, match="disk full"):
         rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu")
     assert list(tmp_path.iterdir()) == []

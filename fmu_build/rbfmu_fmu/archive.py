@@ -63,7 +63,7 @@ def write_archive(contents: dict[str, bytes], path: Path) -> None:
             for name in sorted(contents, key=lambda n: (n != "modelDescription.xml", n)):
                 entry = zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0))
                 entry.compress_type, entry.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
-                archive.writestr(entry, contents[name])
+                archive.writestr(entry, contents[name], compresslevel=9)
         os.chmod(temporary, 0o644)
         os.replace(temporary, path)
     except BaseException as error:
