@@ -93,7 +93,7 @@ def step(z: Any, h: float) -> int:
             longest = _expand(z, angle, rate, 16)
         if not (rest < MOST_SUBSTEPS * longest and steps < MOST_SUBSTEPS):
             return NOT_REACHED
-        count = math.ceil(rest / longest * (1.0 - 1e-9))
+        count = max(math.ceil(rest / longest * (1.0 - 1e-9)), 1)
         part = rest / count
         angle, rate = _angle_after(z, angle, part, order), _rate_after(z, part, order)
         rest = 0.0 if count == 1 else rest - part
