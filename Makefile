@@ -43,5 +43,5 @@ platforms:
 
 # Wrong calls of both kinds of FMU, millions of them, counted; the C layer under sanitizers.
 fuzz:
-	$(BIN)/python tests/fuzzing.py 1 20000
+	$(BIN)/python tests/fuzzing.py 1 10000
 	$(BIN)/pytest -s -m "slow or not slow" tests/test_fuzz.py tests/test_abuse.py

@@ -55,7 +55,7 @@ def fuzz(program, seed, inputs, timeout=3600):
     return subprocess.run(command, capture_output=True, text=True, env=os.environ | OPTIONS, timeout=timeout)
 
 
-def main(seed="1", inputs="20000"):
+def main(seed="1", inputs="10000"):
     """Print the counts; exit with the sanitizer's status."""
     compiler = sanitizing_compiler() or sys.exit("no C compiler with sanitizers")
     for name in NAMES:
