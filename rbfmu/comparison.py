@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rbfmu.measures import attitude_error, relative_error
 from rbfmu.models import Plan
 from rbfmu.scene import Scene
+from rbfmu.times import thinned_grid
 from rbfmu.unit import filled_buffer, initialize
 from rbfmu_kernels.layout import FINE
 
@@ -31,10 +32,7 @@ class Times:
     @classmethod
     def of(cls, scene: Scene, parts: tuple[float, ...] = (GOLDEN, 1.0 - GOLDEN)) -> "Times":
         """The scene's communication steps (several at once where there are too many), each cut into parts."""
-        run = scene.run
-        count = math.ceil((run.stop - run.start) / run.step * (1.0 - 1e-9))
-        stride = math.ceil(count / MOST_POINTS)
-        lengths = [min(stride, count - k) * run.step for k in range(0, count, stride)]
+        lengths = np.diff(thinned_grid(scene, MOST_POINTS)).tolist()
         return cls(tuple(part * h for h in lengths for part in parts))
 
 

@@ -107,35 +107,38 @@ class _Search:
         return SceneError(f"run.accuracy = {self.accuracy!r}: {expected}", self.scene.name)
 
     def _explained(self, best: _Fit) -> Plan:
-        found, cost = self._whatever_the_step(best), best.cost / self.steps
+        best = self._whatever_the_step(best)
+        found, cost = best.plan, best.cost / self.steps
         how = f"at tolerance {found.tolerance:.1e}" if found.tolerance else f"in steps of {found.substep:.3g} s"
-        judges = "two tighter ones"
-        reason = f"{found.method} {how}: error {best.error:.1e} rad in a pilot run, judged by {judges}"
+        reason = f"{found.method} {how}: error {best.error:.1e} rad in a pilot run, judged by two tighter ones"
         if self.known:
             return replace(found, error=best.error, cost=cost, reasons=(reason,))
         run = self.scene.run
         share = max(min(found.tolerance, self.accuracy * run.step / (run.stop - run.start)), TIGHTEST)
-        held = (
-            f"inputs: each substep's estimated error at most {share:.1e}, a communication step's share of the accuracy"
-        )
         cheapest, work = self._cheapest_at(share)
-        return replace(cheapest, error=best.error, cost=work / self.steps, reasons=(reason, held))
+        held = f"{cheapest.method}: substeps' estimated errors at most {share:.1e}, a step's share of the accuracy"
+        pilot = f"inputs at zero, {reason}"
+        return replace(cheapest, error=best.error, cost=work / self.steps, reasons=(held, pilot))
 
-    def _whatever_the_step(self, best: _Fit) -> Plan:
-        """The plan; its tolerance such that one communication step for the whole run meets the accuracy as well.
+    def _whatever_the_step(self, best: _Fit) -> _Fit:
+        """The fit, its tolerance such that one communication step for the whole run meets the accuracy as well.
 
         That is looked at where the communication step has cut substeps short, so that the tolerance says little.
         """
-        plan = best.plan
+        fit, per_substep = best, best.cost / best.substeps
         if best.substeps > 3.0 * self.steps:
-            return plan
+            return best
         ends = [{name: rows[[0, -1]] for name, rows in reference.items()} for reference in self.references]
-        while plan.tolerance > TIGHTEST:
-            motion = whole_run(self.scene, plan)
-            if max(largest_error(motion, end) for end in ends) <= self.accuracy:
+        while fit.plan.tolerance > TIGHTEST:
+            motion = whole_run(self.scene, fit.plan)
+            whole = max(largest_error(motion, end) for end in ends)
+            if whole <= self.accuracy and fit.error <= self.accuracy / 3.0:
                 break
-            plan = replace(plan, tolerance=0.3 * plan.tolerance)
-        return plan
+            plan = replace(fit.plan, tolerance=0.3 * fit.plan.tolerance)
+            motion, substeps = pilot_run(self.scene, plan)
+            error = max(largest_error(motion, reference) for reference in self.references)
+            fit = replace(fit, plan=plan, error=error, cost=per_substep * substeps, substeps=substeps)
+        return fit
 
     # Families
 

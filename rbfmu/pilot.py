@@ -7,6 +7,7 @@ import numpy as np
 
 from rbfmu.models import Plan
 from rbfmu.scene import Scene
+from rbfmu.times import thinned_grid
 from rbfmu.unit import filled_buffer, initialize
 from rbfmu_kernels.layout import FINE
 
@@ -37,14 +38,12 @@ def pilot_run(scene: Scene, trial: Plan, side: float = 0.0) -> tuple[Motion, flo
 
     side: where not 0, the start is shaken and each communication step cut in two.  NaN from where the motion ends.
     """
-    unit, run = trial.unit, scene.run
+    unit = trial.unit
     parts, z = 2 if side else 1, _begun(scene, trial, side)
-    steps = communication_steps(scene)
-    stride = math.ceil(steps / MOST_POINTS)
+    steps, lengths = communication_steps(scene), np.diff(thinned_grid(scene, MOST_POINTS)).tolist()
     blocks = {n: z[unit.BLOCKS[n]] for n in _JUDGED}
-    motion = {n: np.full((math.ceil(steps / stride) + 1, len(b)), np.nan) for n, b in blocks.items()}
-    for k in range(len(motion["quaternion"])):
-        h = min(stride, steps - (k - 1) * stride) * run.step
+    motion = {n: np.full((len(lengths) + 1, len(b)), np.nan) for n, b in blocks.items()}
+    for k, h in enumerate((0.0, *lengths)):
         if k and any(unit.step(z, h / parts) != FINE for _ in range(parts)):
             break
         for n, block in blocks.items():

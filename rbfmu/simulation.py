@@ -1,6 +1,5 @@
 """Run a scene by its plan and hold the result."""
 
-import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from rbfmu.models import Plan
 from rbfmu.planning import plan
 from rbfmu.scene import Scene
+from rbfmu.times import time_grid
 from rbfmu.unit import filled_buffer, initialize, output_block
 from rbfmu_kernels.layout import FINE
 
@@ -60,15 +60,6 @@ class Result:
             path.write_text("\n".join(lines) + "\n")
         else:
             raise ValueError(f"cannot save to {str(path)!r}: the name must end in .csv or .npz")
-
-
-def time_grid(start: float, stop: float, step: float) -> Array:
-    """start, start + step, ... stop: the points that FMPy visits, to the bit."""
-    steps = math.ceil((stop - start) / step * (1.0 - 1e-9))
-    grid: Array = start + np.arange(steps + 1, dtype=np.float64) * step
-    if not math.isclose(grid[-1], stop):
-        grid[-1] = stop
-    return grid
 
 
 def simulate(

@@ -72,11 +72,11 @@ class FullDisk(zipfile.ZipFile):
 
     room = 0
 
-    def writestr(self, *arguments):
+    def writestr(self, *arguments, **options):
         if FullDisk.room == 0:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         FullDisk.room -= 1
-        super().writestr(*arguments)
+        super().writestr(*arguments, **options)
 
 
 @KINDS

@@ -30,7 +30,7 @@ EXPECTED = {  # inputs, parameters, outputs
     "brick": ([], ["inertia", "quaternion_0", "omega_b_0"], ["quaternion", "rpy", "omega_b"]),
     "default": ([], CENTRED + START, ALL),
     "driven": (["force_a", "force_b", "torque_a", "torque_b"], [*BODY, "damping_b", *START], ALL),
-    "torqued": (["torque_a"], BODY + START, ALL),
+    "torqued": (["torque_a"], CENTRED + START, ALL),
     "two_ports": (["force_a", "torque_b"], CENTRED + START, ALL),
     "pendulum": (["torque_a"], [*BODY, "damping_b", "quaternion_0", "omega_b_0"], ROTATION),
     "prescribed": (["omega_b"], ["quaternion_0"], ["quaternion", "rpy", "omega_a"]),

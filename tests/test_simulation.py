@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 import rbfmu
 from rbfmu.measures import attitude_error
 from rbfmu.scene import Scene
-from rbfmu.simulation import SimulationError, time_grid
+from rbfmu.simulation import SimulationError
+from rbfmu.times import time_grid
 
 EPS = 2.0**-52
 EARTH_RATE = 7.292115e-5  # rad/s, about north

@@ -19,7 +19,7 @@ from rbfmu.arrays import quaternion_from_euler
 from rbfmu.comparison import largest_difference
 from rbfmu.models import Plan
 from rbfmu.scene import Scene, SceneError
-from rbfmu.simulation import time_grid
+from rbfmu.times import time_grid
 from rbfmu.unit import Buffer, Unit, filled_buffer, initialize
 from rbfmu_fmu.archive import kernel_hash
 from rbfmu_fmu.description import Description, describe

@@ -18,8 +18,8 @@ def places(sizes: dict[str, int]) -> tuple[dict[str, slice], int]:
 FINE, NOT_REACHED, PAST_STOP = 0, 1, 2
 """Values of the variable `status`; `step` returns FINE or NOT_REACHED."""
 
-MOST_SUBSTEPS = 1e9
-"""Substeps in one communication step above which a step is refused rather than hang the host."""
+MOST_SUBSTEPS = 1e7
+"""Substeps in one communication step (seconds of work) above which a step is refused rather than hang the host."""
 
 
 def _to_vary(names: str) -> str:
