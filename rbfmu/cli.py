@@ -80,9 +80,8 @@ def show_plan(scene: Path, as_json: bool, model: str) -> None:
     else:
         click.echo(f"{chosen.model}: {chosen.method}")
         click.echo("\n".join(chosen.reasons))
-        click.echo(
-            f"{chosen.states} states and {variables} FMU variables, against {full[0]} and {full[1]} of the full model"
-        )
+        size = f"{chosen.states} state{'s' * (chosen.states != 1)} and {variables} FMU variables"
+        click.echo(f"{size}, against {full[0]} and {full[1]} of the full model")
         click.echo(f"expected: error {chosen.error:.1e}, {chosen.cost:.3g} ns a step of {loaded.run.step:g} s")
 
 
