@@ -114,9 +114,10 @@ class _Search:
         if self.known:
             return replace(found, error=best.error, cost=cost, reasons=(reason,))
         run = self.scene.run
-        share = max(min(found.tolerance, self.accuracy * run.step / (run.stop - run.start)), TIGHTEST)
+        share = 0.25 * self.accuracy * run.step / (run.stop - run.start)
+        share = max(min(found.tolerance, share), TIGHTEST)
         cheapest, work = self._cheapest_at(share)
-        held = f"{cheapest.method}: substeps' estimated errors at most {share:.1e}, a step's share of the accuracy"
+        held = f"{cheapest.method}: substeps' estimated errors at most {share:.1e}, a quarter of a step's share"
         pilot = f"inputs at zero, {reason}"
         return replace(cheapest, error=best.error, cost=work / self.steps, reasons=(held, pilot))
 

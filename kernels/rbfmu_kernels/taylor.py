@@ -57,6 +57,8 @@ _REMAINDER = np.array(
     ]
 )
 """Its error: this times (2 h)^(2m+1) / 2 and the (2m+1)-th derivative."""
+_PACE = 2.0 * np.sqrt(np.arange(_MOST_DERIVATIVES + 1) / math.e)
+"""Times the root of an acceleration: the rate whose turn has as large a (2m)-th derivative as a turn from rest."""
 _FOUR = 4.0 ** np.arange(_MOST_DERIVATIVES + 1)
 
 
@@ -138,6 +140,7 @@ def _error(s: Any, order: int, h: float, push: float, n: int) -> float:
     last = last / rate if rate > 0.0 else 0.0
     if n == SPIN:
         return last
+    turn = max(turn, h * _PACE[m] * math.sqrt(_largest(vec3_at(s, ROW))))
     remainder: float = _REMAINDER[m] * _power(turn * turn, m) * max(turn, _FOUR[m] * h * push)
     return max(last, remainder)
 
