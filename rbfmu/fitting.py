@@ -77,7 +77,7 @@ class _Search:
         self.start = filled_buffer(scene, some)
         initialize(scene, some.unit, self.start)
         self.shares = _load_shares(scene, self.start)
-        self.references = references(scene, _series(general, MOST_ORDER - 4, 1e-3 * TIGHTEST))
+        self.references = references(scene, tightest(general))
 
     def plan(self, kicks: bool) -> Plan:
         """The cheapest plan; SceneError where none is accurate enough."""
@@ -259,6 +259,11 @@ def _load_shares(scene: Scene, z: Buffer) -> tuple[float, float]:
 
 
 # Plans
+
+
+def tightest(general: Plan) -> Plan:
+    """The plan that judges others."""
+    return _series(general, MOST_ORDER - 4, 1e-3 * TIGHTEST)
 
 
 def _series(general: Plan, order: int, tolerance: float) -> Plan:

@@ -98,7 +98,8 @@ def needed_parameters(scene: Scene, model: str) -> set[str]:
 def closed_forms(scene: Scene, needs: Needs) -> list[str]:
     """The models with a closed form that are exact for this scene, the smallest first."""
     needed, varying = rests_on(scene, needs), varying_parameters(scene)
-    return [model for model in CLOSED if not needed[model] & varying and accepts(scene, model)]
+    models = CLOSED[1:] if needs.attitude and any(scene.initial.omega_b) else CLOSED
+    return [model for model in models if not needed[model] & varying and accepts(scene, model)]
 
 
 def accepts(scene: Scene, model: str) -> bool:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu.scene import QUANTITIES, Scene, SceneError
+from rbfmu_kernels.body_memory import INPUTS
 from rbfmu_kernels.layout import FAULTS
 
 if TYPE_CHECKING:
@@ -76,6 +77,7 @@ def _numbers(scene: Scene, plan: "Plan") -> dict[str, Any]:
         "tolerance": plan.tolerance,
         "order": plan.order,
         "as_planned": float(bool(plan.held)),
+        "ports": [float(name in scene.inputs.ports) for name in INPUTS],
         "unwanted": [float(name not in scene.outputs.quantities) for name in QUANTITIES],
     }
     if scene.body is not None:

@@ -309,6 +309,16 @@ def test_a_top_exactly_upright_stands_and_is_unstable_below_the_critical_spin(sp
     assert any("unstable" in reason for reason in found.reasons) == unstable
 
 
+@pytest.mark.parametrize("wanted", ["quaternion", "omega_b"])
+def test_beside_an_unstable_equilibrium_nothing_is_at_rest(wanted):
+    """However little it moves in the run's time."""
+    start = {"attitude": {"rotvec": [1e-9, 0.0, 0.0]}}
+    found = plan(made(TOP, start, GRAVITY, stop=0.5, outputs={"quantities": [wanted]}))
+    assert found.model != "no rotation"
+    slow = made(TRIAXIAL, {"omega_b": [1e-9, 1e-2, 0.0]}, stop=20.0, outputs={"quantities": ["omega_b"]})
+    assert plan(slow).model == FREE
+
+
 def test_what_no_motion_changes_is_not_integrated():
     """Angular momentum and energy of a tumbling body without torque."""
     wanted = {"quantities": ["angular_momentum_a", "kinetic_energy"]}

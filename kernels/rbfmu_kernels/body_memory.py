@@ -24,9 +24,12 @@ OUTPUTS = {
     "position": 3, "velocity": 3, "acceleration": 3, "quaternion": 4, "rpy": 3, "omega_b": 3, "omega_a": 3,
     "alpha_b": 3, "angular_momentum_a": 3, "kinetic_energy": 1,
 }  # fmt: skip
-SETTINGS = {"pivot": 1, "tolerance": 1, "substep": 1, "as_planned": 1, "unwanted": len(OUTPUTS)}
+SETTINGS = {
+    "pivot": 1, "tolerance": 1, "substep": 1, "as_planned": 1, "ports": len(INPUTS), "unwanted": len(OUTPUTS),
+}  # fmt: skip
 """as_planned: 1 where a plan has judged the model by the parameters' values, so that no unit need ask whether it serves
-them; unwanted: 1 for each output that nobody looks at, which is then not computed."""
+them; ports: 1 for each input that may come to act; unwanted: 1 for each output that nobody looks at, which is then not
+computed."""
 OUTPUT_RATES = {f"d_{name}": size for name, size in OUTPUTS.items()}
 """Time derivatives of the outputs, refreshed by `output_rates` alone."""
 MEMORY = {
@@ -42,6 +45,7 @@ _MASS, _INERTIA, _R_OC, _GRAVITY, _DAMPING = (_AT[n] for n in ("mass", "inertia"
 _KNOWN, _END = _AT["known_force_a"], BLOCKS["omega_b_0"].stop
 _POSITION_0, _VELOCITY_0, _Q_0, _OMEGA_0 = (_AT[n] for n in ("position_0", "velocity_0", "quaternion_0", "omega_b_0"))
 _PIVOT, _SUBSTEP, _AS_PLANNED = _AT["pivot"], _AT["substep"], _AT["as_planned"]
+_PORTS = _AT["ports"]
 _NO_POSITION, _NO_VELOCITY, _NO_ACCELERATION, _NO_QUATERNION, _NO_RPY = (_AT["unwanted"] + i for i in range(5))
 _NO_OMEGA_B, _NO_OMEGA_A, _NO_ALPHA, _NO_MOMENTUM, _NO_ENERGY = (_AT["unwanted"] + i for i in range(5, 10))
 STATE = _AT["q"]
@@ -229,6 +233,12 @@ def has_pivot(z: Any) -> bool:
 
 
 @kernel
+def has_port(z: Any, i: int) -> bool:
+    """Whether the i-th input may come to act."""
+    return bool(z[_PORTS + i] != 0.0)
+
+
+@kernel
 def is_as_planned(z: Any) -> bool:
     """Whether a plan answers for the model, see SETTINGS."""
     return bool(z[_AS_PLANNED] != 0.0)
@@ -241,10 +251,17 @@ def moves(z: Any) -> bool:
 
 
 @kernel
+def shows_loads(z: Any) -> bool:
+    """Whether an output changes at once when a load does."""
+    return bool(z[_NO_ACCELERATION] == 0.0 or z[_NO_ALPHA] == 0.0)
+
+
+@kernel
 def turns(z: Any) -> bool:
     """Whether an output needs the attitude: itself, or a point beside the centre of mass, or a force that turns."""
     attitude = z[_NO_QUATERNION] == 0.0 or z[_NO_RPY] == 0.0 or z[_NO_OMEGA_A] == 0.0 or z[_NO_MOMENTUM] == 0.0
-    beside = is_nonzero(vec3_at(z, _R_OC)) or is_nonzero(vec3_at(z, _KNOWN + 3)) or is_nonzero(vec3_at(z, _FORCE_B))
+    pushed = is_nonzero(vec3_at(z, _KNOWN + 3)) or is_nonzero(vec3_at(z, _FORCE_B)) or has_port(z, 1)
+    beside = pushed or is_nonzero(vec3_at(z, _R_OC))
     return bool(attitude or (beside and not has_pivot(z) and (moves(z) or z[_NO_ACCELERATION] == 0.0)))
 
 

@@ -16,6 +16,7 @@ from .body_memory import (
     put_quaternion_at,
     put_vec3_at,
     rotation_of,
+    shows_loads,
     vec3_at,
 )
 from .dynamics import angular_acceleration, angular_jerk, linear_acceleration
@@ -42,7 +43,7 @@ def outputs(z: Any) -> int:
     q, omega = rotation_of(z)
     if moves(z):
         _put_translation(z, q, omega)
-    if z[_NO_ACCELERATION] == 0.0 or z[_NO_ALPHA] == 0.0:
+    if shows_loads(z):
         _put_accelerations(z, q, omega)
     if z[_NO_QUATERNION] == 0.0:
         put_quaternion_at(z, _Q, q)

@@ -13,6 +13,7 @@ from .body_memory import (
     STATE_SIZE,
     centre_of,
     has_pivot,
+    has_port,
     is_finite,
     keep_state,
     loads_of,
@@ -63,7 +64,7 @@ def integrated(z: Any, body: Body, course: Course) -> int:
     """Numbers of the state that need integration: see `dop853`."""
     if _acts(course, 2) and moves(z) and not has_pivot(z):
         return TURNING
-    turned = _acts(course, 3) or (_acts(course, 1) and is_nonzero(body[3]))
+    turned = _acts(course, 3) or has_port(z, 2) or ((_acts(course, 1) or has_port(z, 0)) and is_nonzero(body[3]))
     return ROTATION if turned or turns(z) else SPIN
 
 

@@ -16,6 +16,7 @@ from .body_memory import (
     loads_of,
     moves,
     rotation_of,
+    shows_loads,
     spins,
     turns,
 )
@@ -51,7 +52,7 @@ def step(z: Any, h: float) -> int:
     if not h > 0.0:
         return NOT_REACHED
     if not moves(z):
-        return FINE
+        return outputs(z) if shows_loads(z) else FINE
     time_after(z, h)
     return finish_step(z, h, body_of(z), loads_of(z))
 
