@@ -1,0 +1,52 @@
+"""Jacobi's sn, cn, dn as quotients of theta functions of the phase v = pi u / (2 K): short series in the nome q.
+
+For kc >= LEAST_KC, where q <= 0.1 and nothing cancels; below, `elliptic.jacobi_from_phase`.
+With x = cos 2v: theta_3, theta_4 = E +- x O; theta_1, theta_2 = 2 q^(1/4) (sin, cos) v (P -+ x Q), each of E, O, P, Q
+even in x.  Sources: DLMF 20.2, 22.2; nome: DLMF 19.5.5.
+"""
+
+import math
+
+from ._kernel import kernel
+from .double_double import DoubleDouble, dd_add_float, dd_negate
+
+LEAST_KC = 0.45
+Theta = tuple[float, float, float, float, float, float, float, float, float, float, float, float]
+"""Coefficients of E (1, x^2, x^4), O, P, Q (1, x^2 each); then of sn, cn, dn."""
+
+
+@kernel(inline=False)
+def theta_series(kc: DoubleDouble) -> Theta:
+    """The series of the complementary modulus kc, LEAST_KC <= kc <= 1.  Relative error <= 3 eps."""
+    q = _nome(kc)
+    q2 = q * q
+    q4 = q2 * q2
+    q6, q9, q12, q16 = q4 * q2, q4 * q4 * q, q4 * q4 * q4, q4 * q4 * q4 * q4
+    e0, e2, e4 = 1.0 - 2.0 * (q4 - q16), 4.0 * q4 - 16.0 * q16, 16.0 * q16
+    o0, o2 = 2.0 * q - 6.0 * q9, 8.0 * q9
+    p0, p2 = 1.0 - q2 - q6 + q12, 4.0 * (q6 - q12)
+    r0, r2 = 2.0 * (q2 - q6) - 4.0 * q12, 8.0 * q12
+    e, o, pr = e0 + (e2 + e4), o0 + o2, (p0 + p2) + (r0 + r2)
+    return (e0, e2, e4, o0, o2, p0, p2, r0, r2, (e + o) / pr, (e - o) / pr, (e - o) / (e + o))
+
+
+@kernel
+def jacobi_from_theta(sin_v: float, cos_v: float, theta: Theta) -> tuple[float, float, float]:
+    """(sn, cn, dn) of u at the phase v = pi u / (2 K), of any size.  Relative error <= 5 eps each."""
+    e0, e2, e4, o0, o2, p0, p2, r0, r2, a, b, d = theta
+    x = (cos_v - sin_v) * (cos_v + sin_v)
+    x2 = x * x
+    e, o = (e0 + x2 * e2) + (x2 * x2) * e4, x * (o0 + x2 * o2)
+    p, r = p0 + x2 * p2, x * (r0 + x2 * r2)
+    inverse = 1.0 / (e - o)
+    return a * sin_v * (p - r) * inverse, b * cos_v * (p + r) * inverse, d * (e + o) * inverse
+
+
+@kernel
+def _nome(kc: DoubleDouble) -> float:
+    """The nome of kc, by its series in y = (1 - sqrt kc) / (2 (1 + sqrt kc)) <= 0.1."""
+    root = math.sqrt(kc[0])
+    lack = dd_add_float(dd_negate(kc), 1.0)[0]
+    y = 0.5 * lack / ((1.0 + root) * (1.0 + root))
+    y4 = (y * y) * (y * y)
+    return y + y * y4 * (2.0 + y4 * (15.0 + y4 * (150.0 + y4 * (1707.0 + y4 * 20910.0))))
