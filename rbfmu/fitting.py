@@ -9,8 +9,10 @@ import numpy as np
 
 from rbfmu.measures import largest_error
 from rbfmu.models import Plan
-from rbfmu.pilot import communication_steps, pilot_run, references, substeps_taken, whole_run
+from rbfmu.pilot import JUDGED, pilot_run, references, substeps_taken, whole_run
+from rbfmu.recording import Motion
 from rbfmu.scene import Scene, SceneError
+from rbfmu.times import communication_steps
 from rbfmu.unit import Buffer, filled_buffer, initialize
 from rbfmu_kernels.body_memory import body_of, loads_of
 from rbfmu_kernels.kicked_top import is_symmetric_top, resonant_step, transverse_moment
@@ -81,7 +83,8 @@ class _Search:
 
     def plan(self, kicks: bool) -> Plan:
         """The cheapest plan; SceneError where none is accurate enough."""
-        apart = largest_error(*self.references)
+        one, other = self.references
+        apart = largest_error(one, other, JUDGED)
         if apart > self.accuracy / 3.0:
             raise self._out_of_reach(apart)
         self._fit_series()
@@ -131,13 +134,12 @@ class _Search:
             return best
         ends = [{name: rows[[0, -1]] for name, rows in reference.items()} for reference in self.references]
         while fit.plan.tolerance > TIGHTEST:
-            motion = whole_run(self.scene, fit.plan)
-            whole = max(largest_error(motion, end) for end in ends)
+            whole = _largest_of(whole_run(self.scene, fit.plan), ends)
             if whole <= self.accuracy and fit.error <= self.accuracy / 3.0:
                 break
             plan = replace(fit.plan, tolerance=0.3 * fit.plan.tolerance)
             motion, substeps = pilot_run(self.scene, plan)
-            error = max(largest_error(motion, reference) for reference in self.references)
+            error = _largest_of(motion, self.references)
             fit = replace(fit, plan=plan, error=error, cost=per_substep * substeps, substeps=substeps)
         return fit
 
@@ -219,7 +221,7 @@ class _Search:
             if self._is_dearer(self._least_cost(family, plan)):
                 break
             motion, substeps = pilot_run(self.scene, plan)
-            error = max(largest_error(motion, reference) for reference in self.references)
+            error = _largest_of(motion, self.references)
             found = _Fit(plan, error, substeps, family.cost * substeps)
             if self.best is None or _better(found, self.best, bound):
                 self.best = found
@@ -240,6 +242,10 @@ class _Search:
     def _is_dearer(self, cost: float) -> bool:
         """Than what meets the accuracy already."""
         return self._is_met() and self.best is not None and cost >= self.best.cost
+
+
+def _largest_of(motion: Motion, references: list[Motion]) -> float:
+    return max(largest_error(motion, reference, JUDGED) for reference in references)
 
 
 def _better(a: _Fit, b: _Fit, bound: float) -> bool:

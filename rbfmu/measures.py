@@ -1,5 +1,8 @@
 """Errors between two results: attitude in rad, all else relative, as a scene's `accuracy` counts them."""
 
+import math
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -8,6 +11,7 @@ from rbfmu.arrays import angle_between as attitude_error
 __all__ = ["attitude_error", "largest_error", "relative_error"]
 
 Array = NDArray[np.float64]
+_FLOORS = {"position": 1.0, "velocity": 1.0}
 
 
 def relative_error(a: Array, b: Array, floor: float) -> Array:
@@ -17,13 +21,14 @@ def relative_error(a: Array, b: Array, floor: float) -> Array:
     return error if largest == 0.0 else error / largest
 
 
-def largest_error(z_1: dict[str, Array], z_2: dict[str, Array]) -> float:
-    """The largest error over a run in the quantities that `accuracy` speaks of; infinite where one is not finite."""
-    errors = [
-        attitude_error(z_1["quaternion"], z_2["quaternion"]),
-        relative_error(z_1["omega_b"], z_2["omega_b"], 0.0),
-        relative_error(z_1["position"], z_2["position"], 1.0),
-        relative_error(z_1["velocity"], z_2["velocity"], 1.0),
-    ]
-    worst = float(np.max(np.concatenate(errors)))  # NaN if any is: Python's max would lose it
-    return worst if np.isfinite(worst) else np.inf
+def largest_error(a: dict[str, Array], b: dict[str, Array], names: Iterable[str]) -> float:
+    """The largest error of a run in the quantities named; infinite where one is not finite."""
+    worst = 0.0
+    for name in names:
+        if name == "quaternion":
+            errors = attitude_error(a[name], b[name])
+        else:
+            errors = relative_error(a[name], b[name], _FLOORS.get(name, 0.0))
+        largest = float(np.max(errors))
+        worst = max(worst, largest) if math.isfinite(largest) else math.inf
+    return worst

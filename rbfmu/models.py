@@ -25,7 +25,7 @@ class Plan:
     substep: s, infinite where the method chooses or needs none; tolerance: largest estimated error of a substep, 0
     where none is estimated; order: of the kicks or of the series, 0 where there are none; held: parameters by whose
     values the model was judged, so that an importer must not change them; error: the largest that is expected, as the
-    scene's `accuracy` counts; cost: ns a communication step, as measured on the machine named in `rbfmu.costs`.
+    scene's `accuracy` counts; cost: ns a communication step, see `planning.RUNGS` and `fitting`.
     """
 
     model: str

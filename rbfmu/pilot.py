@@ -1,28 +1,17 @@
 """Pilot runs: a plan tried on its scene before it is used, and the runs that judge it."""
 
 import math
-from typing import Any
-
-import numpy as np
 
 from rbfmu.models import Plan
+from rbfmu.recording import Motion, begun, recorded, substeps_counted
 from rbfmu.scene import Scene
-from rbfmu.times import thinned_grid
-from rbfmu.unit import filled_buffer, initialize
-from rbfmu_kernels.layout import FINE
+from rbfmu.times import communication_steps, thinned_steps
+from rbfmu_kernels._substeps import substeps_in
 
-MOST_POINTS = 20_000
+MOST_STEPS = 20_000
 """Communication steps up to which a pilot run has the scene's own; a longer run takes several at once."""
 ROUND_OFF = 2.0**-52
-_JUDGED = ("quaternion", "omega_b", "position", "velocity")
-
-Motion = dict[str, Any]
-
-
-def communication_steps(scene: Scene) -> int:
-    """How many the run has."""
-    run = scene.run
-    return math.ceil((run.stop - run.start) / run.step * (1.0 - 1e-9))
+JUDGED = ("quaternion", "omega_b", "position", "velocity")
 
 
 def references(scene: Scene, tight: Plan) -> list[Motion]:
@@ -30,54 +19,24 @@ def references(scene: Scene, tight: Plan) -> list[Motion]:
 
     In half steps, so that they share neither steps nor round-off with what they judge.
     """
-    return [pilot_run(scene, tight, side)[0] for side in (1.0, -1.0)]
+    steps, unit = thinned_steps(scene, MOST_STEPS), tight.unit
+    return [recorded(unit, begun(scene, tight, JUDGED, s * ROUND_OFF), steps, JUDGED, 2) for s in (1.0, -1.0)]
 
 
-def pilot_run(scene: Scene, trial: Plan, side: float = 0.0) -> tuple[Motion, float]:
-    """The motion on the scene's grid (every so many points of a long one), ports at zero, and the substeps it took.
-
-    side: where not 0, the start is shaken and each communication step cut in two.  NaN from where the motion ends.
-    """
-    unit = trial.unit
-    parts, z = 2 if side else 1, _begun(scene, trial, side)
-    steps, lengths = communication_steps(scene), np.diff(thinned_grid(scene, MOST_POINTS)).tolist()
-    blocks = {n: z[unit.BLOCKS[n]] for n in _JUDGED}
-    motion = {n: np.full((len(lengths) + 1, len(b)), np.nan) for n, b in blocks.items()}
-    for k, h in enumerate((0.0, *lengths)):
-        if k and any(unit.step(z, h / parts) != FINE for _ in range(parts)):
-            break
-        for n, block in blocks.items():
-            motion[n][k] = block
+def pilot_run(scene: Scene, trial: Plan) -> tuple[Motion, float]:
+    """The motion on the scene's grid (every so many points of a long one), ports at zero, and the substeps it took."""
+    z = begun(scene, trial, JUDGED)
+    motion = recorded(trial.unit, z, thinned_steps(scene, MOST_STEPS), JUDGED)
     if math.isfinite(trial.substep):
         return motion, substeps_taken(scene, trial.substep)
-    return motion, max(float(z[unit.BLOCKS["substeps"]][0]), float(steps))
+    return motion, max(substeps_counted(trial.unit, z), float(communication_steps(scene)))
 
 
 def whole_run(scene: Scene, trial: Plan) -> Motion:
     """The motion's begin and end, all in one communication step."""
-    unit, z = trial.unit, _begun(scene, trial, 0.0)
-    motion = {n: [z[unit.BLOCKS[n]].copy()] for n in _JUDGED}
-    fine = unit.step(z, scene.run.stop - scene.run.start) == FINE
-    for n, points in motion.items():
-        points.append(z[unit.BLOCKS[n]] if fine else points[0] + math.nan)
-    return {n: np.array(points) for n, points in motion.items()}
-
-
-def _begun(scene: Scene, trial: Plan, side: float) -> Any:
-    unit, z = trial.unit, filled_buffer(scene, trial)
-    _shake(unit, z, side * ROUND_OFF)
-    z[unit.BLOCKS["unwanted"]] = [float(name not in _JUDGED) for name in unit.OUTPUTS]
-    initialize(scene, unit, z)
-    return z
+    return recorded(trial.unit, begun(scene, trial, JUDGED), [scene.run.stop - scene.run.start], JUDGED)
 
 
 def substeps_taken(scene: Scene, substep: float) -> float:
-    """Over the run, where each is at most `substep`."""
-    return communication_steps(scene) * math.ceil(scene.run.step / substep * (1.0 - 1e-9))
-
-
-def _shake(unit: Any, z: Any, part: float) -> None:
-    """Inertia, attitude and rates at the start changed by `part` of themselves."""
-    z[unit.BLOCKS["inertia"]] *= 1.0 + part * np.array([1.0, -1.0, 1.0, 1.0, -1.0, 1.0])
-    z[unit.BLOCKS["quaternion_0"]] += part * np.array([0.0, 1.0, -1.0, 1.0])
-    z[unit.BLOCKS["omega_b_0"]] *= 1.0 + part * np.array([1.0, -1.0, 1.0])
+    """Over the run, where each is at most `substep`; infinite where that is refused."""
+    return communication_steps(scene) * (substeps_in(scene.run.step, substep) or math.inf)

@@ -3,37 +3,52 @@
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from rbfmu import explanations as say
 from rbfmu.arrays import principal_axes
-from rbfmu.comparison import Motion, Times, largest_difference, motion, watched
+from rbfmu.comparison import MOST_STEPS, compared_steps, motion, watched
 from rbfmu.fitting import cheapest_fit, tightest
 from rbfmu.ladder import CLOSED, Needs, accepts, closed_forms, rests_on, varying_parameters
+from rbfmu.measures import largest_error
 from rbfmu.models import Plan
+from rbfmu.recording import Motion
 from rbfmu.scene import PARAMETERS as SCENE_PARAMETERS
 from rbfmu.scene import Scene, SceneError
+from rbfmu.times import thinned_steps
 from rbfmu_kernels.pendulum_unit import ORDERS
 
 EXACT, ROUND_OFF = 1e-14, 2.0**-52
 """The accuracy that closed forms keep, and what a step of others loses at least."""
-METHODS = {
-    "no rotation": "closed form",
-    "constant rate": "closed form",
-    "one axis": "closed form",
-    "torque-free symmetric body": "elementary functions",
-    "torque-free body": "elliptic functions",
-}
 SWING = "one swinging axis"
-COSTS = {
-    "no rotation": 30.0, "constant rate": 50.0, "one axis": 90.0, "torque-free symmetric body": 60.0,
-    "torque-free body": 265.0, "prescribed rates": 90.0,
-}  # fmt: skip
-"""ns a communication step in a compiled loop, with few outputs; measured on an Intel Xeon in 2026."""
-ROTATION_STATES = {"no rotation": 0, "constant rate": 4, "one axis": 2, SWING: 2}
-RATE_STATES = {"no rotation": 0, "constant rate": 0, "one axis": 1, SWING: 2, "symmetric top": 7, "body under loads": 7}
-"""Numbers that a small model keeps of the rotation, with and without the attitude; the others 4 and 3."""
+
+
+class Rung(NamedTuple):
+    """A model's method, ns a communication step, and the numbers that it keeps of the rotation or of the rates alone.
+
+    ns: in a compiled loop with few outputs, measured on an Intel Xeon in 2026; where 0, pilot runs say it.
+    """
+
+    method: str = ""
+    cost: float = 0.0
+    states: int = 7
+    rate_states: int = 3
+
+
+RUNGS = {
+    "no rotation": Rung("closed form", 30.0, 0, 0),
+    "constant rate": Rung("closed form", 50.0, 4, 0),
+    "one axis": Rung("closed form", 90.0, 2, 1),
+    SWING: Rung("", 0.0, 2, 2),
+    "prescribed rates": Rung("exact rotation", 90.0, 4, 4),
+    "torque-free symmetric body": Rung("elementary functions", 60.0),
+    "torque-free body": Rung("elliptic functions", 265.0),
+    "symmetric top": Rung("", 0.0, 7, 7),
+    "body under loads": Rung("", 0.0, 7, 7),
+    "body under loads, by series": Rung(),
+}
 TRANSLATION = ("position", "velocity", "acceleration")
 MOVING = ("position", "velocity", "kinetic_energy")
 CONSERVED = ("angular_momentum_a", "kinetic_energy")
@@ -47,7 +62,8 @@ def plan(scene: Scene, full: bool = False) -> Plan:
     Raises SceneError where the accuracy asked cannot be met.
     """
     if "omega_b" in scene.inputs.ports:
-        return Plan("prescribed rates", "exact rotation", 4, cost=COSTS["prescribed rates"], reasons=(say.PRESCRIBED,))
+        rung = RUNGS["prescribed rates"]
+        return Plan("prescribed rates", rung.method, rung.states, cost=rung.cost, reasons=(say.PRESCRIBED,))
     if full:
         return _integrated(with_all_outputs(scene), Needs(True, True, not _has_pivot(scene)), kicks=False)
     needs = Needs.of(scene)
@@ -62,7 +78,11 @@ def _closed(scene: Scene, model: str, needs: Needs) -> Plan:
         expected = f"at least {EXACT:g}, what double precision keeps"
         raise SceneError(f"run.accuracy = {scene.run.accuracy!r}: expected {expected}", scene.name)
     reasons = say.why_exact(scene, model, needs.rotation, needs.attitude)
-    return Plan(model, METHODS[model], _states(model, needs), error=EXACT, cost=COSTS[model], reasons=reasons)
+    return replace(_of_rung(model, needs), error=EXACT, reasons=reasons)
+
+
+def _of_rung(model: str, needs: Needs) -> Plan:
+    return Plan(model, RUNGS[model].method, _states(model, needs), cost=RUNGS[model].cost)
 
 
 def _left_out(scene: Scene, needs: Needs) -> tuple[str, ...]:
@@ -73,23 +93,23 @@ def _swinging(scene: Scene, needs: Needs) -> Plan | None:
     """One angle under forces fixed in space, by the series of least work that meets the accuracy."""
     if rests_on(scene, needs)[SWING] & varying_parameters(scene) or not accepts(scene, SWING):
         return None
-    times, names = Times.of(scene, (1.0,)), ("quaternion", "omega_b")
+    steps, names = thinned_steps(scene, MOST_STEPS), ("quaternion", "omega_b")
 
     def series(order: int, tolerance: float) -> Plan:
         return Plan(SWING, f"Taylor series of order {order}", _states(SWING, needs), tolerance=tolerance, order=order)
 
-    truth, _ = motion(scene, series(16, 1e-18), times, names)
+    truth, _ = motion(scene, series(16, 1e-18), steps, names)
     best: tuple[float, Plan] | None = None
     for order in ORDERS:
         for tolerance in (scene.run.accuracy * 10.0**-k for k in range(0, 18, 2)):
             trial = series(order, tolerance)
-            found, substeps = motion(scene, trial, times, names)
-            error = largest_difference(found, truth, names)
+            found, substeps = motion(scene, trial, steps, names)
+            error = largest_error(found, truth, names)
             if error <= scene.run.accuracy / 3.0:
                 work = 0.4 * substeps * (order + 4.0) ** 2  # ns
                 if best is None or work < best[0]:
                     error += ROUND_OFF * substeps  # what judge and judged share
-                    cost = 90.0 + work / len(times.steps)
+                    cost = 90.0 + work / len(steps)
                     best = work, replace(trial, error=error, cost=cost, reasons=say.why_swinging(scene, trial, error))
                 break
     return best[1] if best else None
@@ -101,7 +121,7 @@ def _integrated(scene: Scene, needs: Needs, kicks: bool = True) -> Plan:
 
 
 def _states(model: str, needs: Needs) -> int:
-    rotation = ROTATION_STATES.get(model, 7) if needs.attitude else RATE_STATES.get(model, 3)
+    rotation = RUNGS[model].states if needs.attitude else RUNGS[model].rate_states
     return rotation + (6 if needs.translation else 0)
 
 
@@ -122,17 +142,17 @@ def _smaller(scene: Scene, found: Plan, needs: Needs) -> Plan | None:
     unseen = rests_on(scene, needs)["one axis"] | {"force_b", "r_oc_b"}  # at their present values they may show nothing
     if found.model == CLOSED[0] or not needs.rotation or unseen & varying_parameters(scene):
         return None
-    times, names = Times.of(scene), watched(scene)
+    steps, names = compared_steps(scene), watched(scene)
     exact = found.model in CLOSED
     judge = found if exact else tightest(found)
-    truth, _ = motion(scene, judge, times, tuple(dict.fromkeys((*names, "quaternion", "omega_b"))))
+    truth, _ = motion(scene, judge, steps, tuple(dict.fromkeys((*names, "quaternion", "omega_b"))))
     bound = (1.0 if exact else SHARE) * scene.run.accuracy - EXACT
     for model in _below(found.model):
         if _may_be_close(scene, model, truth, names):
-            candidate = Plan(model, METHODS[model], _states(model, needs), held=_held(), cost=COSTS[model])
-            error = largest_difference(motion(scene, candidate, times, names)[0], truth, names)
+            candidate = replace(_of_rung(model, needs), held=_held())
+            error = largest_error(motion(scene, candidate, steps, names)[0], truth, names)
             if error <= bound:
-                why = say.why_close(scene, model, found, error, len(times.steps))
+                why = say.why_close(scene, model, found, error, len(steps))
                 error += found.error if exact else 0.0
                 return replace(candidate, error=error, reasons=(*_left_out(scene, needs), why))
     return None
@@ -149,7 +169,7 @@ def _may_be_close(scene: Scene, model: str, truth: Motion, names: tuple[str, ...
     if unstable:
         return False
     if model == "no rotation":
-        return largest_difference({n: truth[n][:1] + 0.0 * truth[n] for n in names}, truth, names) <= run.accuracy
+        return largest_error({n: truth[n][:1] + 0.0 * truth[n] for n in names}, truth, names) <= run.accuracy
     assert scene.body is not None
     if not scene.body.pivot and any(scene.loads.force_b) and set(names) & set(MOVING):
         return False  # closed forms move under accelerations that are steady

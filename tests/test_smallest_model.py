@@ -11,9 +11,10 @@ from numba import config
 from random_scenes import scenes
 
 import rbfmu
-from rbfmu.comparison import largest_difference, watched
+from rbfmu.comparison import watched
 from rbfmu.explanations import GROWTH, growth_rate
 from rbfmu.ladder import CLOSED
+from rbfmu.measures import largest_error
 from rbfmu.models import Plan
 from rbfmu.planning import SHARE, plan
 from rbfmu.scene import Scene, SceneError
@@ -107,8 +108,8 @@ def check_driven(scene):
     tight = Plan("body under loads, by series", "", 13, tolerance=1e-18, order=20)
     names = watched(scene)
     (motion, substeps), (truth, _) = driven(scene, found, full=False), driven(scene, tight)
-    growth = largest_difference(driven(scene, tight, shake=SHAKE)[0], truth, names) / SHAKE
-    assert largest_difference(motion, truth, names) <= max(1.0, growth) * max(1.0, substeps / 4.0) * scene.run.accuracy
+    growth = largest_error(driven(scene, tight, shake=SHAKE)[0], truth, names) / SHAKE
+    assert largest_error(motion, truth, names) <= max(1.0, growth) * max(1.0, substeps / 4.0) * scene.run.accuracy
 
 
 PORTS = st.lists(st.sampled_from(["force_a", "force_b", "torque_a", "torque_b"]), min_size=1, max_size=2, unique=True)

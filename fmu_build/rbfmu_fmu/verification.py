@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from rbfmu import planning
 from rbfmu.arrays import quaternion_from_euler
-from rbfmu.comparison import largest_difference
+from rbfmu.measures import largest_error
 from rbfmu.models import Plan
 from rbfmu.scene import Scene, SceneError
 from rbfmu.times import time_grid
@@ -197,7 +197,7 @@ def _distance_to_full(
     for motion in (a, b):
         if "rpy" in motion:
             motion["quaternion"] = quaternion_from_euler("ZYX", motion.pop("rpy")[:, ::-1])
-    return largest_difference(a, b, tuple(a))
+    return largest_error(a, b, tuple(a))
 
 
 def _advance(scene: Scene, unit: Unit, z: Buffer, k: int, time: NDArray[np.float64]) -> None:

@@ -9,6 +9,7 @@ import math
 from typing import Any
 
 from ._kernel import kernel
+from ._substeps import substeps_in
 from .dop853_tableau import E3, E5, STAGES, A, C
 from .dynamics import Body, Course, Loads, angular_acceleration, is_changing, loads_after, turning_acceleration
 from .layout import FINE, MOST_SUBSTEPS, NOT_REACHED
@@ -143,10 +144,9 @@ def dop853_march(z: Any, y: int, w: int, n: int, h: float, substep: float, body:
 
     NOT_REACHED where that needs too many; the state is then unchanged.
     """
-    substeps = h / substep * (1.0 - 1e-9)  # so that round-off in the importer's clock adds none
-    if not substeps < MOST_SUBSTEPS:
+    count = substeps_in(h, substep)
+    if count == 0:
         return NOT_REACHED
-    count = max(math.ceil(substeps), 1)
     for i in range(count):
         dop853_step(z, y, w, n, h / count * i, h / count, body, course)
         _accept(z, y, w, n)
@@ -167,9 +167,9 @@ def dop853_advance(
     rest, low, steps = h, 0.0, 0  # rest + low: the time left, so that a thousand steps end where h does
     while rest > 0.0:
         steps += 1
-        if not (rest < MOST_SUBSTEPS * z[size] and steps < MOST_SUBSTEPS):
+        count = substeps_in(rest, z[size])
+        if count == 0 or steps >= MOST_SUBSTEPS:
             return NOT_REACHED
-        count = max(math.ceil(rest / z[size] * (1.0 - 1e-9)), 1)
         part = (rest + low) / count
         dop853_step(z, y, w, n, h - rest, part, body, course)
         z[size + 1] += 1.0

@@ -7,6 +7,7 @@ import math
 from typing import Any
 
 from ._kernel import kernel
+from ._substeps import substeps_in
 from .body_memory import INPUTS as INPUTS
 from .body_memory import OUTPUTS as OUTPUTS
 from .body_memory import PARAMETERS as PARAMETERS
@@ -91,9 +92,9 @@ def step(z: Any, h: float) -> int:
             longest = _expand(z, angle, rate, 8)
         else:
             longest = _expand(z, angle, rate, 16)
-        if not (rest < MOST_SUBSTEPS * longest and steps < MOST_SUBSTEPS):
+        count = substeps_in(rest, longest)
+        if count == 0 or steps >= MOST_SUBSTEPS:
             return NOT_REACHED
-        count = max(math.ceil(rest / longest * (1.0 - 1e-9)), 1)
         part = rest / count
         angle, rate = _angle_after(z, angle, part, order), _rate_after(z, part, order)
         rest = 0.0 if count == 1 else rest - part

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from ._kernel import kernel
+from ._substeps import substeps_in
 from .body_memory import put_vec3_at, vec3_at
 from .dop853 import SPIN, TURNING, attitude_at, put_attitude, rate_at
 from .dynamics import Body, Course, course_after
@@ -191,9 +192,9 @@ def taylor_advance(
     rest, low, tried = h, 0.0, 0
     while rest > 0.0:
         tried += 1
-        if not (rest < MOST_SUBSTEPS * z[size] and tried < MOST_SUBSTEPS):
+        count = substeps_in(rest, z[size])
+        if count == 0 or tried >= MOST_SUBSTEPS:
             return NOT_REACHED
-        count = max(math.ceil(rest / z[size] * (1.0 - 1e-9)), 1)
         part = (rest + low) / count
         push = _largest(vec3_at(s, PUSH)) / max(_largest(vec3_at(z, y + 11)), 1.0) if n == TURNING else 0.0
         excess = _error(s, order, part, push, n) / tolerance

@@ -8,6 +8,7 @@ import math
 from typing import Any
 
 from ._kernel import kernel
+from ._substeps import substeps_in
 from .body_memory import (
     COMMON,
     body_of,
@@ -24,7 +25,7 @@ from .body_outputs import first_outputs
 from .body_outputs import output_rates as output_rates
 from .body_outputs import outputs as outputs
 from .kicked_top import is_symmetric_top, resonant_step, rkn4_step, rkn6_step, strang_step
-from .layout import MOST_SUBSTEPS, NOT_REACHED, places
+from .layout import NOT_REACHED, places
 from .vec3 import dot
 
 BLOCKS, SIZE = places(COMMON | {"order": 1})
@@ -52,10 +53,9 @@ def initialize(z: Any) -> int:
 @kernel(inline=False)
 def step(z: Any, h: float) -> int:
     """Advance by h with the inputs held; NOT_REACHED (and nothing changed) where the result is not finite."""
-    substeps = h / substep_of(z) * (1.0 - 1e-9)  # so that round-off in the importer's clock adds none
-    if not 0.0 < substeps < MOST_SUBSTEPS:
+    n = substeps_in(h, substep_of(z))
+    if n == 0 or not h > 0.0:
         return NOT_REACHED
-    n = math.ceil(substeps)
     part = h / n
     body, loads, motion, order = body_of(z), loads_of(z), motion_of(z), z[_ORDER]
     for _ in range(n):

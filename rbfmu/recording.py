@@ -1,0 +1,51 @@
+"""Runs of a co-simulation unit, of which blocks of its buffer are kept."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rbfmu.models import Plan
+from rbfmu.scene import Scene
+from rbfmu.unit import Buffer, filled_buffer, initialize
+from rbfmu_kernels.layout import FINE
+
+Motion = dict[str, NDArray[np.float64]]
+
+
+def begun(scene: Scene, plan: Plan, names: Sequence[str], part: float = 0.0) -> Buffer:
+    """The buffer of the plan's unit at the start, of whose outputs only those named are computed.
+
+    part: what inertia, attitude and rates at the start are changed by, in units of themselves.
+    """
+    unit, z = plan.unit, filled_buffer(scene, plan)
+    if part:
+        _shake(unit, z, part)
+    if "unwanted" in unit.BLOCKS:
+        z[unit.BLOCKS["unwanted"]] = [float(name not in names) for name in unit.OUTPUTS]
+    initialize(scene, unit, z)
+    return z
+
+
+def recorded(unit: Any, z: Buffer, steps: Sequence[float], names: Sequence[str], parts: int = 1) -> Motion:
+    """Blocks now and after each of the steps (s), taken in equal parts; NaN from where the motion ends."""
+    blocks = {name: z[unit.BLOCKS[name]] for name in names}
+    motion = {name: np.full((len(steps) + 1, len(block)), np.nan) for name, block in blocks.items()}
+    for k, h in enumerate((0.0, *steps)):
+        if k and any(unit.step(z, h / parts) != FINE for _ in range(parts)):
+            break
+        for name, block in blocks.items():
+            motion[name][k] = block
+    return motion
+
+
+def substeps_counted(unit: Any, z: Buffer) -> float:
+    """Since the start; 0 where the unit counts none."""
+    return float(z[unit.BLOCKS["substeps"]][0]) if "substeps" in unit.BLOCKS else 0.0
+
+
+def _shake(unit: Any, z: Buffer, part: float) -> None:
+    z[unit.BLOCKS["inertia"]] *= 1.0 + part * np.array([1.0, -1.0, 1.0, 1.0, -1.0, 1.0])
+    z[unit.BLOCKS["quaternion_0"]] += part * np.array([0.0, 1.0, -1.0, 1.0])
+    z[unit.BLOCKS["omega_b_0"]] *= 1.0 + part * np.array([1.0, -1.0, 1.0])
