@@ -27,12 +27,10 @@ from .body_outputs import first_outputs
 from .body_outputs import output_rates as output_rates
 from .body_outputs import outputs as outputs
 from .closed_form import CLOSED_FORM, finish_step, start_clocks, time_after
-from .dynamics import angular_acceleration
-from .elementary import sincos
-from .fixed_axis import leaves_axis, main_axis, swing_torque
+from .fixed_axis import leaves_axis, main_axis, pull_and_decay, swing_torque
 from .layout import NOT_REACHED, places
 from .quaternion import compose_quaternions
-from .rigid_body import damping_torque
+from .rotvec import quaternion_from_axis_angle
 from .vec3 import dot, scale
 
 BLOCKS, SIZE = places(CLOSED_FORM | {"q_0": 4, "axis": 3, "rate": 1, "pull": 1, "decay": 1})
@@ -56,8 +54,7 @@ def initialize(z: Any) -> int:
     put_quaternion_at(z, _Q_0, q)
     put_vec3_at(z, _AXIS, axis)
     z[_RATE] = dot(axis, omega)
-    z[_PULL] = dot(axis, angular_acceleration(q, (0.0, 0.0, 0.0), body, loads))
-    z[_DECAY] = -dot(axis, damping_torque(body[4], axis)) / moment
+    z[_PULL], z[_DECAY] = pull_and_decay(axis, moment, q, body, loads)
     start_clocks(z)
     return first_outputs(z)
 
@@ -73,7 +70,6 @@ def step(z: Any, h: float) -> int:
     gained = z[_PULL] * t
     q = quaternion_at(z, _Q_0)
     if turns(z):
-        s, c = sincos(0.5 * (rate * first + gained * second) * t)
-        q = compose_quaternions(q, (c, s * axis[0], s * axis[1], s * axis[2]))
+        q = compose_quaternions(q, quaternion_from_axis_angle(axis, (rate * first + gained * second) * t))
     put_rotation(z, q, scale(rate + (gained - decay * rate * t) * first, axis))
     return finish_step(z, h, body_of(z), loads_of(z))

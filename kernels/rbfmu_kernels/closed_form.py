@@ -9,6 +9,7 @@ from .body_memory import (
     STATE_SIZE,
     centre_of,
     has_pivot,
+    is_as_planned,
     is_finite,
     keep_state,
     moves,
@@ -63,6 +64,12 @@ def has_torque(z: Any, body: Body, loads: Loads) -> bool:
     lever = is_nonzero(arm_b) and (is_nonzero(force_a) or is_nonzero(force_b))
     turning = is_nonzero(force_b) and moves(z)
     return lever or turning or is_nonzero(torque_a) or is_nonzero(torque_b) or is_nonzero(damping_b)
+
+
+@kernel
+def goes_on_free(z: Any, h: float, body: Body, loads: Loads) -> bool:
+    """Whether a step of a model without torques can be taken: h > 0, and no input makes a torque."""
+    return h > 0.0 and (is_as_planned(z) or not has_torque(z, body, loads))
 
 
 @kernel(inline=False)

@@ -39,6 +39,13 @@ def leaves_axis(z: Any, axis: Vec3, q: Quaternion, omega: Vec3, body: Body, load
 
 
 @kernel
+def pull_and_decay(axis: Vec3, moment: float, q: Quaternion, body: Body, loads: Loads) -> tuple[float, float]:
+    """(rad/s^2, 1/s): the acceleration about the axis of a body at rest with attitude q, and what damping takes off."""
+    pull = dot(axis, angular_acceleration(q, (0.0, 0.0, 0.0), body, loads))
+    return pull, -dot(axis, damping_torque(body[4], axis)) / moment
+
+
+@kernel
 def swing_torque(axis: Vec3, q: Quaternion, body: Body, loads: Loads) -> tuple[float, float]:
     """(A, B): the torque about the axis from forces fixed in space is A cos + B sin of the angle from q."""
     pull = rotate(invert_quaternion(q), loads[1])

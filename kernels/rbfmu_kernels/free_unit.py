@@ -24,7 +24,7 @@ from .body_memory import (
 from .body_outputs import first_outputs
 from .body_outputs import output_rates as output_rates
 from .body_outputs import outputs as outputs
-from .closed_form import CLOSED_FORM, finish_step, has_torque, start_clocks, time_after
+from .closed_form import CLOSED_FORM, finish_step, goes_on_free, has_torque, start_clocks, time_after
 from .free_rotation import FREE_ROTATION_SIZE, FreeRotation, free_rates_at, free_rotation_at, free_rotation_setup
 from .layout import NOT_REACHED, places
 from .quaternion import compose_quaternions, invert_quaternion
@@ -61,7 +61,7 @@ def initialize(z: Any) -> int:
 def step(z: Any, h: float) -> int:
     """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite or an input makes a torque."""
     body, loads = body_of(z), loads_of(z)
-    if not h > 0.0 or (has_torque(z, body, loads) and not is_as_planned(z)):
+    if not goes_on_free(z, h, body, loads):
         return NOT_REACHED
     t = time_after(z, h)
     R_bp = matrix_at(z, _AXES)
@@ -78,52 +78,8 @@ def step(z: Any, h: float) -> int:
 def _constants(z: Any) -> FreeRotation:
     c = z[_CONSTANTS : _CONSTANTS + FREE_ROTATION_SIZE]
     return (
-        c[0],
-        c[1],
-        c[2],
-        c[3],
-        c[4],
-        c[5],
-        c[6],
-        c[7],
-        c[8],
-        c[9],
-        c[10],
-        c[11],
-        c[12],
-        c[13],
-        c[14],
-        c[15],
-        c[16],
-        c[17],
-        c[18],
-        c[19],
-        c[20],
-        c[21],
-        c[22],
-        c[23],
-        c[24],
-        c[25],
-        c[26],
-        c[27],
-        c[28],
-        c[29],
-        c[30],
-        c[31],
-        c[32],
-        c[33],
-        c[34],
-        c[35],
-        c[36],
-        c[37],
-        c[38],
-        c[39],
-        c[40],
-        c[41],
-        c[42],
-        c[43],
-        c[44],
-        c[45],
-        c[46],
-        c[47],
-    )
+        c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8], c[9], c[10], c[11],
+        c[12], c[13], c[14], c[15], c[16], c[17], c[18], c[19], c[20], c[21], c[22], c[23],
+        c[24], c[25], c[26], c[27], c[28], c[29], c[30], c[31], c[32], c[33], c[34], c[35],
+        c[36], c[37], c[38], c[39], c[40], c[41], c[42], c[43], c[44], c[45], c[46], c[47],
+    )  # fmt: skip

@@ -28,12 +28,11 @@ from .body_outputs import output_rates as output_rates
 from .body_outputs import outputs as outputs
 from .closed_form import CLOSED_FORM, finish_step, start_clocks, time_after
 from .dop853 import LONGEST_STEP
-from .dynamics import angular_acceleration
 from .elementary import sincos
-from .fixed_axis import leaves_axis, main_axis, swing_torque
+from .fixed_axis import leaves_axis, main_axis, pull_and_decay, swing_torque
 from .layout import FINE, MOST_SUBSTEPS, NOT_REACHED, places
 from .quaternion import compose_quaternions
-from .rigid_body import damping_torque
+from .rotvec import quaternion_from_axis_angle
 from .vec3 import dot, scale
 
 ORDERS = (4, 8, 16)
@@ -69,8 +68,8 @@ def initialize(z: Any) -> int:
     put_vec3_at(z, _AXIS, axis)
     z[_ANGLE] = z[_SUBSTEPS] = 0.0
     z[_SWING], z[_SWING + 1] = cosine / moment, sine / moment
-    z[_PULL] = dot(axis, angular_acceleration(q, (0.0, 0.0, 0.0), body, loads)) - z[_SWING]
-    z[_DECAY] = -dot(axis, damping_torque(body[4], axis)) / moment
+    pull, z[_DECAY] = pull_and_decay(axis, moment, q, body, loads)
+    z[_PULL] = pull - z[_SWING]
     start_clocks(z)
     return first_outputs(z)
 
@@ -98,8 +97,7 @@ def step(z: Any, h: float) -> int:
         part = rest / count
         angle, rate = _angle_after(z, angle, part, order), _rate_after(z, part, order)
         rest = 0.0 if count == 1 else rest - part
-    s, c = sincos(0.5 * angle)
-    q = compose_quaternions(quaternion_at(z, _Q_0), (c, s * axis[0], s * axis[1], s * axis[2]))
+    q = compose_quaternions(quaternion_at(z, _Q_0), quaternion_from_axis_angle(axis, angle))
     put_rotation(z, q, scale(rate, axis))
     status = finish_step(z, h, body_of(z), loads_of(z))
     if status == FINE:

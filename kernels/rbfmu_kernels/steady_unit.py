@@ -27,6 +27,7 @@ from .closed_form import (
     CLOSED_FORM,
     TURNING,
     finish_step,
+    goes_on_free,
     has_torque,
     put_turning_at,
     start_clocks,
@@ -65,7 +66,7 @@ def initialize(z: Any) -> int:
 def step(z: Any, h: float) -> int:
     """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite or an input makes a torque."""
     body, loads = body_of(z), loads_of(z)
-    if not h > 0.0 or (has_torque(z, body, loads) and not is_as_planned(z)):
+    if not goes_on_free(z, h, body, loads):
         return NOT_REACHED
     t = time_after(z, h)
     q = compose_quaternions(quaternion_at(z, _Q_0), turned(turning_at(z, _TURNING), t))
