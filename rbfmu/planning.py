@@ -139,10 +139,12 @@ def with_all_outputs(scene: Scene) -> Scene:
 
 def _smaller(scene: Scene, found: Plan, needs: Needs) -> Plan | None:
     """The smallest model that differs by less than the accuracy from the one found, if nothing varies that turns it."""
-    unseen = rests_on(scene, needs)["one axis"] | {"force_b", "r_oc_b"}  # at their present values they may show nothing
-    if found.model == CLOSED[0] or not needs.rotation or unseen & varying_parameters(scene):
+    steps, names, varying = compared_steps(scene), watched(scene), varying_parameters(scene)
+    off_centre = {"r_oc_b"} if needs.translation or "acceleration" in names else set()
+    if found.model == CLOSED[0] or not needs.rotation or (rests_on(scene, needs)["one axis"] | off_centre) & varying:
         return None
-    steps, names = compared_steps(scene), watched(scene)
+    if "force_b" in varying and "acceleration" in names and "quaternion" not in names:
+        names = (*names, "quaternion")  # ports are at zero here: what they bring is as wrong as the attitude
     exact = found.model in CLOSED
     judge = found if exact else tightest(found)
     truth, _ = motion(scene, judge, steps, tuple(dict.fromkeys((*names, "quaternion", "omega_b"))))
@@ -164,11 +166,11 @@ def _may_be_close(scene: Scene, model: str, truth: Motion, names: tuple[str, ...
     span = run.stop - run.start
     unstable = say.growth_rate(scene) * span > say.GROWTH
     if model == "no rotation":
-        names = tuple(n for n in names if n not in TRANSLATION)
-        unstable = unstable and not set(names) <= set(CONSERVED)
+        unstable = unstable and not set(names) <= {*TRANSLATION, *CONSERVED}
     if unstable:
         return False
     if model == "no rotation":
+        names = tuple(n for n in names if n not in (*TRANSLATION, "kinetic_energy"))
         return largest_error({n: truth[n][:1] + 0.0 * truth[n] for n in names}, truth, names) <= run.accuracy
     assert scene.body is not None
     if not scene.body.pivot and any(scene.loads.force_b) and set(names) & set(MOVING):
