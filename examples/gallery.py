@@ -4,8 +4,8 @@
 cost stands there as `python examples/bench_gallery.py examples/pictures` has measured it.
 """
 
+import argparse
 import csv
-import sys
 from pathlib import Path
 from statistics import median
 
@@ -106,8 +106,13 @@ def draw(name: str) -> Path:
     return path
 
 
-def main(names: list[str]) -> None:
+def main() -> None:
     """Draw and write."""
+    parser = argparse.ArgumentParser(description="Draw the gallery's pictures and write its page.")
+    parser.add_argument("names", nargs="*", metavar="name", help="scenes to draw; default all")
+    names = parser.parse_args().names
+    if unknown := set(names) - set(PICTURES):
+        parser.error(f"names = {sorted(unknown)}: expected of {', '.join(PICTURES)}")
     mpl.use("agg")
     for name in names or PICTURES:
         path = draw(name)
@@ -117,4 +122,4 @@ def main(names: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()
