@@ -87,9 +87,9 @@ SHAKE, STRONG = 1e-8, 1e3
 
 
 def driven(scene, planned, full=True, shake=0.0, size=1.0):
-    """What the scene asks for, under random inputs held over each step or 0; NaN from where a step is refused.
+    """What the scene asks for, under random inputs held over each step; NaN from where a step is refused.
 
-    full: nothing is left out; shake: of the rate at the start.
+    full: nothing is left out; shake: of the rate at the start; size: of the inputs, half of them 0 where not STRONG.
     """
     unit, z, random = planned.unit, filled_buffer(scene, planned), np.random.default_rng(1)
     names = watched(scene)
@@ -99,7 +99,7 @@ def driven(scene, planned, full=True, shake=0.0, size=1.0):
     rows = []
     for h in np.diff(time_grid(scene.run.start, scene.run.stop, scene.run.step)):
         for port in scene.inputs.ports:
-            z[unit.BLOCKS[port]] = size * random.integers(2) * random.normal(size=3)
+            z[unit.BLOCKS[port]] = size * (size == STRONG or random.integers(2)) * random.normal(size=3)
         fine = unit.step(z, float(h)) == FINE
         rows.append([z[unit.BLOCKS[name]] + (0.0 if fine else np.nan) for name in names])
     return {name: np.array(column) for name, column in zip(names, zip(*rows, strict=True), strict=True)}, (
