@@ -53,6 +53,7 @@ def why_exact(scene: Scene, model: str, rotation: bool, attitude: bool) -> tuple
         "no rotation": _standing(scene, rate, attitude),
         "constant rate": f"rotation: constant rate {rate:.6g} rad/s, about a principal axis (moments {moments} kg m2)",
         "one axis": f"rotation: one angle, closed form from {rate:.6g} rad/s under torque and damping about one axis",
+        "undamped pendulum": f"rotation: one angle from {rate:.6g} rad/s, swung by forces fixed in space, undamped",
         "torque-free symmetric body": f"rotation: no torque, two equal moments ({moments} kg m2): elementary functions",
         "torque-free body": f"rotation: no torque, moments {moments} kg m2: elliptic functions",
     }

@@ -8,7 +8,9 @@ from rbfmu.unit import filled_buffer
 from rbfmu_kernels.body_memory import has_pivot, moves, spins, turns
 from rbfmu_kernels.layout import FINE
 
-CLOSED = ("no rotation", "constant rate", "one axis", "torque-free symmetric body", "torque-free body")
+CLOSED = (
+    "no rotation", "constant rate", "one axis", "undamped pendulum", "torque-free symmetric body", "torque-free body",
+)  # fmt: skip
 """The models with a closed form, from the smallest."""
 
 
@@ -61,6 +63,7 @@ def rests_on(scene: Scene, needs: Needs) -> dict[str, set[str]]:
         "no rotation": (loads | start | shape) if needs.rotation else set(),
         "constant rate": loads | shape | (set() if sphere else {"omega_b_0"}),
         "one axis": loads | shape | start,
+        "undamped pendulum": loads | shape | start,
         "one swinging axis": loads | shape | start,
         "torque-free symmetric body": loads | shape,
         "torque-free body": loads,

@@ -15,6 +15,7 @@ from rbfmu_kernels import (
     taylor_unit,
     top_unit,
     translation_unit,
+    undamped_pendulum_unit,
 )
 
 
@@ -60,6 +61,7 @@ UNITS = {
     "no rotation": translation_unit,
     "constant rate": steady_unit,
     "one axis": axis_unit,
+    "undamped pendulum": undamped_pendulum_unit,
     "one swinging axis": pendulum_unit,
     "prescribed rates": attitude_unit,
     "torque-free symmetric body": precession_unit,

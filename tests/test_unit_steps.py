@@ -87,10 +87,15 @@ def scene_of(model):
         "one axis": lambda: made(TRIAXIAL, {"omega_b": [1.0, 0.0, 0.0]}, NO_GRAVITY | {"damping_b": [1.0, 0.0, 0.0]}),
         "torque-free symmetric body": lambda: made({"mass": 3.0, "shape": {"kind": "beam", "length": 2.0}}),
         "torque-free body": lambda: made(TRIAXIAL),
-        "one swinging axis": lambda: made(
+        "undamped pendulum": lambda: made(
             {"mass": 3.0, "shape": {"kind": "beam", "length": 2.0}, "r_oc_b": [1.0, 0.0, 0.0], "pivot": True},
             {"attitude": {"rotvec": [0.0, 1.0, 0.0]}},
             GRAVITY,
+        ),
+        "one swinging axis": lambda: made(
+            TRIAXIAL | {"r_oc_b": [0.0, 0.0, 1.0], "pivot": True},
+            {"attitude": {"rotvec": [1.0, 0.0, 0.0]}},
+            GRAVITY | {"damping_b": [1.0, 0.0, 0.0]},
         ),
         "body under loads": lambda: made(TRIAXIAL, {}, NO_GRAVITY | {"torque_b": [0.1, 0.2, 0.3]}),
         "body under loads, by series": lambda: made(TRIAXIAL, {}, NO_GRAVITY | {"torque_b": [0.1, 0.2, 0.3]}),
@@ -135,6 +140,11 @@ FAULTY += [
     ("one axis", 17, {"known_torque_b": [1.0, 0.0, 1e-9]}),
     ("one axis", 17, {"r_oc_b": [0.0, 1.0, 0.0], "known_force_a": [0.0, 1.0, 0.0]}),
     ("one axis", 17, {"inertia": [1.0, 2.0, 2.5, 0.1, 0.0, 0.0]}),
+    ("undamped pendulum", 17, {"omega_b_0": [0.0, 1.0, 1e-9]}),
+    ("undamped pendulum", 17, {"quaternion_0": [0.9, 0.1, 0.4, 0.0], "r_oc_b": [1.0, 0.1, 0.0]}),
+    ("undamped pendulum", 18, {"damping_b": [0.0, 1e-9, 0.0]}),
+    ("undamped pendulum", 18, {"known_torque_b": [0.0, 1e-9, 0.0]}),
+    ("one swinging axis", 17, {"omega_b_0": [1.0, 1e-9, 0.0]}),
     ("torque-free symmetric body", 16, {"inertia": [1.0, 2.0, 2.5, 0.0, 0.0, 0.0]}),
     ("torque-free symmetric body", 11, {"known_torque_b": [0.0, 1.0, 0.0]}),
 ]

@@ -27,7 +27,7 @@ from .body_outputs import first_outputs
 from .body_outputs import output_rates as output_rates
 from .body_outputs import outputs as outputs
 from .closed_form import CLOSED_FORM, finish_step, start_clocks, time_after
-from .fixed_axis import leaves_axis, main_axis, pull_and_decay, swing_torque
+from .fixed_axis import leaves_axis, main_axis, pull_and_decay, swing
 from .layout import NOT_REACHED, places
 from .quaternion import compose_quaternions
 from .rotvec import quaternion_from_axis_angle
@@ -47,14 +47,15 @@ def initialize(z: Any) -> int:
     if fault != 0:
         return fault
     (q, omega), body, loads = rotation_of(z), body_of(z), loads_of(z)
-    axis, moment = main_axis(q, omega, body, loads)
-    swing = swing_torque(axis, q, body, loads)
-    if not is_as_planned(z) and (swing[0] != 0.0 or swing[1] != 0.0 or leaves_axis(z, axis, q, omega, body, loads)):
+    axis = main_axis(q, omega, body, loads)
+    cosine, sine = swing(z, axis)
+    if not is_as_planned(z) and (cosine[0] != 0.0 or sine[0] != 0.0 or leaves_axis(z, axis, q, omega, body, loads)):
         return _MORE_AXES
     put_quaternion_at(z, _Q_0, q)
     put_vec3_at(z, _AXIS, axis)
     z[_RATE] = dot(axis, omega)
-    z[_PULL], z[_DECAY] = pull_and_decay(axis, moment, q, body, loads)
+    pull, z[_DECAY] = pull_and_decay(z, axis, q, body, loads)
+    z[_PULL] = pull + cosine[0]
     start_clocks(z)
     return first_outputs(z)
 

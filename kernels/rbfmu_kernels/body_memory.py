@@ -62,7 +62,7 @@ def initialize_body(z: Any) -> int:
     if fault != 0:
         return fault
     mass, r_oc, pivot = z[_MASS], vec3_at(z, _R_OC), z[_PIVOT] != 0.0
-    M_c = _inertia(z)
+    M_c = inertia_of(z)
     M = parallel_axis(M_c, mass, r_oc) if pivot else M_c
     q = normalize(quaternion_at(z, _Q_0))
     omega = vec3_at(z, _OMEGA_0)
@@ -98,7 +98,7 @@ def _fault_of_parameters(z: Any) -> int:
     q = quaternion_at(z, _Q_0)
     if not (q[0] != 0.0 or q[1] != 0.0 or q[2] != 0.0 or q[3] != 0.0):
         return 7
-    fault = check_inertia(_inertia(z))
+    fault = check_inertia(inertia_of(z))
     return 0 if fault == 0.0 else int(fault) + 1
 
 
@@ -141,7 +141,7 @@ def put_matrix_at(z: Any, i: int, A: Matrix) -> None:
 
 
 @kernel
-def _inertia(z: Any) -> Matrix:
+def inertia_of(z: Any) -> Matrix:
     """The symmetric matrix of (11, 22, 33, 12, 13, 23)."""
     xx, yy, zz = vec3_at(z, _INERTIA)
     xy, xz, yz = vec3_at(z, _INERTIA + 3)

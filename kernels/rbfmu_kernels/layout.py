@@ -47,5 +47,7 @@ FAULTS: dict[int, tuple[str, str]] = {
     16: ("inertia", f"expected two equal moments: this model is a symmetric body's; {_to_vary('inertia')}"),
     17: ("omega_b_0", "expected rate and torque about one principal axis: this model turns about a single one; "
          + _to_vary("omega_b_0")),
+    18: ("damping_b", "expected no damping or torque but that of weight: this model is an undamped pendulum; "
+         + _to_vary("damping_b or the load")),
 }  # fmt: skip
 """What a unit's `initialize` refuses, by its return value: the block of variables, and what was expected."""

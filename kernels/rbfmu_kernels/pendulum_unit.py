@@ -29,7 +29,7 @@ from .body_outputs import outputs as outputs
 from .closed_form import CLOSED_FORM, finish_step, start_clocks, time_after
 from .dop853 import LONGEST_STEP
 from .elementary import sincos
-from .fixed_axis import leaves_axis, main_axis, pull_and_decay, swing_torque
+from .fixed_axis import leaves_axis, main_axis, pull_and_decay, swing
 from .layout import FINE, MOST_SUBSTEPS, NOT_REACHED, places
 from .quaternion import compose_quaternions
 from .rotvec import quaternion_from_axis_angle
@@ -60,16 +60,15 @@ def initialize(z: Any) -> int:
     if fault != 0:
         return fault
     (q, omega), body, loads = rotation_of(z), body_of(z), loads_of(z)
-    axis, moment = main_axis(q, omega, body, loads)
+    axis = main_axis(q, omega, body, loads)
     if not is_as_planned(z) and leaves_axis(z, axis, q, omega, body, loads):
         return _MORE_AXES
-    cosine, sine = swing_torque(axis, q, body, loads)
+    cosine, sine = swing(z, axis)
     put_quaternion_at(z, _Q_0, q)
     put_vec3_at(z, _AXIS, axis)
     z[_ANGLE] = z[_SUBSTEPS] = 0.0
-    z[_SWING], z[_SWING + 1] = cosine / moment, sine / moment
-    pull, z[_DECAY] = pull_and_decay(axis, moment, q, body, loads)
-    z[_PULL] = pull - z[_SWING]
+    z[_SWING], z[_SWING + 1] = cosine[0], sine[0]
+    z[_PULL], z[_DECAY] = pull_and_decay(z, axis, q, body, loads)
     start_clocks(z)
     return first_outputs(z)
 
