@@ -54,13 +54,14 @@ def rests_on(scene: Scene, needs: Needs) -> dict[str, set[str]]:
     """By model: what must not vary, or the model would not hold for every value."""
     body = scene.body
     assert body is not None
-    loads = {"torque_a", "torque_b", "damping_b"} | torques(scene) | ({"force_b"} if needs.translation else set())
+    twists = {"torque_a", "torque_b", "damping_b"} | torques(scene)
+    loads = twists | ({"force_b"} if needs.translation else set())
     shape = {"inertia"} | ({"mass", "r_oc_b"} if body.pivot else set())
     a, b, c = (body.M[i][i] for i in range(3))
     sphere = a == b == c and not any(body.M[i][j] for i, j in ((0, 1), (0, 2), (1, 2)))
     start = {"quaternion_0", "omega_b_0"}
     return {
-        "no rotation": (loads | start | shape) if needs.rotation else set(),
+        "no rotation": (twists | start | shape) if needs.rotation else set(),
         "constant rate": loads | shape | (set() if sphere else {"omega_b_0"}),
         "one axis": loads | shape | start,
         "undamped pendulum": loads | shape | start,

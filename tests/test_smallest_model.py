@@ -25,6 +25,7 @@ from rbfmu_kernels.layout import FINE
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="too many steps to interpret")
 QUIET = {"deadline": None, "suppress_health_check": list(HealthCheck), "derandomize": True}
+TRANSLATIONAL = {"position", "velocity", "kinetic_energy"}
 SEEN: Counter[str] = Counter()
 
 
@@ -69,13 +70,14 @@ def smaller_models(scene, found):
         return []
     models = CLOSED[: CLOSED.index(found.model)] if found.model in CLOSED else CLOSED
     pushed = any(scene.loads.force_b) or "force_b" in scene.inputs.ports
-    pushed = pushed and set(scene.outputs.quantities) & {"position", "velocity", "kinetic_energy"}
+    pushed = pushed and set(scene.outputs.quantities) & TRANSLATIONAL
     return [model for model in models if not pushed or model == "no rotation"]
 
 
-def with_ports(scene, ports):
+def with_ports(scene, ports, quantities):
+    asked = {"inputs": {"ports": ports}, "outputs": {"quantities": quantities}}
     try:
-        found = Scene.from_dict(scene.to_dict() | {"inputs": {"ports": ports}})
+        found = Scene.from_dict(scene.to_dict() | asked)
     except SceneError:  # a beam that a port would turn about itself
         assume(False)
     assume(not found.body.axis_without_inertia)  # it could not be shaken
@@ -118,26 +120,29 @@ def check_driven(scene):
     (motion, substeps), (truth, _) = driven(scene, found, full=False), driven(scene, tight)
     growth = largest_error(driven(scene, tight, shake=SHAKE)[0], truth, names) / SHAKE
     assert largest_error(motion, truth, names) <= max(1.0, growth) * max(1.0, substeps / 4.0) * scene.run.accuracy
+    if set(names) <= TRANSLATIONAL | {"acceleration"} and (any(scene.body.r_oc_b) or any(scene.initial.omega_b)):
+        return  # a small turn is lost in a long way, but not whatever comes
     strongly = driven(scene, tight, size=STRONG)[0]
     for model in smaller_models(scene, found):
         other = driven(scene, Plan(model, "", 0, held=("all",)), full=False, size=STRONG)[0]
         assert largest_error(other, strongly, names) > 0.9 * SHARE * scene.run.accuracy, (model, found.model)
 
 
-PORTS = st.lists(st.sampled_from(["force_a", "force_b", "torque_a", "torque_b"]), min_size=1, max_size=2, unique=True)
+PORTS = st.lists(st.sampled_from(list(INPUTS)), min_size=1, max_size=2, unique=True)
+QUANTITIES = st.lists(st.sampled_from(list(OUTPUTS)), min_size=1, max_size=3, unique=True)
 
 
-@given(scenes(), PORTS)
+@given(scenes(), PORTS, QUANTITIES)
 @settings(max_examples=30, **QUIET)
-def test_the_plan_with_ports_is_right_whatever_comes_through_them(scene, ports):
-    check_driven(with_ports(scene, ports))
+def test_the_plan_with_ports_is_right_whatever_comes_through_them(scene, ports, quantities):
+    check_driven(with_ports(scene, ports, quantities))
 
 
 @pytest.mark.slow
-@given(scenes(), PORTS)
+@given(scenes(), PORTS, QUANTITIES)
 @settings(max_examples=300, **QUIET)
-def test_the_plan_with_ports_is_right_on_hundreds_of_scenes(scene, ports):
-    check_driven(with_ports(scene, ports))
+def test_the_plan_with_ports_is_right_on_hundreds_of_scenes(scene, ports, quantities):
+    check_driven(with_ports(scene, ports, quantities))
 
 
 @pytest.mark.parametrize("arm", [[0.0, 0.0, 0.0], [0.1, -0.2, 0.3]])
