@@ -12,11 +12,12 @@ from numba import float64, intp, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+from ._transposition import LANES, columns_of, constant, load, store, store_items
+
 ITEMS = 16
-_LANES = 8  # items that are transposed at a time
 _AHEAD = 2048  # bytes: how far ahead of the tile memory is asked for
 _POINTER = types.CPointer(float64)
-_double, _int32 = ir.DoubleType(), ir.IntType(32)
+_double, _int32, _int64 = ir.DoubleType(), ir.IntType(32), ir.IntType(64)
 _byte_pointer = ir.IntType(8).as_pointer()
 
 
@@ -36,9 +37,7 @@ def tile_of(typingctx: Any, rows: Any) -> Any:
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         set.add(builder.function.attributes, '"prefer-vector-width"="512"')  # not among those that llvmlite checks for
-        array = cgutils.alloca_once(builder, ir.ArrayType(_double, ITEMS * rows.literal_value))
-        array.align = 64
-        return builder.bitcast(array, _double.as_pointer())
+        return _stack(builder, ITEMS * rows.literal_value)
 
     return _POINTER(rows), generate
 
@@ -49,10 +48,10 @@ def to_tile(typingctx: Any, tile: Any, items: Any, row: Any, size: Any) -> Any:
     first, width = row.literal_value, size.literal_value
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        for half in range(0, ITEMS, _LANES):
+        for half in range(0, ITEMS, LANES):
             _ask_for(builder, args[1], half * width, width, writing=False)
-            for n, column in enumerate(_columns(builder, args[1], half * width, width)):
-                _store(builder, column, args[0], (first + n) * ITEMS + half)
+            for n, column in enumerate(columns_of(builder, args[1], half * width, width)):
+                store(builder, column, args[0], (first + n) * ITEMS + half)
 
     return types.void(_POINTER, _POINTER, row, size), _without_result(generate)
 
@@ -63,13 +62,42 @@ def from_tile(typingctx: Any, tile: Any, items: Any, row: Any, size: Any) -> Any
     first, width = row.literal_value, size.literal_value
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        for half in range(0, ITEMS, _LANES):
+        for half in range(0, ITEMS, LANES):
             _ask_for(builder, args[1], half * width, width, writing=True)
-            rows = range(first, first + width)
-            columns = [_load(builder, args[0], n * ITEMS + half, _LANES) for n in rows]
-            _store_items(builder, columns, args[1], half * width)
+            _store_rows(builder, args[0], range(first, first + width), args[1], half)
 
     return types.void(_POINTER, _POINTER, row, size), _without_result(generate)
+
+
+@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
+def stream_tile(typingctx: Any, tile: Any, items: Any, row: Any, size: Any) -> Any:
+    """The same past the caches, in whole cache lines: memory that is written only need not be read first."""
+    first, width = row.literal_value, size.literal_value
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        count = ir.Constant(_int64, ITEMS * width)
+        lines = _stack(builder, ITEMS * width)
+        for half in range(0, ITEMS, LANES):
+            _store_rows(builder, args[0], range(first, first + width), lines, half)
+        builder.asm(ir.FunctionType(ir.VoidType(), [lines.type]), "", "r,~{memory}", [lines], True)  # all in place
+        before = _before_line(builder, args[1], count)
+        behind = builder.add(before, builder.and_(builder.sub(count, before), _int64(-LANES)))
+        for start, stop, step in ((_int64(0), before, 1), (before, behind, LANES), (behind, count, 1)):
+            with cgutils.for_range_slice(builder, start, stop, _int64(step), _int64) as (i, _):
+                _stream(builder, builder.gep(lines, [i]), builder.gep(args[1], [i]), step)
+
+    return types.void(_POINTER, _POINTER, row, size), _without_result(generate)
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def end_stream(typingctx: Any) -> Any:
+    """Let other threads see what was streamed before they see that the call is over."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        fence = ir.FunctionType(ir.VoidType(), [])
+        builder.call(cgutils.get_or_insert_function(builder.module, fence, "llvm.x86.sse.sfence"), [])
+
+    return types.void(), _without_result(generate)
 
 
 @intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
@@ -140,13 +168,13 @@ def _lengths(shape: Any) -> list[int]:
 
 
 def _cells(builder: Any, column: Any, row: int, lengths: list[int]) -> list[Any]:
-    return [builder.gep(column, [_index((row + n) * ITEMS)]) for n in range(math.prod(lengths))]
+    return [builder.gep(column, [constant((row + n) * ITEMS)]) for n in range(math.prod(lengths))]
 
 
 def _places(builder: Any, item: Any, strides: Any, lengths: list[int]) -> Any:
     """The addresses of an item's numbers."""
     for index in np.ndindex(*lengths):
-        offset = ir.Constant(ir.IntType(64), 0)
+        offset = ir.Constant(_int64, 0)
         for axis, i in enumerate(index):
             stride = builder.extract_value(strides, axis)
             offset = builder.add(offset, builder.mul(stride, ir.Constant(stride.type, i)))
@@ -171,8 +199,8 @@ def in_vectors(typingctx: Any) -> Any:
         def branch_with_hints(target: Any) -> Any:
             del builder.branch
             jump = branch(target)
-            loop = module.add_metadata([_index(len(module.metadata))])
-            hints = [["llvm.loop.interleave.count", _index(2)], ["llvm.loop.unroll.disable"]]
+            loop = module.add_metadata([constant(len(module.metadata))])
+            hints = [["llvm.loop.interleave.count", constant(2)], ["llvm.loop.unroll.disable"]]
             loop.operands = (loop, *map(module.add_metadata, hints))  # a loop's first operand is itself
             jump.set_metadata("llvm.loop", loop)
             return jump
@@ -190,20 +218,27 @@ def _without_result(generate: Any) -> Any:
     return generate_and_return
 
 
-def _index(n: int) -> Any:
-    return ir.Constant(_int32, n)
+def _stack(builder: Any, count: int) -> Any:
+    """Numbers on the stack, from the beginning of a cache line on."""
+    array = cgutils.alloca_once(builder, ir.ArrayType(_double, count))
+    array.align = 8 * LANES
+    return builder.bitcast(array, _double.as_pointer())
 
 
-def _at(builder: Any, pointer: Any, index: int, kind: Any) -> Any:
-    return builder.bitcast(builder.gep(pointer, [_index(index)]), kind.as_pointer())
+def _before_line(builder: Any, pointer: Any, count: Any) -> Any:
+    """How many numbers there are before a cache line begins; `count` where none ever does at a number."""
+    place = builder.ptrtoint(pointer, _int64)
+    numbers = builder.and_(builder.neg(builder.lshr(place, _int64(3))), _int64(LANES - 1))
+    aligned = builder.icmp_unsigned("==", builder.and_(place, _int64(7)), _int64(0))
+    return builder.select(aligned, numbers, count)
 
 
-def _load(builder: Any, pointer: Any, index: int, count: int) -> Any:
-    return builder.load(_at(builder, pointer, index, ir.VectorType(_double, count)), align=8)
-
-
-def _store(builder: Any, value: Any, pointer: Any, index: int) -> None:
-    builder.store(value, _at(builder, pointer, index, value.type), align=8)
+def _stream(builder: Any, source: Any, target: Any, count: int) -> None:
+    """One number, or a line of them to where one begins, without a place in the caches."""
+    kind = ir.VectorType(_double, count) if count > 1 else _int64
+    value = builder.load(builder.bitcast(source, kind.as_pointer()), align=8)
+    stored = builder.store(value, builder.bitcast(target, kind.as_pointer()), align=8 * count)
+    stored.set_metadata("nontemporal", builder.module.add_metadata([constant(1)]))
 
 
 def _ask_for(builder: Any, pointer: Any, index: int, lines: int, *, writing: bool) -> None:
@@ -213,70 +248,11 @@ def _ask_for(builder: Any, pointer: Any, index: int, lines: int, *, writing: boo
         builder.module, ir.FunctionType(ir.VoidType(), arguments), "llvm.prefetch.p0"
     )
     for line in range(lines):
-        place = builder.bitcast(builder.gep(pointer, [_index(index + 8 * line + _AHEAD // 8)]), _byte_pointer)
-        builder.call(prefetch, [place, _index(int(writing)), _index(3), _index(1)])
+        place = builder.bitcast(builder.gep(pointer, [constant(index + 8 * line + _AHEAD // 8)]), _byte_pointer)
+        builder.call(prefetch, [place, constant(int(writing)), constant(3), constant(1)])
 
 
-def _shuffled(builder: Any, a: Any, b: Any, places: list[int]) -> Any:
-    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(_int32, len(places)), places))
-
-
-def _columns(builder: Any, items: Any, index: int, width: int) -> list[Any]:
-    """Of eight items as rows."""
-    if width in (1, 2, 4):
-        return _unzipped(builder, [_load(builder, items, index + _LANES * n, _LANES) for n in range(width)])
-    if width < _LANES:
-        wide = _load(builder, items, index, _LANES * width)
-        return [_shuffled(builder, wide, wide, [n + width * i for i in range(_LANES)]) for n in range(width)]
-    columns: list[Any] = []
-    for n in range(0, width - _LANES + 1, _LANES):
-        columns += _unzipped(builder, [_load(builder, items, index + width * i + n, _LANES) for i in range(_LANES)])
-    for n in range(len(columns), width):
-        column = ir.Constant(ir.VectorType(_double, _LANES), ir.Undefined)
-        for i in range(_LANES):
-            number = builder.load(builder.gep(items, [_index(index + width * i + n)]))
-            column = builder.insert_element(column, number, _index(i))
-        columns.append(column)
-    return columns
-
-
-def _store_items(builder: Any, columns: list[Any], items: Any, index: int) -> None:
-    width = len(columns)
-    if width in (1, 2, 4):
-        for i, row in enumerate(_zipped(builder, columns)):
-            _store(builder, row, items, index + _LANES * i)
-    elif width < _LANES:
-        wide = columns[0]
-        for column in columns[1:]:
-            count = wide.type.count
-            padded = _shuffled(builder, column, column, [i % _LANES for i in range(count)])
-            wide = _shuffled(builder, wide, padded, [*range(count + _LANES)])
-        order = [n * _LANES + i for i in range(_LANES) for n in range(width)]
-        _store(builder, _shuffled(builder, wide, wide, order), items, index)
-    else:
-        whole = width - width % _LANES
-        for n in range(0, whole, _LANES):
-            for i, row in enumerate(_zipped(builder, columns[n : n + _LANES])):
-                _store(builder, row, items, index + width * i + n)
-        for n, i in np.ndindex(width - whole, _LANES):
-            number = builder.extract_element(columns[whole + n], _index(i))
-            builder.store(number, builder.gep(items, [_index(index + width * i + whole + n)]))
-
-
-def _unzipped(builder: Any, vectors: list[Any]) -> list[Any]:
-    """Every w-th number of w vectors in a row, w = 1, 2, 4 or 8: even from odd places, log2(w) times."""
-    even, odd = [*range(0, 2 * _LANES, 2)], [*range(1, 2 * _LANES, 2)]
-    for _ in range(len(vectors).bit_length() - 1):
-        pairs = [*zip(vectors[::2], vectors[1::2], strict=True)]
-        vectors = [_shuffled(builder, a, b, places) for places in (even, odd) for a, b in pairs]
-    return vectors
-
-
-def _zipped(builder: Any, vectors: list[Any]) -> list[Any]:
-    """The same back: the first half of the numbers between those of the second, log2(w) times."""
-    both = [place for i in range(_LANES) for place in (i, i + _LANES)]
-    for _ in range(len(vectors).bit_length() - 1):
-        half = len(vectors) // 2
-        pairs = zip(vectors[:half], vectors[half:], strict=True)
-        vectors = [_shuffled(builder, a, b, part) for a, b in pairs for part in (both[:_LANES], both[_LANES:])]
-    return vectors
+def _store_rows(builder: Any, tile: Any, rows: range, items: Any, half: int) -> None:
+    """Half a tile's items from `rows`, packed at `items`."""
+    columns = [load(builder, tile, n * ITEMS + half, LANES) for n in rows]
+    store_items(builder, columns, items, half * len(rows))
