@@ -53,6 +53,18 @@ def spins(draw, moments, R):
 
 
 @st.composite
+def swings(draw):
+    """About x, which stays level: on a pivot, or free and pushed beside the centre of mass; damped or hardly or not."""
+    pivot, damping = draw(st.integers(0, 3)) > 0, draw(st.sampled_from([0.0, 0.0, 0.1, draw(DECADES)]))
+    arm = [0.0, 0.3, draw(st.sampled_from([0.0, -0.2]))]
+    body = {"mass": 2.0, "inertia": [1.0, 1.2, 1.4], "pivot": pivot, "r_oc_b": arm}
+    omega_b = [draw(st.sampled_from([0.0, 0.0, 1.0, 3.0, draw(DECADES)])) * draw(SIGNS), 0.0, 0.0]
+    turn = [draw(st.sampled_from([0.0, 1.0, -1.5707963267948966, 1.5707963])), 0.0, 0.0]
+    push = {"gravity_a": [0.0, 0.0, -1.0]} if pivot else {"gravity_a": [0.0] * 3, "force_a": [0.0, 0.0, -1.0]}
+    return body, omega_b, turn, push | {"damping_b": [damping, 0.0, 0.0]}
+
+
+@st.composite
 def scenes(draw):
     """Scenes that are good; whether their accuracy can be met is for the plan to say."""
     body, moments, R = draw(bodies())
@@ -80,13 +92,8 @@ def scenes(draw):
     elif kind != "swing" and draw(st.integers(0, 4)) == 0 and not beam:
         body |= {"r_oc_b": list(draw(vectors(0.3)))}
     turn = list(draw(vectors(draw(st.sampled_from([0.0, 1.0])))))
-    if kind == "swing":  # about x, which stays level
-        body |= {"inertia": [1.0, 1.2, 1.4], "pivot": True, "r_oc_b": [0.0, 0.3, draw(st.sampled_from([0.0, -0.2]))]}
-        omega_b, turn = (
-            [draw(st.sampled_from([0.0, 1.0, 3.0])), 0.0, 0.0],
-            [draw(st.sampled_from([0.0, 1.0])), 0.0, 0.0],
-        )
-        loads = {"gravity_a": [0.0, 0.0, -1.0], "damping_b": [draw(st.sampled_from([0.0, 0.1])), 0.0, 0.0]}
+    if kind == "swing":
+        body, omega_b, turn, loads = draw(swings())
     wanted = ["quaternion", "rpy", "omega_b", *(() if body.get("pivot") else ("position", "velocity"))]
     wanted = draw(st.lists(st.sampled_from(wanted), min_size=1, max_size=3, unique=True))
     initial = {"omega_b": omega_b, "attitude": {"rotvec": turn}}
