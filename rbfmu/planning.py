@@ -99,7 +99,7 @@ def _swinging(scene: Scene, needs: Needs) -> Plan | None:
     def series(order: int, tolerance: float) -> Plan:
         return Plan(SWING, f"Taylor series of order {order}", _states(SWING, needs), tolerance=tolerance, order=order)
 
-    truth, _ = motion(scene, series(16, 1e-18), steps, names)
+    truth, _ = motion(scene, _tightest_swing(series(0, 0.0)), steps, names)
     best: tuple[float, Plan] | None = None
     for order in ORDERS:
         for tolerance in (scene.run.accuracy * 10.0**-k for k in range(0, 18, 2)):
@@ -114,6 +114,11 @@ def _swinging(scene: Scene, needs: Needs) -> Plan | None:
                     best = work, replace(trial, error=error, cost=cost, reasons=say.why_swinging(scene, trial, error))
                 break
     return best[1] if best else None
+
+
+def _tightest_swing(found: Plan) -> Plan:
+    """What judges series of one angle: a swing however small, which those of the whole attitude lose."""
+    return replace(found, tolerance=1e-18, order=max(ORDERS))
 
 
 def _integrated(scene: Scene, needs: Needs, kicks: bool = True) -> Plan:
@@ -147,7 +152,7 @@ def _smaller(scene: Scene, found: Plan, needs: Needs) -> Plan | None:
     if "force_b" in varying and "acceleration" in names and "quaternion" not in names:
         names = (*names, "quaternion")  # ports are at zero here: what they bring is as wrong as the attitude
     exact = found.model in CLOSED
-    judge = found if exact else tightest(found)
+    judge = found if exact else _tightest_swing(found) if found.model == SWING else tightest(found)
     truth, _ = motion(scene, judge, steps, tuple(dict.fromkeys((*names, "quaternion", "omega_b"))))
     bound = (1.0 if exact else SHARE) * scene.run.accuracy - EXACT
     for model in _below(found.model):
