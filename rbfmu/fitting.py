@@ -9,7 +9,7 @@ import numpy as np
 
 from rbfmu.measures import largest_error
 from rbfmu.models import Plan
-from rbfmu.pilot import JUDGED, pilot_run, references, substeps_taken, whole_run
+from rbfmu.pilot import pilot_run, references, substeps_taken, whole_run
 from rbfmu.recording import Motion
 from rbfmu.scene import Scene, SceneError
 from rbfmu.times import communication_steps
@@ -84,7 +84,7 @@ class _Search:
     def plan(self, kicks: bool) -> Plan:
         """The cheapest plan; SceneError where none is accurate enough."""
         one, other = self.references
-        apart = largest_error(one, other, JUDGED)
+        apart = largest_error(one, other, one)
         if apart > self.accuracy / 3.0:
             raise self._out_of_reach(apart)
         self._fit_series()
@@ -245,7 +245,7 @@ class _Search:
 
 
 def _largest_of(motion: Motion, references: list[Motion]) -> float:
-    return max(largest_error(motion, reference, JUDGED) for reference in references)
+    return max(largest_error(motion, reference, reference) for reference in references)
 
 
 def _better(a: _Fit, b: _Fit, bound: float) -> bool:
