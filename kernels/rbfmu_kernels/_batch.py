@@ -36,9 +36,7 @@ from ._tile import (
 )
 from .shapes import Shape, shape_of, shapes_of_result
 
-_LOOP_SIGNATURE = types.void(
-    types.CPointer(types.CPointer(float64)), types.CPointer(intp), types.CPointer(intp), types.voidptr
-)
+_LOOP_SIGNATURE = types.void(types.CPointer(types.CPointer(float64)), types.CPointer(intp), types.CPointer(intp), intp)
 _clear_float_flags = types.ExternalFunction("feclearexcept", types.int32(types.int32))
 _raise_float_flags = types.ExternalFunction("feraiseexcept", types.int32(types.int32))
 _X86 = platform.machine() in ("x86_64", "AMD64")
@@ -72,15 +70,16 @@ def python_function(kernel: Callable[..., Any]) -> Callable[..., Any]:
     return getattr(kernel, "py_func", kernel)
 
 
-def gufunc(kernel: Callable[..., Any], *constants: int, singular: Callable[..., bool] | None = None) -> Any:
-    """A gufunc that maps `kernel(*constants, ...)` over leading axes. Compiles now (or loads from the cache).
+def gufuncs(kernel: Callable[..., Any], *constants: int, singular: Callable[..., bool] | None = None) -> list[Any]:
+    """Gufuncs that map `kernel(*constants, ...)` over leading axes. Compiles now (or loads from the cache).
 
+    Two: of whole arrays, and of a large array's pieces, which go past the caches however small they are.
     singular: a kernel of the first few arguments; where it is true for an item, NumPy reports a division by zero
     (by default a RuntimeWarning).
     """
     arguments, results = core_shapes(kernel)
     if config.DISABLE_JIT:
-        return interpreted(kernel, *constants, singular=singular)
+        return [interpreted(kernel, *constants, singular=singular)] * 2
     name = python_function(kernel).__name__
     checked = len(_argument_shapes(singular)) if singular else 0
     source = _loop_source(name, constants, [*arguments.values()], results, checked)
@@ -94,10 +93,13 @@ def gufunc(kernel: Callable[..., Any], *constants: int, singular: Callable[..., 
     layout = _layout([*arguments.values()]) + "->" + _layout(results)
     operands = len(arguments) + len(results)
     double = [np.dtype(np.float64).num] * operands
-    return _internal.fromfunc(
-        name, kernel.__doc__ or "", [compiled.address], [double], len(arguments), len(results), [None], compiled, -1,
-        layout, (),
-    )  # fmt: skip
+    return [
+        _internal.fromfunc(
+            name, kernel.__doc__ or "", [compiled.address], [double], len(arguments), len(results), [least], compiled,
+            -1, layout, (),
+        )
+        for least in (STREAMED, 0)
+    ]  # fmt: skip
 
 
 def _layout(shapes: list[Shape]) -> str:
@@ -122,7 +124,7 @@ def _loop_source(
     # Branch-free code evaluates what it does not select; its flags would become NumPy warnings.
     lines += [f"clear_float_flags({_ALL_FLAGS})"]
     lines += [f"if found > 0: raise_float_flags({_DIVISION_BY_ZERO})"] if checked else []
-    header = f"def {_loop_name(name, constants)}(args, dims, steps, data):"
+    header = f"def {_loop_name(name, constants)}(args, dims, steps, least):"
     return "\n".join([header, *_indented(1, lines)]).replace("ITEMS", str(ITEMS)) + "\n"
 
 
@@ -141,7 +143,7 @@ def _packed_items(inputs: list["_Operand"], outputs: list["_Operand"], compute: 
     lines = [f"if {' and '.join([*(o.packed_or_one() for o in inputs), *(o.packed() for o in outputs)])}:"]
     for o in inputs:
         lines += [f"    if s{o.k} == 0:", *_indented(2, o.moves("item_to_tile"))]
-    lines += [f"    streamed = n * {8 * sum(o.size for o in outputs)} >= {STREAMED}"]
+    lines += [f"    streamed = n * {8 * sum(o.size for o in outputs)} >= least"]
     lines += ["    while start + ITEMS <= n:"]
     lines += [f"        if s{o.k} != 0: {o.move('to_tile')}" for o in inputs]
     lines += ["        for i in range(ITEMS):", *_indented(3, [*compute, "in_vectors()"])]
