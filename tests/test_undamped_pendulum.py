@@ -112,6 +112,14 @@ def test_a_step_that_leads_nowhere_is_refused_and_changes_nothing(h):
     np.testing.assert_array_equal(unit.step(0.5)["quaternion"], other.step(0.5)["quaternion"])
 
 
+@pytest.mark.parametrize("rate", [-2.0, 7.0, -40.0])
+def test_the_quaternion_has_no_jumps_of_sign(rate):
+    unit = Unit(scene_of(HUNG, about(1, 3.0, rate)))
+    for _ in range(300):
+        before = unit["quaternion"]
+        assert unit.step(0.01)["quaternion"] @ before > 0.97
+
+
 def test_a_copy_of_the_memory_is_a_snapshot():
     unit = Unit(scene_of(HUNG, about(1, 0.4, -2.0))).step(0.5)
     saved = unit.z.copy()
