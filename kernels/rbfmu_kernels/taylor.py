@@ -38,7 +38,7 @@ from .taylor_series import (
     turn_series,
     turned_loads,
 )
-from .vec3 import add_scaled, scale
+from .vec3 import add, add_scaled, scale
 
 _MOST_DERIVATIVES = 9
 _WEIGHT = np.array(
@@ -133,8 +133,11 @@ def _error(s: Any, order: int, h: float, push: float, n: int) -> float:
     push: a force's acceleration, relative to the velocity and at least 1 m/s, if it turns with the body.
     """
     m, rate, power = derivatives_of_attitude(order), 0.0, 1.0
+    at_end = (0.0, 0.0, 0.0)
     for k in range(4):
-        rate = max(rate, _largest(vec3_at(s, ROW * k)) * power)
+        part = scale(power, vec3_at(s, ROW * k))
+        at_end = add(at_end, part)
+        rate = max(rate, max(_largest(part), _largest(at_end)))
         power *= h
     last = max(_largest(vec3_at(s, ROW * (order - 1))), h * _largest(vec3_at(s, ROW * order))) * _power(h, order - 1)
     turn = h * rate
