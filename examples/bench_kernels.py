@@ -39,6 +39,7 @@ GOALS = {  # name: (times faster than SciPy, share of the copy's speed)
     "quaternion to ZYX": (5.0, 0.25),
 }
 ROUNDS = 7
+IMPORTS = 15
 
 
 @dataclass(frozen=True)
@@ -256,44 +257,53 @@ def _best(call: Callable[[], Any], times: int) -> float:
 
 def threads(n: int) -> dict[str, float]:
     """Speed of two threads as a ratio to one: at n items, and below the size from which on threads are used."""
-    angles = np.random.default_rng(1).uniform(-3.0, 3.0, size=(n, 3))
-    few, out = angles[:10_000], np.empty((n, 4))
-    calls = {
-        f"ZYX to quaternion, {n} items": lambda: rbfmu.quaternion_from_euler("ZYX", angles, out=out),
-        "ZYX to quaternion, 10,000 items": lambda: rbfmu.quaternion_from_euler("ZYX", few, out=out[:10_000]),
-    }
-    seconds: dict[tuple[str, int], float] = {}
-    for _ in range(ROUNDS):
-        for count in (1, 2):
-            rbfmu.set_threads(count)
-            for name, call in calls.items():
-                seconds[name, count] = min(seconds.get((name, count), np.inf), _best(call, 1))
+    angles, out = np.random.default_rng(1).uniform(-3.0, 3.0, size=(n, 3)), np.empty((n, 4))
+    ratios = {}
+    for items, rounds in ((n, 25), (10_000, 1000)):
+        some, into = angles[:items], out[:items]
+        seconds: dict[int, list[float]] = {1: [], 2: []}
+        for _ in range(rounds):
+            for count in (1, 2):
+                rbfmu.set_threads(count)
+                rbfmu.quaternion_from_euler("ZYX", some, out=into)  # threads are started by the first call
+                start = time.perf_counter()
+                rbfmu.quaternion_from_euler("ZYX", some, out=into)
+                seconds[count].append(time.perf_counter() - start)
+        one, two = (float(np.median(seconds[count])) for count in (1, 2))
+        ratios[f"ZYX to quaternion, {items:,} items, two threads / one"] = one / two
     rbfmu.set_threads(1)
-    return {name: seconds[name, 1] / seconds[name, 2] for name in calls}
+    return ratios
+
+
+FIRST_CALLS = {
+    "quaternion to ZYX": "euler_from_quaternion('ZYX', [1.0, 0, 0, 0])",
+    "free_rotation (the largest)": "free_rotation([1.0, 2.0, 3.0], [1.0, 0, 0, 0], [0.1, 0.2, 0.3], 1.0)",
+}
 
 
 def starts() -> dict[str, float]:
-    """Seconds: imports, and the first call of one function with a cold and with a warm cache of compiled code."""
-    first = (
-        "import time, rbfmu; rbfmu.compose_matrices; t = time.perf_counter();"
-        "rbfmu.euler_from_quaternion('ZYX', [1.0, 0, 0, 0]); print(time.perf_counter() - t)"
-    )
+    """Imports as a ratio; s for the first call of a function, with a cold and a warm cache of compiled code."""
+    figures = {}
     with tempfile.TemporaryDirectory() as cache:
-        cold, warm = (float(_python(first, cache)) for _ in range(2))
         timed = "import time; t = time.perf_counter(); import {}; print(time.perf_counter() - t)"
-        modules = {m: min(float(_python(timed.format(m), cache)) for _ in range(5)) for m in ("numba", "rbfmu.arrays")}
-    return {
-        "import of all array functions / import numba": modules["rbfmu.arrays"] / modules["numba"],
-        "first call, cold cache, s": cold,
-        "first call, warm cache, s": warm,
-    }
+        calls = [timed.format(module) for module in ("rbfmu.arrays", "numba")]
+        ours, numba = np.median([[_python(call, cache) for call in calls] for _ in range(IMPORTS)], axis=0)
+        figures["import of all array functions / import numba"] = ours / numba
+        for name, call in FIRST_CALLS.items():
+            first = (
+                f"import time, rbfmu; rbfmu.compose_matrices; t = time.process_time(); rbfmu.{call};"
+                "print(time.process_time() - t)"
+            )
+            for state in ("cold", "warm"):
+                figures[f"first call of {name}, {state} cache, s of CPU"] = _python(first, cache)
+    return figures
 
 
-def _python(code: str, cache: str) -> str:
-    environment = os.environ | {"NUMBA_CACHE_DIR": cache}
-    return subprocess.run(
-        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
-    ).stdout
+def _python(code: str, cache: str) -> float:
+    """What the code prints, run with the bytecode on disk that an installed package has."""
+    environment = os.environ | {"NUMBA_CACHE_DIR": cache, "PYTHONDONTWRITEBYTECODE": ""}
+    command = [sys.executable, "-c", code]
+    return float(subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout)
 
 
 def draw(rows: list[dict[str, Any]], path: Path) -> None:
