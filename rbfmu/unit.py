@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from rbfmu.models import Plan
 
 Buffer = NDArray[np.float64]
+_CACHE_LINE = 8
+"""Numbers in one."""
 
 
 class Unit(Protocol):
@@ -36,10 +38,17 @@ class Unit(Protocol):
         """Refresh the outputs."""
 
 
+def aligned_zeros(size: int) -> Buffer:
+    """Zeros from a cache line's begin on: vectors that lie across two take longer."""
+    z = np.zeros(size + _CACHE_LINE)
+    start = -z.ctypes.data // z.itemsize % _CACHE_LINE
+    return z[start : start + size]
+
+
 def filled_buffer(scene: Scene, plan: "Plan") -> Buffer:
     """The buffer of the plan's unit before `initialize`: parameters and settings of the scene, inputs zero."""
     unit = plan.unit
-    z = np.zeros(unit.SIZE)
+    z = aligned_zeros(unit.SIZE)
     for name, value in _numbers(scene, plan).items():
         if name in unit.BLOCKS:
             z[unit.BLOCKS[name]] = value

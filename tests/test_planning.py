@@ -236,7 +236,7 @@ LOADED = "body under loads, by series"
         (LOADED, 13, made(OFFSET, MOVING, NO_GRAVITY | {"force_a": [1.0, 0.0, 0.0]})),
         (LOADED, 7, made(OFFSET | {"pivot": True}, {"attitude": {"rotvec": [1.0, 0.0, 0.0]}}, GRAVITY)),
         (LOADED, 7, made(TRIAXIAL | {"pivot": True}, {}, inputs={"parameters": ["r_oc_b", "gravity_a"]})),
-        ("symmetric top", 7, made(TOP, leaning(0.0, 0.0, 200.0), GRAVITY, accuracy=1e-9)),
+        ("symmetric top", 7, made(TOP, leaning(0.0, 0.0, 200.0), GRAVITY, accuracy=1e-6)),
         (LOADED, 7, made(TOP, leaning(0.0, 0.0, 200.0), GRAVITY | {"damping_b": [0.0, 0.0, 1e-3]}, stop=0.5)),
         (LOADED, 7, made(TOP, leaning(0.0, 0.0, 200.0), GRAVITY, stop=0.5, inputs={"parameters": ["inertia"]})),
         ("prescribed rates", 4, Scene(inputs={"ports": ["omega_b"]})),

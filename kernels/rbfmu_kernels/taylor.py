@@ -16,26 +16,30 @@ from typing import Any
 import numpy as np
 
 from ._kernel import kernel
+from ._lanes import add_lanes, lanes, lanes_at, multiply_lanes, numbers
 from ._substeps import substeps_in
 from .body_memory import put_vec3_at, vec3_at
 from .dop853 import SPIN, TURNING, attitude_at, put_attitude, rate_at
 from .dynamics import Body, Course, course_after
+from .inertia import trace
 from .layout import FINE, MOST_SUBSTEPS, NOT_REACHED
 from .quaternion import add_scaled_quaternion, compose_quaternions, invert_quaternion, rotate
 from .shapes import Quaternion, Vec3
 from .taylor_series import (
+    LEVEL,
     LOADS,
     PER,
     PUSH,
     ROW,
+    SERIES,
     TURN,
     WORK,
     Acting,
     acting_loads,
     known_torques,
+    motion_series,
     push_series,
-    rate_series,
-    turn_series,
+    put_factors,
     turned_loads,
 )
 from .vec3 import add, add_scaled, scale
@@ -62,6 +66,9 @@ _PACE = 2.0 * np.sqrt(np.arange(_MOST_DERIVATIVES + 1) / math.e)
 """Times the root of an acceleration: the rate whose turn has as large a (2m)-th derivative as a turn from rest."""
 _FOUR = 4.0 ** np.arange(_MOST_DERIVATIVES + 1)
 
+KEPT = 8
+"""Steps for which loads that turn in b are carried on by their series, before the attitude says anew how they stand."""
+
 
 @kernel
 def derivatives_of_attitude(order: int) -> int:
@@ -71,11 +78,15 @@ def derivatives_of_attitude(order: int) -> int:
 
 @kernel
 def _sum(s: Any, u: int, order: int, h: float) -> Vec3:
-    """The series at u, at h."""
-    total = (0.0, 0.0, 0.0)
-    for k in range(order, -1, -1):
-        total = add_scaled(vec3_at(s, u + ROW * k), h, total)
-    return total
+    """The series at u, at h: even and odd powers apart, as half as many sums wait for each other."""
+    steps = lanes(h * h, h * h, h * h, h * h)
+    even = odd = lanes(0.0, 0.0, 0.0, 0.0)
+    for k in range(order - (order & 1), 0, -2):
+        even = add_lanes(multiply_lanes(even, steps), lanes_at(s, u + ROW * k))
+        odd = add_lanes(multiply_lanes(odd, steps), lanes_at(s, u + ROW * (k - 1)))
+    even, odd = multiply_lanes(even, steps), multiply_lanes(odd, lanes(h, h, h, h))
+    x, y, z, _ = numbers(add_lanes(add_lanes(even, odd), lanes_at(s, u)))
+    return (x, y, z)
 
 
 @kernel
@@ -126,11 +137,34 @@ def _largest(v: Vec3) -> float:
     return max(max(abs(v[0]), abs(v[1])), abs(v[2]))
 
 
+@kernel
+def _last_terms(s: Any, u: int, order: int, h: float) -> float:
+    """The last two terms of the series at u, per h^(order - 1)."""
+    return max(_largest(vec3_at(s, u + ROW * (order - 1))), h * _largest(vec3_at(s, u + ROW * order)))
+
+
+@kernel
+def _pull(s: Any, body: Body, acting: Acting) -> float:
+    """The angular acceleration by loads that turn in b, at most."""
+    pull = 0.0
+    if acting[0]:
+        pull += _size(body[3]) * _size(vec3_at(s, LOADS))
+    if acting[1]:
+        pull += _size(vec3_at(s, LOADS + SERIES))
+    return pull * trace(body[2])
+
+
+@kernel
+def _size(v: Vec3) -> float:
+    return abs(v[0]) + abs(v[1]) + abs(v[2])
+
+
 @kernel(inline=False)
-def _error(s: Any, order: int, h: float, push: float, n: int) -> float:
+def _error(s: Any, order: int, h: float, push: float, pull: float, kept: int, n: int) -> float:
     """Estimate for a step of h: the last two terms relative to the rate, and the two-point formula's remainder (rad).
 
     push: a force's acceleration, relative to the velocity and at least 1 m/s, if it turns with the body.
+    pull: the angular acceleration by loads that turn in b, whose last terms count as they act for `kept` steps.
     """
     m, rate, power = derivatives_of_attitude(order), 0.0, 1.0
     at_end = (0.0, 0.0, 0.0)
@@ -139,11 +173,18 @@ def _error(s: Any, order: int, h: float, push: float, n: int) -> float:
         at_end = add(at_end, part)
         rate = max(rate, max(_largest(part), _largest(at_end)))
         power *= h
-    last = max(_largest(vec3_at(s, ROW * (order - 1))), h * _largest(vec3_at(s, ROW * order))) * _power(h, order - 1)
+    power = _power(h, order - 1)
+    last = _last_terms(s, 0, order, h) * power
     turn = h * rate
     last = last / rate if rate > 0.0 else 0.0
     if n == SPIN:
         return last
+    if pull > 0.0:
+        lift, twist = _size(vec3_at(s, LOADS)), _size(vec3_at(s, LOADS + SERIES))
+        off = _last_terms(s, LOADS, order, h) * power / lift if lift > 0.0 else 0.0
+        off += _last_terms(s, LOADS + SERIES, order, h) * power / twist if twist > 0.0 else 0.0
+        span = kept * h
+        last = max(last, off * pull * span * max(0.5 * span, 1.0 / rate)) if off > 0.0 else last
     turn = max(turn, h * _PACE[m] * math.sqrt(_largest(vec3_at(s, ROW))))
     remainder: float = _REMAINDER[m] * _power(turn * turn, m) * max(turn, _FOUR[m] * h * push)
     return max(last, remainder)
@@ -162,14 +203,14 @@ def _nearer_size(h: float, order: int, excess: float) -> float:
 @kernel
 def _sums(s: Any, order: int, h: float, acting: Acting) -> None:
     """Row 0 of omega and of the loads that turn in b becomes their series' sum at h."""
-    put_vec3_at(s, 0, _sum(s, 0, order, h))
+    put_factors(s, 0, _sum(s, 0, order, h))
     lifted, twisted, changing = acting
     for level in range(3 if changing else 1):
-        u = LOADS + 6 * level
+        u = LOADS + LEVEL * level
         if lifted:
-            put_vec3_at(s, u, _sum(s, u, order, h))
+            put_factors(s, u, _sum(s, u, order, h))
         if twisted:
-            put_vec3_at(s, u + 3, _sum(s, u + 3, order, h))
+            put_factors(s, u + SERIES, _sum(s, u + SERIES, order, h))
 
 
 @kernel(inline=False)
@@ -184,12 +225,10 @@ def taylor_advance(
     s, m, now = z[w : w + WORK], derivatives_of_attitude(order), course
     acting, torques = acting_loads(body, course), known_torques(course, body)
     turned = acting[0] or acting[1]
-    put_vec3_at(s, 0, rate_at(z, y))
+    put_factors(s, 0, rate_at(z, y))
     if turned:
         turned_loads(s, attitude_at(z, y), now)
-    rate_series(s, 0, order, body, torques, acting)
-    if n != SPIN:
-        turn_series(s, m)
+    motion_series(s, 0, order, m, body, torques, acting)
     if n == TURNING:
         push_series(s, m, body[0], now)
     rest, low, tried = h, 0.0, 0
@@ -200,7 +239,8 @@ def taylor_advance(
             return NOT_REACHED
         part = (rest + low) / count
         push = _largest(vec3_at(s, PUSH)) / max(_largest(vec3_at(z, y + 11)), 1.0) if n == TURNING else 0.0
-        excess = _error(s, order, part, push, n) / tolerance
+        pull = _pull(s, body, acting) if turned and count > 1 else 0.0
+        excess = _error(s, order, part, push, pull, min(count, KEPT), n) / tolerance
         if not excess <= 1.0:
             z[size] = _nearer_size(part, order, 2.0 * excess)
             continue
@@ -220,16 +260,16 @@ def taylor_advance(
             now = course_after(course, h - rest)
             torques = known_torques(now, body)
         put_vec3_at(z, y + 4, vec3_at(s, 0))
-        if n != SPIN or rest > 0.0:
-            rate_series(s, 0, m if turned or rest == 0.0 else order, body, torques, acting)
         if n != SPIN:
-            turn_series(s, m)
+            motion_series(s, 0, m, m, body, torques, acting)
             q = compose_quaternions(compose_quaternions(q, half), invert_quaternion(_half_turn(s, m, -part)))
             put_attitude(z, y, q)
         if n == TURNING:
             push_series(s, m, body[0], now)
             _move(z, y, attitude_at(z, y), m, s, -part)
-        if turned and rest > 0.0:
-            turned_loads(s, attitude_at(z, y), now)
-            rate_series(s, 0, order, body, torques, acting)
+        if rest > 0.0:
+            anew = turned and (acting[2] or tried % KEPT == 0)
+            if anew:
+                turned_loads(s, attitude_at(z, y), now)
+            motion_series(s, 0 if n == SPIN or anew else m, order, 0, body, torques, acting)
     return FINE

@@ -1,4 +1,4 @@
-"""Taylor coefficients of a body's motion, in a piece of a unit's buffer whose row k holds the k-th of all series.
+"""Taylor coefficients of a body's motion, in a piece of a unit's buffer: series by series, ROW numbers a term.
 
 Of the body rate and of those loads that turn in b to full order, few products; of the attitude, and of the acceleration
 by a force that turns with the body, as far as `taylor` needs.
@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ._kernel import kernel
+from ._lanes import add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes
 from .body_memory import put_vec3_at, vec3_at
 from .dop853 import attitude_at
 from .dynamics import Body, Course, Loads, is_changing
@@ -18,12 +19,17 @@ from .shapes import Matrix, Quaternion, Vec3
 from .vec3 import add, cross, is_nonzero, scale, subtract
 
 MOST_ORDER = 24
-ROW = 32
-WORK = ROW * (MOST_ORDER + 1)
+ROW = 8
+SERIES = ROW * (MOST_ORDER + 1)
+WORK = 9 * SERIES
 """Size of the work space."""
-TURN, LOADS, _PRODUCT, PUSH = 3, 7, 25, 29
-"""Places in a row, after omega's: D, the attitude relative to that at the series' begin; arm_force and torque fixed in
-a, their derivatives, and theirs; D o F_b; D F_b D*, the push."""
+TURN, LOADS, PUSH = SERIES, 2 * SERIES, 8 * SERIES
+"""Where series begin, behind omega's: D, the attitude relative to that at the series' begin; arm_force and torque fixed
+in a, their derivatives, and theirs; D F_b D*, the push."""
+LEVEL = 2 * SERIES
+"""From a load to its derivative."""
+_SECOND, _PRODUCT = 4, TURN + 4
+"""Places in a row: behind a vector (x, y, z, 0) the same as a second factor, (y, z, x, 0); D o F_b behind D."""
 _ROWS = 31
 """k & _ROWS is k for any row: an index that cannot be negative needs no check."""
 PER = 1.0 / np.arange(1.0, MOST_ORDER + 2.0)
@@ -43,20 +49,36 @@ def _put_turn(z: Any, i: int, s: float, q: Quaternion) -> None:
 
 
 @kernel
-def _products(s: Any, k: int) -> Vec3:
-    """The k-th coefficients of w_2 w_3, w_3 w_1, w_1 w_2: the newest factors last, as they are waited for."""
-    x, y, v = 0.0, 0.0, 0.0
-    if k & 1 == 0:
-        a, b, c = vec3_at(s, ROW * ((k >> 1) & _ROWS))
-        x, y, v = b * c, c * a, a * b
-    for j in range((k + 1) >> 1):
-        i = ((k - 1) >> 1) - j
-        a, b, c = vec3_at(s, ROW * (i & _ROWS))
-        d, e, f = vec3_at(s, ROW * ((k - i) & _ROWS))
-        x += b * f + e * c
-        y += c * d + f * a
-        v += a * e + d * b
-    return (x, y, v)
+def put_factors(s: Any, i: int, v: Vec3) -> None:
+    """A vector as both factors of a product, as vectors: what is read as it was written need not be waited for."""
+    put_lanes(s, i, lanes(v[0], v[1], v[2], 0.0))
+    put_lanes(s, i + _SECOND, lanes(v[1], v[2], v[0], 0.0))
+
+
+@kernel
+def _inner_products(s: Any, u: int, v: int, k: int) -> Vec3:
+    """The sum of u_j v_(k-j), lane by lane, but for its two ends: the newest terms are waited for least."""
+    low = high = lanes(0.0, 0.0, 0.0, 0.0)
+    i, j = ROW * ((k + 1) >> 1), ROW * (k >> 1)
+    if i == j and k > 0:
+        low = multiply_lanes(lanes_at(s, u + i), lanes_at(s, v + i))
+    while i > ROW:
+        i, j = i - ROW, j + ROW
+        low = add_lanes(low, multiply_lanes(lanes_at(s, u + i), lanes_at(s, v + j)))
+        high = add_lanes(high, multiply_lanes(lanes_at(s, u + j), lanes_at(s, v + i)))
+    x, y, z, _ = numbers(add_lanes(low, high))
+    return (x, y, z)
+
+
+@kernel
+def _products(s: Any, k: int, rate: Vec3, first: Vec3) -> Vec3:
+    """The k-th coefficients of w_2 w_3, w_3 w_1, w_1 w_2; of omega, the k-th and the first."""
+    v, x, y = _inner_products(s, 0, _SECOND, k)
+    a, b, c = first
+    if k == 0:
+        return (b * c, c * a, a * b)
+    d, e, f = rate
+    return (x + (b * f + e * c), y + (c * d + f * a), v + (a * e + d * b))
 
 
 @kernel
@@ -73,51 +95,48 @@ def _squares(s: Any, k: int) -> Vec3:
 
 
 @kernel
-def _gyroscopic_term(s: Any, k: int, M: Matrix) -> Vec3:
+def _gyroscopic_term(s: Any, k: int, M: Matrix, products: Vec3) -> Vec3:
     """The k-th coefficient of -omega x M omega."""
     (a, d, e), (_, b, f), (_, _, c) = M
-    x, y, v = _products(s, k)
-    gyroscopic = ((b - c) * x, (c - a) * y, (a - b) * v)
-    if d == 0.0 and e == 0.0 and f == 0.0:
-        return gyroscopic
+    x, y, v = products
     xx, yy, vv = _squares(s, k)
     off = (
         f * (vv - yy) + (d * y - e * v),
         e * (xx - vv) + (f * v - d * x),
         d * (yy - xx) + (e * x - f * y),
     )
-    return add(gyroscopic, off)
+    return add(((b - c) * x, (c - a) * y, (a - b) * v), off)
 
 
 @kernel
-def _cross_term(s: Any, u: int, k: int) -> Vec3:
-    """The k-th coefficient of u x omega."""
-    x, y, v = 0.0, 0.0, 0.0
-    x2, y2, v2 = 0.0, 0.0, 0.0
-    for j in range(k + 1):
-        a, b, c = vec3_at(s, u + ROW * j)
-        d, e, f = vec3_at(s, ROW * ((k - j) & _ROWS))
-        x += b * f
-        y += c * d
-        v += a * e
-        x2 += c * e
-        y2 += a * f
-        v2 += b * d
-    return (x - x2, y - y2, v - v2)
+def _cross_term(s: Any, u: int, k: int, newest: Vec3, rate: Vec3) -> Vec3:
+    """The k-th coefficient of u x omega, whose k-th coefficients are given."""
+    v, x, y = subtract(_inner_products(s, u, _SECOND, k), _inner_products(s, u + _SECOND, 0, k))
+    last = cross(vec3_at(s, u), rate)
+    return last if k == 0 else add((x, y, v), add(last, cross(newest, vec3_at(s, 0))))
 
 
 @kernel
-def _turn_term(s: Any, k: int) -> Quaternion:
-    """The k-th coefficient of D o (0, omega)."""
+def _turn_term(s: Any, k: int, turn: Quaternion, rate: Vec3, start: Vec3) -> Quaternion:
+    """The k-th coefficient of D o (0, omega); of both, the k-th, and omega's first."""
     e, x, y, v = 0.0, 0.0, 0.0, 0.0
-    for j in range(k + 1):
+    for j in range(1, k):
         a, b, c, d = attitude_at(s, TURN + ROW * j)
         f, g, h = vec3_at(s, ROW * ((k - j) & _ROWS))
         e -= b * f + c * g + d * h
         x += a * f + (c * h - d * g)
         y += a * g + (d * f - b * h)
         v += a * h + (b * g - c * f)
-    return (e, x, y, v)
+    if k > 0:
+        x, y, v = x + rate[0], y + rate[1], v + rate[2]
+    a, b, c, d = turn
+    f, g, h = start
+    return (
+        e - (b * f + c * g + d * h),
+        x + (a * f + (c * h - d * g)),
+        y + (a * g + (d * f - b * h)),
+        v + (a * h + (b * g - c * f)),
+    )
 
 
 @kernel
@@ -141,24 +160,27 @@ def turned_loads(s: Any, q: Quaternion, course: Course) -> None:
     """Row 0 of the loads that are fixed in a, and of their derivatives, as b sees them."""
     q_ba = invert_quaternion(q)
     for i in range(3):
-        put_vec3_at(s, LOADS + 6 * i, rotate(q_ba, course[i][1]))
-        put_vec3_at(s, LOADS + 6 * i + 3, rotate(q_ba, course[i][3]))
+        put_factors(s, LOADS + LEVEL * i, rotate(q_ba, course[i][1]))
+        put_factors(s, LOADS + LEVEL * i + SERIES, rotate(q_ba, course[i][3]))
 
 
 @kernel
-def _next_load(s: Any, u: int, k: int, changes: bool) -> None:
-    """Coefficient k + 1 at u of du/dt = u x omega + what stands 6 further, if it changes."""
-    term = _cross_term(s, u, k)
+def _next_load(s: Any, u: int, k: int, newest: Vec3, rate: Vec3, changes: bool) -> Vec3:
+    """Coefficient k + 1 at u of du/dt = u x omega + the derivative, if it changes."""
+    term = _cross_term(s, u, k, newest, rate)
     if changes:
-        term = add(term, vec3_at(s, u + ROW * k + 6))
-    put_vec3_at(s, u + ROW * (k + 1), scale(PER[k], term))
+        term = add(term, vec3_at(s, u + LEVEL + ROW * k))
+    term = scale(PER[k], term)
+    put_factors(s, u + ROW * (k + 1), term)
+    return term
 
 
 @kernel(inline=False)
-def _next_loads(s: Any, k: int) -> None:
+def _next_loads(s: Any, k: int, rate: Vec3) -> None:
     """The same of the derivatives."""
     for i in range(4):
-        _next_load(s, LOADS + 6 + 3 * i, k, i < 2)
+        u = LOADS + LEVEL + SERIES * i
+        _next_load(s, u, k, vec3_at(s, u + ROW * k), rate, i < 2)
 
 
 @kernel
@@ -181,35 +203,43 @@ def known_torques(course: Course, body: Body) -> Torques:
 
 
 @kernel(inline=False)
-def rate_series(s: Any, first: int, last: int, body: Body, torques: Torques, acting: Acting) -> None:
-    """Coefficients up to `last` of omega and of the loads that turn in b, from those up to `first`."""
+def motion_series(s: Any, first: int, last: int, m: int, body: Body, torques: Torques, acting: Acting) -> None:
+    """Coefficients up to `last` of omega and of the loads that turn in b, from those up to `first`; up to m of D."""
     _, M, M_inverse, arm, damping, _ = body
     lifted, twisted, changing = acting
+    (a, d, e), (_, b, f), (_, _, c) = M
+    (p, _, _), (_, q, _), (_, _, r) = M_inverse
+    diagonal = d == 0.0 and e == 0.0 and f == 0.0
+    x, y, v = p * (b - c), q * (c - a), r * (a - b)
+    start, rate, turn = vec3_at(s, 0), vec3_at(s, ROW * first), (1.0, 0.0, 0.0, 0.0)
+    lift, twist = vec3_at(s, LOADS + ROW * first), vec3_at(s, LOADS + SERIES + ROW * first)
+    _put_turn(s, TURN, 1.0, turn)
     for k in range(first, last):
-        rate = vec3_at(s, ROW * k)
-        drag = (damping[0] * rate[0], damping[1] * rate[1], damping[2] * rate[2])
-        torque = subtract(_gyroscopic_term(s, k, M), drag)
+        torque = (-damping[0] * rate[0], -damping[1] * rate[1], -damping[2] * rate[2])
         if k < 3:
             torque = add(torque, torques[k])
         if lifted:
-            torque = add(torque, cross(arm, vec3_at(s, LOADS + ROW * k)))
+            torque = add(torque, cross(arm, lift))
         if twisted:
-            torque = add(torque, vec3_at(s, LOADS + 3 + ROW * k))
-        put_vec3_at(s, ROW * (k + 1), scale(PER[k], transform(M_inverse, torque)))
+            torque = add(torque, twist)
+        products = _products(s, k, rate, start)
+        if diagonal:
+            alpha = (x * products[0] + p * torque[0], y * products[1] + q * torque[1], v * products[2] + r * torque[2])
+        else:
+            alpha = transform(M_inverse, add(_gyroscopic_term(s, k, M, products), torque))
         if lifted:
-            _next_load(s, LOADS, k, changing)
+            lift = _next_load(s, LOADS, k, lift, rate, changing)
         if twisted:
-            _next_load(s, LOADS + 3, k, changing)
+            twist = _next_load(s, LOADS + SERIES, k, twist, rate, changing)
         if changing:
-            _next_loads(s, k)
-
-
-@kernel(inline=False)
-def turn_series(s: Any, m: int) -> None:
-    """Coefficients up to m of D, the attitude relative to that at the series' begin."""
-    _put_turn(s, TURN, 1.0, (1.0, 0.0, 0.0, 0.0))
-    for k in range(m):
-        _put_turn(s, TURN + ROW * (k + 1), 0.5 * PER[k], _turn_term(s, k))
+            _next_loads(s, k, rate)
+        if k < m:
+            turn = _turn_term(s, k, turn, rate, start)
+            half = 0.5 * PER[k]
+            turn = (half * turn[0], half * turn[1], half * turn[2], half * turn[3])
+            _put_turn(s, TURN + ROW * (k + 1), 1.0, turn)
+        rate = scale(PER[k], alpha)
+        put_factors(s, ROW * (k + 1), rate)
 
 
 @kernel

@@ -21,7 +21,9 @@ from .layout import NOT_REACHED, places
 from .taylor import taylor_advance
 from .taylor_series import WORK
 
-BLOCKS, SIZE = places(DRIVEN | {"order": 1, "work": WORK})
+_, _BEFORE = places(DRIVEN | {"order": 1})
+BLOCKS, SIZE = places(DRIVEN | {"order": 1, "pad_3": -_BEFORE % 8, "work": WORK})
+"""The work space begins with a cache line where the buffer does."""
 
 _TOLERANCE, _ORDER, _WORK = (BLOCKS[n].start for n in ("tolerance", "order", "work"))
 

@@ -24,7 +24,7 @@ from .body_memory import PARAMETERS as PARAMETERS
 from .body_outputs import first_outputs
 from .body_outputs import output_rates as output_rates
 from .body_outputs import outputs as outputs
-from .kicked_top import is_symmetric_top, resonant_step, rkn4_step, rkn6_step, strang_step
+from .kicked_top import is_symmetric_top, resonant_step, rkn4_steps, rkn6_steps, strang_steps
 from .layout import NOT_REACHED, places
 from .vec3 import dot
 
@@ -58,13 +58,12 @@ def step(z: Any, h: float) -> int:
         return NOT_REACHED
     part = h / n
     body, loads, motion, order = body_of(z), loads_of(z), motion_of(z), z[_ORDER]
-    for _ in range(n):
-        if order == 2.0:
-            motion = strang_step(motion, part, body, loads)
-        elif order == 4.0:
-            motion = rkn4_step(motion, part, body, loads)
-        else:
-            motion = rkn6_step(motion, part, body, loads)
+    if order == 2.0:
+        motion = strang_steps(motion, part, n, body, loads)
+    elif order == 4.0:
+        motion = rkn4_steps(motion, part, n, body, loads)
+    else:
+        motion = rkn6_steps(motion, part, n, body, loads)
     r, v, q, w = motion
     if not math.isfinite(dot(r, r) + dot(v, v) + dot(w, w) + q[0] + q[1] + q[2] + q[3]):
         return NOT_REACHED

@@ -26,9 +26,9 @@ TOP_MOMENTS: Vec3 = (1.0, 1.0, 0.3)
 WEIGHT: Loads = (ZERO, (0.0, 0.0, -1.0), ZERO, ZERO, ZERO)
 
 KICKS = {
-    "Strang": Contestant("Strang", compiled_loop(kicked_top.strang_step), 2, 2),
-    "RKN4": Contestant("RKN4", compiled_loop(kicked_top.rkn4_step), 4, 7),
-    "RKN6": Contestant("RKN6", compiled_loop(kicked_top.rkn6_step), 6, 12),
+    "Strang": Contestant("Strang", kicked_top.strang_steps, 2, 1),
+    "RKN4": Contestant("RKN4", kicked_top.rkn4_steps, 4, 6),
+    "RKN6": Contestant("RKN6", kicked_top.rkn6_steps, 6, 11),
 }
 
 

@@ -54,6 +54,12 @@ class Case:
         """Time between checkpoints, s."""
         return self.scene.run.step
 
+    def asking(self, accuracy: float) -> Scene:
+        """The scene with an accuracy."""
+        tables = self.scene.to_dict()
+        tables["run"]["accuracy"] = accuracy
+        return Scene.from_dict(tables, self.key)
+
     @cached_property
     def buffer(self) -> Array:
         """The buffer of `body_unit` at the start, which holds body and loads."""

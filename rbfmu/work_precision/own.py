@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from rbfmu.contestants import Contestant, compiled_loop
+from rbfmu.contestants import Contestant
+from rbfmu.ladder import CLOSED
 from rbfmu.planning import plan
-from rbfmu.scene import Scene, SceneError
-from rbfmu.unit import filled_buffer, initialize
+from rbfmu.scene import SceneError
+from rbfmu.unit import aligned_zeros, filled_buffer, initialize
 from rbfmu.work_precision.cases import CHECKPOINTS, Case
 from rbfmu.work_precision.methods import FixedSteps, Method, NotFeasibleError, Run, step_counts, timed, tolerances
 from rbfmu_kernels._kernel import kernel
@@ -20,7 +21,7 @@ from rbfmu_kernels.body_memory import motion_of
 from rbfmu_kernels.dop853 import LONGEST_STEP, ROTATION, STATE, TURNING, dop853_advance, dop853_march, first_step
 from rbfmu_kernels.dynamics import Body, Loads, State, steady, steady_acceleration
 from rbfmu_kernels.free_rotation import free_rotation_at, free_rotation_setup
-from rbfmu_kernels.kicked_top import rkn4_step, rkn6_step, strang_step
+from rbfmu_kernels.kicked_top import rkn4_steps, rkn6_steps, strang_steps
 from rbfmu_kernels.shapes import Quaternion, Vec3
 from rbfmu_kernels.taylor import taylor_advance
 from rbfmu_kernels.taylor_series import WORK
@@ -112,7 +113,7 @@ class Substeps:
 
     def run(self, case: Case, value: float) -> Run:
         """With a tolerance or step of `value`."""
-        z, out = np.zeros(_SIZE + 2), np.zeros((CHECKPOINTS, STATE))
+        z, out = aligned_zeros(_SIZE + 2), np.zeros((CHECKPOINTS, STATE))
         n = TURNING if case.turning_force else ROTATION
         y, body, loads = case.start, case.body, case.loads
 
@@ -213,16 +214,15 @@ class Planned:
 
     def run(self, case: Case, value: float) -> Run:
         """Planned for the accuracy."""
-        tables = case.scene.to_dict()
-        tables["run"]["accuracy"] = value
-        scene = Scene.from_dict(tables, case.key)
+        scene = case.asking(value)
         try:
             chosen = plan(scene)
         except SceneError as error:
             raise NotFeasibleError(str(error)) from None
         start = filled_buffer(scene, chosen)
         initialize(scene, chosen.unit, start)
-        z = start.copy()
+        z = aligned_zeros(len(start))
+        z[:] = start
         _unit_repeated(chosen.unit.step, z, start, case.interval, 1, 1)  # compiled for each unit
 
         def states() -> list[State]:
@@ -237,10 +237,24 @@ class Planned:
         return Run(states, seconds, math.nan)
 
 
+class ClosedForm(Planned):
+    """A closed form under torques: what a plan is then, whatever the accuracy."""
+
+    name, family = "closed form", "exact"
+
+    def suits(self, case: Case) -> bool:
+        """Where a plan is one."""
+        return not case.torque_free and plan(case.scene).model in CLOSED
+
+    def settings(self, case: Case, quick: bool) -> Iterator[float]:
+        """One."""
+        yield case.scene.run.accuracy
+
+
 _KICKS = (
-    Contestant("kicks, order 2 (Strang)", compiled_loop(strang_step), 2, 2),
-    Contestant("kicks, order 4", compiled_loop(rkn4_step), 4, 7),
-    Contestant("kicks, order 6", compiled_loop(rkn6_step), 6, 12),
+    Contestant("kicks, order 2 (Strang)", strang_steps, 2, 1),
+    Contestant("kicks, order 4", rkn4_steps, 4, 6),
+    Contestant("kicks, order 6", rkn6_steps, 6, 11),
 )
 
 
@@ -249,7 +263,7 @@ def own_methods() -> tuple[Method, ...]:
     """The library's methods, the plan last."""
     kicks = [FixedSteps(kick, "kicks", _top) for kick in _KICKS]
     series = [Substeps(order) for order in (6, 8, 12, 16, 20, 24)]
-    return Exact(), Substeps(0), Substeps(0, False), *series, *kicks, Planned()
+    return Exact(), ClosedForm(), Substeps(0), Substeps(0, False), *series, *kicks, Planned()
 
 
 def _top(case: Case) -> bool:
