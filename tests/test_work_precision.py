@@ -17,6 +17,7 @@ from rbfmu.work_precision import cases, collection, methods, own, peers, run_cha
 from rbfmu.work_precision.answers import Offer, answers, cost_of, front, text_of
 from rbfmu.work_precision.cases import CASES, CHECKPOINTS, reference
 from rbfmu.work_precision.collection import Point, read_points, write_points
+from rbfmu.work_precision.plans import verdict_table, verdicts
 
 DIGITS = mp.mpf(10) ** -37
 """Of 40 in the file; body rates grow to 50."""
@@ -208,6 +209,42 @@ def test_costs_in_words() -> None:
     assert [text_of(x) for x in (2.63e-13, 15.4e-9, 1.06e-6, 9.96e-6, 3e-3, 1.5)] == [
         "263 fs", "15 ns", "1.1 µs", "10 µs", "3.0 ms", "1.5 s",
     ]  # fmt: skip
+
+
+# Plans
+
+
+def _at_rest(method: str, family: str, error: float, seconds: float) -> Point:
+    return replace(_point(method, family, error, seconds), case="e", value=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("error", "others", "peers_cost", "kept"),
+    [(1e-10, 1.0, 1.0, True), (2e-9, 1.0, 1.0, False), (1e-10, 0.5, 1.0, False), (1e-10, 1.0, 0.5, False)],
+)
+def test_plans_are_held_against_their_accuracy_the_best_contestant_and_the_best_peer(
+    error: float, others: float, peers_cost: float, kept: bool
+) -> None:
+    planned = _at_rest("rbfmu, as planned", "planned", error, 1e-6)
+    contestants = [
+        _at_rest("exact", "exact", 1e-16, 2e-6),
+        _at_rest("Taylor, order 16", "Taylor", 1e-11, others * 1e-6),
+    ]
+    peer = _at_rest("SciPy DOP853", "peer", 1e-10, peers_cost * 101e-6)
+    (found,) = verdicts([planned, *contestants, peer, _at_rest("RK4, matrix", "classic", 1e-8, 1e-9)])
+    assert found.method == "closed form"
+    assert found.dearness == pytest.approx(1.0 / others)
+    assert found.lead == pytest.approx(101.0 * peers_cost)
+    assert found.kept == kept
+    assert ("kept" if kept else "MISSED") in verdict_table([found])
+
+
+def test_a_closed_form_under_torque_competes() -> None:
+    """Damping about one axis."""
+    closed = OWN["closed form"]
+    assert [key for key, case in CASES.items() if closed.suits(case)] == ["e"]
+    run = closed.run(CASES["e"], *closed.settings(CASES["e"], False))
+    assert CASES["e"].errors(run.states())["attitude"] < 1e-13
 
 
 # Files

@@ -18,6 +18,7 @@ def run_charts(folder: Path, quick: bool, progress: Callable[[int, int, str], An
     from rbfmu.work_precision.answers import answer_table, answers
     from rbfmu.work_precision.collection import collect, extent, machine, write_points, write_rows
     from rbfmu.work_precision.drawing import draw_answers, draw_case
+    from rbfmu.work_precision.plans import verdict_table, verdicts
 
     points, notes = collect(extent(quick), progress)
     folder.mkdir(parents=True, exist_ok=True)
@@ -28,7 +29,8 @@ def run_charts(folder: Path, quick: bool, progress: Callable[[int, int, str], An
         folder / "answers.txt",
         draw_answers(found, folder / "answers.png"),
     ]
-    files[2].write_text("\n".join([answer_table(found), "", *machine()]) + "\n", encoding="utf-8")
+    promises = verdict_table(verdicts(points))
+    files[2].write_text("\n".join([answer_table(found), "", promises, "", *machine()]) + "\n", encoding="utf-8")
     for case in dict.fromkeys(point.case for point in points):
         mine, answered = [p for p in points if p.case == case], [a for a in found if a.case == case]
         files.append(draw_case(mine, answered, folder / f"case_{case.replace(chr(39), '2')}.png"))

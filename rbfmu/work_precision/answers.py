@@ -135,10 +135,13 @@ def answer_table(found: Sequence[Answer], decades: Sequence[float] = (1e-3, 1e-6
         title = next(iter(mine.values())).title
         cells = [_cell(mine[x]) if x in mine else ("", "") for x in decades]
         rows += [[title, *(cell[0] for cell in cells)], ["", *(cell[1] for cell in cells)]]
-    widths = [max(len(row[k]) for row in [head, *rows]) for k in range(len(head))]
-    lines = [
-        "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip() for row in [head, *rows]
-    ]
+    return aligned([head, *rows])
+
+
+def aligned(rows: Sequence[Sequence[str]]) -> str:
+    """Columns of equal width, a line below the first row."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = ["  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip() for row in rows]
     return "\n".join([lines[0], "-" * len(lines[0]), *lines[1:]])
 
 
