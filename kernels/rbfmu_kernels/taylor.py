@@ -42,7 +42,7 @@ from .taylor_series import (
     put_factors,
     turned_loads,
 )
-from .vec3 import add, add_scaled, scale
+from .vec3 import add, add_scaled, dot, scale
 
 _MOST_DERIVATIVES = 9
 _WEIGHT = np.array(
@@ -62,8 +62,8 @@ _REMAINDER = np.array(
     ]
 )
 """Its error: this times (2 h)^(2m+1) / 2 and the (2m+1)-th derivative."""
-_PACE = 2.0 * np.sqrt(np.arange(_MOST_DERIVATIVES + 1) / math.e)
-"""Times the root of an acceleration: the rate whose turn has as large a (2m)-th derivative as a turn from rest."""
+_PACE = 4.0 / math.e * np.arange(_MOST_DERIVATIVES + 1)
+"""Times an acceleration: the square of the rate whose turn has as large a (2m)-th derivative as a turn from rest."""
 _FOUR = 4.0 ** np.arange(_MOST_DERIVATIVES + 1)
 
 KEPT = 8
@@ -166,16 +166,16 @@ def _error(s: Any, order: int, h: float, push: float, pull: float, kept: int, n:
     push: a force's acceleration, relative to the velocity and at least 1 m/s, if it turns with the body.
     pull: the angular acceleration by loads that turn in b, whose last terms count as they act for `kept` steps.
     """
-    m, rate, power = derivatives_of_attitude(order), 0.0, 1.0
+    m, square, power = derivatives_of_attitude(order), 0.0, 1.0
     at_end = (0.0, 0.0, 0.0)
     for k in range(4):
         part = scale(power, vec3_at(s, ROW * k))
         at_end = add(at_end, part)
-        rate = max(rate, max(_largest(part), _largest(at_end)))
+        square = max(square, max(dot(part, part), dot(at_end, at_end)))
         power *= h
     power = _power(h, order - 1)
     last = _last_terms(s, 0, order, h) * power
-    turn = h * rate
+    rate = math.sqrt(square)
     last = last / rate if rate > 0.0 else 0.0
     if n == SPIN:
         return last
@@ -185,8 +185,9 @@ def _error(s: Any, order: int, h: float, push: float, pull: float, kept: int, n:
         off += _last_terms(s, LOADS + SERIES, order, h) * power / twist if twist > 0.0 else 0.0
         span = kept * h
         last = max(last, off * pull * span * max(0.5 * span, 1.0 / rate)) if off > 0.0 else last
-    turn = max(turn, h * _PACE[m] * math.sqrt(_largest(vec3_at(s, ROW))))
-    remainder: float = _REMAINDER[m] * _power(turn * turn, m) * max(turn, _FOUR[m] * h * push)
+    alpha = vec3_at(s, ROW)
+    square = h * h * (square + _PACE[m] * math.sqrt(dot(alpha, alpha)))
+    remainder: float = _REMAINDER[m] * _power(square, m) * max(math.sqrt(square), _FOUR[m] * h * push)
     return max(last, remainder)
 
 
