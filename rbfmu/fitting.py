@@ -75,6 +75,7 @@ class _Search:
         self.known = not scene.inputs.ports and not scene.inputs.parameters
         self.steps = communication_steps(scene)
         self.best: _Fit | None = None
+        self.met: list[_Fit] = []
         some = _series(general, 8, 1.0)
         self.start = filled_buffer(scene, some)
         initialize(scene, some.unit, self.start)
@@ -98,7 +99,7 @@ class _Search:
         assert self.best
         if not self._is_met():
             raise self._out_of_reach(self.best.error)
-        return self._explained(self.best)
+        return self._explained(self._settled())
 
     def _is_met(self) -> bool:
         return self.best is not None and self.best.error <= self.accuracy / 3.0
@@ -111,7 +112,6 @@ class _Search:
         return SceneError(f"run.accuracy = {self.accuracy!r}: {expected}", self.scene.name)
 
     def _explained(self, best: _Fit) -> Plan:
-        best = self._whatever_the_step(best)
         found, cost = best.plan, best.cost / self.steps
         how = f"at tolerance {found.tolerance:.1e}" if found.tolerance else f"in steps of {found.substep:.3g} s"
         reason = f"{found.method} {how}: error {best.error:.1e} rad in a pilot run, judged by two tighter ones"
@@ -124,6 +124,17 @@ class _Search:
         held = f"{cheapest.method}: substeps' estimated errors at most {share:.1e}, a quarter of a step's share"
         pilot = f"inputs at zero, {reason}"
         return replace(cheapest, error=best.error, cost=work / self.steps, reasons=(held, pilot))
+
+    def _settled(self) -> _Fit:
+        """The cheapest of those that meet the accuracy whatever the communication step."""
+        best: _Fit | None = None
+        for fit in sorted(self.met, key=lambda fit: fit.cost):
+            if best and fit.cost >= best.cost:
+                break
+            other = self._whatever_the_step(fit)
+            best = other if best is None or other.cost < best.cost else best
+        assert best
+        return best
 
     def _whatever_the_step(self, best: _Fit) -> _Fit:
         """The fit, its tolerance such that one communication step for the whole run meets the accuracy as well.
@@ -226,6 +237,8 @@ class _Search:
             found = _Fit(plan, error, substeps, family.cost * substeps)
             if self.best is None or _better(found, self.best, bound):
                 self.best = found
+            if error <= bound:
+                self.met.append(found)
             stuck = error == last  # each communication step is one substep, or the step is as short as may be
             enough = error <= bound and (stuck or error >= least)
             if enough or (error > bound and self._is_dearer(found.cost)):
