@@ -38,14 +38,14 @@ class Rung(NamedTuple):
 
 
 RUNGS = {
-    "no rotation": Rung("closed form", 30.0, 0, 0),
-    "constant rate": Rung("closed form", 50.0, 4, 0),
-    "one axis": Rung("closed form", 90.0, 2, 1),
-    "undamped pendulum": Rung("elliptic functions", 65.0, 2, 2),
+    "no rotation": Rung("closed form", 25.0, 0, 0),
+    "constant rate": Rung("closed form", 30.0, 4, 0),
+    "one axis": Rung("closed form", 50.0, 2, 1),
+    "undamped pendulum": Rung("elliptic functions", 50.0, 2, 2),
     SWING: Rung("", 0.0, 2, 2),
     "prescribed rates": Rung("exact rotation", 90.0, 4, 4),
-    "torque-free symmetric body": Rung("elementary functions", 60.0),
-    "torque-free body": Rung("elliptic functions", 265.0),
+    "torque-free symmetric body": Rung("elementary functions", 40.0),
+    "torque-free body": Rung("elliptic functions", 80.0),
     "symmetric top": Rung("", 0.0, 7, 7),
     "body under loads": Rung("", 0.0, 7, 7),
     "body under loads, by series": Rung(),

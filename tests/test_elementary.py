@@ -1,4 +1,4 @@
-"""Portable sine, cosine and arctangent against 50 digits."""
+"""Portable sine, cosine, arctangent and powers of two against 50 digits."""
 
 import math
 
@@ -10,7 +10,7 @@ from hard_cases import angles, rng
 from hypothesis import given
 from laws import Law
 
-from rbfmu_kernels.elementary import atan2, scale_for_squares, sincos
+from rbfmu_kernels.elementary import atan2, exp2, scale_for_squares, sincos, sincos_half_turns
 from rbfmu_kernels.vec3 import norm
 
 
@@ -33,6 +33,23 @@ def angles_to_2e5():
     return [(float(x),) for x in [*values, *nearest_to_multiples_of_quarter_turns(100)]]
 
 
+def half_turns():
+    """A double and what it lacks of a number."""
+    r = rng(15)
+    values = [
+        *r.uniform(-1, 1, 500),
+        *r.uniform(-1e6, 1e6, 500),
+        *(0.5 * r.integers(-9, 9, 300) + 1e-9 * r.random(300)),
+    ]
+    return [(float(x), float(0.5 * math.ulp(x) * r.uniform(-1, 1))) for x in values]
+
+
+def exponents():
+    r = rng(16)
+    values = [*r.uniform(-1022, 1022, 1000), *r.uniform(-1, 1, 500), 0.0, -0.5, 0.5, 1022.0, -1022.0]
+    return [(float(x), float(0.5 * math.ulp(x) * r.uniform(-1, 1))) for x in values]
+
+
 def points():
     """All octants, all ratios, and sizes from 1e-150 to 1e150."""
     r = rng(12)
@@ -44,6 +61,8 @@ def points():
 
 LAWS = [
     Law(sincos, lambda x: [mp.sin(x), mp.cos(x)], angles_to_2e5, 0.8, measure=ulps),
+    Law(sincos_half_turns, lambda x, y: [mp.sinpi(x + y), mp.cospi(x + y)], half_turns, 0.8, measure=ulps),
+    Law(exp2, lambda x, y: mp.mpf(2) ** (x + y), exponents, 0.9, measure=ulps),
     Law(atan2, lambda y, x: mp.atan2(y, x), points, 1.4, measure=ulps),
     Law(norm, exact.norm, lambda: [((s, -2.0 * s, 0.3 * s),) for s in 10.0 ** rng(13).uniform(-300, 300, 300)], 1.0,
         scale=exact.norm),

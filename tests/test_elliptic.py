@@ -4,10 +4,9 @@ import math
 
 import mpmath as mp
 import numpy as np
-import pytest
 
 from rbfmu_kernels.elementary import sincos
-from rbfmu_kernels.elliptic import angle_in_half_turns, climb_scale, jacobi_from_phase, scale_levels, third_kind
+from rbfmu_kernels.elliptic import angle_in_half_turns, climb_scale, jacobi_from_phase, scale_levels
 
 EPS = 2.0**-52
 
@@ -65,36 +64,6 @@ def test_scale_gives_agm_third_kind_and_phase_beyond_double():
             assert abs(value(total) / sum_ - 1) < 1e-26
             phase = mp.ellipf(mp.atan2(value(s), value(c)), m) * mean / mp.pi
             assert abs(value(x) - phase) < 2e-19
-
-
-def test_third_kind_with_its_factor():
-    rng, kcs = moduli(3, 180)
-    worst = 0.0
-    for i, kc in enumerate(kcs):
-        n = float(rng.random() ** (1, 4)[i % 2])
-        tangent = float(rng.choice([-1.0, 1.0]) * 10.0 ** rng.uniform(-3, 3))
-        s, c = tangent / math.hypot(1.0, tangent), 1.0 / math.hypot(1.0, tangent)
-        b, y = kc / math.sqrt(1.0 + n), math.sqrt(n * (n + (1.0 - kc) * (1.0 + kc)) / (1.0 + n))
-        dn = math.hypot(c, kc * s)
-        found = third_kind(y * s, b, s, c, dn)
-        with mp.workdps(digits_for(kc)):
-            bs2 = (mp.mpf(b) * s) ** 2
-            truth = mp.mpf(y) * s * bs2 / 3 * mp.elliprj(mp.mpf(c) ** 2, mp.mpf(dn) ** 2, 1, mp.mpf(c) ** 2 + bs2)
-            if abs(truth) > 1e-280:
-                worst = max(worst, float(abs(found / truth - 1)) / EPS)
-    assert 1.0 < worst <= 3.0
-
-
-@pytest.mark.parametrize("dn", [1e-180, 1e-290])
-def test_third_kind_where_squares_underflow(dn):
-    """R_J(c^2, d^2, 1, p) with c, d, p^(1/2) all tiny: the first arctangent is all there is."""
-    s, c, n = 1.0, 0.6 * dn, 0.5
-    kc = 0.8 * dn
-    b, y = kc / math.sqrt(1.0 + n), math.sqrt(n * (n + 1.0) / (1.0 + n))
-    with mp.workdps(700):
-        bs2 = mp.mpf(b) ** 2
-        truth = mp.mpf(y) * bs2 / 3 * mp.elliprj(mp.mpf(c) ** 2, mp.mpf(dn) ** 2, 1, mp.mpf(c) ** 2 + bs2)
-        assert float(abs(third_kind(y, b, s, c, dn) / truth - 1)) <= 3.0 * EPS
 
 
 def test_angles_in_all_quadrants():

@@ -4,8 +4,9 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from ._kernel import kernel
-from ._precession import precession
 from ._scaling import power_of_two_for
+from ._theta import NEAR, SEPARATRIX, STEADY, TUMBLING, place_of, turn_of
+from ._theta_setup import near_series_of, series_of
 from ._turns import ONE_OVER_4PI, turning_about
 from .double_double import (
     DoubleDouble,
@@ -21,22 +22,25 @@ from .double_double import (
     two_product,
     two_sum,
 )
-from .elliptic import angle_in_half_turns, climb_scale, scale_levels
-from .quaternion import compose_quaternions
+from .elliptic import angle_in_half_turns, climb_scale
+from .jacobi_theta import NEAREST_KC
+from .quaternion import compose_quaternions, invert_quaternion
 from .shapes import _SHAPES, Quaternion, Vec3
 from .vec3 import scale
 
-FREE_ROTATION_SIZE = 48
+FREE_ROTATION_SIZE = 62
 if TYPE_CHECKING:
-    FreeRotation = Any  # mypy has no tuple of 48 floats short of writing it out
+    FreeRotation = Any  # mypy has no tuple of 62 floats short of writing it out
 else:
     FreeRotation = tuple[(float,) * FREE_ROTATION_SIZE]
 _SHAPES[FreeRotation] = (FREE_ROTATION_SIZE,)
 
-TUMBLING, STEADY, SEPARATRIX = 0.0, 1.0, 2.0
 _ONE_OVER_PI: DoubleDouble = (0.3183098861837907, -1.9678676675182486e-17)
-_NO_LEVELS = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _LEAST_KC = 1e-300
+_Columns = tuple[
+    float, float, float, float, float, float, float, float, float, float, float, float, float, float, float, float
+]
+_NO_SERIES = (0.0,) * 22
 
 
 @kernel(inline=False)
@@ -45,8 +49,8 @@ def steady_setup(q_0: Quaternion, omega: Vec3, unit: float) -> FreeRotation:
     x, y, z = scale(unit, omega)
     axis, turns = turning_about(omega)
     return (
-        STEADY, unit, turns[0], turns[1], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, *axis, x, y, z, *q_0, 1.0, 2.0, 3.0,
-        *_NO_LEVELS, 1.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0,
+        STEADY, unit, turns[0], turns[1], 0.0, 0.0, 0.0, 0.0, x, y, z, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0,
+        *_columns(q_0, (1.0, 1.0, 1.0), 1.0, 2.0), 1.0, 2.0, *axis, *_NO_SERIES,
     )  # fmt: skip
 
 
@@ -62,7 +66,7 @@ def tumbling_setup(moments: Vec3, q_0: Quaternion, omega: Vec3, unit: float) -> 
     sign_s = math.copysign(1.0, omega[s])
     sign_r = sign_p * sign_s * (1.0 if (p + 1) % 3 == r else -1.0)
     w_p, w_r, w_s = abs(omega[p]), sign_r * omega[r], abs(omega[s])
-    m_r, m_s = two_product(i_r, w_r), two_product(i_s, w_s)
+    m_s = two_product(i_s, w_s)
 
     kappa, one_kappa = _kappa(i_p, i_r, i_s)
     root_kappa = dd_sqrt(one_kappa)
@@ -72,7 +76,6 @@ def tumbling_setup(moments: Vec3, q_0: Quaternion, omega: Vec3, unit: float) -> 
     m_r2_up = dd_divide(dd_multiply(m_r_up, m_r_up), one_kappa)
     a_p2_up = dd_add(dd_multiply(m_p_up, m_p_up), m_r2_up)
     a_p_up = dd_sqrt(a_p2_up)
-    sn, cn = sign * m_r_up[0] / (root_kappa[0] * a_p_up[0]), m_p_up[0] / a_p_up[0]
     am_s, am_c = dd_scale(math.copysign(1.0, m_r_up[0]), m_r_up), dd_multiply(root_kappa, m_p_up)
     down = 1.0 / up
     a_p, a_p2 = dd_scale(down, a_p_up), dd_scale(down, dd_scale(down, a_p2_up))
@@ -80,7 +83,8 @@ def tumbling_setup(moments: Vec3, q_0: Quaternion, omega: Vec3, unit: float) -> 
 
     if i_p == i_r:
         polhode = _symmetric(i_r, i_s, w_s, m_s, a_p2, am_s, am_c)
-        kind, kc2, dn, levels = TUMBLING, (1.0, 0.0), 1.0, _NO_LEVELS
+        kc: DoubleDouble = (1.0, 0.0)
+        kc2 = kc
     else:
         a_s2 = dd_add(dd_multiply(m_s, m_s), dd_multiply(kappa, dd_scale(down, dd_scale(down, m_r2_up))))
         kc2 = dd_divide(dd_multiply_float(distance, i_s), dd_multiply(_gap(i_s, i_r), a_s2))
@@ -88,35 +92,64 @@ def tumbling_setup(moments: Vec3, q_0: Quaternion, omega: Vec3, unit: float) -> 
         kc2 = dd_scale(distance_unit, dd_scale(distance_unit, kc2))
         if kc[0] - 1.0 + kc[1] > 0.0:
             kc = kc2 = (1.0, 0.0)
-        kind = SEPARATRIX if kc[0] < _LEAST_KC else TUMBLING
-        kc = (_LEAST_KC, 0.0) if kind == SEPARATRIX else kc
+        kc = (_LEAST_KC, 0.0) if kc[0] <= _LEAST_KC else kc
         polhode = _triaxial((i_p, i_r, i_s), kappa, one_kappa, a_p2, a_s2, kc, am_s, am_c)
-        dn, levels = m_s[0] / polhode[1][0], scale_levels(kc)
-    form, a_s, rate_s, rate, nu, x, half_turn, y, b, rho = polhode
+    a_s, g, rate_s, rate, nu, x, half_turn, k2, agm = polhode
 
-    constants = (sign * form, y, b, root_kappa[0], rho)
-    psi_0 = precession(sn, cn, dn, constants)
-    inverse_g = 1.0 / math.sqrt(a_p2[0] + a_s[0] * a_s[0])
-    back = (1.0 + inverse_g * m_s[0], -inverse_g * m_r[0], inverse_g * i_p * w_p, 0.0)
-    q = compose_quaternions((q_0[0], sign_p * q_0[p + 1], sign_r * q_0[r + 1], sign_s * q_0[s + 1]), back)
-    x = dd_scale(sign * math.copysign(1.0, m_r_up[0]), x)
+    kind, width, shift = TUMBLING, (0.0, 0.0), 0.0
     half_turn = dd_scale(sign, half_turn)
+    if kc[0] >= NEAREST_KC:
+        series = series_of(kappa[0], a_p[0] / (a_s[0] + g), k2, kc[0], sign)
+        rate = dd_add(rate, dd_multiply(half_turn, nu))
+    else:
+        kind = NEAR
+        series, width, shift = near_series_of(dd_sqrt(kappa), kc, agm, sign)
+        if kc[0] > _LEAST_KC:
+            rate = dd_add(rate, dd_multiply(half_turn, nu))
+        else:
+            kind, shift = SEPARATRIX, 0.0
+    x = dd_scale(sign * math.copysign(1.0, m_r_up[0]), x)
     rate_p = dd_divide(dd_scale(unit * sign_p, a_p), (i_p, 0.0))
     rate_r = dd_divide(dd_scale(unit * sign_r, a_r), (i_r, 0.0))
     rate_s = dd_scale(unit * sign_s, rate_s)
+    q = (q_0[0], sign_p * q_0[p + 1], sign_r * q_0[r + 1], sign_s * q_0[s + 1])
+    start = turn_of(kind, place_of(kind, x, width), (0.0, 0.0), shift, series)
+    q = compose_quaternions(q, invert_quaternion(start))
+    numbers = (p + 1.0, r + 1.0)
     return (
-        kind, unit, rate[0], rate[1], nu[0], nu[1], x[0], x[1], half_turn[0], half_turn[1], psi_0,
-        inverse_g * a_p[0], inverse_g * a_r[0], inverse_g * a_s[0], rate_p[0], rate_r[0], rate_s[0], *q,
-        sign_p * (p + 1.0), sign_r * (r + 1.0), sign_s * (s + 1.0), *levels, *constants,
-        rate_p[1], rate_r[1], rate_s[1], kc2[0], kc2[1],
+        kind, unit, rate[0], rate[1], 0.5 * nu[0], 0.5 * nu[1], x[0], x[1], rate_p[0], rate_r[0], rate_s[0],
+        rate_p[1], rate_r[1], rate_s[1], kc2[0], kc2[1], width[0], width[1], shift,
+        *_columns(q, (sign_p, sign_r, sign_s), *numbers), *numbers, *series,
     )  # fmt: skip
 
 
+@kernel(inline=False)
+def _columns(q: Quaternion, signs: Vec3, p: float, r: float) -> _Columns:
+    """What 1, i_p, i_r, i_s are after q, in body axes."""
+    a, x, y, z = q
+    return (
+        a, *in_body_axes((signs[0] * x, signs[1] * y, signs[2] * z), p, r),
+        -x, *in_body_axes((signs[0] * a, signs[1] * z, -signs[2] * y), p, r),
+        -y, *in_body_axes((-signs[0] * z, signs[1] * a, signs[2] * x), p, r),
+        -z, *in_body_axes((signs[0] * y, -signs[1] * x, signs[2] * a), p, r),
+    )  # fmt: skip
+
+
+@kernel
+def in_body_axes(v: Vec3, p: float, r: float) -> Vec3:
+    """V given along p, r and s; p, r: the numbers 1, 2, 3 of the body axes."""
+    return (
+        v[0] if p == 1.0 else (v[1] if r == 1.0 else v[2]),
+        v[0] if p == 2.0 else (v[1] if r == 2.0 else v[2]),
+        v[0] if p == 3.0 else (v[1] if r == 3.0 else v[2]),
+    )
+
+
 _Polhode = tuple[
-    float, DoubleDouble, DoubleDouble, DoubleDouble, DoubleDouble, DoubleDouble, DoubleDouble, float, float, float
+    DoubleDouble, float, DoubleDouble, DoubleDouble, DoubleDouble, DoubleDouble, DoubleDouble, float, DoubleDouble
 ]
-"""Form of the precession; A_s; A_s / I_s; rate of psi / (4 pi); rate and start of the phase x / pi of the polhode;
-psi / (4 pi) in half a turn of it; y; b; rho."""
+"""A_s; G; A_s / I_s; rate of psi / (4 pi); rate and start of the phase x / pi of the polhode; psi / (4 pi) besides in
+half a turn of it; k^2; AGM(1, kc)."""
 
 
 @kernel(inline=False)
@@ -128,7 +161,8 @@ def _symmetric(
     rate = dd_divide(dd_multiply(g, ONE_OVER_4PI), (i_r, 0.0))
     lam = dd_divide(dd_multiply_float(_gap(i_s, i_r), w_s), (i_r, 0.0))
     x = angle_in_half_turns(am_s, am_c)
-    return (1.0, m_s, (w_s, 0.0), rate, dd_multiply(lam, _ONE_OVER_PI), x, (-0.25, 0.0), 0.0, 0.0, 1.0)
+    nu = dd_multiply(lam, _ONE_OVER_PI)
+    return (m_s, g[0], (w_s, 0.0), rate, nu, x, (-0.25, 0.0), 0.0, (1.0, 0.0))
 
 
 @kernel(inline=False)
@@ -145,20 +179,20 @@ def _triaxial(
     lam = dd_multiply(rate_s, dd_sqrt(dd_divide(lam, two_product(i_p, i_r))))
     rho, one_rho = dd_divide(a_p2, a_s2), dd_divide(g2, a_s2)
     if kappa[0] <= rho[0]:
-        form, n, one_n, one_other = 1.0, kappa, one_kappa, one_rho
+        middle, n, one_n, one_other = True, kappa, one_kappa, one_rho
         rate = dd_divide(g, (i_r, 0.0))
     else:
-        form, n, one_n, one_other = 2.0, rho, one_rho, one_kappa
+        middle, n, one_n, one_other = False, rho, one_rho, one_kappa
         energy = dd_add(dd_multiply_float(a_p2, i_s), dd_multiply_float(a_s2, i_p))
         rate = dd_divide(energy, dd_multiply(g, two_product(i_p, i_s)))
     y = dd_multiply(n, dd_sqrt(dd_divide(one_other, one_n)))
     agm, total, x = climb_scale(kc, n, am_s, am_c)
     # T over a half turn is pi y (2 - total) / (2 AGM).
     half_turn = dd_scale(0.125, dd_divide(dd_multiply(y, dd_add_float(dd_negate(total), 2.0)), agm))
-    half_turn = dd_add_float(half_turn, -0.25) if form == 1.0 else dd_negate(half_turn)
+    half_turn = dd_add_float(half_turn, -0.25) if middle else dd_negate(half_turn)
     nu = dd_multiply(dd_multiply(lam, agm), _ONE_OVER_PI)
     rate = dd_multiply(rate, ONE_OVER_4PI)
-    return (form, a_s, rate_s, rate, nu, x, half_turn, y[0], kc[0] / math.sqrt(one_n[0]), rho[0])
+    return (a_s, g[0], rate_s, rate, nu, x, half_turn, kappa[0] * rho[0], agm)
 
 
 @kernel

@@ -3,7 +3,6 @@
 from ._kernel import kernel
 from ._scaling import power_of_two_for, round_to_integer
 from .double_double import (
-    PI,
     DoubleDouble,
     dd_add,
     dd_divide,
@@ -14,7 +13,7 @@ from .double_double import (
     two_product,
     two_sum,
 )
-from .elementary import sincos
+from .elementary import sincos_half_turns
 from .shapes import Quaternion, Vec3
 from .vec3 import scale
 
@@ -34,20 +33,11 @@ def without_turns(a: DoubleDouble, t: float) -> DoubleDouble:
 
 
 @kernel
-def sincos_half_turns(x: DoubleDouble) -> tuple[float, float]:
-    """(sin, cos) of pi x."""
-    angle, rest = two_product(PI[0], x[0])
-    rest += PI[0] * x[1] + PI[1] * x[0]
-    s, c = sincos(angle)
-    return (s + c * rest, c - s * rest)
-
-
-@kernel
 def turned(turning: Turning, t: float) -> Quaternion:
     """The rotation of a turning after a time t, s."""
     axis, rate = turning
     high, low = without_turns(rate, t)
-    s, c = sincos_half_turns((2.0 * high, 2.0 * low))
+    s, c = sincos_half_turns(2.0 * high, 2.0 * low)
     return (c, s * axis[0], s * axis[1], s * axis[2])
 
 

@@ -16,7 +16,6 @@ from .body_memory import (
     is_as_planned,
     loads_of,
     put_quaternion_at,
-    put_rotation,
     put_vec3_at,
     quaternion_at,
     rotation_of,
@@ -72,5 +71,4 @@ def step(z: Any, h: float) -> int:
     q = quaternion_at(z, _Q_0)
     if turns(z):
         q = compose_quaternions(q, quaternion_from_axis_angle(axis, (rate * first + gained * second) * t))
-    put_rotation(z, q, scale(rate + (gained - decay * rate * t) * first, axis))
-    return finish_step(z, h, body_of(z), loads_of(z))
+    return finish_step(z, h, q, scale(rate + (gained - decay * rate * t) * first, axis))

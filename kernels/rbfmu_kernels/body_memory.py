@@ -257,6 +257,14 @@ def shows_loads(z: Any) -> bool:
 
 
 @kernel
+def shows_rates(z: Any) -> bool:
+    """Whether an output besides position, quaternion and rpy is wanted: all of them need the body's rate."""
+    moving = z[_NO_VELOCITY] == 0.0 or z[_NO_ACCELERATION] == 0.0 or z[_NO_ENERGY] == 0.0
+    shown = z[_NO_OMEGA_B] == 0.0 or z[_NO_OMEGA_A] == 0.0 or z[_NO_ALPHA] == 0.0 or z[_NO_MOMENTUM] == 0.0
+    return bool(moving or shown)
+
+
+@kernel
 def turns(z: Any) -> bool:
     """Whether an output needs the attitude: itself, or a point beside the centre of mass, or a force that turns."""
     attitude = z[_NO_QUATERNION] == 0.0 or z[_NO_RPY] == 0.0 or z[_NO_OMEGA_A] == 0.0 or z[_NO_MOMENTUM] == 0.0

@@ -6,30 +6,29 @@ from ._kernel import kernel
 from ._turns import Turning
 from .body_memory import (
     COMMON,
-    STATE_SIZE,
+    body_of,
     centre_of,
     has_pivot,
     is_as_planned,
-    is_finite,
-    keep_state,
+    loads_of,
     moves,
     put_centre,
+    put_rotation,
     put_vec3_at,
-    restore_state,
-    rotation_of,
     vec3_at,
 )
 from .body_outputs import outputs
 from .double_double import DoubleDouble, two_sum
-from .dynamics import Body, Loads, linear_acceleration
+from .dynamics import linear_acceleration
 from .layout import NOT_REACHED, places
+from .shapes import Quaternion, Vec3
 from .vec3 import add_scaled, is_nonzero
 
-CLOSED_FORM = COMMON | {"before": STATE_SIZE, "elapsed": 2, "r_0": 3, "v_0": 3, "held": 3, "since": 2}
-"""Besides what all bodies have: the state before a step and the time since the start; position and velocity of the
+CLOSED_FORM = COMMON | {"elapsed": 2, "r_0": 3, "v_0": 3, "held": 3, "since": 2}
+"""Besides what all bodies have: the time since the start; position and velocity of the
 centre of mass when its acceleration last changed, that acceleration, and the time since then."""
 _BLOCKS, _ = places(CLOSED_FORM)
-_BEFORE, _ELAPSED, _R_0, _V_0, _HELD, _SINCE = (_BLOCKS[n].start for n in list(CLOSED_FORM)[-6:])
+_ELAPSED, _R_0, _V_0, _HELD, _SINCE = (_BLOCKS[n].start for n in list(CLOSED_FORM)[-5:])
 
 
 @kernel
@@ -44,8 +43,7 @@ def start_clocks(z: Any) -> None:
 
 @kernel
 def time_after(z: Any, h: float) -> float:
-    """The time since the start, s, after a step h that begins: the state is kept in case that it fails."""
-    keep_state(z, _BEFORE)
+    """The time since the start, s, after a step h."""
     t, low = _later(z, _ELAPSED, h)
     return t + low
 
@@ -57,9 +55,9 @@ def _later(z: Any, clock: int, h: float) -> DoubleDouble:
 
 
 @kernel
-def has_torque(z: Any, body: Body, loads: Loads) -> bool:
+def has_torque(z: Any) -> bool:
     """Whether damping, a torque, or a force with an arm acts; or one that turns, where the position is wanted."""
-    _, force_a, force_b, torque_a, torque_b = loads
+    body, (_, force_a, force_b, torque_a, torque_b) = body_of(z), loads_of(z)
     arm_b, damping_b = body[3], body[4]
     lever = is_nonzero(arm_b) and (is_nonzero(force_a) or is_nonzero(force_b))
     turning = is_nonzero(force_b) and moves(z)
@@ -67,34 +65,42 @@ def has_torque(z: Any, body: Body, loads: Loads) -> bool:
 
 
 @kernel
-def goes_on_free(z: Any, h: float, body: Body, loads: Loads) -> bool:
+def goes_on_free(z: Any, h: float) -> bool:
     """Whether a step of a model without torques can be taken: h > 0, and no input makes a torque."""
-    return h > 0.0 and (is_as_planned(z) or not has_torque(z, body, loads))
+    return h > 0.0 and (is_as_planned(z) or not has_torque(z))
 
 
 @kernel(inline=False)
-def finish_step(z: Any, h: float, body: Body, loads: Loads) -> int:
-    """Move the centre of mass, refresh the outputs, advance the clocks; NOT_REACHED restores what was before."""
-    since, low, r_0, v_0 = 0.0, 0.0, vec3_at(z, _R_0), vec3_at(z, _V_0)
-    a = vec3_at(z, _HELD)
-    if moves(z) and not has_pivot(z):
-        a = linear_acceleration(rotation_of(z)[0], body, loads)
-        held = a == vec3_at(z, _HELD)
-        if held:
-            since, low = _later(z, _SINCE, h)
-        else:
-            since, (r_0, v_0) = h, centre_of(z)
-        t = since + low
-        put_centre(z, add_scaled(add_scaled(r_0, t, v_0), 0.5 * t * t, a), add_scaled(v_0, t, a))
-    if not is_finite(z):
-        restore_state(z, _BEFORE)
+def finish_step(z: Any, h: float, q: Quaternion, omega: Vec3) -> int:
+    """Take attitude and rate, move the centre of mass, refresh the outputs; NOT_REACHED leaves all as it was."""
+    rest = (0.0 * q[0] + 0.0 * q[1]) + (0.0 * q[2] + 0.0 * q[3])
+    rest += 0.0 * omega[0] + (0.0 * omega[1] + 0.0 * omega[2])
+    if rest != 0.0 or (moves(z) and not has_pivot(z) and not _moved(z, h, q)):
         return NOT_REACHED
+    put_rotation(z, q, omega)
     z[_ELAPSED], z[_ELAPSED + 1] = _later(z, _ELAPSED, h)
+    return outputs(z)
+
+
+@kernel
+def _moved(z: Any, h: float, q: Quaternion) -> bool:
+    """Whether the centre of mass has moved to where it is finite."""
+    since, low, r_0, v_0 = 0.0, 0.0, vec3_at(z, _R_0), vec3_at(z, _V_0)
+    a = linear_acceleration(q, body_of(z), loads_of(z))
+    if a == vec3_at(z, _HELD):
+        since, low = _later(z, _SINCE, h)
+    else:
+        since, (r_0, v_0) = h, centre_of(z)
+    t = since + low
+    r, v = add_scaled(add_scaled(r_0, t, v_0), 0.5 * t * t, a), add_scaled(v_0, t, a)
+    if 0.0 * r[0] + 0.0 * r[1] + 0.0 * r[2] + 0.0 * v[0] + 0.0 * v[1] + 0.0 * v[2] != 0.0:
+        return False
+    put_centre(z, r, v)
     z[_SINCE], z[_SINCE + 1] = since, low
     put_vec3_at(z, _R_0, r_0)
     put_vec3_at(z, _V_0, v_0)
     put_vec3_at(z, _HELD, a)
-    return outputs(z)
+    return True
 
 
 TURNING = 5

@@ -17,6 +17,10 @@ _TWO_OVER_PI = 0.6366197723675814
 _PIO2_1 = 1.5707963267923333
 _PIO2_2 = 2.5633441515839558e-12
 _PIO2_3 = 1.0562999066987428e-23
+_PI, _PI_LOW = 3.141592653589793116, 1.224646799147353207e-16
+_SPLIT = 2.0**27 + 1.0
+_PI_1 = _SPLIT * _PI - (_SPLIT * _PI - _PI)
+_PI_2 = _PI - _PI_1
 
 
 @kernel
@@ -33,6 +37,30 @@ def sincos(x: float) -> tuple[float, float]:
     w = k * _PIO2_2
     r = first - w
     tail = ((first - r) - w) - k * _PIO2_3
+    return _in_quadrant(shifted, r, tail)
+
+
+@kernel
+def sincos_half_turns(high: float, low: float) -> tuple[float, float]:
+    """(sin, cos) of pi (high + low), |low| <= half an ulp of high.
+
+    Error <= 0.8 ulp to |high| = 2^50; beyond 2^51 no digit is left.
+    """
+    shifted = 2.0 * high + _ROUND
+    rest = high - 0.5 * (shifted - _ROUND)
+    f = rest + low
+    low -= f - rest
+    c = _SPLIT * f  # pi f exactly (Dekker), the parts of pi known
+    f_1 = c - (c - f)
+    f_2 = f - f_1
+    r = _PI * f
+    tail = ((_PI_1 * f_1 - r) + _PI_1 * f_2 + _PI_2 * f_1) + _PI_2 * f_2
+    return _in_quadrant(shifted, r, tail + (_PI * low + _PI_LOW * f))
+
+
+@kernel
+def _in_quadrant(shifted: float, r: float, tail: float) -> tuple[float, float]:
+    """(sin, cos) of k pi / 2 + r + tail; shifted: k plus `_ROUND`."""
     s, c = _sincos_near_zero(r, tail)
     quadrant = np.float64(shifted).view(np.int64)  # its last two bits are those of k
     odd = quadrant & 1 != 0
@@ -62,6 +90,24 @@ def _sincos_near_zero(r: float, tail: float) -> tuple[float, float]:
     half = 0.5 * z
     w = 1.0 - half
     return (sine, w + (((1.0 - w) - half) + (zz * p - r * tail)))
+
+
+@kernel
+def exp2(high: float, low: float) -> float:
+    """2^(high + low), |high| <= 1022, |low| <= an ulp of high.  Error <= 0.9 ulp."""
+    shifted = high + _ROUND
+    r = (high - (shifted - _ROUND)) + low
+    z = r * r
+    w = z * z
+    a = (0.2402265069591007 + r * 0.055504108664821576) + z * (0.009618129107628477 + r * 0.0013333558146428441)
+    b = 0.00015403530393381606 + r * 1.5252733804059838e-05
+    b += z * (1.3215486790144305e-06 + r * 1.0178086009239696e-07)
+    c = (7.054911620801121e-09 + r * 4.44553827187081e-10) + z * (2.5678435993488196e-11 + r * 1.3691488853904124e-12)
+    first = r * 0.6931471805599453
+    s = 1.0 + first
+    p = s + (((1.0 - s) + first) + z * (a + w * (b + w * c)))
+    power = np.int64((np.float64(shifted).view(np.int64) + 1023) << 52)
+    return float(power.view(np.float64)) * p
 
 
 @kernel

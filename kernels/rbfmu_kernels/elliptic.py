@@ -2,7 +2,7 @@
 
 The scale of arithmetic-geometric means a_0 = 1, g_0 = kc (the complementary modulus), a' = (a + g) / 2, g' = sqrt(a g)
 serves all: complete integrals, the phase x = pi u / (2 K) of an amplitude (both once, `climb_scale`), and sn, cn, dn of
-a phase (`jacobi_from_phase`).  Sources: DLMF 19.8, 22.7, 22.20; Bulirsch, Numer. Math. 7 (1965); Carlson: DLMF 19.36.
+a phase (`jacobi_from_phase`).  Sources: DLMF 19.8, 22.7, 22.20; Bulirsch, Numer. Math. 7 (1965).
 """
 
 import math
@@ -223,61 +223,3 @@ def angle_in_half_turns(y: DoubleDouble, x: DoubleDouble) -> DoubleDouble:
     angle = dd_add_float(angle, 0.125 * eighths)
     angle = dd_add_float(dd_scale(-1.0, angle), 1.0) if left else angle
     return dd_scale(-1.0 if below else 1.0, angle)
-
-
-@kernel
-def third_kind(w: float, b: float, s: float, c: float, dn: float) -> float:
-    """w (b s)^2 / 3 R_J(c^2, dn^2, 1, p), p = c^2 + (b s)^2, where w^2 (b s)^4 = (p - c^2) (dn^2 - p) (1 - p).
-
-    s, c, dn = sn, cn, dn of any modulus, (dn^2 - c^2) / 2 <= (b s)^2 <= dn^2 - c^2; c and dn may be as small as 1e-300.
-    Duplication (DLMF 19.36.1, 19.26.19): with this factor its sum of R_C is 2 sum 2^n atan(w_n / (8^n d_n)), no
-    argument beyond tan(pi / 8).  The series to seventh degree: DLMF 19.36.2.  Error <= 3 eps.
-    """
-    up = 1.0 if dn > 1e-100 else 2.0**600
-    bs = b * s
-    square = (up * bs) * (up * bs)
-    root_x, root_y, root_z = abs(c), dn, 1.0
-    root_p = math.sqrt((up * c) * (up * c) + square) / up
-    x, y, z, p = c * c, dn * dn, 1.0, root_p * root_p
-    mean = (x + y + z + 2.0 * p) * 0.2
-    spread = 64.0 * max(max(abs(mean - x), abs(mean - y)), max(abs(mean - z), abs(mean - p)))
-    first = (root_p + root_x) * up * ((root_p + root_y) * up) * (root_p + root_z)
-    arcs = _small_atan(w * square / first)
-    w *= bs * bs
-    quarter, doubled = w * (1.0 / 12.0), 2.0
-    for _ in range(600):
-        shift = root_x * root_y + root_y * root_z + root_z * root_x
-        x, y, z, p = 0.25 * (x + shift), 0.25 * (y + shift), 0.25 * (z + shift), 0.25 * (p + shift)
-        mean, spread, w = 0.25 * (mean + shift), 0.25 * spread, 0.125 * w
-        if not spread > mean:
-            break
-        root_x, root_y, root_z, root_p = math.sqrt(x), math.sqrt(y), math.sqrt(z), math.sqrt(p)
-        arcs += doubled * _small_atan(w / ((root_p + root_x) * (root_p + root_y) * (root_p + root_z)))
-        quarter, doubled = 0.25 * quarter, 2.0 * doubled
-    inverse = 1.0 / mean
-    x, y, z = (mean - x) * inverse, (mean - y) * inverse, (mean - z) * inverse
-    p = -0.5 * (x + y + z)
-    xyz, p2 = x * y * z, p * p
-    e2 = x * y + x * z + y * z - 3.0 * p2
-    e3 = xyz + 2.0 * e2 * p + 4.0 * p * p2
-    e4 = (2.0 * xyz + e2 * p + 3.0 * p * p2) * p
-    e5 = xyz * p2
-    e22 = e2 * e2
-    series = 1.0 + (-3.0 / 14.0 * e2 + 1.0 / 6.0 * e3 + 9.0 / 88.0 * e22 - 3.0 / 22.0 * e4 - 9.0 / 52.0 * e2 * e3
-                    + 3.0 / 26.0 * e5 - 1.0 / 16.0 * e2 * e22 + 3.0 / 40.0 * e3 * e3 + 3.0 / 20.0 * e2 * e4
-                    + 45.0 / 272.0 * e22 * e3 - 9.0 / 68.0 * (e3 * e4 + e2 * e5))  # fmt: skip
-    return 2.0 * arcs + quarter * series * inverse / math.sqrt(mean)
-
-
-@kernel
-def _small_atan(r: float) -> float:
-    """The arctangent of r, |r| <= sqrt 2 - 1: Chebyshev fit of atan(r) / r in r^2, error 2e-18, and one rounding."""
-    z = r * r
-    z2 = z * z
-    a = 0.0379473290518238 - 0.0177855413361691 * z
-    b = 0.0584672527408186 - 0.0503440488846491 * z
-    c = 0.0769204352156341 - 0.0666293102332267 * z
-    d = 0.1111111074143104 - 0.0909089670826134 * z
-    e = 0.1999999999994017 - 0.1428571427918009 * z
-    p = e + z2 * (d + z2 * (c + z2 * (b + z2 * a)))
-    return r + r * z * (z * p - 0.3333333333333312)

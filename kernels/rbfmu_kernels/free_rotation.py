@@ -6,27 +6,33 @@ m_p, m_s >= 0, the angular momentum is m = (A_p cn u, A_r sn u, A_s dn u), u = u
 and modulus come from sums of terms of one sign, never from G^2 - 2 T I_r, and the axis of dn is chosen by the sign of
 that difference, so that k <= 1 (P. Leroy, "On an article by Celledoni et al.", Principia).
 
-The attitude is q = q_0 S^-1 P(m_0)^-1 Z(psi) P(m) S: S takes the body's axes to (p, r, s), P(m) turns m onto z by the
-shortest way, Z turns about z by psi (see _precession.py).  With kappa = I_s (I_r - I_p) / (I_p (I_s - I_r)) and
-rho = (A_p / A_s)^2, kappa rho = k^2, all is a sum of terms of one sign, for any inertia: nothing cancels, nothing has a
-pole.  What grows with t is double-double, the rest is bounded: the error does not grow.
+With kappa = I_s (I_r - I_p) / (I_p (I_s - I_r)) and rho = (A_p / A_s)^2, kappa rho = k^2, all is a sum of terms of one
+sign, for any inertia: nothing cancels, nothing has a pole.
+
+The attitude is q = q_0 S^-1 Q(u_0)^-1 Z(psi) Q(u) S: S takes the body's axes to (p, r, s), Z turns about the angular
+momentum, steadily, Q is periodic in u (see _theta.py).  What grows with t is double-double, the rest is bounded: the
+error does not grow.
 """
 
 import math
 
 from ._free_rotation_setup import FREE_ROTATION_SIZE as FREE_ROTATION_SIZE
-from ._free_rotation_setup import SEPARATRIX, STEADY, steady_setup, tumbling_setup
 from ._free_rotation_setup import FreeRotation as FreeRotation
+from ._free_rotation_setup import in_body_axes as in_body_axes
+from ._free_rotation_setup import steady_setup, tumbling_setup
 from ._kernel import kernel
-from ._precession import precession
-from ._scaling import power_of_two_for, round_to_integer
-from ._turns import sincos_half_turns, turned, without_turns
-from .double_double import PI, DoubleDouble, dd_add, two_product, two_sum
-from .elementary import sincos
-from .elliptic import jacobi_from_phase, jacobi_low_parts
-from .quaternion import compose_quaternions
+from ._scaling import power_of_two_for
+from ._theta import SEPARATRIX, STEADY, jacobi_of, place_of, turn_of
+from ._theta import Place as Place
+from ._turns import without_turns
+from .double_double import dd_add, two_sum
+from .elementary import sincos_half_turns
+from .elliptic import jacobi_low_parts
+from .quaternion import square_of
 from .shapes import Quaternion, Vec3
 
+COLUMNS = 19
+"""Where in a `FreeRotation` the 16 numbers of its columns begin: what 1, i_p, i_r, i_s are after q_0, in body axes."""
 _LAST_TURN = 1e28  # of psi / (4 pi): double-double has no digit left there
 _LAST_X = 0.4334246564202994  # u = 600 on the separatrix: from there on the body rests at the middle axis, to 1e-260
 
@@ -64,31 +70,9 @@ def free_rotation_at(setup: FreeRotation, t: float) -> tuple[Quaternion, Vec3]:
     t: s, of either sign.  Error for exact inputs, of the attitude's angle and of omega relative to |omega|: 1 eps, at
     most 5 eps, for any body, state and time; beyond |omega t| = 1e14 plus 3e-31 |omega t|, and NaN beyond some 1e29.
     """
-    axis_p, axis_r, axis_s = setup[21:24]
-    scaled = setup[1] * t
-    scaled = scaled if abs(setup[2] * scaled) < _LAST_TURN else math.nan
-    turned, omega = _steady(setup, scaled) if setup[0] == STEADY else _tumble(setup, scaled)
-    e, x_p, x_r, x_s = compose_quaternions(setup[17:21], turned)
-    length = math.sqrt(e * e + x_p * x_p + x_r * x_r + x_s * x_s)
-    inverse = 1.0 / (length if length != 0.0 else math.nan)
-    x_p = math.copysign(inverse, axis_p) * x_p
-    x_r = math.copysign(inverse, axis_r) * x_r
-    x_s = math.copysign(inverse, axis_s) * x_s
-    x_1, x_2, x_3 = _in_body_axes((x_p, x_r, x_s), abs(axis_p), abs(axis_r))
-    return ((inverse * e, x_1, x_2, x_3), _in_body_axes(omega, abs(axis_p), abs(axis_r)))
-
-
-@kernel(inline=False)
-def free_rates_at(setup: FreeRotation, t: float) -> Vec3:
-    """omega_ab_b of `free_rotation_at`, alone."""
-    scaled = setup[1] * t
-    scaled = scaled if abs(setup[2] * scaled) < _LAST_TURN else math.nan
-    if setup[0] == STEADY:
-        return setup[14:17]  # type: ignore[no-any-return]
-    done, more, sin_x, cos_x = _phase(setup, scaled)
-    sn, cn, dn = jacobi_from_phase(sin_x, cos_x, setup[24:38])
-    flip = 1.0 if _is_even(done) == _is_even(more) else -1.0
-    return _in_body_axes(_rates(setup, flip, sn, cn, dn), abs(setup[21]), abs(setup[22]))
+    t = scaled_time(setup, t)
+    place = place_at(setup, t)
+    return (attitude_at(setup, t, place), in_body_axes(rates_at(setup, place), setup[35], setup[36]))
 
 
 @kernel
@@ -110,83 +94,52 @@ def free_rotation_is_singular(moments: Vec3) -> bool:
 
 
 @kernel
-def _steady(setup: FreeRotation, t: float) -> tuple[Quaternion, Vec3]:
-    """The turn about the constant rate's axis, and the rate."""
-    return turned((setup[11:14], (setup[2], setup[3])), t), setup[14:17]
+def scaled_time(setup: FreeRotation, t: float) -> float:
+    """t in the unit of the constants; NaN where no digit is left."""
+    t = setup[1] * t
+    return t if abs(setup[2] * t) < _LAST_TURN else math.nan
 
 
 @kernel
-def _phase(setup: FreeRotation, t: float) -> tuple[float, float, float, float]:
-    """Of the phase x / pi of the polhode: half turns done, those that the start adds, (sin, cos) of the rest."""
-    x_0 = (setup[6], setup[7])
-    high, low = two_product(setup[4], t)
-    low += setup[5] * t
-    done, more = 0.0, 0.0
+def place_at(setup: FreeRotation, t: float) -> Place:
+    """Where on the polhode the body is at the scaled time t."""
     if setup[0] == SEPARATRIX:
-        high, low = dd_add((high, low), x_0)
-        high = _LAST_X if high > _LAST_X else (-_LAST_X if high < -_LAST_X else high)
+        high, low = dd_add(two_sum(2.0 * setup[4] * t, 2.0 * setup[5] * t), (setup[6], setup[7]))
+        high = math.copysign(_LAST_X, high) if abs(high) > _LAST_X else high
     else:
-        done = round_to_integer(high)
-        high, low = dd_add(two_sum(high - done, low), x_0)
-        more = round_to_integer(high)
-        high -= more
-    sin_x, cos_x = sincos_half_turns((high, low))
-    if cos_x < 0.0:
-        more += math.copysign(1.0, sin_x)
-        sin_x, cos_x = -sin_x, -cos_x
-    return done, more, sin_x, cos_x
+        high, low = without_turns((setup[4], setup[5]), t)
+        high, low = dd_add((2.0 * high, 2.0 * low), (setup[6], setup[7]))
+    return place_of(setup[0], (high, low), (setup[16], setup[17]))
 
 
 @kernel
-def _rates(setup: FreeRotation, flip: float, sn: float, cn: float, dn: float) -> Vec3:
+def attitude_at(setup: FreeRotation, t: float, place: Place) -> Quaternion:
+    """q_ab at the scaled time t."""
+    high, low = without_turns((setup[2], setup[3]), t)
+    if setup[0] == STEADY:
+        s, e = sincos_half_turns(2.0 * high, 2.0 * low)
+        p, r, s = s * setup[37], s * setup[38], s * setup[39]
+    else:
+        e, p, r, s = turn_of(setup[0], place, (2.0 * high, 2.0 * low), setup[18], setup[37:62])
+    q_0 = (e * setup[19] + p * setup[23]) + (r * setup[27] + s * setup[31])
+    q_1 = (e * setup[20] + p * setup[24]) + (r * setup[28] + s * setup[32])
+    q_2 = (e * setup[21] + p * setup[25]) + (r * setup[29] + s * setup[33])
+    q_3 = (e * setup[22] + p * setup[26]) + (r * setup[30] + s * setup[34])
+    square = square_of((q_0, q_1, q_2, q_3))
+    inverse = 1.0 / math.sqrt(square if square != 0.0 else math.nan)
+    return (inverse * q_0, inverse * q_1, inverse * q_2, inverse * q_3)
+
+
+@kernel
+def rates_at(setup: FreeRotation, place: Place) -> Vec3:
     """The rates about p, r, s with their body axes' signs."""
-    sn_2, cn_2, dn_2 = jacobi_low_parts(sn, cn, dn, (setup[46], setup[47]))
-    w_p, w_r, w_s = setup[14:17]
+    if setup[0] == STEADY:
+        return setup[8:11]  # type: ignore[no-any-return]
+    sn, cn, dn = jacobi_of(setup[0], place, setup[37:62])
+    sn_2, cn_2, dn_2 = jacobi_low_parts(sn, cn, dn, (setup[14], setup[15]))
+    w_p, w_r, w_s = setup[8:11]
     return (
-        flip * (w_p * cn + (w_p * cn_2 + setup[43] * cn)),
-        flip * (w_r * sn + (w_r * sn_2 + setup[44] * sn)),
-        w_s * dn + (w_s * dn_2 + setup[45] * dn),
+        w_p * cn + (w_p * cn_2 + setup[11] * cn),
+        w_r * sn + (w_r * sn_2 + setup[12] * sn),
+        w_s * dn + (w_s * dn_2 + setup[13] * dn),
     )
-
-
-@kernel
-def _tumble(setup: FreeRotation, t: float) -> tuple[Quaternion, Vec3]:
-    """Z(psi) P(m), of any length, and the rates about p, r, s with their body axes' signs."""
-    half_turn, psi_0 = (setup[8], setup[9]), setup[10]
-    mu_p, mu_r, mu_s = setup[11:14]
-    done, more, sin_x, cos_x = _phase(setup, t)
-    sn, cn, dn = jacobi_from_phase(sin_x, cos_x, setup[24:38])
-    # psi / (4 pi), whole turns dropped as they arise
-    psi = dd_add(without_turns(half_turn, done), without_turns(half_turn, more))
-    psi = dd_add(without_turns((setup[2], setup[3]), t), psi)
-    s, c = _sincos_turns_plus(psi, 0.5 * (precession(sn, cn, dn, setup[38:43]) - psi_0))
-    flip = 1.0 if _is_even(done) == _is_even(more) else -1.0
-    # P = (1 + mu_s, mu_r, -mu_p, 0) / sqrt(2 (1 + mu_s)), mu = m / |m|
-    mu_p, mu_r, z = flip * mu_p * cn, flip * mu_r * sn, 1.0 + mu_s * dn
-    return ((c * z, c * mu_r + s * mu_p, s * mu_r - c * mu_p, s * z), _rates(setup, flip, sn, cn, dn))
-
-
-@kernel
-def _in_body_axes(v: Vec3, p: float, r: float) -> Vec3:
-    """V given along p, r and s; p, r: the numbers 1, 2, 3 of the body axes."""
-    return (
-        v[0] if p == 1.0 else (v[1] if r == 1.0 else v[2]),
-        v[0] if p == 2.0 else (v[1] if r == 2.0 else v[2]),
-        v[0] if p == 3.0 else (v[1] if r == 3.0 else v[2]),
-    )
-
-
-@kernel
-def _is_even(n: float) -> bool:
-    half = 0.5 * n
-    return round_to_integer(half) == half
-
-
-@kernel
-def _sincos_turns_plus(turns: DoubleDouble, angle: float) -> tuple[float, float]:
-    """(sin, cos) of 2 pi turns + angle."""
-    high, low = two_product(2.0 * PI[0], turns[0])
-    high, rest = two_sum(high, angle)
-    rest += low + 2.0 * (PI[0] * turns[1] + PI[1] * turns[0])
-    s, c = sincos(high)
-    return (s + c * rest, c - s * rest)

@@ -10,29 +10,43 @@ from .body_memory import INPUTS as INPUTS
 from .body_memory import OUTPUTS as OUTPUTS
 from .body_memory import PARAMETERS as PARAMETERS
 from .body_memory import (
-    body_of,
     initialize_body,
     is_as_planned,
-    loads_of,
     matrix_at,
     principal_frame,
     put_matrix_at,
+    put_quaternion_at,
     put_rotation,
+    quaternion_at,
     rotation_of,
+    shows_rates,
     turns,
 )
 from .body_outputs import first_outputs
-from .body_outputs import output_rates as output_rates
+from .body_outputs import output_rates as body_output_rates
 from .body_outputs import outputs as outputs
 from .closed_form import CLOSED_FORM, finish_step, goes_on_free, has_torque, start_clocks, time_after
-from .free_rotation import FREE_ROTATION_SIZE, FreeRotation, free_rates_at, free_rotation_at, free_rotation_setup
-from .layout import NOT_REACHED, places
+from .free_rotation import (
+    COLUMNS,
+    FREE_ROTATION_SIZE,
+    FreeRotation,
+    Place,
+    attitude_at,
+    free_rotation_setup,
+    in_body_axes,
+    place_at,
+    rates_at,
+    scaled_time,
+)
+from .layout import FINE, NOT_REACHED, places
 from .quaternion import compose_quaternions, invert_quaternion
 from .rotation import invert_matrix, quaternion_from_matrix, transform
+from .shapes import Vec3
 
-BLOCKS, SIZE = places(CLOSED_FORM | {"axes": 9, "constants": FREE_ROTATION_SIZE})
+BLOCKS, SIZE = places(CLOSED_FORM | {"axes": 9, "place": 4, "moved": 1, "constants": FREE_ROTATION_SIZE})
+"""Besides, after a step: where on the polhode the body is, and 1."""
 
-_AXES, _CONSTANTS = BLOCKS["axes"].start, BLOCKS["constants"].start
+_M, _AXES, _PLACE, _MOVED, _CONSTANTS = (BLOCKS[n].start for n in ("M", "axes", "place", "moved", "constants"))
 _TORQUE = 11
 """Key of `layout.FAULTS`."""
 
@@ -43,35 +57,56 @@ def initialize(z: Any) -> int:
     fault = initialize_body(z)
     if fault != 0:
         return fault
-    body = body_of(z)
-    if has_torque(z, body, loads_of(z)) and not is_as_planned(z):
+    if has_torque(z) and not is_as_planned(z):
         return _TORQUE
-    moments, R_bp = principal_frame(body[1])
+    moments, R_bp = principal_frame(matrix_at(z, _M))
     put_matrix_at(z, _AXES, R_bp)
     q_ab, omega_b = rotation_of(z)
-    q_ap = compose_quaternions(q_ab, quaternion_from_matrix(R_bp))
+    q_bp = quaternion_from_matrix(R_bp)
+    q_ap = compose_quaternions(q_ab, q_bp)
     constants = free_rotation_setup(moments, q_ap, transform(invert_matrix(R_bp), omega_b))
     for i in range(FREE_ROTATION_SIZE):
         z[_CONSTANTS + i] = constants[i]
+    for i in range(_CONSTANTS + COLUMNS, _CONSTANTS + COLUMNS + 16, 4):
+        put_quaternion_at(z, i, compose_quaternions(quaternion_at(z, i), invert_quaternion(q_bp)))
     start_clocks(z)
+    z[_MOVED] = 0.0
     return first_outputs(z)
 
 
 @kernel(inline=False)
 def step(z: Any, h: float) -> int:
     """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite or an input makes a torque."""
-    body, loads = body_of(z), loads_of(z)
-    if not goes_on_free(z, h, body, loads):
+    if not goes_on_free(z, h):
         return NOT_REACHED
-    t = time_after(z, h)
-    R_bp = matrix_at(z, _AXES)
+    constants = _constants(z)
+    t = scaled_time(constants, time_after(z, h))
+    place = place_at(constants, t)
+    q, omega = rotation_of(z)
     if turns(z):
-        q_ap, omega_p = free_rotation_at(_constants(z), t)
-        q_ab = compose_quaternions(q_ap, invert_quaternion(quaternion_from_matrix(R_bp)))
-        put_rotation(z, q_ab, transform(R_bp, omega_p))
-    else:
-        put_rotation(z, rotation_of(z)[0], transform(R_bp, free_rates_at(_constants(z), t)))
-    return finish_step(z, h, body, loads)
+        q = attitude_at(constants, t, place)
+    if shows_rates(z):
+        omega = _rates(z, place)
+    status = finish_step(z, h, q, omega)
+    if status == FINE:
+        put_quaternion_at(z, _PLACE, place)
+        z[_MOVED] = 1.0
+    return status
+
+
+@kernel(inline=False)
+def output_rates(z: Any) -> int:
+    """Set the outputs' time derivatives, inputs held; first the rate, which may be that of a step before."""
+    if z[_MOVED] != 0.0:
+        put_rotation(z, rotation_of(z)[0], _rates(z, quaternion_at(z, _PLACE)))
+    return body_output_rates(z)
+
+
+@kernel(inline=False)
+def _rates(z: Any, place: Place) -> Vec3:
+    """omega_ab_b at a place on the polhode."""
+    v = in_body_axes(rates_at(_constants(z), place), z[_CONSTANTS + COLUMNS + 16], z[_CONSTANTS + COLUMNS + 17])
+    return transform(matrix_at(z, _AXES), v)
 
 
 @kernel
@@ -82,4 +117,6 @@ def _constants(z: Any) -> FreeRotation:
         c[12], c[13], c[14], c[15], c[16], c[17], c[18], c[19], c[20], c[21], c[22], c[23],
         c[24], c[25], c[26], c[27], c[28], c[29], c[30], c[31], c[32], c[33], c[34], c[35],
         c[36], c[37], c[38], c[39], c[40], c[41], c[42], c[43], c[44], c[45], c[46], c[47],
+        c[48], c[49], c[50], c[51], c[52], c[53], c[54], c[55], c[56], c[57], c[58], c[59],
+        c[60], c[61],
     )  # fmt: skip

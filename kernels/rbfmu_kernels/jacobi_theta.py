@@ -2,7 +2,9 @@
 
 For kc >= LEAST_KC, where q <= 0.1 and nothing cancels; below, `elliptic.jacobi_from_phase`.
 With x = cos 2v: theta_3, theta_4 = E +- x O; theta_1, theta_2 = 2 q^(1/4) (sin, cos) v (P -+ x Q), each of E, O, P, Q
-even in x.  Sources: DLMF 20.2, 22.2; nome: DLMF 19.5.5.
+even in x.  Near the separatrix, by Jacobi's imaginary transformation, in the nome q' = exp(-pi K / K') and hyperbolic
+functions of pi u / K', as series in their decaying e = exp(-pi |u| / 2K') and in root q' / e.
+Sources: DLMF 20.2, 20.7(viii), 22.2; nome: DLMF 19.5.5.
 """
 
 import math
@@ -11,6 +13,8 @@ from ._kernel import kernel
 from .double_double import DoubleDouble, dd_add_float, dd_negate
 
 LEAST_KC = 0.45
+NEAREST_KC = 0.335
+"""There q = 0.133, q^20 nothing beside 1, and so is q'^8 = 0.0074^8: the larger kc may be for `near_series`."""
 Theta = tuple[float, float, float, float, float, float, float, float, float, float, float, float]
 """Coefficients of E (1, x^2, x^4), O, P, Q (1, x^2 each); then of sn, cn, dn."""
 
@@ -18,7 +22,12 @@ Theta = tuple[float, float, float, float, float, float, float, float, float, flo
 @kernel(inline=False)
 def theta_series(kc: DoubleDouble) -> Theta:
     """The series of the complementary modulus kc, LEAST_KC <= kc <= 1.  Relative error <= 3 eps."""
-    q = _nome(kc)
+    return theta_series_of(nome(dd_add_float(dd_negate(kc), 1.0)[0], kc[0]))
+
+
+@kernel(inline=False)
+def theta_series_of(q: float) -> Theta:
+    """The series of the nome q <= 0.134."""
     q2 = q * q
     q4 = q2 * q2
     q6, q9, q12, q16 = q4 * q2, q4 * q4 * q, q4 * q4 * q4, q4 * q4 * q4 * q4
@@ -42,11 +51,44 @@ def jacobi_from_theta(sin_v: float, cos_v: float, theta: Theta) -> tuple[float, 
     return a * sin_v * (p - r) * inverse, b * cos_v * (p + r) * inverse, d * (e + o) * inverse
 
 
+Near = tuple[float, float, float, float]
+"""The root of the nome q'; coefficients of sn, cn, dn."""
+
+
+@kernel(inline=False)
+def near_series(kc: float) -> Near:
+    """The series of the complementary modulus kc, 1e-300 <= kc <= NEAREST_KC.  Relative error <= 3 eps."""
+    k = math.sqrt((1.0 - kc) * (1.0 + kc))
+    root = math.sqrt(k)
+    y = 0.5 * kc * kc / ((1.0 + k) * (1.0 + root) * (1.0 + root))
+    y4 = (y * y) * (y * y)
+    ratio = math.sqrt(0.5 * (1.0 + y4 * (2.0 + 15.0 * y4)) / (1.0 + k)) / (1.0 + root)  # root q' / kc
+    return (kc * ratio, 1.0 / root, 1.0 / math.sqrt(k * ratio), 1.0 / math.sqrt(ratio))
+
+
 @kernel
-def _nome(kc: DoubleDouble) -> float:
-    """The nome of kc, by its series in y = (1 - sqrt kc) / (2 (1 + sqrt kc)) <= 0.1."""
-    root = math.sqrt(kc[0])
-    lack = dd_add_float(dd_negate(kc), 1.0)[0]
+def jacobi_near(e: float, side: float, near: Near) -> tuple[float, float, float]:
+    """(sn, cn, dn) of u, |u| <= K, e = exp(-pi |u| / 2K'), side: its sign.  Error <= 5 eps, of cn and dn relative."""
+    root_q, for_sn, for_cn, for_dn = near
+    p, q = root_q / e, root_q * root_q
+    p, e2, q2 = p * p, e * e, q * q
+    q4, qe, p2 = q2 * q2, q * e2, p * p
+    qee = qe * e2
+    odd, even = (p + qe) + q4 * (q2 * p2 * p), 1.0 + (q2 * p2 + qe * qe * q2)
+    sinh = (1.0 - e2) - (q * (p - qee) - q4 * (p2 - qe * qee))
+    inverse = 1.0 / ((1.0 + e2) + (q * (p + qee) + q4 * (p2 + qe * qee)))
+    return (
+        for_sn * side * (sinh * inverse),
+        for_cn * e * ((even - odd) * inverse),
+        for_dn * e * ((even + odd) * inverse),
+    )
+
+
+@kernel
+def nome(lack: float, kc: float) -> float:
+    """The nome of kc >= NEAREST_KC, lack: 1 - kc, by its series in y = (1 - sqrt kc) / (2 (1 + sqrt kc)) <= 0.134."""
+    root = math.sqrt(kc)
     y = 0.5 * lack / ((1.0 + root) * (1.0 + root))
     y4 = (y * y) * (y * y)
-    return y + y * y4 * (2.0 + y4 * (15.0 + y4 * (150.0 + y4 * (1707.0 + y4 * 20910.0))))
+    series = 150.0 + y4 * (1707.0 + y4 * (20910.0 + y4 * 268616.0))
+    return y + y * y4 * (2.0 + y4 * (15.0 + y4 * series))

@@ -17,7 +17,6 @@ from .body_memory import (
     is_as_planned,
     loads_of,
     put_quaternion_at,
-    put_rotation,
     put_vec3_at,
     quaternion_at,
     rotation_of,
@@ -26,7 +25,7 @@ from .body_memory import (
 from .body_outputs import first_outputs
 from .body_outputs import output_rates as output_rates
 from .body_outputs import outputs as outputs
-from .closed_form import CLOSED_FORM, finish_step, start_clocks, time_after
+from .closed_form import CLOSED_FORM, finish_step, start_clocks
 from .dop853 import LONGEST_STEP
 from .elementary import sincos
 from .fixed_axis import leaves_axis, main_axis, pull_and_decay, swing
@@ -78,7 +77,6 @@ def step(z: Any, h: float) -> int:
     """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite or needs too many substeps."""
     if not h > 0.0:
         return NOT_REACHED
-    time_after(z, h)
     axis, angle = vec3_at(z, _AXIS), z[_ANGLE]
     rate = dot(axis, rotation_of(z)[1])
     rest, steps, order = h, 0, int(z[_ORDER])
@@ -97,8 +95,7 @@ def step(z: Any, h: float) -> int:
         angle, rate = _angle_after(z, angle, part, order), _rate_after(z, part, order)
         rest = 0.0 if count == 1 else rest - part
     q = compose_quaternions(quaternion_at(z, _Q_0), quaternion_from_axis_angle(axis, angle))
-    put_rotation(z, q, scale(rate, axis))
-    status = finish_step(z, h, body_of(z), loads_of(z))
+    status = finish_step(z, h, q, scale(rate, axis))
     if status == FINE:
         z[_ANGLE] = angle
         z[_SUBSTEPS] += steps

@@ -10,7 +10,7 @@ import math
 
 from ._kernel import kernel
 from ._scaling import power_of_two_for
-from ._turns import sincos_half_turns, without_turns
+from ._turns import without_turns
 from .double_double import (
     DoubleDouble,
     dd_add,
@@ -22,6 +22,7 @@ from .double_double import (
     dd_sqrt,
     dd_subtract,
 )
+from .elementary import sincos_half_turns
 from .elliptic import Levels, climb_scale, jacobi_from_phase, scale_levels
 from .jacobi_theta import LEAST_KC, jacobi_from_theta, theta_series
 
@@ -102,7 +103,8 @@ def pendulum_at(setup: Pendulum, t: float) -> tuple[float, float, float]:
 @kernel
 def _sincos_of_phase(rate: DoubleDouble, start: DoubleDouble, t: float) -> tuple[float, float]:
     t = t if abs(rate[0] * t) < _MOST_TURNS else math.nan
-    return sincos_half_turns(dd_scale(2.0, dd_add(without_turns(rate, t), start)))
+    high, low = dd_add(without_turns(rate, t), start)
+    return sincos_half_turns(2.0 * high, 2.0 * low)
 
 
 @kernel(inline=False)
@@ -112,7 +114,7 @@ def _by_scale(
     """(sn, cn, dn) for any modulus."""
     if kind == SEPARATRIX:
         turns = min(max(rate[0] * t + start[0], -_LAST_TURN), _LAST_TURN)
-        s, c = sincos_half_turns((2.0 * turns, 0.0))
+        s, c = sincos_half_turns(2.0 * turns, 0.0)
     else:
         s, c = _sincos_of_phase(rate, start, t)
     flip = math.copysign(1.0, c)

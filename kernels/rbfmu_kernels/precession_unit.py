@@ -14,10 +14,8 @@ from .body_memory import (
     body_of,
     initialize_body,
     is_as_planned,
-    loads_of,
     principal_frame,
     put_quaternion_at,
-    put_rotation,
     put_vec3_at,
     quaternion_at,
     rotation_of,
@@ -61,7 +59,7 @@ def initialize(z: Any) -> int:
         return fault
     (q, omega), body = rotation_of(z), body_of(z)
     if not is_as_planned(z):
-        if has_torque(z, body, loads_of(z)):
+        if has_torque(z):
             return _TORQUE
         if not is_symmetric_top(body[1]):
             return _NOT_SYMMETRIC
@@ -85,15 +83,13 @@ def initialize(z: Any) -> int:
 @kernel(inline=False)
 def step(z: Any, h: float) -> int:
     """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite or an input makes a torque."""
-    body, loads = body_of(z), loads_of(z)
-    if not goes_on_free(z, h, body, loads):
+    if not goes_on_free(z, h):
         return NOT_REACHED
     t = time_after(z, h)
     q, back = quaternion_at(z, _Q_0), turned(turning_at(z, _ABOUT_AXIS), t)
     if turns(z):
         q = compose_quaternions(compose_quaternions(q, turned(turning_at(z, _ABOUT_MOMENTUM), t)), back)
-    put_rotation(z, q, rotate(invert_quaternion(back), vec3_at(z, _OMEGA_0)))
-    return finish_step(z, h, body, loads)
+    return finish_step(z, h, q, rotate(invert_quaternion(back), vec3_at(z, _OMEGA_0)))
 
 
 @kernel

@@ -16,7 +16,6 @@ from .body_memory import (
     is_as_planned,
     loads_of,
     put_quaternion_at,
-    put_rotation,
     quaternion_at,
     rotation_of,
 )
@@ -53,7 +52,7 @@ def initialize(z: Any) -> int:
     if fault != 0:
         return fault
     (q, omega), body, loads = rotation_of(z), body_of(z), loads_of(z)
-    steady = not is_nonzero(angular_acceleration(q, omega, body, loads)) and not has_torque(z, body, loads)
+    steady = not is_nonzero(angular_acceleration(q, omega, body, loads)) and not has_torque(z)
     if not steady and not is_as_planned(z):
         return _UNSTEADY
     put_quaternion_at(z, _Q_0, q)
@@ -65,10 +64,8 @@ def initialize(z: Any) -> int:
 @kernel(inline=False)
 def step(z: Any, h: float) -> int:
     """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite or an input makes a torque."""
-    body, loads = body_of(z), loads_of(z)
-    if not goes_on_free(z, h, body, loads):
+    if not goes_on_free(z, h):
         return NOT_REACHED
     t = time_after(z, h)
     q = compose_quaternions(quaternion_at(z, _Q_0), turned(turning_at(z, _TURNING), t))
-    put_rotation(z, q, rotation_of(z)[1])
-    return finish_step(z, h, body, loads)
+    return finish_step(z, h, q, rotation_of(z)[1])

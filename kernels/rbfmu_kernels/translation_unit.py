@@ -23,7 +23,7 @@ from .body_memory import (
 from .body_outputs import first_outputs
 from .body_outputs import output_rates as output_rates
 from .body_outputs import outputs as outputs
-from .closed_form import CLOSED_FORM, finish_step, has_torque, start_clocks, time_after
+from .closed_form import CLOSED_FORM, finish_step, has_torque, start_clocks
 from .dynamics import angular_acceleration
 from .layout import FINE, NOT_REACHED, places
 from .vec3 import is_nonzero
@@ -53,8 +53,8 @@ def step(z: Any, h: float) -> int:
         return NOT_REACHED
     if not moves(z):
         return outputs(z) if shows_loads(z) else FINE
-    time_after(z, h)
-    return finish_step(z, h, body_of(z), loads_of(z))
+    q, omega = rotation_of(z)
+    return finish_step(z, h, q, omega)
 
 
 @kernel
@@ -62,4 +62,4 @@ def _begins_to_turn(z: Any) -> bool:
     """Whether an output that depends on the rotation would change."""
     (q, omega), body, loads = rotation_of(z), body_of(z), loads_of(z)
     changes = is_nonzero(angular_acceleration(q, omega, body, loads))
-    return changes or (is_nonzero(omega) and (turns(z) or has_torque(z, body, loads)))
+    return changes or (is_nonzero(omega) and (turns(z) or has_torque(z)))

@@ -16,7 +16,6 @@ from .body_memory import (
     is_as_planned,
     loads_of,
     put_quaternion_at,
-    put_rotation,
     put_vec3_at,
     quaternion_at,
     rotation_of,
@@ -78,8 +77,7 @@ def step(z: Any, h: float) -> int:
     axis = vec3_at(z, _AXIS)
     s, c, rate = pendulum_at(_pendulum(z), time_after(z, h))
     turn = (c, s * axis[0], s * axis[1], s * axis[2])
-    put_rotation(z, compose_quaternions(quaternion_at(z, _Q_HANGING), turn), scale(rate, axis))
-    return finish_step(z, h, body_of(z), loads_of(z))
+    return finish_step(z, h, compose_quaternions(quaternion_at(z, _Q_HANGING), turn), scale(rate, axis))
 
 
 @kernel
