@@ -19,6 +19,7 @@ from numba import config, float64, intp, types
 from numba.core.ccallback import CFunc
 from numba.np.ufunc import _internal  # type: ignore[attr-defined]
 
+from ._compiler import KernelCompiler
 from ._kernel import Cache
 from ._tile import (
     ITEMS,
@@ -87,7 +88,8 @@ def gufuncs(kernel: Callable[..., Any], *constants: int, singular: Callable[...,
     scope = {"__name__": python_function(kernel).__module__, "kernel": kernel, "singular": singular, **_NAMES}
     exec(compile(source, filename, "exec"), scope)
     loop = scope[_loop_name(name, constants)]
-    compiled: Any = CFunc(loop, (_LOOP_SIGNATURE.args, _LOOP_SIGNATURE.return_type), {}, {"error_model": "numpy"})
+    signature = _LOOP_SIGNATURE.args, _LOOP_SIGNATURE.return_type
+    compiled: Any = CFunc(loop, signature, {}, {"error_model": "numpy"}, pipeline_class=KernelCompiler)
     compiled._cache = Cache(loop)
     compiled.compile()
     layout = _layout([*arguments.values()]) + "->" + _layout(results)

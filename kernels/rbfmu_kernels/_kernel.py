@@ -10,6 +10,8 @@ from numba import njit
 from numba.core.caching import FunctionCache, IndexDataCacheFile, NullCache
 from numba.core.runtime import rtsys
 
+from ._compiler import CalleeCompiler, KernelCompiler
+
 
 def _hash_of_sources() -> str:
     digest = hashlib.sha256()
@@ -73,7 +75,7 @@ def kernel(function: Any = None, /, *, inline: bool = True) -> Any:
 def _compile(function: Callable[P, R], *, inline: bool) -> Callable[P, R]:
     # _nrt: kernels allocate nothing, and counting references to a buffer costs half of a small unit's step
     compile_ = partial(njit, error_model="numpy", nogil=True, forceinline=inline, _nrt=False)
-    compiled = compile_()(function)
+    compiled = compile_(pipeline_class=KernelCompiler)(function)
     if hasattr(compiled, "_cache"):  # not where the JIT is disabled
         compiled._cache = Cache(function)
         _compile_callees_bare(compiled, compile_)
@@ -81,11 +83,12 @@ def _compile(function: Callable[P, R], *, inline: bool) -> Callable[P, R]:
 
 
 def _compile_callees_bare(compiled: Any, compile_: Any) -> None:
-    """Let compiled callers have the function without what Python needs to call it: a third of the compile time."""
+    """Let compiled callers have the function without machine code of its own and what Python needs to call it."""
 
     @cache
     def bare() -> Any:
-        callee = compile_(no_cpython_wrapper=True, no_cfunc_wrapper=True)(compiled.py_func)
+        options = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": CalleeCompiler}
+        callee = compile_(**options)(compiled.py_func)
         callee._cache = Cache(compiled.py_func, "-bare")
         return callee
 

@@ -1,0 +1,69 @@
+"""Numba's compiler with no more to do than kernels need: half the time of a first call.
+
+Numba makes machine code of a function and, once more, of all that it calls, to be called from Python too.  Nobody calls
+what a kernel calls but compiled code, into which it is merged: there it is only LLVM's intermediate code.
+"""
+
+from typing import Any
+
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import CompilerBase
+from numba.core.compiler_machinery import PassManager
+from numba.core.typed_passes import (
+    AnnotateTypes,
+    NativeLowering,
+    NoPythonBackend,
+    NopythonTypeInference,
+    PreLowerStripPhis,
+)
+from numba.core.untyped_passes import FixupArgs, GenericRewrites, IRProcessing, ReconstructSSA, TranslateByteCode
+
+_PASSES = (
+    TranslateByteCode, FixupArgs, IRProcessing, GenericRewrites, ReconstructSSA, NopythonTypeInference,
+    PreLowerStripPhis, AnnotateTypes, NativeLowering, NoPythonBackend,
+)  # fmt: skip
+
+
+class KernelCompiler(CompilerBase):  # type: ignore[misc]
+    """Without what is for closures, `with`, `raise`, array expressions and literals."""
+
+    def define_pipelines(self) -> list[Any]:
+        passes = PassManager("kernel")
+        for stage in _PASSES:
+            passes.add_pass(stage, stage.__name__)
+        passes.finalize()
+        return [passes]
+
+
+class CalleeCompiler(KernelCompiler):
+    """For what compiled code calls."""
+
+    def __init__(self, typingctx: Any, targetctx: Any, library: Any, *rest: Any) -> None:
+        super().__init__(typingctx, targetctx, _IntermediateCode(targetctx.codegen(), "callee"), *rest)
+
+
+class _IntermediateCode(JITCodeLibrary):  # type: ignore[misc]
+    @property
+    def codegen(self) -> Any:
+        """Asked for `set_env` only."""
+        return self
+
+    def set_env(self, name: str, environment: Any) -> None:
+        """Exceptions and Python objects need an environment, kernels do not."""
+
+    def get_pointer_to_function(self, name: str) -> int:
+        self._ensure_finalized()
+        return 0
+
+    def serialize_using_object_code(self) -> Any:
+        return self.serialize_using_bitcode()
+
+    def _optimize_final_module(self) -> None:
+        """Merge what is called; the rest is done once, in the caller."""
+        options = {"loop_vectorize": False, "slp_vectorize": False, "opt": 0, "cost": "cheap"}
+        passes, builder = self._codegen._module_pass_manager(**options)
+        passes.run(self._final_module, builder)
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._finalized = True
