@@ -42,8 +42,16 @@ def draw_components(axes: Any, time: Any, values: Any, names: tuple[str, ...]) -
         axes.plot(time, columns[:, k], color=COLORS[k], linewidth=1.2, label=name)
     if len(names) > 1:
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=9)
-    axes.spines[["top", "right"]].set_visible(False)
+    open_frame(axes)
     axes.margins(x=0.0)
+
+
+def open_frame(axes: Any, grid: bool = False) -> None:
+    """Lines at the left and bottom only; a pale grid behind what is drawn."""
+    axes.spines[["top", "right"]].set_visible(False)
+    if grid:
+        axes.grid(color="#e9e9e9", linewidth=0.6)
+        axes.set_axisbelow(True)
 
 
 def _component_names(name: str) -> tuple[str, ...]:

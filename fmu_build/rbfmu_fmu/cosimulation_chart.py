@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import rbfmu
-from rbfmu.charts import COLORS
+from rbfmu.charts import COLORS, open_frame
 from rbfmu.measures import attitude_error
 from rbfmu.scene import Scene
 from rbfmu.work_precision.collection import Progress, machine, write_rows
@@ -237,8 +237,7 @@ def draw(points: Sequence[Point], path: Path) -> Path:
     by_work.set_xlabel("steps of the FMU per simulated second")
     by_work.set_title("Solid: one step of the FMU per communication step; dotted: eight", fontsize=10)
     for axes in (by_step, by_work):
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.grid(color="0.92", linewidth=0.7)
+        open_frame(axes, grid=True)
         left, right = axes.get_xlim()
         axes.set_xlim(left, right * (right / left) ** (0.3 if axes is by_step else 0.05))
     figure.suptitle(

@@ -20,7 +20,7 @@ from rich.console import Console
 from rich.table import Table
 
 import rbfmu
-from rbfmu.charts import COLORS, draw_components
+from rbfmu.charts import COLORS, draw_components, open_frame
 from rbfmu.models import Plan
 from rbfmu.planning import plan
 from rbfmu.scene import Scene, load_scene
@@ -170,7 +170,7 @@ def _draw(result: Result, path: Path) -> None:
         error.axhline(bound, color=COLORS[k], linewidth=0.8, linestyle="--")
     error.set_ylim(1e-13, 1e-2)
     error.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=9)
-    error.spines[["top", "right"]].set_visible(False)
+    open_frame(error)
     rates.set_ylabel("body rates (deg/s)")
     angles.set_ylabel("attitude in\nnorth-east-down (deg)")
     error.set_ylabel("error against NASA\n(dashed: bound)")

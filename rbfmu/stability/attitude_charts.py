@@ -13,7 +13,9 @@ from rbfmu.stability.figures import (
     ORANGE,
     PURPLE,
     end_labels,
+    explain,
     ink,
+    law,
     mark,
     titled_axes,
 )
@@ -37,16 +39,15 @@ def growth_factors(study: Study) -> Figure:
         "RK4, quaternion not normalised": ("RK4, q", 6.6, 1.75),
         "DOP853": ("8th order, q", 8.9, 0.62),
     }
-    every = max(len(x) // 65, 1)
     for method, (name, at_x, at_y) in places.items():
         color = COLOR_OF[method]
-        axes.plot(x, study.columns[f"{method}, predicted"], color=color, linewidth=1.3)
-        axes.plot(x[::every], study.columns[f"{method}, measured"][::every], "o", color=color, markersize=3)
+        predicted, measured = (study.columns[f"{method}, {what}"] for what in ("predicted", "measured"))
+        law(axes, x, predicted, measured, color, 65)
         axes.text(at_x, at_y, name, color=ink(color), fontsize=10)
     axes.axhline(1.0, color=BLACK, linewidth=0.8)
     for limit, text in ((2 * math.sqrt(2), "2√2"), (4 * math.sqrt(2), "4√2"), (11.92, "2 × 5.96")):
         mark(axes, limit, text, y=0.06)
-    axes.text(0.01, 0.95, "lines: predicted, dots: measured", transform=axes.transAxes, fontsize=9)
+    explain(axes)
     return axes.figure  # type: ignore[no-any-return]
 
 
@@ -71,7 +72,7 @@ def drift(study: Study) -> Figure:
             axes.plot(n, columns[f"{column}, predicted"], color=color, linewidth=1.2)
         labels.append((values[-1], name, color))
     end_labels(axes, labels)
-    axes.text(0.02, 0.95, "lines: predicted, dots: measured", transform=axes.transAxes, fontsize=9)
+    explain(axes)
     return axes.figure  # type: ignore[no-any-return]
 
 

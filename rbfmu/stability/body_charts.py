@@ -15,7 +15,9 @@ from rbfmu.stability.figures import (
     SKY,
     VERMILION,
     end_labels,
+    explain,
     ink,
+    law,
     mark,
     titled_axes,
 )
@@ -51,7 +53,6 @@ def damping_limits(study: Study) -> Figure:
     )  # fmt: skip
     x = study.columns["h d / I"]
     axes.set(xlim=(0, 8), ylim=(0, 1.6))
-    every = max(len(x) // 40, 1)
     axes.plot(x, study.columns["exact"], color=BLACK, linewidth=1.2)
     axes.text(3.2, 0.1, "exact: exp(−h d / I)", fontsize=9)
     places = {
@@ -61,8 +62,7 @@ def damping_limits(study: Study) -> Figure:
     }
     for name, (at_x, at_y, text) in places.items():
         color = COLOR_OF[name]
-        axes.plot(x, study.columns[f"{name}, predicted"], color=color, linewidth=1.2)
-        axes.plot(x[::every], study.columns[name][::every], "o", color=color, markersize=3.5)
+        law(axes, x, study.columns[f"{name}, predicted"], study.columns[name], color, 40)
         axes.text(at_x, at_y, text, color=color, fontsize=10, ha="left")
     axes.axhline(1.0, color=BLACK, linewidth=0.8)
     limits = (2.0, 2.785, 6.394)
@@ -70,7 +70,7 @@ def damping_limits(study: Study) -> Figure:
         axes.axvline(limit, color=GREY, linewidth=0.9, linestyle=(0, (4, 3)))
     ticks = (0, 1, *limits, 4, 5, 8)
     axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
-    axes.text(0.01, 0.95, "lines: predicted, dots: measured", transform=axes.transAxes, fontsize=9)
+    explain(axes)
     return axes.figure  # type: ignore[no-any-return]
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from rbfmu.charts import COLORS
+from rbfmu.charts import COLORS, open_frame
 
 BLUE, VERMILION, GREEN, PURPLE = COLORS
 ORANGE, SKY, BLACK, GREY = "#e69f00", "#56b4e9", "#000000", "#777777"
@@ -38,10 +38,20 @@ def titled_axes(title: str, x: str, y: str, *, right: float = 0.97) -> Any:
     axes.set_title(title, fontsize=11, loc="left", pad=10)
     axes.set_xlabel(x)
     axes.set_ylabel(y)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(color="#e6e6e6", linewidth=0.6)
-    axes.set_axisbelow(True)
+    open_frame(axes, grid=True)
     return axes
+
+
+def law(axes: Any, x: Any, predicted: Any, measured: Any, color: str, dots: int) -> None:
+    """What theory predicts as a line, what was measured as some dots on it."""
+    every = max(len(x) // dots, 1)
+    axes.plot(x, predicted, color=color, linewidth=1.3)
+    axes.plot(x[::every], measured[::every], "o", color=color, markersize=3)
+
+
+def explain(axes: Any) -> None:
+    """What lines and dots are."""
+    axes.text(0.02, 0.95, "lines: predicted, dots: measured", transform=axes.transAxes, fontsize=9)
 
 
 def end_labels(axes: Any, labels: Sequence[tuple[float, str, str]]) -> None:

@@ -13,6 +13,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import LogLocator
 from matplotlib.transforms import Bbox
 
+from rbfmu.charts import open_frame
 from rbfmu.work_precision.answers import Answer, advice, front, rival, text_of
 from rbfmu.work_precision.collection import Point
 
@@ -109,9 +110,7 @@ def _draw(
         )
     axes.invert_xaxis()
     axes.xaxis.set_major_locator(LogLocator(numticks=ticks))
-    axes.grid(color="0.93", linewidth=0.6)
-    axes.set_axisbelow(True)
-    axes.spines[["top", "right"]].set_visible(False)
+    open_frame(axes, grid=True)
 
 
 def _name_lines(axes: Any, points: Sequence[Point]) -> None:
