@@ -6,8 +6,10 @@ what a kernel calls but compiled code, into which it is merged: there it is only
 
 from typing import Any
 
+from llvmlite import binding
+from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import CompilerBase
+from numba.core.compiler import CompilerBase, compile_result
 from numba.core.compiler_machinery import PassManager
 from numba.core.typed_passes import (
     AnnotateTypes,
@@ -67,3 +69,34 @@ class _IntermediateCode(JITCodeLibrary):  # type: ignore[misc]
     def _finalize_final_module(self) -> None:
         self._finalize_dynamic_globals()
         self._finalized = True
+
+    @classmethod
+    def _unserialize(cls, codegen: Any, state: Any) -> Any:
+        name, _, code = state
+        library = cls(codegen, name)
+        library._final_module = binding.parse_bitcode(code)
+        library._finalize_final_module()
+        return library
+
+
+class _CalleeCacheImplementation(CompileResultCacheImpl):  # type: ignore[misc]
+    def rebuild(self, target_context: Any, payload: Any) -> Any:
+        """The result of CalleeCompiler. As if compiled now: machine code would be made from it, and change it."""
+        state, description, environment, signature, *_ = payload
+        library = _IntermediateCode._unserialize(target_context.codegen(), state)
+        return compile_result(
+            typing_context=target_context.typing_context,
+            target_context=target_context,
+            library=library,
+            environment=environment,
+            entry_point=target_context.get_executable(library, description, environment),
+            fndesc=description,
+            signature=signature,
+            objectmode=False,
+        )
+
+
+class CalleeCache(FunctionCache):  # type: ignore[misc]
+    """Of what CalleeCompiler makes."""
+
+    _impl_class = _CalleeCacheImplementation

@@ -10,7 +10,7 @@ from numba import njit
 from numba.core.caching import FunctionCache, IndexDataCacheFile, NullCache
 from numba.core.runtime import rtsys
 
-from ._compiler import CalleeCompiler, KernelCompiler
+from ._compiler import CalleeCache, CalleeCompiler, KernelCompiler
 
 
 def _hash_of_sources() -> str:
@@ -33,7 +33,7 @@ class Cache:
     Looked for at the first use, and read without loading Numba's compiler first: it costs 0.2 s and is not needed.
     """
 
-    def __init__(self, function: Callable[..., Any], kind: str = "") -> None:
+    def __init__(self, function: Callable[..., Any], kind: Any = FunctionCache) -> None:
         self._function, self._kind = function, kind
 
     def load_overload(self, signature: Any, context: Any) -> Any:
@@ -46,10 +46,11 @@ class Cache:
     @cached_property
     def _cache(self) -> Any:
         try:
-            cache = FunctionCache(self._function)
+            cache = self._kind(self._function)
         except RuntimeError:
             return _NoCache()
-        cache._cache_file = IndexDataCacheFile(cache._cache_path, cache._impl.filename_base + self._kind, SOURCES)
+        name = cache._impl.filename_base + ("-callee" if self._kind is CalleeCache else "")
+        cache._cache_file = IndexDataCacheFile(cache._cache_path, name, SOURCES)
         return cache
 
 
@@ -89,7 +90,7 @@ def _compile_callees_bare(compiled: Any, compile_: Any) -> None:
     def bare() -> Any:
         options = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": CalleeCompiler}
         callee = compile_(**options)(compiled.py_func)
-        callee._cache = Cache(compiled.py_func, "-bare")
+        callee._cache = Cache(compiled.py_func, CalleeCache)
         return callee
 
     compiled.get_call_template = lambda args, kws: bare().get_call_template(args, kws)
