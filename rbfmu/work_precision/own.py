@@ -11,74 +11,58 @@ from numba import njit
 
 from rbfmu.contestants import Contestant
 from rbfmu.ladder import CLOSED
+from rbfmu.models import Plan
 from rbfmu.planning import plan
-from rbfmu.scene import SceneError
+from rbfmu.recording import substeps_counted
+from rbfmu.scene import Scene, SceneError
 from rbfmu.unit import aligned_zeros, filled_buffer, initialize
 from rbfmu.work_precision.cases import CHECKPOINTS, Case
 from rbfmu.work_precision.methods import FixedSteps, Method, NotFeasibleError, Run, step_counts, timed, tolerances
 from rbfmu_kernels._kernel import kernel
 from rbfmu_kernels.body_memory import motion_of
-from rbfmu_kernels.dop853 import LONGEST_STEP, ROTATION, STATE, TURNING, dop853_advance, dop853_march, first_step
-from rbfmu_kernels.dynamics import Body, Loads, State, steady, steady_acceleration
+from rbfmu_kernels.dynamics import State, steady_acceleration
 from rbfmu_kernels.free_rotation import free_rotation_at, free_rotation_setup
 from rbfmu_kernels.kicked_top import rkn4_steps, rkn6_steps, strang_steps
 from rbfmu_kernels.shapes import Quaternion, Vec3
-from rbfmu_kernels.taylor import taylor_advance
-from rbfmu_kernels.taylor_series import WORK
 from rbfmu_kernels.vec3 import add_scaled
 
-# DOP853 and Taylor series
-
-_SIZE = STATE + WORK
-"""Where the step size stands, in a buffer of a state, work space, step size and count."""
+# The product's units: stepped from checkpoint to checkpoint, with all outputs
 
 
-@kernel
-def _put_state(z: Any, y: State) -> None:
-    r, v, q, w = y
-    z[0], z[1], z[2], z[3], z[4], z[5], z[6], z[7] = q[0], q[1], q[2], q[3], w[0], w[1], w[2], 0.0
-    z[8], z[9], z[10], z[11], z[12], z[13] = r[0], r[1], r[2], v[0], v[1], v[2]
-
-
-@kernel(inline=False)
-def _tolerated(
-    z: Any, out: Any, y: State, interval: float, order: int, tolerance: float, n: int, body: Body, loads: Loads, k: int
-) -> None:
-    """K solutions with error control, order 0: DOP853; checkpoints to out."""
+@njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+def _unit_repeated(step: Any, z: Any, start: Any, interval: float, n: int, k: int) -> int:
+    fault = 0
     for _ in range(k):
-        _put_state(z, y)
-        z[_SIZE] = LONGEST_STEP if order > 0 else first_step(z, 0, body, loads)
-        z[_SIZE + 1] = 0.0
-        for i in range(len(out)):
-            if order > 0:
-                status = taylor_advance(z, 0, STATE, _SIZE, n, order, interval, tolerance, body, steady(loads))
-            else:
-                status = dop853_advance(z, 0, STATE, _SIZE, n, interval, tolerance, body, steady(loads))
-            if status != 0:
-                z[0] = math.nan
-            for j in range(STATE):
-                out[i, j] = z[j]
+        z[:] = start
+        for _ in range(n):
+            fault += step(z, interval)
+    return fault
 
 
-@kernel(inline=False)
-def _stepped(z: Any, out: Any, y: State, interval: float, h: float, n: int, body: Body, loads: Loads, k: int) -> None:
-    """K solutions of DOP853 in equal steps; checkpoints to out."""
-    for _ in range(k):
-        _put_state(z, y)
-        for i in range(len(out)):
-            dop853_march(z, 0, STATE, n, interval, h, body, steady(loads))
-            for j in range(STATE):
-                out[i, j] = z[j]
+def _run_of_unit(case: Case, scene: Scene, chosen: Plan, per_substep: float = math.nan, fixed: float = 0.0) -> Run:
+    """A plan's unit; per_substep: right-hand sides; fixed: the number of substeps where the unit counts none."""
+    unit, start = chosen.unit, filled_buffer(scene, chosen)
+    initialize(scene, unit, start)
+    z = aligned_zeros(len(start))
+    z[:] = start
+    _unit_repeated(unit.step, z, start, case.interval, 1, 1)  # compiled for each unit
 
+    def states() -> list[State]:
+        z[:], found = start, []
+        for _ in range(CHECKPOINTS):
+            if unit.step(z, case.interval):
+                z[:] = math.nan
+            found.append(motion_of(z))
+        return found
 
-def _state(row: Any) -> State:
-    x = row.tolist()
-    return tuple(x[8:11]), tuple(x[11:14]), tuple(x[0:4]), tuple(x[4:7])
+    found = states()
+    seconds = timed(lambda k: _unit_repeated(unit.step, z, start, case.interval, CHECKPOINTS, k))
+    return Run(lambda: found, seconds, per_substep * (fixed or substeps_counted(unit, z)))
 
 
 @dataclass(frozen=True)
 class Substeps:
-    """The kernels inside the units of a body under loads: with error control, or DOP853 in equal steps.
+    """The units of a body under loads: with error control, or DOP853 in equal steps.
 
     order: of Taylor series, 0 for DOP853.
     """
@@ -113,30 +97,11 @@ class Substeps:
 
     def run(self, case: Case, value: float) -> Run:
         """With a tolerance or step of `value`."""
-        z, out = aligned_zeros(_SIZE + 2), np.zeros((CHECKPOINTS, STATE))
-        n = TURNING if case.turning_force else ROTATION
-        y, body, loads = case.start, case.body, case.loads
-
-        def repeat(k: int) -> None:
-            if self.controlled:
-                _tolerated(z, out, y, case.interval, self.order, value, n, body, loads, k)
-            else:
-                _stepped(z, out, y, case.interval, value, n, body, loads, k)
-
-        def states() -> list[State]:
-            repeat(1)
-            return [_moved(case, _state(row), i) for i, row in enumerate(out)]
-
-        found = states()
-        count = float(z[_SIZE + 1]) if self.controlled else CHECKPOINTS * round(case.interval / value)
-        return Run(lambda: found, timed(repeat), (self.order or 12.0) * count)
-
-
-def _moved(case: Case, state: State, i: int) -> State:
-    """The state with what the kernels leave to closed form: the path under the loads that do not turn."""
-    t, a = (i + 1) * case.interval, steady_acceleration(case.body, case.loads)
-    r, v = state[:2] if case.turning_force else (add_scaled(case.start[0], t, case.start[1]), case.start[1])
-    return add_scaled(r, 0.5 * t * t, a), add_scaled(v, t, a), state[2], state[3]
+        model = "body under loads, by series" if self.order else "body under loads"
+        substep, tolerance = (math.inf, value) if self.controlled else (value, 0.0)
+        chosen = Plan(model, self.name, 13, substep, tolerance, self.order)
+        fixed = 0.0 if self.controlled else float(CHECKPOINTS * round(case.interval / value))
+        return _run_of_unit(case, case.scene, chosen, self.order or 12.0, fixed)
 
 
 # Exact
@@ -158,6 +123,13 @@ def _exact(out: Any, moments: Vec3, q: Quaternion, w: Vec3, span: float, n: int,
     return rest
 
 
+def _moved(case: Case, row: Any, i: int) -> State:
+    """A row (q, omega) with the centre of mass's path in closed form."""
+    x, t, a = row.tolist(), (i + 1) * case.interval, steady_acceleration(case.body, case.loads)
+    r, v = add_scaled(case.start[0], t, case.start[1]), case.start[1]
+    return add_scaled(r, 0.5 * t * t, a), add_scaled(v, t, a), tuple(x[:4]), tuple(x[4:])
+
+
 class Exact:
     """Exact torque-free motion."""
 
@@ -173,7 +145,7 @@ class Exact:
 
     def run(self, case: Case, value: float) -> Run:
         """`value` outputs, a multiple of the checkpoints."""
-        out = np.zeros((CHECKPOINTS, STATE))
+        out = np.zeros((CHECKPOINTS, 7))
         _, _, q, w = case.start
 
         def repeat(k: int) -> None:
@@ -181,22 +153,12 @@ class Exact:
 
         def states() -> list[State]:
             repeat(1)
-            return [_moved(case, _state(row), i) for i, row in enumerate(out)]
+            return [_moved(case, row, i) for i, row in enumerate(out)]
 
         return Run(states, timed(repeat), 0.0)
 
 
 # The product: plan, then step its unit
-
-
-@njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
-def _unit_repeated(step: Any, z: Any, start: Any, interval: float, n: int, k: int) -> int:
-    fault = 0
-    for _ in range(k):
-        z[:] = start
-        for _ in range(n):
-            fault += step(z, interval)
-    return fault
 
 
 class Planned:
@@ -219,22 +181,7 @@ class Planned:
             chosen = plan(scene)
         except SceneError as error:
             raise NotFeasibleError(str(error)) from None
-        start = filled_buffer(scene, chosen)
-        initialize(scene, chosen.unit, start)
-        z = aligned_zeros(len(start))
-        z[:] = start
-        _unit_repeated(chosen.unit.step, z, start, case.interval, 1, 1)  # compiled for each unit
-
-        def states() -> list[State]:
-            z[:], found = start, []
-            for _ in range(CHECKPOINTS):
-                if chosen.unit.step(z, case.interval):
-                    z[:] = math.nan
-                found.append(motion_of(z))
-            return found
-
-        seconds = timed(lambda k: _unit_repeated(chosen.unit.step, z, start, case.interval, CHECKPOINTS, k))
-        return Run(states, seconds, math.nan)
+        return _run_of_unit(case, scene, chosen)
 
 
 class ClosedForm(Planned):
