@@ -5,8 +5,7 @@ import math
 import mpmath as mp
 import numpy as np
 
-from rbfmu_kernels.elementary import sincos
-from rbfmu_kernels.elliptic import angle_in_half_turns, climb_scale, jacobi_from_phase, scale_levels
+from rbfmu_kernels.elliptic import angle_in_half_turns, climb_scale
 
 EPS = 2.0**-52
 
@@ -29,25 +28,6 @@ def as_dd(x):
 
 def value(a):
     return mp.mpf(a[0]) + mp.mpf(a[1])
-
-
-def test_jacobi_functions():
-    rng, kcs = moduli(1, 150)
-    worst = {"sn": 0.0, "cn": 0.0, "dn": 0.0, "relative": 0.0}
-    for i, kc in enumerate(kcs):
-        near_quarter = math.pi / 2 - 10.0 ** rng.uniform(-9.0, 0.0)
-        x = rng.uniform(-0.5, 0.5) * math.pi if i % 3 else (near_quarter, -near_quarter)[i % 2]
-        s, c = sincos(x)
-        found = jacobi_from_phase(s, c, scale_levels((kc, 0.0)))
-        with mp.workdps(digits_for(kc)):
-            u, m = mp.atan2(s, c) / mp.agm(1, kc), 1 - mp.mpf(kc) ** 2
-            for name, value_ in zip(("sn", "cn", "dn"), found, strict=True):
-                truth = mp.ellipfun(name, u, m=m)
-                worst[name] = max(worst[name], float(abs(value_ - truth)) / EPS)
-                relative = float(abs(value_ / truth - 1)) / EPS
-                worst["relative"] = max(worst["relative"], relative / max(1.0, abs(float(u))))
-    assert 1.5 < max(worst["sn"], worst["cn"], worst["dn"]) <= 5.0
-    assert 3.0 < worst["relative"] <= 12.0
 
 
 def test_scale_gives_agm_third_kind_and_phase_beyond_double():

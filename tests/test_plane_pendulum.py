@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rbfmu_kernels.elementary import sincos
-from rbfmu_kernels.jacobi_theta import LEAST_KC, jacobi_from_theta, theta_series
+from rbfmu_kernels.jacobi_theta import NEAREST_KC, jacobi_from_theta, theta_series
 from rbfmu_kernels.plane_pendulum import half_angle_rates, pendulum_at, pendulum_setup, sincos_of_half_angle
 
 EPS = 2.0**-52
@@ -25,7 +25,7 @@ def test_theta_series_give_jacobis_functions():
     rng, worst = np.random.default_rng(1), 0.0
     with mp.workdps(50):
         for i in range(200):
-            kc = (1.0 - 0.55 * 10.0 ** rng.uniform(-15.0, 0.0), rng.uniform(LEAST_KC, 1.0), LEAST_KC)[i % 3]
+            kc = (1.0 - 0.665 * 10.0 ** rng.uniform(-15.0, 0.0), rng.uniform(NEAREST_KC, 1.0), NEAREST_KC)[i % 3]
             near_quarter = 0.5 * math.pi * int(rng.integers(-3, 4)) + 10.0 ** rng.uniform(-9.0, 0.0)
             s, c = sincos(rng.uniform(-6.0, 6.0) if i % 2 else near_quarter)
             u, m = mp.atan2(s, c) / mp.agm(1, kc), 1 - mp.mpf(kc) ** 2

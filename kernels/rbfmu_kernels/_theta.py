@@ -12,13 +12,11 @@ Sources: Whittaker & Watson, ch. 21; DLMF 20.2, 20.7, 22.7.
 y = pi u / 4K', of nome exp(-pi K / 2K'), as series in e = exp(-2 |y|) and p = nome / e, and exp(-2 i b v / pi) besides.
 """
 
-import math
-
 from ._kernel import kernel
-from ._scaling import round_to_integer
-from .double_double import DoubleDouble, two_product, two_sum
-from .elementary import exp2, sincos_half_turns
-from .jacobi_theta import jacobi_from_theta, jacobi_near
+from .double_double import DoubleDouble, two_sum
+from .elementary import sincos_half_turns
+from .jacobi_theta import Place as Place
+from .jacobi_theta import jacobi_from_theta, jacobi_near, place_near
 from .shapes import Quaternion
 
 TUMBLING, STEADY, SEPARATRIX, NEAR = 0.0, 1.0, 2.0, 3.0
@@ -43,22 +41,13 @@ def attitude(sin_v: float, cos_v: float, series: Series) -> tuple[float, float, 
     )
 
 
-Place = tuple[float, float, float, float]
-"""Sine and cosine of the phase v; or, NEAR, e, the sign of y, -1 where half turns are odd, and the rest of v / pi."""
-
-
 @kernel
 def place_of(kind: float, x: DoubleDouble, width: DoubleDouble) -> Place:
-    """The place at the phase x, half turns; width: 2 y / (x ln 2)."""
+    """Sine and cosine of the phase x, in half turns, or, NEAR, what `place_near` says."""
     if kind == TUMBLING:
         s, c = sincos_half_turns(x[0], x[1])
         return (s, c, 0.0, 0.0)
-    turns = round_to_integer(x[0])
-    rest = x[0] - turns
-    high, low = two_product(width[0], rest)
-    low += width[0] * x[1] + width[1] * rest
-    e = exp2(-high, -low) if high > 0.0 else exp2(high, low)
-    return (e, math.copysign(1.0, high), 1.0 if 2.0 * round_to_integer(0.5 * turns) == turns else -1.0, rest)
+    return place_near(x, width)
 
 
 @kernel

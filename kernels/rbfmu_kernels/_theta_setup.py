@@ -4,12 +4,9 @@ import math
 
 from ._kernel import kernel
 from ._theta import Series
-from .double_double import DoubleDouble, dd_add_float, dd_divide, dd_multiply, dd_negate, dd_scale, dd_sqrt
+from .double_double import DoubleDouble, dd_scale
 from .elementary import sincos_half_turns
-from .elliptic import climb_scale
-from .jacobi_theta import near_series, nome, theta_series_of
-
-_PI_OVER_LOG_2: DoubleDouble = (4.532360141827194, -3.4581174592298686e-16)
+from .jacobi_theta import near_scale, near_series, nome, theta_series_of
 
 
 @kernel(inline=False)
@@ -86,9 +83,7 @@ def near_series_of(
     root_kappa: sqrt(kappa); agm: AGM(1, kc), kc < NEAREST_KC; sign of I_s - I_p.
     """
     one: DoubleDouble = (1.0, 0.0)
-    k = dd_sqrt(dd_add_float(dd_negate(dd_multiply(kc, kc)), 1.0))
-    mean, _, phase = climb_scale(k, (0.0, 0.0), one, root_kappa)
-    width = dd_multiply(dd_divide(mean, agm), _PI_OVER_LOG_2)
+    width, phase = near_scale(kc, agm, one, root_kappa)
     near = near_series(kc[0])
     q = near[0]
     q4 = (q * q) * (q * q)

@@ -1,11 +1,9 @@
 """Elliptic functions and integrals in the forms the free rigid body needs: no cancellation for any modulus.
 
 The scale of arithmetic-geometric means a_0 = 1, g_0 = kc (the complementary modulus), a' = (a + g) / 2, g' = sqrt(a g)
-serves all: complete integrals, the phase x = pi u / (2 K) of an amplitude (both once, `climb_scale`), and sn, cn, dn of
-a phase (`jacobi_from_phase`).  Sources: DLMF 19.8, 22.7, 22.20; Bulirsch, Numer. Math. 7 (1965).
+gives complete integrals and the phase x = pi u / (2 K) of an amplitude, in double-double; sn, cn, dn of a phase:
+jacobi_theta.py.  Sources: DLMF 19.8, 22.7, 22.20.
 """
-
-import math
 
 from ._kernel import kernel
 from ._scaling import power_of_two_for
@@ -21,99 +19,6 @@ from .double_double import (
     two_product,
     two_sum,
 )
-
-Levels = tuple[float, float, float, float, float, float, float, float, float, float, float, float, float, float]
-"""Of each level of the scale e = (a - g) / (a + g) where it is below 1/2, e - 1 = -2 g / (a + g) otherwise.
-
-14 are enough for kc >= 1e-300.
-"""
-
-
-@kernel(inline=False)
-def scale_levels(kc: DoubleDouble) -> Levels:
-    """The levels of kc.  Relative error <= 3 eps each."""
-    k = kc[0]
-    e = dd_add_float(dd_scale(-1.0, kc), 1.0)[0] / (1.0 + k)
-    v5 = v6 = v7 = v8 = v9 = v10 = v11 = v12 = v13 = 0.0
-    v0, e, k = _level(e, k)
-    v1, e, k = _level(e, k)
-    v2, e, k = _level(e, k)
-    v3, e, k = _level(e, k)
-    v4, e, k = _level(e, k)
-    if e > 0.0:
-        v5, e, k = _level(e, k)
-        v6, e, k = _level(e, k)
-        v7, e, k = _level(e, k)
-        v8, e, k = _level(e, k)
-    if e > 0.0:
-        v9, e, k = _level(e, k)
-        v10, e, k = _level(e, k)
-        v11, e, k = _level(e, k)
-        v12, e, k = _level(e, k)
-        v13, e, k = _level(e, k)
-    return (v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12, v13)
-
-
-@kernel
-def _level(e: float, kc: float) -> tuple[float, float, float]:
-    """The level's entry, then e (0 below 1e-17) and the complementary modulus g' / a' of the level below."""
-    below = 2.0 * math.sqrt(kc) / (1.0 + kc)
-    root = e / (1.0 + below)
-    entry = e if e < 0.5 else -2.0 * kc / (1.0 + kc)
-    return (entry, (root * root if root > 3e-9 else 0.0), below)
-
-
-@kernel
-def jacobi_from_phase(sin_x: float, cos_x: float, levels: Levels) -> tuple[float, float, float]:
-    """(sn, cn, dn) of u at the phase x = pi u / (2 K): Gauss' transformation, from modulus 0 up to k.
-
-    |x| <= pi / 2.  Error <= 5 eps; of cn and dn also <= 12 max(1, |u|) eps of themselves, however small they are.
-    """
-    v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12, v13 = levels
-    s, c, dn = sin_x, cos_x, 1.0
-    if v5 == 0.0:  # kc > 0.1: e < 1/2 below the first level
-        s, c, dn = _descend(s, c, dn, v4)
-        s, c, dn = _descend(s, c, dn, v3)
-        s, c, dn = _descend(s, c, dn, v2)
-        s, c, dn = _descend(s, c, dn, v1)
-        s, c, dn = _descend_any(s, c, dn, v0)
-    else:
-        if v9 != 0.0:
-            s, c, dn = _descend_any(s, c, dn, v13)
-            s, c, dn = _descend_any(s, c, dn, v12)
-            s, c, dn = _descend_any(s, c, dn, v11)
-            s, c, dn = _descend_any(s, c, dn, v10)
-            s, c, dn = _descend_any(s, c, dn, v9)
-        s, c, dn = _descend_any(s, c, dn, v8)
-        s, c, dn = _descend_any(s, c, dn, v7)
-        s, c, dn = _descend_any(s, c, dn, v6)
-        s, c, dn = _descend_any(s, c, dn, v5)
-        s, c, dn = _descend_any(s, c, dn, v4)
-        s, c, dn = _descend_any(s, c, dn, v3)
-        s, c, dn = _descend_any(s, c, dn, v2)
-        s, c, dn = _descend_any(s, c, dn, v1)
-        s, c, dn = _descend_any(s, c, dn, v0)
-    scale = 1.0 / math.sqrt(s * s + c * c)
-    return (scale * s, scale * c, dn)
-
-
-@kernel
-def _descend(s: float, c: float, dn: float, e: float) -> tuple[float, float, float]:
-    """From tan am = s / c and dn of one level to those of the level above, whose modulus is larger, e not close to 1.
-
-    tan am = (1 + e) s / (c dn); dn = 1 - 2 e s^2 / (c^2 + (1 + e) s^2) with s, c of the lower level (DLMF 22.7.2-4).
-    """
-    s2 = s * s
-    return (s + e * s, c * dn, 1.0 - 2.0 * e * s2 / (c * c + (s2 + e * s2)))
-
-
-@kernel
-def _descend_any(s: float, c: float, dn: float, v: float) -> tuple[float, float, float]:
-    """The same for any e: where it is close to 1, dn has no digits to lose."""
-    if v >= 0.0:
-        return _descend(s, c, dn, v)
-    c2, s2 = c * c, s * s
-    return (s * (2.0 + v), c * dn, (c2 - v * s2) / (c2 + (2.0 + v) * s2))
 
 
 @kernel

@@ -1,18 +1,23 @@
 """Jacobi's sn, cn, dn as quotients of theta functions of the phase v = pi u / (2 K): short series in the nome q.
 
-For kc >= LEAST_KC, where q <= 0.1 and nothing cancels; below, `elliptic.jacobi_from_phase`.
-With x = cos 2v: theta_3, theta_4 = E +- x O; theta_1, theta_2 = 2 q^(1/4) (sin, cos) v (P -+ x Q), each of E, O, P, Q
-even in x.  Near the separatrix, by Jacobi's imaginary transformation, in the nome q' = exp(-pi K / K') and hyperbolic
-functions of pi u / K', as series in their decaying e = exp(-pi |u| / 2K') and in root q' / e.
+For kc >= NEAREST_KC, where q <= 0.134 and nothing cancels.  With x = cos 2v: theta_3, theta_4 = E +- x O;
+theta_1, theta_2 = 2 q^(1/4) (sin, cos) v (P -+ x Q), each of E, O, P, Q even in x.
+
+Near the separatrix by Jacobi's imaginary transformation: theta functions of nome q' = exp(-pi K / K') and imaginary
+argument, as series in their decaying e = exp(-pi |u| / 2K') and in root q' / e.
 Sources: DLMF 20.2, 20.7(viii), 22.2; nome: DLMF 19.5.5.
 """
 
 import math
 
 from ._kernel import kernel
-from .double_double import DoubleDouble, dd_add_float, dd_negate
+from ._scaling import round_to_integer
+from .double_double import DoubleDouble, dd_add_float, dd_divide, dd_multiply, dd_negate, dd_sqrt, two_product
+from .elementary import exp2
+from .elliptic import climb_scale
 
-LEAST_KC = 0.45
+_PI_OVER_LOG_2: DoubleDouble = (4.532360141827194, -3.4581174592298686e-16)
+
 NEAREST_KC = 0.335
 """There q = 0.133, q^20 nothing beside 1, and so is q'^8 = 0.0074^8: the larger kc may be for `near_series`."""
 Theta = tuple[float, float, float, float, float, float, float, float, float, float, float, float]
@@ -21,7 +26,7 @@ Theta = tuple[float, float, float, float, float, float, float, float, float, flo
 
 @kernel(inline=False)
 def theta_series(kc: DoubleDouble) -> Theta:
-    """The series of the complementary modulus kc, LEAST_KC <= kc <= 1.  Relative error <= 3 eps."""
+    """The series of the complementary modulus kc, NEAREST_KC <= kc <= 1.  Relative error <= 3 eps."""
     return theta_series_of(nome(dd_add_float(dd_negate(kc), 1.0)[0], kc[0]))
 
 
@@ -64,6 +69,34 @@ def near_series(kc: float) -> Near:
     y4 = (y * y) * (y * y)
     ratio = math.sqrt(0.5 * (1.0 + y4 * (2.0 + 15.0 * y4)) / (1.0 + k)) / (1.0 + root)  # root q' / kc
     return (kc * ratio, 1.0 / root, 1.0 / math.sqrt(k * ratio), 1.0 / math.sqrt(ratio))
+
+
+@kernel(inline=False)
+def near_scale(
+    kc: DoubleDouble, agm: DoubleDouble, s: DoubleDouble, c: DoubleDouble
+) -> tuple[DoubleDouble, DoubleDouble]:
+    """(W, pi a / 2K' over pi): exp(-pi |u| / 2K') = 2^-|W x| at u = 2 K x; tan am(a, k') = s / c.
+
+    kc <= NEAREST_KC; agm: AGM(1, kc).
+    """
+    k = dd_sqrt(dd_add_float(dd_negate(dd_multiply(kc, kc)), 1.0))
+    mean, _, phase = climb_scale(k, (0.0, 0.0), s, c)
+    return dd_multiply(dd_divide(mean, agm), _PI_OVER_LOG_2), phase
+
+
+Place = tuple[float, float, float, float]
+"""Near the separatrix: e, the sign of u, -1 where half turns were odd and the rest of them, |x| <= 1/2."""
+
+
+@kernel
+def place_near(x: DoubleDouble, width: DoubleDouble) -> Place:
+    """The place at the phase x, in half turns."""
+    turns = round_to_integer(x[0])
+    rest = x[0] - turns
+    high, low = two_product(width[0], rest)
+    low += width[0] * x[1] + width[1] * rest
+    e = exp2(-high, -low) if high > 0.0 else exp2(high, low)
+    return (e, math.copysign(1.0, high), 1.0 if 2.0 * round_to_integer(0.5 * turns) == turns else -1.0, rest)
 
 
 @kernel

@@ -23,15 +23,25 @@ from .double_double import (
     dd_subtract,
 )
 from .elementary import sincos_half_turns
-from .elliptic import Levels, climb_scale, jacobi_from_phase, scale_levels
-from .jacobi_theta import LEAST_KC, jacobi_from_theta, theta_series
+from .elliptic import climb_scale
+from .jacobi_theta import (
+    NEAREST_KC,
+    Theta,
+    jacobi_from_theta,
+    jacobi_near,
+    near_scale,
+    near_series,
+    place_near,
+    theta_series,
+)
 
-Pendulum = tuple[float, float, float, float, DoubleDouble, DoubleDouble, Levels]
-"""How to find sn, cn, dn (BY_THETA, BY_SCALE, SEPARATRIX); 1 if it swings; sin(phi / 2) over sn; the largest phi',
-with its sign where it turns over; rate and start of the phase v / (2 pi); series of theta, or levels of the scale."""
-PENDULUM_SIZE = 22
+Pendulum = tuple[float, float, float, float, DoubleDouble, DoubleDouble, Theta]
+"""How to find sn, cn, dn (ORDINARY, NEAR, SEPARATRIX); 1 if it swings; sin(phi / 2) over sn; the largest phi',
+with its sign where it turns over; rate and start of the phase v / (2 pi); `Theta`, or `Near` and the
+scale of e."""
+PENDULUM_SIZE = 20
 
-BY_THETA, BY_SCALE, SEPARATRIX = 0.0, 1.0, 2.0
+ORDINARY, NEAR, SEPARATRIX = 0.0, 1.0, 2.0
 _ONE_OVER_PI: DoubleDouble = (0.3183098861837907, -1.9678676675182486e-17)
 _LEAST_KC = 1e-300
 _MOST_TURNS = 1e28  # of the phase: double-double has no digit left there
@@ -46,7 +56,7 @@ def pendulum_setup(x: DoubleDouble, y: DoubleDouble, z: DoubleDouble) -> Pendulu
     w_0, w = _length(x, z), _length(x, y)
     fastest = w_0 if swings else w
     kc = _complementary_modulus(gap, dd_add(dd_scale(sign, y), z), fastest)
-    kind = (BY_THETA if kc[0] >= LEAST_KC else BY_SCALE) if kc[0] >= _LEAST_KC else SEPARATRIX
+    kind = (ORDINARY if kc[0] >= NEAREST_KC else NEAR) if kc[0] >= _LEAST_KC else SEPARATRIX
     kc = kc if kind != SEPARATRIX else (_LEAST_KC, 0.0)
     agm, half_turns = _climb(kc, dd_scale(side, x), dd_scale(sign, y) if swings else z)
     if swings and sign < 0.0:
@@ -55,7 +65,7 @@ def pendulum_setup(x: DoubleDouble, y: DoubleDouble, z: DoubleDouble) -> Pendulu
     rate = dd_scale(0.5, dd_multiply(dd_multiply(fastest, agm), _ONE_OVER_PI))
     if y[0] == 0.0 and z[0] == 0.0:  # balanced at the top
         rate, w = (0.0, 0.0), (0.0, 0.0)
-    series = _series(kc) if kind == BY_THETA else scale_levels(kc)
+    series = theta_series(kc) if kind == ORDINARY else _near_series(kc, agm)
     if swings:
         return kind, 1.0, w[0] / w_0[0], 2.0 * w[0], rate, start, series
     return kind, 0.0, sign, sign * 2.0 * w[0], rate, start, series
@@ -90,36 +100,40 @@ def pendulum_at(setup: Pendulum, t: float) -> tuple[float, float, float]:
     beyond 1e14 turns plus 3e-31 a turn, and NaN beyond 1e28.
     """
     kind, swings, amplitude, fastest, rate, start, series = setup
-    if kind == BY_THETA:
-        s, c = _sincos_of_phase(rate, start, t)
-        sn, cn, dn = jacobi_from_theta(s, c, series[:12])
+    if kind == ORDINARY:
+        high, low = _phase(rate, start, t)
+        s, c = sincos_half_turns(high, low)
+        sn, cn, dn = jacobi_from_theta(s, c, series)
     else:
-        sn, cn, dn = _by_scale(kind, rate, start, series, t)
+        sn, cn, dn = _near(kind, rate, start, series, t)
     if swings != 0.0:
         return amplitude * sn, dn, fastest * cn
     return amplitude * sn, cn, fastest * dn
 
 
 @kernel
-def _sincos_of_phase(rate: DoubleDouble, start: DoubleDouble, t: float) -> tuple[float, float]:
+def _phase(rate: DoubleDouble, start: DoubleDouble, t: float) -> DoubleDouble:
+    """In half turns."""
     t = t if abs(rate[0] * t) < _MOST_TURNS else math.nan
-    high, low = dd_add(without_turns(rate, t), start)
-    return sincos_half_turns(2.0 * high, 2.0 * low)
+    return dd_scale(2.0, dd_add(without_turns(rate, t), start))
 
 
 @kernel(inline=False)
-def _by_scale(
-    kind: float, rate: DoubleDouble, start: DoubleDouble, levels: Levels, t: float
-) -> tuple[float, float, float]:
-    """(sn, cn, dn) for any modulus."""
+def _near(kind: float, rate: DoubleDouble, start: DoubleDouble, series: Theta, t: float) -> tuple[float, float, float]:
+    """(sn, cn, dn) near the separatrix."""
     if kind == SEPARATRIX:
-        turns = min(max(rate[0] * t + start[0], -_LAST_TURN), _LAST_TURN)
-        s, c = sincos_half_turns(2.0 * turns, 0.0)
+        x: DoubleDouble = (2.0 * min(max(rate[0] * t + start[0], -_LAST_TURN), _LAST_TURN), 0.0)
     else:
-        s, c = _sincos_of_phase(rate, start, t)
-    flip = math.copysign(1.0, c)
-    sn, cn, dn = jacobi_from_phase(flip * s, flip * c, levels)
+        x = _phase(rate, start, t)
+    e, side, flip, _ = place_near(x, (series[4], series[5]))
+    sn, cn, dn = jacobi_near(e, side, series[:4])
     return flip * sn, flip * cn, dn
+
+
+@kernel
+def _near_series(kc: DoubleDouble, agm: DoubleDouble) -> Theta:
+    (width, low), _ = near_scale(kc, agm, (0.0, 0.0), (1.0, 0.0))
+    return (*near_series(kc[0]), width, low, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @kernel
@@ -153,8 +167,3 @@ def _climb(kc: DoubleDouble, s: DoubleDouble, c: DoubleDouble) -> tuple[DoubleDo
     c = dd_scale(up, c) if max(s[0], c[0]) > 0.0 else (1.0, 0.0)
     agm, _, half_turns = climb_scale(kc, (0.0, 0.0), dd_scale(up, s), c)
     return agm, half_turns
-
-
-@kernel
-def _series(kc: DoubleDouble) -> Levels:
-    return (*theta_series(kc), 0.0, 0.0)

@@ -90,5 +90,5 @@ def _put_pendulum(z: Any, pendulum: Pendulum) -> None:
 @kernel
 def _pendulum(z: Any) -> Pendulum:
     c = z[_PENDULUM : _PENDULUM + PENDULUM_SIZE]
-    series = (c[8], c[9], c[10], c[11], c[12], c[13], c[14], c[15], c[16], c[17], c[18], c[19], c[20], c[21])
+    series = (c[8], c[9], c[10], c[11], c[12], c[13], c[14], c[15], c[16], c[17], c[18], c[19])
     return c[0], c[1], c[2], c[3], (c[4], c[5]), (c[6], c[7]), series
