@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 import reference_mp as reference
 
+from rbfmu.measures import attitude_error
 from rbfmu.models import Plan
 from rbfmu.scene import Scene
 from rbfmu.unit import filled_buffer, initialize
 from rbfmu.work_precision.cases import CASES
+from rbfmu.work_precision.cases import reference as motion_of_case
 from rbfmu_kernels import taylor_unit
 from rbfmu_kernels.dop853 import ROTATION, STATE
 from rbfmu_kernels.dynamics import steady
@@ -112,6 +114,19 @@ def test_errors_stay_below_the_sum_of_tolerances(order, tolerance):
     errors = reference.errors(reference.motion(scene, (5.0,)), *([block(z, name)] for name in
                               ("quaternion", "omega_b", "position", "velocity")))  # fmt: skip
     assert max(errors.values()) <= steps * tolerance + 40 * EPS
+
+
+@pytest.mark.parametrize("order", [8, 12, 16, 20])
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-8, 1e-10])
+def test_loads_that_their_series_carry_on_stay_true(order, tolerance):
+    """A fast top's weight turns in b much more than it changes the rate: its own last terms bound the step."""
+    case = CASES["c'"]
+    for steps in (1, 5):
+        z = unit_of(case.scene, order, tolerance)
+        for _ in range(steps):
+            assert taylor_unit.step(z, case.span / steps) == FINE
+        error = attitude_error(block(z, "quaternion"), motion_of_case(case.key)["q"][-1])
+        assert error <= 0.3 * tolerance * float(block(z, "substeps")[0])
 
 
 @pytest.mark.parametrize("inertia", [[1.0, 2.0, 2.5], [[1.0, 0.1, 0.05], [0.1, 1.2, 0.02], [0.05, 0.02, 1.5]]])
