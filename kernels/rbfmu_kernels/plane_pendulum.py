@@ -36,8 +36,8 @@ from .jacobi_theta import (
 )
 
 Pendulum = tuple[float, float, float, float, DoubleDouble, DoubleDouble, Theta]
-"""ORDINARY, NEAR the separatrix or on it; 1 if it swings; sin(phi / 2) over sn; the largest phi', with its sign where it
-turns over; rate and start of the phase v / (2 pi); `Theta`, or `Near` and the width of `place_near`."""
+"""ORDINARY, NEAR the separatrix or on it; 1 if it swings; sin(phi / 2) over sn; the largest phi', with its sign where
+it turns over; rate and start of the phase v / (2 pi); `Theta`, or `Near` and the width of `place_near`."""
 PENDULUM_SIZE = 20
 
 ORDINARY, NEAR, SEPARATRIX = 0.0, 1.0, 2.0
