@@ -63,6 +63,19 @@ def test_the_two_truths_agree(seed):
         assert max(abs(x - y) for x, y in zip(a, b, strict=True)) < mp.mpf(10) ** -40
 
 
+def test_slender_bodies_beside_the_separatrix():
+    """Boxes whose sides are up to 1e5 apart: the slow and the fast axis' rates are both right."""
+    rng = np.random.default_rng(5)
+    for _ in range(24):
+        sides = np.sort(10.0 ** rng.uniform(-5.0, 0.0, 3)) ** 2
+        low, middle, high = sides[0] + sides[1], sides[0] + sides[2], sides[1] + sides[2]
+        x = float(rng.normal())
+        z = x * math.sqrt(low * (middle - low) / (high * (high - middle))) * (1.0 + 10.0 ** rng.uniform(-8.0, 0.0))
+        y = math.hypot(x, z) * 10.0 ** rng.uniform(-1.0, 2.0)
+        t = 10.0 ** rng.uniform(0.0, 5.0) / math.hypot(x, y, z)
+        assert max(errors(((low, middle, high), Q, (x, y, z), t))) <= 5.0
+
+
 # 6 (6 - 4) 1^2 = 3 (4 - 3) 2^2: these bodies are on the separatrix, with no rounding.
 ON_SEPARATRIX = [
     ((3.0, 4.0, 6.0), Q, (2.0, 0.7, 1.0), 30.0),
