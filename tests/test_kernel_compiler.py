@@ -1,0 +1,58 @@
+"""How kernels are compiled: for Python only what Python calls."""
+
+import subprocess
+import sys
+
+import pytest
+from numba import config, njit
+
+from rbfmu_kernels import free_rotation, free_rotation_at, free_rotation_setup
+from rbfmu_kernels._kernel import kernel
+
+pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="needs the compiler")
+
+
+@kernel
+def callee(x: float) -> float:
+    return x + 1.0
+
+
+@kernel(inline=False)
+def caller(x: float) -> float:
+    return 2.0 * callee(x)
+
+
+def test_what_kernels_call_has_no_entry_for_python_until_python_calls_it():
+    assert njit(lambda x: caller(x) + callee(x))(1.0) == 6.0
+    assert not caller.overloads
+    assert caller(2.0) == 6.0
+    assert not callee.overloads
+    assert callee(2.0) == 3.0
+
+
+def test_a_kernel_called_by_compiled_code_first_has_the_same_bits_from_python():
+    state = (1.0, 2.0, 3.0), (0.5, 0.5, 0.5, 0.5), (0.1, 0.2, 0.3)
+
+    @njit
+    def both(moments, q_0, omega, t):
+        return free_rotation_at(free_rotation_setup(moments, q_0, omega), t)
+
+    assert both(*state, 7.0) == free_rotation(*state, 7.0) == free_rotation_at(free_rotation_setup(*state), 7.0)
+
+
+def test_callees_are_found_in_the_cache(tmp_path, monkeypatch):
+    """Another function that calls the same kernels compiles itself alone."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    code = (
+        "from numba import njit; from numba.core import event; import rbfmu_kernels as k\n"
+        "compiled = event.RecordingListener(); event.register('numba:compile', compiled)\n"
+        "print(njit(lambda v: k.{}(k.cross(v, v), v))((1.0, 2.0, 3.0)))\n"
+        "print(sorted({{e.data['dispatcher'].__name__ for _, e in compiled.buffer}}))"
+    )
+    first, second = (
+        subprocess.run([sys.executable, "-c", code.format(f)], capture_output=True, text=True, check=True).stdout
+        for f in ("dot", "add")
+    )
+    assert "'cross'" in first
+    assert "'cross'" not in second
+    assert "'<lambda>'" in second
