@@ -55,6 +55,8 @@ def why_exact(scene: Scene, model: str, rotation: bool, attitude: bool) -> tuple
         "one axis": f"rotation: one angle, closed form from {rate:.6g} rad/s under torque and damping about one axis",
         "undamped pendulum": f"rotation: one angle from {rate:.6g} rad/s, swung by forces fixed in space, undamped",
         "torque-free symmetric body": f"rotation: no torque, two equal moments ({moments} kg m2): elementary functions",
+        "symmetric body spun up": f"rotation: rates in closed form from {rate:.6g} rad/s, torque and damping about the "
+        f"axis of two equal moments ({moments} kg m2)",
         "torque-free body": f"rotation: no torque, moments {moments} kg m2: elliptic functions",
     }
     growth = growth_rate(scene) if model in ("no rotation", "constant rate", "one axis") else 0.0

@@ -9,7 +9,8 @@ from rbfmu_kernels.body_memory import has_pivot, moves, spins, turns
 from rbfmu_kernels.layout import FINE
 
 CLOSED = (
-    "no rotation", "constant rate", "one axis", "undamped pendulum", "torque-free symmetric body", "torque-free body",
+    "no rotation", "constant rate", "one axis", "undamped pendulum", "torque-free symmetric body",
+    "symmetric body spun up", "torque-free body",
 )  # fmt: skip
 """The models with a closed form, from the smallest."""
 
@@ -67,6 +68,7 @@ def rests_on(scene: Scene, needs: Needs) -> dict[str, set[str]]:
         "undamped pendulum": loads | shape | start,
         "one swinging axis": loads | shape | start,
         "torque-free symmetric body": loads | shape,
+        "symmetric body spun up": loads | shape | ({"r_oc_b"} if needs.attitude else set()),
         "torque-free body": loads,
     }
 

@@ -126,6 +126,24 @@ def test_one_axis_under_torque_and_damping_is_exact(torque, damping):
     assert attitude_error(found["quaternion"][-1], truth) <= 4 * EPS * float(angle)
 
 
+@pytest.mark.parametrize("across", [0.0, 0.3])
+@pytest.mark.parametrize("along", [0.0, 0.2])
+@pytest.mark.parametrize(("moments", "torque"), [((2.0, 2.0, 1.0), 0.4), ((1.3, 0.7, 1.3), -2.0), ((0.5, 1, 1), 0.1)])
+def test_a_symmetric_body_is_spun_up_as_in_40_digits(moments, torque, along, across):
+    own = moments.index(min(moments, key=moments.count))
+    omega, load, damping = [0.6, -0.5, 0.4], [0.0] * 3, [across] * 3
+    load[own], damping[own] = torque, along
+    loads = NO_GRAVITY | {"torque_b": load, "damping_b": damping}
+    body = {"mass": 1.0, "inertia": list(moments)}
+    tables = {"body": body, "initial": {"omega_b": omega}, "loads": loads, "outputs": {"quantities": ["omega_b"]}}
+    found, scene = run("symmetric body spun up", [0.5] * 20, **tables)
+    points = reference.motion(scene, (0.5 * np.arange(1.0, 21.0)).tolist())
+    zero, blank = np.zeros((20, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (20, 1))
+    fastest = float(np.max(np.abs(found["omega_b"])))
+    turned = 10.0 * fastest  # rad, in whose sine and cosine round-off shows
+    assert reference.errors(points, blank, found["omega_b"], zero, zero)["omega_b"] <= 4 * EPS * max(turned, 1.0)
+
+
 @pytest.mark.parametrize("steps", [1, 7, 400])
 def test_a_swing_is_that_of_40_digits(steps):
     """Large swings of a damped body about a level axis, within the tolerance of round-off."""

@@ -288,6 +288,23 @@ def test_the_largest_error_is_the_worst_of_all_quantities():
     assert largest_error(motion | {"velocity": np.array([[math.nan, 0.0, 0.0]])}, motion, motion) == math.inf
 
 
+@pytest.mark.parametrize(
+    ("loads", "wanted", "closed"),
+    [
+        ({"torque_b": [0.0, 0.0, 0.3], "damping_b": [0.1, 0.1, 0.0]}, "omega_b", True),
+        ({"torque_b": [0.0, 0.0, 0.3]}, "kinetic_energy", True),
+        ({"torque_b": [0.0, 0.0, 0.3]}, "quaternion", False),
+        ({"torque_b": [0.0, 0.1, 0.3]}, "omega_b", False),
+        ({"torque_a": [0.0, 0.0, 0.3]}, "omega_b", False),
+        ({"damping_b": [0.1, 0.2, 0.0]}, "omega_b", False),
+    ],
+)
+def test_rates_of_a_symmetric_body_under_a_torque_about_its_axis_have_a_closed_form(loads, wanted, closed):
+    body, outputs = {"mass": 1.0, "inertia": [2.0, 2.0, 1.0]}, {"quantities": [wanted]}
+    found = plan(made(body, {"omega_b": [0.3, 0.2, 2.0]}, NO_GRAVITY | loads, outputs=outputs))
+    assert (found.model == "symmetric body spun up") == closed
+
+
 # Equilibria
 
 

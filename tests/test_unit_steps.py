@@ -86,6 +86,12 @@ def scene_of(model):
         "constant rate": lambda: made(TRIAXIAL, {"omega_b": [1.0, 0.0, 0.0]}),
         "one axis": lambda: made(TRIAXIAL, {"omega_b": [1.0, 0.0, 0.0]}, NO_GRAVITY | {"damping_b": [1.0, 0.0, 0.0]}),
         "torque-free symmetric body": lambda: made({"mass": 3.0, "shape": {"kind": "beam", "length": 2.0}}),
+        "symmetric body spun up": lambda: made(
+            {"mass": 1.0, "inertia": [2.0, 1.0, 2.0]},
+            {"omega_b": [0.1, 2.0, 0.2]},
+            NO_GRAVITY | {"torque_b": [0.0, 0.3, 0.0], "damping_b": [0.1, 0.2, 0.1]},
+            outputs={"quantities": ["omega_b"]},
+        ),
         "torque-free body": lambda: made(TRIAXIAL),
         "undamped pendulum": lambda: made(
             {"mass": 3.0, "shape": {"kind": "beam", "length": 2.0}, "r_oc_b": [1.0, 0.0, 0.0], "pivot": True},
@@ -144,6 +150,10 @@ FAULTY += [
     ("undamped pendulum", 17, {"quaternion_0": [0.9, 0.1, 0.4, 0.0], "r_oc_b": [1.0, 0.1, 0.0]}),
     ("undamped pendulum", 18, {"damping_b": [0.0, 1e-9, 0.0]}),
     ("undamped pendulum", 18, {"known_torque_b": [0.0, 1e-9, 0.0]}),
+    ("symmetric body spun up", 19, {"inertia": [2.0, 1.0, 2.1, 0.0, 0.0, 0.0]}),
+    ("symmetric body spun up", 19, {"damping_b": [0.1, 0.2, 0.11]}),
+    ("symmetric body spun up", 19, {"known_torque_b": [1e-9, 0.3, 0.0]}),
+    ("symmetric body spun up", 19, {"known_torque_a": [0.0, 1e-9, 0.0]}),
     ("one swinging axis", 17, {"omega_b_0": [1.0, 1e-9, 0.0]}),
     ("torque-free symmetric body", 16, {"inertia": [1.0, 2.0, 2.5, 0.0, 0.0, 0.0]}),
     ("torque-free symmetric body", 11, {"known_torque_b": [0.0, 1.0, 0.0]}),

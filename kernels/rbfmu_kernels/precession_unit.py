@@ -6,6 +6,7 @@
 from typing import Any
 
 from ._kernel import kernel
+from ._symmetry import symmetric_frame
 from ._turns import symmetric_turnings, turned
 from .body_memory import INPUTS as INPUTS
 from .body_memory import OUTPUTS as OUTPUTS
@@ -14,7 +15,6 @@ from .body_memory import (
     body_of,
     initialize_body,
     is_as_planned,
-    principal_frame,
     put_quaternion_at,
     put_vec3_at,
     quaternion_at,
@@ -40,7 +40,6 @@ from .kicked_top import is_symmetric_top
 from .layout import NOT_REACHED, places
 from .quaternion import compose_quaternions, invert_quaternion, rotate
 from .rotation import invert_matrix, transform
-from .shapes import Vec3
 
 BLOCKS, SIZE = places(CLOSED_FORM | {"q_0": 4, "omega_0": 3, "about_momentum": TURNING, "about_axis": TURNING})
 
@@ -63,19 +62,12 @@ def initialize(z: Any) -> int:
             return _TORQUE
         if not is_symmetric_top(body[1]):
             return _NOT_SYMMETRIC
-    moments, R_bp = principal_frame(body[1])
-    s = _odd_one(moments)
-    t, u = (s + 1) % 3, (s + 2) % 3
-    e_t = (R_bp[0][t], R_bp[1][t], R_bp[2][t])
-    e_u = (R_bp[0][u], R_bp[1][u], R_bp[2][u])
-    e_s = (R_bp[0][s], R_bp[1][s], R_bp[2][s])
-    axes = (e_t, e_u, e_s)
-    mean = moments[t] if moments[t] == moments[u] else 0.5 * (moments[t] + moments[u])
-    momentum, own = symmetric_turnings(mean, moments[s], transform(axes, omega))
+    mean, moment, axes = symmetric_frame(body[1])
+    momentum, own = symmetric_turnings(mean, moment, transform(axes, omega))
     put_quaternion_at(z, _Q_0, q)
     put_vec3_at(z, _OMEGA_0, omega)
     put_turning_at(z, _ABOUT_MOMENTUM, (transform(invert_matrix(axes), momentum[0]), momentum[1]))
-    put_turning_at(z, _ABOUT_AXIS, (e_s, own[1]))
+    put_turning_at(z, _ABOUT_AXIS, (axes[2], own[1]))
     start_clocks(z)
     return first_outputs(z)
 
@@ -90,11 +82,3 @@ def step(z: Any, h: float) -> int:
     if turns(z):
         q = compose_quaternions(compose_quaternions(q, turned(turning_at(z, _ABOUT_MOMENTUM), t)), back)
     return finish_step(z, h, q, rotate(invert_quaternion(back), vec3_at(z, _OMEGA_0)))
-
-
-@kernel
-def _odd_one(moments: Vec3) -> int:
-    """The axis whose moment is farthest from the other two."""
-    a, b, c = moments
-    x, y, w = abs(b - c), abs(c - a), abs(a - b)
-    return 0 if x <= y and x <= w else (1 if y <= w else 2)
