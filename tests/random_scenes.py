@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from rbfmu.scene import Scene
 
 DECADES = st.integers(-13, -2).map(lambda k: 10.0**k)
-KINDS = ("none", "none", "weight", "weight", "axis", "tiny", "tiny", "pivot", "swing", "force_b", "all")
+KINDS = ("none", "none", "weight", "weight", "axis", "tiny", "tiny", "pivot", "swing", "spun", "force_b", "all")
 """Of loads."""
 SIGNS = st.sampled_from([-1.0, 1.0])
 
@@ -65,16 +65,25 @@ def swings(draw):
 
 
 @st.composite
+def spun(draw):
+    """A symmetric body, or nearly, under torque and damping about its axis, or nearly: some ask for the rates alone."""
+    moments, own = [1.0, 1.0, 1.0], draw(st.integers(0, 2))
+    moments[own] = draw(st.sampled_from([0.4, 1.3]))
+    moments[(own + 1) % 3] += draw(st.sampled_from([0.0, 0.0, draw(DECADES)]))
+    torque, damping = [0.0] * 3, [draw(st.sampled_from([0.0, 0.2]))] * 3
+    torque[own], damping[own] = draw(st.sampled_from([0.3, -1.0])), draw(st.sampled_from([0.0, 0.1]))
+    torque[(own + 1) % 3] = draw(st.sampled_from([0.0, 0.0, draw(DECADES)]))
+    loads = {"gravity_a": [0.0] * 3, "torque_b": torque, "damping_b": damping}
+    return {"mass": 2.0, "inertia": moments}, list(draw(vectors(2.0))), loads
+
+
+@st.composite
 def scenes(draw):
     """Scenes that are good; whether their accuracy can be met is for the plan to say."""
     body, moments, R = draw(bodies())
     omega_b, k = draw(spins(moments, R))
     beam = 0.0 in moments
-    kind = draw(
-        st.sampled_from(
-            ["none", "none", "weight", "weight", "axis", "tiny", "tiny", "pivot", "swing", "force_b", "all"]
-        )
-    )
+    kind = draw(st.sampled_from(KINDS))
     loads = {"gravity_a": [0.0, 0.0, 0.0]}
     axis = R[:, k] if moments[k] else R[:, (np.flatnonzero(np.array(moments) > 0.0))[0]]
     if kind in ("weight", "pivot", "all"):
@@ -94,8 +103,12 @@ def scenes(draw):
     turn = list(draw(vectors(draw(st.sampled_from([0.0, 1.0])))))
     if kind == "swing":
         body, omega_b, turn, loads = draw(swings())
+    if kind == "spun":
+        body, omega_b, loads = draw(spun())
     wanted = ["quaternion", "rpy", "omega_b", *(() if body.get("pivot") else ("position", "velocity"))]
     wanted = draw(st.lists(st.sampled_from(wanted), min_size=1, max_size=3, unique=True))
+    if kind == "spun" and draw(st.booleans()):
+        wanted = ["omega_b"]
     initial = {"omega_b": omega_b, "attitude": {"rotvec": turn}}
     if not body.get("pivot"):
         initial |= {"velocity": list(draw(vectors(draw(st.sampled_from([0.0, 2.0])))))}
