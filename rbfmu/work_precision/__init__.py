@@ -29,8 +29,9 @@ def run_charts(folder: Path, quick: bool, progress: Callable[[int, int, str], An
         folder / "answers.txt",
         draw_answers(found, folder / "answers.png"),
     ]
-    promises = verdict_table(verdicts(points))
-    files[2].write_text("\n".join([answer_table(found), "", promises, "", *machine()]) + "\n", encoding="utf-8")
+    kept = verdicts(points)
+    tables = [answer_table(found), "", *([verdict_table(kept), ""] if kept else [])]
+    files[2].write_text("\n".join([*tables, *machine()]) + "\n", encoding="utf-8")
     for case in dict.fromkeys(point.case for point in points):
         mine, answered = [p for p in points if p.case == case], [a for a in found if a.case == case]
         files.append(draw_case(mine, answered, folder / f"case_{case.replace(chr(39), '2')}.png"))
