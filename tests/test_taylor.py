@@ -53,7 +53,7 @@ def block(z, name):
 def test_rates_converge_at_the_series_order_and_attitude_at_the_two_point_formula_s(order, steps):
     """2 m of m derivatives, whose error is some 1e-3 of the series' until far below what is asked for.
 
-    Smaller steps, which are nearer to the law, drown in round-off.
+    Smaller steps, which are nearer to the law, drown in round-off: beside rates of order 10 the attitude shows 7.87.
     """
     case, span = CASES["d"], 16.0
     (truth,) = reference.motion(case.scene, (span,))
