@@ -12,7 +12,8 @@ import numpy as np
 from rbfmu_kernels._batch import STREAMED, core_shapes, gufuncs, python_function
 from rbfmu_kernels.euler_angles import sequence
 
-CHUNK = 16384  # items that a thread takes at a time
+CHUNK = 16384  # items that a thread takes at a time, at least
+CHUNKS = 4  # of a large call, for each thread: the cores are seldom equally free, and a chunk costs some microseconds
 THRESHOLD = 16 * CHUNK  # items from which on threads pay
 _KEYWORDS = {"out", "where", "axes", "order", "subok", "casting", "dtype"}
 
@@ -105,7 +106,8 @@ def _in_threads(
     if any(o.shape != leading + s for o, s in zip(outs, results, strict=True)):
         return compiled(*args, **kwargs)
     axis = int(np.argmax(leading)) - len(leading)  # counted from the last leading axis: -1 is the last
-    rows = max(1, CHUNK * leading[axis] // math.prod(leading))
+    items = math.prod(leading)
+    rows = max(1, max(CHUNK, items // (CHUNKS * _threads)) * leading[axis] // items)
 
     def cut(array: Any, shape: tuple[int, ...], piece: slice) -> Any:
         position = array.ndim - len(shape) + axis
