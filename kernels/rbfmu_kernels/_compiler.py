@@ -4,9 +4,11 @@ Numba makes machine code of a function and, once more, of all that it calls, to 
 what a kernel calls but compiled code, into which it is merged: there it is only LLVM's intermediate code.
 """
 
-from typing import Any
+import gc
+from typing import Any, ClassVar
 
 from llvmlite import binding
+from numba import types
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, compile_result
@@ -18,6 +20,7 @@ from numba.core.typed_passes import (
     NopythonTypeInference,
     PreLowerStripPhis,
 )
+from numba.core.typing import Context
 from numba.core.untyped_passes import FixupArgs, GenericRewrites, IRProcessing, ReconstructSSA, TranslateByteCode
 
 _PASSES = (
@@ -26,8 +29,43 @@ _PASSES = (
 )  # fmt: skip
 
 
+class _Remembering(Context):  # type: ignore[misc]
+    """Numba tries some ten templates, most of them NumPy's, at each sum of two numbers; here once for all sums."""
+
+    _answers: ClassVar[dict[Any, Any]] = {}
+    _numbers = (types.Number, types.Boolean, types.Literal)
+
+    @classmethod
+    def beside(cls, context: Any) -> "_Remembering":
+        """Another view of Numba's own context: they share all that they know."""
+        view = object.__new__(cls)
+        view.__dict__ = context.__dict__
+        return view
+
+    def resolve_function_type(self, func: Any, args: Any, kws: Any) -> Any:
+        if kws or not isinstance(func, types.Function) or not all(isinstance(a, self._numbers) for a in args):
+            return super().resolve_function_type(func, args, kws)
+        if (func, args) not in self._answers:
+            self._answers[func, args] = super().resolve_function_type(func, args, kws)
+        return self._answers[func, args]
+
+
 class KernelCompiler(CompilerBase):  # type: ignore[misc]
     """Without what is for closures, `with`, `raise`, array expressions and literals."""
+
+    def __init__(self, typingctx: Any, *rest: Any) -> None:
+        super().__init__(typingctx, *rest)
+        self.state.typingctx = _Remembering.beside(typingctx)
+
+    def compile_extra(self, function: Any) -> Any:
+        """Garbage is collected afterwards: to look for it meanwhile takes a tenth of the time, and there is little."""
+        collecting = gc.isenabled()
+        gc.disable()
+        try:
+            return super().compile_extra(function)
+        finally:
+            if collecting:
+                gc.enable()
 
     def define_pipelines(self) -> list[Any]:
         passes = PassManager("kernel")

@@ -79,18 +79,19 @@ def _compile(function: Callable[P, R], *, inline: bool) -> Callable[P, R]:
     compiled = compile_(pipeline_class=KernelCompiler)(function)
     if hasattr(compiled, "_cache"):  # not where the JIT is disabled
         compiled._cache = Cache(function)
-        _compile_callees_bare(compiled, compile_)
+        _compile_callees_bare(compiled, compile_, inline)
     return compiled  # type: ignore[no-any-return]
 
 
-def _compile_callees_bare(compiled: Any, compile_: Any) -> None:
+def _compile_callees_bare(compiled: Any, compile_: Any, inline: bool) -> None:
     """Let compiled callers have the function without machine code of its own and what Python needs to call it."""
 
     @cache
     def bare() -> Any:
         options = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": CalleeCompiler}
         callee = compile_(**options)(compiled.py_func)
-        callee._cache = Cache(compiled.py_func, CalleeCache)
+        if not inline:  # what is merged into its caller is sooner compiled than stored
+            callee._cache = Cache(compiled.py_func, CalleeCache)
         return callee
 
     compiled.get_call_template = lambda args, kws: bare().get_call_template(args, kws)
