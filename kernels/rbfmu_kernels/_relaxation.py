@@ -29,3 +29,11 @@ def relaxation(x: float) -> tuple[float, float]:
         first = first * (1.0 - 0.5 * y * first)
         y *= 2.0
     return first, second
+
+
+@kernel
+def relaxed(rate: float, pull: float, decay: float, t: float) -> tuple[float, float]:
+    """(angle turned, rate) after the time t of a rate that follows d rate / dt = pull - decay rate; decay >= 0."""
+    first, second = relaxation(decay * t)
+    gained = pull * t
+    return (rate * first + gained * second) * t, rate + (gained - decay * rate * t) * first

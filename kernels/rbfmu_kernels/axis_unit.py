@@ -6,7 +6,7 @@ As a co-simulation unit: `initialize`, `step` and `outputs` work over one flat b
 from typing import Any
 
 from ._kernel import kernel
-from ._relaxation import relaxation
+from ._relaxation import relaxed
 from .body_memory import INPUTS as INPUTS
 from .body_memory import OUTPUTS as OUTPUTS
 from .body_memory import PARAMETERS as PARAMETERS
@@ -65,10 +65,8 @@ def step(z: Any, h: float) -> int:
     if not h > 0.0:
         return NOT_REACHED
     t = time_after(z, h)
-    axis, rate, decay = vec3_at(z, _AXIS), z[_RATE], z[_DECAY]
-    first, second = relaxation(decay * t)
-    gained = z[_PULL] * t
-    q = quaternion_at(z, _Q_0)
+    axis, q = vec3_at(z, _AXIS), quaternion_at(z, _Q_0)
+    angle, rate = relaxed(z[_RATE], z[_PULL], z[_DECAY], t)
     if turns(z):
-        q = compose_quaternions(q, quaternion_from_axis_angle(axis, (rate * first + gained * second) * t))
-    return finish_step(z, h, q, scale(rate + (gained - decay * rate * t) * first, axis))
+        q = compose_quaternions(q, quaternion_from_axis_angle(axis, angle))
+    return finish_step(z, h, q, scale(rate, axis))

@@ -9,7 +9,7 @@ As a co-simulation unit: `initialize`, `step` and `outputs` work over one flat b
 from typing import Any
 
 from ._kernel import kernel
-from ._relaxation import relaxation
+from ._relaxation import relaxed
 from ._symmetry import symmetric_frame
 from .body_memory import INPUTS as INPUTS
 from .body_memory import OUTPUTS as OUTPUTS
@@ -32,11 +32,12 @@ from .body_outputs import outputs as outputs
 from .closed_form import CLOSED_FORM, finish_step, start_clocks, time_after
 from .dynamics import Body, Loads, angular_acceleration
 from .elementary import sincos
+from .fixed_axis import pull_and_decay
 from .kicked_top import is_symmetric_top
 from .layout import NOT_REACHED, places
 from .rigid_body import damping_torque
 from .rotation import invert_matrix, transform
-from .shapes import Matrix, Quaternion, Vec3
+from .shapes import Matrix, Quaternion
 from .vec3 import cross, dot, is_nonzero
 
 BLOCKS, SIZE = places(CLOSED_FORM | {"axes": 9, "rates": 3, "pull": 1, "decay": 1, "fading": 1, "ratio": 1})
@@ -60,9 +61,8 @@ def initialize(z: Any) -> int:
         return _ASTRAY
     put_matrix_at(z, _AXES, axes)
     put_vec3_at(z, _RATES, transform(axes, omega))
-    z[_PULL] = dot(axes[2], _from_rest(q, body, loads))
-    z[_DECAY] = -dot(axes[2], transform(body[2], damping_torque(body[4], axes[2])))
-    z[_FADING] = -dot(axes[0], transform(body[2], damping_torque(body[4], axes[0])))
+    z[_PULL], z[_DECAY] = pull_and_decay(z, axes[2], q, body, loads)
+    _, z[_FADING] = pull_and_decay(z, axes[0], q, body, loads)
     z[_RATIO] = (own - across) / across
     start_clocks(z)
     return first_outputs(z)
@@ -74,17 +74,12 @@ def step(z: Any, h: float) -> int:
     if not h > 0.0:
         return NOT_REACHED
     t = time_after(z, h)
-    (w_t, w_u, rate), gained, decay = vec3_at(z, _RATES), z[_PULL] * t, z[_DECAY]
-    first, second = relaxation(decay * t)
-    s, c = sincos(z[_RATIO] * (rate * first + gained * second) * t)
-    left = 1.0 - z[_FADING] * t * relaxation(z[_FADING] * t)[0]
-    rates = (left * (c * w_t - s * w_u), left * (s * w_t + c * w_u), rate + (gained - decay * rate * t) * first)
+    w_t, w_u, w_s = vec3_at(z, _RATES)
+    angle, rate = relaxed(w_s, z[_PULL], z[_DECAY], t)
+    _, left = relaxed(1.0, 0.0, z[_FADING], t)
+    s, c = sincos(z[_RATIO] * angle)
+    rates = (left * (c * w_t - s * w_u), left * (s * w_t + c * w_u), rate)
     return finish_step(z, h, rotation_of(z)[0], transform(invert_matrix(matrix_at(z, _AXES)), rates))
-
-
-@kernel
-def _from_rest(q: Quaternion, body: Body, loads: Loads) -> Vec3:
-    return angular_acceleration(q, (0.0, 0.0, 0.0), body, loads)
 
 
 @kernel
@@ -92,8 +87,9 @@ def _leads_astray(q: Quaternion, axes: Matrix, body: Body, loads: Loads) -> bool
     """Whether the moments differ, a load depends on the attitude or acts across the axis, or damping is uneven."""
     _, force_a, _, torque_a, _ = loads
     turning = is_nonzero(torque_a) or (is_nonzero(body[3]) and is_nonzero(force_a))
+    from_rest = angular_acceleration(q, (0.0, 0.0, 0.0), body, loads)
     t, u, s = axes
     d_t, d_u, d_s = damping_torque(body[4], t), damping_torque(body[4], u), damping_torque(body[4], s)
     uneven = is_nonzero(cross(t, d_t)) or is_nonzero(cross(u, d_u)) or is_nonzero(cross(s, d_s))
     uneven = uneven or dot(t, d_t) != dot(u, d_u)
-    return turning or uneven or is_nonzero(cross(s, _from_rest(q, body, loads))) or not is_symmetric_top(body[1])
+    return turning or uneven or is_nonzero(cross(s, from_rest)) or not is_symmetric_top(body[1])
