@@ -1,0 +1,54 @@
+"""Errors against quadruple precision, counted as a scene's `accuracy` counts them."""
+
+import numpy as np
+
+FLOORS = {"position": 1.0, "velocity": 1.0}
+ROUND_OFF = 64 * 2.0**-52
+"""Of what a quantity is made of, whatever cancels in it: less than this is no error."""
+
+
+def attitude_errors(q, high, low):
+    """Angles in rad between rows q and high + low, exact to some 1e-16 of themselves."""
+    q = q / np.linalg.norm(q, axis=1)[:, None]
+    q = np.where(np.sum(q * high, axis=1)[:, None] < 0.0, -q, q)
+    d = (q - high) - low
+    w, v = high[:, :1], high[:, 1:]
+    sine = w * d[:, 1:] - d[:, :1] * v - np.cross(v, d[:, 1:])
+    return 2.0 * np.arcsin(np.minimum(np.linalg.norm(sine, axis=1), 1.0))
+
+
+def quaternion_of_rpy(rpy):
+    """Euler parameters of roll, pitch, yaw."""
+    (sr, sp, sy), (cr, cp, cy) = np.sin(0.5 * rpy.T), np.cos(0.5 * rpy.T)
+    return np.stack([
+        cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    ], axis=1)  # fmt: skip
+
+
+def natural_size(name, truth):
+    """Of what a quantity is made of before anything cancels."""
+    rate, angular, linear, trace = truth.scales
+    sizes = {
+        "omega_b": rate, "omega_a": rate, "alpha_b": angular, "acceleration": linear,
+        "angular_momentum_a": trace * rate, "kinetic_energy": trace * rate * rate,
+    }  # fmt: skip
+    return float(sizes.get(name, 0.0))
+
+
+def quantity_error(name, values, truth, accuracy):
+    """The largest error of rows of one quantity; infinite where one is not finite."""
+    values = np.asarray(values, dtype=float).reshape(len(values), -1)
+    if not np.all(np.isfinite(values)):
+        return np.inf
+    if name in ("quaternion", "rpy"):
+        q = quaternion_of_rpy(values) if name == "rpy" else values
+        return float(np.max(attitude_errors(q, truth.high["quaternion"], truth.low["quaternion"])))
+    difference = np.linalg.norm((values - truth.high[name]) - truth.low[name], axis=1)
+    size = max(truth.sizes[name], FLOORS.get(name, 0.0), ROUND_OFF * natural_size(name, truth) / accuracy)
+    return float(np.max(difference)) / (size or 1.0)
+
+
+def errors(values, truth, accuracy):
+    """By quantity: name -> rows."""
+    return {name: quantity_error(name, rows, truth, accuracy) for name, rows in values.items()}
