@@ -36,7 +36,7 @@ def natural_size(name, truth):
     return float(sizes.get(name, 0.0))
 
 
-def quantity_error(name, values, truth, accuracy):
+def quantity_error(name, values, truth):
     """The largest error of rows of one quantity; infinite where one is not finite."""
     values = np.asarray(values, dtype=float).reshape(len(values), -1)
     if not np.all(np.isfinite(values)):
@@ -45,10 +45,11 @@ def quantity_error(name, values, truth, accuracy):
         q = quaternion_of_rpy(values) if name == "rpy" else values
         return float(np.max(attitude_errors(q, truth.high["quaternion"], truth.low["quaternion"])))
     difference = np.linalg.norm((values - truth.high[name]) - truth.low[name], axis=1)
-    size = max(truth.sizes[name], FLOORS.get(name, 0.0), ROUND_OFF * natural_size(name, truth) / accuracy)
-    return float(np.max(difference)) / (size or 1.0)
+    size = max(truth.sizes[name], FLOORS.get(name, 0.0))
+    beyond = float(np.max(difference)) - ROUND_OFF * natural_size(name, truth)
+    return max(beyond, 0.0) / size if size > 0.0 else float(beyond > 0.0)
 
 
-def errors(values, truth, accuracy):
+def errors(values, truth):
     """By quantity: name -> rows."""
-    return {name: quantity_error(name, rows, truth, accuracy) for name, rows in values.items()}
+    return {name: quantity_error(name, rows, truth) for name, rows in values.items()}

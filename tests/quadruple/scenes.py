@@ -1,0 +1,315 @@
+"""Random scenes over all models and their borders, and random settings of an importer, each from its seed."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from quadruple.driving import Setting
+from rbfmu.scene import PARAMETERS, PORTS, QUANTITIES, Scene
+
+KINDS = (
+    "no rotation", "constant rate", "one axis", "pendulum", "swinging", "prescribed", "free", "free symmetric", "spun",
+    "top", "top", "loads", "loads", "loads", "weight off centre", "equilibrium", "rod", "tiny loads",
+)  # fmt: skip
+STEPS = (1, 3, 10, 30, 100, 300, 1000, 3000)
+STEP_FACTORS = (0.1, 0.3, 3.0, 10.0, 30.0, 100.0, np.inf)
+FACTORS = (0.0, 0.5, 2.0, 2.0, 5.0, 5.0, -1.0, 30.0, 100.0)
+
+
+class Draw:
+    """Random numbers of a scene."""
+
+    def __init__(self, seed):
+        self.rng = np.random.default_rng(seed)
+
+    def one(self, *items):
+        return items[self.rng.integers(len(items))]
+
+    def chance(self, p):
+        return bool(self.rng.random() < p)
+
+    def log(self, low, high):
+        return float(10.0 ** self.rng.uniform(low, high))
+
+    def vector(self, size=1.0):
+        v = self.rng.normal(size=3)
+        return size * v / np.linalg.norm(v)
+
+    def some(self, names, p):
+        return [n for n in names if self.chance(p)]
+
+    def rotation(self):
+        return Rotation.from_rotvec(self.vector(self.rng.uniform(0.0, 3.1)))
+
+
+def rounded(x, digits=4):
+    """Few digits, so that scenes can be pasted."""
+    if isinstance(x, float | int):
+        return float(f"{x:.{digits}g}")
+    return [rounded(y, digits) for y in np.asarray(x).tolist()]
+
+
+def moments_of(draw, kind):
+    """Three principal moments of size 1; which of them is the symmetric body's own, if there is one."""
+    own = int(draw.rng.integers(3))
+    ratio = draw.one(0.4, 0.7, 1.3, 1.9, draw.rng.uniform(0.1, 1.95))
+    symmetric = np.ones(3)
+    symmetric[own] = ratio
+    if kind in ("top", "spun", "free symmetric"):
+        return symmetric, own
+    if kind == "rod":
+        symmetric[own] = draw.one(0.0, draw.log(-9, -2), draw.log(-6, -2))
+        return symmetric, own
+    shape = draw.one("sphere", "symmetric", "near", "triaxial", "triaxial", "triaxial")
+    if shape == "sphere":
+        return np.ones(3), own
+    if shape == "symmetric":
+        return symmetric, own
+    if shape == "near":
+        symmetric[(own + 1) % 3] += draw.log(-13, -2)
+        return symmetric, own
+    a, b, c = draw.rng.uniform(0.05, 1.0, 3)
+    return np.array([b + c, c + a, a + b]), own
+
+
+def body_of(draw, kind):
+    """(table, moments, axes as columns, own axis, size of the moments)"""
+    moments, own = moments_of(draw, kind)
+    size = draw.one(1.0, 1.0, draw.log(-3, 3))
+    moments = np.array(rounded(size * moments, 15 if draw.chance(0.1) else 4))
+    R = np.eye(3)
+    mass = rounded(draw.one(1.0, 2.0, draw.log(-1, 2)) * size)
+    inertia = moments.tolist()
+    if draw.chance(0.2) and min(moments) > 0.0:
+        R = draw.rotation().as_matrix()
+        M = R @ np.diag(moments) @ R.T
+        inertia = (0.5 * (M + M.T)).tolist()
+    return {"mass": mass, "inertia": inertia}, moments, R, own, size
+
+
+def rates_of(draw, kind, R, own, moments):
+    rate = draw.one(0.03, 1.0, 3.0, 20.0, draw.log(-2, 2.3))
+    way = draw.one("rest", "principal", "near", "any", "any", "any")
+    way = {"constant rate": "principal", "one axis": "principal", "pendulum": draw.one("rest", "principal"),
+           "swinging": draw.one("rest", "principal"), "equilibrium": "rest", "no rotation": draw.one("rest", "any"),
+           "free": draw.one("near", "any"), "top": draw.one("near", "any", "any")}.get(kind, way)  # fmt: skip
+    axis = R[:, own]
+    if way == "rest":
+        return np.zeros(3), axis
+    omega = rate * axis * draw.one(1.0, -1.0)
+    if way == "near":
+        omega = omega + draw.vector(rate * draw.log(-13, -1))
+    if way == "any":
+        omega = draw.vector(rate)
+    omega = omega - R @ np.where(moments == 0.0, R.T @ omega, 0.0)
+    return np.array(rounded(omega)) if np.array_equal(R, np.eye(3)) else omega, axis
+
+
+def loads_of(draw, kind, body, omega, axis, R, moments):
+    """Known loads; body is given arm and pivot."""
+    size, mass, rate = float(np.max(moments)), body["mass"], max(float(np.linalg.norm(omega)), 0.3)
+    twist = size * rate * rate * draw.one(0.003, 0.1, 1.0)
+    loads = {"gravity_a": draw.one([0.0] * 3, [0.0, 0.0, -9.81])}
+    if min(moments) == 0.0:
+        if draw.chance(0.5):
+            body |= {"pivot": True, "r_oc_b": rounded(draw.rng.uniform(-0.5, 0.5) * axis)}
+            loads["gravity_a"] = [0.0, 0.0, -9.81]
+        return loads
+    damping = draw.one(0.0, 0.0, 0.02, 0.3) * size * rate
+    if kind == "one axis":
+        loads |= {"torque_b": (twist * axis).tolist(), "damping_b": [damping] * 3}
+    if kind in ("pendulum", "swinging"):
+        side = R[:, draw.one(0, 1, 2)]
+        body |= {"pivot": True, "r_oc_b": (draw.rng.uniform(0.05, 0.7) * np.cross(axis, side)).tolist()}
+        loads["gravity_a"] = rounded(np.cross(axis, draw.vector(9.81)), 16)
+        if kind == "swinging":
+            loads |= {"torque_b": (twist * axis).tolist(), "damping_b": [damping] * 3}
+    if kind == "equilibrium":
+        down = draw.one(-1.0, -1.0, 1.0)
+        body |= {"pivot": draw.chance(0.7), "r_oc_b": [0.0, 0.0, down * draw.one(0.1, 1.0)]}
+        loads["gravity_a"] = [0.0, 0.0, -9.81]
+        if not body["pivot"]:
+            loads["force_a"] = [0.0, 0.0, 9.81 * mass]
+        loads["damping_b"] = rounded([damping] * 3)
+    if kind == "spun":
+        loads |= {"torque_b": (twist * axis).tolist(), "damping_b": rounded([draw.one(0.0, damping)] * 3)}
+    if kind in ("top", "weight off centre"):
+        arm = axis if kind == "top" and draw.chance(0.7) else draw.vector()
+        body |= {"pivot": draw.chance(0.7), "r_oc_b": (draw.one(0.02, 0.1, 0.5) * draw.one(1, -1) * arm).tolist()}
+        loads["gravity_a"] = [0.0, 0.0, -9.81]
+        loads |= {
+            n: rounded(draw.vector(size)) for n, size in (("force_a", mass), ("torque_a", twist)) if draw.chance(0.4)
+        }
+    if kind in ("loads", "tiny loads"):
+        small = draw.log(-13, -2) if kind == "tiny loads" else 1.0
+        names = draw.some(("torque_a", "torque_b", "force_a", "force_b", "damping_b"), 0.45) or ["torque_b"]
+        sizes = {
+            "torque_a": twist,
+            "torque_b": twist,
+            "force_a": mass,
+            "force_b": mass,
+            "damping_b": damping or 0.1 * size,
+        }
+        loads |= {
+            n: rounded(np.abs(v) if n == "damping_b" else v) for n in names for v in [draw.vector(small * sizes[n])]
+        }
+        if draw.chance(0.4):
+            body |= {"r_oc_b": rounded(draw.vector(draw.one(0.05, 0.4))), "pivot": draw.chance(0.3)}
+    if kind == "rod":
+        free = np.linalg.norm(R[:, np.argmin(moments)])
+        loads |= {"torque_b": rounded(draw.vector(twist * free))} if draw.chance(0.7) else {}
+    if kind in ("no rotation", "constant rate", "free", "free symmetric") and draw.chance(0.4):
+        loads["force_a"] = rounded(draw.vector(mass))
+    return loads
+
+
+def fastest(body, omega, loads, moments):
+    """Some rate that the motion may come to, rad/s, and an angular acceleration."""
+    least = max(float(np.min(moments[moments > 0.0])), 1e-3 * float(np.max(moments)))
+    arm = np.linalg.norm(body.get("r_oc_b", 0.0))
+    force = sum(np.linalg.norm(loads.get(n, 0.0)) for n in ("force_a", "force_b"))
+    torque = sum(np.linalg.norm(loads.get(n, 0.0)) for n in ("torque_a", "torque_b"))
+    if body.get("pivot"):
+        least, force = least + body["mass"] * arm**2, body["mass"] * np.linalg.norm(loads["gravity_a"])
+    damping = np.max(np.abs(loads.get("damping_b", 0.0)))
+    return float(np.linalg.norm(omega)) + np.sqrt(force * arm / least) + damping / least, torque / least
+
+
+def run_of(draw, rate, acceleration):
+    turn = draw.log(-0.5, 2.2)
+    stop = turn / rate if rate > 0.0 else draw.log(0, 2)
+    if acceleration > 0.0:
+        stop = min(stop, np.sqrt(2.0 * turn / acceleration))
+    stop = rounded(min(stop, 1000.0), 2)
+    start = draw.one(0.0, 0.0, 0.0, 0.0, 0.0, 1.0, -3.5, 1e5)
+    return {"start": start, "stop": start + stop, "step": rounded(stop / draw.one(*STEPS), 6),
+            "accuracy": rounded(draw.log(-12, -3), 2)}  # fmt: skip
+
+
+def wanted_of(draw, kind, pivot):
+    names = [q for q in QUANTITIES if not (pivot and q in ("position", "velocity", "acceleration"))]
+    if kind == "prescribed":
+        names = ["quaternion", "rpy", "omega_a"]
+    if kind == "spun" and draw.chance(0.5):
+        return ["omega_b"]
+    if kind == "no rotation" and not pivot:
+        names = draw.one(names, ["position", "velocity", "acceleration"])
+    way = draw.one("one", "one", "few", "few", "all")
+    if way == "one":
+        return [draw.one(*names)]
+    return (draw.some(names, 0.35) or [draw.one(*names)]) if way == "few" else names
+
+
+def random_scene(seed):
+    """(kind, scene); raises SceneError where its tables contradict each other."""
+    draw = Draw([seed, 11])
+    kind = KINDS[seed % len(KINDS)]
+    if kind == "prescribed":
+        q = {"quaternion": draw.rotation().as_quat(scalar_first=True).tolist()}
+        run = run_of(draw, draw.log(-1, 2), 0.0)
+        return kind, Scene(name=f"seed_{seed}", initial={"attitude": q}, inputs={"ports": ["omega_b"]}, run=run,
+                           outputs={"quantities": wanted_of(draw, kind, False)})  # fmt: skip
+    body, moments, R, own, _ = body_of(draw, kind)
+    omega, axis = rates_of(draw, kind, R, own, moments)
+    loads = loads_of(draw, kind, body, omega, axis, R, moments)
+    beam = min(moments) == 0.0
+    initial = {"omega_b": np.asarray(omega).tolist()}
+    upright = kind == "equilibrium" and draw.chance(0.8)
+    if not upright and kind not in ("pendulum", "swinging") and draw.chance(0.7):
+        initial["attitude"] = {"rotvec": rounded(draw.vector(draw.rng.uniform(0, 3.1)))}
+    if not body.get("pivot") and draw.chance(0.5):
+        initial |= {
+            "velocity": rounded(draw.vector(draw.log(-1, 3))),
+            "position": rounded(draw.vector(draw.log(-1, 3))),
+        }
+    ports = draw.some(PORTS[:4], 0.25) if draw.chance(0.4) and not beam else []
+    listed = draw.some([p for p in PARAMETERS if p not in ports], 0.2) if draw.chance(0.35) and not beam else []
+    listed = [p for p in listed if not (body.get("pivot") and p == "velocity_0")]
+    run = run_of(draw, *fastest(body, np.asarray(omega), loads, moments))
+    return kind, Scene(name=f"seed_{seed}", body=body, initial=initial, loads=loads, run=run,
+                       inputs={"ports": ports, "parameters": listed},
+                       outputs={"quantities": wanted_of(draw, kind, body.get("pivot"))})  # fmt: skip
+
+
+def changed(draw, block, values, scene):
+    """Another value of a parameter, one that a body can have."""
+    v = np.array(values, dtype=float)
+    if block == "mass":
+        return [rounded(v[0] * draw.one(0.5, 2.0, 10.0))]
+    if block == "quaternion_0":
+        return draw.rotation().as_quat(scalar_first=True).tolist()
+    if block in ("position_0", "velocity_0"):
+        return rounded(draw.one(0.0, 1.0, 100.0) * draw.vector() + draw.one(0.0, 1.0) * v)
+    if block == "inertia":
+        return inertia_changed(draw, v)
+    if not np.any(v):
+        v = rounded(draw.log(-1, 0.5) * draw.vector() * usual_size(block, scene))
+        return np.abs(v).tolist() if block == "damping_b" else v
+    if draw.chance(0.3):
+        v = v + draw.vector(draw.log(-6, 0) * np.linalg.norm(v))
+        return np.abs(v).tolist() if block == "damping_b" else v.tolist()
+    factor = draw.one(*FACTORS)
+    return ((abs(factor) if block == "damping_b" else factor) * v).tolist()
+
+
+def inertia_changed(draw, v):
+    M = np.array([[v[0], v[3], v[4]], [v[3], v[1], v[5]], [v[4], v[5], v[2]]])
+    way = draw.one("scaled", "scaled", "turned", "near", "other")
+    if way == "scaled":
+        M = draw.one(0.5, 2.0, 5.0) * M
+    elif way == "turned":
+        R = draw.rotation().as_matrix()
+        M = R @ M @ R.T
+    else:
+        t = np.trace(M)
+        a, b, c = draw.rng.uniform(0.05, 0.5, 3) * t
+        other = np.diag([b + c, c + a, a + b])
+        M = M + draw.log(-9, -2) * other if way == "near" else other
+    return [M[0, 0], M[1, 1], M[2, 2], M[0, 1], M[0, 2], M[1, 2]]
+
+
+def usual_size(block, scene):
+    """Of a load or a rate that turns the body by a radian over the run or so."""
+    M, mass = np.trace(scene.body.inertia), scene.body.mass
+    rate = max(float(np.linalg.norm(scene.initial.omega_b)), 1.0 / (scene.run.stop - scene.run.start))
+    sizes = {"omega_b_0": rate, "r_oc_b": np.sqrt(M / mass), "gravity_a": 1.6, "damping_b": 0.1 * M * rate}
+    torque = 0.1 * M * rate * rate
+    return sizes.get(block, torque / np.sqrt(M / mass) if block.startswith("force") else torque)
+
+
+def random_inputs(draw, scene):
+    """Rows of each port: constant, or changing a few times."""
+    rows = draw.one(1, 1, 3, 5)
+    if scene.body is None:
+        span = scene.run.stop - scene.run.start
+        rate = draw.one(0.0, draw.log(-0.5, 2.2) / span, draw.log(-0.5, 3) / span)
+        return {"omega_b": [rounded(draw.vector(rate)) for _ in range(rows)]}
+    factor = draw.one(0.1, 1.0, 1.0, 3.0)
+    return {p: [rounded(factor * draw.vector(usual_size(p, scene))) for _ in range(rows)] for p in scene.inputs.ports}
+
+
+def other_step(draw, scene):
+    span = scene.run.stop - scene.run.start
+    step = min(scene.run.step * draw.one(*STEP_FACTORS), span)
+    return max(rounded(step, 6), span / 30_000.0) if step < span else span
+
+
+def random_settings(seed, scene, offered):
+    """(label, setting) of a scene whose FMU has the parameters `offered`, by block name with their values."""
+    draw = Draw([seed, 12])
+    inputs = random_inputs(draw, scene) if scene.inputs.ports else {}
+    if scene.body is not None or inputs:
+        yield "as planned", Setting(inputs=inputs if scene.body is None else {})
+    yield "other step", Setting(step=other_step(draw, scene), inputs=inputs if scene.body is None else {})
+    if inputs:
+        yield "ports", Setting(inputs=inputs)
+        yield "ports, other step", Setting(inputs=random_inputs(draw, scene), step=other_step(draw, scene))
+    blocks = list(offered)
+    for k in range(3 if blocks else 0):
+        names = [draw.one(*blocks)] if k < 2 else draw.some(blocks, 0.4)
+        listed = [b for b in blocks if b in scene.inputs.parameters]
+        if k == 0 and listed:
+            names = [draw.one(*listed)]
+        changes = {b: changed(draw, b, offered[b], scene) for b in names}
+        step = other_step(draw, scene) if k == 1 and draw.chance(0.5) else None
+        held = inputs if scene.body is None or (inputs and k == 2) else {}
+        yield "parameters", Setting(changes=changes, step=step, inputs=held)
