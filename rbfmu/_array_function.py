@@ -4,18 +4,19 @@ import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextvars import copy_context
-from functools import wraps
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from rbfmu._argument_names import documented_by, in_order
+from rbfmu._singular import Singular, warn_of_singular
 from rbfmu_kernels._batch import STREAMED, core_shapes, gufuncs, python_function
 from rbfmu_kernels.euler_angles import sequence
 
 CHUNK = 16384  # items that a thread takes at a time, at least
 CHUNKS = 4  # of a large call, for each thread: the cores are seldom equally free, and a chunk costs some microseconds
 THRESHOLD = 16 * CHUNK  # items from which on threads pay
-_KEYWORDS = {"out", "where", "axes", "order", "subok", "casting", "dtype"}
 
 _threads = 1
 _pool: ThreadPoolExecutor | None = None
@@ -35,45 +36,67 @@ def set_threads(n: int) -> None:
 
 
 def array_function(
-    kernel: Callable[..., Any], *constants: int, singular: Callable[..., bool] | None = None
+    kernel: Callable[..., Any], *constants: int, singular: Singular | None = None, warning: str = ""
 ) -> Callable[..., Any]:
-    """The array function of a scalar kernel: same name, arguments and docstring, any leading axes."""
-    compiled: Any = None
-    of_pieces: Any = None
-    limits: list[tuple[int, int]] = []  # of each argument: core axes and one more, numbers of an item
+    """The array function of a scalar kernel: same name, arguments and docstring, any leading axes.
 
-    @wraps(python_function(kernel))
+    singular: a kernel of the first few arguments; where it is true for an item, the warning of that text is given.
+    """
+    loops: Any = None  # gufuncs of whole arrays, and of pieces
+    limits: list[tuple[int, int]] = []  # of each argument: core axes and one more, numbers of an item
+    report = partial(warn_of_singular, warning) if singular else None
+
+    @documented_by(kernel)
     def call(*args: Any, **kwargs: Any) -> Any:
-        nonlocal compiled, of_pieces
+        nonlocal loops
+        if kwargs:
+            args, kwargs = in_order(kernel, args, kwargs)
+            if loops and report and "axes" in kwargs:
+                kwargs["axes"] = [(), *kwargs["axes"]]  # the mark's
+        few = _pool is None or _are_few(args, limits)
         try:
-            if _pool is None or _are_few(args, limits):
-                return compiled(*args, **kwargs)
-            return _in_threads(_pool, compiled, of_pieces, kernel, args, kwargs)
+            if report is None:
+                return loops[0](*args, **kwargs) if few else _in_threads(loops, kernel, args, kwargs)
+            mark = np.zeros(())
+            result = loops[0](mark, *args, **kwargs) if few else _in_threads(loops, kernel, args, kwargs, mark)
+            if mark:
+                report()
+            return result
         except TypeError:
-            if compiled is not None:
+            if loops is not None:
                 raise _clear_error(kernel, args, kwargs) from None
         except ValueError:
             raise _clear_error(kernel, args, kwargs) from None
-        compiled, of_pieces = gufuncs(kernel, *constants, singular=singular)
+        loops = gufuncs(kernel, *constants, singular=singular)
         limits[:] = [(len(shape) + 1, math.prod(shape)) for shape in core_shapes(kernel)[0].values()]
         return call(*args, **kwargs)
 
     return call
 
 
-def sequence_function(kernel: Callable[..., Any], singular: Callable[..., bool] | None = None) -> Callable[..., Any]:
+def sequence_function(kernel: Callable[..., Any], singular: Singular | None = None) -> Callable[..., Any]:
     """The array function of a kernel whose first argument is an Euler sequence: compiled once per sequence."""
     functions: dict[str, Callable[..., Any]] = {}
 
-    @wraps(python_function(kernel))
+    @documented_by(kernel)
     def call(seq: str, *args: Any, **kwargs: Any) -> Any:
         try:
             function = functions[seq]
         except (KeyError, TypeError):
-            function = functions[seq] = array_function(kernel, sequence(seq), singular=singular)
+            number = sequence(seq)
+            warning = f"{call.__name__}: {_gimbal_lock(seq)}"
+            function = functions[seq] = array_function(kernel, number, singular=singular, warning=warning)
         return function(*args, **kwargs)
 
     return call
+
+
+def _gimbal_lock(seq: str) -> str:
+    poles = "0 or 180" if seq[0] == seq[2] else "-90 or 90"
+    return (
+        f"some of these Euler angles {seq} are in gimbal lock (|det E| < 4 eps: the middle angle is {poles} deg), "
+        "where they have no rates"
+    )
 
 
 def _are_few(args: Any, limits: list[tuple[int, int]]) -> bool:
@@ -87,24 +110,24 @@ def _are_few(args: Any, limits: list[tuple[int, int]]) -> bool:
     return True
 
 
-def _in_threads(
-    pool: ThreadPoolExecutor, compiled: Any, of_pieces: Any, kernel: Any, args: Any, kwargs: dict[str, Any]
-) -> Any:
+def _in_threads(loops: Any, kernel: Any, args: Any, kwargs: dict[str, Any], *mark: Any) -> Any:
     """The call cut into chunks along its longest leading axis; as a whole where it is small or unusual."""
+    assert _pool is not None
+    whole, pieces = loops
     arguments, results = core_shapes(kernel)
     shapes = [*arguments.values()]
-    if compiled is None or len(args) != len(shapes) or kwargs.keys() - {"out"}:
-        return compiled(*args, **kwargs)
+    if len(args) != len(shapes) or kwargs.keys() - {"out"}:
+        return whole(*mark, *args, **kwargs)
     arrays = [np.asarray(a) for a in args]
     depths = [a.ndim - len(s) for a, s in zip(arrays, shapes, strict=True)]
     leading = np.broadcast_shapes(*(a.shape[:d] for a, d in zip(arrays, depths, strict=True) if d > 0), ())
     if min(depths) < 0 or math.prod(leading) < THRESHOLD:
-        return compiled(*args, **kwargs)
+        return whole(*mark, *args, **kwargs)
     out = kwargs.get("out")
     outs: tuple[Any, ...] = out if isinstance(out, tuple) else (out,) * len(results)
     outs = tuple(np.empty(leading + s) if o is None else o for o, s in zip(outs, results, strict=True))
     if any(o.shape != leading + s for o, s in zip(outs, results, strict=True)):
-        return compiled(*args, **kwargs)
+        return whole(*mark, *args, **kwargs)
     axis = int(np.argmax(leading)) - len(leading)  # counted from the last leading axis: -1 is the last
     items = math.prod(leading)
     rows = max(1, max(CHUNK, items // (CHUNKS * _threads)) * leading[axis] // items)
@@ -115,16 +138,16 @@ def _in_threads(
             return array
         return array[(slice(None),) * position + (piece,)]
 
-    of_chunk = of_pieces if sum(o.nbytes for o in outs) >= STREAMED else compiled
+    of_chunk = pieces if sum(o.nbytes for o in outs) >= STREAMED else whole
     starts = iter(range(0, leading[axis], rows))  # shared: whoever is free takes the next chunk
 
     def work() -> None:
         for start in starts:
             piece = slice(start, start + rows)
             inputs = [cut(a, s, piece) for a, s in zip(arrays, shapes, strict=True)]
-            of_chunk(*inputs, out=tuple(cut(o, s, piece) for o, s in zip(outs, results, strict=True)))
+            of_chunk(*mark, *inputs, out=tuple(cut(o, s, piece) for o, s in zip(outs, results, strict=True)))
 
-    others = [pool.submit(copy_context().run, work) for _ in range(_threads - 1)]
+    others = [_pool.submit(copy_context().run, work) for _ in range(_threads - 1)]
     try:
         work()
     finally:
@@ -137,8 +160,6 @@ def _clear_error(kernel: Callable[..., Any], args: tuple[Any, ...], kwargs: dict
     """Name the argument that NumPy refused."""
     shapes, _ = core_shapes(kernel)
     name = python_function(kernel).__name__
-    if unknown := set(kwargs) - _KEYWORDS:
-        return TypeError(f"{name}: unexpected keyword {sorted(unknown)[0]!r}; arguments are {', '.join(shapes)}, out")
     if not len(shapes) <= len(args) <= len(shapes) + 2:
         return TypeError(f"{name} takes {len(shapes)} arguments ({', '.join(shapes)}), got {len(args)}")
     for (argument, shape), value in zip(shapes.items(), args, strict=False):

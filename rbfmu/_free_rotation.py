@@ -1,23 +1,24 @@
 """The array function of exact torque-free motion: one setup per body, however many times are asked for."""
 
 import math
-from functools import wraps
 from typing import Any
 
 import numpy as np
 
+from rbfmu._argument_names import documented_by, in_order
 from rbfmu._array_function import _clear_error, array_function
 from rbfmu_kernels import free_rotation as _kernel
-from rbfmu_kernels._batch import python_function
 from rbfmu_kernels.free_rotation import free_rotation_at, free_rotation_is_singular, free_rotation_setup
 
-_one_time_per_body = array_function(_kernel, singular=free_rotation_is_singular)
-_setup = array_function(free_rotation_setup, singular=free_rotation_is_singular)
+_impossible = "free_rotation: some of these moments are of no body (negative, infinite, or 0 beside two that differ)"
+_one_time_per_body = array_function(_kernel, singular=free_rotation_is_singular, warning=_impossible)
+_setup = array_function(free_rotation_setup, singular=free_rotation_is_singular, warning=_impossible)
 _at = array_function(free_rotation_at)
 
 
-@wraps(python_function(_kernel))
+@documented_by(_kernel)
 def free_rotation(*args: Any, **kwargs: Any) -> Any:
+    args, kwargs = in_order(_kernel, args, kwargs)
     try:
         if len(args) < 4 or np.ndim(args[3]) == 0 or not _times_exceed_bodies(*args[:4]):
             return _one_time_per_body(*args, **kwargs)

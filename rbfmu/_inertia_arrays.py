@@ -1,5 +1,6 @@
 """Array functions about inertia that are more than a kernel over leading axes."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,6 @@ from rbfmu_kernels import inertia as _inertia
 
 Array = NDArray[np.float64]
 
-_point_inertia = array_function(_inertia.point_inertia)
 _reasons = array_function(_inertia.check_inertia)
 _principal_axes = array_function(_inertia.principal_axes)
 
@@ -19,23 +19,23 @@ def inertia_of_points(masses: ArrayLike, positions: ArrayLike) -> tuple[Array, A
     """(mass, r_oc, M_c) of particles: their mass, centre of mass, and inertia about that.
 
     masses: (n), kg, together above 0; positions: (n, 3), m, from o.  Leading axes broadcast.
-    Error <= 2 eps of the mass, of the largest position, and 8 eps of the trace, to 1e6 particles; two passes, so that a
-    cloud far away loses no digits but those of its positions.  E&G (7.30), lecture, "Inertia dyadic".
+    Error <= 1 eps of the mass, of the largest position and of the trace, for any n: sums are compensated, and a cloud
+    far away loses no digits but those of its positions.  E&G (7.30), lecture, "Inertia dyadic".
     """
     m, r = _floats("inertia_of_points", "masses", masses), _floats("inertia_of_points", "positions", positions)
     if r.ndim < 2 or r.shape[-1] != 3:
         raise ValueError(f"inertia_of_points: positions must have trailing shape (n, 3), got {r.shape}")
     if m.ndim < 1 or m.shape[-1] != r.shape[-2]:
         raise ValueError(f"inertia_of_points: masses must have trailing shape ({r.shape[-2]},), got {m.shape}")
-    m = np.broadcast_to(m, np.broadcast_shapes(m.shape, r.shape[:-1]))
-    mass = m.sum(axis=-1)
+    leading, n = np.broadcast_shapes(m.shape[:-1], r.shape[:-2]), m.shape[-1]
+    clouds = math.prod(leading)
+    mass, r_oc, M_c = np.empty(clouds), np.empty((clouds, 3)), np.empty((clouds, 3, 3))
+    m = np.array(np.broadcast_to(m, (*leading, n))).reshape(clouds, n)  # copies: packed, as the kernel was compiled for
+    r = np.array(np.broadcast_to(r, (*leading, n, 3))).reshape(clouds, n, 3)
+    _inertia.inertia_of_clouds(m, r, mass, r_oc, M_c)
     if np.any(mass <= 0.0):
         raise ValueError("inertia_of_points: masses must have a sum above 0 (kg)")
-    about = _centre(m, mass, r)
-    near = r - about[..., None, :]
-    correction = _centre(m, mass, near)
-    M_c = _sum(_point_inertia(m, near - correction[..., None, :]), 2)
-    return mass, about + correction, M_c
+    return mass.reshape(leading)[()], r_oc.reshape(*leading, 3), M_c.reshape(*leading, 3, 3)
 
 
 def check_inertia(M: ArrayLike) -> None:
@@ -69,12 +69,3 @@ def _floats(function: str, argument: str, value: Any) -> Array:
         return np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
         raise ValueError(f"{function}: {argument} must be numbers, got {value!r}") from None
-
-
-def _sum(values: Array, core: int) -> Array:
-    """Sum over the axis before the last `core` ones, which NumPy does in pairs where that axis is contiguous."""
-    return np.ascontiguousarray(np.moveaxis(values, -1 - core, -1)).sum(axis=-1)  # type: ignore[no-any-return]
-
-
-def _centre(m: Array, mass: Array, r: Array) -> Array:
-    return _sum(m[..., None] * r, 1) / mass[..., None]

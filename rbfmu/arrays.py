@@ -14,6 +14,7 @@ from ._free_rotation import free_rotation as free_rotation
 from ._inertia_arrays import check_inertia, inertia_of_points
 
 # Vectors and rotation matrices
+cross = array_function(_vec3.cross)
 skew = array_function(_vec3.skew)
 unskew = array_function(_vec3.unskew)
 rotation_x = array_function(_rotation.rotation_x)
@@ -61,8 +62,13 @@ quaternion_from_axis_angle = array_function(_rotvec.quaternion_from_axis_angle)
 matrix_from_axis_angle = array_function(_rotvec.matrix_from_axis_angle)
 axis_angle_from_quaternion = array_function(_rotvec.axis_angle_from_quaternion)
 axis_angle_from_matrix = array_function(_rotvec.axis_angle_from_matrix)
-rotvec_rate_a = array_function(_rotvec.rotvec_rate_a, singular=_rotvec.rotvec_rate_is_singular)
-rotvec_rate_b = array_function(_rotvec.rotvec_rate_b, singular=_rotvec.rotvec_rate_is_singular)
+_full_turn = "some of these rotation vectors are full turns (|u| = 2 pi n, n >= 1), where they have no rates"
+rotvec_rate_a = array_function(
+    _rotvec.rotvec_rate_a, singular=_rotvec.rotvec_rate_is_singular, warning=f"rotvec_rate_a: {_full_turn}"
+)
+rotvec_rate_b = array_function(
+    _rotvec.rotvec_rate_b, singular=_rotvec.rotvec_rate_is_singular, warning=f"rotvec_rate_b: {_full_turn}"
+)
 
 # Velocities and accelerations
 compose_omega = array_function(_kinematics.compose_omega)
@@ -84,7 +90,11 @@ principal_axes = array_function(_inertia.principal_axes)
 euler_equation = array_function(_rigid_body.euler_equation)
 newton_euler_c = array_function(_rigid_body.newton_euler_c)
 newton_euler_o = array_function(_rigid_body.newton_euler_o)
+inverse_newton_euler_c = array_function(_rigid_body.inverse_newton_euler_c)
+inverse_newton_euler_o = array_function(_rigid_body.inverse_newton_euler_o)
+linear_momentum = array_function(_rigid_body.linear_momentum)
 angular_momentum = array_function(_rigid_body.angular_momentum)
+angular_momentum_o = array_function(_rigid_body.angular_momentum_o)
 kinetic_energy = array_function(_rigid_body.kinetic_energy)
 
 __all__ = ["check_inertia", "inertia_of_points", "set_threads"]

@@ -1,5 +1,6 @@
 """Array functions: the kernels' bits under NumPy's rules."""
 
+import inspect
 import math
 import os
 import re
@@ -12,6 +13,7 @@ import exact
 import numpy as np
 import pytest
 import test_euler_angles
+import test_inverse_dynamics
 import test_kinematics
 import test_quaternion
 import test_rotation
@@ -23,7 +25,7 @@ import rbfmu
 from rbfmu import arrays
 from rbfmu_kernels import _batch, euler_angles, quaternion, rotvec
 
-TABLES = [test_rotation, test_quaternion, test_euler_angles, test_rotvec, test_kinematics]
+TABLES = [test_rotation, test_quaternion, test_euler_angles, test_rotvec, test_kinematics, test_inverse_dynamics]
 LAWS = {law.name: law for module in TABLES for law in module.LAWS}
 ARRAY_FUNCTIONS = {name: f for name in arrays.__all__ if hasattr(f := getattr(rbfmu, name), "__wrapped__")}
 Q = np.array(random_quaternions(100, 71))
@@ -148,16 +150,86 @@ def test_what_does_not_fit_is_a_value_error_that_names_the_argument(call, messag
             call()
 
 
-@pytest.mark.parametrize("call", [lambda: rbfmu.rotate(Q), lambda: rbfmu.rotate(Q, V, speed=3)])
-def test_a_call_that_does_not_fit_is_a_type_error(call):
-    with pytest.raises(TypeError, match="rotate"):
-        call()
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: rbfmu.rotate(Q), r"rotate takes 2 arguments \(q_ab, v_b\), got 1"),
+        (lambda: rbfmu.rotate(Q, V, speed=3), "rotate: unexpected keyword 'speed'; arguments are q_ab, v_b, out"),
+        (lambda: rbfmu.rotate(q_ab=Q, v_a=V), "rotate: unexpected keyword 'v_a'; arguments are q_ab, v_b, out"),
+        (lambda: rbfmu.rotate(v_b=V), "rotate: q_ab missing; arguments are q_ab, v_b, out"),
+        (lambda: rbfmu.rotate(Q, q_ab=Q), "rotate: q_ab is given twice, by position and by name"),
+        (lambda: rbfmu.rotate(Q, V, v_b=V), "rotate: v_b is given twice, by position and by name"),
+        (
+            lambda: rbfmu.matrix_from_euler("ZYX", rpy=V),
+            "matrix_from_euler: unexpected keyword 'rpy'; arguments are angles",
+        ),
+        (
+            lambda: rbfmu.matrix_from_euler("ZYX", V, seq="XYZ"),
+            "matrix_from_euler.* multiple values for argument 'seq'",
+        ),
+        (lambda: rbfmu.matrix_from_euler(angles=V), "matrix_from_euler.* missing .* 'seq'"),
+        (lambda: rbfmu.free_rotation(V[0], Q[0], omega_b_0=V[0]), "free_rotation: t missing"),
+        (lambda: rbfmu.free_rotation(V[0], Q[0], V[0], 1.0, t=2.0), "free_rotation: t is given twice"),
+    ],
+)
+def test_a_call_that_does_not_fit_is_a_type_error_that_names_the_argument(call, message):
+    for _ in range(2):  # before and after compilation
+        with pytest.raises(TypeError, match=message):
+            call()
 
 
 def test_array_functions_are_documented():
     for name, function in ARRAY_FUNCTIONS.items():
         assert function.__name__ == name
         assert function.__doc__
+
+
+def arguments_of(name):
+    """Names and values: five items, the sequence by its name."""
+    kernel = ARRAY_FUNCTIONS[name].__wrapped__
+    shapes = _batch.core_shapes(kernel)[0]
+    random = rng(75)
+    sequences = {} if shapes.keys() == inspect.signature(kernel).parameters.keys() else {"seq": "ZXZ"}
+    return sequences | {key: random.uniform(0.5, 1.5, (5, *shape)) for key, shape in shapes.items()}
+
+
+def numbers(results):
+    return [r.tolist() for r in (results if isinstance(results, tuple) else (results,))]
+
+
+@pytest.mark.parametrize("name", ARRAY_FUNCTIONS)
+def test_arguments_may_be_given_by_name(name):
+    """All of them, in any order, or the last ones only; `repr`, since a NaN equals none."""
+    function, arguments = ARRAY_FUNCTIONS[name], arguments_of(name)
+    expected = repr(numbers(function(*arguments.values())))
+    assert repr(numbers(function(**dict(reversed(arguments.items()))))) == expected
+    first, *rest = arguments
+    assert repr(numbers(function(arguments[first], **{key: arguments[key] for key in rest}))) == expected
+
+
+@pytest.mark.parametrize("name", ARRAY_FUNCTIONS)
+def test_signatures_name_the_arguments(name):
+    """As `help` shows them. The kernel's annotations are of one item's tuples, and are left out."""
+    parameters = inspect.signature(ARRAY_FUNCTIONS[name]).parameters
+    assert list(parameters) == [*arguments_of(name), "out"]
+    assert all(p.annotation is inspect.Parameter.empty for p in parameters.values())
+
+
+def test_out_goes_with_names():
+    out = np.empty((100, 3))
+    assert rbfmu.rotate(q_ab=Q, v_b=V, out=out) is out
+    assert (out == rbfmu.rotate(Q, V)).all()
+
+
+@compiled_only
+@pytest.mark.parametrize("rate", ["compose_omega", "rotvec_rate_a"])
+def test_axes_are_those_of_numpy(rate):
+    """Core axes first, also where a function watches for singular arguments."""
+    arguments = {"compose_omega": (V, R, V[::-1]), "rotvec_rate_a": (V, V[::-1])}[rate]
+    cores = [(0, 1) if a.ndim == 3 else (0,) for a in arguments] + [(0,)]
+    turned = [np.moveaxis(a, 0, -1) for a in arguments]
+    found = getattr(rbfmu, rate)(*turned, axes=cores)
+    assert (getattr(rbfmu, rate)(*arguments) == found.T).all()
 
 
 def test_results_may_overwrite_an_argument():
@@ -189,30 +261,44 @@ def test_nan_stays_where_it_is_and_nothing_warns():
 
 
 @pytest.mark.parametrize(("rate", "omega"), [("euler_rate_a", V), ("euler_rate_b", V[0])])
-def test_singular_euler_rates_warn(rate, omega):
+def test_singular_euler_rates_warn_of_gimbal_lock(rate, omega):
     angles = np.full((100, 3), 0.3)
     function = getattr(rbfmu, rate)
-    expected = function("ZYX", angles, omega)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        expected = function("ZYX", angles, omega)
     angles[60, 1] = math.pi / 2
-    with pytest.warns(RuntimeWarning, match=f"divide by zero encountered in {rate}"):
+    text = (
+        rf"{rate}: some of these Euler angles ZYX are in gimbal lock \(\|det E\| < 4 eps: the middle angle is -90 or 90"
+    )
+    with pytest.warns(RuntimeWarning, match=text) as record:
         rates = function("ZYX", angles, omega)
+    assert [w.filename for w in record] == [__file__]
     assert np.isfinite(rates).all()
     assert (np.delete(rates, 60, axis=0) == np.delete(expected, 60, axis=0)).all()
-    with pytest.warns(RuntimeWarning), np.errstate(all="warn"):
+    with pytest.warns(RuntimeWarning, match="Euler angles ZXZ .* the middle angle is 0 or 180 deg"):
         assert not np.isfinite(function("ZXZ", [0.1, 0.0, 0.2], omega)).all()
 
 
-def test_singular_rotation_vector_rates_warn():
-    with pytest.warns(RuntimeWarning, match="divide by zero encountered in rotvec_rate_a"):
+def test_singular_rotation_vector_rates_warn_of_the_full_turn():
+    with pytest.warns(RuntimeWarning, match="rotvec_rate_a: some of these rotation vectors are full turns"):
         rbfmu.rotvec_rate_a([0.0, 2.0 * math.pi, 0.0], V[0])
-    rbfmu.rotvec_rate_a([0.0, 0.0, 0.0], V[0])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        rbfmu.rotvec_rate_a([0.0, 0.0, 0.0], V[0])
 
 
-@compiled_only
+@pytest.mark.parametrize("t", [1.0, [1.0, 2.0]])
+def test_moments_of_no_body_warn_of_the_moments(t):
+    with pytest.warns(RuntimeWarning, match="free_rotation: some of these moments are of no body"):
+        assert np.isnan(rbfmu.free_rotation([1.0, 2.0, -1.0], Q[0], V[0], t)[1]).all()
+
+
 def test_numpy_s_error_state_rules_the_warning():
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("error")
         rbfmu.euler_rate_a("ZYX", [0.0, math.pi / 2, 0.0], V[0])
-    with np.errstate(divide="raise"), pytest.raises(FloatingPointError):
+    with np.errstate(divide="raise"), pytest.raises(FloatingPointError, match="gimbal lock"):
         rbfmu.euler_rate_a("ZYX", [0.0, math.pi / 2, 0.0], V[0])
 
 
@@ -248,8 +334,9 @@ def test_threads_give_the_same_bits(number, two_threads):
 
 def test_threads_warn_and_raise_as_one_does(two_threads):
     angles = np.full((100, 3), math.pi / 2)
-    with pytest.warns(RuntimeWarning, match="euler_rate_a"):
+    with pytest.warns(RuntimeWarning, match="euler_rate_a") as record:
         rbfmu.euler_rate_a("ZYX", angles, V)
+    assert [w.filename for w in record] == [__file__]
     with pytest.raises(ValueError, match="v_b must have trailing shape"):
         rbfmu.rotate(Q, V[:, :2])
     with pytest.raises(ValueError, match="do not broadcast"):

@@ -7,13 +7,14 @@ from fractions import Fraction
 import mpmath as mp
 import numpy as np
 import pytest
+from numba import njit
 
 import rbfmu
 from rbfmu_kernels import inertia
 from rbfmu_kernels.rotation import matrix_from_quaternion
 
 EPS = 2.0**-52
-SCALES = (1.0, 1e-160, 1e150, 1e-20)
+SCALES = (1.0, 1e-160, 1e150, 1e-20, 1e-290, 1e290)
 
 
 def random_rotation(rng, angle=None):
@@ -130,6 +131,42 @@ def test_inertia_of_points_is_exact_far_from_the_origin():
     assert worst[0] <= 2 * EPS
     assert worst[1] <= 1 * EPS
     assert worst[2] <= 2 * EPS
+
+
+def test_errors_of_inertia_of_points_do_not_grow_with_their_number():
+    """Plain sums of 10,000 terms are off by some 30 eps."""
+    rng = np.random.default_rng(12)
+    m, r = rng.uniform(0.1, 1.0, 10_000), rng.normal(size=(10_000, 3)) + 10.0
+    mass, r_oc, M_c = inertia.inertia_of_points(m, r)
+    truth = exact_inertia_of_points(m, r)
+    assert abs(Fraction(mass) - truth[0]) <= EPS * truth[0]
+    assert max(abs(Fraction(a) - b) for a, b in zip(r_oc, truth[1], strict=True)) <= EPS * Fraction(np.max(np.abs(r)))
+    assert largest_difference(exact(M_c), truth[2]) <= EPS * exact_trace(truth[2])
+
+
+def test_inertia_of_points_is_one_function_for_arrays_and_in_compiled_code():
+    @njit
+    def of_rows(masses, positions):
+        return inertia.inertia_of_points(masses, positions)
+
+    @njit
+    def of_dumbbell(length):
+        return inertia.inertia_of_points((1.0, 3.0), ((0.0, 0.0, 0.0), (length, 0.0, 0.0)))
+
+    rng = np.random.default_rng(13)
+    m, r = rng.uniform(0.1, 1.0, 7), rng.normal(size=(7, 3))
+    found, arrays = of_rows(m, r), rbfmu.inertia_of_points(m, r)
+    assert (found[0], np.array(found[1]).tolist(), np.array(found[2]).tolist()) == tuple(a.tolist() for a in arrays)
+    assert of_rows(m, np.asfortranarray(r)) == found
+    assert of_dumbbell(4.0) == (4.0, (3.0, 0.0, 0.0), inertia.diagonal((0.0, 12.0, 12.0)))
+
+
+def test_points_without_mass_have_no_centre():
+    """Nothing raises in a kernel."""
+    mass, r_oc, M_c = inertia.inertia_of_points((0.0, 0.0), ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)))
+    assert mass == 0.0
+    assert np.isnan(r_oc).all()
+    assert np.isnan(M_c).all()
 
 
 def exact_inertia_of_points(masses, positions):
@@ -313,6 +350,15 @@ def test_inverse_inertia_of_a_diagonal_matrix_loses_three_eps_at_most(scale):
         for i in range(3):
             assert abs(found[i][i] * d[i] - 1.0) <= 2.5 * EPS
             assert all(found[i][j] == 0.0 for j in range(3) if j != i)
+
+
+@pytest.mark.parametrize("exponent", range(-300, 301, 20))
+def test_inverse_inertia_is_the_same_at_every_scale(exponent):
+    """A power of two changes no bit of a number that is not subnormal."""
+    M = inertia.rotate_inertia(random_rotation(np.random.default_rng(14)), inertia.diagonal((0.3, 0.7, 0.8)))
+    power = 2.0 ** round(exponent * math.log2(10.0))
+    scaled = inertia.inverse_inertia(inertia.scale_matrix(power, M))
+    assert inertia.scale_matrix(power, scaled) == inertia.inverse_inertia(M)
 
 
 @pytest.mark.parametrize("scale", SCALES)

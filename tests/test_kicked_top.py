@@ -12,7 +12,7 @@ from rbfmu.contestants import Contestant
 from rbfmu_kernels import kicked_top
 from rbfmu_kernels.dynamics import Body, Loads, State
 from rbfmu_kernels.free_rotation import free_rotation
-from rbfmu_kernels.inertia import diagonal, inverse_inertia, rotate_inertia
+from rbfmu_kernels.inertia import diagonal, inverse_inertia, rotate_inertia, scale_matrix
 from rbfmu_kernels.quaternion import angle_between, normalize, rotate
 from rbfmu_kernels.rotation import matrix_from_quaternion
 
@@ -134,6 +134,16 @@ def test_transverse_moment_of_any_axes(moments: Any) -> None:
 def test_unequal_moments_are_no_symmetric_top(moments: Any) -> None:
     assert not kicked_top.is_symmetric_top(diagonal(moments))
     assert not kicked_top.is_symmetric_top(_tilted(moments))
+
+
+@pytest.mark.parametrize("exponent", range(-300, 301, 20))
+def test_symmetry_and_transverse_moment_are_the_same_at_every_scale(exponent: int) -> None:
+    power = 2.0 ** round(exponent * math.log2(10.0))
+    for moments, symmetric in (((1.0, 1.0, 0.3), True), ((1.0, 2.0, 2.5), False), ((1.0, 1.0 + 1e-12, 1.5), False)):
+        for M in (diagonal(moments), _tilted(moments)):
+            scaled = scale_matrix(power, M)
+            assert kicked_top.is_symmetric_top(scaled) == symmetric
+            assert kicked_top.transverse_moment(scaled) == power * kicked_top.transverse_moment(M)
 
 
 def test_resonant_step_is_a_turn_about_the_momentum() -> None:

@@ -8,7 +8,6 @@ broadcast), number by number where they are not (slices, transposes).  Large res
 import inspect
 import math
 import platform
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -39,13 +38,11 @@ from .shapes import Shape, shape_of, shapes_of_result
 
 _LOOP_SIGNATURE = types.void(types.CPointer(types.CPointer(float64)), types.CPointer(intp), types.CPointer(intp), intp)
 _clear_float_flags = types.ExternalFunction("feclearexcept", types.int32(types.int32))
-_raise_float_flags = types.ExternalFunction("feraiseexcept", types.int32(types.int32))
 _X86 = platform.machine() in ("x86_64", "AMD64")
-_DIVISION_BY_ZERO = 0x04 if _X86 else 0x02  # FE_DIVBYZERO
 _ALL_FLAGS = 0x3D  # FE_ALL_EXCEPT of x86; its bits contain those of the other platforms
 _MOVES = (to_tile, from_tile, item_to_tile, item_from_tile, stream_tile, end_stream)
 _NAMES = {f.__name__: f for f in (address, tile_of, read, write, in_vectors, *_MOVES)}
-_NAMES |= {"raise_float_flags": _raise_float_flags, "clear_float_flags": _clear_float_flags}
+_NAMES |= {"clear_float_flags": _clear_float_flags}
 
 STREAMED = 20 << 20
 """Bytes: results of this size or more go past the caches.
@@ -75,8 +72,8 @@ def gufuncs(kernel: Callable[..., Any], *constants: int, singular: Callable[...,
     """Gufuncs that map `kernel(*constants, ...)` over leading axes. Compiles now (or loads from the cache).
 
     Two: of whole arrays, and of a large array's pieces, which go past the caches however small they are.
-    singular: a kernel of the first few arguments; where it is true for an item, NumPy reports a division by zero
-    (by default a RuntimeWarning).
+    singular: a kernel of the first few arguments. The gufunc then takes a mark before its arguments, an array () of
+    zero, which becomes 1 where `singular` is true for an item.
     """
     arguments, results = core_shapes(kernel)
     if config.DISABLE_JIT:
@@ -92,16 +89,21 @@ def gufuncs(kernel: Callable[..., Any], *constants: int, singular: Callable[...,
     compiled: Any = CFunc(loop, signature, {}, {"error_model": "numpy"}, pipeline_class=KernelCompiler)
     compiled._cache = Cache(loop)
     compiled.compile()
-    layout = _layout([*arguments.values()]) + "->" + _layout(results)
-    operands = len(arguments) + len(results)
-    double = [np.dtype(np.float64).num] * operands
+    inputs = [*_marks(checked), *arguments.values()]
+    layout = _layout(inputs) + "->" + _layout(results)
+    double = [np.dtype(np.float64).num] * (len(inputs) + len(results))
     return [
         _internal.fromfunc(
-            name, kernel.__doc__ or "", [compiled.address], [double], len(arguments), len(results), [least], compiled,
+            name, kernel.__doc__ or "", [compiled.address], [double], len(inputs), len(results), [least], compiled,
             -1, layout, (),
         )
         for least in (STREAMED, 0)
     ]  # fmt: skip
+
+
+def _marks(checked: int) -> list[Shape]:
+    """The core shape of the mark, where there is one."""
+    return [()] if checked else []
 
 
 def _layout(shapes: list[Shape]) -> str:
@@ -116,8 +118,8 @@ def _loop_source(
     name: str, constants: tuple[int, ...], arguments: list[Shape], results: list[Shape], checked: int
 ) -> str:
     """The loop over items. checked: how many arguments `singular` takes (0: there is nothing to check)."""
-    operands = _operands(arguments + results)
-    inputs, outputs = operands[: len(arguments)], operands[len(arguments) :]
+    operands = _operands(_marks(checked) + arguments + results)
+    inputs, outputs = operands[-len(arguments + results) : -len(results)], operands[-len(results) :]
     compute = _computation([*map(str, constants)], inputs, outputs, checked)
     lines = ["n, start, found, m = dims[0], 0, 0, ITEMS"]
     lines += [f"p{o.k} = args[{o.k}]; s{o.k} = steps[{o.k}]; c{o.k} = {o.strides()}" for o in operands]
@@ -125,7 +127,7 @@ def _loop_source(
     lines += [*_packed_items(inputs, outputs, compute), *_any_items(inputs, outputs, compute)]
     # Branch-free code evaluates what it does not select; its flags would become NumPy warnings.
     lines += [f"clear_float_flags({_ALL_FLAGS})"]
-    lines += [f"if found > 0: raise_float_flags({_DIVISION_BY_ZERO})"] if checked else []
+    lines += ["if found > 0: write(p0, 0, (), 1.0)"] if checked else []
     header = f"def {_loop_name(name, constants)}(args, dims, steps, least):"
     return "\n".join([header, *_indented(1, lines)]).replace("ITEMS", str(ITEMS)) + "\n"
 
@@ -223,6 +225,7 @@ def interpreted(kernel: Callable[..., Any], *constants: int, singular: Callable[
     checked = len(_argument_shapes(singular)) if singular else 0
 
     def call(*args: Any, out: Any = None) -> Any:
+        mark, args = (args[0], args[1:]) if checked else (np.zeros(()), args)
         if len(args) != len(shapes):
             raise TypeError(f"{len(shapes)} arguments are needed")
         arrays = [np.asarray(a) for a in args]
@@ -237,7 +240,7 @@ def interpreted(kernel: Callable[..., Any], *constants: int, singular: Callable[
         for index in np.ndindex(*leading):
             items = [_as_tuple(a[index]) for a in arrays]
             if singular and singular(*constants, *items[:checked]):
-                warnings.warn(f"divide by zero encountered in {kernel.__name__}", RuntimeWarning, stacklevel=3)
+                mark[()] = 1.0
             value = kernel(*constants, *items)
             for target, part in zip(outs, value if len(results) > 1 else (value,), strict=True):
                 target[index] = part

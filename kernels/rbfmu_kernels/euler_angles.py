@@ -73,7 +73,7 @@ def _parity(i: int, j: int) -> float:
 def quaternion_from_euler(seq: int, angles: Vec3) -> Quaternion:
     """q_ab = q_i(angle 1) q_j(angle 2) q_k(angle 3).
 
-    seq: sequence constant; angles: rad, any size.  Error <= 1.5 eps.  E&G 6.5.
+    seq: sequence (arrays: its name); angles: rad, any size.  Error <= 1.5 eps.  E&G 6.5.
     """
     i, j, k, _ = _axes(seq)
     a1, a2, a3 = _order(seq, angles)
@@ -95,7 +95,7 @@ def quaternion_from_euler(seq: int, angles: Vec3) -> Quaternion:
 def matrix_from_euler(seq: int, angles: Vec3) -> Matrix:
     """R_ab = R_i(angle 1) R_j(angle 2) R_k(angle 3).
 
-    seq: sequence constant; angles: rad, any size.  Error <= 3 eps.  E&G 6.5.
+    seq: sequence (arrays: its name); angles: rad, any size.  Error <= 3 eps.  E&G 6.5.
     """
     return matrix_from_quaternion(quaternion_from_euler(seq, angles))
 
@@ -177,7 +177,7 @@ def _solve_fixed(i: int, j: int, k: int, sincos1: tuple[float, float], sincos2: 
 def euler_rate_matrix_a(seq: int, angles: Vec3) -> Matrix:
     """E_a with omega_ab_a = E_a d(angles)/dt.
 
-    seq: sequence constant; angles: rad; columns in the order of the letters.  Error <= 1 eps.  E&G 6.9.
+    seq: sequence (arrays: its name); angles: rad; columns in the order of the letters.  Error <= 1 eps.  E&G 6.9.
     """
     i, j, k, _ = _axes(seq)
     a1, a2, _ = _order(seq, angles)
@@ -189,7 +189,7 @@ def euler_rate_matrix_a(seq: int, angles: Vec3) -> Matrix:
 def euler_rate_matrix_b(seq: int, angles: Vec3) -> Matrix:
     """E_b = R_ab^T E_a with omega_ab_b = E_b d(angles)/dt.
 
-    seq: sequence constant; angles: rad; columns in the order of the letters.  Error <= 1 eps.
+    seq: sequence (arrays: its name); angles: rad; columns in the order of the letters.  Error <= 1 eps.
     """
     i, j, k, _ = _axes(seq)
     _, a2, a3 = _order(seq, angles)
@@ -209,7 +209,7 @@ def _columns(seq: int, a: Vec3, b: Vec3, c: Vec3) -> Matrix:
 def euler_rate_a(seq: int, angles: Vec3, omega_ab_a: Vec3) -> Vec3:
     """d(angles)/dt = E_a^-1 omega_ab_a.
 
-    seq: sequence constant; angles: rad; omega_ab_a: rad/s in a.  Error <= 2 eps |omega| / |det E|.
+    seq: sequence (arrays: its name); angles: rad; omega_ab_a: rad/s in a.  Error <= 2 eps |omega| / |det E|.
     Singular where `euler_rate_is_singular`; not finite only where det E is 0 in floating point.  E&G 6.9.
     """
     i, j, k, _ = _axes(seq)
@@ -221,7 +221,7 @@ def euler_rate_a(seq: int, angles: Vec3, omega_ab_a: Vec3) -> Vec3:
 def euler_rate_b(seq: int, angles: Vec3, omega_ab_b: Vec3) -> Vec3:
     """d(angles)/dt = E_b^-1 omega_ab_b.
 
-    seq: sequence constant; angles: rad; omega_ab_b: rad/s in b.  Error <= 2 eps |omega| / |det E|.
+    seq: sequence (arrays: its name); angles: rad; omega_ab_b: rad/s in b.  Error <= 2 eps |omega| / |det E|.
     Singular where `euler_rate_is_singular`; not finite only where det E is 0 in floating point.
     """
     i, j, k, _ = _axes(seq)

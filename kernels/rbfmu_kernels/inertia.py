@@ -1,12 +1,15 @@
 """Inertia matrices: of simple shapes, about other points and in other axes, principal axes, plausibility."""
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 from ._kernel import kernel
 from ._scaling import power_of_two_for
+from .double_double import two_sum
 from .rotation import compose_matrices
 from .shapes import Matrix, Vec3
-from .vec3 import add, add_scaled, dot, scale
+from .vec3 import add, add_scaled, dot, scale, subtract
 
 INERTIA_TOLERANCE = 1e-12
 """Share of the trace by which round-off may break symmetry, sign and triangle inequality; below it a moment is zero."""
@@ -102,6 +105,66 @@ def point_inertia(mass: float, r: Vec3) -> Matrix:
     return ((yy + zz, xy, xz), (xy, xx + zz, yz), (xz, yz, xx + yy))
 
 
+@kernel(inline=False)
+def inertia_of_points(masses: Sequence[float], positions: Sequence[Vec3]) -> tuple[float, Vec3, Matrix]:
+    """(mass, r_oc, M_c) of particles: their mass, centre of mass, and inertia about that.
+
+    masses: n numbers, kg, together above 0; positions: n points, m, from o: arrays (n) and (n, 3), or tuples.
+    Error <= 1 eps of the mass, of the largest position and of the trace, for any n: sums are compensated, and a cloud
+    far away loses no digits but those of its positions.  NaN where the masses' sum is 0.
+    E&G (7.30), lecture, "Inertia dyadic".
+    """
+    zero = (0.0, 0.0, 0.0)
+    _, about = _centre_of_mass(masses, positions, zero)
+    mass, correction = _centre_of_mass(masses, positions, about)
+    x = y = z = (zero, zero)
+    for n in range(len(masses)):
+        M = point_inertia(masses[n], subtract(_offset(positions, n, about), correction))
+        x, y, z = _sum_with(x, M[0]), _sum_with(y, M[1]), _sum_with(z, M[2])
+    return mass, add(about, correction), (add(x[0], x[1]), add(y[0], y[1]), add(z[0], z[1]))
+
+
+@kernel(inline=False)
+def _centre_of_mass(masses: Sequence[float], positions: Sequence[Vec3], about: Vec3) -> tuple[float, Vec3]:
+    """Mass and centre of mass of particles, from `about`."""
+    mass, error = 0.0, 0.0
+    total = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    for n in range(len(masses)):
+        mass, lost = two_sum(mass, masses[n])
+        error += lost
+        total = _sum_with(total, scale(masses[n], _offset(positions, n, about)))
+    mass += error
+    moment, divisor = add(total[0], total[1]), mass if mass != 0.0 else math.nan
+    return mass, (moment[0] / divisor, moment[1] / divisor, moment[2] / divisor)
+
+
+@kernel
+def _offset(positions: Sequence[Vec3], n: int, about: Vec3) -> Vec3:
+    return (positions[n][0] - about[0], positions[n][1] - about[1], positions[n][2] - about[2])
+
+
+@kernel
+def _sum_with(total: tuple[Vec3, Vec3], term: Vec3) -> tuple[Vec3, Vec3]:
+    """A sum and its errors, each of three numbers, with a further term."""
+    (a, b, c), errors = total
+    a, p = two_sum(a, term[0])
+    b, q = two_sum(b, term[1])
+    c, r = two_sum(c, term[2])
+    return (a, b, c), add(errors, (p, q, r))
+
+
+@kernel(inline=False)
+def inertia_of_clouds(masses: Any, positions: Any, mass: Any, r_oc: Any, M_c: Any) -> None:
+    """`inertia_of_points` of each cloud of arrays (clouds, n) and (clouds, n, 3), into the last three."""
+    for k in range(len(masses)):
+        total, centre, M = inertia_of_points(masses[k], positions[k])
+        mass[k] = total
+        for i in range(3):
+            r_oc[k, i] = centre[i]
+            for j in range(3):
+                M_c[k, i, j] = M[i][j]
+
+
 @kernel
 def parallel_axis(M_c: Matrix, mass: float, r_oc: Vec3) -> Matrix:
     """M_o = M_c - m skew(r_oc) skew(r_oc): inertia about o, r_oc from o to the centre of mass, all in one frame.
@@ -147,8 +210,8 @@ def inverse_inertia(M: Matrix) -> Matrix:
     # Singular: adj(M) = d n n^T, n the beam's axis, and M^2 - t M + d (I - n n^T) = 0 (Cayley & Hamilton).
     N = add_scaled_matrix(diagonal((d, d, d)), -1.0, A)
     pseudo = add_scaled_matrix(scale_matrix(t / d, N), -1.0, M)
-    f, g = 0.0 if regular else p / d, p / det if regular else 0.0
-    return add_scaled_matrix(scale_matrix(f, pseudo), g, A)
+    f, g = 0.0 if regular else 1.0 / d, 1.0 / det if regular else 0.0
+    return scale_matrix(p, add_scaled_matrix(scale_matrix(f, pseudo), g, A))  # p / det itself may underflow
 
 
 @kernel

@@ -11,8 +11,9 @@ energy error stays bounded for all times; at it the energy drifts by some m g l)
 import math
 
 from ._kernel import kernel
+from ._scaling import power_of_two_for
 from .dynamics import Body, Loads, State, angular_acceleration, linear_acceleration
-from .inertia import trace
+from .inertia import scale_matrix, trace
 from .quaternion import compose_quaternions, invert_quaternion, rotate
 from .rotation import transform
 from .rotvec import quaternion_from_rotvec
@@ -39,22 +40,26 @@ _D6_MIDDLE = 1.0 - 2.0 * (_D6[0] + _D6[1] + _D6[2] + _D6[3] + _D6[4])
 def transverse_moment(M: Matrix) -> float:
     """The moment that two principal axes of M share; where no two are equal, a number between the two nearest.
 
-    M: symmetric, kg m^2.  From the deviator's invariants: M - tr(M) / 3 = d (n n^T - 1 / 3).  Error <= 2 eps tr(M).
+    M: symmetric, kg m^2, any scale.  Error <= 2 eps tr(M).
+    From the deviator's invariants: M - tr(M) / 3 = d (n n^T - 1 / 3).
     """
+    power = power_of_two_for(trace(M))  # so that products of three moments neither over- nor underflow
+    M = scale_matrix(power, M)
     third = trace(M) / 3.0
     x, y, z = M[0][0] - third, M[1][1] - third, M[2][2] - third
     a, b, c = M[1][2], M[0][2], M[0][1]
     squares = (x * x + y * y + z * z) + 2.0 * (a * a + b * b + c * c)
     determinant = x * (y * z - a * a) - c * (c * z - a * b) + b * (c * a - y * b)
-    return third - math.copysign(math.sqrt(squares / 6.0), determinant)
+    return (third - math.copysign(math.sqrt(squares / 6.0), determinant)) / power
 
 
 @kernel
 def is_symmetric_top(M: Matrix) -> bool:
     """Whether two principal moments of M are equal, to 4 eps of the trace: (M - I_t) (M - I_s) = 0.
 
-    M: symmetric, kg m^2.
+    M: symmetric, kg m^2, any scale.
     """
+    M = scale_matrix(power_of_two_for(trace(M)), M)
     total = trace(M)
     t = transverse_moment(M)
     s = total - 2.0 * t

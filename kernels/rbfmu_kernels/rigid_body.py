@@ -26,6 +26,25 @@ def kinetic_energy(mass: float, M_c: Matrix, v_c: Vec3, omega: Vec3) -> float:
 
 
 @kernel
+def linear_momentum(mass: float, v_c: Vec3) -> Vec3:
+    """p = m v_c.
+
+    mass: kg; v_c: m/s, of the centre of mass; p in kg m/s.  Error <= 0.5 eps |p|.  E&G 7.2; lecture.
+    """
+    return scale(mass, v_c)
+
+
+@kernel
+def angular_momentum_o(mass: float, M_c: Matrix, r_oc: Vec3, v_c: Vec3, omega: Vec3) -> Vec3:
+    """h_o = M_c omega + m r_oc x v_c, about a point o that is fixed in inertial space.
+
+    mass: kg; M_c: kg m^2; r_oc: m, from o to the centre of mass; v_c: m/s, inertial; omega: rad/s; all in one frame;
+    h_o in kg m^2/s.  Error <= 1.2 eps (|M_c| |omega| + m |r_oc| |v_c|).  E&G 7.2; lecture.
+    """
+    return add(angular_momentum(M_c, omega), cross(r_oc, linear_momentum(mass, v_c)))
+
+
+@kernel
 def gyroscopic_torque(M: Matrix, omega: Vec3) -> Vec3:
     """omega x (M omega), N m: of M less a multiple of I, the median of its diagonal.
 
@@ -68,6 +87,32 @@ def newton_euler_o(mass: float, M_o: Matrix, r_oc: Vec3, omega: Vec3, force: Vec
     M_c = add_scaled_matrix(M_o, -1.0, point_inertia(mass, r_oc))
     a_c, alpha = newton_euler_c(mass, M_c, omega, force, subtract(torque_o, cross(r_oc, force)))
     return subtract(a_c, relative_acceleration(omega, alpha, r_oc)), alpha
+
+
+@kernel
+def inverse_newton_euler_c(mass: float, M_c: Matrix, omega: Vec3, a_c: Vec3, alpha: Vec3) -> tuple[Vec3, Vec3]:
+    """(force, torque_c): F = m a_c, T_c = M_c alpha + omega x (M_c omega), about the centre of mass.
+
+    mass: kg; M_c: kg m^2; omega: rad/s; a_c: m/s^2; alpha: rad/s^2; all in one frame; N, N m.  Singular: nowhere.
+    Error <= 1 eps, of m |a_c| and of |M_c| (|alpha| + |omega|^2).  E&G (7.52), (7.53).
+    """
+    return scale(mass, a_c), add(transform(M_c, alpha), gyroscopic_torque(M_c, omega))
+
+
+@kernel
+def inverse_newton_euler_o(
+    mass: float, M_o: Matrix, r_oc: Vec3, omega: Vec3, a_o: Vec3, alpha: Vec3
+) -> tuple[Vec3, Vec3]:
+    """(force, torque_o) about a point o of the body, r_oc from o to the centre of mass.
+
+    F = m (a_o + alpha x r_oc + omega x (omega x r_oc)) ; T_o = M_o alpha + omega x (M_o omega) + m r_oc x a_o.
+    mass: kg; M_o: kg m^2; r_oc: m; omega: rad/s; a_o: m/s^2; alpha: rad/s^2; all in one frame; N, N m.
+    Singular: nowhere.  Error <= 1.8 eps, of m (|a_o| + |r_oc| (|alpha| + |omega|^2)) and of
+    |M_o| (|alpha| + |omega|^2) + m |r_oc| |a_o|.  E&G (7.66), (7.67).
+    """
+    a_c = add(a_o, relative_acceleration(omega, alpha, r_oc))
+    force, torque = inverse_newton_euler_c(mass, M_o, omega, a_c, alpha)
+    return force, add(torque, cross(r_oc, scale(mass, a_o)))
 
 
 @kernel

@@ -39,7 +39,10 @@ def dot(a: Vec3, b: Vec3) -> float:
 
 @kernel
 def cross(a: Vec3, b: Vec3) -> Vec3:
-    """a x b."""
+    """a x b, both in one frame.
+
+    Any units.  Error <= 1 eps |a| |b|.  Singular: nowhere.
+    """
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
