@@ -20,7 +20,7 @@ from rbfmu.planning import plan
 from rbfmu.scene import SceneError
 from rbfmu_fmu.description import describe
 
-MOST_SERIES = 4000
+MOST_SERIES = 1500
 PATIENCE = 60
 """s of CPU for a plan, after which the scene is left alone and said."""
 RIGHT, SILENT, REFUSED, KEYLESS, DEAR, UNPLANNED = (
@@ -91,7 +91,7 @@ def findings(seed):
         )
         return
     except SceneError as error:
-        yield make("none", "plan", *_of_refused_plan(scene, str(error)), scene, Setting()), 0.0
+        yield make("none", "plan", *verdict_of_refusal(scene, str(error)), scene, Setting()), 0.0
         return
     offered = offered_by(scene, planned)
     for label, setting in random_settings(seed, scene, offered):
@@ -102,7 +102,7 @@ def findings(seed):
         except reference.TooDearError as error:
             yield make(planned.model, label, DEAR, 0.0, accuracy, str(error), scene, setting), seconds
             continue
-        verdict, error, text = _of_outcome(scene, setting, found)
+        verdict, error, text = verdict_of(scene, setting, found)
         yield (
             make(planned.model, label, verdict, error, accuracy, f"{text} [{planned.method}]", scene, setting),
             seconds,
@@ -119,7 +119,7 @@ def offered_by(scene, planned):
     return dict(values)
 
 
-def _of_refused_plan(scene, message):
+def verdict_of_refusal(scene, message):
     """Verdict, error, accuracy, text."""
     accuracy = scene.run.accuracy
     if "run.accuracy" not in message:
@@ -134,7 +134,7 @@ def _of_refused_plan(scene, message):
     return REFUSED if BEYOND * plain <= accuracy else HONEST, plain, accuracy, met
 
 
-def _of_outcome(scene, setting, found: Outcome):
+def verdict_of(scene, setting, found: Outcome):
     """Verdict, error, text."""
     accuracy = scene.run.accuracy
     if not found.refused:
@@ -192,7 +192,7 @@ def main(seed, count, path=None):
             if path:
                 with open(path, "a") as file:
                     file.write(f"```toml\n{finding}\n```\n")
-        if len(found) % 100 == 0:
+        if len(found) % 20 == 0:
             print(f"# {len(found)} settings, seed {finding.seed}", file=sys.stderr, flush=True)
     print(table(found), *slow, f"{len(found)} settings of seeds {seed} to {found[-1].seed}", sep="\n")
 

@@ -55,18 +55,27 @@ def compiler():
 @cache
 def library(kind="quadruple"):
     """The compiled integrator; None where there is no compiler, or none with quadruple precision."""
+    if compiler() is None or (kind == "quadruple" and not _compiled("#include <quadmath.h>", "-lquadmath")):
+        return None
+    source = SOURCE.read_text()
+    path = _compiled(source, *BUILDS[kind])
+    if path is None:
+        raise RuntimeError(f"{SOURCE} does not compile")
+    return ctypes.CDLL(str(path))
+
+
+def _compiled(source, *options):
+    """A shared library of C source, kept by its contents; None where that fails."""
     folder = Path(os.environ.get("RBFMU_TEST_CACHE", tempfile.gettempdir()))
-    key = hashlib.sha256(SOURCE.read_bytes() + repr(BUILDS[kind]).encode()).hexdigest()[:16]
-    path = folder / f"rbfmu-{kind}-{os.getuid()}-{key}.so"
+    key = hashlib.sha256(repr((source, options)).encode()).hexdigest()[:16]
+    path = folder / f"rbfmu-reference-{os.getuid()}-{key}.so"
+    made = path.with_suffix(f".{os.getpid()}")
+    command = [compiler(), "-O2", "-std=gnu11", "-ffp-contract=off", "-shared", "-fPIC", "-xc", "-", "-o", str(made)]
     if not path.exists():
-        if compiler() is None:
-            return None
-        made = path.with_suffix(f".{os.getpid()}")
-        options = ["-O2", "-std=gnu11", "-ffp-contract=off", "-shared", "-fPIC", str(SOURCE), "-o", str(made)]
-        if subprocess.run([compiler(), *options, *BUILDS[kind]], capture_output=True).returncode:
+        if subprocess.run([*command, *options], input=source.encode(), check=False).returncode:
             return None
         made.replace(path)
-    return ctypes.CDLL(str(path))
+    return path
 
 
 def parameters_of(scene):

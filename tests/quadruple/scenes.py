@@ -10,7 +10,7 @@ KINDS = (
     "no rotation", "constant rate", "one axis", "pendulum", "swinging", "prescribed", "free", "free symmetric", "spun",
     "top", "top", "loads", "loads", "loads", "weight off centre", "equilibrium", "rod", "tiny loads",
 )  # fmt: skip
-STEPS = (1, 3, 10, 30, 100, 300, 1000, 3000)
+STEPS = (1, 3, 10, 30, 100, 100, 300, 300, 1000, 3000)
 STEP_FACTORS = (0.1, 0.3, 3.0, 10.0, 30.0, 100.0, np.inf)
 FACTORS = (0.0, 0.5, 2.0, 2.0, 5.0, 5.0, -1.0, 30.0, 100.0)
 
@@ -175,7 +175,7 @@ def fastest(body, omega, loads, moments):
 
 
 def run_of(draw, rate, acceleration):
-    turn = draw.log(-0.5, 2.2)
+    turn = draw.log(-0.5, draw.one(1.0, 1.3, 2.2))
     stop = turn / rate if rate > 0.0 else draw.log(0, 2)
     if acceleration > 0.0:
         stop = min(stop, np.sqrt(2.0 * turn / acceleration))

@@ -12,7 +12,8 @@
 #define SQRT sqrtq
 #define ATAN2 atan2q
 #define SINCOS sincosq
-#define ORDER 32
+#define ORDER 36
+#define FEW 22 /* terms from this on, small beside the first, are sums in long double */
 #define SIGNIFICAND(x, e) (double)frexpq(x, e)
 #define LAST_TERM -92.0 /* log2 of the share of a series that its last term may be */
 #else
@@ -20,12 +21,16 @@
 #define ATAN2 atan2
 #define SINCOS sincos
 #define ORDER 20
+#define FEW ORDER
 #define SIGNIFICAND frexp
 #define LAST_TERM -56.0
 #endif
 
 typedef REAL real;
-typedef real series[ORDER + 1];
+typedef struct {
+    real c[FEW + 1];
+    long double d[ORDER + 1]; /* all, shorter */
+} series;
 
 enum { MASS, INERTIA, R_OC = 7, GRAVITY = 10, DAMPING = 13, FORCE_A = 16, FORCE_B = 19, TORQUE_A = 22, TORQUE_B = 25,
        POSITION_0 = 28, VELOCITY_0 = 31, QUATERNION_0 = 34, OMEGA_0 = 38, PIVOT = 41 };
@@ -119,16 +124,29 @@ static void set_body(body *b, const double *p) {
     for (int i = 0; i < 3; i++) b->v_c[i] = b->pivot ? 0 : p[VELOCITY_0 + i] + lever[i];
 }
 
-static real product(const real *a, const real *b, int k) {
+static real term(const series *v, int k) { return k <= FEW ? v->c[k] : (real)v->d[k]; }
+
+static void set_term(series *v, int k, real x) {
+    if (k <= FEW) v->c[k] = x;
+    v->d[k] = (long double)x;
+}
+
+static real product(const series *a, const series *b, int k) {
+    if (k > FEW) {
+        long double sum = 0;
+        for (int i = 0; i <= k; i++) sum += a->d[i] * b->d[k - i];
+        return sum;
+    }
     real sum = 0;
-    for (int i = 0; i <= k; i++) sum += a[i] * b[k - i];
+    for (int i = 0; i <= k; i++) sum += a->c[i] * b->c[k - i];
     return sum;
 }
 
-static real square(const real *a, int k) {
+static real square(const series *a, int k) {
+    if (k > FEW) return product(a, a, k);
     real sum = 0;
-    for (int i = 0; i < (k + 1) / 2; i++) sum += a[i] * a[k - i];
-    return 2 * sum + (k % 2 ? 0 : a[k / 2] * a[k / 2]);
+    for (int i = 0; i < (k + 1) / 2; i++) sum += a->c[i] * a->c[k - i];
+    return 2 * sum + (k % 2 ? 0 : a->c[k / 2] * a->c[k / 2]);
 }
 
 /* omega x (M omega) */
@@ -136,8 +154,8 @@ static void gyroscopic(body *b, int k, real *out) {
     real P[3][3];
     int full = b->M[0][1] != 0 || b->M[0][2] != 0 || b->M[1][2] != 0;
     for (int i = 0; i < 3; i++) {
-        P[i][i] = full ? square(b->W[i], k) : 0;
-        for (int j = 0; j < i; j++) P[i][j] = P[j][i] = product(b->W[i], b->W[j], k);
+        P[i][i] = full ? square(&b->W[i], k) : 0;
+        for (int j = 0; j < i; j++) P[i][j] = P[j][i] = product(&b->W[i], &b->W[j], k);
     }
     for (int i = 0; i < 3; i++) {
         int m = (i + 1) % 3, n = (i + 2) % 3;
@@ -152,17 +170,17 @@ static int any(const real *v) { return v[0] != 0 || v[1] != 0 || v[2] != 0; }
 static void carry(series *v, series *w, int k) {
     for (int i = 0; i < 3; i++) {
         int m = (i + 1) % 3, n = (i + 2) % 3;
-        v[i][k + 1] = (product(v[m], w[n], k) - product(v[n], w[m], k)) / (k + 1);
+        set_term(&v[i], k + 1, (product(&v[m], &w[n], k) - product(&v[n], &w[m], k)) / (k + 1));
     }
 }
 
 static void rate_of_omega(body *b, int k, real *rate) {
     real gyro[3], force[3], torque[3];
     gyroscopic(b, k, gyro);
-    for (int i = 0; i < 3; i++) force[i] = b->F[i][k] + (k ? 0 : b->arm_force_b[i]);
+    for (int i = 0; i < 3; i++) force[i] = term(&b->F[i], k) + (k ? 0 : b->arm_force_b[i]);
     cross(b->arm, force, torque);
     for (int i = 0; i < 3; i++)
-        torque[i] += (k ? 0 : b->torque_b[i]) + b->T[i][k] - b->damping[i] * b->W[i][k] - gyro[i];
+        torque[i] += (k ? 0 : b->torque_b[i]) + term(&b->T[i], k) - b->damping[i] * term(&b->W[i], k) - gyro[i];
     times(b->inverse, torque, rate);
 }
 
@@ -170,8 +188,8 @@ static void rate_of_omega(body *b, int k, real *rate) {
 static void pushed(body *b, const real *v, int k, real *out) {
     real S[4][4];
     for (int i = 0; i < 4; i++) {
-        S[i][i] = square(b->Q[i], k);
-        for (int j = 0; j < i; j++) S[i][j] = S[j][i] = product(b->Q[i], b->Q[j], k);
+        S[i][i] = square(&b->Q[i], k);
+        for (int j = 0; j < i; j++) S[i][j] = S[j][i] = product(&b->Q[i], &b->Q[j], k);
     }
     for (int i = 0; i < 3; i++) {
         int m = (i + 1) % 3, n = (i + 2) % 3;
@@ -180,28 +198,39 @@ static void pushed(body *b, const real *v, int k, real *out) {
     }
 }
 
+static void begin(body *b) {
+    real force[3], torque[3];
+    turn(b->q, -1, b->arm_force_a, force), turn(b->q, -1, b->torque_a, torque);
+    for (int i = 0; i < 4; i++) set_term(&b->Q[i], 0, b->q[i]);
+    for (int i = 0; i < 3; i++) {
+        set_term(&b->W[i], 0, b->omega[i]), set_term(&b->V[i], 0, b->v_c[i]), set_term(&b->R[i], 0, b->r_c[i]);
+        set_term(&b->F[i], 0, force[i]), set_term(&b->T[i], 0, torque[i]);
+    }
+}
+
+static void rates_of_q(body *b, int k) {
+    const series *q = b->Q, *w = b->W;
+    real half = (real)0.5 / (k + 1), rate[4];
+    rate[0] = -product(&q[1], &w[0], k) - product(&q[2], &w[1], k) - product(&q[3], &w[2], k);
+    for (int i = 0; i < 3; i++) {
+        int m = (i + 1) % 3, n = (i + 2) % 3;
+        rate[i + 1] = product(&q[0], &w[i], k) + product(&q[m + 1], &w[n], k) - product(&q[n + 1], &w[m], k);
+    }
+    for (int i = 0; i < 4; i++) set_term(&b->Q[i], k + 1, half * rate[i]);
+}
+
 static void expand(body *b) {
     int turned = any(b->arm) && any(b->arm_force_a), twisted = any(b->torque_a);
     int push = !b->pivot && any(b->arm_force_b);
-    real start[3], rate[3];
-    for (int i = 0; i < 4; i++) b->Q[i][0] = b->q[i];
-    for (int i = 0; i < 3; i++) b->W[i][0] = b->omega[i], b->V[i][0] = b->v_c[i], b->R[i][0] = b->r_c[i];
+    real rate[3];
     memset(b->F, 0, sizeof b->F), memset(b->T, 0, sizeof b->T);
-    turn(b->q, -1, b->arm_force_a, start);
-    for (int i = 0; turned && i < 3; i++) b->F[i][0] = start[i];
-    turn(b->q, -1, b->torque_a, start);
-    for (int i = 0; i < 3; i++) b->T[i][0] = start[i];
+    begin(b);
+    if (!turned) memset(b->F, 0, sizeof b->F);
     b->terms = push ? ORDER : 2;
     for (int k = 0; k < ORDER; k++) {
         rate_of_omega(b, k, rate);
-        for (int i = 0; i < 3; i++) b->W[i][k + 1] = rate[i] / (k + 1);
-        real *dq[4] = {b->Q[0], b->Q[1], b->Q[2], b->Q[3]}, half = (real)0.5 / (k + 1);
-        dq[0][k + 1] = -half * (product(dq[1], b->W[0], k) + product(dq[2], b->W[1], k) + product(dq[3], b->W[2], k));
-        for (int i = 0; i < 3; i++) {
-            int m = (i + 1) % 3, n = (i + 2) % 3;
-            real turned_by = product(dq[m + 1], b->W[n], k) - product(dq[n + 1], b->W[m], k);
-            dq[i + 1][k + 1] = half * (product(dq[0], b->W[i], k) + turned_by);
-        }
+        rates_of_q(b, k);
+        for (int i = 0; i < 3; i++) set_term(&b->W[i], k + 1, rate[i] / (k + 1));
         if (turned) carry(b->F, b->W, k);
         if (twisted) carry(b->T, b->W, k);
         if (k >= b->terms) continue;
@@ -209,7 +238,7 @@ static void expand(body *b) {
         if (push) pushed(b, b->arm_force_b, k, a);
         for (int i = 0; i < 3; i++) {
             a[i] = b->pivot ? 0 : a[i] / b->mass + (k ? 0 : b->gravity[i] + b->arm_force_a[i] / b->mass);
-            b->V[i][k + 1] = a[i] / (k + 1), b->R[i][k + 1] = b->V[i][k] / (k + 1);
+            set_term(&b->R[i], k + 1, term(&b->V[i], k) / (k + 1)), set_term(&b->V[i], k + 1, a[i] / (k + 1));
         }
     }
 }
@@ -218,8 +247,9 @@ static double log2_of(series *v, int count, int k) {
     double largest = -1e9;
     for (int i = 0; i < count; i++) {
         int exponent;
-        if (v[i][k] == 0) continue;
-        double size = log2(fabs(SIGNIFICAND(v[i][k], &exponent)));
+        real x = term(&v[i], k);
+        if (x == 0) continue;
+        double size = log2(fabs(SIGNIFICAND(x, &exponent)));
         size += exponent;
         largest = size > largest ? size : largest;
     }
@@ -249,9 +279,12 @@ static double step_of(body *b) {
 
 static void horner(series *v, int count, int terms, real t, real *out) {
     for (int i = 0; i < count; i++) {
-        real sum = v[i][terms];
-        for (int k = terms - 1; k >= 0; k--) sum = sum * t + v[i][k];
-        out[i] = sum;
+        long double tail = 0, step = t;
+        int k = terms;
+        for (; k > FEW && k <= ORDER; k--) tail = (tail + v[i].d[k]) * step;
+        real sum = tail;
+        for (; k > 0; k--) sum = (sum + v[i].c[k]) * t;
+        out[i] = sum + v[i].c[0];
     }
 }
 
@@ -277,11 +310,8 @@ static void put_attitude(const real *q, const real *omega, real *out) {
 static void quantities(body *b, real *out) {
     real momentum[3], swing[3], lever[3], a_r[3], rate[3];
     put_attitude(b->q, b->omega, out);
-    for (int i = 0; i < 3; i++) b->W[i][0] = b->omega[i];
-    for (int i = 0; i < 4; i++) b->Q[i][0] = b->q[i];
-    real force[3], torque[3];
-    turn(b->q, -1, b->arm_force_a, force), turn(b->q, -1, b->torque_a, torque);
-    for (int i = 0; i < 3; i++) b->F[i][0] = force[i], b->T[i][0] = torque[i];
+    real force[3];
+    begin(b);
     rate_of_omega(b, 0, rate);
     times(b->M, b->omega, momentum);
     real energy = dot(b->omega, momentum) / 2 + (b->pivot ? 0 : b->mass * dot(b->v_c, b->v_c) / 2);
