@@ -1,6 +1,7 @@
 """Steps of the units behind FMUs and `simulate`: time chopped, snapshots, atomic steps, refusals."""
 
 import math
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -167,6 +168,30 @@ def test_initialize_refuses_what_its_model_cannot_be(model, code, values):
         unit[name] = value
     with np.errstate(all="ignore"):
         assert unit.kernels.initialize(unit.z) == code
+
+
+AT_A_TURN = {
+    "torque-free symmetric body": lambda: made({"mass": 1.0, "inertia": [2.0, 1.0, 2.0]}, MOVING),
+    "torque-free body": lambda: made(TRIAXIAL, MOVING),
+    "body under loads": lambda: made(OFFSET, MOVING, LOADED),
+    "body under loads, by series": lambda: made(OFFSET, MOVING, LOADED),
+    "prescribed rates": lambda: made(None, {"attitude": TURNED}, inputs={"ports": ["omega_b"]}),
+}
+WITH_ATTITUDE = UNITS.keys() - {"no rotation", "symmetric body spun up"}
+
+
+@pytest.mark.parametrize("model", sorted(WITH_ATTITUDE))
+def test_the_quaternion_keeps_length_one(model):
+    """To 4 eps at all times: scaled after each substep, or made anew from the start's at each step."""
+    scene = AT_A_TURN[model]() if model in AT_A_TURN else scene_of(model)
+    fitted = Plan(model, "", 13, tolerance=1e-9, order=12)
+    unit, random = Unit(scene, KICKS if model == "symmetric top" else fitted), np.random.default_rng(2)
+    for k in range(300):
+        if model == "prescribed rates":
+            unit["omega_b"] = [1.0, math.sin(k), -0.5]
+        unit.step(random.uniform(0.001, 0.1))
+        assert abs(sum(Fraction(float(x)) ** 2 for x in unit["quaternion"]) - 1) <= 2 * 4 * EPS
+    assert distance(unit["quaternion"], unit["quaternion_0"]) > 0.1  # it turned
 
 
 def test_every_fault_is_reached():
