@@ -11,16 +11,19 @@ Array = NDArray[np.float64]
 
 
 def time_grid(start: float, stop: float, step: float) -> Array:
-    """start, start + step, ... stop: the points that FMPy visits, to the bit."""
-    grid: Array = start + np.arange(_count(stop - start, step) + 1, dtype=np.float64) * step
-    if not math.isclose(grid[-1], stop):
+    """start, start + step, ... stop, which the last point may miss by round-off.
+
+    To the bit the points that FMPy visits, but at a Unix clock's times: it ends a run within 1e-9 of the time itself.
+    """
+    grid: Array = start + np.arange(_count(start, stop, step) + 1, dtype=np.float64) * step
+    if not abs(grid[-1] - stop) <= _round_off(start, stop):
         grid[-1] = stop
     return grid
 
 
 def communication_steps(scene: Scene) -> int:
     """How many the run has."""
-    return _count(scene.run.stop - scene.run.start, scene.run.step)
+    return _count(scene.run.start, scene.run.stop, scene.run.step)
 
 
 def thinned_steps(scene: Scene, most: int) -> list[float]:
@@ -31,5 +34,10 @@ def thinned_steps(scene: Scene, most: int) -> list[float]:
     return steps
 
 
-def _count(span: float, step: float) -> int:
-    return math.ceil(span / step * (1.0 - 1e-9))
+def _count(start: float, stop: float, step: float) -> int:
+    return max(math.ceil((stop - start - _round_off(start, stop)) / step), 1)
+
+
+def _round_off(start: float, stop: float) -> float:
+    """Of a sum of steps, and of times as large as these, s."""
+    return 1e-9 * (stop - start) + math.ulp(start) + math.ulp(stop)

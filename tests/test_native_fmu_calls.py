@@ -142,6 +142,23 @@ def test_no_step_passes_the_experiments_stop():
     assert "the experiment ends before" in instance.log[-1][2].decode()
 
 
+@pytest.mark.parametrize("start", [1e9, 2e9])
+def test_a_unix_clocks_times_are_as_strict(start):
+    """Within half a step: also that of an importer which adds up."""
+    instance = native().instance()
+    assert instance.setup(start=start, stop=start + 0.1) == instance.enter() == instance.exit() == OK
+    for k in range(5):
+        assert instance.step(start + k * H, H) == OK
+    for wrong in (start, start + 0.03, start + 0.07, start + 1.0):
+        assert instance.step(wrong, H) == ERROR
+        assert "where the instance stands" in instance.log[-1][2].decode()
+    for _ in range(5):
+        assert instance.step(instance.last_time(), H) == OK
+    assert instance.step(start + 0.1, H) == ERROR
+    assert "the experiment ends before" in instance.log[-1][2].decode()
+    assert instance.status() == 1
+
+
 @pytest.mark.parametrize("times", [{"start": math.nan}, {"start": math.inf}, {"start": 1.0, "stop": 0.9},
                                    {"stop": math.nan}])  # fmt: skip
 def test_an_experiment_without_sense_is_an_error(times):

@@ -55,6 +55,18 @@ def test_the_grid_goes_from_start_to_stop(start, stop, step, points):
     assert np.all(np.diff(time) > 0.5 * EPS)
 
 
+@pytest.mark.parametrize("start", [0.0, 0.1, 1e3, 1e6 + 0.7, 1e9, 1.7e9 + 0.3, 2e9])
+@pytest.mark.parametrize("step", [1e-3, 0.1, 0.3, 0.35, 10.0])
+@pytest.mark.parametrize("steps", [1, 3, 3.25, 1000])
+def test_the_grid_ends_at_its_stop_at_times_of_any_clock(start, step, steps):
+    stop = start + steps * step
+    grid = time_grid(start, stop, step)
+    assert abs(grid[-1] - stop) <= 2 * math.ulp(stop)
+    assert len(grid) == math.ceil(steps) + 1
+    assert np.all(np.diff(grid[:-1]) > 0.9 * step)
+    assert grid[-1] - grid[-2] > 0.2 * step
+
+
 def test_round_off_in_the_stop_makes_no_step_of_its_own():
     assert len(time_grid(0.0, 0.1 * 3, 0.1)) == 4  # 0.1 * 3 > 0.3
     assert len(time_grid(0.0, 1.0 - EPS, 0.1)) == 11

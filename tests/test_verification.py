@@ -42,6 +42,16 @@ def test_an_fmu_equals_its_kernels_to_the_bit(fmu: Path) -> None:
     assert len(found.differences) == 29
 
 
+@pytest.mark.parametrize("kind", ["python", "native"])
+def test_an_fmu_equals_its_kernels_at_a_unix_clocks_times(kind: str, tmp_path: Path) -> None:
+    run = {"start": 1e9, "stop": 1e9 + 1.0, "step": 0.3}
+    scene = rbfmu.Scene.from_dict({"body": {"mass": 2.0, "inertia": [1.0, 2.0, 2.5]}, "run": run})
+    found = verify(rbfmu_fmu.build(scene, tmp_path / "late.fmu", kind=kind))
+    assert found.passed
+    assert found.steps_done == found.steps_asked == 4
+    assert rbfmu.simulate(scene).time.tolist() == [1e9, 1e9 + 0.3, 1e9 + 0.6, 1e9 + 0.9, 1e9 + 1.0]
+
+
 def test_a_scene_that_differs_from_the_fmu_is_found(fmu: Path, tmp_path: Path) -> None:
     def heavier(name: str, content: bytes) -> bytes:
         if name != "resources/scene.json":

@@ -127,8 +127,8 @@ class Description:
 
     @property
     def last_time(self) -> float:
-        """The stop time and a round-off of an importer's clock: what is later has `status` 2."""
-        return self.stop + 1e-9 * max(self.step, abs(self.stop))
+        """The stop time and an importer's round-off, a tenth of a step at most: what is later has `status` 2."""
+        return self.stop + min(1e-9 * max(self.step, abs(self.stop)), 0.1 * self.step)
 
     @property
     def interpolates_inputs(self) -> bool:
@@ -143,7 +143,7 @@ class Description:
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
-        return asdict(self)
+        return asdict(self) | {"last_time": self.last_time}
 
 
 def describe(scene: Scene, plan: Plan) -> Description:

@@ -60,7 +60,7 @@ class Access:
         self.output_struct = _struct([self.offsets[r] for r in self.outputs])
         start = self.description["start_buffer"]
         self.start = struct.pack(f"{len(start)}d", *start)
-        self.last_time = self.description["stop"] + 1e-9 * max(self.description["step"], abs(self.description["stop"]))
+        self.last_time = self.description["last_time"]
         self._folder = folder
         self._entries: Entries | None = None
 

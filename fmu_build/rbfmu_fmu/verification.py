@@ -11,6 +11,8 @@ from typing import Any
 
 import fmpy
 import numpy as np
+from fmpy.fmi1 import FMICallException
+from fmpy.simulation import instantiate_fmu
 from fmpy.validation import validate_fmu
 from numpy.typing import NDArray
 
@@ -140,30 +142,50 @@ def _through_fmpy(
     path: Path, description: Description, time: NDArray[np.float64], inputs: NDArray[np.float64]
 ) -> tuple[Any, list[str]]:
     references = [k for k, v in enumerate(description.variables) if v.causality == "input"]
-    names = [description.variables[r].name for r in references]
-    outputs = [v.name for v in description.variables if v.causality == "output"]
+    wanted = [k for k, v in enumerate(description.variables) if v.causality == "output"]
     messages: list[str] = []
-    step = 0
-
-    def supply_next(now: float, recorder: Any) -> bool:
-        nonlocal step
-        step += 1
-        if references and step < len(inputs):
-            recorder.fmu.setReal(references, inputs[step].tolist())
-        return True
 
     def log(component: Any, instance: bytes, status: int, category: bytes, message: bytes) -> None:
         if status:
             messages.append(message.decode())
 
-    first = inputs[0].tolist() if references else []
-    recorded = fmpy.simulate_fmu(
-        str(path), validate=False, start_time=time[0], stop_time=time[-1], output_interval=description.step,
-        start_values=dict(zip(names, first, strict=True)), output=[*outputs, "status"], step_finished=supply_next,
-        logger=log, debug_logging=True,
-    )  # fmt: skip
-    bad = int(np.count_nonzero(recorded["status"]))
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        fmpy.extract(str(path), folder)
+        model = fmpy.read_model_description(folder, validate=False)
+        fmu = instantiate_fmu(folder, model, "CoSimulation", debug_logging=True, logger=log)
+        rows = _stepped(fmu, time, references, inputs, [*wanted, description.status_reference])
+        fmu.freeInstance()
+    recorded = {description.variables[k].name: rows[:, i] for i, k in enumerate(wanted)}
+    bad = int(np.count_nonzero(rows[:, -1]))
+    recorded["time"] = time[: len(rows)]
     return recorded, messages + ([f"status was not 0 at {bad} points"] if bad else [])
+
+
+def _stepped(
+    fmu: Any, time: NDArray[np.float64], references: list[int], inputs: NDArray[np.float64], wanted: list[int]
+) -> NDArray[np.float64]:
+    """Outputs, the last of them an Integer, at each time up to a refused step.
+
+    Not by `simulate_fmu`, which compares times by 1e-9 of their size.
+    """
+
+    def row() -> list[float]:
+        return [*fmu.getReal(wanted[:-1]), *fmu.getInteger(wanted[-1:])]
+
+    fmu.setupExperiment(startTime=time[0], stopTime=time[-1])
+    fmu.enterInitializationMode()
+    fmu.setReal(references, inputs[0].tolist() if references else [])
+    fmu.exitInitializationMode()
+    rows = [row()]
+    for k in range(1, len(time)):
+        fmu.setReal(references, inputs[k - 1].tolist() if references else [])
+        try:
+            fmu.doStep(time[k - 1], time[k] - time[k - 1])
+        except FMICallException:
+            return np.array(rows)
+        rows.append(row())
+    fmu.terminate()
+    return np.array(rows)
 
 
 def _through_kernels(

@@ -23,7 +23,7 @@ enum { INSTANTIATED = 1, INITIALIZING = 2, STEPPING = 4, TERMINATED = 8 };
 enum { FINE, NOT_REACHED, PAST_STOP };
 
 #define TEXT 1024
-#define ROUND_OFF 1e-9 /* of an importer's clock, relative */
+#define ROUND_OFF 1e-9 /* of an importer's clock, relative; half a step at most */
 
 typedef struct {
     double time, stop; /* where the instance stands; the experiment's end, or infinite */
@@ -431,7 +431,7 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
 
 /* Why a step cannot even be tried, or NULL. */
 static const char *impossible(const State *s, double t, double h) {
-    double clock = ROUND_OFF * fmax(h, fmax(fabs(t), fabs(s->time)));
+    double clock = fmin(ROUND_OFF * fmax(h, fmax(fabs(t), fabs(s->time))), 0.5 * h);
     if (!(h > 0.0) || !isfinite(t + h)) return "the step size must be positive, and all times finite";
     if (!(t + h > t)) return "the step is too small for this time";
     if (fabs(t - s->time) > clock) return "this is not the time where the instance stands";
