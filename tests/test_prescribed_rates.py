@@ -5,11 +5,13 @@ import math
 import mpmath as mp
 import numpy as np
 import pytest
+from free_rotation_mp import angle_to, compose
 from scipy.spatial.transform import Rotation
 from unit_cases import EPS, TURNED, Unit, assert_refused, distance
 
 from rbfmu import rotate
 from rbfmu.measures import attitude_error
+from rbfmu.promises import prescribed_rates_error
 from rbfmu.scene import Scene
 
 
@@ -17,27 +19,54 @@ def prescribed(**initial):
     return Unit(Scene(inputs={"ports": ["omega_b"]}, initial=initial))
 
 
+def turned(q, omega, t):
+    """The attitude after a rate is held, in numbers of mpmath."""
+    rate = mp.sqrt(sum(mp.mpf(float(w)) ** 2 for w in omega))
+    half = rate * t / 2
+    return compose(q, [mp.cos(half), *(mp.sin(half) * mp.mpf(float(w)) / (rate or 1) for w in omega)])
+
+
+def start_of(unit):
+    q = [mp.mpf(x) for x in unit["quaternion_0"].tolist()]
+    length = mp.sqrt(sum(x * x for x in q))
+    return [x / length for x in q]
+
+
 @pytest.mark.parametrize("omega", [(0.3, -0.2, 0.5), (1e-9, 0.0, 0.0), (0.0, 40.0, 0.0), (3e3, -2e3, 1e3)])
-def test_prescribed_rates_turn_the_attitude_exactly(omega):
-    """Against R(q_0) exp(skew(omega) t) in 40 digits: round-off of the angle and of the result, however many steps."""
+@pytest.mark.parametrize("h", [0.01, 0.7, 1e4])
+def test_prescribed_rates_turn_the_attitude_exactly(omega, h):
+    """Against R(q_0) exp(skew(omega) t) in 40 digits: no error that grows with the steps or the angle (4e10 rad)."""
     unit, steps = prescribed(attitude=TURNED), 1000
     unit["omega_b"] = omega
-    start = unit["quaternion"]
-    unit.step(0.01, steps)
+    unit.step(h, steps)
     with mp.workdps(40):
-        t = mp.mpf(0.01) * steps
-        angle = mp.sqrt(sum(mp.mpf(w) ** 2 for w in omega))
-        q = [mp.cos(angle * t / 2), *(mp.sin(angle * t / 2) * w / angle for w in map(mp.mpf, omega))]
-        a, b = [mp.mpf(float(x)) for x in start], q
-        truth = [
-            a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
-            a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
-            a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
-            a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
-        ]
-        error = float(mp.sqrt(sum((mp.mpf(float(x)) - y) ** 2 for x, y in zip(unit["quaternion"], truth, strict=True))))
-    assert error <= EPS * (2.0 + 0.5 * 0.01 * steps * float(angle))
+        assert angle_to(unit["quaternion"], turned(start_of(unit), omega, mp.mpf(h) * steps)) <= 3 * EPS
     np.testing.assert_allclose(unit["omega_a"], rotate(unit["quaternion"], omega), rtol=4 * EPS)
+
+
+WAYS = {
+    "about changing axes, always as fast": lambda k: [math.sin(0.01 * k), math.cos(0.01 * k), 0.3],
+    "at random": lambda k: np.random.default_rng(k).normal(size=3) * 3.0,
+    "fast": lambda k: [100.0 + k, 200.0, 300.0],
+    "to and fro": lambda k: [(-1.0) ** k * 0.7, 0.2, -0.4],
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_rates_that_change_lose_what_the_plan_may_promise(way):
+    """Some 0.5 eps a change at worst, where each turn is rounded alike."""
+    steps, h = 300, 1.7
+    scene = Scene(inputs={"ports": ["omega_b"]}, initial={"attitude": TURNED}, run={"stop": steps * h, "step": h})
+    unit = Unit(scene)
+    with mp.workdps(40):
+        truth = start_of(unit)
+        for k in range(steps):
+            unit["omega_b"] = omega = WAYS[way](k)
+            unit.step(h)
+            truth = turned(truth, omega, mp.mpf(h))
+        error = angle_to(unit["quaternion"], truth)
+    assert error <= prescribed_rates_error(scene) <= 5e-13
+    assert way != "about changing axes, always as fast" or error >= 0.1 * prescribed_rates_error(scene)
 
 
 def test_prescribed_rates_do_not_care_how_time_is_chopped():

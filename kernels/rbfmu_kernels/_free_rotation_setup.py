@@ -10,11 +10,11 @@ from ._theta_setup import near_series_of, series_of
 from ._turns import ONE_OVER_4PI, turning_about
 from .double_double import (
     DoubleDouble,
+    Vector,
     dd_add,
     dd_add_float,
     dd_divide,
     dd_multiply,
-    dd_multiply_float,
     dd_negate,
     dd_scale,
     dd_sqrt,
@@ -26,7 +26,6 @@ from .elliptic import angle_in_half_turns, climb_scale
 from .jacobi_theta import NEAREST_KC
 from .quaternion import compose_quaternions, invert_quaternion
 from .shapes import _SHAPES, Quaternion, Vec3
-from .vec3 import scale
 
 FREE_ROTATION_SIZE = 62
 if TYPE_CHECKING:
@@ -44,9 +43,9 @@ _NO_SERIES = (0.0,) * 22
 
 
 @kernel(inline=False)
-def steady_setup(q_0: Quaternion, omega: Vec3, unit: float) -> FreeRotation:
+def steady_setup(q_0: Quaternion, omega: Vector, unit: float) -> FreeRotation:
     """A constant rate: about a principal axis, across a symmetric body's axis, about any axis of a sphere."""
-    x, y, z = scale(unit, omega)
+    x, y, z = unit * omega[0][0], unit * omega[1][0], unit * omega[2][0]
     axis, turns = turning_about(omega)
     return (
         STEADY, unit, turns[0], turns[1], 0.0, 0.0, 0.0, 0.0, x, y, z, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0,
@@ -55,24 +54,25 @@ def steady_setup(q_0: Quaternion, omega: Vec3, unit: float) -> FreeRotation:
 
 
 @kernel(inline=False)
-def tumbling_setup(moments: Vec3, q_0: Quaternion, omega: Vec3, unit: float) -> FreeRotation:
+def tumbling_setup(moments: Vector, q_0: Quaternion, omega: Vector, unit: float) -> FreeRotation:
     """Any other motion. moments and omega scaled to about 1; `unit` undoes the scaling of omega."""
-    p, r, s, distance, distance_unit = _axes(moments, omega)
+    p, r, s, distance, distance_unit = polhode_axes(moments, omega)
     i_p, i_r, i_s = moments[p], moments[r], moments[s]
-    if not (i_p > 0.0 and i_r > 0.0 and (i_s > 0.0 or i_p == i_r)):
-        i_p = i_r = i_s = unit = math.nan
+    if not (i_p[0] > 0.0 and i_r[0] > 0.0 and (i_s[0] > 0.0 or i_p == i_r)):
+        i_p = i_r = i_s = (math.nan, math.nan)
+        unit = math.nan
     sign = 1.0 if i_s > i_p else -1.0
-    sign_p = math.copysign(1.0, omega[p])
-    sign_s = math.copysign(1.0, omega[s])
+    sign_p = math.copysign(1.0, omega[p][0])
+    sign_s = math.copysign(1.0, omega[s][0])
     sign_r = sign_p * sign_s * (1.0 if (p + 1) % 3 == r else -1.0)
-    w_p, w_r, w_s = abs(omega[p]), sign_r * omega[r], abs(omega[s])
-    m_s = two_product(i_s, w_s)
+    w_p, w_r, w_s = dd_scale(sign_p, omega[p]), dd_scale(sign_r, omega[r]), dd_scale(sign_s, omega[s])
+    m_s = dd_multiply(i_s, w_s)
 
     kappa, one_kappa = _kappa(i_p, i_r, i_s)
     root_kappa = dd_sqrt(one_kappa)
     # m_p and m_r, which may both be tiny, scaled by a power of two.
-    up = power_of_two_for(max(w_p, abs(w_r)))
-    m_p_up, m_r_up = two_product(i_p, up * w_p), two_product(i_r, up * w_r)
+    up = power_of_two_for(max(w_p[0], abs(w_r[0])))
+    m_p_up, m_r_up = dd_multiply(i_p, dd_scale(up, w_p)), dd_multiply(i_r, dd_scale(up, w_r))
     m_r2_up = dd_divide(dd_multiply(m_r_up, m_r_up), one_kappa)
     a_p2_up = dd_add(dd_multiply(m_p_up, m_p_up), m_r2_up)
     a_p_up = dd_sqrt(a_p2_up)
@@ -87,7 +87,7 @@ def tumbling_setup(moments: Vec3, q_0: Quaternion, omega: Vec3, unit: float) -> 
         kc2 = kc
     else:
         a_s2 = dd_add(dd_multiply(m_s, m_s), dd_multiply(kappa, dd_scale(down, dd_scale(down, m_r2_up))))
-        kc2 = dd_divide(dd_multiply_float(distance, i_s), dd_multiply(_gap(i_s, i_r), a_s2))
+        kc2 = dd_divide(dd_multiply(distance, i_s), dd_multiply(_gap(i_s, i_r), a_s2))
         kc = dd_scale(distance_unit, dd_sqrt(kc2))
         kc2 = dd_scale(distance_unit, dd_scale(distance_unit, kc2))
         if kc[0] - 1.0 + kc[1] > 0.0:
@@ -109,8 +109,8 @@ def tumbling_setup(moments: Vec3, q_0: Quaternion, omega: Vec3, unit: float) -> 
         else:
             kind, shift = SEPARATRIX, 0.0
     x = dd_scale(sign * math.copysign(1.0, m_r_up[0]), x)
-    rate_p = dd_divide(dd_scale(unit * sign_p, a_p), (i_p, 0.0))
-    rate_r = dd_divide(dd_scale(unit * sign_r, a_r), (i_r, 0.0))
+    rate_p = dd_divide(dd_scale(unit * sign_p, a_p), i_p)
+    rate_r = dd_divide(dd_scale(unit * sign_r, a_r), i_r)
     rate_s = dd_scale(unit * sign_s, rate_s)
     q = (q_0[0], sign_p * q_0[p + 1], sign_r * q_0[r + 1], sign_s * q_0[s + 1])
     start = turn_of(kind, place_of(kind, x, width), (0.0, 0.0), shift, series)
@@ -154,37 +154,38 @@ half a turn of it; k^2; AGM(1, kc)."""
 
 @kernel(inline=False)
 def _symmetric(
-    i_r: float, i_s: float, w_s: float, m_s: DoubleDouble, a_p2: DoubleDouble, am_s: DoubleDouble, am_c: DoubleDouble
-) -> _Polhode:
+    i_r: DoubleDouble, i_s: DoubleDouble, w_s: DoubleDouble, m_s: DoubleDouble,
+    a_p2: DoubleDouble, am_s: DoubleDouble, am_c: DoubleDouble,
+) -> _Polhode:  # fmt: skip
     """Two equal moments: sn, cn, dn are sin, cos, 1; I_s may be 0."""
     g = dd_sqrt(dd_add(a_p2, dd_multiply(m_s, m_s)))
-    rate = dd_divide(dd_multiply(g, ONE_OVER_4PI), (i_r, 0.0))
-    lam = dd_divide(dd_multiply_float(_gap(i_s, i_r), w_s), (i_r, 0.0))
+    rate = dd_divide(dd_multiply(g, ONE_OVER_4PI), i_r)
+    lam = dd_divide(dd_multiply(_gap(i_s, i_r), w_s), i_r)
     x = angle_in_half_turns(am_s, am_c)
     nu = dd_multiply(lam, _ONE_OVER_PI)
-    return (m_s, g[0], (w_s, 0.0), rate, nu, x, (-0.25, 0.0), 0.0, (1.0, 0.0))
+    return (m_s, g[0], w_s, rate, nu, x, (-0.25, 0.0), 0.0, (1.0, 0.0))
 
 
 @kernel(inline=False)
 def _triaxial(
-    moments_prs: Vec3, kappa: DoubleDouble, one_kappa: DoubleDouble, a_p2: DoubleDouble, a_s2: DoubleDouble,
+    moments_prs: Vector, kappa: DoubleDouble, one_kappa: DoubleDouble, a_p2: DoubleDouble, a_s2: DoubleDouble,
     kc: DoubleDouble, am_s: DoubleDouble, am_c: DoubleDouble,
 ) -> _Polhode:  # fmt: skip
     """Three different moments."""
     i_p, i_r, i_s = moments_prs
     g2 = dd_add(a_p2, a_s2)
     g, a_s = dd_sqrt(g2), dd_sqrt(a_s2)
-    rate_s = dd_divide(a_s, (i_s, 0.0))
+    rate_s = dd_divide(a_s, i_s)
     lam = dd_multiply(_gap(i_s, i_r), _gap(i_s, i_p))
-    lam = dd_multiply(rate_s, dd_sqrt(dd_divide(lam, two_product(i_p, i_r))))
+    lam = dd_multiply(rate_s, dd_sqrt(dd_divide(lam, dd_multiply(i_p, i_r))))
     rho, one_rho = dd_divide(a_p2, a_s2), dd_divide(g2, a_s2)
     if kappa[0] <= rho[0]:
         middle, n, one_n, one_other = True, kappa, one_kappa, one_rho
-        rate = dd_divide(g, (i_r, 0.0))
+        rate = dd_divide(g, i_r)
     else:
         middle, n, one_n, one_other = False, rho, one_rho, one_kappa
-        energy = dd_add(dd_multiply_float(a_p2, i_s), dd_multiply_float(a_s2, i_p))
-        rate = dd_divide(energy, dd_multiply(g, two_product(i_p, i_s)))
+        energy = dd_add(dd_multiply(a_p2, i_s), dd_multiply(a_s2, i_p))
+        rate = dd_divide(energy, dd_multiply(g, dd_multiply(i_p, i_s)))
     y = dd_multiply(n, dd_sqrt(dd_divide(one_other, one_n)))
     agm, total, x = climb_scale(kc, n, am_s, am_c)
     # T over a half turn is pi y (2 - total) / (2 AGM).
@@ -196,36 +197,37 @@ def _triaxial(
 
 
 @kernel
-def _kappa(i_p: float, i_r: float, i_s: float) -> tuple[DoubleDouble, DoubleDouble]:
+def _kappa(i_p: DoubleDouble, i_r: DoubleDouble, i_s: DoubleDouble) -> tuple[DoubleDouble, DoubleDouble]:
     """(kappa, 1 + kappa), kappa = I_s (I_r - I_p) / (I_p (I_s - I_r))."""
     if i_p == i_r:
         return ((0.0, 0.0), (1.0, 0.0))
-    kappa = dd_divide(dd_multiply_float(_gap(i_r, i_p), i_s), dd_multiply_float(_gap(i_s, i_r), i_p))
+    kappa = dd_divide(dd_multiply(_gap(i_r, i_p), i_s), dd_multiply(_gap(i_s, i_r), i_p))
     return (kappa, dd_add_float(kappa, 1.0))
 
 
 @kernel
-def _gap(a: float, b: float) -> DoubleDouble:
-    """|a - b| exactly."""
-    return two_sum(a, -b) if a >= b else two_sum(b, -a)
+def _gap(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
+    """|a - b|, of floats exactly."""
+    return dd_subtract(a, b) if a >= b else dd_subtract(b, a)
 
 
 @kernel
-def _axes(moments: Vec3, omega: Vec3) -> tuple[int, int, int, DoubleDouble, float]:
+def polhode_axes(moments: Vector, omega: Vector) -> tuple[int, int, int, DoubleDouble, float]:
     """(p, r, s, d, unit), d unit^2 = |w_hi^2 I_hi (I_hi - I_r) - w_lo^2 I_lo (I_r - I_lo)|: 0 on the separatrix."""
     a, b, c = moments
     lo = 0 if a <= b and a <= c else (1 if b <= c else 2)
     hi = 2 if c >= a and c >= b else (1 if b >= a else 0)
     r = 3 - lo - hi
-    up = power_of_two_for(max(abs(omega[lo]), abs(omega[hi])))
-    w_lo, w_hi = up * omega[lo], up * omega[hi]
+    up = power_of_two_for(max(abs(omega[lo][0]), abs(omega[hi][0])))
+    w_lo, w_hi = dd_scale(up, omega[lo]), dd_scale(up, omega[hi])
     above, below = _gap(moments[hi], moments[r]), _gap(moments[r], moments[lo])
-    upper = dd_multiply(dd_multiply_float(two_product(w_hi, w_hi), moments[hi]), above)
-    lower = dd_multiply(dd_multiply_float(two_product(w_lo, w_lo), moments[lo]), below)
+    upper = dd_multiply(dd_multiply(dd_multiply(w_hi, w_hi), moments[hi]), above)
+    lower = dd_multiply(dd_multiply(dd_multiply(w_lo, w_lo), moments[lo]), below)
     d = dd_subtract(upper, lower)
-    if abs(d[0]) < 1e-8 * upper[0]:  # too few digits would be left
-        sums = _add_exactly((0.0, 0.0, 0.0, 0.0), w_hi, moments[hi], above)
-        sums = _add_exactly(sums, w_lo, -moments[lo], below)
+    rest = abs(w_hi[1]) + abs(w_lo[1]) + abs(a[1]) + abs(b[1]) + abs(c[1])
+    if abs(d[0]) < 1e-8 * upper[0] and rest == 0.0:  # too few digits would be left, and floats have more
+        sums = _add_exactly((0.0, 0.0, 0.0, 0.0), w_hi[0], moments[hi][0], above)
+        sums = _add_exactly(sums, w_lo[0], -moments[lo][0], below)
         d = dd_add(two_sum(sums[0], sums[1]), (sums[2], sums[3]))
     p, s = lo, hi
     if d[0] < 0.0:

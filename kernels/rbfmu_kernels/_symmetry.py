@@ -1,7 +1,11 @@
 """The axes of a body with two equal moments."""
 
+from typing import Any
+
 from ._kernel import kernel
+from ._principal import Axes, exact_frame
 from .body_memory import principal_frame
+from .double_double import DoubleDouble, dd_add, dd_scale
 from .shapes import Matrix, Vec3
 
 
@@ -19,6 +23,15 @@ def symmetric_frame(M: Matrix) -> tuple[float, float, Matrix]:
     e_s = (R_bp[0][s], R_bp[1][s], R_bp[2][s])
     mean = moments[t] if moments[t] == moments[u] else 0.5 * (moments[t] + moments[u])
     return mean, moments[s], (e_t, e_u, e_s)
+
+
+@kernel
+def exact_symmetric_frame(z: Any) -> tuple[DoubleDouble, DoubleDouble, Axes]:
+    """The same of a unit's body to twice the digits; the moments in some power of two of kg m^2."""
+    moments, axes = exact_frame(z)
+    s = _odd_one((moments[0][0], moments[1][0], moments[2][0]))
+    t, u = (s + 1) % 3, (s + 2) % 3
+    return dd_scale(0.5, dd_add(moments[t], moments[u])), moments[s], (axes[t], axes[u], axes[s])
 
 
 @kernel

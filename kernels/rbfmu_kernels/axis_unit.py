@@ -64,7 +64,8 @@ def step(z: Any, h: float) -> int:
     """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite."""
     if not h > 0.0:
         return NOT_REACHED
-    t = time_after(z, h)
+    high, low = time_after(z, h)
+    t = high + low
     axis, q = vec3_at(z, _AXIS), quaternion_at(z, _Q_0)
     angle, rate = relaxed(z[_RATE], z[_PULL], z[_DECAY], t)
     if turns(z):

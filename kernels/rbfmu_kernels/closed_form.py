@@ -42,10 +42,9 @@ def start_clocks(z: Any) -> None:
 
 
 @kernel
-def time_after(z: Any, h: float) -> float:
+def time_after(z: Any, h: float) -> DoubleDouble:
     """The time since the start, s, after a step h."""
-    t, low = _later(z, _ELAPSED, h)
-    return t + low
+    return _later(z, _ELAPSED, h)
 
 
 @kernel

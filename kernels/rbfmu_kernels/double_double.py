@@ -8,8 +8,10 @@ Users scale their numbers: beyond 1e299 the splitting overflows, products below 
 import math
 
 from ._kernel import kernel
+from .shapes import Vec3
 
 DoubleDouble = tuple[float, float]
+Vector = tuple[DoubleDouble, DoubleDouble, DoubleDouble]
 
 PI: DoubleDouble = (3.141592653589793116, 1.224646799147353207e-16)
 
@@ -91,6 +93,24 @@ def dd_multiply_float(a: DoubleDouble, b: float) -> DoubleDouble:
     """The product a b.  Relative error <= 3 u^2."""
     p, e = two_product(a[0], b)
     return quick_two_sum(p, e + a[1] * b)
+
+
+@kernel
+def dd_vector(v: Vec3) -> Vector:
+    """Floats, exactly."""
+    return ((v[0], 0.0), (v[1], 0.0), (v[2], 0.0))
+
+
+@kernel
+def dd_scale_vector(power: float, v: Vector) -> Vector:
+    """The product power v, exact for a power of two."""
+    return (dd_scale(power, v[0]), dd_scale(power, v[1]), dd_scale(power, v[2]))
+
+
+@kernel
+def dd_dot(a: Vector, b: Vector) -> DoubleDouble:
+    """a . b.  Error <= 20 u^2 |a| |b|."""
+    return dd_add(dd_add(dd_multiply(a[0], b[0]), dd_multiply(a[1], b[1])), dd_multiply(a[2], b[2]))
 
 
 @kernel

@@ -24,8 +24,8 @@ from ._kernel import kernel
 from ._scaling import power_of_two_for
 from ._theta import SEPARATRIX, STEADY, jacobi_of, place_of, turn_of
 from ._theta import Place as Place
-from ._turns import without_turns
-from .double_double import dd_add, two_sum
+from ._turns import power_for, without_turns
+from .double_double import DoubleDouble, Vector, dd_add, dd_scale, dd_scale_vector, dd_vector, two_sum
 from .elementary import sincos_half_turns
 from .elliptic import jacobi_low_parts
 from .quaternion import square_of
@@ -45,22 +45,28 @@ def free_rotation_setup(moments: Vec3, q_0: Quaternion, omega_b_0: Vec3) -> Free
     One zero moment (a slender beam, the others equal) is the limit of a thin rod: the rate about it stays constant.
     NaN where there is no motion: a negative moment, a zero moment beside unequal ones, a non-finite argument.
     """
-    i_1, i_2, i_3 = moments
-    w_1, w_2, w_3 = omega_b_0
+    return free_rotation_of(dd_vector(moments), q_0, dd_vector(omega_b_0))
+
+
+@kernel
+def free_rotation_of(moments: Vector, q_0: Quaternion, omega_b_0: Vector) -> FreeRotation:
+    """`free_rotation_setup` of numbers known to more digits."""
+    (i_1, _), (i_2, _), (i_3, _) = moments
     valid = 0.0 <= i_1 < math.inf and 0.0 <= i_2 < math.inf and 0.0 <= i_3 < math.inf
-    scale = power_of_two_for(max(max(i_1, i_2), i_3)) if valid else math.nan
-    i_1, i_2, i_3 = scale * i_1, scale * i_2, scale * i_3
+    scale = power_for(moments) if valid else math.nan
+    j_1, j_2, j_3 = dd_scale_vector(scale, moments)
     scale = power_of_two_for(max(max(abs(q_0[0]), abs(q_0[1])), max(abs(q_0[2]), abs(q_0[3]))))
     q = (scale * q_0[0], scale * q_0[1], scale * q_0[2], scale * q_0[3])
-    scale = power_of_two_for(max(max(abs(w_1), abs(w_2)), abs(w_3)))
-    w_1, w_2, w_3 = scale * w_1, scale * w_2, scale * w_3
+    scale = power_for(omega_b_0)
+    omega = dd_scale_vector(scale, omega_b_0)
+    (w_1, _), (w_2, _), (w_3, _) = omega
     unit = 1.0 / scale if valid else math.nan
-    steady_1 = i_2 == i_3 or w_2 == 0.0 or w_3 == 0.0
-    steady_2 = i_3 == i_1 or w_3 == 0.0 or w_1 == 0.0
-    steady_3 = i_1 == i_2 or w_1 == 0.0 or w_2 == 0.0
+    steady_1 = j_2 == j_3 or w_2 == 0.0 or w_3 == 0.0
+    steady_2 = j_3 == j_1 or w_3 == 0.0 or w_1 == 0.0
+    steady_3 = j_1 == j_2 or w_1 == 0.0 or w_2 == 0.0
     if steady_1 and steady_2 and steady_3:
-        return steady_setup(q, (w_1, w_2, w_3), unit)
-    return tumbling_setup((i_1, i_2, i_3), q, (w_1, w_2, w_3), unit)
+        return steady_setup(q, omega, unit)
+    return tumbling_setup((j_1, j_2, j_3), q, omega, unit)
 
 
 @kernel(inline=False)
@@ -71,9 +77,9 @@ def free_rotation_at(setup: FreeRotation, t: float) -> tuple[Quaternion, Vec3]:
     most 5 eps, for any body, state and time; beyond |omega t| = 1e14 plus 3e-31 |omega t|, and NaN beyond some 1e29.
     Of omega 30 eps where a moment is above the sum of the others, as no body's is, and flips are far faster than omega.
     """
-    t = scaled_time(setup, t)
-    place = place_at(setup, t)
-    return (attitude_at(setup, t, place), in_body_axes(rates_at(setup, place), setup[35], setup[36]))
+    time = scaled_time(setup, (t, 0.0))
+    place = place_at(setup, time)
+    return (attitude_at(setup, time, place), in_body_axes(rates_at(setup, place), setup[35], setup[36]))
 
 
 @kernel
@@ -95,17 +101,18 @@ def free_rotation_is_singular(moments: Vec3) -> bool:
 
 
 @kernel
-def scaled_time(setup: FreeRotation, t: float) -> float:
+def scaled_time(setup: FreeRotation, t: DoubleDouble) -> DoubleDouble:
     """t in the unit of the constants; NaN where no digit is left."""
-    t = setup[1] * t
-    return t if abs(setup[2] * t) < _LAST_TURN else math.nan
+    high, low = dd_scale(setup[1], t)
+    return (high if abs(setup[2] * high) < _LAST_TURN else math.nan, low)
 
 
 @kernel
-def place_at(setup: FreeRotation, t: float) -> Place:
+def place_at(setup: FreeRotation, t: DoubleDouble) -> Place:
     """Where on the polhode the body is at the scaled time t."""
     if setup[0] == SEPARATRIX:
-        high, low = dd_add(two_sum(2.0 * setup[4] * t, 2.0 * setup[5] * t), (setup[6], setup[7]))
+        phase = two_sum(2.0 * setup[4] * t[0], 2.0 * (setup[5] * t[0] + setup[4] * t[1]))
+        high, low = dd_add(phase, (setup[6], setup[7]))
         high = math.copysign(_LAST_X, high) if abs(high) > _LAST_X else high
     else:
         high, low = without_turns((setup[4], setup[5]), t)
@@ -114,7 +121,7 @@ def place_at(setup: FreeRotation, t: float) -> Place:
 
 
 @kernel
-def attitude_at(setup: FreeRotation, t: float, place: Place) -> Quaternion:
+def attitude_at(setup: FreeRotation, t: DoubleDouble, place: Place) -> Quaternion:
     """q_ab at the scaled time t."""
     high, low = without_turns((setup[2], setup[3]), t)
     if setup[0] == STEADY:

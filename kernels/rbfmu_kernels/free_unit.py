@@ -6,6 +6,7 @@
 from typing import Any
 
 from ._kernel import kernel
+from ._principal import exact_frame, rates_along, rounded
 from .body_memory import INPUTS as INPUTS
 from .body_memory import OUTPUTS as OUTPUTS
 from .body_memory import PARAMETERS as PARAMETERS
@@ -13,7 +14,6 @@ from .body_memory import (
     initialize_body,
     is_as_planned,
     matrix_at,
-    principal_frame,
     put_matrix_at,
     put_quaternion_at,
     put_rotation,
@@ -32,7 +32,7 @@ from .free_rotation import (
     FreeRotation,
     Place,
     attitude_at,
-    free_rotation_setup,
+    free_rotation_of,
     in_body_axes,
     place_at,
     rates_at,
@@ -59,12 +59,13 @@ def initialize(z: Any) -> int:
         return fault
     if has_torque(z) and not is_as_planned(z):
         return _TORQUE
-    moments, R_bp = principal_frame(matrix_at(z, _M))
+    moments, axes = exact_frame(z)
+    R_bp = invert_matrix(rounded(axes))
     put_matrix_at(z, _AXES, R_bp)
     q_ab, omega_b = rotation_of(z)
     q_bp = quaternion_from_matrix(R_bp)
     q_ap = compose_quaternions(q_ab, q_bp)
-    constants = free_rotation_setup(moments, q_ap, transform(invert_matrix(R_bp), omega_b))
+    constants = free_rotation_of(moments, q_ap, rates_along(axes, omega_b))
     for i in range(FREE_ROTATION_SIZE):
         z[_CONSTANTS + i] = constants[i]
     for i in range(_CONSTANTS + COLUMNS, _CONSTANTS + COLUMNS + 16, 4):

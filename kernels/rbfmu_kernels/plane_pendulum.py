@@ -92,7 +92,7 @@ def sincos_of_half_angle(x: DoubleDouble, z: DoubleDouble) -> tuple[float, float
 
 
 @kernel
-def pendulum_at(setup: Pendulum, t: float) -> tuple[float, float, float]:
+def pendulum_at(setup: Pendulum, t: DoubleDouble) -> tuple[float, float, float]:
     """(sin(phi / 2), cos(phi / 2), phi') at a time t after the start, s.
 
     Error <= 4 eps of their largest size, of phi' and cos(phi / 2) near the separatrix (w_0 t + 1) eps of themselves;
@@ -111,17 +111,20 @@ def pendulum_at(setup: Pendulum, t: float) -> tuple[float, float, float]:
 
 
 @kernel
-def _phase(rate: DoubleDouble, start: DoubleDouble, t: float) -> DoubleDouble:
+def _phase(rate: DoubleDouble, start: DoubleDouble, t: DoubleDouble) -> DoubleDouble:
     """In half turns."""
-    t = t if abs(rate[0] * t) < _MOST_TURNS else math.nan
-    return dd_scale(2.0, dd_add(without_turns(rate, t), start))
+    high, low = t
+    high = high if abs(rate[0] * high) < _MOST_TURNS else math.nan
+    return dd_scale(2.0, dd_add(without_turns(rate, (high, low)), start))
 
 
 @kernel(inline=False)
-def _near(kind: float, rate: DoubleDouble, start: DoubleDouble, series: Theta, t: float) -> tuple[float, float, float]:
+def _near(
+    kind: float, rate: DoubleDouble, start: DoubleDouble, series: Theta, t: DoubleDouble
+) -> tuple[float, float, float]:
     """(sn, cn, dn) near the separatrix."""
     if kind == SEPARATRIX:
-        x: DoubleDouble = (2.0 * min(max(rate[0] * t + start[0], -_LAST_TURN), _LAST_TURN), 0.0)
+        x: DoubleDouble = (2.0 * min(max(rate[0] * t[0] + start[0], -_LAST_TURN), _LAST_TURN), 0.0)
     else:
         x = _phase(rate, start, t)
     e, side, flip, _ = place_near(x, (series[4], series[5]))

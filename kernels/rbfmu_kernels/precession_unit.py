@@ -6,7 +6,8 @@
 from typing import Any
 
 from ._kernel import kernel
-from ._symmetry import symmetric_frame
+from ._principal import rates_along, rounded
+from ._symmetry import exact_symmetric_frame
 from ._turns import symmetric_turnings, turned
 from .body_memory import INPUTS as INPUTS
 from .body_memory import OUTPUTS as OUTPUTS
@@ -62,8 +63,9 @@ def initialize(z: Any) -> int:
             return _TORQUE
         if not is_symmetric_top(body[1]):
             return _NOT_SYMMETRIC
-    mean, moment, axes = symmetric_frame(body[1])
-    momentum, own = symmetric_turnings(mean, moment, transform(axes, omega))
+    mean, moment, exact_axes = exact_symmetric_frame(z)
+    momentum, own = symmetric_turnings(mean, moment, rates_along(exact_axes, omega))
+    axes = rounded(exact_axes)
     put_quaternion_at(z, _Q_0, q)
     put_vec3_at(z, _OMEGA_0, omega)
     put_turning_at(z, _ABOUT_MOMENTUM, (transform(invert_matrix(axes), momentum[0]), momentum[1]))

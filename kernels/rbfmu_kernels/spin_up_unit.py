@@ -73,7 +73,8 @@ def step(z: Any, h: float) -> int:
     """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite."""
     if not h > 0.0:
         return NOT_REACHED
-    t = time_after(z, h)
+    high, low = time_after(z, h)
+    t = high + low
     w_t, w_u, w_s = vec3_at(z, _RATES)
     angle, rate = relaxed(w_s, z[_PULL], z[_DECAY], t)
     _, left = relaxed(1.0, 0.0, z[_FADING], t)

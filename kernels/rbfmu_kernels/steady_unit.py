@@ -6,15 +6,14 @@
 from typing import Any
 
 from ._kernel import kernel
+from ._principal import keeps_its_rate
 from ._turns import turned, turning_about
 from .body_memory import INPUTS as INPUTS
 from .body_memory import OUTPUTS as OUTPUTS
 from .body_memory import PARAMETERS as PARAMETERS
 from .body_memory import (
-    body_of,
     initialize_body,
     is_as_planned,
-    loads_of,
     put_quaternion_at,
     quaternion_at,
     rotation_of,
@@ -33,10 +32,9 @@ from .closed_form import (
     time_after,
     turning_at,
 )
-from .dynamics import angular_acceleration
+from .double_double import dd_vector
 from .layout import NOT_REACHED, places
 from .quaternion import compose_quaternions
-from .vec3 import is_nonzero
 
 BLOCKS, SIZE = places(CLOSED_FORM | {"q_0": 4, "turning": TURNING})
 
@@ -51,12 +49,12 @@ def initialize(z: Any) -> int:
     fault = initialize_body(z)
     if fault != 0:
         return fault
-    (q, omega), body, loads = rotation_of(z), body_of(z), loads_of(z)
-    steady = not is_nonzero(angular_acceleration(q, omega, body, loads)) and not has_torque(z)
+    q, omega = rotation_of(z)
+    steady = keeps_its_rate(z, omega) and not has_torque(z)
     if not steady and not is_as_planned(z):
         return _UNSTEADY
     put_quaternion_at(z, _Q_0, q)
-    put_turning_at(z, _TURNING, turning_about(omega))
+    put_turning_at(z, _TURNING, turning_about(dd_vector(omega)))
     start_clocks(z)
     return first_outputs(z)
 
