@@ -43,7 +43,8 @@ def transverse_moment(M: Matrix) -> float:
     M: symmetric, kg m^2, any scale.  Error <= 2 eps tr(M).
     From the deviator's invariants: M - tr(M) / 3 = d (n n^T - 1 / 3).
     """
-    power = power_of_two_for(trace(M))  # so that products of three moments neither over- nor underflow
+    total = trace(M)
+    power = 1.0 if 2.0**-200 < total < 2.0**200 else power_of_two_for(total)  # for products of three moments
     M = scale_matrix(power, M)
     third = trace(M) / 3.0
     x, y, z = M[0][0] - third, M[1][1] - third, M[2][2] - third
