@@ -133,8 +133,8 @@ def with_run(scene: Scene, **changes) -> Scene:
 def pasted(scene: Scene, setting: Setting, note: str = "") -> str:
     """The scene in TOML with its setting in comments."""
     lines = [f"# {note}"] if note else []
-    short = replace(setting, inputs={p: np.round(v, 3).tolist() for p, v in setting.inputs.items()})
-    lines += [f"# setting: {short}"]
+    plain = {name: np.asarray(v, dtype=float).tolist() for name, v in setting.changes.items()}
+    lines += [f"# setting: {replace(setting, changes=plain)}"]
     for table, values in scene.to_dict().items():
         if isinstance(values, dict):
             lines += [f"[{table}]", *(f"{k} = {_toml(v)}" for k, v in values.items())]

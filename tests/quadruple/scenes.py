@@ -7,10 +7,11 @@ from quadruple.driving import Setting
 from rbfmu.scene import PARAMETERS, PORTS, QUANTITIES, Scene
 
 KINDS = (
-    "no rotation", "constant rate", "one axis", "pendulum", "swinging", "prescribed", "free", "free symmetric", "spun",
-    "top", "top", "loads", "loads", "loads", "weight off centre", "equilibrium", "rod", "tiny loads",
+    "no rotation", "constant rate", "one axis", "pendulum", "swinging", "swinging", "prescribed", "free",
+    "free symmetric", "spun", "top", "top", "top", "loads", "loads", "loads", "loads", "weight off centre",
+    "equilibrium", "rod", "tiny loads",
 )  # fmt: skip
-STEPS = (1, 3, 10, 30, 100, 100, 300, 300, 1000, 3000)
+STEPS = (1, 2, 3, 5, 10, 10, 30, 30, 100, 100, 300, 1000, 3000)
 STEP_FACTORS = (0.1, 0.3, 3.0, 10.0, 30.0, 100.0, np.inf)
 FACTORS = (0.0, 0.5, 2.0, 2.0, 5.0, 5.0, -1.0, 30.0, 100.0)
 
@@ -118,9 +119,10 @@ def loads_of(draw, kind, body, omega, axis, R, moments):
     if kind == "one axis":
         loads |= {"torque_b": (twist * axis).tolist(), "damping_b": [damping] * 3}
     if kind in ("pendulum", "swinging"):
-        side = R[:, draw.one(0, 1, 2)]
-        body |= {"pivot": True, "r_oc_b": (draw.rng.uniform(0.05, 0.7) * np.cross(axis, side)).tolist()}
-        loads["gravity_a"] = rounded(np.cross(axis, draw.vector(9.81)), 16)
+        own = int(np.argmax(np.abs(R.T @ axis)))
+        turn = Rotation.from_rotvec(draw.rng.uniform(-3.0, 3.0) * axis)
+        body |= {"pivot": True, "r_oc_b": (draw.rng.uniform(0.05, 0.7) * turn.apply(R[:, own - 1])).tolist()}
+        loads["gravity_a"] = (9.81 * R[:, own - 2]).tolist()
         if kind == "swinging":
             loads |= {"torque_b": (twist * axis).tolist(), "damping_b": [damping] * 3}
     if kind == "equilibrium":
@@ -175,14 +177,14 @@ def fastest(body, omega, loads, moments):
 
 
 def run_of(draw, rate, acceleration):
-    turn = draw.log(-0.5, draw.one(1.0, 1.3, 2.2))
+    turn = draw.log(-0.5, draw.one(1.3, 2.2))
     stop = turn / rate if rate > 0.0 else draw.log(0, 2)
     if acceleration > 0.0:
         stop = min(stop, np.sqrt(2.0 * turn / acceleration))
     stop = rounded(min(stop, 1000.0), 2)
     start = draw.one(0.0, 0.0, 0.0, 0.0, 0.0, 1.0, -3.5, 1e5)
     return {"start": start, "stop": start + stop, "step": rounded(stop / draw.one(*STEPS), 6),
-            "accuracy": rounded(draw.log(-12, -3), 2)}  # fmt: skip
+            "accuracy": rounded(draw.log(draw.one(-12, -6), -3), 2)}  # fmt: skip
 
 
 def wanted_of(draw, kind, pivot):
@@ -221,8 +223,8 @@ def random_scene(seed):
             "velocity": rounded(draw.vector(draw.log(-1, 3))),
             "position": rounded(draw.vector(draw.log(-1, 3))),
         }
-    ports = draw.some(PORTS[:4], 0.25) if draw.chance(0.4) and not beam else []
-    listed = draw.some([p for p in PARAMETERS if p not in ports], 0.2) if draw.chance(0.35) and not beam else []
+    ports = draw.some(PORTS[:4], 0.3) if draw.chance(0.25) and not beam else []
+    listed = draw.some([p for p in PARAMETERS if p not in ports], 0.25) if draw.chance(0.25) and not beam else []
     listed = [p for p in listed if not (body.get("pivot") and p == "velocity_0")]
     run = run_of(draw, *fastest(body, np.asarray(omega), loads, moments))
     return kind, Scene(name=f"seed_{seed}", body=body, initial=initial, loads=loads, run=run,
