@@ -22,7 +22,7 @@ test:
 	NUMBA_DISABLE_JIT=1 $(BIN)/pytest -n 2 --dist loadfile $(CORE:%=tests/test_%.py)
 
 slow:
-	$(BIN)/pytest -m slow
+	$(BIN)/pytest -v -m slow
 
 demo:
 	$(BIN)/rbfmu demo

@@ -21,7 +21,7 @@ from rbfmu.scene import SceneError
 from rbfmu_fmu.description import describe
 
 MOST_SERIES = 1500
-PATIENCE = 60
+PATIENCE = 20
 """s of CPU for a plan, after which the scene is left alone and said."""
 RIGHT, SILENT, REFUSED, KEYLESS, DEAR, UNPLANNED = (
     "right",
