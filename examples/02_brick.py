@@ -12,7 +12,8 @@ SCENE = Path(__file__).parent / "scenes" / "tumbling_brick.toml"
 def main() -> None:
     """Print the rates after 30 s beside NASA's."""
     scene = rbfmu.load_scene(SCENE)
-    print(f"{scene.name}: {rbfmu.plan(scene).reasons[0]}")
+    planned = rbfmu.plan(scene)
+    print(f"{scene.name}: {planned.model}, {planned.method}", *planned.reasons, sep="\n  ")
     result = rbfmu.simulate(scene)
     # NASA/TM-2015-218675, atmospheric case 2, simulation 01, t = 30 s
     nasa = np.array([12.61839077566776, -17.3974747618308, 31.11958888682995])

@@ -62,7 +62,7 @@ def plan_text(name: str) -> str:
     done = CliRunner().invoke(command_line, ["plan", str(scene_file(name))], catch_exceptions=False)
     if done.exit_code != 0:
         raise RuntimeError(f"{name}: {done.output}")
-    return done.output.rstrip()
+    return done.stdout.rstrip()
 
 
 def costs() -> str:

@@ -11,13 +11,14 @@ if TYPE_CHECKING:
     from rbfmu._array_function import set_threads as set_threads
     from rbfmu.arrays import *  # noqa: F403
     from rbfmu.models import Plan as Plan
-    from rbfmu.planning import plan as plan
+    from rbfmu.plausibility import SceneWarning as SceneWarning
     from rbfmu.scene import Body as Body
     from rbfmu.scene import Scene as Scene
     from rbfmu.scene import SceneError as SceneError
     from rbfmu.scene import load_scene as load_scene
     from rbfmu.simulation import Result as Result
     from rbfmu.simulation import SimulationError as SimulationError
+    from rbfmu.simulation import plan as plan
     from rbfmu.simulation import simulate as simulate
 
 __version__ = "0.1.0"
@@ -25,9 +26,9 @@ __version__ = "0.1.0"
 _MODULES = {
     "scene": ("Body", "Scene", "SceneError", "load_scene"),
     "models": ("Plan",),
-    "planning": ("plan",),
+    "plausibility": ("SceneWarning",),
     "_array_function": ("set_threads",),
-    "simulation": ("Result", "SimulationError", "simulate"),
+    "simulation": ("Result", "SimulationError", "plan", "simulate"),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}
 

@@ -4,6 +4,7 @@ import math
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
+from pydantic import Field
 
 from rbfmu._scene_fields import Numbers, OneOf, fault
 from rbfmu._scene_section import Section
@@ -14,6 +15,7 @@ UNIT_TOLERANCE = 1e-6
 """How far a quaternion's length may be from 1, a matrix from orthogonal: numbers typed with seven digits."""
 LARGEST_ANGLE = 1e9
 """Beyond, the last digit of a float is more than 1e-7: no attitude, but a slip."""
+ZERO = (0.0, 0.0, 0.0)
 ROUND_OFF = 8 * 2.0**-52
 """|q|^2 - 1 of a quaternion that has been normalised: it is kept to the bit."""
 
@@ -22,7 +24,7 @@ class UnitQuaternion(Numbers):
     """Euler parameters, scalar first."""
 
     def __init__(self) -> None:
-        super().__init__((4,), "eta, eps_1, eps_2, eps_3")
+        super().__init__((4,), "", ": eta, eps_1, eps_2, eps_3")
 
     def __call__(self, value: Any) -> Quaternion:
         """Of unit length to round-off."""
@@ -68,12 +70,25 @@ class Attitude(Section):
 
     _path: ClassVar[str] = "initial.attitude"
 
-    euler: Annotated[str, OneOf(tuple(euler_angles.NAMES), 'an Euler sequence such as "ZYX" or "xyz"')] = "ZYX"
-    angles_deg: Annotated[Vec3, _angles("deg")] = (0.0, 0.0, 0.0)
-    angles: Annotated[Vec3, _angles("rad")] = (0.0, 0.0, 0.0)
-    quaternion: Annotated[Quaternion, UnitQuaternion()] = (1.0, 0.0, 0.0, 0.0)
-    rotvec: Annotated[Vec3, _angles("rad")] = (0.0, 0.0, 0.0)
-    matrix: Annotated[Matrix, RotationMatrix()] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    euler: Annotated[
+        str,
+        OneOf(tuple(euler_angles.NAMES), 'an Euler sequence such as "ZYX" or "xyz"'),
+        Field(description='Euler sequence such as "ZYX" (intrinsic) or "xyz" (extrinsic), with angles_deg or angles'),
+    ] = "ZYX"
+    angles_deg: Annotated[Vec3, _angles("deg"), Field(description="Euler angles in the sequence's order")] = ZERO
+    angles: Annotated[Vec3, _angles("rad"), Field(description="Euler angles in the sequence's order")] = ZERO
+    quaternion: Annotated[Quaternion, UnitQuaternion(), Field(description="Euler parameters q_ab, scalar first")] = (
+        1.0,
+        0.0,
+        0.0,
+        0.0,
+    )
+    rotvec: Annotated[Vec3, _angles("rad"), Field(description="rotation vector: axis times angle")] = ZERO
+    matrix: Annotated[Matrix, RotationMatrix(), Field(description="rotation matrix R_ab, by rows")] = (
+        (1.0, 0.0, 0.0),
+        (0.0, 1.0, 0.0),
+        (0.0, 0.0, 1.0),
+    )
 
     @classmethod
     def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:

@@ -24,16 +24,20 @@ def default_quantities(body: Body | None, inputs: Any, quantities: tuple[str, ..
     return tuple(q for q in quantities if not (body is not None and body.pivot and q in HELD))
 
 
-def faults_between(good: Mapping[str, Any]) -> Iterator[str]:
-    """All faults between those sections that are good by themselves; a body that is not there is None."""
+def faults_between(good: Mapping[str, Any], rates: tuple[str, Any] | None = None) -> Iterator[str]:
+    """All faults between those sections that are good by themselves; a body that is not there is None.
+
+    rates: key and value of the initial rates as the file has them, where that is not `initial.omega_b`.
+    """
     inputs, body, initial = good.get("inputs"), good.get("body"), good.get("initial")
+    rates = rates or ("initial.omega_b", initial and initial.omega_b)
     if inputs is not None:
         prescribed = "omega_b" in inputs.ports
         if "body" in good and body is None and not prescribed:
             yield 'body is missing: expected a table [body] with mass and inertia (or shape), or ports = ["omega_b"]'
         yield from _faults_of_parameters(inputs)
         if prescribed:
-            yield from _faults_of_prescribed_rates(good)
+            yield from _faults_of_prescribed_rates(good, rates)
             return
     if body is not None and body.pivot:
         if initial is not None and any(initial.velocity):
@@ -41,7 +45,7 @@ def faults_between(good: Mapping[str, Any]) -> Iterator[str]:
         if inputs is not None and "velocity_0" in inputs.parameters:
             yield fault("inputs.parameters", inputs.parameters, "no velocity_0: the pivot holds o")
     if body is not None and (axis := body.axis_without_inertia) is not None:
-        yield from _faults_of_beam(body, np.array(axis), good)
+        yield from _faults_of_beam(body, np.array(axis), good, rates)
 
 
 def _faults_of_parameters(inputs: Any) -> Iterator[str]:
@@ -50,7 +54,7 @@ def _faults_of_parameters(inputs: Any) -> Iterator[str]:
             yield fault("inputs.parameters", inputs.parameters, f"no {name}: it is an input, by inputs.ports")
 
 
-def _faults_of_prescribed_rates(good: Mapping[str, Any]) -> Iterator[str]:
+def _faults_of_prescribed_rates(good: Mapping[str, Any], rates: tuple[str, Any]) -> Iterator[str]:
     inputs, outputs, initial = good["inputs"], good.get("outputs"), good.get("initial")
     if len(inputs.ports) > 1:
         yield fault("inputs.ports", inputs.ports, "omega_b alone: it prescribes the rates, so loads have no effect")
@@ -62,10 +66,10 @@ def _faults_of_prescribed_rates(good: Mapping[str, Any]) -> Iterator[str]:
     if outputs is not None and set(outputs.quantities) - set(PRESCRIBED):
         yield fault("outputs.quantities", outputs.quantities, f"names out of {', '.join(PRESCRIBED)}: {why}")
     if initial is not None and any(initial.omega_b):
-        yield fault("initial.omega_b", initial.omega_b, "zero, or no such key: the port omega_b prescribes the rates")
+        yield fault(rates[0], rates[1], "zero, or no such key: the port omega_b prescribes the rates")
 
 
-def _faults_of_beam(body: Body, axis: Any, good: Mapping[str, Any]) -> Iterator[str]:
+def _faults_of_beam(body: Body, axis: Any, good: Mapping[str, Any], rates: tuple[str, Any]) -> Iterator[str]:
     """A body without inertia about `axis`: nothing may turn it about that axis, or the rate would be without bound."""
     initial, loads, inputs = (good.get(key) for key in ("initial", "loads", "inputs"))
     about = f"about {_direction(axis)}, where inertia is zero to {NEGLIGIBLE:g} of its trace"
@@ -73,7 +77,8 @@ def _faults_of_beam(body: Body, axis: Any, good: Mapping[str, Any]) -> Iterator[
     lever = np.zeros(3) if body.pivot else -np.cross(body.r_oc_b, axis)
     levered = not _small(lever, np.array(body.r_oc_b))
     if initial is not None and not _small(axis @ np.array(initial.omega_b), np.array(initial.omega_b)):
-        yield fault("initial.omega_b", initial.omega_b, f"no rate {about} (rad/s)")
+        unit = "deg/s" if rates[0].endswith("_deg") else "rad/s"
+        yield fault(rates[0], rates[1], f"no rate {about} ({unit})")
     if loads is not None:
         yield from _faults_of_loads(loads, axis, lever, levered, about)
     if inputs is not None:

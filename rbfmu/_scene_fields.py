@@ -79,6 +79,10 @@ class Rule(ABC):
     def expected(self) -> str:
         """In words."""
 
+    def choice(self) -> str:
+        """What there is to choose from, in words; nothing where the key's unit and meaning say it."""
+        return ""
+
     @abstractmethod
     def __call__(self, value: Any) -> Any:
         """The value as stored."""
@@ -199,7 +203,11 @@ class Names(Rule):
 
     def expected(self) -> str:
         """In words."""
-        return f"a list of distinct names out of {', '.join(self.known)}"
+        return f"a list of distinct names {self.choice()}"
+
+    def choice(self) -> str:
+        """In words."""
+        return f"out of {', '.join(self.known)}"
 
     def __call__(self, value: Any) -> tuple[str, ...]:
         """The names as a tuple."""

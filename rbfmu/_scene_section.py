@@ -14,6 +14,8 @@ class Section(BaseModel):
     model_config = ConfigDict(frozen=True)
     _path: ClassVar[str] = ""
     _spellings: ClassVar[Mapping[str, tuple[str, ...]]] = {}
+    _other_keys: ClassVar[Mapping[str, tuple[Rule | None, str]]] = {}
+    """Of keys that are no fields: rule (none for a table) and meaning."""
     _homes: ClassVar[dict[str, str]] = {}
 
     def __init__(self, /, **data: Any) -> None:
@@ -49,6 +51,10 @@ class Section(BaseModel):
         return [key for name in cls.model_fields for key in cls._spellings.get(name, (name,))]
 
     @classmethod
+    def _rule(cls, name: str) -> Rule:
+        return next(rule for rule in cls.model_fields[name].metadata if isinstance(rule, Rule))
+
+    @classmethod
     def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
         """The fields, from whichever keys stand for them."""
         return data
@@ -73,8 +79,7 @@ class Section(BaseModel):
         name = str(error["loc"][0])
         path = joined(cls._path, name)
         if error["type"] == "missing":
-            rule = next(rule for rule in cls.model_fields[name].metadata if isinstance(rule, Rule))
-            return f"{path} is missing: expected {rule.expected()}"
+            return f"{path} is missing: expected {cls._rule(name).expected()}"
         return fault(path, error["input"], str(error["ctx"]["error"]))
 
 

@@ -5,7 +5,9 @@ from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from rbfmu._scene_fields import Flag, Numbers, SceneError, fault, flattened, positive
+from pydantic import Field
+
+from rbfmu._scene_fields import Flag, Numbers, Rule, SceneError, fault, flattened, positive
 from rbfmu._scene_section import Section, one_of
 from rbfmu_kernels import inertia as _inertia
 from rbfmu_kernels.shapes import Matrix, Vec3
@@ -22,7 +24,11 @@ class Inertia(Numbers):
 
     def expected(self) -> str:
         """In words."""
-        return f"3 principal moments or a 3x3 matrix about the centre of mass ({_UNIT})"
+        return f"{self.choice()} about the centre of mass ({_UNIT})"
+
+    def choice(self) -> str:
+        """In words."""
+        return "3 principal moments or a 3x3 matrix"
 
     def __call__(self, value: Any) -> Matrix:
         """The matrix."""
@@ -67,42 +73,42 @@ class _Shape(Section):
 
 
 class _Beam(_Shape):
-    length: Annotated[float, positive("m")]
+    length: Annotated[float, positive("m"), Field(description="beam along x: its length")]
 
     def inertia(self, mass: float) -> Matrix:
         return _inertia.beam_inertia(mass, self.length)
 
 
 class _Box(_Shape):
-    sides: Annotated[Vec3, positive("m", 3)]
+    sides: Annotated[Vec3, positive("m", 3), Field(description="box: its sides along x, y, z")]
 
     def inertia(self, mass: float) -> Matrix:
         return _inertia.box_inertia(mass, self.sides)
 
 
 class _Cylinder(_Shape):
-    radius: Annotated[float, positive("m")]
-    length: Annotated[float, positive("m")]
+    radius: Annotated[float, positive("m"), Field(description="cylinder about z: its radius")]
+    length: Annotated[float, positive("m"), Field(description="cylinder about z: its length")]
 
     def inertia(self, mass: float) -> Matrix:
         return _inertia.cylinder_inertia(mass, self.radius, self.length)
 
 
 class _Sphere(_Shape):
-    radius: Annotated[float, positive("m")]
+    radius: Annotated[float, positive("m"), Field(description="sphere: its radius")]
 
     def inertia(self, mass: float) -> Matrix:
         return _inertia.sphere_inertia(mass, self.radius)
 
 
 class _Ellipsoid(_Shape):
-    semiaxes: Annotated[Vec3, positive("m", 3)]
+    semiaxes: Annotated[Vec3, positive("m", 3), Field(description="ellipsoid: its semiaxes along x, y, z")]
 
     def inertia(self, mass: float) -> Matrix:
         return _inertia.ellipsoid_inertia(mass, self.semiaxes)
 
 
-_SHAPES: Mapping[str, type[_Shape]] = {
+SHAPES: Mapping[str, type[_Shape]] = {
     "box": _Box,
     "beam": _Beam,
     "cylinder": _Cylinder,
@@ -112,32 +118,34 @@ _SHAPES: Mapping[str, type[_Shape]] = {
 
 
 def _read_shape(value: Any) -> _Shape:
-    kinds = " or ".join(f'"{kind}"' for kind in _SHAPES)
+    kinds = " or ".join(f'"{kind}"' for kind in SHAPES)
     if not isinstance(value, Mapping) or "kind" not in value:
         raise SceneError(fault("body.shape", value, f"a table with kind = {kinds}"))
     kind = value["kind"]
-    if not isinstance(kind, str) or kind not in _SHAPES:
+    if not isinstance(kind, str) or kind not in SHAPES:
         raise SceneError(fault("body.shape.kind", kind, kinds))
-    return _SHAPES[kind].read(value)
+    return SHAPES[kind].read(value)
 
 
 _MASS = positive("kg")
 
 
 class Body(Section):
-    """A rigid body.
-
-    mass: kg; inertia: M_c, symmetric, about the centre of mass in body axes, kg m2, from 3 principal moments, a 3x3
-    matrix or a `shape` table; r_oc_b: from the body's origin o to its centre of mass, m; pivot: o is fixed in space.
-    """
+    """A rigid body; `inertia` is M_c, symmetric, from 3 principal moments, a 3x3 matrix or a `shape` table."""
 
     _path: ClassVar[str] = "body"
     _spellings: ClassVar[Mapping[str, tuple[str, ...]]] = {"inertia": ("inertia", "shape")}
 
-    mass: Annotated[float, _MASS]
-    inertia: Annotated[Matrix, Inertia()]
-    r_oc_b: Annotated[Vec3, Numbers((3,), "m")] = ZERO
-    pivot: Annotated[bool, Flag()] = False
+    _other_keys: ClassVar[Mapping[str, tuple[Rule | None, str]]] = {
+        "shape": (None, "a table in place of inertia: that of a homogeneous body")
+    }
+
+    mass: Annotated[float, _MASS, Field(description="mass")]
+    inertia: Annotated[Matrix, Inertia(), Field(description="inertia matrix about the centre of mass, body axes")]
+    r_oc_b: Annotated[
+        Vec3, Numbers((3,), "m"), Field(description="from the origin o to the centre of mass, body axes")
+    ] = ZERO
+    pivot: Annotated[bool, Flag(), Field(description="whether o is fixed in space")] = False
 
     if TYPE_CHECKING:
 

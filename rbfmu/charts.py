@@ -1,23 +1,26 @@
 """Pictures of results."""
 
+import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from matplotlib.figure import Figure
 
+from rbfmu.quantities import QUANTITIES
 from rbfmu.simulation import Result
 
 LABELS = {
-    "position": "position of o (m)",
-    "velocity": "velocity of o (m/s)",
-    "acceleration": "acceleration of o (m/s²)",
+    "position": "position of o",
+    "velocity": "velocity of o",
+    "acceleration": "acceleration of o",
     "quaternion": "Euler parameters",
-    "rpy": "roll, pitch, yaw (rad)",
-    "omega_b": "body rates (rad/s)",
-    "omega_a": "rates, inertial axes (rad/s)",
-    "alpha_b": "angular acceleration (rad/s²)",
-    "angular_momentum_a": "angular momentum (kg m²/s)",
-    "kinetic_energy": "kinetic energy (J)",
+    "rpy": "roll, pitch, yaw",
+    "omega_b": "body rates",
+    "omega_a": "rates, inertial axes",
+    "alpha_b": "angular acceleration",
+    "angular_momentum_a": "angular momentum",
+    "kinetic_energy": "kinetic energy",
 }
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
 """Okabe and Ito's: told apart by everyone."""
@@ -28,22 +31,34 @@ def plot_result(result: Result, path: str | Path, title: str = "") -> None:
     figure = Figure(figsize=(8.0, 1.2 + 1.9 * len(result.quantities)), layout="constrained")
     panels = figure.subplots(len(result.quantities), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (name, values) in zip(panels, result.quantities.items(), strict=True):
-        draw_components(axes, result.time, values, _component_names(name))
-        axes.set_ylabel(LABELS[name], fontsize=9)
+        turn = 2.0 * math.pi if name == "rpy" else math.inf
+        draw_components(axes, result.time, values, _component_names(name), turn)
+        axes.set_ylabel(f"{LABELS[name]}{_unit(name)}", fontsize=9)
     panels[-1].set_xlabel("time (s)")
     figure.suptitle(title, fontsize=11)
     figure.savefig(path, dpi=130)
 
 
-def draw_components(axes: Any, time: Any, values: Any, names: tuple[str, ...]) -> None:
-    """Lines of (n,) or (n, k) values with their names at the right."""
+def draw_components(axes: Any, time: Any, values: Any, names: tuple[str, ...], turn: float = math.inf) -> None:
+    """Lines of (n,) or (n, k) values with their names at the right; those of angles broken where they lose a turn."""
     columns = values[:, None] if values.ndim == 1 else values
     for k, name in enumerate(names):
-        axes.plot(time, columns[:, k], color=COLORS[k], linewidth=1.2, label=name)
+        axes.plot(*broken(time, columns[:, k], turn), color=COLORS[k], linewidth=1.2, label=name)
     if len(names) > 1:
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=9)
     open_frame(axes)
     axes.margins(x=0.0)
+
+
+def broken(time: Any, angles: Any, turn: float) -> tuple[Any, Any]:
+    """The points (n,) of a line with a gap between those that are more than half a turn apart."""
+    jumps = np.flatnonzero(np.abs(np.diff(angles)) > 0.5 * turn) + 1
+    return np.insert(time, jumps, time[jumps]), np.insert(angles, jumps, np.nan)
+
+
+def _unit(name: str) -> str:
+    unit = QUANTITIES[name].unit
+    return "" if unit == "1" else f" ({unit.replace('m2', 'm²').replace('s2', 's²')})"
 
 
 def open_frame(axes: Any, grid: bool = False) -> None:

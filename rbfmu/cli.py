@@ -1,17 +1,31 @@
 """The command line: the one module above all layers."""
 
 import json
+import shlex
 import sys
-from collections.abc import Callable, Sequence
+import tomllib
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
-from rich.progress import Progress, track
+from rich.progress import Progress
 from rich.table import Table
 
-from rbfmu.scene import Scene, SceneError, load_scene
+from rbfmu._interrupt import interruptible
+from rbfmu.cli_output import (
+    check_target,
+    doubts_in_lines,
+    print_end,
+    print_keys,
+    progress_bar,
+    say_where_nothing_is_kept,
+)
+
+if TYPE_CHECKING:
+    from rbfmu.scene import Scene
 
 SAVED = (".csv", ".npz")
 PICTURES = (".png", ".svg", ".pdf")
@@ -21,14 +35,28 @@ _MODEL = click.option("--model", type=click.Choice(["planned", "full"]), default
                       help="The smallest that serves the scene, or all degrees of freedom.")  # fmt: skip
 
 
+def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Of the commands that plan a run: keys of the scene's table [run]."""
+    for key, unit in (("step", " (s)"), ("stop", " (s)"), ("accuracy", "")):
+        option = click.option(f"--{key}", type=float, help=f"In place of the scene's run.{key}{unit}.")
+        command = option(command)
+    return command
+
+
 class _Commands(click.Group):
-    """Turns errors that users cause into one message and exit status 2."""
+    """Turns errors that users cause into one message and exit status 2, warnings into lines, Ctrl-C into status 130."""
+
+    def main(self, *args: Any, **kwargs: Any) -> Any:
+        with interruptible():
+            return super().main(*args, **kwargs)
 
     def invoke(self, ctx: click.Context) -> Any:
+        from rbfmu.scene import SceneError
         from rbfmu.simulation import SimulationError
 
         try:
-            return super().invoke(ctx)
+            with doubts_in_lines():
+                return super().invoke(ctx)
         except SceneError as error:
             click.echo(f"Error: {error}" if len(error.faults) == 1 else f"Errors:\n{error}", err=True)
         except SimulationError as error:
@@ -56,6 +84,7 @@ def demo(folder: Path) -> None:
     from rbfmu_fmu import VerificationError
     from rbfmu_fmu.demo import run_demo
 
+    say_where_nothing_is_kept()
     try:
         passed = run_demo(folder, Console(highlight=False))
     except VerificationError as error:
@@ -63,18 +92,44 @@ def demo(folder: Path) -> None:
     click.get_current_context().exit(0 if passed else 1)
 
 
+@main.command()
+def keys() -> None:
+    """List every key of a scene file: unit, default, meaning."""
+    print_keys()
+
+
+@main.command()
+@click.argument("name")
+def new(name: str) -> None:
+    """Write a commented scene file NAME.toml to begin with: it runs as it is."""
+    from rbfmu.scene import Scene
+    from rbfmu.scene_keys import new_scene
+
+    path = Path(name if name.endswith(".toml") else f"{name}.toml")
+    check_target(path, "NAME", (".toml",))
+    text = new_scene(path.stem)
+    Scene.from_dict(tomllib.loads(text), str(path))
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError:
+        raise click.UsageError(f"{path}: exists already, and stays as it is") from None
+    click.echo(f"{path} (next: rbfmu run {shlex.quote(str(path))})")
+
+
 @main.command("plan")
 @click.argument("scene", metavar="SCENE", type=click.Path(path_type=Path))
 @click.option("--json", "as_json", is_flag=True, help="Print model, method, substep, states and reasons as JSON.")
 @_MODEL
-def show_plan(scene: Path, as_json: bool, model: str) -> None:
+@_run_options
+def show_plan(scene: Path, as_json: bool, model: str, **run: float | None) -> None:
     """Say which model and method a scene gets, and why."""
-    from rbfmu.planning import plan
+    from rbfmu.simulation import plan
     from rbfmu_fmu.description import sizes
 
-    loaded = load_scene(scene)
-    chosen = plan(loaded, full=model == "full")
-    variables, full = sizes(loaded, chosen)
+    with _scene(scene, run) as loaded:
+        chosen = plan(loaded, full=model == "full")
+        variables, full = sizes(loaded, chosen)
     if as_json:
         click.echo(json.dumps(chosen.to_dict() | {"variables": variables}, indent=1))
     else:
@@ -90,23 +145,26 @@ def show_plan(scene: Path, as_json: bool, model: str) -> None:
 @click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), help="Save to FILE (.csv or .npz).")
 @click.option("--plot", type=click.Path(dir_okay=False, path_type=Path), help="Draw to FILE (.png, .svg or .pdf).")
 @_MODEL
-def run(scene: Path, output: Path | None, plot: Path | None, model: str) -> None:
-    """Simulate a scene with its ports at zero."""
-    from rbfmu.planning import plan
-    from rbfmu.simulation import simulate
+@_run_options
+def run(scene: Path, output: Path | None, plot: Path | None, model: str, **run: float | None) -> None:
+    """Simulate a scene with its ports at zero.
 
-    _check_target(output, "--output", SAVED)
-    _check_target(plot, "--plot", PICTURES)
-    loaded = load_scene(scene)
-    planned = plan(loaded, full=model == "full")
-    result = simulate(loaded, planned=planned, progress=_progress(loaded.name))
+    The units of the columns of FILE.csv are written to FILE.units.csv.
+    """
+    from rbfmu.simulation import plan, simulate
+
+    check_target(output, "--output", SAVED)
+    check_target(plot, "--plot", PICTURES)
+    with _scene(scene, run) as loaded:
+        planned = plan(loaded, full=model == "full")
+        result = simulate(loaded, planned=planned, progress=progress_bar(loaded.name))
     if output:
         result.save(output)
     if plot:
         from rbfmu.charts import plot_result
 
         plot_result(result, plot, loaded.name)
-    _print_end(loaded, planned.reasons, result)
+    print_end(planned.reasons, result)
 
 
 @main.command()
@@ -116,20 +174,22 @@ def run(scene: Path, output: Path | None, plot: Path | None, model: str) -> None
 @click.option("--platform", "platforms", default="", metavar="NAME,...",
               help="Of a native FMU: linux64, win64, darwin64, linux-aarch64, darwin-aarch64.  [this one]")  # fmt: skip
 @_MODEL
-def build(scene: Path, output: Path | None, native: bool, platforms: str, model: str) -> None:
+@_run_options
+def build(scene: Path, output: Path | None, native: bool, platforms: str, model: str, **run: float | None) -> None:
     """Build a scene's FMU (FMI 2.0 co-simulation, pythonfmu or native)."""
     from rbfmu_fmu import BuildError
     from rbfmu_fmu import build as build_fmu
-    from rbfmu_fmu.description import identifier
+    from rbfmu_fmu.description import file_name
 
-    _check_target(output, "--output", (".fmu",))
+    check_target(output, "--output", (".fmu",))
     names = [name.strip() for name in platforms.split(",") if name.strip()]
     if names and not native:
         raise click.UsageError("--platform: expected --native with it")
-    loaded = load_scene(scene)
-    target = output or Path(f"{identifier(loaded.name)}.fmu")
     try:
-        click.echo(build_fmu(loaded, target, "native" if native else "python", names, full=model == "full"))
+        with _scene(scene, run) as loaded:
+            _say_what_takes_minutes(names)
+            target = output or Path(file_name(loaded.name))
+            click.echo(build_fmu(loaded, target, "native" if native else "python", names, full=model == "full"))
     except BuildError as error:
         raise click.UsageError(str(error)) from None
 
@@ -142,6 +202,7 @@ def verify(fmu: Path, seed: int) -> None:
     from rbfmu_fmu import VerificationError
     from rbfmu_fmu import verify as verify_fmu
 
+    say_where_nothing_is_kept()
     try:
         found = verify_fmu(fmu, seed)
     except VerificationError as error:
@@ -190,7 +251,7 @@ def stability(folder: Path, quick: bool) -> None:
     """Measure where methods fail, against the laws that predict it; draw it."""
     from rbfmu.stability import failures, run_stability
 
-    for path in run_stability(folder, quick, _progress("stability")):
+    for path in run_stability(folder, quick, progress_bar("stability")):
         click.echo(path)
     wrong = failures(folder)
     for text in wrong:
@@ -198,30 +259,27 @@ def stability(folder: Path, quick: bool) -> None:
     click.get_current_context().exit(1 if wrong else 0)
 
 
-def _check_target(path: Path | None, option: str, endings: Sequence[str]) -> None:
-    """Refuse a file that cannot be written before anything runs."""
-    if path is None:
-        return
-    if path.suffix not in endings:
-        raise click.UsageError(f"{option} {str(path)!r}: expected a name that ends in {' or '.join(endings)}")
-    if not path.parent.is_dir():
-        raise click.UsageError(f"{option} {str(path)!r}: there is no folder {str(path.parent)!r}")
+@contextmanager
+def _scene(path: Path, run: dict[str, float | None]) -> Iterator["Scene"]:
+    """The scene of a file with the options given; what is wrong with it, also inside, is said of both."""
+    from rbfmu.scene import load_scene
+    from rbfmu.scene_argument import faults_of
+
+    say_where_nothing_is_kept()
+    given = {key: value for key, value in run.items() if value is not None}
+    options = " and ".join(f"--{key} {value!r}" for key, value in given.items())
+    loaded = load_scene(path)
+    with faults_of(f"{path} with {options}" if options else str(path)):
+        yield loaded.replace(run=given)
 
 
-def _progress(name: str) -> Callable[[Sequence[Any]], Any] | None:
-    """A bar on a terminal; it goes when done."""
-    if not sys.stderr.isatty():
-        return None
-    return lambda numbers: track(numbers, name, console=Console(stderr=True), transient=True)
+def _say_what_takes_minutes(platforms: Sequence[str]) -> None:
+    from rbfmu_fmu.linking import compiled_by_ziglang
+    from rbfmu_fmu.platforms import platform_named
 
-
-def _print_end(scene: Scene, reasons: Sequence[str], result: Any) -> None:
-    for reason in reasons:
-        click.echo(reason)
-    table = Table("at the end", f"t = {result.time[-1]:g} s", box=None)
-    for name, values in result.quantities.items():
-        table.add_row(name, " ".join(f"{x: .9g}" for x in values[-1:].ravel()))
-    Console(highlight=False).print(table)
+    if slow := [name for name in platforms if compiled_by_ziglang(platform_named(name))]:
+        why = "the first time takes minutes, as ziglang builds the platform's C library"
+        click.echo(f"Note: compiling for {', '.join(slow)}: {why}", err=True)
 
 
 if __name__ == "__main__":

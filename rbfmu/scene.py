@@ -1,15 +1,19 @@
 """The scene: a body, its start, its loads, inputs, outputs and run, from a TOML file or in Python, checked."""
 
 import math
-import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Self
 
+from pydantic import Field
+
+from rbfmu import quantities
 from rbfmu._scene_attitude import read_attitude
 from rbfmu._scene_checks import default_quantities, faults_between
-from rbfmu._scene_fields import Name, Names, Numbers, SceneError, fault, positive
+from rbfmu._scene_fields import Name, Names, Numbers, Rule, SceneError, fault, positive
 from rbfmu._scene_section import Section, one_of
+from rbfmu._scene_toml import read_tables
 from rbfmu.body import ZERO, Body
 from rbfmu_kernels.shapes import Quaternion, Vec3
 
@@ -21,34 +25,38 @@ PARAMETERS = (
     *("mass", "inertia", "r_oc_b", "gravity_a", "damping_b", "force_a", "force_b", "torque_a", "torque_b"),
     *("position_0", "velocity_0", "quaternion_0", "omega_b_0"),
 )
-QUANTITIES = (
-    *("position", "velocity", "acceleration", "quaternion", "rpy", "omega_b", "omega_a", "alpha_b"),
-    *("angular_momentum_a", "kinetic_energy"),
-)
+QUANTITIES = tuple(quantities.QUANTITIES)
 MOST_STEPS = 1e8
 """Communication steps of a run: their results take some 20 GB."""
-LARGEST_FILE = 1_000_000
-"""Bytes; a scene is some hundred."""
 _IDENTITY = (1.0, 0.0, 0.0, 0.0)
+_DEGREES = Numbers((3,), "deg/s")
+
+
+def _means(text: str) -> Any:
+    return Field(description=text)
 
 
 class Initial(Section):
-    """The state at the start.
-
-    position, velocity: of the body's origin o, in a, m and m/s; quaternion: q_ab, unit, from the table `attitude`;
-    omega_b: rad/s (or `omega_b_deg`, deg/s).
-    """
+    """The state at the start; `quaternion` comes from the table `attitude`."""
 
     _path: ClassVar[str] = "initial"
     _spellings: ClassVar[Mapping[str, tuple[str, ...]]] = {
         "quaternion": ("attitude",),
         "omega_b": ("omega_b", "omega_b_deg"),
     }
+    _other_keys: ClassVar[Mapping[str, tuple[Rule | None, str]]] = {
+        "attitude": (None, "a table: initial attitude of the body (b) in space (a)"),
+        "omega_b_deg": (_DEGREES, "in place of omega_b"),
+    }
 
-    position: Annotated[Vec3, Numbers((3,), "m")] = ZERO
-    velocity: Annotated[Vec3, Numbers((3,), "m/s")] = ZERO
-    quaternion: Annotated[Quaternion, Numbers((4,), "")] = _IDENTITY
-    omega_b: Annotated[Vec3, Numbers((3,), "rad/s")] = ZERO
+    position: Annotated[Vec3, Numbers((3,), "m"), _means("initial position of o, inertial axes")] = ZERO
+    velocity: Annotated[Vec3, Numbers((3,), "m/s"), _means("initial velocity of o, inertial axes")] = ZERO
+    quaternion: Annotated[
+        Quaternion,
+        Numbers((4,), ""),
+        _means("initial Euler parameters q_ab, scalar first; normalised at initialisation"),
+    ] = _IDENTITY
+    omega_b: Annotated[Vec3, Numbers((3,), "rad/s"), _means("initial angular velocity omega_ab, body axes")] = ZERO
 
     @classmethod
     def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
@@ -61,32 +69,44 @@ class Initial(Section):
         degrees = data.pop("omega_b_deg", None)
         if given == "omega_b_deg":
             try:
-                data["omega_b"] = tuple(map(math.radians, Numbers((3,), "deg/s")(degrees)))
+                data["omega_b"] = tuple(map(math.radians, _DEGREES(degrees)))
             except ValueError as error:
                 faults.append(fault("initial.omega_b_deg", degrees, str(error)))
         return data
 
 
 class Loads(Section):
-    """Known loads: gravity_a m/s2; forces at o, N; torques about o, N m; the torque -damping_b * omega_b, N m s/rad."""
+    """Known loads."""
 
     _path: ClassVar[str] = "loads"
 
-    gravity_a: Annotated[Vec3, Numbers((3,), "m/s2")] = (0.0, 0.0, -9.81)
-    force_a: Annotated[Vec3, Numbers((3,), "N")] = ZERO
-    force_b: Annotated[Vec3, Numbers((3,), "N")] = ZERO
-    torque_a: Annotated[Vec3, Numbers((3,), "N m")] = ZERO
-    torque_b: Annotated[Vec3, Numbers((3,), "N m")] = ZERO
-    damping_b: Annotated[Vec3, Numbers((3,), "N m s/rad", " >= 0", lambda x: x >= 0.0)] = ZERO
+    gravity_a: Annotated[Vec3, Numbers((3,), "m/s2"), _means("gravity, inertial axes")] = (0.0, 0.0, -9.81)
+    force_a: Annotated[Vec3, Numbers((3,), "N"), _means("force at o, inertial axes")] = ZERO
+    force_b: Annotated[Vec3, Numbers((3,), "N"), _means("force at o, body axes")] = ZERO
+    torque_a: Annotated[Vec3, Numbers((3,), "N m"), _means("torque about o, inertial axes")] = ZERO
+    torque_b: Annotated[Vec3, Numbers((3,), "N m"), _means("torque about o, body axes")] = ZERO
+    damping_b: Annotated[
+        Vec3,
+        Numbers((3,), "N m s/rad", " >= 0", lambda x: x >= 0.0),
+        _means("damping: torque -damping_b * omega_b, body axes"),
+    ] = ZERO
 
 
 class Inputs(Section):
-    """What others supply: ports, added to the known loads (or the rates), and parameters that they will change."""
+    """What others supply."""
 
     _path: ClassVar[str] = "inputs"
 
-    ports: Annotated[tuple[str, ...], Names(PORTS)] = ()
-    parameters: Annotated[tuple[str, ...], Names(PARAMETERS)] = ()
+    ports: Annotated[
+        tuple[str, ...],
+        Names(PORTS),
+        _means("loads that another unit supplies, added to the known ones, or omega_b alone (prescribed rates)"),
+    ] = ()
+    parameters: Annotated[
+        tuple[str, ...],
+        Names(PARAMETERS),
+        _means("FMU parameters that an importer will change, so that the plan holds for every value"),
+    ] = ()
 
 
 class Outputs(Section):
@@ -94,18 +114,25 @@ class Outputs(Section):
 
     _path: ClassVar[str] = "outputs"
 
-    quantities: Annotated[tuple[str, ...], Names(QUANTITIES, least=1)] = QUANTITIES
+    quantities: Annotated[tuple[str, ...], Names(QUANTITIES, least=1), _means("what someone will look at")] = QUANTITIES
 
 
 class Run(Section):
-    """From start to stop in communication steps, s; accuracy: the largest error over the run, as a fraction."""
+    """From start to stop in communication steps."""
 
     _path: ClassVar[str] = "run"
 
-    start: Annotated[float, Numbers((), "s")] = 0.0
-    stop: Annotated[float, Numbers((), "s")] = 10.0
-    step: Annotated[float, positive("s")] = 0.01
-    accuracy: Annotated[float, Numbers((), "", " in (0, 1]", lambda x: 0.0 < x <= 1.0)] = 1e-6
+    start: Annotated[float, Numbers((), "s"), _means("time at the start")] = 0.0
+    stop: Annotated[float, Numbers((), "s"), _means("time at the end")] = 10.0
+    step: Annotated[float, positive("s"), _means("communication step")] = 0.01
+    accuracy: Annotated[
+        float,
+        Numbers((), "", " in (0, 1]", lambda x: 0.0 < x <= 1.0),
+        _means(
+            "largest error over the run: attitude in rad, rates relative to their largest, position and velocity "
+            "relative to theirs, at least 1 m and 1 m/s"
+        ),
+    ] = 1e-6
 
     def _contradictions(self) -> Iterator[str]:
         resolution = 4.0 * max(math.ulp(self.start), math.ulp(self.stop))
@@ -125,7 +152,7 @@ class Run(Section):
             yield fault("run.step", self.step, f"at least {resolution:.2g}, what the clock resolves there (s)")
 
 
-_SECTIONS: Mapping[str, type[Section]] = {
+SECTIONS: Mapping[str, type[Section]] = {
     "body": Body,
     "initial": Initial,
     "loads": Loads,
@@ -138,7 +165,7 @@ _SECTIONS: Mapping[str, type[Section]] = {
 class Scene(Section):
     """One rigid body and all that is known about its run; immutable. A bad one is a SceneError with all faults."""
 
-    name: Annotated[str, Name()] = "scene"
+    name: Annotated[str, Name(), _means("title, and the FMU's name; by default the file's")] = "scene"
     body: Body | None = None
     initial: Initial = Initial()
     loads: Loads = Loads()
@@ -149,7 +176,8 @@ class Scene(Section):
     @classmethod
     def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
         good: dict[str, Any] = {}
-        for key, section in _SECTIONS.items():
+        rates = _rates_as_written(data.get("initial"))
+        for key, section in SECTIONS.items():
             if key == "body" and data.get(key) is None:
                 good[key] = data.pop(key, None)
                 continue
@@ -158,8 +186,9 @@ class Scene(Section):
             except SceneError as error:
                 faults += error.faults
         if "outputs" in good and "quantities" not in good["outputs"].model_fields_set:
-            good["outputs"] = Outputs(quantities=default_quantities(good.get("body"), good.get("inputs"), QUANTITIES))
-        faults += faults_between(good)
+            default = default_quantities(good.get("body"), good.get("inputs"), QUANTITIES)
+            good["outputs"] = Outputs.model_construct(set(), quantities=default)
+        faults += faults_between(good, rates)
         return data | good
 
     @classmethod
@@ -167,10 +196,25 @@ class Scene(Section):
         """From nested tables as in the file; source: what messages call it, and the name where none is given."""
         try:
             if not isinstance(data, Mapping):
-                raise SceneError(fault("scene", data, f"tables {', '.join(_SECTIONS)}"))
+                raise SceneError(fault("scene", data, f"tables {', '.join(SECTIONS)}"))
             return cls.read({"name": Path(source).stem or "scene"} | dict(data))
         except SceneError as error:
             raise SceneError(error.faults, source) from None
+
+    def replace(self, changes: Mapping[str, Any] = MappingProxyType({}), /, **tables: Any) -> Self:
+        """A scene with other values, checked like a file: `replace({"run.stop": 5.0})` or `replace(run={"stop": 5.0})`.
+
+        A table's other keys stay, a section (`Run(...)`) or None takes the table's place. What stands in place of a key
+        removes it (omega_b_deg: omega_b; shape: inertia); quantities that were not asked for by name follow from the
+        new motion. A shape was turned into its inertia when the scene was made: a new mass alone leaves that as it is.
+        Raises SceneError; pydantic's `model_copy(update=...)` checks nothing.
+        """
+        new = self.to_dict()
+        if "quantities" not in self.outputs.model_fields_set:
+            del new["outputs"]
+        for name, value in _nested({**changes, **tables}).items():
+            new[name] = _changed(new.get(name), value, SECTIONS.get(name))
+        return type(self).from_dict(new, self.name)
 
     def to_dict(self) -> dict[str, Any]:
         """Nested tables of which `from_dict` makes an equal scene; lists, so that JSON keeps them as they are."""
@@ -179,25 +223,35 @@ class Scene(Section):
         return tables
 
 
+def _rates_as_written(initial: Any) -> tuple[str, Any] | None:
+    """Key and value of the initial rates where they are not those of the field."""
+    given = isinstance(initial, Mapping) and "omega_b_deg" in initial and "omega_b" not in initial
+    return ("initial.omega_b_deg", initial["omega_b_deg"]) if given else None
+
+
+def _changed(table: Any, value: Any, section: type[Section] | None) -> Any:
+    """A table in which new keys take the place of those that they exclude."""
+    if section is None or not isinstance(value, Mapping) or not isinstance(table, Mapping):
+        return value
+    excluded = {key for keys in section._spellings.values() if set(keys) & set(value) for key in keys}
+    return {key: item for key, item in table.items() if key not in excluded} | dict(value)
+
+
+def _nested(changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Tables from dotted keys."""
+    tables: dict[str, Any] = {}
+    for key, value in changes.items():
+        *path, last = str(key).split(".")
+        table = tables
+        for name in path:
+            if not isinstance(table.get(name), dict):
+                table[name] = {}
+            table = table[name]
+        both = isinstance(value, Mapping) and isinstance(table.get(last), dict)
+        table[last] = table[last] | dict(value) if both else dict(value) if isinstance(value, Mapping) else value
+    return tables
+
+
 def load_scene(path: str | Path) -> Scene:
     """Read a scene file (TOML). Raises SceneError with all that is wrong with it."""
-    return Scene.from_dict(_tables(Path(path)), source=str(Path(path)))
-
-
-def _tables(path: Path) -> dict[str, Any]:
-    try:
-        with path.open("rb") as file:
-            content = file.read(LARGEST_FILE + 1)
-        if len(content) > LARGEST_FILE:
-            raise SceneError(f"larger than {LARGEST_FILE} bytes: expected a scene in TOML", str(path))
-        return tomllib.loads(content.decode("utf-8-sig"))
-    except OSError as error:
-        raise SceneError(f"cannot be read ({error.strerror}): expected a scene file in TOML", str(path)) from None
-    except UnicodeDecodeError:
-        raise SceneError("not a text file in UTF-8: expected a scene in TOML", str(path)) from None
-    except RecursionError:
-        raise SceneError("nested too deeply: expected a scene in TOML", str(path)) from None
-    except ValueError as error:
-        if isinstance(error, SceneError):
-            raise
-        raise SceneError(f"not TOML: {error}", str(path)) from None
+    return Scene.from_dict(read_tables(Path(path)), source=str(Path(path)))

@@ -1,5 +1,6 @@
 """Run a scene by its plan and hold the result."""
 
+import csv
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -7,14 +8,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rbfmu import planning, quantities
 from rbfmu.models import Plan
-from rbfmu.planning import plan
+from rbfmu.plausibility import doubts_after, warn
 from rbfmu.scene import Scene
+from rbfmu.scene_argument import of_scene_or_path
 from rbfmu.times import time_grid
 from rbfmu.unit import filled_buffer, initialize, output_block
 from rbfmu_kernels.layout import FINE
 
 Array = NDArray[np.float64]
+CHUNK = 1024
+"""Rows that a CSV's writer holds as text."""
+
+plan = of_scene_or_path(planning.plan)
 
 
 class SimulationError(RuntimeError):
@@ -48,28 +55,51 @@ class Result:
                 columns |= {f"{name}[{i + 1}]": values[:, i] for i in range(values.shape[1])}
         return columns
 
+    @property
+    def units(self) -> dict[str, str]:
+        """SI units, of time and of each quantity."""
+        return {"time": quantities.TIME.unit} | {n: quantities.QUANTITIES[n].unit for n in self.quantities}
+
     def save(self, path: str | Path) -> None:
-        """Write `.csv` (FMU variable names, every digit) or `.npz` (arrays by quantity)."""
+        """Write `.csv` (FMU variable names, every digit) or `.npz` (arrays by quantity).
+
+        A CSV's units stand in a second file beside it: those of `run.csv` in `run.units.csv`, a line a column with
+        name, unit and meaning, so that the first keeps one header and serves as an FMU's input in FMPy.
+        """
         path = Path(path)
         if path.suffix == ".npz":
             np.savez(path, time=self.time, **self.quantities)  # type: ignore[arg-type]
         elif path.suffix == ".csv":
-            columns = self.columns()
-            rows = zip(*(c.tolist() for c in columns.values()), strict=True)
-            lines = [",".join(f'"{n}"' for n in columns), *(",".join(map(repr, row)) for row in rows)]
-            path.write_text("\n".join(lines) + "\n")
+            self._write_csv(path)
+            self._write_units(path.with_suffix(".units.csv"))
         else:
             raise ValueError(f"cannot save to {str(path)!r}: the name must end in .csv or .npz")
 
+    def _write_csv(self, path: Path) -> None:
+        columns = self.columns()
+        with path.open("w") as file:
+            file.write(",".join(f'"{name}"' for name in columns) + "\n")
+            for first in range(0, len(self.time), CHUNK):
+                rows = zip(*(c[first : first + CHUNK].tolist() for c in columns.values()), strict=True)
+                file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
 
+    def _write_units(self, path: Path) -> None:
+        known = {"time": quantities.TIME} | quantities.QUANTITIES
+        with path.open("w", newline="") as file:
+            table = csv.writer(file, quoting=csv.QUOTE_ALL, lineterminator="\n")
+            table.writerow(("name", "unit", "meaning"))
+            table.writerows((name, *known[name.split("[")[0]]) for name in self.columns())
+
+
+@of_scene_or_path
 def simulate(
     scene: Scene, *, planned: Plan | None = None, progress: Callable[[Sequence[int]], Any] | None = None
 ) -> Result:
-    """Run a scene with its ports at zero: the same bits as its FMU at the same communication step.
+    """Run a scene, or that of a scene file, with its ports at zero: its FMU's bits at the same communication step.
 
     progress: wraps the sequence of step numbers, e.g. a progress bar. Raises SceneError, SimulationError.
     """
-    planned = planned or plan(scene)
+    planned = planned or planning.plan(scene)
     unit, z = planned.unit, filled_buffer(scene, planned)
     initialize(scene, unit, z)
     time = time_grid(scene.run.start, scene.run.stop, scene.run.step)
@@ -82,7 +112,9 @@ def simulate(
         if unit.step(z, time[k] - time[k - 1]) != FINE:
             raise SimulationError(f"{scene.name}: the step from t = {float(time[k - 1])!r} s was refused: not finite")
         rows[k] = outputs
-    return Result(time, {n: _quantity(rows, unit.BLOCKS[n], block.start) for n in scene.outputs.quantities})
+    result = Result(time, {n: _quantity(rows, unit.BLOCKS[n], block.start) for n in scene.outputs.quantities})
+    warn(scene, doubts_after(scene, result.quantities), stacklevel=4)
+    return result
 
 
 def _quantity(rows: Array, block: slice, first: int) -> Array:

@@ -144,6 +144,7 @@ BEAM = {"mass": "1.0", "shape": '{ kind = "beam", length = 2.0 }'}
 TURNED_BEAM = {"mass": "1.0", "inertia": "[[0.5, -0.5, 0], [-0.5, 0.5, 0], [0, 0, 1]]"}
 BEAMS = {
     "rate about its axis": (BEAM, "initial", "omega_b", "[0.1, 2, 3]", "initial.omega_b"),
+    "rate about its axis in degrees": (BEAM, "initial", "omega_b_deg", "[5, 2, 3]", "initial.omega_b_deg = [5, 2, 3]"),
     "torque_b about its axis": (BEAM, "loads", "torque_b", "[0.1, 0, 0]", "loads.torque_b"),
     "torque_a": (BEAM, "loads", "torque_a", "[0, 0, 0.1]", "loads.torque_a"),
     "torque_b port": (BEAM, "inputs", "ports", '["torque_b"]', "no torque_b"),
@@ -170,6 +171,10 @@ CONTRADICTIONS = {
     "rates and omega_b": ({"inputs": {"ports": '["omega_b"]', "parameters": "[]"}}, "outputs.quantities"),
     "rates and mass": ({"inputs": {"ports": '["omega_b"]', "parameters": '["mass"]'}}, "inputs.parameters"),
     "rates and a rate": ({"inputs": {"ports": '["omega_b"]'}, "initial": {"omega_b": "[1, 2, 3]"}}, "initial.omega_b"),
+    "rates and a rate in degrees": (
+        {"inputs": {"ports": '["omega_b"]'}, "initial": {"omega_b_deg": "[1, 2, 3]"}},
+        "initial.omega_b_deg = [1, 2, 3]: expected zero, or no such key: the port omega_b prescribes the rates",
+    ),
     "inertia and shape": ({"body": {"shape": '{ kind = "sphere", radius = 1 }'}}, "inertia or shape, not both"),
     "omega_b twice": ({"initial": {"omega_b": "[0, 0, 0]", "omega_b_deg": "[0, 0, 0]"}}, "not both"),
     "no mass": ({"body": {"mass": ""}}, "body.mass is missing"),
@@ -191,7 +196,22 @@ FILES = {
     "UTF-16": ("[body]\nmass = 1\n".encode("utf-16"), "UTF-8"),
     "JSON": (b'{"body": {"mass": 1.0}}', "not TOML"),
     "unclosed": (b"[body]\nmass = [1.0\n", "not TOML"),
-    "key twice": (b"[body]\nmass = 1.0\nmass = 2.0\n", "not TOML"),
+    "key twice": (b"[body]\nmass = 1.0\nmass = 2.0\n", "body.mass stands twice, again in line 3"),
+    "key twice in many lines": (
+        b"[body]\nmass = 1\ninertia = [1,\n2, 2]\n# again\ninertia = [1, # x\n2, 2]\n[run]\nstop = 1\n",
+        "body.inertia stands twice, again in line 6",
+    ),
+    "key twice at the end": (b'[body]\n"a b" = 1\n"a b" = 2', 'body."a b" stands twice, again in line 3'),
+    "name twice": (b"name = 'a'\nname = 'b'\n", "name stands twice, again in line 2"),
+    "table twice": (
+        b"[body]\nmass = 1\n[run]\nstop = 1\n\n[body]\npivot = true\n",
+        "body stands twice, again in line 6",
+    ),
+    "dotted key twice": (
+        b"[initial]\nattitude.euler = 'ZYX'\nattitude.euler = 'xyz'\n",
+        "initial.attitude.euler stands twice, again in line 3",
+    ),
+    "key twice in a row": (b"[body]\nshape = { kind = 'box', kind = 'box' }\n", "'kind'"),
     "no value": (b"[body]\nmass =\n", "not TOML"),
     "nested without end": (b"x = " + 100_000 * b"[", "nested"),
     "very large": (b"#" * 1_000_001, "larger than"),

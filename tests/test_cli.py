@@ -2,17 +2,20 @@
 
 import csv
 import json
+import os
 import re
 import subprocess
 import sys
 from pathlib import Path
 
+import fmpy
 import numpy as np
 import pytest
 from bad_scenes import BAD_SCENES, BadScene
 from click.testing import CliRunner, Result
 
 import rbfmu
+import rbfmu_fmu
 from rbfmu.cli import main
 
 SCENES = Path(__file__).resolve().parents[1] / "examples" / "scenes"
@@ -39,7 +42,7 @@ def short(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("command", ["", "demo", "plan", "run", "build", "verify", "chart", "stability"])
+@pytest.mark.parametrize("command", ["", "demo", "keys", "new", "plan", "run", "build", "verify", "chart", "stability"])
 def test_help_everywhere(command: str) -> None:
     result = call(*filter(None, [command]), "--help")
     assert result.exit_code == 0
@@ -82,6 +85,104 @@ def test_plan_says_why_and_speaks_json(short: Path) -> None:
     assert {"model", "method", "substep", "states", "reasons"} <= set(chosen)
     assert chosen["model"] == "torque-free body"
     assert chosen["substep"] is None
+
+
+@pytest.mark.parametrize("command", ["plan", "run", "build"])
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--accuracy", "2"], "with --accuracy 2.0: run.accuracy = 2.0: expected a number in (0, 1]"),
+        (["--accuracy", "nan"], "with --accuracy nan: run.accuracy = nan: expected a finite number in (0, 1]"),
+        (["--stop", "-1"], "with --stop -1.0: run.stop = -1.0: expected a time after run.start = 0.0 (s)"),
+        (["--stop", "0.05"], "with --stop 0.05: run.step = 0.1: expected at most stop - start = 0.05 (s)"),
+        (["--step", "0", "--stop", "9"], "with --step 0.0 and --stop 9.0: run.step = 0.0: expected a number > 0 (s)"),
+        (["--accuracy", "1e-16"], "with --accuracy 1e-16: run.accuracy = 1e-16: expected at least"),
+    ],
+)
+def test_a_bad_option_is_one_message_that_names_file_and_option(
+    command: str, options: list[str], said: str, short: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(short.parent)
+    result = call(command, short, *options)
+    assert result.exit_code == 2
+    assert result.stderr.startswith(f"Error: {short} {said}")
+    assert [p.name for p in short.parent.iterdir()] == ["short.toml"]
+
+
+def test_an_accuracy_of_the_file_that_cannot_be_met_names_the_file(short: Path) -> None:
+    short.write_text(SHORT + "accuracy = 1e-16\n")
+    said = f"{short}: run.accuracy = 1e-16: expected at least"
+    for command in ("plan", "run", "build"):
+        assert call(command, short).stderr.startswith(f"Error: {said}")
+    for function in (rbfmu.plan, rbfmu.simulate, lambda path: rbfmu_fmu.build(path, short.parent / "it.fmu")):
+        for path in (short, str(short)):
+            with pytest.raises(rbfmu.SceneError) as caught:
+                function(path)
+            assert str(caught.value).startswith(said)
+
+
+def test_options_take_the_place_of_the_file_s_keys(short: Path, tmp_path: Path) -> None:
+    options = ["--stop", "3", "--step", "0.5", "--accuracy", "1e-3"]
+    assert call("run", short, "-o", tmp_path / "it.csv", *options).exit_code == 0
+    assert np.loadtxt(tmp_path / "it.csv", delimiter=",", skiprows=1)[:, 0].tolist() == np.arange(0, 3.5, 0.5).tolist()
+    assert "a step of 0.5 s" in call("plan", short, *options).output
+    assert call("build", short, "-o", tmp_path / "it.fmu", *options).exit_code == 0
+    model = fmpy.read_model_description(str(tmp_path / "it.fmu"))
+    assert (model.defaultExperiment.stopTime, model.defaultExperiment.stepSize) == ("3.0", "0.5")
+    assert "accuracy asked 0.001" in call("verify", tmp_path / "it.fmu").output
+
+
+def test_python_takes_a_scene_or_its_file(short: Path) -> None:
+    scene = rbfmu.load_scene(short)
+    assert rbfmu.plan(str(short)) == rbfmu.plan(scene) == rbfmu.plan(scene=short)
+    assert np.array_equal(rbfmu.simulate(short).quaternion, rbfmu.simulate(scene).quaternion)
+    built = [rbfmu_fmu.build(s, short.parent / f"{k}.fmu").read_bytes() for k, s in enumerate((scene, short))]
+    assert built[0] == built[1]
+    with pytest.raises(TypeError, match=r"simulate: scene = 3: expected a rbfmu.Scene or the path of a scene file"):
+        rbfmu.simulate(3)  # type: ignore[arg-type]
+
+
+def test_the_end_is_printed_with_units(short: Path) -> None:
+    lines = [line.split() for line in call("run", short).output.splitlines()]
+    assert ["at", "the", "end", "unit", "t", "=", "1", "s"] in lines
+    units = {line[0]: line[1:-3] for line in lines if line and line[0] in ("position", "omega_b", "alpha_b")}
+    assert units == {"position": ["m"], "omega_b": ["rad/s"], "alpha_b": ["rad/s2"]}
+
+
+def test_where_nothing_can_be_kept_one_line_says_what_to_do(short: Path, tmp_path: Path) -> None:
+    environment = os.environ | {
+        "NUMBA_CACHE_DIR": str(short / "no folder"), "NUMBA_CACHE_LOCATOR_CLASSES": "UserProvidedCacheLocator",
+    }  # fmt: skip
+    short.write_text('[inputs]\nports = ["omega_b"]\n')
+    command = [sys.executable, "-m", "rbfmu", "plan", short]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    assert done.returncode == 0
+    (line,) = done.stderr.splitlines()
+    assert "set NUMBA_CACHE_DIR to a folder that can be written" in line
+    kept = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert kept.stderr == ""
+
+
+@pytest.mark.parametrize("names", [["win64"], ["linux64", "win64", "darwin64"]])
+def test_what_may_take_minutes_is_said_beforehand(
+    names: list[str], short: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said: list[str] = []
+
+    def build_nothing(*args: object, **kwargs: object) -> str:
+        said.append("building")
+        return "it.fmu"
+
+    monkeypatch.setattr("rbfmu_fmu.build", build_nothing)
+    monkeypatch.setattr("rbfmu_fmu.linking.compiler", lambda p: ["cc"] if p.name == "linux64" else ["ziglang"])
+    monkeypatch.setattr("click.echo", lambda text, err=False: said.append(str(text) if err else "printed"))
+    assert call("build", short, "--native", "--platform", ",".join(names), "-o", tmp_path / "it.fmu").exit_code == 0
+    slow = ", ".join(name for name in names if name != "linux64")
+    assert said == [
+        f"Note: compiling for {slow}: the first time takes minutes, as ziglang builds the platform's C library",
+        "building",
+        "printed",
+    ]
 
 
 def test_the_full_model_is_there_on_request(short: Path, tmp_path: Path) -> None:
@@ -138,6 +239,27 @@ def test_build_names_the_fmu_after_its_scene(short: Path, monkeypatch: pytest.Mo
     result = call("build", short)
     assert result.output.strip() == "short.fmu"
     assert Path("short.fmu").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "file", "identifier"),
+    [
+        ("Kreisel größer", "Kreisel_größer.fmu", "Kreisel_gro_er"),
+        ("陀螺-2.1", "陀螺-2.1.fmu", "___2_1"),
+        ("été", "été.fmu", "ete"),
+        ("a: b?", "a__b_.fmu", "a__b_"),
+    ],
+)
+def test_an_fmu_s_name_keeps_letters(
+    name: str, file: str, identifier: str, short: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """FMI allows any text as the model's name, and C identifiers as that of its library."""
+    monkeypatch.chdir(short.parent)
+    short.write_text(f'name = "{name}"\n{SHORT}')
+    assert call("build", short, "--native").output.strip() == file
+    model = fmpy.read_model_description(file)
+    assert (model.modelName, model.coSimulation.modelIdentifier) == (name, identifier)
+    assert call("verify", file).exit_code == 0
 
 
 @pytest.mark.parametrize("content", [b"", b"not a zip", b"PK\x05\x06" + bytes(18)])

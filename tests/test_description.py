@@ -271,7 +271,7 @@ def test_a_name_in_any_script_is_kept_as_the_models_name():
     tables = TABLES["default"] | {"name": 'Würfel 立方体 <&> "1"'}
     description = describe(Scene.from_dict(tables), planned("default"))
     assert description.name == tables["name"]
-    assert description.identifier == "W_rfel__________1_"
+    assert description.identifier == "Wurfel__________1_"
 
 
 @pytest.mark.parametrize("name", ["brick", "driven"])

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from rbfmu.planning import plan
 from rbfmu.scene import Scene
+from rbfmu.scene_argument import of_scene_or_path
 from rbfmu_fmu.native_fmu import build_native_fmu
 from rbfmu_fmu.platforms import BuildError
 from rbfmu_fmu.python_fmu import build_python_fmu
@@ -13,10 +14,11 @@ from rbfmu_fmu.verification import Verification, VerificationError, verify
 __all__ = ["BuildError", "Verification", "VerificationError", "build", "verify"]
 
 
+@of_scene_or_path
 def build(
     scene: Scene, path: str | Path, kind: str = "python", platforms: Sequence[str] = (), full: bool = False
 ) -> Path:
-    """Build a scene's FMU at `path` and return it.
+    """Build the FMU of a scene, or of a scene file, at `path` and return it.
 
     kind: "python" (pythonfmu; the importer's process needs Python) or "native" (it needs nothing); platforms: of a
     native FMU, names from `rbfmu_fmu.platforms.PLATFORMS`; none: this one; full: with all degrees of freedom.

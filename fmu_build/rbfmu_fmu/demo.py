@@ -123,7 +123,7 @@ def _largest_difference(a: Columns, b: Columns) -> float:
 def _print(
     console: Console, scene: Scene, planned: Plan, result: Result, ways: list[Way], verified: Verification
 ) -> bool:
-    console.print(f"\nNASA's tumbling brick, {scene.run.stop:g} s: {planned.method}, {planned.reasons[0]}")
+    console.print(f"\nNASA's tumbling brick, {scene.run.stop:g} s: {planned.method}, {planned.reasons[-1]}")
     heads = [f"{what}\nagainst {s}" for s in nasa_brick.NASA for what in ("rates, deg/s", "attitude, deg")]
     against = Table("t (s)", *heads)
     against.title = "errors against NASA/TM-2015-218675, case 2"
@@ -155,7 +155,7 @@ def _draw(result: Result, path: Path) -> None:
     local = nasa_brick.local_attitude(result.time, result.quaternion)
     draw_components(rates, result.time, np.degrees(result.omega_b), ("p", "q", "r"))
     turned = np.degrees(rbfmu.euler_from_quaternion("ZYX", local))
-    draw_components(angles, result.time, _without_jumps(turned), ("yaw", "pitch", "roll"))
+    draw_components(angles, result.time, turned, ("yaw", "pitch", "roll"), turn=360.0)
     nasa = np.array(nasa_brick.NASA["01"])
     for k in range(3):
         rates.plot(nasa[:, 0], nasa[:, 1 + k], "o", color=COLORS[k], markersize=6, markerfacecolor="white")
@@ -177,12 +177,6 @@ def _draw(result: Result, path: Path) -> None:
     error.set_xlabel("time (s)")
     figure.suptitle("NASA's tumbling brick: rbfmu (lines) and NASA's simulation 01 (circles)", fontsize=11)
     figure.savefig(path, dpi=130)
-
-
-def _without_jumps(angles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Angles in degrees with a gap where a line would cross the picture at +-180."""
-    jumps = np.abs(np.diff(angles, axis=0, prepend=angles[:1])) > 180.0
-    return np.where(jumps, np.nan, angles)
 
 
 def _progress(console: Console) -> Callable[[str], Any]:

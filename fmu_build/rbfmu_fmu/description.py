@@ -2,11 +2,13 @@
 
 import math
 import re
+import unicodedata
 from dataclasses import asdict, dataclass
 from keyword import iskeyword
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement
 
+from rbfmu import scene_keys
 from rbfmu.ladder import needed_parameters
 from rbfmu.models import Plan
 from rbfmu.planning import with_all_outputs
@@ -37,13 +39,17 @@ LOG_CATEGORIES = ("logStatusWarning", "logStatusDiscard", "logStatusError", "log
 _ONE = 1.0 + 2.0**-50  # a normalised quaternion's component may pass 1 by round-off
 
 
+Bounds = tuple[tuple[float | None, float | None], ...]
+_ANY: Bounds = ((None, None),)
+
+
 @dataclass(frozen=True)
 class Quantity:
     """Unit, meaning and bounds of a block of variables; what its outputs depend on, instantly and initially."""
 
     unit: str
     text: str
-    bounds: tuple[tuple[float | None, float | None], ...] = ((None, None),)
+    bounds: Bounds = _ANY
     feedthrough: tuple[str, ...] = ()
     initially: tuple[str, ...] = ()
 
@@ -53,37 +59,43 @@ _FORCES = ("force_a", "force_b")
 _LOADS = ("gravity_a", "damping_b", *_FORCES, *_TORQUES)
 _EULER = ("mass", "inertia", "r_oc_b", "quaternion_0", "omega_b_0", *_LOADS)
 
+
+def _quantity(
+    name: str,
+    bounds: Bounds = _ANY,
+    feedthrough: tuple[str, ...] = (),
+    initially: tuple[str, ...] = (),
+) -> Quantity:
+    unit, meaning = scene_keys.quantity(name)
+    return Quantity(unit.replace(" ", "."), meaning, bounds, feedthrough, initially)
+
+
+_TURN = ((-math.pi, math.pi), (-math.pi / 2, math.pi / 2), (-math.pi, math.pi))
+
 QUANTITIES: dict[str, Quantity] = {
-    "mass": Quantity("kg", "mass", ((0.0, None),)),
-    "inertia": Quantity("kg.m2", "inertia matrix about the centre of mass, body axes",
-                        ((0.0, None),) * 3 + ((None, None),) * 3),
-    "r_oc_b": Quantity("m", "from the origin o to the centre of mass, body axes"),
-    "gravity_a": Quantity("m/s2", "gravity, inertial axes"),
-    "damping_b": Quantity("N.m.s/rad", "damping: torque -damping_b * omega_b, body axes", ((0.0, None),)),
-    "force_a": Quantity("N", "force at o, inertial axes"),
-    "force_b": Quantity("N", "force at o, body axes"),
-    "torque_a": Quantity("N.m", "torque about o, inertial axes"),
-    "torque_b": Quantity("N.m", "torque about o, body axes"),
-    "position_0": Quantity("m", "initial position of o, inertial axes"),
-    "velocity_0": Quantity("m/s", "initial velocity of o, inertial axes"),
-    "quaternion_0": Quantity("1", "initial Euler parameters q_ab, scalar first; normalised at initialisation"),
-    "omega_b_0": Quantity("rad/s", "initial angular velocity omega_ab, body axes"),
-    "position": Quantity("m", "position of o, inertial axes", initially=("position_0",)),
-    "velocity": Quantity("m/s", "velocity of o, inertial axes", initially=("velocity_0",)),
-    "acceleration": Quantity("m/s2", "acceleration of o, inertial axes", ((None, None),), _FORCES + _TORQUES, _EULER),
-    "quaternion": Quantity("1", "Euler parameters q_ab, scalar first", ((-_ONE, _ONE),), (), ("quaternion_0",)),
-    "rpy": Quantity("rad", "roll, pitch, yaw: R_ab = R_z(yaw) R_y(pitch) R_x(roll)",
-                    ((-math.pi, math.pi), (-math.pi / 2, math.pi / 2), (-math.pi, math.pi)), (), ("quaternion_0",)),
-    "omega_b": Quantity("rad/s", "angular velocity omega_ab, body axes", initially=("omega_b_0",)),
-    "omega_a": Quantity("rad/s", "angular velocity omega_ab, inertial axes", ((None, None),), ("omega_b",),
-                        ("omega_b_0", "quaternion_0", "omega_b")),
-    "alpha_b": Quantity("rad/s2", "angular acceleration, body axes", ((None, None),), _FORCES + _TORQUES, _EULER),
-    "angular_momentum_a": Quantity("kg.m2/s", "angular momentum about the centre of mass (with a pivot: about o), "
-                                   "inertial axes", ((None, None),), (),
-                                   ("mass", "inertia", "r_oc_b", "quaternion_0", "omega_b_0")),
-    "kinetic_energy": Quantity("J", "kinetic energy", ((0.0, None),), (),
-                               ("mass", "inertia", "r_oc_b", "velocity_0", "quaternion_0", "omega_b_0")),
-}  # fmt: skip
+    "mass": _quantity("mass", ((0.0, None),)),
+    "inertia": _quantity("inertia", ((0.0, None),) * 3 + _ANY * 3),
+    "damping_b": _quantity("damping_b", ((0.0, None),)),
+    **{name: _quantity(name) for name in ("r_oc_b", "gravity_a", *_FORCES, *_TORQUES)},
+    **{name: _quantity(name) for name in ("position_0", "velocity_0", "quaternion_0", "omega_b_0")},
+    "position": _quantity("position", initially=("position_0",)),
+    "velocity": _quantity("velocity", initially=("velocity_0",)),
+    "acceleration": _quantity("acceleration", _ANY, _FORCES + _TORQUES, _EULER),
+    "quaternion": _quantity("quaternion", ((-_ONE, _ONE),), (), ("quaternion_0",)),
+    "rpy": _quantity("rpy", _TURN, (), ("quaternion_0",)),
+    "omega_b": _quantity("omega_b", initially=("omega_b_0",)),
+    "omega_a": _quantity("omega_a", _ANY, ("omega_b",), ("omega_b_0", "quaternion_0", "omega_b")),
+    "alpha_b": _quantity("alpha_b", _ANY, _FORCES + _TORQUES, _EULER),
+    "angular_momentum_a": _quantity(
+        "angular_momentum_a", _ANY, (), ("mass", "inertia", "r_oc_b", "quaternion_0", "omega_b_0")
+    ),
+    "kinetic_energy": _quantity(
+        "kinetic_energy",
+        ((0.0, None),),
+        (),
+        ("mass", "inertia", "r_oc_b", "velocity_0", "quaternion_0", "omega_b_0"),
+    ),
+}
 
 
 @dataclass(frozen=True)
@@ -174,9 +186,15 @@ def sizes(scene: Scene, plan: Plan) -> tuple[int, tuple[int, int]]:
 
 
 def identifier(name: str) -> str:
-    """An identifier, of C and of Python, made from a scene's name."""
-    text = re.sub(r"\W", "_", name, flags=re.ASCII)
-    return f"_{text}" if text[0].isdigit() or iskeyword(text) else text
+    """An identifier, of C and of Python, made from a scene's name; letters lose their accents only."""
+    plain = "".join(c for c in unicodedata.normalize("NFKD", name) if not unicodedata.combining(c))
+    text = re.sub(r"\W", "_", plain, flags=re.ASCII)
+    return f"_{text}" if not text or text[0].isdigit() or iskeyword(text) else text
+
+
+def file_name(name: str) -> str:
+    """Of a scene's FMU: letters and digits of any script stay."""
+    return re.sub(r"[^\w.-]", "_", name) + ".fmu"
 
 
 def _blocks(scene: Scene, plan: Plan) -> list[tuple[str, slice, str]]:

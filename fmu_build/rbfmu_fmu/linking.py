@@ -69,6 +69,11 @@ def compiler(platform: Platform) -> list[str]:
     raise NoLinkerError(f"a native FMU for {platform.name} needs {remedy}{own_remedy}")
 
 
+def compiled_by_ziglang(platform: Platform) -> bool:
+    """Whether it takes minutes the first time, as ziglang builds the platform's C library then."""
+    return "ziglang" in compiler(platform)
+
+
 def universal(libraries: list[bytes]) -> bytes:
     """One library for macOS from one or two of its processors (Mach-O; magic numbers of <mach-o/fat.h>)."""
     if len(libraries) == 1:

@@ -1,0 +1,70 @@
+"""Ctrl-C on the command line: exit status 130 and no traceback, wherever it strikes."""
+
+import _thread
+import atexit
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import Any, NoReturn
+
+STATUS = 130
+"""128 and the number of SIGINT: what shells expect."""
+
+SOON = 0.05
+"""s"""
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Let what is inside clean up, and exit then, whoever has caught the KeyboardInterrupt on its way.
+
+    Where Python can only report it (in a callback from C, in a finaliser) it is raised anew.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    struck = False
+    reported = sys.unraisablehook
+
+    def strike(*_: object) -> NoReturn:
+        nonlocal struck
+        struck = True
+        raise KeyboardInterrupt
+
+    def raise_anew(unraisable: Any) -> None:
+        if issubclass(unraisable.exc_type, KeyboardInterrupt):
+            threading.Timer(SOON, _strike_main_thread).start()  # here it could only be reported again
+        else:
+            reported(unraisable)
+
+    before = signal.signal(signal.SIGINT, strike)
+    sys.unraisablehook = raise_anew
+    try:
+        yield
+    except BaseException:
+        if not struck:
+            raise
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN if struck else before)
+        sys.unraisablehook = reported
+    if struck:
+        leave()
+
+
+def _strike_main_thread() -> None:
+    if hasattr(signal, "pthread_kill"):
+        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)  # wakes it up as well
+    else:
+        _thread.interrupt_main()
+
+
+def leave() -> NoReturn:
+    """Exit with status 130: where the interrupt passed through `exec`, Python itself would end by the signal."""
+    atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(STATUS)

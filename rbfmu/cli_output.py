@@ -1,0 +1,84 @@
+"""What the command line says beside its results: doubts, notes, progress, tables."""
+
+import sys
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import track
+from rich.table import Table
+
+
+@contextmanager
+def doubts_in_lines() -> Iterator[None]:
+    """Each doubt about a scene as one line, once."""
+    from rbfmu.plausibility import SceneWarning
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", SceneWarning)
+        show, said = warnings.showwarning, set[str]()
+
+        def in_a_line(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
+            if not issubclass(category, SceneWarning):
+                show(message, category, *place, **more)
+            elif str(message) not in said:
+                said.add(str(message))
+                click.echo(f"Warning: {message}", err=True)
+
+        warnings.showwarning = in_a_line
+        yield
+
+
+def say_where_nothing_is_kept() -> None:
+    """A note where Numba finds no folder for compiled code."""
+    from numba.core.caching import NullCache
+
+    from rbfmu_kernels import rotate
+
+    if isinstance(getattr(getattr(rotate, "_cache", None), "_cache", None), NullCache):
+        remedy = "set NUMBA_CACHE_DIR to a folder that can be written"
+        click.echo(f"Note: compiled code cannot be kept here, so every start compiles for seconds: {remedy}", err=True)
+
+
+def check_target(path: Path | None, option: str, endings: Sequence[str]) -> None:
+    """Refuse a file that cannot be written before anything runs."""
+    if path is None:
+        return
+    if path.suffix not in endings:
+        raise click.UsageError(f"{option} {str(path)!r}: expected a name that ends in {' or '.join(endings)}")
+    if not path.parent.is_dir():
+        raise click.UsageError(f"{option} {str(path)!r}: there is no folder {str(path.parent)!r}")
+
+
+def progress_bar(name: str) -> Callable[[Sequence[Any]], Any] | None:
+    """A bar on a terminal; it goes when done."""
+    if not sys.stderr.isatty():
+        return None
+    return lambda numbers: track(numbers, name, console=Console(stderr=True), transient=True)
+
+
+def print_end(reasons: Sequence[str], result: Any) -> None:
+    """Why, and the last values."""
+    for reason in reasons:
+        click.echo(reason)
+    table = Table("at the end", "unit", f"t = {result.time[-1]:g} s", box=None)
+    for name, values in result.quantities.items():
+        table.add_row(name, result.units[name], " ".join(f"{x: .8g}" for x in values[-1:].ravel()))
+    Console(highlight=False).print(table)
+
+
+def print_keys() -> None:
+    """All keys of a scene, a table for each of its tables."""
+    from rbfmu.scene_keys import scene_keys
+
+    for name, group in groupby(scene_keys(), lambda key: key.table):
+        table = Table(escape(f"[{name}]") if name else "", "unit", "default", "meaning", box=None)
+        for key in group:
+            table.add_row(key.name, key.unit, escape(key.default), escape(key.meaning))
+        Console(highlight=False).print(table)
