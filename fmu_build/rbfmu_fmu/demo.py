@@ -76,7 +76,8 @@ def run_demo(folder: Path, console: Console) -> bool:
         _draw(result, folder / "tumbling_brick.png")
     ways = [kernels, by_api, by_command]
     passed = _print(console, scene, planned, result, ways, verified)
-    console.print(f"written to {folder}/: tumbling_brick.png, tumbling_brick.fmu, kernels.csv, fmpy_command.csv")
+    names = ("tumbling_brick.png", "tumbling_brick.fmu", "kernels.csv", "kernels.units.csv", "fmpy_command.csv")
+    console.print(f"written to {folder}/: {', '.join(names)}")
     return passed
 
 
