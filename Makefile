@@ -18,8 +18,8 @@ check:
 CORE = elementary rotation quaternion euler_angles rotvec kinematics inertia rigid_body inverse_dynamics double_double elliptic plane_pendulum
 
 test:
-	$(BIN)/pytest -n 2 --dist loadfile -m "not slow"
-	NUMBA_DISABLE_JIT=1 $(BIN)/pytest -n 2 --dist loadfile $(CORE:%=tests/test_%.py)
+	status=0; $(BIN)/pytest -n 2 --dist loadfile -m "not slow" || status=1; \
+	NUMBA_DISABLE_JIT=1 $(BIN)/pytest -n 2 --dist loadfile $(CORE:%=tests/test_%.py) || status=1; exit $$status
 
 slow:
 	$(BIN)/pytest -v -m slow
@@ -27,10 +27,10 @@ slow:
 demo:
 	$(BIN)/rbfmu demo
 
+# All of them are run; the status is 1 where any misses a goal.
+BENCHES = bench_kernels bench_free_rotation bench_fmu bench_held_gil bench_native bench_gallery
 bench:
-	$(BIN)/python examples/bench_kernels.py bench
-	$(BIN)/python examples/bench_fmu.py
-	$(BIN)/python examples/bench_native.py
+	status=0; for one in $(BENCHES); do $(BIN)/python examples/$$one.py || status=1; done; exit $$status
 
 interop:
 	$(BIN)/pip install --quiet --editable ".[interop]"

@@ -2,6 +2,7 @@
 
 Per communication step: set all inputs, fmi2DoStep with one substep, get all outputs, called through ctypes with
 prepared arrays. First step: from the start of a process to the end of its first step, nothing but ctypes in it.
+Exits with status 1 where a goal is missed.
 """
 
 import ctypes
@@ -17,6 +18,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+from bench_goals import Goal, status
 from pythonfmu.builder import FmuBuilder
 
 import rbfmu
@@ -191,5 +193,14 @@ def _row(text: str, pairs: list[list[float]], scale: float, key: str, goal: floa
     return {f"{key}_empty": empty, f"{key}_ours": ours, f"{key}_ratio": ours / empty, f"{key}_median": median}
 
 
+def goals(by_scene: dict[str, dict[str, float]]) -> list[Goal]:
+    """Of the figures that `main` returns."""
+    return [
+        Goal(f"{scene}, {name}", figures[key], most=most)
+        for scene, figures in by_scene.items()
+        for name, key, most in (("step", "step_ratio", GOAL_STEP), ("first step", "start_ratio", GOAL_START))
+    ]
+
+
 if __name__ == "__main__":
-    main()
+    raise SystemExit(status(goals(main())))

@@ -1,7 +1,8 @@
 """The array functions beside their peers and beside a plain copy of the same data: ratios measured in one run.
 
 `python examples/bench_kernels.py [FOLDER]` writes kernels.csv, kernels.png and prints a table. SciPy is needed;
-quaternionic, numpy-quaternion (package `quaternion`) and MuJoCo are measured where installed (extra `bench`).
+quaternionic, numpy-quaternion (package `quaternion`) and MuJoCo are measured where installed (extra `bench`). Exits
+with status 1 where a goal is missed.
 """
 
 import csv
@@ -20,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from bench_goals import Goal, status
 from matplotlib.figure import Figure
 from numba import njit
 from scipy.spatial.transform import Rotation
@@ -366,5 +368,15 @@ def _version(package: str) -> str | None:
         return None
 
 
+def goals(rows: list[dict[str, Any]]) -> list[Goal]:
+    """Of the rows that `main` returns."""
+    found = []
+    for row in rows:
+        name, (peer, share) = row["operation"], GOALS[row["operation"]]
+        found.append(Goal(f"{name}, SciPy / rbfmu", row["SciPy"] / row["rbfmu"], least=peer))
+        found.append(Goal(f"{name}, copy / rbfmu", row["copy"] / row["rbfmu"], least=share))
+    return found
+
+
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "bench"))
+    raise SystemExit(status(goals(main(Path(sys.argv[1] if len(sys.argv) > 1 else "bench")))))

@@ -1,6 +1,7 @@
 """FMUs of a few scenes, built and unzipped once per session; their kernels by hand; cases in processes of their own."""
 
 import atexit
+import importlib
 import json
 import os
 import shutil
@@ -68,6 +69,15 @@ TABLES = {
         "run": {"start": 0.1 + 0.2, "stop": 1.1, "step": 0.1, "accuracy": 1e-3},
     },
 }
+
+
+def bench(name):
+    """The module of a benchmark in examples/."""
+    sys.path.insert(0, str(ROOT / "examples"))
+    try:
+        return importlib.import_module(f"bench_{name}")
+    finally:
+        sys.path.remove(str(ROOT / "examples"))
 
 
 @cache
@@ -174,7 +184,7 @@ def run_case(case, *arguments, **environment):
     command = [sys.executable, "-I", "-X", "faulthandler", "-c", start, case, *map(str, arguments)]
     environment = os.environ | {"NUMBA_CACHE_DIR": str(workshop() / "numba")} | environment
     with tempfile.TemporaryDirectory() as empty:
-        done = subprocess.run(command, cwd=empty, env=environment, capture_output=True, timeout=120)
+        done = subprocess.run(command, cwd=empty, env=environment, capture_output=True, timeout=1200)
     errors = done.stderr.decode(errors="replace")
     assert done.returncode == 0, f"{case} ended with {done.returncode}:\n{errors}"
     return json.loads(done.stdout.decode().splitlines()[-1]), errors

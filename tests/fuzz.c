@@ -207,6 +207,7 @@ static void make(int k) {
                                      odd && take(2) ? "{no}" : GUID, NULL, take(16) ? &CALLBACKS[take(4)] : NULL,
                                      fmi2False, (int)take(2));
     instances[k].time = START_TIME;
+    if (instances[k].c && (uintptr_t)((Instance *)instances[k].c)->now.z % 64) wrong("a buffer across cache lines");
     count("fmi2Instantiate", instances[k].c ? fmi2OK : fmi2Error);
     free(name);
 }

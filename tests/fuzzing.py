@@ -14,7 +14,7 @@ from fmus import TESTS, planned, scene
 
 from rbfmu_fmu import linking, native_fmu
 from rbfmu_fmu.description import describe
-from rbfmu_fmu.object_code import object_code
+from rbfmu_fmu.object_code import object_files
 from rbfmu_fmu.platforms import this_platform
 
 NAMES = ("driven", "prescribed")
@@ -41,11 +41,13 @@ def compiled(name, folder, compiler, flags=(), c_layer=None):
     """The fuzzer of a scene's C layer; c_layer: another source to try instead."""
     description = describe(scene(name), planned(name))
     (folder / "model.h").write_text(native_fmu.model_header(description, "{00000000-0000-0000-0000-000000000000}"))
-    (folder / "unit.o").write_bytes(object_code(planned(name).unit, this_platform()))
+    objects = object_files(planned(name).unit, this_platform())
+    for file, content in {linking.UNIT: linking.source(linking.UNIT), **objects}.items():
+        (folder / file).write_bytes(content)
     (folder / "fmi2.c").write_text(c_layer or linking.source("fmi2.c").decode())
     program = folder / f"fuzz_{name}"
     command = [compiler, *FLAGS, *flags, f"-I{folder}", f"-I{linking.HEADERS}", TESTS / "fuzz.c"]
-    subprocess.run([*command, folder / "unit.o", "-lm", "-o", program], check=True)
+    subprocess.run([*command, *[folder / file for file in objects], "-lm", "-o", program], check=True)
     return program
 
 

@@ -88,7 +88,7 @@ print(kilobytes() - before)
 def test_a_hundred_thousand_native_lives_leave_nothing_behind():
     """Every tenth one is used, and freed with its states."""
     command = [sys.executable, "-I", "-c", LIVES, TESTS, unzipped("driven", "native")]
-    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, timeout=300)
+    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, timeout=1200)
     assert done.returncode == 0, done.stderr
     print(f"growth over 99,000 lives: {done.stdout.strip()} kB")
     assert int(done.stdout) < 500  # the smallest block kept of each life would be 3000

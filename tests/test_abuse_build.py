@@ -57,7 +57,7 @@ def test_a_disk_that_takes_nothing_is_one_message_and_status_2(option, kind, sce
     unshare = shutil.which("unshare") or pytest.skip("no unshare")
     mounted = [unshare, "-rm", "sh", "-c", MOUNT, "sh", str(folder), option]
     done = subprocess.run(mounted + command(scene_file, folder / "it.fmu", kind), capture_output=True, text=True,
-                          env=surroundings(FOLDER=str(folder)), timeout=120)  # fmt: skip
+                          env=surroundings(FOLDER=str(folder)), timeout=1200)  # fmt: skip
     if "unshare" in done.stderr or done.returncode == 99:
         pytest.skip(f"no mount: {done.stderr}")
     assert done.returncode == 2

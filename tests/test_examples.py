@@ -15,7 +15,7 @@ NUMBERED = sorted(p.name for p in EXAMPLES.glob("[0-9]*.py"))
 
 def printed(name: str) -> str:
     done = subprocess.run(
-        [sys.executable, EXAMPLES / name], capture_output=True, text=True, check=False, timeout=60, cwd=EXAMPLES
+        [sys.executable, EXAMPLES / name], capture_output=True, text=True, check=False, timeout=1200, cwd=EXAMPLES
     )
     assert done.returncode == 0, done.stderr
     return done.stdout

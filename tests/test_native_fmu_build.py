@@ -21,7 +21,7 @@ from rbfmu_fmu import VerificationError, archive, linking, verify
 from rbfmu_fmu.linking import NoLinkerError, universal
 from rbfmu_fmu.platforms import PLATFORMS, BuildError, this_platform
 
-LARGEST = {"linux64": 60_000, "win64": 120_000, "darwin64": 120_000, "linux-aarch64": 120_000,
+LARGEST = {"linux64": 85_000, "win64": 140_000, "darwin64": 120_000, "linux-aarch64": 120_000,
            "darwin-aarch64": 120_000}  # fmt: skip
 FORMATS = {"linux64": b"\x7fELF\x02", "win64": b"MZ", "darwin64": b"\xcf\xfa\xed\xfe\x07",
            "linux-aarch64": b"\x7fELF\x02", "darwin-aarch64": b"\xcf\xfa\xed\xfe\x0c"}  # fmt: skip

@@ -1,4 +1,4 @@
-"""A shared library from C and an object file: by the machine's own C compiler, or by ziglang for any platform."""
+"""A shared library from C and object files: by the machine's own C compiler, or by ziglang for any platform."""
 
 import importlib.resources
 import shutil
@@ -33,19 +33,25 @@ class LinkError(BuildError):
     """The compiler failed: with what it said."""
 
 
-def linked(layer: str, code: bytes, platform: Platform, name: str, includes: dict[str, str] | None = None) -> bytes:
-    """A shared library of an object file behind a C file of `native/`, stripped, the same bytes each time.
+UNIT = "unit.h"
+"""What every layer includes: how the kernels are chosen."""
 
-    name: the library's, without its suffix; includes: further C sources by name, beside FMI's headers.
+
+def linked(
+    layer: str, objects: dict[str, bytes], platform: Platform, name: str, includes: dict[str, str] | None = None
+) -> bytes:
+    """A shared library of object files behind a C file of `native/`, stripped, the same bytes each time.
+
+    objects: by name; name: the library's, without its suffix; includes: further C sources by name.
     """
     with tempfile.TemporaryDirectory(prefix="rbfmu_") as place:
         folder, library = Path(place), f"{name}{platform.suffix}"
-        (folder / layer).write_bytes(source(layer))
-        (folder / "unit.o").write_bytes(code)
+        for file, content in {layer: source(layer), UNIT: source(UNIT), **objects}.items():
+            (folder / file).write_bytes(content)
         for include, text in (includes or {}).items():
             (folder / include).write_text(text, encoding="ascii")
         command = [*compiler(platform), *FLAGS, *FORMAT_FLAGS[platform.suffix], f"-I{HEADERS}"]
-        command += [layer, "unit.o", "-lm", "-o", library]
+        command += [layer, *objects, "-lm", "-o", library]
         done = subprocess.run(command, capture_output=True, text=True, cwd=folder, check=False)
         if done.returncode:
             raise LinkError(f"{platform.name}: {command[0]} failed:\n{done.stderr.strip()}")

@@ -8,8 +8,8 @@ from rbfmu.models import Plan
 from rbfmu.scene import Scene
 from rbfmu_fmu.archive import guid_of, scene_inside, write_archive, xml_bytes
 from rbfmu_fmu.description import LOG_CATEGORIES, Description, describe, model_description
-from rbfmu_fmu.linking import FLAGS, linked, source, universal
-from rbfmu_fmu.object_code import object_code
+from rbfmu_fmu.linking import FLAGS, UNIT, linked, source, universal
+from rbfmu_fmu.object_code import object_files
 from rbfmu_fmu.platforms import Platform, platform_named, this_platform
 from rbfmu_fmu.slave_access import HELD
 
@@ -26,7 +26,7 @@ def build_native_fmu(scene: Scene, plan: Plan, path: Path, platforms: Sequence[s
     """
     chosen = [platform_named(name) for name in sorted(set(platforms))] or [this_platform()]
     description = describe(scene, plan)
-    objects = {p: object_code(plan.unit, p) for p in chosen}
+    objects = {p: object_files(plan.unit, p) for p in chosen}
     contents = {"resources/scene.json": scene_inside(scene, plan)}
     xml = model_description(description, "{}", _capabilities(description))
     guid = guid_of(contents | _identity(description, objects), xml)
@@ -50,10 +50,11 @@ def _capabilities(d: Description) -> dict[str, str]:
     return said | ({"maxOutputDerivativeOrder": "1"} if d.output_rates else {})
 
 
-def _identity(d: Description, objects: dict[Platform, bytes]) -> dict[str, bytes]:
+def _identity(d: Description, objects: dict[Platform, dict[str, bytes]]) -> dict[str, bytes]:
     """What makes the libraries what they are, but for their guid."""
-    sources = {LAYER: source(LAYER), "model.h": model_header(d, "").encode(), "flags": " ".join(FLAGS).encode()}
-    return sources | {f"{p.name}.o": code for p, code in objects.items()}
+    sources = {name: source(name) for name in (LAYER, UNIT)}
+    sources |= {"model.h": model_header(d, "").encode(), "flags": " ".join(FLAGS).encode()}
+    return sources | {f"{p.name}/{name}": code for p, files in objects.items() for name, code in files.items()}
 
 
 def model_header(d: Description, guid: str) -> str:

@@ -1,4 +1,4 @@
-"""A unit's entry functions, compiled ahead of time to one object file that needs no Python and no Numba.
+"""A unit's entry functions, compiled ahead of time to object files that need no Python and no Numba.
 
 Numba compiles each entry; the inner function of the overload (not its Python or C wrapper) is kept, given a plain C
 signature, merged, optimised by LLVM for the plain instruction set of a platform, and checked to be self-contained.
@@ -28,24 +28,39 @@ class NotSelfContainedError(BuildError):
     """The compiled kernels need something that only a Python process has."""
 
 
-def object_code(unit: Unit, platform: Platform) -> bytes:
-    """Relocatable object file of the unit's entries; the same bytes each time."""
+def object_files(unit: Unit, platform: Platform) -> dict[str, bytes]:
+    """By name, relocatable object files of the unit's entries; the same bytes each time.
+
+    unit.o runs on every processor of the platform; for each of its features there is a step_FEATURE.o besides, with
+    nothing but a `step_FEATURE` of the same bits.
+    """
     with _LOCK:
-        return _compiled(unit, platform)  # type: ignore[arg-type]
+        objects = {"unit.o": _compiled(unit, platform, "")}  # type: ignore[arg-type]
+        return objects | {f"step_{f}.o": _compiled(unit, platform, f) for f in platform.features}  # type: ignore[arg-type]
 
 
 @cache
-def _compiled(unit: Any, platform: Platform) -> bytes:
+def _compiled(unit: Any, platform: Platform, feature: str) -> bytes:
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
     machine = llvm.Target.from_triple(platform.triple).create_target_machine(
-        cpu=platform.cpu, opt=3, reloc="pic", codemodel="default"
+        cpu=platform.cpu, features=feature and f"+{feature}", opt=3, reloc="pic", codemodel="default"
     )
     module = llvm.parse_assembly(_source(unit))
     module.triple, module.data_layout = platform.triple, str(machine.target_data)
+    if feature:
+        _keep_step(module, f"step_{feature}")
     module = llvm.parse_assembly(_without_counters(_optimised(module, machine)))
     _check_self_contained(module)
     return machine.emit_object(module)  # type: ignore[no-any-return]
+
+
+def _keep_step(module: Any, name: str) -> None:
+    """Rename the step; optimisation removes what it does not call."""
+    module.get_function("step").name = name
+    for function in module.functions:
+        if function.name in ENTRIES:
+            function.linkage = llvm.Linkage.internal
 
 
 @cache

@@ -19,20 +19,25 @@ class Platform:
     zig: str
     folder: str
     suffix: str
+    features: tuple[str, ...] = ()
+    """Of newer processors: a step that uses one is there too, and chosen at run time (native/unit.h)."""
 
 
 PLATFORMS = {
     p.name: p
     for p in (
-        Platform("linux64", "x86_64-unknown-linux-gnu", "x86-64", "x86_64-linux-gnu.2.17", "linux64", ".so"),
-        Platform("win64", "x86_64-pc-windows-gnu", "x86-64", "x86_64-windows-gnu", "win64", ".dll"),
-        Platform("darwin64", "x86_64-apple-macosx11.0.0", "x86-64", "x86_64-macos.11.0", "darwin64", ".dylib"),
+        Platform("linux64", "x86_64-unknown-linux-gnu", "x86-64", "x86_64-linux-gnu.2.17", "linux64", ".so",
+                 ("avx2",)),
+        Platform("win64", "x86_64-pc-windows-gnu", "x86-64", "x86_64-windows-gnu", "win64", ".dll",
+                 ("avx2",)),
+        Platform("darwin64", "x86_64-apple-macosx11.0.0", "x86-64", "x86_64-macos.11.0", "darwin64",
+                 ".dylib", ("avx2",)),
         Platform("linux-aarch64", "aarch64-unknown-linux-gnu", "generic", "aarch64-linux-gnu.2.17", "aarch64-linux",
                  ".so"),
         Platform("darwin-aarch64", "arm64-apple-macosx11.0.0", "apple-m1", "aarch64-macos.11.0", "darwin64", ".dylib"),
     )
 }  # fmt: skip
-"""Processors are the oldest of their kind: none has what another lacks, so that all give the same bits.
+"""Processors are the oldest of their kind. No code has fused products, so that all give the same bits.
 
 FMI 2.0 has one folder for macOS and none for Linux on aarch64: the first takes both processors in one file, the second
 has the name that FMI 3.0 gave it.

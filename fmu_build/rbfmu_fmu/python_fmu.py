@@ -17,7 +17,7 @@ from rbfmu.scene import Scene
 from rbfmu_fmu.archive import guid_of, hash_of, json_bytes, kernel_sources, scene_inside, write_archive, xml_bytes
 from rbfmu_fmu.description import Description, describe, model_description
 from rbfmu_fmu.linking import NoLinkerError, linked
-from rbfmu_fmu.object_code import object_code
+from rbfmu_fmu.object_code import object_files
 from rbfmu_fmu.platforms import this_platform
 from rbfmu_fmu.slave_access import CODE, LIBRARY, OBJECT
 
@@ -79,11 +79,11 @@ def _package_files(plan: Plan, description: Description) -> dict[str, bytes]:
 def _shipped_code(plan: Plan) -> tuple[str, bytes]:
     """(name, content) of a shared library for this platform; where there is no C compiler, of an object file."""
     platform = this_platform()
-    code = object_code(plan.unit, platform)
+    objects = object_files(plan.unit, platform)
     try:
-        return CODE + LIBRARY, linked("exports.c", code, platform, "unit")
+        return CODE + LIBRARY, linked("exports.c", objects, platform, "unit")
     except NoLinkerError:
-        return CODE + OBJECT, code
+        return CODE + OBJECT, objects["unit.o"]
 
 
 def _package(identity: str) -> str:

@@ -121,7 +121,9 @@ def _shipped_entries(folder: str, checksums: dict[str, int]) -> Entries | None:
 def _addresses_in_library(path: str) -> Callable[[str], int]:
     library = ctypes.PyDLL(path)
     _OWNERS.append(library)
-    return lambda name: ctypes.cast(library[f"unit_{name}"], ctypes.c_void_p).value or 0
+    library.unit_chosen_step.restype = ctypes.c_void_p
+    step: int = library.unit_chosen_step()
+    return lambda name: step if name == "step" else ctypes.cast(library[f"unit_{name}"], ctypes.c_void_p).value or 0
 
 
 def _addresses_in_object(code: bytes) -> Callable[[str], int]:

@@ -19,7 +19,9 @@ from .dop853 import ROTATION, WORK, dop853_advance, dop853_march, first_step
 from .driven_body import DRIVEN, STEP_SIZE, course_of, finish, integrated, keep
 from .layout import NOT_REACHED, places
 
-BLOCKS, SIZE = places(DRIVEN | {"work": WORK})
+_, _BEFORE = places(DRIVEN)
+BLOCKS, SIZE = places(DRIVEN | {"pad_3": -_BEFORE % 8, "work": WORK})
+"""The work space begins with a cache line where the buffer does."""
 
 _TOLERANCE, _SUBSTEP, _WORK = (BLOCKS[n].start for n in ("tolerance", "substep", "work"))
 

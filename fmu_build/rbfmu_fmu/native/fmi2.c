@@ -1,11 +1,12 @@
 /* FMI 2.0 co-simulation of one unit: the calls' rules, the messages, the saved states; of the body it knows nothing.
 
-   model.h, generated, holds the scene's numbers and names; initialize, step and outputs are the unit's kernels. All
+   model.h, generated, holds the scene's numbers and names; unit.h has the kernels, chosen for the processor. All
    memory of an instance is one allocation; there are no globals. A refused call returns fmi2Error, says why through
    the importer's logger, and changes nothing (but a refused step the variable `status`): the instance can go on. */
 
 #include <math.h>
 #include <stdarg.h>
+#include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -13,16 +14,13 @@
 
 #include "fmi2Functions.h"
 #include "model.h"
-
-int64_t initialize(double *z);
-int64_t step(double *z, double h);
-int64_t outputs(double *z);
-int64_t output_rates(double *z);
+#include "unit.h"
 
 enum { INSTANTIATED = 1, INITIALIZING = 2, STEPPING = 4, TERMINATED = 8 };
 enum { FINE, NOT_REACHED, PAST_STOP };
 
 #define TEXT 1024
+#define CACHE_LINE 64
 #define ROUND_OFF 1e-9 /* of an importer's clock, relative; half a step at most */
 
 typedef struct {
@@ -43,7 +41,9 @@ typedef struct {
 } Serialized;
 
 typedef struct {
+    void *memory; /* that it lies in */
     fmi2CallbackFunctions callbacks;
+    Step *step;
     int logs_discards;
     Saved *saved; /* newest first; a pointer that is not among them is not followed */
     State now;
@@ -138,6 +138,16 @@ static void release(const fmi2CallbackFunctions *callbacks, void *memory) {
         free(memory);
 }
 
+/* An instance whose buffer begins with a cache line, as the kernels' vectors like it. */
+static Instance *new_instance(const fmi2CallbackFunctions *callbacks, size_t size) {
+    char *memory = allocate(callbacks, size + CACHE_LINE);
+    Instance *m;
+    if (!memory) return NULL;
+    m = (Instance *)(memory + -((uintptr_t)memory + offsetof(Instance, now.z)) % CACHE_LINE);
+    m->memory = memory;
+    return m;
+}
+
 static void begin(State *s) {
     memset(s, 0, sizeof *s);
     s->time = START_TIME;
@@ -166,13 +176,14 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
         wrong = "fmi2Instantiate: this FMU is for co-simulation";
     else if (!guid || strcmp(guid, GUID))
         wrong = "fmi2Instantiate: the guid is not that of this FMU, " GUID;
-    else if (!(m = allocate(functions, sizeof *m + strlen(name) + 1)))
+    else if (!(m = new_instance(functions, sizeof *m + strlen(name) + 1)))
         wrong = "fmi2Instantiate: no memory";
     if (wrong) {
         tell(functions, name ? name : "", fmi2Error, wrong);
         return NULL;
     }
     m->callbacks = *functions;
+    m->step = chosen_step();
     m->logs_discards = logging != fmi2False;
     strcpy(m->name, name);
     begin(&m->now);
@@ -189,7 +200,7 @@ void fmi2FreeInstance(fmi2Component c) {
         release(&callbacks, m->saved);
         m->saved = next;
     }
-    release(&callbacks, m);
+    release(&callbacks, m->memory);
 }
 
 fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t n, const fmi2String categories[]) {
@@ -456,7 +467,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real h, fmi2Boolean never
     (void)never_back;
     if (!allowed(m, "fmi2DoStep", STEPPING, "no step can be taken")) return fmi2Error;
     if ((reason = impossible(&m->now, t, h))) return not_taken(m, fmi2Error, t, h, reason);
-    if (step(m->now.z, h))
+    if (m->step(m->now.z, h))
         return not_taken(m, fmi2Discard, t, h, "no finite motion, or none that the accuracy allows");
     m->now.time = t + h;
     m->now.status = t + h > LAST_TIME ? PAST_STOP : FINE;

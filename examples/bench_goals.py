@@ -1,0 +1,34 @@
+"""A benchmark's verdict: its figures against the goals that it states."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Goal:
+    """A figure, and the range that it should be in."""
+
+    name: str
+    figure: float
+    least: float = -math.inf
+    most: float = math.inf
+
+    @property
+    def kept(self) -> bool:
+        """NaN is not."""
+        return self.least <= self.figure <= self.most
+
+    def __str__(self) -> str:
+        bounds = [f"at least {self.least:g}"] if self.least > -math.inf else []
+        bounds += [f"at most {self.most:g}"] if self.most < math.inf else []
+        return f"{self.name}: {self.figure:.3g}, goal {' and '.join(bounds)}"
+
+
+def status(goals: Sequence[Goal]) -> int:
+    """Print which goals are missed; the status to exit with: 0 where none is, else 1."""
+    missed = [goal for goal in goals if not goal.kept]
+    for goal in missed:
+        print(f"MISSED {goal}")
+    print(f"{len(goals) - len(missed)} of {len(goals)} goals kept")
+    return int(bool(missed))
