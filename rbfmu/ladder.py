@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from rbfmu.models import UNITS, Plan
+from rbfmu.promises import conditioning_error
 from rbfmu.scene import Scene
 from rbfmu.unit import filled_buffer
 from rbfmu_kernels.body_memory import has_pivot, moves, spins, turns
@@ -105,7 +106,8 @@ def closed_forms(scene: Scene, needs: Needs) -> list[str]:
     """The models with a closed form that are exact for this scene, the smallest first."""
     needed, varying = rests_on(scene, needs), varying_parameters(scene)
     models = CLOSED[1:] if needs.attitude and any(scene.initial.omega_b) else CLOSED
-    return [model for model in models if not needed[model] & varying and accepts(scene, model)]
+    exact = [model for model in models if not needed[model] & varying and accepts(scene, model)]
+    return [model for model in exact if conditioning_error(scene, model) <= 0.1 * scene.run.accuracy] or exact
 
 
 def accepts(scene: Scene, model: str) -> bool:

@@ -14,6 +14,7 @@ from rbfmu.fitting import cheapest_fit, tightest
 from rbfmu.ladder import CLOSED, Needs, accepts, closed_forms, rests_on, varying_parameters
 from rbfmu.measures import largest_error
 from rbfmu.models import Plan
+from rbfmu.promises import conditioning_error
 from rbfmu.recording import Motion
 from rbfmu.scene import PARAMETERS as SCENE_PARAMETERS
 from rbfmu.scene import Scene, SceneError
@@ -78,7 +79,8 @@ def plan(scene: Scene, full: bool = False) -> Plan:
 
 
 def _closed(scene: Scene, model: str, needs: Needs) -> Plan:
-    error = EXACT + (ROUND_OFF * _angle(scene, model) if model in OF_ONE_ANGLE else 0.0)
+    error = EXACT + conditioning_error(scene, model)
+    error += ROUND_OFF * _angle(scene, model) if model in OF_ONE_ANGLE else 0.0
     if scene.run.accuracy < error:
         expected = f"at least {error:.1e}, what double precision keeps"
         raise SceneError(f"run.accuracy = {scene.run.accuracy!r}: expected {expected}", scene.name)

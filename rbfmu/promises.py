@@ -34,7 +34,7 @@ def conditioning_error(scene: Scene, model: str) -> float:
     z = filled_buffer(scene, plan)
     span = scene.run.stop - scene.run.start
     if model == "torque-free symmetric body":
-        return 3.0 * _asymmetry(z) * _speed(scene.initial.omega_b) * span
+        return 3.0 * _asymmetry(scene, z) * _speed(scene.initial.omega_b) * span
     if model == "torque-free body" and _is_full(scene):
         initialize(scene, plan.unit, z)
         constants = z[plan.unit.BLOCKS["constants"]]
@@ -67,7 +67,9 @@ def _is_full(scene: Scene) -> bool:
     return scene.body.pivot or any(M[i][j] for i, j in ((0, 1), (0, 2), (1, 2)))
 
 
-def _asymmetry(z: Buffer) -> float:
+def _asymmetry(scene: Scene, z: Buffer) -> float:
     """The relative difference of the two nearest moments."""
-    a, b, c = sorted(exact_frame(z)[0])
+    assert scene.body is not None
+    own = tuple((scene.body.M[i][i], 0.0) for i in range(3))
+    a, b, c = sorted(exact_frame(z)[0] if _is_full(scene) else own)
     return min(_difference(q, p) / q[0] for p, q in ((a, b), (b, c)))
