@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from rbfmu._argument_names import documented_by, in_order
+from rbfmu._array_errors import clear_error
 from rbfmu._singular import Singular, warn_of_singular
-from rbfmu_kernels._batch import STREAMED, core_shapes, gufuncs, python_function
+from rbfmu_kernels._batch import STREAMED, core_shapes, gufuncs
 from rbfmu_kernels.euler_angles import sequence
 
 CHUNK = 16384  # items that a thread takes at a time, at least
@@ -62,11 +63,11 @@ def array_function(
             if mark:
                 report()
             return result
-        except TypeError:
+        except TypeError as error:
             if loops is not None:
-                raise _clear_error(kernel, args, kwargs) from None
-        except ValueError:
-            raise _clear_error(kernel, args, kwargs) from None
+                raise clear_error(kernel, args, kwargs, error) from None
+        except ValueError as error:
+            raise clear_error(kernel, args, kwargs, error) from None
         loops = gufuncs(kernel, *constants, singular=singular)
         limits[:] = [(len(shape) + 1, math.prod(shape)) for shape in core_shapes(kernel)[0].values()]
         return call(*args, **kwargs)
@@ -154,22 +155,3 @@ def _in_threads(loops: Any, kernel: Any, args: Any, kwargs: dict[str, Any], *mar
         for other in others:
             other.result()
     return outs if len(outs) > 1 else outs[0]
-
-
-def _clear_error(kernel: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any]) -> Exception:
-    """Name the argument that NumPy refused."""
-    shapes, _ = core_shapes(kernel)
-    name = python_function(kernel).__name__
-    if not len(shapes) <= len(args) <= len(shapes) + 2:
-        return TypeError(f"{name} takes {len(shapes)} arguments ({', '.join(shapes)}), got {len(args)}")
-    for (argument, shape), value in zip(shapes.items(), args, strict=False):
-        try:
-            array = np.asarray(value)
-        except ValueError:
-            return ValueError(f"{name}: {argument} must be a regular array of numbers, got {value!r}")
-        if array.dtype.kind not in "biuf":
-            return ValueError(f"{name}: {argument} must be real numbers, got {value!r}")
-        if array.shape[array.ndim - len(shape) :] != shape or array.ndim < len(shape):
-            return ValueError(f"{name}: {argument} must have trailing shape {shape}, got {array.shape}")
-    leading = {n: np.shape(v)[: np.ndim(v) - len(s)] for (n, s), v in zip(shapes.items(), args, strict=False)}
-    return ValueError(f"{name}: leading shapes {leading} do not broadcast (or do not fit out)")

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 from rbfmu._argument_names import documented_by, in_order
-from rbfmu._array_function import _clear_error, array_function
+from rbfmu._array_errors import clear_error
+from rbfmu._array_function import array_function
 from rbfmu_kernels import free_rotation as _kernel
 from rbfmu_kernels.free_rotation import free_rotation_at, free_rotation_is_singular, free_rotation_setup
 
@@ -23,8 +24,8 @@ def free_rotation(*args: Any, **kwargs: Any) -> Any:
         if len(args) < 4 or np.ndim(args[3]) == 0 or not _times_exceed_bodies(*args[:4]):
             return _one_time_per_body(*args, **kwargs)
         return _at(_setup(*args[:3]), *args[3:], **kwargs)
-    except (TypeError, ValueError):
-        raise _clear_error(_kernel, args, kwargs) from None
+    except (TypeError, ValueError) as error:
+        raise clear_error(_kernel, args, kwargs, error) from None
 
 
 def _times_exceed_bodies(moments: Any, q_0: Any, omega_b_0: Any, t: Any) -> bool:

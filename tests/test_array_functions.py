@@ -178,6 +178,53 @@ def test_a_call_that_does_not_fit_is_a_type_error_that_names_the_argument(call, 
             call()
 
 
+@compiled_only
+@pytest.mark.parametrize(
+    ("function", "args", "keywords", "error", "message"),
+    [
+        ("rotate", (Q, V), {"out": np.empty((99, 3))}, ValueError, r"out must have shape \(100, 3\), got \(99, 3\)"),
+        ("rotate", (Q, V, np.empty((100, 4))), {}, ValueError, r"out must have shape \(100, 3\), got \(100, 4\)"),
+        ("rotate", (Q, V), {"out": np.empty((100, 3), int)}, TypeError, "out must hold floats, got int64"),
+        ("rotate", (Q, V), {"out": [1.0]}, TypeError, r"out must be an array, got \[1.0\]"),
+        ("rotate", (Q, V), {"out": (V, V)}, ValueError, "out must be one array, got 2"),
+        (
+            "rotate",
+            (Q, V),
+            {"out": np.broadcast_to(V[0], (100, 3))},
+            ValueError,
+            "out must be an array that can be written",
+        ),
+        ("axis_angle_from_quaternion", (Q,), {"out": V}, ValueError, "out must be a tuple of 2 arrays, got 1"),
+        ("axis_angle_from_quaternion", (Q,), {"out": (None, V)}, ValueError, r"out\[1\] must have shape \(100,\)"),
+        ("rotvec_rate_a", (V, V), {"out": Q}, ValueError, r"out must have shape \(100, 3\), got \(100, 4\)"),
+        ("rotate", (Q, V), {"where": Q[:, 0] > 0}, TypeError, r"where is not supported; .* q_ab\[mask\]"),
+        ("rotvec_rate_a", (V, V), {"where": True}, TypeError, r"where is not supported; .* u\[mask\]"),
+        ("rotate", (Q, V), {"dtype": np.float32}, TypeError, "dtype = float32: all is computed in float64"),
+        ("rotate", (Q, V), {"casting": "bold"}, ValueError, "casting must be one of"),
+        ("rotate", (Q, V), {"axes": [(0,)]}, ValueError, "axes should be a list"),
+        (
+            "free_rotation",
+            (np.array([1.0, 2.0, 2.5]), Q[0], V[0], V),
+            {"out": (Q, V)},
+            ValueError,
+            r"out\[0\] must have shape \(100, 3, 4\)",
+        ),
+    ],
+)
+def test_a_keyword_that_does_not_fit_is_named(function, args, keywords, error, message):
+    for _ in range(2):  # before and after compilation
+        with pytest.raises(error, match=f"^{function}: {message}"):
+            getattr(rbfmu, function)(*args, **keywords)
+
+
+@compiled_only
+def test_out_may_have_further_leading_axes():
+    out = np.empty((2, 100, 3))
+    assert (rbfmu.rotate(Q, V[0], out=out) == rbfmu.rotate(Q, V[0])).all()
+    with pytest.raises(ValueError, match=r"rotate: casting"):
+        rbfmu.rotate(Q, V[0], out=out, casting="bold")
+
+
 def test_array_functions_are_documented():
     for name, function in ARRAY_FUNCTIONS.items():
         assert function.__name__ == name
