@@ -110,11 +110,9 @@ def true_motion(scene: Scene, setting: Setting, kind="quadruple", most=reference
 
 def outcome(scene: Scene, plan: Plan, setting: Setting = AS_PLANNED, most=reference.MOST_SERIES) -> Outcome:
     """Raises reference.TooDearError where the truth is out of reach."""
+    truth = true_motion(scene, setting, most=most)  # first: what is too dear for it may take a plan minutes
     refused, rows = seen(scene, plan, setting)
-    if refused:
-        return Outcome(refused)
-    truth = true_motion(scene, setting, most=most)
-    return Outcome("", errors(rows, truth))
+    return Outcome(refused) if refused else Outcome("", errors(rows, truth))
 
 
 def plainly_met(scene: Scene, setting: Setting = AS_PLANNED, most=reference.MOST_SERIES) -> float:
