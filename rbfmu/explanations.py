@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu.arrays import principal_axes, rotate
+from rbfmu.ladder import torques
 from rbfmu.models import Plan
 from rbfmu.scene import Scene
 
@@ -16,9 +17,11 @@ GROWTH = 0.1
 """Growth of a disturbance over the run, as an exponent, from which on a spin counts as unstable."""
 
 
-def what_is_left_out(scene: Scene, attitude: bool, rotation: bool, translation: bool) -> tuple[str, ...]:
-    """Degrees of freedom that are not modelled, or in closed form."""
-    lines = [_translation(scene, translation)]
+def what_is_left_out(
+    scene: Scene, attitude: bool, rotation: bool, translation: bool, steady: bool = False
+) -> tuple[str, ...]:
+    """Degrees of freedom that are not modelled, or in closed form; steady: the model's force_b keeps its direction."""
+    lines = [_translation(scene, translation, steady)]
     if not rotation:
         lines.append("rotation: 0 of 7 states, no output shows it and no force depends on it")
     elif not attitude:
@@ -26,15 +29,16 @@ def what_is_left_out(scene: Scene, attitude: bool, rotation: bool, translation: 
     return tuple(lines)
 
 
-def _translation(scene: Scene, needed: bool) -> str:
+def _translation(scene: Scene, needed: bool, steady: bool) -> str:
     body, loads, initial = scene.body, scene.loads, scene.initial
     assert body is not None
     if not needed:
         return "translation: 0 of 6 states, " + ("the pivot holds o" if body.pivot else "no output shows it")
     ports = [p for p in scene.inputs.ports if p.startswith("force")]
-    if any(loads.force_b) or "force_b" in scene.inputs.ports:
+    if not steady and (any(loads.force_b) or "force_b" in ports):
         return f"translation: 6 states, force_b turns with the body of {body.mass:.6g} kg"
-    a = np.array(loads.gravity_a) + np.array(loads.force_a) / body.mass
+    push = np.array(loads.force_a) + rotate(np.array(initial.quaternion), np.array(loads.force_b))
+    a = np.array(loads.gravity_a) + push / body.mass
     if ports:
         return f"translation: 6 states in closed form, {ports[0]} held over steps of {scene.run.step:g} s"
     if np.any(a):
@@ -52,16 +56,23 @@ def why_exact(scene: Scene, model: str, rotation: bool, attitude: bool) -> tuple
     lines = {
         "no rotation": _standing(scene, rate, attitude),
         "constant rate": f"rotation: constant rate {rate:.6g} rad/s, about a principal axis (moments {moments} kg m2)",
-        "one axis": f"rotation: one angle, closed form from {rate:.6g} rad/s under torque and damping about one axis",
+        "angular momentum": "rotation: 3 of 7 states, angular momentum h_0 + T t under torque_a, its attitude left out",
+        "one axis": f"rotation: one angle, closed form from {rate:.6g} rad/s about one axis under {_acting(scene)}",
         "undamped pendulum": f"rotation: one angle from {rate:.6g} rad/s, swung by forces fixed in space, undamped",
         "torque-free symmetric body": f"rotation: no torque, two equal moments ({moments} kg m2): elementary functions",
-        "symmetric body spun up": f"rotation: rates in closed form from {rate:.6g} rad/s, torque and damping about the "
-        f"axis of two equal moments ({moments} kg m2)",
+        "symmetric body spun up": f"rotation: rates in closed form from {rate:.6g} rad/s under {_acting(scene)}, "
+        f"two equal moments ({moments} kg m2)",
         "torque-free body": f"rotation: no torque, moments {moments} kg m2: elliptic functions",
     }
     growth = growth_rate(scene) if model in ("no rotation", "constant rate", "one axis") else 0.0
     unstable = f"unstable: a disturbance would grow e-fold in {1.0 / growth:.3g} s" if growth > 0.0 else ""
     return (lines[model], unstable) if unstable else (lines[model],)
+
+
+def _acting(scene: Scene) -> str:
+    """Names of the loads that turn the body."""
+    loads = scene.loads
+    return " and ".join(sorted(n for n in torques(scene) - {"r_oc_b"} if any(getattr(loads, n)))) or "no torque"
 
 
 def _standing(scene: Scene, rate: float, attitude: bool) -> str:
@@ -74,6 +85,14 @@ def why_swinging(scene: Scene, plan: Plan, error: float) -> tuple[str, ...]:
     """One angle, integrated."""
     why = "rotation: one angle, every load turns the body about one principal axis; 2 of 7 states"
     return why, f"{plan.method}: error {error:.1e}, against order 16 at round-off; {scene.run.accuracy:g} asked"
+
+
+def why_pushed(scene: Scene, plan: Plan) -> tuple[str, ...]:
+    """Exact rotation, the path by quadrature."""
+    moments = ", ".join(f"{m:.6g}" for m in _moments(scene))
+    rule = plan.method.rpartition(", ")[2]
+    why = f"path: {rule} in panels of {plan.substep:.3g} s: error {plan.error:.1e}"
+    return f"rotation: no torque, moments {moments} kg m2: elliptic functions", f"{why}, {scene.run.accuracy:g} asked"
 
 
 def why_close(scene: Scene, model: str, found: Plan, error: float, points: int) -> str:

@@ -2,18 +2,33 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from rbfmu.models import UNITS, Plan
 from rbfmu.promises import conditioning_error
 from rbfmu.scene import Scene
-from rbfmu.unit import filled_buffer
+from rbfmu.unit import filled_buffer, initialize
+from rbfmu_kernels import axis_unit
 from rbfmu_kernels.body_memory import has_pivot, moves, spins, turns
 from rbfmu_kernels.layout import FINE
+from rbfmu_kernels.vec3 import cross
 
 CLOSED = (
-    "no rotation", "constant rate", "one axis", "undamped pendulum", "torque-free symmetric body",
-    "symmetric body spun up", "torque-free body",
+    "no rotation", "constant rate", "angular momentum", "one axis", "undamped pendulum",
+    "torque-free symmetric body", "symmetric body spun up", "torque-free body",
 )  # fmt: skip
 """The models with a closed form, from the smallest."""
+TORQUES = {"torque_a", "torque_b", "damping_b"}
+DROPPED = {
+    "angular momentum": {"damping_b"},
+    "undamped pendulum": TORQUES,
+    **dict.fromkeys(("torque-free symmetric body", "torque-free body"), TORQUES | {"force_a", "force_b", "gravity_a"}),
+}
+"""By model, the loads that do not turn it where they are too small to matter."""
+OF_RATES = {"omega_b", "omega_a", "alpha_b", "angular_momentum_a", "kinetic_energy"}
+OF_ATTITUDE = {"quaternion", "rpy", "omega_a", "angular_momentum_a"}
+"""Quantities that show them, whatever the loads."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +64,8 @@ def torques(scene: Scene) -> set[str]:
     acting = {n for n in type(loads).model_fields if any(getattr(loads, n))} | varying
     levers = acting & ({"gravity_a"} if body.pivot else {"force_a", "force_b"})
     arm = any(body.r_oc_b) or "r_oc_b" in varying
+    if not varying & {"force_b", "r_oc_b"} and not any(cross(body.r_oc_b, loads.force_b)):
+        levers -= {"force_b"}
     return acting & {"torque_a", "torque_b", "damping_b"} | (levers | {"r_oc_b"} if arm and levers else set())
 
 
@@ -58,6 +75,7 @@ def rests_on(scene: Scene, needs: Needs) -> dict[str, set[str]]:
     assert body is not None
     twists = {"torque_a", "torque_b", "damping_b"} | torques(scene)
     loads = twists | ({"force_b"} if needs.translation else set())
+    turning = (loads | ({"r_oc_b"} if needs.translation else set())) - {"torque_a"}
     shape = {"inertia"} | ({"mass", "r_oc_b"} if body.pivot else set())
     a, b, c = (body.M[i][i] for i in range(3))
     sphere = a == b == c and not any(body.M[i][j] for i, j in ((0, 1), (0, 2), (1, 2)))
@@ -65,39 +83,54 @@ def rests_on(scene: Scene, needs: Needs) -> dict[str, set[str]]:
     return {
         "no rotation": (twists | start | shape) if needs.rotation else set(),
         "constant rate": loads | shape | (set() if sphere else {"omega_b_0"}),
+        "angular momentum": turning | (shape if _shows_spin(scene) else set()),
         "one axis": loads | shape | start,
         "undamped pendulum": loads | shape | start,
         "one swinging axis": loads | shape | start,
         "torque-free symmetric body": loads | shape,
         "symmetric body spun up": loads | shape | ({"r_oc_b"} if needs.attitude else set()),
         "torque-free body": loads,
+        "torque-free body, pushed": loads | shape | start | {"force_b", "mass"},
     }
 
 
+def _shows_spin(scene: Scene) -> bool:
+    """Whether a rate follows from the angular momentum."""
+    return bool({"omega_a", "kinetic_energy"} & set(scene.outputs.quantities))
+
+
 def needed_parameters(scene: Scene, model: str) -> set[str]:
-    """Names of the parameters that a model of the scene depends on, or that are listed; loads that are zero are not."""
-    body, loads = scene.body, scene.loads
+    """Names of the parameters on which an output depends in a model of the scene, or that are listed."""
+    body, wanted, listed = scene.body, set(scene.outputs.quantities), set(scene.inputs.parameters)
     if body is None:
         return {"quaternion_0"}
-    needs, wanted, turning = Needs.of(scene), set(scene.outputs.quantities), torques(scene)
+    needs, ports = Needs.of(scene), set(scene.inputs.ports)
+    beside = any(body.r_oc_b) or "r_oc_b" in listed
     moving = needs.translation or (not body.pivot and "acceleration" in wanted)
+    angular = "alpha_b" in wanted or (moving and beside and "acceleration" in wanted)
+    driven = needs.rotation and (angular or model not in ("no rotation", "constant rate"))
+    twisting = torques(scene) - (set() if angular else DROPPED.get(model, set())) if driven else set()
     pushing = {"gravity_a", "force_a", "force_b"} if moving else set()
-    acting = {n for n in type(loads).model_fields if any(getattr(loads, n))} & (turning | pushing)
-    names = set(scene.inputs.parameters) | (acting - set(scene.inputs.ports))
-    if needs.rotation:
+    acting = {n for n in type(scene.loads).model_fields if any(getattr(scene.loads, n))} & (twisting | pushing)
+    names = listed | (acting - ports)
+    if driven or wanted & {"angular_momentum_a", "kinetic_energy"}:
+        names |= {"inertia"}
+        names |= {"mass"} if body.pivot and beside else set()
+    turned = model != "no rotation" or wanted & {"position", "acceleration", "kinetic_energy"}
+    swung = moving and beside and bool(turned)
+    if needs.rotation and (swung or model != "no rotation" or wanted & OF_RATES):
         names |= {"omega_b_0"}
-        still = model in ("no rotation", "constant rate")
-        names |= {"inertia"} if not still or wanted & {"angular_momentum_a", "kinetic_energy"} else set()
-    if needs.attitude:
+    pushed = moving and "force_b" in acting | ports | listed
+    turning = twisting & {"torque_a", "force_a", "gravity_a"}
+    if needs.attitude and (turning or swung or pushed or wanted & OF_ATTITUDE):
         names |= {"quaternion_0"}
     if needs.translation:
-        names |= {"position_0", "velocity_0"}
-    if body.pivot and "position" in wanted:
+        names |= {"velocity_0"}
+    if "position" in wanted:
         names |= {"position_0"}
-    forced = (turning | pushing) & (acting | set(scene.inputs.ports)) - {"gravity_a"}
-    if (needs.rotation and body.pivot) or (moving and forced) or (not body.pivot and "kinetic_energy" in wanted):
+    if (moving and (acting | ports | listed) & {"force_a", "force_b"}) or ("kinetic_energy" in wanted and moving):
         names |= {"mass"}
-    if any(body.r_oc_b) and (moving or turning or body.pivot):
+    if any(body.r_oc_b) and (swung or "r_oc_b" in twisting or (body.pivot and "inertia" in names)):
         names |= {"r_oc_b"}
     return names
 
@@ -113,3 +146,10 @@ def closed_forms(scene: Scene, needs: Needs) -> list[str]:
 def accepts(scene: Scene, model: str) -> bool:
     """Whether the model's own unit takes the scene's values."""
     return bool(UNITS[model].initialize(filled_buffer(scene, Plan(model, "", 0))) == FINE)
+
+
+def turning_axis(scene: Scene) -> NDArray[np.float64]:
+    """The unit vector in b about which models of one angle turn the scene's body."""
+    unit, z = axis_unit, filled_buffer(scene, Plan("one axis", "", 0, held=("all",)))
+    initialize(scene, unit, z)
+    return z[unit.BLOCKS["axis"]]

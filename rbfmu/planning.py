@@ -8,22 +8,23 @@ from typing import NamedTuple
 import numpy as np
 
 from rbfmu import explanations as say
-from rbfmu.arrays import principal_axes
 from rbfmu.comparison import MOST_STEPS, compared_steps, motion, watched
 from rbfmu.fitting import cheapest_fit, tightest
-from rbfmu.ladder import CLOSED, Needs, accepts, closed_forms, rests_on, varying_parameters
+from rbfmu.ladder import CLOSED, Needs, accepts, closed_forms, rests_on, turning_axis, varying_parameters
 from rbfmu.measures import largest_error
 from rbfmu.models import Plan
 from rbfmu.promises import conditioning_error
+from rbfmu.quadrature import cheapest_quadrature, is_cheaper
 from rbfmu.recording import Motion
 from rbfmu.scene import PARAMETERS as SCENE_PARAMETERS
 from rbfmu.scene import Scene, SceneError
 from rbfmu.times import thinned_steps
+from rbfmu_kernels.kicked_top import is_symmetric_top
 from rbfmu_kernels.pendulum_unit import ORDERS
 
 EXACT, ROUND_OFF = 1e-14, 2.0**-52
 """The accuracy that closed forms keep, and what a step of others loses at least."""
-SWING = "one swinging axis"
+SWING, PUSHED = "one swinging axis", "torque-free body, pushed"
 
 
 class Rung(NamedTuple):
@@ -41,6 +42,7 @@ class Rung(NamedTuple):
 RUNGS = {
     "no rotation": Rung("closed form", 25.0, 0, 0),
     "constant rate": Rung("closed form", 30.0, 4, 0),
+    "angular momentum": Rung("closed form", 40.0, 3, 3),
     "one axis": Rung("closed form", 50.0, 2, 1),
     "undamped pendulum": Rung("elliptic functions", 50.0, 2, 2),
     SWING: Rung("", 0.0, 2, 2),
@@ -48,6 +50,7 @@ RUNGS = {
     "torque-free symmetric body": Rung("elementary functions", 40.0),
     "symmetric body spun up": Rung("closed form", 50.0, 7, 3),
     "torque-free body": Rung("elliptic functions", 80.0),
+    PUSHED: Rung("", 0.0),
     "symmetric top": Rung("", 0.0, 7, 7),
     "body under loads": Rung("", 0.0, 7, 7),
     "body under loads, by series": Rung(),
@@ -55,7 +58,6 @@ RUNGS = {
 OF_ONE_ANGLE = ("one axis", "symmetric body spun up")
 """Whose angle is a double, with round-off of its own size; the others drop whole turns."""
 TRANSLATION = ("position", "velocity", "acceleration")
-MOVING = ("position", "velocity", "kinetic_energy")
 CONSERVED = ("angular_momentum_a", "kinetic_energy")
 SHARE = 0.6
 """Of the accuracy: what a smaller model may differ by from a reference that may itself be off by a third."""
@@ -73,9 +75,12 @@ def plan(scene: Scene, full: bool = False) -> Plan:
         return _integrated(with_all_outputs(scene), Needs(True, True, not _has_pivot(scene)), kicks=False)
     needs = Needs.of(scene)
     exact = closed_forms(scene, needs)
-    found = _closed(scene, exact[0], needs) if exact else _swinging(scene, needs) or _integrated(scene, needs)
+    if exact:
+        found = _closed(scene, exact[0], needs)
+    else:
+        found = _swinging(scene, needs) or _pushed(scene, needs) or _integrated(scene, needs)
     smaller = _smaller(scene, found, needs)
-    return smaller or replace(found, reasons=(*_left_out(scene, needs), *found.reasons))
+    return smaller or replace(found, reasons=(*_left_out(scene, needs, found.model), *found.reasons))
 
 
 def _closed(scene: Scene, model: str, needs: Needs) -> Plan:
@@ -98,8 +103,9 @@ def _of_rung(model: str, needs: Needs) -> Plan:
     return Plan(model, RUNGS[model].method, _states(model, needs), cost=RUNGS[model].cost)
 
 
-def _left_out(scene: Scene, needs: Needs) -> tuple[str, ...]:
-    return say.what_is_left_out(scene, needs.attitude, needs.rotation, needs.translation)
+def _left_out(scene: Scene, needs: Needs, model: str) -> tuple[str, ...]:
+    steady = model in (*CLOSED, SWING)
+    return say.what_is_left_out(scene, needs.attitude, needs.rotation, needs.translation, steady)
 
 
 def _swinging(scene: Scene, needs: Needs) -> Plan | None:
@@ -133,6 +139,22 @@ def _tightest_swing(found: Plan) -> Plan:
     return replace(found, tolerance=1e-18, order=max(ORDERS))
 
 
+def _pushed(scene: Scene, needs: Needs) -> Plan | None:
+    """Exact rotation and a quadrature for the path; a symmetric body's may cost more than kicks."""
+    varies = rests_on(scene, needs)[PUSHED] & varying_parameters(scene)
+    if not any(scene.loads.force_b) or not needs.translation or varies or not accepts(scene, PUSHED):
+        return None
+    found = cheapest_quadrature(scene, Plan(PUSHED, "", _states(PUSHED, needs), held=_held()))
+    assert scene.body is not None
+    if found is None or not is_symmetric_top(scene.body.M):
+        return found
+    try:
+        other = _integrated(scene, needs)
+    except SceneError:
+        return found
+    return found if is_cheaper(found, other) else other
+
+
 def _integrated(scene: Scene, needs: Needs, kicks: bool = True) -> Plan:
     found = cheapest_fit(scene, Plan("body under loads", "DOP853", 0, tolerance=scene.run.accuracy), kicks)
     return replace(found, states=_states(found.model, needs), held=_held() if found.model == "symmetric top" else ())
@@ -164,8 +186,7 @@ def _smaller(scene: Scene, found: Plan, needs: Needs) -> Plan | None:
     if "force_b" in varying and "acceleration" in names and "quaternion" not in names:
         names = (*names, "quaternion")  # ports are at zero here: what they bring is as wrong as the attitude
     exact = found.model in CLOSED
-    judge = found if exact else _tightest_swing(found) if found.model == SWING else tightest(found)
-    truth, _ = motion(scene, judge, steps, tuple(dict.fromkeys((*names, "omega_b"))))
+    truth, _ = motion(scene, _judge(found), steps, tuple(dict.fromkeys((*names, "omega_b"))))
     bound = (1.0 if exact else SHARE) * scene.run.accuracy - EXACT
     for model in _below(found.model):
         if _may_be_close(scene, model, truth, names):
@@ -174,8 +195,15 @@ def _smaller(scene: Scene, found: Plan, needs: Needs) -> Plan | None:
             if error <= bound:
                 why = say.why_close(scene, model, found, error, len(steps))
                 error += found.error if exact else 0.0
-                return replace(candidate, error=error, reasons=(*_left_out(scene, needs), why))
+                return replace(candidate, error=error, reasons=(*_left_out(scene, needs, model), why))
     return None
+
+
+def _judge(found: Plan) -> Plan:
+    """What smaller models are compared with."""
+    if found.model in (*CLOSED, PUSHED):
+        return replace(found, held=_held())
+    return _tightest_swing(found) if found.model == SWING else tightest(found)
 
 
 def _may_be_close(scene: Scene, model: str, truth: Motion, names: tuple[str, ...]) -> bool:
@@ -190,14 +218,11 @@ def _may_be_close(scene: Scene, model: str, truth: Motion, names: tuple[str, ...
     if model == "no rotation":
         names = tuple(n for n in names if n not in (*TRANSLATION, "kinetic_energy"))
         return largest_error({n: truth[n][:1] + 0.0 * truth[n] for n in names}, truth, names) <= run.accuracy
-    assert scene.body is not None
-    if not scene.body.pivot and any(scene.loads.force_b) and set(names) & set(MOVING):
-        return False  # closed forms move under accelerations that are steady
     if model not in ("constant rate", "one axis", "undamped pendulum"):
         return True
-    along = rates @ principal_axes(np.array(scene.body.M))[1]
-    along[:, np.argmax(np.max(np.abs(along), axis=0))] = 0.0
-    change = float(np.max(np.linalg.norm(rates - rates[0] if model == "constant rate" else along, axis=1)))
+    axis = turning_axis(scene)
+    other = rates[0] if model == "constant rate" else np.outer(rates @ axis, axis)
+    change = float(np.max(np.linalg.norm(rates - other, axis=1)))
     fastest = float(np.max(np.linalg.norm(rates, axis=1)))
     if "omega_b" in names and change > run.accuracy * fastest:
         return False

@@ -35,7 +35,7 @@ def conditioning_error(scene: Scene, model: str) -> float:
     span = scene.run.stop - scene.run.start
     if model == "torque-free symmetric body":
         return 3.0 * _asymmetry(scene, z) * _speed(scene.initial.omega_b) * span
-    if model == "torque-free body" and _is_full(scene):
+    if model.startswith("torque-free body") and _is_full(scene):
         initialize(scene, plan.unit, z)
         constants = z[plan.unit.BLOCKS["constants"]]
         half_turns = 2.0 * float(abs(constants[1] * constants[4])) * span

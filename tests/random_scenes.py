@@ -7,7 +7,10 @@ from scipy.spatial.transform import Rotation
 from rbfmu.scene import Scene
 
 DECADES = st.integers(-13, -2).map(lambda k: 10.0**k)
-KINDS = ("none", "none", "weight", "weight", "axis", "tiny", "tiny", "pivot", "swing", "spun", "force_b", "all")
+KINDS = (
+    *("none", "none", "weight", "weight", "axis", "tiny", "tiny", "pivot", "swing", "spun"),
+    *("force_b", "thrust", "ball", "all"),
+)
 """Of loads."""
 SIGNS = st.sampled_from([-1.0, 1.0])
 
@@ -78,6 +81,18 @@ def spun(draw):
 
 
 @st.composite
+def balls(draw):
+    """A sphere driven along its rate, or nearly: any axis is a principal one."""
+    along = np.array(draw(vectors(0.5)))
+    beside = draw(st.sampled_from([0.0, 0.0, draw(DECADES)])) * np.array(draw(vectors()))
+    omega_b = draw(st.sampled_from([0.0, 1.0, -3.0])) * along
+    loads = {"gravity_a": [0.0] * 3, "damping_b": [draw(st.sampled_from([0.0, 0.2]))] * 3}
+    loads["torque_b"] = (draw(st.sampled_from([0.0, 1.0])) * along + beside).tolist()
+    loads["force_b"] = (draw(st.sampled_from([0.0, 2.0])) * along).tolist()
+    return {"mass": 2.0, "inertia": [0.7] * 3}, omega_b.tolist(), loads
+
+
+@st.composite
 def scenes(draw):
     """Scenes that are good; whether their accuracy can be met is for the plan to say."""
     body, moments, R = draw(bodies())
@@ -96,6 +111,9 @@ def scenes(draw):
         loads["damping_b"] = [abs(x) for x in draw(vectors(draw(DECADES)))]
     if kind in ("force_b", "all"):
         loads["force_b"] = list(draw(vectors(0.5)))
+    if kind == "thrust":
+        aslant = np.array(draw(vectors(draw(st.sampled_from([0.0, 1e-9])))))
+        loads["force_b"] = (draw(SIGNS) * R[:, k] + aslant).tolist()
     if kind == "pivot":
         body |= {"pivot": True, "r_oc_b": (draw(st.sampled_from([0.2, -0.3])) * R[:, (k + 1) % 3]).tolist()}
     elif kind != "swing" and draw(st.integers(0, 4)) == 0 and not beam:
@@ -105,6 +123,8 @@ def scenes(draw):
         body, omega_b, turn, loads = draw(swings())
     if kind == "spun":
         body, omega_b, loads = draw(spun())
+    if kind == "ball":
+        body, omega_b, loads = draw(balls())
     wanted = ["quaternion", "rpy", "omega_b", *(() if body.get("pivot") else ("position", "velocity"))]
     wanted = draw(st.lists(st.sampled_from(wanted), min_size=1, max_size=3, unique=True))
     if kind == "spun" and draw(st.booleans()):

@@ -40,3 +40,13 @@ def _odd_one(moments: Vec3) -> int:
     a, b, c = moments
     x, y, w = abs(b - c), abs(c - a), abs(a - b)
     return 0 if x <= y and x <= w else (1 if y <= w else 2)
+
+
+@kernel
+def is_sphere(M: Matrix) -> bool:
+    """Whether the three moments are equal to the bit, so that every axis is principal.
+
+    M: symmetric, kg m^2.
+    """
+    mixed = M[0][1] != 0.0 or M[0][2] != 0.0 or M[1][2] != 0.0
+    return M[0][0] == M[1][1] and M[1][1] == M[2][2] and not mixed

@@ -15,9 +15,7 @@ from .body_memory import (
     initialize_body,
     is_as_planned,
     loads_of,
-    put_quaternion_at,
     put_vec3_at,
-    quaternion_at,
     rotation_of,
     turns,
     vec3_at,
@@ -25,16 +23,16 @@ from .body_memory import (
 from .body_outputs import first_outputs
 from .body_outputs import output_rates as output_rates
 from .body_outputs import outputs as outputs
-from .closed_form import CLOSED_FORM, finish_step, start_clocks, time_after
+from .closed_form import CLOSED_FORM, finish_step, first_attitude, start_clocks, time_after
 from .fixed_axis import leaves_axis, main_axis, pull_and_decay, swing
 from .layout import NOT_REACHED, places
 from .quaternion import compose_quaternions
 from .rotvec import quaternion_from_axis_angle
 from .vec3 import dot, scale
 
-BLOCKS, SIZE = places(CLOSED_FORM | {"q_0": 4, "axis": 3, "rate": 1, "pull": 1, "decay": 1})
+BLOCKS, SIZE = places(CLOSED_FORM | {"axis": 3, "rate": 1, "pull": 1, "decay": 1})
 
-_Q_0, _AXIS, _RATE, _PULL, _DECAY = (BLOCKS[n].start for n in ("q_0", "axis", "rate", "pull", "decay"))
+_AXIS, _RATE, _PULL, _DECAY = (BLOCKS[n].start for n in ("axis", "rate", "pull", "decay"))
 _MORE_AXES = 17
 """Key of `layout.FAULTS`."""
 
@@ -50,7 +48,6 @@ def initialize(z: Any) -> int:
     cosine, sine = swing(z, axis)
     if not is_as_planned(z) and (cosine[0] != 0.0 or sine[0] != 0.0 or leaves_axis(z, axis, q, omega, body, loads)):
         return _MORE_AXES
-    put_quaternion_at(z, _Q_0, q)
     put_vec3_at(z, _AXIS, axis)
     z[_RATE] = dot(axis, omega)
     pull, z[_DECAY] = pull_and_decay(z, axis, q, body, loads)
@@ -66,7 +63,7 @@ def step(z: Any, h: float) -> int:
         return NOT_REACHED
     high, low = time_after(z, h)
     t = high + low
-    axis, q = vec3_at(z, _AXIS), quaternion_at(z, _Q_0)
+    axis, q = vec3_at(z, _AXIS), first_attitude(z)
     angle, rate = relaxed(z[_RATE], z[_PULL], z[_DECAY], t)
     if turns(z):
         q = compose_quaternions(q, quaternion_from_axis_angle(axis, angle))

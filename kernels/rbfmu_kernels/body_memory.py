@@ -268,9 +268,22 @@ def shows_rates(z: Any) -> bool:
 def turns(z: Any) -> bool:
     """Whether an output needs the attitude: itself, or a point beside the centre of mass, or a force that turns."""
     attitude = z[_NO_QUATERNION] == 0.0 or z[_NO_RPY] == 0.0 or z[_NO_OMEGA_A] == 0.0 or z[_NO_MOMENTUM] == 0.0
+    return bool(attitude or _shows_turning_path(z))
+
+
+@kernel
+def _shows_turning_path(z: Any) -> bool:
     pushed = is_nonzero(vec3_at(z, _KNOWN + 3)) or is_nonzero(vec3_at(z, _FORCE_B)) or has_port(z, 1)
     beside = pushed or is_nonzero(vec3_at(z, _R_OC))
-    return bool(attitude or (beside and not has_pivot(z) and (moves(z) or z[_NO_ACCELERATION] == 0.0)))
+    return bool(beside and not has_pivot(z) and (moves(z) or z[_NO_ACCELERATION] == 0.0))
+
+
+@kernel
+def shows_more_than_momentum(z: Any, is_sphere: bool) -> bool:
+    """Whether an output follows from the angular momentum in a only with the attitude; a sphere's omega_a does not."""
+    turned = z[_NO_QUATERNION] == 0.0 or z[_NO_RPY] == 0.0 or z[_NO_OMEGA_B] == 0.0 or z[_NO_ALPHA] == 0.0
+    rate = z[_NO_OMEGA_A] == 0.0 or z[_NO_ENERGY] == 0.0
+    return bool(turned or (rate and not is_sphere) or _shows_turning_path(z))
 
 
 @kernel

@@ -13,8 +13,11 @@ from .body_memory import (
     loads_of,
     moves,
     put_centre,
+    put_quaternion_at,
     put_rotation,
     put_vec3_at,
+    quaternion_at,
+    rotation_of,
     vec3_at,
 )
 from .body_outputs import outputs
@@ -22,19 +25,21 @@ from .double_double import DoubleDouble, two_sum
 from .dynamics import linear_acceleration
 from .layout import NOT_REACHED, places
 from .shapes import Quaternion, Vec3
-from .vec3 import add_scaled, is_nonzero
+from .vec3 import add_scaled, cross, is_nonzero
 
-CLOSED_FORM = COMMON | {"elapsed": 2, "r_0": 3, "v_0": 3, "held": 3, "since": 2}
-"""Besides what all bodies have: the time since the start; position and velocity of the
+_CLOCKS = {"elapsed": 2, "q_0": 4, "r_0": 3, "v_0": 3, "held": 3, "since": 2}
+CLOSED_FORM = COMMON | _CLOCKS
+"""Besides what all bodies have: the time since the start, the attitude then; position and velocity of the
 centre of mass when its acceleration last changed, that acceleration, and the time since then."""
 _BLOCKS, _ = places(CLOSED_FORM)
-_ELAPSED, _R_0, _V_0, _HELD, _SINCE = (_BLOCKS[n].start for n in list(CLOSED_FORM)[-5:])
+_ELAPSED, _Q_0, _R_0, _V_0, _HELD, _SINCE = (_BLOCKS[n].start for n in _CLOCKS)
 
 
 @kernel
 def start_clocks(z: Any) -> None:
     """At the start of a run."""
     z[_ELAPSED] = z[_ELAPSED + 1] = z[_SINCE] = z[_SINCE + 1] = 0.0
+    put_quaternion_at(z, _Q_0, rotation_of(z)[0])
     r_c, v_c = centre_of(z)
     put_vec3_at(z, _R_0, r_c)
     put_vec3_at(z, _V_0, v_c)
@@ -42,57 +47,92 @@ def start_clocks(z: Any) -> None:
 
 
 @kernel
-def time_after(z: Any, h: float) -> DoubleDouble:
-    """The time since the start, s, after a step h."""
-    return _later(z, _ELAPSED, h)
+def first_attitude(z: Any) -> Quaternion:
+    """The unit quaternion q_ab at the start."""
+    return quaternion_at(z, _Q_0)
 
 
 @kernel
-def _later(z: Any, clock: int, h: float) -> DoubleDouble:
+def time_after(z: Any, h: float) -> DoubleDouble:
+    """The time since the start, s, after a step h."""
+    return later(z, _ELAPSED, h)
+
+
+@kernel
+def later(z: Any, clock: int, h: float) -> DoubleDouble:
+    """What the clock that stands at z[clock], s, shows after a step h."""
     t, low = two_sum(z[clock], h)
     return t, low + z[clock + 1]
 
 
 @kernel
-def has_torque(z: Any) -> bool:
-    """Whether damping, a torque, or a force with an arm acts; or one that turns, where the position is wanted."""
-    body, (_, force_a, force_b, torque_a, torque_b) = body_of(z), loads_of(z)
+def has_turning_torque(z: Any) -> bool:
+    """Whether a torque acts that depends on the motion or turns with the body: damping, torque_b, a force's."""
+    body, (_, force_a, force_b, _, torque_b) = body_of(z), loads_of(z)
     arm_b, damping_b = body[3], body[4]
-    lever = is_nonzero(arm_b) and (is_nonzero(force_a) or is_nonzero(force_b))
-    turning = is_nonzero(force_b) and moves(z)
-    return lever or turning or is_nonzero(torque_a) or is_nonzero(torque_b) or is_nonzero(damping_b)
+    lever = (is_nonzero(arm_b) and is_nonzero(force_a)) or is_nonzero(cross(arm_b, force_b))
+    return lever or is_nonzero(torque_b) or is_nonzero(damping_b)
+
+
+@kernel
+def has_torque(z: Any) -> bool:
+    """Whether damping, a torque, or a force with an arm acts."""
+    return has_turning_torque(z) or is_nonzero(loads_of(z)[3])
+
+
+@kernel
+def is_driven(z: Any) -> bool:
+    """Whether a torque acts, or a force that turns with the body on a path that somebody looks at."""
+    return has_torque(z) or (is_nonzero(loads_of(z)[2]) and moves(z))
 
 
 @kernel
 def goes_on_free(z: Any, h: float) -> bool:
-    """Whether a step of a model without torques can be taken: h > 0, and no input makes a torque."""
-    return h > 0.0 and (is_as_planned(z) or not has_torque(z))
+    """Whether a step of a model that nothing drives can be taken: h > 0, and no input does."""
+    return h > 0.0 and (is_as_planned(z) or not is_driven(z))
 
 
 @kernel(inline=False)
 def finish_step(z: Any, h: float, q: Quaternion, omega: Vec3) -> int:
     """Take attitude and rate, move the centre of mass, refresh the outputs; NOT_REACHED leaves all as it was."""
-    rest = (0.0 * q[0] + 0.0 * q[1]) + (0.0 * q[2] + 0.0 * q[3])
-    rest += 0.0 * omega[0] + (0.0 * omega[1] + 0.0 * omega[2])
-    if rest != 0.0 or (moves(z) and not has_pivot(z) and not _moved(z, h, q)):
+    if not is_finite_rotation(q, omega) or (moves(z) and not has_pivot(z) and not _moved(z, h)):
         return NOT_REACHED
+    return commit_step(z, h, q, omega)
+
+
+@kernel
+def is_finite_rotation(q: Quaternion, omega: Vec3) -> bool:
+    """Whether every number of an attitude and a rate is."""
+    rest = (0.0 * q[0] + 0.0 * q[1]) + (0.0 * q[2] + 0.0 * q[3])
+    return rest + (0.0 * omega[0] + (0.0 * omega[1] + 0.0 * omega[2])) == 0.0
+
+
+@kernel
+def is_finite_path(r: Vec3, v: Vec3) -> bool:
+    """Whether every number of a position and a velocity is."""
+    return 0.0 * r[0] + 0.0 * r[1] + 0.0 * r[2] + 0.0 * v[0] + 0.0 * v[1] + 0.0 * v[2] == 0.0
+
+
+@kernel
+def commit_step(z: Any, h: float, q: Quaternion, omega: Vec3) -> int:
+    """Take attitude and rate after a step h, refresh the outputs."""
     put_rotation(z, q, omega)
-    z[_ELAPSED], z[_ELAPSED + 1] = _later(z, _ELAPSED, h)
+    z[_ELAPSED], z[_ELAPSED + 1] = later(z, _ELAPSED, h)
     return outputs(z)
 
 
 @kernel
-def _moved(z: Any, h: float, q: Quaternion) -> bool:
-    """Whether the centre of mass has moved to where it is finite."""
+def _moved(z: Any, h: float) -> bool:
+    """Whether the centre of mass has moved to where it is finite; a force fixed in b keeps its first direction in a."""
     since, low, r_0, v_0 = 0.0, 0.0, vec3_at(z, _R_0), vec3_at(z, _V_0)
-    a = linear_acceleration(q, body_of(z), loads_of(z))
+    a = linear_acceleration(first_attitude(z), body_of(z), loads_of(z))
     if a == vec3_at(z, _HELD):
-        since, low = _later(z, _SINCE, h)
+        since, low = later(z, _SINCE, h)
     else:
         since, (r_0, v_0) = h, centre_of(z)
     t = since + low
     r, v = add_scaled(add_scaled(r_0, t, v_0), 0.5 * t * t, a), add_scaled(v_0, t, a)
-    if 0.0 * r[0] + 0.0 * r[1] + 0.0 * r[2] + 0.0 * v[0] + 0.0 * v[1] + 0.0 * v[2] != 0.0:
+    if not is_finite_path(r, v):
         return False
     put_centre(z, r, v)
     z[_SINCE], z[_SINCE + 1] = since, low

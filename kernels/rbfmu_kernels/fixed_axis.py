@@ -8,6 +8,7 @@ from typing import Any
 
 from ._kernel import kernel
 from ._scaling import power_of_two_for
+from ._symmetry import is_sphere
 from .body_memory import (
     BLOCKS,
     body_of,
@@ -34,19 +35,23 @@ from .quaternion import invert_quaternion, rotate
 from .rigid_body import damping_torque
 from .rotation import transform
 from .shapes import Quaternion, Vec3
-from .vec3 import add, cross, dot, is_nonzero
+from .vec3 import add, cross, dot, is_nonzero, norm, scale
 
 _Q_0, _MASS, _R_OC = (BLOCKS[n].start for n in ("quaternion_0", "mass", "r_oc_b"))
+_PARALLEL = 8.0 * 2.0**-52
+"""Of the length: what lies across an axis by round-off."""
 
 
 @kernel
 def main_axis(q: Quaternion, omega: Vec3, body: Body, loads: Loads) -> Vec3:
     """The principal axis of most of the rate, or of what begins to turn a body at rest.
 
-    In equilibrium the one about which its arm would swing.
+    In equilibrium the one about which its arm would swing.  A sphere's may be oblique: every axis is principal.
     """
-    moments, R = principal_frame(body[1])
     v = omega if is_nonzero(omega) else angular_acceleration(q, omega, body, loads)
+    if _may_be_oblique(body, loads) and is_nonzero(v):
+        return scale(1.0 / norm(v), v)
+    moments, R = principal_frame(body[1])
     e = ((R[0][0], R[1][0], R[2][0]), (R[0][1], R[1][1], R[2][1]), (R[0][2], R[1][2], R[2][2]))
     x, y, w = abs(dot(e[0], v)), abs(dot(e[1], v)), abs(dot(e[2], v))
     if not is_nonzero(v):
@@ -54,6 +59,12 @@ def main_axis(q: Quaternion, omega: Vec3, body: Body, loads: Loads) -> Vec3:
         w = _clearance(moments[2], e[2], body[3])
     k = 0 if x >= y and x >= w else (1 if y >= w else 2)
     return e[k]
+
+
+@kernel
+def _may_be_oblique(body: Body, loads: Loads) -> bool:
+    """Whether the body is a sphere that no force with an arm swings: round-off across its axis then stays round-off."""
+    return is_sphere(body[1]) and not (is_nonzero(body[3]) and is_nonzero(loads[1]))
 
 
 @kernel
@@ -65,17 +76,33 @@ def _clearance(moment: float, axis: Vec3, arm: Vec3) -> float:
 @kernel
 def leaves_axis(z: Any, axis: Vec3, q: Quaternion, omega: Vec3, body: Body, loads: Loads) -> bool:
     """Whether anything turns the body about another axis, at any angle; or a force would turn a free body's path."""
-    _, force_a, force_b, torque_a, _ = loads
+    _, force_a, _, torque_a, _ = loads
     arm, damping_b = body[3], body[4]
     q_ba = invert_quaternion(q)
     pull = rotate(q_ba, force_a)
     start = add(omega, angular_acceleration(q, omega, body, loads))
-    across = is_nonzero(cross(axis, start)) or is_nonzero(cross(axis, omega))
-    across = across or is_nonzero(cross(axis, damping_torque(damping_b, axis)))
-    across = across or is_nonzero(cross(axis, rotate(q_ba, torque_a)))
+    slack = _PARALLEL if _may_be_oblique(body, loads) else 0.0
+    across = _is_across(axis, start, slack) or _is_across(axis, omega, slack)
+    across = across or _is_across(axis, damping_torque(damping_b, axis), slack)
+    across = across or _is_across(axis, rotate(q_ba, torque_a), slack)
     across = across or (is_nonzero(cross(axis, arm)) and dot(axis, pull) != 0.0)
     across = across or (is_nonzero(cross(axis, pull)) and dot(axis, arm) != 0.0)
-    return across or (is_nonzero(force_b) and moves(z) and not has_pivot(z))
+    return across or turns_path(z, axis)
+
+
+@kernel
+def turns_path(z: Any, axis: Vec3) -> bool:
+    """Whether a force that turns about an axis with the body bends its path, and somebody looks; one along it does not.
+
+    axis: of any size, zero where the body does not turn.
+    """
+    return moves(z) and _is_across(axis, loads_of(z)[2], _PARALLEL)
+
+
+@kernel
+def _is_across(axis: Vec3, v: Vec3, slack: float) -> bool:
+    """Whether more than a part of v lies across an axis of any size."""
+    return norm(cross(axis, v)) > slack * norm(axis) * norm(v)
 
 
 @kernel(inline=False)

@@ -25,7 +25,7 @@ from .body_memory import (
 from .body_outputs import first_outputs
 from .body_outputs import output_rates as body_output_rates
 from .body_outputs import outputs as outputs
-from .closed_form import CLOSED_FORM, finish_step, goes_on_free, has_torque, start_clocks, time_after
+from .closed_form import CLOSED_FORM, finish_step, goes_on_free, is_driven, start_clocks, time_after
 from .free_rotation import (
     COLUMNS,
     FREE_ROTATION_SIZE,
@@ -43,8 +43,9 @@ from .quaternion import compose_quaternions, invert_quaternion
 from .rotation import invert_matrix, quaternion_from_matrix, transform
 from .shapes import Vec3
 
-BLOCKS, SIZE = places(CLOSED_FORM | {"axes": 9, "place": 4, "moved": 1, "constants": FREE_ROTATION_SIZE})
+FREE = CLOSED_FORM | {"axes": 9, "place": 4, "moved": 1, "constants": FREE_ROTATION_SIZE}
 """Besides, after a step: where on the polhode the body is, and 1."""
+BLOCKS, SIZE = places(FREE)
 
 _M, _AXES, _PLACE, _MOVED, _CONSTANTS = (BLOCKS[n].start for n in ("M", "axes", "place", "moved", "constants"))
 _TORQUE = 11
@@ -57,8 +58,15 @@ def initialize(z: Any) -> int:
     fault = initialize_body(z)
     if fault != 0:
         return fault
-    if has_torque(z) and not is_as_planned(z):
+    if is_driven(z) and not is_as_planned(z):
         return _TORQUE
+    set_up(z)
+    return first_outputs(z)
+
+
+@kernel(inline=False)
+def set_up(z: Any) -> None:
+    """The exact motion's constants and the clocks."""
     moments, axes = exact_frame(z)
     R_bp = invert_matrix(rounded(axes))
     put_matrix_at(z, _AXES, R_bp)
@@ -72,7 +80,6 @@ def initialize(z: Any) -> int:
         put_quaternion_at(z, i, compose_quaternions(quaternion_at(z, i), invert_quaternion(q_bp)))
     start_clocks(z)
     z[_MOVED] = 0.0
-    return first_outputs(z)
 
 
 @kernel(inline=False)
@@ -80,19 +87,27 @@ def step(z: Any, h: float) -> int:
     """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite or an input makes a torque."""
     if not goes_on_free(z, h):
         return NOT_REACHED
-    constants = _constants(z)
+    constants = constants_of(z)
     t = scaled_time(constants, time_after(z, h))
     place = place_at(constants, t)
-    q, omega = rotation_of(z)
-    if turns(z):
-        q = attitude_at(constants, t, place)
-    if shows_rates(z):
-        omega = _rates(z, place)
-    status = finish_step(z, h, q, omega)
+    q = attitude_at(constants, t, place) if turns(z) else rotation_of(z)[0]
+    status = finish_step(z, h, q, shown_rates(z, place))
     if status == FINE:
-        put_quaternion_at(z, _PLACE, place)
-        z[_MOVED] = 1.0
+        keep_place(z, place)
     return status
+
+
+@kernel
+def shown_rates(z: Any, place: Place) -> Vec3:
+    """omega_ab_b at a place on the polhode, where an output needs it."""
+    return _rates(z, place) if shows_rates(z) else rotation_of(z)[1]
+
+
+@kernel
+def keep_place(z: Any, place: Place) -> None:
+    """Where on the polhode the body is after a step."""
+    put_quaternion_at(z, _PLACE, place)
+    z[_MOVED] = 1.0
 
 
 @kernel(inline=False)
@@ -106,12 +121,13 @@ def output_rates(z: Any) -> int:
 @kernel(inline=False)
 def _rates(z: Any, place: Place) -> Vec3:
     """omega_ab_b at a place on the polhode."""
-    v = in_body_axes(rates_at(_constants(z), place), z[_CONSTANTS + COLUMNS + 16], z[_CONSTANTS + COLUMNS + 17])
+    v = in_body_axes(rates_at(constants_of(z), place), z[_CONSTANTS + COLUMNS + 16], z[_CONSTANTS + COLUMNS + 17])
     return transform(matrix_at(z, _AXES), v)
 
 
 @kernel
-def _constants(z: Any) -> FreeRotation:
+def constants_of(z: Any) -> FreeRotation:
+    """What `set_up` has set up."""
     c = z[_CONSTANTS : _CONSTANTS + FREE_ROTATION_SIZE]
     return (
         c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8], c[9], c[10], c[11],

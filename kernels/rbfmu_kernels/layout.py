@@ -51,5 +51,7 @@ FAULTS: dict[int, tuple[str, str]] = {
          + _to_vary("damping_b or the load")),
     19: ("", "expected two equal moments, torque and damping about the third axis alone, no attitude to show: this "
          f"model is a symmetric body spun up; {_to_vary('inertia, damping_b or the load')}"),
+    20: ("", "expected no torque but torque_a, which alone changes this model's angular momentum; "
+         + _to_vary("inertia, damping_b or the load")),
 }  # fmt: skip
 """What a unit's `initialize` refuses, by its return value: the block of variables, and what was expected."""

@@ -16,16 +16,14 @@ from .body_memory import (
     initialize_body,
     is_as_planned,
     loads_of,
-    put_quaternion_at,
     put_vec3_at,
-    quaternion_at,
     rotation_of,
     vec3_at,
 )
 from .body_outputs import first_outputs
 from .body_outputs import output_rates as output_rates
 from .body_outputs import outputs as outputs
-from .closed_form import CLOSED_FORM, finish_step, start_clocks
+from .closed_form import CLOSED_FORM, finish_step, first_attitude, start_clocks
 from .dop853 import LONGEST_STEP
 from .elementary import sincos
 from .fixed_axis import leaves_axis, main_axis, pull_and_decay, swing
@@ -39,12 +37,12 @@ ORDERS = (4, 8, 16)
 _ROWS = ORDERS[-1] + 1
 BLOCKS, SIZE = places(
     CLOSED_FORM
-    | {"order": 1, "substeps": 1, "q_0": 4, "axis": 3, "angle": 1, "pull": 1, "decay": 1, "swing": 2}
+    | {"order": 1, "substeps": 1, "axis": 3, "angle": 1, "pull": 1, "decay": 1, "swing": 2}
     | {"series": 3 * _ROWS}
 )
 
-_Q_0, _AXIS, _ANGLE, _PULL, _DECAY, _SWING, _SERIES = (
-    BLOCKS[n].start for n in ("q_0", "axis", "angle", "pull", "decay", "swing", "series")
+_AXIS, _ANGLE, _PULL, _DECAY, _SWING, _SERIES = (
+    BLOCKS[n].start for n in ("axis", "angle", "pull", "decay", "swing", "series")
 )
 _TOLERANCE, _ORDER, _SUBSTEPS = (BLOCKS[n].start for n in ("tolerance", "order", "substeps"))
 _RATES, _SINES, _COSINES = _SERIES, _SERIES + _ROWS, _SERIES + 2 * _ROWS
@@ -63,7 +61,6 @@ def initialize(z: Any) -> int:
     if not is_as_planned(z) and leaves_axis(z, axis, q, omega, body, loads):
         return _MORE_AXES
     cosine, sine = swing(z, axis)
-    put_quaternion_at(z, _Q_0, q)
     put_vec3_at(z, _AXIS, axis)
     z[_ANGLE] = z[_SUBSTEPS] = 0.0
     z[_SWING], z[_SWING + 1] = cosine[0], sine[0]
@@ -94,7 +91,7 @@ def step(z: Any, h: float) -> int:
         part = rest / count
         angle, rate = _angle_after(z, angle, part, order), _rate_after(z, part, order)
         rest = 0.0 if count == 1 else rest - part
-    q = compose_quaternions(quaternion_at(z, _Q_0), quaternion_from_axis_angle(axis, angle))
+    q = compose_quaternions(first_attitude(z), quaternion_from_axis_angle(axis, angle))
     status = finish_step(z, h, q, scale(rate, axis))
     if status == FINE:
         z[_ANGLE] = angle

@@ -16,9 +16,7 @@ from .body_memory import (
     body_of,
     initialize_body,
     is_as_planned,
-    put_quaternion_at,
     put_vec3_at,
-    quaternion_at,
     rotation_of,
     turns,
     vec3_at,
@@ -30,8 +28,9 @@ from .closed_form import (
     CLOSED_FORM,
     TURNING,
     finish_step,
+    first_attitude,
     goes_on_free,
-    has_torque,
+    is_driven,
     put_turning_at,
     start_clocks,
     time_after,
@@ -42,11 +41,9 @@ from .layout import NOT_REACHED, places
 from .quaternion import compose_quaternions, invert_quaternion, rotate
 from .rotation import invert_matrix, transform
 
-BLOCKS, SIZE = places(CLOSED_FORM | {"q_0": 4, "omega_0": 3, "about_momentum": TURNING, "about_axis": TURNING})
+BLOCKS, SIZE = places(CLOSED_FORM | {"omega_0": 3, "about_momentum": TURNING, "about_axis": TURNING})
 
-_Q_0, _OMEGA_0, _ABOUT_MOMENTUM, _ABOUT_AXIS = (
-    BLOCKS[n].start for n in ("q_0", "omega_0", "about_momentum", "about_axis")
-)
+_OMEGA_0, _ABOUT_MOMENTUM, _ABOUT_AXIS = (BLOCKS[n].start for n in ("omega_0", "about_momentum", "about_axis"))
 _TORQUE, _NOT_SYMMETRIC = 11, 16
 """Keys of `layout.FAULTS`."""
 
@@ -57,16 +54,15 @@ def initialize(z: Any) -> int:
     fault = initialize_body(z)
     if fault != 0:
         return fault
-    (q, omega), body = rotation_of(z), body_of(z)
+    omega, body = rotation_of(z)[1], body_of(z)
     if not is_as_planned(z):
-        if has_torque(z):
+        if is_driven(z):
             return _TORQUE
         if not is_symmetric_top(body[1]):
             return _NOT_SYMMETRIC
     mean, moment, exact_axes = exact_symmetric_frame(z)
     momentum, own = symmetric_turnings(mean, moment, rates_along(exact_axes, omega))
     axes = rounded(exact_axes)
-    put_quaternion_at(z, _Q_0, q)
     put_vec3_at(z, _OMEGA_0, omega)
     put_turning_at(z, _ABOUT_MOMENTUM, (transform(invert_matrix(axes), momentum[0]), momentum[1]))
     put_turning_at(z, _ABOUT_AXIS, (axes[2], own[1]))
@@ -80,7 +76,7 @@ def step(z: Any, h: float) -> int:
     if not goes_on_free(z, h):
         return NOT_REACHED
     t = time_after(z, h)
-    q, back = quaternion_at(z, _Q_0), turned(turning_at(z, _ABOUT_AXIS), t)
+    q, back = first_attitude(z), turned(turning_at(z, _ABOUT_AXIS), t)
     if turns(z):
         q = compose_quaternions(compose_quaternions(q, turned(turning_at(z, _ABOUT_MOMENTUM), t)), back)
     return finish_step(z, h, q, rotate(invert_quaternion(back), vec3_at(z, _OMEGA_0)))

@@ -14,8 +14,6 @@ from .body_memory import PARAMETERS as PARAMETERS
 from .body_memory import (
     initialize_body,
     is_as_planned,
-    put_quaternion_at,
-    quaternion_at,
     rotation_of,
 )
 from .body_outputs import first_outputs
@@ -25,7 +23,7 @@ from .closed_form import (
     CLOSED_FORM,
     TURNING,
     finish_step,
-    goes_on_free,
+    first_attitude,
     has_torque,
     put_turning_at,
     start_clocks,
@@ -33,12 +31,13 @@ from .closed_form import (
     turning_at,
 )
 from .double_double import dd_vector
+from .fixed_axis import turns_path
 from .layout import NOT_REACHED, places
 from .quaternion import compose_quaternions
 
-BLOCKS, SIZE = places(CLOSED_FORM | {"q_0": 4, "turning": TURNING})
+BLOCKS, SIZE = places(CLOSED_FORM | {"turning": TURNING})
 
-_Q_0, _TURNING = BLOCKS["q_0"].start, BLOCKS["turning"].start
+_TURNING = BLOCKS["turning"].start
 _UNSTEADY = 15
 """Key of `layout.FAULTS`."""
 
@@ -49,11 +48,9 @@ def initialize(z: Any) -> int:
     fault = initialize_body(z)
     if fault != 0:
         return fault
-    q, omega = rotation_of(z)
-    steady = keeps_its_rate(z, omega) and not has_torque(z)
-    if not steady and not is_as_planned(z):
+    omega = rotation_of(z)[1]
+    if not is_as_planned(z) and (not keeps_its_rate(z, omega) or _is_disturbed(z)):
         return _UNSTEADY
-    put_quaternion_at(z, _Q_0, q)
     put_turning_at(z, _TURNING, turning_about(dd_vector(omega)))
     start_clocks(z)
     return first_outputs(z)
@@ -62,8 +59,14 @@ def initialize(z: Any) -> int:
 @kernel(inline=False)
 def step(z: Any, h: float) -> int:
     """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite or an input makes a torque."""
-    if not goes_on_free(z, h):
+    if not h > 0.0 or (_is_disturbed(z) and not is_as_planned(z)):
         return NOT_REACHED
     t = time_after(z, h)
-    q = compose_quaternions(quaternion_at(z, _Q_0), turned(turning_at(z, _TURNING), t))
+    q = compose_quaternions(first_attitude(z), turned(turning_at(z, _TURNING), t))
     return finish_step(z, h, q, rotation_of(z)[1])
+
+
+@kernel
+def _is_disturbed(z: Any) -> bool:
+    """Whether a torque acts, or a force turns with the body's path: one along the rate does not turn."""
+    return has_torque(z) or turns_path(z, rotation_of(z)[1])
