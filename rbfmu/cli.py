@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import Progress
 from rich.table import Table
 
@@ -62,6 +63,8 @@ class _Commands(click.Group):
         except SimulationError as error:
             click.echo(f"Error: {error}", err=True)
             ctx.exit(1)
+        except BrokenPipeError:
+            raise  # click ends quietly
         except OSError as error:
             click.echo(f"Error: {error.filename or 'a file'}: {error.strerror or error}", err=True)
         ctx.exit(2)
@@ -199,6 +202,7 @@ def build(scene: Path, output: Path | None, native: bool, platforms: str, model:
 @click.option("--seed", default=1, show_default=True, help="Of the signal that drives the inputs.")
 def verify(fmu: Path, seed: int) -> None:
     """Compare an FMU with direct calls of its kernels, bit by bit, and validate it."""
+    from rbfmu.scene_keys import quantity
     from rbfmu_fmu import VerificationError
     from rbfmu_fmu import verify as verify_fmu
 
@@ -207,9 +211,9 @@ def verify(fmu: Path, seed: int) -> None:
         found = verify_fmu(fmu, seed)
     except VerificationError as error:
         raise click.UsageError(str(error)) from None
-    table = Table("output", "largest difference to the kernels", box=None)
+    table = Table("output", "unit", "largest difference to the kernels", box=None)
     for name, difference in found.differences.items():
-        table.add_row(name.replace("[", r"\["), repr(difference))
+        table.add_row(escape(name), quantity(name.split("[")[0]).unit, repr(difference))
     Console(highlight=False).print(table)
     click.echo(f"{found.steps_done} of {found.steps_asked} steps done; inputs from seed {found.seed}")
     click.echo(f"planned and full model differ by {found.to_full:.1e}, accuracy asked {found.accuracy:g}")
