@@ -14,6 +14,8 @@ import os, signal, sys, time
 
 def strike(*args, **kwargs):
     signal.raise_signal(signal.SIGINT)
+    while True:
+        pass
 
 {stage}
 from rbfmu.__main__ import main
@@ -76,11 +78,12 @@ import rbfmu.cli; rbfmu.cli.progress_bar = forgotten
 }
 
 
-def start(arguments: list[str], stage: str, **environment: str) -> subprocess.Popen[str]:
-    """A process that hears SIGINT even where the tests run in the background."""
+def start(folder: Path, arguments: list[str], stage: str, **environment: str) -> subprocess.Popen[str]:
+    """A process that hears SIGINT even where the tests run in the background; a module, as in `python -m rbfmu`."""
+    (folder / "driver.py").write_text(DRIVER.format(stage=stage, arguments=arguments))
     return subprocess.Popen(
-        [sys.executable, "-c", DRIVER.format(stage=stage, arguments=arguments)],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=os.environ | environment,
+        [sys.executable, "-m", "driver"], cwd=folder, env=os.environ | environment,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )  # fmt: skip
 
@@ -99,13 +102,13 @@ def check_interrupted(process: subprocess.Popen[str]) -> None:
 def test_an_interrupt_ends_with_status_130_and_no_traceback(stage: str, tmp_path: Path) -> None:
     environment = {"NUMBA_CACHE_DIR": str(tmp_path)} if stage == "compiling" else {}
     arguments = ["run", str(SCENE), "-o", str(tmp_path / "it.csv"), "--plot", str(tmp_path / "it.png")]
-    check_interrupted(start(arguments, STAGES[stage], **environment))
+    check_interrupted(start(tmp_path, arguments, STAGES[stage], **environment))
 
 
 @pytest.mark.parametrize("command", ["demo", "build", "chart", "new"])
 def test_every_command_can_be_interrupted(command: str, tmp_path: Path) -> None:
     arguments = [command, str(tmp_path / "any")] if command in ("build", "new") else [command]
-    check_interrupted(start(arguments, "import click; click.Command.invoke = strike"))
+    check_interrupted(start(tmp_path, arguments, "import click; click.Command.invoke = strike"))
 
 
 def test_an_interrupt_from_outside_ends_a_run(tmp_path: Path) -> None:
@@ -115,7 +118,7 @@ def wait(*args):
     time.sleep(600)
 import rbfmu.simulation; rbfmu.simulation.time_grid = wait
 """
-    process = start(["run", str(SCENE)], stage)
+    process = start(tmp_path, ["run", str(SCENE)], stage)
     assert process.stdout is not None
     assert process.stdout.readline() == "running\n"
     process.send_signal(signal.SIGINT)
