@@ -27,14 +27,14 @@ def prescribed_rates_error(scene: Scene) -> float:
 def conditioning_error(scene: Scene, model: str) -> float:
     """What a torque-free model loses where the inertia matrix is full, rad; 0 where it is diagonal.
 
-    A body taken as symmetric: three times its moments' relative difference, times the angle that it turns by.  One of
-    three moments: what double-double leaves of its distance from the separatrix, at each flip.
+    A body taken as symmetric: what its moments' difference makes of the angle that it turns by.  One of three moments:
+    what double-double leaves of its distance from the separatrix, at each flip.
     """
     plan = Plan(model, "", 0)
     z = filled_buffer(scene, plan)
     span = scene.run.stop - scene.run.start
     if model == "torque-free symmetric body":
-        return 3.0 * _asymmetry(scene, z) * _speed(scene.initial.omega_b) * span
+        return _lost_symmetry(scene, z)
     if model.startswith("torque-free body") and _is_full(scene):
         initialize(scene, plan.unit, z)
         constants = z[plan.unit.BLOCKS["constants"]]
@@ -67,9 +67,21 @@ def _is_full(scene: Scene) -> bool:
     return scene.body.pivot or any(M[i][j] for i, j in ((0, 1), (0, 2), (1, 2)))
 
 
-def _asymmetry(scene: Scene, z: Buffer) -> float:
-    """The relative difference of the two nearest moments."""
+def _lost_symmetry(scene: Scene, z: Buffer) -> float:
+    """Two moments' difference over the least moment, times the angle, and times that in which the rate across turns.
+
+    For it turns the body about its axis the faster the thinner it is, as long as the rate across stays where it is.
+    """
     assert scene.body is not None
-    own = tuple((scene.body.M[i][i], 0.0) for i in range(3))
-    a, b, c = sorted(exact_frame(z)[0] if _is_full(scene) else own)
-    return min(_difference(q, p) / q[0] for p, q in ((a, b), (b, c)))
+    M, omega, span = scene.body.M, scene.initial.omega_b, scene.run.stop - scene.run.start
+    if not _is_full(scene) and len({M[0][0], M[1][1], M[2][2]}) < 3:
+        return 0.0
+    moments, axes = exact_frame(z)
+    low, middle, high = sorted(range(3), key=lambda k: moments[k])
+    below, above = _difference(moments[middle], moments[low]), _difference(moments[high], moments[middle])
+    gap, s = (below, high) if below <= above else (above, low)
+    if gap == 0.0 or moments[low][0] <= 0.0:
+        return gap * math.inf if gap else 0.0
+    own = abs(rates_along(axes, omega)[s][0] * _difference(moments[s], moments[middle])) / moments[middle][0]
+    speed = _speed(omega)
+    return gap / moments[low][0] * speed * span * (1.0 + speed * min(span, 1.0 / own if own else math.inf))

@@ -80,7 +80,7 @@ def test_300_turned_bodies_of_each_kind(kind):
     check(kind, 300, seed=2)
 
 
-@pytest.mark.parametrize("kind", ["symmetric", "sphere"])
+@pytest.mark.parametrize("kind", ["symmetric", "sphere", "rod"])
 def test_a_body_symmetric_but_for_round_off_loses_its_moments_difference(kind):
     rng = np.random.default_rng([3, KINDS.index(kind)])
     angles, rates, lost = np.transpose([errors(kind, "torque-free symmetric body", rng) for _ in range(12)])
