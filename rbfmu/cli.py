@@ -253,11 +253,13 @@ def chart(folder: Path, quick: bool) -> None:
 @click.option("--quick", is_flag=True, help="Coarse and fast: to see that it runs.")
 def stability(folder: Path, quick: bool) -> None:
     """Measure where methods fail, against the laws that predict it; draw it."""
-    from rbfmu.stability import failures, run_stability
+    from rbfmu.stability import failures, read_findings, run_stability
+    from rbfmu.stability.report import print_laws
 
-    for path in run_stability(folder, quick, progress_bar("stability")):
-        click.echo(path)
-    wrong = failures(folder)
+    paths = run_stability(folder, quick, progress_bar("stability"))
+    findings, wrong = read_findings(folder), failures(folder)
+    print_laws(findings)
+    click.echo(f"\n{len(findings) - len(wrong)} of {len(findings)} findings hold; {len(paths)} files in {folder}")
     for text in wrong:
         click.echo(f"does not hold: {text}")
     click.get_current_context().exit(1 if wrong else 0)

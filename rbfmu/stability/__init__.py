@@ -1,6 +1,7 @@
 """Where methods fail: the laws of stability, measured against their predictions, pictures and maps.
 
-`run_stability` collects all numbers in CSV files first and draws afterwards; `failures` reads what does not hold.
+`run_stability` collects all numbers in CSV files first and draws afterwards; `failures` reads what does not hold,
+`read_findings` all.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -10,15 +11,16 @@ from typing import Any
 
 from rbfmu.stability.attitude_laws import drift, gimbal_passage, growth_factors, small_angles
 from rbfmu.stability.body_laws import damping_limits, energy_drift, gyroscopic_blow_up, moser_veselov_limits
-from rbfmu.stability.findings import Finding, Study, failures, write_columns, write_findings
-from rbfmu.stability.maps import METHODS, QUICK_METHODS, Row, verdicts
+from rbfmu.stability.findings import Finding, Study, failures, read_findings, write_columns, write_findings
+from rbfmu.stability.maps import METHODS, QUICK_METHODS, Row, findings_of_maps, verdicts
+from rbfmu.stability.model_laws import orders_and_error_control, product_models
 from rbfmu.stability.top_laws import intermediate_axis, kick_resonance, sleeping_top
 
-__all__ = ["STUDIES", "Finding", "Study", "failures", "run_stability", "write_findings"]
+__all__ = ["STUDIES", "Finding", "Study", "failures", "read_findings", "run_stability", "write_findings"]
 
 STUDIES: tuple[Callable[[bool], Study], ...] = (
     growth_factors, drift, gimbal_passage, gyroscopic_blow_up, damping_limits, moser_veselov_limits, energy_drift,
-    small_angles, intermediate_axis, sleeping_top, kick_resonance,
+    small_angles, intermediate_axis, sleeping_top, kick_resonance, product_models, orders_and_error_control,
 )  # fmt: skip
 """Each measures one or more laws; the argument asks for a quick, coarse run."""
 
@@ -62,12 +64,12 @@ def _picture(pictures: list[Path], studies: Sequence[Study], k: int, folder: Pat
     pictures.append(draw(studies[k], folder))
 
 
-def _write(folder: Path, studies: Sequence[Study], rows: Sequence[Row]) -> list[Path]:
-    findings = sorted((f for study in studies for f in study.findings), key=lambda f: f.law)
-    names = ("method", "h_omega", "moment_ratio", "verdict")
+def _write(folder: Path, studies: Sequence[Study], rows: list[Row]) -> list[Path]:
+    findings = [f for study in studies for f in study.findings] + findings_of_maps(rows)
+    names = ("method", "h_omega", "moment_ratio", "verdict", "error")
     maps = {name: [row[k] for row in rows] for k, name in enumerate(names)}
     return [
-        write_findings(folder / "laws.csv", findings),
+        write_findings(folder / "laws.csv", sorted(findings, key=lambda f: f.law)),
         *(write_columns(folder / f"{study.name}.csv", study.columns) for study in studies),
         write_columns(folder / "maps.csv", maps),
     ]

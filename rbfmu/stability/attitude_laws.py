@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from rbfmu.contestants import CONTESTANTS
-from rbfmu.stability.cases import NO_LOADS, SPHERE, UPRIGHT, angle, at, exact, free_body, one_step, spin
-from rbfmu.stability.findings import Finding, Study
+from rbfmu.stability.cases import NO_LOADS, SPHERE, UPRIGHT, angle, at, free_body, one_step, spin, turned
+from rbfmu.stability.findings import AT_MOST, RECORDED, Finding, Study
 from rbfmu_kernels.dop853_tableau import STAGES, A
 from rbfmu_kernels.dynamics import State
 from rbfmu_kernels.euler_angles import ZYX, euler_from_quaternion, euler_rate_b
@@ -16,6 +16,7 @@ from rbfmu_kernels.rotation import matrix_from_quaternion
 from rbfmu_kernels.rotvec import quaternion_from_rotvec, rotvec_from_quaternion, rotvec_rate_b
 
 _BODY = free_body(SPHERE)
+EPS = 2.0**-52
 
 
 def stability_polynomial(method: str) -> Callable[[complex], complex]:
@@ -103,7 +104,7 @@ def drift(quick: bool) -> Study:
     n = 10_000
     k = counts.index(n)
     after = CONTESTANTS["RK4, quaternion"].run(spin(1.0), x, n, _BODY, NO_LOADS)
-    lag = angle(after, exact(SPHERE, spin(1.0), x * n)[2])
+    lag = angle(after, turned(spin(1.0), x * n))
     findings = [
         Finding(2, "RK4 on q, decay of |q| in 1e4 steps, h omega = 0.1", columns["q, predicted"][k], columns["q"][k],
                 5e-4),
@@ -128,7 +129,7 @@ def _passage_error(method: str, ratio: float) -> float:
     """Attitude error after half a turn with h omega / delta = ratio."""
     n = round(math.pi / (ratio * _MISS))
     after = CONTESTANTS[method].run(_passage(), math.pi / n, n, _BODY, NO_LOADS)
-    return angle(after, exact(SPHERE, _passage(), math.pi)[2])
+    return angle(after, turned(_passage(), math.pi))
 
 
 def gimbal_passage(quick: bool) -> Study:
@@ -138,16 +139,19 @@ def gimbal_passage(quick: bool) -> Study:
     columns |= {name: [_passage_error(name, r) for r in ratios] for name in ("RK4, Euler angles", "RK4, quaternion")}
     yaw_rates = []
     for t in np.linspace(0.45 * math.pi, 0.55 * math.pi, 2001).tolist():
-        state = exact(SPHERE, _passage(), t)
-        yaw_rates.append(abs(euler_rate_b(ZYX, euler_from_quaternion(ZYX, state[2]), state[3])[0]))
+        q_ab = turned(_passage(), t)
+        yaw_rates.append(abs(euler_rate_b(ZYX, euler_from_quaternion(ZYX, q_ab), _passage()[3])[0]))
     findings = [
         Finding(4, "largest yaw rate over omega / delta, delta = 0.01", 1.0, max(yaw_rates) * _MISS, 1e-4),
         *(
-            Finding(4, f"RK4 on angles, error in rad at h omega / delta = {ratio:g}", predicted,
-                    _passage_error("RK4, Euler angles", ratio), 0.04)
-            for ratio, predicted in ((10.0, 8e-2), (1.0, 3.6e-5), (0.1, 3e-9))
+            Finding(4, f"RK4 on angles, error in rad at h omega / delta = {ratio:g}", recorded,
+                    _passage_error("RK4, Euler angles", ratio), 0.04, RECORDED)
+            for ratio, recorded in ((10.0, 8e-2), (1.0, 3.6e-5), (0.1, 3e-9))
         ),
-        Finding(4, "RK4 on q, error in rad at the same h = 0.1", 1.7e-7, _passage_error("RK4, quaternion", 10.0), 0.02),
+        Finding(4, "RK4 on angles, order from h omega / delta = 0.2 to 0.1", 4.0,
+                math.log2(_passage_error("RK4, Euler angles", 0.2) / _passage_error("RK4, Euler angles", 0.1)), 0.02),
+        Finding(4, "RK4 on q, lag in rad over half a turn with h = pi / 31", math.pi * (math.pi / 31) ** 4 / 1920,
+                _passage_error("RK4, quaternion", 10.0), 1e-2),
     ]  # fmt: skip
     return Study("gimbal_passage", findings, columns)
 
@@ -189,5 +193,10 @@ def small_angles(quick: bool) -> Study:
         Finding(9, "acos of the trace at theta = 1e-8", 0.0, _acos_of_trace(1e-8), 0.0),
         Finding(9, "(1 - cos) / theta^2 at theta = 1e-8, relative error", 1.0,
                 relative((1.0 - math.cos(1e-8)) / 1e-16, versine(1e-8)), 1e-15),
+        Finding(9, "rotation vector of a quaternion, 1e-12 to 1 rad: relative error", 4.0 * EPS,
+                max(columns["rotvec_from_quaternion"]), 0.0, AT_MOST),
+        Finding(9, "its way there, against sin(theta / 2): relative error", 2.0 * EPS,
+                max(relative(quaternion_from_rotvec((x, 0.0, 0.0))[1], math.sin(0.5 * x)) for x in thetas), 0.0,
+                AT_MOST),
     ]  # fmt: skip
     return Study("small_angles", findings, columns)

@@ -1,14 +1,16 @@
 """Bodies and states that the laws are measured on, and product methods as one-step methods."""
 
+import math
 from typing import Any
 
 import numpy as np
 
-from rbfmu.contestants import CONTESTANTS, Contestant, compiled_loop
+from rbfmu.contestants import CONTESTANTS, Contestant
+from rbfmu.models import Plan
+from rbfmu.scene import Scene
+from rbfmu.simulation import Result, simulate
 from rbfmu_kernels import dop853, kicked_top
-from rbfmu_kernels._kernel import kernel
 from rbfmu_kernels.dynamics import Body, Loads, State, steady
-from rbfmu_kernels.free_rotation import free_rotation
 from rbfmu_kernels.inertia import diagonal, inverse_inertia
 from rbfmu_kernels.quaternion import angle_between
 from rbfmu_kernels.rigid_body import kinetic_energy
@@ -59,17 +61,40 @@ def angle(a: State, q: Quaternion) -> float:
     return angle_between(a[2], q)
 
 
-def exact(moments: Vec3, state: State, t: float) -> State:
-    """The torque-free motion."""
-    return at(*free_rotation(moments, state[2], state[3], t))
+def turned(state: State, t: float) -> Quaternion:
+    """The attitude of a sphere after t: its rate is constant."""
+    rate = math.hypot(*state[3])
+    e, x, y, z = state[2]
+    a, s = math.cos(0.5 * rate * t), math.sin(0.5 * rate * t) / rate
+    b, c, d = s * state[3][0], s * state[3][1], s * state[3][2]
+    return (
+        e * a - x * b - y * c - z * d, e * b + x * a + y * d - z * c,
+        e * c - x * d + y * a + z * b, e * d + x * c - y * b + z * a,
+    )  # fmt: skip
 
 
-@kernel(inline=False)
-def exact_step(state: State, h: float, body: Body, loads: Loads) -> State:
-    """The exact torque-free motion in principal axes, set up anew at each step."""
-    M = body[1]
-    q, omega = free_rotation((M[0][0], M[1][1], M[2][2]), state[2], state[3], h)
-    return state[0], state[1], q, omega
+def free_motion(moments: Vec3, start: State, stop: float, step: float) -> Result:
+    """The torque-free motion by the product's model."""
+    scene = Scene.from_dict({
+        "body": {"mass": 1.0, "inertia": moments},
+        "initial": {"attitude": {"quaternion": start[2]}, "omega_b": start[3]},
+        "loads": {"gravity_a": ZERO},
+        "outputs": {"quantities": ["omega_b"]},
+        "run": {"stop": stop, "step": step},
+    })  # fmt: skip
+    return simulate(scene, planned=Plan("torque-free body", "", 3))
+
+
+def damped_rate(planned: Plan, x: float) -> float:
+    """What one step of a product's model makes of a spin of 1 rad/s, h d / I = x."""
+    scene = Scene.from_dict({
+        "body": {"mass": 1.0, "inertia": SPHERE},
+        "initial": {"omega_b": (0.0, 0.0, 1.0)},
+        "loads": {"gravity_a": ZERO, "damping_b": (x, x, x)},
+        "outputs": {"quantities": ["omega_b"]},
+        "run": {"stop": 1.0, "step": 1.0},
+    })  # fmt: skip
+    return float(simulate(scene, planned=planned).omega_b[1, 2])
 
 
 def rotational_energy(moments: Vec3, state: State) -> float:
@@ -97,7 +122,3 @@ def _dop853_step(state: State, h: float, body: Body, loads: Loads) -> State:
     dop853.dop853_step(z, 0, dop853.STATE, dop853.ROTATION, 0.0, h, body, steady(loads))
     after = z[dop853.STATE :].tolist()
     return at(tuple(after[0:4]), tuple(after[4:7]))
-
-
-EXACT_STEPS = Contestant("exact steps", compiled_loop(exact_step), 0, 0)
-"""The product's torque-free motion used as a one-step method."""

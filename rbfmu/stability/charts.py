@@ -5,7 +5,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from rbfmu.stability import attitude_charts, body_charts
+from rbfmu.stability import attitude_charts, body_charts, model_charts
 from rbfmu.stability.findings import Study
 
 PICTURES: dict[str, Callable[[Study], Figure]] = {
@@ -14,7 +14,8 @@ PICTURES: dict[str, Callable[[Study], Figure]] = {
         attitude_charts.growth_factors, attitude_charts.drift, attitude_charts.gimbal_passage,
         body_charts.gyroscopic_blow_up, body_charts.damping_limits, body_charts.moser_veselov_limits,
         body_charts.energy_drift, attitude_charts.small_angles, body_charts.intermediate_axis,
-        body_charts.sleeping_top, body_charts.kick_resonance,
+        body_charts.sleeping_top, body_charts.kick_resonance, model_charts.product_models,
+        model_charts.orders_and_error_control,
     )
 }  # fmt: skip
 """By the study's name."""

@@ -31,11 +31,11 @@ def ink(color: str) -> str:
     return {ORANGE: "#b37700", SKY: "#2c7fb0", PURPLE: "#b0568c"}.get(color, color)
 
 
-def titled_axes(title: str, x: str, y: str, *, right: float = 0.97) -> Any:
-    """One panel under a title that says the finding; right: the panel's edge, room for labels beyond it."""
+def titled_axes(title: str, x: str, y: str, *, left: float = 0.1, right: float = 0.97) -> Any:
+    """One panel under a title that says the finding; left, right: the panel's edges, room for labels beyond."""
     figure = Figure(figsize=(8.4, 5.0))
-    axes = figure.add_axes((0.1, 0.12, right - 0.1, 0.74))
-    axes.set_title(title, fontsize=11, loc="left", pad=10)
+    axes = figure.add_axes((left, 0.12, right - left, 0.74))
+    axes.set_title(title, fontsize=11, x=(0.1 - left) / (right - left), loc="left", pad=10)
     axes.set_xlabel(x)
     axes.set_ylabel(y)
     open_frame(axes, grid=True)

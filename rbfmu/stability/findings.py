@@ -7,14 +7,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-EQUAL, AT_MOST = "equal", "at most"
+EQUAL, AT_MOST, RECORDED = "equal", "at most", "recorded"
+"""A prediction; a bound; no prediction, but a figure measured before."""
 
 
 @dataclass(frozen=True)
 class Finding:
     """One number that theory predicts, and its measured value.
 
-    tolerance: how far they may differ, relative to the prediction; for AT_MOST the prediction is a bound.
+    tolerance: how far they may differ, relative to the prediction; for AT_MOST the prediction is a bound. place: where
+    in a map, or of which motion; findings of one `what` are told together.
     """
 
     law: int
@@ -23,6 +25,7 @@ class Finding:
     measured: float
     tolerance: float
     kind: str = EQUAL
+    place: str = ""
 
     @property
     def holds(self) -> bool:
@@ -41,6 +44,10 @@ class Study:
     columns: dict[str, Any] = field(default_factory=dict)
 
 
+_NUMBERS = {"law": int, "predicted": float, "measured": float, "tolerance": float}
+_NAMES = ("law", "what", "place", "kind", "predicted", "measured", "tolerance", "holds")
+
+
 def write_columns(path: Path, columns: Mapping[str, Sequence[Any]]) -> Path:
     """A CSV file, every digit."""
     with path.open("w", newline="") as file:
@@ -51,17 +58,23 @@ def write_columns(path: Path, columns: Mapping[str, Sequence[Any]]) -> Path:
 
 
 def write_findings(path: Path, findings: Sequence[Finding]) -> Path:
-    """A CSV file: law, what, kind, predicted, measured, tolerance, holds."""
-    names = ("law", "what", "kind", "predicted", "measured", "tolerance", "holds")
-    return write_columns(path, {name: [getattr(f, name) for f in findings] for name in names})
+    """A CSV file with the columns law, what, place, kind, predicted, measured, tolerance, holds."""
+    return write_columns(path, {name: [getattr(f, name) for f in findings] for name in _NAMES})
+
+
+def read_findings(folder: Path) -> list[Finding]:
+    """The findings in a folder that `run_stability` has written."""
+    with (folder / "laws.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    return [Finding(**{name: _NUMBERS.get(name, str)(row[name]) for name in _NAMES[:-1]}) for row in rows]
 
 
 def failures(folder: Path) -> list[str]:
     """The findings in a folder that `run_stability` has written which do not hold, in words."""
-    with (folder / "laws.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    return [
-        f"law {row['law']}, {row['what']}: predicted {row['predicted']}, measured {row['measured']}"
-        for row in rows
-        if row["holds"] != "True"
-    ]
+    return [in_words(f) for f in read_findings(folder) if not f.holds]
+
+
+def in_words(finding: Finding) -> str:
+    """What was found, in a line."""
+    place = f" ({finding.place})" if finding.place else ""
+    return f"law {finding.law}, {finding.what}{place}: predicted {finding.predicted!r}, measured {finding.measured!r}"

@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 
 from rbfmu.contestants import CONTESTANTS
-from rbfmu.scene import Scene
+from rbfmu.models import Plan
+from rbfmu.scene import Scene, SceneError
 from rbfmu.simulation import simulate
+from rbfmu.stability.attitude_laws import crossing
 from rbfmu.stability.cases import (
     BRICK,
     KICKS,
@@ -17,12 +19,13 @@ from rbfmu.stability.cases import (
     UPRIGHT,
     WEIGHT,
     at,
-    exact,
     free_body,
+    free_motion,
     heavy_top,
     top_energy,
 )
-from rbfmu.stability.findings import AT_MOST, Finding, Study
+from rbfmu.stability.findings import RECORDED, Finding, Study
+from rbfmu.stability.motions import TOP, TOP_WEIGHT
 from rbfmu_kernels.dynamics import State
 from rbfmu_kernels.kicked_top import resonant_step
 from rbfmu_kernels.shapes import Vec3
@@ -56,9 +59,8 @@ def _crossings(time: Any, values: Any) -> list[float]:
 
 def _exact_flips(moments: Vec3, stop: float) -> float:
     """Time between the first two flips of the exact motion."""
-    time = np.arange(0.0, stop, 1e-3)
-    start = at(UPRIGHT, _DISTURBED)
-    first, second = _crossings(time, np.array([exact(moments, start, t)[3][1] for t in time.tolist()]))[:2]
+    result = free_motion(moments, at(UPRIGHT, _DISTURBED), stop, 1e-3)
+    first, second = _crossings(result.time, result.omega_b[:, 1])[:2]
     return second - first
 
 
@@ -80,14 +82,15 @@ def intermediate_axis(quick: bool) -> Study:
     """Law 10: spin about the middle axis turns over, again and again, at a predicted time."""
     time = np.arange(0.0, 30.0 if quick else 62.0, 0.25)
     start, body = at(UPRIGHT, _DISTURBED), free_body(BRICK)
-    columns: dict[str, Any] = {"time": time.tolist(), "exact": [exact(BRICK, start, t)[3][1] for t in time.tolist()]}
+    exact = free_motion(BRICK, start, float(time[-1]), 0.25).omega_b[:, 1].tolist()
+    columns: dict[str, Any] = {"time": time.tolist(), "exact": exact}
     for name, h in (("RK4, quaternion", 0.25), ("semi-implicit Euler", 0.05)):
         states = [start]
         for _ in time[1:]:
             states.append(CONTESTANTS[name].steps(states[-1], h, round(0.25 / h), body, NO_LOADS))
         columns[f"{name}, h = {h:g} s"] = [y[3][1] for y in states]
-    tiny = at(UPRIGHT, (1e-8, 2.0, 1e-8))
-    growth = math.log(exact(BRICK, tiny, 8.0)[3][0] / exact(BRICK, tiny, 5.0)[3][0]) / 3.0
+    tiny = free_motion(BRICK, at(UPRIGHT, (1e-8, 2.0, 1e-8)), 8.0, 1.0).omega_b[:, 0]
+    growth = math.log(tiny[8] / tiny[5]) / 3.0
     predicted = time_between_flips(BRICK, _DISTURBED)
     measured = _exact_flips(BRICK, 32.0)
     findings = [
@@ -108,18 +111,18 @@ def _tilted(tilt: float, rate: float) -> State:
     return at((math.cos(0.5 * tilt), math.sin(0.5 * tilt), 0.0, 0.0), (0.0, 0.0, rate))
 
 
-def _tilt(state: State) -> float:
-    q = state[2]
-    return 2.0 * math.atan2(math.hypot(q[1], q[2]), math.hypot(q[0], q[3]))
-
-
-def _tilts(tilt: float, rate: float, stop: float, step: float) -> Any:
+def _tilts(tilt: float, rate: float, stop: float) -> Any:
     """The top's tilt each 0.1 s."""
-    y, tilts = _tilted(tilt, rate), []
-    for _ in range(round(stop / 0.1)):
-        y = KICKS["RKN4"].steps(y, step, round(0.1 / step), heavy_top(), WEIGHT)
-        tilts.append(_tilt(y))
-    return np.array(tilts)
+    start = _tilted(tilt, rate)
+    scene = Scene.from_dict({
+        "body": TOP,
+        "initial": {"attitude": {"quaternion": start[2]}, "omega_b": start[3]},
+        "loads": TOP_WEIGHT,
+        "outputs": {"quantities": ["quaternion"]},
+        "run": {"stop": 0.1 * round(10.0 * stop), "step": 0.1},
+    })  # fmt: skip
+    q = simulate(scene, planned=Plan("symmetric top", "", 7, substep=0.02, order=4)).quaternion[1:]
+    return 2.0 * np.arctan2(np.hypot(q[:, 1], q[:, 2]), np.hypot(q[:, 0], q[:, 3]))
 
 
 def tilt_growth(ratio: float) -> float:
@@ -130,7 +133,7 @@ def tilt_growth(ratio: float) -> float:
 def _measured_growth(ratio: float) -> float:
     """From the tilt between 4 and 8 times 1 / sigma, from 1e-7 rad on."""
     sigma = tilt_growth(ratio)
-    tilts = _tilts(1e-7, ratio * _CRITICAL, 8.0 / sigma, 0.02)
+    tilts = _tilts(1e-7, ratio * _CRITICAL, 8.0 / sigma)
     half = len(tilts) // 2
     return math.log(tilts[-1] / tilts[half - 1]) / (0.1 * (len(tilts) - half))
 
@@ -138,7 +141,7 @@ def _measured_growth(ratio: float) -> float:
 def sleeping_top(quick: bool) -> Study:
     """Law 11: an upright top stays up if it spins fast enough."""
     ratios = [0.3, 0.6, 0.9, 1.1, 1.5] if quick else np.linspace(0.05, 1.6, 63).tolist()
-    tilts = [float(np.max(_tilts(1e-3, r * _CRITICAL, 30.0 if quick else 60.0, 0.02))) for r in ratios]
+    tilts = [float(np.max(_tilts(1e-3, r * _CRITICAL, 30.0 if quick else 60.0))) for r in ratios]
     columns: dict[str, Any] = {"spin over critical": ratios, "largest tilt": tilts}
     columns["predicted"] = [1e-3 / math.sqrt(1.0 - 1.0 / (r * r)) if r > 1.0 else math.nan for r in ratios]
     below = (0.2, 0.5, 0.8)
@@ -153,7 +156,7 @@ def sleeping_top(quick: bool) -> Study:
                 math.sqrt(-float(offset) / float(slope)), 2e-4),
         *(
             Finding(11, f"largest tilt over the first one at {r:g} of the critical spin", 1.0 / math.sqrt(1.0 - r**-2),
-                    float(np.max(_tilts(1e-3, r * _CRITICAL, 60.0, 0.02))) / 1e-3, 1e-5)
+                    float(np.max(_tilts(1e-3, r * _CRITICAL, 60.0))) / 1e-3, 1e-5)
             for r in (1.1, 1.5)
         ),
     ]  # fmt: skip
@@ -181,6 +184,22 @@ def _peak(function: Callable[[float], float], low: float, high: float) -> float:
     return 0.5 * (low + high)
 
 
+def _largest_substep() -> float:
+    """Beyond which the product's model of a symmetric top refuses the fast top, s."""
+
+    def refused(h: float) -> float:
+        scene = Scene.from_dict({
+            "body": TOP, "loads": TOP_WEIGHT, "initial": {"omega_b": _FAST[3]}, "run": {"stop": 0.1, "step": 0.1},
+        })  # fmt: skip
+        try:
+            simulate(scene, planned=Plan("symmetric top", "", 7, substep=h, order=2))
+        except SceneError:
+            return 2.0
+        return 0.0
+
+    return crossing(refused, 0.1, 0.4)
+
+
 def kick_resonance(quick: bool) -> Study:
     """Law 12: kicks at the rhythm of the precession push a fast top to any height."""
     resonance = resonant_step(heavy_top()[1], _FAST[3])
@@ -189,11 +208,19 @@ def kick_resonance(quick: bool) -> Study:
     columns |= {name: [_energy_error(name, h) for h in steps] for name in KICKS}
     findings = [
         Finding(12, "resonant step 2 pi I1 / (I3 w3), s", 2.0 * math.pi / (0.3 * 50.0), resonance, 1e-15),
-        Finding(12, "Strang, energy error in m g l at h = 0.4189", 10.7, _energy_error("Strang", 0.4189), 2e-3),
-        Finding(12, "Strang, energy error in m g l at h = 0.1", 4.5e-4, _energy_error("Strang", 0.1), 1e-2),
         Finding(12, "Strang, step of the largest energy error over the resonant one", 1.0,
                 _peak(lambda h: _energy_error("Strang", h), 0.40, 0.44) / resonance, 2e-2),
-        Finding(12, "RKN6, energy error in m g l at a quarter of the resonant step", 1e-3,
-                _energy_error("RKN6", 0.25 * resonance), 0.0, AT_MOST),
+        Finding(12, "largest substep that the model takes, over the resonant one", 0.5,
+                _largest_substep() / resonance, 1e-6),
+        *(
+            Finding(12, f"{name}, power of h in the energy error below the resonance", order,
+                    math.log2(_energy_error(name, h) / _energy_error(name, 0.5 * h)), 0.03)
+            for name, order, h in (("Strang", 2.0, 0.05), ("RKN4", 4.0, 0.03), ("RKN6", 6.0, 0.1))
+        ),
+        *(
+            Finding(12, f"{name}, energy error in m g l at h = {h:.4g}", recorded, _energy_error(name, h), 1e-2,
+                    RECORDED)
+            for name, h, recorded in (("Strang", 0.4189, 10.7), ("Strang", 0.1, 4.5e-4), ("RKN6", 0.1047, 3.54e-10))
+        ),
     ]  # fmt: skip
     return Study("kick_resonance", findings, columns)
