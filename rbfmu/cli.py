@@ -281,9 +281,10 @@ def _scene(path: Path, run: dict[str, float | None]) -> Iterator["Scene"]:
 
 def _say_what_takes_minutes(platforms: Sequence[str]) -> None:
     from rbfmu_fmu.linking import compiled_by_ziglang
-    from rbfmu_fmu.platforms import platform_named
+    from rbfmu_fmu.platforms import platform_named, this_platform
 
-    if slow := [name for name in platforms if compiled_by_ziglang(platform_named(name))]:
+    chosen = [platform_named(name) for name in platforms] or [this_platform()]
+    if slow := [platform.name for platform in chosen if compiled_by_ziglang(platform)]:
         why = "the first time takes minutes, as ziglang builds the platform's C library"
         click.echo(f"Note: compiling for {', '.join(slow)}: {why}", err=True)
 

@@ -77,7 +77,10 @@ def compiler(platform: Platform) -> list[str]:
 
 def compiled_by_ziglang(platform: Platform) -> bool:
     """Whether it takes minutes the first time, as ziglang builds the platform's C library then."""
-    return "ziglang" in compiler(platform)
+    try:
+        return "ziglang" in compiler(platform)
+    except NoLinkerError:  # linking says so
+        return False
 
 
 def universal(libraries: list[bytes]) -> bytes:
