@@ -32,7 +32,7 @@ from rbfmu.unit import filled_buffer, initialize
 from rbfmu.work_precision.cases import CHECKPOINTS, Case
 from rbfmu.work_precision.collection import machine, write_rows
 from rbfmu.work_precision.methods import NotFeasibleError
-from rbfmu.work_precision.peers import peers
+from rbfmu.work_precision.peers import ABSENT, MUJOCO_INTEGRATORS, peers
 from rbfmu.work_precision.simulators import MuJoCo
 
 GOAL, ALLOWANCE = 5.0, 1.05
@@ -158,7 +158,7 @@ def steps_of(scene: rbfmu.Scene) -> int:
 
 def mujoco(scene: rbfmu.Scene, true: list[Values]) -> Contestant | None:
     """The integrator and step that meet the accuracy at the least cost, or that come nearest; None: cannot model it."""
-    tried = [found for integrator in ("Euler", "RK4") for found in _refined(scene, integrator, true)]
+    tried = [found for integrator in MUJOCO_INTEGRATORS for found in _refined(scene, integrator, true)]
     good = [found for found in tried if found.error <= scene.run.accuracy]
     if good:
         return min(good, key=lambda found: found.seconds(1))
@@ -214,7 +214,7 @@ def contestants(name: str) -> list[Contestant]:
     if scene.body is None:
         return found
     found.append(own(scene, "full", rbfmu.plan(scene, full=True), true))
-    other = mujoco(everywhere_accepted(scene), true) if peers()[1]["MuJoCo"] != "not installed" else None
+    other = mujoco(everywhere_accepted(scene), true) if peers()[1]["MuJoCo"] != ABSENT else None
     return found + ([other] if other else [])
 
 

@@ -226,7 +226,6 @@ def draw(points: Sequence[Point], path: Path) -> Path:
                 by_step.loglog(steps, errors, "-", color=color, linewidth=1.8)
                 by_work.loglog(work, errors, "-", color=color, linewidth=1.8)
                 _label(by_step, LABELS[way], steps[-1], errors[-1], color)
-                _label(by_work, way, work[-1], errors[-1], color)
             else:
                 by_step.loglog(steps, errors, "x", color=color, markersize=6)
                 by_work.loglog(work, errors, ":", color=color, linewidth=1.2)
@@ -235,7 +234,7 @@ def draw(points: Sequence[Point], path: Path) -> Path:
     by_step.set_ylabel(f"attitude error at {FINAL_TIME:g} s (rad)")
     by_step.set_title("Lines: one step of the FMU per communication step; crosses: eight", fontsize=10)
     by_work.set_xlabel("steps of the FMU per simulated second")
-    by_work.set_title("Solid: one step of the FMU per communication step; dotted: eight", fontsize=10)
+    by_work.set_title("The same lines and colours by work; dotted: eight steps", fontsize=10)
     for axes in (by_step, by_work):
         open_frame(axes, grid=True)
         left, right = axes.get_xlim()

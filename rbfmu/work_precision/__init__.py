@@ -15,24 +15,35 @@ def run_charts(folder: Path, quick: bool, progress: Callable[[int, int, str], An
 
     progress: called with (done, total, text). `answers.txt` among the files is for the terminal.
     """
-    from rbfmu.work_precision.answers import answer_table, answers
-    from rbfmu.work_precision.collection import collect, extent, machine, write_points, write_rows
-    from rbfmu.work_precision.drawing import draw_answers, draw_case
-    from rbfmu.work_precision.plans import verdict_table, verdicts
+    from rbfmu.work_precision.collection import collect, extent
 
-    points, notes = collect(extent(quick), progress)
+    return write_charts(folder, collect(extent(quick), progress))
+
+
+def write_charts(folder: Path, found: Any) -> list[Path]:
+    """Figures, answers and charts of a `Collection`."""
+    from dataclasses import asdict
+
+    from rbfmu.work_precision.answers import answers
+    from rbfmu.work_precision.collection import machine, write_points, write_rows
+    from rbfmu.work_precision.drawing import draw_answers, draw_case, draw_kept
+    from rbfmu.work_precision.plans import verdicts
+    from rbfmu.work_precision.tables import dearness_table, plan_table, stopped_table, wrapped
+
     folder.mkdir(parents=True, exist_ok=True)
-    found = answers(points)
+    judged = verdicts(found)
     files = [
-        write_points(folder / "work_precision.csv", points, notes),
-        write_rows(folder / "answers.csv", (answer.row() for answer in found), machine()),
+        write_points(folder / "work_precision.csv", found.points),
+        write_rows(folder / "endings.csv", map(asdict, found.endings), machine()),
+        write_rows(folder / "answers.csv", (answer.row() for answer in answers(found.points)), machine()),
         folder / "answers.txt",
-        draw_answers(found, folder / "answers.png"),
+        draw_answers(judged, folder / "answers.png"),
     ]
-    kept = verdicts(points)
-    tables = [answer_table(found), "", *([verdict_table(kept), ""] if kept else [])]
-    files[2].write_text("\n".join([*tables, *machine()]) + "\n", encoding="utf-8")
-    for case in dict.fromkeys(point.case for point in points):
-        mine, answered = [p for p in points if p.case == case], [a for a in found if a.case == case]
-        files.append(draw_case(mine, answered, folder / f"case_{case.replace(chr(39), '2')}.png"))
+    tables = [plan_table(judged), dearness_table(judged), stopped_table(found), "\n".join(wrapped(machine()))]
+    files[3].write_text("\n\n".join(filter(None, tables)) + "\n", encoding="utf-8")
+    for case in dict.fromkeys(point.case for point in found.points):
+        mine = [point for point in found.points if point.case == case]
+        name = case.replace("'", "2")
+        files.append(draw_case(mine, found.endings, folder / f"case_{name}.png"))
+        files += draw_kept(mine, folder / f"kept_{name}.png")
     return files

@@ -1,4 +1,4 @@
-"""For accuracy X, use method Y, it costs Z: read off the collected figures."""
+"""What an accuracy costs by each kind of method: read off the collected figures."""
 
 import math
 from collections.abc import Callable, Iterable, Sequence
@@ -10,14 +10,12 @@ from rbfmu.work_precision.collection import Point
 DECADES = tuple(10.0**-k for k in range(2, 15))
 OWN = ("exact", "DOP853", "Taylor", "kicks")
 """Families of the library's own methods; `planned` chooses among them."""
-NOTABLE = 1.3
-"""How much cheaper a contestant must be to be named."""
 OUTSIDE = ("classic", "Moser-Veselov")
 
 
 @dataclass(frozen=True)
 class Offer:
-    """A method's cost to reach an accuracy, s per simulated second."""
+    """A method's cost to reach an accuracy, s of the processor for the run."""
 
     method: str
     family: str
@@ -30,6 +28,7 @@ class Answer:
 
     case: str
     title: str
+    outputs: int
     accuracy: float
     own: Offer | None
     planned: Offer | None
@@ -38,7 +37,8 @@ class Answer:
 
     def row(self) -> dict[str, object]:
         """For a CSV file."""
-        found: dict[str, object] = {"case": self.case, "title": self.title, "accuracy": self.accuracy}
+        found: dict[str, object] = {"case": self.case, "title": self.title, "outputs": self.outputs}
+        found["accuracy"] = self.accuracy
         for name in ("own", "planned", "contestant", "peer"):
             offer: Offer | None = getattr(self, name)
             found |= {name: offer.method if offer else "", f"{name}_cost": offer.cost if offer else math.nan}
@@ -64,13 +64,13 @@ def cost_of(points: Iterable[Point], accuracy: float) -> float | None:
     if not best or best[-1].attitude_error > accuracy:
         return None
     if best[0].attitude_error <= accuracy:
-        return best[0].cost
+        return best[0].seconds
     for coarse, fine in pairwise(best):
         if fine.attitude_error <= accuracy:
             if fine.family in ("exact", "planned"):
-                return fine.cost
+                return fine.seconds
             part = math.log(coarse.attitude_error / accuracy) / math.log(coarse.attitude_error / fine.attitude_error)
-            return float(coarse.cost * (fine.cost / coarse.cost) ** part)
+            return float(coarse.seconds * (fine.seconds / coarse.seconds) ** part)
     raise AssertionError
 
 
@@ -85,68 +85,25 @@ def cheapest(points: Sequence[Point], families: Sequence[str], accuracy: float) 
 
 
 def answers(points: Sequence[Point], decades: Sequence[float] = DECADES) -> list[Answer]:
-    """Case by case, decade by decade."""
+    """Motion by motion, decade by decade."""
     found = []
-    for case in dict.fromkeys(p.case for p in points):
-        mine = [p for p in points if p.case == case]
+    for motion in dict.fromkeys(p.motion for p in points):
+        mine = [p for p in points if p.motion == motion]
         for accuracy in decades:
             offers = (cheapest(mine, families, accuracy) for families in (OWN, ("planned",), OUTSIDE, ("peer",)))
-            found.append(Answer(case, mine[0].title, accuracy, *offers))
+            found.append(Answer(mine[0].case, mine[0].title, mine[0].outputs, accuracy, *offers))
     return found
 
 
 def text_of(seconds: float) -> str:
-    """Two digits and a unit: 1.2 µs."""
-    for size, unit in ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"), (1e-12, "ps"), (1e-15, "fs")):
-        if seconds >= 0.9995 * size:
-            number = seconds / size
-            return f"{number:.0f} {unit}" if number >= 9.95 else f"{number:.1f} {unit}"
-    return f"{seconds:.1e} s"
+    """Two digits and a unit: 0.41 µs, 8.1 µs, 170 µs, 1.4 ms."""
+    for size, unit in ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs")):
+        if seconds >= 0.9995 * size or unit == "µs":
+            return f"{rounded(seconds / size)} {unit}"
+    raise AssertionError
 
 
-def rival(answer: Answer) -> Offer | None:
-    """A contestant that is notably cheaper than the library's own methods, or does what they cannot."""
-    other = answer.contestant
-    return None if other and answer.own and other.cost * NOTABLE > answer.own.cost else other
-
-
-def advice(found: Sequence[Answer]) -> str:
-    """Of one case: the cheapest method, up to which accuracy."""
-    offers = [(rival(answer) or answer.own, answer.accuracy) for answer in found]
-    names = [(_general(offer), accuracy) for offer, accuracy in offers if offer]
-    best = list(dict.fromkeys(name for name, _ in names))
-    if len(best) == 1 and len(names) == len(found):
-        return f"{best[0]}, at every accuracy"
-    finest = {name: min(accuracy for other, accuracy in names if other == name) for name in best}
-    return "; ".join(f"{name} to {finest[name]:.0e} rad" for name in best).replace("e-0", "e-") or "no method"
-
-
-def _general(offer: Offer) -> str:
-    """DOP853 however its steps, Taylor series of any order; else the method's name."""
-    return {"DOP853": "DOP853", "Taylor": "Taylor series"}.get(offer.family, offer.method)
-
-
-def answer_table(found: Sequence[Answer], decades: Sequence[float] = (1e-3, 1e-6, 1e-9, 1e-12)) -> str:
-    """For the terminal: method, cost per simulated second, how much more the best peer costs."""
-    head = ["attitude error at most"] + [f"{x:.0e} rad".replace("e-0", "e-") for x in decades]
-    rows = []
-    for case in dict.fromkeys(answer.case for answer in found):
-        mine = {answer.accuracy: answer for answer in found if answer.case == case}
-        title = next(iter(mine.values())).title
-        cells = [_cell(mine[x]) if x in mine else ("", "") for x in decades]
-        rows += [[title, *(cell[0] for cell in cells)], ["", *(cell[1] for cell in cells)]]
-    return aligned([head, *rows])
-
-
-def aligned(rows: Sequence[Sequence[str]]) -> str:
-    """Columns of equal width, a line below the first row."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = ["  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip() for row in rows]
-    return "\n".join([lines[0], "-" * len(lines[0]), *lines[1:]])
-
-
-def _cell(answer: Answer) -> tuple[str, str]:
-    if answer.own is None:
-        return "-", ""
-    ratio = f", best peer {answer.peer.cost / answer.own.cost:.0f} x" if answer.peer else ""
-    return answer.own.method, f"{text_of(answer.own.cost)} a second{ratio}"
+def rounded(number: float) -> str:
+    """Two digits, all of a whole number's."""
+    number = float(f"{number:.1e}")
+    return f"{number:,.{max(0, 1 - math.floor(math.log10(number)))}f}"

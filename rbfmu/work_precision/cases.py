@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,9 @@ from rbfmu_kernels.kicked_top import is_symmetric_top
 Array = NDArray[np.float64]
 
 CHECKPOINTS = 5
+"""Where errors are taken, and the outputs of a run with few."""
+OUTPUT_STEP = 0.01
+"""s between the outputs of a run with many."""
 REFERENCES = Path(__file__).with_name("reference_motions.json")
 """Written by examples/reference_motions.py."""
 _GENERAL = Plan("body under loads", "", 13)
@@ -32,10 +35,11 @@ _NOTHING = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class Case:
-    """A scene with five communication steps, at whose ends methods are compared.
+    """A scene on which methods are compared at five checkpoints.
 
     title: what a user would call such a motion; keeps: of "energy", "momentum" (its inertial components) and "vertical
-    momentum"; torque_free: no load makes a torque.
+    momentum"; torque_free: no load makes a torque; outputs: how many states a method gives over the run, equally
+    spaced, the checkpoints among them.
     """
 
     key: str
@@ -43,6 +47,7 @@ class Case:
     scene: Scene
     keeps: tuple[str, ...] = ()
     torque_free: bool = False
+    outputs: int = CHECKPOINTS
 
     @property
     def span(self) -> float:
@@ -51,13 +56,29 @@ class Case:
 
     @property
     def interval(self) -> float:
-        """Time between checkpoints, s."""
-        return self.scene.run.step
+        """Time between outputs, s."""
+        return self.span / self.outputs
+
+    @property
+    def checkpoints(self) -> slice:
+        """The checkpoints among the outputs."""
+        every = self.outputs // CHECKPOINTS
+        return slice(every - 1, None, every)
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """What all methods give: the position only where it has no closed form."""
+        return ("quaternion", "omega_b", "position") if self.turning_force else ("quaternion", "omega_b")
+
+    def with_many_outputs(self) -> "Case":
+        """The same motion with an output every `OUTPUT_STEP`."""
+        return replace(self, outputs=round(self.span / OUTPUT_STEP))
 
     def asking(self, accuracy: float) -> Scene:
-        """The scene with an accuracy."""
+        """The scene with an accuracy, which asks for what all methods give, at the outputs' times."""
         tables = self.scene.to_dict()
-        tables["run"]["accuracy"] = accuracy
+        tables["run"] |= {"accuracy": accuracy, "step": self.interval}
+        tables["outputs"]["quantities"] = list(self.quantities)
         return Scene.from_dict(tables, self.key)
 
     @cached_property
@@ -229,3 +250,9 @@ CASES = {
     )
 }
 """By key: a to e as in the literature of this library's methods, f with six degrees of freedom, g long."""
+
+
+def described(case: Case) -> str:
+    """A motion's name, key and length, and how many outputs few and many are."""
+    many = "" if case.long else f", many: {case.with_many_outputs().outputs:,}"
+    return f"{case.title} ({case.key}), {case.span:,.0f} s; few outputs: {CHECKPOINTS}{many}"

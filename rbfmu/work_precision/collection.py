@@ -1,14 +1,15 @@
 """Collects the figures of all methods on all cases, interleaved, into a CSV file."""
 
 import csv
+import math
 import os
 import platform
 import random
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from importlib.metadata import version
 from pathlib import Path
-from time import perf_counter
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -16,13 +17,15 @@ import numpy as np
 from rbfmu.work_precision.cases import CASES, Case
 from rbfmu.work_precision.methods import Method, NotFeasibleError, Run, contestants
 from rbfmu.work_precision.own import own_methods
-from rbfmu.work_precision.peers import peers
+from rbfmu.work_precision.peers import ABSENT, absent, peers
 
 Progress = Callable[[int, int, str], Any]
 LARGEST_ERROR = 1.0
 """rad; what is worse is no answer and is not kept."""
 
 
+TIME_LIMIT = 0.3
+"""s of the processor that a run may take: where a method's finer settings would take more, it is stopped."""
 MOST_IDLE = 5
 """Finer settings in a row that bring nothing, after which a method has given all."""
 
@@ -31,13 +34,17 @@ MOST_IDLE = 5
 class Point:
     """One method at one setting on one case.
 
-    errors: rad, and of the position relative to its size, at least 1 m; drifts relative; seconds: best time of a run;
-    compiling: what the method's very first call took longer (compilation, or loading what was compiled).
+    outputs: states that a run gives; detail: what a plan chose; errors: rad, and of the position relative to its size,
+    at least 1 m; drifts relative; seconds: the least that a run took of the processor; spread: how far the least of
+    every other repeat and of the repeats between came apart, as a ratio; compiling: what the method's very first call
+    took longer (compilation, or loading what was compiled).
     """
 
     case: str
     title: str
+    outputs: int
     method: str
+    detail: str
     family: str
     setting: str
     value: float
@@ -50,11 +57,46 @@ class Point:
     seconds: float
     simulated: float
     compiling: float
+    spread: float = 1.0
 
     @property
-    def cost(self) -> float:
-        """Time per simulated second."""
-        return self.seconds / self.simulated
+    def motion(self) -> tuple[str, int]:
+        """What methods are compared on: case and outputs."""
+        return self.case, self.outputs
+
+
+@dataclass(frozen=True)
+class Ending:
+    """The smallest error that a method came to on a case (infinite: none below `LARGEST_ERROR`), and why it ended."""
+
+    case: str
+    outputs: int
+    method: str
+    family: str
+    error: float
+    why: str
+
+    @property
+    def stopped(self) -> bool:
+        """Whether it might have done more, given time."""
+        return self.why == STOPPED
+
+
+STOPPED = "stopped: time limit"
+
+
+@dataclass(frozen=True)
+class Collection:
+    """All figures, where and why each method ended, and the limit of time, s."""
+
+    points: list[Point]
+    endings: list[Ending]
+    limit: float = TIME_LIMIT
+
+    @property
+    def noise(self) -> float:
+        """Within this ratio, costs are even: 19 of 20 costs came no further apart between two halves of the repeats."""
+        return float(np.percentile([point.spread for point in self.points], 95.0))
 
 
 @dataclass(frozen=True)
@@ -72,7 +114,7 @@ class Extent:
 QUICK_CASES = ("a", "c", "d")
 QUICK_METHODS = (
     "exact", "DOP853, error control", "Taylor, order 12", "kicks, order 4", "RK4, quaternion",
-    "Moser-Veselov, order 10", "SciPy DOP853",
+    "Moser-Veselov, order 10", "SciPy DOP853", "SciPy odeint", "rbfmu, as planned",
 )  # fmt: skip
 
 
@@ -80,66 +122,106 @@ def extent(quick: bool) -> Extent:
     """All of it, or what a test has time for."""
     methods = (*own_methods(), *contestants(), *peers()[0])
     if not quick:
-        return Extent(tuple(CASES.values()), methods, 0.1, 5, 2e-3, False)
+        return Extent(tuple(few_and_many(CASES)), methods, TIME_LIMIT, 5, 2e-3, False)
     few = [method for method in methods if method.name in QUICK_METHODS]
-    return Extent([CASES[key] for key in QUICK_CASES], few, 0.02, 2, 2e-4, True)
+    return Extent(tuple(few_and_many(QUICK_CASES)), few, 0.02, 2, 2e-4, True)
 
 
-def collect(what: Extent, progress: Progress) -> tuple[list[Point], list[str]]:
-    """Try each method's settings, then time them in turn, in an order that no method can profit from.
+def few_and_many(keys: Iterable[str]) -> Iterator[Case]:
+    """Cases with few and with many outputs; long ones with few."""
+    for key in keys:
+        yield CASES[key]
+        if not CASES[key].long:
+            yield CASES[key].with_many_outputs()
 
-    Returns the points, and what could not be run.
-    """
+
+def collect(what: Extent, progress: Progress) -> Collection:
+    """Try each method's settings, then time them in turn, in an order that no method can profit from."""
     pairs = [(case, method) for case in what.cases for method in what.methods if method.suits(case)]
     total = len(pairs) + what.repeats * len(what.cases)
-    found: list[tuple[Point, Run]] = []
+    found: list[Tried] = []
+    endings = [
+        Ending(case.key, case.outputs, method.name, method.family, math.inf, STOPPED)
+        for case in what.cases
+        for method in what.methods
+        if case.long and method.family == "peer"  # millions of steps
+    ]
     first_calls: dict[str, float] = {}
-    notes: dict[str, str] = {}
     for i, (case, method) in enumerate(pairs):
-        progress(i, total, f"{case.title}: {method.name}")
-        found += _explored(what, case, method, first_calls, notes)
+        progress(i, total, f"{case.title}, {case.outputs} outputs: {method.name}")
+        tried, ending = explored(what, case, method, first_calls)
+        found += tried
+        endings.append(ending)
     order = random.Random(1)
     for repeat in range(what.repeats):
         for j, case in enumerate(what.cases):
             progress(len(pairs) + repeat * len(what.cases) + j, total, f"{case.title}: timing {repeat + 1}")
             longest = what.longest * (3.0 if repeat < 2 else 0.1)
-            again = [(p, run) for p, run in found if p.case == case.key and p.seconds < longest]
+            again = [t for t in found if t.point.motion == (case.key, case.outputs) and t.point.seconds < longest]
             order.shuffle(again)
-            for point, run in again:
-                k = max(1, round(what.shortest / point.seconds))
-                point.seconds = min(point.seconds, run.seconds(k) / k)
+            for tried_one in again:
+                tried_one.time(what.shortest)
     progress(total, total, "")
-    return [point for point, _ in found], list(notes.values())
+    return Collection([tried_one.point for tried_one in found], endings, what.longest)
 
 
-def _explored(
-    what: Extent, case: Case, method: Method, first_calls: dict[str, float], notes: dict[str, str]
-) -> Iterator[tuple[Point, Run]]:
-    """Settings from coarse to fine until time or digits end."""
-    least, last, idle = np.inf, np.inf, 0
+@dataclass
+class Tried:
+    """A point that can be timed again."""
+
+    point: Point
+    run: Run
+    times: list[float] = field(default_factory=list)
+
+    def time(self, shortest: float) -> None:
+        """Once more, for some `shortest` s; the point has the least of all times, and how far halves come apart."""
+        k = max(1, round(shortest / self.point.seconds))
+        self.times.append(self.run.seconds(k) / k)
+        halves = [min(half) for half in (self.times[::2], self.times[1::2]) if half]
+        self.point.seconds, self.point.spread = min(halves), max(halves) / min(halves)
+
+
+def explored(what: Extent, case: Case, method: Method, first_calls: dict[str, float]) -> tuple[list[Tried], Ending]:
+    """Settings from coarse to fine until time or digits end; first_calls: by method, s, filled here."""
+    found: list[Tried] = []
+    least, last, idle, why = math.inf, math.inf, 0, "all settings tried"
     for value in method.settings(case, what.quick):
-        start = perf_counter()
         try:
-            run = method.run(case, value)
-            errors = case.errors(run.states())
+            run, errors, seconds = _tried(case, method, value, first_calls)
         except NotFeasibleError as error:
-            notes.setdefault(f"{case.key} {method.name}", f"{case.key}, {method.name}, {value:g}: {error}"[:200])
+            why = f"not run at {value:g}: {' '.join(str(error).split())}"[:200]
             continue
-        seconds = perf_counter() - start
-        if method.name not in first_calls:
-            run.seconds(1)
-            first = perf_counter() - start
-            seconds = run.seconds(1)
-            first_calls[method.name] = max(0.0, first - 2.0 * seconds)
-        elif not case.long:
-            seconds = run.seconds(1)
+        why = "all settings tried"
         if errors["attitude"] <= LARGEST_ERROR:
-            yield _point(case, method, value, run, errors, seconds, first_calls[method.name]), run
+            found.append(Tried(_point(case, method, value, run, errors, seconds, first_calls[method.name]), run))
         idle = 0 if errors["attitude"] < 0.7 * least else idle + (errors["attitude"] != last)
-        last = errors["attitude"]  # equal where both take one step to each checkpoint
+        last = errors["attitude"]  # equal where both take one step to each output
         least = min(least, errors["attitude"])
-        if (1.5 * seconds > what.longest and not case.long) or (idle >= MOST_IDLE and least < 1e-2):
-            return
+        if 1.5 * seconds > what.longest and not case.long:
+            why = STOPPED
+            break
+        if idle >= MOST_IDLE and least < 1e-2:
+            why = "no more digits"
+            break
+    best = min((tried.point.attitude_error for tried in found), default=math.inf)
+    return found, Ending(case.key, case.outputs, method.name, method.family, best, why)
+
+
+def _tried(
+    case: Case, method: Method, value: float, first_calls: dict[str, float]
+) -> tuple[Run, dict[str, float], float]:
+    """Ready to run, its errors, the s of a run."""
+    start = process_time()
+    run = method.run(case, value)
+    errors = case.errors(run.states())
+    seconds = process_time() - start
+    if method.name in first_calls:
+        return run, errors, seconds if case.long else run.seconds(1)
+    run.seconds(1)
+    first = process_time() - start
+    seconds = run.seconds(1)
+    first_calls[method.name] = max(0.0, first - 2.0 * seconds)
+    return run, errors, seconds
 
 
 def _point(
@@ -147,7 +229,7 @@ def _point(
 ) -> Point:
     drifts = (errors["energy"], errors["momentum"], errors["vertical momentum"])
     return Point(
-        *(case.key, case.title, method.name, method.family, method.setting, value),
+        *(case.key, case.title, case.outputs, method.name, run.detail, method.family, method.setting, value),
         *(errors["attitude"], errors["position"], *drifts, run.evaluations, seconds, case.span, compiling),
     )
 
@@ -155,11 +237,12 @@ def _point(
 def machine() -> list[str]:
     """What it ran on: lines for a file's head."""
     packages = ("numpy", "numba", "llvmlite")
-    theirs = ", ".join(f"{name} {found}" for name, found in peers()[1].items())
+    theirs = ", ".join(f"{name} {found}" for name, found in peers()[1].items() if found != ABSENT)
     return [
         f"{_processor()}, {os.cpu_count()} processors, {platform.platform()}",
         f"Python {platform.python_version()}, " + ", ".join(f"{name} {version(name)}" for name in packages),
-        theirs,
+        *([theirs] if theirs else []),
+        *absent(),
     ]
 
 
@@ -182,15 +265,15 @@ def write_rows(path: Path, rows: Iterable[dict[str, Any]], head: Iterable[str]) 
     return path
 
 
-def write_points(path: Path, points: Sequence[Point], notes: Sequence[str] = ()) -> Path:
+def write_points(path: Path, points: Sequence[Point]) -> Path:
     """The collected figures; every digit."""
-    return write_rows(path, map(asdict, points), [*machine(), *(f"not run: {note}" for note in notes)])
+    return write_rows(path, map(asdict, points), machine())
 
 
 def read_points(path: Path) -> list[Point]:
     """What `write_points` wrote."""
-    texts = {field.name for field in fields(Point) if field.type is str}
+    texts = {name.name for name in fields(Point) if name.type is str}
     with path.open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
     values: list[dict[str, Any]] = [{name: x if name in texts else float(x) for name, x in row.items()} for row in rows]
-    return [Point(**row) for row in values]
+    return [Point(**row | {"outputs": int(row["outputs"])}) for row in values]

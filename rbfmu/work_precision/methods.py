@@ -1,10 +1,10 @@
 """What competes: a method at one setting on one case is a `Run`, which gives its states and its time."""
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
-from time import perf_counter
+from importlib import import_module
+from time import process_time
 from typing import Any, Protocol
 
 from numba import njit
@@ -21,11 +21,15 @@ class NotFeasibleError(Exception):
 
 @dataclass(frozen=True)
 class Run:
-    """A method at a setting: its states at the checkpoints, s for k solutions, right-hand sides of one (0: none)."""
+    """A method at a setting: its states at the checkpoints, s of the processor for k solutions with all outputs.
+
+    evaluations: right-hand sides of one solution (0: none, NaN: not counted); detail: what a plan chose.
+    """
 
     states: Callable[[], Sequence[State]]
     seconds: Callable[[int], float]
     evaluations: float
+    detail: str = ""
 
 
 class Method(Protocol):
@@ -54,18 +58,18 @@ class Method(Protocol):
 
 
 def timed(repeat: Callable[[int], Any]) -> Callable[[int], float]:
-    """The seconds that `repeat(k)` takes."""
+    """The seconds that `repeat(k)` takes of the processor: waiting for it does not count."""
 
     def seconds(k: int) -> float:
-        start = perf_counter()
+        start = process_time()
         repeat(k)
-        return perf_counter() - start
+        return process_time() - start
 
     return seconds
 
 
 def step_counts(case: Case, quick: bool) -> Iterator[float]:
-    """Step sizes from 16 rad on, by factors of sqrt 2 (quick: 4); two that take seconds where motion is long."""
+    """Step sizes from 16 rad on, by factors of 2 (quick: 4); two that take seconds where motion is long."""
     if case.long:
         yield from (case.interval / round(case.interval * case.rate / radians) for radians in (0.25, 0.15))
         return
@@ -74,7 +78,7 @@ def step_counts(case: Case, quick: bool) -> Iterator[float]:
         if round(n) > last:
             last = round(n)
             yield case.interval / last
-        n *= 4.0 if quick else math.sqrt(2.0)
+        n *= 4.0 if quick else 2.0
 
 
 def tolerances(largest: int, smallest: int, quick: bool) -> Iterator[float]:
@@ -83,16 +87,31 @@ def tolerances(largest: int, smallest: int, quick: bool) -> Iterator[float]:
         yield 10.0 ** (k / 2)
 
 
+def tuples(r: Any, v: Any, q: Any, omega: Any) -> State:
+    """A state of whatever holds numbers."""
+    return tuple(tuple(map(float, x)) for x in (r, v, q, omega))  # type: ignore[return-value]
+
+
+def module(name: str) -> Any:
+    """A peer's module."""
+    try:
+        return import_module(name)
+    except ImportError as error:
+        raise NotFeasibleError(f"{name} is installed but does not load: {error}") from None
+
+
 # Fixed steps
 
 
 @njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
-def _repeated(loop: Any, y: Any, h: float, n: int, body: Body, loads: Loads, k: int) -> Any:
-    """K solutions, each begun with nothing (0 *) of the last, so that none can be left out."""
+def _repeated(loop: Any, y: Any, h: float, n: int, outputs: int, body: Body, loads: Loads, k: int) -> Any:
+    """K solutions of n steps to each output, begun with nothing (0 *) of the last, so that none can be left out."""
     z = y
     for _ in range(k):
         w = y[3]
-        z = loop((y[0], y[1], y[2], (w[0] + 0.0 * z[3][0], w[1], w[2])), h, n, body, loads)
+        z = (y[0], y[1], y[2], (w[0] + 0.0 * z[3][0], w[1], w[2]))
+        for _ in range(outputs):
+            z = loop(z, h, n, body, loads)
     return z
 
 
@@ -130,23 +149,23 @@ class FixedSteps:
     def run(self, case: Case, value: float) -> Run:
         """Steps of `value`."""
         method, body, loads = self.method, case.body, case.loads
-        n = round(case.interval / value)
+        n, outputs = round(case.interval / value), case.outputs
         start = method.start(case.start)
 
         def states() -> list[State]:
             found, y = [], start
             for _ in range(CHECKPOINTS):
-                y = method.steps(y, value, n, body, loads)
+                y = method.steps(y, value, n * outputs // CHECKPOINTS, body, loads)
                 found.append(method.state_of(y))
             return found
 
         if hasattr(method.steps, "py_func"):
-            seconds = timed(lambda k: _repeated(method.steps, start, value, CHECKPOINTS * n, body, loads, k))
+            seconds = timed(lambda k: _repeated(method.steps, start, value, n, outputs, body, loads, k))
         else:  # not compiled as a whole: on and on, of which the calls are a small part
-            seconds = timed(lambda k: method.steps(start, value, CHECKPOINTS * n * k, body, loads))
-        evaluations = float(method.evaluations * CHECKPOINTS * n)
+            seconds = timed(lambda k: method.steps(start, value, outputs * n * k, body, loads))
+        evaluations = float(method.evaluations * outputs * n)
         if method.name == "implicit midpoint":
-            evaluations = _midpoint_rounds(method.steps, start, value, CHECKPOINTS * n, body, loads)
+            evaluations = _midpoint_rounds(method.steps, start, value, outputs * n, body, loads)
         return Run(states, seconds, evaluations)
 
 

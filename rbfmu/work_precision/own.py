@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+import rbfmu
 from rbfmu.contestants import Contestant
 from rbfmu.ladder import CLOSED
 from rbfmu.models import Plan
@@ -16,26 +17,36 @@ from rbfmu.planning import plan
 from rbfmu.recording import substeps_counted
 from rbfmu.scene import Scene, SceneError
 from rbfmu.unit import aligned_zeros, filled_buffer, initialize
-from rbfmu.work_precision.cases import CHECKPOINTS, Case
-from rbfmu.work_precision.methods import FixedSteps, Method, NotFeasibleError, Run, step_counts, timed, tolerances
+from rbfmu.work_precision.cases import Case
+from rbfmu.work_precision.methods import (
+    FixedSteps,
+    Method,
+    NotFeasibleError,
+    Run,
+    step_counts,
+    timed,
+    tolerances,
+    tuples,
+)
 from rbfmu_kernels._kernel import kernel
-from rbfmu_kernels.body_memory import motion_of
-from rbfmu_kernels.dynamics import State, steady_acceleration
+from rbfmu_kernels.dynamics import State
 from rbfmu_kernels.free_rotation import free_rotation_at, free_rotation_setup
 from rbfmu_kernels.kicked_top import rkn4_steps, rkn6_steps, strang_steps
 from rbfmu_kernels.shapes import Quaternion, Vec3
-from rbfmu_kernels.vec3 import add_scaled
 
 # The product's units: stepped from checkpoint to checkpoint, with all outputs
 
 
 @njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
-def _unit_repeated(step: Any, z: Any, start: Any, interval: float, n: int, k: int) -> int:
+def _unit_repeated(step: Any, z: Any, start: Any, interval: float, at: Any, out: Any, k: int) -> int:
+    """K runs; what stands at some places of the buffer is kept at every output."""
     fault = 0
     for _ in range(k):
         z[:] = start
-        for _ in range(n):
+        for i in range(len(out)):
             fault += step(z, interval)
+            for j in range(len(at)):
+                out[i, j] = z[at[j]]
     return fault
 
 
@@ -44,20 +55,23 @@ def _run_of_unit(case: Case, scene: Scene, chosen: Plan, per_substep: float = ma
     unit, start = chosen.unit, filled_buffer(scene, chosen)
     initialize(scene, unit, start)
     z = aligned_zeros(len(start))
-    z[:] = start
-    _unit_repeated(unit.step, z, start, case.interval, 1, 1)  # compiled for each unit
+    at = np.concatenate([np.arange(len(z))[unit.BLOCKS[name]] for name in case.quantities])
+    out = np.zeros((case.outputs, len(at)))
+    if _unit_repeated(unit.step, z, start, case.interval, at, out, 1):
+        out[:] = math.nan
+    found = [_state(case, row) for row in out[case.checkpoints]]
+    evaluations = per_substep * (fixed or substeps_counted(unit, z))
+    seconds = timed(lambda k: _unit_repeated(unit.step, z, start, case.interval, at, out, k))
+    return Run(lambda: found, seconds, evaluations, chosen.method)
 
-    def states() -> list[State]:
-        z[:], found = start, []
-        for _ in range(CHECKPOINTS):
-            if unit.step(z, case.interval):
-                z[:] = math.nan
-            found.append(motion_of(z))
-        return found
 
-    found = states()
-    seconds = timed(lambda k: _unit_repeated(unit.step, z, start, case.interval, CHECKPOINTS, k))
-    return Run(lambda: found, seconds, per_substep * (fixed or substeps_counted(unit, z)))
+def _state(case: Case, row: Any) -> State:
+    """A row (q, omega, perhaps the position of o); without it the centre of mass stays (no load moves it)."""
+    q, omega = row[:4], row[4:7]
+    body = case.scene.body
+    assert body is not None
+    r = row[7:] + rbfmu.rotate(q, np.array(body.r_oc_b)) if len(row) > 7 else case.start[0]
+    return tuples(r, case.start[1], q, omega)
 
 
 @dataclass(frozen=True)
@@ -100,34 +114,25 @@ class Substeps:
         model = "body under loads, by series" if self.order else "body under loads"
         substep, tolerance = (math.inf, value) if self.controlled else (value, 0.0)
         chosen = Plan(model, self.name, 13, substep, tolerance, self.order)
-        fixed = 0.0 if self.controlled else float(CHECKPOINTS * round(case.interval / value))
-        return _run_of_unit(case, case.scene, chosen, self.order or 12.0, fixed)
+        fixed = 0.0 if self.controlled else float(case.outputs * round(case.interval / value))
+        return _run_of_unit(case, case.asking(1.0), chosen, self.order or 12.0, fixed)
 
 
 # Exact
 
 
 @kernel(inline=False)
-def _exact(out: Any, moments: Vec3, q: Quaternion, w: Vec3, span: float, n: int, k: int) -> float:
-    """K times: set up, then n outputs; the checkpoints to out."""
-    rest, every = 0.0, n // len(out)
+def _exact(out: Any, moments: Vec3, q: Quaternion, w: Vec3, span: float, k: int) -> float:
+    """K times: set up, then all outputs."""
+    rest, n = 0.0, len(out)
     for _ in range(k):
         setup = free_rotation_setup(moments, q, (w[0] + 0.0 * rest, w[1], w[2]))
-        for i in range(1, n + 1):
-            q_ab, omega = free_rotation_at(setup, span * i / n)
+        for i in range(n):
+            q_ab, omega = free_rotation_at(setup, span * (i + 1) / n)
             rest = omega[0] + q_ab[0]
-            if i % every == 0:
-                j = i // every - 1
-                out[j, 0], out[j, 1], out[j, 2], out[j, 3] = q_ab
-                out[j, 4], out[j, 5], out[j, 6] = omega
+            out[i, 0], out[i, 1], out[i, 2], out[i, 3] = q_ab
+            out[i, 4], out[i, 5], out[i, 6] = omega
     return rest
-
-
-def _moved(case: Case, row: Any, i: int) -> State:
-    """A row (q, omega) with the centre of mass's path in closed form."""
-    x, t, a = row.tolist(), (i + 1) * case.interval, steady_acceleration(case.body, case.loads)
-    r, v = add_scaled(case.start[0], t, case.start[1]), case.start[1]
-    return add_scaled(r, 0.5 * t * t, a), add_scaled(v, t, a), tuple(x[:4]), tuple(x[4:])
 
 
 class Exact:
@@ -140,20 +145,20 @@ class Exact:
         return case.torque_free
 
     def settings(self, case: Case, quick: bool) -> Iterator[float]:
-        """Outputs at the checkpoints only."""
-        yield float(CHECKPOINTS)
+        """One: as many outputs as asked for."""
+        yield float(case.outputs)
 
     def run(self, case: Case, value: float) -> Run:
-        """`value` outputs, a multiple of the checkpoints."""
-        out = np.zeros((CHECKPOINTS, 7))
+        """All outputs."""
+        out = np.zeros((case.outputs, 7))
         _, _, q, w = case.start
 
         def repeat(k: int) -> None:
-            _exact(out, case.moments, q, w, case.span, int(value), k)
+            _exact(out, case.moments, q, w, case.span, k)
 
         def states() -> list[State]:
             repeat(1)
-            return [_moved(case, row, i) for i, row in enumerate(out)]
+            return [_state(case, row) for row in out[case.checkpoints]]
 
         return Run(states, timed(repeat), 0.0)
 
@@ -191,11 +196,11 @@ class ClosedForm(Planned):
 
     def suits(self, case: Case) -> bool:
         """Where a plan is one."""
-        return not case.torque_free and plan(case.scene).model in CLOSED
+        return not case.torque_free and plan(case.asking(1e-6)).model in CLOSED
 
     def settings(self, case: Case, quick: bool) -> Iterator[float]:
         """One."""
-        yield case.scene.run.accuracy
+        yield 1e-6
 
 
 _KICKS = (

@@ -1,28 +1,42 @@
-"""What plans promise on motions with torques, held against the collected figures."""
+"""Plans held against the best of the library's own methods, and against the best peer, at the same accuracy."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from rbfmu.planning import plan
-from rbfmu.work_precision.answers import OUTSIDE, OWN, Offer, aligned, cheapest, text_of
-from rbfmu.work_precision.cases import CASES
-from rbfmu.work_precision.collection import Point
+from rbfmu.work_precision.answers import OUTSIDE, OWN, Offer, cheapest
+from rbfmu.work_precision.cases import CHECKPOINTS
+from rbfmu.work_precision.collection import Collection, Point
 
-DEAREST, PEERS, PEERS_AT = 1.3, 100.0, 1e-9
-"""A plan may cost so many times the best contestant; the best peer at an accuracy of 1e-9 at least so many times it."""
+DEAREST = 1.3
+"""A plan may cost so many times the best contestant: it is made without knowing the truth."""
+REFUSED = "refused"
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """A plan for an accuracy, its error and cost, the best contestant at that error, the best peer at that accuracy."""
+    """A plan for an accuracy, the best contestant at the plan's error, the best peer at that accuracy.
+
+    cost: infinite where no plan is made; stopped: peers that the limit of time stopped before that accuracy; noise:
+    costs within this ratio are even.
+    """
 
     case: str
+    title: str
+    outputs: int
     accuracy: float
     method: str
     error: float
     cost: float
     contestant: Offer | None
     peer: Offer | None
+    stopped: tuple[str, ...]
+    noise: float
+
+    @property
+    def many(self) -> bool:
+        """Whether outputs are many."""
+        return self.outputs > CHECKPOINTS
 
     @property
     def dearness(self) -> float:
@@ -31,43 +45,44 @@ class Verdict:
 
     @property
     def lead(self) -> float:
-        """The best peer's cost over this one's, infinite where none is as accurate."""
-        return self.peer.cost / self.cost if self.peer else float("inf")
+        """The best peer's cost over this one's, infinite where none is as accurate, 0 where only peers are."""
+        return self.peer.cost / self.cost if self.peer else math.inf
+
+    @property
+    def even(self) -> bool:
+        """Whether noise could turn the verdict."""
+        return 1.0 / self.noise <= self.lead <= self.noise
 
     @property
     def kept(self) -> bool:
         """Whether error and cost are as they should be."""
-        leads = self.lead >= PEERS or self.accuracy != PEERS_AT
-        return self.error <= self.accuracy and self.dearness <= DEAREST and leads
-
-    def row(self) -> tuple[str, ...]:
-        """For a table."""
-        rival = (self.contestant.method, f"{self.dearness:.2f}") if self.contestant else ("none", "")
-        peer = (self.peer.method, f"{self.lead:.0f}") if self.peer else ("none", "")
-        start = (self.case, f"{self.accuracy:.0e}", self.method, f"{self.error:.1e}", text_of(self.cost))
-        return (*start, *rival, *peer, "kept" if self.kept else "MISSED")
+        return self.error <= self.accuracy and self.dearness <= DEAREST * self.noise
 
 
-HEAD = (
-    *("case", "asked", "plan", "error", "cost a second", "best contestant at that error", "plan over it"),
-    *("best peer at that accuracy", "over plan", f"<= {DEAREST:g}, at {PEERS_AT:.0e} >= {PEERS:g}"),
-)
+def verdicts(found: Collection) -> list[Verdict]:
+    """For each motion and each accuracy that plans were asked for."""
+    asked = sorted({p.value for p in found.points if p.family == "planned"}, reverse=True)
+    noise, verdicts_found = found.noise, []
+    for motion in dict.fromkeys(p.motion for p in found.points):
+        mine = [p for p in found.points if p.motion == motion]
+        for accuracy in asked:
+            stopped = tuple(_stopped(found, motion, accuracy))
+            verdicts_found.append(_verdict(mine, accuracy, stopped, noise))
+    return verdicts_found
 
 
-def verdicts(points: Sequence[Point]) -> list[Verdict]:
-    """Of all plans of motions with torques among the points."""
-    found = []
-    for point in points:
-        if point.family != "planned" or CASES[point.case].torque_free:
-            continue
-        mine = [p for p in points if p.case == point.case]
-        method = plan(CASES[point.case].asking(point.value)).method
-        rival = cheapest(mine, (*OWN, *OUTSIDE), point.attitude_error)
-        peer = cheapest(mine, ("peer",), point.value)
-        found.append(Verdict(point.case, point.value, method, point.attitude_error, point.cost, rival, peer))
-    return found
+def _stopped(found: Collection, motion: tuple[str, int], accuracy: float) -> Iterator[str]:
+    for ending in found.endings:
+        mine = (ending.case, ending.outputs) == motion and ending.family == "peer"
+        if mine and ending.stopped and ending.error > accuracy:
+            yield ending.method
 
 
-def verdict_table(found: Sequence[Verdict]) -> str:
-    """For the terminal."""
-    return aligned([HEAD, *(verdict.row() for verdict in found)])
+def _verdict(points: Sequence[Point], accuracy: float, stopped: tuple[str, ...], noise: float) -> Verdict:
+    planned = next((p for p in points if p.family == "planned" and p.value == accuracy), None)
+    error = planned.attitude_error if planned else math.inf
+    made = (planned.detail, error, planned.seconds) if planned else (REFUSED, error, math.inf)
+    rival = cheapest(points, (*OWN, *OUTSIDE), min(error, accuracy))
+    peer = cheapest(points, ("peer",), accuracy)
+    head = (points[0].case, points[0].title, points[0].outputs, accuracy)
+    return Verdict(*head, *made, rival, peer, stopped, noise)

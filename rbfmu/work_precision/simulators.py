@@ -2,30 +2,16 @@
 
 import math
 from collections.abc import Iterable, Iterator
-from importlib import import_module
 from itertools import islice
-from time import perf_counter
+from time import process_time
 from typing import Any
 
 import numpy as np
 
 import rbfmu
 from rbfmu.work_precision.cases import CHECKPOINTS, Case
-from rbfmu.work_precision.methods import NotFeasibleError, Run, step_counts, timed, tolerances
+from rbfmu.work_precision.methods import NotFeasibleError, Run, module, step_counts, timed, tolerances, tuples
 from rbfmu_kernels.dynamics import State
-
-
-def module(name: str) -> Any:
-    """A peer's module."""
-    try:
-        return import_module(name)
-    except ImportError as error:
-        raise NotFeasibleError(f"{name} is installed but does not load: {error}") from None
-
-
-def tuples(r: Any, v: Any, q: Any, omega: Any) -> State:
-    """A state of whatever holds numbers."""
-    return tuple(tuple(map(float, x)) for x in (r, v, q, omega))  # type: ignore[return-value]
 
 
 def _text(numbers: Iterable[float]) -> str:
@@ -95,14 +81,20 @@ class MuJoCo:
 
         def states() -> list[State]:
             begin()
-            return [(mujoco.mj_step(model, data, n), state())[1] for _ in range(CHECKPOINTS)]
+            every = n * case.outputs // CHECKPOINTS
+            return [(mujoco.mj_step(model, data, every), state())[1] for _ in range(CHECKPOINTS)]
+
+        out = np.zeros((case.outputs, len(data.qpos)))
 
         def repeat(k: int) -> None:
+            step, qpos = mujoco.mj_step, data.qpos
             for _ in range(k):
                 begin()
-                mujoco.mj_step(model, data, CHECKPOINTS * n)
+                for row in out:
+                    step(model, data, n)
+                    row[:] = qpos
 
-        return Run(states, timed(repeat), float((4 if self.integrator == "RK4" else 1) * CHECKPOINTS * n))
+        return Run(states, timed(repeat), float((4 if self.integrator == "RK4" else 1) * case.outputs * n))
 
 
 # Basilisk
@@ -141,18 +133,18 @@ class Basilisk:
             nanoseconds = round(case.interval * 1e9) // n
             simulation, recorder = self._simulation(case, value, nanoseconds)
             simulation.InitializeSimulation()
-            simulation.ConfigureStopTime(CHECKPOINTS * n * nanoseconds)
-            start = perf_counter()
+            simulation.ConfigureStopTime(case.outputs * n * nanoseconds)
+            start = process_time()
             simulation.ExecuteSimulation()
-            return perf_counter() - start
+            return process_time() - start
 
         def states() -> list[State]:
             execute()
             sigma, omega = np.array(recorder.sigma_BN), np.array(recorder.omega_BN_B)
-            rows = range(n, CHECKPOINTS * n + 1, n)
+            rows = range(n, case.outputs * n + 1, n)[case.checkpoints]
             return [tuples(case.start[0], case.start[1], _quaternion_from_mrp(sigma[i]), omega[i]) for i in rows]
 
-        evaluations = math.nan if self.controlled else 4.0 * CHECKPOINTS * n
+        evaluations = math.nan if self.controlled else 4.0 * case.outputs * n
         return Run(states, lambda k: sum(execute() for _ in range(k)), evaluations)
 
     def _simulation(self, case: Case, value: float, nanoseconds: int) -> tuple[Any, Any]:
@@ -241,9 +233,9 @@ class Drake:
 
         def states() -> list[State]:
             made, found = simulator(), []
-            for k in range(1, CHECKPOINTS + 1):
+            for t in (case.interval * np.arange(1, case.outputs + 1))[case.checkpoints]:
                 try:
-                    made.AdvanceTo(k * case.interval)
+                    made.AdvanceTo(t)
                 except RuntimeError as error:  # the joint's pitch came (near) to 90 degrees
                     raise NotFeasibleError(str(error)) from None
                 context = made.get_context()
@@ -257,9 +249,10 @@ class Drake:
             total = 0.0
             for _ in range(k):
                 made = simulator()
-                start = perf_counter()
-                made.AdvanceTo(case.span)
-                total += perf_counter() - start
+                start = process_time()
+                for i in range(1, case.outputs + 1):
+                    made.AdvanceTo(i * case.interval)
+                total += process_time() - start
             return total
 
         evaluations: list[int] = []
