@@ -525,6 +525,7 @@ def test_tables_fit_the_terminal_and_no_label_lies_on_another(
     paths = write_charts(tmp_path, made_up)
     text = (tmp_path / "answers.txt").read_text()
     assert max(map(len, text.splitlines())) <= WIDTH
+    assert text.startswith(plan_table(verdicts(made_up)))
     assert {path.name for path in paths} >= {"answers.png", "case_c2.png", "case_f.png", "kept_b.png"}
     assert "kept_f.png" not in {path.name for path in paths}  # nothing is kept there
     assert len(drawn) == sum(path.suffix == ".png" for path in paths)
