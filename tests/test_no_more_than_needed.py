@@ -81,6 +81,14 @@ def test_thrust_that_may_leave_the_axis_gets_a_larger_model(varies):
     assert plan(made(TRIAXIAL, SPIN, THRUST, accuracy=1e-6, **varies)).model not in ("constant rate", "one axis")
 
 
+@pytest.mark.parametrize(
+    "varies", [{"parameters": ["mass", "gravity_a", "position_0", "velocity_0"]}, {"ports": ["force_a"]}]
+)
+def test_what_bends_no_path_may_vary_beside_thrust(varies):
+    found = plan(made(TRIAXIAL, SPIN, THRUST, **varies))
+    assert (found.model, found.held) == ("constant rate", ())
+
+
 @compiled
 def test_a_parabola_under_thrust_gathers_no_round_off():
     """1e5 steps end where one does."""

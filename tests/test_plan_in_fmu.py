@@ -49,6 +49,14 @@ def test_an_fmu_of_rates_alone_has_only_what_they_need(kind, tmp_path):
 
 
 @pytest.mark.parametrize("kind", KINDS)
+def test_an_fmu_of_a_pushed_free_body_gives_the_kernels_bits(kind, tmp_path):
+    tables = spinning((0.1, 0.2, 0.4), ["position"]).to_dict()
+    tables["loads"]["force_b"] = [5.0, -3.0, 2.0]
+    path = rbfmu_fmu.build(Scene.from_dict(tables), tmp_path / f"{kind}.fmu", kind)
+    assert rbfmu_fmu.verify(path).passed
+
+
+@pytest.mark.parametrize("kind", KINDS)
 def test_a_spin_off_the_principal_axis_is_refused_where_the_model_has_none(kind, tmp_path):
     instance = begun(made(spinning(), tmp_path, kind), (0.1, 0.0, 0.4))
     assert instance.exit() >= ERROR
