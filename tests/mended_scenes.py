@@ -226,7 +226,26 @@ def _late_clocks():
     yield Case(14, "start 1e9, step 0.3", late, Setting(), "ends 0.2 s late")
 
 
+def _found_since():
+    """By the campaign, on 21 Nov 2026 as well."""
+    small = {"torque_a": [-7.786e-06, -1.051e-05, 7.854e-06], "torque_b": [-4.495e-06, -1.358e-05, 5.305e-06]}
+    symmetric = {"inertia": [11.43, 11.43, 4.573], "mass": 22.87, "omega_b": [3.59e-09, 2.804e-08, -3.0]}
+    listed = {"parameters": ["torque_a"]}
+    steady = scene(wanted=["quaternion", "alpha_b"], loads=small, inputs=listed, run=run(6.4, 6.4, 1.3e-5), **symmetric)
+    yield Case(6, "one long step, alpha_b", steady, Setting(), "1.6e-3", True, ("run.accuracy",))
+    pushed = {"loads": DEFAULT_GRAVITY | {"force_b": [0.1, 0.2, 0.0]}, "inputs": {"parameters": ["gravity_a"]}}
+    ball = {"inertia": [1.0, 1.0, 1.0], "mass": 2.0, "omega_b": [0.0, 0.0, 3.0], "wanted": ["position"]}
+    sphere = scene(run=run(10.0, 1.0, 1e-6), **ball, **pushed)
+    yield Case(4, "pushed, listed gravity_a", sphere, Setting(changes=MOON), "refused, advised to list it")
+    turned = scene(**MOTOR | {"run": run(10.0, 0.01, 1e-3)})
+    for changes in ({"torque_b": [-8.0, 0.1, 0.0]}, {"gravity_a": [1.0, 0.0, -9.81]}, {"r_oc_b": [0.1, 0.0, -0.5]}):
+        key = next(iter(changes))
+        change = Setting(changes=changes)
+        yield Case(5, f"one swinging axis no more, {key}", turned, change, "advised to list omega_b_0", True, (key,))
+
+
 CASES = [
+    *_found_since(),
     *_ports(), *_equilibria(), *_starts(), *_listed(), *_unlisted(), *_never_judged(), *_other_steps(),
     *_full_matrices(), *_trials(), *_prescribed(), *_many_steps(), *_refused(), *_late_clocks(),
 ]  # fmt: skip

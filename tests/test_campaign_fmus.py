@@ -9,7 +9,8 @@ from quadruple.campaign import FAILED, offered_by, verdict_of
 from quadruple.driving import Outcome, seen, true_motion
 from quadruple.errors import errors
 from quadruple.importing import seen_by_importer
-from quadruple.scenes import random_scene, random_settings
+from quadruple.scenes import random_scene
+from quadruple.settings import random_settings
 
 import rbfmu_fmu
 from rbfmu.planning import plan

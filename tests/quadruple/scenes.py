@@ -1,19 +1,16 @@
-"""Random scenes over all models and their borders, and random settings of an importer, each from its seed."""
+"""Random scenes over all models and their borders, each from its seed."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from quadruple.driving import Setting
 from rbfmu.scene import PARAMETERS, PORTS, QUANTITIES, Scene
 
 KINDS = (
     "no rotation", "constant rate", "one axis", "pendulum", "swinging", "swinging", "prescribed", "free",
     "free symmetric", "spun", "top", "top", "top", "loads", "loads", "loads", "loads", "weight off centre",
-    "equilibrium", "rod", "tiny loads",
+    "equilibrium", "rod", "tiny loads", "momentum", "sphere", "pushed", "pushed", "thrust",
 )  # fmt: skip
 STEPS = (1, 2, 3, 5, 10, 10, 30, 30, 100, 100, 300, 1000, 3000)
-STEP_FACTORS = (0.1, 0.3, 3.0, 10.0, 30.0, 100.0, np.inf)
-FACTORS = (0.0, 0.5, 2.0, 2.0, 5.0, 5.0, -1.0, 30.0, 100.0)
 
 
 class Draw:
@@ -57,6 +54,8 @@ def moments_of(draw, kind):
     symmetric[own] = ratio
     if kind in ("top", "spun", "free symmetric"):
         return symmetric, own
+    if kind == "sphere" or (kind == "momentum" and draw.chance(0.4)):
+        return np.ones(3), own
     if kind == "rod":
         symmetric[own] = draw.one(0.0, draw.log(-9, -2), draw.log(-6, -2))
         return symmetric, own
@@ -90,9 +89,15 @@ def body_of(draw, kind):
 def rates_of(draw, kind, R, own, moments):
     rate = draw.one(0.03, 1.0, 3.0, 20.0, draw.log(-2, 2.3))
     way = draw.one("rest", "principal", "near", "any", "any", "any")
-    way = {"constant rate": "principal", "one axis": "principal", "pendulum": draw.one("rest", "principal"),
-           "swinging": draw.one("rest", "principal"), "equilibrium": "rest", "no rotation": draw.one("rest", "any"),
-           "free": draw.one("near", "any"), "top": draw.one("near", "any", "any")}.get(kind, way)  # fmt: skip
+    ways = {
+        **dict.fromkeys(("constant rate", "one axis", "thrust"), "principal"),
+        **dict.fromkeys(("pendulum", "swinging"), draw.one("rest", "principal")),
+        **dict.fromkeys(("free", "pushed"), draw.one("near", "any")),
+        "equilibrium": "rest",
+        "no rotation": draw.one("rest", "any"),
+        "top": draw.one("near", "any", "any"),
+    }
+    way = ways.get(kind, way)
     axis = R[:, own]
     if way == "rest":
         return np.zeros(3), axis
@@ -132,6 +137,14 @@ def loads_of(draw, kind, body, omega, axis, R, moments):
         if not body["pivot"]:
             loads["force_a"] = [0.0, 0.0, 9.81 * mass]
         loads["damping_b"] = rounded([damping] * 3)
+    if kind == "momentum":
+        loads["torque_a"] = rounded(draw.vector(twist))
+    if kind == "sphere":
+        way = np.linalg.norm(omega) and omega / np.linalg.norm(omega)
+        loads |= {"torque_b": (twist * (way if np.any(way) else draw.vector())).tolist()} if draw.chance(0.8) else {}
+        loads["damping_b"] = rounded([draw.one(0.0, damping)] * 3)
+    if kind in ("pushed", "thrust"):
+        loads["force_b"] = (mass * draw.log(-2, 1) * (axis if kind == "thrust" else draw.vector())).tolist()
     if kind == "spun":
         loads |= {"torque_b": (twist * axis).tolist(), "damping_b": rounded([draw.one(0.0, damping)] * 3)}
     if kind in ("top", "weight off centre"):
@@ -193,8 +206,10 @@ def wanted_of(draw, kind, pivot):
         names = ["quaternion", "rpy", "omega_a"]
     if kind == "spun" and draw.chance(0.5):
         return ["omega_b"]
-    if kind == "no rotation" and not pivot:
-        names = draw.one(names, ["position", "velocity", "acceleration"])
+    if kind == "momentum" and draw.chance(0.6):
+        return draw.one(["angular_momentum_a"], ["omega_a"], ["angular_momentum_a", "omega_a"])
+    if kind in ("no rotation", "pushed", "thrust") and not pivot:
+        names = draw.one(names, ["position", "velocity"], ["position", "velocity", "acceleration"])
     way = draw.one("one", "one", "few", "few", "all")
     if way == "one":
         return [draw.one(*names)]
@@ -230,88 +245,3 @@ def random_scene(seed):
     return kind, Scene(name=f"seed_{seed}", body=body, initial=initial, loads=loads, run=run,
                        inputs={"ports": ports, "parameters": listed},
                        outputs={"quantities": wanted_of(draw, kind, body.get("pivot"))})  # fmt: skip
-
-
-def changed(draw, block, values, scene):
-    """Another value of a parameter, one that a body can have."""
-    v = np.array(values, dtype=float)
-    if block == "mass":
-        return [rounded(v[0] * draw.one(0.5, 2.0, 10.0))]
-    if block == "quaternion_0":
-        return draw.rotation().as_quat(scalar_first=True).tolist()
-    if block in ("position_0", "velocity_0"):
-        return rounded(draw.one(0.0, 1.0, 100.0) * draw.vector() + draw.one(0.0, 1.0) * v)
-    if block == "inertia":
-        return inertia_changed(draw, v)
-    if not np.any(v):
-        v = rounded(draw.log(-1, 0.5) * draw.vector() * usual_size(block, scene))
-        return np.abs(v).tolist() if block == "damping_b" else v
-    if draw.chance(0.3):
-        v = v + draw.vector(draw.log(-6, 0) * np.linalg.norm(v))
-        return np.abs(v).tolist() if block == "damping_b" else v.tolist()
-    factor = draw.one(*FACTORS)
-    return ((abs(factor) if block == "damping_b" else factor) * v).tolist()
-
-
-def inertia_changed(draw, v):
-    M = np.array([[v[0], v[3], v[4]], [v[3], v[1], v[5]], [v[4], v[5], v[2]]])
-    way = draw.one("scaled", "scaled", "turned", "near", "other")
-    if way == "scaled":
-        M = draw.one(0.5, 2.0, 5.0) * M
-    elif way == "turned":
-        R = draw.rotation().as_matrix()
-        M = R @ M @ R.T
-    else:
-        t = np.trace(M)
-        a, b, c = draw.rng.uniform(0.05, 0.5, 3) * t
-        other = np.diag([b + c, c + a, a + b])
-        M = M + draw.log(-9, -2) * other if way == "near" else other
-    return [M[0, 0], M[1, 1], M[2, 2], M[0, 1], M[0, 2], M[1, 2]]
-
-
-def usual_size(block, scene):
-    """Of a load or a rate that turns the body by a radian over the run or so."""
-    M, mass = np.trace(scene.body.inertia), scene.body.mass
-    rate = max(float(np.linalg.norm(scene.initial.omega_b)), 1.0 / (scene.run.stop - scene.run.start))
-    sizes = {"omega_b_0": rate, "r_oc_b": np.sqrt(M / mass), "gravity_a": 1.6, "damping_b": 0.1 * M * rate}
-    torque = 0.1 * M * rate * rate
-    return sizes.get(block, torque / np.sqrt(M / mass) if block.startswith("force") else torque)
-
-
-def random_inputs(draw, scene):
-    """Rows of each port: constant, or changing a few times."""
-    rows = draw.one(1, 1, 3, 5)
-    if scene.body is None:
-        span = scene.run.stop - scene.run.start
-        rate = draw.one(0.0, draw.log(-0.5, 2.2) / span, draw.log(-0.5, 3) / span)
-        return {"omega_b": [rounded(draw.vector(rate)) for _ in range(rows)]}
-    factor = draw.one(0.1, 1.0, 1.0, 3.0)
-    return {p: [rounded(factor * draw.vector(usual_size(p, scene))) for _ in range(rows)] for p in scene.inputs.ports}
-
-
-def other_step(draw, scene):
-    span = scene.run.stop - scene.run.start
-    step = min(scene.run.step * draw.one(*STEP_FACTORS), span)
-    return max(rounded(step, 6), span / 30_000.0) if step < span else span
-
-
-def random_settings(seed, scene, offered):
-    """(label, setting) of a scene whose FMU has the parameters `offered`, by block name with their values."""
-    draw = Draw([seed, 12])
-    inputs = random_inputs(draw, scene) if scene.inputs.ports else {}
-    if scene.body is not None or inputs:
-        yield "as planned", Setting(inputs=inputs if scene.body is None else {})
-    yield "other step", Setting(step=other_step(draw, scene), inputs=inputs if scene.body is None else {})
-    if inputs:
-        yield "ports", Setting(inputs=inputs)
-        yield "ports, other step", Setting(inputs=random_inputs(draw, scene), step=other_step(draw, scene))
-    blocks = list(offered)
-    for k in range(3 if blocks else 0):
-        names = [draw.one(*blocks)] if k < 2 else draw.some(blocks, 0.4)
-        listed = [b for b in blocks if b in scene.inputs.parameters]
-        if k == 0 and listed:
-            names = [draw.one(*listed)]
-        changes = {b: changed(draw, b, offered[b], scene) for b in names}
-        step = other_step(draw, scene) if k == 1 and draw.chance(0.5) else None
-        held = inputs if scene.body is None or (inputs and k == 2) else {}
-        yield "parameters", Setting(changes=changes, step=step, inputs=held)
