@@ -15,7 +15,8 @@ import conftest  # noqa: F401
 
 from quadruple import reference
 from quadruple.driving import BEYOND, Outcome, Setting, outcome, pasted, plainly_met
-from quadruple.scenes import random_scene, random_settings
+from quadruple.scenes import random_scene
+from quadruple.settings import random_settings
 from rbfmu.planning import plan
 from rbfmu.scene import SceneError
 from rbfmu_fmu.description import describe
