@@ -12,7 +12,7 @@ import statistics
 import subprocess
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -248,7 +248,9 @@ def _first_step(native: Fmu, nothing: Fmu, starts: int) -> float:
     return ratio
 
 
-def main(repeats: int = 301, steps: int = 200, starts: int = 15) -> dict[str, dict[str, float]]:
+def main(
+    repeats: int = 301, steps: int = 200, starts: int = 15, names: Sequence[str] = (*TABLES, HAND)
+) -> dict[str, dict[str, float]]:
     """Print the table; ratios by scene. Many short blocks: each fits between the interruptions of a busy machine."""
     print(f"ns per step (fmi2DoStep, all outputs), medians; ratios at most: {GOALS}")
     with tempfile.TemporaryDirectory() as name:
@@ -256,7 +258,7 @@ def main(repeats: int = 301, steps: int = 200, starts: int = 15) -> dict[str, di
         driver = _driver(place)
         return {
             text: _figures_of(text, place / str(number), driver, repeats, steps, starts)
-            for number, text in enumerate([*TABLES, HAND])
+            for number, text in enumerate(names)
         }
 
 

@@ -15,6 +15,7 @@ SPOILT = {
     "the importer's memory did not come back|LeakSanitizer": ("    while (m->saved) {", "    while (0) {"),
     "null pointer": ("fine = m && (n == 0 || (references && values))", "fine = m != NULL"),
     "out of bounds": ("if (r[i] >= REALS) return refuse", "if (0) return refuse"),
+    "a buffer across cache lines": ("now.z)) % CACHE_LINE);", "now.z)) % 8);"),
     "a message's text": ("if (*text == '%') *end++ = '%';", ""),
 }
 """What the sanitizers say of a C layer spoilt thus."""

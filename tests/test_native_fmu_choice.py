@@ -96,7 +96,7 @@ def test_either_step_gives_the_kernels_bits(choice, case, tmp_path, monkeypatch)
     z = filled_buffer(scene(name), plan)
     initialize(scene(name), plan.unit, z)
     own, places = z.copy(), {v.name: v.offset for v in describe(scene(name), plan).variables}
-    for inputs in signal(name, 2000):
+    for inputs in signal(name, 500):
         for variable, value in inputs.items():
             z[places[variable]] = own[places[variable]] = value
         assert step(z.ctypes.data, 0.01) == plan.unit.step(own, 0.01) == 0
