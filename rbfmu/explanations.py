@@ -81,10 +81,9 @@ def _standing(scene: Scene, rate: float, attitude: bool) -> str:
     return f"rotation: 0 of 7 states, the rates asked for stay as they begin ({rate:.6g} rad/s)"
 
 
-def why_swinging(scene: Scene, plan: Plan, error: float) -> tuple[str, ...]:
+def why_swinging(scene: Scene, plan: Plan) -> tuple[str, ...]:
     """One angle, integrated."""
-    why = "rotation: one angle, every load turns the body about one principal axis; 2 of 7 states"
-    return why, f"{plan.method}: error {error:.1e}, against order 16 at round-off; {scene.run.accuracy:g} asked"
+    return ("rotation: one angle, every load turns the body about one principal axis; 2 of 7 states",)
 
 
 def why_pushed(scene: Scene, plan: Plan) -> tuple[str, ...]:
@@ -95,9 +94,36 @@ def why_pushed(scene: Scene, plan: Plan) -> tuple[str, ...]:
     return f"rotation: no torque, moments {moments} kg m2: elliptic functions", f"{why}, {scene.run.accuracy:g} asked"
 
 
-def why_close(scene: Scene, model: str, found: Plan, error: float, points: int) -> str:
+def why_close(scene: Scene, model: str, found: Plan | None, error: float, points: int) -> str:
     """What a model that is not exact leaves out."""
-    return f"{found.model} dropped for {model}: {error:.1e} apart at {points} times, {scene.run.accuracy:g} asked"
+    larger = found.model if found else "the body under loads"
+    return f"{larger} dropped for {model}: {error:.1e} apart at {points} times, {scene.run.accuracy:g} asked"
+
+
+def only_in_own_steps(error: float) -> str:
+    """Where longer communication steps are less accurate than asked."""
+    return f"in longer communication steps than the scene's the error is up to {error:.1e}"
+
+
+UNSTABLE_AT_ZERO_INPUTS = (
+    "with inputs at zero the motion magnifies round-off beyond the accuracy: only the errors of substeps are held to it"
+)
+
+
+def what_inputs_cost(scene: Scene) -> tuple[str, ...]:
+    """What holding the inputs over a communication step does to a loop that is closed through them."""
+    ports, step, body = scene.inputs.ports, scene.run.step, scene.body
+    if not ports or body is None:
+        return ()
+    turns = any(port.startswith("torque") for port in ports)
+    least = _moments(scene)[0] if turns else body.mass
+    unit, damper = ("kg m2", "N m s/rad") if turns else ("kg", "N s/m")
+    return (
+        f"inputs are held over each step of {step:g} s: what is closed through them is of first order in it, whatever "
+        "the accuracy here",
+        f"a spring between units gains energy at any such step; a damper d is unstable beyond a step of 2 I / d, here "
+        f"where d > {2.0 * least / step:.3g} {damper} ({least:.3g} {unit}); give input derivatives, or a shorter step",
+    )
 
 
 def growth_rate(scene: Scene) -> float:

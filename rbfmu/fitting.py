@@ -1,29 +1,43 @@
 """The method and its step or tolerance that meet a scene's accuracy at the least cost, found by pilot runs."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
-from rbfmu.measures import largest_error
+from rbfmu import explanations as say
+from rbfmu.judging import Judge
+from rbfmu.ladder import varying_parameters
 from rbfmu.models import Plan
-from rbfmu.pilot import pilot_run, references, substeps_taken, whole_run
-from rbfmu.recording import Motion
-from rbfmu.scene import Scene, SceneError
+from rbfmu.scene import PORTS, Scene, SceneError
 from rbfmu.times import communication_steps
 from rbfmu.unit import Buffer, filled_buffer, initialize
+from rbfmu_kernels._substeps import substeps_in
 from rbfmu_kernels.body_memory import body_of, loads_of
 from rbfmu_kernels.kicked_top import is_symmetric_top, resonant_step, transverse_moment
+from rbfmu_kernels.pendulum_unit import ORDERS
 from rbfmu_kernels.taylor_series import MOST_ORDER
 
 TIGHTEST = 1e-15
 """The smallest tolerance that double precision serves."""
+LOOSEST = 10.0
+"""Times the accuracy: the largest tolerance, as looser estimates say little of the errors in other steps."""
+SMALLEST = 1e-14
+"""The accuracy that any motion is promised at best: outputs have round-off of their own."""
+KEPT, REACHED = 1.0 / 3.0, 0.8
+"""Of the accuracy: the error that settings are fitted to, and the largest that is accepted where none is smaller."""
+MOST_WORK = 1e7
+"""Substeps of all pilot runs (some five seconds), after which nothing cheaper is looked for."""
 HIGHEST_ORDER_BESIDE_DOP853 = 8
 """Of series, where they are cheapest: beyond it DOP853 costs 1.2 to 13 times as much, measured on four motions."""
 LEAST_ORDER_OF_INPUTS = 8
 """Of series: pilot runs do not see what comes through ports, or what parameters are set to."""
+UNCUT = 20.0
+"""Substeps in a communication step from which on longer ones change little."""
+LONGER = (2, 4, 10, 25, 50, 100)
+"""Communication steps that an importer may take as one, and all of the run's."""
 TAYLOR_COSTS = {
     6: (154.0, 154.0, 202.0), 8: (168.0, 179.0, 210.0), 10: (201.0, 226.0, 261.0), 12: (220.0, 272.0, 313.0),
     14: (253.0, 326.0, 366.0), 16: (276.0, 374.0, 387.0), 18: (301.0, 440.0, 449.0), 20: (353.0, 510.0, 517.0),
@@ -56,76 +70,105 @@ class _Fit:
     error: float
     substeps: float
     cost: float
+    order: int
+    """Of the error in the plan's tolerance (1) or step."""
+    longer: float = 0.0
+    """The error in longer communication steps."""
 
 
-def cheapest_fit(scene: Scene, general: Plan, kicks: bool = True) -> Plan:
+def cheapest_fit(scene: Scene, general: Plan, judge: Judge, kicks: bool = True) -> Plan:
     """DOP853, Taylor series of some order, or kicks for a symmetric top: the cheapest that meets the accuracy.
 
-    general: the plan for a body under loads, whose method and settings are to be found; kicks: whether they may be.
+    general: the plan for a body under loads, whose method and settings are to be found, its tolerance the scene's
+    accuracy; kicks: whether they may be.
+    Raises SceneError where none is accurate enough.
     """
-    return _Search(scene, general).plan(kicks)
+    search = _Search(scene, judge, general)
+    if scene.run.accuracy < SMALLEST:
+        raise search.out_of_reach(REACHED * SMALLEST)
+    return search.plan_of_varying() if varying_parameters(scene) else search.plan(kicks)
+
+
+def swinging_fit(scene: Scene, general: Plan, judge: Judge) -> Plan | None:
+    """Series of one angle that meet the accuracy at the least cost; None where none does."""
+    search = _Search(scene, judge, general)
+    for order in reversed(ORDERS):
+        plan_of = partial(_swing, general, order)
+        search.fit(_Family(plan_of, 0.4 * (order + 4.0) ** 2, order), 0.1 * scene.run.accuracy)
+    return search.settled(search.bound) if search.is_met() else None
 
 
 class _Search:
-    """Pilot runs of one scene, judged by the same references, and the best that they found."""
+    """Pilot runs of one scene, and the best that they found."""
 
-    def __init__(self, scene: Scene, general: Plan) -> None:
-        self.scene, self.general = scene, general
+    def __init__(self, scene: Scene, judge: Judge, general: Plan) -> None:
+        self.scene, self.judge, self.general = scene, judge, general
         self.accuracy = scene.run.accuracy
-        self.known = not scene.inputs.ports and not scene.inputs.parameters
+        self.bound = KEPT * self.accuracy
         self.steps = communication_steps(scene)
         self.best: _Fit | None = None
         self.met: list[_Fit] = []
+        self.work = 0.0
         some = _series(general, 8, 1.0)
         self.start = filled_buffer(scene, some)
         initialize(scene, some.unit, self.start)
         self.shares = _load_shares(scene, self.start)
-        self.references = references(scene, tightest(general))
 
     def plan(self, kicks: bool) -> Plan:
         """The cheapest plan; SceneError where none is accurate enough."""
-        one, other = self.references
-        apart = largest_error(one, other, one)
-        if apart > self.accuracy / 3.0:
-            motion, _ = pilot_run(self.scene, tightest(self.general))
-            raise self._out_of_reach(max(apart, _largest_of(motion, self.references)))
+        self._try_tightest()
         self._fit_series()
-        if not self._is_met() or self._order() <= HIGHEST_ORDER_BESIDE_DOP853:
-            self._fit(self._dop853(), self.accuracy / 8.0)
-            if self.known:
-                self._fit_uncontrolled()
-        if self.known and kicks:
+        if not self.is_met() or self._order() <= HIGHEST_ORDER_BESIDE_DOP853:
+            self.fit(self._dop853(), self.accuracy / 8.0)
+            self._fit_uncontrolled()
+        if kicks:
             self._fit_kicks()
         assert self.best
-        if not self._is_met():
-            raise self._out_of_reach(self.best.error)
-        return self._explained(self._settled())
+        if not self.is_met():
+            raise self.out_of_reach(self.best.error)
+        return self.settled(self.bound)
 
-    def _is_met(self) -> bool:
-        return self.best is not None and self.best.error <= self.accuracy / 3.0
+    def plan_of_varying(self) -> Plan:
+        """The cheapest whose substeps' estimated errors sum up to a quarter of the accuracy, whatever comes."""
+        span, tolerance = self.scene.run.stop - self.scene.run.start, 0.25 * self.accuracy
+        while True:
+            found = self._cheapest_over(span, tolerance)
+            if found.error <= REACHED * self.accuracy:
+                break
+            tolerance *= 0.1
+            if tolerance < TIGHTEST:
+                if set(self.scene.inputs.ports) & set(PORTS):
+                    return self._explained_varying(found, say.UNSTABLE_AT_ZERO_INPUTS)
+                raise self.out_of_reach(found.error)
+        return self._explained_varying(found)
+
+    def is_met(self) -> bool:
+        """Whether something is accurate enough."""
+        return bool(self.met)
 
     def _order(self) -> int:
         return self.best.plan.order if self.best else 0
 
-    def _out_of_reach(self, error: float) -> SceneError:
-        expected = f"expected one that this scene can meet; the methods here reach {3.0 * error:.1e} here"
+    def out_of_reach(self, error: float) -> SceneError:
+        """What is said where no method's error is smaller."""
+        reached = error / REACHED
+        expected = f"expected one that this scene can meet; the methods here reach {reached:.1e} here"
+        if reached > 1e-3:
+            expected += "; the motion magnifies round-off: see `rbfmu stability`, or ask for a shorter run"
         return SceneError(f"run.accuracy = {self.accuracy!r}: {expected}", self.scene.name)
 
-    def _explained(self, best: _Fit) -> Plan:
-        found, cost = best.plan, best.cost / self.steps
-        how = f"at tolerance {found.tolerance:.1e}" if found.tolerance else f"in steps of {found.substep:.3g} s"
-        reason = f"{found.method} {how}: error {best.error:.1e} rad in a pilot run, judged by two tighter ones"
-        if self.known:
-            return replace(found, error=best.error, cost=cost, reasons=(reason,))
-        run = self.scene.run
-        share = 0.25 * self.accuracy * run.step / (run.stop - run.start)
-        share = max(min(found.tolerance, share), TIGHTEST)
-        cheapest, work = self._cheapest_at(share)
-        held = f"{cheapest.method}: substeps' estimated errors at most {share:.1e}, a quarter of a step's share"
-        pilot = f"inputs at zero, {reason}"
-        return replace(cheapest, error=best.error, cost=work / self.steps, reasons=(held, pilot))
+    def _explained_varying(self, found: _Fit, *more: str) -> Plan:
+        plan, what = found.plan, " and ".join(sorted(varying_parameters(self.scene)))
+        held = (
+            f"{plan.method}: estimated errors of a run add up to at most {plan.tolerance:.1e}, whatever {what} may be"
+        )
+        pilot = f"error {found.error:.1e} in a pilot run with inputs at zero, judged in double-double arithmetic"
+        reasons = (held, pilot, *more, *say.what_inputs_cost(self.scene))
+        return replace(plan, error=found.error, cost=found.cost / self.steps, reasons=reasons)
 
-    def _settled(self) -> _Fit:
+    # What is accurate enough whatever the communication step
+
+    def settled(self, bound: float) -> Plan:
         """The cheapest of those that meet the accuracy whatever the communication step."""
         best: _Fit | None = None
         for fit in sorted(self.met, key=lambda fit: fit.cost):
@@ -134,26 +177,35 @@ class _Search:
             other = self._whatever_the_step(fit)
             best = other if best is None or other.cost < best.cost else best
         assert best
-        return best
+        error = self.judge.try_all_steps(best.plan, best.error)
+        if error > self.accuracy:
+            raise self.out_of_reach(error)
+        found = best.plan
+        how = f"at tolerance {found.tolerance:.1e}" if found.tolerance else f"in steps of {found.substep:.3g} s"
+        reason = f"{found.method} {how}: error {error:.1e} in a pilot run, judged in double-double arithmetic"
+        more = () if best.longer <= self.accuracy else (say.only_in_own_steps(best.longer),)
+        return replace(found, error=error, cost=best.cost / self.steps, reasons=(reason, *more))
 
-    def _whatever_the_step(self, best: _Fit) -> _Fit:
-        """The fit, its tolerance such that one communication step for the whole run meets the accuracy as well.
-
-        That is looked at where the communication step has cut substeps short, so that the tolerance says little.
-        """
-        fit, per_substep = best, best.cost / best.substeps
-        if best.substeps > 3.0 * self.steps:
-            return best
-        ends = [{name: rows[[0, -1]] for name, rows in reference.items()} for reference in self.references]
-        while fit.plan.tolerance > TIGHTEST:
-            whole = _largest_of(whole_run(self.scene, fit.plan), ends)
-            if whole <= self.accuracy and fit.error <= self.accuracy / 3.0:
-                break
-            plan = replace(fit.plan, tolerance=0.3 * fit.plan.tolerance)
-            motion, substeps = pilot_run(self.scene, plan)
-            error = _largest_of(motion, self.references)
-            fit = replace(fit, plan=plan, error=error, cost=per_substep * substeps, substeps=substeps)
+    def _whatever_the_step(self, fit: _Fit) -> _Fit:
+        """The fit, its tolerance or step such that longer communication steps meet the accuracy as well."""
+        while fit.substeps <= UNCUT * self.steps:
+            worst = max(self._errors_in_longer_steps(fit.plan))
+            fit = replace(fit, longer=worst)
+            if worst <= REACHED * self.accuracy:
+                return fit
+            ratio = max(0.3 * self.accuracy / worst, 1e-3) if math.isfinite(worst) else 1e-3
+            tighter = _tightened(fit.plan, ratio ** (1.0 / fit.order))
+            if tighter == fit.plan:
+                return fit
+            error, substeps = self._tried(tighter)
+            fit = replace(fit, plan=tighter, error=error, substeps=substeps, cost=fit.cost / fit.substeps * substeps)
         return fit
+
+    def _errors_in_longer_steps(self, plan: Plan) -> Iterator[float]:
+        count = len(self.judge.steps)
+        for at_once in (*LONGER, count):
+            if at_once <= count:
+                yield self.judge.try_out(plan, at_once)[0]
 
     # Families
 
@@ -167,38 +219,53 @@ class _Search:
     def _dop853(self) -> _Family:
         return _Family(partial(_controlled, self.general), self._cost(DOP853_COSTS), 8)
 
+    def _try_tightest(self) -> None:
+        """What can be reached at all: where that is little, it is accepted, and nothing is looked for in vain."""
+        reached = math.inf
+        for order in (MOST_ORDER - 8, MOST_ORDER):
+            plan = _series(self.general, order, TIGHTEST)
+            error, substeps = self._tried(plan)
+            self._note(_Fit(plan, error, substeps, self._of_order(order).cost * substeps, 1), REACHED * self.accuracy)
+            reached = min(reached, error)
+            if error <= self.bound:
+                return
+        if reached > REACHED * self.accuracy:
+            raise self.out_of_reach(reached)
+        self.bound = REACHED * self.accuracy
+
     def _fit_series(self) -> None:
         """From a likely order up and down, until two in a row are no cheaper."""
         likely = 2 * round(1.0 + 0.25 * math.log(100.0 / self.accuracy))
         order = min(max(likely, min(TAYLOR_COSTS)), max(TAYLOR_COSTS))
-        first = self._fit(self._of_order(order), self.accuracy / 8.0)
+        first = self.fit(self._of_order(order), self.accuracy / 8.0)
         for way in (2, -2):
             other, value, idle = order + way, first, 0
             while other in TAYLOR_COSTS and idle < 2:
                 before = self.best
-                value = self._fit(self._of_order(other), value)
+                value = self.fit(self._of_order(other), value)
                 idle = idle + 1 if self.best is before else 0
                 other += way
 
-    def _cheapest_at(self, tolerance: float) -> tuple[Plan, float]:
-        """The cheapest method of error control at a tolerance, and its cost (ns)."""
+    def _cheapest_over(self, span: float, tolerance: float) -> _Fit:
+        """The cheapest method of error control at a tolerance for the whole run; of those that meet it, if any do."""
         families = [self._of_order(order) for order in TAYLOR_COSTS if order >= LEAST_ORDER_OF_INPUTS]
         families.append(self._dop853())
-        best, least = None, math.inf
+        best: _Fit | None = None
         for family in families:
-            if family.cost * self.steps < least:
-                trial = family.plan_of(tolerance)
-                cost = family.cost * pilot_run(self.scene, trial)[1]
-                best, least = (trial, cost) if cost < least else (best, least)
+            if best is None or best.error > self.bound or family.cost * self.steps < best.cost:
+                plan = replace(family.plan_of(tolerance), span=span)
+                error, substeps = self._tried(plan)
+                found = _Fit(plan, error, substeps, family.cost * substeps, 1)
+                best = found if best is None or _better(found, best, REACHED * self.accuracy) else best
         assert best
-        return best, least
+        return best
 
     def _fit_uncontrolled(self) -> None:
         """DOP853 in equal steps, from the shortest that would be cheaper than what was found."""
         family = _Family(partial(_uncontrolled, self.general), self._cost(UNCONTROLLED_COSTS), 8, True)
         if self.best and self.best.cost > family.cost * self.steps:
             span = self.scene.run.stop - self.scene.run.start
-            self._fit(family, 1.01 * span * family.cost / self.best.cost)
+            self.fit(family, 1.01 * span * family.cost / self.best.cost)
 
     def _fit_kicks(self) -> None:
         """From the longest step down, where kicks are cheapest; with a bound on the step by their resonances."""
@@ -209,7 +276,7 @@ class _Search:
         turn = math.inf if self._spins_unseen() else 2.0 * math.pi / max(math.hypot(*omega), 1e-300)
         longest = min(0.45 * resonant_step(body.M, omega), 0.45 * turn, run.stop - run.start)
         for order, cost in KICK_COSTS.items():
-            self._fit(_Family(partial(_kicks, self.general, order, longest), cost, order, True), longest)
+            self.fit(_Family(partial(_kicks, self.general, order, longest), cost, order, True), longest)
 
     def _spins_unseen(self) -> bool:
         """Whether a symmetric body's loads stay as they are when it turns about its axis: else that turn resonates."""
@@ -224,21 +291,17 @@ class _Search:
 
     # Values
 
-    def _fit(self, family: _Family, value: float) -> float:
+    def fit(self, family: _Family, value: float) -> float:
         """Bring a family's error to where it costs 10 % at most, as long as it may become the best; the last value."""
-        bound, error = self.accuracy / 3.0, math.inf
+        bound, error = self.bound, math.inf
         least = bound * max(1.1**-family.order, 0.1)
         for _ in range(8):
             plan, last = family.plan_of(value), error
-            if self._is_dearer(self._least_cost(family, plan)):
+            if self._is_dearer(self._least_cost(family, plan)) or (self.is_met() and self.work > MOST_WORK):
                 break
-            motion, substeps = pilot_run(self.scene, plan)
-            error = _largest_of(motion, self.references)
-            found = _Fit(plan, error, substeps, family.cost * substeps)
-            if self.best is None or _better(found, self.best, bound):
-                self.best = found
-            if error <= bound:
-                self.met.append(found)
+            error, substeps = self._tried(plan)
+            found = _Fit(plan, error, substeps, family.cost * substeps, family.order if family.steps else 1)
+            self._note(found, bound)
             stuck = error == last  # each communication step is one substep, or the step is as short as may be
             enough = error <= bound and (stuck or error >= least)
             if enough or (error > bound and self._is_dearer(found.cost)):
@@ -248,18 +311,32 @@ class _Search:
             value *= min(max(ratio ** (1.0 / family.order if family.steps else 1.0), 1e-3), 1e3)
         return value
 
+    def _tried(self, plan: Plan) -> tuple[float, float]:
+        """Error and substeps of a pilot run."""
+        error, counted = self.judge.try_out(plan)
+        taken = counted
+        if math.isfinite(plan.substep):
+            taken = self.steps * (substeps_in(self.scene.run.step, plan.substep) or math.inf)
+        taken = max(taken, float(self.steps))
+        self.work += min(taken, MOST_WORK)
+        return error, taken
+
+    def _note(self, found: _Fit, bound: float) -> None:
+        if self.best is None or _better(found, self.best, bound):
+            self.best = found
+        if found.error <= bound:
+            self.met.append(found)
+
     def _least_cost(self, family: _Family, plan: Plan) -> float:
         """As far as it is known before a pilot run."""
-        known = substeps_taken(self.scene, plan.substep) if math.isfinite(plan.substep) else self.steps
+        known = float(self.steps)
+        if math.isfinite(plan.substep):
+            known *= substeps_in(self.scene.run.step, plan.substep) or math.inf
         return family.cost * known
 
     def _is_dearer(self, cost: float) -> bool:
         """Than what meets the accuracy already."""
-        return self._is_met() and self.best is not None and cost >= self.best.cost
-
-
-def _largest_of(motion: Motion, references: list[Motion]) -> float:
-    return max(largest_error(motion, reference, reference) for reference in references)
+        return self.is_met() and self.best is not None and cost >= self.best.cost
 
 
 def _better(a: _Fit, b: _Fit, bound: float) -> bool:
@@ -281,19 +358,26 @@ def _load_shares(scene: Scene, z: Buffer) -> tuple[float, float]:
 # Plans
 
 
-def tightest(general: Plan) -> Plan:
-    """The plan that judges others."""
-    return _series(general, MOST_ORDER - 4, 1e-3 * TIGHTEST)
+def _tightened(plan: Plan, ratio: float) -> Plan:
+    """With a smaller tolerance, or step."""
+    if plan.tolerance > 0.0:
+        return replace(plan, tolerance=min(plan.tolerance, max(ratio * plan.tolerance, 1e-3 * TIGHTEST)))
+    return replace(plan, substep=ratio * plan.substep)
 
 
 def _series(general: Plan, order: int, tolerance: float) -> Plan:
-    value = min(max(tolerance, 1e-3 * TIGHTEST), 0.1)
+    value = min(max(tolerance, 1e-3 * TIGHTEST), LOOSEST * general.tolerance)
     method = f"Taylor series of order {order}"
     return replace(general, model="body under loads, by series", method=method, order=order, tolerance=value)
 
 
+def _swing(general: Plan, order: int, tolerance: float) -> Plan:
+    value = min(max(tolerance, 1e-3 * TIGHTEST), LOOSEST * general.tolerance)
+    return replace(general, method=f"Taylor series of order {order}", order=order, tolerance=value)
+
+
 def _controlled(general: Plan, tolerance: float) -> Plan:
-    return replace(general, method="DOP853", tolerance=min(max(tolerance, TIGHTEST), 0.1))
+    return replace(general, method="DOP853", tolerance=min(max(tolerance, TIGHTEST), LOOSEST * general.tolerance))
 
 
 def _uncontrolled(general: Plan, substep: float) -> Plan:

@@ -1,7 +1,7 @@
 """Errors between two results: attitude in rad, all else relative, as a scene's `accuracy` counts them."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,8 @@ from rbfmu.arrays import angle_between as attitude_error
 __all__ = ["attitude_error", "largest_error", "relative_error"]
 
 Array = NDArray[np.float64]
-_FLOORS = {"position": 1.0, "velocity": 1.0}
+FLOORS: Mapping[str, float] = {"position": 1.0, "velocity": 1.0}
+"""m and m/s, by name: what an error is relative to at least."""
 
 
 def relative_error(a: Array, b: Array, floor: float) -> Array:
@@ -21,14 +22,19 @@ def relative_error(a: Array, b: Array, floor: float) -> Array:
     return error if largest == 0.0 else error / largest
 
 
-def largest_error(a: dict[str, Array], b: dict[str, Array], names: Iterable[str]) -> float:
-    """The largest error of a run in the quantities named; infinite where one is not finite."""
+def largest_error(
+    a: Mapping[str, Array], b: Mapping[str, Array], names: Iterable[str], floors: Mapping[str, float] = FLOORS
+) -> float:
+    """The largest error of a run in the quantities named; infinite where one is not finite.
+
+    floors: by name, what an error is relative to at least.
+    """
     worst = 0.0
     for name in names:
         if name == "quaternion":
             errors = attitude_error(a[name], b[name])
         else:
-            errors = relative_error(a[name], b[name], _FLOORS.get(name, 0.0))
+            errors = relative_error(a[name], b[name], floors.get(name, 0.0))
         largest = float(np.max(errors))
         worst = max(worst, largest) if math.isfinite(largest) else math.inf
     return worst

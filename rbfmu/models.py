@@ -26,10 +26,11 @@ from rbfmu_kernels import (
 class Plan:
     """What simulates a scene, and why.
 
-    substep: s, infinite where the method chooses or needs none; tolerance: largest estimated error of a substep, 0
-    where none is estimated; order: of the kicks or of the series, 0 where there are none; held: parameters by whose
-    values the model was judged, so that an importer must not change them; error: the largest that is expected, as the
-    scene's `accuracy` counts; cost: ns a communication step, see `planning.RUNGS` and `fitting`.
+    substep: s, infinite where the method chooses or needs none; tolerance: largest estimated error of a substep, or of
+    all substeps of a run of `span` s together where that is not 0; 0 where none is estimated; order: of the kicks or of
+    the series, 0 where there are none; held: parameters by whose values the model was judged, so that an importer must
+    not change them; error: the largest that is expected, as the scene's `accuracy` counts; cost: ns a communication
+    step, see `planning.RUNGS` and `fitting`.
     """
 
     model: str
@@ -41,6 +42,7 @@ class Plan:
     held: tuple[str, ...] = ()
     error: float = 0.0
     cost: float = 0.0
+    span: float = 0.0
     reasons: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:

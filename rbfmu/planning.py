@@ -1,26 +1,25 @@
 """From a scene to a plan: the smallest model that serves it, and why."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from rbfmu import explanations as say
-from rbfmu.comparison import MOST_STEPS, compared_steps, motion, watched
-from rbfmu.fitting import cheapest_fit, tightest
+from rbfmu.fitting import cheapest_fit, swinging_fit
+from rbfmu.judging import Judge, natural_floors, watched
 from rbfmu.ladder import CLOSED, Needs, accepts, closed_forms, rests_on, turning_axis, varying_parameters
 from rbfmu.measures import largest_error
 from rbfmu.models import Plan
 from rbfmu.promises import conditioning_error
 from rbfmu.quadrature import cheapest_quadrature, is_cheaper
-from rbfmu.recording import Motion
+from rbfmu.recording import Motion, begun, recorded
 from rbfmu.scene import PARAMETERS as SCENE_PARAMETERS
 from rbfmu.scene import Scene, SceneError
 from rbfmu.times import thinned_steps
 from rbfmu_kernels.kicked_top import is_symmetric_top
-from rbfmu_kernels.pendulum_unit import ORDERS
 
 EXACT, ROUND_OFF = 1e-14, 2.0**-52
 """The accuracy that closed forms keep, and what a step of others loses at least."""
@@ -59,28 +58,32 @@ OF_ONE_ANGLE = ("one axis", "symmetric body spun up")
 """Whose angle is a double, with round-off of its own size; the others drop whole turns."""
 TRANSLATION = ("position", "velocity", "acceleration")
 CONSERVED = ("angular_momentum_a", "kinetic_energy")
-SHARE = 0.6
-"""Of the accuracy: what a smaller model may differ by from a reference that may itself be off by a third."""
+GROWING = {"mass", "gravity_a", "force_a", "force_b", "position_0", "velocity_0"}
+"""Loads and parameters with which positions, velocities, accelerations and energy grow."""
+SHARE = 0.8
+"""Of the accuracy: what a model that leaves something out may be off by, where no closed form judges it."""
 
 
-def plan(scene: Scene, full: bool = False) -> Plan:
+def plan(scene: Scene, full: bool = False, progress: Callable[[float], Any] | None = None) -> Plan:
     """Choose model, method and step; full: all degrees of freedom and outputs, integrated.
 
+    progress: is told from time to time which part of the motion that judges plans is known.
     Raises SceneError where the accuracy asked cannot be met.
     """
     if "omega_b" in scene.inputs.ports:
         rung = RUNGS["prescribed rates"]
         return Plan("prescribed rates", rung.method, rung.states, cost=rung.cost, reasons=(say.PRESCRIBED,))
     if full:
-        return _integrated(with_all_outputs(scene), Needs(True, True, not _has_pivot(scene)), kicks=False)
-    needs = Needs.of(scene)
+        scene = with_all_outputs(scene)
+        return _integrated(scene, Needs(True, True, not _has_pivot(scene)), Judge(scene, progress), kicks=False)
+    needs, judge = Needs.of(scene), Judge(scene, progress)
     exact = closed_forms(scene, needs)
-    if exact:
-        found = _closed(scene, exact[0], needs)
-    else:
-        found = _swinging(scene, needs) or _pushed(scene, needs) or _integrated(scene, needs)
-    smaller = _smaller(scene, found, needs)
-    return smaller or replace(found, reasons=(*_left_out(scene, needs, found.model), *found.reasons))
+    found = _closed(scene, exact[0], needs) if exact else None
+    smaller = _smaller(scene, found, needs, judge)
+    if smaller:
+        return smaller
+    found = found or _swinging(scene, needs, judge) or _pushed(scene, needs, judge) or _integrated(scene, needs, judge)
+    return replace(found, reasons=(*_left_out(scene, needs, found.model), *found.reasons))
 
 
 def _closed(scene: Scene, model: str, needs: Needs) -> Plan:
@@ -95,7 +98,10 @@ def _closed(scene: Scene, model: str, needs: Needs) -> Plan:
 
 def _angle(scene: Scene, model: str) -> float:
     """The largest that the body may turn by, rad."""
-    rates = motion(scene, Plan(model, "", 0), thinned_steps(scene, 100), ("omega_b",))[0]["omega_b"]
+    closed = Plan(model, "", 0)
+    rates = recorded(closed.unit, begun(scene, closed, ("omega_b",)), thinned_steps(scene, 100), ("omega_b",))[
+        "omega_b"
+    ]
     return float(np.max(np.linalg.norm(rates, axis=1))) * (scene.run.stop - scene.run.start)
 
 
@@ -108,56 +114,36 @@ def _left_out(scene: Scene, needs: Needs, model: str) -> tuple[str, ...]:
     return say.what_is_left_out(scene, needs.attitude, needs.rotation, needs.translation, steady)
 
 
-def _swinging(scene: Scene, needs: Needs) -> Plan | None:
+def _swinging(scene: Scene, needs: Needs, judge: Judge) -> Plan | None:
     """One angle under forces fixed in space, by the series of least work that meets the accuracy."""
     if rests_on(scene, needs)[SWING] & varying_parameters(scene) or not accepts(scene, SWING):
         return None
-    steps, names = thinned_steps(scene, MOST_STEPS), ("quaternion", "omega_b")
-
-    def series(order: int, tolerance: float) -> Plan:
-        return Plan(SWING, f"Taylor series of order {order}", _states(SWING, needs), tolerance=tolerance, order=order)
-
-    truth, _ = motion(scene, _tightest_swing(series(0, 0.0)), steps, names)
-    best: tuple[float, Plan] | None = None
-    for order in ORDERS:
-        for tolerance in (scene.run.accuracy * 10.0**-k for k in range(0, 18, 2)):
-            trial = series(order, tolerance)
-            found, substeps = motion(scene, trial, steps, names)
-            error = largest_error(found, truth, names)
-            if error <= scene.run.accuracy / 3.0:
-                work = 0.4 * substeps * (order + 4.0) ** 2  # ns
-                if best is None or work < best[0]:
-                    error += ROUND_OFF * substeps  # what judge and judged share
-                    cost = 90.0 + work / len(steps)
-                    best = work, replace(trial, error=error, cost=cost, reasons=say.why_swinging(scene, trial, error))
-                break
-    return best[1] if best else None
+    found = swinging_fit(scene, Plan(SWING, "", _states(SWING, needs), tolerance=scene.run.accuracy), judge)
+    if found is None:
+        return None
+    reasons = say.why_swinging(scene, found)
+    return replace(found, cost=90.0 + found.cost, held=_held(scene), reasons=(*reasons, *found.reasons))
 
 
-def _tightest_swing(found: Plan) -> Plan:
-    """What judges series of one angle: a swing however small, which those of the whole attitude lose."""
-    return replace(found, tolerance=1e-18, order=max(ORDERS))
-
-
-def _pushed(scene: Scene, needs: Needs) -> Plan | None:
+def _pushed(scene: Scene, needs: Needs, judge: Judge) -> Plan | None:
     """Exact rotation and a quadrature for the path; a symmetric body's may cost more than kicks."""
     varies = rests_on(scene, needs)[PUSHED] & varying_parameters(scene)
     if not any(scene.loads.force_b) or not needs.translation or varies or not accepts(scene, PUSHED):
         return None
-    found = cheapest_quadrature(scene, Plan(PUSHED, "", _states(PUSHED, needs), held=_held()))
+    found = cheapest_quadrature(scene, Plan(PUSHED, "", _states(PUSHED, needs), held=_held(scene)), judge)
     assert scene.body is not None
     if found is None or not is_symmetric_top(scene.body.M):
         return found
     try:
-        other = _integrated(scene, needs)
+        other = _integrated(scene, needs, judge)
     except SceneError:
         return found
     return found if is_cheaper(found, other) else other
 
 
-def _integrated(scene: Scene, needs: Needs, kicks: bool = True) -> Plan:
-    found = cheapest_fit(scene, Plan("body under loads", "DOP853", 0, tolerance=scene.run.accuracy), kicks)
-    return replace(found, states=_states(found.model, needs), held=_held() if found.model == "symmetric top" else ())
+def _integrated(scene: Scene, needs: Needs, judge: Judge, kicks: bool = True) -> Plan:
+    found = cheapest_fit(scene, Plan("body under loads", "DOP853", 0, tolerance=scene.run.accuracy), judge, kicks)
+    return replace(found, states=_states(found.model, needs), held=_held(scene))
 
 
 def _states(model: str, needs: Needs) -> int:
@@ -177,33 +163,46 @@ def with_all_outputs(scene: Scene) -> Scene:
 # Models that are not exact, but within the accuracy
 
 
-def _smaller(scene: Scene, found: Plan, needs: Needs) -> Plan | None:
-    """The smallest model that differs by less than the accuracy from the one found, if nothing varies that turns it."""
-    steps, names, varying = compared_steps(scene), watched(scene), varying_parameters(scene)
-    off_centre = {"r_oc_b"} if needs.translation or "acceleration" in names else set()
-    if found.model == CLOSED[0] or not needs.rotation or (rests_on(scene, needs)["one axis"] | off_centre) & varying:
+def _smaller(scene: Scene, found: Plan | None, needs: Needs, judge: Judge) -> Plan | None:
+    """The smallest model that stays within the accuracy, if nothing varies that turns it.
+
+    found: the closed form that serves exactly, and then judges; else the motion in double-double arithmetic does.
+    """
+    names, varying = watched(scene), varying_parameters(scene)
+    if (found and found.model == CLOSED[0]) or not needs.rotation or not _may_be_compared(scene, needs):
         return None
     if "force_b" in varying and "acceleration" in names and "quaternion" not in names:
         names = (*names, "quaternion")  # ports are at zero here: what they bring is as wrong as the attitude
-    exact = found.model in CLOSED
-    truth, _ = motion(scene, _judge(found), steps, tuple(dict.fromkeys((*names, "omega_b"))))
-    bound = (1.0 if exact else SHARE) * scene.run.accuracy - EXACT
-    for model in _below(found.model):
+    truth = _motion_of(scene, found, judge, names) if found else judge.motion
+    bound = (1.0 if found else SHARE) * scene.run.accuracy - EXACT
+    for model in _below(found.model if found else ""):
         if _may_be_close(scene, model, truth, names):
-            candidate = replace(_of_rung(model, needs), held=_held())
-            error = largest_error(motion(scene, candidate, steps, names)[0], truth, names)
+            candidate = replace(_of_rung(model, needs), held=_held(scene))
+            error = judge.compare(candidate, truth, names, bool(varying & GROWING))
             if error <= bound:
-                why = say.why_close(scene, model, found, error, len(steps))
-                error += found.error if exact else 0.0
+                why = say.why_close(scene, model, found, error, len(truth["omega_b"]) - 1)
+                error += found.error if found else 0.0
                 return replace(candidate, error=error, reasons=(*_left_out(scene, needs, model), why))
     return None
 
 
-def _judge(found: Plan) -> Plan:
-    """What smaller models are compared with."""
-    if found.model in (*CLOSED, PUSHED):
-        return replace(found, held=_held())
-    return _tightest_swing(found) if found.model == SWING else tightest(found)
+def _may_be_compared(scene: Scene, needs: Needs) -> bool:
+    """Whether nothing varies that the rotation, or the size of what is looked at, depends on: that is not compared."""
+    names, varying = set(watched(scene)), varying_parameters(scene)
+    rests = rests_on(scene, needs)["one axis"]
+    if needs.translation or "acceleration" in names:
+        rests = rests | {"r_oc_b"}
+        if any(scene.loads.force_b):
+            rests = rests | {"mass"}
+    if names & {"acceleration", "kinetic_energy"}:
+        rests = rests | GROWING
+    return not rests & varying
+
+
+def _motion_of(scene: Scene, found: Plan, judge: Judge, names: tuple[str, ...]) -> Motion:
+    """Of a closed form, at the times of the judge's own motion."""
+    names = tuple(dict.fromkeys((*names, "omega_b")))
+    return recorded(found.unit, begun(scene, found, names), judge.cut_steps, names)
 
 
 def _may_be_close(scene: Scene, model: str, truth: Motion, names: tuple[str, ...]) -> bool:
@@ -217,7 +216,8 @@ def _may_be_close(scene: Scene, model: str, truth: Motion, names: tuple[str, ...
         return False
     if model == "no rotation":
         names = tuple(n for n in names if n not in (*TRANSLATION, "kinetic_energy"))
-        return largest_error({n: truth[n][:1] + 0.0 * truth[n] for n in names}, truth, names) <= run.accuracy
+        still = {n: truth[n][:1] + 0.0 * truth[n] for n in names}
+        return largest_error(still, truth, names, natural_floors(scene, truth)) <= run.accuracy
     if model not in ("constant rate", "one axis", "undamped pendulum"):
         return True
     axis = turning_axis(scene)
@@ -236,6 +236,6 @@ def _below(model: str) -> Iterator[str]:
         yield smaller
 
 
-def _held() -> tuple[str, ...]:
-    """Parameters on whose values a comparison rests: all but the translation's start."""
-    return tuple(name for name in SCENE_PARAMETERS if name not in ("position_0", "velocity_0"))
+def _held(scene: Scene) -> tuple[str, ...]:
+    """Parameters on whose values a pilot run or a comparison rests: all but those listed."""
+    return tuple(name for name in SCENE_PARAMETERS if name not in scene.inputs.parameters)

@@ -1,37 +1,30 @@
 """The quadrature of least work for the path of a body that turns without torque and is pushed by a force fixed in b."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
-from rbfmu.comparison import MOST_STEPS, motion, watched
 from rbfmu.explanations import why_pushed
-from rbfmu.measures import largest_error
+from rbfmu.judging import Judge
 from rbfmu.models import Plan
 from rbfmu.promises import conditioning_error
 from rbfmu.scene import Scene
-from rbfmu.times import thinned_steps
 from rbfmu_kernels.pushed_unit import ORDERS
 
 STEP_COST, POINT_COST = 140.0, 86.0
 """ns a communication step and a point, few outputs included: as RUNGS of `rbfmu.planning`."""
-PATH = ("position", "velocity", "kinetic_energy")
 EXACT = 1e-14
-MOST_HALVINGS, MOST_TRIALS = 12, 6
+MOST_TRIALS = 6
 KICKS, SERIES = 105.0, 225.0
 """What a communication step of an integrator costs besides its substeps, in the same run."""
 
 
-def cheapest_quadrature(scene: Scene, general: Plan) -> Plan | None:
+def cheapest_quadrature(scene: Scene, general: Plan, judge: Judge) -> Plan | None:
     """Points of Gauss's rule and panels a communication step; None where they do not meet the accuracy.
 
-    Panels are no longer in other communication steps, so that their error is not either. Judged by the highest order
-    in panels that are halved until that changes nothing: the rotation is exact.
+    Panels are no longer in other communication steps, so that their error is not either.
     """
     kept = EXACT + conditioning_error(scene, general.model)
-    error_of, bound = _judge(scene, general), scene.run.accuracy / 3.0 - kept
-    if error_of is None:
-        return None
+    bound = scene.run.accuracy / 3.0 - kept
     best: Plan | None = None
     for order in ORDERS:
         panels = 1
@@ -40,7 +33,7 @@ def cheapest_quadrature(scene: Scene, general: Plan) -> Plan | None:
             if best and cost >= best.cost:
                 break
             trial = _trial(scene, general, order, scene.run.step / panels)
-            error = error_of(trial)
+            error, _ = judge.try_out(trial)
             if error <= bound:
                 best = replace(trial, error=error + kept, cost=cost)
                 break
@@ -54,21 +47,6 @@ def cheapest_quadrature(scene: Scene, general: Plan) -> Plan | None:
 def is_cheaper(found: Plan, integrated: Plan) -> bool:
     """Whether a quadrature costs less than an integrator, outputs included."""
     return found.cost < integrated.cost + (KICKS if integrated.model == "symmetric top" else SERIES)
-
-
-def _judge(scene: Scene, general: Plan) -> Callable[[Plan], float] | None:
-    """The error of a trial, as the scene's `accuracy` counts it."""
-    steps, names = thinned_steps(scene, MOST_STEPS), tuple(n for n in watched(scene) if n in PATH)
-    fastest = max(math.hypot(*scene.initial.omega_b), 1e-300)
-    panel = min(scene.run.step, 1.0 / fastest)
-    truth, _ = motion(scene, _trial(scene, general, max(ORDERS), panel), steps, names)
-    for _ in range(MOST_HALVINGS):
-        panel *= 0.5
-        finer, _ = motion(scene, _trial(scene, general, max(ORDERS), panel), steps, names)
-        apart, truth = largest_error(truth, finer, names), finer
-        if apart <= max(1e-3 * scene.run.accuracy, EXACT):
-            return lambda trial: largest_error(motion(scene, trial, steps, names)[0], truth, names)
-    return None
 
 
 def _trial(scene: Scene, general: Plan, order: int, panel: float) -> Plan:

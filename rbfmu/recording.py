@@ -14,14 +14,9 @@ from rbfmu_kernels.layout import FINE
 Motion = dict[str, NDArray[np.float64]]
 
 
-def begun(scene: Scene, plan: Plan, names: Sequence[str], part: float = 0.0) -> Buffer:
-    """The buffer of the plan's unit at the start, of whose outputs only those named are computed.
-
-    part: what inertia, attitude and rates at the start are changed by, in units of themselves.
-    """
+def begun(scene: Scene, plan: Plan, names: Sequence[str]) -> Buffer:
+    """The buffer of the plan's unit at the start, of whose outputs only those named are computed."""
     unit, z = plan.unit, filled_buffer(scene, plan)
-    if part:
-        _shake(unit, z, part)
     if "unwanted" in unit.BLOCKS:
         z[unit.BLOCKS["unwanted"]] = [float(name not in names) for name in unit.OUTPUTS]
     initialize(scene, unit, z)
@@ -43,9 +38,3 @@ def recorded(unit: Any, z: Buffer, steps: Sequence[float], names: Sequence[str],
 def substeps_counted(unit: Any, z: Buffer) -> float:
     """Since the start; 0 where the unit counts none."""
     return float(z[unit.BLOCKS["substeps"]][0]) if "substeps" in unit.BLOCKS else 0.0
-
-
-def _shake(unit: Any, z: Buffer, part: float) -> None:
-    z[unit.BLOCKS["inertia"]] *= 1.0 + part * np.array([1.0, -1.0, 1.0, 1.0, -1.0, 1.0])
-    z[unit.BLOCKS["quaternion_0"]] += part * np.array([0.0, 1.0, -1.0, 1.0])
-    z[unit.BLOCKS["omega_b_0"]] *= 1.0 + part * np.array([1.0, -1.0, 1.0])

@@ -84,6 +84,7 @@ def _numbers(scene: Scene, plan: "Plan") -> dict[str, Any]:
         "omega_b_0": initial.omega_b,
         "substep": plan.substep if math.isfinite(plan.substep) else 0.0,
         "tolerance": plan.tolerance,
+        "span": plan.span,
         "order": plan.order,
         "as_planned": float(bool(plan.held)),
         "ports": [float(name in scene.inputs.ports) for name in INPUTS],

@@ -12,8 +12,8 @@ from numba import config
 from random_scenes import scenes
 
 import rbfmu
-from rbfmu.comparison import watched
 from rbfmu.explanations import GROWTH, growth_rate
+from rbfmu.judging import watched
 from rbfmu.ladder import CLOSED
 from rbfmu.measures import largest_error
 from rbfmu.models import Plan

@@ -60,7 +60,10 @@ def test_rates_converge_at_the_series_order_and_attitude_at_the_two_point_formul
     errors = []
     for n in (steps, steps * 3 // 2):
         z = buffer_of(case, span / n)
-        assert taylor_advance(z, 0, STATE, SIZE, ROTATION, order, span, math.inf, case.body, steady(case.loads)) == FINE
+        assert (
+            taylor_advance(z, 0, STATE, SIZE, ROTATION, order, span, math.inf, 0.0, case.body, steady(case.loads))
+            == FINE
+        )
         errors.append([reference.distance(z[4:7], truth.omega_b), reference.angle_to(z[0:4], truth.R_ab)])
     rates, attitude = np.log(np.divide(*errors)) / math.log(1.5)
     assert np.min(errors) > 100 * EPS
@@ -96,7 +99,7 @@ def test_a_steady_spin_s_error_is_the_two_point_formula_s_remainder(m):
     z[4:7] = 0.0, 0.0, turn
     free = (*case.loads[:4], (0.0, 0.0, 0.0))
     course = steady(free)
-    assert taylor_advance(z, 0, STATE, SIZE, ROTATION, order, 1.0, math.inf, case.body, course) == FINE
+    assert taylor_advance(z, 0, STATE, SIZE, ROTATION, order, 1.0, math.inf, 0.0, case.body, course) == FINE
     ratio = math.factorial(m) / math.factorial(2 * m)
     error = 2.0 * ratio**2 / (2 * m + 1) * (0.5 * turn) ** (2 * m + 1)
     assert turn - 2.0 * math.atan2(z[3], z[0]) == pytest.approx(error, rel=0.05, abs=2 * EPS)

@@ -5,6 +5,8 @@ import math
 from ._kernel import kernel
 from .layout import MOST_SUBSTEPS
 
+ROUND_OFF = 2.0**-52
+
 
 @kernel
 def substeps_in(h: float, longest: float) -> int:
@@ -15,3 +17,12 @@ def substeps_in(h: float, longest: float) -> int:
     if not h < MOST_SUBSTEPS * longest:
         return 0
     return max(math.ceil(h / longest * (1.0 - 1e-9)), 1)
+
+
+@kernel
+def tolerance_of_substep(tolerance: float, span: float, part: float) -> float:
+    """The largest estimated error of a substep `part`: its share of a run of `span` s, or, where that is 0, all of it.
+
+    No share is below 2^-52: a substep in double precision loses about that.
+    """
+    return tolerance if span == 0.0 else max(tolerance * part / span, ROUND_OFF)

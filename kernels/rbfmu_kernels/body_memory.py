@@ -25,11 +25,13 @@ OUTPUTS = {
     "alpha_b": 3, "angular_momentum_a": 3, "kinetic_energy": 1,
 }  # fmt: skip
 SETTINGS = {
-    "pivot": 1, "tolerance": 1, "substep": 1, "as_planned": 1, "ports": len(INPUTS), "unwanted": len(OUTPUTS),
+    "pivot": 1, "tolerance": 1, "span": 1, "substep": 1, "as_planned": 1,
+    "ports": len(INPUTS), "unwanted": len(OUTPUTS),
 }  # fmt: skip
-"""as_planned: 1 where a plan has judged the model by the parameters' values, so that no unit need ask whether it serves
-them; ports: 1 for each input that may come to act; unwanted: 1 for each output that nobody looks at, which is then not
-computed."""
+"""span: s, 0 where `tolerance` is for a substep; else the tolerance is for all substeps of so long a run together, and
+an error of the rate counts as what it turns the body by in that time; as_planned: 1 where a plan has judged the model
+by the parameters' values, so that no unit need ask whether it serves them; ports: 1 for each input that may come to
+act; unwanted: 1 for each output that nobody looks at, which is then not computed."""
 OUTPUT_RATES = {f"d_{name}": size for name, size in OUTPUTS.items()}
 """Time derivatives of the outputs, refreshed by `output_rates` alone."""
 MEMORY = {

@@ -23,7 +23,7 @@ _, _BEFORE = places(DRIVEN)
 BLOCKS, SIZE = places(DRIVEN | {"pad_3": -_BEFORE % 8, "work": WORK})
 """The work space begins with a cache line where the buffer does."""
 
-_TOLERANCE, _SUBSTEP, _WORK = (BLOCKS[n].start for n in ("tolerance", "substep", "work"))
+_TOLERANCE, _SPAN, _SUBSTEP, _WORK = (BLOCKS[n].start for n in ("tolerance", "span", "substep", "work"))
 
 
 @kernel(inline=False)
@@ -45,7 +45,7 @@ def step(z: Any, h: float) -> int:
     body, course = body_of(z), course_of(z)
     n = max(ROTATION, integrated(z, body, course))
     if z[_TOLERANCE] > 0.0:
-        status = dop853_advance(z, STATE, _WORK, STEP_SIZE, n, h, z[_TOLERANCE], body, course)
+        status = dop853_advance(z, STATE, _WORK, STEP_SIZE, n, h, z[_TOLERANCE], z[_SPAN], body, course)
     else:
         status = dop853_march(z, STATE, _WORK, n, h, z[_SUBSTEP], body, course)
     return finish(z, n, h, status, body, course)

@@ -9,7 +9,7 @@ import math
 from typing import Any
 
 from ._kernel import kernel
-from ._substeps import substeps_in
+from ._substeps import substeps_in, tolerance_of_substep
 from .dop853_tableau import E3, E5, STAGES, A, C
 from .dynamics import Body, Course, Loads, angular_acceleration, is_changing, loads_after, turning_acceleration
 from .layout import FINE, MOST_SUBSTEPS, NOT_REACHED
@@ -105,9 +105,10 @@ def dop853_step(z: Any, y: int, w: int, n: int, t: float, h: float, body: Body, 
 
 
 @kernel(inline=False)
-def _error(z: Any, y: int, w: int, n: int, h: float) -> float:
+def _error(z: Any, y: int, w: int, n: int, h: float, span: float) -> float:
     """The step's error estimate: attitude in rad, the rest relative to the size of its vector (at least 1 for r, v)."""
     rate = max(_largest(z, y + 4), _largest(z, w + 4), 1e-300)
+    rate = rate if rate * span <= 1.0 else 1.0 / span
     position, velocity = max(_largest(z, y + 8), 1.0), max(_largest(z, y + 11), 1.0)
     five, three = 0.0, 0.0
     for j in range(n):
@@ -155,9 +156,18 @@ def dop853_march(z: Any, y: int, w: int, n: int, h: float, substep: float, body:
 
 @kernel(inline=False)
 def dop853_advance(
-    z: Any, y: int, w: int, size: int, n: int, h: float, tolerance: float, body: Body, course: Course
+    z: Any,
+    y: int,
+    w: int,
+    size: int,
+    n: int,
+    h: float,
+    tolerance: float,
+    span: float,
+    body: Body,
+    course: Course,
 ) -> int:
-    """Advance the state z[y:] by h, each step's estimated error at most `tolerance`.
+    """Advance the state z[y:] by h, each step's estimated error at most `tolerance`; span: see `body_memory.SETTINGS`.
 
     z[size] keeps the step size, z[size + 1] counts the steps tried.
 
@@ -173,7 +183,7 @@ def dop853_advance(
         part = (rest + low) / count
         dop853_step(z, y, w, n, h - rest, part, body, course)
         z[size + 1] += 1.0
-        error = _error(z, y, w, n, part) / tolerance
+        error = _error(z, y, w, n, part, span) / tolerance_of_substep(tolerance, span, part)
         if error <= 1.0:
             growth = 6.0 if error < 2.6e-7 else 0.9 / math.sqrt(math.sqrt(math.sqrt(error)))
             _accept(z, y, w, n)

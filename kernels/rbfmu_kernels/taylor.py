@@ -17,7 +17,7 @@ import numpy as np
 
 from ._kernel import kernel
 from ._lanes import add_lanes, lanes, lanes_at, multiply_lanes, numbers
-from ._substeps import substeps_in
+from ._substeps import substeps_in, tolerance_of_substep
 from .body_memory import put_vec3_at, vec3_at
 from .dop853 import SPIN, TURNING, attitude_at, put_attitude, rate_at
 from .dynamics import Body, Course, course_after
@@ -160,11 +160,12 @@ def _size(v: Vec3) -> float:
 
 
 @kernel(inline=False)
-def _error(s: Any, order: int, h: float, push: float, pull: float, kept: int, n: int) -> float:
+def _error(s: Any, order: int, h: float, push: float, pull: float, kept: int, n: int, span: float) -> float:
     """Estimate for a step of h: the last two terms relative to the rate, and the two-point formula's remainder (rad).
 
     push: a force's acceleration, relative to the velocity and at least 1 m/s, if it turns with the body.
     pull: the angular acceleration by loads that turn in b, whose last terms count as they act for `kept` steps.
+    span: how long an error of the rate goes on to turn the body, s; see `body_memory.SETTINGS`.
     """
     m, square, power = derivatives_of_attitude(order), 0.0, 1.0
     at_end = (0.0, 0.0, 0.0)
@@ -176,9 +177,11 @@ def _error(s: Any, order: int, h: float, push: float, pull: float, kept: int, n:
     power = _power(h, order - 1)
     last = _last_terms(s, 0, order, h) * power
     rate = math.sqrt(square)
+    turned = last * span
     last = last / rate if rate > 0.0 else 0.0
     if n == SPIN:
         return last
+    last = max(last, turned)
     if pull > 0.0:
         lift, twist = _size(vec3_at(s, LOADS)), _size(vec3_at(s, LOADS + SERIES))
         off = _last_terms(s, LOADS, order, h) * power / lift if lift > 0.0 else 0.0
@@ -216,9 +219,21 @@ def _sums(s: Any, order: int, h: float, acting: Acting) -> None:
 
 @kernel(inline=False)
 def taylor_advance(
-    z: Any, y: int, w: int, size: int, n: int, order: int, h: float, tolerance: float, body: Body, course: Course
+    z: Any,
+    y: int,
+    w: int,
+    size: int,
+    n: int,
+    order: int,
+    h: float,
+    tolerance: float,
+    span: float,
+    body: Body,
+    course: Course,
 ) -> int:
-    """Advance the state z[y:] by h, the estimated error of each step at most `tolerance`; infinite: steps as kept.
+    """Advance the state z[y:] by h, the estimated error of each step at most `tolerance` (`span`: see there).
+
+    An infinite tolerance: steps as kept.
 
     z[size] keeps the step size, z[size + 1] counts the steps.  Equal parts reach h, as in `dop853_advance`.
     NOT_REACHED where the motion is not finite or needs too many steps; state and size are then the caller's to restore.
@@ -241,7 +256,8 @@ def taylor_advance(
         part = (rest + low) / count
         push = _largest(vec3_at(s, PUSH)) / max(_largest(vec3_at(z, y + 11)), 1.0) if n == TURNING else 0.0
         pull = _pull(s, body, acting) if turned and count > 1 else 0.0
-        excess = _error(s, order, part, push, pull, min(count, KEPT), n) / tolerance
+        allowed = tolerance_of_substep(tolerance, span, part)
+        excess = _error(s, order, part, push, pull, min(count, KEPT), n, span) / allowed
         if not excess <= 1.0:
             z[size] = _nearer_size(part, order, 2.0 * excess)
             continue

@@ -25,7 +25,7 @@ _, _BEFORE = places(DRIVEN | {"order": 1})
 BLOCKS, SIZE = places(DRIVEN | {"order": 1, "pad_3": -_BEFORE % 8, "work": WORK})
 """The work space begins with a cache line where the buffer does."""
 
-_TOLERANCE, _ORDER, _WORK = (BLOCKS[n].start for n in ("tolerance", "order", "work"))
+_TOLERANCE, _SPAN, _ORDER, _WORK = (BLOCKS[n].start for n in ("tolerance", "span", "order", "work"))
 
 
 @kernel(inline=False)
@@ -46,5 +46,5 @@ def step(z: Any, h: float) -> int:
     keep(z)
     body, course = body_of(z), course_of(z)
     n = integrated(z, body, course)
-    status = taylor_advance(z, STATE, _WORK, STEP_SIZE, n, int(z[_ORDER]), h, z[_TOLERANCE], body, course)
+    status = taylor_advance(z, STATE, _WORK, STEP_SIZE, n, int(z[_ORDER]), h, z[_TOLERANCE], z[_SPAN], body, course)
     return finish(z, n, h, status, body, course)

@@ -1,0 +1,129 @@
+"""How far a plan is from a scene's motion, in every quantity that the scene asks for."""
+
+import math
+from collections.abc import Callable, Mapping
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from rbfmu.measures import FLOORS, largest_error
+from rbfmu.models import Plan
+from rbfmu.recording import Motion, begun, recorded, substeps_counted
+from rbfmu.reference import reference_motion
+from rbfmu.scene import Scene
+from rbfmu.times import communication_steps, thinned_steps
+
+MOST_STEPS = 20_000
+"""Communication steps up to which plans are tried on the scene's own; of a longer run on several at once."""
+MOST_COUNTED = 2_000_000
+"""Steps of a longer run that are taken one by one at last, for their round-off."""
+GOLDEN = 0.6180339887498949
+"""Where a step is cut in two, so that a motion whose period is the step does not look like rest."""
+NOISE = 1024.0 * 2.0**-52
+"""Of a quantity's natural size: what is below in exact arithmetic is round-off of the scene's own numbers."""
+
+
+def watched(scene: Scene) -> tuple[str, ...]:
+    """Blocks that show every quantity asked for; roll, pitch and yaw count as the attitude that they describe."""
+    return tuple(dict.fromkeys("quaternion" if q == "rpy" else q for q in scene.outputs.quantities))
+
+
+class Judge:
+    """A scene's motion with its ports at zero, far more exact than what is judged by it.
+
+    progress: is told which part of the motion is done.
+    """
+
+    def __init__(self, scene: Scene, progress: Callable[[float], Any] | None = None) -> None:
+        self.scene, self.names = scene, watched(scene)
+        self.steps = thinned_steps(scene, MOST_STEPS)
+        self._progress = progress
+
+    @property
+    def cut_steps(self) -> list[float]:
+        """The communication steps, s, each cut in two."""
+        return [part * h for h in self.steps for part in (GOLDEN, 1.0 - GOLDEN)]
+
+    @cached_property
+    def motion(self) -> Motion:
+        """The truth, at communication points and between them."""
+        return reference_motion(self.scene, self.cut_steps, progress=self._progress)
+
+    @cached_property
+    def truth(self) -> Motion:
+        """At communication points."""
+        return {name: rows[::2] for name, rows in self.motion.items()}
+
+    @cached_property
+    def floors(self) -> Mapping[str, float]:
+        """What errors are relative to at least."""
+        return natural_floors(self.scene, self.motion)
+
+    def try_out(self, plan: Plan, at_once: int = 1) -> tuple[float, float]:
+        """The plan's error over the run, and the substeps it counted; at_once: steps taken as one."""
+        points = [*range(0, len(self.steps), at_once), len(self.steps)]
+        steps = [math.fsum(self.steps[i:j]) for i, j in pairwise(points)]
+        truth = {name: self.truth[name][points] for name in self.names}
+        return self._error(plan, steps, truth)
+
+    def try_all_steps(self, plan: Plan, error: float) -> float:
+        """The error with the round-off of all the run's steps, of which `try_out` took several at once.
+
+        Of very long runs the first steps are taken, and their round-off is counted for all.
+        """
+        total, taken = communication_steps(self.scene), len(self.steps)
+        parts = round(total / taken)
+        if parts <= 1:
+            return error
+        count = max(min(taken, MOST_COUNTED // parts), 1)
+        truth = {name: self.truth[name][: count + 1] for name in self.names}
+        together, _ = self._error(plan, self.steps[:count], truth)
+        apart, _ = self._error(plan, self.steps[:count], truth, parts)
+        return error + max(apart - together, 0.0) * taken / count
+
+    def _error(self, plan: Plan, steps: list[float], truth: Motion, parts: int = 1) -> tuple[float, float]:
+        z = begun(self.scene, plan, self.names)
+        found = recorded(plan.unit, z, steps, self.names, parts)
+        return largest_error(found, truth, self.names, self.floors), substeps_counted(plan.unit, z)
+
+    def compare(self, smaller: Plan, truth: Motion, names: tuple[str, ...], floors_only: bool) -> float:
+        """The error of a model that leaves something out, also between communication points.
+
+        floors_only: positions and velocities relative to 1 m and 1 m/s, as something varies that they grow with.
+        """
+        found = recorded(smaller.unit, begun(self.scene, smaller, names), self.cut_steps, names)
+        floors = natural_floors(self.scene, truth)
+        if not floors_only:
+            return largest_error(found, truth, names, floors)
+        moved = {name: found[name] - truth[name] for name in names if name in FLOORS}
+        rest = [name for name in names if name not in FLOORS]
+        worst = max((float(np.max(np.linalg.norm(rows, axis=1))) for rows in moved.values()), default=0.0)
+        return max(worst if math.isfinite(worst) else math.inf, largest_error(found, truth, rest, floors))
+
+
+def natural_floors(scene: Scene, motion: Motion) -> Mapping[str, float]:
+    """What errors are relative to at least: a natural size, where the quantity itself is but round-off."""
+    sizes = natural_sizes(scene, motion)
+    largest = {name: float(np.max(np.linalg.norm(motion[name], axis=1))) for name in sizes if name in motion}
+    return {**FLOORS, **{name: sizes[name] for name, most in largest.items() if most <= NOISE * sizes[name]}}
+
+
+def natural_sizes(scene: Scene, motion: Motion) -> dict[str, float]:
+    """Of each quantity: what loads and rates of the scene's size could make of it, were they not in balance."""
+    body, loads = scene.body, scene.loads
+    assert body is not None
+    size = {name: float(np.linalg.norm(getattr(loads, name))) for name in type(loads).model_fields}
+    force = body.mass * size["gravity_a"] if body.pivot else size["force_a"] + size["force_b"]
+    arm, inertia = float(np.linalg.norm(body.r_oc_b)), float(np.trace(np.array(body.M))) / 3.0
+    torque = size["torque_a"] + size["torque_b"] + arm * force
+    rate = math.sqrt(torque / inertia) + float(np.max(np.linalg.norm(motion["omega_b"], axis=1)))
+    return {
+        "omega_b": rate,
+        "omega_a": rate,
+        "alpha_b": rate * rate,
+        "angular_momentum_a": inertia * rate,
+        "kinetic_energy": inertia * rate * rate,
+        "acceleration": arm * rate * rate + size["gravity_a"] + force / body.mass,
+    }
