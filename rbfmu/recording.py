@@ -1,6 +1,6 @@
 """Runs of a co-simulation unit, of which blocks of its buffer are kept."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -23,8 +23,18 @@ def begun(scene: Scene, plan: Plan, names: Sequence[str]) -> Buffer:
     return z
 
 
-def recorded(unit: Any, z: Buffer, steps: Sequence[float], names: Sequence[str], parts: int = 1) -> Motion:
-    """Blocks now and after each of the steps (s), taken in equal parts; NaN from where the motion ends."""
+def recorded(
+    unit: Any,
+    z: Buffer,
+    steps: Sequence[float],
+    names: Sequence[str],
+    parts: int = 1,
+    progress: Callable[[float], Any] | None = None,
+) -> Motion:
+    """Blocks now and after each of the steps (s), taken in equal parts; NaN from where the motion ends.
+
+    progress: is told which part of the run is done.
+    """
     blocks = {name: z[unit.BLOCKS[name]] for name in names}
     motion = {name: np.full((len(steps) + 1, len(block)), np.nan) for name, block in blocks.items()}
     for k, h in enumerate((0.0, *steps)):
@@ -32,6 +42,8 @@ def recorded(unit: Any, z: Buffer, steps: Sequence[float], names: Sequence[str],
             break
         for name, block in blocks.items():
             motion[name][k] = block
+        if progress is not None:
+            progress(k / len(steps))
     return motion
 
 

@@ -23,7 +23,7 @@ class ReferenceTooLongError(ArithmeticError):
 
 
 def reference_motion(
-    scene: Scene, steps: Sequence[float], most: int = 10_000_000, progress: Callable[[float], Any] | None = None
+    scene: Scene, steps: Sequence[float], most: int, progress: Callable[[float], Any] | None = None
 ) -> Motion:
     """All quantities of the scene (but rpy) at its start and after each of the steps (s), its ports at zero.
 
