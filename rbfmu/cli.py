@@ -19,6 +19,7 @@ from rbfmu._interrupt import interruptible
 from rbfmu.cli_output import (
     check_target,
     doubts_in_lines,
+    planning_bar,
     print_end,
     print_keys,
     progress_bar,
@@ -131,7 +132,8 @@ def show_plan(scene: Path, as_json: bool, model: str, **run: float | None) -> No
     from rbfmu_fmu.description import sizes
 
     with _scene(scene, run) as loaded:
-        chosen = plan(loaded, full=model == "full")
+        with planning_bar(loaded.name) as bar:
+            chosen = plan(loaded, full=model == "full", progress=bar)
         variables, full = sizes(loaded, chosen)
     if as_json:
         click.echo(json.dumps(chosen.to_dict() | {"variables": variables}, indent=1))
@@ -159,7 +161,8 @@ def run(scene: Path, output: Path | None, plot: Path | None, model: str, **run: 
     check_target(output, "--output", SAVED)
     check_target(plot, "--plot", PICTURES)
     with _scene(scene, run) as loaded:
-        planned = plan(loaded, full=model == "full")
+        with planning_bar(loaded.name) as bar:
+            planned = plan(loaded, full=model == "full", progress=bar)
         result = simulate(loaded, planned=planned, progress=progress_bar(loaded.name))
     if output:
         result.save(output)

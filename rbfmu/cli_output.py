@@ -6,12 +6,13 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import groupby
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 import click
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import track
+from rich.progress import Progress, track
 from rich.table import Table
 
 
@@ -61,6 +62,18 @@ def progress_bar(name: str) -> Callable[[Sequence[Any]], Any] | None:
     if not sys.stderr.isatty():
         return None
     return lambda numbers: track(numbers, name, console=Console(stderr=True), transient=True)
+
+
+@contextmanager
+def planning_bar(name: str) -> Iterator[Callable[[float], Any] | None]:
+    """A bar for what planning takes, on a terminal and after a second; it goes when done."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(f"planning {name}", total=1.0, visible=False)
+        begin = monotonic()
+        yield lambda part: bar.update(task, completed=part, visible=monotonic() > begin + 1.0)
 
 
 def print_end(reasons: Sequence[str], result: Any) -> None:

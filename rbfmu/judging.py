@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rbfmu.measures import FLOORS, largest_error
+from rbfmu.measures import FLOORS, largest_error, largest_size
 from rbfmu.models import Plan
 from rbfmu.recording import Motion, begun, recorded, substeps_counted
 from rbfmu.reference import ReferenceTooLongError, reference_motion
@@ -64,7 +64,7 @@ class Judge:
     def motion(self) -> Motion:
         """The truth, at communication points and between them."""
         try:
-            return reference_motion(self.scene, self.cut_steps, MOST_REFERENCE_STEPS, self._progress)
+            return self._reference()
         except ReferenceTooLongError:
             warnings.warn(f"{self.scene.name}: {LONG}", PlanningWarning, stacklevel=2)
             one, other = (self._tight_motion(order) for order in (20, 24))
@@ -76,6 +76,17 @@ class Judge:
         tight = Plan("body under loads, by series", "", 0, tolerance=1e-18, order=order)
         names = tuple(dict.fromkeys((*self.names, "omega_b")))
         return recorded(tight.unit, begun(self.scene, tight, names), self.cut_steps, names, 2, self._progress)
+
+    def error_if_soon(self, plan: Plan) -> float:
+        """The plan's error where the truth takes no more than seconds, else 0."""
+        try:
+            self.__dict__.setdefault("motion", self._reference())
+        except ReferenceTooLongError:
+            return 0.0
+        return self.try_out(plan)[0]
+
+    def _reference(self) -> Motion:
+        return reference_motion(self.scene, self.cut_steps, MOST_REFERENCE_STEPS, self._progress)
 
     @cached_property
     def truth(self) -> Motion:
@@ -125,14 +136,14 @@ class Judge:
             return largest_error(found, truth, names, floors)
         moved = {name: found[name] - truth[name] for name in names if name in FLOORS}
         rest = [name for name in names if name not in FLOORS]
-        worst = max((float(np.max(np.linalg.norm(rows, axis=1))) for rows in moved.values()), default=0.0)
+        worst = max((largest_size(rows) for rows in moved.values()), default=0.0)
         return max(worst if math.isfinite(worst) else math.inf, largest_error(found, truth, rest, floors))
 
 
 def natural_floors(scene: Scene, motion: Motion) -> Mapping[str, float]:
     """What errors are relative to at least: a natural size, where the quantity itself is but round-off."""
     sizes = natural_sizes(scene, motion)
-    largest = {name: float(np.max(np.linalg.norm(motion[name], axis=1))) for name in sizes if name in motion}
+    largest = {name: largest_size(motion[name]) for name in sizes if name in motion}
     return {**FLOORS, **{name: sizes[name] for name, most in largest.items() if most <= NOISE * sizes[name]}}
 
 
@@ -140,11 +151,11 @@ def natural_sizes(scene: Scene, motion: Motion) -> dict[str, float]:
     """Of each quantity: what loads and rates of the scene's size could make of it, were they not in balance."""
     body, loads = scene.body, scene.loads
     assert body is not None
-    size = {name: float(np.linalg.norm(getattr(loads, name))) for name in type(loads).model_fields}
+    size = {name: math.hypot(*getattr(loads, name)) for name in type(loads).model_fields}
     force = body.mass * size["gravity_a"] if body.pivot else size["force_a"] + size["force_b"]
-    arm, inertia = float(np.linalg.norm(body.r_oc_b)), float(np.trace(np.array(body.M))) / 3.0
+    arm, inertia = math.hypot(*body.r_oc_b), float(np.trace(np.array(body.M))) / 3.0
     torque = size["torque_a"] + size["torque_b"] + arm * force
-    rate = math.sqrt(torque / inertia) + float(np.max(np.linalg.norm(motion["omega_b"], axis=1)))
+    rate = math.sqrt(torque / inertia) + largest_size(motion["omega_b"])
     return {
         "omega_b": rate,
         "omega_a": rate,

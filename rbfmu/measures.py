@@ -17,9 +17,20 @@ FLOORS: Mapping[str, float] = {"position": 1.0, "velocity": 1.0}
 
 def relative_error(a: Array, b: Array, floor: float) -> Array:
     """|a - b| over rows of (n, 3), relative to the largest |b| of the run, at least `floor`."""
-    largest = max(float(np.max(np.linalg.norm(b, axis=-1), initial=0.0)), floor)
-    error: Array = np.linalg.norm(a - b, axis=-1)
-    return error if largest == 0.0 else error / largest
+    largest = max(largest_size(b), floor)
+    return sizes(a - b, 1.0 if largest == 0.0 else largest)
+
+
+def largest_size(rows: Array) -> float:
+    """The largest length of a row, without overflow."""
+    unit = float(np.max(np.abs(rows), initial=0.0))
+    return unit * float(np.max(sizes(rows, unit))) if 0.0 < unit < math.inf else unit
+
+
+def sizes(rows: Array, unit: float) -> Array:
+    """The lengths of rows, in units of one."""
+    lengths: Array = np.linalg.norm(rows / unit, axis=-1)
+    return lengths
 
 
 def largest_error(

@@ -13,7 +13,7 @@ from rbfmu.judging import Judge, natural_floors, watched
 from rbfmu.ladder import CLOSED, Needs, accepts, closed_forms, rests_on, turning_axis, varying_parameters
 from rbfmu.measures import largest_error
 from rbfmu.models import Plan
-from rbfmu.promises import conditioning_error
+from rbfmu.promises import conditioning_error, prescribed_rates_error
 from rbfmu.quadrature import cheapest_quadrature, is_cheaper
 from rbfmu.recording import Motion, begun, recorded
 from rbfmu.scene import PARAMETERS as SCENE_PARAMETERS
@@ -60,6 +60,10 @@ TRANSLATION = ("position", "velocity", "acceleration")
 CONSERVED = ("angular_momentum_a", "kinetic_energy")
 GROWING = {"mass", "gravity_a", "force_a", "force_b", "position_0", "velocity_0"}
 """Loads and parameters with which positions, velocities, accelerations and energy grow."""
+DIFFERENCES = {"alpha_b", "acceleration", "angular_momentum_a", "kinetic_energy"}
+"""Quantities that are sums of terms that may cancel, so that round-off counts for more than in the state."""
+DERIVED = 1e-9
+"""The accuracy below which they are looked at even where the state is exact."""
 SHARE = 0.8
 """Of the accuracy: what a model that leaves something out may be off by, where no closed form judges it."""
 
@@ -71,14 +75,13 @@ def plan(scene: Scene, full: bool = False, progress: Callable[[float], Any] | No
     Raises SceneError where the accuracy asked cannot be met.
     """
     if "omega_b" in scene.inputs.ports:
-        rung = RUNGS["prescribed rates"]
-        return Plan("prescribed rates", rung.method, rung.states, cost=rung.cost, reasons=(say.PRESCRIBED,))
+        return _prescribed(scene)
     if full:
         scene = with_all_outputs(scene)
         return _integrated(scene, Needs(True, True, not _has_pivot(scene)), Judge(scene, progress), kicks=False)
     needs, judge = Needs.of(scene), Judge(scene, progress)
     exact = closed_forms(scene, needs)
-    found = _closed(scene, exact[0], needs) if exact else None
+    found = _closed(scene, exact[0], needs, judge) if exact else None
     smaller = _smaller(scene, found, needs, judge)
     if smaller:
         return smaller
@@ -86,23 +89,33 @@ def plan(scene: Scene, full: bool = False, progress: Callable[[float], Any] | No
     return replace(found, reasons=(*_left_out(scene, needs, found.model), *found.reasons))
 
 
-def _closed(scene: Scene, model: str, needs: Needs) -> Plan:
-    error = EXACT + conditioning_error(scene, model)
-    error += ROUND_OFF * _angle(scene, model) if model in OF_ONE_ANGLE else 0.0
+def _prescribed(scene: Scene) -> Plan:
+    rung, error = RUNGS["prescribed rates"], prescribed_rates_error(scene)
+    _refuse_below(scene, error)
+    return Plan("prescribed rates", rung.method, rung.states, error=error, cost=rung.cost, reasons=(say.PRESCRIBED,))
+
+
+def _closed(scene: Scene, model: str, needs: Needs, judge: Judge) -> Plan:
+    found = _of_rung(model, needs)
+    error = EXACT + (ROUND_OFF * _angle(scene, model) if model in OF_ONE_ANGLE else 0.0)
+    error += conditioning_error(scene, model)
+    if scene.run.accuracy < DERIVED and set(judge.names) & DIFFERENCES:
+        error = max(error, judge.error_if_soon(found))
+    _refuse_below(scene, error)
+    return replace(found, error=error, reasons=say.why_exact(scene, model, needs.rotation, needs.attitude))
+
+
+def _refuse_below(scene: Scene, error: float) -> None:
     if scene.run.accuracy < error:
         expected = f"at least {error:.1e}, what double precision keeps"
         raise SceneError(f"run.accuracy = {scene.run.accuracy!r}: expected {expected}", scene.name)
-    reasons = say.why_exact(scene, model, needs.rotation, needs.attitude)
-    return replace(_of_rung(model, needs), error=error, reasons=reasons)
 
 
 def _angle(scene: Scene, model: str) -> float:
     """The largest that the body may turn by, rad."""
     closed = Plan(model, "", 0)
-    rates = recorded(closed.unit, begun(scene, closed, ("omega_b",)), thinned_steps(scene, 100), ("omega_b",))[
-        "omega_b"
-    ]
-    return float(np.max(np.linalg.norm(rates, axis=1))) * (scene.run.stop - scene.run.start)
+    motion = recorded(closed.unit, begun(scene, closed, ("omega_b",)), thinned_steps(scene, 100), ("omega_b",))
+    return float(np.max(np.linalg.norm(motion["omega_b"], axis=1))) * (scene.run.stop - scene.run.start)
 
 
 def _of_rung(model: str, needs: Needs) -> Plan:
