@@ -27,6 +27,9 @@ SCENES = ROOT / "examples" / "scenes"
 BRICK = SCENES / "tumbling_brick.toml"
 TRIAXIAL = [[1.0, 0.1, -0.05], [0.1, 2.0, 0.2], [-0.05, 0.2, 2.5]]
 ALL_PORTS = ["force_a", "force_b", "torque_a", "torque_b"]
+BODY_AND_START = [
+    "mass", "inertia", "r_oc_b", "gravity_a", "damping_b", "position_0", "velocity_0", "quaternion_0", "omega_b_0",
+]  # fmt: skip
 RUN = {"stop": 100.0, "step": 0.01, "accuracy": 1e-3}
 TABLES = {
     # a torque-driven triaxial body with forces at an offset point
@@ -39,7 +42,7 @@ TABLES = {
             "omega_b": [0.1, 0.2, 0.3],
         },
         "loads": {"gravity_a": [0.0, 0.0, -9.81], "torque_b": [0.0, 0.01, 0.0], "damping_b": [0.02, 0.01, 0.03]},
-        "inputs": {"ports": ALL_PORTS},
+        "inputs": {"ports": ALL_PORTS, "parameters": BODY_AND_START},
         "run": RUN,
     },
     "two_ports": {
@@ -56,7 +59,7 @@ TABLES = {
     "pendulum": {
         "body": {"mass": 2.0, "inertia": [1.0, 1.2, 1.4], "r_oc_b": [0.1, 0.0, -0.5], "pivot": True},
         "loads": {"damping_b": [0.5, 0.5, 0.5]},
-        "inputs": {"ports": ["torque_a"]},
+        "inputs": {"ports": ["torque_a"], "parameters": [n for n in BODY_AND_START if n[:3] not in ("pos", "vel")]},
         "run": RUN,
     },
     "default": {"body": {"mass": 2.0, "inertia": [1.0, 2.0, 2.5]}},
