@@ -290,6 +290,13 @@ def test_why_a_method_ended_is_kept(errors, seconds, points: int, smallest: floa
     assert (ending.why, ending.stopped) == (why, why == STOPPED)
 
 
+@pytest.mark.parametrize("key", ["a", "g"])
+def test_what_it_takes_to_get_ready_is_no_part_of_the_cost(key: str) -> None:
+    what = Extent((), (), 0.3, 2, 1e-3, False)
+    (tried,), _ = explored(what, CASES[key], _Made([1e-3], [1e-5]), {"made": 0.0})
+    assert tried.point.seconds == 1e-5
+
+
 def test_long_motions_are_said_to_be_beyond_the_peers_time() -> None:
     what = Extent((CASES["g"],), (solvers.Odeint(),), 0.3, 1, 1e-3, True)
     (ending,) = collection.collect(what, lambda *step: None).endings

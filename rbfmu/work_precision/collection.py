@@ -214,9 +214,8 @@ def _tried(
     start = process_time()
     run = method.run(case, value)
     errors = case.errors(run.states())
-    seconds = process_time() - start
     if method.name in first_calls:
-        return run, errors, seconds if case.long else run.seconds(1)
+        return run, errors, run.seconds(1)
     run.seconds(1)
     first = process_time() - start
     seconds = run.seconds(1)
