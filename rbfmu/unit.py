@@ -59,8 +59,9 @@ def initialize(scene: Scene, unit: Unit, z: Buffer) -> None:
     """Set state and outputs from the parameters; SceneError where the unit refuses them."""
     if code := unit.initialize(z):
         block, expected = FAULTS[code]
-        value = z[unit.BLOCKS[block]].tolist() if block else "..."
-        raise SceneError(f"{block or 'parameters'} = {value}: {expected}", scene.name)
+        known = block in unit.BLOCKS
+        named = f"{block} = {z[unit.BLOCKS[block]].tolist()}" if known else "parameters"
+        raise SceneError(f"{named}: {expected}", scene.name)
 
 
 def output_block(unit: Unit) -> slice:

@@ -61,7 +61,7 @@ def test_a_spin_off_the_principal_axis_is_refused_where_the_model_has_none(kind,
     instance = begun(made(spinning(), tmp_path, kind), (0.1, 0.0, 0.4))
     assert instance.exit() >= ERROR
     assert "omega_b_0[1] = 0.1" in said(instance)
-    assert "list omega_b_0 under parameters in the scene's [inputs] to vary it" in said(instance)
+    assert 'list "omega_b_0" under parameters in the scene\'s [inputs] to vary it' in said(instance)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -168,4 +168,4 @@ def test_an_fmu_of_a_pendulum_takes_another_start_and_refuses_damping(kind, tmp_
         assert (instance.exit() == OK) == answer
         if not answer:
             assert instance.exit() >= ERROR
-            assert "list omega_b_0 under parameters" in " ".join(message[-1].decode() for message in instance.log)
+            assert 'list "omega_b_0" under parameters' in " ".join(message[-1].decode() for message in instance.log)

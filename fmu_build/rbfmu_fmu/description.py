@@ -14,7 +14,7 @@ from rbfmu.models import Plan
 from rbfmu.planning import with_all_outputs
 from rbfmu.scene import Scene
 from rbfmu.unit import Unit, filled_buffer
-from rbfmu_kernels.layout import FAULTS
+from rbfmu_kernels.layout import CHANGED, FAULTS
 
 UNITS: dict[str, dict[str, int]] = {
     "1": {},
@@ -131,6 +131,8 @@ class Description:
     accuracy: float
     unit: str
     faults: dict[int, tuple[str, str]]
+    changed: str
+    """What stands for a fault's block where a model does not serve the parameters that were changed."""
 
     @property
     def status_reference(self) -> int:
@@ -172,6 +174,7 @@ def describe(scene: Scene, plan: Plan) -> Description:
         accuracy=scene.run.accuracy,
         unit=unit.__name__.rsplit(".", 1)[-1],
         faults=FAULTS,
+        changed=CHANGED,
     )
 
 

@@ -11,7 +11,7 @@ from rbfmu_fmu.description import LOG_CATEGORIES, Description, describe, model_d
 from rbfmu_fmu.linking import FLAGS, UNIT, linked, source, universal
 from rbfmu_fmu.object_code import object_files
 from rbfmu_fmu.platforms import Platform, platform_named, this_platform
-from rbfmu_fmu.slave_access import HELD
+from rbfmu_fmu.slave_access import HELD, TO_VARY
 
 LAYER = "fmi2.c"
 
@@ -65,6 +65,8 @@ def model_header(d: Description, guid: str) -> str:
     lines = [
         f"#define GUID {_c(guid)}",
         f"#define HELD {_c(HELD)}",
+        f"#define TO_VARY {_c(TO_VARY)}",
+        f"#define CHANGED {_c(d.changed)}",
         f"#define CATEGORIES {_row([*map(_c, LOG_CATEGORIES), 'NULL'])}",
         f"#define START_TIME {d.start.hex()}",
         f"#define LAST_TIME {d.last_time.hex()}",

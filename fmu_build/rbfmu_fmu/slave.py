@@ -22,6 +22,7 @@ from .slave_access import (
     PHASES,
     STEPPING,
     TERMINATED,
+    TO_VARY,
     Access,
     Entries,
     release_at_exit,
@@ -194,11 +195,19 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
                 raise ValueError(HELD % (name, self._z[offset], planned, block))
         fault = self._initialize(self._where)
         if fault:
-            block, expected = self.access.description["faults"][str(fault)]
-            variables = self.access.description["variables"]
-            found = [(v["name"], self._z[v["offset"]]) for v in variables if v["block"] == block]
-            values = ", ".join(f"{name} = {value!r}" for name, value in found)
-            raise ValueError(f"{values or block or 'parameters'}: {expected}")
+            raise ValueError(self._said_of(*self.access.description["faults"][str(fault)]))
+
+    def _said_of(self, block: str, expected: str) -> str:
+        """A fault in words: the block's values; where it is CHANGED, those that are not as planned, and the remedy."""
+        variables, changed = self.access.description["variables"], self.access.description["changed"]
+        found = [v for v in variables if v["block"] == block]
+        if block == changed:
+            parameters = (v for v in variables if v["causality"] == "parameter")
+            found = [v for v in parameters if self._z[v["offset"]] != v["start"]]
+        if block == changed and found:
+            expected += "; " + TO_VARY % '", "'.join(dict.fromkeys(v["block"] for v in found))
+        values = ", ".join(f"{v['name']} = {self._z[v['offset']]!r}" for v in found)
+        return f"{values or block.strip(changed) or 'parameters'}: {expected}"
 
     def do_step(self, current_time: float, step_size: float) -> bool:
         """All of a step or, with False (fmi2Discard), nothing of it."""

@@ -18,9 +18,9 @@ from typing import Any, NamedTuple
 PHASES = "before initialisation", "in initialisation", "while stepping", "after termination"
 INSTANTIATED, INITIALIZING, STEPPING, TERMINATED = range(len(PHASES))
 
-HELD = (
-    "%s = %s: this FMU's model was planned for %s here; list \"%s\" under parameters in the scene's [inputs] to vary it"
-)
+TO_VARY = 'list "%s" under parameters in the scene\'s [inputs] to vary it'
+"""What to do about it: the blocks."""
+HELD = f"%s = %s: this FMU's model was planned for %s here; {TO_VARY}"
 """Refuses a parameter: its name, its value, the planned value, its block."""
 
 CODE = f"unit-{sys.platform}-{os.uname().machine if hasattr(os, 'uname') else 'any'}"

@@ -254,10 +254,15 @@ static int held(Instance *m, const char *call) {
     return 1;
 }
 
+static int changed(const Instance *m, int r) {
+    return r >= FIRST_PARAMETER && r < FIRST_OUTPUT && m->now.z[OFFSETS[r]] != START[OFFSETS[r]];
+}
+
 /* Set state and outputs from the parameters, or say which of them is wrong. */
 static int initialized(Instance *m, const char *call) {
-    char values[TEXT / 2] = "";
-    size_t used = 0;
+    char values[TEXT / 2] = "", blocks[TEXT / 8] = "", remedy[TEXT / 4] = "";
+    size_t used = 0, listed = 0;
+    int model, last = -1;
     int64_t fault;
     if (!held(m, call)) return 0;
     fault = initialize(m->now.z);
@@ -266,12 +271,21 @@ static int initialized(Instance *m, const char *call) {
         return 1;
     }
     if (fault < 0 || fault >= (int64_t)(sizeof FAULTS / sizeof *FAULTS)) fault = 0;
-    for (int r = 0; r < REALS; r++)
-        if (!strcmp(VARIABLES[r].block, FAULTS[fault].block) && used < sizeof values)
+    model = !strcmp(FAULTS[fault].block, CHANGED);
+    for (int r = 0; r < REALS; r++) {
+        if (model ? !changed(m, r) : strcmp(VARIABLES[r].block, FAULTS[fault].block)) continue;
+        if (used < sizeof values)
             used += (size_t)snprintf(values + used, sizeof values - used, "%s%s = %s", used ? ", " : "",
                                      VARIABLES[r].name, number(m->now.z[OFFSETS[r]]).text);
-    refuse(m, call, "%s: %s",
-           used ? values : *FAULTS[fault].block ? FAULTS[fault].block : "parameters", FAULTS[fault].expected);
+        if (model && (last < 0 || strcmp(VARIABLES[last].block, VARIABLES[r].block)) && listed < sizeof blocks)
+            listed += (size_t)snprintf(blocks + listed, sizeof blocks - listed, "%s%s", listed ? "\", \"" : "",
+                                       VARIABLES[r].block);
+        last = r;
+    }
+    if (listed)
+        snprintf(remedy, sizeof remedy, "; " TO_VARY, blocks);
+    refuse(m, call, "%s: %s%s", used ? values : *FAULTS[fault].block && !model ? FAULTS[fault].block : "parameters",
+           FAULTS[fault].expected, remedy);
     return 0;
 }
 
