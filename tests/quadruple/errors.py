@@ -26,14 +26,16 @@ def quaternion_of_rpy(rpy):
     ], axis=1)  # fmt: skip
 
 
-def natural_size(name, truth):
+def round_off(name, truth):
     """Of what a quantity is made of before anything cancels."""
-    rate, angular, linear, trace = truth.scales
+    rate, angular, linear, trace, mass, span = truth.scales
     sizes = {
         "omega_b": rate, "omega_a": rate, "alpha_b": angular, "acceleration": linear,
         "angular_momentum_a": trace * rate, "kinetic_energy": trace * rate * rate,
     }  # fmt: skip
-    return float(sizes.get(name, 0.0))
+    speed = ROUND_OFF * linear * span
+    of_speed = mass * speed * (truth.sizes["velocity"] + speed) if name == "kinetic_energy" else 0.0
+    return float(ROUND_OFF * sizes.get(name, 0.0) + of_speed)
 
 
 def quantity_error(name, values, truth):
@@ -46,7 +48,7 @@ def quantity_error(name, values, truth):
         return float(np.max(attitude_errors(q, truth.high["quaternion"], truth.low["quaternion"])))
     difference = np.linalg.norm((values - truth.high[name]) - truth.low[name], axis=1)
     size = max(truth.sizes[name], FLOORS.get(name, 0.0))
-    beyond = float(np.max(difference)) - ROUND_OFF * natural_size(name, truth)
+    beyond = float(np.max(difference)) - round_off(name, truth)
     return max(beyond, 0.0) / size if size > 0.0 else float(beyond > 0.0)
 
 

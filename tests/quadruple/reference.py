@@ -38,7 +38,8 @@ class TooDearError(RuntimeError):
 class Truth(NamedTuple):
     """Quantities at the start and after each step, as sums of two doubles; the largest size of each on the way.
 
-    scales: sizes before anything cancels of the rates (rad/s), angular accelerations, accelerations, inertia.
+    scales: sizes before anything cancels of the rates (rad/s), angular accelerations, accelerations and inertia; mass
+    (kg), span (s).
     """
 
     high: dict[str, np.ndarray]
@@ -109,7 +110,7 @@ def motion(parameters, steps, inputs=None, kind="quadruple", most=MOST_SERIES):
     took = library(kind).body_motion(_of(p), len(h), _of(h), _of(u), most, _of(rows), _of(sizes), _of(scales))
     if took < 0:
         raise TooDearError(f"more than {most} series" if took == -1 else "no finite step")
-    return _truth(rows, sizes, scales)
+    return _truth(rows, sizes, np.append(scales, [p[0], h.sum()]))
 
 
 def prescribed_motion(quaternion_0, steps, omega_b, kind="quadruple"):
@@ -119,7 +120,7 @@ def prescribed_motion(quaternion_0, steps, omega_b, kind="quadruple"):
     q = np.array(quaternion_0, dtype=float)
     library(kind).prescribed_motion(_of(q), len(h), _of(h), _of(omega), _of(rows), _of(sizes))
     scales[0] = sizes[list(QUANTITIES).index("omega_b")]
-    return _truth(rows, sizes, scales)
+    return _truth(rows, sizes, np.append(scales, [0.0, 0.0]))
 
 
 def _memory(n):
