@@ -11,7 +11,7 @@ from rbfmu.scene import Scene
 from rbfmu.times import time_grid
 from rbfmu_fmu.description import describe
 from rbfmu_fmu.slave_access import HELD
-from rbfmu_kernels.layout import FINE
+from rbfmu_kernels.layout import CHANGED, FINE
 
 MOST_POINTS = 200
 BEYOND = 3.0
@@ -57,7 +57,9 @@ def seen(scene: Scene, plan: Plan, setting: Setting):
         if v.held and z[v.offset] != v.start:
             return HELD % (v.name, z[v.offset], v.start, v.block), {}
     if fault := unit.initialize(z):
-        return ": ".join(description.faults[fault]), {}
+        block, expected = description.faults[fault]
+        changed = [v.block for v in description.variables if v.causality == "parameter" and z[v.offset] != v.start]
+        return f"{sorted(set(changed)) if block == CHANGED else block}: {expected}", {}
     lengths, rows_of, stride = course(scene, setting)
     recorded = {name: [] for name in scene.outputs.quantities}
     for k in range(len(lengths) + 1):
