@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rbfmu.arrays import quaternion_from_matrix
 from rbfmu.scene import Scene
 from rbfmu_kernels import reference_series as series
+from rbfmu_kernels.inertia import INERTIA_TOLERANCE
 
 Array = NDArray[np.float64]
 Motion = dict[str, Array]
@@ -101,7 +102,8 @@ def _inverse(M: Rows) -> Rows:
     """Of a symmetric matrix; for a slender beam (one zero moment) of what remains about the other axes."""
     cofactors = [_cross(M[1], M[2]), _cross(M[2], M[0]), _cross(M[0], M[1])]
     determinant, trace = _dot(M[0], cofactors[0]), M[0][0] + M[1][1] + M[2][2]
-    if abs(determinant) > Decimal("1e-36") * trace**3:
+    minors = cofactors[0][0] + cofactors[1][1] + cofactors[2][2]
+    if determinant > Decimal(INERTIA_TOLERANCE) * trace * minors:
         return [[cofactors[j][i] / determinant for j in range(3)] for i in range(3)]
     axis = max(cofactors, key=lambda column: _dot(column, column))
     square = _dot(axis, axis)
