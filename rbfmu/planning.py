@@ -213,9 +213,10 @@ def _may_be_compared(scene: Scene, needs: Needs) -> bool:
 
 
 def _motion_of(scene: Scene, found: Plan, judge: Judge, names: tuple[str, ...]) -> Motion:
-    """Of a closed form, at the times of the judge's own motion."""
+    """Of a closed form, at the times of the judge's own motion; rates are a measure only of how much changes."""
     names = tuple(dict.fromkeys((*names, "omega_b")))
-    return recorded(found.unit, begun(scene, found, names), judge.cut_steps, names)
+    z = begun(scene, replace(found, held=_held(scene)), names)
+    return recorded(found.unit, z, judge.cut_steps, names)
 
 
 def _may_be_close(scene: Scene, model: str, truth: Motion, names: tuple[str, ...]) -> bool:
