@@ -101,8 +101,8 @@ def why_close(scene: Scene, model: str, found: Plan | None, error: float, points
 
 
 def only_in_own_steps(error: float) -> str:
-    """Where longer communication steps are less accurate than asked."""
-    return f"in longer communication steps than the scene's the error is up to {error:.1e}"
+    """Where other communication steps are less accurate than asked."""
+    return f"in other communication steps than the scene's the error is up to {error:.1e}"
 
 
 UNSTABLE_AT_ZERO_INPUTS = (

@@ -32,12 +32,14 @@ MOST_WORK = 1e7
 """Substeps of all pilot runs (some five seconds), after which nothing cheaper is looked for."""
 HIGHEST_ORDER_BESIDE_DOP853 = 8
 """Of series, where they are cheapest: beyond it DOP853 costs 1.2 to 13 times as much, measured on four motions."""
+HIGHER = 2
+"""Orders that series may have beyond the likely one."""
 LEAST_ORDER_OF_INPUTS = 8
 """Of series: pilot runs do not see what comes through ports, or what parameters are set to."""
 UNCUT = 20.0
 """Substeps in a communication step from which on longer ones change little."""
-LONGER = (2, 4, 10, 25, 50, 100)
-"""Communication steps that an importer may take as one, and all of the run's."""
+LONGER, SHORTER = (2, 4, 10, 25, 50, 100), (2, 3, 4, 6, 10)
+"""Communication steps that an importer may take as one, besides all of the run's; parts that it may take of one."""
 TAYLOR_COSTS = {
     6: (154.0, 154.0, 202.0), 8: (168.0, 179.0, 210.0), 10: (201.0, 226.0, 261.0), 12: (220.0, 272.0, 313.0),
     14: (253.0, 326.0, 366.0), 16: (276.0, 374.0, 387.0), 18: (301.0, 440.0, 449.0), 20: (353.0, 510.0, 517.0),
@@ -72,8 +74,8 @@ class _Fit:
     cost: float
     order: int
     """Of the error in the plan's tolerance (1) or step."""
-    longer: float = 0.0
-    """The error in longer communication steps."""
+    other: float = 0.0
+    """The error in other communication steps."""
 
 
 def cheapest_fit(scene: Scene, general: Plan, judge: Judge, kicks: bool = True) -> Plan:
@@ -183,14 +185,14 @@ class _Search:
         found = best.plan
         how = f"at tolerance {found.tolerance:.1e}" if found.tolerance else f"in steps of {found.substep:.3g} s"
         reason = f"{found.method} {how}: error {error:.1e} in a pilot run, judged in double-double arithmetic"
-        more = () if best.longer <= self.accuracy else (say.only_in_own_steps(best.longer),)
+        more = () if best.other <= self.accuracy else (say.only_in_own_steps(best.other),)
         return replace(found, error=error, cost=best.cost / self.steps, reasons=(reason, *more))
 
     def _whatever_the_step(self, fit: _Fit) -> _Fit:
-        """The fit, its tolerance or step such that longer communication steps meet the accuracy as well."""
+        """The fit, its tolerance or step such that other communication steps meet the accuracy as well."""
         while fit.substeps <= UNCUT * self.steps:
-            worst = max(self._errors_in_longer_steps(fit.plan))
-            fit = replace(fit, longer=worst)
+            worst = max(self._errors_in_other_steps(fit))
+            fit = replace(fit, other=worst)
             if worst <= REACHED * self.accuracy:
                 return fit
             ratio = max(0.3 * self.accuracy / worst, 1e-3) if math.isfinite(worst) else 1e-3
@@ -201,11 +203,14 @@ class _Search:
             fit = replace(fit, plan=tighter, error=error, substeps=substeps, cost=fit.cost / fit.substeps * substeps)
         return fit
 
-    def _errors_in_longer_steps(self, plan: Plan) -> Iterator[float]:
+    def _errors_in_other_steps(self, fit: _Fit) -> Iterator[float]:
+        """In longer communication steps; in shorter ones where those of the scene do not yet cut substeps short."""
         count = len(self.judge.steps)
         for at_once in (*LONGER, count):
             if at_once <= count:
-                yield self.judge.try_out(plan, at_once)[0]
+                yield self.judge.try_out(fit.plan, at_once)[0]
+        if fit.substeps > self.steps:
+            yield from (self.judge.try_out(fit.plan, parts=parts)[0] for parts in SHORTER)
 
     # Families
 
@@ -234,13 +239,16 @@ class _Search:
         self.bound = REACHED * self.accuracy
 
     def _fit_series(self) -> None:
-        """From a likely order up and down, until two in a row are no cheaper."""
+        """From a likely order up and down, until two in a row are no cheaper.
+
+        Up no further than HIGHER: what estimates say of long steps of a high order does not hold in other steps.
+        """
         likely = 2 * round(1.0 + 0.25 * math.log(100.0 / self.accuracy))
         order = min(max(likely, min(TAYLOR_COSTS)), max(TAYLOR_COSTS))
         first = self.fit(self._of_order(order), self.accuracy / 8.0)
         for way in (2, -2):
             other, value, idle = order + way, first, 0
-            while other in TAYLOR_COSTS and idle < 2:
+            while other in TAYLOR_COSTS and idle < 2 and other <= order + HIGHER:
                 before = self.best
                 value = self.fit(self._of_order(other), value)
                 idle = idle + 1 if self.best is before else 0

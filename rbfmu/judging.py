@@ -9,12 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from rbfmu.arrays import principal_axes
 from rbfmu.measures import FLOORS, largest_error, largest_size
 from rbfmu.models import Plan
 from rbfmu.recording import Motion, begun, recorded, substeps_counted
 from rbfmu.reference import ReferenceTooLongError, reference_motion
 from rbfmu.scene import Scene
 from rbfmu.times import communication_steps, thinned_steps
+from rbfmu_kernels.inertia import INERTIA_TOLERANCE
 
 MOST_STEPS = 20_000
 """Communication steps up to which plans are tried on the scene's own; of a longer run on several at once."""
@@ -22,8 +24,8 @@ MOST_COUNTED = 2_000_000
 """Steps of a longer run that are taken one by one at last, for their round-off."""
 GOLDEN = 0.6180339887498949
 """Where a step is cut in two, so that a motion whose period is the step does not look like rest."""
-NOISE = 1024.0 * 2.0**-52
-"""Of a quantity's natural size: what is below in exact arithmetic is round-off of the scene's own numbers."""
+NOISE = 64.0 * 2.0**-52
+"""Of what a quantity is made of: less is no error, whatever cancels in it."""
 
 
 MOST_REFERENCE_STEPS = 100_000
@@ -94,16 +96,20 @@ class Judge:
         return {name: rows[::2] for name, rows in self.motion.items()}
 
     @cached_property
-    def floors(self) -> Mapping[str, float]:
-        """What errors are relative to at least."""
-        return natural_floors(self.scene, self.motion)
+    def noise(self) -> Mapping[str, float]:
+        """What counts as no error, by name."""
+        return round_off(self.scene, self.motion)
 
-    def try_out(self, plan: Plan, at_once: int = 1) -> tuple[float, float]:
-        """The plan's error over the run, and the substeps it counted; at_once: steps taken as one."""
+    def try_out(self, plan: Plan, at_once: int = 1, parts: int = 1, absolute: bool = False) -> tuple[float, float]:
+        """The plan's error over the run, and the substeps it counted.
+
+        at_once: steps taken as one, in equal parts; absolute: positions and velocities count relative to 1 m and
+        1 m/s, as something varies that they grow with.
+        """
         points = [*range(0, len(self.steps), at_once), len(self.steps)]
         steps = [math.fsum(self.steps[i:j]) for i, j in pairwise(points)]
         truth = {name: self.truth[name][points] for name in self.names}
-        return self._error(plan, steps, truth)
+        return self._error(plan, steps, truth, parts, absolute)
 
     def try_all_steps(self, plan: Plan, error: float) -> float:
         """The error with the round-off of all the run's steps, of which `try_out` took several at once.
@@ -120,47 +126,52 @@ class Judge:
         apart, _ = self._error(plan, self.steps[:count], truth, parts)
         return error + max(apart - together, 0.0) * taken / count
 
-    def _error(self, plan: Plan, steps: list[float], truth: Motion, parts: int = 1) -> tuple[float, float]:
+    def _error(
+        self, plan: Plan, steps: list[float], truth: Motion, parts: int = 1, absolute: bool = False
+    ) -> tuple[float, float]:
         z = begun(self.scene, plan, self.names)
         found = recorded(plan.unit, z, steps, self.names, parts)
-        return largest_error(found, truth, self.names, self.floors) + self.doubt, substeps_counted(plan.unit, z)
+        error = _error_between(found, truth, self.names, self.noise, absolute)
+        return error + self.doubt, substeps_counted(plan.unit, z)
 
-    def compare(self, smaller: Plan, truth: Motion, names: tuple[str, ...], floors_only: bool) -> float:
-        """The error of a model that leaves something out, also between communication points.
-
-        floors_only: positions and velocities relative to 1 m and 1 m/s, as something varies that they grow with.
-        """
+    def compare(self, smaller: Plan, truth: Motion, names: tuple[str, ...], absolute: bool) -> float:
+        """The error of a model that leaves something out, also between communication points; absolute: as `try_out`."""
         found = recorded(smaller.unit, begun(self.scene, smaller, names), self.cut_steps, names)
-        floors = natural_floors(self.scene, truth)
-        if not floors_only:
-            return largest_error(found, truth, names, floors)
-        moved = {name: found[name] - truth[name] for name in names if name in FLOORS}
-        rest = [name for name in names if name not in FLOORS]
-        worst = max((largest_size(rows) for rows in moved.values()), default=0.0)
-        return max(worst if math.isfinite(worst) else math.inf, largest_error(found, truth, rest, floors))
+        return _error_between(found, truth, names, round_off(self.scene, truth), absolute)
 
 
-def natural_floors(scene: Scene, motion: Motion) -> Mapping[str, float]:
-    """What errors are relative to at least: a natural size, where the quantity itself is but round-off."""
-    sizes = natural_sizes(scene, motion)
-    largest = {name: largest_size(motion[name]) for name in sizes if name in motion}
-    return {**FLOORS, **{name: sizes[name] for name, most in largest.items() if most <= NOISE * sizes[name]}}
+def _error_between(
+    found: Motion, truth: Motion, names: tuple[str, ...], noise: Mapping[str, float], absolute: bool
+) -> float:
+    if not absolute:
+        return largest_error(found, truth, names, noise)
+    moved = {name: largest_size(found[name] - truth[name]) for name in names if name in FLOORS}
+    rest = largest_error(found, truth, [name for name in names if name not in FLOORS], noise)
+    worst = max(rest, *moved.values(), 0.0)
+    return worst if all(map(math.isfinite, moved.values())) else math.inf
+
+
+def round_off(scene: Scene, motion: Motion) -> dict[str, float]:
+    """Of each quantity: 64 eps of what it is made of, before anything cancels."""
+    return {name: NOISE * size for name, size in natural_sizes(scene, motion).items()}
 
 
 def natural_sizes(scene: Scene, motion: Motion) -> dict[str, float]:
-    """Of each quantity: what loads and rates of the scene's size could make of it, were they not in balance."""
+    """What loads and rates of the scene's size make of each quantity where they are not in balance."""
     body, loads = scene.body, scene.loads
     assert body is not None
     size = {name: math.hypot(*getattr(loads, name)) for name in type(loads).model_fields}
     force = body.mass * size["gravity_a"] if body.pivot else size["force_a"] + size["force_b"]
-    arm, inertia = math.hypot(*body.r_oc_b), float(np.trace(np.array(body.M))) / 3.0
-    torque = size["torque_a"] + size["torque_b"] + arm * force
-    rate = math.sqrt(torque / inertia) + largest_size(motion["omega_b"])
+    arm, (low, middle, high) = math.hypot(*body.r_oc_b), principal_axes(np.array(body.M))[0].tolist()
+    least = low if low > INERTIA_TOLERANCE * high else middle
+    angular = (size["torque_a"] + size["torque_b"] + arm * force) / least
+    rate = math.sqrt(angular) + largest_size(motion["omega_b"])
+    angular += largest_size(motion["omega_b"]) ** 2
     return {
         "omega_b": rate,
         "omega_a": rate,
-        "alpha_b": rate * rate,
-        "angular_momentum_a": inertia * rate,
-        "kinetic_energy": inertia * rate * rate,
-        "acceleration": arm * rate * rate + size["gravity_a"] + force / body.mass,
+        "alpha_b": angular,
+        "angular_momentum_a": high * rate,
+        "kinetic_energy": high * rate * rate,
+        "acceleration": arm * angular + size["gravity_a"] + force / body.mass,
     }

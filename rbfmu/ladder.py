@@ -31,6 +31,10 @@ OF_ATTITUDE = {"quaternion", "rpy", "omega_a", "angular_momentum_a"}
 """Quantities that show them, whatever the loads."""
 
 
+GROWING = {"mass", "gravity_a", "force_a", "force_b", "position_0", "velocity_0"}
+"""Loads and parameters with which positions, velocities, accelerations and energy grow."""
+
+
 @dataclass(frozen=True)
 class Needs:
     """What a scene's outputs, and what acts on them, make it necessary to model."""

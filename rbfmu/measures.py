@@ -11,14 +11,16 @@ from rbfmu.arrays import angle_between as attitude_error
 __all__ = ["attitude_error", "largest_error", "relative_error"]
 
 Array = NDArray[np.float64]
+_NONE: Mapping[str, float] = {}
 FLOORS: Mapping[str, float] = {"position": 1.0, "velocity": 1.0}
 """m and m/s, by name: what an error is relative to at least."""
 
 
-def relative_error(a: Array, b: Array, floor: float) -> Array:
-    """|a - b| over rows of (n, 3), relative to the largest |b| of the run, at least `floor`."""
-    largest = max(largest_size(b), floor)
-    return sizes(a - b, 1.0 if largest == 0.0 else largest)
+def relative_error(a: Array, b: Array, floor: float, noise: float = 0.0) -> Array:
+    """|a - b| over rows of (n, 3), relative to the largest |b| of the run, at least `floor`; none up to `noise`."""
+    largest = max(largest_size(b), floor) or 1.0
+    beyond = sizes(a - b, largest) - noise / largest
+    return np.where(beyond < 0.0, 0.0, beyond)  # what is not finite stays so
 
 
 def largest_size(rows: Array) -> float:
@@ -34,18 +36,18 @@ def sizes(rows: Array, unit: float) -> Array:
 
 
 def largest_error(
-    a: Mapping[str, Array], b: Mapping[str, Array], names: Iterable[str], floors: Mapping[str, float] = FLOORS
+    a: Mapping[str, Array], b: Mapping[str, Array], names: Iterable[str], noise: Mapping[str, float] = _NONE
 ) -> float:
     """The largest error of a run in the quantities named; infinite where one is not finite.
 
-    floors: by name, what an error is relative to at least.
+    noise: by name, in its own unit, what counts as no error.
     """
     worst = 0.0
     for name in names:
         if name == "quaternion":
             errors = attitude_error(a[name], b[name])
         else:
-            errors = relative_error(a[name], b[name], floors.get(name, 0.0))
+            errors = relative_error(a[name], b[name], FLOORS.get(name, 0.0), noise.get(name, 0.0))
         largest = float(np.max(errors))
         worst = max(worst, largest) if math.isfinite(largest) else math.inf
     return worst

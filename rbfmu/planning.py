@@ -9,8 +9,8 @@ import numpy as np
 
 from rbfmu import explanations as say
 from rbfmu.fitting import cheapest_fit, swinging_fit
-from rbfmu.judging import Judge, natural_floors, watched
-from rbfmu.ladder import CLOSED, Needs, accepts, closed_forms, rests_on, turning_axis, varying_parameters
+from rbfmu.judging import Judge, round_off, watched
+from rbfmu.ladder import CLOSED, GROWING, Needs, accepts, closed_forms, rests_on, turning_axis, varying_parameters
 from rbfmu.measures import largest_error
 from rbfmu.models import Plan
 from rbfmu.promises import conditioning_error, prescribed_rates_error
@@ -58,8 +58,6 @@ OF_ONE_ANGLE = ("one axis", "symmetric body spun up")
 """Whose angle is a double, with round-off of its own size; the others drop whole turns."""
 TRANSLATION = ("position", "velocity", "acceleration")
 CONSERVED = ("angular_momentum_a", "kinetic_energy")
-GROWING = {"mass", "gravity_a", "force_a", "force_b", "position_0", "velocity_0"}
-"""Loads and parameters with which positions, velocities, accelerations and energy grow."""
 DIFFERENCES = {"alpha_b", "acceleration", "angular_momentum_a", "kinetic_energy"}
 """Quantities that are sums of terms that may cancel, so that round-off counts for more than in the state."""
 DERIVED = 1e-9
@@ -231,7 +229,7 @@ def _may_be_close(scene: Scene, model: str, truth: Motion, names: tuple[str, ...
     if model == "no rotation":
         names = tuple(n for n in names if n not in (*TRANSLATION, "kinetic_energy"))
         still = {n: truth[n][:1] + 0.0 * truth[n] for n in names}
-        return largest_error(still, truth, names, natural_floors(scene, truth)) <= run.accuracy
+        return largest_error(still, truth, names, round_off(scene, truth)) <= run.accuracy
     if model not in ("constant rate", "one axis", "undamped pendulum"):
         return True
     axis = turning_axis(scene)

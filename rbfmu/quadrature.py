@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from rbfmu.explanations import why_pushed
 from rbfmu.judging import Judge
+from rbfmu.ladder import GROWING, varying_parameters
 from rbfmu.models import Plan
 from rbfmu.promises import conditioning_error
 from rbfmu.scene import Scene
@@ -23,6 +24,9 @@ def cheapest_quadrature(scene: Scene, general: Plan, judge: Judge) -> Plan | Non
 
     Panels are no longer in other communication steps, so that their error is not either.
     """
+    grows = bool(varying_parameters(scene) & GROWING)
+    if grows and "kinetic_energy" in judge.names:
+        return None
     kept = EXACT + conditioning_error(scene, general.model)
     bound = scene.run.accuracy / 3.0 - kept
     best: Plan | None = None
@@ -33,7 +37,7 @@ def cheapest_quadrature(scene: Scene, general: Plan, judge: Judge) -> Plan | Non
             if best and cost >= best.cost:
                 break
             trial = _trial(scene, general, order, scene.run.step / panels)
-            error, _ = judge.try_out(trial)
+            error, _ = judge.try_out(trial, absolute=grows)
             if error <= bound:
                 best = replace(trial, error=error + kept, cost=cost)
                 break

@@ -50,7 +50,8 @@ def test_accuracy_is_not_wasted(key: str, accuracy: float) -> None:
         CASES[key].body[1], CASES[key].scene.initial.omega_b
     ):
         return
-    assert max(errors.values()) >= 0.01 * accuracy, errors
+    largest = max(*errors.values(), planned.error)  # the plan's counts other quantities too: of a top, alpha_b most
+    assert largest >= 0.01 * accuracy, errors
 
 
 @pytest.mark.parametrize("accuracy", [1e-3, 1e-12])
