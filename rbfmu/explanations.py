@@ -105,9 +105,12 @@ def only_in_own_steps(error: float) -> str:
     return f"in other communication steps than the scene's the error is up to {error:.1e}"
 
 
-UNSTABLE_AT_ZERO_INPUTS = (
-    "with inputs at zero the motion magnifies round-off beyond the accuracy: only the errors of substeps are held to it"
-)
+def unstable_at_zero_inputs(growth: float) -> str:
+    """Where the accuracy is that of substeps only."""
+    return (
+        f"with inputs at zero the motion magnifies an error {growth:.1e} times, round-off beyond the accuracy: only "
+        "the errors of substeps are held to it"
+    )
 
 
 def what_inputs_cost(scene: Scene) -> tuple[str, ...]:

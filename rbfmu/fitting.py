@@ -11,10 +11,10 @@ from rbfmu import explanations as say
 from rbfmu.judging import Judge
 from rbfmu.ladder import varying_parameters
 from rbfmu.models import Plan
-from rbfmu.scene import PORTS, Scene, SceneError
+from rbfmu.scene import Scene, SceneError
 from rbfmu.times import communication_steps
 from rbfmu.unit import Buffer, filled_buffer, initialize
-from rbfmu_kernels._substeps import substeps_in
+from rbfmu_kernels._substeps import ROUND_OFF, substeps_in
 from rbfmu_kernels.body_memory import body_of, loads_of
 from rbfmu_kernels.kicked_top import is_symmetric_top, resonant_step, transverse_moment
 from rbfmu_kernels.pendulum_unit import ORDERS
@@ -131,18 +131,19 @@ class _Search:
         return self.settled(self.bound)
 
     def plan_of_varying(self) -> Plan:
-        """The cheapest whose substeps' estimated errors sum up to a quarter of the accuracy, whatever comes."""
-        span, tolerance = self.scene.run.stop - self.scene.run.start, 0.25 * self.accuracy
-        while True:
+        """The cheapest whose substeps' errors, as the motion magnifies them, add up to a quarter of the accuracy."""
+        span, growth = self.scene.run.stop - self.scene.run.start, self.judge.growth()
+        tolerance = max(0.25 * self.accuracy / growth, TIGHTEST)
+        found = self._cheapest_over(span, tolerance)
+        while found.error > REACHED * self.accuracy and tolerance > TIGHTEST:
+            tolerance = max(0.1 * tolerance, TIGHTEST)
             found = self._cheapest_over(span, tolerance)
-            if found.error <= REACHED * self.accuracy:
-                break
-            tolerance *= 0.1
-            if tolerance < TIGHTEST:
-                if set(self.scene.inputs.ports) & set(PORTS):
-                    return self._explained_varying(found, say.UNSTABLE_AT_ZERO_INPUTS)
-                raise self.out_of_reach(found.error)
-        return self._explained_varying(found)
+        reached = max(found.error, 4.0 * ROUND_OFF * growth)
+        if reached <= self.accuracy:
+            return self._explained_varying(found)
+        if not self.scene.inputs.ports:
+            raise self.out_of_reach(reached)
+        return self._explained_varying(found, say.unstable_at_zero_inputs(growth))
 
     def is_met(self) -> bool:
         """Whether something is accurate enough."""

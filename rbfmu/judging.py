@@ -8,8 +8,9 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from rbfmu.arrays import principal_axes
+from rbfmu.arrays import compose_quaternions, principal_axes
 from rbfmu.measures import FLOORS, largest_error, largest_size
 from rbfmu.models import Plan
 from rbfmu.recording import Motion, begun, recorded, substeps_counted
@@ -24,6 +25,10 @@ MOST_COUNTED = 2_000_000
 """Steps of a longer run that are taken one by one at last, for their round-off."""
 GOLDEN = 0.6180339887498949
 """Where a step is cut in two, so that a motion whose period is the step does not look like rest."""
+SMALL, LOST = 1e-11, 0.1
+"""An error, rad, well above round-off, and what it must not grow to."""
+DIRECTIONS = ((0.48, -0.6, 0.64), (0.8, 0.0, -0.6), (0.36, 0.8, 0.48))
+"""Orthogonal, along no axis of a body's."""
 NOISE = 64.0 * 2.0**-52
 """Of what a quantity is made of: less is no error, whatever cancels in it."""
 
@@ -133,6 +138,29 @@ class Judge:
         found = recorded(plan.unit, z, steps, self.names, parts)
         error = _error_between(found, truth, self.names, self.noise, absolute)
         return error + self.doubt, substeps_counted(plan.unit, z)
+
+    def growth(self) -> float:
+        """What the motion makes of an error at the start, at least 1: of the attitude, and of the rate over the run.
+
+        Infinite where so small an error changes the motion itself.
+        """
+        span = self.scene.run.stop - self.scene.run.start
+        tight, rows = Plan("body under loads, by series", "", 0, tolerance=1e-16, order=20), np.array(DIRECTIONS)
+        worst = 0.0
+        for turn, change in zip(rows, np.roll(rows, 1, axis=0), strict=True):
+            z = begun(self.scene, tight, self.names)
+            q, omega = (z[tight.unit.BLOCKS[name]] for name in ("q", "omega"))
+            q += 0.5 * SMALL * np.array(compose_quaternions(q, np.array([0.0, *turn])))
+            omega += SMALL / span * self._turning(change)
+            found = recorded(tight.unit, z, self.steps, self.names)
+            worst = max(worst, largest_error(found, self.truth, self.names, self.noise))
+        return max(worst / SMALL, 1.0) if worst < LOST else math.inf
+
+    def _turning(self, change: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What of a change of the rate a body has inertia about."""
+        body = self.scene.body
+        axis = body.axis_without_inertia if body else None
+        return change if axis is None else change - np.dot(change, axis) * np.array(axis)
 
     def compare(self, smaller: Plan, truth: Motion, names: tuple[str, ...], absolute: bool) -> float:
         """The error of a model that leaves something out, also between communication points; absolute: as `try_out`."""

@@ -7,7 +7,7 @@ import pytest
 from numba import config
 from quadruple import reference as quadruple
 
-from rbfmu import Scene
+from rbfmu import Scene, SceneError
 from rbfmu.judging import Judge, PlanningWarning
 from rbfmu.measures import attitude_error, relative_error
 from rbfmu.models import Plan
@@ -123,3 +123,28 @@ def test_planning_that_takes_long_says_why():
 def test_a_substep_gets_its_share_of_the_run(span, part, allowed):
     assert tolerance_of_substep(1e-6, span, part) == pytest.approx(allowed, rel=4 * EPS)
     assert math.isinf(tolerance_of_substep(math.inf, 0.0, part))
+
+
+@compiled
+def test_the_judge_knows_how_much_a_motion_magnifies_errors():
+    """exp(lambda t) above the pivot, lambda = sqrt(m g l / I); nothing where a body hangs."""
+    body = {"mass": 1.0, "inertia": [1.0, 1.0, 0.5], "pivot": True}
+    run = {"stop": 4.0, "step": 0.1, "accuracy": 1e-6}
+    inputs = {"ports": ["torque_b"]}
+    loads = {"gravity_a": [0.0, 0.0, -10.0]}
+    for height, least, most in ((1.0, 0.2, 5.0), (-1.0, 0.0, 0.0)):
+        scene = Scene(body=body | {"r_oc_b": [0.0, 0.0, height]}, loads=loads, inputs=inputs, run=run)
+        scene = scene.replace({"outputs.quantities": ["quaternion"]})
+        growth, law = Judge(scene).growth(), math.exp(math.sqrt(10.0 / 2.0) * 4.0)
+        assert max(least * law, 1.0) <= growth <= max(most * law, 3.0)
+        assert plan(scene).tolerance == pytest.approx(0.25e-6 / growth)
+
+
+@compiled
+def test_a_body_that_stands_upright_is_planned_for_who_holds_it_and_refused_where_nobody_can():
+    body = {"mass": 1.0, "inertia": [1.0, 1.2, 0.5], "pivot": True, "r_oc_b": [0.0, 0.0, 1.0]}
+    run = {"stop": 20.0, "step": 0.1, "accuracy": 1e-6}
+    held = Scene(body=body, loads={"gravity_a": [0.0, 0.0, -10.0]}, inputs={"ports": ["torque_b"]}, run=run)
+    assert any("magnifies an error" in reason for reason in plan(held).reasons)
+    with pytest.raises(SceneError, match=r"run\.accuracy = 1e-06: expected one that this scene can meet"):
+        plan(held.replace(inputs={"ports": [], "parameters": ["torque_b"]}))

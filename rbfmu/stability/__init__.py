@@ -8,7 +8,9 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
+from warnings import catch_warnings, simplefilter
 
+from rbfmu.plausibility import SceneWarning
 from rbfmu.stability.attitude_laws import drift, gimbal_passage, growth_factors, small_angles
 from rbfmu.stability.body_laws import damping_limits, energy_drift, gyroscopic_blow_up, moser_veselov_limits
 from rbfmu.stability.findings import Finding, Study, failures, read_findings, write_columns, write_findings
@@ -45,8 +47,10 @@ def run_stability(
     parts.append(lambda: tables.extend(_write(folder, studies, rows)))
     parts += [partial(_picture, pictures, studies, k, folder) for k in range(len(STUDIES))]
     parts.append(lambda: pictures.append(draw_maps(rows, folder / "maps.png")))
-    for part in parts if progress is None else progress(parts):
-        part()
+    with catch_warnings():
+        simplefilter("ignore", SceneWarning)  # turns between points are meant here
+        for part in parts if progress is None else progress(parts):
+            part()
     return tables + pictures
 
 
