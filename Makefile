@@ -28,7 +28,7 @@ demo:
 	$(BIN)/rbfmu demo
 
 # All of them are run; the status is 1 where any misses a goal.
-BENCHES = bench_kernels bench_free_rotation bench_fmu bench_held_gil bench_native bench_gallery
+BENCHES = bench_kernels bench_free_rotation bench_fmu bench_held_gil bench_native bench_gallery bench_costs
 bench:
 	status=0; for one in $(BENCHES); do $(BIN)/python examples/$$one.py || status=1; done; exit $$status
 

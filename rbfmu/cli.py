@@ -128,6 +128,7 @@ def new(name: str) -> None:
 @_run_options
 def show_plan(scene: Path, as_json: bool, model: str, **run: float | None) -> None:
     """Say which model and method a scene gets, and why."""
+    from rbfmu.costs import MACHINE
     from rbfmu.simulation import plan
     from rbfmu_fmu.description import sizes
 
@@ -142,7 +143,8 @@ def show_plan(scene: Path, as_json: bool, model: str, **run: float | None) -> No
         click.echo("\n".join(chosen.reasons))
         size = f"{chosen.states} state{'s' * (chosen.states != 1)} and {variables} FMU variables"
         click.echo(f"{size}, against {full[0]} and {full[1]} of the full model")
-        click.echo(f"expected: error {chosen.error:.1e}, {chosen.cost:.3g} ns a step of {loaded.run.step:g} s")
+        cost = f"about {float(f'{chosen.cost:.2g}'):,.0f} ns a step of {loaded.run.step:g} s on {MACHINE}"
+        click.echo(f"expected: error {chosen.error:.1e}, {cost}")
 
 
 @main.command()

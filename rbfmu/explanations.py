@@ -113,19 +113,38 @@ def unstable_at_zero_inputs(growth: float) -> str:
     )
 
 
-def what_inputs_cost(scene: Scene) -> tuple[str, ...]:
-    """What holding the inputs over a communication step does to a loop that is closed through them."""
-    ports, step, body = scene.inputs.ports, scene.run.step, scene.body
-    if not ports or body is None:
+def what_inputs_cost(scene: Scene, plan: Plan) -> tuple[str, ...]:
+    """What holding the inputs over a communication step does to a loop that is closed through them.
+
+    A spring's energy grows by k h^2 / (2 m) of it a step, with first derivatives of the inputs by (k h^2 / m)^2 / 12;
+    with a damper beside it the loop is stable where k h / 2 < d < 2 m / h: from the products of its eigenvalues.
+    """
+    ports, h, body = scene.inputs.ports, scene.run.step, scene.body
+    if not ports:
         return ()
-    turns = any(port.startswith("torque") for port in ports)
-    least = _moments(scene)[0] if turns else body.mass
-    unit, damper = ("kg m2", "N m s/rad") if turns else ("kg", "N s/m")
+    derivatives = all(f"{port}_rate" in plan.unit.BLOCKS for port in ports)
+    remedy = "input derivatives, with which it is of second or third order, or " if derivatives else ""
+    held = (
+        f"inputs are held over each step of {h:g} s: a loop closed through them is of first order in it, whatever the "
+        f"accuracy asked; remedy: {remedy}a shorter step"
+    )
+    if "omega_b" in ports or body is None:
+        return held, f"a feedback of the angle on omega_b is unstable where its gain is beyond {2.0 / h:.3g} 1/s"
+    lines: tuple[str, ...] = ()
+    if any(port.startswith("force") for port in ports) and not body.pivot:
+        lines = _held_loop(h, "forces", body.mass, "kg", "N/m", "N s/m")
+    if any(port.startswith("torque") for port in ports):
+        moments = _moments(scene)
+        least = next(moment for moment in moments if moment > 1e-12 * sum(moments))  # a beam's first is 0
+        lines += _held_loop(h, "torques", least, "kg m2", "N m/rad", "N m s/rad")
+    return held, *lines
+
+
+def _held_loop(h: float, loads: str, m: float, inertia: str, spring: str, damper: str) -> tuple[str, ...]:
+    gain, enough = f"gains {0.5 * h * h / m:.3g} k of its energy each step", f"{0.5 * h:.3g} k {damper}"
     return (
-        f"inputs are held over each step of {step:g} s: what is closed through them is of first order in it, whatever "
-        "the accuracy here",
-        f"a spring between units gains energy at any such step; a damper d is unstable beyond a step of 2 I / d, here "
-        f"where d > {2.0 * least / step:.3g} {damper} ({least:.3g} {unit}); give input derivatives, or a shorter step",
+        f"a spring of k {spring} through {loads} on {m:.3g} {inertia} {gain}, unless a damper of {enough} is beside it",
+        f"a damper beyond {2.0 * m / h:.3g} {damper} through {loads} is unstable",
     )
 
 

@@ -15,7 +15,7 @@ from rbfmu.scene import Scene, SceneError
 from rbfmu.times import communication_steps
 from rbfmu.unit import Buffer, filled_buffer, initialize
 from rbfmu_kernels._substeps import ROUND_OFF, substeps_in
-from rbfmu_kernels.body_memory import body_of, loads_of
+from rbfmu_kernels.body_memory import body_of, has_pivot, loads_of, moves
 from rbfmu_kernels.kicked_top import is_symmetric_top, resonant_step, transverse_moment
 from rbfmu_kernels.pendulum_unit import ORDERS
 from rbfmu_kernels.taylor_series import MOST_ORDER
@@ -45,11 +45,12 @@ TAYLOR_COSTS = {
     14: (253.0, 326.0, 366.0), 16: (276.0, 374.0, 387.0), 18: (301.0, 440.0, 449.0), 20: (353.0, 510.0, 517.0),
     22: (398.0, 584.0, 592.0), 24: (423.0, 649.0, 620.0),
 }  # fmt: skip
-"""ns a substep by order, as the next by examples/bench_substeps.py in one run; only ratios count.
+"""ns a substep by order, as the next by examples/bench_substeps.py in one run, on `costs.MACHINE`; ratios decide.
 
 Torques that are known in b; also loads that turn in b; also a force that turns with the body.
 """
 DOP853_COSTS, UNCONTROLLED_COSTS = (481.0, 582.0, 774.0), (364.0, 475.0, 621.0)
+SWING_COSTS = {4: 55.0, 8: 85.0, 16: 185.0}
 KICK_COSTS = {2: 76.0, 4: 470.0, 6: 864.0}
 
 
@@ -96,7 +97,7 @@ def swinging_fit(scene: Scene, general: Plan, judge: Judge) -> Plan | None:
     search = _Search(scene, judge, general)
     for order in reversed(ORDERS):
         plan_of = partial(_swing, general, order)
-        search.fit(_Family(plan_of, 0.4 * (order + 4.0) ** 2, order), 0.1 * scene.run.accuracy)
+        search.fit(_Family(plan_of, SWING_COSTS[order], order), 0.1 * scene.run.accuracy)
     return search.settled(search.bound) if search.is_met() else None
 
 
@@ -114,7 +115,7 @@ class _Search:
         some = _series(general, 8, 1.0)
         self.start = filled_buffer(scene, some)
         initialize(scene, some.unit, self.start)
-        self.shares = _load_shares(scene, self.start)
+        self.shares = load_shares(scene, self.start)
 
     def plan(self, kicks: bool) -> Plan:
         """The cheapest plan; SceneError where none is accurate enough."""
@@ -166,7 +167,7 @@ class _Search:
             f"{plan.method}: estimated errors of a run add up to at most {plan.tolerance:.1e}, whatever {what} may be"
         )
         pilot = f"error {found.error:.1e} in a pilot run with inputs at zero, judged in double-double arithmetic"
-        reasons = (held, pilot, *more, *say.what_inputs_cost(self.scene))
+        reasons = (held, pilot, *more)
         return replace(plan, error=found.error, cost=found.cost / self.steps, reasons=reasons)
 
     # What is accurate enough whatever the communication step
@@ -354,14 +355,14 @@ def _better(a: _Fit, b: _Fit, bound: float) -> bool:
     return a.error < b.error
 
 
-def _load_shares(scene: Scene, z: Buffer) -> tuple[float, float]:
-    """Whether there may be loads that turn in b, and a force that turns with a free body, as 0 or 1."""
+def load_shares(scene: Scene, z: Buffer) -> tuple[float, float]:
+    """Whether there may be loads that turn in b, and a force that turns with a body whose path is asked, as 0 or 1."""
     _, force_a, force_b, torque_a, _ = loads_of(z)
     varying = {*scene.inputs.ports, *scene.inputs.parameters}
     lifted = any(body_of(z)[3]) and (any(force_a) or "force_a" in varying)
     turned = lifted or any(torque_a) or "torque_a" in varying
-    pushed = any(force_b) or ("force_b" in varying and body_of(z)[0] > 0.0)
-    return float(turned), float(pushed)
+    pushed = any(force_b) or ("force_b" in varying and not has_pivot(z))
+    return float(turned), float(pushed and moves(z))
 
 
 # Plans

@@ -8,13 +8,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rbfmu import explanations as say
+from rbfmu.costs import stated
 from rbfmu.fitting import cheapest_fit, swinging_fit
 from rbfmu.judging import Judge, round_off, watched
 from rbfmu.ladder import CLOSED, GROWING, Needs, accepts, closed_forms, rests_on, turning_axis, varying_parameters
 from rbfmu.measures import largest_error
 from rbfmu.models import Plan
 from rbfmu.promises import conditioning_error, prescribed_rates_error
-from rbfmu.quadrature import cheapest_quadrature, is_cheaper
+from rbfmu.quadrature import cheapest_quadrature
 from rbfmu.recording import Motion, begun, recorded
 from rbfmu.scene import PARAMETERS as SCENE_PARAMETERS
 from rbfmu.scene import Scene, SceneError
@@ -27,31 +28,27 @@ SWING, PUSHED = "one swinging axis", "torque-free body, pushed"
 
 
 class Rung(NamedTuple):
-    """A model's method, ns a communication step, and the numbers that it keeps of the rotation or of the rates alone.
-
-    ns: in a compiled loop with few outputs, measured on an Intel Xeon in 2026; where 0, pilot runs say it.
-    """
+    """A model's method, and the numbers that it keeps of the rotation or of the rates alone."""
 
     method: str = ""
-    cost: float = 0.0
     states: int = 7
     rate_states: int = 3
 
 
 RUNGS = {
-    "no rotation": Rung("closed form", 25.0, 0, 0),
-    "constant rate": Rung("closed form", 30.0, 4, 0),
-    "angular momentum": Rung("closed form", 40.0, 3, 3),
-    "one axis": Rung("closed form", 50.0, 2, 1),
-    "undamped pendulum": Rung("elliptic functions", 50.0, 2, 2),
-    SWING: Rung("", 0.0, 2, 2),
-    "prescribed rates": Rung("exact rotation", 90.0, 4, 4),
-    "torque-free symmetric body": Rung("elementary functions", 40.0),
-    "symmetric body spun up": Rung("closed form", 50.0, 7, 3),
-    "torque-free body": Rung("elliptic functions", 80.0),
-    PUSHED: Rung("", 0.0),
-    "symmetric top": Rung("", 0.0, 7, 7),
-    "body under loads": Rung("", 0.0, 7, 7),
+    "no rotation": Rung("closed form", 0, 0),
+    "constant rate": Rung("closed form", 4, 0),
+    "angular momentum": Rung("closed form", 3, 3),
+    "one axis": Rung("closed form", 2, 1),
+    "undamped pendulum": Rung("elliptic functions", 2, 2),
+    SWING: Rung("", 2, 2),
+    "prescribed rates": Rung("exact rotation", 4, 4),
+    "torque-free symmetric body": Rung("elementary functions"),
+    "symmetric body spun up": Rung("closed form", 7, 3),
+    "torque-free body": Rung("elliptic functions"),
+    PUSHED: Rung(),
+    "symmetric top": Rung("", 7, 7),
+    "body under loads": Rung("", 7, 7),
     "body under loads, by series": Rung(),
 }
 OF_ONE_ANGLE = ("one axis", "symmetric body spun up")
@@ -72,12 +69,18 @@ def plan(scene: Scene, full: bool = False, progress: Callable[[float], Any] | No
     progress: is told from time to time which part of the motion that judges plans is known.
     Raises SceneError where the accuracy asked cannot be met.
     """
-    if "omega_b" in scene.inputs.ports:
-        return _prescribed(scene)
     if full:
         scene = with_all_outputs(scene)
-        return _integrated(scene, Needs(True, True, not _has_pivot(scene)), Judge(scene, progress), kicks=False)
+    found = _planned(scene, full, progress)
+    return replace(found, reasons=(*found.reasons, *say.what_inputs_cost(scene, found)))
+
+
+def _planned(scene: Scene, full: bool, progress: Callable[[float], Any] | None) -> Plan:
+    if "omega_b" in scene.inputs.ports:
+        return _prescribed(scene)
     needs, judge = Needs.of(scene), Judge(scene, progress)
+    if full:
+        return _integrated(scene, Needs(True, True, not _has_pivot(scene)), judge, kicks=False)
     exact = closed_forms(scene, needs)
     found = _closed(scene, exact[0], needs, judge) if exact else None
     smaller = _smaller(scene, found, needs, judge)
@@ -90,11 +93,11 @@ def plan(scene: Scene, full: bool = False, progress: Callable[[float], Any] | No
 def _prescribed(scene: Scene) -> Plan:
     rung, error = RUNGS["prescribed rates"], prescribed_rates_error(scene)
     _refuse_below(scene, error)
-    return Plan("prescribed rates", rung.method, rung.states, error=error, cost=rung.cost, reasons=(say.PRESCRIBED,))
+    return stated(scene, Plan("prescribed rates", rung.method, rung.states, error=error, reasons=(say.PRESCRIBED,)))
 
 
 def _closed(scene: Scene, model: str, needs: Needs, judge: Judge) -> Plan:
-    found = _of_rung(model, needs)
+    found = _of_rung(scene, model, needs)
     error = EXACT + (ROUND_OFF * _angle(scene, model) if model in OF_ONE_ANGLE else 0.0)
     error += conditioning_error(scene, model)
     if scene.run.accuracy < DERIVED and set(judge.names) & DIFFERENCES:
@@ -116,8 +119,8 @@ def _angle(scene: Scene, model: str) -> float:
     return float(np.max(np.linalg.norm(motion["omega_b"], axis=1))) * (scene.run.stop - scene.run.start)
 
 
-def _of_rung(model: str, needs: Needs) -> Plan:
-    return Plan(model, RUNGS[model].method, _states(model, needs), cost=RUNGS[model].cost)
+def _of_rung(scene: Scene, model: str, needs: Needs) -> Plan:
+    return stated(scene, Plan(model, RUNGS[model].method, _states(model, needs)))
 
 
 def _left_out(scene: Scene, needs: Needs, model: str) -> tuple[str, ...]:
@@ -133,7 +136,7 @@ def _swinging(scene: Scene, needs: Needs, judge: Judge) -> Plan | None:
     if found is None:
         return None
     reasons = say.why_swinging(scene, found)
-    return replace(found, cost=90.0 + found.cost, held=_held(scene), reasons=(*reasons, *found.reasons))
+    return stated(scene, replace(found, held=_held(scene), reasons=(*reasons, *found.reasons)))
 
 
 def _pushed(scene: Scene, needs: Needs, judge: Judge) -> Plan | None:
@@ -143,18 +146,21 @@ def _pushed(scene: Scene, needs: Needs, judge: Judge) -> Plan | None:
         return None
     found = cheapest_quadrature(scene, Plan(PUSHED, "", _states(PUSHED, needs), held=_held(scene)), judge)
     assert scene.body is not None
-    if found is None or not is_symmetric_top(scene.body.M):
+    if found is None:
+        return None
+    found = stated(scene, found)
+    if not is_symmetric_top(scene.body.M):
         return found
     try:
         other = _integrated(scene, needs, judge)
     except SceneError:
         return found
-    return found if is_cheaper(found, other) else other
+    return found if found.cost < other.cost else other
 
 
 def _integrated(scene: Scene, needs: Needs, judge: Judge, kicks: bool = True) -> Plan:
     found = cheapest_fit(scene, Plan("body under loads", "DOP853", 0, tolerance=scene.run.accuracy), judge, kicks)
-    return replace(found, states=_states(found.model, needs), held=_held(scene))
+    return stated(scene, replace(found, states=_states(found.model, needs), held=_held(scene)))
 
 
 def _states(model: str, needs: Needs) -> int:
@@ -188,7 +194,7 @@ def _smaller(scene: Scene, found: Plan | None, needs: Needs, judge: Judge) -> Pl
     bound = (1.0 if found else SHARE) * scene.run.accuracy - EXACT
     for model in _below(found.model if found else ""):
         if _may_be_close(scene, model, truth, names):
-            candidate = replace(_of_rung(model, needs), held=_held(scene))
+            candidate = replace(_of_rung(scene, model, needs), held=_held(scene))
             error = judge.compare(candidate, truth, names, bool(varying & GROWING))
             if error <= bound:
                 why = say.why_close(scene, model, found, error, len(truth["omega_b"]) - 1)

@@ -11,12 +11,10 @@ from rbfmu.promises import conditioning_error
 from rbfmu.scene import Scene
 from rbfmu_kernels.pushed_unit import ORDERS
 
-STEP_COST, POINT_COST = 140.0, 86.0
-"""ns a communication step and a point, few outputs included: as RUNGS of `rbfmu.planning`."""
+POINT_COST = 86.0
+"""ns a point, on `costs.MACHINE`."""
 EXACT = 1e-14
 MOST_TRIALS = 6
-KICKS, SERIES = 105.0, 225.0
-"""What a communication step of an integrator costs besides its substeps, in the same run."""
 
 
 def cheapest_quadrature(scene: Scene, general: Plan, judge: Judge) -> Plan | None:
@@ -33,7 +31,7 @@ def cheapest_quadrature(scene: Scene, general: Plan, judge: Judge) -> Plan | Non
     for order in ORDERS:
         panels = 1
         for _ in range(MOST_TRIALS):
-            cost = STEP_COST + POINT_COST * order * panels
+            cost = POINT_COST * order * panels
             if best and cost >= best.cost:
                 break
             trial = _trial(scene, general, order, scene.run.step / panels)
@@ -46,11 +44,6 @@ def cheapest_quadrature(scene: Scene, general: Plan, judge: Judge) -> Plan | Non
                 break
             panels = max(panels + 1, math.ceil(ratio * panels))
     return replace(best, reasons=why_pushed(scene, best)) if best else None
-
-
-def is_cheaper(found: Plan, integrated: Plan) -> bool:
-    """Whether a quadrature costs less than an integrator, outputs included."""
-    return found.cost < integrated.cost + (KICKS if integrated.model == "symmetric top" else SERIES)
 
 
 def _trial(scene: Scene, general: Plan, order: int, panel: float) -> Plan:

@@ -9,8 +9,8 @@ import pytest
 import test_fmu_traps
 from fmus import ROOT, bench
 
-NAMES = ("kernels", "free_rotation", "fmu", "held_gil", "native", "gallery")
-GALLERY = bench("gallery")
+NAMES = ("kernels", "free_rotation", "fmu", "held_gil", "native", "gallery", "costs")
+GALLERY, COSTS = bench("gallery"), bench("costs")
 
 
 def test_make_runs_all_of_them():
@@ -46,6 +46,10 @@ def _row(who, ratio=1.0, error=1e-4):
     return GALLERY.Row("top", who, "", 1e-3, error, 100.0, ratio)
 
 
+def _figure(stated, measured):
+    return COSTS.Figure("free", "all", None, (), stated, measured)
+
+
 FIGURES = {
     "kernels": ([{"operation": "rotate"} | KERNELS], 2),
     "free_rotation": ({"generic": FREE_ROTATION | {"many times of one body / as many bodies": 0.3}}, 3),
@@ -53,6 +57,7 @@ FIGURES = {
     "held_gil": (0.2, 1),
     "native": ({"top": NATIVE, "DOP853 and by hand": NATIVE | BY_HAND}, 7),
     "gallery": ([_row("planned"), _row("full", 6.0), _row("MuJoCo", 0.1, 1.0)], 4),
+    "costs": ([_figure(100.0, 140.0), _figure(140.0, 100.0)], 2),
 }
 """Made up, all goals kept; how many goals there are."""
 
@@ -76,6 +81,8 @@ def test_good_figures_keep_all_goals(name):
     ("gallery", [_row("planned"), _row("full", 4.9)], "full / planned, median scene"),
     ("gallery", [_row("planned"), _row("full", 9.0), _row("full", 9.0), _row("full", 0.9)], "full / planned, top"),
     ("gallery", [_row("planned", error=2e-3), _row("full", 6.0)], "error, top, planned"),
+    ("costs", [_figure(100.0, 160.0)], "free, all, stated / measured"),
+    ("costs", [_figure(160.0, 100.0)], "free, all, stated / measured"),
 ])  # fmt: skip
 def test_a_figure_beyond_its_goal_is_missed(name, figures, missed):
     assert [goal.name for goal in bench(name).goals(figures) if not goal.kept] == [missed]
@@ -136,3 +143,12 @@ def test_the_native_fmu_is_measured_and_c_by_hand_moves_alike():
     assert len(one.goals(by_scene)) == 2 * len(by_scene) + 3
     assert all(figure > 0.0 for figures in by_scene.values() for figure in figures.values())
     assert by_scene[one.HAND]["difference"] < one.ROUND_OFF
+
+
+def test_steps_are_measured_beside_what_plans_state():
+    scene = COSTS.scene_of("free", ("quaternion",), 1e-9, 0.01)
+    (figure,) = COSTS.measured([(scene, COSTS.rbfmu.plan(scene))], rounds=1, k=1)
+    assert figure.measured > 0.0
+    assert figure.stated == figure.planned.cost
+    assert (figure.body, figure.asked) == ("free, 0.01 s, 1e-09", "quaternion")
+    assert list(COSTS.table([figure])) == figure.terms

@@ -1,0 +1,77 @@
+"""What a communication step costs by a plan: the model's own, and what the outputs asked for add to it."""
+
+from dataclasses import replace
+
+from rbfmu.fitting import load_shares
+from rbfmu.models import Plan
+from rbfmu.scene import Scene
+from rbfmu.unit import Buffer, filled_buffer, initialize
+from rbfmu_kernels import taylor_unit
+from rbfmu_kernels.body_memory import has_pivot, moves, shows_loads, turns
+
+MACHINE = "an Intel Xeon of 2026"
+"""Whose ns all costs are: one calm core, a compiled loop, the library's own units."""
+NS = {
+    "no rotation": 10.0,
+    "no rotation, changing": 5.0,
+    "constant rate": 43.0,
+    "angular momentum": 35.0,
+    "one axis": 57.0,
+    "one axis, attitude": 40.0,
+    "undamped pendulum": 57.0,
+    "one swinging axis": 54.0,
+    "prescribed rates": 96.0,
+    "torque-free symmetric body": 46.0,
+    "torque-free symmetric body, attitude": 14.0,
+    "symmetric body spun up": 93.0,
+    "torque-free body": 90.0,
+    "torque-free body, attitude": 2.0,
+    "torque-free body, pushed": 68.0,
+    "symmetric top": 72.0,
+    "body under loads": 45.0,
+    "body under loads, by series": 60.0,
+    "series, loads that turn": 68.0,
+    "path": 18.0,
+    "accelerations": 18.0,
+    "rpy": 37.0,
+    "omega_a": 8.0,
+    "angular_momentum_a": 8.0,
+    "kinetic_energy": 3.0,
+}
+"""By term, as `python examples/bench_costs.py` prints them."""
+RATES_ALONE = 0.72
+"""What a substep of series costs without the attitude, as a part of one with it."""
+SERIES, TURNED = "body under loads, by series", "series, loads that turn"
+INTEGRATED = ("symmetric top", "body under loads", SERIES)
+"""Models whose path is part of their integration."""
+
+
+def stated(scene: Scene, plan: Plan) -> Plan:
+    """The plan with its cost a communication step, ns; its cost before: of a step's substeps alone."""
+    found = terms(scene, plan)
+    alone = plan.model == SERIES and TURNED not in found and not turns(filled_buffer(scene, plan))
+    return replace(plan, cost=(RATES_ALONE if alone else 1.0) * plan.cost + sum(NS[term] for term in found))
+
+
+def terms(scene: Scene, plan: Plan) -> list[str]:
+    """Keys of NS: what a step of the plan does besides its substeps."""
+    if plan.model == "prescribed rates":
+        return [plan.model]  # all of its outputs are always computed
+    wanted, z = set(scene.outputs.quantities), filled_buffer(scene, plan)
+    if plan.model == "no rotation" and not moves(z) and not shows_loads(z):
+        return [plan.model]  # its outputs never change
+    parts = {
+        "no rotation, changing": plan.model == "no rotation",
+        f"{plan.model}, attitude": turns(z),
+        TURNED: plan.model == SERIES and _may_turn(scene, z),
+        "path": moves(z) and not has_pivot(z) and plan.model not in INTEGRATED,
+        "accelerations": shows_loads(z),
+        **{name: name in wanted for name in ("rpy", "omega_a", "angular_momentum_a", "kinetic_energy")},
+    }
+    return [plan.model, *(name for name, asked in parts.items() if asked and name in NS)]
+
+
+def _may_turn(scene: Scene, z: Buffer) -> bool:
+    """Whether loads act, or may come to, that turn as the body sees them or push it as it turns."""
+    initialize(scene, taylor_unit, z)
+    return any(load_shares(scene, z))
