@@ -22,6 +22,8 @@ from rbfmu_kernels.taylor_series import MOST_ORDER
 
 TIGHTEST = 1e-15
 """The smallest tolerance that double precision serves."""
+AT_REST = 0.01
+"""Of the accuracy: the error of a motion in which what would grow has not begun to."""
 LOOSEST = 10.0
 """Times the accuracy: the largest tolerance, as looser estimates say little of the errors in other steps."""
 SMALLEST = 1e-14
@@ -139,12 +141,12 @@ class _Search:
         while found.error > REACHED * self.accuracy and tolerance > TIGHTEST:
             tolerance = max(0.1 * tolerance, TIGHTEST)
             found = self._cheapest_over(span, tolerance)
-        reached = max(found.error, 4.0 * ROUND_OFF * growth)
-        if reached <= self.accuracy:
+        magnified = min(4.0 * ROUND_OFF * growth, 1.0)
+        if magnified <= self.accuracy and found.error <= self.accuracy:
             return self._explained_varying(found)
-        if not self.scene.inputs.ports:
-            raise self.out_of_reach(reached)
-        return self._explained_varying(found, say.unstable_at_zero_inputs(growth))
+        if magnified > self.accuracy and (self.scene.inputs.ports or found.error <= AT_REST * self.accuracy):
+            return self._explained_varying(found, say.unstable_at_zero_inputs(growth))
+        raise self.out_of_reach(max(found.error, magnified))
 
     def is_met(self) -> bool:
         """Whether something is accurate enough."""
