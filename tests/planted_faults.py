@@ -68,6 +68,9 @@ FAULTS = {
     "prescribed rates that change": Fault(
         "attitude_unit", "add_scaled_quaternion(after, 1.0, compose_quaternions(before,",
         "add_scaled_quaternion(after, 0.99999, compose_quaternions(before,"),
+    "weight of Gauss's rule": Fault("pushed_unit", "    0.5, 0.5,\n", "    0.5, 0.500005,\n"),
+    "angular momentum under a torque": Fault(
+        "momentum_unit", "add_scaled(omega, since + low, pull)", "add_scaled(omega, 1.00001 * (since + low), pull)"),
     "inertia about the pivot": Fault("inertia", "return ((yy + zz, xy, xz), (xy, xx + zz, yz), (xz, yz, xx + yy))",
                                      "return ((yy + zz * 1.00001, xy, xz), (xy, xx + zz, yz), (xz, yz, xx + yy))"),
 }  # fmt: skip

@@ -7,8 +7,6 @@ from functools import cache
 import pytest
 from fmus import ROOT, workshop
 
-from rbfmu.scene import load_scene
-
 sys.path.insert(0, str(ROOT / "examples"))
 import importers
 import interop
@@ -21,7 +19,7 @@ WITHOUT_PYTHON = {"ecos", "fmuCheck"}
 
 @cache
 def built(kind):
-    return interop.build(load_scene(interop.SCENE), workshop(), kind)
+    return interop.build(interop.scene_to_try(), workshop(), kind)
 
 
 @pytest.mark.parametrize("kind", interop.KINDS)
@@ -29,7 +27,7 @@ def built(kind):
 def test_importer_gets_the_kernels_bits(name, kind):
     if importers.version(importers.IMPORTERS[name]) is None:
         pytest.skip(f"{name} is not on this machine")
-    result = interop.try_importer(name, built(kind), load_scene(interop.SCENE))
+    result = interop.try_importer(name, built(kind), interop.scene_to_try())
     if kind == "python" and name in WITHOUT_PYTHON:
         assert result.startswith("failed: "), result
     else:
@@ -41,13 +39,13 @@ def test_an_importer_that_fails_says_how(tmp_path):
     """The table's verdicts can be bad."""
     no_fmu = tmp_path / "no.fmu"
     no_fmu.write_bytes(b"no archive")
-    result = interop.try_importer("fmpy simulate", no_fmu, load_scene(interop.SCENE))
+    result = interop.try_importer("fmpy simulate", no_fmu, interop.scene_to_try())
     assert result.startswith("failed: exit status 1: ")
     assert "zip" in result
 
 
 def test_a_wrong_value_is_seen(monkeypatch):
-    expected = interop.by_kernels(load_scene(interop.SCENE), {})
+    expected = interop.by_kernels(interop.scene_to_try(), {})
     wrong = expected.copy()
     wrong[50, 3] += 1e-15
     full, short = importers.IMPORTERS["FMPy"], importers.IMPORTERS["ecos"]

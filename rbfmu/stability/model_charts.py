@@ -37,9 +37,9 @@ def orders_and_error_control(study: Study) -> Figure:
     names = list(study.columns)[1:]
     orders = {f.what.removesuffix(": order"): f.predicted for f in study.findings}
     halvings = study.columns["halvings of the step"]
-    axes.set(yscale="log", xlim=(-0.1, halvings[-1] + 0.1), ylim=(1e-16, 1e-1))
+    axes.set(yscale="log", xlim=(-0.1, halvings[-1] + 0.1), ylim=(1e-16, 1e2))
     axes.set_xticks(halvings)
-    for name, color in zip(names, (ORANGE, GREEN, BLUE, VERMILION, PURPLE, SKY), strict=True):
+    for name, color in zip(names, (ORANGE, GREEN, BLUE, VERMILION, PURPLE, SKY, BLACK, GREY), strict=True):
         errors = study.columns[name]
         axes.plot(halvings, [errors[0] * 2.0 ** (-orders[name] * k) for k in halvings], color=color, linewidth=0.9)
         axes.plot(halvings, errors, "o", color=color, markersize=5, label=f"{name}: {orders[name]:g}")
