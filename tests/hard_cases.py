@@ -1,6 +1,7 @@
 """Rotations at which implementations lose digits, with random ones beside them. All are tuples of floats."""
 
 import math
+from functools import cache
 from itertools import product
 
 import exact
@@ -34,6 +35,7 @@ def random_quaternions(n: int, seed: int = 2) -> list[Tuple]:
     return [tuple(row) for row in (q / np.linalg.norm(q, axis=1, keepdims=True)).tolist()]
 
 
+@cache
 def rotation_vectors() -> list[Tuple]:
     """Every hard angle about every axis, rounded from exact ones."""
     return [
@@ -42,6 +44,7 @@ def rotation_vectors() -> list[Tuple]:
     ]
 
 
+@cache
 def quaternions() -> list[Tuple]:
     """Those of `rotation_vectors` (both signs), half turns exactly, and both poles of all Euler sequences."""
     turns = [exact.rounded(exact.quaternion_from_rotvec(exact.exact(u))) for u in rotation_vectors()]

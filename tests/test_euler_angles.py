@@ -2,6 +2,7 @@
 
 import math
 import warnings
+from functools import cache
 
 import exact
 import numpy as np
@@ -39,6 +40,7 @@ def exact_matrix(seq, angles):
     return exact.matrix_from_euler(NAME[seq], exact.exact(angles))
 
 
+@cache
 def with_quaternions():
     """Rounded from the exact quaternions of all cases; and hard quaternions."""
     rows = []
@@ -51,6 +53,7 @@ def with_quaternions():
     return rows + [(seq, q) for seq in NAME for q in quaternions()[::7]]
 
 
+@cache
 def with_rotations():
     return [(seq, exact.rounded(exact_matrix(seq, angles))) for seq, angles in all_cases()]
 
