@@ -180,8 +180,10 @@ def _error_between(
 
 
 def round_off(scene: Scene, motion: Motion) -> dict[str, float]:
-    """Of each quantity: 64 eps of what it is made of, before anything cancels."""
-    return {name: NOISE * size for name, size in natural_sizes(scene, motion).items()}
+    """Of each quantity that it keeps from the accuracy: 64 eps of what it is made of, before anything cancels."""
+    noise = {name: NOISE * size for name, size in natural_sizes(scene, motion).items() if name in motion}
+    resolved = {name: 0.1 * scene.run.accuracy * largest_size(motion[name]) for name in noise}
+    return {name: least for name, least in noise.items() if least > resolved[name]}
 
 
 def natural_sizes(scene: Scene, motion: Motion) -> dict[str, float]:

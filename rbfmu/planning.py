@@ -57,8 +57,6 @@ TRANSLATION = ("position", "velocity", "acceleration")
 CONSERVED = ("angular_momentum_a", "kinetic_energy")
 DIFFERENCES = {"alpha_b", "acceleration", "angular_momentum_a", "kinetic_energy"}
 """Quantities that are sums of terms that may cancel, so that round-off counts for more than in the state."""
-ACCELERATIONS = {"alpha_b", "acceleration"}
-"""Those of which other parameters may leave little but round-off."""
 DERIVED = 1e-9
 """The accuracy below which they are looked at even where the state is exact."""
 SHARE = 0.8
@@ -104,7 +102,7 @@ def _closed(scene: Scene, model: str, needs: Needs, judge: Judge) -> Plan:
     error += conditioning_error(scene, model)
     if delicate:
         error = max(error, judge.error_if_soon(found))
-        found = replace(found, held=_held(scene) if delicate & ACCELERATIONS else ())
+        found = replace(found, held=_held(scene) if "alpha_b" in delicate else ())
     _refuse_below(scene, error)
     return replace(found, error=error, reasons=say.why_exact(scene, model, needs.rotation, needs.attitude))
 

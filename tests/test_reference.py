@@ -141,10 +141,13 @@ def test_the_judge_knows_how_much_a_motion_magnifies_errors():
 
 
 @compiled
-def test_a_body_that_stands_upright_is_planned_for_who_holds_it_and_refused_where_nobody_can():
+def test_a_body_that_stands_upright_is_planned_and_said_to_be_unstable_and_one_that_falls_is_refused():
     body = {"mass": 1.0, "inertia": [1.0, 1.2, 0.5], "pivot": True, "r_oc_b": [0.0, 0.0, 1.0]}
     run = {"stop": 20.0, "step": 0.1, "accuracy": 1e-6}
     held = Scene(body=body, loads={"gravity_a": [0.0, 0.0, -10.0]}, inputs={"ports": ["torque_b"]}, run=run)
-    assert any("magnifies an error" in reason for reason in plan(held).reasons)
-    with pytest.raises(SceneError, match=r"run\.accuracy = 1e-06: expected one that this scene can meet"):
-        plan(held.replace(inputs={"ports": [], "parameters": ["torque_b"]}))
+    listed = held.replace(inputs={"ports": [], "parameters": ["torque_b"]})
+    for scene in (held, listed):
+        assert any("magnifies an error" in reason for reason in plan(scene).reasons)
+    falling = listed.replace({"initial.omega_b": [0.1, 0.05, 0.2], "run.accuracy": 1e-9, "run.stop": 40.0})
+    with pytest.raises(SceneError, match=r"run\.accuracy = 1e-09: expected one that this scene can meet"):
+        plan(falling)
