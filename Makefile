@@ -15,7 +15,7 @@ check:
 	$(BIN)/lint-imports
 
 # The core once more as plain Python: readable tracebacks, and no result may hang on the compiler.
-CORE = elementary rotation quaternion euler_angles rotvec kinematics inertia rigid_body inverse_dynamics double_double elliptic plane_pendulum
+CORE = elementary rotation quaternion euler_angles rotvec kinematics inertia newton_euler inverse_dynamics double_double elliptic plane_pendulum
 
 test:
 	status=0; $(BIN)/pytest -n 2 --dist loadfile -m "not slow" || status=1; \

@@ -14,7 +14,7 @@ from numba import njit
 
 import rbfmu
 from rbfmu_kernels import free_rotation
-from rbfmu_kernels.free_rotation import free_rotation_at, free_rotation_setup
+from rbfmu_kernels.exact.free_rotation import free_rotation_at, free_rotation_setup
 
 I_123, Q = (1.0, 2.0, 3.0), (0.5, 0.5, 0.5, 0.5)
 RATES = {"generic": (0.3, 1.0, 0.2), "near the middle axis": (1e-9, 1.0, 1e-9)}

@@ -31,7 +31,7 @@ from rbfmu_fmu.native_fmu import LAYER, build_native_fmu, model_header
 from rbfmu_fmu.object_code import ENTRIES, object_files
 from rbfmu_fmu.platforms import this_platform
 from rbfmu_fmu.python_fmu import build_python_fmu
-from rbfmu_kernels import dop853_tableau
+from rbfmu_kernels.integrators import dop853_tableau
 
 FOLDER = Path(__file__).parent
 GOALS = {"numba loop": 1.2, "by hand": 1.0, "pythonfmu": 1.0, "first step": 1.1}

@@ -1,4 +1,4 @@
-/* By hand, for comparison: what `body_unit` does for a free body with a torque at its port, in plain C.
+/* By hand, for comparison: what `loaded_dop853` does for a free body with a torque at its port, in plain C.
 
    DOP853 with error control inside a communication step, the centre of mass in closed form, quaternion, rpy and omega_b
    as outputs. layout.h, generated, has the places in the unit's buffer, tableau.h the method's coefficients. Goes behind

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from rbfmu_kernels._batch import core_shapes, python_function
-from rbfmu_kernels.shapes import Shape
+from rbfmu_kernels.compile.gufunc import core_shapes, python_function
+from rbfmu_kernels.types import Shape
 
 
 def clear_error(

@@ -12,8 +12,8 @@ import numpy as np
 from rbfmu._argument_names import documented_by, in_order
 from rbfmu._array_errors import clear_error
 from rbfmu._singular import Singular, warn_of_singular
-from rbfmu_kernels._batch import STREAMED, core_shapes, gufuncs
-from rbfmu_kernels.euler_angles import sequence
+from rbfmu_kernels.compile.gufunc import STREAMED, core_shapes, gufuncs
+from rbfmu_kernels.rotations.euler_angles import sequence
 
 CHUNK = 16384  # items that a thread takes at a time, at least
 CHUNKS = 4  # of a large call, for each thread: the cores are seldom equally free, and a chunk costs some microseconds

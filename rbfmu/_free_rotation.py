@@ -9,7 +9,7 @@ from rbfmu._argument_names import documented_by, in_order
 from rbfmu._array_errors import clear_error
 from rbfmu._array_function import array_function
 from rbfmu_kernels import free_rotation as _kernel
-from rbfmu_kernels.free_rotation import free_rotation_at, free_rotation_is_singular, free_rotation_setup
+from rbfmu_kernels.exact.free_rotation import free_rotation_at, free_rotation_is_singular, free_rotation_setup
 
 _impossible = "free_rotation: some of these moments are of no body (negative, infinite, or 0 beside two that differ)"
 _one_time_per_body = array_function(_kernel, singular=free_rotation_is_singular, warning=_impossible)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rbfmu._array_function import array_function
-from rbfmu_kernels import inertia as _inertia
+from rbfmu_kernels.mechanics import inertia as _inertia
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,10 @@ from pydantic import Field
 
 from rbfmu._scene_fields import Numbers, OneOf, fault
 from rbfmu._scene_section import Section
-from rbfmu_kernels import euler_angles, quaternion, rotation, rotvec
-from rbfmu_kernels.shapes import Matrix, Quaternion, Vec3
+from rbfmu_kernels.rotations import euler_angles, quaternion
+from rbfmu_kernels.rotations import matrix as rotation
+from rbfmu_kernels.rotations import rotation_vector as rotvec
+from rbfmu_kernels.types import Matrix, Quaternion, Vec3
 
 UNIT_TOLERANCE = 1e-6
 """How far a quaternion's length may be from 1, a matrix from orthogonal: numbers typed with seven digits."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from rbfmu._scene_fields import fault
 from rbfmu.body import Body
-from rbfmu_kernels.shapes import Vec3
+from rbfmu_kernels.types import Vec3
 
 PRESCRIBED = ("quaternion", "rpy", "omega_a")
 """Quantities that follow from prescribed rates."""

@@ -1,13 +1,13 @@
 """The array functions: each is made from the scalar kernel of the same name."""
 
-from rbfmu_kernels import euler_angles as _euler
-from rbfmu_kernels import inertia as _inertia
-from rbfmu_kernels import kinematics as _kinematics
-from rbfmu_kernels import quaternion as _quaternion
-from rbfmu_kernels import rigid_body as _rigid_body
-from rbfmu_kernels import rotation as _rotation
-from rbfmu_kernels import rotvec as _rotvec
-from rbfmu_kernels import vec3 as _vec3
+from rbfmu_kernels.mechanics import inertia as _inertia
+from rbfmu_kernels.mechanics import kinematics as _kinematics
+from rbfmu_kernels.mechanics import newton_euler as _rigid_body
+from rbfmu_kernels.rotations import euler_angles as _euler
+from rbfmu_kernels.rotations import matrix as _rotation
+from rbfmu_kernels.rotations import quaternion as _quaternion
+from rbfmu_kernels.rotations import rotation_vector as _rotvec
+from rbfmu_kernels.rotations import vec3 as _vec3
 
 from ._array_function import array_function, sequence_function, set_threads
 from ._free_rotation import free_rotation as free_rotation

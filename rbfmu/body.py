@@ -9,8 +9,8 @@ from pydantic import Field
 
 from rbfmu._scene_fields import Flag, Numbers, Rule, SceneError, fault, flattened, positive
 from rbfmu._scene_section import Section, one_of
-from rbfmu_kernels import inertia as _inertia
-from rbfmu_kernels.shapes import Matrix, Vec3
+from rbfmu_kernels.mechanics import inertia as _inertia
+from rbfmu_kernels.types import Matrix, Vec3
 
 _UNIT = "kg m2"
 ZERO = (0.0, 0.0, 0.0)

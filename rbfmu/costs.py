@@ -6,8 +6,8 @@ from rbfmu.fitting import load_shares
 from rbfmu.models import Plan
 from rbfmu.scene import Scene
 from rbfmu.unit import Buffer, filled_buffer, initialize
-from rbfmu_kernels import taylor_unit
-from rbfmu_kernels.body_memory import has_pivot, moves, shows_loads, turns
+from rbfmu_kernels.body.memory import has_pivot, moves, shows_loads, turns
+from rbfmu_kernels.models import loaded_taylor
 
 MACHINE = "an Intel Xeon of 2026"
 """Whose ns all costs are: one calm core, a compiled loop, the library's own units."""
@@ -73,5 +73,5 @@ def terms(scene: Scene, plan: Plan) -> list[str]:
 
 def _may_turn(scene: Scene, z: Buffer) -> bool:
     """Whether loads act, or may come to, that turn as the body sees them or push it as it turns."""
-    initialize(scene, taylor_unit, z)
+    initialize(scene, loaded_taylor, z)
     return any(load_shares(scene, z))

@@ -14,11 +14,11 @@ from rbfmu.models import Plan
 from rbfmu.scene import Scene, SceneError
 from rbfmu.times import communication_steps
 from rbfmu.unit import Buffer, filled_buffer, initialize
-from rbfmu_kernels._substeps import ROUND_OFF, substeps_in
-from rbfmu_kernels.body_memory import body_of, has_pivot, loads_of, moves
-from rbfmu_kernels.kicked_top import is_symmetric_top, resonant_step, transverse_moment
-from rbfmu_kernels.pendulum_unit import ORDERS
-from rbfmu_kernels.taylor_series import MOST_ORDER
+from rbfmu_kernels.body.memory import body_of, has_pivot, loads_of, moves
+from rbfmu_kernels.integrators.splitting import is_symmetric_top, resonant_step, transverse_moment
+from rbfmu_kernels.integrators.substeps import ROUND_OFF, substeps_in
+from rbfmu_kernels.integrators.taylor_coefficients import MOST_ORDER
+from rbfmu_kernels.models.one_axis_taylor import ORDERS
 
 TIGHTEST = 1e-15
 """The smallest tolerance that double precision serves."""

@@ -17,7 +17,7 @@ from rbfmu.recording import Motion, begun, recorded, substeps_counted
 from rbfmu.reference import ReferenceTooLongError, reference_motion
 from rbfmu.scene import Scene
 from rbfmu.times import communication_steps, thinned_steps
-from rbfmu_kernels.inertia import INERTIA_TOLERANCE
+from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE
 
 MOST_STEPS = 20_000
 """Communication steps up to which plans are tried on the scene's own; of a longer run on several at once."""

@@ -9,10 +9,10 @@ from rbfmu.models import UNITS, Plan
 from rbfmu.promises import conditioning_error
 from rbfmu.scene import Scene
 from rbfmu.unit import filled_buffer, initialize
-from rbfmu_kernels import axis_unit
-from rbfmu_kernels.body_memory import has_pivot, moves, spins, turns
-from rbfmu_kernels.layout import FINE
-from rbfmu_kernels.vec3 import cross
+from rbfmu_kernels.body.memory import has_pivot, moves, spins, turns
+from rbfmu_kernels.buffer import FINE
+from rbfmu_kernels.models import one_axis
+from rbfmu_kernels.rotations.vec3 import cross
 
 CLOSED = (
     "no rotation", "constant rate", "angular momentum", "one axis", "undamped pendulum",
@@ -154,6 +154,6 @@ def accepts(scene: Scene, model: str) -> bool:
 
 def turning_axis(scene: Scene) -> NDArray[np.float64]:
     """The unit vector in b about which models of one angle turn the scene's body."""
-    unit, z = axis_unit, filled_buffer(scene, Plan("one axis", "", 0, held=("all",)))
+    unit, z = one_axis, filled_buffer(scene, Plan("one axis", "", 0, held=("all",)))
     initialize(scene, unit, z)
     return z[unit.BLOCKS["axis"]]

@@ -4,21 +4,21 @@ import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from rbfmu_kernels import (
-    attitude_unit,
-    axis_unit,
-    body_unit,
-    free_unit,
-    momentum_unit,
-    pendulum_unit,
-    precession_unit,
-    pushed_unit,
-    spin_up_unit,
-    steady_unit,
-    taylor_unit,
-    top_unit,
-    translation_unit,
-    undamped_pendulum_unit,
+from rbfmu_kernels.models import (
+    angular_momentum,
+    constant_rate,
+    free_body_force,
+    free_symmetric,
+    free_triaxial,
+    loaded_dop853,
+    loaded_splitting,
+    loaded_taylor,
+    no_rotation,
+    one_axis,
+    one_axis_taylor,
+    pendulum,
+    prescribed_rates,
+    spin_up,
 )
 
 
@@ -63,19 +63,19 @@ class Plan:
 
 
 UNITS = {
-    "no rotation": translation_unit,
-    "constant rate": steady_unit,
-    "angular momentum": momentum_unit,
-    "one axis": axis_unit,
-    "undamped pendulum": undamped_pendulum_unit,
-    "one swinging axis": pendulum_unit,
-    "prescribed rates": attitude_unit,
-    "torque-free symmetric body": precession_unit,
-    "symmetric body spun up": spin_up_unit,
-    "torque-free body": free_unit,
-    "torque-free body, pushed": pushed_unit,
-    "symmetric top": top_unit,
-    "body under loads": body_unit,
-    "body under loads, by series": taylor_unit,
+    "no rotation": no_rotation,
+    "constant rate": constant_rate,
+    "angular momentum": angular_momentum,
+    "one axis": one_axis,
+    "undamped pendulum": pendulum,
+    "one swinging axis": one_axis_taylor,
+    "prescribed rates": prescribed_rates,
+    "torque-free symmetric body": free_symmetric,
+    "symmetric body spun up": spin_up,
+    "torque-free body": free_triaxial,
+    "torque-free body, pushed": free_body_force,
+    "symmetric top": loaded_splitting,
+    "body under loads": loaded_dop853,
+    "body under loads, by series": loaded_taylor,
 }
 """From the smallest model to the largest."""

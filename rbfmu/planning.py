@@ -20,7 +20,7 @@ from rbfmu.recording import Motion, begun, recorded
 from rbfmu.scene import PARAMETERS as SCENE_PARAMETERS
 from rbfmu.scene import Scene, SceneError
 from rbfmu.times import thinned_steps
-from rbfmu_kernels.kicked_top import is_symmetric_top
+from rbfmu_kernels.integrators.splitting import is_symmetric_top
 
 EXACT, ROUND_OFF = 1e-14, 2.0**-52
 """The accuracy that closed forms keep, and what a step of others loses at least."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rbfmu.body import Body
 from rbfmu.scene import Scene
-from rbfmu_kernels import inertia
+from rbfmu_kernels.mechanics import inertia
 
 LARGEST, SMALLEST = 100.0, 1e-4
 """Radii of gyration, m."""

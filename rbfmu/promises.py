@@ -6,10 +6,10 @@ from rbfmu.models import Plan
 from rbfmu.scene import Scene
 from rbfmu.times import communication_steps
 from rbfmu.unit import Buffer, filled_buffer, initialize
-from rbfmu_kernels._free_rotation_setup import polhode_axes
-from rbfmu_kernels._principal import exact_frame, rates_along
-from rbfmu_kernels.double_double import DoubleDouble
-from rbfmu_kernels.shapes import Vec3
+from rbfmu_kernels.body.principal import exact_frame, rates_along
+from rbfmu_kernels.exact.free_rotation_setup import polhode_axes
+from rbfmu_kernels.numerics.double_double import DoubleDouble
+from rbfmu_kernels.types import Vec3
 
 ROUND_OFF = 2.0**-52
 TWICE = 2.0**-100

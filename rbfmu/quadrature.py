@@ -9,7 +9,7 @@ from rbfmu.ladder import GROWING, varying_parameters
 from rbfmu.models import Plan
 from rbfmu.promises import conditioning_error
 from rbfmu.scene import Scene
-from rbfmu_kernels.pushed_unit import ORDERS
+from rbfmu_kernels.models.free_body_force import ORDERS
 
 POINT_COST = 86.0
 """ns a point, on `costs.MACHINE`."""

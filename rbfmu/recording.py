@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from rbfmu.models import Plan
 from rbfmu.scene import Scene
 from rbfmu.unit import Buffer, filled_buffer, initialize
-from rbfmu_kernels.layout import FINE
+from rbfmu_kernels.buffer import FINE
 
 Motion = dict[str, NDArray[np.float64]]
 

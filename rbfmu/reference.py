@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from rbfmu.arrays import quaternion_from_matrix
 from rbfmu.scene import Scene
-from rbfmu_kernels import reference_series as series
-from rbfmu_kernels.inertia import INERTIA_TOLERANCE
+from rbfmu_kernels.integrators import reference_series as series
+from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE
 
 Array = NDArray[np.float64]
 Motion = dict[str, Array]

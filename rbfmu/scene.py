@@ -15,7 +15,7 @@ from rbfmu._scene_fields import Name, Names, Numbers, Rule, SceneError, fault, p
 from rbfmu._scene_section import Section, one_of
 from rbfmu._scene_toml import read_tables
 from rbfmu.body import ZERO, Body
-from rbfmu_kernels.shapes import Quaternion, Vec3
+from rbfmu_kernels.types import Quaternion, Vec3
 
 __all__ = ["PARAMETERS", "PORTS", "QUANTITIES", "Body", "Initial", "Inputs", "Loads", "Outputs", "Run", "Scene",
            "SceneError", "load_scene"]  # fmt: skip

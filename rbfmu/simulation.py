@@ -15,7 +15,7 @@ from rbfmu.scene import Scene
 from rbfmu.scene_argument import of_scene_or_path
 from rbfmu.times import time_grid
 from rbfmu.unit import filled_buffer, initialize, output_block
-from rbfmu_kernels.layout import FINE
+from rbfmu_kernels.buffer import FINE
 
 Array = NDArray[np.float64]
 CHUNK = 1024

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu.scene import QUANTITIES, Scene, SceneError
-from rbfmu_kernels.body_memory import INPUTS
-from rbfmu_kernels.layout import FAULTS
+from rbfmu_kernels.body.memory import INPUTS
+from rbfmu_kernels.buffer import FAULTS
 
 if TYPE_CHECKING:
     from rbfmu.models import Plan
@@ -29,10 +29,10 @@ class Unit(Protocol):
     SIZE: int
 
     def initialize(self, z: Any) -> int:
-        """0, or a key of `layout.FAULTS`."""
+        """0, or a key of `buffer.FAULTS`."""
 
     def step(self, z: Any, h: float) -> int:
-        """`layout.FINE` or `layout.NOT_REACHED`."""
+        """`buffer.FINE` or `buffer.NOT_REACHED`."""
 
     def outputs(self, z: Any) -> int:
         """Refresh the outputs."""

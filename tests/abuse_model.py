@@ -11,7 +11,7 @@ import numpy as np
 from fmu_importer import DISCARD, ERROR, FATAL, LAST_SUCCESSFUL_TIME, OK, TERMINATED
 
 from rbfmu_fmu.description import describe
-from rbfmu_kernels.layout import FINE, NOT_REACHED, PAST_STOP
+from rbfmu_kernels.buffer import FINE, NOT_REACHED, PAST_STOP
 
 BEFORE, INITIALIZING, STEPPING, AFTER = range(4)
 REFUSED = {"python": FATAL, "native": ERROR}

@@ -26,54 +26,91 @@ class Fault(NamedTuple):
 
 
 FAULTS = {
-    "Taylor sum 1e-5 too large": Fault("taylor", "    return (x, y, z)\n\n\n@kernel\ndef _half_turn",
-                                       "    return (1.00001 * x, y, z)\n\n\n@kernel\ndef _half_turn"),
+    "Taylor sum 1e-5 too large": Fault(
+        "integrators/taylor",
+        "    return (x, y, z)\n\n\n@kernel\ndef _half_turn",
+        "    return (1.00001 * x, y, z)\n\n\n@kernel\ndef _half_turn",
+    ),
     "Taylor coefficient of the gyroscopic term": Fault(
-        "taylor_series", "x, y, v = p * (b - c), q * (c - a), r * (a - b)",
-        "x, y, v = p * (b - c), q * (c - a) * 1.00001, r * (a - b)"),
+        "integrators/taylor_coefficients",
+        "x, y, v = p * (b - c), q * (c - a), r * (a - b)",
+        "x, y, v = p * (b - c), q * (c - a) * 1.00001, r * (a - b)",
+    ),
     "weight of the two-point formula": Fault(
-        "taylor", "_WEIGHT[m, k] * power", "(_WEIGHT[m, k] if k < 3 else 1.00001 * _WEIGHT[m, k]) * power"),
-    "DOP853 tableau, stage 9": Fault("dop853_tableau", "21.230051448181193", "21.230263748695675"),
+        "integrators/taylor", "_WEIGHT[m, k] * power", "(_WEIGHT[m, k] if k < 3 else 1.00001 * _WEIGHT[m, k]) * power"
+    ),
+    "DOP853 tableau, stage 9": Fault("integrators/dop853_tableau", "21.230051448181193", "21.230263748695675"),
     "DOP853 tableau, two digits swapped": Fault(
-        "dop853_tableau", "0.054293734116568765, 4.450312892752409", "0.054293734116568765, 4.450312892725409"),
-    "DOP853 error estimate": Fault("dop853_tableau", "1.6643771824549864", "1.6643938262268109"),
+        "integrators/dop853_tableau",
+        "0.054293734116568765, 4.450312892752409",
+        "0.054293734116568765, 4.450312892725409",
+    ),
+    "DOP853 error estimate": Fault("integrators/dop853_tableau", "1.6643771824549864", "1.6643938262268109"),
     "DOP853 chooses steps by the 4th root": Fault(
-        "dop853", "growth = 6.0 if error < 2.6e-7 else 0.9 / math.sqrt(math.sqrt(math.sqrt(error)))",
-        "growth = 6.0 if error < 2.6e-7 else 0.9 / math.sqrt(math.sqrt(error))"),
+        "integrators/dop853",
+        "growth = 6.0 if error < 2.6e-7 else 0.9 / math.sqrt(math.sqrt(math.sqrt(error)))",
+        "growth = 6.0 if error < 2.6e-7 else 0.9 / math.sqrt(math.sqrt(error))",
+    ),
     "normalisation 1e-5 too long": Fault(
-        "dop853", "s = 1.0 / math.sqrt(q[0] * q[0]", "s = 1.00001 / math.sqrt(q[0] * q[0]"),
-    "sign in the composition of quaternions": Fault("quaternion", "a0 * b2 - a1 * b3 + a2 * b0 + a3 * b1",
-                                                    "a0 * b2 + a1 * b3 + a2 * b0 - a3 * b1"),
+        "integrators/dop853", "s = 1.0 / math.sqrt(q[0] * q[0]", "s = 1.00001 / math.sqrt(q[0] * q[0]"
+    ),
+    "sign in the composition of quaternions": Fault(
+        "rotations/quaternion", "a0 * b2 - a1 * b3 + a2 * b0 + a3 * b1", "a0 * b2 + a1 * b3 + a2 * b0 - a3 * b1"
+    ),
     "phase of the free rotation": Fault(
-        "_free_rotation_setup", "    lam = dd_multiply(rate_s,", "    lam = dd_multiply(dd_scale(1.00001, rate_s),"),
+        "exact/free_rotation_setup", "    lam = dd_multiply(rate_s,", "    lam = dd_multiply(dd_scale(1.00001, rate_s),"
+    ),
     "precession of a symmetric body": Fault(
-        "_turns", "rate = dd_divide(dd_multiply(momentum, ONE_OVER_4PI), i_t)",
-        "rate = dd_divide(dd_multiply(momentum, ONE_OVER_4PI), dd_scale(1.00001, i_t))"),
-    "coefficient of the kicks of order 4": Fault("kicked_top", "0.604872665711080", "0.604878714437737"),
+        "exact/uniform_rotation",
+        "rate = dd_divide(dd_multiply(momentum, ONE_OVER_4PI), i_t)",
+        "rate = dd_divide(dd_multiply(momentum, ONE_OVER_4PI), dd_scale(1.00001, i_t))",
+    ),
+    "coefficient of the kicks of order 4": Fault("integrators/splitting", "0.604872665711080", "0.604878714437737"),
     "kicks of order 6 in another order": Fault(
-        "kicked_top", "y = _drift_and_kick(y, _D6[2] * h, _K6[3] * h, u, body, loads)",
-        "y = _drift_and_kick(y, _D6[3] * h, _K6[3] * h, u, body, loads)"),
-    "Strang's first kick whole": Fault("kicked_top", "y = _kick(state, 0.5 * h, body, loads)",
-                                       "y = _kick(state, h, body, loads)"),
-    "damping": Fault("rigid_body", "-damping_b[2] * omega_b[2])", "-damping_b[2] * omega_b[2] * 1.00001)"),
-    "gyroscopic torque": Fault("rigid_body", "return cross(omega, transform(rest, omega))",
-                               "return cross(omega, transform(rest, (omega[0], omega[1] * 1.00001, omega[2])))"),
+        "integrators/splitting",
+        "y = _drift_and_kick(y, _D6[2] * h, _K6[3] * h, u, body, loads)",
+        "y = _drift_and_kick(y, _D6[3] * h, _K6[3] * h, u, body, loads)",
+    ),
+    "Strang's first kick whole": Fault(
+        "integrators/splitting", "y = _kick(state, 0.5 * h, body, loads)", "y = _kick(state, h, body, loads)"
+    ),
+    "damping": Fault("mechanics/newton_euler", "-damping_b[2] * omega_b[2])", "-damping_b[2] * omega_b[2] * 1.00001)"),
+    "gyroscopic torque": Fault(
+        "mechanics/newton_euler",
+        "return cross(omega, transform(rest, omega))",
+        "return cross(omega, transform(rest, (omega[0], omega[1] * 1.00001, omega[2])))",
+    ),
     "exponential map at small angles": Fault(
-        "rotvec", "if angle > 0.0 else 0.5, u)", "if angle > 1e-4 else 0.500005, u)"),
-    "pendulum's phase": Fault("plane_pendulum", "rate = dd_scale(0.5, dd_multiply(dd_multiply(fastest, agm)",
-                              "rate = dd_scale(0.500005, dd_multiply(dd_multiply(fastest, agm)"),
-    "series of one angle": Fault("pendulum_unit", "d_cosine -= z[_RATES + j]", "d_cosine -= 1.00001 * z[_RATES + j]"),
+        "rotations/rotation_vector", "if angle > 0.0 else 0.5, u)", "if angle > 1e-4 else 0.500005, u)"
+    ),
+    "pendulum's phase": Fault(
+        "exact/pendulum",
+        "rate = dd_scale(0.5, dd_multiply(dd_multiply(fastest, agm)",
+        "rate = dd_scale(0.500005, dd_multiply(dd_multiply(fastest, agm)",
+    ),
+    "series of one angle": Fault(
+        "models/one_axis_taylor", "d_cosine -= z[_RATES + j]", "d_cosine -= 1.00001 * z[_RATES + j]"
+    ),
     "relaxation at weak damping": Fault(
-        "_relaxation", "    while y > 0.5:", "    y *= 1.0 if y > 0.5 else 1.00001\n    while y > 0.5:"),
+        "numerics/phi_functions", "    while y > 0.5:", "    y *= 1.0 if y > 0.5 else 1.00001\n    while y > 0.5:"
+    ),
     "prescribed rates that change": Fault(
-        "attitude_unit", "add_scaled_quaternion(after, 1.0, compose_quaternions(before,",
-        "add_scaled_quaternion(after, 0.99999, compose_quaternions(before,"),
-    "weight of Gauss's rule": Fault("pushed_unit", "    0.5, 0.5,\n", "    0.5, 0.500005,\n"),
+        "models/prescribed_rates",
+        "add_scaled_quaternion(after, 1.0, compose_quaternions(before,",
+        "add_scaled_quaternion(after, 0.99999, compose_quaternions(before,",
+    ),
+    "weight of Gauss's rule": Fault("models/free_body_force", "    0.5, 0.5,\n", "    0.5, 0.500005,\n"),
     "angular momentum under a torque": Fault(
-        "momentum_unit", "add_scaled(omega, since + low, pull)", "add_scaled(omega, 1.00001 * (since + low), pull)"),
-    "inertia about the pivot": Fault("inertia", "return ((yy + zz, xy, xz), (xy, xx + zz, yz), (xz, yz, xx + yy))",
-                                     "return ((yy + zz * 1.00001, xy, xz), (xy, xx + zz, yz), (xz, yz, xx + yy))"),
-}  # fmt: skip
+        "models/angular_momentum",
+        "add_scaled(omega, since + low, pull)",
+        "add_scaled(omega, 1.00001 * (since + low), pull)",
+    ),
+    "inertia about the pivot": Fault(
+        "mechanics/inertia",
+        "return ((yy + zz, xy, xz), (xy, xx + zz, yz), (xz, yz, xx + yy))",
+        "return ((yy + zz * 1.00001, xy, xz), (xy, xx + zz, yz), (xz, yz, xx + yy))",
+    ),
+}
 """By what is wrong."""
 
 

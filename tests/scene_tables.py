@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from rbfmu.scene import PARAMETERS, PORTS, QUANTITIES, Scene
-from rbfmu_kernels.euler_angles import NAMES
+from rbfmu_kernels.rotations.euler_angles import NAMES
 
 SMALLEST = {"body": {"mass": 2.0, "inertia": [1.0, 2.0, 2.5]}}
 DEFAULTS = {

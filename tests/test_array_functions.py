@@ -23,7 +23,8 @@ from numba import config, njit
 
 import rbfmu
 from rbfmu import arrays
-from rbfmu_kernels import _batch, euler_angles, quaternion, rotvec
+from rbfmu_kernels.compile import gufunc
+from rbfmu_kernels.rotations import euler_angles, quaternion, rotation_vector
 
 TABLES = [test_rotation, test_quaternion, test_euler_angles, test_rotvec, test_kinematics, test_inverse_dynamics]
 LAWS = {law.name: law for module in TABLES for law in module.LAWS}
@@ -234,7 +235,7 @@ def test_array_functions_are_documented():
 def arguments_of(name):
     """Names and values: five items, the sequence by its name."""
     kernel = ARRAY_FUNCTIONS[name].__wrapped__
-    shapes = _batch.core_shapes(kernel)[0]
+    shapes = gufunc.core_shapes(kernel)[0]
     random = rng(75)
     sequences = {} if shapes.keys() == inspect.signature(kernel).parameters.keys() else {"seq": "ZXZ"}
     return sequences | {key: random.uniform(0.5, 1.5, (5, *shape)) for key, shape in shapes.items()}
@@ -291,7 +292,7 @@ def test_results_may_overwrite_an_argument():
 @pytest.mark.parametrize("name", LAWS)
 def test_no_kernel_raises(name, number):
     """Whatever the numbers, also in plain Python (NUMBA_DISABLE_JIT=1)."""
-    arguments, _ = _batch.core_shapes(LAWS[name].kernel)
+    arguments, _ = gufunc.core_shapes(LAWS[name].kernel)
     takes_sequence = isinstance(LAWS[name].cases()[0][0], int)
     sequence = [euler_angles.ZXZ] if takes_sequence else []
     LAWS[name].kernel(*sequence, *(exact.rounded(np.full(shape, number).tolist()) for shape in arguments.values()))
@@ -402,10 +403,12 @@ def test_there_is_at_least_one_thread():
 
 
 @compiled_only
-@pytest.mark.parametrize("kernel", [quaternion.rotate, quaternion.angle_between, rotvec.axis_angle_from_quaternion])
+@pytest.mark.parametrize(
+    "kernel", [quaternion.rotate, quaternion.angle_between, rotation_vector.axis_angle_from_quaternion]
+)
 def test_interpreted_functions_have_the_same_bits(kernel):
     args = {"rotate": (Q, V[:1]), "angle_between": (Q, Q[3])}.get(kernel.__name__, (Q,))
-    ours, theirs = _batch.interpreted(kernel)(*args), _batch.gufuncs(kernel)[0](*args)
+    ours, theirs = gufunc.interpreted(kernel)(*args), gufunc.gufuncs(kernel)[0](*args)
     for a, b in zip(ours, theirs, strict=True):
         assert (a == b).all()
 

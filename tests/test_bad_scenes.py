@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from rbfmu.body import Body
 from rbfmu.scene import Loads, Scene, SceneError, load_scene
-from rbfmu_kernels.euler_angles import NAMES
+from rbfmu_kernels.rotations.euler_angles import NAMES
 
 EPS = np.finfo(float).eps
 KEYS = sorted({"x", "angles", "angles_deg", "kind", "sides", "radius", "shape"} | set().union(DEFAULTS, *GOOD.values()))

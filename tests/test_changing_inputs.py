@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from rbfmu.models import Plan
 from rbfmu.scene import Scene
 from rbfmu.unit import filled_buffer, initialize
-from rbfmu_kernels import attitude_unit
-from rbfmu_kernels.layout import FINE, NOT_REACHED
+from rbfmu_kernels.buffer import FINE, NOT_REACHED
+from rbfmu_kernels.models import prescribed_rates
 
 EPS = 2.0**-52
 OFFSET = {"mass": 2.0, "inertia": [[1.0, 0.1, 0.05], [0.1, 1.2, 0.02], [0.05, 0.02, 1.5]], "r_oc_b": [0.1, -0.2, 0.3]}
@@ -199,7 +199,7 @@ RATES = {"omega_b": ([0.8, -0.5, 0.3], [0.7, 1.1, -0.6], [-0.9, 0.4, 1.3])}
 
 def test_prescribed_rates_change_within_a_step_as_their_derivatives_say():
     unit = Unit(PRESCRIBED, inputs={"ports": ["omega_b"]}).drive(RATES)
-    assert attitude_unit.step(unit.z, 2.0) == FINE
+    assert prescribed_rates.step(unit.z, 2.0) == FINE
     np.testing.assert_allclose(unit["quaternion"], exact_turn(*RATES["omega_b"], 2.0), atol=8 * EPS)
     end = np.array(RATES["omega_b"][0]) + 2.0 * np.array(RATES["omega_b"][1]) + 2.0 * np.array(RATES["omega_b"][2])
     np.testing.assert_allclose(unit["omega_b"], end, rtol=8 * EPS)
@@ -208,10 +208,10 @@ def test_prescribed_rates_change_within_a_step_as_their_derivatives_say():
 
 def test_prescribed_rates_that_stop_changing_turn_on_exactly():
     unit = Unit(PRESCRIBED, inputs={"ports": ["omega_b"]}).drive(RATES)
-    assert attitude_unit.step(unit.z, 0.5) == FINE
+    assert prescribed_rates.step(unit.z, 0.5) == FINE
     start, omega = Rotation.from_quat(unit["quaternion"], scalar_first=True), unit["omega_b"]
     for _ in range(100):
-        assert attitude_unit.step(unit.z, 0.01) == FINE
+        assert prescribed_rates.step(unit.z, 0.01) == FINE
     end = (start * Rotation.from_rotvec(omega)).as_quat(scalar_first=True)
     np.testing.assert_allclose(unit["quaternion"] * np.sign(unit["quaternion"] @ end), end, atol=4 * EPS)
 
@@ -221,7 +221,7 @@ def test_prescribed_rates_that_lead_nowhere_are_refused(h):
     unit = Unit(PRESCRIBED, inputs={"ports": ["omega_b"]}).drive(RATES)
     before = unit.z.copy()
     with np.errstate(all="ignore"):
-        assert attitude_unit.step(unit.z, h) == NOT_REACHED
+        assert prescribed_rates.step(unit.z, h) == NOT_REACHED
     np.testing.assert_array_equal(unit.z, before)
 
 

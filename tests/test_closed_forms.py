@@ -12,8 +12,8 @@ from rbfmu.models import Plan
 from rbfmu.scene import Scene
 from rbfmu.unit import filled_buffer, initialize
 from rbfmu_kernels import free_rotation
-from rbfmu_kernels._relaxation import relaxation
-from rbfmu_kernels.layout import FINE
+from rbfmu_kernels.buffer import FINE
+from rbfmu_kernels.numerics.phi_functions import relaxation
 
 EPS = 2.0**-52
 NO_GRAVITY = {"gravity_a": [0.0, 0.0, 0.0]}

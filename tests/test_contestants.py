@@ -6,11 +6,11 @@ from typing import Any
 import pytest
 
 from rbfmu.contestants import CONTESTANTS, TORQUE_FREE_CONTESTANTS, Contestant, one_step
-from rbfmu_kernels.dynamics import Body, Loads, State
-from rbfmu_kernels.free_rotation import free_rotation
-from rbfmu_kernels.inertia import diagonal, inverse_inertia
-from rbfmu_kernels.kicked_top import rkn6_steps
-from rbfmu_kernels.quaternion import angle_between, normalize
+from rbfmu_kernels.exact.free_rotation import free_rotation
+from rbfmu_kernels.integrators.splitting import rkn6_steps
+from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
+from rbfmu_kernels.mechanics.inertia import diagonal, inverse_inertia
+from rbfmu_kernels.rotations.quaternion import angle_between, normalize
 
 EPS = 2.0**-52
 ZERO = (0.0, 0.0, 0.0)

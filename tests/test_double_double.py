@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rbfmu_kernels import double_double as dd
+from rbfmu_kernels.numerics import double_double as dd
 
 U = Fraction(1, 2**53)
 numbers = st.floats(-1e90, 1e90).filter(lambda x: x == 0.0 or abs(x) > 1e-90)

@@ -10,8 +10,8 @@ from hard_cases import angles, rng
 from hypothesis import given
 from laws import Law
 
-from rbfmu_kernels.elementary import atan2, exp2, scale_for_squares, sincos, sincos_half_turns
-from rbfmu_kernels.vec3 import norm
+from rbfmu_kernels.numerics.elementary import atan2, exp2, scale_for_squares, sincos, sincos_half_turns
+from rbfmu_kernels.rotations.vec3 import norm
 
 
 def ulps(value, truth, scale):

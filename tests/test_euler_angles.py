@@ -15,8 +15,9 @@ from laws import Law
 from scipy.spatial.transform import Rotation
 
 import rbfmu_kernels
-from rbfmu_kernels import euler_angles as euler
-from rbfmu_kernels import rotation, vec3
+from rbfmu_kernels.rotations import euler_angles as euler
+from rbfmu_kernels.rotations import matrix as rotation
+from rbfmu_kernels.rotations import vec3
 
 NAME = {euler.sequence(name): name for name in euler.NAMES}
 CASES = {seq: euler_angles(name) for seq, name in NAME.items()}

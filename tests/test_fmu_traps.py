@@ -164,7 +164,7 @@ def test_two_fmus_in_one_process_each_compute_their_own():
 
 
 OTHER_UNIT = """
-from ._kernel import kernel
+from ..compile.decorator import kernel
 
 @kernel(inline=False)
 def initialize(z):
@@ -186,11 +186,11 @@ def other_kernels(tmp_path_factory):
     """The FMU of the same scene from other kernels: its first output counts the steps."""
     place = scene("prescribed"), planned("prescribed")
     text = OTHER_UNIT.format(first=place[1].unit.BLOCKS["quaternion"].start)
-    other = ModuleType("rbfmu_kernels.other_unit")
-    other.__package__, other.SIZE = "rbfmu_kernels", place[1].unit.SIZE
+    other = ModuleType("rbfmu_kernels.models.other")
+    other.__package__, other.SIZE = "rbfmu_kernels.models", place[1].unit.SIZE
     exec(compile(text, "<other unit>", "exec"), other.__dict__)
     with pytest.MonkeyPatch.context() as patch:
-        sources = python_fmu.kernel_sources() | {"attitude_unit.py": text.encode()}
+        sources = python_fmu.kernel_sources() | {"models/prescribed_rates.py": text.encode()}
         patch.setattr(python_fmu, "kernel_sources", lambda: sources)
         patch.setattr(python_fmu, "object_files", lambda unit, platform: object_files(other, platform))
         path = build_python_fmu(*place, tmp_path_factory.mktemp("other") / "prescribed.fmu")

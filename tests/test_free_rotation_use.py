@@ -8,7 +8,7 @@ from numba import config, njit
 
 import rbfmu
 from rbfmu_kernels import free_rotation as body_at
-from rbfmu_kernels.free_rotation import FREE_ROTATION_SIZE, free_rotation_at, free_rotation_setup
+from rbfmu_kernels.exact.free_rotation import FREE_ROTATION_SIZE, free_rotation_at, free_rotation_setup
 
 I_123, Q, OMEGA = (1.0, 2.0, 3.0), (0.5, 0.5, 0.5, 0.5), (0.3, 1.0, 0.2)
 compiled_only = pytest.mark.skipif(config.DISABLE_JIT, reason="speed")

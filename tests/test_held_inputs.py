@@ -7,7 +7,7 @@ import pytest
 
 from rbfmu import Scene, plan
 from rbfmu.unit import filled_buffer, initialize
-from rbfmu_kernels.layout import FINE
+from rbfmu_kernels.buffer import FINE
 
 STEP, MASS, MOMENT = 0.1, 2.0, 1.0
 BODY = {"mass": MASS, "inertia": [MOMENT, 2.0, 2.5]}

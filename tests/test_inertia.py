@@ -10,8 +10,8 @@ import pytest
 from numba import njit
 
 import rbfmu
-from rbfmu_kernels import inertia
-from rbfmu_kernels.rotation import matrix_from_quaternion
+from rbfmu_kernels.mechanics import inertia
+from rbfmu_kernels.rotations.matrix import matrix_from_quaternion
 
 EPS = 2.0**-52
 SCALES = (1.0, 1e-160, 1e150, 1e-20, 1e-290, 1e290)

@@ -1,13 +1,16 @@
 """How kernels are compiled: for Python only what Python calls."""
 
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from numba import config, njit
 
 from rbfmu_kernels import free_rotation, free_rotation_at, free_rotation_setup
-from rbfmu_kernels._kernel import kernel
+from rbfmu_kernels.compile import decorator
+from rbfmu_kernels.compile.decorator import kernel
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="needs the compiler")
 
@@ -56,3 +59,14 @@ def test_callees_are_found_in_the_cache(tmp_path, monkeypatch):
     assert "'principal_axes'" in first
     assert "'principal_axes'" not in second
     assert "'<lambda>'" in second
+
+
+def test_a_change_of_any_module_makes_cached_code_stale(tmp_path):
+    package = Path(decorator.__file__).parents[1]
+    copy = shutil.copytree(package, tmp_path / package.name, ignore=shutil.ignore_patterns("__pycache__"))
+    assert decorator._hash_of_sources(copy) == decorator.SOURCES
+    for path in copy.rglob("*.py"):
+        content = path.read_bytes()
+        path.write_bytes(content + b"#")
+        assert decorator._hash_of_sources(copy) != decorator.SOURCES, path
+        path.write_bytes(content)

@@ -9,19 +9,19 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from rbfmu.contestants import Contestant
-from rbfmu_kernels import kicked_top
-from rbfmu_kernels.dynamics import Body, Loads, State
-from rbfmu_kernels.free_rotation import free_rotation
-from rbfmu_kernels.inertia import diagonal, inverse_inertia, rotate_inertia, scale_matrix
-from rbfmu_kernels.quaternion import angle_between, normalize, rotate
-from rbfmu_kernels.rotation import matrix_from_quaternion
+from rbfmu_kernels.exact.free_rotation import free_rotation
+from rbfmu_kernels.integrators import splitting
+from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
+from rbfmu_kernels.mechanics.inertia import diagonal, inverse_inertia, rotate_inertia, scale_matrix
+from rbfmu_kernels.rotations.matrix import matrix_from_quaternion
+from rbfmu_kernels.rotations.quaternion import angle_between, normalize, rotate
 
 EPS = 2.0**-52
 ZERO = (0.0, 0.0, 0.0)
 STEPPERS = {
-    "Strang": Contestant("Strang", kicked_top.strang_steps, 2, 1),
-    "RKN4": Contestant("RKN4", kicked_top.rkn4_steps, 4, 6),
-    "RKN6": Contestant("RKN6", kicked_top.rkn6_steps, 6, 11),
+    "Strang": Contestant("Strang", splitting.strang_steps, 2, 1),
+    "RKN4": Contestant("RKN4", splitting.rkn4_steps, 4, 6),
+    "RKN6": Contestant("RKN6", splitting.rkn6_steps, 6, 11),
 }
 MOMENTS = {"x": (0.4, 1.0, 1.0), "y": (1.0, 1.7, 1.0), "z": (1.0, 1.0, 0.3), "sphere": (0.7, 0.7, 0.7)}
 Q_0 = normalize((0.8, -0.3, 0.4, 0.2))
@@ -126,14 +126,14 @@ def test_energy_stays_bounded_over_a_thousand_revolutions() -> None:
 @pytest.mark.parametrize("moments", [(1.0, 1.0, 0.3), (1.0, 1.0, 1.9), (1.0, 1.0, 1.0 - 1e-9), (1.0, 1.0, 0.0)])
 def test_transverse_moment_of_any_axes(moments: Any) -> None:
     for M in (diagonal(moments), diagonal(moments[::-1]), _tilted(moments)):
-        assert kicked_top.transverse_moment(M) == pytest.approx(1.0, abs=6 * EPS)
-        assert kicked_top.is_symmetric_top(M)
+        assert splitting.transverse_moment(M) == pytest.approx(1.0, abs=6 * EPS)
+        assert splitting.is_symmetric_top(M)
 
 
 @pytest.mark.parametrize("moments", [(1.0, 2.0, 2.5), (1.0, 1.0 + 1e-14, 1.5), (1.0, 1.3, 1.0 + 1e-12)])
 def test_unequal_moments_are_no_symmetric_top(moments: Any) -> None:
-    assert not kicked_top.is_symmetric_top(diagonal(moments))
-    assert not kicked_top.is_symmetric_top(_tilted(moments))
+    assert not splitting.is_symmetric_top(diagonal(moments))
+    assert not splitting.is_symmetric_top(_tilted(moments))
 
 
 @pytest.mark.parametrize("exponent", range(-300, 301, 20))
@@ -142,13 +142,13 @@ def test_symmetry_and_transverse_moment_are_the_same_at_every_scale(exponent: in
     for moments, symmetric in (((1.0, 1.0, 0.3), True), ((1.0, 2.0, 2.5), False), ((1.0, 1.0 + 1e-12, 1.5), False)):
         for M in (diagonal(moments), _tilted(moments)):
             scaled = scale_matrix(power, M)
-            assert kicked_top.is_symmetric_top(scaled) == symmetric
-            assert kicked_top.transverse_moment(scaled) == power * kicked_top.transverse_moment(M)
+            assert splitting.is_symmetric_top(scaled) == symmetric
+            assert splitting.transverse_moment(scaled) == power * splitting.transverse_moment(M)
 
 
 def test_resonant_step_is_a_turn_about_the_momentum() -> None:
     M = diagonal((1.0, 1.0, 0.3))
-    fast: Callable[..., float] = kicked_top.resonant_step
+    fast: Callable[..., float] = splitting.resonant_step
     assert fast(M, (0.0, 0.0, -50.0)) == pytest.approx(2.0 * math.pi / 15.0, rel=4 * EPS)
     assert fast(M, (3.0, 4.0, 0.0)) == pytest.approx(2.0 * math.pi / 5.0, rel=4 * EPS)
     assert fast(M, ZERO) > 1e300

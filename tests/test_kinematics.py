@@ -7,7 +7,8 @@ from hard_cases import any_quaternion, any_vector, random_quaternions, random_ve
 from hypothesis import given
 from laws import Law
 
-from rbfmu_kernels import kinematics, rotation, vec3
+from rbfmu_kernels.mechanics import kinematics
+from rbfmu_kernels.rotations import matrix, vec3
 
 MATRICES = rotation_matrices(random_quaternions(300, 61))
 A, B, C, D, E, F = (random_vectors(300, seed) for seed in range(62, 68))
@@ -52,9 +53,9 @@ def test_error_is_as_stated(law):
 @given(any_quaternion, any_quaternion, any_vector, any_vector, any_vector)
 def test_angular_velocities_compose_in_any_grouping(q, p, first, second, third):
     """omega_ad = omega_ab + R_ab omega_bc + R_ab R_bc omega_cd."""
-    R_ab, R_bc = rotation.matrix_from_quaternion(q), rotation.matrix_from_quaternion(p)
+    R_ab, R_bc = matrix.matrix_from_quaternion(q), matrix.matrix_from_quaternion(p)
     left = kinematics.compose_omega(
-        kinematics.compose_omega(first, R_ab, second), rotation.compose_matrices(R_ab, R_bc), third
+        kinematics.compose_omega(first, R_ab, second), matrix.compose_matrices(R_ab, R_bc), third
     )
     right = kinematics.compose_omega(first, R_ab, kinematics.compose_omega(second, R_bc, third))
     size = vec3.norm(first) + vec3.norm(second) + vec3.norm(third)

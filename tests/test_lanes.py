@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from rbfmu_kernels._lanes import add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes
-from rbfmu_kernels.taylor_series import ROW, WORK, _inner_products, put_factors
+from rbfmu_kernels.compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes
+from rbfmu_kernels.integrators.taylor_coefficients import ROW, WORK, _inner_products, put_factors
 
 
 @njit

@@ -10,8 +10,8 @@ from rbfmu.ladder import needed_parameters
 from rbfmu.planning import plan
 from rbfmu.scene import Scene, SceneError
 from rbfmu.unit import filled_buffer
-from rbfmu_kernels.body_memory import OUTPUTS, PARAMETERS
-from rbfmu_kernels.layout import FINE
+from rbfmu_kernels.body.memory import OUTPUTS, PARAMETERS
+from rbfmu_kernels.buffer import FINE
 
 QUIET = {"deadline": None, "suppress_health_check": list(HealthCheck), "derandomize": True}
 TRIAXIAL = {"mass": 2.0, "inertia": [1.0, 2.0, 2.5]}

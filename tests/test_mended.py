@@ -8,8 +8,8 @@ from quadruple import reference
 from quadruple.verdicts import judged
 
 from rbfmu.times import time_grid
-from rbfmu_kernels.inertia import diagonal, inverse_inertia
-from rbfmu_kernels.kicked_top import is_symmetric_top
+from rbfmu_kernels.integrators.splitting import is_symmetric_top
+from rbfmu_kernels.mechanics.inertia import diagonal, inverse_inertia
 
 SLOW = (8, 10, 12)
 """Items whose reference takes long."""

@@ -12,7 +12,7 @@ from test_python_fmu import LOADED, both_step
 
 from rbfmu.simulation import simulate
 from rbfmu_fmu import verify
-from rbfmu_kernels import body_outputs
+from rbfmu_kernels.body import outputs as body_outputs
 
 H = 0.01
 OWN = ["brick", "driven", "pendulum", "prescribed"]

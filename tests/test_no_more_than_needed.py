@@ -14,8 +14,8 @@ from rbfmu.models import Plan
 from rbfmu.planning import plan
 from rbfmu.scene import Scene
 from rbfmu.unit import filled_buffer, initialize
-from rbfmu_kernels.layout import FINE, NOT_REACHED
-from rbfmu_kernels.pushed_unit import _POINTS, _WEIGHTS, ORDERS
+from rbfmu_kernels.buffer import FINE, NOT_REACHED
+from rbfmu_kernels.models.free_body_force import _POINTS, _WEIGHTS, ORDERS
 
 EPS = 2.0**-52
 NO_GRAVITY = {"gravity_a": [0.0, 0.0, 0.0]}

@@ -10,7 +10,7 @@ from numba import config
 import rbfmu
 import rbfmu_kernels
 from rbfmu import arrays
-from rbfmu_kernels import rotation
+from rbfmu_kernels.rotations import matrix
 
 TEXT = (ROOT / "NOTATION.md").read_text(encoding="utf-8")
 TABLE = TEXT.partition("## The lecture's formulas and their functions")[2]
@@ -61,8 +61,8 @@ def test_roll_pitch_yaw_is_the_extrinsic_xyz_and_zyx_reversed():
 def test_roll_pitch_yaw_given_to_zyx_as_it_stands_is_another_rotation():
     """The trap of which NOTATION warns: R_z(phi) R_y(theta) R_x(psi)."""
     phi, theta, psi = RPY[0].tolist()
-    other = rotation.compose_matrices(
-        rotation.compose_matrices(rotation.rotation_z(phi), rotation.rotation_y(theta)), rotation.rotation_x(psi)
+    other = matrix.compose_matrices(
+        matrix.compose_matrices(matrix.rotation_z(phi), matrix.rotation_y(theta)), matrix.rotation_x(psi)
     )
     trapped = rbfmu.matrix_from_euler("ZYX", RPY[0])
     np.testing.assert_allclose(trapped, other, atol=4 * EPS)

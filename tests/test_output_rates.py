@@ -9,8 +9,9 @@ from rbfmu.judging import Judge
 from rbfmu.models import Plan
 from rbfmu.scene import QUANTITIES, Scene
 from rbfmu.unit import filled_buffer, initialize
-from rbfmu_kernels import attitude_unit, body_memory, body_outputs, body_unit
-from rbfmu_kernels.layout import FINE
+from rbfmu_kernels.body import memory, outputs
+from rbfmu_kernels.buffer import FINE
+from rbfmu_kernels.models import loaded_dop853, prescribed_rates
 
 LOADS = {
     "gravity_a": [0.1, -0.3, -1.0], "force_b": [1.0, 0.5, 0.2], "force_a": [0.3, 0.1, -0.4],
@@ -26,26 +27,26 @@ def body_at(pivot):
     run = {"stop": 4 * H, "step": H, "accuracy": 1e-13}
     scene = Scene(body=body | {"pivot": pivot}, initial=initial, loads=LOADS, run=run)
     z = filled_buffer(scene, Plan("body under loads", "DOP853", 13, tolerance=1e-15))
-    z[body_unit.BLOCKS["unwanted"]] = 0.0
-    initialize(scene, body_unit, z)
+    z[loaded_dop853.BLOCKS["unwanted"]] = 0.0
+    initialize(scene, loaded_dop853, z)
     return z
 
 
 def block(z, name):
-    return z[body_unit.BLOCKS[name]].copy()
+    return z[loaded_dop853.BLOCKS[name]].copy()
 
 
 @pytest.mark.parametrize("pivot", [False, True])
-@pytest.mark.parametrize("name", body_memory.OUTPUTS)
+@pytest.mark.parametrize("name", memory.OUTPUTS)
 def test_output_rates_are_the_outputs_differences(name, pivot):
     """Five points, order 4: error h^4 / 30 times the fifth derivative, some 1e-11, and round-off eps / h."""
     z = body_at(pivot)
     values = [block(z, name)]
     for k in range(4):
-        assert body_unit.step(z, H) == FINE
+        assert loaded_dop853.step(z, H) == FINE
         values.append(block(z, name))
         if k == 1:
-            assert body_outputs.output_rates(z) == 0
+            assert outputs.output_rates(z) == 0
             rate = block(z, f"d_{name}")
     difference = (values[0] - 8.0 * values[1] + 8.0 * values[3] - values[4]) / (12.0 * H)
     np.testing.assert_allclose(rate, difference, rtol=1e-9, atol=1e-9)
@@ -57,29 +58,29 @@ def test_what_nobody_wants_is_not_computed():
     scene = Scene(body={"mass": 1.0, "inertia": [1.0, 2.0, 3.0]}, loads={"torque_b": [0.1, 0.0, 0.2]},
                   outputs={"quantities": ["omega_b"]})  # fmt: skip
     z = filled_buffer(scene, cheapest_fit(scene, Plan("body under loads", "DOP853", 13, tolerance=1e-6), Judge(scene)))
-    initialize(scene, body_unit, z)
-    assert body_unit.step(z, 0.1) == FINE
+    initialize(scene, loaded_dop853, z)
+    assert loaded_dop853.step(z, 0.1) == FINE
     assert np.any(block(z, "omega_b") != 0.0)
-    assert all(np.all(block(z, name) == 0.0) for name in body_memory.OUTPUTS if name != "omega_b")
+    assert all(np.all(block(z, name) == 0.0) for name in memory.OUTPUTS if name != "omega_b")
 
 
 def test_flags_of_unwanted_outputs_stand_in_the_order_of_the_quantities():
-    assert tuple(body_memory.OUTPUTS) == QUANTITIES
+    assert tuple(memory.OUTPUTS) == QUANTITIES
 
 
-@pytest.mark.parametrize("name", attitude_unit.OUTPUTS)
+@pytest.mark.parametrize("name", prescribed_rates.OUTPUTS)
 def test_output_rates_of_prescribed_rates_are_differences_too(name):
     scene = Scene(inputs={"ports": ["omega_b"]}, initial={"attitude": {"rotvec": [0.3, -0.8, 0.5]}})
     z = filled_buffer(scene, Plan("prescribed rates", "", 4))
-    initialize(scene, attitude_unit, z)
+    initialize(scene, prescribed_rates, z)
     values = []
     for k in range(5):
-        z[attitude_unit.BLOCKS["omega_b"]] = [0.3, -1.2, 0.7]
-        attitude_unit.outputs(z)
-        values.append(z[attitude_unit.BLOCKS[name]].copy())
+        z[prescribed_rates.BLOCKS["omega_b"]] = [0.3, -1.2, 0.7]
+        prescribed_rates.outputs(z)
+        values.append(z[prescribed_rates.BLOCKS[name]].copy())
         if k == 2:
-            assert attitude_unit.output_rates(z) == FINE
-            rate = z[attitude_unit.BLOCKS[f"d_{name}"]].copy()
-        assert attitude_unit.step(z, H) == FINE
+            assert prescribed_rates.output_rates(z) == FINE
+            rate = z[prescribed_rates.BLOCKS[f"d_{name}"]].copy()
+        assert prescribed_rates.step(z, H) == FINE
     difference = (values[0] - 8.0 * values[1] + 8.0 * values[3] - values[4]) / (12.0 * H)
     np.testing.assert_allclose(rate, difference, rtol=1e-9, atol=1e-9)

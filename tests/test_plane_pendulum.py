@@ -6,9 +6,9 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from rbfmu_kernels.elementary import sincos
-from rbfmu_kernels.jacobi_theta import NEAREST_KC, jacobi_from_theta, theta_series
-from rbfmu_kernels.plane_pendulum import half_angle_rates, pendulum_at, pendulum_setup, sincos_of_half_angle
+from rbfmu_kernels.exact.pendulum import half_angle_rates, pendulum_at, pendulum_setup, sincos_of_half_angle
+from rbfmu_kernels.numerics.elementary import sincos
+from rbfmu_kernels.numerics.jacobi_theta import NEAREST_KC, jacobi_from_theta, theta_series
 
 EPS = 2.0**-52
 

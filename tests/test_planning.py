@@ -16,7 +16,7 @@ from rbfmu.models import Plan
 from rbfmu.planning import plan
 from rbfmu.scene import Scene, SceneError
 from rbfmu.unit import filled_buffer, initialize
-from rbfmu_kernels.layout import FINE
+from rbfmu_kernels.buffer import FINE
 
 EPS = 2.0**-52
 STATE = ("quaternion", "omega_b", "position", "velocity")

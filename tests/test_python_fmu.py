@@ -4,6 +4,7 @@ import json
 import math
 import subprocess
 import sys
+from pathlib import Path
 from xml.etree import ElementTree
 
 import fmpy
@@ -13,8 +14,10 @@ from fmpy.validation import validate_fmu
 from fmu_importer import DISCARD, FATAL, OK
 from fmus import ALL_PORTS, Kernels, built, opened, planned, scene, signal, unzipped
 
+import rbfmu_kernels
 from rbfmu.simulation import simulate
 from rbfmu_fmu import verify
+from rbfmu_fmu.archive import kernel_sources
 
 H = 0.01
 LOADED = {"force_a[1]": 2.0, "force_b[2]": -1.0, "torque_a[3]": 0.5, "torque_b[1]": 0.7}
@@ -334,3 +337,11 @@ def test_scene_and_plan_lie_in_the_fmu():
     data = json.loads((unzipped("driven") / "resources" / "scene.json").read_text())
     assert type(scene("driven")).from_dict(data["scene"]) == scene("driven")
     assert type(planned("driven")).from_dict(data["plan"]) == planned("driven")
+
+
+def test_all_kernel_modules_are_shipped():
+    package = Path(rbfmu_kernels.__file__).parent
+    modules = {path.relative_to(package).as_posix() for path in package.rglob("*.py")} - {"__init__.py"}
+    assert kernel_sources().keys() == modules
+    (folder,) = (unzipped("driven") / "resources").glob("rbfmu_*")
+    assert all((folder / name).read_bytes() == (package / name).read_bytes() for name in modules)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from laws import Law
 from scipy.spatial.transform import Rotation, Slerp
 
-from rbfmu_kernels import quaternion, rotation, vec3
+from rbfmu_kernels.rotations import matrix, quaternion, vec3
 
 QUATERNIONS = quaternions() + random_quaternions(150)
 OTHERS = random_quaternions(len(QUATERNIONS), seed=31)
@@ -96,8 +96,8 @@ def test_quaternions_compose_and_invert_as_a_group(q, p):
 
 @given(any_quaternion, any_quaternion)
 def test_composition_is_that_of_matrices(q, p):
-    composed = rotation.matrix_from_quaternion(quaternion.compose_quaternions(q, p))
-    product = rotation.compose_matrices(rotation.matrix_from_quaternion(q), rotation.matrix_from_quaternion(p))
+    composed = matrix.matrix_from_quaternion(quaternion.compose_quaternions(q, p))
+    product = matrix.compose_matrices(matrix.matrix_from_quaternion(q), matrix.matrix_from_quaternion(p))
     assert exact.error(composed, exact.exact(product)) <= 12.0
 
 

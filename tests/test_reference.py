@@ -13,7 +13,7 @@ from rbfmu.measures import attitude_error, relative_error
 from rbfmu.models import Plan
 from rbfmu.planning import plan
 from rbfmu.reference import ReferenceTooLongError, reference_motion
-from rbfmu_kernels._substeps import tolerance_of_substep
+from rbfmu_kernels.integrators.substeps import tolerance_of_substep
 
 EPS = 2.0**-52
 BODY = {"mass": 2.0, "inertia": [[1.0, 0.1, 0.05], [0.1, 1.2, 0.02], [0.05, 0.02, 1.5]], "r_oc_b": [0.1, -0.2, 0.3]}

@@ -9,7 +9,7 @@ import rbfmu
 from rbfmu import Plan, Scene
 from rbfmu.measures import relative_error
 from rbfmu.work_precision.cases import CASES, reference
-from rbfmu_kernels.kicked_top import resonant_step
+from rbfmu_kernels.integrators.splitting import resonant_step
 
 FORCED = ("c", "c'", "d", "e", "f")
 

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from rbfmu.body import Body
 from rbfmu.scene import QUANTITIES, Initial, Run, Scene, load_scene
-from rbfmu_kernels.euler_angles import NAMES
+from rbfmu_kernels.rotations.euler_angles import NAMES
 
 EPS = np.finfo(float).eps
 

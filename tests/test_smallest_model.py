@@ -22,8 +22,8 @@ from rbfmu.scene import Scene, SceneError
 from rbfmu.simulation import SimulationError
 from rbfmu.times import time_grid
 from rbfmu.unit import filled_buffer, initialize
-from rbfmu_kernels.body_memory import INPUTS, OUTPUTS
-from rbfmu_kernels.layout import FINE
+from rbfmu_kernels.body.memory import INPUTS, OUTPUTS
+from rbfmu_kernels.buffer import FINE
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="too many steps to interpret")
 QUIET = {"deadline": None, "suppress_health_check": list(HealthCheck), "derandomize": True}

@@ -20,7 +20,7 @@ from rbfmu.stability.findings import AT_MOST, RECORDED
 from rbfmu.stability.laws import LAWS
 from rbfmu.stability.report import print_laws
 from rbfmu.stability.top_laws import flip_rate, time_between_flips
-from rbfmu_kernels import pendulum_unit, pushed_unit
+from rbfmu_kernels.models import free_body_force, one_axis_taylor
 
 STUDIES = {study.__name__: study for study in stability.STUDIES}
 _MEASURED: dict[str, Any] = {}
@@ -50,8 +50,8 @@ def test_all_laws_are_measured_and_named() -> None:
 
 def test_every_model_that_a_plan_may_choose_is_held_against_its_reference() -> None:
     assert {case.model for case in model_laws.CASES} | {"prescribed rates"} == set(UNITS)
-    assert {case.order for case in model_laws.CASES if case.model == model_laws.SWING} == set(pendulum_unit.ORDERS)
-    assert {1, 2, *model_laws.PUSHES} == set(pushed_unit.ORDERS)
+    assert {case.order for case in model_laws.CASES if case.model == model_laws.SWING} == set(one_axis_taylor.ORDERS)
+    assert {1, 2, *model_laws.PUSHES} == set(free_body_force.ORDERS)
 
 
 @pytest.mark.parametrize("key", motions.MOTIONS)

@@ -14,8 +14,8 @@ from numba import config, njit
 
 from rbfmu.contestants.one_step import rk4_not_normalised_step, rk4_step
 from rbfmu.scene import Scene, load_scene
-from rbfmu_kernels import inertia
-from rbfmu_kernels.rigid_body import kinetic_energy
+from rbfmu_kernels.mechanics import inertia
+from rbfmu_kernels.mechanics.newton_euler import kinetic_energy
 
 EPS = 2.0**-52
 ZERO = (0.0, 0.0, 0.0)

@@ -8,12 +8,12 @@ from hard_cases import random_quaternions
 from numba import config
 
 import rbfmu
-from rbfmu_kernels import _batch
+from rbfmu_kernels.compile import gufunc
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="needs the compiled functions")
 
 SIZES = {rbfmu.rotate: 3, rbfmu.compose_quaternions: 4, rbfmu.matrix_from_quaternion: 9}
-ENOUGH = {function: -(-_batch.STREAMED // (8 * size)) for function, size in SIZES.items()}
+ENOUGH = {function: -(-gufunc.STREAMED // (8 * size)) for function, size in SIZES.items()}
 Q = np.array(random_quaternions(1000, 75))
 FEW = 800  # items: no multiple of it, nor of a tile, begins a cache line in all of the arrays below
 

@@ -12,12 +12,12 @@ from rbfmu.scene import Scene
 from rbfmu.unit import filled_buffer, initialize
 from rbfmu.work_precision.cases import CASES
 from rbfmu.work_precision.cases import reference as motion_of_case
-from rbfmu_kernels import taylor_unit
-from rbfmu_kernels.dop853 import ROTATION, STATE
-from rbfmu_kernels.dynamics import steady
-from rbfmu_kernels.layout import FINE
-from rbfmu_kernels.taylor import derivatives_of_attitude, taylor_advance
-from rbfmu_kernels.taylor_series import MOST_ORDER, WORK
+from rbfmu_kernels.buffer import FINE
+from rbfmu_kernels.integrators.dop853 import ROTATION, STATE
+from rbfmu_kernels.integrators.taylor import derivatives_of_attitude, taylor_advance
+from rbfmu_kernels.integrators.taylor_coefficients import MOST_ORDER, WORK
+from rbfmu_kernels.mechanics.equations_of_motion import steady
+from rbfmu_kernels.models import loaded_taylor
 
 EPS = 2.0**-52
 SIZE = STATE + WORK
@@ -41,12 +41,12 @@ def buffer_of(case, h):
 def unit_of(scene, order, tolerance):
     planned = Plan("body under loads, by series", "Taylor", 13, tolerance=tolerance, order=order)
     z = filled_buffer(scene, planned)
-    initialize(scene, taylor_unit, z)
+    initialize(scene, loaded_taylor, z)
     return z
 
 
 def block(z, name):
-    return z[taylor_unit.BLOCKS[name]]
+    return z[loaded_taylor.BLOCKS[name]]
 
 
 @pytest.mark.parametrize(("order", "steps"), [(4, 800), (6, 300), (8, 80), (10, 64)])
@@ -81,7 +81,7 @@ def test_position_and_velocity_converge_at_the_two_point_formula_s_order():
         for n in (steps, 2 * steps):
             z = unit_of(scene, order, math.inf)
             block(z, "step_size")[:] = 4.0 / n
-            assert taylor_unit.step(z, 4.0) == FINE
+            assert loaded_taylor.step(z, 4.0) == FINE
             errors.append(
                 [reference.distance(block(z, "position"), truth.position),
                  reference.distance(block(z, "velocity"), truth.velocity),
@@ -112,7 +112,7 @@ def test_errors_stay_below_the_sum_of_tolerances(order, tolerance):
     scene = Scene(**ALL_LOADS, run={"stop": 5.0, "step": 0.5})
     z = unit_of(scene, order, tolerance)
     for _ in range(10):
-        assert taylor_unit.step(z, 0.5) == FINE
+        assert loaded_taylor.step(z, 0.5) == FINE
     steps = float(block(z, "substeps")[0])
     errors = reference.errors(reference.motion(scene, (5.0,)), *([block(z, name)] for name in
                               ("quaternion", "omega_b", "position", "velocity")))  # fmt: skip
@@ -127,7 +127,7 @@ def test_loads_that_their_series_carry_on_stay_true(order, tolerance):
     for steps in (1, 5):
         z = unit_of(case.scene, order, tolerance)
         for _ in range(steps):
-            assert taylor_unit.step(z, case.span / steps) == FINE
+            assert loaded_taylor.step(z, case.span / steps) == FINE
         error = attitude_error(block(z, "quaternion"), motion_of_case(case.key)["q"][-1])
         assert error <= 0.3 * tolerance * float(block(z, "substeps")[0])
 
@@ -144,7 +144,7 @@ def test_body_axes_are_a_matter_of_choice(inertia):
             loads={"torque_b": (Q @ [0.1, -0.2, 0.3]).tolist(), "gravity_a": [0.0, 0.0, 0.0]}, run={"stop": 5.0},
         )  # fmt: skip
         z = unit_of(scene, 16, 1e-15)
-        assert taylor_unit.step(z, 5.0) == FINE
+        assert loaded_taylor.step(z, 5.0) == FINE
         ends.append(Q.T @ block(z, "omega_b"))
     np.testing.assert_allclose(ends[0], ends[1], atol=100 * EPS)
 
@@ -156,7 +156,7 @@ def test_the_first_step_is_as_long_as_the_series_allow():
         scene = Scene(body={"mass": 1.0, "inertia": [1.0, 2.0, 3.0]}, initial={"omega_b": [rate, rate, 0.5 * rate]},
                       loads={"torque_b": [0.01, 0.0, 0.0]}, run={"stop": 1.0})  # fmt: skip
         z = unit_of(scene, 12, 1e-9)
-        assert taylor_unit.step(z, 1.0) == FINE
+        assert loaded_taylor.step(z, 1.0) == FINE
         counts.append(float(block(z, "substeps")[0]))
     assert counts[0] == 1.0
     assert counts[1] <= 4.0
@@ -173,7 +173,7 @@ def test_damping_is_stable_to_the_series_own_limit(order):
         z = unit_of(scene, order, math.inf)
         h = share * limit
         block(z, "step_size")[:] = h
-        assert taylor_unit.step(z, h) == FINE
+        assert loaded_taylor.step(z, h) == FINE
         assert (abs(block(z, "omega_b")[2]) > 1e-3) == grows
 
 
@@ -181,6 +181,6 @@ def test_a_body_at_rest_without_loads_takes_one_step():
     scene = Scene(body={"mass": 1.0, "inertia": [1.0, 2.0, 3.0]}, loads={"gravity_a": [0.0, 0.0, 0.0]})
     z = unit_of(scene, 12, 1e-12)
     for h in (1e-3, 1.0, 1e6):
-        assert taylor_unit.step(z, h) == FINE
+        assert loaded_taylor.step(z, h) == FINE
     assert float(block(z, "substeps")[0]) == 3.0
     np.testing.assert_array_equal(block(z, "quaternion"), [1.0, 0.0, 0.0, 0.0])

@@ -6,10 +6,10 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from rbfmu_kernels._theta import NEAR, TUMBLING, attitude, attitude_near, place_of
-from rbfmu_kernels._theta_setup import near_series_of, series_of
-from rbfmu_kernels.elementary import sincos_half_turns
-from rbfmu_kernels.jacobi_theta import NEAREST_KC, jacobi_near, near_series, nome
+from rbfmu_kernels.exact.free_rotation_series import NEAR, TUMBLING, attitude, attitude_near, place_of
+from rbfmu_kernels.exact.free_rotation_series_setup import near_series_of, series_of
+from rbfmu_kernels.numerics.elementary import sincos_half_turns
+from rbfmu_kernels.numerics.jacobi_theta import NEAREST_KC, jacobi_near, near_series, nome
 
 EPS = 2.0**-52
 

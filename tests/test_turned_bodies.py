@@ -17,8 +17,8 @@ from rbfmu.promises import conditioning_error
 from rbfmu.scene import Scene
 from rbfmu.simulation import simulate
 from rbfmu.unit import filled_buffer, initialize
-from rbfmu_kernels._principal import exact_frame, keeps_its_rate
-from rbfmu_kernels.layout import FINE
+from rbfmu_kernels.body.principal import exact_frame, keeps_its_rate
+from rbfmu_kernels.buffer import FINE
 
 EPS = 2.0**-52
 NO_GRAVITY = {"gravity_a": [0.0, 0.0, 0.0]}

@@ -24,7 +24,7 @@ from unit_cases import (
 
 from rbfmu.measures import attitude_error
 from rbfmu.models import UNITS, Plan
-from rbfmu_kernels.layout import FAULTS
+from rbfmu_kernels.buffer import FAULTS
 
 
 @pytest.mark.parametrize("body", [OFFSET, OFFSET | {"pivot": True}], ids=["free", "pivot"])

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 from rbfmu.planning import plan
 from rbfmu.scene import Scene
 from rbfmu.unit import filled_buffer, initialize
-from rbfmu_kernels.layout import FINE, NOT_REACHED
+from rbfmu_kernels.buffer import FINE, NOT_REACHED
 
 EPS = 2.0**-52
 TRIAXIAL = {"mass": 2.0, "inertia": [1.0, 2.0, 2.5]}

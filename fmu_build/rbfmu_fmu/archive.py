@@ -7,6 +7,8 @@ import os
 import tempfile
 import uuid
 import zipfile
+from collections.abc import Iterator
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from xml.etree.ElementTree import Element, indent, tostring
 
@@ -16,9 +18,18 @@ from rbfmu.scene import Scene
 
 
 def kernel_sources() -> dict[str, bytes]:
-    """The modules of `rbfmu_kernels` by file name."""
-    folder = importlib.resources.files(rbfmu_kernels)
-    return {f.name: f.read_bytes() for f in folder.iterdir() if f.name.endswith(".py") and f.name != "__init__.py"}
+    """The modules of `rbfmu_kernels` by their path in it; its own `__init__.py` is left out: an FMU has another."""
+    sources = dict(_modules_in(importlib.resources.files(rbfmu_kernels)))
+    del sources["__init__.py"]
+    return sources
+
+
+def _modules_in(folder: Traversable, path: str = "") -> Iterator[tuple[str, bytes]]:
+    for entry in folder.iterdir():
+        if entry.is_dir():
+            yield from _modules_in(entry, f"{path}{entry.name}/")
+        elif entry.name.endswith(".py"):
+            yield path + entry.name, entry.read_bytes()
 
 
 def kernel_hash() -> str:

@@ -20,7 +20,7 @@ from rbfmu.measures import attitude_error
 from rbfmu.scene import Scene
 from rbfmu.work_precision.collection import Progress, machine, write_rows
 from rbfmu_fmu import build
-from rbfmu_kernels.dop853_tableau import STAGES, A
+from rbfmu_kernels.integrators.dop853_tableau import STAGES, A
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from rbfmu.models import Plan
 from rbfmu.planning import with_all_outputs
 from rbfmu.scene import Scene
 from rbfmu.unit import Unit, filled_buffer
-from rbfmu_kernels.layout import CHANGED, FAULTS
+from rbfmu_kernels.buffer import CHANGED, FAULTS
 
 UNITS: dict[str, dict[str, int]] = {
     "1": {},
@@ -172,7 +172,7 @@ def describe(scene: Scene, plan: Plan) -> Description:
         stop=scene.run.stop,
         step=scene.run.step,
         accuracy=scene.run.accuracy,
-        unit=unit.__name__.rsplit(".", 1)[-1],
+        unit=unit.__name__.removeprefix("rbfmu_kernels."),
         faults=FAULTS,
         changed=CHANGED,
     )

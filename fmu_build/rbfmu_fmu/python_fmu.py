@@ -94,6 +94,7 @@ def _write_sources(folder: Path, files: dict[str, bytes], description: Descripti
     package = folder / _package(identity)
     package.mkdir()
     for name, content in files.items():
+        (package / name).parent.mkdir(parents=True, exist_ok=True)
         (package / name).write_bytes(content)
     (package / "__init__.py").write_text(PACKAGE.format(identity=identity[:12]))
     script = folder / f"{description.identifier}_{identity[:12]}.py"

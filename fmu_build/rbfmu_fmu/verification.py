@@ -25,7 +25,7 @@ from rbfmu.times import time_grid
 from rbfmu.unit import Buffer, Unit, filled_buffer, initialize
 from rbfmu_fmu.archive import kernel_hash
 from rbfmu_fmu.description import Description, describe
-from rbfmu_kernels.layout import FINE
+from rbfmu_kernels.buffer import FINE
 
 MOST_STEPS = 10_000
 HELD_STEPS = 10

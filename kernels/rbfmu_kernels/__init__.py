@@ -4,8 +4,43 @@ Vectors are 3-tuples, quaternions 4-tuples (scalar first), matrices tuples of ro
 constants: `euler_from_quaternion(ZYX, q_ab)`.
 """
 
-from .elementary import atan2, sincos
-from .euler_angles import (
+from .exact.free_rotation import free_rotation, free_rotation_at, free_rotation_setup
+from .mechanics.inertia import (
+    add_scaled_matrix,
+    adjugate_symmetric,
+    beam_inertia,
+    box_inertia,
+    check_inertia,
+    cylinder_inertia,
+    diagonal,
+    ellipsoid_inertia,
+    inertia_of_points,
+    inverse_inertia,
+    parallel_axis,
+    point_inertia,
+    principal_axes,
+    rotate_inertia,
+    scale_matrix,
+    sphere_inertia,
+    trace,
+)
+from .mechanics.kinematics import compose_omega, point_acceleration, point_velocity, vector_rate
+from .mechanics.newton_euler import (
+    angular_momentum,
+    angular_momentum_o,
+    damping_torque,
+    euler_equation,
+    gyroscopic_torque,
+    inverse_newton_euler_c,
+    inverse_newton_euler_o,
+    kinetic_energy,
+    linear_momentum,
+    newton_euler_c,
+    newton_euler_o,
+    relative_acceleration,
+)
+from .numerics.elementary import atan2, sincos
+from .rotations.euler_angles import (
     XYX,
     XYZ,
     XZX,
@@ -40,55 +75,7 @@ from .euler_angles import (
     zyx,
     zyz,
 )
-from .free_rotation import free_rotation, free_rotation_at, free_rotation_setup
-from .inertia import (
-    add_scaled_matrix,
-    adjugate_symmetric,
-    beam_inertia,
-    box_inertia,
-    check_inertia,
-    cylinder_inertia,
-    diagonal,
-    ellipsoid_inertia,
-    inertia_of_points,
-    inverse_inertia,
-    parallel_axis,
-    point_inertia,
-    principal_axes,
-    rotate_inertia,
-    scale_matrix,
-    sphere_inertia,
-    trace,
-)
-from .kinematics import compose_omega, point_acceleration, point_velocity, vector_rate
-from .quaternion import (
-    add_scaled_quaternion,
-    angle_between,
-    compose_quaternions,
-    invert_quaternion,
-    normalize,
-    omega_a_from_quaternion_rate,
-    omega_b_from_quaternion_rate,
-    quaternion_rate_a,
-    quaternion_rate_b,
-    rotate,
-    slerp,
-)
-from .rigid_body import (
-    angular_momentum,
-    angular_momentum_o,
-    damping_torque,
-    euler_equation,
-    gyroscopic_torque,
-    inverse_newton_euler_c,
-    inverse_newton_euler_o,
-    kinetic_energy,
-    linear_momentum,
-    newton_euler_c,
-    newton_euler_o,
-    relative_acceleration,
-)
-from .rotation import (
+from .rotations.matrix import (
     compose_matrices,
     invert_matrix,
     matrix_from_quaternion,
@@ -103,7 +90,20 @@ from .rotation import (
     rotation_z,
     transform,
 )
-from .rotvec import (
+from .rotations.quaternion import (
+    add_scaled_quaternion,
+    angle_between,
+    compose_quaternions,
+    invert_quaternion,
+    normalize,
+    omega_a_from_quaternion_rate,
+    omega_b_from_quaternion_rate,
+    quaternion_rate_a,
+    quaternion_rate_b,
+    rotate,
+    slerp,
+)
+from .rotations.rotation_vector import (
     axis_angle_from_matrix,
     axis_angle_from_quaternion,
     matrix_from_axis_angle,
@@ -116,8 +116,8 @@ from .rotvec import (
     rotvec_rate_b,
     rotvec_rate_is_singular,
 )
-from .shapes import Matrix, Quaternion, Vec3
-from .vec3 import add, add_scaled, cross, dot, norm, scale, skew, subtract, unskew
+from .rotations.vec3 import add, add_scaled, cross, dot, norm, scale, skew, subtract, unskew
+from .types import Matrix, Quaternion, Vec3
 
 __all__ = [
     "XYX",

@@ -1,7 +1,8 @@
 """One-step methods that people use elsewhere: contestants in charts and stability tests, no part of the product.
 
-Each integrates the right-hand sides of `rbfmu_kernels.dynamics` over its `State`, `Body`, `Loads` tuples, but may hold
-the attitude in another form. `Contestant.start` takes a state to that form, `steps` advances it as long
+Each integrates the right-hand sides of `rbfmu_kernels.mechanics.equations_of_motion` over its `State`, `Body`,
+`Loads` tuples, but may hold the attitude in another form.
+`Contestant.start` takes a state to that form, `steps` advances it as long
 as you like (so that drift adds up as it does for users), `state_of` takes it back with a quaternion of unit length.
 """
 
@@ -13,7 +14,7 @@ from numba import njit
 
 from rbfmu.contestants import one_step as _one
 from rbfmu.contestants.moser_veselov import moser_veselov
-from rbfmu_kernels.dynamics import Body, Loads, State
+from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
 
 Steps = Callable[[Any, float, int, Body, Loads], Any]
 """`steps(y, h, n, body, loads)`: n steps of h; all numbers but n floats."""

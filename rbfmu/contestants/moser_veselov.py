@@ -7,11 +7,11 @@ moments by others, functions of the step, of |h|^2 and of the energy, so that th
 
 from typing import Any
 
-from rbfmu_kernels._kernel import kernel
-from rbfmu_kernels.dynamics import Body, Loads, State
-from rbfmu_kernels.quaternion import compose_quaternions, normalize
-from rbfmu_kernels.shapes import Vec3
-from rbfmu_kernels.vec3 import dot
+from rbfmu_kernels.compile.decorator import kernel
+from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
+from rbfmu_kernels.rotations.quaternion import compose_quaternions, normalize
+from rbfmu_kernels.rotations.vec3 import dot
+from rbfmu_kernels.types import Vec3
 
 MOST_ROUNDS = 10_000  # near its last solution the iteration is slow
 

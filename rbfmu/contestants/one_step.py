@@ -2,27 +2,35 @@
 
 import math
 
-from rbfmu_kernels._kernel import kernel
-from rbfmu_kernels.dynamics import Body, Loads, Rates, State, angular_acceleration, linear_acceleration, state_rates
-from rbfmu_kernels.euler_angles import (
+from rbfmu_kernels.compile.decorator import kernel
+from rbfmu_kernels.mechanics.equations_of_motion import (
+    Body,
+    Loads,
+    Rates,
+    State,
+    angular_acceleration,
+    linear_acceleration,
+    state_rates,
+)
+from rbfmu_kernels.mechanics.inertia import add_scaled_matrix
+from rbfmu_kernels.rotations.euler_angles import (
     ZYX,
     euler_from_quaternion,
     euler_rate_b,
     matrix_from_euler,
     quaternion_from_euler,
 )
-from rbfmu_kernels.inertia import add_scaled_matrix
-from rbfmu_kernels.quaternion import add_scaled_quaternion, compose_quaternions, normalize, quaternion_rate_b
-from rbfmu_kernels.rotation import (
+from rbfmu_kernels.rotations.matrix import (
     invert_matrix,
     matrix_from_quaternion,
     matrix_rate_b,
     quaternion_from_matrix,
     transform,
 )
-from rbfmu_kernels.rotvec import quaternion_from_rotvec
-from rbfmu_kernels.shapes import Matrix, Quaternion, Vec3
-from rbfmu_kernels.vec3 import add, add_scaled, cross, scale, subtract
+from rbfmu_kernels.rotations.quaternion import add_scaled_quaternion, compose_quaternions, normalize, quaternion_rate_b
+from rbfmu_kernels.rotations.rotation_vector import quaternion_from_rotvec
+from rbfmu_kernels.rotations.vec3 import add, add_scaled, cross, scale, subtract
+from rbfmu_kernels.types import Matrix, Quaternion, Vec3
 
 MatrixState = tuple[Vec3, Vec3, Matrix, Vec3]
 """Position, velocity, R_ab, omega_b."""

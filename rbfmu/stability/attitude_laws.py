@@ -9,11 +9,11 @@ import numpy as np
 from rbfmu.contestants import CONTESTANTS
 from rbfmu.stability.cases import NO_LOADS, SPHERE, UPRIGHT, angle, at, free_body, one_step, spin, turned
 from rbfmu.stability.findings import AT_MOST, RECORDED, Finding, Study
-from rbfmu_kernels.dop853_tableau import STAGES, A
-from rbfmu_kernels.dynamics import State
-from rbfmu_kernels.euler_angles import ZYX, euler_from_quaternion, euler_rate_b
-from rbfmu_kernels.rotation import matrix_from_quaternion
-from rbfmu_kernels.rotvec import quaternion_from_rotvec, rotvec_from_quaternion, rotvec_rate_b
+from rbfmu_kernels.integrators.dop853_tableau import STAGES, A
+from rbfmu_kernels.mechanics.equations_of_motion import State
+from rbfmu_kernels.rotations.euler_angles import ZYX, euler_from_quaternion, euler_rate_b
+from rbfmu_kernels.rotations.matrix import matrix_from_quaternion
+from rbfmu_kernels.rotations.rotation_vector import quaternion_from_rotvec, rotvec_from_quaternion, rotvec_rate_b
 
 _BODY = free_body(SPHERE)
 EPS = 2.0**-52

@@ -26,9 +26,9 @@ from rbfmu.stability.cases import (
     turned,
 )
 from rbfmu.stability.findings import AT_MOST, RECORDED, Finding, Study
-from rbfmu_kernels.dynamics import State, angular_acceleration
-from rbfmu_kernels.rigid_body import angular_momentum, kinetic_energy
-from rbfmu_kernels.vec3 import norm
+from rbfmu_kernels.mechanics.equations_of_motion import State, angular_acceleration
+from rbfmu_kernels.mechanics.newton_euler import angular_momentum, kinetic_energy
+from rbfmu_kernels.rotations.vec3 import norm
 
 _ROD = (1.0, 1.0, 0.01)
 _RATE, _STEP = 30.0, 1.0 / 60.0

@@ -9,12 +9,12 @@ from rbfmu.contestants import CONTESTANTS, Contestant
 from rbfmu.models import Plan
 from rbfmu.scene import Scene
 from rbfmu.simulation import Result, simulate
-from rbfmu_kernels import dop853, kicked_top
-from rbfmu_kernels.dynamics import Body, Loads, State, steady
-from rbfmu_kernels.inertia import diagonal, inverse_inertia
-from rbfmu_kernels.quaternion import angle_between
-from rbfmu_kernels.rigid_body import kinetic_energy
-from rbfmu_kernels.shapes import Quaternion, Vec3
+from rbfmu_kernels.integrators import dop853, splitting
+from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State, steady
+from rbfmu_kernels.mechanics.inertia import diagonal, inverse_inertia
+from rbfmu_kernels.mechanics.newton_euler import kinetic_energy
+from rbfmu_kernels.rotations.quaternion import angle_between
+from rbfmu_kernels.types import Quaternion, Vec3
 
 ZERO: Vec3 = (0.0, 0.0, 0.0)
 UPRIGHT: Quaternion = (1.0, 0.0, 0.0, 0.0)
@@ -28,9 +28,9 @@ TOP_MOMENTS: Vec3 = (1.0, 1.0, 0.3)
 WEIGHT: Loads = (ZERO, (0.0, 0.0, -1.0), ZERO, ZERO, ZERO)
 
 KICKS = {
-    "Strang": Contestant("Strang", kicked_top.strang_steps, 2, 1),
-    "RKN4": Contestant("RKN4", kicked_top.rkn4_steps, 4, 6),
-    "RKN6": Contestant("RKN6", kicked_top.rkn6_steps, 6, 11),
+    "Strang": Contestant("Strang", splitting.strang_steps, 2, 1),
+    "RKN4": Contestant("RKN4", splitting.rkn4_steps, 4, 6),
+    "RKN6": Contestant("RKN6", splitting.rkn6_steps, 6, 11),
 }
 
 

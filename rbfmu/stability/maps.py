@@ -13,7 +13,7 @@ from rbfmu.simulation import SimulationError, simulate
 from rbfmu.stability.cases import NO_LOADS, at, free_body
 from rbfmu.stability.findings import AT_MOST, Finding
 from rbfmu.stability.motions import attitude_error, references
-from rbfmu_kernels.shapes import Vec3
+from rbfmu_kernels.types import Vec3
 
 RIGHT, WRONG, NOT_FINITE, REFUSED = 0, 1, 2, 3
 VERDICTS = ("right", "wrong", "not finite", "refused with a message")

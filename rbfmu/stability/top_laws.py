@@ -26,9 +26,9 @@ from rbfmu.stability.cases import (
 )
 from rbfmu.stability.findings import RECORDED, Finding, Study
 from rbfmu.stability.motions import TOP, TOP_WEIGHT
-from rbfmu_kernels.dynamics import State
-from rbfmu_kernels.kicked_top import resonant_step
-from rbfmu_kernels.shapes import Vec3
+from rbfmu_kernels.integrators.splitting import resonant_step
+from rbfmu_kernels.mechanics.equations_of_motion import State
+from rbfmu_kernels.types import Vec3
 
 _DISTURBED: Vec3 = (1e-4, 2.0, 1e-4)
 

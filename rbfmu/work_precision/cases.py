@@ -16,10 +16,10 @@ from rbfmu.measures import relative_error
 from rbfmu.models import Plan
 from rbfmu.scene import Scene
 from rbfmu.unit import filled_buffer, initialize
-from rbfmu_kernels import body_unit
-from rbfmu_kernels.body_memory import body_of, loads_of, motion_of
-from rbfmu_kernels.dynamics import Body, Loads, State
-from rbfmu_kernels.kicked_top import is_symmetric_top
+from rbfmu_kernels.body.memory import body_of, loads_of, motion_of
+from rbfmu_kernels.integrators.splitting import is_symmetric_top
+from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
+from rbfmu_kernels.models import loaded_dop853
 
 Array = NDArray[np.float64]
 
@@ -83,9 +83,9 @@ class Case:
 
     @cached_property
     def buffer(self) -> Array:
-        """The buffer of `body_unit` at the start, which holds body and loads."""
+        """The buffer of `loaded_dop853` at the start, which holds body and loads."""
         z = filled_buffer(self.scene, _GENERAL)
-        initialize(self.scene, body_unit, z)
+        initialize(self.scene, loaded_dop853, z)
         return z
 
     @cached_property

@@ -8,7 +8,7 @@ from typing import Any
 from rbfmu.work_precision.cases import CASES, Case
 from rbfmu.work_precision.methods import NotFeasibleError, Run, module, timed, tolerances
 from rbfmu.work_precision.solvers import start_of, states_of, times_of
-from rbfmu_kernels.shapes import Vec3
+from rbfmu_kernels.types import Vec3
 
 
 class Heyoka:

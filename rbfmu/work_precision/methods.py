@@ -12,7 +12,7 @@ from numba import njit
 from rbfmu.contestants import CONTESTANTS, TORQUE_FREE_CONTESTANTS, Contestant
 from rbfmu.contestants.one_step import midpoint
 from rbfmu.work_precision.cases import CHECKPOINTS, Case
-from rbfmu_kernels.dynamics import Body, Loads, State
+from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
 
 
 class NotFeasibleError(Exception):

@@ -28,11 +28,11 @@ from rbfmu.work_precision.methods import (
     tolerances,
     tuples,
 )
-from rbfmu_kernels._kernel import kernel
-from rbfmu_kernels.dynamics import State
-from rbfmu_kernels.free_rotation import free_rotation_at, free_rotation_setup
-from rbfmu_kernels.kicked_top import rkn4_steps, rkn6_steps, strang_steps
-from rbfmu_kernels.shapes import Quaternion, Vec3
+from rbfmu_kernels.compile.decorator import kernel
+from rbfmu_kernels.exact.free_rotation import free_rotation_at, free_rotation_setup
+from rbfmu_kernels.integrators.splitting import rkn4_steps, rkn6_steps, strang_steps
+from rbfmu_kernels.mechanics.equations_of_motion import State
+from rbfmu_kernels.types import Quaternion, Vec3
 
 # The product's units: stepped from checkpoint to checkpoint, with all outputs
 

@@ -11,7 +11,7 @@ import numpy as np
 import rbfmu
 from rbfmu.work_precision.cases import CHECKPOINTS, Case
 from rbfmu.work_precision.methods import NotFeasibleError, Run, module, step_counts, timed, tolerances, tuples
-from rbfmu_kernels.dynamics import State
+from rbfmu_kernels.mechanics.equations_of_motion import State
 
 
 def _text(numbers: Iterable[float]) -> str:

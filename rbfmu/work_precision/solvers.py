@@ -12,8 +12,8 @@ from numba import carray, cfunc, njit
 
 from rbfmu.work_precision.cases import Case
 from rbfmu.work_precision.methods import Method, NotFeasibleError, Run, module, timed, tolerances, tuples
-from rbfmu_kernels.body_memory import body_of, loads_of
-from rbfmu_kernels.dynamics import State, state_rates
+from rbfmu_kernels.body.memory import body_of, loads_of
+from rbfmu_kernels.mechanics.equations_of_motion import State, state_rates
 
 MOST_STEPS = 10**6
 """Between two outputs; the solvers' own limits end long before."""

@@ -11,7 +11,7 @@ from rbfmu.scene import Scene
 from rbfmu.times import time_grid
 from rbfmu_fmu.description import describe
 from rbfmu_fmu.slave_access import HELD
-from rbfmu_kernels.layout import CHANGED, FINE
+from rbfmu_kernels.buffer import CHANGED, FINE
 
 MOST_POINTS = 200
 BEYOND = 3.0

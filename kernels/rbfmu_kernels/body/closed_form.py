@@ -1,0 +1,156 @@
+"""What units with a closed form share: a clock that keeps its low part, the fall of the centre of mass, the commit."""
+
+from typing import Any
+
+from ..buffer import NOT_REACHED, places
+from ..buffer_access import put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
+from ..compile.decorator import kernel
+from ..exact.uniform_rotation import Turning
+from ..mechanics.equations_of_motion import linear_acceleration
+from ..numerics.double_double import DoubleDouble, two_sum
+from ..rotations.vec3 import add_scaled, cross, is_nonzero
+from ..types import Quaternion, Vec3
+from .memory import (
+    COMMON,
+    body_of,
+    centre_of,
+    has_pivot,
+    is_as_planned,
+    loads_of,
+    moves,
+    put_centre,
+    put_rotation,
+    rotation_of,
+)
+from .outputs import outputs
+
+_CLOCKS = {"elapsed": 2, "q_0": 4, "r_0": 3, "v_0": 3, "held": 3, "since": 2}
+CLOSED_FORM = COMMON | _CLOCKS
+"""Besides what all bodies have: the time since the start, the attitude then; position and velocity of the
+centre of mass when its acceleration last changed, that acceleration, and the time since then."""
+_BLOCKS, _ = places(CLOSED_FORM)
+_ELAPSED, _Q_0, _R_0, _V_0, _HELD, _SINCE = (_BLOCKS[n].start for n in _CLOCKS)
+
+
+@kernel
+def start_clocks(z: Any) -> None:
+    """At the start of a run."""
+    z[_ELAPSED] = z[_ELAPSED + 1] = z[_SINCE] = z[_SINCE + 1] = 0.0
+    put_quaternion_at(z, _Q_0, rotation_of(z)[0])
+    r_c, v_c = centre_of(z)
+    put_vec3_at(z, _R_0, r_c)
+    put_vec3_at(z, _V_0, v_c)
+    put_vec3_at(z, _HELD, (0.0, 0.0, 0.0))
+
+
+@kernel
+def first_attitude(z: Any) -> Quaternion:
+    """The unit quaternion q_ab at the start."""
+    return quaternion_at(z, _Q_0)
+
+
+@kernel
+def time_after(z: Any, h: float) -> DoubleDouble:
+    """The time since the start, s, after a step h."""
+    return later(z, _ELAPSED, h)
+
+
+@kernel
+def later(z: Any, clock: int, h: float) -> DoubleDouble:
+    """What the clock that stands at z[clock], s, shows after a step h."""
+    t, low = two_sum(z[clock], h)
+    return t, low + z[clock + 1]
+
+
+@kernel
+def has_turning_torque(z: Any) -> bool:
+    """Whether a torque acts that depends on the motion or turns with the body: damping, torque_b, a force's."""
+    body, (_, force_a, force_b, _, torque_b) = body_of(z), loads_of(z)
+    arm_b, damping_b = body[3], body[4]
+    lever = (is_nonzero(arm_b) and is_nonzero(force_a)) or is_nonzero(cross(arm_b, force_b))
+    return lever or is_nonzero(torque_b) or is_nonzero(damping_b)
+
+
+@kernel
+def has_torque(z: Any) -> bool:
+    """Whether damping, a torque, or a force with an arm acts."""
+    return has_turning_torque(z) or is_nonzero(loads_of(z)[3])
+
+
+@kernel
+def is_driven(z: Any) -> bool:
+    """Whether a torque acts, or a force that turns with the body on a path that somebody looks at."""
+    return has_torque(z) or (is_nonzero(loads_of(z)[2]) and moves(z))
+
+
+@kernel
+def goes_on_free(z: Any, h: float) -> bool:
+    """Whether a step of a model that nothing drives can be taken: h > 0, and no input does."""
+    return h > 0.0 and (is_as_planned(z) or not is_driven(z))
+
+
+@kernel(inline=False)
+def finish_step(z: Any, h: float, q: Quaternion, omega: Vec3) -> int:
+    """Take attitude and rate, move the centre of mass, refresh the outputs; NOT_REACHED leaves all as it was."""
+    if not is_finite_rotation(q, omega) or (moves(z) and not has_pivot(z) and not _moved(z, h)):
+        return NOT_REACHED
+    return commit_step(z, h, q, omega)
+
+
+@kernel
+def is_finite_rotation(q: Quaternion, omega: Vec3) -> bool:
+    """Whether every number of an attitude and a rate is."""
+    rest = (0.0 * q[0] + 0.0 * q[1]) + (0.0 * q[2] + 0.0 * q[3])
+    return rest + (0.0 * omega[0] + (0.0 * omega[1] + 0.0 * omega[2])) == 0.0
+
+
+@kernel
+def is_finite_path(r: Vec3, v: Vec3) -> bool:
+    """Whether every number of a position and a velocity is."""
+    return 0.0 * r[0] + 0.0 * r[1] + 0.0 * r[2] + 0.0 * v[0] + 0.0 * v[1] + 0.0 * v[2] == 0.0
+
+
+@kernel
+def commit_step(z: Any, h: float, q: Quaternion, omega: Vec3) -> int:
+    """Take attitude and rate after a step h, refresh the outputs."""
+    put_rotation(z, q, omega)
+    z[_ELAPSED], z[_ELAPSED + 1] = later(z, _ELAPSED, h)
+    return outputs(z)
+
+
+@kernel
+def _moved(z: Any, h: float) -> bool:
+    """Whether the centre of mass has moved to where it is finite; a force fixed in b keeps its first direction in a."""
+    since, low, r_0, v_0 = 0.0, 0.0, vec3_at(z, _R_0), vec3_at(z, _V_0)
+    a = linear_acceleration(first_attitude(z), body_of(z), loads_of(z))
+    if a == vec3_at(z, _HELD):
+        since, low = later(z, _SINCE, h)
+    else:
+        since, (r_0, v_0) = h, centre_of(z)
+    t = since + low
+    r, v = add_scaled(add_scaled(r_0, t, v_0), 0.5 * t * t, a), add_scaled(v_0, t, a)
+    if not is_finite_path(r, v):
+        return False
+    put_centre(z, r, v)
+    z[_SINCE], z[_SINCE + 1] = since, low
+    put_vec3_at(z, _R_0, r_0)
+    put_vec3_at(z, _V_0, v_0)
+    put_vec3_at(z, _HELD, a)
+    return True
+
+
+TURNING = 5
+"""Size of a turning in a buffer."""
+
+
+@kernel
+def put_turning_at(z: Any, i: int, turning: Turning) -> None:
+    """Store a turning from z[i] on."""
+    put_vec3_at(z, i, turning[0])
+    z[i + 3], z[i + 4] = turning[1]
+
+
+@kernel
+def turning_at(z: Any, i: int) -> Turning:
+    """The turning that begins at z[i]."""
+    return vec3_at(z, i), (z[i + 3], z[i + 4])

@@ -1,0 +1,113 @@
+"""What the units of a body under loads have in common: inputs that change within a step, a step that is taken or not.
+
+An input may change within a step: u + u_rate t + u_rate_2 t^2 / 2, t from the step's begin. After the step the input
+holds its last value, and the rates are 0, until they are set again.
+"""
+
+from typing import Any
+
+from ..buffer import NOT_REACHED, places
+from ..buffer_access import vec3_at
+from ..compile.decorator import kernel
+from ..integrators.dop853 import ROTATION, SPIN, TURNING
+from ..mechanics.equations_of_motion import Body, Course, Loads, is_changing, steady_acceleration
+from ..rotations.vec3 import add_scaled, is_nonzero
+from .memory import (
+    COMMON,
+    INPUTS,
+    STATE_SIZE,
+    centre_of,
+    has_pivot,
+    has_port,
+    is_finite,
+    keep_state,
+    loads_of,
+    moves,
+    put_centre,
+    restore_state,
+    translate,
+    turns,
+)
+from .outputs import outputs
+
+RATES = {f"{name}_rate": size for name, size in INPUTS.items()}
+RATES_2 = {f"{name}_rate_2": size for name, size in INPUTS.items()}
+DRIVEN = COMMON | RATES | RATES_2 | {"before": STATE_SIZE, "step_size": 1, "substeps": 1, "step_size_before": 1}
+"""A unit's buffer begins with these blocks."""
+BLOCKS, _ = places(DRIVEN)
+
+STEP_SIZE = BLOCKS["step_size"].start
+"""Where the step size is kept; the count of substeps stands next to it."""
+_BEFORE, _SIZE_BEFORE = BLOCKS["before"].start, BLOCKS["step_size_before"].start
+_INPUTS, _RATES, _RATES_2 = (BLOCKS[next(iter(names))].start for names in (INPUTS, RATES, RATES_2))
+_NUMBERS = sum(INPUTS.values())
+_NONE = (0.0, 0.0, 0.0)
+
+
+@kernel
+def course_of(z: Any) -> Course:
+    """Known and supplied loads together, and the supplied ones' derivatives."""
+    return loads_of(z), _load_rates(z, _RATES), _load_rates(z, _RATES_2)
+
+
+@kernel
+def _load_rates(z: Any, i: int) -> Loads:
+    """Derivatives of the inputs that stand from z[i] on; a pivot takes the forces."""
+    force_a, force_b = vec3_at(z, i), vec3_at(z, i + 3)
+    if has_pivot(z):
+        force_a = force_b = _NONE
+    return _NONE, force_a, force_b, vec3_at(z, i + 6), vec3_at(z, i + 9)
+
+
+@kernel
+def integrated(z: Any, body: Body, course: Course) -> int:
+    """Numbers of the state that need integration: see `dop853`."""
+    if _acts(course, 2) and moves(z) and not has_pivot(z):
+        return TURNING
+    turned = _acts(course, 3) or has_port(z, 2) or ((_acts(course, 1) or has_port(z, 0)) and is_nonzero(body[3]))
+    return ROTATION if turned or turns(z) else SPIN
+
+
+@kernel
+def _acts(course: Course, i: int) -> bool:
+    """Whether the i-th of the loads is not zero throughout a step."""
+    return is_nonzero(course[0][i]) or is_nonzero(course[1][i]) or is_nonzero(course[2][i])
+
+
+@kernel
+def keep(z: Any) -> None:
+    """Keep what `finish` brings back where the step is not taken."""
+    keep_state(z, _BEFORE)
+    z[_SIZE_BEFORE] = z[STEP_SIZE]
+
+
+@kernel
+def finish(z: Any, n: int, h: float, status: int, body: Body, course: Course) -> int:
+    """Move the centre of mass as far as in closed form; then outputs, or NOT_REACHED with nothing changed."""
+    translate(z, h, 0.0 if n == TURNING else 1.0, body, course[0])
+    changing = is_changing(course)
+    if changing:
+        _translate_further(z, h, body, course)
+    if status != 0 or not is_finite(z):
+        restore_state(z, _BEFORE)
+        z[STEP_SIZE] = z[_SIZE_BEFORE]
+        return NOT_REACHED
+    if changing:
+        _hold_last_inputs(z, h)
+    return outputs(z)
+
+
+@kernel
+def _translate_further(z: Any, h: float, body: Body, course: Course) -> None:
+    """What the change of the steady acceleration within the step adds to the centre of mass's motion."""
+    r, v = centre_of(z)
+    first, second = steady_acceleration(body, course[1]), steady_acceleration(body, course[2])
+    r = add_scaled(add_scaled(r, h * h * h / 6.0, first), h * h * h * h / 24.0, second)
+    put_centre(z, r, add_scaled(add_scaled(v, 0.5 * h * h, first), h * h * h / 6.0, second))
+
+
+@kernel
+def _hold_last_inputs(z: Any, h: float) -> None:
+    for i in range(_NUMBERS):
+        z[_INPUTS + i] += h * z[_RATES + i] + 0.5 * h * h * z[_RATES_2 + i]
+        z[_RATES + i] = z[_RATES_2 + i] = 0.0

@@ -1,0 +1,152 @@
+"""A body that turns about one principal axis, fixed in space: which axis, whether anything leads off it, what turns it.
+
+The swing by forces fixed in space is double-double: an exact motion is as good as the numbers that it begins with.
+"""
+
+import math
+from typing import Any
+
+from ..buffer_access import quaternion_at, vec3_at
+from ..compile.decorator import kernel
+from ..mechanics.equations_of_motion import Body, Loads, angular_acceleration
+from ..mechanics.newton_euler import damping_torque
+from ..numerics.double_double import (
+    DoubleDouble,
+    dd_add,
+    dd_divide,
+    dd_multiply,
+    dd_multiply_float,
+    dd_scale,
+    dd_subtract,
+    two_product,
+)
+from ..numerics.scaling import power_of_two_for
+from ..rotations.matrix import transform
+from ..rotations.quaternion import invert_quaternion, rotate
+from ..rotations.vec3 import add, cross, dot, is_nonzero, norm, scale
+from ..types import Quaternion, Vec3
+from .memory import BLOCKS, body_of, has_pivot, inertia_of, loads_of, moves, principal_frame
+from .symmetry import is_sphere
+
+_Q_0, _MASS, _R_OC = (BLOCKS[n].start for n in ("quaternion_0", "mass", "r_oc_b"))
+_PARALLEL = 8.0 * 2.0**-52
+"""Of the length: what lies across an axis by round-off."""
+
+
+@kernel
+def main_axis(q: Quaternion, omega: Vec3, body: Body, loads: Loads) -> Vec3:
+    """The principal axis of most of the rate, or of what begins to turn a body at rest.
+
+    In equilibrium the one about which its arm would swing.  A sphere's may be oblique: every axis is principal.
+    """
+    v = omega if is_nonzero(omega) else angular_acceleration(q, omega, body, loads)
+    if _may_be_oblique(body, loads) and is_nonzero(v):
+        return scale(1.0 / norm(v), v)
+    moments, R = principal_frame(body[1])
+    e = ((R[0][0], R[1][0], R[2][0]), (R[0][1], R[1][1], R[2][1]), (R[0][2], R[1][2], R[2][2]))
+    x, y, w = abs(dot(e[0], v)), abs(dot(e[1], v)), abs(dot(e[2], v))
+    if not is_nonzero(v):
+        x, y = _clearance(moments[0], e[0], body[3]), _clearance(moments[1], e[1], body[3])
+        w = _clearance(moments[2], e[2], body[3])
+    k = 0 if x >= y and x >= w else (1 if y >= w else 2)
+    return e[k]
+
+
+@kernel
+def _may_be_oblique(body: Body, loads: Loads) -> bool:
+    """Whether the body is a sphere that no force with an arm swings: round-off across its axis then stays round-off."""
+    return is_sphere(body[1]) and not (is_nonzero(body[3]) and is_nonzero(loads[1]))
+
+
+@kernel
+def _clearance(moment: float, axis: Vec3, arm: Vec3) -> float:
+    """How far across an axis the arm lies; none of an axis about which nothing can turn."""
+    return -abs(dot(axis, arm)) if moment > 0.0 else -math.inf
+
+
+@kernel
+def leaves_axis(z: Any, axis: Vec3, q: Quaternion, omega: Vec3, body: Body, loads: Loads) -> bool:
+    """Whether anything turns the body about another axis, at any angle; or a force would turn a free body's path."""
+    _, force_a, _, torque_a, _ = loads
+    arm, damping_b = body[3], body[4]
+    q_ba = invert_quaternion(q)
+    pull = rotate(q_ba, force_a)
+    start = add(omega, angular_acceleration(q, omega, body, loads))
+    slack = _PARALLEL if _may_be_oblique(body, loads) else 0.0
+    across = _is_across(axis, start, slack) or _is_across(axis, omega, slack)
+    across = across or _is_across(axis, damping_torque(damping_b, axis), slack)
+    across = across or _is_across(axis, rotate(q_ba, torque_a), slack)
+    across = across or (is_nonzero(cross(axis, arm)) and dot(axis, pull) != 0.0)
+    across = across or (is_nonzero(cross(axis, pull)) and dot(axis, arm) != 0.0)
+    return across or turns_path(z, axis)
+
+
+@kernel
+def turns_path(z: Any, axis: Vec3) -> bool:
+    """Whether a force that turns about an axis with the body bends its path, and somebody looks; one along it does not.
+
+    axis: of any size, zero where the body does not turn.
+    """
+    return moves(z) and _is_across(axis, loads_of(z)[2], _PARALLEL)
+
+
+@kernel
+def _is_across(axis: Vec3, v: Vec3, slack: float) -> bool:
+    """Whether more than a part of v lies across an axis of any size."""
+    return norm(cross(axis, v)) > slack * norm(axis) * norm(v)
+
+
+@kernel(inline=False)
+def swing(z: Any, axis: Vec3) -> tuple[DoubleDouble, DoubleDouble]:
+    """(A, B): forces fixed in space make the angular acceleration A cos + B sin of the angle from quaternion_0."""
+    arm, gravity_a, force_a = body_of(z)[3], loads_of(z)[0], loads_of(z)[1]
+    q, moment = quaternion_at(z, _Q_0), _moment(z, axis)
+    up = power_of_two_for(max(max(abs(q[0]), abs(q[1])), max(abs(q[2]), abs(q[3]))))
+    q = (up * q[0], up * q[1], up * q[2], up * q[3])
+    pull, mass = (gravity_a, z[_MASS]) if has_pivot(z) else (force_a, 1.0)
+    lever = cross(axis, arm)
+    unit = dd_multiply(moment, dd_add(two_product(q[0], q[0]), _dot(q[1:], q[1:])))
+    a, b = _turned_dot(q, lever, pull), _turned_dot(q, cross(axis, lever), pull)
+    return dd_divide(dd_multiply_float(a, mass), unit), dd_divide(dd_multiply_float(b, mass), unit)
+
+
+@kernel
+def pull_and_decay(z: Any, axis: Vec3, q: Quaternion, body: Body, loads: Loads) -> tuple[float, float]:
+    """(P, d), rad/s2 and 1/s: what else acts, torques, forces that turn with the body, damping, adds P - d rate."""
+    torque = add(rotate(invert_quaternion(q), loads[3]), add(loads[4], cross(body[3], loads[2])))
+    moment = _moment(z, axis)[0]
+    return dot(axis, torque) / moment, -dot(axis, damping_torque(body[4], axis)) / moment
+
+
+@kernel
+def _moment(z: Any, axis: Vec3) -> DoubleDouble:
+    """About the axis, through the centre of mass or the pivot."""
+    moment = _dot(axis, transform(inertia_of(z), axis))
+    if has_pivot(z):
+        lever = cross(axis, vec3_at(z, _R_OC))
+        moment = dd_add(moment, dd_multiply_float(_dot(lever, lever), z[_MASS]))
+    return moment
+
+
+@kernel
+def _dot(a: Vec3, b: Vec3) -> DoubleDouble:
+    return dd_add(dd_add(two_product(a[0], b[0]), two_product(a[1], b[1])), two_product(a[2], b[2]))
+
+
+@kernel
+def _triple(a: Vec3, b: Vec3, c: Vec3) -> DoubleDouble:
+    """The product a . (b x c)."""
+    x = dd_subtract(two_product(b[1], c[2]), two_product(b[2], c[1]))
+    y = dd_subtract(two_product(b[2], c[0]), two_product(b[0], c[2]))
+    w = dd_subtract(two_product(b[0], c[1]), two_product(b[1], c[0]))
+    return dd_add(dd_add(dd_multiply_float(x, a[0]), dd_multiply_float(y, a[1])), dd_multiply_float(w, a[2]))
+
+
+@kernel
+def _turned_dot(q_ab: Quaternion, v_b: Vec3, u_a: Vec3) -> DoubleDouble:
+    """|q|^2 u . R(q) v."""
+    e = q_ab[1:]
+    square = dd_subtract(two_product(q_ab[0], q_ab[0]), _dot(e, e))
+    along = dd_multiply(_dot(u_a, e), _dot(e, v_b))
+    about = dd_multiply_float(_triple(u_a, e, v_b), q_ab[0])
+    return dd_add(dd_multiply(square, _dot(u_a, v_b)), dd_scale(2.0, dd_add(along, about)))

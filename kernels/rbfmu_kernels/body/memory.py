@@ -1,0 +1,286 @@
+"""What the units of a body have in common: the layout of their buffers, their start, their loads, their outputs.
+
+A unit's buffer begins with these blocks; what its method needs besides follows. The state is laid out for `dop853`.
+"""
+
+import math
+from typing import Any
+
+from ..buffer import places
+from ..buffer_access import matrix_at, put_matrix_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
+from ..compile.decorator import kernel
+from ..mechanics.equations_of_motion import Body, Loads, State, steady_acceleration
+from ..mechanics.inertia import check_inertia, inverse_inertia, parallel_axis, principal_axes, trace
+from ..rotations.quaternion import normalize, rotate
+from ..rotations.vec3 import add, add_scaled, cross, dot, is_nonzero, scale
+from ..types import Matrix, Quaternion, Vec3
+
+INPUTS = {"force_a": 3, "force_b": 3, "torque_a": 3, "torque_b": 3}
+PARAMETERS = {
+    "mass": 1, "inertia": 6, "r_oc_b": 3, "gravity_a": 3, "damping_b": 3,
+    "known_force_a": 3, "known_force_b": 3, "known_torque_a": 3, "known_torque_b": 3,
+    "position_0": 3, "velocity_0": 3, "quaternion_0": 4, "omega_b_0": 3,
+}  # fmt: skip
+OUTPUTS = {
+    "position": 3, "velocity": 3, "acceleration": 3, "quaternion": 4, "rpy": 3, "omega_b": 3, "omega_a": 3,
+    "alpha_b": 3, "angular_momentum_a": 3, "kinetic_energy": 1,
+}  # fmt: skip
+SETTINGS = {
+    "pivot": 1, "tolerance": 1, "span": 1, "substep": 1, "as_planned": 1,
+    "ports": len(INPUTS), "unwanted": len(OUTPUTS),
+}  # fmt: skip
+"""span: s, 0 where `tolerance` is for a substep; else the tolerance is for all substeps of so long a run together, and
+an error of the rate counts as what it turns the body by in that time; as_planned: 1 where a plan has judged the model
+by the parameters' values, so that no unit need ask whether it serves them; ports: 1 for each input that may come to
+act; unwanted: 1 for each output that nobody looks at, which is then not computed."""
+OUTPUT_RATES = {f"d_{name}": size for name, size in OUTPUTS.items()}
+"""Time derivatives of the outputs, refreshed by `output_rates` alone."""
+MEMORY = {
+    "q": 4, "omega": 3, "pad": 1, "r_c": 3, "v_c": 3, "pad_2": 2,
+    "inverse_mass": 1, "M": 9, "M_inverse": 9, "arm": 3,
+}  # fmt: skip
+COMMON = INPUTS | PARAMETERS | SETTINGS | OUTPUTS | OUTPUT_RATES | MEMORY
+BLOCKS, _ = places(COMMON)
+
+_AT = {name: block.start for name, block in BLOCKS.items()}
+_FORCE_A, _FORCE_B, _TORQUE_A, _TORQUE_B = (_AT[n] for n in INPUTS)
+_MASS, _INERTIA, _R_OC, _GRAVITY, _DAMPING = (_AT[n] for n in ("mass", "inertia", "r_oc_b", "gravity_a", "damping_b"))
+_KNOWN, _END = _AT["known_force_a"], BLOCKS["omega_b_0"].stop
+_POSITION_0, _VELOCITY_0, _Q_0, _OMEGA_0 = (_AT[n] for n in ("position_0", "velocity_0", "quaternion_0", "omega_b_0"))
+_PIVOT, _SUBSTEP, _AS_PLANNED = _AT["pivot"], _AT["substep"], _AT["as_planned"]
+_PORTS = _AT["ports"]
+_NO_POSITION, _NO_VELOCITY, _NO_ACCELERATION, _NO_QUATERNION, _NO_RPY = (_AT["unwanted"] + i for i in range(5))
+_NO_OMEGA_B, _NO_OMEGA_A, _NO_ALPHA, _NO_MOMENTUM, _NO_ENERGY = (_AT["unwanted"] + i for i in range(5, 10))
+STATE = _AT["q"]
+"""Where the state begins: see `dop853`."""
+STATE_SIZE = 16
+_OMEGA, _R_C, _V_C = _AT["omega"], _AT["r_c"], _AT["v_c"]
+_INVERSE_MASS, _M, _M_INVERSE, _ARM = (_AT[n] for n in ("inverse_mass", "M", "M_inverse", "arm"))
+
+
+@kernel(inline=False)
+def initialize_body(z: Any) -> int:
+    """Check the parameters, set the state; returns 0 or a key of `buffer.FAULTS`."""
+    fault = _fault_of_parameters(z)
+    if fault != 0:
+        return fault
+    mass, r_oc, pivot = z[_MASS], vec3_at(z, _R_OC), z[_PIVOT] != 0.0
+    M_c = inertia_of(z)
+    M = parallel_axis(M_c, mass, r_oc) if pivot else M_c
+    q = normalize(quaternion_at(z, _Q_0))
+    omega = vec3_at(z, _OMEGA_0)
+    (low, middle, _), axes = principal_axes(M)
+    if middle <= 1e-12 * trace(M):
+        return 6
+    beam_rate = axes[0][0] * omega[0] + axes[1][0] * omega[1] + axes[2][0] * omega[2]
+    if low <= 1e-12 * trace(M) and abs(beam_rate) > 1e-12 * math.sqrt(dot(omega, omega)):
+        return 9
+    put_matrix_at(z, _M, M)
+    put_matrix_at(z, _M_INVERSE, inverse_inertia(M))
+    z[_INVERSE_MASS] = 0.0 if pivot else 1.0 / mass
+    put_vec3_at(z, _ARM, r_oc if pivot else scale(-1.0, r_oc))
+    position, velocity = vec3_at(z, _POSITION_0), vec3_at(z, _VELOCITY_0)
+    v_c = add(velocity, rotate(q, cross(omega, r_oc)))
+    put_rotation(z, q, omega)
+    put_vec3_at(z, _R_C, add(position, rotate(q, r_oc)))
+    put_vec3_at(z, _V_C, (0.0, 0.0, 0.0) if pivot else v_c)
+    return 0
+
+
+@kernel(inline=False)
+def _fault_of_parameters(z: Any) -> int:
+    finite = 0.0
+    for i in range(_END):
+        finite += 0.0 * z[i]
+    if finite != 0.0:
+        return 8
+    if not z[_MASS] > 0.0:
+        return 1
+    if z[_DAMPING] < 0.0 or z[_DAMPING + 1] < 0.0 or z[_DAMPING + 2] < 0.0:
+        return 10
+    q = quaternion_at(z, _Q_0)
+    if not (q[0] != 0.0 or q[1] != 0.0 or q[2] != 0.0 or q[3] != 0.0):
+        return 7
+    fault = check_inertia(inertia_of(z))
+    return 0 if fault == 0.0 else int(fault) + 1
+
+
+@kernel
+def inertia_of(z: Any) -> Matrix:
+    """The symmetric matrix of (11, 22, 33, 12, 13, 23)."""
+    xx, yy, zz = vec3_at(z, _INERTIA)
+    xy, xz, yz = vec3_at(z, _INERTIA + 3)
+    return ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
+
+
+@kernel
+def rotation_of(z: Any) -> tuple[Quaternion, Vec3]:
+    """(q_ab, omega_ab_b) of the state."""
+    return quaternion_at(z, STATE), vec3_at(z, _OMEGA)
+
+
+@kernel
+def put_rotation(z: Any, q: Quaternion, omega: Vec3) -> None:
+    """Set attitude and body rate of the state."""
+    put_quaternion_at(z, STATE, q)
+    put_vec3_at(z, _OMEGA, omega)
+
+
+@kernel
+def centre_of(z: Any) -> tuple[Vec3, Vec3]:
+    """(r_c, v_c) of the state, in a."""
+    return vec3_at(z, _R_C), vec3_at(z, _V_C)
+
+
+@kernel
+def put_centre(z: Any, r_c: Vec3, v_c: Vec3) -> None:
+    """Set position and velocity of the centre of mass."""
+    put_vec3_at(z, _R_C, r_c)
+    put_vec3_at(z, _V_C, v_c)
+
+
+@kernel
+def motion_of(z: Any) -> State:
+    """The state as `equations_of_motion.State`."""
+    return vec3_at(z, _R_C), vec3_at(z, _V_C), quaternion_at(z, STATE), vec3_at(z, _OMEGA)
+
+
+@kernel
+def put_motion(z: Any, motion: State) -> None:
+    """Set the state from `equations_of_motion.State`."""
+    put_centre(z, motion[0], motion[1])
+    put_rotation(z, motion[2], motion[3])
+
+
+@kernel
+def substep_of(z: Any) -> float:
+    """The largest substep of a method of fixed steps, s."""
+    return z[_SUBSTEP]  # type: ignore[no-any-return]
+
+
+@kernel
+def translate(z: Any, h: float, drift: float, body: Body, loads: Loads) -> None:
+    """Move the centre of mass by h under its steady acceleration, in closed form; drift: 0 where v_c h is done."""
+    if not moves(z):
+        return
+    r_c, v_c, a = vec3_at(z, _R_C), vec3_at(z, _V_C), steady_acceleration(body, loads)
+    put_vec3_at(z, _R_C, add_scaled(add_scaled(r_c, drift * h, v_c), 0.5 * h * h, a))
+    put_vec3_at(z, _V_C, add_scaled(v_c, h, a))
+
+
+@kernel
+def keep_state(z: Any, before: int) -> None:
+    """Copy the state to z[before:], from where `restore_state` brings it back."""
+    for i in range(STATE_SIZE):
+        z[before + i] = z[STATE + i]
+
+
+@kernel
+def restore_state(z: Any, before: int) -> None:
+    """Bring back the state that `keep_state` kept."""
+    for i in range(STATE_SIZE):
+        z[STATE + i] = z[before + i]
+
+
+@kernel
+def is_finite(z: Any) -> bool:
+    """Whether every number of the state is."""
+    total = 0.0
+    for i in range(STATE, STATE + STATE_SIZE):
+        total += 0.0 * z[i]
+    return total == 0.0
+
+
+@kernel
+def has_pivot(z: Any) -> bool:
+    """Whether o is fixed in space."""
+    return bool(z[_PIVOT] != 0.0)
+
+
+@kernel
+def has_port(z: Any, i: int) -> bool:
+    """Whether the i-th input may come to act."""
+    return bool(z[_PORTS + i] != 0.0)
+
+
+@kernel
+def is_as_planned(z: Any) -> bool:
+    """Whether a plan answers for the model, see SETTINGS."""
+    return bool(z[_AS_PLANNED] != 0.0)
+
+
+@kernel
+def moves(z: Any) -> bool:
+    """Whether an output needs the position or velocity."""
+    return bool(z[_NO_POSITION] == 0.0 or z[_NO_VELOCITY] == 0.0 or z[_NO_ENERGY] == 0.0)
+
+
+@kernel
+def shows_loads(z: Any) -> bool:
+    """Whether an output changes at once when a load does."""
+    return bool(z[_NO_ACCELERATION] == 0.0 or z[_NO_ALPHA] == 0.0)
+
+
+@kernel
+def shows_rates(z: Any) -> bool:
+    """Whether an output besides position, quaternion and rpy is wanted: all of them need the body's rate."""
+    moving = z[_NO_VELOCITY] == 0.0 or z[_NO_ACCELERATION] == 0.0 or z[_NO_ENERGY] == 0.0
+    shown = z[_NO_OMEGA_B] == 0.0 or z[_NO_OMEGA_A] == 0.0 or z[_NO_ALPHA] == 0.0 or z[_NO_MOMENTUM] == 0.0
+    return bool(moving or shown)
+
+
+@kernel
+def turns(z: Any) -> bool:
+    """Whether an output needs the attitude: itself, or a point beside the centre of mass, or a force that turns."""
+    attitude = z[_NO_QUATERNION] == 0.0 or z[_NO_RPY] == 0.0 or z[_NO_OMEGA_A] == 0.0 or z[_NO_MOMENTUM] == 0.0
+    return bool(attitude or _shows_turning_path(z))
+
+
+@kernel
+def _shows_turning_path(z: Any) -> bool:
+    pushed = is_nonzero(vec3_at(z, _KNOWN + 3)) or is_nonzero(vec3_at(z, _FORCE_B)) or has_port(z, 1)
+    beside = pushed or is_nonzero(vec3_at(z, _R_OC))
+    return bool(beside and not has_pivot(z) and (moves(z) or z[_NO_ACCELERATION] == 0.0))
+
+
+@kernel
+def shows_more_than_momentum(z: Any, is_sphere: bool) -> bool:
+    """Whether an output follows from the angular momentum in a only with the attitude; a sphere's omega_a does not."""
+    turned = z[_NO_QUATERNION] == 0.0 or z[_NO_RPY] == 0.0 or z[_NO_OMEGA_B] == 0.0 or z[_NO_ALPHA] == 0.0
+    rate = z[_NO_OMEGA_A] == 0.0 or z[_NO_ENERGY] == 0.0
+    return bool(turned or (rate and not is_sphere) or _shows_turning_path(z))
+
+
+@kernel
+def spins(z: Any) -> bool:
+    """Whether an output needs the body's rate."""
+    return bool(turns(z) or z[_NO_OMEGA_B] == 0.0 or z[_NO_ALPHA] == 0.0 or z[_NO_ENERGY] == 0.0)
+
+
+@kernel(inline=False)
+def principal_frame(M: Matrix) -> tuple[Vec3, Matrix]:
+    """(moments, R_bp): the body's own axes where they are principal, whatever their order."""
+    if M[0][1] == 0.0 and M[0][2] == 0.0 and M[1][2] == 0.0:
+        return (M[0][0], M[1][1], M[2][2]), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    return principal_axes(M)
+
+
+@kernel
+def body_of(z: Any) -> Body:
+    """The constants of the equations of motion; see `equations_of_motion.Body`."""
+    free = 1.0 if z[_PIVOT] == 0.0 else 0.0
+    M, M_inverse = matrix_at(z, _M), matrix_at(z, _M_INVERSE)
+    return z[_INVERSE_MASS], M, M_inverse, vec3_at(z, _ARM), vec3_at(z, _DAMPING), free
+
+
+@kernel
+def loads_of(z: Any) -> Loads:
+    """Known and supplied loads together; see `equations_of_motion.Loads`."""
+    gravity_a = vec3_at(z, _GRAVITY)
+    torque_a = add(vec3_at(z, _KNOWN + 6), vec3_at(z, _TORQUE_A))
+    torque_b = add(vec3_at(z, _KNOWN + 9), vec3_at(z, _TORQUE_B))
+    if z[_PIVOT] != 0.0:
+        return gravity_a, scale(z[_MASS], gravity_a), (0.0, 0.0, 0.0), torque_a, torque_b
+    force_a = add(vec3_at(z, _KNOWN), vec3_at(z, _FORCE_A))
+    force_b = add(vec3_at(z, _KNOWN + 3), vec3_at(z, _FORCE_B))
+    return gravity_a, force_a, force_b, torque_a, torque_b

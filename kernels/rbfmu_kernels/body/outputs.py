@@ -1,0 +1,128 @@
+"""The outputs of a body's unit and their time derivatives, from its state and the inputs now set."""
+
+from typing import Any
+
+from ..buffer_access import matrix_at, put_quaternion_at, put_vec3_at, vec3_at
+from ..compile.decorator import kernel
+from ..mechanics.equations_of_motion import angular_acceleration, angular_jerk, linear_acceleration
+from ..mechanics.newton_euler import (
+    angular_momentum,
+    gyroscopic_torque,
+    kinetic_energy,
+    relative_acceleration,
+    relative_jerk,
+)
+from ..rotations.euler_angles import ZYX, euler_from_quaternion, euler_rate_b
+from ..rotations.matrix import transform
+from ..rotations.quaternion import quaternion_rate_b, rotate
+from ..rotations.vec3 import add, cross, dot, scale, subtract
+from ..types import Quaternion, Vec3
+from .memory import (
+    BLOCKS,
+    OUTPUT_RATES,
+    OUTPUTS,
+    body_of,
+    centre_of,
+    has_pivot,
+    loads_of,
+    moves,
+    rotation_of,
+    shows_loads,
+)
+
+_AT = {name: block.start for name, block in BLOCKS.items()}
+_MASS, _M, _R_OC, _POSITION_0 = (_AT[n] for n in ("mass", "M", "r_oc_b", "position_0"))
+_POSITION, _VELOCITY, _ACCELERATION, _Q, _RPY = (_AT[n] for n in list(OUTPUTS)[:5])
+_OMEGA_B, _OMEGA_A, _ALPHA, _MOMENTUM, _ENERGY = (_AT[n] for n in list(OUTPUTS)[5:])
+_NO_POSITION, _NO_VELOCITY, _NO_ACCELERATION, _NO_QUATERNION, _NO_RPY = (_AT["unwanted"] + i for i in range(5))
+_NO_OMEGA_B, _NO_OMEGA_A, _NO_ALPHA, _NO_MOMENTUM, _NO_ENERGY = (_AT["unwanted"] + i for i in range(5, 10))
+_D_POSITION, _D_VELOCITY, _D_ACCELERATION, _D_Q, _D_RPY = (_AT[n] for n in list(OUTPUT_RATES)[:5])
+_D_OMEGA_B, _D_OMEGA_A, _D_ALPHA, _D_MOMENTUM, _D_ENERGY = (_AT[n] for n in list(OUTPUT_RATES)[5:])
+
+
+@kernel(inline=False)
+def outputs(z: Any) -> int:
+    """Refresh the outputs that somebody wants from the state and the inputs now set."""
+    q, omega = rotation_of(z)
+    if moves(z):
+        _put_translation(z, q, omega)
+    if shows_loads(z):
+        _put_accelerations(z, q, omega)
+    if z[_NO_QUATERNION] == 0.0:
+        put_quaternion_at(z, _Q, q)
+    if z[_NO_RPY] == 0.0:
+        yaw, pitch, roll = euler_from_quaternion(ZYX, q)
+        put_vec3_at(z, _RPY, (roll, pitch, yaw))
+    put_vec3_at(z, _OMEGA_B, omega)
+    if z[_NO_OMEGA_A] == 0.0:
+        put_vec3_at(z, _OMEGA_A, rotate(q, omega))
+    if z[_NO_MOMENTUM] == 0.0:
+        put_vec3_at(z, _MOMENTUM, rotate(q, angular_momentum(matrix_at(z, _M), omega)))
+    if z[_NO_ENERGY] == 0.0:
+        mass = 0.0 if has_pivot(z) else z[_MASS]
+        z[_ENERGY] = kinetic_energy(mass, matrix_at(z, _M), centre_of(z)[1], omega)
+    return 0
+
+
+@kernel
+def _put_translation(z: Any, q: Quaternion, omega: Vec3) -> None:
+    """Position and velocity of o."""
+    r_oc = vec3_at(z, _R_OC)
+    if has_pivot(z):
+        put_vec3_at(z, _POSITION, vec3_at(z, _POSITION_0))
+        put_vec3_at(z, _VELOCITY, (0.0, 0.0, 0.0))
+    else:
+        put_vec3_at(z, _POSITION, subtract(centre_of(z)[0], rotate(q, r_oc)))
+        put_vec3_at(z, _VELOCITY, subtract(centre_of(z)[1], rotate(q, cross(omega, r_oc))))
+
+
+@kernel
+def _put_accelerations(z: Any, q: Quaternion, omega: Vec3) -> None:
+    """alpha_b, and the acceleration of o."""
+    body, loads = body_of(z), loads_of(z)
+    alpha = angular_acceleration(q, omega, body, loads)
+    relative = relative_acceleration(omega, alpha, vec3_at(z, _R_OC))
+    a_o = subtract(linear_acceleration(q, body, loads), rotate(q, relative))
+    put_vec3_at(z, _ALPHA, alpha)
+    put_vec3_at(z, _ACCELERATION, (0.0, 0.0, 0.0) if has_pivot(z) else a_o)
+
+
+@kernel(inline=False)
+def output_rates(z: Any) -> int:
+    """Set the outputs' time derivatives, inputs held: blocks `d_<output>`.
+
+    Not finite where rpy is at its pole.
+    """
+    (q, omega), body, loads = rotation_of(z), body_of(z), loads_of(z)
+    _put_translation(z, q, omega)
+    _put_accelerations(z, q, omega)
+    M, alpha = body[1], vec3_at(z, _ALPHA)
+    alpha_rate = angular_jerk(q, omega, alpha, body, loads)
+    torque = add(transform(M, alpha), gyroscopic_torque(M, omega))
+    yaw, pitch, roll = euler_from_quaternion(ZYX, q)
+    d_yaw, d_pitch, d_roll = euler_rate_b(ZYX, (yaw, pitch, roll), omega)
+    put_quaternion_at(z, _D_Q, quaternion_rate_b(q, omega))
+    put_vec3_at(z, _D_RPY, (d_roll, d_pitch, d_yaw))
+    put_vec3_at(z, _D_OMEGA_B, alpha)
+    put_vec3_at(z, _D_OMEGA_A, rotate(q, alpha))
+    put_vec3_at(z, _D_ALPHA, alpha_rate)
+    put_vec3_at(z, _D_MOMENTUM, rotate(q, torque))
+    a_c, v_c = linear_acceleration(q, body, loads), centre_of(z)[1]
+    z[_D_ENERGY] = dot(omega, torque) + (0.0 if has_pivot(z) else z[_MASS] * dot(v_c, a_c))
+    put_vec3_at(z, _D_POSITION, vec3_at(z, _VELOCITY))
+    put_vec3_at(z, _D_VELOCITY, vec3_at(z, _ACCELERATION))
+    r_oc = vec3_at(z, _R_OC)
+    relative = relative_jerk(omega, alpha, alpha_rate, r_oc)
+    jerk = rotate(q, subtract(cross(omega, scale(body[0], loads[2])), relative))
+    put_vec3_at(z, _D_ACCELERATION, (0.0, 0.0, 0.0) if has_pivot(z) else jerk)
+    return 0
+
+
+@kernel(inline=False)
+def first_outputs(z: Any) -> int:
+    """Set the outputs at the start; 0, or a key of `buffer.FAULTS` where the parameters overflow them."""
+    outputs(z)
+    total = 0.0
+    for i in range(_POSITION, _ENERGY + 1):
+        total += 0.0 * z[i]
+    return 0 if total == 0.0 else 8

@@ -1,0 +1,202 @@
+"""Principal moments, axes and rates of a body in double-double, for motions whose phase is a rate times a long time.
+
+Moments to eps of the trace, as doubles have them, cost such a motion eps times its angle.
+"""
+
+from typing import Any
+
+from ..buffer_access import vec3_at
+from ..compile.decorator import kernel
+from ..exact.uniform_rotation import power_for
+from ..mechanics.inertia import INERTIA_TOLERANCE, principal_axes
+from ..numerics.double_double import (
+    DoubleDouble,
+    Vector,
+    dd_add,
+    dd_add_float,
+    dd_divide,
+    dd_dot,
+    dd_multiply,
+    dd_multiply_float,
+    dd_scale,
+    dd_scale_vector,
+    dd_sqrt,
+    dd_subtract,
+    dd_vector,
+    two_product,
+    two_sum,
+)
+from ..numerics.scaling import power_of_two_for
+from ..rotations.vec3 import add_scaled, scale
+from ..types import Matrix, Vec3
+from .memory import BLOCKS, has_pivot, inertia_of
+
+Axes = tuple[Vector, Vector, Vector]
+"""Principal axes, each in b."""
+Inertia = tuple[DoubleDouble, DoubleDouble, DoubleDouble, DoubleDouble, DoubleDouble, DoubleDouble]
+"""11, 22, 33, 12, 13, 23."""
+
+_MASS, _R_OC = BLOCKS["mass"].start, BLOCKS["r_oc_b"].start
+_ZERO: DoubleDouble = (0.0, 0.0)
+_ONE: DoubleDouble = (1.0, 0.0)
+_NEGLIGIBLE = 2.0**-106
+"""Off the diagonal, of the trace."""
+
+
+@kernel(inline=False)
+def exact_frame(z: Any) -> tuple[Vector, Axes]:
+    """(moments, axes) about the centre of mass or the pivot; the moments in some power of two of kg m^2.
+
+    The body's own axes where they are principal, else moments and axes of a matrix within 1e-31 of the given one; a
+    least moment of at most 1e-12 of the trace is then a slender beam's, zero.
+    """
+    M = _about_reference(z)
+    if M[3][0] == 0.0 and M[4][0] == 0.0 and M[5][0] == 0.0:
+        return M[0:3], ((_ONE, _ZERO, _ZERO), (_ZERO, _ONE, _ZERO), (_ZERO, _ZERO, _ONE))
+    M = _scaled(M)
+    (a, _), (b, _), (c, _), (d, _), (e, _), (f, _) = M
+    moments, axes = _refined(M, _orthonormal(principal_axes(((a, d, e), (d, b, f), (e, f, c)))[1]))
+    if moments[0][0] <= INERTIA_TOLERANCE * (a + b + c):
+        mean = dd_scale(0.5, dd_add(moments[1], moments[2]))
+        moments = _ZERO, mean, mean
+    return moments, axes
+
+
+@kernel(inline=False)
+def rates_along(axes: Axes, omega: Vec3) -> Vector:
+    """Components of a rate along principal axes."""
+    w = dd_vector(omega)
+    return dd_dot(axes[0], w), dd_dot(axes[1], w), dd_dot(axes[2], w)
+
+
+@kernel
+def rounded(axes: Axes) -> Matrix:
+    """Axes as floats, each a row."""
+    (a, b, c), (d, e, f), (g, h, i) = axes
+    return (a[0], b[0], c[0]), (d[0], e[0], f[0]), (g[0], h[0], i[0])
+
+
+@kernel(inline=False)
+def keeps_its_rate(z: Any, omega: Vec3) -> bool:
+    """Whether omega x M omega is zero to twice the digits: without torque the rate stays."""
+    a, b, c, d, e, f = _scaled(_about_reference(z))
+    rate = dd_vector(omega)
+    x, y, w = dd_scale_vector(power_for(rate), rate)
+    yw, wx, xy = dd_multiply(y, w), dd_multiply(w, x), dd_multiply(x, y)
+    xx, yy, ww = dd_multiply(x, x), dd_multiply(y, y), dd_multiply(w, w)
+    first = dd_dot((dd_subtract(c, b), f, e), (yw, dd_subtract(yy, ww), xy))
+    second = dd_dot((dd_subtract(a, c), e, d), (wx, dd_subtract(ww, xx), yw))
+    third = dd_dot((dd_subtract(b, a), d, f), (xy, dd_subtract(xx, yy), wx))
+    first, second = dd_subtract(first, dd_multiply(d, wx)), dd_subtract(second, dd_multiply(f, xy))
+    third = dd_subtract(third, dd_multiply(e, yw))
+    return first[0] == 0.0 and second[0] == 0.0 and third[0] == 0.0
+
+
+@kernel(inline=False)
+def _about_reference(z: Any) -> Inertia:
+    """M about the centre of mass or the pivot."""
+    (a, d, e), (_, b, f), (_, _, c) = inertia_of(z)
+    M: Inertia = ((a, 0.0), (b, 0.0), (c, 0.0), (d, 0.0), (e, 0.0), (f, 0.0))
+    if not has_pivot(z):
+        return M
+    m, (x, y, w) = z[_MASS], vec3_at(z, _R_OC)
+    xx, yy, ww = two_product(x, x), two_product(y, y), two_product(w, w)
+    return (
+        _plus(M[0], m, dd_add(yy, ww)), _plus(M[1], m, dd_add(ww, xx)), _plus(M[2], m, dd_add(xx, yy)),
+        _plus(M[3], -m, two_product(x, y)), _plus(M[4], -m, two_product(x, w)), _plus(M[5], -m, two_product(y, w)),
+    )  # fmt: skip
+
+
+@kernel
+def _plus(a: DoubleDouble, s: float, b: DoubleDouble) -> DoubleDouble:
+    return dd_add(a, dd_multiply_float(b, s))
+
+
+@kernel
+def _scaled(M: Inertia) -> Inertia:
+    """By a power of two, to a trace of about 1."""
+    up = power_of_two_for(M[0][0] + M[1][0] + M[2][0])
+    (a, b, c), (d, e, f) = dd_scale_vector(up, M[0:3]), dd_scale_vector(up, M[3:6])
+    return a, b, c, d, e, f
+
+
+@kernel(inline=False)
+def _orthonormal(R: Matrix) -> Axes:
+    """The columns of R, orthonormal to round-off, to twice the digits, by a step of Newton's method."""
+    x, y, w = (R[0][0], R[1][0], R[2][0]), (R[0][1], R[1][1], R[2][1]), (R[0][2], R[1][2], R[2][2])
+    xy, xw, yw = _half_dot(x, y)[0], _half_dot(x, w)[0], _half_dot(y, w)[0]
+    return _corrected(x, xy, y, xw, w), _corrected(y, xy, x, yw, w), _corrected(w, xw, x, yw, y)
+
+
+@kernel(inline=False)
+def _corrected(x: Vec3, half_xy: float, y: Vec3, half_xw: float, w: Vec3) -> Vector:
+    rest = dd_subtract((0.5, 0.0), _half_dot(x, x))[0]
+    a, b, c = add_scaled(add_scaled(scale(rest, x), -half_xy, y), -half_xw, w)
+    return two_sum(x[0], a), two_sum(x[1], b), two_sum(x[2], c)
+
+
+@kernel
+def _half_dot(a: Vec3, b: Vec3) -> DoubleDouble:
+    return dd_scale(0.5, dd_dot(dd_vector(a), dd_vector(b)))
+
+
+@kernel(inline=False)
+def _refined(M: Inertia, axes: Axes) -> tuple[Vector, Axes]:
+    """The same by Jacobi's rotations from axes that are principal already, to round-off; `inertia.principal_axes`."""
+    x, y, w = axes
+    m_x, m_y, m_w = _times(M, x), _times(M, y), _times(M, w)
+    a, b, c, d, e, f = dd_dot(x, m_x), dd_dot(y, m_y), dd_dot(w, m_w), dd_dot(x, m_y), dd_dot(x, m_w), dd_dot(y, m_w)
+    least = _NEGLIGIBLE * (a[0] + b[0] + c[0])
+    for _ in range(8):
+        if not abs(d[0]) + abs(e[0]) + abs(f[0]) > least:
+            break
+        cos, sin, change = _jacobi(a, b, d, least)
+        a, b, d, (e, f) = dd_subtract(a, change), dd_add(b, change), _ZERO, _turned(e, f, cos, sin)
+        x, y = _turned_axes(x, y, cos, sin)
+        cos, sin, change = _jacobi(a, c, e, least)
+        a, c, e, (d, f) = dd_subtract(a, change), dd_add(c, change), _ZERO, _turned(d, f, cos, sin)
+        x, w = _turned_axes(x, w, cos, sin)
+        cos, sin, change = _jacobi(b, c, f, least)
+        b, c, f, (d, e) = dd_subtract(b, change), dd_add(c, change), _ZERO, _turned(d, e, cos, sin)
+        y, w = _turned_axes(y, w, cos, sin)
+    return (a, b, c), (x, y, w)
+
+
+@kernel
+def _times(M: Inertia, v: Vector) -> Vector:
+    """The product M v."""
+    a, b, c, d, e, f = M
+    return dd_dot((a, d, e), v), dd_dot((d, b, f), v), dd_dot((e, f, c), v)
+
+
+@kernel(inline=False)
+def _jacobi(
+    p: DoubleDouble, q: DoubleDouble, o: DoubleDouble, least: float
+) -> tuple[DoubleDouble, DoubleDouble, DoubleDouble]:
+    """(cosine, sine, tangent times o) of the rotation that annihilates o of ((p, o), (o, q)); none below `least`."""
+    if not abs(o[0]) > 2.0**-8 * least:
+        return _ONE, _ZERO, _ZERO
+    x = dd_divide(dd_subtract(q, p), dd_scale(2.0, o))
+    sign = -1.0 if x[0] < 0.0 else 1.0
+    root = dd_sqrt(dd_add_float(dd_multiply(x, x), 1.0))
+    tan = dd_divide((sign, 0.0), dd_add(dd_scale(sign, x), root))
+    cos = dd_divide(_ONE, dd_sqrt(dd_add_float(dd_multiply(tan, tan), 1.0)))
+    return cos, dd_multiply(tan, cos), dd_multiply(tan, o)
+
+
+@kernel
+def _turned(
+    u: DoubleDouble, v: DoubleDouble, cos: DoubleDouble, sin: DoubleDouble
+) -> tuple[DoubleDouble, DoubleDouble]:
+    return (
+        dd_subtract(dd_multiply(cos, u), dd_multiply(sin, v)),
+        dd_add(dd_multiply(sin, u), dd_multiply(cos, v)),
+    )
+
+
+@kernel(inline=False)
+def _turned_axes(u: Vector, v: Vector, cos: DoubleDouble, sin: DoubleDouble) -> tuple[Vector, Vector]:
+    a, d = _turned(u[0], v[0], cos, sin)
+    b, e = _turned(u[1], v[1], cos, sin)
+    c, f = _turned(u[2], v[2], cos, sin)
+    return (a, b, c), (d, e, f)

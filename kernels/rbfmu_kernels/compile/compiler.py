@@ -1,0 +1,141 @@
+"""Numba's compiler with no more to do than kernels need: half the time of a first call.
+
+Numba makes machine code of a function and, once more, of all that it calls, to be called from Python too.  Nobody calls
+what a kernel calls but compiled code, into which it is merged: there it is only LLVM's intermediate code.
+"""
+
+import gc
+from typing import Any, ClassVar
+
+from llvmlite import binding
+from numba import types
+from numba.core.caching import CompileResultCacheImpl, FunctionCache
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import CompilerBase, compile_result
+from numba.core.compiler_machinery import PassManager
+from numba.core.typed_passes import (
+    AnnotateTypes,
+    NativeLowering,
+    NoPythonBackend,
+    NopythonTypeInference,
+    PreLowerStripPhis,
+)
+from numba.core.typing import Context
+from numba.core.untyped_passes import FixupArgs, GenericRewrites, IRProcessing, ReconstructSSA, TranslateByteCode
+
+_PASSES = (
+    TranslateByteCode, FixupArgs, IRProcessing, GenericRewrites, ReconstructSSA, NopythonTypeInference,
+    PreLowerStripPhis, AnnotateTypes, NativeLowering, NoPythonBackend,
+)  # fmt: skip
+
+
+class _Remembering(Context):  # type: ignore[misc]
+    """Numba tries some ten templates, most of them NumPy's, at each sum of two numbers; here once for all sums."""
+
+    _answers: ClassVar[dict[Any, Any]] = {}
+    _numbers = (types.Number, types.Boolean, types.Literal)
+
+    @classmethod
+    def beside(cls, context: Any) -> "_Remembering":
+        """Another view of Numba's own context: they share all that they know."""
+        view = object.__new__(cls)
+        view.__dict__ = context.__dict__
+        return view
+
+    def resolve_function_type(self, func: Any, args: Any, kws: Any) -> Any:
+        if kws or not isinstance(func, types.Function) or not all(isinstance(a, self._numbers) for a in args):
+            return super().resolve_function_type(func, args, kws)
+        if (func, args) not in self._answers:
+            self._answers[func, args] = super().resolve_function_type(func, args, kws)
+        return self._answers[func, args]
+
+
+class KernelCompiler(CompilerBase):  # type: ignore[misc]
+    """Without what is for closures, `with`, `raise`, array expressions and literals."""
+
+    def __init__(self, typingctx: Any, *rest: Any) -> None:
+        super().__init__(typingctx, *rest)
+        self.state.typingctx = _Remembering.beside(typingctx)
+
+    def compile_extra(self, function: Any) -> Any:
+        """Garbage is collected afterwards: to look for it meanwhile takes a tenth of the time, and there is little."""
+        collecting = gc.isenabled()
+        gc.disable()
+        try:
+            return super().compile_extra(function)
+        finally:
+            if collecting:
+                gc.enable()
+
+    def define_pipelines(self) -> list[Any]:
+        """Return the one pipeline of a kernel."""
+        passes = PassManager("kernel")
+        for stage in _PASSES:
+            passes.add_pass(stage, stage.__name__)
+        passes.finalize()
+        return [passes]
+
+
+class CalleeCompiler(KernelCompiler):
+    """For what compiled code calls."""
+
+    def __init__(self, typingctx: Any, targetctx: Any, library: Any, *rest: Any) -> None:
+        super().__init__(typingctx, targetctx, _IntermediateCode(targetctx.codegen(), "callee"), *rest)
+
+
+class _IntermediateCode(JITCodeLibrary):  # type: ignore[misc]
+    @property
+    def codegen(self) -> Any:
+        """Asked for `set_env` only."""
+        return self
+
+    def set_env(self, name: str, environment: Any) -> None:
+        """Exceptions and Python objects need an environment, kernels do not."""
+
+    def get_pointer_to_function(self, name: str) -> int:
+        self._ensure_finalized()
+        return 0
+
+    def serialize_using_object_code(self) -> Any:
+        return self.serialize_using_bitcode()
+
+    def _optimize_final_module(self) -> None:
+        """Merge what is called; the rest is done once, in the caller."""
+        options = {"loop_vectorize": False, "slp_vectorize": False, "opt": 0, "cost": "cheap"}
+        passes, builder = self._codegen._module_pass_manager(**options)
+        passes.run(self._final_module, builder)
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+    @classmethod
+    def _unserialize(cls, codegen: Any, state: Any) -> Any:
+        name, _, code = state
+        library = cls(codegen, name)
+        library._final_module = binding.parse_bitcode(code)
+        library._finalize_final_module()
+        return library
+
+
+class _CalleeCacheImplementation(CompileResultCacheImpl):  # type: ignore[misc]
+    def rebuild(self, target_context: Any, payload: Any) -> Any:
+        """The result of CalleeCompiler. As if compiled now: machine code would be made from it, and change it."""
+        state, description, environment, signature, *_ = payload
+        library = _IntermediateCode._unserialize(target_context.codegen(), state)
+        return compile_result(
+            typing_context=target_context.typing_context,
+            target_context=target_context,
+            library=library,
+            environment=environment,
+            entry_point=target_context.get_executable(library, description, environment),
+            fndesc=description,
+            signature=signature,
+            objectmode=False,
+        )
+
+
+class CalleeCache(FunctionCache):  # type: ignore[misc]
+    """Of what CalleeCompiler makes."""
+
+    _impl_class = _CalleeCacheImplementation

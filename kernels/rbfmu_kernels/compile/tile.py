@@ -1,0 +1,258 @@
+"""A tile: numbers of sixteen items on the stack, a number's values for successive items side by side.
+
+Numba's intrinsics behind the loops of `gufunc`: moves between memory and tile, and hints to LLVM.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import float64, intp, types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+from .transpose import LANES, columns_of, constant, load, store, store_items
+
+ITEMS = 16
+_AHEAD = 2048  # bytes: how far ahead of the tile memory is asked for
+_POINTER = types.CPointer(float64)
+_double, _int32, _int64 = ir.DoubleType(), ir.IntType(32), ir.IntType(64)
+_byte_pointer = ir.IntType(8).as_pointer()
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def address(typingctx: Any, pointer: Any, offset: Any) -> Any:
+    """The address `offset` bytes after a double*."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return cgutils.pointer_add(builder, args[0], args[1])
+
+    return _POINTER(_POINTER, intp), generate
+
+
+@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
+def tile_of(typingctx: Any, rows: Any) -> Any:
+    """A tile with `rows` (a literal) numbers for each item, in a function that may use the widest vectors there are."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        set.add(builder.function.attributes, '"prefer-vector-width"="512"')  # not among those that llvmlite checks for
+        return _stack(builder, ITEMS * rows.literal_value)
+
+    return _POINTER(rows), generate
+
+
+@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
+def to_tile(typingctx: Any, tile: Any, items: Any, row: Any, size: Any) -> Any:
+    """Sixteen items of `size` numbers, packed at `items`, to the tile's rows from `row` on."""
+    first, width = row.literal_value, size.literal_value
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        for half in range(0, ITEMS, LANES):
+            _ask_for(builder, args[1], half * width, width, writing=False)
+            for n, column in enumerate(columns_of(builder, args[1], half * width, width)):
+                store(builder, column, args[0], (first + n) * ITEMS + half)
+
+    return types.void(_POINTER, _POINTER, row, size), _without_result(generate)
+
+
+@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
+def from_tile(typingctx: Any, tile: Any, items: Any, row: Any, size: Any) -> Any:
+    """The tile's rows from `row` on to sixteen items of `size` numbers, packed at `items`."""
+    first, width = row.literal_value, size.literal_value
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        for half in range(0, ITEMS, LANES):
+            _ask_for(builder, args[1], half * width, width, writing=True)
+            _store_rows(builder, args[0], range(first, first + width), args[1], half)
+
+    return types.void(_POINTER, _POINTER, row, size), _without_result(generate)
+
+
+@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
+def stream_tile(typingctx: Any, tile: Any, items: Any, row: Any, size: Any) -> Any:
+    """The same past the caches, in whole cache lines: memory that is written only need not be read first."""
+    first, width = row.literal_value, size.literal_value
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        count = ir.Constant(_int64, ITEMS * width)
+        lines = _stack(builder, ITEMS * width)
+        for half in range(0, ITEMS, LANES):
+            _store_rows(builder, args[0], range(first, first + width), lines, half)
+        builder.asm(ir.FunctionType(ir.VoidType(), [lines.type]), "", "r,~{memory}", [lines], True)  # all in place
+        before = _before_line(builder, args[1], count)
+        behind = builder.add(before, builder.and_(builder.sub(count, before), _int64(-LANES)))
+        for start, stop, step in ((_int64(0), before, 1), (before, behind, LANES), (behind, count, 1)):
+            with cgutils.for_range_slice(builder, start, stop, _int64(step), _int64) as (i, _):
+                _stream(builder, builder.gep(lines, [i]), builder.gep(args[1], [i]), step)
+
+    return types.void(_POINTER, _POINTER, row, size), _without_result(generate)
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def end_stream(typingctx: Any) -> Any:
+    """Let other threads see what was streamed before they see that the call is over."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        fence = ir.FunctionType(ir.VoidType(), [])
+        builder.call(cgutils.get_or_insert_function(builder.module, fence, "llvm.x86.sse.sfence"), [])
+
+    return types.void(), _without_result(generate)
+
+
+@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
+def item_to_tile(typingctx: Any, column: Any, item: Any, row: Any, shape: Any, strides: Any) -> Any:
+    """One item anywhere in memory to the tile, `column` being the address of its place in the first row.
+
+    shape: of the item, such as (3, 3); strides: in bytes.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        cells = _cells(builder, args[0], row.literal_value, _lengths(shape))
+        for cell, place in zip(cells, _places(builder, args[1], args[4], _lengths(shape)), strict=True):
+            builder.store(builder.load(place), cell)
+        _keep_scalar(builder)
+
+    return types.void(_POINTER, _POINTER, row, shape, strides), _without_result(generate)
+
+
+@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
+def item_from_tile(typingctx: Any, column: Any, item: Any, row: Any, shape: Any, strides: Any) -> Any:
+    """The same back."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        cells = _cells(builder, args[0], row.literal_value, _lengths(shape))
+        for cell, place in zip(cells, _places(builder, args[1], args[4], _lengths(shape)), strict=True):
+            builder.store(builder.load(cell), place)
+        _keep_scalar(builder)
+
+    return types.void(_POINTER, _POINTER, row, shape, strides), _without_result(generate)
+
+
+@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
+def read(typingctx: Any, column: Any, row: Any, shape: Any) -> Any:
+    """An item of the tile as a number or a (nested) tuple."""
+    lengths = _lengths(shape)
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        cells = iter(_cells(builder, args[0], row.literal_value, lengths))
+
+        def item(kind: Any) -> Any:
+            if kind is float64:
+                return builder.load(next(cells))
+            return context.make_tuple(builder, kind, [item(part) for part in kind])
+
+        return item(signature.return_type)
+
+    kind = float64
+    for length in reversed(lengths):
+        kind = types.UniTuple(kind, length)
+    return kind(_POINTER, row, shape), generate
+
+
+@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
+def write(typingctx: Any, column: Any, row: Any, shape: Any, item: Any) -> Any:
+    """The same back."""
+    lengths = _lengths(shape)
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        cells = _cells(builder, args[0], row.literal_value, lengths)
+        for cell, index in zip(cells, np.ndindex(*lengths), strict=True):
+            builder.store(builder.extract_value(args[3], index) if index else args[3], cell)
+
+    return types.void(_POINTER, row, shape, item), _without_result(generate)
+
+
+def _lengths(shape: Any) -> list[int]:
+    return [n.literal_value for n in shape.types]
+
+
+def _cells(builder: Any, column: Any, row: int, lengths: list[int]) -> list[Any]:
+    return [builder.gep(column, [constant((row + n) * ITEMS)]) for n in range(math.prod(lengths))]
+
+
+def _places(builder: Any, item: Any, strides: Any, lengths: list[int]) -> Any:
+    """The addresses of an item's numbers."""
+    for index in np.ndindex(*lengths):
+        offset = ir.Constant(_int64, 0)
+        for axis, i in enumerate(index):
+            stride = builder.extract_value(strides, axis)
+            offset = builder.add(offset, builder.mul(stride, ir.Constant(stride.type, i)))
+        yield cgutils.pointer_add(builder, item, offset)
+
+
+def _keep_scalar(builder: Any) -> None:
+    """An empty instruction that keeps LLVM from vectorising a copying loop: its gathers and scatters are slow."""
+    builder.asm(ir.FunctionType(ir.VoidType(), []), "", "~{memory}", [], True)
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def in_vectors(typingctx: Any) -> Any:
+    """At the end of a loop's body: LLVM shall not unroll it before vectorising, and mix two vectors' instructions.
+
+    (A chain of dependent operations leaves the processor's units idle half of the time.)
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        module, branch = builder.module, builder.branch
+
+        def branch_with_hints(target: Any) -> Any:
+            del builder.branch
+            jump = branch(target)
+            loop = module.add_metadata([constant(len(module.metadata))])
+            hints = [["llvm.loop.interleave.count", constant(2)], ["llvm.loop.unroll.disable"]]
+            loop.operands = (loop, *map(module.add_metadata, hints))  # a loop's first operand is itself
+            jump.set_metadata("llvm.loop", loop)
+            return jump
+
+        builder.branch = branch_with_hints  # the next one, from which the loop starts over
+
+    return types.void(), _without_result(generate)
+
+
+def _without_result(generate: Any) -> Any:
+    def generate_and_return(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        generate(context, builder, signature, args)
+        return context.get_dummy_value()
+
+    return generate_and_return
+
+
+def _stack(builder: Any, count: int) -> Any:
+    """Numbers on the stack, from the beginning of a cache line on."""
+    array = cgutils.alloca_once(builder, ir.ArrayType(_double, count))
+    array.align = 8 * LANES
+    return builder.bitcast(array, _double.as_pointer())
+
+
+def _before_line(builder: Any, pointer: Any, count: Any) -> Any:
+    """How many numbers there are before a cache line begins; `count` where none ever does at a number."""
+    place = builder.ptrtoint(pointer, _int64)
+    numbers = builder.and_(builder.neg(builder.lshr(place, _int64(3))), _int64(LANES - 1))
+    aligned = builder.icmp_unsigned("==", builder.and_(place, _int64(7)), _int64(0))
+    return builder.select(aligned, numbers, count)
+
+
+def _stream(builder: Any, source: Any, target: Any, count: int) -> None:
+    """One number, or a line of them to where one begins, without a place in the caches."""
+    kind = ir.VectorType(_double, count) if count > 1 else _int64
+    value = builder.load(builder.bitcast(source, kind.as_pointer()), align=8)
+    stored = builder.store(value, builder.bitcast(target, kind.as_pointer()), align=8 * count)
+    stored.set_metadata("nontemporal", builder.module.add_metadata([constant(1)]))
+
+
+def _ask_for(builder: Any, pointer: Any, index: int, lines: int, *, writing: bool) -> None:
+    """Prefetch `lines` cache lines (8 numbers each) some way ahead; beyond an array's end this does nothing."""
+    arguments = [_byte_pointer, _int32, _int32, _int32]
+    prefetch = cgutils.get_or_insert_function(
+        builder.module, ir.FunctionType(ir.VoidType(), arguments), "llvm.prefetch.p0"
+    )
+    for line in range(lines):
+        place = builder.bitcast(builder.gep(pointer, [constant(index + 8 * line + _AHEAD // 8)]), _byte_pointer)
+        builder.call(prefetch, [place, constant(int(writing)), constant(3), constant(1)])
+
+
+def _store_rows(builder: Any, tile: Any, rows: range, items: Any, half: int) -> None:
+    """Half a tile's items from `rows`, packed at `items`."""
+    columns = [load(builder, tile, n * ITEMS + half, LANES) for n in rows]
+    store_items(builder, columns, items, half * len(rows))

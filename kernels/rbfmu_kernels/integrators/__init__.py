@@ -1,0 +1,1 @@
+"""Methods that integrate the equations of motion over a communication step."""

@@ -1,0 +1,163 @@
+"""A body with two equal principal moments under torques and forces that depend on its attitude only: heavy tops.
+
+A step composes kicks (attitude held, the loads change the rates) with drifts (no loads: the exact flow of the
+symmetric free body, elementary functions only). Not for damping, which is left out, nor for inputs that change within
+the step. Any direction of the symmetry axis; two of the moments about the reference point must be equal.
+
+Kicks resonate with the precession about the angular momentum: keep h well below `resonant_step` (law: below it the
+energy error stays bounded for all times; at it the energy drifts by some m g l).
+"""
+
+import math
+
+from ..compile.decorator import kernel
+from ..mechanics.equations_of_motion import Body, Loads, State, angular_acceleration, linear_acceleration
+from ..mechanics.inertia import scale_matrix, trace
+from ..numerics.scaling import power_of_two_for
+from ..rotations.matrix import transform
+from ..rotations.quaternion import compose_quaternions, invert_quaternion, rotate
+from ..rotations.rotation_vector import quaternion_from_rotvec
+from ..rotations.vec3 import add_scaled, norm, scale, subtract
+from ..types import Matrix, Vec3
+
+_AT_REST: Vec3 = (0.0, 0.0, 0.0)
+
+# S. Blanes & P. C. Moan, "Practical symplectic partitioned Runge-Kutta and Runge-Kutta-Nystroem methods",
+# J. Comput. Appl. Math. 142 (2002): SRKN^b_6 (order 4) and SRKN^b_11 (order 6), each symmetric, kicks at both ends:
+# one step's last and the next one's first are one.
+# Kick after kick depends on the attitude alone, so that the conditions of Nystroem methods suffice.
+_K4 = (0.0829844064174052, 0.396309801498368, -0.0390563049223486)
+_K4_MIDDLE = 1.0 - 2.0 * (_K4[0] + _K4[1] + _K4[2])
+_D4 = (0.245298957184271, 0.604872665711080)
+_D4_LAST = 0.5 - (_D4[0] + _D4[1])
+_K6 = (0.0414649985182624, 0.198128671918067, -0.0400061921041533, 0.0752539843015807, -0.0115113874206879)
+_K6_LAST = 0.5 - (_K6[0] + _K6[1] + _K6[2] + _K6[3] + _K6[4])
+_D6 = (0.123229775946271, 0.290553797799558, -0.127049212625417, -0.246331761062075, 0.357208872795928)
+_D6_MIDDLE = 1.0 - 2.0 * (_D6[0] + _D6[1] + _D6[2] + _D6[3] + _D6[4])
+
+
+@kernel
+def transverse_moment(M: Matrix) -> float:
+    """The moment that two principal axes of M share; where no two are equal, a number between the two nearest.
+
+    M: symmetric, kg m^2, any scale.  Error <= 2 eps tr(M).
+    From the deviator's invariants: M - tr(M) / 3 = d (n n^T - 1 / 3).
+    """
+    total = trace(M)
+    power = 1.0 if 2.0**-200 < total < 2.0**200 else power_of_two_for(total)  # for products of three moments
+    M = scale_matrix(power, M)
+    third = trace(M) / 3.0
+    x, y, z = M[0][0] - third, M[1][1] - third, M[2][2] - third
+    a, b, c = M[1][2], M[0][2], M[0][1]
+    squares = (x * x + y * y + z * z) + 2.0 * (a * a + b * b + c * c)
+    determinant = x * (y * z - a * a) - c * (c * z - a * b) + b * (c * a - y * b)
+    return (third - math.copysign(math.sqrt(squares / 6.0), determinant)) / power
+
+
+@kernel
+def is_symmetric_top(M: Matrix) -> bool:
+    """Whether two principal moments of M are equal, to 4 eps of the trace: (M - I_t) (M - I_s) = 0.
+
+    M: symmetric, kg m^2, any scale.
+    """
+    M = scale_matrix(power_of_two_for(trace(M)), M)
+    total = trace(M)
+    t = transverse_moment(M)
+    s = total - 2.0 * t
+    A = ((M[0][0] - t, M[0][1], M[0][2]), (M[1][0], M[1][1] - t, M[1][2]), (M[2][0], M[2][1], M[2][2] - t))
+    B = ((M[0][0] - s, M[0][1], M[0][2]), (M[1][0], M[1][1] - s, M[1][2]), (M[2][0], M[2][1], M[2][2] - s))
+    residual = max(max(norm(transform(A, B[0])), norm(transform(A, B[1]))), norm(transform(A, B[2])))
+    return residual <= 4.0 * 2.0**-52 * total * (abs(t - s) + 4.0 * 2.0**-52 * total)
+
+
+@kernel
+def resonant_step(M: Matrix, omega_b: Vec3) -> float:
+    """2 pi I_t / |M omega|, s: the step that equals a turn about the angular momentum.
+
+    2 pi I_t / (I_s |omega_s|) for a fast top.  A torque fixed in the body resonates at 2 pi / |omega| as well.
+    """
+    momentum = norm(transform(M, omega_b))
+    return 2.0 * math.pi * transverse_moment(M) / (momentum if momentum > 0.0 else 1e-300)
+
+
+@kernel
+def _kick(state: State, h: float, body: Body, loads: Loads) -> State:
+    """The loads act for h at a held attitude."""
+    r, v, q, omega = state
+    v = add_scaled(v, h, linear_acceleration(q, body, loads))
+    return r, v, q, add_scaled(omega, h, angular_acceleration(q, _AT_REST, body, loads))
+
+
+@kernel
+def _drift(state: State, h: float, M: Matrix, per_transverse: float) -> State:
+    """No loads for h: a turn h M omega / I_t about the momentum, then h (1 - M / I_t) omega about the axis."""
+    r, v, q, omega = state
+    along_momentum = scale(per_transverse, transform(M, omega))
+    back = quaternion_from_rotvec(scale(h, subtract(omega, along_momentum)))
+    q = compose_quaternions(compose_quaternions(q, quaternion_from_rotvec(scale(h, along_momentum))), back)
+    return add_scaled(r, h, v), v, q, rotate(invert_quaternion(back), omega)
+
+
+@kernel
+def _last_kick(state: State, h: float, body: Body, loads: Loads) -> State:
+    """A kick, and |q| kept: one step of Newton's method, as products of unit quaternions leave it within some eps."""
+    r, v, q, omega = _kick(state, h, body, loads)
+    s = 1.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    return r, v, (s * q[0], s * q[1], s * q[2], s * q[3]), omega
+
+
+@kernel(inline=False)
+def _drift_and_kick(state: State, drift: float, kick: float, per_transverse: float, body: Body, loads: Loads) -> State:
+    return _kick(_drift(state, drift, body[1], per_transverse), kick, body, loads)
+
+
+@kernel(inline=False)
+def _drift_and_last_kick(
+    state: State, drift: float, kick: float, per_transverse: float, body: Body, loads: Loads
+) -> State:
+    return _last_kick(_drift(state, drift, body[1], per_transverse), kick, body, loads)
+
+
+@kernel(inline=False)
+def strang_steps(state: State, h: float, n: int, body: Body, loads: Loads) -> State:
+    """N steps of half a kick, a drift, half a kick: order 2; halves that meet are one kick."""
+    u = 1.0 / transverse_moment(body[1])
+    y = _kick(state, 0.5 * h, body, loads)
+    for i in range(1, n + 1):
+        y = _drift_and_last_kick(y, h, h if i < n else 0.5 * h, u, body, loads)
+    return y
+
+
+@kernel(inline=False)
+def rkn4_steps(state: State, h: float, n: int, body: Body, loads: Loads) -> State:
+    """N steps of six drifts and as many kicks: order 4."""
+    u = 1.0 / transverse_moment(body[1])
+    y = _kick(state, _K4[0] * h, body, loads)
+    for i in range(1, n + 1):
+        y = _drift_and_kick(y, _D4[0] * h, _K4[1] * h, u, body, loads)
+        y = _drift_and_kick(y, _D4[1] * h, _K4[2] * h, u, body, loads)
+        y = _drift_and_kick(y, _D4_LAST * h, _K4_MIDDLE * h, u, body, loads)
+        y = _drift_and_kick(y, _D4_LAST * h, _K4[2] * h, u, body, loads)
+        y = _drift_and_kick(y, _D4[1] * h, _K4[1] * h, u, body, loads)
+        y = _drift_and_last_kick(y, _D4[0] * h, (2.0 if i < n else 1.0) * _K4[0] * h, u, body, loads)
+    return y
+
+
+@kernel(inline=False)
+def rkn6_steps(state: State, h: float, n: int, body: Body, loads: Loads) -> State:
+    """N steps of eleven drifts and as many kicks: order 6."""
+    u = 1.0 / transverse_moment(body[1])
+    y = _kick(state, _K6[0] * h, body, loads)
+    for i in range(1, n + 1):
+        y = _drift_and_kick(y, _D6[0] * h, _K6[1] * h, u, body, loads)
+        y = _drift_and_kick(y, _D6[1] * h, _K6[2] * h, u, body, loads)
+        y = _drift_and_kick(y, _D6[2] * h, _K6[3] * h, u, body, loads)
+        y = _drift_and_kick(y, _D6[3] * h, _K6[4] * h, u, body, loads)
+        y = _drift_and_kick(y, _D6[4] * h, _K6_LAST * h, u, body, loads)
+        y = _drift_and_kick(y, _D6_MIDDLE * h, _K6_LAST * h, u, body, loads)
+        y = _drift_and_kick(y, _D6[4] * h, _K6[4] * h, u, body, loads)
+        y = _drift_and_kick(y, _D6[3] * h, _K6[3] * h, u, body, loads)
+        y = _drift_and_kick(y, _D6[2] * h, _K6[2] * h, u, body, loads)
+        y = _drift_and_kick(y, _D6[1] * h, _K6[1] * h, u, body, loads)
+        y = _drift_and_last_kick(y, _D6[0] * h, (2.0 if i < n else 1.0) * _K6[0] * h, u, body, loads)
+    return y

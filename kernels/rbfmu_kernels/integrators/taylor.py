@@ -1,0 +1,292 @@
+"""Taylor series of any order for the motion of a body, with error control inside a communication step.
+
+Only the body rate, and those loads that turn in b, are series of full order: few products. The attitude follows from
+the rate by the two-point formula of Hermite and Obreshkov, exact to order 2 m from m derivatives at either end:
+sum_k c_k h^k q^(k)(0) = sum_k c_k (-h)^k q^(k)(h), c_k = (2m - k)! m! / ((2m)! k! (m - k)!), which q = q_0 o D makes
+explicit. Where a force turns with the body, velocity and position follow in the same way.
+Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed. 1993, I.8 and III.3; the step is chosen by
+the last two terms: A. Jorba & M. Zou, Experimental Mathematics 14 (2005).
+
+Works in a piece of a unit's buffer, see `taylor_coefficients`; states as in `dop853`.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from ..buffer import FINE, MOST_SUBSTEPS, NOT_REACHED
+from ..buffer_access import put_vec3_at, vec3_at
+from ..compile.decorator import kernel
+from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers
+from ..mechanics.equations_of_motion import Body, Course, course_after
+from ..mechanics.inertia import trace
+from ..rotations.quaternion import add_scaled_quaternion, compose_quaternions, invert_quaternion, rotate
+from ..rotations.vec3 import add, add_scaled, dot, scale
+from ..types import Quaternion, Vec3
+from .dop853 import SPIN, TURNING, attitude_at, put_attitude, rate_at
+from .substeps import substeps_in, tolerance_of_substep
+from .taylor_coefficients import (
+    LEVEL,
+    LOADS,
+    PER,
+    PUSH,
+    ROW,
+    SERIES,
+    TURN,
+    WORK,
+    Acting,
+    acting_loads,
+    known_torques,
+    motion_series,
+    push_series,
+    put_factors,
+    turned_loads,
+)
+
+_MOST_DERIVATIVES = 9
+_WEIGHT = np.array(
+    [
+        [
+            math.perm(m, k) * math.factorial(2 * m - k) / math.factorial(2 * m) if k <= m else 0.0
+            for k in range(_MOST_DERIVATIVES + 2)
+        ]
+        for m in range(_MOST_DERIVATIVES + 1)
+    ]
+)
+"""c_k k! of the two-point formula with m derivatives: [m, k]."""
+_REMAINDER = np.array(
+    [
+        math.factorial(m) ** 2 / (math.factorial(2 * m) * math.factorial(2 * m + 1)) * 0.25**m
+        for m in range(_MOST_DERIVATIVES + 1)
+    ]
+)
+"""Its error: this times (2 h)^(2m+1) / 2 and the (2m+1)-th derivative."""
+_PACE = 4.0 / math.e * np.arange(_MOST_DERIVATIVES + 1)
+"""Times an acceleration: the square of the rate whose turn has as large a (2m)-th derivative as a turn from rest."""
+_FOUR = 4.0 ** np.arange(_MOST_DERIVATIVES + 1)
+
+KEPT = 8
+"""Steps for which loads that turn in b are carried on by their series, before the attitude says anew how they stand."""
+
+
+@kernel
+def derivatives_of_attitude(order: int) -> int:
+    """How many the attitude needs beside rates of an order: measured, the least work from 1e-3 to 1e-12."""
+    return (3 * order + 7) // 8
+
+
+@kernel
+def _sum(s: Any, u: int, order: int, h: float) -> Vec3:
+    """The series at u, at h: even and odd powers apart, as half as many sums wait for each other."""
+    steps = lanes(h * h, h * h, h * h, h * h)
+    even = odd = lanes(0.0, 0.0, 0.0, 0.0)
+    for k in range(order - (order & 1), 0, -2):
+        even = add_lanes(multiply_lanes(even, steps), lanes_at(s, u + ROW * k))
+        odd = add_lanes(multiply_lanes(odd, steps), lanes_at(s, u + ROW * (k - 1)))
+    even, odd = multiply_lanes(even, steps), multiply_lanes(odd, lanes(h, h, h, h))
+    x, y, z, _ = numbers(add_lanes(add_lanes(even, odd), lanes_at(s, u)))
+    return (x, y, z)
+
+
+@kernel
+def _half_turn(s: Any, m: int, h: float) -> Quaternion:
+    """The two-point formula's half: sum of c_k k! h^k D_k."""
+    power, total = 1.0, (0.0, 0.0, 0.0, 0.0)
+    for k in range(m + 1):
+        total = add_scaled_quaternion(total, _WEIGHT[m, k] * power, attitude_at(s, TURN + ROW * k))
+        power *= h
+    return total
+
+
+@kernel
+def _half_push(s: Any, m: int, h: float) -> tuple[Vec3, Vec3]:
+    """The same of the velocity and of the position that an acceleration makes."""
+    power, speed, path = h, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for k in range(m):
+        push = scale(PER[k] * power, vec3_at(s, PUSH + ROW * k))
+        power *= h
+        speed = add_scaled(speed, _WEIGHT[m, k + 1], push)
+        path = add_scaled(path, _WEIGHT[m, k + 2] * PER[k + 1] * h, push)
+    return speed, path
+
+
+@kernel
+def _move(z: Any, y: int, q: Quaternion, m: int, s: Any, h: float) -> None:
+    """The two-point formula's half for velocity and position of the state z[y:], h < 0 at a step's end."""
+    speed, path = _half_push(s, m, h)
+    speed, path = rotate(q, speed), rotate(q, path)
+    sign = math.copysign(1.0, h)
+    for i in range(3):
+        z[y + 11 + i] += sign * speed[i] if h < 0.0 else 0.0
+        z[y + 8 + i] += 0.5 * abs(h) * z[y + 11 + i] + sign * path[i]
+        z[y + 11 + i] += sign * speed[i] if h > 0.0 else 0.0
+
+
+@kernel
+def _power(x: float, n: int) -> float:
+    total = 1.0
+    while n > 0:
+        total = total * x if n & 1 == 1 else total
+        x, n = x * x, n >> 1
+    return total
+
+
+@kernel
+def _largest(v: Vec3) -> float:
+    return max(max(abs(v[0]), abs(v[1])), abs(v[2]))
+
+
+@kernel
+def _last_terms(s: Any, u: int, order: int, h: float) -> float:
+    """The last two terms of the series at u, per h^(order - 1)."""
+    return max(_largest(vec3_at(s, u + ROW * (order - 1))), h * _largest(vec3_at(s, u + ROW * order)))
+
+
+@kernel
+def _pull(s: Any, body: Body, acting: Acting) -> float:
+    """The angular acceleration by loads that turn in b, at most."""
+    pull = 0.0
+    if acting[0]:
+        pull += _size(body[3]) * _size(vec3_at(s, LOADS))
+    if acting[1]:
+        pull += _size(vec3_at(s, LOADS + SERIES))
+    return pull * trace(body[2])
+
+
+@kernel
+def _size(v: Vec3) -> float:
+    return abs(v[0]) + abs(v[1]) + abs(v[2])
+
+
+@kernel(inline=False)
+def _error(s: Any, order: int, h: float, push: float, pull: float, kept: int, n: int, span: float) -> float:
+    """Estimate for a step of h: the last two terms relative to the rate, and the two-point formula's remainder (rad).
+
+    push: a force's acceleration, relative to the velocity and at least 1 m/s, if it turns with the body.
+    pull: the angular acceleration by loads that turn in b, whose last terms count as they act for `kept` steps.
+    span: how long an error of the rate goes on to turn the body, s; see `body.memory.SETTINGS`.
+    """
+    m, square, power = derivatives_of_attitude(order), 0.0, 1.0
+    at_end = (0.0, 0.0, 0.0)
+    for k in range(4):
+        part = scale(power, vec3_at(s, ROW * k))
+        at_end = add(at_end, part)
+        square = max(square, max(dot(part, part), dot(at_end, at_end)))
+        power *= h
+    power = _power(h, order - 1)
+    last = _last_terms(s, 0, order, h) * power
+    rate = math.sqrt(square)
+    turned = last * span
+    last = last / rate if rate > 0.0 else 0.0
+    if n == SPIN:
+        return last
+    last = max(last, turned)
+    if pull > 0.0:
+        lift, twist = _size(vec3_at(s, LOADS)), _size(vec3_at(s, LOADS + SERIES))
+        off = _last_terms(s, LOADS, order, h) * power / lift if lift > 0.0 else 0.0
+        off += _last_terms(s, LOADS + SERIES, order, h) * power / twist if twist > 0.0 else 0.0
+        span = kept * h
+        last = max(last, off * pull * span * max(0.5 * span, 1.0 / rate)) if off > 0.0 else last
+    alpha = vec3_at(s, ROW)
+    square = h * h * (square + _PACE[m] * math.sqrt(dot(alpha, alpha)))
+    remainder: float = _REMAINDER[m] * _power(square, m) * max(math.sqrt(square), _FOUR[m] * h * push)
+    return max(last, remainder)
+
+
+@kernel
+def _nearer_size(h: float, order: int, excess: float) -> float:
+    """About h excess^(-1 / order), without a root."""
+    if not excess < 1e4:
+        return 0.5 * h
+    if excess < 1e-4:
+        return 2.0 * h if excess < 1e-8 else 1.3 * h
+    return h * ((order + 1.0) + (order - 1.0) * excess) / ((order - 1.0) + (order + 1.0) * excess)
+
+
+@kernel
+def _sums(s: Any, order: int, h: float, acting: Acting) -> None:
+    """Row 0 of omega and of the loads that turn in b becomes their series' sum at h."""
+    put_factors(s, 0, _sum(s, 0, order, h))
+    lifted, twisted, changing = acting
+    for level in range(3 if changing else 1):
+        u = LOADS + LEVEL * level
+        if lifted:
+            put_factors(s, u, _sum(s, u, order, h))
+        if twisted:
+            put_factors(s, u + SERIES, _sum(s, u + SERIES, order, h))
+
+
+@kernel(inline=False)
+def taylor_advance(
+    z: Any,
+    y: int,
+    w: int,
+    size: int,
+    n: int,
+    order: int,
+    h: float,
+    tolerance: float,
+    span: float,
+    body: Body,
+    course: Course,
+) -> int:
+    """Advance the state z[y:] by h, the estimated error of each step at most `tolerance` (`span`: see there).
+
+    An infinite tolerance: steps as kept.
+
+    z[size] keeps the step size, z[size + 1] counts the steps.  Equal parts reach h, as in `dop853_advance`.
+    NOT_REACHED where the motion is not finite or needs too many steps; state and size are then the caller's to restore.
+    """
+    s, m, now = z[w : w + WORK], derivatives_of_attitude(order), course
+    acting, torques = acting_loads(body, course), known_torques(course, body)
+    turned = acting[0] or acting[1]
+    put_factors(s, 0, rate_at(z, y))
+    if turned:
+        turned_loads(s, attitude_at(z, y), now)
+    motion_series(s, 0, order, m, body, torques, acting)
+    if n == TURNING:
+        push_series(s, m, body[0], now)
+    rest, low, tried = h, 0.0, 0
+    while rest > 0.0:
+        tried += 1
+        count = substeps_in(rest, z[size])
+        if count == 0 or tried >= MOST_SUBSTEPS:
+            return NOT_REACHED
+        part = (rest + low) / count
+        push = _largest(vec3_at(s, PUSH)) / max(_largest(vec3_at(z, y + 11)), 1.0) if n == TURNING else 0.0
+        pull = _pull(s, body, acting) if turned and count > 1 else 0.0
+        allowed = tolerance_of_substep(tolerance, span, part)
+        excess = _error(s, order, part, push, pull, min(count, KEPT), n, span) / allowed
+        if not excess <= 1.0:
+            z[size] = _nearer_size(part, order, 2.0 * excess)
+            continue
+        z[size + 1] += 1.0
+        nearer = _nearer_size(part, order, 1.4 * excess) if tolerance < math.inf else z[size]
+        z[size] = max(z[size], nearer) if count == 1 else nearer
+        left = 0.0 if count == 1 else rest - part
+        low += (rest - left) - part
+        rest = left
+        q, half = attitude_at(z, y), (1.0, 0.0, 0.0, 0.0)
+        if n != SPIN:
+            half = _half_turn(s, m, part)
+        if n == TURNING:
+            _move(z, y, q, m, s, part)
+        _sums(s, order, part, acting)
+        if acting[2]:
+            now = course_after(course, h - rest)
+            torques = known_torques(now, body)
+        put_vec3_at(z, y + 4, vec3_at(s, 0))
+        if n != SPIN:
+            motion_series(s, 0, m, m, body, torques, acting)
+            q = compose_quaternions(compose_quaternions(q, half), invert_quaternion(_half_turn(s, m, -part)))
+            put_attitude(z, y, q)
+        if n == TURNING:
+            push_series(s, m, body[0], now)
+            _move(z, y, attitude_at(z, y), m, s, -part)
+        if rest > 0.0:
+            anew = turned and (acting[2] or tried % KEPT == 0)
+            if anew:
+                turned_loads(s, attitude_at(z, y), now)
+            motion_series(s, 0 if n == SPIN or anew else m, order, 0, body, torques, acting)
+    return FINE

@@ -1,0 +1,261 @@
+"""Taylor coefficients of a body's motion, in a piece of a unit's buffer: series by series, ROW numbers a term.
+
+Of the body rate and of those loads that turn in b to full order, few products; of the attitude, and of the acceleration
+by a force that turns with the body, as far as `taylor` needs.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from ..buffer_access import put_vec3_at, vec3_at
+from ..compile.decorator import kernel
+from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes
+from ..mechanics.equations_of_motion import Body, Course, Loads, is_changing
+from ..rotations.matrix import transform
+from ..rotations.quaternion import add_scaled_quaternion, compose_quaternions, invert_quaternion, rotate
+from ..rotations.vec3 import add, cross, is_nonzero, scale, subtract
+from ..types import Matrix, Quaternion, Vec3
+from .dop853 import attitude_at
+
+MOST_ORDER = 24
+ROW = 8
+SERIES = ROW * (MOST_ORDER + 1)
+WORK = 9 * SERIES
+"""Size of the work space."""
+TURN, LOADS, PUSH = SERIES, 2 * SERIES, 8 * SERIES
+"""Where series begin, behind omega's: D, the attitude relative to that at the series' begin; arm_force and torque fixed
+in a, their derivatives, and theirs; D F_b D*, the push."""
+LEVEL = 2 * SERIES
+"""From a load to its derivative."""
+_SECOND, _PRODUCT = 4, TURN + 4
+"""Places in a row: behind a vector (x, y, z, 0) the same as a second factor, (y, z, x, 0); D o F_b behind D."""
+_ROWS = 31
+"""k & _ROWS is k for any row: an index that cannot be negative needs no check."""
+PER = 1.0 / np.arange(1.0, MOST_ORDER + 2.0)
+"""1 / (k + 1)."""
+
+Torques = tuple[Vec3, Vec3, Vec3]
+Acting = tuple[bool, bool, bool]
+"""Whether a force fixed in a has an arm, whether a torque fixed in a acts, whether any load changes."""
+
+
+@kernel
+def _put_turn(z: Any, i: int, s: float, q: Quaternion) -> None:
+    z[i], z[i + 1], z[i + 2], z[i + 3] = s * q[0], s * q[1], s * q[2], s * q[3]
+
+
+# Coefficients
+
+
+@kernel
+def put_factors(s: Any, i: int, v: Vec3) -> None:
+    """A vector as both factors of a product, as vectors: what is read as it was written need not be waited for."""
+    put_lanes(s, i, lanes(v[0], v[1], v[2], 0.0))
+    put_lanes(s, i + _SECOND, lanes(v[1], v[2], v[0], 0.0))
+
+
+@kernel
+def _inner_products(s: Any, u: int, v: int, k: int) -> Vec3:
+    """The sum of u_j v_(k-j), lane by lane, but for its two ends: the newest terms are waited for least."""
+    low = high = lanes(0.0, 0.0, 0.0, 0.0)
+    i, j = ROW * ((k + 1) >> 1), ROW * (k >> 1)
+    if i == j and k > 0:
+        low = multiply_lanes(lanes_at(s, u + i), lanes_at(s, v + i))
+    while i > ROW:
+        i, j = i - ROW, j + ROW
+        low = add_lanes(low, multiply_lanes(lanes_at(s, u + i), lanes_at(s, v + j)))
+        high = add_lanes(high, multiply_lanes(lanes_at(s, u + j), lanes_at(s, v + i)))
+    x, y, z, _ = numbers(add_lanes(low, high))
+    return (x, y, z)
+
+
+@kernel
+def _products(s: Any, k: int, rate: Vec3, first: Vec3) -> Vec3:
+    """The k-th coefficients of w_2 w_3, w_3 w_1, w_1 w_2; of omega, the k-th and the first."""
+    v, x, y = _inner_products(s, 0, _SECOND, k)
+    a, b, c = first
+    if k == 0:
+        return (b * c, c * a, a * b)
+    d, e, f = rate
+    return (x + (b * f + e * c), y + (c * d + f * a), v + (a * e + d * b))
+
+
+@kernel
+def _squares(s: Any, k: int) -> Vec3:
+    """The k-th coefficients of w_1^2, w_2^2, w_3^2."""
+    x, y, v = 0.0, 0.0, 0.0
+    for j in range(k + 1):
+        a, b, c = vec3_at(s, ROW * j)
+        d, e, f = vec3_at(s, ROW * ((k - j) & _ROWS))
+        x += a * d
+        y += b * e
+        v += c * f
+    return (x, y, v)
+
+
+@kernel
+def _gyroscopic_term(s: Any, k: int, M: Matrix, products: Vec3) -> Vec3:
+    """The k-th coefficient of -omega x M omega."""
+    (a, d, e), (_, b, f), (_, _, c) = M
+    x, y, v = products
+    xx, yy, vv = _squares(s, k)
+    off = (
+        f * (vv - yy) + (d * y - e * v),
+        e * (xx - vv) + (f * v - d * x),
+        d * (yy - xx) + (e * x - f * y),
+    )
+    return add(((b - c) * x, (c - a) * y, (a - b) * v), off)
+
+
+@kernel
+def _cross_term(s: Any, u: int, k: int, newest: Vec3, rate: Vec3) -> Vec3:
+    """The k-th coefficient of u x omega, whose k-th coefficients are given."""
+    v, x, y = subtract(_inner_products(s, u, _SECOND, k), _inner_products(s, u + _SECOND, 0, k))
+    last = cross(vec3_at(s, u), rate)
+    return last if k == 0 else add((x, y, v), add(last, cross(newest, vec3_at(s, 0))))
+
+
+@kernel
+def _turn_term(s: Any, k: int, turn: Quaternion, rate: Vec3, start: Vec3) -> Quaternion:
+    """The k-th coefficient of D o (0, omega); of both, the k-th, and omega's first."""
+    e, x, y, v = 0.0, 0.0, 0.0, 0.0
+    for j in range(1, k):
+        a, b, c, d = attitude_at(s, TURN + ROW * j)
+        f, g, h = vec3_at(s, ROW * ((k - j) & _ROWS))
+        e -= b * f + c * g + d * h
+        x += a * f + (c * h - d * g)
+        y += a * g + (d * f - b * h)
+        v += a * h + (b * g - c * f)
+    if k > 0:
+        x, y, v = x + rate[0], y + rate[1], v + rate[2]
+    a, b, c, d = turn
+    f, g, h = start
+    return (
+        e - (b * f + c * g + d * h),
+        x + (a * f + (c * h - d * g)),
+        y + (a * g + (d * f - b * h)),
+        v + (a * h + (b * g - c * f)),
+    )
+
+
+@kernel
+def _push_term(s: Any, k: int) -> Vec3:
+    """The k-th coefficient of (D o F_b) o D*."""
+    x, y, v = 0.0, 0.0, 0.0
+    for j in range(k + 1):
+        a, b, c, d = attitude_at(s, _PRODUCT + ROW * j)
+        e, f, g, h = attitude_at(s, TURN + ROW * ((k - j) & _ROWS))
+        x += (b * e - a * f) + (d * g - c * h)
+        y += (c * e - a * g) + (b * h - d * f)
+        v += (d * e - a * h) + (c * f - b * g)
+    return (x, y, v)
+
+
+# Series
+
+
+@kernel
+def turned_loads(s: Any, q: Quaternion, course: Course) -> None:
+    """Row 0 of the loads that are fixed in a, and of their derivatives, as b sees them."""
+    q_ba = invert_quaternion(q)
+    for i in range(3):
+        put_factors(s, LOADS + LEVEL * i, rotate(q_ba, course[i][1]))
+        put_factors(s, LOADS + LEVEL * i + SERIES, rotate(q_ba, course[i][3]))
+
+
+@kernel
+def _next_load(s: Any, u: int, k: int, newest: Vec3, rate: Vec3, changes: bool) -> Vec3:
+    """Coefficient k + 1 at u of du/dt = u x omega + the derivative, if it changes."""
+    term = _cross_term(s, u, k, newest, rate)
+    if changes:
+        term = add(term, vec3_at(s, u + LEVEL + ROW * k))
+    term = scale(PER[k], term)
+    put_factors(s, u + ROW * (k + 1), term)
+    return term
+
+
+@kernel(inline=False)
+def _next_loads(s: Any, k: int, rate: Vec3) -> None:
+    """The same of the derivatives."""
+    for i in range(4):
+        u = LOADS + LEVEL + SERIES * i
+        _next_load(s, u, k, vec3_at(s, u + ROW * k), rate, i < 2)
+
+
+@kernel
+def _torque_b(loads: Loads, body: Body) -> Vec3:
+    return add(loads[4], cross(body[3], loads[2]))
+
+
+@kernel
+def acting_loads(body: Body, course: Course) -> Acting:
+    """Which loads there are."""
+    force = is_nonzero(course[0][1]) or is_nonzero(course[1][1]) or is_nonzero(course[2][1])
+    twisted = is_nonzero(course[0][3]) or is_nonzero(course[1][3]) or is_nonzero(course[2][3])
+    return force and is_nonzero(body[3]), twisted, is_changing(course)
+
+
+@kernel
+def known_torques(course: Course, body: Body) -> Torques:
+    """The torque that is known in b: coefficients 0, 1, 2."""
+    return _torque_b(course[0], body), _torque_b(course[1], body), scale(0.5, _torque_b(course[2], body))
+
+
+@kernel(inline=False)
+def motion_series(s: Any, first: int, last: int, m: int, body: Body, torques: Torques, acting: Acting) -> None:
+    """Coefficients up to `last` of omega and of the loads that turn in b, from those up to `first`; up to m of D."""
+    _, M, M_inverse, arm, damping, _ = body
+    lifted, twisted, changing = acting
+    (a, d, e), (_, b, f), (_, _, c) = M
+    (p, _, _), (_, q, _), (_, _, r) = M_inverse
+    diagonal = d == 0.0 and e == 0.0 and f == 0.0
+    x, y, v = p * (b - c), q * (c - a), r * (a - b)
+    start, rate, turn = vec3_at(s, 0), vec3_at(s, ROW * first), (1.0, 0.0, 0.0, 0.0)
+    lift, twist = vec3_at(s, LOADS + ROW * first), vec3_at(s, LOADS + SERIES + ROW * first)
+    _put_turn(s, TURN, 1.0, turn)
+    for k in range(first, last):
+        torque = (-damping[0] * rate[0], -damping[1] * rate[1], -damping[2] * rate[2])
+        if k < 3:
+            torque = add(torque, torques[k])
+        if lifted:
+            torque = add(torque, cross(arm, lift))
+        if twisted:
+            torque = add(torque, twist)
+        products = _products(s, k, rate, start)
+        if diagonal:
+            alpha = (x * products[0] + p * torque[0], y * products[1] + q * torque[1], v * products[2] + r * torque[2])
+        else:
+            alpha = transform(M_inverse, add(_gyroscopic_term(s, k, M, products), torque))
+        if lifted:
+            lift = _next_load(s, LOADS, k, lift, rate, changing)
+        if twisted:
+            twist = _next_load(s, LOADS + SERIES, k, twist, rate, changing)
+        if changing:
+            _next_loads(s, k, rate)
+        if k < m:
+            turn = _turn_term(s, k, turn, rate, start)
+            half = 0.5 * PER[k]
+            turn = (half * turn[0], half * turn[1], half * turn[2], half * turn[3])
+            _put_turn(s, TURN + ROW * (k + 1), 1.0, turn)
+        rate = scale(PER[k], alpha)
+        put_factors(s, ROW * (k + 1), rate)
+
+
+@kernel
+def _pushed(s: Any, k: int, lightness: float, force: Vec3) -> Quaternion:
+    force = scale(lightness, force)
+    return compose_quaternions(attitude_at(s, TURN + ROW * k), (0.0, force[0], force[1], force[2]))
+
+
+@kernel(inline=False)
+def push_series(s: Any, m: int, lightness: float, course: Course) -> None:
+    """Coefficients below m of D F_b D* / mass: the turning acceleration in the axes that b has at the series' begin."""
+    for k in range(m):
+        product = _pushed(s, k, lightness, course[0][2])
+        if k > 0:
+            product = add_scaled_quaternion(product, 1.0, _pushed(s, k - 1, lightness, course[1][2]))
+        if k > 1:
+            product = add_scaled_quaternion(product, 0.5, _pushed(s, k - 2, lightness, course[2][2]))
+        _put_turn(s, _PRODUCT + ROW * k, 1.0, product)
+        put_vec3_at(s, PUSH + ROW * k, _push_term(s, k))

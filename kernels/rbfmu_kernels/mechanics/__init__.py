@@ -1,0 +1,1 @@
+"""Kinematics, inertia, Newton-Euler equations and the equations of motion of one body."""

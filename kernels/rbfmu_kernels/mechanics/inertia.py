@@ -1,0 +1,298 @@
+"""Inertia matrices: of simple shapes, about other points and in other axes, principal axes, plausibility."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from ..compile.decorator import kernel
+from ..numerics.double_double import two_sum
+from ..numerics.scaling import power_of_two_for
+from ..rotations.matrix import compose_matrices
+from ..rotations.vec3 import add, add_scaled, dot, scale, subtract
+from ..types import Matrix, Vec3
+
+INERTIA_TOLERANCE = 1e-12
+"""Share of the trace by which round-off may break symmetry, sign and triangle inequality; below it a moment is zero."""
+NOT_FINITE, NOT_SYMMETRIC, NEGATIVE, TRIANGLE = 1, 2, 3, 4
+
+
+@kernel
+def diagonal(d: Vec3) -> Matrix:
+    """The matrix diag(d)."""
+    return ((d[0], 0.0, 0.0), (0.0, d[1], 0.0), (0.0, 0.0, d[2]))
+
+
+@kernel
+def add_scaled_matrix(A: Matrix, s: float, B: Matrix) -> Matrix:
+    """A + s B."""
+    return (add_scaled(A[0], s, B[0]), add_scaled(A[1], s, B[1]), add_scaled(A[2], s, B[2]))
+
+
+@kernel
+def scale_matrix(s: float, A: Matrix) -> Matrix:
+    """s A."""
+    return (scale(s, A[0]), scale(s, A[1]), scale(s, A[2]))
+
+
+@kernel
+def trace(A: Matrix) -> float:
+    """Sum of the diagonal."""
+    return A[0][0] + A[1][1] + A[2][2]
+
+
+@kernel
+def beam_inertia(mass: float, length: float) -> Matrix:
+    """diag(0, m l^2/12, m l^2/12): slender beam along x, about its centre.
+
+    mass: kg; length: m.  Error <= 1.2 eps.  E&G 7.2; lecture, "Example: slender beam".
+    """
+    m = mass * length * length / 12.0
+    return diagonal((0.0, m, m))
+
+
+@kernel
+def box_inertia(mass: float, sides: Vec3) -> Matrix:
+    """M of a homogeneous box about its centre, axes along its sides.
+
+    mass: kg; sides: m.  Error <= 1.6 eps.
+    """
+    x, y, z = sides[0] * sides[0], sides[1] * sides[1], sides[2] * sides[2]
+    m = mass / 12.0
+    return diagonal((m * (y + z), m * (z + x), m * (x + y)))
+
+
+@kernel
+def cylinder_inertia(mass: float, radius: float, length: float) -> Matrix:
+    """M of a homogeneous cylinder about its centre, axis along z.
+
+    mass: kg; radius, length: m.  Error <= 1.7 eps.
+    """
+    r2 = radius * radius
+    side = mass * (3.0 * r2 + length * length) / 12.0
+    return diagonal((side, side, 0.5 * mass * r2))
+
+
+@kernel
+def sphere_inertia(mass: float, radius: float) -> Matrix:
+    """M of a homogeneous ball about its centre: 2/5 m r^2.
+
+    mass: kg; radius: m.  Error <= 1.4 eps.
+    """
+    m = 0.4 * mass * radius * radius
+    return diagonal((m, m, m))
+
+
+@kernel
+def ellipsoid_inertia(mass: float, semiaxes: Vec3) -> Matrix:
+    """M of a homogeneous ellipsoid about its centre, axes along its semiaxes.
+
+    mass: kg; semiaxes: m.  Error <= 1.6 eps.
+    """
+    x, y, z = semiaxes[0] * semiaxes[0], semiaxes[1] * semiaxes[1], semiaxes[2] * semiaxes[2]
+    m = mass / 5.0
+    return diagonal((m * (y + z), m * (z + x), m * (x + y)))
+
+
+@kernel
+def point_inertia(mass: float, r: Vec3) -> Matrix:
+    """-m skew(r) skew(r): inertia of a particle at r about the origin.
+
+    mass: kg; r: m.  Error <= 0.7 eps of its trace.
+    """
+    x, y, z = mass * r[0], mass * r[1], mass * r[2]
+    xx, yy, zz = x * r[0], y * r[1], z * r[2]
+    xy, xz, yz = -x * r[1], -x * r[2], -y * r[2]
+    return ((yy + zz, xy, xz), (xy, xx + zz, yz), (xz, yz, xx + yy))
+
+
+@kernel(inline=False)
+def inertia_of_points(masses: Sequence[float], positions: Sequence[Vec3]) -> tuple[float, Vec3, Matrix]:
+    """(mass, r_oc, M_c) of particles: their mass, centre of mass, and inertia about that.
+
+    masses: n numbers, kg, together above 0; positions: n points, m, from o: arrays (n) and (n, 3), or tuples.
+    Error <= 1 eps of the mass, of the largest position and of the trace, for any n: sums are compensated, and a cloud
+    far away loses no digits but those of its positions.  NaN where the masses' sum is 0.
+    E&G (7.30), lecture, "Inertia dyadic".
+    """
+    zero = (0.0, 0.0, 0.0)
+    _, about = _centre_of_mass(masses, positions, zero)
+    mass, correction = _centre_of_mass(masses, positions, about)
+    x = y = z = (zero, zero)
+    for n in range(len(masses)):
+        M = point_inertia(masses[n], subtract(_offset(positions, n, about), correction))
+        x, y, z = _sum_with(x, M[0]), _sum_with(y, M[1]), _sum_with(z, M[2])
+    return mass, add(about, correction), (add(x[0], x[1]), add(y[0], y[1]), add(z[0], z[1]))
+
+
+@kernel(inline=False)
+def _centre_of_mass(masses: Sequence[float], positions: Sequence[Vec3], about: Vec3) -> tuple[float, Vec3]:
+    """Mass and centre of mass of particles, from `about`."""
+    mass, error = 0.0, 0.0
+    total = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    for n in range(len(masses)):
+        mass, lost = two_sum(mass, masses[n])
+        error += lost
+        total = _sum_with(total, scale(masses[n], _offset(positions, n, about)))
+    mass += error
+    moment, divisor = add(total[0], total[1]), mass if mass != 0.0 else math.nan
+    return mass, (moment[0] / divisor, moment[1] / divisor, moment[2] / divisor)
+
+
+@kernel
+def _offset(positions: Sequence[Vec3], n: int, about: Vec3) -> Vec3:
+    return (positions[n][0] - about[0], positions[n][1] - about[1], positions[n][2] - about[2])
+
+
+@kernel
+def _sum_with(total: tuple[Vec3, Vec3], term: Vec3) -> tuple[Vec3, Vec3]:
+    """A sum and its errors, each of three numbers, with a further term."""
+    (a, b, c), errors = total
+    a, p = two_sum(a, term[0])
+    b, q = two_sum(b, term[1])
+    c, r = two_sum(c, term[2])
+    return (a, b, c), add(errors, (p, q, r))
+
+
+@kernel(inline=False)
+def inertia_of_clouds(masses: Any, positions: Any, mass: Any, r_oc: Any, M_c: Any) -> None:
+    """`inertia_of_points` of each cloud of arrays (clouds, n) and (clouds, n, 3), into the last three."""
+    for k in range(len(masses)):
+        total, centre, M = inertia_of_points(masses[k], positions[k])
+        mass[k] = total
+        for i in range(3):
+            r_oc[k, i] = centre[i]
+            for j in range(3):
+                M_c[k, i, j] = M[i][j]
+
+
+@kernel
+def parallel_axis(M_c: Matrix, mass: float, r_oc: Vec3) -> Matrix:
+    """M_o = M_c - m skew(r_oc) skew(r_oc): inertia about o, r_oc from o to the centre of mass, all in one frame.
+
+    M_c: kg m^2; mass: kg; r_oc: m.  Error <= 0.6 eps of its trace.  E&G (7.39).
+    """
+    return add_scaled_matrix(M_c, 1.0, point_inertia(mass, r_oc))
+
+
+@kernel
+def rotate_inertia(R_ab: Matrix, M_b: Matrix) -> Matrix:
+    """M_a = R_ab M_b R_ab^T.
+
+    M_b: symmetric; the result is so to the bit.  Error <= 1.1 eps of the trace.  E&G (7.33).
+    """
+    H = compose_matrices(R_ab, M_b)
+    xy, xz, yz = dot(H[0], R_ab[1]), dot(H[0], R_ab[2]), dot(H[1], R_ab[2])
+    return ((dot(H[0], R_ab[0]), xy, xz), (xy, dot(H[1], R_ab[1]), yz), (xz, yz, dot(H[2], R_ab[2])))
+
+
+@kernel
+def adjugate_symmetric(M: Matrix) -> Matrix:
+    """adj(M) = det(M) M^-1 of a symmetric matrix."""
+    (a, d, e), (_, b, f), (_, _, c) = M
+    xy, xz, yz = e * f - d * c, d * f - e * b, d * e - a * f
+    return ((b * c - f * f, xy, xz), (xy, a * c - e * e, yz), (xz, yz, a * b - d * d))
+
+
+@kernel
+def inverse_inertia(M: Matrix) -> Matrix:
+    """M^-1 of a symmetric inertia matrix; where one principal moment is zero, its pseudo-inverse.
+
+    M: any scale.  A moment at most 1e-12 of the trace is zero (a slender beam): no angular acceleration about its axis.
+    Error <= 1.7 eps times the condition number, 1.8 eps for a diagonal matrix, 8 eps for a beam in any axes.
+    With two zero moments NaN.
+    """
+    p = power_of_two_for(trace(M))  # so that products of three moments neither over- nor underflow
+    M = scale_matrix(p, M)
+    A = adjugate_symmetric(M)
+    t, d, det = trace(M), trace(A), dot(M[0], A[0])
+    d = d if d > 0.0 else math.nan
+    regular = det > INERTIA_TOLERANCE * t * d
+    # Singular: adj(M) = d n n^T, n the beam's axis, and M^2 - t M + d (I - n n^T) = 0 (Cayley & Hamilton).
+    N = add_scaled_matrix(diagonal((d, d, d)), -1.0, A)
+    pseudo = add_scaled_matrix(scale_matrix(t / d, N), -1.0, M)
+    f, g = 0.0 if regular else 1.0 / d, 1.0 / det if regular else 0.0
+    return scale_matrix(p, add_scaled_matrix(scale_matrix(f, pseudo), g, A))  # p / det itself may underflow
+
+
+@kernel
+def _jacobi(p: float, q: float, o: float) -> tuple[float, float, float]:
+    """Cosine, sine and tangent of the rotation that annihilates o of ((p, o), (o, q)); none where o is negligible."""
+    if o == 0.0 or abs(o) <= 2.0**-55 * math.sqrt(abs(p)) * math.sqrt(abs(q)):
+        return 1.0, 0.0, 0.0
+    x = (q - p) / (2.0 * o)
+    t = math.copysign(1.0, x) / (abs(x) + math.sqrt(x * x + 1.0))
+    c = 1.0 / math.sqrt(t * t + 1.0)
+    return c, t * c, t
+
+
+@kernel(inline=False)
+def principal_axes(M: Matrix) -> tuple[Vec3, Matrix]:
+    """(moments ascending, R) with M = R diag(moments) R^T, R a rotation whose columns are the principal axes.
+
+    M: symmetric, kg m^2, any scale.  M is rebuilt to 1 eps of the trace, R orthonormal to 1.5 eps; a diagonal matrix
+    gives its own numbers and a permutation.
+    Equal moments: any axes of that plane.  Cyclic Jacobi (Golub & Van Loan 8.5).
+    """
+    (a, d, e), (_, b, f), (_, _, c) = M
+    x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)  # the axes, columns of R
+    for _ in range(12):  # 5 sweeps were the most seen
+        if d == 0.0 and e == 0.0 and f == 0.0:
+            break
+        cos, sin, tan = _jacobi(a, b, d)
+        a, b, d, e, f = a - tan * d, b + tan * d, 0.0, cos * e - sin * f, sin * e + cos * f
+        x, y = _turn(x, y, cos, sin)
+        cos, sin, tan = _jacobi(a, c, e)
+        a, c, e, d, f = a - tan * e, c + tan * e, 0.0, cos * d - sin * f, sin * d + cos * f
+        x, z = _turn(x, z, cos, sin)
+        cos, sin, tan = _jacobi(b, c, f)
+        b, c, f, d, e = b - tan * f, c + tan * f, 0.0, cos * d - sin * e, sin * d + cos * e
+        y, z = _turn(y, z, cos, sin)
+    if a > b:
+        a, b, x, y = b, a, y, (-x[0], -x[1], -x[2])
+    if b > c:
+        b, c, y, z = c, b, z, (-y[0], -y[1], -y[2])
+    if a > b:
+        a, b, x, y = b, a, y, (-x[0], -x[1], -x[2])
+    x, y, z = _orthonormal(x, y, z)
+    return (a, b, c), ((x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2]))
+
+
+@kernel
+def _turn(u: Vec3, v: Vec3, cos: float, sin: float) -> tuple[Vec3, Vec3]:
+    """Two columns after a Jacobi rotation."""
+    return (
+        (cos * u[0] - sin * v[0], cos * u[1] - sin * v[1], cos * u[2] - sin * v[2]),
+        (sin * u[0] + cos * v[0], sin * u[1] + cos * v[1], sin * u[2] + cos * v[2]),
+    )
+
+
+@kernel
+def _orthonormal(x: Vec3, y: Vec3, z: Vec3) -> tuple[Vec3, Vec3, Vec3]:
+    """Nearly orthonormal columns without the round-off of the rotations before: R (3 I - R^T R) / 2."""
+    xy, xz, yz = -0.5 * dot(x, y), -0.5 * dot(x, z), -0.5 * dot(y, z)
+    dx, dy, dz = 0.5 * (1.0 - dot(x, x)), 0.5 * (1.0 - dot(y, y)), 0.5 * (1.0 - dot(z, z))
+    return (
+        add(x, add_scaled(add_scaled(scale(dx, x), xy, y), xz, z)),
+        add(y, add_scaled(add_scaled(scale(dy, y), xy, x), yz, z)),
+        add(z, add_scaled(add_scaled(scale(dz, z), xz, x), yz, y)),
+    )
+
+
+@kernel(inline=False)
+def check_inertia(M: Matrix) -> float:
+    """0 for a possible inertia matrix, else NOT_FINITE, NOT_SYMMETRIC, NEGATIVE or TRIANGLE.
+
+    Each beyond 1e-12 of the trace; one zero moment is a slender beam and allowed.
+    """
+    t = trace(M)
+    total = t + M[0][1] + M[0][2] + M[1][2] + M[1][0] + M[2][0] + M[2][1]
+    if not math.isfinite(total):
+        return 1.0 * NOT_FINITE
+    bound = INERTIA_TOLERANCE * t
+    off = max(abs(M[0][1] - M[1][0]), abs(M[0][2] - M[2][0]), abs(M[1][2] - M[2][1]))
+    if off > abs(bound):
+        return 1.0 * NOT_SYMMETRIC
+    (low, middle, high), _ = principal_axes(M)
+    if t < 0.0 or low < -bound:
+        return 1.0 * NEGATIVE
+    return 1.0 * TRIANGLE if low + middle < high - bound else 0.0

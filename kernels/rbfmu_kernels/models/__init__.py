@@ -1,0 +1,1 @@
+"""One module a model: the layout of its buffer, `initialize`, `step`, `outputs`."""

@@ -1,0 +1,75 @@
+"""A free body with two equal moments as a co-simulation unit: two steady turns, elementary functions only.
+
+`initialize`, `step` and `outputs` work over one flat buffer (see BLOCKS), the unit's whole memory.
+"""
+
+from typing import Any
+
+from ..body.closed_form import (
+    CLOSED_FORM,
+    TURNING,
+    finish_step,
+    first_attitude,
+    goes_on_free,
+    is_driven,
+    put_turning_at,
+    start_clocks,
+    time_after,
+    turning_at,
+)
+from ..body.memory import INPUTS as INPUTS
+from ..body.memory import OUTPUTS as OUTPUTS
+from ..body.memory import PARAMETERS as PARAMETERS
+from ..body.memory import body_of, initialize_body, is_as_planned, rotation_of, turns
+from ..body.outputs import first_outputs
+from ..body.outputs import output_rates as output_rates
+from ..body.outputs import outputs as outputs
+from ..body.principal import rates_along, rounded
+from ..body.symmetry import exact_symmetric_frame
+from ..buffer import NOT_REACHED, places
+from ..buffer_access import put_vec3_at, vec3_at
+from ..compile.decorator import kernel
+from ..exact.uniform_rotation import symmetric_turnings, turned
+from ..integrators.splitting import is_symmetric_top
+from ..rotations.matrix import invert_matrix, transform
+from ..rotations.quaternion import compose_quaternions, invert_quaternion, rotate
+
+BLOCKS, SIZE = places(CLOSED_FORM | {"omega_0": 3, "about_momentum": TURNING, "about_axis": TURNING})
+
+_OMEGA_0, _ABOUT_MOMENTUM, _ABOUT_AXIS = (BLOCKS[n].start for n in ("omega_0", "about_momentum", "about_axis"))
+_TORQUE, _NOT_SYMMETRIC = 11, 16
+"""Keys of `buffer.FAULTS`."""
+
+
+@kernel(inline=False)
+def initialize(z: Any) -> int:
+    """Check the parameters, set state and outputs; returns 0 or a key of `buffer.FAULTS`."""
+    fault = initialize_body(z)
+    if fault != 0:
+        return fault
+    omega, body = rotation_of(z)[1], body_of(z)
+    if not is_as_planned(z):
+        if is_driven(z):
+            return _TORQUE
+        if not is_symmetric_top(body[1]):
+            return _NOT_SYMMETRIC
+    mean, moment, exact_axes = exact_symmetric_frame(z)
+    momentum, own = symmetric_turnings(mean, moment, rates_along(exact_axes, omega))
+    axes = rounded(exact_axes)
+    put_vec3_at(z, _OMEGA_0, omega)
+    put_turning_at(z, _ABOUT_MOMENTUM, (transform(invert_matrix(axes), momentum[0]), momentum[1]))
+    put_turning_at(z, _ABOUT_AXIS, (axes[2], own[1]))
+    start_clocks(z)
+    return first_outputs(z)
+
+
+@kernel(inline=False)
+def step(z: Any, h: float) -> int:
+    """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite or an input makes a torque."""
+    if not goes_on_free(z, h):
+        return NOT_REACHED
+    t = time_after(z, h)
+    q, back = first_attitude(z), turned(turning_at(z, _ABOUT_AXIS), t)
+    if turns(z):
+        q = compose_quaternions(compose_quaternions(q, turned(turning_at(z, _ABOUT_MOMENTUM), t)), back)
+    return finish_step(z, h, q, rotate(invert_quaternion(back), vec3_at(z, _OMEGA_0)))

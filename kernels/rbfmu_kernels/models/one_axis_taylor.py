@@ -1,0 +1,141 @@
+"""A body that turns about one principal axis, fixed in space, under forces fixed in space: Taylor series of one angle.
+
+As a co-simulation unit: `initialize`, `step` and `outputs` work over one flat buffer (see BLOCKS), its whole memory.
+"""
+
+import math
+from typing import Any
+
+from ..body.closed_form import CLOSED_FORM, finish_step, first_attitude, start_clocks
+from ..body.fixed_axis import leaves_axis, main_axis, pull_and_decay, swing
+from ..body.memory import INPUTS as INPUTS
+from ..body.memory import OUTPUTS as OUTPUTS
+from ..body.memory import PARAMETERS as PARAMETERS
+from ..body.memory import body_of, initialize_body, is_as_planned, loads_of, rotation_of
+from ..body.outputs import first_outputs
+from ..body.outputs import output_rates as output_rates
+from ..body.outputs import outputs as outputs
+from ..buffer import FINE, MOST_SUBSTEPS, NOT_REACHED, places
+from ..buffer_access import put_vec3_at, vec3_at
+from ..compile.decorator import kernel
+from ..integrators.dop853 import LONGEST_STEP
+from ..integrators.substeps import substeps_in
+from ..numerics.elementary import sincos
+from ..rotations.quaternion import compose_quaternions
+from ..rotations.rotation_vector import quaternion_from_axis_angle
+from ..rotations.vec3 import dot, scale
+
+ORDERS = (4, 8, 16)
+"""Of the series; powers of two, whose roots are square roots."""
+_ROWS = ORDERS[-1] + 1
+BLOCKS, SIZE = places(
+    CLOSED_FORM
+    | {"order": 1, "substeps": 1, "axis": 3, "angle": 1, "pull": 1, "decay": 1, "swing": 2}
+    | {"series": 3 * _ROWS}
+)
+
+_AXIS, _ANGLE, _PULL, _DECAY, _SWING, _SERIES = (
+    BLOCKS[n].start for n in ("axis", "angle", "pull", "decay", "swing", "series")
+)
+_TOLERANCE, _ORDER, _SUBSTEPS = (BLOCKS[n].start for n in ("tolerance", "order", "substeps"))
+_RATES, _SINES, _COSINES = _SERIES, _SERIES + _ROWS, _SERIES + 2 * _ROWS
+_MORE_AXES = 17
+"""Key of `buffer.FAULTS`."""
+
+
+@kernel(inline=False)
+def initialize(z: Any) -> int:
+    """Check the parameters, set state and outputs; returns 0 or a key of `buffer.FAULTS`."""
+    fault = initialize_body(z)
+    if fault != 0:
+        return fault
+    (q, omega), body, loads = rotation_of(z), body_of(z), loads_of(z)
+    axis = main_axis(q, omega, body, loads)
+    if not is_as_planned(z) and leaves_axis(z, axis, q, omega, body, loads):
+        return _MORE_AXES
+    cosine, sine = swing(z, axis)
+    put_vec3_at(z, _AXIS, axis)
+    z[_ANGLE] = z[_SUBSTEPS] = 0.0
+    z[_SWING], z[_SWING + 1] = cosine[0], sine[0]
+    z[_PULL], z[_DECAY] = pull_and_decay(z, axis, q, body, loads)
+    start_clocks(z)
+    return first_outputs(z)
+
+
+@kernel(inline=False)
+def step(z: Any, h: float) -> int:
+    """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite or needs too many substeps."""
+    if not h > 0.0:
+        return NOT_REACHED
+    axis, angle = vec3_at(z, _AXIS), z[_ANGLE]
+    rate = dot(axis, rotation_of(z)[1])
+    rest, steps, order = h, 0, int(z[_ORDER])
+    while rest > 0.0:
+        steps += 1
+        if order == 4:
+            longest = _expand(z, angle, rate, 4)
+        elif order == 8:
+            longest = _expand(z, angle, rate, 8)
+        else:
+            longest = _expand(z, angle, rate, 16)
+        count = substeps_in(rest, longest)
+        if count == 0 or steps >= MOST_SUBSTEPS:
+            return NOT_REACHED
+        part = rest / count
+        angle, rate = _angle_after(z, angle, part, order), _rate_after(z, part, order)
+        rest = 0.0 if count == 1 else rest - part
+    q = compose_quaternions(first_attitude(z), quaternion_from_axis_angle(axis, angle))
+    status = finish_step(z, h, q, scale(rate, axis))
+    if status == FINE:
+        z[_ANGLE] = angle
+        z[_SUBSTEPS] += steps
+    return status
+
+
+@kernel
+def _expand(z: Any, angle: float, rate: float, order: int) -> float:
+    """The series of the rate, and of sine and cosine of the angle: sin' = rate cos, cos' = -rate sin; the longest step.
+
+    order: a literal, so that the loops unroll.
+    """
+    pull, decay, cosine, sine = z[_PULL], z[_DECAY], z[_SWING], z[_SWING + 1]
+    z[_RATES] = rate
+    z[_SINES], z[_COSINES] = sincos(angle)
+    for k in range(order):
+        d_sine, d_cosine = 0.0, 0.0
+        for j in range(k + 1):
+            d_sine += z[_RATES + j] * z[_COSINES + k - j]
+            d_cosine -= z[_RATES + j] * z[_SINES + k - j]
+        torque = cosine * z[_COSINES + k] + sine * z[_SINES + k] - decay * z[_RATES + k]
+        share = 1.0 / (k + 1.0)
+        z[_RATES + k + 1] = share * (torque + (pull if k == 0 else 0.0))
+        z[_SINES + k + 1], z[_COSINES + k + 1] = share * d_sine, share * d_cosine
+    return _longest_step(z, rate, order)
+
+
+@kernel
+def _longest_step(z: Any, rate: float, order: int) -> float:
+    """The step whose last terms, of the angle (rad) and of the rate (relative), are within the tolerance."""
+    scale_of_rate = max(abs(rate), abs(float(z[_RATES + 1])), 1e-300)
+    last = max(abs(float(z[_RATES + order])) / scale_of_rate, abs(float(z[_RATES + order - 1])) / order)
+    if last == 0.0:
+        return LONGEST_STEP
+    root = math.sqrt(math.sqrt(z[_TOLERANCE] / last))
+    root = math.sqrt(root) if order > 4 else root
+    return math.sqrt(root) if order > 8 else root
+
+
+@kernel
+def _rate_after(z: Any, h: float, order: int) -> float:
+    total = 0.0
+    for k in range(order, -1, -1):
+        total = total * h + z[_RATES + k]
+    return total
+
+
+@kernel
+def _angle_after(z: Any, angle: float, h: float, order: int) -> float:
+    total = 0.0
+    for k in range(order - 1, -1, -1):
+        total = total * h + z[_RATES + k] / (k + 1.0)
+    return angle + total * h

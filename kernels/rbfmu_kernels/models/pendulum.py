@@ -1,0 +1,85 @@
+"""A body that turns about one principal axis, fixed in space, under forces fixed in space alone: a pendulum, exactly.
+
+As a co-simulation unit: `initialize`, `step` and `outputs` work over one flat buffer (see BLOCKS), its whole memory.
+Damping or another torque: `one_axis_taylor`.
+"""
+
+from typing import Any
+
+from ..body.closed_form import CLOSED_FORM, finish_step, start_clocks, time_after
+from ..body.fixed_axis import leaves_axis, main_axis, pull_and_decay, swing
+from ..body.memory import INPUTS as INPUTS
+from ..body.memory import OUTPUTS as OUTPUTS
+from ..body.memory import PARAMETERS as PARAMETERS
+from ..body.memory import body_of, initialize_body, is_as_planned, loads_of, rotation_of
+from ..body.outputs import first_outputs
+from ..body.outputs import output_rates as output_rates
+from ..body.outputs import outputs as outputs
+from ..buffer import NOT_REACHED, places
+from ..buffer_access import put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
+from ..compile.decorator import kernel
+from ..exact.pendulum import (
+    PENDULUM_SIZE,
+    Pendulum,
+    half_angle_rates,
+    pendulum_at,
+    pendulum_setup,
+    sincos_of_half_angle,
+)
+from ..rotations.quaternion import compose_quaternions
+from ..rotations.vec3 import dot, scale
+
+BLOCKS, SIZE = places(CLOSED_FORM | {"q_hanging": 4, "axis": 3, "pendulum": PENDULUM_SIZE})
+"""q_hanging: the attitude in stable equilibrium."""
+
+_Q_HANGING, _AXIS, _PENDULUM = (BLOCKS[n].start for n in ("q_hanging", "axis", "pendulum"))
+_MORE_AXES, _DRIVEN = 17, 18
+"""Keys of `buffer.FAULTS`."""
+
+
+@kernel(inline=False)
+def initialize(z: Any) -> int:
+    """Check the parameters, set up the exact motion and the outputs; returns 0 or a key of `buffer.FAULTS`."""
+    fault = initialize_body(z)
+    if fault != 0:
+        return fault
+    (q, omega), body, loads = rotation_of(z), body_of(z), loads_of(z)
+    axis = main_axis(q, omega, body, loads)
+    if not is_as_planned(z):
+        if leaves_axis(z, axis, q, omega, body, loads):
+            return _MORE_AXES
+        pull, decay = pull_and_decay(z, axis, q, body, loads)
+        if pull != 0.0 or decay != 0.0:
+            return _DRIVEN
+    sine, cosine = half_angle_rates(*swing(z, axis))
+    s, c = sincos_of_half_angle(sine, cosine)
+    put_quaternion_at(z, _Q_HANGING, compose_quaternions(q, (c, -s * axis[0], -s * axis[1], -s * axis[2])))
+    put_vec3_at(z, _AXIS, axis)
+    _put_pendulum(z, pendulum_setup(sine, (0.5 * dot(axis, omega), 0.0), cosine))
+    start_clocks(z)
+    return first_outputs(z)
+
+
+@kernel(inline=False)
+def step(z: Any, h: float) -> int:
+    """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite."""
+    if not h > 0.0:
+        return NOT_REACHED
+    axis = vec3_at(z, _AXIS)
+    s, c, rate = pendulum_at(_pendulum(z), time_after(z, h))
+    turn = (c, s * axis[0], s * axis[1], s * axis[2])
+    return finish_step(z, h, compose_quaternions(quaternion_at(z, _Q_HANGING), turn), scale(rate, axis))
+
+
+@kernel
+def _put_pendulum(z: Any, pendulum: Pendulum) -> None:
+    kind, swings, amplitude, fastest, rate, start, series = pendulum
+    for i, x in enumerate((kind, swings, amplitude, fastest, *rate, *start, *series)):
+        z[_PENDULUM + i] = x
+
+
+@kernel
+def _pendulum(z: Any) -> Pendulum:
+    c = z[_PENDULUM : _PENDULUM + PENDULUM_SIZE]
+    series = (c[8], c[9], c[10], c[11], c[12], c[13], c[14], c[15], c[16], c[17], c[18], c[19])
+    return c[0], c[1], c[2], c[3], (c[4], c[5]), (c[6], c[7]), series

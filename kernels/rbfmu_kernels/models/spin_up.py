@@ -1,0 +1,86 @@
+"""The rates of a body with two equal moments under a steady torque about the third axis, and damping: a closed form.
+
+About its axis the body speeds up or relaxes; the rate across turns in the body with (I_s - I_t) / I_t times that angle,
+and fades. The attitude has no such form. Whittaker, Analytical Dynamics, 4th ed. 1937, 69 (without torque).
+
+As a co-simulation unit: `initialize`, `step` and `outputs` work over one flat buffer (see BLOCKS), its whole memory.
+"""
+
+from typing import Any
+
+from ..body.closed_form import CLOSED_FORM, finish_step, start_clocks, time_after
+from ..body.fixed_axis import pull_and_decay
+from ..body.memory import INPUTS as INPUTS
+from ..body.memory import OUTPUTS as OUTPUTS
+from ..body.memory import PARAMETERS as PARAMETERS
+from ..body.memory import body_of, initialize_body, is_as_planned, loads_of, rotation_of, turns
+from ..body.outputs import first_outputs
+from ..body.outputs import output_rates as output_rates
+from ..body.outputs import outputs as outputs
+from ..body.symmetry import symmetric_frame
+from ..buffer import NOT_REACHED, places
+from ..buffer_access import matrix_at, put_matrix_at, put_vec3_at, vec3_at
+from ..compile.decorator import kernel
+from ..integrators.splitting import is_symmetric_top
+from ..mechanics.equations_of_motion import Body, Loads, angular_acceleration
+from ..mechanics.newton_euler import damping_torque
+from ..numerics.elementary import sincos
+from ..numerics.phi_functions import relaxed
+from ..rotations.matrix import invert_matrix, transform
+from ..rotations.vec3 import cross, dot, is_nonzero
+from ..types import Matrix, Quaternion
+
+BLOCKS, SIZE = places(CLOSED_FORM | {"axes": 9, "rates": 3, "pull": 1, "decay": 1, "fading": 1, "ratio": 1})
+
+_AXES, _RATES, _PULL, _DECAY, _FADING, _RATIO = (
+    BLOCKS[n].start for n in ("axes", "rates", "pull", "decay", "fading", "ratio")
+)
+_ASTRAY = 19
+"""Key of `buffer.FAULTS`."""
+
+
+@kernel(inline=False)
+def initialize(z: Any) -> int:
+    """Check the parameters, set state and outputs; returns 0 or a key of `buffer.FAULTS`."""
+    fault = initialize_body(z)
+    if fault != 0:
+        return fault
+    (q, omega), body, loads = rotation_of(z), body_of(z), loads_of(z)
+    across, own, axes = symmetric_frame(body[1])
+    if not is_as_planned(z) and (turns(z) or _leads_astray(q, axes, body, loads)):
+        return _ASTRAY
+    put_matrix_at(z, _AXES, axes)
+    put_vec3_at(z, _RATES, transform(axes, omega))
+    z[_PULL], z[_DECAY] = pull_and_decay(z, axes[2], q, body, loads)
+    _, z[_FADING] = pull_and_decay(z, axes[0], q, body, loads)
+    z[_RATIO] = (own - across) / across
+    start_clocks(z)
+    return first_outputs(z)
+
+
+@kernel(inline=False)
+def step(z: Any, h: float) -> int:
+    """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite."""
+    if not h > 0.0:
+        return NOT_REACHED
+    high, low = time_after(z, h)
+    t = high + low
+    w_t, w_u, w_s = vec3_at(z, _RATES)
+    angle, rate = relaxed(w_s, z[_PULL], z[_DECAY], t)
+    _, left = relaxed(1.0, 0.0, z[_FADING], t)
+    s, c = sincos(z[_RATIO] * angle)
+    rates = (left * (c * w_t - s * w_u), left * (s * w_t + c * w_u), rate)
+    return finish_step(z, h, rotation_of(z)[0], transform(invert_matrix(matrix_at(z, _AXES)), rates))
+
+
+@kernel
+def _leads_astray(q: Quaternion, axes: Matrix, body: Body, loads: Loads) -> bool:
+    """Whether the moments differ, a load depends on the attitude or acts across the axis, or damping is uneven."""
+    _, force_a, _, torque_a, _ = loads
+    turning = is_nonzero(torque_a) or (is_nonzero(body[3]) and is_nonzero(force_a))
+    from_rest = angular_acceleration(q, (0.0, 0.0, 0.0), body, loads)
+    t, u, s = axes
+    d_t, d_u, d_s = damping_torque(body[4], t), damping_torque(body[4], u), damping_torque(body[4], s)
+    uneven = is_nonzero(cross(t, d_t)) or is_nonzero(cross(u, d_u)) or is_nonzero(cross(s, d_s))
+    uneven = uneven or dot(t, d_t) != dot(u, d_u)
+    return turning or uneven or is_nonzero(cross(s, from_rest)) or not is_symmetric_top(body[1])

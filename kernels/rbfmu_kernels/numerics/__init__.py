@@ -1,0 +1,1 @@
+"""Numbers: elementary and elliptic functions, double-double arithmetic, scaling by powers of two."""

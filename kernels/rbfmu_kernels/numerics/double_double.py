@@ -1,0 +1,134 @@
+"""Double-double arithmetic: a number as an unevaluated sum (high, low), |low| <= half an ulp of high, 106 bits.
+
+Error-free sums by Knuth, products by Dekker (1971) with Veltkamp's splitting (no fused multiply-add: the same bits
+on every platform).  Algorithms and bounds: Joldes, Muller & Popescu, ACM TOMS 44 (2017), u = 2^-53.
+Users scale their numbers: beyond 1e299 the splitting overflows, products below 1e-290 lose their low part.
+"""
+
+import math
+
+from ..compile.decorator import kernel
+from ..types import Vec3
+
+DoubleDouble = tuple[float, float]
+Vector = tuple[DoubleDouble, DoubleDouble, DoubleDouble]
+
+PI: DoubleDouble = (3.141592653589793116, 1.224646799147353207e-16)
+
+_SPLIT = 134217729.0  # 2^27 + 1
+
+
+@kernel
+def two_sum(a: float, b: float) -> DoubleDouble:
+    """a + b exactly (Knuth)."""
+    s = a + b
+    t = s - a
+    return (s, (a - (s - t)) + (b - t))
+
+
+@kernel
+def quick_two_sum(a: float, b: float) -> DoubleDouble:
+    """a + b exactly, for |a| >= |b| or a = 0 (Dekker)."""
+    s = a + b
+    return (s, b - (s - a))
+
+
+@kernel
+def two_product(a: float, b: float) -> DoubleDouble:
+    """The product a b exactly (Dekker, Veltkamp).
+
+    |a|, |b| < 1e299, and |a b| not in (0, 1e-290).
+    """
+    c = _SPLIT * a
+    a1 = c - (c - a)
+    a2 = a - a1
+    c = _SPLIT * b
+    b1 = c - (c - b)
+    b2 = b - b1
+    p = a * b
+    return (p, ((a1 * b1 - p) + a1 * b2 + a2 * b1) + a2 * b2)
+
+
+@kernel
+def dd_negate(a: DoubleDouble) -> DoubleDouble:
+    """-a."""
+    return (-a[0], -a[1])
+
+
+@kernel
+def dd_scale(power: float, a: DoubleDouble) -> DoubleDouble:
+    """The product power a, exact for a power of two (or a sign)."""
+    return (power * a[0], power * a[1])
+
+
+@kernel
+def dd_add(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
+    """a + b.  Error <= 3 u^2 (|a| + |b|): relative only as far as they do not cancel."""
+    s, e = two_sum(a[0], b[0])
+    return quick_two_sum(s, e + (a[1] + b[1]))
+
+
+@kernel
+def dd_subtract(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
+    """a - b.  Error <= 3 u^2 (|a| + |b|)."""
+    return dd_add(a, dd_negate(b))
+
+
+@kernel
+def dd_add_float(a: DoubleDouble, b: float) -> DoubleDouble:
+    """a + b.  Error <= 2 u^2 (|a| + |b|)."""
+    s, e = two_sum(a[0], b)
+    return quick_two_sum(s, e + a[1])
+
+
+@kernel
+def dd_multiply(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
+    """The product a b.  Relative error <= 7 u^2."""
+    p, e = two_product(a[0], b[0])
+    return quick_two_sum(p, e + (a[0] * b[1] + a[1] * b[0]))
+
+
+@kernel
+def dd_multiply_float(a: DoubleDouble, b: float) -> DoubleDouble:
+    """The product a b.  Relative error <= 3 u^2."""
+    p, e = two_product(a[0], b)
+    return quick_two_sum(p, e + a[1] * b)
+
+
+@kernel
+def dd_vector(v: Vec3) -> Vector:
+    """Floats, exactly."""
+    return ((v[0], 0.0), (v[1], 0.0), (v[2], 0.0))
+
+
+@kernel
+def dd_scale_vector(power: float, v: Vector) -> Vector:
+    """The product power v, exact for a power of two."""
+    return (dd_scale(power, v[0]), dd_scale(power, v[1]), dd_scale(power, v[2]))
+
+
+@kernel
+def dd_dot(a: Vector, b: Vector) -> DoubleDouble:
+    """a . b.  Error <= 20 u^2 |a| |b|."""
+    return dd_add(dd_add(dd_multiply(a[0], b[0]), dd_multiply(a[1], b[1])), dd_multiply(a[2], b[2]))
+
+
+@kernel
+def dd_divide(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
+    """The quotient a / b, b != 0.  Relative error <= 15 u^2."""
+    inverse = 1.0 / b[0]
+    quotient = a[0] * inverse
+    p, e = two_product(quotient, b[0])
+    rest = ((a[0] - p) - e) + (a[1] - quotient * b[1])
+    return quick_two_sum(quotient, rest * inverse)
+
+
+@kernel
+def dd_sqrt(a: DoubleDouble) -> DoubleDouble:
+    """The square root; 0 for a <= 0.  Relative error <= 4 u^2 (one Newton step, Karp & Markstein 1997)."""
+    positive = not a[0] <= 0.0  # NaN goes the same way as a number
+    root = math.sqrt(a[0] if positive else 1.0)
+    half_inverse = 0.5 / root
+    p, e = two_product(root, root)
+    high, low = quick_two_sum(root, (((a[0] - p) - e) + a[1]) * half_inverse)
+    return (high if positive else 0.0, low if positive else 0.0)

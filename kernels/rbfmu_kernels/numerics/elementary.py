@@ -1,0 +1,160 @@
+"""Sine, cosine and arctangent in plain double arithmetic: the same bits everywhere, in scalar code and in vectors.
+
+Branch-free, so that LLVM vectorises them inside loops; no libm symbol but sqrt, fabs and copysign, no fused operation,
+no cast. Polynomials are split into pairs (Estrin) for short chains.
+"""
+
+import math
+
+import numpy as np
+
+from ..compile.decorator import kernel
+
+_ROUND = 1.5 * 2.0**52  # adding and subtracting it rounds to an integer
+_LARGEST = 1e15
+_TWO_OVER_PI = 0.6366197723675814
+# pi / 2 as a sum; the first two have 36 bits, so that their products with |k| < 2^17 are exact (Cody & Waite).
+_PIO2_1 = 1.5707963267923333
+_PIO2_2 = 2.5633441515839558e-12
+_PIO2_3 = 1.0562999066987428e-23
+_PI, _PI_LOW = 3.141592653589793116, 1.224646799147353207e-16
+_SPLIT = 2.0**27 + 1.0
+_PI_1 = _SPLIT * _PI - (_SPLIT * _PI - _PI)
+_PI_2 = _PI - _PI_1
+
+
+@kernel
+def sincos(x: float) -> tuple[float, float]:
+    """(sin x, cos x).
+
+    x: rad.  Error <= 0.8 ulp to |x| = 2e5; beyond that eps |x|, as x itself has; from 1e15 on x counts as 0.
+    Infinite x gives NaN.
+    """
+    x = x - x if abs(x) > _LARGEST else x
+    shifted = x * _TWO_OVER_PI + _ROUND
+    k = shifted - _ROUND
+    first = x - k * _PIO2_1
+    w = k * _PIO2_2
+    r = first - w
+    tail = ((first - r) - w) - k * _PIO2_3
+    return _in_quadrant(shifted, r, tail)
+
+
+@kernel
+def sincos_half_turns(high: float, low: float) -> tuple[float, float]:
+    """(sin, cos) of pi (high + low), |low| <= half an ulp of high.
+
+    Error <= 0.8 ulp to |high| = 2^50; beyond 2^51 no digit is left.
+    """
+    shifted = 2.0 * high + _ROUND
+    rest = high - 0.5 * (shifted - _ROUND)
+    f = rest + low
+    low -= f - rest
+    c = _SPLIT * f  # pi f exactly (Dekker), the parts of pi known
+    f_1 = c - (c - f)
+    f_2 = f - f_1
+    r = _PI * f
+    tail = ((_PI_1 * f_1 - r) + _PI_1 * f_2 + _PI_2 * f_1) + _PI_2 * f_2
+    return _in_quadrant(shifted, r, tail + (_PI * low + _PI_LOW * f))
+
+
+@kernel
+def _in_quadrant(shifted: float, r: float, tail: float) -> tuple[float, float]:
+    """(sin, cos) of k pi / 2 + r + tail; shifted: k plus `_ROUND`."""
+    s, c = _sincos_near_zero(r, tail)
+    quadrant = np.float64(shifted).view(np.int64)  # its last two bits are those of k
+    odd = quadrant & 1 != 0
+    return (_signed(c if odd else s, quadrant), _signed(s if odd else c, quadrant + 1))
+
+
+@kernel
+def _signed(x: float, quadrant: np.int64) -> float:
+    """x, or -x in the quadrants 2 and 3 (of 0 to 3)."""
+    return float(np.int64(np.float64(x).view(np.int64) ^ ((quadrant & 2) << 62)).view(np.float64))
+
+
+@kernel
+def _sincos_near_zero(r: float, tail: float) -> tuple[float, float]:
+    """(sin, cos) of r + tail, |r| <= pi / 4 and a little. Coefficients of FDLIBM."""
+    z = r * r
+    zz = z * z
+    p = (1.66666666666666324348e-01 - z * 8.33333333332248946124e-03) + zz * (
+        (1.98412698298579493134e-04 - z * 2.75573137070700676789e-06)
+        + zz * (2.50507602534068634195e-08 - z * 1.58969099521155010221e-10)
+    )
+    sine = r + (tail - (z * r) * p)
+    p = (4.16666666666666019037e-02 - z * 1.38888888888741095749e-03) + zz * (
+        (2.48015872894767294178e-05 - z * 2.75573143513906633035e-07)
+        + zz * (2.08757232129817482790e-09 - z * 1.13596475577881948265e-11)
+    )
+    half = 0.5 * z
+    w = 1.0 - half
+    return (sine, w + (((1.0 - w) - half) + (zz * p - r * tail)))
+
+
+@kernel
+def exp2(high: float, low: float) -> float:
+    """2^(high + low), |high| <= 1022, |low| <= an ulp of high.  Error <= 0.9 ulp."""
+    shifted = high + _ROUND
+    r = (high - (shifted - _ROUND)) + low
+    z = r * r
+    w = z * z
+    a = (0.2402265069591007 + r * 0.055504108664821576) + z * (0.009618129107628477 + r * 0.0013333558146428441)
+    b = 0.00015403530393381606 + r * 1.5252733804059838e-05
+    b += z * (1.3215486790144305e-06 + r * 1.0178086009239696e-07)
+    c = (7.054911620801121e-09 + r * 4.44553827187081e-10) + z * (2.5678435993488196e-11 + r * 1.3691488853904124e-12)
+    first = r * 0.6931471805599453
+    s = 1.0 + first
+    p = s + (((1.0 - s) + first) + z * (a + w * (b + w * c)))
+    power = np.int64((np.float64(shifted).view(np.int64) + 1023) << 52)
+    return float(power.view(np.float64)) * p
+
+
+@kernel
+def scale_for_squares(largest: float) -> float:
+    """A power of two: numbers up to `largest`, times it, can be squared and summed without over- or underflow."""
+    return 2.0**-600 if largest > 2.0**500 else (2.0**600 if largest < 2.0**-500 else 1.0)
+
+
+_PIO4_HI = 0.7853981633974492  # 49 bits of pi / 4: its multiples up to 4 are exact
+_PIO4_LO = -8.575622497214414e-16
+
+
+@kernel
+def atan2(y: float, x: float) -> float:
+    """The angle of the point (x, y), in [-pi, pi].
+
+    x, y: any common unit, not both beyond 2^1022; the signs of zeros count as in C.
+    Error <= 1.4 ulp.  Two infinities give NaN.
+    """
+    ax, ay = abs(x), abs(y)
+    steep = ay > ax
+    n, d = (ax if steep else ay), (ay if steep else ax)
+    turn = n > 0.5 * d  # turn the point by -pi / 4; d - n is exact here
+    n, d = (n - d if turn else n), (n + d if turn else d)
+    d = 1.0 if d == 0.0 else d
+    t = n / d
+    z = t * t
+    error = -t * (z * _atan_series(z))
+    # All eight octants: +-(t + error) + a multiple of pi / 4.
+    left = math.copysign(1.0, x) < 0.0
+    eighths = 1.0 if turn else 0.0
+    eighths = 2.0 - eighths if steep else eighths
+    eighths = 4.0 - eighths if left else eighths
+    mirror = steep != left
+    t = -t if mirror else t
+    error = -error if mirror else error
+    base = eighths * _PIO4_HI
+    total = base + t
+    return math.copysign(total + ((t - (total - base)) + (eighths * _PIO4_LO + error)), y)
+
+
+@kernel
+def _atan_series(z: float) -> float:
+    """(1 - atan(t) / t) / z at z = t^2 <= 1/4: minimax, 2^-57."""
+    w = z * z
+    v = w * w
+    a = (0.3333333333333329 - z * 0.1999999999997101) + w * (0.14285714281572354 - z * 0.11111110858617597)
+    b = (0.09090900708337263 - z * 0.07692137205771797) + w * (0.06664401109265414 - z * 0.05861975487752309)
+    c = (0.05137137829905682 - z * 0.04226037225301247) + w * (0.028028821654761716 - z * 0.010507511365742985)
+    return (a + v * b) + (v * v) * c

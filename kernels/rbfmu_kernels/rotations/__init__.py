@@ -1,0 +1,1 @@
+"""Vectors and rotations: quaternions, matrices, Euler angles, rotation vectors."""

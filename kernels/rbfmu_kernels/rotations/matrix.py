@@ -1,0 +1,232 @@
+"""Rotation matrices: R_ab takes coordinates in b to coordinates in a."""
+
+import math
+
+from ..compile.decorator import kernel
+from ..numerics.elementary import sincos
+from ..numerics.scaling import power_of_two_for
+from ..types import Matrix, Quaternion, Vec3
+from . import vec3
+from .quaternion import compose_quaternions, normalize, square_of
+
+
+@kernel
+def rotation_x(angle: float) -> Matrix:
+    """R_x(angle), the simple rotation about the x axis.
+
+    angle: rad.  Error <= 0.5 eps.  E&G 6.4.
+    """
+    s, c = sincos(angle)
+    return ((1.0, 0.0, 0.0), (0.0, c, -s), (0.0, s, c))
+
+
+@kernel
+def rotation_y(angle: float) -> Matrix:
+    """R_y(angle), the simple rotation about the y axis.
+
+    angle: rad.  Error <= 0.5 eps.  E&G 6.4.
+    """
+    s, c = sincos(angle)
+    return ((c, 0.0, s), (0.0, 1.0, 0.0), (-s, 0.0, c))
+
+
+@kernel
+def rotation_z(angle: float) -> Matrix:
+    """R_z(angle), the simple rotation about the z axis.
+
+    angle: rad.  Error <= 0.5 eps.  E&G 6.4.
+    """
+    s, c = sincos(angle)
+    return ((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0))
+
+
+@kernel
+def compose_matrices(R_ab: Matrix, R_bc: Matrix) -> Matrix:
+    """R_ac = R_ab R_bc.
+
+    Any matrices.  Error <= 1 eps |R_ab| |R_bc|.  E&G 6.4.
+    """
+    columns = invert_matrix(R_bc)
+    return (
+        (vec3.dot(R_ab[0], columns[0]), vec3.dot(R_ab[0], columns[1]), vec3.dot(R_ab[0], columns[2])),
+        (vec3.dot(R_ab[1], columns[0]), vec3.dot(R_ab[1], columns[1]), vec3.dot(R_ab[1], columns[2])),
+        (vec3.dot(R_ab[2], columns[0]), vec3.dot(R_ab[2], columns[1]), vec3.dot(R_ab[2], columns[2])),
+    )
+
+
+@kernel
+def invert_matrix(R_ab: Matrix) -> Matrix:
+    """R_ba = R_ab^T.
+
+    R_ab: orthogonal; otherwise this is the transpose, not the inverse.  Exact.  E&G 6.4.
+    """
+    a, b, c = R_ab
+    return ((a[0], b[0], c[0]), (a[1], b[1], c[1]), (a[2], b[2], c[2]))
+
+
+@kernel
+def transform(R_ab: Matrix, v_b: Vec3) -> Vec3:
+    """v_a = R_ab v_b.
+
+    R_ab: any matrix; v_b: any unit.  Error <= 1.4 eps |v|.  E&G 6.4.
+    """
+    return (vec3.dot(R_ab[0], v_b), vec3.dot(R_ab[1], v_b), vec3.dot(R_ab[2], v_b))
+
+
+@kernel
+def matrix_rate_a(R_ab: Matrix, omega_ab_a: Vec3) -> Matrix:
+    """dR/dt = skew(omega_ab_a) R_ab.
+
+    omega_ab_a: rad/s in a.  Error <= 1 eps |omega|.  E&G 6.8.
+    """
+    return compose_matrices(vec3.skew(omega_ab_a), R_ab)
+
+
+@kernel
+def matrix_rate_b(R_ab: Matrix, omega_ab_b: Vec3) -> Matrix:
+    """dR/dt = R_ab skew(omega_ab_b).
+
+    omega_ab_b: rad/s in b.  Error <= 1 eps |omega|.  E&G 6.8.
+    """
+    return compose_matrices(R_ab, vec3.skew(omega_ab_b))
+
+
+@kernel
+def omega_a_from_matrix_rate(R_ab: Matrix, dR: Matrix) -> Vec3:
+    """omega_ab_a of skew(omega_ab_a) = dR R_ab^T.
+
+    dR: d/dt R_ab, 1/s; the symmetric part of the product (0 in exact arithmetic) is dropped.
+    Error <= 1.5 eps |omega|.  E&G 6.8.
+    """
+    return vec3.unskew(compose_matrices(dR, invert_matrix(R_ab)))
+
+
+@kernel
+def omega_b_from_matrix_rate(R_ab: Matrix, dR: Matrix) -> Vec3:
+    """omega_ab_b of skew(omega_ab_b) = R_ab^T dR.
+
+    dR: d/dt R_ab, 1/s; the symmetric part of the product (0 in exact arithmetic) is dropped.
+    Error <= 1.5 eps |omega|.
+    """
+    return vec3.unskew(compose_matrices(invert_matrix(R_ab), dR))
+
+
+@kernel
+def matrix_from_quaternion(q_ab: Quaternion) -> Matrix:
+    """R_ab = I + s eta skew(eps) + s skew(eps)^2, s = 2 / |q|^2 (2 in the books: q there is exactly unit).
+
+    q_ab: any length from 1e-150 to 1e150; 0 gives NaN.  Error <= 2 eps.  E&G 6.7.
+    """
+    w, x, y, z = q_ab
+    ww, xx, yy, zz = w * w, x * x, y * y, z * z
+    square = (ww + xx) + (yy + zz)
+    s = 2.0 / square if square > 0.0 else math.nan
+    wx, wy, wz, xy, xz, yz = w * x, w * y, w * z, x * y, x * z, y * z
+    return (
+        (_diagonal(s, ww + xx, yy + zz), s * (xy - wz), s * (xz + wy)),
+        (s * (xy + wz), _diagonal(s, ww + yy, xx + zz), s * (yz - wx)),
+        (s * (xz - wy), s * (yz + wx), _diagonal(s, ww + zz, xx + yy)),
+    )
+
+
+@kernel
+def _diagonal(s: float, plus: float, minus: float) -> float:
+    """(plus - minus) / (plus + minus), s = 2 / (plus + minus): exact where minus is 0, never doubling an error."""
+    return 1.0 - s * minus if plus > minus else 0.5 * s * (plus - minus)
+
+
+@kernel
+def quaternion_from_matrix(R_ab: Matrix) -> Quaternion:
+    """q_ab of R_ab, eta >= 0: the row of 4 q q^T with the largest diagonal element, normalised.
+
+    R_ab: a rotation to round-off.  Error <= 1.5 eps.  Singular: nowhere.  Shepperd 1978, Markley 2008.
+    """
+    (a, b, c), (d, e, f), (g, h, i) = R_ab
+    t0, t1, t2, t3 = 1.0 + a + e + i, 1.0 + a - e - i, 1.0 - a + e - i, 1.0 - a - e + i
+    wx, wy, wz = h - f, c - g, d - b
+    xy, xz, yz = b + d, c + g, f + h
+    x_first = t1 > t0
+    z_second = t3 > t2
+    second = (t3 if z_second else t2) > (t1 if x_first else t0)
+    q0 = (wz if z_second else wy) if second else (wx if x_first else t0)
+    q1 = (xz if z_second else xy) if second else (t1 if x_first else wx)
+    q2 = (yz if z_second else t2) if second else (xy if x_first else wy)
+    q3 = (t3 if z_second else yz) if second else (xz if x_first else wz)
+    s = math.copysign(1.0 / math.sqrt(square_of((q0, q1, q2, q3))), q0)
+    return (s * q0, s * q1, s * q2, s * q3)
+
+
+@kernel(inline=False)
+def nearest_rotation(R: Matrix) -> Matrix:
+    """The rotation nearest to R in the Frobenius norm: for R near a rotation, its polar factor.
+
+    R: any matrix (the zero matrix gives I). The dominant eigenvector of Davenport's 4x4 matrix, found by squaring it,
+    then corrected by Newton's method.  Error <= 2 eps for R within 0.1 of
+    a rotation; in general, eps over the gap between the best and the second best rotation.
+    """
+    s = power_of_two_for(_largest(R))
+    M = (vec3.scale(s, R[0]), vec3.scale(s, R[1]), vec3.scale(s, R[2]))
+    (a, b, c), (d, e, f), (g, h, i) = M
+    size = vec3.dot(M[0], M[0]) + vec3.dot(M[1], M[1]) + vec3.dot(M[2], M[2])
+    shift = math.sqrt(3.0 * size) if size > 0.0 else 1.0
+    u = 0.25 / shift
+    p = (
+        (u * (shift + a + e + i), u * (h - f), u * (c - g), u * (d - b)),
+        (u * (shift + a - e - i), u * (b + d), u * (c + g)),
+        (u * (shift - a + e - i), u * (f + h)),
+        u * (shift - a - e + i),
+    )
+    spread, count = 1.0, 0
+    while spread > 1e-9 and count < 40:
+        p, spread = _square(p)
+        count += 1
+    (p00, p01, p02, p03), (p11, p12, p13), (p22, p23), p33 = p
+    q = (p00, p01, p02, p03)
+    q = (p01, p11, p12, p13) if p11 > max(p00, max(p22, p33)) else q
+    q = (p02, p12, p22, p23) if p22 > max(p00, max(p11, p33)) else q
+    q = (p03, p13, p23, p33) if p33 > max(p00, max(p11, p22)) else q
+    q = _toward_symmetry(normalize(q), M)
+    return matrix_from_quaternion(_toward_symmetry(q, M))
+
+
+@kernel
+def _largest(R: Matrix) -> float:
+    a, b, c = R
+    first = max(max(abs(a[0]), abs(a[1])), abs(a[2]))
+    second = max(max(abs(b[0]), abs(b[1])), abs(b[2]))
+    return max(max(first, second), max(max(abs(c[0]), abs(c[1])), abs(c[2])))
+
+
+_Symmetric4 = tuple[Quaternion, Vec3, tuple[float, float], float]
+
+
+@kernel
+def _square(p: _Symmetric4) -> tuple[_Symmetric4, float]:
+    """p^2 / tr p^2 for a symmetric p with trace 1 (rows from the diagonal on), and tr(p)^2 - tr(p^2)."""
+    (a, b, c, d), (e, f, g), (h, i), j = p
+    bb, cc, dd, ff, gg, ii = b * b, c * c, d * d, f * f, g * g, i * i
+    aa, ee, hh, jj = a * a + bb + cc + dd, bb + e * e + ff + gg, cc + ff + h * h + ii, dd + gg + ii + j * j
+    trace = aa + ee + hh + jj
+    u = 1.0 / trace
+    first = (
+        u * aa,
+        u * (b * (a + e) + c * f + d * g),
+        u * (c * (a + h) + b * f + d * i),
+        u * (d * (a + j) + b * g + c * i),
+    )
+    second = (u * ee, u * (f * (e + h) + b * c + g * i), u * (g * (e + j) + b * d + f * i))
+    return (first, second, (u * hh, u * (i * (h + j) + c * d + f * g)), u * jj), 1.0 - trace
+
+
+@kernel
+def _toward_symmetry(q: Quaternion, M: Matrix) -> Quaternion:
+    """One Newton step towards the q with R(q)^T M symmetric: (tr(S) I - S) delta = the antisymmetric part."""
+    N = compose_matrices(invert_matrix(matrix_from_quaternion(q)), M)
+    x, y, z = N[1][1] + N[2][2], N[2][2] + N[0][0], N[0][0] + N[1][1]
+    u, v, w = -0.5 * (N[1][2] + N[2][1]), -0.5 * (N[0][2] + N[2][0]), -0.5 * (N[0][1] + N[1][0])
+    first, second, third = (x, w, v), (w, y, u), (v, u, z)
+    adjugate = (vec3.cross(second, third), vec3.cross(third, first), vec3.cross(first, second))
+    determinant = vec3.dot(first, adjugate[0])
+    delta = transform(adjugate, vec3.unskew(N))  # half of the rotation vector
+    delta = vec3.scale(1.0 / determinant if determinant != 0.0 else 0.0, delta)
+    return normalize(compose_quaternions(q, (1.0, delta[0], delta[1], delta[2])))

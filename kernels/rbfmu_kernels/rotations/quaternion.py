@@ -1,0 +1,168 @@
+"""Euler parameters (unit quaternions), scalar first: q_ab = (eta, eps) of R_ab."""
+
+import math
+
+from ..compile.decorator import kernel
+from ..numerics.elementary import atan2, scale_for_squares, sincos
+from ..types import Quaternion, Vec3
+from . import vec3
+
+
+@kernel
+def compose_quaternions(q_ab: Quaternion, q_bc: Quaternion) -> Quaternion:
+    """q_ac of R_ac = R_ab R_bc.
+
+    q_ab, q_bc: Euler parameters, any lengths.  Error <= 1.2 eps |q_ab| |q_bc|.  E&G 6.7.
+    """
+    a0, a1, a2, a3 = q_ab
+    b0, b1, b2, b3 = q_bc
+    return (
+        a0 * b0 - a1 * b1 - a2 * b2 - a3 * b3,
+        a0 * b1 + a1 * b0 + a2 * b3 - a3 * b2,
+        a0 * b2 - a1 * b3 + a2 * b0 + a3 * b1,
+        a0 * b3 + a1 * b2 - a2 * b1 + a3 * b0,
+    )
+
+
+@kernel
+def invert_quaternion(q_ab: Quaternion) -> Quaternion:
+    """q_ba = (eta, -eps).
+
+    q_ab: unit; otherwise this is the conjugate, not the inverse.  Exact.
+    """
+    return (q_ab[0], -q_ab[1], -q_ab[2], -q_ab[3])
+
+
+@kernel
+def add_scaled_quaternion(p: Quaternion, s: float, q: Quaternion) -> Quaternion:
+    """P + s q."""
+    return (p[0] + s * q[0], p[1] + s * q[1], p[2] + s * q[2], p[3] + s * q[3])
+
+
+@kernel
+def normalize(q: Quaternion) -> Quaternion:
+    """q / |q|.
+
+    q: any length; scaled by a power of two before squaring where it is beyond 2^+-500.
+    The zero quaternion gives NaN.  Error <= 1.2 eps.
+    """
+    a, b, c, d = q
+    largest = max(max(abs(a), abs(b)), max(abs(c), abs(d)))
+    s = scale_for_squares(largest)
+    a, b, c, d = s * a, s * b, s * c, s * d
+    length = math.sqrt(square_of((a, b, c, d)))
+    length = length if length != 0.0 else math.nan
+    return (a / length, b / length, c / length, d / length)
+
+
+@kernel
+def square_of(q: Quaternion) -> float:
+    """|q|^2."""
+    return (q[0] * q[0] + q[1] * q[1]) + (q[2] * q[2] + q[3] * q[3])
+
+
+@kernel
+def rotate(q_ab: Quaternion, v_b: Vec3) -> Vec3:
+    """v_a = R(q_ab) v_b. With u = (eta v + eps x v) / |q|^2: v + 2 eps x u to a quarter turn, so that a small turn
+    makes a small error; beyond it (eps . v) eps / |q|^2 + eta u + eps x u (q v q*), where nothing is doubled.
+
+    q_ab: any length from 1e-150 to 1e150, 0 gives NaN; v_b: any unit.  Error <= 3 eps |v|.  E&G 6.7.
+    """
+    eta, eps = q_ab[0], (q_ab[1], q_ab[2], q_ab[3])
+    square = square_of(q_ab)
+    s = 1.0 / square if square > 0.0 else math.nan
+    u = vec3.scale(s, vec3.add(vec3.scale(eta, v_b), vec3.cross(eps, v_b)))
+    x, y, z = vec3.add_scaled(vec3.scale(s * vec3.dot(eps, v_b), eps), eta, u)
+    near = eta * eta > 0.5 * square
+    start = (v_b[0] if near else x, v_b[1] if near else y, v_b[2] if near else z)
+    return vec3.add_scaled(start, 2.0 if near else 1.0, vec3.cross(eps, u))
+
+
+@kernel
+def _sum_and_difference(q0: Quaternion, q1: Quaternion) -> tuple[Quaternion, float, float]:
+    """q1 - q0, |q1 - q0| and |q1 + q0|: 2 sin and 2 cos of half the angle between them as 4-vectors."""
+    difference = (q1[0] - q0[0], q1[1] - q0[1], q1[2] - q0[2], q1[3] - q0[3])
+    total = (q1[0] + q0[0], q1[1] + q0[1], q1[2] + q0[2], q1[3] + q0[3])
+    return (difference, math.sqrt(square_of(difference)), math.sqrt(square_of(total)))
+
+
+@kernel
+def slerp(q0: Quaternion, q1: Quaternion, s: float) -> Quaternion:
+    """From q0 (s = 0) to q1 or -q1 (s = 1) at constant rate along the shorter arc; s outside [0, 1] extrapolates.
+
+    q0, q1: unit. With p the end nearer to s, D the step to the other end, t the distance in s and w the angle:
+    p cos(t w) + (D + p |D|^2 / 2) sin(t w) / sin w.  Nothing cancels at any angle; the ends are exact.
+    Error <= 3 eps in [0, 1], beyond it 2 eps (1 + |s|).
+    """
+    dot = (q0[0] * q1[0] + q0[1] * q1[1]) + (q0[2] * q1[2] + q0[3] * q1[3])
+    from_end = s > 0.5
+    t = 1.0 - s if from_end else s
+    sign = -1.0 if dot < 0.0 else 1.0
+    end = (sign * q1[0], sign * q1[1], sign * q1[2], sign * q1[3])
+    p = end if from_end else q0
+    step, difference, total = _sum_and_difference(p, q0 if from_end else end)
+    sine, cosine = sincos(2.0 * t * atan2(difference, total))
+    product = difference * total
+    g = 2.0 * sine / (product if product > 0.0 else 1.0)
+    g = g if product > 0.0 else t
+    f = cosine + g * (0.5 * (difference * difference))
+    return (f * p[0] + g * step[0], f * p[1] + g * step[1], f * p[2] + g * step[2], f * p[3] + g * step[3])
+
+
+@kernel
+def angle_between(q0: Quaternion, q1: Quaternion) -> float:
+    """The angle of the rotation from q0 to q1, in [0, pi]: 4 atan2(|q1 - q0|, |q1 + q0|), signs aside.
+
+    q0, q1: unit, any signs.  Error <= 2.5 eps relative, from 1e-7 on.  Kahan.
+    """
+    _, difference, total = _sum_and_difference(q0, q1)
+    swap = difference > total
+    return 4.0 * atan2(total if swap else difference, difference if swap else total)
+
+
+@kernel
+def quaternion_rate_a(q_ab: Quaternion, omega_ab_a: Vec3) -> Quaternion:
+    """dq/dt: deta = -eps . omega / 2, deps = (eta I - skew(eps)) omega / 2.
+
+    q_ab: unit; omega_ab_a: rad/s in a.  Error <= 0.7 eps |omega|.  E&G 6.9.
+    """
+    eps = (q_ab[1], q_ab[2], q_ab[3])
+    half = vec3.scale(0.5, omega_ab_a)
+    x, y, z = vec3.add_scaled(vec3.cross(half, eps), q_ab[0], half)
+    return (-vec3.dot(eps, half), x, y, z)
+
+
+@kernel
+def quaternion_rate_b(q_ab: Quaternion, omega_ab_b: Vec3) -> Quaternion:
+    """dq/dt: deta = -eps . omega / 2, deps = (eta I + skew(eps)) omega / 2.
+
+    q_ab: unit; omega_ab_b: rad/s in b.  Error <= 0.7 eps |omega|.  E&G 6.9.
+    """
+    eps = (q_ab[1], q_ab[2], q_ab[3])
+    half = vec3.scale(0.5, omega_ab_b)
+    x, y, z = vec3.add_scaled(vec3.cross(eps, half), q_ab[0], half)
+    return (-vec3.dot(eps, half), x, y, z)
+
+
+@kernel
+def omega_a_from_quaternion_rate(q_ab: Quaternion, dq: Quaternion) -> Vec3:
+    """omega_ab_a = 2 (eta deps - deta eps + eps x deps).
+
+    q_ab: unit; dq: its derivative, 1/s.  Error <= 2 eps |dq|.
+    """
+    eps = (q_ab[1], q_ab[2], q_ab[3])
+    deps = (dq[1], dq[2], dq[3])
+    along = vec3.add_scaled(vec3.scale(q_ab[0], deps), -dq[0], eps)
+    return vec3.scale(2.0, vec3.add(along, vec3.cross(eps, deps)))
+
+
+@kernel
+def omega_b_from_quaternion_rate(q_ab: Quaternion, dq: Quaternion) -> Vec3:
+    """omega_ab_b = 2 (eta deps - deta eps - eps x deps).
+
+    q_ab: unit; dq: its derivative, 1/s.  Error <= 2 eps |dq|.
+    """
+    eps = (q_ab[1], q_ab[2], q_ab[3])
+    deps = (dq[1], dq[2], dq[3])
+    along = vec3.add_scaled(vec3.scale(q_ab[0], deps), -dq[0], eps)
+    return vec3.scale(2.0, vec3.subtract(along, vec3.cross(eps, deps)))

@@ -1,0 +1,152 @@
+"""Rotation vectors u = axis x angle, and axis-angle pairs (k, theta)."""
+
+import math
+
+from ..compile.decorator import kernel
+from ..numerics.elementary import atan2, scale_for_squares, sincos
+from ..types import Matrix, Quaternion, Vec3
+from . import vec3
+from .matrix import matrix_from_quaternion, quaternion_from_matrix
+
+
+@kernel
+def quaternion_from_rotvec(u: Vec3) -> Quaternion:
+    """q_ab = (cos(|u| / 2), u sin(|u| / 2) / |u|).
+
+    u: rad, any size to 1e150.  Error <= 1.5 eps to |u| = pi, then eps |u| / 2.  E&G 6.7.
+    """
+    angle = math.sqrt(vec3.dot(u, u))
+    s, c = sincos(0.5 * angle)
+    x, y, z = vec3.scale(s / angle if angle > 0.0 else 0.5, u)
+    return (c, x, y, z)
+
+
+@kernel
+def rotvec_from_quaternion(q_ab: Quaternion) -> Vec3:
+    """u = eps 2 atan2(|eps|, |eta|) / |eps| (with the sign of eta), |u| <= pi.
+
+    q_ab: either sign, any length from 1e-150 to 1e150, 0 gives NaN.  Error <= 2 eps |u|.
+    Singular: nowhere; at half a turn u is one of two.
+    """
+    eta = abs(q_ab[0])
+    eps = (q_ab[1], q_ab[2], q_ab[3])
+    s = scale_for_squares(max(eta, max(max(abs(eps[0]), abs(eps[1])), abs(eps[2]))))
+    eta, eps = s * eta, vec3.scale(math.copysign(s, q_ab[0]), eps)
+    length = math.sqrt(vec3.dot(eps, eps))
+    tiny = 1.0 / eta if eta > 0.0 else math.nan
+    per_length = atan2(length, eta) / length if length > 0.0 else tiny
+    return vec3.scale(2.0 * per_length, eps)
+
+
+@kernel
+def matrix_from_rotvec(u: Vec3) -> Matrix:
+    """R_ab = exp(skew(u)), of `quaternion_from_rotvec`.
+
+    u: rad.  Error <= 3 eps to |u| = pi, then eps |u|.
+    """
+    return matrix_from_quaternion(quaternion_from_rotvec(u))
+
+
+@kernel
+def rotvec_from_matrix(R_ab: Matrix) -> Vec3:
+    """The rotation vector of R_ab, |u| <= pi: through the quaternion, so that no angle loses digits.
+
+    R_ab: a rotation to round-off.  Error <= 2.5 eps |u|.
+    """
+    return rotvec_from_quaternion(quaternion_from_matrix(R_ab))
+
+
+@kernel
+def quaternion_from_axis_angle(k: Vec3, theta: float) -> Quaternion:
+    """q_ab = (cos(theta / 2), k sin(theta / 2)).
+
+    k: unit; theta: rad.  Error <= 1 eps.  E&G 6.7.
+    """
+    s, c = sincos(0.5 * theta)
+    x, y, z = vec3.scale(s, k)
+    return (c, x, y, z)
+
+
+@kernel
+def matrix_from_axis_angle(k: Vec3, theta: float) -> Matrix:
+    """R_ab = cos(theta) I + sin(theta) skew(k) + (1 - cos(theta)) k k^T.
+
+    k: unit to round-off; theta: rad.  Error <= 2.5 eps.  E&G 6.6.
+    """
+    return matrix_from_quaternion(quaternion_from_axis_angle(k, theta))
+
+
+@kernel
+def axis_angle_from_quaternion(q_ab: Quaternion) -> tuple[Vec3, float]:
+    """(k, theta), theta in [0, pi]; k = (1, 0, 0) for no rotation.
+
+    q_ab: either sign, any length from 1e-150 to 1e150.  Error <= 2 eps in k and relative in theta.  E&G 6.7.
+    """
+    eps = (q_ab[1], q_ab[2], q_ab[3])
+    s = scale_for_squares(max(max(abs(eps[0]), abs(eps[1])), abs(eps[2])))
+    eps = vec3.scale(s, eps)
+    length = math.sqrt(vec3.dot(eps, eps))
+    signed = math.copysign(length, q_ab[0])
+    x, y, z = vec3.scale(1.0 / signed if length != 0.0 else 0.0, eps)
+    return ((x if length != 0.0 else 1.0, y, z), 2.0 * atan2(length / s, abs(q_ab[0])))
+
+
+@kernel
+def axis_angle_from_matrix(R_ab: Matrix) -> tuple[Vec3, float]:
+    """(k, theta) of R_ab, theta in [0, pi]; k = (1, 0, 0) for no rotation.
+
+    R_ab: a rotation to round-off.  Error <= 3 eps in k and relative in theta.  E&G 6.6.
+    """
+    return axis_angle_from_quaternion(quaternion_from_matrix(R_ab))
+
+
+@kernel
+def _rate(u: Vec3, side: float, omega: Vec3) -> Vec3:
+    """Omega + side u x omega + c u x (u x omega), c = (1 - h cot h) / |u|^2 with h = |u| / 2."""
+    square = vec3.dot(u, u)
+    h = 0.5 * math.sqrt(square)
+    s, c = sincos(h)
+    small = h < 0.5
+    z = 0.0 if small else 4.0 * h * h
+    large_c = (1.0 - h * (c / s)) / z if z > 0.0 and s != 0.0 else z * math.inf
+    coefficient = _series(0.25 * square) if small else large_c
+    turned = vec3.cross(u, omega)
+    return vec3.add_scaled(vec3.add_scaled(omega, side, turned), coefficient, vec3.cross(u, turned))
+
+
+@kernel
+def _series(hh: float) -> float:
+    """(1 - h cot h) / (4 h^2) for h^2 <= 1/4: minimax, 2^-51."""
+    low = 0.08333333333333363 + hh * (0.005555555555501095 + hh * 0.0005291005314961205)
+    high = 5.2910007920860135e-05 + hh * (
+        5.34487944815658e-06 + hh * (5.389144953373273e-07 + hh * 6.043161256145148e-08)
+    )
+    return low + (hh * hh * hh) * high
+
+
+@kernel
+def rotvec_rate_a(u: Vec3, omega_ab_a: Vec3) -> Vec3:
+    """du/dt = Jl(u)^-1 omega_ab_a.
+
+    u: rad; omega_ab_a: rad/s in a.  Error <= 3 eps |omega| to |u| = pi.
+    Singular at |u| = 2 pi n, n >= 1: |du/dt| grows as 1 / (2 pi - |u|).  E&G 6.9.
+    """
+    return _rate(u, -0.5, omega_ab_a)
+
+
+@kernel
+def rotvec_rate_b(u: Vec3, omega_ab_b: Vec3) -> Vec3:
+    """du/dt = Jr(u)^-1 omega_ab_b.
+
+    u: rad; omega_ab_b: rad/s in b.  Error <= 3 eps |omega| to |u| = pi.
+    Singular at |u| = 2 pi n, n >= 1: |du/dt| grows as 1 / (2 pi - |u|).
+    """
+    return _rate(u, 0.5, omega_ab_b)
+
+
+@kernel
+def rotvec_rate_is_singular(u: Vec3) -> bool:
+    """|sin(|u| / 2)| < 2 eps |u|: within round-off of a full turn."""
+    angle = math.sqrt(vec3.dot(u, u))
+    s, _ = sincos(0.5 * angle)
+    return angle > 1.0 and abs(s) < 2.0 * 2.0**-52 * angle
