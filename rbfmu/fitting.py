@@ -293,12 +293,12 @@ class _Search:
     def _spins_unseen(self) -> bool:
         """Whether a symmetric body's loads stay as they are when it turns about its axis: else that turn resonates."""
         body, loads = body_of(self.start), loads_of(self.start)
-        M, arm = np.array(body[1]), np.array(body[3])
-        axial = M - transverse_moment(body[1]) * np.eye(3)  # (I_s - I_t) s s^T
-        torque = np.array(loads[4]) + np.cross(arm, loads[2])
+        M, arm = np.array(body.inertia), np.array(body.arm_b)
+        axial = M - transverse_moment(body.inertia) * np.eye(3)  # (I_s - I_t) s s^T
+        torque = np.array(loads.torque_b) + np.cross(arm, loads.force_b)
         return all(
             np.linalg.norm(axial @ v) >= (1.0 - 1e-12) * np.linalg.norm(axial) * np.linalg.norm(v)
-            for v in (arm, torque, np.array(loads[2]))
+            for v in (arm, torque, np.array(loads.force_b))
         )
 
     # Values
@@ -359,11 +359,11 @@ def _better(a: _Fit, b: _Fit, bound: float) -> bool:
 
 def load_shares(scene: Scene, z: Buffer) -> tuple[float, float]:
     """Whether there may be loads that turn in b, and a force that turns with a body whose path is asked, as 0 or 1."""
-    _, force_a, force_b, torque_a, _ = loads_of(z)
+    loads = loads_of(z)
     varying = {*scene.inputs.ports, *scene.inputs.parameters}
-    lifted = any(body_of(z)[3]) and (any(force_a) or "force_a" in varying)
-    turned = lifted or any(torque_a) or "torque_a" in varying
-    pushed = any(force_b) or ("force_b" in varying and not has_pivot(z))
+    levered = any(body_of(z).arm_b) and (any(loads.force_a) or "force_a" in varying)
+    turned = levered or any(loads.torque_a) or "torque_a" in varying
+    pushed = any(loads.force_b) or ("force_b" in varying and not has_pivot(z))
     return float(turned), float(pushed and moves(z))
 
 

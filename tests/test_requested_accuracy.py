@@ -47,7 +47,7 @@ def test_accuracy_is_not_wasted(key: str, accuracy: float) -> None:
     if planned.model == "one axis":
         return
     if planned.model == "symmetric top" and planned.substep >= 0.449 * resonant_step(
-        CASES[key].body[1], CASES[key].scene.initial.omega_b
+        CASES[key].body.inertia, CASES[key].scene.initial.omega_b
     ):
         return
     largest = max(*errors.values(), planned.error)  # the plan's counts other quantities too: of a top, alpha_b most

@@ -15,12 +15,12 @@ from numba import config, njit
 from rbfmu.contestants.one_step import rk4_not_normalised_step, rk4_step
 from rbfmu.scene import Scene, load_scene
 from rbfmu_kernels.mechanics import inertia
+from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, Body, Loads, State
 from rbfmu_kernels.mechanics.newton_euler import kinetic_energy
 
 EPS = 2.0**-52
 ZERO = (0.0, 0.0, 0.0)
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
-UNLOADED = (ZERO,) * 5
 BRICK = load_scene(Path(__file__).parents[1] / "examples" / "scenes" / "tumbling_brick.toml")
 compiled = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="too many steps to interpret")
 
@@ -47,11 +47,11 @@ def test_the_reference_has_its_40_digits():
 
 
 def free_body(M, mass=1.0, arm=ZERO, damping_b=ZERO):
-    return (1.0 / mass, M, inertia.inverse_inertia(M), arm, damping_b, 1.0)
+    return Body(1.0 / mass, M, inertia.inverse_inertia(M), arm, damping_b, 1.0)
 
 
 def spinning(omega, quaternion=IDENTITY):
-    return (ZERO, ZERO, quaternion, omega)
+    return State(ZERO, ZERO, quaternion, omega)
 
 
 def polynomial(z):
@@ -66,9 +66,9 @@ def orders(errors):
 def test_rk4_converges_at_order_4_in_attitude_on_nasa_s_brick():
     (truth,) = reference.motion(BRICK, (30.0,))
     body, omega = free_body(BRICK.body.inertia, BRICK.body.mass), BRICK.initial.omega_b
-    ends = [run(spinning(omega), 30.0 / n, n, body, UNLOADED) for n in (200, 400, 800, 1600, 3200)]
-    attitude = [reference.angle_to(end[2], truth.R_ab) for end in ends]
-    rates = [reference.distance(end[3], truth.omega_b) for end in ends]
+    ends = [run(spinning(omega), 30.0 / n, n, body, NO_LOADS) for n in (200, 400, 800, 1600, 3200)]
+    attitude = [reference.angle_to(end.q_ab, truth.R_ab) for end in ends]
+    rates = [reference.distance(end.omega_b, truth.omega_b) for end in ends]
     assert attitude[-1] > 1e-11  # far above round-off
     assert orders(attitude) == pytest.approx([4.0] * 4, abs=0.1)
     assert orders(rates) == pytest.approx([4.0] * 4, abs=0.1)
@@ -91,13 +91,13 @@ def test_rk4_converges_at_order_4_in_all_of_a_loaded_body_s_motion():
     (truth,) = reference.motion(scene, (4.0,))
     r, omega, loads = np.array(scene.body.r_oc_b), scene.initial.omega_b, scene.loads
     body = free_body(scene.body.inertia, 2.0, tuple((-r).tolist()), loads.damping_b)
-    start = (
+    start = State(
         tuple((np.array(scene.initial.position) + r).tolist()),
         tuple((np.array(scene.initial.velocity) + np.cross(omega, r)).tolist()),
         IDENTITY,
         omega,
     )
-    known = (loads.gravity_a, loads.force_a, loads.force_b, loads.torque_a, loads.torque_b)
+    known = Loads(loads.gravity_a, loads.force_a, loads.force_b, loads.torque_a, loads.torque_b)
     errors = []
     for n in (100, 200, 400):
         r_c, v_c, q, rate = run(start, 4.0 / n, n, body, known)
@@ -116,10 +116,9 @@ def test_rk4_converges_at_order_4_in_all_of_a_loaded_body_s_motion():
 
 
 def test_rk4_is_exact_on_a_parabola():
-    r, v, q, omega = run(
-        ((1.0, 2.0, 3.0), (4.0, 5.0, 6.0), IDENTITY, ZERO), 0.25, 40, free_body(inertia.diagonal((1.0, 1.0, 1.0)), 2.0),
-        ((0.0, 0.0, -8.0), (2.0, 0.0, 0.0), (0.0, 4.0, 0.0), ZERO, ZERO),
-    )  # fmt: skip
+    start = State((1.0, 2.0, 3.0), (4.0, 5.0, 6.0), IDENTITY, ZERO)
+    loads = Loads((0.0, 0.0, -8.0), (2.0, 0.0, 0.0), (0.0, 4.0, 0.0), ZERO, ZERO)
+    r, v, q, omega = run(start, 0.25, 40, free_body(inertia.diagonal((1.0, 1.0, 1.0)), 2.0), loads)
     assert v == (4.0 + 10.0, 5.0 + 20.0, 6.0 - 80.0)
     assert r == pytest.approx((1.0 + 40.0 + 50.0, 2.0 + 50.0 + 100.0, 3.0 + 60.0 - 400.0), rel=4 * EPS)
     assert (q, omega) == (IDENTITY, ZERO)
@@ -132,7 +131,7 @@ def test_rk4_lags_by_the_fifth_power_over_1920(axis, turn):
     omega, steps = [0.0] * 3, 50
     omega[axis] = 2.0
     body = free_body(inertia.diagonal((1.0, 2.0, 2.5)))
-    _, _, q, rate = run(spinning(tuple(omega)), turn / 2.0, steps, body, UNLOADED)
+    _, _, q, rate = run(spinning(tuple(omega)), turn / 2.0, steps, body, NO_LOADS)
     step = 2.0 * cmath.phase(polynomial(0.5j * turn))
     assert rate == tuple(omega)
     assert q[0] == pytest.approx(math.cos(0.5 * steps * step), abs=20 * EPS)  # 50 steps' round-off
@@ -143,7 +142,7 @@ def test_rk4_lags_by_the_fifth_power_over_1920(axis, turn):
 def without_normalising(omega, h):
     """The length of the quaternion after one classical step from the identity."""
     body, start = free_body(inertia.diagonal((1.0, 2.0, 2.5))), spinning(omega)
-    return math.hypot(*rk4_not_normalised_step(start, h, body, UNLOADED)[2])
+    return math.hypot(*rk4_not_normalised_step(start, h, body, NO_LOADS).q_ab)
 
 
 def test_without_normalising_the_quaternion_would_shrink_by_the_sixth_power_over_9216():
@@ -161,23 +160,23 @@ def test_without_normalising_the_quaternion_would_shrink_by_the_sixth_power_over
 def test_a_step_leaves_a_unit_quaternion():
     state, body = spinning((3.0, -2.0, 5.0), (0.5, 0.5, -0.5, 0.5)), free_body(inertia.diagonal((1.0, 2.0, 2.5)))
     for _ in range(200):
-        state = rk4_step(state, 0.1, body, UNLOADED)
-        assert abs(sum(x * x for x in state[2]) - 1.0) <= 3 * EPS
+        state = rk4_step(state, 0.1, body, NO_LOADS)
+        assert abs(sum(x * x for x in state.q_ab) - 1.0) <= 3 * EPS
 
 
 @pytest.mark.parametrize("stiffness", [0.01, 0.5, 2.0, 2.785, 2.786])
 def test_damping_multiplies_the_rate_by_rk4_s_polynomial(stiffness):
     """Stable while h d / I < 2.785."""
     body = free_body(inertia.diagonal((2.0, 2.0, 2.0)), damping_b=(4.0, 4.0, 4.0))
-    _, _, _, omega = rk4_step(spinning((0.0, 0.0, 1.0)), 0.5 * stiffness, body, UNLOADED)
+    _, _, _, omega = rk4_step(spinning((0.0, 0.0, 1.0)), 0.5 * stiffness, body, NO_LOADS)
     assert omega[2] == pytest.approx(polynomial(-stiffness), abs=4 * EPS * max(1.0, stiffness**4 / 24.0))
     assert (abs(omega[2]) < 1.0) == (stiffness <= 2.785)
 
 
 def energy_error(h, steps):
     M, omega = inertia.diagonal((1.0, 2.0, 3.0)), (0.3, 1.0, 0.2)
-    end = run(spinning(omega, (0.5, 0.5, 0.5, 0.5)), h, steps, free_body(M), UNLOADED)
-    return kinetic_energy(0.0, M, ZERO, end[3]) / kinetic_energy(0.0, M, ZERO, omega) - 1.0
+    end = run(spinning(omega, (0.5, 0.5, 0.5, 0.5)), h, steps, free_body(M), NO_LOADS)
+    return kinetic_energy(0.0, M, ZERO, end.omega_b) / kinetic_energy(0.0, M, ZERO, omega) - 1.0
 
 
 @compiled
@@ -193,10 +192,10 @@ def test_rk4_s_round_off_stays_small_where_its_error_has_gone():
     """3e4 steps leave 3e-15 of error of the method; round-off of 80 eps, a random walk of half an eps a step."""
     (truth,) = reference.motion(BRICK, (30.0,))
     body = free_body(BRICK.body.inertia, BRICK.body.mass)
-    end = run(spinning(BRICK.initial.omega_b), 1e-3, 30_000, body, UNLOADED)
-    assert 1e-15 < reference.angle_to(end[2], truth.R_ab) < 0.5 * math.sqrt(30_000) * EPS
+    end = run(spinning(BRICK.initial.omega_b), 1e-3, 30_000, body, NO_LOADS)
+    assert 1e-15 < reference.angle_to(end.q_ab, truth.R_ab) < 0.5 * math.sqrt(30_000) * EPS
 
 
 def test_what_is_not_finite_stays_so():
-    state = rk4_step(spinning((math.nan, 0.0, 0.0)), 0.1, free_body(inertia.diagonal((1.0, 2.0, 2.5))), UNLOADED)
-    assert all(map(math.isnan, (*state[2], *state[3])))
+    state = rk4_step(spinning((math.nan, 0.0, 0.0)), 0.1, free_body(inertia.diagonal((1.0, 2.0, 2.5))), NO_LOADS)
+    assert all(map(math.isnan, (*state.q_ab, *state.omega_b)))

@@ -46,6 +46,7 @@ from rbfmu.work_precision.collection import (
 from rbfmu.work_precision.methods import NotFeasibleError, Run
 from rbfmu.work_precision.plans import verdicts
 from rbfmu.work_precision.tables import WIDTH, dearness_table, plan_table, stopped_table
+from rbfmu_kernels.mechanics.equations_of_motion import State
 
 DIGITS = mp.mpf(10) ** -37
 """Of 40 in the file; body rates grow to 50."""
@@ -91,7 +92,9 @@ def test_references_do_not_depend_on_the_arithmetic_s_settings(script: ModuleTyp
 def test_torque_free_references_are_the_closed_form(key: str) -> None:
     case, stored = CASES[key], cases._references()[key]
     for i in (0, CHECKPOINTS - 1):
-        q, omega = free_rotation_mp.closed_form(case.moments, *case.start[2:], case.interval * (i + 1))
+        q, omega = free_rotation_mp.closed_form(
+            case.moments, case.start.q_ab, case.start.omega_b, case.interval * (i + 1)
+        )
         with mp.workdps(60):
             sign = mp.sign(sum(x * mp.mpf(y) for x, y in zip(q, stored["quaternion"][i], strict=True)))
             q = [sign * x for x in q]
@@ -117,7 +120,7 @@ def test_forced_references_agree_with_another_formulation(key: str) -> None:
 def _true_states(key: str):
     truth, case = reference(key), CASES[key]
     rows = zip(truth["r_c"], truth["q"], truth["omega_b"], strict=True)
-    return [(tuple(r), case.start[1], tuple(q), tuple(w)) for r, q, w in rows]
+    return [State(tuple(r), case.start.v_c, tuple(q), tuple(w)) for r, q, w in rows]
 
 
 @pytest.mark.parametrize("key", CASES)

@@ -40,7 +40,7 @@ def _steps(state: State, h: float, n: int, moments: Vec3, inverse: Vec3) -> Stat
         s = found / (1.0 + (x * x + y * y + z * z))
         q = normalize(compose_quaternions(q, (1.0, x, y, z)))
         m = (m[0] + s * g[0] * y * z, m[1] + s * g[1] * x * z, m[2] + s * g[2] * x * y)
-    return r, v, q, (m[0] / moments[0], m[1] / moments[1], m[2] / moments[2])
+    return State(r, v, q, (m[0] / moments[0], m[1] / moments[1], m[2] / moments[2]))
 
 
 def _coefficients(moments: Vec3) -> tuple[list[float], list[float]]:
@@ -111,8 +111,8 @@ def moser_veselov(order: int) -> Any:
     """`steps(y, h, n, body, loads)` of order 2, 4, 6, 8 or 10; loads and off-diagonal M are ignored."""
 
     def steps(y: State, h: float, n: int, body: Body, loads: Loads) -> State:
-        M = body[1]
+        M = body.inertia
         moments = (M[0][0], M[1][1], M[2][2])
-        return _steps(y, h, n, moments, _modified(order, h, moments, y[3]))
+        return _steps(y, h, n, moments, _modified(order, h, moments, y.omega_b))
 
     return steps

@@ -1,6 +1,7 @@
 """The contestants' steps, `step(y, h, body, loads) -> y`, and the forms in which they hold the attitude."""
 
 import math
+from typing import NamedTuple
 
 from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.mechanics.equations_of_motion import (
@@ -32,10 +33,24 @@ from rbfmu_kernels.rotations.rotation_vector import quaternion_from_rotvec
 from rbfmu_kernels.rotations.vec3 import add, add_scaled, cross, scale, subtract
 from rbfmu_kernels.types import Matrix, Quaternion, Vec3
 
-MatrixState = tuple[Vec3, Vec3, Matrix, Vec3]
-"""Position, velocity, R_ab, omega_b."""
-VectorState = tuple[Vec3, Vec3, Vec3, Vec3]
-"""Position, velocity, Euler angles or rotation vector, omega_b."""
+
+class MatrixState(NamedTuple):
+    """A state whose attitude is R_ab, or its time derivative."""
+
+    r_c: Vec3
+    v_c: Vec3
+    R_ab: Matrix
+    omega_b: Vec3
+
+
+class VectorState(NamedTuple):
+    """A state whose attitude is three Euler angles or a rotation vector, or its time derivative."""
+
+    r_c: Vec3
+    v_c: Vec3
+    attitude: Vec3
+    omega_b: Vec3
+
 
 NONE: Vec3 = (0.0, 0.0, 0.0)
 NO_TURN: Quaternion = (1.0, 0.0, 0.0, 0.0)
@@ -47,21 +62,21 @@ MOST_ROUNDS = 100
 
 @kernel
 def advance(state: State, s: float, rates: Rates) -> State:
-    """State + s rates."""
-    return (
-        add_scaled(state[0], s, rates[0]),
-        add_scaled(state[1], s, rates[1]),
-        add_scaled_quaternion(state[2], s, rates[2]),
-        add_scaled(state[3], s, rates[3]),
+    """Return state + s rates."""
+    return State(
+        add_scaled(state.r_c, s, rates.r_c),
+        add_scaled(state.v_c, s, rates.v_c),
+        add_scaled_quaternion(state.q_ab, s, rates.q_ab),
+        add_scaled(state.omega_b, s, rates.omega_b),
     )
 
 
 @kernel
 def _unit_attitude(state: State) -> State:
     """The state with its quaternion scaled to length 1, as a step leaves it within 10 % of that."""
-    q = state[2]
+    r, v, q, omega = state
     s = 1.0 / math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
-    return state[0], state[1], (s * q[0], s * q[1], s * q[2], s * q[3]), state[3]
+    return State(r, v, (s * q[0], s * q[1], s * q[2], s * q[3]), omega)
 
 
 @kernel(inline=False)
@@ -76,7 +91,7 @@ def semi_implicit_euler_step(state: State, h: float, body: Body, loads: Loads) -
     r, v, q, omega = state
     v = add_scaled(v, h, linear_acceleration(q, body, loads))
     omega = add_scaled(omega, h, angular_acceleration(q, omega, body, loads))
-    return _unit_attitude(advance((r, v, q, omega), h, (v, NONE, quaternion_rate_b(q, omega), NONE)))
+    return _unit_attitude(advance(State(r, v, q, omega), h, Rates(v, NONE, quaternion_rate_b(q, omega), NONE)))
 
 
 @kernel(inline=False)
@@ -102,17 +117,17 @@ def rk4_step(state: State, h: float, body: Body, loads: Loads) -> State:
 @kernel
 def _difference(a: State, b: State) -> float:
     """A size of b - a: attitude in half rad, and rates."""
-    q, p = a[2], b[2]
+    q, p = a.q_ab, b.q_ab
     turn = abs(p[0] - q[0]) + abs(p[1] - q[1]) + abs(p[2] - q[2]) + abs(p[3] - q[3])
-    u, w = a[3], b[3]
+    u, w = a.omega_b, b.omega_b
     return turn + abs(w[0] - u[0]) + abs(w[1] - u[1]) + abs(w[2] - u[2])
 
 
 @kernel(inline=False)
 def midpoint(state: State, h: float, body: Body, loads: Loads) -> tuple[State, float]:
     """(y, rounds) of y = state + h / 2 f(y) by fixed-point iteration; rounds = MOST_ROUNDS where it does not settle."""
-    middle, change, rounds = state, 1.0, 0.0
-    size = 1.0 + abs(state[3][0]) + abs(state[3][1]) + abs(state[3][2])
+    middle, change, rounds, omega = state, 1.0, 0.0, state.omega_b
+    size = 1.0 + abs(omega[0]) + abs(omega[1]) + abs(omega[2])
     while change > 1e-15 * size and rounds < MOST_ROUNDS:
         after = advance(state, 0.5 * h, state_rates(middle, body, loads))
         change = _difference(middle, after)
@@ -134,16 +149,16 @@ def implicit_midpoint_step(state: State, h: float, body: Body, loads: Loads) -> 
 
 @kernel
 def _loads_in_b(R_ab: Matrix, loads: Loads) -> Loads:
-    gravity_a, arm_force_a, arm_force_b, torque_a, torque_b = loads
     R_ba = invert_matrix(R_ab)
-    force_b, total_b = add(arm_force_b, transform(R_ba, arm_force_a)), add(torque_b, transform(R_ba, torque_a))
-    return gravity_a, NONE, force_b, NONE, total_b
+    force_b = add(loads.force_b, transform(R_ba, loads.force_a))
+    torque_b = add(loads.torque_b, transform(R_ba, loads.torque_a))
+    return Loads(loads.gravity_a, NONE, force_b, NONE, torque_b)
 
 
 @kernel
 def _accelerations(R_ab: Matrix, omega_b: Vec3, body: Body, loads: Loads) -> tuple[Vec3, Vec3]:
-    force_a = add(loads[1], transform(R_ab, loads[2]))
-    a_c = linear_acceleration(NO_TURN, body, (loads[0], force_a, NONE, NONE, NONE))
+    force_a = add(loads.force_a, transform(R_ab, loads.force_b))
+    a_c = linear_acceleration(NO_TURN, body, Loads(loads.gravity_a, force_a, NONE, NONE, NONE))
     return a_c, angular_acceleration(NO_TURN, omega_b, body, _loads_in_b(R_ab, loads))
 
 
@@ -151,13 +166,17 @@ def _accelerations(R_ab: Matrix, omega_b: Vec3, body: Body, loads: Loads) -> tup
 def _matrix_rates(state: MatrixState, body: Body, loads: Loads) -> MatrixState:
     _, v, R_ab, omega = state
     a_c, alpha = _accelerations(R_ab, omega, body, loads)
-    return v, a_c, matrix_rate_b(R_ab, omega), alpha
+    return MatrixState(v, a_c, matrix_rate_b(R_ab, omega), alpha)
 
 
 @kernel
 def _advance_matrix(state: MatrixState, s: float, k: MatrixState) -> MatrixState:
-    r, v, R_ab, omega = state
-    return add_scaled(r, s, k[0]), add_scaled(v, s, k[1]), add_scaled_matrix(R_ab, s, k[2]), add_scaled(omega, s, k[3])
+    return MatrixState(
+        add_scaled(state.r_c, s, k.r_c),
+        add_scaled(state.v_c, s, k.v_c),
+        add_scaled_matrix(state.R_ab, s, k.R_ab),
+        add_scaled(state.omega_b, s, k.omega_b),
+    )
 
 
 @kernel(inline=False)
@@ -175,13 +194,17 @@ def rk4_matrix_step(state: MatrixState, h: float, body: Body, loads: Loads) -> M
 def _angle_rates(state: VectorState, body: Body, loads: Loads) -> VectorState:
     _, v, angles, omega = state
     a_c, alpha = _accelerations(matrix_from_euler(ZYX, angles), omega, body, loads)
-    return v, a_c, euler_rate_b(ZYX, angles, omega), alpha
+    return VectorState(v, a_c, euler_rate_b(ZYX, angles, omega), alpha)
 
 
 @kernel
 def _advance_vector(state: VectorState, s: float, k: VectorState) -> VectorState:
-    r, v, u, omega = state
-    return add_scaled(r, s, k[0]), add_scaled(v, s, k[1]), add_scaled(u, s, k[2]), add_scaled(omega, s, k[3])
+    return VectorState(
+        add_scaled(state.r_c, s, k.r_c),
+        add_scaled(state.v_c, s, k.v_c),
+        add_scaled(state.attitude, s, k.attitude),
+        add_scaled(state.omega_b, s, k.omega_b),
+    )
 
 
 @kernel
@@ -207,24 +230,25 @@ def rk4_angles_step(state: VectorState, h: float, body: Body, loads: Loads) -> V
 
 @kernel
 def _local_state(local: VectorState, q: Quaternion) -> State:
-    return local[0], local[1], compose_quaternions(q, quaternion_from_rotvec(local[2])), local[3]
+    r, v, u, omega = local
+    return State(r, v, compose_quaternions(q, quaternion_from_rotvec(u)), omega)
 
 
 @kernel(inline=False)
 def _local_rates(local: VectorState, q: Quaternion, correction: float, body: Body, loads: Loads) -> VectorState:
-    """Du/dt = omega + u x omega / 2 + u x (u x omega) / 12, enough for order 4; correction = 0: du/dt = omega."""
+    """Return du/dt = omega + u x omega / 2 + u x (u x omega) / 12, enough for order 4; 0 as correction leaves omega."""
     v, a_c, _, alpha = state_rates(_local_state(local, q), body, loads)
-    u, omega = local[2], local[3]
+    u, omega = local.attitude, local.omega_b
     turned = cross(u, omega)
     du = add_scaled(add_scaled(omega, 0.5 * correction, turned), correction / 12.0, cross(u, turned))
-    return v, a_c, du, alpha
+    return VectorState(v, a_c, du, alpha)
 
 
 @kernel(inline=False)
 def rkmk4_step(state: State, h: float, body: Body, loads: Loads) -> State:
     """Runge-Kutta-Munthe-Kaas: classical Runge-Kutta on the rotation vector of the step.  Munthe-Kaas 1998."""
     r, v, q, omega = state
-    local = (r, v, NONE, omega)
+    local = VectorState(r, v, NONE, omega)
     k1 = _local_rates(local, q, 1.0, body, loads)
     k2 = _local_rates(_advance_vector(local, 0.5 * h, k1), q, 1.0, body, loads)
     k3 = _local_rates(_advance_vector(local, 0.5 * h, k2), q, 1.0, body, loads)
@@ -236,19 +260,20 @@ def rkmk4_step(state: State, h: float, body: Body, loads: Loads) -> State:
 def cf4_step(state: State, h: float, body: Body, loads: Loads) -> State:
     """Commutator-free Lie group method of order 4.  Celledoni, Marthinsen & Owren 2003."""
     r, v, q, omega = state
-    local = (r, v, NONE, omega)
+    local = VectorState(r, v, NONE, omega)
     k1 = _local_rates(local, q, 0.0, body, loads)
     y2 = _advance_vector(local, 0.5 * h, k1)
     k2 = _local_rates(y2, q, 0.0, body, loads)
     k3 = _local_rates(_advance_vector(local, 0.5 * h, k2), q, 0.0, body, loads)
     y4 = _advance_vector(local, h, k3)
-    q2 = compose_quaternions(q, quaternion_from_rotvec(y2[2]))
-    k4 = _local_rates((y4[0], y4[1], subtract(y4[2], y2[2]), y4[3]), q2, 0.0, body, loads)
+    q2 = compose_quaternions(q, quaternion_from_rotvec(y2.attitude))
+    last = VectorState(y4.r_c, y4.v_c, subtract(y4.attitude, y2.attitude), y4.omega_b)
+    k4 = _local_rates(last, q2, 0.0, body, loads)
     r, v, u, omega = _rk4_sum(local, h, k1, k2, k3, k4)
     u = scale(0.5, u)
-    lean = scale(h / 6.0, subtract(k1[2], k4[2]))
+    lean = scale(h / 6.0, subtract(k1.attitude, k4.attitude))
     q = compose_quaternions(q, quaternion_from_rotvec(add(u, lean)))
-    return r, v, compose_quaternions(q, quaternion_from_rotvec(subtract(u, lean))), omega
+    return State(r, v, compose_quaternions(q, quaternion_from_rotvec(subtract(u, lean))), omega)
 
 
 # Forms of the attitude
@@ -263,28 +288,33 @@ def as_it_is(state: State) -> State:
 @kernel(inline=False)
 def with_unit_quaternion(state: State) -> State:
     """The state, its quaternion scaled to length 1."""
-    return state[0], state[1], normalize(state[2]), state[3]
+    r, v, q, omega = state
+    return State(r, v, normalize(q), omega)
 
 
 @kernel(inline=False)
 def with_matrix(state: State) -> MatrixState:
     """The state with R_ab for q_ab."""
-    return state[0], state[1], matrix_from_quaternion(state[2]), state[3]
+    r, v, q, omega = state
+    return MatrixState(r, v, matrix_from_quaternion(q), omega)
 
 
 @kernel(inline=False)
 def from_matrix(state: MatrixState) -> State:
     """The state with the unit quaternion nearest to R_ab."""
-    return state[0], state[1], quaternion_from_matrix(state[2]), state[3]
+    r, v, R_ab, omega = state
+    return State(r, v, quaternion_from_matrix(R_ab), omega)
 
 
 @kernel(inline=False)
 def with_angles(state: State) -> VectorState:
     """The state with (yaw, pitch, roll) for q_ab."""
-    return state[0], state[1], euler_from_quaternion(ZYX, state[2]), state[3]
+    r, v, q, omega = state
+    return VectorState(r, v, euler_from_quaternion(ZYX, q), omega)
 
 
 @kernel(inline=False)
 def from_angles(state: VectorState) -> State:
     """The state with q_ab for (yaw, pitch, roll)."""
-    return state[0], state[1], quaternion_from_euler(ZYX, state[2]), state[3]
+    r, v, angles, omega = state
+    return State(r, v, quaternion_from_euler(ZYX, angles), omega)

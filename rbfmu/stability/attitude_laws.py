@@ -38,13 +38,13 @@ def crossing(growth: Callable[[float], float], low: float, high: float) -> float
 
 def quaternion_growth(method: str, h_omega: float) -> float:
     """|q| after one step of a body that turns by h omega."""
-    return math.hypot(*one_step(method)(spin(h_omega), 1.0, _BODY, NO_LOADS)[2])
+    return math.hypot(*one_step(method)(spin(h_omega), 1.0, _BODY, NO_LOADS).q_ab)
 
 
 def matrix_growth(h_omega: float) -> float:
     """The length of R's first column after one step of RK4 on R."""
     method = CONTESTANTS["RK4, matrix"]
-    R_ab = method.steps(method.start(spin(h_omega)), 1.0, 1, _BODY, NO_LOADS)[2]
+    R_ab = method.steps(method.start(spin(h_omega)), 1.0, 1, _BODY, NO_LOADS).R_ab
     return math.hypot(R_ab[0][0], R_ab[1][0], R_ab[2][0])
 
 
@@ -96,8 +96,9 @@ def drift(quick: bool) -> Study:
     for count in counts:
         for name, column in names.items():
             states[name] = CONTESTANTS[name].steps(states[name], x, count - done, _BODY, NO_LOADS)
-            attitude = states[name][2]
-            columns[column].append(_matrix_drift(attitude) if column == "R" else abs(math.hypot(*attitude) - 1.0))
+            state = states[name]
+            drift = _matrix_drift(state.R_ab) if column == "R" else abs(math.hypot(*state.q_ab) - 1.0)
+            columns[column].append(drift)
         done = count
     columns["q, predicted"] = [-math.expm1(n * math.log1p(-(x**6) / 9216.0)) for n in counts]
     columns["R, predicted"] = [-math.expm1(n * math.log1p(-(x**6) / 72.0)) for n in counts]

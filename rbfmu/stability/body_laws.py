@@ -36,22 +36,22 @@ _NUTATION = _RATE * (1.0 - _ROD[2] / _ROD[0])
 
 
 def _transverse(state: State) -> float:
-    return math.hypot(state[3][0], state[3][1])
+    return math.hypot(state.omega_b[0], state.omega_b[1])
 
 
 def _gains(method: str) -> tuple[float, float, float, float]:
     """Over 1000 steps of 0.05 on BRICK: energy and momentum^2 gained over what theory says, and the smallest gains."""
     y, h, body = TUMBLE, 0.05, free_body(BRICK)
     step = one_step(method)
-    M = body[1]
+    M = body.inertia
     gained, predicted, least = [0.0, 0.0], [0.0, 0.0], [math.inf, math.inf]
     for _ in range(1000):
         after = step(y, h, body, NO_LOADS)
-        alpha = angular_acceleration(y[2], y[3], body, NO_LOADS)
-        square = norm(angular_momentum(M, y[3])) ** 2
+        alpha = angular_acceleration(y.q_ab, y.omega_b, body, NO_LOADS)
+        square = norm(angular_momentum(M, y.omega_b)) ** 2
         gain = (
             rotational_energy(BRICK, after) - rotational_energy(BRICK, y),
-            norm(angular_momentum(M, after[3])) ** 2 - square,
+            norm(angular_momentum(M, after.omega_b)) ** 2 - square,
         )
         theory = (h * h * kinetic_energy(0.0, M, ZERO, alpha), (h * norm(angular_momentum(M, alpha))) ** 2)
         for i in range(2):
@@ -105,7 +105,7 @@ def decay_factor(method: str, x: float) -> float:
     """What one step makes of a damped spin of 1 rad/s, h d / I = x; NaN where there is no step."""
     if method in _MODELS:
         return damped_rate(_MODELS[method], x)
-    return float(one_step(method)(spin(1.0), 1.0, free_body(SPHERE, (x, x, x)), NO_LOADS)[3][2])
+    return float(one_step(method)(spin(1.0), 1.0, free_body(SPHERE, (x, x, x)), NO_LOADS).omega_b[2])
 
 
 def damping_limits(quick: bool) -> Study:

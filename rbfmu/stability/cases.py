@@ -10,7 +10,8 @@ from rbfmu.models import Plan
 from rbfmu.scene import Scene
 from rbfmu.simulation import Result, simulate
 from rbfmu_kernels.integrators import dop853, splitting
-from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State, steady
+from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS as NO_LOADS
+from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State, constant_loads
 from rbfmu_kernels.mechanics.inertia import diagonal, inverse_inertia
 from rbfmu_kernels.mechanics.newton_euler import kinetic_energy
 from rbfmu_kernels.rotations.quaternion import angle_between
@@ -18,14 +19,13 @@ from rbfmu_kernels.types import Quaternion, Vec3
 
 ZERO: Vec3 = (0.0, 0.0, 0.0)
 UPRIGHT: Quaternion = (1.0, 0.0, 0.0, 0.0)
-NO_LOADS: Loads = (ZERO, ZERO, ZERO, ZERO, ZERO)
 SPHERE: Vec3 = (1.0, 1.0, 1.0)
 BRICK: Vec3 = (1.0, 2.0, 3.0)
-TUMBLE: State = (ZERO, ZERO, (0.5, 0.5, 0.5, 0.5), (0.3, 1.0, 0.2))
+TUMBLE = State(ZERO, ZERO, (0.5, 0.5, 0.5, 0.5), (0.3, 1.0, 0.2))
 """With BRICK: case a of the work-precision diagrams."""
 TOP_MOMENTS: Vec3 = (1.0, 1.0, 0.3)
 """About the pivot; with m g l = 1 along z."""
-WEIGHT: Loads = (ZERO, (0.0, 0.0, -1.0), ZERO, ZERO, ZERO)
+WEIGHT = Loads(ZERO, (0.0, 0.0, -1.0), ZERO, ZERO, ZERO)
 
 KICKS = {
     "Strang": Contestant("Strang", splitting.strang_steps, 2, 1),
@@ -37,18 +37,18 @@ KICKS = {
 def free_body(moments: Vec3, damping_b: Vec3 = ZERO) -> Body:
     """A body that floats, in principal axes."""
     M = diagonal(moments)
-    return 1.0, M, inverse_inertia(M), ZERO, damping_b, 1.0
+    return Body(1.0, M, inverse_inertia(M), ZERO, damping_b, 1.0)
 
 
 def heavy_top() -> Body:
     """A symmetric body on a pivot, its weight 1 acting at (0, 0, 1)."""
     M = diagonal(TOP_MOMENTS)
-    return 0.0, M, inverse_inertia(M), (0.0, 0.0, 1.0), ZERO, 0.0
+    return Body(0.0, M, inverse_inertia(M), (0.0, 0.0, 1.0), ZERO, 0.0)
 
 
 def at(q: Quaternion, omega_b: Vec3) -> State:
     """A state of rotation."""
-    return ZERO, ZERO, q, omega_b
+    return State(ZERO, ZERO, q, omega_b)
 
 
 def spin(rate: float) -> State:
@@ -58,15 +58,15 @@ def spin(rate: float) -> State:
 
 def angle(a: State, q: Quaternion) -> float:
     """The attitude's error in rad; NaN where it is not finite."""
-    return angle_between(a[2], q)
+    return angle_between(a.q_ab, q)
 
 
 def turned(state: State, t: float) -> Quaternion:
     """The attitude of a sphere after t: its rate is constant."""
-    rate = math.hypot(*state[3])
-    e, x, y, z = state[2]
+    (e, x, y, z), omega = state.q_ab, state.omega_b
+    rate = math.hypot(*omega)
     a, s = math.cos(0.5 * rate * t), math.sin(0.5 * rate * t) / rate
-    b, c, d = s * state[3][0], s * state[3][1], s * state[3][2]
+    b, c, d = s * omega[0], s * omega[1], s * omega[2]
     return (
         e * a - x * b - y * c - z * d, e * b + x * a + y * d - z * c,
         e * c - x * d + y * a + z * b, e * d + x * c - y * b + z * a,
@@ -77,7 +77,7 @@ def free_motion(moments: Vec3, start: State, stop: float, step: float) -> Result
     """The torque-free motion by the product's model."""
     scene = Scene.from_dict({
         "body": {"mass": 1.0, "inertia": moments},
-        "initial": {"attitude": {"quaternion": start[2]}, "omega_b": start[3]},
+        "initial": {"attitude": {"quaternion": start.q_ab}, "omega_b": start.omega_b},
         "loads": {"gravity_a": ZERO},
         "outputs": {"quantities": ["omega_b"]},
         "run": {"stop": stop, "step": step},
@@ -99,12 +99,12 @@ def damped_rate(planned: Plan, x: float) -> float:
 
 def rotational_energy(moments: Vec3, state: State) -> float:
     """omega . M omega / 2."""
-    return kinetic_energy(0.0, diagonal(moments), ZERO, state[3])
+    return kinetic_energy(0.0, diagonal(moments), ZERO, state.omega_b)
 
 
 def top_energy(state: State) -> float:
     """Of the heavy top: kinetic, and the height of its centre of mass."""
-    q = state[2]
+    q = state.q_ab
     return rotational_energy(TOP_MOMENTS, state) + 1.0 - 2.0 * (q[1] * q[1] + q[2] * q[2])
 
 
@@ -118,7 +118,7 @@ def one_step(method: str) -> Any:
 
 def _dop853_step(state: State, h: float, body: Body, loads: Loads) -> State:
     z = np.zeros(dop853.STATE + dop853.WORK)
-    z[0:4], z[4:7] = state[2], state[3]
-    dop853.dop853_step(z, 0, dop853.STATE, dop853.ROTATION, 0.0, h, body, steady(loads))
+    z[0:4], z[4:7] = state.q_ab, state.omega_b
+    dop853.dop853_step(z, 0, dop853.STATE, dop853.ROTATION, 0.0, h, body, constant_loads(loads))
     after = z[dop853.STATE :].tolist()
     return at(tuple(after[0:4]), tuple(after[4:7]))

@@ -88,7 +88,7 @@ def intermediate_axis(quick: bool) -> Study:
         states = [start]
         for _ in time[1:]:
             states.append(CONTESTANTS[name].steps(states[-1], h, round(0.25 / h), body, NO_LOADS))
-        columns[f"{name}, h = {h:g} s"] = [y[3][1] for y in states]
+        columns[f"{name}, h = {h:g} s"] = [y.omega_b[1] for y in states]
     tiny = free_motion(BRICK, at(UPRIGHT, (1e-8, 2.0, 1e-8)), 8.0, 1.0).omega_b[:, 0]
     growth = math.log(tiny[8] / tiny[5]) / 3.0
     predicted = time_between_flips(BRICK, _DISTURBED)
@@ -116,7 +116,7 @@ def _tilts(tilt: float, rate: float, stop: float) -> Any:
     start = _tilted(tilt, rate)
     scene = Scene.from_dict({
         "body": TOP,
-        "initial": {"attitude": {"quaternion": start[2]}, "omega_b": start[3]},
+        "initial": {"attitude": {"quaternion": start.q_ab}, "omega_b": start.omega_b},
         "loads": TOP_WEIGHT,
         "outputs": {"quantities": ["quaternion"]},
         "run": {"stop": 0.1 * round(10.0 * stop), "step": 0.1},

@@ -106,13 +106,13 @@ class Case:
     @property
     def moments(self) -> tuple[float, float, float]:
         """Principal moments about the reference point: all cases have principal axes."""
-        M = self.body[1]
+        M = self.body.inertia
         return M[0][0], M[1][1], M[2][2]
 
     @property
     def top(self) -> bool:
         """Whether kicks composed with the symmetric flow apply."""
-        return not self.torque_free and bool(is_symmetric_top(self.body[1])) and self.body[4] == _NOTHING
+        return not self.torque_free and bool(is_symmetric_top(self.body.inertia)) and self.body.damping_b == _NOTHING
 
     @property
     def long(self) -> bool:
@@ -122,16 +122,16 @@ class Case:
     @property
     def turning_force(self) -> bool:
         """Whether a force turns with a free body, so that its path has no closed form."""
-        return any(self.loads[2])
+        return any(self.loads.force_b)
 
     @cached_property
     def rate(self) -> float:
         """The largest |omega| at start and checkpoints, rad/s."""
-        return float(max(np.linalg.norm(self.start[3]), *np.linalg.norm(reference(self.key)["omega_b"], axis=1)))
+        return float(max(np.linalg.norm(self.start.omega_b), *np.linalg.norm(reference(self.key)["omega_b"], axis=1)))
 
     def errors(self, states: Sequence[State]) -> dict[str, float]:
         """Largest errors over the checkpoints, and drifts of what the motion keeps (NaN where it keeps none)."""
-        r, _, q, omega = (np.array([state[k] for state in states], dtype=float) for k in range(4))
+        r, _, q, omega = (np.array(part, dtype=float) for part in zip(*states, strict=True))
         truth = reference(self.key)
         with np.errstate(over="ignore"):
             sizes = np.linalg.norm(q, axis=1, keepdims=True)
@@ -142,7 +142,7 @@ class Case:
             "position": float(np.max(relative_error(r, truth["r_c"], 1.0))),
         }
         now = self._kept(r, q / sizes, omega)
-        before = self._kept(*(np.array([self.start[k]]) for k in (0, 2, 3)))
+        before = self._kept(*(np.array([x]) for x in (self.start.r_c, self.start.q_ab, self.start.omega_b)))
         scale = {"energy": abs(before["energy"][0]), "momentum": np.linalg.norm(before["momentum"])}
         for name in DRIFTS:
             change = np.abs(now[name] - before[name]).reshape(CHECKPOINTS, -1)
@@ -152,11 +152,10 @@ class Case:
 
     def _kept(self, r: Array, q: Array, omega: Array) -> dict[str, Array]:
         """Energy of the rotation and of the weight about a pivot, and angular momentum, of (n, ...) states."""
-        h_a = rbfmu.rotate(q, rbfmu.angular_momentum(np.array(self.body[1]), omega))
-        energy = 0.5 * np.sum(omega * rbfmu.angular_momentum(np.array(self.body[1]), omega), axis=-1)
-        _, _, _, arm, _, free = self.body
-        if free == 0.0:
-            energy = energy - rbfmu.rotate(q, np.array(arm)) @ np.array(self.loads[1])
+        h_a = rbfmu.rotate(q, rbfmu.angular_momentum(np.array(self.body.inertia), omega))
+        energy = 0.5 * np.sum(omega * rbfmu.angular_momentum(np.array(self.body.inertia), omega), axis=-1)
+        if self.body.is_free == 0.0:
+            energy = energy - rbfmu.rotate(q, np.array(self.body.arm_b)) @ np.array(self.loads.force_a)
         return {"energy": energy, "momentum": h_a, "vertical momentum": h_a[:, 2]}
 
 

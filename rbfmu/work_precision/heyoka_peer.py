@@ -50,7 +50,7 @@ def _integrator(key: str, tolerance: float) -> Any:
 def equations(case: Case) -> list[tuple[Any, Any]]:
     """(variable, rate) of q_ab, omega_b and, where the force turns with the body, r_c and v_c; M is diagonal."""
     q, w = (module("heyoka").make_vars(*(f"{letter}{i}" for i in range(n))) for letter, n in (("q", 4), ("w", 3)))
-    lightness, M, _, arm, damping, free = case.body
+    inverse_mass, M, _, arm, damping, free = case.body
     gravity_a, force_a, force_b, torque_a, torque_b = case.loads
     e, u = q[0], tuple(q[1:])
     R = _rotation(e, u)
@@ -63,7 +63,7 @@ def equations(case: Case) -> list[tuple[Any, Any]]:
     if not case.turning_force:
         return system
     r, v = (module("heyoka").make_vars(*(f"{letter}{i}" for i in range(3))) for letter in "rv")
-    dv = [free * gravity_a[i] + lightness * (force_a[i] + _dot(R[i], force_b)) for i in range(3)]
+    dv = [free * gravity_a[i] + inverse_mass * (force_a[i] + _dot(R[i], force_b)) for i in range(3)]
     return [*system, *zip(r, v, strict=True), *zip(v, dv, strict=True)]
 
 

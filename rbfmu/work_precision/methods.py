@@ -89,7 +89,7 @@ def tolerances(largest: int, smallest: int, quick: bool) -> Iterator[float]:
 
 def tuples(r: Any, v: Any, q: Any, omega: Any) -> State:
     """A state of whatever holds numbers."""
-    return tuple(tuple(map(float, x)) for x in (r, v, q, omega))  # type: ignore[return-value]
+    return State(*(tuple(map(float, x)) for x in (r, v, q, omega)))  # type: ignore[arg-type]
 
 
 def module(name: str) -> Any:
@@ -105,13 +105,13 @@ def module(name: str) -> Any:
 
 @njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
 def _repeated(loop: Any, y: Any, h: float, n: int, outputs: int, body: Body, loads: Loads, k: int) -> Any:
-    """K solutions of n steps to each output, begun with nothing (0 *) of the last, so that none can be left out."""
+    """Solve k times, n steps to each output; each step size depends (by 0 *) on the last solution: none is left out."""
     z = y
     for _ in range(k):
-        w = y[3]
-        z = (y[0], y[1], y[2], (w[0] + 0.0 * z[3][0], w[1], w[2]))
+        step = h + 0.0 * z.omega_b[0]
+        z = y
         for _ in range(outputs):
-            z = loop(z, h, n, body, loads)
+            z = loop(z, step, n, body, loads)
     return z
 
 

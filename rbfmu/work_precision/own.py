@@ -70,8 +70,8 @@ def _state(case: Case, row: Any) -> State:
     q, omega = row[:4], row[4:7]
     body = case.scene.body
     assert body is not None
-    r = row[7:] + rbfmu.rotate(q, np.array(body.r_oc_b)) if len(row) > 7 else case.start[0]
-    return tuples(r, case.start[1], q, omega)
+    r = row[7:] + rbfmu.rotate(q, np.array(body.r_oc_b)) if len(row) > 7 else case.start.r_c
+    return tuples(r, case.start.v_c, q, omega)
 
 
 @dataclass(frozen=True)
@@ -151,7 +151,7 @@ class Exact:
     def run(self, case: Case, value: float) -> Run:
         """All outputs."""
         out = np.zeros((case.outputs, 7))
-        _, _, q, w = case.start
+        q, w = case.start.q_ab, case.start.omega_b
 
         def repeat(k: int) -> None:
             _exact(out, case.moments, q, w, case.span, k)

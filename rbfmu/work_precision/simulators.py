@@ -75,7 +75,7 @@ class MuJoCo:
         def state() -> State:
             q, omega = np.array(data.qpos[-4:]), np.array(data.qvel[-3:])
             if ball:
-                return tuples(case.start[0], case.start[1], q, omega)
+                return tuples(case.start.r_c, case.start.v_c, q, omega)
             r = data.qpos[:3] + rbfmu.rotate(q, np.array(body.r_oc_b))
             return tuples(r, np.zeros(3), q, omega)
 
@@ -142,7 +142,7 @@ class Basilisk:
             execute()
             sigma, omega = np.array(recorder.sigma_BN), np.array(recorder.omega_BN_B)
             rows = range(n, case.outputs * n + 1, n)[case.checkpoints]
-            return [tuples(case.start[0], case.start[1], _quaternion_from_mrp(sigma[i]), omega[i]) for i in rows]
+            return [tuples(case.start.r_c, case.start.v_c, _quaternion_from_mrp(sigma[i]), omega[i]) for i in rows]
 
         evaluations = math.nan if self.controlled else 4.0 * case.outputs * n
         return Run(states, lambda k: sum(execute() for _ in range(k)), evaluations)
@@ -241,7 +241,7 @@ class Drake:
                 context = made.get_context()
                 R = plant.EvalBodyPoseInWorld(context, body).rotation()
                 omega = R.matrix().T @ plant.EvalBodySpatialVelocityInWorld(context, body).rotational()
-                found.append(tuples(case.start[0], case.start[1], rbfmu.quaternion_from_matrix(R.matrix()), omega))
+                found.append(tuples(case.start.r_c, case.start.v_c, rbfmu.quaternion_from_matrix(R.matrix()), omega))
             evaluations.append(made.get_integrator().get_num_derivative_evaluations())
             return found
 

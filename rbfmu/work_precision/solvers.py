@@ -23,7 +23,8 @@ MOST_STEPS = 10**6
 def put_rates(f: Any, y: Any, z: Any) -> None:
     """d/dt of (q, omega) or (q, omega, r_c, v_c) for the body of a unit's buffer z, to f."""
     r, v = ((y[7], y[8], y[9]), (y[10], y[11], y[12])) if len(y) > 7 else ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    dr, dv, dq, dw = state_rates((r, v, (y[0], y[1], y[2], y[3]), (y[4], y[5], y[6])), body_of(z), loads_of(z))
+    state = State(r, v, (y[0], y[1], y[2], y[3]), (y[4], y[5], y[6]))
+    dr, dv, dq, dw = state_rates(state, body_of(z), loads_of(z))
     f[0], f[1], f[2], f[3] = dq
     f[4], f[5], f[6] = dw
     if len(y) > 7:
@@ -40,7 +41,7 @@ def _rates(t: float, y: Any, z: Any) -> Any:
 
 def _numpy_rates(case: Case) -> Callable[[float, Any], Any]:
     """The same as people write it."""
-    lightness, M, M_inverse, arm, damping, _ = (np.array(x) for x in case.body)
+    inverse_mass, M, M_inverse, arm, damping, _ = (np.array(x) for x in case.body)
     gravity_a, force_a, force_b, torque_a, torque_b = (np.array(x) for x in case.loads)
 
     def rates(t: float, y: Any) -> Any:
@@ -49,7 +50,7 @@ def _numpy_rates(case: Case) -> Callable[[float, Any], Any]:
         R = np.eye(3) + 2.0 * (e * skew + skew @ skew)
         torque = np.cross(arm, force_b + R.T @ force_a) + torque_b + R.T @ torque_a - damping * w - np.cross(w, M @ w)
         f = [-0.5 * u @ w, *(0.5 * (e * w + np.cross(u, w))), *(M_inverse @ torque)]
-        return f if len(y) == 7 else [*f, *y[10:13], *(gravity_a + lightness * (force_a + R @ force_b))]
+        return f if len(y) == 7 else [*f, *y[10:13], *(gravity_a + inverse_mass * (force_a + R @ force_b))]
 
     return rates
 
@@ -67,7 +68,7 @@ def times_of(case: Case) -> Any:
 
 def states_of(case: Case, rows: Any) -> list[State]:
     """At the checkpoints, of rows at the start and at all outputs."""
-    r, v, _, _ = case.start
+    r, v = case.start.r_c, case.start.v_c
     chosen = rows[1:][case.checkpoints]
     return [tuples(x[7:10], x[10:13], x[:4], x[4:7]) if len(x) > 7 else tuples(r, v, x[:4], x[4:7]) for x in chosen]
 

@@ -65,22 +65,22 @@ def later(z: Any, clock: int, h: float) -> DoubleDouble:
 @kernel
 def has_turning_torque(z: Any) -> bool:
     """Whether a torque acts that depends on the motion or turns with the body: damping, torque_b, a force's."""
-    body, (_, force_a, force_b, _, torque_b) = body_of(z), loads_of(z)
-    arm_b, damping_b = body[3], body[4]
-    lever = (is_nonzero(arm_b) and is_nonzero(force_a)) or is_nonzero(cross(arm_b, force_b))
-    return lever or is_nonzero(torque_b) or is_nonzero(damping_b)
+    body, loads = body_of(z), loads_of(z)
+    lever = is_nonzero(body.arm_b) and is_nonzero(loads.force_a)
+    lever = lever or is_nonzero(cross(body.arm_b, loads.force_b))
+    return lever or is_nonzero(loads.torque_b) or is_nonzero(body.damping_b)
 
 
 @kernel
 def has_torque(z: Any) -> bool:
     """Whether damping, a torque, or a force with an arm acts."""
-    return has_turning_torque(z) or is_nonzero(loads_of(z)[3])
+    return has_turning_torque(z) or is_nonzero(loads_of(z).torque_a)
 
 
 @kernel
 def is_driven(z: Any) -> bool:
     """Whether a torque acts, or a force that turns with the body on a path that somebody looks at."""
-    return has_torque(z) or (is_nonzero(loads_of(z)[2]) and moves(z))
+    return has_torque(z) or (is_nonzero(loads_of(z).force_b) and moves(z))
 
 
 @kernel

@@ -10,7 +10,14 @@ from ..buffer import NOT_REACHED, places
 from ..buffer_access import vec3_at
 from ..compile.decorator import kernel
 from ..integrators.dop853 import ROTATION, SPIN, TURNING
-from ..mechanics.equations_of_motion import Body, Course, Loads, is_changing, steady_acceleration
+from ..mechanics.equations_of_motion import (
+    Body,
+    LoadPolynomial,
+    Loads,
+    acting_loads,
+    is_changing,
+    steady_acceleration,
+)
 from ..rotations.vec3 import add_scaled, is_nonzero
 from .memory import (
     COMMON,
@@ -45,9 +52,9 @@ _NONE = (0.0, 0.0, 0.0)
 
 
 @kernel
-def course_of(z: Any) -> Course:
-    """Known and supplied loads together, and the supplied ones' derivatives."""
-    return loads_of(z), _load_rates(z, _RATES), _load_rates(z, _RATES_2)
+def load_polynomial_of(z: Any) -> LoadPolynomial:
+    """Return known and supplied loads together, and the supplied ones' derivatives."""
+    return LoadPolynomial(loads_of(z), _load_rates(z, _RATES), _load_rates(z, _RATES_2))
 
 
 @kernel
@@ -56,22 +63,17 @@ def _load_rates(z: Any, i: int) -> Loads:
     force_a, force_b = vec3_at(z, i), vec3_at(z, i + 3)
     if has_pivot(z):
         force_a = force_b = _NONE
-    return _NONE, force_a, force_b, vec3_at(z, i + 6), vec3_at(z, i + 9)
+    return Loads(_NONE, force_a, force_b, vec3_at(z, i + 6), vec3_at(z, i + 9))
 
 
 @kernel
-def integrated(z: Any, body: Body, course: Course) -> int:
-    """Numbers of the state that need integration: see `dop853`."""
-    if _acts(course, 2) and moves(z) and not has_pivot(z):
+def integrated(z: Any, body: Body, loads: LoadPolynomial) -> int:
+    """Return how many numbers of the state need integration: see `dop853`."""
+    acting = acting_loads(loads)
+    if acting.force_b and moves(z) and not has_pivot(z):
         return TURNING
-    turned = _acts(course, 3) or has_port(z, 2) or ((_acts(course, 1) or has_port(z, 0)) and is_nonzero(body[3]))
+    turned = acting.torque_a or has_port(z, 2) or ((acting.force_a or has_port(z, 0)) and is_nonzero(body.arm_b))
     return ROTATION if turned or turns(z) else SPIN
-
-
-@kernel
-def _acts(course: Course, i: int) -> bool:
-    """Whether the i-th of the loads is not zero throughout a step."""
-    return is_nonzero(course[0][i]) or is_nonzero(course[1][i]) or is_nonzero(course[2][i])
 
 
 @kernel
@@ -82,12 +84,12 @@ def keep(z: Any) -> None:
 
 
 @kernel
-def finish(z: Any, n: int, h: float, status: int, body: Body, course: Course) -> int:
+def finish(z: Any, n: int, h: float, status: int, body: Body, loads: LoadPolynomial) -> int:
     """Move the centre of mass as far as in closed form; then outputs, or NOT_REACHED with nothing changed."""
-    translate(z, h, 0.0 if n == TURNING else 1.0, body, course[0])
-    changing = is_changing(course)
+    translate(z, h, 0.0 if n == TURNING else 1.0, body, loads.value)
+    changing = is_changing(loads)
     if changing:
-        _translate_further(z, h, body, course)
+        _translate_further(z, h, body, loads)
     if status != 0 or not is_finite(z):
         restore_state(z, _BEFORE)
         z[STEP_SIZE] = z[_SIZE_BEFORE]
@@ -98,10 +100,10 @@ def finish(z: Any, n: int, h: float, status: int, body: Body, course: Course) ->
 
 
 @kernel
-def _translate_further(z: Any, h: float, body: Body, course: Course) -> None:
+def _translate_further(z: Any, h: float, body: Body, loads: LoadPolynomial) -> None:
     """What the change of the steady acceleration within the step adds to the centre of mass's motion."""
     r, v = centre_of(z)
-    first, second = steady_acceleration(body, course[1]), steady_acceleration(body, course[2])
+    first, second = steady_acceleration(body, loads.rate), steady_acceleration(body, loads.rate_2)
     r = add_scaled(add_scaled(r, h * h * h / 6.0, first), h * h * h * h / 24.0, second)
     put_centre(z, r, add_scaled(add_scaled(v, 0.5 * h * h, first), h * h * h / 6.0, second))
 

@@ -42,12 +42,12 @@ def main_axis(q: Quaternion, omega: Vec3, body: Body, loads: Loads) -> Vec3:
     v = omega if is_nonzero(omega) else angular_acceleration(q, omega, body, loads)
     if _may_be_oblique(body, loads) and is_nonzero(v):
         return scale(1.0 / norm(v), v)
-    moments, R = principal_frame(body[1])
+    moments, R = principal_frame(body.inertia)
     e = ((R[0][0], R[1][0], R[2][0]), (R[0][1], R[1][1], R[2][1]), (R[0][2], R[1][2], R[2][2]))
     x, y, w = abs(dot(e[0], v)), abs(dot(e[1], v)), abs(dot(e[2], v))
     if not is_nonzero(v):
-        x, y = _clearance(moments[0], e[0], body[3]), _clearance(moments[1], e[1], body[3])
-        w = _clearance(moments[2], e[2], body[3])
+        x, y = _clearance(moments[0], e[0], body.arm_b), _clearance(moments[1], e[1], body.arm_b)
+        w = _clearance(moments[2], e[2], body.arm_b)
     k = 0 if x >= y and x >= w else (1 if y >= w else 2)
     return e[k]
 
@@ -55,7 +55,7 @@ def main_axis(q: Quaternion, omega: Vec3, body: Body, loads: Loads) -> Vec3:
 @kernel
 def _may_be_oblique(body: Body, loads: Loads) -> bool:
     """Whether the body is a sphere that no force with an arm swings: round-off across its axis then stays round-off."""
-    return is_sphere(body[1]) and not (is_nonzero(body[3]) and is_nonzero(loads[1]))
+    return is_sphere(body.inertia) and not (is_nonzero(body.arm_b) and is_nonzero(loads.force_a))
 
 
 @kernel
@@ -67,15 +67,14 @@ def _clearance(moment: float, axis: Vec3, arm: Vec3) -> float:
 @kernel
 def leaves_axis(z: Any, axis: Vec3, q: Quaternion, omega: Vec3, body: Body, loads: Loads) -> bool:
     """Whether anything turns the body about another axis, at any angle; or a force would turn a free body's path."""
-    _, force_a, _, torque_a, _ = loads
-    arm, damping_b = body[3], body[4]
+    arm = body.arm_b
     q_ba = invert_quaternion(q)
-    pull = rotate(q_ba, force_a)
+    pull = rotate(q_ba, loads.force_a)
     start = add(omega, angular_acceleration(q, omega, body, loads))
     slack = _PARALLEL if _may_be_oblique(body, loads) else 0.0
     across = _is_across(axis, start, slack) or _is_across(axis, omega, slack)
-    across = across or _is_across(axis, damping_torque(damping_b, axis), slack)
-    across = across or _is_across(axis, rotate(q_ba, torque_a), slack)
+    across = across or _is_across(axis, damping_torque(body.damping_b, axis), slack)
+    across = across or _is_across(axis, rotate(q_ba, loads.torque_a), slack)
     across = across or (is_nonzero(cross(axis, arm)) and dot(axis, pull) != 0.0)
     across = across or (is_nonzero(cross(axis, pull)) and dot(axis, arm) != 0.0)
     return across or turns_path(z, axis)
@@ -87,7 +86,7 @@ def turns_path(z: Any, axis: Vec3) -> bool:
 
     axis: of any size, zero where the body does not turn.
     """
-    return moves(z) and _is_across(axis, loads_of(z)[2], _PARALLEL)
+    return moves(z) and _is_across(axis, loads_of(z).force_b, _PARALLEL)
 
 
 @kernel
@@ -99,11 +98,11 @@ def _is_across(axis: Vec3, v: Vec3, slack: float) -> bool:
 @kernel(inline=False)
 def swing(z: Any, axis: Vec3) -> tuple[DoubleDouble, DoubleDouble]:
     """(A, B): forces fixed in space make the angular acceleration A cos + B sin of the angle from quaternion_0."""
-    arm, gravity_a, force_a = body_of(z)[3], loads_of(z)[0], loads_of(z)[1]
+    arm, loads = body_of(z).arm_b, loads_of(z)
     q, moment = quaternion_at(z, _Q_0), _moment(z, axis)
     up = power_of_two_for(max(max(abs(q[0]), abs(q[1])), max(abs(q[2]), abs(q[3]))))
     q = (up * q[0], up * q[1], up * q[2], up * q[3])
-    pull, mass = (gravity_a, z[_MASS]) if has_pivot(z) else (force_a, 1.0)
+    pull, mass = (loads.gravity_a, z[_MASS]) if has_pivot(z) else (loads.force_a, 1.0)
     lever = cross(axis, arm)
     unit = dd_multiply(moment, dd_add(two_product(q[0], q[0]), _dot(q[1:], q[1:])))
     a, b = _turned_dot(q, lever, pull), _turned_dot(q, cross(axis, lever), pull)
@@ -113,9 +112,9 @@ def swing(z: Any, axis: Vec3) -> tuple[DoubleDouble, DoubleDouble]:
 @kernel
 def pull_and_decay(z: Any, axis: Vec3, q: Quaternion, body: Body, loads: Loads) -> tuple[float, float]:
     """(P, d), rad/s2 and 1/s: what else acts, torques, forces that turn with the body, damping, adds P - d rate."""
-    torque = add(rotate(invert_quaternion(q), loads[3]), add(loads[4], cross(body[3], loads[2])))
+    torque = add(rotate(invert_quaternion(q), loads.torque_a), add(loads.torque_b, cross(body.arm_b, loads.force_b)))
     moment = _moment(z, axis)[0]
-    return dot(axis, torque) / moment, -dot(axis, damping_torque(body[4], axis)) / moment
+    return dot(axis, torque) / moment, -dot(axis, damping_torque(body.damping_b, axis)) / moment
 
 
 @kernel

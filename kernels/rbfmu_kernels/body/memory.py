@@ -142,14 +142,14 @@ def put_centre(z: Any, r_c: Vec3, v_c: Vec3) -> None:
 @kernel
 def motion_of(z: Any) -> State:
     """The state as `equations_of_motion.State`."""
-    return vec3_at(z, _R_C), vec3_at(z, _V_C), quaternion_at(z, STATE), vec3_at(z, _OMEGA)
+    return State(vec3_at(z, _R_C), vec3_at(z, _V_C), quaternion_at(z, STATE), vec3_at(z, _OMEGA))
 
 
 @kernel
 def put_motion(z: Any, motion: State) -> None:
     """Set the state from `equations_of_motion.State`."""
-    put_centre(z, motion[0], motion[1])
-    put_rotation(z, motion[2], motion[3])
+    put_centre(z, motion.r_c, motion.v_c)
+    put_rotation(z, motion.q_ab, motion.omega_b)
 
 
 @kernel
@@ -270,7 +270,7 @@ def body_of(z: Any) -> Body:
     """The constants of the equations of motion; see `equations_of_motion.Body`."""
     free = 1.0 if z[_PIVOT] == 0.0 else 0.0
     M, M_inverse = matrix_at(z, _M), matrix_at(z, _M_INVERSE)
-    return z[_INVERSE_MASS], M, M_inverse, vec3_at(z, _ARM), vec3_at(z, _DAMPING), free
+    return Body(z[_INVERSE_MASS], M, M_inverse, vec3_at(z, _ARM), vec3_at(z, _DAMPING), free)
 
 
 @kernel
@@ -280,7 +280,7 @@ def loads_of(z: Any) -> Loads:
     torque_a = add(vec3_at(z, _KNOWN + 6), vec3_at(z, _TORQUE_A))
     torque_b = add(vec3_at(z, _KNOWN + 9), vec3_at(z, _TORQUE_B))
     if z[_PIVOT] != 0.0:
-        return gravity_a, scale(z[_MASS], gravity_a), (0.0, 0.0, 0.0), torque_a, torque_b
+        return Loads(gravity_a, scale(z[_MASS], gravity_a), (0.0, 0.0, 0.0), torque_a, torque_b)
     force_a = add(vec3_at(z, _KNOWN), vec3_at(z, _FORCE_A))
     force_b = add(vec3_at(z, _KNOWN + 3), vec3_at(z, _FORCE_B))
-    return gravity_a, force_a, force_b, torque_a, torque_b
+    return Loads(gravity_a, force_a, force_b, torque_a, torque_b)

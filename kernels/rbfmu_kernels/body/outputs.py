@@ -96,7 +96,7 @@ def output_rates(z: Any) -> int:
     (q, omega), body, loads = rotation_of(z), body_of(z), loads_of(z)
     _put_translation(z, q, omega)
     _put_accelerations(z, q, omega)
-    M, alpha = body[1], vec3_at(z, _ALPHA)
+    M, alpha = body.inertia, vec3_at(z, _ALPHA)
     alpha_rate = angular_jerk(q, omega, alpha, body, loads)
     torque = add(transform(M, alpha), gyroscopic_torque(M, omega))
     yaw, pitch, roll = euler_from_quaternion(ZYX, q)
@@ -113,7 +113,7 @@ def output_rates(z: Any) -> int:
     put_vec3_at(z, _D_VELOCITY, vec3_at(z, _ACCELERATION))
     r_oc = vec3_at(z, _R_OC)
     relative = relative_jerk(omega, alpha, alpha_rate, r_oc)
-    jerk = rotate(q, subtract(cross(omega, scale(body[0], loads[2])), relative))
+    jerk = rotate(q, subtract(cross(omega, scale(body.inverse_mass, loads.force_b)), relative))
     put_vec3_at(z, _D_ACCELERATION, (0.0, 0.0, 0.0) if has_pivot(z) else jerk)
     return 0
 

@@ -12,7 +12,7 @@ from ..buffer import FINE, MOST_SUBSTEPS, NOT_REACHED
 from ..compile.decorator import kernel
 from ..mechanics.equations_of_motion import (
     Body,
-    Course,
+    LoadPolynomial,
     Loads,
     angular_acceleration,
     is_changing,
@@ -76,39 +76,39 @@ def _combine(z: Any, y: int, w: int, n: int, s: int, h: float) -> None:
 
 
 @kernel(inline=False)
-def _stage_loads(course: Course, t: float) -> Loads:
-    return loads_after(course, t)
+def _stage_loads(loads: LoadPolynomial, t: float) -> Loads:
+    return loads_after(loads, t)
 
 
 @kernel
 def _stage(
-    z: Any, y: int, w: int, n: int, s: int, t: float, h: float, body: Body, course: Course, changing: bool
+    z: Any, y: int, w: int, n: int, s: int, t: float, h: float, body: Body, loads: LoadPolynomial, changing: bool
 ) -> None:
     """Stage s (a literal): trial state and its rates, loads at t + c_s h."""
     _combine(z, y, w, n, s, h)
-    loads = _stage_loads(course, t + C[s] * h) if changing else course[0]
-    _rates(z, w, w + STATE * (s + 1), n, body, loads)
+    now = _stage_loads(loads, t + C[s] * h) if changing else loads.value
+    _rates(z, w, w + STATE * (s + 1), n, body, now)
 
 
 @kernel(inline=False)
-def dop853_step(z: Any, y: int, w: int, n: int, t: float, h: float, body: Body, course: Course) -> None:
+def dop853_step(z: Any, y: int, w: int, n: int, t: float, h: float, body: Body, loads: LoadPolynomial) -> None:
     """One step of order 8 from the state z[y:] to the trial state z[w:], not normalised; the rates stay in z[w + 16:].
 
-    t: time since the course's begin.  Stable to h d / I = 6.394 (damping) and h omega / 2 = 5.96 (attitude).
+    t: time since the polynomial's beginning.  Stable to h d / I = 6.394 (damping) and h omega / 2 = 5.96 (attitude).
     """
-    changing = is_changing(course)
-    _rates(z, y, w + STATE, n, body, _stage_loads(course, t) if changing else course[0])
-    _stage(z, y, w, n, 1, t, h, body, course, changing)
-    _stage(z, y, w, n, 2, t, h, body, course, changing)
-    _stage(z, y, w, n, 3, t, h, body, course, changing)
-    _stage(z, y, w, n, 4, t, h, body, course, changing)
-    _stage(z, y, w, n, 5, t, h, body, course, changing)
-    _stage(z, y, w, n, 6, t, h, body, course, changing)
-    _stage(z, y, w, n, 7, t, h, body, course, changing)
-    _stage(z, y, w, n, 8, t, h, body, course, changing)
-    _stage(z, y, w, n, 9, t, h, body, course, changing)
-    _stage(z, y, w, n, 10, t, h, body, course, changing)
-    _stage(z, y, w, n, 11, t, h, body, course, changing)
+    changing = is_changing(loads)
+    _rates(z, y, w + STATE, n, body, _stage_loads(loads, t) if changing else loads.value)
+    _stage(z, y, w, n, 1, t, h, body, loads, changing)
+    _stage(z, y, w, n, 2, t, h, body, loads, changing)
+    _stage(z, y, w, n, 3, t, h, body, loads, changing)
+    _stage(z, y, w, n, 4, t, h, body, loads, changing)
+    _stage(z, y, w, n, 5, t, h, body, loads, changing)
+    _stage(z, y, w, n, 6, t, h, body, loads, changing)
+    _stage(z, y, w, n, 7, t, h, body, loads, changing)
+    _stage(z, y, w, n, 8, t, h, body, loads, changing)
+    _stage(z, y, w, n, 9, t, h, body, loads, changing)
+    _stage(z, y, w, n, 10, t, h, body, loads, changing)
+    _stage(z, y, w, n, 11, t, h, body, loads, changing)
     _combine(z, y, w, n, 12, h)
 
 
@@ -148,7 +148,7 @@ def first_step(z: Any, y: int, body: Body, loads: Loads) -> float:
 
 
 @kernel(inline=False)
-def dop853_march(z: Any, y: int, w: int, n: int, h: float, substep: float, body: Body, course: Course) -> int:
+def dop853_march(z: Any, y: int, w: int, n: int, h: float, substep: float, body: Body, loads: LoadPolynomial) -> int:
     """Advance the state z[y:] by h in equal steps of at most `substep`, without error control.
 
     NOT_REACHED where that needs too many; the state is then unchanged.
@@ -157,7 +157,7 @@ def dop853_march(z: Any, y: int, w: int, n: int, h: float, substep: float, body:
     if count == 0:
         return NOT_REACHED
     for i in range(count):
-        dop853_step(z, y, w, n, h / count * i, h / count, body, course)
+        dop853_step(z, y, w, n, h / count * i, h / count, body, loads)
         _accept(z, y, w, n)
     return FINE
 
@@ -173,7 +173,7 @@ def dop853_advance(
     tolerance: float,
     span: float,
     body: Body,
-    course: Course,
+    loads: LoadPolynomial,
 ) -> int:
     """Advance the state z[y:] by h, each step's estimated error at most `tolerance`; span: see `body.memory.SETTINGS`.
 
@@ -189,7 +189,7 @@ def dop853_advance(
         if count == 0 or steps >= MOST_SUBSTEPS:
             return NOT_REACHED
         part = (rest + low) / count
-        dop853_step(z, y, w, n, h - rest, part, body, course)
+        dop853_step(z, y, w, n, h - rest, part, body, loads)
         z[size + 1] += 1.0
         error = _error(z, y, w, n, part, span) / tolerance_of_substep(tolerance, span, part)
         if error <= 1.0:

@@ -85,7 +85,7 @@ def _kick(state: State, h: float, body: Body, loads: Loads) -> State:
     """The loads act for h at a held attitude."""
     r, v, q, omega = state
     v = add_scaled(v, h, linear_acceleration(q, body, loads))
-    return r, v, q, add_scaled(omega, h, angular_acceleration(q, _AT_REST, body, loads))
+    return State(r, v, q, add_scaled(omega, h, angular_acceleration(q, _AT_REST, body, loads)))
 
 
 @kernel
@@ -95,7 +95,7 @@ def _drift(state: State, h: float, M: Matrix, per_transverse: float) -> State:
     along_momentum = scale(per_transverse, transform(M, omega))
     back = quaternion_from_rotvec(scale(h, subtract(omega, along_momentum)))
     q = compose_quaternions(compose_quaternions(q, quaternion_from_rotvec(scale(h, along_momentum))), back)
-    return add_scaled(r, h, v), v, q, rotate(invert_quaternion(back), omega)
+    return State(add_scaled(r, h, v), v, q, rotate(invert_quaternion(back), omega))
 
 
 @kernel
@@ -103,25 +103,25 @@ def _last_kick(state: State, h: float, body: Body, loads: Loads) -> State:
     """A kick, and |q| kept: one step of Newton's method, as products of unit quaternions leave it within some eps."""
     r, v, q, omega = _kick(state, h, body, loads)
     s = 1.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
-    return r, v, (s * q[0], s * q[1], s * q[2], s * q[3]), omega
+    return State(r, v, (s * q[0], s * q[1], s * q[2], s * q[3]), omega)
 
 
 @kernel(inline=False)
 def _drift_and_kick(state: State, drift: float, kick: float, per_transverse: float, body: Body, loads: Loads) -> State:
-    return _kick(_drift(state, drift, body[1], per_transverse), kick, body, loads)
+    return _kick(_drift(state, drift, body.inertia, per_transverse), kick, body, loads)
 
 
 @kernel(inline=False)
 def _drift_and_last_kick(
     state: State, drift: float, kick: float, per_transverse: float, body: Body, loads: Loads
 ) -> State:
-    return _last_kick(_drift(state, drift, body[1], per_transverse), kick, body, loads)
+    return _last_kick(_drift(state, drift, body.inertia, per_transverse), kick, body, loads)
 
 
 @kernel(inline=False)
 def strang_steps(state: State, h: float, n: int, body: Body, loads: Loads) -> State:
-    """N steps of half a kick, a drift, half a kick: order 2; halves that meet are one kick."""
-    u = 1.0 / transverse_moment(body[1])
+    """Take n steps of half a kick, a drift, half a kick: order 2; halves that meet are one kick."""
+    u = 1.0 / transverse_moment(body.inertia)
     y = _kick(state, 0.5 * h, body, loads)
     for i in range(1, n + 1):
         y = _drift_and_last_kick(y, h, h if i < n else 0.5 * h, u, body, loads)
@@ -130,8 +130,8 @@ def strang_steps(state: State, h: float, n: int, body: Body, loads: Loads) -> St
 
 @kernel(inline=False)
 def rkn4_steps(state: State, h: float, n: int, body: Body, loads: Loads) -> State:
-    """N steps of six drifts and as many kicks: order 4."""
-    u = 1.0 / transverse_moment(body[1])
+    """Take n steps of six drifts and as many kicks: order 4."""
+    u = 1.0 / transverse_moment(body.inertia)
     y = _kick(state, _K4[0] * h, body, loads)
     for i in range(1, n + 1):
         y = _drift_and_kick(y, _D4[0] * h, _K4[1] * h, u, body, loads)
@@ -145,8 +145,8 @@ def rkn4_steps(state: State, h: float, n: int, body: Body, loads: Loads) -> Stat
 
 @kernel(inline=False)
 def rkn6_steps(state: State, h: float, n: int, body: Body, loads: Loads) -> State:
-    """N steps of eleven drifts and as many kicks: order 6."""
-    u = 1.0 / transverse_moment(body[1])
+    """Take n steps of eleven drifts and as many kicks: order 6."""
+    u = 1.0 / transverse_moment(body.inertia)
     y = _kick(state, _K6[0] * h, body, loads)
     for i in range(1, n + 1):
         y = _drift_and_kick(y, _D6[0] * h, _K6[1] * h, u, body, loads)

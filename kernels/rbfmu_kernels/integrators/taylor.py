@@ -19,7 +19,7 @@ from ..buffer import FINE, MOST_SUBSTEPS, NOT_REACHED
 from ..buffer_access import put_vec3_at, vec3_at
 from ..compile.decorator import kernel
 from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers
-from ..mechanics.equations_of_motion import Body, Course, course_after
+from ..mechanics.equations_of_motion import Body, LoadPolynomial, polynomial_after
 from ..mechanics.inertia import trace
 from ..rotations.quaternion import add_scaled_quaternion, compose_quaternions, invert_quaternion, rotate
 from ..rotations.vec3 import add, add_scaled, dot, scale
@@ -35,12 +35,12 @@ from .taylor_coefficients import (
     SERIES,
     TURN,
     WORK,
-    Acting,
-    acting_loads,
+    SpaceFixedLoads,
     known_torques,
     motion_series,
     push_series,
     put_factors,
+    space_fixed_loads,
     turned_loads,
 )
 
@@ -62,7 +62,7 @@ _REMAINDER = np.array(
     ]
 )
 """Its error: this times (2 h)^(2m+1) / 2 and the (2m+1)-th derivative."""
-_PACE = 4.0 / math.e * np.arange(_MOST_DERIVATIVES + 1)
+_RATE_PER_ACCELERATION = 4.0 / math.e * np.arange(_MOST_DERIVATIVES + 1)
 """Times an acceleration: the square of the rate whose turn has as large a (2m)-th derivative as a turn from rest."""
 _FOUR = 4.0 ** np.arange(_MOST_DERIVATIVES + 1)
 
@@ -144,14 +144,14 @@ def _last_terms(s: Any, u: int, order: int, h: float) -> float:
 
 
 @kernel
-def _pull(s: Any, body: Body, acting: Acting) -> float:
-    """The angular acceleration by loads that turn in b, at most."""
-    pull = 0.0
-    if acting[0]:
-        pull += _size(body[3]) * _size(vec3_at(s, LOADS))
-    if acting[1]:
-        pull += _size(vec3_at(s, LOADS + SERIES))
-    return pull * trace(body[2])
+def _space_fixed_acceleration(s: Any, body: Body, fixed: SpaceFixedLoads) -> float:
+    """Return a bound of the angular acceleration by loads that turn in b."""
+    torque = 0.0
+    if fixed.lever_force:
+        torque += _size(body.arm_b) * _size(vec3_at(s, LOADS))
+    if fixed.torque:
+        torque += _size(vec3_at(s, LOADS + SERIES))
+    return torque * trace(body.inertia_inverse)
 
 
 @kernel
@@ -160,11 +160,11 @@ def _size(v: Vec3) -> float:
 
 
 @kernel(inline=False)
-def _error(s: Any, order: int, h: float, push: float, pull: float, kept: int, n: int, span: float) -> float:
+def _error(s: Any, order: int, h: float, push: float, alpha_fixed: float, kept: int, n: int, span: float) -> float:
     """Estimate for a step of h: the last two terms relative to the rate, and the two-point formula's remainder (rad).
 
     push: a force's acceleration, relative to the velocity and at least 1 m/s, if it turns with the body.
-    pull: the angular acceleration by loads that turn in b, whose last terms count as they act for `kept` steps.
+    alpha_fixed: the angular acceleration by loads that turn in b, whose last terms count as they act for `kept` steps.
     span: how long an error of the rate goes on to turn the body, s; see `body.memory.SETTINGS`.
     """
     m, square, power = derivatives_of_attitude(order), 0.0, 1.0
@@ -182,14 +182,14 @@ def _error(s: Any, order: int, h: float, push: float, pull: float, kept: int, n:
     if n == SPIN:
         return last
     last = max(last, turned)
-    if pull > 0.0:
-        lift, twist = _size(vec3_at(s, LOADS)), _size(vec3_at(s, LOADS + SERIES))
-        off = _last_terms(s, LOADS, order, h) * power / lift if lift > 0.0 else 0.0
-        off += _last_terms(s, LOADS + SERIES, order, h) * power / twist if twist > 0.0 else 0.0
+    if alpha_fixed > 0.0:
+        force, torque = _size(vec3_at(s, LOADS)), _size(vec3_at(s, LOADS + SERIES))
+        off = _last_terms(s, LOADS, order, h) * power / force if force > 0.0 else 0.0
+        off += _last_terms(s, LOADS + SERIES, order, h) * power / torque if torque > 0.0 else 0.0
         span = kept * h
-        last = max(last, off * pull * span * max(0.5 * span, 1.0 / rate)) if off > 0.0 else last
+        last = max(last, off * alpha_fixed * span * max(0.5 * span, 1.0 / rate)) if off > 0.0 else last
     alpha = vec3_at(s, ROW)
-    square = h * h * (square + _PACE[m] * math.sqrt(dot(alpha, alpha)))
+    square = h * h * (square + _RATE_PER_ACCELERATION[m] * math.sqrt(dot(alpha, alpha)))
     remainder: float = _REMAINDER[m] * _power(square, m) * max(math.sqrt(square), _FOUR[m] * h * push)
     return max(last, remainder)
 
@@ -205,15 +205,14 @@ def _nearer_size(h: float, order: int, excess: float) -> float:
 
 
 @kernel
-def _sums(s: Any, order: int, h: float, acting: Acting) -> None:
+def _sums(s: Any, order: int, h: float, fixed: SpaceFixedLoads) -> None:
     """Row 0 of omega and of the loads that turn in b becomes their series' sum at h."""
     put_factors(s, 0, _sum(s, 0, order, h))
-    lifted, twisted, changing = acting
-    for level in range(3 if changing else 1):
+    for level in range(3 if fixed.changing else 1):
         u = LOADS + LEVEL * level
-        if lifted:
+        if fixed.lever_force:
             put_factors(s, u, _sum(s, u, order, h))
-        if twisted:
+        if fixed.torque:
             put_factors(s, u + SERIES, _sum(s, u + SERIES, order, h))
 
 
@@ -229,7 +228,7 @@ def taylor_advance(
     tolerance: float,
     span: float,
     body: Body,
-    course: Course,
+    loads: LoadPolynomial,
 ) -> int:
     """Advance the state z[y:] by h, the estimated error of each step at most `tolerance` (`span`: see there).
 
@@ -238,15 +237,15 @@ def taylor_advance(
     z[size] keeps the step size, z[size + 1] counts the steps.  Equal parts reach h, as in `dop853_advance`.
     NOT_REACHED where the motion is not finite or needs too many steps; state and size are then the caller's to restore.
     """
-    s, m, now = z[w : w + WORK], derivatives_of_attitude(order), course
-    acting, torques = acting_loads(body, course), known_torques(course, body)
-    turned = acting[0] or acting[1]
+    s, m, now = z[w : w + WORK], derivatives_of_attitude(order), loads
+    fixed, torques = space_fixed_loads(body, loads), known_torques(loads, body)
+    turned = fixed.lever_force or fixed.torque
     put_factors(s, 0, rate_at(z, y))
     if turned:
         turned_loads(s, attitude_at(z, y), now)
-    motion_series(s, 0, order, m, body, torques, acting)
+    motion_series(s, 0, order, m, body, torques, fixed)
     if n == TURNING:
-        push_series(s, m, body[0], now)
+        push_series(s, m, body.inverse_mass, now)
     rest, low, tried = h, 0.0, 0
     while rest > 0.0:
         tried += 1
@@ -255,9 +254,9 @@ def taylor_advance(
             return NOT_REACHED
         part = (rest + low) / count
         push = _largest(vec3_at(s, PUSH)) / max(_largest(vec3_at(z, y + 11)), 1.0) if n == TURNING else 0.0
-        pull = _pull(s, body, acting) if turned and count > 1 else 0.0
+        alpha_fixed = _space_fixed_acceleration(s, body, fixed) if turned and count > 1 else 0.0
         allowed = tolerance_of_substep(tolerance, span, part)
-        excess = _error(s, order, part, push, pull, min(count, KEPT), n, span) / allowed
+        excess = _error(s, order, part, push, alpha_fixed, min(count, KEPT), n, span) / allowed
         if not excess <= 1.0:
             z[size] = _nearer_size(part, order, 2.0 * excess)
             continue
@@ -272,21 +271,21 @@ def taylor_advance(
             half = _half_turn(s, m, part)
         if n == TURNING:
             _move(z, y, q, m, s, part)
-        _sums(s, order, part, acting)
-        if acting[2]:
-            now = course_after(course, h - rest)
+        _sums(s, order, part, fixed)
+        if fixed.changing:
+            now = polynomial_after(loads, h - rest)
             torques = known_torques(now, body)
         put_vec3_at(z, y + 4, vec3_at(s, 0))
         if n != SPIN:
-            motion_series(s, 0, m, m, body, torques, acting)
+            motion_series(s, 0, m, m, body, torques, fixed)
             q = compose_quaternions(compose_quaternions(q, half), invert_quaternion(_half_turn(s, m, -part)))
             put_attitude(z, y, q)
         if n == TURNING:
-            push_series(s, m, body[0], now)
+            push_series(s, m, body.inverse_mass, now)
             _move(z, y, attitude_at(z, y), m, s, -part)
         if rest > 0.0:
-            anew = turned and (acting[2] or tried % KEPT == 0)
+            anew = turned and (fixed.changing or tried % KEPT == 0)
             if anew:
                 turned_loads(s, attitude_at(z, y), now)
-            motion_series(s, 0 if n == SPIN or anew else m, order, 0, body, torques, acting)
+            motion_series(s, 0 if n == SPIN or anew else m, order, 0, body, torques, fixed)
     return FINE

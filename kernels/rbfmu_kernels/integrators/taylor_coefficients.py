@@ -4,14 +4,14 @@ Of the body rate and of those loads that turn in b to full order, few products; 
 by a force that turns with the body, as far as `taylor` needs.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..buffer_access import put_vec3_at, vec3_at
 from ..compile.decorator import kernel
 from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes
-from ..mechanics.equations_of_motion import Body, Course, Loads, is_changing
+from ..mechanics.equations_of_motion import Body, LoadPolynomial, Loads, acting_loads, is_changing
 from ..rotations.matrix import transform
 from ..rotations.quaternion import add_scaled_quaternion, compose_quaternions, invert_quaternion, rotate
 from ..rotations.vec3 import add, cross, is_nonzero, scale, subtract
@@ -36,8 +36,14 @@ PER = 1.0 / np.arange(1.0, MOST_ORDER + 2.0)
 """1 / (k + 1)."""
 
 Torques = tuple[Vec3, Vec3, Vec3]
-Acting = tuple[bool, bool, bool]
-"""Whether a force fixed in a has an arm, whether a torque fixed in a acts, whether any load changes."""
+
+
+class SpaceFixedLoads(NamedTuple):
+    """Whether a force fixed in a acts on an arm, whether a torque fixed in a acts, whether any load changes."""
+
+    lever_force: bool
+    torque: bool
+    changing: bool
 
 
 @kernel
@@ -156,12 +162,18 @@ def _push_term(s: Any, k: int) -> Vec3:
 
 
 @kernel
-def turned_loads(s: Any, q: Quaternion, course: Course) -> None:
-    """Row 0 of the loads that are fixed in a, and of their derivatives, as b sees them."""
+def turned_loads(s: Any, q: Quaternion, loads: LoadPolynomial) -> None:
+    """Set row 0 of the loads that are fixed in a, and of their derivatives, as b sees them."""
     q_ba = invert_quaternion(q)
-    for i in range(3):
-        put_factors(s, LOADS + LEVEL * i, rotate(q_ba, course[i][1]))
-        put_factors(s, LOADS + LEVEL * i + SERIES, rotate(q_ba, course[i][3]))
+    _put_turned(s, LOADS, q_ba, loads.value)
+    _put_turned(s, LOADS + LEVEL, q_ba, loads.rate)
+    _put_turned(s, LOADS + 2 * LEVEL, q_ba, loads.rate_2)
+
+
+@kernel
+def _put_turned(s: Any, u: int, q_ba: Quaternion, loads: Loads) -> None:
+    put_factors(s, u, rotate(q_ba, loads.force_a))
+    put_factors(s, u + SERIES, rotate(q_ba, loads.torque_a))
 
 
 @kernel
@@ -185,53 +197,51 @@ def _next_loads(s: Any, k: int, rate: Vec3) -> None:
 
 @kernel
 def _torque_b(loads: Loads, body: Body) -> Vec3:
-    return add(loads[4], cross(body[3], loads[2]))
+    return add(loads.torque_b, cross(body.arm_b, loads.force_b))
 
 
 @kernel
-def acting_loads(body: Body, course: Course) -> Acting:
-    """Which loads there are."""
-    force = is_nonzero(course[0][1]) or is_nonzero(course[1][1]) or is_nonzero(course[2][1])
-    twisted = is_nonzero(course[0][3]) or is_nonzero(course[1][3]) or is_nonzero(course[2][3])
-    return force and is_nonzero(body[3]), twisted, is_changing(course)
+def space_fixed_loads(body: Body, loads: LoadPolynomial) -> SpaceFixedLoads:
+    """Return which loads there are whose series are needed."""
+    acting = acting_loads(loads)
+    return SpaceFixedLoads(acting.force_a and is_nonzero(body.arm_b), acting.torque_a, is_changing(loads))
 
 
 @kernel
-def known_torques(course: Course, body: Body) -> Torques:
-    """The torque that is known in b: coefficients 0, 1, 2."""
-    return _torque_b(course[0], body), _torque_b(course[1], body), scale(0.5, _torque_b(course[2], body))
+def known_torques(loads: LoadPolynomial, body: Body) -> Torques:
+    """Return coefficients 0, 1, 2 of the torque that is known in b."""
+    return _torque_b(loads.value, body), _torque_b(loads.rate, body), scale(0.5, _torque_b(loads.rate_2, body))
 
 
 @kernel(inline=False)
-def motion_series(s: Any, first: int, last: int, m: int, body: Body, torques: Torques, acting: Acting) -> None:
+def motion_series(s: Any, first: int, last: int, m: int, body: Body, torques: Torques, fixed: SpaceFixedLoads) -> None:
     """Coefficients up to `last` of omega and of the loads that turn in b, from those up to `first`; up to m of D."""
-    _, M, M_inverse, arm, damping, _ = body
-    lifted, twisted, changing = acting
-    (a, d, e), (_, b, f), (_, _, c) = M
-    (p, _, _), (_, q, _), (_, _, r) = M_inverse
+    damping = body.damping_b
+    (a, d, e), (_, b, f), (_, _, c) = body.inertia
+    (p, _, _), (_, q, _), (_, _, r) = body.inertia_inverse
     diagonal = d == 0.0 and e == 0.0 and f == 0.0
     x, y, v = p * (b - c), q * (c - a), r * (a - b)
     start, rate, turn = vec3_at(s, 0), vec3_at(s, ROW * first), (1.0, 0.0, 0.0, 0.0)
-    lift, twist = vec3_at(s, LOADS + ROW * first), vec3_at(s, LOADS + SERIES + ROW * first)
+    force, space_torque = vec3_at(s, LOADS + ROW * first), vec3_at(s, LOADS + SERIES + ROW * first)
     _put_turn(s, TURN, 1.0, turn)
     for k in range(first, last):
         torque = (-damping[0] * rate[0], -damping[1] * rate[1], -damping[2] * rate[2])
         if k < 3:
             torque = add(torque, torques[k])
-        if lifted:
-            torque = add(torque, cross(arm, lift))
-        if twisted:
-            torque = add(torque, twist)
+        if fixed.lever_force:
+            torque = add(torque, cross(body.arm_b, force))
+        if fixed.torque:
+            torque = add(torque, space_torque)
         products = _products(s, k, rate, start)
         if diagonal:
             alpha = (x * products[0] + p * torque[0], y * products[1] + q * torque[1], v * products[2] + r * torque[2])
         else:
-            alpha = transform(M_inverse, add(_gyroscopic_term(s, k, M, products), torque))
-        if lifted:
-            lift = _next_load(s, LOADS, k, lift, rate, changing)
-        if twisted:
-            twist = _next_load(s, LOADS + SERIES, k, twist, rate, changing)
-        if changing:
+            alpha = transform(body.inertia_inverse, add(_gyroscopic_term(s, k, body.inertia, products), torque))
+        if fixed.lever_force:
+            force = _next_load(s, LOADS, k, force, rate, fixed.changing)
+        if fixed.torque:
+            space_torque = _next_load(s, LOADS + SERIES, k, space_torque, rate, fixed.changing)
+        if fixed.changing:
             _next_loads(s, k, rate)
         if k < m:
             turn = _turn_term(s, k, turn, rate, start)
@@ -243,19 +253,19 @@ def motion_series(s: Any, first: int, last: int, m: int, body: Body, torques: To
 
 
 @kernel
-def _pushed(s: Any, k: int, lightness: float, force: Vec3) -> Quaternion:
-    force = scale(lightness, force)
+def _pushed(s: Any, k: int, inverse_mass: float, force: Vec3) -> Quaternion:
+    force = scale(inverse_mass, force)
     return compose_quaternions(attitude_at(s, TURN + ROW * k), (0.0, force[0], force[1], force[2]))
 
 
 @kernel(inline=False)
-def push_series(s: Any, m: int, lightness: float, course: Course) -> None:
+def push_series(s: Any, m: int, inverse_mass: float, loads: LoadPolynomial) -> None:
     """Coefficients below m of D F_b D* / mass: the turning acceleration in the axes that b has at the series' begin."""
     for k in range(m):
-        product = _pushed(s, k, lightness, course[0][2])
+        product = _pushed(s, k, inverse_mass, loads.value.force_b)
         if k > 0:
-            product = add_scaled_quaternion(product, 1.0, _pushed(s, k - 1, lightness, course[1][2]))
+            product = add_scaled_quaternion(product, 1.0, _pushed(s, k - 1, inverse_mass, loads.rate.force_b))
         if k > 1:
-            product = add_scaled_quaternion(product, 0.5, _pushed(s, k - 2, lightness, course[2][2]))
+            product = add_scaled_quaternion(product, 0.5, _pushed(s, k - 2, inverse_mass, loads.rate_2.force_b))
         _put_turn(s, _PRODUCT + ROW * k, 1.0, product)
         put_vec3_at(s, PUSH + ROW * k, _push_term(s, k))

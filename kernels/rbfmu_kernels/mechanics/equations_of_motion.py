@@ -1,5 +1,7 @@
 """Equations of motion of one body, free or turning about a pivot, under known and supplied loads."""
 
+from typing import NamedTuple
+
 from ..compile.decorator import kernel
 from ..rotations.matrix import transform
 from ..rotations.quaternion import invert_quaternion, quaternion_rate_b, rotate
@@ -7,111 +9,173 @@ from ..rotations.vec3 import add, add_scaled, cross, is_nonzero, scale, subtract
 from ..types import Matrix, Quaternion, Vec3
 from .newton_euler import damping_torque, gyroscopic_torque
 
-State = tuple[Vec3, Vec3, Quaternion, Vec3]
-"""Position and velocity of the centre of mass (in a), q_ab, omega_ab_b."""
+_ZERO: Vec3 = (0.0, 0.0, 0.0)
+
+
+class State(NamedTuple):
+    """What the equations of motion change: position and velocity of the centre of mass in a, q_ab, omega_ab_b."""
+
+    r_c: Vec3
+    v_c: Vec3
+    q_ab: Quaternion
+    omega_b: Vec3
+
+
 Rates = State
-Body = tuple[float, Matrix, Matrix, Vec3, Vec3, float]
-"""1/mass (0 with a pivot: o does not move), M and its inverse about c (about o with a pivot), arm, damping_b.
+"""The time derivative of each of a state's fields."""
 
-arm: from the point that M is about to where `arm_force` acts: -r_oc_b, free; r_oc_b with a pivot.
-The last number is 1 for a free body, 0 with a pivot.
-"""
-Loads = tuple[Vec3, Vec3, Vec3, Vec3, Vec3]
-"""gravity_a, arm_force_a, arm_force_b, torque_a, torque_b.
 
-arm_force: the forces at o, free; with a pivot the weight, which acts at c (the pivot takes the forces at o).
-"""
-Course = tuple[Loads, Loads, Loads]
-"""Loads, their first and their second time derivatives at the beginning of a step."""
-NO_LOADS: Loads = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+class Body(NamedTuple):
+    """The constants of the equations of motion; the inertia is about c of a free body, about o with a pivot.
+
+    inverse_mass is 0 with a pivot, where o does not move. arm_b goes from the point that the inertia is about to where
+    force_a and force_b act: it is -r_oc_b of a free body, r_oc_b with a pivot. is_free is 1.0 or 0.0 (with a pivot).
+    """
+
+    inverse_mass: float
+    inertia: Matrix
+    inertia_inverse: Matrix
+    arm_b: Vec3
+    damping_b: Vec3
+    is_free: float
+
+
+class Loads(NamedTuple):
+    """What acts on a body, each fixed in the frame that its name ends in.
+
+    force_a and force_b are the forces at o of a free body. With a pivot, which takes the forces at o, force_a is the
+    weight, which acts at c.
+    """
+
+    gravity_a: Vec3
+    force_a: Vec3
+    force_b: Vec3
+    torque_a: Vec3
+    torque_b: Vec3
+
+
+NO_LOADS = Loads(_ZERO, _ZERO, _ZERO, _ZERO, _ZERO)
+
+
+class LoadPolynomial(NamedTuple):
+    """Loads during a step: value + rate t + rate_2 t^2 / 2, t from its beginning."""
+
+    value: Loads
+    rate: Loads
+    rate_2: Loads
+
+
+class ActingLoads(NamedTuple):
+    """Which loads are not zero throughout a step."""
+
+    force_a: bool
+    force_b: bool
+    torque_a: bool
+    torque_b: bool
 
 
 @kernel
 def angular_acceleration(q_ab: Quaternion, omega_b: Vec3, body: Body, loads: Loads) -> Vec3:
-    """alpha_b of Euler's equation about c (free) or o (pivot)."""
-    _, M, M_inverse, arm, damping_b, _ = body
-    _, arm_force_a, arm_force_b, torque_a, torque_b = loads
-    torque = add(add(torque_b, cross(arm, arm_force_b)), damping_torque(damping_b, omega_b))
-    if is_nonzero(arm_force_a) or is_nonzero(torque_a):  # most bodies have none, and turning them is half the cost
+    """Return alpha_b of Euler's equation about c (free) or o (pivot)."""
+    torque = add(add(loads.torque_b, cross(body.arm_b, loads.force_b)), damping_torque(body.damping_b, omega_b))
+    if is_nonzero(loads.force_a) or is_nonzero(loads.torque_a):  # most have none, and turning them is half the cost
         q_ba = invert_quaternion(q_ab)
-        torque = add(torque, add(rotate(q_ba, torque_a), cross(arm, rotate(q_ba, arm_force_a))))
-    return transform(M_inverse, subtract(torque, gyroscopic_torque(M, omega_b)))
+        torque_of_force = cross(body.arm_b, rotate(q_ba, loads.force_a))
+        torque = add(torque, add(rotate(q_ba, loads.torque_a), torque_of_force))
+    return transform(body.inertia_inverse, subtract(torque, gyroscopic_torque(body.inertia, omega_b)))
 
 
 @kernel
 def angular_jerk(q_ab: Quaternion, omega_b: Vec3, alpha_b: Vec3, body: Body, loads: Loads) -> Vec3:
-    """d alpha_b / dt as seen in b, rad/s^3, of loads that are constant, each in its own frame."""
-    _, M, M_inverse, arm, damping_b, _ = body
-    _, arm_force_a, _, torque_a, _ = loads
-    q_ba = invert_quaternion(q_ab)
-    torque_rate = cross(rotate(q_ba, torque_a), omega_b)  # a vector fixed in a changes by -omega x itself
-    torque_rate = add(torque_rate, cross(arm, cross(rotate(q_ba, arm_force_a), omega_b)))
-    torque_rate = add(torque_rate, damping_torque(damping_b, alpha_b))
+    """Return d alpha_b / dt as seen in b, rad/s^3, of loads that are constant, each in its own frame."""
+    M, q_ba = body.inertia, invert_quaternion(q_ab)
+    torque_rate = cross(rotate(q_ba, loads.torque_a), omega_b)  # a vector fixed in a changes by -omega x itself
+    torque_rate = add(torque_rate, cross(body.arm_b, cross(rotate(q_ba, loads.force_a), omega_b)))
+    torque_rate = add(torque_rate, damping_torque(body.damping_b, alpha_b))
     gyroscopic = add(cross(alpha_b, transform(M, omega_b)), cross(omega_b, transform(M, alpha_b)))
-    return transform(M_inverse, subtract(torque_rate, gyroscopic))
+    return transform(body.inertia_inverse, subtract(torque_rate, gyroscopic))
 
 
 @kernel
-def _acts(loads: Loads) -> bool:
-    gravity_a, arm_force_a, arm_force_b, torque_a, torque_b = loads
-    force = is_nonzero(gravity_a) or is_nonzero(arm_force_a) or is_nonzero(arm_force_b)
-    return force or is_nonzero(torque_a) or is_nonzero(torque_b)
+def _act(loads: Loads) -> bool:
+    force = is_nonzero(loads.gravity_a) or is_nonzero(loads.force_a) or is_nonzero(loads.force_b)
+    return force or is_nonzero(loads.torque_a) or is_nonzero(loads.torque_b)
 
 
 @kernel
-def is_changing(course: Course) -> bool:
-    """Whether the loads do not stay as they are."""
-    return _acts(course[1]) or _acts(course[2])
+def is_changing(polynomial: LoadPolynomial) -> bool:
+    """Return whether the loads do not stay as they are."""
+    return _act(polynomial.rate) or _act(polynomial.rate_2)
 
 
 @kernel
-def _after(course: Course, i: int, t: float) -> Vec3:
-    return add_scaled(add_scaled(course[0][i], t, course[1][i]), 0.5 * t * t, course[2][i])
+def acting_loads(polynomial: LoadPolynomial) -> ActingLoads:
+    """Return which loads act at any time of the step."""
+    now, rate, rate_2 = polynomial.value, polynomial.rate, polynomial.rate_2
+    return ActingLoads(
+        is_nonzero(now.force_a) or is_nonzero(rate.force_a) or is_nonzero(rate_2.force_a),
+        is_nonzero(now.force_b) or is_nonzero(rate.force_b) or is_nonzero(rate_2.force_b),
+        is_nonzero(now.torque_a) or is_nonzero(rate.torque_a) or is_nonzero(rate_2.torque_a),
+        is_nonzero(now.torque_b) or is_nonzero(rate.torque_b) or is_nonzero(rate_2.torque_b),
+    )
 
 
 @kernel
-def loads_after(course: Course, t: float) -> Loads:
-    """The loads a time t after the step's begin."""
-    return _after(course, 0, t), _after(course, 1, t), _after(course, 2, t), _after(course, 3, t), _after(course, 4, t)
+def _add_scaled_loads(loads: Loads, s: float, other: Loads) -> Loads:
+    """Return loads + s other."""
+    return Loads(
+        add_scaled(loads.gravity_a, s, other.gravity_a),
+        add_scaled(loads.force_a, s, other.force_a),
+        add_scaled(loads.force_b, s, other.force_b),
+        add_scaled(loads.torque_a, s, other.torque_a),
+        add_scaled(loads.torque_b, s, other.torque_b),
+    )
 
 
 @kernel
-def course_after(course: Course, t: float) -> Course:
-    """The course of the loads from a time t on."""
-    return loads_after(course, t), loads_after((course[1], course[2], NO_LOADS), t), course[2]
+def loads_after(polynomial: LoadPolynomial, t: float) -> Loads:
+    """Return the loads a time t after the step's beginning."""
+    linear = _add_scaled_loads(polynomial.value, t, polynomial.rate)
+    return _add_scaled_loads(linear, 0.5 * t * t, polynomial.rate_2)
 
 
 @kernel
-def steady(loads: Loads) -> Course:
-    """The course of loads that stay as they are."""
-    return loads, NO_LOADS, NO_LOADS
+def polynomial_after(polynomial: LoadPolynomial, t: float) -> LoadPolynomial:
+    """Return the polynomial of the same loads in the time from t on."""
+    rates = LoadPolynomial(polynomial.rate, polynomial.rate_2, NO_LOADS)
+    return LoadPolynomial(loads_after(polynomial, t), loads_after(rates, t), polynomial.rate_2)
+
+
+@kernel
+def constant_loads(loads: Loads) -> LoadPolynomial:
+    """Return the polynomial of loads that stay as they are."""
+    return LoadPolynomial(loads, NO_LOADS, NO_LOADS)
 
 
 @kernel
 def turning_acceleration(q_ab: Quaternion, body: Body, loads: Loads) -> Vec3:
-    """The part of a_c, in a, from the force at o that turns with the body."""
-    return scale(body[0], rotate(q_ab, loads[2]))
+    """Return the part of a_c, in a, from the force at o that turns with the body."""
+    return scale(body.inverse_mass, rotate(q_ab, loads.force_b))
 
 
 @kernel
 def steady_acceleration(body: Body, loads: Loads) -> Vec3:
-    """The part of a_c, in a, that does not turn with the body: gravity and `arm_force_a`; zero with a pivot."""
-    return add_scaled(scale(body[5], loads[0]), body[0], loads[1])
+    """Return the part of a_c, in a, that does not turn with the body: gravity and force_a; zero with a pivot."""
+    return add_scaled(scale(body.is_free, loads.gravity_a), body.inverse_mass, loads.force_a)
 
 
 @kernel
 def linear_acceleration(q_ab: Quaternion, body: Body, loads: Loads) -> Vec3:
-    """a_c in a: gravity and the forces at o; zero with a pivot, where c follows from the attitude."""
+    """Return a_c in a: gravity and the forces at o; zero with a pivot, where c follows from the attitude."""
     return add(steady_acceleration(body, loads), turning_acceleration(q_ab, body, loads))
 
 
 @kernel(inline=False)
 def state_rates(state: State, body: Body, loads: Loads) -> Rates:
-    """d/dt of the state."""
-    _, v_c, q_ab, omega_b = state
-    return (
-        v_c,
-        linear_acceleration(q_ab, body, loads),
-        quaternion_rate_b(q_ab, omega_b),
-        angular_acceleration(q_ab, omega_b, body, loads),
+    """Return d/dt of the state."""
+    return Rates(
+        state.v_c,
+        linear_acceleration(state.q_ab, body, loads),
+        quaternion_rate_b(state.q_ab, state.omega_b),
+        angular_acceleration(state.q_ab, state.omega_b, body, loads),
     )

@@ -36,7 +36,7 @@ def initialize(z: Any) -> int:
     fault = initialize_body(z)
     if fault != 0:
         return fault
-    more = has_turning_torque(z) or shows_more_than_momentum(z, is_sphere(body_of(z)[1]))
+    more = has_turning_torque(z) or shows_more_than_momentum(z, is_sphere(body_of(z).inertia))
     if more and not is_as_planned(z):
         return _MORE
     z[_PULLED] = z[_PULLED + 1] = 0.0

@@ -51,7 +51,7 @@ def initialize(z: Any) -> int:
     if not is_as_planned(z):
         if is_driven(z):
             return _TORQUE
-        if not is_symmetric_top(body[1]):
+        if not is_symmetric_top(body.inertia):
             return _NOT_SYMMETRIC
     mean, moment, exact_axes = exact_symmetric_frame(z)
     momentum, own = symmetric_turnings(mean, moment, rates_along(exact_axes, omega))

@@ -7,7 +7,7 @@ of a communication step or nothing. `tolerance` is the largest estimated error o
 
 from typing import Any
 
-from ..body.driven import DRIVEN, STEP_SIZE, course_of, finish, integrated, keep
+from ..body.driven import DRIVEN, STEP_SIZE, finish, integrated, keep, load_polynomial_of
 from ..body.memory import INPUTS as INPUTS
 from ..body.memory import OUTPUTS as OUTPUTS
 from ..body.memory import PARAMETERS as PARAMETERS
@@ -42,10 +42,10 @@ def step(z: Any, h: float) -> int:
     if not h > 0.0:
         return NOT_REACHED
     keep(z)
-    body, course = body_of(z), course_of(z)
-    n = max(ROTATION, integrated(z, body, course))
+    body, loads = body_of(z), load_polynomial_of(z)
+    n = max(ROTATION, integrated(z, body, loads))
     if z[_TOLERANCE] > 0.0:
-        status = dop853_advance(z, STATE, _WORK, STEP_SIZE, n, h, z[_TOLERANCE], z[_SPAN], body, course)
+        status = dop853_advance(z, STATE, _WORK, STEP_SIZE, n, h, z[_TOLERANCE], z[_SPAN], body, loads)
     else:
-        status = dop853_march(z, STATE, _WORK, n, h, z[_SUBSTEP], body, course)
-    return finish(z, n, h, status, body, course)
+        status = dop853_march(z, STATE, _WORK, n, h, z[_SUBSTEP], body, loads)
+    return finish(z, n, h, status, body, loads)

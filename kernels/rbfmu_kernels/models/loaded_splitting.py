@@ -34,10 +34,10 @@ def initialize(z: Any) -> int:
     if fault != 0:
         return fault
     body = body_of(z)
-    d = body[4]
-    if not is_symmetric_top(body[1]) or d[0] != 0.0 or d[1] != 0.0 or d[2] != 0.0:
+    d = body.damping_b
+    if not is_symmetric_top(body.inertia) or d[0] != 0.0 or d[1] != 0.0 or d[2] != 0.0:
         return _NO_TOP
-    if substep_of(z) > 0.5 * resonant_step(body[1], motion_of(z)[3]):
+    if substep_of(z) > 0.5 * resonant_step(body.inertia, motion_of(z).omega_b):
         return _RESONANT
     return first_outputs(z)
 

@@ -46,7 +46,7 @@ def initialize(z: Any) -> int:
     if fault != 0:
         return fault
     (q, omega), body, loads = rotation_of(z), body_of(z), loads_of(z)
-    across, own, axes = symmetric_frame(body[1])
+    across, own, axes = symmetric_frame(body.inertia)
     if not is_as_planned(z) and (turns(z) or _leads_astray(q, axes, body, loads)):
         return _ASTRAY
     put_matrix_at(z, _AXES, axes)
@@ -76,11 +76,10 @@ def step(z: Any, h: float) -> int:
 @kernel
 def _leads_astray(q: Quaternion, axes: Matrix, body: Body, loads: Loads) -> bool:
     """Whether the moments differ, a load depends on the attitude or acts across the axis, or damping is uneven."""
-    _, force_a, _, torque_a, _ = loads
-    turning = is_nonzero(torque_a) or (is_nonzero(body[3]) and is_nonzero(force_a))
+    turning = is_nonzero(loads.torque_a) or (is_nonzero(body.arm_b) and is_nonzero(loads.force_a))
     from_rest = angular_acceleration(q, (0.0, 0.0, 0.0), body, loads)
-    t, u, s = axes
-    d_t, d_u, d_s = damping_torque(body[4], t), damping_torque(body[4], u), damping_torque(body[4], s)
+    (t, u, s), damping_b = axes, body.damping_b
+    d_t, d_u, d_s = damping_torque(damping_b, t), damping_torque(damping_b, u), damping_torque(damping_b, s)
     uneven = is_nonzero(cross(t, d_t)) or is_nonzero(cross(u, d_u)) or is_nonzero(cross(s, d_s))
     uneven = uneven or dot(t, d_t) != dot(u, d_u)
-    return turning or uneven or is_nonzero(cross(s, from_rest)) or not is_symmetric_top(body[1])
+    return turning or uneven or is_nonzero(cross(s, from_rest)) or not is_symmetric_top(body.inertia)
