@@ -26,8 +26,9 @@ from rbfmu.models import Plan
 from rbfmu.planning import plan
 from rbfmu.unit import filled_buffer, initialize
 from rbfmu_fmu.description import describe
-from rbfmu_fmu.linking import FLAGS, compiler, linked
-from rbfmu_fmu.native_fmu import LAYER, build_native_fmu, model_header
+from rbfmu_fmu.linking import FLAGS, FMI2, compiler, linked, source
+from rbfmu_fmu.native_fmu import build_native_fmu
+from rbfmu_fmu.native_headers import headers
 from rbfmu_fmu.object_code import ENTRIES, object_files
 from rbfmu_fmu.platforms import this_platform
 from rbfmu_fmu.python_fmu import build_python_fmu
@@ -146,24 +147,24 @@ def _driver(folder: Path) -> Any:
 
 
 def _objects(text: str, folder: Path, planned: Plan) -> dict[str, bytes]:
-    """A C source compiled as `object_files` compiles a unit."""
+    """A C source compiled as `object_files` compiles a model."""
     blocks = "".join(f"#define AT_{name.upper()} {b.start}\n" for name, b in planned.unit.BLOCKS.items() if name != "q")
     layout = blocks + f"#define AT_Q {planned.unit.BLOCKS['q'].start}\n" if "q" in planned.unit.BLOCKS else blocks
     folder.mkdir()
     includes = {"layout.h": layout, "tableau.h": _tableau()}
-    objects = {"unit.o": _compile(text, folder, includes, "-c")}
+    objects = {"model.o": _compile(text, folder, includes, "-c")}
     for feature in this_platform().features:
         renamed = [f"-Dstep=step_{feature}", *(f"-D{name}=other_{name}" for name in ENTRIES if name != "step")]
         objects[f"step_{feature}.o"] = _compile(text, folder, includes, "-c", f"-m{feature}", *renamed)
     return objects
 
 
-def _with_other_unit(fmu: Fmu, place: Path, header: str, objects: dict[str, bytes]) -> Fmu:
+def _with_other_unit(fmu: Fmu, place: Path, generated: dict[str, str], objects: dict[str, bytes]) -> Fmu:
     """The native FMU with these objects in its unit's place."""
     library, guid, *others = fmu.arguments
     place.mkdir()
     other = place / Path(library).name
-    other.write_bytes(linked(LAYER, objects, this_platform(), other.stem, {"model.h": header}))
+    other.write_bytes(linked(FMI2, objects, this_platform(), other.stem, generated))
     found = Fmu.__new__(Fmu)
     found.names, found.arguments = fmu.names, [str(other), guid, *others]
     return found
@@ -211,9 +212,9 @@ def _figures_of(text: str, folder: Path, driver: Any, repeats: int, steps: int, 
         "native": Fmu(build_native_fmu(scene, planned, folder / "native.fmu"), folder / "native"),
         "pythonfmu": Fmu(build_python_fmu(scene, planned, folder / "python.fmu"), folder / "python"),
     }
-    header = model_header(describe(scene, planned), fmus["native"].arguments[1])
+    generated = headers(describe(scene, planned), fmus["native"].arguments[1])
     if text == HAND:
-        fmus |= _others(fmus["native"], folder, header, planned)
+        fmus |= _others(fmus["native"], folder, generated, planned)
     costs, values = _costs(scene, planned, fmus, driver, repeats, steps)
     figures = _row(text, costs)
     if text == HAND:
@@ -224,17 +225,18 @@ def _figures_of(text: str, folder: Path, driver: Any, repeats: int, steps: int, 
         figures["difference"] = max(abs(a - b) for a, b in pairs)
         print(f"  by hand differs by {figures['difference']:.1e} after {repeats * steps} steps")
         nothing = _objects(NOTHING, folder / "nothing", planned)
-        nothing = _with_other_unit(fmus["native"], folder / "idle", header, nothing)
+        nothing = _with_other_unit(fmus["native"], folder / "idle", generated, nothing)
         figures["first step"] = _first_step(fmus["native"], nothing, starts)
     return figures
 
 
-def _others(native: Fmu, folder: Path, header: str, planned: Plan) -> dict[str, Fmu]:
+def _others(native: Fmu, folder: Path, generated: dict[str, str], planned: Plan) -> dict[str, Fmu]:
     """C by hand; and it and the native FMU without AVX2."""
     by_hand = _objects((FOLDER / "bench_native_by_hand.c").read_text(), folder / "source", planned)
-    baseline, own = "#define USES_AVX2 0\n" + header, object_files(planned.unit, this_platform())
+    baseline = generated | {"model.h": "#define USES_AVX2 0\n" + source("model.h").decode()}
+    own = object_files(planned.unit, this_platform())
     return {
-        "by hand": _with_other_unit(native, folder / "hand", header, by_hand),
+        "by hand": _with_other_unit(native, folder / "hand", generated, by_hand),
         "without AVX2": _with_other_unit(native, folder / "baseline", baseline, own),
         "by hand without AVX2": _with_other_unit(native, folder / "hand baseline", baseline, by_hand),
     }

@@ -4,7 +4,12 @@
    instances comes through callbacks that count, and sometimes have none; buffers are allocated to the byte, so that
    the address sanitizer sees what passes their ends. */
 
-#include "fmi2.c"
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "fmi2Functions.h"
+#include "saved_states.c" /* the layout of a state's bytes */
 
 enum { INSTANCES = 3, PLACES = 2 * INSTANCES, MOST = 8, TEXTS = 2 };
 
@@ -147,7 +152,7 @@ static void other_types(fmi2Component c) {
 }
 
 static void derivatives(fmi2Component c) {
-    static const fmi2Integer odd[] = {0, -1, MOST_RATES + 1, INT32_MAX, INT32_MIN};
+    static const fmi2Integer odd[] = {0, -1, MAX_DERIVATIVE_ORDER + 1, INT32_MAX, INT32_MIN};
     size_t n = take(4);
     int set = (int)take(2);
     fmi2ValueReference *r = some_references(n, set ? FIRST_PARAMETER : REALS);
@@ -225,7 +230,7 @@ static void start_anew(int k) {
     CALL(fmi2ExitInitializationMode, instances[k].c);
 }
 
-static void do_step(int k) {
+static void any_step(int k) {
     double h = real(0.05), t = take(8) ? instances[k].time : real(1.0);
     if (h > 0.1 && h < 1e200) h = 0.1;
     if (CALL(fmi2DoStep, instances[k].c, t, h, fmi2True)) instances[k].time = t + h;
@@ -256,7 +261,7 @@ static void forge(fmi2Byte *bytes) {
     Serialized s;
     memcpy(&s, bytes, sizeof s);
     switch (take(6)) {
-    case 0: s.state.mode = (int64_t)take(20) - 2; break;
+    case 0: s.state.phase = (int64_t)take(20) - 2; break;
     case 1: s.state.status = (int64_t)take(6) - 2; break;
     case 2: s.state.time = real(1.0); break;
     case 3: s.state.stop = real(50.0); break;
@@ -337,7 +342,7 @@ static void one_call(void) {
     case 20:
     case 21:
     case 22:
-    case 23: do_step(k); break;
+    case 23: any_step(k); break;
     default: states(k);
     }
 }

@@ -1,4 +1,4 @@
-"""Compiles fuzz.c with the C layer and a unit's object code under the address and undefined-behaviour sanitizers.
+"""Compiles fuzz.c with the C layer and a model's object code under the address and undefined-behaviour sanitizers.
 
 `python tests/fuzzing.py [SEED] [INPUTS]` runs it on a body under loads and on prescribed rates (`make fuzz`).
 """
@@ -12,12 +12,14 @@ from pathlib import Path
 
 from fmus import TESTS, planned, scene
 
-from rbfmu_fmu import linking, native_fmu
+from rbfmu_fmu import linking, native_headers
 from rbfmu_fmu.description import describe
 from rbfmu_fmu.object_code import object_files
 from rbfmu_fmu.platforms import this_platform
 
 NAMES = ("driven", "prescribed")
+INCLUDED = "saved_states.c"
+"""What fuzz.c includes, to forge saved states; the other sources are compiled by themselves."""
 FLAGS = ["-std=c11", "-O1", "-g", "-Wall", "-fno-omit-frame-pointer"]
 FLAGS += ["-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all", "-ffp-contract=off"]
 OPTIONS = {"ASAN_OPTIONS": "detect_leaks=1:abort_on_error=0", "UBSAN_OPTIONS": "print_stacktrace=1"}
@@ -37,17 +39,22 @@ def sanitizing_compiler():
     return None
 
 
-def compiled(name, folder, compiler, flags=(), c_layer=None):
-    """The fuzzer of a scene's C layer; c_layer: another source to try instead."""
-    description = describe(scene(name), planned(name))
-    (folder / "model.h").write_text(native_fmu.model_header(description, "{00000000-0000-0000-0000-000000000000}"))
+def compiled(name, folder, compiler, flags=(), spoilt=None):
+    """The fuzzer of a scene's C layer; spoilt: what to replace in it, (right, wrong), each to be found once."""
+    headers = native_headers.headers(describe(scene(name), planned(name)), "{00000000-0000-0000-0000-000000000000}")
     objects = object_files(planned(name).unit, this_platform())
-    for file, content in {linking.UNIT: linking.source(linking.UNIT), **objects}.items():
+    sources = {file: linking.source(file).decode() for file in (*linking.FMI2, *linking.HEADERS)}
+    if spoilt:
+        (file,) = (file for file, text in sources.items() if spoilt[0] in text)
+        sources[file] = sources[file].replace(*spoilt)
+    for file, content in {**sources, **headers}.items():
+        (folder / file).write_text(content)
+    for file, content in objects.items():
         (folder / file).write_bytes(content)
-    (folder / "fmi2.c").write_text(c_layer or linking.source("fmi2.c").decode())
     program = folder / f"fuzz_{name}"
-    command = [compiler, *FLAGS, *flags, f"-I{folder}", f"-I{linking.HEADERS}", TESTS / "fuzz.c"]
-    subprocess.run([*command, *[folder / file for file in objects], "-lm", "-o", program], check=True)
+    command = [compiler, *FLAGS, *flags, f"-I{folder}", f"-I{linking.FMI_HEADERS}", TESTS / "fuzz.c"]
+    parts = [*objects, *(file for file in linking.FMI2 if file != INCLUDED)]
+    subprocess.run([*command, *[folder / part for part in parts], "-lm", "-o", program], check=True)
     return program
 
 

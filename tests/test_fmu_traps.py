@@ -121,7 +121,7 @@ def test_built_without_a_linker_it_ships_an_object_file(name, tmp_path, monkeypa
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr(linking, "find_spec", lambda module: None)
     folder = unzipped_at(build_python_fmu(scene(name), planned(name), tmp_path / "it.fmu"), tmp_path / "it")
-    assert [path.suffix for path in folder.glob("resources/*/unit-*")] == [".o"]
+    assert [path.suffix for path in folder.glob("resources/*/model-*")] == [".o"]
     found, errors = run_case("rows_and_imports", folder)
     assert found == [alone(name), []]
     assert not errors
@@ -149,7 +149,7 @@ def test_compiling_anew_gives_the_same_bits(name):
 def test_without_usable_object_code_numba_compiles(spoil, tmp_path):
     """None is there on another platform; damaged code would end the process in LLVM."""
     folder = copied("prescribed", tmp_path / "spoilt")
-    (code,) = folder.glob("resources/*/unit-*.so")
+    (code,) = folder.glob("resources/*/model-*.so")
     spoil(code)
     found, errors = run_case("rows_and_imports", folder)
     assert found == [alone("prescribed"), ["numba", "numpy"]]

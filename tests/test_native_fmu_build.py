@@ -113,7 +113,8 @@ def test_unknown_platforms_and_kinds_are_refused(tmp_path):
 def test_what_the_c_compiler_says_is_in_the_message(tmp_path, monkeypatch):
     exported = b'__attribute__((visibility("default")))'
     layer = b"int unknown(void); %s int f(void) { return unknown(); }" % exported
-    monkeypatch.setattr(linking, "source", lambda name: layer)
+    own = linking.source
+    monkeypatch.setattr(linking, "source", lambda name: layer if name == linking.FMI2[0] else own(name))
     with pytest.raises(linking.LinkError, match="unknown"):
         rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", kind="native")
 

@@ -1,4 +1,4 @@
-"""A unit's step with and without AVX2: which one runs, and that both give the kernels' bits."""
+"""A model's step with and without AVX2: which one runs, and that both give the kernels' bits."""
 
 import ctypes
 import re
@@ -14,7 +14,7 @@ from rbfmu.models import Plan
 from rbfmu.unit import filled_buffer, initialize
 from rbfmu_fmu import linking
 from rbfmu_fmu.description import describe
-from rbfmu_fmu.linking import UNIT, linked
+from rbfmu_fmu.linking import linked
 from rbfmu_fmu.object_code import object_files
 from rbfmu_fmu.platforms import PLATFORMS, this_platform
 
@@ -33,13 +33,13 @@ def loaded(layer, objects, folder, monkeypatch, choice=None):
     with monkeypatch.context() as patch:
         own = linking.source
         patch.setattr(linking, "source", lambda name: layer if name == "layer.c" else own(name))
-        content = linked("layer.c", objects, this_platform(), "unit", {UNIT: said + own(UNIT).decode()})
-    path = folder / f"unit {len(list(folder.iterdir()))}.so"
+        content = linked(["layer.c"], objects, this_platform(), "model", {"model.h": said + own("model.h").decode()})
+    path = folder / f"model {len(list(folder.iterdir()))}.so"
     path.write_bytes(content)
     return ctypes.CDLL(str(path))
 
 
-LAYER = b"""#include "unit.h"
+LAYER = b"""#include "model.h"
 #define EXPORTED __attribute__((visibility("default")))
 EXPORTED int allows(unsigned a, unsigned b, unsigned c) { return avx2_in(a, b, c); }
 EXPORTED int has(void) { return has_avx2(); }
@@ -90,9 +90,9 @@ def test_either_step_gives_the_kernels_bits(choice, case, tmp_path, monkeypatch)
     library = loaded(layer, object_files(plan.unit, this_platform()), tmp_path, monkeypatch, choice)
     if choice and "avx2" not in CPU:
         pytest.skip("no AVX2 here")
-    library.unit_chosen_step.restype = ctypes.c_void_p
+    library.model_chosen_step.restype = ctypes.c_void_p
     of_buffer = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_double)
-    step = of_buffer(library.unit_chosen_step())
+    step = of_buffer(library.model_chosen_step())
     z = filled_buffer(scene(name), plan)
     initialize(scene(name), plan.unit, z)
     own, places = z.copy(), {v.name: v.offset for v in describe(scene(name), plan).variables}
@@ -105,8 +105,8 @@ def test_either_step_gives_the_kernels_bits(choice, case, tmp_path, monkeypatch)
 
 def instructions(code, folder):
     """Their names and operands."""
-    (folder / "unit.o").write_bytes(code)
-    command = [shutil.which("objdump") or pytest.skip("no objdump"), "-d", "--no-show-raw-insn", folder / "unit.o"]
+    (folder / "model.o").write_bytes(code)
+    command = [shutil.which("objdump") or pytest.skip("no objdump"), "-d", "--no-show-raw-insn", folder / "model.o"]
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout
 
 
@@ -115,9 +115,9 @@ def instructions(code, folder):
 def test_neither_step_has_fused_products_and_one_has_vectors_of_four(case, platform, tmp_path):
     name, plan = CASES[case]
     objects = object_files((plan or planned(name)).unit, PLATFORMS[platform])
-    assert set(objects) == {"unit.o", "step_avx2.o"}
+    assert set(objects) == {"model.o", "step_avx2.o"}
     texts = {file: instructions(code, tmp_path) for file, code in objects.items()}
     assert not re.search(r"\bvfn?m(add|sub)", "".join(texts.values()))
     assert "gather" not in texts["step_avx2.o"]  # slow on some processors
     assert "%ymm" in texts["step_avx2.o"]
-    assert not re.search(r"%ymm|\sv[a-z]+[ps]d\b", texts["unit.o"])
+    assert not re.search(r"%ymm|\sv[a-z]+[ps]d\b", texts["model.o"])

@@ -6,6 +6,7 @@ import struct
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -13,8 +14,17 @@ import fmpy
 
 from rbfmu_fmu.platforms import BuildError, Platform, is_this
 
-HEADERS = Path(fmpy.__file__).parent / "c-code"
-"""FMI's own, as FMPy ships them."""
+FMI_HEADERS = Path(fmpy.__file__).parent / "c-code"
+"""FMI's own headers, as FMPy ships them."""
+
+HEADERS = ("cosimulation.h", "instance.h", "model.h")
+"""The headers of `native/`, which stand beside every C source when it is compiled."""
+
+FMI2 = ("fmi2.c", "cosimulation.c", "messages.c", "saved_states.c")
+"""The C sources of an FMU of FMI 2.0. Only the first one knows the version."""
+
+EXPORTS = ("exports.c",)
+"""The C source of the shared library in a pythonfmu FMU."""
 
 FLAGS = ["-std=c11", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-fno-asynchronous-unwind-tables"]
 FLAGS += ["-shared", "-s"]
@@ -33,34 +43,35 @@ class LinkError(BuildError):
     """The compiler failed: with what it said."""
 
 
-UNIT = "unit.h"
-"""What every layer includes: how the kernels are chosen."""
-
-
 def linked(
-    layer: str, objects: dict[str, bytes], platform: Platform, name: str, includes: dict[str, str] | None = None
+    layer: Sequence[str],
+    objects: dict[str, bytes],
+    platform: Platform,
+    name: str,
+    includes: dict[str, str] | None = None,
 ) -> bytes:
-    """A shared library of object files behind a C file of `native/`, stripped, the same bytes each time.
+    """Link object files and C sources of `native/` to a shared library, stripped, the same bytes each time.
 
-    objects: by name; name: the library's, without its suffix; includes: further C sources by name.
+    layer: names of the C sources; objects: contents by file name; name: of the library, without its suffix;
+    includes: generated C headers by file name, or headers to be used in place of those of `native/`.
     """
     with tempfile.TemporaryDirectory(prefix="rbfmu_") as place:
         folder, library = Path(place), f"{name}{platform.suffix}"
-        for file, content in {layer: source(layer), UNIT: source(UNIT), **objects}.items():
+        for file, content in {**{f: source(f) for f in (*layer, *HEADERS)}, **objects}.items():
             (folder / file).write_bytes(content)
         for include, text in (includes or {}).items():
             (folder / include).write_text(text, encoding="ascii")
-        command = [*compiler(platform), *FLAGS, *FORMAT_FLAGS[platform.suffix], f"-I{HEADERS}"]
-        command += [layer, *objects, "-lm", "-o", library]
+        command = [*compiler(platform), *FLAGS, *FORMAT_FLAGS[platform.suffix], f"-I{FMI_HEADERS}"]
+        command += [*layer, *objects, "-lm", "-o", library]
         done = subprocess.run(command, capture_output=True, text=True, cwd=folder, check=False)
         if done.returncode:
             raise LinkError(f"{platform.name}: {command[0]} failed:\n{done.stderr.strip()}")
         return (folder / library).read_bytes()
 
 
-def source(layer: str) -> bytes:
-    """A C file of `native/`."""
-    return importlib.resources.files("rbfmu_fmu").joinpath("native", layer).read_bytes()
+def source(name: str) -> bytes:
+    """Return the contents of a C source or header of `native/`."""
+    return importlib.resources.files("rbfmu_fmu").joinpath("native", name).read_bytes()
 
 
 def compiler(platform: Platform) -> list[str]:

@@ -31,11 +31,11 @@ class NotSelfContainedError(BuildError):
 def object_files(unit: Unit, platform: Platform) -> dict[str, bytes]:
     """By name, relocatable object files of the unit's entries; the same bytes each time.
 
-    unit.o runs on every processor of the platform; for each of its features there is a step_FEATURE.o besides, with
+    model.o runs on every processor of the platform; for each of its features there is a step_FEATURE.o besides, with
     nothing but a `step_FEATURE` of the same bits.
     """
     with _LOCK:
-        objects = {"unit.o": _compiled(unit, platform, "")}  # type: ignore[arg-type]
+        objects = {"model.o": _compiled(unit, platform, "")}  # type: ignore[arg-type]
         return objects | {f"step_{f}.o": _compiled(unit, platform, f) for f in platform.features}  # type: ignore[arg-type]
 
 

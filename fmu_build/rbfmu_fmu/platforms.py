@@ -20,7 +20,7 @@ class Platform:
     folder: str
     suffix: str
     features: tuple[str, ...] = ()
-    """Of newer processors: a step that uses one is there too, and chosen at run time (native/unit.h)."""
+    """Of newer processors: a step that uses one is there too, and chosen at run time (native/model.h)."""
 
 
 PLATFORMS = {

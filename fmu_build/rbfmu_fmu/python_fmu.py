@@ -16,7 +16,7 @@ from rbfmu.models import Plan
 from rbfmu.scene import Scene
 from rbfmu_fmu.archive import guid_of, hash_of, json_bytes, kernel_sources, scene_inside, write_archive, xml_bytes
 from rbfmu_fmu.description import Description, describe, model_description
-from rbfmu_fmu.linking import NoLinkerError, linked
+from rbfmu_fmu.linking import EXPORTS, NoLinkerError, linked
 from rbfmu_fmu.object_code import object_files
 from rbfmu_fmu.platforms import this_platform
 from rbfmu_fmu.slave_access import CODE, LIBRARY, OBJECT
@@ -81,9 +81,9 @@ def _shipped_code(plan: Plan) -> tuple[str, bytes]:
     platform = this_platform()
     objects = object_files(plan.unit, platform)
     try:
-        return CODE + LIBRARY, linked("exports.c", objects, platform, "unit")
+        return CODE + LIBRARY, linked(EXPORTS, objects, platform, "model")
     except NoLinkerError:
-        return CODE + OBJECT, objects["unit.o"]
+        return CODE + OBJECT, objects["model.o"]
 
 
 def _package(identity: str) -> str:

@@ -23,7 +23,7 @@ TO_VARY = 'list "%s" under parameters in the scene\'s [inputs] to vary it'
 HELD = f"%s = %s: this FMU's model was planned for %s here; {TO_VARY}"
 """Refuses a parameter: its name, its value, the planned value, its block."""
 
-CODE = f"unit-{sys.platform}-{os.uname().machine if hasattr(os, 'uname') else 'any'}"
+CODE = f"model-{sys.platform}-{os.uname().machine if hasattr(os, 'uname') else 'any'}"
 """Shipped code for this platform: its name but for the suffix."""
 LIBRARY, OBJECT = ".so", ".o"
 """Suffixes of shipped code: a shared library (on every platform), or an object file, to be loaded by llvmlite."""
@@ -121,9 +121,9 @@ def _shipped_entries(folder: str, checksums: dict[str, int]) -> Entries | None:
 def _addresses_in_library(path: str) -> Callable[[str], int]:
     library = ctypes.PyDLL(path)
     _OWNERS.append(library)
-    library.unit_chosen_step.restype = ctypes.c_void_p
-    step: int = library.unit_chosen_step()
-    return lambda name: step if name == "step" else ctypes.cast(library[f"unit_{name}"], ctypes.c_void_p).value or 0
+    library.model_chosen_step.restype = ctypes.c_void_p
+    step: int = library.model_chosen_step()
+    return lambda name: step if name == "step" else ctypes.cast(library[f"model_{name}"], ctypes.c_void_p).value or 0
 
 
 def _addresses_in_object(code: bytes) -> Callable[[str], int]:

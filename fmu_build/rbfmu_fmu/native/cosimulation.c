@@ -1,0 +1,331 @@
+/* The life of an instance, its values and its steps; cosimulation.h says what each function does. */
+
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "instance.h"
+
+#define CACHE_LINE 64
+#define ROUND_OFF 1e-9 /* of an importer's clock, relative; half a step at most */
+
+/* --- the rules of calls */
+
+static int is_in(const Instance *m, unsigned phases) { return phases >> m->now.phase & 1; }
+
+static int allowed(Instance *m, const char *call, Call what) {
+    if (m && is_in(m, RULES[what].phases)) return 1;
+    if (m) refuse(m, call, "%s %s", RULES[what].refusal, PHASE_NAMES[m->now.phase]);
+    return 0;
+}
+
+static Causality causality_of(unsigned r) {
+    return r >= FIRST_OUTPUT ? OUTPUT : r >= FIRST_PARAMETER ? PARAMETER : INPUT;
+}
+
+static int is_real(Instance *m, const char *call, unsigned r) {
+    if (r >= REALS) refuse(m, call, "value reference %u is no Real variable", r);
+    return r < REALS;
+}
+
+/* Whether variable r, which exists, may be set to this value now. */
+static int settable(Instance *m, const char *call, unsigned r, double value) {
+    Causality causality = causality_of(r);
+    if (!isfinite(value))
+        refuse(m, call, "%s = %s: expected a finite number", VARIABLES[r].name, number(value).text);
+    else if (!is_in(m, CAUSALITIES[causality].settable_in))
+        refuse(m, call, "%s %s cannot be set %s", CAUSALITIES[causality].name, VARIABLES[r].name,
+               PHASE_NAMES[m->now.phase]);
+    else
+        return 1;
+    return 0;
+}
+
+/* --- memory */
+
+void *allocate(const Host *host, size_t size) {
+    void *memory = host->allocate ? host->allocate(1, size) : malloc(size);
+    if (memory) memset(memory, 0, size);
+    return memory;
+}
+
+void release(const Host *host, void *memory) {
+    if (host->allocate)
+        host->release(memory);
+    else
+        free(memory);
+}
+
+/* An instance whose buffer begins with a cache line, because the kernels' vectors are fastest there. */
+static Instance *new_instance(const Host *host, size_t size) {
+    char *memory = allocate(host, size + CACHE_LINE);
+    Instance *m;
+    if (!memory) return NULL;
+    m = (Instance *)(memory + -((uintptr_t)memory + offsetof(Instance, now.z)) % CACHE_LINE);
+    m->memory = memory;
+    return m;
+}
+
+/* --- life */
+
+static void begin(State *s) {
+    memset(s, 0, sizeof *s);
+    s->time = START_TIME;
+    s->stop = INFINITY;
+    s->phase = INSTANTIATED;
+    s->stale = 1;
+    memcpy(s->z, START, sizeof START);
+}
+
+Instance *create_instance(const Host *host, const char *call, const char *name, const char *guid, int logs_discards) {
+    Instance *m;
+    if (!name) return refuse_instance(host, call, name, "the instance has no name");
+    if (!guid || strcmp(guid, GUID))
+        return refuse_instance(host, call, name, "the guid is not that of this FMU, " GUID);
+    m = new_instance(host, sizeof *m + strlen(name) + 1);
+    if (!m) return refuse_instance(host, call, name, "no memory");
+    m->host = *host;
+    m->step = chosen_step();
+    m->logs_discards = logs_discards;
+    strcpy(m->name, name);
+    begin(&m->now);
+    return m;
+}
+
+void free_instance(Instance *m) {
+    Host host;
+    if (!m) return;
+    host = m->host;
+    while (m->saved) {
+        Saved *next = m->saved->next;
+        release(&host, m->saved);
+        m->saved = next;
+    }
+    release(&host, m->memory);
+}
+
+Status set_up_experiment(Instance *m, const char *call, double start, int has_stop, double stop) {
+    if (!allowed(m, call, SET_UP_EXPERIMENT)) return CALL_ERROR;
+    if (!isfinite(start)) return refuse(m, call, "start time = %s: expected a finite number", number(start).text);
+    if (has_stop && !(stop >= start))
+        return refuse(m, call, "stop time = %s: expected none before the start, %s", number(stop).text,
+                      number(start).text);
+    m->now.time = start;
+    m->now.stop = has_stop ? stop : INFINITY;
+    return CALL_OK;
+}
+
+Status enter_initialization(Instance *m, const char *call) {
+    if (!allowed(m, call, ENTER_INITIALIZATION)) return CALL_ERROR;
+    m->now.phase = INITIALIZING;
+    return CALL_OK;
+}
+
+Status terminate(Instance *m, const char *call) {
+    if (!allowed(m, call, TERMINATE)) return CALL_ERROR;
+    m->now.phase = TERMINATED;
+    return CALL_OK;
+}
+
+Status reset(Instance *m) {
+    if (!m) return CALL_ERROR;
+    begin(&m->now);
+    return CALL_OK;
+}
+
+/* --- initialisation */
+
+typedef struct {
+    char text[MESSAGE_SIZE / 2];
+    size_t used;
+} List;
+
+/* Append to a text; what does not fit is cut off. */
+static void append(List *list, const char *format, ...) {
+    va_list arguments;
+    if (list->used >= sizeof list->text) return;
+    va_start(arguments, format);
+    list->used += (size_t)vsnprintf(list->text + list->used, sizeof list->text - list->used, format, arguments);
+    va_end(arguments);
+}
+
+/* Whether the parameters that the plan rests on have the values that it was made for. */
+static int pinned_as_planned(Instance *m, const char *call) {
+    for (int r = 0; r < REALS; r++) {
+        double planned = START[OFFSETS[r]], value = m->now.z[OFFSETS[r]];
+        if (VARIABLES[r].pinned && value != planned) {
+            refuse(m, call, PINNED, VARIABLES[r].name, number(value).text, number(planned).text, VARIABLES[r].block);
+            return 0;
+        }
+    }
+    return 1;
+}
+
+static int is_changed_parameter(const Instance *m, int r) {
+    return causality_of((unsigned)r) == PARAMETER && m->now.z[OFFSETS[r]] != START[OFFSETS[r]];
+}
+
+/* Refuse the values of a fault's block or, where the model does not serve the changed parameters, those parameters. */
+static void refuse_parameters(Instance *m, const char *call, const Fault *fault) {
+    List values = {"", 0}, blocks = {"", 0};
+    const char *last_block = "";
+    int all_changed = !strcmp(fault->block, CHANGED);
+    for (int r = 0; r < REALS; r++) {
+        if (all_changed ? !is_changed_parameter(m, r) : strcmp(VARIABLES[r].block, fault->block)) continue;
+        append(&values, "%s%s = %s", values.used ? ", " : "", VARIABLES[r].name, number(m->now.z[OFFSETS[r]]).text);
+        if (all_changed && strcmp(VARIABLES[r].block, last_block))
+            append(&blocks, "%s%s", blocks.used ? "\", \"" : "", VARIABLES[r].block);
+        last_block = VARIABLES[r].block;
+    }
+    if (!values.used) append(&values, "%s", *fault->block && !all_changed ? fault->block : "parameters");
+    if (blocks.used)
+        refuse(m, call, "%s: %s; " TO_VARY, values.text, fault->expected, blocks.text);
+    else
+        refuse(m, call, "%s: %s", values.text, fault->expected);
+}
+
+/* Set state and outputs from the parameters, or say which of them is wrong. */
+static int initialized(Instance *m, const char *call) {
+    int64_t fault;
+    if (!pinned_as_planned(m, call)) return 0;
+    fault = initialize(m->now.z);
+    if (fault < 0 || fault >= (int64_t)(sizeof FAULTS / sizeof *FAULTS)) fault = UNKNOWN_FAULT;
+    if (fault != NO_FAULT) {
+        refuse_parameters(m, call, &FAULTS[fault]);
+        return 0;
+    }
+    m->now.stale = 0;
+    return 1;
+}
+
+Status exit_initialization(Instance *m, const char *call) {
+    if (!allowed(m, call, EXIT_INITIALIZATION) || !initialized(m, call)) return CALL_ERROR;
+    m->now.phase = STEPPING;
+    return CALL_OK;
+}
+
+/* --- values */
+
+/* Let the outputs follow what was set since the last step. */
+static int fresh(Instance *m, const char *call) {
+    if (!allowed(m, call, GET_OUTPUTS)) return 0;
+    if (!m->now.stale) return 1;
+    if (m->now.phase == INITIALIZING) return initialized(m, call);
+    outputs(m->now.z);
+    m->now.stale = 0;
+    return 1;
+}
+
+Status get_reals(Instance *m, const char *call, const unsigned r[], size_t n, double values[]) {
+    int any_output = 0;
+    if (!given(m, call, n, r, values)) return CALL_ERROR;
+    for (size_t i = 0; i < n; i++) {
+        if (!is_real(m, call, r[i])) return CALL_ERROR;
+        any_output |= causality_of(r[i]) == OUTPUT;
+    }
+    if (any_output && !fresh(m, call)) return CALL_ERROR;
+    for (size_t i = 0; i < n; i++) values[i] = m->now.z[OFFSETS[r[i]]];
+    return CALL_OK;
+}
+
+Status set_reals(Instance *m, const char *call, const unsigned r[], size_t n, const double values[]) {
+    if (!given(m, call, n, r, values)) return CALL_ERROR;
+    for (size_t i = 0; i < n; i++)
+        if (!is_real(m, call, r[i]) || !settable(m, call, r[i], values[i])) return CALL_ERROR;
+    for (size_t i = 0; i < n; i++) m->now.z[OFFSETS[r[i]]] = values[i];
+    m->now.stale = 1;
+    return CALL_OK;
+}
+
+Status get_integers(Instance *m, const char *call, const unsigned r[], size_t n, int values[]) {
+    if (!given(m, call, n, r, values)) return CALL_ERROR;
+    for (size_t i = 0; i < n; i++)
+        if (r[i] != STATUS_REFERENCE) return refuse(m, call, "value reference %u is no Integer variable", r[i]);
+    for (size_t i = 0; i < n; i++) values[i] = (int)m->now.status;
+    return CALL_OK;
+}
+
+Status no_variables(Instance *m, const char *call, const unsigned r[], size_t n, const char *kind) {
+    if (!given(m, call, n, r, r)) return CALL_ERROR;
+    return n ? refuse(m, call, "value reference %u is no %s", r[0], kind) : CALL_OK;
+}
+
+static int has_derivative(Instance *m, const char *call, unsigned r, int order, Causality wanted) {
+    if (r >= REALS || (causality_of(r) == OUTPUT) != (wanted == OUTPUT))
+        refuse(m, call, "value reference %u is no %s", r, CAUSALITIES[wanted].name);
+    else if (order < 1 || order > MAX_DERIVATIVE_ORDER || DERIVATIVES[r][order - 1] == NOT_PROVIDED)
+        refuse(m, call, "%s has no derivative of order %d here", VARIABLES[r].name, order);
+    else
+        return 1;
+    return 0;
+}
+
+/* They count for one step, after which the kernels leave the input at its last value: u + u' h + u'' h^2 / 2. */
+Status set_input_derivatives(Instance *m, const char *call, const unsigned r[], size_t n, const int order[],
+                             const double values[]) {
+    if (!given(m, call, n, r, values) || !given(m, call, n, order, order)) return CALL_ERROR;
+    if (!allowed(m, call, SET_INPUT_DERIVATIVES)) return CALL_ERROR;
+    for (size_t i = 0; i < n; i++)
+        if (!has_derivative(m, call, r[i], order[i], INPUT) || !settable(m, call, r[i], values[i])) return CALL_ERROR;
+    for (size_t i = 0; i < n; i++) m->now.z[DERIVATIVES[r[i]][order[i] - 1]] = values[i];
+    return CALL_OK;
+}
+
+Status get_output_derivatives(Instance *m, const char *call, const unsigned r[], size_t n, const int order[],
+                              double values[]) {
+    if (!given(m, call, n, r, values) || !given(m, call, n, order, order)) return CALL_ERROR;
+    for (size_t i = 0; i < n; i++)
+        if (!has_derivative(m, call, r[i], order[i], OUTPUT)) return CALL_ERROR;
+    if (n && !fresh(m, call)) return CALL_ERROR;
+#ifdef OUTPUT_DERIVATIVES
+    if (n) output_rates(m->now.z);
+#endif
+    for (size_t i = 0; i < n; i++) values[i] = m->now.z[DERIVATIVES[r[i]][order[i] - 1]];
+    return CALL_OK;
+}
+
+/* --- steps */
+
+/* Why a step cannot even be tried, or null. */
+static const char *impossible(const State *s, double t, double h) {
+    double clock = fmin(ROUND_OFF * fmax(h, fmax(fabs(t), fabs(s->time))), 0.5 * h);
+    if (!(h > 0.0) || !isfinite(t + h)) return "the step size must be positive, and all times finite";
+    if (!(t + h > t)) return "the step is too small for this time";
+    if (fabs(t - s->time) > clock) return "this is not the time where the instance stands";
+    if (t + h > s->stop + clock) return "the experiment ends before";
+    return NULL;
+}
+
+static Status not_taken(Instance *m, const char *call, Status status, double t, double h, const char *reason) {
+    Status (*answer)(Instance *, const char *, const char *, ...) = status == CALL_DISCARD ? discard : refuse;
+    m->now.status = STEP_REJECTED;
+    m->now.discarded = status == CALL_DISCARD;
+    return answer(m, call, "step from t = %s by %s s refused: %s (it stands at t = %s)", number(t).text,
+                  number(h).text, reason, number(m->now.time).text);
+}
+
+Status do_step(Instance *m, const char *call, double t, double h) {
+    const char *reason;
+    if (!allowed(m, call, DO_STEP)) return CALL_ERROR;
+    if ((reason = impossible(&m->now, t, h))) return not_taken(m, call, CALL_ERROR, t, h, reason);
+    if (m->step(m->now.z, h))
+        return not_taken(m, call, CALL_DISCARD, t, h, "no finite motion, or none that the accuracy allows");
+    m->now.time = t + h;
+    m->now.status = t + h > LAST_TIME ? PAST_STOP : STEP_OK;
+    m->now.stale = m->now.discarded = 0;
+    return CALL_OK;
+}
+
+Status get_last_successful_time(Instance *m, const char *call, double *t) {
+    if (!given(m, call, 1, t, t)) return CALL_ERROR;
+    *t = m->now.time;
+    return CALL_OK;
+}
+
+Status get_discarded(Instance *m, const char *call, int *discarded) {
+    if (!given(m, call, 1, discarded, discarded)) return CALL_ERROR;
+    *discarded = m->now.discarded != 0;
+    return CALL_OK;
+}
