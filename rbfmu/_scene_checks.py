@@ -7,11 +7,12 @@ import numpy as np
 
 from rbfmu._scene_fields import fault
 from rbfmu.body import Body
+from rbfmu_kernels.quantities import OUTPUTS, TORQUES
 from rbfmu_kernels.types import Vec3
 
-PRESCRIBED = ("quaternion", "rpy", "omega_a")
+PRESCRIBED = tuple(row.name for row in OUTPUTS if row.kinematic)
 """Quantities that follow from prescribed rates."""
-HELD = ("position", "velocity", "acceleration")
+HELD = tuple(row.name for row in OUTPUTS if row.of_origin)
 """Quantities of o, which a pivot holds."""
 NEGLIGIBLE = 1e-12
 """Share of a vector that counts as round-off, as in the kernels."""
@@ -83,7 +84,7 @@ def _faults_of_beam(body: Body, axis: Any, good: Mapping[str, Any], rates: tuple
         yield from _faults_of_loads(loads, axis, lever, levered, about)
     if inputs is not None:
         for port in inputs.ports:
-            if port.startswith("torque") or levered:
+            if port in TORQUES or levered:
                 yield fault("inputs.ports", inputs.ports, f"no {port}: it can act {about}")
 
 

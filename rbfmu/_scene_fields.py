@@ -14,6 +14,8 @@ from typing import Any, NoReturn
 from pydantic import GetCoreSchemaHandler
 from pydantic_core import core_schema
 
+from rbfmu_kernels.quantities import BY_NAME, NOT_NEGATIVE
+
 LONGEST = 72
 """Characters of a value that a message shows."""
 
@@ -148,6 +150,21 @@ def flattened(value: Any) -> Iterator[float]:
 def positive(unit: str, *shape: int) -> Numbers:
     """Numbers > 0."""
     return Numbers(shape, unit, " > 0", lambda x: x > 0.0)
+
+
+def numbers(name: str) -> Numbers:
+    """What a scene may hold of a parameter, a load or an initial value, by its name in the table of quantities."""
+    row = BY_NAME[name]
+    shape = () if row.size == 1 else (row.size,)
+    unit = "" if row.unit == "1" else row.unit
+    if row.bounds != NOT_NEGATIVE:
+        return Numbers(shape, unit)
+    return positive(unit, *shape) if getattr(row, "positive", False) else Numbers(shape, unit, " >= 0", not_negative)
+
+
+def not_negative(x: float) -> bool:
+    """Whether x >= 0."""
+    return x >= 0.0
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from rbfmu._scene_fields import Flag, Numbers, Rule, SceneError, fault, flattened, positive
+from rbfmu._scene_fields import Flag, Numbers, Rule, SceneError, fault, flattened, numbers, positive
 from rbfmu._scene_section import Section, one_of
 from rbfmu_kernels.mechanics import inertia as _inertia
+from rbfmu_kernels.quantities import BY_NAME
 from rbfmu_kernels.types import Matrix, Vec3
 
-_UNIT = "kg m2"
+_UNIT = BY_NAME["inertia"].unit
 ZERO = (0.0, 0.0, 0.0)
 
 
@@ -127,7 +128,11 @@ def _read_shape(value: Any) -> _Shape:
     return SHAPES[kind].read(value)
 
 
-_MASS = positive("kg")
+_MASS = numbers("mass")
+
+
+def _meaning(name: str) -> Any:
+    return Field(description=BY_NAME[name].meaning)
 
 
 class Body(Section):
@@ -140,11 +145,9 @@ class Body(Section):
         "shape": (None, "a table in place of inertia: that of a homogeneous body")
     }
 
-    mass: Annotated[float, _MASS, Field(description="mass")]
-    inertia: Annotated[Matrix, Inertia(), Field(description="inertia matrix about the centre of mass, body axes")]
-    r_oc_b: Annotated[
-        Vec3, Numbers((3,), "m"), Field(description="from the origin o to the centre of mass, body axes")
-    ] = ZERO
+    mass: Annotated[float, _MASS, _meaning("mass")]
+    inertia: Annotated[Matrix, Inertia(), _meaning("inertia")]
+    r_oc_b: Annotated[Vec3, numbers("r_oc_b"), _meaning("r_oc_b")] = ZERO
     pivot: Annotated[bool, Flag(), Field(description="whether o is fixed in space")] = False
 
     if TYPE_CHECKING:

@@ -7,21 +7,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from rbfmu.quantities import QUANTITIES
 from rbfmu.simulation import Result
+from rbfmu_kernels.quantities import OUTPUT
 
-LABELS = {
-    "position": "position of o",
-    "velocity": "velocity of o",
-    "acceleration": "acceleration of o",
-    "quaternion": "Euler parameters",
-    "rpy": "roll, pitch, yaw",
-    "omega_b": "body rates",
-    "omega_a": "rates, inertial axes",
-    "alpha_b": "angular acceleration",
-    "angular_momentum_a": "angular momentum",
-    "kinetic_energy": "kinetic energy",
-}
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
 """Okabe and Ito's: told apart by everyone."""
 
@@ -31,9 +19,9 @@ def plot_result(result: Result, path: str | Path, title: str = "") -> None:
     figure = Figure(figsize=(8.0, 1.2 + 1.9 * len(result.quantities)), layout="constrained")
     panels = figure.subplots(len(result.quantities), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (name, values) in zip(panels, result.quantities.items(), strict=True):
-        turn = 2.0 * math.pi if name == "rpy" else math.inf
-        draw_components(axes, result.time, values, _component_names(name), turn)
-        axes.set_ylabel(f"{LABELS[name]}{_unit(name)}", fontsize=9)
+        turn = 2.0 * math.pi if OUTPUT[name].unit == "rad" else math.inf
+        draw_components(axes, result.time, values, OUTPUT[name].components, turn)
+        axes.set_ylabel(f"{OUTPUT[name].label}{_unit(name)}", fontsize=9)
     panels[-1].set_xlabel("time (s)")
     figure.suptitle(title, fontsize=11)
     figure.savefig(path, dpi=130)
@@ -57,7 +45,7 @@ def broken(time: Any, angles: Any, turn: float) -> tuple[Any, Any]:
 
 
 def _unit(name: str) -> str:
-    unit = QUANTITIES[name].unit
+    unit = OUTPUT[name].unit
     return "" if unit == "1" else f" ({unit.replace('m2', 'm²').replace('s2', 's²')})"
 
 
@@ -67,11 +55,3 @@ def open_frame(axes: Any, grid: bool = False) -> None:
     if grid:
         axes.grid(color="#e9e9e9", linewidth=0.6)
         axes.set_axisbelow(True)
-
-
-def _component_names(name: str) -> tuple[str, ...]:
-    if name == "quaternion":
-        return ("η", "ε₁", "ε₂", "ε₃")
-    if name == "rpy":
-        return ("roll", "pitch", "yaw")
-    return ("",) if name == "kinetic_energy" else ("x", "y", "z")

@@ -207,9 +207,9 @@ def build(scene: Path, output: Path | None, native: bool, platforms: str, model:
 @click.option("--seed", default=1, show_default=True, help="Of the signal that drives the inputs.")
 def verify(fmu: Path, seed: int) -> None:
     """Compare an FMU with direct calls of its kernels, bit by bit, and validate it."""
-    from rbfmu.scene_keys import quantity
     from rbfmu_fmu import VerificationError
     from rbfmu_fmu import verify as verify_fmu
+    from rbfmu_kernels.quantities import OUTPUT
 
     say_where_nothing_is_kept()
     try:
@@ -218,7 +218,7 @@ def verify(fmu: Path, seed: int) -> None:
         raise click.UsageError(str(error)) from None
     table = Table("output", "unit", "largest difference to the kernels", box=None)
     for name, difference in found.differences.items():
-        table.add_row(escape(name), quantity(name.split("[")[0]).unit, repr(difference))
+        table.add_row(escape(name), OUTPUT[name.split("[")[0]].unit, repr(difference))
     Console(highlight=False).print(table)
     click.echo(f"{found.steps_done} of {found.steps_asked} steps done; inputs from seed {found.seed}")
     click.echo(f"planned and full model differ by {found.to_full:.1e}, accuracy asked {found.accuracy:g}")

@@ -6,8 +6,9 @@ from rbfmu.fitting import load_shares
 from rbfmu.models import Plan
 from rbfmu.scene import Scene
 from rbfmu.unit import Buffer, filled_buffer, initialize
-from rbfmu_kernels.body.memory import has_pivot, moves, shows_loads, turns
+from rbfmu_kernels.body.memory import has_pivot, needs_attitude, needs_translation, shows_loads
 from rbfmu_kernels.models import loaded_taylor
+from rbfmu_kernels.quantities import OUTPUT
 
 MACHINE = "an Intel Xeon of 2026"
 """Whose ns all costs are: one calm core, a compiled loop, the library's own units."""
@@ -49,7 +50,7 @@ INTEGRATED = ("symmetric top", "body under loads", SERIES)
 def stated(scene: Scene, plan: Plan) -> Plan:
     """The plan with its cost a communication step, ns; its cost before: of a step's substeps alone."""
     found = terms(scene, plan)
-    alone = plan.model == SERIES and TURNED not in found and not turns(filled_buffer(scene, plan))
+    alone = plan.model == SERIES and TURNED not in found and not needs_attitude(filled_buffer(scene, plan))
     return replace(plan, cost=(RATES_ALONE if alone else 1.0) * plan.cost + sum(NS[term] for term in found))
 
 
@@ -58,15 +59,15 @@ def terms(scene: Scene, plan: Plan) -> list[str]:
     if plan.model == "prescribed rates":
         return [plan.model]  # all of its outputs are always computed
     wanted, z = set(scene.outputs.quantities), filled_buffer(scene, plan)
-    if plan.model == "no rotation" and not moves(z) and not shows_loads(z):
+    if plan.model == "no rotation" and not needs_translation(z) and not shows_loads(z):
         return [plan.model]  # its outputs never change
     parts = {
         "no rotation, changing": plan.model == "no rotation",
-        f"{plan.model}, attitude": turns(z),
+        f"{plan.model}, attitude": needs_attitude(z),
         TURNED: plan.model == SERIES and _may_turn(scene, z),
-        "path": moves(z) and not has_pivot(z) and plan.model not in INTEGRATED,
+        "path": needs_translation(z) and not has_pivot(z) and plan.model not in INTEGRATED,
         "accelerations": shows_loads(z),
-        **{name: name in wanted for name in ("rpy", "omega_a", "angular_momentum_a", "kinetic_energy")},
+        **{name: name in wanted for name in OUTPUT},
     }
     return [plan.model, *(name for name, asked in parts.items() if asked and name in NS)]
 

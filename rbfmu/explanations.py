@@ -9,6 +9,7 @@ from rbfmu.arrays import principal_axes, rotate
 from rbfmu.ladder import torques
 from rbfmu.models import Plan
 from rbfmu.scene import Scene
+from rbfmu_kernels.quantities import FORCES, TORQUES
 
 PRESCRIBED = "rotation: 4 states, port omega_b prescribes the rates; exact for rates held over a step"
 Array = NDArray[np.float64]
@@ -34,7 +35,7 @@ def _translation(scene: Scene, needed: bool, steady: bool) -> str:
     assert body is not None
     if not needed:
         return "translation: 0 of 6 states, " + ("the pivot holds o" if body.pivot else "no output shows it")
-    ports = [p for p in scene.inputs.ports if p.startswith("force")]
+    ports = [p for p in scene.inputs.ports if p in FORCES]
     if not steady and (any(loads.force_b) or "force_b" in ports):
         return f"translation: 6 states, force_b turns with the body of {body.mass:.6g} kg"
     push = np.array(loads.force_a) + rotate(np.array(initial.quaternion), np.array(loads.force_b))
@@ -131,9 +132,9 @@ def what_inputs_cost(scene: Scene, plan: Plan) -> tuple[str, ...]:
     if "omega_b" in ports or body is None:
         return held, f"a feedback of the angle on omega_b is unstable where its gain is beyond {2.0 / h:.3g} 1/s"
     lines: tuple[str, ...] = ()
-    if any(port.startswith("force") for port in ports) and not body.pivot:
+    if any(port in FORCES for port in ports) and not body.pivot:
         lines = _held_loop(h, "forces", body.mass, "kg", "N/m", "N s/m")
-    if any(port.startswith("torque") for port in ports):
+    if any(port in TORQUES for port in ports):
         moments = _moments(scene)
         least = next(moment for moment in moments if moment > 1e-12 * sum(moments))  # a beam's first is 0
         lines += _held_loop(h, "torques", least, "kg m2", "N m/rad", "N m s/rad")

@@ -14,7 +14,7 @@ from rbfmu.models import Plan
 from rbfmu.scene import Scene, SceneError
 from rbfmu.times import communication_steps
 from rbfmu.unit import Buffer, filled_buffer, initialize
-from rbfmu_kernels.body.memory import body_of, has_pivot, loads_of, moves
+from rbfmu_kernels.body.memory import body_of, has_pivot, loads_of, needs_translation
 from rbfmu_kernels.integrators.splitting import is_symmetric_top, resonant_step, transverse_moment
 from rbfmu_kernels.integrators.substeps import ROUND_OFF, substeps_in
 from rbfmu_kernels.integrators.taylor_coefficients import MOST_ORDER
@@ -364,7 +364,7 @@ def load_shares(scene: Scene, z: Buffer) -> tuple[float, float]:
     levered = any(body_of(z).arm_b) and (any(loads.force_a) or "force_a" in varying)
     turned = levered or any(loads.torque_a) or "torque_a" in varying
     pushed = any(loads.force_b) or ("force_b" in varying and not has_pivot(z))
-    return float(turned), float(pushed and moves(z))
+    return float(turned), float(pushed and needs_translation(z))
 
 
 # Plans

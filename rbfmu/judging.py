@@ -18,6 +18,7 @@ from rbfmu.reference import ReferenceTooLongError, reference_motion
 from rbfmu.scene import Scene
 from rbfmu.times import communication_steps, thinned_steps
 from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE
+from rbfmu_kernels.quantities import DISSIPATIVE, FORCES, OUTPUT, OUTPUTS, TORQUES
 
 MOST_STEPS = 20_000
 """Communication steps up to which plans are tried on the scene's own; of a longer run on several at once."""
@@ -47,7 +48,7 @@ class PlanningWarning(RuntimeWarning):
 
 def watched(scene: Scene) -> tuple[str, ...]:
     """Blocks that show every quantity asked for; roll, pitch and yaw count as the attitude that they describe."""
-    return tuple(dict.fromkeys("quaternion" if q == "rpy" else q for q in scene.outputs.quantities))
+    return tuple(dict.fromkeys(OUTPUT[name].judged_by or name for name in scene.outputs.quantities))
 
 
 class Judge:
@@ -191,17 +192,18 @@ def natural_sizes(scene: Scene, motion: Motion) -> dict[str, float]:
     body, loads = scene.body, scene.loads
     assert body is not None
     size = {name: math.hypot(*getattr(loads, name)) for name in type(loads).model_fields}
-    force = body.mass * size["gravity_a"] if body.pivot else size["force_a"] + size["force_b"]
+    force = body.mass * size["gravity_a"] if body.pivot else sum(size[name] for name in sorted(FORCES))
     arm, (low, middle, high) = math.hypot(*body.r_oc_b), principal_axes(np.array(body.M))[0].tolist()
     least = low if low > INERTIA_TOLERANCE * high else middle
-    angular = (size["torque_a"] + size["torque_b"] + arm * force) / least
+    torque = sum(size[name] for name in sorted(TORQUES - DISSIPATIVE))
+    angular = (torque + arm * force) / least
     rate = math.sqrt(angular) + largest_size(motion["omega_b"])
     angular += largest_size(motion["omega_b"]) ** 2
-    return {
-        "omega_b": rate,
-        "omega_a": rate,
-        "alpha_b": angular,
-        "angular_momentum_a": high * rate,
-        "kinetic_energy": high * rate * rate,
-        "acceleration": arm * angular + size["gravity_a"] + force / body.mass,
+    by_unit = {
+        "rad/s": rate,
+        "rad/s2": angular,
+        "kg m2/s": high * rate,
+        "J": high * rate * rate,
+        "m/s2": arm * angular + size["gravity_a"] + force / body.mass,
     }
+    return {row.name: by_unit[row.unit] for row in OUTPUTS if row.unit in by_unit}

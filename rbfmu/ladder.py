@@ -9,9 +9,21 @@ from rbfmu.models import UNITS, Plan
 from rbfmu.promises import conditioning_error
 from rbfmu.scene import Scene
 from rbfmu.unit import filled_buffer, initialize
-from rbfmu_kernels.body.memory import has_pivot, moves, spins, turns
+from rbfmu_kernels.body.memory import has_pivot, needs_attitude, needs_rate, needs_translation
 from rbfmu_kernels.buffer import FINE
 from rbfmu_kernels.models import one_axis
+from rbfmu_kernels.quantities import (
+    ATTITUDE,
+    DISSIPATIVE,
+    FIXED_IN_SPACE,
+    FORCES,
+    IN_BUFFER_ORDER,
+    RATE,
+    SPHERE_RATE,
+    TORQUES,
+    WEIGHTS,
+    needing,
+)
 from rbfmu_kernels.rotations.vec3 import cross
 
 CLOSED = (
@@ -19,19 +31,15 @@ CLOSED = (
     "torque-free symmetric body", "symmetric body spun up", "torque-free body",
 )  # fmt: skip
 """The models with a closed form, from the smallest."""
-TORQUES = {"torque_a", "torque_b", "damping_b"}
 DROPPED = {
-    "angular momentum": {"damping_b"},
+    "angular momentum": DISSIPATIVE,
     "undamped pendulum": TORQUES,
-    **dict.fromkeys(("torque-free symmetric body", "torque-free body"), TORQUES | {"force_a", "force_b", "gravity_a"}),
+    **dict.fromkeys(("torque-free symmetric body", "torque-free body"), TORQUES | FORCES | WEIGHTS),
 }
 """By model, the loads that do not turn it where they are too small to matter."""
-OF_RATES = {"omega_b", "omega_a", "alpha_b", "angular_momentum_a", "kinetic_energy"}
-OF_ATTITUDE = {"quaternion", "rpy", "omega_a", "angular_momentum_a"}
+OF_RATES, OF_ATTITUDE = needing(RATE), needing(ATTITUDE)
 """Quantities that show them, whatever the loads."""
-
-
-GROWING = {"mass", "gravity_a", "force_a", "force_b", "position_0", "velocity_0"}
+GROWING = {row.name for row in IN_BUFFER_ORDER if row.grows}
 """Loads and parameters with which positions, velocities, accelerations and energy grow."""
 
 
@@ -48,11 +56,11 @@ class Needs:
         """By the kernels' own rules, and what ports and listed parameters may come to."""
         z = filled_buffer(scene, Plan("body under loads", "", 0))
         varying, free = varying_parameters(scene), not has_pivot(z)
-        translation = bool(moves(z)) and free
+        translation = bool(needs_translation(z)) and free
         watched = translation or (free and "acceleration" in scene.outputs.quantities)
-        attitude = bool(turns(z)) or (watched and bool(varying & {"r_oc_b", "force_b"}))
-        rotation = bool(spins(z)) or attitude
-        attitude = attitude or (rotation and bool(torques(scene) & {"torque_a", "force_a", "gravity_a"}))
+        attitude = bool(needs_attitude(z)) or (watched and bool(varying & {"r_oc_b", "force_b"}))
+        rotation = bool(needs_rate(z)) or attitude
+        attitude = attitude or (rotation and bool(torques(scene) & FIXED_IN_SPACE))
         return cls(rotation, attitude, translation)
 
 
@@ -66,20 +74,20 @@ def torques(scene: Scene) -> set[str]:
     body, loads, varying = scene.body, scene.loads, varying_parameters(scene)
     assert body is not None
     acting = {n for n in type(loads).model_fields if any(getattr(loads, n))} | varying
-    levers = acting & ({"gravity_a"} if body.pivot else {"force_a", "force_b"})
+    levers = acting & (WEIGHTS if body.pivot else FORCES)
     arm = any(body.r_oc_b) or "r_oc_b" in varying
     if not varying & {"force_b", "r_oc_b"} and not any(cross(body.r_oc_b, loads.force_b)):
         levers -= {"force_b"}
-    return acting & {"torque_a", "torque_b", "damping_b"} | (levers | {"r_oc_b"} if arm and levers else set())
+    return acting & TORQUES | (levers | {"r_oc_b"} if arm and levers else set())
 
 
 def rests_on(scene: Scene, needs: Needs) -> dict[str, set[str]]:
     """By model: what must not vary, or the model would not hold for every value."""
     body = scene.body
     assert body is not None
-    twists = {"torque_a", "torque_b", "damping_b"} | torques(scene)
-    loads = twists | ({"force_b"} if needs.translation else set())
-    turning = (loads | ({"r_oc_b"} if needs.translation else set())) - {"torque_a"}
+    twists = torques(scene) | TORQUES
+    loads = twists | (FORCES - FIXED_IN_SPACE if needs.translation else set())
+    turning = (loads | ({"r_oc_b"} if needs.translation else set())) - (TORQUES & FIXED_IN_SPACE)
     shape = {"inertia"} | ({"mass", "r_oc_b"} if body.pivot else set())
     a, b, c = (body.M[i][i] for i in range(3))
     sphere = a == b == c and not any(body.M[i][j] for i, j in ((0, 1), (0, 2), (1, 2)))
@@ -100,7 +108,7 @@ def rests_on(scene: Scene, needs: Needs) -> dict[str, set[str]]:
 
 def _shows_spin(scene: Scene) -> bool:
     """Whether a rate follows from the angular momentum."""
-    return bool({"omega_a", "kinetic_energy"} & set(scene.outputs.quantities))
+    return bool(needing(SPHERE_RATE) & set(scene.outputs.quantities))
 
 
 def needed_parameters(scene: Scene, model: str) -> set[str]:
@@ -114,7 +122,7 @@ def needed_parameters(scene: Scene, model: str) -> set[str]:
     angular = "alpha_b" in wanted or (moving and beside and "acceleration" in wanted)
     driven = needs.rotation and (angular or model not in ("no rotation", "constant rate"))
     twisting = torques(scene) - (set() if angular else DROPPED.get(model, set())) if driven else set()
-    pushing = {"gravity_a", "force_a", "force_b"} if moving else set()
+    pushing = FORCES | WEIGHTS if moving else set()
     acting = {n for n in type(scene.loads).model_fields if any(getattr(scene.loads, n))} & (twisting | pushing)
     names = listed | (acting - ports)
     if driven or wanted & {"angular_momentum_a", "kinetic_energy"}:
@@ -125,14 +133,14 @@ def needed_parameters(scene: Scene, model: str) -> set[str]:
     if needs.rotation and (swung or model != "no rotation" or wanted & OF_RATES):
         names |= {"omega_b_0"}
     pushed = moving and "force_b" in acting | ports | listed
-    turning = twisting & {"torque_a", "force_a", "gravity_a"}
+    turning = twisting & FIXED_IN_SPACE
     if needs.attitude and (turning or swung or pushed or wanted & OF_ATTITUDE):
         names |= {"quaternion_0"}
     if needs.translation:
         names |= {"velocity_0"}
     if "position" in wanted:
         names |= {"position_0"}
-    if (moving and (acting | ports | listed) & {"force_a", "force_b"}) or ("kinetic_energy" in wanted and moving):
+    if (moving and (acting | ports | listed) & FORCES) or ("kinetic_energy" in wanted and moving):
         names |= {"mass"}
     if any(body.r_oc_b) and (swung or "r_oc_b" in twisting or (body.pivot and "inertia" in names)):
         names |= {"r_oc_b"}

@@ -7,12 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu.arrays import angle_between as attitude_error
+from rbfmu_kernels.quantities import ANGLE, OUTPUT, OUTPUTS
 
 __all__ = ["attitude_error", "largest_error", "relative_error"]
 
 Array = NDArray[np.float64]
 _NONE: Mapping[str, float] = {}
-FLOORS: Mapping[str, float] = {"position": 1.0, "velocity": 1.0}
+FLOORS: Mapping[str, float] = {row.name: row.floor for row in OUTPUTS if row.floor}
 """m and m/s, by name: what an error is relative to at least."""
 
 
@@ -44,7 +45,7 @@ def largest_error(
     """
     worst = 0.0
     for name in names:
-        if name == "quaternion":
+        if OUTPUT[name].error == ANGLE:
             errors = attitude_error(a[name], b[name])
         else:
             errors = relative_error(a[name], b[name], FLOORS.get(name, 0.0), noise.get(name, 0.0))

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from rbfmu.body import Body
 from rbfmu.scene import Scene
 from rbfmu_kernels.mechanics import inertia
+from rbfmu_kernels.quantities import ANGLE, OUTPUTS
 
 LARGEST, SMALLEST = 100.0, 1e-4
 """Radii of gyration, m."""
-TURNING = ("quaternion", "rpy")
+PERIODIC = tuple(row.name for row in OUTPUTS if row.error == ANGLE or row.unit == "rad")
 """Quantities that do not show a turn between two points."""
 
 
@@ -36,7 +37,7 @@ def doubts_before(scene: Scene) -> Iterator[str]:
 
 def doubts_after(scene: Scene, motion: Mapping[str, NDArray[np.float64]]) -> Iterator[str]:
     """What only the rates of a run show, by quantity."""
-    found = next((motion[name] for name in ("omega_b", "omega_a") if name in motion), None)
+    found = next((motion[row.name] for row in OUTPUTS if row.unit == "rad/s" and row.name in motion), None)
     if found is not None and not any(_turns(scene, math.hypot(*scene.initial.omega_b), "")):
         yield from _turns(scene, float(np.max(np.linalg.norm(found, axis=1))), "at the fastest")
 
@@ -50,6 +51,6 @@ def _size(body: Body) -> Iterator[str]:
 
 def _turns(scene: Scene, rate: float, when: str) -> Iterator[str]:
     turns = rate * scene.run.step / (2.0 * math.pi)
-    if turns > 1.0 and (shown := [name for name in scene.outputs.quantities if name in TURNING]):
+    if turns > 1.0 and (shown := [name for name in scene.outputs.quantities if name in PERIODIC]):
         lost = f"{turns:.3g} turns a communication step {when}, which {' and '.join(shown)} cannot show"
         yield f"run.step = {scene.run.step!r}: {lost}; a turn takes {scene.run.step / turns:.3g} s"

@@ -10,6 +10,7 @@ from rbfmu.models import Plan
 from rbfmu.scene import Scene
 from rbfmu.unit import Buffer, filled_buffer, initialize
 from rbfmu_kernels.buffer import FINE
+from rbfmu_kernels.quantities import active_flags
 
 Motion = dict[str, NDArray[np.float64]]
 
@@ -17,8 +18,8 @@ Motion = dict[str, NDArray[np.float64]]
 def begun(scene: Scene, plan: Plan, names: Sequence[str]) -> Buffer:
     """The buffer of the plan's unit at the start, of whose outputs only those named are computed."""
     unit, z = plan.unit, filled_buffer(scene, plan)
-    if "unwanted" in unit.BLOCKS:
-        z[unit.BLOCKS["unwanted"]] = [float(name not in names) for name in unit.OUTPUTS]
+    if "active" in unit.BLOCKS:
+        z[unit.BLOCKS["active"]] = active_flags(names)
     initialize(scene, unit, z)
     return z
 

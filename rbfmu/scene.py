@@ -8,24 +8,21 @@ from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import Field
 
-from rbfmu import quantities
 from rbfmu._scene_attitude import read_attitude
 from rbfmu._scene_checks import default_quantities, faults_between
-from rbfmu._scene_fields import Name, Names, Numbers, Rule, SceneError, fault, positive
+from rbfmu._scene_fields import Name, Names, Numbers, Rule, SceneError, fault, numbers, positive
 from rbfmu._scene_section import Section, one_of
 from rbfmu._scene_toml import read_tables
 from rbfmu.body import ZERO, Body
+from rbfmu_kernels import quantities
 from rbfmu_kernels.types import Quaternion, Vec3
 
 __all__ = ["PARAMETERS", "PORTS", "QUANTITIES", "Body", "Initial", "Inputs", "Loads", "Outputs", "Run", "Scene",
            "SceneError", "load_scene"]  # fmt: skip
 
-PORTS = ("force_a", "force_b", "torque_a", "torque_b", "omega_b")
-PARAMETERS = (
-    *("mass", "inertia", "r_oc_b", "gravity_a", "damping_b", "force_a", "force_b", "torque_a", "torque_b"),
-    *("position_0", "velocity_0", "quaternion_0", "omega_b_0"),
-)
-QUANTITIES = tuple(quantities.QUANTITIES)
+PORTS = quantities.PORTS
+PARAMETERS = tuple(row.name for row in quantities.IN_BUFFER_ORDER)
+QUANTITIES = tuple(quantities.OUTPUT)
 MOST_STEPS = 1e8
 """Communication steps of a run: their results take some 20 GB."""
 _IDENTITY = (1.0, 0.0, 0.0, 0.0)
@@ -34,6 +31,10 @@ _DEGREES = Numbers((3,), "deg/s")
 
 def _means(text: str) -> Any:
     return Field(description=text)
+
+
+def _meaning(name: str) -> Any:
+    return _means(quantities.BY_NAME[name].meaning)
 
 
 class Initial(Section):
@@ -49,14 +50,10 @@ class Initial(Section):
         "omega_b_deg": (_DEGREES, "in place of omega_b"),
     }
 
-    position: Annotated[Vec3, Numbers((3,), "m"), _means("initial position of o, inertial axes")] = ZERO
-    velocity: Annotated[Vec3, Numbers((3,), "m/s"), _means("initial velocity of o, inertial axes")] = ZERO
-    quaternion: Annotated[
-        Quaternion,
-        Numbers((4,), ""),
-        _means("initial Euler parameters q_ab, scalar first; normalised at initialisation"),
-    ] = _IDENTITY
-    omega_b: Annotated[Vec3, Numbers((3,), "rad/s"), _means("initial angular velocity omega_ab, body axes")] = ZERO
+    position: Annotated[Vec3, numbers("position_0"), _meaning("position_0")] = ZERO
+    velocity: Annotated[Vec3, numbers("velocity_0"), _meaning("velocity_0")] = ZERO
+    quaternion: Annotated[Quaternion, numbers("quaternion_0"), _meaning("quaternion_0")] = _IDENTITY
+    omega_b: Annotated[Vec3, numbers("omega_b_0"), _meaning("omega_b_0")] = ZERO
 
     @classmethod
     def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
@@ -80,16 +77,12 @@ class Loads(Section):
 
     _path: ClassVar[str] = "loads"
 
-    gravity_a: Annotated[Vec3, Numbers((3,), "m/s2"), _means("gravity, inertial axes")] = (0.0, 0.0, -9.81)
-    force_a: Annotated[Vec3, Numbers((3,), "N"), _means("force at o, inertial axes")] = ZERO
-    force_b: Annotated[Vec3, Numbers((3,), "N"), _means("force at o, body axes")] = ZERO
-    torque_a: Annotated[Vec3, Numbers((3,), "N m"), _means("torque about o, inertial axes")] = ZERO
-    torque_b: Annotated[Vec3, Numbers((3,), "N m"), _means("torque about o, body axes")] = ZERO
-    damping_b: Annotated[
-        Vec3,
-        Numbers((3,), "N m s/rad", " >= 0", lambda x: x >= 0.0),
-        _means("damping: torque -damping_b * omega_b, body axes"),
-    ] = ZERO
+    gravity_a: Annotated[Vec3, numbers("gravity_a"), _meaning("gravity_a")] = (0.0, 0.0, -9.81)
+    force_a: Annotated[Vec3, numbers("force_a"), _meaning("force_a")] = ZERO
+    force_b: Annotated[Vec3, numbers("force_b"), _meaning("force_b")] = ZERO
+    torque_a: Annotated[Vec3, numbers("torque_a"), _meaning("torque_a")] = ZERO
+    torque_b: Annotated[Vec3, numbers("torque_b"), _meaning("torque_b")] = ZERO
+    damping_b: Annotated[Vec3, numbers("damping_b"), _meaning("damping_b")] = ZERO
 
 
 class Inputs(Section):

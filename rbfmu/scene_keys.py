@@ -9,8 +9,7 @@ from rbfmu._scene_attitude import Attitude
 from rbfmu._scene_fields import Numbers, Rule, joined, shown
 from rbfmu._scene_section import Section
 from rbfmu.body import SHAPES, Body
-from rbfmu.quantities import QUANTITIES, Quantity
-from rbfmu.scene import SECTIONS, Initial, Loads, Scene
+from rbfmu.scene import QUANTITIES, SECTIONS, Initial, Scene
 
 REQUIRED = "required"
 OF_THE_MOTION = "all there are"
@@ -88,15 +87,6 @@ def _plain(value: object) -> object:
     if isinstance(value, tuple):
         return [_plain(item) for item in value]
     return int(value) if isinstance(value, float) and value.is_integer() else value
-
-
-def quantity(name: str) -> Quantity:
-    """Unit and meaning of an output, a port or a parameter of a scene's FMU, by its name there."""
-    if name in QUANTITIES:
-        return QUANTITIES[name]
-    section = next(s for s in (Body, Loads, Initial) if name.removesuffix("_0") in s.model_fields)
-    field = name.removesuffix("_0")
-    return Quantity(_unit(section._rule(field)) or "1", section.model_fields[field].description or "")
 
 
 def new_scene(name: str) -> str:

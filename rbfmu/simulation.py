@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rbfmu import planning, quantities
+from rbfmu import planning
 from rbfmu.models import Plan
 from rbfmu.plausibility import doubts_after, warn
 from rbfmu.scene import Scene
@@ -16,6 +16,7 @@ from rbfmu.scene_argument import of_scene_or_path
 from rbfmu.times import time_grid
 from rbfmu.unit import filled_buffer, initialize, output_block
 from rbfmu_kernels.buffer import FINE
+from rbfmu_kernels.quantities import OUTPUT, TIME
 
 Array = NDArray[np.float64]
 CHUNK = 1024
@@ -58,7 +59,7 @@ class Result:
     @property
     def units(self) -> dict[str, str]:
         """SI units, of time and of each quantity."""
-        return {"time": quantities.TIME.unit} | {n: quantities.QUANTITIES[n].unit for n in self.quantities}
+        return {"time": TIME.unit} | {name: OUTPUT[name].unit for name in self.quantities}
 
     def save(self, path: str | Path) -> None:
         """Write `.csv` (FMU variable names, every digit) or `.npz` (arrays by quantity).
@@ -84,11 +85,12 @@ class Result:
                 file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
 
     def _write_units(self, path: Path) -> None:
-        known = {"time": quantities.TIME} | quantities.QUANTITIES
+        known = {"time": TIME} | OUTPUT
         with path.open("w", newline="") as file:
             table = csv.writer(file, quoting=csv.QUOTE_ALL, lineterminator="\n")
             table.writerow(("name", "unit", "meaning"))
-            table.writerows((name, *known[name.split("[")[0]]) for name in self.columns())
+            rows = ((name, known[name.split("[")[0]]) for name in self.columns())
+            table.writerows((name, row.unit, row.meaning) for name, row in rows)
 
 
 @of_scene_or_path

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rbfmu.scene import QUANTITIES, Scene, SceneError
+from rbfmu.scene import Scene, SceneError
 from rbfmu_kernels.body.memory import INPUTS
 from rbfmu_kernels.buffer import FAULTS
+from rbfmu_kernels.quantities import INITIAL_VALUES, LOADS, active_flags
 
 if TYPE_CHECKING:
     from rbfmu.models import Plan
@@ -73,23 +74,15 @@ def output_block(unit: Unit) -> slice:
 def _numbers(scene: Scene, plan: "Plan") -> dict[str, Any]:
     initial, loads = scene.initial, scene.loads
     numbers: dict[str, Any] = {
-        "gravity_a": loads.gravity_a,
-        "damping_b": loads.damping_b,
-        "known_force_a": loads.force_a,
-        "known_force_b": loads.force_b,
-        "known_torque_a": loads.torque_a,
-        "known_torque_b": loads.torque_b,
-        "position_0": initial.position,
-        "velocity_0": initial.velocity,
-        "quaternion_0": initial.quaternion,
-        "omega_b_0": initial.omega_b,
+        **{load.block: getattr(loads, load.name) for load in LOADS},
+        **{row.name: getattr(initial, row.name.removesuffix("_0")) for row in INITIAL_VALUES},
         "substep": plan.substep if math.isfinite(plan.substep) else 0.0,
         "tolerance": plan.tolerance,
         "span": plan.span,
         "order": plan.order,
         "as_planned": float(bool(plan.held)),
         "ports": [float(name in scene.inputs.ports) for name in INPUTS],
-        "unwanted": [float(name not in scene.outputs.quantities) for name in QUANTITIES],
+        "active": active_flags(scene.outputs.quantities),
     }
     if scene.body is not None:
         M = scene.body.M_c

@@ -27,7 +27,7 @@ def body_at(pivot):
     run = {"stop": 4 * H, "step": H, "accuracy": 1e-13}
     scene = Scene(body=body | {"pivot": pivot}, initial=initial, loads=LOADS, run=run)
     z = filled_buffer(scene, Plan("body under loads", "DOP853", 13, tolerance=1e-15))
-    z[loaded_dop853.BLOCKS["unwanted"]] = 0.0
+    z[loaded_dop853.BLOCKS["active"]] = 1.0
     initialize(scene, loaded_dop853, z)
     return z
 

@@ -10,13 +10,13 @@ import pytest
 from matplotlib.figure import Figure
 
 from rbfmu import charts
-from rbfmu.quantities import QUANTITIES
 from rbfmu.simulation import CHUNK, Result
+from rbfmu_kernels.quantities import OUTPUT
 
 WIDTHS = {"quaternion": 4, "kinetic_energy": 0}
 
 
-def result_of(n: int, names: tuple[str, ...] = tuple(QUANTITIES)) -> Result:
+def result_of(n: int, names: tuple[str, ...] = tuple(OUTPUT)) -> Result:
     random = np.random.default_rng(1)
     shapes = {name: (n, WIDTHS.get(name, 3)) if WIDTHS.get(name, 3) else (n,) for name in names}
     return Result(0.01 * np.arange(n), {name: random.normal(size=shape) for name, shape in shapes.items()})
@@ -80,11 +80,11 @@ def test_a_plot_names_units_and_draws_no_stroke(tmp_path: Path, monkeypatch: pyt
     result.quantities["rpy"] = np.stack([0.0 * yaw, 0.0 * yaw, yaw], axis=1)
     charts.plot_result(result, tmp_path / "it.png")
     panels = drawn[0].axes
-    for (name, quantity), axes in zip(QUANTITIES.items(), panels, strict=True):
+    for quantity, axes in zip(OUTPUT.values(), panels, strict=True):
         unit = quantity.unit.replace("m2", "m²").replace("s2", "s²")
-        assert axes.get_ylabel() == charts.LABELS[name] + (f" ({unit})" if unit != "1" else "")
+        assert axes.get_ylabel() == quantity.label + (f" ({unit})" if unit != "1" else "")
     assert panels[-1].get_xlabel() == "time (s)"
-    lines = panels[list(QUANTITIES).index("rpy")].lines
+    lines = panels[list(OUTPUT).index("rpy")].lines
     with np.errstate(invalid="ignore"):
         steps = [np.nanmax(np.abs(np.diff(line.get_ydata()))) for line in lines]
     assert max(steps) < np.pi

@@ -24,6 +24,7 @@ from rbfmu.times import time_grid
 from rbfmu.unit import filled_buffer, initialize
 from rbfmu_kernels.body.memory import INPUTS, OUTPUTS
 from rbfmu_kernels.buffer import FINE
+from rbfmu_kernels.quantities import active_flags
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="too many steps to interpret")
 QUIET = {"deadline": None, "suppress_health_check": list(HealthCheck), "derandomize": True}
@@ -102,7 +103,7 @@ def driven(scene, planned, full=True, shake=0.0, size=1.0):
     """
     unit, z, random = planned.unit, filled_buffer(scene, planned), np.random.default_rng(1)
     names = dict.fromkeys([*watched(scene), "omega_b"])
-    z[unit.BLOCKS["unwanted"]] = [float(name not in watched(scene) and not full) for name in unit.OUTPUTS]
+    z[unit.BLOCKS["active"]] = active_flags(OUTPUTS if full else watched(scene))
     z[unit.BLOCKS["omega_b_0"]] += shake
     initialize(scene, unit, z)
     rows = []

@@ -1,6 +1,5 @@
 """What an FMU shows of a unit: its variables in FMI's terms, and the modelDescription.xml made from them."""
 
-import math
 import re
 import unicodedata
 from dataclasses import asdict, dataclass
@@ -8,94 +7,15 @@ from keyword import iskeyword
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement
 
-from rbfmu import scene_keys
 from rbfmu.ladder import needed_parameters
 from rbfmu.models import Plan
 from rbfmu.planning import with_all_outputs
 from rbfmu.scene import Scene
 from rbfmu.unit import Unit, filled_buffer
 from rbfmu_kernels.buffer import CHANGED, FAULTS
-
-UNITS: dict[str, dict[str, int]] = {
-    "1": {},
-    "kg": {"kg": 1},
-    "kg.m2": {"kg": 1, "m": 2},
-    "m": {"m": 1},
-    "m/s": {"m": 1, "s": -1},
-    "m/s2": {"m": 1, "s": -2},
-    "rad": {"rad": 1},
-    "rad/s": {"rad": 1, "s": -1},
-    "rad/s2": {"rad": 1, "s": -2},
-    "N": {"kg": 1, "m": 1, "s": -2},
-    "N.m": {"kg": 1, "m": 2, "s": -2},
-    "N.m.s/rad": {"kg": 1, "m": 2, "s": -1, "rad": -1},
-    "kg.m2/s": {"kg": 1, "m": 2, "s": -1},
-    "J": {"kg": 1, "m": 2, "s": -2},
-}
-"""SI units by name, with FMI's exponents of the base units."""
+from rbfmu_kernels.quantities import BY_NAME, IN_BUFFER_ORDER, OUTPUT, UNITS, indices
 
 LOG_CATEGORIES = ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal", "logAll")
-
-_ONE = 1.0 + 2.0**-50  # a normalised quaternion's component may pass 1 by round-off
-
-
-Bounds = tuple[tuple[float | None, float | None], ...]
-_ANY: Bounds = ((None, None),)
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """Unit, meaning and bounds of a block of variables; what its outputs depend on, instantly and initially."""
-
-    unit: str
-    text: str
-    bounds: Bounds = _ANY
-    feedthrough: tuple[str, ...] = ()
-    initially: tuple[str, ...] = ()
-
-
-_TORQUES = ("torque_a", "torque_b")
-_FORCES = ("force_a", "force_b")
-_LOADS = ("gravity_a", "damping_b", *_FORCES, *_TORQUES)
-_EULER = ("mass", "inertia", "r_oc_b", "quaternion_0", "omega_b_0", *_LOADS)
-
-
-def _quantity(
-    name: str,
-    bounds: Bounds = _ANY,
-    feedthrough: tuple[str, ...] = (),
-    initially: tuple[str, ...] = (),
-) -> Quantity:
-    unit, meaning = scene_keys.quantity(name)
-    return Quantity(unit.replace(" ", "."), meaning, bounds, feedthrough, initially)
-
-
-_TURN = ((-math.pi, math.pi), (-math.pi / 2, math.pi / 2), (-math.pi, math.pi))
-
-QUANTITIES: dict[str, Quantity] = {
-    "mass": _quantity("mass", ((0.0, None),)),
-    "inertia": _quantity("inertia", ((0.0, None),) * 3 + _ANY * 3),
-    "damping_b": _quantity("damping_b", ((0.0, None),)),
-    **{name: _quantity(name) for name in ("r_oc_b", "gravity_a", *_FORCES, *_TORQUES)},
-    **{name: _quantity(name) for name in ("position_0", "velocity_0", "quaternion_0", "omega_b_0")},
-    "position": _quantity("position", initially=("position_0",)),
-    "velocity": _quantity("velocity", initially=("velocity_0",)),
-    "acceleration": _quantity("acceleration", _ANY, _FORCES + _TORQUES, _EULER),
-    "quaternion": _quantity("quaternion", ((-_ONE, _ONE),), (), ("quaternion_0",)),
-    "rpy": _quantity("rpy", _TURN, (), ("quaternion_0",)),
-    "omega_b": _quantity("omega_b", initially=("omega_b_0",)),
-    "omega_a": _quantity("omega_a", _ANY, ("omega_b",), ("omega_b_0", "quaternion_0", "omega_b")),
-    "alpha_b": _quantity("alpha_b", _ANY, _FORCES + _TORQUES, _EULER),
-    "angular_momentum_a": _quantity(
-        "angular_momentum_a", _ANY, (), ("mass", "inertia", "r_oc_b", "quaternion_0", "omega_b_0")
-    ),
-    "kinetic_energy": _quantity(
-        "kinetic_energy",
-        ((0.0, None),),
-        (),
-        ("mass", "inertia", "r_oc_b", "velocity_0", "quaternion_0", "omega_b_0"),
-    ),
-}
 
 
 @dataclass(frozen=True)
@@ -204,18 +124,16 @@ def _blocks(scene: Scene, plan: Plan) -> list[tuple[str, slice, str]]:
     """(FMU name, place in the buffer, causality) of the blocks that the scene's model needs."""
     unit, ports, needed = plan.unit, scene.inputs.ports, needed_parameters(scene, plan.model)
     blocks = [(n, unit.BLOCKS[n], "input") for n in unit.INPUTS if n in ports]
-    for block in unit.PARAMETERS:
-        name = block.removeprefix("known_")
-        if name in needed and name not in ports:  # a port's name is taken: its known part stays inside
-            blocks.append((name, unit.BLOCKS[block], "parameter"))
+    for row in IN_BUFFER_ORDER:
+        if row.name in needed and row.name not in ports:  # a port's name is taken: its known part stays inside
+            blocks.append((row.name, unit.BLOCKS[getattr(row, "block", row.name)], "parameter"))
     return blocks + [(n, unit.BLOCKS[n], "output") for n in unit.OUTPUTS if n in scene.outputs.quantities]
 
 
 def _variables(name: str, place: slice, causality: str, plan: Plan, z: Any) -> list[Variable]:
-    size = place.stop - place.start
     rates = _rate_blocks(plan.unit, name, causality)
-    bounds = QUANTITIES[name].bounds
-    bounds = bounds if len(bounds) == size else bounds * size
+    row = BY_NAME[name]
+    bounds = row.bounds if len(row.bounds) == row.size else row.bounds * row.size
     return [
         Variable(
             name=f"{name}{index}",
@@ -228,7 +146,7 @@ def _variables(name: str, place: slice, causality: str, plan: Plan, z: Any) -> l
             held=causality == "parameter" and name in getattr(plan, "held", ()),
             rates=tuple(block.start + i for block in rates),
         )
-        for i, index in enumerate(_indices(name, size))
+        for i, index in enumerate(indices(row))
     ]
 
 
@@ -239,12 +157,6 @@ def _rate_blocks(unit: Unit, name: str, causality: str) -> list[slice]:
     else:
         names = [f"{name}_rate", f"{name}_rate_2"] if causality == "input" else []
     return [unit.BLOCKS[n] for n in names if n in unit.BLOCKS]
-
-
-def _indices(name: str, size: int) -> list[str]:
-    if name == "inertia":
-        return ["[1,1]", "[2,2]", "[3,3]", "[1,2]", "[1,3]", "[2,3]"]
-    return [""] if size == 1 else [f"[{i + 1}]" for i in range(size)]
 
 
 def model_description(d: Description, guid: str, co_simulation: dict[str, str]) -> Element:
@@ -259,9 +171,8 @@ def model_description(d: Description, guid: str, co_simulation: dict[str, str]) 
         "canBeInstantiatedOnlyOncePerProcess": "false", **co_simulation,
     })  # fmt: skip
     definitions = SubElement(root, "UnitDefinitions")
-    for unit in sorted({QUANTITIES[v.block].unit for v in d.variables}):
-        exponents = {k: str(e) for k, e in UNITS[unit].items()}
-        SubElement(SubElement(definitions, "Unit", name=unit), "BaseUnit", exponents)
+    for name in sorted({BY_NAME[v.block].unit for v in d.variables}):
+        definitions.append(_unit(name))
     categories = SubElement(root, "LogCategories")
     for category in LOG_CATEGORIES:
         SubElement(categories, "Category", name=category)
@@ -277,6 +188,19 @@ def model_description(d: Description, guid: str, co_simulation: dict[str, str]) 
     return root
 
 
+def _unit(name: str) -> Element:
+    """A unit with FMI's exponents of the base units, and the units in which a tool may show it."""
+    element, unit = Element("Unit", name=_fmi_name(name)), UNITS[name]
+    SubElement(element, "BaseUnit", {base: str(exponent) for base, exponent in unit.exponents.items()})
+    for display, factor in unit.display:
+        SubElement(element, "DisplayUnit", name=display, factor=repr(factor))
+    return element
+
+
+def _fmi_name(unit: str) -> str:
+    return unit.replace(" ", ".")
+
+
 def _scalar_variable(v: Variable, reference: int) -> Element:
     variability, initial = {
         "input": ("continuous", None),
@@ -284,11 +208,14 @@ def _scalar_variable(v: Variable, reference: int) -> Element:
         "output": ("continuous", "calculated"),
     }[v.causality]
     attributes = {"name": v.name, "valueReference": str(reference), "causality": v.causality}
-    attributes |= {"variability": variability, "description": QUANTITIES[v.block].text}
+    attributes |= {"variability": variability, "description": BY_NAME[v.block].meaning}
     if initial:
         attributes["initial"] = initial
     element = Element("ScalarVariable", attributes)
-    real = {"unit": QUANTITIES[v.block].unit}
+    unit = BY_NAME[v.block].unit
+    real = {"unit": _fmi_name(unit)}
+    if UNITS[unit].display:
+        real["displayUnit"] = UNITS[unit].display[0][0]
     for key, value in (("min", v.minimum), ("max", v.maximum), ("start", v.start)):
         if value is not None:
             real[key] = repr(value)
@@ -302,10 +229,10 @@ def _model_structure(d: Description) -> Element:
     outputs, unknowns = SubElement(structure, "Outputs"), SubElement(structure, "InitialUnknowns")
     for index, v in enumerate(d.variables, start=1):
         if v.causality == "output":
-            quantity = QUANTITIES[v.block]
-            on = [k for k, u in enumerate(d.variables, 1) if u.causality == "input" and u.block in quantity.feedthrough]
+            row = OUTPUT[v.block]
+            on = [k for k, u in enumerate(d.variables, 1) if u.causality == "input" and u.block in row.feedthrough]
             SubElement(outputs, "Unknown", index=str(index), dependencies=" ".join(map(str, on)))
-            first = quantity.initially
+            first = {*row.initially, *row.feedthrough}
             on = [k for k, u in enumerate(d.variables, 1) if u.causality != "output" and u.block in first]
             SubElement(unknowns, "Unknown", index=str(index), dependencies=" ".join(map(str, on)))
     for element in (outputs, unknowns):

@@ -26,6 +26,7 @@ from rbfmu.unit import Buffer, Unit, filled_buffer, initialize
 from rbfmu_fmu.archive import kernel_hash
 from rbfmu_fmu.description import Description, describe
 from rbfmu_kernels.buffer import FINE
+from rbfmu_kernels.quantities import FORCES, TORQUES
 
 MOST_STEPS = 10_000
 HELD_STEPS = 10
@@ -132,7 +133,7 @@ def _signal(scene: Scene, description: Description, steps: int, random: np.rando
     scale = {"omega_b": 1.0}
     if scene.body is not None:
         moment = max(scene.body.M_c[i][i] for i in range(3))
-        scale |= {"force_a": scene.body.mass, "force_b": scene.body.mass, "torque_a": moment, "torque_b": moment}
+        scale |= dict.fromkeys(FORCES, scene.body.mass) | dict.fromkeys(TORQUES, moment)
     blocks = [v.block for v in description.variables if v.causality == "input"]
     levels = random.normal(size=(steps // HELD_STEPS + 1, len(blocks))) * [scale[b] for b in blocks]
     return np.repeat(levels, HELD_STEPS, axis=0)[:steps]

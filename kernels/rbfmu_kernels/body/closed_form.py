@@ -17,7 +17,7 @@ from .memory import (
     has_pivot,
     is_as_planned,
     loads_of,
-    moves,
+    needs_translation,
     put_centre,
     put_rotation,
     rotation_of,
@@ -80,7 +80,7 @@ def has_torque(z: Any) -> bool:
 @kernel
 def is_driven(z: Any) -> bool:
     """Whether a torque acts, or a force that turns with the body on a path that somebody looks at."""
-    return has_torque(z) or (is_nonzero(loads_of(z).force_b) and moves(z))
+    return has_torque(z) or (is_nonzero(loads_of(z).force_b) and needs_translation(z))
 
 
 @kernel
@@ -92,7 +92,7 @@ def goes_on_free(z: Any, h: float) -> bool:
 @kernel(inline=False)
 def finish_step(z: Any, h: float, q: Quaternion, omega: Vec3) -> int:
     """Take attitude and rate, move the centre of mass, refresh the outputs; NOT_REACHED leaves all as it was."""
-    if not is_finite_rotation(q, omega) or (moves(z) and not has_pivot(z) and not _moved(z, h)):
+    if not is_finite_rotation(q, omega) or (needs_translation(z) and not has_pivot(z) and not _moved(z, h)):
         return NOT_REACHED
     return commit_step(z, h, q, omega)
 

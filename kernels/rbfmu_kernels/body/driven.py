@@ -22,6 +22,7 @@ from ..rotations.vec3 import add_scaled, is_nonzero
 from .memory import (
     COMMON,
     INPUTS,
+    PORTS,
     STATE_SIZE,
     centre_of,
     has_pivot,
@@ -29,11 +30,11 @@ from .memory import (
     is_finite,
     keep_state,
     loads_of,
-    moves,
+    needs_attitude,
+    needs_translation,
     put_centre,
     restore_state,
     translate,
-    turns,
 )
 from .outputs import outputs
 
@@ -49,6 +50,7 @@ _BEFORE, _SIZE_BEFORE = BLOCKS["before"].start, BLOCKS["step_size_before"].start
 _INPUTS, _RATES, _RATES_2 = (BLOCKS[next(iter(names))].start for names in (INPUTS, RATES, RATES_2))
 _NUMBERS = sum(INPUTS.values())
 _NONE = (0.0, 0.0, 0.0)
+_PORT_FORCE_A, _PORT_TORQUE_A = PORTS["force_a"], PORTS["torque_a"]
 
 
 @kernel
@@ -70,10 +72,11 @@ def _load_rates(z: Any, i: int) -> Loads:
 def integrated(z: Any, body: Body, loads: LoadPolynomial) -> int:
     """Return how many numbers of the state need integration: see `dop853`."""
     acting = acting_loads(loads)
-    if acting.force_b and moves(z) and not has_pivot(z):
+    if acting.force_b and needs_translation(z) and not has_pivot(z):
         return TURNING
-    turned = acting.torque_a or has_port(z, 2) or ((acting.force_a or has_port(z, 0)) and is_nonzero(body.arm_b))
-    return ROTATION if turned or turns(z) else SPIN
+    levered = (acting.force_a or has_port(z, _PORT_FORCE_A)) and is_nonzero(body.arm_b)
+    turned = acting.torque_a or has_port(z, _PORT_TORQUE_A) or levered
+    return ROTATION if turned or needs_attitude(z) else SPIN
 
 
 @kernel

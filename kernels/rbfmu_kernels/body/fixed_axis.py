@@ -25,7 +25,7 @@ from ..rotations.matrix import transform
 from ..rotations.quaternion import invert_quaternion, rotate
 from ..rotations.vec3 import add, cross, dot, is_nonzero, norm, scale
 from ..types import Quaternion, Vec3
-from .memory import BLOCKS, body_of, has_pivot, inertia_of, loads_of, moves, principal_frame
+from .memory import BLOCKS, body_of, has_pivot, inertia_of, loads_of, needs_translation, principal_frame
 from .symmetry import is_sphere
 
 _Q_0, _MASS, _R_OC = (BLOCKS[n].start for n in ("quaternion_0", "mass", "r_oc_b"))
@@ -86,7 +86,7 @@ def turns_path(z: Any, axis: Vec3) -> bool:
 
     axis: of any size, zero where the body does not turn.
     """
-    return moves(z) and _is_across(axis, loads_of(z).force_b, _PARALLEL)
+    return needs_translation(z) and _is_across(axis, loads_of(z).force_b, _PARALLEL)
 
 
 @kernel

@@ -6,6 +6,7 @@ A unit's buffer begins with these blocks; what its method needs besides follows.
 import math
 from typing import Any
 
+from .. import quantities
 from ..buffer import places
 from ..buffer_access import matrix_at, put_matrix_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
@@ -15,24 +16,17 @@ from ..rotations.quaternion import normalize, rotate
 from ..rotations.vec3 import add, add_scaled, cross, dot, is_nonzero, scale
 from ..types import Matrix, Quaternion, Vec3
 
-INPUTS = {"force_a": 3, "force_b": 3, "torque_a": 3, "torque_b": 3}
-PARAMETERS = {
-    "mass": 1, "inertia": 6, "r_oc_b": 3, "gravity_a": 3, "damping_b": 3,
-    "known_force_a": 3, "known_force_b": 3, "known_torque_a": 3, "known_torque_b": 3,
-    "position_0": 3, "velocity_0": 3, "quaternion_0": 4, "omega_b_0": 3,
-}  # fmt: skip
-OUTPUTS = {
-    "position": 3, "velocity": 3, "acceleration": 3, "quaternion": 4, "rpy": 3, "omega_b": 3, "omega_a": 3,
-    "alpha_b": 3, "angular_momentum_a": 3, "kinetic_energy": 1,
-}  # fmt: skip
+INPUTS = {load.name: load.size for load in quantities.LOADS if load.port}
+PARAMETERS = {getattr(row, "block", row.name): row.size for row in quantities.IN_BUFFER_ORDER}
+OUTPUTS = {row.name: row.size for row in quantities.OUTPUTS}
 SETTINGS = {
     "pivot": 1, "tolerance": 1, "span": 1, "substep": 1, "as_planned": 1,
-    "ports": len(INPUTS), "unwanted": len(OUTPUTS),
+    "ports": len(INPUTS), "active": len(OUTPUTS) + len(quantities.NEEDS),
 }  # fmt: skip
 """span: s, 0 where `tolerance` is for a substep; else the tolerance is for all substeps of so long a run together, and
 an error of the rate counts as what it turns the body by in that time; as_planned: 1 where a plan has judged the model
 by the parameters' values, so that no unit need ask whether it serves them; ports: 1 for each input that may come to
-act; unwanted: 1 for each output that nobody looks at, which is then not computed."""
+act; active: 1 for each output that is computed and for each need of theirs, see `quantities.active_flags`."""
 OUTPUT_RATES = {f"d_{name}": size for name, size in OUTPUTS.items()}
 """Time derivatives of the outputs, refreshed by `output_rates` alone."""
 MEMORY = {
@@ -43,14 +37,22 @@ COMMON = INPUTS | PARAMETERS | SETTINGS | OUTPUTS | OUTPUT_RATES | MEMORY
 BLOCKS, _ = places(COMMON)
 
 _AT = {name: block.start for name, block in BLOCKS.items()}
-_FORCE_A, _FORCE_B, _TORQUE_A, _TORQUE_B = (_AT[n] for n in INPUTS)
+_FORCE_A, _FORCE_B, _TORQUE_A, _TORQUE_B = (_AT[n] for n in ("force_a", "force_b", "torque_a", "torque_b"))
 _MASS, _INERTIA, _R_OC, _GRAVITY, _DAMPING = (_AT[n] for n in ("mass", "inertia", "r_oc_b", "gravity_a", "damping_b"))
-_KNOWN, _END = _AT["known_force_a"], BLOCKS["omega_b_0"].stop
+_KNOWN_FORCE_A, _KNOWN_FORCE_B, _KNOWN_TORQUE_A, _KNOWN_TORQUE_B = (
+    _AT[f"known_{n}"] for n in ("force_a", "force_b", "torque_a", "torque_b")
+)
+_END = BLOCKS[next(reversed(PARAMETERS))].stop
 _POSITION_0, _VELOCITY_0, _Q_0, _OMEGA_0 = (_AT[n] for n in ("position_0", "velocity_0", "quaternion_0", "omega_b_0"))
 _PIVOT, _SUBSTEP, _AS_PLANNED = _AT["pivot"], _AT["substep"], _AT["as_planned"]
-_PORTS = _AT["ports"]
-_NO_POSITION, _NO_VELOCITY, _NO_ACCELERATION, _NO_QUATERNION, _NO_RPY = (_AT["unwanted"] + i for i in range(5))
-_NO_OMEGA_B, _NO_OMEGA_A, _NO_ALPHA, _NO_MOMENTUM, _NO_ENERGY = (_AT["unwanted"] + i for i in range(5, 10))
+PORTS = {name: _AT["ports"] + i for i, name in enumerate(INPUTS)}
+"""Where the flag of each port stands."""
+_PORT_FORCE_B = PORTS["force_b"]
+ACTIVE = {name: _AT["active"] + i for i, name in enumerate(OUTPUTS)}
+"""Where the flag of each output stands."""
+_TRANSLATION, _PATH, _ATTITUDE, _RATE, _LEVER_RATE, _LOADS_NOW, _BODY_AXES, _SPHERE_RATE = (
+    _AT["active"] + len(OUTPUTS) + i for i in range(len(quantities.NEEDS))
+)
 STATE = _AT["q"]
 """Where the state begins: see `dop853`."""
 STATE_SIZE = 16
@@ -161,7 +163,7 @@ def substep_of(z: Any) -> float:
 @kernel
 def translate(z: Any, h: float, drift: float, body: Body, loads: Loads) -> None:
     """Move the centre of mass by h under its steady acceleration, in closed form; drift: 0 where v_c h is done."""
-    if not moves(z):
+    if not needs_translation(z):
         return
     r_c, v_c, a = vec3_at(z, _R_C), vec3_at(z, _V_C), steady_acceleration(body, loads)
     put_vec3_at(z, _R_C, add_scaled(add_scaled(r_c, drift * h, v_c), 0.5 * h * h, a))
@@ -198,9 +200,9 @@ def has_pivot(z: Any) -> bool:
 
 
 @kernel
-def has_port(z: Any, i: int) -> bool:
-    """Whether the i-th input may come to act."""
-    return bool(z[_PORTS + i] != 0.0)
+def has_port(z: Any, flag: int) -> bool:
+    """Whether an input may come to act; flag: one of PORTS."""
+    return bool(z[flag] != 0.0)
 
 
 @kernel
@@ -210,51 +212,52 @@ def is_as_planned(z: Any) -> bool:
 
 
 @kernel
-def moves(z: Any) -> bool:
+def is_active(z: Any, flag: int) -> bool:
+    """Whether an output is computed; flag: one of ACTIVE."""
+    return bool(z[flag] != 0.0)
+
+
+@kernel
+def needs_translation(z: Any) -> bool:
     """Whether an output needs the position or velocity."""
-    return bool(z[_NO_POSITION] == 0.0 or z[_NO_VELOCITY] == 0.0 or z[_NO_ENERGY] == 0.0)
+    return bool(z[_TRANSLATION] != 0.0)
 
 
 @kernel
 def shows_loads(z: Any) -> bool:
     """Whether an output changes at once when a load does."""
-    return bool(z[_NO_ACCELERATION] == 0.0 or z[_NO_ALPHA] == 0.0)
+    return bool(z[_LOADS_NOW] != 0.0)
 
 
 @kernel
 def shows_rates(z: Any) -> bool:
-    """Whether an output besides position, quaternion and rpy is wanted: all of them need the body's rate."""
-    moving = z[_NO_VELOCITY] == 0.0 or z[_NO_ACCELERATION] == 0.0 or z[_NO_ENERGY] == 0.0
-    shown = z[_NO_OMEGA_B] == 0.0 or z[_NO_OMEGA_A] == 0.0 or z[_NO_ALPHA] == 0.0 or z[_NO_MOMENTUM] == 0.0
-    return bool(moving or shown)
+    """Whether an output is computed from the body's rate, be it only the velocity of a point."""
+    return bool(z[_RATE] != 0.0 or z[_LEVER_RATE] != 0.0)
 
 
 @kernel
-def turns(z: Any) -> bool:
+def needs_attitude(z: Any) -> bool:
     """Whether an output needs the attitude: itself, or a point beside the centre of mass, or a force that turns."""
-    attitude = z[_NO_QUATERNION] == 0.0 or z[_NO_RPY] == 0.0 or z[_NO_OMEGA_A] == 0.0 or z[_NO_MOMENTUM] == 0.0
-    return bool(attitude or _shows_turning_path(z))
+    return bool(z[_ATTITUDE] != 0.0 or _shows_turning_path(z))
 
 
 @kernel
 def _shows_turning_path(z: Any) -> bool:
-    pushed = is_nonzero(vec3_at(z, _KNOWN + 3)) or is_nonzero(vec3_at(z, _FORCE_B)) or has_port(z, 1)
+    pushed = is_nonzero(vec3_at(z, _KNOWN_FORCE_B)) or is_nonzero(vec3_at(z, _FORCE_B)) or has_port(z, _PORT_FORCE_B)
     beside = pushed or is_nonzero(vec3_at(z, _R_OC))
-    return bool(beside and not has_pivot(z) and (moves(z) or z[_NO_ACCELERATION] == 0.0))
+    return bool(beside and not has_pivot(z) and z[_PATH] != 0.0)
 
 
 @kernel
 def shows_more_than_momentum(z: Any, is_sphere: bool) -> bool:
     """Whether an output follows from the angular momentum in a only with the attitude; a sphere's omega_a does not."""
-    turned = z[_NO_QUATERNION] == 0.0 or z[_NO_RPY] == 0.0 or z[_NO_OMEGA_B] == 0.0 or z[_NO_ALPHA] == 0.0
-    rate = z[_NO_OMEGA_A] == 0.0 or z[_NO_ENERGY] == 0.0
-    return bool(turned or (rate and not is_sphere) or _shows_turning_path(z))
+    return bool(z[_BODY_AXES] != 0.0 or (z[_SPHERE_RATE] != 0.0 and not is_sphere) or _shows_turning_path(z))
 
 
 @kernel
-def spins(z: Any) -> bool:
+def needs_rate(z: Any) -> bool:
     """Whether an output needs the body's rate."""
-    return bool(turns(z) or z[_NO_OMEGA_B] == 0.0 or z[_NO_ALPHA] == 0.0 or z[_NO_ENERGY] == 0.0)
+    return bool(needs_attitude(z) or z[_RATE] != 0.0)
 
 
 @kernel(inline=False)
@@ -277,10 +280,10 @@ def body_of(z: Any) -> Body:
 def loads_of(z: Any) -> Loads:
     """Known and supplied loads together; see `equations_of_motion.Loads`."""
     gravity_a = vec3_at(z, _GRAVITY)
-    torque_a = add(vec3_at(z, _KNOWN + 6), vec3_at(z, _TORQUE_A))
-    torque_b = add(vec3_at(z, _KNOWN + 9), vec3_at(z, _TORQUE_B))
+    torque_a = add(vec3_at(z, _KNOWN_TORQUE_A), vec3_at(z, _TORQUE_A))
+    torque_b = add(vec3_at(z, _KNOWN_TORQUE_B), vec3_at(z, _TORQUE_B))
     if z[_PIVOT] != 0.0:
         return Loads(gravity_a, scale(z[_MASS], gravity_a), (0.0, 0.0, 0.0), torque_a, torque_b)
-    force_a = add(vec3_at(z, _KNOWN), vec3_at(z, _FORCE_A))
-    force_b = add(vec3_at(z, _KNOWN + 3), vec3_at(z, _FORCE_B))
+    force_a = add(vec3_at(z, _KNOWN_FORCE_A), vec3_at(z, _FORCE_A))
+    force_b = add(vec3_at(z, _KNOWN_FORCE_B), vec3_at(z, _FORCE_B))
     return Loads(gravity_a, force_a, force_b, torque_a, torque_b)

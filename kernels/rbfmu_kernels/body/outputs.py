@@ -18,47 +18,51 @@ from ..rotations.quaternion import quaternion_rate_b, rotate
 from ..rotations.vec3 import add, cross, dot, scale, subtract
 from ..types import Quaternion, Vec3
 from .memory import (
+    ACTIVE,
     BLOCKS,
-    OUTPUT_RATES,
     OUTPUTS,
     body_of,
     centre_of,
     has_pivot,
+    is_active,
     loads_of,
-    moves,
+    needs_translation,
     rotation_of,
     shows_loads,
 )
 
 _AT = {name: block.start for name, block in BLOCKS.items()}
 _MASS, _M, _R_OC, _POSITION_0 = (_AT[n] for n in ("mass", "M", "r_oc_b", "position_0"))
-_POSITION, _VELOCITY, _ACCELERATION, _Q, _RPY = (_AT[n] for n in list(OUTPUTS)[:5])
-_OMEGA_B, _OMEGA_A, _ALPHA, _MOMENTUM, _ENERGY = (_AT[n] for n in list(OUTPUTS)[5:])
-_NO_POSITION, _NO_VELOCITY, _NO_ACCELERATION, _NO_QUATERNION, _NO_RPY = (_AT["unwanted"] + i for i in range(5))
-_NO_OMEGA_B, _NO_OMEGA_A, _NO_ALPHA, _NO_MOMENTUM, _NO_ENERGY = (_AT["unwanted"] + i for i in range(5, 10))
-_D_POSITION, _D_VELOCITY, _D_ACCELERATION, _D_Q, _D_RPY = (_AT[n] for n in list(OUTPUT_RATES)[:5])
-_D_OMEGA_B, _D_OMEGA_A, _D_ALPHA, _D_MOMENTUM, _D_ENERGY = (_AT[n] for n in list(OUTPUT_RATES)[5:])
+_POSITION, _VELOCITY, _ACCELERATION = (_AT[n] for n in ("position", "velocity", "acceleration"))
+_Q, _RPY, _OMEGA_B, _OMEGA_A = (_AT[n] for n in ("quaternion", "rpy", "omega_b", "omega_a"))
+_ALPHA, _MOMENTUM, _ENERGY = (_AT[n] for n in ("alpha_b", "angular_momentum_a", "kinetic_energy"))
+_D_POSITION, _D_VELOCITY, _D_ACCELERATION = (_AT[n] for n in ("d_position", "d_velocity", "d_acceleration"))
+_D_Q, _D_RPY, _D_OMEGA_B, _D_OMEGA_A = (_AT[n] for n in ("d_quaternion", "d_rpy", "d_omega_b", "d_omega_a"))
+_D_ALPHA, _D_MOMENTUM, _D_ENERGY = (_AT[n] for n in ("d_alpha_b", "d_angular_momentum_a", "d_kinetic_energy"))
+_SHOWS_Q, _SHOWS_RPY, _SHOWS_OMEGA_A = (ACTIVE[n] for n in ("quaternion", "rpy", "omega_a"))
+_SHOWS_MOMENTUM, _SHOWS_ENERGY = (ACTIVE[n] for n in ("angular_momentum_a", "kinetic_energy"))
+_FIRST, _END = BLOCKS[next(iter(OUTPUTS))].start, BLOCKS[next(reversed(OUTPUTS))].stop
 
 
 @kernel(inline=False)
 def outputs(z: Any) -> int:
     """Refresh the outputs that somebody wants from the state and the inputs now set."""
     q, omega = rotation_of(z)
-    if moves(z):
+    if needs_translation(z):
         _put_translation(z, q, omega)
     if shows_loads(z):
         _put_accelerations(z, q, omega)
-    if z[_NO_QUATERNION] == 0.0:
+    if is_active(z, _SHOWS_Q):
         put_quaternion_at(z, _Q, q)
-    if z[_NO_RPY] == 0.0:
+    if is_active(z, _SHOWS_RPY):
         yaw, pitch, roll = euler_from_quaternion(ZYX, q)
         put_vec3_at(z, _RPY, (roll, pitch, yaw))
     put_vec3_at(z, _OMEGA_B, omega)
-    if z[_NO_OMEGA_A] == 0.0:
+    if is_active(z, _SHOWS_OMEGA_A):
         put_vec3_at(z, _OMEGA_A, rotate(q, omega))
-    if z[_NO_MOMENTUM] == 0.0:
+    if is_active(z, _SHOWS_MOMENTUM):
         put_vec3_at(z, _MOMENTUM, rotate(q, angular_momentum(matrix_at(z, _M), omega)))
-    if z[_NO_ENERGY] == 0.0:
+    if is_active(z, _SHOWS_ENERGY):
         mass = 0.0 if has_pivot(z) else z[_MASS]
         z[_ENERGY] = kinetic_energy(mass, matrix_at(z, _M), centre_of(z)[1], omega)
     return 0
@@ -123,6 +127,6 @@ def first_outputs(z: Any) -> int:
     """Set the outputs at the start; 0, or a key of `buffer.FAULTS` where the parameters overflow them."""
     outputs(z)
     total = 0.0
-    for i in range(_POSITION, _ENERGY + 1):
+    for i in range(_FIRST, _END):
         total += 0.0 * z[i]
     return 0 if total == 0.0 else 8

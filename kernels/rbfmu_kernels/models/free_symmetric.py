@@ -20,7 +20,7 @@ from ..body.closed_form import (
 from ..body.memory import INPUTS as INPUTS
 from ..body.memory import OUTPUTS as OUTPUTS
 from ..body.memory import PARAMETERS as PARAMETERS
-from ..body.memory import body_of, initialize_body, is_as_planned, rotation_of, turns
+from ..body.memory import body_of, initialize_body, is_as_planned, needs_attitude, rotation_of
 from ..body.outputs import first_outputs
 from ..body.outputs import output_rates as output_rates
 from ..body.outputs import outputs as outputs
@@ -70,6 +70,6 @@ def step(z: Any, h: float) -> int:
         return NOT_REACHED
     t = time_after(z, h)
     q, back = first_attitude(z), turned(turning_at(z, _ABOUT_AXIS), t)
-    if turns(z):
+    if needs_attitude(z):
         q = compose_quaternions(compose_quaternions(q, turned(turning_at(z, _ABOUT_MOMENTUM), t)), back)
     return finish_step(z, h, q, rotate(invert_quaternion(back), vec3_at(z, _OMEGA_0)))

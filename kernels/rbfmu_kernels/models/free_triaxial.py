@@ -9,7 +9,7 @@ from ..body.closed_form import CLOSED_FORM, finish_step, goes_on_free, is_driven
 from ..body.memory import INPUTS as INPUTS
 from ..body.memory import OUTPUTS as OUTPUTS
 from ..body.memory import PARAMETERS as PARAMETERS
-from ..body.memory import initialize_body, is_as_planned, put_rotation, rotation_of, shows_rates, turns
+from ..body.memory import initialize_body, is_as_planned, needs_attitude, put_rotation, rotation_of, shows_rates
 from ..body.outputs import first_outputs
 from ..body.outputs import output_rates as body_output_rates
 from ..body.outputs import outputs as outputs
@@ -80,7 +80,7 @@ def step(z: Any, h: float) -> int:
     constants = constants_of(z)
     t = scaled_time(constants, time_after(z, h))
     place = place_at(constants, t)
-    q = attitude_at(constants, t, place) if turns(z) else rotation_of(z)[0]
+    q = attitude_at(constants, t, place) if needs_attitude(z) else rotation_of(z)[0]
     status = finish_step(z, h, q, shown_rates(z, place))
     if status == FINE:
         keep_place(z, place)

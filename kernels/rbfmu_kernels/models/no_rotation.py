@@ -14,11 +14,11 @@ from ..body.memory import (
     initialize_body,
     is_as_planned,
     loads_of,
-    moves,
+    needs_attitude,
+    needs_rate,
+    needs_translation,
     rotation_of,
     shows_loads,
-    spins,
-    turns,
 )
 from ..body.outputs import first_outputs
 from ..body.outputs import output_rates as output_rates
@@ -40,7 +40,7 @@ def initialize(z: Any) -> int:
     fault = initialize_body(z)
     if fault != 0:
         return fault
-    if spins(z) and not is_as_planned(z) and _begins_to_turn(z):
+    if needs_rate(z) and not is_as_planned(z) and _begins_to_turn(z):
         return _TURNS
     start_clocks(z)
     return first_outputs(z)
@@ -51,7 +51,7 @@ def step(z: Any, h: float) -> int:
     """Advance by h with the inputs held; NOT_REACHED (and nothing changed) where the result is not finite."""
     if not h > 0.0:
         return NOT_REACHED
-    if not moves(z):
+    if not needs_translation(z):
         return outputs(z) if shows_loads(z) else FINE
     q, omega = rotation_of(z)
     return finish_step(z, h, q, omega)
@@ -62,4 +62,4 @@ def _begins_to_turn(z: Any) -> bool:
     """Whether an output that depends on the rotation would change."""
     (q, omega), body, loads = rotation_of(z), body_of(z), loads_of(z)
     changes = is_nonzero(angular_acceleration(q, omega, body, loads))
-    return changes or (is_nonzero(omega) and (turns(z) or has_torque(z)))
+    return changes or (is_nonzero(omega) and (needs_attitude(z) or has_torque(z)))

@@ -10,7 +10,7 @@ from ..body.fixed_axis import leaves_axis, main_axis, pull_and_decay, swing
 from ..body.memory import INPUTS as INPUTS
 from ..body.memory import OUTPUTS as OUTPUTS
 from ..body.memory import PARAMETERS as PARAMETERS
-from ..body.memory import body_of, initialize_body, is_as_planned, loads_of, rotation_of, turns
+from ..body.memory import body_of, initialize_body, is_as_planned, loads_of, needs_attitude, rotation_of
 from ..body.outputs import first_outputs
 from ..body.outputs import output_rates as output_rates
 from ..body.outputs import outputs as outputs
@@ -57,6 +57,6 @@ def step(z: Any, h: float) -> int:
     t = high + low
     axis, q = vec3_at(z, _AXIS), first_attitude(z)
     angle, rate = relaxed(z[_RATE], z[_PULL], z[_DECAY], t)
-    if turns(z):
+    if needs_attitude(z):
         q = compose_quaternions(q, quaternion_from_axis_angle(axis, angle))
     return finish_step(z, h, q, scale(rate, axis))

@@ -7,6 +7,7 @@ t from the step's begin, to round-off by Taylor series; after the step they hold
 import math
 from typing import Any
 
+from .. import quantities
 from ..body.closed_form import TURNING, put_turning_at, turning_at
 from ..buffer import FINE, MOST_SUBSTEPS, NOT_REACHED, places
 from ..compile.decorator import kernel
@@ -17,17 +18,14 @@ from ..rotations.quaternion import add_scaled_quaternion, compose_quaternions, n
 from ..rotations.vec3 import add_scaled, is_nonzero, norm, scale
 from ..types import Quaternion, Vec3
 
-INPUTS = {"omega_b": 3}
+INPUTS = {row.name: row.size for row in quantities.OUTPUTS if row.port}
 PARAMETERS = {"quaternion_0": 4}
-SETTINGS: dict[str, int] = {}
-OUTPUTS = {"quaternion": 4, "rpy": 3, "omega_a": 3}
+OUTPUTS = {row.name: row.size for row in quantities.OUTPUTS if row.kinematic}
 OUTPUT_RATES = {f"d_{name}": size for name, size in OUTPUTS.items()}
-RATES = {"omega_b_rate": 3, "omega_b_rate_2": 3}
+RATES = {f"{name}_{order}": size for order in ("rate", "rate_2") for name, size in INPUTS.items()}
 MEMORY = {"anchor": 4, "held": 3, "elapsed": 2, "turning": TURNING}
 """Attitude when the rates changed, those rates, the time since then, their turning."""
-BLOCKS, SIZE = places(
-    INPUTS | PARAMETERS | SETTINGS | OUTPUTS | OUTPUT_RATES | RATES | MEMORY
-)  # the quaternion is the state
+BLOCKS, SIZE = places(INPUTS | PARAMETERS | OUTPUTS | OUTPUT_RATES | RATES | MEMORY)  # the quaternion is the state
 
 LARGEST_TURN = 1e15
 """rad: from here on an angle in double precision says nothing about the attitude."""
@@ -35,7 +33,7 @@ LARGEST_TURN = 1e15
 _OMEGA, _Q_0, _Q, _RPY, _OMEGA_A = (
     BLOCKS[n].start for n in ("omega_b", "quaternion_0", "quaternion", "rpy", "omega_a")
 )
-_D_Q, _D_RPY, _D_OMEGA_A = (BLOCKS[n].start for n in OUTPUT_RATES)
+_D_Q, _D_RPY, _D_OMEGA_A = (BLOCKS[n].start for n in ("d_quaternion", "d_rpy", "d_omega_a"))
 _RATES = BLOCKS["omega_b_rate"].start
 _ANCHOR, _HELD, _ELAPSED, _TURNING = (BLOCKS[n].start for n in MEMORY)
 _ZERO: Vector = ((0.0, 0.0), (0.0, 0.0), (0.0, 0.0))

@@ -13,7 +13,7 @@ from ..body.fixed_axis import pull_and_decay
 from ..body.memory import INPUTS as INPUTS
 from ..body.memory import OUTPUTS as OUTPUTS
 from ..body.memory import PARAMETERS as PARAMETERS
-from ..body.memory import body_of, initialize_body, is_as_planned, loads_of, rotation_of, turns
+from ..body.memory import body_of, initialize_body, is_as_planned, loads_of, needs_attitude, rotation_of
 from ..body.outputs import first_outputs
 from ..body.outputs import output_rates as output_rates
 from ..body.outputs import outputs as outputs
@@ -47,7 +47,7 @@ def initialize(z: Any) -> int:
         return fault
     (q, omega), body, loads = rotation_of(z), body_of(z), loads_of(z)
     across, own, axes = symmetric_frame(body.inertia)
-    if not is_as_planned(z) and (turns(z) or _leads_astray(q, axes, body, loads)):
+    if not is_as_planned(z) and (needs_attitude(z) or _leads_astray(q, axes, body, loads)):
         return _ASTRAY
     put_matrix_at(z, _AXES, axes)
     put_vec3_at(z, _RATES, transform(axes, omega))

@@ -1,0 +1,246 @@
+"""One row for each parameter, load, initial value and output: what everything else about them follows from.
+
+The layout of the models' buffers, the keys, units and checks of a scene, the variables of an FMU with their bounds and
+dependencies, the labels of plots and what planning must know of a quantity are made from these rows. A new quantity is
+a new row, and the kernels that compute with it. This module needs neither Numba nor NumPy.
+"""
+
+import math
+from collections.abc import Collection
+from typing import NamedTuple
+
+Bounds = tuple[tuple[float | None, float | None], ...]
+ANY: Bounds = ((None, None),)
+"""Bounds of all elements alike, or of each of them."""
+NOT_NEGATIVE: Bounds = ((0.0, None),)
+_UNIT_INTERVAL: Bounds = ((-1.0 - 2.0**-50, 1.0 + 2.0**-50),)
+"""A normalised quaternion's component may pass 1 by round-off."""
+_TURN: Bounds = ((-math.pi, math.pi), (-math.pi / 2, math.pi / 2), (-math.pi, math.pi))
+_MATRIX: Bounds = NOT_NEGATIVE * 3 + ANY * 3
+
+
+class Unit(NamedTuple):
+    """Exponents of the SI base units; units in which a tool may show a number: (name, factor), the usual one first."""
+
+    exponents: dict[str, int]
+    display: tuple[tuple[str, float], ...] = ()
+
+
+DEGREES = 180.0 / math.pi
+UNITS: dict[str, Unit] = {
+    "1": Unit({}),
+    "s": Unit({"s": 1}),
+    "kg": Unit({"kg": 1}),
+    "kg m2": Unit({"kg": 1, "m": 2}),
+    "m": Unit({"m": 1}),
+    "m/s": Unit({"m": 1, "s": -1}),
+    "m/s2": Unit({"m": 1, "s": -2}),
+    "rad": Unit({"rad": 1}, (("deg", DEGREES),)),
+    "rad/s": Unit({"rad": 1, "s": -1}, (("deg/s", DEGREES), ("rpm", 30.0 / math.pi))),
+    "rad/s2": Unit({"rad": 1, "s": -2}, (("deg/s2", DEGREES),)),
+    "N": Unit({"kg": 1, "m": 1, "s": -2}),
+    "N m": Unit({"kg": 1, "m": 2, "s": -2}),
+    "N m s/rad": Unit({"kg": 1, "m": 2, "s": -1, "rad": -1}),
+    "kg m2/s": Unit({"kg": 1, "m": 2, "s": -1}),
+    "J": Unit({"kg": 1, "m": 2, "s": -2}),
+}
+
+
+class Parameter(NamedTuple):
+    """A constant of the body, or its state at the start.
+
+    positive: zero is refused; grows: positions, velocities, accelerations and energy grow with it; elements: names of
+    the numbers where they are not counted from 1.
+    """
+
+    name: str
+    size: int
+    unit: str
+    meaning: str
+    bounds: Bounds = ANY
+    positive: bool = False
+    grows: bool = False
+    elements: tuple[str, ...] = ()
+
+
+WEIGHT, FORCE, TORQUE = "weight", "force", "torque"
+"""Kinds of load: what acts at the centre of mass, at the body's origin, or turns the body wherever it acts."""
+
+
+class Load(NamedTuple):
+    """A load, three numbers: a parameter, and where it is a port also an input.
+
+    frame: a (fixed in space) or b (fixed in the body); dissipates: it takes energy from the motion, and is no input.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    frame: str
+    kind: str
+    port: bool = True
+    dissipates: bool = False
+    bounds: Bounds = ANY
+    positive: bool = False
+    elements: tuple[str, ...] = ()
+
+    @property
+    def size(self) -> int:
+        """Count of numbers."""
+        return 3
+
+    @property
+    def grows(self) -> bool:
+        """Whether positions, velocities, accelerations and energy grow with it."""
+        return self.kind in (WEIGHT, FORCE)
+
+    @property
+    def block(self) -> str:
+        """The name of its constant part in a buffer: a port's own name is that of the input."""
+        return f"known_{self.name}" if self.port else self.name
+
+
+TRANSLATION, PATH, ATTITUDE, RATE, LEVER_RATE, LOADS_NOW, BODY_AXES, SPHERE_RATE = NEEDS = (
+    "position or velocity of the centre of mass",
+    "path of a point: the attitude too, where it is beside the centre of mass or a force turns with the body",
+    "attitude",
+    "body rate",
+    "body rate, where the point is beside the centre of mass",
+    "loads of the same instant",
+    "attitude, or vectors along the body's axes: the angular momentum in space alone does not tell them",
+    "body rate: the angular momentum in space tells it of a sphere alone",
+)
+"""What an output may need of a model."""
+
+RELATIVE, ANGLE = "relative", "angle"
+"""How an error is measured: relative to the largest size in the run, or as the angle between two attitudes, rad."""
+
+
+class Output(NamedTuple):
+    """What a body shows of its motion.
+
+    needs: of a model; initially: parameters on which it depends at the start; label, components: in plots. kinematic:
+    known from prescribed rates; port: may itself be prescribed; of_origin: a pivot keeps it; conserved: without torque;
+    cancels: a sum of terms that may cancel. error: how it is measured; floor: the size that it is relative to at least;
+    judged_by: the output whose error counts in its place.
+    """
+
+    name: str
+    size: int
+    unit: str
+    meaning: str
+    label: str
+    needs: tuple[str, ...]
+    initially: tuple[str, ...]
+    components: tuple[str, ...] = ("x", "y", "z")
+    bounds: Bounds = ANY
+    kinematic: bool = False
+    port: bool = False
+    of_origin: bool = False
+    conserved: bool = False
+    cancels: bool = False
+    error: str = RELATIVE
+    floor: float = 0.0
+    judged_by: str = ""
+    elements: tuple[str, ...] = ()
+
+    @property
+    def feedthrough(self) -> tuple[str, ...]:
+        """Inputs on which it depends at once."""
+        return (*(_LOAD_PORTS if LOADS_NOW in self.needs else ()), *(_RATE_PORTS if RATE in self.needs else ()))
+
+
+PARAMETERS = (
+    Parameter("mass", 1, "kg", "mass", NOT_NEGATIVE, positive=True, grows=True),
+    Parameter("inertia", 6, "kg m2", "inertia matrix about the centre of mass, body axes", _MATRIX,
+              elements=("1,1", "2,2", "3,3", "1,2", "1,3", "2,3")),
+    Parameter("r_oc_b", 3, "m", "from the origin o to the centre of mass, body axes"),
+)  # fmt: skip
+
+LOADS = (
+    Load("gravity_a", "m/s2", "gravity, inertial axes", "a", WEIGHT, port=False),
+    Load("force_a", "N", "force at o, inertial axes", "a", FORCE),
+    Load("force_b", "N", "force at o, body axes", "b", FORCE),
+    Load("torque_a", "N m", "torque about o, inertial axes", "a", TORQUE),
+    Load("torque_b", "N m", "torque about o, body axes", "b", TORQUE),
+    Load("damping_b", "N m s/rad", "damping: torque -damping_b * omega_b, body axes", "b", TORQUE, port=False,
+         dissipates=True, bounds=NOT_NEGATIVE),
+)  # fmt: skip
+
+INITIAL_VALUES = (
+    Parameter("position_0", 3, "m", "initial position of o, inertial axes", grows=True),
+    Parameter("velocity_0", 3, "m/s", "initial velocity of o, inertial axes", grows=True),
+    Parameter("quaternion_0", 4, "1", "initial Euler parameters q_ab, scalar first; normalised at initialisation"),
+    Parameter("omega_b_0", 3, "rad/s", "initial angular velocity omega_ab, body axes"),
+)
+
+_LOAD_PORTS = tuple(load.name for load in LOADS if load.port)
+_BODY = ("mass", "inertia", "r_oc_b")
+_ROTATION = ("quaternion_0", "omega_b_0")
+_NEWTON_EULER = (*_BODY, *_ROTATION, *(load.name for load in LOADS))
+
+OUTPUTS = (
+    Output("position", 3, "m", "position of o, inertial axes", "position of o",
+           (TRANSLATION, PATH), ("position_0",), of_origin=True, floor=1.0),
+    Output("velocity", 3, "m/s", "velocity of o, inertial axes", "velocity of o",
+           (TRANSLATION, PATH, LEVER_RATE), ("velocity_0",), of_origin=True, floor=1.0),
+    Output("acceleration", 3, "m/s2", "acceleration of o, inertial axes", "acceleration of o",
+           (PATH, LEVER_RATE, LOADS_NOW), _NEWTON_EULER, of_origin=True, cancels=True),
+    Output("quaternion", 4, "1", "Euler parameters q_ab, scalar first", "Euler parameters",
+           (ATTITUDE, BODY_AXES), ("quaternion_0",), components=("η", "ε₁", "ε₂", "ε₃"), bounds=_UNIT_INTERVAL,
+           kinematic=True, error=ANGLE),
+    Output("rpy", 3, "rad", "roll, pitch, yaw: R_ab = R_z(yaw) R_y(pitch) R_x(roll)", "roll, pitch, yaw",
+           (ATTITUDE, BODY_AXES), ("quaternion_0",), components=("roll", "pitch", "yaw"), bounds=_TURN,
+           kinematic=True, judged_by="quaternion"),
+    Output("omega_b", 3, "rad/s", "angular velocity omega_ab, body axes", "body rates",
+           (RATE, BODY_AXES), ("omega_b_0",), port=True),
+    Output("omega_a", 3, "rad/s", "angular velocity omega_ab, inertial axes", "rates, inertial axes",
+           (ATTITUDE, RATE, SPHERE_RATE), ("omega_b_0", "quaternion_0"), kinematic=True),
+    Output("alpha_b", 3, "rad/s2", "angular acceleration, body axes", "angular acceleration",
+           (RATE, LOADS_NOW, BODY_AXES), _NEWTON_EULER, cancels=True),
+    Output("angular_momentum_a", 3, "kg m2/s",
+           "angular momentum about the centre of mass (with a pivot: about o), inertial axes", "angular momentum",
+           (ATTITUDE, RATE), (*_BODY, *_ROTATION), conserved=True, cancels=True),
+    Output("kinetic_energy", 1, "J", "kinetic energy", "kinetic energy",
+           (TRANSLATION, PATH, RATE, SPHERE_RATE), (*_BODY, "velocity_0", *_ROTATION), components=("",),
+           bounds=NOT_NEGATIVE, conserved=True, cancels=True),
+)  # fmt: skip
+
+FORCES, TORQUES, WEIGHTS = (
+    frozenset(load.name for load in LOADS if load.kind == kind) for kind in (FORCE, TORQUE, WEIGHT)
+)
+DISSIPATIVE = frozenset(load.name for load in LOADS if load.dissipates)
+FIXED_IN_SPACE = frozenset(load.name for load in LOADS if load.frame == "a")
+TIME = Parameter("time", 1, "s", "time")
+
+Quantity = Parameter | Load | Output
+BY_NAME: dict[str, Quantity] = {row.name: row for row in (*PARAMETERS, *LOADS, *INITIAL_VALUES, *OUTPUTS)}
+"""Every quantity by the name that scenes and FMUs have for it."""
+OUTPUT: dict[str, Output] = {row.name: row for row in OUTPUTS}
+IN_BUFFER_ORDER: tuple[Parameter | Load, ...] = (
+    *PARAMETERS,
+    *(load for load in LOADS if not load.port),
+    *(load for load in LOADS if load.port),
+    *INITIAL_VALUES,
+)
+"""Parameters, loads and initial values as they follow each other in a buffer and in messages."""
+_RATE_PORTS = tuple(row.name for row in OUTPUTS if row.port)
+PORTS = (*_LOAD_PORTS, *_RATE_PORTS)
+
+
+def indices(row: Quantity) -> tuple[str, ...]:
+    """What stands behind the name for each number of a quantity, by FMI's structured naming."""
+    if row.size == 1:
+        return ("",)
+    return tuple(f"[{element}]" for element in row.elements or range(1, row.size + 1))
+
+
+def needing(*needs: str) -> frozenset[str]:
+    """Names of the outputs with one of the needs."""
+    return frozenset(row.name for row in OUTPUTS if set(needs) & set(row.needs))
+
+
+def active_flags(names: Collection[str]) -> list[float]:
+    """The block `active` of a buffer in which the outputs named are computed: a flag an output, a flag a need."""
+    outputs = [float(row.name in names) for row in OUTPUTS]
+    return outputs + [float(any(row.name in names for row in OUTPUTS if need in row.needs)) for need in NEEDS]
