@@ -13,14 +13,14 @@ from rbfmu.unit import filled_buffer, initialize
 from rbfmu.work_precision.cases import CASES
 from rbfmu.work_precision.cases import reference as motion_of_case
 from rbfmu_kernels.buffer import FINE
-from rbfmu_kernels.integrators.dop853 import ROTATION, STATE
+from rbfmu_kernels.integrators.rigid_body_state import ROTATION, STATE_SIZE
 from rbfmu_kernels.integrators.taylor import derivatives_of_attitude, taylor_advance
 from rbfmu_kernels.integrators.taylor_coefficients import MOST_ORDER, WORK
 from rbfmu_kernels.mechanics.equations_of_motion import constant_loads
 from rbfmu_kernels.models import loaded_taylor
 
 EPS = 2.0**-52
-SIZE = STATE + WORK
+SIZE = STATE_SIZE + WORK
 ALL_LOADS = {
     "body": {"mass": 2.0, "inertia": [[1.0, 0.1, 0.05], [0.1, 1.2, 0.02], [0.05, 0.02, 1.5]],
              "r_oc_b": [0.1, -0.2, 0.3]},
@@ -62,7 +62,7 @@ def test_rates_converge_at_the_series_order_and_attitude_at_the_two_point_formul
         z = buffer_of(case, span / n)
         assert (
             taylor_advance(
-                z, 0, STATE, SIZE, ROTATION, order, span, math.inf, 0.0, case.body, constant_loads(case.loads)
+                z, 0, STATE_SIZE, SIZE, ROTATION, order, span, math.inf, 0.0, case.body, constant_loads(case.loads)
             )
             == FINE
         )
@@ -100,7 +100,7 @@ def test_a_steady_spin_s_error_is_the_two_point_formula_s_remainder(m):
     z = buffer_of(case, 1.0)
     z[4:7] = 0.0, 0.0, turn
     loads = constant_loads(case.loads._replace(torque_b=(0.0, 0.0, 0.0)))
-    assert taylor_advance(z, 0, STATE, SIZE, ROTATION, order, 1.0, math.inf, 0.0, case.body, loads) == FINE
+    assert taylor_advance(z, 0, STATE_SIZE, SIZE, ROTATION, order, 1.0, math.inf, 0.0, case.body, loads) == FINE
     ratio = math.factorial(m) / math.factorial(2 * m)
     error = 2.0 * ratio**2 / (2 * m + 1) * (0.5 * turn) ** (2 * m + 1)
     assert turn - 2.0 * math.atan2(z[3], z[0]) == pytest.approx(error, rel=0.05, abs=2 * EPS)

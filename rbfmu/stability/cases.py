@@ -10,6 +10,14 @@ from rbfmu.models import Plan
 from rbfmu.scene import Scene
 from rbfmu.simulation import Result, simulate
 from rbfmu_kernels.integrators import dop853, splitting
+from rbfmu_kernels.integrators.rigid_body_state import (
+    ROTATION,
+    STATE_SIZE,
+    put_state_attitude,
+    put_state_omega,
+    state_attitude,
+    state_omega,
+)
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS as NO_LOADS
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State, constant_loads
 from rbfmu_kernels.mechanics.inertia import diagonal, inverse_inertia
@@ -117,8 +125,8 @@ def one_step(method: str) -> Any:
 
 
 def _dop853_step(state: State, h: float, body: Body, loads: Loads) -> State:
-    z = np.zeros(dop853.STATE + dop853.WORK)
-    z[0:4], z[4:7] = state.q_ab, state.omega_b
-    dop853.dop853_step(z, 0, dop853.STATE, dop853.ROTATION, 0.0, h, body, constant_loads(loads))
-    after = z[dop853.STATE :].tolist()
-    return at(tuple(after[0:4]), tuple(after[4:7]))
+    z = np.zeros(STATE_SIZE + dop853.WORK)
+    put_state_attitude(z, 0, state.q_ab)
+    put_state_omega(z, 0, state.omega_b)
+    dop853.dop853_step(z, 0, STATE_SIZE, ROTATION, 0.0, h, body, constant_loads(loads))
+    return at(state_attitude(z, STATE_SIZE), state_omega(z, STATE_SIZE))

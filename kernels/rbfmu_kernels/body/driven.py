@@ -9,7 +9,7 @@ from typing import Any
 from ..buffer import NOT_REACHED, places
 from ..buffer_access import vec3_at
 from ..compile.decorator import kernel
-from ..integrators.dop853 import ROTATION, SPIN, TURNING
+from ..integrators.rigid_body_state import RATE_ONLY, ROTATION, STATE_SIZE, WHOLE_STATE
 from ..mechanics.equations_of_motion import (
     Body,
     LoadPolynomial,
@@ -23,7 +23,6 @@ from .memory import (
     COMMON,
     INPUTS,
     PORTS,
-    STATE_SIZE,
     centre_of,
     has_pivot,
     has_port,
@@ -70,13 +69,13 @@ def _load_rates(z: Any, i: int) -> Loads:
 
 @kernel
 def integrated(z: Any, body: Body, loads: LoadPolynomial) -> int:
-    """Return how many numbers of the state need integration: see `dop853`."""
+    """Return how many numbers of the state need integration: see `rigid_body_state`."""
     acting = acting_loads(loads)
     if acting.force_b and needs_translation(z) and not has_pivot(z):
-        return TURNING
+        return WHOLE_STATE
     levered = (acting.force_a or has_port(z, _PORT_FORCE_A)) and is_nonzero(body.arm_b)
     turned = acting.torque_a or has_port(z, _PORT_TORQUE_A) or levered
-    return ROTATION if turned or needs_attitude(z) else SPIN
+    return ROTATION if turned or needs_attitude(z) else RATE_ONLY
 
 
 @kernel
@@ -89,7 +88,7 @@ def keep(z: Any) -> None:
 @kernel
 def finish(z: Any, n: int, h: float, status: int, body: Body, loads: LoadPolynomial) -> int:
     """Move the centre of mass as far as in closed form; then outputs, or NOT_REACHED with nothing changed."""
-    translate(z, h, 0.0 if n == TURNING else 1.0, body, loads.value)
+    translate(z, h, 0.0 if n == WHOLE_STATE else 1.0, body, loads.value)
     changing = is_changing(loads)
     if changing:
         _translate_further(z, h, body, loads)

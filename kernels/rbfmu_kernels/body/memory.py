@@ -1,6 +1,6 @@
 """What the units of a body have in common: the layout of their buffers, their start, their loads, their outputs.
 
-A unit's buffer begins with these blocks; what its method needs besides follows. The state is laid out for `dop853`.
+A unit's buffer begins with these blocks; what its method needs besides follows. The state: `rigid_body_state`.
 """
 
 import math
@@ -10,6 +10,7 @@ from .. import quantities
 from ..buffer import places
 from ..buffer_access import matrix_at, put_matrix_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
+from ..integrators.rigid_body_state import STATE_BLOCKS, STATE_SIZE
 from ..mechanics.equations_of_motion import Body, Loads, State, steady_acceleration
 from ..mechanics.inertia import check_inertia, inverse_inertia, parallel_axis, principal_axes, trace
 from ..rotations.quaternion import normalize, rotate
@@ -29,10 +30,7 @@ by the parameters' values, so that no unit need ask whether it serves them; port
 act; active: 1 for each output that is computed and for each need of theirs, see `quantities.active_flags`."""
 OUTPUT_RATES = {f"d_{name}": size for name, size in OUTPUTS.items()}
 """Time derivatives of the outputs, refreshed by `output_rates` alone."""
-MEMORY = {
-    "q": 4, "omega": 3, "pad": 1, "r_c": 3, "v_c": 3, "pad_2": 2,
-    "inverse_mass": 1, "M": 9, "M_inverse": 9, "arm": 3,
-}  # fmt: skip
+MEMORY = STATE_BLOCKS | {"inverse_mass": 1, "M": 9, "M_inverse": 9, "arm": 3}
 COMMON = INPUTS | PARAMETERS | SETTINGS | OUTPUTS | OUTPUT_RATES | MEMORY
 BLOCKS, _ = places(COMMON)
 
@@ -54,8 +52,7 @@ _TRANSLATION, _PATH, _ATTITUDE, _RATE, _LEVER_RATE, _LOADS_NOW, _BODY_AXES, _SPH
     _AT["active"] + len(OUTPUTS) + i for i in range(len(quantities.NEEDS))
 )
 STATE = _AT["q"]
-"""Where the state begins: see `dop853`."""
-STATE_SIZE = 16
+"""Where the state begins: see `rigid_body_state`."""
 _OMEGA, _R_C, _V_C = _AT["omega"], _AT["r_c"], _AT["v_c"]
 _INVERSE_MASS, _M, _M_INVERSE, _ARM = (_AT[n] for n in ("inverse_mass", "M", "M_inverse", "arm"))
 

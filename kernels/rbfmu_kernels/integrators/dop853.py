@@ -1,8 +1,6 @@
 """The 8th-order Runge-Kutta pair DOP853 for the motion of a body, with error control inside a communication step.
 
-Works in a piece of a unit's buffer: 12 stages of 16 numbers are too many for tuples. A state is q (4), omega (3), 0,
-r_c (3), v_c (3), 0, 0: sizes that vectorise. No load depends on the position, so it is integrated only where a force
-turns with the body (`TURNING`); else the first half suffices (`ROTATION`) and the position has a closed form.
+Works in a piece of a model's buffer: 12 stages of 16 numbers are too many for tuples. States: see `rigid_body_state`.
 """
 
 import math
@@ -20,58 +18,58 @@ from ..mechanics.equations_of_motion import (
     turning_acceleration,
 )
 from ..rotations.quaternion import quaternion_rate_b
-from ..rotations.vec3 import dot
-from ..types import Quaternion, Vec3
+from ..rotations.vec3 import dot, largest_component
 from .dop853_tableau import E3, E5, STAGES, A, C
+from .rigid_body_state import (
+    OMEGA,
+    R_C,
+    ROTATION,
+    STATE_SIZE,
+    V_C,
+    WHOLE_STATE,
+    put_state_attitude,
+    put_state_omega,
+    put_state_position,
+    put_state_velocity,
+    put_unit_attitude,
+    state_attitude,
+    state_omega,
+    state_position,
+    state_velocity,
+)
 from .substeps import substeps_in, tolerance_of_substep
 
-SPIN, ROTATION, TURNING = 3, 8, 16
-"""What of a state is integrated: the rate alone (here with the attitude), rotation, all."""
-STATE = 16
 LONGEST_STEP = 1e30
 """s: the step size of a body at rest without loads."""
-WORK = STATE * (STAGES + 1)
+WORK = STATE_SIZE * (STAGES + 1)
 """Size of the work space: a trial state, then the stages' rates."""
 
 
 @kernel
-def attitude_at(z: Any, i: int) -> Quaternion:
-    """The quaternion of the state that begins at z[i]."""
-    return (z[i], z[i + 1], z[i + 2], z[i + 3])
-
-
-@kernel
-def put_attitude(z: Any, i: int, q: Quaternion) -> None:
-    """Set the quaternion of the state that begins at z[i], scaled to length 1."""
-    s = 1.0 / math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
-    z[i], z[i + 1], z[i + 2], z[i + 3] = s * q[0], s * q[1], s * q[2], s * q[3]
-
-
-@kernel
-def rate_at(z: Any, i: int) -> Vec3:
-    """The body rate of the state that begins at z[i]."""
-    return (z[i + 4], z[i + 5], z[i + 6])
+def _stage_rates(w: int, s: int) -> int:
+    """Return where the rates of stage s begin in the work space z[w:]."""
+    return w + STATE_SIZE * (s + 1)
 
 
 @kernel(inline=False)
 def _rates(z: Any, y: int, k: int, n: int, body: Body, loads: Loads) -> None:
-    """z[k:] = d/dt of the state z[y:]."""
-    q_ab, omega_b = attitude_at(z, y), rate_at(z, y)
-    z[k], z[k + 1], z[k + 2], z[k + 3] = quaternion_rate_b(q_ab, omega_b)
-    z[k + 4], z[k + 5], z[k + 6] = angular_acceleration(q_ab, omega_b, body, loads)
-    if n == TURNING:
-        z[k + 8], z[k + 9], z[k + 10] = z[y + 11], z[y + 12], z[y + 13]
-        z[k + 11], z[k + 12], z[k + 13] = turning_acceleration(q_ab, body, loads)
+    """Set z[k:] to d/dt of the state z[y:]."""
+    q_ab, omega_b = state_attitude(z, y), state_omega(z, y)
+    put_state_attitude(z, k, quaternion_rate_b(q_ab, omega_b))
+    put_state_omega(z, k, angular_acceleration(q_ab, omega_b, body, loads))
+    if n == WHOLE_STATE:
+        put_state_position(z, k, state_velocity(z, y))
+        put_state_velocity(z, k, turning_acceleration(q_ab, body, loads))
 
 
 @kernel
 def _combine(z: Any, y: int, w: int, n: int, s: int, h: float) -> None:
-    """Trial state z[w:] = z[y:] + h sum_l A[s, l] k_l; s is a literal, so that the sum unrolls and zeros vanish."""
+    """Set the trial state z[w:] to z[y:] + h sum_l A[s, l] k_l; s is a literal: the sum unrolls and zeros vanish."""
     for j in range(n):
         total = 0.0
         for l in range(s):
             if A[s, l] != 0.0:
-                total += A[s, l] * z[w + STATE * (l + 1) + j]
+                total += A[s, l] * z[_stage_rates(w, l) + j]
         z[w + j] = z[y + j] + h * total
 
 
@@ -84,20 +82,20 @@ def _stage_loads(loads: LoadPolynomial, t: float) -> Loads:
 def _stage(
     z: Any, y: int, w: int, n: int, s: int, t: float, h: float, body: Body, loads: LoadPolynomial, changing: bool
 ) -> None:
-    """Stage s (a literal): trial state and its rates, loads at t + c_s h."""
+    """Compute stage s (a literal): its trial state and rates, with the loads at t + c_s h."""
     _combine(z, y, w, n, s, h)
     now = _stage_loads(loads, t + C[s] * h) if changing else loads.value
-    _rates(z, w, w + STATE * (s + 1), n, body, now)
+    _rates(z, w, _stage_rates(w, s), n, body, now)
 
 
 @kernel(inline=False)
 def dop853_step(z: Any, y: int, w: int, n: int, t: float, h: float, body: Body, loads: LoadPolynomial) -> None:
-    """One step of order 8 from the state z[y:] to the trial state z[w:], not normalised; the rates stay in z[w + 16:].
+    """Step with order 8 from the state z[y:] to the trial state z[w:], not normalised; the stages' rates stay.
 
     t: time since the polynomial's beginning.  Stable to h d / I = 6.394 (damping) and h omega / 2 = 5.96 (attitude).
     """
     changing = is_changing(loads)
-    _rates(z, y, w + STATE, n, body, _stage_loads(loads, t) if changing else loads.value)
+    _rates(z, y, _stage_rates(w, 0), n, body, _stage_loads(loads, t) if changing else loads.value)
     _stage(z, y, w, n, 1, t, h, body, loads, changing)
     _stage(z, y, w, n, 2, t, h, body, loads, changing)
     _stage(z, y, w, n, 3, t, h, body, loads, changing)
@@ -114,18 +112,19 @@ def dop853_step(z: Any, y: int, w: int, n: int, t: float, h: float, body: Body, 
 
 @kernel(inline=False)
 def _error(z: Any, y: int, w: int, n: int, h: float, span: float) -> float:
-    """The step's error estimate: attitude in rad, the rest relative to the size of its vector (at least 1 for r, v)."""
-    rate = max(_largest(z, y + 4), _largest(z, w + 4), 1e-300)
+    """Estimate the step's error: attitude in rad, the rest relative to the size of its vector (at least 1 for r, v)."""
+    rate = max(largest_component(state_omega(z, y)), largest_component(state_omega(z, w)), 1e-300)
     rate = rate if rate * span <= 1.0 else 1.0 / span
-    position, velocity = max(_largest(z, y + 8), 1.0), max(_largest(z, y + 11), 1.0)
+    position = max(largest_component(state_position(z, y)), 1.0)
+    velocity = max(largest_component(state_velocity(z, y)), 1.0)
     five, three = 0.0, 0.0
     for j in range(n):
         e5, e3 = 0.0, 0.0
         for l in range(STAGES):
-            k = z[w + STATE * (l + 1) + j]
+            k = z[_stage_rates(w, l) + j]
             e5 += E5[l] * k
             e3 += E3[l] * k
-        size = 0.5 if j < 4 else (rate if j < 8 else (position if j < 11 else velocity))
+        size = 0.5 if j < OMEGA else (rate if j < R_C else (position if j < V_C else velocity))
         five += (e5 / size) * (e5 / size)
         three += (e3 / size) * (e3 / size)
     if five == 0.0:
@@ -134,17 +133,12 @@ def _error(z: Any, y: int, w: int, n: int, h: float, span: float) -> float:
 
 
 @kernel
-def _largest(z: Any, i: int) -> float:
-    return max(abs(float(z[i])), abs(float(z[i + 1])), abs(float(z[i + 2])))
-
-
-@kernel
 def first_step(z: Any, y: int, body: Body, loads: Loads) -> float:
-    """A step size to begin with: half a radian at the rate and acceleration of the state z[y:]."""
-    omega = rate_at(z, y)
-    alpha = angular_acceleration(attitude_at(z, y), omega, body, loads)
-    pace = math.sqrt(dot(omega, omega)) + math.sqrt(math.sqrt(dot(alpha, alpha)))
-    return 0.5 / pace if pace > 0.0 else LONGEST_STEP
+    """Return a step size to begin with: half a radian at the rate and acceleration of the state z[y:]."""
+    omega = state_omega(z, y)
+    alpha = angular_acceleration(state_attitude(z, y), omega, body, loads)
+    rate_scale = math.sqrt(dot(omega, omega)) + math.sqrt(math.sqrt(dot(alpha, alpha)))
+    return 0.5 / rate_scale if rate_scale > 0.0 else LONGEST_STEP
 
 
 @kernel(inline=False)
@@ -207,7 +201,7 @@ def dop853_advance(
 
 @kernel
 def _accept(z: Any, y: int, w: int, n: int) -> None:
-    """The trial state becomes the state, its quaternion scaled to length 1."""
-    for j in range(4, n):
+    """Take the trial state as the state, its quaternion scaled to length 1."""
+    for j in range(OMEGA, n):
         z[y + j] = z[w + j]
-    put_attitude(z, y, attitude_at(z, w))
+    put_unit_attitude(z, y, state_attitude(z, w))

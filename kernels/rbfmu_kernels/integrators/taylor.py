@@ -7,7 +7,7 @@ explicit. Where a force turns with the body, velocity and position follow in the
 Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed. 1993, I.8 and III.3; the step is chosen by
 the last two terms: A. Jorba & M. Zou, Experimental Mathematics 14 (2005).
 
-Works in a piece of a unit's buffer, see `taylor_coefficients`; states as in `dop853`.
+Works in a piece of a model's buffer, see `taylor_coefficients`; states: see `rigid_body_state`.
 """
 
 import math
@@ -16,31 +16,43 @@ from typing import Any
 import numpy as np
 
 from ..buffer import FINE, MOST_SUBSTEPS, NOT_REACHED
-from ..buffer_access import put_vec3_at, vec3_at
+from ..buffer_access import quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers
 from ..mechanics.equations_of_motion import Body, LoadPolynomial, polynomial_after
 from ..mechanics.inertia import trace
 from ..rotations.quaternion import add_scaled_quaternion, compose_quaternions, invert_quaternion, rotate
-from ..rotations.vec3 import add, add_scaled, dot, scale
+from ..rotations.vec3 import add, add_scaled, dot, largest_component, scale
 from ..types import Quaternion, Vec3
-from .dop853 import SPIN, TURNING, attitude_at, put_attitude, rate_at
+from .rigid_body_state import (
+    RATE_ONLY,
+    WHOLE_STATE,
+    put_state_omega,
+    put_state_position,
+    put_state_velocity,
+    put_unit_attitude,
+    state_attitude,
+    state_omega,
+    state_position,
+    state_velocity,
+)
 from .substeps import substeps_in, tolerance_of_substep
 from .taylor_coefficients import (
-    LEVEL,
-    LOADS,
+    ACCELERATION,
+    FORCE,
     PER,
-    PUSH,
-    ROW,
-    SERIES,
+    RATE,
+    TO_DERIVATIVE,
+    TORQUE,
     TURN,
     WORK,
     SpaceFixedLoads,
+    acceleration_series,
     known_torques,
     motion_series,
-    push_series,
     put_factors,
     space_fixed_loads,
+    term,
     turned_loads,
 )
 
@@ -63,7 +75,7 @@ _REMAINDER = np.array(
 )
 """Its error: this times (2 h)^(2m+1) / 2 and the (2m+1)-th derivative."""
 _RATE_PER_ACCELERATION = 4.0 / math.e * np.arange(_MOST_DERIVATIVES + 1)
-"""Times an acceleration: the square of the rate whose turn has as large a (2m)-th derivative as a turn from rest."""
+"""Times an acceleration, the square of the rate whose turn has a (2m)-th derivative as large as a turn from rest."""
 _FOUR = 4.0 ** np.arange(_MOST_DERIVATIVES + 1)
 
 KEPT = 8
@@ -72,18 +84,18 @@ KEPT = 8
 
 @kernel
 def derivatives_of_attitude(order: int) -> int:
-    """How many the attitude needs beside rates of an order: measured, the least work from 1e-3 to 1e-12."""
+    """Return how many the attitude needs beside rates of an order: measured, the least work from 1e-3 to 1e-12."""
     return (3 * order + 7) // 8
 
 
 @kernel
 def _sum(s: Any, u: int, order: int, h: float) -> Vec3:
-    """The series at u, at h: even and odd powers apart, as half as many sums wait for each other."""
+    """Return the series at u, at h: even and odd powers apart, as half as many sums wait for each other."""
     steps = lanes(h * h, h * h, h * h, h * h)
     even = odd = lanes(0.0, 0.0, 0.0, 0.0)
     for k in range(order - (order & 1), 0, -2):
-        even = add_lanes(multiply_lanes(even, steps), lanes_at(s, u + ROW * k))
-        odd = add_lanes(multiply_lanes(odd, steps), lanes_at(s, u + ROW * (k - 1)))
+        even = add_lanes(multiply_lanes(even, steps), lanes_at(s, term(u, k)))
+        odd = add_lanes(multiply_lanes(odd, steps), lanes_at(s, term(u, k - 1)))
     even, odd = multiply_lanes(even, steps), multiply_lanes(odd, lanes(h, h, h, h))
     x, y, z, _ = numbers(add_lanes(add_lanes(even, odd), lanes_at(s, u)))
     return (x, y, z)
@@ -91,36 +103,36 @@ def _sum(s: Any, u: int, order: int, h: float) -> Vec3:
 
 @kernel
 def _half_turn(s: Any, m: int, h: float) -> Quaternion:
-    """The two-point formula's half: sum of c_k k! h^k D_k."""
+    """Return half of the two-point formula: the sum of c_k k! h^k D_k."""
     power, total = 1.0, (0.0, 0.0, 0.0, 0.0)
     for k in range(m + 1):
-        total = add_scaled_quaternion(total, _WEIGHT[m, k] * power, attitude_at(s, TURN + ROW * k))
+        total = add_scaled_quaternion(total, _WEIGHT[m, k] * power, quaternion_at(s, term(TURN, k)))
         power *= h
     return total
 
 
 @kernel
-def _half_push(s: Any, m: int, h: float) -> tuple[Vec3, Vec3]:
-    """The same of the velocity and of the position that an acceleration makes."""
+def _half_path(s: Any, m: int, h: float) -> tuple[Vec3, Vec3]:
+    """Return the same of the velocity and of the position that an acceleration makes."""
     power, speed, path = h, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for k in range(m):
-        push = scale(PER[k] * power, vec3_at(s, PUSH + ROW * k))
+        gain = scale(PER[k] * power, vec3_at(s, term(ACCELERATION, k)))
         power *= h
-        speed = add_scaled(speed, _WEIGHT[m, k + 1], push)
-        path = add_scaled(path, _WEIGHT[m, k + 2] * PER[k + 1] * h, push)
+        speed = add_scaled(speed, _WEIGHT[m, k + 1], gain)
+        path = add_scaled(path, _WEIGHT[m, k + 2] * PER[k + 1] * h, gain)
     return speed, path
 
 
 @kernel
 def _move(z: Any, y: int, q: Quaternion, m: int, s: Any, h: float) -> None:
-    """The two-point formula's half for velocity and position of the state z[y:], h < 0 at a step's end."""
-    speed, path = _half_push(s, m, h)
-    speed, path = rotate(q, speed), rotate(q, path)
+    """Add half of the two-point formula to velocity and position of the state z[y:], h < 0 at a step's end."""
+    speed, path = _half_path(s, m, h)
     sign = math.copysign(1.0, h)
-    for i in range(3):
-        z[y + 11 + i] += sign * speed[i] if h < 0.0 else 0.0
-        z[y + 8 + i] += 0.5 * abs(h) * z[y + 11 + i] + sign * path[i]
-        z[y + 11 + i] += sign * speed[i] if h > 0.0 else 0.0
+    gain, path = scale(sign, rotate(q, speed)), scale(sign, rotate(q, path))
+    none = (0.0, 0.0, 0.0)
+    v_c = add(state_velocity(z, y), gain if h < 0.0 else none)
+    put_state_position(z, y, add(state_position(z, y), add(scale(0.5 * abs(h), v_c), path)))
+    put_state_velocity(z, y, add(v_c, gain if h > 0.0 else none))
 
 
 @kernel
@@ -133,14 +145,10 @@ def _power(x: float, n: int) -> float:
 
 
 @kernel
-def _largest(v: Vec3) -> float:
-    return max(max(abs(v[0]), abs(v[1])), abs(v[2]))
-
-
-@kernel
 def _last_terms(s: Any, u: int, order: int, h: float) -> float:
-    """The last two terms of the series at u, per h^(order - 1)."""
-    return max(_largest(vec3_at(s, u + ROW * (order - 1))), h * _largest(vec3_at(s, u + ROW * order)))
+    """Return the larger of the last two terms of the series at u, per h^(order - 1)."""
+    last, before = vec3_at(s, term(u, order)), vec3_at(s, term(u, order - 1))
+    return max(largest_component(before), h * largest_component(last))
 
 
 @kernel
@@ -148,9 +156,9 @@ def _space_fixed_acceleration(s: Any, body: Body, fixed: SpaceFixedLoads) -> flo
     """Return a bound of the angular acceleration by loads that turn in b."""
     torque = 0.0
     if fixed.lever_force:
-        torque += _size(body.arm_b) * _size(vec3_at(s, LOADS))
+        torque += _size(body.arm_b) * _size(vec3_at(s, FORCE))
     if fixed.torque:
-        torque += _size(vec3_at(s, LOADS + SERIES))
+        torque += _size(vec3_at(s, TORQUE))
     return torque * trace(body.inertia_inverse)
 
 
@@ -160,43 +168,45 @@ def _size(v: Vec3) -> float:
 
 
 @kernel(inline=False)
-def _error(s: Any, order: int, h: float, push: float, alpha_fixed: float, kept: int, n: int, span: float) -> float:
+def _error(
+    s: Any, order: int, h: float, acceleration: float, alpha_fixed: float, kept: int, n: int, span: float
+) -> float:
     """Estimate for a step of h: the last two terms relative to the rate, and the two-point formula's remainder (rad).
 
-    push: a force's acceleration, relative to the velocity and at least 1 m/s, if it turns with the body.
+    acceleration: that by a force that turns with the body, relative to the velocity, which counts as 1 m/s at least.
     alpha_fixed: the angular acceleration by loads that turn in b, whose last terms count as they act for `kept` steps.
     span: how long an error of the rate goes on to turn the body, s; see `body.memory.SETTINGS`.
     """
     m, square, power = derivatives_of_attitude(order), 0.0, 1.0
     at_end = (0.0, 0.0, 0.0)
     for k in range(4):
-        part = scale(power, vec3_at(s, ROW * k))
+        part = scale(power, vec3_at(s, term(RATE, k)))
         at_end = add(at_end, part)
         square = max(square, max(dot(part, part), dot(at_end, at_end)))
         power *= h
     power = _power(h, order - 1)
-    last = _last_terms(s, 0, order, h) * power
+    last = _last_terms(s, RATE, order, h) * power
     rate = math.sqrt(square)
     turned = last * span
     last = last / rate if rate > 0.0 else 0.0
-    if n == SPIN:
+    if n == RATE_ONLY:
         return last
     last = max(last, turned)
     if alpha_fixed > 0.0:
-        force, torque = _size(vec3_at(s, LOADS)), _size(vec3_at(s, LOADS + SERIES))
-        off = _last_terms(s, LOADS, order, h) * power / force if force > 0.0 else 0.0
-        off += _last_terms(s, LOADS + SERIES, order, h) * power / torque if torque > 0.0 else 0.0
+        force, torque = _size(vec3_at(s, FORCE)), _size(vec3_at(s, TORQUE))
+        off = _last_terms(s, FORCE, order, h) * power / force if force > 0.0 else 0.0
+        off += _last_terms(s, TORQUE, order, h) * power / torque if torque > 0.0 else 0.0
         span = kept * h
         last = max(last, off * alpha_fixed * span * max(0.5 * span, 1.0 / rate)) if off > 0.0 else last
-    alpha = vec3_at(s, ROW)
+    alpha = vec3_at(s, term(RATE, 1))
     square = h * h * (square + _RATE_PER_ACCELERATION[m] * math.sqrt(dot(alpha, alpha)))
-    remainder: float = _REMAINDER[m] * _power(square, m) * max(math.sqrt(square), _FOUR[m] * h * push)
+    remainder: float = _REMAINDER[m] * _power(square, m) * max(math.sqrt(square), _FOUR[m] * h * acceleration)
     return max(last, remainder)
 
 
 @kernel
 def _nearer_size(h: float, order: int, excess: float) -> float:
-    """About h excess^(-1 / order), without a root."""
+    """Return about h excess^(-1 / order), without a root."""
     if not excess < 1e4:
         return 0.5 * h
     if excess < 1e-4:
@@ -206,14 +216,14 @@ def _nearer_size(h: float, order: int, excess: float) -> float:
 
 @kernel
 def _sums(s: Any, order: int, h: float, fixed: SpaceFixedLoads) -> None:
-    """Row 0 of omega and of the loads that turn in b becomes their series' sum at h."""
-    put_factors(s, 0, _sum(s, 0, order, h))
+    """Set row 0 of omega and of the loads that turn in b to their series' sum at h."""
+    put_factors(s, RATE, _sum(s, RATE, order, h))
     for level in range(3 if fixed.changing else 1):
-        u = LOADS + LEVEL * level
+        force, torque = FORCE + TO_DERIVATIVE * level, TORQUE + TO_DERIVATIVE * level
         if fixed.lever_force:
-            put_factors(s, u, _sum(s, u, order, h))
+            put_factors(s, force, _sum(s, force, order, h))
         if fixed.torque:
-            put_factors(s, u + SERIES, _sum(s, u + SERIES, order, h))
+            put_factors(s, torque, _sum(s, torque, order, h))
 
 
 @kernel(inline=False)
@@ -232,7 +242,7 @@ def taylor_advance(
 ) -> int:
     """Advance the state z[y:] by h, the estimated error of each step at most `tolerance` (`span`: see there).
 
-    An infinite tolerance: steps as kept.
+    An infinite tolerance leaves the steps as they are kept.
 
     z[size] keeps the step size, z[size + 1] counts the steps.  Equal parts reach h, as in `dop853_advance`.
     NOT_REACHED where the motion is not finite or needs too many steps; state and size are then the caller's to restore.
@@ -240,12 +250,12 @@ def taylor_advance(
     s, m, now = z[w : w + WORK], derivatives_of_attitude(order), loads
     fixed, torques = space_fixed_loads(body, loads), known_torques(loads, body)
     turned = fixed.lever_force or fixed.torque
-    put_factors(s, 0, rate_at(z, y))
+    put_factors(s, RATE, state_omega(z, y))
     if turned:
-        turned_loads(s, attitude_at(z, y), now)
+        turned_loads(s, state_attitude(z, y), now)
     motion_series(s, 0, order, m, body, torques, fixed)
-    if n == TURNING:
-        push_series(s, m, body.inverse_mass, now)
+    if n == WHOLE_STATE:
+        acceleration_series(s, m, body.inverse_mass, now)
     rest, low, tried = h, 0.0, 0
     while rest > 0.0:
         tried += 1
@@ -253,10 +263,13 @@ def taylor_advance(
         if count == 0 or tried >= MOST_SUBSTEPS:
             return NOT_REACHED
         part = (rest + low) / count
-        push = _largest(vec3_at(s, PUSH)) / max(_largest(vec3_at(z, y + 11)), 1.0) if n == TURNING else 0.0
+        acceleration = 0.0
+        if n == WHOLE_STATE:
+            speed = max(largest_component(state_velocity(z, y)), 1.0)
+            acceleration = largest_component(vec3_at(s, ACCELERATION)) / speed
         alpha_fixed = _space_fixed_acceleration(s, body, fixed) if turned and count > 1 else 0.0
         allowed = tolerance_of_substep(tolerance, span, part)
-        excess = _error(s, order, part, push, alpha_fixed, min(count, KEPT), n, span) / allowed
+        excess = _error(s, order, part, acceleration, alpha_fixed, min(count, KEPT), n, span) / allowed
         if not excess <= 1.0:
             z[size] = _nearer_size(part, order, 2.0 * excess)
             continue
@@ -266,26 +279,26 @@ def taylor_advance(
         left = 0.0 if count == 1 else rest - part
         low += (rest - left) - part
         rest = left
-        q, half = attitude_at(z, y), (1.0, 0.0, 0.0, 0.0)
-        if n != SPIN:
+        q, half = state_attitude(z, y), (1.0, 0.0, 0.0, 0.0)
+        if n != RATE_ONLY:
             half = _half_turn(s, m, part)
-        if n == TURNING:
+        if n == WHOLE_STATE:
             _move(z, y, q, m, s, part)
         _sums(s, order, part, fixed)
         if fixed.changing:
             now = polynomial_after(loads, h - rest)
             torques = known_torques(now, body)
-        put_vec3_at(z, y + 4, vec3_at(s, 0))
-        if n != SPIN:
+        put_state_omega(z, y, vec3_at(s, RATE))
+        if n != RATE_ONLY:
             motion_series(s, 0, m, m, body, torques, fixed)
             q = compose_quaternions(compose_quaternions(q, half), invert_quaternion(_half_turn(s, m, -part)))
-            put_attitude(z, y, q)
-        if n == TURNING:
-            push_series(s, m, body.inverse_mass, now)
-            _move(z, y, attitude_at(z, y), m, s, -part)
+            put_unit_attitude(z, y, q)
+        if n == WHOLE_STATE:
+            acceleration_series(s, m, body.inverse_mass, now)
+            _move(z, y, state_attitude(z, y), m, s, -part)
         if rest > 0.0:
             anew = turned and (fixed.changing or tried % KEPT == 0)
             if anew:
-                turned_loads(s, attitude_at(z, y), now)
-            motion_series(s, 0 if n == SPIN or anew else m, order, 0, body, torques, fixed)
+                turned_loads(s, state_attitude(z, y), now)
+            motion_series(s, 0 if n == RATE_ONLY or anew else m, order, 0, body, torques, fixed)
     return FINE

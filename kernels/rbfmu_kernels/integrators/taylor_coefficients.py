@@ -1,14 +1,15 @@
-"""Taylor coefficients of a body's motion, in a piece of a unit's buffer: series by series, ROW numbers a term.
+"""Taylor coefficients of a body's motion, in a piece of a model's buffer: series by series, a row of numbers a term.
 
-Of the body rate and of those loads that turn in b to full order, few products; of the attitude, and of the acceleration
-by a force that turns with the body, as far as `taylor` needs.
+There are series of the body rate and of those loads that turn in b to full order, which takes few products; of the
+attitude, and of the acceleration by a force that turns with the body, as far as `taylor` needs.
 """
 
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..buffer_access import put_vec3_at, vec3_at
+from ..buffer import places
+from ..buffer_access import put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes
 from ..mechanics.equations_of_motion import Body, LoadPolynomial, Loads, acting_loads, is_changing
@@ -16,20 +17,24 @@ from ..rotations.matrix import transform
 from ..rotations.quaternion import add_scaled_quaternion, compose_quaternions, invert_quaternion, rotate
 from ..rotations.vec3 import add, cross, is_nonzero, scale, subtract
 from ..types import Matrix, Quaternion, Vec3
-from .dop853 import attitude_at
 
 MOST_ORDER = 24
-ROW = 8
-SERIES = ROW * (MOST_ORDER + 1)
-WORK = 9 * SERIES
-"""Size of the work space."""
-TURN, LOADS, PUSH = SERIES, 2 * SERIES, 8 * SERIES
-"""Where series begin, behind omega's: D, the attitude relative to that at the series' begin; arm_force and torque fixed
-in a, their derivatives, and theirs; D F_b D*, the push."""
-LEVEL = 2 * SERIES
-"""From a load to its derivative."""
-_SECOND, _PRODUCT = 4, TURN + 4
-"""Places in a row: behind a vector (x, y, z, 0) the same as a second factor, (y, z, x, 0); D o F_b behind D."""
+_IN_ROW, ROW = places({"first": 4, "second": 4})
+"""A row holds a vector (x, y, z, 0) and the same as a second factor, (y, z, x, 0); or D and D o F_b."""
+_SECOND: int = _IN_ROW["second"].start
+_NAMES = (
+    "rate", "turn", "force", "torque", "force_rate", "torque_rate", "force_rate_2", "torque_rate_2", "acceleration",
+)  # fmt: skip
+_SERIES = ROW * (MOST_ORDER + 1)
+_PLACES, WORK = places(dict.fromkeys(_NAMES, _SERIES))
+"""The series, and the size of the work space that holds them: the body rate; D, the attitude relative to that at the
+series' beginning; force_a and torque_a as b sees them, and their derivatives; D F_b D* / mass, the acceleration by a
+force that turns with the body."""
+RATE, TURN, FORCE, TORQUE, FORCE_RATE, TORQUE_RATE, FORCE_RATE_2, TORQUE_RATE_2, ACCELERATION = (
+    _PLACES[name].start for name in _NAMES
+)
+TO_DERIVATIVE = FORCE_RATE - FORCE
+"""From a load's series to that of its derivative."""
 _ROWS = 31
 """k & _ROWS is k for any row: an index that cannot be negative needs no check."""
 PER = 1.0 / np.arange(1.0, MOST_ORDER + 2.0)
@@ -47,8 +52,15 @@ class SpaceFixedLoads(NamedTuple):
 
 
 @kernel
-def _put_turn(z: Any, i: int, s: float, q: Quaternion) -> None:
-    z[i], z[i + 1], z[i + 2], z[i + 3] = s * q[0], s * q[1], s * q[2], s * q[3]
+def term(series: int, k: int) -> int:
+    """Return where the k-th coefficient of a series stands."""
+    return series + ROW * k
+
+
+@kernel
+def product(series: int, k: int) -> int:
+    """Return where the second half of the row of a series' k-th coefficient begins."""
+    return series + _SECOND + ROW * k
 
 
 # Coefficients
@@ -56,14 +68,14 @@ def _put_turn(z: Any, i: int, s: float, q: Quaternion) -> None:
 
 @kernel
 def put_factors(s: Any, i: int, v: Vec3) -> None:
-    """A vector as both factors of a product, as vectors: what is read as it was written need not be waited for."""
+    """Store a vector as both factors of a product, in lanes: what is read as it was written need not be waited for."""
     put_lanes(s, i, lanes(v[0], v[1], v[2], 0.0))
-    put_lanes(s, i + _SECOND, lanes(v[1], v[2], v[0], 0.0))
+    put_lanes(s, product(i, 0), lanes(v[1], v[2], v[0], 0.0))
 
 
 @kernel
 def _inner_products(s: Any, u: int, v: int, k: int) -> Vec3:
-    """The sum of u_j v_(k-j), lane by lane, but for its two ends: the newest terms are waited for least."""
+    """Return the sum of u_j v_(k-j), lane by lane, but for its two ends: the newest terms are waited for least."""
     low = high = lanes(0.0, 0.0, 0.0, 0.0)
     i, j = ROW * ((k + 1) >> 1), ROW * (k >> 1)
     if i == j and k > 0:
@@ -78,8 +90,8 @@ def _inner_products(s: Any, u: int, v: int, k: int) -> Vec3:
 
 @kernel
 def _products(s: Any, k: int, rate: Vec3, first: Vec3) -> Vec3:
-    """The k-th coefficients of w_2 w_3, w_3 w_1, w_1 w_2; of omega, the k-th and the first."""
-    v, x, y = _inner_products(s, 0, _SECOND, k)
+    """Return the k-th coefficients of w_2 w_3, w_3 w_1, w_1 w_2; of omega, the k-th and the first."""
+    v, x, y = _inner_products(s, RATE, product(RATE, 0), k)
     a, b, c = first
     if k == 0:
         return (b * c, c * a, a * b)
@@ -89,11 +101,11 @@ def _products(s: Any, k: int, rate: Vec3, first: Vec3) -> Vec3:
 
 @kernel
 def _squares(s: Any, k: int) -> Vec3:
-    """The k-th coefficients of w_1^2, w_2^2, w_3^2."""
+    """Return the k-th coefficients of w_1^2, w_2^2, w_3^2."""
     x, y, v = 0.0, 0.0, 0.0
     for j in range(k + 1):
-        a, b, c = vec3_at(s, ROW * j)
-        d, e, f = vec3_at(s, ROW * ((k - j) & _ROWS))
+        a, b, c = vec3_at(s, term(RATE, j))
+        d, e, f = vec3_at(s, term(RATE, (k - j) & _ROWS))
         x += a * d
         y += b * e
         v += c * f
@@ -102,7 +114,7 @@ def _squares(s: Any, k: int) -> Vec3:
 
 @kernel
 def _gyroscopic_term(s: Any, k: int, M: Matrix, products: Vec3) -> Vec3:
-    """The k-th coefficient of -omega x M omega."""
+    """Return the k-th coefficient of -omega x M omega."""
     (a, d, e), (_, b, f), (_, _, c) = M
     x, y, v = products
     xx, yy, vv = _squares(s, k)
@@ -116,19 +128,19 @@ def _gyroscopic_term(s: Any, k: int, M: Matrix, products: Vec3) -> Vec3:
 
 @kernel
 def _cross_term(s: Any, u: int, k: int, newest: Vec3, rate: Vec3) -> Vec3:
-    """The k-th coefficient of u x omega, whose k-th coefficients are given."""
-    v, x, y = subtract(_inner_products(s, u, _SECOND, k), _inner_products(s, u + _SECOND, 0, k))
+    """Return the k-th coefficient of u x omega, whose k-th coefficients are given."""
+    v, x, y = subtract(_inner_products(s, u, product(RATE, 0), k), _inner_products(s, product(u, 0), RATE, k))
     last = cross(vec3_at(s, u), rate)
-    return last if k == 0 else add((x, y, v), add(last, cross(newest, vec3_at(s, 0))))
+    return last if k == 0 else add((x, y, v), add(last, cross(newest, vec3_at(s, RATE))))
 
 
 @kernel
 def _turn_term(s: Any, k: int, turn: Quaternion, rate: Vec3, start: Vec3) -> Quaternion:
-    """The k-th coefficient of D o (0, omega); of both, the k-th, and omega's first."""
+    """Return the k-th coefficient of D o (0, omega); of both, the k-th, and omega's first."""
     e, x, y, v = 0.0, 0.0, 0.0, 0.0
     for j in range(1, k):
-        a, b, c, d = attitude_at(s, TURN + ROW * j)
-        f, g, h = vec3_at(s, ROW * ((k - j) & _ROWS))
+        a, b, c, d = quaternion_at(s, term(TURN, j))
+        f, g, h = vec3_at(s, term(RATE, (k - j) & _ROWS))
         e -= b * f + c * g + d * h
         x += a * f + (c * h - d * g)
         y += a * g + (d * f - b * h)
@@ -146,12 +158,12 @@ def _turn_term(s: Any, k: int, turn: Quaternion, rate: Vec3, start: Vec3) -> Qua
 
 
 @kernel
-def _push_term(s: Any, k: int) -> Vec3:
-    """The k-th coefficient of (D o F_b) o D*."""
+def _acceleration_term(s: Any, k: int) -> Vec3:
+    """Return the k-th coefficient of (D o F_b) o D*."""
     x, y, v = 0.0, 0.0, 0.0
     for j in range(k + 1):
-        a, b, c, d = attitude_at(s, _PRODUCT + ROW * j)
-        e, f, g, h = attitude_at(s, TURN + ROW * ((k - j) & _ROWS))
+        a, b, c, d = quaternion_at(s, product(TURN, j))
+        e, f, g, h = quaternion_at(s, term(TURN, (k - j) & _ROWS))
         x += (b * e - a * f) + (d * g - c * h)
         y += (c * e - a * g) + (b * h - d * f)
         v += (d * e - a * h) + (c * f - b * g)
@@ -165,34 +177,30 @@ def _push_term(s: Any, k: int) -> Vec3:
 def turned_loads(s: Any, q: Quaternion, loads: LoadPolynomial) -> None:
     """Set row 0 of the loads that are fixed in a, and of their derivatives, as b sees them."""
     q_ba = invert_quaternion(q)
-    _put_turned(s, LOADS, q_ba, loads.value)
-    _put_turned(s, LOADS + LEVEL, q_ba, loads.rate)
-    _put_turned(s, LOADS + 2 * LEVEL, q_ba, loads.rate_2)
-
-
-@kernel
-def _put_turned(s: Any, u: int, q_ba: Quaternion, loads: Loads) -> None:
-    put_factors(s, u, rotate(q_ba, loads.force_a))
-    put_factors(s, u + SERIES, rotate(q_ba, loads.torque_a))
+    put_factors(s, FORCE, rotate(q_ba, loads.value.force_a))
+    put_factors(s, TORQUE, rotate(q_ba, loads.value.torque_a))
+    put_factors(s, FORCE_RATE, rotate(q_ba, loads.rate.force_a))
+    put_factors(s, TORQUE_RATE, rotate(q_ba, loads.rate.torque_a))
+    put_factors(s, FORCE_RATE_2, rotate(q_ba, loads.rate_2.force_a))
+    put_factors(s, TORQUE_RATE_2, rotate(q_ba, loads.rate_2.torque_a))
 
 
 @kernel
 def _next_load(s: Any, u: int, k: int, newest: Vec3, rate: Vec3, changes: bool) -> Vec3:
-    """Coefficient k + 1 at u of du/dt = u x omega + the derivative, if it changes."""
-    term = _cross_term(s, u, k, newest, rate)
+    """Set and return coefficient k + 1 at u of du/dt = u x omega + the derivative, if it changes."""
+    change = _cross_term(s, u, k, newest, rate)
     if changes:
-        term = add(term, vec3_at(s, u + LEVEL + ROW * k))
-    term = scale(PER[k], term)
-    put_factors(s, u + ROW * (k + 1), term)
-    return term
+        change = add(change, vec3_at(s, term(u + TO_DERIVATIVE, k)))
+    change = scale(PER[k], change)
+    put_factors(s, term(u, k + 1), change)
+    return change
 
 
 @kernel(inline=False)
 def _next_loads(s: Any, k: int, rate: Vec3) -> None:
-    """The same of the derivatives."""
-    for i in range(4):
-        u = LOADS + LEVEL + SERIES * i
-        _next_load(s, u, k, vec3_at(s, u + ROW * k), rate, i < 2)
+    """Set the coefficients k + 1 of the loads' derivatives."""
+    for u in range(FORCE_RATE, ACCELERATION, _SERIES):
+        _next_load(s, u, k, vec3_at(s, term(u, k)), rate, u < FORCE_RATE_2)
 
 
 @kernel
@@ -215,15 +223,15 @@ def known_torques(loads: LoadPolynomial, body: Body) -> Torques:
 
 @kernel(inline=False)
 def motion_series(s: Any, first: int, last: int, m: int, body: Body, torques: Torques, fixed: SpaceFixedLoads) -> None:
-    """Coefficients up to `last` of omega and of the loads that turn in b, from those up to `first`; up to m of D."""
+    """Set the coefficients from `first` to `last` of omega and of the loads that turn in b, and up to m of D."""
     damping = body.damping_b
     (a, d, e), (_, b, f), (_, _, c) = body.inertia
     (p, _, _), (_, q, _), (_, _, r) = body.inertia_inverse
     diagonal = d == 0.0 and e == 0.0 and f == 0.0
     x, y, v = p * (b - c), q * (c - a), r * (a - b)
-    start, rate, turn = vec3_at(s, 0), vec3_at(s, ROW * first), (1.0, 0.0, 0.0, 0.0)
-    force, space_torque = vec3_at(s, LOADS + ROW * first), vec3_at(s, LOADS + SERIES + ROW * first)
-    _put_turn(s, TURN, 1.0, turn)
+    start, rate, turn = vec3_at(s, RATE), vec3_at(s, term(RATE, first)), (1.0, 0.0, 0.0, 0.0)
+    force, space_torque = vec3_at(s, term(FORCE, first)), vec3_at(s, term(TORQUE, first))
+    put_quaternion_at(s, TURN, turn)
     for k in range(first, last):
         torque = (-damping[0] * rate[0], -damping[1] * rate[1], -damping[2] * rate[2])
         if k < 3:
@@ -238,34 +246,34 @@ def motion_series(s: Any, first: int, last: int, m: int, body: Body, torques: To
         else:
             alpha = transform(body.inertia_inverse, add(_gyroscopic_term(s, k, body.inertia, products), torque))
         if fixed.lever_force:
-            force = _next_load(s, LOADS, k, force, rate, fixed.changing)
+            force = _next_load(s, FORCE, k, force, rate, fixed.changing)
         if fixed.torque:
-            space_torque = _next_load(s, LOADS + SERIES, k, space_torque, rate, fixed.changing)
+            space_torque = _next_load(s, TORQUE, k, space_torque, rate, fixed.changing)
         if fixed.changing:
             _next_loads(s, k, rate)
         if k < m:
             turn = _turn_term(s, k, turn, rate, start)
             half = 0.5 * PER[k]
             turn = (half * turn[0], half * turn[1], half * turn[2], half * turn[3])
-            _put_turn(s, TURN + ROW * (k + 1), 1.0, turn)
+            put_quaternion_at(s, term(TURN, k + 1), turn)
         rate = scale(PER[k], alpha)
-        put_factors(s, ROW * (k + 1), rate)
+        put_factors(s, term(RATE, k + 1), rate)
 
 
 @kernel
-def _pushed(s: Any, k: int, inverse_mass: float, force: Vec3) -> Quaternion:
+def _turned_force(s: Any, k: int, inverse_mass: float, force: Vec3) -> Quaternion:
     force = scale(inverse_mass, force)
-    return compose_quaternions(attitude_at(s, TURN + ROW * k), (0.0, force[0], force[1], force[2]))
+    return compose_quaternions(quaternion_at(s, term(TURN, k)), (0.0, force[0], force[1], force[2]))
 
 
 @kernel(inline=False)
-def push_series(s: Any, m: int, inverse_mass: float, loads: LoadPolynomial) -> None:
-    """Coefficients below m of D F_b D* / mass: the turning acceleration in the axes that b has at the series' begin."""
+def acceleration_series(s: Any, m: int, inverse_mass: float, loads: LoadPolynomial) -> None:
+    """Set the coefficients below m of D F_b D* / mass, in the axes that b has at the series' beginning."""
     for k in range(m):
-        product = _pushed(s, k, inverse_mass, loads.value.force_b)
+        total = _turned_force(s, k, inverse_mass, loads.value.force_b)
         if k > 0:
-            product = add_scaled_quaternion(product, 1.0, _pushed(s, k - 1, inverse_mass, loads.rate.force_b))
+            total = add_scaled_quaternion(total, 1.0, _turned_force(s, k - 1, inverse_mass, loads.rate.force_b))
         if k > 1:
-            product = add_scaled_quaternion(product, 0.5, _pushed(s, k - 2, inverse_mass, loads.rate_2.force_b))
-        _put_turn(s, _PRODUCT + ROW * k, 1.0, product)
-        put_vec3_at(s, PUSH + ROW * k, _push_term(s, k))
+            total = add_scaled_quaternion(total, 0.5, _turned_force(s, k - 2, inverse_mass, loads.rate_2.force_b))
+        put_quaternion_at(s, product(TURN, k), total)
+        put_vec3_at(s, term(ACCELERATION, k), _acceleration_term(s, k))

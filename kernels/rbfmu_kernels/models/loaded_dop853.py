@@ -17,7 +17,8 @@ from ..body.outputs import output_rates as output_rates
 from ..body.outputs import outputs as outputs
 from ..buffer import NOT_REACHED, places
 from ..compile.decorator import kernel
-from ..integrators.dop853 import ROTATION, WORK, dop853_advance, dop853_march, first_step
+from ..integrators.dop853 import WORK, dop853_advance, dop853_march, first_step
+from ..integrators.rigid_body_state import ROTATION
 
 _, _BEFORE = places(DRIVEN)
 BLOCKS, SIZE = places(DRIVEN | {"pad_3": -_BEFORE % 8, "work": WORK})

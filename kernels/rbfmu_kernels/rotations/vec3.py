@@ -53,12 +53,18 @@ def is_nonzero(v: Vec3) -> bool:
 
 
 @kernel
+def largest_component(v: Vec3) -> float:
+    """Return the largest size of a component."""
+    return max(max(abs(v[0]), abs(v[1])), abs(v[2]))
+
+
+@kernel
 def norm(v: Vec3) -> float:
     """|v|.
 
     v: any unit, any size.  Error <= 1 eps.
     """
-    s = scale_for_squares(max(max(abs(v[0]), abs(v[1])), abs(v[2])))
+    s = scale_for_squares(largest_component(v))
     scaled = scale(s, v)
     return math.sqrt(dot(scaled, scaled)) / s
 
