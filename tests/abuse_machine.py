@@ -3,10 +3,12 @@
 import math
 from collections import Counter
 
-from abuse_model import BEFORE, STEPPING, Model
+from abuse_model import Model
 from fmu_importer import DISCARD, ERROR, OK
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule
+
+from rbfmu_fmu.call_rules import INSTANTIATED, STEPPING
 
 OTHER_TYPES = [f"fmi2{verb}{kind}" for kind in ("Integer", "Boolean", "String") for verb in ("Get", "Set")]
 INQUIRIES = [("Real", 2), ("Boolean", 3), ("Status", 0), ("Integer", 0), ("String", 1), ("Real", 3), ("Boolean", 5)]
@@ -129,7 +131,7 @@ class Abuse(RuleBasedStateMachine):
 
     def begin(self, number, model, start=0.0):
         """The right way to the first step."""
-        if model.now.phase != BEFORE:
+        if model.now.phase != INSTANTIATED:
             self.plain("fmi2Reset", number, model)
         self.check("fmi2SetupExperiment", model.setup(start, None), "setup", number, None, start, None)
         self.plain("fmi2EnterInitializationMode", number, model)

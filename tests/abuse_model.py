@@ -1,4 +1,6 @@
-"""What an FMU must answer to any call: FMI 2.0's state machine, and direct calls of the kernels for the motion.
+"""What an FMU must answer to any call: by the rules of calls, and by direct calls of the kernels for the motion.
+
+The rules are the product's own table, which test_call_rules.py compares with the standard's.
 
 `native` is what the C layer promises. `python` is what pythonfmu 0.7.0 lets a slave say: an error is fmi2Fatal, and
 calls that it answers by itself (status inquiries, what it does not support, null or freed states) are its own.
@@ -8,12 +10,13 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from fmu_importer import DISCARD, ERROR, FATAL, LAST_SUCCESSFUL_TIME, OK, TERMINATED
+from fmu_importer import DISCARD, ERROR, FATAL, LAST_SUCCESSFUL_TIME, OK
+from fmu_importer import TERMINATED as IS_TERMINATED
 
+from rbfmu_fmu.call_rules import CALLS, INITIALIZING, INSTANTIATED, SETTABLE, STEPPING, TERMINATED
 from rbfmu_fmu.description import describe
 from rbfmu_kernels.buffer import FINE, NOT_REACHED, PAST_STOP
 
-BEFORE, INITIALIZING, STEPPING, AFTER = range(4)
 REFUSED = {"python": FATAL, "native": ERROR}
 
 
@@ -38,7 +41,7 @@ class Snapshot:
     """All that a saved state holds; of pythonfmu's FMU: the first four."""
 
     z: np.ndarray
-    phase: int = BEFORE
+    phase: int = INSTANTIATED
     status: int = FINE
     stale: bool = True
     time: float = 0.0
@@ -58,6 +61,9 @@ class Model:
         self.saved = {}  # native: states of this instance by their address
         self.reset()
 
+    def _allowed(self, call):
+        return self.now.phase in CALLS[call].phases
+
     # --- life
 
     def reset(self):
@@ -67,7 +73,7 @@ class Model:
     def setup(self, start, stop):
         if self.native:
             bad = not math.isfinite(start) or (stop is not None and not stop >= start)
-            if self.now.phase != BEFORE or bad:
+            if not self._allowed("set_up_experiment") or bad:
                 return self.refused
             self.now.stop = math.inf if stop is None else stop
         if math.isfinite(start):
@@ -75,21 +81,21 @@ class Model:
         return OK, None
 
     def enter(self):
-        if self.now.phase != BEFORE:
+        if not self._allowed("enter_initialization"):
             return self.refused
         self.now.phase = INITIALIZING
         return OK, None
 
     def exit(self):
-        if self.now.phase != INITIALIZING or not self._initialized():
+        if not self._allowed("exit_initialization") or not self._initialized():
             return self.refused
         self.now.phase = STEPPING
         return OK, None
 
     def terminate(self):
-        if self.native and self.now.phase != STEPPING:
+        if self.native and not self._allowed("terminate"):
             return self.refused
-        self.now.phase = AFTER
+        self.now.phase = TERMINATED
         return OK, None
 
     def _initialized(self):
@@ -111,7 +117,7 @@ class Model:
         return OK, self.now.z[self.facts.offsets[references]].tolist() if references else []
 
     def _fresh(self):
-        if self.now.phase == BEFORE:
+        if not self._allowed("get_outputs"):
             return False
         if self.now.stale and self.now.phase == INITIALIZING:
             return self._initialized()
@@ -130,9 +136,7 @@ class Model:
         return OK, None
 
     def _settable(self, reference):
-        causality = self.facts.causality[reference]
-        late = {"input": AFTER, "parameter": STEPPING, "output": BEFORE}[causality]
-        return self.now.phase < late
+        return self.now.phase in SETTABLE[self.facts.causality[reference]]
 
     def get_integer(self, references):
         if any(r != self.facts.reals for r in references):
@@ -147,7 +151,7 @@ class Model:
         if not self.native:
             return ERROR, None
         places = self._rates(references, orders, self.facts.inputs)
-        if self.now.phase == AFTER or places is None or not np.isfinite(values).all():
+        if not self._allowed("set_input_derivatives") or places is None or not np.isfinite(values).all():
             return self.refused
         self.now.z[places] = values
         return OK, None
@@ -176,7 +180,7 @@ class Model:
 
     def step(self, time, size):
         now, end = self.now, time + size
-        if now.phase != STEPPING:
+        if not self._allowed("do_step"):
             return self.refused
         if self._impossible(time, size):
             return self._not_taken(self.facts.refused if self.native else DISCARD, time)
@@ -204,7 +208,7 @@ class Model:
     def inquiry(self, kind, wanted):
         if kind == "Real" and wanted == LAST_SUCCESSFUL_TIME:
             return OK, self.now.time if self.native else self.last
-        if kind == "Boolean" and wanted == TERMINATED:
+        if kind == "Boolean" and wanted == IS_TERMINATED:
             return OK, int(self.now.discarded if self.native else self.ended)
         return (DISCARD if self.native or kind != "Status" else ERROR), None
 

@@ -3,7 +3,7 @@
 import pytest
 from fmu_importer import DISCARD, ERROR, OK
 from fmus import native, started
-from test_native_fmu_calls import ALLOWED, CALLS, in_phase
+from test_native_fmu_calls import ALLOWED, MADE, in_phase
 from test_python_fmu import LOADED
 
 
@@ -32,10 +32,10 @@ def test_a_state_of_any_phase_goes_on_from_there(phase):
     state, other = in_phase(phase), started(LOADED)
     code, restored = other.deserialized(state.serialized(state.state()))
     assert code == other.restore(restored) == OK
-    assert {call for call in CALLS if CALLS[call](in_phase_of(state)) == OK} == ALLOWED[phase]
-    for call in CALLS:
+    assert {call for call in MADE if MADE[call](in_phase_of(state)) == OK} == ALLOWED[phase]
+    for call in MADE:
         assert other.restore(restored) == OK
-        assert (CALLS[call](other) == OK) == (call in ALLOWED[phase]), call
+        assert (MADE[call](other) == OK) == (call in ALLOWED[phase]), call
 
 
 def in_phase_of(instance):

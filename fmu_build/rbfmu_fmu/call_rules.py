@@ -44,12 +44,10 @@ SETTABLE = {
 }
 """By causality: the phases in which variables may be set."""
 
+SET_REFUSAL = "%s %s cannot be set %s"
+"""The message where a phase does not allow that: causality, name, the phase's text."""
+
 
 def refusal(call: str, phase: int) -> str:
     """The message where a phase does not allow a call."""
     return f"{CALLS[call].refusal} {PHASE_TEXTS[phase]}"
-
-
-def set_refusal(causality: str, name: str, phase: int) -> str:
-    """The message where a phase does not allow a variable to be set."""
-    return f"{causality} {name} cannot be set {PHASE_TEXTS[phase]}"

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Iterable
 
-from rbfmu_fmu.call_rules import CALLS, PHASES, SETTABLE
+from rbfmu_fmu.call_rules import CALLS, PHASES, SET_REFUSAL, SETTABLE
 from rbfmu_fmu.description import LOG_CATEGORIES, Description
 from rbfmu_fmu.slave_access import HELD, TO_VARY
 from rbfmu_kernels.buffer import FINE, NOT_REACHED, PAST_STOP
@@ -31,6 +31,7 @@ def call_rules() -> str:
         "static const struct { unsigned phases; const char *refusal; } RULES[] = {",
         *[f"    [{name.upper()}] = {{{_bits(rule.phases)}, {_c(rule.refusal)}}}," for name, rule in CALLS.items()],
         "};",
+        f"#define SET_REFUSAL {_c(SET_REFUSAL)}",
         "static const struct { const char *name; unsigned settable_in; } CAUSALITIES[] = {",
         *[f"    [{name.upper()}] = {{{_c(name)}, {_bits(allowed)}}}," for name, allowed in SETTABLE.items()],
         "};",

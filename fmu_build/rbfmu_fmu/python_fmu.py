@@ -70,7 +70,7 @@ def build_python_fmu(scene: Scene, plan: Plan, path: Path) -> Path:
 
 def _package_files(plan: Plan, description: Description) -> dict[str, bytes]:
     folder = importlib.resources.files("rbfmu_fmu")
-    files = {name: folder.joinpath(name).read_bytes() for name in ("slave.py", "slave_access.py")}
+    files = {name: folder.joinpath(name).read_bytes() for name in ("slave.py", "slave_access.py", "call_rules.py")}
     name, code = _shipped_code(plan)
     known = description.to_dict() | {"shipped_code": {name: zlib.crc32(code)}}
     return kernel_sources() | files | {name: code, "description.json": json_bytes(known)}

@@ -15,25 +15,25 @@ from typing import Any
 from pythonfmu import Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
-from .slave_access import (
-    HELD,
+from .call_rules import (
+    CALLS,
     INITIALIZING,
     INSTANTIATED,
-    PHASES,
+    PHASE_TEXTS,
+    SET_REFUSAL,
+    SETTABLE,
     STEPPING,
     TERMINATED,
-    TO_VARY,
-    Access,
-    Entries,
-    release_at_exit,
-    tell,
+    refusal,
 )
+from .slave_access import HELD, TO_VARY, Access, Entries, release_at_exit, tell
 
 FINE, NOT_REACHED, PAST_STOP = range(3)
 
 _increment = ctypes.pythonapi.Py_IncRef
 _increment.argtypes, _increment.restype = [ctypes.py_object], None
 _INFINITY = math.inf
+_MAY_STEP, _MAY_SET_INPUTS = CALLS["do_step"].phases, SETTABLE["input"]
 _LIVE: "weakref.WeakSet[Slave]" = weakref.WeakSet()
 
 
@@ -94,7 +94,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         try:
             if not math.isfinite(sum(values)):
                 self._refuse_not_finite(references, values)
-            if references == self._inputs and self._phase != TERMINATED:
+            if references == self._inputs and self._phase in _MAY_SET_INPUTS:
                 self._pack_inputs(self._buffer, self._first_input, *values)
             else:
                 self._known(references)
@@ -148,8 +148,8 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
 
     def _settable(self, reference: int) -> None:
         causality = self.access.causality[reference]
-        if causality == "output" or self._phase == TERMINATED or (causality == "parameter" and self._phase == STEPPING):
-            raise ValueError(f"{causality} {self.access.names[reference]} cannot be set {PHASES[self._phase]}")
+        if self._phase not in SETTABLE[causality]:
+            raise ValueError(SET_REFUSAL % (causality, self.access.names[reference], PHASE_TEXTS[self._phase]))
 
     def _refuse_not_finite(self, references: list[int], values: list[float]) -> None:
         self._known(references)
@@ -158,31 +158,34 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
                 raise ValueError(f"{self.access.names[r]} = {value!r}: expected a finite number")
 
     def _refresh(self) -> None:
-        if self._phase == INSTANTIATED:
-            raise RuntimeError(f"outputs have no values {PHASES[self._phase]}")
+        self._allow("get_outputs")
         if self._phase == INITIALIZING:
             self._initialize_or_refuse()
         else:
             self._outputs_of(self._where)
         self._stale = False
 
-    # --- life
+    # --- life: `setup_experiment` and `terminate` do no harm in any phase, and refusing them would be fmi2Fatal
+
+    def _allow(self, call: str) -> None:
+        if self._phase not in CALLS[call].phases:
+            raise RuntimeError(refusal(call, self._phase))
 
     def setup_experiment(self, start_time: float, stop_time: float | None, tolerance: float | None) -> None:
         """Times are the importer's; the accuracy is the scene's."""
 
     def enter_initialization_mode(self) -> None:
         """Parameters and inputs can still be set."""
-        if self._phase != INSTANTIATED:
-            error = RuntimeError(f"initialisation cannot begin {PHASES[self._phase]}")
-            raise self._survivable("fmi2EnterInitializationMode", error)
-        self._phase = INITIALIZING
+        try:
+            self._allow("enter_initialization")
+            self._phase = INITIALIZING
+        except BaseException as error:
+            raise self._survivable("fmi2EnterInitializationMode", error) from None
 
     def exit_initialization_mode(self) -> None:
         """Check every parameter, set the state and the first outputs."""
         try:
-            if self._phase != INITIALIZING:
-                raise RuntimeError(f"initialisation cannot end {PHASES[self._phase]}")
+            self._allow("exit_initialization")
             self._initialize_or_refuse()
             self._phase, self._stale = STEPPING, False
             self._hold_gil()
@@ -212,8 +215,8 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
     def do_step(self, current_time: float, step_size: float) -> bool:
         """All of a step or, with False (fmi2Discard), nothing of it."""
         try:
-            if self._phase != STEPPING:
-                raise RuntimeError(f"no step can be taken {PHASES[self._phase]}")
+            if self._phase not in _MAY_STEP:  # faster than _allow
+                raise RuntimeError(refusal("do_step", self._phase))
             end = current_time + step_size
             if not (step_size > 0.0 and -_INFINITY < end < _INFINITY):
                 return self._discard(current_time, step_size, "the step size must be positive, and all times finite")

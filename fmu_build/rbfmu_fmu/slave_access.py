@@ -15,9 +15,6 @@ import zlib
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-PHASES = "before initialisation", "in initialisation", "while stepping", "after termination"
-INSTANTIATED, INITIALIZING, STEPPING, TERMINATED = range(len(PHASES))
-
 TO_VARY = 'list "%s" under parameters in the scene\'s [inputs] to vary it'
 """What to do about it: the blocks."""
 HELD = f"%s = %s: this FMU's model was planned for %s here; {TO_VARY}"

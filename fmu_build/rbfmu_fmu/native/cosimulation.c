@@ -36,7 +36,7 @@ static int settable(Instance *m, const char *call, unsigned r, double value) {
     if (!isfinite(value))
         refuse(m, call, "%s = %s: expected a finite number", VARIABLES[r].name, number(value).text);
     else if (!is_in(m, CAUSALITIES[causality].settable_in))
-        refuse(m, call, "%s %s cannot be set %s", CAUSALITIES[causality].name, VARIABLES[r].name,
+        refuse(m, call, SET_REFUSAL, CAUSALITIES[causality].name, VARIABLES[r].name,
                PHASE_NAMES[m->now.phase]);
     else
         return 1;
