@@ -52,7 +52,7 @@ FAULTS = {
         "growth = 6.0 if error < 2.6e-7 else 0.9 / math.sqrt(math.sqrt(error))",
     ),
     "normalisation 1e-5 too long": Fault(
-        "integrators/dop853", "s = 1.0 / math.sqrt(q[0] * q[0]", "s = 1.00001 / math.sqrt(q[0] * q[0]"
+        "integrators/rigid_body_state", "s = 1.0 / math.sqrt(q[0] * q[0]", "s = 1.00001 / math.sqrt(q[0] * q[0]"
     ),
     "sign in the composition of quaternions": Fault(
         "rotations/quaternion", "a0 * b2 - a1 * b3 + a2 * b0 + a3 * b1", "a0 * b2 + a1 * b3 + a2 * b0 - a3 * b1"

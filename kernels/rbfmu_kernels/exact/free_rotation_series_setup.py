@@ -8,13 +8,18 @@ import math
 from ..compile.decorator import kernel
 from ..numerics.double_double import DoubleDouble, dd_scale
 from ..numerics.elementary import sincos_half_turns
-from ..numerics.jacobi_theta import near_scale, near_series, nome, theta_series_of
-from .free_rotation_series import Series
+from ..numerics.jacobi_theta import Near, near_scale, near_series, nome, theta_series_of
+from .free_rotation_series import (
+    AttitudeSeries,
+    NearAttitudeSeries,
+    NearSeries,
+    TumblingSeries,
+)
 
 
 @kernel(inline=False)
-def series_of(kappa: float, tilt: float, k2: float, kc: float, sign: float) -> Series:
-    """kc >= NEAREST_KC, k2 = 1 - kc^2; tilt: A_p / (A_s + G); sign of I_s - I_p."""
+def series_of(kappa: float, tilt: float, k2: float, kc: float, sign: float) -> TumblingSeries:
+    """Return the series of kc >= NEAREST_KC, k2 = 1 - kc^2; tilt: A_p / (A_s + G); sign of I_s - I_p."""
     q = nome(k2 / (1.0 + kc), kc)
     q2 = q * q
     b_0, d_0, f, h = _exponentials(kappa, tilt, k2, kc, q)
@@ -25,19 +30,19 @@ def series_of(kappa: float, tilt: float, k2: float, kc: float, sign: float) -> S
     b_1, d_1, b_2, d_2 = q2 * h * b_0, q4 * f * d_0, q8 * (h * h) * b_0, q12 * (f * f) * d_0
     cosh_1, cosh_2, cosh_3 = h + q2 * f, up_2 + down_2, up_3 + down_3
     sinh_1, sinh_2, sinh_3 = h - q2 * f, up_2 - down_2, up_3 - down_3
-    return (
+    attitude = AttitudeSeries(
         1.0 - cosh_2, 3.0 * cosh_3 - cosh_1, 2.0 * cosh_2, -4.0 * cosh_3,
         -2.0 * sign * (sinh_1 - sinh_3), 4.0 * sign * sinh_2, -8.0 * sign * sinh_3,
         sign * ((b_0 + d_0) - ((b_1 + d_1) + (b_2 + d_2))),
         2.0 * sign * ((b_2 + d_2) - (b_1 + d_1)), 4.0 * sign * (b_2 + d_2),
         ((b_2 - d_2) - (b_1 - d_1)) - (b_0 - d_0), 2.0 * ((b_1 - d_1) + (b_2 - d_2)), -4.0 * (b_2 - d_2),
-        *theta_series_of(q),
     )  # fmt: skip
+    return TumblingSeries(attitude, theta_series_of(q))
 
 
 @kernel(inline=False)
 def _exponentials(kappa: float, tilt: float, k2: float, kc: float, q: float) -> tuple[float, float, float, float]:
-    """(sqrt(q / f), sqrt(q f), f, q^2 / f), f = exp(-2 a') = exp(-pi a / K), q / f <= 1.
+    """Return (sqrt(q / f), sqrt(q f), f, q^2 / f), f = exp(-2 a') = exp(-pi a / K), q / f <= 1.
 
     By that of f, from kappa, and q / f, from rho, which has the larger start: the same function of both.
     """
@@ -55,7 +60,7 @@ def _exponentials(kappa: float, tilt: float, k2: float, kc: float, q: float) -> 
 
 @kernel(inline=False)
 def _root_of_shift(y: float, k: float, kc: float) -> float:
-    """sqrt(f / y), where Landen's descent y' = y (y + k) / (1 + k y) ends at f^(2^n); kc of k.
+    """Return sqrt(f / y), where Landen's descent y' = y (y + k) / (1 + k y) ends at f^(2^n); kc of k.
 
     y: (1 - s) / (1 + s), s = cn(a, k'_0), f = exp(-pi a / K), k of the level below k_0: at most 6 y.
     """
@@ -80,15 +85,15 @@ def _root_of_shift(y: float, k: float, kc: float) -> float:
 @kernel(inline=False)
 def near_series_of(
     root_kappa: DoubleDouble, kc: DoubleDouble, agm: DoubleDouble, sign: float
-) -> tuple[Series, DoubleDouble, float]:
-    """(series, W, shift): 2 y = W x ln 2 at the phase v = pi x; the angle 2 b v / pi is shift x half turns.
+) -> tuple[NearSeries, DoubleDouble, float]:
+    """Return (series, W, shift): 2 y = W x ln 2 at the phase v = pi x; the angle 2 b v / pi is shift x half turns.
 
     root_kappa: sqrt(kappa); agm: AGM(1, kc), kc < NEAREST_KC; sign of I_s - I_p.
     """
     one: DoubleDouble = (1.0, 0.0)
     width, phase = near_scale(kc, agm, one, root_kappa)
     near = near_series(kc[0])
-    q = near[0]
+    q = near.root_nome
     q4 = (q * q) * (q * q)
     s, c = sincos_half_turns(-0.5 * phase[0], -0.5 * phase[1])
     twice = 2.0 * (c - s) * (c + s)
@@ -96,8 +101,6 @@ def near_series_of(
     c_2, s_2 = twice * c_1 - c, twice * s_1 - s
     c_3, s_3 = twice * c_2 - c_1, twice * s_2 - s_1
     q9 = q4 * q4 * q
-    series = (
-        c, q * c_1, q4 * c_2, q9 * c_3, s, q * s_1, q4 * s_2, q9 * s_3, q, sign * near[1], near[2], near[3],
-        0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    )  # fmt: skip
+    attitude = NearAttitudeSeries(c, q * c_1, q4 * c_2, q9 * c_3, s, q * s_1, q4 * s_2, q9 * s_3)
+    series = NearSeries(attitude, Near(q, sign * near.sn, near.cn, near.dn))
     return series, dd_scale(sign, width), sign * phase[0]

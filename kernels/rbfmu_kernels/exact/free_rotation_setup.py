@@ -1,7 +1,7 @@
-"""The constants of a free body's motion (notation: free_rotation.py). Those that multiply time are double-double."""
+"""Sets up the constants of a free body's motion (notation: free_rotation.py); double-double where time multiplies."""
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..compile.decorator import kernel
 from ..numerics.agm import angle_in_half_turns, climb_scale
@@ -21,41 +21,92 @@ from ..numerics.double_double import (
 )
 from ..numerics.jacobi_theta import NEAREST_KC
 from ..numerics.scaling import power_of_two_for
+from ..records import record
 from ..rotations.quaternion import compose_quaternions, invert_quaternion
 from ..types import _SHAPES, Quaternion, Vec3
-from .free_rotation_series import NEAR, SEPARATRIX, STEADY, TUMBLING, place_of, turn_of
+from .free_rotation_series import (
+    NEAR,
+    SEPARATRIX,
+    STEADY,
+    TUMBLING,
+    Series,
+    SteadyTurn,
+    flatten_near,
+    flatten_steady,
+    flatten_tumbling,
+    place_of,
+    turn_of,
+)
 from .free_rotation_series_setup import near_series_of, series_of
 from .uniform_rotation import ONE_OVER_4PI, turning_about
 
-FREE_ROTATION_SIZE = 62
+Columns = tuple[Quaternion, Quaternion, Quaternion, Quaternion]
+
+
+class FreeRotation(NamedTuple):
+    """The constants of one motion.
+
+    kind: TUMBLING, STEADY, NEAR the separatrix or on it (SEPARATRIX). unit: the unit of all rates, 1/s.
+    precession: the rate of psi / (4 pi). phase_rate and phase: rate and start of the polhode's phase in half turns, the
+    rate halved. rates and rates_low: the largest about p, r, s, with their body axes' signs, and their low parts.
+    kc_squared: of the complementary modulus. width and shift: what `place_near` and `turn_of` need NEAR the separatrix.
+    columns: what 1, i_p, i_r, i_s are after q_0, in body axes. p and r: the numbers 1, 2, 3 of these body axes.
+    """
+
+    kind: float
+    unit: float
+    precession: DoubleDouble
+    phase_rate: DoubleDouble
+    phase: DoubleDouble
+    rates: Vec3
+    rates_low: Vec3
+    kc_squared: DoubleDouble
+    width: DoubleDouble
+    shift: float
+    columns: Columns
+    p: float
+    r: float
+    series: Series
+
+
+FREE_ROTATION_SIZE, put_free_rotation, read_free_rotation, flatten_free_rotation = record(FreeRotation)
 if TYPE_CHECKING:
-    FreeRotation = Any  # mypy has no tuple of 62 floats short of writing it out
+    FreeRotationNumbers = Any  # mypy has no tuple of 62 floats short of writing it out
 else:
-    FreeRotation = tuple[(float,) * FREE_ROTATION_SIZE]
-_SHAPES[FreeRotation] = (FREE_ROTATION_SIZE,)
+    FreeRotationNumbers = tuple[(float,) * FREE_ROTATION_SIZE]
+_SHAPES[FreeRotationNumbers] = (FREE_ROTATION_SIZE,)
 
 _ONE_OVER_PI: DoubleDouble = (0.3183098861837907, -1.9678676675182486e-17)
 _LEAST_KC = 1e-300
-_Columns = tuple[
-    float, float, float, float, float, float, float, float, float, float, float, float, float, float, float, float
-]
-_NO_SERIES = (0.0,) * 22
+_NONE: DoubleDouble = (0.0, 0.0)
 
 
 @kernel(inline=False)
 def steady_setup(q_0: Quaternion, omega: Vector, unit: float) -> FreeRotation:
-    """A constant rate: about a principal axis, across a symmetric body's axis, about any axis of a sphere."""
-    x, y, z = unit * omega[0][0], unit * omega[1][0], unit * omega[2][0]
-    axis, turns = turning_about(omega)
-    return (
-        STEADY, unit, turns[0], turns[1], 0.0, 0.0, 0.0, 0.0, x, y, z, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0,
-        *_columns(q_0, (1.0, 1.0, 1.0), 1.0, 2.0), 1.0, 2.0, *axis, *_NO_SERIES,
-    )  # fmt: skip
+    """Set up a constant rate: about a principal axis, across a symmetric body's axis, about any axis of a sphere."""
+    (x, _), (y, _), (w, _) = omega
+    axis, rate = turning_about(omega)
+    return FreeRotation(
+        kind=STEADY,
+        unit=unit,
+        precession=rate,
+        phase_rate=_NONE,
+        phase=_NONE,
+        rates=(unit * x, unit * y, unit * w),
+        rates_low=(0.0, 0.0, 0.0),
+        kc_squared=(1.0, 0.0),
+        width=_NONE,
+        shift=0.0,
+        columns=_columns(q_0, (1.0, 1.0, 1.0), 1.0, 2.0),
+        p=1.0,
+        r=2.0,
+        series=flatten_steady(SteadyTurn(axis)),
+    )
 
 
 @kernel(inline=False)
 def tumbling_setup(moments: Vector, q_0: Quaternion, omega: Vector, unit: float) -> FreeRotation:
-    """Any other motion. moments and omega scaled to about 1; `unit` undoes the scaling of omega."""
+    """Set up any other motion. moments and omega scaled to about 1; `unit` undoes the scaling of omega."""
     p, r, s, distance, distance_unit = polhode_axes(moments, omega)
     i_p, i_r, i_s = moments[p], moments[r], moments[s]
     if not (i_p[0] > 0.0 and i_r[0] > 0.0 and (i_s[0] > 0.0 or i_p == i_r)):
@@ -99,11 +150,12 @@ def tumbling_setup(moments: Vector, q_0: Quaternion, omega: Vector, unit: float)
     kind, width, shift = TUMBLING, (0.0, 0.0), 0.0
     half_turn = dd_scale(sign, half_turn)
     if kc[0] >= NEAREST_KC:
-        series = series_of(kappa[0], a_p[0] / (a_s[0] + g), k2, kc[0], sign)
+        series = flatten_tumbling(series_of(kappa[0], a_p[0] / (a_s[0] + g), k2, kc[0], sign))
         rate = dd_add(rate, dd_multiply(half_turn, nu))
     else:
         kind = NEAR
-        series, width, shift = near_series_of(dd_sqrt(kappa), kc, agm, sign)
+        near, width, shift = near_series_of(dd_sqrt(kappa), kc, agm, sign)
+        series = flatten_near(near)
         if kc[0] > _LEAST_KC:
             rate = dd_add(rate, dd_multiply(half_turn, nu))
         else:
@@ -115,29 +167,39 @@ def tumbling_setup(moments: Vector, q_0: Quaternion, omega: Vector, unit: float)
     q = (q_0[0], sign_p * q_0[p + 1], sign_r * q_0[r + 1], sign_s * q_0[s + 1])
     start = turn_of(kind, place_of(kind, x, width), (0.0, 0.0), shift, series)
     q = compose_quaternions(q, invert_quaternion(start))
-    numbers = (p + 1.0, r + 1.0)
-    return (
-        kind, unit, rate[0], rate[1], 0.5 * nu[0], 0.5 * nu[1], x[0], x[1], rate_p[0], rate_r[0], rate_s[0],
-        rate_p[1], rate_r[1], rate_s[1], kc2[0], kc2[1], width[0], width[1], shift,
-        *_columns(q, (sign_p, sign_r, sign_s), *numbers), *numbers, *series,
-    )  # fmt: skip
+    return FreeRotation(
+        kind=kind,
+        unit=unit,
+        precession=rate,
+        phase_rate=(0.5 * nu[0], 0.5 * nu[1]),
+        phase=x,
+        rates=(rate_p[0], rate_r[0], rate_s[0]),
+        rates_low=(rate_p[1], rate_r[1], rate_s[1]),
+        kc_squared=kc2,
+        width=width,
+        shift=shift,
+        columns=_columns(q, (sign_p, sign_r, sign_s), p + 1.0, r + 1.0),
+        p=p + 1.0,
+        r=r + 1.0,
+        series=series,
+    )
 
 
 @kernel(inline=False)
-def _columns(q: Quaternion, signs: Vec3, p: float, r: float) -> _Columns:
-    """What 1, i_p, i_r, i_s are after q, in body axes."""
-    a, x, y, z = q
+def _columns(q: Quaternion, signs: Vec3, p: float, r: float) -> Columns:
+    """Return what 1, i_p, i_r, i_s are after q, in body axes."""
+    (a, x, y, z), (on_p, on_r, on_s) = q, signs
     return (
-        a, *in_body_axes((signs[0] * x, signs[1] * y, signs[2] * z), p, r),
-        -x, *in_body_axes((signs[0] * a, signs[1] * z, -signs[2] * y), p, r),
-        -y, *in_body_axes((-signs[0] * z, signs[1] * a, signs[2] * x), p, r),
-        -z, *in_body_axes((signs[0] * y, -signs[1] * x, signs[2] * a), p, r),
-    )  # fmt: skip
+        (a, *in_body_axes((on_p * x, on_r * y, on_s * z), p, r)),
+        (-x, *in_body_axes((on_p * a, on_r * z, -on_s * y), p, r)),
+        (-y, *in_body_axes((-on_p * z, on_r * a, on_s * x), p, r)),
+        (-z, *in_body_axes((on_p * y, -on_r * x, on_s * a), p, r)),
+    )
 
 
 @kernel
 def in_body_axes(v: Vec3, p: float, r: float) -> Vec3:
-    """V given along p, r and s; p, r: the numbers 1, 2, 3 of the body axes."""
+    """Return v, given along p, r and s, in body axes; p, r: the numbers 1, 2, 3 of the body axes."""
     return (
         v[0] if p == 1.0 else (v[1] if r == 1.0 else v[2]),
         v[0] if p == 2.0 else (v[1] if r == 2.0 else v[2]),

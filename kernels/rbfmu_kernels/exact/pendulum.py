@@ -7,6 +7,7 @@ What grows with time is double-double, so the error does not grow; tiny swings k
 """
 
 import math
+from typing import NamedTuple
 
 from ..compile.decorator import kernel
 from ..numerics.agm import climb_scale
@@ -24,6 +25,7 @@ from ..numerics.double_double import (
 from ..numerics.elementary import sincos_half_turns
 from ..numerics.jacobi_theta import (
     NEAREST_KC,
+    Near,
     Theta,
     jacobi_from_theta,
     jacobi_near,
@@ -33,13 +35,40 @@ from ..numerics.jacobi_theta import (
     theta_series,
 )
 from ..numerics.scaling import power_of_two_for
+from ..records import record
 from .uniform_rotation import without_turns
 
-Pendulum = tuple[float, float, float, float, DoubleDouble, DoubleDouble, Theta]
-"""ORDINARY, NEAR the separatrix or on it; 1 if it swings; sin(phi / 2) over sn; the largest phi', with its sign where
-it turns over; rate and start of the phase v / (2 pi); `Theta`, or `Near` and the width of `place_near`."""
-PENDULUM_SIZE = 20
+Series = tuple[float, float, float, float, float, float, float, float, float, float, float, float]
+"""The numbers of a `Theta`, or of a `NearSeries`, filled up with zeros."""
 
+
+class NearSeries(NamedTuple):
+    """Jacobi's functions near the separatrix, and the width for `place_near`."""
+
+    jacobi: Near
+    width: DoubleDouble
+
+
+class Pendulum(NamedTuple):
+    """The constants of one motion.
+
+    kind: ORDINARY, NEAR the separatrix or on it (SEPARATRIX). swings: 1, or 0 where it turns over. amplitude:
+    sin(phi / 2) over sn. fastest: the largest phi', with its sign where it turns over. phase_rate and phase: rate and
+    start of the phase v / (2 pi).
+    """
+
+    kind: float
+    swings: float
+    amplitude: float
+    fastest: float
+    phase_rate: DoubleDouble
+    phase: DoubleDouble
+    series: Series
+
+
+PENDULUM_SIZE, put_pendulum, read_pendulum, _ = record(Pendulum)
+_SIZE, _, _read_theta, _flatten_theta = record(Theta)
+_, _, _read_near, _flatten_near = record(NearSeries, _SIZE)
 ORDINARY, NEAR, SEPARATRIX = 0.0, 1.0, 2.0
 _ONE_OVER_PI: DoubleDouble = (0.3183098861837907, -1.9678676675182486e-17)
 _LEAST_KC = 1e-300
@@ -49,7 +78,7 @@ _LAST_TURN = 0.2167123282101497  # u = 600 on the separatrix: from there on the 
 
 @kernel(inline=False)
 def pendulum_setup(x: DoubleDouble, y: DoubleDouble, z: DoubleDouble) -> Pendulum:
-    """The constants of the motion from w_0 (sin, cos)(phi / 2) = (x, z) and phi' / 2 = y on; 1/s, z >= 0."""
+    """Return the constants of the motion from w_0 (sin, cos)(phi / 2) = (x, z) and phi' / 2 = y on; 1/s, z >= 0."""
     side, sign, gap = math.copysign(1.0, x[0]), math.copysign(1.0, y[0]), _gap(y, z)
     swings = gap[0] > 0.0
     w_0, w = _length(x, z), _length(x, y)
@@ -64,15 +93,18 @@ def pendulum_setup(x: DoubleDouble, y: DoubleDouble, z: DoubleDouble) -> Pendulu
     rate = dd_scale(0.5, dd_multiply(dd_multiply(fastest, agm), _ONE_OVER_PI))
     if y[0] == 0.0 and z[0] == 0.0:  # balanced at the top
         rate, w = (0.0, 0.0), (0.0, 0.0)
-    series = theta_series(kc) if kind == ORDINARY else _near_series(kc, agm)
+    series = _flatten_theta(theta_series(kc)) if kind == ORDINARY else _flatten_near(_near_series(kc, agm))
     if swings:
-        return kind, 1.0, w[0] / w_0[0], 2.0 * w[0], rate, start, series
-    return kind, 0.0, sign, sign * 2.0 * w[0], rate, start, series
+        return Pendulum(kind, 1.0, w[0] / w_0[0], 2.0 * w[0], rate, start, series)
+    return Pendulum(kind, 0.0, sign, sign * 2.0 * w[0], rate, start, series)
 
 
 @kernel(inline=False)
 def half_angle_rates(a: DoubleDouble, b: DoubleDouble) -> tuple[DoubleDouble, DoubleDouble]:
-    """w_0 (sin, cos)(phi / 2) where a turn by theta makes phi'' = a cos theta + b sin theta, 1/s2; the second >= 0."""
+    """Return w_0 (sin, cos)(phi / 2), the second >= 0.
+
+    A turn by theta makes phi'' = a cos theta + b sin theta, 1/s2.
+    """
     w_02 = _length(a, b)
     if w_02[0] == 0.0:
         return (0.0, 0.0), (0.0, 0.0)
@@ -86,14 +118,14 @@ def half_angle_rates(a: DoubleDouble, b: DoubleDouble) -> tuple[DoubleDouble, Do
 
 @kernel
 def sincos_of_half_angle(x: DoubleDouble, z: DoubleDouble) -> tuple[float, float]:
-    """(sin, cos)(phi / 2) from w_0 times them; (0, 1) where w_0 = 0."""
+    """Return (sin, cos)(phi / 2) from w_0 times them; (0, 1) where w_0 = 0."""
     w_0 = _length(x, z)
     return (0.0, 1.0) if w_0[0] == 0.0 else (dd_divide(x, w_0)[0], dd_divide(z, w_0)[0])
 
 
 @kernel
 def pendulum_at(setup: Pendulum, t: DoubleDouble) -> tuple[float, float, float]:
-    """(sin(phi / 2), cos(phi / 2), phi') at a time t after the start, s.
+    """Return (sin(phi / 2), cos(phi / 2), phi') at a time t after the start, s.
 
     Error <= 4 eps of their largest size, of phi' and cos(phi / 2) near the separatrix (w_0 t + 1) eps of themselves;
     beyond 1e14 turns plus 3e-31 a turn, and NaN beyond 1e28.
@@ -102,9 +134,9 @@ def pendulum_at(setup: Pendulum, t: DoubleDouble) -> tuple[float, float, float]:
     if kind == ORDINARY:
         high, low = _phase(rate, start, t)
         s, c = sincos_half_turns(high, low)
-        sn, cn, dn = jacobi_from_theta(s, c, series)
+        sn, cn, dn = jacobi_from_theta(s, c, _read_theta(series))
     else:
-        sn, cn, dn = _near(kind, rate, start, series, t)
+        sn, cn, dn = _near(kind, rate, start, _read_near(series), t)
     if swings != 0.0:
         return amplitude * sn, dn, fastest * cn
     return amplitude * sn, cn, fastest * dn
@@ -112,7 +144,7 @@ def pendulum_at(setup: Pendulum, t: DoubleDouble) -> tuple[float, float, float]:
 
 @kernel
 def _phase(rate: DoubleDouble, start: DoubleDouble, t: DoubleDouble) -> DoubleDouble:
-    """In half turns."""
+    """Return the phase in half turns."""
     high, low = t
     high = high if abs(rate[0] * high) < _MOST_TURNS else math.nan
     return dd_scale(2.0, dd_add(without_turns(rate, (high, low)), start))
@@ -120,33 +152,33 @@ def _phase(rate: DoubleDouble, start: DoubleDouble, t: DoubleDouble) -> DoubleDo
 
 @kernel(inline=False)
 def _near(
-    kind: float, rate: DoubleDouble, start: DoubleDouble, series: Theta, t: DoubleDouble
+    kind: float, rate: DoubleDouble, start: DoubleDouble, series: NearSeries, t: DoubleDouble
 ) -> tuple[float, float, float]:
-    """(sn, cn, dn) near the separatrix."""
+    """Return (sn, cn, dn) near the separatrix."""
     if kind == SEPARATRIX:
         x: DoubleDouble = (2.0 * min(max(rate[0] * t[0] + start[0], -_LAST_TURN), _LAST_TURN), 0.0)
     else:
         x = _phase(rate, start, t)
-    e, side, flip, _ = place_near(x, (series[4], series[5]))
-    sn, cn, dn = jacobi_near(e, side, series[:4])
+    e, side, flip, _ = place_near(x, series.width)
+    sn, cn, dn = jacobi_near(e, side, series.jacobi)
     return flip * sn, flip * cn, dn
 
 
 @kernel
-def _near_series(kc: DoubleDouble, agm: DoubleDouble) -> Theta:
-    (width, low), _ = near_scale(kc, agm, (0.0, 0.0), (1.0, 0.0))
-    return (*near_series(kc[0]), width, low, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+def _near_series(kc: DoubleDouble, agm: DoubleDouble) -> NearSeries:
+    width, _ = near_scale(kc, agm, (0.0, 0.0), (1.0, 0.0))
+    return NearSeries(near_series(kc[0]), width)
 
 
 @kernel
 def _gap(y: DoubleDouble, z: DoubleDouble) -> DoubleDouble:
-    """z - |y|."""
+    """Return z - |y|."""
     return dd_subtract(z, dd_scale(math.copysign(1.0, y[0]), y))
 
 
 @kernel
 def _length(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
-    """sqrt(a^2 + b^2)."""
+    """Return sqrt(a^2 + b^2)."""
     up = power_of_two_for(max(abs(a[0]), abs(b[0])))
     a, b = dd_scale(up, a), dd_scale(up, b)
     return dd_scale(1.0 / up, dd_sqrt(dd_add(dd_multiply(a, a), dd_multiply(b, b))))
@@ -154,7 +186,7 @@ def _length(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
 
 @kernel
 def _complementary_modulus(gap: DoubleDouble, total: DoubleDouble, fastest: DoubleDouble) -> DoubleDouble:
-    """sqrt |gap total| / fastest, at most 1; 1 where nothing moves or pulls."""
+    """Return sqrt |gap total| / fastest, at most 1; 1 where nothing moves or pulls."""
     if fastest[0] == 0.0:
         return 1.0, 0.0
     root = dd_multiply(dd_sqrt(dd_scale(math.copysign(1.0, gap[0]), gap)), dd_sqrt(total))
@@ -164,7 +196,7 @@ def _complementary_modulus(gap: DoubleDouble, total: DoubleDouble, fastest: Doub
 
 @kernel
 def _climb(kc: DoubleDouble, s: DoubleDouble, c: DoubleDouble) -> tuple[DoubleDouble, DoubleDouble]:
-    """AGM(1, kc), and the phase in half turns of tan am = s / c, s and c >= 0; 0 where both are."""
+    """Return AGM(1, kc), and the phase in half turns of tan am = s / c, s and c >= 0; 0 where both are."""
     up = power_of_two_for(max(s[0], c[0]))
     c = dd_scale(up, c) if max(s[0], c[0]) > 0.0 else (1.0, 0.0)
     agm, _, half_turns = climb_scale(kc, (0.0, 0.0), dd_scale(up, s), c)

@@ -18,13 +18,13 @@ from ..body.outputs import outputs as outputs
 from ..buffer import NOT_REACHED, places
 from ..buffer_access import put_vec3_at, vec3_at
 from ..compile.decorator import kernel
-from ..exact.free_rotation import attitude_at, place_at, scaled_time
+from ..exact.free_rotation import free_attitude_at, place_at, scaled_time
 from ..integrators.substeps import substeps_in
 from ..mechanics.equations_of_motion import steady_acceleration, turning_acceleration
 from ..numerics.double_double import two_sum
 from ..rotations.vec3 import add_scaled
 from ..types import Vec3
-from .free_triaxial import FREE, constants_of, keep_place, set_up, shown_rates
+from .free_triaxial import FREE, free_motion_of, keep_place, set_up, shown_rates
 from .free_triaxial import output_rates as output_rates
 
 ORDERS = (1, 2, 3, 4, 5, 6, 7, 8)
@@ -88,10 +88,10 @@ def step(z: Any, h: float) -> int:
     count = substeps_in(h, substep_of(z)) if h > 0.0 else 0
     if count == 0 or (has_torque(z) and not is_as_planned(z)):
         return NOT_REACHED
-    constants = constants_of(z)
-    t = scaled_time(constants, time_after(z, h))
-    place = place_at(constants, t)
-    q, omega = attitude_at(constants, t, place), shown_rates(z, place)
+    motion = free_motion_of(z)
+    t = scaled_time(motion, time_after(z, h))
+    place = place_at(motion, t)
+    q, omega = free_attitude_at(motion, t, place), shown_rates(z, place)
     (r, low_r), (v, low_v) = _moved(z, h, count)
     if not is_finite_rotation(q, omega) or not is_finite_path(r, v):
         return NOT_REACHED
@@ -115,14 +115,14 @@ def _moved(z: Any, h: float, count: int) -> tuple[tuple[Vec3, Vec3], tuple[Vec3,
 @kernel
 def _gained(z: Any, h: float, count: int) -> tuple[Vec3, Vec3]:
     """What the force that turns adds to position and velocity in h."""
-    body, loads, constants = body_of(z), loads_of(z), constants_of(z)
+    body, loads, motion = body_of(z), loads_of(z), free_motion_of(z)
     order, part = int(z[_ORDER]), h / count
     first, r, v = order * (order - 1) // 2, _NONE, _NONE
     for i in range(count):
         r = add_scaled(r, part, v)
         for j in range(first, first + order):
-            t = scaled_time(constants, time_after(z, (i + _POINTS[j]) * part))
-            a = turning_acceleration(attitude_at(constants, t, place_at(constants, t)), body, loads)
+            t = scaled_time(motion, time_after(z, (i + _POINTS[j]) * part))
+            a = turning_acceleration(free_attitude_at(motion, t, place_at(motion, t)), body, loads)
             dv = part * _WEIGHTS[j]
             r = add_scaled(r, part * (1.0 - _POINTS[j]) * dv, a)
             v = add_scaled(v, dv, a)

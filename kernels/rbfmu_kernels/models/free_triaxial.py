@@ -18,16 +18,17 @@ from ..buffer import FINE, NOT_REACHED, places
 from ..buffer_access import matrix_at, put_matrix_at, put_quaternion_at, quaternion_at
 from ..compile.decorator import kernel
 from ..exact.free_rotation import (
-    COLUMNS,
     FREE_ROTATION_SIZE,
     FreeRotation,
     Place,
-    attitude_at,
+    free_attitude_at,
+    free_rate_at,
     free_rotation_of,
-    in_body_axes,
     place_at,
-    rates_at,
+    put_free_rotation,
+    read_free_rotation,
     scaled_time,
+    with_axes_turned,
 )
 from ..rotations.matrix import invert_matrix, quaternion_from_matrix, transform
 from ..rotations.quaternion import compose_quaternions, invert_quaternion
@@ -63,11 +64,8 @@ def set_up(z: Any) -> None:
     q_ab, omega_b = rotation_of(z)
     q_bp = quaternion_from_matrix(R_bp)
     q_ap = compose_quaternions(q_ab, q_bp)
-    constants = free_rotation_of(moments, q_ap, rates_along(axes, omega_b))
-    for i in range(FREE_ROTATION_SIZE):
-        z[_CONSTANTS + i] = constants[i]
-    for i in range(_CONSTANTS + COLUMNS, _CONSTANTS + COLUMNS + 16, 4):
-        put_quaternion_at(z, i, compose_quaternions(quaternion_at(z, i), invert_quaternion(q_bp)))
+    motion = free_rotation_of(moments, q_ap, rates_along(axes, omega_b))
+    put_free_rotation(z, _CONSTANTS, with_axes_turned(motion, invert_quaternion(q_bp)))
     start_clocks(z)
     z[_MOVED] = 0.0
 
@@ -77,10 +75,10 @@ def step(z: Any, h: float) -> int:
     """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite or an input makes a torque."""
     if not goes_on_free(z, h):
         return NOT_REACHED
-    constants = constants_of(z)
-    t = scaled_time(constants, time_after(z, h))
-    place = place_at(constants, t)
-    q = attitude_at(constants, t, place) if needs_attitude(z) else rotation_of(z)[0]
+    motion = free_motion_of(z)
+    t = scaled_time(motion, time_after(z, h))
+    place = place_at(motion, t)
+    q = free_attitude_at(motion, t, place) if needs_attitude(z) else rotation_of(z)[0]
     status = finish_step(z, h, q, shown_rates(z, place))
     if status == FINE:
         keep_place(z, place)
@@ -110,20 +108,11 @@ def output_rates(z: Any) -> int:
 
 @kernel(inline=False)
 def _rates(z: Any, place: Place) -> Vec3:
-    """omega_ab_b at a place on the polhode."""
-    v = in_body_axes(rates_at(constants_of(z), place), z[_CONSTANTS + COLUMNS + 16], z[_CONSTANTS + COLUMNS + 17])
-    return transform(matrix_at(z, _AXES), v)
+    """Return omega_ab_b at a place on the polhode."""
+    return transform(matrix_at(z, _AXES), free_rate_at(free_motion_of(z), place))
 
 
 @kernel
-def constants_of(z: Any) -> FreeRotation:
-    """What `set_up` has set up."""
-    c = z[_CONSTANTS : _CONSTANTS + FREE_ROTATION_SIZE]
-    return (
-        c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8], c[9], c[10], c[11],
-        c[12], c[13], c[14], c[15], c[16], c[17], c[18], c[19], c[20], c[21], c[22], c[23],
-        c[24], c[25], c[26], c[27], c[28], c[29], c[30], c[31], c[32], c[33], c[34], c[35],
-        c[36], c[37], c[38], c[39], c[40], c[41], c[42], c[43], c[44], c[45], c[46], c[47],
-        c[48], c[49], c[50], c[51], c[52], c[53], c[54], c[55], c[56], c[57], c[58], c[59],
-        c[60], c[61],
-    )  # fmt: skip
+def free_motion_of(z: Any) -> FreeRotation:
+    """Return what `set_up` has set up."""
+    return read_free_rotation(z[_CONSTANTS : _CONSTANTS + FREE_ROTATION_SIZE])  # type: ignore[no-any-return]

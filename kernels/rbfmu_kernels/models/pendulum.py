@@ -20,10 +20,11 @@ from ..buffer_access import put_quaternion_at, put_vec3_at, quaternion_at, vec3_
 from ..compile.decorator import kernel
 from ..exact.pendulum import (
     PENDULUM_SIZE,
-    Pendulum,
     half_angle_rates,
     pendulum_at,
     pendulum_setup,
+    put_pendulum,
+    read_pendulum,
     sincos_of_half_angle,
 )
 from ..rotations.quaternion import compose_quaternions
@@ -55,7 +56,7 @@ def initialize(z: Any) -> int:
     s, c = sincos_of_half_angle(sine, cosine)
     put_quaternion_at(z, _Q_HANGING, compose_quaternions(q, (c, -s * axis[0], -s * axis[1], -s * axis[2])))
     put_vec3_at(z, _AXIS, axis)
-    _put_pendulum(z, pendulum_setup(sine, (0.5 * dot(axis, omega), 0.0), cosine))
+    put_pendulum(z, _PENDULUM, pendulum_setup(sine, (0.5 * dot(axis, omega), 0.0), cosine))
     start_clocks(z)
     return first_outputs(z)
 
@@ -66,20 +67,7 @@ def step(z: Any, h: float) -> int:
     if not h > 0.0:
         return NOT_REACHED
     axis = vec3_at(z, _AXIS)
-    s, c, rate = pendulum_at(_pendulum(z), time_after(z, h))
+    motion = read_pendulum(z[_PENDULUM : _PENDULUM + PENDULUM_SIZE])
+    s, c, rate = pendulum_at(motion, time_after(z, h))
     turn = (c, s * axis[0], s * axis[1], s * axis[2])
     return finish_step(z, h, compose_quaternions(quaternion_at(z, _Q_HANGING), turn), scale(rate, axis))
-
-
-@kernel
-def _put_pendulum(z: Any, pendulum: Pendulum) -> None:
-    kind, swings, amplitude, fastest, rate, start, series = pendulum
-    for i, x in enumerate((kind, swings, amplitude, fastest, *rate, *start, *series)):
-        z[_PENDULUM + i] = x
-
-
-@kernel
-def _pendulum(z: Any) -> Pendulum:
-    c = z[_PENDULUM : _PENDULUM + PENDULUM_SIZE]
-    series = (c[8], c[9], c[10], c[11], c[12], c[13], c[14], c[15], c[16], c[17], c[18], c[19])
-    return c[0], c[1], c[2], c[3], (c[4], c[5]), (c[6], c[7]), series

@@ -9,6 +9,7 @@ Sources: DLMF 20.2, 20.7(viii), 22.2; nome: DLMF 19.5.5.
 """
 
 import math
+from typing import NamedTuple
 
 from ..compile.decorator import kernel
 from .agm import climb_scale
@@ -20,8 +21,23 @@ _PI_OVER_LOG_2: DoubleDouble = (4.532360141827194, -3.4581174592298686e-16)
 
 NEAREST_KC = 0.335
 """There q = 0.133, q^20 nothing beside 1, and so is q'^8 = 0.0074^8: the larger kc may be for `near_series`."""
-Theta = tuple[float, float, float, float, float, float, float, float, float, float, float, float]
-"""Coefficients of E (1, x^2, x^4), O, P, Q (1, x^2 each); then of sn, cn, dn."""
+
+
+class Theta(NamedTuple):
+    """Coefficients of E (1, x^2, x^4), O, P, Q (1, x^2 each); then factors of sn, cn, dn."""
+
+    e_0: float
+    e_2: float
+    e_4: float
+    o_0: float
+    o_2: float
+    p_0: float
+    p_2: float
+    q_0: float
+    q_2: float
+    sn: float
+    cn: float
+    dn: float
 
 
 @kernel(inline=False)
@@ -41,7 +57,7 @@ def theta_series_of(q: float) -> Theta:
     p0, p2 = 1.0 - q2 - q6 + q12, 4.0 * (q6 - q12)
     r0, r2 = 2.0 * (q2 - q6) - 4.0 * q12, 8.0 * q12
     e, o, pr = e0 + (e2 + e4), o0 + o2, (p0 + p2) + (r0 + r2)
-    return (e0, e2, e4, o0, o2, p0, p2, r0, r2, (e + o) / pr, (e - o) / pr, (e - o) / (e + o))
+    return Theta(e0, e2, e4, o0, o2, p0, p2, r0, r2, (e + o) / pr, (e - o) / pr, (e - o) / (e + o))
 
 
 @kernel
@@ -56,8 +72,13 @@ def jacobi_from_theta(sin_v: float, cos_v: float, theta: Theta) -> tuple[float, 
     return a * sin_v * (p - r) * inverse, b * cos_v * (p + r) * inverse, d * (e + o) * inverse
 
 
-Near = tuple[float, float, float, float]
-"""The root of the nome q'; coefficients of sn, cn, dn."""
+class Near(NamedTuple):
+    """The root of the nome q'; factors of sn, cn, dn."""
+
+    root_nome: float
+    sn: float
+    cn: float
+    dn: float
 
 
 @kernel(inline=False)
@@ -68,7 +89,7 @@ def near_series(kc: float) -> Near:
     y = 0.5 * kc * kc / ((1.0 + k) * (1.0 + root) * (1.0 + root))
     y4 = (y * y) * (y * y)
     ratio = math.sqrt(0.5 * (1.0 + y4 * (2.0 + 15.0 * y4)) / (1.0 + k)) / (1.0 + root)  # root q' / kc
-    return (kc * ratio, 1.0 / root, 1.0 / math.sqrt(k * ratio), 1.0 / math.sqrt(ratio))
+    return Near(kc * ratio, 1.0 / root, 1.0 / math.sqrt(k * ratio), 1.0 / math.sqrt(ratio))
 
 
 @kernel(inline=False)
