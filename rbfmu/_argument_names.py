@@ -5,7 +5,7 @@ from collections.abc import Callable
 from functools import wraps
 from typing import Any
 
-from rbfmu_kernels.compile.gufunc import core_shapes, python_function
+from rbfmu_kernels.compile.shapes import core_shapes, python_function
 
 _NUMPY_KEYWORDS = {"out", "where", "axes", "order", "subok", "casting", "dtype"}
 _NAMED, _KEYWORD = inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY

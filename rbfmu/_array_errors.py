@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from rbfmu_kernels.compile.gufunc import core_shapes, python_function
+from rbfmu_kernels.compile.shapes import core_shapes, python_function
 from rbfmu_kernels.types import Shape
 
 

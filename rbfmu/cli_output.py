@@ -38,11 +38,9 @@ def doubts_in_lines() -> Iterator[None]:
 
 def say_where_nothing_is_kept() -> None:
     """A note where Numba finds no folder for compiled code."""
-    from numba.core.caching import NullCache
-
     from rbfmu_kernels import rotate
 
-    if isinstance(getattr(getattr(rotate, "_cache", None), "_cache", None), NullCache):
+    if hasattr(rotate, "stats") and rotate.stats.cache_path is None:
         remedy = "set NUMBA_CACHE_DIR to a folder that can be written"
         click.echo(f"Note: compiled code cannot be kept here, so every start compiles for seconds: {remedy}", err=True)
 

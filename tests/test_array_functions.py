@@ -23,7 +23,8 @@ from numba import config, njit
 
 import rbfmu
 from rbfmu import arrays
-from rbfmu_kernels.compile import gufunc
+from rbfmu_kernels.compile.gufunc import gufunc, interpreted
+from rbfmu_kernels.compile.shapes import core_shapes
 from rbfmu_kernels.rotations import euler_angles, quaternion, rotation_vector
 
 TABLES = [test_rotation, test_quaternion, test_euler_angles, test_rotvec, test_kinematics, test_inverse_dynamics]
@@ -235,7 +236,7 @@ def test_array_functions_are_documented():
 def arguments_of(name):
     """Names and values: five items, the sequence by its name."""
     kernel = ARRAY_FUNCTIONS[name].__wrapped__
-    shapes = gufunc.core_shapes(kernel)[0]
+    shapes = core_shapes(kernel)[0]
     random = rng(75)
     sequences = {} if shapes.keys() == inspect.signature(kernel).parameters.keys() else {"seq": "ZXZ"}
     return sequences | {key: random.uniform(0.5, 1.5, (5, *shape)) for key, shape in shapes.items()}
@@ -288,11 +289,17 @@ def test_results_may_overwrite_an_argument():
     assert (matrices == rbfmu.compose_matrices(R, R[::-1])).all()
 
 
+def test_results_may_be_unaligned():
+    expected = rbfmu.rotate(Q, V)
+    out = np.empty(expected.nbytes + 3, np.uint8)[3:].view(np.float64).reshape(expected.shape)
+    assert (rbfmu.rotate(Q, V, out=out) == expected).all()
+
+
 @pytest.mark.parametrize("number", [0.0, math.nan, math.inf, -1e300, 5e-324])
 @pytest.mark.parametrize("name", LAWS)
 def test_no_kernel_raises(name, number):
     """Whatever the numbers, also in plain Python (NUMBA_DISABLE_JIT=1)."""
-    arguments, _ = gufunc.core_shapes(LAWS[name].kernel)
+    arguments, _ = core_shapes(LAWS[name].kernel)
     takes_sequence = isinstance(LAWS[name].cases()[0][0], int)
     sequence = [euler_angles.ZXZ] if takes_sequence else []
     LAWS[name].kernel(*sequence, *(exact.rounded(np.full(shape, number).tolist()) for shape in arguments.values()))
@@ -408,7 +415,7 @@ def test_there_is_at_least_one_thread():
 )
 def test_interpreted_functions_have_the_same_bits(kernel):
     args = {"rotate": (Q, V[:1]), "angle_between": (Q, Q[3])}.get(kernel.__name__, (Q,))
-    ours, theirs = gufunc.interpreted(kernel)(*args), gufunc.gufuncs(kernel)[0](*args)
+    ours, theirs = interpreted(kernel)(*args), gufunc(kernel)(*args)
     for a, b in zip(ours, theirs, strict=True):
         assert (a == b).all()
 

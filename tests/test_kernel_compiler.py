@@ -9,7 +9,7 @@ import pytest
 from numba import config, njit
 
 from rbfmu_kernels import free_rotation, free_rotation_at, free_rotation_setup
-from rbfmu_kernels.compile import decorator
+from rbfmu_kernels.compile import stamp
 from rbfmu_kernels.compile.decorator import kernel
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="needs the compiler")
@@ -62,11 +62,11 @@ def test_callees_are_found_in_the_cache(tmp_path, monkeypatch):
 
 
 def test_a_change_of_any_module_makes_cached_code_stale(tmp_path):
-    package = Path(decorator.__file__).parents[1]
+    package = Path(stamp.__file__).parents[1]
     copy = shutil.copytree(package, tmp_path / package.name, ignore=shutil.ignore_patterns("__pycache__"))
-    assert decorator._hash_of_sources(copy) == decorator.SOURCES
+    assert stamp.hash_of_sources(copy) == stamp.SOURCES
     for path in copy.rglob("*.py"):
         content = path.read_bytes()
         path.write_bytes(content + b"#")
-        assert decorator._hash_of_sources(copy) != decorator.SOURCES, path
+        assert stamp.hash_of_sources(copy) != stamp.SOURCES, path
         path.write_bytes(content)

@@ -10,10 +10,12 @@ from functools import cache
 from typing import Any
 
 import llvmlite.binding as llvm
+import numba
 from numba import carray, njit, types
 
 from rbfmu.unit import Unit
 from rbfmu_fmu.platforms import BuildError, Platform
+from rbfmu_kernels.compile.numba_private import llvm_source
 
 ENTRIES = ("initialize", "step", "outputs", "output_rates")
 """Entry functions `int64 NAME(double *buffer[, double h])`; not every unit has the last."""
@@ -92,9 +94,11 @@ def _entry_module(unit: Unit, name: str) -> Any:
         def entry(p: Any) -> Any:
             return function(carray(p, (size,)))
 
-    (compiled,) = entry.overloads.values()
-    inner = compiled.fndesc.llvm_func_name
-    module = llvm.parse_assembly(compiled.library.get_llvm_str())
+    try:
+        source, inner = llvm_source(entry)
+    except AttributeError as error:
+        raise BuildError(f"Numba {numba.__version__} does not give a function's LLVM source: {error}") from error
+    module = llvm.parse_assembly(source)
     module.link_in(llvm.parse_assembly(_c_signature(name, inner)))
     return module
 

@@ -1,4 +1,4 @@
-"""Numba's compiler with no more to do than kernels need: half the time of a first call.
+"""Numba's compiler with no more to do than kernels need, in half of the time of a first call.
 
 Numba makes machine code of a function and, once more, of all that it calls, to be called from Python too.  Nobody calls
 what a kernel calls but compiled code, into which it is merged: there it is only LLVM's intermediate code.
@@ -9,19 +9,26 @@ from typing import Any, ClassVar
 
 from llvmlite import binding
 from numba import types
-from numba.core.caching import CompileResultCacheImpl, FunctionCache
-from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import CompilerBase, compile_result
-from numba.core.compiler_machinery import PassManager
-from numba.core.typed_passes import (
+
+from .numba_private import (
     AnnotateTypes,
+    CompilerBase,
+    CompileResultCacheImpl,
+    Context,
+    FixupArgs,
+    FunctionCache,
+    GenericRewrites,
+    IRProcessing,
+    JITCodeLibrary,
     NativeLowering,
     NoPythonBackend,
     NopythonTypeInference,
+    PassManager,
     PreLowerStripPhis,
+    ReconstructSSA,
+    TranslateByteCode,
+    compile_result,
 )
-from numba.core.typing import Context
-from numba.core.untyped_passes import FixupArgs, GenericRewrites, IRProcessing, ReconstructSSA, TranslateByteCode
 
 _PASSES = (
     TranslateByteCode, FixupArgs, IRProcessing, GenericRewrites, ReconstructSSA, NopythonTypeInference,
@@ -30,14 +37,14 @@ _PASSES = (
 
 
 class _Remembering(Context):  # type: ignore[misc]
-    """Numba tries some ten templates, most of them NumPy's, at each sum of two numbers; here once for all sums."""
+    """Numba tries some ten templates, most of them NumPy's, at each sum of two numbers; here it tries once."""
 
     _answers: ClassVar[dict[Any, Any]] = {}
     _numbers = (types.Number, types.Boolean, types.Literal)
 
     @classmethod
     def beside(cls, context: Any) -> "_Remembering":
-        """Another view of Numba's own context: they share all that they know."""
+        """Return another view of Numba's own context: they share all that they know."""
         view = object.__new__(cls)
         view.__dict__ = context.__dict__
         return view
@@ -51,14 +58,14 @@ class _Remembering(Context):  # type: ignore[misc]
 
 
 class KernelCompiler(CompilerBase):  # type: ignore[misc]
-    """Without what is for closures, `with`, `raise`, array expressions and literals."""
+    """Compiles without what is for closures, `with`, `raise`, array expressions and literals."""
 
     def __init__(self, typingctx: Any, *rest: Any) -> None:
         super().__init__(typingctx, *rest)
         self.state.typingctx = _Remembering.beside(typingctx)
 
     def compile_extra(self, function: Any) -> Any:
-        """Garbage is collected afterwards: to look for it meanwhile takes a tenth of the time, and there is little."""
+        """Compile. Garbage is collected afterwards: looking for it takes a tenth of the time, and there is little."""
         collecting = gc.isenabled()
         gc.disable()
         try:
@@ -77,7 +84,7 @@ class KernelCompiler(CompilerBase):  # type: ignore[misc]
 
 
 class CalleeCompiler(KernelCompiler):
-    """For what compiled code calls."""
+    """Compiles what compiled code calls."""
 
     def __init__(self, typingctx: Any, targetctx: Any, library: Any, *rest: Any) -> None:
         super().__init__(typingctx, targetctx, _IntermediateCode(targetctx.codegen(), "callee"), *rest)
@@ -86,11 +93,11 @@ class CalleeCompiler(KernelCompiler):
 class _IntermediateCode(JITCodeLibrary):  # type: ignore[misc]
     @property
     def codegen(self) -> Any:
-        """Asked for `set_env` only."""
+        """Return itself: Numba asks for `set_env` only."""
         return self
 
     def set_env(self, name: str, environment: Any) -> None:
-        """Exceptions and Python objects need an environment, kernels do not."""
+        """Do nothing: exceptions and Python objects need an environment, kernels do not."""
 
     def get_pointer_to_function(self, name: str) -> int:
         self._ensure_finalized()
@@ -120,7 +127,7 @@ class _IntermediateCode(JITCodeLibrary):  # type: ignore[misc]
 
 class _CalleeCacheImplementation(CompileResultCacheImpl):  # type: ignore[misc]
     def rebuild(self, target_context: Any, payload: Any) -> Any:
-        """The result of CalleeCompiler. As if compiled now: machine code would be made from it, and change it."""
+        """Return what CalleeCompiler made, as if compiled now: machine code would be made from it, and change it."""
         state, description, environment, signature, *_ = payload
         library = _IntermediateCode._unserialize(target_context.codegen(), state)
         return compile_result(
@@ -136,6 +143,6 @@ class _CalleeCacheImplementation(CompileResultCacheImpl):  # type: ignore[misc]
 
 
 class CalleeCache(FunctionCache):  # type: ignore[misc]
-    """Of what CalleeCompiler makes."""
+    """Stores what CalleeCompiler makes."""
 
     _impl_class = _CalleeCacheImplementation

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from llvmlite import ir
 from numba import float64, intp, types
-from numba.core import cgutils
 from numba.extending import intrinsic
 
 from .transpose import LANES, columns_of, constant, load, store, store_items
@@ -26,7 +25,7 @@ def address(typingctx: Any, pointer: Any, offset: Any) -> Any:
     """The address `offset` bytes after a double*."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return cgutils.pointer_add(builder, args[0], args[1])
+        return _moved(builder, args[0], args[1])
 
     return _POINTER(_POINTER, intp), generate
 
@@ -67,37 +66,6 @@ def from_tile(typingctx: Any, tile: Any, items: Any, row: Any, size: Any) -> Any
             _store_rows(builder, args[0], range(first, first + width), args[1], half)
 
     return types.void(_POINTER, _POINTER, row, size), _without_result(generate)
-
-
-@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
-def stream_tile(typingctx: Any, tile: Any, items: Any, row: Any, size: Any) -> Any:
-    """The same past the caches, in whole cache lines: memory that is written only need not be read first."""
-    first, width = row.literal_value, size.literal_value
-
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        count = ir.Constant(_int64, ITEMS * width)
-        lines = _stack(builder, ITEMS * width)
-        for half in range(0, ITEMS, LANES):
-            _store_rows(builder, args[0], range(first, first + width), lines, half)
-        builder.asm(ir.FunctionType(ir.VoidType(), [lines.type]), "", "r,~{memory}", [lines], True)  # all in place
-        before = _before_line(builder, args[1], count)
-        behind = builder.add(before, builder.and_(builder.sub(count, before), _int64(-LANES)))
-        for start, stop, step in ((_int64(0), before, 1), (before, behind, LANES), (behind, count, 1)):
-            with cgutils.for_range_slice(builder, start, stop, _int64(step), _int64) as (i, _):
-                _stream(builder, builder.gep(lines, [i]), builder.gep(args[1], [i]), step)
-
-    return types.void(_POINTER, _POINTER, row, size), _without_result(generate)
-
-
-@intrinsic  # type: ignore[untyped-decorator]
-def end_stream(typingctx: Any) -> Any:
-    """Let other threads see what was streamed before they see that the call is over."""
-
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        fence = ir.FunctionType(ir.VoidType(), [])
-        builder.call(cgutils.get_or_insert_function(builder.module, fence, "llvm.x86.sse.sfence"), [])
-
-    return types.void(), _without_result(generate)
 
 
 @intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
@@ -178,7 +146,7 @@ def _places(builder: Any, item: Any, strides: Any, lengths: list[int]) -> Any:
         for axis, i in enumerate(index):
             stride = builder.extract_value(strides, axis)
             offset = builder.add(offset, builder.mul(stride, ir.Constant(stride.type, i)))
-        yield cgutils.pointer_add(builder, item, offset)
+        yield _moved(builder, item, offset)
 
 
 def _keep_scalar(builder: Any) -> None:
@@ -218,35 +186,25 @@ def _without_result(generate: Any) -> Any:
     return generate_and_return
 
 
+def _moved(builder: Any, pointer: Any, offset: Any) -> Any:
+    """The pointer, `offset` bytes on."""
+    place = builder.add(builder.ptrtoint(pointer, _int64), offset)
+    return builder.inttoptr(place, pointer.type)
+
+
 def _stack(builder: Any, count: int) -> Any:
     """Numbers on the stack, from the beginning of a cache line on."""
-    array = cgutils.alloca_once(builder, ir.ArrayType(_double, count))
+    with builder.goto_entry_block():
+        array = builder.alloca(ir.ArrayType(_double, count))
     array.align = 8 * LANES
     return builder.bitcast(array, _double.as_pointer())
-
-
-def _before_line(builder: Any, pointer: Any, count: Any) -> Any:
-    """How many numbers there are before a cache line begins; `count` where none ever does at a number."""
-    place = builder.ptrtoint(pointer, _int64)
-    numbers = builder.and_(builder.neg(builder.lshr(place, _int64(3))), _int64(LANES - 1))
-    aligned = builder.icmp_unsigned("==", builder.and_(place, _int64(7)), _int64(0))
-    return builder.select(aligned, numbers, count)
-
-
-def _stream(builder: Any, source: Any, target: Any, count: int) -> None:
-    """One number, or a line of them to where one begins, without a place in the caches."""
-    kind = ir.VectorType(_double, count) if count > 1 else _int64
-    value = builder.load(builder.bitcast(source, kind.as_pointer()), align=8)
-    stored = builder.store(value, builder.bitcast(target, kind.as_pointer()), align=8 * count)
-    stored.set_metadata("nontemporal", builder.module.add_metadata([constant(1)]))
 
 
 def _ask_for(builder: Any, pointer: Any, index: int, lines: int, *, writing: bool) -> None:
     """Prefetch `lines` cache lines (8 numbers each) some way ahead; beyond an array's end this does nothing."""
     arguments = [_byte_pointer, _int32, _int32, _int32]
-    prefetch = cgutils.get_or_insert_function(
-        builder.module, ir.FunctionType(ir.VoidType(), arguments), "llvm.prefetch.p0"
-    )
+    kind = ir.FunctionType(ir.VoidType(), arguments)
+    prefetch = builder.module.declare_intrinsic("llvm.prefetch.p0", (), kind)
     for line in range(lines):
         place = builder.bitcast(builder.gep(pointer, [constant(index + 8 * line + _AHEAD // 8)]), _byte_pointer)
         builder.call(prefetch, [place, constant(int(writing)), constant(3), constant(1)])

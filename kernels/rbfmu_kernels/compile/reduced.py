@@ -1,0 +1,65 @@
+"""Kernels by Numba's compiler with fewer passes, cached on disk with a stamp of all sources."""
+
+from collections.abc import Callable
+from functools import cache, partial
+from typing import Any
+
+from numba import njit
+
+from .compiler import CalleeCache, CalleeCompiler, KernelCompiler
+from .disk_cache import DiskCache
+from .numba_private import Compiler
+
+
+def reduced_kernel(function: Callable[..., Any], *, inline: bool) -> Any:
+    """Return the kernel of a function."""
+    compiled = _njit(inline)(pipeline_class=pipeline)(function)
+    if hasattr(compiled, "_cache"):  # not where the JIT is disabled
+        compiled._cache = DiskCache(function)
+        _compile_callees_bare(compiled, inline)
+    return compiled
+
+
+def _njit(inline: bool) -> Any:
+    # _nrt: kernels allocate nothing, and counting references to a buffer costs half of a small model's step
+    return partial(njit, error_model="numpy", nogil=True, forceinline=inline, _nrt=False)
+
+
+def _compile_callees_bare(compiled: Any, inline: bool) -> None:
+    """Let compiled callers have the function without machine code of its own and what Python needs to call it."""
+    as_numba_does = compiled.get_call_template, compiled.get_overload
+
+    @cache
+    def bare() -> Any:
+        callee = _bare(compiled.py_func, inline)
+        if not inline:  # what is merged into its caller is sooner compiled than stored
+            callee._cache = DiskCache(compiled.py_func, CalleeCache)
+        return callee.get_call_template, callee.get_overload
+
+    def template_and_overload() -> Any:
+        return bare() if internals_serve() else as_numba_does
+
+    compiled.get_call_template = lambda args, kws: template_and_overload()[0](args, kws)
+    compiled.get_overload = lambda sig: template_and_overload()[1](sig)
+
+
+def _bare(function: Callable[..., Any], inline: bool) -> Any:
+    return _njit(inline)(no_cpython_wrapper=True, no_cfunc_wrapper=True, pipeline_class=CalleeCompiler)(function)
+
+
+def pipeline(*state: Any) -> Any:
+    """Return the compiler of a function: that of kernels, or Numba's own where the internals behave otherwise."""
+    return (KernelCompiler if internals_serve() else Compiler)(*state)
+
+
+@cache
+def internals_serve() -> bool:
+    """Tell whether Numba's internals make right code of a small kernel and of one that it calls.
+
+    This is asked before anything is compiled.
+    """
+    callee = _bare(lambda x: x + 1.0, False)
+    try:
+        return bool(_njit(False)(pipeline_class=KernelCompiler)(lambda x: 2.0 * callee(x))(2.0) == 6.0)
+    except Exception:
+        return False
