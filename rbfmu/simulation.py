@@ -105,7 +105,7 @@ def simulate(
     unit, z = planned.unit, filled_buffer(scene, planned)
     initialize(scene, unit, z)
     time = time_grid(scene.run.start, scene.run.stop, scene.run.step)
-    block = output_block(unit)
+    block = output_block(scene, unit)
     outputs = z[block]
     rows = np.empty((len(time), len(outputs)))
     rows[0] = outputs

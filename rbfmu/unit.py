@@ -23,9 +23,6 @@ class Unit(Protocol):
     """A unit's module in `rbfmu_kernels`: the layout of its buffer and its three entry functions."""
 
     __name__: str
-    INPUTS: dict[str, int]
-    PARAMETERS: dict[str, int]
-    OUTPUTS: dict[str, int]
     BLOCKS: dict[str, slice]
     SIZE: int
 
@@ -65,10 +62,10 @@ def initialize(scene: Scene, unit: Unit, z: Buffer) -> None:
         raise SceneError(f"{named}: {expected}", scene.name)
 
 
-def output_block(unit: Unit) -> slice:
-    """Where the outputs stand in the unit's buffer, one after the other."""
-    blocks = [unit.BLOCKS[name] for name in unit.OUTPUTS]
-    return slice(blocks[0].start, blocks[-1].stop)
+def output_block(scene: Scene, unit: Unit) -> slice:
+    """Where the outputs that the scene asks for stand in the unit's buffer, and what lies between them."""
+    blocks = [unit.BLOCKS[name] for name in scene.outputs.quantities]
+    return slice(min(block.start for block in blocks), max(block.stop for block in blocks))
 
 
 def _numbers(scene: Scene, plan: "Plan") -> dict[str, Any]:

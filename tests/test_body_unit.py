@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from unit_cases import EPS, GRAVITY, LOADED, MOVING, NO_GRAVITY, OFFSET, TRIAXIAL, TURNED, Unit, distance, made, matrix
 
 from rbfmu.measures import attitude_error
+from rbfmu_kernels.quantities import OUTPUT
 
 # Free motion
 
@@ -178,18 +179,18 @@ def test_a_port_acts_as_the_known_load_does_to_the_bit():
         driven[port] = LOADED[port]
     known.step(0.5, 5)
     driven.step(0.5, 5)
-    for name in known.kernels.OUTPUTS:
+    for name in OUTPUT:
         np.testing.assert_array_equal(driven[name], known[name], err_msg=name)
 
 
 def test_accelerations_follow_the_inputs_at_once_and_the_state_only_in_a_step():
     unit = Unit(made(TRIAXIAL, MOVING, inputs={"ports": ["torque_b", "force_a"]}))
-    before = {name: unit[name] for name in unit.kernels.OUTPUTS}
+    before = {name: unit[name] for name in OUTPUT}
     unit["torque_b"], unit["force_a"] = [1.0, 2.0, 3.0], [4.0, 5.0, 6.0]
     unit.refresh()
     np.testing.assert_allclose(unit["alpha_b"] - before["alpha_b"], [1.0, 1.0, 1.2], rtol=8 * EPS)
     np.testing.assert_allclose(unit["acceleration"] - before["acceleration"], [2.0, 2.5, 3.0], rtol=8 * EPS)
-    for name in unit.kernels.OUTPUTS.keys() - {"alpha_b", "acceleration"}:
+    for name in OUTPUT.keys() - {"alpha_b", "acceleration"}:
         np.testing.assert_array_equal(unit[name], before[name], err_msg=name)
 
 

@@ -13,6 +13,7 @@ from test_python_fmu import LOADED, both_step
 from rbfmu.simulation import simulate
 from rbfmu_fmu import verify
 from rbfmu_kernels.body import outputs as body_outputs
+from rbfmu_kernels.quantities import OUTPUT
 
 H = 0.01
 OWN = ["brick", "driven", "pendulum", "prescribed"]
@@ -150,7 +151,7 @@ def test_outputs_have_first_derivatives():
     for k in range(10):
         kernels.unit.outputs(kernels.z)
         body_outputs.output_rates(kernels.z)
-        expected = np.concatenate([kernels.z[kernels.unit.BLOCKS[f"d_{name}"]] for name in kernels.unit.OUTPUTS])
+        expected = np.concatenate([kernels.z[kernels.unit.BLOCKS[f"d_{name}"]] for name in OUTPUT])
         assert instance.get_rates(*names) == (OK, expected.tolist())
         inputs = {"torque_b[1]": math.sin(k)}
         assert instance.set(inputs) == OK

@@ -13,7 +13,7 @@ from rbfmu.planning import with_all_outputs
 from rbfmu.scene import Scene
 from rbfmu.unit import Unit, filled_buffer
 from rbfmu_kernels.buffer import CHANGED, FAULTS
-from rbfmu_kernels.quantities import BY_NAME, IN_BUFFER_ORDER, OUTPUT, UNITS, indices
+from rbfmu_kernels.quantities import BY_NAME, IN_BUFFER_ORDER, OUTPUT, PORTS, UNITS, indices
 
 LOG_CATEGORIES = ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal", "logAll")
 
@@ -123,11 +123,11 @@ def file_name(name: str) -> str:
 def _blocks(scene: Scene, plan: Plan) -> list[tuple[str, slice, str]]:
     """(FMU name, place in the buffer, causality) of the blocks that the scene's model needs."""
     unit, ports, needed = plan.unit, scene.inputs.ports, needed_parameters(scene, plan.model)
-    blocks = [(n, unit.BLOCKS[n], "input") for n in unit.INPUTS if n in ports]
+    blocks = [(n, unit.BLOCKS[n], "input") for n in PORTS if n in ports]
     for row in IN_BUFFER_ORDER:
         if row.name in needed and row.name not in ports:  # a port's name is taken: its known part stays inside
             blocks.append((row.name, unit.BLOCKS[getattr(row, "block", row.name)], "parameter"))
-    return blocks + [(n, unit.BLOCKS[n], "output") for n in unit.OUTPUTS if n in scene.outputs.quantities]
+    return blocks + [(n, unit.BLOCKS[n], "output") for n in OUTPUT if n in scene.outputs.quantities]
 
 
 def _variables(name: str, place: slice, causality: str, plan: Plan, z: Any) -> list[Variable]:

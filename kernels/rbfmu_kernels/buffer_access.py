@@ -7,6 +7,18 @@ from .types import Matrix, Quaternion, Vec3
 
 
 @kernel
+def pair_at(z: Any, i: int) -> tuple[float, float]:
+    """The two numbers that begin at z[i]: high and low parts of one, or a pair."""
+    return (z[i], z[i + 1])
+
+
+@kernel
+def put_pair_at(z: Any, i: int, a: tuple[float, float]) -> None:
+    """Store two numbers from z[i] on."""
+    z[i], z[i + 1] = a
+
+
+@kernel
 def vec3_at(z: Any, i: int) -> Vec3:
     """The vector that begins at z[i]."""
     return (z[i], z[i + 1], z[i + 2])

@@ -3,7 +3,7 @@
 from typing import Any
 
 from ..buffer import NOT_REACHED, places
-from ..buffer_access import put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
+from ..buffer_access import pair_at, put_pair_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..exact.uniform_rotation import Turning
 from ..mechanics.equations_of_motion import linear_acceleration
@@ -15,7 +15,6 @@ from .memory import (
     body_of,
     centre_of,
     has_pivot,
-    is_as_planned,
     loads_of,
     needs_translation,
     put_centre,
@@ -35,7 +34,8 @@ _ELAPSED, _Q_0, _R_0, _V_0, _HELD, _SINCE = (_BLOCKS[n].start for n in _CLOCKS)
 @kernel
 def start_clocks(z: Any) -> None:
     """At the start of a run."""
-    z[_ELAPSED] = z[_ELAPSED + 1] = z[_SINCE] = z[_SINCE + 1] = 0.0
+    put_pair_at(z, _ELAPSED, (0.0, 0.0))
+    put_pair_at(z, _SINCE, (0.0, 0.0))
     put_quaternion_at(z, _Q_0, rotation_of(z)[0])
     r_c, v_c = centre_of(z)
     put_vec3_at(z, _R_0, r_c)
@@ -58,8 +58,9 @@ def time_after(z: Any, h: float) -> DoubleDouble:
 @kernel
 def later(z: Any, clock: int, h: float) -> DoubleDouble:
     """What the clock that stands at z[clock], s, shows after a step h."""
-    t, low = two_sum(z[clock], h)
-    return t, low + z[clock + 1]
+    high, low = pair_at(z, clock)
+    t, rest = two_sum(high, h)
+    return t, rest + low
 
 
 @kernel
@@ -81,12 +82,6 @@ def has_torque(z: Any) -> bool:
 def is_driven(z: Any) -> bool:
     """Whether a torque acts, or a force that turns with the body on a path that somebody looks at."""
     return has_torque(z) or (is_nonzero(loads_of(z).force_b) and needs_translation(z))
-
-
-@kernel
-def goes_on_free(z: Any, h: float) -> bool:
-    """Whether a step of a model that nothing drives can be taken: h > 0, and no input does."""
-    return h > 0.0 and (is_as_planned(z) or not is_driven(z))
 
 
 @kernel(inline=False)
@@ -114,7 +109,7 @@ def is_finite_path(r: Vec3, v: Vec3) -> bool:
 def commit_step(z: Any, h: float, q: Quaternion, omega: Vec3) -> int:
     """Take attitude and rate after a step h, refresh the outputs."""
     put_rotation(z, q, omega)
-    z[_ELAPSED], z[_ELAPSED + 1] = later(z, _ELAPSED, h)
+    put_pair_at(z, _ELAPSED, time_after(z, h))
     return outputs(z)
 
 
@@ -132,7 +127,7 @@ def _moved(z: Any, h: float) -> bool:
     if not is_finite_path(r, v):
         return False
     put_centre(z, r, v)
-    z[_SINCE], z[_SINCE + 1] = since, low
+    put_pair_at(z, _SINCE, (since, low))
     put_vec3_at(z, _R_0, r_0)
     put_vec3_at(z, _V_0, v_0)
     put_vec3_at(z, _HELD, a)
@@ -147,10 +142,10 @@ TURNING = 5
 def put_turning_at(z: Any, i: int, turning: Turning) -> None:
     """Store a turning from z[i] on."""
     put_vec3_at(z, i, turning[0])
-    z[i + 3], z[i + 4] = turning[1]
+    put_pair_at(z, i + 3, turning[1])
 
 
 @kernel
 def turning_at(z: Any, i: int) -> Turning:
     """The turning that begins at z[i]."""
-    return vec3_at(z, i), (z[i + 3], z[i + 4])
+    return vec3_at(z, i), pair_at(z, i + 3)

@@ -1,1 +1,1 @@
-"""One module a model: the layout of its buffer, `initialize`, `step`, `outputs`."""
+"""One module a model: a co-simulation unit of the body, or of what of it a scene needs; see `body.shell`."""

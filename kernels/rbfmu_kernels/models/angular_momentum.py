@@ -1,25 +1,21 @@
 """The angular momentum of a body that only a torque fixed in space changes, its attitude left out: h = h_0 + T t.
 
-A sphere's rates in a follow from it. As a co-simulation unit: `initialize`, `step` and `outputs` work over one flat
-buffer (see BLOCKS), its whole memory. Its attitude stays the first one, and its omega_ab_b is that of h in it.
+A sphere's rates in a follow from it. Its attitude stays the first one, and its omega_ab_b is that of h in it.
 """
 
 from typing import Any
 
 from ..body.closed_form import CLOSED_FORM, finish_step, first_attitude, has_turning_torque, later, start_clocks
-from ..body.memory import INPUTS as INPUTS
-from ..body.memory import OUTPUTS as OUTPUTS
-from ..body.memory import PARAMETERS as PARAMETERS
-from ..body.memory import body_of, initialize_body, is_as_planned, loads_of, rotation_of, shows_more_than_momentum
-from ..body.outputs import first_outputs
-from ..body.outputs import output_rates as output_rates
-from ..body.outputs import outputs as outputs
+from ..body.memory import body_of, is_as_planned, loads_of, rotation_of, shows_more_than_momentum
+from ..body.shell import entry_functions, output_rates, outputs
 from ..body.symmetry import is_sphere
 from ..buffer import FINE, NOT_REACHED, places
-from ..buffer_access import put_vec3_at, vec3_at
+from ..buffer_access import put_pair_at, put_vec3_at, vec3_at
 from ..compile.decorator import kernel
 from ..mechanics.equations_of_motion import angular_acceleration
 from ..rotations.vec3 import add_scaled
+
+__all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
 
 BLOCKS, SIZE = places(CLOSED_FORM | {"omega_0": 3, "pull": 3, "pulled": 2})
 """Besides: the rate when the torque last changed, what that adds to it in a second, and the time since then."""
@@ -30,26 +26,22 @@ _MORE = 20
 """Key of `buffer.FAULTS`."""
 
 
-@kernel(inline=False)
-def initialize(z: Any) -> int:
-    """Check the parameters, set state and outputs; returns 0 or a key of `buffer.FAULTS`."""
-    fault = initialize_body(z)
-    if fault != 0:
-        return fault
+@kernel
+def _set_up(z: Any) -> int:
     more = has_turning_torque(z) or shows_more_than_momentum(z, is_sphere(body_of(z).inertia))
     if more and not is_as_planned(z):
         return _MORE
-    z[_PULLED] = z[_PULLED + 1] = 0.0
+    put_pair_at(z, _PULLED, (0.0, 0.0))
     put_vec3_at(z, _OMEGA_0, rotation_of(z)[1])
     put_vec3_at(z, _PULL, _AT_REST)
     start_clocks(z)
-    return first_outputs(z)
+    return 0
 
 
-@kernel(inline=False)
-def step(z: Any, h: float) -> int:
+@kernel
+def _advance(z: Any, h: float) -> int:
     """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite or an input turns in a."""
-    if not h > 0.0 or (has_turning_torque(z) and not is_as_planned(z)):
+    if has_turning_torque(z) and not is_as_planned(z):
         return NOT_REACHED
     since, low, omega, q = 0.0, 0.0, vec3_at(z, _OMEGA_0), first_attitude(z)
     pull = angular_acceleration(q, _AT_REST, body_of(z), loads_of(z))
@@ -59,7 +51,10 @@ def step(z: Any, h: float) -> int:
         since, omega = h, rotation_of(z)[1]
     status = finish_step(z, h, q, add_scaled(omega, since + low, pull))
     if status == FINE:
-        z[_PULLED], z[_PULLED + 1] = since, low
+        put_pair_at(z, _PULLED, (since, low))
         put_vec3_at(z, _OMEGA_0, omega)
         put_vec3_at(z, _PULL, pull)
     return status
+
+
+initialize, step = entry_functions(__name__, _set_up, _advance)

@@ -1,7 +1,4 @@
-"""A free body that turns at a constant rate as a co-simulation unit: a sphere, or a spin about a principal axis.
-
-`initialize`, `step` and `outputs` work over one flat buffer (see BLOCKS), the unit's whole memory.
-"""
+"""A free body that turns at a constant rate as a co-simulation unit: a sphere, or a spin about a principal axis."""
 
 from typing import Any
 
@@ -17,19 +14,16 @@ from ..body.closed_form import (
     turning_at,
 )
 from ..body.fixed_axis import turns_path
-from ..body.memory import INPUTS as INPUTS
-from ..body.memory import OUTPUTS as OUTPUTS
-from ..body.memory import PARAMETERS as PARAMETERS
-from ..body.memory import initialize_body, is_as_planned, rotation_of
-from ..body.outputs import first_outputs
-from ..body.outputs import output_rates as output_rates
-from ..body.outputs import outputs as outputs
+from ..body.memory import is_as_planned, rotation_of
 from ..body.principal import keeps_its_rate
+from ..body.shell import entry_functions, output_rates, outputs
 from ..buffer import NOT_REACHED, places
 from ..compile.decorator import kernel
 from ..exact.uniform_rotation import turned, turning_about
 from ..numerics.double_double import dd_vector
 from ..rotations.quaternion import compose_quaternions
+
+__all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
 
 BLOCKS, SIZE = places(CLOSED_FORM | {"turning": TURNING})
 
@@ -38,24 +32,20 @@ _UNSTEADY = 15
 """Key of `buffer.FAULTS`."""
 
 
-@kernel(inline=False)
-def initialize(z: Any) -> int:
-    """Check the parameters, set state and outputs; returns 0 or a key of `buffer.FAULTS`."""
-    fault = initialize_body(z)
-    if fault != 0:
-        return fault
+@kernel
+def _set_up(z: Any) -> int:
     omega = rotation_of(z)[1]
     if not is_as_planned(z) and (not keeps_its_rate(z, omega) or _is_disturbed(z)):
         return _UNSTEADY
     put_turning_at(z, _TURNING, turning_about(dd_vector(omega)))
     start_clocks(z)
-    return first_outputs(z)
+    return 0
 
 
-@kernel(inline=False)
-def step(z: Any, h: float) -> int:
+@kernel
+def _advance(z: Any, h: float) -> int:
     """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite or an input makes a torque."""
-    if not h > 0.0 or (_is_disturbed(z) and not is_as_planned(z)):
+    if _is_disturbed(z) and not is_as_planned(z):
         return NOT_REACHED
     t = time_after(z, h)
     q = compose_quaternions(first_attitude(z), turned(turning_at(z, _TURNING), t))
@@ -66,3 +56,6 @@ def step(z: Any, h: float) -> int:
 def _is_disturbed(z: Any) -> bool:
     """Whether a torque acts, or a force turns with the body's path: one along the rate does not turn."""
     return has_torque(z) or turns_path(z, rotation_of(z)[1])
+
+
+initialize, step = entry_functions(__name__, _set_up, _advance)

@@ -1,6 +1,5 @@
 """A torque-free body pushed by a force fixed in b: exact rotation, and a quadrature of the force for the path.
 
-As a co-simulation unit: `initialize`, `step` and `outputs` work over one flat buffer (see BLOCKS), its whole memory.
 A step is cut into equal panels of at most `substep`, each with `order` points of Gauss's rule. What a panel of length s
 leaves out shrinks as (omega s)^(2 order), and nothing else is left out; steps add up in twice the digits.
 Abramowitz and Stegun, 25.4.30.
@@ -9,12 +8,8 @@ Abramowitz and Stegun, 25.4.30.
 from typing import Any
 
 from ..body.closed_form import commit_step, has_torque, is_finite_path, is_finite_rotation, time_after
-from ..body.memory import INPUTS as INPUTS
-from ..body.memory import OUTPUTS as OUTPUTS
-from ..body.memory import PARAMETERS as PARAMETERS
-from ..body.memory import body_of, centre_of, initialize_body, is_as_planned, loads_of, put_centre, substep_of
-from ..body.outputs import first_outputs
-from ..body.outputs import outputs as outputs
+from ..body.memory import body_of, centre_of, is_as_planned, loads_of, put_centre, substep_of
+from ..body.shell import entry_functions, outputs
 from ..buffer import NOT_REACHED, places
 from ..buffer_access import put_vec3_at, vec3_at
 from ..compile.decorator import kernel
@@ -24,8 +19,9 @@ from ..mechanics.equations_of_motion import steady_acceleration, turning_acceler
 from ..numerics.double_double import two_sum
 from ..rotations.vec3 import add_scaled
 from ..types import Vec3
-from .free_triaxial import FREE, free_motion_of, keep_place, set_up, shown_rates
-from .free_triaxial import output_rates as output_rates
+from .free_triaxial import FREE, free_motion_of, keep_place, output_rates, set_up_rotation, shown_rates
+
+__all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
 
 ORDERS = (1, 2, 3, 4, 5, 6, 7, 8)
 """Points a panel."""
@@ -68,24 +64,20 @@ _TORQUE = 11
 _NONE = (0.0, 0.0, 0.0)
 
 
-@kernel(inline=False)
-def initialize(z: Any) -> int:
-    """Check the parameters, set up the exact motion and the outputs; returns 0 or a key of `buffer.FAULTS`."""
-    fault = initialize_body(z)
-    if fault != 0:
-        return fault
+@kernel
+def _set_up(z: Any) -> int:
     if has_torque(z) and not is_as_planned(z):
         return _TORQUE
-    set_up(z)
+    set_up_rotation(z)
     put_vec3_at(z, _LOW_R, _NONE)
     put_vec3_at(z, _LOW_V, _NONE)
-    return first_outputs(z)
+    return 0
 
 
-@kernel(inline=False)
-def step(z: Any, h: float) -> int:
+@kernel
+def _advance(z: Any, h: float) -> int:
     """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite or an input makes a torque."""
-    count = substeps_in(h, substep_of(z)) if h > 0.0 else 0
+    count = substeps_in(h, substep_of(z))
     if count == 0 or (has_torque(z) and not is_as_planned(z)):
         return NOT_REACHED
     motion = free_motion_of(z)
@@ -136,3 +128,6 @@ def _sum(a: Vec3, low: Vec3, b: Vec3) -> tuple[Vec3, Vec3]:
     y, low_y = two_sum(a[1], b[1] + low[1])
     w, low_w = two_sum(a[2], b[2] + low[2])
     return (x, y, w), (low_x, low_y, low_w)
+
+
+initialize, step = entry_functions(__name__, _set_up, _advance)

@@ -1,7 +1,4 @@
-"""A free body with two equal moments as a co-simulation unit: two steady turns, elementary functions only.
-
-`initialize`, `step` and `outputs` work over one flat buffer (see BLOCKS), the unit's whole memory.
-"""
+"""A free body with two equal moments as a co-simulation unit: two steady turns, elementary functions only."""
 
 from typing import Any
 
@@ -10,21 +7,15 @@ from ..body.closed_form import (
     TURNING,
     finish_step,
     first_attitude,
-    goes_on_free,
     is_driven,
     put_turning_at,
     start_clocks,
     time_after,
     turning_at,
 )
-from ..body.memory import INPUTS as INPUTS
-from ..body.memory import OUTPUTS as OUTPUTS
-from ..body.memory import PARAMETERS as PARAMETERS
-from ..body.memory import body_of, initialize_body, is_as_planned, needs_attitude, rotation_of
-from ..body.outputs import first_outputs
-from ..body.outputs import output_rates as output_rates
-from ..body.outputs import outputs as outputs
+from ..body.memory import body_of, is_as_planned, needs_attitude, rotation_of
 from ..body.principal import rates_along, rounded
+from ..body.shell import entry_functions, output_rates, outputs
 from ..body.symmetry import exact_symmetric_frame
 from ..buffer import NOT_REACHED, places
 from ..buffer_access import put_vec3_at, vec3_at
@@ -34,6 +25,8 @@ from ..integrators.splitting import is_symmetric_top
 from ..rotations.matrix import invert_matrix, transform
 from ..rotations.quaternion import compose_quaternions, invert_quaternion, rotate
 
+__all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
+
 BLOCKS, SIZE = places(CLOSED_FORM | {"omega_0": 3, "about_momentum": TURNING, "about_axis": TURNING})
 
 _OMEGA_0, _ABOUT_MOMENTUM, _ABOUT_AXIS = (BLOCKS[n].start for n in ("omega_0", "about_momentum", "about_axis"))
@@ -41,12 +34,8 @@ _TORQUE, _NOT_SYMMETRIC = 11, 16
 """Keys of `buffer.FAULTS`."""
 
 
-@kernel(inline=False)
-def initialize(z: Any) -> int:
-    """Check the parameters, set state and outputs; returns 0 or a key of `buffer.FAULTS`."""
-    fault = initialize_body(z)
-    if fault != 0:
-        return fault
+@kernel
+def _set_up(z: Any) -> int:
     omega, body = rotation_of(z)[1], body_of(z)
     if not is_as_planned(z):
         if is_driven(z):
@@ -60,16 +49,19 @@ def initialize(z: Any) -> int:
     put_turning_at(z, _ABOUT_MOMENTUM, (transform(invert_matrix(axes), momentum[0]), momentum[1]))
     put_turning_at(z, _ABOUT_AXIS, (axes[2], own[1]))
     start_clocks(z)
-    return first_outputs(z)
+    return 0
 
 
-@kernel(inline=False)
-def step(z: Any, h: float) -> int:
+@kernel
+def _advance(z: Any, h: float) -> int:
     """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite or an input makes a torque."""
-    if not goes_on_free(z, h):
+    if is_driven(z) and not is_as_planned(z):
         return NOT_REACHED
     t = time_after(z, h)
     q, back = first_attitude(z), turned(turning_at(z, _ABOUT_AXIS), t)
     if needs_attitude(z):
         q = compose_quaternions(compose_quaternions(q, turned(turning_at(z, _ABOUT_MOMENTUM), t)), back)
     return finish_step(z, h, q, rotate(invert_quaternion(back), vec3_at(z, _OMEGA_0)))
+
+
+initialize, step = entry_functions(__name__, _set_up, _advance)

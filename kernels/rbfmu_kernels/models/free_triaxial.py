@@ -1,19 +1,12 @@
-"""A body on which no torque acts as a co-simulation unit: exact rotation at any time, position in closed form.
-
-`initialize`, `step` and `outputs` work over one flat buffer (see BLOCKS), the unit's whole memory.
-"""
+"""A body on which no torque acts as a co-simulation unit: exact rotation at any time, position in closed form."""
 
 from typing import Any
 
-from ..body.closed_form import CLOSED_FORM, finish_step, goes_on_free, is_driven, start_clocks, time_after
-from ..body.memory import INPUTS as INPUTS
-from ..body.memory import OUTPUTS as OUTPUTS
-from ..body.memory import PARAMETERS as PARAMETERS
-from ..body.memory import initialize_body, is_as_planned, needs_attitude, put_rotation, rotation_of, shows_rates
-from ..body.outputs import first_outputs
+from ..body.closed_form import CLOSED_FORM, finish_step, is_driven, start_clocks, time_after
+from ..body.memory import is_as_planned, needs_attitude, put_rotation, rotation_of, shows_rates
 from ..body.outputs import output_rates as body_output_rates
-from ..body.outputs import outputs as outputs
 from ..body.principal import exact_frame, rates_along, rounded
+from ..body.shell import entry_functions, outputs
 from ..buffer import FINE, NOT_REACHED, places
 from ..buffer_access import matrix_at, put_matrix_at, put_quaternion_at, quaternion_at
 from ..compile.decorator import kernel
@@ -34,6 +27,8 @@ from ..rotations.matrix import invert_matrix, quaternion_from_matrix, transform
 from ..rotations.quaternion import compose_quaternions, invert_quaternion
 from ..types import Vec3
 
+__all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
+
 FREE = CLOSED_FORM | {"axes": 9, "place": 4, "moved": 1, "constants": FREE_ROTATION_SIZE}
 """Besides, after a step: where on the polhode the body is, and 1."""
 BLOCKS, SIZE = places(FREE)
@@ -43,20 +38,16 @@ _TORQUE = 11
 """Key of `buffer.FAULTS`."""
 
 
-@kernel(inline=False)
-def initialize(z: Any) -> int:
-    """Check the parameters, set up the exact motion and the outputs; returns 0 or a key of `buffer.FAULTS`."""
-    fault = initialize_body(z)
-    if fault != 0:
-        return fault
+@kernel
+def _set_up(z: Any) -> int:
     if is_driven(z) and not is_as_planned(z):
         return _TORQUE
-    set_up(z)
-    return first_outputs(z)
+    set_up_rotation(z)
+    return 0
 
 
 @kernel(inline=False)
-def set_up(z: Any) -> None:
+def set_up_rotation(z: Any) -> None:
     """The exact motion's constants and the clocks."""
     moments, axes = exact_frame(z)
     R_bp = invert_matrix(rounded(axes))
@@ -70,10 +61,10 @@ def set_up(z: Any) -> None:
     z[_MOVED] = 0.0
 
 
-@kernel(inline=False)
-def step(z: Any, h: float) -> int:
+@kernel
+def _advance(z: Any, h: float) -> int:
     """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite or an input makes a torque."""
-    if not goes_on_free(z, h):
+    if is_driven(z) and not is_as_planned(z):
         return NOT_REACHED
     motion = free_motion_of(z)
     t = scaled_time(motion, time_after(z, h))
@@ -114,5 +105,8 @@ def _rates(z: Any, place: Place) -> Vec3:
 
 @kernel
 def free_motion_of(z: Any) -> FreeRotation:
-    """Return what `set_up` has set up."""
+    """Return what `set_up_rotation` has set up."""
     return read_free_rotation(z[_CONSTANTS : _CONSTANTS + FREE_ROTATION_SIZE])  # type: ignore[no-any-return]
+
+
+initialize, step = entry_functions(__name__, _set_up, _advance)

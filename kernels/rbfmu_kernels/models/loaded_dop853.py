@@ -1,24 +1,20 @@
 """A body under any of the scene's loads as a co-simulation unit: DOP853 inside a communication step.
 
-`initialize`, `step` and `outputs` work over one flat buffer (see BLOCKS), the unit's whole memory. `step` commits all
-of a communication step or nothing. `tolerance` is the largest estimated error of a substep, 0 for substeps of at most
-`substep` without error control (`rbfmu.fitting` chooses). Inputs may change within a step: see `body.driven`.
+`tolerance` is the largest estimated error of a substep, 0 for substeps of at most `substep` without error control
+(`rbfmu.fitting` chooses). Inputs may change within a step: see `body.driven`.
 """
 
 from typing import Any
 
 from ..body.driven import DRIVEN, STEP_SIZE, finish, integrated, keep, load_polynomial_of
-from ..body.memory import INPUTS as INPUTS
-from ..body.memory import OUTPUTS as OUTPUTS
-from ..body.memory import PARAMETERS as PARAMETERS
-from ..body.memory import STATE, body_of, initialize_body, loads_of
-from ..body.outputs import first_outputs
-from ..body.outputs import output_rates as output_rates
-from ..body.outputs import outputs as outputs
-from ..buffer import NOT_REACHED, places
+from ..body.memory import STATE, body_of, loads_of
+from ..body.shell import entry_functions, output_rates, outputs
+from ..buffer import places
 from ..compile.decorator import kernel
 from ..integrators.dop853 import WORK, dop853_advance, dop853_march, first_step
 from ..integrators.rigid_body_state import ROTATION
+
+__all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
 
 _, _BEFORE = places(DRIVEN)
 BLOCKS, SIZE = places(DRIVEN | {"pad_3": -_BEFORE % 8, "work": WORK})
@@ -27,21 +23,15 @@ BLOCKS, SIZE = places(DRIVEN | {"pad_3": -_BEFORE % 8, "work": WORK})
 _TOLERANCE, _SPAN, _SUBSTEP, _WORK = (BLOCKS[n].start for n in ("tolerance", "span", "substep", "work"))
 
 
-@kernel(inline=False)
-def initialize(z: Any) -> int:
-    """Check the parameters, set state and outputs; returns 0 or a key of `buffer.FAULTS`."""
-    fault = initialize_body(z)
-    if fault != 0:
-        return fault
+@kernel
+def _set_up(z: Any) -> int:
     z[STEP_SIZE] = first_step(z, STATE, body_of(z), loads_of(z))
-    return first_outputs(z)
+    return 0
 
 
-@kernel(inline=False)
-def step(z: Any, h: float) -> int:
+@kernel
+def _advance(z: Any, h: float) -> int:
     """Advance by h; NOT_REACHED (and nothing changed) where the motion cannot be followed."""
-    if not h > 0.0:
-        return NOT_REACHED
     keep(z)
     body, loads = body_of(z), load_polynomial_of(z)
     n = max(ROTATION, integrated(z, body, loads))
@@ -50,3 +40,6 @@ def step(z: Any, h: float) -> int:
     else:
         status = dop853_march(z, STATE, _WORK, n, h, z[_SUBSTEP], body, loads)
     return finish(z, n, h, status, body, loads)
+
+
+initialize, step = entry_functions(__name__, _set_up, _advance)

@@ -1,24 +1,20 @@
 """A body with two equal moments as a co-simulation unit: kicks by the loads between exact flows of the free body.
 
-For loads that depend on the attitude alone (no damping): heavy tops. `initialize`, `step` and `outputs` work over one
-flat buffer (see BLOCKS), the unit's whole memory. `step` commits all of a communication step or nothing.
+For loads that depend on the attitude alone (no damping): heavy tops.
 """
 
 import math
 from typing import Any
 
-from ..body.memory import COMMON, body_of, initialize_body, loads_of, motion_of, put_motion, substep_of
-from ..body.memory import INPUTS as INPUTS
-from ..body.memory import OUTPUTS as OUTPUTS
-from ..body.memory import PARAMETERS as PARAMETERS
-from ..body.outputs import first_outputs
-from ..body.outputs import output_rates as output_rates
-from ..body.outputs import outputs as outputs
+from ..body.memory import COMMON, body_of, loads_of, motion_of, put_motion, substep_of
+from ..body.shell import entry_functions, output_rates, outputs
 from ..buffer import NOT_REACHED, places
 from ..compile.decorator import kernel
 from ..integrators.splitting import is_symmetric_top, resonant_step, rkn4_steps, rkn6_steps, strang_steps
 from ..integrators.substeps import substeps_in
 from ..rotations.vec3 import dot
+
+__all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
 
 BLOCKS, SIZE = places(COMMON | {"order": 1})
 
@@ -27,26 +23,22 @@ _NO_TOP, _RESONANT = 12, 13
 """Keys of `buffer.FAULTS`."""
 
 
-@kernel(inline=False)
-def initialize(z: Any) -> int:
-    """Check the parameters, set state and outputs; returns 0 or a key of `buffer.FAULTS`."""
-    fault = initialize_body(z)
-    if fault != 0:
-        return fault
+@kernel
+def _set_up(z: Any) -> int:
     body = body_of(z)
     d = body.damping_b
     if not is_symmetric_top(body.inertia) or d[0] != 0.0 or d[1] != 0.0 or d[2] != 0.0:
         return _NO_TOP
     if substep_of(z) > 0.5 * resonant_step(body.inertia, motion_of(z).omega_b):
         return _RESONANT
-    return first_outputs(z)
+    return 0
 
 
-@kernel(inline=False)
-def step(z: Any, h: float) -> int:
+@kernel
+def _advance(z: Any, h: float) -> int:
     """Advance by h with the inputs held; NOT_REACHED (and nothing changed) where the result is not finite."""
     n = substeps_in(h, substep_of(z))
-    if n == 0 or not h > 0.0:
+    if n == 0:
         return NOT_REACHED
     part = h / n
     body, loads, motion, order = body_of(z), loads_of(z), motion_of(z), z[_ORDER]
@@ -61,3 +53,6 @@ def step(z: Any, h: float) -> int:
         return NOT_REACHED
     put_motion(z, motion)
     return outputs(z)
+
+
+initialize, step = entry_functions(__name__, _set_up, _advance)

@@ -1,25 +1,21 @@
 """A body under any of the scene's loads as a co-simulation unit: Taylor series inside a communication step.
 
-`initialize`, `step` and `outputs` work over one flat buffer (see BLOCKS), the unit's whole memory. `step` commits all
-of a communication step or nothing. `tolerance` is the largest estimated error of a substep, `order` that of the series
-(`rbfmu.fitting` chooses). Inputs may change within a step: see `body.driven`.
+`tolerance` is the largest estimated error of a substep, `order` that of the series (`rbfmu.fitting` chooses). Inputs
+may change within a step: see `body.driven`.
 """
 
 from typing import Any
 
 from ..body.driven import DRIVEN, STEP_SIZE, finish, integrated, keep, load_polynomial_of
-from ..body.memory import INPUTS as INPUTS
-from ..body.memory import OUTPUTS as OUTPUTS
-from ..body.memory import PARAMETERS as PARAMETERS
-from ..body.memory import STATE, body_of, initialize_body
-from ..body.outputs import first_outputs
-from ..body.outputs import output_rates as output_rates
-from ..body.outputs import outputs as outputs
-from ..buffer import NOT_REACHED, places
+from ..body.memory import STATE, body_of
+from ..body.shell import entry_functions, output_rates, outputs
+from ..buffer import places
 from ..compile.decorator import kernel
 from ..integrators.dop853 import LONGEST_STEP
 from ..integrators.taylor import taylor_advance
 from ..integrators.taylor_coefficients import WORK
+
+__all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
 
 _, _BEFORE = places(DRIVEN | {"order": 1})
 BLOCKS, SIZE = places(DRIVEN | {"order": 1, "pad_3": -_BEFORE % 8, "work": WORK})
@@ -28,23 +24,20 @@ BLOCKS, SIZE = places(DRIVEN | {"order": 1, "pad_3": -_BEFORE % 8, "work": WORK}
 _TOLERANCE, _SPAN, _ORDER, _WORK = (BLOCKS[n].start for n in ("tolerance", "span", "order", "work"))
 
 
-@kernel(inline=False)
-def initialize(z: Any) -> int:
-    """Check the parameters, set state and outputs; returns 0 or a key of `buffer.FAULTS`."""
-    fault = initialize_body(z)
-    if fault != 0:
-        return fault
+@kernel
+def _set_up(z: Any) -> int:
     z[STEP_SIZE] = LONGEST_STEP  # the series themselves say at once how much is too long
-    return first_outputs(z)
+    return 0
 
 
-@kernel(inline=False)
-def step(z: Any, h: float) -> int:
+@kernel
+def _advance(z: Any, h: float) -> int:
     """Advance by h; NOT_REACHED (and nothing changed) where the motion cannot be followed."""
-    if not h > 0.0:
-        return NOT_REACHED
     keep(z)
     body, loads = body_of(z), load_polynomial_of(z)
     n = integrated(z, body, loads)
     status = taylor_advance(z, STATE, _WORK, STEP_SIZE, n, int(z[_ORDER]), h, z[_TOLERANCE], z[_SPAN], body, loads)
     return finish(z, n, h, status, body, loads)
+
+
+initialize, step = entry_functions(__name__, _set_up, _advance)

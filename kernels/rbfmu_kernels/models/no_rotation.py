@@ -1,17 +1,10 @@
-"""A body whose rotation nobody needs or that does not turn, as a co-simulation unit: its position in closed form.
-
-`initialize`, `step` and `outputs` work over one flat buffer (see BLOCKS), the unit's whole memory.
-"""
+"""A body whose rotation nobody needs or that does not turn, as a co-simulation unit: its position in closed form."""
 
 from typing import Any
 
 from ..body.closed_form import CLOSED_FORM, finish_step, has_torque, start_clocks
-from ..body.memory import INPUTS as INPUTS
-from ..body.memory import OUTPUTS as OUTPUTS
-from ..body.memory import PARAMETERS as PARAMETERS
 from ..body.memory import (
     body_of,
-    initialize_body,
     is_as_planned,
     loads_of,
     needs_attitude,
@@ -20,13 +13,13 @@ from ..body.memory import (
     rotation_of,
     shows_loads,
 )
-from ..body.outputs import first_outputs
-from ..body.outputs import output_rates as output_rates
-from ..body.outputs import outputs as outputs
-from ..buffer import FINE, NOT_REACHED, places
+from ..body.shell import entry_functions, output_rates, outputs
+from ..buffer import FINE, places
 from ..compile.decorator import kernel
 from ..mechanics.equations_of_motion import angular_acceleration
 from ..rotations.vec3 import is_nonzero
+
+__all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
 
 BLOCKS, SIZE = places(CLOSED_FORM)
 
@@ -34,23 +27,17 @@ _TURNS = 14
 """Key of `buffer.FAULTS`."""
 
 
-@kernel(inline=False)
-def initialize(z: Any) -> int:
-    """Check the parameters, set state and outputs; returns 0 or a key of `buffer.FAULTS`."""
-    fault = initialize_body(z)
-    if fault != 0:
-        return fault
+@kernel
+def _set_up(z: Any) -> int:
     if needs_rate(z) and not is_as_planned(z) and _begins_to_turn(z):
         return _TURNS
     start_clocks(z)
-    return first_outputs(z)
+    return 0
 
 
-@kernel(inline=False)
-def step(z: Any, h: float) -> int:
+@kernel
+def _advance(z: Any, h: float) -> int:
     """Advance by h with the inputs held; NOT_REACHED (and nothing changed) where the result is not finite."""
-    if not h > 0.0:
-        return NOT_REACHED
     if not needs_translation(z):
         return outputs(z) if shows_loads(z) else FINE
     q, omega = rotation_of(z)
@@ -63,3 +50,6 @@ def _begins_to_turn(z: Any) -> bool:
     (q, omega), body, loads = rotation_of(z), body_of(z), loads_of(z)
     changes = is_nonzero(angular_acceleration(q, omega, body, loads))
     return changes or (is_nonzero(omega) and (needs_attitude(z) or has_torque(z)))
+
+
+initialize, step = entry_functions(__name__, _set_up, _advance)

@@ -1,22 +1,14 @@
-"""A body that turns about one principal axis, fixed in space, under forces fixed in space: Taylor series of one angle.
-
-As a co-simulation unit: `initialize`, `step` and `outputs` work over one flat buffer (see BLOCKS), its whole memory.
-"""
+"""A body that turns about one principal axis fixed in space, under forces fixed in space, by Taylor series."""
 
 import math
 from typing import Any
 
 from ..body.closed_form import CLOSED_FORM, finish_step, first_attitude, start_clocks
 from ..body.fixed_axis import leaves_axis, main_axis, pull_and_decay, swing
-from ..body.memory import INPUTS as INPUTS
-from ..body.memory import OUTPUTS as OUTPUTS
-from ..body.memory import PARAMETERS as PARAMETERS
-from ..body.memory import body_of, initialize_body, is_as_planned, loads_of, rotation_of
-from ..body.outputs import first_outputs
-from ..body.outputs import output_rates as output_rates
-from ..body.outputs import outputs as outputs
+from ..body.memory import body_of, is_as_planned, loads_of, rotation_of
+from ..body.shell import entry_functions, output_rates, outputs
 from ..buffer import FINE, MOST_SUBSTEPS, NOT_REACHED, places
-from ..buffer_access import put_vec3_at, vec3_at
+from ..buffer_access import pair_at, put_pair_at, put_vec3_at, vec3_at
 from ..compile.decorator import kernel
 from ..integrators.dop853 import LONGEST_STEP
 from ..integrators.substeps import substeps_in
@@ -24,6 +16,8 @@ from ..numerics.elementary import sincos
 from ..rotations.quaternion import compose_quaternions
 from ..rotations.rotation_vector import quaternion_from_axis_angle
 from ..rotations.vec3 import dot, scale
+
+__all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
 
 ORDERS = (4, 8, 16)
 """Of the series; powers of two, whose roots are square roots."""
@@ -43,12 +37,8 @@ _MORE_AXES = 17
 """Key of `buffer.FAULTS`."""
 
 
-@kernel(inline=False)
-def initialize(z: Any) -> int:
-    """Check the parameters, set state and outputs; returns 0 or a key of `buffer.FAULTS`."""
-    fault = initialize_body(z)
-    if fault != 0:
-        return fault
+@kernel
+def _set_up(z: Any) -> int:
     (q, omega), body, loads = rotation_of(z), body_of(z), loads_of(z)
     axis = main_axis(q, omega, body, loads)
     if not is_as_planned(z) and leaves_axis(z, axis, q, omega, body, loads):
@@ -56,17 +46,15 @@ def initialize(z: Any) -> int:
     cosine, sine = swing(z, axis)
     put_vec3_at(z, _AXIS, axis)
     z[_ANGLE] = z[_SUBSTEPS] = 0.0
-    z[_SWING], z[_SWING + 1] = cosine[0], sine[0]
+    put_pair_at(z, _SWING, (cosine[0], sine[0]))
     z[_PULL], z[_DECAY] = pull_and_decay(z, axis, q, body, loads)
     start_clocks(z)
-    return first_outputs(z)
+    return 0
 
 
-@kernel(inline=False)
-def step(z: Any, h: float) -> int:
+@kernel
+def _advance(z: Any, h: float) -> int:
     """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite or needs too many substeps."""
-    if not h > 0.0:
-        return NOT_REACHED
     axis, angle = vec3_at(z, _AXIS), z[_ANGLE]
     rate = dot(axis, rotation_of(z)[1])
     rest, steps, order = h, 0, int(z[_ORDER])
@@ -98,7 +86,7 @@ def _expand(z: Any, angle: float, rate: float, order: int) -> float:
 
     order: a literal, so that the loops unroll.
     """
-    pull, decay, cosine, sine = z[_PULL], z[_DECAY], z[_SWING], z[_SWING + 1]
+    pull, decay, (cosine, sine) = z[_PULL], z[_DECAY], pair_at(z, _SWING)
     z[_RATES] = rate
     z[_SINES], z[_COSINES] = sincos(angle)
     for k in range(order):
@@ -139,3 +127,6 @@ def _angle_after(z: Any, angle: float, h: float, order: int) -> float:
     for k in range(order - 1, -1, -1):
         total = total * h + z[_RATES + k] / (k + 1.0)
     return angle + total * h
+
+
+initialize, step = entry_functions(__name__, _set_up, _advance)

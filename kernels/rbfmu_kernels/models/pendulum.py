@@ -1,6 +1,5 @@
 """A body that turns about one principal axis, fixed in space, under forces fixed in space alone: a pendulum, exactly.
 
-As a co-simulation unit: `initialize`, `step` and `outputs` work over one flat buffer (see BLOCKS), its whole memory.
 Damping or another torque: `one_axis_taylor`.
 """
 
@@ -8,14 +7,9 @@ from typing import Any
 
 from ..body.closed_form import CLOSED_FORM, finish_step, start_clocks, time_after
 from ..body.fixed_axis import leaves_axis, main_axis, pull_and_decay, swing
-from ..body.memory import INPUTS as INPUTS
-from ..body.memory import OUTPUTS as OUTPUTS
-from ..body.memory import PARAMETERS as PARAMETERS
-from ..body.memory import body_of, initialize_body, is_as_planned, loads_of, rotation_of
-from ..body.outputs import first_outputs
-from ..body.outputs import output_rates as output_rates
-from ..body.outputs import outputs as outputs
-from ..buffer import NOT_REACHED, places
+from ..body.memory import body_of, is_as_planned, loads_of, rotation_of
+from ..body.shell import entry_functions, output_rates, outputs
+from ..buffer import places
 from ..buffer_access import put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..exact.pendulum import (
@@ -30,6 +24,8 @@ from ..exact.pendulum import (
 from ..rotations.quaternion import compose_quaternions
 from ..rotations.vec3 import dot, scale
 
+__all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
+
 BLOCKS, SIZE = places(CLOSED_FORM | {"q_hanging": 4, "axis": 3, "pendulum": PENDULUM_SIZE})
 """q_hanging: the attitude in stable equilibrium."""
 
@@ -38,12 +34,8 @@ _MORE_AXES, _DRIVEN = 17, 18
 """Keys of `buffer.FAULTS`."""
 
 
-@kernel(inline=False)
-def initialize(z: Any) -> int:
-    """Check the parameters, set up the exact motion and the outputs; returns 0 or a key of `buffer.FAULTS`."""
-    fault = initialize_body(z)
-    if fault != 0:
-        return fault
+@kernel
+def _set_up(z: Any) -> int:
     (q, omega), body, loads = rotation_of(z), body_of(z), loads_of(z)
     axis = main_axis(q, omega, body, loads)
     if not is_as_planned(z):
@@ -58,16 +50,17 @@ def initialize(z: Any) -> int:
     put_vec3_at(z, _AXIS, axis)
     put_pendulum(z, _PENDULUM, pendulum_setup(sine, (0.5 * dot(axis, omega), 0.0), cosine))
     start_clocks(z)
-    return first_outputs(z)
+    return 0
 
 
-@kernel(inline=False)
-def step(z: Any, h: float) -> int:
+@kernel
+def _advance(z: Any, h: float) -> int:
     """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite."""
-    if not h > 0.0:
-        return NOT_REACHED
     axis = vec3_at(z, _AXIS)
     motion = read_pendulum(z[_PENDULUM : _PENDULUM + PENDULUM_SIZE])
     s, c, rate = pendulum_at(motion, time_after(z, h))
     turn = (c, s * axis[0], s * axis[1], s * axis[2])
     return finish_step(z, h, compose_quaternions(quaternion_at(z, _Q_HANGING), turn), scale(rate, axis))
+
+
+initialize, step = entry_functions(__name__, _set_up, _advance)

@@ -9,10 +9,12 @@ from typing import Any
 
 from .. import quantities
 from ..body.closed_form import TURNING, put_turning_at, turning_at
+from ..body.shell import step_function
 from ..buffer import FINE, MOST_SUBSTEPS, NOT_REACHED, places
+from ..buffer_access import pair_at, put_pair_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
-from ..exact.uniform_rotation import turned, turning_about
-from ..numerics.double_double import Vector, dd_vector, two_sum
+from ..exact.uniform_rotation import Turning, turned, turning_about
+from ..numerics.double_double import DoubleDouble, dd_vector, two_sum
 from ..rotations.euler_angles import ZYX, euler_from_quaternion, euler_rate_b
 from ..rotations.quaternion import add_scaled_quaternion, compose_quaternions, normalize, quaternion_rate_b, rotate
 from ..rotations.vec3 import add_scaled, is_nonzero, norm, scale
@@ -34,9 +36,9 @@ _OMEGA, _Q_0, _Q, _RPY, _OMEGA_A = (
     BLOCKS[n].start for n in ("omega_b", "quaternion_0", "quaternion", "rpy", "omega_a")
 )
 _D_Q, _D_RPY, _D_OMEGA_A = (BLOCKS[n].start for n in ("d_quaternion", "d_rpy", "d_omega_a"))
-_RATES = BLOCKS["omega_b_rate"].start
+_RATES, _RATES_2 = BLOCKS["omega_b_rate"].start, BLOCKS["omega_b_rate_2"].start
 _ANCHOR, _HELD, _ELAPSED, _TURNING = (BLOCKS[n].start for n in MEMORY)
-_ZERO: Vector = ((0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
+_AT_REST = (0.0, 0.0, 0.0)
 _ORDER = 16
 """Of the series, for turns of at most a radian: the remainder is 2^-17 / 17! = 2e-20."""
 
@@ -44,52 +46,57 @@ _ORDER = 16
 @kernel(inline=False)
 def initialize(z: Any) -> int:
     """Check the parameters, set state and outputs; returns 0 or a key of `buffer.FAULTS`."""
-    q = (z[_Q_0], z[_Q_0 + 1], z[_Q_0 + 2], z[_Q_0 + 3])
+    q = quaternion_at(z, _Q_0)
     total = abs(q[0]) + abs(q[1]) + abs(q[2]) + abs(q[3])
     if not (total > 0.0 and math.isfinite(total)):
         return 7
-    z[_Q], z[_Q + 1], z[_Q + 2], z[_Q + 3] = z[_ANCHOR], z[_ANCHOR + 1], z[_ANCHOR + 2], z[_ANCHOR + 3] = normalize(q)
-    z[_HELD] = z[_HELD + 1] = z[_HELD + 2] = z[_ELAPSED] = z[_ELAPSED + 1] = 0.0
-    put_turning_at(z, _TURNING, turning_about(_ZERO))
+    put_quaternion_at(z, _Q, normalize(q))
+    _put_anchor(z, quaternion_at(z, _Q), _AT_REST, (0.0, 0.0), turning_about(dd_vector(_AT_REST)))
     return outputs(z)
 
 
-@kernel(inline=False)
-def step(z: Any, h: float) -> int:
+@kernel
+def _advance(z: Any, h: float) -> int:
     """Turn by h omega_b; NOT_REACHED (and nothing changed) where the result is not finite or a turn has no digits left.
 
     While the rates stay as they are the attitude is that of the time since they changed: no error piles up, none grows
     with the angle. Each change of the rates leaves up to 3 eps.
     """
-    omega = (z[_OMEGA], z[_OMEGA + 1], z[_OMEGA + 2])
-    slope, bend = (z[_RATES], z[_RATES + 1], z[_RATES + 2]), (z[_RATES + 3], z[_RATES + 4], z[_RATES + 5])
+    omega = vec3_at(z, _OMEGA)
+    slope, bend = vec3_at(z, _RATES), vec3_at(z, _RATES_2)
     if is_nonzero(slope) or is_nonzero(bend):
         return _changing_step(z, h, omega, slope, bend)
-    held = omega[0] == z[_HELD] and omega[1] == z[_HELD + 1] and omega[2] == z[_HELD + 2]
-    t, low = two_sum(z[_ELAPSED] if held else 0.0, h)
-    low += z[_ELAPSED + 1] if held else 0.0
-    i = _ANCHOR if held else _Q
-    anchor = (z[i], z[i + 1], z[i + 2], z[i + 3])
+    held = omega == vec3_at(z, _HELD)
+    high, rest = pair_at(z, _ELAPSED) if held else (0.0, 0.0)
+    t, low = two_sum(high, h)
+    low += rest
+    anchor = quaternion_at(z, _ANCHOR if held else _Q)
     turning = turning_at(z, _TURNING) if held else turning_about(dd_vector(omega))
     q = normalize(compose_quaternions(anchor, turned(turning, (t, low))))
-    if not (h > 0.0 and norm(scale(t, omega)) < LARGEST_TURN and math.isfinite(q[0] + q[1] + q[2] + q[3])):
+    if not (norm(scale(t, omega)) < LARGEST_TURN and math.isfinite(q[0] + q[1] + q[2] + q[3])):
         return NOT_REACHED
-    z[_ANCHOR], z[_ANCHOR + 1], z[_ANCHOR + 2], z[_ANCHOR + 3] = anchor
-    z[_HELD], z[_HELD + 1], z[_HELD + 2] = omega
-    z[_ELAPSED], z[_ELAPSED + 1] = t, low
-    put_turning_at(z, _TURNING, turning)
-    z[_Q], z[_Q + 1], z[_Q + 2], z[_Q + 3] = q
+    _put_anchor(z, anchor, omega, (t, low), turning)
+    put_quaternion_at(z, _Q, q)
     return outputs(z)
+
+
+@kernel
+def _put_anchor(z: Any, anchor: Quaternion, omega: Vec3, elapsed: DoubleDouble, turning: Turning) -> None:
+    """Keep the attitude when the rates changed, those rates, the time since then, and their turning."""
+    put_quaternion_at(z, _ANCHOR, anchor)
+    put_vec3_at(z, _HELD, omega)
+    put_pair_at(z, _ELAPSED, elapsed)
+    put_turning_at(z, _TURNING, turning)
 
 
 @kernel(inline=False)
 def _changing_step(z: Any, h: float, omega: Vec3, slope: Vec3, bend: Vec3) -> int:
     """The same for rates that change; their last value is then the input."""
     turn = h * (norm(omega) + h * (norm(slope) + h * norm(bend)))
-    if not (h > 0.0 and turn < MOST_SUBSTEPS):
+    if not turn < MOST_SUBSTEPS:
         return NOT_REACHED
     n = max(math.ceil(turn), 1)
-    part, q = h / n, (z[_Q], z[_Q + 1], z[_Q + 2], z[_Q + 3])
+    part, q = h / n, quaternion_at(z, _Q)
     for i in range(n):
         t = i * part
         q = normalize(
@@ -98,12 +105,11 @@ def _changing_step(z: Any, h: float, omega: Vec3, slope: Vec3, bend: Vec3) -> in
     omega = _after(omega, slope, bend, h)
     if not math.isfinite(q[0] + q[1] + q[2] + q[3] + omega[0] + omega[1] + omega[2]):
         return NOT_REACHED
-    for i in range(6):
-        z[_RATES + i] = 0.0
-    z[_Q], z[_Q + 1], z[_Q + 2], z[_Q + 3] = z[_ANCHOR], z[_ANCHOR + 1], z[_ANCHOR + 2], z[_ANCHOR + 3] = q
-    z[_OMEGA], z[_OMEGA + 1], z[_OMEGA + 2] = z[_HELD], z[_HELD + 1], z[_HELD + 2] = omega
-    z[_ELAPSED] = z[_ELAPSED + 1] = 0.0
-    put_turning_at(z, _TURNING, turning_about(dd_vector(omega)))
+    put_vec3_at(z, _RATES, _AT_REST)
+    put_vec3_at(z, _RATES_2, _AT_REST)
+    put_vec3_at(z, _OMEGA, omega)
+    put_quaternion_at(z, _Q, q)
+    _put_anchor(z, q, omega, (0.0, 0.0), turning_about(dd_vector(omega)))
     return outputs(z)
 
 
@@ -131,20 +137,23 @@ def _turn(h: float, omega: Vec3, slope: Vec3, bend: Vec3) -> Quaternion:
 @kernel(inline=False)
 def outputs(z: Any) -> int:
     """Refresh the outputs from the state and the inputs now set."""
-    q = (z[_Q], z[_Q + 1], z[_Q + 2], z[_Q + 3])
+    q = quaternion_at(z, _Q)
     yaw, pitch, roll = euler_from_quaternion(ZYX, q)
-    z[_RPY], z[_RPY + 1], z[_RPY + 2] = roll, pitch, yaw
-    z[_OMEGA_A], z[_OMEGA_A + 1], z[_OMEGA_A + 2] = rotate(q, (z[_OMEGA], z[_OMEGA + 1], z[_OMEGA + 2]))
+    put_vec3_at(z, _RPY, (roll, pitch, yaw))
+    put_vec3_at(z, _OMEGA_A, rotate(q, vec3_at(z, _OMEGA)))
     return FINE
 
 
 @kernel(inline=False)
 def output_rates(z: Any) -> int:
     """Set the outputs' time derivatives, blocks `d_<output>`, by the inputs now set; not finite at the pole of rpy."""
-    q, omega = (z[_Q], z[_Q + 1], z[_Q + 2], z[_Q + 3]), (z[_OMEGA], z[_OMEGA + 1], z[_OMEGA + 2])
+    q, omega = quaternion_at(z, _Q), vec3_at(z, _OMEGA)
     d_yaw, d_pitch, d_roll = euler_rate_b(ZYX, euler_from_quaternion(ZYX, q), omega)
-    slope = (z[_RATES], z[_RATES + 1], z[_RATES + 2])
-    z[_D_Q], z[_D_Q + 1], z[_D_Q + 2], z[_D_Q + 3] = quaternion_rate_b(q, omega)
-    z[_D_RPY], z[_D_RPY + 1], z[_D_RPY + 2] = d_roll, d_pitch, d_yaw
-    z[_D_OMEGA_A], z[_D_OMEGA_A + 1], z[_D_OMEGA_A + 2] = rotate(q, slope)
+    slope = vec3_at(z, _RATES)
+    put_quaternion_at(z, _D_Q, quaternion_rate_b(q, omega))
+    put_vec3_at(z, _D_RPY, (d_roll, d_pitch, d_yaw))
+    put_vec3_at(z, _D_OMEGA_A, rotate(q, slope))
     return FINE
+
+
+step = step_function(__name__, _advance)

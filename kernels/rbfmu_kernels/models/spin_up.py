@@ -2,23 +2,16 @@
 
 About its axis the body speeds up or relaxes; the rate across turns in the body with (I_s - I_t) / I_t times that angle,
 and fades. The attitude has no such form. Whittaker, Analytical Dynamics, 4th ed. 1937, 69 (without torque).
-
-As a co-simulation unit: `initialize`, `step` and `outputs` work over one flat buffer (see BLOCKS), its whole memory.
 """
 
 from typing import Any
 
 from ..body.closed_form import CLOSED_FORM, finish_step, start_clocks, time_after
 from ..body.fixed_axis import pull_and_decay
-from ..body.memory import INPUTS as INPUTS
-from ..body.memory import OUTPUTS as OUTPUTS
-from ..body.memory import PARAMETERS as PARAMETERS
-from ..body.memory import body_of, initialize_body, is_as_planned, loads_of, needs_attitude, rotation_of
-from ..body.outputs import first_outputs
-from ..body.outputs import output_rates as output_rates
-from ..body.outputs import outputs as outputs
+from ..body.memory import body_of, is_as_planned, loads_of, needs_attitude, rotation_of
+from ..body.shell import entry_functions, output_rates, outputs
 from ..body.symmetry import symmetric_frame
-from ..buffer import NOT_REACHED, places
+from ..buffer import places
 from ..buffer_access import matrix_at, put_matrix_at, put_vec3_at, vec3_at
 from ..compile.decorator import kernel
 from ..integrators.splitting import is_symmetric_top
@@ -30,6 +23,8 @@ from ..rotations.matrix import invert_matrix, transform
 from ..rotations.vec3 import cross, dot, is_nonzero
 from ..types import Matrix, Quaternion
 
+__all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
+
 BLOCKS, SIZE = places(CLOSED_FORM | {"axes": 9, "rates": 3, "pull": 1, "decay": 1, "fading": 1, "ratio": 1})
 
 _AXES, _RATES, _PULL, _DECAY, _FADING, _RATIO = (
@@ -39,12 +34,8 @@ _ASTRAY = 19
 """Key of `buffer.FAULTS`."""
 
 
-@kernel(inline=False)
-def initialize(z: Any) -> int:
-    """Check the parameters, set state and outputs; returns 0 or a key of `buffer.FAULTS`."""
-    fault = initialize_body(z)
-    if fault != 0:
-        return fault
+@kernel
+def _set_up(z: Any) -> int:
     (q, omega), body, loads = rotation_of(z), body_of(z), loads_of(z)
     across, own, axes = symmetric_frame(body.inertia)
     if not is_as_planned(z) and (needs_attitude(z) or _leads_astray(q, axes, body, loads)):
@@ -55,14 +46,12 @@ def initialize(z: Any) -> int:
     _, z[_FADING] = pull_and_decay(z, axes[0], q, body, loads)
     z[_RATIO] = (own - across) / across
     start_clocks(z)
-    return first_outputs(z)
+    return 0
 
 
-@kernel(inline=False)
-def step(z: Any, h: float) -> int:
+@kernel
+def _advance(z: Any, h: float) -> int:
     """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite."""
-    if not h > 0.0:
-        return NOT_REACHED
     high, low = time_after(z, h)
     t = high + low
     w_t, w_u, w_s = vec3_at(z, _RATES)
@@ -83,3 +72,6 @@ def _leads_astray(q: Quaternion, axes: Matrix, body: Body, loads: Loads) -> bool
     uneven = is_nonzero(cross(t, d_t)) or is_nonzero(cross(u, d_u)) or is_nonzero(cross(s, d_s))
     uneven = uneven or dot(t, d_t) != dot(u, d_u)
     return turning or uneven or is_nonzero(cross(s, from_rest)) or not is_symmetric_top(body.inertia)
+
+
+initialize, step = entry_functions(__name__, _set_up, _advance)
