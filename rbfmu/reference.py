@@ -48,10 +48,8 @@ def reference_motion(
 
 
 def _named(rows: Array) -> Motion:
-    at = series.OUTPUTS
-    motion = {name: rows[:, i : i + 3] for name, i in at.items() if name not in ("rows", "kinetic_energy")}
-    motion["kinetic_energy"] = rows[:, at["kinetic_energy"] : at["kinetic_energy"] + 1]
-    motion["quaternion"] = quaternion_from_matrix(rows[:, at["rows"] :].reshape(-1, 3, 3))
+    motion = {name: rows[:, place] for name, place in series.OUTPUTS.items()}
+    motion["quaternion"] = quaternion_from_matrix(motion.pop("R_ab").reshape(-1, 3, 3))
     return motion
 
 
@@ -73,6 +71,10 @@ Rows = list[Vector]
 
 def _exact(values: Sequence[float]) -> Vector:
     return [Decimal(x) for x in values]
+
+
+def _flat(A: Rows) -> Vector:
+    return [x for row in A for x in row]
 
 
 def _dot(a: Vector, b: Vector) -> Decimal:
@@ -119,20 +121,23 @@ def _constants(scene: Scene) -> Vector:
     gravity, torque_b = _exact(loads.gravity_a), _exact(loads.torque_b)
     if body.pivot:
         arm, force_a, force_b = r_oc, [mass * g for g in gravity], zero
-        push, steady, mass = zero, zero, Decimal(0)
+        turning, steady, mass = zero, zero, Decimal(0)
     else:
         arm, force_a, force_b = [-r for r in r_oc], _exact(loads.force_a), _exact(loads.force_b)
-        push = [f / mass for f in force_b]
+        turning = [f / mass for f in force_b]
         steady = [g + f / mass for g, f in zip(gravity, force_a, strict=True)]
     torque_b = [t + u for t, u in zip(torque_b, _cross(arm, force_b), strict=True)]
     M = _inertia(scene)
-    matrices = [x for A in (M, _inverse(M)) for row in A for x in row]
-    vectors = (_exact(loads.damping_b), torque_b, _exact(loads.torque_a), force_a, arm, push, steady, r_oc)
-    return [*matrices, *(x for v in vectors for x in v), mass]
+    found = {
+        "M": _flat(M), "M_inverse": _flat(_inverse(M)), "damping_b": _exact(loads.damping_b), "torque_b": torque_b,
+        "torque_a": _exact(loads.torque_a), "force_a": force_a, "arm_b": arm, "a_turning_b": turning,
+        "a_steady_a": steady, "r_oc_b": r_oc, "mass": [mass],
+    }  # fmt: skip
+    return [x for name in series.CONSTANTS for x in found[name]]
 
 
 def _start(scene: Scene) -> Vector:
-    """R_ab's rows, angular momentum in b, rate, velocity and position of the centre of mass (of o with a pivot)."""
+    """Return the state of `reference_series`; velocity and position are those of o with a pivot."""
     body, initial = scene.body, scene.initial
     assert body is not None
     R, omega, r_oc = _matrix(_exact(initial.quaternion)), _exact(initial.omega_b), _exact(body.r_oc_b)
@@ -140,7 +145,9 @@ def _start(scene: Scene) -> Vector:
     if not body.pivot:
         velocity = [v + u for v, u in zip(_exact(initial.velocity), _applied(R, _cross(omega, r_oc)), strict=True)]
         position = [r + u for r, u in zip(position, _applied(R, r_oc), strict=True)]
-    return [*(x for row in R for x in row), *_applied(_inertia(scene), omega), *omega, *velocity, *position]
+    momentum = _applied(_inertia(scene), omega)
+    found = {"R_ab": _flat(R), "momentum_b": momentum, "omega_b": omega, "v_c": velocity, "r_c": position}
+    return [x for name in series.STATE for x in found[name]]
 
 
 def _matrix(q: Vector) -> Rows:

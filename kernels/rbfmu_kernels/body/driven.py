@@ -47,7 +47,8 @@ STEP_SIZE = BLOCKS["step_size"].start
 """Where the step size is kept; the count of substeps stands next to it."""
 _BEFORE, _SIZE_BEFORE = BLOCKS["before"].start, BLOCKS["step_size_before"].start
 _INPUTS, _RATES, _RATES_2 = (BLOCKS[next(iter(names))].start for names in (INPUTS, RATES, RATES_2))
-_NUMBERS = sum(INPUTS.values())
+_OF_INPUT, _NUMBERS = places(INPUTS)
+_FORCE_A, _FORCE_B, _TORQUE_A, _TORQUE_B = (_OF_INPUT[n].start for n in ("force_a", "force_b", "torque_a", "torque_b"))
 _NONE = (0.0, 0.0, 0.0)
 _PORT_FORCE_A, _PORT_TORQUE_A = PORTS["force_a"], PORTS["torque_a"]
 
@@ -60,11 +61,11 @@ def load_polynomial_of(z: Any) -> LoadPolynomial:
 
 @kernel
 def _load_rates(z: Any, i: int) -> Loads:
-    """Derivatives of the inputs that stand from z[i] on; a pivot takes the forces."""
-    force_a, force_b = vec3_at(z, i), vec3_at(z, i + 3)
+    """Return the derivatives of the inputs that stand from z[i] on; a pivot takes the forces."""
+    force_a, force_b = vec3_at(z, i + _FORCE_A), vec3_at(z, i + _FORCE_B)
     if has_pivot(z):
         force_a = force_b = _NONE
-    return Loads(_NONE, force_a, force_b, vec3_at(z, i + 6), vec3_at(z, i + 9))
+    return Loads(_NONE, force_a, force_b, vec3_at(z, i + _TORQUE_A), vec3_at(z, i + _TORQUE_B))
 
 
 @kernel

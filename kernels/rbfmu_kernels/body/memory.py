@@ -95,7 +95,8 @@ def _fault_of_parameters(z: Any) -> int:
         return 8
     if not z[_MASS] > 0.0:
         return 1
-    if z[_DAMPING] < 0.0 or z[_DAMPING + 1] < 0.0 or z[_DAMPING + 2] < 0.0:
+    d_x, d_y, d_z = vec3_at(z, _DAMPING)
+    if d_x < 0.0 or d_y < 0.0 or d_z < 0.0:
         return 10
     q = quaternion_at(z, _Q_0)
     if not (q[0] != 0.0 or q[1] != 0.0 or q[2] != 0.0 or q[3] != 0.0):

@@ -37,7 +37,7 @@ from .rigid_body_state import (
     state_position,
     state_velocity,
 )
-from .substeps import substeps_in, tolerance_of_substep
+from .substeps import count_substep, substeps_in, tolerance_of_substep
 
 LONGEST_STEP = 1e30
 """s: the step size of a body at rest without loads."""
@@ -171,7 +171,7 @@ def dop853_advance(
 ) -> int:
     """Advance the state z[y:] by h, each step's estimated error at most `tolerance`; span: see `body.memory.SETTINGS`.
 
-    z[size] keeps the step size, z[size + 1] counts the steps tried.
+    z[size] keeps the step size, and next to it stands the count of the steps tried.
 
     Equal parts reach h: each step is the rest divided by the number of steps that the kept size would need.
     NOT_REACHED where the motion is not finite or needs too many steps; state and size are then the caller's to restore.
@@ -184,7 +184,7 @@ def dop853_advance(
             return NOT_REACHED
         part = (rest + low) / count
         dop853_step(z, y, w, n, h - rest, part, body, loads)
-        z[size + 1] += 1.0
+        count_substep(z, size)
         error = _error(z, y, w, n, part, span) / tolerance_of_substep(tolerance, span, part)
         if error <= 1.0:
             growth = 6.0 if error < 2.6e-7 else 0.9 / math.sqrt(math.sqrt(math.sqrt(error)))

@@ -14,43 +14,66 @@ from typing import Any
 
 import numpy as np
 
+from ..buffer import places
 from ..compile.decorator import kernel
 from ..numerics.double_double import DoubleDouble, dd_add, dd_multiply, dd_multiply_float, dd_scale, dd_subtract
 
 ORDER, TOLERANCE = 26, 1e-22
 """Least work measured for errors far below double precision's."""
-CROSSED, RATES, MOVED, STATE = 12, 12, 15, 21
-"""Numbers of the state: rows of R_ab and the angular momentum in b, which are crossed with the rate; from where the
-rate, and velocity and position of the centre of mass, stand; all."""
-SERIES = 4 * (ORDER + 1) * CROSSED + (ORDER + 1) * STATE + CROSSED
-"""Size of the series' work space."""
-M, M_INVERSE, DAMPING, TORQUE_B, TORQUE_A, FORCE_A, ARM, PUSH_B, STEADY, R_OC, MASS = (
-    0,
-    9,
-    18,
-    21,
-    24,
-    27,
-    30,
-    33,
-    36,
-    39,
-    42,
-)
-CONSTANTS = 43
-"""Where a body's constants stand: M and its inverse; damping; torque known in b, torque and force known in a; the
-force's arm; acceleration by a force that turns with the body, and by what does not; r_oc_b; mass (0 with a pivot)."""
-OUTPUTS = {"position": 0, "velocity": 3, "acceleration": 6, "omega_b": 9, "omega_a": 12, "alpha_b": 15,
-           "angular_momentum_a": 18, "kinetic_energy": 21, "rows": 22}  # fmt: skip
-ROW, SCRATCH = 31, 35
-"""Where a row of outputs has what; rows: R_ab."""
 _LENGTH = ORDER + 1
-_FIRST, _SECOND, _RATE_1, _RATE_2, _ALL = (i * _LENGTH * CROSSED for i in range(5))
-_TERM = _ALL + _LENGTH * STATE
-"""Places in the work space: crossed vectors as (y, z, x) and (z, x, y), rates as (z, x, y) and (y, z, x), all
+
+STATE = {"R_ab": 9, "momentum_b": 3, "omega_b": 3, "v_c": 3, "r_c": 3}
+_STATE, _STATE_SIZE = places(STATE)
+_R_AB, _MOMENTUM, _OMEGA, _VELOCITY, _POSITION = (_STATE[name].start for name in STATE)
+_CROSSED = _OMEGA
+"""Numbers of the state that are crossed with the rate: the rows of R_ab and the momentum."""
+
+CONSTANTS = {
+    "M": 9, "M_inverse": 9, "damping_b": 3, "torque_b": 3, "torque_a": 3, "force_a": 3, "arm_b": 3,
+    "a_turning_b": 3, "a_steady_a": 3, "r_oc_b": 3, "mass": 1,
+}  # fmt: skip
+"""A body's constants: torque_b holds all that is known in b; a_turning_b is the acceleration by a force that turns with
+the body, a_steady_a that by what does not; mass is 0 with a pivot."""
+_CONSTANTS, _ = places(CONSTANTS)
+(
+    _M, _M_INVERSE, _DAMPING, _TORQUE_B, _TORQUE_A, _FORCE_A, _ARM, _A_TURNING, _A_STEADY, _R_OC, _MASS,
+) = (_CONSTANTS[name].start for name in CONSTANTS)  # fmt: skip
+
+_OUTPUTS = {
+    "position": 3, "velocity": 3, "acceleration": 3, "omega_b": 3, "omega_a": 3, "alpha_b": 3,
+    "angular_momentum_a": 3, "kinetic_energy": 1, "R_ab": 9,
+}  # fmt: skip
+OUTPUTS, ROW = places(_OUTPUTS)
+"""Where a row of outputs has what, and its size."""
+(
+    _OUT_POSITION, _OUT_VELOCITY, _OUT_ACCELERATION, _OUT_OMEGA_B, _OUT_OMEGA_A, _OUT_ALPHA, _OUT_MOMENTUM,
+    _OUT_ENERGY, _OUT_R_AB,
+) = (OUTPUTS[name].start for name in _OUTPUTS)  # fmt: skip
+
+_SCRATCH = {
+    "torque_b": 3, "lever_force_b": 3, "alpha_b": 3, "v_oc_b": 3, "a_oc_b": 3, "r_oc_a": 3, "v_oc_a": 3, "a_oc_a": 3,
+    "a_turning_a": 3, "omega_a": 3, "momentum_a": 3, "omega_dot_momentum": 1, "v_squared": 1,
+}  # fmt: skip
+_IN_SCRATCH, SCRATCH = places(_SCRATCH)
+(
+    _S_TORQUE, _S_LEVER_FORCE, _S_ALPHA, _S_V_OC_B, _S_A_OC_B, _S_R_OC, _S_V_OC, _S_A_OC, _S_A_TURNING, _S_OMEGA_A,
+    _S_MOMENTUM, _S_OMEGA_DOT_MOMENTUM, _S_V_SQUARED,
+) = (_IN_SCRATCH[name].start for name in _SCRATCH)  # fmt: skip
+
+_SERIES = dict.fromkeys(("first", "second", "rate_1", "rate_2"), _LENGTH * _CROSSED)
+_SERIES |= {"all": _LENGTH * _STATE_SIZE, "products": _CROSSED}
+_IN_SERIES, SERIES = places(_SERIES)
+_FIRST, _SECOND, _RATE_1, _RATE_2, _ALL, _PRODUCTS = (_IN_SERIES[name].start for name in _SERIES)
+"""The series' work space: crossed vectors as (y, z, x) and (z, x, y), rates as (z, x, y) and (y, z, x), all
 coefficients, the newest cross products."""
 _REST = [float(Fraction(1, k + 1) - Fraction(1.0 / (k + 1))) for k in range(_LENGTH)]
 _PER = np.array([[1.0 / (k + 1) for k in range(_LENGTH)], _REST])
+
+
+@kernel
+def _coefficients(k: int) -> int:
+    """Return where the k-th coefficients of the whole state stand."""
+    return _ALL + k * _STATE_SIZE  # type: ignore[no-any-return]
 
 
 @kernel
@@ -65,13 +88,13 @@ def _put(s: Any, i: int, a: DoubleDouble) -> None:
 
 @kernel(inline=False)
 def _add_product(s: Any, out: int, c: Any, i: int, x: Any, j: int) -> None:
-    """s[out] += c[i] x[j]."""
+    """Add c[i] x[j] to s[out]."""
     _put(s, out, dd_add(_at(s, out), dd_multiply(_at(c, i), _at(x, j))))
 
 
 @kernel(inline=False)
 def _cross(s: Any, out: int, a: Any, i: int, b: Any, j: int) -> None:
-    """s[out:] += a[i:] x b[j:]."""
+    """Add a[i:] x b[j:] to s[out:]."""
     for n in range(3):
         y, z = (n + 1) % 3, (n + 2) % 3
         _add_product(s, out + n, a, i + y, b, j + z)
@@ -81,7 +104,7 @@ def _cross(s: Any, out: int, a: Any, i: int, b: Any, j: int) -> None:
 
 @kernel(inline=False)
 def _transform(s: Any, out: int, c: Any, i: int, x: Any, j: int) -> None:
-    """s[out:] += (matrix at c[i:]) x[j:]."""
+    """Add (matrix at c[i:]) x[j:] to s[out:]."""
     for n in range(3):
         for k in range(3):
             _add_product(s, out + n, c, i + 3 * n + k, x, j + k)
@@ -94,68 +117,69 @@ def _clear(s: Any, first: int, count: int) -> None:
 
 
 @kernel(inline=False)
-def _torque(c: Any, x: Any, j: int, s: Any, out: int, known: bool) -> None:
-    """s[out:] = torque by all loads, without the gyroscopic one, of the coefficients x[j:]; uses s[out + 3:]."""
-    _clear(s, out, 6)
+def _put_torque(c: Any, x: Any, j: int, s: Any, known: bool) -> None:
+    """Put into the scratch s the torque by all loads, without the gyroscopic one, of the coefficients x[j:]."""
+    _clear(s, _S_TORQUE, 3)
+    _clear(s, _S_LEVER_FORCE, 3)
     for n in range(3):
         if known:
-            _put(s, out + n, _at(c, TORQUE_B + n))
-        damping = dd_multiply(_at(c, DAMPING + n), _at(x, j + RATES + n))
-        _put(s, out + n, dd_subtract(_at(s, out + n), damping))
+            _put(s, _S_TORQUE + n, _at(c, _TORQUE_B + n))
+        damping = dd_multiply(_at(c, _DAMPING + n), _at(x, j + _OMEGA + n))
+        _put(s, _S_TORQUE + n, dd_subtract(_at(s, _S_TORQUE + n), damping))
         for row in range(3):
-            _add_product(s, out + n, c, TORQUE_A + row, x, j + 3 * row + n)
-            _add_product(s, out + 3 + n, c, FORCE_A + row, x, j + 3 * row + n)
-    _cross(s, out, c, ARM, s, out + 3)
+            _add_product(s, _S_TORQUE + n, c, _TORQUE_A + row, x, j + _R_AB + 3 * row + n)
+            _add_product(s, _S_LEVER_FORCE + n, c, _FORCE_A + row, x, j + _R_AB + 3 * row + n)
+    _cross(s, _S_TORQUE, c, _ARM, s, _S_LEVER_FORCE)
 
 
 @kernel(inline=False)
 def _keep_factors(s: Any, k: int) -> None:
-    """The k-th coefficients once more, in the order in which they are multiplied."""
-    x = _ALL + k * STATE
-    for i in range(CROSSED):
-        at, y, z = k * CROSSED + i, (i + 1) % 3, (i + 2) % 3
+    """Put the k-th coefficients once more, in the order in which they are multiplied."""
+    x = _coefficients(k)
+    for i in range(_CROSSED):
+        at, y, z = k * _CROSSED + i, (i + 1) % 3, (i + 2) % 3
         for part in range(2):
             s[part, _FIRST + at] = s[part, x + i - i % 3 + y]
             s[part, _SECOND + at] = s[part, x + i - i % 3 + z]
-            s[part, _RATE_1 + at] = s[part, x + RATES + z]
-            s[part, _RATE_2 + at] = s[part, x + RATES + y]
+            s[part, _RATE_1 + at] = s[part, x + _OMEGA + z]
+            s[part, _RATE_2 + at] = s[part, x + _OMEGA + y]
 
 
 @kernel(inline=False)
 def _cross_terms(s: Any, k: int) -> None:
-    """The k-th coefficients of all vectors' cross products with the rate: lanes that the compiler makes vectors of."""
-    _clear(s, _TERM, CROSSED)
+    """Compute the k-th coefficients of all cross products with the rate; the compiler makes vectors of the lanes."""
+    _clear(s, _PRODUCTS, _CROSSED)
     for j in range(k + 1):
-        a, b = j * CROSSED, (k - j) * CROSSED
-        for i in range(CROSSED):
+        a, b = j * _CROSSED, (k - j) * _CROSSED
+        for i in range(_CROSSED):
             one = dd_multiply(_at(s, _FIRST + a + i), _at(s, _RATE_1 + b + i))
             other = dd_multiply(_at(s, _SECOND + a + i), _at(s, _RATE_2 + b + i))
-            _put(s, _TERM + i, dd_add(_at(s, _TERM + i), dd_subtract(one, other)))
+            _put(s, _PRODUCTS + i, dd_add(_at(s, _PRODUCTS + i), dd_subtract(one, other)))
 
 
 @kernel(inline=False)
 def _expand(c: Any, s: Any, scratch: Any, unit: float) -> None:
-    """All coefficients from the first, in units of time of `unit` s (a power of two)."""
+    """Compute all coefficients from the first, in units of time of `unit` s (a power of two)."""
     _keep_factors(s, 0)
     for k in range(ORDER):
-        x, y = _ALL + k * STATE, _ALL + (k + 1) * STATE
+        x, y = _coefficients(k), _coefficients(k + 1)
         _cross_terms(s, k)
-        _torque(c, s, x, scratch, 0, k == 0)
+        _put_torque(c, s, x, scratch, k == 0)
         for n in range(3):
-            _put(scratch, n, dd_add(_at(scratch, n), _at(s, _TERM + 9 + n)))
-        _clear(s, y, STATE)
-        _transform(s, y + RATES, c, M_INVERSE, scratch, 0)
-        for i in range(9):
-            _put(s, y + i, _at(s, _TERM + i))
+            _put(scratch, _S_TORQUE + n, dd_add(_at(scratch, _S_TORQUE + n), _at(s, _PRODUCTS + _MOMENTUM + n)))
+        _clear(s, y, _STATE_SIZE)
+        _transform(s, y + _OMEGA, c, _M_INVERSE, scratch, _S_TORQUE)
+        for i in range(_MOMENTUM):
+            _put(s, y + i, _at(s, _PRODUCTS + i))
         for n in range(3):
-            _put(s, y + MOVED + n, _at(c, STEADY + n) if k == 0 else (0.0, 0.0))
-            _put(s, y + MOVED + 3 + n, _at(s, x + MOVED + n))
+            _put(s, y + _VELOCITY + n, _at(c, _A_STEADY + n) if k == 0 else (0.0, 0.0))
+            _put(s, y + _POSITION + n, _at(s, x + _VELOCITY + n))
             for i in range(3):
-                _add_product(s, y + MOVED + n, c, PUSH_B + i, s, x + 3 * n + i)
+                _add_product(s, y + _VELOCITY + n, c, _A_TURNING + i, s, x + _R_AB + 3 * n + i)
         per = dd_scale(unit, (_PER[0, k], _PER[1, k]))
-        for i in range(STATE):
+        for i in range(_STATE_SIZE):
             _put(s, y + i, dd_multiply(per, _at(s, y + i)))
-        _transform(s, y + 9, c, M, s, y + RATES)
+        _transform(s, y + _MOMENTUM, c, _M, s, y + _OMEGA)
         _keep_factors(s, k + 1)
 
 
@@ -169,13 +193,13 @@ def _largest(s: Any, first: int, count: int) -> float:
 
 @kernel(inline=False)
 def _longest(s: Any) -> float:
-    """The step, in units of time, whose last two terms are within the tolerance; infinite where there are none."""
-    rate, change = _largest(s, _ALL + RATES, 3), _largest(s, _ALL + STATE + RATES, 3)
+    """Return the step, in units of time, whose last two terms are within the tolerance, or infinity without any."""
+    rate, change = _largest(s, _coefficients(0) + _OMEGA, 3), _largest(s, _coefficients(1) + _OMEGA, 3)
     longest = math.inf
     for k in (ORDER - 1, ORDER):
-        x = _ALL + k * STATE
-        last = max(_largest(s, x, 9), _largest(s, x + MOVED, 3) / max(_largest(s, _ALL + MOVED, 3), 1.0))
-        turning = _largest(s, x + RATES, 3)
+        x, speed = _coefficients(k), _largest(s, _coefficients(0) + _VELOCITY, 3)
+        last = max(_largest(s, x + _R_AB, 9), _largest(s, x + _VELOCITY, 3) / max(speed, 1.0))
+        turning = _largest(s, x + _OMEGA, 3)
         if turning > 0.0:
             last = max(last, turning / max(rate, change))
         if last > 0.0:
@@ -185,30 +209,36 @@ def _longest(s: Any) -> float:
 
 @kernel(inline=False)
 def _evaluate(s: Any, t: float, low: float, state: Any) -> None:
-    """The state at a time t + low (in units of time) after the series' begin."""
-    x = _ALL + ORDER * STATE
-    for i in range(STATE):
+    """Put the state at a time t + low (in units of time) after the series' beginning."""
+    x = _coefficients(ORDER)
+    for i in range(_STATE_SIZE):
         _put(state, i, _at(s, x + i))
     for k in range(ORDER - 1, -1, -1):
-        x = _ALL + k * STATE
-        for i in range(STATE):
+        x = _coefficients(k)
+        for i in range(_STATE_SIZE):
             _put(state, i, dd_add(dd_multiply((t, low), _at(state, i)), _at(s, x + i)))
 
 
 @kernel
 def _unit_of_time(c: Any, state: Any, scratch: Any) -> float:
-    """A power of two, s, in which the motion is of order 1, so that no coefficient overflows; 1 at rest."""
-    _torque(c, state, 0, scratch, 0, True)
-    _cross(scratch, 0, state, 9, state, RATES)
-    _clear(scratch, 6, 3)
-    _transform(scratch, 6, c, M_INVERSE, scratch, 0)
-    pace = max(_largest(state, RATES, 3), math.sqrt(_largest(scratch, 6, 3)))
-    return 2.0 ** -math.floor(math.log2(pace)) if pace > 1e-290 else 1.0
+    """Return a power of two, s, in which the motion is of order 1, so that no coefficient overflows; 1 at rest."""
+    _put_alpha(c, state, scratch)
+    rate_scale = max(_largest(state, _OMEGA, 3), math.sqrt(_largest(scratch, _S_ALPHA, 3)))
+    return 2.0 ** -math.floor(math.log2(rate_scale)) if rate_scale > 1e-290 else 1.0
+
+
+@kernel(inline=False)
+def _put_alpha(c: Any, state: Any, scratch: Any) -> None:
+    """Put the angular acceleration of a state into the scratch, and the torque with the gyroscopic one."""
+    _put_torque(c, state, 0, scratch, True)
+    _cross(scratch, _S_TORQUE, state, _MOMENTUM, state, _OMEGA)
+    _clear(scratch, _S_ALPHA, 3)
+    _transform(scratch, _S_ALPHA, c, _M_INVERSE, scratch, _S_TORQUE)
 
 
 @kernel(inline=False)
 def reference_motion(c: Any, state: Any, times: Any, rows: Any, most: int, s: Any, scratch: Any) -> int:
-    """Rows of outputs at times from the state's own on (s, pairs, increasing); the steps taken, -1 beyond `most`.
+    """Set rows of outputs at increasing times (s, pairs) after the state; return the steps taken, -1 beyond `most`.
 
     The state moves to the last time.  Rows stay as they are from where the motion cannot be followed.
     s, scratch: work space of (2, SERIES) and (2, SCRATCH) numbers.
@@ -216,8 +246,8 @@ def reference_motion(c: Any, state: Any, times: Any, rows: Any, most: int, s: An
     now, steps, k = (times[0, 0], times[1, 0]), 0, 0
     while k < times.shape[1]:
         unit = _unit_of_time(c, state, scratch)
-        for i in range(STATE):
-            _put(s, _ALL + i, _at(state, i))
+        for i in range(_STATE_SIZE):
+            _put(s, _coefficients(0) + i, _at(state, i))
         _expand(c, s, scratch, unit)
         longest = _longest(s)
         steps += 1
@@ -238,32 +268,31 @@ def reference_motion(c: Any, state: Any, times: Any, rows: Any, most: int, s: An
 
 @kernel(inline=False)
 def _put_outputs(c: Any, x: Any, s: Any, rows: Any, k: int) -> None:
-    """Row k of the outputs, from the state in double-double and rounded at the end."""
+    """Set row k of the outputs, from the state in double-double and rounded at the end."""
     _clear(s, 0, SCRATCH)
-    _torque(c, x, 0, s, 0, True)
-    _cross(s, 0, x, 9, x, RATES)
-    _transform(s, 6, c, M_INVERSE, s, 0)  # alpha_b
-    _cross(s, 9, x, RATES, c, R_OC)
-    _cross(s, 12, x, RATES, s, 9)
-    _cross(s, 12, s, 6, c, R_OC)
-    _transform(s, 15, x, 0, c, R_OC)  # r_oc, velocity and acceleration of c relative to o, in a
-    _transform(s, 18, x, 0, s, 9)
-    _transform(s, 21, x, 0, s, 12)
-    _transform(s, 24, x, 0, c, PUSH_B)
-    _transform(s, 27, x, 0, x, RATES)
-    _transform(s, 30, x, 0, x, 9)
-    free = c[0, MASS] > 0.0
+    _put_alpha(c, x, s)
+    _cross(s, _S_V_OC_B, x, _OMEGA, c, _R_OC)
+    _cross(s, _S_A_OC_B, x, _OMEGA, s, _S_V_OC_B)
+    _cross(s, _S_A_OC_B, s, _S_ALPHA, c, _R_OC)
+    _transform(s, _S_R_OC, x, _R_AB, c, _R_OC)
+    _transform(s, _S_V_OC, x, _R_AB, s, _S_V_OC_B)
+    _transform(s, _S_A_OC, x, _R_AB, s, _S_A_OC_B)
+    _transform(s, _S_A_TURNING, x, _R_AB, c, _A_TURNING)
+    _transform(s, _S_OMEGA_A, x, _R_AB, x, _OMEGA)
+    _transform(s, _S_MOMENTUM, x, _R_AB, x, _MOMENTUM)
+    free = c[0, _MASS] > 0.0
     for n in range(3):
-        here, speed = _at(x, MOVED + 3 + n), _at(x, MOVED + n)
+        here, speed = _at(x, _POSITION + n), _at(x, _VELOCITY + n)
         if free:
-            here, speed = dd_subtract(here, _at(s, 15 + n)), dd_subtract(speed, _at(s, 18 + n))
-        push = dd_subtract(dd_add(_at(c, STEADY + n), _at(s, 24 + n)), _at(s, 21 + n))
-        rows[k, n], rows[k, 3 + n], rows[k, 6 + n] = here[0], speed[0], push[0] if free else 0.0
-        rows[k, 9 + n], rows[k, 12 + n] = x[0, RATES + n], s[0, 27 + n]
-        rows[k, 15 + n], rows[k, 18 + n] = s[0, 6 + n], s[0, 30 + n]
-        _add_product(s, 33, x, RATES + n, x, 9 + n)
-        _put(s, 34, dd_add(_at(s, 34), dd_multiply(_at(x, MOVED + n), _at(x, MOVED + n))))
-    energy = dd_add(_at(s, 33), dd_multiply(_at(c, MASS), _at(s, 34)))
-    rows[k, 21] = dd_multiply_float(energy, 0.5)[0]
+            here, speed = dd_subtract(here, _at(s, _S_R_OC + n)), dd_subtract(speed, _at(s, _S_V_OC + n))
+        a_o = dd_subtract(dd_add(_at(c, _A_STEADY + n), _at(s, _S_A_TURNING + n)), _at(s, _S_A_OC + n))
+        rows[k, _OUT_POSITION + n], rows[k, _OUT_VELOCITY + n] = here[0], speed[0]
+        rows[k, _OUT_ACCELERATION + n] = a_o[0] if free else 0.0
+        rows[k, _OUT_OMEGA_B + n], rows[k, _OUT_OMEGA_A + n] = x[0, _OMEGA + n], s[0, _S_OMEGA_A + n]
+        rows[k, _OUT_ALPHA + n], rows[k, _OUT_MOMENTUM + n] = s[0, _S_ALPHA + n], s[0, _S_MOMENTUM + n]
+        _add_product(s, _S_OMEGA_DOT_MOMENTUM, x, _OMEGA + n, x, _MOMENTUM + n)
+        _add_product(s, _S_V_SQUARED, x, _VELOCITY + n, x, _VELOCITY + n)
+    energy = dd_add(_at(s, _S_OMEGA_DOT_MOMENTUM), dd_multiply(_at(c, _MASS), _at(s, _S_V_SQUARED)))
+    rows[k, _OUT_ENERGY] = dd_multiply_float(energy, 0.5)[0]
     for i in range(9):
-        rows[k, 22 + i] = x[0, i]
+        rows[k, _OUT_R_AB + i] = x[0, _R_AB + i]

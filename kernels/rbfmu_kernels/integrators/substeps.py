@@ -1,6 +1,7 @@
-"""A communication step divided into substeps."""
+"""A communication step divided into substeps; their size is kept in a buffer, and next to it their count."""
 
 import math
+from typing import Any
 
 from ..buffer import MOST_SUBSTEPS
 from ..compile.decorator import kernel
@@ -10,7 +11,7 @@ ROUND_OFF = 2.0**-52
 
 @kernel
 def substeps_in(h: float, longest: float) -> int:
-    """The least number of equal parts of h, each at most `longest`; 0 where that is too many or no number.
+    """Return the least number of equal parts of h, each at most `longest`; 0 where that is too many or no number.
 
     A part may be longer by 1e-9 of itself, so that round-off in the importer's clock adds none.
     """
@@ -21,8 +22,24 @@ def substeps_in(h: float, longest: float) -> int:
 
 @kernel
 def tolerance_of_substep(tolerance: float, span: float, part: float) -> float:
-    """The largest estimated error of a substep `part`: its share of a run of `span` s, or, where that is 0, all of it.
+    """Return the largest error of a substep `part`: its share of a run of `span` s, or all of it where that is 0.
 
     No share is below 2^-52: a substep in double precision loses about that.
     """
     return tolerance if span == 0.0 else max(tolerance * part / span, ROUND_OFF)
+
+
+@kernel
+def nearer_size(h: float, order: int, excess: float) -> float:
+    """Return the step whose error is that of h over `excess`: about h excess^(-1 / order), without a root."""
+    if not excess < 1e4:
+        return 0.5 * h
+    if excess < 1e-4:
+        return 2.0 * h if excess < 1e-8 else 1.3 * h
+    return h * ((order + 1.0) + (order - 1.0) * excess) / ((order - 1.0) + (order + 1.0) * excess)
+
+
+@kernel
+def count_substep(z: Any, size: int) -> None:
+    """Add one to the count next to the step size that is kept at z[size]."""
+    z[size + 1] += 1.0

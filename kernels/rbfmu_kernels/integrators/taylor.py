@@ -36,7 +36,7 @@ from .rigid_body_state import (
     state_position,
     state_velocity,
 )
-from .substeps import substeps_in, tolerance_of_substep
+from .substeps import count_substep, nearer_size, substeps_in, tolerance_of_substep
 from .taylor_coefficients import (
     ACCELERATION,
     FORCE,
@@ -205,16 +205,6 @@ def _error(
 
 
 @kernel
-def _nearer_size(h: float, order: int, excess: float) -> float:
-    """Return about h excess^(-1 / order), without a root."""
-    if not excess < 1e4:
-        return 0.5 * h
-    if excess < 1e-4:
-        return 2.0 * h if excess < 1e-8 else 1.3 * h
-    return h * ((order + 1.0) + (order - 1.0) * excess) / ((order - 1.0) + (order + 1.0) * excess)
-
-
-@kernel
 def _sums(s: Any, order: int, h: float, fixed: SpaceFixedLoads) -> None:
     """Set row 0 of omega and of the loads that turn in b to their series' sum at h."""
     put_factors(s, RATE, _sum(s, RATE, order, h))
@@ -244,7 +234,7 @@ def taylor_advance(
 
     An infinite tolerance leaves the steps as they are kept.
 
-    z[size] keeps the step size, z[size + 1] counts the steps.  Equal parts reach h, as in `dop853_advance`.
+    z[size] keeps the step size, and next to it stands their count.  Equal parts reach h, as in `dop853_advance`.
     NOT_REACHED where the motion is not finite or needs too many steps; state and size are then the caller's to restore.
     """
     s, m, now = z[w : w + WORK], derivatives_of_attitude(order), loads
@@ -271,10 +261,10 @@ def taylor_advance(
         allowed = tolerance_of_substep(tolerance, span, part)
         excess = _error(s, order, part, acceleration, alpha_fixed, min(count, KEPT), n, span) / allowed
         if not excess <= 1.0:
-            z[size] = _nearer_size(part, order, 2.0 * excess)
+            z[size] = nearer_size(part, order, 2.0 * excess)
             continue
-        z[size + 1] += 1.0
-        nearer = _nearer_size(part, order, 1.4 * excess) if tolerance < math.inf else z[size]
+        count_substep(z, size)
+        nearer = nearer_size(part, order, 1.4 * excess) if tolerance < math.inf else z[size]
         z[size] = max(z[size], nearer) if count == 1 else nearer
         left = 0.0 if count == 1 else rest - part
         low += (rest - left) - part
