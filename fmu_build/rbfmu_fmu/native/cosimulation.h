@@ -90,8 +90,8 @@ Status save_state(Instance *m, const char *call, void **state);
 Status restore_state(Instance *m, const char *call, void *state);
 Status free_state(Instance *m, const char *call, void **state);
 Status state_size(Instance *m, const char *call, void *state, size_t *size);
-Status serialize_state(Instance *m, const char *call, void *state, char bytes[], size_t size);
-Status deserialize_state(Instance *m, const char *call, const char bytes[], size_t size, void **state);
+Status serialize_state(Instance *m, const char *call, void *state, void *bytes, size_t size);
+Status deserialize_state(Instance *m, const char *call, const void *bytes, size_t size, void **state);
 
 /* --- answers */
 

@@ -87,7 +87,7 @@ Status state_size(Instance *m, const char *call, void *state, size_t *size) {
     return CALL_OK;
 }
 
-Status serialize_state(Instance *m, const char *call, void *state, char bytes[], size_t size) {
+Status serialize_state(Instance *m, const char *call, void *state, void *bytes, size_t size) {
     Saved *saved = saved_of(m, call, state);
     Serialized s = {.guid = GUID};
     if (!saved || !given(m, call, 1, bytes, bytes)) return CALL_ERROR;
@@ -98,7 +98,7 @@ Status serialize_state(Instance *m, const char *call, void *state, char bytes[],
     return CALL_OK;
 }
 
-Status deserialize_state(Instance *m, const char *call, const char bytes[], size_t size, void **state) {
+Status deserialize_state(Instance *m, const char *call, const void *bytes, size_t size, void **state) {
     Saved **link, *saved;
     Serialized s;
     if (!given(m, call, 1, bytes, state)) return CALL_ERROR;
