@@ -1,4 +1,4 @@
-"""A shared library from C and object files: by the machine's own C compiler, or by ziglang for any platform."""
+"""Links C and object files to a shared library, by the machine's own C compiler or, for any platform, by ziglang."""
 
 import importlib.resources
 import shutil
@@ -40,7 +40,7 @@ class NoLinkerError(BuildError):
 
 
 class LinkError(BuildError):
-    """The compiler failed: with what it said."""
+    """The compiler failed; the message is what it said."""
 
 
 def linked(
@@ -75,7 +75,7 @@ def source(name: str) -> bytes:
 
 
 def compiler(platform: Platform) -> list[str]:
-    """The command that compiles C for a platform. Raises NoLinkerError."""
+    """Return the command that compiles C for a platform. Raises NoLinkerError."""
     own = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
     if own and sys.platform != "win32" and is_this(platform):
         return [own, "-Wl,-z,noseparate-code"] if platform.suffix == ".so" else [own]  # 8 kB less
@@ -87,7 +87,7 @@ def compiler(platform: Platform) -> list[str]:
 
 
 def compiled_by_ziglang(platform: Platform) -> bool:
-    """Whether it takes minutes the first time, as ziglang builds the platform's C library then."""
+    """Whether ziglang compiles for the platform, which takes minutes the first time: it builds a C library."""
     try:
         return "ziglang" in compiler(platform)
     except NoLinkerError:  # linking says so
@@ -95,7 +95,7 @@ def compiled_by_ziglang(platform: Platform) -> bool:
 
 
 def universal(libraries: list[bytes]) -> bytes:
-    """One library for macOS from one or two of its processors (Mach-O; magic numbers of <mach-o/fat.h>)."""
+    """Join libraries for one or two processors of macOS into one (Mach-O, by <mach-o/fat.h>)."""
     if len(libraries) == 1:
         return libraries[0]
     align, place, header, body = 14, 1 << 14, struct.pack(">II", 0xCAFEBABE, len(libraries)), b""

@@ -1,4 +1,4 @@
-"""A unit's entry functions, compiled ahead of time to object files that need no Python and no Numba.
+"""Compiles a model's entry functions ahead of time to object files that need no Python and no Numba.
 
 Numba compiles each entry; the inner function of the overload (not its Python or C wrapper) is kept, given a plain C
 signature, merged, optimised by LLVM for the plain instruction set of a platform, and checked to be self-contained.
@@ -18,10 +18,10 @@ from rbfmu_fmu.platforms import BuildError, Platform
 from rbfmu_kernels.compile.numba_private import llvm_source
 
 ENTRIES = ("initialize", "step", "outputs", "output_rates")
-"""Entry functions `int64 NAME(double *buffer[, double h])`; not every unit has the last."""
+"""The entry functions are `int64 NAME(double *buffer[, double h])`; not every model has the last one."""
 
 LIBM = frozenset({"sqrt", "fabs", "copysign", "floor", "ceil", "memcpy", "memset", "memmove"})
-"""The only symbols that an object may leave to the platform: correctly rounded everywhere, or no arithmetic."""
+"""An object may leave only these symbols to the platform: correctly rounded everywhere, or no arithmetic."""
 
 _LOCK = threading.Lock()  # LLVM modules of one Numba process are not made for concurrent use
 
@@ -30,25 +30,25 @@ class NotSelfContainedError(BuildError):
     """The compiled kernels need something that only a Python process has."""
 
 
-def object_files(unit: Unit, platform: Platform) -> dict[str, bytes]:
-    """By name, relocatable object files of the unit's entries; the same bytes each time.
+def object_files(model: Unit, platform: Platform) -> dict[str, bytes]:
+    """Return relocatable object files of the model's entries by name, the same bytes each time.
 
     model.o runs on every processor of the platform; for each of its features there is a step_FEATURE.o besides, with
-    nothing but a `step_FEATURE` of the same bits.
+    nothing but a `step_FEATURE` that gives the same bits.
     """
     with _LOCK:
-        objects = {"model.o": _compiled(unit, platform, "")}  # type: ignore[arg-type]
-        return objects | {f"step_{f}.o": _compiled(unit, platform, f) for f in platform.features}  # type: ignore[arg-type]
+        objects = {"model.o": _compiled(model, platform, "")}  # type: ignore[arg-type]
+        return objects | {f"step_{f}.o": _compiled(model, platform, f) for f in platform.features}  # type: ignore[arg-type]
 
 
 @cache
-def _compiled(unit: Any, platform: Platform, feature: str) -> bytes:
+def _compiled(model: Any, platform: Platform, feature: str) -> bytes:
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
     machine = llvm.Target.from_triple(platform.triple).create_target_machine(
         cpu=platform.cpu, features=feature and f"+{feature}", opt=3, reloc="pic", codemodel="default"
     )
-    module = llvm.parse_assembly(_source(unit))
+    module = llvm.parse_assembly(_source(model))
     module.triple, module.data_layout = platform.triple, str(machine.target_data)
     if feature:
         _keep_step(module, f"step_{feature}")
@@ -66,9 +66,9 @@ def _keep_step(module: Any, name: str) -> None:
 
 
 @cache
-def _source(unit: Any) -> str:
-    """LLVM source of all entries, for no platform yet."""
-    first, *others = [_entry_module(unit, name) for name in ENTRIES if hasattr(unit, name)]
+def _source(model: Any) -> str:
+    """Return the LLVM source of all entries, which is for no platform yet."""
+    first, *others = [_entry_module(model, name) for name in ENTRIES if hasattr(model, name)]
     for other in others:
         first.link_in(other)
     for value in [*first.functions, *first.global_variables]:
@@ -78,9 +78,9 @@ def _source(unit: Any) -> str:
     return re.sub(r"^target (triple|datalayout).*$", "", str(first), flags=re.MULTILINE)
 
 
-def _entry_module(unit: Unit, name: str) -> Any:
-    """The unit's entry as an LLVM module whose only external function has a plain C signature."""
-    function, size = getattr(unit, name), unit.SIZE
+def _entry_module(model: Unit, name: str) -> Any:
+    """Return the model's entry as an LLVM module whose only external function has a plain C signature."""
+    function, size = getattr(model, name), model.SIZE
     pointer = types.CPointer(types.float64)
     options = {"error_model": "numpy", "no_cfunc_wrapper": True, "no_cpython_wrapper": True}
     if name == "step":
@@ -104,7 +104,7 @@ def _entry_module(unit: Unit, name: str) -> Any:
 
 
 def _c_signature(name: str, inner: str) -> str:
-    """LLVM source of `int64 NAME(double *, ...)` around Numba's `int32 inner(ret *, exc **, double *, ...)`."""
+    """Return LLVM source of `int64 NAME(double *, ...)` around Numba's `int32 inner(ret *, exc **, double *, ...)`."""
     declared, given = ("ptr, double", "ptr %z, double %h") if name == "step" else ("ptr", "ptr %z")
     return f"""
         declare i32 @"{inner}"(ptr, ptr, {declared})
@@ -138,4 +138,4 @@ def _check_self_contained(module: Any) -> None:
     if "inttoptr" in str(module):
         foreign.add("an address of this process")
     if foreign:
-        raise NotSelfContainedError(f"the compiled unit needs {', '.join(sorted(foreign))}")
+        raise NotSelfContainedError(f"the compiled model needs {', '.join(sorted(foreign))}")

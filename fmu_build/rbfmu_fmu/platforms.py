@@ -11,7 +11,7 @@ class BuildError(ValueError):
 
 @dataclass(frozen=True)
 class Platform:
-    """For LLVM a triple and a processor, for ziglang a target, for importers a folder of `binaries` and a suffix."""
+    """A triple and a processor for LLVM, a target for ziglang, a folder of `binaries` and a suffix for importers."""
 
     name: str
     triple: str
@@ -20,7 +20,7 @@ class Platform:
     folder: str
     suffix: str
     features: tuple[str, ...] = ()
-    """Of newer processors: a step that uses one is there too, and chosen at run time (native/model.h)."""
+    """What newer processors have: for each there is one more step, which is chosen at run time (native/model.h)."""
 
 
 PLATFORMS = {
@@ -45,14 +45,14 @@ has the name that FMI 3.0 gave it.
 
 
 def platform_named(name: str) -> Platform:
-    """Raises BuildError where there is none."""
+    """Return a platform by its name. Raises BuildError where there is none."""
     if name not in PLATFORMS:
         raise BuildError(f"platform {name!r}: expected one of {', '.join(PLATFORMS)}")
     return PLATFORMS[name]
 
 
 def this_platform() -> Platform:
-    """The one that Python runs on. Raises BuildError where it is none of the above."""
+    """Return the platform that Python runs on. Raises BuildError where it is none of the above."""
     for one in PLATFORMS.values():
         if is_this(one):
             return one
@@ -60,7 +60,7 @@ def this_platform() -> Platform:
 
 
 def is_this(one: Platform) -> bool:
-    """Whether Python runs on it."""
+    """Whether Python runs on this platform."""
     return one.zig.startswith(f"{_processor()}-{_system()}")
 
 

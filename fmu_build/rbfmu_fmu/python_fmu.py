@@ -1,4 +1,4 @@
-"""Builds the pythonfmu FMU of a scene: slave, kernels and their object code in one reproducible archive."""
+"""Builds the pythonfmu FMU of a scene: slave, kernels and object code in one reproducible archive."""
 
 import importlib.resources
 import re
@@ -34,7 +34,7 @@ class {identifier}(Slave):
     access = ACCESS
 '''
 
-PACKAGE = '''"""A rigid body's unit: slave, kernels, object code. The name holds a hash of all: FMUs do not mix."""
+PACKAGE = '''"""A rigid body's model. The package's name holds a hash of everything in it, so that FMUs do not mix."""
 import os
 
 from .slave_access import Access
@@ -45,7 +45,7 @@ ACCESS = Access(os.path.dirname(__file__), "{identity}")
 CAPABILITIES = {"needsExecutionTool": "true", "canInterpolateInputs": "false"}
 CAPABILITIES |= {"canNotUseMemoryManagementFunctions": "true"}
 LEFT_OUT = re.compile(r"modelDescription\.xml|resources/pythonfmu/(deploy|csvbuilder|__main__)\.py")
-"""Of what pythonfmu packs: its description (replaced; with a random guid and the date), and what no FMU uses."""
+"""Pythonfmu's files that are left out: its description, with a random guid and the date, and what no FMU uses."""
 
 
 def build_python_fmu(scene: Scene, plan: Plan, path: Path) -> Path:
@@ -77,7 +77,7 @@ def _package_files(plan: Plan, description: Description) -> dict[str, bytes]:
 
 
 def _shipped_code(plan: Plan) -> tuple[str, bytes]:
-    """(name, content) of a shared library for this platform; where there is no C compiler, of an object file."""
+    """Return (name, content) of a shared library for this platform or, without a C compiler, of an object file."""
     platform = this_platform()
     objects = object_files(plan.unit, platform)
     try:
@@ -104,7 +104,7 @@ def _write_sources(folder: Path, files: dict[str, bytes], description: Descripti
 
 @contextmanager
 def _imports_undone() -> Iterator[None]:
-    """FmuBuilder imports the script: forget it, or a later instance in this process meets modules without files."""
+    """Forget what FmuBuilder imports, or a later instance in this process meets modules whose files are gone."""
     path, before, no_bytecode = list(sys.path), set(sys.modules), sys.dont_write_bytecode
     sys.dont_write_bytecode = True
     try:

@@ -1,4 +1,4 @@
-"""The pythonfmu slave, bundled into every FMU beside its unit.
+"""The pythonfmu slave, which is bundled into every FMU beside its model.
 
 pythonfmu 0.7.0 reports an exception as fmi2Fatal and a `do_step` that returns False as fmi2Discard with
 fmi2Terminated; there is no third way to refuse. Where a comment says "pythonfmu", it names a trap of that version.
@@ -38,7 +38,7 @@ _LIVE: "weakref.WeakSet[Slave]" = weakref.WeakSet()
 
 
 class Slave(Fmi2Slave):  # type: ignore[misc]
-    """One instance. All its memory is `_buffer`, its phase and its status: what a saved state holds."""
+    """One instance. A saved state holds all its memory: `_buffer`, the phase and the status."""
 
     access: Access  # set by the FMU's script
     _gil: int | None = None  # the thread that keeps its thread state
@@ -75,7 +75,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
     # --- values
 
     def get_real(self, references: list[int]) -> list[float]:
-        """All outputs at once take a short way; outputs follow inputs set since the step."""
+        """Return values; outputs follow inputs that were set since the step. Reading all outputs at once is fastest."""
         try:
             if references == self._outputs:
                 if self._stale:
@@ -90,7 +90,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
             raise self._survivable("fmi2GetReal", error) from None
 
     def set_real(self, references: list[int], values: list[float]) -> None:
-        """Inputs at any time, parameters and initial values before the end of initialisation; finite only."""
+        """Set finite values, of any variable that may be set in this phase, or of none."""
         try:
             if not math.isfinite(sum(values)):
                 self._refuse_not_finite(references, values)
@@ -107,7 +107,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
             raise self._survivable("fmi2SetReal", error) from None
 
     def get_integer(self, references: list[int]) -> list[int]:
-        """`status` is the one Integer."""
+        """Return values of the one Integer variable, `status`."""
         try:
             for r in references:
                 if r != len(self.access.offsets):
@@ -117,23 +117,23 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
             raise self._survivable("fmi2GetInteger", error) from None
 
     def set_integer(self, references: list[int], values: list[int]) -> None:
-        """There is no Integer to set."""
+        """Refuse: there is no Integer variable that can be set."""
         self._none_of("Integer variable that can be set", "fmi2SetInteger", references)
 
     def get_boolean(self, references: list[int]) -> list[bool]:
-        """There is none."""
+        """Refuse: there is no Boolean variable."""
         return self._none_of("Boolean variable", "fmi2GetBoolean", references)
 
     def set_boolean(self, references: list[int], values: list[bool]) -> None:
-        """There is none."""
+        """Refuse: there is no Boolean variable."""
         self._none_of("Boolean variable", "fmi2SetBoolean", references)
 
     def get_string(self, references: list[int]) -> list[str]:
-        """There is none."""
+        """Refuse: there is no String variable."""
         return self._none_of("String variable", "fmi2GetString", references)
 
     def set_string(self, references: list[int], values: list[str]) -> None:
-        """There is none."""
+        """Refuse: there is no String variable."""
         self._none_of("String variable", "fmi2SetString", references)
 
     def _none_of(self, kind: str, call: str, references: list[int]) -> list[Any]:
@@ -172,10 +172,10 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
             raise RuntimeError(refusal(call, self._phase))
 
     def setup_experiment(self, start_time: float, stop_time: float | None, tolerance: float | None) -> None:
-        """Times are the importer's; the accuracy is the scene's."""
+        """Do nothing: the times are the importer's, and the accuracy is the scene's."""
 
     def enter_initialization_mode(self) -> None:
-        """Parameters and inputs can still be set."""
+        """Begin initialisation, in which parameters and inputs can still be set."""
         try:
             self._allow("enter_initialization")
             self._phase = INITIALIZING
@@ -183,7 +183,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
             raise self._survivable("fmi2EnterInitializationMode", error) from None
 
     def exit_initialization_mode(self) -> None:
-        """Check every parameter, set the state and the first outputs."""
+        """Check every parameter, and set the state and the first outputs."""
         try:
             self._allow("exit_initialization")
             self._initialize_or_refuse()
@@ -201,7 +201,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
             raise ValueError(self._said_of(*self.access.description["faults"][str(fault)]))
 
     def _said_of(self, block: str, expected: str) -> str:
-        """A fault in words: the block's values; where it is CHANGED, those that are not as planned, and the remedy."""
+        """Say a fault in words, with the values of its block or, where that is CHANGED, of the changed parameters."""
         variables, changed = self.access.description["variables"], self.access.description["changed"]
         found = [v for v in variables if v["block"] == block]
         if block == changed:
@@ -213,7 +213,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         return f"{values or block.strip(changed) or 'parameters'}: {expected}"
 
     def do_step(self, current_time: float, step_size: float) -> bool:
-        """All of a step or, with False (fmi2Discard), nothing of it."""
+        """Take all of a step or, returning False (fmi2Discard), nothing of it."""
         try:
             if self._phase not in _MAY_STEP:  # faster than _allow
                 raise RuntimeError(refusal("do_step", self._phase))
@@ -234,7 +234,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         return False
 
     def terminate(self) -> None:
-        """No more steps; values can still be read."""
+        """End stepping; values can still be read."""
         self._phase = TERMINATED
         self._release_gil()
 
@@ -298,7 +298,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
 
 
 def _forget_path(resources: str) -> None:
-    """Pythonfmu adds this folder for each instance; all that it is needed for has been imported by now."""
+    """Remove the folder that pythonfmu adds to the path for each instance; what it holds has been imported by now."""
     while resources in sys.path:
         sys.path.remove(resources)
     sys.path_importer_cache.pop(resources, None)

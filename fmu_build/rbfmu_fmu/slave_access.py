@@ -1,6 +1,6 @@
-"""What all instances of one pythonfmu FMU share, bundled beside its slave: variables, states, the unit's code.
+"""What all instances of one pythonfmu FMU share: its variables, its saved states and the model's code.
 
-Imports neither rbfmu nor, where the shipped object code loads, Numba or NumPy.
+It is bundled beside the slave, and imports neither rbfmu nor, where the shipped object code loads, Numba or NumPy.
 """
 
 import atexit
@@ -16,21 +16,21 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 TO_VARY = 'list "%s" under parameters in the scene\'s [inputs] to vary it'
-"""What to do about it: the blocks."""
+"""The remedy for a refused parameter, given its block or blocks."""
 HELD = f"%s = %s: this FMU's model was planned for %s here; {TO_VARY}"
-"""Refuses a parameter: its name, its value, the planned value, its block."""
+"""The message that refuses a parameter, given its name, its value, the planned value and its block."""
 
 CODE = f"model-{sys.platform}-{os.uname().machine if hasattr(os, 'uname') else 'any'}"
-"""Shipped code for this platform: its name but for the suffix."""
+"""The name of the shipped code for this platform, without its suffix."""
 LIBRARY, OBJECT = ".so", ".o"
-"""Suffixes of shipped code: a shared library (on every platform), or an object file, to be loaded by llvmlite."""
+"""The suffixes of shipped code: a shared library on every platform, or an object file that llvmlite loads."""
 
 _OWNERS: list[Any] = []  # of loaded code
 _LIBRARIES: set[str] = set()  # of pythonfmu's, that this FMU was loaded from
 
 
 class Entries(NamedTuple):
-    """A unit's entry functions: on an array, or on the address of a buffer."""
+    """A model's entry functions, which work on an array or on the address of a buffer."""
 
     initialize: Callable[..., int]
     step: Callable[..., int]
@@ -39,7 +39,7 @@ class Entries(NamedTuple):
 
 
 class Access:
-    """How value references reach a unit's buffer; which code runs on it; which bytes are a saved state."""
+    """Knows how value references reach a model's buffer, which code runs on it, and which bytes are a saved state."""
 
     def __init__(self, folder: str, identity: str) -> None:
         with open(os.path.join(folder, "description.json"), encoding="utf-8") as file:
@@ -62,18 +62,18 @@ class Access:
         self._entries: Entries | None = None
 
     def entries(self) -> Entries:
-        """Compiled ahead of time, else by Numba here and now."""
+        """Return the entries that were compiled ahead of time or, without those, let Numba compile them now."""
         if self._entries is None:
             shipped = _shipped_entries(self._folder, self.description["shipped_code"])
             self._entries = shipped or _numba_entries(self.description["unit"])
         return self._entries
 
     def state_head(self, content: bytes) -> bytes:
-        """What stands before the content of a saved state: the FMU's identity and a checksum."""
+        """Return what stands before the content of a saved state: the FMU's identity and a checksum."""
         return self.identity + zlib.crc32(content).to_bytes(4, "little")
 
     def state_content(self, state: bytes) -> bytes:
-        """Phase, status, stale, buffer; ValueError where this is no state of this FMU."""
+        """Return phase, status, stale and buffer; raise ValueError where this is no state of this FMU."""
         size = len(self.identity) + 4
         head, content = state[:size], state[size:]
         if len(content) != 3 + len(self.start) or head != self.state_head(content):
@@ -82,7 +82,7 @@ class Access:
 
 
 def _struct(offsets: list[int]) -> tuple[struct.Struct, int]:
-    """(struct, first byte) of ascending offsets: all of them at once. Packing zeroes what lies between them."""
+    """Return (struct, first byte) for ascending offsets all at once. Packing zeroes what lies between them."""
     layout, end = "", offsets[0] if offsets else 0
     first = 8 * end
     for offset in offsets:
@@ -92,7 +92,7 @@ def _struct(offsets: list[int]) -> tuple[struct.Struct, int]:
 
 
 def _shipped_entries(folder: str, checksums: dict[str, int]) -> Entries | None:
-    """Load the shipped code for this platform; None where there is none, or no loader for it."""
+    """Load the shipped code for this platform; return None where there is none, or no loader for it."""
     if os.environ.get("RBFMU_COMPILE") == "1":
         return None
     try:
@@ -124,7 +124,7 @@ def _addresses_in_library(path: str) -> Callable[[str], int]:
 
 
 def _addresses_in_object(code: bytes) -> Callable[[str], int]:
-    """For an FMU that was built where there was no linker."""
+    """Load the object file of an FMU that was built where there was no linker."""
     import llvmlite.binding as llvm
 
     if hasattr(llvm, "initialize_native_target"):
@@ -138,13 +138,13 @@ def _addresses_in_object(code: bytes) -> Callable[[str], int]:
     return engine.get_function_address  # type: ignore[no-any-return]
 
 
-def _numba_entries(unit: str) -> Entries:
-    module = importlib.import_module(f".{unit}", __package__)
+def _numba_entries(model: str) -> Entries:
+    module = importlib.import_module(f".{model}", __package__)
     return Entries(module.initialize, module.step, module.outputs, True)
 
 
 class _Symbol(ctypes.Structure):
-    """What `dladdr` tells of an address."""
+    """The structure in which `dladdr` describes an address."""
 
     _fields_ = (
         ("file", ctypes.c_char_p),
@@ -183,12 +183,12 @@ def _release() -> None:
 
 
 def _loaded(library: str) -> ctypes.CDLL:
-    """A library that is loaded, which then stays so; OSError where it is not."""
+    """Return a library that is loaded, and keep it so; raise OSError where it is not."""
     return ctypes.CDLL(library, os.RTLD_NOW | os.RTLD_NOLOAD)
 
 
 def tell(text: str) -> None:
-    """One line on stderr, where there is one; no error of its own, which pythonfmu would not survive."""
+    """Write one line to stderr, where there is one; never raise, which pythonfmu would not survive."""
     with contextlib.suppress(OSError, ValueError, AttributeError):
         sys.stderr.write(f"{text}\n")
         sys.stderr.flush()
