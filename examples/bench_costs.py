@@ -18,7 +18,7 @@ from scipy.optimize import nnls
 
 import rbfmu
 from rbfmu.costs import NS, stated, terms
-from rbfmu.fitting import KICK_COSTS, TAYLOR_COSTS, UNCONTROLLED_COSTS
+from rbfmu.fitting import KICK_COSTS, series_cost
 from rbfmu.models import Plan
 from rbfmu.scene import QUANTITIES, Scene
 from rbfmu.unit import filled_buffer, initialize
@@ -109,8 +109,6 @@ def chosen_by_hand() -> list[tuple[Scene, Plan]]:
         for order, ns in KICK_COSTS.items():
             kicks = Plan("symmetric top", f"kicks of order {order}", 7, substep=0.01, order=order, cost=ns)
             found.append((top, stated(top, kicks)))
-        equal = Plan("body under loads", "DOP853 in equal steps", 7, substep=0.01, cost=UNCONTROLLED_COSTS[1])
-        found.append((top, stated(top, equal)))
     return found
 
 
@@ -127,7 +125,7 @@ def measured(plans: Sequence[tuple[Scene, Plan]], rounds: int, k: int) -> list[F
     least = np.full(len(timers) + len(known), np.inf)
     for _ in range(rounds):
         least = np.minimum(least, [once() for once in (*timers, *known)])
-    speed = median(ns / TAYLOR_COSTS[order][1] for order, ns in zip(orders, least[len(timers) :], strict=True))
+    speed = median(ns / series_cost(order, (1.0, 0.0)) for order, ns in zip(orders, least[len(timers) :], strict=True))
     return [figure._replace(measured=float(ns / speed)) for figure, ns in zip(found, least, strict=False)]
 
 

@@ -26,10 +26,8 @@ NS = {
     "torque-free symmetric body, attitude": 14.0,
     "symmetric body spun up": 93.0,
     "torque-free body": 90.0,
-    "torque-free body, attitude": 2.0,
     "torque-free body, pushed": 68.0,
     "symmetric top": 72.0,
-    "body under loads": 45.0,
     "body under loads, by series": 60.0,
     "series, loads that turn": 68.0,
     "path": 18.0,
@@ -43,7 +41,7 @@ NS = {
 RATES_ALONE = 0.72
 """What a substep of series costs without the attitude, as a part of one with it."""
 SERIES, TURNED = "body under loads, by series", "series, loads that turn"
-INTEGRATED = ("symmetric top", "body under loads", SERIES)
+INTEGRATED = ("symmetric top", SERIES)
 """Models whose path is part of their integration."""
 
 

@@ -32,8 +32,6 @@ KEPT, REACHED = 1.0 / 3.0, 0.8
 """Of the accuracy: the error that settings are fitted to, and the largest that is accepted where none is smaller."""
 MOST_WORK = 1e7
 """Substeps of all pilot runs (some five seconds), after which nothing cheaper is looked for."""
-HIGHEST_ORDER_BESIDE_DOP853 = 8
-"""Of series, where they are cheapest: beyond it DOP853 costs 1.2 to 13 times as much, measured on four motions."""
 HIGHER = 2
 """Orders that series may have beyond the likely one."""
 LEAST_ORDER_OF_INPUTS = 8
@@ -42,16 +40,12 @@ UNCUT = 20.0
 """Substeps in a communication step from which on longer ones change little."""
 LONGER, SHORTER = (2, 4, 10, 25, 50, 100), (2, 3, 4, 6, 10)
 """Communication steps that an importer may take as one, besides all of the run's; parts that it may take of one."""
-TAYLOR_COSTS = {
-    6: (154.0, 154.0, 202.0), 8: (168.0, 179.0, 210.0), 10: (201.0, 226.0, 261.0), 12: (220.0, 272.0, 313.0),
-    14: (253.0, 326.0, 366.0), 16: (276.0, 374.0, 387.0), 18: (301.0, 440.0, 449.0), 20: (353.0, 510.0, 517.0),
-    22: (398.0, 584.0, 592.0), 24: (423.0, 649.0, 620.0),
-}  # fmt: skip
-"""ns a substep by order, as the next by examples/bench_substeps.py in one run, on `costs.MACHINE`; ratios decide.
+ORDERS_OF_SERIES = range(6, MOST_ORDER + 1, 2)
+SERIES_COSTS = ((58.0, 14.3), (10.0, 24.0), (41.0, 23.1))
+"""(a, b) of a + b N ns a substep at order N, on `costs.MACHINE`; examples/bench_substeps.py fits these lines.
 
 Torques that are known in b; also loads that turn in b; also a force that turns with the body.
 """
-DOP853_COSTS, UNCONTROLLED_COSTS = (481.0, 582.0, 774.0), (364.0, 475.0, 621.0)
 SWING_COSTS = {4: 55.0, 8: 85.0, 16: 185.0}
 KICK_COSTS = {2: 76.0, 4: 470.0, 6: 864.0}
 
@@ -82,10 +76,10 @@ class _Fit:
 
 
 def cheapest_fit(scene: Scene, general: Plan, judge: Judge, kicks: bool = True) -> Plan:
-    """DOP853, Taylor series of some order, or kicks for a symmetric top: the cheapest that meets the accuracy.
+    """Taylor series of some order, or kicks for a symmetric top: the cheapest that meets the accuracy.
 
-    general: the plan for a body under loads, whose method and settings are to be found, its tolerance the scene's
-    accuracy; kicks: whether they may be.
+    general: the plan whose method and settings are to be found, its tolerance the scene's accuracy; kicks: whether they
+    may be.
     Raises SceneError where none is accurate enough.
     """
     search = _Search(scene, judge, general)
@@ -123,9 +117,6 @@ class _Search:
         """The cheapest plan; SceneError where none is accurate enough."""
         self._try_tightest()
         self._fit_series()
-        if not self.is_met() or self._order() <= HIGHEST_ORDER_BESIDE_DOP853:
-            self.fit(self._dop853(), self.accuracy / 8.0)
-            self._fit_uncontrolled()
         if kicks:
             self._fit_kicks()
         assert self.best
@@ -151,9 +142,6 @@ class _Search:
     def is_met(self) -> bool:
         """Whether something is accurate enough."""
         return bool(self.met)
-
-    def _order(self) -> int:
-        return self.best.plan.order if self.best else 0
 
     def out_of_reach(self, error: float) -> SceneError:
         """What is said where no method's error is smaller."""
@@ -218,15 +206,8 @@ class _Search:
 
     # Families
 
-    def _cost(self, costs: tuple[float, float, float]) -> float:
-        plain, *more = costs
-        return plain + sum(share * (cost - plain) for share, cost in zip(self.shares, more, strict=True))
-
     def _of_order(self, order: int) -> _Family:
-        return _Family(partial(_series, self.general, order), self._cost(TAYLOR_COSTS[order]), order)
-
-    def _dop853(self) -> _Family:
-        return _Family(partial(_controlled, self.general), self._cost(DOP853_COSTS), 8)
+        return _Family(partial(_series, self.general, order), series_cost(order, self.shares), order)
 
     def _try_tightest(self) -> None:
         """What can be reached at all: where that is little, it is accepted, and nothing is looked for in vain."""
@@ -248,22 +229,20 @@ class _Search:
         Up no further than HIGHER: what estimates say of long steps of a high order does not hold in other steps.
         """
         likely = 2 * round(1.0 + 0.25 * math.log(100.0 / self.accuracy))
-        order = min(max(likely, min(TAYLOR_COSTS)), max(TAYLOR_COSTS))
+        order = min(max(likely, ORDERS_OF_SERIES[0]), ORDERS_OF_SERIES[-1])
         first = self.fit(self._of_order(order), self.accuracy / 8.0)
         for way in (2, -2):
             other, value, idle = order + way, first, 0
-            while other in TAYLOR_COSTS and idle < 2 and other <= order + HIGHER:
+            while other in ORDERS_OF_SERIES and idle < 2 and other <= order + HIGHER:
                 before = self.best
                 value = self.fit(self._of_order(other), value)
                 idle = idle + 1 if self.best is before else 0
                 other += way
 
     def _cheapest_over(self, span: float, tolerance: float) -> _Fit:
-        """The cheapest method of error control at a tolerance for the whole run; of those that meet it, if any do."""
-        families = [self._of_order(order) for order in TAYLOR_COSTS if order >= LEAST_ORDER_OF_INPUTS]
-        families.append(self._dop853())
+        """The cheapest series at a tolerance for the whole run; of those that meet it, if any do."""
         best: _Fit | None = None
-        for family in families:
+        for family in map(self._of_order, range(LEAST_ORDER_OF_INPUTS, MOST_ORDER + 1, 2)):
             if best is None or best.error > self.bound or family.cost * self.steps < best.cost:
                 plan = replace(family.plan_of(tolerance), span=span)
                 error, substeps = self._tried(plan)
@@ -271,13 +250,6 @@ class _Search:
                 best = found if best is None or _better(found, best, REACHED * self.accuracy) else best
         assert best
         return best
-
-    def _fit_uncontrolled(self) -> None:
-        """DOP853 in equal steps, from the shortest that would be cheaper than what was found."""
-        family = _Family(partial(_uncontrolled, self.general), self._cost(UNCONTROLLED_COSTS), 8, True)
-        if self.best and self.best.cost > family.cost * self.steps:
-            span = self.scene.run.stop - self.scene.run.start
-            self.fit(family, 1.01 * span * family.cost / self.best.cost)
 
     def _fit_kicks(self) -> None:
         """From the longest step down, where kicks are cheapest; with a bound on the step by their resonances."""
@@ -357,6 +329,12 @@ def _better(a: _Fit, b: _Fit, bound: float) -> bool:
     return a.error < b.error
 
 
+def series_cost(order: int, shares: tuple[float, float]) -> float:
+    """Ns a substep; shares: as `load_shares`."""
+    plain, *more = (a + b * order for a, b in SERIES_COSTS)
+    return plain + sum(share * (cost - plain) for share, cost in zip(shares, more, strict=True))
+
+
 def load_shares(scene: Scene, z: Buffer) -> tuple[float, float]:
     """Whether there may be loads that turn in b, and a force that turns with a body whose path is asked, as 0 or 1."""
     loads = loads_of(z)
@@ -380,20 +358,12 @@ def _tightened(plan: Plan, ratio: float) -> Plan:
 def _series(general: Plan, order: int, tolerance: float) -> Plan:
     value = min(max(tolerance, 1e-3 * TIGHTEST), LOOSEST * general.tolerance)
     method = f"Taylor series of order {order}"
-    return replace(general, model="body under loads, by series", method=method, order=order, tolerance=value)
+    return replace(general, method=method, order=order, tolerance=value)
 
 
 def _swing(general: Plan, order: int, tolerance: float) -> Plan:
     value = min(max(tolerance, 1e-3 * TIGHTEST), LOOSEST * general.tolerance)
     return replace(general, method=f"Taylor series of order {order}", order=order, tolerance=value)
-
-
-def _controlled(general: Plan, tolerance: float) -> Plan:
-    return replace(general, method="DOP853", tolerance=min(max(tolerance, TIGHTEST), LOOSEST * general.tolerance))
-
-
-def _uncontrolled(general: Plan, substep: float) -> Plan:
-    return replace(general, method="DOP853 in equal steps", tolerance=0.0, substep=substep)
 
 
 def _kicks(general: Plan, order: int, longest: float, substep: float) -> Plan:

@@ -161,7 +161,7 @@ def _pushed(scene: Scene, needs: Needs, judge: Judge) -> Plan | None:
 
 
 def _integrated(scene: Scene, needs: Needs, judge: Judge, kicks: bool = True) -> Plan:
-    found = cheapest_fit(scene, Plan("body under loads", "DOP853", 0, tolerance=scene.run.accuracy), judge, kicks)
+    found = cheapest_fit(scene, Plan("body under loads, by series", "", 0, tolerance=scene.run.accuracy), judge, kicks)
     return stated(scene, replace(found, states=_states(found.model, needs), held=_held(scene)))
 
 
