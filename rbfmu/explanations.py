@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu.arrays import principal_axes, rotate
-from rbfmu.ladder import torques
+from rbfmu.ladder import acting_loads, torques
 from rbfmu.models import Plan
 from rbfmu.scene import Scene
 from rbfmu_kernels.quantities import FORCES, TORQUES
@@ -72,8 +72,7 @@ def why_exact(scene: Scene, model: str, rotation: bool, attitude: bool) -> tuple
 
 def _acting(scene: Scene) -> str:
     """Names of the loads that turn the body."""
-    loads = scene.loads
-    return " and ".join(sorted(n for n in torques(scene) - {"r_oc_b"} if any(getattr(loads, n)))) or "no torque"
+    return " and ".join(sorted(torques(scene) & acting_loads(scene.loads))) or "no torque"
 
 
 def _standing(scene: Scene, rate: float, attitude: bool) -> str:

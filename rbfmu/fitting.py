@@ -9,7 +9,7 @@ import numpy as np
 
 from rbfmu import explanations as say
 from rbfmu.judging import Judge
-from rbfmu.ladder import varying_parameters
+from rbfmu.ladder import acting_loads, varying_parameters
 from rbfmu.models import Plan
 from rbfmu.scene import Scene, SceneError
 from rbfmu.times import communication_steps
@@ -19,6 +19,7 @@ from rbfmu_kernels.integrators.splitting import is_symmetric_top, resonant_step,
 from rbfmu_kernels.integrators.substeps import ROUND_OFF, substeps_in
 from rbfmu_kernels.integrators.taylor_coefficients import MOST_ORDER
 from rbfmu_kernels.models.one_axis_taylor import ORDERS
+from rbfmu_kernels.quantities import DISSIPATIVE, NOT_IN_CLOSED_FORMS
 
 TIGHTEST = 1e-15
 """The smallest tolerance that double precision serves."""
@@ -255,7 +256,8 @@ class _Search:
         """From the longest step down, where kicks are cheapest; with a bound on the step by their resonances."""
         body, run, omega = self.scene.body, self.scene.run, self.scene.initial.omega_b
         assert body is not None
-        if any(self.scene.loads.damping_b) or not is_symmetric_top(body.M):
+        unserved = acting_loads(self.scene.loads) & (DISSIPATIVE | NOT_IN_CLOSED_FORMS)
+        if unserved or not is_symmetric_top(body.M):
             return
         turn = math.inf if self._spins_unseen() else 2.0 * math.pi / max(math.hypot(*omega), 1e-300)
         longest = min(0.45 * resonant_step(body.M, omega), 0.45 * turn, run.stop - run.start)

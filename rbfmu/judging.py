@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rbfmu._scene_fields import flattened
 from rbfmu.arrays import compose_quaternions, principal_axes
 from rbfmu.measures import FLOORS, largest_error, largest_size
 from rbfmu.models import Plan
@@ -191,7 +192,7 @@ def natural_sizes(scene: Scene, motion: Motion) -> dict[str, float]:
     """What loads and rates of the scene's size make of each quantity where they are not in balance."""
     body, loads = scene.body, scene.loads
     assert body is not None
-    size = {name: math.hypot(*getattr(loads, name)) for name in type(loads).model_fields}
+    size = {name: math.hypot(*flattened(getattr(loads, name))) for name in type(loads).model_fields}
     force = body.mass * size["gravity_a"] if body.pivot else sum(size[name] for name in sorted(FORCES))
     arm, (low, middle, high) = math.hypot(*body.r_oc_b), principal_axes(np.array(body.M))[0].tolist()
     least = low if low > INERTIA_TOLERANCE * high else middle

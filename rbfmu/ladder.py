@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rbfmu._scene_fields import flattened
 from rbfmu.models import UNITS, Plan
 from rbfmu.promises import conditioning_error
-from rbfmu.scene import Scene
+from rbfmu.scene import Loads, Scene
 from rbfmu.unit import filled_buffer, initialize
 from rbfmu_kernels.body.memory import has_pivot, needs_attitude, needs_rate, needs_translation
 from rbfmu_kernels.buffer import FINE
@@ -18,6 +19,9 @@ from rbfmu_kernels.quantities import (
     FIXED_IN_SPACE,
     FORCES,
     IN_BUFFER_ORDER,
+    LOADS_NOW,
+    NOT_IN_CLOSED_FORMS,
+    OUTPUTS,
     RATE,
     SPHERE_RATE,
     TORQUES,
@@ -32,12 +36,14 @@ CLOSED = (
 )  # fmt: skip
 """The models with a closed form, from the smallest."""
 DROPPED = {
-    "angular momentum": DISSIPATIVE,
-    "undamped pendulum": TORQUES,
+    **dict.fromkeys(CLOSED, NOT_IN_CLOSED_FORMS),
+    "angular momentum": DISSIPATIVE | NOT_IN_CLOSED_FORMS,
+    "undamped pendulum": TORQUES | NOT_IN_CLOSED_FORMS,
     **dict.fromkeys(("torque-free symmetric body", "torque-free body"), TORQUES | FORCES | WEIGHTS),
 }
 """By model, the loads that do not turn it where they are too small to matter."""
 OF_RATES, OF_ATTITUDE = needing(RATE), needing(ATTITUDE)
+OF_INERTIA = {row.name for row in OUTPUTS if "inertia" in row.initially} - needing(LOADS_NOW)
 """Quantities that show them, whatever the loads."""
 GROWING = {row.name for row in IN_BUFFER_ORDER if row.grows}
 """Loads and parameters with which positions, velocities, accelerations and energy grow."""
@@ -69,11 +75,16 @@ def varying_parameters(scene: Scene) -> set[str]:
     return set(scene.inputs.ports) | set(scene.inputs.parameters)
 
 
+def acting_loads(loads: Loads) -> set[str]:
+    """Names of the known loads that are not zero."""
+    return {name for name in type(loads).model_fields if any(flattened(getattr(loads, name)))}
+
+
 def torques(scene: Scene) -> set[str]:
     """Names of the loads that act, or may come to act, and then turn the body; and of the arm that they act on."""
     body, loads, varying = scene.body, scene.loads, varying_parameters(scene)
     assert body is not None
-    acting = {n for n in type(loads).model_fields if any(getattr(loads, n))} | varying
+    acting = acting_loads(loads) | varying
     levers = acting & (WEIGHTS if body.pivot else FORCES)
     arm = any(body.r_oc_b) or "r_oc_b" in varying
     if not varying & {"force_b", "r_oc_b"} and not any(cross(body.r_oc_b, loads.force_b)):
@@ -123,9 +134,9 @@ def needed_parameters(scene: Scene, model: str) -> set[str]:
     driven = needs.rotation and (angular or model not in ("no rotation", "constant rate"))
     twisting = torques(scene) - (set() if angular else DROPPED.get(model, set())) if driven else set()
     pushing = FORCES | WEIGHTS if moving else set()
-    acting = {n for n in type(scene.loads).model_fields if any(getattr(scene.loads, n))} & (twisting | pushing)
+    acting = acting_loads(scene.loads) & (twisting | pushing)
     names = listed | (acting - ports)
-    if driven or wanted & {"angular_momentum_a", "kinetic_energy"}:
+    if driven or wanted & OF_INERTIA:
         names |= {"inertia"}
         names |= {"mass"} if body.pivot and beside else set()
     turned = model != "no rotation" or wanted & {"position", "acceleration", "kinetic_energy"}

@@ -3,12 +3,14 @@
 from pathlib import Path
 
 import fmpy
+import numpy as np
 import pytest
 from fmus import built
 
 from rbfmu.scene import PARAMETERS, Initial, Loads
 from rbfmu_kernels import quantities
 from rbfmu_kernels.body import memory
+from rbfmu_kernels.buffer import FAULTS, NEGATIVE
 from rbfmu_kernels.quantities import BY_NAME, NEEDS, OUTPUTS, UNITS, active_flags, indices, needing
 
 
@@ -63,3 +65,21 @@ def test_the_table_needs_neither_numba_nor_numpy() -> None:
     source = Path(quantities.__file__).read_text(encoding="utf-8")
     found = {line for line in source.splitlines() if line.startswith(("import ", "from "))}
     assert found == {"import math", "from collections.abc import Collection", "from typing import NamedTuple"}
+
+
+def test_a_load_that_closed_forms_do_not_know_is_noticed_where_it_acts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Such a load is a row without `in_closed_forms`; there is none yet, so that another load stands for it."""
+    place, z = memory.BLOCKS["damping_b"], np.zeros(memory.BLOCKS["M"].stop)
+    has_unknown_load = getattr(memory.has_unknown_load, "py_func", memory.has_unknown_load)
+    z[place] = 1.0
+    assert not has_unknown_load(z)
+    monkeypatch.setattr(memory, "_UNKNOWN", ((0, 0), (place.start, place.stop)))
+    assert has_unknown_load(z)
+    z[place] = 0.0
+    assert not has_unknown_load(z)
+
+
+def test_every_load_that_must_not_be_negative_has_a_fault_that_names_it() -> None:
+    for i, load in enumerate(quantities.BOUNDED):
+        assert FAULTS[NEGATIVE + i] == (load.name, f"expected no negative number ({load.unit})")
+    assert [load.name for load in quantities.BOUNDED] == ["damping_b"]

@@ -24,7 +24,7 @@ from unit_cases import (
 
 from rbfmu.measures import attitude_error
 from rbfmu.models import UNITS, Plan
-from rbfmu_kernels.buffer import FAULTS
+from rbfmu_kernels.buffer import FAULTS, NEGATIVE
 from rbfmu_kernels.quantities import active_flags
 
 
@@ -135,7 +135,7 @@ ANY_BODY = [
     (8, {"inertia": [math.nan, 2.0, 2.5, 0.0, 0.0, 0.0]}),
     (8, {"position_0": [0.0, 0.0, -math.inf]}),
     (8, {"known_torque_b": [0.0, math.nan, 0.0]}),
-    (10, {"damping_b": [0.0, -1e-9, 0.0]}),
+    (NEGATIVE, {"damping_b": [0.0, -1e-9, 0.0]}),
 ]
 FAULTY = [(model, *fault) for model in UNITS if model != "prescribed rates" for fault in ANY_BODY]
 FAULTY += [

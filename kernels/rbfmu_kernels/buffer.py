@@ -4,6 +4,8 @@ A unit's whole memory is one float64 buffer, so a copy of its bytes is a snapsho
 serve Python, pythonfmu and native code. This module needs neither numba nor numpy.
 """
 
+from .quantities import BOUNDED
+
 
 def places(sizes: dict[str, int]) -> tuple[dict[str, slice], int]:
     """Consecutive places in a buffer for named blocks, and the total size."""
@@ -35,7 +37,6 @@ FAULTS: dict[int, tuple[str, str]] = {
     7: ("quaternion_0", "expected finite numbers, not all zero"),
     8: ("", "expected finite numbers in all parameters and initial values"),
     9: ("omega_b_0", "expected no rate about a slender beam's own axis, where it has no inertia"),
-    10: ("damping_b", "expected no negative damping (N m s/rad)"),
     11: (CHANGED, "expected loads without torque: this model is torque-free"),
     12: (CHANGED, "expected two equal moments, no damping: this model is a symmetric top"),
     13: (CHANGED, "expected a rate at which the planned substep is below half the resonance of a top's kicks"),
@@ -48,4 +49,7 @@ FAULTS: dict[int, tuple[str, str]] = {
          "this model is a symmetric body spun up"),
     20: (CHANGED, "expected no torque but torque_a, which alone changes this model's angular momentum"),
 }  # fmt: skip
+NEGATIVE = max(FAULTS) + 1
+"""The fault of a first load that must not be negative; those of others follow."""
+FAULTS |= {NEGATIVE + i: (load.name, f"expected no negative number ({load.unit})") for i, load in enumerate(BOUNDED)}
 """What a unit's `initialize` refuses, by its return value: the block of variables, and what was expected."""

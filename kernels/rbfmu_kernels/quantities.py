@@ -68,9 +68,10 @@ WEIGHT, FORCE, TORQUE = "weight", "force", "torque"
 
 
 class Load(NamedTuple):
-    """A load, three numbers: a parameter, and where it is a port also an input.
+    """A load: a parameter, and where it is a port also an input.
 
-    frame: a (fixed in space) or b (fixed in the body); dissipates: it takes energy from the motion, and is no input.
+    frame: a (fixed in space) or b (fixed in the body); dissipates: it takes energy from the motion, and is no input;
+    in_closed_forms: models with a closed form know it, while of others they serve no body on which it acts.
     """
 
     name: str
@@ -80,14 +81,11 @@ class Load(NamedTuple):
     kind: str
     port: bool = True
     dissipates: bool = False
+    in_closed_forms: bool = False
+    size: int = 3
     bounds: Bounds = ANY
     positive: bool = False
     elements: tuple[str, ...] = ()
-
-    @property
-    def size(self) -> int:
-        """Count of numbers."""
-        return 3
 
     @property
     def grows(self) -> bool:
@@ -158,13 +156,13 @@ PARAMETERS = (
 )  # fmt: skip
 
 LOADS = (
-    Load("gravity_a", "m/s2", "gravity, inertial axes", "a", WEIGHT, port=False),
-    Load("force_a", "N", "force at o, inertial axes", "a", FORCE),
-    Load("force_b", "N", "force at o, body axes", "b", FORCE),
-    Load("torque_a", "N m", "torque about o, inertial axes", "a", TORQUE),
-    Load("torque_b", "N m", "torque about o, body axes", "b", TORQUE),
+    Load("gravity_a", "m/s2", "gravity, inertial axes", "a", WEIGHT, port=False, in_closed_forms=True),
+    Load("force_a", "N", "force at o, inertial axes", "a", FORCE, in_closed_forms=True),
+    Load("force_b", "N", "force at o, body axes", "b", FORCE, in_closed_forms=True),
+    Load("torque_a", "N m", "torque about o, inertial axes", "a", TORQUE, in_closed_forms=True),
+    Load("torque_b", "N m", "torque about o, body axes", "b", TORQUE, in_closed_forms=True),
     Load("damping_b", "N m s/rad", "damping: torque -damping_b * omega_b, body axes", "b", TORQUE, port=False,
-         dissipates=True, bounds=NOT_NEGATIVE),
+         dissipates=True, in_closed_forms=True, bounds=NOT_NEGATIVE),
 )  # fmt: skip
 
 INITIAL_VALUES = (
@@ -209,6 +207,9 @@ OUTPUTS = (
 FORCES, TORQUES, WEIGHTS = (
     frozenset(load.name for load in LOADS if load.kind == kind) for kind in (FORCE, TORQUE, WEIGHT)
 )
+NOT_IN_CLOSED_FORMS = frozenset(load.name for load in LOADS if not load.in_closed_forms)
+BOUNDED = tuple(load for load in LOADS if load.bounds == NOT_NEGATIVE)
+"""Loads that must not be negative."""
 DISSIPATIVE = frozenset(load.name for load in LOADS if load.dissipates)
 FIXED_IN_SPACE = frozenset(load.name for load in LOADS if load.frame == "a")
 TIME = Parameter("time", 1, "s", "time")

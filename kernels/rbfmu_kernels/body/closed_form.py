@@ -15,6 +15,7 @@ from .memory import (
     body_of,
     centre_of,
     has_pivot,
+    has_unknown_load,
     loads_of,
     needs_translation,
     put_centre,
@@ -69,7 +70,7 @@ def has_turning_torque(z: Any) -> bool:
     body, loads = body_of(z), loads_of(z)
     lever = is_nonzero(body.arm_b) and is_nonzero(loads.force_a)
     lever = lever or is_nonzero(cross(body.arm_b, loads.force_b))
-    return lever or is_nonzero(loads.torque_b) or is_nonzero(body.damping_b)
+    return lever or is_nonzero(loads.torque_b) or is_nonzero(body.damping_b) or has_unknown_load(z)
 
 
 @kernel

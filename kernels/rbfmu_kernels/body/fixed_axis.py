@@ -25,7 +25,16 @@ from ..rotations.matrix import transform
 from ..rotations.quaternion import invert_quaternion, rotate
 from ..rotations.vec3 import add, cross, dot, is_nonzero, norm, scale
 from ..types import Quaternion, Vec3
-from .memory import BLOCKS, body_of, has_pivot, inertia_of, loads_of, needs_translation, principal_frame
+from .memory import (
+    BLOCKS,
+    body_of,
+    has_pivot,
+    has_unknown_load,
+    inertia_of,
+    loads_of,
+    needs_translation,
+    principal_frame,
+)
 from .symmetry import is_sphere
 
 _Q_0, _MASS, _R_OC = (BLOCKS[n].start for n in ("quaternion_0", "mass", "r_oc_b"))
@@ -66,7 +75,10 @@ def _clearance(moment: float, axis: Vec3, arm: Vec3) -> float:
 
 @kernel
 def leaves_axis(z: Any, axis: Vec3, q: Quaternion, omega: Vec3, body: Body, loads: Loads) -> bool:
-    """Whether anything turns the body about another axis, at any angle; or a force would turn a free body's path."""
+    """Whether anything turns the body about another axis, at any angle; or a force would turn a free body's path.
+
+    Loads that models with a closed form do not know count too.
+    """
     arm = body.arm_b
     q_ba = invert_quaternion(q)
     pull = rotate(q_ba, loads.force_a)
@@ -77,7 +89,7 @@ def leaves_axis(z: Any, axis: Vec3, q: Quaternion, omega: Vec3, body: Body, load
     across = across or _is_across(axis, rotate(q_ba, loads.torque_a), slack)
     across = across or (is_nonzero(cross(axis, arm)) and dot(axis, pull) != 0.0)
     across = across or (is_nonzero(cross(axis, pull)) and dot(axis, arm) != 0.0)
-    return across or turns_path(z, axis)
+    return across or turns_path(z, axis) or has_unknown_load(z)
 
 
 @kernel

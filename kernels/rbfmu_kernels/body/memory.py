@@ -7,7 +7,7 @@ import math
 from typing import Any
 
 from .. import quantities
-from ..buffer import places
+from ..buffer import NEGATIVE, places
 from ..buffer_access import matrix_at, put_matrix_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..integrators.rigid_body_state import STATE_BLOCKS, STATE_SIZE
@@ -41,6 +41,14 @@ _KNOWN_FORCE_A, _KNOWN_FORCE_B, _KNOWN_TORQUE_A, _KNOWN_TORQUE_B = (
     _AT[f"known_{n}"] for n in ("force_a", "force_b", "torque_a", "torque_b")
 )
 _END = BLOCKS[next(reversed(PARAMETERS))].stop
+_NOT_NEGATIVE = tuple((BLOCKS[load.block].start, BLOCKS[load.block].stop) for load in quantities.BOUNDED)
+_UNKNOWN = tuple(
+    (BLOCKS[name].start, BLOCKS[name].stop)
+    for load in quantities.LOADS
+    if not load.in_closed_forms
+    for name in ((load.block, load.name) if load.port else (load.block,))
+) or ((0, 0),)
+"""Places of the loads that models with a closed form do not know."""
 _POSITION_0, _VELOCITY_0, _Q_0, _OMEGA_0 = (_AT[n] for n in ("position_0", "velocity_0", "quaternion_0", "omega_b_0"))
 _PIVOT, _SUBSTEP, _AS_PLANNED = _AT["pivot"], _AT["substep"], _AT["as_planned"]
 PORTS = {name: _AT["ports"] + i for i, name in enumerate(INPUTS)}
@@ -95,9 +103,11 @@ def _fault_of_parameters(z: Any) -> int:
         return 8
     if not z[_MASS] > 0.0:
         return 1
-    d_x, d_y, d_z = vec3_at(z, _DAMPING)
-    if d_x < 0.0 or d_y < 0.0 or d_z < 0.0:
-        return 10
+    for k in range(len(_NOT_NEGATIVE)):
+        first, end = _NOT_NEGATIVE[k]
+        for i in range(first, end):
+            if z[i] < 0.0:
+                return NEGATIVE + k
     q = quaternion_at(z, _Q_0)
     if not (q[0] != 0.0 or q[1] != 0.0 or q[2] != 0.0 or q[3] != 0.0):
         return 7
@@ -201,6 +211,17 @@ def has_pivot(z: Any) -> bool:
 def has_port(z: Any, flag: int) -> bool:
     """Whether an input may come to act; flag: one of PORTS."""
     return bool(z[flag] != 0.0)
+
+
+@kernel
+def has_unknown_load(z: Any) -> bool:
+    """Whether a load acts that models with a closed form do not know."""
+    for k in range(len(_UNKNOWN)):
+        first, end = _UNKNOWN[k]
+        for i in range(first, end):
+            if z[i] != 0.0:
+                return True
+    return False
 
 
 @kernel

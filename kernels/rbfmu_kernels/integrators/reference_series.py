@@ -14,9 +14,11 @@ from typing import Any
 
 import numpy as np
 
+from .. import quantities
 from ..buffer import places
 from ..compile.decorator import kernel
 from ..numerics.double_double import DoubleDouble, dd_add, dd_multiply, dd_multiply_float, dd_scale, dd_subtract
+from ..quantities import RELATIVE
 
 ORDER, TOLERANCE = 26, 1e-22
 """Least work measured for errors far below double precision's."""
@@ -39,16 +41,19 @@ _CONSTANTS, _ = places(CONSTANTS)
     _M, _M_INVERSE, _DAMPING, _TORQUE_B, _TORQUE_A, _FORCE_A, _ARM, _A_TURNING, _A_STEADY, _R_OC, _MASS,
 ) = (_CONSTANTS[name].start for name in CONSTANTS)  # fmt: skip
 
-_OUTPUTS = {
-    "position": 3, "velocity": 3, "acceleration": 3, "omega_b": 3, "omega_a": 3, "alpha_b": 3,
-    "angular_momentum_a": 3, "kinetic_energy": 1, "R_ab": 9,
-}  # fmt: skip
-OUTPUTS, ROW = places(_OUTPUTS)
-"""Where a row of outputs has what, and its size."""
+OUTPUTS, ROW = places(
+    {row.name: row.size for row in quantities.OUTPUTS if row.error == RELATIVE and not row.judged_by} | {"R_ab": 9}
+)
+"""Where a row of outputs has what, and its size; the attitude is R_ab."""
 (
     _OUT_POSITION, _OUT_VELOCITY, _OUT_ACCELERATION, _OUT_OMEGA_B, _OUT_OMEGA_A, _OUT_ALPHA, _OUT_MOMENTUM,
     _OUT_ENERGY, _OUT_R_AB,
-) = (OUTPUTS[name].start for name in _OUTPUTS)  # fmt: skip
+) = (
+    OUTPUTS[name].start for name in (
+        "position", "velocity", "acceleration", "omega_b", "omega_a", "alpha_b", "angular_momentum_a", "kinetic_energy",
+        "R_ab",
+    )
+)  # fmt: skip
 
 _SCRATCH = {
     "torque_b": 3, "lever_force_b": 3, "alpha_b": 3, "v_oc_b": 3, "a_oc_b": 3, "r_oc_a": 3, "v_oc_a": 3, "a_oc_a": 3,

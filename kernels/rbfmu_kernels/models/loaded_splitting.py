@@ -6,13 +6,13 @@ For loads that depend on the attitude alone (no damping): heavy tops.
 import math
 from typing import Any
 
-from ..body.memory import COMMON, body_of, loads_of, motion_of, put_motion, substep_of
+from ..body.memory import COMMON, body_of, has_unknown_load, loads_of, motion_of, put_motion, substep_of
 from ..body.shell import entry_functions, output_rates, outputs
 from ..buffer import NOT_REACHED, places
 from ..compile.decorator import kernel
 from ..integrators.splitting import is_symmetric_top, resonant_step, rkn4_steps, rkn6_steps, strang_steps
 from ..integrators.substeps import substeps_in
-from ..rotations.vec3 import dot
+from ..rotations.vec3 import dot, is_nonzero
 
 __all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
 
@@ -26,8 +26,7 @@ _NO_TOP, _RESONANT = 12, 13
 @kernel
 def _set_up(z: Any) -> int:
     body = body_of(z)
-    d = body.damping_b
-    if not is_symmetric_top(body.inertia) or d[0] != 0.0 or d[1] != 0.0 or d[2] != 0.0:
+    if not is_symmetric_top(body.inertia) or is_nonzero(body.damping_b) or has_unknown_load(z):
         return _NO_TOP
     if substep_of(z) > 0.5 * resonant_step(body.inertia, motion_of(z).omega_b):
         return _RESONANT

@@ -8,7 +8,7 @@ from typing import Any
 
 from ..body.closed_form import CLOSED_FORM, finish_step, start_clocks, time_after
 from ..body.fixed_axis import pull_and_decay
-from ..body.memory import body_of, is_as_planned, loads_of, needs_attitude, rotation_of
+from ..body.memory import body_of, has_unknown_load, is_as_planned, loads_of, needs_attitude, rotation_of
 from ..body.shell import entry_functions, output_rates, outputs
 from ..body.symmetry import symmetric_frame
 from ..buffer import places
@@ -38,7 +38,7 @@ _ASTRAY = 19
 def _set_up(z: Any) -> int:
     (q, omega), body, loads = rotation_of(z), body_of(z), loads_of(z)
     across, own, axes = symmetric_frame(body.inertia)
-    if not is_as_planned(z) and (needs_attitude(z) or _leads_astray(q, axes, body, loads)):
+    if not is_as_planned(z) and (needs_attitude(z) or has_unknown_load(z) or _leads_astray(q, axes, body, loads)):
         return _ASTRAY
     put_matrix_at(z, _AXES, axes)
     put_vec3_at(z, _RATES, transform(axes, omega))
