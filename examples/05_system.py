@@ -14,10 +14,10 @@ from pythonfmu.builder import FmuBuilder
 
 import rbfmu
 import rbfmu_fmu
-from rbfmu.unit import filled_buffer, initialize
+from rbfmu.runs.model_buffer import filled_buffer, initialize
 
-SYSTEM = Path(__file__).parent / "system"
-SATELLITE = rbfmu.load_scene(SYSTEM.parent / "scenes" / "controlled_satellite.toml")
+SYSTEM = Path(__file__).parent / "interop" / "system"
+SATELLITE = rbfmu.load_scene(Path(__file__).parent / "scenes" / "controlled_satellite.toml")
 NAVIGATOR = rbfmu.Scene.from_dict(
     {
         "name": "navigator",
@@ -27,7 +27,6 @@ NAVIGATOR = rbfmu.Scene.from_dict(
     }
 )
 STEP, STEPS = 0.125, 480
-sys.path.insert(0, str(SYSTEM))
 
 
 def build(folder: Path, kind: str) -> None:

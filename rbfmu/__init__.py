@@ -8,14 +8,14 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rbfmu._array_function import set_threads as set_threads
     from rbfmu.arrays import *  # noqa: F403
-    from rbfmu.models import Plan as Plan
-    from rbfmu.plausibility import SceneWarning as SceneWarning
+    from rbfmu.arrays.from_kernel import set_threads as set_threads
+    from rbfmu.runs.models import Plan as Plan
     from rbfmu.scene import Body as Body
     from rbfmu.scene import Scene as Scene
     from rbfmu.scene import SceneError as SceneError
     from rbfmu.scene import load_scene as load_scene
+    from rbfmu.scene.plausibility import SceneWarning as SceneWarning
     from rbfmu.simulation import Result as Result
     from rbfmu.simulation import SimulationError as SimulationError
     from rbfmu.simulation import plan as plan
@@ -25,9 +25,9 @@ __version__ = "0.1.0"
 
 _MODULES = {
     "scene": ("Body", "Scene", "SceneError", "load_scene"),
-    "models": ("Plan",),
-    "plausibility": ("SceneWarning",),
-    "_array_function": ("set_threads",),
+    "runs.models": ("Plan",),
+    "scene.plausibility": ("SceneWarning",),
+    "arrays.from_kernel": ("set_threads",),
     "simulation": ("Result", "SimulationError", "plan", "simulate"),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}

@@ -27,7 +27,7 @@ from rbfmu.cli_output import (
 )
 
 if TYPE_CHECKING:
-    from rbfmu.scene import Scene
+    from rbfmu.scene.scene import Scene
 
 SAVED = (".csv", ".npz")
 PICTURES = (".png", ".svg", ".pdf")
@@ -53,7 +53,7 @@ class _Commands(click.Group):
             return super().main(*args, **kwargs)
 
     def invoke(self, ctx: click.Context) -> Any:
-        from rbfmu.scene import SceneError
+        from rbfmu.scene.scene import SceneError
         from rbfmu.simulation import SimulationError
 
         try:
@@ -106,8 +106,8 @@ def keys() -> None:
 @click.argument("name")
 def new(name: str) -> None:
     """Write a commented scene file NAME.toml to begin with: it runs as it is."""
-    from rbfmu.scene import Scene
-    from rbfmu.scene_keys import new_scene
+    from rbfmu.scene.keys import new_scene
+    from rbfmu.scene.scene import Scene
 
     path = Path(name if name.endswith(".toml") else f"{name}.toml")
     check_target(path, "NAME", (".toml",))
@@ -128,7 +128,7 @@ def new(name: str) -> None:
 @_run_options
 def show_plan(scene: Path, as_json: bool, model: str, **run: float | None) -> None:
     """Say which model and method a scene gets, and why."""
-    from rbfmu.costs import MACHINE
+    from rbfmu.planning.costs import MACHINE
     from rbfmu.simulation import plan
     from rbfmu_fmu.description import sizes
 
@@ -169,7 +169,7 @@ def run(scene: Path, output: Path | None, plot: Path | None, model: str, **run: 
     if output:
         result.save(output)
     if plot:
-        from rbfmu.charts import plot_result
+        from rbfmu.plot import plot_result
 
         plot_result(result, plot, loaded.name)
     print_end(planned.reasons, result)
@@ -236,7 +236,7 @@ def verify(fmu: Path, seed: int) -> None:
 @click.option("--quick", is_flag=True, help="Few cases and methods: to see that it runs.")
 def chart(folder: Path, quick: bool) -> None:
     """Chart accuracy against cost: which method to use, here and with the peers that are installed."""
-    from rbfmu.work_precision import run_charts
+    from rbfmu.studies.work_precision import run_charts
     from rbfmu_fmu.cosimulation_chart import run_cosimulation_chart
 
     with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as bar:
@@ -258,8 +258,8 @@ def chart(folder: Path, quick: bool) -> None:
 @click.option("--quick", is_flag=True, help="Coarse and fast: to see that it runs.")
 def stability(folder: Path, quick: bool) -> None:
     """Measure where methods fail, against the laws that predict it; draw it."""
-    from rbfmu.stability import failures, read_findings, run_stability
-    from rbfmu.stability.report import print_laws
+    from rbfmu.studies.stability import failures, read_findings, run_stability
+    from rbfmu.studies.stability.report import print_laws
 
     paths = run_stability(folder, quick, progress_bar("stability"))
     findings, wrong = read_findings(folder), failures(folder)
@@ -273,8 +273,8 @@ def stability(folder: Path, quick: bool) -> None:
 @contextmanager
 def _scene(path: Path, run: dict[str, float | None]) -> Iterator["Scene"]:
     """The scene of a file with the options given; what is wrong with it, also inside, is said of both."""
-    from rbfmu.scene import load_scene
-    from rbfmu.scene_argument import faults_of
+    from rbfmu.scene.argument import faults_of
+    from rbfmu.scene.scene import load_scene
 
     say_where_nothing_is_kept()
     given = {key: value for key, value in run.items() if value is not None}
@@ -285,8 +285,8 @@ def _scene(path: Path, run: dict[str, float | None]) -> Iterator["Scene"]:
 
 
 def _say_what_takes_minutes(platforms: Sequence[str]) -> None:
-    from rbfmu_fmu.linking import compiled_by_ziglang
-    from rbfmu_fmu.platforms import platform_named, this_platform
+    from rbfmu_fmu.native.linking import compiled_by_ziglang
+    from rbfmu_fmu.native.platforms import platform_named, this_platform
 
     chosen = [platform_named(name) for name in platforms] or [this_platform()]
     if slow := [platform.name for platform in chosen if compiled_by_ziglang(platform)]:

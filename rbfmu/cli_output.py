@@ -19,7 +19,7 @@ from rich.table import Table
 @contextmanager
 def doubts_in_lines() -> Iterator[None]:
     """Each doubt about a scene as one line, once."""
-    from rbfmu.plausibility import SceneWarning
+    from rbfmu.scene.plausibility import SceneWarning
 
     with warnings.catch_warnings():
         warnings.simplefilter("always", SceneWarning)
@@ -86,7 +86,7 @@ def print_end(reasons: Sequence[str], result: Any) -> None:
 
 def print_keys() -> None:
     """All keys of a scene, a table for each of its tables."""
-    from rbfmu.scene_keys import scene_keys
+    from rbfmu.scene.keys import scene_keys
 
     for name, group in groupby(scene_keys(), lambda key: key.table):
         table = Table(escape(f"[{name}]") if name else "", "unit", "default", "meaning", box=None)

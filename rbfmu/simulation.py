@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu import planning
-from rbfmu.models import Plan
-from rbfmu.plausibility import doubts_after, warn
-from rbfmu.scene import Scene
-from rbfmu.scene_argument import of_scene_or_path
-from rbfmu.times import time_grid
-from rbfmu.unit import filled_buffer, initialize, output_block
+from rbfmu.runs.model_buffer import filled_buffer, initialize, output_block
+from rbfmu.runs.models import Plan
+from rbfmu.runs.time_grid import time_grid
+from rbfmu.scene.argument import of_scene_or_path
+from rbfmu.scene.plausibility import doubts_after, warn
+from rbfmu.scene.scene import Scene
 from rbfmu_kernels.buffer import FINE
 from rbfmu_kernels.quantities import OUTPUT, TIME
 

@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from rbfmu.planning import plan
-from rbfmu.scene import Scene
-from rbfmu.scene_argument import of_scene_or_path
-from rbfmu_fmu.native_fmu import build_native_fmu
-from rbfmu_fmu.platforms import BuildError
-from rbfmu_fmu.python_fmu import build_python_fmu
+from rbfmu.planning.select import plan
+from rbfmu.scene.argument import of_scene_or_path
+from rbfmu.scene.scene import Scene
+from rbfmu_fmu.native.build import build_native_fmu
+from rbfmu_fmu.native.platforms import BuildError
+from rbfmu_fmu.python.build import build_python_fmu
 from rbfmu_fmu.verification import Verification, VerificationError, verify
 
 __all__ = ["BuildError", "Verification", "VerificationError", "build", "verify"]
@@ -21,7 +21,7 @@ def build(
     """Build the FMU of a scene, or of a scene file, at `path` and return it.
 
     kind: "python" (pythonfmu; the importer's process needs Python) or "native" (it needs nothing); platforms: of a
-    native FMU, names from `rbfmu_fmu.platforms.PLATFORMS`; none: this one; full: with all degrees of freedom.
+    native FMU, names from `rbfmu_fmu.native.platforms.PLATFORMS`; none: this one; full: with all degrees of freedom.
     """
     if kind not in ("python", "native"):
         raise ValueError(f'kind = {kind!r}: expected "python" or "native"')

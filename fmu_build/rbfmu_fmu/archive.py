@@ -13,8 +13,8 @@ from pathlib import Path
 from xml.etree.ElementTree import Element, indent, tostring
 
 import rbfmu_kernels
-from rbfmu.models import Plan
-from rbfmu.scene import Scene
+from rbfmu.runs.models import Plan
+from rbfmu.scene.scene import Scene
 
 
 def kernel_sources() -> dict[str, bytes]:

@@ -15,10 +15,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import rbfmu
-from rbfmu.charts import COLORS, open_frame
-from rbfmu.measures import attitude_error
-from rbfmu.scene import Scene
-from rbfmu.work_precision.collection import Progress, machine, write_rows
+from rbfmu.plot import COLORS, open_frame
+from rbfmu.runs.errors import attitude_error
+from rbfmu.scene.scene import Scene
+from rbfmu.studies.work_precision.collection import Progress, machine, write_rows
 from rbfmu_fmu import build
 from rbfmu_kernels.integrators.dop853_tableau import STAGES, A
 

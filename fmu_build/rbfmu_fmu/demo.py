@@ -20,13 +20,13 @@ from rich.console import Console
 from rich.table import Table
 
 import rbfmu
-from rbfmu.charts import COLORS, draw_components, open_frame
-from rbfmu.models import Plan
-from rbfmu.planning import plan
-from rbfmu.scene import Scene, load_scene
+from rbfmu.planning.select import plan
+from rbfmu.plot import COLORS, draw_components, open_frame
+from rbfmu.runs.models import Plan
+from rbfmu.scene.scene import Scene, load_scene
 from rbfmu.simulation import Result, simulate
 from rbfmu_fmu import nasa_brick
-from rbfmu_fmu.python_fmu import build_python_fmu
+from rbfmu_fmu.python.build import build_python_fmu
 from rbfmu_fmu.verification import Verification, check_plain, verify
 
 RATE_BOUND, ATTITUDE_BOUND = 1e-9, 1e-4

@@ -7,11 +7,11 @@ from keyword import iskeyword
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement
 
-from rbfmu.ladder import needed_parameters
-from rbfmu.models import Plan
-from rbfmu.planning import with_all_outputs
-from rbfmu.scene import Scene
-from rbfmu.unit import Unit, filled_buffer
+from rbfmu.planning.candidates import needed_parameters
+from rbfmu.planning.select import with_all_outputs
+from rbfmu.runs.model_buffer import Unit, filled_buffer
+from rbfmu.runs.models import Plan
+from rbfmu.scene.scene import Scene
 from rbfmu_kernels.buffer import CHANGED, FAULTS
 from rbfmu_kernels.quantities import BY_NAME, IN_BUFFER_ORDER, OUTPUT, PORTS, UNITS, indices
 

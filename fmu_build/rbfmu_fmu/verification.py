@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from rbfmu import planning
 from rbfmu.arrays import quaternion_from_euler
-from rbfmu.measures import largest_error
-from rbfmu.models import Plan
-from rbfmu.scene import Scene, SceneError
-from rbfmu.times import time_grid
-from rbfmu.unit import Buffer, Unit, filled_buffer, initialize
+from rbfmu.runs.errors import largest_error
+from rbfmu.runs.model_buffer import Buffer, Unit, filled_buffer, initialize
+from rbfmu.runs.models import Plan
+from rbfmu.runs.time_grid import time_grid
+from rbfmu.scene.scene import Scene, SceneError
 from rbfmu_fmu.archive import kernel_hash
 from rbfmu_fmu.description import Description, describe
 from rbfmu_kernels.buffer import FINE

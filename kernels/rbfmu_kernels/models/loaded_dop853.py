@@ -1,7 +1,7 @@
 """A body under any of the scene's loads as a co-simulation unit: DOP853 inside a communication step.
 
 `tolerance` is the largest estimated error of a substep, 0 for substeps of at most `substep` without error control
-(`rbfmu.fitting` chooses). Inputs may change within a step: see `body.driven`.
+(`rbfmu.planning.fitting` chooses). Inputs may change within a step: see `body.driven`.
 """
 
 from typing import Any

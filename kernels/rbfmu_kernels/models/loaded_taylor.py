@@ -1,7 +1,7 @@
 """A body under any of the scene's loads as a co-simulation unit: Taylor series inside a communication step.
 
-`tolerance` is the largest estimated error of a substep, `order` that of the series (`rbfmu.fitting` chooses). Inputs
-may change within a step: see `body.driven`.
+`tolerance` is the largest estimated error of a substep, `order` that of the series (`rbfmu.planning.fitting` chooses).
+Inputs may change within a step: see `body.driven`.
 """
 
 from typing import Any

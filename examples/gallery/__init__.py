@@ -1,0 +1,1 @@
+"""Builds the gallery's page and pictures."""

@@ -1,0 +1,125 @@
+"""The gallery: draws each scene of examples/scenes and writes their page, with what `rbfmu plan` says, word for word.
+
+`python -m examples.gallery.page [NAME ...]` draws the pictures named (all: none named) and writes the page. What the
+scenes cost stands there as `python -m examples.benchmarks.gallery examples/pictures` has measured it.
+"""
+
+import argparse
+import csv
+from pathlib import Path
+from statistics import median
+
+import matplotlib as mpl
+from click.testing import CliRunner
+
+import rbfmu
+from examples.gallery.axes import save
+from examples.gallery.pictures import PICTURES
+from rbfmu.cli import main as command_line
+
+SCENES = Path(__file__).parents[1] / "scenes"
+FOLDER = Path(__file__).parents[1] / "pictures"
+PAGE = SCENES / "README.md"
+HEAD = """# Gallery
+
+Scenes from the smallest model to the largest. Each says what one sees and why its model is the smallest that serves;
+then stands what `rbfmu plan` says. This page and its pictures are written by `python -m examples.gallery.page`.
+
+| scene | model | size |
+|---|---|---|
+"""
+COSTS = """## What they cost
+
+![Cost and error of the planned model, the full one and MuJoCo](../pictures/gallery_cost.png)
+
+Processor time per communication step in a compiled loop, ns, of the planned model, of the full one (six degrees of
+freedom, all outputs, the cheapest integrator of a body under any loads) and of MuJoCo (the cheapest integrator and step
+that meet the accuracy), and how many times more than the planned one they take. Rates that are prescribed have no full
+model, nor can MuJoCo take them. Ports are at zero. Errors are the largest in what the scene asks for, against 40
+digits, at five times of the run. {verdict}
+
+| scene | planned | full | MuJoCo | full, times | MuJoCo, times | error | full | MuJoCo | asked |
+|---|---|---|---|---|---|---|---|---|---|
+{table}
+
+Measured by `python -m examples.benchmarks.gallery`: {machine}."""
+
+
+def scene_file(name: str) -> Path:
+    """The scene's file."""
+    return SCENES / f"{name}.toml"
+
+
+def paragraphs(name: str) -> list[str]:
+    """The comment at the head of a scene's file: its title, and its paragraphs, each in lines as written."""
+    lines = scene_file(name).read_text(encoding="utf-8").splitlines()
+    end = next(k for k, line in enumerate(lines) if not line.startswith("#"))
+    return "\n".join(line.removeprefix("#").strip() for line in lines[:end]).split("\n\n")
+
+
+def plan_text(name: str) -> str:
+    """What `rbfmu plan` prints."""
+    done = CliRunner().invoke(command_line, ["plan", str(scene_file(name))], catch_exceptions=False)
+    if done.exit_code != 0:
+        raise RuntimeError(f"{name}: {done.output}")
+    return done.stdout.rstrip()
+
+
+def costs() -> str:
+    """The section on what scenes cost, from the figures beside the pictures."""
+    with (FOLDER / "gallery_cost.csv").open(newline="", encoding="utf-8") as file:
+        lines = file.read().splitlines()
+    machine = [line.removeprefix("# ") for line in lines if line.startswith("#")]
+    rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
+    cells = {(row["scene"], row["who"]): row for row in rows}
+    table = []
+    for name in dict.fromkeys(row["scene"] for row in rows):
+        found = [cells.get((name, who)) for who in ("planned", "full", "MuJoCo")]
+        cost = [f"{float(row['cost']):.0f}" if row else "" for row in found]
+        times = [f"{float(row['ratio']):.3g}" if row else "" for row in found[1:]]
+        errors = [f"{float(row['error']):.0e}" if row else "" for row in found]
+        table.append(f"| {' | '.join((name, *cost, *times, *errors, found[0]['accuracy']))} |")
+    ratios = sorted(float(row["ratio"]) for row in rows if row["who"] == "full")
+    verdict = f"The full model costs {median(ratios):.2g} times as much on the median scene, {ratios[0]:.3g} at least."
+    return COSTS.format(table="\n".join(table), machine="; ".join(machine), verdict=verdict)
+
+
+def page() -> str:
+    """The page's text, in Markdown."""
+    table, sections = [], []
+    for name in PICTURES:
+        (title, *texts), plan = paragraphs(name), plan_text(name)
+        model, *reasons = plan.splitlines()
+        size = next(line for line in reasons if "FMU variables" in line)
+        table.append(f"| [{title}](#{name}) | {model} | {size} |")
+        picture = f"![{title}](../pictures/{name}.png)"
+        told = f"```\n$ rbfmu plan {name}.toml\n{plan}\n```"
+        sections.append("\n\n".join((f'<a id="{name}"></a>\n## {title}', picture, *texts, told)))
+    return HEAD + "\n".join(table) + "\n\n" + "\n\n".join(sections) + "\n\n" + costs() + "\n"
+
+
+def draw(name: str) -> Path:
+    """The scene's picture."""
+    FOLDER.mkdir(exist_ok=True)
+    path = FOLDER / f"{name}.png"
+    save(PICTURES[name](rbfmu.load_scene(scene_file(name))), path)
+    return path
+
+
+def main() -> None:
+    """Draw and write."""
+    parser = argparse.ArgumentParser(description="Draw the gallery's pictures and write its page.")
+    parser.add_argument("names", nargs="*", metavar="name", help="scenes to draw; default all")
+    names = parser.parse_args().names
+    if unknown := set(names) - set(PICTURES):
+        parser.error(f"names = {sorted(unknown)}: expected of {', '.join(PICTURES)}")
+    mpl.use("agg")
+    for name in names or PICTURES:
+        path = draw(name)
+        print(f"{path}: {path.stat().st_size / 1024:.0f} kB")
+    PAGE.write_text(page(), encoding="utf-8")
+    print(PAGE)
+
+
+if __name__ == "__main__":
+    main()

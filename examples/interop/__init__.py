@@ -1,0 +1,1 @@
+"""Both kinds of FMU in every importer on a machine."""

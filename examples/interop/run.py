@@ -1,0 +1,129 @@
+"""Both kinds of FMU in every importer on this machine: `interop.py [FOLDER]` writes interop.csv and interop.md there.
+
+Importers: FMPy; libcosimpy, ecospy and tbb from PyPI (`pip install .[interop]`); fmuCheck.linux64 where it is on the
+path. Values are set before initialisation, and the outputs of 100 steps compared with direct calls of the kernels.
+"""
+
+import csv
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import rbfmu
+import rbfmu_fmu
+from examples.interop import importers
+from examples.interop.importers import IMPORTERS, Importer
+from rbfmu.runs.model_buffer import filled_buffer, initialize
+from rbfmu_fmu.description import describe
+
+SCENE = Path(__file__).parents[1] / "scenes" / "controlled_satellite.toml"
+VALUES = {"torque_b[1]": 0.01, "torque_b[2]": -0.02, "torque_b[3]": 0.03, "omega_b_0[1]": 0.25}
+STEP, STEPS = 0.125, 100
+"""s: exact in binary, so that every importer's clock says the same."""
+LISTED = ("omega_b_0",)
+"""Parameters among them: only what a scene lists may be set."""
+KINDS = ("python", "native")
+COLUMNS = ("importer", "version", "FMU", "result")
+PATIENCE = 60.0
+"""Seconds that an importer gets."""
+
+
+def scene_to_try() -> rbfmu.Scene:
+    """The satellite, whose first rates may be set."""
+    return rbfmu.load_scene(SCENE).replace({"inputs.parameters": LISTED})
+
+
+def by_kernels(scene: rbfmu.Scene, values: dict[str, float]) -> np.ndarray:
+    """Outputs (STEPS, n) by direct calls."""
+    plan = rbfmu.plan(scene)
+    variables, z = describe(scene, plan).variables, filled_buffer(scene, plan)
+    for v in variables:
+        z[v.offset] = values.get(v.name, z[v.offset])
+    initialize(scene, plan.unit, z)
+    wanted, rows = [v.offset for v in variables if v.causality == "output"], []
+    for _ in range(STEPS):
+        assert plan.unit.step(z, STEP) == 0
+        rows.append(z[wanted])
+    return np.array(rows)
+
+
+def try_importer(name: str, fmu: Path, scene: rbfmu.Scene) -> str:
+    """What came of it, in words."""
+    importer = IMPORTERS[name]
+    values = VALUES if importer.sets_values else {}
+    outputs = [v.name for v in describe(scene, rbfmu.plan(scene)).variables if v.causality == "output"]
+    job = {"values": values, "outputs": outputs, "step": STEP, "steps": STEPS}
+    command = [sys.executable, "-X", "faulthandler", importers.__file__, name, str(fmu), json.dumps(job)]
+    environment = {"LD_LIBRARY_PATH": f"{sys.prefix}/lib"} | os.environ
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, env=environment)
+    except subprocess.TimeoutExpired:
+        return f"failed: nothing within {PATIENCE:.0f} s"
+    if done.returncode:
+        return "failed: " + importers.ending(done.returncode, done.stderr).removeprefix("exit status 1: error: ")
+    return comparison(importer, np.array(json.loads(done.stdout.splitlines()[-1])), by_kernels(scene, values))
+
+
+def comparison(importer: Importer, found: np.ndarray, expected: np.ndarray) -> str:
+    """`same bits`, `same to the digits it writes`, or how far off."""
+    if found.shape != expected.shape:
+        return f"failed: {len(found)} steps of {len(expected)}"
+    difference = float(np.max(np.abs(found - expected)))
+    if np.array_equal(found, expected):
+        return "same bits"
+    if importer.decimals and difference <= 0.5000001 * 10.0**-importer.decimals:
+        return f"same to the {importer.decimals} decimals it writes"
+    return f"failed: off by {difference:.1e}"
+
+
+def build(scene: rbfmu.Scene, folder: Path, kind: str) -> Path | str:
+    """The FMU, or why there is none."""
+    try:
+        return rbfmu_fmu.build(scene, folder / f"{kind}.fmu", kind=kind)
+    except (ValueError, RuntimeError, OSError) as error:
+        return f"not built: {error}"
+
+
+def rows_of(scene: rbfmu.Scene, folder: Path) -> list[dict[str, str]]:
+    """A row for every importer and kind."""
+    fmus, rows = {kind: build(scene, folder, kind) for kind in KINDS}, []
+    for name, importer in IMPORTERS.items():
+        version = importers.version(importer)
+        for kind, fmu in fmus.items():
+            if version is None:
+                result = "not on this machine"
+            else:
+                result = fmu if isinstance(fmu, str) else try_importer(name, fmu, scene)
+            rows.append(dict(zip(COLUMNS, (name, version or "", kind, result), strict=True)))
+    return rows
+
+
+def markdown(rows: list[dict[str, str]]) -> str:
+    """A table of them."""
+    lines = [COLUMNS, ("---",) * len(COLUMNS), *(tuple(row.values()) for row in rows)]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def main(folder: str | None = None) -> list[dict[str, Any]]:
+    """Print the table; write it where a folder is named."""
+    with tempfile.TemporaryDirectory() as place:
+        rows = rows_of(scene_to_try(), Path(place))
+    print(markdown(rows), end="")
+    if folder:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        Path(folder, "interop.md").write_text(markdown(rows))
+        with open(Path(folder, "interop.csv"), "w", newline="") as file:
+            writer = csv.DictWriter(file, COLUMNS)
+            writer.writeheader()
+            writer.writerows(rows)
+    return rows
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

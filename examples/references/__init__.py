@@ -1,0 +1,1 @@
+"""Writes the 40-digit references of charts."""

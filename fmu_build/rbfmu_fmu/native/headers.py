@@ -1,0 +1,110 @@
+"""The C headers that are generated: the rules of calls, and the numbers and names of one scene."""
+
+import json
+from collections.abc import Iterable
+
+from rbfmu_fmu.description import LOG_CATEGORIES, Description
+from rbfmu_fmu.python.call_rules import CALLS, PHASES, SET_REFUSAL, SETTABLE
+from rbfmu_fmu.python.slave_access import HELD, TO_VARY
+from rbfmu_kernels.buffer import FINE, NOT_REACHED, PAST_STOP
+
+MAX_DERIVATIVE_ORDER = 2
+"""The highest order of a derivative with respect to time that the C layer's table has room for."""
+
+
+def headers(d: Description, guid: str) -> dict[str, str]:
+    """C sources by file name."""
+    return {"call_rules.h": call_rules(), "scene.h": scene_header(d, guid)}
+
+
+def call_rules() -> str:
+    """C source of call_rules.py."""
+    phases = list(PHASES)
+    lines = [
+        "/* The rules of FMI calls, made from call_rules.py. A set of phases has a bit for each. */",
+        "#ifndef CALL_RULES_H",
+        "#define CALL_RULES_H",
+        f"typedef enum {_row([*phases, 'PHASES'])} Phase;",
+        f"typedef enum {_row(map(str.upper, CALLS))} Call;",
+        f"typedef enum {_row(map(str.upper, SETTABLE))} Causality;",
+        f"static const char *const PHASE_NAMES[] = {_row(map(_c, PHASES.values()))};",
+        "static const struct { unsigned phases; const char *refusal; } RULES[] = {",
+        *[f"    [{name.upper()}] = {{{_bits(rule.phases)}, {_c(rule.refusal)}}}," for name, rule in CALLS.items()],
+        "};",
+        f"#define SET_REFUSAL {_c(SET_REFUSAL)}",
+        "static const struct { const char *name; unsigned settable_in; } CAUSALITIES[] = {",
+        *[f"    [{name.upper()}] = {{{_c(name)}, {_bits(allowed)}}}," for name, allowed in SETTABLE.items()],
+        "};",
+        "#endif",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def scene_header(d: Description, guid: str) -> str:
+    """C source of the scene's numbers and names. Variables are numbered as in the model description."""
+    inputs, parameters = (sum(v.causality == c for v in d.variables) for c in ("input", "parameter"))
+    lines = [
+        "/* The numbers and names of one scene; places are those in the model's buffer. */",
+        "#ifndef SCENE_H",
+        "#define SCENE_H",
+        f"#define GUID {_c(guid)}",
+        f"#define CATEGORIES {_row([*map(_c, LOG_CATEGORIES), 'NULL'])}",
+        f"#define START_TIME {d.start.hex()}",
+        f"#define LAST_TIME {d.last_time.hex()}",
+        "#define OUTPUT_DERIVATIVES" if d.output_rates else "/* no output has a derivative */",
+        f"enum {{ STEP_OK = {FINE}, STEP_REJECTED = {NOT_REACHED}, PAST_STOP = {PAST_STOP} }}; /* of `status` */",
+        f"enum {{ SIZE = {len(d.start_buffer)}, REALS = {len(d.variables)} }};",
+        f"enum {{ FIRST_PARAMETER = {inputs}, FIRST_OUTPUT = {inputs + parameters} }};",
+        f"enum {{ STATUS_REFERENCE = {d.status_reference} }};",
+        f"static const double START[SIZE] = {_row(x.hex() for x in d.start_buffer)};",
+        *_variables(d),
+        *_refusals(d),
+        "#endif",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _variables(d: Description) -> list[str]:
+    """Three tables of the Real variables: their places, those of their derivatives, their names."""
+    lines = ["static const short OFFSETS[REALS] = {"]
+    lines += [f"    {v.offset}, /* {v.name} */" for v in d.variables]
+    lines += ["};", f"enum {{ MAX_DERIVATIVE_ORDER = {MAX_DERIVATIVE_ORDER}, NOT_PROVIDED = -1 }};"]
+    lines += ["static const short DERIVATIVES[REALS][MAX_DERIVATIVE_ORDER] = {"]
+    for v in d.variables:
+        missing = ["NOT_PROVIDED"] * (MAX_DERIVATIVE_ORDER - len(v.rates))
+        lines += [f"    {_row([*v.rates, *missing])}, /* {v.name} */"]
+    lines += ["};", "static const struct { const char *name, *block; int pinned; } VARIABLES[REALS] = {"]
+    lines += [f"    {_row((_c(v.name), _c(v.block), int(v.held)))}," for v in d.variables]
+    return [*lines, "};"]
+
+
+def _refusals(d: Description) -> list[str]:
+    """What is said of parameters that cannot be served."""
+    unknown = max(d.faults) + 1
+    faults = d.faults | {unknown: ("", "initialisation failed")}
+    return [
+        f"#define PINNED {_c(HELD)}",
+        f"#define TO_VARY {_c(TO_VARY)}",
+        f"#define CHANGED {_c(d.changed)} /* as a fault's block: all parameters that were changed */",
+        f"enum {{ NO_FAULT = 0, UNKNOWN_FAULT = {unknown} }};",
+        "typedef struct { const char *block, *expected; } Fault;",
+        "static const Fault FAULTS[] = {",
+        *[f"    [{code}] = {_row(map(_c, texts))}," for code, texts in faults.items()],
+        "};",
+    ]
+
+
+def _bits(phases: Iterable[int]) -> str:
+    """A set of phases."""
+    names = list(PHASES)
+    return " | ".join(f"1 << {names[k]}" for k in phases) or "0"
+
+
+def _row(items: Iterable[object]) -> str:
+    return f"{{{', '.join(map(str, items))}}}"
+
+
+def _c(text: str) -> str:
+    """A C string of plain ASCII."""
+    assert text.isascii(), text
+    return json.dumps(text)

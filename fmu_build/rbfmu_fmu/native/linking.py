@@ -1,0 +1,107 @@
+"""Links C and object files to a shared library, by the machine's own C compiler or, for any platform, by ziglang."""
+
+import importlib.resources
+import shutil
+import struct
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+
+import fmpy
+
+from rbfmu_fmu.native.platforms import BuildError, Platform, is_this
+
+FMI_HEADERS = Path(fmpy.__file__).parent / "c-code"
+"""FMI's own headers, as FMPy ships them."""
+
+HEADERS = ("cosimulation.h", "instance.h", "model.h")
+"""The headers of `native/`, which stand beside every C source when it is compiled."""
+
+FMI2 = ("fmi2.c", "cosimulation.c", "messages.c", "saved_states.c")
+"""The C sources of an FMU of FMI 2.0. Only the first one knows the version."""
+
+EXPORTS = ("exports.c",)
+"""The C source of the shared library in a pythonfmu FMU."""
+
+FLAGS = ["-std=c11", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-fno-asynchronous-unwind-tables"]
+FLAGS += ["-shared", "-s"]
+FORMAT_FLAGS = {
+    ".so": ["-fPIC", "-Wl,--build-id=none,--gc-sections,-z,defs"],
+    ".dylib": ["-fPIC"],
+    ".dll": ["-D__USE_MINGW_ANSI_STDIO=0"],  # else MinGW's own printf is linked in, 50 kB
+}
+
+
+class NoLinkerError(BuildError):
+    """There is no C compiler for a platform."""
+
+
+class LinkError(BuildError):
+    """The compiler failed; the message is what it said."""
+
+
+def linked(
+    layer: Sequence[str],
+    objects: dict[str, bytes],
+    platform: Platform,
+    name: str,
+    includes: dict[str, str] | None = None,
+) -> bytes:
+    """Link object files and C sources of `native/` to a shared library, stripped, the same bytes each time.
+
+    layer: names of the C sources; objects: contents by file name; name: of the library, without its suffix;
+    includes: generated C headers by file name, or headers to be used in place of those of `native/`.
+    """
+    with tempfile.TemporaryDirectory(prefix="rbfmu_") as place:
+        folder, library = Path(place), f"{name}{platform.suffix}"
+        for file, content in {**{f: source(f) for f in (*layer, *HEADERS)}, **objects}.items():
+            (folder / file).write_bytes(content)
+        for include, text in (includes or {}).items():
+            (folder / include).write_text(text, encoding="ascii")
+        command = [*compiler(platform), *FLAGS, *FORMAT_FLAGS[platform.suffix], f"-I{FMI_HEADERS}"]
+        command += [*layer, *objects, "-lm", "-o", library]
+        done = subprocess.run(command, capture_output=True, text=True, cwd=folder, check=False)
+        if done.returncode:
+            raise LinkError(f"{platform.name}: {command[0]} failed:\n{done.stderr.strip()}")
+        return (folder / library).read_bytes()
+
+
+def source(name: str) -> bytes:
+    """Return the contents of a C source or header of `native/`."""
+    return importlib.resources.files("rbfmu_fmu").joinpath("native", name).read_bytes()
+
+
+def compiler(platform: Platform) -> list[str]:
+    """Return the command that compiles C for a platform. Raises NoLinkerError."""
+    own = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
+    if own and sys.platform != "win32" and is_this(platform):
+        return [own, "-Wl,-z,noseparate-code"] if platform.suffix == ".so" else [own]  # 8 kB less
+    if find_spec("ziglang"):
+        return [sys.executable, "-m", "ziglang", "cc", "-target", platform.zig]
+    remedy = 'pip install "rbfmu[native]" (ziglang, compiles for every platform)'
+    own_remedy = ", or a C compiler on PATH (cc, gcc or clang)" if is_this(platform) else ""
+    raise NoLinkerError(f"a native FMU for {platform.name} needs {remedy}{own_remedy}")
+
+
+def compiled_by_ziglang(platform: Platform) -> bool:
+    """Whether ziglang compiles for the platform, which takes minutes the first time: it builds a C library."""
+    try:
+        return "ziglang" in compiler(platform)
+    except NoLinkerError:  # linking says so
+        return False
+
+
+def universal(libraries: list[bytes]) -> bytes:
+    """Join libraries for one or two processors of macOS into one (Mach-O, by <mach-o/fat.h>)."""
+    if len(libraries) == 1:
+        return libraries[0]
+    align, place, header, body = 14, 1 << 14, struct.pack(">II", 0xCAFEBABE, len(libraries)), b""
+    for library in libraries:
+        processor = library[4:12][::-1]  # subtype, type: big-endian here
+        body += bytes(-len(body) % place)
+        header += processor[4:] + processor[:4] + struct.pack(">III", place + len(body), len(library), align)
+        body += library
+    return header.ljust(place, b"\0") + body

@@ -1,0 +1,141 @@
+"""Compiles a model's entry functions ahead of time to object files that need no Python and no Numba.
+
+Numba compiles each entry; the inner function of the overload (not its Python or C wrapper) is kept, given a plain C
+signature, merged, optimised by LLVM for the plain instruction set of a platform, and checked to be self-contained.
+"""
+
+import re
+import threading
+from functools import cache
+from typing import Any
+
+import llvmlite.binding as llvm
+import numba
+from numba import carray, njit, types
+
+from rbfmu.runs.model_buffer import Unit
+from rbfmu_fmu.native.platforms import BuildError, Platform
+from rbfmu_kernels.compile.numba_private import llvm_source
+
+ENTRIES = ("initialize", "step", "outputs", "output_rates")
+"""The entry functions are `int64 NAME(double *buffer[, double h])`; not every model has the last one."""
+
+LIBM = frozenset({"sqrt", "fabs", "copysign", "floor", "ceil", "memcpy", "memset", "memmove"})
+"""An object may leave only these symbols to the platform: correctly rounded everywhere, or no arithmetic."""
+
+_LOCK = threading.Lock()  # LLVM modules of one Numba process are not made for concurrent use
+
+
+class NotSelfContainedError(BuildError):
+    """The compiled kernels need something that only a Python process has."""
+
+
+def object_files(model: Unit, platform: Platform) -> dict[str, bytes]:
+    """Return relocatable object files of the model's entries by name, the same bytes each time.
+
+    model.o runs on every processor of the platform; for each of its features there is a step_FEATURE.o besides, with
+    nothing but a `step_FEATURE` that gives the same bits.
+    """
+    with _LOCK:
+        objects = {"model.o": _compiled(model, platform, "")}  # type: ignore[arg-type]
+        return objects | {f"step_{f}.o": _compiled(model, platform, f) for f in platform.features}  # type: ignore[arg-type]
+
+
+@cache
+def _compiled(model: Any, platform: Platform, feature: str) -> bytes:
+    llvm.initialize_all_targets()
+    llvm.initialize_all_asmprinters()
+    machine = llvm.Target.from_triple(platform.triple).create_target_machine(
+        cpu=platform.cpu, features=feature and f"+{feature}", opt=3, reloc="pic", codemodel="default"
+    )
+    module = llvm.parse_assembly(_source(model))
+    module.triple, module.data_layout = platform.triple, str(machine.target_data)
+    if feature:
+        _keep_step(module, f"step_{feature}")
+    module = llvm.parse_assembly(_without_counters(_optimised(module, machine)))
+    _check_self_contained(module)
+    return machine.emit_object(module)  # type: ignore[no-any-return]
+
+
+def _keep_step(module: Any, name: str) -> None:
+    """Rename the step; optimisation removes what it does not call."""
+    module.get_function("step").name = name
+    for function in module.functions:
+        if function.name in ENTRIES:
+            function.linkage = llvm.Linkage.internal
+
+
+@cache
+def _source(model: Any) -> str:
+    """Return the LLVM source of all entries, which is for no platform yet."""
+    first, *others = [_entry_module(model, name) for name in ENTRIES if hasattr(model, name)]
+    for other in others:
+        first.link_in(other)
+    for value in [*first.functions, *first.global_variables]:
+        if not value.is_declaration and value.name not in ENTRIES:
+            value.linkage = llvm.Linkage.internal
+    first.verify()
+    return re.sub(r"^target (triple|datalayout).*$", "", str(first), flags=re.MULTILINE)
+
+
+def _entry_module(model: Unit, name: str) -> Any:
+    """Return the model's entry as an LLVM module whose only external function has a plain C signature."""
+    function, size = getattr(model, name), model.SIZE
+    pointer = types.CPointer(types.float64)
+    options = {"error_model": "numpy", "no_cfunc_wrapper": True, "no_cpython_wrapper": True}
+    if name == "step":
+
+        @njit(types.int64(pointer, types.float64), **options)  # type: ignore[untyped-decorator]
+        def entry(p: Any, h: float) -> Any:
+            return function(carray(p, (size,)), h)
+    else:
+
+        @njit(types.int64(pointer), **options)  # type: ignore[untyped-decorator]
+        def entry(p: Any) -> Any:
+            return function(carray(p, (size,)))
+
+    try:
+        source, inner = llvm_source(entry)
+    except AttributeError as error:
+        raise BuildError(f"Numba {numba.__version__} does not give a function's LLVM source: {error}") from error
+    module = llvm.parse_assembly(source)
+    module.link_in(llvm.parse_assembly(_c_signature(name, inner)))
+    return module
+
+
+def _c_signature(name: str, inner: str) -> str:
+    """Return LLVM source of `int64 NAME(double *, ...)` around Numba's `int32 inner(ret *, exc **, double *, ...)`."""
+    declared, given = ("ptr, double", "ptr %z, double %h") if name == "step" else ("ptr", "ptr %z")
+    return f"""
+        declare i32 @"{inner}"(ptr, ptr, {declared})
+        define hidden i64 @{name}({given}) {{
+            %result = alloca i64
+            %exception = alloca ptr
+            %failed = call i32 @"{inner}"(ptr %result, ptr %exception, {given})
+            %value = load i64, ptr %result
+            %bad = icmp ne i32 %failed, 0
+            %status = select i1 %bad, i64 -1, i64 %value
+            ret i64 %status
+        }}"""
+
+
+def _optimised(module: Any, target: Any) -> str:
+    options = llvm.create_pipeline_tuning_options(speed_level=3)
+    builder = llvm.create_pass_builder(target, options)
+    builder.getModulePassManager().run(module, builder)
+    return str(module)
+
+
+def _without_counters(source: str) -> str:
+    """Numba's mangled names hold a counter of the process: number them anew, so that builds are reproducible."""
+    names: dict[str, str] = {}
+    return re.sub(r"_ZN[\w.$%]+|NumbaEnv[\w.$%]+", lambda found: names.setdefault(found[0], f"n{len(names)}"), source)
+
+
+def _check_self_contained(module: Any) -> None:
+    values = [*module.functions, *module.global_variables]
+    foreign = {v.name for v in values if v.is_declaration and not v.name.startswith("llvm.")} - LIBM
+    if "inttoptr" in str(module):
+        foreign.add("an address of this process")
+    if foreign:
+        raise NotSelfContainedError(f"the compiled model needs {', '.join(sorted(foreign))}")

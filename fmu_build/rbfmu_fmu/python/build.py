@@ -1,0 +1,116 @@
+"""Builds the pythonfmu FMU of a scene: slave, kernels and object code in one reproducible archive."""
+
+import importlib.resources
+import re
+import sys
+import tempfile
+import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from pythonfmu.builder import FmuBuilder
+
+from rbfmu.runs.models import Plan
+from rbfmu.scene.scene import Scene
+from rbfmu_fmu.archive import guid_of, hash_of, json_bytes, kernel_sources, scene_inside, write_archive, xml_bytes
+from rbfmu_fmu.description import Description, describe, model_description
+from rbfmu_fmu.native.linking import EXPORTS, NoLinkerError, linked
+from rbfmu_fmu.native.object_code import object_files
+from rbfmu_fmu.native.platforms import this_platform
+from rbfmu_fmu.python.slave_access import CODE, LIBRARY, OBJECT
+
+SCRIPT = '''"""Entry of the FMU: pythonfmu instantiates the class below."""
+import ctypes
+
+# pythonfmu 0.7.0 releases this module's dict, which it does not own, at every instantiation.
+ctypes.pythonapi.Py_IncRef(ctypes.py_object(globals()))
+from {package} import ACCESS
+from {package}.slave import Slave
+
+
+class {identifier}(Slave):
+    access = ACCESS
+'''
+
+PACKAGE = '''"""A rigid body's model. The package's name holds a hash of everything in it, so that FMUs do not mix."""
+import os
+
+from .slave_access import Access
+
+ACCESS = Access(os.path.dirname(__file__), "{identity}")
+'''
+
+CAPABILITIES = {"needsExecutionTool": "true", "canInterpolateInputs": "false"}
+CAPABILITIES |= {"canNotUseMemoryManagementFunctions": "true"}
+LEFT_OUT = re.compile(r"modelDescription\.xml|resources/pythonfmu/(deploy|csvbuilder|__main__)\.py")
+"""Pythonfmu's files that are left out: its description, with a random guid and the date, and what no FMU uses."""
+
+
+def build_python_fmu(scene: Scene, plan: Plan, path: Path) -> Path:
+    """Write the FMU: the same bytes for the same scene; a file that stands at `path` is replaced when done."""
+    description = describe(scene, plan)
+    files = _package_files(plan, description)
+    identity = hash_of(files | {"templates": (SCRIPT + PACKAGE).encode()})
+    with tempfile.TemporaryDirectory(prefix="rbfmu_") as folder:
+        script = _write_sources(Path(folder), files, description, identity)
+        with _imports_undone():
+            raw = FmuBuilder.build_FMU(
+                script, dest=Path(folder) / "out", project_files=[Path(folder) / _package(identity)]
+            )
+        with zipfile.ZipFile(raw) as archive:
+            contents = {n: archive.read(n) for n in archive.namelist() if not LEFT_OUT.fullmatch(n)}
+    contents["resources/scene.json"] = scene_inside(scene, plan)
+    xml = model_description(description, "{}", CAPABILITIES)
+    xml.set("guid", guid_of(contents, xml))
+    write_archive(contents | {"modelDescription.xml": xml_bytes(xml)}, path)
+    return path
+
+
+def _package_files(plan: Plan, description: Description) -> dict[str, bytes]:
+    folder = importlib.resources.files("rbfmu_fmu.python")
+    files = {name: folder.joinpath(name).read_bytes() for name in ("slave.py", "slave_access.py", "call_rules.py")}
+    name, code = _shipped_code(plan)
+    known = description.to_dict() | {"shipped_code": {name: zlib.crc32(code)}}
+    return kernel_sources() | files | {name: code, "description.json": json_bytes(known)}
+
+
+def _shipped_code(plan: Plan) -> tuple[str, bytes]:
+    """Return (name, content) of a shared library for this platform or, without a C compiler, of an object file."""
+    platform = this_platform()
+    objects = object_files(plan.unit, platform)
+    try:
+        return CODE + LIBRARY, linked(EXPORTS, objects, platform, "model")
+    except NoLinkerError:
+        return CODE + OBJECT, objects["model.o"]
+
+
+def _package(identity: str) -> str:
+    return f"rbfmu_{identity[:12]}"
+
+
+def _write_sources(folder: Path, files: dict[str, bytes], description: Description, identity: str) -> Path:
+    package = folder / _package(identity)
+    package.mkdir()
+    for name, content in files.items():
+        (package / name).parent.mkdir(parents=True, exist_ok=True)
+        (package / name).write_bytes(content)
+    (package / "__init__.py").write_text(PACKAGE.format(identity=identity[:12]))
+    script = folder / f"{description.identifier}_{identity[:12]}.py"
+    script.write_text(SCRIPT.format(package=package.name, identifier=description.identifier))
+    return script
+
+
+@contextmanager
+def _imports_undone() -> Iterator[None]:
+    """Forget what FmuBuilder imports, or a later instance in this process meets modules whose files are gone."""
+    path, before, no_bytecode = list(sys.path), set(sys.modules), sys.dont_write_bytecode
+    sys.dont_write_bytecode = True
+    try:
+        yield
+    finally:
+        sys.path[:], sys.dont_write_bytecode = path, no_bytecode
+        for name in set(sys.modules) - before:
+            if re.search(r"(^|\.)rbfmu_[0-9a-f]{12}|_[0-9a-f]{12}$", name):
+                del sys.modules[name]

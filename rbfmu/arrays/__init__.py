@@ -1,0 +1,100 @@
+"""The array functions: each is made from the scalar kernel of the same name."""
+
+from rbfmu.arrays.free_body import free_rotation as free_rotation
+from rbfmu.arrays.from_kernel import array_function, sequence_function, set_threads
+from rbfmu.arrays.inertia import check_inertia, inertia_of_points
+from rbfmu_kernels.mechanics import inertia as _inertia
+from rbfmu_kernels.mechanics import kinematics as _kinematics
+from rbfmu_kernels.mechanics import newton_euler as _rigid_body
+from rbfmu_kernels.rotations import euler_angles as _euler
+from rbfmu_kernels.rotations import matrix as _rotation
+from rbfmu_kernels.rotations import quaternion as _quaternion
+from rbfmu_kernels.rotations import rotation_vector as _rotvec
+from rbfmu_kernels.rotations import vec3 as _vec3
+
+# Vectors and rotation matrices
+cross = array_function(_vec3.cross)
+skew = array_function(_vec3.skew)
+unskew = array_function(_vec3.unskew)
+rotation_x = array_function(_rotation.rotation_x)
+rotation_y = array_function(_rotation.rotation_y)
+rotation_z = array_function(_rotation.rotation_z)
+compose_matrices = array_function(_rotation.compose_matrices)
+invert_matrix = array_function(_rotation.invert_matrix)
+transform = array_function(_rotation.transform)
+matrix_rate_a = array_function(_rotation.matrix_rate_a)
+matrix_rate_b = array_function(_rotation.matrix_rate_b)
+omega_a_from_matrix_rate = array_function(_rotation.omega_a_from_matrix_rate)
+omega_b_from_matrix_rate = array_function(_rotation.omega_b_from_matrix_rate)
+matrix_from_quaternion = array_function(_rotation.matrix_from_quaternion)
+nearest_rotation = array_function(_rotation.nearest_rotation)
+quaternion_from_matrix = array_function(_rotation.quaternion_from_matrix)
+
+# Euler parameters
+compose_quaternions = array_function(_quaternion.compose_quaternions)
+invert_quaternion = array_function(_quaternion.invert_quaternion)
+normalize = array_function(_quaternion.normalize)
+rotate = array_function(_quaternion.rotate)
+slerp = array_function(_quaternion.slerp)
+angle_between = array_function(_quaternion.angle_between)
+quaternion_rate_a = array_function(_quaternion.quaternion_rate_a)
+quaternion_rate_b = array_function(_quaternion.quaternion_rate_b)
+omega_a_from_quaternion_rate = array_function(_quaternion.omega_a_from_quaternion_rate)
+omega_b_from_quaternion_rate = array_function(_quaternion.omega_b_from_quaternion_rate)
+
+# Euler angles: the first argument is the sequence's name, such as "ZYX"
+matrix_from_euler = sequence_function(_euler.matrix_from_euler)
+quaternion_from_euler = sequence_function(_euler.quaternion_from_euler)
+euler_from_matrix = sequence_function(_euler.euler_from_matrix)
+euler_from_quaternion = sequence_function(_euler.euler_from_quaternion)
+euler_rate_matrix_a = sequence_function(_euler.euler_rate_matrix_a)
+euler_rate_matrix_b = sequence_function(_euler.euler_rate_matrix_b)
+euler_rate_a = sequence_function(_euler.euler_rate_a, singular=_euler.euler_rate_is_singular)
+euler_rate_b = sequence_function(_euler.euler_rate_b, singular=_euler.euler_rate_is_singular)
+
+# Rotation vectors, axis and angle
+quaternion_from_rotvec = array_function(_rotvec.quaternion_from_rotvec)
+rotvec_from_quaternion = array_function(_rotvec.rotvec_from_quaternion)
+matrix_from_rotvec = array_function(_rotvec.matrix_from_rotvec)
+rotvec_from_matrix = array_function(_rotvec.rotvec_from_matrix)
+quaternion_from_axis_angle = array_function(_rotvec.quaternion_from_axis_angle)
+matrix_from_axis_angle = array_function(_rotvec.matrix_from_axis_angle)
+axis_angle_from_quaternion = array_function(_rotvec.axis_angle_from_quaternion)
+axis_angle_from_matrix = array_function(_rotvec.axis_angle_from_matrix)
+_full_turn = "some of these rotation vectors are full turns (|u| = 2 pi n, n >= 1), where they have no rates"
+rotvec_rate_a = array_function(
+    _rotvec.rotvec_rate_a, singular=_rotvec.rotvec_rate_is_singular, warning=f"rotvec_rate_a: {_full_turn}"
+)
+rotvec_rate_b = array_function(
+    _rotvec.rotvec_rate_b, singular=_rotvec.rotvec_rate_is_singular, warning=f"rotvec_rate_b: {_full_turn}"
+)
+
+# Velocities and accelerations
+compose_omega = array_function(_kinematics.compose_omega)
+vector_rate = array_function(_kinematics.vector_rate)
+point_velocity = array_function(_kinematics.point_velocity)
+point_acceleration = array_function(_kinematics.point_acceleration)
+
+# Inertia
+beam_inertia = array_function(_inertia.beam_inertia)
+box_inertia = array_function(_inertia.box_inertia)
+cylinder_inertia = array_function(_inertia.cylinder_inertia)
+sphere_inertia = array_function(_inertia.sphere_inertia)
+ellipsoid_inertia = array_function(_inertia.ellipsoid_inertia)
+parallel_axis = array_function(_inertia.parallel_axis)
+rotate_inertia = array_function(_inertia.rotate_inertia)
+principal_axes = array_function(_inertia.principal_axes)
+
+# Newton-Euler
+euler_equation = array_function(_rigid_body.euler_equation)
+newton_euler_c = array_function(_rigid_body.newton_euler_c)
+newton_euler_o = array_function(_rigid_body.newton_euler_o)
+inverse_newton_euler_c = array_function(_rigid_body.inverse_newton_euler_c)
+inverse_newton_euler_o = array_function(_rigid_body.inverse_newton_euler_o)
+linear_momentum = array_function(_rigid_body.linear_momentum)
+angular_momentum = array_function(_rigid_body.angular_momentum)
+angular_momentum_o = array_function(_rigid_body.angular_momentum_o)
+kinetic_energy = array_function(_rigid_body.kinetic_energy)
+
+__all__ = ["check_inertia", "inertia_of_points", "set_threads"]
+__all__ += [name for name, value in globals().items() if hasattr(value, "__wrapped__")]

@@ -1,0 +1,210 @@
+"""How far a plan is from a scene's motion, in every quantity that the scene asks for."""
+
+import math
+import warnings
+from collections.abc import Callable, Mapping
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rbfmu.arrays import compose_quaternions, principal_axes
+from rbfmu.planning.select.reference import ReferenceTooLongError, reference_motion
+from rbfmu.runs.errors import FLOORS, largest_error, largest_size
+from rbfmu.runs.models import Plan
+from rbfmu.runs.time_grid import communication_steps, thinned_steps
+from rbfmu.runs.trajectory import Motion, begun, recorded, substeps_counted
+from rbfmu.scene.fields import flattened
+from rbfmu.scene.scene.scene import Scene
+from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE
+from rbfmu_kernels.quantities import DISSIPATIVE, FORCES, OUTPUT, OUTPUTS, TORQUES
+
+MOST_STEPS = 20_000
+"""Communication steps up to which plans are tried on the scene's own; of a longer run on several at once."""
+MOST_COUNTED = 2_000_000
+"""Steps of a longer run that are taken one by one at last, for their round-off."""
+GOLDEN = 0.6180339887498949
+"""Where a step is cut in two, so that a motion whose period is the step does not look like rest."""
+SMALL, LOST = 1e-11, 0.1
+"""An error, rad, well above round-off, and what it must not grow to."""
+DIRECTIONS = ((0.48, -0.6, 0.64), (0.8, 0.0, -0.6), (0.36, 0.8, 0.48))
+"""Orthogonal, along no axis of a body's."""
+NOISE = 64.0 * 2.0**-52
+"""Of what a quantity is made of: less is no error, whatever cancels in it."""
+
+
+MOST_REFERENCE_STEPS = 100_000
+"""In double-double arithmetic, some seconds."""
+LONG = (
+    "planning takes more than some seconds, for the motion turns fast, or damping is stiff: more than 1e5 steps of "
+    "order 26; a shorter run is planned sooner"
+)
+
+
+class PlanningWarning(RuntimeWarning):
+    """A plan is made, but takes long."""
+
+
+def watched(scene: Scene) -> tuple[str, ...]:
+    """Blocks that show every quantity asked for; roll, pitch and yaw count as the attitude that they describe."""
+    return tuple(dict.fromkeys(OUTPUT[name].judged_by or name for name in scene.outputs.quantities))
+
+
+class Judge:
+    """A scene's motion with its ports at zero, far more exact than what is judged by it.
+
+    progress: is told which part of the motion is done.
+    """
+
+    def __init__(self, scene: Scene, progress: Callable[[float], Any] | None = None) -> None:
+        self.scene, self.names = scene, watched(scene)
+        self.steps = thinned_steps(scene, MOST_STEPS)
+        self._progress = progress
+        self.doubt = 0.0  # how far the truth itself may be off
+
+    @property
+    def cut_steps(self) -> list[float]:
+        """The communication steps, s, each cut in two."""
+        return [part * h for h in self.steps for part in (GOLDEN, 1.0 - GOLDEN)]
+
+    @cached_property
+    def motion(self) -> Motion:
+        """The truth, at communication points and between them."""
+        try:
+            return self._reference()
+        except ReferenceTooLongError:
+            warnings.warn(f"{self.scene.name}: {LONG}", PlanningWarning, stacklevel=2)
+            one, other = (self._tight_motion(order) for order in (20, 24))
+            self.doubt = largest_error(one, other, self.names)
+            return one
+
+    def _tight_motion(self, order: int) -> Motion:
+        """In doubles, in half steps: where double-double arithmetic takes too long."""
+        tight = Plan("body under loads, by series", "", 0, tolerance=1e-18, order=order)
+        names = tuple(dict.fromkeys((*self.names, "omega_b")))
+        return recorded(tight.unit, begun(self.scene, tight, names), self.cut_steps, names, 2, self._progress)
+
+    def error_if_soon(self, plan: Plan) -> float:
+        """The plan's error where the truth takes no more than seconds, else 0."""
+        try:
+            self.__dict__.setdefault("motion", self._reference())
+        except ReferenceTooLongError:
+            return 0.0
+        return self.try_out(plan)[0]
+
+    def _reference(self) -> Motion:
+        return reference_motion(self.scene, self.cut_steps, MOST_REFERENCE_STEPS, self._progress)
+
+    @cached_property
+    def truth(self) -> Motion:
+        """At communication points."""
+        return {name: rows[::2] for name, rows in self.motion.items()}
+
+    @cached_property
+    def noise(self) -> Mapping[str, float]:
+        """What counts as no error, by name."""
+        return round_off(self.scene, self.motion)
+
+    def try_out(self, plan: Plan, at_once: int = 1, parts: int = 1, absolute: bool = False) -> tuple[float, float]:
+        """The plan's error over the run, and the substeps it counted.
+
+        at_once: steps taken as one, in equal parts; absolute: positions and velocities count relative to 1 m and
+        1 m/s, as something varies that they grow with.
+        """
+        points = [*range(0, len(self.steps), at_once), len(self.steps)]
+        steps = [math.fsum(self.steps[i:j]) for i, j in pairwise(points)]
+        truth = {name: self.truth[name][points] for name in self.names}
+        return self._error(plan, steps, truth, parts, absolute)
+
+    def try_all_steps(self, plan: Plan, error: float) -> float:
+        """The error with the round-off of all the run's steps, of which `try_out` took several at once.
+
+        Of very long runs the first steps are taken, and their round-off is counted for all.
+        """
+        total, taken = communication_steps(self.scene), len(self.steps)
+        parts = round(total / taken)
+        if parts <= 1:
+            return error
+        count = max(min(taken, MOST_COUNTED // parts), 1)
+        truth = {name: self.truth[name][: count + 1] for name in self.names}
+        together, _ = self._error(plan, self.steps[:count], truth)
+        apart, _ = self._error(plan, self.steps[:count], truth, parts)
+        return error + max(apart - together, 0.0) * taken / count
+
+    def _error(
+        self, plan: Plan, steps: list[float], truth: Motion, parts: int = 1, absolute: bool = False
+    ) -> tuple[float, float]:
+        z = begun(self.scene, plan, self.names)
+        found = recorded(plan.unit, z, steps, self.names, parts)
+        error = _error_between(found, truth, self.names, self.noise, absolute)
+        return error + self.doubt, substeps_counted(plan.unit, z)
+
+    def growth(self) -> float:
+        """What the motion makes of an error at the start, at least 1: of the attitude, and of the rate over the run.
+
+        Infinite where so small an error changes the motion itself.
+        """
+        span = self.scene.run.stop - self.scene.run.start
+        tight, rows = Plan("body under loads, by series", "", 0, tolerance=1e-16, order=20), np.array(DIRECTIONS)
+        worst = 0.0
+        for turn, change in zip(rows, np.roll(rows, 1, axis=0), strict=True):
+            z = begun(self.scene, tight, self.names)
+            q, omega = (z[tight.unit.BLOCKS[name]] for name in ("q", "omega"))
+            q += 0.5 * SMALL * np.array(compose_quaternions(q, np.array([0.0, *turn])))
+            omega += SMALL / span * self._turning(change)
+            found = recorded(tight.unit, z, self.steps, self.names)
+            worst = max(worst, largest_error(found, self.truth, self.names, self.noise))
+        return max(worst / SMALL, 1.0) if worst < LOST else math.inf
+
+    def _turning(self, change: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What of a change of the rate a body has inertia about."""
+        body = self.scene.body
+        axis = body.axis_without_inertia if body else None
+        return change if axis is None else change - np.dot(change, axis) * np.array(axis)
+
+    def compare(self, smaller: Plan, truth: Motion, names: tuple[str, ...], absolute: bool) -> float:
+        """The error of a model that leaves something out, also between communication points; absolute: as `try_out`."""
+        found = recorded(smaller.unit, begun(self.scene, smaller, names), self.cut_steps, names)
+        return _error_between(found, truth, names, round_off(self.scene, truth), absolute)
+
+
+def _error_between(
+    found: Motion, truth: Motion, names: tuple[str, ...], noise: Mapping[str, float], absolute: bool
+) -> float:
+    if not absolute:
+        return largest_error(found, truth, names, noise)
+    moved = {name: largest_size(found[name] - truth[name]) for name in names if name in FLOORS}
+    rest = largest_error(found, truth, [name for name in names if name not in FLOORS], noise)
+    worst = max(rest, *moved.values(), 0.0)
+    return worst if all(map(math.isfinite, moved.values())) else math.inf
+
+
+def round_off(scene: Scene, motion: Motion) -> dict[str, float]:
+    """Of each quantity that it keeps from the accuracy: 64 eps of what it is made of, before anything cancels."""
+    noise = {name: NOISE * size for name, size in natural_sizes(scene, motion).items() if name in motion}
+    resolved = {name: 0.1 * scene.run.accuracy * largest_size(motion[name]) for name in noise}
+    return {name: least for name, least in noise.items() if least > resolved[name]}
+
+
+def natural_sizes(scene: Scene, motion: Motion) -> dict[str, float]:
+    """What loads and rates of the scene's size make of each quantity where they are not in balance."""
+    body, loads = scene.body, scene.loads
+    assert body is not None
+    size = {name: math.hypot(*flattened(getattr(loads, name))) for name in type(loads).model_fields}
+    force = body.mass * size["gravity_a"] if body.pivot else sum(size[name] for name in sorted(FORCES))
+    arm, (low, middle, high) = math.hypot(*body.r_oc_b), principal_axes(np.array(body.M))[0].tolist()
+    least = low if low > INERTIA_TOLERANCE * high else middle
+    torque = sum(size[name] for name in sorted(TORQUES - DISSIPATIVE))
+    angular = (torque + arm * force) / least
+    rate = math.sqrt(angular) + largest_size(motion["omega_b"])
+    angular += largest_size(motion["omega_b"]) ** 2
+    by_unit = {
+        "rad/s": rate,
+        "rad/s2": angular,
+        "kg m2/s": high * rate,
+        "J": high * rate * rate,
+        "m/s2": arm * angular + size["gravity_a"] + force / body.mass,
+    }
+    return {row.name: by_unit[row.unit] for row in OUTPUTS if row.unit in by_unit}

@@ -1,0 +1,87 @@
+"""What exact motions lose besides the round-off of their results: formulas for a plan's promised error."""
+
+import math
+
+from rbfmu.runs.model_buffer import Buffer, filled_buffer, initialize
+from rbfmu.runs.models import Plan
+from rbfmu.runs.time_grid import communication_steps
+from rbfmu.scene.scene import Scene
+from rbfmu_kernels.body.principal import exact_frame, rates_along
+from rbfmu_kernels.exact.free_rotation_setup import polhode_axes
+from rbfmu_kernels.numerics.double_double import DoubleDouble
+from rbfmu_kernels.types import Vec3
+
+ROUND_OFF = 2.0**-52
+TWICE = 2.0**-100
+"""What double-double leaves of a number, with room for what a flip makes of it."""
+
+
+def prescribed_rates_error(scene: Scene) -> float:
+    """Of the attitude, rad: up to 0.6 eps for each change of the rates, however far the body turns between them.
+
+    Rates that change within a step, which the native FMU takes, lose as much for each radian.
+    """
+    return ROUND_OFF * (1.0 + communication_steps(scene))
+
+
+def conditioning_error(scene: Scene, model: str) -> float:
+    """What a torque-free model loses where the inertia matrix is full, rad; 0 where it is diagonal.
+
+    A body taken as symmetric: what its moments' difference makes of the angle that it turns by.  One of three moments:
+    what double-double leaves of its distance from the separatrix, at each flip.
+    """
+    plan = Plan(model, "", 0)
+    z = filled_buffer(scene, plan)
+    span = scene.run.stop - scene.run.start
+    if model == "torque-free symmetric body":
+        return _lost_symmetry(scene, z)
+    if model.startswith("torque-free body") and _is_full(scene):
+        initialize(scene, plan.unit, z)
+        constants = z[plan.unit.BLOCKS["constants"]]
+        half_turns = 2.0 * float(abs(constants[1] * constants[4])) * span
+        return half_turns * _lost_distance(z, scene.initial.omega_b)
+    return 0.0
+
+
+def _speed(omega: Vec3) -> float:
+    return math.sqrt(sum(w * w for w in omega))
+
+
+def _lost_distance(z: Buffer, omega: Vec3) -> float:
+    """The relative error of L^2 - 2 T I_r, I_r the middle moment, which is 0 on the separatrix."""
+    moments, axes = exact_frame(z)
+    rates = rates_along(axes, omega)
+    p, r, s, distance, unit = polhode_axes(moments, rates)
+    levers = sum(abs(rates[k][0]) * moments[k][0] * abs(_difference(moments[k], moments[r])) for k in (p, s))
+    exact = float(distance[0] * unit * unit)
+    return TWICE * _speed(omega) * levers / exact if exact > 0.0 else 0.0
+
+
+def _difference(a: DoubleDouble, b: DoubleDouble) -> float:
+    return (a[0] - b[0]) + (a[1] - b[1])
+
+
+def _is_full(scene: Scene) -> bool:
+    assert scene.body is not None
+    M = scene.body.M
+    return scene.body.pivot or any(M[i][j] for i, j in ((0, 1), (0, 2), (1, 2)))
+
+
+def _lost_symmetry(scene: Scene, z: Buffer) -> float:
+    """Two moments' difference over the least moment, times the angle, and times that in which the rate across turns.
+
+    For it turns the body about its axis the faster the thinner it is, as long as the rate across stays where it is.
+    """
+    assert scene.body is not None
+    M, omega, span = scene.body.M, scene.initial.omega_b, scene.run.stop - scene.run.start
+    if not _is_full(scene) and len({M[0][0], M[1][1], M[2][2]}) < 3:
+        return 0.0
+    moments, axes = exact_frame(z)
+    low, middle, high = sorted(range(3), key=lambda k: moments[k])
+    below, above = _difference(moments[middle], moments[low]), _difference(moments[high], moments[middle])
+    gap, s = (below, high) if below <= above else (above, low)
+    if gap == 0.0 or moments[low][0] <= 0.0:
+        return gap * math.inf if gap else 0.0
+    own = abs(rates_along(axes, omega)[s][0] * _difference(moments[s], moments[middle])) / moments[middle][0]
+    speed = _speed(omega)
+    return gap / moments[low][0] * speed * span * (1.0 + speed * min(span, 1.0 / own if own else math.inf))

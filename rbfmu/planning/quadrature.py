@@ -1,0 +1,51 @@
+"""The quadrature of least work for the path of a body that turns without torque and is pushed by a force fixed in b."""
+
+import math
+from dataclasses import replace
+
+from rbfmu.planning.candidates import GROWING, varying_parameters
+from rbfmu.planning.judge import Judge
+from rbfmu.planning.promises import conditioning_error
+from rbfmu.planning.reasons import why_pushed
+from rbfmu.runs.models import Plan
+from rbfmu.scene.scene import Scene
+from rbfmu_kernels.models.free_body_force import ORDERS
+
+POINT_COST = 86.0
+"""ns a point, on `costs.MACHINE`."""
+EXACT = 1e-14
+MOST_TRIALS = 6
+
+
+def cheapest_quadrature(scene: Scene, general: Plan, judge: Judge) -> Plan | None:
+    """Points of Gauss's rule and panels a communication step; None where they do not meet the accuracy.
+
+    Panels are no longer in other communication steps, so that their error is not either.
+    """
+    grows = bool(varying_parameters(scene) & GROWING)
+    if grows and "kinetic_energy" in judge.names:
+        return None
+    kept = EXACT + conditioning_error(scene, general.model)
+    bound = scene.run.accuracy / 3.0 - kept
+    best: Plan | None = None
+    for order in ORDERS:
+        panels = 1
+        for _ in range(MOST_TRIALS):
+            cost = POINT_COST * order * panels
+            if best and cost >= best.cost:
+                break
+            trial = _trial(scene, general, order, scene.run.step / panels)
+            error, _ = judge.try_out(trial, absolute=grows)
+            if error <= bound:
+                best = replace(trial, error=error + kept, cost=cost)
+                break
+            ratio = (error / bound) ** (0.5 / order) if bound > 0.0 else math.inf
+            if not ratio * panels < 1e6:
+                break
+            panels = max(panels + 1, math.ceil(ratio * panels))
+    return replace(best, reasons=why_pushed(scene, best)) if best else None
+
+
+def _trial(scene: Scene, general: Plan, order: int, panel: float) -> Plan:
+    method = f"elliptic functions, Gauss's rule of {order} point{'s' if order > 1 else ''}"
+    return replace(general, method=method, order=order, substep=panel)

@@ -1,0 +1,53 @@
+"""Runs of a co-simulation unit, of which blocks of its buffer are kept."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rbfmu.runs.model_buffer import Buffer, filled_buffer, initialize
+from rbfmu.runs.models import Plan
+from rbfmu.scene.scene import Scene
+from rbfmu_kernels.buffer import FINE
+from rbfmu_kernels.quantities import active_flags
+
+Motion = dict[str, NDArray[np.float64]]
+
+
+def begun(scene: Scene, plan: Plan, names: Sequence[str]) -> Buffer:
+    """The buffer of the plan's unit at the start, of whose outputs only those named are computed."""
+    unit, z = plan.unit, filled_buffer(scene, plan)
+    if "active" in unit.BLOCKS:
+        z[unit.BLOCKS["active"]] = active_flags(names)
+    initialize(scene, unit, z)
+    return z
+
+
+def recorded(
+    unit: Any,
+    z: Buffer,
+    steps: Sequence[float],
+    names: Sequence[str],
+    parts: int = 1,
+    progress: Callable[[float], Any] | None = None,
+) -> Motion:
+    """Blocks now and after each of the steps (s), taken in equal parts; NaN from where the motion ends.
+
+    progress: is told which part of the run is done.
+    """
+    blocks = {name: z[unit.BLOCKS[name]] for name in names}
+    motion = {name: np.full((len(steps) + 1, len(block)), np.nan) for name, block in blocks.items()}
+    for k, h in enumerate((0.0, *steps)):
+        if k and any(unit.step(z, h / parts) != FINE for _ in range(parts)):
+            break
+        for name, block in blocks.items():
+            motion[name][k] = block
+        if progress is not None:
+            progress(k / len(steps))
+    return motion
+
+
+def substeps_counted(unit: Any, z: Buffer) -> float:
+    """Since the start; 0 where the unit counts none."""
+    return float(z[unit.BLOCKS["substeps"]][0]) if "substeps" in unit.BLOCKS else 0.0

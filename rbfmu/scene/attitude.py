@@ -1,0 +1,122 @@
+"""The attitude of a scene: a quaternion from any of the ways to write one."""
+
+import math
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from rbfmu.scene.fields import Numbers, OneOf, fault
+from rbfmu.scene.section import Section
+from rbfmu_kernels.rotations import euler_angles, quaternion
+from rbfmu_kernels.rotations import matrix as rotation
+from rbfmu_kernels.rotations import rotation_vector as rotvec
+from rbfmu_kernels.types import Matrix, Quaternion, Vec3
+
+UNIT_TOLERANCE = 1e-6
+"""How far a quaternion's length may be from 1, a matrix from orthogonal: numbers typed with seven digits."""
+LARGEST_ANGLE = 1e9
+"""Beyond, the last digit of a float is more than 1e-7: no attitude, but a slip."""
+ZERO = (0.0, 0.0, 0.0)
+ROUND_OFF = 8 * 2.0**-52
+"""|q|^2 - 1 of a quaternion that has been normalised: it is kept to the bit."""
+
+
+class UnitQuaternion(Numbers):
+    """Euler parameters, scalar first."""
+
+    def __init__(self) -> None:
+        super().__init__((4,), "", ": eta, eps_1, eps_2, eps_3")
+
+    def __call__(self, value: Any) -> Quaternion:
+        """Of unit length to round-off."""
+        q: Quaternion = super().__call__(value)
+        length = math.hypot(*q)
+        if length == 0.0:
+            raise ValueError("a unit quaternion, not zero")
+        if not abs(length - 1.0) <= UNIT_TOLERANCE:
+            raise ValueError(f"a unit quaternion to {UNIT_TOLERANCE:g}, not one of length {length:.9g}")
+        return normalized(q)
+
+
+def normalized(q: Quaternion) -> Quaternion:
+    """q / |q|; one that is unit to round-off stays as it is, so that reading what was written changes no bit."""
+    square = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
+    return q if abs(square - 1.0) <= ROUND_OFF else quaternion.normalize(q)
+
+
+class RotationMatrix(Numbers):
+    """Rows of R_ab."""
+
+    def __init__(self) -> None:
+        super().__init__((3, 3), "")
+
+    def __call__(self, value: Any) -> Matrix:
+        """Orthogonal to 1e-6, right-handed."""
+        R: Matrix = super().__call__(value)
+        with np.errstate(all="ignore"):
+            error = float(np.max(np.abs(np.array(R) @ np.array(R).T - np.eye(3))))
+        if not error <= UNIT_TOLERANCE:
+            raise ValueError(f"a rotation matrix: R R^T is off the identity by {error:.2g}, above {UNIT_TOLERANCE:g}")
+        if np.linalg.det(np.array(R)) < 0.0:
+            raise ValueError("a rotation matrix: the determinant is -1, a reflection")
+        return R
+
+
+def _angles(unit: str) -> Numbers:
+    return Numbers((3,), unit, " from -1e9 to 1e9", lambda angle: abs(angle) <= LARGEST_ANGLE)
+
+
+class Attitude(Section):
+    """`initial.attitude`: exactly one of the representations."""
+
+    _path: ClassVar[str] = "initial.attitude"
+
+    euler: Annotated[
+        str,
+        OneOf(tuple(euler_angles.NAMES), 'an Euler sequence such as "ZYX" or "xyz"'),
+        Field(description='Euler sequence such as "ZYX" (intrinsic) or "xyz" (extrinsic), with angles_deg or angles'),
+    ] = "ZYX"
+    angles_deg: Annotated[Vec3, _angles("deg"), Field(description="Euler angles in the sequence's order")] = ZERO
+    angles: Annotated[Vec3, _angles("rad"), Field(description="Euler angles in the sequence's order")] = ZERO
+    quaternion: Annotated[Quaternion, UnitQuaternion(), Field(description="Euler parameters q_ab, scalar first")] = (
+        1.0,
+        0.0,
+        0.0,
+        0.0,
+    )
+    rotvec: Annotated[Vec3, _angles("rad"), Field(description="rotation vector: axis times angle")] = ZERO
+    matrix: Annotated[Matrix, RotationMatrix(), Field(description="rotation matrix R_ab, by rows")] = (
+        (1.0, 0.0, 0.0),
+        (0.0, 1.0, 0.0),
+        (0.0, 0.0, 1.0),
+    )
+
+    @classmethod
+    def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
+        given = set(data) - {"angles_deg", "angles"}
+        ways = "euler (with angles_deg or angles), quaternion, rotvec or matrix"
+        if len(given) != 1 and not faults:
+            faults.append(fault(cls._path, data, f"exactly one of {ways}"))
+        elif given == {"euler"} and len(data) != 2 and not faults:
+            faults.append(fault(cls._path, data, "euler with either angles_deg or angles"))
+        elif len(given) == 1 and given != {"euler"} and len(data) != 1:
+            faults.append(fault(cls._path, data, f"{given.pop()} alone; angles belong to euler"))
+        return data
+
+    def resolved(self) -> Quaternion:
+        """q_ab."""
+        given = self.model_fields_set
+        if "euler" in given:
+            x, y, z = map(math.radians, self.angles_deg) if "angles_deg" in given else self.angles
+            return normalized(euler_angles.quaternion_from_euler(euler_angles.sequence(self.euler), (x, y, z)))
+        if "rotvec" in given:
+            return normalized(rotvec.quaternion_from_rotvec(self.rotvec))
+        if "matrix" in given:
+            return normalized(rotation.quaternion_from_matrix(self.matrix))
+        return self.quaternion
+
+
+def read_attitude(value: Any) -> Quaternion:
+    """q_ab of an attitude table, or of a quaternion that is one already. Raises SceneError."""
+    return Attitude.read(value).resolved()

@@ -1,0 +1,227 @@
+"""The body of a scene: mass, inertia about the centre of mass, and where it is held."""
+
+import math
+from abc import abstractmethod
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+from pydantic import Field
+
+from rbfmu.scene.fields import Flag, Numbers, Rule, SceneError, fault, flattened, numbers, positive
+from rbfmu.scene.section import Section, one_of
+from rbfmu_kernels.mechanics import inertia as _inertia
+from rbfmu_kernels.quantities import BY_NAME
+from rbfmu_kernels.types import Matrix, Vec3
+
+_UNIT = BY_NAME["inertia"].unit
+ZERO = (0.0, 0.0, 0.0)
+
+
+class Inertia(Numbers):
+    """Principal moments or a matrix, stored as a symmetric matrix that a body can have."""
+
+    def __init__(self) -> None:
+        super().__init__((3, 3), _UNIT)
+
+    def expected(self) -> str:
+        """In words."""
+        return f"{self.choice()} about the centre of mass ({_UNIT})"
+
+    def choice(self) -> str:
+        """In words."""
+        return "3 principal moments or a 3x3 matrix"
+
+    def __call__(self, value: Any) -> Matrix:
+        """The matrix."""
+        value = value.tolist() if hasattr(value, "tolist") else value
+        items = value if isinstance(value, list | tuple) else ()
+        rows = any(isinstance(item, list | tuple) or getattr(item, "shape", ()) for item in items)
+        floats = self.floats(value, (3, 3) if rows else (3,))
+        return possible_inertia(floats if rows else _inertia.diagonal(floats))
+
+
+def possible_inertia(M: Matrix) -> Matrix:
+    """The matrix, symmetric to the bit; ValueError with what was expected where no body has it."""
+    reason = int(_inertia.check_inertia(M))
+    if reason == _inertia.NOT_FINITE:
+        raise ValueError(f"finite moments of inertia ({_UNIT})")
+    if reason == _inertia.NOT_SYMMETRIC:
+        raise ValueError(f"a symmetric 3x3 matrix ({_UNIT})")
+    M = _symmetric(M)
+    if reason == _inertia.NEGATIVE:
+        raise ValueError(f"principal moments >= 0 ({_UNIT}), not {_moments(M)}")
+    if reason == _inertia.TRIANGLE:
+        raise ValueError(f"each principal moment at most the sum of the other two ({_UNIT}), not {_moments(M)}")
+    return M
+
+
+def _symmetric(M: Matrix) -> Matrix:
+    x, y, z = (M[i][j] if M[i][j] == M[j][i] else 0.5 * (M[i][j] + M[j][i]) for i, j in ((0, 1), (0, 2), (1, 2)))
+    return ((M[0][0], x, y), (x, M[1][1], z), (y, z, M[2][2]))
+
+
+def _moments(M: Matrix) -> str:
+    return ", ".join(f"{moment:.6g}" for moment in _inertia.principal_axes(M)[0])
+
+
+class _Shape(Section):
+    _path: ClassVar[str] = "body.shape"
+    kind: str
+
+    @abstractmethod
+    def inertia(self, mass: float) -> Matrix:
+        """M_c."""
+
+
+class _Beam(_Shape):
+    length: Annotated[float, positive("m"), Field(description="beam along x: its length")]
+
+    def inertia(self, mass: float) -> Matrix:
+        return _inertia.beam_inertia(mass, self.length)
+
+
+class _Box(_Shape):
+    sides: Annotated[Vec3, positive("m", 3), Field(description="box: its sides along x, y, z")]
+
+    def inertia(self, mass: float) -> Matrix:
+        return _inertia.box_inertia(mass, self.sides)
+
+
+class _Cylinder(_Shape):
+    radius: Annotated[float, positive("m"), Field(description="cylinder about z: its radius")]
+    length: Annotated[float, positive("m"), Field(description="cylinder about z: its length")]
+
+    def inertia(self, mass: float) -> Matrix:
+        return _inertia.cylinder_inertia(mass, self.radius, self.length)
+
+
+class _Sphere(_Shape):
+    radius: Annotated[float, positive("m"), Field(description="sphere: its radius")]
+
+    def inertia(self, mass: float) -> Matrix:
+        return _inertia.sphere_inertia(mass, self.radius)
+
+
+class _Ellipsoid(_Shape):
+    semiaxes: Annotated[Vec3, positive("m", 3), Field(description="ellipsoid: its semiaxes along x, y, z")]
+
+    def inertia(self, mass: float) -> Matrix:
+        return _inertia.ellipsoid_inertia(mass, self.semiaxes)
+
+
+SHAPES: Mapping[str, type[_Shape]] = {
+    "box": _Box,
+    "beam": _Beam,
+    "cylinder": _Cylinder,
+    "sphere": _Sphere,
+    "ellipsoid": _Ellipsoid,
+}
+
+
+def _read_shape(value: Any) -> _Shape:
+    kinds = " or ".join(f'"{kind}"' for kind in SHAPES)
+    if not isinstance(value, Mapping) or "kind" not in value:
+        raise SceneError(fault("body.shape", value, f"a table with kind = {kinds}"))
+    kind = value["kind"]
+    if not isinstance(kind, str) or kind not in SHAPES:
+        raise SceneError(fault("body.shape.kind", kind, kinds))
+    return SHAPES[kind].read(value)
+
+
+_MASS = numbers("mass")
+
+
+def _meaning(name: str) -> Any:
+    return Field(description=BY_NAME[name].meaning)
+
+
+class Body(Section):
+    """A rigid body; `inertia` is M_c, symmetric, from 3 principal moments, a 3x3 matrix or a `shape` table."""
+
+    _path: ClassVar[str] = "body"
+    _spellings: ClassVar[Mapping[str, tuple[str, ...]]] = {"inertia": ("inertia", "shape")}
+
+    _other_keys: ClassVar[Mapping[str, tuple[Rule | None, str]]] = {
+        "shape": (None, "a table in place of inertia: that of a homogeneous body")
+    }
+
+    mass: Annotated[float, _MASS, _meaning("mass")]
+    inertia: Annotated[Matrix, Inertia(), _meaning("inertia")]
+    r_oc_b: Annotated[Vec3, numbers("r_oc_b"), _meaning("r_oc_b")] = ZERO
+    pivot: Annotated[bool, Flag(), Field(description="whether o is fixed in space")] = False
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            *,
+            mass: float,
+            inertia: Sequence[float] | Sequence[Sequence[float]] = ...,
+            shape: Mapping[str, Any] = ...,
+            r_oc_b: Sequence[float] = ZERO,
+            pivot: bool = False,
+        ) -> None: ...
+
+    @property
+    def M_c(self) -> Matrix:
+        """Inertia about the centre of mass, kg m2."""
+        return self.inertia
+
+    @property
+    def M_o(self) -> Matrix:
+        """Inertia about the body's origin, kg m2."""
+        return _inertia.parallel_axis(self.inertia, self.mass, self.r_oc_b)
+
+    @property
+    def M(self) -> Matrix:
+        """Inertia about the point that the body turns about: o with a pivot, else the centre of mass."""
+        return self.M_o if self.pivot else self.M_c
+
+    @property
+    def axis_without_inertia(self) -> Vec3 | None:
+        """The body axis about which `M` has no moment (a slender beam's own), if there is one."""
+        (low, _, _), R = _inertia.principal_axes(self.M)
+        if low > _inertia.INERTIA_TOLERANCE * _inertia.trace(self.M):
+            return None
+        return R[0][0], R[1][0], R[2][0]
+
+    @classmethod
+    def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
+        given = one_of(cls, data, ("inertia", "shape"), faults)
+        shape = data.pop("shape", None)
+        if given == "shape":
+            data["inertia"] = cls._inertia_of_shape(shape, data.get("mass"), faults)
+        elif "inertia" not in data:
+            faults.append(f"body.inertia is missing: expected {Inertia().expected()}, or a shape")
+            data["inertia"] = (1.0, 1.0, 1.0)
+        return data
+
+    @classmethod
+    def _inertia_of_shape(cls, shape: Any, mass: Any, faults: list[str]) -> Any:
+        """M_c, or that of a unit ball where faults are in the way."""
+        try:
+            body = _read_shape(shape)
+        except SceneError as error:
+            faults += error.faults
+        else:
+            try:
+                mass = _MASS(mass)
+            except ValueError:
+                pass  # said at body.mass
+            else:
+                M = body.inertia(mass)
+                if all(map(math.isfinite, flattened(M))) and _inertia.trace(M) > 0.0:
+                    return M
+                faults.append(fault("body.shape", shape, f"a size whose inertia is a normal number ({_UNIT})"))
+        return (1.0, 1.0, 1.0)
+
+    def _contradictions(self) -> Iterable[str]:
+        return self._without_two_moments()
+
+    def _without_two_moments(self) -> Iterator[str]:
+        """A point mass has no attitude to speak of; on a pivot it is a pendulum, the same as a beam."""
+        if not all(map(math.isfinite, flattened(self.M))):
+            yield fault("body.r_oc_b", self.r_oc_b, f"a distance whose inertia about o is finite ({_UNIT})")
+        elif _inertia.principal_axes(self.M)[0][1] <= _inertia.INERTIA_TOLERANCE * _inertia.trace(self.M):
+            about = "o, the pivot" if self.pivot else "the centre of mass"
+            yield fault("body.inertia", self.inertia, f"at most one zero moment about {about} (a slender beam has one)")

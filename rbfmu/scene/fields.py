@@ -1,0 +1,251 @@
+"""What the keys of a scene may hold, and the words for what they must not."""
+
+import difflib
+import json
+import math
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from datetime import date, time
+from numbers import Real
+from typing import Any, NoReturn
+
+from pydantic import GetCoreSchemaHandler
+from pydantic_core import core_schema
+
+from rbfmu_kernels.quantities import BY_NAME, NOT_NEGATIVE
+
+LONGEST = 72
+"""Characters of a value that a message shows."""
+
+
+class SceneError(ValueError):
+    """All that is wrong with a scene: `.faults`, one line each."""
+
+    def __init__(self, faults: str | Iterable[str], source: str = "") -> None:
+        self.faults = [faults] if isinstance(faults, str) else list(faults)
+        self.source = source
+        super().__init__(self.faults, source)
+
+    def __str__(self) -> str:
+        prefix = f"{self.source}: " if self.source else ""
+        return "\n".join(prefix + fault for fault in self.faults)
+
+
+def fault(path: str, value: object, expected: str) -> str:
+    """One line: which key holds what, and what was expected."""
+    return f"{path} = {shown(value)}: expected {expected}"
+
+
+def shown(value: object, longest: int = LONGEST) -> str:
+    """A value as TOML spells it, shortened."""
+    text = _spelled(value, depth=0)
+    return text if len(text) <= longest else text[: longest - 4].rstrip() + " ..."
+
+
+def _spelled(value: object, depth: int) -> str:
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return json.dumps(value[: 2 * LONGEST], ensure_ascii=not value.isprintable())
+    if isinstance(value, Mapping | list | tuple) and depth > 4:
+        return "..."
+    if isinstance(value, Mapping):
+        pairs = (f"{joined('', str(key))} = {_spelled(item, depth + 1)}" for key, item in _first(value.items()))
+        return "{ " + ", ".join(pairs) + " }" if value else "{}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_spelled(item, depth + 1) for item in _first(value)) + "]"
+    try:
+        return str(value) if isinstance(value, Real | date | time) else repr(value)
+    except ValueError:  # an integer of thousands of digits
+        return "a very large integer"
+
+
+def _first(items: Collection[Any]) -> Iterator[Any]:
+    return (item for item, _ in zip(items, range(LONGEST), strict=False))
+
+
+def joined(path: str, key: str) -> str:
+    """A dotted key, quoted where TOML would."""
+    key = key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else json.dumps(key)
+    return f"{path}.{key}" if path else key
+
+
+class Rule(ABC):
+    """What one key may hold: returns the value as stored or raises ValueError(what was expected)."""
+
+    @abstractmethod
+    def expected(self) -> str:
+        """In words."""
+
+    def choice(self) -> str:
+        """What there is to choose from, in words; nothing where the key's unit and meaning say it."""
+        return ""
+
+    @abstractmethod
+    def __call__(self, value: Any) -> Any:
+        """The value as stored."""
+
+    def refuse(self, detail: str = "") -> NoReturn:
+        """Raise the ValueError that says what was expected."""
+        raise ValueError(self.expected() + detail)
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_plain_validator_function(self)
+
+
+@dataclass(frozen=True)
+class Numbers(Rule):
+    """A float, a tuple of floats or of rows, finite and within a bound; integers serve, bools and text do not."""
+
+    shape: tuple[int, ...]
+    unit: str
+    bound: str = ""
+    holds: Callable[[float], bool] = field(default=math.isfinite, repr=False)
+
+    def expected(self) -> str:
+        """In words, such as `3 numbers (m)`."""
+        return self._words("")
+
+    def _words(self, finite: str) -> str:
+        unit = f" ({self.unit})" if self.unit else ""
+        sized = {0: f"a {finite}number", 1: f"{self.shape[0] if self.shape else 1} {finite}numbers"}
+        return sized.get(len(self.shape), f"3 rows of 3 {finite}numbers") + self.bound + unit
+
+    def __call__(self, value: Any) -> Any:
+        """The value as floats."""
+        floats = self.floats(value, self.shape)
+        if not all(map(math.isfinite, flattened(floats))):
+            raise ValueError(self._words("finite "))
+        if not all(map(self.holds, flattened(floats))):
+            self.refuse()
+        return floats
+
+    def floats(self, value: Any, shape: tuple[int, ...]) -> Any:
+        """The value as (nested) tuples of floats, infinite where an integer is too large."""
+        value = value.tolist() if hasattr(value, "tolist") else value
+        if shape:
+            if not isinstance(value, list | tuple) or len(value) != shape[0]:
+                self.refuse()
+            return tuple(self.floats(item, shape[1:]) for item in value)
+        if not isinstance(value, Real) or isinstance(value, bool):
+            self.refuse()
+        try:
+            return float(value)
+        except OverflowError:
+            return math.inf
+
+
+def flattened(value: Any) -> Iterator[float]:
+    """The floats of a nested tuple."""
+    if isinstance(value, tuple):
+        for item in value:
+            yield from flattened(item)
+    else:
+        yield value
+
+
+def positive(unit: str, *shape: int) -> Numbers:
+    """Numbers > 0."""
+    return Numbers(shape, unit, " > 0", lambda x: x > 0.0)
+
+
+def numbers(name: str) -> Numbers:
+    """What a scene may hold of a parameter, a load or an initial value, by its name in the table of quantities."""
+    row = BY_NAME[name]
+    shape = () if row.size == 1 else (row.size,)
+    unit = "" if row.unit == "1" else row.unit
+    if row.bounds != NOT_NEGATIVE:
+        return Numbers(shape, unit)
+    return positive(unit, *shape) if getattr(row, "positive", False) else Numbers(shape, unit, " >= 0", not_negative)
+
+
+def not_negative(x: float) -> bool:
+    """Whether x >= 0."""
+    return x >= 0.0
+
+
+@dataclass(frozen=True)
+class Flag(Rule):
+    """True or false."""
+
+    def expected(self) -> str:
+        """In words."""
+        return "true or false"
+
+    def __call__(self, value: Any) -> bool:
+        """The value, if it is one."""
+        return value if isinstance(value, bool) else self.refuse()
+
+
+@dataclass(frozen=True)
+class Name(Rule):
+    """A title that also serves as a file's name."""
+
+    def expected(self) -> str:
+        """In words."""
+        return "1 to 200 printable characters without / and \\"
+
+    def __call__(self, value: Any) -> str:
+        """The value, if it is one."""
+        if not isinstance(value, str) or not value.isprintable() or set(value) & set("/\\"):
+            self.refuse()
+        return value if value.strip() and len(value) <= 200 else self.refuse()
+
+
+@dataclass(frozen=True)
+class OneOf(Rule):
+    """One of some words."""
+
+    known: tuple[str, ...]
+    words: str
+
+    def expected(self) -> str:
+        """In words."""
+        return self.words
+
+    def __call__(self, value: Any) -> str:
+        """The word, if it is one of them."""
+        return value if isinstance(value, str) and value in self.known else self.refuse()
+
+
+@dataclass(frozen=True)
+class Names(Rule):
+    """Distinct names out of a list."""
+
+    known: tuple[str, ...]
+    least: int = 0
+
+    def expected(self) -> str:
+        """In words."""
+        return f"a list of distinct names {self.choice()}"
+
+    def choice(self) -> str:
+        """In words."""
+        return f"out of {', '.join(self.known)}"
+
+    def __call__(self, value: Any) -> tuple[str, ...]:
+        """The names as a tuple."""
+        if not isinstance(value, list | tuple) or not all(isinstance(name, str) for name in value):
+            self.refuse()
+        for name in value:
+            if name not in self.known:
+                if near := closest(name, self.known):
+                    raise ValueError(f"{near} in place of {shown(name)}")
+                self.refuse(f", not {shown(name)}")
+        if len(set(value)) < len(value):
+            twice = next(name for name in value if value.count(name) > 1)
+            raise ValueError(f"each name once, not {value.count(twice)} times {twice}")
+        if len(value) < self.least:
+            self.refuse(", at least one")
+        return tuple(value)
+
+
+def closest(name: str, known: Iterable[str]) -> str:
+    """The known name that a mistyped one stands for, or nothing where none is near."""
+    lower = {k.lower(): k for k in known}
+    near = difflib.get_close_matches(name.lower(), lower, n=1)
+    return lower[near[0]] if near else ""

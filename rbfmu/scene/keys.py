@@ -1,0 +1,112 @@
+"""Every key of a scene with unit, default and meaning, read from the fields that check it; a scene to begin with."""
+
+import json
+import textwrap
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from rbfmu.scene.attitude import Attitude
+from rbfmu.scene.body import SHAPES, Body
+from rbfmu.scene.fields import Numbers, Rule, joined, shown
+from rbfmu.scene.scene import QUANTITIES, SECTIONS, Initial, Scene
+from rbfmu.scene.section import Section
+
+REQUIRED = "required"
+OF_THE_MOTION = "all there are"
+WRITTEN = {
+    "body.mass": "2.0",
+    "body.inertia": "[1.0, 2.0, 2.5]",
+    "initial.omega_b": "[0.1, 2.0, 0.1]",
+}
+"""What a new scene says for itself: a body that tumbles."""
+SKETCHED = {
+    "body.shape": '{ kind = "box", sides = [0.2, 0.1, 0.05] }',
+    "initial.attitude": '{ euler = "ZYX", angles_deg = [0, 0, 0] }',
+    "initial.omega_b_deg": "[0, 0, 0]",
+}
+"""What it shows of keys that stand in place of others."""
+
+INTRODUCTION = """\
+# A scene of rbfmu: one rigid body, its start, its loads and its run. SI units, angles in radians.
+# Frames: a is inertial, b is fixed in the body; o is the body's origin.
+# A key behind a # shows its default, or what may stand in place of another. `rbfmu keys` lists all."""
+
+
+class Key(NamedTuple):
+    """A key, the dotted path of its table, its unit and default (as TOML spells it, or in words), its meaning."""
+
+    table: str
+    name: str
+    unit: str
+    default: str
+    meaning: str
+
+    @property
+    def path(self) -> str:
+        """Dotted."""
+        return joined(self.table, self.name)
+
+
+def scene_keys() -> Iterator[Key]:
+    """All keys, table by table."""
+    yield _key(Scene, "name")
+    for section in SECTIONS.values():
+        yield from (_key(section, key) for key in section._keys())
+        if section is Body:
+            yield from _shape_keys()
+        if section is Initial:
+            yield from (_key(Attitude, key)._replace(default="") for key in Attitude._keys())
+
+
+def _shape_keys() -> Iterator[Key]:
+    kinds = " or ".join(f'"{kind}"' for kind in SHAPES)
+    yield Key("body.shape", "kind", "", REQUIRED, kinds)
+    for shape in SHAPES.values():
+        yield from (_key(shape, key) for key in shape._keys() if key != "kind")
+
+
+def _key(section: type[Section], name: str) -> Key:
+    field = section.model_fields.get(name)
+    if field is None or name not in section._keys():
+        rule, meaning = section._other_keys[name]
+        return Key(section._path, name, _unit(rule), "", meaning)
+    rule, meaning = section._rule(name), field.description or ""
+    meaning += f": {rule.choice()}" if rule.choice() else ""
+    default = REQUIRED if field.is_required() else shown(_plain(field.default))
+    if section is SECTIONS["outputs"]:
+        default = OF_THE_MOTION
+    return Key(section._path, name, _unit(rule), default, meaning)
+
+
+def _unit(rule: Rule | None) -> str:
+    return rule.unit if isinstance(rule, Numbers) else ""
+
+
+def _plain(value: object) -> object:
+    """Whole numbers without a point, for the eye."""
+    if isinstance(value, tuple):
+        return [_plain(item) for item in value]
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+def new_scene(name: str) -> str:
+    """The text of a scene file that runs, with every key: those that it does not need are commented out."""
+    lines = [INTRODUCTION, f"name = {json.dumps(name, ensure_ascii=False)}"]
+    table = ""
+    for key in scene_keys():
+        if key.table in ("", "body.shape", "initial.attitude"):
+            continue
+        if key.table != table:
+            table = key.table
+            lines += ["", f"[{table}]"]
+        lines += _lines(key)
+    return "\n".join(lines) + "\n"
+
+
+def _lines(key: Key) -> Iterator[str]:
+    text = f"{key.meaning} ({key.unit})" if key.unit else key.meaning
+    yield from textwrap.wrap(text, 100, initial_indent="# ", subsequent_indent="#   ")
+    value = WRITTEN.get(key.path) or SKETCHED.get(key.path) or key.default
+    if value == OF_THE_MOTION:
+        value = f"[{', '.join(map(shown, QUANTITIES))}]"
+    yield f"{key.name} = {value}" if key.path in WRITTEN else f"#{key.name} = {value}"

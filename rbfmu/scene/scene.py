@@ -1,0 +1,250 @@
+"""The scene: a body, its start, its loads, inputs, outputs and run, from a TOML file or in Python, checked."""
+
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Annotated, Any, ClassVar, Self
+
+from pydantic import Field
+
+from rbfmu.scene.attitude import read_attitude
+from rbfmu.scene.body import ZERO, Body
+from rbfmu.scene.consistency import default_quantities, faults_between
+from rbfmu.scene.fields import Name, Names, Numbers, Rule, SceneError, fault, numbers, positive
+from rbfmu.scene.section import Section, one_of
+from rbfmu.scene.toml_file import read_tables
+from rbfmu_kernels import quantities
+from rbfmu_kernels.types import Quaternion, Vec3
+
+__all__ = ["PARAMETERS", "PORTS", "QUANTITIES", "Body", "Initial", "Inputs", "Loads", "Outputs", "Run", "Scene",
+           "SceneError", "load_scene"]  # fmt: skip
+
+PORTS = quantities.PORTS
+PARAMETERS = tuple(row.name for row in quantities.IN_BUFFER_ORDER)
+QUANTITIES = tuple(quantities.OUTPUT)
+MOST_STEPS = 1e8
+"""Communication steps of a run: their results take some 20 GB."""
+_IDENTITY = (1.0, 0.0, 0.0, 0.0)
+_DEGREES = Numbers((3,), "deg/s")
+
+
+def _means(text: str) -> Any:
+    return Field(description=text)
+
+
+def _meaning(name: str) -> Any:
+    return _means(quantities.BY_NAME[name].meaning)
+
+
+class Initial(Section):
+    """The state at the start; `quaternion` comes from the table `attitude`."""
+
+    _path: ClassVar[str] = "initial"
+    _spellings: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        "quaternion": ("attitude",),
+        "omega_b": ("omega_b", "omega_b_deg"),
+    }
+    _other_keys: ClassVar[Mapping[str, tuple[Rule | None, str]]] = {
+        "attitude": (None, "a table: initial attitude of the body (b) in space (a)"),
+        "omega_b_deg": (_DEGREES, "in place of omega_b"),
+    }
+
+    position: Annotated[Vec3, numbers("position_0"), _meaning("position_0")] = ZERO
+    velocity: Annotated[Vec3, numbers("velocity_0"), _meaning("velocity_0")] = ZERO
+    quaternion: Annotated[Quaternion, numbers("quaternion_0"), _meaning("quaternion_0")] = _IDENTITY
+    omega_b: Annotated[Vec3, numbers("omega_b_0"), _meaning("omega_b_0")] = ZERO
+
+    @classmethod
+    def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
+        if "attitude" in data:
+            try:
+                data["quaternion"] = read_attitude(data.pop("attitude"))
+            except SceneError as error:
+                faults += error.faults
+        given = one_of(cls, data, ("omega_b", "omega_b_deg"), faults)
+        degrees = data.pop("omega_b_deg", None)
+        if given == "omega_b_deg":
+            try:
+                data["omega_b"] = tuple(map(math.radians, _DEGREES(degrees)))
+            except ValueError as error:
+                faults.append(fault("initial.omega_b_deg", degrees, str(error)))
+        return data
+
+
+class Loads(Section):
+    """Known loads."""
+
+    _path: ClassVar[str] = "loads"
+
+    gravity_a: Annotated[Vec3, numbers("gravity_a"), _meaning("gravity_a")] = (0.0, 0.0, -9.81)
+    force_a: Annotated[Vec3, numbers("force_a"), _meaning("force_a")] = ZERO
+    force_b: Annotated[Vec3, numbers("force_b"), _meaning("force_b")] = ZERO
+    torque_a: Annotated[Vec3, numbers("torque_a"), _meaning("torque_a")] = ZERO
+    torque_b: Annotated[Vec3, numbers("torque_b"), _meaning("torque_b")] = ZERO
+    damping_b: Annotated[Vec3, numbers("damping_b"), _meaning("damping_b")] = ZERO
+
+
+class Inputs(Section):
+    """What others supply."""
+
+    _path: ClassVar[str] = "inputs"
+
+    ports: Annotated[
+        tuple[str, ...],
+        Names(PORTS),
+        _means("loads that another unit supplies, added to the known ones, or omega_b alone (prescribed rates)"),
+    ] = ()
+    parameters: Annotated[
+        tuple[str, ...],
+        Names(PARAMETERS),
+        _means("FMU parameters that an importer will change, so that the plan holds for every value"),
+    ] = ()
+
+
+class Outputs(Section):
+    """The quantities that someone will look at."""
+
+    _path: ClassVar[str] = "outputs"
+
+    quantities: Annotated[tuple[str, ...], Names(QUANTITIES, least=1), _means("what someone will look at")] = QUANTITIES
+
+
+class Run(Section):
+    """From start to stop in communication steps."""
+
+    _path: ClassVar[str] = "run"
+
+    start: Annotated[float, Numbers((), "s"), _means("time at the start")] = 0.0
+    stop: Annotated[float, Numbers((), "s"), _means("time at the end")] = 10.0
+    step: Annotated[float, positive("s"), _means("communication step")] = 0.01
+    accuracy: Annotated[
+        float,
+        Numbers((), "", " in (0, 1]", lambda x: 0.0 < x <= 1.0),
+        _means(
+            "largest error over the run: attitude in rad, rates relative to their largest, position and velocity "
+            "relative to theirs, at least 1 m and 1 m/s"
+        ),
+    ] = 1e-6
+
+    def _contradictions(self) -> Iterator[str]:
+        resolution = 4.0 * max(math.ulp(self.start), math.ulp(self.stop))
+        if not self.stop > self.start:
+            yield fault("run.stop", self.stop, f"a time after run.start = {self.start!r} (s)")
+        elif not math.isfinite(self.stop - self.start):
+            yield fault("run.stop", self.stop, "a span from run.start that is a number (s)")
+        elif self.step > self.stop - self.start:
+            yield fault("run.step", self.step, f"at most stop - start = {self.stop - self.start!r} (s)")
+        elif self.stop - self.start > MOST_STEPS * self.step:
+            yield fault(
+                "run.step",
+                self.step,
+                f"at least {(self.stop - self.start) / MOST_STEPS:.2g}: a run has at most 1e8 steps",
+            )
+        elif self.step < resolution:
+            yield fault("run.step", self.step, f"at least {resolution:.2g}, what the clock resolves there (s)")
+
+
+SECTIONS: Mapping[str, type[Section]] = {
+    "body": Body,
+    "initial": Initial,
+    "loads": Loads,
+    "inputs": Inputs,
+    "outputs": Outputs,
+    "run": Run,
+}
+
+
+class Scene(Section):
+    """One rigid body and all that is known about its run; immutable. A bad one is a SceneError with all faults."""
+
+    name: Annotated[str, Name(), _means("title, and the FMU's name; by default the file's")] = "scene"
+    body: Body | None = None
+    initial: Initial = Initial()
+    loads: Loads = Loads()
+    inputs: Inputs = Inputs()
+    outputs: Outputs = Outputs()
+    run: Run = Run()
+
+    @classmethod
+    def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
+        good: dict[str, Any] = {}
+        rates = _rates_as_written(data.get("initial"))
+        for key, section in SECTIONS.items():
+            if key == "body" and data.get(key) is None:
+                good[key] = data.pop(key, None)
+                continue
+            try:
+                good[key] = section.read(data.pop(key, {}))
+            except SceneError as error:
+                faults += error.faults
+        if "outputs" in good and "quantities" not in good["outputs"].model_fields_set:
+            default = default_quantities(good.get("body"), good.get("inputs"), QUANTITIES)
+            good["outputs"] = Outputs.model_construct(set(), quantities=default)
+        faults += faults_between(good, rates)
+        return data | good
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any], source: str = "scene") -> Self:
+        """From nested tables as in the file; source: what messages call it, and the name where none is given."""
+        try:
+            if not isinstance(data, Mapping):
+                raise SceneError(fault("scene", data, f"tables {', '.join(SECTIONS)}"))
+            return cls.read({"name": Path(source).stem or "scene"} | dict(data))
+        except SceneError as error:
+            raise SceneError(error.faults, source) from None
+
+    def replace(self, changes: Mapping[str, Any] = MappingProxyType({}), /, **tables: Any) -> Self:
+        """A scene with other values, checked like a file: `replace({"run.stop": 5.0})` or `replace(run={"stop": 5.0})`.
+
+        A table's other keys stay, a section (`Run(...)`) or None takes the table's place. What stands in place of a key
+        removes it (omega_b_deg: omega_b; shape: inertia); quantities that were not asked for by name follow from the
+        new motion. A shape was turned into its inertia when the scene was made: a new mass alone leaves that as it is.
+        Raises SceneError; pydantic's `model_copy(update=...)` checks nothing.
+        """
+        new = self.to_dict()
+        if "quantities" not in self.outputs.model_fields_set:
+            del new["outputs"]
+        for name, value in _nested({**changes, **tables}).items():
+            new[name] = _changed(new.get(name), value, SECTIONS.get(name))
+        return type(self).from_dict(new, self.name)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Nested tables of which `from_dict` makes an equal scene; lists, so that JSON keeps them as they are."""
+        tables: dict[str, Any] = self.model_dump(mode="json", exclude_none=True)
+        tables["initial"]["attitude"] = {"quaternion": tables["initial"].pop("quaternion")}
+        return tables
+
+
+def _rates_as_written(initial: Any) -> tuple[str, Any] | None:
+    """Key and value of the initial rates where they are not those of the field."""
+    given = isinstance(initial, Mapping) and "omega_b_deg" in initial and "omega_b" not in initial
+    return ("initial.omega_b_deg", initial["omega_b_deg"]) if given else None
+
+
+def _changed(table: Any, value: Any, section: type[Section] | None) -> Any:
+    """A table in which new keys take the place of those that they exclude."""
+    if section is None or not isinstance(value, Mapping) or not isinstance(table, Mapping):
+        return value
+    excluded = {key for keys in section._spellings.values() if set(keys) & set(value) for key in keys}
+    return {key: item for key, item in table.items() if key not in excluded} | dict(value)
+
+
+def _nested(changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Tables from dotted keys."""
+    tables: dict[str, Any] = {}
+    for key, value in changes.items():
+        *path, last = str(key).split(".")
+        table = tables
+        for name in path:
+            if not isinstance(table.get(name), dict):
+                table[name] = {}
+            table = table[name]
+        both = isinstance(value, Mapping) and isinstance(table.get(last), dict)
+        table[last] = table[last] | dict(value) if both else dict(value) if isinstance(value, Mapping) else value
+    return tables
+
+
+def load_scene(path: str | Path) -> Scene:
+    """Read a scene file (TOML). Raises SceneError with all that is wrong with it."""
+    return Scene.from_dict(read_tables(Path(path)), source=str(Path(path)))

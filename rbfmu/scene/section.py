@@ -1,0 +1,92 @@
+"""What the tables of a scene have in common: unknown keys, exclusive keys, all faults at once."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, ClassVar, Self
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from rbfmu.scene.fields import Rule, SceneError, closest, fault, joined, shown
+
+
+class Section(BaseModel):
+    """A table of the scene: immutable, compared by value; a bad one is a SceneError with all of its faults."""
+
+    model_config = ConfigDict(frozen=True)
+    _path: ClassVar[str] = ""
+    _spellings: ClassVar[Mapping[str, tuple[str, ...]]] = {}
+    _other_keys: ClassVar[Mapping[str, tuple[Rule | None, str]]] = {}
+    """Of keys that are no fields: rule (none for a table) and meaning."""
+    _homes: ClassVar[dict[str, str]] = {}
+
+    def __init__(self, /, **data: Any) -> None:
+        faults = list(self._unknown_keys(data))
+        values = self._resolved({key: value for key, value in data.items() if key in self._keys()}, faults)
+        try:
+            super().__init__(**values)
+        except ValidationError as error:
+            faults += [self._in_words(entry) for entry in error.errors(include_url=False)]
+        if not faults:
+            faults += self._contradictions()
+        if faults:
+            raise SceneError(faults)
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
+        """Remember where each key is at home, to say so where it is found elsewhere."""
+        for key in cls._keys() if cls._path else ():
+            cls._homes.setdefault(key, joined(cls._path, key))
+
+    @classmethod
+    def read(cls, value: Any) -> Self:
+        """From a table, or the section itself."""
+        if isinstance(value, cls):
+            return value
+        if not isinstance(value, Mapping):
+            raise SceneError([fault(cls._path, value, f"a table with keys out of {', '.join(cls._keys())}")])
+        return cls(**{str(key): item for key, item in value.items()})
+
+    @classmethod
+    def _keys(cls) -> list[str]:
+        """The keys as the file spells them: a field may have several in its place."""
+        return [key for name in cls.model_fields for key in cls._spellings.get(name, (name,))]
+
+    @classmethod
+    def _rule(cls, name: str) -> Rule:
+        return next(rule for rule in cls.model_fields[name].metadata if isinstance(rule, Rule))
+
+    @classmethod
+    def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
+        """The fields, from whichever keys stand for them."""
+        return data
+
+    def _contradictions(self) -> Iterable[str]:
+        """Faults between fields that are good by themselves."""
+        return ()
+
+    @classmethod
+    def _unknown_keys(cls, data: Mapping[str, Any]) -> Iterator[str]:
+        keys = cls._keys()
+        for key, value in data.items():
+            if key not in keys:
+                path = joined(cls._path, key)
+                near = cls._homes.get(key, path)
+                near = closest(key, keys) if near == path else near
+                hint = f"did you mean {near}?" if near else f"expected one of {', '.join(keys)}"
+                yield f"{path} = {shown(value)}: unknown key; {hint}"
+
+    @classmethod
+    def _in_words(cls, error: Mapping[str, Any]) -> str:
+        name = str(error["loc"][0])
+        path = joined(cls._path, name)
+        if error["type"] == "missing":
+            return f"{path} is missing: expected {cls._rule(name).expected()}"
+        return fault(path, error["input"], str(error["ctx"]["error"]))
+
+
+def one_of(section: type[Section], data: dict[str, Any], keys: tuple[str, ...], faults: list[str]) -> str:
+    """The one of the exclusive keys that is there, or nothing; a fault where there are several."""
+    given = [key for key in keys if key in data]
+    if len(given) > 1:
+        path = joined(section._path, given[1])
+        faults.append(fault(path, data[given[1]], f"{' or '.join(given)}, not {'both' if len(given) == 2 else 'all'}"))
+    return given[0] if len(given) == 1 else ""

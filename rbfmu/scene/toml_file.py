@@ -1,0 +1,77 @@
+"""The tables of a scene file; what is no TOML is a SceneError that says where."""
+
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from rbfmu.scene.fields import SceneError, joined
+
+LARGEST_FILE = 1_000_000
+"""Bytes; a scene is some hundred."""
+MOST_LINES = 100
+"""Of one statement."""
+_TWICE = re.compile(r"Cannot (overwrite|declare)|twice")
+_TABLE = re.compile(r"\s*(\[\[?[^\]=]*\]\]?)\s*(#.*)?")
+
+
+def read_tables(path: Path) -> dict[str, Any]:
+    """The file's tables. Raises SceneError."""
+    try:
+        with path.open("rb") as file:
+            content = file.read(LARGEST_FILE + 1)
+        if len(content) > LARGEST_FILE:
+            raise SceneError(f"larger than {LARGEST_FILE} bytes: expected a scene in TOML", str(path))
+        return _tables(content.decode("utf-8-sig"), path)
+    except OSError as error:
+        raise SceneError(f"cannot be read ({error.strerror}): expected a scene file in TOML", str(path)) from None
+    except UnicodeDecodeError:
+        raise SceneError("not a text file in UTF-8: expected a scene in TOML", str(path)) from None
+    except RecursionError:
+        raise SceneError("nested too deeply: expected a scene in TOML", str(path)) from None
+    except ValueError as error:
+        if isinstance(error, SceneError):
+            raise
+        raise SceneError(f"not TOML: {error}", str(path)) from None
+
+
+def _tables(text: str, path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        if _TWICE.search(str(error)):
+            _refuse_what_stands_twice(text.splitlines(), str(error), path)
+        raise
+
+
+def _refuse_what_stands_twice(lines: list[str], message: str, path: Path) -> None:
+    """Name the key, and the line (from 1) of the statement that repeats it; tomllib knows where that ends."""
+    place = re.search(r"line (\d+)", message)
+    last = int(place[1]) if place else len(lines)
+    before = range(last - 1, max(last - MOST_LINES, 0) - 1, -1)
+    first = next((k for k in before if _parsed(lines[:k]) is not None), last)
+    while first < last and lines[first].split("#")[0].strip() == "":
+        first += 1
+    if statement := _parsed(lines[first:last]):
+        tables = [found[1] for line in lines[:first] if (found := _TABLE.fullmatch(line))]
+        inside = tables and not _TABLE.fullmatch(lines[first])
+        key = _path(_parsed(tables[-1:]) if inside else {}, statement)
+        expected = "expected each key and table once"
+        raise SceneError(f"not TOML: {key} stands twice, again in line {first + 1}: {expected}", str(path)) from None
+
+
+def _path(*nested: Any) -> str:
+    path = ""
+    for tables in nested:
+        while isinstance(tables, dict) and len(tables) == 1:
+            key, tables = next(iter(tables.items()))
+            path = joined(path, key)
+            tables = tables[0] if isinstance(tables, list) and tables == [{}] else tables
+    return path
+
+
+def _parsed(lines: list[str]) -> dict[str, Any] | None:
+    try:
+        return tomllib.loads("\n".join(lines))
+    except ValueError:
+        return None

@@ -1,0 +1,1 @@
+"""Studies: accuracy against cost, and stability where methods fail."""

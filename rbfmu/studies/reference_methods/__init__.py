@@ -1,0 +1,70 @@
+"""One-step methods that people use elsewhere: contestants in charts and stability tests, no part of the product.
+
+Each integrates the right-hand sides of `rbfmu_kernels.mechanics.equations_of_motion` over its `State`, `Body`,
+`Loads` tuples, but may hold the attitude in another form.
+`Contestant.start` takes a state to that form, `steps` advances it as long
+as you like (so that drift adds up as it does for users), `state_of` takes it back with a quaternion of unit length.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from numba import njit
+
+from rbfmu.studies.reference_methods import one_step as _one
+from rbfmu.studies.reference_methods.moser_veselov import moser_veselov
+from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
+
+Steps = Callable[[Any, float, int, Body, Loads], Any]
+"""`steps(y, h, n, body, loads)`: n steps of h; all numbers but n floats."""
+
+
+@dataclass(frozen=True)
+class Contestant:
+    """A one-step method: how it starts, steps and ends; its order and right-hand sides a step (0: they vary)."""
+
+    name: str
+    steps: Steps
+    order: int
+    evaluations: int
+    start: Callable[[State], Any] = field(default=_one.as_it_is)
+    state_of: Callable[[Any], State] = field(default=_one.with_unit_quaternion)
+
+    def run(self, state: State, h: float, n: int, body: Body, loads: Loads) -> State:
+        """The state after n steps of h."""
+        return self.state_of(self.steps(self.start(state), h, n, body, loads))
+
+
+def compiled_loop(step: Callable[[Any, float, Body, Loads], Any]) -> Steps:
+    """N steps of a one-step kernel in one loop, compiled at the first call."""
+
+    @njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+    def loop(y: Any, h: float, n: int, body: Body, loads: Loads) -> Any:
+        for _ in range(n):
+            y = step(y, h, body, loads)
+        return y
+
+    return loop  # type: ignore[no-any-return]
+
+
+_MATRIX, _ANGLES = (_one.with_matrix, _one.from_matrix), (_one.with_angles, _one.from_angles)
+_ALL = (
+    Contestant("explicit Euler", compiled_loop(_one.explicit_euler_step), 1, 1),
+    Contestant("semi-implicit Euler", compiled_loop(_one.semi_implicit_euler_step), 1, 1),
+    Contestant("implicit midpoint", compiled_loop(_one.implicit_midpoint_step), 2, 0),
+    Contestant("RK4, quaternion", compiled_loop(_one.rk4_step), 4, 4),
+    Contestant("RK4, quaternion not normalised", compiled_loop(_one.rk4_not_normalised_step), 4, 4),
+    Contestant("RK4, matrix", compiled_loop(_one.rk4_matrix_step), 4, 4, *_MATRIX),
+    Contestant("RK4, Euler angles", compiled_loop(_one.rk4_angles_step), 4, 4, *_ANGLES),
+    Contestant("RKMK4", compiled_loop(_one.rkmk4_step), 4, 4),
+    Contestant("CF4", compiled_loop(_one.cf4_step), 4, 4),
+)
+_FREE = (
+    Contestant("Moser-Veselov", moser_veselov(2), 2, 0),
+    Contestant("Moser-Veselov, order 10", moser_veselov(10), 10, 0),
+)
+CONTESTANTS = {contestant.name: contestant for contestant in _ALL}
+"""By name: for any body and loads."""
+TORQUE_FREE_CONTESTANTS = {contestant.name: contestant for contestant in _FREE}
+"""By name: for bodies in principal axes without loads or damping only."""

@@ -1,0 +1,79 @@
+"""Where methods fail: the laws of stability, measured against their predictions, pictures and maps.
+
+`run_stability` collects all numbers in CSV files first and draws afterwards; `failures` reads what does not hold,
+`read_findings` all.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+from warnings import catch_warnings, simplefilter
+
+from rbfmu.scene.plausibility import SceneWarning
+from rbfmu.studies.stability.attitude_laws import drift, gimbal_passage, growth_factors, small_angles
+from rbfmu.studies.stability.body_laws import damping_limits, energy_drift, gyroscopic_blow_up, moser_veselov_limits
+from rbfmu.studies.stability.findings import Finding, Study, failures, read_findings, write_columns, write_findings
+from rbfmu.studies.stability.maps import METHODS, QUICK_METHODS, Row, findings_of_maps, verdicts
+from rbfmu.studies.stability.model_laws import orders_and_error_control, product_models
+from rbfmu.studies.stability.top_laws import intermediate_axis, kick_resonance, sleeping_top
+
+__all__ = ["STUDIES", "Finding", "Study", "failures", "read_findings", "run_stability", "write_findings"]
+
+STUDIES: tuple[Callable[[bool], Study], ...] = (
+    growth_factors, drift, gimbal_passage, gyroscopic_blow_up, damping_limits, moser_veselov_limits, energy_drift,
+    small_angles, intermediate_axis, sleeping_top, kick_resonance, product_models, orders_and_error_control,
+)  # fmt: skip
+"""Each measures one or more laws; the argument asks for a quick, coarse run."""
+
+
+def run_stability(
+    folder: Path, quick: bool = False, progress: Callable[[Sequence[Any]], Iterable[Any]] | None = None
+) -> list[Path]:
+    """Measure all laws and maps, write CSV files and pictures into a folder; their paths, `laws.csv` first.
+
+    progress: wraps the sequence of parts, e.g. a progress bar. Parts take a second or some.
+    """
+    from rbfmu.studies.stability.charts.stability_map import draw_maps
+
+    folder.mkdir(parents=True, exist_ok=True)
+    studies: list[Study] = []
+    rows: list[Row] = []
+    pictures: list[Path] = []
+    tables: list[Path] = []
+    names = QUICK_METHODS if quick else tuple(METHODS)
+    parts: list[Callable[[], object]] = [partial(_study, studies, study, quick) for study in STUDIES]
+    parts += [partial(_map, rows, name, quick) for name in names]
+    parts.append(lambda: tables.extend(_write(folder, studies, rows)))
+    parts += [partial(_picture, pictures, studies, k, folder) for k in range(len(STUDIES))]
+    parts.append(lambda: pictures.append(draw_maps(rows, folder / "maps.png")))
+    with catch_warnings():
+        simplefilter("ignore", SceneWarning)  # turns between points are meant here
+        for part in parts if progress is None else progress(parts):
+            part()
+    return tables + pictures
+
+
+def _study(studies: list[Study], measure: Callable[[bool], Study], quick: bool) -> None:
+    studies.append(measure(quick))
+
+
+def _map(rows: list[Row], name: str, quick: bool) -> None:
+    rows += verdicts(name, quick)
+
+
+def _picture(pictures: list[Path], studies: Sequence[Study], k: int, folder: Path) -> None:
+    from rbfmu.studies.stability.charts.all_charts import draw
+
+    pictures.append(draw(studies[k], folder))
+
+
+def _write(folder: Path, studies: Sequence[Study], rows: list[Row]) -> list[Path]:
+    findings = [f for study in studies for f in study.findings] + findings_of_maps(rows)
+    names = ("method", "h_omega", "moment_ratio", "verdict", "error")
+    maps = {name: [row[k] for row in rows] for k, name in enumerate(names)}
+    return [
+        write_findings(folder / "laws.csv", sorted(findings, key=lambda f: f.law)),
+        *(write_columns(folder / f"{study.name}.csv", study.columns) for study in studies),
+        write_columns(folder / "maps.csv", maps),
+    ]

@@ -1,0 +1,136 @@
+"""Where a method is right, wrong or not finite: maps over the step and the body's shape, against 40-digit truth."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from rbfmu.runs.models import Plan
+from rbfmu.scene.scene import Scene, SceneError
+from rbfmu.simulation import SimulationError, simulate
+from rbfmu.studies.reference_methods import CONTESTANTS, TORQUE_FREE_CONTESTANTS, Contestant
+from rbfmu.studies.stability.cases import NO_LOADS, at, free_body
+from rbfmu.studies.stability.findings import AT_MOST, Finding
+from rbfmu.studies.stability.motions import attitude_error, references
+from rbfmu_kernels.types import Vec3
+
+RIGHT, WRONG, NOT_FINITE, REFUSED = 0, 1, 2, 3
+VERDICTS = ("right", "wrong", "not finite", "refused with a message")
+LARGEST_ERROR = 0.1
+"""rad, over the whole run: above it a motion is wrong."""
+TURN, LONG_TURN, CHECKS = 100.0, 1000.0, 20
+"""A run turns by TURN rad, with steps above one rad by LONG_TURN, and is compared at so many points."""
+CHECK_TIMES = sorted({turn * (k + 1) / CHECKS for turn in (TURN, LONG_TURN) for k in range(CHECKS)})
+_Q_0, _OMEGA_0 = (0.8, 0.4, -0.4, 0.2), (0.1, 0.2, 0.96875)
+"""Turning at about 1 rad/s, mostly about the axis of the least moment."""
+ACCURACY = 1e-9
+"""Asked of the product, and the bound of each of its tiles, rad."""
+
+Verdict = tuple[int, float]
+"""A place in VERDICTS and the largest error, rad."""
+Row = tuple[str, float, float, str, float]
+"""method, h omega, ratio, verdict, largest error (rad)."""
+
+
+def moments(ratio: float) -> Vec3:
+    """Of a body whose least moment is `ratio` times the largest: from a rod to a sphere."""
+    return 1.0, 1.0 - 0.5 * ratio * (1.0 - ratio), ratio
+
+
+def ratios_of_moments(quick: bool) -> list[float]:
+    """From a rod to a sphere."""
+    return [round(float(x), 6) for x in np.geomspace(0.01, 1.0, 13)][:: 6 if quick else 1]
+
+
+def steps_of_a_turn(h: float) -> tuple[float, int]:
+    """The turn of a run with steps of at most h omega, and their number, a multiple of CHECKS."""
+    turn = TURN if h <= 1.0 else LONG_TURN
+    return turn, CHECKS * math.ceil(turn / (CHECKS * h) * (1.0 - 1e-12))
+
+
+def grid(quick: bool) -> tuple[list[float], list[float]]:
+    """Steps (h omega) and ratios of moments."""
+    sizes = (steps_of_a_turn(h) for h in np.geomspace(0.01, 10.0, 4 if quick else 25).tolist())
+    return [turn / n for turn, n in sizes], ratios_of_moments(quick)
+
+
+def map_scene(ratio: float, turn: float = TURN, n: int = CHECKS, ports: tuple[str, ...] = ()) -> Scene:
+    """The free body of a map; a port rules out the exact models."""
+    return Scene.from_dict({
+        "body": {"mass": 1.0, "inertia": moments(ratio)},
+        "initial": {"attitude": {"quaternion": _Q_0}, "omega_b": _OMEGA_0},
+        "loads": {"gravity_a": (0.0, 0.0, 0.0)},
+        "inputs": {"ports": ports},
+        "outputs": {"quantities": ["quaternion"]},
+        "run": {"stop": turn, "step": turn / n, "accuracy": ACCURACY},
+    })  # fmt: skip
+
+
+def _verdict(ratio: float, turn: float, attitudes: Any) -> Verdict:
+    """Of quaternions (CHECKS, 4)."""
+    if not np.all(np.isfinite(attitudes)):
+        return NOT_FINITE, math.inf
+    rows = dict(zip(CHECK_TIMES, references()["maps"][repr(ratio)], strict=True))
+    error = attitude_error(attitudes, [rows[turn * (k + 1) / CHECKS] for k in range(CHECKS)])
+    return (RIGHT if error <= LARGEST_ERROR else WRONG), error
+
+
+def verdict_of_steps(method: Contestant, h: float, ratio: float) -> Verdict:
+    """Of a one-step method at fixed step."""
+    turn, n = steps_of_a_turn(h)
+    y, attitudes, body = method.start(at(_Q_0, _OMEGA_0)), [], free_body(moments(ratio))
+    for _ in range(CHECKS):
+        y = method.steps(y, turn / n, n // CHECKS, body, NO_LOADS)
+        attitudes.append(method.state_of(y)[2])
+    return _verdict(ratio, turn, np.array(attitudes))
+
+
+def verdict_of_product(ports: tuple[str, ...], planned: Plan | None, h: float, ratio: float) -> Verdict:
+    """Of `simulate`, h the communication step, with a plan or its own."""
+    turn, n = steps_of_a_turn(h)
+    try:
+        result = simulate(map_scene(ratio, turn, n, ports), planned=planned)
+    except (SceneError, SimulationError):
+        return REFUSED, math.inf
+    return _verdict(ratio, turn, result.quaternion[n // CHECKS :: n // CHECKS])
+
+
+def _of_steps(method: Contestant) -> Callable[[float, float], Verdict]:
+    return lambda h, ratio: verdict_of_steps(method, h, ratio)
+
+
+def _of_product(ports: tuple[str, ...] = (), planned: Plan | None = None) -> Callable[[float, float], Verdict]:
+    return lambda h, ratio: verdict_of_product(ports, planned, h, ratio)
+
+
+_PORT = ("torque_b",)
+_DOP853 = Plan("body under loads", "", 7, tolerance=1e-14)
+_SERIES = Plan("body under loads, by series", "", 7, tolerance=1e-14, order=16)
+OURS: dict[str, Callable[[float, float], Verdict]] = {
+    "rbfmu planned": _of_product(),
+    "rbfmu, a port": _of_product(_PORT),
+    "rbfmu DOP853": _of_product(_PORT, _DOP853),
+    "rbfmu Taylor 16": _of_product(_PORT, _SERIES),
+}
+METHODS = {name: _of_steps(method) for name, method in (CONTESTANTS | TORQUE_FREE_CONTESTANTS).items()} | OURS
+"""By name: what gives a verdict for (h, ratio)."""
+QUICK_METHODS = ("semi-implicit Euler", "RK4, quaternion", *OURS)
+
+
+def verdicts(name: str, quick: bool) -> list[Row]:
+    """Rows of one map."""
+    steps, ratios = grid(quick)
+    tiles = [(h, ratio, *METHODS[name](h, ratio)) for ratio in ratios for h in steps]
+    return [(name, h, ratio, VERDICTS[verdict], error) for h, ratio, verdict, error in tiles]
+
+
+def findings_of_maps(rows: list[Row]) -> list[Finding]:
+    """Of the product, every tile is right to the accuracy asked; none is refused."""
+    return [
+        Finding(
+            15, f"{name}: attitude error, rad", ACCURACY, error, 0.0, AT_MOST, f"h omega {h:.3g}, moments {ratio:g}"
+        )
+        for name, h, ratio, _, error in rows
+        if name in OURS
+    ]

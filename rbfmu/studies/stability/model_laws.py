@@ -1,0 +1,184 @@
+"""Laws 13 and 14: the product's models against 40-digit references, their orders, and their control of the error."""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rbfmu.runs.model_buffer import filled_buffer, initialize
+from rbfmu.runs.models import Plan
+from rbfmu.runs.trajectory import substeps_counted
+from rbfmu.scene.scene import Scene
+from rbfmu.simulation import simulate
+from rbfmu.studies.stability.findings import AT_MOST, RECORDED, Finding, Study
+from rbfmu.studies.stability.motions import MOTIONS, error_of, error_of_model, truth
+from rbfmu.studies.stability.prescribed import prescribed_error
+
+SWING, LOADED, SERIES, TOP = "one swinging axis", "body under loads", "body under loads, by series", "symmetric top"
+MOMENTUM, PUSHED = "angular momentum", "torque-free body, pushed"
+
+
+class Case(NamedTuple):
+    """A model, the motion that it is tried on, its settings, and the error that it must keep."""
+
+    model: str
+    motion: str
+    bound: float
+    substep: float = math.inf
+    tolerance: float = 0.0
+    order: int = 0
+
+    @property
+    def planned(self) -> Plan:
+        """What `simulate` is given."""
+        return Plan(self.model, "", 0, self.substep, self.tolerance, self.order)
+
+    @property
+    def name(self) -> str:
+        """The model, and what of its settings is varied."""
+        order = f", order {self.order}" if self.order else ""
+        if self.model == PUSHED:
+            order = f", {self.order} points"
+        if self.model == LOADED:
+            order = ", DOP853" + (", fixed steps" if self.substep < math.inf else "")
+        return f"{self.model}{order}"
+
+
+PUSHES = {3: 5e-11, 4: 3e-14, 5: 3e-15, 6: 3e-15, 7: 3e-15, 8: 3e-15}
+"""Points of Gauss's rule, and the error that they must keep in panels of 0.1 s; fewer are held to their order."""
+CASES = (
+    Case("no rotation", "fall", 3e-15),
+    Case("constant rate", "spin", 3e-15),
+    Case("constant rate", "sphere", 3e-15),
+    Case("one axis", "run-down", 5e-14),
+    Case("one axis", "slow run-down", 5e-14),
+    *(Case("undamped pendulum", motion, 3e-15) for motion in ("swing", "nearly upright", "turning over")),
+    Case(SWING, "damped swing", 2e-11, tolerance=1e-14, order=4),
+    *(Case(SWING, "damped swing", 2e-12, tolerance=t, order=n) for n, t in ((8, 1e-15), (16, 1e-16))),
+    Case("torque-free symmetric body", "coin", 3e-15),
+    Case("symmetric body spun up", "spin-up", 3e-15),
+    *(Case("torque-free body", motion, 3e-15) for motion in ("tumble", "flips", "coin")),
+    *(Case(MOMENTUM, motion, 3e-15) for motion in ("pulled", "pulled sphere")),
+    *(Case(PUSHED, "pushed", bound, substep=0.1, order=n) for n, bound in PUSHES.items()),
+    Case(TOP, "top", 1e-8, substep=1e-4, order=2),
+    Case(TOP, "top", 1e-12, substep=1e-3, order=4),
+    Case(TOP, "top", 1e-12, substep=5e-3, order=6),
+    *(Case(LOADED, motion, 2e-13, substep=0.02) for motion in ("loaded", "damped rates", "motor")),
+    *(Case(LOADED, motion, 2e-12, tolerance=1e-14) for motion in ("loaded", "damped rates", "motor", "gentle top")),
+    *(Case(SERIES, motion, 2e-12, tolerance=1e-14, order=n)
+      for n in (6, 8, 12, 16, 20, 24) for motion in ("loaded", "damped rates", "motor", "gentle top")),
+)  # fmt: skip
+"""Every model, and every method and order that a plan may choose."""
+
+
+def product_models(quick: bool) -> Study:
+    """Law 13: each model keeps its bound; quick or not, as faults are sought here."""
+    errors = [error_of_model(case.motion, case.planned) for case in CASES] + [prescribed_error()]
+    names = [case.name for case in CASES] + ["prescribed rates"]
+    motions = [case.motion for case in CASES] + ["held, then changing"]
+    bounds = [case.bound for case in CASES] + [1e-14]
+    findings = [
+        Finding(13, f"{name}: largest error", bound, error, 0.0, AT_MOST, motion)
+        for name, motion, bound, error in zip(names, motions, bounds, errors, strict=True)
+    ]
+    findings += [Finding(13, "series and DOP853 apart, loads that change", 1e-11, _apart(), 0.0, AT_MOST)]
+    return Study("product_models", findings, {"model": names, "motion": motions, "bound": bounds, "error": errors})
+
+
+_CHANGING = {
+    "force_a": (0.1, -0.2, 0.3),
+    "force_b": (0.2, 0.1, -0.1),
+    "torque_a": (-0.1, 0.05, 0.1),
+    "torque_b": (0.1, 0.1, -0.2),
+}
+"""Loads through ports; their first and second derivatives are the same numbers, and half of them."""
+
+
+def _driven(case: Case) -> dict[str, Any]:
+    """Where loads that change within each of five steps take the loaded body."""
+    tables = MOTIONS["loaded"].to_dict() | {"inputs": {"ports": list(_CHANGING)}}
+    scene, unit = Scene.from_dict(tables), case.planned.unit
+    z = filled_buffer(scene, case.planned)
+    initialize(scene, unit, z)
+    for _ in range(5):
+        for name, value in _CHANGING.items():
+            for block, part in ((name, 1.0), (f"{name}_rate", 1.0), (f"{name}_rate_2", 0.5)):
+                z[unit.BLOCKS[block]] = part * np.array(value)
+        if unit.step(z, 1.0):
+            return {"quaternion": np.full((1, 4), np.nan)}
+    return {n: z[unit.BLOCKS[n]].copy()[None, :] for n in ("quaternion", "omega_b", "position", "velocity")}
+
+
+def _apart() -> float:
+    one, other = (Case(model, "", 0.0, tolerance=1e-14, order=n) for model, n in ((SERIES, 16), (LOADED, 0)))
+    return error_of(_driven(one), _driven(other))
+
+
+def _error(case: Case, step: float) -> float:
+    """At the points where a motion is compared, with another communication step."""
+    tables = MOTIONS[case.motion].to_dict()
+    every = round(tables["run"]["step"] / step)
+    tables["run"]["step"] = step
+    result = simulate(Scene.from_dict(tables), planned=case.planned)
+    return error_of({name: values[every::every] for name, values in result.quantities.items()}, truth(case.motion))
+
+
+def _error_at_substep(model: str, motion: str, order: int) -> Callable[[float], float]:
+    return lambda h: error_of_model(motion, Case(model, motion, 0.0, substep=h, order=order).planned)
+
+
+def _error_of_whole_steps(motion: str, order: int) -> Callable[[float], float]:
+    return lambda h: _error(Case(SERIES, motion, 0.0, tolerance=math.inf, order=order), h)
+
+
+_ORDERS: tuple[tuple[str, float, float, Callable[[float], float]], ...] = (
+    ("kicks of order 2", 2.0, 0.01, _error_at_substep(TOP, "top", 2)),
+    ("kicks of order 4", 4.0, 0.04, _error_at_substep(TOP, "gentle top", 4)),
+    ("kicks of order 6", 6.0, 0.1, _error_at_substep(TOP, "top", 6)),
+    ("Gauss's rule of 1 point", 2.0, 0.125, _error_at_substep(PUSHED, "pushed", 1)),
+    ("Gauss's rule of 2 points", 4.0, 0.125, _error_at_substep(PUSHED, "pushed", 2)),
+    ("DOP853", 8.0, 0.4, _error_at_substep(LOADED, "motor", 0)),
+    ("series of order 6, attitude by 3 derivatives", 6.0, 0.125, _error_of_whole_steps("motor", 6)),
+    ("series of order 8, attitude by 3 derivatives", 6.0, 0.125, _error_of_whole_steps("motor", 8)),
+)
+"""Order, and the step (s) from which to half of it the error falls by 2 to the order."""
+_CONTROLLED = (
+    ("DOP853", Case(LOADED, "gentle top", 0.0), 1.0 / 8.0, 17.2),
+    ("series of order 6", Case(SERIES, "gentle top", 0.0, order=6), 1.0 / 5.0, 0.107),
+    ("series of order 8", Case(SERIES, "motor", 0.0, order=8), 1.0 / 7.0, 0.766),
+    ("series of one angle, order 4", Case(SWING, "damped swing", 0.0, order=4), 1.0 / 4.0, 28.4),
+    ("series of one angle, order 8", Case(SWING, "damped swing", 0.0, order=8), 1.0 / 8.0, 9.75),
+)
+"""By how much of a power of 1 / tolerance the substeps grow; the error over the tolerance at 1e-10, recorded."""
+
+
+def _substeps(case: Case) -> float:
+    """NaN where a step is refused."""
+    scene, planned = MOTIONS[case.motion], case.planned
+    z = filled_buffer(scene, planned)
+    initialize(scene, planned.unit, z)
+    for _ in truth(case.motion)["omega_b"]:
+        if planned.unit.step(z, scene.run.step):
+            return math.nan
+    return substeps_counted(planned.unit, z)
+
+
+def orders_and_error_control(quick: bool) -> Study:
+    """Law 14: errors fall with the step by the method's order, substeps grow with the accuracy as the order says."""
+    findings: list[Finding] = []
+    halvings = range(4)
+    columns: dict[str, Sequence[float]] = {"halvings of the step": list(halvings)}
+    for name, order, h, error_at in _ORDERS:
+        errors = columns[name] = [error_at(h * 0.5**k) for k in halvings]
+        findings.append(Finding(14, f"{name}: order", order, math.log2(errors[0] / errors[1]), 0.02))
+    for name, case, power, ratio in _CONTROLLED:
+        few, many = (_substeps(case._replace(tolerance=t)) for t in (1e-10, 1e-14))
+        error = error_of_model(case.motion, case._replace(tolerance=1e-10).planned)
+        findings += [
+            Finding(
+                14, f"{name}: power of 1 / tolerance in substeps", power, math.log(many / few) / math.log(1e4), 0.05
+            ),
+            Finding(14, f"{name}: error / tolerance", ratio, error / 1e-10, 0.02, RECORDED),
+        ]
+    return Study("orders_and_error_control", findings, columns)

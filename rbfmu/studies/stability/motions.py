@@ -1,0 +1,161 @@
+"""Motions of scenes whose truth is known to 40 digits, and how far a model is from it."""
+
+import json
+import math
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rbfmu.runs.models import Plan
+from rbfmu.scene.scene import Scene, SceneError
+from rbfmu.simulation import SimulationError, simulate
+
+Array = NDArray[np.float64]
+
+REFERENCES = Path(__file__).with_name("reference_motions.json")
+"""Written by tests/stability_references.py."""
+POINTS = 10
+"""At which a motion is compared."""
+STATE = ("quaternion", "omega_b", "position", "velocity")
+DERIVED = ("omega_a", "angular_momentum_a", "kinetic_energy")
+TURNED = (0.8, 0.4, -0.4, 0.2)
+UPRIGHT = (1.0, 0.0, 0.0, 0.0)
+MOVING = {"position": [1.0, 2.0, 3.0], "velocity": [0.1, 0.2, -0.3]}
+NO_WEIGHT = {"gravity_a": [0.0, 0.0, 0.0]}
+BRICK = {"mass": 2.0, "inertia": [1.0, 2.0, 3.0]}
+OFF_CENTRE = {
+    "mass": 2.0,
+    "inertia": [[1.0, 0.1, 0.05], [0.1, 1.2, 0.02], [0.05, 0.02, 1.5]],
+    "r_oc_b": [0.1, -0.2, 0.3],
+}
+PENDULUM = {"mass": 2.0, "inertia": [1.0, 2.0, 2.5], "r_oc_b": [0.0, 0.0, -0.5], "pivot": True}
+TOP = {"mass": 1.0, "inertia": [0.984375, 0.984375, 0.3], "r_oc_b": [0.0, 0.0, 0.125], "pivot": True}
+"""With the weight of `TOP_WEIGHT` the heavy top c of the work-precision diagrams."""
+TOP_WEIGHT = {"gravity_a": [0.0, 0.0, -8.0]}
+LOADED = {
+    "gravity_a": [0.0, 0.0, -1.0], "force_b": [1.0, 0.5, 0.2], "force_a": [0.3, 0.1, -0.4],
+    "torque_b": [0.1, 0.2, 0.1], "torque_a": [0.05, 0.0, 0.02], "damping_b": [0.1, 0.05, 0.02],
+}  # fmt: skip
+
+
+def _motion(
+    body: Mapping[str, Any], omega_b: tuple[float, float, float], stop: float, loads: Mapping[str, Any],
+    quantities: tuple[str, ...] = (*STATE, *DERIVED), quaternion: tuple[float, ...] = TURNED,
+) -> Scene:  # fmt: skip
+    start = {"attitude": {"quaternion": list(quaternion)}, "omega_b": list(omega_b)}
+    return Scene.from_dict({
+        "body": dict(body),
+        "initial": start if "pivot" in body else start | MOVING,
+        "loads": dict(loads),
+        "outputs": {"quantities": list(quantities)},
+        "run": {"stop": stop, "step": stop / POINTS, "accuracy": 1e-9},
+    })  # fmt: skip
+
+
+def _swing(rate: float, **loads: Any) -> Scene:
+    """A pendulum that hangs at rest but for a rate about x, rad/s."""
+    gravity = {"gravity_a": [0.0, 0.0, -9.81]}
+    return _motion(PENDULUM, (rate, 0.0, 0.0), 20.0, gravity | loads, quaternion=UPRIGHT)
+
+
+_OVER_THE_TOP = 2.0 * math.sqrt(2.0 * 9.81 * 0.5 / 1.5)
+"""rad/s: what carries the pendulum upright, and no further."""
+
+MOTIONS: dict[str, Scene] = {
+    "fall": _motion(BRICK, (0.0, 0.0, 0.0), 20.0, {"force_a": [0.3, 0.1, 0.7]}, ("position", "velocity")),
+    "spin": _motion(BRICK, (0.0, 0.0, 3.7), 100.0, NO_WEIGHT),
+    "sphere": _motion({"mass": 2.0, "inertia": [1.5, 1.5, 1.5]}, (1.0, -2.0, 3.0), 100.0, NO_WEIGHT),
+    "run-down": _motion(BRICK, (0.0, 0.0, 3.7), 60.0, NO_WEIGHT | {"torque_b": [0, 0, 0.6], "damping_b": [0, 0, 0.2]}),
+    "slow run-down": _motion(BRICK, (0.0, 3.7, 0.0), 20.0, NO_WEIGHT | {"damping_b": [0, 0.01, 0]}),
+    "swing": _swing(1.0),
+    "nearly upright": _swing(_OVER_THE_TOP * (1.0 - 1e-7)),
+    "turning over": _swing(9.0),
+    "damped swing": _swing(9.0, damping_b=[0.2, 0.0, 0.0], torque_b=[1.0, 0.0, 0.0]),
+    "coin": _motion({"mass": 2.0, "inertia": [1.0, 1.0, 1.6]}, (1.0, -2.0, 3.0), 100.0, NO_WEIGHT),
+    "spin-up": _motion({"mass": 2.0, "inertia": [1.0, 1.0, 0.6]}, (0.3, -0.2, 1.0), 40.0,
+                       NO_WEIGHT | {"torque_b": [0, 0, 0.4], "damping_b": [0.02, 0.02, 0.1]},
+                       ("omega_b", "kinetic_energy")),
+    "tumble": _motion(BRICK, (0.3, 1.0, 0.2), 200.0, NO_WEIGHT),
+    "flips": _motion({"mass": 2.0, "inertia": [3.0, 1.0, 2.0]}, (1e-4, 1e-4, 2.0), 60.0, NO_WEIGHT),
+    "top": _motion(TOP, (0.0, 0.0, 50.0), 10.0, TOP_WEIGHT),
+    "gentle top": _motion(TOP, (0.0, 0.0, 5.0), 10.0, TOP_WEIGHT),
+    "pulled": _motion(BRICK, (1.0, 2.0, -1.0), 20.0, NO_WEIGHT | {"torque_a": [0.1, 0.2, -0.1]},
+                      ("angular_momentum_a",)),
+    "pulled sphere": _motion({"mass": 2.0, "inertia": [1.5, 1.5, 1.5]}, (1.0, -2.0, 3.0), 20.0,
+                             NO_WEIGHT | {"torque_a": [0.1, 0.2, -0.1]},
+                             ("omega_a", "angular_momentum_a", "kinetic_energy")),
+    "pushed": _motion(BRICK, (1.0, 2.0, -1.0), 20.0, NO_WEIGHT | {"force_b": [0.3, -0.2, 0.5]}),
+    "loaded": _motion(OFF_CENTRE, (1.0, 2.0, -1.0), 20.0, LOADED),
+    "damped rates": _motion(BRICK, (1.0, 2.0, -1.0), 20.0,
+                            NO_WEIGHT | {"torque_b": [0.1, 0.2, -0.1], "damping_b": [0.1, 0.05, 0.02]}, ("omega_b",)),
+    "motor": _motion(BRICK, (0.1, 0.2, 0.3), 20.0, NO_WEIGHT | {"torque_b": [0.1, 0.05, -0.2]}),
+}  # fmt: skip
+
+
+@cache
+def references() -> dict[str, Any]:
+    """What the file holds."""
+    return json.loads(REFERENCES.read_text())  # type: ignore[no-any-return]
+
+
+def truth(key: str) -> dict[str, Array]:
+    """The true quantities of a motion at its communication points, without the start."""
+    scene, kept = MOTIONS[key], references()["motions"][key]
+    assert scene.body is not None
+    found = {name: np.array(kept[name]) for name in STATE}
+    R_ab, omega = np.array([_matrix(q) for q in found["quaternion"]]), found["omega_b"]
+    M_c, r_oc = np.array(scene.body.M_c), np.array(scene.body.r_oc_b)
+    v_c = found["velocity"] + np.einsum("nij,nj->ni", R_ab, np.cross(omega, r_oc))
+    h = omega @ M_c
+    energy = 0.5 * scene.body.mass * np.sum(v_c * v_c, axis=1) + 0.5 * np.sum(omega * h, axis=1)
+    if scene.body.pivot:  # the momentum is about the pivot
+        h = h + scene.body.mass * np.cross(r_oc, np.cross(omega, r_oc))
+    found["omega_a"] = np.einsum("nij,nj->ni", R_ab, omega)
+    found["angular_momentum_a"] = np.einsum("nij,nj->ni", R_ab, h)
+    found["kinetic_energy"] = energy[:, None]
+    return found
+
+
+def _matrix(q: Any) -> Array:
+    e, x, y, z = q
+    E = np.array([[-x, e, -z, y], [-y, z, e, -x], [-z, -y, x, e]])
+    G = np.array([[-x, e, z, -y], [-y, -z, e, x], [-z, y, -x, e]])
+    product: Array = E @ G.T
+    return product
+
+
+def attitude_error(q: Any, true_q: Any) -> float:
+    """The largest angle in rad; a quaternion whose length is not 1 is wrong by what it lacks."""
+    q, true_q = np.asarray(q), np.asarray(true_q)
+    sign = np.where(np.sum(q * true_q, axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
+    apart, together = np.linalg.norm(sign * q - true_q, axis=-1), np.linalg.norm(sign * q + true_q, axis=-1)
+    return float(np.max(4.0 * np.arctan2(apart, together)))
+
+
+def error_of(found: Mapping[str, Array], true: Mapping[str, Array]) -> float:
+    """The largest error of a run: attitude in rad, all else relative to its largest size, of m and m/s at least 1."""
+    worst = 0.0
+    for name, values in found.items():
+        rows = values.reshape(len(values), -1)
+        if not np.all(np.isfinite(rows)):
+            return math.inf
+        if name == "quaternion":
+            error = attitude_error(rows, true[name])
+        else:
+            size = max(float(np.max(np.linalg.norm(true[name], axis=1))), float(name in ("position", "velocity")))
+            error = float(np.max(np.linalg.norm(rows - true[name], axis=1))) / size
+        worst = max(worst, error)
+    return worst
+
+
+def error_of_model(key: str, planned: Plan) -> float:
+    """Of a motion by `simulate`; infinite where the model refuses it."""
+    try:
+        result = simulate(MOTIONS[key], planned=planned)
+    except (SceneError, SimulationError):
+        return math.inf
+    return error_of({name: values[1:] for name, values in result.quantities.items()}, truth(key))

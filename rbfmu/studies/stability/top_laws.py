@@ -1,0 +1,226 @@
+"""Laws 10 to 12: motions that are unstable by nature, and a resonance that a method brings in."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from rbfmu.runs.models import Plan
+from rbfmu.scene.scene import Scene, SceneError
+from rbfmu.simulation import simulate
+from rbfmu.studies.reference_methods import CONTESTANTS
+from rbfmu.studies.stability.attitude_laws import crossing
+from rbfmu.studies.stability.cases import (
+    BRICK,
+    KICKS,
+    NO_LOADS,
+    TOP_MOMENTS,
+    UPRIGHT,
+    WEIGHT,
+    at,
+    free_body,
+    free_motion,
+    heavy_top,
+    top_energy,
+)
+from rbfmu.studies.stability.findings import RECORDED, Finding, Study
+from rbfmu.studies.stability.motions import TOP, TOP_WEIGHT
+from rbfmu_kernels.integrators.splitting import resonant_step
+from rbfmu_kernels.mechanics.equations_of_motion import State
+from rbfmu_kernels.types import Vec3
+
+_DISTURBED: Vec3 = (1e-4, 2.0, 1e-4)
+
+
+def flip_rate(moments: Vec3, omega_2: float) -> float:
+    """lambda = omega_2 sqrt((I2 - I1) (I3 - I2) / (I1 I3)): a disturbance of the spin about the middle axis grows."""
+    i_1, i_2, i_3 = moments
+    return omega_2 * math.sqrt((i_2 - i_1) * (i_3 - i_2) / (i_1 * i_3))
+
+
+def time_between_flips(moments: Vec3, omega: Vec3) -> float:
+    """ln(16 / mc) / lambda: half a period of omega_2, for small mc, the complementary parameter of sn, cn, dn."""
+    i_1, i_2, i_3 = moments
+    w_1, w_2, w_3 = omega
+    excess = i_3 * (i_3 - i_2) * w_3 * w_3 - i_1 * (i_2 - i_1) * w_1 * w_1
+    i_s, w_s, i_p = (i_3, w_3, i_1) if excess > 0.0 else (i_1, w_1, i_3)
+    amplitude = (i_s * w_s) ** 2 + i_2 * w_2 * w_2 * i_s * (i_2 - i_p) / (i_s - i_p)
+    mc = abs(excess) * i_s / (abs(i_s - i_2) * amplitude)
+    return math.log(16.0 / mc) / flip_rate(moments, w_2)
+
+
+def _crossings(time: Any, values: Any) -> list[float]:
+    """Times at which values change their sign, by linear interpolation."""
+    k = np.flatnonzero(np.signbit(values[1:]) != np.signbit(values[:-1]))
+    found: list[float] = (time[k] - values[k] * (time[k + 1] - time[k]) / (values[k + 1] - values[k])).tolist()
+    return found
+
+
+def _exact_flips(moments: Vec3, stop: float) -> float:
+    """Time between the first two flips of the exact motion."""
+    result = free_motion(moments, at(UPRIGHT, _DISTURBED), stop, 1e-3)
+    first, second = _crossings(result.time, result.omega_b[:, 1])[:2]
+    return second - first
+
+
+def _flips_about_a_pivot() -> tuple[float, float]:
+    """(predicted, measured) time between flips of a brick held half a metre from its centre of mass, weightless."""
+    scene = Scene.from_dict({
+        "body": {"mass": 1.0, "inertia": BRICK, "r_oc_b": (0.0, 0.0, 0.5), "pivot": True},
+        "initial": {"omega_b": _DISTURBED},
+        "loads": {"gravity_a": (0.0, 0.0, 0.0)},
+        "outputs": {"quantities": ["omega_b"]},
+        "run": {"stop": 40.0, "step": 1e-3, "accuracy": 1e-6},
+    })  # fmt: skip
+    result = simulate(scene)
+    first, second = _crossings(result.time, result.omega_b[:, 1])[:2]
+    return time_between_flips((1.25, 2.25, 3.0), _DISTURBED), second - first
+
+
+def intermediate_axis(quick: bool) -> Study:
+    """Law 10: spin about the middle axis turns over, again and again, at a predicted time."""
+    time = np.arange(0.0, 30.0 if quick else 62.0, 0.25)
+    start, body = at(UPRIGHT, _DISTURBED), free_body(BRICK)
+    exact = free_motion(BRICK, start, float(time[-1]), 0.25).omega_b[:, 1].tolist()
+    columns: dict[str, Any] = {"time": time.tolist(), "exact": exact}
+    for name, h in (("RK4, quaternion", 0.25), ("semi-implicit Euler", 0.05)):
+        states = [start]
+        for _ in time[1:]:
+            states.append(CONTESTANTS[name].steps(states[-1], h, round(0.25 / h), body, NO_LOADS))
+        columns[f"{name}, h = {h:g} s"] = [y.omega_b[1] for y in states]
+    tiny = free_motion(BRICK, at(UPRIGHT, (1e-8, 2.0, 1e-8)), 8.0, 1.0).omega_b[:, 0]
+    growth = math.log(tiny[8] / tiny[5]) / 3.0
+    predicted = time_between_flips(BRICK, _DISTURBED)
+    measured = _exact_flips(BRICK, 32.0)
+    findings = [
+        Finding(10, "growth of a disturbance of the middle axis, 1/s", flip_rate(BRICK, 2.0), growth, 2e-5),
+        Finding(10, "time between flips, s", predicted, measured, 1e-8),
+        Finding(10, "that time for (1, 2, 3), (1e-4, 2, 1e-4), s", 18.954193, measured, 3e-8),
+    ]
+    if not quick:
+        findings.append(Finding(10, "time between flips about a pivot, s", *_flips_about_a_pivot(), 1e-6))
+    return Study("intermediate_axis", findings, columns)
+
+
+_CRITICAL = 2.0 * math.sqrt(TOP_MOMENTS[0]) / TOP_MOMENTS[2]
+"""rad/s: (I3 w3)^2 = 4 I1 m g l."""
+
+
+def _tilted(tilt: float, rate: float) -> State:
+    return at((math.cos(0.5 * tilt), math.sin(0.5 * tilt), 0.0, 0.0), (0.0, 0.0, rate))
+
+
+def _tilts(tilt: float, rate: float, stop: float) -> Any:
+    """The top's tilt each 0.1 s."""
+    start = _tilted(tilt, rate)
+    scene = Scene.from_dict({
+        "body": TOP,
+        "initial": {"attitude": {"quaternion": start.q_ab}, "omega_b": start.omega_b},
+        "loads": TOP_WEIGHT,
+        "outputs": {"quantities": ["quaternion"]},
+        "run": {"stop": 0.1 * round(10.0 * stop), "step": 0.1},
+    })  # fmt: skip
+    q = simulate(scene, planned=Plan("symmetric top", "", 7, substep=0.02, order=4)).quaternion[1:]
+    return 2.0 * np.arctan2(np.hypot(q[:, 1], q[:, 2]), np.hypot(q[:, 0], q[:, 3]))
+
+
+def tilt_growth(ratio: float) -> float:
+    """sigma of exp(sigma t), 1/s: sqrt(m g l / I1 - (I3 w3 / (2 I1))^2), w3 below the critical rate."""
+    return math.sqrt((1.0 - ratio * ratio) / TOP_MOMENTS[0])
+
+
+def _measured_growth(ratio: float) -> float:
+    """From the tilt between 4 and 8 times 1 / sigma, from 1e-7 rad on."""
+    sigma = tilt_growth(ratio)
+    tilts = _tilts(1e-7, ratio * _CRITICAL, 8.0 / sigma)
+    half = len(tilts) // 2
+    return math.log(tilts[-1] / tilts[half - 1]) / (0.1 * (len(tilts) - half))
+
+
+def sleeping_top(quick: bool) -> Study:
+    """Law 11: an upright top stays up if it spins fast enough."""
+    ratios = [0.3, 0.6, 0.9, 1.1, 1.5] if quick else np.linspace(0.05, 1.6, 63).tolist()
+    tilts = [float(np.max(_tilts(1e-3, r * _CRITICAL, 30.0 if quick else 60.0))) for r in ratios]
+    columns: dict[str, Any] = {"spin over critical": ratios, "largest tilt": tilts}
+    columns["predicted"] = [1e-3 / math.sqrt(1.0 - 1.0 / (r * r)) if r > 1.0 else math.nan for r in ratios]
+    below = (0.2, 0.5, 0.8)
+    growths = [_measured_growth(r) for r in below]
+    slope, offset = np.polyfit([r * r for r in below], [g * g for g in growths], 1)
+    findings = [
+        Finding(11, f"growth of the tilt at {r:g} of the critical spin, 1/s", tilt_growth(r), g, 2e-4)
+        for r, g in zip(below, growths, strict=True)
+    ]
+    findings += [
+        Finding(11, "spin at which the growth ends, over 2 sqrt(I1 m g l) / I3", 1.0,
+                math.sqrt(-float(offset) / float(slope)), 2e-4),
+        *(
+            Finding(11, f"largest tilt over the first one at {r:g} of the critical spin", 1.0 / math.sqrt(1.0 - r**-2),
+                    float(np.max(_tilts(1e-3, r * _CRITICAL, 60.0))) / 1e-3, 1e-5)
+            for r in (1.1, 1.5)
+        ),
+    ]  # fmt: skip
+    return Study("sleeping_top", findings, columns)
+
+
+_FAST = _tilted(0.6, 50.0)
+
+
+def _energy_error(method: str, h: float) -> float:
+    """Largest energy error of the fast heavy top (case c) over 10 s, in m g l."""
+    y, worst, start = _FAST, 0.0, top_energy(_FAST)
+    for _ in range(round(10.0 / h)):
+        y = KICKS[method].steps(y, h, 1, heavy_top(), WEIGHT)
+        worst = max(worst, abs(top_energy(y) - start))
+    return worst
+
+
+def _peak(function: Callable[[float], float], low: float, high: float) -> float:
+    """Where a function with one peak in between is largest."""
+    golden = 0.5 * (math.sqrt(5.0) - 1.0)
+    for _ in range(40):
+        a, b = high - golden * (high - low), low + golden * (high - low)
+        low, high = (a, high) if function(a) < function(b) else (low, b)
+    return 0.5 * (low + high)
+
+
+def _largest_substep() -> float:
+    """Beyond which the product's model of a symmetric top refuses the fast top, s."""
+
+    def refused(h: float) -> float:
+        scene = Scene.from_dict({
+            "body": TOP, "loads": TOP_WEIGHT, "initial": {"omega_b": _FAST[3]}, "run": {"stop": 0.1, "step": 0.1},
+        })  # fmt: skip
+        try:
+            simulate(scene, planned=Plan("symmetric top", "", 7, substep=h, order=2))
+        except SceneError:
+            return 2.0
+        return 0.0
+
+    return crossing(refused, 0.1, 0.4)
+
+
+def kick_resonance(quick: bool) -> Study:
+    """Law 12: kicks at the rhythm of the precession push a fast top to any height."""
+    resonance = resonant_step(heavy_top()[1], _FAST[3])
+    steps = np.geomspace(0.03, 0.6, 13 if quick else 121).tolist()
+    columns: dict[str, Any] = {"h": steps}
+    columns |= {name: [_energy_error(name, h) for h in steps] for name in KICKS}
+    findings = [
+        Finding(12, "resonant step 2 pi I1 / (I3 w3), s", 2.0 * math.pi / (0.3 * 50.0), resonance, 1e-15),
+        Finding(12, "Strang, step of the largest energy error over the resonant one", 1.0,
+                _peak(lambda h: _energy_error("Strang", h), 0.40, 0.44) / resonance, 2e-2),
+        Finding(12, "largest substep that the model takes, over the resonant one", 0.5,
+                _largest_substep() / resonance, 1e-6),
+        *(
+            Finding(12, f"{name}, power of h in the energy error below the resonance", order,
+                    math.log2(_energy_error(name, h) / _energy_error(name, 0.5 * h)), 0.03)
+            for name, order, h in (("Strang", 2.0, 0.05), ("RKN4", 4.0, 0.03), ("RKN6", 6.0, 0.1))
+        ),
+        *(
+            Finding(12, f"{name}, energy error in m g l at h = {h:.4g}", recorded, _energy_error(name, h), 1e-2,
+                    RECORDED)
+            for name, h, recorded in (("Strang", 0.4189, 10.7), ("Strang", 0.1, 4.5e-4), ("RKN6", 0.1047, 3.54e-10))
+        ),
+    ]  # fmt: skip
+    return Study("kick_resonance", findings, columns)

@@ -1,0 +1,109 @@
+"""What an accuracy costs by each kind of method: read off the collected figures."""
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from rbfmu.studies.work_precision.collection import Point
+
+DECADES = tuple(10.0**-k for k in range(2, 15))
+OWN = ("exact", "DOP853", "Taylor", "kicks")
+"""Families of the library's own methods; `planned` chooses among them."""
+OUTSIDE = ("classic", "Moser-Veselov")
+
+
+@dataclass(frozen=True)
+class Offer:
+    """A method's cost to reach an accuracy, s of the processor for the run."""
+
+    method: str
+    family: str
+    cost: float
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The best offers for an accuracy (rad) on a case; None where nobody reaches it."""
+
+    case: str
+    title: str
+    outputs: int
+    accuracy: float
+    own: Offer | None
+    planned: Offer | None
+    contestant: Offer | None
+    peer: Offer | None
+
+    def row(self) -> dict[str, object]:
+        """For a CSV file."""
+        found: dict[str, object] = {"case": self.case, "title": self.title, "outputs": self.outputs}
+        found["accuracy"] = self.accuracy
+        for name in ("own", "planned", "contestant", "peer"):
+            offer: Offer | None = getattr(self, name)
+            found |= {name: offer.method if offer else "", f"{name}_cost": offer.cost if offer else math.nan}
+        return found
+
+
+def _attitude_error(point: Point) -> float:
+    return point.attitude_error
+
+
+def front(points: Iterable[Point], error: Callable[[Point], float] = _attitude_error, gain: float = 1.0) -> list[Point]:
+    """The points that no cheaper one beats, by falling error; each below `gain` times the last one's."""
+    kept: list[Point] = []
+    for point in sorted(points, key=lambda p: p.seconds):
+        if not kept or error(point) < gain * error(kept[-1]):
+            kept.append(point)
+    return kept
+
+
+def cost_of(points: Iterable[Point], accuracy: float) -> float | None:
+    """What one method's points make an accuracy cost: between two points, by the power law through them."""
+    best = front(points)
+    if not best or best[-1].attitude_error > accuracy:
+        return None
+    if best[0].attitude_error <= accuracy:
+        return best[0].seconds
+    for coarse, fine in pairwise(best):
+        if fine.attitude_error <= accuracy:
+            if fine.family in ("exact", "planned"):
+                return fine.seconds
+            part = math.log(coarse.attitude_error / accuracy) / math.log(coarse.attitude_error / fine.attitude_error)
+            return float(coarse.seconds * (fine.seconds / coarse.seconds) ** part)
+    raise AssertionError
+
+
+def cheapest(points: Sequence[Point], families: Sequence[str], accuracy: float) -> Offer | None:
+    """The cheapest method of some families."""
+    offers = []
+    for method in dict.fromkeys(p.method for p in points if p.family in families):
+        mine = [p for p in points if p.method == method]
+        if (cost := cost_of(mine, accuracy)) is not None:
+            offers.append(Offer(method, mine[0].family, cost))
+    return min(offers, key=lambda offer: offer.cost, default=None)
+
+
+def answers(points: Sequence[Point], decades: Sequence[float] = DECADES) -> list[Answer]:
+    """Motion by motion, decade by decade."""
+    found = []
+    for motion in dict.fromkeys(p.motion for p in points):
+        mine = [p for p in points if p.motion == motion]
+        for accuracy in decades:
+            offers = (cheapest(mine, families, accuracy) for families in (OWN, ("planned",), OUTSIDE, ("peer",)))
+            found.append(Answer(mine[0].case, mine[0].title, mine[0].outputs, accuracy, *offers))
+    return found
+
+
+def text_of(seconds: float) -> str:
+    """Two digits and a unit: 0.41 µs, 8.1 µs, 170 µs, 1.4 ms."""
+    for size, unit in ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs")):
+        if seconds >= 0.9995 * size or unit == "µs":
+            return f"{rounded(seconds / size)} {unit}"
+    raise AssertionError
+
+
+def rounded(number: float) -> str:
+    """Two digits, all of a whole number's."""
+    number = float(f"{number:.1e}")
+    return f"{number:,.{max(0, 1 - math.floor(math.log10(number)))}f}"

@@ -1,0 +1,257 @@
+"""The motions on which methods compete, their references to 40 digits, and what each motion keeps."""
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import rbfmu
+from rbfmu.runs.errors import relative_error
+from rbfmu.runs.model_buffer import filled_buffer, initialize
+from rbfmu.runs.models import Plan
+from rbfmu.scene.scene import Scene
+from rbfmu_kernels.body.memory import body_of, loads_of, motion_of
+from rbfmu_kernels.integrators.splitting import is_symmetric_top
+from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
+from rbfmu_kernels.models import loaded_dop853
+
+Array = NDArray[np.float64]
+
+CHECKPOINTS = 5
+"""Where errors are taken, and the outputs of a run with few."""
+OUTPUT_STEP = 0.01
+"""s between the outputs of a run with many."""
+REFERENCES = Path(__file__).with_name("reference_motions.json")
+"""Written by examples/references/reference_motions.py."""
+_GENERAL = Plan("body under loads", "", 13)
+_NOTHING = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scene on which methods are compared at five checkpoints.
+
+    title: what a user would call such a motion; keeps: of "energy", "momentum" (its inertial components) and "vertical
+    momentum"; torque_free: no load makes a torque; outputs: how many states a method gives over the run, equally
+    spaced, the checkpoints among them.
+    """
+
+    key: str
+    title: str
+    scene: Scene
+    keeps: tuple[str, ...] = ()
+    torque_free: bool = False
+    outputs: int = CHECKPOINTS
+
+    @property
+    def span(self) -> float:
+        """Simulated time, s."""
+        return self.scene.run.stop
+
+    @property
+    def interval(self) -> float:
+        """Time between outputs, s."""
+        return self.span / self.outputs
+
+    @property
+    def checkpoints(self) -> slice:
+        """The checkpoints among the outputs."""
+        every = self.outputs // CHECKPOINTS
+        return slice(every - 1, None, every)
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """What all methods give: the position only where it has no closed form."""
+        return ("quaternion", "omega_b", "position") if self.turning_force else ("quaternion", "omega_b")
+
+    def with_many_outputs(self) -> "Case":
+        """The same motion with an output every `OUTPUT_STEP`."""
+        return replace(self, outputs=round(self.span / OUTPUT_STEP))
+
+    def asking(self, accuracy: float) -> Scene:
+        """The scene with an accuracy, which asks for what all methods give, at the outputs' times."""
+        tables = self.scene.to_dict()
+        tables["run"] |= {"accuracy": accuracy, "step": self.interval}
+        tables["outputs"]["quantities"] = list(self.quantities)
+        return Scene.from_dict(tables, self.key)
+
+    @cached_property
+    def buffer(self) -> Array:
+        """The buffer of `loaded_dop853` at the start, which holds body and loads."""
+        z = filled_buffer(self.scene, _GENERAL)
+        initialize(self.scene, loaded_dop853, z)
+        return z
+
+    @cached_property
+    def body(self) -> Body:
+        """Constants of the equations of motion."""
+        return body_of(self.buffer)
+
+    @cached_property
+    def loads(self) -> Loads:
+        """Loads of the equations of motion."""
+        return loads_of(self.buffer)
+
+    @cached_property
+    def start(self) -> State:
+        """Position and velocity of the centre of mass, q_ab, omega_b."""
+        return motion_of(self.buffer)
+
+    @property
+    def moments(self) -> tuple[float, float, float]:
+        """Principal moments about the reference point: all cases have principal axes."""
+        M = self.body.inertia
+        return M[0][0], M[1][1], M[2][2]
+
+    @property
+    def top(self) -> bool:
+        """Whether kicks composed with the symmetric flow apply."""
+        return not self.torque_free and bool(is_symmetric_top(self.body.inertia)) and self.body.damping_b == _NOTHING
+
+    @property
+    def long(self) -> bool:
+        """Whether steps would take minutes: few methods are tried, and seldom."""
+        return self.span > 1e5
+
+    @property
+    def turning_force(self) -> bool:
+        """Whether a force turns with a free body, so that its path has no closed form."""
+        return any(self.loads.force_b)
+
+    @cached_property
+    def rate(self) -> float:
+        """The largest |omega| at start and checkpoints, rad/s."""
+        return float(max(np.linalg.norm(self.start.omega_b), *np.linalg.norm(reference(self.key)["omega_b"], axis=1)))
+
+    def errors(self, states: Sequence[State]) -> dict[str, float]:
+        """Largest errors over the checkpoints, and drifts of what the motion keeps (NaN where it keeps none)."""
+        r, _, q, omega = (np.array(part, dtype=float) for part in zip(*states, strict=True))
+        truth = reference(self.key)
+        with np.errstate(over="ignore"):
+            sizes = np.linalg.norm(q, axis=1, keepdims=True)
+        if not (np.all(np.abs(r) < 1e50) and np.all(np.abs(omega) < 1e50) and np.all((sizes > 0.0) & (sizes < np.inf))):
+            return {"attitude": math.inf} | dict.fromkeys(("position", *DRIFTS), math.nan)
+        found = {
+            "attitude": _attitude_error(q / sizes, truth),
+            "position": float(np.max(relative_error(r, truth["r_c"], 1.0))),
+        }
+        now = self._kept(r, q / sizes, omega)
+        before = self._kept(*(np.array([x]) for x in (self.start.r_c, self.start.q_ab, self.start.omega_b)))
+        scale = {"energy": abs(before["energy"][0]), "momentum": np.linalg.norm(before["momentum"])}
+        for name in DRIFTS:
+            change = np.abs(now[name] - before[name]).reshape(CHECKPOINTS, -1)
+            size = scale["energy" if name == "energy" else "momentum"]
+            found[name] = float(np.max(np.linalg.norm(change, axis=1)) / size) if name in self.keeps else math.nan
+        return found
+
+    def _kept(self, r: Array, q: Array, omega: Array) -> dict[str, Array]:
+        """Energy of the rotation and of the weight about a pivot, and angular momentum, of (n, ...) states."""
+        h_a = rbfmu.rotate(q, rbfmu.angular_momentum(np.array(self.body.inertia), omega))
+        energy = 0.5 * np.sum(omega * rbfmu.angular_momentum(np.array(self.body.inertia), omega), axis=-1)
+        if self.body.is_free == 0.0:
+            energy = energy - rbfmu.rotate(q, np.array(self.body.arm_b)) @ np.array(self.loads.force_a)
+        return {"energy": energy, "momentum": h_a, "vertical momentum": h_a[:, 2]}
+
+
+DRIFTS = ("energy", "momentum", "vertical momentum")
+
+
+def _attitude_error(q: Array, truth: dict[str, Array]) -> float:
+    """Largest angle in rad to references in two parts: no error of the reference's own rounding."""
+    high, low = truth["q"], truth["q_low"]
+    sign = np.where(np.sum(q * high, axis=1, keepdims=True) < 0.0, -1.0, 1.0)
+    apart = np.linalg.norm((sign * q - high) - low, axis=1)
+    return float(np.max(4.0 * np.arctan2(apart, np.linalg.norm(sign * q + high, axis=1))))
+
+
+@cache
+def _references() -> dict[str, Any]:
+    return json.loads(REFERENCES.read_text())["motions"]  # type: ignore[no-any-return]
+
+
+@cache
+def reference(key: str) -> dict[str, Array]:
+    """The true motion at the checkpoints: q and its low part (5, 4), omega_b and r_c (5, 3)."""
+    motion = _references()[key]
+    high = np.array(motion["quaternion"], dtype=float)
+    low = np.array([[_low(x) for x in row] for row in motion["quaternion"]])
+    return {"q": high, "q_low": low} | {k: np.array(motion[k], dtype=float) for k in ("omega_b", "r_c")}
+
+
+def _low(digits: str) -> float:
+    """What a number's nearest double leaves of it."""
+    from fractions import Fraction
+
+    return float(Fraction(digits) - Fraction(float(digits)))
+
+
+def _scene(name: str, stop: float, body: dict[str, Any], omega_b: Sequence[float], **more: Any) -> Scene:
+    initial = {"omega_b": list(omega_b)} | more.pop("initial", {})
+    tables = {
+        "name": name,
+        "body": {"mass": 1.0} | body,
+        "initial": initial,
+        "loads": {"gravity_a": [0.0, 0.0, 0.0]} | more,
+        "run": {"stop": stop, "step": stop / CHECKPOINTS},
+    }
+    return Scene.from_dict(tables, name)
+
+
+BRICK = {"inertia": [1.0, 2.0, 3.0]}
+_LEANING = {"attitude": {"quaternion": [math.cos(0.3), math.sin(0.3), 0.0, 0.0]}}
+
+
+def _top(name: str, middle: float) -> Scene:
+    """A heavy top, m g r = 1 N m, moments (1, middle, 0.3) about the pivot, numbers exact in binary."""
+    arm = 0.125
+    body = {"inertia": [1.0 - arm * arm, middle - arm * arm, 0.3], "r_oc_b": [0.0, 0.0, arm], "pivot": True}
+    return _scene(name, 10.0, body, (0.0, 0.0, 50.0), initial=_LEANING, gravity_a=[0.0, 0.0, -8.0])
+
+
+def _free(name: str, stop: float) -> Scene:
+    return _scene(name, stop, BRICK, (0.3, 1.0, 0.2), initial={"attitude": {"quaternion": [0.5, 0.5, 0.5, 0.5]}})
+
+
+_KEPT = ("energy", "momentum")
+CASES = {
+    case.key: case
+    for case in (
+        Case("a", "free body", _free("free_body", 100.0), _KEPT, True),
+        Case("b", "free body, flipping", _scene("flipping", 60.0, BRICK, (1e-4, 2.0, 1e-4)), _KEPT, True),
+        Case("g", "free body, 1e6 turns", _free("million_turns", 6e6), _KEPT, True),
+        Case("c", "heavy top", _top("heavy_top", 1.0), ("energy", "vertical momentum")),
+        Case("c'", "heavy top, three moments", _top("three_moments", 1.25), ("energy", "vertical momentum")),
+        Case(
+            "d",
+            "constant body torque",
+            _scene("body_torque", 20.0, BRICK, (0.1, 0.2, 0.3), torque_b=[0.1, 0.05, -0.2]),
+        ),
+        Case("e", "damped spin", _scene("damped_spin", 10.0, BRICK, (0.0, 0.0, 10.0), damping_b=[0.5, 0.5, 0.5])),
+        Case(
+            "f",
+            "thruster off the centre",
+            _scene(
+                "thruster",
+                20.0,
+                {"mass": 2.0, "inertia": [1.0, 2.0, 2.5], "r_oc_b": [0.1, -0.2, 0.05]},
+                (0.3, -0.5, 0.8),
+                initial={"velocity": [1.0, 0.0, 0.0]},
+                gravity_a=[0.0, 0.0, -9.81],
+                force_b=[1.0, 0.5, -2.0],
+            ),
+        ),
+    )
+}
+"""By key: a to e as in the literature of this library's methods, f with six degrees of freedom, g long."""
+
+
+def described(case: Case) -> str:
+    """A motion's name, key and length, and how many outputs few and many are."""
+    many = "" if case.long else f", many: {case.with_many_outputs().outputs:,}"
+    return f"{case.title} ({case.key}), {case.span:,.0f} s; few outputs: {CHECKPOINTS}{many}"

@@ -1,0 +1,278 @@
+"""Collects the figures of all methods on all cases, interleaved, into a CSV file."""
+
+import csv
+import math
+import os
+import platform
+import random
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass, field, fields
+from importlib.metadata import version
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+import numpy as np
+
+from rbfmu.studies.work_precision.cases import CASES, Case
+from rbfmu.studies.work_precision.methods import Method, NotFeasibleError, Run, contestants
+from rbfmu.studies.work_precision.own import own_methods
+from rbfmu.studies.work_precision.peers import ABSENT, absent, peers
+
+Progress = Callable[[int, int, str], Any]
+LARGEST_ERROR = 1.0
+"""rad; what is worse is no answer and is not kept."""
+
+
+TIME_LIMIT = 0.3
+"""s of the processor that a run may take: where a method's finer settings would take more, it is stopped."""
+MOST_IDLE = 5
+"""Finer settings in a row that bring nothing, after which a method has given all."""
+
+
+@dataclass
+class Point:
+    """One method at one setting on one case.
+
+    outputs: states that a run gives; detail: what a plan chose; errors: rad, and of the position relative to its size,
+    at least 1 m; drifts relative; seconds: the least that a run took of the processor; spread: how far the least of
+    every other repeat and of the repeats between came apart, as a ratio; compiling: what the method's very first call
+    took longer (compilation, or loading what was compiled).
+    """
+
+    case: str
+    title: str
+    outputs: int
+    method: str
+    detail: str
+    family: str
+    setting: str
+    value: float
+    attitude_error: float
+    position_error: float
+    energy_drift: float
+    momentum_drift: float
+    vertical_momentum_drift: float
+    right_hand_sides: float
+    seconds: float
+    simulated: float
+    compiling: float
+    spread: float = 1.0
+
+    @property
+    def motion(self) -> tuple[str, int]:
+        """What methods are compared on: case and outputs."""
+        return self.case, self.outputs
+
+
+@dataclass(frozen=True)
+class Ending:
+    """The smallest error that a method came to on a case (infinite: none below `LARGEST_ERROR`), and why it ended."""
+
+    case: str
+    outputs: int
+    method: str
+    family: str
+    error: float
+    why: str
+
+    @property
+    def stopped(self) -> bool:
+        """Whether it might have done more, given time."""
+        return self.why == STOPPED
+
+
+STOPPED = "stopped: time limit"
+
+
+@dataclass(frozen=True)
+class Collection:
+    """All figures, where and why each method ended, and the limit of time, s."""
+
+    points: list[Point]
+    endings: list[Ending]
+    limit: float = TIME_LIMIT
+
+    @property
+    def noise(self) -> float:
+        """Within this ratio, costs are even: 19 of 20 costs came no further apart between two halves of the repeats."""
+        return float(np.percentile([point.spread for point in self.points], 95.0))
+
+
+@dataclass(frozen=True)
+class Extent:
+    """How much to collect."""
+
+    cases: Sequence[Case]
+    methods: Sequence[Method]
+    longest: float
+    repeats: int
+    shortest: float
+    quick: bool
+
+
+QUICK_CASES = ("a", "c", "d")
+QUICK_METHODS = (
+    "exact", "DOP853, error control", "Taylor, order 12", "kicks, order 4", "RK4, quaternion",
+    "Moser-Veselov, order 10", "SciPy DOP853", "SciPy odeint", "rbfmu, as planned",
+)  # fmt: skip
+
+
+def extent(quick: bool) -> Extent:
+    """All of it, or what a test has time for."""
+    methods = (*own_methods(), *contestants(), *peers()[0])
+    if not quick:
+        return Extent(tuple(few_and_many(CASES)), methods, TIME_LIMIT, 5, 2e-3, False)
+    few = [method for method in methods if method.name in QUICK_METHODS]
+    return Extent(tuple(few_and_many(QUICK_CASES)), few, 0.02, 2, 2e-4, True)
+
+
+def few_and_many(keys: Iterable[str]) -> Iterator[Case]:
+    """Cases with few and with many outputs; long ones with few."""
+    for key in keys:
+        yield CASES[key]
+        if not CASES[key].long:
+            yield CASES[key].with_many_outputs()
+
+
+def collect(what: Extent, progress: Progress) -> Collection:
+    """Try each method's settings, then time them in turn, in an order that no method can profit from."""
+    pairs = [(case, method) for case in what.cases for method in what.methods if method.suits(case)]
+    total = len(pairs) + what.repeats * len(what.cases)
+    found: list[Tried] = []
+    endings = [
+        Ending(case.key, case.outputs, method.name, method.family, math.inf, STOPPED)
+        for case in what.cases
+        for method in what.methods
+        if case.long and method.family == "peer"  # millions of steps
+    ]
+    first_calls: dict[str, float] = {}
+    for i, (case, method) in enumerate(pairs):
+        progress(i, total, f"{case.title}, {case.outputs} outputs: {method.name}")
+        tried, ending = explored(what, case, method, first_calls)
+        found += tried
+        endings.append(ending)
+    order = random.Random(1)
+    for repeat in range(what.repeats):
+        for j, case in enumerate(what.cases):
+            progress(len(pairs) + repeat * len(what.cases) + j, total, f"{case.title}: timing {repeat + 1}")
+            longest = what.longest * (3.0 if repeat < 2 else 0.1)
+            again = [t for t in found if t.point.motion == (case.key, case.outputs) and t.point.seconds < longest]
+            order.shuffle(again)
+            for tried_one in again:
+                tried_one.time(what.shortest)
+    progress(total, total, "")
+    return Collection([tried_one.point for tried_one in found], endings, what.longest)
+
+
+@dataclass
+class Tried:
+    """A point that can be timed again."""
+
+    point: Point
+    run: Run
+    times: list[float] = field(default_factory=list)
+
+    def time(self, shortest: float) -> None:
+        """Once more, for some `shortest` s; the point has the least of all times, and how far halves come apart."""
+        k = max(1, round(shortest / self.point.seconds))
+        self.times.append(self.run.seconds(k) / k)
+        halves = [min(half) for half in (self.times[::2], self.times[1::2]) if half]
+        self.point.seconds, self.point.spread = min(halves), max(halves) / min(halves)
+
+
+def explored(what: Extent, case: Case, method: Method, first_calls: dict[str, float]) -> tuple[list[Tried], Ending]:
+    """Settings from coarse to fine until time or digits end; first_calls: by method, s, filled here."""
+    found: list[Tried] = []
+    least, last, idle, why = math.inf, math.inf, 0, "all settings tried"
+    for value in method.settings(case, what.quick):
+        try:
+            run, errors, seconds = _tried(case, method, value, first_calls)
+        except NotFeasibleError as error:
+            why = f"not run at {value:g}: {' '.join(str(error).split())}"[:200]
+            continue
+        why = "all settings tried"
+        if errors["attitude"] <= LARGEST_ERROR:
+            found.append(Tried(_point(case, method, value, run, errors, seconds, first_calls[method.name]), run))
+        idle = 0 if errors["attitude"] < 0.7 * least else idle + (errors["attitude"] != last)
+        last = errors["attitude"]  # equal where both take one step to each output
+        least = min(least, errors["attitude"])
+        if 1.5 * seconds > what.longest and not case.long:
+            why = STOPPED
+            break
+        if idle >= MOST_IDLE and least < 1e-2:
+            why = "no more digits"
+            break
+    best = min((tried.point.attitude_error for tried in found), default=math.inf)
+    return found, Ending(case.key, case.outputs, method.name, method.family, best, why)
+
+
+def _tried(
+    case: Case, method: Method, value: float, first_calls: dict[str, float]
+) -> tuple[Run, dict[str, float], float]:
+    """Ready to run, its errors, the s of a run."""
+    start = process_time()
+    run = method.run(case, value)
+    errors = case.errors(run.states())
+    if method.name in first_calls:
+        return run, errors, run.seconds(1)
+    run.seconds(1)
+    first = process_time() - start
+    seconds = run.seconds(1)
+    first_calls[method.name] = max(0.0, first - 2.0 * seconds)
+    return run, errors, seconds
+
+
+def _point(
+    case: Case, method: Method, value: float, run: Run, errors: dict[str, float], seconds: float, compiling: float
+) -> Point:
+    drifts = (errors["energy"], errors["momentum"], errors["vertical momentum"])
+    return Point(
+        *(case.key, case.title, case.outputs, method.name, run.detail, method.family, method.setting, value),
+        *(errors["attitude"], errors["position"], *drifts, run.evaluations, seconds, case.span, compiling),
+    )
+
+
+def machine() -> list[str]:
+    """What it ran on: lines for a file's head."""
+    packages = ("numpy", "numba", "llvmlite")
+    theirs = ", ".join(f"{name} {found}" for name, found in peers()[1].items() if found != ABSENT)
+    return [
+        f"{_processor()}, {os.cpu_count()} processors, {platform.platform()}",
+        f"Python {platform.python_version()}, " + ", ".join(f"{name} {version(name)}" for name in packages),
+        *([theirs] if theirs else []),
+        *absent(),
+    ]
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), platform.machine())
+
+
+def write_rows(path: Path, rows: Iterable[dict[str, Any]], head: Iterable[str]) -> Path:
+    """A CSV file whose first lines, after #, say where the figures come from."""
+    rows = list(rows)
+    with path.open("w", newline="", encoding="utf-8") as file:
+        file.writelines(f"# {' '.join(line.split())}\n" for line in head)
+        writer = csv.DictWriter(file, list(rows[0]))
+        writer.writeheader()
+        writer.writerows(rows)
+    return path
+
+
+def write_points(path: Path, points: Sequence[Point]) -> Path:
+    """The collected figures; every digit."""
+    return write_rows(path, map(asdict, points), machine())
+
+
+def read_points(path: Path) -> list[Point]:
+    """What `write_points` wrote."""
+    texts = {name.name for name in fields(Point) if name.type is str}
+    with path.open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
+    values: list[dict[str, Any]] = [{name: x if name in texts else float(x) for name, x in row.items()} for row in rows]
+    return [Point(**row | {"outputs": int(row["outputs"])}) for row in values]

@@ -1,0 +1,97 @@
+"""heyoka.py: Taylor series that LLVM compiles, with dense output, for the equations of one body."""
+
+from collections.abc import Iterator
+from functools import cache
+from itertools import islice
+from typing import Any
+
+from rbfmu.studies.work_precision.cases import CASES, Case
+from rbfmu.studies.work_precision.methods import NotFeasibleError, Run, module, timed, tolerances
+from rbfmu.studies.work_precision.solvers import start_of, states_of, times_of
+from rbfmu_kernels.types import Vec3
+
+
+class Heyoka:
+    """`taylor_adaptive`, compiled once for a motion and tolerance; `propagate_grid` evaluates its series at outputs."""
+
+    family, setting, name = "peer", "tol", "heyoka.py"
+
+    def suits(self, case: Case) -> bool:
+        """All but a million turns, which take too long."""
+        return not case.long
+
+    def settings(self, case: Case, quick: bool) -> Iterator[float]:
+        """Powers of ten: each is compiled for seconds, since the order follows from it."""
+        return islice(tolerances(-2, -15, False), 0, None, 6 if quick else 2)
+
+    def run(self, case: Case, value: float) -> Run:
+        """At a tolerance."""
+        series, y, grid = _integrator(case.key, value), start_of(case), times_of(case)
+        success = module("heyoka").taylor_outcome.time_limit
+
+        def once() -> Any:
+            series.time = 0.0
+            series.state[:] = y
+            return series.propagate_grid(grid)
+
+        outcome, *_, rows = once()
+        if outcome != success:
+            raise NotFeasibleError(str(outcome))
+        found = states_of(case, rows)
+        return Run(lambda: found, timed(lambda k: [once() for _ in range(k)]), float("nan"))
+
+
+@cache
+def _integrator(key: str, tolerance: float) -> Any:
+    case = CASES[key]
+    return module("heyoka").taylor_adaptive(equations(case), list(start_of(case)), tol=tolerance)
+
+
+def equations(case: Case) -> list[tuple[Any, Any]]:
+    """(variable, rate) of q_ab, omega_b and, where the force turns with the body, r_c and v_c; M is diagonal."""
+    q, w = (module("heyoka").make_vars(*(f"{letter}{i}" for i in range(n))) for letter, n in (("q", 4), ("w", 3)))
+    inverse_mass, M, _, arm, damping, free = case.body
+    gravity_a, force_a, force_b, torque_a, torque_b = case.loads
+    e, u = q[0], tuple(q[1:])
+    R = _rotation(e, u)
+    force = _sum(force_b, _times_transposed(R, force_a))
+    torque = _sum(torque_b, _times_transposed(R, torque_a), _cross(arm, force))
+    spin = _cross(tuple(M[i][i] * w[i] for i in range(3)), tuple(w))
+    dw = [(torque[i] + spin[i] - damping[i] * w[i]) / M[i][i] for i in range(3)]
+    dq = [-0.5 * _dot(u, w), *(0.5 * (e * w[i] + x) for i, x in enumerate(_cross(u, tuple(w))))]
+    system = [*zip(q, dq, strict=True), *zip(w, dw, strict=True)]
+    if not case.turning_force:
+        return system
+    r, v = (module("heyoka").make_vars(*(f"{letter}{i}" for i in range(3))) for letter in "rv")
+    dv = [free * gravity_a[i] + inverse_mass * (force_a[i] + _dot(R[i], force_b)) for i in range(3)]
+    return [*system, *zip(r, v, strict=True), *zip(v, dv, strict=True)]
+
+
+def _rotation(e: Any, u: Any) -> Any:
+    x, y, z = u
+    return (
+        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - e * z), 2.0 * (x * z + e * y)),
+        (2.0 * (x * y + e * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - e * x)),
+        (2.0 * (x * z - e * y), 2.0 * (y * z + e * x), 1.0 - 2.0 * (x * x + y * y)),
+    )
+
+
+def _product(a: Any, b: Any) -> Any:
+    """Nothing is left of a product with the number 0."""
+    return 0.0 if (isinstance(a, float) and a == 0.0) or (isinstance(b, float) and b == 0.0) else a * b
+
+
+def _dot(a: Any, b: Any) -> Any:
+    return _product(a[0], b[0]) + _product(a[1], b[1]) + _product(a[2], b[2])
+
+
+def _cross(a: Any, b: Any) -> Any:
+    return tuple(_product(a[i - 2], b[i - 1]) - _product(a[i - 1], b[i - 2]) for i in range(3))
+
+
+def _times_transposed(R: Any, v: Vec3) -> Any:
+    return tuple(_dot((R[0][i], R[1][i], R[2][i]), v) for i in range(3))
+
+
+def _sum(*vectors: Any) -> Any:
+    return tuple(sum(x[1:], x[0]) for x in zip(*vectors, strict=True))

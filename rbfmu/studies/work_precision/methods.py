@@ -1,0 +1,185 @@
+"""What competes: a method at one setting on one case is a `Run`, which gives its states and its time."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from time import process_time
+from typing import Any, Protocol
+
+from numba import njit
+
+from rbfmu.studies.reference_methods import CONTESTANTS, TORQUE_FREE_CONTESTANTS, Contestant
+from rbfmu.studies.reference_methods.one_step import midpoint
+from rbfmu.studies.work_precision.cases import CHECKPOINTS, Case
+from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
+
+
+class NotFeasibleError(Exception):
+    """A method cannot do a case at a setting; the message says why."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """A method at a setting: its states at the checkpoints, s of the processor for k solutions with all outputs.
+
+    evaluations: right-hand sides of one solution (0: none, NaN: not counted); detail: what a plan chose.
+    """
+
+    states: Callable[[], Sequence[State]]
+    seconds: Callable[[int], float]
+    evaluations: float
+    detail: str = ""
+
+
+class Method(Protocol):
+    """A contestant; its settings go from coarse to fine."""
+
+    @property
+    def name(self) -> str:
+        """Of the method."""
+
+    @property
+    def family(self) -> str:
+        """What shares a colour."""
+
+    @property
+    def setting(self) -> str:
+        """What is varied, and its unit."""
+
+    def suits(self, case: Case) -> bool:
+        """Whether the method applies to the case."""
+
+    def settings(self, case: Case, quick: bool) -> Iterator[float]:
+        """Values to try until no more digits, or too much time, come of it."""
+
+    def run(self, case: Case, value: float) -> Run:
+        """Ready to run; raises NotFeasibleError."""
+
+
+def timed(repeat: Callable[[int], Any]) -> Callable[[int], float]:
+    """The seconds that `repeat(k)` takes of the processor: waiting for it does not count."""
+
+    def seconds(k: int) -> float:
+        start = process_time()
+        repeat(k)
+        return process_time() - start
+
+    return seconds
+
+
+def step_counts(case: Case, quick: bool) -> Iterator[float]:
+    """Step sizes from 16 rad on, by factors of 2 (quick: 4); two that take seconds where motion is long."""
+    if case.long:
+        yield from (case.interval / round(case.interval * case.rate / radians) for radians in (0.25, 0.15))
+        return
+    n, last = max(1.0, case.interval * case.rate / 16.0), 0
+    while True:
+        if round(n) > last:
+            last = round(n)
+            yield case.interval / last
+        n *= 4.0 if quick else 2.0
+
+
+def tolerances(largest: int, smallest: int, quick: bool) -> Iterator[float]:
+    """Powers of ten, their square roots between."""
+    for k in range(2 * largest, 2 * smallest - 1, -(6 if quick else 1)):
+        yield 10.0 ** (k / 2)
+
+
+def tuples(r: Any, v: Any, q: Any, omega: Any) -> State:
+    """A state of whatever holds numbers."""
+    return State(*(tuple(map(float, x)) for x in (r, v, q, omega)))  # type: ignore[arg-type]
+
+
+def module(name: str) -> Any:
+    """A peer's module."""
+    try:
+        return import_module(name)
+    except ImportError as error:
+        raise NotFeasibleError(f"{name} is installed but does not load: {error}") from None
+
+
+# Fixed steps
+
+
+@njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+def _repeated(loop: Any, y: Any, h: float, n: int, outputs: int, body: Body, loads: Loads, k: int) -> Any:
+    """Solve k times, n steps to each output; each step size depends (by 0 *) on the last solution: none is left out."""
+    z = y
+    for _ in range(k):
+        step = h + 0.0 * z.omega_b[0]
+        z = y
+        for _ in range(outputs):
+            z = loop(z, step, n, body, loads)
+    return z
+
+
+@njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+def _midpoint_rounds(loop: Any, y: Any, h: float, n: int, body: Body, loads: Loads) -> float:
+    total = 0.0
+    for _ in range(n):
+        total += midpoint(y, h, body, loads)[1]
+        y = loop(y, h, 1, body, loads)
+    return total
+
+
+@dataclass(frozen=True)
+class FixedSteps:
+    """A one-step method, `rbfmu.studies.reference_methods` or alike."""
+
+    method: Contestant
+    family: str
+    applies: Callable[[Case], bool]
+    setting: str = "step (s)"
+
+    @property
+    def name(self) -> str:
+        """The contestant's."""
+        return self.method.name
+
+    def suits(self, case: Case) -> bool:
+        """As told; of a long motion, high orders only."""
+        return self.applies(case) and (self.method.order >= 8 or not case.long)
+
+    def settings(self, case: Case, quick: bool) -> Iterator[float]:
+        """Step sizes."""
+        return step_counts(case, quick)
+
+    def run(self, case: Case, value: float) -> Run:
+        """Steps of `value`."""
+        method, body, loads = self.method, case.body, case.loads
+        n, outputs = round(case.interval / value), case.outputs
+        start = method.start(case.start)
+
+        def states() -> list[State]:
+            found, y = [], start
+            for _ in range(CHECKPOINTS):
+                y = method.steps(y, value, n * outputs // CHECKPOINTS, body, loads)
+                found.append(method.state_of(y))
+            return found
+
+        if hasattr(method.steps, "py_func"):
+            seconds = timed(lambda k: _repeated(method.steps, start, value, n, outputs, body, loads, k))
+        else:  # not compiled as a whole: on and on, of which the calls are a small part
+            seconds = timed(lambda k: method.steps(start, value, outputs * n * k, body, loads))
+        evaluations = float(method.evaluations * outputs * n)
+        if method.name == "implicit midpoint":
+            evaluations = _midpoint_rounds(method.steps, start, value, outputs * n, body, loads)
+        return Run(states, seconds, evaluations)
+
+
+@cache
+def contestants() -> tuple[Method, ...]:
+    """One-step methods that people use, over the same right-hand sides."""
+    any_torque = [FixedSteps(method, "classic", _any_case) for method in CONTESTANTS.values()]
+    free = [FixedSteps(method, "Moser-Veselov", _torque_free) for method in TORQUE_FREE_CONTESTANTS.values()]
+    return (*any_torque, *free)
+
+
+def _any_case(case: Case) -> bool:
+    return True
+
+
+def _torque_free(case: Case) -> bool:
+    return case.torque_free

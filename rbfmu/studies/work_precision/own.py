@@ -1,0 +1,222 @@
+"""The library's methods as competitors."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+import rbfmu
+from rbfmu.planning.candidates import CLOSED
+from rbfmu.planning.select import plan
+from rbfmu.runs.model_buffer import aligned_zeros, filled_buffer, initialize
+from rbfmu.runs.models import Plan
+from rbfmu.runs.trajectory import substeps_counted
+from rbfmu.scene.scene import Scene, SceneError
+from rbfmu.studies.reference_methods import Contestant
+from rbfmu.studies.work_precision.cases import Case
+from rbfmu.studies.work_precision.methods import (
+    FixedSteps,
+    Method,
+    NotFeasibleError,
+    Run,
+    step_counts,
+    timed,
+    tolerances,
+    tuples,
+)
+from rbfmu_kernels.compile.decorator import kernel
+from rbfmu_kernels.exact.free_rotation import free_rotation_at, free_rotation_setup
+from rbfmu_kernels.integrators.splitting import rkn4_steps, rkn6_steps, strang_steps
+from rbfmu_kernels.mechanics.equations_of_motion import State
+from rbfmu_kernels.types import Quaternion, Vec3
+
+# The product's units: stepped from checkpoint to checkpoint, with all outputs
+
+
+@njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+def _unit_repeated(step: Any, z: Any, start: Any, interval: float, at: Any, out: Any, k: int) -> int:
+    """K runs; what stands at some places of the buffer is kept at every output."""
+    fault = 0
+    for _ in range(k):
+        z[:] = start
+        for i in range(len(out)):
+            fault += step(z, interval)
+            for j in range(len(at)):
+                out[i, j] = z[at[j]]
+    return fault
+
+
+def _run_of_unit(case: Case, scene: Scene, chosen: Plan, per_substep: float = math.nan, fixed: float = 0.0) -> Run:
+    """A plan's unit; per_substep: right-hand sides; fixed: the number of substeps where the unit counts none."""
+    unit, start = chosen.unit, filled_buffer(scene, chosen)
+    initialize(scene, unit, start)
+    z = aligned_zeros(len(start))
+    at = np.concatenate([np.arange(len(z))[unit.BLOCKS[name]] for name in case.quantities])
+    out = np.zeros((case.outputs, len(at)))
+    if _unit_repeated(unit.step, z, start, case.interval, at, out, 1):
+        out[:] = math.nan
+    found = [_state(case, row) for row in out[case.checkpoints]]
+    evaluations = per_substep * (fixed or substeps_counted(unit, z))
+    seconds = timed(lambda k: _unit_repeated(unit.step, z, start, case.interval, at, out, k))
+    return Run(lambda: found, seconds, evaluations, chosen.method)
+
+
+def _state(case: Case, row: Any) -> State:
+    """A row (q, omega, perhaps the position of o); without it the centre of mass stays (no load moves it)."""
+    q, omega = row[:4], row[4:7]
+    body = case.scene.body
+    assert body is not None
+    r = row[7:] + rbfmu.rotate(q, np.array(body.r_oc_b)) if len(row) > 7 else case.start.r_c
+    return tuples(r, case.start.v_c, q, omega)
+
+
+@dataclass(frozen=True)
+class Substeps:
+    """The units of a body under loads: with error control, or DOP853 in equal steps.
+
+    order: of Taylor series, 0 for DOP853.
+    """
+
+    order: int
+    controlled: bool = True
+
+    @property
+    def name(self) -> str:
+        """By method and how its steps are chosen."""
+        if self.order:
+            return f"Taylor, order {self.order}"
+        return "DOP853, error control" if self.controlled else "DOP853, fixed steps"
+
+    @property
+    def family(self) -> str:
+        """By method."""
+        return "Taylor" if self.order else "DOP853"
+
+    @property
+    def setting(self) -> str:
+        """What is varied."""
+        return "tolerance" if self.controlled else "step (s)"
+
+    def suits(self, case: Case) -> bool:
+        """All; of a long motion, fixed steps only."""
+        return not (self.controlled and case.long)
+
+    def settings(self, case: Case, quick: bool) -> Iterator[float]:
+        """Tolerances or step sizes."""
+        return tolerances(0, -16 if self.order else -15, quick) if self.controlled else step_counts(case, quick)
+
+    def run(self, case: Case, value: float) -> Run:
+        """With a tolerance or step of `value`."""
+        model = "body under loads, by series" if self.order else "body under loads"
+        substep, tolerance = (math.inf, value) if self.controlled else (value, 0.0)
+        chosen = Plan(model, self.name, 13, substep, tolerance, self.order)
+        fixed = 0.0 if self.controlled else float(case.outputs * round(case.interval / value))
+        return _run_of_unit(case, case.asking(1.0), chosen, self.order or 12.0, fixed)
+
+
+# Exact
+
+
+@kernel(inline=False)
+def _exact(out: Any, moments: Vec3, q: Quaternion, w: Vec3, span: float, k: int) -> float:
+    """K times: set up, then all outputs."""
+    rest, n = 0.0, len(out)
+    for _ in range(k):
+        setup = free_rotation_setup(moments, q, (w[0] + 0.0 * rest, w[1], w[2]))
+        for i in range(n):
+            q_ab, omega = free_rotation_at(setup, span * (i + 1) / n)
+            rest = omega[0] + q_ab[0]
+            out[i, 0], out[i, 1], out[i, 2], out[i, 3] = q_ab
+            out[i, 4], out[i, 5], out[i, 6] = omega
+    return rest
+
+
+class Exact:
+    """Exact torque-free motion."""
+
+    name, family, setting = "exact", "exact", "outputs"
+
+    def suits(self, case: Case) -> bool:
+        """Where no load makes a torque."""
+        return case.torque_free
+
+    def settings(self, case: Case, quick: bool) -> Iterator[float]:
+        """One: as many outputs as asked for."""
+        yield float(case.outputs)
+
+    def run(self, case: Case, value: float) -> Run:
+        """All outputs."""
+        out = np.zeros((case.outputs, 7))
+        q, w = case.start.q_ab, case.start.omega_b
+
+        def repeat(k: int) -> None:
+            _exact(out, case.moments, q, w, case.span, k)
+
+        def states() -> list[State]:
+            repeat(1)
+            return [_state(case, row) for row in out[case.checkpoints]]
+
+        return Run(states, timed(repeat), 0.0)
+
+
+# The product: plan, then step its unit
+
+
+class Planned:
+    """What `rbfmu.plan` chooses for an accuracy, with all of a unit's outputs."""
+
+    name, family, setting = "rbfmu, as planned", "planned", "accuracy asked"
+
+    def suits(self, case: Case) -> bool:
+        """All."""
+        return True
+
+    def settings(self, case: Case, quick: bool) -> Iterator[float]:
+        """Accuracies."""
+        return iter((1e-3, 1e-6, 1e-9, 1e-12)[:: 2 if quick else 1])
+
+    def run(self, case: Case, value: float) -> Run:
+        """Planned for the accuracy."""
+        scene = case.asking(value)
+        try:
+            chosen = plan(scene)
+        except SceneError as error:
+            raise NotFeasibleError(str(error)) from None
+        return _run_of_unit(case, scene, chosen)
+
+
+class ClosedForm(Planned):
+    """A closed form under torques: what a plan is then, whatever the accuracy."""
+
+    name, family = "closed form", "exact"
+
+    def suits(self, case: Case) -> bool:
+        """Where a plan is one."""
+        return not case.torque_free and plan(case.asking(1e-6)).model in CLOSED
+
+    def settings(self, case: Case, quick: bool) -> Iterator[float]:
+        """One."""
+        yield 1e-6
+
+
+_KICKS = (
+    Contestant("kicks, order 2 (Strang)", strang_steps, 2, 1),
+    Contestant("kicks, order 4", rkn4_steps, 4, 6),
+    Contestant("kicks, order 6", rkn6_steps, 6, 11),
+)
+
+
+@cache
+def own_methods() -> tuple[Method, ...]:
+    """The library's methods, the plan last."""
+    kicks = [FixedSteps(kick, "kicks", _top) for kick in _KICKS]
+    series = [Substeps(order) for order in (6, 8, 12, 16, 20, 24)]
+    return Exact(), ClosedForm(), Substeps(0), Substeps(0, False), *series, *kicks, Planned()
+
+
+def _top(case: Case) -> bool:
+    return case.top

@@ -1,0 +1,88 @@
+"""Plans held against the best of the library's own methods, and against the best peer, at the same accuracy."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from rbfmu.studies.work_precision.answers import OUTSIDE, OWN, Offer, cheapest
+from rbfmu.studies.work_precision.cases import CHECKPOINTS
+from rbfmu.studies.work_precision.collection import Collection, Point
+
+DEAREST = 1.3
+"""A plan may cost so many times the best contestant: it is made without knowing the truth."""
+REFUSED = "refused"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A plan for an accuracy, the best contestant at the plan's error, the best peer at that accuracy.
+
+    cost: infinite where no plan is made; stopped: peers that the limit of time stopped before that accuracy; noise:
+    costs within this ratio are even.
+    """
+
+    case: str
+    title: str
+    outputs: int
+    accuracy: float
+    method: str
+    error: float
+    cost: float
+    contestant: Offer | None
+    peer: Offer | None
+    stopped: tuple[str, ...]
+    noise: float
+
+    @property
+    def many(self) -> bool:
+        """Whether outputs are many."""
+        return self.outputs > CHECKPOINTS
+
+    @property
+    def dearness(self) -> float:
+        """The cost over the best contestant's, 0 where none is as accurate."""
+        return self.cost / self.contestant.cost if self.contestant else 0.0
+
+    @property
+    def lead(self) -> float:
+        """The best peer's cost over this one's, infinite where none is as accurate, 0 where only peers are."""
+        return self.peer.cost / self.cost if self.peer else math.inf
+
+    @property
+    def even(self) -> bool:
+        """Whether noise could turn the verdict."""
+        return 1.0 / self.noise <= self.lead <= self.noise
+
+    @property
+    def kept(self) -> bool:
+        """Whether error and cost are as they should be."""
+        return self.error <= self.accuracy and self.dearness <= DEAREST * self.noise
+
+
+def verdicts(found: Collection) -> list[Verdict]:
+    """For each motion and each accuracy that plans were asked for."""
+    asked = sorted({p.value for p in found.points if p.family == "planned"}, reverse=True)
+    noise, verdicts_found = found.noise, []
+    for motion in dict.fromkeys(p.motion for p in found.points):
+        mine = [p for p in found.points if p.motion == motion]
+        for accuracy in asked:
+            stopped = tuple(_stopped(found, motion, accuracy))
+            verdicts_found.append(_verdict(mine, accuracy, stopped, noise))
+    return verdicts_found
+
+
+def _stopped(found: Collection, motion: tuple[str, int], accuracy: float) -> Iterator[str]:
+    for ending in found.endings:
+        mine = (ending.case, ending.outputs) == motion and ending.family == "peer"
+        if mine and ending.stopped and ending.error > accuracy:
+            yield ending.method
+
+
+def _verdict(points: Sequence[Point], accuracy: float, stopped: tuple[str, ...], noise: float) -> Verdict:
+    planned = next((p for p in points if p.family == "planned" and p.value == accuracy), None)
+    error = planned.attitude_error if planned else math.inf
+    made = (planned.detail, error, planned.seconds) if planned else (REFUSED, error, math.inf)
+    rival = cheapest(points, (*OWN, *OUTSIDE), min(error, accuracy))
+    peer = cheapest(points, ("peer",), accuracy)
+    head = (points[0].case, points[0].title, points[0].outputs, accuracy)
+    return Verdict(*head, *made, rival, peer, stopped, noise)

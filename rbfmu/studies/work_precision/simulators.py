@@ -1,0 +1,277 @@
+"""Other people's simulators on the same cases, where they are installed; each is imported at its turn."""
+
+import math
+from collections.abc import Iterable, Iterator
+from itertools import islice
+from time import process_time
+from typing import Any
+
+import numpy as np
+
+import rbfmu
+from rbfmu.studies.work_precision.cases import CHECKPOINTS, Case
+from rbfmu.studies.work_precision.methods import NotFeasibleError, Run, module, step_counts, timed, tolerances, tuples
+from rbfmu_kernels.mechanics.equations_of_motion import State
+
+
+def _text(numbers: Iterable[float]) -> str:
+    return " ".join(map(repr, numbers))
+
+
+# MuJoCo
+
+_MUJOCO = """<mujoco><option timestep="{h!r}" integrator="{integrator}" gravity="{gravity}">
+<flag contact="disable" constraint="disable"/></option>
+<worldbody><body>{joint}<inertial pos="{at}" mass="{mass!r}" diaginertia="{moments}"/>
+<site name="o"/></body></worldbody>
+<actuator><motor site="o" gear="{load}"/></actuator></mujoco>"""
+
+
+class MuJoCo:
+    """A single free body, or one on a ball joint, stepped in C."""
+
+    family, setting = "peer", "step (s)"
+
+    def __init__(self, integrator: str) -> None:
+        self.integrator, self.name = integrator, f"MuJoCo {integrator}"
+
+    def suits(self, case: Case) -> bool:
+        """All but a million turns, which take too long."""
+        return not case.long
+
+    def settings(self, case: Case, quick: bool) -> Iterator[float]:
+        """Step sizes, none of those that it warns of."""
+        return (h for h in step_counts(case, quick) if h * case.rate <= 1.0)
+
+    def run(self, case: Case, value: float) -> Run:
+        """Steps of `value`."""
+        mujoco = module("mujoco")
+        mujoco.set_mju_user_warning(lambda text: None)  # else it writes a log to the working folder
+        body, loads, initial = case.scene.body, case.scene.loads, case.scene.initial
+        assert body is not None
+        ball = body.pivot or any(loads.damping_b)
+        if len(set(loads.damping_b)) > 1:
+            raise NotFeasibleError("a ball joint's damping is the same about all axes")
+        model = mujoco.MjModel.from_xml_string(
+            _MUJOCO.format(
+                h=value,
+                integrator=self.integrator,
+                gravity=_text(loads.gravity_a),
+                joint=f'<joint type="ball" damping="{loads.damping_b[0]}"/>' if ball else '<freejoint align="false"/>',
+                at=_text(body.r_oc_b),
+                mass=body.mass,
+                moments=_text(body.M_c[k][k] for k in range(3)),
+                load=_text((*loads.force_b, *loads.torque_b)),
+            )
+        )
+        data, n = mujoco.MjData(model), round(case.interval / value)
+
+        def begin() -> None:
+            mujoco.mj_resetData(model, data)
+            data.qpos[:] = (*(() if ball else initial.position), *initial.quaternion)
+            data.qvel[:] = (*(() if ball else initial.velocity), *initial.omega_b)
+            data.ctrl[:] = 1.0
+
+        def state() -> State:
+            q, omega = np.array(data.qpos[-4:]), np.array(data.qvel[-3:])
+            if ball:
+                return tuples(case.start.r_c, case.start.v_c, q, omega)
+            r = data.qpos[:3] + rbfmu.rotate(q, np.array(body.r_oc_b))
+            return tuples(r, np.zeros(3), q, omega)
+
+        def states() -> list[State]:
+            begin()
+            every = n * case.outputs // CHECKPOINTS
+            return [(mujoco.mj_step(model, data, every), state())[1] for _ in range(CHECKPOINTS)]
+
+        out = np.zeros((case.outputs, len(data.qpos)))
+
+        def repeat(k: int) -> None:
+            step, qpos = mujoco.mj_step, data.qpos
+            for _ in range(k):
+                begin()
+                for row in out:
+                    step(model, data, n)
+                    row[:] = qpos
+
+        return Run(states, timed(repeat), float((4 if self.integrator == "RK4" else 1) * case.outputs * n))
+
+
+# Basilisk
+
+
+class Basilisk:
+    """A spacecraft hub with a constant torque."""
+
+    family = "peer"
+
+    def __init__(self, integrator: str) -> None:
+        self.integrator, self.name = integrator, f"Basilisk {integrator}"
+        self.controlled = integrator == "RKF78"
+        self.setting = "tolerance" if self.controlled else "step (s)"
+
+    def suits(self, case: Case) -> bool:
+        """No pivot, no damping, no force off the centre; a million turns take too long."""
+        return case.key in ("a", "b", "d")
+
+    def settings(self, case: Case, quick: bool) -> Iterator[float]:
+        """Tolerances or step sizes; time is in whole nanoseconds."""
+        if self.controlled:
+            return tolerances(-6, -13, quick)  # a radian a step is as accurate as larger ones
+        whole = (n for n in range(1, 10**6) if round(case.interval * 1e9) % n == 0)
+        steps = (case.interval / n for n in whole if case.interval / n * case.rate <= 4.0)
+        return islice(steps, 0, None, 3 if quick else 1)
+
+    def run(self, case: Case, value: float) -> Run:
+        """Steps of `value`, or error control within tasks of a radian, after which it keeps its parameters regular."""
+        n = math.ceil(case.interval * max(1.0, case.rate)) if self.controlled else round(case.interval / value)
+        n = n if round(case.interval * 1e9) % n == 0 else math.ceil(case.interval) * 4
+        recorder: Any = None
+
+        def execute() -> float:
+            nonlocal recorder
+            nanoseconds = round(case.interval * 1e9) // n
+            simulation, recorder = self._simulation(case, value, nanoseconds)
+            simulation.InitializeSimulation()
+            simulation.ConfigureStopTime(case.outputs * n * nanoseconds)
+            start = process_time()
+            simulation.ExecuteSimulation()
+            return process_time() - start
+
+        def states() -> list[State]:
+            execute()
+            sigma, omega = np.array(recorder.sigma_BN), np.array(recorder.omega_BN_B)
+            rows = range(n, case.outputs * n + 1, n)[case.checkpoints]
+            return [tuples(case.start.r_c, case.start.v_c, _quaternion_from_mrp(sigma[i]), omega[i]) for i in rows]
+
+        evaluations = math.nan if self.controlled else 4.0 * case.outputs * n
+        return Run(states, lambda k: sum(execute() for _ in range(k)), evaluations)
+
+    def _simulation(self, case: Case, value: float, nanoseconds: int) -> tuple[Any, Any]:
+        """One for each run: a second start of the same one warns."""
+        base = module("Basilisk.utilities.SimulationBaseClass")
+        craft, forces = (
+            module("Basilisk.simulation.spacecraft"),
+            module("Basilisk.simulation.extForceTorque"),
+        )
+        integrators = module("Basilisk.simulation.svIntegrators")
+        simulation = base.SimBaseClass()
+        simulation.CreateNewProcess("process").addTask(simulation.CreateNewTask("task", nanoseconds))
+        hub = craft.Spacecraft()
+        initial, moments, body = case.scene.initial, case.moments, case.scene.body
+        assert body is not None
+        hub.hub.mHub = body.mass
+        hub.hub.IHubPntBc_B = [[moments[i] if i == j else 0.0 for j in range(3)] for i in range(3)]
+        e, *x = initial.quaternion
+        hub.hub.sigma_BNInit = [[a / (1.0 + e)] for a in x]
+        hub.hub.omega_BN_BInit = [[w] for w in initial.omega_b]
+        integrator = getattr(integrators, f"svIntegrator{self.integrator}")(hub)
+        if self.controlled:
+            integrator.relTol = integrator.absTol = value
+        hub.setIntegrator(integrator)
+        simulation.AddModelToTask("task", hub)
+        torque = forces.ExtForceTorque()
+        torque.extTorquePntB_B = [[t] for t in case.scene.loads.torque_b]
+        hub.addDynamicEffector(torque)
+        simulation.AddModelToTask("task", torque)
+        recorder = hub.scStateOutMsg.recorder(nanoseconds)
+        simulation.AddModelToTask("task", recorder)
+        simulation.kept = (integrator, torque, hub)
+        return simulation, recorder
+
+
+def _quaternion_from_mrp(sigma: Any) -> Any:
+    square = float(sigma @ sigma)
+    return np.array((1.0 - square, *(2.0 * sigma))) / (1.0 + square)
+
+
+# Drake
+
+
+class Drake:
+    """A multibody plant of one free body, or of one on a ball joint."""
+
+    family, setting = "peer", "target accuracy"
+
+    def __init__(self, scheme: str, label: str) -> None:
+        self.scheme, self.name = scheme, f"Drake {label}"
+
+    def suits(self, case: Case) -> bool:
+        """No load that turns with the body (it would be a Python callback); a million turns take too long.
+
+        RK5 does not end on ball joints: it walks into the singularity of their Euler angles.
+        """
+        return case.key in ("a", "b") or (case.key in ("c", "c'", "e") and self.scheme == "runge_kutta3")
+
+    def settings(self, case: Case, quick: bool) -> Iterator[float]:
+        """Accuracies."""
+        return tolerances(-2, -13, quick)
+
+    def run(self, case: Case, value: float) -> Run:
+        """At a target accuracy."""
+        analysis = module("pydrake.systems.analysis")
+        plant, body, ball = self._plant(case)
+        initial = case.scene.initial
+
+        def simulator() -> Any:
+            made = analysis.Simulator(plant)
+            integrator = analysis.ResetIntegratorFromFlags(made, self.scheme, case.interval)
+            integrator.set_target_accuracy(value)
+            context = made.get_mutable_context()
+            omega_a = rbfmu.rotate(np.array(initial.quaternion), np.array(initial.omega_b))
+            if ball is None:
+                plant.SetPositions(context, (*initial.quaternion, *initial.position))
+                plant.SetVelocities(context, (*omega_a, *initial.velocity))
+            else:
+                yaw, pitch, roll = rbfmu.euler_from_quaternion("ZYX", np.array(initial.quaternion))
+                ball.set_angles(context, (roll, pitch, yaw))
+                ball.set_angular_velocity(
+                    context, rbfmu.rotate(np.array(initial.quaternion), np.array(initial.omega_b))
+                )
+            made.Initialize()
+            return made
+
+        def states() -> list[State]:
+            made, found = simulator(), []
+            for t in (case.interval * np.arange(1, case.outputs + 1))[case.checkpoints]:
+                try:
+                    made.AdvanceTo(t)
+                except RuntimeError as error:  # the joint's pitch came (near) to 90 degrees
+                    raise NotFeasibleError(str(error)) from None
+                context = made.get_context()
+                R = plant.EvalBodyPoseInWorld(context, body).rotation()
+                omega = R.matrix().T @ plant.EvalBodySpatialVelocityInWorld(context, body).rotational()
+                found.append(tuples(case.start.r_c, case.start.v_c, rbfmu.quaternion_from_matrix(R.matrix()), omega))
+            evaluations.append(made.get_integrator().get_num_derivative_evaluations())
+            return found
+
+        def seconds(k: int) -> float:
+            total = 0.0
+            for _ in range(k):
+                made = simulator()
+                start = process_time()
+                for i in range(1, case.outputs + 1):
+                    made.AdvanceTo(i * case.interval)
+                total += process_time() - start
+            return total
+
+        evaluations: list[int] = []
+        found = states()
+        return Run(lambda: found, seconds, float(evaluations[0]))
+
+    def _plant(self, case: Case) -> tuple[Any, Any, Any]:
+        multibody, tree = module("pydrake.multibody.plant"), module("pydrake.multibody.tree")
+        scene_body, loads = case.scene.body, case.scene.loads
+        assert scene_body is not None
+        plant = multibody.MultibodyPlant(time_step=0.0)
+        M, r, mass = scene_body.M_o, scene_body.r_oc_b, scene_body.mass
+        inertia = tree.UnitInertia(*(M[k][k] / mass for k in range(3)))
+        body = plant.AddRigidBody("body", tree.SpatialInertia(mass, r, inertia))
+        ball = None
+        if scene_body.pivot or any(loads.damping_b):
+            ball = plant.AddJoint(
+                tree.BallRpyJoint("ball", plant.world_frame(), body.body_frame(), damping=loads.damping_b[0])
+            )
+        plant.mutable_gravity_field().set_gravity_vector(loads.gravity_a)
+        plant.Finalize()
+        return plant, body, ball

@@ -1,0 +1,184 @@
+"""Other people's solvers of differential equations on the same cases, set up as their own users would.
+
+SciPy's solvers call a right-hand side that Numba compiled; numbalsoda's are called from compiled code themselves.
+"""
+
+from collections.abc import Callable, Iterator
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numba import carray, cfunc, njit
+
+from rbfmu.studies.work_precision.cases import Case
+from rbfmu.studies.work_precision.methods import Method, NotFeasibleError, Run, module, timed, tolerances, tuples
+from rbfmu_kernels.body.memory import body_of, loads_of
+from rbfmu_kernels.mechanics.equations_of_motion import State, state_rates
+
+MOST_STEPS = 10**6
+"""Between two outputs; the solvers' own limits end long before."""
+
+
+@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+def put_rates(f: Any, y: Any, z: Any) -> None:
+    """d/dt of (q, omega) or (q, omega, r_c, v_c) for the body of a unit's buffer z, to f."""
+    r, v = ((y[7], y[8], y[9]), (y[10], y[11], y[12])) if len(y) > 7 else ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    state = State(r, v, (y[0], y[1], y[2], y[3]), (y[4], y[5], y[6]))
+    dr, dv, dq, dw = state_rates(state, body_of(z), loads_of(z))
+    f[0], f[1], f[2], f[3] = dq
+    f[4], f[5], f[6] = dw
+    if len(y) > 7:
+        f[7], f[8], f[9] = dr
+        f[10], f[11], f[12] = dv
+
+
+@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+def _rates(t: float, y: Any, z: Any) -> Any:
+    f = np.empty(len(y))
+    put_rates(f, y, z)
+    return f
+
+
+def _numpy_rates(case: Case) -> Callable[[float, Any], Any]:
+    """The same as people write it."""
+    inverse_mass, M, M_inverse, arm, damping, _ = (np.array(x) for x in case.body)
+    gravity_a, force_a, force_b, torque_a, torque_b = (np.array(x) for x in case.loads)
+
+    def rates(t: float, y: Any) -> Any:
+        e, u, w = y[0], y[1:4], y[4:7]
+        skew = np.array([[0.0, -u[2], u[1]], [u[2], 0.0, -u[0]], [-u[1], u[0], 0.0]])
+        R = np.eye(3) + 2.0 * (e * skew + skew @ skew)
+        torque = np.cross(arm, force_b + R.T @ force_a) + torque_b + R.T @ torque_a - damping * w - np.cross(w, M @ w)
+        f = [-0.5 * u @ w, *(0.5 * (e * w + np.cross(u, w))), *(M_inverse @ torque)]
+        return f if len(y) == 7 else [*f, *y[10:13], *(gravity_a + inverse_mass * (force_a + R @ force_b))]
+
+    return rates
+
+
+def start_of(case: Case) -> Any:
+    """(q, omega), and (r_c, v_c) where the path has no closed form."""
+    r, v, q, omega = case.start
+    return np.array((*q, *omega, *r, *v) if case.turning_force else (*q, *omega))
+
+
+def times_of(case: Case) -> Any:
+    """The start and all outputs."""
+    return np.arange(case.outputs + 1) * case.interval
+
+
+def states_of(case: Case, rows: Any) -> list[State]:
+    """At the checkpoints, of rows at the start and at all outputs."""
+    r, v = case.start.r_c, case.start.v_c
+    chosen = rows[1:][case.checkpoints]
+    return [tuples(x[7:10], x[10:13], x[:4], x[4:7]) if len(x) > 7 else tuples(r, v, x[:4], x[4:7]) for x in chosen]
+
+
+class _Solver:
+    """What is varied is the tolerance."""
+
+    family, setting, name = "peer", "rtol = atol", ""
+
+    def suits(self, case: Case) -> bool:
+        """All but a million turns, which take too long."""
+        return not case.long
+
+    def settings(self, case: Case, quick: bool) -> Iterator[float]:
+        """Tolerances."""
+        return tolerances(-2, -13, quick)
+
+
+class SolveIvp(_Solver):
+    """`scipy.integrate.solve_ivp`, its right-hand sides compiled with Numba, or in NumPy."""
+
+    def __init__(self, method: str, compiled: bool = True) -> None:
+        self.method, self.compiled = method, compiled
+        self.name = f"SciPy {method}" if compiled else f"SciPy {method}, NumPy"
+
+    def run(self, case: Case, value: float) -> Run:
+        """At a tolerance."""
+        solve = module("scipy.integrate").solve_ivp
+        y, times, z = start_of(case), times_of(case), case.buffer
+        rates = (lambda t, y: _rates(t, y, z)) if self.compiled else _numpy_rates(case)
+
+        def once() -> Any:
+            return solve(rates, (0.0, times[-1]), y, self.method, times, rtol=value, atol=value)
+
+        first = once()
+        if not first.success:
+            raise NotFeasibleError(first.message)
+        found = states_of(case, first.y.T)
+        return Run(lambda: found, timed(lambda k: [once() for _ in range(k)]), float(first.nfev))
+
+
+class Odeint(_Solver):
+    """`scipy.integrate.odeint`: LSODA that is called once for all outputs, right-hand side compiled with Numba."""
+
+    name = "SciPy odeint"
+
+    def run(self, case: Case, value: float) -> Run:
+        """At a tolerance."""
+        odeint = module("scipy.integrate").odeint
+        y, times, more = start_of(case), times_of(case), (case.buffer,)
+
+        def once() -> Any:
+            return odeint(_rates, y, times, more, rtol=value, atol=value, mxstep=MOST_STEPS, tfirst=True)
+
+        rows, told = odeint(
+            _rates, y, times, more, full_output=True, rtol=value, atol=value, mxstep=MOST_STEPS, tfirst=True
+        )
+        if told["message"] != "Integration successful.":
+            raise NotFeasibleError(told["message"])
+        found = states_of(case, rows)
+        return Run(lambda: found, timed(lambda k: [once() for _ in range(k)]), float(told["nfe"][-1]))
+
+
+@cache
+def _callback(n: int, size: int) -> Any:
+    """numbalsoda's right-hand side for n states and a buffer of a size."""
+
+    @cfunc(module("numbalsoda").lsoda_sig)  # type: ignore[untyped-decorator]
+    def rates(t: float, y: Any, f: Any, z: Any) -> None:
+        put_rates(carray(f, (n,)), carray(y, (n,)), carray(z, (size,)))
+
+    return rates
+
+
+@cache
+def _solved(method: str) -> Any:
+    """K solutions by one of numbalsoda's methods, the last of which is kept."""
+    solve = getattr(module("numbalsoda"), method)
+
+    @njit  # type: ignore[untyped-decorator]
+    def solved(address: int, y: Any, times: Any, z: Any, tolerance: float, k: int) -> Any:
+        for _ in range(k):
+            rows, success = solve(address, y, times, z, tolerance, tolerance, MOST_STEPS)
+        return rows, success
+
+    return solved
+
+
+class Numbalsoda(_Solver):
+    """numbalsoda's LSODA or DOP853, called from a compiled loop."""
+
+    def __init__(self, method: str) -> None:
+        self.method, self.name = method, f"numbalsoda {method.upper()}"
+
+    def run(self, case: Case, value: float) -> Run:
+        """At a tolerance."""
+        y, times, z = start_of(case), times_of(case), case.buffer
+        solved, address = _solved(self.method), _callback(len(y), len(z)).address
+        rows, success = solved(address, y, times, z, value, 1)
+        if not success:
+            raise NotFeasibleError("numbalsoda gave up")
+        found = states_of(case, rows)
+        return Run(lambda: found, timed(lambda k: solved(address, y, times, z, value, k)), float("nan"))
+
+
+def scipy_methods() -> list[Method]:
+    """SciPy's."""
+    return [*map(SolveIvp, ("DOP853", "RK45", "LSODA")), SolveIvp("LSODA", compiled=False), Odeint()]
+
+
+def numbalsoda_methods() -> list[Method]:
+    """numbalsoda's."""
+    return [Numbalsoda("lsoda"), Numbalsoda("dop853")]

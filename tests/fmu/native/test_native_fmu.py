@@ -1,0 +1,187 @@
+"""The native FMU computes what the kernels compute, to the bit; all its memory is the importer's."""
+
+import math
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy.validation import validate_fmu
+
+from rbfmu.simulation import simulate
+from rbfmu_fmu import verify
+from rbfmu_kernels.body import outputs as body_outputs
+from rbfmu_kernels.quantities import OUTPUT
+from tests.fmu.python.test_python_fmu import LOADED, both_step
+from tests.support.fmu.fmu_importer import ERROR, OK, Memory
+from tests.support.fmu.fmus import SCENES, Kernels, built, native, run_case, scene, signal, started, unzipped
+
+H = 0.01
+OWN = ["brick", "driven", "pendulum", "prescribed"]
+SHIPPED = sorted(path.stem for path in SCENES.glob("*.toml"))
+
+
+@pytest.mark.parametrize("name", [*OWN[1:], *SHIPPED])
+def test_fmu_is_the_kernels_over_10000_steps_before_and_after_a_restore(name):
+    inputs, size = signal(name, 10_000), scene(name).run.step
+    instance, kernels = native(name).started(), Kernels(name)
+    assert instance.outputs() == kernels.outputs()
+    assert both_step(instance, kernels, inputs, 0, 6000, size) == 0.0
+    state, z = instance.state(), kernels.z.copy()
+    assert both_step(instance, kernels, inputs, 6000, 4000, size) == 0.0
+    end = instance.outputs()
+    assert instance.restore(state) == OK
+    kernels.z[:] = z
+    assert both_step(instance, kernels, inputs, 6000, 4000, size) == 0.0
+    assert instance.outputs() == end
+    instance.free()
+
+
+@pytest.mark.parametrize("name", OWN)
+def test_verify_finds_no_difference(name):
+    found = verify(built(name, "native"))
+    assert found.passed, found
+
+
+@pytest.mark.parametrize("name", sorted({*OWN, *SHIPPED}))
+def test_an_fmu_for_this_platform_is_small(name):
+    assert built(name, "native").stat().st_size < 85_000
+
+
+@pytest.mark.parametrize("name", [*OWN, "two_ports", "default", "class"])
+def test_fmpy_validates(name):
+    assert validate_fmu(str(built(name, "native"))) == []
+
+
+def test_fmu_is_simulate_to_the_bit_at_the_same_communication_step():
+    run = scene("brick").run
+    recorded = fmpy.simulate_fmu(str(built("brick", "native")), stop_time=run.stop, output_interval=run.step)
+    for name, values in simulate(scene("brick")).columns().items():
+        assert np.array_equal(recorded[name], values), name
+
+
+def test_threads_compute_the_same_bits():
+    assert run_case("threads", unzipped("driven", "native"))[0] == [True] * 16
+
+
+def test_outputs_follow_parameters_in_initialisation_and_inputs_at_any_time():
+    instance = native().instance()
+    assert instance.setup() == instance.enter() == OK
+    values = {"position_0[1]": 7.0, "gravity_a[3]": -1.0, "mass": 5.0, "inertia[1,1]": 1.5, "torque_b[2]": 3.0}
+    assert instance.outputs() == Kernels("driven").outputs()
+    assert instance.set(values) == OK
+    kernels = Kernels("driven", values)
+    assert instance.outputs() == kernels.outputs()
+    assert instance.exit() == OK
+    for _ in range(3):
+        kernels.step(H)
+    instance.steps(3)
+    assert instance.set(LOADED) == OK
+    kernels.set(LOADED)
+    assert instance.terminate() == OK
+    assert instance.outputs() == kernels.outputs()
+
+
+# --- derivatives with respect to time
+
+
+RATES = {"force_a[2]": 30.0, "torque_b[1]": 2.0, "torque_b[3]": -1.0}
+
+
+def test_inputs_follow_their_derivatives_over_one_step_and_stay_where_that_ends():
+    instance, kernels = started(LOADED), Kernels("driven", LOADED)
+    blocks = kernels.unit.BLOCKS
+    for k in range(100):
+        for order, suffix in ((1, "_rate"), (2, "_rate_2")):
+            values = {name: rate * math.sin(k) for name, rate in RATES.items()}
+            assert instance.set_rates(values, order) == OK
+            for name, value in values.items():
+                block, index = name.rstrip("]").split("[")
+                kernels.z[blocks[block + suffix].start + int(index) - 1] = value
+        assert instance.step(k * H, H) == OK
+        kernels.step(H)
+        assert instance.outputs() == kernels.outputs()
+        expected = [kernels.z[kernels.places[name]] for name in RATES]
+        assert instance.get(*RATES) == expected
+    before = instance.get(*RATES)
+    instance.steps(1, first=100)
+    assert instance.get(*RATES) == before  # derivatives count for one step
+
+
+def test_a_ramp_of_an_input_is_exact_and_held_steps_are_not():
+    """Angular momentum is what the torque adds: torque t^2 / 2; a round-off of the sum, and half a step too little."""
+    rates = {"torque_a[1]": 1.0, "torque_a[2]": -2.0}
+    exact, held = started(name="torqued"), started(name="torqued")
+    for k in range(100):
+        assert exact.set_rates(rates) == OK
+        assert held.set({name: rate * k * H for name, rate in rates.items()}) == OK
+        exact.steps(1, first=k)
+        held.steps(1, first=k)
+    momentum = [f"angular_momentum_a[{i}]" for i in (1, 2)]
+    scale = 0.5 * np.array([1.0, -2.0])
+    assert np.allclose(exact.get(*momentum), scale, rtol=1e-9, atol=0.0)
+    assert np.allclose(held.get(*momentum), scale * 0.99, rtol=1e-9, atol=0.0)
+
+
+def test_derivatives_that_there_are_not_are_errors():
+    instance = started(LOADED)
+    for rates, order in (({"torque_b[1]": 1.0}, 3), ({"torque_b[1]": 1.0}, 0), ({"mass": 1.0}, 1),
+                         ({"rpy[1]": 1.0}, 1), ({"torque_b[1]": math.nan}, 1)):  # fmt: skip
+        assert instance.set_rates(rates, order) == ERROR, (rates, order)
+    assert "torque_b[1]" in instance.log[-1][2].decode()
+    assert instance.get_rates("torque_b[1]")[0] == ERROR
+    assert instance.steps(5) == started(LOADED).steps(5)
+    assert instance.terminate() == OK
+    assert instance.set_rates({"torque_b[1]": 1.0}) == ERROR
+
+
+@pytest.mark.parametrize("name", OWN)
+def test_derivatives_are_served_where_the_description_says_so(name):
+    said = fmpy.read_model_description(str(built(name, "native"))).coSimulation
+    instance = started(name=name)
+    inputs, outputs = (instance.fmu.by_causality[causality] for causality in ("input", "output"))
+    served = bool(inputs) and instance.set_rates(dict.fromkeys(inputs, 0.5)) == OK
+    assert served == said.canInterpolateInputs
+    assert (instance.get_rates(*outputs)[0] == OK) == (said.maxOutputDerivativeOrder == 1)
+
+
+def test_outputs_have_first_derivatives():
+    fmu = native("driven")
+    instance, kernels = fmu.started(LOADED), Kernels("driven", LOADED)
+    names = fmu.by_causality["output"]
+    for k in range(10):
+        kernels.unit.outputs(kernels.z)
+        body_outputs.output_rates(kernels.z)
+        expected = np.concatenate([kernels.z[kernels.unit.BLOCKS[f"d_{name}"]] for name in OUTPUT])
+        assert instance.get_rates(*names) == (OK, expected.tolist())
+        inputs = {"torque_b[1]": math.sin(k)}
+        assert instance.set(inputs) == OK
+        kernels.set(inputs)
+        instance.steps(1, first=k)
+        kernels.step(H)
+    assert instance.get_rates(names[0], order=2)[0] == ERROR
+    assert fmu.instance().get_rates(names[0])[0] == ERROR  # before initialisation
+
+
+# --- memory
+
+
+def test_all_memory_is_the_importers_and_comes_back():
+    memory = Memory()
+    instance = native().instance(memory=memory)
+    instance.start(LOADED)
+    assert len(memory.sizes) == 1
+    states = [instance.state() for _ in range(5)]
+    instance.deserialized(instance.serialized(states[0]))
+    assert len(memory.sizes) == 7
+    assert instance.free_state(states[2]) == OK
+    assert len(memory.sizes) == 6
+    assert instance.steps(5) == started(LOADED).steps(5)
+    memory.most = 0
+    assert instance.new_state()[0] == ERROR
+    assert "no memory" in instance.log[-1][2].decode()
+    instance.free()
+    assert memory.sizes == {}
+
+
+def test_a_thousand_lives_leave_nothing_behind():
+    assert run_case("cycles", unzipped("driven", "native"))[0] < 1.0

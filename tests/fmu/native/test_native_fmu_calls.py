@@ -1,0 +1,294 @@
+"""The native FMU's calls obey FMI 2.0: what is refused answers fmi2Error or fmi2Discard, says why, changes nothing."""
+
+import math
+
+import fmpy
+import numpy as np
+import pytest
+
+from rbfmu_fmu.python.call_rules import CALLS, PHASES, SETTABLE
+from tests.fmu.python.test_python_fmu import LOADED
+from tests.support.fmu.builds import NAMED
+from tests.support.fmu.fmu_cases import WRONGS
+from tests.support.fmu.fmu_importer import DISCARD, ERROR, FATAL, OK, Memory
+from tests.support.fmu.fmus import ALL_PORTS, built, native, opened, run_case, scene, started, unzipped
+
+H = 0.01
+
+
+def test_every_refusal_of_the_pythonfmu_fmu_is_an_error_with_the_same_message_and_leaves_no_trace():
+    """The case itself asserts that the instance, the same after a reset, and another one go on to the bit."""
+    found, errors = run_case("refusals", unzipped("driven", "native"))
+    assert set(found) == set(NAMED) == set(WRONGS)
+    assert not errors  # it prints nothing
+    for case, text in NAMED.items():
+        status = DISCARD if case == "step_out_of_reach" else ERROR
+        assert found[case]["status"] == status, case
+        assert found[case]["untouched"], case
+        ((logged, category, message),) = found[case]["log"]
+        assert (logged, category) == (status, "logStatusDiscard" if status == DISCARD else "logStatusError")
+        assert text in message, case
+
+
+MADE = {
+    "setup": lambda i: i.setup(),
+    "enter": lambda i: i.enter(),
+    "exit": lambda i: i.exit(),
+    "set input": lambda i: i.set({"torque_b[1]": 0.5}),
+    "set parameter": lambda i: i.set({"mass": 3.0}),
+    "set output": lambda i: i.set({"rpy[1]": 3.0}),
+    "set derivative": lambda i: i.set_rates({"torque_b[1]": 0.5}),
+    "get parameter": lambda i: i.get_references([i.fmu.references["mass"]])[0],
+    "get output": lambda i: i.get_references([i.fmu.references["rpy[1]"]])[0],
+    "get derivative": lambda i: i.get_rates("rpy[1]")[0],
+    "get status": lambda i: i.get_integer(i.fmu.references["status"])[0],
+    "step": lambda i: i.step(0.0, H),
+    "terminate": lambda i: i.terminate(),
+    "cancel": lambda i: i.lib.fmi2CancelStep(i.component),
+    "state": lambda i: i.restore(i.state()),
+    "reset": lambda i: i.reset(),
+}
+RULES = {
+    "setup": CALLS["set_up_experiment"].phases,
+    "enter": CALLS["enter_initialization"].phases,
+    "exit": CALLS["exit_initialization"].phases,
+    "set input": SETTABLE["input"],
+    "set parameter": SETTABLE["parameter"],
+    "set output": SETTABLE["output"],
+    "set derivative": CALLS["set_input_derivatives"].phases,
+    "get output": CALLS["get_outputs"].phases,
+    "get derivative": CALLS["get_outputs"].phases,
+    "step": CALLS["do_step"].phases,
+    "terminate": CALLS["terminate"].phases,
+    "cancel": (),
+}
+"""The phases in which a call is allowed; any other call is in all."""
+ALLOWED = {phase: {name for name in MADE if k in RULES.get(name, range(4))} for k, phase in enumerate(PHASES)}
+
+
+def in_phase(phase):
+    instance = native().instance()
+    for name in ("setup", "enter", "exit", "terminate")[: [*ALLOWED].index(phase) + (phase != "INSTANTIATED")]:
+        assert MADE[name](instance) == OK
+    return instance
+
+
+@pytest.mark.parametrize("call", MADE)
+@pytest.mark.parametrize("phase", ALLOWED)
+def test_calls_are_allowed_in_their_phase_and_else_an_error(phase, call):
+    instance = in_phase(phase)
+    assert MADE[call](instance) == (OK if call in ALLOWED[phase] else ERROR)
+    assert len(instance.log) == (call not in ALLOWED[phase])
+
+
+@pytest.mark.parametrize(("arguments", "reason"), [
+    ({"guid": "{0}"}, "the guid is not that of this FMU"),
+    ({"kind": 0}, "for co-simulation"),
+    ({"name": None}, "no name"),
+    ({"memory": Memory(most=100)}, "no memory"),
+])  # fmt: skip
+def test_an_instance_that_cannot_be_made_is_none_and_says_why(arguments, reason):
+    instance = native().instance(**{"name": "it"} | arguments)
+    assert not instance.component.value
+    ((status, category, message),) = instance.log
+    assert (status, category) == (ERROR, b"logStatusError")
+    assert reason in message.decode()
+
+
+def test_null_pointers_are_errors():
+    instance, state = started(), started().state()
+    for name, *arguments in (
+        ("GetReal", None, 1, None), ("SetReal", None, 1, None), ("GetInteger", None, 1, None),
+        ("GetString", None, 1, None), ("SetBoolean", None, 1, None), ("SetDebugLogging", 1, 1, None),
+        ("SetRealInputDerivatives", None, 1, None, None), ("GetRealOutputDerivatives", None, 1, None, None),
+        ("GetFMUstate", None), ("SetFMUstate", None), ("SerializedFMUstateSize", state, None),
+        ("SerializeFMUstate", state, None, 0), ("DeSerializeFMUstate", None, 0, None),
+        ("GetRealStatus", 2, None), ("GetBooleanStatus", 3, None),
+    ):  # fmt: skip
+        call = getattr(native().lib, f"fmi2{name}")
+        for component in (None, instance.component):
+            instance.log.clear()
+            assert call(component, *arguments) == ERROR, name
+            assert len(instance.log) == (component is not None), name
+    assert instance.steps(5) == started().steps(5)
+
+
+@pytest.mark.parametrize("size", [0.0, -0.01, math.nan, math.inf, -math.inf, 1e-300, 1e300])
+def test_a_refused_step_changes_nothing_but_the_status(size):
+    instance, other = started(LOADED), started(LOADED)
+    for one in (instance, other):
+        one.steps(3)
+    outputs = instance.outputs()
+    assert instance.step(0.03, size) == (DISCARD if size == 1e300 else ERROR)
+    assert (instance.status(), instance.last_time(), instance.outputs()) == (1, 0.03, outputs)
+    assert instance.terminated() == (size == 1e300)
+    assert instance.steps(5, first=3) == other.steps(5, first=3)
+    assert (instance.status(), instance.terminated()) == (0, False)
+
+
+def test_a_step_from_another_time_is_an_error_and_the_clocks_round_off_is_none():
+    instance = started()
+    t = 0.0
+    for k in range(1000):  # two clocks that differ by round-off
+        assert instance.step(t if k % 2 else k * H, H) == OK
+        t += H
+    for wrong in (10.0 + H, 10.0 - H, 10.0 + 1e-6, 0.0):
+        assert instance.step(wrong, H) == ERROR
+        assert "where the instance stands" in instance.log[-1][2].decode()
+        assert "(it stands at t = " in instance.log[-1][2].decode()
+    assert instance.step(10.0, H) == OK
+
+
+def test_time_begins_where_the_experiment_does():
+    instance = native().instance()
+    assert instance.setup(start=-7.5) == instance.enter() == instance.exit() == OK
+    assert instance.step(0.0, H) == ERROR
+    assert instance.step(-7.5, H) == OK
+    assert instance.last_time() == -7.5 + H
+
+
+def test_no_step_passes_the_experiments_stop():
+    instance = native().instance()
+    assert instance.setup(stop=0.1) == instance.enter() == instance.exit() == OK
+    for k in range(10):
+        assert instance.step(k * H, H) == OK
+    assert instance.step(0.1, H) == ERROR
+    assert "the experiment ends before" in instance.log[-1][2].decode()
+
+
+@pytest.mark.parametrize("start", [1e9, 2e9])
+def test_a_unix_clocks_times_are_as_strict(start):
+    """Within half a step: also that of an importer which adds up."""
+    instance = native().instance()
+    assert instance.setup(start=start, stop=start + 0.1) == instance.enter() == instance.exit() == OK
+    for k in range(5):
+        assert instance.step(start + k * H, H) == OK
+    for wrong in (start, start + 0.03, start + 0.07, start + 1.0):
+        assert instance.step(wrong, H) == ERROR
+        assert "where the instance stands" in instance.log[-1][2].decode()
+    for _ in range(5):
+        assert instance.step(instance.last_time(), H) == OK
+    assert instance.step(start + 0.1, H) == ERROR
+    assert "the experiment ends before" in instance.log[-1][2].decode()
+    assert instance.status() == 1
+
+
+@pytest.mark.parametrize("times", [{"start": math.nan}, {"start": math.inf}, {"start": 1.0, "stop": 0.9},
+                                   {"stop": math.nan}])  # fmt: skip
+def test_an_experiment_without_sense_is_an_error(times):
+    instance = native().instance()
+    assert instance.setup(**times) == ERROR
+    assert instance.setup() == OK
+
+
+@pytest.mark.parametrize("input_", [f"{port}[{i}]" for port in ALL_PORTS for i in (1, 3)])
+def test_a_step_that_leaves_the_range_of_numbers_never_happened(input_):
+    """Also one that fails after many good substeps; an importer that asks learns where it stands, and need not loop."""
+    instance, other = started(LOADED), started(LOADED)
+    instance.steps(3)
+    expected = other.steps(13)[3:]
+    usual = instance.get(input_)[0]
+    assert instance.set({input_: 1e300}) == OK
+    for size in (H, 10.0):
+        assert instance.step(0.03, size) == DISCARD
+        assert (instance.status(), instance.terminated(), instance.last_time()) == (1, True, 0.03)
+        assert "no finite motion" in instance.log[-1][2].decode()
+    assert instance.set({input_: usual}) == OK
+    assert instance.steps(10, first=3) == expected
+
+
+def test_fmpy_ends_a_run_at_a_discarded_step():
+    signals = np.array(
+        [(0.0, 0.0), (0.5, 0.0), (0.5, 1e300), (1.0, 1e300)], dtype=[("time", "f8"), ("force_b[1]", "f8")]
+    )
+    recorded = fmpy.simulate_fmu(str(built("driven", "native")), stop_time=1.0, output_interval=0.1, input=signals,
+                                 output=["status"])  # fmt: skip
+    assert recorded["time"][-1] == pytest.approx(0.5)
+    assert recorded["status"][-1] == 1
+
+
+def test_status_tells_times_past_the_scenes_stop():
+    start, stop = scene("class").run.start, scene("class").run.stop
+    instance = native("class").instance()
+    assert instance.setup(start=start) == instance.enter() == instance.exit() == OK
+    assert instance.step(start, stop - start) == OK
+    assert instance.status() == 0
+    assert instance.step(stop, 0.1) == OK
+    assert instance.status() == 2
+
+
+def test_refused_parameters_can_be_put_right():
+    instance, right = native().instance(), started({"mass": 3.0})
+    assert instance.setup() == instance.enter() == OK
+    for wrong in (-1.0, 0.0, -0.0):
+        assert instance.set({"mass": wrong}) == OK
+        assert instance.exit() == ERROR
+        assert instance.get_references([instance.fmu.references["rpy[1]"]])[0] == ERROR  # nor are there outputs
+    assert instance.set({"mass": 3.0}) == OK
+    assert instance.exit() == OK
+    assert instance.steps(5) == right.steps(5)
+
+
+@pytest.mark.parametrize(("kind", "refusal"), [("native", ERROR), ("python", FATAL)])
+def test_what_the_plan_rests_on_must_keep_its_value(kind, refusal):
+    """Of both kinds: they ask when initialisation ends, and say what to list in the scene."""
+    instance = opened("earth", kind).instance()
+    name, (planned,) = "omega_b_0[3]", instance.get("omega_b_0[3]")
+    assert instance.setup() == instance.enter() == OK
+    assert instance.set({name: 0.25}) == OK
+    assert instance.exit() == refusal
+    expected = f'{name} = 0.25: this FMU\'s model was planned for {planned!r} here; list "omega_b_0" under parameters'
+    assert any(expected in text.decode() for _, _, text in instance.log)
+    assert instance.set({name: planned}) == OK
+    assert instance.exit() == OK
+
+
+def test_a_set_that_is_refused_sets_nothing():
+    instance = started(LOADED)
+    for wrong in ({"force_a[1]": 9.0, "mass": 9.0}, {"force_a[1]": 9.0, "torque_b[1]": math.nan}):
+        assert instance.set(wrong) == ERROR
+        assert instance.get(*LOADED) == list(LOADED.values())
+    assert instance.set_references([instance.fmu.references["force_a[1]"], 9999], [9.0, 9.0]) == ERROR
+    assert instance.get(*LOADED) == list(LOADED.values())
+    assert instance.set_references([], []) == OK
+
+
+@pytest.mark.parametrize("value", [
+    0.1, 1 / 3, -2.0, 1e16, 123456789012345.0, 12345678901234567.0, 5e-324, 1.7976931348623157e308, 0.0001, 0.00001234,
+    100.0, -1e22, math.nan, -math.inf,
+])  # fmt: skip
+def test_numbers_in_messages_are_pythons_own(value):
+    instance = native().instance()
+    assert instance.setup() == OK
+    if math.isfinite(value):
+        assert instance.setup(start=value, stop=value - abs(value)) == ERROR
+        assert instance.log[-1][2].decode().endswith(f"the start, {value!r}")
+    else:
+        assert instance.setup(start=value) == ERROR
+        assert f"= {value!r}:" in instance.log[-1][2].decode()
+
+
+def test_errors_are_always_logged_and_discards_on_demand():
+    for logging, categories, expected in (
+        (0, None, [ERROR]), (1, None, [DISCARD, ERROR]), (0, (), [DISCARD, ERROR]),
+        (0, ("logAll",), [DISCARD, ERROR]), (1, ("logStatusError",), [ERROR]),
+        (0, ("logStatusError", "logStatusDiscard"), [DISCARD, ERROR]),
+    ):  # fmt: skip
+        instance = native().instance(logging=logging)
+        instance.start()
+        if categories is not None:
+            assert instance.set_debug_logging(1, *categories) == OK
+        assert instance.step(0.0, 1e300) == DISCARD
+        assert instance.step(0.0, -1.0) == ERROR
+        assert [status for status, _, _ in instance.log] == expected
+        assert instance.set_debug_logging(0) == OK
+        assert instance.step(0.0, 1e300) == DISCARD
+        assert len(instance.log) == len(expected)
+
+
+def test_unknown_categories_are_an_error_and_no_message_is_a_format():
+    instance = started()
+    assert instance.set_debug_logging(1, "logAll", "%n%s") == ERROR
+    assert instance.log[-1][2] == b"fmi2SetDebugLogging: there is no category %%n%%s"
+    assert instance.set_debug_logging(1, "x" * 5000) == ERROR
+    assert len(instance.log[-1][2]) < 200

@@ -1,0 +1,273 @@
+"""The traps of pythonfmu, each closed; what could crash runs in a process of its own."""
+
+import hashlib
+import shutil
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+
+import fmpy
+import pytest
+
+import rbfmu_fmu
+from rbfmu_fmu import archive
+from rbfmu_fmu.native import linking
+from rbfmu_fmu.native.object_code import object_files
+from rbfmu_fmu.python import build as python_fmu
+from rbfmu_fmu.python.build import build_python_fmu
+from tests.support.fmu.builds import KILLED, NAMED, build_elsewhere
+from tests.support.fmu.c_host import rows_for_c_host, run_c_host
+from tests.support.fmu.fmu_cases import WRONGS
+from tests.support.fmu.fmu_importer import DISCARD, FATAL
+from tests.support.fmu.fmus import built, copied, planned, run_case, scene, unzipped, unzipped_at
+
+STATES = [case for case in NAMED if case.startswith("state_")]
+
+
+@cache
+def refused():
+    return run_case("refusals", unzipped("driven"))
+
+
+def test_every_refusal_is_listed():
+    assert set(NAMED) == set(WRONGS) == set(refused()[0])
+
+
+@pytest.mark.parametrize("case", NAMED)
+def test_refusal_is_answered_logged_and_printed_and_leaves_no_trace(case):
+    """The case itself asserts that this instance, the same after a reset, and another one all go on to the bit."""
+    found, errors = refused()
+    answer, printed = found[case], errors.splitlines()
+    discarded = case.startswith(("step_", "time_")) and not case.endswith("initialisation")
+    assert answer["status"] == (DISCARD if discarded else FATAL)
+    assert answer["untouched"]
+    category = "logStatusDiscard" if discarded else "logStatusFatal"
+    messages = [text for status, named, text in answer["log"] if status == answer["status"] and named == category]
+    if case in STATES:  # the class is asked, which has no log: pythonfmu logs the error, without a category
+        messages = [text for _, _, text in answer["log"]]
+        printed_by_it = [line for line in printed if line.startswith("rbfmu: fmi2DeSerializeFMUstate")]
+        assert len(printed_by_it) == len(STATES)
+    else:
+        printed_by_it = [line for line in printed if line.startswith(f"[{case}]")]
+        assert len(printed_by_it) == 1
+    assert len(messages) == 1
+    assert NAMED[case] in messages[0]
+    assert NAMED[case] in printed_by_it[0]
+
+
+def test_hundreds_of_errors_break_nothing():
+    assert run_case("errors_again_and_again", unzipped("driven"))[0] is True
+
+
+def test_errors_are_survived_where_nobody_reads_stderr():
+    assert run_case("closed_stderr", unzipped("driven"))[0] == [DISCARD, FATAL]
+
+
+def test_state_of_another_fmu_is_refused_and_of_a_copy_taken():
+    assert run_case("foreign_state", unzipped("brick"), unzipped("driven"))[0] is True
+
+
+@pytest.mark.parametrize("name", ["brick", "driven", "pendulum", "prescribed"])
+def test_shipped_code_needs_no_numba_and_no_numpy(name):
+    found, errors = run_case("shipped_code_alone", unzipped(name))
+    assert found == run_case("rows", unzipped(name))[0]
+    assert not errors
+
+
+@pytest.mark.parametrize("name", ["brick", "driven"])
+def test_built_without_a_linker_it_ships_an_object_file(name, tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(linking, "find_spec", lambda module: None)
+    folder = unzipped_at(build_python_fmu(scene(name), planned(name), tmp_path / "it.fmu"), tmp_path / "it")
+    assert [path.suffix for path in folder.glob("resources/*/model-*")] == [".o"]
+    found, errors = run_case("rows_and_imports", folder)
+    assert found == [alone(name), []]
+    assert not errors
+
+
+def alone(name):
+    return run_case("rows", unzipped(name))[0][0]
+
+
+def test_a_run_imports_no_numba():
+    assert run_case("rows_and_imports", unzipped("driven"))[0] == [alone("driven"), []]
+
+
+SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("brick", "driven", "pendulum")]
+
+
+@pytest.mark.parametrize("name", ["prescribed", *SLOW])
+def test_compiling_anew_gives_the_same_bits(name):
+    found, errors = run_case("rows_and_imports", unzipped(name), RBFMU_COMPILE="1")
+    assert found == [alone(name), ["numba", "numpy"]]
+    assert not errors
+
+
+@pytest.mark.parametrize("spoil", [Path.unlink, lambda code: code.write_bytes(code.read_bytes()[:2000])])
+def test_without_usable_object_code_numba_compiles(spoil, tmp_path):
+    """None is there on another platform; damaged code would end the process in LLVM."""
+    folder = copied("prescribed", tmp_path / "spoilt")
+    (code,) = folder.glob("resources/*/model-*.so")
+    spoil(code)
+    found, errors = run_case("rows_and_imports", folder)
+    assert found == [alone("prescribed"), ["numba", "numpy"]]
+    assert errors.count("\n") == 1
+    assert code.name in errors
+
+
+def test_two_fmus_in_one_process_each_compute_their_own():
+    a, b = unzipped("driven"), unzipped("pendulum")
+    assert run_case("rows", a, b)[0] == [alone("driven"), alone("pendulum")]
+    assert run_case("rows", b, a, b)[0] == [alone("pendulum"), alone("driven"), alone("pendulum")]
+
+
+OTHER_UNIT = """
+from ..compile.decorator import kernel
+
+@kernel(inline=False)
+def initialize(z):
+    return 0
+
+@kernel(inline=False)
+def step(z, h):
+    z[{first}] += 1.0
+    return 0
+
+@kernel(inline=False)
+def outputs(z):
+    return 0
+"""
+
+
+@pytest.fixture(scope="module")
+def other_kernels(tmp_path_factory):
+    """The FMU of the same scene from other kernels: its first output counts the steps."""
+    place = scene("prescribed"), planned("prescribed")
+    text = OTHER_UNIT.format(first=place[1].unit.BLOCKS["quaternion"].start)
+    other = ModuleType("rbfmu_kernels.models.other")
+    other.__package__, other.SIZE = "rbfmu_kernels.models", place[1].unit.SIZE
+    exec(compile(text, "<other unit>", "exec"), other.__dict__)
+    with pytest.MonkeyPatch.context() as patch:
+        sources = python_fmu.kernel_sources() | {"models/prescribed_rates.py": text.encode()}
+        patch.setattr(python_fmu, "kernel_sources", lambda: sources)
+        patch.setattr(python_fmu, "object_files", lambda unit, platform: object_files(other, platform))
+        path = build_python_fmu(*place, tmp_path_factory.mktemp("other") / "prescribed.fmu")
+    return unzipped_at(path, path.parent / "unzipped")
+
+
+@pytest.mark.parametrize("compile_anew", ["0", "1"])
+def test_two_fmus_of_one_name_each_compute_with_their_own_kernels(other_kernels, compile_anew):
+    folder = unzipped("prescribed")
+    found = run_case("rows", folder, other_kernels, folder, RBFMU_COMPILE=compile_anew)[0]
+    again = run_case("rows", other_kernels, folder, RBFMU_COMPILE=compile_anew)[0]
+    assert found[0] == found[2] == again[1] == alone("prescribed")
+    assert [row[0] for row in found[1]] == [k + 1.0 for k in range(20)]
+    assert found[1] == again[0]
+
+
+def test_threads_compute_the_same_bits():
+    assert run_case("threads", unzipped("driven"))[0] == [True] * 16
+
+
+def test_the_first_instances_may_be_made_by_many_threads_at_once():
+    assert run_case("threads_from_the_start", unzipped("driven"))[0] == [True, alone("driven")]
+
+
+def test_pythonfmu_releases_its_interpreter_once_though_the_library_stays_loaded():
+    """Else it does so again in the last moment of the process, in memory that is no more its own."""
+    nm = shutil.which("nm") or pytest.skip("no nm")
+    (library,) = (unzipped("brick") / "binaries" / "linux64").glob("*.so")
+    symbols = subprocess.run([nm, "-C", library], capture_output=True, text=True, check=True).stdout.splitlines()
+    (place,) = {line.split()[0] for line in symbols if line.endswith("::pyState")}
+    assert run_case("released_at_exit", unzipped("brick"), place)[0] is True
+
+
+def test_a_folder_with_a_space_in_its_path_works(tmp_path):
+    assert run_case("rows", copied("driven", tmp_path / "a b"))[0] == [alone("driven")]
+
+
+def test_a_thousand_lives_leave_nothing_behind():
+    assert run_case("cycles", unzipped("driven"))[0] < 12.0
+
+
+def test_fresh_folders_leave_no_path_behind():
+    found = run_case("fresh_folders", built("driven"))[0]
+    assert found == [run_case("rows", unzipped("driven"))[0][0]] * 5
+
+
+@pytest.mark.parametrize(("name", "other", "compile_anew"), [("driven", "brick", "0"), ("prescribed",) * 2 + ("1",)])
+def test_folders_may_vanish_under_running_instances(name, other, compile_anew):
+    """Compiling anew, even before Numba has compiled: what it needs has been read."""
+    assert run_case("deleted_folders", unzipped(name), unzipped(other), RBFMU_COMPILE=compile_anew)[0] is True
+
+
+def test_fmpy_runs_it_where_rbfmu_is_not_installed():
+    last, same = run_case("in_fmpy", built("brick"))[0]
+    assert same
+    here = fmpy.simulate_fmu(str(built("brick")), stop_time=0.5, output_interval=0.1)
+    assert list(here[-1].item()) == last
+
+
+def test_holding_the_thread_state_changes_nothing_in_a_python_host():
+    assert run_case("rows", unzipped("driven"), RBFMU_HOLD_GIL="1")[0][0] == alone("driven")
+    assert run_case("threads", unzipped("driven"), RBFMU_HOLD_GIL="1")[0] == [True] * 16
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    return tmp_path_factory.mktemp("host")
+
+
+@pytest.mark.parametrize("held", ["0", "1"])
+def test_a_host_without_python_gets_the_same_bits_with_the_gil_held_or_not(held, place):
+    found, _ = run_c_host(place, "two_ports", 50, 1, RBFMU_HOLD_GIL=held)
+    assert found == [rows_for_c_host("two_ports", 50)] * 4
+
+
+def test_a_host_without_python_ends_well_after_compiling(place):
+    """Much memory has then come and gone, so that a second release of the interpreter would be met."""
+    found, _ = run_c_host(place, "prescribed", 20, 1, RBFMU_COMPILE="1")
+    assert found == [rows_for_c_host("prescribed", 20)] * 4
+
+
+def test_builds_are_the_same_bytes_in_any_process_and_with_any_cache(tmp_path):
+    here = hashlib.sha256(built("prescribed").read_bytes()).hexdigest()
+    again = rbfmu_fmu.build(scene("prescribed"), tmp_path / "another name.fmu")
+    assert again.read_bytes() == built("prescribed").read_bytes()
+    warm = build_elsewhere(tmp_path / "a.fmu", PYTHONHASHSEED="1")
+    cold = build_elsewhere(tmp_path / "b.fmu", PYTHONHASHSEED="2", NUMBA_CACHE_DIR=str(tmp_path / "cold"))
+    assert here == warm == cold
+
+
+@pytest.mark.slow
+def test_builds_of_a_loaded_body_are_the_same_bytes_with_any_cache(tmp_path):
+    elsewhere = {"PYTHONHASHSEED": "2", "NUMBA_CACHE_DIR": str(tmp_path / "cold")}
+    cold = build_elsewhere(tmp_path / "b.fmu", name="driven", **elsewhere)
+    assert cold == hashlib.sha256(built("driven").read_bytes()).hexdigest()
+
+
+@pytest.mark.parametrize("before", KILLED, ids=["before it is in place", "while it is written"])
+def test_a_killed_build_leaves_the_file_that_was_there(before, tmp_path):
+    path = tmp_path / "it.fmu"
+    path.write_bytes(b"what was there")
+    assert build_elsewhere(path, before) == -9
+    assert path.read_bytes() == b"what was there"
+    assert build_elsewhere(path) == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert path.read_bytes() == built("prescribed").read_bytes()
+
+
+def test_a_build_that_fails_leaves_nothing(tmp_path, monkeypatch):
+    monkeypatch.setattr(archive.os, "replace", lambda *paths: (_ for _ in ()).throw(OSError(28, "disk full")))
+    with pytest.raises(OSError, match="disk full"):
+        rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_building_leaves_no_module_and_no_path_behind(tmp_path):
+    path, modules, caching = list(sys.path), set(sys.modules), sys.dont_write_bytecode
+    rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu")
+    assert sys.path == path
+    assert set(sys.modules) == modules
+    assert sys.dont_write_bytecode == caching

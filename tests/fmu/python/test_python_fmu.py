@@ -1,0 +1,347 @@
+"""The pythonfmu FMU computes what the kernels compute, to the bit, through a whole life."""
+
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy.validation import validate_fmu
+
+import rbfmu_kernels
+from rbfmu.simulation import simulate
+from rbfmu_fmu import verify
+from rbfmu_fmu.archive import kernel_sources
+from tests.support.fmu.fmu_importer import DISCARD, FATAL, OK
+from tests.support.fmu.fmus import ALL_PORTS, Kernels, built, opened, planned, scene, signal, unzipped
+
+H = 0.01
+LOADED = {"force_a[1]": 2.0, "force_b[2]": -1.0, "torque_a[3]": 0.5, "torque_b[1]": 0.7}
+
+
+def both_step(instance, kernels, inputs, first, steps, size):
+    """Largest difference of any output after any step."""
+    largest = 0.0
+    for k in range(first, first + steps):
+        if inputs[k]:
+            assert instance.set(inputs[k]) == OK
+            kernels.set(inputs[k])
+        assert instance.step(k * size, size) == OK
+        kernels.step(size)
+        largest = max(largest, *(abs(a - b) for a, b in zip(instance.outputs(), kernels.outputs(), strict=True)))
+    return largest
+
+
+@pytest.mark.parametrize("name", ["brick", "driven", "pendulum", "prescribed"])
+def test_fmu_is_the_kernels_over_10000_steps_before_and_after_a_restore(name):
+    inputs, size = signal(name, 10_000), scene(name).run.step
+    instance, kernels = opened(name).started(), Kernels(name)
+    assert instance.outputs() == kernels.outputs()
+    assert both_step(instance, kernels, inputs, 0, 6000, size) == 0.0
+    state, z = instance.state(), kernels.z.copy()
+    assert both_step(instance, kernels, inputs, 6000, 4000, size) == 0.0
+    end = instance.outputs()
+    assert instance.restore(state) == OK
+    kernels.z[:] = z
+    assert both_step(instance, kernels, inputs, 6000, 4000, size) == 0.0
+    assert instance.outputs() == end
+    instance.free_state(state)
+    instance.free()
+
+
+@pytest.mark.parametrize("name", ["brick", "driven", "pendulum", "prescribed"])
+def test_verify_finds_no_difference(name):
+    found = verify(built(name))
+    assert found.passed, found
+
+
+def test_fmu_is_simulate_to_the_bit_at_the_same_communication_step():
+    run = scene("brick").run
+    recorded = fmpy.simulate_fmu(
+        str(built("brick")), start_time=run.start, stop_time=run.stop, output_interval=run.step, validate=False
+    )
+    columns = simulate(scene("brick")).columns()
+    assert len(recorded) == len(columns["time"]) == 301
+    for name, values in columns.items():
+        assert np.array_equal(recorded[name], values), name
+
+
+def test_fmpy_command_line_writes_the_same_bits(tmp_path):
+    command = [sys.executable, "-m", "fmpy", "simulate", str(built("brick")), "--output-file", str(tmp_path / "o.csv")]
+    command += ["--start-time", "0", "--stop-time", "30", "--output-interval", "0.1"]
+    subprocess.run(command, check=True, capture_output=True, cwd=tmp_path)
+    rows = np.genfromtxt(tmp_path / "o.csv", delimiter=",", names=True, deletechars="")
+    for name, values in simulate(scene("brick")).columns().items():
+        assert np.array_equal(rows[name], values), name
+
+
+@pytest.mark.parametrize("name", ["brick", "driven", "two_ports", "pendulum", "prescribed", "default", "class"])
+def test_fmpy_validates(name):
+    assert validate_fmu(str(built(name))) == []
+
+
+def test_reset_forgets_everything():
+    instance = opened("driven").started({"mass": 3.0} | LOADED)
+    instance.steps(5)
+    assert instance.reset() == OK
+    instance.start()
+    fresh = opened("driven").started()
+    assert instance.get("mass", *LOADED) == fresh.get("mass", *LOADED) == [2.0, 0.0, 0.0, 0.0, 0.0]
+    assert instance.steps(20) == fresh.steps(20)
+    assert instance.serialized(instance.state()) == fresh.serialized(fresh.state())
+
+
+def test_interleaved_instances_do_not_touch_each_other():
+    fmu = opened("driven")
+    values = [{"mass": 2.0 + k, "torque_b[2]": 0.1 * k} for k in range(4)]
+    alone = [fmu.started(v).steps(30) for v in values]
+    together = [fmu.started(v, name=f"number {k}") for k, v in enumerate(values)]
+    rows = [[i.steps(1, first=k)[0] for i in together] for k in range(30)]
+    assert [list(column) for column in zip(*rows, strict=True)] == alone
+
+
+def test_start_values_come_back_to_the_bit():
+    expected = {
+        "mass": 0.1 + 0.2,
+        "inertia[1,1]": 1 / 3,
+        "inertia[2,2]": 2 / 3,
+        "inertia[3,3]": 0.7 + 0.1,
+        "r_oc_b[1]": 0.1 * 3,
+        "r_oc_b[2]": 5e-324,
+        "r_oc_b[3]": -1.7e-308,
+        "position_0[1]": 0.1 + 0.7,
+        "position_0[2]": 123456789.12345679,
+        "position_0[3]": -1e22,
+        "omega_b_0[1]": 1e-17,
+        "omega_b_0[2]": 2 / 3,
+        "omega_b_0[3]": 4.35,
+    }
+    root = ElementTree.parse(unzipped("class") / "modelDescription.xml").getroot()
+    written = {
+        v.get("name"): v.find("Real").get("start") for v in root.iter("ScalarVariable") if v.find("Real") is not None
+    }
+    instance = opened("class").instance()
+    assert {name: float(written[name]) for name in expected} == expected
+    assert dict(zip(expected, instance.get(*expected), strict=True)) == expected
+    assert float(root.find("DefaultExperiment").get("startTime")) == 0.1 + 0.2
+    instance.start()
+    assert dict(zip(expected, instance.get(*expected), strict=True)) == expected
+
+
+def test_every_start_value_of_every_scene_is_written_in_full():
+    for name in ("brick", "driven", "pendulum", "prescribed"):
+        root = ElementTree.parse(unzipped(name) / "modelDescription.xml").getroot()
+        start = {v.get("name"): r.get("start") for v in root.iter("ScalarVariable") for r in v.findall("Real")}
+        start = {n: float(text) for n, text in start.items() if text is not None}
+        assert opened(name).instance().get(*start) == list(start.values())
+
+
+def test_a_state_holds_pending_inputs_status_and_phase():
+    fmu = opened("driven")
+    instance = fmu.started(LOADED)
+    instance.steps(3)
+    assert instance.step(0.03, -1.0) == DISCARD
+    assert instance.set({"torque_b[1]": 5.0}) == OK  # not yet in the outputs
+    saved = instance.serialized(instance.state())
+    expected = [instance.status(), instance.outputs(), instance.get(*LOADED), instance.steps(10, first=3)]
+    assert expected[0] == 1
+    for other in (fmu.instance(), fmu.started(), instance):  # also one that never was initialised
+        code, state = other.deserialized(saved)
+        assert code == other.restore(state) == OK
+        assert other.serialized(other.state()) == saved
+        assert [other.status(), other.outputs(), other.get(*LOADED), other.steps(10, first=3)] == expected
+        assert other.set({"mass": 3.0}) == FATAL  # it is stepping
+        assert other.free_state(state) == OK
+
+
+def test_a_state_of_the_initialisation_goes_on_initialising():
+    instance = opened("driven").instance()
+    assert instance.setup() == instance.enter() == OK
+    assert instance.set({"mass": 3.0}) == OK
+    state = instance.state()
+    assert instance.exit() == OK
+    expected = instance.steps(3)
+    assert instance.restore(state) == OK
+    assert instance.set({"mass": 4.0}) == OK
+    assert instance.set({"mass": 3.0}) == OK
+    assert instance.exit() == OK
+    assert instance.steps(3) == expected
+
+
+def test_restored_states_do_not_share_memory():
+    instance = opened("driven").started(LOADED)
+    state = instance.state()
+    before = instance.serialized(state)
+    first = instance.steps(10)
+    assert instance.restore(state) == OK
+    assert instance.steps(10) == first
+    assert instance.serialized(state) == before
+
+
+@pytest.mark.parametrize("size", [0.0, -0.0, -0.01, math.nan, math.inf, -math.inf, 1e300])
+def test_refused_step_size_is_a_discard_that_says_where_it_stands(size):
+    instance = opened("driven").started(LOADED)
+    instance.steps(3)
+    outputs = instance.outputs()
+    assert instance.step(0.03, size) == DISCARD
+    assert instance.terminated()
+    assert instance.last_time() == 0.03
+    assert instance.status() == 1
+    assert instance.outputs() == outputs
+    assert instance.steps(5, first=3) == opened("driven").started(LOADED).steps(8)[3:]
+    assert instance.status() == 0
+
+
+@pytest.mark.parametrize("input_", [f"{port}[{i}]" for port in ALL_PORTS for i in (1, 3)])
+def test_a_step_that_leaves_the_range_of_numbers_never_happened(input_):
+    """Also one that fails after many good substeps."""
+    instance, other = opened("driven").started(LOADED), opened("driven").started(LOADED)
+    instance.steps(3)
+    expected = other.steps(13)[3:]
+    usual = instance.get(input_)[0]
+    assert instance.set({input_: 1e300}) == OK
+    for size in (H, 10.0):
+        assert instance.step(0.03, size) == DISCARD
+        assert instance.status() == 1
+        assert "no finite motion" in instance.log[-1][2].decode()
+    assert instance.set({input_: usual}) == OK
+    assert instance.steps(10, first=3) == expected
+
+
+def test_refused_parameters_can_be_put_right():
+    instance, right = opened("driven").instance(), opened("driven").started({"mass": 3.0})
+    assert instance.setup() == instance.enter() == OK
+    for wrong in (-1.0, 0.0, -0.0):
+        assert instance.set({"mass": wrong}) == OK
+        assert instance.exit() == FATAL
+    assert instance.set({"mass": 3.0}) == OK
+    assert instance.exit() == OK
+    assert instance.steps(5) == right.steps(5)
+
+
+def test_outputs_follow_parameters_in_initialisation():
+    instance = opened("driven").instance()
+    assert instance.setup() == instance.enter() == OK
+    before = instance.get("acceleration[3]", "position[1]")
+    values = {"position_0[1]": 7.0, "gravity_a[3]": -1.0, "mass": 5.0, "inertia[1,1]": 1.5, "torque_b[2]": 3.0}
+    assert instance.set(values) == OK
+    kernels = Kernels("driven", values)
+    assert instance.outputs() == kernels.outputs()
+    assert instance.get("position[1]")[0] == pytest.approx(7.0)
+    assert instance.get("acceleration[3]")[0] != before[0]
+    assert instance.exit() == OK
+    assert instance.outputs() == kernels.outputs()
+
+
+def test_accelerations_follow_an_input_set_since_the_step():
+    instance, kernels = opened("driven").started(), Kernels("driven")
+    instance.steps(2)
+    for _ in range(2):
+        kernels.step(H)
+    rest = instance.get("alpha_b[1]", "acceleration[2]", "omega_b[1]", "position[2]")
+    assert instance.set(LOADED) == OK
+    kernels.set(LOADED)
+    names = opened("driven").by_causality["output"]
+    assert instance.outputs() == kernels.outputs()
+    now = instance.get("alpha_b[1]", "acceleration[2]", "omega_b[1]", "position[2]")
+    assert now[0] != rest[0]
+    assert now[1] != rest[1]
+    assert now[2:] == rest[2:]
+    assert instance.get(*names) == instance.outputs()  # one by one, too
+    assert [instance.get(name)[0] for name in names] == kernels.outputs()
+    assert instance.step(0.02, H) == OK
+    kernels.step(H)
+    assert instance.outputs() == kernels.outputs()
+
+
+def test_rates_at_a_port_show_at_once():
+    instance = opened("prescribed").started()
+    assert instance.set({"omega_b[3]": 2.0}) == OK
+    assert instance.get("omega_a[3]") == [2.0]
+
+
+def test_inputs_keep_their_values_over_steps_and_can_be_set_in_any_order():
+    instance, other = opened("two_ports").started(), opened("two_ports").started()
+    names = opened("two_ports").by_causality["input"]
+    values = dict(zip(names, (0.1, 0.2, 0.3, 0.4, 0.5, 0.6), strict=True))
+    assert instance.set(values) == OK
+    for name in reversed(names):
+        assert other.set({name: values[name]}) == OK
+    assert instance.steps(5) == other.steps(5)
+    assert instance.get(*names) == other.get(*names) == list(values.values())
+
+
+def test_a_set_that_is_refused_sets_nothing():
+    instance = opened("driven").started(LOADED)
+    for wrong in ({"force_a[1]": 9.0, "mass": 9.0}, {"force_a[1]": 9.0, "torque_b[1]": math.nan}):
+        assert instance.set(wrong) == FATAL
+        assert instance.get(*LOADED) == list(LOADED.values())
+    assert instance.set_references([instance.fmu.references["force_a[1]"], 9999], [9.0, 9.0]) == FATAL
+    assert instance.get(*LOADED) == list(LOADED.values())
+
+
+def test_calls_without_variables_do_nothing():
+    instance = opened("driven").started(LOADED)
+    before = instance.outputs()
+    assert instance.set_references([], []) == OK
+    assert instance.get_references([]) == (OK, [])
+    assert instance.outputs() == before
+
+
+def test_huge_finite_inputs_are_taken_though_their_sum_is_not_finite():
+    instance = opened("driven").started()
+    assert instance.set(dict.fromkeys(LOADED, 1e308)) == OK
+    assert instance.get(*LOADED) == [1e308] * 4
+
+
+def test_status_tells_a_refused_step_and_times_past_stop():
+    instance, stop = opened("class").started(), scene("class").run.stop
+    assert instance.status() == 0
+    assert instance.step(stop - 0.1, 0.1) == OK
+    assert instance.status() == 0  # round-off in the importer's clock
+    assert instance.step(stop, 0.1) == OK
+    assert instance.status() == 2
+    assert instance.step(stop + 0.1, math.nan) == DISCARD
+    assert instance.status() == 1
+    assert instance.step(stop - 0.2, 0.1) == OK
+    assert instance.status() == 0
+
+
+def test_values_can_be_read_after_termination_and_nothing_set():
+    instance = opened("driven").started(LOADED)
+    rows = instance.steps(3)
+    assert instance.terminate() == OK
+    assert instance.outputs() == rows[-1]
+    assert instance.set(LOADED) == FATAL
+    assert instance.step(0.03, H) == FATAL
+    assert instance.outputs() == rows[-1]
+
+
+def test_the_communication_step_may_change_without_a_trace_beyond_the_accuracy():
+    coarse, fine, mixed = (opened("driven").started(LOADED) for _ in range(3))
+    for k in range(10):
+        assert coarse.step(0.1 * k, 0.1) == OK
+    fine.steps(100)
+    for k, size in enumerate((0.3, 0.01, 0.19, 0.2, 0.3)):
+        assert mixed.step(sum((0.3, 0.01, 0.19, 0.2, 0.3)[:k]), size) == OK
+    scale = max(map(abs, fine.outputs()))
+    for other in (coarse, mixed):
+        assert np.max(np.abs(np.subtract(other.outputs(), fine.outputs()))) < scene("driven").run.accuracy * scale
+
+
+def test_scene_and_plan_lie_in_the_fmu():
+    data = json.loads((unzipped("driven") / "resources" / "scene.json").read_text())
+    assert type(scene("driven")).from_dict(data["scene"]) == scene("driven")
+    assert type(planned("driven")).from_dict(data["plan"]) == planned("driven")
+
+
+def test_all_kernel_modules_are_shipped():
+    package = Path(rbfmu_kernels.__file__).parent
+    modules = {path.relative_to(package).as_posix() for path in package.rglob("*.py")} - {"__init__.py"}
+    assert kernel_sources().keys() == modules
+    (folder,) = (unzipped("driven") / "resources").glob("rbfmu_*")
+    assert all((folder / name).read_bytes() == (package / name).read_bytes() for name in modules)

@@ -1,0 +1,96 @@
+"""Any FMI 2.0 call in any order with any argument: the right answer, the right motion, and never a crash.
+
+abuse_machine.py makes the calls in a child process (abuse_process.py, abuse_child.py); abuse_model.py says what each
+must answer, and has the motion from direct calls of the kernels. Numbers of calls are printed (`make fuzz`, or -s).
+"""
+
+import subprocess
+import sys
+
+import pytest
+from hypothesis import HealthCheck, settings
+from hypothesis.stateful import run_state_machine_as_test
+
+from tests.support.fmu.abuse_machine import Abuse
+from tests.support.fmu.abuse_model import Facts
+from tests.support.fmu.abuse_process import Process
+from tests.support.fmu.elsewhere import copy_modules
+from tests.support.fmu.fmu_importer import OK
+from tests.support.fmu.fmus import planned, scene, unzipped
+
+NAMES = ("driven", "prescribed")
+
+
+def abuse(kind, examples, steps):
+    facts = [Facts(scene(name), planned(name), kind) for name in NAMES]
+    process = Process(kind, [unzipped(name, kind) for name in NAMES])
+    chosen = settings(max_examples=examples, stateful_step_count=steps, deadline=None, derandomize=True,
+                      database=None, suppress_health_check=list(HealthCheck))  # fmt: skip
+    try:
+        run_state_machine_as_test(lambda: Abuse(kind, process, facts), settings=chosen)
+    finally:
+        process.stop()
+    print(process.report())
+    return process
+
+
+@pytest.mark.parametrize("kind", ["python", "native"])
+def test_any_calls_are_answered_rightly(kind):
+    process = abuse(kind, 100, 50)
+    assert sum(process.calls.values()) > 5_000
+    assert sum(process.refused.values()) > 1_000
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["python", "native"])
+def test_very_many_calls_are_answered_rightly(kind):
+    process = abuse(kind, 2000, 80)
+    assert sum(process.calls.values()) > 200_000
+
+
+@pytest.mark.parametrize("kind", ["python", "native"])
+def test_every_byte_of_a_state_counts(kind):
+    process = Process(kind, [unzipped("prescribed", kind)])
+    process.ask("instantiate", 1, 0, "it", 1, None, False)
+    process.ask("get_state", 1, 0)
+    _, size, _ = process.ask("size", 1, 0)
+    _, content, _ = process.ask("serialize", 1, 0, size)
+    for k in range(size):
+        damaged = content[:k] + bytes([content[k] ^ 1]) + content[k + 1 :]
+        assert process.ask("deserialize", 1, 1, damaged)[0] != OK, k
+    assert process.ask("deserialize", 1, 1, content)[0] == OK
+    process.stop()
+
+
+LIVES = """
+import sys
+from tests.support.fmu.fmu_importer import Fmu
+
+def kilobytes():
+    with open("/proc/self/status") as file:
+        return int(next(line for line in file if line.startswith("VmRSS")).split()[1])
+
+fmu, before = Fmu(sys.argv[1]), None
+for k in range(100_000):
+    instance = fmu.instance()
+    assert instance.component.value
+    if k % 10 == 0:
+        instance.start()
+        assert instance.step(0.0, 0.01) == 0
+        state = instance.state()
+        assert instance.deserialized(instance.serialized(state))[0] == 0
+    instance.free()
+    if k == 1000:
+        before = kilobytes()
+print(kilobytes() - before)
+"""
+
+
+def test_a_hundred_thousand_native_lives_leave_nothing_behind(tmp_path):
+    """Every tenth one is used, and freed with its states."""
+    command = [sys.executable, "-E", "-s", "-c", LIVES, unzipped("driven", "native")]
+    copy_modules(tmp_path, "fmu_importer")
+    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, timeout=1200, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    print(f"growth over 99,000 lives: {done.stdout.strip()} kB")
+    assert int(done.stdout) < 500  # the smallest block kept of each life would be 3000

@@ -1,0 +1,48 @@
+"""The demonstration passes, says what the README says, and leaves its files; and it can fail."""
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+import rbfmu
+from rbfmu_fmu import demo, nasa_brick
+from tests.support.paths import SHARED
+
+
+def test_demo_passes_and_leaves_a_picture(tmp_path: Path) -> None:
+    text = io.StringIO()
+    assert demo.run_demo(tmp_path / "out", Console(file=text, width=100))
+    assert "the same bits in all three ways" in text.getvalue()
+    names = {p.name for p in (tmp_path / "out").iterdir()}
+    assert names == {"tumbling_brick.png", "tumbling_brick.fmu", "kernels.csv", "kernels.units.csv", "fmpy_command.csv"}
+    assert (tmp_path / "out" / "tumbling_brick.png").stat().st_size > 20_000
+
+
+def test_demo_fails_where_nasa_disagrees(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    wrong = {s: tuple((t, p + 2e-9, *rest) for t, p, *rest in rows) for s, rows in nasa_brick.NASA.items()}
+    monkeypatch.setattr(nasa_brick, "NASA", wrong)
+    assert not demo.run_demo(tmp_path, Console(file=io.StringIO()))
+
+
+@pytest.mark.parametrize("simulation", ["01", "04"])
+def test_brick_is_where_nasa_has_it(simulation: str) -> None:
+    result = rbfmu.simulate(rbfmu.load_scene(demo.scene_file("tumbling_brick.toml")))
+    found = nasa_brick.errors(simulation, result.time, result.quaternion, result.omega_b)
+    assert len(found) == 7
+    assert max(rate for _, rate, _ in found) < 4e-10  # deg/s: NASA's printed digits
+    assert max(attitude for _, _, attitude in found) < 6e-5  # deg: the drift in longitude of NASA's brick
+
+
+def test_quoted_figures_are_those_of_the_data() -> None:
+    data = SHARED / "nasa_tumbling_brick.csv"
+    if not data.exists():
+        pytest.skip("NASA's data are not here")
+    table = np.genfromtxt(data, delimiter=",", names=True)
+    for simulation, rows in nasa_brick.NASA.items():
+        columns = [table[f"sim{simulation}_{c}"] for c in ("p", "q", "r", "yaw", "pitch", "roll")]
+        for row in rows:
+            k = int(np.argmin(np.abs(table["time_s"] - row[0])))
+            assert tuple(c[k] for c in columns) == row[1:]

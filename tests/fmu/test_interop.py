@@ -1,0 +1,65 @@
+"""Both kinds of FMU in every importer on this machine; a system of three units in libcosim."""
+
+import importlib.util
+from functools import cache
+
+import pytest
+
+from examples.interop import importers
+from examples.interop import run as interop
+from tests.support.fmu.fmus import workshop
+from tests.support.paths import ROOT
+
+WITHOUT_PYTHON = {"ecos", "fmuCheck"}
+"""Hosts in which a pythonfmu FMU cannot be loaded."""
+
+
+@cache
+def built(kind):
+    return interop.build(interop.scene_to_try(), workshop(), kind)
+
+
+@pytest.mark.parametrize("kind", interop.KINDS)
+@pytest.mark.parametrize("name", importers.IMPORTERS)
+def test_importer_gets_the_kernels_bits(name, kind):
+    if importers.version(importers.IMPORTERS[name]) is None:
+        pytest.skip(f"{name} is not on this machine")
+    result = interop.try_importer(name, built(kind), interop.scene_to_try())
+    if kind == "python" and name in WITHOUT_PYTHON:
+        assert result.startswith("failed: "), result
+    else:
+        digits = importers.IMPORTERS[name].decimals
+        assert result == (f"same to the {digits} decimals it writes" if digits else "same bits")
+
+
+def test_an_importer_that_fails_says_how(tmp_path):
+    """The table's verdicts can be bad."""
+    no_fmu = tmp_path / "no.fmu"
+    no_fmu.write_bytes(b"no archive")
+    result = interop.try_importer("fmpy simulate", no_fmu, interop.scene_to_try())
+    assert result.startswith("failed: exit status 1: ")
+    assert "zip" in result
+
+
+def test_a_wrong_value_is_seen(monkeypatch):
+    expected = interop.by_kernels(interop.scene_to_try(), {})
+    wrong = expected.copy()
+    wrong[50, 3] += 1e-15
+    full, short = importers.IMPORTERS["FMPy"], importers.IMPORTERS["ecos"]
+    assert interop.comparison(full, expected, expected) == "same bits"
+    assert interop.comparison(full, wrong, expected) == "failed: off by 1.0e-15"
+    assert interop.comparison(short, expected.round(6), expected) == "same to the 6 decimals it writes"
+    assert interop.comparison(short, expected + 1e-6, expected) == "failed: off by 1.0e-06"
+    assert interop.comparison(full, expected[:-1], expected) == "failed: 99 steps of 100"
+
+
+@pytest.mark.parametrize("kind", interop.KINDS)
+def test_a_system_of_three_units_in_libcosim_is_the_loop_of_direct_calls(kind, capsys):
+    pytest.importorskip("libcosimpy")
+    spec = importlib.util.spec_from_file_location("system", ROOT / "examples" / "05_system.py")
+    system = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(system)
+    assert system.main(kind) == 0.0
+    last = capsys.readouterr().out.splitlines()[-2]
+    # held rates make the navigator's attitude drift by a degree, which the controller then holds
+    assert 0.5 < float(last.split(": ")[1].split()[0]) < 1.5

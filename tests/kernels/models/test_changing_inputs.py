@@ -1,0 +1,255 @@
+"""Inputs that change within a step as polynomials of second degree: against 40 digits, and what a closed loop gains."""
+
+import math
+
+import mpmath as mp
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from rbfmu.runs.model_buffer import filled_buffer, initialize
+from rbfmu.runs.models import Plan
+from rbfmu.scene.scene import Scene
+from rbfmu_kernels.buffer import FINE, NOT_REACHED
+from rbfmu_kernels.models import prescribed_rates
+
+EPS = 2.0**-52
+OFFSET = {"mass": 2.0, "inertia": [[1.0, 0.1, 0.05], [0.1, 1.2, 0.02], [0.05, 0.02, 1.5]], "r_oc_b": [0.1, -0.2, 0.3]}
+MOVING = {
+    "position": [1.0, 2.0, 3.0],
+    "velocity": [0.1, 0.2, 0.3],
+    "omega_b": [1.0, 2.0, -1.0],
+    "attitude": {"rotvec": [0.3, -0.8, 0.5]},
+}
+INPUTS = {
+    "force_a": ([0.3, 0.1, -0.4], [0.5, -0.2, 0.1], [0.3, 0.6, -0.2]),
+    "force_b": ([1.0, 0.5, 0.2], [-0.3, 0.4, 0.2], [0.1, -0.5, 0.4]),
+    "torque_a": ([0.05, 0.0, 0.02], [0.2, 0.1, -0.3], [-0.2, 0.3, 0.1]),
+    "torque_b": ([0.1, 0.2, 0.1], [-0.1, 0.3, 0.2], [0.4, -0.1, -0.3]),
+}
+METHODS = {
+    "DOP853": Plan("body under loads", "DOP853", 13, tolerance=1e-14),
+    "DOP853 in equal steps": Plan("body under loads", "DOP853", 13, substep=0.02),
+    "Taylor series": Plan("body under loads, by series", "Taylor", 13, tolerance=1e-15, order=16),
+}
+
+
+class Unit:
+    """A unit as planned, its variables by name."""
+
+    def __init__(self, plan, **tables):
+        scene = Scene(**tables)
+        self.kernels = plan.unit
+        self.z = filled_buffer(scene, plan)
+        initialize(scene, self.kernels, self.z)
+
+    def __getitem__(self, name):
+        return self.z[self.kernels.BLOCKS[name]].copy()
+
+    def __setitem__(self, name, value):
+        self.z[self.kernels.BLOCKS[name]] = value
+
+    def drive(self, inputs):
+        """Set inputs and their derivatives."""
+        for name, (value, rate, rate_2) in inputs.items():
+            self[name], self[f"{name}_rate"], self[f"{name}_rate_2"] = value, rate, rate_2
+        return self
+
+
+def driven(plan, body, names):
+    initial = {k: MOVING[k] for k in ("omega_b", "attitude")} if body.get("pivot") else MOVING
+    tables = {"initial": initial, "loads": {"gravity_a": [0.0, 0.0, -1.0]}, "inputs": {"ports": list(names)}}
+    return Unit(plan, body=body, run={"stop": 1.0, "step": 1.0}, **tables)
+
+
+def true_motion(body, inputs, h):
+    """Position, velocity of o, quaternion and body rate after h, by 30-digit Taylor integration of another form."""
+    with mp.workdps(30):
+        M = mp.matrix(body["inertia"])
+        r_oc, mass = mp.matrix(body["r_oc_b"]), mp.mpf(body["mass"])
+        q0 = Rotation.from_rotvec(MOVING["attitude"]["rotvec"]).as_quat(scalar_first=True)
+        M_inverse = M**-1
+
+        def cross(a, b):
+            return mp.matrix([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+        def matrix(q):
+            e, x, y, z = q
+            return mp.matrix([
+                [e * e + x * x - y * y - z * z, 2 * (x * y - e * z), 2 * (x * z + e * y)],
+                [2 * (x * y + e * z), e * e - x * x + y * y - z * z, 2 * (y * z - e * x)],
+                [2 * (x * z - e * y), 2 * (y * z + e * x), e * e - x * x - y * y + z * z],
+            ])  # fmt: skip
+
+        def load(name, t):
+            if name not in inputs:
+                return mp.matrix([0, 0, 0])
+            u, u1, u2 = (mp.matrix(x) for x in inputs[name])
+            return u + t * u1 + t * t / 2 * u2
+
+        def rates(t, y):
+            q, w, v = y[0:4], mp.matrix(y[4:7]), y[10:13]
+            R = matrix(q)
+            force_b = load("force_b", t) + R.T * load("force_a", t)
+            torque_b = load("torque_b", t) + R.T * load("torque_a", t) - cross(r_oc, force_b)
+            a = R * force_b / mass + mp.matrix([0, 0, -1])
+            alpha = M_inverse * (torque_b - cross(w, M * w))
+            e, x, y_, z = q
+            dq = [-(x * w[0] + y_ * w[1] + z * w[2]) / 2, (e * w[0] + y_ * w[2] - z * w[1]) / 2,
+                  (e * w[1] + z * w[0] - x * w[2]) / 2, (e * w[2] + x * w[1] - y_ * w[0]) / 2]  # fmt: skip
+            return [*dq, *alpha, *v, *a]
+
+        q = [mp.mpf(float(x)) for x in q0]
+        size = mp.sqrt(sum(x * x for x in q))
+        q = [x / size for x in q]
+        w = mp.matrix(MOVING["omega_b"])
+        r = mp.matrix(MOVING["position"]) + matrix(q) * r_oc
+        v = mp.matrix(MOVING["velocity"]) + matrix(q) * cross(w, r_oc)
+        y = gragg(rates, [*q, *w, *r, *v], mp.mpf(h))
+        R, w = matrix(y[0:4]), mp.matrix(y[4:7])
+        position = mp.matrix(y[7:10]) - R * r_oc
+        velocity = mp.matrix(y[10:13]) - R * cross(w, r_oc)
+        return [[float(x) for x in part] for part in (y[0:4], w, position, velocity)]
+
+
+def gragg(f, y, h):
+    """Extrapolated midpoint rule, error some 1e-20: columns of T_jk with n = 2, 4, ... 32 substeps, in 4 steps."""
+    t, H = mp.mpf(0), h / 4
+    for _ in range(4):
+        table = []
+        for n in range(2, 34, 2):
+            s = H / n
+            k = f(t, y)
+            a, b = y, [u + s * du for u, du in zip(y, k, strict=True)]
+            for i in range(1, n):
+                k = f(t + i * s, b)
+                a, b = b, [u + 2 * s * du for u, du in zip(a, k, strict=True)]
+            k = f(t + H, b)
+            row = [[(u + w + s * du) / 2 for u, w, du in zip(a, b, k, strict=True)]]
+            for j, previous in enumerate(table[-1] if table else [], 1):
+                ratio = (mp.mpf(n) / (n - 2 * j)) ** 2
+                row.append([p + (p - o) / (ratio - 1) for p, o in zip(row[-1], previous, strict=True)])
+            table.append(row)
+        t, y = t + H, table[-1][-1]
+    return y
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("names", [*((name,) for name in INPUTS), tuple(INPUTS)], ids="+".join)
+def test_loads_change_within_a_step_as_their_derivatives_say(method, names):
+    inputs = {name: INPUTS[name] for name in names}
+    unit = driven(METHODS[method], OFFSET, names).drive(inputs)
+    assert unit.kernels.step(unit.z, 1.0) == FINE
+    q, omega, position, velocity = true_motion(OFFSET, inputs, 1.0)
+    for name, truth in (("quaternion", q), ("omega_b", omega), ("position", position), ("velocity", velocity)):
+        np.testing.assert_allclose(unit[name], truth, atol=2e-13, err_msg=name)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_after_the_step_an_input_holds_its_last_value(method):
+    unit = driven(METHODS[method], OFFSET, tuple(INPUTS)).drive(INPUTS)
+    assert unit.kernels.step(unit.z, 0.5) == FINE
+    for name, (u, u1, u2) in INPUTS.items():
+        np.testing.assert_allclose(unit[name], np.array(u) + 0.5 * np.array(u1) + 0.125 * np.array(u2), rtol=4 * EPS)
+        assert not unit[f"{name}_rate"].any()
+        assert not unit[f"{name}_rate_2"].any()
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_refused_step_leaves_inputs_and_derivatives(method):
+    unit = driven(METHODS[method], OFFSET, tuple(INPUTS)).drive(INPUTS)
+    unit["torque_b_rate"] = [1e300, 1e300, 1e300]
+    before = {
+        name: unit[name] for name in unit.kernels.BLOCKS if name.startswith(tuple(INPUTS)) or name == "quaternion"
+    }
+    with np.errstate(all="ignore"):
+        assert unit.kernels.step(unit.z, 1e9) == NOT_REACHED
+    for name, value in before.items():
+        np.testing.assert_array_equal(unit[name], value, err_msg=name)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_pivot_takes_the_forces_however_they_change(method):
+    body = OFFSET | {"pivot": True}
+    pushed, free = (driven(METHODS[method], body, ("force_a", "force_b")) for _ in range(2))
+    pushed.drive({name: INPUTS[name] for name in ("force_a", "force_b")})
+    for unit in (pushed, free):
+        assert unit.kernels.step(unit.z, 1.0) == FINE
+    for name in ("quaternion", "omega_b", "position", "velocity"):
+        np.testing.assert_allclose(pushed[name], free[name], atol=1e-13, err_msg=name)
+
+
+def exact_turn(omega, slope, bend, h):
+    """q of dq/dt = q o (0, omega(t)) / 2 by 30-digit extrapolation."""
+    with mp.workdps(30):
+        w = [[mp.mpf(x) for x in part] for part in (omega, slope, bend)]
+
+        def rates(t, q):
+            f, g, k = (w[0][i] + t * w[1][i] + t * t / 2 * w[2][i] for i in range(3))
+            e, x, y, z = q
+            return [-(x * f + y * g + z * k) / 2, (e * f + y * k - z * g) / 2,
+                    (e * g + z * f - x * k) / 2, (e * k + x * g - y * f) / 2]  # fmt: skip
+
+        return [float(x) for x in gragg(rates, [mp.mpf(1), mp.mpf(0), mp.mpf(0), mp.mpf(0)], mp.mpf(h))]
+
+
+PRESCRIBED = Plan("prescribed rates", "exact rotation", 4)
+RATES = {"omega_b": ([0.8, -0.5, 0.3], [0.7, 1.1, -0.6], [-0.9, 0.4, 1.3])}
+
+
+def test_prescribed_rates_change_within_a_step_as_their_derivatives_say():
+    unit = Unit(PRESCRIBED, inputs={"ports": ["omega_b"]}).drive(RATES)
+    assert prescribed_rates.step(unit.z, 2.0) == FINE
+    np.testing.assert_allclose(unit["quaternion"], exact_turn(*RATES["omega_b"], 2.0), atol=8 * EPS)
+    end = np.array(RATES["omega_b"][0]) + 2.0 * np.array(RATES["omega_b"][1]) + 2.0 * np.array(RATES["omega_b"][2])
+    np.testing.assert_allclose(unit["omega_b"], end, rtol=8 * EPS)
+    assert not unit["omega_b_rate"].any()
+
+
+def test_prescribed_rates_that_stop_changing_turn_on_exactly():
+    unit = Unit(PRESCRIBED, inputs={"ports": ["omega_b"]}).drive(RATES)
+    assert prescribed_rates.step(unit.z, 0.5) == FINE
+    start, omega = Rotation.from_quat(unit["quaternion"], scalar_first=True), unit["omega_b"]
+    for _ in range(100):
+        assert prescribed_rates.step(unit.z, 0.01) == FINE
+    end = (start * Rotation.from_rotvec(omega)).as_quat(scalar_first=True)
+    np.testing.assert_allclose(unit["quaternion"] * np.sign(unit["quaternion"] @ end), end, atol=4 * EPS)
+
+
+@pytest.mark.parametrize("h", [0.0, -1.0, math.nan, math.inf, 1e200])
+def test_prescribed_rates_that_lead_nowhere_are_refused(h):
+    unit = Unit(PRESCRIBED, inputs={"ports": ["omega_b"]}).drive(RATES)
+    before = unit.z.copy()
+    with np.errstate(all="ignore"):
+        assert prescribed_rates.step(unit.z, h) == NOT_REACHED
+    np.testing.assert_array_equal(unit.z, before)
+
+
+def closed_loop(H, degree, span=4.0):
+    """A PD attitude loop about z, its torque passed with derivatives up to a degree: attitude at the end.
+
+    theta'' = -k theta - d theta': inertia 1; the controller computes its torque's derivatives from the plant's states.
+    """
+    k, d = 4.0, 1.0
+    unit = Unit(METHODS["Taylor series"], body={"mass": 1.0, "inertia": [1.0, 1.0, 1.0]},
+                initial={"attitude": {"rotvec": [0.0, 0.0, 1.0]}}, loads={"gravity_a": [0.0, 0.0, 0.0]},
+                inputs={"ports": ["torque_b"]}, run={"stop": span, "step": H})  # fmt: skip
+    for _ in range(round(span / H)):
+        q, rate = unit["quaternion"], unit["omega_b"][2]
+        angle = 2.0 * math.atan2(q[3], q[0])
+        u = -k * angle - d * rate
+        first = -k * rate - d * u
+        second = -k * u - d * first
+        values = [u, first if degree > 0 else 0.0, second if degree > 1 else 0.0]
+        unit.drive({"torque_b": tuple([0.0, 0.0, x] for x in values)})
+        assert unit.kernels.step(unit.z, H) == FINE
+    q = unit["quaternion"]
+    return 2.0 * math.atan2(q[3], q[0])
+
+
+@pytest.mark.parametrize("degree", [0, 1, 2])
+def test_a_closed_loop_s_order_in_the_communication_step_is_one_above_the_derivatives_passed(degree):
+    nu = math.sqrt(4.0 - 0.25)
+    truth = math.exp(-2.0) * (math.cos(4.0 * nu) + 0.5 / nu * math.sin(4.0 * nu))
+    errors = [abs(closed_loop(H, degree) - truth) for H in (0.02, 0.01)]
+    assert math.log2(errors[0] / errors[1]) == pytest.approx(degree + 1.0, abs=0.1)

@@ -1,0 +1,87 @@
+"""`output_rates`: the outputs' time derivatives, against differences of the outputs along the motion."""
+
+import numpy as np
+import pytest
+from numba import config
+
+from rbfmu.planning.fitting import cheapest_fit
+from rbfmu.planning.judge import Judge
+from rbfmu.runs.model_buffer import filled_buffer, initialize
+from rbfmu.runs.models import Plan
+from rbfmu.scene.scene import QUANTITIES, Scene
+from rbfmu_kernels.body import memory, outputs
+from rbfmu_kernels.buffer import FINE
+from rbfmu_kernels.models import loaded_dop853, prescribed_rates
+
+LOADS = {
+    "gravity_a": [0.1, -0.3, -1.0], "force_b": [1.0, 0.5, 0.2], "force_a": [0.3, 0.1, -0.4],
+    "torque_b": [0.1, 0.2, 0.1], "torque_a": [0.05, 0.3, 0.02], "damping_b": [0.1, 0.05, 0.02],
+}  # fmt: skip
+H = 1e-3
+
+
+def body_at(pivot):
+    body = {"mass": 2.0, "inertia": [[1.0, 0.1, 0.05], [0.1, 1.2, 0.02], [0.05, 0.02, 1.5]], "r_oc_b": [0.1, -0.2, 0.3]}
+    initial = {"omega_b": [1.0, 2.0, -1.0], "attitude": {"rotvec": [0.3, -0.8, 0.5]}}
+    initial |= {} if pivot else {"position": [1.0, 2.0, 3.0], "velocity": [0.1, 0.2, 0.3]}
+    run = {"stop": 4 * H, "step": H, "accuracy": 1e-13}
+    scene = Scene(body=body | {"pivot": pivot}, initial=initial, loads=LOADS, run=run)
+    z = filled_buffer(scene, Plan("body under loads", "DOP853", 13, tolerance=1e-15))
+    z[loaded_dop853.BLOCKS["active"]] = 1.0
+    initialize(scene, loaded_dop853, z)
+    return z
+
+
+def block(z, name):
+    return z[loaded_dop853.BLOCKS[name]].copy()
+
+
+@pytest.mark.parametrize("pivot", [False, True])
+@pytest.mark.parametrize("name", memory.OUTPUTS)
+def test_output_rates_are_the_outputs_differences(name, pivot):
+    """Five points, order 4: error h^4 / 30 times the fifth derivative, some 1e-11, and round-off eps / h."""
+    z = body_at(pivot)
+    values = [block(z, name)]
+    for k in range(4):
+        assert loaded_dop853.step(z, H) == FINE
+        values.append(block(z, name))
+        if k == 1:
+            assert outputs.output_rates(z) == 0
+            rate = block(z, f"d_{name}")
+    difference = (values[0] - 8.0 * values[1] + 8.0 * values[3] - values[4]) / (12.0 * H)
+    np.testing.assert_allclose(rate, difference, rtol=1e-9, atol=1e-9)
+    assert np.any(rate != 0.0) or (pivot and name in ("position", "velocity", "acceleration"))
+
+
+@pytest.mark.skipif(bool(config.DISABLE_JIT), reason="fits by pilot runs")
+def test_what_nobody_wants_is_not_computed():
+    scene = Scene(body={"mass": 1.0, "inertia": [1.0, 2.0, 3.0]}, loads={"torque_b": [0.1, 0.0, 0.2]},
+                  outputs={"quantities": ["omega_b"]})  # fmt: skip
+    general = Plan("body under loads, by series", "", 13, tolerance=1e-6)
+    z = filled_buffer(scene, cheapest_fit(scene, general, Judge(scene)))
+    initialize(scene, loaded_dop853, z)
+    assert loaded_dop853.step(z, 0.1) == FINE
+    assert np.any(block(z, "omega_b") != 0.0)
+    assert all(np.all(block(z, name) == 0.0) for name in memory.OUTPUTS if name != "omega_b")
+
+
+def test_flags_of_unwanted_outputs_stand_in_the_order_of_the_quantities():
+    assert tuple(memory.OUTPUTS) == QUANTITIES
+
+
+@pytest.mark.parametrize("name", prescribed_rates.OUTPUTS)
+def test_output_rates_of_prescribed_rates_are_differences_too(name):
+    scene = Scene(inputs={"ports": ["omega_b"]}, initial={"attitude": {"rotvec": [0.3, -0.8, 0.5]}})
+    z = filled_buffer(scene, Plan("prescribed rates", "", 4))
+    initialize(scene, prescribed_rates, z)
+    values = []
+    for k in range(5):
+        z[prescribed_rates.BLOCKS["omega_b"]] = [0.3, -1.2, 0.7]
+        prescribed_rates.outputs(z)
+        values.append(z[prescribed_rates.BLOCKS[name]].copy())
+        if k == 2:
+            assert prescribed_rates.output_rates(z) == FINE
+            rate = z[prescribed_rates.BLOCKS[f"d_{name}"]].copy()
+        assert prescribed_rates.step(z, H) == FINE
+    difference = (values[0] - 8.0 * values[1] + 8.0 * values[3] - values[4]) / (12.0 * H)
+    np.testing.assert_allclose(rate, difference, rtol=1e-9, atol=1e-9)

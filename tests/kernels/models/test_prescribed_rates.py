@@ -1,0 +1,113 @@
+"""Attitude from prescribed rates."""
+
+import math
+
+import mpmath as mp
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from rbfmu import rotate
+from rbfmu.planning.promises import prescribed_rates_error
+from rbfmu.runs.errors import attitude_error
+from rbfmu.scene.scene import Scene
+from tests.support.free_rotation_mp import angle_to, compose
+from tests.support.unit_cases import EPS, TURNED, Unit, assert_refused, distance
+
+
+def prescribed(**initial):
+    return Unit(Scene(inputs={"ports": ["omega_b"]}, initial=initial))
+
+
+def turned(q, omega, t):
+    """The attitude after a rate is held, in numbers of mpmath."""
+    rate = mp.sqrt(sum(mp.mpf(float(w)) ** 2 for w in omega))
+    half = rate * t / 2
+    return compose(q, [mp.cos(half), *(mp.sin(half) * mp.mpf(float(w)) / (rate or 1) for w in omega)])
+
+
+def start_of(unit):
+    q = [mp.mpf(x) for x in unit["quaternion_0"].tolist()]
+    length = mp.sqrt(sum(x * x for x in q))
+    return [x / length for x in q]
+
+
+@pytest.mark.parametrize("omega", [(0.3, -0.2, 0.5), (1e-9, 0.0, 0.0), (0.0, 40.0, 0.0), (3e3, -2e3, 1e3)])
+@pytest.mark.parametrize("h", [0.01, 0.7, 1e4])
+def test_prescribed_rates_turn_the_attitude_exactly(omega, h):
+    """Against R(q_0) exp(skew(omega) t) in 40 digits: no error that grows with the steps or the angle (4e10 rad)."""
+    unit, steps = prescribed(attitude=TURNED), 1000
+    unit["omega_b"] = omega
+    unit.step(h, steps)
+    with mp.workdps(40):
+        assert angle_to(unit["quaternion"], turned(start_of(unit), omega, mp.mpf(h) * steps)) <= 3 * EPS
+    np.testing.assert_allclose(unit["omega_a"], rotate(unit["quaternion"], omega), rtol=4 * EPS)
+
+
+WAYS = {
+    "about changing axes, always as fast": lambda k: [math.sin(0.01 * k), math.cos(0.01 * k), 0.3],
+    "at random": lambda k: np.random.default_rng(k).normal(size=3) * 3.0,
+    "fast": lambda k: [100.0 + k, 200.0, 300.0],
+    "to and fro": lambda k: [(-1.0) ** k * 0.7, 0.2, -0.4],
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_rates_that_change_lose_what_the_plan_may_promise(way):
+    """Some 0.5 eps a change at worst, where each turn is rounded alike."""
+    steps, h = 300, 1.7
+    scene = Scene(inputs={"ports": ["omega_b"]}, initial={"attitude": TURNED}, run={"stop": steps * h, "step": h})
+    unit = Unit(scene)
+    with mp.workdps(40):
+        truth = start_of(unit)
+        for k in range(steps):
+            unit["omega_b"] = omega = WAYS[way](k)
+            unit.step(h)
+            truth = turned(truth, omega, mp.mpf(h))
+        error = angle_to(unit["quaternion"], truth)
+    assert error <= prescribed_rates_error(scene) <= 5e-13
+    assert way != "about changing axes, always as fast" or error >= 0.1 * prescribed_rates_error(scene)
+
+
+def test_prescribed_rates_do_not_care_how_time_is_chopped():
+    whole, parts = prescribed(), prescribed()
+    whole["omega_b"] = parts["omega_b"] = [0.3, -0.2, 0.5]
+    whole.step(10.0)
+    parts.step(0.01, 1000)
+    assert distance(whole["quaternion"], parts["quaternion"]) <= 2 * EPS
+
+
+def test_prescribed_rates_may_change_at_each_step():
+    """Products of exact turns, as in q_0 exp(h_1 omega_1) exp(h_2 omega_2) ..."""
+    rng = np.random.default_rng(1)
+    unit, truth = prescribed(attitude=TURNED), Rotation.from_rotvec(TURNED["rotvec"])
+    for omega in rng.normal(size=(50, 3)):
+        unit["omega_b"] = omega
+        unit.step(0.25, 2)
+        truth = truth * Rotation.from_rotvec(0.5 * omega)
+    assert attitude_error(unit["quaternion"], truth.as_quat(scalar_first=True)) <= 40 * EPS
+
+
+def test_prescribed_rates_keep_the_quaternion_continuous():
+    """A full turn about z ends at -q."""
+    unit = prescribed()
+    unit["omega_b"] = [0.0, 0.0, 2.0 * math.pi]
+    unit.step(1.0 / 64.0, 64)
+    assert distance(unit["quaternion"], [-1.0, 0.0, 0.0, 0.0]) <= 2 * EPS
+
+
+@pytest.mark.parametrize(
+    ("rate", "h"),
+    [(math.nan, 0.1), (math.inf, 0.1), (1.0, 0.0), (1.0, -0.1), (1.0, math.nan), (1.0, math.inf), (1e10, 1e6)],
+)
+def test_prescribed_rates_refuse_what_leads_nowhere(rate, h):
+    unit = prescribed(attitude=TURNED)
+    unit["omega_b"] = [0.0, rate, 0.0]
+    assert_refused(unit, h)
+
+
+@pytest.mark.parametrize("bad", [[0.0] * 4, [math.nan, 0.0, 0.0, 1.0], [math.inf, 0.0, 0.0, 1.0]])
+def test_prescribed_rates_refuse_a_bad_quaternion(bad):
+    unit = prescribed()
+    unit["quaternion_0"] = bad
+    assert unit.kernels.initialize(unit.z) == 7

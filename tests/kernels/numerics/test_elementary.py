@@ -1,0 +1,131 @@
+"""Portable sine, cosine, arctangent and powers of two against 50 digits."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+
+from rbfmu_kernels.numerics.elementary import atan2, exp2, scale_for_squares, sincos, sincos_half_turns
+from rbfmu_kernels.rotations.vec3 import norm
+from tests.support import exact
+from tests.support.exact import EPS, mp
+from tests.support.hard_cases import angles, rng
+from tests.support.laws import Law
+
+
+def ulps(value, truth, scale):
+    """Largest error in units in the last place of the truth."""
+    pairs = zip(exact.flat(value), exact.flat(truth), strict=True)
+    return max(float(abs(mp.mpf(v) - t) / mp.mpf(math.ulp(float(t)))) for v, t in pairs)
+
+
+def nearest_to_multiples_of_quarter_turns(n):
+    """The n doubles up to 2e5 whose sine or cosine is smallest: the worst of range reduction."""
+    quarter = mp.pi / 2
+    distances = {k: abs(mp.mpf(float(k * quarter)) - k * quarter) for k in range(1, 127_000, 7)}
+    return [float(k * quarter) for k in sorted(distances, key=distances.__getitem__)[:n]]
+
+
+def angles_to_2e5():
+    r = rng(11)
+    values = [*r.uniform(-4, 4, 1000), *r.uniform(-2e5, 2e5, 1000), *(2.0 ** r.uniform(-1000, 17, 300))]
+    return [(float(x),) for x in [*values, *nearest_to_multiples_of_quarter_turns(100)]]
+
+
+def half_turns():
+    """A double and what it lacks of a number."""
+    r = rng(15)
+    values = [
+        *r.uniform(-1, 1, 500),
+        *r.uniform(-1e6, 1e6, 500),
+        *(0.5 * r.integers(-9, 9, 300) + 1e-9 * r.random(300)),
+    ]
+    return [(float(x), float(0.5 * math.ulp(x) * r.uniform(-1, 1))) for x in values]
+
+
+def exponents():
+    r = rng(16)
+    values = [*r.uniform(-1022, 1022, 1000), *r.uniform(-1, 1, 500), 0.0, -0.5, 0.5, 1022.0, -1022.0]
+    return [(float(x), float(0.5 * math.ulp(x) * r.uniform(-1, 1))) for x in values]
+
+
+def points():
+    """All octants, all ratios, and sizes from 1e-150 to 1e150."""
+    r = rng(12)
+    y, x = r.standard_normal((2, 2000))
+    x[1000:] *= 10.0 ** r.uniform(-20, 20, 1000)
+    size = 10.0 ** r.uniform(-150, 150, 2000)
+    return [(float(a), float(b)) for a, b in zip(size * y, size * x, strict=True)]
+
+
+LAWS = [
+    Law(sincos, lambda x: [mp.sin(x), mp.cos(x)], angles_to_2e5, 0.8, measure=ulps),
+    Law(sincos_half_turns, lambda x, y: [mp.sinpi(x + y), mp.cospi(x + y)], half_turns, 0.8, measure=ulps),
+    Law(exp2, lambda x, y: mp.mpf(2) ** (x + y), exponents, 0.9, measure=ulps),
+    Law(atan2, lambda y, x: mp.atan2(y, x), points, 1.4, measure=ulps),
+    Law(norm, exact.norm, lambda: [((s, -2.0 * s, 0.3 * s),) for s in 10.0 ** rng(13).uniform(-300, 300, 300)], 1.0,
+        scale=exact.norm),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+def test_error_is_as_stated(law):
+    law.check()
+
+
+@pytest.mark.parametrize("x", [1e6, 1e9, 1e12])
+def test_sine_of_large_angles_is_within_their_own_rounding(x):
+    for angle in x * (1.0 + rng(14).uniform(0.0, 1.0, 50)):
+        assert exact.error(sincos(angle), [mp.sin(mp.mpf(angle)), mp.cos(mp.mpf(angle))], 1 + angle) <= 1.0
+
+
+def test_huge_angles_count_as_zero():
+    assert sincos(1.1e15) == sincos(-1e300) == (0.0, 1.0)
+
+
+@given(angles)
+def test_sine_is_odd_and_cosine_even(x):
+    s, c = sincos(x)
+    assert sincos(-x) == (-s, c)
+
+
+@given(angles)
+def test_sine_and_cosine_lie_on_the_unit_circle(x):
+    s, c = sincos(x)
+    assert abs(s * s + c * c - 1.0) <= 2.0 * EPS  # 0.8 ulp each, and the rounding of this check
+
+
+@given(angles)
+def test_arctangent_inverts_sine_and_cosine(x):
+    s, c = sincos(x)
+    turns = (x - atan2(s, c)) / (2.0 * math.pi)
+    assert abs(turns - round(turns)) <= 2.0 * EPS
+
+
+@pytest.mark.parametrize("y", [0.0, -0.0, 1.0, -1.0])
+@pytest.mark.parametrize("x", [0.0, -0.0, 1.0, -1.0])
+def test_arctangent_has_the_signs_of_c(y, x):
+    ours, libm = atan2(y, x), math.atan2(y, x)
+    assert ours == libm
+    assert math.copysign(1.0, ours) == math.copysign(1.0, libm)
+
+
+@pytest.mark.parametrize("x", [math.nan, math.inf, -math.inf])
+def test_what_is_not_finite_has_no_sine(x):
+    assert np.isnan(sincos(x)).all()
+
+
+def test_arctangent_of_what_is_not_finite():
+    assert math.isnan(atan2(math.nan, 1.0))
+    assert math.isnan(atan2(1.0, math.nan))
+    assert math.isnan(atan2(math.inf, math.inf))
+    assert atan2(math.inf, 1.0) == math.pi / 2
+    assert atan2(-1.0, -math.inf) == -math.pi
+
+
+@pytest.mark.parametrize("largest", [5e-324, 1e-160, 1.0, 1e160, 1.7e308])
+def test_scaled_numbers_can_be_squared(largest):
+    s = scale_for_squares(largest)
+    assert math.frexp(s)[0] == 0.5
+    assert 2.0**-1000 < (s * largest) ** 2 < 2.0**1000

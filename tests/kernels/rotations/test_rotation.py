@@ -1,0 +1,176 @@
+"""Laws of rotation matrices."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from scipy.spatial.transform import Rotation
+
+from rbfmu_kernels.rotations import matrix, vec3
+from tests.support import exact
+from tests.support.exact import EPS, mp
+from tests.support.hard_cases import (
+    any_quaternion,
+    any_vector,
+    quaternions,
+    random_quaternions,
+    random_vectors,
+    rng,
+    rotation_matrices,
+)
+from tests.support.laws import Law, up_to_sign
+
+QUATERNIONS = quaternions() + random_quaternions(150)
+MATRICES = rotation_matrices(QUATERNIONS)
+VECTORS = random_vectors(len(MATRICES))
+PAIRS = list(zip(MATRICES, MATRICES[::-1], strict=True))
+WITH_VECTORS = list(zip(MATRICES, VECTORS, strict=True))
+ANGLES = [(float(x),) for x in [*rng(21).uniform(-1e5, 1e5, 200), *(2 * mp.pi * n for n in range(0, 15_000, 99))]]
+
+
+def norm_of_second(_, v, *rest):
+    return exact.norm(v)
+
+
+def noisy(noise):
+    r = rng(22)
+    return [(exact.rounded((np.array(R) + noise * r.standard_normal((3, 3))).tolist()),) for R in MATRICES[::3]]
+
+
+def vee(S):
+    """v of the skew-symmetric part of S, skew(v)."""
+    return [(S[2][1] - S[1][2]) / 2, (S[0][2] - S[2][0]) / 2, (S[1][0] - S[0][1]) / 2]
+
+
+def product_with_skew_on_the_left(R, v):
+    return exact.product(exact.skew(v), R)
+
+
+def product_with_skew_on_the_right(R, v):
+    return exact.product(R, exact.skew(v))
+
+
+def rates(rate):
+    return [(R, rate(R, v)) for R, v in WITH_VECTORS]
+
+
+def quaternion_before_rounding(R):
+    """The matrices are those of known quaternions, rounded."""
+    return exact.unit(exact.exact(QUATERNIONS[MATRICES.index(exact.rounded(R))]))
+
+
+LAWS = [
+    Law(vec3.skew, exact.skew, lambda: [(v,) for v in VECTORS], 0.0),
+    Law(vec3.unskew, vee, lambda: [(vec3.skew(v),) for v in VECTORS], 0.0),
+    Law(matrix.rotation_x, lambda a: exact.simple_rotation(0, a), lambda: ANGLES, 0.5),
+    Law(matrix.rotation_y, lambda a: exact.simple_rotation(1, a), lambda: ANGLES, 0.5),
+    Law(matrix.rotation_z, lambda a: exact.simple_rotation(2, a), lambda: ANGLES, 0.5),
+    Law(matrix.compose_matrices, exact.product, lambda: PAIRS, 1.0),
+    Law(matrix.invert_matrix, exact.transpose, lambda: [(R,) for R in MATRICES], 0.0),
+    Law(matrix.transform, exact.apply, lambda: WITH_VECTORS, 1.4, norm_of_second),
+    Law(matrix.matrix_rate_a, product_with_skew_on_the_left, lambda: WITH_VECTORS, 1.0, norm_of_second),
+    Law(matrix.matrix_rate_b, product_with_skew_on_the_right, lambda: WITH_VECTORS, 1.0, norm_of_second),
+    Law(matrix.omega_a_from_matrix_rate, lambda R, dR: vee(exact.product(dR, exact.transpose(R))),
+        lambda: rates(matrix.matrix_rate_a), 1.5, norm_of_second),
+    Law(matrix.omega_b_from_matrix_rate, lambda R, dR: vee(exact.product(exact.transpose(R), dR)),
+        lambda: rates(matrix.matrix_rate_b), 1.5, norm_of_second),
+    Law(matrix.matrix_from_quaternion, exact.matrix_from_quaternion, lambda: [(q,) for q in QUATERNIONS], 2.0),
+    Law(matrix.quaternion_from_matrix, quaternion_before_rounding, lambda: [(R,) for R in MATRICES], 1.5,
+        measure=up_to_sign),
+    Law(matrix.nearest_rotation, exact.polar_factor, lambda: noisy(1e-12), 2.0),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+def test_error_is_as_stated(law):
+    law.check()
+
+
+def test_quaternion_of_a_matrix_has_no_negative_eta():
+    assert min(matrix.quaternion_from_matrix(R)[0] for R in MATRICES) == 0.0
+
+
+@pytest.mark.parametrize("noise", [1e-8, 1e-4, 1e-2, 0.1])
+def test_nearest_rotation_is_the_polar_factor(noise):
+    law = Law(matrix.nearest_rotation, exact.polar_factor, lambda: noisy(noise), 2.0)
+    assert law.worst()[0] <= law.bound
+
+
+def test_nearest_rotation_of_any_matrix_has_the_largest_trace():
+    """Nearest in the Frobenius norm is where tr(R^T M) is largest; against the singular value decomposition."""
+    for M in rng(23).standard_normal((200, 3, 3)):
+        R = np.array(matrix.nearest_rotation(exact.rounded(M.tolist())))
+        U, _, V = np.linalg.svd(M)
+        best = U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V
+        assert np.sum(R * M) >= np.sum(best * M) - 8.0 * EPS * np.linalg.norm(M)
+        assert abs(np.linalg.det(R) - 1.0) <= 4.0 * EPS
+
+
+@pytest.mark.parametrize("size", [1e-300, 1e-160, 1e160, 1e300])
+def test_nearest_rotation_of_any_size(size):
+    for R in MATRICES[::10]:
+        scaled = tuple(vec3.scale(size, row) for row in R)
+        assert exact.error(matrix.nearest_rotation(scaled), exact.exact(matrix.nearest_rotation(R))) <= 4.0
+
+
+def test_nearest_rotation_of_nothing_is_no_rotation():
+    assert matrix.nearest_rotation(((0.0,) * 3,) * 3) == ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+@given(any_vector, any_vector)
+def test_skew_times_vector_is_the_cross_product(v, u):
+    assert matrix.transform(vec3.skew(v), u) == pytest.approx(vec3.cross(v, u), rel=0.0, abs=1e-9)
+    assert vec3.unskew(vec3.skew(v)) == v
+
+
+@given(any_quaternion, any_quaternion)
+def test_matrices_compose_and_invert_as_a_group(q, p):
+    A, B = matrix.matrix_from_quaternion(q), matrix.matrix_from_quaternion(p)
+    AB = matrix.compose_matrices(A, B)
+    back = matrix.compose_matrices(matrix.invert_matrix(A), AB)
+    assert exact.error(back, exact.exact(B)) <= 8.0  # 2.5 eps in A^T A, 1 eps a product
+
+
+@given(any_quaternion)
+def test_a_rotation_matrix_is_orthogonal_and_right_handed(q):
+    a, b, c = matrix.matrix_from_quaternion(q)
+    assert exact.error(matrix.compose_matrices((a, b, c), matrix.invert_matrix((a, b, c))), exact.IDENTITY) <= 6.0
+    assert vec3.cross(a, b) == pytest.approx(c, rel=0.0, abs=6.0 * EPS)
+
+
+@given(any_quaternion, any_vector)
+def test_rotation_preserves_length(q, v):
+    rotated = matrix.transform(matrix.matrix_from_quaternion(q), v)
+    assert vec3.norm(rotated) == pytest.approx(vec3.norm(v), rel=8.0 * EPS)
+
+
+def test_the_frame_turns_and_the_vector_is_taken_to_the_outer_frame():
+    """R_ab takes b to a: a quarter turn about z takes b's x axis to a's y axis (sign conventions, spelled out)."""
+    R_ab = matrix.rotation_z(math.pi / 2)
+    assert matrix.transform(R_ab, (1.0, 0.0, 0.0)) == pytest.approx((0.0, 1.0, 0.0), abs=EPS)
+
+
+def test_angular_velocity_of_a_simple_rotation_is_its_rate_about_its_axis():
+    """The lecture's example: dR_x R_x^T = skew((dphi, 0, 0))."""
+    phi, dphi = 0.7, -1.3
+    s, c = math.sin(phi), math.cos(phi)
+    dR = ((0.0, 0.0, 0.0), (0.0, -s * dphi, -c * dphi), (0.0, c * dphi, -s * dphi))
+    assert matrix.omega_a_from_matrix_rate(matrix.rotation_x(phi), dR) == pytest.approx((dphi, 0.0, 0.0), abs=2 * EPS)
+
+
+@given(any_quaternion, any_vector)
+def test_rates_in_both_frames_are_one(q, omega_b):
+    R = matrix.matrix_from_quaternion(q)
+    omega_a = matrix.transform(R, omega_b)
+    size = 1.0 + vec3.norm(omega_b)
+    assert exact.error(matrix.matrix_rate_a(R, omega_a), exact.exact(matrix.matrix_rate_b(R, omega_b)), size) <= 8.0
+
+
+def test_scipy_agrees():
+    theirs = Rotation.from_quat(np.roll(QUATERNIONS, -1, axis=1))
+    ours = np.array([matrix.matrix_from_quaternion(q) for q in QUATERNIONS])
+    assert np.abs(ours - theirs.as_matrix()).max() <= 5.0 * EPS
+    applied = np.array([matrix.transform(exact.rounded(R.tolist()), v) for R, v in zip(ours, VECTORS, strict=True)])
+    sizes = np.linalg.norm(VECTORS, axis=1, keepdims=True)
+    assert np.abs((applied - theirs.apply(VECTORS)) / sizes).max() <= 8.0 * EPS

@@ -1,0 +1,222 @@
+"""Laws of rotation vectors and of axis and angle."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from rbfmu_kernels.rotations import matrix, quaternion, rotation_vector, vec3
+from tests.support import exact
+from tests.support.exact import EPS, mp
+from tests.support.hard_cases import (
+    AXES,
+    SMALL,
+    any_quaternion,
+    any_vector,
+    quaternions,
+    random_quaternions,
+    random_vectors,
+    rng,
+)
+from tests.support.hard_cases import rotation_vectors as hard_rotation_vectors
+from tests.support.laws import Law, up_to_sign
+
+
+def directions(n, seed):
+    return [exact.unit(exact.exact(v)) for v in random_vectors(n, seed)]
+
+
+def of_lengths(lengths, seed):
+    pairs = zip(lengths, directions(len(lengths), seed), strict=True)
+    return [exact.rounded(exact.scaled(mp.mpf(float(length)), d)) for length, d in pairs]
+
+
+VECTORS = hard_rotation_vectors() + of_lengths(rng(51).uniform(0.0, math.pi, 150), 52)
+MATRICES = [exact.rounded(exact.matrix_from_quaternion(exact.quaternion_from_rotvec(exact.exact(u)))) for u in VECTORS]
+QUATERNIONS = quaternions() + random_quaternions(150, 53)
+TURNING = [q for q in QUATERNIONS if any(q[1:])]
+OMEGAS = random_vectors(len(VECTORS), 54)
+AXIS_AND_ANGLE = [
+    (exact.rounded(k), float(a)) for k, a in zip(directions(200, 55), rng(56).uniform(-7, 7, 200), strict=True)
+]
+
+
+def before_rounding(R):
+    """The matrices are those of known rotation vectors, rounded."""
+    return exact.exact(VECTORS[MATRICES.index(exact.rounded(R))])
+
+
+def length_of_vector(R):
+    return exact.norm(before_rounding(R)) or 1
+
+
+def length(u):
+    return exact.norm(u) or 1
+
+
+def norm_of_second(_, omega):
+    return exact.norm(omega)
+
+
+def axis_and_angle(u):
+    return exact.unit(u), exact.norm(u)
+
+
+def in_axis_and_angle(value, truth, scale):
+    """Error of the axis, and relative error of the angle; at half a turn the axis has either sign."""
+    return max(up_to_sign(value[0], truth[0], 1), exact.error(value[1], truth[1], truth[1]))
+
+
+def quaternion_from_axis_angle(k, theta):
+    return [mp.cos(theta / 2), *exact.scaled(mp.sin(theta / 2), k)]
+
+
+def matrix_from_axis_angle(k, theta):
+    """The lecture's cos(theta) I + sin(theta) skew(k) + (1 - cos(theta)) k k^T."""
+    k = exact.unit(k)
+    kk = [[x * y for y in k] for x in k]
+    return exact.combine((mp.cos(theta), exact.IDENTITY), (mp.sin(theta), exact.skew(k)), (1 - mp.cos(theta), kk))
+
+
+def rate_a(u, omega):
+    return exact.solve(exact.left_jacobian(u), omega)
+
+
+def rate_b(u, omega):
+    return exact.solve(exact.transpose(exact.left_jacobian(u)), omega)
+
+
+LAWS = [
+    Law(rotation_vector.quaternion_from_rotvec, exact.quaternion_from_rotvec, lambda: [(u,) for u in VECTORS], 1.5),
+    Law(rotation_vector.rotvec_from_quaternion, exact.rotvec_from_quaternion, lambda: [(q,) for q in QUATERNIONS], 2.0,
+        lambda q: length(exact.rotvec_from_quaternion(q))),
+    Law(rotation_vector.matrix_from_rotvec, lambda u: exact.matrix_from_quaternion(exact.quaternion_from_rotvec(u)),
+        lambda: [(u,) for u in VECTORS], 3.0),
+    Law(rotation_vector.rotvec_from_matrix, before_rounding, lambda: [(R,) for R in MATRICES], 2.5, length_of_vector,
+        measure=up_to_sign),
+    Law(rotation_vector.quaternion_from_axis_angle, quaternion_from_axis_angle, lambda: AXIS_AND_ANGLE, 1.0),
+    Law(rotation_vector.matrix_from_axis_angle, matrix_from_axis_angle, lambda: AXIS_AND_ANGLE, 2.5),
+    Law(rotation_vector.axis_angle_from_quaternion, lambda q: axis_and_angle(exact.rotvec_from_quaternion(q)),
+        lambda: [(q,) for q in TURNING], 2.0, measure=in_axis_and_angle),
+    Law(rotation_vector.axis_angle_from_matrix, lambda R: axis_and_angle(before_rounding(R)),
+        lambda: [(R,) for R, u in zip(MATRICES, VECTORS, strict=True) if any(u)], 3.0, measure=in_axis_and_angle),
+    Law(rotation_vector.rotvec_rate_a, rate_a, lambda: list(zip(VECTORS, OMEGAS, strict=True)), 3.0, norm_of_second),
+    Law(rotation_vector.rotvec_rate_b, rate_b, lambda: list(zip(VECTORS, OMEGAS, strict=True)), 3.0, norm_of_second),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+def test_error_is_as_stated(law):
+    law.check()
+
+
+@pytest.mark.parametrize("size", [10.0, 1e3, 1e5])
+def test_long_rotation_vectors_are_within_their_own_rounding(size):
+    for u in of_lengths(size * rng(57).uniform(1.0, 2.0, 50), 58):
+        assert (
+            exact.error(rotation_vector.quaternion_from_rotvec(u), exact.quaternion_from_rotvec(exact.exact(u)), size)
+            <= 1.0
+        )
+
+
+@pytest.mark.parametrize("angle", [*SMALL, 1.0, math.pi - 1e-8])
+@pytest.mark.parametrize("axis", AXES)
+def test_vectors_come_back_with_their_digits(angle, axis):
+    u = exact.rounded(exact.scaled(mp.mpf(angle), exact.unit(exact.exact(axis))))
+    for back in (
+        rotation_vector.rotvec_from_quaternion(rotation_vector.quaternion_from_rotvec(u)),
+        rotation_vector.rotvec_from_matrix(rotation_vector.matrix_from_rotvec(u)),
+    ):
+        assert exact.error(back, exact.exact(u), angle) <= 4.0
+
+
+def test_just_over_half_a_turn_is_just_under_one_the_other_way():
+    for d in (1e-3, 1e-8, 1e-15):
+        u = rotation_vector.rotvec_from_quaternion(rotation_vector.quaternion_from_rotvec((0.0, 0.0, math.pi + d)))
+        assert u == pytest.approx((0.0, 0.0, -(math.pi - d)), rel=2.0 * EPS)
+
+
+def test_no_rotation_has_the_x_axis():
+    assert rotation_vector.axis_angle_from_quaternion((1.0, 0.0, 0.0, 0.0)) == ((1.0, 0.0, 0.0), 0.0)
+    assert rotation_vector.axis_angle_from_quaternion((-1.0, 0.0, 0.0, 0.0)) == ((1.0, 0.0, 0.0), 0.0)
+    assert rotation_vector.axis_angle_from_matrix(matrix.rotation_x(0.0)) == ((1.0, 0.0, 0.0), 0.0)
+    assert rotation_vector.rotvec_from_quaternion((1.0, 0.0, 0.0, 0.0)) == (0.0, 0.0, 0.0)
+    assert rotation_vector.quaternion_from_rotvec((0.0, 0.0, 0.0)) == (1.0, 0.0, 0.0, 0.0)
+
+
+@given(any_quaternion, st.sampled_from([1e-150, 1e-3, 1e150]))
+def test_quaternions_of_any_length_have_the_same_vector(q, size):
+    u, again = (rotation_vector.rotvec_from_quaternion(tuple(s * x for x in q)) for s in (1.0, size))
+    assert vec3.norm(vec3.subtract(u, again)) <= 4.0 * EPS * vec3.norm(u)
+    k, theta = rotation_vector.axis_angle_from_quaternion(tuple(size * x for x in q))
+    assert vec3.norm(vec3.subtract(vec3.scale(theta, k), u)) <= 6.0 * EPS * vec3.norm(u)
+
+
+@given(any_quaternion)
+def test_angle_and_axis_are_in_their_ranges(q):
+    k, theta = rotation_vector.axis_angle_from_quaternion(q)
+    assert 0.0 <= theta <= math.pi
+    assert vec3.norm(k) == pytest.approx(1.0, rel=2.0 * EPS)
+
+
+@given(any_quaternion)
+def test_the_angle_is_that_from_no_rotation(q):
+    _, theta = rotation_vector.axis_angle_from_quaternion(q)
+    assert quaternion.angle_between((1.0, 0.0, 0.0, 0.0), q) == pytest.approx(theta, rel=0.0, abs=8.0 * EPS)
+
+
+@given(any_vector)
+def test_a_rotation_keeps_its_axis(u):
+    turned = quaternion.rotate(rotation_vector.quaternion_from_rotvec(u), u)
+    assert vec3.norm(vec3.subtract(turned, u)) <= 8.0 * EPS * vec3.norm(u)
+
+
+@given(any_vector, any_vector)
+def test_rates_along_the_vector_are_the_rate_itself(u, omega):
+    """Angular velocity along u stretches u: du/dt = omega, in both frames."""
+    if not 1e-3 < vec3.norm(u) < 6.0:
+        u = (0.3, -1.0, 2.0)
+    along = vec3.scale(vec3.dot(u, omega) / vec3.dot(u, u), u)
+    for rate in (rotation_vector.rotvec_rate_a, rotation_vector.rotvec_rate_b):
+        assert vec3.norm(vec3.subtract(rate(u, along), along)) <= 1e-13 * (1e-300 + vec3.norm(along))
+
+
+def test_the_rate_is_the_derivative():
+    """exp(skew(u + t du)) moves with omega, differentiated by mpmath."""
+    for u, omega in zip(VECTORS[-20:], OMEGAS[-20:], strict=True):
+        R, du = exact.exact(rotation_vector.matrix_from_rotvec(u)), exact.exact(rotation_vector.rotvec_rate_a(u, omega))
+
+        def entry(t, i, j, u=u, du=du):
+            moved = exact.add(exact.exact(u), exact.scaled(t, du))
+            return exact.matrix_from_quaternion(exact.quaternion_from_rotvec(moved))[i][j]
+
+        dR = [[mp.diff(lambda t, i=i, j=j: entry(t, i, j), 0, h=1e-20) for j in range(3)] for i in range(3)]
+        S = exact.product(dR, exact.transpose(R))
+        assert exact.error(omega, [S[2][1], S[0][2], S[1][0]], exact.norm(exact.exact(omega))) <= 16.0
+
+
+@pytest.mark.parametrize("rate", [rotation_vector.rotvec_rate_a, rotation_vector.rotvec_rate_b])
+def test_near_a_full_turn_rates_grow_as_the_inverse_of_the_gap(rate):
+    """The coefficient is 1 / (2 pi (2 pi - |u|)): across u, |du/dt| tends to 2 pi / gap."""
+    for gap in (1e-3, 1e-6):
+        size = vec3.norm(rate((2.0 * math.pi - gap, 0.0, 0.0), (0.0, 1.0, 0.0)))
+        assert size == pytest.approx(2.0 * math.pi / gap, rel=2.0 * gap)
+
+
+def test_rates_are_singular_at_full_turns_only():
+    singular = [2.0 * math.pi, 4.0 * math.pi, 6.0 * math.pi]
+    for angle in [0.0, 1e-160, 1e-8, 1.0, math.pi, *singular]:
+        assert rotation_vector.rotvec_rate_is_singular((0.0, angle, 0.0)) == (angle in singular)
+        assert np.isfinite(rotation_vector.rotvec_rate_a((0.0, angle, 0.0), (1.0, 2.0, 3.0))).all()
+
+
+def test_scipy_agrees():
+    theirs = Rotation.from_rotvec(VECTORS)
+    ours = np.array([rotation_vector.matrix_from_rotvec(u) for u in VECTORS])
+    assert np.abs(ours - theirs.as_matrix()).max() <= 6.0 * EPS
+    random = random_quaternions(100, 59)
+    back = np.array([rotation_vector.rotvec_from_quaternion(q) for q in random])
+    assert np.abs(back - Rotation.from_quat(np.roll(random, -1, axis=1)).as_rotvec()).max() <= 16.0 * EPS

@@ -1,0 +1,75 @@
+"""The stated errors once more, on so many rotations that a rare bad one shows; truth in 80-bit arithmetic."""
+
+import numpy as np
+import pytest
+
+import rbfmu
+from tests.kernels.rotations import test_quaternion, test_rotation
+from tests.support.exact import EPS
+from tests.support.hard_cases import rng
+
+Long = np.longdouble
+LAWS = {law.name: law for module in (test_quaternion, test_rotation) for law in module.LAWS}
+pytestmark = pytest.mark.skipif(np.finfo(Long).eps > 1e-18, reason="long double has no more digits than double here")
+
+
+def many_quaternions(n, seed):
+    """A quarter each: near half a turn, with components of unlike sizes, and uniform (half)."""
+    r = rng(seed)
+    q = r.standard_normal((n, 4))
+    q[: n // 4, 0] *= 10.0 ** r.uniform(-9, 0, n // 4)
+    q[n // 4 : n // 2] *= 10.0 ** r.uniform(-2, 0, (n // 4, 4))
+    return r.permutation(q / np.linalg.norm(q, axis=1, keepdims=True))
+
+
+N = 200_000
+Q, P = many_quaternions(N, 81), many_quaternions(N, 82)
+V = rng(83).standard_normal((N, 3))
+
+
+def unit(q):
+    q = q.astype(Long)
+    return q / np.sqrt((q * q).sum(axis=1, keepdims=True))
+
+
+def matrix(q):
+    """R of q / |q|, E&G (6.163)."""
+    w, x, y, z = unit(q).T
+    rows = [
+        [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
+    ]
+    return np.moveaxis(np.array(rows), -1, 0)
+
+
+def product(q, p):
+    a, b = q.astype(Long), p.astype(Long)
+    scalar = a[:, 0] * b[:, 0] - (a[:, 1:] * b[:, 1:]).sum(axis=1)
+    return np.column_stack([scalar, a[:, :1] * b[:, 1:] + b[:, :1] * a[:, 1:] + np.cross(a[:, 1:], b[:, 1:])])
+
+
+def with_eta_above_zero(q):
+    return q * np.where(q[:, :1] < 0, -1, 1)
+
+
+LENGTHS = np.sqrt((V.astype(Long) ** 2).sum(axis=1))
+R = matrix(Q).astype(float)
+S = matrix(P).astype(float)
+CASES = {
+    "rotate": ((Q, V), lambda: matrix(Q) @ V[..., np.newaxis].astype(Long), LENGTHS),
+    "transform": ((R, V), lambda: R.astype(Long) @ V[..., np.newaxis].astype(Long), LENGTHS),
+    "compose_quaternions": ((Q, P), lambda: product(Q, P), 1.0),
+    "compose_matrices": ((R, S), lambda: R.astype(Long) @ S.astype(Long), 1.0),
+    "normalize": ((7.3 * Q,), lambda: unit(7.3 * Q), 1.0),
+    "matrix_from_quaternion": ((Q,), lambda: matrix(Q), 1.0),
+    "quaternion_from_matrix": ((R,), lambda: with_eta_above_zero(unit(Q)), 1.0),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_error_is_as_stated_for_many_rotations(name):
+    args, truth, scale = CASES[name]
+    ours = getattr(rbfmu, name)(*args).reshape(N, -1)
+    worst = np.max(np.abs(ours - truth().reshape(N, -1)).max(axis=1) / scale) / EPS
+    assert 0.5 * LAWS[name].bound <= worst <= LAWS[name].bound

@@ -1,0 +1,54 @@
+"""The campaign finds what it is for: planted faults, each with its verdict."""
+
+import tomllib
+from dataclasses import replace
+
+import pytest
+
+from rbfmu.planning.select import plan
+from rbfmu.scene.scene import Scene
+from tests.support.mended_scenes import LOADED, run, scene
+from tests.support.quadruple import reference
+from tests.support.quadruple.campaign import HONEST, KEYLESS, REFUSED, RIGHT, SILENT, verdict_of, verdict_of_refusal
+from tests.support.quadruple.driving import Outcome, Setting, outcome, pasted, seen, true_motion
+from tests.support.quadruple.errors import errors
+from tests.support.quadruple.scenes import random_scene
+
+pytestmark = pytest.mark.skipif(reference.library() is None, reason="no C compiler with quadruple precision")
+SCENE = scene(**LOADED | {"run": run(10.0, 1.0, 1e-6)})
+
+
+def verdict(planned, setting=Setting()):  # noqa: B008
+    return verdict_of(SCENE, setting, outcome(SCENE, planned, setting))[0]
+
+
+def test_a_plan_is_right_and_a_looser_one_is_found():
+    planned = plan(SCENE)
+    assert verdict(planned) == RIGHT
+    assert verdict(replace(planned, order=6, tolerance=0.1), Setting(step=10.0)) == SILENT
+
+
+def test_a_torque_off_by_a_thousandth_is_found():
+    torque = {"torque_b": [0.01001, 0.02, 0.0], "torque_a": [0.0, 0.01, 0.0], "gravity_a": [0.0, 0.0, 0.0]}
+    other = Scene.from_dict(SCENE.to_dict() | {"loads": torque})
+    _, rows = seen(other, plan(other), Setting())
+    assert verdict_of(other, Setting(), Outcome("", errors(rows, true_motion(other, Setting()))))[0] == RIGHT
+    assert verdict_of(SCENE, Setting(), Outcome("", errors(rows, true_motion(SCENE, Setting()))))[0] == SILENT
+
+
+def test_refusals_are_weighed():
+    too_much = "run.accuracy = 1e-06: expected one that this scene can meet"
+    assert verdict_of_refusal(SCENE, too_much)[0] == REFUSED
+    exacting = Scene.from_dict(SCENE.to_dict() | {"run": run(10.0, 1.0, 1e-17)})
+    assert verdict_of_refusal(exacting, too_much)[0] == HONEST
+    changed = Setting(changes={"torque_b": [1.0, 0.0, 0.0]})
+    assert verdict_of(SCENE, changed, Outcome('list "torque_b" under parameters'))[0] == HONEST
+    assert verdict_of(SCENE, changed, Outcome("status 1 at step 1 of 10"))[0] == KEYLESS
+    assert verdict_of(SCENE, Setting(), Outcome("status 1 at step 1 of 10"))[0] == REFUSED
+
+
+@pytest.mark.parametrize("seed", range(0, 21))
+def test_scenes_come_from_their_seeds_and_can_be_pasted(seed):
+    kind, one = random_scene(seed)
+    assert (kind, one) == random_scene(seed)
+    assert Scene.from_dict({"name": one.name} | tomllib.loads(pasted(one, Setting()))) == one

@@ -1,0 +1,347 @@
+"""Plans: which model a scene gets, and that what is planned meets the accuracy, against 40-digit arithmetic."""
+
+import json
+import math
+import re
+
+import numpy as np
+import pytest
+from numba import config
+
+import rbfmu
+from rbfmu.planning.judge import PlanningWarning
+from rbfmu.planning.select import plan
+from rbfmu.runs.errors import attitude_error, largest_error, relative_error
+from rbfmu.runs.model_buffer import filled_buffer, initialize
+from rbfmu.runs.models import Plan
+from rbfmu.scene.scene import Scene, SceneError
+from rbfmu_kernels.buffer import FINE
+from tests.support import reference_mp as reference
+
+EPS = 2.0**-52
+STATE = ("quaternion", "omega_b", "position", "velocity")
+GRAVITY, NO_GRAVITY = {"gravity_a": [0.0, 0.0, -9.81]}, {"gravity_a": [0.0, 0.0, 0.0]}
+TRIAXIAL = {"mass": 1.0, "inertia": [1.0, 2.0, 3.0]}
+OFFSET = {"mass": 2.0, "inertia": [[1.0, 0.1, 0.05], [0.1, 1.2, 0.02], [0.05, 0.02, 1.5]], "r_oc_b": [0.1, -0.2, 0.3]}
+TOP = {"mass": 1.0, "inertia": [0.5, 0.5, 0.3], "r_oc_b": [0.0, 0.0, 0.5], "pivot": True}
+BEAM = {"mass": 3.0, "shape": {"kind": "beam", "length": 2.0}, "r_oc_b": [1.0, 0.0, 0.0], "pivot": True}
+MOVING = {
+    "position": [1.0, 2.0, 3.0],
+    "velocity": [0.1, 0.2, 0.3],
+    "omega_b": [1.0, 2.0, -1.0],
+    "attitude": {"rotvec": [0.3, -0.8, 0.5]},
+}
+LOADS = {
+    "gravity_a": [0.0, 0.0, -1.0], "force_b": [1.0, 0.5, 0.2], "force_a": [0.3, 0.1, -0.4], "torque_b": [0.1, 0.2, 0.1],
+    "torque_a": [0.05, 0.0, 0.02], "damping_b": [0.1, 0.05, 0.02],
+}  # fmt: skip
+
+
+def leaning(*omega_b):
+    return {"attitude": {"rotvec": [0.4, 0.0, 0.0]}, "omega_b": list(omega_b)}
+
+
+def made(body, initial=None, loads=None, stop=5.0, accuracy=1e-6, steps=10, **other):
+    run = {"stop": stop, "step": stop / steps, "accuracy": accuracy}
+    return Scene(body=body, initial=initial or {}, loads=loads or NO_GRAVITY, run=run, **other)
+
+
+CHAOTIC = made(OFFSET | {"pivot": True}, {"omega_b": [1.0, 2.0, -1.0]}, GRAVITY, stop=60.0, accuracy=1e-12)
+compiled = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="too many steps to interpret")
+
+SCENES = {
+    "free, offset": (OFFSET, MOVING, GRAVITY, 5.0),
+    "constant torque": (TRIAXIAL, {"omega_b": [0.1, 0.2, 0.3]}, NO_GRAVITY | {"torque_b": [0.1, 0.05, -0.2]}, 10.0),
+    "from rest": (TRIAXIAL, {}, NO_GRAVITY | {"torque_b": [1.0, 0.0, 0.0]}, 5.0),
+    "all loads": (OFFSET, MOVING, LOADS, 5.0),
+    "force that turns": (OFFSET, MOVING, NO_GRAVITY | {"force_b": [1.0, 0.5, 0.2]}, 5.0),
+    "damped": (TRIAXIAL, {"omega_b": [0.0, 0.0, 10.0]}, NO_GRAVITY | {"damping_b": [0.5, 0.5, 0.5]}, 5.0),
+    "stiff": ({"mass": 1.0, "inertia": [1e-3, 2e-3, 2.5e-3]}, {"omega_b": [1.0, 2.0, 3.0]},
+              NO_GRAVITY | {"damping_b": [1.0, 1.0, 1.0], "torque_b": [0.1, 0.2, 0.3]}, 0.5),
+    "fast top": (TOP, leaning(0.0, 0.0, 50.0), GRAVITY, 2.0),
+    "slow top": (TOP, leaning(0.2, 0.1, 5.0), GRAVITY, 5.0),
+    "triaxial top": (TOP | {"inertia": [0.5, 0.6, 0.3]}, leaning(0.2, 0.0, 20.0), GRAVITY, 2.0),
+    "pendulum": (BEAM, {"attitude": {"rotvec": [0.0, 4.0, 0.0]}}, GRAVITY, 5.0),
+}  # fmt: skip
+
+
+def errors_of(scene):
+    result = rbfmu.simulate(scene)
+    zero = np.zeros((len(result.time), 3))
+    position = zero + scene.initial.position if scene.body.pivot else result.position
+    velocity = zero if scene.body.pivot else result.velocity
+    points = reference.motion(scene, result.time.tolist())
+    return reference.errors(points, result.quaternion, result.omega_b, position, velocity)
+
+
+@pytest.mark.parametrize("accuracy", [1e-3, 1e-6, 1e-9, 1e-12])
+@pytest.mark.parametrize("name", SCENES)
+def test_a_plan_meets_its_accuracy(name, accuracy):
+    """A third of the accuracy is what a pilot run allows."""
+    body, initial, loads, stop = SCENES[name]
+    errors = errors_of(made(body, initial, loads, stop, accuracy))
+    assert max(errors.values()) <= 0.4 * accuracy
+
+
+@compiled
+@pytest.mark.parametrize("steps", [1, 3, 300])
+@pytest.mark.parametrize("name", ["all loads", "fast top", "triaxial top"])
+def test_a_plan_meets_its_accuracy_whatever_the_communication_step(name, steps):
+    body, initial, loads, stop = SCENES[name]
+    scene = made(body, initial, loads, stop / 2.0, 1e-6, steps)
+    assert max(errors_of(scene).values()) <= 0.4e-6
+
+
+@pytest.mark.parametrize("name", ["constant torque", "all loads", "slow top"])
+def test_less_accuracy_costs_less(name):
+    body, initial, loads, stop = SCENES[name]
+    costs = [plan(made(body, initial, loads, stop, accuracy, steps=1)).cost for accuracy in (1e-3, 1e-6, 1e-9, 1e-12)]
+    assert costs == sorted(costs)
+    assert costs[-1] > 1.5 * costs[0]
+
+
+# What could fool a pilot run
+
+
+@compiled
+def test_a_fast_spin_is_not_mistaken_for_a_slow_one():
+    """1e6 rad/s, 16 thousand turns a communication step; damped: theta = w I / d (1 - exp(-d t / I))."""
+    omega, damping = 1e6, 0.3
+    loads = NO_GRAVITY | {"damping_b": [0.0, 0.0, damping]}
+    scene = made(TRIAXIAL, {"omega_b": [0.0, 0.0, omega]}, loads, stop=0.2, accuracy=1e-6, steps=2)
+    with pytest.warns(PlanningWarning, match="the motion turns fast"):
+        planned = plan(scene, full=True)
+    result = rbfmu.simulate(scene, planned=planned)
+    decay = damping / 3.0
+    angle = omega / decay * -np.expm1(-decay * result.time)
+    truth = np.zeros((len(angle), 4))
+    truth[:, 0], truth[:, 3] = np.cos(angle / 2.0), np.sin(angle / 2.0)
+    assert np.max(attitude_error(result.quaternion, truth)) <= 1e-6
+    np.testing.assert_allclose(result.omega_b[:, 2], omega * np.exp(-decay * result.time), rtol=1e-6)
+
+
+def test_a_spin_of_whole_turns_a_step_is_no_rest():
+    """2 pi / 0.1 rad/s: every communication point looks alike."""
+    rate = 20.0 * math.pi
+    scene = made(TRIAXIAL, {"omega_b": [0.0, 0.0, rate]}, NO_GRAVITY | {"torque_b": [0.0, 0.0, 1e-6]}, stop=1.0)
+    result = rbfmu.simulate(scene)
+    angle = rate * result.time + 1e-6 / 3.0 * result.time**2 / 2.0
+    truth = np.column_stack([np.cos(angle / 2.0), 0.0 * angle, 0.0 * angle, np.sin(angle / 2.0)])
+    assert np.max(attitude_error(result.quaternion, truth)) <= 1e-6
+
+
+def test_a_free_body_far_from_its_start_is_exact():
+    """1e6 rad/s about no principal axis, for 1e7 rad: round-off of the time itself is 1e-9 rad."""
+    scene = made(TRIAXIAL, {"omega_b": [1e6, 1e6, 1e6]}, GRAVITY, stop=10.0, accuracy=1e-6, steps=100)
+    result = rbfmu.simulate(scene)
+    assert plan(scene).model == "torque-free body"
+    M = np.diag([1.0, 2.0, 3.0])
+    momentum = result.angular_momentum_a / np.linalg.norm(M @ [1e6, 1e6, 1e6])
+    assert np.max(np.linalg.norm(momentum - momentum[0], axis=1)) <= 20 * EPS
+    energy = np.einsum("ni,ij,nj->n", result.omega_b, M, result.omega_b)
+    assert np.max(np.abs(energy / energy[0] - 1.0)) <= 20 * EPS
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        made(OFFSET, MOVING, LOADS, accuracy=1e-15),
+        made(TRIAXIAL, {"omega_b": [1.0, 2.0, 3.0]}, accuracy=1e-15),
+        pytest.param(CHAOTIC, marks=compiled),
+    ],
+    ids=["under loads", "free", "chaotic"],
+)
+def test_an_accuracy_out_of_reach_is_a_scene_error(scene):
+    with pytest.raises(SceneError, match=f"run.accuracy = {re.escape(repr(scene.run.accuracy))}: expected "):
+        plan(scene)
+
+
+@compiled
+def test_what_a_scene_reaches_is_an_accuracy_it_can_meet():
+    def scene(accuracy):
+        return made(OFFSET | {"pivot": True}, {"omega_b": [1.0, 2.0, -1.0]}, GRAVITY, stop=30.0, accuracy=accuracy)
+
+    with pytest.raises(SceneError) as refused:
+        plan(scene(1e-13))
+    reached = float(re.search(r"the methods here reach (\S+) here", str(refused.value))[1])
+    assert max(errors_of(scene(3.0 * reached)).values()) <= 3.0 * reached
+
+
+@compiled
+def test_a_chaotic_motion_is_not_promised_better_than_round_off_allows():
+    """A heavy triaxial body magnifies round-off some 1e4 times."""
+    body = {"mass": 0.2, "inertia": [0.0052, 0.0192, 0.0166], "r_oc_b": [0.37, 0.064, 0.153], "pivot": True}
+    initial = {"omega_b": [0.5, -0.3, 0.4], "attitude": {"rotvec": [1.0, 0.5, -0.2]}}
+    for accuracy in (1e-10, 1e-11, 1e-12, 1e-13, 1e-14, 1e-15):
+        scene = made(body, initial, GRAVITY, stop=15.0, accuracy=accuracy)
+        try:
+            plan(scene)
+        except SceneError:
+            break
+        assert max(errors_of(scene).values()) <= accuracy
+    else:
+        pytest.fail("expected an accuracy out of reach")
+
+
+# Ports
+
+
+def driven(scene, tolerance=None, seed=1):
+    """The motion under random inputs, held over each communication step."""
+    planned = plan(scene)
+    if tolerance is not None:
+        planned = Plan(planned.model, planned.method, planned.states, planned.substep, tolerance, planned.order)
+    unit, z, rng = planned.unit, filled_buffer(scene, planned), np.random.default_rng(seed)
+    initialize(scene, unit, z)
+    names = ("quaternion", "omega_b", "position", "velocity")
+    rows = []
+    for _ in range(round(scene.run.stop / scene.run.step)):
+        for port in scene.inputs.ports:
+            z[unit.BLOCKS[port]] = rng.normal(size=3)
+        assert unit.step(z, scene.run.step) == FINE
+        rows.append([z[unit.BLOCKS[name]].copy() for name in names])
+    return {name: np.array(column) for name, column in zip(names, zip(*rows, strict=True), strict=True)}
+
+
+@pytest.mark.parametrize("accuracy", [1e-4, 1e-8, 1e-11])
+def test_a_plan_keeps_its_accuracy_under_inputs_that_no_pilot_run_has_seen(accuracy):
+    ports = {"ports": ["torque_b", "torque_a", "force_b", "force_a"]}
+    scene = made(OFFSET, MOVING, GRAVITY, accuracy=accuracy, steps=50, inputs=ports)
+    assert largest_error(driven(scene), driven(scene, 1e-15), STATE) <= accuracy
+
+
+# Which model
+
+
+FREE = "torque-free body"
+ROTATION = {"quantities": ["quaternion", "omega_b"]}
+LOADED = "body under loads, by series"
+
+
+@pytest.mark.parametrize(
+    ("model", "states", "scene"),
+    [
+        (FREE, 13, made(OFFSET, MOVING, GRAVITY)),
+        (FREE, 13, made(TRIAXIAL, MOVING, NO_GRAVITY | {"force_a": [1.0, 2.0, 3.0]})),
+        (FREE, 7, made(OFFSET | {"pivot": True}, {"omega_b": [1.0, 2.0, 3.0]})),
+        (FREE, 7, made(TRIAXIAL | {"pivot": True}, {"omega_b": [1.0, 2.0, 3.0]}, GRAVITY)),
+        (FREE, 13, made(TRIAXIAL, MOVING, inputs={"ports": ["force_a"]})),
+        (FREE, 13, made(TRIAXIAL, MOVING, inputs={"parameters": ["omega_b_0", "inertia", "gravity_a"]})),
+        (LOADED, 13, made(OFFSET, MOVING, inputs={"ports": ["force_a"]})),
+        (LOADED, 13, made(TRIAXIAL, MOVING, inputs={"ports": ["force_b"]})),
+        (LOADED, 13, made(TRIAXIAL, MOVING, inputs={"ports": ["torque_a"]})),
+        (LOADED, 13, made(TRIAXIAL, MOVING, inputs={"parameters": ["damping_b"]})),
+        (
+            LOADED,
+            13,
+            made(TRIAXIAL, MOVING, NO_GRAVITY | {"force_a": [1.0, 0.0, 0.0]}, inputs={"parameters": ["r_oc_b"]}),
+        ),
+        (LOADED, 13, made(OFFSET, MOVING, NO_GRAVITY | {"force_a": [1.0, 0.0, 0.0]})),
+        (LOADED, 7, made(OFFSET | {"pivot": True}, {"attitude": {"rotvec": [1.0, 0.0, 0.0]}}, GRAVITY)),
+        (LOADED, 7, made(TRIAXIAL | {"pivot": True}, {}, inputs={"parameters": ["r_oc_b", "gravity_a"]})),
+        ("symmetric top", 7, made(TOP, leaning(0.0, 0.0, 200.0), GRAVITY, accuracy=1e-6, outputs=ROTATION)),
+        (LOADED, 7, made(TOP, leaning(0.0, 0.0, 200.0), GRAVITY | {"damping_b": [0.0, 0.0, 1e-3]}, stop=0.5)),
+        (LOADED, 7, made(TOP, leaning(0.0, 0.0, 200.0), GRAVITY, stop=0.5, inputs={"parameters": ["inertia"]})),
+        ("prescribed rates", 4, Scene(inputs={"ports": ["omega_b"]})),
+    ],
+)
+def test_a_scene_gets_the_least_model_that_holds_for_all_of_its_inputs(model, states, scene):
+    found = plan(scene)
+    assert (found.model, found.states) == (model, states)
+    assert found.reasons
+
+
+@pytest.mark.parametrize("name", ["free, offset", "all loads", "fast top"])
+def test_a_plan_survives_json(name):
+    body, initial, loads, stop = SCENES[name]
+    planned = plan(made(body, initial, loads, stop))
+    data = json.loads(json.dumps(planned.to_dict(), allow_nan=False))
+    assert Plan.from_dict(data) == planned
+    assert {"model", "method", "substep", "states", "reasons"} <= data.keys()
+
+
+def test_the_same_scene_gets_the_same_plan():
+    body, initial, loads, stop = SCENES["all loads"]
+    assert plan(made(body, initial, loads, stop)) == plan(made(body, initial, loads, stop))
+
+
+# How errors are measured
+
+
+def test_errors_are_relative_to_the_largest_of_the_run_with_a_floor():
+    rows, zeros, off = np.array([[3.0, 4.0, 0.0], [0.0, 0.0, 1.0]]), np.zeros((2, 3)), np.array([1.0, 0.0, 0.0])
+    np.testing.assert_array_equal(relative_error(rows + off, rows, 1.0), [0.2, 0.2])
+    np.testing.assert_array_equal(relative_error(rows + off, rows, 10.0), [0.1, 0.1])
+    np.testing.assert_array_equal(relative_error(zeros + off, zeros, 0.0), [1.0, 1.0])
+
+
+def test_the_largest_error_is_the_worst_of_all_quantities():
+    motion = {"quaternion": np.array([[1.0, 0.0, 0.0, 0.0]]), "omega_b": np.array([[0.0, 0.0, 2.0]]),
+              "position": np.array([[0.0, 0.5, 0.0]]), "velocity": np.array([[5.0, 0.0, 0.0]])}  # fmt: skip
+    assert largest_error(motion, motion, motion) == 0.0
+    turned = np.array([[math.cos(0.05), math.sin(0.05), 0.0, 0.0]])
+    for name, value, error in [
+        ("quaternion", turned, 0.1),
+        ("quaternion", -turned, 0.1),
+        ("omega_b", np.array([[0.0, 0.5, 2.0]]), 0.25),
+        ("position", np.array([[0.25, 0.5, 0.0]]), 0.25),
+        ("velocity", np.array([[6.0, 0.0, 0.0]]), 0.2),
+    ]:
+        assert largest_error(motion | {name: value}, motion, motion) == pytest.approx(error, rel=8 * EPS)
+    assert largest_error(motion | {"velocity": np.array([[math.nan, 0.0, 0.0]])}, motion, motion) == math.inf
+
+
+@pytest.mark.parametrize(
+    ("loads", "wanted", "closed"),
+    [
+        ({"torque_b": [0.0, 0.0, 0.3], "damping_b": [0.1, 0.1, 0.0]}, "omega_b", True),
+        ({"torque_b": [0.0, 0.0, 0.3]}, "alpha_b", True),
+        ({"torque_b": [0.0, 0.0, 0.3]}, "quaternion", False),
+        ({"torque_b": [0.0, 0.1, 0.3]}, "omega_b", False),
+        ({"torque_a": [0.0, 0.0, 0.3]}, "omega_b", False),
+        ({"damping_b": [0.1, 0.2, 0.0]}, "omega_b", False),
+    ],
+)
+def test_rates_of_a_symmetric_body_under_a_torque_about_its_axis_have_a_closed_form(loads, wanted, closed):
+    body, outputs = {"mass": 1.0, "inertia": [2.0, 2.0, 1.0]}, {"quantities": [wanted]}
+    found = plan(made(body, {"omega_b": [0.3, 0.2, 2.0]}, NO_GRAVITY | loads, outputs=outputs))
+    assert (found.model == "symmetric body spun up") == closed
+
+
+# Equilibria
+
+
+def test_a_spin_exactly_about_the_middle_axis_is_constant_and_said_to_be_unstable():
+    found = plan(made(TRIAXIAL, {"omega_b": [0.0, 2.0, 0.0]}))
+    assert found.model == "constant rate"
+    assert any("unstable: a disturbance would grow e-fold in 0.866 s" in reason for reason in found.reasons)
+    assert not any("unstable" in r for r in plan(made(TRIAXIAL, {"omega_b": [0.0, 0.0, 2.0]})).reasons)
+
+
+@pytest.mark.parametrize("beside", [1e-3, 1e-16, 5e-324])
+def test_a_spin_beside_the_middle_axis_gets_the_elliptic_model(beside):
+    assert plan(made(TRIAXIAL, {"omega_b": [beside, 2.0, 0.0]})).model == FREE
+
+
+@pytest.mark.parametrize(("spin", "unstable"), [(0.0, True), (1.0, True), (100.0, False)])
+def test_a_top_exactly_upright_stands_and_is_unstable_below_the_critical_spin(spin, unstable):
+    found = plan(made(TOP, {"omega_b": [0.0, 0.0, spin]}, GRAVITY))
+    assert found.model in (("one axis", "constant rate") if spin else ("no rotation",))
+    assert any("unstable" in reason for reason in found.reasons) == unstable
+
+
+@pytest.mark.parametrize("wanted", ["quaternion", "omega_b"])
+def test_beside_an_unstable_equilibrium_nothing_is_at_rest(wanted):
+    """However little it moves in the run's time."""
+    start = {"attitude": {"rotvec": [1e-9, 0.0, 0.0]}}
+    found = plan(made(TOP, start, GRAVITY, stop=0.5, outputs={"quantities": [wanted]}))
+    assert found.model != "no rotation"
+    slow = made(TRIAXIAL, {"omega_b": [1e-9, 1e-2, 0.0]}, stop=20.0, outputs={"quantities": ["omega_b"]})
+    assert plan(slow).model == FREE
+
+
+def test_what_no_motion_changes_is_not_integrated():
+    """Angular momentum and energy of a tumbling body without torque."""
+    wanted = {"quantities": ["angular_momentum_a", "kinetic_energy"]}
+    found = plan(made(TRIAXIAL, {"omega_b": [0.1, 2.0, 0.3]}, outputs=wanted))
+    assert (found.model, found.states) == ("no rotation", 6)

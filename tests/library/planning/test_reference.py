@@ -1,0 +1,153 @@
+"""The motion that plans are judged by, against quadruple precision; and what the judge makes of it."""
+
+import math
+
+import numpy as np
+import pytest
+from numba import config
+
+from rbfmu import Scene, SceneError
+from rbfmu.planning.judge import Judge, PlanningWarning
+from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
+from rbfmu.planning.select import plan
+from rbfmu.runs.errors import attitude_error, relative_error
+from rbfmu.runs.models import Plan
+from rbfmu_kernels.integrators.substeps import tolerance_of_substep
+from tests.support.quadruple import reference as quadruple
+
+EPS = 2.0**-52
+BODY = {"mass": 2.0, "inertia": [[1.0, 0.1, 0.05], [0.1, 1.2, 0.02], [0.05, 0.02, 1.5]], "r_oc_b": [0.1, -0.2, 0.3]}
+MOVING = {
+    "position": [1.0, 2.0, 3.0], "velocity": [0.1, 0.2, 0.3], "omega_b": [1.0, 2.0, -1.0],
+    "attitude": {"rotvec": [0.3, -0.8, 0.5]},
+}  # fmt: skip
+HELD = {"omega_b": MOVING["omega_b"], "attitude": MOVING["attitude"]}
+LOADS = {
+    "gravity_a": [0.3, -0.1, -9.81], "force_a": [0.2, 0.1, -0.3], "force_b": [0.1, -0.4, 0.2],
+    "torque_a": [0.05, 0.02, -0.1], "torque_b": [0.1, -0.2, 0.15], "damping_b": [0.1, 0.02, 0.05],
+}  # fmt: skip
+QUIET = {"gravity_a": [0.0, 0.0, 0.0]}
+SLENDER = 2.0 * (np.eye(3) - np.outer([2.0, 3.0, 6.0], [2.0, 3.0, 6.0]) / 49.0)
+ALONG = np.cross([2.0, 3.0, 6.0], [1.0, 0.5, -2.0])
+CASES = {
+    "all loads": (BODY, MOVING, LOADS),
+    "all loads on a pivot": (BODY | {"pivot": True}, HELD, LOADS),
+    "free of torque": (BODY, MOVING, QUIET),
+    "beam": ({"mass": 1.0, "inertia": SLENDER.tolist()}, {"omega_b": ALONG.tolist()}, QUIET),
+    "from rest": ({"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, {}, QUIET | {"torque_b": [0.1, 0.0, 0.3]}),
+    "small and fast": ({"mass": 1e-9, "inertia": [1e-18, 2e-18, 2.5e-18]}, {"omega_b": [3e5, 1e5, 2e5]}, QUIET),
+}
+compiled = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="too many steps to interpret")
+
+
+def scene_of(name, **run):
+    body, initial, loads = CASES[name]
+    return Scene(body=body, initial=initial, loads=loads, run={"stop": 8.0, "step": 0.5, "accuracy": 1e-9} | run)
+
+
+@compiled
+@pytest.mark.skipif(quadruple.library() is None, reason="no C compiler with quadruple precision")
+@pytest.mark.parametrize("name", CASES)
+def test_the_reference_is_exact_to_the_last_digit_of_a_double(name):
+    scale = 1e-5 if name == "small and fast" else 1.0
+    scene, steps = scene_of(name), [0.0078125 * scale, 1.0 * scale, 4.0 * scale, 2.9921875 * scale]
+    found, truth = reference_motion(scene, steps, 10**6), quadruple.motion(quadruple.parameters_of(scene), steps)
+    assert np.max(attitude_error(found["quaternion"], np.array(truth.high["quaternion"]))) <= 4 * EPS
+    for quantity, rows in found.items():
+        if quantity != "quaternion":
+            exact = np.array(truth.high[quantity]).reshape(rows.shape)
+            # 3.6 eps of a beam's acceleration, which is round-off of its inertia; else below 1
+            assert np.max(relative_error(rows, exact, 0.0)) <= 4 * EPS, quantity
+
+
+@compiled
+def test_the_reference_does_not_depend_on_how_often_it_is_looked_at():
+    scene = scene_of("all loads")
+    once, often = reference_motion(scene, [8.0], 10**6), reference_motion(scene, [8.0 / 2048] * 2048, 10**6)
+    for quantity, rows in once.items():
+        np.testing.assert_allclose(often[quantity][-1], rows[-1], rtol=0, atol=4 * EPS * max(1.0, np.abs(rows).max()))
+
+
+def test_the_reference_tells_its_progress_and_stops_where_it_would_take_too_long():
+    parts = []
+    reference_motion(scene_of("from rest"), [0.1] * 20, 10**6, parts.append)
+    assert parts == [1.0]
+    with pytest.raises(ReferenceTooLongError):
+        reference_motion(scene_of("from rest"), [1e4], 10)
+
+
+@compiled
+def test_the_judge_sees_an_error_in_every_quantity_and_none_in_a_tight_plan():
+    scene = scene_of("all loads")
+    tight = Plan("body under loads, by series", "", 13, tolerance=1e-16, order=20)
+    for quantity in scene.outputs.quantities:
+        judge = Judge(scene.replace({"outputs.quantities": [quantity]}))
+        loose = Plan("body under loads, by series", "", 13, tolerance=1e-4, order=6)
+        assert judge.try_out(tight)[0] <= 1e-13, quantity
+        assert judge.try_out(loose, at_once=16)[0] >= 1e-10, quantity
+
+
+@compiled
+def test_round_off_of_all_steps_is_counted_where_pilot_runs_take_several_at_once():
+    body, start = {"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, {"omega_b": [3.0, 5.0, -4.0]}
+    loads = QUIET | {"torque_b": [0.01, 0.02, -0.03]}
+    scene = Scene(body=body, initial=start, loads=loads, outputs={"quantities": ["quaternion"]},
+                  run={"stop": 10.0, "step": 1e-4, "accuracy": 1e-9})  # fmt: skip
+    judge, tight = Judge(scene), Plan("body under loads, by series", "", 13, tolerance=1e-16, order=12)
+    few, _ = judge.try_out(tight)
+    assert judge.try_all_steps(tight, few) >= 2.0 * few  # measured: 1.6e-12 against 2.4e-13
+
+
+def test_what_is_but_round_off_of_the_loads_is_no_error():
+    """A body that hangs, in an attitude that doubles cannot make exact: its rates are some 1e-17."""
+    start = {"attitude": {"euler": "ZYX", "angles_deg": [180.0, 180.0, 0.0]}}
+    body = {"mass": 2.0, "inertia": [1.0, 2.0, 2.5], "r_oc_b": [0.0, 0.0, 1.0], "pivot": True}
+    run = {"stop": 2.0, "step": 0.1, "accuracy": 1e-6}
+    scene = Scene(body=body, initial=start, loads={"gravity_a": [0.0, 0.0, -9.81]}, run=run)
+    judge = Judge(scene)
+    rates = np.linalg.norm(judge.motion["omega_b"], axis=1)
+    assert 0.0 < np.max(rates) < judge.noise["omega_b"] < 1e-12
+    assert plan(scene).error <= 1e-6
+
+
+@compiled
+def test_planning_that_takes_long_says_why():
+    scene = scene_of("all loads", stop=0.5).replace({"loads.damping_b": [1e7, 1e7, 1e7], "outputs.quantities": ["rpy"]})
+    parts = []
+    with pytest.warns(PlanningWarning, match="scene: planning takes more than some seconds, for .* damping is stiff"):
+        assert plan(scene, progress=parts.append).error <= 1e-9
+    assert parts[-1] == 1.0
+
+
+@pytest.mark.parametrize(("span", "part", "allowed"), [(0.0, 0.1, 1e-6), (10.0, 0.1, 1e-8), (1e9, 1e-6, EPS)])
+def test_a_substep_gets_its_share_of_the_run(span, part, allowed):
+    assert tolerance_of_substep(1e-6, span, part) == pytest.approx(allowed, rel=4 * EPS)
+    assert math.isinf(tolerance_of_substep(math.inf, 0.0, part))
+
+
+@compiled
+def test_the_judge_knows_how_much_a_motion_magnifies_errors():
+    """exp(lambda t) above the pivot, lambda = sqrt(m g l / I); nothing where a body hangs."""
+    body = {"mass": 1.0, "inertia": [1.0, 1.0, 0.5], "pivot": True}
+    run = {"stop": 4.0, "step": 0.1, "accuracy": 1e-6}
+    inputs = {"ports": ["torque_b"]}
+    loads = {"gravity_a": [0.0, 0.0, -10.0]}
+    for height, least, most in ((1.0, 0.2, 5.0), (-1.0, 0.0, 0.0)):
+        scene = Scene(body=body | {"r_oc_b": [0.0, 0.0, height]}, loads=loads, inputs=inputs, run=run)
+        scene = scene.replace({"outputs.quantities": ["quaternion"]})
+        growth, law = Judge(scene).growth(), math.exp(math.sqrt(10.0 / 2.0) * 4.0)
+        assert max(least * law, 1.0) <= growth <= max(most * law, 3.0)
+        assert plan(scene).tolerance == pytest.approx(0.25e-6 / growth)
+
+
+@compiled
+def test_a_body_that_stands_upright_is_planned_and_said_to_be_unstable_and_one_that_falls_is_refused():
+    body = {"mass": 1.0, "inertia": [1.0, 1.2, 0.5], "pivot": True, "r_oc_b": [0.0, 0.0, 1.0]}
+    run = {"stop": 20.0, "step": 0.1, "accuracy": 1e-6}
+    held = Scene(body=body, loads={"gravity_a": [0.0, 0.0, -10.0]}, inputs={"ports": ["torque_b"]}, run=run)
+    listed = held.replace(inputs={"ports": [], "parameters": ["torque_b"]})
+    for scene in (held, listed):
+        assert any("magnifies an error" in reason for reason in plan(scene).reasons)
+    falling = listed.replace({"initial.omega_b": [0.1, 0.05, 0.2], "run.accuracy": 1e-9, "run.stop": 40.0})
+    with pytest.raises(SceneError, match=r"run\.accuracy = 1e-09: expected one that this scene can meet"):
+        plan(falling)

@@ -1,0 +1,199 @@
+"""Random scenes: the planned model meets the accuracy against 40 digits, and the next smaller one does not serve."""
+
+import math
+from collections import Counter
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import strategies as st
+from numba import config
+
+import rbfmu
+from rbfmu.planning.candidates import CLOSED
+from rbfmu.planning.judge import watched
+from rbfmu.planning.reasons import GROWTH, growth_rate
+from rbfmu.planning.select import SHARE, plan
+from rbfmu.runs.errors import largest_error
+from rbfmu.runs.model_buffer import filled_buffer, initialize
+from rbfmu.runs.models import Plan
+from rbfmu.runs.time_grid import time_grid
+from rbfmu.scene.scene import Scene, SceneError
+from rbfmu.simulation import SimulationError
+from rbfmu_kernels.body.memory import INPUTS, OUTPUTS
+from rbfmu_kernels.buffer import FINE
+from rbfmu_kernels.quantities import active_flags
+from tests.support import reference_mp as reference
+from tests.support.random_scenes import scenes
+
+pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="too many steps to interpret")
+QUIET = {"deadline": None, "suppress_health_check": list(HealthCheck), "derandomize": True}
+TRANSLATIONAL = {"position", "velocity", "kinetic_energy"}
+SEEN: Counter[str] = Counter()
+
+
+def error_of(scene, planned):
+    """The largest error against 40-digit arithmetic in what the scene asks for."""
+    result = rbfmu.simulate(scene, planned=planned)
+    points = reference.motion(scene, result.time.tolist())
+    count = len(result.time)
+    found = dict(result.quantities)
+    if "rpy" in found:
+        found["quaternion"] = rbfmu.quaternion_from_euler("ZYX", found.pop("rpy")[:, ::-1])
+    blank = {"quaternion": np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)), "omega_b": np.zeros((count, 3))}
+    blank |= {"position": np.zeros((count, 3)), "velocity": np.zeros((count, 3))}
+    rows = blank | found
+    errors = reference.errors(points, rows["quaternion"], rows["omega_b"], rows["position"], rows["velocity"])
+    names = {"quaternion": "attitude"}
+    return max(errors[names.get(name, name)] for name in found)
+
+
+def error_if_it_runs(scene, planned):
+    """Infinite where a model that is none of the scene's stops."""
+    try:
+        return error_of(scene, planned)
+    except SimulationError:
+        return math.inf
+
+
+def planned_or_assumed_away(scene):
+    try:
+        found = plan(scene)
+    except SceneError as error:
+        if "run.accuracy" not in str(error):
+            raise
+        assume(False)
+    SEEN[found.model] += 1
+    return found
+
+
+def check(scene):
+    found = planned_or_assumed_away(scene)
+    assert error_of(scene, found) <= scene.run.accuracy
+    for model in smaller_models(scene, found):
+        smaller = Plan(model, "", 0, held=("all",))
+        assert error_if_it_runs(scene, smaller) > 0.9 * SHARE * scene.run.accuracy, (model, found.model)
+
+
+def smaller_models(scene, found):
+    """None is any better by rule beside an unstable motion."""
+    if growth_rate(scene) * scene.run.stop > GROWTH:
+        return []
+    return CLOSED[: CLOSED.index(found.model)] if found.model in CLOSED else CLOSED
+
+
+def with_ports(scene, ports, quantities):
+    asked = {"inputs": {"ports": ports}, "outputs": {"quantities": quantities}}
+    try:
+        found = Scene.from_dict(scene.to_dict() | asked)
+    except SceneError:  # a beam that a port would turn about itself
+        assume(False)
+    assume(not found.body.axis_without_inertia)  # it could not be shaken
+    return found
+
+
+SHAKE, STRONG = 1e-8, 1e3
+"""Of the rate at the start; of inputs that no smaller model gets away with, N and N m."""
+
+
+def driven(scene, planned, full=True, shake=0.0, size=1.0):
+    """What the scene asks for, under random inputs held over each step; NaN from where a step is refused.
+
+    full: nothing is left out; shake: of the rate at the start; size: of the inputs, half of them 0 where not STRONG.
+    """
+    unit, z, random = planned.unit, filled_buffer(scene, planned), np.random.default_rng(1)
+    names = dict.fromkeys([*watched(scene), "omega_b"])
+    z[unit.BLOCKS["active"]] = active_flags(OUTPUTS if full else watched(scene))
+    z[unit.BLOCKS["omega_b_0"]] += shake
+    initialize(scene, unit, z)
+    rows = []
+    for h in np.diff(time_grid(scene.run.start, scene.run.stop, scene.run.step)):
+        for port in scene.inputs.ports:
+            z[unit.BLOCKS[port]] = size * (size == STRONG or random.integers(2)) * random.normal(size=3)
+        fine = unit.step(z, float(h)) == FINE
+        rows.append([z[unit.BLOCKS[name]] + (0.0 if fine else np.nan) for name in names])
+    return {name: np.array(column) for name, column in zip(names, zip(*rows, strict=True), strict=True)}, (
+        float(z[unit.BLOCKS["substeps"]][0]) / len(rows) if "substeps" in unit.BLOCKS else 1.0
+    )
+
+
+def check_driven(scene):
+    """Against Taylor series of order 20 at round-off, as 40 digits take too long.
+
+    Stated: a substep's error is a quarter of a communication step's share; not what the motion makes of it.
+    """
+    found = planned_or_assumed_away(scene)
+    tight = Plan("body under loads, by series", "", 13, tolerance=1e-18, order=20)
+    names = watched(scene)
+    (motion, substeps), (truth, _) = driven(scene, found, full=False), driven(scene, tight)
+    fastest = float(np.max(np.linalg.norm(truth["omega_b"], axis=1)))  # as errors of rates are relative
+    growth = max(fastest, 1.0) * largest_error(driven(scene, tight, shake=SHAKE)[0], truth, names) / SHAKE
+    assert largest_error(motion, truth, names) <= max(1.0, growth) * max(1.0, substeps / 4.0) * scene.run.accuracy
+    start, loads = scene.initial, scene.loads
+    turning = (scene.body.r_oc_b, start.omega_b, loads.force_b, loads.torque_a, loads.torque_b)
+    if set(names) & (TRANSLATIONAL | {"acceleration"}) and any(map(any, turning)):
+        return  # a small turn is lost in a long way, but not whatever comes
+    if set(names) == {"alpha_b"}:
+        return  # a sphere's does not depend on its rate
+    for model in smaller_models(scene, found):
+        smaller = Plan(model, "", 0, held=("all",))
+        errors = [
+            largest_error(driven(scene, smaller, full=False, size=size)[0], driven(scene, tight, size=size)[0], names)
+            for size in (0.0, STRONG)
+        ]
+        assert max(errors) > 0.9 * SHARE * scene.run.accuracy, (model, found.model)
+
+
+PORTS = st.lists(st.sampled_from(list(INPUTS)), min_size=1, max_size=2, unique=True)
+QUANTITIES = st.lists(st.sampled_from(list(OUTPUTS)), min_size=1, max_size=3, unique=True)
+
+
+@given(scenes(), PORTS, QUANTITIES)
+@settings(max_examples=30, **QUIET)
+def test_the_plan_with_ports_is_right_whatever_comes_through_them(scene, ports, quantities):
+    check_driven(with_ports(scene, ports, quantities))
+
+
+@pytest.mark.slow
+@given(scenes(), PORTS, QUANTITIES)
+@settings(max_examples=300, **QUIET)
+def test_the_plan_with_ports_is_right_on_hundreds_of_scenes(scene, ports, quantities):
+    check_driven(with_ports(scene, ports, quantities))
+
+
+@pytest.mark.parametrize("arm", [[0.0, 0.0, 0.0], [0.1, -0.2, 0.3]])
+@pytest.mark.parametrize("port", INPUTS)
+@pytest.mark.parametrize("quantity", OUTPUTS)
+def test_each_quantity_follows_each_port(quantity, port, arm):
+    body = {"mass": 2.0, "inertia": [1.0, 2.0, 2.5], "r_oc_b": arm}
+    start, run = {"omega_b": [0.3, -0.2, 0.4]}, {"stop": 1.0, "step": 0.1, "accuracy": 1e-8}
+    asked = {"inputs": {"ports": [port]}, "outputs": {"quantities": [quantity]}}
+    check_driven(Scene.from_dict({"body": body, "initial": start, "run": run} | asked))
+
+
+def test_a_force_whose_path_nobody_sees_shortens_no_pilot_run():
+    loads = {"gravity_a": [0.0, 0.0, -1.0], "force_b": [0.0, 0.0, 0.3], "torque_b": [0.0, 0.18, 0.033]}
+    body, run = {"mass": 2.0, "inertia": [1.0, 1.1, 1.3]}, {"stop": 20.0, "step": 10.0, "accuracy": 1e-3}
+    asked = {"outputs": {"quantities": ["quaternion"]}}
+    scene = Scene.from_dict({"body": body, "loads": loads, "run": run} | asked)
+    found = plan(scene)
+    assert error_of(scene, found) == pytest.approx(found.error, rel=1e-3)
+
+
+@given(scenes())
+@settings(max_examples=40, **QUIET)
+def test_the_plan_is_right_and_smallest(scene):
+    check(scene)
+
+
+@pytest.mark.slow
+@given(scenes())
+@settings(max_examples=600, **QUIET)
+def test_the_plan_is_right_and_smallest_on_hundreds_of_scenes(scene):
+    check(scene)
+
+
+@pytest.mark.slow
+def test_the_random_scenes_reach_every_rung():
+    """Runs after the hundreds."""
+    assert set(SEEN) >= {*CLOSED, "one swinging axis", "symmetric top", "body under loads, by series"}, SEEN

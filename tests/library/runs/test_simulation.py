@@ -1,0 +1,212 @@
+"""`simulate`: its grid, its result, its files; NASA's tumbling brick for all of its 30 s."""
+
+import copy
+import math
+import pickle
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import rbfmu
+from rbfmu.runs.errors import attitude_error
+from rbfmu.runs.time_grid import time_grid
+from rbfmu.scene.scene import Scene
+from rbfmu.simulation import SimulationError
+from tests.support.paths import SCENES, SHARED
+
+EPS = 2.0**-52
+EARTH_RATE = 7.292115e-5  # rad/s, about north
+EXAMPLE = SCENES / "tumbling_brick.toml"
+NASA = SHARED / "nasa_tumbling_brick.csv"
+
+
+def scene(run=None, **tables):
+    return Scene(
+        **{
+            "body": {"mass": 2.0, "inertia": [1.0, 2.0, 2.5], "r_oc_b": [0.1, 0.0, 0.0]},
+            "initial": {"omega_b": [1.0, 2.0, -1.0]},
+            "run": run or {"stop": 1.0, "step": 0.1},
+        }
+        | tables
+    )
+
+
+# The grid
+
+
+@pytest.mark.parametrize(
+    ("start", "stop", "step", "points"),
+    [
+        (0.0, 1.0, 0.1, 11),
+        (0.0, 30.0, 0.1, 301),
+        (2.0, 3.0, 0.25, 5),
+        (0.0, 1.0, 0.3, 5),
+        (0.1, 0.1 + 0.2, 0.1, 3),
+        (0.0, 0.7, 0.7, 2),
+    ],
+)
+def test_the_grid_goes_from_start_to_stop(start, stop, step, points):
+    time = rbfmu.simulate(scene({"start": start, "stop": stop, "step": step})).time
+    assert len(time) == points
+    assert time[0] == start
+    assert time[-1] == pytest.approx(stop, abs=2 * math.ulp(stop))
+    np.testing.assert_array_equal(time[:-1], start + np.arange(points - 1) * step)
+    assert np.all(np.diff(time) > 0.5 * EPS)
+
+
+@pytest.mark.parametrize("start", [0.0, 0.1, 1e3, 1e6 + 0.7, 1e9, 1.7e9 + 0.3, 2e9])
+@pytest.mark.parametrize("step", [1e-3, 0.1, 0.3, 0.35, 10.0])
+@pytest.mark.parametrize("steps", [1, 3, 3.25, 1000])
+def test_the_grid_ends_at_its_stop_at_times_of_any_clock(start, step, steps):
+    stop = start + steps * step
+    grid = time_grid(start, stop, step)
+    assert abs(grid[-1] - stop) <= 2 * math.ulp(stop)
+    assert len(grid) == math.ceil(steps) + 1
+    assert np.all(np.diff(grid[:-1]) > 0.9 * step)
+    assert grid[-1] - grid[-2] > 0.2 * step
+
+
+def test_round_off_in_the_stop_makes_no_step_of_its_own():
+    assert len(time_grid(0.0, 0.1 * 3, 0.1)) == 4  # 0.1 * 3 > 0.3
+    assert len(time_grid(0.0, 1.0 - EPS, 0.1)) == 11
+
+
+# The result
+
+
+def test_a_result_has_the_scene_s_quantities_by_attribute():
+    result = rbfmu.simulate(scene())
+    shapes = {name: values.shape for name, values in result.quantities.items()}
+    three = dict.fromkeys(
+        ("position", "velocity", "acceleration", "rpy", "omega_b", "omega_a", "alpha_b", "angular_momentum_a"), (11, 3)
+    )
+    assert shapes == three | {"quaternion": (11, 4), "kinetic_energy": (11,)}
+    assert result.kinetic_energy is result.quantities["kinetic_energy"]
+    assert repr(result).startswith("Result(11 points, position, ")
+
+
+def test_a_result_has_no_more_than_asked_for():
+    result = rbfmu.simulate(scene(outputs={"quantities": ["omega_b", "rpy"]}))
+    assert list(result.quantities) == ["omega_b", "rpy"]
+    with pytest.raises(AttributeError, match="no quantity 'position' in this result; it has time, omega_b, rpy"):
+        result.position  # noqa: B018
+
+
+def test_a_result_can_be_copied_and_sent():
+    result = rbfmu.simulate(scene())
+    for other in (copy.deepcopy(result), pickle.loads(pickle.dumps(result))):
+        np.testing.assert_array_equal(other.quaternion, result.quaternion)
+
+
+def test_a_result_begins_with_the_initial_state():
+    attitude = Rotation.from_rotvec([0.3, -0.4, 0.5])
+    initial = {"position": [1.0, 2.0, 3.0], "velocity": [4.0, 5.0, 6.0], "omega_b": [0.1, 0.2, 0.3],
+               "attitude": {"rotvec": [0.3, -0.4, 0.5]}}  # fmt: skip
+    result = rbfmu.simulate(scene(initial=initial))
+    np.testing.assert_allclose(result.position[0], [1.0, 2.0, 3.0], rtol=2 * EPS)
+    np.testing.assert_allclose(result.velocity[0], [4.0, 5.0, 6.0], rtol=2 * EPS)
+    np.testing.assert_array_equal(result.omega_b[0], [0.1, 0.2, 0.3])
+    np.testing.assert_allclose(result.quaternion[0], attitude.as_quat(scalar_first=True), atol=EPS)
+    np.testing.assert_allclose(result.omega_a[0], attitude.apply([0.1, 0.2, 0.3]), atol=2 * EPS)
+
+
+def test_the_same_scene_gives_the_same_bits():
+    one, other = rbfmu.simulate(scene()), rbfmu.simulate(scene())
+    for name in one.quantities:
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+
+
+def test_the_quaternion_is_continuous_in_time():
+    result = rbfmu.simulate(scene({"stop": 20.0, "step": 0.1}))
+    assert np.min(result.quaternion[:, 0]) < -0.5  # it has gone around
+    assert np.max(np.linalg.norm(np.diff(result.quaternion, axis=0), axis=1)) < 0.5 * 0.1 * 3.0
+
+
+def test_prescribed_rates_at_zero_stay_where_they_are():
+    result = rbfmu.simulate(Scene(inputs={"ports": ["omega_b"]}, initial={"attitude": {"rotvec": [0.3, -0.4, 0.5]}}))
+    assert set(result.quantities) == {"quaternion", "rpy", "omega_a"}
+    assert np.all(result.quaternion == result.quaternion[0])
+
+
+def test_progress_sees_every_step():
+    seen = []
+
+    def progress(numbers):
+        for number in numbers:
+            seen.append(number)
+            yield number
+
+    rbfmu.simulate(scene(), progress=progress)
+    assert seen == list(range(1, 11))
+
+
+def test_a_motion_that_leaves_the_numbers_is_an_error_that_says_when():
+    """1e308 m/s2: the velocity leaves them at 1.8 s."""
+    body, loads = {"mass": 1e-3, "inertia": [1.0, 2.0, 2.5]}, {"force_a": [1e305, 0.0, 0.0]}
+    with np.errstate(all="ignore"), pytest.raises(SimulationError, match=r"the step from t = 1\.70*\d? s was refused"):
+        rbfmu.simulate(scene({"stop": 100.0, "step": 0.1}, body=body, loads=loads))
+
+
+# Files
+
+
+@pytest.fixture(scope="module")
+def result():
+    return rbfmu.simulate(scene({"start": 0.1, "stop": 2.0, "step": 0.07}))
+
+
+def test_csv_keeps_every_bit(result, tmp_path):
+    path = tmp_path / "run.csv"
+    result.save(path)
+    header, *rows = path.read_text().splitlines()
+    names = [name.strip('"') for name in header.split(",")]
+    assert names == list(result.columns())
+    assert names[:4] == ["time", "position[1]", "position[2]", "position[3]"]
+    assert "kinetic_energy" in names
+    values = np.array([[float(x) for x in row.split(",")] for row in rows])
+    np.testing.assert_array_equal(values, np.column_stack(list(result.columns().values())))
+
+
+def test_csv_is_read_by_numpy(result, tmp_path):
+    result.save(str(tmp_path / "run.csv"))
+    table = np.genfromtxt(tmp_path / "run.csv", delimiter=",", skip_header=1)
+    np.testing.assert_array_equal(table[:, 0], result.time)
+
+
+def test_npz_keeps_every_bit(result, tmp_path):
+    path = tmp_path / "run.npz"
+    result.save(path)
+    with np.load(path) as saved:
+        assert set(saved.files) == {"time", *result.quantities}
+        for name in saved.files:
+            np.testing.assert_array_equal(saved[name], getattr(result, name))
+
+
+@pytest.mark.parametrize("name", ["run.txt", "run", "run.csv.gz", ".csv"])
+def test_another_suffix_is_refused_and_nothing_written(result, tmp_path, name):
+    with pytest.raises(ValueError, match=r"the name must end in \.csv or \.npz"):
+        result.save(tmp_path / name)
+    assert list(tmp_path.iterdir()) == []
+
+
+# NASA's tumbling brick
+
+
+@pytest.mark.skipif(not NASA.exists(), reason="NASA's data are not here")
+@pytest.mark.parametrize("simulation", ["01", "04"])
+def test_the_brick_is_where_nasa_s_simulations_have_it_for_30_s(simulation):
+    """North-east-down at time t is the initial one, turned with the earth by 7.292115e-5 rad/s t about north."""
+    table = np.genfromtxt(NASA, delimiter=",", names=True)
+    result = rbfmu.simulate(rbfmu.load_scene(EXAMPLE))
+    np.testing.assert_allclose(table["time_s"], result.time, atol=1e-9)
+    rates = np.column_stack([table[f"sim{simulation}_{name}"] for name in "pqr"])
+    assert np.max(np.abs(np.degrees(result.omega_b) - rates)) <= 1e-9
+    angles = np.column_stack([table[f"sim{simulation}_{name}"] for name in ("yaw", "pitch", "roll")])
+    north = np.zeros((len(result.time), 3))
+    north[:, 0] = EARTH_RATE * result.time
+    inertial = Rotation.from_rotvec(north) * Rotation.from_euler("ZYX", angles, degrees=True)
+    error = np.degrees(attitude_error(result.quaternion, inertial.as_quat(scalar_first=True)))
+    assert np.max(error) <= 1e-4
+    standing = Rotation.from_euler("ZYX", angles, degrees=True).as_quat(scalar_first=True)
+    assert np.max(np.degrees(attitude_error(result.quaternion, standing))) > 0.1  # the earth's turn is 0.125 deg

@@ -1,0 +1,79 @@
+"""Doubts about scenes: one line each, and nothing fails."""
+
+import math
+import warnings
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+import rbfmu
+from rbfmu.cli import main
+from rbfmu.scene.plausibility import doubts_after, doubts_before
+from tests.support.scene_tables import SMALLEST, scene
+
+SLOW = {"stop": 1.0, "step": 0.1}
+
+
+@pytest.mark.parametrize(
+    ("radius", "said"),
+    [(99.0, None), (101.0, "101 m, beyond 100 m"), (1.01e-4, None), (0.99e-4, "9.9e-05 m, below 0.1 mm")],
+)
+def test_a_radius_of_gyration_out_of_the_common(radius: float, said: str | None) -> None:
+    made = scene(body={"mass": 3.0, "inertia": [3.0 * radius**2] * 3})
+    found = list(doubts_before(made))
+    assert len(found) == (said is not None)
+    assert said is None or said in found[0]
+
+
+def test_a_slender_beam_and_a_point_on_a_pivot_are_no_slip() -> None:
+    for body in ({"mass": 1.0, "shape": {"kind": "beam", "length": 1.0}},
+                 {"mass": 1.0, "inertia": [0, 0, 0], "r_oc_b": [1, 0, 0], "pivot": True}):  # fmt: skip
+        assert list(doubts_before(scene(body=body))) == []
+
+
+@pytest.mark.parametrize("turns", [0.99, 1.01])
+def test_more_than_a_turn_a_step(turns: float) -> None:
+    fast = {"omega_b": [0.0, 20.0 * math.pi * turns, 0.0]}
+    found = list(doubts_before(scene(initial=fast, run=SLOW)))
+    assert len(found) == (turns > 1.0)
+    if found:
+        assert "run.step = 0.1: 1.01 turns a communication step at the start" in found[0]
+        assert "a turn takes 0.099 s" in found[0]
+    assert list(doubts_before(scene(initial=fast, run=SLOW, outputs={"quantities": ["position", "omega_b"]}))) == []
+
+
+def test_a_body_that_is_spun_up_during_the_run() -> None:
+    made = scene(loads={"torque_b": [0.0, 0.0, 2000.0]}, run=SLOW)
+    assert list(doubts_before(made)) == []
+    with pytest.warns(rbfmu.SceneWarning, match=r"run.step = 0.1: 12.7 turns a communication step at the fastest"):
+        result = rbfmu.simulate(made)
+    assert len(list(doubts_after(made, result.quantities))) == 1
+    assert list(doubts_after(made, {"quaternion": result.quaternion})) == []  # no rates to look at
+
+
+def test_python_is_warned_where_it_called(tmp_path: Path) -> None:
+    path = tmp_path / "large.toml"
+    path.write_text("[body]\nmass = 1\ninertia = [1e6, 1e6, 1e6]\n[run]\nstop = 0.1\n")
+    for call in (lambda: rbfmu.simulate(path), lambda: rbfmu.plan(rbfmu.load_scene(path))):
+        with pytest.warns(rbfmu.SceneWarning, match="large: the body's radius of gyration is 1e\\+03 m") as caught:
+            call()
+        assert [w.filename for w in caught] == [__file__]
+
+
+def test_the_command_line_says_each_doubt_once_on_stderr(tmp_path: Path) -> None:
+    path = tmp_path / "large.toml"
+    path.write_text(
+        "[body]\nmass = 1\ninertia = [1e6, 1e6, 1e6]\n[initial]\nomega_b = [0, 0, 700]\n[run]\nstop = 0.1\n"
+    )
+    result = CliRunner().invoke(main, ["run", str(path)])
+    assert result.exit_code == 0
+    lines = result.stderr.splitlines()
+    assert [line.split(":")[0] for line in lines] == ["Warning"] * 2
+    assert "Warning" not in result.stdout
+
+
+def test_an_ordinary_scene_is_not_doubted() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        rbfmu.simulate(scene(body=SMALLEST["body"], run=SLOW))

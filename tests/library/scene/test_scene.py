@@ -1,0 +1,155 @@
+"""The scene file: defaults, every way to write a value, round trips."""
+
+import json
+import math
+import pickle
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from scipy.spatial.transform import Rotation
+
+from rbfmu.scene.body import Body
+from rbfmu.scene.scene import QUANTITIES, Initial, Run, Scene, load_scene
+from rbfmu_kernels.rotations.euler_angles import NAMES
+from tests.support.bad_scenes import text
+from tests.support.scene_tables import DEFAULTS, SMALLEST, scene, scene_tables
+
+EPS = np.finfo(float).eps
+
+
+def test_the_smallest_scene_has_the_defaults():
+    assert scene().to_dict() == DEFAULTS
+
+
+def test_the_written_defaults_are_the_scene_again():
+    assert Scene.from_dict(DEFAULTS) == scene()
+
+
+def test_a_file_gives_its_name_to_a_scene_without_one(tmp_path):
+    path = tmp_path / "tumbling_brick.toml"
+    path.write_text(text({}))
+    assert load_scene(path).name == "tumbling_brick"
+    path.write_text(text({}, head='name = "another"'))
+    assert load_scene(str(path)).name == "another"
+
+
+def test_a_byte_order_mark_and_windows_lines_do_no_harm(tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + text({}).replace("\n", "\r\n").encode())
+    assert load_scene(path).body.mass == 2.0
+
+
+def test_integers_are_numbers():
+    assert repr(scene(body={"mass": 2, "inertia": [1, 2, 2.5]}).body) == repr(scene().body)
+
+
+def test_numpy_arrays_are_numbers_in_python():
+    body = Body(mass=np.float64(2), inertia=np.diag([1, 2, 2.5]), r_oc_b=np.zeros(3))
+    assert repr(body) == repr(scene().body)
+    assert Body(mass=np.int64(2), inertia=[np.float32(1.0), 2, np.array(2.5)]).inertia == scene().body.inertia
+
+
+def test_a_scene_made_in_python_equals_one_from_tables():
+    made = Scene(body=Body(mass=2.0, inertia=[1, 2, 2.5]), run=Run(stop=3), loads={"force_a": (1, 2, 3)})
+    assert made == scene(run={"stop": 3.0}, loads={"force_a": [1, 2, 3]})
+    assert hash(made) == hash(pickle.loads(pickle.dumps(made)))
+
+
+def test_a_scene_cannot_be_changed():
+    with pytest.raises(ValueError, match="frozen"):
+        scene().run.stop = 3.0
+
+
+def test_a_matrix_symmetric_to_round_off_is_stored_symmetric():
+    M = scene(body={"mass": 1, "inertia": [[2, 0.1, 0], [0.1 + 1e-14, 2, 0], [0, 0, 3]]}).body.M_c
+    assert M[0][1] == M[1][0] == 0.5 * (0.1 + (0.1 + 1e-14))
+
+
+@pytest.mark.parametrize(
+    ("shape", "moments"),
+    [
+        ({"kind": "box", "sides": [1, 2, 3]}, [13 / 12, 10 / 12, 5 / 12]),
+        ({"kind": "beam", "length": 6}, [0, 3, 3]),
+        ({"kind": "cylinder", "radius": 2, "length": 6}, [4, 4, 2]),
+        ({"kind": "sphere", "radius": 5}, [10, 10, 10]),
+        ({"kind": "ellipsoid", "semiaxes": [1, 2, 3]}, [13 / 5, 10 / 5, 5 / 5]),
+    ],
+)
+def test_a_shape_is_its_inertia(shape, moments):
+    made = Body(mass=2, shape=shape)
+    np.testing.assert_allclose(made.M_c, 2 * np.diag(moments), rtol=3 * EPS)
+    assert made == Body(mass=2, inertia=made.M_c)
+
+
+def test_the_inertia_about_a_pivot_is_about_o():
+    held = Body(mass=2, inertia=[1, 2, 2.5], r_oc_b=[0, 0, 3], pivot=True)
+    assert held.M == held.M_o == ((19.0, 0.0, 0.0), (0.0, 20.0, 0.0), (0.0, 0.0, 2.5))
+    assert held.M_c == Body(mass=2, inertia=[1, 2, 2.5], r_oc_b=[0, 0, 3]).M
+
+
+@pytest.mark.parametrize("sequence", NAMES)
+def test_euler_angles_are_those_of_scipy(sequence):
+    table = {"euler": sequence, "angles_deg": [170, -80, 35]}
+    q = scene(initial={"attitude": table}).initial.quaternion
+    expected = Rotation.from_euler(sequence, table["angles_deg"], degrees=True).as_quat(scalar_first=True)
+    assert 1 - abs(np.dot(q, expected)) < 4 * EPS
+    radians = {"euler": sequence, "angles": [math.radians(x) for x in table["angles_deg"]]}
+    assert scene(initial={"attitude": radians}).initial.quaternion == q
+
+
+def test_rotation_vectors_and_matrices_are_those_of_scipy():
+    for u in ([0.3, -2.0, 1.0], [0, 0, 0], [1e-9, 0, 0], [0, math.pi, 0], [0, 0, -20.0]):
+        rotation = Rotation.from_rotvec(u)
+        for table in ({"rotvec": u}, {"matrix": rotation.as_matrix().tolist()}):
+            q = Initial(attitude=table).quaternion
+            assert 1 - abs(np.dot(q, rotation.as_quat(scalar_first=True))) < 8 * EPS
+
+
+@pytest.mark.parametrize("key", ["quaternion", "matrix"])
+def test_seven_typed_digits_are_enough_for_an_attitude(key):
+    rotation = Rotation.from_rotvec([0.3, -2.0, 1.0])
+    exact = rotation.as_matrix() if key == "matrix" else rotation.as_quat(scalar_first=True)
+    q = Initial(attitude={key: np.round(exact, 7).tolist()}).quaternion
+    assert abs(math.hypot(*q) - 1) <= 2 * EPS
+    assert Rotation.from_quat(q, scalar_first=True).approx_equal(rotation, atol=1e-6)
+
+
+def test_degrees_per_second_are_turned_into_radians():
+    assert Initial(omega_b_deg=[180, 90, -45]).omega_b == (math.pi, math.pi / 2, -math.pi / 4)
+
+
+def test_quantities_default_to_what_moves():
+    held = scene(body=SMALLEST["body"] | {"pivot": True})
+    assert held.outputs.quantities == QUANTITIES[3:]
+    assert Scene.from_dict({"inputs": {"ports": ["omega_b"]}}).outputs.quantities == ("quaternion", "rpy", "omega_a")
+
+
+def test_prescribed_rates_need_no_body():
+    rates = Scene.from_dict({"inputs": {"ports": ["omega_b"], "parameters": ["quaternion_0"]}})
+    assert rates.body is None
+    assert Scene.from_dict(rates.to_dict()) == rates
+
+
+def test_a_quaternion_is_normalised_once():
+    """What was normalised is unit to round-off, and normalising it again could change its last bits."""
+    for q in np.random.default_rng(1).normal(size=(300, 4)):
+        once = Initial(attitude={"quaternion": np.round(q / np.linalg.norm(q), 9).tolist()}).quaternion
+        assert Initial(attitude={"quaternion": once}).quaternion == once
+
+
+@settings(deadline=None, max_examples=150)
+@given(scene_tables())
+def test_a_scene_survives_json_to_the_bit(tables):
+    made = Scene.from_dict(tables)
+    again = Scene.from_dict(json.loads(json.dumps(made.to_dict())), source=made.name)
+    assert again == made
+    assert repr(again) == repr(made)  # the sign of zero as well
+    assert again.to_dict() == made.to_dict()
+
+
+def test_importing_the_package_does_not_import_pydantic():
+    code = "import sys, rbfmu; assert 'pydantic' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True, cwd="/", env={"PYTHONPATH": ":".join(sys.path)})

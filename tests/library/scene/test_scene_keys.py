@@ -1,0 +1,119 @@
+"""`rbfmu keys` and `rbfmu new`: every key of a scene, from the fields that check it."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+import rbfmu
+from rbfmu.cli import main
+from rbfmu.scene.keys import REQUIRED, new_scene, scene_keys
+from rbfmu.scene.scene import PARAMETERS, PORTS, QUANTITIES, Scene
+from rbfmu_kernels.quantities import BY_NAME
+from tests.support.bad_scenes import GOOD
+from tests.support.scene_tables import DEFAULTS, SMALLEST
+
+KEYS = {key.path: key for key in scene_keys()}
+OPTIONAL = re.compile(r"^#(\w+) = ", re.MULTILINE)
+
+
+def call(*arguments: object) -> Result:
+    return CliRunner().invoke(main, [str(a) for a in arguments])
+
+
+def test_every_key_that_a_scene_takes_is_listed() -> None:
+    attitude = {
+        f"initial.attitude.{key}" for key in ("euler", "angles_deg", "angles", "quaternion", "rotvec", "matrix")
+    }
+    shape = {f"body.shape.{key}" for key in ("kind", "sides", "length", "radius", "semiaxes")}
+    others = {"name", "body.shape", "initial.omega_b_deg"}
+    written = {f"{table}.{key}" for table, keys in DEFAULTS.items() if table != "name" for key in keys}
+    assert set(KEYS) == attitude | shape | others | written
+    assert set(KEYS) >= {f"{table}.{key}" for table, keys in GOOD.items() for key in keys}
+
+
+def test_every_key_has_a_meaning_and_numbers_with_a_unit_have_it() -> None:
+    assert all(key.meaning for key in KEYS.values())
+    units = {"body.mass": "kg", "body.inertia": "kg m2", "initial.velocity": "m/s", "initial.omega_b_deg": "deg/s"}
+    units |= {
+        "loads.damping_b": "N m s/rad",
+        "run.step": "s",
+        "body.shape.sides": "m",
+        "initial.attitude.rotvec": "rad",
+    }
+    assert {path: KEYS[path].unit for path in units} == units
+
+
+def test_the_defaults_listed_are_those_that_a_scene_has() -> None:
+    tables: dict[str, dict[str, object]] = {}
+    for key in KEYS.values():
+        if key.default.startswith("all") or key.default in ("", REQUIRED) or key.name == "name":
+            continue
+        tables.setdefault(key.table, {})[key.name] = tomllib.loads(f"x = {key.default}")["x"]
+    assert {path for path, key in KEYS.items() if key.default == REQUIRED} >= {"body.mass", "body.inertia"}
+    body = SMALLEST["body"] | tables.pop("body")
+    assert Scene.from_dict({"body": body} | tables) == Scene.from_dict(SMALLEST)
+
+
+def test_keys_prints_them_all() -> None:
+    result = call("keys")
+    assert result.exit_code == 0
+    assert all(f"[{key.table}]" in result.output for key in KEYS.values() if key.table)
+    lines = [line.split() for line in result.output.splitlines()]
+    assert ["step", "s", "0.01", "communication", "step"] in lines
+    assert ["mass", "kg", "required", "mass"] in lines
+    assert max(map(len, result.output.splitlines())) <= 80
+    for name in (*PORTS, *PARAMETERS, *QUANTITIES):
+        assert name in result.output
+
+
+@pytest.mark.parametrize("name", [*PORTS, *PARAMETERS, *QUANTITIES])
+def test_every_block_of_an_fmu_has_a_unit_and_a_meaning(name: str) -> None:
+    assert BY_NAME[name].unit
+    assert BY_NAME[name].meaning
+
+
+def test_a_new_scene_runs_and_has_every_key(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = call("new", "first")
+    assert result.exit_code == 0
+    assert result.output == "first.toml (next: rbfmu run first.toml)\n"
+    text = Path("first.toml").read_text(encoding="utf-8")
+    assert text == new_scene("first")
+    for key in KEYS.values():
+        if key.table not in ("body.shape", "initial.attitude"):
+            assert re.search(rf"^#?{key.name} = ", text, re.MULTILINE), key
+    assert call("run", "first.toml", "--stop", 0.1).exit_code == 0
+    assert rbfmu.load_scene("first.toml").name == "first"
+
+
+@pytest.mark.parametrize("name", OPTIONAL.findall(new_scene("any")))
+def test_what_a_new_scene_comments_out_is_the_default_or_stands_in_place_of_another(name: str) -> None:
+    given = {"shape": "inertia", "omega_b_deg": "omega_b"}.get(name, "nothing")
+    lines = new_scene("any").replace(f"#{name} = ", f"{name} = ").splitlines()
+    text = "\n".join(line for line in lines if not line.startswith(f"{given} = "))
+    changed, scene = Scene.from_dict(tomllib.loads(text)), Scene.from_dict(tomllib.loads(new_scene("any")))
+    assert (changed == scene) == (given == "nothing")
+
+
+@pytest.mark.parametrize("name", ["  ", "x" * 201, 'a"b', "größe", "no/such/folder", "a.toml"])
+def test_a_new_scene_s_name_is_one_that_a_scene_may_have(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = call("new", name)
+    files = list(tmp_path.iterdir())
+    assert result.exit_code == (2 if name in ("  ", "x" * 201, "no/such/folder") else 0)
+    assert [rbfmu.load_scene(f).name for f in files] == [name.removesuffix(".toml")] * (result.exit_code == 0)
+    assert "Traceback" not in result.output
+
+
+def test_a_file_that_is_there_stays(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text("precious")
+    result = call("new", path)
+    assert result.exit_code == 2
+    assert "mine.toml: exists already" in result.stderr
+    assert path.read_text() == "precious"

@@ -1,0 +1,263 @@
+"""The laws of stability: each number that theory predicts is measured, and methods fail where it says."""
+
+import csv
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from rbfmu.cli import main
+from rbfmu.runs.models import UNITS
+from rbfmu.studies import stability
+from rbfmu.studies.reference_methods import CONTESTANTS
+from rbfmu.studies.stability import Finding, body_laws, maps, model_laws, motions
+from rbfmu.studies.stability.attitude_laws import crossing, quaternion_growth, stability_polynomial
+from rbfmu.studies.stability.findings import AT_MOST, RECORDED
+from rbfmu.studies.stability.laws import LAWS
+from rbfmu.studies.stability.report import print_laws
+from rbfmu.studies.stability.top_laws import flip_rate, time_between_flips
+from rbfmu_kernels.models import free_body_force, one_axis_taylor
+from tests.support import stability_references
+
+STUDIES = {study.__name__: study for study in stability.STUDIES}
+_MEASURED: dict[str, Any] = {}
+
+
+def _measure(name: str) -> Any:
+    if name not in _MEASURED:
+        _MEASURED[name] = STUDIES[name](True)
+    return _MEASURED[name]
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_every_law_holds(name: str) -> None:
+    findings = _measure(name).findings
+    assert findings
+    for f in findings:
+        if f.kind == AT_MOST:
+            assert f.measured <= f.predicted, (f.what, f.place)
+        else:
+            assert f.measured == pytest.approx(f.predicted, rel=f.tolerance, abs=0.0), f.what
+
+
+def test_all_laws_are_measured_and_named() -> None:
+    assert {f.law for name in STUDIES for f in _measure(name).findings} == set(range(1, 15))
+    assert set(LAWS) == set(range(1, 16))  # the last is that of the maps
+
+
+def test_every_model_that_a_plan_may_choose_is_held_against_its_reference() -> None:
+    assert {case.model for case in model_laws.CASES} | {"prescribed rates"} == set(UNITS)
+    assert {case.order for case in model_laws.CASES if case.model == model_laws.SWING} == set(one_axis_taylor.ORDERS)
+    assert {1, 2, *model_laws.PUSHES} == set(free_body_force.ORDERS)
+
+
+@pytest.mark.parametrize("key", motions.MOTIONS)
+def test_references_are_of_these_motions(key: str) -> None:
+    assert motions.references()["motions"][key]["scene"] == motions.MOTIONS[key].to_dict()
+
+
+@pytest.mark.parametrize("key", ["fall", "loaded", "damped swing"])
+def test_references_are_what_40_digits_give(key: str) -> None:
+    scene, stored = motions.MOTIONS[key], dict(motions.references()["motions"][key])
+    times = stability_references.communication_points(scene)[:2]
+    again = stability_references.motion_of(scene, times)
+    for name in motions.STATE:
+        assert again[name] == stored[name][:2]
+
+
+def test_references_of_maps_and_prescribed_rates_are_what_40_digits_give() -> None:
+    stored = motions.references()
+    assert stability_references.prescribed_attitudes() == stored["prescribed"]
+    assert set(stored["maps"]) == {repr(ratio) for ratio in maps.ratios_of_moments(quick=False)}
+    scene = maps.map_scene(0.1)
+    assert stability_references.motion_of(scene, maps.CHECK_TIMES[:2])["quaternion"] == stored["maps"]["0.1"][:2]
+
+
+def test_errors_count_every_digit_and_every_quantity() -> None:
+    true = motions.truth("loaded")
+    assert motions.error_of(true, true) == 0.0
+    for name, values in true.items():
+        off = values * (1.0 + 1e-5 * (np.arange(values.shape[1]) == 0))
+        assert 1e-7 < motions.error_of({name: off}, true) < 1e-4, name
+    assert motions.error_of({"omega_b": true["omega_b"] * math.nan}, true) == math.inf
+    assert motions.attitude_error([1.00001, 0.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0]) == pytest.approx(2e-5, rel=1e-4)
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_curves_have_columns_of_one_length(name: str) -> None:
+    columns = _measure(name).columns
+    assert len({len(values) for values in columns.values()}) == 1
+
+
+def test_measured_factors_are_the_stability_polynomials() -> None:
+    columns = _measure("growth_factors").columns
+    for method in ("explicit Euler", "RK4, quaternion not normalised", "DOP853", "RK4, matrix"):
+        for predicted, measured in zip(columns[f"{method}, predicted"], columns[f"{method}, measured"], strict=True):
+            assert measured == pytest.approx(predicted, rel=2e-11)  # DOP853's weights of 43 cancel
+    columns = _measure("damping_limits").columns
+    for method in ("explicit Euler", "RK4, quaternion", "DOP853"):
+        for predicted, measured in zip(columns[f"{method}, predicted"], columns[method], strict=True):
+            assert measured == pytest.approx(predicted, rel=1e-10, abs=1e-12)
+
+
+def test_normalised_rk4_does_not_drift() -> None:
+    assert max(_measure("drift").columns["q normalised"]) < 2.0**-51
+
+
+def test_explicit_euler_is_never_stable() -> None:
+    assert all(factor > 1.0 for factor in _measure("growth_factors").columns["explicit Euler, measured"])
+
+
+def test_rod_keeps_its_nutation_where_the_method_is_not_explicit_in_it() -> None:
+    columns = _measure("gyroscopic_blow_up").columns
+    assert columns["implicit midpoint"] == pytest.approx([1.0] * 61, rel=2e-10)  # the iteration stops at 3e-14 rad/s
+    assert min(columns["RK4, quaternion"]) > 0.98
+
+
+def test_implicit_midpoint_by_iteration_ends_at_the_damping_limit_of_explicit_euler() -> None:
+    assert abs(body_laws.decay_factor("implicit midpoint", 1.3)) == pytest.approx(0.35 / 1.65, rel=1e-13)
+    assert not math.isfinite(body_laws.decay_factor("implicit midpoint", 2.1))
+
+
+def test_long_runs_of_exact_steps_keep_their_energy() -> None:
+    for f in STUDIES["energy_drift"](False).findings:  # 1e5 steps
+        assert f.holds, f.what
+
+
+def test_flips_about_a_pivot_take_the_moments_about_the_pivot() -> None:
+    findings = STUDIES["intermediate_axis"](False).findings
+    assert [f.holds for f in findings if "pivot" in f.what] == [True]
+
+
+def test_time_between_flips_needs_no_order_of_disturbances() -> None:
+    by_largest = time_between_flips((1.0, 2.0, 3.0), (1e-4, 2.0, 1e-4))
+    by_least = time_between_flips((1.0, 2.0, 3.0), (1e-4 * math.sqrt(5.0), 2.0, 1e-4))
+    assert by_least == pytest.approx(by_largest, rel=0.1)
+    assert flip_rate((1.0, 2.0, 3.0), 2.0) == pytest.approx(2.0 / math.sqrt(3.0), rel=1e-15)
+
+
+def test_polynomials_are_exp_to_their_order() -> None:
+    for method, order, z in (
+        ("explicit Euler", 1, -0.25),
+        ("RK4", 4, -0.5),
+        ("DOP853", 8, -0.5),
+        ("Taylor 12", 12, -2.0),
+    ):
+        R = stability_polynomial(method)
+        errors = [abs(R(x) - math.exp(x)) for x in (z, 0.5 * z)]
+        assert math.log2(errors[0] / errors[1]) == pytest.approx(order + 1, abs=0.3)
+
+
+def test_crossing_finds_the_end_of_stability() -> None:
+    assert crossing(lambda x: x * x, 0.5, 3.0) == pytest.approx(1.0, rel=1e-15)
+    assert quaternion_growth("RK4, quaternion not normalised", 5.6) < 1.0
+    assert quaternion_growth("RK4, quaternion not normalised", 5.7) > 1.0
+
+
+@pytest.mark.parametrize(
+    ("name", "h", "ratio", "verdict"),
+    [
+        ("semi-implicit Euler", 0.01, 0.1, maps.WRONG),
+        ("semi-implicit Euler", 1.0, 0.1, maps.NOT_FINITE),
+        ("RK4, quaternion", 0.1, 0.1, maps.RIGHT),
+        ("RK4, quaternion", 1.5, 0.1, maps.WRONG),
+        ("RK4, quaternion", 8.0, 0.1, maps.NOT_FINITE),
+        ("implicit midpoint", 5.0, 0.1, maps.NOT_FINITE),
+    ],
+)
+def test_verdicts_on_fixed_steps(name: str, h: float, ratio: float, verdict: int) -> None:
+    assert maps.verdict_of_steps(CONTESTANTS[name], h, ratio)[0] == verdict
+
+
+@pytest.mark.parametrize("name", maps.OURS)
+@pytest.mark.parametrize("h", [0.1, 10.0])
+def test_product_is_right_at_any_step(name: str, h: float) -> None:
+    for ratio in maps.ratios_of_moments(quick=True):
+        verdict, error = maps.METHODS[name](h, ratio)
+        assert verdict == maps.RIGHT
+        assert error <= maps.ACCURACY
+
+
+def test_a_tile_of_the_product_that_is_wrong_or_refused_is_a_finding_that_fails() -> None:
+    ours = next(iter(maps.OURS))
+    rows = [(ours, 0.1, 1.0, "right", 2e-9), (ours, 1.0, 1.0, "refused with a message", math.inf)]
+    found = maps.findings_of_maps(
+        [*rows, (ours, 1.0, 0.1, "right", 1e-12), ("RK4, quaternion", 1.0, 1.0, "wrong", 1.0)]
+    )
+    assert [f.holds for f in found] == [False, False, True]
+
+
+def test_steps_of_a_map_divide_the_turn_at_its_check_points() -> None:
+    for h in maps.grid(quick=False)[0]:
+        turn, n = maps.steps_of_a_turn(h)
+        assert turn / n == h
+        assert n % maps.CHECKS == 0
+        assert {turn * (k + 1) / maps.CHECKS for k in range(maps.CHECKS)} <= set(maps.CHECK_TIMES)
+
+
+def test_stability_leaves_tables_and_pictures(tmp_path: Path) -> None:
+    seen: list[int] = []
+
+    def progress(parts: Any) -> Any:
+        for part in parts:
+            yield part
+            seen.append(len(seen))
+
+    paths = stability.run_stability(tmp_path / "out", quick=True, progress=progress)
+    assert paths[0].name == "laws.csv"
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {p.name for p in paths}
+    assert len([p for p in paths if p.suffix == ".png" and p.stat().st_size > 10_000]) == len(STUDIES) + 1
+    assert len(seen) == 2 * len(STUDIES) + len(maps.QUICK_METHODS) + 2
+    assert stability.failures(tmp_path / "out") == []
+    with (tmp_path / "out" / "maps.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert {row["verdict"] for row in rows if row["method"] in maps.OURS} == {"right"}
+    assert {row["verdict"] for row in rows} >= {"right", "wrong", "not finite"}
+
+
+def test_a_law_that_does_not_hold_is_reported(tmp_path: Path) -> None:
+    wrong = Finding(1, "growth", 1.0, 1.1, 0.01)
+    place = Finding(15, "tile", 1e-9, math.inf, 0.0, AT_MOST, "h omega 1, moments 1")
+    stability.write_findings(tmp_path / "laws.csv", [wrong, Finding(2, "bound", 1.0, 0.5, 0.0, AT_MOST), place])
+    assert stability.failures(tmp_path) == [
+        "law 1, growth: predicted 1.0, measured 1.1",
+        "law 15, tile (h omega 1, moments 1): predicted 1e-09, measured inf",
+    ]
+    assert stability.read_findings(tmp_path)[0] == wrong
+
+
+def test_the_table_names_law_source_prediction_measurement_and_verdict(capsys: pytest.CaptureFixture[str]) -> None:
+    findings = [
+        Finding(1, "growth of |q| [a step]", 1.0, 1.1, 0.01),
+        Finding(4, "a figure measured before", 8e-2, 8.1e-2, 0.04, RECORDED),
+        Finding(4, "another", 1.0, 2.0, 0.04, RECORDED),
+        *(Finding(15, "tile", 1e-9, error, 0.0, AT_MOST, f"place {error:g}") for error in (1e-12, 1e-10, 1e-5)),
+    ]
+    print_laws(findings)
+    shown = capsys.readouterr().out
+    lines = [" ".join(line.split()) for line in shown.splitlines()]
+    assert max(map(len, shown.splitlines())) <= 80
+    assert "Predicted by: the accuracy asked; truth: 40-digit references" in lines
+    assert "growth of |q| [a step] 1 1.1 FAILS" in lines
+    assert "a figure measured before 0.08 0.081 as recorded" in lines
+    assert "another 1 2 NOT as recorded" in lines
+    assert "tile (2 of 3) <= 1e-09 1e-10 holds" in lines
+    assert "tile (place 1e-05) <= 1e-09 1e-05 FAILS" in lines
+
+
+@pytest.mark.parametrize(("measured", "status"), [(1e-12, 0), (1e-5, 1)])
+def test_command_prints_the_table_and_fails_with_a_finding(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, measured: float, status: int
+) -> None:
+    def run(folder: Path, quick: bool, progress: Any) -> list[Path]:
+        folder.mkdir()
+        return [stability.write_findings(folder / "laws.csv", [Finding(15, "tile", 1e-9, measured, 0.0, AT_MOST)])]
+
+    monkeypatch.setattr(stability, "run_stability", run)
+    result = CliRunner().invoke(main, ["stability", "--quick", "-o", str(tmp_path / "out")])
+    assert result.exit_code == status
+    assert "Law 15." in result.output
+    assert ("does not hold: law 15, tile" in result.output) == bool(status)

@@ -1,0 +1,35 @@
+"""ARCHITECTURE.md names what there is."""
+
+import re
+
+import pytest
+
+from tests.support.paths import ROOT
+
+TEXT = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
+ROOTS = [ROOT / part for part in ("kernels", "rbfmu", "fmu_build", "tests", "examples")]
+ELSEWHERE = {"lint-imports", "verify", "mass", "torque_b", "known_torque_b", "step", "initialize", "outputs", "@kernel"}
+"""Commands, blocks of a buffer, entry functions."""
+
+
+def exists(name):
+    """A folder, a file, a module, or a function or class in a module."""
+    if (ROOT / name).exists() or any(list(root.rglob(name)) for root in ROOTS):
+        return True
+    module, _, member = name.partition(".")
+    found = [path for root in ROOTS for end in ("", ".py") for path in root.rglob(f"{module}{end}")]
+    return any(not member or member == "py" or re.search(rf"\b{member.split('.')[0]}\b", _text(p)) for p in found)
+
+
+def _text(path):
+    return path.read_text(encoding="utf-8") if path.is_file() else ""
+
+
+@pytest.mark.parametrize("name", sorted(set(re.findall(r"`([^`\s]+)`", TEXT)) - ELSEWHERE))
+def test_what_is_named_exists(name):
+    assert exists(name), name
+
+
+def test_every_folder_of_the_kernels_is_named():
+    folders = {path.parent.name for path in (ROOT / "kernels/rbfmu_kernels").glob("*/__init__.py")}
+    assert all(f"`{folder}/`" in TEXT for folder in folders)

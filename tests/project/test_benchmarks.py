@@ -1,0 +1,156 @@
+"""The benchmarks judge made-up figures rightly, and run; no verdict on time is passed here (`make bench` does)."""
+
+import math
+import re
+import runpy
+import shutil
+
+import pytest
+
+from tests.support.fmu import c_host
+from tests.support.fmu.fmus import bench
+from tests.support.paths import ROOT
+
+NAMES = ("kernels", "free_rotation", "fmu", "held_gil", "native", "gallery", "costs")
+GALLERY, COSTS = bench("gallery"), bench("costs")
+
+
+def test_make_runs_all_of_them():
+    (line,) = re.findall(r"^BENCHES = (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    assert line.split() == list(NAMES)
+
+
+@pytest.mark.parametrize(("bounds", "figure", "kept"), [
+    ({"most": 2.0}, 2.0, True), ({"most": 2.0}, 2.1, False), ({"most": 2.0}, math.nan, False),
+    ({"least": 2.0}, 2.0, True), ({"least": 2.0}, 1.9, False), ({"least": 2.0}, math.nan, False),
+    ({"least": 1.0, "most": 2.0}, 1.5, True), ({"least": 1.0, "most": 2.0}, 0.5, False),
+])  # fmt: skip
+def test_a_goal_is_kept_within_its_bounds(bounds, figure, kept):
+    assert bench("goals").Goal("it", figure, **bounds).kept == kept
+
+
+def test_the_status_is_1_where_any_goal_is_missed(capsys):
+    goals = bench("goals")
+    kept, missed = goals.Goal("step", 1.0, most=2.0), goals.Goal("start", 0.2, least=0.5, most=1.0)
+    assert goals.status([kept, kept]) == 0
+    assert capsys.readouterr().out == "2 of 2 goals kept\n"
+    assert goals.status([kept, missed]) == 1
+    assert capsys.readouterr().out == "MISSED start: 0.2, goal at least 0.5 and at most 1\n1 of 2 goals kept\n"
+
+
+KERNELS = {"SciPy": 100.0, "rbfmu": 1.0, "copy": 1.0}
+FREE_ROTATION = {"an evaluation / an RK4 step": 4.0, "with its setup / an RK4 step": 50.0}
+NATIVE = {"numba loop": 1.1, "pythonfmu": 0.1}
+BY_HAND = {"by hand": 0.9, "difference": 1e-12, "first step": 1.0, "both without AVX2": 2.0}
+
+
+def _row(who, ratio=1.0, error=1e-4):
+    return GALLERY.Row("top", who, "", 1e-3, error, 100.0, ratio)
+
+
+def _figure(stated, measured):
+    return COSTS.Figure("free", "all", None, (), stated, measured)
+
+
+FIGURES = {
+    "kernels": ([{"operation": "rotate"} | KERNELS], 2),
+    "free_rotation": ({"generic": FREE_ROTATION | {"many times of one body / as many bodies": 0.3}}, 3),
+    "fmu": ({"brick": {"step_ratio": 2.0, "start_ratio": 1.2}}, 2),
+    "held_gil": (0.2, 1),
+    "native": ({"top": NATIVE, "DOP853 and by hand": NATIVE | BY_HAND}, 7),
+    "gallery": ([_row("planned"), _row("full", 6.0), _row("MuJoCo", 0.1, 1.0)], 4),
+    "costs": ([_figure(100.0, 140.0), _figure(140.0, 100.0)], 2),
+}
+"""Made up, all goals kept; how many goals there are."""
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_good_figures_keep_all_goals(name):
+    figures, count = FIGURES[name]
+    assert [goal.kept for goal in bench(name).goals(figures)] == [True] * count
+
+
+@pytest.mark.parametrize(("name", "figures", "missed"), [
+    ("kernels", [{"operation": "rotate"} | KERNELS | {"SciPy": 7.9}], "rotate, SciPy / rbfmu"),
+    ("kernels", [{"operation": "rotate"} | KERNELS | {"copy": 0.8}], "rotate, copy / rbfmu"),
+    ("free_rotation", {"generic": FREE_ROTATION | {"an evaluation / an RK4 step": 5.1}},
+     "generic, an evaluation / an RK4 step"),
+    ("fmu", {"brick": {"step_ratio": 2.3, "start_ratio": 1.2}}, "brick, step"),
+    ("fmu", {"brick": {"step_ratio": 2.0, "start_ratio": 1.6}}, "brick, first step"),
+    ("held_gil", 0.8, "held / not held"),
+    ("native", {"DOP853 and by hand": NATIVE | BY_HAND | {"by hand": 1.01}}, "DOP853 and by hand, native / by hand"),
+    ("native", {"DOP853 and by hand": NATIVE | BY_HAND | {"difference": 1e-9}}, "DOP853 and by hand, difference"),
+    ("gallery", [_row("planned"), _row("full", 4.9)], "full / planned, median scene"),
+    ("gallery", [_row("planned"), _row("full", 9.0), _row("full", 9.0), _row("full", 0.9)], "full / planned, top"),
+    ("gallery", [_row("planned", error=2e-3), _row("full", 6.0)], "error, top, planned"),
+    ("costs", [_figure(100.0, 160.0)], "free, all, stated / measured"),
+    ("costs", [_figure(160.0, 100.0)], "free, all, stated / measured"),
+])  # fmt: skip
+def test_a_figure_beyond_its_goal_is_missed(name, figures, missed):
+    assert [goal.name for goal in bench(name).goals(figures) if not goal.kept] == [missed]
+
+
+@pytest.mark.parametrize(("held", "expected"), [(60.0, 0), (80.0, 1)])
+def test_a_missed_goal_is_the_status_of_the_process(held, expected, monkeypatch):
+    """Of a whole benchmark, at made-up times."""
+    times = {"0": 100.0, "1": held}
+    monkeypatch.setattr(c_host, "run_c_host", lambda *_, RBFMU_HOLD_GIL: ([], times[RBFMU_HOLD_GIL]))
+    with pytest.raises(SystemExit) as ended:
+        runpy.run_path(str(ROOT / "examples" / "benchmarks" / "held_gil.py"), run_name="__main__")
+    assert ended.value.code == expected
+
+
+# --- in tiny settings
+
+
+def test_kernels_are_measured_written_and_drawn(tmp_path, capsys, monkeypatch):
+    kernels = bench("kernels")
+    monkeypatch.setattr(kernels, "ROUNDS", 1)
+    few, data = kernels.tasks(1000)
+    monkeypatch.setattr(kernels, "tasks", lambda n: (few[:2], data))
+    for extra in ("one_item", "starts"):
+        monkeypatch.setattr(kernels, extra, dict)
+    monkeypatch.setattr(kernels, "threads", lambda n: {"two threads": 1.5})
+    rows = kernels.main(tmp_path, 1000)
+    assert [task.name for task in few] == list(kernels.GOALS)
+    assert [row["operation"] for row in rows] == list(kernels.GOALS)[:2]
+    assert all(row[who] > 0.0 for row in rows for who in ("rbfmu", "copy", "SciPy"))
+    assert len(kernels.goals(rows)) == 2 * len(rows)
+    assert (tmp_path / "kernels.png").stat().st_size > 4_000
+    assert len((tmp_path / "kernels.csv").read_text().splitlines()) == 1 + len(rows)
+    assert "two threads" in capsys.readouterr().out
+
+
+def test_free_rotation_is_measured():
+    figures = bench("free_rotation").main(2, 10)
+    assert [len(ratios) for ratios in figures.values()] == [3, 2]
+    assert all(ratio > 0.0 for ratios in figures.values() for ratio in ratios.values())
+
+
+def test_the_pythonfmu_fmu_is_measured(monkeypatch):
+    one = bench("fmu")
+    monkeypatch.setattr(one, "SCENES", {"with inputs": one.SCENES["triaxial body, 6 inputs"]})
+    by_scene = one.main(repeats=2, steps=5, starts=1)
+    assert set(by_scene) == set(one.SCENES)
+    for figure in by_scene.values():
+        assert figure["step_ratio"] == figure["step_ours"] / figure["step_empty"] > 0.0
+    assert len(one.goals(by_scene)) == 2
+
+
+@pytest.mark.skipif(not shutil.which("cc"), reason="no C compiler")
+def test_the_native_fmu_is_measured_and_c_by_hand_moves_alike():
+    one = bench("native")
+    by_scene = one.main(repeats=2, steps=50, starts=1, names=["prescribed rates", one.HAND])
+    assert set(by_scene) == {"prescribed rates", one.HAND}
+    assert len(one.goals(by_scene)) == 2 * len(by_scene) + 3
+    assert all(figure > 0.0 for figures in by_scene.values() for figure in figures.values())
+    assert by_scene[one.HAND]["difference"] < one.ROUND_OFF
+
+
+def test_steps_are_measured_beside_what_plans_state():
+    scene = COSTS.scene_of("free", ("quaternion",), 1e-9, 0.01)
+    (figure,) = COSTS.measured([(scene, COSTS.rbfmu.plan(scene))], rounds=1, k=1)
+    assert figure.measured > 0.0
+    assert figure.stated == figure.planned.cost
+    assert (figure.body, figure.asked) == ("free, 0.01 s, 1e-09", "quaternion")
+    assert list(COSTS.table([figure])) == figure.terms

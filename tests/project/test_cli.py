@@ -1,0 +1,311 @@
+"""The command line as a user types it: what it prints, writes and returns."""
+
+import csv
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+import rbfmu
+import rbfmu_fmu
+from rbfmu.cli import main
+from rbfmu_fmu.native.platforms import PLATFORMS
+from tests.support.bad_scenes import BAD_SCENES, BadScene
+
+SHORT = """
+[body]
+mass = 2.0
+inertia = [1.0, 2.0, 2.5]
+[initial]
+omega_b = [0.3, 1.0, 0.2]
+[run]
+stop = 1.0
+step = 0.1
+"""
+
+
+def call(*arguments: object) -> Result:
+    return CliRunner().invoke(main, [str(a) for a in arguments])
+
+
+@pytest.fixture
+def short(tmp_path: Path) -> Path:
+    path = tmp_path / "short.toml"
+    path.write_text(SHORT)
+    return path
+
+
+@pytest.mark.parametrize("command", ["", "demo", "keys", "new", "plan", "run", "build", "verify", "chart", "stability"])
+def test_help_everywhere(command: str) -> None:
+    result = call(*filter(None, [command]), "--help")
+    assert result.exit_code == 0
+    assert "Usage:" in result.output
+
+
+@pytest.mark.parametrize("command", ["run", "build"])
+@pytest.mark.parametrize("bad", BAD_SCENES, ids=lambda bad: bad.name)
+def test_bad_scene_is_one_message_and_status_2(command: str, bad: BadScene, tmp_path: Path) -> None:
+    path = tmp_path / "bad.toml"
+    path.write_bytes(bad.content)
+    result = call(command, path, "-o", tmp_path / ("out.csv" if command == "run" else "out.fmu"))
+    assert result.exit_code == 2
+    assert bad.fragment in result.stderr
+    assert "Traceback" not in result.output
+    assert [p.name for p in tmp_path.iterdir()] == ["bad.toml"]
+
+
+def test_all_faults_of_a_scene_are_reported_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "bad.toml"
+    path.write_text("[body]\nmass = -1\ninertia = [1, 1, 3]\n[run]\nstep = 0\n")
+    message = call("run", path).stderr
+    assert all(key in message for key in ("body.mass", "body.inertia", "run.step"))
+
+
+def test_no_traceback_from_a_real_process(tmp_path: Path) -> None:
+    path = tmp_path / "empty.toml"
+    path.touch()
+    done = subprocess.run([sys.executable, "-m", "rbfmu", "run", path], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "body" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_reader_that_leaves_early_is_no_error(tmp_path: Path) -> None:
+    """As `rbfmu verify FILE.fmu | head` does."""
+    path = tmp_path / "it.toml"
+    path.write_text('[inputs]\nports = ["omega_b"]\n')
+    command = [sys.executable, "-m", "rbfmu", "plan", path]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        assert process.stderr.read() == ""
+
+
+def test_plan_says_why_and_speaks_json(short: Path) -> None:
+    text = call("plan", short).output
+    assert "rotation: no torque" in text
+    assert "of the full model" in text
+    chosen = json.loads(call("plan", short, "--json").output)
+    assert {"model", "method", "substep", "states", "reasons"} <= set(chosen)
+    assert chosen["model"] == "torque-free body"
+    assert chosen["substep"] is None
+
+
+@pytest.mark.parametrize("command", ["plan", "run", "build"])
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--accuracy", "2"], "with --accuracy 2.0: run.accuracy = 2.0: expected a number in (0, 1]"),
+        (["--accuracy", "nan"], "with --accuracy nan: run.accuracy = nan: expected a finite number in (0, 1]"),
+        (["--stop", "-1"], "with --stop -1.0: run.stop = -1.0: expected a time after run.start = 0.0 (s)"),
+        (["--stop", "0.05"], "with --stop 0.05: run.step = 0.1: expected at most stop - start = 0.05 (s)"),
+        (["--step", "0", "--stop", "9"], "with --step 0.0 and --stop 9.0: run.step = 0.0: expected a number > 0 (s)"),
+        (["--accuracy", "1e-16"], "with --accuracy 1e-16: run.accuracy = 1e-16: expected at least"),
+    ],
+)
+def test_a_bad_option_is_one_message_that_names_file_and_option(
+    command: str, options: list[str], said: str, short: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(short.parent)
+    result = call(command, short, *options)
+    assert result.exit_code == 2
+    assert result.stderr.startswith(f"Error: {short} {said}")
+    assert [p.name for p in short.parent.iterdir()] == ["short.toml"]
+
+
+def test_an_accuracy_of_the_file_that_cannot_be_met_names_the_file(short: Path) -> None:
+    short.write_text(SHORT + "accuracy = 1e-16\n")
+    said = f"{short}: run.accuracy = 1e-16: expected at least"
+    for command in ("plan", "run", "build"):
+        assert call(command, short).stderr.startswith(f"Error: {said}")
+    for function in (rbfmu.plan, rbfmu.simulate, lambda path: rbfmu_fmu.build(path, short.parent / "it.fmu")):
+        for path in (short, str(short)):
+            with pytest.raises(rbfmu.SceneError) as caught:
+                function(path)
+            assert str(caught.value).startswith(said)
+
+
+def test_options_take_the_place_of_the_file_s_keys(short: Path, tmp_path: Path) -> None:
+    options = ["--stop", "3", "--step", "0.5", "--accuracy", "1e-3"]
+    assert call("run", short, "-o", tmp_path / "it.csv", *options).exit_code == 0
+    assert np.loadtxt(tmp_path / "it.csv", delimiter=",", skiprows=1)[:, 0].tolist() == np.arange(0, 3.5, 0.5).tolist()
+    assert "a step of 0.5 s" in call("plan", short, *options).output
+    assert call("build", short, "-o", tmp_path / "it.fmu", *options).exit_code == 0
+    model = fmpy.read_model_description(str(tmp_path / "it.fmu"))
+    assert (model.defaultExperiment.stopTime, model.defaultExperiment.stepSize) == ("3.0", "0.5")
+    assert "accuracy asked 0.001" in call("verify", tmp_path / "it.fmu").output
+
+
+def test_python_takes_a_scene_or_its_file(short: Path) -> None:
+    scene = rbfmu.load_scene(short)
+    assert rbfmu.plan(str(short)) == rbfmu.plan(scene) == rbfmu.plan(scene=short)
+    assert np.array_equal(rbfmu.simulate(short).quaternion, rbfmu.simulate(scene).quaternion)
+    built = [rbfmu_fmu.build(s, short.parent / f"{k}.fmu").read_bytes() for k, s in enumerate((scene, short))]
+    assert built[0] == built[1]
+    with pytest.raises(TypeError, match=r"simulate: scene = 3: expected a rbfmu.Scene or the path of a scene file"):
+        rbfmu.simulate(3)  # type: ignore[arg-type]
+
+
+def test_the_end_is_printed_with_units(short: Path) -> None:
+    lines = [line.split() for line in call("run", short).output.splitlines()]
+    assert ["at", "the", "end", "unit", "t", "=", "1", "s"] in lines
+    units = {line[0]: line[1:-3] for line in lines if line and line[0] in ("position", "omega_b", "alpha_b")}
+    assert units == {"position": ["m"], "omega_b": ["rad/s"], "alpha_b": ["rad/s2"]}
+
+
+def test_where_nothing_can_be_kept_one_line_says_what_to_do(short: Path, tmp_path: Path) -> None:
+    environment = os.environ | {
+        "NUMBA_CACHE_DIR": str(short / "no folder"), "NUMBA_CACHE_LOCATOR_CLASSES": "UserProvidedCacheLocator",
+    }  # fmt: skip
+    short.write_text('[inputs]\nports = ["omega_b"]\n')
+    command = [sys.executable, "-m", "rbfmu", "plan", short]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    assert done.returncode == 0
+    (line,) = done.stderr.splitlines()
+    assert "set NUMBA_CACHE_DIR to a folder that can be written" in line
+    kept = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert kept.stderr == ""
+
+
+@pytest.mark.parametrize(
+    ("names", "slow"),
+    [("win64", "win64"), ("linux64,win64,darwin64", "win64, darwin64"), ("linux64", ""), ("", ""), ("", "linux64")],
+)
+def test_what_may_take_minutes_is_said_beforehand(
+    names: str, slow: str, short: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said: list[str] = []
+
+    def build_nothing(*args: object, **kwargs: object) -> str:
+        said.append("building")
+        return "it.fmu"
+
+    monkeypatch.setattr("rbfmu_fmu.build", build_nothing)
+    monkeypatch.setattr("rbfmu_fmu.native.platforms.this_platform", lambda: PLATFORMS["linux64"])
+    monkeypatch.setattr("rbfmu_fmu.native.linking.compiler", lambda p: ["ziglang"] if p.name in slow else ["cc"])
+    monkeypatch.setattr("click.echo", lambda text, err=False: said.append(str(text) if err else "printed"))
+    assert call("build", short, "--native", "--platform", names, "-o", tmp_path / "it.fmu").exit_code == 0
+    why = "the first time takes minutes, as ziglang builds the platform's C library"
+    assert said == [f"Note: compiling for {slow}: {why}"] * bool(slow) + ["building", "printed"]
+
+
+def test_the_full_model_is_there_on_request(short: Path, tmp_path: Path) -> None:
+    chosen = json.loads(call("plan", short, "--json", "--model", "full").output)
+    assert (chosen["model"], chosen["states"]) == ("body under loads, by series", 13)
+    rows = []
+    for model in ("planned", "full"):
+        path = tmp_path / f"{model}.csv"
+        assert call("run", short, "-o", path, "--model", model).exit_code == 0
+        rows.append(np.loadtxt(path, delimiter=",", skiprows=1))
+    assert 0.0 < np.max(np.abs(rows[0] - rows[1])) <= 1e-5  # accuracy 1e-6, numbers up to some 10
+    assert call("build", short, "-o", tmp_path / "full.fmu", "--model", "full").exit_code == 0
+
+
+def test_verify_says_how_far_the_full_model_is(short: Path, tmp_path: Path) -> None:
+    call("build", short, "-o", tmp_path / "it.fmu")
+    text = call("verify", tmp_path / "it.fmu").output
+    found = re.search(r"planned and full model differ by (\S+), accuracy asked 1e-06", text)
+    assert found
+    assert 0.0 < float(found[1]) <= 1e-6
+
+
+def test_run_saves_every_digit_and_draws(short: Path, tmp_path: Path) -> None:
+    result = call("run", short, "-o", tmp_path / "out.csv", "--plot", tmp_path / "out.png")
+    assert result.exit_code == 0, result.output
+    with (tmp_path / "out.csv").open(newline="") as file:
+        rows = list(csv.reader(file))
+    expected = rbfmu.simulate(rbfmu.load_scene(short)).columns()
+    assert rows[0] == list(expected)
+    assert np.array_equal(np.array(rows[1:], float), np.array(list(expected.values())).T)
+    assert (tmp_path / "out.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("option", "name"), [("-o", "out.txt"), ("--plot", "out.csv"), ("-o", "no/such/folder.csv"), ("-o", ".")]
+)
+def test_a_target_that_cannot_be_written_is_refused_before_the_run(
+    short: Path, tmp_path: Path, option: str, name: str
+) -> None:
+    result = call("run", short, option, tmp_path / name)
+    assert result.exit_code == 2
+    assert "Error" in result.stderr
+
+
+def test_build_writes_an_fmu_that_verify_passes(short: Path, tmp_path: Path) -> None:
+    assert call("build", short, "-o", tmp_path / "short.fmu").exit_code == 0
+    result = call("verify", tmp_path / "short.fmu", "--seed", "7")
+    assert result.exit_code == 0, result.output
+    assert "10 of 10 steps done; inputs from seed 7" in result.output
+
+
+def test_build_names_the_fmu_after_its_scene(short: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(short.parent)
+    result = call("build", short)
+    assert result.output.strip() == "short.fmu"
+    assert Path("short.fmu").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "file", "identifier"),
+    [
+        ("Kreisel größer", "Kreisel_größer.fmu", "Kreisel_gro_er"),
+        ("陀螺-2.1", "陀螺-2.1.fmu", "___2_1"),
+        ("été", "été.fmu", "ete"),
+        ("a: b?", "a__b_.fmu", "a__b_"),
+    ],
+)
+def test_an_fmu_s_name_keeps_letters(
+    name: str, file: str, identifier: str, short: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """FMI allows any text as the model's name, and C identifiers as that of its library."""
+    monkeypatch.chdir(short.parent)
+    short.write_text(f'name = "{name}"\n{SHORT}')
+    assert call("build", short, "--native").output.strip() == file
+    model = fmpy.read_model_description(file)
+    assert (model.modelName, model.coSimulation.modelIdentifier) == (name, identifier)
+    assert call("verify", file).exit_code == 0
+
+
+@pytest.mark.parametrize("content", [b"", b"not a zip", b"PK\x05\x06" + bytes(18)])
+def test_verify_refuses_what_is_no_fmu(content: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "bad.fmu"
+    path.write_bytes(content)
+    result = call("verify", path)
+    assert result.exit_code == 2
+    assert "bad.fmu" in result.stderr
+    assert "Traceback" not in result.output
+
+
+def test_verify_of_a_missing_file_is_a_message() -> None:
+    result = call("verify", "no_such.fmu")
+    assert result.exit_code == 2
+    assert "no_such.fmu" in result.stderr
+
+
+def test_results_of_run_are_those_of_python(short: Path, tmp_path: Path) -> None:
+    call("run", short, "-o", tmp_path / "out.npz")
+    with np.load(tmp_path / "out.npz") as file:
+        saved = dict(file)
+    direct = rbfmu.simulate(rbfmu.load_scene(short))
+    assert np.array_equal(saved["quaternion"], direct.quaternion)
+    assert json.dumps(saved["time"].tolist()) == json.dumps(direct.time.tolist())
+
+
+@pytest.mark.parametrize("command", [["demo"], ["verify", "short.fmu"]])
+def test_a_temporary_folder_that_crashes_pythonfmu_is_refused(
+    command: list[str], short: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(short.parent)
+    call("build", short)
+    monkeypatch.setattr("tempfile.tempdir", str(short.parent / "a+b"))
+    result = call(*command)
+    assert result.exit_code == 2
+    assert "TMPDIR" in result.stderr

@@ -1,0 +1,63 @@
+"""Every example runs as a user runs it, and shows what it says."""
+
+import re
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tests.support.paths import ROOT
+
+EXAMPLES = ROOT / "examples"
+NUMBERED = sorted(p.name for p in EXAMPLES.glob("[0-9]*.py"))
+
+
+def printed(name: str) -> str:
+    done = subprocess.run(
+        [sys.executable, EXAMPLES / name], capture_output=True, text=True, check=False, timeout=1200, cwd=EXAMPLES
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_every_example_is_tested() -> None:
+    here = ["01_kernels.py", "02_brick.py", "03_slender_beam.py", "04_controlled.py"]
+    assert [*here, "05_system.py"] == NUMBERED  # the last one in test_interop.py
+
+
+def test_kernels_in_three_ways() -> None:
+    text = printed("01_kernels.py")
+    assert "[0. 1. 0.]" in text.replace("-0.", "0.")
+    change = float(re.search(r"change of a length: (\S+)", text)[1])  # type: ignore[index]
+    assert change < 1e-15
+
+
+def test_brick_agrees_with_nasa() -> None:
+    text = printed("02_brick.py")
+    assert "  rotation: no torque, moments " in text
+    assert float(re.search(r"largest difference: (\S+) deg/s", text)[1]) < 1e-9  # type: ignore[index]
+
+
+def test_beam_has_the_analytic_period() -> None:
+    found = re.search(r"relative difference: (\S+) \(theory for this swing: (\S+)\)", printed("03_slender_beam.py"))
+    assert found
+    # Interpolated crossings of six periods of 1.6 s with steps of 0.01 s: some 1e-8.
+    assert float(found[1]) == pytest.approx(float(found[2]), abs=3e-8)
+
+
+def test_controller_brings_the_satellite_home() -> None:
+    angles = [float(a) for a in re.findall(r": +(\S+) deg", printed("04_controlled.py"))]
+    start = np.degrees(Rotation.from_euler("ZYX", [60, -30, 45], degrees=True).magnitude())
+    assert angles[0] == pytest.approx(start, abs=1e-4)  # printed digits
+    assert angles[-1] < 0.01
+
+
+@pytest.mark.skipif(not shutil.which("cc"), reason="no C compiler")
+def test_held_inputs_are_of_first_order_and_those_with_derivatives_follow_the_table() -> None:
+    found = re.findall(r"s: (\S+) deg after 60 s with inputs held, (\S+) deg", printed("held_inputs.py"))
+    (held, given), (held_in_half, _) = ((float(a), float(b)) for a, b in found)
+    assert held / held_in_half == pytest.approx(2.0, rel=0.05)
+    assert given < 1e-6

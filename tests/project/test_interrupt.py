@@ -1,0 +1,127 @@
+"""Ctrl-C on the command line: exit status 130 and no traceback, wherever it strikes."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.support.paths import SCENES
+
+SCENE = SCENES / "top_precessing.toml"
+DRIVER = """
+import os, signal, sys, time
+
+def strike(*args, **kwargs):
+    signal.raise_signal(signal.SIGINT)
+    while True:
+        pass
+
+{stage}
+from rbfmu.__main__ import main
+sys.argv = ["rbfmu", *{arguments!r}]
+main()
+"""
+STAGES = {
+    "imports": """
+class Finder:
+    def find_spec(name, path, target=None):
+        if name == "rbfmu.cli":
+            strike()
+sys.meta_path.insert(0, Finder)
+""",
+    "parsing": "import click; click.Command.parse_args = strike",
+    "imports of a command": """
+class Finder:
+    def find_spec(name, path, target=None):
+        if name == "rbfmu.planning.select":
+            strike()
+sys.meta_path.insert(0, Finder)
+""",
+    "an exec that lets it through": """
+class Finder:
+    def find_spec(name, path, target=None):
+        if name == "rbfmu.planning.select":
+            exec("strike()", {"strike": strike})
+sys.meta_path.insert(0, Finder)
+""",
+    "planning": "import rbfmu.planning.select; rbfmu.planning.select.plan = strike",
+    "compiling": "import numba.core.typeinfer as t; t.TypeInferer.propagate = strike",
+    "running": "import rbfmu.simulation; rbfmu.simulation.time_grid = strike",
+    "drawing": "import rbfmu.plot; rbfmu.plot.plot_result = strike",
+    "where it is caught": """
+def caught(*args, **kwargs):
+    try:
+        strike()
+    except BaseException as error:
+        raise RuntimeError("the unit failed") from error
+import rbfmu.simulation; rbfmu.simulation.time_grid = caught
+""",
+    "where it is only reported": """
+class Finalised:
+    def __del__(self):
+        strike()
+def finalise(*args):
+    Finalised()
+    time.sleep(600)
+import rbfmu.simulation; rbfmu.simulation.time_grid = finalise
+""",
+    "where it is forgotten": """
+def forgotten(progress=None):
+    try:
+        strike()
+    except BaseException:
+        pass
+import rbfmu.cli_output; rbfmu.cli_output.progress_bar = forgotten
+import rbfmu.cli; rbfmu.cli.progress_bar = forgotten
+""",
+}
+
+
+def start(folder: Path, arguments: list[str], stage: str, **environment: str) -> subprocess.Popen[str]:
+    """A process that hears SIGINT even where the tests run in the background; a module, as in `python -m rbfmu`."""
+    (folder / "driver.py").write_text(DRIVER.format(stage=stage, arguments=arguments))
+    return subprocess.Popen(
+        [sys.executable, "-m", "driver"], cwd=folder, env=os.environ | environment,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )  # fmt: skip
+
+
+def check_interrupted(process: subprocess.Popen[str]) -> None:
+    try:
+        _, said = process.communicate(timeout=120)
+    finally:
+        process.kill()
+        process.communicate()
+    assert process.returncode == 130, said
+    assert said in ("", "\nAborted!\n")
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_an_interrupt_ends_with_status_130_and_no_traceback(stage: str, tmp_path: Path) -> None:
+    environment = {"NUMBA_CACHE_DIR": str(tmp_path)} if stage == "compiling" else {}
+    arguments = ["run", str(SCENE), "-o", str(tmp_path / "it.csv"), "--plot", str(tmp_path / "it.png")]
+    check_interrupted(start(tmp_path, arguments, STAGES[stage], **environment))
+
+
+@pytest.mark.parametrize("command", ["demo", "build", "chart", "new"])
+def test_every_command_can_be_interrupted(command: str, tmp_path: Path) -> None:
+    arguments = [command, str(tmp_path / "any")] if command in ("build", "new") else [command]
+    check_interrupted(start(tmp_path, arguments, "import click; click.Command.invoke = strike"))
+
+
+def test_an_interrupt_from_outside_ends_a_run(tmp_path: Path) -> None:
+    stage = """
+def wait(*args):
+    print("running", flush=True)
+    time.sleep(600)
+import rbfmu.simulation; rbfmu.simulation.time_grid = wait
+"""
+    process = start(tmp_path, ["run", str(SCENE)], stage)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "running\n"
+    process.send_signal(signal.SIGINT)
+    check_interrupted(process)

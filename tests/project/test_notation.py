@@ -1,0 +1,82 @@
+"""What NOTATION and README say of functions is so: they exist where it says, and angles stand in the order it says."""
+
+import re
+
+import numpy as np
+import pytest
+from numba import config
+
+import rbfmu
+import rbfmu_kernels
+from rbfmu import arrays
+from rbfmu_kernels.rotations import matrix
+from tests.support.paths import ROOT
+
+TEXT = (ROOT / "NOTATION.md").read_text(encoding="utf-8")
+TABLE = TEXT.partition("## The lecture's formulas and their functions")[2]
+FUNCTIONS = sorted({name for row in TABLE.splitlines() if row[:1] == "|" for name in re.findall(r"`([a-z]\w*)", row)})
+EPS = 2.0**-52
+
+
+def test_the_table_has_the_lecture_s_functions():
+    """The parser finds them: a few from its beginning, middle and end."""
+    assert len(FUNCTIONS) > 50
+    assert {"transform", "normalize", "inertia_of_points", "inverse_newton_euler_o", "kinetic_energy"} <= {*FUNCTIONS}
+
+
+@pytest.mark.parametrize("name", sorted({*FUNCTIONS, *arrays.__all__} - {"set_threads"}))
+def test_every_function_is_an_array_function_and_a_kernel(name):
+    """Those of NOTATION, and all other array functions."""
+    assert name in arrays.__all__
+    assert callable(getattr(rbfmu, name))
+    assert name in rbfmu_kernels.__all__
+    assert config.DISABLE_JIT or hasattr(getattr(rbfmu_kernels, name), "py_func")  # `@njit` code may call it
+
+
+@pytest.mark.parametrize("document", ["README.md", "NOTATION.md"])
+def test_functions_named_as_attributes_exist(document):
+    """Such as `rbfmu.rotate` and `rbfmu_kernels.ZYX`."""
+    named = re.findall(
+        r"\b(rbfmu|rbfmu_kernels|rbfmu_fmu)\.([A-Za-z_]\w*)", (ROOT / document).read_text(encoding="utf-8")
+    )
+    assert named
+    for package, name in named:
+        if name not in ("cli", "py", "md", "toml"):
+            assert hasattr(__import__(package), name), f"{document}: {package}.{name}"
+
+
+RPY = np.array([[0.3, -0.5, 1.9], [-2.0, 1.1, 0.4]])
+
+
+def test_roll_pitch_yaw_is_the_extrinsic_xyz_and_zyx_reversed():
+    """R = R_z(psi) R_y(theta) R_x(phi)."""
+    phi, theta, psi = RPY.T
+    yaw_pitch = rbfmu.compose_matrices(rbfmu.rotation_z(psi), rbfmu.rotation_y(theta))
+    R = rbfmu.compose_matrices(yaw_pitch, rbfmu.rotation_x(phi))
+    np.testing.assert_allclose(rbfmu.matrix_from_euler("xyz", RPY), R, atol=4 * EPS)
+    np.testing.assert_allclose(rbfmu.matrix_from_euler("ZYX", RPY[..., ::-1]), R, atol=4 * EPS)
+    np.testing.assert_allclose(rbfmu.euler_from_matrix("xyz", R), RPY, atol=8 * EPS)
+
+
+def test_roll_pitch_yaw_given_to_zyx_as_it_stands_is_another_rotation():
+    """The trap of which NOTATION warns: R_z(phi) R_y(theta) R_x(psi)."""
+    phi, theta, psi = RPY[0].tolist()
+    other = matrix.compose_matrices(
+        matrix.compose_matrices(matrix.rotation_z(phi), matrix.rotation_y(theta)), matrix.rotation_x(psi)
+    )
+    trapped = rbfmu.matrix_from_euler("ZYX", RPY[0])
+    np.testing.assert_allclose(trapped, other, atol=4 * EPS)
+    assert np.abs(trapped - rbfmu.matrix_from_euler("xyz", RPY[0])).max() > 0.5
+
+
+def test_the_output_rpy_is_of_that_order():
+    scene = rbfmu.Scene(
+        body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5]},
+        initial={"omega_b": [0.3, -0.2, 0.5], "attitude": {"rotvec": [0.4, 0.2, -1.0]}},
+        loads={"gravity_a": [0.0, 0.0, 0.0]},
+        outputs={"quantities": ["quaternion", "rpy"]},
+        run={"stop": 1.0, "step": 0.5},
+    )
+    result = rbfmu.simulate(scene)
+    R = rbfmu.matrix_from_quaternion(result.quaternion)
+    np.testing.assert_allclose(rbfmu.matrix_from_euler("xyz", result.rpy), R, atol=8 * EPS)

@@ -1,0 +1,1 @@
+"""FMUs for tests, importers of them, and wrong calls."""

@@ -1,0 +1,81 @@
+"""Compiles fuzz.c with the C layer and a model's object code under the address and undefined-behaviour sanitizers.
+
+`python -m tests.support.fmu.fuzzing [SEED] [INPUTS]` runs it on a body under loads and on prescribed rates
+(`make fuzz`).
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from rbfmu_fmu.description import describe
+from rbfmu_fmu.native import headers as native_headers
+from rbfmu_fmu.native import linking
+from rbfmu_fmu.native.object_code import object_files
+from rbfmu_fmu.native.platforms import this_platform
+from tests.support.fmu.fmus import planned, scene
+from tests.support.paths import C_SOURCES
+
+NAMES = ("driven", "prescribed")
+INCLUDED = "saved_states.c"
+"""What fuzz.c includes, to forge saved states; the other sources are compiled by themselves."""
+FLAGS = ["-std=c11", "-O1", "-g", "-Wall", "-fno-omit-frame-pointer"]
+FLAGS += ["-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all", "-ffp-contract=off"]
+OPTIONS = {"ASAN_OPTIONS": "detect_leaks=1:abort_on_error=0", "UBSAN_OPTIONS": "print_stacktrace=1"}
+
+
+def sanitizing_compiler():
+    """A C compiler with both sanitizers, or None."""
+    for name in ("gcc", "clang", "cc"):
+        compiler = shutil.which(name)
+        if compiler:
+            with tempfile.TemporaryDirectory() as folder:
+                source = Path(folder, "empty.c")
+                source.write_text("int main(void) { return 0; }\n")
+                command = [compiler, "-fsanitize=address,undefined", source, "-o", Path(folder, "empty")]
+                if not subprocess.run(command, capture_output=True).returncode:
+                    return compiler
+    return None
+
+
+def compiled(name, folder, compiler, flags=(), spoilt=None):
+    """The fuzzer of a scene's C layer; spoilt: what to replace in it, (right, wrong), each to be found once."""
+    headers = native_headers.headers(describe(scene(name), planned(name)), "{00000000-0000-0000-0000-000000000000}")
+    objects = object_files(planned(name).unit, this_platform())
+    sources = {file: linking.source(file).decode() for file in (*linking.FMI2, *linking.HEADERS)}
+    if spoilt:
+        (file,) = (file for file, text in sources.items() if spoilt[0] in text)
+        sources[file] = sources[file].replace(*spoilt)
+    for file, content in {**sources, **headers}.items():
+        (folder / file).write_text(content)
+    for file, content in objects.items():
+        (folder / file).write_bytes(content)
+    program = folder / f"fuzz_{name}"
+    command = [compiler, *FLAGS, *flags, f"-I{folder}", f"-I{linking.FMI_HEADERS}", C_SOURCES / "fuzz.c"]
+    parts = [*objects, *(file for file in linking.FMI2 if file != INCLUDED)]
+    subprocess.run([*command, *[folder / part for part in parts], "-lm", "-o", program], check=True)
+    return program
+
+
+def fuzz(program, seed, inputs, timeout=3600):
+    """The finished process."""
+    command = [program, str(seed), str(inputs)]
+    return subprocess.run(command, capture_output=True, text=True, env=os.environ | OPTIONS, timeout=timeout)
+
+
+def main(seed="1", inputs="10000"):
+    """Print the counts; exit with the sanitizer's status."""
+    compiler = sanitizing_compiler() or sys.exit("no C compiler with sanitizers")
+    for name in NAMES:
+        with tempfile.TemporaryDirectory() as folder:
+            done = fuzz(compiled(name, Path(folder), compiler), seed, inputs)
+        print(f"{name}: {done.stdout}{done.stderr}", end="")
+        if done.returncode:
+            sys.exit(done.returncode)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

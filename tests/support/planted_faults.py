@@ -1,0 +1,153 @@
+"""Faults of 1e-5 or of a plausible slip, planted one by one in a copy of the sources: `rbfmu stability` must find each.
+
+`python tests/planted_faults.py` prints the table fault -> finding that failed; `... NAME` plants one.
+"""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
+from tests.support.paths import ROOT
+
+PACKAGES = ("rbfmu", "kernels", "fmu_build")
+FAILED = re.compile(r"does not hold: (.*): predicted")
+
+
+class Fault(NamedTuple):
+    """A text of a kernel's source and what stands in its place."""
+
+    module: str
+    right: str
+    wrong: str
+
+
+FAULTS = {
+    "Taylor sum 1e-5 too large": Fault(
+        "integrators/taylor",
+        "    return (x, y, z)\n\n\n@kernel\ndef _half_turn",
+        "    return (1.00001 * x, y, z)\n\n\n@kernel\ndef _half_turn",
+    ),
+    "Taylor coefficient of the gyroscopic term": Fault(
+        "integrators/taylor_coefficients",
+        "x, y, v = p * (b - c), q * (c - a), r * (a - b)",
+        "x, y, v = p * (b - c), q * (c - a) * 1.00001, r * (a - b)",
+    ),
+    "weight of the two-point formula": Fault(
+        "integrators/taylor", "_WEIGHT[m, k] * power", "(_WEIGHT[m, k] if k < 3 else 1.00001 * _WEIGHT[m, k]) * power"
+    ),
+    "DOP853 tableau, stage 9": Fault("integrators/dop853_tableau", "21.230051448181193", "21.230263748695675"),
+    "DOP853 tableau, two digits swapped": Fault(
+        "integrators/dop853_tableau",
+        "0.054293734116568765, 4.450312892752409",
+        "0.054293734116568765, 4.450312892725409",
+    ),
+    "DOP853 error estimate": Fault("integrators/dop853_tableau", "1.6643771824549864", "1.6643938262268109"),
+    "DOP853 chooses steps by the 4th root": Fault(
+        "integrators/dop853",
+        "growth = 6.0 if error < 2.6e-7 else 0.9 / math.sqrt(math.sqrt(math.sqrt(error)))",
+        "growth = 6.0 if error < 2.6e-7 else 0.9 / math.sqrt(math.sqrt(error))",
+    ),
+    "normalisation 1e-5 too long": Fault(
+        "integrators/rigid_body_state", "s = 1.0 / math.sqrt(q[0] * q[0]", "s = 1.00001 / math.sqrt(q[0] * q[0]"
+    ),
+    "sign in the composition of quaternions": Fault(
+        "rotations/quaternion", "a0 * b2 - a1 * b3 + a2 * b0 + a3 * b1", "a0 * b2 + a1 * b3 + a2 * b0 - a3 * b1"
+    ),
+    "phase of the free rotation": Fault(
+        "exact/free_rotation_setup", "    lam = dd_multiply(rate_s,", "    lam = dd_multiply(dd_scale(1.00001, rate_s),"
+    ),
+    "precession of a symmetric body": Fault(
+        "exact/uniform_rotation",
+        "rate = dd_divide(dd_multiply(momentum, ONE_OVER_4PI), i_t)",
+        "rate = dd_divide(dd_multiply(momentum, ONE_OVER_4PI), dd_scale(1.00001, i_t))",
+    ),
+    "coefficient of the kicks of order 4": Fault("integrators/splitting", "0.604872665711080", "0.604878714437737"),
+    "kicks of order 6 in another order": Fault(
+        "integrators/splitting",
+        "y = _drift_and_kick(y, _D6[2] * h, _K6[3] * h, u, body, loads)",
+        "y = _drift_and_kick(y, _D6[3] * h, _K6[3] * h, u, body, loads)",
+    ),
+    "Strang's first kick whole": Fault(
+        "integrators/splitting", "y = _kick(state, 0.5 * h, body, loads)", "y = _kick(state, h, body, loads)"
+    ),
+    "damping": Fault("mechanics/newton_euler", "-damping_b[2] * omega_b[2])", "-damping_b[2] * omega_b[2] * 1.00001)"),
+    "gyroscopic torque": Fault(
+        "mechanics/newton_euler",
+        "return cross(omega, transform(rest, omega))",
+        "return cross(omega, transform(rest, (omega[0], omega[1] * 1.00001, omega[2])))",
+    ),
+    "exponential map at small angles": Fault(
+        "rotations/rotation_vector", "if angle > 0.0 else 0.5, u)", "if angle > 1e-4 else 0.500005, u)"
+    ),
+    "pendulum's phase": Fault(
+        "exact/pendulum",
+        "rate = dd_scale(0.5, dd_multiply(dd_multiply(fastest, agm)",
+        "rate = dd_scale(0.500005, dd_multiply(dd_multiply(fastest, agm)",
+    ),
+    "series of one angle": Fault(
+        "models/one_axis_taylor", "d_cosine -= z[_RATES + j]", "d_cosine -= 1.00001 * z[_RATES + j]"
+    ),
+    "relaxation at weak damping": Fault(
+        "numerics/phi_functions", "    while y > 0.5:", "    y *= 1.0 if y > 0.5 else 1.00001\n    while y > 0.5:"
+    ),
+    "prescribed rates that change": Fault(
+        "models/prescribed_rates",
+        "add_scaled_quaternion(after, 1.0, compose_quaternions(before,",
+        "add_scaled_quaternion(after, 0.99999, compose_quaternions(before,",
+    ),
+    "weight of Gauss's rule": Fault("models/free_body_force", "    0.5, 0.5,\n", "    0.5, 0.500005,\n"),
+    "angular momentum under a torque": Fault(
+        "models/angular_momentum",
+        "add_scaled(omega, since + low, pull)",
+        "add_scaled(omega, 1.00001 * (since + low), pull)",
+    ),
+    "inertia about the pivot": Fault(
+        "mechanics/inertia",
+        "return ((yy + zz, xy, xz), (xy, xx + zz, yz), (xz, yz, xx + yy))",
+        "return ((yy + zz * 1.00001, xy, xz), (xy, xx + zz, yz), (xz, yz, xx + yy))",
+    ),
+}
+"""By what is wrong."""
+
+
+def planted(fault: Fault | None, folder: Path) -> None:
+    """Copy the sources, and plant the fault in the copy."""
+    for package in PACKAGES:
+        shutil.copytree(ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
+    if fault:
+        path = folder / "kernels" / "rbfmu_kernels" / f"{fault.module}.py"
+        text = path.read_text()
+        assert text.count(fault.right) == 1, f"{fault.module}: {text.count(fault.right)} times {fault.right!r}"
+        path.write_text(text.replace(fault.right, fault.wrong))
+
+
+def stability(fault: Fault | None, *options: str) -> tuple[int, list[str]]:
+    """Exit status and failed findings of `rbfmu stability` on a copy with the fault, with a code cache of its own."""
+    with tempfile.TemporaryDirectory(prefix="rbfmu-fault-") as name:
+        folder = Path(name)
+        planted(fault, folder)
+        environment = os.environ | {
+            "PYTHONPATH": os.pathsep.join(str(folder / part) for part in ("", "kernels", "fmu_build")),
+            "NUMBA_CACHE_DIR": str(folder / "cache"),
+        }
+        code = f"import rbfmu.cli, rbfmu_kernels as k; assert k.__file__.startswith({name!r}); rbfmu.cli.main()"
+        command = [sys.executable, "-c", code, "stability", "-o", str(folder / "out"), *options]
+        run = subprocess.run(command, env=environment, capture_output=True, text=True, cwd=folder)
+    if run.returncode not in (0, 1):
+        raise RuntimeError(run.stderr)
+    return run.returncode, FAILED.findall(run.stdout)
+
+
+def main() -> None:
+    for name in sys.argv[1:] or FAULTS:
+        status, failed = stability(FAULTS.get(name), "--quick")
+        print(f"{name:45} exit {status}, {len(failed):3} fail, first: {failed[0] if failed else '-'}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
