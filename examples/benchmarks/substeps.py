@@ -1,7 +1,8 @@
 """What a substep costs, ns, by method and order, all measured in one run, in turn.
 
 `python -m examples.benchmarks.substeps` prints also the lines of `rbfmu.planning.fitting` through them. DOP853, which
-no plan chooses, stands beside the series: it costs what series of order 16 to 24 do, and its error shrinks with its step as that of order 8.
+no plan chooses, stands beside the series: it costs what series of order 16 to 24 do, and its error shrinks with its
+step as that of order 8.
 """
 
 from collections.abc import Callable, Sequence

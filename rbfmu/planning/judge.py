@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu.arrays import compose_quaternions, principal_axes
-from rbfmu.planning.select.reference import ReferenceTooLongError, reference_motion
+from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
 from rbfmu.runs.errors import FLOORS, largest_error, largest_size
 from rbfmu.runs.models import Plan
 from rbfmu.runs.time_grid import communication_steps, thinned_steps
 from rbfmu.runs.trajectory import Motion, begun, recorded, substeps_counted
 from rbfmu.scene.fields import flattened
-from rbfmu.scene.scene.scene import Scene
+from rbfmu.scene.scene import Scene
 from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE
 from rbfmu_kernels.quantities import DISSIPATIVE, FORCES, OUTPUT, OUTPUTS, TORQUES
 
