@@ -2,7 +2,6 @@
 
 import json
 import math
-import re
 import tempfile
 import zipfile
 from dataclasses import dataclass
@@ -25,6 +24,7 @@ from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu_fmu.archive import kernel_hash
 from rbfmu_fmu.description import Description, describe
+from rbfmu_fmu.python.pythonfmu_traps import CRASHES_IN_PATH
 from rbfmu_kernels.buffer import FINE
 from rbfmu_kernels.quantities import FORCES, TORQUES
 
@@ -94,8 +94,8 @@ def _check_runs_here(path: Path) -> None:
 
 
 def check_plain(folder: str) -> None:
-    """Refuse a folder for unzipped FMUs at whose characters pythonfmu's decoding of its path crashes."""
-    if found := re.search(r"[+%(#]|[^\x00-\x7f]", folder):
+    """Refuse a folder for unzipped FMUs in which pythonfmu would crash."""
+    if found := CRASHES_IN_PATH.search(folder):
         expected = "expected a plain path; set TMPDIR to one"
         raise VerificationError(f"FMUs are unzipped to {folder!r}, and pythonfmu crashes at {found[0]!r}: {expected}")
 

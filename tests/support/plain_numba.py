@@ -1,4 +1,4 @@
-"""`python plain_numba.py WITHOUT RESULTS.npz`: what array functions, kernels and a scene give without an internal.
+"""`python -m tests.support.plain_numba WITHOUT RESULTS.npz`: what is computed without one of the internals.
 
 WITHOUT: a row of `numba_private.INTERNALS`; `broken`: all are there, and adding a pass to a compiler fails; `all`:
 nothing is taken away.
@@ -72,7 +72,7 @@ def of_a_caller() -> dict[str, Any]:
 
 def of_a_scene() -> dict[str, Any]:
     import rbfmu
-    from tests.support.fmu.fmus import SCENES
+    from tests.support.paths import SCENES
 
     run = rbfmu.simulate(SCENES / "thrown_ball.toml")
     return {f"scene/{name}": np.asarray(value) for name, value in run.quantities.items()}

@@ -1,13 +1,9 @@
 """Builds the pythonfmu FMU of a scene: slave, kernels and object code in one reproducible archive."""
 
 import importlib.resources
-import re
-import sys
 import tempfile
 import zipfile
 import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from pythonfmu.builder import FmuBuilder
@@ -19,13 +15,13 @@ from rbfmu_fmu.description import Description, describe, model_description
 from rbfmu_fmu.native.linking import EXPORTS, NoLinkerError, linked
 from rbfmu_fmu.native.object_code import object_files
 from rbfmu_fmu.native.platforms import this_platform
+from rbfmu_fmu.python.pythonfmu_traps import LEFT_OUT, builder_imports_undone
 from rbfmu_fmu.python.slave_access import CODE, LIBRARY, OBJECT
 
 SCRIPT = '''"""Entry of the FMU: pythonfmu instantiates the class below."""
-import ctypes
+from {package}.pythonfmu_traps import keep_script
 
-# pythonfmu 0.7.0 releases this module's dict, which it does not own, at every instantiation.
-ctypes.pythonapi.Py_IncRef(ctypes.py_object(globals()))
+keep_script(globals())
 from {package} import ACCESS
 from {package}.slave import Slave
 
@@ -42,10 +38,11 @@ from .slave_access import Access
 ACCESS = Access(os.path.dirname(__file__), "{identity}")
 '''
 
+SHIPPED = ("slave.py", "slave_access.py", "call_rules.py", "pythonfmu_traps.py")
+"""The modules of an FMU beside the kernels."""
+
 CAPABILITIES = {"needsExecutionTool": "true", "canInterpolateInputs": "false"}
 CAPABILITIES |= {"canNotUseMemoryManagementFunctions": "true"}
-LEFT_OUT = re.compile(r"modelDescription\.xml|resources/pythonfmu/(deploy|csvbuilder|__main__)\.py")
-"""Pythonfmu's files that are left out: its description, with a random guid and the date, and what no FMU uses."""
 
 
 def build_python_fmu(scene: Scene, plan: Plan, path: Path) -> Path:
@@ -55,7 +52,7 @@ def build_python_fmu(scene: Scene, plan: Plan, path: Path) -> Path:
     identity = hash_of(files | {"templates": (SCRIPT + PACKAGE).encode()})
     with tempfile.TemporaryDirectory(prefix="rbfmu_") as folder:
         script = _write_sources(Path(folder), files, description, identity)
-        with _imports_undone():
+        with builder_imports_undone():
             raw = FmuBuilder.build_FMU(
                 script, dest=Path(folder) / "out", project_files=[Path(folder) / _package(identity)]
             )
@@ -70,7 +67,7 @@ def build_python_fmu(scene: Scene, plan: Plan, path: Path) -> Path:
 
 def _package_files(plan: Plan, description: Description) -> dict[str, bytes]:
     folder = importlib.resources.files("rbfmu_fmu.python")
-    files = {name: folder.joinpath(name).read_bytes() for name in ("slave.py", "slave_access.py", "call_rules.py")}
+    files = {name: folder.joinpath(name).read_bytes() for name in SHIPPED}
     name, code = _shipped_code(plan)
     known = description.to_dict() | {"shipped_code": {name: zlib.crc32(code)}}
     return kernel_sources() | files | {name: code, "description.json": json_bytes(known)}
@@ -100,17 +97,3 @@ def _write_sources(folder: Path, files: dict[str, bytes], description: Descripti
     script = folder / f"{description.identifier}_{identity[:12]}.py"
     script.write_text(SCRIPT.format(package=package.name, identifier=description.identifier))
     return script
-
-
-@contextmanager
-def _imports_undone() -> Iterator[None]:
-    """Forget what FmuBuilder imports, or a later instance in this process meets modules whose files are gone."""
-    path, before, no_bytecode = list(sys.path), set(sys.modules), sys.dont_write_bytecode
-    sys.dont_write_bytecode = True
-    try:
-        yield
-    finally:
-        sys.path[:], sys.dont_write_bytecode = path, no_bytecode
-        for name in set(sys.modules) - before:
-            if re.search(r"(^|\.)rbfmu_[0-9a-f]{12}|_[0-9a-f]{12}$", name):
-                del sys.modules[name]

@@ -1,20 +1,17 @@
 """The pythonfmu slave, which is bundled into every FMU beside its model.
 
-pythonfmu 0.7.0 reports an exception as fmi2Fatal and a `do_step` that returns False as fmi2Discard with
-fmi2Terminated; there is no third way to refuse. Where a comment says "pythonfmu", it names a trap of that version.
+It relies on pythonfmu's interface; what rests on its inside is in `pythonfmu_traps`.
 """
 
 import ctypes
 import math
-import os
-import sys
-import threading
 import weakref
 from typing import Any
 
 from pythonfmu import Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
+from . import pythonfmu_traps as traps
 from .call_rules import (
     CALLS,
     INITIALIZING,
@@ -26,12 +23,10 @@ from .call_rules import (
     TERMINATED,
     refusal,
 )
-from .slave_access import HELD, TO_VARY, Access, Entries, release_at_exit, tell
+from .slave_access import HELD, TO_VARY, Access, Entries, tell
 
 FINE, NOT_REACHED, PAST_STOP = range(3)
 
-_increment = ctypes.pythonapi.Py_IncRef
-_increment.argtypes, _increment.restype = [ctypes.py_object], None
 _INFINITY = math.inf
 _MAY_STEP, _MAY_SET_INPUTS = CALLS["do_step"].phases, SETTABLE["input"]
 _LIVE: "weakref.WeakSet[Slave]" = weakref.WeakSet()
@@ -41,9 +36,9 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
     """One instance. A saved state holds all its memory: `_buffer`, the phase and the status."""
 
     access: Access  # set by the FMU's script
-    _gil: int | None = None  # the thread that keeps its thread state
 
     def __init__(self, **kwargs: Any) -> None:
+        self._gil = traps.HeldGil()
         super().__init__(**kwargs)
         access = self.access
         self.modelName = access.description["identifier"]
@@ -55,9 +50,9 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         self._pack_inputs, self._unpack_outputs = inputs.pack_into, outputs.unpack_from
         self._phase, self._status, self._stale = INSTANTIATED, FINE, True
         _LIVE.add(self)
-        if self.instance_name != "dummyInstance":  # what pythonfmu's builder makes
-            _forget_path(kwargs["resources"])
-            release_at_exit(kwargs["logger"])
+        if self.instance_name != traps.BUILDERS_INSTANCE:
+            traps.forget_resources(kwargs["resources"])
+            traps.release_at_exit(kwargs["logger"])
             try:
                 self._bind(access.entries())
             except BaseException as error:
@@ -144,7 +139,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
     def _known(self, references: list[int]) -> None:
         if references and not (min(references) >= 0 and max(references) < len(self.access.offsets)):
             wrong = next(r for r in references if not 0 <= r < len(self.access.offsets))
-            raise ValueError(f"value reference {wrong % 2**32} is no Real variable")  # pythonfmu makes them signed
+            raise ValueError(f"value reference {traps.reference_given(wrong)} is no Real variable")
 
     def _settable(self, reference: int) -> None:
         causality = self.access.causality[reference]
@@ -188,7 +183,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
             self._allow("exit_initialization")
             self._initialize_or_refuse()
             self._phase, self._stale = STEPPING, False
-            self._hold_gil()
+            self._gil.hold()
         except BaseException as error:
             raise self._survivable("fmi2ExitInitializationMode", error) from None
 
@@ -236,33 +231,20 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
     def terminate(self) -> None:
         """End stepping; values can still be read."""
         self._phase = TERMINATED
-        self._release_gil()
+        self._gil.release()
 
     def _survivable(self, call: str, error: BaseException) -> BaseException:
-        """Log an error and keep alive what pythonfmu will release twice: after an exception, and when freed."""
-        _increment(type(self))
-        _increment(self)
-        _increment(self.log_queue)
+        """Log an error that is about to be raised, and return it."""
+        traps.keep_after_exception(self)
         self._tell(f"{call}: {error}", Fmi2Status.fatal)
         return error
 
     def _tell(self, text: str, status: Fmi2Status) -> None:
-        self.log(text, status)  # with a category: pythonfmu passes none as NULL, which aborts some importers
+        traps.log(self, text, status)
         tell(f"[{self.instance_name}] {text}")  # FMPy shows logs when debugging only
 
-    # --- a host without Python: pythonfmu makes and destroys a thread state in each call (15 us)
-
-    def _hold_gil(self) -> None:
-        if os.environ.get("RBFMU_HOLD_GIL") == "1" and self._gil is None:
-            ctypes.pythonapi.PyGILState_Ensure()
-            self._gil = threading.get_ident()
-
-    def _release_gil(self) -> None:
-        if self._gil is not None and self._gil == threading.get_ident():
-            self._gil = None
-            ctypes.pythonapi.PyGILState_Release(ctypes.c_int(0))
-
-    __del__ = _release_gil
+    def __del__(self) -> None:
+        self._gil.release()
 
     # --- saved states
 
@@ -284,10 +266,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         try:
             cls.access.state_content(data)
         except ValueError as error:
-            for instance in _LIVE:  # pythonfmu calls the class, and releases an instance that is not named here
-                _increment(instance)
-                _increment(instance.log_queue)
-            _increment(cls)
+            traps.keep_after_refused_bytes(cls, _LIVE)
             tell(f"rbfmu: fmi2DeSerializeFMUstate: {error}")
             raise
         return data
@@ -295,10 +274,3 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
     @staticmethod
     def _fmu_state_to_bytes(state: bytes) -> bytes:
         return state
-
-
-def _forget_path(resources: str) -> None:
-    """Remove the folder that pythonfmu adds to the path for each instance; what it holds has been imported by now."""
-    while resources in sys.path:
-        sys.path.remove(resources)
-    sys.path_importer_cache.pop(resources, None)

@@ -3,7 +3,6 @@
 It is bundled beside the slave, and imports neither rbfmu nor, where the shipped object code loads, Numba or NumPy.
 """
 
-import atexit
 import contextlib
 import ctypes
 import importlib
@@ -26,7 +25,6 @@ LIBRARY, OBJECT = ".so", ".o"
 """The suffixes of shipped code: a shared library on every platform, or an object file that llvmlite loads."""
 
 _OWNERS: list[Any] = []  # of loaded code
-_LIBRARIES: set[str] = set()  # of pythonfmu's, that this FMU was loaded from
 
 
 class Entries(NamedTuple):
@@ -141,50 +139,6 @@ def _addresses_in_object(code: bytes) -> Callable[[str], int]:
 def _numba_entries(model: str) -> Entries:
     module = importlib.import_module(f".{model}", __package__)
     return Entries(module.initialize, module.step, module.outputs, True)
-
-
-class _Symbol(ctypes.Structure):
-    """The structure in which `dladdr` describes an address."""
-
-    _fields_ = (
-        ("file", ctypes.c_char_p),
-        ("base", ctypes.c_void_p),
-        ("name", ctypes.c_char_p),
-        ("address", ctypes.c_void_p),
-    )
-
-
-def release_at_exit(logger: int) -> None:
-    """Save the end of a process from pythonfmu's library, which there, still loaded, releases its interpreter twice.
-
-    logger: address of a C++ object of it, whose first word points into it. In a host without Python the library also
-    stays loaded to the end: it would take the interpreter from other FMUs, and Numba cannot start in a second one.
-    """
-    if sys.platform != "linux":
-        return
-    symbol, table, process = _Symbol(), ctypes.c_void_p.from_address(logger), ctypes.CDLL(None)
-    if not process.dladdr(table, ctypes.byref(symbol)):
-        return
-    library = os.fsdecode(symbol.file)
-    if library in _LIBRARIES:
-        return
-    if not sys.orig_argv:
-        release = ctypes.cast(_loaded(library).finalizePythonInterpreter, ctypes.c_void_p)
-        process.__cxa_atexit(release, None, None)
-    elif not _LIBRARIES:
-        atexit.register(_release)
-    _LIBRARIES.add(library)
-
-
-def _release() -> None:
-    for library in _LIBRARIES:
-        with contextlib.suppress(OSError):  # it has been unloaded, and released
-            _loaded(library).finalizePythonInterpreter()
-
-
-def _loaded(library: str) -> ctypes.CDLL:
-    """Return a library that is loaded, and keep it so; raise OSError where it is not."""
-    return ctypes.CDLL(library, os.RTLD_NOW | os.RTLD_NOLOAD)
 
 
 def tell(text: str) -> None:

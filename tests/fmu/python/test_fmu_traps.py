@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import sys
 from functools import cache
+from importlib import metadata
 from pathlib import Path
 from types import ModuleType
 
@@ -16,6 +17,7 @@ from rbfmu_fmu import archive
 from rbfmu_fmu.native import linking
 from rbfmu_fmu.native.object_code import object_files
 from rbfmu_fmu.python import build as python_fmu
+from rbfmu_fmu.python import pythonfmu_traps
 from rbfmu_fmu.python.build import build_python_fmu
 from tests.support.fmu.builds import KILLED, NAMED, build_elsewhere
 from tests.support.fmu.c_host import rows_for_c_host, run_c_host
@@ -271,3 +273,14 @@ def test_building_leaves_no_module_and_no_path_behind(tmp_path):
     assert sys.path == path
     assert set(sys.modules) == modules
     assert sys.dont_write_bytecode == caching
+
+
+def test_the_traps_are_those_of_the_version_that_is_installed():
+    assert metadata.version("pythonfmu") == pythonfmu_traps.VERSION
+
+
+def test_what_rests_on_the_inside_of_pythonfmu_stands_in_one_module():
+    home = Path(pythonfmu_traps.__file__)
+    modules = {p: p.read_text(encoding="utf-8") for p in Path(rbfmu_fmu.__file__).parent.rglob("*.py")}
+    for sign in ("ctypes.pythonapi", "log_queue", "dladdr", "sys.path", "dummyInstance", "resources/pythonfmu/("):
+        assert [path for path, text in modules.items() if sign in text] == [home], sign

@@ -73,8 +73,8 @@ def test_a_missing_row_is_named(row, monkeypatch):
 
 def run(without, folder, **environment):
     path = folder / "results.npz"
-    command = [sys.executable, str(ROOT / "tests" / "support" / "plain_numba.py"), without, str(path)]
-    done = subprocess.run(command, capture_output=True, text=True, env=os.environ | environment)
+    command = [sys.executable, "-m", "tests.support.plain_numba", without, str(path)]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=os.environ | environment)
     assert done.returncode == 0, done.stderr
     with np.load(path) as found:
         return {name: found[name] for name in found.files}

@@ -1,0 +1,150 @@
+"""Traps of pythonfmu 0.7.0, each with what would happen, and how this FMU stays out of it. Bundled into every FMU.
+
+All that rests on how pythonfmu works inside stands here, but for what its interface cannot say otherwise: an exception
+is fmi2Fatal, a `do_step` that returns False is fmi2Discard with fmi2Terminated; there is no third way to refuse.
+"""
+
+import atexit
+import contextlib
+import ctypes
+import os
+import re
+import sys
+import threading
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+VERSION = "0.7.0"
+"""The one version whose traps these are; another may have none of them, or others."""
+
+BUILDERS_INSTANCE = "dummyInstance"
+"""The builder makes an instance of this name to read the variables: it has no FMU's folder, and no logger."""
+
+LEFT_OUT = re.compile(r"modelDescription\.xml|resources/pythonfmu/(deploy|csvbuilder|__main__)\.py")
+"""Packed by the builder: a description with a random guid and the date, which would differ each time, and modules that
+no FMU uses."""
+
+CRASHES_IN_PATH = re.compile(r"[+%(#]|[^\x00-\x7f]")
+"""Characters of the folder of an unzipped FMU at which the library ends the process when it decodes the path."""
+
+_increment = ctypes.pythonapi.Py_IncRef
+_increment.argtypes, _increment.restype = [ctypes.py_object], None
+
+_LIBRARIES: set[str] = set()  # of pythonfmu's, that this FMU was loaded from
+
+
+@contextlib.contextmanager
+def builder_imports_undone() -> Iterator[None]:
+    """Forget what the builder imports: a later instance in this process would meet modules whose files are gone."""
+    path, before, no_bytecode = list(sys.path), set(sys.modules), sys.dont_write_bytecode
+    sys.dont_write_bytecode = True
+    try:
+        yield
+    finally:
+        sys.path[:], sys.dont_write_bytecode = path, no_bytecode
+        for name in set(sys.modules) - before:
+            if re.search(r"(^|\.)rbfmu_[0-9a-f]{12}|_[0-9a-f]{12}$", name):
+                del sys.modules[name]
+
+
+def keep_script(names: dict[str, Any]) -> None:
+    """Keep the dict of the FMU's script alive: the library releases it, though not its own, at every instantiation."""
+    _increment(names)
+
+
+def keep_after_exception(instance: Any) -> None:
+    """Keep alive what is released twice, once after the exception and once when freed: the process would end."""
+    _increment(type(instance))
+    _increment(instance)
+    _increment(instance.log_queue)
+
+
+def keep_after_refused_bytes(slave: type, instances: Iterable[Any]) -> None:
+    """Keep alive all instances: bytes are made a state by a call of the class, and who is released is not named."""
+    for instance in instances:
+        _increment(instance)
+        _increment(instance.log_queue)
+    _increment(slave)
+
+
+def forget_resources(folder: str) -> None:
+    """Take the folder from `sys.path`, where each instance adds it; all that it is needed for has been imported."""
+    while folder in sys.path:
+        sys.path.remove(folder)
+    sys.path_importer_cache.pop(folder, None)
+
+
+def reference_given(reference: int) -> int:
+    """Return the value reference that the importer gave: those from 2^31 on arrive as negative numbers."""
+    return reference % 2**32
+
+
+def log(instance: Any, text: str, status: Any) -> None:
+    """Log with a status, and so with a category: without one NULL is passed for it, which ends some importers."""
+    instance.log(text, status)
+
+
+class HeldGil:
+    """Spares a host without Python the thread state that the library makes and destroys in each call (15 us).
+
+    RBFMU_HOLD_GIL=1 asks for it, in a host that calls from one thread: the interpreter's lock is kept meanwhile.
+    """
+
+    def __init__(self) -> None:
+        self._thread: int | None = None
+
+    def hold(self) -> None:
+        """Take the lock once more, and keep it."""
+        if os.environ.get("RBFMU_HOLD_GIL") == "1" and self._thread is None:
+            ctypes.pythonapi.PyGILState_Ensure()
+            self._thread = threading.get_ident()
+
+    def release(self) -> None:
+        """Give it back, in the thread that took it."""
+        if self._thread is not None and self._thread == threading.get_ident():
+            self._thread = None
+            ctypes.pythonapi.PyGILState_Release(ctypes.c_int(0))
+
+
+class _Symbol(ctypes.Structure):
+    """The structure in which `dladdr` describes an address."""
+
+    _fields_ = (
+        ("file", ctypes.c_char_p),
+        ("base", ctypes.c_void_p),
+        ("name", ctypes.c_char_p),
+        ("address", ctypes.c_void_p),
+    )
+
+
+def release_at_exit(logger: int) -> None:
+    """Save the end of a process from the library, which there, still loaded, releases its interpreter twice.
+
+    logger: address of a C++ object of it, whose first word points into it. In a host without Python the library also
+    stays loaded to the end: it would take the interpreter from other FMUs, and Numba cannot start in a second one.
+    """
+    if sys.platform != "linux":
+        return
+    symbol, table, process = _Symbol(), ctypes.c_void_p.from_address(logger), ctypes.CDLL(None)
+    if not process.dladdr(table, ctypes.byref(symbol)):
+        return
+    library = os.fsdecode(symbol.file)
+    if library in _LIBRARIES:
+        return
+    if not sys.orig_argv:
+        release = ctypes.cast(_loaded(library).finalizePythonInterpreter, ctypes.c_void_p)
+        process.__cxa_atexit(release, None, None)
+    elif not _LIBRARIES:
+        atexit.register(_release)
+    _LIBRARIES.add(library)
+
+
+def _release() -> None:
+    for library in _LIBRARIES:
+        with contextlib.suppress(OSError):  # it has been unloaded, and released
+            _loaded(library).finalizePythonInterpreter()
+
+
+def _loaded(library: str) -> ctypes.CDLL:
+    """Return a library that is loaded, and keep it so; raise OSError where it is not."""
+    return ctypes.CDLL(library, os.RTLD_NOW | os.RTLD_NOLOAD)
