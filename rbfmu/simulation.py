@@ -15,7 +15,7 @@ from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.argument import of_scene_or_path
 from rbfmu.scene.plausibility import doubts_after, warn
 from rbfmu.scene.scene import Scene
-from rbfmu_kernels.buffer import FINE
+from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.quantities import OUTPUT, TIME
 
 Array = NDArray[np.float64]
@@ -111,7 +111,7 @@ def simulate(
     rows[0] = outputs
     numbers = range(1, len(time))
     for k in numbers if progress is None else progress(numbers):
-        if unit.step(z, time[k] - time[k - 1]) != FINE:
+        if unit.step(z, time[k] - time[k - 1]) != OK:
             raise SimulationError(f"{scene.name}: the step from t = {float(time[k - 1])!r} s was refused: not finite")
         rows[k] = outputs
     result = Result(time, {n: _quantity(rows, unit.BLOCKS[n], block.start) for n in scene.outputs.quantities})

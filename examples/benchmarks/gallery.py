@@ -37,7 +37,7 @@ from rbfmu.studies.work_precision.simulators import MuJoCo
 
 GOAL, ALLOWANCE = 5.0, 1.05
 """The full model's cost over the planned one's on the median scene, and what the planned one may cost on any."""
-MOST_PARTS = 2**10
+MAX_PARTS = 2**10
 """Into which MuJoCo cuts a communication step."""
 FLOORS = {"position": 1.0, "velocity": 1.0}
 Values = dict[str, Any]
@@ -168,7 +168,7 @@ def mujoco(scene: rbfmu.Scene, true: list[Values]) -> Contestant | None:
 def _refined(scene: rbfmu.Scene, integrator: str, true: list[Values]) -> Iterator[Contestant]:
     """In ever smaller steps, until the accuracy is met or errors grow."""
     parts, last = 1, math.inf
-    while parts <= MOST_PARTS:
+    while parts <= MAX_PARTS:
         try:
             found = _mujoco(scene, integrator, scene.run.step / parts, true)
         except (NotFeasibleError, ValueError):  # the latter: a body that MuJoCo does not accept

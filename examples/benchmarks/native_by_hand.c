@@ -11,7 +11,7 @@
 #include "tableau.h"
 
 #define STAGES 12
-#define MOST_SUBSTEPS 1e9
+#define MAX_SUBSTEPS 1e9
 
 typedef struct {
     double M[3][3], M_inverse[3][3], damping[3], torque_b[3];
@@ -78,7 +78,7 @@ static int advance(double y[8], double h, double tolerance, double *size, const 
     double rest = h, low = 0.0, trial[8];
     long steps = 0;
     while (rest > 0.0) {
-        if (!(rest < MOST_SUBSTEPS * *size && ++steps < (long)MOST_SUBSTEPS)) return 1;
+        if (!(rest < MAX_SUBSTEPS * *size && ++steps < (long)MAX_SUBSTEPS)) return 1;
         double count = ceil(rest / *size * (1.0 - 1e-9)), part = (rest + low) / count;
         double error = dop853(y, trial, part, body) / tolerance;
         if (error <= 1.0) {

@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 STIFFNESS, DAMPING = 2.0, 3.0
 """N m per unit of 2 eps, N m s/rad."""
 FINAL_TIME = 2.0
-MOST_ROUNDS, SETTLED, LARGEST_CHANGE = 60, 1e-11, 1e2
+MAX_ROUNDS, SETTLED, LARGEST_CHANGE = 60, 1e-11, 1e2
 """Of the iteration; N m. Beyond the last it diverges, and the body would spin too fast to follow."""
 SUBSTEPS = (1, 8)
 SCENE: dict[str, Any] = {
@@ -116,7 +116,7 @@ def run_loop(loop: Loop, way: str, steps: int, n: int) -> Array:
 def _iterated(loop: Loop, t: float, H: float, n: int, now: Array) -> Array:
     """Repeat the step until its torque, linear between both ends', agrees with the state it leads to."""
     saved, after, change = loop.fmu.getFMUState(), now, np.inf
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MAX_ROUNDS):
         loop.fmu.setFMUState(saved)
         guess = after
         loop.step(t, H, n, lambda part, guess=guess: now + part * (guess - now))  # type: ignore[misc]

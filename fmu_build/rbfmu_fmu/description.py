@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from rbfmu.planning.candidates import needed_parameters
 from rbfmu.planning.select import with_all_outputs
-from rbfmu.runs.model_buffer import Unit, filled_buffer
+from rbfmu.runs.model_buffer import Model, filled_buffer
 from rbfmu.runs.models import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.buffer import CHANGED, FAULTS
@@ -150,7 +150,7 @@ def _variables(name: str, place: slice, causality: str, plan: Plan, z: Any) -> l
     ]
 
 
-def _rate_blocks(unit: Unit, name: str, causality: str) -> list[slice]:
+def _rate_blocks(unit: Model, name: str, causality: str) -> list[slice]:
     """Blocks of an input's derivatives, which `step` uses, or of an output's, which `output_rates` fills."""
     if causality == "output":
         names = [f"d_{name}"] if hasattr(unit, "output_rates") else []

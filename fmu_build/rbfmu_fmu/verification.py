@@ -18,17 +18,17 @@ from numpy.typing import NDArray
 from rbfmu import planning
 from rbfmu.arrays import quaternion_from_euler
 from rbfmu.runs.errors import largest_error
-from rbfmu.runs.model_buffer import Buffer, Unit, filled_buffer, initialize
+from rbfmu.runs.model_buffer import Buffer, Model, filled_buffer, initialize
 from rbfmu.runs.models import Plan
 from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu_fmu.archive import kernel_hash
 from rbfmu_fmu.description import Description, describe
 from rbfmu_fmu.python.pythonfmu_traps import CRASHES_IN_PATH
-from rbfmu_kernels.buffer import FINE
+from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.quantities import FORCES, TORQUES
 
-MOST_STEPS = 10_000
+MAX_STEPS = 10_000
 HELD_STEPS = 10
 """Communication steps between changes of the inputs."""
 
@@ -71,7 +71,7 @@ def verify(path: str | Path, seed: int = 1) -> Verification:
     problems += [f"fmpy validate: {text}" for text in validate_fmu(str(path))]
     description = describe(scene, plan)
     problems += _missing(path, description)
-    time = time_grid(scene.run.start, scene.run.stop, scene.run.step)[: MOST_STEPS + 1]
+    time = time_grid(scene.run.start, scene.run.stop, scene.run.step)[: MAX_STEPS + 1]
     inputs = _signal(scene, description, len(time) - 1, np.random.default_rng(seed))
     recorded, log = _through_fmpy(path, description, time, inputs)
     expected = _through_kernels(scene, plan, recorded["time"], inputs)
@@ -223,10 +223,10 @@ def _distance_to_full(
     return largest_error(a, b, tuple(a))
 
 
-def _advance(scene: Scene, unit: Unit, z: Buffer, k: int, time: NDArray[np.float64]) -> None:
+def _advance(scene: Scene, unit: Model, z: Buffer, k: int, time: NDArray[np.float64]) -> None:
     if k == 0:
         initialize(scene, unit, z)
-    elif unit.step(z, time[k] - time[k - 1]) != FINE:
+    elif unit.step(z, time[k] - time[k - 1]) != OK:
         z[:] = np.nan
 
 

@@ -17,10 +17,10 @@ def places(sizes: dict[str, int]) -> tuple[dict[str, slice], int]:
     return blocks, total
 
 
-FINE, NOT_REACHED, PAST_STOP = 0, 1, 2
-"""Values of the variable `status`; `step` returns FINE or NOT_REACHED."""
+OK, STEP_REJECTED, PAST_STOP = 0, 1, 2
+"""Values of the variable `status`; `step` returns OK or STEP_REJECTED."""
 
-MOST_SUBSTEPS = 1e7
+MAX_SUBSTEPS = 1e7
 """Substeps in one communication step (seconds of work) above which a step is refused rather than hang the host."""
 
 

@@ -95,7 +95,7 @@ class Load(NamedTuple):
     @property
     def block(self) -> str:
         """The name of its constant part in a buffer: a port's own name is that of the input."""
-        return f"known_{self.name}" if self.port else self.name
+        return f"constant_{self.name}" if self.port else self.name
 
 
 TRANSLATION, PATH, ATTITUDE, RATE, LEVER_RATE, LOADS_NOW, BODY_AXES, SPHERE_RATE = NEEDS = (

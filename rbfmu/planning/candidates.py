@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 from rbfmu.planning.promises import conditioning_error
 from rbfmu.runs.model_buffer import filled_buffer, initialize
-from rbfmu.runs.models import UNITS, Plan
+from rbfmu.runs.models import MODELS, Plan
 from rbfmu.scene.fields import flattened
 from rbfmu.scene.scene import Loads, Scene
 from rbfmu_kernels.body.memory import has_pivot, needs_attitude, needs_rate, needs_translation
-from rbfmu_kernels.buffer import FINE
+from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.models import one_axis
 from rbfmu_kernels.quantities import (
     ATTITUDE,
@@ -168,7 +168,7 @@ def closed_forms(scene: Scene, needs: Needs) -> list[str]:
 
 def accepts(scene: Scene, model: str) -> bool:
     """Whether the model's own unit takes the scene's values."""
-    return bool(UNITS[model].initialize(filled_buffer(scene, Plan(model, "", 0))) == FINE)
+    return bool(MODELS[model].initialize(filled_buffer(scene, Plan(model, "", 0))) == OK)
 
 
 def turning_axis(scene: Scene) -> NDArray[np.float64]:

@@ -17,7 +17,7 @@ from rbfmu.scene.scene import Scene, SceneError
 from rbfmu_kernels.body.memory import body_of, has_pivot, loads_of, needs_translation
 from rbfmu_kernels.integrators.splitting import is_symmetric_top, resonant_step, transverse_moment
 from rbfmu_kernels.integrators.substeps import ROUND_OFF, substeps_in
-from rbfmu_kernels.integrators.taylor_coefficients import MOST_ORDER
+from rbfmu_kernels.integrators.taylor_coefficients import MAX_ORDER
 from rbfmu_kernels.models.one_axis_taylor import ORDERS
 from rbfmu_kernels.quantities import DISSIPATIVE, NOT_IN_CLOSED_FORMS
 
@@ -31,7 +31,7 @@ SMALLEST = 1e-14
 """The accuracy that any motion is promised at best: outputs have round-off of their own."""
 KEPT, REACHED = 1.0 / 3.0, 0.8
 """Of the accuracy: the error that settings are fitted to, and the largest that is accepted where none is smaller."""
-MOST_WORK = 1e7
+MAX_WORK = 1e7
 """Substeps of all pilot runs (some five seconds), after which nothing cheaper is looked for."""
 HIGHER = 2
 """Orders that series may have beyond the likely one."""
@@ -41,7 +41,7 @@ UNCUT = 20.0
 """Substeps in a communication step from which on longer ones change little."""
 LONGER, SHORTER = (2, 4, 10, 25, 50, 100), (2, 3, 4, 6, 10)
 """Communication steps that an importer may take as one, besides all of the run's; parts that it may take of one."""
-ORDERS_OF_SERIES = range(6, MOST_ORDER + 1, 2)
+ORDERS_OF_SERIES = range(6, MAX_ORDER + 1, 2)
 SERIES_COSTS = ((58.0, 14.3), (10.0, 24.0), (41.0, 23.1))
 """(a, b) of a + b N ns a substep at order N, on `costs.MACHINE`; examples/benchmarks/substeps.py fits these lines.
 
@@ -213,7 +213,7 @@ class _Search:
     def _try_tightest(self) -> None:
         """What can be reached at all: where that is little, it is accepted, and nothing is looked for in vain."""
         reached = math.inf
-        for order in (MOST_ORDER - 8, MOST_ORDER):
+        for order in (MAX_ORDER - 8, MAX_ORDER):
             plan = _series(self.general, order, TIGHTEST)
             error, substeps = self._tried(plan)
             self._note(_Fit(plan, error, substeps, self._of_order(order).cost * substeps, 1), REACHED * self.accuracy)
@@ -243,7 +243,7 @@ class _Search:
     def _cheapest_over(self, span: float, tolerance: float) -> _Fit:
         """The cheapest series at a tolerance for the whole run; of those that meet it, if any do."""
         best: _Fit | None = None
-        for family in map(self._of_order, range(LEAST_ORDER_OF_INPUTS, MOST_ORDER + 1, 2)):
+        for family in map(self._of_order, range(LEAST_ORDER_OF_INPUTS, MAX_ORDER + 1, 2)):
             if best is None or best.error > self.bound or family.cost * self.steps < best.cost:
                 plan = replace(family.plan_of(tolerance), span=span)
                 error, substeps = self._tried(plan)
@@ -283,7 +283,7 @@ class _Search:
         least = bound * max(1.1**-family.order, 0.1)
         for _ in range(8):
             plan, last = family.plan_of(value), error
-            if self._is_dearer(self._least_cost(family, plan)) or (self.is_met() and self.work > MOST_WORK):
+            if self._is_dearer(self._least_cost(family, plan)) or (self.is_met() and self.work > MAX_WORK):
                 break
             error, substeps = self._tried(plan)
             found = _Fit(plan, error, substeps, family.cost * substeps, family.order if family.steps else 1)
@@ -304,7 +304,7 @@ class _Search:
         if math.isfinite(plan.substep):
             taken = self.steps * (substeps_in(self.scene.run.step, plan.substep) or math.inf)
         taken = max(taken, float(self.steps))
-        self.work += min(taken, MOST_WORK)
+        self.work += min(taken, MAX_WORK)
         return error, taken
 
     def _note(self, found: _Fit, bound: float) -> None:

@@ -21,9 +21,9 @@ from rbfmu.scene.scene import Scene
 from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE
 from rbfmu_kernels.quantities import DISSIPATIVE, FORCES, OUTPUT, OUTPUTS, TORQUES
 
-MOST_STEPS = 20_000
+MAX_STEPS = 20_000
 """Communication steps up to which plans are tried on the scene's own; of a longer run on several at once."""
-MOST_COUNTED = 2_000_000
+MAX_COUNTED = 2_000_000
 """Steps of a longer run that are taken one by one at last, for their round-off."""
 GOLDEN = 0.6180339887498949
 """Where a step is cut in two, so that a motion whose period is the step does not look like rest."""
@@ -35,7 +35,7 @@ NOISE = 64.0 * 2.0**-52
 """Of what a quantity is made of: less is no error, whatever cancels in it."""
 
 
-MOST_REFERENCE_STEPS = 100_000
+MAX_REFERENCE_STEPS = 100_000
 """In double-double arithmetic, some seconds."""
 LONG = (
     "planning takes more than some seconds, for the motion turns fast, or damping is stiff: more than 1e5 steps of "
@@ -60,7 +60,7 @@ class Judge:
 
     def __init__(self, scene: Scene, progress: Callable[[float], Any] | None = None) -> None:
         self.scene, self.names = scene, watched(scene)
-        self.steps = thinned_steps(scene, MOST_STEPS)
+        self.steps = thinned_steps(scene, MAX_STEPS)
         self._progress = progress
         self.doubt = 0.0  # how far the truth itself may be off
 
@@ -95,7 +95,7 @@ class Judge:
         return self.try_out(plan)[0]
 
     def _reference(self) -> Motion:
-        return reference_motion(self.scene, self.cut_steps, MOST_REFERENCE_STEPS, self._progress)
+        return reference_motion(self.scene, self.cut_steps, MAX_REFERENCE_STEPS, self._progress)
 
     @cached_property
     def truth(self) -> Motion:
@@ -127,7 +127,7 @@ class Judge:
         parts = round(total / taken)
         if parts <= 1:
             return error
-        count = max(min(taken, MOST_COUNTED // parts), 1)
+        count = max(min(taken, MAX_COUNTED // parts), 1)
         truth = {name: self.truth[name][: count + 1] for name in self.names}
         together, _ = self._error(plan, self.steps[:count], truth)
         apart, _ = self._error(plan, self.steps[:count], truth, parts)

@@ -14,7 +14,7 @@ from rbfmu_kernels.models.free_body_force import ORDERS
 POINT_COST = 86.0
 """ns a point, on `costs.MACHINE`."""
 EXACT = 1e-14
-MOST_TRIALS = 6
+MAX_TRIALS = 6
 
 
 def cheapest_quadrature(scene: Scene, general: Plan, judge: Judge) -> Plan | None:
@@ -30,7 +30,7 @@ def cheapest_quadrature(scene: Scene, general: Plan, judge: Judge) -> Plan | Non
     best: Plan | None = None
     for order in ORDERS:
         panels = 1
-        for _ in range(MOST_TRIALS):
+        for _ in range(MAX_TRIALS):
             cost = POINT_COST * order * panels
             if best and cost >= best.cost:
                 break

@@ -19,7 +19,7 @@ _CACHE_LINE = 8
 """Numbers in one."""
 
 
-class Unit(Protocol):
+class Model(Protocol):
     """A unit's module in `rbfmu_kernels`: the layout of its buffer and its three entry functions."""
 
     __name__: str
@@ -30,7 +30,7 @@ class Unit(Protocol):
         """0, or a key of `buffer.FAULTS`."""
 
     def step(self, z: Any, h: float) -> int:
-        """`buffer.FINE` or `buffer.NOT_REACHED`."""
+        """`buffer.OK` or `buffer.STEP_REJECTED`."""
 
     def outputs(self, z: Any) -> int:
         """Refresh the outputs."""
@@ -53,7 +53,7 @@ def filled_buffer(scene: Scene, plan: "Plan") -> Buffer:
     return z
 
 
-def initialize(scene: Scene, unit: Unit, z: Buffer) -> None:
+def initialize(scene: Scene, unit: Model, z: Buffer) -> None:
     """Set state and outputs from the parameters; SceneError where the unit refuses them."""
     if code := unit.initialize(z):
         block, expected = FAULTS[code]
@@ -62,7 +62,7 @@ def initialize(scene: Scene, unit: Unit, z: Buffer) -> None:
         raise SceneError(f"{named}: {expected}", scene.name)
 
 
-def output_block(scene: Scene, unit: Unit) -> slice:
+def output_block(scene: Scene, unit: Model) -> slice:
     """Where the outputs that the scene asks for stand in the unit's buffer, and what lies between them."""
     blocks = [unit.BLOCKS[name] for name in scene.outputs.quantities]
     return slice(min(block.start for block in blocks), max(block.stop for block in blocks))
@@ -77,7 +77,7 @@ def _numbers(scene: Scene, plan: "Plan") -> dict[str, Any]:
         "tolerance": plan.tolerance,
         "span": plan.span,
         "order": plan.order,
-        "as_planned": float(bool(plan.held)),
+        "skip_model_checks": float(bool(plan.held)),
         "ports": [float(name in scene.inputs.ports) for name in INPUTS],
         "active": active_flags(scene.outputs.quantities),
     }

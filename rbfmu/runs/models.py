@@ -59,10 +59,10 @@ class Plan:
     @property
     def unit(self) -> Any:
         """The unit (a module of `rbfmu_kernels`) that runs the model."""
-        return UNITS[self.model]
+        return MODELS[self.model]
 
 
-UNITS = {
+MODELS = {
     "no rotation": no_rotation,
     "constant rate": constant_rate,
     "angular momentum": angular_momentum,

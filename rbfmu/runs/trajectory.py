@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from rbfmu.runs.model_buffer import Buffer, filled_buffer, initialize
 from rbfmu.runs.models import Plan
 from rbfmu.scene.scene import Scene
-from rbfmu_kernels.buffer import FINE
+from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.quantities import active_flags
 
 Motion = dict[str, NDArray[np.float64]]
@@ -39,7 +39,7 @@ def recorded(
     blocks = {name: z[unit.BLOCKS[name]] for name in names}
     motion = {name: np.full((len(steps) + 1, len(block)), np.nan) for name, block in blocks.items()}
     for k, h in enumerate((0.0, *steps)):
-        if k and any(unit.step(z, h / parts) != FINE for _ in range(parts)):
+        if k and any(unit.step(z, h / parts) != OK for _ in range(parts)):
             break
         for name, block in blocks.items():
             motion[name][k] = block

@@ -23,7 +23,7 @@ __all__ = ["PARAMETERS", "PORTS", "QUANTITIES", "Body", "Initial", "Inputs", "Lo
 PORTS = quantities.PORTS
 PARAMETERS = tuple(row.name for row in quantities.IN_BUFFER_ORDER)
 QUANTITIES = tuple(quantities.OUTPUT)
-MOST_STEPS = 1e8
+MAX_STEPS = 1e8
 """Communication steps of a run: their results take some 20 GB."""
 _IDENTITY = (1.0, 0.0, 0.0, 0.0)
 _DEGREES = Numbers((3,), "deg/s")
@@ -135,11 +135,11 @@ class Run(Section):
             yield fault("run.stop", self.stop, "a span from run.start that is a number (s)")
         elif self.step > self.stop - self.start:
             yield fault("run.step", self.step, f"at most stop - start = {self.stop - self.start!r} (s)")
-        elif self.stop - self.start > MOST_STEPS * self.step:
+        elif self.stop - self.start > MAX_STEPS * self.step:
             yield fault(
                 "run.step",
                 self.step,
-                f"at least {(self.stop - self.start) / MOST_STEPS:.2g}: a run has at most 1e8 steps",
+                f"at least {(self.stop - self.start) / MAX_STEPS:.2g}: a run has at most 1e8 steps",
             )
         elif self.step < resolution:
             yield fault("run.step", self.step, f"at least {resolution:.2g}, what the clock resolves there (s)")

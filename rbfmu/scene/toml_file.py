@@ -9,7 +9,7 @@ from rbfmu.scene.fields import SceneError, joined
 
 LARGEST_FILE = 1_000_000
 """Bytes; a scene is some hundred."""
-MOST_LINES = 100
+MAX_LINES = 100
 """Of one statement."""
 _TWICE = re.compile(r"Cannot (overwrite|declare)|twice")
 _TABLE = re.compile(r"\s*(\[\[?[^\]=]*\]\]?)\s*(#.*)?")
@@ -48,7 +48,7 @@ def _refuse_what_stands_twice(lines: list[str], message: str, path: Path) -> Non
     """Name the key, and the line (from 1) of the statement that repeats it; tomllib knows where that ends."""
     place = re.search(r"line (\d+)", message)
     last = int(place[1]) if place else len(lines)
-    before = range(last - 1, max(last - MOST_LINES, 0) - 1, -1)
+    before = range(last - 1, max(last - MAX_LINES, 0) - 1, -1)
     first = next((k for k in before if _parsed(lines[:k]) is not None), last)
     while first < last and lines[first].split("#")[0].strip() == "":
         first += 1

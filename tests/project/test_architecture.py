@@ -8,7 +8,17 @@ from tests.support.paths import ROOT
 
 TEXT = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
 ROOTS = [ROOT / part for part in ("kernels", "rbfmu", "fmu_build", "tests", "examples")]
-ELSEWHERE = {"lint-imports", "verify", "mass", "torque_b", "known_torque_b", "step", "initialize", "outputs", "@kernel"}
+ELSEWHERE = {
+    "lint-imports",
+    "verify",
+    "mass",
+    "torque_b",
+    "constant_torque_b",
+    "step",
+    "initialize",
+    "outputs",
+    "@kernel",
+}
 """Commands, blocks of a buffer, entry functions."""
 
 

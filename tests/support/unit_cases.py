@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 from rbfmu.planning.select import plan
 from rbfmu.runs.model_buffer import filled_buffer, initialize
 from rbfmu.scene.scene import Scene
-from rbfmu_kernels.buffer import FINE, NOT_REACHED
+from rbfmu_kernels.buffer import OK, STEP_REJECTED
 
 EPS = 2.0**-52
 TRIAXIAL = {"mass": 2.0, "inertia": [1.0, 2.0, 2.5]}
@@ -46,7 +46,7 @@ class Unit:
 
     def step(self, h, times=1):
         for _ in range(times):
-            assert self.kernels.step(self.z, h) == FINE
+            assert self.kernels.step(self.z, h) == OK
         return self
 
     def refresh(self):
@@ -70,6 +70,6 @@ def assert_refused(unit, h):
     """Nothing has changed, and the motion goes on as if nothing had been asked."""
     before = {name: unit.z[block].tobytes() for name, block in unit.kernels.BLOCKS.items() if name not in SCRATCH}
     with np.errstate(all="ignore"):
-        assert unit.kernels.step(unit.z, h) == NOT_REACHED
+        assert unit.kernels.step(unit.z, h) == STEP_REJECTED
     for name, values in before.items():
         assert unit.z[unit.kernels.BLOCKS[name]].tobytes() == values, name

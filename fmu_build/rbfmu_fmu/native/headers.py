@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from rbfmu_fmu.description import LOG_CATEGORIES, Description
 from rbfmu_fmu.python.call_rules import CALLS, PHASES, SET_REFUSAL, SETTABLE
 from rbfmu_fmu.python.slave_access import HELD, TO_VARY
-from rbfmu_kernels.buffer import FINE, NOT_REACHED, PAST_STOP
+from rbfmu_kernels.buffer import OK, PAST_STOP, STEP_REJECTED
 
 MAX_DERIVATIVE_ORDER = 2
 """The highest order of a derivative with respect to time that the C layer's table has room for."""
@@ -52,7 +52,7 @@ def scene_header(d: Description, guid: str) -> str:
         f"#define START_TIME {d.start.hex()}",
         f"#define LAST_TIME {d.last_time.hex()}",
         "#define OUTPUT_DERIVATIVES" if d.output_rates else "/* no output has a derivative */",
-        f"enum {{ STEP_OK = {FINE}, STEP_REJECTED = {NOT_REACHED}, PAST_STOP = {PAST_STOP} }}; /* of `status` */",
+        f"enum {{ STEP_OK = {OK}, STEP_REJECTED = {STEP_REJECTED}, PAST_STOP = {PAST_STOP} }}; /* of `status` */",
         f"enum {{ SIZE = {len(d.start_buffer)}, REALS = {len(d.variables)} }};",
         f"enum {{ FIRST_PARAMETER = {inputs}, FIRST_OUTPUT = {inputs + parameters} }};",
         f"enum {{ STATUS_REFERENCE = {d.status_reference} }};",

@@ -13,7 +13,7 @@ import llvmlite.binding as llvm
 import numba
 from numba import carray, njit, types
 
-from rbfmu.runs.model_buffer import Unit
+from rbfmu.runs.model_buffer import Model
 from rbfmu_fmu.native.platforms import BuildError, Platform
 from rbfmu_kernels.compile.numba_private import llvm_source
 
@@ -30,7 +30,7 @@ class NotSelfContainedError(BuildError):
     """The compiled kernels need something that only a Python process has."""
 
 
-def object_files(model: Unit, platform: Platform) -> dict[str, bytes]:
+def object_files(model: Model, platform: Platform) -> dict[str, bytes]:
     """Return relocatable object files of the model's entries by name, the same bytes each time.
 
     model.o runs on every processor of the platform; for each of its features there is a step_FEATURE.o besides, with
@@ -78,7 +78,7 @@ def _source(model: Any) -> str:
     return re.sub(r"^target (triple|datalayout).*$", "", str(first), flags=re.MULTILINE)
 
 
-def _entry_module(model: Unit, name: str) -> Any:
+def _entry_module(model: Model, name: str) -> Any:
     """Return the model's entry as an LLVM module whose only external function has a plain C signature."""
     function, size = getattr(model, name), model.SIZE
     pointer = types.CPointer(types.float64)

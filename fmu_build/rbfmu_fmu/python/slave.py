@@ -25,7 +25,7 @@ from .call_rules import (
 )
 from .slave_access import HELD, TO_VARY, Access, Entries, tell
 
-FINE, NOT_REACHED, PAST_STOP = range(3)
+OK, STEP_REJECTED, PAST_STOP = range(3)
 
 _INFINITY = math.inf
 _MAY_STEP, _MAY_SET_INPUTS = CALLS["do_step"].phases, SETTABLE["input"]
@@ -48,7 +48,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         inputs, self._first_input = access.input_struct
         outputs, self._first_output = access.output_struct
         self._pack_inputs, self._unpack_outputs = inputs.pack_into, outputs.unpack_from
-        self._phase, self._status, self._stale = INSTANTIATED, FINE, True
+        self._phase, self._status, self._stale = INSTANTIATED, OK, True
         _LIVE.add(self)
         if self.instance_name != traps.BUILDERS_INSTANCE:
             traps.forget_resources(kwargs["resources"])
@@ -218,13 +218,13 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
             if self._step_by(self._where, step_size):
                 return self._discard(current_time, step_size, "no finite motion, or none that the accuracy allows")
             self._stale = False
-            self._status = PAST_STOP if end > self.access.last_time else FINE
+            self._status = PAST_STOP if end > self.access.last_time else OK
             return True
         except BaseException as error:
             raise self._survivable("fmi2DoStep", error) from None
 
     def _discard(self, current_time: float, step_size: float, reason: str) -> bool:
-        self._status = NOT_REACHED
+        self._status = STEP_REJECTED
         self._tell(f"step from t = {current_time!r} by {step_size!r} s refused: {reason}", Fmi2Status.discard)
         return False
 

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from ..buffer import NOT_REACHED, places
+from ..buffer import STEP_REJECTED, places
 from ..buffer_access import pair_at, put_pair_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..exact.uniform_rotation import Turning
@@ -24,24 +24,24 @@ from .memory import (
 )
 from .outputs import outputs
 
-_CLOCKS = {"elapsed": 2, "q_0": 4, "r_0": 3, "v_0": 3, "held": 3, "since": 2}
+_CLOCKS = {"elapsed": 2, "q_0": 4, "r_0": 3, "v_0": 3, "a_c": 3, "since_a_c": 2}
 CLOSED_FORM = COMMON | _CLOCKS
 """Besides what all bodies have: the time since the start, the attitude then; position and velocity of the
 centre of mass when its acceleration last changed, that acceleration, and the time since then."""
 _BLOCKS, _ = places(CLOSED_FORM)
-_ELAPSED, _Q_0, _R_0, _V_0, _HELD, _SINCE = (_BLOCKS[n].start for n in _CLOCKS)
+_ELAPSED, _Q_0, _R_0, _V_0, _A_C, _SINCE_A_C = (_BLOCKS[n].start for n in _CLOCKS)
 
 
 @kernel
 def start_clocks(z: Any) -> None:
     """At the start of a run."""
     put_pair_at(z, _ELAPSED, (0.0, 0.0))
-    put_pair_at(z, _SINCE, (0.0, 0.0))
+    put_pair_at(z, _SINCE_A_C, (0.0, 0.0))
     put_quaternion_at(z, _Q_0, rotation_of(z)[0])
     r_c, v_c = centre_of(z)
     put_vec3_at(z, _R_0, r_c)
     put_vec3_at(z, _V_0, v_c)
-    put_vec3_at(z, _HELD, (0.0, 0.0, 0.0))
+    put_vec3_at(z, _A_C, (0.0, 0.0, 0.0))
 
 
 @kernel
@@ -87,9 +87,9 @@ def is_driven(z: Any) -> bool:
 
 @kernel(inline=False)
 def finish_step(z: Any, h: float, q: Quaternion, omega: Vec3) -> int:
-    """Take attitude and rate, move the centre of mass, refresh the outputs; NOT_REACHED leaves all as it was."""
+    """Take attitude and rate, move the centre of mass, refresh the outputs; STEP_REJECTED leaves all as it was."""
     if not is_finite_rotation(q, omega) or (needs_translation(z) and not has_pivot(z) and not _moved(z, h)):
-        return NOT_REACHED
+        return STEP_REJECTED
     return commit_step(z, h, q, omega)
 
 
@@ -119,8 +119,8 @@ def _moved(z: Any, h: float) -> bool:
     """Whether the centre of mass has moved to where it is finite; a force fixed in b keeps its first direction in a."""
     since, low, r_0, v_0 = 0.0, 0.0, vec3_at(z, _R_0), vec3_at(z, _V_0)
     a = linear_acceleration(first_attitude(z), body_of(z), loads_of(z))
-    if a == vec3_at(z, _HELD):
-        since, low = later(z, _SINCE, h)
+    if a == vec3_at(z, _A_C):
+        since, low = later(z, _SINCE_A_C, h)
     else:
         since, (r_0, v_0) = h, centre_of(z)
     t = since + low
@@ -128,14 +128,14 @@ def _moved(z: Any, h: float) -> bool:
     if not is_finite_path(r, v):
         return False
     put_centre(z, r, v)
-    put_pair_at(z, _SINCE, (since, low))
+    put_pair_at(z, _SINCE_A_C, (since, low))
     put_vec3_at(z, _R_0, r_0)
     put_vec3_at(z, _V_0, v_0)
-    put_vec3_at(z, _HELD, a)
+    put_vec3_at(z, _A_C, a)
     return True
 
 
-TURNING = 5
+TURNING_SIZE = 5
 """Size of a turning in a buffer."""
 
 

@@ -6,7 +6,7 @@ holds its last value, and the rates are 0, until they are set again.
 
 from typing import Any
 
-from ..buffer import NOT_REACHED, places
+from ..buffer import STEP_REJECTED, places
 from ..buffer_access import vec3_at
 from ..compile.decorator import kernel
 from ..integrators.rigid_body_state import RATE_ONLY, ROTATION, STATE_SIZE, WHOLE_STATE
@@ -88,7 +88,7 @@ def keep(z: Any) -> None:
 
 @kernel
 def finish(z: Any, n: int, h: float, status: int, body: Body, loads: LoadPolynomial) -> int:
-    """Move the centre of mass as far as in closed form; then outputs, or NOT_REACHED with nothing changed."""
+    """Move the centre of mass as far as in closed form; then outputs, or STEP_REJECTED with nothing changed."""
     translate(z, h, 0.0 if n == WHOLE_STATE else 1.0, body, loads.value)
     changing = is_changing(loads)
     if changing:
@@ -96,7 +96,7 @@ def finish(z: Any, n: int, h: float, status: int, body: Body, loads: LoadPolynom
     if status != 0 or not is_finite(z):
         restore_state(z, _BEFORE)
         z[STEP_SIZE] = z[_SIZE_BEFORE]
-        return NOT_REACHED
+        return STEP_REJECTED
     if changing:
         _hold_last_inputs(z, h)
     return outputs(z)

@@ -81,14 +81,14 @@ def leaves_axis(z: Any, axis: Vec3, q: Quaternion, omega: Vec3, body: Body, load
     """
     arm = body.arm_b
     q_ba = invert_quaternion(q)
-    pull = rotate(q_ba, loads.force_a)
+    force = rotate(q_ba, loads.force_a)
     start = add(omega, angular_acceleration(q, omega, body, loads))
     slack = _PARALLEL if _may_be_oblique(body, loads) else 0.0
     across = _is_across(axis, start, slack) or _is_across(axis, omega, slack)
     across = across or _is_across(axis, damping_torque(body.damping_b, axis), slack)
     across = across or _is_across(axis, rotate(q_ba, loads.torque_a), slack)
-    across = across or (is_nonzero(cross(axis, arm)) and dot(axis, pull) != 0.0)
-    across = across or (is_nonzero(cross(axis, pull)) and dot(axis, arm) != 0.0)
+    across = across or (is_nonzero(cross(axis, arm)) and dot(axis, force) != 0.0)
+    across = across or (is_nonzero(cross(axis, force)) and dot(axis, arm) != 0.0)
     return across or turns_path(z, axis) or has_unknown_load(z)
 
 
@@ -114,15 +114,15 @@ def swing(z: Any, axis: Vec3) -> tuple[DoubleDouble, DoubleDouble]:
     q, moment = quaternion_at(z, _Q_0), _moment(z, axis)
     up = power_of_two_for(max(max(abs(q[0]), abs(q[1])), max(abs(q[2]), abs(q[3]))))
     q = (up * q[0], up * q[1], up * q[2], up * q[3])
-    pull, mass = (loads.gravity_a, z[_MASS]) if has_pivot(z) else (loads.force_a, 1.0)
+    force, mass = (loads.gravity_a, z[_MASS]) if has_pivot(z) else (loads.force_a, 1.0)
     lever = cross(axis, arm)
     unit = dd_multiply(moment, dd_add(two_product(q[0], q[0]), _dot(q[1:], q[1:])))
-    a, b = _turned_dot(q, lever, pull), _turned_dot(q, cross(axis, lever), pull)
+    a, b = _turned_dot(q, lever, force), _turned_dot(q, cross(axis, lever), force)
     return dd_divide(dd_multiply_float(a, mass), unit), dd_divide(dd_multiply_float(b, mass), unit)
 
 
 @kernel
-def pull_and_decay(z: Any, axis: Vec3, q: Quaternion, body: Body, loads: Loads) -> tuple[float, float]:
+def drive_and_damping_rate(z: Any, axis: Vec3, q: Quaternion, body: Body, loads: Loads) -> tuple[float, float]:
     """(P, d), rad/s2 and 1/s: what else acts, torques, forces that turn with the body, damping, adds P - d rate."""
     torque = add(rotate(invert_quaternion(q), loads.torque_a), add(loads.torque_b, cross(body.arm_b, loads.force_b)))
     moment = _moment(z, axis)[0]

@@ -21,13 +21,13 @@ INPUTS = {load.name: load.size for load in quantities.LOADS if load.port}
 PARAMETERS = {getattr(row, "block", row.name): row.size for row in quantities.IN_BUFFER_ORDER}
 OUTPUTS = {row.name: row.size for row in quantities.OUTPUTS}
 SETTINGS = {
-    "pivot": 1, "tolerance": 1, "span": 1, "substep": 1, "as_planned": 1,
+    "pivot": 1, "tolerance": 1, "span": 1, "substep": 1, "skip_model_checks": 1,
     "ports": len(INPUTS), "active": len(OUTPUTS) + len(quantities.NEEDS),
 }  # fmt: skip
 """span: s, 0 where `tolerance` is for a substep; else the tolerance is for all substeps of so long a run together, and
-an error of the rate counts as what it turns the body by in that time; as_planned: 1 where a plan has judged the model
-by the parameters' values, so that no unit need ask whether it serves them; ports: 1 for each input that may come to
-act; active: 1 for each output that is computed and for each need of theirs, see `quantities.active_flags`."""
+an error of the rate counts as what it turns the body by in that time; skip_model_checks: 1 where a plan has judged
+the model by the parameters' values, so that no model need ask whether it serves them; ports: 1 for each input that may
+come to act; active: 1 for each output that is computed and for each need of theirs, see `quantities.active_flags`."""
 OUTPUT_RATES = {f"d_{name}": size for name, size in OUTPUTS.items()}
 """Time derivatives of the outputs, refreshed by `output_rates` alone."""
 MEMORY = STATE_BLOCKS | {"inverse_mass": 1, "M": 9, "M_inverse": 9, "arm": 3}
@@ -37,8 +37,8 @@ BLOCKS, _ = places(COMMON)
 _AT = {name: block.start for name, block in BLOCKS.items()}
 _FORCE_A, _FORCE_B, _TORQUE_A, _TORQUE_B = (_AT[n] for n in ("force_a", "force_b", "torque_a", "torque_b"))
 _MASS, _INERTIA, _R_OC, _GRAVITY, _DAMPING = (_AT[n] for n in ("mass", "inertia", "r_oc_b", "gravity_a", "damping_b"))
-_KNOWN_FORCE_A, _KNOWN_FORCE_B, _KNOWN_TORQUE_A, _KNOWN_TORQUE_B = (
-    _AT[f"known_{n}"] for n in ("force_a", "force_b", "torque_a", "torque_b")
+_CONSTANT_FORCE_A, _CONSTANT_FORCE_B, _CONSTANT_TORQUE_A, _CONSTANT_TORQUE_B = (
+    _AT[f"constant_{n}"] for n in ("force_a", "force_b", "torque_a", "torque_b")
 )
 _END = BLOCKS[next(reversed(PARAMETERS))].stop
 _NOT_NEGATIVE = tuple((BLOCKS[load.block].start, BLOCKS[load.block].stop) for load in quantities.BOUNDED)
@@ -50,7 +50,7 @@ _UNKNOWN = tuple(
 ) or ((0, 0),)
 """Places of the loads that models with a closed form do not know."""
 _POSITION_0, _VELOCITY_0, _Q_0, _OMEGA_0 = (_AT[n] for n in ("position_0", "velocity_0", "quaternion_0", "omega_b_0"))
-_PIVOT, _SUBSTEP, _AS_PLANNED = _AT["pivot"], _AT["substep"], _AT["as_planned"]
+_PIVOT, _SUBSTEP, _SKIP_MODEL_CHECKS = _AT["pivot"], _AT["substep"], _AT["skip_model_checks"]
 PORTS = {name: _AT["ports"] + i for i, name in enumerate(INPUTS)}
 """Where the flag of each port stands."""
 _PORT_FORCE_B = PORTS["force_b"]
@@ -59,7 +59,7 @@ ACTIVE = {name: _AT["active"] + i for i, name in enumerate(OUTPUTS)}
 _TRANSLATION, _PATH, _ATTITUDE, _RATE, _LEVER_RATE, _LOADS_NOW, _BODY_AXES, _SPHERE_RATE = (
     _AT["active"] + len(OUTPUTS) + i for i in range(len(quantities.NEEDS))
 )
-STATE = _AT["q"]
+STATE_START = _AT["q"]
 """Where the state begins: see `rigid_body_state`."""
 _OMEGA, _R_C, _V_C = _AT["omega"], _AT["r_c"], _AT["v_c"]
 _INVERSE_MASS, _M, _M_INVERSE, _ARM = (_AT[n] for n in ("inverse_mass", "M", "M_inverse", "arm"))
@@ -126,13 +126,13 @@ def inertia_of(z: Any) -> Matrix:
 @kernel
 def rotation_of(z: Any) -> tuple[Quaternion, Vec3]:
     """(q_ab, omega_ab_b) of the state."""
-    return quaternion_at(z, STATE), vec3_at(z, _OMEGA)
+    return quaternion_at(z, STATE_START), vec3_at(z, _OMEGA)
 
 
 @kernel
 def put_rotation(z: Any, q: Quaternion, omega: Vec3) -> None:
     """Set attitude and body rate of the state."""
-    put_quaternion_at(z, STATE, q)
+    put_quaternion_at(z, STATE_START, q)
     put_vec3_at(z, _OMEGA, omega)
 
 
@@ -152,7 +152,7 @@ def put_centre(z: Any, r_c: Vec3, v_c: Vec3) -> None:
 @kernel
 def motion_of(z: Any) -> State:
     """The state as `equations_of_motion.State`."""
-    return State(vec3_at(z, _R_C), vec3_at(z, _V_C), quaternion_at(z, STATE), vec3_at(z, _OMEGA))
+    return State(vec3_at(z, _R_C), vec3_at(z, _V_C), quaternion_at(z, STATE_START), vec3_at(z, _OMEGA))
 
 
 @kernel
@@ -182,21 +182,21 @@ def translate(z: Any, h: float, drift: float, body: Body, loads: Loads) -> None:
 def keep_state(z: Any, before: int) -> None:
     """Copy the state to z[before:], from where `restore_state` brings it back."""
     for i in range(STATE_SIZE):
-        z[before + i] = z[STATE + i]
+        z[before + i] = z[STATE_START + i]
 
 
 @kernel
 def restore_state(z: Any, before: int) -> None:
     """Bring back the state that `keep_state` kept."""
     for i in range(STATE_SIZE):
-        z[STATE + i] = z[before + i]
+        z[STATE_START + i] = z[before + i]
 
 
 @kernel
 def is_finite(z: Any) -> bool:
     """Whether every number of the state is."""
     total = 0.0
-    for i in range(STATE, STATE + STATE_SIZE):
+    for i in range(STATE_START, STATE_START + STATE_SIZE):
         total += 0.0 * z[i]
     return total == 0.0
 
@@ -225,9 +225,9 @@ def has_unknown_load(z: Any) -> bool:
 
 
 @kernel
-def is_as_planned(z: Any) -> bool:
+def skips_model_checks(z: Any) -> bool:
     """Whether a plan answers for the model, see SETTINGS."""
-    return bool(z[_AS_PLANNED] != 0.0)
+    return bool(z[_SKIP_MODEL_CHECKS] != 0.0)
 
 
 @kernel
@@ -262,7 +262,7 @@ def needs_attitude(z: Any) -> bool:
 
 @kernel
 def _shows_turning_path(z: Any) -> bool:
-    pushed = is_nonzero(vec3_at(z, _KNOWN_FORCE_B)) or is_nonzero(vec3_at(z, _FORCE_B)) or has_port(z, _PORT_FORCE_B)
+    pushed = is_nonzero(vec3_at(z, _CONSTANT_FORCE_B)) or is_nonzero(vec3_at(z, _FORCE_B)) or has_port(z, _PORT_FORCE_B)
     beside = pushed or is_nonzero(vec3_at(z, _R_OC))
     return bool(beside and not has_pivot(z) and z[_PATH] != 0.0)
 
@@ -299,10 +299,10 @@ def body_of(z: Any) -> Body:
 def loads_of(z: Any) -> Loads:
     """Known and supplied loads together; see `equations_of_motion.Loads`."""
     gravity_a = vec3_at(z, _GRAVITY)
-    torque_a = add(vec3_at(z, _KNOWN_TORQUE_A), vec3_at(z, _TORQUE_A))
-    torque_b = add(vec3_at(z, _KNOWN_TORQUE_B), vec3_at(z, _TORQUE_B))
+    torque_a = add(vec3_at(z, _CONSTANT_TORQUE_A), vec3_at(z, _TORQUE_A))
+    torque_b = add(vec3_at(z, _CONSTANT_TORQUE_B), vec3_at(z, _TORQUE_B))
     if z[_PIVOT] != 0.0:
         return Loads(gravity_a, scale(z[_MASS], gravity_a), (0.0, 0.0, 0.0), torque_a, torque_b)
-    force_a = add(vec3_at(z, _KNOWN_FORCE_A), vec3_at(z, _FORCE_A))
-    force_b = add(vec3_at(z, _KNOWN_FORCE_B), vec3_at(z, _FORCE_B))
+    force_a = add(vec3_at(z, _CONSTANT_FORCE_A), vec3_at(z, _FORCE_A))
+    force_b = add(vec3_at(z, _CONSTANT_FORCE_B), vec3_at(z, _FORCE_B))
     return Loads(gravity_a, force_a, force_b, torque_a, torque_b)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from types import FunctionType
 from typing import Any
 
-from ..buffer import NOT_REACHED
+from ..buffer import STEP_REJECTED
 from ..compile.decorator import kernel
 from .memory import initialize_body
 from .outputs import first_outputs, output_rates, outputs
@@ -32,8 +32,8 @@ def initialize(z: Any) -> int:
 
 
 def step(z: Any, h: float) -> int:
-    """Advance by h, s; return NOT_REACHED, with nothing changed, where that cannot be done within the model."""
-    return advance(z, h) if h > 0.0 else NOT_REACHED
+    """Advance by h, s; return STEP_REJECTED, with nothing changed, where that cannot be done within the model."""
+    return advance(z, h) if h > 0.0 else STEP_REJECTED
 
 
 def entry_functions(
@@ -42,7 +42,7 @@ def entry_functions(
     """Return `initialize` and `step` of a model.
 
     model: its module's name; own_set_up: sets the model's own blocks, once the body has been taken, and returns 0 or a
-    key of `buffer.FAULTS`; own_advance: takes a step h > 0 and refreshes the outputs, or returns NOT_REACHED.
+    key of `buffer.FAULTS`; own_advance: takes a step h > 0 and refreshes the outputs, or returns STEP_REJECTED.
     """
     return _bound(initialize, model, set_up=own_set_up), step_function(model, own_advance)
 

@@ -72,7 +72,7 @@ _, _, _read_near, _flatten_near = record(NearSeries, _SIZE)
 ORDINARY, NEAR, SEPARATRIX = 0.0, 1.0, 2.0
 _ONE_OVER_PI: DoubleDouble = (0.3183098861837907, -1.9678676675182486e-17)
 _LEAST_KC = 1e-300
-_MOST_TURNS = 1e28  # of the phase: double-double has no digit left there
+_MAX_TURNS = 1e28  # of the phase: double-double has no digit left there
 _LAST_TURN = 0.2167123282101497  # u = 600 on the separatrix: from there on the body rests at the top, to 1e-260
 
 
@@ -146,7 +146,7 @@ def pendulum_at(setup: Pendulum, t: DoubleDouble) -> tuple[float, float, float]:
 def _phase(rate: DoubleDouble, start: DoubleDouble, t: DoubleDouble) -> DoubleDouble:
     """Return the phase in half turns."""
     high, low = t
-    high = high if abs(rate[0] * high) < _MOST_TURNS else math.nan
+    high = high if abs(rate[0] * high) < _MAX_TURNS else math.nan
     return dd_scale(2.0, dd_add(without_turns(rate, (high, low)), start))
 
 

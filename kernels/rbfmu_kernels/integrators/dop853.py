@@ -6,7 +6,7 @@ Works in a piece of a model's buffer: 12 stages of 16 numbers are too many for t
 import math
 from typing import Any
 
-from ..buffer import FINE, MOST_SUBSTEPS, NOT_REACHED
+from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED
 from ..compile.decorator import kernel
 from ..mechanics.equations_of_motion import (
     Body,
@@ -145,15 +145,15 @@ def first_step(z: Any, y: int, body: Body, loads: Loads) -> float:
 def dop853_march(z: Any, y: int, w: int, n: int, h: float, substep: float, body: Body, loads: LoadPolynomial) -> int:
     """Advance the state z[y:] by h in equal steps of at most `substep`, without error control.
 
-    NOT_REACHED where that needs too many; the state is then unchanged.
+    STEP_REJECTED where that needs too many; the state is then unchanged.
     """
     count = substeps_in(h, substep)
     if count == 0:
-        return NOT_REACHED
+        return STEP_REJECTED
     for i in range(count):
         dop853_step(z, y, w, n, h / count * i, h / count, body, loads)
         _accept(z, y, w, n)
-    return FINE
+    return OK
 
 
 @kernel(inline=False)
@@ -174,14 +174,14 @@ def dop853_advance(
     z[size] keeps the step size, and next to it stands the count of the steps tried.
 
     Equal parts reach h: each step is the rest divided by the number of steps that the kept size would need.
-    NOT_REACHED where the motion is not finite or needs too many steps; state and size are then the caller's to restore.
+    STEP_REJECTED where the motion is not finite or needs too many steps; the caller then restores state and size.
     """
     rest, low, steps = h, 0.0, 0  # rest + low: the time left, so that a thousand steps end where h does
     while rest > 0.0:
         steps += 1
         count = substeps_in(rest, z[size])
-        if count == 0 or steps >= MOST_SUBSTEPS:
-            return NOT_REACHED
+        if count == 0 or steps >= MAX_SUBSTEPS:
+            return STEP_REJECTED
         part = (rest + low) / count
         dop853_step(z, y, w, n, h - rest, part, body, loads)
         count_substep(z, size)
@@ -196,7 +196,7 @@ def dop853_advance(
         else:
             shrink = 0.9 / math.sqrt(math.sqrt(math.sqrt(error))) if math.isfinite(error) else 0.0
             z[size] = part * max(0.2, shrink)
-    return FINE
+    return OK
 
 
 @kernel

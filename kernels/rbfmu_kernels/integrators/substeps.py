@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from ..buffer import MOST_SUBSTEPS
+from ..buffer import MAX_SUBSTEPS
 from ..compile.decorator import kernel
 
 ROUND_OFF = 2.0**-52
@@ -15,7 +15,7 @@ def substeps_in(h: float, longest: float) -> int:
 
     A part may be longer by 1e-9 of itself, so that round-off in the importer's clock adds none.
     """
-    if not h < MOST_SUBSTEPS * longest:
+    if not h < MAX_SUBSTEPS * longest:
         return 0
     return max(math.ceil(h / longest * (1.0 - 1e-9)), 1)
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ..buffer import FINE, MOST_SUBSTEPS, NOT_REACHED
+from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED
 from ..buffer_access import quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers
@@ -56,27 +56,27 @@ from .taylor_coefficients import (
     turned_loads,
 )
 
-_MOST_DERIVATIVES = 9
+_MAX_DERIVATIVES = 9
 _WEIGHT = np.array(
     [
         [
             math.perm(m, k) * math.factorial(2 * m - k) / math.factorial(2 * m) if k <= m else 0.0
-            for k in range(_MOST_DERIVATIVES + 2)
+            for k in range(_MAX_DERIVATIVES + 2)
         ]
-        for m in range(_MOST_DERIVATIVES + 1)
+        for m in range(_MAX_DERIVATIVES + 1)
     ]
 )
 """c_k k! of the two-point formula with m derivatives: [m, k]."""
 _REMAINDER = np.array(
     [
         math.factorial(m) ** 2 / (math.factorial(2 * m) * math.factorial(2 * m + 1)) * 0.25**m
-        for m in range(_MOST_DERIVATIVES + 1)
+        for m in range(_MAX_DERIVATIVES + 1)
     ]
 )
 """Its error: this times (2 h)^(2m+1) / 2 and the (2m+1)-th derivative."""
-_RATE_PER_ACCELERATION = 4.0 / math.e * np.arange(_MOST_DERIVATIVES + 1)
+_RATE_PER_ACCELERATION = 4.0 / math.e * np.arange(_MAX_DERIVATIVES + 1)
 """Times an acceleration, the square of the rate whose turn has a (2m)-th derivative as large as a turn from rest."""
-_FOUR = 4.0 ** np.arange(_MOST_DERIVATIVES + 1)
+_FOUR = 4.0 ** np.arange(_MAX_DERIVATIVES + 1)
 
 KEPT = 8
 """Steps for which loads that turn in b are carried on by their series, before the attitude says anew how they stand."""
@@ -235,7 +235,7 @@ def taylor_advance(
     An infinite tolerance leaves the steps as they are kept.
 
     z[size] keeps the step size, and next to it stands their count.  Equal parts reach h, as in `dop853_advance`.
-    NOT_REACHED where the motion is not finite or needs too many steps; state and size are then the caller's to restore.
+    STEP_REJECTED where the motion is not finite or needs too many steps; the caller then restores state and size.
     """
     s, m, now = z[w : w + WORK], derivatives_of_attitude(order), loads
     fixed, torques = space_fixed_loads(body, loads), known_torques(loads, body)
@@ -250,8 +250,8 @@ def taylor_advance(
     while rest > 0.0:
         tried += 1
         count = substeps_in(rest, z[size])
-        if count == 0 or tried >= MOST_SUBSTEPS:
-            return NOT_REACHED
+        if count == 0 or tried >= MAX_SUBSTEPS:
+            return STEP_REJECTED
         part = (rest + low) / count
         acceleration = 0.0
         if n == WHOLE_STATE:
@@ -291,4 +291,4 @@ def taylor_advance(
             if anew:
                 turned_loads(s, state_attitude(z, y), now)
             motion_series(s, 0 if n == RATE_ONLY or anew else m, order, 0, body, torques, fixed)
-    return FINE
+    return OK

@@ -18,14 +18,14 @@ from ..rotations.quaternion import add_scaled_quaternion, compose_quaternions, i
 from ..rotations.vec3 import add, cross, is_nonzero, scale, subtract
 from ..types import Matrix, Quaternion, Vec3
 
-MOST_ORDER = 24
+MAX_ORDER = 24
 _IN_ROW, ROW = places({"first": 4, "second": 4})
 """A row holds a vector (x, y, z, 0) and the same as a second factor, (y, z, x, 0); or D and D o F_b."""
 _SECOND: int = _IN_ROW["second"].start
 _NAMES = (
     "rate", "turn", "force", "torque", "force_rate", "torque_rate", "force_rate_2", "torque_rate_2", "acceleration",
 )  # fmt: skip
-_SERIES = ROW * (MOST_ORDER + 1)
+_SERIES = ROW * (MAX_ORDER + 1)
 _PLACES, WORK = places(dict.fromkeys(_NAMES, _SERIES))
 """The series, and the size of the work space that holds them: the body rate; D, the attitude relative to that at the
 series' beginning; force_a and torque_a as b sees them, and their derivatives; D F_b D* / mass, the acceleration by a
@@ -37,7 +37,7 @@ TO_DERIVATIVE = FORCE_RATE - FORCE
 """From a load's series to that of its derivative."""
 _ROWS = 31
 """k & _ROWS is k for any row: an index that cannot be negative needs no check."""
-PER = 1.0 / np.arange(1.0, MOST_ORDER + 2.0)
+PER = 1.0 / np.arange(1.0, MAX_ORDER + 2.0)
 """1 / (k + 1)."""
 
 Torques = tuple[Vec3, Vec3, Vec3]

@@ -6,10 +6,10 @@ A sphere's rates in a follow from it. Its attitude stays the first one, and its 
 from typing import Any
 
 from ..body.closed_form import CLOSED_FORM, finish_step, first_attitude, has_turning_torque, later, start_clocks
-from ..body.memory import body_of, is_as_planned, loads_of, rotation_of, shows_more_than_momentum
+from ..body.memory import body_of, loads_of, rotation_of, shows_more_than_momentum, skips_model_checks
 from ..body.shell import entry_functions, output_rates, outputs
 from ..body.symmetry import is_sphere
-from ..buffer import FINE, NOT_REACHED, places
+from ..buffer import OK, STEP_REJECTED, places
 from ..buffer_access import put_pair_at, put_vec3_at, vec3_at
 from ..compile.decorator import kernel
 from ..mechanics.equations_of_motion import angular_acceleration
@@ -17,10 +17,10 @@ from ..rotations.vec3 import add_scaled
 
 __all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
 
-BLOCKS, SIZE = places(CLOSED_FORM | {"omega_0": 3, "pull": 3, "pulled": 2})
+BLOCKS, SIZE = places(CLOSED_FORM | {"omega_0": 3, "alpha": 3, "since_alpha": 2})
 """Besides: the rate when the torque last changed, what that adds to it in a second, and the time since then."""
 
-_OMEGA_0, _PULL, _PULLED = (BLOCKS[n].start for n in ("omega_0", "pull", "pulled"))
+_OMEGA_0, _ALPHA, _SINCE_ALPHA = (BLOCKS[n].start for n in ("omega_0", "alpha", "since_alpha"))
 _AT_REST = (0.0, 0.0, 0.0)
 _MORE = 20
 """Key of `buffer.FAULTS`."""
@@ -29,31 +29,31 @@ _MORE = 20
 @kernel
 def _set_up(z: Any) -> int:
     more = has_turning_torque(z) or shows_more_than_momentum(z, is_sphere(body_of(z).inertia))
-    if more and not is_as_planned(z):
+    if more and not skips_model_checks(z):
         return _MORE
-    put_pair_at(z, _PULLED, (0.0, 0.0))
+    put_pair_at(z, _SINCE_ALPHA, (0.0, 0.0))
     put_vec3_at(z, _OMEGA_0, rotation_of(z)[1])
-    put_vec3_at(z, _PULL, _AT_REST)
+    put_vec3_at(z, _ALPHA, _AT_REST)
     start_clocks(z)
     return 0
 
 
 @kernel
 def _advance(z: Any, h: float) -> int:
-    """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite or an input turns in a."""
-    if has_turning_torque(z) and not is_as_planned(z):
-        return NOT_REACHED
+    """Advance by h; STEP_REJECTED (and nothing changed) where the motion is not finite or an input turns in a."""
+    if has_turning_torque(z) and not skips_model_checks(z):
+        return STEP_REJECTED
     since, low, omega, q = 0.0, 0.0, vec3_at(z, _OMEGA_0), first_attitude(z)
-    pull = angular_acceleration(q, _AT_REST, body_of(z), loads_of(z))
-    if pull == vec3_at(z, _PULL):
-        since, low = later(z, _PULLED, h)
+    alpha = angular_acceleration(q, _AT_REST, body_of(z), loads_of(z))
+    if alpha == vec3_at(z, _ALPHA):
+        since, low = later(z, _SINCE_ALPHA, h)
     else:
         since, omega = h, rotation_of(z)[1]
-    status = finish_step(z, h, q, add_scaled(omega, since + low, pull))
-    if status == FINE:
-        put_pair_at(z, _PULLED, (since, low))
+    status = finish_step(z, h, q, add_scaled(omega, since + low, alpha))
+    if status == OK:
+        put_pair_at(z, _SINCE_ALPHA, (since, low))
         put_vec3_at(z, _OMEGA_0, omega)
-        put_vec3_at(z, _PULL, pull)
+        put_vec3_at(z, _ALPHA, alpha)
     return status
 
 

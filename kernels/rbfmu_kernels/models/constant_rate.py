@@ -4,7 +4,7 @@ from typing import Any
 
 from ..body.closed_form import (
     CLOSED_FORM,
-    TURNING,
+    TURNING_SIZE,
     finish_step,
     first_attitude,
     has_torque,
@@ -14,10 +14,10 @@ from ..body.closed_form import (
     turning_at,
 )
 from ..body.fixed_axis import turns_path
-from ..body.memory import is_as_planned, rotation_of
+from ..body.memory import rotation_of, skips_model_checks
 from ..body.principal import keeps_its_rate
 from ..body.shell import entry_functions, output_rates, outputs
-from ..buffer import NOT_REACHED, places
+from ..buffer import STEP_REJECTED, places
 from ..compile.decorator import kernel
 from ..exact.uniform_rotation import turned, turning_about
 from ..numerics.double_double import dd_vector
@@ -25,7 +25,7 @@ from ..rotations.quaternion import compose_quaternions
 
 __all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
 
-BLOCKS, SIZE = places(CLOSED_FORM | {"turning": TURNING})
+BLOCKS, SIZE = places(CLOSED_FORM | {"turning": TURNING_SIZE})
 
 _TURNING = BLOCKS["turning"].start
 _UNSTEADY = 15
@@ -35,7 +35,7 @@ _UNSTEADY = 15
 @kernel
 def _set_up(z: Any) -> int:
     omega = rotation_of(z)[1]
-    if not is_as_planned(z) and (not keeps_its_rate(z, omega) or _is_disturbed(z)):
+    if not skips_model_checks(z) and (not keeps_its_rate(z, omega) or _is_disturbed(z)):
         return _UNSTEADY
     put_turning_at(z, _TURNING, turning_about(dd_vector(omega)))
     start_clocks(z)
@@ -44,9 +44,9 @@ def _set_up(z: Any) -> int:
 
 @kernel
 def _advance(z: Any, h: float) -> int:
-    """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite or an input makes a torque."""
-    if _is_disturbed(z) and not is_as_planned(z):
-        return NOT_REACHED
+    """Advance by h; STEP_REJECTED (and nothing changed) where the motion is not finite or an input makes a torque."""
+    if _is_disturbed(z) and not skips_model_checks(z):
+        return STEP_REJECTED
     t = time_after(z, h)
     q = compose_quaternions(first_attitude(z), turned(turning_at(z, _TURNING), t))
     return finish_step(z, h, q, rotation_of(z)[1])

@@ -8,9 +8,9 @@ Abramowitz and Stegun, 25.4.30.
 from typing import Any
 
 from ..body.closed_form import commit_step, has_torque, is_finite_path, is_finite_rotation, time_after
-from ..body.memory import body_of, centre_of, is_as_planned, loads_of, put_centre, substep_of
+from ..body.memory import body_of, centre_of, loads_of, put_centre, skips_model_checks, substep_of
 from ..body.shell import entry_functions, outputs
-from ..buffer import NOT_REACHED, places
+from ..buffer import STEP_REJECTED, places
 from ..buffer_access import put_vec3_at, vec3_at
 from ..compile.decorator import kernel
 from ..exact.free_rotation import free_attitude_at, place_at, scaled_time
@@ -66,7 +66,7 @@ _NONE = (0.0, 0.0, 0.0)
 
 @kernel
 def _set_up(z: Any) -> int:
-    if has_torque(z) and not is_as_planned(z):
+    if has_torque(z) and not skips_model_checks(z):
         return _TORQUE
     set_up_rotation(z)
     put_vec3_at(z, _LOW_R, _NONE)
@@ -76,17 +76,17 @@ def _set_up(z: Any) -> int:
 
 @kernel
 def _advance(z: Any, h: float) -> int:
-    """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite or an input makes a torque."""
+    """Advance by h; STEP_REJECTED (and nothing changed) where the motion is not finite or an input makes a torque."""
     count = substeps_in(h, substep_of(z))
-    if count == 0 or (has_torque(z) and not is_as_planned(z)):
-        return NOT_REACHED
+    if count == 0 or (has_torque(z) and not skips_model_checks(z)):
+        return STEP_REJECTED
     motion = free_motion_of(z)
     t = scaled_time(motion, time_after(z, h))
     place = place_at(motion, t)
     q, omega = free_attitude_at(motion, t, place), shown_rates(z, place)
     (r, low_r), (v, low_v) = _moved(z, h, count)
     if not is_finite_rotation(q, omega) or not is_finite_path(r, v):
-        return NOT_REACHED
+        return STEP_REJECTED
     put_centre(z, r, v)
     put_vec3_at(z, _LOW_R, low_r)
     put_vec3_at(z, _LOW_V, low_v)

@@ -4,7 +4,7 @@ from typing import Any
 
 from ..body.closed_form import (
     CLOSED_FORM,
-    TURNING,
+    TURNING_SIZE,
     finish_step,
     first_attitude,
     is_driven,
@@ -13,11 +13,11 @@ from ..body.closed_form import (
     time_after,
     turning_at,
 )
-from ..body.memory import body_of, is_as_planned, needs_attitude, rotation_of
+from ..body.memory import body_of, needs_attitude, rotation_of, skips_model_checks
 from ..body.principal import rates_along, rounded
 from ..body.shell import entry_functions, output_rates, outputs
 from ..body.symmetry import exact_symmetric_frame
-from ..buffer import NOT_REACHED, places
+from ..buffer import STEP_REJECTED, places
 from ..buffer_access import put_vec3_at, vec3_at
 from ..compile.decorator import kernel
 from ..exact.uniform_rotation import symmetric_turnings, turned
@@ -27,7 +27,7 @@ from ..rotations.quaternion import compose_quaternions, invert_quaternion, rotat
 
 __all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
 
-BLOCKS, SIZE = places(CLOSED_FORM | {"omega_0": 3, "about_momentum": TURNING, "about_axis": TURNING})
+BLOCKS, SIZE = places(CLOSED_FORM | {"omega_0": 3, "about_momentum": TURNING_SIZE, "about_axis": TURNING_SIZE})
 
 _OMEGA_0, _ABOUT_MOMENTUM, _ABOUT_AXIS = (BLOCKS[n].start for n in ("omega_0", "about_momentum", "about_axis"))
 _TORQUE, _NOT_SYMMETRIC = 11, 16
@@ -37,7 +37,7 @@ _TORQUE, _NOT_SYMMETRIC = 11, 16
 @kernel
 def _set_up(z: Any) -> int:
     omega, body = rotation_of(z)[1], body_of(z)
-    if not is_as_planned(z):
+    if not skips_model_checks(z):
         if is_driven(z):
             return _TORQUE
         if not is_symmetric_top(body.inertia):
@@ -54,9 +54,9 @@ def _set_up(z: Any) -> int:
 
 @kernel
 def _advance(z: Any, h: float) -> int:
-    """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite or an input makes a torque."""
-    if is_driven(z) and not is_as_planned(z):
-        return NOT_REACHED
+    """Advance by h; STEP_REJECTED (and nothing changed) where the motion is not finite or an input makes a torque."""
+    if is_driven(z) and not skips_model_checks(z):
+        return STEP_REJECTED
     t = time_after(z, h)
     q, back = first_attitude(z), turned(turning_at(z, _ABOUT_AXIS), t)
     if needs_attitude(z):

@@ -3,11 +3,11 @@
 from typing import Any
 
 from ..body.closed_form import CLOSED_FORM, finish_step, is_driven, start_clocks, time_after
-from ..body.memory import is_as_planned, needs_attitude, put_rotation, rotation_of, shows_rates
+from ..body.memory import needs_attitude, put_rotation, rotation_of, shows_rates, skips_model_checks
 from ..body.outputs import output_rates as body_output_rates
 from ..body.principal import exact_frame, rates_along, rounded
 from ..body.shell import entry_functions, outputs
-from ..buffer import FINE, NOT_REACHED, places
+from ..buffer import OK, STEP_REJECTED, places
 from ..buffer_access import matrix_at, put_matrix_at, put_quaternion_at, quaternion_at
 from ..compile.decorator import kernel
 from ..exact.free_rotation import (
@@ -40,7 +40,7 @@ _TORQUE = 11
 
 @kernel
 def _set_up(z: Any) -> int:
-    if is_driven(z) and not is_as_planned(z):
+    if is_driven(z) and not skips_model_checks(z):
         return _TORQUE
     set_up_rotation(z)
     return 0
@@ -63,15 +63,15 @@ def set_up_rotation(z: Any) -> None:
 
 @kernel
 def _advance(z: Any, h: float) -> int:
-    """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite or an input makes a torque."""
-    if is_driven(z) and not is_as_planned(z):
-        return NOT_REACHED
+    """Advance by h; STEP_REJECTED (and nothing changed) where the motion is not finite or an input makes a torque."""
+    if is_driven(z) and not skips_model_checks(z):
+        return STEP_REJECTED
     motion = free_motion_of(z)
     t = scaled_time(motion, time_after(z, h))
     place = place_at(motion, t)
     q = free_attitude_at(motion, t, place) if needs_attitude(z) else rotation_of(z)[0]
     status = finish_step(z, h, q, shown_rates(z, place))
-    if status == FINE:
+    if status == OK:
         keep_place(z, place)
     return status
 

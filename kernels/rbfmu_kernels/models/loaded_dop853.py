@@ -7,7 +7,7 @@
 from typing import Any
 
 from ..body.driven import DRIVEN, STEP_SIZE, finish, integrated, keep, load_polynomial_of
-from ..body.memory import STATE, body_of, loads_of
+from ..body.memory import STATE_START, body_of, loads_of
 from ..body.shell import entry_functions, output_rates, outputs
 from ..buffer import places
 from ..compile.decorator import kernel
@@ -25,20 +25,20 @@ _TOLERANCE, _SPAN, _SUBSTEP, _WORK = (BLOCKS[n].start for n in ("tolerance", "sp
 
 @kernel
 def _set_up(z: Any) -> int:
-    z[STEP_SIZE] = first_step(z, STATE, body_of(z), loads_of(z))
+    z[STEP_SIZE] = first_step(z, STATE_START, body_of(z), loads_of(z))
     return 0
 
 
 @kernel
 def _advance(z: Any, h: float) -> int:
-    """Advance by h; NOT_REACHED (and nothing changed) where the motion cannot be followed."""
+    """Advance by h; STEP_REJECTED (and nothing changed) where the motion cannot be followed."""
     keep(z)
     body, loads = body_of(z), load_polynomial_of(z)
     n = max(ROTATION, integrated(z, body, loads))
     if z[_TOLERANCE] > 0.0:
-        status = dop853_advance(z, STATE, _WORK, STEP_SIZE, n, h, z[_TOLERANCE], z[_SPAN], body, loads)
+        status = dop853_advance(z, STATE_START, _WORK, STEP_SIZE, n, h, z[_TOLERANCE], z[_SPAN], body, loads)
     else:
-        status = dop853_march(z, STATE, _WORK, n, h, z[_SUBSTEP], body, loads)
+        status = dop853_march(z, STATE_START, _WORK, n, h, z[_SUBSTEP], body, loads)
     return finish(z, n, h, status, body, loads)
 
 

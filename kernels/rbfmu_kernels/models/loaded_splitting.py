@@ -8,7 +8,7 @@ from typing import Any
 
 from ..body.memory import COMMON, body_of, has_unknown_load, loads_of, motion_of, put_motion, substep_of
 from ..body.shell import entry_functions, output_rates, outputs
-from ..buffer import NOT_REACHED, places
+from ..buffer import STEP_REJECTED, places
 from ..compile.decorator import kernel
 from ..integrators.splitting import is_symmetric_top, resonant_step, rkn4_steps, rkn6_steps, strang_steps
 from ..integrators.substeps import substeps_in
@@ -35,10 +35,10 @@ def _set_up(z: Any) -> int:
 
 @kernel
 def _advance(z: Any, h: float) -> int:
-    """Advance by h with the inputs held; NOT_REACHED (and nothing changed) where the result is not finite."""
+    """Advance by h with the inputs held; STEP_REJECTED (and nothing changed) where the result is not finite."""
     n = substeps_in(h, substep_of(z))
     if n == 0:
-        return NOT_REACHED
+        return STEP_REJECTED
     part = h / n
     body, loads, motion, order = body_of(z), loads_of(z), motion_of(z), z[_ORDER]
     if order == 2.0:
@@ -49,7 +49,7 @@ def _advance(z: Any, h: float) -> int:
         motion = rkn6_steps(motion, part, n, body, loads)
     r, v, q, w = motion
     if not math.isfinite(dot(r, r) + dot(v, v) + dot(w, w) + q[0] + q[1] + q[2] + q[3]):
-        return NOT_REACHED
+        return STEP_REJECTED
     put_motion(z, motion)
     return outputs(z)
 

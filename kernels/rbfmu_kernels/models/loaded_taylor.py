@@ -7,7 +7,7 @@ Inputs may change within a step: see `body.driven`.
 from typing import Any
 
 from ..body.driven import DRIVEN, STEP_SIZE, finish, integrated, keep, load_polynomial_of
-from ..body.memory import STATE, body_of
+from ..body.memory import STATE_START, body_of
 from ..body.shell import entry_functions, output_rates, outputs
 from ..buffer import places
 from ..compile.decorator import kernel
@@ -32,11 +32,13 @@ def _set_up(z: Any) -> int:
 
 @kernel
 def _advance(z: Any, h: float) -> int:
-    """Advance by h; NOT_REACHED (and nothing changed) where the motion cannot be followed."""
+    """Advance by h; STEP_REJECTED (and nothing changed) where the motion cannot be followed."""
     keep(z)
     body, loads = body_of(z), load_polynomial_of(z)
     n = integrated(z, body, loads)
-    status = taylor_advance(z, STATE, _WORK, STEP_SIZE, n, int(z[_ORDER]), h, z[_TOLERANCE], z[_SPAN], body, loads)
+    status = taylor_advance(
+        z, STATE_START, _WORK, STEP_SIZE, n, int(z[_ORDER]), h, z[_TOLERANCE], z[_SPAN], body, loads
+    )
     return finish(z, n, h, status, body, loads)
 
 

@@ -5,16 +5,16 @@ from typing import Any
 from ..body.closed_form import CLOSED_FORM, finish_step, has_torque, start_clocks
 from ..body.memory import (
     body_of,
-    is_as_planned,
     loads_of,
     needs_attitude,
     needs_rate,
     needs_translation,
     rotation_of,
     shows_loads,
+    skips_model_checks,
 )
 from ..body.shell import entry_functions, output_rates, outputs
-from ..buffer import FINE, places
+from ..buffer import OK, places
 from ..compile.decorator import kernel
 from ..mechanics.equations_of_motion import angular_acceleration
 from ..rotations.vec3 import is_nonzero
@@ -29,7 +29,7 @@ _TURNS = 14
 
 @kernel
 def _set_up(z: Any) -> int:
-    if needs_rate(z) and not is_as_planned(z) and _begins_to_turn(z):
+    if needs_rate(z) and not skips_model_checks(z) and _begins_to_turn(z):
         return _TURNS
     start_clocks(z)
     return 0
@@ -37,9 +37,9 @@ def _set_up(z: Any) -> int:
 
 @kernel
 def _advance(z: Any, h: float) -> int:
-    """Advance by h with the inputs held; NOT_REACHED (and nothing changed) where the result is not finite."""
+    """Advance by h with the inputs held; STEP_REJECTED (and nothing changed) where the result is not finite."""
     if not needs_translation(z):
-        return outputs(z) if shows_loads(z) else FINE
+        return outputs(z) if shows_loads(z) else OK
     q, omega = rotation_of(z)
     return finish_step(z, h, q, omega)
 

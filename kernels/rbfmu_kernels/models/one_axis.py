@@ -3,8 +3,8 @@
 from typing import Any
 
 from ..body.closed_form import CLOSED_FORM, finish_step, first_attitude, start_clocks, time_after
-from ..body.fixed_axis import leaves_axis, main_axis, pull_and_decay, swing
-from ..body.memory import body_of, is_as_planned, loads_of, needs_attitude, rotation_of
+from ..body.fixed_axis import drive_and_damping_rate, leaves_axis, main_axis, swing
+from ..body.memory import body_of, loads_of, needs_attitude, rotation_of, skips_model_checks
 from ..body.shell import entry_functions, output_rates, outputs
 from ..buffer import places
 from ..buffer_access import put_vec3_at, vec3_at
@@ -16,9 +16,9 @@ from ..rotations.vec3 import dot, scale
 
 __all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
 
-BLOCKS, SIZE = places(CLOSED_FORM | {"axis": 3, "rate": 1, "pull": 1, "decay": 1})
+BLOCKS, SIZE = places(CLOSED_FORM | {"axis": 3, "rate": 1, "drive": 1, "damping_rate": 1})
 
-_AXIS, _RATE, _PULL, _DECAY = (BLOCKS[n].start for n in ("axis", "rate", "pull", "decay"))
+_AXIS, _RATE, _DRIVE, _DAMPING_RATE = (BLOCKS[n].start for n in ("axis", "rate", "drive", "damping_rate"))
 _MORE_AXES = 17
 """Key of `buffer.FAULTS`."""
 
@@ -28,23 +28,25 @@ def _set_up(z: Any) -> int:
     (q, omega), body, loads = rotation_of(z), body_of(z), loads_of(z)
     axis = main_axis(q, omega, body, loads)
     cosine, sine = swing(z, axis)
-    if not is_as_planned(z) and (cosine[0] != 0.0 or sine[0] != 0.0 or leaves_axis(z, axis, q, omega, body, loads)):
+    if not skips_model_checks(z) and (
+        cosine[0] != 0.0 or sine[0] != 0.0 or leaves_axis(z, axis, q, omega, body, loads)
+    ):
         return _MORE_AXES
     put_vec3_at(z, _AXIS, axis)
     z[_RATE] = dot(axis, omega)
-    pull, z[_DECAY] = pull_and_decay(z, axis, q, body, loads)
-    z[_PULL] = pull + cosine[0]
+    drive, z[_DAMPING_RATE] = drive_and_damping_rate(z, axis, q, body, loads)
+    z[_DRIVE] = drive + cosine[0]
     start_clocks(z)
     return 0
 
 
 @kernel
 def _advance(z: Any, h: float) -> int:
-    """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite."""
+    """Advance by h; STEP_REJECTED (and nothing changed) where the motion is not finite."""
     high, low = time_after(z, h)
     t = high + low
     axis, q = vec3_at(z, _AXIS), first_attitude(z)
-    angle, rate = relaxed(z[_RATE], z[_PULL], z[_DECAY], t)
+    angle, rate = relaxed(z[_RATE], z[_DRIVE], z[_DAMPING_RATE], t)
     if needs_attitude(z):
         q = compose_quaternions(q, quaternion_from_axis_angle(axis, angle))
     return finish_step(z, h, q, scale(rate, axis))

@@ -4,10 +4,10 @@ import math
 from typing import Any
 
 from ..body.closed_form import CLOSED_FORM, finish_step, first_attitude, start_clocks
-from ..body.fixed_axis import leaves_axis, main_axis, pull_and_decay, swing
-from ..body.memory import body_of, is_as_planned, loads_of, rotation_of
+from ..body.fixed_axis import drive_and_damping_rate, leaves_axis, main_axis, swing
+from ..body.memory import body_of, loads_of, rotation_of, skips_model_checks
 from ..body.shell import entry_functions, output_rates, outputs
-from ..buffer import FINE, MOST_SUBSTEPS, NOT_REACHED, places
+from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED, places
 from ..buffer_access import pair_at, put_pair_at, put_vec3_at, vec3_at
 from ..compile.decorator import kernel
 from ..integrators.dop853 import LONGEST_STEP
@@ -24,12 +24,12 @@ ORDERS = (4, 8, 16)
 _ROWS = ORDERS[-1] + 1
 BLOCKS, SIZE = places(
     CLOSED_FORM
-    | {"order": 1, "substeps": 1, "axis": 3, "angle": 1, "pull": 1, "decay": 1, "swing": 2}
+    | {"order": 1, "substeps": 1, "axis": 3, "angle": 1, "drive": 1, "damping_rate": 1, "swing": 2}
     | {"series": 3 * _ROWS}
 )
 
-_AXIS, _ANGLE, _PULL, _DECAY, _SWING, _SERIES = (
-    BLOCKS[n].start for n in ("axis", "angle", "pull", "decay", "swing", "series")
+_AXIS, _ANGLE, _DRIVE, _DAMPING_RATE, _SWING, _SERIES = (
+    BLOCKS[n].start for n in ("axis", "angle", "drive", "damping_rate", "swing", "series")
 )
 _TOLERANCE, _ORDER, _SUBSTEPS = (BLOCKS[n].start for n in ("tolerance", "order", "substeps"))
 _RATES, _SINES, _COSINES = _SERIES, _SERIES + _ROWS, _SERIES + 2 * _ROWS
@@ -41,20 +41,20 @@ _MORE_AXES = 17
 def _set_up(z: Any) -> int:
     (q, omega), body, loads = rotation_of(z), body_of(z), loads_of(z)
     axis = main_axis(q, omega, body, loads)
-    if not is_as_planned(z) and leaves_axis(z, axis, q, omega, body, loads):
+    if not skips_model_checks(z) and leaves_axis(z, axis, q, omega, body, loads):
         return _MORE_AXES
     cosine, sine = swing(z, axis)
     put_vec3_at(z, _AXIS, axis)
     z[_ANGLE] = z[_SUBSTEPS] = 0.0
     put_pair_at(z, _SWING, (cosine[0], sine[0]))
-    z[_PULL], z[_DECAY] = pull_and_decay(z, axis, q, body, loads)
+    z[_DRIVE], z[_DAMPING_RATE] = drive_and_damping_rate(z, axis, q, body, loads)
     start_clocks(z)
     return 0
 
 
 @kernel
 def _advance(z: Any, h: float) -> int:
-    """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite or needs too many substeps."""
+    """Advance by h; STEP_REJECTED (and nothing changed) where the motion is not finite or needs too many substeps."""
     axis, angle = vec3_at(z, _AXIS), z[_ANGLE]
     rate = dot(axis, rotation_of(z)[1])
     rest, steps, order = h, 0, int(z[_ORDER])
@@ -67,14 +67,14 @@ def _advance(z: Any, h: float) -> int:
         else:
             longest = _expand(z, angle, rate, 16)
         count = substeps_in(rest, longest)
-        if count == 0 or steps >= MOST_SUBSTEPS:
-            return NOT_REACHED
+        if count == 0 or steps >= MAX_SUBSTEPS:
+            return STEP_REJECTED
         part = rest / count
         angle, rate = _angle_after(z, angle, part, order), _rate_after(z, part, order)
         rest = 0.0 if count == 1 else rest - part
     q = compose_quaternions(first_attitude(z), quaternion_from_axis_angle(axis, angle))
     status = finish_step(z, h, q, scale(rate, axis))
-    if status == FINE:
+    if status == OK:
         z[_ANGLE] = angle
         z[_SUBSTEPS] += steps
     return status
@@ -86,7 +86,7 @@ def _expand(z: Any, angle: float, rate: float, order: int) -> float:
 
     order: a literal, so that the loops unroll.
     """
-    pull, decay, (cosine, sine) = z[_PULL], z[_DECAY], pair_at(z, _SWING)
+    drive, damping_rate, (cosine, sine) = z[_DRIVE], z[_DAMPING_RATE], pair_at(z, _SWING)
     z[_RATES] = rate
     z[_SINES], z[_COSINES] = sincos(angle)
     for k in range(order):
@@ -94,9 +94,9 @@ def _expand(z: Any, angle: float, rate: float, order: int) -> float:
         for j in range(k + 1):
             d_sine += z[_RATES + j] * z[_COSINES + k - j]
             d_cosine -= z[_RATES + j] * z[_SINES + k - j]
-        torque = cosine * z[_COSINES + k] + sine * z[_SINES + k] - decay * z[_RATES + k]
+        torque = cosine * z[_COSINES + k] + sine * z[_SINES + k] - damping_rate * z[_RATES + k]
         share = 1.0 / (k + 1.0)
-        z[_RATES + k + 1] = share * (torque + (pull if k == 0 else 0.0))
+        z[_RATES + k + 1] = share * (torque + (drive if k == 0 else 0.0))
         z[_SINES + k + 1], z[_COSINES + k + 1] = share * d_sine, share * d_cosine
     return _longest_step(z, rate, order)
 

@@ -6,8 +6,8 @@ Damping or another torque: `one_axis_taylor`.
 from typing import Any
 
 from ..body.closed_form import CLOSED_FORM, finish_step, start_clocks, time_after
-from ..body.fixed_axis import leaves_axis, main_axis, pull_and_decay, swing
-from ..body.memory import body_of, is_as_planned, loads_of, rotation_of
+from ..body.fixed_axis import drive_and_damping_rate, leaves_axis, main_axis, swing
+from ..body.memory import body_of, loads_of, rotation_of, skips_model_checks
 from ..body.shell import entry_functions, output_rates, outputs
 from ..buffer import places
 from ..buffer_access import put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
@@ -38,11 +38,11 @@ _MORE_AXES, _DRIVEN = 17, 18
 def _set_up(z: Any) -> int:
     (q, omega), body, loads = rotation_of(z), body_of(z), loads_of(z)
     axis = main_axis(q, omega, body, loads)
-    if not is_as_planned(z):
+    if not skips_model_checks(z):
         if leaves_axis(z, axis, q, omega, body, loads):
             return _MORE_AXES
-        pull, decay = pull_and_decay(z, axis, q, body, loads)
-        if pull != 0.0 or decay != 0.0:
+        drive, damping_rate = drive_and_damping_rate(z, axis, q, body, loads)
+        if drive != 0.0 or damping_rate != 0.0:
             return _DRIVEN
     sine, cosine = half_angle_rates(*swing(z, axis))
     s, c = sincos_of_half_angle(sine, cosine)
@@ -55,7 +55,7 @@ def _set_up(z: Any) -> int:
 
 @kernel
 def _advance(z: Any, h: float) -> int:
-    """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite."""
+    """Advance by h; STEP_REJECTED (and nothing changed) where the motion is not finite."""
     axis = vec3_at(z, _AXIS)
     motion = read_pendulum(z[_PENDULUM : _PENDULUM + PENDULUM_SIZE])
     s, c, rate = pendulum_at(motion, time_after(z, h))

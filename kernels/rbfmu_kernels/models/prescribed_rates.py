@@ -8,9 +8,9 @@ import math
 from typing import Any
 
 from .. import quantities
-from ..body.closed_form import TURNING, put_turning_at, turning_at
+from ..body.closed_form import TURNING_SIZE, put_turning_at, turning_at
 from ..body.shell import step_function
-from ..buffer import FINE, MOST_SUBSTEPS, NOT_REACHED, places
+from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED, places
 from ..buffer_access import pair_at, put_pair_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..exact.uniform_rotation import Turning, turned, turning_about
@@ -25,7 +25,7 @@ PARAMETERS = {"quaternion_0": 4}
 OUTPUTS = {row.name: row.size for row in quantities.OUTPUTS if row.kinematic}
 OUTPUT_RATES = {f"d_{name}": size for name, size in OUTPUTS.items()}
 RATES = {f"{name}_{order}": size for order in ("rate", "rate_2") for name, size in INPUTS.items()}
-MEMORY = {"anchor": 4, "held": 3, "elapsed": 2, "turning": TURNING}
+MEMORY = {"anchor": 4, "omega_anchor": 3, "elapsed": 2, "turning": TURNING_SIZE}
 """Attitude when the rates changed, those rates, the time since then, their turning."""
 BLOCKS, SIZE = places(INPUTS | PARAMETERS | OUTPUTS | OUTPUT_RATES | RATES | MEMORY)  # the quaternion is the state
 
@@ -37,7 +37,7 @@ _OMEGA, _Q_0, _Q, _RPY, _OMEGA_A = (
 )
 _D_Q, _D_RPY, _D_OMEGA_A = (BLOCKS[n].start for n in ("d_quaternion", "d_rpy", "d_omega_a"))
 _RATES, _RATES_2 = BLOCKS["omega_b_rate"].start, BLOCKS["omega_b_rate_2"].start
-_ANCHOR, _HELD, _ELAPSED, _TURNING = (BLOCKS[n].start for n in MEMORY)
+_ANCHOR, _OMEGA_ANCHOR, _ELAPSED, _TURNING = (BLOCKS[n].start for n in MEMORY)
 _AT_REST = (0.0, 0.0, 0.0)
 _ORDER = 16
 """Of the series, for turns of at most a radian: the remainder is 2^-17 / 17! = 2e-20."""
@@ -57,7 +57,7 @@ def initialize(z: Any) -> int:
 
 @kernel
 def _advance(z: Any, h: float) -> int:
-    """Turn by h omega_b; NOT_REACHED (and nothing changed) where the result is not finite or a turn has no digits left.
+    """Turn by h omega_b; STEP_REJECTED (and nothing changed) where the result is not finite or an angle has no digits.
 
     While the rates stay as they are the attitude is that of the time since they changed: no error piles up, none grows
     with the angle. Each change of the rates leaves up to 3 eps.
@@ -66,15 +66,15 @@ def _advance(z: Any, h: float) -> int:
     slope, bend = vec3_at(z, _RATES), vec3_at(z, _RATES_2)
     if is_nonzero(slope) or is_nonzero(bend):
         return _changing_step(z, h, omega, slope, bend)
-    held = omega == vec3_at(z, _HELD)
-    high, rest = pair_at(z, _ELAPSED) if held else (0.0, 0.0)
+    steady = omega == vec3_at(z, _OMEGA_ANCHOR)
+    high, rest = pair_at(z, _ELAPSED) if steady else (0.0, 0.0)
     t, low = two_sum(high, h)
     low += rest
-    anchor = quaternion_at(z, _ANCHOR if held else _Q)
-    turning = turning_at(z, _TURNING) if held else turning_about(dd_vector(omega))
+    anchor = quaternion_at(z, _ANCHOR if steady else _Q)
+    turning = turning_at(z, _TURNING) if steady else turning_about(dd_vector(omega))
     q = normalize(compose_quaternions(anchor, turned(turning, (t, low))))
     if not (norm(scale(t, omega)) < LARGEST_TURN and math.isfinite(q[0] + q[1] + q[2] + q[3])):
-        return NOT_REACHED
+        return STEP_REJECTED
     _put_anchor(z, anchor, omega, (t, low), turning)
     put_quaternion_at(z, _Q, q)
     return outputs(z)
@@ -84,7 +84,7 @@ def _advance(z: Any, h: float) -> int:
 def _put_anchor(z: Any, anchor: Quaternion, omega: Vec3, elapsed: DoubleDouble, turning: Turning) -> None:
     """Keep the attitude when the rates changed, those rates, the time since then, and their turning."""
     put_quaternion_at(z, _ANCHOR, anchor)
-    put_vec3_at(z, _HELD, omega)
+    put_vec3_at(z, _OMEGA_ANCHOR, omega)
     put_pair_at(z, _ELAPSED, elapsed)
     put_turning_at(z, _TURNING, turning)
 
@@ -93,8 +93,8 @@ def _put_anchor(z: Any, anchor: Quaternion, omega: Vec3, elapsed: DoubleDouble, 
 def _changing_step(z: Any, h: float, omega: Vec3, slope: Vec3, bend: Vec3) -> int:
     """The same for rates that change; their last value is then the input."""
     turn = h * (norm(omega) + h * (norm(slope) + h * norm(bend)))
-    if not turn < MOST_SUBSTEPS:
-        return NOT_REACHED
+    if not turn < MAX_SUBSTEPS:
+        return STEP_REJECTED
     n = max(math.ceil(turn), 1)
     part, q = h / n, quaternion_at(z, _Q)
     for i in range(n):
@@ -104,7 +104,7 @@ def _changing_step(z: Any, h: float, omega: Vec3, slope: Vec3, bend: Vec3) -> in
         )
     omega = _after(omega, slope, bend, h)
     if not math.isfinite(q[0] + q[1] + q[2] + q[3] + omega[0] + omega[1] + omega[2]):
-        return NOT_REACHED
+        return STEP_REJECTED
     put_vec3_at(z, _RATES, _AT_REST)
     put_vec3_at(z, _RATES_2, _AT_REST)
     put_vec3_at(z, _OMEGA, omega)
@@ -141,7 +141,7 @@ def outputs(z: Any) -> int:
     yaw, pitch, roll = euler_from_quaternion(ZYX, q)
     put_vec3_at(z, _RPY, (roll, pitch, yaw))
     put_vec3_at(z, _OMEGA_A, rotate(q, vec3_at(z, _OMEGA)))
-    return FINE
+    return OK
 
 
 @kernel(inline=False)
@@ -153,7 +153,7 @@ def output_rates(z: Any) -> int:
     put_quaternion_at(z, _D_Q, quaternion_rate_b(q, omega))
     put_vec3_at(z, _D_RPY, (d_roll, d_pitch, d_yaw))
     put_vec3_at(z, _D_OMEGA_A, rotate(q, slope))
-    return FINE
+    return OK
 
 
 step = step_function(__name__, _advance)

@@ -7,8 +7,8 @@ and fades. The attitude has no such form. Whittaker, Analytical Dynamics, 4th ed
 from typing import Any
 
 from ..body.closed_form import CLOSED_FORM, finish_step, start_clocks, time_after
-from ..body.fixed_axis import pull_and_decay
-from ..body.memory import body_of, has_unknown_load, is_as_planned, loads_of, needs_attitude, rotation_of
+from ..body.fixed_axis import drive_and_damping_rate
+from ..body.memory import body_of, has_unknown_load, loads_of, needs_attitude, rotation_of, skips_model_checks
 from ..body.shell import entry_functions, output_rates, outputs
 from ..body.symmetry import symmetric_frame
 from ..buffer import places
@@ -25,10 +25,12 @@ from ..types import Matrix, Quaternion
 
 __all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
 
-BLOCKS, SIZE = places(CLOSED_FORM | {"axes": 9, "rates": 3, "pull": 1, "decay": 1, "fading": 1, "ratio": 1})
+BLOCKS, SIZE = places(
+    CLOSED_FORM | {"axes": 9, "rates": 3, "drive": 1, "damping_rate": 1, "damping_rate_across": 1, "ratio": 1}
+)
 
-_AXES, _RATES, _PULL, _DECAY, _FADING, _RATIO = (
-    BLOCKS[n].start for n in ("axes", "rates", "pull", "decay", "fading", "ratio")
+_AXES, _RATES, _DRIVE, _DAMPING_RATE, _DAMPING_RATE_ACROSS, _RATIO = (
+    BLOCKS[n].start for n in ("axes", "rates", "drive", "damping_rate", "damping_rate_across", "ratio")
 )
 _ASTRAY = 19
 """Key of `buffer.FAULTS`."""
@@ -38,12 +40,12 @@ _ASTRAY = 19
 def _set_up(z: Any) -> int:
     (q, omega), body, loads = rotation_of(z), body_of(z), loads_of(z)
     across, own, axes = symmetric_frame(body.inertia)
-    if not is_as_planned(z) and (needs_attitude(z) or has_unknown_load(z) or _leads_astray(q, axes, body, loads)):
+    if not skips_model_checks(z) and (needs_attitude(z) or has_unknown_load(z) or _leads_astray(q, axes, body, loads)):
         return _ASTRAY
     put_matrix_at(z, _AXES, axes)
     put_vec3_at(z, _RATES, transform(axes, omega))
-    z[_PULL], z[_DECAY] = pull_and_decay(z, axes[2], q, body, loads)
-    _, z[_FADING] = pull_and_decay(z, axes[0], q, body, loads)
+    z[_DRIVE], z[_DAMPING_RATE] = drive_and_damping_rate(z, axes[2], q, body, loads)
+    _, z[_DAMPING_RATE_ACROSS] = drive_and_damping_rate(z, axes[0], q, body, loads)
     z[_RATIO] = (own - across) / across
     start_clocks(z)
     return 0
@@ -51,12 +53,12 @@ def _set_up(z: Any) -> int:
 
 @kernel
 def _advance(z: Any, h: float) -> int:
-    """Advance by h; NOT_REACHED (and nothing changed) where the motion is not finite."""
+    """Advance by h; STEP_REJECTED (and nothing changed) where the motion is not finite."""
     high, low = time_after(z, h)
     t = high + low
     w_t, w_u, w_s = vec3_at(z, _RATES)
-    angle, rate = relaxed(w_s, z[_PULL], z[_DECAY], t)
-    _, left = relaxed(1.0, 0.0, z[_FADING], t)
+    angle, rate = relaxed(w_s, z[_DRIVE], z[_DAMPING_RATE], t)
+    _, left = relaxed(1.0, 0.0, z[_DAMPING_RATE_ACROSS], t)
     s, c = sincos(z[_RATIO] * angle)
     rates = (left * (c * w_t - s * w_u), left * (s * w_t + c * w_u), rate)
     return finish_step(z, h, rotation_of(z)[0], transform(invert_matrix(matrix_at(z, _AXES)), rates))

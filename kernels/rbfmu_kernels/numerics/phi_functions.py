@@ -32,8 +32,8 @@ def relaxation(x: float) -> tuple[float, float]:
 
 
 @kernel
-def relaxed(rate: float, pull: float, decay: float, t: float) -> tuple[float, float]:
-    """(angle turned, rate) after the time t of a rate that follows d rate / dt = pull - decay rate; decay >= 0."""
-    first, second = relaxation(decay * t)
-    gained = pull * t
-    return (rate * first + gained * second) * t, rate + (gained - decay * rate * t) * first
+def relaxed(rate: float, drive: float, damping_rate: float, t: float) -> tuple[float, float]:
+    """Return (angle turned, rate) after the time t, where rate' = drive - damping_rate rate, damping_rate >= 0."""
+    first, second = relaxation(damping_rate * t)
+    gained = drive * t
+    return (rate * first + gained * second) * t, rate + (gained - damping_rate * rate * t) * first

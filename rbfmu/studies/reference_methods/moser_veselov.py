@@ -13,7 +13,7 @@ from rbfmu_kernels.rotations.quaternion import compose_quaternions, normalize
 from rbfmu_kernels.rotations.vec3 import dot
 from rbfmu_kernels.types import Vec3
 
-MOST_ROUNDS = 10_000  # near its last solution the iteration is slow
+MAX_ROUNDS = 10_000  # near its last solution the iteration is slow
 
 
 @kernel(inline=False)
@@ -28,7 +28,7 @@ def _steps(state: State, h: float, n: int, moments: Vec3, inverse: Vec3) -> Stat
         a = (0.5 * h * m[0] * inverse[0], 0.5 * h * m[1] * inverse[1], 0.5 * h * m[2] * inverse[2])
         x, y, z = a
         change, rounds = 1.0, 0
-        while change > 1e-16 and rounds < MOST_ROUNDS:
+        while change > 1e-16 and rounds < MAX_ROUNDS:
             s = 1.0 + (x * x + y * y + z * z)
             x1 = s * a[0] + f[0] * y * z
             y1 = s * a[1] + f[1] * x1 * z

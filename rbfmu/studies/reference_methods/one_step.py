@@ -54,7 +54,7 @@ class VectorState(NamedTuple):
 
 NONE: Vec3 = (0.0, 0.0, 0.0)
 NO_TURN: Quaternion = (1.0, 0.0, 0.0, 0.0)
-MOST_ROUNDS = 100
+MAX_ROUNDS = 100
 
 
 # Quaternions
@@ -125,10 +125,10 @@ def _difference(a: State, b: State) -> float:
 
 @kernel(inline=False)
 def midpoint(state: State, h: float, body: Body, loads: Loads) -> tuple[State, float]:
-    """(y, rounds) of y = state + h / 2 f(y) by fixed-point iteration; rounds = MOST_ROUNDS where it does not settle."""
+    """(y, rounds) of y = state + h / 2 f(y) by fixed-point iteration; rounds = MAX_ROUNDS where it does not settle."""
     middle, change, rounds, omega = state, 1.0, 0.0, state.omega_b
     size = 1.0 + abs(omega[0]) + abs(omega[1]) + abs(omega[2])
-    while change > 1e-15 * size and rounds < MOST_ROUNDS:
+    while change > 1e-15 * size and rounds < MAX_ROUNDS:
         after = advance(state, 0.5 * h, state_rates(middle, body, loads))
         change = _difference(middle, after)
         middle = after
@@ -140,7 +140,7 @@ def midpoint(state: State, h: float, body: Body, loads: Loads) -> tuple[State, f
 def implicit_midpoint_step(state: State, h: float, body: Body, loads: Loads) -> State:
     """Y + h f((y + y_next) / 2): keeps |q|, energy and |h| of a free body; not finite where the iteration fails."""
     middle, rounds = midpoint(state, h, body, loads)
-    settled = h if rounds < MOST_ROUNDS else h * float("inf")
+    settled = h if rounds < MAX_ROUNDS else h * float("inf")
     return advance(state, settled, state_rates(middle, body, loads))
 
 

@@ -26,7 +26,7 @@ LARGEST_ERROR = 1.0
 
 TIME_LIMIT = 0.3
 """s of the processor that a run may take: where a method's finer settings would take more, it is stopped."""
-MOST_IDLE = 5
+MAX_IDLE = 5
 """Finer settings in a row that bring nothing, after which a method has given all."""
 
 
@@ -200,7 +200,7 @@ def explored(what: Extent, case: Case, method: Method, first_calls: dict[str, fl
         if 1.5 * seconds > what.longest and not case.long:
             why = STOPPED
             break
-        if idle >= MOST_IDLE and least < 1e-2:
+        if idle >= MAX_IDLE and least < 1e-2:
             why = "no more digits"
             break
     best = min((tried.point.attitude_error for tried in found), default=math.inf)

@@ -15,7 +15,7 @@ from rbfmu.studies.work_precision.methods import Method, NotFeasibleError, Run, 
 from rbfmu_kernels.body.memory import body_of, loads_of
 from rbfmu_kernels.mechanics.equations_of_motion import State, state_rates
 
-MOST_STEPS = 10**6
+MAX_STEPS = 10**6
 """Between two outputs; the solvers' own limits end long before."""
 
 
@@ -121,10 +121,10 @@ class Odeint(_Solver):
         y, times, more = start_of(case), times_of(case), (case.buffer,)
 
         def once() -> Any:
-            return odeint(_rates, y, times, more, rtol=value, atol=value, mxstep=MOST_STEPS, tfirst=True)
+            return odeint(_rates, y, times, more, rtol=value, atol=value, mxstep=MAX_STEPS, tfirst=True)
 
         rows, told = odeint(
-            _rates, y, times, more, full_output=True, rtol=value, atol=value, mxstep=MOST_STEPS, tfirst=True
+            _rates, y, times, more, full_output=True, rtol=value, atol=value, mxstep=MAX_STEPS, tfirst=True
         )
         if told["message"] != "Integration successful.":
             raise NotFeasibleError(told["message"])
@@ -151,7 +151,7 @@ def _solved(method: str) -> Any:
     @njit  # type: ignore[untyped-decorator]
     def solved(address: int, y: Any, times: Any, z: Any, tolerance: float, k: int) -> Any:
         for _ in range(k):
-            rows, success = solve(address, y, times, z, tolerance, tolerance, MOST_STEPS)
+            rows, success = solve(address, y, times, z, tolerance, tolerance, MAX_STEPS)
         return rows, success
 
     return solved

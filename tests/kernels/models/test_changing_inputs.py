@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from rbfmu.runs.model_buffer import filled_buffer, initialize
 from rbfmu.runs.models import Plan
 from rbfmu.scene.scene import Scene
-from rbfmu_kernels.buffer import FINE, NOT_REACHED
+from rbfmu_kernels.buffer import OK, STEP_REJECTED
 from rbfmu_kernels.models import prescribed_rates
 
 EPS = 2.0**-52
@@ -139,7 +139,7 @@ def gragg(f, y, h):
 def test_loads_change_within_a_step_as_their_derivatives_say(method, names):
     inputs = {name: INPUTS[name] for name in names}
     unit = driven(METHODS[method], OFFSET, names).drive(inputs)
-    assert unit.kernels.step(unit.z, 1.0) == FINE
+    assert unit.kernels.step(unit.z, 1.0) == OK
     q, omega, position, velocity = true_motion(OFFSET, inputs, 1.0)
     for name, truth in (("quaternion", q), ("omega_b", omega), ("position", position), ("velocity", velocity)):
         np.testing.assert_allclose(unit[name], truth, atol=2e-13, err_msg=name)
@@ -148,7 +148,7 @@ def test_loads_change_within_a_step_as_their_derivatives_say(method, names):
 @pytest.mark.parametrize("method", METHODS)
 def test_after_the_step_an_input_holds_its_last_value(method):
     unit = driven(METHODS[method], OFFSET, tuple(INPUTS)).drive(INPUTS)
-    assert unit.kernels.step(unit.z, 0.5) == FINE
+    assert unit.kernels.step(unit.z, 0.5) == OK
     for name, (u, u1, u2) in INPUTS.items():
         np.testing.assert_allclose(unit[name], np.array(u) + 0.5 * np.array(u1) + 0.125 * np.array(u2), rtol=4 * EPS)
         assert not unit[f"{name}_rate"].any()
@@ -163,7 +163,7 @@ def test_a_refused_step_leaves_inputs_and_derivatives(method):
         name: unit[name] for name in unit.kernels.BLOCKS if name.startswith(tuple(INPUTS)) or name == "quaternion"
     }
     with np.errstate(all="ignore"):
-        assert unit.kernels.step(unit.z, 1e9) == NOT_REACHED
+        assert unit.kernels.step(unit.z, 1e9) == STEP_REJECTED
     for name, value in before.items():
         np.testing.assert_array_equal(unit[name], value, err_msg=name)
 
@@ -174,7 +174,7 @@ def test_a_pivot_takes_the_forces_however_they_change(method):
     pushed, free = (driven(METHODS[method], body, ("force_a", "force_b")) for _ in range(2))
     pushed.drive({name: INPUTS[name] for name in ("force_a", "force_b")})
     for unit in (pushed, free):
-        assert unit.kernels.step(unit.z, 1.0) == FINE
+        assert unit.kernels.step(unit.z, 1.0) == OK
     for name in ("quaternion", "omega_b", "position", "velocity"):
         np.testing.assert_allclose(pushed[name], free[name], atol=1e-13, err_msg=name)
 
@@ -199,7 +199,7 @@ RATES = {"omega_b": ([0.8, -0.5, 0.3], [0.7, 1.1, -0.6], [-0.9, 0.4, 1.3])}
 
 def test_prescribed_rates_change_within_a_step_as_their_derivatives_say():
     unit = Unit(PRESCRIBED, inputs={"ports": ["omega_b"]}).drive(RATES)
-    assert prescribed_rates.step(unit.z, 2.0) == FINE
+    assert prescribed_rates.step(unit.z, 2.0) == OK
     np.testing.assert_allclose(unit["quaternion"], exact_turn(*RATES["omega_b"], 2.0), atol=8 * EPS)
     end = np.array(RATES["omega_b"][0]) + 2.0 * np.array(RATES["omega_b"][1]) + 2.0 * np.array(RATES["omega_b"][2])
     np.testing.assert_allclose(unit["omega_b"], end, rtol=8 * EPS)
@@ -208,10 +208,10 @@ def test_prescribed_rates_change_within_a_step_as_their_derivatives_say():
 
 def test_prescribed_rates_that_stop_changing_turn_on_exactly():
     unit = Unit(PRESCRIBED, inputs={"ports": ["omega_b"]}).drive(RATES)
-    assert prescribed_rates.step(unit.z, 0.5) == FINE
+    assert prescribed_rates.step(unit.z, 0.5) == OK
     start, omega = Rotation.from_quat(unit["quaternion"], scalar_first=True), unit["omega_b"]
     for _ in range(100):
-        assert prescribed_rates.step(unit.z, 0.01) == FINE
+        assert prescribed_rates.step(unit.z, 0.01) == OK
     end = (start * Rotation.from_rotvec(omega)).as_quat(scalar_first=True)
     np.testing.assert_allclose(unit["quaternion"] * np.sign(unit["quaternion"] @ end), end, atol=4 * EPS)
 
@@ -221,7 +221,7 @@ def test_prescribed_rates_that_lead_nowhere_are_refused(h):
     unit = Unit(PRESCRIBED, inputs={"ports": ["omega_b"]}).drive(RATES)
     before = unit.z.copy()
     with np.errstate(all="ignore"):
-        assert prescribed_rates.step(unit.z, h) == NOT_REACHED
+        assert prescribed_rates.step(unit.z, h) == STEP_REJECTED
     np.testing.assert_array_equal(unit.z, before)
 
 
@@ -242,7 +242,7 @@ def closed_loop(H, degree, span=4.0):
         second = -k * u - d * first
         values = [u, first if degree > 0 else 0.0, second if degree > 1 else 0.0]
         unit.drive({"torque_b": tuple([0.0, 0.0, x] for x in values)})
-        assert unit.kernels.step(unit.z, H) == FINE
+        assert unit.kernels.step(unit.z, H) == OK
     q = unit["quaternion"]
     return 2.0 * math.atan2(q[3], q[0])
 

@@ -11,7 +11,7 @@ from rbfmu.runs.model_buffer import filled_buffer, initialize
 from rbfmu.runs.models import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels import free_rotation
-from rbfmu_kernels.buffer import FINE
+from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.numerics.phi_functions import relaxation
 from tests.support import reference_mp as reference
 
@@ -28,7 +28,7 @@ def run(model, steps, **tables):
     initialize(scene, unit, z)
     rows = []
     for h in steps:
-        assert unit.step(z, h) == FINE
+        assert unit.step(z, h) == OK
         rows.append({n: z[unit.BLOCKS[n]].copy() for n in ("quaternion", "omega_b", "position", "velocity")})
     return {n: np.array([row[n] for row in rows]) for n in rows[0]}, scene
 

@@ -10,10 +10,10 @@ import pytest
 from numba import config
 
 from rbfmu.runs.model_buffer import filled_buffer
-from rbfmu.runs.models import UNITS, Plan
+from rbfmu.runs.models import MODELS, Plan
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.body import shell
-from rbfmu_kernels.buffer import NOT_REACHED
+from rbfmu_kernels.buffer import STEP_REJECTED
 from tests.support.scene_tables import SMALLEST
 
 TWO = ("no_rotation", "constant_rate")
@@ -26,7 +26,7 @@ found = {{}}
 for model in ({", ".join(TWO)}):
     z = np.zeros(model.SIZE)
     values = {{"mass": 1.0, "inertia": [2.0, 2.0, 2.0, 0.0, 0.0, 0.0], "quaternion_0": [1.0, 0.0, 0.0, 0.0]}}
-    values |= {{"omega_b_0": [0.0, 0.0, 3.0], "as_planned": 1.0, "active": active_flags(["quaternion"])}}
+    values |= {{"omega_b_0": [0.0, 0.0, 3.0], "skip_model_checks": 1.0, "active": active_flags(["quaternion"])}}
     for name, value in values.items():
         z[model.BLOCKS[name]] = value
     assert model.initialize(z) == 0 and model.step(z, 0.5) == 0
@@ -53,9 +53,9 @@ def test_a_second_process_finds_each_models_own_functions_in_the_cache(
         assert found[turned][1] == counts
 
 
-@pytest.mark.parametrize("name", UNITS)
+@pytest.mark.parametrize("name", MODELS)
 def test_entry_functions_bear_the_name_of_their_model(name: str) -> None:
-    model = UNITS[name]
+    model = MODELS[name]
     own = model.__name__.rpartition(".")[2]
     assert (model.step.__module__, model.step.__qualname__) == (model.__name__, f"{own}.step")
     assert model.initialize.__module__ == model.__name__
@@ -65,16 +65,16 @@ def test_entry_functions_bear_the_name_of_their_model(name: str) -> None:
 @pytest.mark.parametrize("h", [0.0, -0.1, float("nan")])
 def test_a_step_that_is_not_positive_never_reaches_the_model(h: float) -> None:
     z = filled_buffer(Scene.from_dict(SMALLEST), Plan("no rotation", "", 0, held=("all",)))
-    no_rotation = UNITS["no rotation"]
+    no_rotation = MODELS["no rotation"]
     assert no_rotation.initialize(z) == 0
     before = z.copy()
-    assert no_rotation.step(z, h) == NOT_REACHED
+    assert no_rotation.step(z, h) == STEP_REJECTED
     assert np.array_equal(z, before, equal_nan=True)
 
 
 def test_a_body_that_is_refused_is_not_set_up() -> None:
     z = filled_buffer(Scene.from_dict(SMALLEST), Plan("no rotation", "", 0, held=("all",)))
-    no_rotation = UNITS["no rotation"]
+    no_rotation = MODELS["no rotation"]
     z[no_rotation.BLOCKS["mass"]] = -1.0
     before = z.copy()
     assert no_rotation.initialize(z) == 1

@@ -10,7 +10,7 @@ from rbfmu.runs.model_buffer import filled_buffer, initialize
 from rbfmu.runs.models import Plan
 from rbfmu.scene.scene import QUANTITIES, Scene
 from rbfmu_kernels.body import memory, outputs
-from rbfmu_kernels.buffer import FINE
+from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.models import loaded_dop853, prescribed_rates
 
 LOADS = {
@@ -43,7 +43,7 @@ def test_output_rates_are_the_outputs_differences(name, pivot):
     z = body_at(pivot)
     values = [block(z, name)]
     for k in range(4):
-        assert loaded_dop853.step(z, H) == FINE
+        assert loaded_dop853.step(z, H) == OK
         values.append(block(z, name))
         if k == 1:
             assert outputs.output_rates(z) == 0
@@ -60,7 +60,7 @@ def test_what_nobody_wants_is_not_computed():
     general = Plan("body under loads, by series", "", 13, tolerance=1e-6)
     z = filled_buffer(scene, cheapest_fit(scene, general, Judge(scene)))
     initialize(scene, loaded_dop853, z)
-    assert loaded_dop853.step(z, 0.1) == FINE
+    assert loaded_dop853.step(z, 0.1) == OK
     assert np.any(block(z, "omega_b") != 0.0)
     assert all(np.all(block(z, name) == 0.0) for name in memory.OUTPUTS if name != "omega_b")
 
@@ -80,8 +80,8 @@ def test_output_rates_of_prescribed_rates_are_differences_too(name):
         prescribed_rates.outputs(z)
         values.append(z[prescribed_rates.BLOCKS[name]].copy())
         if k == 2:
-            assert prescribed_rates.output_rates(z) == FINE
+            assert prescribed_rates.output_rates(z) == OK
             rate = z[prescribed_rates.BLOCKS[f"d_{name}"]].copy()
-        assert prescribed_rates.step(z, H) == FINE
+        assert prescribed_rates.step(z, H) == OK
     difference = (values[0] - 8.0 * values[1] + 8.0 * values[3] - values[4]) / (12.0 * H)
     np.testing.assert_allclose(rate, difference, rtol=1e-9, atol=1e-9)

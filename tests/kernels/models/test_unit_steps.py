@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rbfmu.runs.errors import attitude_error
-from rbfmu.runs.models import UNITS, Plan
+from rbfmu.runs.models import MODELS, Plan
 from rbfmu_kernels.buffer import FAULTS, NEGATIVE
 from rbfmu_kernels.quantities import active_flags
 from tests.support.unit_cases import (
@@ -134,45 +134,45 @@ ANY_BODY = [
     (8, {"mass": math.inf}),
     (8, {"inertia": [math.nan, 2.0, 2.5, 0.0, 0.0, 0.0]}),
     (8, {"position_0": [0.0, 0.0, -math.inf]}),
-    (8, {"known_torque_b": [0.0, math.nan, 0.0]}),
+    (8, {"constant_torque_b": [0.0, math.nan, 0.0]}),
     (NEGATIVE, {"damping_b": [0.0, -1e-9, 0.0]}),
 ]
-FAULTY = [(model, *fault) for model in UNITS if model != "prescribed rates" for fault in ANY_BODY]
+FAULTY = [(model, *fault) for model in MODELS if model != "prescribed rates" for fault in ANY_BODY]
 FAULTY += [
     ("torque-free symmetric body", 9, {"omega_b_0": [1e-3, 1.0, 0.0]}),
     ("torque-free body", 8, {"omega_b_0": [1e200, 1e200, 1e200]}),
     ("body under loads", 8, {"omega_b_0": [1e200, 1e200, 1e200]}),
     ("body under loads", 8, {"mass": 1e-310}),
-    ("torque-free body", 11, {"known_torque_a": [0.0, 1e-9, 0.0]}),
+    ("torque-free body", 11, {"constant_torque_a": [0.0, 1e-9, 0.0]}),
     ("torque-free body", 11, {"damping_b": [0.0, 0.0, 1.0]}),
-    ("torque-free body", 11, {"r_oc_b": [1.0, 0.0, 0.0], "known_force_a": [0.0, 1.0, 0.0]}),
+    ("torque-free body", 11, {"r_oc_b": [1.0, 0.0, 0.0], "constant_force_a": [0.0, 1.0, 0.0]}),
     ("torque-free body, pushed", 11, {"damping_b": [0.0, 0.0, 1.0]}),
     ("torque-free body, pushed", 11, {"r_oc_b": [1e-9, 0.0, 0.0]}),
     ("symmetric top", 12, {"inertia": [0.5, 0.6, 0.3, 0.0, 0.0, 0.0]}),
     ("symmetric top", 12, {"damping_b": [0.0, 0.0, 1.0]}),
     ("symmetric top", 13, {"omega_b_0": [0.0, 0.0, 2e4]}),
     ("no rotation", 14, {"omega_b_0": [0.0, 0.0, 1e-9]}),
-    ("no rotation", 14, {"known_torque_b": [0.0, 0.0, 1e-9]}),
+    ("no rotation", 14, {"constant_torque_b": [0.0, 0.0, 1e-9]}),
     ("constant rate", 15, {"omega_b_0": [1.0, 1e-9, 0.0]}),
-    ("constant rate", 15, {"known_torque_b": [1e-9, 0.0, 0.0]}),
-    ("angular momentum", 20, {"known_torque_b": [0.0, 0.0, 1e-9]}),
+    ("constant rate", 15, {"constant_torque_b": [1e-9, 0.0, 0.0]}),
+    ("angular momentum", 20, {"constant_torque_b": [0.0, 0.0, 1e-9]}),
     ("angular momentum", 20, {"damping_b": [0.0, 0.0, 1e-9]}),
     ("angular momentum", 20, {"active": active_flags(["omega_a"])}),
     ("one axis", 17, {"omega_b_0": [1.0, 1e-9, 0.0]}),
-    ("one axis", 17, {"known_torque_b": [1.0, 0.0, 1e-9]}),
-    ("one axis", 17, {"r_oc_b": [0.0, 1.0, 0.0], "known_force_a": [0.0, 1.0, 0.0]}),
+    ("one axis", 17, {"constant_torque_b": [1.0, 0.0, 1e-9]}),
+    ("one axis", 17, {"r_oc_b": [0.0, 1.0, 0.0], "constant_force_a": [0.0, 1.0, 0.0]}),
     ("one axis", 17, {"inertia": [1.0, 2.0, 2.5, 0.1, 0.0, 0.0]}),
     ("undamped pendulum", 17, {"omega_b_0": [0.0, 1.0, 1e-9]}),
     ("undamped pendulum", 17, {"quaternion_0": [0.9, 0.1, 0.4, 0.0], "r_oc_b": [1.0, 0.1, 0.0]}),
     ("undamped pendulum", 18, {"damping_b": [0.0, 1e-9, 0.0]}),
-    ("undamped pendulum", 18, {"known_torque_b": [0.0, 1e-9, 0.0]}),
+    ("undamped pendulum", 18, {"constant_torque_b": [0.0, 1e-9, 0.0]}),
     ("symmetric body spun up", 19, {"inertia": [2.0, 1.0, 2.1, 0.0, 0.0, 0.0]}),
     ("symmetric body spun up", 19, {"damping_b": [0.1, 0.2, 0.11]}),
-    ("symmetric body spun up", 19, {"known_torque_b": [1e-9, 0.3, 0.0]}),
-    ("symmetric body spun up", 19, {"known_torque_a": [0.0, 1e-9, 0.0]}),
+    ("symmetric body spun up", 19, {"constant_torque_b": [1e-9, 0.3, 0.0]}),
+    ("symmetric body spun up", 19, {"constant_torque_a": [0.0, 1e-9, 0.0]}),
     ("one swinging axis", 17, {"omega_b_0": [1.0, 1e-9, 0.0]}),
     ("torque-free symmetric body", 16, {"inertia": [1.0, 2.0, 2.5, 0.0, 0.0, 0.0]}),
-    ("torque-free symmetric body", 11, {"known_torque_b": [0.0, 1.0, 0.0]}),
+    ("torque-free symmetric body", 11, {"constant_torque_b": [0.0, 1.0, 0.0]}),
 ]
 
 
@@ -192,7 +192,7 @@ AT_A_TURN = {
     "body under loads, by series": lambda: made(OFFSET, MOVING, LOADED),
     "prescribed rates": lambda: made(None, {"attitude": TURNED}, inputs={"ports": ["omega_b"]}),
 }
-WITH_ATTITUDE = UNITS.keys() - {"no rotation", "angular momentum", "symmetric body spun up"}
+WITH_ATTITUDE = MODELS.keys() - {"no rotation", "angular momentum", "symmetric body spun up"}
 
 
 @pytest.mark.parametrize("model", sorted(WITH_ATTITUDE))

@@ -7,7 +7,7 @@ import pytest
 
 from rbfmu import Scene, plan
 from rbfmu.runs.model_buffer import filled_buffer, initialize
-from rbfmu_kernels.buffer import FINE
+from rbfmu_kernels.buffer import OK
 
 STEP, MASS, MOMENT = 0.1, 2.0, 1.0
 BODY = {"mass": MASS, "inertia": [MOMENT, 2.0, 2.5]}
@@ -40,7 +40,7 @@ class Running:
     def step(self, **inputs):
         for name, value in inputs.items():
             self[name][0] = value
-        assert self.unit.step(self.z, self.h) == FINE
+        assert self.unit.step(self.z, self.h) == OK
 
     def number(self, pattern):
         found = re.search(pattern.replace("#", NUMBER), self.said)

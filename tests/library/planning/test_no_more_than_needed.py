@@ -12,7 +12,7 @@ from rbfmu.planning.select import plan
 from rbfmu.runs.model_buffer import filled_buffer, initialize
 from rbfmu.runs.models import Plan
 from rbfmu.scene.scene import Scene
-from rbfmu_kernels.buffer import FINE, NOT_REACHED
+from rbfmu_kernels.buffer import OK, STEP_REJECTED
 from rbfmu_kernels.models.free_body_force import _POINTS, _WEIGHTS, ORDERS
 from tests.library.planning.test_smallest_model import error_of
 from tests.support import reference_mp as reference
@@ -96,10 +96,10 @@ def test_a_parabola_under_thrust_gathers_no_round_off():
     unit, z = plan(scene).unit, filled_buffer(scene, plan(scene))
     initialize(scene, unit, z)
     for _ in range(100_000):
-        assert unit.step(z, 2.0**-10) == FINE
+        assert unit.step(z, 2.0**-10) == OK
     once = filled_buffer(scene, plan(scene))
     initialize(scene, unit, once)
-    assert unit.step(once, 100_000 * 2.0**-10) == FINE
+    assert unit.step(once, 100_000 * 2.0**-10) == OK
     for name in ("position", "velocity"):
         np.testing.assert_array_equal(z[unit.BLOCKS[name]], once[unit.BLOCKS[name]])
 
@@ -254,12 +254,12 @@ def test_angular_momentum_follows_a_port():
     h = z[block].copy()
     for _ in range(200):
         z[unit.BLOCKS["torque_a"]] = torque = random.normal(size=3) * random.integers(2)
-        assert unit.step(z, 0.125) == FINE
+        assert unit.step(z, 0.125) == OK
         h += 0.125 * (torque + TORQUE["torque_a"])
     np.testing.assert_allclose(z[block], h, rtol=0.0, atol=200 * EPS * 5.0)
     before = z.copy()
     z[unit.BLOCKS["torque_b"]] = [0.0, 0.0, 1.0]
-    assert unit.step(z, 0.125) == NOT_REACHED
+    assert unit.step(z, 0.125) == STEP_REJECTED
     np.testing.assert_array_equal(z[block], before[block])
 
 
@@ -294,7 +294,7 @@ def ends(scene, found, steps):
     initialize(scene, unit, z)
     rows = []
     for h in steps:
-        assert unit.step(z, h) == FINE
+        assert unit.step(z, h) == OK
         rows.append([z[unit.BLOCKS[name]].copy() for name in STATE])
     return [np.array(column) for column in zip(*rows, strict=True)]
 

@@ -15,7 +15,7 @@ from rbfmu.runs.errors import attitude_error, largest_error, relative_error
 from rbfmu.runs.model_buffer import filled_buffer, initialize
 from rbfmu.runs.models import Plan
 from rbfmu.scene.scene import Scene, SceneError
-from rbfmu_kernels.buffer import FINE
+from rbfmu_kernels.buffer import OK
 from tests.support import reference_mp as reference
 
 EPS = 2.0**-52
@@ -198,7 +198,7 @@ def driven(scene, tolerance=None, seed=1):
     for _ in range(round(scene.run.stop / scene.run.step)):
         for port in scene.inputs.ports:
             z[unit.BLOCKS[port]] = rng.normal(size=3)
-        assert unit.step(z, scene.run.step) == FINE
+        assert unit.step(z, scene.run.step) == OK
         rows.append([z[unit.BLOCKS[name]].copy() for name in names])
     return {name: np.array(column) for name, column in zip(names, zip(*rows, strict=True), strict=True)}
 

@@ -21,7 +21,7 @@ from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.simulation import SimulationError
 from rbfmu_kernels.body.memory import INPUTS, OUTPUTS
-from rbfmu_kernels.buffer import FINE
+from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.quantities import active_flags
 from tests.support import reference_mp as reference
 from tests.support.random_scenes import scenes
@@ -110,7 +110,7 @@ def driven(scene, planned, full=True, shake=0.0, size=1.0):
     for h in np.diff(time_grid(scene.run.start, scene.run.stop, scene.run.step)):
         for port in scene.inputs.ports:
             z[unit.BLOCKS[port]] = size * (size == STRONG or random.integers(2)) * random.normal(size=3)
-        fine = unit.step(z, float(h)) == FINE
+        fine = unit.step(z, float(h)) == OK
         rows.append([z[unit.BLOCKS[name]] + (0.0 if fine else np.nan) for name in names])
     return {name: np.array(column) for name, column in zip(names, zip(*rows, strict=True), strict=True)}, (
         float(z[unit.BLOCKS["substeps"]][0]) / len(rows) if "substeps" in unit.BLOCKS else 1.0

@@ -15,7 +15,7 @@ from rbfmu.runs.models import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu.simulation import simulate
 from rbfmu_kernels.body.principal import exact_frame, keeps_its_rate
-from rbfmu_kernels.buffer import FINE
+from rbfmu_kernels.buffer import OK
 from tests.support import reference_mp as reference
 from tests.support.free_rotation_mp import angle_to, closed_form, relative_distance
 from tests.support.turned_bodies import KINDS, random_body, truth
@@ -38,7 +38,7 @@ def after(scene, model, steps):
     z = filled_buffer(scene, Plan(model, "", 0))
     initialize(scene, unit, z)
     for h in steps:
-        assert unit.step(z, h) == FINE
+        assert unit.step(z, h) == OK
     return (z[unit.BLOCKS[name]].tolist() for name in ("quaternion_0", "quaternion", "omega_b"))
 
 

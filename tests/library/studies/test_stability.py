@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from rbfmu.cli import main
-from rbfmu.runs.models import UNITS
+from rbfmu.runs.models import MODELS
 from rbfmu.studies import stability
 from rbfmu.studies.reference_methods import CONTESTANTS
 from rbfmu.studies.stability import Finding, body_laws, maps, model_laws, motions
@@ -49,7 +49,7 @@ def test_all_laws_are_measured_and_named() -> None:
 
 
 def test_every_model_that_a_plan_may_choose_is_held_against_its_reference() -> None:
-    assert {case.model for case in model_laws.CASES} | {"prescribed rates"} == set(UNITS)
+    assert {case.model for case in model_laws.CASES} | {"prescribed rates"} == set(MODELS)
     assert {case.order for case in model_laws.CASES if case.model == model_laws.SWING} == set(one_axis_taylor.ORDERS)
     assert {1, 2, *model_laws.PUSHES} == set(free_body_force.ORDERS)
 

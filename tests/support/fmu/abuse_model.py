@@ -13,7 +13,8 @@ import numpy as np
 
 from rbfmu_fmu.description import describe
 from rbfmu_fmu.python.call_rules import CALLS, INITIALIZING, INSTANTIATED, SETTABLE, STEPPING, TERMINATED
-from rbfmu_kernels.buffer import FINE, NOT_REACHED, PAST_STOP
+from rbfmu_kernels.buffer import OK as STEP_OK
+from rbfmu_kernels.buffer import PAST_STOP, STEP_REJECTED
 from tests.support.fmu.fmu_importer import DISCARD, ERROR, FATAL, LAST_SUCCESSFUL_TIME, OK
 from tests.support.fmu.fmu_importer import TERMINATED as IS_TERMINATED
 
@@ -42,7 +43,7 @@ class Snapshot:
 
     z: np.ndarray
     phase: int = INSTANTIATED
-    status: int = FINE
+    status: int = STEP_OK
     stale: bool = True
     time: float = 0.0
     stop: float = math.inf
@@ -188,7 +189,7 @@ class Model:
         if self.facts.unit.step(z, size):
             return self._not_taken(DISCARD, time)
         now.z[:], now.time, self.last = z, end, end
-        now.status = PAST_STOP if end > self.facts.description.last_time else FINE
+        now.status = PAST_STOP if end > self.facts.description.last_time else STEP_OK
         now.stale = now.discarded = False
         return OK, None
 
@@ -201,7 +202,7 @@ class Model:
         return self.native and late
 
     def _not_taken(self, status, time):
-        self.now.status, self.now.discarded = NOT_REACHED, status == DISCARD
+        self.now.status, self.now.discarded = STEP_REJECTED, status == DISCARD
         self.last, self.ended = time, True
         return status, None
 

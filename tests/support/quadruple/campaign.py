@@ -17,7 +17,7 @@ from tests.support.quadruple.driving import BEYOND, Outcome, Setting, outcome, p
 from tests.support.quadruple.scenes import random_scene
 from tests.support.quadruple.settings import random_settings
 
-MOST_SERIES = 1500
+MAX_SERIES = 1500
 PATIENCE = 20
 """s of CPU for a plan, after which the scene is left alone and said."""
 RIGHT, SILENT, REFUSED, KEYLESS, DEAR, UNPLANNED = (
@@ -95,7 +95,7 @@ def findings(seed):
         if any(block not in offered for block in setting.changes):
             continue
         try:
-            found = outcome(scene, planned, setting, MOST_SERIES)
+            found = outcome(scene, planned, setting, MAX_SERIES)
         except reference.TooDearError as error:
             yield make(planned.model, label, DEAR, 0.0, accuracy, str(error), scene, setting), seconds
             continue
@@ -124,7 +124,7 @@ def verdict_of_refusal(scene, message):
     if scene.body is None:
         return HONEST, 0.0, accuracy, message
     try:
-        plain = plainly_met(scene, most=MOST_SERIES)
+        plain = plainly_met(scene, most=MAX_SERIES)
     except reference.TooDearError as error:
         return DEAR, 0.0, accuracy, str(error)
     met = f"{message}; plain series in double precision reach {plain:.1e}"
@@ -139,14 +139,14 @@ def verdict_of(scene, setting, found: Outcome):
         text = f"{worst} {found.error:.2g}, {found.error / accuracy:.2g} times the accuracy {accuracy:g}"
         if found.error <= BEYOND * accuracy:
             return RIGHT, found.error, text
-        plain = plainly_met(scene, setting, MOST_SERIES)
+        plain = plainly_met(scene, setting, MAX_SERIES)
         return SILENT, found.error, f"{text}; plain series in double precision reach {plain:.1e}"
     keys = set(setting.changes) - set(scene.inputs.parameters)
     if keys:
         named = any(key in found.refused for key in setting.changes)
         return HONEST if named else KEYLESS, 0.0, found.refused
     try:
-        plain = plainly_met(scene, setting, MOST_SERIES)
+        plain = plainly_met(scene, setting, MAX_SERIES)
     except reference.TooDearError as error:
         return DEAR, 0.0, str(error)
     text = f"{found.refused}; plain series in double precision reach {plain:.1e}"

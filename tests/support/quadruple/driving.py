@@ -9,11 +9,11 @@ from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.scene import Scene
 from rbfmu_fmu.description import describe
 from rbfmu_fmu.python.slave_access import HELD
-from rbfmu_kernels.buffer import CHANGED, FINE
+from rbfmu_kernels.buffer import CHANGED, OK
 from tests.support.quadruple import reference
 from tests.support.quadruple.errors import errors
 
-MOST_POINTS = 200
+MAX_POINTS = 200
 BEYOND = 3.0
 """Times the accuracy: what no promised answer may be off by."""
 
@@ -67,7 +67,7 @@ def seen(scene: Scene, plan: Plan, setting: Setting):
             z[unit.BLOCKS[port]] = rows[min(k, len(rows) - 1)] if k == 0 else rows[k - 1]
         if k == 0:
             unit.outputs(z)
-        elif unit.step(z, lengths[k - 1]) != FINE:
+        elif unit.step(z, lengths[k - 1]) != OK:
             return f"status 1 at step {k} of {len(lengths)}", {}
         if k % stride == 0 or k == len(lengths):
             for name, values in recorded.items():
@@ -85,10 +85,10 @@ def course(scene: Scene, setting: Setting):
     lengths = np.diff(time_grid(run.start, run.stop, setting.step or run.step))
     n = len(lengths)
     rows = {p: np.asarray(v, dtype=float)[np.arange(n) * len(v) // n] for p, v in setting.inputs.items()}
-    return lengths, rows, max(1, -(-n // MOST_POINTS))
+    return lengths, rows, max(1, -(-n // MAX_POINTS))
 
 
-def true_motion(scene: Scene, setting: Setting, kind="quadruple", most=reference.MOST_SERIES):
+def true_motion(scene: Scene, setting: Setting, kind="quadruple", most=reference.MAX_SERIES):
     """The motion at the points that `seen` looks at."""
     lengths, rows, stride = course(scene, setting)
     n = len(lengths)
@@ -110,14 +110,14 @@ def true_motion(scene: Scene, setting: Setting, kind="quadruple", most=reference
     return reference.motion(parameters, np.diff(grid[at]), kind=kind, most=most)
 
 
-def outcome(scene: Scene, plan: Plan, setting: Setting = AS_PLANNED, most=reference.MOST_SERIES) -> Outcome:
+def outcome(scene: Scene, plan: Plan, setting: Setting = AS_PLANNED, most=reference.MAX_SERIES) -> Outcome:
     """Raises reference.TooDearError where the truth is out of reach."""
     truth = true_motion(scene, setting, most=most)  # first: what is too dear for it may take a plan minutes
     refused, rows = seen(scene, plan, setting)
     return Outcome(refused) if refused else Outcome("", errors(rows, truth))
 
 
-def plainly_met(scene: Scene, setting: Setting = AS_PLANNED, most=reference.MOST_SERIES) -> float:
+def plainly_met(scene: Scene, setting: Setting = AS_PLANNED, most=reference.MAX_SERIES) -> float:
     """The largest error of plain Taylor series in double precision, in the quantities asked for."""
     plain = true_motion(scene, setting, "double", 100 * most)
     rows = {name: plain.high[name] for name in scene.outputs.quantities}

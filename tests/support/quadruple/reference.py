@@ -26,7 +26,7 @@ QUANTITIES = {
     "alpha_b": 3, "angular_momentum_a": 3, "kinetic_energy": 1,
 }  # fmt: skip
 COUNT, SCALES = sum(QUANTITIES.values()), 4
-MOST_SERIES = 40_000
+MAX_SERIES = 40_000
 """Some 20 seconds of quadruple precision."""
 BUILDS = {"quadruple": ("-lquadmath", "-lm"), "double": ("-DREAL=double", "-lm")}
 
@@ -98,7 +98,7 @@ def parameters_of(scene):
     }
 
 
-def motion(parameters, steps, inputs=None, kind="quadruple", most=MOST_SERIES):
+def motion(parameters, steps, inputs=None, kind="quadruple", most=MAX_SERIES):
     """The body's motion over steps (s), inputs (port name -> (n, 3)) held over each. Raises TooDearError."""
     p = np.array([x for name in BLOCKS for x in parameters[name]], dtype=float)
     h = np.ascontiguousarray(steps, dtype=float)
