@@ -147,6 +147,23 @@ def test_the_native_fmu_is_measured_and_c_by_hand_moves_alike():
     assert by_scene[one.HAND]["difference"] < one.ROUND_OFF
 
 
+@pytest.mark.parametrize("model", COSTS.SERVED)
+def test_a_scene_costs_more_without_the_model_that_serves_it(model):
+    """By what plans state; the benchmark measures it."""
+    scene = COSTS.served(model)
+    found = COSTS.rbfmu.plan(scene)
+    with COSTS.without(model):
+        other = COSTS.rbfmu.plan(scene)
+    assert found.model == model != other.model
+    assert other.cost > COSTS.WORTH * found.cost
+    assert COSTS.rbfmu.plan(scene) == found
+
+
+def test_what_a_model_saves_is_measured(capsys):
+    assert COSTS.worth("constant rate", rounds=1, k=1) > 0.0
+    assert "without constant rate: one axis, closed form" in capsys.readouterr().out
+
+
 def test_steps_are_measured_beside_what_plans_state():
     scene = COSTS.scene_of("free", ("quaternion",), 1e-9, 0.01)
     (figure,) = COSTS.measured([(scene, COSTS.rbfmu.plan(scene))], rounds=1, k=1)
