@@ -17,6 +17,7 @@ import time
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,9 @@ from scipy.spatial.transform import Rotation
 import rbfmu
 import rbfmu_kernels as k
 from examples.benchmarks.goals import Goal, status
+from rbfmu_kernels.compile.plain import plain_gufunc
+from rbfmu_kernels.compile.shapes import core_shapes
+from rbfmu_kernels.rotations.euler_angles import sequence
 
 GOALS = {  # name: (times faster than SciPy, share of the copy's speed)
     "compose quaternions": (40.0, 0.9),
@@ -170,7 +174,31 @@ def mujoco_calls(d: dict[str, Any]) -> dict[str, Callable[[], Any]]:
     }
 
 
+def plain_calls(d: dict[str, Any]) -> dict[str, Callable[[], Any]]:
+    """By our own kernels in Numba's `guvectorize`, one item after the other: what tiles and their transposing gain."""
+    zyx = sequence("ZYX")
+    kernels = {
+        "compose quaternions": (k.compose_quaternions, "q p"),
+        "rotate": (k.rotate, "q v"),
+        "quaternion to matrix": (k.matrix_from_quaternion, "q"),
+        "matrix to quaternion": (k.quaternion_from_matrix, "R"),
+        "compose matrices": (k.compose_matrices, "R S"),
+        "ZYX to quaternion": (k.quaternion_from_euler, "angles", zyx),
+        "rotation vector to quaternion": (k.quaternion_from_rotvec, "u"),
+        "slerp": (k.slerp, "q p s"),
+        "quaternion to ZYX": (k.euler_from_quaternion, "q", zyx),
+    }
+    loop = cache(plain_gufunc)  # compiled in the first round, which is not counted
+
+    def call(kernel: Any, arrays: str, *constants: int) -> Callable[[], Any]:
+        out = np.empty((len(d["q"]), *core_shapes(kernel)[1][0]))
+        return lambda: loop(kernel, *constants)(*(d[a] for a in arrays.split()), out=out)
+
+    return {name: call(*given) for name, given in kernels.items()}
+
+
 PEERS = {
+    "plain loop": ("numba", plain_calls),
     "SciPy": ("scipy", scipy_calls),
     "numpy-quaternion": ("quaternion", quaternion_calls),
     "quaternionic": ("quaternionic", quaternionic_calls),
@@ -310,7 +338,12 @@ def _python(code: str, cache: str) -> float:
 
 def draw(rows: list[dict[str, Any]], path: Path) -> None:
     """ns an item of every contestant, a line of dots for each operation."""
-    marks = {"rbfmu": ("#d55e00", "o"), "copy": ("#000000", "|"), "SciPy": ("#0072b2", "s")}
+    marks = {
+        "rbfmu": ("#d55e00", "o"),
+        "copy": ("#000000", "|"),
+        "SciPy": ("#0072b2", "s"),
+        "plain loop": ("#d55e00", "x"),
+    }
     marks |= {
         "numpy-quaternion": ("#009e73", "^"),
         "quaternionic": ("#cc79a7", "v"),

@@ -188,8 +188,8 @@ def _without_result(generate: Any) -> Any:
 
 def _moved(builder: Any, pointer: Any, offset: Any) -> Any:
     """The pointer, `offset` bytes on."""
-    place = builder.add(builder.ptrtoint(pointer, _int64), offset)
-    return builder.inttoptr(place, pointer.type)
+    place = builder.gep(builder.bitcast(pointer, _byte_pointer), [offset])  # as integers, vectors would be lost
+    return builder.bitcast(place, pointer.type)
 
 
 def _stack(builder: Any, count: int) -> Any:

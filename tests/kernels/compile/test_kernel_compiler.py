@@ -1,5 +1,6 @@
 """How kernels are compiled: for Python only what Python calls."""
 
+import re
 import shutil
 import subprocess
 import sys
@@ -7,9 +8,10 @@ from pathlib import Path
 
 import pytest
 from numba import config, njit
+from numba.core.caching import NullCache
 
-from rbfmu_kernels import free_rotation, free_rotation_at, free_rotation_setup
-from rbfmu_kernels.compile import stamp
+from rbfmu_kernels import free_rotation, free_rotation_at, free_rotation_setup, rotate
+from rbfmu_kernels.compile import stamp, tiled_gufunc
 from rbfmu_kernels.compile.decorator import kernel
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="needs the compiler")
@@ -70,3 +72,13 @@ def test_a_change_of_any_module_makes_cached_code_stale(tmp_path):
         path.write_bytes(content + b"#")
         assert stamp.hash_of_sources(copy) != stamp.SOURCES, path
         path.write_bytes(content)
+
+
+def test_loops_over_tiles_are_vectorised_over_items(monkeypatch):
+    """LLVM does so only where it sees which memory is which; nothing but the time would tell."""
+    loops = []
+    monkeypatch.setattr(tiled_gufunc, "DiskCache", lambda loop: NullCache())  # stored code has no source left
+    compiled = tiled_gufunc._compiled
+    monkeypatch.setattr(tiled_gufunc, "_compiled", lambda loop: loops.append(compiled(loop)) or loops[-1])
+    tiled_gufunc.tiled_gufunc(rotate)
+    assert re.search(r"fmul <\d+ x double>", loops[0].inspect_llvm())
