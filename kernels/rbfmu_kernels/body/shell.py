@@ -4,16 +4,19 @@ A model is a module with the layout of its buffer (BLOCKS, SIZE) and `initialize
 over that buffer, its whole memory: a copy of its bytes is a snapshot.
 """
 
+import math
 from collections.abc import Callable
 from types import FunctionType
 from typing import Any
 
 from ..buffer import STEP_REJECTED
 from ..compile.decorator import kernel
-from .memory import initialize_body
+from ..mechanics.equations_of_motion import State
+from ..rotations.vec3 import dot
+from .memory import initialize_body, put_motion
 from .outputs import first_outputs, output_rates, outputs
 
-__all__ = ["entry_functions", "output_rates", "outputs"]
+__all__ = ["commit_motion", "entry_functions", "output_rates", "outputs"]
 
 
 def set_up(z: Any) -> int:
@@ -50,6 +53,16 @@ def entry_functions(
 def step_function(model: str, own_advance: Callable[[Any, float], int]) -> Callable[[Any, float], int]:
     """Return `step` of a model that has an `initialize` of its own."""
     return _bound(step, model, advance=own_advance)  # type: ignore[no-any-return]
+
+
+@kernel
+def commit_motion(z: Any, motion: State) -> int:
+    """Take a state and refresh the outputs; STEP_REJECTED, with nothing changed, where it is not finite."""
+    r, v, q, w = motion
+    if not math.isfinite(dot(r, r) + dot(v, v) + dot(w, w) + q[0] + q[1] + q[2] + q[3]):
+        return STEP_REJECTED
+    put_motion(z, motion)
+    return outputs(z)
 
 
 def _bound(template: Any, model: str, **own: Any) -> Any:

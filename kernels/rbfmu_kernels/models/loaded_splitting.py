@@ -3,16 +3,15 @@
 For loads that depend on the attitude alone (no damping): heavy tops.
 """
 
-import math
 from typing import Any
 
-from ..body.memory import COMMON, body_of, has_unknown_load, loads_of, motion_of, put_motion, substep_of
-from ..body.shell import entry_functions, output_rates, outputs
+from ..body.memory import COMMON, body_of, has_unknown_load, loads_of, motion_of, substep_of
+from ..body.shell import commit_motion, entry_functions, output_rates, outputs
 from ..buffer import STEP_REJECTED, places
 from ..compile.decorator import kernel
 from ..integrators.splitting import is_symmetric_top, resonant_step, rkn4_steps, rkn6_steps, strang_steps
 from ..integrators.substeps import substeps_in
-from ..rotations.vec3 import dot, is_nonzero
+from ..rotations.vec3 import is_nonzero
 
 __all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
 
@@ -47,11 +46,7 @@ def _advance(z: Any, h: float) -> int:
         motion = rkn4_steps(motion, part, n, body, loads)
     else:
         motion = rkn6_steps(motion, part, n, body, loads)
-    r, v, q, w = motion
-    if not math.isfinite(dot(r, r) + dot(v, v) + dot(w, w) + q[0] + q[1] + q[2] + q[3]):
-        return STEP_REJECTED
-    put_motion(z, motion)
-    return outputs(z)
+    return commit_motion(z, motion)
 
 
 initialize, step = entry_functions(__name__, _set_up, _advance)
