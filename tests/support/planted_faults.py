@@ -90,7 +90,7 @@ FAULTS = {
         "rate = dd_scale(0.500005, dd_multiply(dd_multiply(fastest, agm)",
     ),
     "series of one angle": Fault(
-        "models/one_axis_taylor", "d_cosine -= z[_RATES + j]", "d_cosine -= 1.00001 * z[_RATES + j]"
+        "models/one_axis_taylor", "d_cosine -= _term(z, _RATE, j)", "d_cosine -= 1.00001 * _term(z, _RATE, j)"
     ),
     "relaxation at weak damping": Fault(
         "numerics/phi_functions", "    while y > 0.5:", "    y *= 1.0 if y > 0.5 else 1.00001\n    while y > 0.5:"
@@ -103,8 +103,8 @@ FAULTS = {
     "weight of Gauss's rule": Fault("models/free_body_force", "    0.5, 0.5,\n", "    0.5, 0.500005,\n"),
     "angular momentum under a torque": Fault(
         "models/angular_momentum",
-        "add_scaled(omega, since + low, pull)",
-        "add_scaled(omega, 1.00001 * (since + low), pull)",
+        "add_scaled(omega, since + low, alpha)",
+        "add_scaled(omega, 1.00001 * (since + low), alpha)",
     ),
     "inertia about the pivot": Fault(
         "mechanics/inertia",

@@ -5,7 +5,6 @@ from typing import Any
 from ..buffer import STEP_REJECTED, places
 from ..buffer_access import pair_at, put_pair_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
-from ..exact.uniform_rotation import Turning
 from ..mechanics.equations_of_motion import linear_acceleration
 from ..numerics.double_double import DoubleDouble, two_sum
 from ..rotations.vec3 import add_scaled, cross, is_nonzero
@@ -34,7 +33,7 @@ _ELAPSED, _Q_0, _R_0, _V_0, _A_C, _SINCE_A_C = (_BLOCKS[n].start for n in _CLOCK
 
 @kernel
 def start_clocks(z: Any) -> None:
-    """At the start of a run."""
+    """Set the clocks at the start of a run."""
     put_pair_at(z, _ELAPSED, (0.0, 0.0))
     put_pair_at(z, _SINCE_A_C, (0.0, 0.0))
     put_quaternion_at(z, _Q_0, rotation_of(z)[0])
@@ -46,19 +45,19 @@ def start_clocks(z: Any) -> None:
 
 @kernel
 def first_attitude(z: Any) -> Quaternion:
-    """The unit quaternion q_ab at the start."""
+    """Return the unit quaternion q_ab at the start."""
     return quaternion_at(z, _Q_0)
 
 
 @kernel
 def time_after(z: Any, h: float) -> DoubleDouble:
-    """The time since the start, s, after a step h."""
+    """Return the time since the start, s, after a step h."""
     return later(z, _ELAPSED, h)
 
 
 @kernel
 def later(z: Any, clock: int, h: float) -> DoubleDouble:
-    """What the clock that stands at z[clock], s, shows after a step h."""
+    """Return what the clock that stands at z[clock], s, shows after a step h."""
     high, low = pair_at(z, clock)
     t, rest = two_sum(high, h)
     return t, rest + low
@@ -66,7 +65,7 @@ def later(z: Any, clock: int, h: float) -> DoubleDouble:
 
 @kernel
 def has_turning_torque(z: Any) -> bool:
-    """Whether a torque acts that depends on the motion or turns with the body: damping, torque_b, a force's."""
+    """Return whether a torque acts that depends on the motion or turns with b: damping, torque_b, a force's."""
     body, loads = body_of(z), loads_of(z)
     lever = is_nonzero(body.arm_b) and is_nonzero(loads.force_a)
     lever = lever or is_nonzero(cross(body.arm_b, loads.force_b))
@@ -75,13 +74,13 @@ def has_turning_torque(z: Any) -> bool:
 
 @kernel
 def has_torque(z: Any) -> bool:
-    """Whether damping, a torque, or a force with an arm acts."""
+    """Return whether damping, a torque, or a force with an arm acts."""
     return has_turning_torque(z) or is_nonzero(loads_of(z).torque_a)
 
 
 @kernel
 def is_driven(z: Any) -> bool:
-    """Whether a torque acts, or a force that turns with the body on a path that somebody looks at."""
+    """Return whether a torque acts, or a force that turns with the body on a path that somebody looks at."""
     return has_torque(z) or (is_nonzero(loads_of(z).force_b) and needs_translation(z))
 
 
@@ -95,14 +94,14 @@ def finish_step(z: Any, h: float, q: Quaternion, omega: Vec3) -> int:
 
 @kernel
 def is_finite_rotation(q: Quaternion, omega: Vec3) -> bool:
-    """Whether every number of an attitude and a rate is."""
+    """Return whether an attitude and a rate are finite."""
     rest = (0.0 * q[0] + 0.0 * q[1]) + (0.0 * q[2] + 0.0 * q[3])
     return rest + (0.0 * omega[0] + (0.0 * omega[1] + 0.0 * omega[2])) == 0.0
 
 
 @kernel
 def is_finite_path(r: Vec3, v: Vec3) -> bool:
-    """Whether every number of a position and a velocity is."""
+    """Return whether a position and a velocity are finite."""
     return 0.0 * r[0] + 0.0 * r[1] + 0.0 * r[2] + 0.0 * v[0] + 0.0 * v[1] + 0.0 * v[2] == 0.0
 
 
@@ -116,7 +115,7 @@ def commit_step(z: Any, h: float, q: Quaternion, omega: Vec3) -> int:
 
 @kernel
 def _moved(z: Any, h: float) -> bool:
-    """Whether the centre of mass has moved to where it is finite; a force fixed in b keeps its first direction in a."""
+    """Move the centre of mass and return True, if it stays finite; a force fixed in b keeps its first direction in a."""
     since, low, r_0, v_0 = 0.0, 0.0, vec3_at(z, _R_0), vec3_at(z, _V_0)
     a = linear_acceleration(first_attitude(z), body_of(z), loads_of(z))
     if a == vec3_at(z, _A_C):
@@ -133,20 +132,3 @@ def _moved(z: Any, h: float) -> bool:
     put_vec3_at(z, _V_0, v_0)
     put_vec3_at(z, _A_C, a)
     return True
-
-
-TURNING_SIZE = 5
-"""Size of a turning in a buffer."""
-
-
-@kernel
-def put_turning_at(z: Any, i: int, turning: Turning) -> None:
-    """Store a turning from z[i] on."""
-    put_vec3_at(z, i, turning[0])
-    put_pair_at(z, i + 3, turning[1])
-
-
-@kernel
-def turning_at(z: Any, i: int) -> Turning:
-    """The turning that begins at z[i]."""
-    return vec3_at(z, i), pair_at(z, i + 3)

@@ -104,7 +104,7 @@ def finish(z: Any, n: int, h: float, status: int, body: Body, loads: LoadPolynom
 
 @kernel
 def _translate_further(z: Any, h: float, body: Body, loads: LoadPolynomial) -> None:
-    """What the change of the steady acceleration within the step adds to the centre of mass's motion."""
+    """Add what the change of the steady acceleration within the step adds to the centre of mass's motion."""
     r, v = centre_of(z)
     first, second = steady_acceleration(body, loads.rate), steady_acceleration(body, loads.rate_2)
     r = add_scaled(add_scaled(r, h * h * h / 6.0, first), h * h * h * h / 24.0, second)

@@ -44,7 +44,7 @@ _PARALLEL = 8.0 * 2.0**-52
 
 @kernel
 def main_axis(q: Quaternion, omega: Vec3, body: Body, loads: Loads) -> Vec3:
-    """The principal axis of most of the rate, or of what begins to turn a body at rest.
+    """Return the principal axis of most of the rate, or of what begins to turn a body at rest.
 
     In equilibrium the one about which its arm would swing.  A sphere's may be oblique: every axis is principal.
     """
@@ -63,19 +63,19 @@ def main_axis(q: Quaternion, omega: Vec3, body: Body, loads: Loads) -> Vec3:
 
 @kernel
 def _may_be_oblique(body: Body, loads: Loads) -> bool:
-    """Whether the body is a sphere that no force with an arm swings: round-off across its axis then stays round-off."""
+    """Return whether the body is a sphere that no force with an arm swings: round-off across its axis stays small."""
     return is_sphere(body.inertia) and not (is_nonzero(body.arm_b) and is_nonzero(loads.force_a))
 
 
 @kernel
 def _clearance(moment: float, axis: Vec3, arm: Vec3) -> float:
-    """How far across an axis the arm lies; none of an axis about which nothing can turn."""
+    """Return how far across an axis the arm lies; none of an axis about which nothing can turn."""
     return -abs(dot(axis, arm)) if moment > 0.0 else -math.inf
 
 
 @kernel
 def leaves_axis(z: Any, axis: Vec3, q: Quaternion, omega: Vec3, body: Body, loads: Loads) -> bool:
-    """Whether anything turns the body about another axis, at any angle; or a force would turn a free body's path.
+    """Return whether anything turns the body about another axis, at any angle, or a force a free body's path.
 
     Loads that models with a closed form do not know count too.
     """
@@ -94,22 +94,22 @@ def leaves_axis(z: Any, axis: Vec3, q: Quaternion, omega: Vec3, body: Body, load
 
 @kernel
 def turns_path(z: Any, axis: Vec3) -> bool:
-    """Whether a force that turns about an axis with the body bends its path, and somebody looks; one along it does not.
+    """Return whether a force that turns about an axis with the body bends its path, and somebody looks.
 
-    axis: of any size, zero where the body does not turn.
+    axis: of any size, zero where the body does not turn. A force along the axis does not turn.
     """
     return needs_translation(z) and _is_across(axis, loads_of(z).force_b, _PARALLEL)
 
 
 @kernel
 def _is_across(axis: Vec3, v: Vec3, slack: float) -> bool:
-    """Whether more than a part of v lies across an axis of any size."""
+    """Return whether more than a part of v lies across an axis of any size."""
     return norm(cross(axis, v)) > slack * norm(axis) * norm(v)
 
 
 @kernel(inline=False)
 def swing(z: Any, axis: Vec3) -> tuple[DoubleDouble, DoubleDouble]:
-    """(A, B): forces fixed in space make the angular acceleration A cos + B sin of the angle from quaternion_0."""
+    """Return (A, B): forces fixed in space accelerate the angle from quaternion_0 by A cos + B sin of it."""
     arm, loads = body_of(z).arm_b, loads_of(z)
     q, moment = quaternion_at(z, _Q_0), _moment(z, axis)
     up = power_of_two_for(max(max(abs(q[0]), abs(q[1])), max(abs(q[2]), abs(q[3]))))
@@ -131,7 +131,7 @@ def drive_and_damping_rate(z: Any, axis: Vec3, q: Quaternion, body: Body, loads:
 
 @kernel
 def _moment(z: Any, axis: Vec3) -> DoubleDouble:
-    """About the axis, through the centre of mass or the pivot."""
+    """Return the moment about the axis, through the centre of mass or the pivot."""
     moment = _dot(axis, transform(inertia_of(z), axis))
     if has_pivot(z):
         lever = cross(axis, vec3_at(z, _R_OC))
@@ -146,7 +146,7 @@ def _dot(a: Vec3, b: Vec3) -> DoubleDouble:
 
 @kernel
 def _triple(a: Vec3, b: Vec3, c: Vec3) -> DoubleDouble:
-    """The product a . (b x c)."""
+    """Return the product a . (b x c)."""
     x = dd_subtract(two_product(b[1], c[2]), two_product(b[2], c[1]))
     y = dd_subtract(two_product(b[2], c[0]), two_product(b[0], c[2]))
     w = dd_subtract(two_product(b[0], c[1]), two_product(b[1], c[0]))
@@ -155,7 +155,7 @@ def _triple(a: Vec3, b: Vec3, c: Vec3) -> DoubleDouble:
 
 @kernel
 def _turned_dot(q_ab: Quaternion, v_b: Vec3, u_a: Vec3) -> DoubleDouble:
-    """|q|^2 u . R(q) v."""
+    """Return |q|^2 u . R(q) v."""
     e = q_ab[1:]
     square = dd_subtract(two_product(q_ab[0], q_ab[0]), _dot(e, e))
     along = dd_multiply(_dot(u_a, e), _dot(e, v_b))

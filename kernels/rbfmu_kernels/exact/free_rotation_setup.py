@@ -219,7 +219,7 @@ def _symmetric(
     i_r: DoubleDouble, i_s: DoubleDouble, w_s: DoubleDouble, m_s: DoubleDouble,
     a_p2: DoubleDouble, am_s: DoubleDouble, am_c: DoubleDouble,
 ) -> _Polhode:  # fmt: skip
-    """Two equal moments: sn, cn, dn are sin, cos, 1; I_s may be 0."""
+    """Return the polhode of two equal moments: sn, cn, dn are sin, cos, 1; I_s may be 0."""
     g = dd_sqrt(dd_add(a_p2, dd_multiply(m_s, m_s)))
     rate = dd_divide(dd_multiply(g, ONE_OVER_4PI), i_r)
     lam = dd_divide(dd_multiply(_gap(i_s, i_r), w_s), i_r)
@@ -233,7 +233,7 @@ def _triaxial(
     moments_prs: Vector, kappa: DoubleDouble, one_kappa: DoubleDouble, a_p2: DoubleDouble, a_s2: DoubleDouble,
     kc: DoubleDouble, am_s: DoubleDouble, am_c: DoubleDouble,
 ) -> _Polhode:  # fmt: skip
-    """Three different moments."""
+    """Return the polhode of three different moments."""
     i_p, i_r, i_s = moments_prs
     g2 = dd_add(a_p2, a_s2)
     g, a_s = dd_sqrt(g2), dd_sqrt(a_s2)
@@ -260,7 +260,7 @@ def _triaxial(
 
 @kernel
 def _kappa(i_p: DoubleDouble, i_r: DoubleDouble, i_s: DoubleDouble) -> tuple[DoubleDouble, DoubleDouble]:
-    """(kappa, 1 + kappa), kappa = I_s (I_r - I_p) / (I_p (I_s - I_r))."""
+    """Return (kappa, 1 + kappa), kappa = I_s (I_r - I_p) / (I_p (I_s - I_r))."""
     if i_p == i_r:
         return ((0.0, 0.0), (1.0, 0.0))
     kappa = dd_divide(dd_multiply(_gap(i_r, i_p), i_s), dd_multiply(_gap(i_s, i_r), i_p))
@@ -269,13 +269,16 @@ def _kappa(i_p: DoubleDouble, i_r: DoubleDouble, i_s: DoubleDouble) -> tuple[Dou
 
 @kernel
 def _gap(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
-    """|a - b|, of floats exactly."""
+    """Return |a - b|, of floats exactly."""
     return dd_subtract(a, b) if a >= b else dd_subtract(b, a)
 
 
 @kernel
 def polhode_axes(moments: Vector, omega: Vector) -> tuple[int, int, int, DoubleDouble, float]:
-    """(p, r, s, d, unit), d unit^2 = |w_hi^2 I_hi (I_hi - I_r) - w_lo^2 I_lo (I_r - I_lo)|: 0 on the separatrix."""
+    """Return (p, r, s, d, unit), where d is 0 on the separatrix.
+
+    d unit^2 = |w_hi^2 I_hi (I_hi - I_r) - w_lo^2 I_lo (I_r - I_lo)|.
+    """
     a, b, c = moments
     lo = 0 if a <= b and a <= c else (1 if b <= c else 2)
     hi = 2 if c >= a and c >= b else (1 if b >= a else 0)
@@ -305,7 +308,7 @@ _Sums = tuple[float, float, float, float]
 
 @kernel(inline=False)
 def _add_exactly(sums: _Sums, w: float, moment: float, gap: DoubleDouble) -> _Sums:
-    """The running sum plus w^2 moment gap, to 212 bits: cascaded error-free sums of 16 exact products."""
+    """Return the running sum plus w^2 moment gap, to 212 bits: cascaded error-free sums of 16 exact products."""
     s_1, s_2, s_3, s_4 = sums
     for part in gap:
         for lever in two_product(moment, part):

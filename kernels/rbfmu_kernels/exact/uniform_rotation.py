@@ -1,5 +1,7 @@
 """Turns whose angle grows with time: whole turns are dropped in double-double, so that the error does not grow."""
 
+from typing import NamedTuple
+
 from ..compile.decorator import kernel
 from ..numerics.double_double import (
     DoubleDouble,
@@ -16,17 +18,25 @@ from ..numerics.double_double import (
 )
 from ..numerics.elementary import sincos_half_turns
 from ..numerics.scaling import power_of_two_for, round_to_integer
+from ..records import record
 from ..types import Quaternion, Vec3
 
 ONE_OVER_4PI: DoubleDouble = (0.07957747154594767, -4.919669168795622e-18)
 
-Turning = tuple[Vec3, DoubleDouble]
-"""A unit axis, and the rate about it over 4 pi, 1/s."""
+
+class Turning(NamedTuple):
+    """A unit axis, and the rate about it over 4 pi, 1/s."""
+
+    axis: Vec3
+    rate: DoubleDouble
+
+
+TURNING_SIZE, put_turning, read_turning, _ = record(Turning)
 
 
 @kernel
 def without_turns(a: DoubleDouble, t: DoubleDouble) -> DoubleDouble:
-    """The product a t less an integer, within [-1, 1]."""
+    """Return the product a t less an integer, within [-1, 1]."""
     high, low = two_product(a[0], t[0])
     low += a[1] * t[0] + a[0] * t[1]
     high, low = two_sum(high - round_to_integer(high), low)
@@ -35,7 +45,7 @@ def without_turns(a: DoubleDouble, t: DoubleDouble) -> DoubleDouble:
 
 @kernel
 def turned(turning: Turning, t: DoubleDouble) -> Quaternion:
-    """The rotation of a turning after a time t, s."""
+    """Return the rotation of a turning after a time t, s."""
     axis, rate = turning
     high, low = without_turns(rate, t)
     s, c = sincos_half_turns(2.0 * high, 2.0 * low)
@@ -44,30 +54,30 @@ def turned(turning: Turning, t: DoubleDouble) -> Quaternion:
 
 @kernel
 def length_of(v: Vector) -> DoubleDouble:
-    """|v|, for numbers of about 1 or less."""
+    """Return |v|, for numbers of about 1 or less."""
     return dd_sqrt(dd_dot(v, v))
 
 
 @kernel
 def power_for(v: Vector) -> float:
-    """A power of two that brings a vector to a size of about 1."""
+    """Return a power of two that brings a vector to a size of about 1."""
     return power_of_two_for(max(max(abs(v[0][0]), abs(v[1][0])), abs(v[2][0])))
 
 
 @kernel
 def turning_about(omega: Vector) -> Turning:
-    """The turning of a constant rate omega, rad/s, of any size."""
+    """Return the turning of a constant rate omega, rad/s, of any size."""
     up = power_for(omega)
     v = dd_scale_vector(up, omega)
     rate = length_of(v)
     inverse = 1.0 / rate[0] if rate[0] != 0.0 else 1.0
     axis = (inverse * v[0][0], inverse * v[1][0], inverse * v[2][0])
-    return axis, dd_scale(1.0 / up, dd_multiply(rate, ONE_OVER_4PI))
+    return Turning(axis, dd_scale(1.0 / up, dd_multiply(rate, ONE_OVER_4PI)))
 
 
 @kernel
 def symmetric_turnings(i_t: DoubleDouble, i_s: DoubleDouble, omega: Vector) -> tuple[Turning, Turning]:
-    """(A, B) of a free body with moments i_t, i_t, i_s and rate omega: q(t) = q(0) A(t) B(t).
+    """Return (A, B) of a free body with moments i_t, i_t, i_s and rate omega: q(t) = q(0) A(t) B(t).
 
     A turns about the angular momentum by its size over i_t, B about the third axis by omega_3 (1 - i_s / i_t).
     i_t > 0, kg m^2, rad/s, of any size.
@@ -83,5 +93,5 @@ def symmetric_turnings(i_t: DoubleDouble, i_s: DoubleDouble, omega: Vector) -> t
     own = dd_divide(dd_multiply(dd_subtract(i_t, i_s), w_3), i_t)
     own = dd_multiply(own, ONE_OVER_4PI)
     down = 1.0 / up
-    first = (inverse * m_1[0], inverse * m_2[0], inverse * m_3[0]), dd_scale(down, rate)
-    return first, ((0.0, 0.0, 1.0), dd_scale(down, own))
+    about_momentum = Turning((inverse * m_1[0], inverse * m_2[0], inverse * m_3[0]), dd_scale(down, rate))
+    return about_momentum, Turning((0.0, 0.0, 1.0), dd_scale(down, own))

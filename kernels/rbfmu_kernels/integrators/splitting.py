@@ -38,7 +38,7 @@ _D6_MIDDLE = 1.0 - 2.0 * (_D6[0] + _D6[1] + _D6[2] + _D6[3] + _D6[4])
 
 @kernel
 def transverse_moment(M: Matrix) -> float:
-    """The moment that two principal axes of M share; where no two are equal, a number between the two nearest.
+    """Return the moment that two principal axes of M share; where no two are equal, a number between the two nearest.
 
     M: symmetric, kg m^2, any scale.  Error <= 2 eps tr(M).
     From the deviator's invariants: M - tr(M) / 3 = d (n n^T - 1 / 3).
@@ -56,7 +56,7 @@ def transverse_moment(M: Matrix) -> float:
 
 @kernel
 def is_symmetric_top(M: Matrix) -> bool:
-    """Whether two principal moments of M are equal, to 4 eps of the trace: (M - I_t) (M - I_s) = 0.
+    """Return whether two principal moments of M are equal, to 4 eps of the trace: (M - I_t) (M - I_s) = 0.
 
     M: symmetric, kg m^2, any scale.
     """
@@ -72,7 +72,7 @@ def is_symmetric_top(M: Matrix) -> bool:
 
 @kernel
 def resonant_step(M: Matrix, omega_b: Vec3) -> float:
-    """2 pi I_t / |M omega|, s: the step that equals a turn about the angular momentum.
+    """Return 2 pi I_t / |M omega|, s: the step that equals a turn about the angular momentum.
 
     2 pi I_t / (I_s |omega_s|) for a fast top.  A torque fixed in the body resonates at 2 pi / |omega| as well.
     """
@@ -82,7 +82,7 @@ def resonant_step(M: Matrix, omega_b: Vec3) -> float:
 
 @kernel
 def _kick(state: State, h: float, body: Body, loads: Loads) -> State:
-    """The loads act for h at a held attitude."""
+    """Let the loads act for h at a held attitude."""
     r, v, q, omega = state
     v = add_scaled(v, h, linear_acceleration(q, body, loads))
     return State(r, v, q, add_scaled(omega, h, angular_acceleration(q, _AT_REST, body, loads)))
@@ -90,7 +90,7 @@ def _kick(state: State, h: float, body: Body, loads: Loads) -> State:
 
 @kernel
 def _drift(state: State, h: float, M: Matrix, per_transverse: float) -> State:
-    """No loads for h: a turn h M omega / I_t about the momentum, then h (1 - M / I_t) omega about the axis."""
+    """Move without loads for h: turn by h M omega / I_t about the momentum, by h (1 - M / I_t) omega about the axis."""
     r, v, q, omega = state
     along_momentum = scale(per_transverse, transform(M, omega))
     back = quaternion_from_rotvec(scale(h, subtract(omega, along_momentum)))
@@ -100,7 +100,7 @@ def _drift(state: State, h: float, M: Matrix, per_transverse: float) -> State:
 
 @kernel
 def _last_kick(state: State, h: float, body: Body, loads: Loads) -> State:
-    """A kick, and |q| kept: one step of Newton's method, as products of unit quaternions leave it within some eps."""
+    """Kick, and keep |q| by one step of Newton's method, as products of unit quaternions leave it within some eps."""
     r, v, q, omega = _kick(state, h, body, loads)
     s = 1.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     return State(r, v, (s * q[0], s * q[1], s * q[2], s * q[3]), omega)

@@ -4,14 +4,11 @@ from typing import Any
 
 from ..body.closed_form import (
     CLOSED_FORM,
-    TURNING_SIZE,
     finish_step,
     first_attitude,
     has_torque,
-    put_turning_at,
     start_clocks,
     time_after,
-    turning_at,
 )
 from ..body.fixed_axis import turns_path
 from ..body.memory import rotation_of, skips_model_checks
@@ -19,7 +16,7 @@ from ..body.principal import keeps_its_rate
 from ..body.shell import entry_functions, output_rates, outputs
 from ..buffer import STEP_REJECTED, places
 from ..compile.decorator import kernel
-from ..exact.uniform_rotation import turned, turning_about
+from ..exact.uniform_rotation import TURNING_SIZE, put_turning, read_turning, turned, turning_about
 from ..numerics.double_double import dd_vector
 from ..rotations.quaternion import compose_quaternions
 
@@ -37,7 +34,7 @@ def _set_up(z: Any) -> int:
     omega = rotation_of(z)[1]
     if not skips_model_checks(z) and (not keeps_its_rate(z, omega) or _is_disturbed(z)):
         return _UNSTEADY
-    put_turning_at(z, _TURNING, turning_about(dd_vector(omega)))
+    put_turning(z, _TURNING, turning_about(dd_vector(omega)))
     start_clocks(z)
     return 0
 
@@ -48,7 +45,7 @@ def _advance(z: Any, h: float) -> int:
     if _is_disturbed(z) and not skips_model_checks(z):
         return STEP_REJECTED
     t = time_after(z, h)
-    q = compose_quaternions(first_attitude(z), turned(turning_at(z, _TURNING), t))
+    q = compose_quaternions(first_attitude(z), turned(read_turning(z[_TURNING : _TURNING + TURNING_SIZE]), t))
     return finish_step(z, h, q, rotation_of(z)[1])
 
 

@@ -4,14 +4,11 @@ from typing import Any
 
 from ..body.closed_form import (
     CLOSED_FORM,
-    TURNING_SIZE,
     finish_step,
     first_attitude,
     is_driven,
-    put_turning_at,
     start_clocks,
     time_after,
-    turning_at,
 )
 from ..body.memory import body_of, needs_attitude, rotation_of, skips_model_checks
 from ..body.principal import rates_along, rounded
@@ -20,7 +17,7 @@ from ..body.symmetry import exact_symmetric_frame
 from ..buffer import STEP_REJECTED, places
 from ..buffer_access import put_vec3_at, vec3_at
 from ..compile.decorator import kernel
-from ..exact.uniform_rotation import symmetric_turnings, turned
+from ..exact.uniform_rotation import TURNING_SIZE, Turning, put_turning, read_turning, symmetric_turnings, turned
 from ..integrators.splitting import is_symmetric_top
 from ..rotations.matrix import invert_matrix, transform
 from ..rotations.quaternion import compose_quaternions, invert_quaternion, rotate
@@ -46,8 +43,8 @@ def _set_up(z: Any) -> int:
     momentum, own = symmetric_turnings(mean, moment, rates_along(exact_axes, omega))
     axes = rounded(exact_axes)
     put_vec3_at(z, _OMEGA_0, omega)
-    put_turning_at(z, _ABOUT_MOMENTUM, (transform(invert_matrix(axes), momentum[0]), momentum[1]))
-    put_turning_at(z, _ABOUT_AXIS, (axes[2], own[1]))
+    put_turning(z, _ABOUT_MOMENTUM, Turning(transform(invert_matrix(axes), momentum.axis), momentum.rate))
+    put_turning(z, _ABOUT_AXIS, Turning(axes[2], own.rate))
     start_clocks(z)
     return 0
 
@@ -58,9 +55,10 @@ def _advance(z: Any, h: float) -> int:
     if is_driven(z) and not skips_model_checks(z):
         return STEP_REJECTED
     t = time_after(z, h)
-    q, back = first_attitude(z), turned(turning_at(z, _ABOUT_AXIS), t)
+    q, back = first_attitude(z), turned(read_turning(z[_ABOUT_AXIS : _ABOUT_AXIS + TURNING_SIZE]), t)
     if needs_attitude(z):
-        q = compose_quaternions(compose_quaternions(q, turned(turning_at(z, _ABOUT_MOMENTUM), t)), back)
+        about_momentum = read_turning(z[_ABOUT_MOMENTUM : _ABOUT_MOMENTUM + TURNING_SIZE])
+        q = compose_quaternions(compose_quaternions(q, turned(about_momentum, t)), back)
     return finish_step(z, h, q, rotate(invert_quaternion(back), vec3_at(z, _OMEGA_0)))
 
 

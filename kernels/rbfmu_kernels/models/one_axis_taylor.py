@@ -21,18 +21,18 @@ __all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
 
 ORDERS = (4, 8, 16)
 """Of the series; powers of two, whose roots are square roots."""
-_ROWS = ORDERS[-1] + 1
+_TERMS = ORDERS[-1] + 1
 BLOCKS, SIZE = places(
     CLOSED_FORM
     | {"order": 1, "substeps": 1, "axis": 3, "angle": 1, "drive": 1, "damping_rate": 1, "swing": 2}
-    | {"series": 3 * _ROWS}
+    | {"rate_series": _TERMS, "sine_series": _TERMS, "cosine_series": _TERMS}
 )
 
-_AXIS, _ANGLE, _DRIVE, _DAMPING_RATE, _SWING, _SERIES = (
-    BLOCKS[n].start for n in ("axis", "angle", "drive", "damping_rate", "swing", "series")
+_AXIS, _ANGLE, _DRIVE, _DAMPING_RATE, _SWING = (
+    BLOCKS[n].start for n in ("axis", "angle", "drive", "damping_rate", "swing")
 )
 _TOLERANCE, _ORDER, _SUBSTEPS = (BLOCKS[n].start for n in ("tolerance", "order", "substeps"))
-_RATES, _SINES, _COSINES = _SERIES, _SERIES + _ROWS, _SERIES + 2 * _ROWS
+_RATE, _SINE, _COSINE = (BLOCKS[n].start for n in ("rate_series", "sine_series", "cosine_series"))
 _MORE_AXES = 17
 """Key of `buffer.FAULTS`."""
 
@@ -81,31 +81,48 @@ def _advance(z: Any, h: float) -> int:
 
 
 @kernel
+def _term(z: Any, series: int, k: int) -> float:
+    """Return the k-th coefficient of a series."""
+    return z[series + k]  # type: ignore[no-any-return]
+
+
+@kernel
+def _put_term(z: Any, series: int, k: int, x: float) -> None:
+    """Set the k-th coefficient of a series."""
+    z[series + k] = x
+
+
+@kernel
 def _expand(z: Any, angle: float, rate: float, order: int) -> float:
-    """The series of the rate, and of sine and cosine of the angle: sin' = rate cos, cos' = -rate sin; the longest step.
+    """Set the series of the rate, and of sine and cosine of the angle; return the longest step.
+
+    sin' = rate cos, cos' = -rate sin.
 
     order: a literal, so that the loops unroll.
     """
     drive, damping_rate, (cosine, sine) = z[_DRIVE], z[_DAMPING_RATE], pair_at(z, _SWING)
-    z[_RATES] = rate
-    z[_SINES], z[_COSINES] = sincos(angle)
+    s, c = sincos(angle)
+    _put_term(z, _RATE, 0, rate)
+    _put_term(z, _SINE, 0, s)
+    _put_term(z, _COSINE, 0, c)
     for k in range(order):
         d_sine, d_cosine = 0.0, 0.0
         for j in range(k + 1):
-            d_sine += z[_RATES + j] * z[_COSINES + k - j]
-            d_cosine -= z[_RATES + j] * z[_SINES + k - j]
-        torque = cosine * z[_COSINES + k] + sine * z[_SINES + k] - damping_rate * z[_RATES + k]
+            d_sine += _term(z, _RATE, j) * _term(z, _COSINE, k - j)
+            d_cosine -= _term(z, _RATE, j) * _term(z, _SINE, k - j)
+        d_rate = cosine * _term(z, _COSINE, k) + sine * _term(z, _SINE, k) - damping_rate * _term(z, _RATE, k)
         share = 1.0 / (k + 1.0)
-        z[_RATES + k + 1] = share * (torque + (drive if k == 0 else 0.0))
-        z[_SINES + k + 1], z[_COSINES + k + 1] = share * d_sine, share * d_cosine
+        _put_term(z, _RATE, k + 1, share * (d_rate + (drive if k == 0 else 0.0)))
+        _put_term(z, _SINE, k + 1, share * d_sine)
+        _put_term(z, _COSINE, k + 1, share * d_cosine)
     return _longest_step(z, rate, order)
 
 
 @kernel
 def _longest_step(z: Any, rate: float, order: int) -> float:
-    """The step whose last terms, of the angle (rad) and of the rate (relative), are within the tolerance."""
-    scale_of_rate = max(abs(rate), abs(float(z[_RATES + 1])), 1e-300)
-    last = max(abs(float(z[_RATES + order])) / scale_of_rate, abs(float(z[_RATES + order - 1])) / order)
+    """Return the step whose last terms, of the angle (rad) and of the rate (relative), are within the tolerance."""
+    scale_of_rate = max(abs(rate), abs(_term(z, _RATE, 1)), 1e-300)
+    last = max(abs(_term(z, _RATE, order)) / scale_of_rate, abs(_term(z, _RATE, order - 1)) / order)
     if last == 0.0:
         return LONGEST_STEP
     root = math.sqrt(math.sqrt(z[_TOLERANCE] / last))
@@ -117,7 +134,7 @@ def _longest_step(z: Any, rate: float, order: int) -> float:
 def _rate_after(z: Any, h: float, order: int) -> float:
     total = 0.0
     for k in range(order, -1, -1):
-        total = total * h + z[_RATES + k]
+        total = total * h + _term(z, _RATE, k)
     return total
 
 
@@ -125,7 +142,7 @@ def _rate_after(z: Any, h: float, order: int) -> float:
 def _angle_after(z: Any, angle: float, h: float, order: int) -> float:
     total = 0.0
     for k in range(order - 1, -1, -1):
-        total = total * h + z[_RATES + k] / (k + 1.0)
+        total = total * h + _term(z, _RATE, k) / (k + 1.0)
     return angle + total * h
 
 

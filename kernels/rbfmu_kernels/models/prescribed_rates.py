@@ -8,12 +8,11 @@ import math
 from typing import Any
 
 from .. import quantities
-from ..body.closed_form import TURNING_SIZE, put_turning_at, turning_at
 from ..body.shell import step_function
 from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED, places
 from ..buffer_access import pair_at, put_pair_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
-from ..exact.uniform_rotation import Turning, turned, turning_about
+from ..exact.uniform_rotation import TURNING_SIZE, Turning, put_turning, read_turning, turned, turning_about
 from ..numerics.double_double import DoubleDouble, dd_vector, two_sum
 from ..rotations.euler_angles import ZYX, euler_from_quaternion, euler_rate_b
 from ..rotations.quaternion import add_scaled_quaternion, compose_quaternions, normalize, quaternion_rate_b, rotate
@@ -71,7 +70,8 @@ def _advance(z: Any, h: float) -> int:
     t, low = two_sum(high, h)
     low += rest
     anchor = quaternion_at(z, _ANCHOR if steady else _Q)
-    turning = turning_at(z, _TURNING) if steady else turning_about(dd_vector(omega))
+    kept = read_turning(z[_TURNING : _TURNING + TURNING_SIZE])
+    turning = kept if steady else turning_about(dd_vector(omega))
     q = normalize(compose_quaternions(anchor, turned(turning, (t, low))))
     if not (norm(scale(t, omega)) < LARGEST_TURN and math.isfinite(q[0] + q[1] + q[2] + q[3])):
         return STEP_REJECTED
@@ -86,7 +86,7 @@ def _put_anchor(z: Any, anchor: Quaternion, omega: Vec3, elapsed: DoubleDouble, 
     put_quaternion_at(z, _ANCHOR, anchor)
     put_vec3_at(z, _OMEGA_ANCHOR, omega)
     put_pair_at(z, _ELAPSED, elapsed)
-    put_turning_at(z, _TURNING, turning)
+    put_turning(z, _TURNING, turning)
 
 
 @kernel(inline=False)
