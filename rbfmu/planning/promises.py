@@ -7,7 +7,7 @@ from rbfmu.runs.models import Plan
 from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.body.principal import exact_frame, rates_along
-from rbfmu_kernels.exact.free_rotation_setup import polhode_axes
+from rbfmu_kernels.exact.polhode import polhode_axes
 from rbfmu_kernels.numerics.double_double import DoubleDouble
 from rbfmu_kernels.types import Vec3
 

@@ -59,7 +59,7 @@ FAULTS = {
         "rotations/quaternion", "a0 * b2 - a1 * b3 + a2 * b0 + a3 * b1", "a0 * b2 + a1 * b3 + a2 * b0 - a3 * b1"
     ),
     "phase of the free rotation": Fault(
-        "exact/free_rotation_setup", "    lam = dd_multiply(rate_s,", "    lam = dd_multiply(dd_scale(1.00001, rate_s),"
+        "exact/polhode", "    lam = dd_multiply(rate_s,", "    lam = dd_multiply(dd_scale(1.00001, rate_s),"
     ),
     "precession of a symmetric body": Fault(
         "exact/uniform_rotation",

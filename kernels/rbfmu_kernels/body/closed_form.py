@@ -115,7 +115,7 @@ def commit_step(z: Any, h: float, q: Quaternion, omega: Vec3) -> int:
 
 @kernel
 def _moved(z: Any, h: float) -> bool:
-    """Move the centre of mass and return True, if it stays finite; a force fixed in b keeps its first direction in a."""
+    """Move the centre of mass if it stays finite, and say so; a force fixed in b keeps its first direction in a."""
     since, low, r_0, v_0 = 0.0, 0.0, vec3_at(z, _R_0), vec3_at(z, _V_0)
     a = linear_acceleration(first_attitude(z), body_of(z), loads_of(z))
     if a == vec3_at(z, _A_C):

@@ -4,20 +4,14 @@ import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..compile.decorator import kernel
-from ..numerics.agm import angle_in_half_turns, climb_scale
 from ..numerics.double_double import (
     DoubleDouble,
     Vector,
     dd_add,
-    dd_add_float,
     dd_divide,
     dd_multiply,
-    dd_negate,
     dd_scale,
     dd_sqrt,
-    dd_subtract,
-    two_product,
-    two_sum,
 )
 from ..numerics.jacobi_theta import NEAREST_KC
 from ..numerics.scaling import power_of_two_for
@@ -38,7 +32,8 @@ from .free_rotation_series import (
     turn_of,
 )
 from .free_rotation_series_setup import near_series_of, series_of
-from .uniform_rotation import ONE_OVER_4PI, turning_about
+from .polhode import gap, kappa_of, polhode_axes, symmetric_polhode, triaxial_polhode
+from .uniform_rotation import turning_about
 
 Columns = tuple[Quaternion, Quaternion, Quaternion, Quaternion]
 
@@ -76,7 +71,6 @@ else:
     FreeRotationNumbers = tuple[(float,) * FREE_ROTATION_SIZE]
 _SHAPES[FreeRotationNumbers] = (FREE_ROTATION_SIZE,)
 
-_ONE_OVER_PI: DoubleDouble = (0.3183098861837907, -1.9678676675182486e-17)
 _LEAST_KC = 1e-300
 _NONE: DoubleDouble = (0.0, 0.0)
 
@@ -119,7 +113,7 @@ def tumbling_setup(moments: Vector, q_0: Quaternion, omega: Vector, unit: float)
     w_p, w_r, w_s = dd_scale(sign_p, omega[p]), dd_scale(sign_r, omega[r]), dd_scale(sign_s, omega[s])
     m_s = dd_multiply(i_s, w_s)
 
-    kappa, one_kappa = _kappa(i_p, i_r, i_s)
+    kappa, one_kappa = kappa_of(i_p, i_r, i_s)
     root_kappa = dd_sqrt(one_kappa)
     # m_p and m_r, which may both be tiny, scaled by a power of two.
     up = power_of_two_for(max(w_p[0], abs(w_r[0])))
@@ -133,18 +127,18 @@ def tumbling_setup(moments: Vector, q_0: Quaternion, omega: Vector, unit: float)
     a_r = dd_scale(sign, dd_multiply(root_kappa, a_p))
 
     if i_p == i_r:
-        polhode = _symmetric(i_r, i_s, w_s, m_s, a_p2, am_s, am_c)
+        polhode = symmetric_polhode(i_r, i_s, w_s, m_s, a_p2, am_s, am_c)
         kc: DoubleDouble = (1.0, 0.0)
         kc2 = kc
     else:
         a_s2 = dd_add(dd_multiply(m_s, m_s), dd_multiply(kappa, dd_scale(down, dd_scale(down, m_r2_up))))
-        kc2 = dd_divide(dd_multiply(distance, i_s), dd_multiply(_gap(i_s, i_r), a_s2))
+        kc2 = dd_divide(dd_multiply(distance, i_s), dd_multiply(gap(i_s, i_r), a_s2))
         kc = dd_scale(distance_unit, dd_sqrt(kc2))
         kc2 = dd_scale(distance_unit, dd_scale(distance_unit, kc2))
         if kc[0] - 1.0 + kc[1] > 0.0:
             kc = kc2 = (1.0, 0.0)
         kc = (_LEAST_KC, 0.0) if kc[0] <= _LEAST_KC else kc
-        polhode = _triaxial((i_p, i_r, i_s), kappa, one_kappa, a_p2, a_s2, kc, am_s, am_c)
+        polhode = triaxial_polhode((i_p, i_r, i_s), kappa, one_kappa, a_p2, a_s2, kc, am_s, am_c)
     a_s, g, rate_s, rate, nu, x, half_turn, k2, agm = polhode
 
     kind, width, shift = TUMBLING, (0.0, 0.0), 0.0
@@ -205,117 +199,3 @@ def in_body_axes(v: Vec3, p: float, r: float) -> Vec3:
         v[0] if p == 2.0 else (v[1] if r == 2.0 else v[2]),
         v[0] if p == 3.0 else (v[1] if r == 3.0 else v[2]),
     )
-
-
-_Polhode = tuple[
-    DoubleDouble, float, DoubleDouble, DoubleDouble, DoubleDouble, DoubleDouble, DoubleDouble, float, DoubleDouble
-]
-"""A_s; G; A_s / I_s; rate of psi / (4 pi); rate and start of the phase x / pi of the polhode; psi / (4 pi) besides in
-half a turn of it; k^2; AGM(1, kc)."""
-
-
-@kernel(inline=False)
-def _symmetric(
-    i_r: DoubleDouble, i_s: DoubleDouble, w_s: DoubleDouble, m_s: DoubleDouble,
-    a_p2: DoubleDouble, am_s: DoubleDouble, am_c: DoubleDouble,
-) -> _Polhode:  # fmt: skip
-    """Return the polhode of two equal moments: sn, cn, dn are sin, cos, 1; I_s may be 0."""
-    g = dd_sqrt(dd_add(a_p2, dd_multiply(m_s, m_s)))
-    rate = dd_divide(dd_multiply(g, ONE_OVER_4PI), i_r)
-    lam = dd_divide(dd_multiply(_gap(i_s, i_r), w_s), i_r)
-    x = angle_in_half_turns(am_s, am_c)
-    nu = dd_multiply(lam, _ONE_OVER_PI)
-    return (m_s, g[0], w_s, rate, nu, x, (-0.25, 0.0), 0.0, (1.0, 0.0))
-
-
-@kernel(inline=False)
-def _triaxial(
-    moments_prs: Vector, kappa: DoubleDouble, one_kappa: DoubleDouble, a_p2: DoubleDouble, a_s2: DoubleDouble,
-    kc: DoubleDouble, am_s: DoubleDouble, am_c: DoubleDouble,
-) -> _Polhode:  # fmt: skip
-    """Return the polhode of three different moments."""
-    i_p, i_r, i_s = moments_prs
-    g2 = dd_add(a_p2, a_s2)
-    g, a_s = dd_sqrt(g2), dd_sqrt(a_s2)
-    rate_s = dd_divide(a_s, i_s)
-    lam = dd_multiply(_gap(i_s, i_r), _gap(i_s, i_p))
-    lam = dd_multiply(rate_s, dd_sqrt(dd_divide(lam, dd_multiply(i_p, i_r))))
-    rho, one_rho = dd_divide(a_p2, a_s2), dd_divide(g2, a_s2)
-    if kappa[0] <= rho[0]:
-        middle, n, one_n, one_other = True, kappa, one_kappa, one_rho
-        rate = dd_divide(g, i_r)
-    else:
-        middle, n, one_n, one_other = False, rho, one_rho, one_kappa
-        energy = dd_add(dd_multiply(a_p2, i_s), dd_multiply(a_s2, i_p))
-        rate = dd_divide(energy, dd_multiply(g, dd_multiply(i_p, i_s)))
-    y = dd_multiply(n, dd_sqrt(dd_divide(one_other, one_n)))
-    agm, total, x = climb_scale(kc, n, am_s, am_c)
-    # T over a half turn is pi y (2 - total) / (2 AGM).
-    half_turn = dd_scale(0.125, dd_divide(dd_multiply(y, dd_add_float(dd_negate(total), 2.0)), agm))
-    half_turn = dd_add_float(half_turn, -0.25) if middle else dd_negate(half_turn)
-    nu = dd_multiply(dd_multiply(lam, agm), _ONE_OVER_PI)
-    rate = dd_multiply(rate, ONE_OVER_4PI)
-    return (a_s, g[0], rate_s, rate, nu, x, half_turn, kappa[0] * rho[0], agm)
-
-
-@kernel
-def _kappa(i_p: DoubleDouble, i_r: DoubleDouble, i_s: DoubleDouble) -> tuple[DoubleDouble, DoubleDouble]:
-    """Return (kappa, 1 + kappa), kappa = I_s (I_r - I_p) / (I_p (I_s - I_r))."""
-    if i_p == i_r:
-        return ((0.0, 0.0), (1.0, 0.0))
-    kappa = dd_divide(dd_multiply(_gap(i_r, i_p), i_s), dd_multiply(_gap(i_s, i_r), i_p))
-    return (kappa, dd_add_float(kappa, 1.0))
-
-
-@kernel
-def _gap(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
-    """Return |a - b|, of floats exactly."""
-    return dd_subtract(a, b) if a >= b else dd_subtract(b, a)
-
-
-@kernel
-def polhode_axes(moments: Vector, omega: Vector) -> tuple[int, int, int, DoubleDouble, float]:
-    """Return (p, r, s, d, unit), where d is 0 on the separatrix.
-
-    d unit^2 = |w_hi^2 I_hi (I_hi - I_r) - w_lo^2 I_lo (I_r - I_lo)|.
-    """
-    a, b, c = moments
-    lo = 0 if a <= b and a <= c else (1 if b <= c else 2)
-    hi = 2 if c >= a and c >= b else (1 if b >= a else 0)
-    r = 3 - lo - hi
-    up = power_of_two_for(max(abs(omega[lo][0]), abs(omega[hi][0])))
-    w_lo, w_hi = dd_scale(up, omega[lo]), dd_scale(up, omega[hi])
-    above, below = _gap(moments[hi], moments[r]), _gap(moments[r], moments[lo])
-    upper = dd_multiply(dd_multiply(dd_multiply(w_hi, w_hi), moments[hi]), above)
-    lower = dd_multiply(dd_multiply(dd_multiply(w_lo, w_lo), moments[lo]), below)
-    d = dd_subtract(upper, lower)
-    rest = abs(w_hi[1]) + abs(w_lo[1]) + abs(a[1]) + abs(b[1]) + abs(c[1])
-    if abs(d[0]) < 1e-8 * upper[0] and rest == 0.0:  # too few digits would be left, and floats have more
-        sums = _add_exactly((0.0, 0.0, 0.0, 0.0), w_hi[0], moments[hi][0], above)
-        sums = _add_exactly(sums, w_lo[0], -moments[lo][0], below)
-        d = dd_add(two_sum(sums[0], sums[1]), (sums[2], sums[3]))
-    p, s = lo, hi
-    if d[0] < 0.0:
-        p, s = hi, lo
-        d = dd_negate(d)
-    if moments[s] == moments[r]:
-        p, s = s, p
-    return (p, r, s, d, 1.0 / up)
-
-
-_Sums = tuple[float, float, float, float]
-
-
-@kernel(inline=False)
-def _add_exactly(sums: _Sums, w: float, moment: float, gap: DoubleDouble) -> _Sums:
-    """Return the running sum plus w^2 moment gap, to 212 bits: cascaded error-free sums of 16 exact products."""
-    s_1, s_2, s_3, s_4 = sums
-    for part in gap:
-        for lever in two_product(moment, part):
-            for square in two_product(w, w):
-                for term in two_product(square, lever):
-                    s_1, e = two_sum(s_1, term)
-                    s_2, e = two_sum(s_2, e)
-                    s_3, e = two_sum(s_3, e)
-                    s_4 += e
-    return (s_1, s_2, s_3, s_4)

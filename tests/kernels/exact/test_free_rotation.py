@@ -264,6 +264,7 @@ def test_kernels_call_nothing_of_libm_but_square_roots_and_signs():
     own = (
         "exact/free_rotation",
         "exact/free_rotation_setup",
+        "exact/polhode",
         "exact/free_rotation_series",
         "exact/free_rotation_series_setup",
         "numerics/jacobi_theta",
