@@ -36,7 +36,7 @@ def start_clocks(z: Any) -> None:
     """Set the clocks at the start of a run."""
     put_pair_at(z, _ELAPSED, (0.0, 0.0))
     put_pair_at(z, _SINCE_A_C, (0.0, 0.0))
-    put_quaternion_at(z, _Q_0, rotation_of(z)[0])
+    put_quaternion_at(z, _Q_0, rotation_of(z).q_ab)
     r_c, v_c = centre_of(z)
     put_vec3_at(z, _R_0, r_c)
     put_vec3_at(z, _V_0, v_c)

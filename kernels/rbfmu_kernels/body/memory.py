@@ -10,7 +10,7 @@ from .. import quantities
 from ..buffer import NEGATIVE, places
 from ..buffer_access import matrix_at, put_matrix_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
-from ..integrators.rigid_body_state import STATE_BLOCKS, STATE_SIZE
+from ..integrators.rigid_body_state import STATE_BLOCKS, STATE_SIZE, Centre, Rotation
 from ..mechanics.equations_of_motion import Body, Loads, State, steady_acceleration
 from ..mechanics.inertia import check_inertia, inverse_inertia, parallel_axis, principal_axes, trace
 from ..rotations.quaternion import normalize, rotate
@@ -124,9 +124,9 @@ def inertia_of(z: Any) -> Matrix:
 
 
 @kernel
-def rotation_of(z: Any) -> tuple[Quaternion, Vec3]:
-    """(q_ab, omega_ab_b) of the state."""
-    return quaternion_at(z, STATE_START), vec3_at(z, _OMEGA)
+def rotation_of(z: Any) -> Rotation:
+    """Return the state's attitude and rate."""
+    return Rotation(quaternion_at(z, STATE_START), vec3_at(z, _OMEGA))
 
 
 @kernel
@@ -137,9 +137,9 @@ def put_rotation(z: Any, q: Quaternion, omega: Vec3) -> None:
 
 
 @kernel
-def centre_of(z: Any) -> tuple[Vec3, Vec3]:
-    """(r_c, v_c) of the state, in a."""
-    return vec3_at(z, _R_C), vec3_at(z, _V_C)
+def centre_of(z: Any) -> Centre:
+    """Return the state's centre of mass."""
+    return Centre(vec3_at(z, _R_C), vec3_at(z, _V_C))
 
 
 @kernel
@@ -151,7 +151,7 @@ def put_centre(z: Any, r_c: Vec3, v_c: Vec3) -> None:
 
 @kernel
 def motion_of(z: Any) -> State:
-    """The state as `equations_of_motion.State`."""
+    """Return the state as `equations_of_motion.State`."""
     return State(vec3_at(z, _R_C), vec3_at(z, _V_C), quaternion_at(z, STATE_START), vec3_at(z, _OMEGA))
 
 

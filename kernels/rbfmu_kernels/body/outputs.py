@@ -64,7 +64,7 @@ def outputs(z: Any) -> int:
         put_vec3_at(z, _MOMENTUM, rotate(q, angular_momentum(matrix_at(z, _M), omega)))
     if is_active(z, _SHOWS_ENERGY):
         mass = 0.0 if has_pivot(z) else z[_MASS]
-        z[_ENERGY] = kinetic_energy(mass, matrix_at(z, _M), centre_of(z)[1], omega)
+        z[_ENERGY] = kinetic_energy(mass, matrix_at(z, _M), centre_of(z).v_c, omega)
     return 0
 
 
@@ -76,8 +76,8 @@ def _put_translation(z: Any, q: Quaternion, omega: Vec3) -> None:
         put_vec3_at(z, _POSITION, vec3_at(z, _POSITION_0))
         put_vec3_at(z, _VELOCITY, (0.0, 0.0, 0.0))
     else:
-        put_vec3_at(z, _POSITION, subtract(centre_of(z)[0], rotate(q, r_oc)))
-        put_vec3_at(z, _VELOCITY, subtract(centre_of(z)[1], rotate(q, cross(omega, r_oc))))
+        put_vec3_at(z, _POSITION, subtract(centre_of(z).r_c, rotate(q, r_oc)))
+        put_vec3_at(z, _VELOCITY, subtract(centre_of(z).v_c, rotate(q, cross(omega, r_oc))))
 
 
 @kernel
@@ -111,7 +111,7 @@ def output_rates(z: Any) -> int:
     put_vec3_at(z, _D_OMEGA_A, rotate(q, alpha))
     put_vec3_at(z, _D_ALPHA, alpha_rate)
     put_vec3_at(z, _D_MOMENTUM, rotate(q, torque))
-    a_c, v_c = linear_acceleration(q, body, loads), centre_of(z)[1]
+    a_c, v_c = linear_acceleration(q, body, loads), centre_of(z).v_c
     z[_D_ENERGY] = dot(omega, torque) + (0.0 if has_pivot(z) else z[_MASS] * dot(v_c, a_c))
     put_vec3_at(z, _D_POSITION, vec3_at(z, _VELOCITY))
     put_vec3_at(z, _D_VELOCITY, vec3_at(z, _ACCELERATION))

@@ -5,7 +5,7 @@ first half suffices (`ROTATION`) and the position has a closed form.
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..buffer import places
 from ..buffer_access import put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
@@ -18,6 +18,20 @@ Q, OMEGA, R_C, V_C = (_PLACES[name].start for name in ("q", "omega", "r_c", "v_c
 """Where in a state its vectors begin."""
 RATE_ONLY, ROTATION, WHOLE_STATE = 3, R_C, STATE_SIZE
 """How much of a state is integrated: the rate alone (by DOP853 with the attitude), rotation, all."""
+
+
+class Rotation(NamedTuple):
+    """Attitude and body rate omega_ab_b."""
+
+    q_ab: Quaternion
+    omega_b: Vec3
+
+
+class Centre(NamedTuple):
+    """Position and velocity of the centre of mass, in a."""
+
+    r_c: Vec3
+    v_c: Vec3
 
 
 @kernel

@@ -32,7 +32,7 @@ def _set_up(z: Any) -> int:
     if more and not skips_model_checks(z):
         return _MORE
     put_pair_at(z, _SINCE_ALPHA, (0.0, 0.0))
-    put_vec3_at(z, _OMEGA_0, rotation_of(z)[1])
+    put_vec3_at(z, _OMEGA_0, rotation_of(z).omega_b)
     put_vec3_at(z, _ALPHA, _AT_REST)
     start_clocks(z)
     return 0
@@ -48,7 +48,7 @@ def _advance(z: Any, h: float) -> int:
     if alpha == vec3_at(z, _ALPHA):
         since, low = later(z, _SINCE_ALPHA, h)
     else:
-        since, omega = h, rotation_of(z)[1]
+        since, omega = h, rotation_of(z).omega_b
     status = finish_step(z, h, q, add_scaled(omega, since + low, alpha))
     if status == OK:
         put_pair_at(z, _SINCE_ALPHA, (since, low))

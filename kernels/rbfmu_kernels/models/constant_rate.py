@@ -31,7 +31,7 @@ _UNSTEADY = 15
 
 @kernel
 def _set_up(z: Any) -> int:
-    omega = rotation_of(z)[1]
+    omega = rotation_of(z).omega_b
     if not skips_model_checks(z) and (not keeps_its_rate(z, omega) or _is_disturbed(z)):
         return _UNSTEADY
     put_turning(z, _TURNING, turning_about(dd_vector(omega)))
@@ -46,13 +46,13 @@ def _advance(z: Any, h: float) -> int:
         return STEP_REJECTED
     t = time_after(z, h)
     q = compose_quaternions(first_attitude(z), turned(read_turning(z[_TURNING : _TURNING + TURNING_SIZE]), t))
-    return finish_step(z, h, q, rotation_of(z)[1])
+    return finish_step(z, h, q, rotation_of(z).omega_b)
 
 
 @kernel
 def _is_disturbed(z: Any) -> bool:
     """Whether a torque acts, or a force turns with the body's path: one along the rate does not turn."""
-    return has_torque(z) or turns_path(z, rotation_of(z)[1])
+    return has_torque(z) or turns_path(z, rotation_of(z).omega_b)
 
 
 initialize, step = entry_functions(__name__, _set_up, _advance)

@@ -33,7 +33,7 @@ _TORQUE, _NOT_SYMMETRIC = 11, 16
 
 @kernel
 def _set_up(z: Any) -> int:
-    omega, body = rotation_of(z)[1], body_of(z)
+    omega, body = rotation_of(z).omega_b, body_of(z)
     if not skips_model_checks(z):
         if is_driven(z):
             return _TORQUE

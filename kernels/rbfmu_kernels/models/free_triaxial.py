@@ -69,7 +69,7 @@ def _advance(z: Any, h: float) -> int:
     motion = free_motion_of(z)
     t = scaled_time(motion, time_after(z, h))
     place = place_at(motion, t)
-    q = free_attitude_at(motion, t, place) if needs_attitude(z) else rotation_of(z)[0]
+    q = free_attitude_at(motion, t, place) if needs_attitude(z) else rotation_of(z).q_ab
     status = finish_step(z, h, q, shown_rates(z, place))
     if status == OK:
         keep_place(z, place)
@@ -79,7 +79,7 @@ def _advance(z: Any, h: float) -> int:
 @kernel
 def shown_rates(z: Any, place: Place) -> Vec3:
     """omega_ab_b at a place on the polhode, where an output needs it."""
-    return _rates(z, place) if shows_rates(z) else rotation_of(z)[1]
+    return _rates(z, place) if shows_rates(z) else rotation_of(z).omega_b
 
 
 @kernel
@@ -93,7 +93,7 @@ def keep_place(z: Any, place: Place) -> None:
 def output_rates(z: Any) -> int:
     """Set the outputs' time derivatives, inputs held; first the rate, which may be that of a step before."""
     if z[_MOVED] != 0.0:
-        put_rotation(z, rotation_of(z)[0], _rates(z, quaternion_at(z, _PLACE)))
+        put_rotation(z, rotation_of(z).q_ab, _rates(z, quaternion_at(z, _PLACE)))
     return body_output_rates(z)
 
 

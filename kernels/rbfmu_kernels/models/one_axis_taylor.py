@@ -56,7 +56,7 @@ def _set_up(z: Any) -> int:
 def _advance(z: Any, h: float) -> int:
     """Advance by h; STEP_REJECTED (and nothing changed) where the motion is not finite or needs too many substeps."""
     axis, angle = vec3_at(z, _AXIS), z[_ANGLE]
-    rate = dot(axis, rotation_of(z)[1])
+    rate = dot(axis, rotation_of(z).omega_b)
     rest, steps, order = h, 0, int(z[_ORDER])
     while rest > 0.0:
         steps += 1

@@ -61,7 +61,7 @@ def _advance(z: Any, h: float) -> int:
     _, left = relaxed(1.0, 0.0, z[_DAMPING_RATE_ACROSS], t)
     s, c = sincos(z[_RATIO] * angle)
     rates = (left * (c * w_t - s * w_u), left * (s * w_t + c * w_u), rate)
-    return finish_step(z, h, rotation_of(z)[0], transform(invert_matrix(matrix_at(z, _AXES)), rates))
+    return finish_step(z, h, rotation_of(z).q_ab, transform(invert_matrix(matrix_at(z, _AXES)), rates))
 
 
 @kernel
