@@ -84,10 +84,12 @@ def free_rotation_at(setup: FreeRotationNumbers, t: float) -> tuple[Quaternion, 
 
 @kernel
 def free_rotation(moments: Vec3, q_0: Quaternion, omega_b_0: Vec3, t: float) -> tuple[Quaternion, Vec3]:
-    """Return (q_ab, omega_ab_b) at time t of a body that moves without torque from q_0, omega_b_0: exact.
+    """Return (q_ab, omega_ab_b) at time t of a body that moves without torque from q_0 and omega_b_0, in closed form.
 
-    moments: (3) principal, any unit; q_0: (4); omega_b_0: (3) rad/s, body components; t: s, of either sign.
-    Error and singularities: see `free_rotation_at`, `free_rotation_setup`, which serve many t of one body.
+    Units: moments any, principal; omega_b_0 in rad/s; t in s, of either sign.  Frames: omega_b_0 in b, q_0 from b to a.
+    Error <= 1 eps, at most 5 eps, of the attitude's angle and of omega relative to |omega|; see `free_rotation_at`.
+    Singular: where no motion exists, which gives NaN; see `free_rotation_setup`.  Both serve many times of one body.
+    Source: Celledoni, Fasso, Saefstroem & Zanna 2008.
     """
     return free_rotation_at(free_rotation_setup(moments, q_0, omega_b_0), t)
 

@@ -77,7 +77,7 @@ class NearSeries(NamedTuple):
 
 
 class SteadyTurn(NamedTuple):
-    """Of a steady motion."""
+    """The constants of a steady motion: its axis in b."""
 
     axis: Vec3
 
@@ -113,7 +113,7 @@ def place_of(kind: float, x: DoubleDouble, width: DoubleDouble) -> Place:
 def turn_of(kind: float, place: Place, psi: DoubleDouble, shift: float, series: Series) -> Quaternion:
     """Return the quaternion, of any length.
 
-    psi: the steady turn, shift x: what NEAR adds; half angles in half turns.
+    psi is the steady turn, shift x what NEAR adds; half angles are in half turns.
     """
     if kind == TUMBLING:
         sin_v, cos_v, _, _ = place

@@ -60,9 +60,9 @@ def _exponentials(kappa: float, tilt: float, k2: float, kc: float, q: float) -> 
 
 @kernel(inline=False)
 def _root_of_shift(y: float, k: float, kc: float) -> float:
-    """Return sqrt(f / y), where Landen's descent y' = y (y + k) / (1 + k y) ends at f^(2^n); kc of k.
+    """Return sqrt(f / y), where Landen's descent y' = y (y + k) / (1 + k y) ends at f^(2^n); kc is that of k.
 
-    y: (1 - s) / (1 + s), s = cn(a, k'_0), f = exp(-pi a / K), k of the level below k_0: at most 6 y.
+    With s = cn(a, k'_0), y is (1 - s) / (1 + s), f = exp(-pi a / K), and k of the level below k_0 is at most 6 y.
     """
     if y == 0.0:
         return 1.0

@@ -100,7 +100,10 @@ def steady_setup(q_0: Quaternion, omega: Vector, unit: float) -> FreeRotation:
 
 @kernel(inline=False)
 def tumbling_setup(moments: Vector, q_0: Quaternion, omega: Vector, unit: float) -> FreeRotation:
-    """Set up any other motion. moments and omega scaled to about 1; `unit` undoes the scaling of omega."""
+    """Set up any other motion.
+
+    moments and omega are scaled to about 1; `unit` undoes the scaling of omega.
+    """
     p, r, s, distance, distance_unit = polhode_axes(moments, omega)
     i_p, i_r, i_s = moments[p], moments[r], moments[s]
     if not (i_p[0] > 0.0 and i_r[0] > 0.0 and (i_s[0] > 0.0 or i_p == i_r)):

@@ -66,7 +66,7 @@ class LoadPolynomial(NamedTuple):
 
 
 class ActingLoads(NamedTuple):
-    """Which loads are not zero throughout a step."""
+    """Whether each of the loads acts at any time of a step."""
 
     force_a: bool
     force_b: bool
@@ -98,6 +98,7 @@ def angular_jerk(q_ab: Quaternion, omega_b: Vec3, alpha_b: Vec3, body: Body, loa
 
 @kernel
 def _act(loads: Loads) -> bool:
+    """Return whether any load is not zero."""
     force = is_nonzero(loads.gravity_a) or is_nonzero(loads.force_a) or is_nonzero(loads.force_b)
     return force or is_nonzero(loads.torque_a) or is_nonzero(loads.torque_b)
 
@@ -172,7 +173,7 @@ def linear_acceleration(q_ab: Quaternion, body: Body, loads: Loads) -> Vec3:
 
 @kernel(inline=False)
 def state_rates(state: State, body: Body, loads: Loads) -> Rates:
-    """Return d/dt of the state."""
+    """Return the time derivative of the state."""
     return Rates(
         state.v_c,
         linear_acceleration(state.q_ab, body, loads),

@@ -18,33 +18,34 @@ NOT_FINITE, NOT_SYMMETRIC, NEGATIVE, TRIANGLE = 1, 2, 3, 4
 
 @kernel
 def diagonal(d: Vec3) -> Matrix:
-    """The matrix diag(d)."""
+    """Return the matrix diag(d)."""
     return ((d[0], 0.0, 0.0), (0.0, d[1], 0.0), (0.0, 0.0, d[2]))
 
 
 @kernel
 def add_scaled_matrix(A: Matrix, s: float, B: Matrix) -> Matrix:
-    """A + s B."""
+    """Return A + s B."""
     return (add_scaled(A[0], s, B[0]), add_scaled(A[1], s, B[1]), add_scaled(A[2], s, B[2]))
 
 
 @kernel
 def scale_matrix(s: float, A: Matrix) -> Matrix:
-    """s A."""
+    """Return s A."""
     return (scale(s, A[0]), scale(s, A[1]), scale(s, A[2]))
 
 
 @kernel
 def trace(A: Matrix) -> float:
-    """Sum of the diagonal."""
+    """Return the sum of the diagonal."""
     return A[0][0] + A[1][1] + A[2][2]
 
 
 @kernel
 def beam_inertia(mass: float, length: float) -> Matrix:
-    """diag(0, m l^2/12, m l^2/12): slender beam along x, about its centre.
+    """Return M of a slender beam about its centre, diag(0, m l^2/12, m l^2/12).
 
-    mass: kg; length: m.  Error <= 1.2 eps.  E&G 7.2; lecture, "Example: slender beam".
+    Units: mass in kg, length in m; M in kg m^2.  Frames: the beam lies along x.
+    Error <= 1.2 eps.  Singular: nowhere.  Source: E&G 7.2; lecture, "Example: Slender beam".
     """
     m = mass * length * length / 12.0
     return diagonal((0.0, m, m))
@@ -52,9 +53,10 @@ def beam_inertia(mass: float, length: float) -> Matrix:
 
 @kernel
 def box_inertia(mass: float, sides: Vec3) -> Matrix:
-    """M of a homogeneous box about its centre, axes along its sides.
+    """Return M of a homogeneous box about its centre.
 
-    mass: kg; sides: m.  Error <= 1.6 eps.
+    Units: mass in kg, sides in m; M in kg m^2.  Frames: axes along the sides.
+    Error <= 1.6 eps.  Singular: nowhere.  Source: the integral of lecture, "Inertia dyadic".
     """
     x, y, z = sides[0] * sides[0], sides[1] * sides[1], sides[2] * sides[2]
     m = mass / 12.0
@@ -63,9 +65,10 @@ def box_inertia(mass: float, sides: Vec3) -> Matrix:
 
 @kernel
 def cylinder_inertia(mass: float, radius: float, length: float) -> Matrix:
-    """M of a homogeneous cylinder about its centre, axis along z.
+    """Return M of a homogeneous cylinder about its centre.
 
-    mass: kg; radius, length: m.  Error <= 1.7 eps.
+    Units: mass in kg, radius and length in m; M in kg m^2.  Frames: the cylinder's axis along z.
+    Error <= 1.7 eps.  Singular: nowhere.  Source: the integral of lecture, "Inertia dyadic".
     """
     r2 = radius * radius
     side = mass * (3.0 * r2 + length * length) / 12.0
@@ -74,9 +77,10 @@ def cylinder_inertia(mass: float, radius: float, length: float) -> Matrix:
 
 @kernel
 def sphere_inertia(mass: float, radius: float) -> Matrix:
-    """M of a homogeneous ball about its centre: 2/5 m r^2.
+    """Return M of a homogeneous ball about its centre, 2/5 m r^2 in any axes.
 
-    mass: kg; radius: m.  Error <= 1.4 eps.
+    Units: mass in kg, radius in m; M in kg m^2.  Frames: any.
+    Error <= 1.4 eps.  Singular: nowhere.  Source: the integral of lecture, "Inertia dyadic".
     """
     m = 0.4 * mass * radius * radius
     return diagonal((m, m, m))
@@ -84,9 +88,10 @@ def sphere_inertia(mass: float, radius: float) -> Matrix:
 
 @kernel
 def ellipsoid_inertia(mass: float, semiaxes: Vec3) -> Matrix:
-    """M of a homogeneous ellipsoid about its centre, axes along its semiaxes.
+    """Return M of a homogeneous ellipsoid about its centre.
 
-    mass: kg; semiaxes: m.  Error <= 1.6 eps.
+    Units: mass in kg, semiaxes in m; M in kg m^2.  Frames: axes along the semiaxes.
+    Error <= 1.6 eps.  Singular: nowhere.  Source: the integral of lecture, "Inertia dyadic".
     """
     x, y, z = semiaxes[0] * semiaxes[0], semiaxes[1] * semiaxes[1], semiaxes[2] * semiaxes[2]
     m = mass / 5.0
@@ -95,9 +100,9 @@ def ellipsoid_inertia(mass: float, semiaxes: Vec3) -> Matrix:
 
 @kernel
 def point_inertia(mass: float, r: Vec3) -> Matrix:
-    """-m skew(r) skew(r): inertia of a particle at r about the origin.
+    """Return -m skew(r) skew(r), the inertia about the origin of a particle at r.
 
-    mass: kg; r: m.  Error <= 0.7 eps of its trace.
+    Units: mass in kg, r in m; the result in kg m^2.  Error <= 0.7 eps of its trace.
     """
     x, y, z = mass * r[0], mass * r[1], mass * r[2]
     xx, yy, zz = x * r[0], y * r[1], z * r[2]
@@ -107,12 +112,13 @@ def point_inertia(mass: float, r: Vec3) -> Matrix:
 
 @kernel(inline=False)
 def inertia_of_points(masses: Sequence[float], positions: Sequence[Vec3]) -> tuple[float, Vec3, Matrix]:
-    """(mass, r_oc, M_c) of particles: their mass, centre of mass, and inertia about that.
+    """Return (mass, r_oc, M_c) of particles: their mass, centre of mass, and inertia about that.
 
-    masses: n numbers, kg, together above 0; positions: n points, m, from o: arrays (n) and (n, 3), or tuples.
+    masses are n numbers, positions n points from o: arrays (n) and (n, 3), or tuples.
+    Units: masses in kg, together above 0, positions in m; M_c in kg m^2.  Frames: all in one frame.
     Error <= 1 eps of the mass, of the largest position and of the trace, for any n: sums are compensated, and a cloud
-    far away loses no digits but those of its positions.  NaN where the masses' sum is 0.
-    E&G (7.30), lecture, "Inertia dyadic".
+    far away loses no digits but those of its positions.
+    Singular: where the masses' sum is 0, which gives NaN.  Source: E&G (7.30); lecture, "Inertia dyadic".
     """
     zero = (0.0, 0.0, 0.0)
     _, about = _centre_of_mass(masses, positions, zero)
@@ -126,7 +132,7 @@ def inertia_of_points(masses: Sequence[float], positions: Sequence[Vec3]) -> tup
 
 @kernel(inline=False)
 def _centre_of_mass(masses: Sequence[float], positions: Sequence[Vec3], about: Vec3) -> tuple[float, Vec3]:
-    """Mass and centre of mass of particles, from `about`."""
+    """Return mass and centre of mass of particles, the latter from `about`."""
     mass, error = 0.0, 0.0
     total = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     for n in range(len(masses)):
@@ -140,12 +146,13 @@ def _centre_of_mass(masses: Sequence[float], positions: Sequence[Vec3], about: V
 
 @kernel
 def _offset(positions: Sequence[Vec3], n: int, about: Vec3) -> Vec3:
+    """Return the position of the particle n from `about`."""
     return (positions[n][0] - about[0], positions[n][1] - about[1], positions[n][2] - about[2])
 
 
 @kernel
 def _sum_with(total: tuple[Vec3, Vec3], term: Vec3) -> tuple[Vec3, Vec3]:
-    """A sum and its errors, each of three numbers, with a further term."""
+    """Return a sum and its errors, each of three numbers, with a further term."""
     (a, b, c), errors = total
     a, p = two_sum(a, term[0])
     b, q = two_sum(b, term[1])
@@ -155,7 +162,7 @@ def _sum_with(total: tuple[Vec3, Vec3], term: Vec3) -> tuple[Vec3, Vec3]:
 
 @kernel(inline=False)
 def inertia_of_clouds(masses: Any, positions: Any, mass: Any, r_oc: Any, M_c: Any) -> None:
-    """`inertia_of_points` of each cloud of arrays (clouds, n) and (clouds, n, 3), into the last three."""
+    """Put `inertia_of_points` of each cloud of arrays (clouds, n) and (clouds, n, 3) into the last three arguments."""
     for k in range(len(masses)):
         total, centre, M = inertia_of_points(masses[k], positions[k])
         mass[k] = total
@@ -167,18 +174,20 @@ def inertia_of_clouds(masses: Any, positions: Any, mass: Any, r_oc: Any, M_c: An
 
 @kernel
 def parallel_axis(M_c: Matrix, mass: float, r_oc: Vec3) -> Matrix:
-    """M_o = M_c - m skew(r_oc) skew(r_oc): inertia about o, r_oc from o to the centre of mass, all in one frame.
+    """Return M_o = M_c - m skew(r_oc) skew(r_oc), the inertia about o, with r_oc from o to the centre of mass.
 
-    M_c: kg m^2; mass: kg; r_oc: m.  Error <= 0.6 eps of its trace.  E&G (7.39).
+    Units: M_c in kg m^2, mass in kg, r_oc in m; M_o in kg m^2.  Frames: all in one frame.
+    Error <= 0.6 eps of its trace.  Singular: nowhere.  Source: E&G (7.39).
     """
     return add_scaled_matrix(M_c, 1.0, point_inertia(mass, r_oc))
 
 
 @kernel
 def rotate_inertia(R_ab: Matrix, M_b: Matrix) -> Matrix:
-    """M_a = R_ab M_b R_ab^T.
+    """Return M_a = R_ab M_b R_ab^T of a symmetric M_b; the result is symmetric to the bit.
 
-    M_b: symmetric; the result is so to the bit.  Error <= 1.1 eps of the trace.  E&G (7.33).
+    Units: M_b any, commonly kg m^2, the result alike.  Frames: M_b in b, the result in a.
+    Error <= 1.1 eps of the trace.  Singular: nowhere.  Source: E&G (7.33).
     """
     H = compose_matrices(R_ab, M_b)
     xy, xz, yz = dot(H[0], R_ab[1]), dot(H[0], R_ab[2]), dot(H[1], R_ab[2])
@@ -187,7 +196,7 @@ def rotate_inertia(R_ab: Matrix, M_b: Matrix) -> Matrix:
 
 @kernel
 def adjugate_symmetric(M: Matrix) -> Matrix:
-    """adj(M) = det(M) M^-1 of a symmetric matrix."""
+    """Return adj(M) = det(M) M^-1 of a symmetric matrix."""
     (a, d, e), (_, b, f), (_, _, c) = M
     xy, xz, yz = e * f - d * c, d * f - e * b, d * e - a * f
     return ((b * c - f * f, xy, xz), (xy, a * c - e * e, yz), (xz, yz, a * b - d * d))
@@ -195,11 +204,12 @@ def adjugate_symmetric(M: Matrix) -> Matrix:
 
 @kernel
 def inverse_inertia(M: Matrix) -> Matrix:
-    """M^-1 of a symmetric inertia matrix; where one principal moment is zero, its pseudo-inverse.
+    """Return M^-1 of a symmetric inertia matrix; where one principal moment is zero, its pseudo-inverse.
 
-    M: any scale.  A moment at most 1e-12 of the trace is zero (a slender beam): no angular acceleration about its axis.
+    M may have any scale. A moment at most 1e-12 of the trace counts as zero (a slender beam), with no angular
+    acceleration about its axis.
     Error <= 1.7 eps times the condition number, 1.8 eps for a diagonal matrix, 8 eps for a beam in any axes.
-    With two zero moments NaN.
+    Two zero moments give NaN.
     """
     p = power_of_two_for(trace(M))  # so that products of three moments neither over- nor underflow
     M = scale_matrix(p, M)
@@ -216,7 +226,10 @@ def inverse_inertia(M: Matrix) -> Matrix:
 
 @kernel
 def _jacobi(p: float, q: float, o: float) -> tuple[float, float, float]:
-    """Cosine, sine and tangent of the rotation that annihilates o of ((p, o), (o, q)); none where o is negligible."""
+    """Return cosine, sine and tangent of the rotation that annihilates o of ((p, o), (o, q)).
+
+    Where o is negligible it is no rotation.
+    """
     if o == 0.0 or abs(o) <= 2.0**-55 * math.sqrt(abs(p)) * math.sqrt(abs(q)):
         return 1.0, 0.0, 0.0
     x = (q - p) / (2.0 * o)
@@ -227,11 +240,13 @@ def _jacobi(p: float, q: float, o: float) -> tuple[float, float, float]:
 
 @kernel(inline=False)
 def principal_axes(M: Matrix) -> tuple[Vec3, Matrix]:
-    """(moments ascending, R) with M = R diag(moments) R^T, R a rotation whose columns are the principal axes.
+    """Return (moments, R) with M = R diag(moments) R^T, the moments ascending, R a rotation.
 
-    M: symmetric, kg m^2, any scale.  M is rebuilt to 1 eps of the trace, R orthonormal to 1.5 eps; a diagonal matrix
-    gives its own numbers and a permutation.
-    Equal moments: any axes of that plane.  Cyclic Jacobi (Golub & Van Loan 8.5).
+    The columns of R are the principal axes. A diagonal matrix gives its own numbers and a permutation.
+    Units: M symmetric, any unit and scale, commonly kg m^2; the moments alike.
+    Frames: M in b gives R_bp, from principal axes p to b.
+    Error: M is rebuilt to 1 eps of the trace, R is orthonormal to 1.5 eps.
+    Singular: equal moments give any axes of their plane.  Source: cyclic Jacobi, Golub & Van Loan 8.5.
     """
     (a, d, e), (_, b, f), (_, _, c) = M
     x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)  # the axes, columns of R
@@ -259,7 +274,7 @@ def principal_axes(M: Matrix) -> tuple[Vec3, Matrix]:
 
 @kernel
 def _turn(u: Vec3, v: Vec3, cos: float, sin: float) -> tuple[Vec3, Vec3]:
-    """Two columns after a Jacobi rotation."""
+    """Return two columns after a Jacobi rotation."""
     return (
         (cos * u[0] - sin * v[0], cos * u[1] - sin * v[1], cos * u[2] - sin * v[2]),
         (sin * u[0] + cos * v[0], sin * u[1] + cos * v[1], sin * u[2] + cos * v[2]),
@@ -268,7 +283,7 @@ def _turn(u: Vec3, v: Vec3, cos: float, sin: float) -> tuple[Vec3, Vec3]:
 
 @kernel
 def _orthonormal(x: Vec3, y: Vec3, z: Vec3) -> tuple[Vec3, Vec3, Vec3]:
-    """Nearly orthonormal columns without the round-off of the rotations before: R (3 I - R^T R) / 2."""
+    """Return nearly orthonormal columns without the round-off of the rotations before: R (3 I - R^T R) / 2."""
     xy, xz, yz = -0.5 * dot(x, y), -0.5 * dot(x, z), -0.5 * dot(y, z)
     dx, dy, dz = 0.5 * (1.0 - dot(x, x)), 0.5 * (1.0 - dot(y, y)), 0.5 * (1.0 - dot(z, z))
     return (
@@ -280,9 +295,9 @@ def _orthonormal(x: Vec3, y: Vec3, z: Vec3) -> tuple[Vec3, Vec3, Vec3]:
 
 @kernel(inline=False)
 def check_inertia(M: Matrix) -> float:
-    """0 for a possible inertia matrix, else NOT_FINITE, NOT_SYMMETRIC, NEGATIVE or TRIANGLE.
+    """Return 0 for a possible inertia matrix, else NOT_FINITE, NOT_SYMMETRIC, NEGATIVE or TRIANGLE.
 
-    Each beyond 1e-12 of the trace; one zero moment is a slender beam and allowed.
+    Each is a violation beyond 1e-12 of the trace; one zero moment is a slender beam and allowed.
     """
     t = trace(M)
     total = t + M[0][1] + M[0][2] + M[1][2] + M[1][0] + M[2][0] + M[2][1]

@@ -23,7 +23,10 @@ from .scaling import power_of_two_for
 
 @kernel
 def jacobi_low_parts(sn: float, cn: float, dn: float, kc2: DoubleDouble) -> tuple[float, float, float]:
-    """What to add to sn, cn, dn, each off by some eps, so that sn^2 + cn^2 = 1 and dn^2 = cn^2 + kc^2 sn^2 to 1e-30."""
+    """Return what to add to sn, cn, dn, each off by some eps.
+
+    Then sn^2 + cn^2 = 1 and dn^2 = cn^2 + kc^2 sn^2 to 1e-30.
+    """
     s_1, s_2 = two_product(sn, sn)
     c_1, c_2 = two_product(cn, cn)
     d_1, d_2 = two_product(dn, dn)
@@ -39,8 +42,9 @@ def jacobi_low_parts(sn: float, cn: float, dn: float, kc2: DoubleDouble) -> tupl
 def climb_scale(
     kc: DoubleDouble, n: DoubleDouble, s: DoubleDouble, c: DoubleDouble
 ) -> tuple[DoubleDouble, DoubleDouble, DoubleDouble]:
-    """(AGM(1, kc), sum, x / pi): Pi(-n) = pi / (4 AGM) (2 - n / (1 + n) sum), x / pi = u / (2 K) of tan am = s / c.
+    """Return (AGM(1, kc), sum, x / pi).
 
+    They give Pi(-n) = pi / (4 AGM) (2 - n / (1 + n) sum), and x / pi = u / (2 K) of tan am = s / c.
     1e-300 <= kc <= 1, 0 <= n <= 1, s, c >= 0.  Pi: DLMF 19.8.7; x by Landen's descent, am' = am + atan(g / a tan am),
     in products of complex numbers.  Relative error about 1e-31, of x 1e-19.
     """
@@ -97,7 +101,10 @@ _SQRT_HALF: DoubleDouble = (0.7071067811865476, -4.833646656726457e-17)
 
 @kernel(inline=False)
 def angle_in_half_turns(y: DoubleDouble, x: DoubleDouble) -> DoubleDouble:
-    """The angle of the point (x, y) over pi, in [-1, 1].  Error about 1e-19: beyond double, short of double-double."""
+    """Return the angle of the point (x, y) over pi, in [-1, 1].
+
+    Error about 1e-19: beyond double, short of double-double.
+    """
     below, left = y[0] < 0.0, x[0] < 0.0
     y = dd_scale(-1.0 if below else 1.0, y)
     x = dd_scale(-1.0 if left else 1.0, x)

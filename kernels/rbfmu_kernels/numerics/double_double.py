@@ -20,7 +20,7 @@ _SPLIT = 134217729.0  # 2^27 + 1
 
 @kernel
 def two_sum(a: float, b: float) -> DoubleDouble:
-    """a + b exactly (Knuth)."""
+    """Return a + b exactly (Knuth)."""
     s = a + b
     t = s - a
     return (s, (a - (s - t)) + (b - t))
@@ -28,14 +28,14 @@ def two_sum(a: float, b: float) -> DoubleDouble:
 
 @kernel
 def quick_two_sum(a: float, b: float) -> DoubleDouble:
-    """a + b exactly, for |a| >= |b| or a = 0 (Dekker)."""
+    """Return a + b exactly, for |a| >= |b| or a = 0 (Dekker)."""
     s = a + b
     return (s, b - (s - a))
 
 
 @kernel
 def two_product(a: float, b: float) -> DoubleDouble:
-    """The product a b exactly (Dekker, Veltkamp).
+    """Return the product a b exactly (Dekker, Veltkamp).
 
     |a|, |b| < 1e299, and |a b| not in (0, 1e-290).
     """
@@ -51,71 +51,71 @@ def two_product(a: float, b: float) -> DoubleDouble:
 
 @kernel
 def dd_negate(a: DoubleDouble) -> DoubleDouble:
-    """-a."""
+    """Return -a."""
     return (-a[0], -a[1])
 
 
 @kernel
 def dd_scale(power: float, a: DoubleDouble) -> DoubleDouble:
-    """The product power a, exact for a power of two (or a sign)."""
+    """Return power a, exact for a power of two (or a sign)."""
     return (power * a[0], power * a[1])
 
 
 @kernel
 def dd_add(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
-    """a + b.  Error <= 3 u^2 (|a| + |b|): relative only as far as they do not cancel."""
+    """Return a + b.  Error <= 3 u^2 (|a| + |b|): relative only as far as they do not cancel."""
     s, e = two_sum(a[0], b[0])
     return quick_two_sum(s, e + (a[1] + b[1]))
 
 
 @kernel
 def dd_subtract(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
-    """a - b.  Error <= 3 u^2 (|a| + |b|)."""
+    """Return a - b.  Error <= 3 u^2 (|a| + |b|)."""
     return dd_add(a, dd_negate(b))
 
 
 @kernel
 def dd_add_float(a: DoubleDouble, b: float) -> DoubleDouble:
-    """a + b.  Error <= 2 u^2 (|a| + |b|)."""
+    """Return a + b.  Error <= 2 u^2 (|a| + |b|)."""
     s, e = two_sum(a[0], b)
     return quick_two_sum(s, e + a[1])
 
 
 @kernel
 def dd_multiply(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
-    """The product a b.  Relative error <= 7 u^2."""
+    """Return a b.  Relative error <= 7 u^2."""
     p, e = two_product(a[0], b[0])
     return quick_two_sum(p, e + (a[0] * b[1] + a[1] * b[0]))
 
 
 @kernel
 def dd_multiply_float(a: DoubleDouble, b: float) -> DoubleDouble:
-    """The product a b.  Relative error <= 3 u^2."""
+    """Return a b.  Relative error <= 3 u^2."""
     p, e = two_product(a[0], b)
     return quick_two_sum(p, e + a[1] * b)
 
 
 @kernel
 def dd_vector(v: Vec3) -> Vector:
-    """Floats, exactly."""
+    """Return floats as double-double numbers, exactly."""
     return ((v[0], 0.0), (v[1], 0.0), (v[2], 0.0))
 
 
 @kernel
 def dd_scale_vector(power: float, v: Vector) -> Vector:
-    """The product power v, exact for a power of two."""
+    """Return power v, exact for a power of two."""
     return (dd_scale(power, v[0]), dd_scale(power, v[1]), dd_scale(power, v[2]))
 
 
 @kernel
 def dd_dot(a: Vector, b: Vector) -> DoubleDouble:
-    """a . b.  Error <= 20 u^2 |a| |b|."""
+    """Return a . b.  Error <= 20 u^2 |a| |b|."""
     return dd_add(dd_add(dd_multiply(a[0], b[0]), dd_multiply(a[1], b[1])), dd_multiply(a[2], b[2]))
 
 
 @kernel
 def dd_divide(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
-    """The quotient a / b, b != 0.  Relative error <= 15 u^2."""
+    """Return a / b, b != 0.  Relative error <= 15 u^2."""
     inverse = 1.0 / b[0]
     quotient = a[0] * inverse
     p, e = two_product(quotient, b[0])
@@ -125,7 +125,7 @@ def dd_divide(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
 
 @kernel
 def dd_sqrt(a: DoubleDouble) -> DoubleDouble:
-    """The square root; 0 for a <= 0.  Relative error <= 4 u^2 (one Newton step, Karp & Markstein 1997)."""
+    """Return the square root; 0 for a <= 0.  Relative error <= 4 u^2 (one Newton step, Karp & Markstein 1997)."""
     positive = not a[0] <= 0.0  # NaN goes the same way as a number
     root = math.sqrt(a[0] if positive else 1.0)
     half_inverse = 0.5 / root

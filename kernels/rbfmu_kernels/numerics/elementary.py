@@ -25,9 +25,9 @@ _PI_2 = _PI - _PI_1
 
 @kernel
 def sincos(x: float) -> tuple[float, float]:
-    """(sin x, cos x).
+    """Return (sin x, cos x).
 
-    x: rad.  Error <= 0.8 ulp to |x| = 2e5; beyond that eps |x|, as x itself has; from 1e15 on x counts as 0.
+    x is in rad.  Error <= 0.8 ulp to |x| = 2e5; beyond that eps |x|, as x itself has; from 1e15 on x counts as 0.
     Infinite x gives NaN.
     """
     x = x - x if abs(x) > _LARGEST else x
@@ -42,7 +42,7 @@ def sincos(x: float) -> tuple[float, float]:
 
 @kernel
 def sincos_half_turns(high: float, low: float) -> tuple[float, float]:
-    """(sin, cos) of pi (high + low), |low| <= half an ulp of high.
+    """Return (sin, cos) of pi (high + low), |low| <= half an ulp of high.
 
     Error <= 0.8 ulp to |high| = 2^50; beyond 2^51 no digit is left.
     """
@@ -60,7 +60,7 @@ def sincos_half_turns(high: float, low: float) -> tuple[float, float]:
 
 @kernel
 def _in_quadrant(shifted: float, r: float, tail: float) -> tuple[float, float]:
-    """(sin, cos) of k pi / 2 + r + tail; shifted: k plus `_ROUND`."""
+    """Return (sin, cos) of k pi / 2 + r + tail; shifted is k plus `_ROUND`."""
     s, c = _sincos_near_zero(r, tail)
     quadrant = np.float64(shifted).view(np.int64)  # its last two bits are those of k
     odd = quadrant & 1 != 0
@@ -69,13 +69,13 @@ def _in_quadrant(shifted: float, r: float, tail: float) -> tuple[float, float]:
 
 @kernel
 def _signed(x: float, quadrant: np.int64) -> float:
-    """x, or -x in the quadrants 2 and 3 (of 0 to 3)."""
+    """Return x, or -x in the quadrants 2 and 3 (of 0 to 3)."""
     return float(np.int64(np.float64(x).view(np.int64) ^ ((quadrant & 2) << 62)).view(np.float64))
 
 
 @kernel
 def _sincos_near_zero(r: float, tail: float) -> tuple[float, float]:
-    """(sin, cos) of r + tail, |r| <= pi / 4 and a little. Coefficients of FDLIBM."""
+    """Return (sin, cos) of r + tail, |r| <= pi / 4 and a little, with coefficients of FDLIBM."""
     z = r * r
     zz = z * z
     p = (1.66666666666666324348e-01 - z * 8.33333333332248946124e-03) + zz * (
@@ -94,7 +94,7 @@ def _sincos_near_zero(r: float, tail: float) -> tuple[float, float]:
 
 @kernel
 def exp2(high: float, low: float) -> float:
-    """2^(high + low), |high| <= 1022, |low| <= an ulp of high.  Error <= 0.9 ulp."""
+    """Return 2^(high + low), |high| <= 1022, |low| <= an ulp of high.  Error <= 0.9 ulp."""
     shifted = high + _ROUND
     r = (high - (shifted - _ROUND)) + low
     z = r * r
@@ -112,7 +112,10 @@ def exp2(high: float, low: float) -> float:
 
 @kernel
 def scale_for_squares(largest: float) -> float:
-    """A power of two: numbers up to `largest`, times it, can be squared and summed without over- or underflow."""
+    """Return a power of two that keeps squares in range.
+
+    Numbers up to `largest`, times it, can be squared and summed without over- or underflow.
+    """
     return 2.0**-600 if largest > 2.0**500 else (2.0**600 if largest < 2.0**-500 else 1.0)
 
 
@@ -122,9 +125,9 @@ _PIO4_LO = -8.575622497214414e-16
 
 @kernel
 def atan2(y: float, x: float) -> float:
-    """The angle of the point (x, y), in [-pi, pi].
+    """Return the angle of the point (x, y), in [-pi, pi].
 
-    x, y: any common unit, not both beyond 2^1022; the signs of zeros count as in C.
+    x and y have any common unit and are not both beyond 2^1022; the signs of zeros count as in C.
     Error <= 1.4 ulp.  Two infinities give NaN.
     """
     ax, ay = abs(x), abs(y)
@@ -151,7 +154,7 @@ def atan2(y: float, x: float) -> float:
 
 @kernel
 def _atan_series(z: float) -> float:
-    """(1 - atan(t) / t) / z at z = t^2 <= 1/4: minimax, 2^-57."""
+    """Return (1 - atan(t) / t) / z at z = t^2 <= 1/4, by a minimax polynomial to 2^-57."""
     w = z * z
     v = w * w
     a = (0.3333333333333329 - z * 0.1999999999997101) + w * (0.14285714281572354 - z * 0.11111110858617597)

@@ -42,13 +42,13 @@ class Theta(NamedTuple):
 
 @kernel(inline=False)
 def theta_series(kc: DoubleDouble) -> Theta:
-    """The series of the complementary modulus kc, NEAREST_KC <= kc <= 1.  Relative error <= 3 eps."""
+    """Return the series of the complementary modulus kc, NEAREST_KC <= kc <= 1.  Relative error <= 3 eps."""
     return theta_series_of(nome(dd_add_float(dd_negate(kc), 1.0)[0], kc[0]))
 
 
 @kernel(inline=False)
 def theta_series_of(q: float) -> Theta:
-    """The series of the nome q <= 0.134."""
+    """Return the series of the nome q <= 0.134."""
     q2 = q * q
     q4 = q2 * q2
     q6, q9, q12, q16 = q4 * q2, q4 * q4 * q, q4 * q4 * q4, q4 * q4 * q4 * q4
@@ -62,7 +62,7 @@ def theta_series_of(q: float) -> Theta:
 
 @kernel
 def jacobi_from_theta(sin_v: float, cos_v: float, theta: Theta) -> tuple[float, float, float]:
-    """(sn, cn, dn) of u at the phase v = pi u / (2 K), of any size.  Relative error <= 5 eps each."""
+    """Return (sn, cn, dn) of u at the phase v = pi u / (2 K), of any size.  Relative error <= 5 eps each."""
     e0, e2, e4, o0, o2, p0, p2, r0, r2, a, b, d = theta
     x = (cos_v - sin_v) * (cos_v + sin_v)
     x2 = x * x
@@ -83,7 +83,7 @@ class Near(NamedTuple):
 
 @kernel(inline=False)
 def near_series(kc: float) -> Near:
-    """The series of the complementary modulus kc, 1e-300 <= kc <= NEAREST_KC.  Relative error <= 3 eps."""
+    """Return the series of the complementary modulus kc, 1e-300 <= kc <= NEAREST_KC.  Relative error <= 3 eps."""
     k = math.sqrt((1.0 - kc) * (1.0 + kc))
     root = math.sqrt(k)
     y = 0.5 * kc * kc / ((1.0 + k) * (1.0 + root) * (1.0 + root))
@@ -96,9 +96,9 @@ def near_series(kc: float) -> Near:
 def near_scale(
     kc: DoubleDouble, agm: DoubleDouble, s: DoubleDouble, c: DoubleDouble
 ) -> tuple[DoubleDouble, DoubleDouble]:
-    """(W, pi a / 2K' over pi): exp(-pi |u| / 2K') = 2^-|W x| at u = 2 K x; tan am(a, k') = s / c.
+    """Return (W, pi a / 2K' over pi) with exp(-pi |u| / 2K') = 2^-|W x| at u = 2 K x and tan am(a, k') = s / c.
 
-    kc <= NEAREST_KC; agm: AGM(1, kc).
+    kc <= NEAREST_KC, and agm is AGM(1, kc).
     """
     k = dd_sqrt(dd_add_float(dd_negate(dd_multiply(kc, kc)), 1.0))
     mean, _, phase = climb_scale(k, (0.0, 0.0), s, c)
@@ -111,7 +111,7 @@ Place = tuple[float, float, float, float]
 
 @kernel
 def place_near(x: DoubleDouble, width: DoubleDouble) -> Place:
-    """The place at the phase x, in half turns."""
+    """Return the place at the phase x, in half turns."""
     turns = round_to_integer(x[0])
     rest = x[0] - turns
     high, low = two_product(width[0], rest)
@@ -122,7 +122,10 @@ def place_near(x: DoubleDouble, width: DoubleDouble) -> Place:
 
 @kernel
 def jacobi_near(e: float, side: float, near: Near) -> tuple[float, float, float]:
-    """(sn, cn, dn) of u, |u| <= K, e = exp(-pi |u| / 2K'), side: its sign.  Error <= 5 eps, of cn and dn relative."""
+    """Return (sn, cn, dn) of u, |u| <= K, from e = exp(-pi |u| / 2K') and side, the sign of u.
+
+    Error <= 5 eps, of cn and dn relative.
+    """
     root_q, for_sn, for_cn, for_dn = near
     p, q = root_q / e, root_q * root_q
     p, e2, q2 = p * p, e * e, q * q
@@ -140,7 +143,10 @@ def jacobi_near(e: float, side: float, near: Near) -> tuple[float, float, float]
 
 @kernel
 def nome(lack: float, kc: float) -> float:
-    """The nome of kc >= NEAREST_KC, lack: 1 - kc, by its series in y = (1 - sqrt kc) / (2 (1 + sqrt kc)) <= 0.134."""
+    """Return the nome of kc >= NEAREST_KC, given lack = 1 - kc.
+
+    It is a series in y = (1 - sqrt kc) / (2 (1 + sqrt kc)) <= 0.134.
+    """
     root = math.sqrt(kc)
     y = 0.5 * lack / ((1.0 + root) * (1.0 + root))
     y4 = (y * y) * (y * y)

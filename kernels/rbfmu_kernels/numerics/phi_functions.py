@@ -8,7 +8,7 @@ _SERIES = tuple(float(n) for n in range(15, 2, -1))
 
 @kernel
 def relaxation(x: float) -> tuple[float, float]:
-    """((1 - exp(-x)) / x, (exp(-x) - 1 + x) / x^2): 1 and 1/2 at x = 0.
+    """Return ((1 - exp(-x)) / x, (exp(-x) - 1 + x) / x^2), which are 1 and 1/2 at x = 0.
 
     x >= 0.  Relative error <= 4 eps.  Series below 1/2, then doublings of x, whose terms are all positive.
     """

@@ -16,7 +16,7 @@ NAMES += [name.lower() for name in NAMES]
 
 
 def sequence(name: str) -> int:
-    """The integer constant of a sequence's name."""
+    """Return the integer constant of a sequence's name."""
     if not isinstance(name, str) or name not in NAMES:
         raise ValueError(f"an Euler sequence is one of {' '.join(NAMES)}; got {name!r}")
     i, j, k = ("XYZ".index(letter) for letter in name.upper())
@@ -33,7 +33,7 @@ _POLE = (1.5 * EPS) ** 2  # of tan^2 of half the angle off a pole: 3 eps
 
 @kernel
 def _axes(seq: int) -> tuple[int, int, int, int]:
-    """First, second and third axis of the intrinsic sequence, and the axis that is neither first nor second."""
+    """Return first, second and third axis of the intrinsic sequence, and the axis that is neither first nor second."""
     first = (seq >> 4) & 3
     second = (seq >> 2) & 3
     third = seq & 3
@@ -44,18 +44,19 @@ def _axes(seq: int) -> tuple[int, int, int, int]:
 
 @kernel
 def _order(seq: int, v: Vec3) -> Vec3:
-    """Extrinsic angles about fixed axes are intrinsic ones in reverse."""
+    """Return the angles of the intrinsic sequence: extrinsic ones are these in reverse."""
     return (v[2], v[1], v[0]) if seq >= 64 else v
 
 
 @kernel
 def _pick(v: Vec3, axis: int) -> float:
+    """Return the component along an axis."""
     return v[0] if axis == 0 else (v[1] if axis == 1 else v[2])
 
 
 @kernel
 def _place(u: float, v: float, w: float, i: int, j: int) -> Vec3:
-    """The vector with component u along axis i, v along j and w along the third."""
+    """Return the vector with component u along axis i, v along j and w along the third."""
     return (
         u if i == 0 else (v if j == 0 else w),
         u if i == 1 else (v if j == 1 else w),
@@ -65,15 +66,17 @@ def _place(u: float, v: float, w: float, i: int, j: int) -> Vec3:
 
 @kernel
 def _parity(i: int, j: int) -> float:
-    """1 where (i, j, the third axis) is right-handed, else -1."""
+    """Return 1 where (i, j, the third axis) is right-handed, else -1."""
     return 1.0 if j - i == 1 or j - i == -2 else -1.0
 
 
 @kernel
 def quaternion_from_euler(seq: int, angles: Vec3) -> Quaternion:
-    """q_ab = q_i(angle 1) q_j(angle 2) q_k(angle 3).
+    """Return q_ab = q_i(angle 1) q_j(angle 2) q_k(angle 3).
 
-    seq: sequence (arrays: its name); angles: rad, any size.  Error <= 1.5 eps.  E&G 6.5.
+    seq is a sequence's constant, for array functions its name.
+    Units: angles in rad, of any size; q_ab is dimensionless.  Frames: q_ab takes coordinates in b to a.
+    Error <= 1.5 eps.  Singular: nowhere.  Source: E&G 6.5.
     """
     i, j, k, _ = _axes(seq)
     a1, a2, a3 = _order(seq, angles)
@@ -93,20 +96,25 @@ def quaternion_from_euler(seq: int, angles: Vec3) -> Quaternion:
 
 @kernel
 def matrix_from_euler(seq: int, angles: Vec3) -> Matrix:
-    """R_ab = R_i(angle 1) R_j(angle 2) R_k(angle 3).
+    """Return R_ab = R_i(angle 1) R_j(angle 2) R_k(angle 3).
 
-    seq: sequence (arrays: its name); angles: rad, any size.  Error <= 3 eps.  E&G 6.5.
+    seq is a sequence's constant, for array functions its name.
+    Units: angles in rad, of any size; R_ab is dimensionless.  Frames: R_ab takes coordinates in b to a.
+    Error <= 3 eps.  Singular: nowhere.  Source: E&G 6.5.
     """
     return matrix_from_quaternion(quaternion_from_euler(seq, angles))
 
 
 @kernel
 def euler_from_quaternion(seq: int, q_ab: Quaternion) -> Vec3:
-    """Angles of R_ab: outer ones in (-pi, pi], the middle one in [-pi/2, pi/2] (proper Euler: [0, pi]).
+    """Return the Euler angles: outer ones in (-pi, pi], the middle one in [-pi/2, pi/2] (proper Euler: [0, pi]).
 
-    q_ab: any length from 1e-75 to 1e75, either sign.  Error <= 4 eps in the rotation, 2 eps in the middle angle.
+    seq is a sequence's constant, for array functions its name.
+    Units: angles in rad; q_ab has either sign and any length from 1e-75 to 1e75.
+    Frames: q_ab takes coordinates in b to a.
+    Error <= 4 eps in the rotation, 2 eps in the middle angle.
     Singular: within 3 eps of a pole the middle angle is the pole's and the third angle is 0.
-    Bernardes & Viollet 2022; E&G 6.5.
+    Source: Bernardes & Viollet 2022; E&G 6.5.
     """
     i, j, k, n = _axes(seq)
     p = _parity(i, j)
@@ -132,22 +140,26 @@ def euler_from_quaternion(seq: int, q_ab: Quaternion) -> Vec3:
 
 @kernel
 def _outer(angle: float) -> float:
-    """Half a turn counts as pi, not -pi."""
+    """Return the angle, with half a turn as pi and not -pi."""
     return math.pi if angle <= -math.pi else angle
 
 
 @kernel
 def euler_from_matrix(seq: int, R_ab: Matrix) -> Vec3:
-    """Angles of R_ab, as `euler_from_quaternion` of its quaternion: no digits are lost near a pole.
+    """Return the Euler angles, by `euler_from_quaternion`: no digits are lost near a pole.
 
-    R_ab: a rotation to round-off.  Error <= 4 eps in the rotation, 2 eps in the middle angle.
+    seq is a sequence's constant, for array functions its name.
+    Units: angles in rad; R_ab is a rotation to round-off.  Frames: R_ab takes coordinates in b to a.
+    Error <= 4 eps in the rotation, 2 eps in the middle angle.
+    Singular: within 3 eps of a pole the middle angle is the pole's and the third angle is 0.
+    Source: Bernardes & Viollet 2022; E&G 6.5.
     """
     return euler_from_quaternion(seq, quaternion_from_matrix(R_ab))
 
 
 @kernel
 def _fixed_columns(i: int, j: int, k: int, sincos1: tuple[float, float], sincos2: tuple[float, float]) -> Matrix:
-    """The axes about which three successive rotations turn, in the frame before the first (as rows)."""
+    """Return the axes about which three successive rotations turn, in the frame before the first, as rows."""
     s1, c1 = sincos1
     s2, c2 = sincos2
     p = _parity(i, j)
@@ -160,7 +172,7 @@ def _fixed_columns(i: int, j: int, k: int, sincos1: tuple[float, float], sincos2
 
 @kernel
 def _solve_fixed(i: int, j: int, k: int, sincos1: tuple[float, float], sincos2: tuple[float, float], w: Vec3) -> Vec3:
-    """Angle rates (x1, x2, x3) with x1 column 1 + x2 column 2 + x3 column 3 of `_fixed_columns` = w."""
+    """Return the angle rates (x1, x2, x3) with x1 column 1 + x2 column 2 + x3 column 3 of `_fixed_columns` = w."""
     s1, c1 = sincos1
     s2, c2 = sincos2
     p = _parity(i, j)
@@ -175,9 +187,11 @@ def _solve_fixed(i: int, j: int, k: int, sincos1: tuple[float, float], sincos2: 
 
 @kernel
 def euler_rate_matrix_a(seq: int, angles: Vec3) -> Matrix:
-    """E_a with omega_ab_a = E_a d(angles)/dt.
+    """Return E_a with omega_ab_a = E_a d(angles)/dt, its columns in the order of the sequence's letters.
 
-    seq: sequence (arrays: its name); angles: rad; columns in the order of the letters.  Error <= 1 eps.  E&G 6.9.
+    seq is a sequence's constant, for array functions its name.
+    Units: angles in rad; E_a is dimensionless.  Frames: the columns in a.
+    Error <= 1 eps.  Singular: nowhere; E_a has no inverse in gimbal lock.  Source: E&G 6.9.
     """
     i, j, k, _ = _axes(seq)
     a1, a2, _ = _order(seq, angles)
@@ -187,9 +201,11 @@ def euler_rate_matrix_a(seq: int, angles: Vec3) -> Matrix:
 
 @kernel
 def euler_rate_matrix_b(seq: int, angles: Vec3) -> Matrix:
-    """E_b = R_ab^T E_a with omega_ab_b = E_b d(angles)/dt.
+    """Return E_b = R_ab^T E_a with omega_ab_b = E_b d(angles)/dt, its columns in the order of the sequence's letters.
 
-    seq: sequence (arrays: its name); angles: rad; columns in the order of the letters.  Error <= 1 eps.
+    seq is a sequence's constant, for array functions its name.
+    Units: angles in rad; E_b is dimensionless.  Frames: the columns in b.
+    Error <= 1 eps.  Singular: nowhere; E_b has no inverse in gimbal lock.  Source: E&G 6.9.
     """
     i, j, k, _ = _axes(seq)
     _, a2, a3 = _order(seq, angles)
@@ -201,16 +217,19 @@ def euler_rate_matrix_b(seq: int, angles: Vec3) -> Matrix:
 
 @kernel
 def _columns(seq: int, a: Vec3, b: Vec3, c: Vec3) -> Matrix:
+    """Return the matrix of three columns of the intrinsic sequence, in the order of the sequence's letters."""
     first, third = (c if seq >= 64 else a), (a if seq >= 64 else c)
     return ((first[0], b[0], third[0]), (first[1], b[1], third[1]), (first[2], b[2], third[2]))
 
 
 @kernel
 def euler_rate_a(seq: int, angles: Vec3, omega_ab_a: Vec3) -> Vec3:
-    """d(angles)/dt = E_a^-1 omega_ab_a.
+    """Return d(angles)/dt = E_a^-1 omega_ab_a.
 
-    seq: sequence (arrays: its name); angles: rad; omega_ab_a: rad/s in a.  Error <= 2 eps |omega| / |det E|.
-    Singular where `euler_rate_is_singular`; not finite only where det E is 0 in floating point.  E&G 6.9.
+    seq is a sequence's constant, for array functions its name.
+    Units: angles in rad, omega_ab_a and the result in rad/s.  Frames: omega_ab_a in a.
+    Error <= 2 eps |omega| / |det E|.
+    Singular: in gimbal lock, |det E| < 4 eps; not finite only where det E is 0 in floating point.  Source: E&G 6.9.
     """
     i, j, k, _ = _axes(seq)
     a1, a2, _ = _order(seq, angles)
@@ -219,10 +238,12 @@ def euler_rate_a(seq: int, angles: Vec3, omega_ab_a: Vec3) -> Vec3:
 
 @kernel
 def euler_rate_b(seq: int, angles: Vec3, omega_ab_b: Vec3) -> Vec3:
-    """d(angles)/dt = E_b^-1 omega_ab_b.
+    """Return d(angles)/dt = E_b^-1 omega_ab_b.
 
-    seq: sequence (arrays: its name); angles: rad; omega_ab_b: rad/s in b.  Error <= 2 eps |omega| / |det E|.
-    Singular where `euler_rate_is_singular`; not finite only where det E is 0 in floating point.
+    seq is a sequence's constant, for array functions its name.
+    Units: angles in rad, omega_ab_b and the result in rad/s.  Frames: omega_ab_b in b.
+    Error <= 2 eps |omega| / |det E|.
+    Singular: in gimbal lock, |det E| < 4 eps; not finite only where det E is 0 in floating point.  Source: E&G 6.9.
     """
     i, j, k, _ = _axes(seq)
     _, a2, a3 = _order(seq, angles)
@@ -234,7 +255,10 @@ def euler_rate_b(seq: int, angles: Vec3, omega_ab_b: Vec3) -> Vec3:
 
 @kernel
 def euler_rate_is_singular(seq: int, angles: Vec3) -> bool:
-    """|det E| < 4 eps: |cos| of the middle angle, for proper Euler angles |sin|."""
+    """Return whether the angles are in gimbal lock: |det E| < 4 eps.
+
+    |det E| is |cos| of the middle angle, for proper Euler angles |sin|.
+    """
     i, _, k, _ = _axes(seq)
     s, c = sincos(angles[1])
     return abs(s if i == k else c) < 4.0 * EPS

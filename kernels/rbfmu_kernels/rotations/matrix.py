@@ -12,9 +12,10 @@ from .quaternion import compose_quaternions, normalize, square_of
 
 @kernel
 def rotation_x(angle: float) -> Matrix:
-    """R_x(angle), the simple rotation about the x axis.
+    """Return R_x(angle), the simple rotation about the x axis.
 
-    angle: rad.  Error <= 0.5 eps.  E&G 6.4.
+    Units: angle in rad; the matrix is dimensionless.  Frames: the result is R_ab where b is a turned by the angle.
+    Error <= 0.5 eps.  Singular: nowhere.  Source: E&G 6.4.
     """
     s, c = sincos(angle)
     return ((1.0, 0.0, 0.0), (0.0, c, -s), (0.0, s, c))
@@ -22,9 +23,10 @@ def rotation_x(angle: float) -> Matrix:
 
 @kernel
 def rotation_y(angle: float) -> Matrix:
-    """R_y(angle), the simple rotation about the y axis.
+    """Return R_y(angle), the simple rotation about the y axis.
 
-    angle: rad.  Error <= 0.5 eps.  E&G 6.4.
+    Units: angle in rad; the matrix is dimensionless.  Frames: the result is R_ab where b is a turned by the angle.
+    Error <= 0.5 eps.  Singular: nowhere.  Source: E&G 6.4.
     """
     s, c = sincos(angle)
     return ((c, 0.0, s), (0.0, 1.0, 0.0), (-s, 0.0, c))
@@ -32,9 +34,10 @@ def rotation_y(angle: float) -> Matrix:
 
 @kernel
 def rotation_z(angle: float) -> Matrix:
-    """R_z(angle), the simple rotation about the z axis.
+    """Return R_z(angle), the simple rotation about the z axis.
 
-    angle: rad.  Error <= 0.5 eps.  E&G 6.4.
+    Units: angle in rad; the matrix is dimensionless.  Frames: the result is R_ab where b is a turned by the angle.
+    Error <= 0.5 eps.  Singular: nowhere.  Source: E&G 6.4.
     """
     s, c = sincos(angle)
     return ((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0))
@@ -42,9 +45,10 @@ def rotation_z(angle: float) -> Matrix:
 
 @kernel
 def compose_matrices(R_ab: Matrix, R_bc: Matrix) -> Matrix:
-    """R_ac = R_ab R_bc.
+    """Return the composite rotation R_ac = R_ab R_bc, the product of any two matrices.
 
-    Any matrices.  Error <= 1 eps |R_ab| |R_bc|.  E&G 6.4.
+    Units: dimensionless, or any.  Frames: R_ab takes coordinates in b to a, R_bc those in c to b.
+    Error <= 1 eps |R_ab| |R_bc|.  Singular: nowhere.  Source: E&G 6.4.
     """
     columns = invert_matrix(R_bc)
     return (
@@ -56,9 +60,10 @@ def compose_matrices(R_ab: Matrix, R_bc: Matrix) -> Matrix:
 
 @kernel
 def invert_matrix(R_ab: Matrix) -> Matrix:
-    """R_ba = R_ab^T.
+    """Return R_ba = R_ab^T; where R_ab is not orthogonal, this is the transpose and not the inverse.
 
-    R_ab: orthogonal; otherwise this is the transpose, not the inverse.  Exact.  E&G 6.4.
+    Units: dimensionless, or any.  Frames: R_ab takes coordinates in b to a, the result those in a to b.
+    Exact for every matrix.  Singular: nowhere.  Source: E&G 6.4.
     """
     a, b, c = R_ab
     return ((a[0], b[0], c[0]), (a[1], b[1], c[1]), (a[2], b[2], c[2]))
@@ -66,56 +71,63 @@ def invert_matrix(R_ab: Matrix) -> Matrix:
 
 @kernel
 def transform(R_ab: Matrix, v_b: Vec3) -> Vec3:
-    """v_a = R_ab v_b.
+    """Return v_a = R_ab v_b, the coordinates in a of a vector; R_ab may be any matrix.
 
-    R_ab: any matrix; v_b: any unit.  Error <= 1.4 eps |v|.  E&G 6.4.
+    Units: v_b any, the result alike.  Frames: v_b in b, the result in a.
+    Error <= 1.4 eps |v|.  Singular: nowhere.  Source: E&G 6.4.
     """
     return (vec3.dot(R_ab[0], v_b), vec3.dot(R_ab[1], v_b), vec3.dot(R_ab[2], v_b))
 
 
 @kernel
 def matrix_rate_a(R_ab: Matrix, omega_ab_a: Vec3) -> Matrix:
-    """dR/dt = skew(omega_ab_a) R_ab.
+    """Return dR_ab/dt = skew(omega_ab_a) R_ab.
 
-    omega_ab_a: rad/s in a.  Error <= 1 eps |omega|.  E&G 6.8.
+    Units: omega_ab_a in rad/s, the result in 1/s.  Frames: omega_ab_a in a.
+    Error <= 1 eps |omega|.  Singular: nowhere.  Source: E&G 6.8.
     """
     return compose_matrices(vec3.skew(omega_ab_a), R_ab)
 
 
 @kernel
 def matrix_rate_b(R_ab: Matrix, omega_ab_b: Vec3) -> Matrix:
-    """dR/dt = R_ab skew(omega_ab_b).
+    """Return dR_ab/dt = R_ab skew(omega_ab_b).
 
-    omega_ab_b: rad/s in b.  Error <= 1 eps |omega|.  E&G 6.8.
+    Units: omega_ab_b in rad/s, the result in 1/s.  Frames: omega_ab_b in b.
+    Error <= 1 eps |omega|.  Singular: nowhere.  Source: E&G 6.8.
     """
     return compose_matrices(R_ab, vec3.skew(omega_ab_b))
 
 
 @kernel
 def omega_a_from_matrix_rate(R_ab: Matrix, dR: Matrix) -> Vec3:
-    """omega_ab_a of skew(omega_ab_a) = dR R_ab^T.
+    """Return omega_ab_a of skew(omega_ab_a) = dR R_ab^T, with dR = dR_ab/dt.
 
-    dR: d/dt R_ab, 1/s; the symmetric part of the product (0 in exact arithmetic) is dropped.
-    Error <= 1.5 eps |omega|.  E&G 6.8.
+    The symmetric part of the product, 0 in exact arithmetic, is dropped.
+    Units: dR in 1/s, the result in rad/s.  Frames: the result in a.
+    Error <= 1.5 eps |omega|.  Singular: nowhere.  Source: E&G 6.8.
     """
     return vec3.unskew(compose_matrices(dR, invert_matrix(R_ab)))
 
 
 @kernel
 def omega_b_from_matrix_rate(R_ab: Matrix, dR: Matrix) -> Vec3:
-    """omega_ab_b of skew(omega_ab_b) = R_ab^T dR.
+    """Return omega_ab_b of skew(omega_ab_b) = R_ab^T dR, with dR = dR_ab/dt.
 
-    dR: d/dt R_ab, 1/s; the symmetric part of the product (0 in exact arithmetic) is dropped.
-    Error <= 1.5 eps |omega|.
+    The symmetric part of the product, 0 in exact arithmetic, is dropped.
+    Units: dR in 1/s, the result in rad/s.  Frames: the result in b.
+    Error <= 1.5 eps |omega|.  Singular: nowhere.  Source: E&G 6.8, with omega_ab_b = R_ab^T omega_ab_a.
     """
     return vec3.unskew(compose_matrices(invert_matrix(R_ab), dR))
 
 
 @kernel
 def matrix_from_quaternion(q_ab: Quaternion) -> Matrix:
-    """R_ab = I + s eta skew(eps) + s skew(eps)^2, s = 2 / |q|^2 (2 in the books: q there is exactly unit).
+    """Return R_ab = I + s eta skew(eps) + s skew(eps)^2, with s = 2 / |q_ab|^2.
 
-    q_ab: any length from 1e-150 to 1e150; 0 gives NaN.  Error <= 2 eps.  E&G 6.7.
+    The books have s = 2, for a q_ab that is exactly unit; here it may have any length from 1e-150 to 1e150.
+    Units: dimensionless.  Frames: q_ab and R_ab take coordinates in b to a.
+    Error <= 2 eps.  Singular: at the zero quaternion, which gives NaN.  Source: E&G 6.7.
     """
     w, x, y, z = q_ab
     ww, xx, yy, zz = w * w, x * x, y * y, z * z
@@ -131,15 +143,19 @@ def matrix_from_quaternion(q_ab: Quaternion) -> Matrix:
 
 @kernel
 def _diagonal(s: float, plus: float, minus: float) -> float:
-    """(plus - minus) / (plus + minus), s = 2 / (plus + minus): exact where minus is 0, never doubling an error."""
+    """Return (plus - minus) / (plus + minus), given s = 2 / (plus + minus).
+
+    It is exact where minus is 0, and never doubles an error.
+    """
     return 1.0 - s * minus if plus > minus else 0.5 * s * (plus - minus)
 
 
 @kernel
 def quaternion_from_matrix(R_ab: Matrix) -> Quaternion:
-    """q_ab of R_ab, eta >= 0: the row of 4 q q^T with the largest diagonal element, normalised.
+    """Return q_ab of R_ab with eta >= 0: the row of 4 q q^T with the largest diagonal element, normalised.
 
-    R_ab: a rotation to round-off.  Error <= 1.5 eps.  Singular: nowhere.  Shepperd 1978, Markley 2008.
+    Units: dimensionless; R_ab is a rotation to round-off.  Frames: R_ab and q_ab take coordinates in b to a.
+    Error <= 1.5 eps.  Singular: nowhere; at half a turn q_ab is one of two.  Source: Shepperd 1978, Markley 2008.
     """
     (a, b, c), (d, e, f), (g, h, i) = R_ab
     t0, t1, t2, t3 = 1.0 + a + e + i, 1.0 + a - e - i, 1.0 - a + e - i, 1.0 - a - e + i
@@ -158,11 +174,13 @@ def quaternion_from_matrix(R_ab: Matrix) -> Quaternion:
 
 @kernel(inline=False)
 def nearest_rotation(R: Matrix) -> Matrix:
-    """The rotation nearest to R in the Frobenius norm: for R near a rotation, its polar factor.
+    """Return the rotation nearest to R in the Frobenius norm: for R near a rotation, its polar factor.
 
-    R: any matrix (the zero matrix gives I). The dominant eigenvector of Davenport's 4x4 matrix, found by squaring it,
-    then corrected by Newton's method.  Error <= 2 eps for R within 0.1 of
-    a rotation; in general, eps over the gap between the best and the second best rotation.
+    It is the dominant eigenvector of Davenport's 4x4 matrix, found by squaring that, then corrected by Newton's method.
+    Units: any; R may be any matrix.  Frames: those of R.
+    Error <= 2 eps for R within 0.1 of a rotation; in general, eps over the gap between the two best ones.
+    Singular: where two rotations are equally near, one of them is returned; the zero matrix gives I.
+    Source: Davenport's q-method.
     """
     s = power_of_two_for(_largest(R))
     M = (vec3.scale(s, R[0]), vec3.scale(s, R[1]), vec3.scale(s, R[2]))
@@ -191,6 +209,7 @@ def nearest_rotation(R: Matrix) -> Matrix:
 
 @kernel
 def _largest(R: Matrix) -> float:
+    """Return the largest magnitude of an element."""
     a, b, c = R
     first = max(max(abs(a[0]), abs(a[1])), abs(a[2]))
     second = max(max(abs(b[0]), abs(b[1])), abs(b[2]))
@@ -202,7 +221,7 @@ _Symmetric4 = tuple[Quaternion, Vec3, tuple[float, float], float]
 
 @kernel
 def _square(p: _Symmetric4) -> tuple[_Symmetric4, float]:
-    """p^2 / tr p^2 for a symmetric p with trace 1 (rows from the diagonal on), and tr(p)^2 - tr(p^2)."""
+    """Return p^2 / tr p^2 and tr(p)^2 - tr(p^2) of a symmetric p with trace 1, given as rows from the diagonal on."""
     (a, b, c, d), (e, f, g), (h, i), j = p
     bb, cc, dd, ff, gg, ii = b * b, c * c, d * d, f * f, g * g, i * i
     aa, ee, hh, jj = a * a + bb + cc + dd, bb + e * e + ff + gg, cc + ff + h * h + ii, dd + gg + ii + j * j
@@ -220,7 +239,10 @@ def _square(p: _Symmetric4) -> tuple[_Symmetric4, float]:
 
 @kernel
 def _toward_symmetry(q: Quaternion, M: Matrix) -> Quaternion:
-    """One Newton step towards the q with R(q)^T M symmetric: (tr(S) I - S) delta = the antisymmetric part."""
+    """Make one Newton step towards the q for which S = R(q)^T M is symmetric.
+
+    The step delta solves (tr(S) I - S) delta = the antisymmetric part of S.
+    """
     N = compose_matrices(invert_matrix(matrix_from_quaternion(q)), M)
     x, y, z = N[1][1] + N[2][2], N[2][2] + N[0][0], N[0][0] + N[1][1]
     u, v, w = -0.5 * (N[1][2] + N[2][1]), -0.5 * (N[0][2] + N[2][0]), -0.5 * (N[0][1] + N[1][0])

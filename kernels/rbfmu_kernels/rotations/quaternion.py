@@ -10,9 +10,10 @@ from . import vec3
 
 @kernel
 def compose_quaternions(q_ab: Quaternion, q_bc: Quaternion) -> Quaternion:
-    """q_ac of R_ac = R_ab R_bc.
+    """Return q_ac of R_ac = R_ab R_bc, the product of quaternions of any lengths.
 
-    q_ab, q_bc: Euler parameters, any lengths.  Error <= 1.2 eps |q_ab| |q_bc|.  E&G 6.7.
+    Units: dimensionless.  Frames: q_ab takes coordinates in b to a, q_bc those in c to b.
+    Error <= 1.2 eps |q_ab| |q_bc|.  Singular: nowhere.  Source: E&G 6.7.
     """
     a0, a1, a2, a3 = q_ab
     b0, b1, b2, b3 = q_bc
@@ -26,25 +27,27 @@ def compose_quaternions(q_ab: Quaternion, q_bc: Quaternion) -> Quaternion:
 
 @kernel
 def invert_quaternion(q_ab: Quaternion) -> Quaternion:
-    """q_ba = (eta, -eps).
+    """Return q_ba = (eta, -eps); where q_ab is not unit, this is the conjugate and not the inverse.
 
-    q_ab: unit; otherwise this is the conjugate, not the inverse.  Exact.
+    Units: dimensionless.  Frames: q_ab takes coordinates in b to a, the result those in a to b.
+    Exact for every q_ab.  Singular: nowhere.  Source: E&G 6.7.
     """
     return (q_ab[0], -q_ab[1], -q_ab[2], -q_ab[3])
 
 
 @kernel
 def add_scaled_quaternion(p: Quaternion, s: float, q: Quaternion) -> Quaternion:
-    """P + s q."""
+    """Return p + s q."""
     return (p[0] + s * q[0], p[1] + s * q[1], p[2] + s * q[2], p[3] + s * q[3])
 
 
 @kernel
 def normalize(q: Quaternion) -> Quaternion:
-    """q / |q|.
+    """Return the unit quaternion q / |q|; q may have any length.
 
-    q: any length; scaled by a power of two before squaring where it is beyond 2^+-500.
-    The zero quaternion gives NaN.  Error <= 1.2 eps.
+    Where |q| is beyond 2^+-500, it is scaled by a power of two before squaring.
+    Units: any; the result is dimensionless.  Frames: those of q.
+    Error <= 1.2 eps.  Singular: at the zero quaternion, which gives NaN.  Source: lecture, "Euler parameters".
     """
     a, b, c, d = q
     largest = max(max(abs(a), abs(b)), max(abs(c), abs(d)))
@@ -57,16 +60,18 @@ def normalize(q: Quaternion) -> Quaternion:
 
 @kernel
 def square_of(q: Quaternion) -> float:
-    """|q|^2."""
+    """Return |q|^2."""
     return (q[0] * q[0] + q[1] * q[1]) + (q[2] * q[2] + q[3] * q[3])
 
 
 @kernel
 def rotate(q_ab: Quaternion, v_b: Vec3) -> Vec3:
-    """v_a = R(q_ab) v_b. With u = (eta v + eps x v) / |q|^2: v + 2 eps x u to a quarter turn, so that a small turn
-    makes a small error; beyond it (eps . v) eps / |q|^2 + eta u + eps x u (q v q*), where nothing is doubled.
+    """Return v_a = R(q_ab) v_b.
 
-    q_ab: any length from 1e-150 to 1e150, 0 gives NaN; v_b: any unit.  Error <= 3 eps |v|.  E&G 6.7.
+    With u = (eta v + eps x v) / |q|^2 it is v + 2 eps x u to a quarter turn, so that a small turn makes a small error;
+    beyond it (eps . v) eps / |q|^2 + eta u + eps x u (that is q v q*), where nothing is doubled.
+    Units: v_b any, the result alike; q_ab may have any length from 1e-150 to 1e150.  Frames: v_b in b, the result in a.
+    Error <= 3 eps |v|.  Singular: at the zero quaternion, which gives NaN.  Source: E&G 6.7.
     """
     eta, eps = q_ab[0], (q_ab[1], q_ab[2], q_ab[3])
     square = square_of(q_ab)
@@ -80,7 +85,10 @@ def rotate(q_ab: Quaternion, v_b: Vec3) -> Vec3:
 
 @kernel
 def _sum_and_difference(q0: Quaternion, q1: Quaternion) -> tuple[Quaternion, float, float]:
-    """q1 - q0, |q1 - q0| and |q1 + q0|: 2 sin and 2 cos of half the angle between them as 4-vectors."""
+    """Return q1 - q0, |q1 - q0| and |q1 + q0|.
+
+    The lengths are 2 sin and 2 cos of half the angle between two unit quaternions as 4-vectors.
+    """
     difference = (q1[0] - q0[0], q1[1] - q0[1], q1[2] - q0[2], q1[3] - q0[3])
     total = (q1[0] + q0[0], q1[1] + q0[1], q1[2] + q0[2], q1[3] + q0[3])
     return (difference, math.sqrt(square_of(difference)), math.sqrt(square_of(total)))
@@ -88,11 +96,14 @@ def _sum_and_difference(q0: Quaternion, q1: Quaternion) -> tuple[Quaternion, flo
 
 @kernel
 def slerp(q0: Quaternion, q1: Quaternion, s: float) -> Quaternion:
-    """From q0 (s = 0) to q1 or -q1 (s = 1) at constant rate along the shorter arc; s outside [0, 1] extrapolates.
+    """Return the attitude at s on the way from q0 (s = 0) to q1 or -q1 (s = 1) at constant rate along the shorter arc.
 
-    q0, q1: unit. With p the end nearer to s, D the step to the other end, t the distance in s and w the angle:
-    p cos(t w) + (D + p |D|^2 / 2) sin(t w) / sin w.  Nothing cancels at any angle; the ends are exact.
+    With p the end nearer to s, D the step to the other end, t the distance in s and w the angle, it is
+    p cos(t w) + (D + p |D|^2 / 2) sin(t w) / sin w: nothing cancels at any angle, the ends are exact.
+    s outside [0, 1] extrapolates.
+    Units: dimensionless; q0 and q1 are unit.  Frames: q0, q1 and the result are between the same two frames.
     Error <= 3 eps in [0, 1], beyond it 2 eps (1 + |s|).
+    Singular: at half a turn from q0 to q1, where one of two arcs is taken.  Source: Shoemake 1985, rearranged.
     """
     dot = (q0[0] * q1[0] + q0[1] * q1[1]) + (q0[2] * q1[2] + q0[3] * q1[3])
     from_end = s > 0.5
@@ -111,9 +122,10 @@ def slerp(q0: Quaternion, q1: Quaternion, s: float) -> Quaternion:
 
 @kernel
 def angle_between(q0: Quaternion, q1: Quaternion) -> float:
-    """The angle of the rotation from q0 to q1, in [0, pi]: 4 atan2(|q1 - q0|, |q1 + q0|), signs aside.
+    """Return the angle of the rotation from q0 to q1, in [0, pi]: 4 atan2(|q1 - q0|, |q1 + q0|), signs aside.
 
-    q0, q1: unit, any signs.  Error <= 2.5 eps relative, from 1e-7 on.  Kahan.
+    Units: rad; q0 and q1 are unit, of any signs.  Frames: q0 and q1 are between the same two frames.
+    Error <= 2.5 eps relative, from 1e-7 on.  Singular: nowhere.  Source: Kahan.
     """
     _, difference, total = _sum_and_difference(q0, q1)
     swap = difference > total
@@ -122,9 +134,10 @@ def angle_between(q0: Quaternion, q1: Quaternion) -> float:
 
 @kernel
 def quaternion_rate_a(q_ab: Quaternion, omega_ab_a: Vec3) -> Quaternion:
-    """dq/dt: deta = -eps . omega / 2, deps = (eta I - skew(eps)) omega / 2.
+    """Return dq_ab/dt: deta = -eps . omega / 2, deps = (eta I - skew(eps)) omega / 2.
 
-    q_ab: unit; omega_ab_a: rad/s in a.  Error <= 0.7 eps |omega|.  E&G 6.9.
+    Units: omega_ab_a in rad/s, the result in 1/s; q_ab is unit.  Frames: omega_ab_a in a.
+    Error <= 0.7 eps |omega|.  Singular: nowhere.  Source: E&G 6.9.
     """
     eps = (q_ab[1], q_ab[2], q_ab[3])
     half = vec3.scale(0.5, omega_ab_a)
@@ -134,9 +147,10 @@ def quaternion_rate_a(q_ab: Quaternion, omega_ab_a: Vec3) -> Quaternion:
 
 @kernel
 def quaternion_rate_b(q_ab: Quaternion, omega_ab_b: Vec3) -> Quaternion:
-    """dq/dt: deta = -eps . omega / 2, deps = (eta I + skew(eps)) omega / 2.
+    """Return dq_ab/dt: deta = -eps . omega / 2, deps = (eta I + skew(eps)) omega / 2.
 
-    q_ab: unit; omega_ab_b: rad/s in b.  Error <= 0.7 eps |omega|.  E&G 6.9.
+    Units: omega_ab_b in rad/s, the result in 1/s; q_ab is unit.  Frames: omega_ab_b in b.
+    Error <= 0.7 eps |omega|.  Singular: nowhere.  Source: E&G 6.9.
     """
     eps = (q_ab[1], q_ab[2], q_ab[3])
     half = vec3.scale(0.5, omega_ab_b)
@@ -146,9 +160,10 @@ def quaternion_rate_b(q_ab: Quaternion, omega_ab_b: Vec3) -> Quaternion:
 
 @kernel
 def omega_a_from_quaternion_rate(q_ab: Quaternion, dq: Quaternion) -> Vec3:
-    """omega_ab_a = 2 (eta deps - deta eps + eps x deps).
+    """Return omega_ab_a = 2 (eta deps - deta eps + eps x deps), with dq = dq_ab/dt.
 
-    q_ab: unit; dq: its derivative, 1/s.  Error <= 2 eps |dq|.
+    Units: dq in 1/s, the result in rad/s; q_ab is unit.  Frames: the result in a.
+    Error <= 2 eps |dq|.  Singular: nowhere.  Source: E&G 6.9, solved for omega_ab_a.
     """
     eps = (q_ab[1], q_ab[2], q_ab[3])
     deps = (dq[1], dq[2], dq[3])
@@ -158,9 +173,10 @@ def omega_a_from_quaternion_rate(q_ab: Quaternion, dq: Quaternion) -> Vec3:
 
 @kernel
 def omega_b_from_quaternion_rate(q_ab: Quaternion, dq: Quaternion) -> Vec3:
-    """omega_ab_b = 2 (eta deps - deta eps - eps x deps).
+    """Return omega_ab_b = 2 (eta deps - deta eps - eps x deps), with dq = dq_ab/dt.
 
-    q_ab: unit; dq: its derivative, 1/s.  Error <= 2 eps |dq|.
+    Units: dq in 1/s, the result in rad/s; q_ab is unit.  Frames: the result in b.
+    Error <= 2 eps |dq|.  Singular: nowhere.  Source: E&G 6.9, solved for omega_ab_b.
     """
     eps = (q_ab[1], q_ab[2], q_ab[3])
     deps = (dq[1], dq[2], dq[3])

@@ -11,9 +11,10 @@ from .matrix import matrix_from_quaternion, quaternion_from_matrix
 
 @kernel
 def quaternion_from_rotvec(u: Vec3) -> Quaternion:
-    """q_ab = (cos(|u| / 2), u sin(|u| / 2) / |u|).
+    """Return q_ab = (cos(|u| / 2), u sin(|u| / 2) / |u|) of a rotation vector of any size to 1e150.
 
-    u: rad, any size to 1e150.  Error <= 1.5 eps to |u| = pi, then eps |u| / 2.  E&G 6.7.
+    Units: u in rad; q_ab is dimensionless.  Frames: u is the same in a and b; q_ab takes coordinates in b to a.
+    Error <= 1.5 eps to |u| = pi, then eps |u| / 2.  Singular: nowhere.  Source: E&G 6.7.
     """
     angle = math.sqrt(vec3.dot(u, u))
     s, c = sincos(0.5 * angle)
@@ -23,10 +24,11 @@ def quaternion_from_rotvec(u: Vec3) -> Quaternion:
 
 @kernel
 def rotvec_from_quaternion(q_ab: Quaternion) -> Vec3:
-    """u = eps 2 atan2(|eps|, |eta|) / |eps| (with the sign of eta), |u| <= pi.
+    """Return u = eps 2 atan2(|eps|, |eta|) / |eps| with the sign of eta, |u| <= pi.
 
-    q_ab: either sign, any length from 1e-150 to 1e150, 0 gives NaN.  Error <= 2 eps |u|.
-    Singular: nowhere; at half a turn u is one of two.
+    Units: u in rad; q_ab has either sign and any length from 1e-150 to 1e150.  Frames: u is the same in a and b.
+    Error <= 2 eps |u|.  Singular: at half a turn u is one of two; the zero quaternion gives NaN.
+    Source: E&G 6.7, solved for the angle.
     """
     eta = abs(q_ab[0])
     eps = (q_ab[1], q_ab[2], q_ab[3])
@@ -40,27 +42,30 @@ def rotvec_from_quaternion(q_ab: Quaternion) -> Vec3:
 
 @kernel
 def matrix_from_rotvec(u: Vec3) -> Matrix:
-    """R_ab = exp(skew(u)), of `quaternion_from_rotvec`.
+    """Return R_ab = exp(skew(u)), by way of `quaternion_from_rotvec`.
 
-    u: rad.  Error <= 3 eps to |u| = pi, then eps |u|.
+    Units: u in rad; R_ab is dimensionless.  Frames: u is the same in a and b; R_ab takes coordinates in b to a.
+    Error <= 3 eps to |u| = pi, then eps |u|.  Singular: nowhere.  Source: E&G 6.6, 6.7.
     """
     return matrix_from_quaternion(quaternion_from_rotvec(u))
 
 
 @kernel
 def rotvec_from_matrix(R_ab: Matrix) -> Vec3:
-    """The rotation vector of R_ab, |u| <= pi: through the quaternion, so that no angle loses digits.
+    """Return the rotation vector u of R_ab, |u| <= pi, through the quaternion, so that no angle loses digits.
 
-    R_ab: a rotation to round-off.  Error <= 2.5 eps |u|.
+    Units: u in rad; R_ab is a rotation to round-off.  Frames: u is the same in a and b.
+    Error <= 2.5 eps |u|.  Singular: at half a turn u is one of two.  Source: E&G 6.6, 6.7.
     """
     return rotvec_from_quaternion(quaternion_from_matrix(R_ab))
 
 
 @kernel
 def quaternion_from_axis_angle(k: Vec3, theta: float) -> Quaternion:
-    """q_ab = (cos(theta / 2), k sin(theta / 2)).
+    """Return q_ab = (cos(theta / 2), k sin(theta / 2)).
 
-    k: unit; theta: rad.  Error <= 1 eps.  E&G 6.7.
+    Units: theta in rad; k is unit.  Frames: k is the same in a and b; q_ab takes coordinates in b to a.
+    Error <= 1 eps.  Singular: nowhere.  Source: E&G 6.7.
     """
     s, c = sincos(0.5 * theta)
     x, y, z = vec3.scale(s, k)
@@ -69,18 +74,21 @@ def quaternion_from_axis_angle(k: Vec3, theta: float) -> Quaternion:
 
 @kernel
 def matrix_from_axis_angle(k: Vec3, theta: float) -> Matrix:
-    """R_ab = cos(theta) I + sin(theta) skew(k) + (1 - cos(theta)) k k^T.
+    """Return R_ab = cos(theta) I + sin(theta) skew(k) + (1 - cos(theta)) k k^T.
 
-    k: unit to round-off; theta: rad.  Error <= 2.5 eps.  E&G 6.6.
+    Units: theta in rad; k is unit to round-off.  Frames: k is the same in a and b; R_ab takes coordinates in b to a.
+    Error <= 2.5 eps.  Singular: nowhere.  Source: E&G 6.6.
     """
     return matrix_from_quaternion(quaternion_from_axis_angle(k, theta))
 
 
 @kernel
 def axis_angle_from_quaternion(q_ab: Quaternion) -> tuple[Vec3, float]:
-    """(k, theta), theta in [0, pi]; k = (1, 0, 0) for no rotation.
+    """Return (k, theta) with theta in [0, pi].
 
-    q_ab: either sign, any length from 1e-150 to 1e150.  Error <= 2 eps in k and relative in theta.  E&G 6.7.
+    Units: theta in rad; q_ab has either sign and any length from 1e-150 to 1e150.  Frames: k is the same in a and b.
+    Error <= 2 eps in k and relative in theta.
+    Singular: where nothing turns k is (1, 0, 0); at half a turn it is one of two.  Source: E&G 6.7.
     """
     eps = (q_ab[1], q_ab[2], q_ab[3])
     s = scale_for_squares(max(max(abs(eps[0]), abs(eps[1])), abs(eps[2])))
@@ -93,16 +101,18 @@ def axis_angle_from_quaternion(q_ab: Quaternion) -> tuple[Vec3, float]:
 
 @kernel
 def axis_angle_from_matrix(R_ab: Matrix) -> tuple[Vec3, float]:
-    """(k, theta) of R_ab, theta in [0, pi]; k = (1, 0, 0) for no rotation.
+    """Return (k, theta) of R_ab with theta in [0, pi].
 
-    R_ab: a rotation to round-off.  Error <= 3 eps in k and relative in theta.  E&G 6.6.
+    Units: theta in rad; R_ab is a rotation to round-off.  Frames: k is the same in a and b.
+    Error <= 3 eps in k and relative in theta.
+    Singular: where nothing turns k is (1, 0, 0); at half a turn it is one of two.  Source: E&G 6.6.
     """
     return axis_angle_from_quaternion(quaternion_from_matrix(R_ab))
 
 
 @kernel
 def _rate(u: Vec3, side: float, omega: Vec3) -> Vec3:
-    """Omega + side u x omega + c u x (u x omega), c = (1 - h cot h) / |u|^2 with h = |u| / 2."""
+    """Return omega + side u x omega + c u x (u x omega), with c = (1 - h cot h) / |u|^2 and h = |u| / 2."""
     square = vec3.dot(u, u)
     h = 0.5 * math.sqrt(square)
     s, c = sincos(h)
@@ -116,7 +126,7 @@ def _rate(u: Vec3, side: float, omega: Vec3) -> Vec3:
 
 @kernel
 def _series(hh: float) -> float:
-    """(1 - h cot h) / (4 h^2) for h^2 <= 1/4: minimax, 2^-51."""
+    """Return (1 - h cot h) / (4 h^2) for h^2 <= 1/4, by a minimax polynomial to 2^-51."""
     low = 0.08333333333333363 + hh * (0.005555555555501095 + hh * 0.0005291005314961205)
     high = 5.2910007920860135e-05 + hh * (
         5.34487944815658e-06 + hh * (5.389144953373273e-07 + hh * 6.043161256145148e-08)
@@ -126,27 +136,29 @@ def _series(hh: float) -> float:
 
 @kernel
 def rotvec_rate_a(u: Vec3, omega_ab_a: Vec3) -> Vec3:
-    """du/dt = Jl(u)^-1 omega_ab_a.
+    """Return du/dt = J_l(u)^-1 omega_ab_a.
 
-    u: rad; omega_ab_a: rad/s in a.  Error <= 3 eps |omega| to |u| = pi.
-    Singular at |u| = 2 pi n, n >= 1: |du/dt| grows as 1 / (2 pi - |u|).  E&G 6.9.
+    Units: u in rad, omega_ab_a and the result in rad/s.  Frames: omega_ab_a in a; u is the same in a and b.
+    Error <= 3 eps |omega| to |u| = pi.
+    Singular: at |u| = 2 pi n, n >= 1; |du/dt| grows as 1 / (2 pi - |u|).  Source: E&G 6.9.
     """
     return _rate(u, -0.5, omega_ab_a)
 
 
 @kernel
 def rotvec_rate_b(u: Vec3, omega_ab_b: Vec3) -> Vec3:
-    """du/dt = Jr(u)^-1 omega_ab_b.
+    """Return du/dt = J_r(u)^-1 omega_ab_b.
 
-    u: rad; omega_ab_b: rad/s in b.  Error <= 3 eps |omega| to |u| = pi.
-    Singular at |u| = 2 pi n, n >= 1: |du/dt| grows as 1 / (2 pi - |u|).
+    Units: u in rad, omega_ab_b and the result in rad/s.  Frames: omega_ab_b in b; u is the same in a and b.
+    Error <= 3 eps |omega| to |u| = pi.
+    Singular: at |u| = 2 pi n, n >= 1; |du/dt| grows as 1 / (2 pi - |u|).  Source: E&G 6.9, with J_r(u) = J_l(-u).
     """
     return _rate(u, 0.5, omega_ab_b)
 
 
 @kernel
 def rotvec_rate_is_singular(u: Vec3) -> bool:
-    """|sin(|u| / 2)| < 2 eps |u|: within round-off of a full turn."""
+    """Return whether u is within round-off of a full turn: |sin(|u| / 2)| < 2 eps |u|."""
     angle = math.sqrt(vec3.dot(u, u))
     s, _ = sincos(0.5 * angle)
     return angle > 1.0 and abs(s) < 2.0 * 2.0**-52 * angle
