@@ -16,11 +16,13 @@ _principal_axes = array_function(_inertia.principal_axes)
 
 
 def inertia_of_points(masses: ArrayLike, positions: ArrayLike) -> tuple[Array, Array, Array]:
-    """(mass, r_oc, M_c) of particles: their mass, centre of mass, and inertia about that.
+    """Return (mass, r_oc, M_c) of particles: their mass, centre of mass, and inertia about that.
 
-    masses: (n), kg, together above 0; positions: (n, 3), m, from o.  Leading axes broadcast.
+    Shapes: masses (n), positions (n, 3) -> (), (3), (3, 3); leading axes broadcast.
+    Units: masses in kg, together above 0, positions in m, from o; M_c in kg m^2.  Frames: all in one frame.
     Error <= 1 eps of the mass, of the largest position and of the trace, for any n: sums are compensated, and a cloud
-    far away loses no digits but those of its positions.  E&G (7.30), lecture, "Inertia dyadic".
+    far away loses no digits but those of its positions.
+    Singular: where the masses' sum is not above 0, a ValueError.  Source: E&G (7.30); lecture, "Inertia dyadic".
     """
     m, r = _floats("inertia_of_points", "masses", masses), _floats("inertia_of_points", "positions", positions)
     if r.ndim < 2 or r.shape[-1] != 3:
@@ -39,10 +41,13 @@ def inertia_of_points(masses: ArrayLike, positions: ArrayLike) -> tuple[Array, A
 
 
 def check_inertia(M: ArrayLike) -> None:
-    """ValueError, with the reason, where M (any leading axes) is no inertia matrix of a rigid body; kg m^2.
+    """Raise a ValueError that says why M is no inertia matrix of a rigid body, where it is none.
 
-    Not finite, not symmetric, a principal moment negative or above the sum of the other two, each beyond 1e-12 of the
-    trace.  One zero moment is a slender beam and allowed, all three are a particle.
+    It is none where it is not finite, not symmetric, or a principal moment is negative or above the sum of the other
+    two. One zero moment is a slender beam and allowed, all three are a particle.
+    Shapes: M (3, 3), with any leading axes.
+    Units: any, commonly kg m^2.  Frames: any.
+    Error: each condition may be broken by 1e-12 of the trace.  Singular: nowhere.  Source: lecture, "Inertia dyadic".
     """
     M = _floats("check_inertia", "M", M)
     reasons = np.asarray(_reasons(M))
