@@ -10,7 +10,8 @@ from rbfmu.runs.model_buffer import filled_buffer, initialize
 from rbfmu.runs.models import MODELS, Plan
 from rbfmu.scene.fields import flattened
 from rbfmu.scene.scene import Loads, Scene
-from rbfmu_kernels.body.memory import has_pivot, needs_attitude, needs_rate, needs_translation
+from rbfmu_kernels.body.memory import has_pivot
+from rbfmu_kernels.body.needs import needs_attitude, needs_rate, needs_translation
 from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.models import one_axis
 from rbfmu_kernels.quantities import (

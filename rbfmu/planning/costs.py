@@ -6,7 +6,8 @@ from rbfmu.planning.fitting import load_shares
 from rbfmu.runs.model_buffer import Buffer, filled_buffer, initialize
 from rbfmu.runs.models import Plan
 from rbfmu.scene.scene import Scene
-from rbfmu_kernels.body.memory import has_pivot, needs_attitude, needs_translation, shows_loads
+from rbfmu_kernels.body.memory import has_pivot
+from rbfmu_kernels.body.needs import needs_attitude, needs_translation, shows_loads
 from rbfmu_kernels.models import loaded_taylor
 from rbfmu_kernels.quantities import OUTPUT
 

@@ -14,7 +14,8 @@ from rbfmu.runs.model_buffer import Buffer, filled_buffer, initialize
 from rbfmu.runs.models import Plan
 from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.scene import Scene, SceneError
-from rbfmu_kernels.body.memory import body_of, has_pivot, loads_of, needs_translation
+from rbfmu_kernels.body.memory import body_of, has_pivot, loads_of
+from rbfmu_kernels.body.needs import needs_translation
 from rbfmu_kernels.integrators.splitting import is_symmetric_top, resonant_step, transverse_moment
 from rbfmu_kernels.integrators.substeps import ROUND_OFF, substeps_in
 from rbfmu_kernels.integrators.taylor_coefficients import MAX_ORDER

@@ -9,18 +9,8 @@ from ..mechanics.equations_of_motion import linear_acceleration
 from ..numerics.double_double import DoubleDouble, two_sum
 from ..rotations.vec3 import add_scaled, cross, is_nonzero
 from ..types import Quaternion, Vec3
-from .memory import (
-    COMMON,
-    body_of,
-    centre_of,
-    has_pivot,
-    has_unknown_load,
-    loads_of,
-    needs_translation,
-    put_centre,
-    put_rotation,
-    rotation_of,
-)
+from .memory import COMMON, body_of, centre_of, has_pivot, loads_of, put_centre, put_rotation, rotation_of
+from .needs import has_unknown_load, needs_translation
 from .outputs import outputs
 
 _CLOCKS = {"elapsed": 2, "q_0": 4, "r_0": 3, "v_0": 3, "a_c": 3, "since_a_c": 2}

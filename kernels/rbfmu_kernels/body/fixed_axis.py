@@ -25,16 +25,8 @@ from ..rotations.matrix import transform
 from ..rotations.quaternion import invert_quaternion, rotate
 from ..rotations.vec3 import add, cross, dot, is_nonzero, norm, scale
 from ..types import Quaternion, Vec3
-from .memory import (
-    BLOCKS,
-    body_of,
-    has_pivot,
-    has_unknown_load,
-    inertia_of,
-    loads_of,
-    needs_translation,
-    principal_frame,
-)
+from .memory import BLOCKS, body_of, has_pivot, inertia_of, loads_of, principal_frame
+from .needs import has_unknown_load, needs_translation
 from .symmetry import is_sphere
 
 _Q_0, _MASS, _R_OC = (BLOCKS[n].start for n in ("quaternion_0", "mass", "r_oc_b"))

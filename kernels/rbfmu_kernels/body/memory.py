@@ -11,10 +11,10 @@ from ..buffer import NEGATIVE, places
 from ..buffer_access import matrix_at, put_matrix_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..integrators.rigid_body_state import STATE_BLOCKS, STATE_SIZE, Centre, Rotation
-from ..mechanics.equations_of_motion import Body, Loads, State, steady_acceleration
+from ..mechanics.equations_of_motion import Body, Loads, State
 from ..mechanics.inertia import check_inertia, inverse_inertia, parallel_axis, principal_axes, trace
 from ..rotations.quaternion import normalize, rotate
-from ..rotations.vec3 import add, add_scaled, cross, dot, is_nonzero, scale
+from ..rotations.vec3 import add, cross, dot, scale
 from ..types import Matrix, Quaternion, Vec3
 
 INPUTS = {load.name: load.size for load in quantities.LOADS if load.port}
@@ -42,23 +42,8 @@ _CONSTANT_FORCE_A, _CONSTANT_FORCE_B, _CONSTANT_TORQUE_A, _CONSTANT_TORQUE_B = (
 )
 _END = BLOCKS[next(reversed(PARAMETERS))].stop
 _NOT_NEGATIVE = tuple((BLOCKS[load.block].start, BLOCKS[load.block].stop) for load in quantities.BOUNDED)
-_UNKNOWN = tuple(
-    (BLOCKS[name].start, BLOCKS[name].stop)
-    for load in quantities.LOADS
-    if not load.in_closed_forms
-    for name in ((load.block, load.name) if load.port else (load.block,))
-) or ((0, 0),)
-"""Places of the loads that models with a closed form do not know."""
 _POSITION_0, _VELOCITY_0, _Q_0, _OMEGA_0 = (_AT[n] for n in ("position_0", "velocity_0", "quaternion_0", "omega_b_0"))
-_PIVOT, _SUBSTEP, _SKIP_MODEL_CHECKS = _AT["pivot"], _AT["substep"], _AT["skip_model_checks"]
-PORTS = {name: _AT["ports"] + i for i, name in enumerate(INPUTS)}
-"""Where the flag of each port stands."""
-_PORT_FORCE_B = PORTS["force_b"]
-ACTIVE = {name: _AT["active"] + i for i, name in enumerate(OUTPUTS)}
-"""Where the flag of each output stands."""
-_TRANSLATION, _PATH, _ATTITUDE, _RATE, _LEVER_RATE, _LOADS_NOW, _BODY_AXES, _SPHERE_RATE = (
-    _AT["active"] + len(OUTPUTS) + i for i in range(len(quantities.NEEDS))
-)
+_PIVOT, _SUBSTEP = _AT["pivot"], _AT["substep"]
 STATE_START = _AT["q"]
 """Where the state begins: see `rigid_body_state`."""
 _OMEGA, _R_C, _V_C = _AT["omega"], _AT["r_c"], _AT["v_c"]
@@ -169,16 +154,6 @@ def substep_of(z: Any) -> float:
 
 
 @kernel
-def translate(z: Any, h: float, drift: float, body: Body, loads: Loads) -> None:
-    """Move the centre of mass by h under its steady acceleration, in closed form; drift: 0 where v_c h is done."""
-    if not needs_translation(z):
-        return
-    r_c, v_c, a = vec3_at(z, _R_C), vec3_at(z, _V_C), steady_acceleration(body, loads)
-    put_vec3_at(z, _R_C, add_scaled(add_scaled(r_c, drift * h, v_c), 0.5 * h * h, a))
-    put_vec3_at(z, _V_C, add_scaled(v_c, h, a))
-
-
-@kernel
 def keep_state(z: Any, before: int) -> None:
     """Copy the state to z[before:], from where `restore_state` brings it back."""
     for i in range(STATE_SIZE):
@@ -205,78 +180,6 @@ def is_finite(z: Any) -> bool:
 def has_pivot(z: Any) -> bool:
     """Whether o is fixed in space."""
     return bool(z[_PIVOT] != 0.0)
-
-
-@kernel
-def has_port(z: Any, flag: int) -> bool:
-    """Whether an input may come to act; flag: one of PORTS."""
-    return bool(z[flag] != 0.0)
-
-
-@kernel
-def has_unknown_load(z: Any) -> bool:
-    """Whether a load acts that models with a closed form do not know."""
-    for k in range(len(_UNKNOWN)):
-        first, end = _UNKNOWN[k]
-        for i in range(first, end):
-            if z[i] != 0.0:
-                return True
-    return False
-
-
-@kernel
-def skips_model_checks(z: Any) -> bool:
-    """Whether a plan answers for the model, see SETTINGS."""
-    return bool(z[_SKIP_MODEL_CHECKS] != 0.0)
-
-
-@kernel
-def is_active(z: Any, flag: int) -> bool:
-    """Whether an output is computed; flag: one of ACTIVE."""
-    return bool(z[flag] != 0.0)
-
-
-@kernel
-def needs_translation(z: Any) -> bool:
-    """Whether an output needs the position or velocity."""
-    return bool(z[_TRANSLATION] != 0.0)
-
-
-@kernel
-def shows_loads(z: Any) -> bool:
-    """Whether an output changes at once when a load does."""
-    return bool(z[_LOADS_NOW] != 0.0)
-
-
-@kernel
-def shows_rates(z: Any) -> bool:
-    """Whether an output is computed from the body's rate, be it only the velocity of a point."""
-    return bool(z[_RATE] != 0.0 or z[_LEVER_RATE] != 0.0)
-
-
-@kernel
-def needs_attitude(z: Any) -> bool:
-    """Whether an output needs the attitude: itself, or a point beside the centre of mass, or a force that turns."""
-    return bool(z[_ATTITUDE] != 0.0 or _shows_turning_path(z))
-
-
-@kernel
-def _shows_turning_path(z: Any) -> bool:
-    pushed = is_nonzero(vec3_at(z, _CONSTANT_FORCE_B)) or is_nonzero(vec3_at(z, _FORCE_B)) or has_port(z, _PORT_FORCE_B)
-    beside = pushed or is_nonzero(vec3_at(z, _R_OC))
-    return bool(beside and not has_pivot(z) and z[_PATH] != 0.0)
-
-
-@kernel
-def shows_more_than_momentum(z: Any, is_sphere: bool) -> bool:
-    """Whether an output follows from the angular momentum in a only with the attitude; a sphere's omega_a does not."""
-    return bool(z[_BODY_AXES] != 0.0 or (z[_SPHERE_RATE] != 0.0 and not is_sphere) or _shows_turning_path(z))
-
-
-@kernel
-def needs_rate(z: Any) -> bool:
-    """Whether an output needs the body's rate."""
-    return bool(needs_attitude(z) or z[_RATE] != 0.0)
 
 
 @kernel(inline=False)

@@ -17,19 +17,8 @@ from ..rotations.matrix import transform
 from ..rotations.quaternion import quaternion_rate_b, rotate
 from ..rotations.vec3 import add, cross, dot, scale, subtract
 from ..types import Quaternion, Vec3
-from .memory import (
-    ACTIVE,
-    BLOCKS,
-    OUTPUTS,
-    body_of,
-    centre_of,
-    has_pivot,
-    is_active,
-    loads_of,
-    needs_translation,
-    rotation_of,
-    shows_loads,
-)
+from .memory import BLOCKS, OUTPUTS, body_of, centre_of, has_pivot, loads_of, rotation_of
+from .needs import ACTIVE, is_active, needs_translation, shows_loads
 
 _AT = {name: block.start for name, block in BLOCKS.items()}
 _MASS, _M, _R_OC, _POSITION_0 = (_AT[n] for n in ("mass", "M", "r_oc_b", "position_0"))

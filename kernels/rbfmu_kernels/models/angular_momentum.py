@@ -6,7 +6,8 @@ A sphere's rates in a follow from it. Its attitude stays the first one, and its 
 from typing import Any
 
 from ..body.closed_form import CLOSED_FORM, finish_step, first_attitude, has_turning_torque, later, start_clocks
-from ..body.memory import body_of, loads_of, rotation_of, shows_more_than_momentum, skips_model_checks
+from ..body.memory import body_of, loads_of, rotation_of
+from ..body.needs import shows_more_than_momentum, skips_model_checks
 from ..body.shell import entry_functions, output_rates, outputs
 from ..body.symmetry import is_sphere
 from ..buffer import OK, STEP_REJECTED, places

@@ -11,7 +11,8 @@ from ..body.closed_form import (
     time_after,
 )
 from ..body.fixed_axis import turns_path
-from ..body.memory import rotation_of, skips_model_checks
+from ..body.memory import rotation_of
+from ..body.needs import skips_model_checks
 from ..body.principal import keeps_its_rate
 from ..body.shell import entry_functions, output_rates, outputs
 from ..buffer import STEP_REJECTED, places

@@ -8,7 +8,8 @@ Abramowitz and Stegun, 25.4.30.
 from typing import Any
 
 from ..body.closed_form import commit_step, has_torque, is_finite_path, is_finite_rotation, time_after
-from ..body.memory import body_of, centre_of, loads_of, put_centre, skips_model_checks, substep_of
+from ..body.memory import body_of, centre_of, loads_of, put_centre, substep_of
+from ..body.needs import skips_model_checks
 from ..body.shell import entry_functions, outputs
 from ..buffer import STEP_REJECTED, places
 from ..buffer_access import put_vec3_at, vec3_at

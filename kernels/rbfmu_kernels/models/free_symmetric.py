@@ -10,7 +10,8 @@ from ..body.closed_form import (
     start_clocks,
     time_after,
 )
-from ..body.memory import body_of, needs_attitude, rotation_of, skips_model_checks
+from ..body.memory import body_of, rotation_of
+from ..body.needs import needs_attitude, skips_model_checks
 from ..body.principal import rates_along, rounded
 from ..body.shell import entry_functions, output_rates, outputs
 from ..body.symmetry import exact_symmetric_frame

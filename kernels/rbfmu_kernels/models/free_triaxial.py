@@ -3,7 +3,8 @@
 from typing import Any
 
 from ..body.closed_form import CLOSED_FORM, finish_step, is_driven, start_clocks, time_after
-from ..body.memory import needs_attitude, put_rotation, rotation_of, shows_rates, skips_model_checks
+from ..body.memory import put_rotation, rotation_of
+from ..body.needs import needs_attitude, shows_rates, skips_model_checks
 from ..body.outputs import output_rates as body_output_rates
 from ..body.principal import exact_frame, rates_along, rounded
 from ..body.shell import entry_functions, outputs

@@ -5,7 +5,8 @@ For loads that depend on the attitude alone (no damping): heavy tops.
 
 from typing import Any
 
-from ..body.memory import COMMON, body_of, has_unknown_load, loads_of, motion_of, substep_of
+from ..body.memory import COMMON, body_of, loads_of, motion_of, substep_of
+from ..body.needs import has_unknown_load
 from ..body.shell import commit_motion, entry_functions, output_rates, outputs
 from ..buffer import STEP_REJECTED, places
 from ..compile.decorator import kernel

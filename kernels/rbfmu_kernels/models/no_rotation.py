@@ -3,16 +3,8 @@
 from typing import Any
 
 from ..body.closed_form import CLOSED_FORM, finish_step, has_torque, start_clocks
-from ..body.memory import (
-    body_of,
-    loads_of,
-    needs_attitude,
-    needs_rate,
-    needs_translation,
-    rotation_of,
-    shows_loads,
-    skips_model_checks,
-)
+from ..body.memory import body_of, loads_of, rotation_of
+from ..body.needs import needs_attitude, needs_rate, needs_translation, shows_loads, skips_model_checks
 from ..body.shell import entry_functions, output_rates, outputs
 from ..buffer import OK, places
 from ..compile.decorator import kernel

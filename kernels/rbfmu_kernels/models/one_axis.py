@@ -4,7 +4,8 @@ from typing import Any
 
 from ..body.closed_form import CLOSED_FORM, finish_step, first_attitude, start_clocks, time_after
 from ..body.fixed_axis import drive_and_damping_rate, leaves_axis, main_axis, swing
-from ..body.memory import body_of, loads_of, needs_attitude, rotation_of, skips_model_checks
+from ..body.memory import body_of, loads_of, rotation_of
+from ..body.needs import needs_attitude, skips_model_checks
 from ..body.shell import entry_functions, output_rates, outputs
 from ..buffer import places
 from ..buffer_access import put_vec3_at, vec3_at

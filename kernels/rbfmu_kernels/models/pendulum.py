@@ -7,7 +7,8 @@ from typing import Any
 
 from ..body.closed_form import CLOSED_FORM, finish_step, start_clocks, time_after
 from ..body.fixed_axis import drive_and_damping_rate, leaves_axis, main_axis, swing
-from ..body.memory import body_of, loads_of, rotation_of, skips_model_checks
+from ..body.memory import body_of, loads_of, rotation_of
+from ..body.needs import skips_model_checks
 from ..body.shell import entry_functions, output_rates, outputs
 from ..buffer import places
 from ..buffer_access import put_quaternion_at, put_vec3_at, quaternion_at, vec3_at

@@ -8,7 +8,8 @@ from typing import Any
 
 from ..body.closed_form import CLOSED_FORM, finish_step, start_clocks, time_after
 from ..body.fixed_axis import drive_and_damping_rate
-from ..body.memory import body_of, has_unknown_load, loads_of, needs_attitude, rotation_of, skips_model_checks
+from ..body.memory import body_of, loads_of, rotation_of
+from ..body.needs import has_unknown_load, needs_attitude, skips_model_checks
 from ..body.shell import entry_functions, output_rates, outputs
 from ..body.symmetry import symmetric_frame
 from ..buffer import places
