@@ -34,7 +34,7 @@ _HOMES = {name: module for module, names in _MODULES.items() for name in names}
 
 
 def __getattr__(name: str) -> Any:
-    """Names load their modules when first used; what is no scene's is an array function."""
+    """Load a name's module when it is first used; what is no scene's is an array function."""
     if name.startswith("__"):
         raise AttributeError(name)
     module = import_module(f"rbfmu.{_HOMES.get(name, 'arrays')}")

@@ -1,10 +1,10 @@
-"""`python -m rbfmu` and the command `rbfmu`."""
+"""The entry point of `python -m rbfmu` and of the command `rbfmu`."""
 
 from rbfmu._interrupt import leave
 
 
 def main() -> None:
-    """The command line; its imports take long enough for a Ctrl-C."""
+    """Run the command line, whose imports take long enough for a Ctrl-C."""
     try:
         from rbfmu.cli import main as command
     except KeyboardInterrupt:

@@ -19,7 +19,7 @@ SOON = 0.05
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """Let what is inside clean up, and exit then, whoever has caught the KeyboardInterrupt on its way.
+    """Let what is inside clean up and then exit, whoever has caught the KeyboardInterrupt on its way.
 
     Where Python can only report it (in a callback from C, in a finaliser) it is raised anew.
     """

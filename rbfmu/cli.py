@@ -38,7 +38,7 @@ _MODEL = click.option("--model", type=click.Choice(["planned", "full"]), default
 
 
 def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Of the commands that plan a run: keys of the scene's table [run]."""
+    """Add the options of commands that plan a run: keys of the scene's table [run]."""
     for key, unit in (("step", " (s)"), ("stop", " (s)"), ("accuracy", "")):
         option = click.option(f"--{key}", type=float, help=f"In place of the scene's run.{key}{unit}.")
         command = option(command)
@@ -46,7 +46,7 @@ def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 class _Commands(click.Group):
-    """Turns errors that users cause into one message and exit status 2, warnings into lines, Ctrl-C into status 130."""
+    """Commands that turn users' errors into a message and exit status 2, warnings into lines, Ctrl-C into 130."""
 
     def main(self, *args: Any, **kwargs: Any) -> Any:
         with interruptible():
@@ -272,7 +272,7 @@ def stability(folder: Path, quick: bool) -> None:
 
 @contextmanager
 def _scene(path: Path, run: dict[str, float | None]) -> Iterator["Scene"]:
-    """The scene of a file with the options given; what is wrong with it, also inside, is said of both."""
+    """Return the scene of a file with the options given; errors name the file, also from inside."""
     from rbfmu.scene.argument import faults_of
     from rbfmu.scene.scene import load_scene
 

@@ -18,7 +18,7 @@ from rich.table import Table
 
 @contextmanager
 def doubts_in_lines() -> Iterator[None]:
-    """Each doubt about a scene as one line, once."""
+    """Print each doubt about a scene as one line, once."""
     from rbfmu.scene.plausibility import SceneWarning
 
     with warnings.catch_warnings():
@@ -37,7 +37,7 @@ def doubts_in_lines() -> Iterator[None]:
 
 
 def say_where_nothing_is_kept() -> None:
-    """A note where Numba finds no folder for compiled code."""
+    """Print a note where Numba finds no folder for compiled code."""
     from rbfmu_kernels import rotate
 
     if hasattr(rotate, "stats") and rotate.stats.cache_path is None:
@@ -56,7 +56,7 @@ def check_target(path: Path | None, option: str, endings: Sequence[str]) -> None
 
 
 def progress_bar(name: str) -> Callable[[Sequence[Any]], Any] | None:
-    """A bar on a terminal; it goes when done."""
+    """Show a bar on a terminal; it goes when done."""
     if not sys.stderr.isatty():
         return None
     return lambda numbers: track(numbers, name, console=Console(stderr=True), transient=True)
@@ -64,7 +64,7 @@ def progress_bar(name: str) -> Callable[[Sequence[Any]], Any] | None:
 
 @contextmanager
 def planning_bar(name: str) -> Iterator[Callable[[float], Any] | None]:
-    """A bar for what planning takes, on a terminal and after a second; it goes when done."""
+    """Show a bar for what planning takes, on a terminal and after a second; it goes when done."""
     if not sys.stderr.isatty():
         yield None
         return
@@ -75,7 +75,7 @@ def planning_bar(name: str) -> Iterator[Callable[[float], Any] | None]:
 
 
 def print_end(reasons: Sequence[str], result: Any) -> None:
-    """Why, and the last values."""
+    """Print why the run ended, and the last values."""
     for reason in reasons:
         click.echo(reason)
     table = Table("at the end", "unit", f"t = {result.time[-1]:g} s", box=None)
@@ -85,7 +85,7 @@ def print_end(reasons: Sequence[str], result: Any) -> None:
 
 
 def print_keys() -> None:
-    """All keys of a scene, a table for each of its tables."""
+    """Print all keys of a scene, a table for each of its tables."""
     from rbfmu.scene.keys import scene_keys
 
     for name, group in groupby(scene_keys(), lambda key: key.table):

@@ -15,7 +15,7 @@ COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
 
 
 def plot_result(result: Result, path: str | Path, title: str = "") -> None:
-    """One panel for each quantity over time; the file's ending (.png, .svg, .pdf) sets the format."""
+    """Draw one panel for each quantity over time; the file's ending (.png, .svg, .pdf) sets the format."""
     figure = Figure(figsize=(8.0, 1.2 + 1.9 * len(result.quantities)), layout="constrained")
     panels = figure.subplots(len(result.quantities), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (name, values) in zip(panels, result.quantities.items(), strict=True):
@@ -28,7 +28,7 @@ def plot_result(result: Result, path: str | Path, title: str = "") -> None:
 
 
 def draw_components(axes: Any, time: Any, values: Any, names: tuple[str, ...], turn: float = math.inf) -> None:
-    """Lines of (n,) or (n, k) values with their names at the right; those of angles broken where they lose a turn."""
+    """Draw values (n,) or (n, k) as named lines; those of angles are broken where they lose a turn."""
     columns = values[:, None] if values.ndim == 1 else values
     for k, name in enumerate(names):
         axes.plot(*broken(time, columns[:, k], turn), color=COLORS[k], linewidth=1.2, label=name)
@@ -39,7 +39,7 @@ def draw_components(axes: Any, time: Any, values: Any, names: tuple[str, ...], t
 
 
 def broken(time: Any, angles: Any, turn: float) -> tuple[Any, Any]:
-    """The points (n,) of a line with a gap between those that are more than half a turn apart."""
+    """Return the points (n,) of a line with a gap between those that are more than half a turn apart."""
     jumps = np.flatnonzero(np.abs(np.diff(angles)) > 0.5 * turn) + 1
     return np.insert(time, jumps, time[jumps]), np.insert(angles, jumps, np.nan)
 
@@ -50,7 +50,7 @@ def _unit(name: str) -> str:
 
 
 def open_frame(axes: Any, grid: bool = False) -> None:
-    """Lines at the left and bottom only; a pale grid behind what is drawn."""
+    """Show axes at the left and bottom only, and a pale grid behind what is drawn."""
     axes.spines[["top", "right"]].set_visible(False)
     if grid:
         axes.grid(color="#e9e9e9", linewidth=0.6)

@@ -26,7 +26,7 @@ plan = of_scene_or_path(planning.plan)
 
 
 class SimulationError(RuntimeError):
-    """A step could not be taken: the motion left the range of numbers, or would take too many substeps."""
+    """The error of a step not taken: the motion left the range of numbers, or would take too many substeps."""
 
 
 class Result:
@@ -47,7 +47,7 @@ class Result:
         return f"Result({len(self.time)} points, {', '.join(self.quantities)})"
 
     def columns(self) -> dict[str, Array]:
-        """Flat columns by FMU variable name: time, quaternion[1], ..."""
+        """Return flat columns by FMU variable name: time, quaternion[1], ..."""
         columns = {"time": self.time}
         for name, values in self.quantities.items():
             if values.ndim == 1:
@@ -58,7 +58,7 @@ class Result:
 
     @property
     def units(self) -> dict[str, str]:
-        """SI units, of time and of each quantity."""
+        """Return the SI units of time and of each quantity."""
         return {"time": TIME.unit} | {name: OUTPUT[name].unit for name in self.quantities}
 
     def save(self, path: str | Path) -> None:

@@ -12,7 +12,7 @@ from rbfmu_kernels.types import Shape
 def clear_error(
     kernel: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any], refused: Exception
 ) -> Exception:
-    """The error to raise in place of NumPy's."""
+    """Return the error to raise in place of NumPy's."""
     shapes, results = core_shapes(kernel)
     name = python_function(kernel).__name__
     if not len(shapes) <= len(args) <= len(shapes) + len(results):
@@ -74,7 +74,7 @@ def _of_out(name: str, results: list[Shape], leading: tuple[int, ...], out: Any)
 
 
 def _holds(shape: tuple[int, ...], leading: tuple[int, ...], core: Shape) -> bool:
-    """Whether results fit: NumPy repeats them along further leading axes."""
+    """Return whether results fit into an array: NumPy repeats them along further leading axes."""
     axes = len(shape) - len(core)
     if axes < len(leading) or shape[axes:] != core:
         return False

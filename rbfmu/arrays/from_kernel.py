@@ -40,7 +40,7 @@ def set_threads(n: int) -> None:
 def array_function(
     kernel: Callable[..., Any], *constants: int, singular: Singular | None = None, warning: str = ""
 ) -> Callable[..., Any]:
-    """The array function of a scalar kernel: same name, arguments and docstring, any leading axes.
+    """Return the array function of a scalar kernel: same name, arguments and docstring, any leading axes.
 
     singular: a kernel of the first few arguments; where it is true for an item, the warning of that text is given.
     """
@@ -77,7 +77,7 @@ def array_function(
 
 
 def sequence_function(kernel: Callable[..., Any], singular: Singular | None = None) -> Callable[..., Any]:
-    """The array function of a kernel whose first argument is an Euler sequence: compiled once per sequence."""
+    """Return the array function of a kernel of Euler angles: it is compiled once for each sequence."""
     functions: dict[str, Callable[..., Any]] = {}
 
     @documented_by(kernel)
@@ -102,7 +102,7 @@ def _gimbal_lock(seq: str) -> str:
 
 
 def _are_few(args: Any, limits: list[tuple[int, int]]) -> bool:
-    """A quick look: each argument has one leading axis at most, and fewer items than the threshold."""
+    """Return, after a quick look, whether arguments have one leading axis at most and fewer items than a bound."""
     try:
         for array, (axes, size) in zip(args, limits):  # noqa: B905 - naming `strict` costs half as much as the rest
             if array.ndim > axes or array.size >= THRESHOLD * size:
@@ -113,7 +113,7 @@ def _are_few(args: Any, limits: list[tuple[int, int]]) -> bool:
 
 
 def _in_threads(loop: Any, kernel: Any, args: Any, kwargs: dict[str, Any], *mark: Any) -> Any:
-    """The call cut into chunks along its longest leading axis; as a whole where it is small or unusual."""
+    """Make the call in chunks along its longest leading axis; as a whole where it is small or unusual."""
     assert _pool is not None
     arguments, results = core_shapes(kernel)
     shapes = [*arguments.values()]

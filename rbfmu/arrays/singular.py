@@ -10,7 +10,7 @@ Singular = Callable[..., bool]
 
 
 def warn_of_singular(message: str) -> None:
-    """A RuntimeWarning at the caller's line; NumPy's error state for divisions may silence it or make it an error."""
+    """Give a RuntimeWarning at the caller's line, unless NumPy's error state for divisions forbids it."""
     mode = np.geterr()["divide"]
     if mode == "raise":
         raise FloatingPointError(message)
@@ -19,7 +19,7 @@ def warn_of_singular(message: str) -> None:
 
 
 def _frames_of_this_package() -> int:
-    """How many frames up the stack, from the calling function on, the first one outside this package is."""
+    """Return how many frames up the stack the first one outside this package is."""
     level, frame = 0, sys._getframe(1)
     while frame is not None and frame.f_globals.get("__name__", "").startswith("rbfmu."):
         level, frame = level + 1, frame.f_back  # type: ignore[assignment]

@@ -18,20 +18,20 @@ FLOORS: Mapping[str, float] = {row.name: row.floor for row in OUTPUTS if row.flo
 
 
 def relative_error(a: Array, b: Array, floor: float, noise: float = 0.0) -> Array:
-    """|a - b| over rows of (n, 3), relative to the largest |b| of the run, at least `floor`; none up to `noise`."""
+    """Return |a - b| over rows of (n, 3), relative to the largest |b| of the run, at least `floor`; 0 up to `noise`."""
     largest = max(largest_size(b), floor) or 1.0
     beyond = sizes(a - b, largest) - noise / largest
     return np.where(beyond < 0.0, 0.0, beyond)  # what is not finite stays so
 
 
 def largest_size(rows: Array) -> float:
-    """The largest length of a row, without overflow."""
+    """Return the largest length of a row, without overflow."""
     unit = float(np.max(np.abs(rows), initial=0.0))
     return unit * float(np.max(sizes(rows, unit))) if 0.0 < unit < math.inf else unit
 
 
 def sizes(rows: Array, unit: float) -> Array:
-    """The lengths of rows, in units of one."""
+    """Return the lengths of rows, in units of one."""
     lengths: Array = np.linalg.norm(rows / unit, axis=-1)
     return lengths
 
@@ -39,7 +39,7 @@ def sizes(rows: Array, unit: float) -> Array:
 def largest_error(
     a: Mapping[str, Array], b: Mapping[str, Array], names: Iterable[str], noise: Mapping[str, float] = _NONE
 ) -> float:
-    """The largest error of a run in the quantities named; infinite where one is not finite.
+    """Return the largest error of a run in the quantities named; infinite where one is not finite.
 
     noise: by name, in its own unit, what counts as no error.
     """

@@ -27,24 +27,24 @@ class Model(Protocol):
     SIZE: int
 
     def initialize(self, z: Any) -> int:
-        """0, or a key of `buffer.FAULTS`."""
+        """Return 0, or a key of `buffer.FAULTS`."""
 
     def step(self, z: Any, h: float) -> int:
-        """`buffer.OK` or `buffer.STEP_REJECTED`."""
+        """Return `buffer.OK` or `buffer.STEP_REJECTED`."""
 
     def outputs(self, z: Any) -> int:
         """Refresh the outputs."""
 
 
 def aligned_zeros(size: int) -> Buffer:
-    """Zeros from a cache line's begin on: vectors that lie across two take longer."""
+    """Return zeros from a cache line's begin on: vectors that lie across two take longer."""
     z = np.zeros(size + _CACHE_LINE)
     start = -z.ctypes.data // z.itemsize % _CACHE_LINE
     return z[start : start + size]
 
 
 def filled_buffer(scene: Scene, plan: "Plan") -> Buffer:
-    """The buffer of the plan's unit before `initialize`: parameters and settings of the scene, inputs zero."""
+    """Return the buffer of the plan's unit before `initialize`: parameters and settings of the scene, inputs zero."""
     unit = plan.unit
     z = aligned_zeros(unit.SIZE)
     for name, value in _numbers(scene, plan).items():
@@ -63,7 +63,7 @@ def initialize(scene: Scene, unit: Model, z: Buffer) -> None:
 
 
 def output_block(scene: Scene, unit: Model) -> slice:
-    """Where the outputs that the scene asks for stand in the unit's buffer, and what lies between them."""
+    """Return where the outputs that the scene asks for stand in the unit's buffer, and what lies between them."""
     blocks = [unit.BLOCKS[name] for name in scene.outputs.quantities]
     return slice(min(block.start for block in blocks), max(block.stop for block in blocks))
 

@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 
 
 def time_grid(start: float, stop: float, step: float) -> Array:
-    """start, start + step, ... stop, which the last point may miss by round-off.
+    """Return start, start + step, ... stop, which the last point may miss by round-off.
 
     To the bit the points that FMPy visits, but at a Unix clock's times: it ends a run within 1e-9 of the time itself.
     """
@@ -22,12 +22,12 @@ def time_grid(start: float, stop: float, step: float) -> Array:
 
 
 def communication_steps(scene: Scene) -> int:
-    """How many the run has."""
+    """Return the number of communication steps of the run."""
     return _count(scene.run.start, scene.run.stop, scene.run.step)
 
 
 def thinned_steps(scene: Scene, most: int) -> list[float]:
-    """The lengths of the scene's steps, s; of several at once where there are more than `most`."""
+    """Return the lengths of the scene's steps, s; of several at once where there are more than `most`."""
     grid = time_grid(scene.run.start, scene.run.stop, scene.run.step)
     stride = math.ceil((len(grid) - 1) / most)
     steps: list[float] = np.diff(grid if stride == 1 else np.append(grid[:-1:stride], grid[-1])).tolist()
@@ -39,5 +39,5 @@ def _count(start: float, stop: float, step: float) -> int:
 
 
 def _round_off(start: float, stop: float) -> float:
-    """Of a sum of steps, and of times as large as these, s."""
+    """Return the round-off of a sum of steps, and of times as large as these, s."""
     return 1e-9 * (stop - start) + math.ulp(start) + math.ulp(stop)

@@ -16,7 +16,7 @@ Motion = dict[str, NDArray[np.float64]]
 
 
 def begun(scene: Scene, plan: Plan, names: Sequence[str]) -> Buffer:
-    """The buffer of the plan's unit at the start, of whose outputs only those named are computed."""
+    """Return the buffer of the plan's unit at the start, of whose outputs only those named are computed."""
     unit, z = plan.unit, filled_buffer(scene, plan)
     if "active" in unit.BLOCKS:
         z[unit.BLOCKS["active"]] = active_flags(names)
@@ -32,7 +32,7 @@ def recorded(
     parts: int = 1,
     progress: Callable[[float], Any] | None = None,
 ) -> Motion:
-    """Blocks now and after each of the steps (s), taken in equal parts; NaN from where the motion ends.
+    """Return blocks now and after each of the steps (s), taken in equal parts; NaN from where the motion ends.
 
     progress: is told which part of the run is done.
     """
@@ -49,5 +49,5 @@ def recorded(
 
 
 def substeps_counted(unit: Any, z: Buffer) -> float:
-    """Since the start; 0 where the unit counts none."""
+    """Return the number of substeps since the start; 0 where the model counts none."""
     return float(z[unit.BLOCKS["substeps"]][0]) if "substeps" in unit.BLOCKS else 0.0

@@ -23,7 +23,7 @@ def faults_of(source: str) -> Iterator[None]:
 
 
 def of_scene_or_path(function: Callable[Concatenate[Scene, P], R]) -> Callable[Concatenate[Scene | str | Path, P], R]:
-    """The function, of a scene or of its file. Raises TypeError for anything else; a SceneWarning where it doubts."""
+    """Make a function of a scene take a scene's file as well. It raises TypeError for anything else."""
 
     @wraps(function)
     def call(scene: Scene | str | Path, *args: P.args, **kwargs: P.kwargs) -> R:

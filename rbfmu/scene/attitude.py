@@ -23,13 +23,13 @@ ROUND_OFF = 8 * 2.0**-52
 
 
 class UnitQuaternion(Numbers):
-    """Euler parameters, scalar first."""
+    """The rule of a unit quaternion: Euler parameters, scalar first."""
 
     def __init__(self) -> None:
         super().__init__((4,), "", ": eta, eps_1, eps_2, eps_3")
 
     def __call__(self, value: Any) -> Quaternion:
-        """Of unit length to round-off."""
+        """Return the quaternion, of unit length to round-off."""
         q: Quaternion = super().__call__(value)
         length = math.hypot(*q)
         if length == 0.0:
@@ -40,19 +40,19 @@ class UnitQuaternion(Numbers):
 
 
 def normalized(q: Quaternion) -> Quaternion:
-    """q / |q|; one that is unit to round-off stays as it is, so that reading what was written changes no bit."""
+    """Return q / |q|; one that is unit to round-off stays as it is, so that reading what was written changes no bit."""
     square = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
     return q if abs(square - 1.0) <= ROUND_OFF else quaternion.normalize(q)
 
 
 class RotationMatrix(Numbers):
-    """Rows of R_ab."""
+    """The rule of a rotation matrix: the rows of R_ab."""
 
     def __init__(self) -> None:
         super().__init__((3, 3), "")
 
     def __call__(self, value: Any) -> Matrix:
-        """Orthogonal to 1e-6, right-handed."""
+        """Return the matrix, which is orthogonal to 1e-6 and right-handed."""
         R: Matrix = super().__call__(value)
         with np.errstate(all="ignore"):
             error = float(np.max(np.abs(np.array(R) @ np.array(R).T - np.eye(3))))
@@ -105,7 +105,7 @@ class Attitude(Section):
         return data
 
     def resolved(self) -> Quaternion:
-        """q_ab."""
+        """Return q_ab."""
         given = self.model_fields_set
         if "euler" in given:
             x, y, z = map(math.radians, self.angles_deg) if "angles_deg" in given else self.angles
@@ -118,5 +118,5 @@ class Attitude(Section):
 
 
 def read_attitude(value: Any) -> Quaternion:
-    """q_ab of an attitude table, or of a quaternion that is one already. Raises SceneError."""
+    """Return q_ab of an attitude table, or of a quaternion that is one already. Raises SceneError."""
     return Attitude.read(value).resolved()

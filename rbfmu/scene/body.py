@@ -18,21 +18,21 @@ ZERO = (0.0, 0.0, 0.0)
 
 
 class Inertia(Numbers):
-    """Principal moments or a matrix, stored as a symmetric matrix that a body can have."""
+    """The rule of an inertia: principal moments or a matrix, stored as a symmetric matrix that a body can have."""
 
     def __init__(self) -> None:
         super().__init__((3, 3), _UNIT)
 
     def expected(self) -> str:
-        """In words."""
+        """Return in words what may stand there."""
         return f"{self.choice()} about the centre of mass ({_UNIT})"
 
     def choice(self) -> str:
-        """In words."""
+        """Return in words what there is to choose from."""
         return "3 principal moments or a 3x3 matrix"
 
     def __call__(self, value: Any) -> Matrix:
-        """The matrix."""
+        """Return the matrix."""
         value = value.tolist() if hasattr(value, "tolist") else value
         items = value if isinstance(value, list | tuple) else ()
         rows = any(isinstance(item, list | tuple) or getattr(item, "shape", ()) for item in items)
@@ -41,7 +41,7 @@ class Inertia(Numbers):
 
 
 def possible_inertia(M: Matrix) -> Matrix:
-    """The matrix, symmetric to the bit; ValueError with what was expected where no body has it."""
+    """Return the matrix, symmetric to the bit; raise ValueError with what was expected where no body has it."""
     reason = int(_inertia.check_inertia(M))
     if reason == _inertia.NOT_FINITE:
         raise ValueError(f"finite moments of inertia ({_UNIT})")
@@ -70,7 +70,7 @@ class _Shape(Section):
 
     @abstractmethod
     def inertia(self, mass: float) -> Matrix:
-        """M_c."""
+        """Return M_c."""
 
 
 class _Beam(_Shape):
@@ -164,22 +164,22 @@ class Body(Section):
 
     @property
     def M_c(self) -> Matrix:
-        """Inertia about the centre of mass, kg m2."""
+        """Return the inertia about the centre of mass, kg m2."""
         return self.inertia
 
     @property
     def M_o(self) -> Matrix:
-        """Inertia about the body's origin, kg m2."""
+        """Return the inertia about the body's origin, kg m2."""
         return _inertia.parallel_axis(self.inertia, self.mass, self.r_oc_b)
 
     @property
     def M(self) -> Matrix:
-        """Inertia about the point that the body turns about: o with a pivot, else the centre of mass."""
+        """Return the inertia about the point that the body turns about: o with a pivot, else the centre of mass."""
         return self.M_o if self.pivot else self.M_c
 
     @property
     def axis_without_inertia(self) -> Vec3 | None:
-        """The body axis about which `M` has no moment (a slender beam's own), if there is one."""
+        """Return the body axis about which `M` has no moment (a slender beam's own), if there is one."""
         (low, _, _), R = _inertia.principal_axes(self.M)
         if low > _inertia.INERTIA_TOLERANCE * _inertia.trace(self.M):
             return None
@@ -198,7 +198,7 @@ class Body(Section):
 
     @classmethod
     def _inertia_of_shape(cls, shape: Any, mass: Any, faults: list[str]) -> Any:
-        """M_c, or that of a unit ball where faults are in the way."""
+        """Return M_c, or that of a unit ball where faults are in the way."""
         try:
             body = _read_shape(shape)
         except SceneError as error:
@@ -219,7 +219,7 @@ class Body(Section):
         return self._without_two_moments()
 
     def _without_two_moments(self) -> Iterator[str]:
-        """A point mass has no attitude to speak of; on a pivot it is a pendulum, the same as a beam."""
+        """Yield the fault of a point mass: it has no attitude; on a pivot it is a pendulum, the same as a beam."""
         if not all(map(math.isfinite, flattened(self.M))):
             yield fault("body.r_oc_b", self.r_oc_b, f"a distance whose inertia about o is finite ({_UNIT})")
         elif _inertia.principal_axes(self.M)[0][1] <= _inertia.INERTIA_TOLERANCE * _inertia.trace(self.M):

@@ -19,14 +19,14 @@ NEGLIGIBLE = 1e-12
 
 
 def default_quantities(body: Body | None, inputs: Any, quantities: tuple[str, ...]) -> tuple[str, ...]:
-    """All that the body's motion has."""
+    """Return all quantities that the body's motion has."""
     if inputs is not None and "omega_b" in inputs.ports:
         return PRESCRIBED
     return tuple(q for q in quantities if not (body is not None and body.pivot and q in HELD))
 
 
 def faults_between(good: Mapping[str, Any], rates: tuple[str, Any] | None = None) -> Iterator[str]:
-    """All faults between those sections that are good by themselves; a body that is not there is None.
+    """Return all faults between those sections that are good by themselves; a body that is not there is None.
 
     rates: key and value of the initial rates as the file has them, where that is not `initial.omega_b`.
     """
@@ -71,7 +71,7 @@ def _faults_of_prescribed_rates(good: Mapping[str, Any], rates: tuple[str, Any])
 
 
 def _faults_of_beam(body: Body, axis: Any, good: Mapping[str, Any], rates: tuple[str, Any]) -> Iterator[str]:
-    """A body without inertia about `axis`: nothing may turn it about that axis, or the rate would be without bound."""
+    """Return the faults of a body without inertia about `axis`: what turns it about that gives a rate without bound."""
     initial, loads, inputs = (good.get(key) for key in ("initial", "loads", "inputs"))
     about = f"about {_direction(axis)}, where inertia is zero to {NEGLIGIBLE:g} of its trace"
     # Forces act at o: on a free body with a moment -r x F about the centre of mass; on a pivot with none.
@@ -103,7 +103,7 @@ def _faults_of_loads(loads: Any, axis: Any, lever: Any, levered: bool, about: st
 
 
 def _small(part: Any, whole: Any) -> bool:
-    """Whether a part of a vector is round-off."""
+    """Return whether a part of a vector is round-off."""
     return bool(np.linalg.norm(part) <= NEGLIGIBLE * np.linalg.norm(whole))
 
 

@@ -21,7 +21,7 @@ LONGEST = 72
 
 
 class SceneError(ValueError):
-    """All that is wrong with a scene: `.faults`, one line each."""
+    """The error of a bad scene: `.faults` has all that is wrong with it, one line each."""
 
     def __init__(self, faults: str | Iterable[str], source: str = "") -> None:
         self.faults = [faults] if isinstance(faults, str) else list(faults)
@@ -34,12 +34,12 @@ class SceneError(ValueError):
 
 
 def fault(path: str, value: object, expected: str) -> str:
-    """One line: which key holds what, and what was expected."""
+    """Return one line: which key holds what, and what was expected."""
     return f"{path} = {shown(value)}: expected {expected}"
 
 
 def shown(value: object, longest: int = LONGEST) -> str:
-    """A value as TOML spells it, shortened."""
+    """Return a value as TOML spells it, shortened."""
     text = _spelled(value, depth=0)
     return text if len(text) <= longest else text[: longest - 4].rstrip() + " ..."
 
@@ -69,25 +69,25 @@ def _first(items: Collection[Any]) -> Iterator[Any]:
 
 
 def joined(path: str, key: str) -> str:
-    """A dotted key, quoted where TOML would."""
+    """Return a dotted key, quoted where TOML would."""
     key = key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else json.dumps(key)
     return f"{path}.{key}" if path else key
 
 
 class Rule(ABC):
-    """What one key may hold: returns the value as stored or raises ValueError(what was expected)."""
+    """What one key may hold: a call returns the value as stored or raises ValueError(what was expected)."""
 
     @abstractmethod
     def expected(self) -> str:
-        """In words."""
+        """Return in words what may stand there."""
 
     def choice(self) -> str:
-        """What there is to choose from, in words; nothing where the key's unit and meaning say it."""
+        """Return in words what there is to choose from; nothing where the key's unit and meaning say it."""
         return ""
 
     @abstractmethod
     def __call__(self, value: Any) -> Any:
-        """The value as stored."""
+        """Return the value as stored."""
 
     def refuse(self, detail: str = "") -> NoReturn:
         """Raise the ValueError that says what was expected."""
@@ -107,7 +107,7 @@ class Numbers(Rule):
     holds: Callable[[float], bool] = field(default=math.isfinite, repr=False)
 
     def expected(self) -> str:
-        """In words, such as `3 numbers (m)`."""
+        """Return in words what may stand there, such as `3 numbers (m)`."""
         return self._words("")
 
     def _words(self, finite: str) -> str:
@@ -116,7 +116,7 @@ class Numbers(Rule):
         return sized.get(len(self.shape), f"3 rows of 3 {finite}numbers") + self.bound + unit
 
     def __call__(self, value: Any) -> Any:
-        """The value as floats."""
+        """Return the value as floats."""
         floats = self.floats(value, self.shape)
         if not all(map(math.isfinite, flattened(floats))):
             raise ValueError(self._words("finite "))
@@ -125,7 +125,7 @@ class Numbers(Rule):
         return floats
 
     def floats(self, value: Any, shape: tuple[int, ...]) -> Any:
-        """The value as (nested) tuples of floats, infinite where an integer is too large."""
+        """Return the value as (nested) tuples of floats, infinite where an integer is too large."""
         value = value.tolist() if hasattr(value, "tolist") else value
         if shape:
             if not isinstance(value, list | tuple) or len(value) != shape[0]:
@@ -140,7 +140,7 @@ class Numbers(Rule):
 
 
 def flattened(value: Any) -> Iterator[float]:
-    """The floats of a nested tuple."""
+    """Yield the floats of a nested tuple."""
     if isinstance(value, tuple):
         for item in value:
             yield from flattened(item)
@@ -149,12 +149,12 @@ def flattened(value: Any) -> Iterator[float]:
 
 
 def positive(unit: str, *shape: int) -> Numbers:
-    """Numbers > 0."""
+    """Return the rule of numbers above 0."""
     return Numbers(shape, unit, " > 0", lambda x: x > 0.0)
 
 
 def numbers(name: str) -> Numbers:
-    """What a scene may hold of a parameter, a load or an initial value, by its name in the table of quantities."""
+    """Return what a scene may hold of a parameter, a load or an initial value, by its name among the quantities."""
     row = BY_NAME[name]
     shape = () if row.size == 1 else (row.size,)
     unit = "" if row.unit == "1" else row.unit
@@ -164,33 +164,33 @@ def numbers(name: str) -> Numbers:
 
 
 def not_negative(x: float) -> bool:
-    """Whether x >= 0."""
+    """Return whether x >= 0."""
     return x >= 0.0
 
 
 @dataclass(frozen=True)
 class Flag(Rule):
-    """True or false."""
+    """The rule of a flag: true or false."""
 
     def expected(self) -> str:
-        """In words."""
+        """Return in words what may stand there."""
         return "true or false"
 
     def __call__(self, value: Any) -> bool:
-        """The value, if it is one."""
+        """Return the value, if it is one."""
         return value if isinstance(value, bool) else self.refuse()
 
 
 @dataclass(frozen=True)
 class Name(Rule):
-    """A title that also serves as a file's name."""
+    """The rule of a name: a title that also serves as a file's name."""
 
     def expected(self) -> str:
-        """In words."""
+        """Return in words what may stand there."""
         return "1 to 200 printable characters without / and \\"
 
     def __call__(self, value: Any) -> str:
-        """The value, if it is one."""
+        """Return the value, if it is one."""
         if not isinstance(value, str) or not value.isprintable() or set(value) & set("/\\"):
             self.refuse()
         return value if value.strip() and len(value) <= 200 else self.refuse()
@@ -198,37 +198,37 @@ class Name(Rule):
 
 @dataclass(frozen=True)
 class OneOf(Rule):
-    """One of some words."""
+    """The rule of a choice: one of some words."""
 
     known: tuple[str, ...]
     words: str
 
     def expected(self) -> str:
-        """In words."""
+        """Return in words what may stand there."""
         return self.words
 
     def __call__(self, value: Any) -> str:
-        """The word, if it is one of them."""
+        """Return the word, if it is one of them."""
         return value if isinstance(value, str) and value in self.known else self.refuse()
 
 
 @dataclass(frozen=True)
 class Names(Rule):
-    """Distinct names out of a list."""
+    """The rule of several names: distinct ones out of a list."""
 
     known: tuple[str, ...]
     least: int = 0
 
     def expected(self) -> str:
-        """In words."""
+        """Return in words what may stand there."""
         return f"a list of distinct names {self.choice()}"
 
     def choice(self) -> str:
-        """In words."""
+        """Return in words what may stand there."""
         return f"out of {', '.join(self.known)}"
 
     def __call__(self, value: Any) -> tuple[str, ...]:
-        """The names as a tuple."""
+        """Return the names as a tuple."""
         if not isinstance(value, list | tuple) or not all(isinstance(name, str) for name in value):
             self.refuse()
         for name in value:
@@ -245,7 +245,7 @@ class Names(Rule):
 
 
 def closest(name: str, known: Iterable[str]) -> str:
-    """The known name that a mistyped one stands for, or nothing where none is near."""
+    """Return the known name that a mistyped one stands for, or nothing where none is near."""
     lower = {k.lower(): k for k in known}
     near = difflib.get_close_matches(name.lower(), lower, n=1)
     return lower[near[0]] if near else ""

@@ -43,12 +43,12 @@ class Key(NamedTuple):
 
     @property
     def path(self) -> str:
-        """Dotted."""
+        """Return the dotted path of the key."""
         return joined(self.table, self.name)
 
 
 def scene_keys() -> Iterator[Key]:
-    """All keys, table by table."""
+    """Return all keys, table by table."""
     yield _key(Scene, "name")
     for section in SECTIONS.values():
         yield from (_key(section, key) for key in section._keys())
@@ -83,14 +83,14 @@ def _unit(rule: Rule | None) -> str:
 
 
 def _plain(value: object) -> object:
-    """Whole numbers without a point, for the eye."""
+    """Return whole numbers without a point, for the eye."""
     if isinstance(value, tuple):
         return [_plain(item) for item in value]
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
 def new_scene(name: str) -> str:
-    """The text of a scene file that runs, with every key: those that it does not need are commented out."""
+    """Return the text of a scene file that runs, with every key: those that it does not need are commented out."""
     lines = [INTRODUCTION, f"name = {json.dumps(name, ensure_ascii=False)}"]
     table = ""
     for key in scene_keys():

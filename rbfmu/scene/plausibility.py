@@ -19,24 +19,24 @@ PERIODIC = tuple(row.name for row in OUTPUTS if row.error == ANGLE or row.unit =
 
 
 class SceneWarning(UserWarning):
-    """A scene that is possible, but looks like a slip."""
+    """The warning of a scene that is possible, but looks like a slip."""
 
 
 def warn(scene: Scene, doubts: Iterable[str], stacklevel: int = 3) -> None:
-    """A SceneWarning for each doubt."""
+    """Give a SceneWarning for each doubt."""
     for doubt in doubts:
         warnings.warn(f"{scene.name}: {doubt}", SceneWarning, stacklevel=stacklevel)
 
 
 def doubts_before(scene: Scene) -> Iterator[str]:
-    """What the scene shows: a radius of gyration beyond 100 m or below 0.1 mm, more than a turn a step."""
+    """Return what the scene shows: a radius of gyration beyond 100 m or below 0.1 mm, more than a turn a step."""
     if scene.body is not None:
         yield from _size(scene.body)
     yield from _turns(scene, math.hypot(*scene.initial.omega_b), "at the start")
 
 
 def doubts_after(scene: Scene, motion: Mapping[str, NDArray[np.float64]]) -> Iterator[str]:
-    """What only the rates of a run show, by quantity."""
+    """Return what only the rates of a run show, by quantity."""
     found = next((motion[row.name] for row in OUTPUTS if row.unit == "rad/s" and row.name in motion), None)
     if found is not None and not any(_turns(scene, math.hypot(*scene.initial.omega_b), "")):
         yield from _turns(scene, float(np.max(np.linalg.norm(found, axis=1))), "at the fastest")

@@ -73,7 +73,7 @@ class Initial(Section):
 
 
 class Loads(Section):
-    """Known loads."""
+    """The known loads."""
 
     _path: ClassVar[str] = "loads"
 
@@ -86,7 +86,7 @@ class Loads(Section):
 
 
 class Inputs(Section):
-    """What others supply."""
+    """The inputs that others supply."""
 
     _path: ClassVar[str] = "inputs"
 
@@ -111,7 +111,7 @@ class Outputs(Section):
 
 
 class Run(Section):
-    """From start to stop in communication steps."""
+    """The run: from start to stop in communication steps."""
 
     _path: ClassVar[str] = "run"
 
@@ -156,7 +156,7 @@ SECTIONS: Mapping[str, type[Section]] = {
 
 
 class Scene(Section):
-    """One rigid body and all that is known about its run; immutable. A bad one is a SceneError with all faults."""
+    """One rigid body and all that is known about its run; immutable. A bad one raises SceneError with all faults."""
 
     name: Annotated[str, Name(), _means("title, and the FMU's name; by default the file's")] = "scene"
     body: Body | None = None
@@ -186,7 +186,7 @@ class Scene(Section):
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], source: str = "scene") -> Self:
-        """From nested tables as in the file; source: what messages call it, and the name where none is given."""
+        """Return the scene of nested tables as in a file; source: its name in messages, and where none is given."""
         try:
             if not isinstance(data, Mapping):
                 raise SceneError(fault("scene", data, f"tables {', '.join(SECTIONS)}"))
@@ -195,7 +195,7 @@ class Scene(Section):
             raise SceneError(error.faults, source) from None
 
     def replace(self, changes: Mapping[str, Any] = MappingProxyType({}), /, **tables: Any) -> Self:
-        """A scene with other values, checked like a file: `replace({"run.stop": 5.0})` or `replace(run={"stop": 5.0})`.
+        """Return a checked scene with other values: `replace({"run.stop": 5.0})` or `replace(run={"stop": 5.0})`.
 
         A table's other keys stay, a section (`Run(...)`) or None takes the table's place. What stands in place of a key
         removes it (omega_b_deg: omega_b; shape: inertia); quantities that were not asked for by name follow from the
@@ -210,20 +210,20 @@ class Scene(Section):
         return type(self).from_dict(new, self.name)
 
     def to_dict(self) -> dict[str, Any]:
-        """Nested tables of which `from_dict` makes an equal scene; lists, so that JSON keeps them as they are."""
+        """Return nested tables of which `from_dict` makes an equal scene; with lists, which JSON keeps as they are."""
         tables: dict[str, Any] = self.model_dump(mode="json", exclude_none=True)
         tables["initial"]["attitude"] = {"quaternion": tables["initial"].pop("quaternion")}
         return tables
 
 
 def _rates_as_written(initial: Any) -> tuple[str, Any] | None:
-    """Key and value of the initial rates where they are not those of the field."""
+    """Return key and value of the initial rates where they are not those of the field."""
     given = isinstance(initial, Mapping) and "omega_b_deg" in initial and "omega_b" not in initial
     return ("initial.omega_b_deg", initial["omega_b_deg"]) if given else None
 
 
 def _changed(table: Any, value: Any, section: type[Section] | None) -> Any:
-    """A table in which new keys take the place of those that they exclude."""
+    """Return a table in which new keys take the place of those that they exclude."""
     if section is None or not isinstance(value, Mapping) or not isinstance(table, Mapping):
         return value
     excluded = {key for keys in section._spellings.values() if set(keys) & set(value) for key in keys}
@@ -231,7 +231,7 @@ def _changed(table: Any, value: Any, section: type[Section] | None) -> Any:
 
 
 def _nested(changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Tables from dotted keys."""
+    """Return tables made from dotted keys."""
     tables: dict[str, Any] = {}
     for key, value in changes.items():
         *path, last = str(key).split(".")

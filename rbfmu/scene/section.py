@@ -9,7 +9,7 @@ from rbfmu.scene.fields import Rule, SceneError, closest, fault, joined, shown
 
 
 class Section(BaseModel):
-    """A table of the scene: immutable, compared by value; a bad one is a SceneError with all of its faults."""
+    """A table of the scene: immutable, compared by value; a bad one raises SceneError with all of its faults."""
 
     model_config = ConfigDict(frozen=True)
     _path: ClassVar[str] = ""
@@ -38,7 +38,7 @@ class Section(BaseModel):
 
     @classmethod
     def read(cls, value: Any) -> Self:
-        """From a table, or the section itself."""
+        """Return the section of a table, or the section itself."""
         if isinstance(value, cls):
             return value
         if not isinstance(value, Mapping):
@@ -47,7 +47,7 @@ class Section(BaseModel):
 
     @classmethod
     def _keys(cls) -> list[str]:
-        """The keys as the file spells them: a field may have several in its place."""
+        """Return the keys as the file spells them: a field may have several in its place."""
         return [key for name in cls.model_fields for key in cls._spellings.get(name, (name,))]
 
     @classmethod
@@ -56,11 +56,11 @@ class Section(BaseModel):
 
     @classmethod
     def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
-        """The fields, from whichever keys stand for them."""
+        """Return the fields, from whichever keys stand for them."""
         return data
 
     def _contradictions(self) -> Iterable[str]:
-        """Faults between fields that are good by themselves."""
+        """Return the faults between fields that are good by themselves."""
         return ()
 
     @classmethod
@@ -84,7 +84,7 @@ class Section(BaseModel):
 
 
 def one_of(section: type[Section], data: dict[str, Any], keys: tuple[str, ...], faults: list[str]) -> str:
-    """The one of the exclusive keys that is there, or nothing; a fault where there are several."""
+    """Return the one of the exclusive keys that is there, or nothing; several are a fault."""
     given = [key for key in keys if key in data]
     if len(given) > 1:
         path = joined(section._path, given[1])

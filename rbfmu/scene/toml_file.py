@@ -16,7 +16,7 @@ _TABLE = re.compile(r"\s*(\[\[?[^\]=]*\]\]?)\s*(#.*)?")
 
 
 def read_tables(path: Path) -> dict[str, Any]:
-    """The file's tables. Raises SceneError."""
+    """Return the file's tables. Raises SceneError."""
     try:
         with path.open("rb") as file:
             content = file.read(LARGEST_FILE + 1)

@@ -32,12 +32,12 @@ class Contestant:
     state_of: Callable[[Any], State] = field(default=_one.with_unit_quaternion)
 
     def run(self, state: State, h: float, n: int, body: Body, loads: Loads) -> State:
-        """The state after n steps of h."""
+        """Return the state after n steps of h."""
         return self.state_of(self.steps(self.start(state), h, n, body, loads))
 
 
 def compiled_loop(step: Callable[[Any, float, Body, Loads], Any]) -> Steps:
-    """N steps of a one-step kernel in one loop, compiled at the first call."""
+    """Return a loop of n steps of a one-step kernel, compiled at the first call."""
 
     @njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
     def loop(y: Any, h: float, n: int, body: Body, loads: Loads) -> Any:

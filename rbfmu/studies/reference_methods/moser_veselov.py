@@ -18,7 +18,7 @@ MAX_ROUNDS = 10_000  # near its last solution the iteration is slow
 
 @kernel(inline=False)
 def _steps(state: State, h: float, n: int, moments: Vec3, inverse: Vec3) -> State:
-    """N steps with modified `inverse` moments: R = (1 + skew(c))(1 - skew(c))^-1 turns the momentum back."""
+    """Take n steps with modified `inverse` moments: R = (1 + skew(c))(1 - skew(c))^-1 turns the momentum back."""
     r, v, q, omega = state
     m = (moments[0] * omega[0], moments[1] * omega[1], moments[2] * omega[2])
     i, j, k = 1.0 / inverse[0], 1.0 / inverse[1], 1.0 / inverse[2]
@@ -44,7 +44,7 @@ def _steps(state: State, h: float, n: int, moments: Vec3, inverse: Vec3) -> Stat
 
 
 def _coefficients(moments: Vec3) -> tuple[list[float], list[float]]:
-    """Weights of C, H, C^2, CH, H^2, ... H^4 (orders 4, 4, 6, 6, 6, ... 10) in the two series of `_modified`."""
+    """Return weights of C, H, C^2, CH, H^2, ... H^4 (orders 4, 4, 6, 6, 6, ... 10) in both series of `_modified`."""
     a, b, c = moments
     D = a * b * c
 
@@ -99,7 +99,7 @@ _DEGREES = [(n - j, j) for n in (1, 2, 3, 4) for j in range(n + 1)]
 
 
 def _modified(order: int, h: float, moments: Vec3, omega: Vec3) -> Vec3:
-    """Modified inverse moments s(C, H) / I + d(C, H), C = h^2 |m|^2 / 2, H = h^2 m . omega / 2."""
+    """Return modified inverse moments s(C, H) / I + d(C, H), C = h^2 |m|^2 / 2, H = h^2 m . omega / 2."""
     m = (moments[0] * omega[0], moments[1] * omega[1], moments[2] * omega[2])
     C, H = 0.5 * h * h * dot(m, m), 0.5 * h * h * dot(m, omega)
     terms = [C**i * H**j for i, j in _DEGREES if 2 * (i + j) + 2 <= order]
@@ -108,7 +108,7 @@ def _modified(order: int, h: float, moments: Vec3, omega: Vec3) -> Vec3:
 
 
 def moser_veselov(order: int) -> Any:
-    """`steps(y, h, n, body, loads)` of order 2, 4, 6, 8 or 10; loads and off-diagonal M are ignored."""
+    """Return `steps(y, h, n, body, loads)` of order 2, 4, 6, 8 or 10; loads and off-diagonal M are ignored."""
 
     def steps(y: State, h: float, n: int, body: Body, loads: Loads) -> State:
         M = body.inertia

@@ -73,7 +73,7 @@ def advance(state: State, s: float, rates: Rates) -> State:
 
 @kernel
 def _unit_attitude(state: State) -> State:
-    """The state with its quaternion scaled to length 1, as a step leaves it within 10 % of that."""
+    """Return the state with its quaternion scaled to length 1, as a step leaves it within 10 % of that."""
     r, v, q, omega = state
     s = 1.0 / math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     return State(r, v, (s * q[0], s * q[1], s * q[2], s * q[3]), omega)
@@ -81,13 +81,13 @@ def _unit_attitude(state: State) -> State:
 
 @kernel(inline=False)
 def explicit_euler_step(state: State, h: float, body: Body, loads: Loads) -> State:
-    """Y + h f(y): |q| grows by sqrt(1 + (h omega)^2 / 4), a symmetric body's nutation by sqrt(1 + (h nu)^2) a step."""
+    """Return y + h f(y): |q| grows by sqrt(1 + (h omega)^2 / 4), a symmetric body's nutation by sqrt(1 + (h nu)^2)."""
     return advance(state, h, state_rates(state, body, loads))
 
 
 @kernel(inline=False)
 def semi_implicit_euler_step(state: State, h: float, body: Body, loads: Loads) -> State:
-    """Rates first, then position and attitude with the new rates, normalised: what game engines do."""
+    """Advance rates first, then position and attitude with the new rates, normalised: what game engines do."""
     r, v, q, omega = state
     v = add_scaled(v, h, linear_acceleration(q, body, loads))
     omega = add_scaled(omega, h, angular_acceleration(q, omega, body, loads))
@@ -96,7 +96,7 @@ def semi_implicit_euler_step(state: State, h: float, body: Body, loads: Loads) -
 
 @kernel(inline=False)
 def rk4_not_normalised_step(state: State, h: float, body: Body, loads: Loads) -> State:
-    """Classical Runge-Kutta on q as on any vector: |q| falls by 1 - (h omega)^6 / 9216 a step.
+    """Take a step of classical Runge-Kutta on q as on any vector: |q| falls by 1 - (h omega)^6 / 9216 a step.
 
     Order 4, stable to h omega = 4 sqrt 2 (attitude) and h d / I = 2.785 (damping).
     """
@@ -110,13 +110,13 @@ def rk4_not_normalised_step(state: State, h: float, body: Body, loads: Loads) ->
 
 @kernel(inline=False)
 def rk4_step(state: State, h: float, body: Body, loads: Loads) -> State:
-    """The same, its attitude normalised once a step."""
+    """Take a step of classical Runge-Kutta and normalise the attitude after it."""
     return _unit_attitude(rk4_not_normalised_step(state, h, body, loads))
 
 
 @kernel
 def _difference(a: State, b: State) -> float:
-    """A size of b - a: attitude in half rad, and rates."""
+    """Return a size of b - a: attitude in half rad, and rates."""
     q, p = a.q_ab, b.q_ab
     turn = abs(p[0] - q[0]) + abs(p[1] - q[1]) + abs(p[2] - q[2]) + abs(p[3] - q[3])
     u, w = a.omega_b, b.omega_b
@@ -125,7 +125,7 @@ def _difference(a: State, b: State) -> float:
 
 @kernel(inline=False)
 def midpoint(state: State, h: float, body: Body, loads: Loads) -> tuple[State, float]:
-    """(y, rounds) of y = state + h / 2 f(y) by fixed-point iteration; rounds = MAX_ROUNDS where it does not settle."""
+    """Return (y, rounds), y = state + h / 2 f(y), by fixed-point iteration; rounds = MAX_ROUNDS where it fails."""
     middle, change, rounds, omega = state, 1.0, 0.0, state.omega_b
     size = 1.0 + abs(omega[0]) + abs(omega[1]) + abs(omega[2])
     while change > 1e-15 * size and rounds < MAX_ROUNDS:
@@ -138,7 +138,7 @@ def midpoint(state: State, h: float, body: Body, loads: Loads) -> tuple[State, f
 
 @kernel(inline=False)
 def implicit_midpoint_step(state: State, h: float, body: Body, loads: Loads) -> State:
-    """Y + h f((y + y_next) / 2): keeps |q|, energy and |h| of a free body; not finite where the iteration fails."""
+    """Return y + h f((y + y_next) / 2): keeps |q|, energy, |h| of a free body; not finite where the iteration fails."""
     middle, rounds = midpoint(state, h, body, loads)
     settled = h if rounds < MAX_ROUNDS else h * float("inf")
     return advance(state, settled, state_rates(middle, body, loads))
@@ -181,7 +181,7 @@ def _advance_matrix(state: MatrixState, s: float, k: MatrixState) -> MatrixState
 
 @kernel(inline=False)
 def rk4_matrix_step(state: MatrixState, h: float, body: Body, loads: Loads) -> MatrixState:
-    """Classical Runge-Kutta on the nine numbers of R: |R^T R - I| = n (h omega)^6 / 72 after n steps."""
+    """Take a step of classical Runge-Kutta on the nine numbers of R: |R^T R - I| = n (h omega)^6 / 72 after n steps."""
     k1 = _matrix_rates(state, body, loads)
     k2 = _matrix_rates(_advance_matrix(state, 0.5 * h, k1), body, loads)
     k3 = _matrix_rates(_advance_matrix(state, 0.5 * h, k2), body, loads)
@@ -217,7 +217,7 @@ def _rk4_sum(
 
 @kernel(inline=False)
 def rk4_angles_step(state: VectorState, h: float, body: Body, loads: Loads) -> VectorState:
-    """Classical Runge-Kutta on yaw, pitch, roll (ZYX): singular where cos(pitch) = 0."""
+    """Take a step of classical Runge-Kutta on yaw, pitch, roll (ZYX): singular where cos(pitch) = 0."""
     k1 = _angle_rates(state, body, loads)
     k2 = _angle_rates(_advance_vector(state, 0.5 * h, k1), body, loads)
     k3 = _angle_rates(_advance_vector(state, 0.5 * h, k2), body, loads)
@@ -246,7 +246,7 @@ def _local_rates(local: VectorState, q: Quaternion, correction: float, body: Bod
 
 @kernel(inline=False)
 def rkmk4_step(state: State, h: float, body: Body, loads: Loads) -> State:
-    """Runge-Kutta-Munthe-Kaas: classical Runge-Kutta on the rotation vector of the step.  Munthe-Kaas 1998."""
+    """Take a step of classical Runge-Kutta on the rotation vector of the step (Munthe-Kaas 1998)."""
     r, v, q, omega = state
     local = VectorState(r, v, NONE, omega)
     k1 = _local_rates(local, q, 1.0, body, loads)
@@ -258,7 +258,7 @@ def rkmk4_step(state: State, h: float, body: Body, loads: Loads) -> State:
 
 @kernel(inline=False)
 def cf4_step(state: State, h: float, body: Body, loads: Loads) -> State:
-    """Commutator-free Lie group method of order 4.  Celledoni, Marthinsen & Owren 2003."""
+    """Take a step of the commutator-free Lie group method of order 4.  Celledoni, Marthinsen & Owren 2003."""
     r, v, q, omega = state
     local = VectorState(r, v, NONE, omega)
     k1 = _local_rates(local, q, 0.0, body, loads)
@@ -281,40 +281,40 @@ def cf4_step(state: State, h: float, body: Body, loads: Loads) -> State:
 
 @kernel
 def as_it_is(state: State) -> State:
-    """The state itself."""
+    """Return the state itself."""
     return state
 
 
 @kernel(inline=False)
 def with_unit_quaternion(state: State) -> State:
-    """The state, its quaternion scaled to length 1."""
+    """Return the state, its quaternion scaled to length 1."""
     r, v, q, omega = state
     return State(r, v, normalize(q), omega)
 
 
 @kernel(inline=False)
 def with_matrix(state: State) -> MatrixState:
-    """The state with R_ab for q_ab."""
+    """Return the state with R_ab for q_ab."""
     r, v, q, omega = state
     return MatrixState(r, v, matrix_from_quaternion(q), omega)
 
 
 @kernel(inline=False)
 def from_matrix(state: MatrixState) -> State:
-    """The state with the unit quaternion nearest to R_ab."""
+    """Return the state with the unit quaternion nearest to R_ab."""
     r, v, R_ab, omega = state
     return State(r, v, quaternion_from_matrix(R_ab), omega)
 
 
 @kernel(inline=False)
 def with_angles(state: State) -> VectorState:
-    """The state with (yaw, pitch, roll) for q_ab."""
+    """Return the state with (yaw, pitch, roll) for q_ab."""
     r, v, q, omega = state
     return VectorState(r, v, euler_from_quaternion(ZYX, q), omega)
 
 
 @kernel(inline=False)
 def from_angles(state: VectorState) -> State:
-    """The state with q_ab for (yaw, pitch, roll)."""
+    """Return the state with q_ab for (yaw, pitch, roll)."""
     r, v, angles, omega = state
     return State(r, v, quaternion_from_euler(ZYX, angles), omega)

@@ -30,7 +30,7 @@ STUDIES: tuple[Callable[[bool], Study], ...] = (
 def run_stability(
     folder: Path, quick: bool = False, progress: Callable[[Sequence[Any]], Iterable[Any]] | None = None
 ) -> list[Path]:
-    """Measure all laws and maps, write CSV files and pictures into a folder; their paths, `laws.csv` first.
+    """Measure all laws and maps, write CSV files and pictures into a folder; return their paths, `laws.csv` first.
 
     progress: wraps the sequence of parts, e.g. a progress bar. Parts take a second or some.
     """

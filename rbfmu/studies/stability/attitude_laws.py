@@ -20,7 +20,7 @@ EPS = 2.0**-52
 
 
 def stability_polynomial(method: str) -> Callable[[complex], complex]:
-    """R(z): what a step makes of y with dy/dt = lambda y, z = h lambda."""
+    """Return R(z): what a step makes of y with dy/dt = lambda y, z = h lambda."""
     if method == "DOP853":
         matrix, weights = A[:STAGES], A[STAGES]
         return lambda z: complex(1.0 + z * (weights @ np.linalg.solve(np.eye(STAGES) - z * matrix, np.ones(STAGES))))
@@ -29,7 +29,7 @@ def stability_polynomial(method: str) -> Callable[[complex], complex]:
 
 
 def crossing(growth: Callable[[float], float], low: float, high: float) -> float:
-    """Where the growth factor passes 1, from stable at `low` to unstable at `high`."""
+    """Return where the growth factor passes 1, from stable at `low` to unstable at `high`."""
     for _ in range(60):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if growth(middle) <= 1.0 else (low, middle)
@@ -37,12 +37,12 @@ def crossing(growth: Callable[[float], float], low: float, high: float) -> float
 
 
 def quaternion_growth(method: str, h_omega: float) -> float:
-    """|q| after one step of a body that turns by h omega."""
+    """Return |q| after one step of a body that turns by h omega."""
     return math.hypot(*one_step(method)(spin(h_omega), 1.0, _BODY, NO_LOADS).q_ab)
 
 
 def matrix_growth(h_omega: float) -> float:
-    """The length of R's first column after one step of RK4 on R."""
+    """Return the length of R's first column after one step of RK4 on R."""
     method = CONTESTANTS["RK4, matrix"]
     R_ab = method.steps(method.start(spin(h_omega)), 1.0, 1, _BODY, NO_LOADS).R_ab
     return math.hypot(R_ab[0][0], R_ab[1][0], R_ab[2][0])
@@ -79,7 +79,7 @@ def growth_factors(quick: bool) -> Study:
 
 
 def _matrix_drift(R_ab: Any) -> float:
-    """|R^T R - I| in the 2-norm."""
+    """Return |R^T R - I| in the 2-norm."""
     R = np.array(R_ab)
     return float(np.linalg.norm(R.T @ R - np.eye(3), 2))
 
@@ -122,12 +122,12 @@ _MISS = 0.01
 
 
 def _passage() -> State:
-    """The nose (x axis) on a great circle that misses the vertical by _MISS, at 1 rad/s: half a turn takes pi."""
+    """Return the attitude of a nose (x axis) on a great circle that misses the vertical by _MISS, at 1 rad/s."""
     return at(UPRIGHT, (0.0, math.cos(_MISS), math.sin(_MISS)))
 
 
 def _passage_error(method: str, ratio: float) -> float:
-    """Attitude error after half a turn with h omega / delta = ratio."""
+    """Return the attitude's error after half a turn with h omega / delta = ratio."""
     n = round(math.pi / (ratio * _MISS))
     after = CONTESTANTS[method].run(_passage(), math.pi / n, n, _BODY, NO_LOADS)
     return angle(after, turned(_passage(), math.pi))
@@ -158,7 +158,7 @@ def gimbal_passage(quick: bool) -> Study:
 
 
 def _dexp_coefficient(theta: float) -> float:
-    """Of u x (u x omega) in du/dt, |u| = theta, as the product's rotvec_rate_b has it."""
+    """Return the factor of u x (u x omega) in du/dt, |u| = theta, as the product's rotvec_rate_b has it."""
     return (1.0 - rotvec_rate_b((theta, 0.0, 0.0), (0.0, 1.0, 0.0))[1]) / (theta * theta)
 
 

@@ -40,7 +40,7 @@ def _transverse(state: State) -> float:
 
 
 def _gains(method: str) -> tuple[float, float, float, float]:
-    """Over 1000 steps of 0.05 on BRICK: energy and momentum^2 gained over what theory says, and the smallest gains."""
+    """Return gains of energy and momentum^2 over theory's in 1000 steps of 0.05 on BRICK, and the smallest gains."""
     y, h, body = TUMBLE, 0.05, free_body(BRICK)
     step = one_step(method)
     M = body.inertia
@@ -102,7 +102,7 @@ _MODELS = {
 
 
 def decay_factor(method: str, x: float) -> float:
-    """What one step makes of a damped spin of 1 rad/s, h d / I = x; NaN where there is no step."""
+    """Return what one step makes of a damped spin of 1 rad/s, h d / I = x; NaN where there is no step."""
     if method in _MODELS:
         return damped_rate(_MODELS[method], x)
     return float(one_step(method)(spin(1.0), 1.0, free_body(SPHERE, (x, x, x)), NO_LOADS).omega_b[2])
@@ -131,13 +131,13 @@ def damping_limits(quick: bool) -> Study:
 
 
 def _moser_veselov_error(method: str, x: float) -> float:
-    """Error in rad of one step of a sphere that turns by x; NaN where there is no solution."""
+    """Return the error in rad of one step of a sphere that turns by x; NaN where there is no solution."""
     after = TORQUE_FREE_CONTESTANTS[method].run(spin(1.0), x, 1, free_body(SPHERE), NO_LOADS)
     return angle(after, turned(spin(1.0), x))
 
 
 def _last_use(method: str, error: float) -> float:
-    """The largest h omega below which a step has a solution within an error in rad."""
+    """Return the largest h omega below which a step has a solution within an error in rad."""
     return crossing(lambda x: 0.0 if _moser_veselov_error(method, x) <= error else 2.0, 0.5, 3.0)
 
 
@@ -162,7 +162,7 @@ _H = 0.1
 
 
 def _energies(name: str, h: float, counts: list[int]) -> list[float]:
-    """Relative energy errors of the tumbling brick after so many steps."""
+    """Return relative energy errors of the tumbling brick after so many steps."""
     start = rotational_energy(BRICK, TUMBLE)
     if name == "exact steps":
         rates = free_motion(BRICK, TUMBLE, h * counts[-1], h).omega_b[counts]

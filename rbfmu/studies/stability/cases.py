@@ -43,34 +43,34 @@ KICKS = {
 
 
 def free_body(moments: Vec3, damping_b: Vec3 = ZERO) -> Body:
-    """A body that floats, in principal axes."""
+    """Return a body that floats, in principal axes."""
     M = diagonal(moments)
     return Body(1.0, M, inverse_inertia(M), ZERO, damping_b, 1.0)
 
 
 def heavy_top() -> Body:
-    """A symmetric body on a pivot, its weight 1 acting at (0, 0, 1)."""
+    """Return a symmetric body on a pivot, its weight 1 acting at (0, 0, 1)."""
     M = diagonal(TOP_MOMENTS)
     return Body(0.0, M, inverse_inertia(M), (0.0, 0.0, 1.0), ZERO, 0.0)
 
 
 def at(q: Quaternion, omega_b: Vec3) -> State:
-    """A state of rotation."""
+    """Return a state of rotation."""
     return State(ZERO, ZERO, q, omega_b)
 
 
 def spin(rate: float) -> State:
-    """Turning about z."""
+    """Return the state of a body that turns about z."""
     return at(UPRIGHT, (0.0, 0.0, rate))
 
 
 def angle(a: State, q: Quaternion) -> float:
-    """The attitude's error in rad; NaN where it is not finite."""
+    """Return the attitude's error in rad; NaN where it is not finite."""
     return angle_between(a.q_ab, q)
 
 
 def turned(state: State, t: float) -> Quaternion:
-    """The attitude of a sphere after t: its rate is constant."""
+    """Return the attitude of a sphere after t: its rate is constant."""
     (e, x, y, z), omega = state.q_ab, state.omega_b
     rate = math.hypot(*omega)
     a, s = math.cos(0.5 * rate * t), math.sin(0.5 * rate * t) / rate
@@ -82,7 +82,7 @@ def turned(state: State, t: float) -> Quaternion:
 
 
 def free_motion(moments: Vec3, start: State, stop: float, step: float) -> Result:
-    """The torque-free motion by the product's model."""
+    """Return the torque-free motion by the product's model."""
     scene = Scene.from_dict({
         "body": {"mass": 1.0, "inertia": moments},
         "initial": {"attitude": {"quaternion": start.q_ab}, "omega_b": start.omega_b},
@@ -94,7 +94,7 @@ def free_motion(moments: Vec3, start: State, stop: float, step: float) -> Result
 
 
 def damped_rate(planned: Plan, x: float) -> float:
-    """What one step of a product's model makes of a spin of 1 rad/s, h d / I = x."""
+    """Return what one step of a product's model makes of a spin of 1 rad/s, h d / I = x."""
     scene = Scene.from_dict({
         "body": {"mass": 1.0, "inertia": SPHERE},
         "initial": {"omega_b": (0.0, 0.0, 1.0)},
@@ -106,18 +106,18 @@ def damped_rate(planned: Plan, x: float) -> float:
 
 
 def rotational_energy(moments: Vec3, state: State) -> float:
-    """omega . M omega / 2."""
+    """Return omega . M omega / 2."""
     return kinetic_energy(0.0, diagonal(moments), ZERO, state.omega_b)
 
 
 def top_energy(state: State) -> float:
-    """Of the heavy top: kinetic, and the height of its centre of mass."""
+    """Return the energy of the heavy top: kinetic, and of the height of its centre of mass."""
     q = state.q_ab
     return rotational_energy(TOP_MOMENTS, state) + 1.0 - 2.0 * (q[1] * q[1] + q[2] * q[2])
 
 
 def one_step(method: str) -> Any:
-    """`step(state, h, body, loads)` of a contestant or of the product's 8th-order Runge-Kutta pair, not normalised."""
+    """Return `step(state, h, body, loads)` of a reference integrator or of the product's DOP853, not normalised."""
     if method == "DOP853":
         return _dop853_step
     contestant = CONTESTANTS[method]

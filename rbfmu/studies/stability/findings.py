@@ -29,7 +29,7 @@ class Finding:
 
     @property
     def holds(self) -> bool:
-        """Whether the measurement agrees with the prediction."""
+        """Return whether the measurement agrees with the prediction."""
         if self.kind == AT_MOST:
             return self.measured <= self.predicted
         return math.isclose(self.measured, self.predicted, rel_tol=self.tolerance, abs_tol=0.0)
@@ -49,7 +49,7 @@ _NAMES = ("law", "what", "place", "kind", "predicted", "measured", "tolerance", 
 
 
 def write_columns(path: Path, columns: Mapping[str, Sequence[Any]]) -> Path:
-    """A CSV file, every digit."""
+    """Write a CSV file, every digit."""
     with path.open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(columns)
@@ -58,23 +58,23 @@ def write_columns(path: Path, columns: Mapping[str, Sequence[Any]]) -> Path:
 
 
 def write_findings(path: Path, findings: Sequence[Finding]) -> Path:
-    """A CSV file with the columns law, what, place, kind, predicted, measured, tolerance, holds."""
+    """Write a CSV file with the columns law, what, place, kind, predicted, measured, tolerance, holds."""
     return write_columns(path, {name: [getattr(f, name) for f in findings] for name in _NAMES})
 
 
 def read_findings(folder: Path) -> list[Finding]:
-    """The findings in a folder that `run_stability` has written."""
+    """Return the findings in a folder that `run_stability` has written."""
     with (folder / "laws.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     return [Finding(**{name: _NUMBERS.get(name, str)(row[name]) for name in _NAMES[:-1]}) for row in rows]
 
 
 def failures(folder: Path) -> list[str]:
-    """The findings in a folder that `run_stability` has written which do not hold, in words."""
+    """Return the findings in a folder that `run_stability` has written which do not hold, in words."""
     return [in_words(f) for f in read_findings(folder) if not f.holds]
 
 
 def in_words(finding: Finding) -> str:
-    """What was found, in a line."""
+    """Return what was found, in a line."""
     place = f" ({finding.place})" if finding.place else ""
     return f"law {finding.law}, {finding.what}{place}: predicted {finding.predicted!r}, measured {finding.measured!r}"

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 
 class Law(NamedTuple):
-    """In words, and the source of the predicted numbers."""
+    """A law in words, and the source of the predicted numbers."""
 
     says: str
     source: str

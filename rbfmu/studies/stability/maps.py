@@ -34,29 +34,29 @@ Row = tuple[str, float, float, str, float]
 
 
 def moments(ratio: float) -> Vec3:
-    """Of a body whose least moment is `ratio` times the largest: from a rod to a sphere."""
+    """Return the moments of a body whose least one is `ratio` times the largest: from a rod to a sphere."""
     return 1.0, 1.0 - 0.5 * ratio * (1.0 - ratio), ratio
 
 
 def ratios_of_moments(quick: bool) -> list[float]:
-    """From a rod to a sphere."""
+    """Return ratios of moments from a rod to a sphere."""
     return [round(float(x), 6) for x in np.geomspace(0.01, 1.0, 13)][:: 6 if quick else 1]
 
 
 def steps_of_a_turn(h: float) -> tuple[float, int]:
-    """The turn of a run with steps of at most h omega, and their number, a multiple of CHECKS."""
+    """Return the turn of a run with steps of at most h omega, and their number, a multiple of CHECKS."""
     turn = TURN if h <= 1.0 else LONG_TURN
     return turn, CHECKS * math.ceil(turn / (CHECKS * h) * (1.0 - 1e-12))
 
 
 def grid(quick: bool) -> tuple[list[float], list[float]]:
-    """Steps (h omega) and ratios of moments."""
+    """Return steps (h omega) and ratios of moments."""
     sizes = (steps_of_a_turn(h) for h in np.geomspace(0.01, 10.0, 4 if quick else 25).tolist())
     return [turn / n for turn, n in sizes], ratios_of_moments(quick)
 
 
 def map_scene(ratio: float, turn: float = TURN, n: int = CHECKS, ports: tuple[str, ...] = ()) -> Scene:
-    """The free body of a map; a port rules out the exact models."""
+    """Return the free body of a map; a port rules out the exact models."""
     return Scene.from_dict({
         "body": {"mass": 1.0, "inertia": moments(ratio)},
         "initial": {"attitude": {"quaternion": _Q_0}, "omega_b": _OMEGA_0},
@@ -68,7 +68,7 @@ def map_scene(ratio: float, turn: float = TURN, n: int = CHECKS, ports: tuple[st
 
 
 def _verdict(ratio: float, turn: float, attitudes: Any) -> Verdict:
-    """Of quaternions (CHECKS, 4)."""
+    """Return the verdict of quaternions (CHECKS, 4)."""
     if not np.all(np.isfinite(attitudes)):
         return NOT_FINITE, math.inf
     rows = dict(zip(CHECK_TIMES, references()["maps"][repr(ratio)], strict=True))
@@ -77,7 +77,7 @@ def _verdict(ratio: float, turn: float, attitudes: Any) -> Verdict:
 
 
 def verdict_of_steps(method: Contestant, h: float, ratio: float) -> Verdict:
-    """Of a one-step method at fixed step."""
+    """Return the verdict of a one-step method at fixed step."""
     turn, n = steps_of_a_turn(h)
     y, attitudes, body = method.start(at(_Q_0, _OMEGA_0)), [], free_body(moments(ratio))
     for _ in range(CHECKS):
@@ -87,7 +87,7 @@ def verdict_of_steps(method: Contestant, h: float, ratio: float) -> Verdict:
 
 
 def verdict_of_product(ports: tuple[str, ...], planned: Plan | None, h: float, ratio: float) -> Verdict:
-    """Of `simulate`, h the communication step, with a plan or its own."""
+    """Return the verdict of `simulate`, h the communication step, with a plan or its own."""
     turn, n = steps_of_a_turn(h)
     try:
         result = simulate(map_scene(ratio, turn, n, ports), planned=planned)
@@ -119,14 +119,14 @@ QUICK_METHODS = ("semi-implicit Euler", "RK4, quaternion", *OURS)
 
 
 def verdicts(name: str, quick: bool) -> list[Row]:
-    """Rows of one map."""
+    """Return the rows of one map."""
     steps, ratios = grid(quick)
     tiles = [(h, ratio, *METHODS[name](h, ratio)) for ratio in ratios for h in steps]
     return [(name, h, ratio, VERDICTS[verdict], error) for h, ratio, verdict, error in tiles]
 
 
 def findings_of_maps(rows: list[Row]) -> list[Finding]:
-    """Of the product, every tile is right to the accuracy asked; none is refused."""
+    """Return the findings: each tile of the product is right to the accuracy asked, none is refused."""
     return [
         Finding(
             15, f"{name}: attitude error, rad", ACCURACY, error, 0.0, AT_MOST, f"h omega {h:.3g}, moments {ratio:g}"

@@ -31,12 +31,12 @@ class Case(NamedTuple):
 
     @property
     def planned(self) -> Plan:
-        """What `simulate` is given."""
+        """Return what `simulate` is given."""
         return Plan(self.model, "", 0, self.substep, self.tolerance, self.order)
 
     @property
     def name(self) -> str:
-        """The model, and what of its settings is varied."""
+        """Return the model, and what of its settings is varied."""
         order = f", order {self.order}" if self.order else ""
         if self.model == PUSHED:
             order = f", {self.order} points"
@@ -96,7 +96,7 @@ _CHANGING = {
 
 
 def _driven(case: Case) -> dict[str, Any]:
-    """Where loads that change within each of five steps take the loaded body."""
+    """Return where loads that change within each of five steps take the loaded body."""
     tables = MOTIONS["loaded"].to_dict() | {"inputs": {"ports": list(_CHANGING)}}
     scene, unit = Scene.from_dict(tables), case.planned.unit
     z = filled_buffer(scene, case.planned)
@@ -116,7 +116,7 @@ def _apart() -> float:
 
 
 def _error(case: Case, step: float) -> float:
-    """At the points where a motion is compared, with another communication step."""
+    """Return the error at the points where a motion is compared, with another communication step."""
     tables = MOTIONS[case.motion].to_dict()
     every = round(tables["run"]["step"] / step)
     tables["run"]["step"] = step
@@ -154,7 +154,7 @@ _CONTROLLED = (
 
 
 def _substeps(case: Case) -> float:
-    """NaN where a step is refused."""
+    """Return the number of substeps, NaN where a step is refused."""
     scene, planned = MOTIONS[case.motion], case.planned
     z = filled_buffer(scene, planned)
     initialize(scene, planned.unit, z)

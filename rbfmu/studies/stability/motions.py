@@ -57,7 +57,7 @@ def _motion(
 
 
 def _swing(rate: float, **loads: Any) -> Scene:
-    """A pendulum that hangs at rest but for a rate about x, rad/s."""
+    """Return a pendulum that hangs at rest but for a rate about x, rad/s."""
     gravity = {"gravity_a": [0.0, 0.0, -9.81]}
     return _motion(PENDULUM, (rate, 0.0, 0.0), 20.0, gravity | loads, quaternion=UPRIGHT)
 
@@ -98,12 +98,12 @@ MOTIONS: dict[str, Scene] = {
 
 @cache
 def references() -> dict[str, Any]:
-    """What the file holds."""
+    """Return what the file holds."""
     return json.loads(REFERENCES.read_text())  # type: ignore[no-any-return]
 
 
 def truth(key: str) -> dict[str, Array]:
-    """The true quantities of a motion at its communication points, without the start."""
+    """Return the true quantities of a motion at its communication points, without the start."""
     scene, kept = MOTIONS[key], references()["motions"][key]
     assert scene.body is not None
     found = {name: np.array(kept[name]) for name in STATE}
@@ -129,7 +129,7 @@ def _matrix(q: Any) -> Array:
 
 
 def attitude_error(q: Any, true_q: Any) -> float:
-    """The largest angle in rad; a quaternion whose length is not 1 is wrong by what it lacks."""
+    """Return the largest angle in rad; a quaternion whose length is not 1 is wrong by what it lacks."""
     q, true_q = np.asarray(q), np.asarray(true_q)
     sign = np.where(np.sum(q * true_q, axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
     apart, together = np.linalg.norm(sign * q - true_q, axis=-1), np.linalg.norm(sign * q + true_q, axis=-1)
@@ -137,7 +137,7 @@ def attitude_error(q: Any, true_q: Any) -> float:
 
 
 def error_of(found: Mapping[str, Array], true: Mapping[str, Array]) -> float:
-    """The largest error of a run: attitude in rad, all else relative to its largest size, of m and m/s at least 1."""
+    """Return the largest error of a run: attitude in rad, else relative to the largest size (m, m/s: at least 1)."""
     worst = 0.0
     for name, values in found.items():
         rows = values.reshape(len(values), -1)
@@ -153,7 +153,7 @@ def error_of(found: Mapping[str, Array], true: Mapping[str, Array]) -> float:
 
 
 def error_of_model(key: str, planned: Plan) -> float:
-    """Of a motion by `simulate`; infinite where the model refuses it."""
+    """Return the error of a motion by `simulate`; infinite where the model refuses it."""
     try:
         result = simulate(MOTIONS[key], planned=planned)
     except (SceneError, SimulationError):

@@ -20,7 +20,7 @@ PRESCRIBED = (
 
 
 def prescribed_error() -> float:
-    """The largest error after a step, rad."""
+    """Return the largest error after a step, rad."""
     scene = Scene.from_dict({"inputs": {"ports": ["omega_b"]}, "outputs": {"quantities": ["quaternion"]}})
     planned = Plan("prescribed rates", "", 4)
     unit, z = planned.unit, filled_buffer(scene, planned)

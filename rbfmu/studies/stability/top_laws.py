@@ -34,13 +34,13 @@ _DISTURBED: Vec3 = (1e-4, 2.0, 1e-4)
 
 
 def flip_rate(moments: Vec3, omega_2: float) -> float:
-    """lambda = omega_2 sqrt((I2 - I1) (I3 - I2) / (I1 I3)): a disturbance of the spin about the middle axis grows."""
+    """Return the rate omega_2 sqrt((I2 - I1) (I3 - I2) / (I1 I3)) of leaving a spin about the middle axis."""
     i_1, i_2, i_3 = moments
     return omega_2 * math.sqrt((i_2 - i_1) * (i_3 - i_2) / (i_1 * i_3))
 
 
 def time_between_flips(moments: Vec3, omega: Vec3) -> float:
-    """ln(16 / mc) / lambda: half a period of omega_2, for small mc, the complementary parameter of sn, cn, dn."""
+    """Return ln(16 / mc) / lambda, half a period of omega_2 for a small complementary parameter mc of sn, cn, dn."""
     i_1, i_2, i_3 = moments
     w_1, w_2, w_3 = omega
     excess = i_3 * (i_3 - i_2) * w_3 * w_3 - i_1 * (i_2 - i_1) * w_1 * w_1
@@ -51,21 +51,21 @@ def time_between_flips(moments: Vec3, omega: Vec3) -> float:
 
 
 def _crossings(time: Any, values: Any) -> list[float]:
-    """Times at which values change their sign, by linear interpolation."""
+    """Return the times at which values change their sign, by linear interpolation."""
     k = np.flatnonzero(np.signbit(values[1:]) != np.signbit(values[:-1]))
     found: list[float] = (time[k] - values[k] * (time[k + 1] - time[k]) / (values[k + 1] - values[k])).tolist()
     return found
 
 
 def _exact_flips(moments: Vec3, stop: float) -> float:
-    """Time between the first two flips of the exact motion."""
+    """Return the time between the first two flips of the exact motion."""
     result = free_motion(moments, at(UPRIGHT, _DISTURBED), stop, 1e-3)
     first, second = _crossings(result.time, result.omega_b[:, 1])[:2]
     return second - first
 
 
 def _flips_about_a_pivot() -> tuple[float, float]:
-    """(predicted, measured) time between flips of a brick held half a metre from its centre of mass, weightless."""
+    """Return predicted and measured time between flips of a weightless brick held half a metre from its centre."""
     scene = Scene.from_dict({
         "body": {"mass": 1.0, "inertia": BRICK, "r_oc_b": (0.0, 0.0, 0.5), "pivot": True},
         "initial": {"omega_b": _DISTURBED},
@@ -112,7 +112,7 @@ def _tilted(tilt: float, rate: float) -> State:
 
 
 def _tilts(tilt: float, rate: float, stop: float) -> Any:
-    """The top's tilt each 0.1 s."""
+    """Return the top's tilt each 0.1 s."""
     start = _tilted(tilt, rate)
     scene = Scene.from_dict({
         "body": TOP,
@@ -126,12 +126,12 @@ def _tilts(tilt: float, rate: float, stop: float) -> Any:
 
 
 def tilt_growth(ratio: float) -> float:
-    """sigma of exp(sigma t), 1/s: sqrt(m g l / I1 - (I3 w3 / (2 I1))^2), w3 below the critical rate."""
+    """Return sigma of exp(sigma t), 1/s: sqrt(m g l / I1 - (I3 w3 / (2 I1))^2), w3 below the critical rate."""
     return math.sqrt((1.0 - ratio * ratio) / TOP_MOMENTS[0])
 
 
 def _measured_growth(ratio: float) -> float:
-    """From the tilt between 4 and 8 times 1 / sigma, from 1e-7 rad on."""
+    """Return the growth of the tilt between 4 and 8 times 1 / sigma, from 1e-7 rad on."""
     sigma = tilt_growth(ratio)
     tilts = _tilts(1e-7, ratio * _CRITICAL, 8.0 / sigma)
     half = len(tilts) // 2
@@ -167,7 +167,7 @@ _FAST = _tilted(0.6, 50.0)
 
 
 def _energy_error(method: str, h: float) -> float:
-    """Largest energy error of the fast heavy top (case c) over 10 s, in m g l."""
+    """Return the largest energy error of the fast heavy top (case c) over 10 s, in m g l."""
     y, worst, start = _FAST, 0.0, top_energy(_FAST)
     for _ in range(round(10.0 / h)):
         y = KICKS[method].steps(y, h, 1, heavy_top(), WEIGHT)
@@ -176,7 +176,7 @@ def _energy_error(method: str, h: float) -> float:
 
 
 def _peak(function: Callable[[float], float], low: float, high: float) -> float:
-    """Where a function with one peak in between is largest."""
+    """Return where a function with one peak in between is largest."""
     golden = 0.5 * (math.sqrt(5.0) - 1.0)
     for _ in range(40):
         a, b = high - golden * (high - low), low + golden * (high - low)
@@ -185,7 +185,7 @@ def _peak(function: Callable[[float], float], low: float, high: float) -> float:
 
 
 def _largest_substep() -> float:
-    """Beyond which the product's model of a symmetric top refuses the fast top, s."""
+    """Return the substep beyond which the product's model of a symmetric top refuses the fast top, s."""
 
     def refused(h: float) -> float:
         scene = Scene.from_dict({
@@ -201,7 +201,7 @@ def _largest_substep() -> float:
 
 
 def kick_resonance(quick: bool) -> Study:
-    """Law 12: kicks at the rhythm of the precession push a fast top to any height."""
+    """Law 12: splitting with steps at the rhythm of the precession takes a fast top to any height."""
     resonance = resonant_step(heavy_top()[1], _FAST[3])
     steps = np.geomspace(0.03, 0.6, 13 if quick else 121).tolist()
     columns: dict[str, Any] = {"h": steps}

@@ -11,7 +11,7 @@ __all__ = ["run_charts"]
 
 
 def run_charts(folder: Path, quick: bool, progress: Callable[[int, int, str], Any]) -> list[Path]:
-    """Run all methods on all cases (quick: few), write figures, answers and charts to a folder; returns the files.
+    """Run all methods on all cases (quick: few), write figures, answers and charts to a folder; return the files.
 
     progress: called with (done, total, text). `answers.txt` among the files is for the terminal.
     """
@@ -21,7 +21,7 @@ def run_charts(folder: Path, quick: bool, progress: Callable[[int, int, str], An
 
 
 def write_charts(folder: Path, found: Any) -> list[Path]:
-    """Figures, answers and charts of a `Collection`."""
+    """Write figures, answers and charts of a `Collection`."""
     from dataclasses import asdict
 
     from rbfmu.studies.work_precision.answers import answers

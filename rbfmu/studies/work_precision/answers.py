@@ -36,7 +36,7 @@ class Answer:
     peer: Offer | None
 
     def row(self) -> dict[str, object]:
-        """For a CSV file."""
+        """Return the answer as a row of a CSV file."""
         found: dict[str, object] = {"case": self.case, "title": self.title, "outputs": self.outputs}
         found["accuracy"] = self.accuracy
         for name in ("own", "planned", "contestant", "peer"):
@@ -50,7 +50,7 @@ def _attitude_error(point: Point) -> float:
 
 
 def front(points: Iterable[Point], error: Callable[[Point], float] = _attitude_error, gain: float = 1.0) -> list[Point]:
-    """The points that no cheaper one beats, by falling error; each below `gain` times the last one's."""
+    """Return the points that no cheaper one beats, by falling error; each below `gain` times the last one's."""
     kept: list[Point] = []
     for point in sorted(points, key=lambda p: p.seconds):
         if not kept or error(point) < gain * error(kept[-1]):
@@ -59,7 +59,7 @@ def front(points: Iterable[Point], error: Callable[[Point], float] = _attitude_e
 
 
 def cost_of(points: Iterable[Point], accuracy: float) -> float | None:
-    """What one method's points make an accuracy cost: between two points, by the power law through them."""
+    """Return what one method's points make an accuracy cost: between two points, by the power law through them."""
     best = front(points)
     if not best or best[-1].attitude_error > accuracy:
         return None
@@ -75,7 +75,7 @@ def cost_of(points: Iterable[Point], accuracy: float) -> float | None:
 
 
 def cheapest(points: Sequence[Point], families: Sequence[str], accuracy: float) -> Offer | None:
-    """The cheapest method of some families."""
+    """Return the cheapest method of some families."""
     offers = []
     for method in dict.fromkeys(p.method for p in points if p.family in families):
         mine = [p for p in points if p.method == method]
@@ -85,7 +85,7 @@ def cheapest(points: Sequence[Point], families: Sequence[str], accuracy: float) 
 
 
 def answers(points: Sequence[Point], decades: Sequence[float] = DECADES) -> list[Answer]:
-    """Motion by motion, decade by decade."""
+    """Return the answers, motion by motion, decade by decade."""
     found = []
     for motion in dict.fromkeys(p.motion for p in points):
         mine = [p for p in points if p.motion == motion]
@@ -96,7 +96,7 @@ def answers(points: Sequence[Point], decades: Sequence[float] = DECADES) -> list
 
 
 def text_of(seconds: float) -> str:
-    """Two digits and a unit: 0.41 µs, 8.1 µs, 170 µs, 1.4 ms."""
+    """Return two digits and a unit: 0.41 µs, 8.1 µs, 170 µs, 1.4 ms."""
     for size, unit in ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs")):
         if seconds >= 0.9995 * size or unit == "µs":
             return f"{rounded(seconds / size)} {unit}"
@@ -104,6 +104,6 @@ def text_of(seconds: float) -> str:
 
 
 def rounded(number: float) -> str:
-    """Two digits, all of a whole number's."""
+    """Return two digits, all of a whole number's."""
     number = float(f"{number:.1e}")
     return f"{number:,.{max(0, 1 - math.floor(math.log10(number)))}f}"

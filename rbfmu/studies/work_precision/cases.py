@@ -51,31 +51,31 @@ class Case:
 
     @property
     def span(self) -> float:
-        """Simulated time, s."""
+        """Return the simulated time, s."""
         return self.scene.run.stop
 
     @property
     def interval(self) -> float:
-        """Time between outputs, s."""
+        """Return the time between outputs, s."""
         return self.span / self.outputs
 
     @property
     def checkpoints(self) -> slice:
-        """The checkpoints among the outputs."""
+        """Return the checkpoints among the outputs."""
         every = self.outputs // CHECKPOINTS
         return slice(every - 1, None, every)
 
     @property
     def quantities(self) -> tuple[str, ...]:
-        """What all methods give: the position only where it has no closed form."""
+        """Return what all methods give: the position only where it has no closed form."""
         return ("quaternion", "omega_b", "position") if self.turning_force else ("quaternion", "omega_b")
 
     def with_many_outputs(self) -> "Case":
-        """The same motion with an output every `OUTPUT_STEP`."""
+        """Return the same motion with an output every `OUTPUT_STEP`."""
         return replace(self, outputs=round(self.span / OUTPUT_STEP))
 
     def asking(self, accuracy: float) -> Scene:
-        """The scene with an accuracy, which asks for what all methods give, at the outputs' times."""
+        """Return the scene with an accuracy, which asks for what all methods give, at the outputs' times."""
         tables = self.scene.to_dict()
         tables["run"] |= {"accuracy": accuracy, "step": self.interval}
         tables["outputs"]["quantities"] = list(self.quantities)
@@ -83,54 +83,54 @@ class Case:
 
     @cached_property
     def buffer(self) -> Array:
-        """The buffer of `loaded_dop853` at the start, which holds body and loads."""
+        """Return the buffer of `loaded_dop853` at the start, which holds body and loads."""
         z = filled_buffer(self.scene, _GENERAL)
         initialize(self.scene, loaded_dop853, z)
         return z
 
     @cached_property
     def body(self) -> Body:
-        """Constants of the equations of motion."""
+        """Return the constants of the equations of motion."""
         return body_of(self.buffer)
 
     @cached_property
     def loads(self) -> Loads:
-        """Loads of the equations of motion."""
+        """Return the loads of the equations of motion."""
         return loads_of(self.buffer)
 
     @cached_property
     def start(self) -> State:
-        """Position and velocity of the centre of mass, q_ab, omega_b."""
+        """Return position and velocity of the centre of mass, q_ab, omega_b."""
         return motion_of(self.buffer)
 
     @property
     def moments(self) -> tuple[float, float, float]:
-        """Principal moments about the reference point: all cases have principal axes."""
+        """Return the principal moments about the reference point: all cases have principal axes."""
         M = self.body.inertia
         return M[0][0], M[1][1], M[2][2]
 
     @property
     def top(self) -> bool:
-        """Whether kicks composed with the symmetric flow apply."""
+        """Return whether splitting with the symmetric free rotation applies."""
         return not self.torque_free and bool(is_symmetric_top(self.body.inertia)) and self.body.damping_b == _NOTHING
 
     @property
     def long(self) -> bool:
-        """Whether steps would take minutes: few methods are tried, and seldom."""
+        """Return whether steps would take minutes: few methods are tried, and seldom."""
         return self.span > 1e5
 
     @property
     def turning_force(self) -> bool:
-        """Whether a force turns with a free body, so that its path has no closed form."""
+        """Return whether a force turns with a free body, so that its path has no closed form."""
         return any(self.loads.force_b)
 
     @cached_property
     def rate(self) -> float:
-        """The largest |omega| at start and checkpoints, rad/s."""
+        """Return the largest |omega| at start and checkpoints, rad/s."""
         return float(max(np.linalg.norm(self.start.omega_b), *np.linalg.norm(reference(self.key)["omega_b"], axis=1)))
 
     def errors(self, states: Sequence[State]) -> dict[str, float]:
-        """Largest errors over the checkpoints, and drifts of what the motion keeps (NaN where it keeps none)."""
+        """Return the largest errors at the checkpoints, and drifts of what the motion keeps (NaN where nothing)."""
         r, _, q, omega = (np.array(part, dtype=float) for part in zip(*states, strict=True))
         truth = reference(self.key)
         with np.errstate(over="ignore"):
@@ -151,7 +151,7 @@ class Case:
         return found
 
     def _kept(self, r: Array, q: Array, omega: Array) -> dict[str, Array]:
-        """Energy of the rotation and of the weight about a pivot, and angular momentum, of (n, ...) states."""
+        """Return energy of the rotation and of the weight about a pivot, and angular momentum, of (n, ...) states."""
         h_a = rbfmu.rotate(q, rbfmu.angular_momentum(np.array(self.body.inertia), omega))
         energy = 0.5 * np.sum(omega * rbfmu.angular_momentum(np.array(self.body.inertia), omega), axis=-1)
         if self.body.is_free == 0.0:
@@ -163,7 +163,7 @@ DRIFTS = ("energy", "momentum", "vertical momentum")
 
 
 def _attitude_error(q: Array, truth: dict[str, Array]) -> float:
-    """Largest angle in rad to references in two parts: no error of the reference's own rounding."""
+    """Return the largest angle in rad to references in two parts: no error of the reference's own rounding."""
     high, low = truth["q"], truth["q_low"]
     sign = np.where(np.sum(q * high, axis=1, keepdims=True) < 0.0, -1.0, 1.0)
     apart = np.linalg.norm((sign * q - high) - low, axis=1)
@@ -177,7 +177,7 @@ def _references() -> dict[str, Any]:
 
 @cache
 def reference(key: str) -> dict[str, Array]:
-    """The true motion at the checkpoints: q and its low part (5, 4), omega_b and r_c (5, 3)."""
+    """Return the true motion at the checkpoints: q and its low part (5, 4), omega_b and r_c (5, 3)."""
     motion = _references()[key]
     high = np.array(motion["quaternion"], dtype=float)
     low = np.array([[_low(x) for x in row] for row in motion["quaternion"]])
@@ -185,7 +185,7 @@ def reference(key: str) -> dict[str, Array]:
 
 
 def _low(digits: str) -> float:
-    """What a number's nearest double leaves of it."""
+    """Return what a number's nearest double leaves of it."""
     from fractions import Fraction
 
     return float(Fraction(digits) - Fraction(float(digits)))
@@ -208,7 +208,7 @@ _LEANING = {"attitude": {"quaternion": [math.cos(0.3), math.sin(0.3), 0.0, 0.0]}
 
 
 def _top(name: str, middle: float) -> Scene:
-    """A heavy top, m g r = 1 N m, moments (1, middle, 0.3) about the pivot, numbers exact in binary."""
+    """Return a heavy top, m g r = 1 N m, moments (1, middle, 0.3) about the pivot, numbers exact in binary."""
     arm = 0.125
     body = {"inertia": [1.0 - arm * arm, middle - arm * arm, 0.3], "r_oc_b": [0.0, 0.0, arm], "pivot": True}
     return _scene(name, 10.0, body, (0.0, 0.0, 50.0), initial=_LEANING, gravity_a=[0.0, 0.0, -8.0])
@@ -252,6 +252,6 @@ CASES = {
 
 
 def described(case: Case) -> str:
-    """A motion's name, key and length, and how many outputs few and many are."""
+    """Return a motion's name, key and length, and how many outputs few and many are."""
     many = "" if case.long else f", many: {case.with_many_outputs().outputs:,}"
     return f"{case.title} ({case.key}), {case.span:,.0f} s; few outputs: {CHECKPOINTS}{many}"

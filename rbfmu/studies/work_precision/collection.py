@@ -61,7 +61,7 @@ class Point:
 
     @property
     def motion(self) -> tuple[str, int]:
-        """What methods are compared on: case and outputs."""
+        """Return what methods are compared on: case and outputs."""
         return self.case, self.outputs
 
 
@@ -78,7 +78,7 @@ class Ending:
 
     @property
     def stopped(self) -> bool:
-        """Whether it might have done more, given time."""
+        """Return whether it might have done more, given time."""
         return self.why == STOPPED
 
 
@@ -95,7 +95,7 @@ class Collection:
 
     @property
     def noise(self) -> float:
-        """Within this ratio, costs are even: 19 of 20 costs came no further apart between two halves of the repeats."""
+        """Return the ratio within which costs are even: 19 of 20 halves of repeats came no further apart."""
         return float(np.percentile([point.spread for point in self.points], 95.0))
 
 
@@ -119,7 +119,7 @@ QUICK_METHODS = (
 
 
 def extent(quick: bool) -> Extent:
-    """All of it, or what a test has time for."""
+    """Return all of it, or what a test has time for."""
     methods = (*own_methods(), *contestants(), *peers()[0])
     if not quick:
         return Extent(tuple(few_and_many(CASES)), methods, TIME_LIMIT, 5, 2e-3, False)
@@ -128,7 +128,7 @@ def extent(quick: bool) -> Extent:
 
 
 def few_and_many(keys: Iterable[str]) -> Iterator[Case]:
-    """Cases with few and with many outputs; long ones with few."""
+    """Return cases with few and with many outputs; long ones with few."""
     for key in keys:
         yield CASES[key]
         if not CASES[key].long:
@@ -174,7 +174,7 @@ class Tried:
     times: list[float] = field(default_factory=list)
 
     def time(self, shortest: float) -> None:
-        """Once more, for some `shortest` s; the point has the least of all times, and how far halves come apart."""
+        """Time once more, for some `shortest` s; the point has the least time and how far halves come apart."""
         k = max(1, round(shortest / self.point.seconds))
         self.times.append(self.run.seconds(k) / k)
         halves = [min(half) for half in (self.times[::2], self.times[1::2]) if half]
@@ -182,7 +182,7 @@ class Tried:
 
 
 def explored(what: Extent, case: Case, method: Method, first_calls: dict[str, float]) -> tuple[list[Tried], Ending]:
-    """Settings from coarse to fine until time or digits end; first_calls: by method, s, filled here."""
+    """Try settings from coarse to fine until time or digits end; first_calls: by method, s, filled here."""
     found: list[Tried] = []
     least, last, idle, why = math.inf, math.inf, 0, "all settings tried"
     for value in method.settings(case, what.quick):
@@ -210,7 +210,7 @@ def explored(what: Extent, case: Case, method: Method, first_calls: dict[str, fl
 def _tried(
     case: Case, method: Method, value: float, first_calls: dict[str, float]
 ) -> tuple[Run, dict[str, float], float]:
-    """Ready to run, its errors, the s of a run."""
+    """Return a point ready to run, its errors, the s of a run."""
     start = process_time()
     run = method.run(case, value)
     errors = case.errors(run.states())
@@ -234,7 +234,7 @@ def _point(
 
 
 def machine() -> list[str]:
-    """What it ran on: lines for a file's head."""
+    """Return what it ran on: lines for a file's head."""
     packages = ("numpy", "numba", "llvmlite")
     theirs = ", ".join(f"{name} {found}" for name, found in peers()[1].items() if found != ABSENT)
     return [
@@ -254,7 +254,7 @@ def _processor() -> str:
 
 
 def write_rows(path: Path, rows: Iterable[dict[str, Any]], head: Iterable[str]) -> Path:
-    """A CSV file whose first lines, after #, say where the figures come from."""
+    """Write a CSV file whose first lines, after #, say where the figures come from."""
     rows = list(rows)
     with path.open("w", newline="", encoding="utf-8") as file:
         file.writelines(f"# {' '.join(line.split())}\n" for line in head)
@@ -265,12 +265,12 @@ def write_rows(path: Path, rows: Iterable[dict[str, Any]], head: Iterable[str]) 
 
 
 def write_points(path: Path, points: Sequence[Point]) -> Path:
-    """The collected figures; every digit."""
+    """Write the collected figures; every digit."""
     return write_rows(path, map(asdict, points), machine())
 
 
 def read_points(path: Path) -> list[Point]:
-    """What `write_points` wrote."""
+    """Return what `write_points` wrote."""
     texts = {name.name for name in fields(Point) if name.type is str}
     with path.open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(line for line in file if not line.startswith("#")))

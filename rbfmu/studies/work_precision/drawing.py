@@ -50,7 +50,7 @@ GAIN = 0.8
 
 
 def group_of(point: Point) -> str:
-    """The line that a point belongs to."""
+    """Return the line that a point belongs to."""
     if point.family != "peer":
         return _FAMILIES.get(point.family, point.family)
     if point.method.startswith("SciPy") and point.method != "SciPy odeint":
@@ -59,7 +59,7 @@ def group_of(point: Point) -> str:
 
 
 def draw_case(points: Sequence[Point], endings: Sequence[Ending], path: Path) -> Path:
-    """Time against accuracy: few outputs at the left, many at the right."""
+    """Draw time against accuracy: few outputs at the left, many at the right."""
     counts = sorted({p.outputs for p in points})
     figure, panels = _panels(len(counts), points[0])
     title = f"{points[0].title.capitalize()}: what an accuracy costs\nlines: the best of each kind; stars: as planned"
@@ -76,7 +76,7 @@ def draw_case(points: Sequence[Point], endings: Sequence[Ending], path: Path) ->
 
 
 def draw_kept(points: Sequence[Point], path: Path) -> list[Path]:
-    """Few outputs: what the motion keeps and methods lose, against time; no file where nothing is kept."""
+    """Draw, for few outputs, what the motion keeps and methods lose, against time; no file where nothing is kept."""
     few = [p for p in points if p.outputs == CHECKPOINTS]
     names = [n for n in ("energy", "momentum", "vertical_momentum") if any(math.isfinite(drift_of(n)(p)) for p in few)]
     if not names:
@@ -103,7 +103,7 @@ def _panels(count: int, example: Point) -> tuple[Figure, Any]:
 
 
 def _finished(figure: Figure, panels: Any, drawn: Sequence[Any], path: Path) -> Path:
-    """Names last, when all panels' limits are known."""
+    """Write names last, when all panels' limits are known."""
     for axes, (lines, error) in zip(panels, drawn, strict=True):
         axes.tick_params(labelleft=True)
         axes.yaxis.set_major_formatter(FuncFormatter(lambda seconds, _: _tick(seconds)))
@@ -113,12 +113,12 @@ def _finished(figure: Figure, panels: Any, drawn: Sequence[Any], path: Path) -> 
 
 
 def attitude_error(point: Point) -> float:
-    """In rad."""
+    """Return the attitude's error in rad."""
     return point.attitude_error
 
 
 def drift_of(name: str) -> Callable[[Point], float]:
-    """A drift, of which nothing below round-off is shown."""
+    """Return a drift, of which nothing below round-off is shown."""
     return lambda p: max(getattr(p, name + "_drift"), 1e-17)
 
 
@@ -133,7 +133,7 @@ def _tick(seconds: float) -> str:
 
 
 def lines_of(points: Sequence[Point], error: Callable[[Point], float]) -> dict[str, list[Point]]:
-    """By group: the points that none of the same group beats."""
+    """Return by group the points that none of the same group beats."""
     lines = {}
     for name in GROUPS:
         mine = [p for p in points if group_of(p) == name and math.isfinite(error(p)) and p.seconds > 0.0]
@@ -159,7 +159,7 @@ def _draw(axes: Any, lines: dict[str, list[Point]], error: Callable[[Point], flo
 
 
 def _name_lines(axes: Any, lines: dict[str, list[Point]], error: Callable[[Point], float]) -> None:
-    """Names in a column at the right, in the order of the lines' ends, each tied to its end."""
+    """Write names in a column at the right, in the order of the lines' ends, each tied to its end."""
     bottom, top = axes.get_ylim()
 
     def height(seconds: float) -> float:
@@ -184,7 +184,7 @@ def _name_lines(axes: Any, lines: dict[str, list[Point]], error: Callable[[Point
 
 
 def spread(places: Sequence[float], apart: float, highest: float = 1.0) -> list[float]:
-    """Rising places moved as little as it takes to be so far apart, none above the highest."""
+    """Return rising places moved as little as it takes to be so far apart, none above the highest."""
     found = list(places)
     for i in range(1, len(found)):
         found[i] = max(found[i], found[i - 1] + apart)
@@ -199,7 +199,7 @@ def spread(places: Sequence[float], apart: float, highest: float = 1.0) -> list[
 
 
 def draw_answers(found: Sequence[Verdict], path: Path) -> Path:
-    """Motion by accuracy, few outputs and many: what to use, its time, and what the other costs."""
+    """Draw motion by accuracy, few outputs and many: what to use, its time, and what the other costs."""
     cases, accuracies = list(dict.fromkeys(v.case for v in found)), list(dict.fromkeys(v.accuracy for v in found))
     width = 1.6 * len(accuracies)
     figure = Figure(figsize=(3.0 + 2.0 * width, 2.0 + 0.95 * len(cases)))
@@ -256,7 +256,7 @@ def _draw_cell(axes: Any, x: float, y: float, v: Verdict) -> None:
 
 
 def cell_of(v: Verdict) -> tuple[str, str, str, str]:
-    """Colour, what to use, its time, what is said of the other."""
+    """Return the colour, what to use, its time, and what is said of the other."""
     if v.method == REFUSED:
         return ("#eeeeee", "no method", "", "plan refuses") if v.peer is None else (
             PEER, v.peer.method, text_of(v.peer.cost), "plan refuses")  # fmt: skip

@@ -17,15 +17,15 @@ class Heyoka:
     family, setting, name = "peer", "tol", "heyoka.py"
 
     def suits(self, case: Case) -> bool:
-        """All but a million turns, which take too long."""
+        """Return whether the case suits: all do but a million turns, which take too long."""
         return not case.long
 
     def settings(self, case: Case, quick: bool) -> Iterator[float]:
-        """Powers of ten: each is compiled for seconds, since the order follows from it."""
+        """Return powers of ten: each is compiled for seconds, since the order follows from it."""
         return islice(tolerances(-2, -15, False), 0, None, 6 if quick else 2)
 
     def run(self, case: Case, value: float) -> Run:
-        """At a tolerance."""
+        """Return a run at a tolerance."""
         series, y, grid = _integrator(case.key, value), start_of(case), times_of(case)
         success = module("heyoka").taylor_outcome.time_limit
 
@@ -48,7 +48,7 @@ def _integrator(key: str, tolerance: float) -> Any:
 
 
 def equations(case: Case) -> list[tuple[Any, Any]]:
-    """(variable, rate) of q_ab, omega_b and, where the force turns with the body, r_c and v_c; M is diagonal."""
+    """Return (variable, rate) of q_ab, omega_b and, where the force turns with the body, r_c and v_c; M is diagonal."""
     q, w = (module("heyoka").make_vars(*(f"{letter}{i}" for i in range(n))) for letter, n in (("q", 4), ("w", 3)))
     inverse_mass, M, _, arm, damping, free = case.body
     gravity_a, force_a, force_b, torque_a, torque_b = case.loads
@@ -77,7 +77,7 @@ def _rotation(e: Any, u: Any) -> Any:
 
 
 def _product(a: Any, b: Any) -> Any:
-    """Nothing is left of a product with the number 0."""
+    """Return a product, of which nothing is left with the number 0."""
     return 0.0 if (isinstance(a, float) and a == 0.0) or (isinstance(b, float) and b == 0.0) else a * b
 
 

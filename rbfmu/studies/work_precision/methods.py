@@ -16,7 +16,7 @@ from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
 
 
 class NotFeasibleError(Exception):
-    """A method cannot do a case at a setting; the message says why."""
+    """The error of a method that cannot do a case at a setting; the message says why."""
 
 
 @dataclass(frozen=True)
@@ -33,32 +33,32 @@ class Run:
 
 
 class Method(Protocol):
-    """A contestant; its settings go from coarse to fine."""
+    """A method that competes; its settings go from coarse to fine."""
 
     @property
     def name(self) -> str:
-        """Of the method."""
+        """Return the name of the method."""
 
     @property
     def family(self) -> str:
-        """What shares a colour."""
+        """Return what shares a colour."""
 
     @property
     def setting(self) -> str:
-        """What is varied, and its unit."""
+        """Return what is varied, and its unit."""
 
     def suits(self, case: Case) -> bool:
-        """Whether the method applies to the case."""
+        """Return whether the method applies to the case."""
 
     def settings(self, case: Case, quick: bool) -> Iterator[float]:
-        """Values to try until no more digits, or too much time, come of it."""
+        """Return values to try until no more digits, or too much time, come of it."""
 
     def run(self, case: Case, value: float) -> Run:
-        """Ready to run; raises NotFeasibleError."""
+        """Return a run at a setting; raise NotFeasibleError."""
 
 
 def timed(repeat: Callable[[int], Any]) -> Callable[[int], float]:
-    """The seconds that `repeat(k)` takes of the processor: waiting for it does not count."""
+    """Return the seconds that `repeat(k)` takes of the processor: waiting for it does not count."""
 
     def seconds(k: int) -> float:
         start = process_time()
@@ -69,7 +69,7 @@ def timed(repeat: Callable[[int], Any]) -> Callable[[int], float]:
 
 
 def step_counts(case: Case, quick: bool) -> Iterator[float]:
-    """Step sizes from 16 rad on, by factors of 2 (quick: 4); two that take seconds where motion is long."""
+    """Return numbers of steps, from 16 rad each on, by factors of 2 (quick: 4); for a long motion only two."""
     if case.long:
         yield from (case.interval / round(case.interval * case.rate / radians) for radians in (0.25, 0.15))
         return
@@ -82,18 +82,18 @@ def step_counts(case: Case, quick: bool) -> Iterator[float]:
 
 
 def tolerances(largest: int, smallest: int, quick: bool) -> Iterator[float]:
-    """Powers of ten, their square roots between."""
+    """Return powers of ten, with their square roots between."""
     for k in range(2 * largest, 2 * smallest - 1, -(6 if quick else 1)):
         yield 10.0 ** (k / 2)
 
 
 def tuples(r: Any, v: Any, q: Any, omega: Any) -> State:
-    """A state of whatever holds numbers."""
+    """Return a state of whatever holds numbers."""
     return State(*(tuple(map(float, x)) for x in (r, v, q, omega)))  # type: ignore[arg-type]
 
 
 def module(name: str) -> Any:
-    """A peer's module."""
+    """Return a peer's module."""
     try:
         return import_module(name)
     except ImportError as error:
@@ -135,19 +135,19 @@ class FixedSteps:
 
     @property
     def name(self) -> str:
-        """The contestant's."""
+        """Return the integrator's name."""
         return self.method.name
 
     def suits(self, case: Case) -> bool:
-        """As told; of a long motion, high orders only."""
+        """Return whether the case suits, as told; of a long motion only high orders do."""
         return self.applies(case) and (self.method.order >= 8 or not case.long)
 
     def settings(self, case: Case, quick: bool) -> Iterator[float]:
-        """Step sizes."""
+        """Return step sizes."""
         return step_counts(case, quick)
 
     def run(self, case: Case, value: float) -> Run:
-        """Steps of `value`."""
+        """Return a run with steps of `value`."""
         method, body, loads = self.method, case.body, case.loads
         n, outputs = round(case.interval / value), case.outputs
         start = method.start(case.start)
@@ -171,7 +171,7 @@ class FixedSteps:
 
 @cache
 def contestants() -> tuple[Method, ...]:
-    """One-step methods that people use, over the same right-hand sides."""
+    """Return one-step methods that people use, over the same right-hand sides."""
     any_torque = [FixedSteps(method, "classic", _any_case) for method in CONTESTANTS.values()]
     free = [FixedSteps(method, "Moser-Veselov", _torque_free) for method in TORQUE_FREE_CONTESTANTS.values()]
     return (*any_torque, *free)

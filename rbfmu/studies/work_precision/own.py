@@ -39,7 +39,7 @@ from rbfmu_kernels.types import Quaternion, Vec3
 
 @njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
 def _unit_repeated(step: Any, z: Any, start: Any, interval: float, at: Any, out: Any, k: int) -> int:
-    """K runs; what stands at some places of the buffer is kept at every output."""
+    """Make k runs; what stands at some places of the buffer is kept at every output."""
     fault = 0
     for _ in range(k):
         z[:] = start
@@ -51,7 +51,7 @@ def _unit_repeated(step: Any, z: Any, start: Any, interval: float, at: Any, out:
 
 
 def _run_of_unit(case: Case, scene: Scene, chosen: Plan, per_substep: float = math.nan, fixed: float = 0.0) -> Run:
-    """A plan's unit; per_substep: right-hand sides; fixed: the number of substeps where the unit counts none."""
+    """Return a run of a plan's model; per_substep: right-hand sides; fixed: substeps where it counts none."""
     unit, start = chosen.unit, filled_buffer(scene, chosen)
     initialize(scene, unit, start)
     z = aligned_zeros(len(start))
@@ -66,7 +66,7 @@ def _run_of_unit(case: Case, scene: Scene, chosen: Plan, per_substep: float = ma
 
 
 def _state(case: Case, row: Any) -> State:
-    """A row (q, omega, perhaps the position of o); without it the centre of mass stays (no load moves it)."""
+    """Return a row (q, omega, perhaps the position of o); without it the centre of mass stays (no load moves it)."""
     q, omega = row[:4], row[4:7]
     body = case.scene.body
     assert body is not None
@@ -86,31 +86,31 @@ class Substeps:
 
     @property
     def name(self) -> str:
-        """By method and how its steps are chosen."""
+        """Return the name by method and by how its steps are chosen."""
         if self.order:
             return f"Taylor, order {self.order}"
         return "DOP853, error control" if self.controlled else "DOP853, fixed steps"
 
     @property
     def family(self) -> str:
-        """By method."""
+        """Return the family by method."""
         return "Taylor" if self.order else "DOP853"
 
     @property
     def setting(self) -> str:
-        """What is varied."""
+        """Return what is varied."""
         return "tolerance" if self.controlled else "step (s)"
 
     def suits(self, case: Case) -> bool:
-        """All; of a long motion, fixed steps only."""
+        """Return whether the case suits: all do; of a long motion only fixed steps do."""
         return not (self.controlled and case.long)
 
     def settings(self, case: Case, quick: bool) -> Iterator[float]:
-        """Tolerances or step sizes."""
+        """Return tolerances or step sizes."""
         return tolerances(0, -16 if self.order else -15, quick) if self.controlled else step_counts(case, quick)
 
     def run(self, case: Case, value: float) -> Run:
-        """With a tolerance or step of `value`."""
+        """Return a run with a tolerance or step of `value`."""
         model = "body under loads, by series" if self.order else "body under loads"
         substep, tolerance = (math.inf, value) if self.controlled else (value, 0.0)
         chosen = Plan(model, self.name, 13, substep, tolerance, self.order)
@@ -123,7 +123,7 @@ class Substeps:
 
 @kernel(inline=False)
 def _exact(out: Any, moments: Vec3, q: Quaternion, w: Vec3, span: float, k: int) -> float:
-    """K times: set up, then all outputs."""
+    """Set up k times, each time followed by all outputs."""
     rest, n = 0.0, len(out)
     for _ in range(k):
         setup = free_rotation_setup(moments, q, (w[0] + 0.0 * rest, w[1], w[2]))
@@ -141,15 +141,15 @@ class Exact:
     name, family, setting = "exact", "exact", "outputs"
 
     def suits(self, case: Case) -> bool:
-        """Where no load makes a torque."""
+        """Return whether no load makes a torque."""
         return case.torque_free
 
     def settings(self, case: Case, quick: bool) -> Iterator[float]:
-        """One: as many outputs as asked for."""
+        """Return one setting: as many outputs as asked for."""
         yield float(case.outputs)
 
     def run(self, case: Case, value: float) -> Run:
-        """All outputs."""
+        """Return a run of all outputs."""
         out = np.zeros((case.outputs, 7))
         q, w = case.start.q_ab, case.start.omega_b
 
@@ -172,15 +172,15 @@ class Planned:
     name, family, setting = "rbfmu, as planned", "planned", "accuracy asked"
 
     def suits(self, case: Case) -> bool:
-        """All."""
+        """Return that every case suits."""
         return True
 
     def settings(self, case: Case, quick: bool) -> Iterator[float]:
-        """Accuracies."""
+        """Return accuracies."""
         return iter((1e-3, 1e-6, 1e-9, 1e-12)[:: 2 if quick else 1])
 
     def run(self, case: Case, value: float) -> Run:
-        """Planned for the accuracy."""
+        """Return a run as planned for the accuracy."""
         scene = case.asking(value)
         try:
             chosen = plan(scene)
@@ -195,11 +195,11 @@ class ClosedForm(Planned):
     name, family = "closed form", "exact"
 
     def suits(self, case: Case) -> bool:
-        """Where a plan is one."""
+        """Return whether a plan is such a closed form."""
         return not case.torque_free and plan(case.asking(1e-6)).model in CLOSED
 
     def settings(self, case: Case, quick: bool) -> Iterator[float]:
-        """One."""
+        """Return one setting."""
         yield 1e-6
 
 
@@ -212,7 +212,7 @@ _KICKS = (
 
 @cache
 def own_methods() -> tuple[Method, ...]:
-    """The library's methods, the plan last."""
+    """Return the library's methods, the plan last."""
     kicks = [FixedSteps(kick, "kicks", _top) for kick in _KICKS]
     series = [Substeps(order) for order in (6, 8, 12, 16, 20, 24)]
     return Exact(), ClosedForm(), Substeps(0), Substeps(0, False), *series, *kicks, Planned()

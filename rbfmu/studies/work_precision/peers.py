@@ -13,7 +13,7 @@ MUJOCO_INTEGRATORS = ("Euler", "implicit", "implicitfast", "RK4")
 
 
 def _package(name: str) -> str | None:
-    """The version of an installed package."""
+    """Return the version of an installed package."""
     try:
         return version(name)
     except PackageNotFoundError:
@@ -34,7 +34,7 @@ ABSENT = "not installed"
 
 @cache
 def peers() -> tuple[tuple[Method, ...], dict[str, str]]:
-    """The installed peers' methods; versions by peer, or that it is not installed."""
+    """Return the installed peers' methods; versions by peer, or that it is not installed."""
     found: list[Method] = []
     versions = {}
     for name, (package, _, methods) in _PEERS.items():
@@ -45,6 +45,6 @@ def peers() -> tuple[tuple[Method, ...], dict[str, str]]:
 
 
 def absent() -> list[str]:
-    """A line for each peer that is not installed."""
+    """Return a line for each peer that is not installed."""
     names = [name for name, found in peers()[1].items() if found == ABSENT]
     return [f"{name}: {ABSENT} (pip install 'rbfmu[{_PEERS[name][1]}]')" for name in names]

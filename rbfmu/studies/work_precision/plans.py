@@ -35,32 +35,32 @@ class Verdict:
 
     @property
     def many(self) -> bool:
-        """Whether outputs are many."""
+        """Return whether outputs are many."""
         return self.outputs > CHECKPOINTS
 
     @property
     def dearness(self) -> float:
-        """The cost over the best contestant's, 0 where none is as accurate."""
+        """Return the cost over the best contestant's, 0 where none is as accurate."""
         return self.cost / self.contestant.cost if self.contestant else 0.0
 
     @property
     def lead(self) -> float:
-        """The best peer's cost over this one's, infinite where none is as accurate, 0 where only peers are."""
+        """Return the best peer's cost over this one's, infinite where none is as accurate, 0 where only peers are."""
         return self.peer.cost / self.cost if self.peer else math.inf
 
     @property
     def even(self) -> bool:
-        """Whether noise could turn the verdict."""
+        """Return whether noise could turn the verdict."""
         return 1.0 / self.noise <= self.lead <= self.noise
 
     @property
     def kept(self) -> bool:
-        """Whether error and cost are as they should be."""
+        """Return whether error and cost are as they should be."""
         return self.error <= self.accuracy and self.dearness <= DEAREST * self.noise
 
 
 def verdicts(found: Collection) -> list[Verdict]:
-    """For each motion and each accuracy that plans were asked for."""
+    """Return a verdict for each motion and each accuracy that plans were asked for."""
     asked = sorted({p.value for p in found.points if p.family == "planned"}, reverse=True)
     noise, verdicts_found = found.noise, []
     for motion in dict.fromkeys(p.motion for p in found.points):

@@ -36,15 +36,15 @@ class MuJoCo:
         self.integrator, self.name = integrator, f"MuJoCo {integrator}"
 
     def suits(self, case: Case) -> bool:
-        """All but a million turns, which take too long."""
+        """Return whether the case suits: all do but a million turns, which take too long."""
         return not case.long
 
     def settings(self, case: Case, quick: bool) -> Iterator[float]:
-        """Step sizes, none of those that it warns of."""
+        """Return step sizes, none of those that it warns of."""
         return (h for h in step_counts(case, quick) if h * case.rate <= 1.0)
 
     def run(self, case: Case, value: float) -> Run:
-        """Steps of `value`."""
+        """Return a run with steps of `value`."""
         mujoco = module("mujoco")
         mujoco.set_mju_user_warning(lambda text: None)  # else it writes a log to the working folder
         body, loads, initial = case.scene.body, case.scene.loads, case.scene.initial
@@ -111,11 +111,11 @@ class Basilisk:
         self.setting = "tolerance" if self.controlled else "step (s)"
 
     def suits(self, case: Case) -> bool:
-        """No pivot, no damping, no force off the centre; a million turns take too long."""
+        """Return whether the case suits: no pivot, damping, or force off the centre; a million turns take too long."""
         return case.key in ("a", "b", "d")
 
     def settings(self, case: Case, quick: bool) -> Iterator[float]:
-        """Tolerances or step sizes; time is in whole nanoseconds."""
+        """Return tolerances or step sizes; time is in whole nanoseconds."""
         if self.controlled:
             return tolerances(-6, -13, quick)  # a radian a step is as accurate as larger ones
         whole = (n for n in range(1, 10**6) if round(case.interval * 1e9) % n == 0)
@@ -123,7 +123,7 @@ class Basilisk:
         return islice(steps, 0, None, 3 if quick else 1)
 
     def run(self, case: Case, value: float) -> Run:
-        """Steps of `value`, or error control within tasks of a radian, after which it keeps its parameters regular."""
+        """Return a run in steps of `value`, or error control in tasks of a radian, which keep parameters regular."""
         n = math.ceil(case.interval * max(1.0, case.rate)) if self.controlled else round(case.interval / value)
         n = n if round(case.interval * 1e9) % n == 0 else math.ceil(case.interval) * 4
         recorder: Any = None
@@ -148,7 +148,7 @@ class Basilisk:
         return Run(states, lambda k: sum(execute() for _ in range(k)), evaluations)
 
     def _simulation(self, case: Case, value: float, nanoseconds: int) -> tuple[Any, Any]:
-        """One for each run: a second start of the same one warns."""
+        """Return a simulation for one run: a second start of the same one warns."""
         base = module("Basilisk.utilities.SimulationBaseClass")
         craft, forces = (
             module("Basilisk.simulation.spacecraft"),
@@ -197,18 +197,18 @@ class Drake:
         self.scheme, self.name = scheme, f"Drake {label}"
 
     def suits(self, case: Case) -> bool:
-        """No load that turns with the body (it would be a Python callback); a million turns take too long.
+        """Return whether the case suits: no load turns with the body (a Python callback); few enough turns.
 
         RK5 does not end on ball joints: it walks into the singularity of their Euler angles.
         """
         return case.key in ("a", "b") or (case.key in ("c", "c'", "e") and self.scheme == "runge_kutta3")
 
     def settings(self, case: Case, quick: bool) -> Iterator[float]:
-        """Accuracies."""
+        """Return accuracies."""
         return tolerances(-2, -13, quick)
 
     def run(self, case: Case, value: float) -> Run:
-        """At a target accuracy."""
+        """Return a run at a target accuracy."""
         analysis = module("pydrake.systems.analysis")
         plant, body, ball = self._plant(case)
         initial = case.scene.initial

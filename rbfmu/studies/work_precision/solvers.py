@@ -21,7 +21,7 @@ MAX_STEPS = 10**6
 
 @njit(error_model="numpy")  # type: ignore[untyped-decorator]
 def put_rates(f: Any, y: Any, z: Any) -> None:
-    """d/dt of (q, omega) or (q, omega, r_c, v_c) for the body of a unit's buffer z, to f."""
+    """Put d/dt of (q, omega) or (q, omega, r_c, v_c) for the body of a model's buffer z into f."""
     r, v = ((y[7], y[8], y[9]), (y[10], y[11], y[12])) if len(y) > 7 else ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     state = State(r, v, (y[0], y[1], y[2], y[3]), (y[4], y[5], y[6]))
     dr, dv, dq, dw = state_rates(state, body_of(z), loads_of(z))
@@ -40,7 +40,7 @@ def _rates(t: float, y: Any, z: Any) -> Any:
 
 
 def _numpy_rates(case: Case) -> Callable[[float, Any], Any]:
-    """The same as people write it."""
+    """Return the same rates as people write them."""
     inverse_mass, M, M_inverse, arm, damping, _ = (np.array(x) for x in case.body)
     gravity_a, force_a, force_b, torque_a, torque_b = (np.array(x) for x in case.loads)
 
@@ -56,34 +56,34 @@ def _numpy_rates(case: Case) -> Callable[[float, Any], Any]:
 
 
 def start_of(case: Case) -> Any:
-    """(q, omega), and (r_c, v_c) where the path has no closed form."""
+    """Return (q, omega), and (r_c, v_c) where the path has no closed form."""
     r, v, q, omega = case.start
     return np.array((*q, *omega, *r, *v) if case.turning_force else (*q, *omega))
 
 
 def times_of(case: Case) -> Any:
-    """The start and all outputs."""
+    """Return the times of the start and of all outputs."""
     return np.arange(case.outputs + 1) * case.interval
 
 
 def states_of(case: Case, rows: Any) -> list[State]:
-    """At the checkpoints, of rows at the start and at all outputs."""
+    """Return the states at the checkpoints, of rows at the start and at all outputs."""
     r, v = case.start.r_c, case.start.v_c
     chosen = rows[1:][case.checkpoints]
     return [tuples(x[7:10], x[10:13], x[:4], x[4:7]) if len(x) > 7 else tuples(r, v, x[:4], x[4:7]) for x in chosen]
 
 
 class _Solver:
-    """What is varied is the tolerance."""
+    """A solver whose tolerance is varied."""
 
     family, setting, name = "peer", "rtol = atol", ""
 
     def suits(self, case: Case) -> bool:
-        """All but a million turns, which take too long."""
+        """Return whether the case suits: all do but a million turns, which take too long."""
         return not case.long
 
     def settings(self, case: Case, quick: bool) -> Iterator[float]:
-        """Tolerances."""
+        """Return tolerances."""
         return tolerances(-2, -13, quick)
 
 
@@ -95,7 +95,7 @@ class SolveIvp(_Solver):
         self.name = f"SciPy {method}" if compiled else f"SciPy {method}, NumPy"
 
     def run(self, case: Case, value: float) -> Run:
-        """At a tolerance."""
+        """Return a run at a tolerance."""
         solve = module("scipy.integrate").solve_ivp
         y, times, z = start_of(case), times_of(case), case.buffer
         rates = (lambda t, y: _rates(t, y, z)) if self.compiled else _numpy_rates(case)
@@ -116,7 +116,7 @@ class Odeint(_Solver):
     name = "SciPy odeint"
 
     def run(self, case: Case, value: float) -> Run:
-        """At a tolerance."""
+        """Return a run at a tolerance."""
         odeint = module("scipy.integrate").odeint
         y, times, more = start_of(case), times_of(case), (case.buffer,)
 
@@ -134,7 +134,7 @@ class Odeint(_Solver):
 
 @cache
 def _callback(n: int, size: int) -> Any:
-    """numbalsoda's right-hand side for n states and a buffer of a size."""
+    """Return numbalsoda's right-hand side for n states and a buffer of a size."""
 
     @cfunc(module("numbalsoda").lsoda_sig)  # type: ignore[untyped-decorator]
     def rates(t: float, y: Any, f: Any, z: Any) -> None:
@@ -145,7 +145,7 @@ def _callback(n: int, size: int) -> Any:
 
 @cache
 def _solved(method: str) -> Any:
-    """K solutions by one of numbalsoda's methods, the last of which is kept."""
+    """Solve k times by one of numbalsoda's methods and keep the last solution."""
     solve = getattr(module("numbalsoda"), method)
 
     @njit  # type: ignore[untyped-decorator]
@@ -164,7 +164,7 @@ class Numbalsoda(_Solver):
         self.method, self.name = method, f"numbalsoda {method.upper()}"
 
     def run(self, case: Case, value: float) -> Run:
-        """At a tolerance."""
+        """Return a run at a tolerance."""
         y, times, z = start_of(case), times_of(case), case.buffer
         solved, address = _solved(self.method), _callback(len(y), len(z)).address
         rows, success = solved(address, y, times, z, value, 1)
@@ -175,10 +175,10 @@ class Numbalsoda(_Solver):
 
 
 def scipy_methods() -> list[Method]:
-    """SciPy's."""
+    """Return SciPy's methods."""
     return [*map(SolveIvp, ("DOP853", "RK45", "LSODA")), SolveIvp("LSODA", compiled=False), Odeint()]
 
 
 def numbalsoda_methods() -> list[Method]:
-    """numbalsoda's."""
+    """Return numbalsoda's methods."""
     return [Numbalsoda("lsoda"), Numbalsoda("dop853")]

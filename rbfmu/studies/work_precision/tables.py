@@ -14,7 +14,7 @@ _ROW = "{:>6}  {:7}  {:19}  {:>7}  {:19}  {}"
 
 
 def plan_table(found: Sequence[Verdict]) -> str:
-    """What plans cost beside the best peer, motion by motion."""
+    """Return a table of what plans cost beside the best peer, motion by motion."""
     noise = found[0].noise
     lines = _paragraph(
         "Processor time of a whole run that stays within an attitude error (rad): as rbfmu plans it, and by the "
@@ -38,17 +38,17 @@ def _row(v: Verdict) -> str:
 
 
 def short(number: float) -> str:
-    """1e-9."""
+    """Return a number in few letters, such as 1e-9."""
     return f"{number:.0e}".replace("e-0", "e-")
 
 
 def method_of(v: Verdict) -> str:
-    """A plan's method in few letters."""
+    """Return a plan's method in few letters."""
     return v.method.replace("series of order", "series").replace(" of order", "").replace(" in equal steps", " fixed")
 
 
 def against(v: Verdict) -> str:
-    """The best peer's cost over the plan's."""
+    """Return the best peer's cost over the plan's."""
     if v.peer is None:
         return ""
     if v.method == REFUSED:
@@ -59,7 +59,7 @@ def against(v: Verdict) -> str:
 
 
 def dearness_table(found: Sequence[Verdict]) -> str:
-    """Where a plan misses its accuracy, or costs more than it should beside the best contestant at its error."""
+    """Return a table of plans that miss their accuracy, or cost more than the best other method at their error."""
     if not any(v.contestant for v in found):
         return ""
     missed = [v for v in found if not v.kept]
@@ -78,7 +78,7 @@ def _miss(v: Verdict) -> str:
 
 
 def stopped_table(found: Collection) -> str:
-    """Who was stopped by the limit of time, and where."""
+    """Return a table of who was stopped by the limit of time, and where."""
     lines = _paragraph(
         f"{STOPPED} ({1e3 * found.limit:g} ms of processor a run). These could be more accurate, given time; the "
         f"smallest error that they came to (many: outputs every {OUTPUT_STEP:g} s):"
@@ -99,5 +99,5 @@ def _paragraph(text: str) -> list[str]:
 
 
 def wrapped(lines: Iterable[str]) -> list[str]:
-    """No line beyond the width."""
+    """Return lines, none of which is beyond the width."""
     return [part for line in lines for part in textwrap.wrap(line, WIDTH, subsequent_indent="  ")]

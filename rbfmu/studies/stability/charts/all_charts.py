@@ -22,7 +22,7 @@ PICTURES: dict[str, Callable[[Study], Figure]] = {
 
 
 def draw(study: Study, folder: Path) -> Path:
-    """The study's picture, a PNG file."""
+    """Draw the study's picture, a PNG file."""
     path = folder / f"{study.name}.png"
     PICTURES[study.name](study).savefig(path, dpi=130)
     return path

@@ -27,12 +27,12 @@ COLOR_OF = {
 
 
 def ink(color: str) -> str:
-    """The colour for text: pale ones are darker."""
+    """Return the colour for text: pale ones are darker."""
     return {ORANGE: "#b37700", SKY: "#2c7fb0", PURPLE: "#b0568c"}.get(color, color)
 
 
 def titled_axes(title: str, x: str, y: str, *, left: float = 0.1, right: float = 0.97) -> Any:
-    """One panel under a title that says the finding; left, right: the panel's edges, room for labels beyond."""
+    """Return one panel under a title that says the finding; left, right: the panel's edges, room for labels beyond."""
     figure = Figure(figsize=(8.4, 5.0))
     axes = figure.add_axes((left, 0.12, right - left, 0.74))
     axes.set_title(title, fontsize=11, x=(0.1 - left) / (right - left), loc="left", pad=10)
@@ -43,19 +43,19 @@ def titled_axes(title: str, x: str, y: str, *, left: float = 0.1, right: float =
 
 
 def law(axes: Any, x: Any, predicted: Any, measured: Any, color: str, dots: int) -> None:
-    """What theory predicts as a line, what was measured as some dots on it."""
+    """Draw what theory predicts as a line, what was measured as some dots on it."""
     every = max(len(x) // dots, 1)
     axes.plot(x, predicted, color=color, linewidth=1.3)
     axes.plot(x[::every], measured[::every], "o", color=color, markersize=3)
 
 
 def explain(axes: Any) -> None:
-    """What lines and dots are."""
+    """Say what lines and dots are."""
     axes.text(0.02, 0.95, "lines: predicted, dots: measured", transform=axes.transAxes, fontsize=9)
 
 
 def end_labels(axes: Any, labels: Sequence[tuple[float, str, str]]) -> None:
-    """Names at the right edge at the height of (value, name, colour), pushed apart where they would overlap."""
+    """Write names at the right edge at the height of (value, name, colour), pushed apart where they would overlap."""
     to_fraction = axes.transData + axes.transAxes.inverted()
     x = axes.get_xlim()[1]
     height = sorted((min(max(to_fraction.transform((x, v))[1], 0.02), 0.98), name, c) for v, name, c in labels)
@@ -69,7 +69,7 @@ def end_labels(axes: Any, labels: Sequence[tuple[float, str, str]]) -> None:
 
 
 def mark(axes: Any, x: float, text: str, *, y: float = 0.97, align: str = "left", color: str = GREY) -> None:
-    """A vertical line at x and what it is."""
+    """Draw a vertical line at x and say what it is."""
     axes.axvline(x, color=color, linewidth=0.9, linestyle=(0, (4, 3)))
     axes.annotate(
         text, (x, y), xycoords=("data", "axes fraction"), xytext=(4 if align == "left" else -4, 0),

@@ -18,7 +18,7 @@ _COLUMNS = 4
 
 
 def draw_maps(rows: Sequence[Row], path: Path) -> Path:
-    """Panels in the order of the rows; the product's in bold."""
+    """Draw panels in the order of the rows; the product's in bold."""
     names = list(dict.fromkeys(row[0] for row in rows))
     lines = math.ceil((len(names) + 1) / _COLUMNS)
     figure = Figure(figsize=(11.5, 1.5 + 2.25 * lines))
@@ -72,7 +72,7 @@ def _worst(rows: Sequence[Row]) -> float:
 
 
 def _edges(centres: Sequence[float]) -> Any:
-    """Of cells around points on a logarithmic axis."""
+    """Return the edges of cells around points on a logarithmic axis."""
     c = np.array(centres)
     middle = np.sqrt(c[1:] * c[:-1])
     return np.array([c[0] ** 2 / middle[0], *middle, c[-1] ** 2 / middle[-1]])
