@@ -42,7 +42,7 @@ def _set_up(z: Any) -> int:
 @kernel
 def _advance(z: Any, h: float) -> int:
     """Advance by h; STEP_REJECTED (and nothing changed) where the motion is not finite or an input turns in a."""
-    if has_turning_torque(z) and not skips_model_checks(z):
+    if not skips_model_checks(z) and has_turning_torque(z):
         return STEP_REJECTED
     since, low, omega, q = 0.0, 0.0, vec3_at(z, _OMEGA_0), first_attitude(z)
     alpha = angular_acceleration(q, _AT_REST, body_of(z), loads_of(z))

@@ -43,7 +43,7 @@ def _set_up(z: Any) -> int:
 @kernel
 def _advance(z: Any, h: float) -> int:
     """Advance by h; STEP_REJECTED (and nothing changed) where the motion is not finite or an input makes a torque."""
-    if _is_disturbed(z) and not skips_model_checks(z):
+    if not skips_model_checks(z) and _is_disturbed(z):
         return STEP_REJECTED
     t = time_after(z, h)
     q = compose_quaternions(first_attitude(z), turned(read_turning(z[_TURNING : _TURNING + TURNING_SIZE]), t))

@@ -67,7 +67,7 @@ _NONE = (0.0, 0.0, 0.0)
 
 @kernel
 def _set_up(z: Any) -> int:
-    if has_torque(z) and not skips_model_checks(z):
+    if not skips_model_checks(z) and has_torque(z):
         return _TORQUE
     set_up_rotation(z)
     put_vec3_at(z, _LOW_R, _NONE)
@@ -79,7 +79,7 @@ def _set_up(z: Any) -> int:
 def _advance(z: Any, h: float) -> int:
     """Advance by h; STEP_REJECTED (and nothing changed) where the motion is not finite or an input makes a torque."""
     count = substeps_in(h, substep_of(z))
-    if count == 0 or (has_torque(z) and not skips_model_checks(z)):
+    if count == 0 or (not skips_model_checks(z) and has_torque(z)):
         return STEP_REJECTED
     motion = free_motion_of(z)
     t = scaled_time(motion, time_after(z, h))

@@ -53,7 +53,7 @@ def _set_up(z: Any) -> int:
 @kernel
 def _advance(z: Any, h: float) -> int:
     """Advance by h; STEP_REJECTED (and nothing changed) where the motion is not finite or an input makes a torque."""
-    if is_driven(z) and not skips_model_checks(z):
+    if not skips_model_checks(z) and is_driven(z):
         return STEP_REJECTED
     t = time_after(z, h)
     q, back = first_attitude(z), turned(read_turning(z[_ABOUT_AXIS : _ABOUT_AXIS + TURNING_SIZE]), t)

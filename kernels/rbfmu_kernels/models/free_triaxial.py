@@ -41,7 +41,7 @@ _TORQUE = 11
 
 @kernel
 def _set_up(z: Any) -> int:
-    if is_driven(z) and not skips_model_checks(z):
+    if not skips_model_checks(z) and is_driven(z):
         return _TORQUE
     set_up_rotation(z)
     return 0
@@ -65,7 +65,7 @@ def set_up_rotation(z: Any) -> None:
 @kernel
 def _advance(z: Any, h: float) -> int:
     """Advance by h; STEP_REJECTED (and nothing changed) where the motion is not finite or an input makes a torque."""
-    if is_driven(z) and not skips_model_checks(z):
+    if not skips_model_checks(z) and is_driven(z):
         return STEP_REJECTED
     motion = free_motion_of(z)
     t = scaled_time(motion, time_after(z, h))
