@@ -47,7 +47,7 @@ class Finder:
             exec("strike()", {"strike": strike})
 sys.meta_path.insert(0, Finder)
 """,
-    "planning": "import rbfmu.planning.select; rbfmu.planning.select.plan = strike",
+    "planning": "import rbfmu.planning; rbfmu.planning.plan = strike",
     "compiling": "import numba.core.typeinfer as t; t.TypeInferer.propagate = strike",
     "running": "import rbfmu.simulation; rbfmu.simulation.time_grid = strike",
     "drawing": "import rbfmu.plot; rbfmu.plot.plot_result = strike",

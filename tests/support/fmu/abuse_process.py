@@ -8,6 +8,7 @@ import tempfile
 from collections import Counter
 
 from tests.support.fmu.elsewhere import copy_modules
+from tests.support.fmu.fmus import workshop
 
 PATIENCE = 60.0
 """Seconds for one call."""
@@ -50,11 +51,11 @@ class Process:
 
     def _start(self):
         self.stderr = tempfile.TemporaryFile("w+", errors="replace")  # noqa: SIM115
-        self.place = tempfile.TemporaryDirectory()
-        copy_modules(self.place.name, "abuse_child", "fmu_importer")
+        place = workshop() / "children"
+        copy_modules(place, "abuse_child", "fmu_importer")
         command = [sys.executable, "-E", "-s", "-X", "faulthandler", "-m", MODULE, *map(str, self.folders)]
         self.process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self.stderr, cwd=self.place.name
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self.stderr, cwd=place
         )
 
     def stop(self):
