@@ -15,7 +15,7 @@ from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
 from rbfmu.runs.errors import FLOORS, largest_error, largest_size
 from rbfmu.runs.models import Plan
 from rbfmu.runs.time_grid import communication_steps, thinned_steps
-from rbfmu.runs.trajectory import Motion, begun, recorded, substeps_counted
+from rbfmu.runs.trajectory import Motion, record_trajectory, start_run, substeps_counted
 from rbfmu.scene.fields import flattened
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE
@@ -84,7 +84,9 @@ class Judge:
         """In doubles, in half steps: where double-double arithmetic takes too long."""
         tight = Plan("body under loads, by series", "", 0, tolerance=1e-18, order=order)
         names = tuple(dict.fromkeys((*self.names, "omega_b")))
-        return recorded(tight.unit, begun(self.scene, tight, names), self.cut_steps, names, 2, self._progress)
+        return record_trajectory(
+            tight.unit, start_run(self.scene, tight, names), self.cut_steps, names, 2, self._progress
+        )
 
     def error_if_soon(self, plan: Plan) -> float:
         """The plan's error where the truth takes no more than seconds, else 0."""
@@ -136,8 +138,8 @@ class Judge:
     def _error(
         self, plan: Plan, steps: list[float], truth: Motion, parts: int = 1, absolute: bool = False
     ) -> tuple[float, float]:
-        z = begun(self.scene, plan, self.names)
-        found = recorded(plan.unit, z, steps, self.names, parts)
+        z = start_run(self.scene, plan, self.names)
+        found = record_trajectory(plan.unit, z, steps, self.names, parts)
         error = _error_between(found, truth, self.names, self.noise, absolute)
         return error + self.doubt, substeps_counted(plan.unit, z)
 
@@ -150,11 +152,11 @@ class Judge:
         tight, rows = Plan("body under loads, by series", "", 0, tolerance=1e-16, order=20), np.array(DIRECTIONS)
         worst = 0.0
         for turn, change in zip(rows, np.roll(rows, 1, axis=0), strict=True):
-            z = begun(self.scene, tight, self.names)
+            z = start_run(self.scene, tight, self.names)
             q, omega = (z[tight.unit.BLOCKS[name]] for name in ("q", "omega"))
             q += 0.5 * SMALL * np.array(compose_quaternions(q, np.array([0.0, *turn])))
             omega += SMALL / span * self._turning(change)
-            found = recorded(tight.unit, z, self.steps, self.names)
+            found = record_trajectory(tight.unit, z, self.steps, self.names)
             worst = max(worst, largest_error(found, self.truth, self.names, self.noise))
         return max(worst / SMALL, 1.0) if worst < LOST else math.inf
 
@@ -166,7 +168,7 @@ class Judge:
 
     def compare(self, smaller: Plan, truth: Motion, names: tuple[str, ...], absolute: bool) -> float:
         """The error of a model that leaves something out, also between communication points; absolute: as `try_out`."""
-        found = recorded(smaller.unit, begun(self.scene, smaller, names), self.cut_steps, names)
+        found = record_trajectory(smaller.unit, start_run(self.scene, smaller, names), self.cut_steps, names)
         return _error_between(found, truth, names, round_off(self.scene, truth), absolute)
 
 

@@ -26,7 +26,7 @@ from rbfmu.planning.quadrature import cheapest_quadrature
 from rbfmu.runs.errors import largest_error
 from rbfmu.runs.models import Plan
 from rbfmu.runs.time_grid import thinned_steps
-from rbfmu.runs.trajectory import Motion, begun, recorded
+from rbfmu.runs.trajectory import Motion, record_trajectory, start_run
 from rbfmu.scene.scene import PARAMETERS as SCENE_PARAMETERS
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu_kernels.integrators.splitting import is_symmetric_top
@@ -126,7 +126,9 @@ def _refuse_below(scene: Scene, error: float) -> None:
 def _angle(scene: Scene, model: str) -> float:
     """The largest that the body may turn by, rad."""
     closed = Plan(model, "", 0)
-    motion = recorded(closed.unit, begun(scene, closed, ("omega_b",)), thinned_steps(scene, 100), ("omega_b",))
+    motion = record_trajectory(
+        closed.unit, start_run(scene, closed, ("omega_b",)), thinned_steps(scene, 100), ("omega_b",)
+    )
     return float(np.max(np.linalg.norm(motion["omega_b"], axis=1))) * (scene.run.stop - scene.run.start)
 
 
@@ -230,8 +232,8 @@ def _may_be_compared(scene: Scene, needs: Needs) -> bool:
 def _motion_of(scene: Scene, found: Plan, judge: Judge, names: tuple[str, ...]) -> Motion:
     """Of a closed form, at the times of the judge's own motion; rates are a measure only of how much changes."""
     names = tuple(dict.fromkeys((*names, "omega_b")))
-    z = begun(scene, replace(found, held=_held(scene)), names)
-    return recorded(found.unit, z, judge.cut_steps, names)
+    z = start_run(scene, replace(found, held=_held(scene)), names)
+    return record_trajectory(found.unit, z, judge.cut_steps, names)
 
 
 def _may_be_close(scene: Scene, model: str, truth: Motion, names: tuple[str, ...]) -> bool:

@@ -15,7 +15,7 @@ from rbfmu_kernels.quantities import active_flags
 Motion = dict[str, NDArray[np.float64]]
 
 
-def begun(scene: Scene, plan: Plan, names: Sequence[str]) -> Buffer:
+def start_run(scene: Scene, plan: Plan, names: Sequence[str]) -> Buffer:
     """Return the buffer of the plan's unit at the start, of whose outputs only those named are computed."""
     unit, z = plan.unit, filled_buffer(scene, plan)
     if "active" in unit.BLOCKS:
@@ -24,7 +24,7 @@ def begun(scene: Scene, plan: Plan, names: Sequence[str]) -> Buffer:
     return z
 
 
-def recorded(
+def record_trajectory(
     unit: Any,
     z: Buffer,
     steps: Sequence[float],

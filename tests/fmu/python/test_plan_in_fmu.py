@@ -27,7 +27,7 @@ def made(scene, folder, kind):
     return Fmu(unzipped_at(path, folder / kind))
 
 
-def begun(fmu, spin):
+def started(fmu, spin):
     """An instance in initialisation, with another rate than the scene's."""
     instance = fmu.instance()
     assert instance.setup() == OK
@@ -58,7 +58,7 @@ def test_an_fmu_of_a_pushed_free_body_gives_the_kernels_bits(kind, tmp_path):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_spin_off_the_principal_axis_is_refused_where_the_model_has_none(kind, tmp_path):
-    instance = begun(made(spinning(), tmp_path, kind), (0.1, 0.0, 0.4))
+    instance = started(made(spinning(), tmp_path, kind), (0.1, 0.0, 0.4))
     assert instance.exit() >= ERROR
     assert "omega_b_0[1] = 0.1" in said(instance)
     assert 'list "omega_b_0" under parameters in the scene\'s [inputs] to vary it' in said(instance)
@@ -66,19 +66,19 @@ def test_a_spin_off_the_principal_axis_is_refused_where_the_model_has_none(kind,
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_another_spin_about_the_same_axis_is_served(kind, tmp_path):
-    assert_right(begun(made(spinning(), tmp_path, kind), (0.0, 0.0, -0.7)), (0.0, 0.0, -0.7))
+    assert_right(started(made(spinning(), tmp_path, kind), (0.0, 0.0, -0.7)), (0.0, 0.0, -0.7))
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_listed_spin_may_be_any(kind, tmp_path):
     fmu = made(spinning(parameters=["omega_b_0"]), tmp_path, kind)
-    assert_right(begun(fmu, (0.1, -0.2, 0.4)), (0.1, -0.2, 0.4))
+    assert_right(started(fmu, (0.1, -0.2, 0.4)), (0.1, -0.2, 0.4))
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_a_comparison_rests_on_is_held(kind, tmp_path):
     """A coning of some 1e-11 is dropped; so no rate may be changed, not even along the axis."""
-    instance = begun(made(spinning((1e-11, 0.0, 0.4)), tmp_path, kind), (1e-11, 0.0, 0.5))
+    instance = started(made(spinning((1e-11, 0.0, 0.4)), tmp_path, kind), (1e-11, 0.0, 0.5))
     assert instance.exit() >= ERROR
     assert "omega_b_0[3] = 0.5: this FMU's model was planned for 0.4" in said(instance)
 
