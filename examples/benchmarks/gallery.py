@@ -44,7 +44,7 @@ Values = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Contestant:
+class Competitor:
     """A model ready to run; error: the largest at the checkpoints; repeat: runs the scene k times."""
 
     scene: str
@@ -127,7 +127,7 @@ def _runs(step: Any, z: Any, start: Any, h: float, n: int, k: int) -> int:
     return fault
 
 
-def own(scene: rbfmu.Scene, who: str, planned: Any, true: list[Values]) -> Contestant:
+def own(scene: rbfmu.Scene, who: str, planned: Any, true: list[Values]) -> Competitor:
     """A plan's unit, stepped at the scene's communication step; the full model with all outputs."""
     unit, start = planned.unit, filled_buffer(with_all_outputs(scene) if who == "full" else scene, planned)
     initialize(scene, unit, start)
@@ -143,7 +143,7 @@ def own(scene: rbfmu.Scene, who: str, planned: Any, true: list[Values]) -> Conte
     def repeat(k: int) -> None:
         assert _runs(unit.step, z, start, h, n, k) == 0
 
-    return Contestant(scene.name, who, f"{planned.model}: {planned.method}", largest_error(found, true), repeat)
+    return Competitor(scene.name, who, f"{planned.model}: {planned.method}", largest_error(found, true), repeat)
 
 
 def steps_of(scene: rbfmu.Scene) -> int:
@@ -156,7 +156,7 @@ def steps_of(scene: rbfmu.Scene) -> int:
 # MuJoCo
 
 
-def mujoco(scene: rbfmu.Scene, true: list[Values]) -> Contestant | None:
+def mujoco(scene: rbfmu.Scene, true: list[Values]) -> Competitor | None:
     """The integrator and step that meet the accuracy at the least cost, or that come nearest; None: cannot model it."""
     tried = [found for integrator in MUJOCO_INTEGRATORS for found in _refined(scene, integrator, true)]
     good = [found for found in tried if found.error <= scene.run.accuracy]
@@ -165,7 +165,7 @@ def mujoco(scene: rbfmu.Scene, true: list[Values]) -> Contestant | None:
     return min(tried, key=lambda found: found.error, default=None)
 
 
-def _refined(scene: rbfmu.Scene, integrator: str, true: list[Values]) -> Iterator[Contestant]:
+def _refined(scene: rbfmu.Scene, integrator: str, true: list[Values]) -> Iterator[Competitor]:
     """In ever smaller steps, until the accuracy is met or errors grow."""
     parts, last = 1, math.inf
     while parts <= MAX_PARTS:
@@ -179,13 +179,13 @@ def _refined(scene: rbfmu.Scene, integrator: str, true: list[Values]) -> Iterato
         parts, last = parts * 2, found.error
 
 
-def _mujoco(scene: rbfmu.Scene, integrator: str, h: float, true: list[Values]) -> Contestant:
+def _mujoco(scene: rbfmu.Scene, integrator: str, h: float, true: list[Values]) -> Competitor:
     tables = scene.to_dict()
     tables["run"]["step"] = scene.run.stop / CHECKPOINTS
     run = MuJoCo(integrator).run(Case("", "", rbfmu.Scene.from_dict(tables, scene.name)), h)
     states = [(np.array(q), np.array(omega), np.array(r)) for r, _, q, omega in run.states()]
     error = largest_error([quantities(scene, *state) for state in states], true)
-    return Contestant(scene.name, "MuJoCo", f"{integrator} in steps of {h:.3g} s", error, run.seconds)
+    return Competitor(scene.name, "MuJoCo", f"{integrator} in steps of {h:.3g} s", error, run.seconds)
 
 
 def everywhere_accepted(scene: rbfmu.Scene) -> rbfmu.Scene:
@@ -206,7 +206,7 @@ def everywhere_accepted(scene: rbfmu.Scene) -> rbfmu.Scene:
 # The table
 
 
-def contestants(name: str) -> list[Contestant]:
+def competitors(name: str) -> list[Competitor]:
     """Planned, full, and MuJoCo if it is installed, of those that there are."""
     scene = rbfmu.load_scene(scene_file(name))
     true = reference(everywhere_accepted(scene))
@@ -219,11 +219,11 @@ def contestants(name: str) -> list[Contestant]:
 
 
 def measured(name: str, repeats: int, least: float) -> list[Row]:
-    """The scene's rows; each repeat takes some `least` seconds for each contestant, in turn."""
-    scene, found = rbfmu.load_scene(scene_file(name)), contestants(name)
-    for contestant in found:
-        contestant.seconds(1)  # compiled
-    counts = [max(1, math.ceil(least / contestant.seconds(1))) for contestant in found]
+    """The scene's rows; each repeat takes some `least` seconds for each competitor, in turn."""
+    scene, found = rbfmu.load_scene(scene_file(name)), competitors(name)
+    for competitor in found:
+        competitor.seconds(1)  # compiled
+    counts = [max(1, math.ceil(least / competitor.seconds(1))) for competitor in found]
     times = [[c.seconds(k) / k for c, k in zip(found, counts, strict=True)] for _ in range(repeats)]
     rows = []
     for i, c in enumerate(found):

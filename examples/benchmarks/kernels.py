@@ -207,7 +207,7 @@ PEERS = {
 
 
 def measure(n: int) -> list[dict[str, Any]]:
-    """ns an item of every contestant, best of interleaved rounds."""
+    """ns an item of every competitor, best of interleaved rounds."""
     ours, data = tasks(n)
     peers = {}
     for peer, (module, calls) in PEERS.items():
@@ -220,11 +220,11 @@ def measure(n: int) -> list[dict[str, Any]]:
             peers[peer] = calls(data)
     rows = []
     for task in ours:
-        contestants = {"rbfmu": task.ours, "copy": copy_of(task)}
-        contestants |= {peer: calls[task.name] for peer, calls in peers.items() if task.name in calls}
-        best = dict.fromkeys(contestants, np.inf)
+        competitors = {"rbfmu": task.ours, "copy": copy_of(task)}
+        competitors |= {peer: calls[task.name] for peer, calls in peers.items() if task.name in calls}
+        best = dict.fromkeys(competitors, np.inf)
         for done in range(ROUNDS + 1):  # the first round compiles and is not counted
-            for name, call in contestants.items():
+            for name, call in competitors.items():
                 with warnings.catch_warnings():
                     warnings.simplefilter("ignore")
                     start = time.perf_counter()
@@ -337,7 +337,7 @@ def _python(code: str, cache: str) -> float:
 
 
 def draw(rows: list[dict[str, Any]], path: Path) -> None:
-    """ns an item of every contestant, a line of dots for each operation."""
+    """ns an item of every competitor, a line of dots for each operation."""
     marks = {
         "rbfmu": ("#d55e00", "o"),
         "copy": ("#000000", "|"),

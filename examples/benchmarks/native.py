@@ -193,7 +193,7 @@ def _row(text: str, costs: dict[str, list[float]]) -> dict[str, float]:
 
 
 def _costs(scene: rbfmu.Scene, planned: Plan, fmus: dict[str, Fmu], driver: Any, repeats: int, steps: int) -> Any:
-    """Seconds per step by contestant, in turn; what each FMU read last."""
+    """Seconds per step by competitor, in turn; what each FMU read last."""
     running = {name: Running(fmu, driver) for name, fmu in fmus.items()}
     timers: dict[str, Timer] = {name: one.seconds for name, one in running.items()}
     timers["numba loop"] = _numba_timer(scene, planned)

@@ -1,8 +1,8 @@
-"""One-step methods that people use elsewhere: contestants in charts and stability tests, no part of the product.
+"""One-step methods that people use elsewhere: what charts and stability tests compare with, no part of the product.
 
 Each integrates the right-hand sides of `rbfmu_kernels.mechanics.equations_of_motion` over its `State`, `Body`,
 `Loads` tuples, but may hold the attitude in another form.
-`Contestant.start` takes a state to that form, `steps` advances it as long
+`ReferenceIntegrator.start` takes a state to that form, `steps` advances it as long
 as you like (so that drift adds up as it does for users), `state_of` takes it back with a quaternion of unit length.
 """
 
@@ -21,7 +21,7 @@ Steps = Callable[[Any, float, int, Body, Loads], Any]
 
 
 @dataclass(frozen=True)
-class Contestant:
+class ReferenceIntegrator:
     """A one-step method: how it starts, steps and ends; its order and right-hand sides a step (0: they vary)."""
 
     name: str
@@ -50,21 +50,21 @@ def compiled_loop(step: Callable[[Any, float, Body, Loads], Any]) -> Steps:
 
 _MATRIX, _ANGLES = (_one.with_matrix, _one.from_matrix), (_one.with_angles, _one.from_angles)
 _ALL = (
-    Contestant("explicit Euler", compiled_loop(_one.explicit_euler_step), 1, 1),
-    Contestant("semi-implicit Euler", compiled_loop(_one.semi_implicit_euler_step), 1, 1),
-    Contestant("implicit midpoint", compiled_loop(_one.implicit_midpoint_step), 2, 0),
-    Contestant("RK4, quaternion", compiled_loop(_one.rk4_step), 4, 4),
-    Contestant("RK4, quaternion not normalised", compiled_loop(_one.rk4_not_normalised_step), 4, 4),
-    Contestant("RK4, matrix", compiled_loop(_one.rk4_matrix_step), 4, 4, *_MATRIX),
-    Contestant("RK4, Euler angles", compiled_loop(_one.rk4_angles_step), 4, 4, *_ANGLES),
-    Contestant("RKMK4", compiled_loop(_one.rkmk4_step), 4, 4),
-    Contestant("CF4", compiled_loop(_one.cf4_step), 4, 4),
+    ReferenceIntegrator("explicit Euler", compiled_loop(_one.explicit_euler_step), 1, 1),
+    ReferenceIntegrator("semi-implicit Euler", compiled_loop(_one.semi_implicit_euler_step), 1, 1),
+    ReferenceIntegrator("implicit midpoint", compiled_loop(_one.implicit_midpoint_step), 2, 0),
+    ReferenceIntegrator("RK4, quaternion", compiled_loop(_one.rk4_step), 4, 4),
+    ReferenceIntegrator("RK4, quaternion not normalised", compiled_loop(_one.rk4_not_normalised_step), 4, 4),
+    ReferenceIntegrator("RK4, matrix", compiled_loop(_one.rk4_matrix_step), 4, 4, *_MATRIX),
+    ReferenceIntegrator("RK4, Euler angles", compiled_loop(_one.rk4_angles_step), 4, 4, *_ANGLES),
+    ReferenceIntegrator("RKMK4", compiled_loop(_one.rkmk4_step), 4, 4),
+    ReferenceIntegrator("CF4", compiled_loop(_one.cf4_step), 4, 4),
 )
 _FREE = (
-    Contestant("Moser-Veselov", moser_veselov(2), 2, 0),
-    Contestant("Moser-Veselov, order 10", moser_veselov(10), 10, 0),
+    ReferenceIntegrator("Moser-Veselov", moser_veselov(2), 2, 0),
+    ReferenceIntegrator("Moser-Veselov, order 10", moser_veselov(10), 10, 0),
 )
-CONTESTANTS = {contestant.name: contestant for contestant in _ALL}
+REFERENCE_INTEGRATORS = {integrator.name: integrator for integrator in _ALL}
 """By name: for any body and loads."""
-TORQUE_FREE_CONTESTANTS = {contestant.name: contestant for contestant in _FREE}
+TORQUE_FREE_INTEGRATORS = {integrator.name: integrator for integrator in _FREE}
 """By name: for bodies in principal axes without loads or damping only."""

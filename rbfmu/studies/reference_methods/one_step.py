@@ -1,4 +1,4 @@
-"""The contestants' steps, `step(y, h, body, loads) -> y`, and the forms in which they hold the attitude."""
+"""the reference integrators' steps, `step(y, h, body, loads) -> y`, and the forms in which they hold the attitude."""
 
 import math
 from typing import NamedTuple

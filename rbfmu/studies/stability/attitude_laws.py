@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from rbfmu.studies.reference_methods import CONTESTANTS
+from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS
 from rbfmu.studies.stability.cases import NO_LOADS, SPHERE, UPRIGHT, angle, at, free_body, one_step, spin, turned
 from rbfmu.studies.stability.findings import AT_MOST, RECORDED, Finding, Study
 from rbfmu_kernels.integrators.dop853_tableau import STAGES, A
@@ -43,7 +43,7 @@ def quaternion_growth(method: str, h_omega: float) -> float:
 
 def matrix_growth(h_omega: float) -> float:
     """Return the length of R's first column after one step of RK4 on R."""
-    method = CONTESTANTS["RK4, matrix"]
+    method = REFERENCE_INTEGRATORS["RK4, matrix"]
     R_ab = method.steps(method.start(spin(h_omega)), 1.0, 1, _BODY, NO_LOADS).R_ab
     return math.hypot(R_ab[0][0], R_ab[1][0], R_ab[2][0])
 
@@ -89,13 +89,13 @@ def drift(quick: bool) -> Study:
     x, counts = 0.1, [10**k for k in range(0, 5 if quick else 7)]
     names = {"RK4, quaternion not normalised": "q", "RK4, matrix": "R", "RK4, quaternion": "q normalised"}
     columns: dict[str, Any] = {"steps": counts}
-    states = {name: CONTESTANTS[name].start(spin(1.0)) for name in names}
+    states = {name: REFERENCE_INTEGRATORS[name].start(spin(1.0)) for name in names}
     done = 0
     for column in names.values():
         columns[column] = []
     for count in counts:
         for name, column in names.items():
-            states[name] = CONTESTANTS[name].steps(states[name], x, count - done, _BODY, NO_LOADS)
+            states[name] = REFERENCE_INTEGRATORS[name].steps(states[name], x, count - done, _BODY, NO_LOADS)
             state = states[name]
             drift = _matrix_drift(state.R_ab) if column == "R" else abs(math.hypot(*state.q_ab) - 1.0)
             columns[column].append(drift)
@@ -104,7 +104,7 @@ def drift(quick: bool) -> Study:
     columns["R, predicted"] = [-math.expm1(n * math.log1p(-(x**6) / 72.0)) for n in counts]
     n = 10_000
     k = counts.index(n)
-    after = CONTESTANTS["RK4, quaternion"].run(spin(1.0), x, n, _BODY, NO_LOADS)
+    after = REFERENCE_INTEGRATORS["RK4, quaternion"].run(spin(1.0), x, n, _BODY, NO_LOADS)
     lag = angle(after, turned(spin(1.0), x * n))
     findings = [
         Finding(2, "RK4 on q, decay of |q| in 1e4 steps, h omega = 0.1", columns["q, predicted"][k], columns["q"][k],
@@ -129,7 +129,7 @@ def _passage() -> State:
 def _passage_error(method: str, ratio: float) -> float:
     """Return the attitude's error after half a turn with h omega / delta = ratio."""
     n = round(math.pi / (ratio * _MISS))
-    after = CONTESTANTS[method].run(_passage(), math.pi / n, n, _BODY, NO_LOADS)
+    after = REFERENCE_INTEGRATORS[method].run(_passage(), math.pi / n, n, _BODY, NO_LOADS)
     return angle(after, turned(_passage(), math.pi))
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from rbfmu.runs.models import Plan
-from rbfmu.studies.reference_methods import CONTESTANTS, TORQUE_FREE_CONTESTANTS
+from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, TORQUE_FREE_INTEGRATORS
 from rbfmu.studies.stability.attitude_laws import crossing, stability_polynomial
 from rbfmu.studies.stability.cases import (
     BRICK,
@@ -132,7 +132,7 @@ def damping_limits(quick: bool) -> Study:
 
 def _moser_veselov_error(method: str, x: float) -> float:
     """Return the error in rad of one step of a sphere that turns by x; NaN where there is no solution."""
-    after = TORQUE_FREE_CONTESTANTS[method].run(spin(1.0), x, 1, free_body(SPHERE), NO_LOADS)
+    after = TORQUE_FREE_INTEGRATORS[method].run(spin(1.0), x, 1, free_body(SPHERE), NO_LOADS)
     return angle(after, turned(spin(1.0), x))
 
 
@@ -145,7 +145,7 @@ def moser_veselov_limits(quick: bool) -> Study:
     """Law 7: the discrete Moser-Veselov algorithm has no solution for large steps."""
     x = np.geomspace(0.02, 2.0, 21 if quick else 161).tolist()
     columns: dict[str, Any] = {"h_omega": x}
-    columns |= {name: [_moser_veselov_error(name, value) for value in x] for name in TORQUE_FREE_CONTESTANTS}
+    columns |= {name: [_moser_veselov_error(name, value) for value in x] for name in TORQUE_FREE_INTEGRATORS}
     columns["Moser-Veselov, predicted"] = [math.asin(value) - value if value <= 1.0 else math.nan for value in x]
     findings = [
         Finding(7, "Moser-Veselov, last h omega with a solution", 1.0, _last_use("Moser-Veselov", math.inf), 1e-4),
@@ -157,7 +157,7 @@ def moser_veselov_limits(quick: bool) -> Study:
     return Study("moser_veselov_limits", findings, columns)
 
 
-_FREE = CONTESTANTS | TORQUE_FREE_CONTESTANTS
+_FREE = REFERENCE_INTEGRATORS | TORQUE_FREE_INTEGRATORS
 _H = 0.1
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from rbfmu.runs.models import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu.simulation import Result, simulate
-from rbfmu.studies.reference_methods import CONTESTANTS, Contestant
+from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, ReferenceIntegrator
 from rbfmu_kernels.integrators import dop853, splitting
 from rbfmu_kernels.integrators.rigid_body_state import (
     ROTATION,
@@ -36,9 +36,9 @@ TOP_MOMENTS: Vec3 = (1.0, 1.0, 0.3)
 WEIGHT = Loads(ZERO, (0.0, 0.0, -1.0), ZERO, ZERO, ZERO)
 
 KICKS = {
-    "Strang": Contestant("Strang", splitting.strang_steps, 2, 1),
-    "RKN4": Contestant("RKN4", splitting.rkn4_steps, 4, 6),
-    "RKN6": Contestant("RKN6", splitting.rkn6_steps, 6, 11),
+    "Strang": ReferenceIntegrator("Strang", splitting.strang_steps, 2, 1),
+    "RKN4": ReferenceIntegrator("RKN4", splitting.rkn4_steps, 4, 6),
+    "RKN6": ReferenceIntegrator("RKN6", splitting.rkn6_steps, 6, 11),
 }
 
 
@@ -120,8 +120,8 @@ def one_step(method: str) -> Any:
     """Return `step(state, h, body, loads)` of a reference integrator or of the product's DOP853, not normalised."""
     if method == "DOP853":
         return _dop853_step
-    contestant = CONTESTANTS[method]
-    return lambda state, h, body, loads: contestant.steps(state, h, 1, body, loads)
+    integrator = REFERENCE_INTEGRATORS[method]
+    return lambda state, h, body, loads: integrator.steps(state, h, 1, body, loads)
 
 
 def _dop853_step(state: State, h: float, body: Body, loads: Loads) -> State:

@@ -9,7 +9,7 @@ import numpy as np
 from rbfmu.runs.models import Plan
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.simulation import simulate
-from rbfmu.studies.reference_methods import CONTESTANTS
+from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS
 from rbfmu.studies.stability.attitude_laws import crossing
 from rbfmu.studies.stability.cases import (
     BRICK,
@@ -87,7 +87,7 @@ def intermediate_axis(quick: bool) -> Study:
     for name, h in (("RK4, quaternion", 0.25), ("semi-implicit Euler", 0.05)):
         states = [start]
         for _ in time[1:]:
-            states.append(CONTESTANTS[name].steps(states[-1], h, round(0.25 / h), body, NO_LOADS))
+            states.append(REFERENCE_INTEGRATORS[name].steps(states[-1], h, round(0.25 / h), body, NO_LOADS))
         columns[f"{name}, h = {h:g} s"] = [y.omega_b[1] for y in states]
     tiny = free_motion(BRICK, at(UPRIGHT, (1e-8, 2.0, 1e-8)), 8.0, 1.0).omega_b[:, 0]
     growth = math.log(tiny[8] / tiny[5]) / 3.0

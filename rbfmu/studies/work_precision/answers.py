@@ -30,16 +30,16 @@ class Answer:
     title: str
     outputs: int
     accuracy: float
-    own: Offer | None
+    library: Offer | None
     planned: Offer | None
-    contestant: Offer | None
+    integrator: Offer | None
     peer: Offer | None
 
     def row(self) -> dict[str, object]:
         """Return the answer as a row of a CSV file."""
         found: dict[str, object] = {"case": self.case, "title": self.title, "outputs": self.outputs}
         found["accuracy"] = self.accuracy
-        for name in ("own", "planned", "contestant", "peer"):
+        for name in ("library", "planned", "integrator", "peer"):
             offer: Offer | None = getattr(self, name)
             found |= {name: offer.method if offer else "", f"{name}_cost": offer.cost if offer else math.nan}
         return found

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from rbfmu.studies.work_precision.cases import CASES, Case
-from rbfmu.studies.work_precision.methods import Method, NotFeasibleError, Run, contestants
+from rbfmu.studies.work_precision.methods import Method, NotFeasibleError, Run, reference_integrators
 from rbfmu.studies.work_precision.own import own_methods
 from rbfmu.studies.work_precision.peers import ABSENT, absent, peers
 
@@ -120,7 +120,7 @@ QUICK_METHODS = (
 
 def extent(quick: bool) -> Extent:
     """Return all of it, or what a test has time for."""
-    methods = (*own_methods(), *contestants(), *peers()[0])
+    methods = (*own_methods(), *reference_integrators(), *peers()[0])
     if not quick:
         return Extent(tuple(few_and_many(CASES)), methods, TIME_LIMIT, 5, 2e-3, False)
     few = [method for method in methods if method.name in QUICK_METHODS]

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from numba import njit
 
-from rbfmu.studies.reference_methods import CONTESTANTS, TORQUE_FREE_CONTESTANTS, Contestant
+from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, TORQUE_FREE_INTEGRATORS, ReferenceIntegrator
 from rbfmu.studies.reference_methods.one_step import midpoint
 from rbfmu.studies.work_precision.cases import CHECKPOINTS, Case
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
@@ -128,7 +128,7 @@ def _midpoint_rounds(loop: Any, y: Any, h: float, n: int, body: Body, loads: Loa
 class FixedSteps:
     """A one-step method, `rbfmu.studies.reference_methods` or alike."""
 
-    method: Contestant
+    method: ReferenceIntegrator
     family: str
     applies: Callable[[Case], bool]
     setting: str = "step (s)"
@@ -170,10 +170,10 @@ class FixedSteps:
 
 
 @cache
-def contestants() -> tuple[Method, ...]:
+def reference_integrators() -> tuple[Method, ...]:
     """Return one-step methods that people use, over the same right-hand sides."""
-    any_torque = [FixedSteps(method, "classic", _any_case) for method in CONTESTANTS.values()]
-    free = [FixedSteps(method, "Moser-Veselov", _torque_free) for method in TORQUE_FREE_CONTESTANTS.values()]
+    any_torque = [FixedSteps(method, "classic", _any_case) for method in REFERENCE_INTEGRATORS.values()]
+    free = [FixedSteps(method, "Moser-Veselov", _torque_free) for method in TORQUE_FREE_INTEGRATORS.values()]
     return (*any_torque, *free)
 
 

@@ -9,13 +9,13 @@ from rbfmu.studies.work_precision.cases import CHECKPOINTS
 from rbfmu.studies.work_precision.collection import Collection, Point
 
 DEAREST = 1.3
-"""A plan may cost so many times the best contestant: it is made without knowing the truth."""
+"""A plan may cost so many times the best other method: it is made without knowing the truth."""
 REFUSED = "refused"
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """A plan for an accuracy, the best contestant at the plan's error, the best peer at that accuracy.
+    """A plan for an accuracy, the best other method at the plan's error, the best peer at that accuracy.
 
     cost: infinite where no plan is made; stopped: peers that the limit of time stopped before that accuracy; noise:
     costs within this ratio are even.
@@ -28,7 +28,7 @@ class Verdict:
     method: str
     error: float
     cost: float
-    contestant: Offer | None
+    rival: Offer | None
     peer: Offer | None
     stopped: tuple[str, ...]
     noise: float
@@ -40,8 +40,8 @@ class Verdict:
 
     @property
     def dearness(self) -> float:
-        """Return the cost over the best contestant's, 0 where none is as accurate."""
-        return self.cost / self.contestant.cost if self.contestant else 0.0
+        """Return the cost over the best other method's, 0 where none is as accurate."""
+        return self.cost / self.rival.cost if self.rival else 0.0
 
     @property
     def lead(self) -> float:

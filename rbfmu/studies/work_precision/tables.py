@@ -60,7 +60,7 @@ def against(v: Verdict) -> str:
 
 def dearness_table(found: Sequence[Verdict]) -> str:
     """Return a table of plans that miss their accuracy, or cost more than the best other method at their error."""
-    if not any(v.contestant for v in found):
+    if not any(v.rival for v in found):
         return ""
     missed = [v for v in found if not v.kept]
     goal = f"its accuracy kept at no more than {DEAREST:g} times the cheapest of all methods, peers apart"
@@ -72,7 +72,7 @@ def dearness_table(found: Sequence[Verdict]) -> str:
 
 
 def _miss(v: Verdict) -> str:
-    rival = f"{v.dearness:.2f} x {v.contestant.method}" if v.contestant else "no contestant"
+    rival = f"{v.dearness:.2f} x {v.rival.method}" if v.rival else "no other method"
     many = "many" if v.many else "few"
     return f"  {v.case}, {short(v.accuracy)}, {many}: {method_of(v)}, error {v.error:.1e}, {rival}"
 

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from rbfmu.cli import main
 from rbfmu.runs.models import MODELS
 from rbfmu.studies import stability
-from rbfmu.studies.reference_methods import CONTESTANTS
+from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS
 from rbfmu.studies.stability import Finding, body_laws, maps, model_laws, motions
 from rbfmu.studies.stability.attitude_laws import crossing, quaternion_growth, stability_polynomial
 from rbfmu.studies.stability.findings import AT_MOST, RECORDED
@@ -169,7 +169,7 @@ def test_crossing_finds_the_end_of_stability() -> None:
     ],
 )
 def test_verdicts_on_fixed_steps(name: str, h: float, ratio: float, verdict: int) -> None:
-    assert maps.verdict_of_steps(CONTESTANTS[name], h, ratio)[0] == verdict
+    assert maps.verdict_of_steps(REFERENCE_INTEGRATORS[name], h, ratio)[0] == verdict
 
 
 @pytest.mark.parametrize("name", maps.OURS)

@@ -162,7 +162,7 @@ def test_many_outputs_are_of_the_same_motion() -> None:
     many = CASES["c"].with_many_outputs()
     assert many.outputs == 1000
     for name in ("RK4, quaternion", "kicks, order 4"):
-        method = {m.name: m for m in (*own.own_methods(), *methods.contestants())}[name]
+        method = {m.name: m for m in (*own.own_methods(), *methods.reference_integrators())}[name]
         few = CASES["c"].errors(method.run(CASES["c"], 0.005).states())
         assert many.errors(method.run(many, 0.005).states()) == few  # the same steps
 
@@ -337,10 +337,10 @@ def test_front_leaves_out_what_a_cheaper_point_beats() -> None:
 def test_answers_name_the_cheapest_of_each_kind() -> None:
     exact, planned = _point("exact", "exact", 1e-16, 1e-7), _point("rbfmu, as planned", "planned", 1e-16, 2e-7)
     (found,) = answers([*POWER_LAW, exact, planned, _point("SciPy DOP853", "peer", 1e-7, 1e-2)], [1e-6])
-    assert found.own == Offer("exact", "exact", 1e-7)
+    assert found.library == Offer("exact", "exact", 1e-7)
     assert found.planned == Offer("rbfmu, as planned", "planned", 2e-7)
-    assert found.contestant is not None
-    assert found.contestant.cost == pytest.approx(1e-6 * 10**1.5)
+    assert found.integrator is not None
+    assert found.integrator.cost == pytest.approx(1e-6 * 10**1.5)
     assert found.peer == Offer("SciPy DOP853", "peer", 1e-2)
 
 
@@ -358,7 +358,7 @@ def _at_rest(method: str, family: str, error: float, seconds: float) -> Point:
 
 
 def _judged(error: float, others: float, peer: float, noise: float = 1.1):
-    """A plan of 1 µs at 1e-9, whose contestant costs so many µs, and a peer."""
+    """A plan of 1 µs at 1e-9, whose rival costs so many µs, and a peer."""
     points = [
         replace(_at_rest("rbfmu, as planned", "planned", error, 1e-6), detail="closed form"),
         _at_rest("exact", "exact", 1e-16, 2e-6),
@@ -373,7 +373,7 @@ def _judged(error: float, others: float, peer: float, noise: float = 1.1):
 @pytest.mark.parametrize(
     ("error", "others", "kept"), [(1e-10, 1.0, True), (2e-9, 1.0, False), (1e-10, 0.5, False), (1e-10, 0.75, True)]
 )
-def test_plans_are_held_against_their_accuracy_and_the_best_contestant(error: float, others: float, kept: bool) -> None:
+def test_plans_are_held_against_their_accuracy_and_the_best_rival(error: float, others: float, kept: bool) -> None:
     found = _judged(error, others, 1.0)
     assert found.dearness == pytest.approx(1.0 / others)
     assert found.kept == kept
@@ -553,7 +553,7 @@ def test_labels_are_spread_in_order(places: list[float]) -> None:
 
 
 def test_every_line_has_its_name() -> None:
-    made = [*peers.peers()[0], *own.own_methods(), *methods.contestants()]
+    made = [*peers.peers()[0], *own.own_methods(), *methods.reference_integrators()]
     groups = {drawing.group_of(_point(method.name, method.family, 1e-3, 1.0)) for method in made}
     assert groups <= set(drawing.GROUPS)
     assert drawing.group_of(_point("SciPy odeint", "peer", 1e-3, 1.0)) == "SciPy odeint"

@@ -1,11 +1,16 @@
-"""The contestants are what they claim to be: their orders, on a free body and under loads, and their forms."""
+"""The reference integrators are what they claim: their orders, on a free body and under loads, and their forms."""
 
 import math
 from typing import Any
 
 import pytest
 
-from rbfmu.studies.reference_methods import CONTESTANTS, TORQUE_FREE_CONTESTANTS, Contestant, one_step
+from rbfmu.studies.reference_methods import (
+    REFERENCE_INTEGRATORS,
+    TORQUE_FREE_INTEGRATORS,
+    ReferenceIntegrator,
+    one_step,
+)
 from rbfmu_kernels.exact.free_rotation import free_rotation
 from rbfmu_kernels.integrators.splitting import rkn6_steps
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, Body, Loads, State
@@ -33,8 +38,8 @@ def _order(errors: list[float]) -> float:
     return math.log2(errors[0] / errors[1])
 
 
-@pytest.mark.parametrize("method", (CONTESTANTS | TORQUE_FREE_CONTESTANTS).values(), ids=lambda m: m.name)
-def test_order_on_a_free_body(method: Contestant) -> None:
+@pytest.mark.parametrize("method", (REFERENCE_INTEGRATORS | TORQUE_FREE_INTEGRATORS).values(), ids=lambda m: m.name)
+def test_order_on_a_free_body(method: ReferenceIntegrator) -> None:
     q, omega = free_rotation(MOMENTS, TUMBLE.q_ab, TUMBLE.omega_b, 8.0)
     n = STEPS[method.order]
     runs = [method.run(TUMBLE, 8.0 / m, m, BRICK, NO_LOADS) for m in (n, 2 * n)]
@@ -42,8 +47,8 @@ def test_order_on_a_free_body(method: Contestant) -> None:
     assert _order([math.dist(r.omega_b, omega) for r in runs]) == pytest.approx(method.order, abs=0.1)
 
 
-@pytest.mark.parametrize("method", CONTESTANTS.values(), ids=lambda m: m.name)
-def test_order_of_six_degrees_of_freedom_under_all_loads(method: Contestant) -> None:
+@pytest.mark.parametrize("method", REFERENCE_INTEGRATORS.values(), ids=lambda m: m.name)
+def test_order_of_six_degrees_of_freedom_under_all_loads(method: ReferenceIntegrator) -> None:
     truth = START
     for _ in range(200):
         truth = rkn6_steps(truth, 0.01, 1, LOADED, LOADS)  # 4e-13 off SciPy's: see its own test
@@ -54,15 +59,15 @@ def test_order_of_six_degrees_of_freedom_under_all_loads(method: Contestant) -> 
         assert _order([math.dist(r[part], truth[part]) for r in runs]) == pytest.approx(method.order, abs=0.15)
 
 
-@pytest.mark.parametrize("method", CONTESTANTS.values(), ids=lambda m: m.name)
-def test_state_survives_the_method_s_form(method: Contestant) -> None:
+@pytest.mark.parametrize("method", REFERENCE_INTEGRATORS.values(), ids=lambda m: m.name)
+def test_state_survives_the_method_s_form(method: ReferenceIntegrator) -> None:
     after = method.run(START, 0.1, 0, LOADED, LOADS)
     assert _angle(after, START.q_ab) < 6 * EPS
     assert (after.r_c, after.v_c, after.omega_b) == (START.r_c, START.v_c, START.omega_b)
 
 
-@pytest.mark.parametrize("method", CONTESTANTS.values(), ids=lambda m: m.name)
-def test_drift_adds_up_over_calls_of_steps(method: Contestant) -> None:
+@pytest.mark.parametrize("method", REFERENCE_INTEGRATORS.values(), ids=lambda m: m.name)
+def test_drift_adds_up_over_calls_of_steps(method: ReferenceIntegrator) -> None:
     once = method.steps(method.start(TUMBLE), 0.3, 200, BRICK, NO_LOADS)
     twice = method.start(TUMBLE)
     for _ in range(2):
@@ -71,7 +76,7 @@ def test_drift_adds_up_over_calls_of_steps(method: Contestant) -> None:
 
 
 def test_implicit_midpoint_keeps_energy_and_length_of_q() -> None:
-    q, omega = CONTESTANTS["implicit midpoint"].steps(TUMBLE, 0.1, 10_000, BRICK, NO_LOADS)[2:]
+    q, omega = REFERENCE_INTEGRATORS["implicit midpoint"].steps(TUMBLE, 0.1, 10_000, BRICK, NO_LOADS)[2:]
     energy = sum(moment * w * w for moment, w in zip(MOMENTS, omega, strict=True))
     assert abs(math.hypot(*q) - 1.0) < 1e-12  # the iteration stops at 1e-15 a step
     assert energy == pytest.approx(0.09 + 2.0 + 0.12, rel=1e-12)
@@ -81,4 +86,6 @@ def test_implicit_midpoint_is_not_finite_where_its_iteration_fails() -> None:
     assert one_step.midpoint(TUMBLE, 3.0, BRICK, NO_LOADS)[1] == one_step.MAX_ROUNDS  # settles nowhere
     assert one_step.midpoint(TUMBLE, 5.0, BRICK, NO_LOADS)[1] < one_step.MAX_ROUNDS  # overflows
     for h in (3.0, 5.0):
-        assert not math.isfinite(CONTESTANTS["implicit midpoint"].run(TUMBLE, h, 1, BRICK, NO_LOADS).omega_b[0])
+        assert not math.isfinite(
+            REFERENCE_INTEGRATORS["implicit midpoint"].run(TUMBLE, h, 1, BRICK, NO_LOADS).omega_b[0]
+        )
