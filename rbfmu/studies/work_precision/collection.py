@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from rbfmu.studies.work_precision.cases import CASES, Case
+from rbfmu.studies.work_precision.library_methods import library_methods
 from rbfmu.studies.work_precision.methods import Method, NotFeasibleError, Run, reference_integrators
-from rbfmu.studies.work_precision.own import own_methods
 from rbfmu.studies.work_precision.peers import ABSENT, absent, peers
 
 Progress = Callable[[int, int, str], Any]
@@ -120,7 +120,7 @@ QUICK_METHODS = (
 
 def extent(quick: bool) -> Extent:
     """Return all of it, or what a test has time for."""
-    methods = (*own_methods(), *reference_integrators(), *peers()[0])
+    methods = (*library_methods(), *reference_integrators(), *peers()[0])
     if not quick:
         return Extent(tuple(few_and_many(CASES)), methods, TIME_LIMIT, 5, 2e-3, False)
     few = [method for method in methods if method.name in QUICK_METHODS]

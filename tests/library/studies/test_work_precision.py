@@ -20,8 +20,8 @@ from rbfmu.studies.work_precision import (
     collection,
     drawing,
     heyoka_peer,
+    library_methods,
     methods,
-    own,
     peers,
     run_charts,
     simulators,
@@ -52,7 +52,7 @@ from tests.support.paths import ROOT
 DIGITS = mp.mpf(10) ** -37
 """Of 40 in the file; body rates grow to 50."""
 EPS = 2.0**-52
-OWN = {method.name: method for method in own.own_methods()}
+OWN = {method.name: method for method in library_methods.library_methods()}
 
 
 @pytest.fixture(scope="module")
@@ -162,7 +162,7 @@ def test_many_outputs_are_of_the_same_motion() -> None:
     many = CASES["c"].with_many_outputs()
     assert many.outputs == 1000
     for name in ("RK4, quaternion", "kicks, order 4"):
-        method = {m.name: m for m in (*own.own_methods(), *methods.reference_integrators())}[name]
+        method = {m.name: m for m in (*library_methods.library_methods(), *methods.reference_integrators())}[name]
         few = CASES["c"].errors(method.run(CASES["c"], 0.005).states())
         assert many.errors(method.run(many, 0.005).states()) == few  # the same steps
 
@@ -553,7 +553,7 @@ def test_labels_are_spread_in_order(places: list[float]) -> None:
 
 
 def test_every_line_has_its_name() -> None:
-    made = [*peers.peers()[0], *own.own_methods(), *methods.reference_integrators()]
+    made = [*peers.peers()[0], *library_methods.library_methods(), *methods.reference_integrators()]
     groups = {drawing.group_of(_point(method.name, method.family, 1e-3, 1.0)) for method in made}
     assert groups <= set(drawing.GROUPS)
     assert drawing.group_of(_point("SciPy odeint", "peer", 1e-3, 1.0)) == "SciPy odeint"

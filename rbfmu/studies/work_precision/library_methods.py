@@ -211,7 +211,7 @@ _KICKS = (
 
 
 @cache
-def own_methods() -> tuple[Method, ...]:
+def library_methods() -> tuple[Method, ...]:
     """Return the library's methods, the plan last."""
     kicks = [FixedSteps(kick, "kicks", _top) for kick in _KICKS]
     series = [Substeps(order) for order in (6, 8, 12, 16, 20, 24)]
