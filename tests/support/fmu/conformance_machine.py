@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule
 
 from rbfmu_fmu.python.call_rules import INSTANTIATED, STEPPING
-from tests.support.fmu.abuse_model import Model
+from tests.support.fmu.conformance_model import Model
 from tests.support.fmu.fmu_importer import DISCARD, ERROR, OK
 
 OTHER_TYPES = [f"fmi2{verb}{kind}" for kind in ("Integer", "Boolean", "String") for verb in ("Get", "Set")]
@@ -63,7 +63,7 @@ def same(a, b):
     return a == b
 
 
-class Abuse(RuleBasedStateMachine):
+class CallMachine(RuleBasedStateMachine):
     """Instances, states and serialised bytes are lists; a rule picks from them by number."""
 
     def __init__(self, kind, process, facts):

@@ -1,6 +1,6 @@
 """Any FMI 2.0 call in any order with any argument: the right answer, the right motion, and never a crash.
 
-abuse_machine.py makes the calls in a child process (abuse_process.py, abuse_child.py); abuse_model.py says what each
+conformance_machine.py makes the calls in a child process (conformance_process.py, conformance_child.py); conformance_model.py says what each
 must answer, and has the motion from direct calls of the kernels. Numbers of calls are printed (`make fuzz`, or -s).
 """
 
@@ -11,9 +11,9 @@ import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis.stateful import run_state_machine_as_test
 
-from tests.support.fmu.abuse_machine import Abuse
-from tests.support.fmu.abuse_model import Facts
-from tests.support.fmu.abuse_process import Process
+from tests.support.fmu.conformance_machine import CallMachine
+from tests.support.fmu.conformance_model import Facts
+from tests.support.fmu.conformance_process import Process
 from tests.support.fmu.elsewhere import copy_modules
 from tests.support.fmu.fmu_importer import OK
 from tests.support.fmu.fmus import planned, scene, unzipped
@@ -21,13 +21,13 @@ from tests.support.fmu.fmus import planned, scene, unzipped
 NAMES = ("driven", "prescribed")
 
 
-def abuse(kind, examples, steps):
+def drive(kind, examples, steps):
     facts = [Facts(scene(name), planned(name), kind) for name in NAMES]
     process = Process(kind, [unzipped(name, kind) for name in NAMES])
     chosen = settings(max_examples=examples, stateful_step_count=steps, deadline=None, derandomize=True,
                       database=None, suppress_health_check=list(HealthCheck))  # fmt: skip
     try:
-        run_state_machine_as_test(lambda: Abuse(kind, process, facts), settings=chosen)
+        run_state_machine_as_test(lambda: CallMachine(kind, process, facts), settings=chosen)
     finally:
         process.stop()
     print(process.report())
@@ -36,7 +36,7 @@ def abuse(kind, examples, steps):
 
 @pytest.mark.parametrize("kind", ["python", "native"])
 def test_any_calls_are_answered_rightly(kind):
-    process = abuse(kind, 100, 50)
+    process = drive(kind, 100, 50)
     assert sum(process.calls.values()) > 5_000
     assert sum(process.refused.values()) > 1_000
 
@@ -44,7 +44,7 @@ def test_any_calls_are_answered_rightly(kind):
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["python", "native"])
 def test_very_many_calls_are_answered_rightly(kind):
-    process = abuse(kind, 2000, 80)
+    process = drive(kind, 2000, 80)
     assert sum(process.calls.values()) > 200_000
 
 
