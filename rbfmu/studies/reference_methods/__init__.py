@@ -2,7 +2,7 @@
 
 Each integrates the right-hand sides of `rbfmu_kernels.mechanics.equations_of_motion` over its `State`, `Body`,
 `Loads` tuples, but may hold the attitude in another form.
-`ReferenceIntegrator.start` takes a state to that form, `steps` advances it as long
+`OneStepMethod.start` takes a state to that form, `steps` advances it as long
 as you like (so that drift adds up as it does for users), `state_of` takes it back with a quaternion of unit length.
 """
 
@@ -21,7 +21,7 @@ Steps = Callable[[Any, float, int, Body, Loads], Any]
 
 
 @dataclass(frozen=True)
-class ReferenceIntegrator:
+class OneStepMethod:
     """A one-step method: how it starts, steps and ends; its order and right-hand sides a step (0: they vary)."""
 
     name: str
@@ -50,19 +50,19 @@ def compiled_loop(step: Callable[[Any, float, Body, Loads], Any]) -> Steps:
 
 _MATRIX, _ANGLES = (_one.with_matrix, _one.from_matrix), (_one.with_angles, _one.from_angles)
 _ALL = (
-    ReferenceIntegrator("explicit Euler", compiled_loop(_one.explicit_euler_step), 1, 1),
-    ReferenceIntegrator("semi-implicit Euler", compiled_loop(_one.semi_implicit_euler_step), 1, 1),
-    ReferenceIntegrator("implicit midpoint", compiled_loop(_one.implicit_midpoint_step), 2, 0),
-    ReferenceIntegrator("RK4, quaternion", compiled_loop(_one.rk4_step), 4, 4),
-    ReferenceIntegrator("RK4, quaternion not normalised", compiled_loop(_one.rk4_not_normalised_step), 4, 4),
-    ReferenceIntegrator("RK4, matrix", compiled_loop(_one.rk4_matrix_step), 4, 4, *_MATRIX),
-    ReferenceIntegrator("RK4, Euler angles", compiled_loop(_one.rk4_angles_step), 4, 4, *_ANGLES),
-    ReferenceIntegrator("RKMK4", compiled_loop(_one.rkmk4_step), 4, 4),
-    ReferenceIntegrator("CF4", compiled_loop(_one.cf4_step), 4, 4),
+    OneStepMethod("explicit Euler", compiled_loop(_one.explicit_euler_step), 1, 1),
+    OneStepMethod("semi-implicit Euler", compiled_loop(_one.semi_implicit_euler_step), 1, 1),
+    OneStepMethod("implicit midpoint", compiled_loop(_one.implicit_midpoint_step), 2, 0),
+    OneStepMethod("RK4, quaternion", compiled_loop(_one.rk4_step), 4, 4),
+    OneStepMethod("RK4, quaternion not normalised", compiled_loop(_one.rk4_not_normalised_step), 4, 4),
+    OneStepMethod("RK4, matrix", compiled_loop(_one.rk4_matrix_step), 4, 4, *_MATRIX),
+    OneStepMethod("RK4, Euler angles", compiled_loop(_one.rk4_angles_step), 4, 4, *_ANGLES),
+    OneStepMethod("RKMK4", compiled_loop(_one.rkmk4_step), 4, 4),
+    OneStepMethod("CF4", compiled_loop(_one.cf4_step), 4, 4),
 )
 _FREE = (
-    ReferenceIntegrator("Moser-Veselov", moser_veselov(2), 2, 0),
-    ReferenceIntegrator("Moser-Veselov, order 10", moser_veselov(10), 10, 0),
+    OneStepMethod("Moser-Veselov", moser_veselov(2), 2, 0),
+    OneStepMethod("Moser-Veselov, order 10", moser_veselov(10), 10, 0),
 )
 REFERENCE_INTEGRATORS = {integrator.name: integrator for integrator in _ALL}
 """By name: for any body and loads."""

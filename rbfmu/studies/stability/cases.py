@@ -8,7 +8,7 @@ import numpy as np
 from rbfmu.runs.models import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu.simulation import Result, simulate
-from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, ReferenceIntegrator
+from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, OneStepMethod
 from rbfmu_kernels.integrators import dop853, splitting
 from rbfmu_kernels.integrators.rigid_body_state import (
     ROTATION,
@@ -36,9 +36,9 @@ TOP_MOMENTS: Vec3 = (1.0, 1.0, 0.3)
 WEIGHT = Loads(ZERO, (0.0, 0.0, -1.0), ZERO, ZERO, ZERO)
 
 KICKS = {
-    "Strang": ReferenceIntegrator("Strang", splitting.strang_steps, 2, 1),
-    "RKN4": ReferenceIntegrator("RKN4", splitting.rkn4_steps, 4, 6),
-    "RKN6": ReferenceIntegrator("RKN6", splitting.rkn6_steps, 6, 11),
+    "Strang": OneStepMethod("Strang", splitting.strang_steps, 2, 1),
+    "RKN4": OneStepMethod("RKN4", splitting.rkn4_steps, 4, 6),
+    "RKN6": OneStepMethod("RKN6", splitting.rkn6_steps, 6, 11),
 }
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from rbfmu.runs.models import Plan
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.simulation import SimulationError, simulate
-from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, TORQUE_FREE_INTEGRATORS, ReferenceIntegrator
+from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, TORQUE_FREE_INTEGRATORS, OneStepMethod
 from rbfmu.studies.stability.cases import NO_LOADS, at, free_body
 from rbfmu.studies.stability.findings import AT_MOST, Finding
 from rbfmu.studies.stability.motions import attitude_error, references
@@ -76,7 +76,7 @@ def _verdict(ratio: float, turn: float, attitudes: Any) -> Verdict:
     return (RIGHT if error <= LARGEST_ERROR else WRONG), error
 
 
-def verdict_of_steps(method: ReferenceIntegrator, h: float, ratio: float) -> Verdict:
+def verdict_of_steps(method: OneStepMethod, h: float, ratio: float) -> Verdict:
     """Return the verdict of a one-step method at fixed step."""
     turn, n = steps_of_a_turn(h)
     y, attitudes, body = method.start(at(_Q_0, _OMEGA_0)), [], free_body(moments(ratio))
@@ -96,7 +96,7 @@ def verdict_of_product(ports: tuple[str, ...], planned: Plan | None, h: float, r
     return _verdict(ratio, turn, result.quaternion[n // CHECKS :: n // CHECKS])
 
 
-def _of_steps(method: ReferenceIntegrator) -> Callable[[float, float], Verdict]:
+def _of_steps(method: OneStepMethod) -> Callable[[float, float], Verdict]:
     return lambda h, ratio: verdict_of_steps(method, h, ratio)
 
 

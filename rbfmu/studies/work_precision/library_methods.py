@@ -16,7 +16,7 @@ from rbfmu.runs.model_buffer import aligned_zeros, filled_buffer, initialize
 from rbfmu.runs.models import Plan
 from rbfmu.runs.trajectory import substeps_counted
 from rbfmu.scene.scene import Scene, SceneError
-from rbfmu.studies.reference_methods import ReferenceIntegrator
+from rbfmu.studies.reference_methods import OneStepMethod
 from rbfmu.studies.work_precision.cases import Case
 from rbfmu.studies.work_precision.methods import (
     FixedSteps,
@@ -204,9 +204,9 @@ class ClosedForm(Planned):
 
 
 _KICKS = (
-    ReferenceIntegrator("kicks, order 2 (Strang)", strang_steps, 2, 1),
-    ReferenceIntegrator("kicks, order 4", rkn4_steps, 4, 6),
-    ReferenceIntegrator("kicks, order 6", rkn6_steps, 6, 11),
+    OneStepMethod("kicks, order 2 (Strang)", strang_steps, 2, 1),
+    OneStepMethod("kicks, order 4", rkn4_steps, 4, 6),
+    OneStepMethod("kicks, order 6", rkn6_steps, 6, 11),
 )
 
 

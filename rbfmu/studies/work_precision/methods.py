@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from numba import njit
 
-from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, TORQUE_FREE_INTEGRATORS, ReferenceIntegrator
+from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, TORQUE_FREE_INTEGRATORS, OneStepMethod
 from rbfmu.studies.reference_methods.one_step import midpoint
 from rbfmu.studies.work_precision.cases import CHECKPOINTS, Case
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
@@ -128,7 +128,7 @@ def _midpoint_rounds(loop: Any, y: Any, h: float, n: int, body: Body, loads: Loa
 class FixedSteps:
     """A one-step method, `rbfmu.studies.reference_methods` or alike."""
 
-    method: ReferenceIntegrator
+    method: OneStepMethod
     family: str
     applies: Callable[[Case], bool]
     setting: str = "step (s)"

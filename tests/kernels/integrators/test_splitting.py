@@ -1,4 +1,4 @@
-"""Kicks and exact drifts of symmetric bodies: orders, exactness without loads, truth under loads, kept quantities."""
+"""Splitting of symmetric bodies: orders, exactness without loads, truth under loads, kept quantities."""
 
 import math
 from collections.abc import Callable
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from rbfmu.studies.reference_methods import ReferenceIntegrator
+from rbfmu.studies.reference_methods import OneStepMethod
 from rbfmu_kernels.exact.free_rotation import free_rotation
 from rbfmu_kernels.integrators import splitting
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, Body, Loads, State
@@ -19,9 +19,9 @@ from rbfmu_kernels.rotations.quaternion import angle_between, normalize, rotate
 EPS = 2.0**-52
 ZERO = (0.0, 0.0, 0.0)
 STEPPERS = {
-    "Strang": ReferenceIntegrator("Strang", splitting.strang_steps, 2, 1),
-    "RKN4": ReferenceIntegrator("RKN4", splitting.rkn4_steps, 4, 6),
-    "RKN6": ReferenceIntegrator("RKN6", splitting.rkn6_steps, 6, 11),
+    "Strang": OneStepMethod("Strang", splitting.strang_steps, 2, 1),
+    "RKN4": OneStepMethod("RKN4", splitting.rkn4_steps, 4, 6),
+    "RKN6": OneStepMethod("RKN6", splitting.rkn6_steps, 6, 11),
 }
 MOMENTS = {"x": (0.4, 1.0, 1.0), "y": (1.0, 1.7, 1.0), "z": (1.0, 1.0, 0.3), "sphere": (0.7, 0.7, 0.7)}
 Q_0 = normalize((0.8, -0.3, 0.4, 0.2))

@@ -8,7 +8,7 @@ import pytest
 from rbfmu.studies.reference_methods import (
     REFERENCE_INTEGRATORS,
     TORQUE_FREE_INTEGRATORS,
-    ReferenceIntegrator,
+    OneStepMethod,
     one_step,
 )
 from rbfmu_kernels.exact.free_rotation import free_rotation
@@ -39,7 +39,7 @@ def _order(errors: list[float]) -> float:
 
 
 @pytest.mark.parametrize("method", (REFERENCE_INTEGRATORS | TORQUE_FREE_INTEGRATORS).values(), ids=lambda m: m.name)
-def test_order_on_a_free_body(method: ReferenceIntegrator) -> None:
+def test_order_on_a_free_body(method: OneStepMethod) -> None:
     q, omega = free_rotation(MOMENTS, TUMBLE.q_ab, TUMBLE.omega_b, 8.0)
     n = STEPS[method.order]
     runs = [method.run(TUMBLE, 8.0 / m, m, BRICK, NO_LOADS) for m in (n, 2 * n)]
@@ -48,7 +48,7 @@ def test_order_on_a_free_body(method: ReferenceIntegrator) -> None:
 
 
 @pytest.mark.parametrize("method", REFERENCE_INTEGRATORS.values(), ids=lambda m: m.name)
-def test_order_of_six_degrees_of_freedom_under_all_loads(method: ReferenceIntegrator) -> None:
+def test_order_of_six_degrees_of_freedom_under_all_loads(method: OneStepMethod) -> None:
     truth = START
     for _ in range(200):
         truth = rkn6_steps(truth, 0.01, 1, LOADED, LOADS)  # 4e-13 off SciPy's: see its own test
@@ -60,14 +60,14 @@ def test_order_of_six_degrees_of_freedom_under_all_loads(method: ReferenceIntegr
 
 
 @pytest.mark.parametrize("method", REFERENCE_INTEGRATORS.values(), ids=lambda m: m.name)
-def test_state_survives_the_method_s_form(method: ReferenceIntegrator) -> None:
+def test_state_survives_the_method_s_form(method: OneStepMethod) -> None:
     after = method.run(START, 0.1, 0, LOADED, LOADS)
     assert _angle(after, START.q_ab) < 6 * EPS
     assert (after.r_c, after.v_c, after.omega_b) == (START.r_c, START.v_c, START.omega_b)
 
 
 @pytest.mark.parametrize("method", REFERENCE_INTEGRATORS.values(), ids=lambda m: m.name)
-def test_drift_adds_up_over_calls_of_steps(method: ReferenceIntegrator) -> None:
+def test_drift_adds_up_over_calls_of_steps(method: OneStepMethod) -> None:
     once = method.steps(method.start(TUMBLE), 0.3, 200, BRICK, NO_LOADS)
     twice = method.start(TUMBLE)
     for _ in range(2):
