@@ -8,12 +8,8 @@ from .exact.free_rotation import free_rotation, free_rotation_at, free_rotation_
 from .mechanics.inertia import (
     add_scaled_matrix,
     adjugate_symmetric,
-    beam_inertia,
-    box_inertia,
     check_inertia,
-    cylinder_inertia,
     diagonal,
-    ellipsoid_inertia,
     inertia_of_points,
     inverse_inertia,
     parallel_axis,
@@ -21,7 +17,6 @@ from .mechanics.inertia import (
     principal_axes,
     rotate_inertia,
     scale_matrix,
-    sphere_inertia,
     trace,
 )
 from .mechanics.kinematics import compose_omega, point_acceleration, point_velocity, vector_rate
@@ -38,6 +33,13 @@ from .mechanics.newton_euler import (
     newton_euler_c,
     newton_euler_o,
     relative_acceleration,
+)
+from .mechanics.shape_inertia import (
+    beam_inertia,
+    box_inertia,
+    cylinder_inertia,
+    ellipsoid_inertia,
+    sphere_inertia,
 )
 from .numerics.elementary import atan2, sincos
 from .rotations.euler_angles import (

@@ -6,6 +6,7 @@ from rbfmu.arrays.inertia import check_inertia, inertia_of_points
 from rbfmu_kernels.mechanics import inertia as _inertia
 from rbfmu_kernels.mechanics import kinematics as _kinematics
 from rbfmu_kernels.mechanics import newton_euler as _rigid_body
+from rbfmu_kernels.mechanics import shape_inertia as _shapes
 from rbfmu_kernels.rotations import euler_angles as _euler
 from rbfmu_kernels.rotations import matrix as _rotation
 from rbfmu_kernels.rotations import quaternion as _quaternion
@@ -76,11 +77,11 @@ point_velocity = array_function(_kinematics.point_velocity)
 point_acceleration = array_function(_kinematics.point_acceleration)
 
 # Inertia
-beam_inertia = array_function(_inertia.beam_inertia)
-box_inertia = array_function(_inertia.box_inertia)
-cylinder_inertia = array_function(_inertia.cylinder_inertia)
-sphere_inertia = array_function(_inertia.sphere_inertia)
-ellipsoid_inertia = array_function(_inertia.ellipsoid_inertia)
+beam_inertia = array_function(_shapes.beam_inertia)
+box_inertia = array_function(_shapes.box_inertia)
+cylinder_inertia = array_function(_shapes.cylinder_inertia)
+sphere_inertia = array_function(_shapes.sphere_inertia)
+ellipsoid_inertia = array_function(_shapes.ellipsoid_inertia)
 parallel_axis = array_function(_inertia.parallel_axis)
 rotate_inertia = array_function(_inertia.rotate_inertia)
 principal_axes = array_function(_inertia.principal_axes)

@@ -10,6 +10,7 @@ from pydantic import Field
 from rbfmu.scene.fields import Flag, Numbers, Rule, SceneError, fault, flattened, numbers, positive
 from rbfmu.scene.section import Section, one_of
 from rbfmu_kernels.mechanics import inertia as _inertia
+from rbfmu_kernels.mechanics import shape_inertia as _shapes
 from rbfmu_kernels.quantities import BY_NAME
 from rbfmu_kernels.types import Matrix, Vec3
 
@@ -77,14 +78,14 @@ class _Beam(_Shape):
     length: Annotated[float, positive("m"), Field(description="beam along x: its length")]
 
     def inertia(self, mass: float) -> Matrix:
-        return _inertia.beam_inertia(mass, self.length)
+        return _shapes.beam_inertia(mass, self.length)
 
 
 class _Box(_Shape):
     sides: Annotated[Vec3, positive("m", 3), Field(description="box: its sides along x, y, z")]
 
     def inertia(self, mass: float) -> Matrix:
-        return _inertia.box_inertia(mass, self.sides)
+        return _shapes.box_inertia(mass, self.sides)
 
 
 class _Cylinder(_Shape):
@@ -92,21 +93,21 @@ class _Cylinder(_Shape):
     length: Annotated[float, positive("m"), Field(description="cylinder about z: its length")]
 
     def inertia(self, mass: float) -> Matrix:
-        return _inertia.cylinder_inertia(mass, self.radius, self.length)
+        return _shapes.cylinder_inertia(mass, self.radius, self.length)
 
 
 class _Sphere(_Shape):
     radius: Annotated[float, positive("m"), Field(description="sphere: its radius")]
 
     def inertia(self, mass: float) -> Matrix:
-        return _inertia.sphere_inertia(mass, self.radius)
+        return _shapes.sphere_inertia(mass, self.radius)
 
 
 class _Ellipsoid(_Shape):
     semiaxes: Annotated[Vec3, positive("m", 3), Field(description="ellipsoid: its semiaxes along x, y, z")]
 
     def inertia(self, mass: float) -> Matrix:
-        return _inertia.ellipsoid_inertia(mass, self.semiaxes)
+        return _shapes.ellipsoid_inertia(mass, self.semiaxes)
 
 
 SHAPES: Mapping[str, type[_Shape]] = {

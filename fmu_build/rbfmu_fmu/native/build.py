@@ -6,7 +6,8 @@ from pathlib import Path
 from rbfmu.runs.models import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu_fmu.archive import guid_of, scene_inside, write_archive, xml_bytes
-from rbfmu_fmu.description import Description, describe, model_description
+from rbfmu_fmu.description import Description, describe
+from rbfmu_fmu.fmi2_xml import model_description
 from rbfmu_fmu.native.headers import headers
 from rbfmu_fmu.native.linking import FLAGS, FMI2, HEADERS, linked, source, universal
 from rbfmu_fmu.native.object_code import object_files

@@ -11,7 +11,8 @@ from pythonfmu.builder import FmuBuilder
 from rbfmu.runs.models import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu_fmu.archive import guid_of, hash_of, json_bytes, kernel_sources, scene_inside, write_archive, xml_bytes
-from rbfmu_fmu.description import Description, describe, model_description
+from rbfmu_fmu.description import Description, describe
+from rbfmu_fmu.fmi2_xml import model_description
 from rbfmu_fmu.native.linking import EXPORTS, NoLinkerError, linked
 from rbfmu_fmu.native.object_code import object_files
 from rbfmu_fmu.native.platforms import this_platform

@@ -17,7 +17,8 @@ import numpy as np
 from .. import quantities
 from ..buffer import places
 from ..compile.decorator import kernel
-from ..numerics.double_double import DoubleDouble, dd_add, dd_multiply, dd_multiply_float, dd_scale, dd_subtract
+from ..numerics.double_double import dd_add, dd_multiply, dd_multiply_float, dd_scale, dd_subtract
+from ..numerics.double_double_arrays import add_cross, add_product, add_transform, clear, dd_at, put_dd
 from ..quantities import RELATIVE
 
 ORDER, TOLERANCE = 26, 1e-22
@@ -81,60 +82,20 @@ def _coefficients(k: int) -> int:
     return _ALL + k * _STATE_SIZE  # type: ignore[no-any-return]
 
 
-@kernel
-def _at(s: Any, i: int) -> DoubleDouble:
-    return (s[0, i], s[1, i])
-
-
-@kernel
-def _put(s: Any, i: int, a: DoubleDouble) -> None:
-    s[0, i], s[1, i] = a
-
-
-@kernel(inline=False)
-def _add_product(s: Any, out: int, c: Any, i: int, x: Any, j: int) -> None:
-    """Add c[i] x[j] to s[out]."""
-    _put(s, out, dd_add(_at(s, out), dd_multiply(_at(c, i), _at(x, j))))
-
-
-@kernel(inline=False)
-def _cross(s: Any, out: int, a: Any, i: int, b: Any, j: int) -> None:
-    """Add a[i:] x b[j:] to s[out:]."""
-    for n in range(3):
-        y, z = (n + 1) % 3, (n + 2) % 3
-        _add_product(s, out + n, a, i + y, b, j + z)
-        left = dd_multiply(_at(a, i + z), _at(b, j + y))
-        _put(s, out + n, dd_subtract(_at(s, out + n), left))
-
-
-@kernel(inline=False)
-def _transform(s: Any, out: int, c: Any, i: int, x: Any, j: int) -> None:
-    """Add (matrix at c[i:]) x[j:] to s[out:]."""
-    for n in range(3):
-        for k in range(3):
-            _add_product(s, out + n, c, i + 3 * n + k, x, j + k)
-
-
-@kernel(inline=False)
-def _clear(s: Any, first: int, count: int) -> None:
-    for i in range(first, first + count):
-        s[0, i] = s[1, i] = 0.0
-
-
 @kernel(inline=False)
 def _put_torque(c: Any, x: Any, j: int, s: Any, known: bool) -> None:
     """Put into the scratch s the torque by all loads, without the gyroscopic one, of the coefficients x[j:]."""
-    _clear(s, _S_TORQUE, 3)
-    _clear(s, _S_LEVER_FORCE, 3)
+    clear(s, _S_TORQUE, 3)
+    clear(s, _S_LEVER_FORCE, 3)
     for n in range(3):
         if known:
-            _put(s, _S_TORQUE + n, _at(c, _TORQUE_B + n))
-        damping = dd_multiply(_at(c, _DAMPING + n), _at(x, j + _OMEGA + n))
-        _put(s, _S_TORQUE + n, dd_subtract(_at(s, _S_TORQUE + n), damping))
+            put_dd(s, _S_TORQUE + n, dd_at(c, _TORQUE_B + n))
+        damping = dd_multiply(dd_at(c, _DAMPING + n), dd_at(x, j + _OMEGA + n))
+        put_dd(s, _S_TORQUE + n, dd_subtract(dd_at(s, _S_TORQUE + n), damping))
         for row in range(3):
-            _add_product(s, _S_TORQUE + n, c, _TORQUE_A + row, x, j + _R_AB + 3 * row + n)
-            _add_product(s, _S_LEVER_FORCE + n, c, _FORCE_A + row, x, j + _R_AB + 3 * row + n)
-    _cross(s, _S_TORQUE, c, _ARM, s, _S_LEVER_FORCE)
+            add_product(s, _S_TORQUE + n, c, _TORQUE_A + row, x, j + _R_AB + 3 * row + n)
+            add_product(s, _S_LEVER_FORCE + n, c, _FORCE_A + row, x, j + _R_AB + 3 * row + n)
+    add_cross(s, _S_TORQUE, c, _ARM, s, _S_LEVER_FORCE)
 
 
 @kernel(inline=False)
@@ -153,13 +114,13 @@ def _keep_factors(s: Any, k: int) -> None:
 @kernel(inline=False)
 def _cross_terms(s: Any, k: int) -> None:
     """Compute the k-th coefficients of all cross products with the rate; the compiler makes vectors of the lanes."""
-    _clear(s, _PRODUCTS, _CROSSED)
+    clear(s, _PRODUCTS, _CROSSED)
     for j in range(k + 1):
         a, b = j * _CROSSED, (k - j) * _CROSSED
         for i in range(_CROSSED):
-            one = dd_multiply(_at(s, _FIRST + a + i), _at(s, _RATE_1 + b + i))
-            other = dd_multiply(_at(s, _SECOND + a + i), _at(s, _RATE_2 + b + i))
-            _put(s, _PRODUCTS + i, dd_add(_at(s, _PRODUCTS + i), dd_subtract(one, other)))
+            one = dd_multiply(dd_at(s, _FIRST + a + i), dd_at(s, _RATE_1 + b + i))
+            other = dd_multiply(dd_at(s, _SECOND + a + i), dd_at(s, _RATE_2 + b + i))
+            put_dd(s, _PRODUCTS + i, dd_add(dd_at(s, _PRODUCTS + i), dd_subtract(one, other)))
 
 
 @kernel(inline=False)
@@ -171,20 +132,20 @@ def _expand(c: Any, s: Any, scratch: Any, unit: float) -> None:
         _cross_terms(s, k)
         _put_torque(c, s, x, scratch, k == 0)
         for n in range(3):
-            _put(scratch, _S_TORQUE + n, dd_add(_at(scratch, _S_TORQUE + n), _at(s, _PRODUCTS + _MOMENTUM + n)))
-        _clear(s, y, _STATE_SIZE)
-        _transform(s, y + _OMEGA, c, _M_INVERSE, scratch, _S_TORQUE)
+            put_dd(scratch, _S_TORQUE + n, dd_add(dd_at(scratch, _S_TORQUE + n), dd_at(s, _PRODUCTS + _MOMENTUM + n)))
+        clear(s, y, _STATE_SIZE)
+        add_transform(s, y + _OMEGA, c, _M_INVERSE, scratch, _S_TORQUE)
         for i in range(_MOMENTUM):
-            _put(s, y + i, _at(s, _PRODUCTS + i))
+            put_dd(s, y + i, dd_at(s, _PRODUCTS + i))
         for n in range(3):
-            _put(s, y + _VELOCITY + n, _at(c, _A_STEADY + n) if k == 0 else (0.0, 0.0))
-            _put(s, y + _POSITION + n, _at(s, x + _VELOCITY + n))
+            put_dd(s, y + _VELOCITY + n, dd_at(c, _A_STEADY + n) if k == 0 else (0.0, 0.0))
+            put_dd(s, y + _POSITION + n, dd_at(s, x + _VELOCITY + n))
             for i in range(3):
-                _add_product(s, y + _VELOCITY + n, c, _A_TURNING + i, s, x + _R_AB + 3 * n + i)
+                add_product(s, y + _VELOCITY + n, c, _A_TURNING + i, s, x + _R_AB + 3 * n + i)
         per = dd_scale(unit, (_PER[0, k], _PER[1, k]))
         for i in range(_STATE_SIZE):
-            _put(s, y + i, dd_multiply(per, _at(s, y + i)))
-        _transform(s, y + _MOMENTUM, c, _M, s, y + _OMEGA)
+            put_dd(s, y + i, dd_multiply(per, dd_at(s, y + i)))
+        add_transform(s, y + _MOMENTUM, c, _M, s, y + _OMEGA)
         _keep_factors(s, k + 1)
 
 
@@ -217,11 +178,11 @@ def _evaluate(s: Any, t: float, low: float, state: Any) -> None:
     """Put the state at a time t + low (in units of time) after the series' beginning."""
     x = _coefficients(ORDER)
     for i in range(_STATE_SIZE):
-        _put(state, i, _at(s, x + i))
+        put_dd(state, i, dd_at(s, x + i))
     for k in range(ORDER - 1, -1, -1):
         x = _coefficients(k)
         for i in range(_STATE_SIZE):
-            _put(state, i, dd_add(dd_multiply((t, low), _at(state, i)), _at(s, x + i)))
+            put_dd(state, i, dd_add(dd_multiply((t, low), dd_at(state, i)), dd_at(s, x + i)))
 
 
 @kernel
@@ -236,9 +197,9 @@ def _unit_of_time(c: Any, state: Any, scratch: Any) -> float:
 def _put_alpha(c: Any, state: Any, scratch: Any) -> None:
     """Put the angular acceleration of a state into the scratch, and the torque with the gyroscopic one."""
     _put_torque(c, state, 0, scratch, True)
-    _cross(scratch, _S_TORQUE, state, _MOMENTUM, state, _OMEGA)
-    _clear(scratch, _S_ALPHA, 3)
-    _transform(scratch, _S_ALPHA, c, _M_INVERSE, scratch, _S_TORQUE)
+    add_cross(scratch, _S_TORQUE, state, _MOMENTUM, state, _OMEGA)
+    clear(scratch, _S_ALPHA, 3)
+    add_transform(scratch, _S_ALPHA, c, _M_INVERSE, scratch, _S_TORQUE)
 
 
 @kernel(inline=False)
@@ -252,14 +213,14 @@ def reference_motion(c: Any, state: Any, times: Any, rows: Any, most: int, s: An
     while k < times.shape[1]:
         unit = _unit_of_time(c, state, scratch)
         for i in range(_STATE_SIZE):
-            _put(s, _coefficients(0) + i, _at(state, i))
+            put_dd(s, _coefficients(0) + i, dd_at(state, i))
         _expand(c, s, scratch, unit)
         longest = _longest(s)
         steps += 1
         if steps > most or not longest > 0.0:
             return -1
         while k < times.shape[1]:
-            t = dd_scale(1.0 / unit, dd_subtract(_at(times, k), now))
+            t = dd_scale(1.0 / unit, dd_subtract(dd_at(times, k), now))
             if t[0] > longest:
                 break
             _evaluate(s, t[0], t[1], state)
@@ -274,30 +235,30 @@ def reference_motion(c: Any, state: Any, times: Any, rows: Any, most: int, s: An
 @kernel(inline=False)
 def _put_outputs(c: Any, x: Any, s: Any, rows: Any, k: int) -> None:
     """Set row k of the outputs, from the state in double-double and rounded at the end."""
-    _clear(s, 0, SCRATCH)
+    clear(s, 0, SCRATCH)
     _put_alpha(c, x, s)
-    _cross(s, _S_V_OC_B, x, _OMEGA, c, _R_OC)
-    _cross(s, _S_A_OC_B, x, _OMEGA, s, _S_V_OC_B)
-    _cross(s, _S_A_OC_B, s, _S_ALPHA, c, _R_OC)
-    _transform(s, _S_R_OC, x, _R_AB, c, _R_OC)
-    _transform(s, _S_V_OC, x, _R_AB, s, _S_V_OC_B)
-    _transform(s, _S_A_OC, x, _R_AB, s, _S_A_OC_B)
-    _transform(s, _S_A_TURNING, x, _R_AB, c, _A_TURNING)
-    _transform(s, _S_OMEGA_A, x, _R_AB, x, _OMEGA)
-    _transform(s, _S_MOMENTUM, x, _R_AB, x, _MOMENTUM)
+    add_cross(s, _S_V_OC_B, x, _OMEGA, c, _R_OC)
+    add_cross(s, _S_A_OC_B, x, _OMEGA, s, _S_V_OC_B)
+    add_cross(s, _S_A_OC_B, s, _S_ALPHA, c, _R_OC)
+    add_transform(s, _S_R_OC, x, _R_AB, c, _R_OC)
+    add_transform(s, _S_V_OC, x, _R_AB, s, _S_V_OC_B)
+    add_transform(s, _S_A_OC, x, _R_AB, s, _S_A_OC_B)
+    add_transform(s, _S_A_TURNING, x, _R_AB, c, _A_TURNING)
+    add_transform(s, _S_OMEGA_A, x, _R_AB, x, _OMEGA)
+    add_transform(s, _S_MOMENTUM, x, _R_AB, x, _MOMENTUM)
     free = c[0, _MASS] > 0.0
     for n in range(3):
-        here, speed = _at(x, _POSITION + n), _at(x, _VELOCITY + n)
+        here, speed = dd_at(x, _POSITION + n), dd_at(x, _VELOCITY + n)
         if free:
-            here, speed = dd_subtract(here, _at(s, _S_R_OC + n)), dd_subtract(speed, _at(s, _S_V_OC + n))
-        a_o = dd_subtract(dd_add(_at(c, _A_STEADY + n), _at(s, _S_A_TURNING + n)), _at(s, _S_A_OC + n))
+            here, speed = dd_subtract(here, dd_at(s, _S_R_OC + n)), dd_subtract(speed, dd_at(s, _S_V_OC + n))
+        a_o = dd_subtract(dd_add(dd_at(c, _A_STEADY + n), dd_at(s, _S_A_TURNING + n)), dd_at(s, _S_A_OC + n))
         rows[k, _OUT_POSITION + n], rows[k, _OUT_VELOCITY + n] = here[0], speed[0]
         rows[k, _OUT_ACCELERATION + n] = a_o[0] if free else 0.0
         rows[k, _OUT_OMEGA_B + n], rows[k, _OUT_OMEGA_A + n] = x[0, _OMEGA + n], s[0, _S_OMEGA_A + n]
         rows[k, _OUT_ALPHA + n], rows[k, _OUT_MOMENTUM + n] = s[0, _S_ALPHA + n], s[0, _S_MOMENTUM + n]
-        _add_product(s, _S_OMEGA_DOT_MOMENTUM, x, _OMEGA + n, x, _MOMENTUM + n)
-        _add_product(s, _S_V_SQUARED, x, _VELOCITY + n, x, _VELOCITY + n)
-    energy = dd_add(_at(s, _S_OMEGA_DOT_MOMENTUM), dd_multiply(_at(c, _MASS), _at(s, _S_V_SQUARED)))
+        add_product(s, _S_OMEGA_DOT_MOMENTUM, x, _OMEGA + n, x, _MOMENTUM + n)
+        add_product(s, _S_V_SQUARED, x, _VELOCITY + n, x, _VELOCITY + n)
+    energy = dd_add(dd_at(s, _S_OMEGA_DOT_MOMENTUM), dd_multiply(dd_at(c, _MASS), dd_at(s, _S_V_SQUARED)))
     rows[k, _OUT_ENERGY] = dd_multiply_float(energy, 0.5)[0]
     for i in range(9):
         rows[k, _OUT_R_AB + i] = x[0, _R_AB + i]

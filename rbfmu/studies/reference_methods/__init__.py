@@ -12,6 +12,7 @@ from typing import Any
 
 from numba import njit
 
+from rbfmu.studies.reference_methods import attitude_forms as _forms
 from rbfmu.studies.reference_methods import one_step as _one
 from rbfmu.studies.reference_methods.moser_veselov import moser_veselov
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
@@ -28,8 +29,8 @@ class OneStepMethod:
     steps: Steps
     order: int
     evaluations: int
-    start: Callable[[State], Any] = field(default=_one.as_it_is)
-    state_of: Callable[[Any], State] = field(default=_one.with_unit_quaternion)
+    start: Callable[[State], Any] = field(default=_forms.as_it_is)
+    state_of: Callable[[Any], State] = field(default=_forms.with_unit_quaternion)
 
     def run(self, state: State, h: float, n: int, body: Body, loads: Loads) -> State:
         """Return the state after n steps of h."""
@@ -48,7 +49,7 @@ def compiled_loop(step: Callable[[Any, float, Body, Loads], Any]) -> Steps:
     return loop  # type: ignore[no-any-return]
 
 
-_MATRIX, _ANGLES = (_one.with_matrix, _one.from_matrix), (_one.with_angles, _one.from_angles)
+_MATRIX, _ANGLES = (_forms.with_matrix, _forms.from_matrix), (_forms.with_angles, _forms.from_angles)
 _ALL = (
     OneStepMethod("explicit Euler", compiled_loop(_one.explicit_euler_step), 1, 1),
     OneStepMethod("semi-implicit Euler", compiled_loop(_one.semi_implicit_euler_step), 1, 1),

@@ -1,8 +1,8 @@
-"""the reference integrators' steps, `step(y, h, body, loads) -> y`, and the forms in which they hold the attitude."""
+"""The reference integrators' steps, `step(y, h, body, loads) -> y`."""
 
 import math
-from typing import NamedTuple
 
+from rbfmu.studies.reference_methods.attitude_forms import MatrixState, VectorState
 from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.mechanics.equations_of_motion import (
     Body,
@@ -16,41 +16,18 @@ from rbfmu_kernels.mechanics.equations_of_motion import (
 from rbfmu_kernels.mechanics.inertia import add_scaled_matrix
 from rbfmu_kernels.rotations.euler_angles import (
     ZYX,
-    euler_from_quaternion,
     euler_rate_b,
     matrix_from_euler,
-    quaternion_from_euler,
 )
 from rbfmu_kernels.rotations.matrix import (
     invert_matrix,
-    matrix_from_quaternion,
     matrix_rate_b,
-    quaternion_from_matrix,
     transform,
 )
-from rbfmu_kernels.rotations.quaternion import add_scaled_quaternion, compose_quaternions, normalize, quaternion_rate_b
+from rbfmu_kernels.rotations.quaternion import add_scaled_quaternion, compose_quaternions, quaternion_rate_b
 from rbfmu_kernels.rotations.rotation_vector import quaternion_from_rotvec
 from rbfmu_kernels.rotations.vec3 import add, add_scaled, cross, scale, subtract
 from rbfmu_kernels.types import Matrix, Quaternion, Vec3
-
-
-class MatrixState(NamedTuple):
-    """A state whose attitude is R_ab, or its time derivative."""
-
-    r_c: Vec3
-    v_c: Vec3
-    R_ab: Matrix
-    omega_b: Vec3
-
-
-class VectorState(NamedTuple):
-    """A state whose attitude is three Euler angles or a rotation vector, or its time derivative."""
-
-    r_c: Vec3
-    v_c: Vec3
-    attitude: Vec3
-    omega_b: Vec3
-
 
 NONE: Vec3 = (0.0, 0.0, 0.0)
 NO_TURN: Quaternion = (1.0, 0.0, 0.0, 0.0)
@@ -274,47 +251,3 @@ def cf4_step(state: State, h: float, body: Body, loads: Loads) -> State:
     lean = scale(h / 6.0, subtract(k1.attitude, k4.attitude))
     q = compose_quaternions(q, quaternion_from_rotvec(add(u, lean)))
     return State(r, v, compose_quaternions(q, quaternion_from_rotvec(subtract(u, lean))), omega)
-
-
-# Forms of the attitude
-
-
-@kernel
-def as_it_is(state: State) -> State:
-    """Return the state itself."""
-    return state
-
-
-@kernel(inline=False)
-def with_unit_quaternion(state: State) -> State:
-    """Return the state, its quaternion scaled to length 1."""
-    r, v, q, omega = state
-    return State(r, v, normalize(q), omega)
-
-
-@kernel(inline=False)
-def with_matrix(state: State) -> MatrixState:
-    """Return the state with R_ab for q_ab."""
-    r, v, q, omega = state
-    return MatrixState(r, v, matrix_from_quaternion(q), omega)
-
-
-@kernel(inline=False)
-def from_matrix(state: MatrixState) -> State:
-    """Return the state with the unit quaternion nearest to R_ab."""
-    r, v, R_ab, omega = state
-    return State(r, v, quaternion_from_matrix(R_ab), omega)
-
-
-@kernel(inline=False)
-def with_angles(state: State) -> VectorState:
-    """Return the state with (yaw, pitch, roll) for q_ab."""
-    r, v, q, omega = state
-    return VectorState(r, v, euler_from_quaternion(ZYX, q), omega)
-
-
-@kernel(inline=False)
-def from_angles(state: VectorState) -> State:
-    """Return the state with q_ab for (yaw, pitch, roll)."""
-    r, v, angles, omega = state
-    return State(r, v, quaternion_from_euler(ZYX, angles), omega)

@@ -10,7 +10,7 @@ import pytest
 from numba import njit
 
 import rbfmu
-from rbfmu_kernels.mechanics import inertia
+from rbfmu_kernels.mechanics import inertia, shape_inertia
 from rbfmu_kernels.rotations.matrix import matrix_from_quaternion
 
 EPS = 2.0**-52
@@ -69,11 +69,11 @@ def parabola(radius):
 
 
 SHAPES = {
-    "beam": (inertia.beam_inertia, 1, lambda l: [uniform(l), mp.mpf(0), mp.mpf(0)], 2),
-    "box": (inertia.box_inertia, 3, lambda a, b, c: [uniform(a), uniform(b), uniform(c)], 2),
-    "cylinder": (inertia.cylinder_inertia, 2, lambda r, l: [half_ellipse(r), half_ellipse(r), uniform(l)], 2),
-    "sphere": (inertia.sphere_inertia, 1, lambda r: [parabola(r)] * 3, 2),
-    "ellipsoid": (inertia.ellipsoid_inertia, 3, lambda a, b, c: [parabola(a), parabola(b), parabola(c)], 2),
+    "beam": (shape_inertia.beam_inertia, 1, lambda l: [uniform(l), mp.mpf(0), mp.mpf(0)], 2),
+    "box": (shape_inertia.box_inertia, 3, lambda a, b, c: [uniform(a), uniform(b), uniform(c)], 2),
+    "cylinder": (shape_inertia.cylinder_inertia, 2, lambda r, l: [half_ellipse(r), half_ellipse(r), uniform(l)], 2),
+    "sphere": (shape_inertia.sphere_inertia, 1, lambda r: [parabola(r)] * 3, 2),
+    "ellipsoid": (shape_inertia.ellipsoid_inertia, 3, lambda a, b, c: [parabola(a), parabola(b), parabola(c)], 2),
 }
 
 
@@ -94,7 +94,7 @@ def test_inertia_of_a_shape_is_its_integral(shape):
 
 
 def test_a_beam_has_no_moment_about_itself():
-    assert inertia.beam_inertia(3.0, 2.0) == ((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    assert shape_inertia.beam_inertia(3.0, 2.0) == ((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 def test_parallel_axis_is_the_inertia_of_the_same_points_about_another():
@@ -374,7 +374,7 @@ def test_inverse_inertia_of_a_turned_beam_is_its_pseudo_inverse():
     worst = 0.0
     for _ in range(100):
         R = np.array(random_rotation(rng))
-        M = inertia.rotate_inertia(tuples(R), inertia.beam_inertia(2.0, 3.0))
+        M = inertia.rotate_inertia(tuples(R), shape_inertia.beam_inertia(2.0, 3.0))
         truth = R @ np.diag([0, 1 / 1.5, 1 / 1.5]) @ R.T
         worst = max(worst, 1.5 * np.max(np.abs(np.array(inertia.inverse_inertia(M)) - truth)))
     assert worst <= 9 * EPS
@@ -400,7 +400,7 @@ def test_check_inertia_allows_round_off_and_no_more(excess, reason, scale):
 def test_check_inertia_allows_a_beam_and_a_particle_in_any_axes():
     rng = np.random.default_rng(11)
     for scale in SCALES:
-        M = inertia.rotate_inertia(random_rotation(rng), inertia.beam_inertia(scale, 3.0))
+        M = inertia.rotate_inertia(random_rotation(rng), shape_inertia.beam_inertia(scale, 3.0))
         assert inertia.check_inertia(M) == 0.0
     assert inertia.check_inertia(inertia.diagonal((0.0, 0.0, 0.0))) == 0.0
     assert inertia.check_inertia(inertia.point_inertia(2.0, (1.0, 2.0, 3.0))) == 0.0

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import rbfmu
-from rbfmu_kernels.mechanics import inertia, kinematics, newton_euler
+from rbfmu_kernels.mechanics import inertia, kinematics, newton_euler, shape_inertia
 from rbfmu_kernels.rotations import matrix, vec3
 from tests.support import exact
 from tests.support.exact import EPS
@@ -22,7 +22,9 @@ from tests.support.laws import Law
 
 A, B, C, D = (random_vectors(300, seed) for seed in range(101, 105))
 MASSES = (10.0 ** rng(105).uniform(-3, 3, 300)).tolist()
-BOXES = [inertia.box_inertia(m, tuple(s)) for m, s in zip(MASSES, rng(106).uniform(0.1, 2.0, (300, 3)), strict=True)]
+BOXES = [
+    shape_inertia.box_inertia(m, tuple(s)) for m, s in zip(MASSES, rng(106).uniform(0.1, 2.0, (300, 3)), strict=True)
+]
 INERTIAS = [
     inertia.rotate_inertia(R, M) for R, M in zip(rotation_matrices(random_quaternions(300, 107)), BOXES, strict=True)
 ]
@@ -93,7 +95,7 @@ sides = st.tuples(*[st.floats(0.1, 2.0)] * 3)
 
 def body(mass, box, q):
     """Inertia of a box in any axes, and its condition."""
-    M = inertia.rotate_inertia(matrix.matrix_from_quaternion(q), inertia.box_inertia(mass, box))
+    M = inertia.rotate_inertia(matrix.matrix_from_quaternion(q), shape_inertia.box_inertia(mass, box))
     return M, float(np.linalg.cond(np.array(M)))
 
 
@@ -162,7 +164,7 @@ def test_loads_about_o_at_the_centre_of_mass_are_those_about_c(mass, box, q, ome
 
 def test_a_ball_on_a_string_is_held_by_the_centripetal_force():
     """Mass 2 at 3 m from o, turning at 4 rad/s about z: 2 * 3 * 16 = 96 N towards o, and no torque about o."""
-    M_o = inertia.parallel_axis(inertia.sphere_inertia(2.0, 0.5), 2.0, (3.0, 0.0, 0.0))
+    M_o = inertia.parallel_axis(shape_inertia.sphere_inertia(2.0, 0.5), 2.0, (3.0, 0.0, 0.0))
     loads = newton_euler.inverse_newton_euler_o(2.0, M_o, (3.0, 0.0, 0.0), (0.0, 0.0, 4.0), ZERO, ZERO)
     assert loads == ((-96.0, 0.0, 0.0), ZERO)
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import rbfmu
-from rbfmu_kernels.mechanics import inertia, newton_euler
+from rbfmu_kernels.mechanics import inertia, newton_euler, shape_inertia
 from rbfmu_kernels.rotations.matrix import matrix_from_quaternion
 from rbfmu_kernels.rotations.quaternion import normalize, rotate
 
@@ -62,7 +62,7 @@ def difference(v, truth):
 
 def random_inertia(rng, diagonal=False):
     """Moments of a box, in random axes unless diagonal."""
-    box = inertia.box_inertia(1.0, tuple(rng.uniform(0.3, 1.5, 3).tolist()))
+    box = shape_inertia.box_inertia(1.0, tuple(rng.uniform(0.3, 1.5, 3).tolist()))
     q = normalize(tuple(rng.normal(size=4).tolist()))
     return box if diagonal else inertia.rotate_inertia(matrix_from_quaternion(q), box)
 
@@ -142,7 +142,7 @@ def test_euler_equation_in_principal_axes_keeps_each_component_s_digits():
 
 @given(st.floats(1e-3, 1e3), VECTOR)
 def test_a_ball_has_no_gyroscopic_torque(mass, omega):
-    assert newton_euler.gyroscopic_torque(inertia.sphere_inertia(mass, 0.7), omega) == (0.0, 0.0, 0.0)
+    assert newton_euler.gyroscopic_torque(shape_inertia.sphere_inertia(mass, 0.7), omega) == (0.0, 0.0, 0.0)
 
 
 @given(st.integers(0, 2), st.floats(0.1, 3.0), st.floats(0.1, 3.0), VECTOR)
@@ -178,7 +178,7 @@ def test_a_turned_beam_does_not_accelerate_about_itself_but_for_round_off():
     worst = 0.0
     for _ in range(100):
         R = matrix_from_quaternion(normalize(tuple(rng.normal(size=4).tolist())))
-        M = inertia.rotate_inertia(R, inertia.beam_inertia(1.0, 3.0))  # its axis is R's first column
+        M = inertia.rotate_inertia(R, shape_inertia.beam_inertia(1.0, 3.0))  # its axis is R's first column
         across, torque = rng.normal(size=2), rng.normal(size=3)
         omega = np.array(R) @ np.array([0.0, *across])
         alpha = np.array(newton_euler.euler_equation(M, tuple(omega.tolist()), tuple(torque.tolist())))
