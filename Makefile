@@ -22,7 +22,7 @@ test:
 	NUMBA_DISABLE_JIT=1 $(BIN)/pytest -n 2 --dist loadfile $(CORE) || status=1; exit $$status
 
 slow:
-	$(BIN)/pytest -v -m slow
+	$(BIN)/pytest -v -n 2 -m slow
 
 demo:
 	$(BIN)/rbfmu demo
