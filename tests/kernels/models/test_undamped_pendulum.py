@@ -16,7 +16,7 @@ from tests.kernels.exact.test_plane_pendulum import truth
 from tests.support import reference_mp as reference
 from tests.support.fmu.fmu_importer import ERROR, OK, Fmu
 from tests.support.fmu.fmus import unzipped_at
-from tests.support.unit_cases import EPS, GRAVITY, NO_GRAVITY, TRIAXIAL, Unit, assert_refused
+from tests.support.model_cases import EPS, GRAVITY, NO_GRAVITY, TRIAXIAL, Unit, assert_refused
 
 MODEL = "undamped pendulum"
 RUN = {"stop": 8.0, "step": 0.5, "accuracy": 1e-12}

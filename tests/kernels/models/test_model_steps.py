@@ -10,7 +10,7 @@ from rbfmu.runs.errors import attitude_error
 from rbfmu.runs.models import MODELS, Plan
 from rbfmu_kernels.buffer import FAULTS, NEGATIVE
 from rbfmu_kernels.quantities import active_flags
-from tests.support.unit_cases import (
+from tests.support.model_cases import (
     EPS,
     GRAVITY,
     LEANING,

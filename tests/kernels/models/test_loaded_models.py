@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from rbfmu.runs.errors import attitude_error
 from rbfmu_kernels.quantities import OUTPUT
 from tests.support import reference_mp as reference
-from tests.support.unit_cases import (
+from tests.support.model_cases import (
     EPS,
     GRAVITY,
     LOADED,
