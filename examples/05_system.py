@@ -30,7 +30,7 @@ STEP, STEPS = 0.125, 480
 
 
 def build(folder: Path, kind: str) -> None:
-    """The three FMUs and the system file that names them."""
+    """Write the three FMUs and the system file that names them."""
     rbfmu_fmu.build(SATELLITE, folder / "satellite.fmu", kind=kind)
     rbfmu_fmu.build(NAVIGATOR, folder / "navigator.fmu", kind=kind)
     FmuBuilder.build_FMU(SYSTEM / "controller.py", dest=folder).replace(folder / "controller.fmu")
@@ -38,7 +38,7 @@ def build(folder: Path, kind: str) -> None:
 
 
 def through_libcosim(folder: Path) -> np.ndarray:
-    """The satellite's attitude and the navigator's after each step, (STEPS, 8)."""
+    """Return the satellite's attitude and the navigator's after each step, (STEPS, 8)."""
     from libcosimpy.CosimExecution import CosimExecution
     from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
     from libcosimpy.CosimObserver import CosimObserver
@@ -76,7 +76,7 @@ class Unit:
 
 
 def by_direct_calls() -> np.ndarray:
-    """The same loop in Python: every unit steps with what the others said before."""
+    """Run the same loop in Python: every unit steps with what the others said before."""
     from controller import control
 
     satellite, navigator, torque = Unit(SATELLITE), Unit(NAVIGATOR), [0.0, 0.0, 0.0]

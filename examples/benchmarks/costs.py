@@ -136,7 +136,7 @@ def chosen_by_hand() -> list[tuple[Scene, Plan]]:
 
 
 def measured(plans: Sequence[tuple[Scene, Plan]], rounds: int, k: int) -> list[Figure]:
-    """The least of many rounds, at the speed of the table of substeps."""
+    """Return the least of many rounds, at the speed of the table of substeps."""
     found, orders = [], (8, 12, 16)
     for scene, planned in plans:
         wanted = scene.outputs.quantities
@@ -180,13 +180,13 @@ def without(model: str) -> Iterator[None]:
 
 
 def served(model: str) -> Scene:
-    """A scene for which the model is planned."""
+    """Return a scene for which the model is planned."""
     body, asked = SERVED[model]
     return scene_of(body, (asked,), 1e-4, 0.1)
 
 
 def worth(model: str, rounds: int, k: int) -> float:
-    """A scene's steps without the model that serves it, over those with it: the median of runs in turn."""
+    """Return a scene's steps without the model that serves it, over those with it: the median of runs in turn."""
     scene = served(model)
     found = rbfmu.plan(scene)
     with without(model):

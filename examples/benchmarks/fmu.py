@@ -126,7 +126,7 @@ def _ignore(*arguments: Any) -> None:
 
 
 def _real_arguments(references: list[int]) -> tuple[Any, Any, Any]:
-    """References, their number and values, of fmi2SetReal and fmi2GetReal."""
+    """Return references, their number and values, of fmi2SetReal and fmi2GetReal."""
     n = len(references)
     return (ctypes.c_uint * n)(*references), ctypes.c_size_t(n), (ctypes.c_double * n)(*[0.1] * n)
 

@@ -96,7 +96,7 @@ def _in_rk4_steps(omega: Any, rounds: int, n: int) -> dict[str, float]:
 
 
 def _many_times(rounds: int) -> float:
-    """The array function sets up once for all times of a body."""
+    """Return the cost of many times of one body, which is set up once, over that of many bodies."""
     omega = RATES["generic"]
     times, bodies = np.linspace(0.0, 10.0, MANY), np.broadcast_to(omega, (MANY, 3)).copy()
     seconds = _least({

@@ -54,7 +54,7 @@ class Competitor:
     repeat: Callable[[int], Any]
 
     def seconds(self, k: int) -> float:
-        """That k runs take of the processor, after one to warm up: what others do meanwhile does not count."""
+        """Return the processor time of k runs, s, after one to warm up."""
         self.repeat(1)
         begin = process_time()
         self.repeat(k)
@@ -78,7 +78,7 @@ class Row:
 
 
 def reference(scene: rbfmu.Scene) -> list[Values]:
-    """The scene's quantities at the checkpoints, by 40-digit arithmetic; at rest where rates are prescribed (zero)."""
+    """Return quantities at the checkpoints, by 40-digit arithmetic; at rest where rates are prescribed (zero)."""
     count = range(1, CHECKPOINTS + 1)
     if scene.body is None:
         return [{"quaternion": np.array(scene.initial.quaternion)} for _ in count]
@@ -90,7 +90,7 @@ def reference(scene: rbfmu.Scene) -> list[Values]:
 
 
 def quantities(scene: rbfmu.Scene, q: Any, omega_b: Any, r_c: Any, v_c: Any = None) -> Values:
-    """What the scene asks for, of a state; roll, pitch and yaw as the attitude that they are."""
+    """Return what the scene asks for, of a state; roll, pitch and yaw as the attitude that they are."""
     body = scene.body
     assert body is not None
     arm, held = np.array(body.r_oc_b), np.array(scene.initial.position)
@@ -128,7 +128,7 @@ def _runs(step: Any, z: Any, start: Any, h: float, n: int, k: int) -> int:
 
 
 def own(scene: rbfmu.Scene, who: str, planned: Any, true: list[Values]) -> Competitor:
-    """A plan's unit, stepped at the scene's communication step; the full model with all outputs."""
+    """Return a plan's unit, stepped at the scene's communication step; the full model with all outputs."""
     unit, start = planned.unit, filled_buffer(with_all_outputs(scene) if who == "full" else scene, planned)
     initialize(scene, unit, start)
     z, n, h = start.copy(), steps_of(scene), scene.run.step
@@ -157,7 +157,7 @@ def steps_of(scene: rbfmu.Scene) -> int:
 
 
 def mujoco(scene: rbfmu.Scene, true: list[Values]) -> Competitor | None:
-    """The integrator and step that meet the accuracy at the least cost, or that come nearest; None: cannot model it."""
+    """Return the cheapest integrator and step that meet the accuracy, or the nearest; None: it has no such model."""
     tried = [found for integrator in MUJOCO_INTEGRATORS for found in _refined(scene, integrator, true)]
     good = [found for found in tried if found.error <= scene.run.accuracy]
     if good:
@@ -189,7 +189,7 @@ def _mujoco(scene: rbfmu.Scene, integrator: str, h: float, true: list[Values]) -
 
 
 def everywhere_accepted(scene: rbfmu.Scene) -> rbfmu.Scene:
-    """The same motion by numbers that every simulator takes.
+    """Return the same motion by numbers that every simulator takes.
 
     A beam gets a moment about the axis about which it does not turn, and damping that acts about one axis acts alike
     about the others, about which there is no rate.
@@ -219,7 +219,7 @@ def competitors(name: str) -> list[Competitor]:
 
 
 def measured(name: str, repeats: int, least: float) -> list[Row]:
-    """The scene's rows; each repeat takes some `least` seconds for each competitor, in turn."""
+    """Return the scene's rows; each repeat takes some `least` seconds for each competitor, in turn."""
     scene, found = rbfmu.load_scene(scene_file(name)), competitors(name)
     for competitor in found:
         competitor.seconds(1)  # compiled
@@ -234,7 +234,7 @@ def measured(name: str, repeats: int, least: float) -> list[Row]:
 
 
 def verdict(rows: list[Row]) -> str:
-    """The full model's cost over the planned one's: on the median scene, and on the worst."""
+    """Return the full model's cost over the planned one's: on the median scene, and on the worst."""
     ratios = sorted((row.ratio, row.scene) for row in rows if row.who == "full")
     median = statistics.median(ratio for ratio, _ in ratios)
     (least, where), allowed = ratios[0], 1.0 / ALLOWANCE

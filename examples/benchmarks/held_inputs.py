@@ -20,7 +20,7 @@ STOP, POINTS = 60.0, 1.0
 
 
 def scene_of(step: float) -> rbfmu.Scene:
-    """A satellite that another unit turns."""
+    """Return a satellite that another unit turns."""
     return rbfmu.Scene.from_dict({
         "name": "held_inputs",
         "body": {"mass": 50.0, "inertia": [1.0, 2.0, 2.5]},
@@ -33,13 +33,13 @@ def scene_of(step: float) -> rbfmu.Scene:
 
 
 def table() -> tuple[np.ndarray, np.ndarray]:
-    """Times (n,) in s and torques (n, 3) in N m."""
+    """Return times (n,) in s and torques (n, 3) in N m."""
     time = np.arange(0.0, STOP + POINTS, POINTS)
     return time, np.stack([0.01 * np.sin(0.5 * time + phase) for phase in (0.0, 1.0, 2.0)], axis=1)
 
 
 def by_kernels(scene: rbfmu.Scene) -> np.ndarray:
-    """The last attitude with the table's slopes."""
+    """Return the last attitude with the table's slopes."""
     planned = rbfmu.plan(scene)
     unit, z, (time, torques) = planned.unit, filled_buffer(scene, planned), table()
     initialize(scene, unit, z)
@@ -54,7 +54,7 @@ def by_kernels(scene: rbfmu.Scene) -> np.ndarray:
 
 
 def by_fmpy(scene: rbfmu.Scene) -> np.ndarray:
-    """The last attitude of the native FMU, inputs held."""
+    """Return the last attitude of the native FMU, inputs held."""
     time, torques = table()
     names = ["time", *(f"torque_b[{i}]" for i in (1, 2, 3))]
     rows = np.array([(t, *row) for t, row in zip(time, torques, strict=True)], [(name, float) for name in names])

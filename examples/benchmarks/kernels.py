@@ -59,7 +59,7 @@ class Task:
 
 
 def copy_of(task: Task) -> Callable[[], Any]:
-    """A compiled loop that reads and writes the same rows and computes (next to) nothing."""
+    """Return a compiled loop that reads and writes the same rows and computes (next to) nothing."""
     rows = [a.reshape(len(a), -1) for a in task.arrays if a.ndim > 1][:2]
     out = task.out.reshape(len(task.out), -1)
     widths = [a.shape[1] for a in rows]
@@ -74,7 +74,7 @@ _COPIES: dict[Any, Any] = {}
 
 
 def _specialised(widths: tuple[int, ...], width: int) -> Any:
-    """The copy with its widths as constants, as the array functions have them."""
+    """Return the copy with its widths as constants, as the array functions have them."""
     names = [f"a{n}" for n in range(len(widths))]
     used = range(max(*widths, width))
     cells = [" + ".join(f"{a}[i, {j % w}]" for a, w in zip(names, widths, strict=True)) for j in used]
@@ -88,7 +88,7 @@ def _specialised(widths: tuple[int, ...], width: int) -> Any:
 
 
 def tasks(n: int) -> tuple[list[Task], dict[str, Any]]:
-    """The operations on n items, and the arrays they share."""
+    """Return the operations on n items, and the arrays they share."""
     random = np.random.default_rng(1)
     q = rbfmu.normalize(random.normal(size=(n, 4)))
     p = rbfmu.normalize(random.normal(size=(n, 4)))
@@ -115,7 +115,7 @@ def tasks(n: int) -> tuple[list[Task], dict[str, Any]]:
 
 
 def scipy_calls(d: dict[str, Any]) -> dict[str, Callable[[], Any]]:
-    """The same operations by SciPy (scalar-last quaternions, made outside the measured call)."""
+    """Return the same operations by SciPy (scalar-last quaternions, made outside the measured call)."""
     a, b = (Rotation.from_quat(d[x][:, [1, 2, 3, 0]]) for x in "qp")
     out = np.empty_like(d["R"])
     return {
@@ -207,7 +207,7 @@ PEERS = {
 
 
 def measure(n: int) -> list[dict[str, Any]]:
-    """ns an item of every competitor, best of interleaved rounds."""
+    """Return ns an item of every competitor, best of interleaved rounds."""
     ours, data = tasks(n)
     peers = {}
     for peer, (module, calls) in PEERS.items():
@@ -238,7 +238,7 @@ def measure(n: int) -> list[dict[str, Any]]:
 
 
 def one_item() -> dict[str, float]:
-    """us of one call on one item, and what a call costs in a compiled loop beside the same lines by hand."""
+    """Return us of one call on one item, and what a call costs in a compiled loop beside the same lines by hand."""
     q, v = np.array([0.5, 0.5, 0.5, 0.5]), np.array([1.0, 2.0, 3.0])
     tq, tv = (0.5, 0.5, 0.5, 0.5), (1.0, 2.0, 3.0)
     figures = {
@@ -312,7 +312,7 @@ FIRST_CALLS = {
 
 
 def starts() -> dict[str, float]:
-    """Imports as a ratio; s for the first call of a function, with a cold and a warm cache of compiled code."""
+    """Return imports as a ratio; s for the first call of a function, with a cold and a warm cache of compiled code."""
     figures = {}
     with tempfile.TemporaryDirectory() as cache:
         timed = "import time; t = time.perf_counter(); import {}; print(time.perf_counter() - t)"
@@ -330,14 +330,14 @@ def starts() -> dict[str, float]:
 
 
 def _python(code: str, cache: str) -> float:
-    """What the code prints, run with the bytecode on disk that an installed package has."""
+    """Return what the code prints, run with the bytecode on disk that an installed package has."""
     environment = os.environ | {"NUMBA_CACHE_DIR": cache, "PYTHONDONTWRITEBYTECODE": ""}
     command = [sys.executable, "-c", code]
     return float(subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout)
 
 
 def draw(rows: list[dict[str, Any]], path: Path) -> None:
-    """ns an item of every competitor, a line of dots for each operation."""
+    """Draw ns an item of every competitor, a line of dots for each operation."""
     marks = {
         "rbfmu": ("#d55e00", "o"),
         "copy": ("#000000", "|"),

@@ -112,7 +112,7 @@ class Running:
         self.seconds(0, 1)
 
     def seconds(self, first: int, steps: int) -> float:
-        """A `Timer`."""
+        """Return a `Timer`."""
         found: float = self._driver(
             self.lib.fmi2DoStep, self.lib.fmi2GetReal, *self._arguments, ctypes.c_double(STEP),
             ctypes.c_long(first), ctypes.c_long(steps),
@@ -127,7 +127,7 @@ class Running:
 
 
 def _compile(text: str, folder: Path, includes: dict[str, str], *flags: str) -> bytes:
-    """A C source, compiled as the C layer is but for -O3."""
+    """Return a C source, compiled as the C layer is but for -O3."""
     (folder / "source.c").write_text(text)
     for name, content in includes.items():
         (folder / name).write_text(content)
@@ -147,7 +147,7 @@ def _driver(folder: Path) -> Any:
 
 
 def _objects(text: str, folder: Path, planned: Plan) -> dict[str, bytes]:
-    """A C source compiled as `object_files` compiles a model."""
+    """Return a C source compiled as `object_files` compiles a model."""
     blocks = "".join(f"#define AT_{name.upper()} {b.start}\n" for name, b in planned.unit.BLOCKS.items() if name != "q")
     layout = blocks + f"#define AT_Q {planned.unit.BLOCKS['q'].start}\n" if "q" in planned.unit.BLOCKS else blocks
     folder.mkdir()
@@ -160,7 +160,7 @@ def _objects(text: str, folder: Path, planned: Plan) -> dict[str, bytes]:
 
 
 def _with_other_unit(fmu: Fmu, place: Path, generated: dict[str, str], objects: dict[str, bytes]) -> Fmu:
-    """The native FMU with these objects in its unit's place."""
+    """Return the native FMU with these objects in its unit's place."""
     library, guid, *others = fmu.arguments
     place.mkdir()
     other = place / Path(library).name

@@ -23,7 +23,7 @@ FASTEST = ("rbfmu, as planned", "heyoka.py", "numbalsoda LSODA", "numbalsoda DOP
 
 
 def markdown(found: Sequence[Verdict]) -> str:
-    """The README's table: time as planned for 1e-9, the best peer's cost over the plan's; bold where it is ahead."""
+    """Return the README's table: time as planned for 1e-9, the best peer's cost over it, bold where that is ahead."""
     accuracies = sorted({v.accuracy for v in found}, reverse=True)
     head = ["motion", "outputs", "plan, 1e-9", *(f"best peer, {short(x)}" for x in accuracies)]
     rows = [head, ["---"] * len(head)]
@@ -35,7 +35,7 @@ def markdown(found: Sequence[Verdict]) -> str:
 
 
 def quoted(v: Verdict) -> str:
-    """A peer and its cost over the plan's."""
+    """Return a peer and its cost over the plan's."""
     if v.peer is None or v.method == REFUSED:
         return f"{v.peer.method}; plan refuses" if v.peer else STOPPED if v.stopped else "none"
     text = f"{v.peer.method} {against(v).removesuffix(' x')}"

@@ -74,14 +74,14 @@ def jobs() -> dict[tuple[str, str], Callable[[], float]]:
 
 
 def line(costs: Sequence[float]) -> tuple[float, float]:
-    """(a, b) of a + b N through the series' costs by order: least squares of relative errors."""
+    """Return (a, b) of a + b N through the series' costs by order: least squares of relative errors."""
     weights = 1.0 / np.array(costs)
     b, a = np.polyfit(ORDERS_OF_SERIES, costs, 1, w=weights)
     return float(a), float(b)
 
 
 def main() -> None:
-    """The least of many rounds."""
+    """Print the least of many rounds."""
     timers = jobs()
     least = dict.fromkeys(timers, np.inf)
     for _ in range(ROUNDS):

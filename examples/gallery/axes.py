@@ -9,7 +9,7 @@ from PIL import Image
 
 
 def panels(title: str, *widths: float) -> tuple[Figure, list[Any]]:
-    """A figure under a title that says the finding, with panels side by side."""
+    """Return a figure under a title that says the finding, with panels side by side."""
     figure = Figure(figsize=(7.0, 2.7), layout="constrained")
     figure.suptitle(title, x=0.01, ha="left", fontsize=11)
     found = figure.subplots(1, len(widths), squeeze=False, width_ratios=widths)[0].tolist()
@@ -29,7 +29,7 @@ def name_axes(axes: Any, x: str, y: str) -> None:
 
 
 def at_end(axes: Any, line: Any, text: str) -> None:
-    """A line's name at its right end, in its colour."""
+    """Write a line's name at its right end, in its colour."""
     axes.annotate(
         text, (line.get_xdata()[-1], line.get_ydata()[-1]), xytext=(4, 0), textcoords="offset points", va="center",
         color=line.get_color(), fontsize=9, annotation_clip=False,

@@ -46,19 +46,19 @@ Measured by `python -m examples.benchmarks.gallery`: {machine}."""
 
 
 def scene_file(name: str) -> Path:
-    """The scene's file."""
+    """Return the scene's file."""
     return SCENES / f"{name}.toml"
 
 
 def paragraphs(name: str) -> list[str]:
-    """The comment at the head of a scene's file: its title, and its paragraphs, each in lines as written."""
+    """Return the comment at the head of a scene's file: its title, and its paragraphs, each in lines as written."""
     lines = scene_file(name).read_text(encoding="utf-8").splitlines()
     end = next(k for k, line in enumerate(lines) if not line.startswith("#"))
     return "\n".join(line.removeprefix("#").strip() for line in lines[:end]).split("\n\n")
 
 
 def plan_text(name: str) -> str:
-    """What `rbfmu plan` prints."""
+    """Return what `rbfmu plan` prints."""
     done = CliRunner().invoke(command_line, ["plan", str(scene_file(name))], catch_exceptions=False)
     if done.exit_code != 0:
         raise RuntimeError(f"{name}: {done.output}")
@@ -66,7 +66,7 @@ def plan_text(name: str) -> str:
 
 
 def costs() -> str:
-    """The section on what scenes cost, from the figures beside the pictures."""
+    """Return the section on what scenes cost, from the figures beside the pictures."""
     with (FOLDER / "gallery_cost.csv").open(newline="", encoding="utf-8") as file:
         lines = file.read().splitlines()
     machine = [line.removeprefix("# ") for line in lines if line.startswith("#")]
@@ -85,7 +85,7 @@ def costs() -> str:
 
 
 def page() -> str:
-    """The page's text, in Markdown."""
+    """Return the page's text, in Markdown."""
     table, sections = [], []
     for name in PICTURES:
         (title, *texts), plan = paragraphs(name), plan_text(name)
@@ -99,7 +99,7 @@ def page() -> str:
 
 
 def draw(name: str) -> Path:
-    """The scene's picture."""
+    """Return the scene's picture."""
     FOLDER.mkdir(exist_ok=True)
     path = FOLDER / f"{name}.png"
     save(PICTURES[name](rbfmu.load_scene(scene_file(name))), path)

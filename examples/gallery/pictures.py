@@ -19,7 +19,7 @@ X, Y, Z = np.eye(3)
 
 
 def fixed_camera(scene: rbfmu.Scene) -> Figure:
-    """The mast, the camera and its field of view from the side, all frames upon each other."""
+    """Draw the mast, the camera and its field of view from the side, all frames upon each other."""
     result = rbfmu.simulate(scene)
     figure, (axes,) = panels(f"All {len(result.time)} frames are taken from one place, in one direction", 1.0)
     for r, q in zip(result.position[::25], result.quaternion[::25], strict=True):
@@ -39,7 +39,7 @@ def fixed_camera(scene: rbfmu.Scene) -> Figure:
 
 
 def thrown_ball(scene: rbfmu.Scene) -> Figure:
-    """The path with a ball each 0.2 s."""
+    """Draw the path with a ball each 0.2 s."""
     result = rbfmu.simulate(scene)
     x, z = result.position[:, 0], result.position[:, 2]
     top = int(np.argmax(z))
@@ -72,7 +72,7 @@ def flywheel(scene: rbfmu.Scene) -> Figure:
 
 
 def earth(scene: rbfmu.Scene) -> Figure:
-    """The angle turned over the day, and what is left out beside the accuracy asked."""
+    """Draw the angle turned over the day, and what is left out beside the accuracy asked."""
     result = rbfmu.simulate(scene)
     x = rbfmu.rotate(result.quaternion, X)
     angle = np.degrees(np.unwrap(np.arctan2(x[:, 1], x[:, 0])))
@@ -96,7 +96,7 @@ def earth(scene: rbfmu.Scene) -> Figure:
 
 
 def spinning_satellite(scene: rbfmu.Scene) -> Figure:
-    """The small rates over time and as a circle."""
+    """Draw the small rates over time and as a circle."""
     result = rbfmu.simulate(around.with_step(scene, 0.1))
     rates = np.degrees(result.omega_b)
     figure, (axes, circle) = panels(f"A steady spin of {rates[0, 2]:.0f}°/s; the other rates circle", 2.4, 1.0)
@@ -113,7 +113,7 @@ def spinning_satellite(scene: rbfmu.Scene) -> Figure:
 
 
 def gyro_attitude(scene: rbfmu.Scene) -> Figure:
-    """The drift that coning leaves, with the classical formula."""
+    """Draw the drift that coning leaves, with the classical formula."""
     h = scene.run.step
     time, found = around.driven(scene, lambda t, _: {"omega_b": around.mean_rates(t, h)})
     truth = np.array([around.coning_attitude(t) for t in time])
@@ -135,7 +135,7 @@ def gyro_attitude(scene: rbfmu.Scene) -> Figure:
 
 
 def _top(scene: rbfmu.Scene, title: str, reach: float) -> Figure:
-    """A top's axis from above, by its tilt in degrees, and the tilt over time."""
+    """Draw a top's axis from above, by its tilt in degrees, and the tilt over time."""
     result = rbfmu.simulate(scene)
     z = rbfmu.rotate(result.quaternion, Z)
     tilt = np.degrees(np.arccos(np.clip(z[:, 2], -1.0, 1.0)))
@@ -175,7 +175,7 @@ def top_falling(scene: rbfmu.Scene) -> Figure:
 
 
 def t_handle(scene: rbfmu.Scene) -> Figure:
-    """The stem's direction over time, and the handle itself above."""
+    """Draw the stem's direction over time, and the handle itself above."""
     result = rbfmu.simulate(around.with_step(scene, 0.02))
     stem, bar = rbfmu.rotate(result.quaternion, X), rbfmu.rotate(result.quaternion, Y)
     figure, (axes,) = panels("Spun about the stem, the handle turns over every 1.8 s", 1.0)
@@ -190,7 +190,7 @@ def t_handle(scene: rbfmu.Scene) -> Figure:
 
 
 def _draw_handle(axes: Any, t: float, stem: Any, bar: Any) -> None:
-    """The handle seen from the side, spin axis upwards, at a time."""
+    """Draw the handle seen from the side, spin axis upwards, at a time."""
     wide, high = 0.17, 0.42  # s and units of the axes, for equal lengths on paper
 
     def line(a: Any, b: Any, color: str) -> None:
@@ -203,7 +203,7 @@ def _draw_handle(axes: Any, t: float, stem: Any, bar: Any) -> None:
 
 
 def tumbling_brick(scene: rbfmu.Scene) -> Figure:
-    """The rates, and NASA's after 30 s."""
+    """Draw the rates, and NASA's after 30 s."""
     result = rbfmu.simulate(scene)
     nasa = (12.61839077566776, -17.3974747618308, 31.11958888682995)  # simulation 01
     figure, (axes,) = panels("NASA's brick tumbles: after 30 s the same rates to 1e-9 °/s", 1.0)
@@ -217,7 +217,7 @@ def tumbling_brick(scene: rbfmu.Scene) -> Figure:
 
 
 def toutatis(scene: rbfmu.Scene) -> Figure:
-    """The rates over forty days, and radar's."""
+    """Draw the rates over forty days, and radar's."""
     result = rbfmu.simulate(around.with_step(scene, 0.1 * around.DAY))
     figure, (axes,) = panels("Toutatis tumbles: body rates, and what radar saw in December 1992 (dots)", 1.0)
     days = [around.days_since_epoch(date) for date, _, _ in around.RADAR]
@@ -231,7 +231,7 @@ def toutatis(scene: rbfmu.Scene) -> Figure:
 
 
 def beam_pendulum(scene: rbfmu.Scene) -> Figure:
-    """The swing, with the analytic period's ticks."""
+    """Draw the swing, with the analytic period's ticks."""
     result = rbfmu.simulate(scene)
     x = rbfmu.rotate(result.quaternion, X)
     period = 2.0 * math.pi * math.sqrt(2.0 / (3.0 * 9.81))
@@ -243,7 +243,7 @@ def beam_pendulum(scene: rbfmu.Scene) -> Figure:
 
 
 def controlled_satellite(scene: rbfmu.Scene) -> Figure:
-    """The angle to zero attitude under a PD law."""
+    """Draw the angle to zero attitude under a PD law."""
     torques: list[Any] = []
 
     def law(t: float, now: dict[str, Any]) -> dict[str, Any]:

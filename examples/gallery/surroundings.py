@@ -15,14 +15,14 @@ Law = Callable[[float, dict[str, Any]], dict[str, Any]]
 
 
 def with_step(scene: rbfmu.Scene, step: float) -> rbfmu.Scene:
-    """The same with another communication step, s."""
+    """Return the same with another communication step, s."""
     tables = scene.to_dict()
     tables["run"]["step"] = step
     return rbfmu.Scene.from_dict(tables, scene.name)
 
 
 def driven(scene: rbfmu.Scene, law: Law) -> tuple[Any, dict[str, Any]]:
-    """Times (n,) and the scene's quantities (n, k) where another unit sets the ports at the start of each step."""
+    """Return times (n,) and quantities (n, k) where another unit sets the ports at the start of each step."""
     planned = rbfmu.plan(scene)
     unit, z, run = planned.unit, filled_buffer(scene, planned), scene.run
     initialize(scene, unit, z)
@@ -41,25 +41,25 @@ CONE, CONING = math.radians(1.0), 2.0 * math.pi * 10.0
 
 
 def coning_attitude(t: float) -> Any:
-    """The true attitude: tilted by CONE about an axis that goes round the horizon."""
+    """Return the true attitude: tilted by CONE about an axis that goes round the horizon."""
     return rbfmu.quaternion_from_rotvec(CONE * np.array([math.cos(CONING * t), math.sin(CONING * t), 0.0]))
 
 
 def mean_rates(t: float, h: float) -> Any:
-    """What a rate-integrating gyro reports for the step from t to t + h: mean body rates, exact but for round-off."""
+    """Return what a rate-integrating gyro reports for a step from t to t + h: exact mean body rates."""
     sine, lag = math.sin(CONE), CONING * (t + h)
     chord = np.array([math.cos(lag) - math.cos(CONING * t), math.sin(lag) - math.sin(CONING * t)]) / h
     return np.array([*(sine * chord), -CONING * (1.0 - math.cos(CONE))])
 
 
 def coning_drift(t: Any, h: float) -> Any:
-    """The classical formula for what mean rates over steps of h lose while a gyro cones, rad."""
+    """Return the classical formula for what mean rates over steps of h lose while a gyro cones, rad."""
     turn = CONING * h
     return 0.5 * CONING * math.sin(CONE) ** 2 * (1.0 - math.sin(turn) / turn) * t
 
 
 def control(now: dict[str, Any]) -> Any:
-    """The torque of examples/04_controlled.py's PD law."""
+    """Return the torque of examples/04_controlled.py's PD law."""
     q, omega = now["quaternion"], now["omega_b"]
     return -0.4 * math.copysign(1.0, q[0]) * q[1:] - 1.2 * omega
 

@@ -51,7 +51,7 @@ def fmpy_command(fmu: str, job: dict[str, Any]) -> Rows:
 
 
 def libcosim(fmu: str, job: dict[str, Any]) -> Rows:
-    """The Open Simulation Platform's library, through libcosimpy."""
+    """Run the FMU in the Open Simulation Platform's library, through libcosimpy."""
     from libcosimpy.CosimExecution import CosimExecution
     from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
     from libcosimpy.CosimObserver import CosimObserver
@@ -101,12 +101,12 @@ def ecos_command(fmu: str, job: dict[str, Any], **environment: str) -> Rows:
 
 
 def with_python(host: Callable[..., Rows]) -> Callable[[str, dict[str, Any]], Rows]:
-    """The same host with Python's shared library loaded into it."""
+    """Return the same host with Python's shared library loaded into it."""
     return lambda fmu, job: host(fmu, job, **python_preloaded())
 
 
 def python_preloaded() -> dict[str, str]:
-    """Variables of the environment that give a host without Python this Python."""
+    """Return variables of the environment that give a host without Python this Python."""
     folders = [sysconfig.get_config_var("LIBDIR"), f"/usr/lib/{sysconfig.get_config_var('MULTIARCH')}"]
     name = sysconfig.get_config_var("INSTSONAME")
     found = [Path(f, name) for f in folders if Path(f, name).suffix != ".a" and Path(f, name).exists()]
@@ -156,7 +156,7 @@ def table(path: str | Path, names: list[str], separator: str = ",") -> Rows:
 
 
 def run(*command: object, **environment: str) -> str:
-    """What a program printed; RuntimeError with its last line where it fails."""
+    """Return what a program printed; RuntimeError with its last line where it fails."""
     libraries = f"{sys.prefix}/lib"  # where pip puts the `tbb` that Ecos needs
     done = subprocess.run(list(map(str, command)), capture_output=True, text=True, errors="replace",
                           env={"LD_LIBRARY_PATH": libraries} | os.environ | environment)  # fmt: skip
@@ -166,7 +166,7 @@ def run(*command: object, **environment: str) -> str:
 
 
 def ending(status: int, printed: str) -> str:
-    """How a process ended, in words, with the line of what it printed that says most."""
+    """Return how a process ended, in words, with the line of what it printed that says most."""
     lines = [line.strip() for line in printed.splitlines() if line.strip()]
     errors = [line for line in lines if re.search(r"\berror\b|fatal", line, re.IGNORECASE)]
     how = str(signal.strsignal(-status)) if status < 0 else f"exit status {status}"

@@ -35,12 +35,12 @@ PATIENCE = 60.0
 
 
 def scene_to_try() -> rbfmu.Scene:
-    """The satellite, whose first rates may be set."""
+    """Return the satellite, whose first rates may be set."""
     return rbfmu.load_scene(SCENE).replace({"inputs.parameters": LISTED})
 
 
 def by_kernels(scene: rbfmu.Scene, values: dict[str, float]) -> np.ndarray:
-    """Outputs (STEPS, n) by direct calls."""
+    """Return outputs (STEPS, n) by direct calls."""
     plan = rbfmu.plan(scene)
     variables, z = describe(scene, plan).variables, filled_buffer(scene, plan)
     for v in variables:
@@ -54,7 +54,7 @@ def by_kernels(scene: rbfmu.Scene, values: dict[str, float]) -> np.ndarray:
 
 
 def try_importer(name: str, fmu: Path, scene: rbfmu.Scene) -> str:
-    """What came of it, in words."""
+    """Return what came of it, in words."""
     importer = IMPORTERS[name]
     values = VALUES if importer.sets_values else {}
     outputs = [v.name for v in describe(scene, rbfmu.plan(scene)).variables if v.causality == "output"]
@@ -71,7 +71,7 @@ def try_importer(name: str, fmu: Path, scene: rbfmu.Scene) -> str:
 
 
 def comparison(importer: Importer, found: np.ndarray, expected: np.ndarray) -> str:
-    """`same bits`, `same to the digits it writes`, or how far off."""
+    """Return `same bits`, `same to the digits it writes`, or how far off."""
     if found.shape != expected.shape:
         return f"failed: {len(found)} steps of {len(expected)}"
     difference = float(np.max(np.abs(found - expected)))
@@ -83,7 +83,7 @@ def comparison(importer: Importer, found: np.ndarray, expected: np.ndarray) -> s
 
 
 def build(scene: rbfmu.Scene, folder: Path, kind: str) -> Path | str:
-    """The FMU, or why there is none."""
+    """Return the FMU, or why there is none."""
     try:
         return rbfmu_fmu.build(scene, folder / f"{kind}.fmu", kind=kind)
     except (ValueError, RuntimeError, OSError) as error:
@@ -91,7 +91,7 @@ def build(scene: rbfmu.Scene, folder: Path, kind: str) -> Path | str:
 
 
 def rows_of(scene: rbfmu.Scene, folder: Path) -> list[dict[str, str]]:
-    """A row for every importer and kind."""
+    """Return a row for every importer and kind."""
     fmus, rows = {kind: build(scene, folder, kind) for kind in KINDS}, []
     for name, importer in IMPORTERS.items():
         version = importers.version(importer)
@@ -105,7 +105,7 @@ def rows_of(scene: rbfmu.Scene, folder: Path) -> list[dict[str, str]]:
 
 
 def markdown(rows: list[dict[str, str]]) -> str:
-    """A table of them."""
+    """Return a table of them."""
     lines = [COLUMNS, ("---",) * len(COLUMNS), *(tuple(row.values()) for row in rows)]
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 

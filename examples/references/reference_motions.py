@@ -69,7 +69,7 @@ class Motion:
         self.start = self.q + [self.fixed(x) for x in (*omega, *at, *([0, 0, 0] if body.pivot else velocity))]
 
     def fixed(self, x: Fraction | int) -> int:
-        """The number times 2^bits."""
+        """Return the number times 2^bits."""
         return round(x * (1 << self.bits))
 
     def turn(self, q: Sequence[int], v: Sequence[Fraction]) -> list[Fraction]:
@@ -121,7 +121,7 @@ class Motion:
         return s
 
     def at(self, series: list[Series], part: Fraction) -> list[int]:
-        """The state at a part of the step."""
+        """Return the state at a part of the step."""
         p = self.fixed(part)
         values = [0] * len(series)
         for k in range(self.order, -1, -1):
@@ -129,7 +129,7 @@ class Motion:
         return values
 
     def states(self, times: Sequence[Fraction]) -> list[list[int]]:
-        """The states at ascending times."""
+        """Return the states at ascending times."""
         state, now, found = self.start, Fraction(0), []
         step = Fraction(1, 4)
         while len(found) < len(times):
@@ -145,7 +145,7 @@ class Motion:
         return found
 
     def numbers(self, state: Sequence[int]) -> list[Any]:
-        """The state in numbers of mpmath."""
+        """Return the state in numbers of mpmath."""
         return [mp.mpf(x) / (1 << self.bits) for x in state]
 
 
@@ -163,7 +163,7 @@ def _compose(a: Sequence[Any], b: Sequence[Any]) -> list[Any]:
 
 
 def _period(motion: Motion) -> Fraction:
-    """The period of the body rates: where they come near their start again, then Newton's method."""
+    """Return the period of the body rates: where they come near their start again, then Newton's method."""
     grid = [Fraction(k, 20) for k in range(1, 800)]
     rates = [motion.numbers(state)[4:7] for state in motion.states(grid)]
     start = motion.numbers(motion.start)[4:7]
@@ -199,7 +199,7 @@ def _conjugate(q: Sequence[Any]) -> list[Any]:
 
 
 def reference_motion(key: str, settings: Settings = USUAL) -> dict[str, list[list[str]]]:
-    """The case's motion at its checkpoints, as texts of 40 digits."""
+    """Return the case's motion at its checkpoints, as texts of 40 digits."""
     scene = CASES[key].scene
     with mp.workdps(int(settings.bits * 0.302)):
         motion = Motion(scene, settings)

@@ -18,7 +18,7 @@ from rbfmu.scene.scene import Scene
 
 
 def kernel_sources() -> dict[str, bytes]:
-    """The modules of `rbfmu_kernels` by their path in it; its own `__init__.py` is left out: an FMU has another."""
+    """Return the modules of `rbfmu_kernels` by their path in it, without `__init__.py`: an FMU has another."""
     sources = dict(_modules_in(importlib.resources.files(rbfmu_kernels)))
     del sources["__init__.py"]
     return sources
@@ -33,22 +33,22 @@ def _modules_in(folder: Traversable, path: str = "") -> Iterator[tuple[str, byte
 
 
 def kernel_hash() -> str:
-    """Identifies the kernels that an FMU was made from."""
+    """Return a hash that identifies the kernels that an FMU was made from."""
     return hash_of(kernel_sources())
 
 
 def scene_inside(scene: Scene, plan: Plan) -> bytes:
-    """What `verify` reads in an FMU: resources/scene.json."""
+    """Return what `verify` reads in an FMU: resources/scene.json."""
     return json_bytes({"scene": scene.to_dict(), "plan": plan.to_dict(), "kernels": kernel_hash()})
 
 
 def json_bytes(data: object) -> bytes:
-    """Sorted, and without what JSON does not know."""
+    """Return JSON, sorted and without what JSON does not know."""
     return json.dumps(data, indent=1, sort_keys=True, allow_nan=False).encode()
 
 
 def hash_of(files: dict[str, bytes]) -> str:
-    """SHA-256 of names and contents."""
+    """Return the SHA-256 of names and contents."""
     digest = hashlib.sha256()
     for name in sorted(files):
         digest.update(f"{name}\0{len(files[name])}\0".encode() + files[name])
@@ -56,18 +56,18 @@ def hash_of(files: dict[str, bytes]) -> str:
 
 
 def guid_of(contents: dict[str, bytes], xml: Element) -> str:
-    """A guid made from an FMU's contents and its description, whose own guid must not be set yet."""
+    """Return a guid made from an FMU's contents and its description, whose own guid must not be set yet."""
     return f"{{{uuid.UUID(hash_of(contents | {'': tostring(xml)})[:32])}}}"
 
 
 def xml_bytes(xml: Element) -> bytes:
-    """As a file."""
+    """Return XML as the bytes of a file."""
     indent(xml)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{tostring(xml, "unicode")}\n'.encode()
 
 
 def write_archive(contents: dict[str, bytes], path: Path) -> None:
-    """Sorted, without times; a file that stands at `path` is replaced when all is written."""
+    """Write files sorted and without times; a file that stands at `path` is replaced when all is written."""
     handle, temporary = tempfile.mkstemp(prefix=path.name, suffix=".part", dir=path.parent)
     try:
         with os.fdopen(handle, "wb") as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:

@@ -42,7 +42,7 @@ SCENE: dict[str, Any] = {
 
 
 def controller(state: Array) -> Array:
-    """The torque of a PD law for (q_ab, omega_b): towards zero attitude by the shorter way."""
+    """Return the torque of a PD law for (q_ab, omega_b): towards zero attitude by the shorter way."""
     return np.asarray(-STIFFNESS * 2.0 * np.copysign(1.0, state[0]) * state[1:4] - DAMPING * state[4:])
 
 
@@ -58,11 +58,11 @@ class Loop:
         self.calls = 0
 
     def state(self) -> Array:
-        """(q_ab, omega_b)."""
+        """Return (q_ab, omega_b)."""
         return np.array(self.fmu.getReal(self.outputs))
 
     def step(self, t: float, H: float, n: int, torque: Callable[[float], Array]) -> None:
-        """A communication step in n parts, each with the torque of its middle; torque: of the step's part in [0, 1]."""
+        """Take a communication step in n parts, each with the torque of its middle, as a function of [0, 1]."""
         for i in range(n):
             self.fmu.setReal(self.inputs, torque((i + 0.5) / n).tolist())
             self.fmu.doStep(currentCommunicationPoint=t + i * H / n, communicationStepSize=H / n)
@@ -97,7 +97,7 @@ LABELS = {
 
 
 def run_loop(loop: Loop, way: str, steps: int, n: int) -> Array:
-    """The final (q_ab, omega_b) of the loop in equal communication steps."""
+    """Return the final (q_ab, omega_b) of the loop in equal communication steps."""
     H, loop.calls = FINAL_TIME / steps, 0
     before = now = controller(loop.state())
     for k in range(steps):
@@ -129,7 +129,7 @@ def _iterated(loop: Loop, t: float, H: float, n: int, now: Array) -> Array:
 
 
 def reference(steps: int = 400) -> Array:
-    """The continuous loop's final state: DOP853's tableau at a fixed step."""
+    """Return the continuous loop's final state, by DOP853's tableau at a fixed step."""
     scene = Scene.from_dict(SCENE)
     moments = np.array([1.0, 2.0, 3.0])
 
@@ -149,7 +149,7 @@ def reference(steps: int = 400) -> Array:
 
 @contextmanager
 def attitude_loop() -> Iterator[Loop]:
-    """The FMU of `SCENE`, built and started in a folder that goes at the end."""
+    """Build and start the FMU of `SCENE` in a folder that goes at the end."""
     folder = Path(tempfile.mkdtemp(prefix="rbfmu_"))
     try:
         path = build(Scene.from_dict(SCENE), folder / "attitude_loop.fmu")
@@ -183,7 +183,7 @@ class Point:
 
 
 def collect(step_counts: Sequence[int], progress: Progress) -> list[Point]:
-    """All ways at all communication steps."""
+    """Collect all ways at all communication steps."""
     truth, points = reference(), []
     settings = [(way, n, steps) for way in WAYS for n in SUBSTEPS for steps in step_counts]
     with attitude_loop() as loop:
@@ -200,7 +200,7 @@ def collect(step_counts: Sequence[int], progress: Progress) -> list[Point]:
 
 
 def run_cosimulation_chart(folder: Path, quick: bool, progress: Progress) -> list[Path]:
-    """Collect, then draw: the figures as CSV and the chart; returns the files."""
+    """Collect, then draw: the figures as CSV and the chart; return the files."""
     counts = (8, 16, 32) if quick else (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 256, 512, 1024)
     points = collect(counts, progress)
     folder.mkdir(parents=True, exist_ok=True)
@@ -213,7 +213,7 @@ def run_cosimulation_chart(folder: Path, quick: bool, progress: Progress) -> lis
 
 
 def draw(points: Sequence[Point], path: Path) -> Path:
-    """Error against communication step, and against what the FMU did for it."""
+    """Draw the error against the communication step, and against what the FMU did for it."""
     figure = Figure(figsize=(11.5, 5.8), layout="constrained")
     by_step, by_work = figure.subplots(1, 2, sharey=True)
     for color, way in zip(COLORS, WAYS, strict=True):

@@ -45,7 +45,7 @@ class Way:
 
 
 def scene_file(name: str) -> Path:
-    """A scene of the gallery: installed inside the package, or in `examples/scenes` of the clone."""
+    """Return a scene of the gallery: installed inside the package, or in `examples/scenes` of the clone."""
     package = Path(rbfmu.__file__).parent
     for folder in (package / "scenes", package.parent / "examples" / "scenes"):
         if (folder / name).exists():
@@ -115,7 +115,7 @@ def _by_command(fmu: Path, target: Path, outputs: list[str]) -> Way:
 
 
 def _largest_difference(a: Columns, b: Columns) -> float:
-    """Over all columns; infinite where a point or a column is missing."""
+    """Return the largest difference over all columns; infinite where a point or a column is missing."""
     if a.keys() != b.keys() or any(len(a[n]) != len(b[n]) for n in a):
         return float("inf")
     return max(float(np.max(np.abs(a[n] - b[n]))) for n in a)
@@ -181,7 +181,7 @@ def _draw(result: Result, path: Path) -> None:
 
 
 def _progress(console: Console) -> Callable[[str], Any]:
-    """A spinner on a terminal; one line for each stage elsewhere."""
+    """Show a spinner on a terminal; print one line for each stage elsewhere."""
 
     @contextmanager
     def stage(text: str) -> Iterator[None]:

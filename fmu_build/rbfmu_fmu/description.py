@@ -53,32 +53,32 @@ class Description:
 
     @property
     def status_reference(self) -> int:
-        """Value reference of the Integer output `status`; the Real variables count from 0 up to it."""
+        """Return the value reference of the Integer output `status`; the Real variables count from 0 up to it."""
         return len(self.variables)
 
     @property
     def last_time(self) -> float:
-        """The stop time and an importer's round-off, a tenth of a step at most: what is later has `status` 2."""
+        """Return the stop time and an importer's round-off, a tenth of a step at most: what is later has `status` 2."""
         return self.stop + min(1e-9 * max(self.step, abs(self.stop)), 0.1 * self.step)
 
     @property
     def interpolates_inputs(self) -> bool:
-        """Whether every input (and there are some) takes derivatives."""
+        """Return whether every input (and there are some) takes derivatives."""
         rates = [v.rates for v in self.variables if v.causality == "input"]
         return bool(rates) and all(rates)
 
     @property
     def output_rates(self) -> bool:
-        """Whether every output has a derivative."""
+        """Return whether every output has a derivative."""
         return all(v.rates for v in self.variables if v.causality == "output")
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """Return a dict for JSON."""
         return asdict(self) | {"last_time": self.last_time}
 
 
 def describe(scene: Scene, plan: Plan) -> Description:
-    """The FMU of a scene under its plan."""
+    """Return the FMU of a scene under its plan."""
     unit, z = plan.unit, filled_buffer(scene, plan)
     return Description(
         name=scene.name,
@@ -96,7 +96,7 @@ def describe(scene: Scene, plan: Plan) -> Description:
 
 
 def sizes(scene: Scene, plan: Plan) -> tuple[int, tuple[int, int]]:
-    """Variables of the scene's FMU; states and variables of a full model, with all outputs and loads that act."""
+    """Return the FMU's number of variables, and those of a full model's states and variables with all outputs."""
     count = len(describe(scene, plan).variables) + 1
     if scene.body is None:
         return count, (plan.states, count)
@@ -106,19 +106,19 @@ def sizes(scene: Scene, plan: Plan) -> tuple[int, tuple[int, int]]:
 
 
 def identifier(name: str) -> str:
-    """An identifier, of C and of Python, made from a scene's name; letters lose their accents only."""
+    """Return an identifier, of C and of Python, made from a scene's name; letters lose their accents only."""
     plain = "".join(c for c in unicodedata.normalize("NFKD", name) if not unicodedata.combining(c))
     text = re.sub(r"\W", "_", plain, flags=re.ASCII)
     return f"_{text}" if not text or text[0].isdigit() or iskeyword(text) else text
 
 
 def file_name(name: str) -> str:
-    """Of a scene's FMU: letters and digits of any script stay."""
+    """Return the file name of a scene's FMU: letters and digits of any script stay."""
     return re.sub(r"[^\w.-]", "_", name) + ".fmu"
 
 
 def _blocks(scene: Scene, plan: Plan) -> list[tuple[str, slice, str]]:
-    """(FMU name, place in the buffer, causality) of the blocks that the scene's model needs."""
+    """Yield (FMU name, place in the buffer, causality) of the blocks that the scene's model needs."""
     unit, ports, needed = plan.unit, scene.inputs.ports, needed_parameters(scene, plan.model)
     blocks = [(n, unit.BLOCKS[n], "input") for n in PORTS if n in ports]
     for row in IN_BUFFER_ORDER:
@@ -148,7 +148,7 @@ def _variables(name: str, place: slice, causality: str, plan: Plan, z: Any) -> l
 
 
 def _rate_blocks(unit: Model, name: str, causality: str) -> list[slice]:
-    """Blocks of an input's derivatives, which `step` uses, or of an output's, which `output_rates` fills."""
+    """Return blocks of an input's derivatives, which `step` uses, or of an output's, which `output_rates` fills."""
     if causality == "output":
         names = [f"d_{name}"] if hasattr(unit, "output_rates") else []
     else:

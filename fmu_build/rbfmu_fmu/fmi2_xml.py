@@ -9,7 +9,7 @@ LOG_CATEGORIES = ("logStatusWarning", "logStatusDiscard", "logStatusError", "log
 
 
 def model_description(d: Description, guid: str, co_simulation: dict[str, str]) -> Element:
-    """modelDescription.xml; `co_simulation` holds the attributes in which kinds of FMU differ."""
+    """Return modelDescription.xml; `co_simulation` holds the attributes in which kinds of FMU differ."""
     root = Element("fmiModelDescription", {
         "fmiVersion": "2.0", "modelName": d.name, "guid": guid, "generationTool": "rbfmu",
         "description": "One rigid body", "variableNamingConvention": "structured",
@@ -38,7 +38,7 @@ def model_description(d: Description, guid: str, co_simulation: dict[str, str]) 
 
 
 def _unit(name: str) -> Element:
-    """A unit with FMI's exponents of the base units, and the units in which a tool may show it."""
+    """Return a unit with FMI's exponents of the base units, and the units in which a tool may show it."""
     element, unit = Element("Unit", name=_fmi_name(name)), UNITS[name]
     SubElement(element, "BaseUnit", {base: str(exponent) for base, exponent in unit.exponents.items()})
     for display, factor in unit.display:
@@ -73,7 +73,7 @@ def _scalar_variable(v: Variable, reference: int) -> Element:
 
 
 def _model_structure(d: Description) -> Element:
-    """Outputs with what they depend on: without, an importer sees algebraic loops that are not there."""
+    """Return outputs with what they depend on: without, an importer sees algebraic loops that are not there."""
     structure = Element("ModelStructure")
     outputs, unknowns = SubElement(structure, "Outputs"), SubElement(structure, "InitialUnknowns")
     for index, v in enumerate(d.variables, start=1):

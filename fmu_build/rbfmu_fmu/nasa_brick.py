@@ -52,7 +52,7 @@ NASA = {
 def errors(
     simulation: str, time: NDArray[np.float64], q_ab: NDArray[np.float64], omega_b: NDArray[np.float64]
 ) -> list[tuple[float, float, float]]:
-    """(time in s, largest rate error in deg/s, attitude error in deg) at NASA's times that the motion passes."""
+    """Return (time in s, largest rate error in deg/s, attitude error in deg) at NASA's times that the motion passes."""
     found = []
     for row in NASA[simulation]:
         k = int(np.argmin(np.abs(time - row[0])))
@@ -65,7 +65,7 @@ def errors(
 
 
 def local_attitude(time: float | NDArray[np.float64], q_ab: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Attitude relative to north-east-down at `time`: frame a is that at time 0, which does not turn."""
+    """Return the attitude relative to north-east-down at `time`: frame a is that at time 0, which does not turn."""
     half = 0.5 * EARTH_RATE * np.asarray(time)
     q_na = np.stack([np.cos(half), -np.sin(half), 0.0 * half, 0.0 * half], axis=-1)
     return rbfmu.compose_quaternions(q_na, q_ab)  # type: ignore[no-any-return]

@@ -55,7 +55,7 @@ class Verification:
 
     @property
     def passed(self) -> bool:
-        """No problem, no difference, every step done."""
+        """Return whether there is no problem, no difference, and every step done."""
         same = all(d == 0.0 for d in self.differences.values())
         return same and not self.problems and self.steps_done == self.steps_asked
 
@@ -116,7 +116,7 @@ def _scene_inside(path: Path) -> tuple[Scene, Plan, list[str]]:
 
 
 def _missing(path: Path, description: Description) -> list[str]:
-    """Variables, units and dependencies that an importer needs and does not find."""
+    """Return variables, units and dependencies that an importer needs and does not find."""
     model = fmpy.read_model_description(str(path), validate=False)
     found = {v.name: v for v in model.modelVariables}
     problems = [f"variable {v.name} is missing" for v in description.variables if v.name not in found]
@@ -129,7 +129,7 @@ def _missing(path: Path, description: Description) -> list[str]:
 
 
 def _signal(scene: Scene, description: Description, steps: int, random: np.random.Generator) -> NDArray[np.float64]:
-    """Piecewise-constant inputs (steps, n): about 1 m/s2 for forces, 1 rad/s2 for torques, 1 rad/s for rates."""
+    """Return piecewise-constant inputs (steps, n): about 1 m/s2 for forces, 1 rad/s2 for torques, 1 rad/s for rates."""
     scale = {"omega_b": 1.0}
     if scene.body is not None:
         moment = max(scene.body.M_c[i][i] for i in range(3))
@@ -165,7 +165,7 @@ def _through_fmpy(
 def _stepped(
     fmu: Any, time: NDArray[np.float64], references: list[int], inputs: NDArray[np.float64], wanted: list[int]
 ) -> NDArray[np.float64]:
-    """Outputs, the last of them an Integer, at each time up to a refused step.
+    """Return outputs, the last of them an Integer, at each time up to a refused step.
 
     Not by `simulate_fmu`, which compares times by 1e-9 of their size.
     """
@@ -206,7 +206,7 @@ def _through_kernels(
 def _distance_to_full(
     scene: Scene, description: Description, time: NDArray[np.float64], inputs: NDArray[np.float64], planned: Any
 ) -> float:
-    """Between the planned and the full model under the same inputs."""
+    """Return the distance between the planned and the full model under the same inputs."""
     tighter = scene.to_dict()
     tighter["run"] |= {"stop": float(time[-1]), "accuracy": max(scene.run.accuracy / 10.0, 1e-12)}
     try:
@@ -231,6 +231,6 @@ def _advance(scene: Scene, unit: Model, z: Buffer, k: int, time: NDArray[np.floa
 
 
 def _largest(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
-    """The largest difference; a NaN on either side counts as infinite."""
+    """Return the largest difference; a NaN on either side counts as infinite."""
     difference = np.abs(a - b)
     return float(np.max(difference)) if np.all(np.isfinite(difference)) else np.inf

@@ -33,6 +33,6 @@ class Controller(Fmi2Slave):
         self.register_variable(variable, nested=False)
 
     def do_step(self, current_time: float, step_size: float) -> bool:
-        """The law, once."""
+        """Apply the law once."""
         self.torque_b[:] = control(self.quaternion, self.omega_b)
         return True

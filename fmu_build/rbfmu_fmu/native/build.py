@@ -46,7 +46,7 @@ def _capabilities(d: Description) -> dict[str, str]:
 
 
 def _identity(d: Description, objects: dict[Platform, dict[str, bytes]]) -> dict[str, bytes]:
-    """What makes the libraries what they are, except for their guid."""
+    """Return what makes the libraries what they are, except for their guid."""
     sources = {name: source(name) for name in (*FMI2, *HEADERS)}
     sources |= {name: text.encode() for name, text in headers(d, "").items()}
     sources |= {"flags": " ".join(FLAGS).encode()}

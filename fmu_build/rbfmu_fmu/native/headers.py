@@ -14,12 +14,12 @@ MAX_DERIVATIVE_ORDER = 2
 
 
 def headers(d: Description, guid: str) -> dict[str, str]:
-    """C sources by file name."""
+    """Return C sources by file name."""
     return {"call_rules.h": call_rules(), "scene.h": scene_header(d, guid)}
 
 
 def call_rules() -> str:
-    """C source of call_rules.py."""
+    """Return C source of call_rules.py."""
     phases = list(PHASES)
     lines = [
         "/* The rules of FMI calls, made from call_rules.py. A set of phases has a bit for each. */",
@@ -42,7 +42,7 @@ def call_rules() -> str:
 
 
 def scene_header(d: Description, guid: str) -> str:
-    """C source of the scene's numbers and names. Variables are numbered as in the model description."""
+    """Return C source of the scene's numbers and names. Variables are numbered as in the model description."""
     inputs, parameters = (sum(v.causality == c for v in d.variables) for c in ("input", "parameter"))
     lines = [
         "/* The numbers and names of one scene; places are those in the model's buffer. */",
@@ -66,7 +66,7 @@ def scene_header(d: Description, guid: str) -> str:
 
 
 def _variables(d: Description) -> list[str]:
-    """Three tables of the Real variables: their places, those of their derivatives, their names."""
+    """Return three tables of the Real variables: their places, those of their derivatives, their names."""
     lines = ["static const short OFFSETS[REALS] = {"]
     lines += [f"    {v.offset}, /* {v.name} */" for v in d.variables]
     lines += ["};", f"enum {{ MAX_DERIVATIVE_ORDER = {MAX_DERIVATIVE_ORDER}, NOT_PROVIDED = -1 }};"]
@@ -80,7 +80,7 @@ def _variables(d: Description) -> list[str]:
 
 
 def _refusals(d: Description) -> list[str]:
-    """What is said of parameters that cannot be served."""
+    """Return what is said of parameters that cannot be served."""
     unknown = max(d.faults) + 1
     faults = d.faults | {unknown: ("", "initialisation failed")}
     return [
@@ -96,7 +96,7 @@ def _refusals(d: Description) -> list[str]:
 
 
 def _bits(phases: Iterable[int]) -> str:
-    """A set of phases."""
+    """Return a set of phases as C."""
     names = list(PHASES)
     return " | ".join(f"1 << {names[k]}" for k in phases) or "0"
 
@@ -106,6 +106,6 @@ def _row(items: Iterable[object]) -> str:
 
 
 def _c(text: str) -> str:
-    """A C string of plain ASCII."""
+    """Return a C string of plain ASCII."""
     assert text.isascii(), text
     return json.dumps(text)

@@ -87,7 +87,7 @@ def compiler(platform: Platform) -> list[str]:
 
 
 def compiled_by_ziglang(platform: Platform) -> bool:
-    """Whether ziglang compiles for the platform, which takes minutes the first time: it builds a C library."""
+    """Return whether ziglang compiles for the platform, which takes minutes the first time: it builds a C library."""
     try:
         return "ziglang" in compiler(platform)
     except NoLinkerError:  # linking says so

@@ -127,7 +127,7 @@ def _optimised(module: Any, target: Any) -> str:
 
 
 def _without_counters(source: str) -> str:
-    """Numba's mangled names hold a counter of the process: number them anew, so that builds are reproducible."""
+    """Rename Numba's mangled names, which hold a counter of the process, so that builds are reproducible."""
     names: dict[str, str] = {}
     return re.sub(r"_ZN[\w.$%]+|NumbaEnv[\w.$%]+", lambda found: names.setdefault(found[0], f"n{len(names)}"), source)
 

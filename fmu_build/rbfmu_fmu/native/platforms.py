@@ -60,7 +60,7 @@ def this_platform() -> Platform:
 
 
 def is_this(one: Platform) -> bool:
-    """Whether Python runs on this platform."""
+    """Return whether Python runs on this platform."""
     return one.zig.startswith(f"{_processor()}-{_system()}")
 
 

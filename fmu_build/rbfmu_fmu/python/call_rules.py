@@ -49,5 +49,5 @@ SET_REFUSAL = "%s %s cannot be set %s"
 
 
 def refusal(call: str, phase: int) -> str:
-    """The message where a phase does not allow a call."""
+    """Return the message where a phase does not allow a call."""
     return f"{CALLS[call].refusal} {PHASE_TEXTS[phase]}"

@@ -85,7 +85,7 @@ def log(instance: Any, text: str, status: Any) -> None:
 
 
 class HeldGil:
-    """Spares a host without Python the thread state that the library makes and destroys in each call (15 us).
+    """A lock that spares a host without Python the thread state that the library makes in each call (15 us).
 
     RBFMU_HOLD_GIL=1 asks for it, in a host that calls from one thread: the interpreter's lock is kept meanwhile.
     """
