@@ -11,6 +11,7 @@ from rbfmu.arrays import quaternion_from_matrix
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.integrators import reference_series as series
 from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE
+from rbfmu_kernels.quantities import LOADS
 
 Array = NDArray[np.float64]
 Motion = dict[str, Array]
@@ -128,10 +129,9 @@ def _constants(scene: Scene) -> Vector:
         steady = [g + f / mass for g, f in zip(gravity, force_a, strict=True)]
     torque_b = [t + u for t, u in zip(torque_b, _cross(arm, force_b), strict=True)]
     M = _inertia(scene)
-    found = {
-        "M": _flat(M), "M_inverse": _flat(_inverse(M)), "damping_b": _exact(loads.damping_b), "torque_b": torque_b,
-        "torque_a": _exact(loads.torque_a), "force_a": force_a, "arm_b": arm, "a_turning_b": turning,
-        "a_steady_a": steady, "r_oc_b": r_oc, "mass": [mass],
+    found = {load.name: _exact(getattr(loads, load.name)) for load in LOADS} | {
+        "M": _flat(M), "M_inverse": _flat(_inverse(M)), "torque_b": torque_b, "force_a": force_a, "arm_b": arm,
+        "a_turning_b": turning, "a_steady_a": steady, "r_oc_b": r_oc, "mass": [mass],
     }  # fmt: skip
     return [x for name in series.CONSTANTS for x in found[name]]
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from rbfmu.scene.body import Body
 from rbfmu.scene.fields import fault
-from rbfmu_kernels.quantities import OUTPUTS, TORQUES
+from rbfmu_kernels.quantities import LOADS, OUTPUTS, TORQUES
 from rbfmu_kernels.types import Vec3
 
 PRESCRIBED = tuple(row.name for row in OUTPUTS if row.kinematic)
@@ -97,9 +97,11 @@ def _faults_of_loads(loads: Any, axis: Any, lever: Any, levered: bool, about: st
         yield fault("loads.force_b", loads.force_b, f"a force at o without moment {about} (N)")
     if levered and any(loads.force_a):
         yield fault("loads.force_a", loads.force_a, f"zero, or force_b: this one can come to act {about} (N)")
-    damped = np.array(loads.damping_b) * axis
-    if not _small(np.cross(damped, axis), damped):
-        yield fault("loads.damping_b", loads.damping_b, f"one that makes no torque {about} (N m s/rad)")
+    for load in (row for row in LOADS if row.dissipates):
+        coefficients = getattr(loads, load.name)
+        damped = np.array(coefficients) * axis
+        if not _small(np.cross(damped, axis), damped):
+            yield fault(f"loads.{load.name}", coefficients, f"one that makes no torque {about} ({load.unit})")
 
 
 def _small(part: Any, whole: Any) -> bool:

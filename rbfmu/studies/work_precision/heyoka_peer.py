@@ -50,20 +50,23 @@ def _integrator(key: str, tolerance: float) -> Any:
 def equations(case: Case) -> list[tuple[Any, Any]]:
     """Return (variable, rate) of q_ab, omega_b and, where the force turns with the body, r_c and v_c; M is diagonal."""
     q, w = (module("heyoka").make_vars(*(f"{letter}{i}" for i in range(n))) for letter, n in (("q", 4), ("w", 3)))
-    inverse_mass, M, _, arm, damping, free = case.body
-    gravity_a, force_a, force_b, torque_a, torque_b = case.loads
+    body, loads = case.body, case.loads
+    M = body.inertia
     e, u = q[0], tuple(q[1:])
     R = _rotation(e, u)
-    force = _sum(force_b, _times_transposed(R, force_a))
-    torque = _sum(torque_b, _times_transposed(R, torque_a), _cross(arm, force))
+    force = _sum(loads.force_b, _times_transposed(R, loads.force_a))
+    torque = _sum(loads.torque_b, _times_transposed(R, loads.torque_a), _cross(body.arm_b, force))
     spin = _cross(tuple(M[i][i] * w[i] for i in range(3)), tuple(w))
-    dw = [(torque[i] + spin[i] - damping[i] * w[i]) / M[i][i] for i in range(3)]
+    dw = [(torque[i] + spin[i] - body.damping_b[i] * w[i]) / M[i][i] for i in range(3)]
     dq = [-0.5 * _dot(u, w), *(0.5 * (e * w[i] + x) for i, x in enumerate(_cross(u, tuple(w))))]
     system = [*zip(q, dq, strict=True), *zip(w, dw, strict=True)]
     if not case.turning_force:
         return system
     r, v = (module("heyoka").make_vars(*(f"{letter}{i}" for i in range(3))) for letter in "rv")
-    dv = [free * gravity_a[i] + inverse_mass * (force_a[i] + _dot(R[i], force_b)) for i in range(3)]
+    dv = [
+        body.is_free * loads.gravity_a[i] + body.inverse_mass * (loads.force_a[i] + _dot(R[i], loads.force_b))
+        for i in range(3)
+    ]
     return [*system, *zip(r, v, strict=True), *zip(v, dv, strict=True)]
 
 

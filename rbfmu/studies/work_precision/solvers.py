@@ -41,8 +41,10 @@ def _rates(t: float, y: Any, z: Any) -> Any:
 
 def _numpy_rates(case: Case) -> Callable[[float, Any], Any]:
     """Return the same rates as people write them."""
-    inverse_mass, M, M_inverse, arm, damping, _ = (np.array(x) for x in case.body)
-    gravity_a, force_a, force_b, torque_a, torque_b = (np.array(x) for x in case.loads)
+    body, loads = case.body, case.loads
+    M, M_inverse, arm, damping = (np.array(x) for x in (body.inertia, body.inertia_inverse, body.arm_b, body.damping_b))
+    gravity_a, force_a, force_b = (np.array(x) for x in (loads.gravity_a, loads.force_a, loads.force_b))
+    torque_a, torque_b = np.array(loads.torque_a), np.array(loads.torque_b)
 
     def rates(t: float, y: Any) -> Any:
         e, u, w = y[0], y[1:4], y[4:7]
@@ -50,7 +52,7 @@ def _numpy_rates(case: Case) -> Callable[[float, Any], Any]:
         R = np.eye(3) + 2.0 * (e * skew + skew @ skew)
         torque = np.cross(arm, force_b + R.T @ force_a) + torque_b + R.T @ torque_a - damping * w - np.cross(w, M @ w)
         f = [-0.5 * u @ w, *(0.5 * (e * w + np.cross(u, w))), *(M_inverse @ torque)]
-        return f if len(y) == 7 else [*f, *y[10:13], *(gravity_a + inverse_mass * (force_a + R @ force_b))]
+        return f if len(y) == 7 else [*f, *y[10:13], *(gravity_a + body.inverse_mass * (force_a + R @ force_b))]
 
     return rates
 
