@@ -100,7 +100,7 @@ static Body body_of(const double *z) {
     memcpy(body.M, z + AT_M, sizeof body.M);
     memcpy(body.M_inverse, z + AT_M_INVERSE, sizeof body.M_inverse);
     memcpy(body.damping, z + AT_DAMPING_B, sizeof body.damping);
-    for (int i = 0; i < 3; i++) body.torque_b[i] = z[AT_TORQUE_B + i] + z[AT_KNOWN_TORQUE_B + i];
+    for (int i = 0; i < 3; i++) body.torque_b[i] = z[AT_TORQUE_B + i] + z[AT_CONSTANT_TORQUE_B + i];
     return body;
 }
 
