@@ -63,7 +63,7 @@ class Unit:
 
     def __init__(self, scene: rbfmu.Scene) -> None:
         plan = rbfmu.plan(scene)
-        self.unit, self.z = plan.unit, filled_buffer(scene, plan)
+        self.unit, self.z = plan.kernels, filled_buffer(scene, plan)
         initialize(scene, self.unit, self.z)
 
     def step(self, port: str, values: list[float]) -> None:

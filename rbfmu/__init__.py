@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rbfmu.arrays import *  # noqa: F403
     from rbfmu.arrays.from_kernel import set_threads as set_threads
-    from rbfmu.runs.models import Plan as Plan
+    from rbfmu.runs.plan import Plan as Plan
     from rbfmu.scene import Body as Body
     from rbfmu.scene import Scene as Scene
     from rbfmu.scene import SceneError as SceneError
@@ -25,7 +25,7 @@ __version__ = "0.1.0"
 
 _MODULES = {
     "scene": ("Body", "Scene", "SceneError", "load_scene"),
-    "runs.models": ("Plan",),
+    "runs.plan": ("Plan",),
     "scene.plausibility": ("SceneWarning",),
     "arrays.from_kernel": ("set_threads",),
     "simulation": ("Result", "SimulationError", "plan", "simulate"),

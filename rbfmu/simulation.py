@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rbfmu import planning
 from rbfmu.runs.model_buffer import filled_buffer, initialize, output_block
-from rbfmu.runs.models import Plan
+from rbfmu.runs.plan import Plan
 from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.argument import of_scene_or_path
 from rbfmu.scene.plausibility import doubts_after, warn
@@ -102,7 +102,7 @@ def simulate(
     progress: wraps the sequence of step numbers, e.g. a progress bar. Raises SceneError, SimulationError.
     """
     planned = planned or planning.plan(scene)
-    unit, z = planned.unit, filled_buffer(scene, planned)
+    unit, z = planned.kernels, filled_buffer(scene, planned)
     initialize(scene, unit, z)
     time = time_grid(scene.run.start, scene.run.stop, scene.run.step)
     block = output_block(scene, unit)

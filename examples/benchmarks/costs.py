@@ -1,7 +1,7 @@
 """What communication steps cost beside what plans state, by model and by what is asked, all in one run, in turn.
 
 `python -m examples.benchmarks.costs` prints the figures, and `rbfmu.planning.costs.NS` as this run has it, at the speed
-that `rbfmu.planning.fitting` has for a substep of series, so that a machine that is busy or slower counts alike in all.
+that `rbfmu.planning.methods` has for a substep of series, so that a machine that is busy or slower counts alike in all.
 Exits with status 1 where what is stated and what is measured are more than 1.5 times apart. Last comes what a
 scene would cost without its model, by the plan that there is then: the status is 1 as well where a model saves less
 than 5 %.
@@ -21,11 +21,12 @@ from scipy.optimize import nnls
 import rbfmu
 from examples.benchmarks.goals import Goal, status
 from examples.benchmarks.substeps import series, timed
-from rbfmu.planning import candidates, fitting, select
+from rbfmu.models import registry
+from rbfmu.models.spec import ModelSpec
 from rbfmu.planning.costs import NS, stated, terms
-from rbfmu.planning.fitting import KICK_COSTS, series_cost
+from rbfmu.planning.methods import SPLITTING_COSTS, series_cost
 from rbfmu.runs.model_buffer import filled_buffer, initialize
-from rbfmu.runs.models import Plan
+from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import QUANTITIES, Scene
 
 WITHIN, STEPS = 1.5, 100
@@ -103,7 +104,7 @@ def scene_of(body: str, asked: Sequence[str], accuracy: float, step: float) -> S
 
 def timer(scene: Scene, planned: Plan, k: int) -> Callable[[], float]:
     """Ns a step of k runs of a plan in a compiled loop."""
-    unit, start, h = planned.unit, filled_buffer(scene, planned), scene.run.step
+    unit, start, h = planned.kernels, filled_buffer(scene, planned), scene.run.step
     initialize(scene, unit, start)
     z = start.copy()
     assert _runs(unit.step, z, start, h, k) == 0
@@ -129,7 +130,7 @@ def chosen_by_hand() -> list[tuple[Scene, Plan]]:
     found = [(gyro, rbfmu.plan(gyro))]
     for asked in (("quaternion",), tuple(QUANTITIES)):
         top = scene_of("top", asked, 1e-6, 0.01)
-        for order, ns in KICK_COSTS.items():
+        for order, ns in SPLITTING_COSTS.items():
             kicks = Plan("symmetric top", f"kicks of order {order}", 7, substep=0.01, order=order, cost=ns)
             found.append((top, stated(top, kicks)))
     return found
@@ -165,17 +166,11 @@ def table(figures: Sequence[Figure]) -> dict[str, float]:
 def without(model: str) -> Iterator[None]:
     """Plans do without a model."""
 
-    def accepts(scene: Scene, name: str) -> bool:
-        return name != model and usual(scene, name)
+    def accepts(self: ModelSpec, scene: Scene) -> bool:
+        return self.key != model and usual(self, scene)
 
-    usual, rest = candidates.accepts, tuple(name for name in candidates.CLOSED if name != model)
-    kicks = {} if model == "symmetric top" else KICK_COSTS
-    with (
-        patch.object(candidates, "accepts", accepts),
-        patch.object(select, "accepts", accepts),
-        patch.object(select, "CLOSED", rest),
-        patch.object(fitting, "KICK_COSTS", kicks),
-    ):
+    usual, rest = ModelSpec.accepts, tuple(spec for spec in registry.CLOSED_FORMS if spec.key != model)
+    with patch.object(ModelSpec, "accepts", accepts), patch.object(registry, "CLOSED_FORMS", rest):
         yield
 
 

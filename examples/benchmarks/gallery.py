@@ -129,7 +129,7 @@ def _runs(step: Any, z: Any, start: Any, h: float, n: int, k: int) -> int:
 
 def own(scene: rbfmu.Scene, who: str, planned: Any, true: list[Values]) -> Competitor:
     """Return a plan's unit, stepped at the scene's communication step; the full model with all outputs."""
-    unit, start = planned.unit, filled_buffer(with_all_outputs(scene) if who == "full" else scene, planned)
+    unit, start = planned.kernels, filled_buffer(with_all_outputs(scene) if who == "full" else scene, planned)
     initialize(scene, unit, start)
     z, n, h = start.copy(), steps_of(scene), scene.run.step
     found = []

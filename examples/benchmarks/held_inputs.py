@@ -41,7 +41,7 @@ def table() -> tuple[np.ndarray, np.ndarray]:
 def by_kernels(scene: rbfmu.Scene) -> np.ndarray:
     """Return the last attitude with the table's slopes."""
     planned = rbfmu.plan(scene)
-    unit, z, (time, torques) = planned.unit, filled_buffer(scene, planned), table()
+    unit, z, (time, torques) = planned.kernels, filled_buffer(scene, planned), table()
     initialize(scene, unit, z)
     for k in range(round(STOP / scene.run.step)):
         t = k * scene.run.step

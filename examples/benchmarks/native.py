@@ -24,7 +24,7 @@ from examples.benchmarks.fmu import Fmu, _seconds_to_first_step
 from examples.benchmarks.goals import Goal, status
 from rbfmu.planning.select import plan
 from rbfmu.runs.model_buffer import filled_buffer, initialize
-from rbfmu.runs.models import Plan
+from rbfmu.runs.plan import Plan
 from rbfmu_fmu.description import describe
 from rbfmu_fmu.native.build import build_native_fmu
 from rbfmu_fmu.native.headers import headers
@@ -67,7 +67,7 @@ def _scene(name: str) -> rbfmu.Scene:
 
 
 def _numba_timer(scene: rbfmu.Scene, planned: Plan) -> Timer:
-    unit, z = planned.unit, filled_buffer(scene, planned)
+    unit, z = planned.kernels, filled_buffer(scene, planned)
     offsets = np.array([v.offset for v in describe(scene, planned).variables if v.causality == "output"])
     initialize(scene, unit, z)
     step, taken = unit.step, np.empty(len(offsets))
@@ -148,8 +148,9 @@ def _driver(folder: Path) -> Any:
 
 def _objects(text: str, folder: Path, planned: Plan) -> dict[str, bytes]:
     """Return a C source compiled as `object_files` compiles a model."""
-    blocks = "".join(f"#define AT_{name.upper()} {b.start}\n" for name, b in planned.unit.BLOCKS.items() if name != "q")
-    layout = blocks + f"#define AT_Q {planned.unit.BLOCKS['q'].start}\n" if "q" in planned.unit.BLOCKS else blocks
+    places = planned.kernels.BLOCKS
+    blocks = "".join(f"#define AT_{name.upper()} {b.start}\n" for name, b in places.items() if name != "q")
+    layout = blocks + f"#define AT_Q {places['q'].start}\n" if "q" in places else blocks
     folder.mkdir()
     includes = {"layout.h": layout, "tableau.h": _tableau()}
     objects = {"model.o": _compile(text, folder, includes, "-c")}
@@ -234,7 +235,7 @@ def _others(native: Fmu, folder: Path, generated: dict[str, str], planned: Plan)
     """C by hand; and it and the native FMU without AVX2."""
     by_hand = _objects((FOLDER / "native_by_hand.c").read_text(), folder / "source", planned)
     baseline = generated | {"model.h": "#define USES_AVX2 0\n" + source("model.h").decode()}
-    own = object_files(planned.unit, this_platform())
+    own = object_files(planned.kernels, this_platform())
     return {
         "by hand": _with_other_unit(native, folder / "hand", generated, by_hand),
         "without AVX2": _with_other_unit(native, folder / "baseline", baseline, own),

@@ -1,6 +1,6 @@
 """What a substep costs, ns, by method and order, all measured in one run, in turn.
 
-`python -m examples.benchmarks.substeps` prints also the lines of `rbfmu.planning.fitting` through them. DOP853, which
+`python -m examples.benchmarks.substeps` prints also the lines of `rbfmu.planning.methods` through them. DOP853, which
 no plan chooses, stands beside the series: it costs what series of order 16 to 24 do, and its error shrinks with its
 step as that of order 8.
 """
@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from rbfmu.planning.fitting import ORDERS_OF_SERIES, SERIES_COSTS
+from rbfmu.planning.methods import ORDERS_OF_SERIES, SERIES_COSTS
 from rbfmu.runs.model_buffer import aligned_zeros, filled_buffer, initialize
-from rbfmu.runs.models import Plan
+from rbfmu.runs.plan import Plan
 from rbfmu.studies.work_precision.cases import CASES
 
 KINDS = {"torques known in b": "d", "loads that turn in b": "c'", "a force that turns with the body": "f"}
@@ -34,19 +34,19 @@ def timed(key: str, plan: Plan, substeps: float = 0.0) -> Callable[[], float]:
     """Ns a substep of a case's whole motion in one communication step; substeps: where the unit does not count them."""
     case = CASES[key]
     start = filled_buffer(case.scene, plan)
-    initialize(case.scene, plan.unit, start)
+    initialize(case.scene, plan.kernels, start)
     z = aligned_zeros(len(start))
     z[:] = start
-    assert _repeated(plan.unit.step, z, start, case.span, 1) == 0
-    count = substeps or float(z[plan.unit.BLOCKS["substeps"]][0])
+    assert _repeated(plan.kernels.step, z, start, case.span, 1) == 0
+    count = substeps or float(z[plan.kernels.BLOCKS["substeps"]][0])
 
     def once() -> float:
         before = perf_counter()
-        _repeated(plan.unit.step, z, start, case.span, 1)
+        _repeated(plan.kernels.step, z, start, case.span, 1)
         single = perf_counter() - before
         k = max(1, round(SECONDS / single))
         before = perf_counter()
-        _repeated(plan.unit.step, z, start, case.span, k)
+        _repeated(plan.kernels.step, z, start, case.span, k)
         return 1e9 * (perf_counter() - before) / (k * count)
 
     return once
@@ -92,7 +92,7 @@ def main() -> None:
         print(row.ljust(21) + "".join(f"{least[row, k]:35.0f}" if (row, k) in least else " " * 35 for k in KINDS))
     for kind, stated in zip(KINDS, SERIES_COSTS, strict=True):
         a, b = line([least[f"Taylor {order}", kind] for order in ORDERS_OF_SERIES])
-        print(f"{kind}: {a:.0f} + {b:.1f} N, in rbfmu.planning.fitting {stated[0]:.0f} + {stated[1]:.1f} N")
+        print(f"{kind}: {a:.0f} + {b:.1f} N, in rbfmu.planning.methods {stated[0]:.0f} + {stated[1]:.1f} N")
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ def with_step(scene: rbfmu.Scene, step: float) -> rbfmu.Scene:
 def driven(scene: rbfmu.Scene, law: Law) -> tuple[Any, dict[str, Any]]:
     """Return times (n,) and quantities (n, k) where another unit sets the ports at the start of each step."""
     planned = rbfmu.plan(scene)
-    unit, z, run = planned.unit, filled_buffer(scene, planned), scene.run
+    unit, z, run = planned.kernels, filled_buffer(scene, planned), scene.run
     initialize(scene, unit, z)
     time = np.arange(round((run.stop - run.start) / run.step) + 1) * run.step
     rows = []

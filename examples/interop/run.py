@@ -45,10 +45,10 @@ def by_kernels(scene: rbfmu.Scene, values: dict[str, float]) -> np.ndarray:
     variables, z = describe(scene, plan).variables, filled_buffer(scene, plan)
     for v in variables:
         z[v.offset] = values.get(v.name, z[v.offset])
-    initialize(scene, plan.unit, z)
+    initialize(scene, plan.kernels, z)
     wanted, rows = [v.offset for v in variables if v.causality == "output"], []
     for _ in range(STEPS):
-        assert plan.unit.step(z, STEP) == 0
+        assert plan.kernels.step(z, STEP) == 0
         rows.append(z[wanted])
     return np.array(rows)
 

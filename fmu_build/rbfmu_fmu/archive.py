@@ -13,7 +13,7 @@ from pathlib import Path
 from xml.etree.ElementTree import Element, indent, tostring
 
 import rbfmu_kernels
-from rbfmu.runs.models import Plan
+from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 
 

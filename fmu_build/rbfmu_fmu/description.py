@@ -9,7 +9,7 @@ from typing import Any
 from rbfmu.planning.candidates import needed_parameters
 from rbfmu.planning.select import with_all_outputs
 from rbfmu.runs.model_buffer import Model, filled_buffer
-from rbfmu.runs.models import Plan
+from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.buffer import CHANGED, FAULTS
 from rbfmu_kernels.quantities import BY_NAME, IN_BUFFER_ORDER, OUTPUT, PORTS, indices
@@ -79,7 +79,7 @@ class Description:
 
 def describe(scene: Scene, plan: Plan) -> Description:
     """Return the FMU of a scene under its plan."""
-    unit, z = plan.unit, filled_buffer(scene, plan)
+    unit, z = plan.kernels, filled_buffer(scene, plan)
     return Description(
         name=scene.name,
         identifier=identifier(scene.name),
@@ -119,7 +119,7 @@ def file_name(name: str) -> str:
 
 def _blocks(scene: Scene, plan: Plan) -> list[tuple[str, slice, str]]:
     """Yield (FMU name, place in the buffer, causality) of the blocks that the scene's model needs."""
-    unit, ports, needed = plan.unit, scene.inputs.ports, needed_parameters(scene, plan.model)
+    unit, ports, needed = plan.kernels, scene.inputs.ports, needed_parameters(scene, plan.model)
     blocks = [(n, unit.BLOCKS[n], "input") for n in PORTS if n in ports]
     for row in IN_BUFFER_ORDER:
         if row.name in needed and row.name not in ports:  # a port's name is taken: its known part stays inside
@@ -128,7 +128,7 @@ def _blocks(scene: Scene, plan: Plan) -> list[tuple[str, slice, str]]:
 
 
 def _variables(name: str, place: slice, causality: str, plan: Plan, z: Any) -> list[Variable]:
-    rates = _rate_blocks(plan.unit, name, causality)
+    rates = _rate_blocks(plan.kernels, name, causality)
     row = BY_NAME[name]
     bounds = row.bounds if len(row.bounds) == row.size else row.bounds * row.size
     return [
@@ -140,7 +140,7 @@ def _variables(name: str, place: slice, causality: str, plan: Plan, z: Any) -> l
             start=None if causality == "output" else float(z[place.start + i]),
             minimum=bounds[i][0],
             maximum=bounds[i][1],
-            held=causality == "parameter" and name in getattr(plan, "held", ()),
+            held=causality == "parameter" and name in plan.pinned,
             rates=tuple(block.start + i for block in rates),
         )
         for i, index in enumerate(indices(row))

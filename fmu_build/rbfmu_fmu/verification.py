@@ -19,7 +19,7 @@ from rbfmu import planning
 from rbfmu.arrays import quaternion_from_euler
 from rbfmu.runs.errors import largest_error
 from rbfmu.runs.model_buffer import Buffer, Model, filled_buffer, initialize
-from rbfmu.runs.models import Plan
+from rbfmu.runs.plan import Plan
 from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu_fmu.archive import kernel_hash
@@ -192,7 +192,7 @@ def _stepped(
 def _through_kernels(
     scene: Scene, plan: Plan, time: NDArray[np.float64], inputs: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    unit, z, description = plan.unit, filled_buffer(scene, plan), describe(scene, plan)
+    unit, z, description = plan.kernels, filled_buffer(scene, plan), describe(scene, plan)
     places = [v.offset for v in description.variables if v.causality == "input"]
     wanted = [v.offset for v in description.variables if v.causality == "output"]
     rows = np.full((len(time), len(wanted)), np.nan)

@@ -1,33 +1,31 @@
 """The method and its step or tolerance that meet a scene's accuracy at the least cost, found by pilot runs."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import partial
 
-import numpy as np
-
+from rbfmu.models.body_at_start import body_at_start
+from rbfmu.models.scene_needs import varying_parameters
 from rbfmu.planning import reasons as say
-from rbfmu.planning.candidates import acting_loads, varying_parameters
 from rbfmu.planning.judge import Judge
-from rbfmu.runs.model_buffer import Buffer, filled_buffer, initialize
-from rbfmu.runs.models import Plan
+from rbfmu.planning.methods import (
+    ORDERS_OF_SERIES,
+    TIGHTEST,
+    Method,
+    load_shares,
+    one_axis_series,
+    series,
+    splittings,
+    tightened,
+)
+from rbfmu.runs.plan import Plan
 from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.scene import Scene, SceneError
-from rbfmu_kernels.body.memory import body_of, has_pivot, loads_of
-from rbfmu_kernels.body.needs import needs_translation
-from rbfmu_kernels.integrators.splitting import is_symmetric_top, resonant_step, transverse_moment
 from rbfmu_kernels.integrators.substeps import ROUND_OFF, substeps_in
 from rbfmu_kernels.integrators.taylor_coefficients import MAX_ORDER
-from rbfmu_kernels.models.one_axis_taylor import ORDERS
-from rbfmu_kernels.quantities import DISSIPATIVE, NOT_IN_CLOSED_FORMS
 
-TIGHTEST = 1e-15
-"""The smallest tolerance that double precision serves."""
 AT_REST = 0.01
 """Of the accuracy: the error of a motion in which what would grow has not begun to."""
-LOOSEST = 10.0
-"""Times the accuracy: the largest tolerance, as looser estimates say little of the errors in other steps."""
 SMALLEST = 1e-14
 """The accuracy that any motion is promised at best: outputs have round-off of their own."""
 KEPT, REACHED = 1.0 / 3.0, 0.8
@@ -42,27 +40,6 @@ UNCUT = 20.0
 """Substeps in a communication step from which on longer ones change little."""
 LONGER, SHORTER = (2, 4, 10, 25, 50, 100), (2, 3, 4, 6, 10)
 """Communication steps that an importer may take as one, besides all of the run's; parts that it may take of one."""
-ORDERS_OF_SERIES = range(6, MAX_ORDER + 1, 2)
-SERIES_COSTS = ((58.0, 14.3), (10.0, 24.0), (41.0, 23.1))
-"""(a, b) of a + b N ns a substep at order N, on `costs.MACHINE`; examples/benchmarks/substeps.py fits these lines.
-
-Torques that are known in b; also loads that turn in b; also a force that turns with the body.
-"""
-SWING_COSTS = {4: 55.0, 8: 85.0, 16: 185.0}
-KICK_COSTS = {2: 76.0, 4: 470.0, 6: 864.0}
-
-
-@dataclass(frozen=True)
-class _Family:
-    """A method with a setting to be found: its plan at a value, ns a substep, order.
-
-    steps: whether the value is a step, to whose power `order` the error goes; else a tolerance.
-    """
-
-    plan_of: Callable[[float], Plan]
-    cost: float
-    order: int
-    steps: bool = False
 
 
 @dataclass(frozen=True)
@@ -77,25 +54,24 @@ class _Fit:
     """The error in other communication steps."""
 
 
-def cheapest_fit(scene: Scene, general: Plan, judge: Judge, kicks: bool = True) -> Plan:
-    """Taylor series of some order, or kicks for a symmetric top: the cheapest that meets the accuracy.
+def cheapest_fit(scene: Scene, general: Plan, judge: Judge, splitting: bool = True) -> Plan:
+    """Return Taylor series of some order, or splitting for a symmetric top: the cheapest that meets the accuracy.
 
-    general: the plan whose method and settings are to be found, its tolerance the scene's accuracy; kicks: whether they
-    may be.
+    general: the plan whose method and settings are to be found, its tolerance the scene's accuracy; splitting: whether
+    it may be chosen.
     Raises SceneError where none is accurate enough.
     """
     search = _Search(scene, judge, general)
     if scene.run.accuracy < SMALLEST:
         raise search.out_of_reach(REACHED * SMALLEST)
-    return search.plan_of_varying() if varying_parameters(scene) else search.plan(kicks)
+    return search.plan_of_varying() if varying_parameters(scene) else search.plan(splitting)
 
 
 def swinging_fit(scene: Scene, general: Plan, judge: Judge) -> Plan | None:
-    """Series of one angle that meet the accuracy at the least cost; None where none does."""
+    """Return series of one angle that meet the accuracy at the least cost; None where none does."""
     search = _Search(scene, judge, general)
-    for order in reversed(ORDERS):
-        plan_of = partial(_swing, general, order)
-        search.fit(_Family(plan_of, SWING_COSTS[order], order), 0.1 * scene.run.accuracy)
+    for method in one_axis_series(general):
+        search.fit(method, 0.1 * scene.run.accuracy)
     return search.settled(search.bound) if search.is_met() else None
 
 
@@ -110,24 +86,22 @@ class _Search:
         self.best: _Fit | None = None
         self.met: list[_Fit] = []
         self.work = 0.0
-        some = _series(general, 8, 1.0)
-        self.start = filled_buffer(scene, some)
-        initialize(scene, some.unit, self.start)
-        self.shares = load_shares(scene, self.start)
+        body_at_start(scene).check()
+        self.shares = load_shares(scene)
 
-    def plan(self, kicks: bool) -> Plan:
-        """The cheapest plan; SceneError where none is accurate enough."""
+    def plan(self, splitting: bool) -> Plan:
+        """Return the cheapest plan; SceneError where none is accurate enough."""
         self._try_tightest()
         self._fit_series()
-        if kicks:
-            self._fit_kicks()
+        if splitting:
+            self._fit_splittings()
         assert self.best
         if not self.is_met():
             raise self.out_of_reach(self.best.error)
         return self.settled(self.bound)
 
     def plan_of_varying(self) -> Plan:
-        """The cheapest whose substeps' errors, as the motion magnifies them, add up to a quarter of the accuracy."""
+        """Return the cheapest whose substeps' errors, as the motion magnifies them, make a quarter of the accuracy."""
         span, growth = self.scene.run.stop - self.scene.run.start, self.judge.growth()
         tolerance = max(0.25 * self.accuracy / growth, TIGHTEST)
         found = self._cheapest_over(span, tolerance)
@@ -142,11 +116,11 @@ class _Search:
         raise self.out_of_reach(max(found.error, magnified))
 
     def is_met(self) -> bool:
-        """Whether something is accurate enough."""
+        """Return whether something is accurate enough."""
         return bool(self.met)
 
     def out_of_reach(self, error: float) -> SceneError:
-        """What is said where no method's error is smaller."""
+        """Return what is said where no method's error is smaller."""
         reached = error / REACHED
         expected = f"expected one that this scene can meet; the methods here reach {reached:.1e} here"
         if reached > 1e-3:
@@ -165,7 +139,7 @@ class _Search:
     # What is accurate enough whatever the communication step
 
     def settled(self, bound: float) -> Plan:
-        """The cheapest of those that meet the accuracy whatever the communication step."""
+        """Return the cheapest of those that meet the accuracy whatever the communication step."""
         best: _Fit | None = None
         for fit in sorted(self.met, key=lambda fit: fit.cost):
             if best and fit.cost >= best.cost:
@@ -183,14 +157,14 @@ class _Search:
         return replace(found, error=error, cost=best.cost / self.steps, reasons=(reason, *more))
 
     def _whatever_the_step(self, fit: _Fit) -> _Fit:
-        """The fit, its tolerance or step such that other communication steps meet the accuracy as well."""
+        """Return the fit, its tolerance or step such that other communication steps meet the accuracy as well."""
         while fit.substeps <= UNCUT * self.steps:
             worst = max(self._errors_in_other_steps(fit))
             fit = replace(fit, other=worst)
             if worst <= REACHED * self.accuracy:
                 return fit
             ratio = max(0.3 * self.accuracy / worst, 1e-3) if math.isfinite(worst) else 1e-3
-            tighter = _tightened(fit.plan, ratio ** (1.0 / fit.order))
+            tighter = tightened(fit.plan, ratio ** (1.0 / fit.order))
             if tighter == fit.plan:
                 return fit
             error, substeps = self._tried(tighter)
@@ -198,7 +172,7 @@ class _Search:
         return fit
 
     def _errors_in_other_steps(self, fit: _Fit) -> Iterator[float]:
-        """In longer communication steps; in shorter ones where those of the scene do not yet cut substeps short."""
+        """Yield errors in longer communication steps; in shorter ones where the scene's do not yet cut substeps."""
         count = len(self.judge.steps)
         for at_once in (*LONGER, count):
             if at_once <= count:
@@ -206,18 +180,16 @@ class _Search:
         if fit.substeps > self.steps:
             yield from (self.judge.try_out(fit.plan, parts=parts)[0] for parts in SHORTER)
 
-    # Families
-
-    def _of_order(self, order: int) -> _Family:
-        return _Family(partial(_series, self.general, order), series_cost(order, self.shares), order)
+    # Methods
 
     def _try_tightest(self) -> None:
-        """What can be reached at all: where that is little, it is accepted, and nothing is looked for in vain."""
+        """Find what can be reached at all: where that is little, it is accepted, and nothing more is looked for."""
         reached = math.inf
         for order in (MAX_ORDER - 8, MAX_ORDER):
-            plan = _series(self.general, order, TIGHTEST)
+            method = series(self.general, order, self.shares)
+            plan = method.plan_of(TIGHTEST)
             error, substeps = self._tried(plan)
-            self._note(_Fit(plan, error, substeps, self._of_order(order).cost * substeps, 1), REACHED * self.accuracy)
+            self._note(_Fit(plan, error, substeps, method.cost * substeps, 1), REACHED * self.accuracy)
             reached = min(reached, error)
             if error <= self.bound:
                 return
@@ -226,68 +198,51 @@ class _Search:
         self.bound = REACHED * self.accuracy
 
     def _fit_series(self) -> None:
-        """From a likely order up and down, until two in a row are no cheaper.
+        """Fit from a likely order up and down, until two in a row are no cheaper.
 
         Up no further than HIGHER: what estimates say of long steps of a high order does not hold in other steps.
         """
         likely = 2 * round(1.0 + 0.25 * math.log(100.0 / self.accuracy))
         order = min(max(likely, ORDERS_OF_SERIES[0]), ORDERS_OF_SERIES[-1])
-        first = self.fit(self._of_order(order), self.accuracy / 8.0)
+        first = self.fit(series(self.general, order, self.shares), self.accuracy / 8.0)
         for way in (2, -2):
             other, value, idle = order + way, first, 0
             while other in ORDERS_OF_SERIES and idle < 2 and other <= order + HIGHER:
                 before = self.best
-                value = self.fit(self._of_order(other), value)
+                value = self.fit(series(self.general, other, self.shares), value)
                 idle = idle + 1 if self.best is before else 0
                 other += way
 
     def _cheapest_over(self, span: float, tolerance: float) -> _Fit:
-        """The cheapest series at a tolerance for the whole run; of those that meet it, if any do."""
+        """Return the cheapest series at a tolerance for the whole run; of those that meet it, if any do."""
         best: _Fit | None = None
-        for family in map(self._of_order, range(LEAST_ORDER_OF_INPUTS, MAX_ORDER + 1, 2)):
-            if best is None or best.error > self.bound or family.cost * self.steps < best.cost:
-                plan = replace(family.plan_of(tolerance), span=span)
+        for order in range(LEAST_ORDER_OF_INPUTS, MAX_ORDER + 1, 2):
+            method = series(self.general, order, self.shares)
+            if best is None or best.error > self.bound or method.cost * self.steps < best.cost:
+                plan = replace(method.plan_of(tolerance), span=span)
                 error, substeps = self._tried(plan)
-                found = _Fit(plan, error, substeps, family.cost * substeps, 1)
+                found = _Fit(plan, error, substeps, method.cost * substeps, 1)
                 best = found if best is None or _better(found, best, REACHED * self.accuracy) else best
         assert best
         return best
 
-    def _fit_kicks(self) -> None:
-        """From the longest step down, where kicks are cheapest; with a bound on the step by their resonances."""
-        body, run, omega = self.scene.body, self.scene.run, self.scene.initial.omega_b
-        assert body is not None
-        unserved = acting_loads(self.scene.loads) & (DISSIPATIVE | NOT_IN_CLOSED_FORMS)
-        if unserved or not is_symmetric_top(body.M):
-            return
-        turn = math.inf if self._spins_unseen() else 2.0 * math.pi / max(math.hypot(*omega), 1e-300)
-        longest = min(0.45 * resonant_step(body.M, omega), 0.45 * turn, run.stop - run.start)
-        for order, cost in KICK_COSTS.items():
-            self.fit(_Family(partial(_kicks, self.general, order, longest), cost, order, True), longest)
-
-    def _spins_unseen(self) -> bool:
-        """Whether a symmetric body's loads stay as they are when it turns about its axis: else that turn resonates."""
-        body, loads = body_of(self.start), loads_of(self.start)
-        M, arm = np.array(body.inertia), np.array(body.arm_b)
-        axial = M - transverse_moment(body.inertia) * np.eye(3)  # (I_s - I_t) s s^T
-        torque = np.array(loads.torque_b) + np.cross(arm, loads.force_b)
-        return all(
-            np.linalg.norm(axial @ v) >= (1.0 - 1e-12) * np.linalg.norm(axial) * np.linalg.norm(v)
-            for v in (arm, torque, np.array(loads.force_b))
-        )
+    def _fit_splittings(self) -> None:
+        """Fit from the longest step down, where splitting is cheapest."""
+        for method, longest in splittings(self.scene, self.general):
+            self.fit(method, longest)
 
     # Values
 
-    def fit(self, family: _Family, value: float) -> float:
-        """Bring a family's error to where it costs 10 % at most, as long as it may become the best; the last value."""
+    def fit(self, method: Method, value: float) -> float:
+        """Bring a method's error to where it costs 10 % at most, as long as it may become the best; the last value."""
         bound, error = self.bound, math.inf
-        least = bound * max(1.1**-family.order, 0.1)
+        least = bound * max(1.1**-method.order, 0.1)
         for _ in range(8):
-            plan, last = family.plan_of(value), error
-            if self._is_dearer(self._least_cost(family, plan)) or (self.is_met() and self.work > MAX_WORK):
+            plan, last = method.plan_of(value), error
+            if self._is_dearer(self._least_cost(method, plan)) or (self.is_met() and self.work > MAX_WORK):
                 break
             error, substeps = self._tried(plan)
-            found = _Fit(plan, error, substeps, family.cost * substeps, family.order if family.steps else 1)
+            found = _Fit(plan, error, substeps, method.cost * substeps, method.exponent)
             self._note(found, bound)
             stuck = error == last  # each communication step is one substep, or the step is as short as may be
             enough = error <= bound and (stuck or error >= least)
@@ -295,11 +250,11 @@ class _Search:
                 break
             ratio = math.sqrt(least * bound) / error if 0.0 < error < math.inf else (1e3 if error == 0.0 else 1e-3)
             ratio = min(ratio, 0.03) if stuck else ratio
-            value *= min(max(ratio ** (1.0 / family.order if family.steps else 1.0), 1e-3), 1e3)
+            value *= min(max(ratio ** (1.0 / method.exponent), 1e-3), 1e3)
         return value
 
     def _tried(self, plan: Plan) -> tuple[float, float]:
-        """Error and substeps of a pilot run."""
+        """Return error and substeps of a pilot run."""
         error, counted = self.judge.try_out(plan)
         taken = counted
         if math.isfinite(plan.substep):
@@ -314,15 +269,15 @@ class _Search:
         if found.error <= bound:
             self.met.append(found)
 
-    def _least_cost(self, family: _Family, plan: Plan) -> float:
-        """As far as it is known before a pilot run."""
+    def _least_cost(self, method: Method, plan: Plan) -> float:
+        """Return the cost as far as it is known before a pilot run."""
         known = float(self.steps)
         if math.isfinite(plan.substep):
             known *= substeps_in(self.scene.run.step, plan.substep) or math.inf
-        return family.cost * known
+        return method.cost * known
 
     def _is_dearer(self, cost: float) -> bool:
-        """Than what meets the accuracy already."""
+        """Return whether something that costs less meets the accuracy already."""
         return self.is_met() and self.best is not None and cost >= self.best.cost
 
 
@@ -330,45 +285,3 @@ def _better(a: _Fit, b: _Fit, bound: float) -> bool:
     if a.error <= bound and b.error <= bound:
         return a.cost < b.cost
     return a.error < b.error
-
-
-def series_cost(order: int, shares: tuple[float, float]) -> float:
-    """Ns a substep; shares: as `load_shares`."""
-    plain, *more = (a + b * order for a, b in SERIES_COSTS)
-    return plain + sum(share * (cost - plain) for share, cost in zip(shares, more, strict=True))
-
-
-def load_shares(scene: Scene, z: Buffer) -> tuple[float, float]:
-    """Whether there may be loads that turn in b, and a force that turns with a body whose path is asked, as 0 or 1."""
-    loads = loads_of(z)
-    varying = {*scene.inputs.ports, *scene.inputs.parameters}
-    levered = any(body_of(z).arm_b) and (any(loads.force_a) or "force_a" in varying)
-    turned = levered or any(loads.torque_a) or "torque_a" in varying
-    pushed = any(loads.force_b) or ("force_b" in varying and not has_pivot(z))
-    return float(turned), float(pushed and needs_translation(z))
-
-
-# Plans
-
-
-def _tightened(plan: Plan, ratio: float) -> Plan:
-    """With a smaller tolerance, or step."""
-    if plan.tolerance > 0.0:
-        return replace(plan, tolerance=min(plan.tolerance, max(ratio * plan.tolerance, 1e-3 * TIGHTEST)))
-    return replace(plan, substep=ratio * plan.substep)
-
-
-def _series(general: Plan, order: int, tolerance: float) -> Plan:
-    value = min(max(tolerance, 1e-3 * TIGHTEST), LOOSEST * general.tolerance)
-    method = f"Taylor series of order {order}"
-    return replace(general, method=method, order=order, tolerance=value)
-
-
-def _swing(general: Plan, order: int, tolerance: float) -> Plan:
-    value = min(max(tolerance, 1e-3 * TIGHTEST), LOOSEST * general.tolerance)
-    return replace(general, method=f"Taylor series of order {order}", order=order, tolerance=value)
-
-
-def _kicks(general: Plan, order: int, longest: float, substep: float) -> Plan:
-    method, step = f"kicks of order {order}", min(substep, longest)
-    return replace(general, model="symmetric top", method=method, tolerance=0.0, order=order, substep=step)

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu.arrays import compose_quaternions, principal_axes
+from rbfmu.models.integrated import LOADED_TAYLOR
 from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
 from rbfmu.runs.errors import FLOORS, largest_error, largest_size
-from rbfmu.runs.models import Plan
+from rbfmu.runs.plan import Plan
 from rbfmu.runs.time_grid import communication_steps, thinned_steps
 from rbfmu.runs.trajectory import Motion, record_trajectory, start_run, substeps_counted
 from rbfmu.scene.fields import flattened
@@ -48,7 +49,7 @@ class PlanningWarning(RuntimeWarning):
 
 
 def watched(scene: Scene) -> tuple[str, ...]:
-    """Blocks that show every quantity asked for; roll, pitch and yaw count as the attitude that they describe."""
+    """Return blocks that show every quantity asked for; roll, pitch and yaw count as the attitude they describe."""
     return tuple(dict.fromkeys(OUTPUT[name].judged_by or name for name in scene.outputs.quantities))
 
 
@@ -66,12 +67,12 @@ class Judge:
 
     @property
     def cut_steps(self) -> list[float]:
-        """The communication steps, s, each cut in two."""
+        """Return the communication steps, s, each cut in two."""
         return [part * h for h in self.steps for part in (GOLDEN, 1.0 - GOLDEN)]
 
     @cached_property
     def motion(self) -> Motion:
-        """The truth, at communication points and between them."""
+        """Return the truth, at communication points and between them."""
         try:
             return self._reference()
         except ReferenceTooLongError:
@@ -81,15 +82,15 @@ class Judge:
             return one
 
     def _tight_motion(self, order: int) -> Motion:
-        """In doubles, in half steps: where double-double arithmetic takes too long."""
-        tight = Plan("body under loads, by series", "", 0, tolerance=1e-18, order=order)
+        """Return the motion in doubles, in half steps: where double-double arithmetic takes too long."""
+        tight = Plan(LOADED_TAYLOR.key, "", 0, tolerance=1e-18, order=order)
         names = tuple(dict.fromkeys((*self.names, "omega_b")))
         return record_trajectory(
-            tight.unit, start_run(self.scene, tight, names), self.cut_steps, names, 2, self._progress
+            tight.kernels, start_run(self.scene, tight, names), self.cut_steps, names, 2, self._progress
         )
 
     def error_if_soon(self, plan: Plan) -> float:
-        """The plan's error where the truth takes no more than seconds, else 0."""
+        """Return the plan's error where the truth takes no more than seconds, else 0."""
         try:
             self.__dict__.setdefault("motion", self._reference())
         except ReferenceTooLongError:
@@ -101,16 +102,16 @@ class Judge:
 
     @cached_property
     def truth(self) -> Motion:
-        """At communication points."""
+        """Return the motion at communication points."""
         return {name: rows[::2] for name, rows in self.motion.items()}
 
     @cached_property
     def noise(self) -> Mapping[str, float]:
-        """What counts as no error, by name."""
+        """Return what counts as no error, by name."""
         return round_off(self.scene, self.motion)
 
     def try_out(self, plan: Plan, at_once: int = 1, parts: int = 1, absolute: bool = False) -> tuple[float, float]:
-        """The plan's error over the run, and the substeps it counted.
+        """Return the plan's error over the run, and the substeps it counted.
 
         at_once: steps taken as one, in equal parts; absolute: positions and velocities count relative to 1 m and
         1 m/s, as something varies that they grow with.
@@ -121,7 +122,7 @@ class Judge:
         return self._error(plan, steps, truth, parts, absolute)
 
     def try_all_steps(self, plan: Plan, error: float) -> float:
-        """The error with the round-off of all the run's steps, of which `try_out` took several at once.
+        """Return the error with the round-off of all the run's steps, of which `try_out` took several at once.
 
         Of very long runs the first steps are taken, and their round-off is counted for all.
         """
@@ -139,36 +140,36 @@ class Judge:
         self, plan: Plan, steps: list[float], truth: Motion, parts: int = 1, absolute: bool = False
     ) -> tuple[float, float]:
         z = start_run(self.scene, plan, self.names)
-        found = record_trajectory(plan.unit, z, steps, self.names, parts)
+        found = record_trajectory(plan.kernels, z, steps, self.names, parts)
         error = _error_between(found, truth, self.names, self.noise, absolute)
-        return error + self.doubt, substeps_counted(plan.unit, z)
+        return error + self.doubt, substeps_counted(plan.kernels, z)
 
     def growth(self) -> float:
-        """What the motion makes of an error at the start, at least 1: of the attitude, and of the rate over the run.
+        """Return what the motion makes of an error of attitude and rate at the start, over the run; at least 1.
 
         Infinite where so small an error changes the motion itself.
         """
         span = self.scene.run.stop - self.scene.run.start
-        tight, rows = Plan("body under loads, by series", "", 0, tolerance=1e-16, order=20), np.array(DIRECTIONS)
+        tight, rows = Plan(LOADED_TAYLOR.key, "", 0, tolerance=1e-16, order=20), np.array(DIRECTIONS)
         worst = 0.0
         for turn, change in zip(rows, np.roll(rows, 1, axis=0), strict=True):
             z = start_run(self.scene, tight, self.names)
-            q, omega = (z[tight.unit.BLOCKS[name]] for name in ("q", "omega"))
+            q, omega = (z[tight.kernels.BLOCKS[name]] for name in ("q", "omega"))
             q += 0.5 * SMALL * np.array(compose_quaternions(q, np.array([0.0, *turn])))
             omega += SMALL / span * self._turning(change)
-            found = record_trajectory(tight.unit, z, self.steps, self.names)
+            found = record_trajectory(tight.kernels, z, self.steps, self.names)
             worst = max(worst, largest_error(found, self.truth, self.names, self.noise))
         return max(worst / SMALL, 1.0) if worst < LOST else math.inf
 
     def _turning(self, change: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What of a change of the rate a body has inertia about."""
+        """Return what of a change of the rate a body has inertia about."""
         body = self.scene.body
         axis = body.axis_without_inertia if body else None
         return change if axis is None else change - np.dot(change, axis) * np.array(axis)
 
     def compare(self, smaller: Plan, truth: Motion, names: tuple[str, ...], absolute: bool) -> float:
-        """The error of a model that leaves something out, also between communication points; absolute: as `try_out`."""
-        found = record_trajectory(smaller.unit, start_run(self.scene, smaller, names), self.cut_steps, names)
+        """Return the error of a model that leaves something out, also between steps; absolute: as `try_out`."""
+        found = record_trajectory(smaller.kernels, start_run(self.scene, smaller, names), self.cut_steps, names)
         return _error_between(found, truth, names, round_off(self.scene, truth), absolute)
 
 
@@ -184,14 +185,14 @@ def _error_between(
 
 
 def round_off(scene: Scene, motion: Motion) -> dict[str, float]:
-    """Of each quantity that it keeps from the accuracy: 64 eps of what it is made of, before anything cancels."""
+    """Return 64 eps of what each quantity is made of before anything cancels, where that exceeds the accuracy."""
     noise = {name: NOISE * size for name, size in natural_sizes(scene, motion).items() if name in motion}
     resolved = {name: 0.1 * scene.run.accuracy * largest_size(motion[name]) for name in noise}
     return {name: least for name, least in noise.items() if least > resolved[name]}
 
 
 def natural_sizes(scene: Scene, motion: Motion) -> dict[str, float]:
-    """What loads and rates of the scene's size make of each quantity where they are not in balance."""
+    """Return what loads and rates of the scene's size make of each quantity where they are not in balance."""
     body, loads = scene.body, scene.loads
     assert body is not None
     size = {name: math.hypot(*flattened(getattr(loads, name))) for name in type(loads).model_fields}

@@ -3,11 +3,10 @@
 import math
 from dataclasses import replace
 
-from rbfmu.planning.candidates import GROWING, varying_parameters
+from rbfmu.models.scene_needs import GROWING, varying_parameters
 from rbfmu.planning.judge import Judge
-from rbfmu.planning.promises import conditioning_error
 from rbfmu.planning.reasons import why_pushed
-from rbfmu.runs.models import Plan
+from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.models.free_body_force import ORDERS
 
@@ -18,14 +17,14 @@ MAX_TRIALS = 6
 
 
 def cheapest_quadrature(scene: Scene, general: Plan, judge: Judge) -> Plan | None:
-    """Points of Gauss's rule and panels a communication step; None where they do not meet the accuracy.
+    """Return points of Gauss's rule and panels a communication step; None where they miss the accuracy.
 
     Panels are no longer in other communication steps, so that their error is not either.
     """
     grows = bool(varying_parameters(scene) & GROWING)
     if grows and "kinetic_energy" in judge.names:
         return None
-    kept = EXACT + conditioning_error(scene, general.model)
+    kept = EXACT + general.spec.conditioning(scene)
     bound = scene.run.accuracy / 3.0 - kept
     best: Plan | None = None
     for order in ORDERS:

@@ -27,7 +27,7 @@ class ReferenceTooLongError(ArithmeticError):
 def reference_motion(
     scene: Scene, steps: Sequence[float], most: int, progress: Callable[[float], Any] | None = None
 ) -> Motion:
-    """All quantities of the scene (but rpy) at its start and after each of the steps (s), its ports at zero.
+    """Return all quantities of the scene (but rpy) at its start and after each step (s), its ports at zero.
 
     progress: is told which part of the run is done.  Raises ReferenceTooLongError beyond `most` steps of the reference.
     """
@@ -91,7 +91,7 @@ def _applied(A: Rows, v: Vector) -> Vector:
 
 
 def _inertia(scene: Scene) -> Rows:
-    """About the centre of mass, or about o with a pivot."""
+    """Return M about the centre of mass, or about o with a pivot."""
     body = scene.body
     assert body is not None
     M, r = [_exact(row) for row in body.inertia], _exact(body.r_oc_b)
@@ -102,7 +102,7 @@ def _inertia(scene: Scene) -> Rows:
 
 
 def _inverse(M: Rows) -> Rows:
-    """Of a symmetric matrix; for a slender beam (one zero moment) of what remains about the other axes."""
+    """Return the inverse of M; for a slender beam (one zero moment) of what remains about the other axes."""
     cofactors = [_cross(M[1], M[2]), _cross(M[2], M[0]), _cross(M[0], M[1])]
     determinant, trace = _dot(M[0], cofactors[0]), M[0][0] + M[1][1] + M[2][2]
     minors = cofactors[0][0] + cofactors[1][1] + cofactors[2][2]
@@ -151,7 +151,7 @@ def _start(scene: Scene) -> Vector:
 
 
 def _matrix(q: Vector) -> Rows:
-    """R of a quaternion of any length."""
+    """Return R of a quaternion of any length."""
     w, x, y, z = q
     n = _dot(q, q)
     return [

@@ -12,7 +12,7 @@ from rbfmu_kernels.buffer import FAULTS
 from rbfmu_kernels.quantities import INITIAL_VALUES, LOADS, active_flags
 
 if TYPE_CHECKING:
-    from rbfmu.runs.models import Plan
+    from rbfmu.runs.plan import Plan
 
 Buffer = NDArray[np.float64]
 _CACHE_LINE = 8
@@ -20,7 +20,7 @@ _CACHE_LINE = 8
 
 
 class Model(Protocol):
-    """A unit's module in `rbfmu_kernels`: the layout of its buffer and its three entry functions."""
+    """A model's module in `rbfmu_kernels`: the layout of its buffer and its three entry functions."""
 
     __name__: str
     BLOCKS: dict[str, slice]
@@ -44,40 +44,59 @@ def aligned_zeros(size: int) -> Buffer:
 
 
 def filled_buffer(scene: Scene, plan: "Plan") -> Buffer:
-    """Return the buffer of the plan's unit before `initialize`: parameters and settings of the scene, inputs zero."""
-    unit = plan.unit
-    z = aligned_zeros(unit.SIZE)
-    for name, value in _numbers(scene, plan).items():
-        if name in unit.BLOCKS:
-            z[unit.BLOCKS[name]] = value
+    """Return the buffer of the plan's model before `initialize`: parameters and settings of the scene, inputs zero."""
+    kernels = plan.kernels
+    z = aligned_zeros(kernels.SIZE)
+    put_scene(scene, kernels.BLOCKS, z)
+    _put(_settings(plan), kernels.BLOCKS, z)
     return z
 
 
-def initialize(scene: Scene, unit: Model, z: Buffer) -> None:
-    """Set state and outputs from the parameters; SceneError where the unit refuses them."""
-    if code := unit.initialize(z):
-        block, expected = FAULTS[code]
-        known = block in unit.BLOCKS
-        named = f"{block} = {z[unit.BLOCKS[block]].tolist()}" if known else "parameters"
-        raise SceneError(f"{named}: {expected}", scene.name)
+def put_scene(scene: Scene, blocks: dict[str, slice], z: Buffer) -> None:
+    """Set the scene's numbers, as far as a buffer has blocks for them."""
+    _put(_numbers(scene), blocks, z)
 
 
-def output_block(scene: Scene, unit: Model) -> slice:
-    """Return where the outputs that the scene asks for stand in the unit's buffer, and what lies between them."""
-    blocks = [unit.BLOCKS[name] for name in scene.outputs.quantities]
+def _put(numbers: dict[str, Any], blocks: dict[str, slice], z: Buffer) -> None:
+    for name, value in numbers.items():
+        if name in blocks:
+            z[blocks[name]] = value
+
+
+def initialize(scene: Scene, kernels: Model, z: Buffer) -> None:
+    """Set state and outputs from the parameters; SceneError where the model refuses them."""
+    if code := kernels.initialize(z):
+        raise refusal(scene, code, kernels.BLOCKS, z)
+
+
+def refusal(scene: Scene, code: int, blocks: dict[str, slice], z: Buffer) -> SceneError:
+    """Return what is said of parameters that a model refuses; code: a key of `buffer.FAULTS`."""
+    block, expected = FAULTS[code]
+    named = f"{block} = {z[blocks[block]].tolist()}" if block in blocks else "parameters"
+    return SceneError(f"{named}: {expected}", scene.name)
+
+
+def output_block(scene: Scene, kernels: Model) -> slice:
+    """Return where the outputs that the scene asks for stand in the model's buffer, and what lies between them."""
+    blocks = [kernels.BLOCKS[name] for name in scene.outputs.quantities]
     return slice(min(block.start for block in blocks), max(block.stop for block in blocks))
 
 
-def _numbers(scene: Scene, plan: "Plan") -> dict[str, Any]:
-    initial, loads = scene.initial, scene.loads
-    numbers: dict[str, Any] = {
-        **{load.block: getattr(loads, load.name) for load in LOADS},
-        **{row.name: getattr(initial, row.name.removesuffix("_0")) for row in INITIAL_VALUES},
+def _settings(plan: "Plan") -> dict[str, float]:
+    return {
         "substep": plan.substep if math.isfinite(plan.substep) else 0.0,
         "tolerance": plan.tolerance,
         "span": plan.span,
         "order": plan.order,
-        "skip_model_checks": float(bool(plan.held)),
+        "skip_model_checks": float(bool(plan.pinned)),
+    }
+
+
+def _numbers(scene: Scene) -> dict[str, Any]:
+    initial, loads = scene.initial, scene.loads
+    numbers: dict[str, Any] = {
+        **{load.block: getattr(loads, load.name) for load in LOADS},
+        **{row.name: getattr(initial, row.name.removesuffix("_0")) for row in INITIAL_VALUES},
         "ports": [float(name in scene.inputs.ports) for name in INPUTS],
         "active": active_flags(scene.outputs.quantities),
     }

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu.runs.model_buffer import Buffer, filled_buffer, initialize
-from rbfmu.runs.models import Plan
+from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.quantities import active_flags
@@ -17,7 +17,7 @@ Motion = dict[str, NDArray[np.float64]]
 
 def start_run(scene: Scene, plan: Plan, names: Sequence[str]) -> Buffer:
     """Return the buffer of the plan's unit at the start, of whose outputs only those named are computed."""
-    unit, z = plan.unit, filled_buffer(scene, plan)
+    unit, z = plan.kernels, filled_buffer(scene, plan)
     if "active" in unit.BLOCKS:
         z[unit.BLOCKS["active"]] = active_flags(names)
     initialize(scene, unit, z)

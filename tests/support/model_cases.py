@@ -33,7 +33,7 @@ class Unit:
 
     def __init__(self, scene, planned=None):
         self.plan = planned or plan(scene)
-        self.kernels = self.plan.unit
+        self.kernels = self.plan.kernels
         self.z = filled_buffer(scene, self.plan)
         initialize(scene, self.kernels, self.z)
 

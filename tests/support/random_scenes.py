@@ -1,4 +1,4 @@
-"""Random scenes over all rungs of the ladder of models and their borders."""
+"""Random scenes over the whole hierarchy of models and their borders."""
 
 import numpy as np
 from hypothesis import strategies as st

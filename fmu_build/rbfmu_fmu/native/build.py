@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from rbfmu.runs.models import Plan
+from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu_fmu.archive import guid_of, scene_inside, write_archive, xml_bytes
 from rbfmu_fmu.description import Description, describe
@@ -21,7 +21,7 @@ def build_native_fmu(scene: Scene, plan: Plan, path: Path, platforms: Sequence[s
     """
     chosen = [platform_named(name) for name in sorted(set(platforms))] or [this_platform()]
     description = describe(scene, plan)
-    objects = {p: object_files(plan.unit, p) for p in chosen}
+    objects = {p: object_files(plan.kernels, p) for p in chosen}
     contents = {"resources/scene.json": scene_inside(scene, plan)}
     xml = model_description(description, "{}", _capabilities(description))
     guid = guid_of(contents | _identity(description, objects), xml)

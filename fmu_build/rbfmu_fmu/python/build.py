@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pythonfmu.builder import FmuBuilder
 
-from rbfmu.runs.models import Plan
+from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu_fmu.archive import guid_of, hash_of, json_bytes, kernel_sources, scene_inside, write_archive, xml_bytes
 from rbfmu_fmu.description import Description, describe
@@ -77,7 +77,7 @@ def _package_files(plan: Plan, description: Description) -> dict[str, bytes]:
 def _shipped_code(plan: Plan) -> tuple[str, bytes]:
     """Return (name, content) of a shared library for this platform or, without a C compiler, of an object file."""
     platform = this_platform()
-    objects = object_files(plan.unit, platform)
+    objects = object_files(plan.kernels, platform)
     try:
         return CODE + LIBRARY, linked(EXPORTS, objects, platform, "model")
     except NoLinkerError:

@@ -21,7 +21,7 @@ _TURNS = 14
 
 @kernel
 def _set_up(z: Any) -> int:
-    if needs_rate(z) and not skips_model_checks(z) and _begins_to_turn(z):
+    if needs_rate(z) and not skips_model_checks(z) and begins_to_turn(z):
         return _TURNS
     start_clocks(z)
     return 0
@@ -37,7 +37,7 @@ def _advance(z: Any, h: float) -> int:
 
 
 @kernel
-def _begins_to_turn(z: Any) -> bool:
+def begins_to_turn(z: Any) -> bool:
     """Whether an output that depends on the rotation would change."""
     (q, omega), body, loads = rotation_of(z), body_of(z), loads_of(z)
     changes = is_nonzero(angular_acceleration(q, omega, body, loads))

@@ -41,7 +41,7 @@ _ASTRAY = 19
 def _set_up(z: Any) -> int:
     (q, omega), body, loads = rotation_of(z), body_of(z), loads_of(z)
     across, own, axes = symmetric_frame(body.inertia)
-    if not skips_model_checks(z) and (needs_attitude(z) or has_unknown_load(z) or _leads_astray(q, axes, body, loads)):
+    if not skips_model_checks(z) and (needs_attitude(z) or has_unknown_load(z) or leads_astray(q, axes, body, loads)):
         return _ASTRAY
     put_matrix_at(z, _AXES, axes)
     put_vec3_at(z, _RATES, transform(axes, omega))
@@ -66,7 +66,7 @@ def _advance(z: Any, h: float) -> int:
 
 
 @kernel
-def _leads_astray(q: Quaternion, axes: Matrix, body: Body, loads: Loads) -> bool:
+def leads_astray(q: Quaternion, axes: Matrix, body: Body, loads: Loads) -> bool:
     """Whether the moments differ, a load depends on the attitude or acts across the axis, or damping is uneven."""
     turning = is_nonzero(loads.torque_a) or (is_nonzero(body.arm_b) and is_nonzero(loads.force_a))
     from_rest = angular_acceleration(q, (0.0, 0.0, 0.0), body, loads)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from rbfmu.runs.models import Plan
+from rbfmu.runs.plan import Plan
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, TORQUE_FREE_INTEGRATORS
 from rbfmu.studies.stability.attitude_laws import crossing, stability_polynomial
 from rbfmu.studies.stability.cases import (

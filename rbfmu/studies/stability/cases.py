@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from rbfmu.runs.models import Plan
+from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu.simulation import Result, simulate
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, OneStepMethod

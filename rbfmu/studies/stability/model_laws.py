@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rbfmu.runs.model_buffer import filled_buffer, initialize
-from rbfmu.runs.models import Plan
+from rbfmu.runs.plan import Plan
 from rbfmu.runs.trajectory import substeps_counted
 from rbfmu.scene.scene import Scene
 from rbfmu.simulation import simulate
@@ -98,7 +98,7 @@ _CHANGING = {
 def _driven(case: Case) -> dict[str, Any]:
     """Return where loads that change within each of five steps take the loaded body."""
     tables = MOTIONS["loaded"].to_dict() | {"inputs": {"ports": list(_CHANGING)}}
-    scene, unit = Scene.from_dict(tables), case.planned.unit
+    scene, unit = Scene.from_dict(tables), case.planned.kernels
     z = filled_buffer(scene, case.planned)
     initialize(scene, unit, z)
     for _ in range(5):
@@ -157,11 +157,11 @@ def _substeps(case: Case) -> float:
     """Return the number of substeps, NaN where a step is refused."""
     scene, planned = MOTIONS[case.motion], case.planned
     z = filled_buffer(scene, planned)
-    initialize(scene, planned.unit, z)
+    initialize(scene, planned.kernels, z)
     for _ in truth(case.motion)["omega_b"]:
-        if planned.unit.step(z, scene.run.step):
+        if planned.kernels.step(z, scene.run.step):
             return math.nan
-    return substeps_counted(planned.unit, z)
+    return substeps_counted(planned.kernels, z)
 
 
 def orders_and_error_control(quick: bool) -> Study:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rbfmu.runs.models import Plan
+from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.simulation import SimulationError, simulate
 

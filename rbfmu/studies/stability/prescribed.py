@@ -3,7 +3,7 @@
 import numpy as np
 
 from rbfmu.runs.model_buffer import filled_buffer, initialize
-from rbfmu.runs.models import Plan
+from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu.studies.stability.motions import Array, attitude_error, references
 
@@ -23,7 +23,7 @@ def prescribed_error() -> float:
     """Return the largest error after a step, rad."""
     scene = Scene.from_dict({"inputs": {"ports": ["omega_b"]}, "outputs": {"quantities": ["quaternion"]}})
     planned = Plan("prescribed rates", "", 4)
-    unit, z = planned.unit, filled_buffer(scene, planned)
+    unit, z = planned.kernels, filled_buffer(scene, planned)
     initialize(scene, unit, z)
     found: list[Array] = []
     for h, omega, rate, rate_2 in PRESCRIBED:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 import rbfmu
 from rbfmu.runs.errors import relative_error
 from rbfmu.runs.model_buffer import filled_buffer, initialize
-from rbfmu.runs.models import Plan
+from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.body.memory import body_of, loads_of, motion_of
 from rbfmu_kernels.integrators.splitting import is_symmetric_top

@@ -10,10 +10,9 @@ import numpy as np
 from numba import njit
 
 import rbfmu
-from rbfmu.planning.candidates import CLOSED
 from rbfmu.planning.select import plan
 from rbfmu.runs.model_buffer import aligned_zeros, filled_buffer, initialize
-from rbfmu.runs.models import Plan
+from rbfmu.runs.plan import Plan
 from rbfmu.runs.trajectory import substeps_counted
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.studies.reference_methods import OneStepMethod
@@ -52,7 +51,7 @@ def _unit_repeated(step: Any, z: Any, start: Any, interval: float, at: Any, out:
 
 def _run_of_unit(case: Case, scene: Scene, chosen: Plan, per_substep: float = math.nan, fixed: float = 0.0) -> Run:
     """Return a run of a plan's model; per_substep: right-hand sides; fixed: substeps where it counts none."""
-    unit, start = chosen.unit, filled_buffer(scene, chosen)
+    unit, start = chosen.kernels, filled_buffer(scene, chosen)
     initialize(scene, unit, start)
     z = aligned_zeros(len(start))
     at = np.concatenate([np.arange(len(z))[unit.BLOCKS[name]] for name in case.quantities])
@@ -196,7 +195,7 @@ class ClosedForm(Planned):
 
     def suits(self, case: Case) -> bool:
         """Return whether a plan is such a closed form."""
-        return not case.torque_free and plan(case.asking(1e-6)).model in CLOSED
+        return not case.torque_free and plan(case.asking(1e-6)).spec.closed_form
 
     def settings(self, case: Case, quick: bool) -> Iterator[float]:
         """Return one setting."""

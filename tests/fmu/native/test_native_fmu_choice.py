@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from rbfmu.runs.model_buffer import filled_buffer, initialize
-from rbfmu.runs.models import Plan
+from rbfmu.runs.plan import Plan
 from rbfmu_fmu.description import describe
 from rbfmu_fmu.native import linking
 from rbfmu_fmu.native.linking import linked
@@ -87,19 +87,19 @@ def test_either_step_gives_the_kernels_bits(choice, case, tmp_path, monkeypatch)
     name, other = CASES[case]
     plan = other or planned(name)
     layer = linking.source("exports.c")
-    library = loaded(layer, object_files(plan.unit, this_platform()), tmp_path, monkeypatch, choice)
+    library = loaded(layer, object_files(plan.kernels, this_platform()), tmp_path, monkeypatch, choice)
     if choice and "avx2" not in CPU:
         pytest.skip("no AVX2 here")
     library.model_chosen_step.restype = ctypes.c_void_p
     of_buffer = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_double)
     step = of_buffer(library.model_chosen_step())
     z = filled_buffer(scene(name), plan)
-    initialize(scene(name), plan.unit, z)
+    initialize(scene(name), plan.kernels, z)
     own, places = z.copy(), {v.name: v.offset for v in describe(scene(name), plan).variables}
     for inputs in signal(name, 500):
         for variable, value in inputs.items():
             z[places[variable]] = own[places[variable]] = value
-        assert step(z.ctypes.data, 0.01) == plan.unit.step(own, 0.01) == 0
+        assert step(z.ctypes.data, 0.01) == plan.kernels.step(own, 0.01) == 0
         assert z.tobytes() == own.tobytes()
 
 
@@ -114,7 +114,7 @@ def instructions(code, folder):
 @pytest.mark.parametrize("case", ["DOP853", "Taylor series"])
 def test_neither_step_has_fused_products_and_one_has_vectors_of_four(case, platform, tmp_path):
     name, plan = CASES[case]
-    objects = object_files((plan or planned(name)).unit, PLATFORMS[platform])
+    objects = object_files((plan or planned(name)).kernels, PLATFORMS[platform])
     assert set(objects) == {"model.o", "step_avx2.o"}
     texts = {file: instructions(code, tmp_path) for file, code in objects.items()}
     assert not re.search(r"\bvfn?m(add|sub)", "".join(texts.values()))

@@ -147,9 +147,9 @@ def outputs(z):
 def other_kernels(tmp_path_factory):
     """The FMU of the same scene from other kernels: its first output counts the steps."""
     place = scene("prescribed"), planned("prescribed")
-    text = OTHER_UNIT.format(first=place[1].unit.BLOCKS["quaternion"].start)
+    text = OTHER_UNIT.format(first=place[1].kernels.BLOCKS["quaternion"].start)
     other = ModuleType("rbfmu_kernels.models.other")
-    other.__package__, other.SIZE = "rbfmu_kernels.models", place[1].unit.SIZE
+    other.__package__, other.SIZE = "rbfmu_kernels.models", place[1].kernels.SIZE
     exec(compile(text, "<other unit>", "exec"), other.__dict__)
     with pytest.MonkeyPatch.context() as patch:
         sources = python_fmu.kernel_sources() | {"models/prescribed_rates.py": text.encode()}

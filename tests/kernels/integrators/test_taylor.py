@@ -7,7 +7,7 @@ import pytest
 
 from rbfmu.runs.errors import attitude_error
 from rbfmu.runs.model_buffer import filled_buffer, initialize
-from rbfmu.runs.models import Plan
+from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu.studies.work_precision.cases import CASES
 from rbfmu.studies.work_precision.cases import reference as motion_of_case

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rbfmu.runs.model_buffer import filled_buffer, initialize
-from rbfmu.runs.models import Plan
+from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.buffer import OK, STEP_REJECTED
 from rbfmu_kernels.models import prescribed_rates
@@ -39,7 +39,7 @@ class Unit:
 
     def __init__(self, plan, **tables):
         scene = Scene(**tables)
-        self.kernels = plan.unit
+        self.kernels = plan.kernels
         self.z = filled_buffer(scene, plan)
         initialize(scene, self.kernels, self.z)
 

@@ -1,4 +1,4 @@
-"""The small models of the ladder against the exact motion and 40 digits, however long and in whatever steps."""
+"""The small models against the exact motion and 40 digits, however long and in whatever steps."""
 
 import math
 
@@ -8,7 +8,7 @@ import pytest
 
 from rbfmu.runs.errors import attitude_error
 from rbfmu.runs.model_buffer import filled_buffer, initialize
-from rbfmu.runs.models import Plan
+from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels import free_rotation
 from rbfmu_kernels.buffer import OK
@@ -24,7 +24,7 @@ def run(model, steps, **tables):
     """The unit's outputs after each of some steps, by name."""
     scene = Scene(**{"initial": {}, "loads": NO_GRAVITY} | tables)
     plan = Plan(model, "", 0, tolerance=1e-17, order=16)
-    unit, z = plan.unit, filled_buffer(scene, plan)
+    unit, z = plan.kernels, filled_buffer(scene, plan)
     initialize(scene, unit, z)
     rows = []
     for h in steps:

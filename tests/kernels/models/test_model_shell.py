@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from numba import config
 
+from rbfmu.models.registry import MODELS
 from rbfmu.runs.model_buffer import filled_buffer
-from rbfmu.runs.models import MODELS, Plan
+from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.body import shell
 from rbfmu_kernels.buffer import STEP_REJECTED
@@ -55,7 +56,7 @@ def test_a_second_process_finds_each_models_own_functions_in_the_cache(
 
 @pytest.mark.parametrize("name", MODELS)
 def test_entry_functions_bear_the_name_of_their_model(name: str) -> None:
-    model = MODELS[name]
+    model = MODELS[name].kernels
     own = model.__name__.rpartition(".")[2]
     assert (model.step.__module__, model.step.__qualname__) == (model.__name__, f"{own}.step")
     assert model.initialize.__module__ == model.__name__
@@ -64,8 +65,8 @@ def test_entry_functions_bear_the_name_of_their_model(name: str) -> None:
 
 @pytest.mark.parametrize("h", [0.0, -0.1, float("nan")])
 def test_a_step_that_is_not_positive_never_reaches_the_model(h: float) -> None:
-    z = filled_buffer(Scene.from_dict(SMALLEST), Plan("no rotation", "", 0, held=("all",)))
-    no_rotation = MODELS["no rotation"]
+    z = filled_buffer(Scene.from_dict(SMALLEST), Plan("no rotation", "", 0, pinned=("all",)))
+    no_rotation = MODELS["no rotation"].kernels
     assert no_rotation.initialize(z) == 0
     before = z.copy()
     assert no_rotation.step(z, h) == STEP_REJECTED
@@ -73,8 +74,8 @@ def test_a_step_that_is_not_positive_never_reaches_the_model(h: float) -> None:
 
 
 def test_a_body_that_is_refused_is_not_set_up() -> None:
-    z = filled_buffer(Scene.from_dict(SMALLEST), Plan("no rotation", "", 0, held=("all",)))
-    no_rotation = MODELS["no rotation"]
+    z = filled_buffer(Scene.from_dict(SMALLEST), Plan("no rotation", "", 0, pinned=("all",)))
+    no_rotation = MODELS["no rotation"].kernels
     z[no_rotation.BLOCKS["mass"]] = -1.0
     before = z.copy()
     assert no_rotation.initialize(z) == 1

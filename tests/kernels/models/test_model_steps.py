@@ -6,8 +6,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from rbfmu.models.registry import MODELS
 from rbfmu.runs.errors import attitude_error
-from rbfmu.runs.models import MODELS, Plan
+from rbfmu.runs.plan import Plan
 from rbfmu_kernels.buffer import FAULTS, NEGATIVE
 from rbfmu_kernels.quantities import active_flags
 from tests.support.model_cases import (

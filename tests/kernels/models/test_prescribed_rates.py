@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rbfmu import rotate
-from rbfmu.planning.promises import prescribed_rates_error
+from rbfmu.models.conditioning import prescribed_rates_error
 from rbfmu.runs.errors import attitude_error
 from rbfmu.scene.scene import Scene
 from tests.support.free_rotation_mp import angle_to, compose

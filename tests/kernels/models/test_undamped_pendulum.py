@@ -10,7 +10,7 @@ import rbfmu
 import rbfmu_fmu
 from rbfmu.planning.select import plan
 from rbfmu.runs.errors import attitude_error
-from rbfmu.runs.models import Plan
+from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from tests.kernels.exact.test_plane_pendulum import truth
 from tests.support import reference_mp as reference

@@ -29,7 +29,7 @@ class Running:
 
     def __init__(self, scene):
         planned = plan(scene)
-        self.unit, self.h, self.model = planned.unit, scene.run.step, planned.model
+        self.unit, self.h, self.model = planned.kernels, scene.run.step, planned.model
         self.said = "\n".join(planned.reasons)
         self.z = filled_buffer(scene, planned)
         initialize(scene, self.unit, self.z)

@@ -27,7 +27,7 @@ def made(body, initial, loads, quantities, **inputs):
 
 def outputs_of(scene, planned, changes):
     """What the scene asks for after some steps, parameters changed in parts; no unit asks whether it serves them."""
-    unit, z, random = planned.unit, filled_buffer(scene, planned), np.random.default_rng(7)
+    unit, z, random = planned.kernels, filled_buffer(scene, planned), np.random.default_rng(7)
     for block, part in changes.items():
         change(z[unit.BLOCKS[block]], block, part)
     z[unit.BLOCKS["skip_model_checks"]] = 1.0
@@ -60,10 +60,10 @@ def differs(scene, planned, block, others):
 
 def living(scene, planned):
     """Names of the parameters (loads: that act) that change an output, at the scene's values or beside them."""
-    z, unit = filled_buffer(scene, planned), planned.unit
+    z, unit = filled_buffer(scene, planned), planned.kernels
     blocks = [b for b in PARAMETERS if b in START or np.any(z[unit.BLOCKS[b]])]
-    blocks = [b for b in blocks if b.removeprefix("known_") not in scene.inputs.ports]
-    return {b.removeprefix("known_") for b in blocks if any(differs(scene, planned, b, o) for o in ((), blocks))}
+    blocks = [b for b in blocks if b.removeprefix("constant_") not in scene.inputs.ports]
+    return {b.removeprefix("constant_") for b in blocks if any(differs(scene, planned, b, o) for o in ((), blocks))}
 
 
 def check(scene, planned):

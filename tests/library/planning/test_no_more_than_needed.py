@@ -10,7 +10,7 @@ from numba import config
 import rbfmu
 from rbfmu.planning.select import plan
 from rbfmu.runs.model_buffer import filled_buffer, initialize
-from rbfmu.runs.models import Plan
+from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.buffer import OK, STEP_REJECTED
 from rbfmu_kernels.models.free_body_force import _POINTS, _WEIGHTS, ORDERS
@@ -56,7 +56,7 @@ AXIAL = {
 def test_thrust_along_the_axis_of_spin_turns_nothing(name):
     model, scene = AXIAL[name]
     found = plan(scene)
-    assert (found.model, found.held) == (model, ())
+    assert (found.model, found.pinned) == (model, ())
     assert error_of(scene, found) <= 50 * EPS
     assert "constant acceleration" in reasons(found)
     assert "turns with the body" not in reasons(found)
@@ -86,14 +86,14 @@ def test_thrust_that_may_leave_the_axis_gets_a_larger_model(varies):
 )
 def test_what_bends_no_path_may_vary_beside_thrust(varies):
     found = plan(made(TRIAXIAL, SPIN, THRUST, **varies))
-    assert (found.model, found.held) == ("constant rate", ())
+    assert (found.model, found.pinned) == ("constant rate", ())
 
 
 @compiled
 def test_a_parabola_under_thrust_gathers_no_round_off():
     """1e5 steps end where one does."""
     scene = made(TRIAXIAL, SPIN, THRUST)
-    unit, z = plan(scene).unit, filled_buffer(scene, plan(scene))
+    unit, z = plan(scene).kernels, filled_buffer(scene, plan(scene))
     initialize(scene, unit, z)
     for _ in range(100_000):
         assert unit.step(z, 2.0**-10) == OK
@@ -133,7 +133,7 @@ def test_a_sphere_turns_about_one_axis_however_oblique(name, arm):
     omega_b, loads = OBLIQUE[name]
     scene = made(BALL | {"r_oc_b": arm}, map(float, omega_b), as_lists(loads), accuracy=1e-12)
     found = plan(scene)
-    assert (found.model, found.held) == ("one axis", ())
+    assert (found.model, found.pinned) == ("one axis", ())
     assert error_of(scene, found) <= found.error + 50 * EPS
 
 
@@ -198,7 +198,7 @@ def momentum_errors(scene, result):
 def test_angular_momentum_is_linear_in_time_under_a_torque_fixed_in_space(body, quantities):
     scene = made(body, SPIN_ANY, TORQUE, quantities)
     found = plan(scene)
-    assert (found.model, found.held) == ("angular momentum", ())
+    assert (found.model, found.pinned) == ("angular momentum", ())
     result = rbfmu.simulate(scene)
     assert max(momentum_errors(scene, result).values()) <= 8 * EPS
     if "kinetic_energy" in quantities:
@@ -248,7 +248,7 @@ def test_angular_momentum_follows_a_port():
     scene = made(TRIAXIAL, SPIN_ANY, TORQUE, ["angular_momentum_a"], ports=["torque_a"])
     found = plan(scene)
     assert found.model == "angular momentum"
-    unit, z, random = found.unit, filled_buffer(scene, found), np.random.default_rng(3)
+    unit, z, random = found.kernels, filled_buffer(scene, found), np.random.default_rng(3)
     initialize(scene, unit, z)
     block = unit.BLOCKS["angular_momentum_a"]
     h = z[block].copy()
@@ -290,7 +290,7 @@ def test_a_pushed_free_body_is_not_integrated(accuracy):
 
 def ends(scene, found, steps):
     """The state after each of some steps."""
-    unit, z = found.unit, filled_buffer(scene, found)
+    unit, z = found.kernels, filled_buffer(scene, found)
     initialize(scene, unit, z)
     rows = []
     for h in steps:
@@ -312,7 +312,7 @@ def test_the_quadrature_holds_in_any_communication_step(factor):
 def test_a_pushed_path_gathers_no_round_off():
     """1e5 steps: plain sums lose 1e-12."""
     scene = made(TRIAXIAL, SPUN, PUSH)
-    found = Plan("torque-free body, pushed", "", 13, order=3, substep=1.0, held=("all",))
+    found = Plan("torque-free body, pushed", "", 13, order=3, substep=1.0, pinned=("all",))
     rows = ends(scene, found, [2.0**-10] * 100_000)
     last = reference.motion(scene, [100_000 * 2.0**-10])
     assert max(reference.errors(last, *(column[-1:] for column in rows)).values()) <= 20 * EPS

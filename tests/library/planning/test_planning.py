@@ -13,7 +13,7 @@ from rbfmu.planning.judge import PlanningWarning
 from rbfmu.planning.select import plan
 from rbfmu.runs.errors import attitude_error, largest_error, relative_error
 from rbfmu.runs.model_buffer import filled_buffer, initialize
-from rbfmu.runs.models import Plan
+from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu_kernels.buffer import OK
 from tests.support import reference_mp as reference
@@ -191,7 +191,7 @@ def driven(scene, tolerance=None, seed=1):
     planned = plan(scene)
     if tolerance is not None:
         planned = Plan(planned.model, planned.method, planned.states, planned.substep, tolerance, planned.order)
-    unit, z, rng = planned.unit, filled_buffer(scene, planned), np.random.default_rng(seed)
+    unit, z, rng = planned.kernels, filled_buffer(scene, planned), np.random.default_rng(seed)
     initialize(scene, unit, z)
     names = ("quaternion", "omega_b", "position", "velocity")
     rows = []

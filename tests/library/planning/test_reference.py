@@ -11,7 +11,7 @@ from rbfmu.planning.judge import Judge, PlanningWarning
 from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
 from rbfmu.planning.select import plan
 from rbfmu.runs.errors import attitude_error, relative_error
-from rbfmu.runs.models import Plan
+from rbfmu.runs.plan import Plan
 from rbfmu_kernels.integrators.substeps import tolerance_of_substep
 from tests.support.quadruple import reference as quadruple
 

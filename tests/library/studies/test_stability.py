@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from rbfmu.cli import main
-from rbfmu.runs.models import MODELS
+from rbfmu.models.registry import MODELS
 from rbfmu.studies import stability
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS
 from rbfmu.studies.stability import Finding, body_laws, maps, model_laws, motions

@@ -25,7 +25,7 @@ class Facts:
     """One FMU: its kernels and what the importer can know of it."""
 
     def __init__(self, scene, plan, kind):
-        self.description, self.unit, self.kind = describe(scene, plan), plan.unit, kind
+        self.description, self.unit, self.kind = describe(scene, plan), plan.kernels, kind
         self.native, self.refused = kind == "native", REFUSED[kind]
         variables = self.description.variables
         self.reals = len(variables)

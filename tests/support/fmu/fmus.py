@@ -147,7 +147,7 @@ class Kernels:
     """The unit's kernels on a buffer, by the FMU's variable names."""
 
     def __init__(self, name, values=()):
-        self.unit, self.z = planned(name).unit, filled_buffer(scene(name), planned(name))
+        self.unit, self.z = planned(name).kernels, filled_buffer(scene(name), planned(name))
         variables = describe(scene(name), planned(name)).variables
         self.places = {v.name: v.offset for v in variables}
         self.wanted = [v.offset for v in variables if v.causality == "output"]

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from rbfmu.runs.models import Plan
+from rbfmu.runs.plan import Plan
 from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.scene import Scene
 from rbfmu_fmu.description import describe
@@ -48,7 +48,7 @@ class Outcome:
 
 def seen(scene: Scene, plan: Plan, setting: Setting):
     """Refusal and {}, or "" and the rows of all quantities asked for at the points of `grid`, driven as by an FMU."""
-    description, unit = describe(scene, plan), plan.unit
+    description, unit = describe(scene, plan), plan.kernels
     z = np.array(description.start_buffer)
     for v in description.variables:
         if v.causality == "parameter" and v.block in setting.changes:

@@ -1,0 +1,48 @@
+"""Kernels as the plain Python functions that they are written as: nothing is compiled, and the bits are the same."""
+
+from collections.abc import Callable
+from functools import cache
+from types import FunctionType, ModuleType
+from typing import Any, ParamSpec, TypeVar, cast
+
+import numpy as np
+
+from .shapes import python_function
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def interpreted(kernel: Callable[P, R]) -> Callable[P, R]:
+    """Return the kernel as a Python function that calls other kernels as such too.
+
+    Numbers that are to be divided by zero must be NumPy's, as those of a buffer are: Python's own raise an error.
+    """
+    function: Callable[P, R] = _plain(kernel)
+
+    def call(*args: P.args, **kwargs: P.kwargs) -> R:
+        with np.errstate(all="ignore"):
+            return function(*args, **kwargs)
+
+    return call
+
+
+@cache
+def _plain(value: Any) -> Any:
+    """Return a kernel as a Python function, a module as one whose kernels are such, and anything else as it is."""
+    if isinstance(value, ModuleType):
+        return _PlainModule(value)
+    if not hasattr(value, "py_func"):
+        return value
+    function = cast(FunctionType, python_function(value))
+    names, used = dict(function.__globals__), function.__code__.co_names
+    names |= {name: _plain(names[name]) for name in used if name in names}
+    return FunctionType(function.__code__, names, function.__name__, function.__defaults__)
+
+
+class _PlainModule:
+    def __init__(self, module: ModuleType) -> None:
+        self._module = module
+
+    def __getattr__(self, name: str) -> Any:
+        return _plain(getattr(self._module, name))

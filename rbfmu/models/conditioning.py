@@ -1,0 +1,88 @@
+"""What exact motions lose besides the round-off of their results: formulas for a plan's promised error."""
+
+import math
+
+from rbfmu.models.body_at_start import body_at_start
+from rbfmu.runs.time_grid import communication_steps
+from rbfmu.scene.scene import Scene
+from rbfmu_kernels.body.principal import Axes, exact_frame, rates_along
+from rbfmu_kernels.compile.interpreted import interpreted
+from rbfmu_kernels.exact.free_rotation import free_rotation_of
+from rbfmu_kernels.exact.polhode import polhode_axes
+from rbfmu_kernels.numerics.double_double import DoubleDouble, Vector
+from rbfmu_kernels.types import Vec3
+
+ROUND_OFF = 2.0**-52
+TWICE = 2.0**-100
+"""What double-double leaves of a number, with room for what a flip makes of it."""
+
+
+def prescribed_rates_error(scene: Scene) -> float:
+    """Return what prescribed rates lose of the attitude, rad: up to 0.6 eps for each change of the rates.
+
+    It does not matter how far the body turns between them. Rates that change within a step, which the native FMU takes,
+    lose as much for each radian.
+    """
+    return ROUND_OFF * (1.0 + communication_steps(scene))
+
+
+def lost_near_separatrix(scene: Scene) -> float:
+    """Return what double-double leaves of the distance from the separatrix, rad, at each flip.
+
+    It is 0 for a diagonal matrix.
+    """
+    if not _is_full(scene):
+        return 0.0
+    moments, axes = _frame(scene)
+    rates = interpreted(rates_along)(axes, scene.initial.omega_b)
+    motion = interpreted(free_rotation_of)(moments, (1.0, 0.0, 0.0, 0.0), rates)
+    half_turns = 2.0 * float(abs(motion.unit * motion.phase_rate[0])) * (scene.run.stop - scene.run.start)
+    return half_turns * _lost_distance(moments, rates, scene.initial.omega_b)
+
+
+def lost_by_symmetry(scene: Scene) -> float:
+    """Return what the difference of two moments makes of a body taken as symmetric, rad; 0 for a diagonal matrix.
+
+    It is that difference over the least moment, times the angle, and times that in which the rate across turns, for it
+    turns the body about its axis the faster the thinner it is, as long as the rate across stays where it is.
+    """
+    assert scene.body is not None
+    M, omega, span = scene.body.M, scene.initial.omega_b, scene.run.stop - scene.run.start
+    if not _is_full(scene) and len({M[0][0], M[1][1], M[2][2]}) < 3:
+        return 0.0
+    moments, axes = _frame(scene)
+    low, middle, high = sorted(range(3), key=lambda k: moments[k])
+    below, above = _difference(moments[middle], moments[low]), _difference(moments[high], moments[middle])
+    gap, s = (below, high) if below <= above else (above, low)
+    if gap == 0.0 or moments[low][0] <= 0.0:
+        return gap * math.inf if gap else 0.0
+    rate = interpreted(rates_along)(axes, omega)[s][0]
+    own = abs(rate * _difference(moments[s], moments[middle])) / moments[middle][0]
+    speed = _speed(omega)
+    return gap / moments[low][0] * speed * span * (1.0 + speed * min(span, 1.0 / own if own else math.inf))
+
+
+def _speed(omega: Vec3) -> float:
+    return math.sqrt(sum(w * w for w in omega))
+
+
+def _lost_distance(moments: Vector, rates: Vector, omega: Vec3) -> float:
+    """Return the relative error of L^2 - 2 T I_r, I_r the middle moment, which is 0 on the separatrix."""
+    p, r, s, distance, unit = interpreted(polhode_axes)(moments, rates)
+    levers = sum(abs(rates[k][0]) * moments[k][0] * abs(_difference(moments[k], moments[r])) for k in (p, s))
+    exact = float(distance[0] * unit * unit)
+    return TWICE * _speed(omega) * levers / exact if exact > 0.0 else 0.0
+
+
+def _difference(a: DoubleDouble, b: DoubleDouble) -> float:
+    return (a[0] - b[0]) + (a[1] - b[1])
+
+
+def _is_full(scene: Scene) -> bool:
+    assert scene.body is not None
+    M = scene.body.M
+    return scene.body.pivot or any(M[i][j] for i, j in ((0, 1), (0, 2), (1, 2)))
+
+
+def _frame(scene: Scene) -> tuple[Vector, Axes]:
+    return interpreted(exact_frame)(body_at_start(scene).z)

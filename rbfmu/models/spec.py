@@ -1,0 +1,79 @@
+"""What planning, FMUs and runs know of a model."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rbfmu.models.body_at_start import BodyAtStart, body_at_start
+from rbfmu.models.scene_needs import Needs, varying_parameters
+from rbfmu.runs.model_buffer import Model
+from rbfmu.scene.scene import Scene
+
+Array = NDArray[np.float64]
+Names = set[str] | frozenset[str]
+
+
+@dataclass(frozen=True)
+class ModelSpec:
+    """A model: the kernels that run it, what it serves, what it costs and why it is chosen.
+
+    Only `key` and `kernels` are needed for a model that a plan names; planning itself chooses those with `holds`.
+
+    key: the public name, `Plan.model`.
+    kernels: a module of `rbfmu_kernels.models`.
+    method: how it is computed; empty where the plan's settings say it.
+    states, rate_states: numbers that it keeps of the rotation, with and without the attitude.
+    holds: whether it holds for the scene's values, ports at zero, as the kernels' `initialize` sees it.
+    rests_on: names of loads and parameters that must not vary.
+    drops: loads that do not turn it where they are too small to matter.
+    closed_form: a formula gives the motion at any time.
+    stands_still, keeps_rate: attitude and rate, or the rate, stay as they begin.
+    force_keeps_direction: a force fixed in b pushes as it does at the start.
+    may_be_unstable: a disturbance of its motion may grow, which a reason says.
+    angle_round_off: its angle is a double, whose round-off grows with it.
+    rates_from: what it makes of a motion's rates (n, 3), rad/s; None where that takes a run to tell.
+    conditioning: rad, what the motion loses by the body's moments.
+    costs: ns a communication step, by what makes it necessary; "" always: see `planning.costs`.
+    substep_without_attitude: what a substep costs then, as a part of one with it.
+    integrates_path: the path is part of the integration, and costs nothing besides.
+    computes_all_outputs: whatever is asked for; so that nothing costs more.
+    reason: why it is exact.
+    """
+
+    key: str
+    kernels: Model
+    method: str = ""
+    states: int = 7
+    rate_states: int = 7
+    holds: Callable[[BodyAtStart], bool] = lambda start: True
+    rests_on: Callable[[Scene, Needs], Names] = lambda scene, needs: frozenset()
+    drops: Names = frozenset()
+    closed_form: bool = False
+    stands_still: bool = False
+    keeps_rate: bool = False
+    force_keeps_direction: bool = False
+    may_be_unstable: bool = False
+    angle_round_off: bool = False
+    rates_from: Callable[[Scene, Array], Array] | None = None
+    conditioning: Callable[[Scene], float] = lambda scene: 0.0
+    costs: Mapping[str, float] = field(default_factory=dict)
+    substep_without_attitude: float = 1.0
+    integrates_path: bool = False
+    computes_all_outputs: bool = False
+    reason: Callable[[Scene, Needs], str] = lambda scene, needs: ""
+
+    def serves(self, scene: Scene, needs: Needs) -> bool:
+        """Return whether the model is exact, whatever the ports supply and listed parameters become."""
+        return not self.rests_on(scene, needs) & varying_parameters(scene) and self.accepts(scene)
+
+    def accepts(self, scene: Scene) -> bool:
+        """Return what the kernels' `initialize` says of the scene's values: whether the model holds for them."""
+        start = body_at_start(scene)
+        return start.fault == 0 and self.holds(start)
+
+    def states_for(self, needs: Needs) -> int:
+        """Return how many numbers it keeps for what is needed."""
+        rotation = self.states if needs.attitude else self.rate_states
+        return rotation + (6 if needs.translation else 0)

@@ -1,0 +1,130 @@
+"""Methods with a setting to be found: what a substep costs, their plans, the longest step of splitting."""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from rbfmu.models.body_at_start import BodyAtStart, body_at_start
+from rbfmu.models.integrated import LOADED_SPLITTING
+from rbfmu.models.scene_needs import varying_parameters
+from rbfmu.runs.plan import Plan
+from rbfmu.scene.scene import Scene
+from rbfmu_kernels.compile.interpreted import interpreted
+from rbfmu_kernels.integrators.splitting import resonant_step, transverse_moment
+from rbfmu_kernels.integrators.taylor_coefficients import MAX_ORDER
+from rbfmu_kernels.models.one_axis_taylor import ORDERS
+
+TIGHTEST = 1e-15
+"""The smallest tolerance that double precision serves."""
+LOOSEST = 10.0
+"""Times the accuracy: the largest tolerance, as looser estimates say little of the errors in other steps."""
+ORDERS_OF_SERIES = range(6, MAX_ORDER + 1, 2)
+SERIES_COSTS = ((58.0, 14.3), (10.0, 24.0), (41.0, 23.1))
+"""(a, b) of a + b N ns a substep at order N, on `costs.MACHINE`; examples/benchmarks/substeps.py fits these lines.
+
+Torques that are known in b; also loads that turn in b; also a force that turns with the body.
+"""
+ONE_AXIS_COSTS = {4: 55.0, 8: 85.0, 16: 185.0}
+SPLITTING_COSTS = {2: 76.0, 4: 470.0, 6: 864.0}
+"""Ns a substep, by order."""
+RESONANCE = 0.45
+"""Of the step at which splitting resonates, or of the turn that it resonates with: the longest step."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """A method with a setting to be found: its plan at a value, ns a substep, order.
+
+    steps: whether the value is a step, to whose power `order` the error goes; else a tolerance.
+    """
+
+    plan_of: Callable[[float], Plan]
+    cost: float
+    order: int
+    steps: bool = False
+
+    @property
+    def exponent(self) -> int:
+        """Return the power of the setting that the error goes with."""
+        return self.order if self.steps else 1
+
+
+# Taylor series
+
+
+def series(general: Plan, order: int, shares: tuple[float, float]) -> Method:
+    """Return the series of an order; shares: as `load_shares`."""
+    return Method(partial(series_plan, general, order), series_cost(order, shares), order)
+
+
+def one_axis_series(general: Plan) -> Iterator[Method]:
+    """Return the series of one angle, from the highest order."""
+    for order in reversed(ORDERS):
+        yield Method(partial(series_plan, general, order), ONE_AXIS_COSTS[order], order)
+
+
+def series_plan(general: Plan, order: int, tolerance: float) -> Plan:
+    """Return the plan of a series; general: its tolerance is the scene's accuracy."""
+    value = min(max(tolerance, 1e-3 * TIGHTEST), LOOSEST * general.tolerance)
+    return replace(general, method=f"Taylor series of order {order}", order=order, tolerance=value)
+
+
+def series_cost(order: int, shares: tuple[float, float]) -> float:
+    """Return ns a substep; shares: as `load_shares`."""
+    plain, *more = (a + b * order for a, b in SERIES_COSTS)
+    return plain + sum(share * (cost - plain) for share, cost in zip(shares, more, strict=True))
+
+
+def load_shares(scene: Scene) -> tuple[float, float]:
+    """Return, as 0 or 1, whether loads may turn in b, and a force with a body whose path is asked."""
+    start, varying = body_at_start(scene), varying_parameters(scene)
+    levered = any(start.body.arm_b) and (any(start.loads.force_a) or "force_a" in varying)
+    turned = levered or any(start.loads.torque_a) or "torque_a" in varying
+    pushed = any(start.loads.force_b) or ("force_b" in varying and not start.has_pivot)
+    return float(turned), float(pushed and start.needs_translation)
+
+
+# Splitting
+
+
+def splittings(scene: Scene, general: Plan) -> Iterator[tuple[Method, float]]:
+    """Return the splitting methods that serve the scene's body, and the longest step of each, s."""
+    start, run, omega = body_at_start(scene), scene.run, scene.initial.omega_b
+    if not LOADED_SPLITTING.accepts(scene):
+        return
+    assert scene.body is not None
+    turn = math.inf if _spins_unseen(start) else 2.0 * math.pi / max(math.hypot(*omega), 1e-300)
+    resonant = interpreted(resonant_step)(scene.body.M, omega)
+    longest = min(RESONANCE * resonant, RESONANCE * turn, run.stop - run.start)
+    for order, cost in SPLITTING_COSTS.items():
+        yield Method(partial(_splitting_plan, general, order, longest), cost, order, True), longest
+
+
+def _spins_unseen(start: BodyAtStart) -> bool:
+    """Return whether loads stay as they are when a symmetric body turns about its axis; else that resonates."""
+    body, loads = start.body, start.loads
+    M, arm = np.array(body.inertia), np.array(body.arm_b)
+    axial = M - interpreted(transverse_moment)(body.inertia) * np.eye(3)  # (I_s - I_t) s s^T
+    torque = np.array(loads.torque_b) + np.cross(arm, loads.force_b)
+    return all(
+        np.linalg.norm(axial @ v) >= (1.0 - 1e-12) * np.linalg.norm(axial) * np.linalg.norm(v)
+        for v in (arm, torque, np.array(loads.force_b))
+    )
+
+
+def _splitting_plan(general: Plan, order: int, longest: float, substep: float) -> Plan:
+    method, step = f"kicks of order {order}", min(substep, longest)
+    return replace(general, model=LOADED_SPLITTING.key, method=method, tolerance=0.0, order=order, substep=step)
+
+
+# Both
+
+
+def tightened(plan: Plan, ratio: float) -> Plan:
+    """Return the plan with a smaller tolerance, or step."""
+    if plan.tolerance > 0.0:
+        return replace(plan, tolerance=min(plan.tolerance, max(ratio * plan.tolerance, 1e-3 * TIGHTEST)))
+    return replace(plan, substep=ratio * plan.substep)

@@ -1,0 +1,54 @@
+"""The plan of a run: the model by its name, and the settings of its method."""
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from rbfmu.models.registry import MODELS
+from rbfmu.models.spec import ModelSpec
+from rbfmu.runs.model_buffer import Model
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What simulates a scene, and why.
+
+    substep: s, infinite where the method chooses or needs none; tolerance: largest estimated error of a substep, or of
+    all substeps of a run of `span` s together where that is not 0; 0 where none is estimated; order: of the splitting
+    or of the series, 0 where there is none; pinned: parameters by whose values the model was judged, so that an
+    importer must not change them; error: the largest that is expected, as the scene's `accuracy` counts; cost: ns a
+    communication step in which the outputs asked for are computed, on `costs.MACHINE`.
+    """
+
+    model: str
+    method: str
+    states: int
+    substep: float = math.inf
+    tolerance: float = 0.0
+    order: int = 0
+    pinned: tuple[str, ...] = ()
+    error: float = 0.0
+    cost: float = 0.0
+    span: float = 0.0
+    reasons: tuple[str, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it for JSON: an infinite substep is None."""
+        return asdict(self) | {"substep": self.substep if math.isfinite(self.substep) else None}
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> "Plan":
+        """Return the inverse of `to_dict`, also after JSON."""
+        substep = math.inf if data["substep"] is None else data["substep"]
+        lists = {"pinned": tuple(data["pinned"]), "reasons": tuple(data["reasons"])}
+        return cls(**data | {"substep": substep} | lists)
+
+    @property
+    def spec(self) -> ModelSpec:
+        """Return what is known of the model."""
+        return MODELS[self.model]
+
+    @property
+    def kernels(self) -> Model:
+        """Return the module of `rbfmu_kernels.models` that runs it."""
+        return self.spec.kernels
