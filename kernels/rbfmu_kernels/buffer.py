@@ -1,6 +1,6 @@
-"""Layout of a co-simulation unit's flat buffer: names of its variables, their places, where outputs begin.
+"""Layout of a model's flat buffer: names of its variables, their places, where outputs begin.
 
-A unit's whole memory is one float64 buffer, so a copy of its bytes is a snapshot and the same entry functions
+A model's whole memory is one float64 buffer, so a copy of its bytes is a snapshot and the same entry functions
 serve Python, pythonfmu and native code. This module needs neither numba nor numpy.
 """
 
@@ -8,7 +8,7 @@ from .quantities import BOUNDED
 
 
 def places(sizes: dict[str, int]) -> tuple[dict[str, slice], int]:
-    """Consecutive places in a buffer for named blocks, and the total size."""
+    """Return consecutive places in a buffer for named blocks, and the total size."""
     blocks: dict[str, slice] = {}
     total = 0
     for name, size in sizes.items():
@@ -52,4 +52,4 @@ FAULTS: dict[int, tuple[str, str]] = {
 NEGATIVE = max(FAULTS) + 1
 """The fault of a first load that must not be negative; those of others follow."""
 FAULTS |= {NEGATIVE + i: (load.name, f"expected no negative number ({load.unit})") for i, load in enumerate(BOUNDED)}
-"""What a unit's `initialize` refuses, by its return value: the block of variables, and what was expected."""
+"""What a model's `initialize` refuses, by its return value: the block of variables, and what was expected."""

@@ -8,7 +8,7 @@ from .types import Matrix, Quaternion, Vec3
 
 @kernel
 def pair_at(z: Any, i: int) -> tuple[float, float]:
-    """The two numbers that begin at z[i]: high and low parts of one, or a pair."""
+    """Return the two numbers from z[i] on: a pair, or the high and low parts of one number."""
     return (z[i], z[i + 1])
 
 
@@ -20,13 +20,13 @@ def put_pair_at(z: Any, i: int, a: tuple[float, float]) -> None:
 
 @kernel
 def vec3_at(z: Any, i: int) -> Vec3:
-    """The vector that begins at z[i]."""
+    """Return the vector that begins at z[i]."""
     return (z[i], z[i + 1], z[i + 2])
 
 
 @kernel
 def quaternion_at(z: Any, i: int) -> Quaternion:
-    """The quaternion that begins at z[i]."""
+    """Return the quaternion that begins at z[i]."""
     return (z[i], z[i + 1], z[i + 2], z[i + 3])
 
 
@@ -38,7 +38,7 @@ def put_quaternion_at(z: Any, i: int, q: Quaternion) -> None:
 
 @kernel
 def matrix_at(z: Any, i: int) -> Matrix:
-    """The matrix that begins at z[i]."""
+    """Return the matrix that begins at z[i]."""
     return (vec3_at(z, i), vec3_at(z, i + 3), vec3_at(z, i + 6))
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 Bounds = tuple[tuple[float | None, float | None], ...]
 ANY: Bounds = ((None, None),)
-"""Bounds of all elements alike, or of each of them."""
+"""Bounds are given for all elements alike, or for each of them; this row sets none."""
 NOT_NEGATIVE: Bounds = ((0.0, None),)
 _UNIT_INTERVAL: Bounds = ((-1.0 - 2.0**-50, 1.0 + 2.0**-50),)
 """A normalised quaternion's component may pass 1 by round-off."""
@@ -20,7 +20,7 @@ _MATRIX: Bounds = NOT_NEGATIVE * 3 + ANY * 3
 
 
 class Unit(NamedTuple):
-    """Exponents of the SI base units; units in which a tool may show a number: (name, factor), the usual one first."""
+    """Exponents of the SI base units, and units in which tools may show a number: (name, factor), usual one first."""
 
     exponents: dict[str, int]
     display: tuple[tuple[str, float], ...] = ()
@@ -89,12 +89,12 @@ class Load(NamedTuple):
 
     @property
     def grows(self) -> bool:
-        """Whether positions, velocities, accelerations and energy grow with it."""
+        """Return whether positions, velocities, accelerations and energy grow with it."""
         return self.kind in (WEIGHT, FORCE)
 
     @property
     def block(self) -> str:
-        """The name of its constant part in a buffer: a port's own name is that of the input."""
+        """Return the name of its constant part in a buffer; a port's own name is that of the input."""
         return f"constant_{self.name}" if self.port else self.name
 
 
@@ -144,7 +144,7 @@ class Output(NamedTuple):
 
     @property
     def feedthrough(self) -> tuple[str, ...]:
-        """Inputs on which it depends at once."""
+        """Return the inputs on which it depends at once."""
         return (*(_LOAD_PORTS if LOADS_NOW in self.needs else ()), *(_RATE_PORTS if RATE in self.needs else ()))
 
 
@@ -230,18 +230,18 @@ PORTS = (*_LOAD_PORTS, *_RATE_PORTS)
 
 
 def indices(row: Quantity) -> tuple[str, ...]:
-    """What stands behind the name for each number of a quantity, by FMI's structured naming."""
+    """Return what follows the name for each number of a quantity, by FMI's structured naming."""
     if row.size == 1:
         return ("",)
     return tuple(f"[{element}]" for element in row.elements or range(1, row.size + 1))
 
 
 def needing(*needs: str) -> frozenset[str]:
-    """Names of the outputs with one of the needs."""
+    """Return the names of the outputs with one of the needs."""
     return frozenset(row.name for row in OUTPUTS if set(needs) & set(row.needs))
 
 
 def active_flags(names: Collection[str]) -> list[float]:
-    """The block `active` of a buffer in which the outputs named are computed: a flag an output, a flag a need."""
+    """Return the block `active` of a buffer that computes the outputs named: a flag an output, then a flag a need."""
     outputs = [float(row.name in names) for row in OUTPUTS]
     return outputs + [float(any(row.name in names for row in OUTPUTS if need in row.needs)) for need in NEEDS]

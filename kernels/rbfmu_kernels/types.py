@@ -13,12 +13,12 @@ _SHAPES: dict[object, Shape] = {float: (), Vec3: (3,), Quaternion: (4,), Matrix:
 
 
 def shape_of(annotation: object) -> Shape:
-    """Core shape of one argument or result, e.g. (3, 3) for Matrix."""
+    """Return the core shape of one argument or result, e.g. (3, 3) for Matrix."""
     return _SHAPES[annotation]
 
 
 def shapes_of_result(annotation: object) -> list[Shape]:
-    """Core shapes of a kernel's results: one, or several where it returns a tuple of core types."""
+    """Return the core shapes of a kernel's results: one, or several where it returns a tuple of core types."""
     if annotation in _SHAPES:
         return [_SHAPES[annotation]]
     assert get_origin(annotation) is tuple

@@ -1,1 +1,1 @@
-"""What models of a body share: their buffer, its state, loads and outputs, the body's principal axes."""
+"""What models of a body share: their buffer, its state, loads and outputs, and the body's principal axes."""

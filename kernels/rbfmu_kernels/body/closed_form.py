@@ -1,4 +1,4 @@
-"""What units with a closed form share: a clock that keeps its low part, the fall of the centre of mass, the commit."""
+"""What models with a closed form share: a clock in double-double, the path of the centre of mass, the commit."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ from .outputs import outputs
 
 _CLOCKS = {"elapsed": 2, "q_0": 4, "r_0": 3, "v_0": 3, "a_c": 3, "since_a_c": 2}
 CLOSED_FORM = COMMON | _CLOCKS
-"""Besides what all bodies have: the time since the start, the attitude then; position and velocity of the
+"""The buffer of all bodies and, besides, the time since the start, the attitude then; position and velocity of the
 centre of mass when its acceleration last changed, that acceleration, and the time since then."""
 _BLOCKS, _ = places(CLOSED_FORM)
 _ELAPSED, _Q_0, _R_0, _V_0, _A_C, _SINCE_A_C = (_BLOCKS[n].start for n in _CLOCKS)
@@ -55,7 +55,7 @@ def later(z: Any, clock: int, h: float) -> DoubleDouble:
 
 @kernel
 def has_turning_torque(z: Any) -> bool:
-    """Return whether a torque acts that depends on the motion or turns with b: damping, torque_b, a force's."""
+    """Return whether a torque acts that depends on the motion or turns with b: damping, torque_b, or a force's."""
     body, loads = body_of(z), loads_of(z)
     lever = is_nonzero(body.arm_b) and is_nonzero(loads.force_a)
     lever = lever or is_nonzero(cross(body.arm_b, loads.force_b))
@@ -70,13 +70,13 @@ def has_torque(z: Any) -> bool:
 
 @kernel
 def is_driven(z: Any) -> bool:
-    """Return whether a torque acts, or a force that turns with the body on a path that somebody looks at."""
+    """Return whether a torque acts, or a force that turns with the body on a path that an output shows."""
     return has_torque(z) or (is_nonzero(loads_of(z).force_b) and needs_translation(z))
 
 
 @kernel(inline=False)
 def finish_step(z: Any, h: float, q: Quaternion, omega: Vec3) -> int:
-    """Take attitude and rate, move the centre of mass, refresh the outputs; STEP_REJECTED leaves all as it was."""
+    """Set attitude and rate, move the centre of mass, refresh the outputs; return STEP_REJECTED with all as it was."""
     if not is_finite_rotation(q, omega) or (needs_translation(z) and not has_pivot(z) and not _moved(z, h)):
         return STEP_REJECTED
     return commit_step(z, h, q, omega)
@@ -97,7 +97,7 @@ def is_finite_path(r: Vec3, v: Vec3) -> bool:
 
 @kernel
 def commit_step(z: Any, h: float, q: Quaternion, omega: Vec3) -> int:
-    """Take attitude and rate after a step h, refresh the outputs."""
+    """Set attitude and rate after a step h, and refresh the outputs."""
     put_rotation(z, q, omega)
     put_pair_at(z, _ELAPSED, time_after(z, h))
     return outputs(z)
@@ -105,7 +105,7 @@ def commit_step(z: Any, h: float, q: Quaternion, omega: Vec3) -> int:
 
 @kernel
 def _moved(z: Any, h: float) -> bool:
-    """Move the centre of mass if it stays finite, and say so; a force fixed in b keeps its first direction in a."""
+    """Move the centre of mass and return whether it stays finite; a force fixed in b keeps its first direction in a."""
     since, low, r_0, v_0 = 0.0, 0.0, vec3_at(z, _R_0), vec3_at(z, _V_0)
     a = linear_acceleration(first_attitude(z), body_of(z), loads_of(z))
     if a == vec3_at(z, _A_C):

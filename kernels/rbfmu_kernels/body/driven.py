@@ -1,7 +1,7 @@
-"""What the units of a body under loads have in common: inputs that change within a step, a step that is taken or not.
+"""What the models of a body under loads share: inputs that change within a step, and a step that may be rejected.
 
-An input may change within a step: u + u_rate t + u_rate_2 t^2 / 2, t from the step's begin. After the step the input
-holds its last value, and the rates are 0, until they are set again.
+An input may change within a step as u + u_rate t + u_rate_2 t^2 / 2, where t counts from the step's begin. After the
+step the input keeps its last value, and its rates are 0 until they are set again.
 """
 
 from typing import Any
@@ -26,11 +26,11 @@ from .outputs import outputs
 RATES = {f"{name}_rate": size for name, size in INPUTS.items()}
 RATES_2 = {f"{name}_rate_2": size for name, size in INPUTS.items()}
 DRIVEN = COMMON | RATES | RATES_2 | {"before": STATE_SIZE, "step_size": 1, "substeps": 1, "step_size_before": 1}
-"""A unit's buffer begins with these blocks."""
+"""The buffer of such a model begins with these blocks."""
 BLOCKS, _ = places(DRIVEN)
 
 STEP_SIZE = BLOCKS["step_size"].start
-"""Where the step size is kept; the count of substeps stands next to it."""
+"""The place of the step size; the count of substeps stands next to it."""
 _BEFORE, _SIZE_BEFORE = BLOCKS["before"].start, BLOCKS["step_size_before"].start
 _INPUTS, _RATES, _RATES_2 = (BLOCKS[next(iter(names))].start for names in (INPUTS, RATES, RATES_2))
 _OF_INPUT, _NUMBERS = places(INPUTS)
@@ -41,13 +41,13 @@ _PORT_FORCE_A, _PORT_TORQUE_A = PORTS["force_a"], PORTS["torque_a"]
 
 @kernel
 def load_polynomial_of(z: Any) -> LoadPolynomial:
-    """Return known and supplied loads together, and the supplied ones' derivatives."""
+    """Return the sum of known and supplied loads, and the derivatives of the supplied ones."""
     return LoadPolynomial(loads_of(z), _load_rates(z, _RATES), _load_rates(z, _RATES_2))
 
 
 @kernel
 def _load_rates(z: Any, i: int) -> Loads:
-    """Return the derivatives of the inputs that stand from z[i] on; a pivot takes the forces."""
+    """Return the derivatives of the inputs that stand from z[i] on; those of the forces are 0 with a pivot."""
     force_a, force_b = vec3_at(z, i + _FORCE_A), vec3_at(z, i + _FORCE_B)
     if has_pivot(z):
         force_a = force_b = _NONE
@@ -67,14 +67,14 @@ def integrated(z: Any, body: Body, loads: LoadPolynomial) -> int:
 
 @kernel
 def keep(z: Any) -> None:
-    """Keep what `finish` brings back where the step is not taken."""
+    """Keep what `finish` restores where the step is rejected."""
     keep_state(z, _BEFORE)
     z[_SIZE_BEFORE] = z[STEP_SIZE]
 
 
 @kernel
 def finish(z: Any, n: int, h: float, status: int, body: Body, loads: LoadPolynomial) -> int:
-    """Move the centre of mass as far as in closed form; then outputs, or STEP_REJECTED with nothing changed."""
+    """Move the centre of mass as far as in closed form, set outputs; return STEP_REJECTED with all as it was."""
     _translate(z, h, 0.0 if n == WHOLE_STATE else 1.0, body, loads.value)
     changing = is_changing(loads)
     if changing:
@@ -90,7 +90,7 @@ def finish(z: Any, n: int, h: float, status: int, body: Body, loads: LoadPolynom
 
 @kernel
 def _translate(z: Any, h: float, drift: float, body: Body, loads: Loads) -> None:
-    """Move the centre of mass by h under its steady acceleration, in closed form; drift: 0 where v_c h is done."""
+    """Move the centre of mass by h under its steady acceleration; drift: 0 where v_c h is added already, else 1."""
     if not needs_translation(z):
         return
     (r_c, v_c), a = centre_of(z), steady_acceleration(body, loads)

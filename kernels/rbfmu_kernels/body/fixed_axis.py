@@ -1,6 +1,6 @@
 """A body that turns about one principal axis, fixed in space: which axis, whether anything leads off it, what turns it.
 
-The swing by forces fixed in space is double-double: an exact motion is as good as the numbers that it begins with.
+The swing by forces fixed in space is double-double, as an exact motion is as good as the numbers that it begins with.
 """
 
 import math
@@ -31,14 +31,14 @@ from .symmetry import is_sphere
 
 _Q_0, _MASS, _R_OC = (BLOCKS[n].start for n in ("quaternion_0", "mass", "r_oc_b"))
 _PARALLEL = 8.0 * 2.0**-52
-"""Of the length: what lies across an axis by round-off."""
+"""The part of a vector's length that lies across an axis by round-off."""
 
 
 @kernel
 def main_axis(q: Quaternion, omega: Vec3, body: Body, loads: Loads) -> Vec3:
     """Return the principal axis of most of the rate, or of what begins to turn a body at rest.
 
-    In equilibrium the one about which its arm would swing.  A sphere's may be oblique: every axis is principal.
+    In equilibrium it is the axis about which the arm would swing. A sphere's axis may be oblique, as each is principal.
     """
     v = omega if is_nonzero(omega) else angular_acceleration(q, omega, body, loads)
     if _may_be_oblique(body, loads) and is_nonzero(v):
@@ -61,15 +61,15 @@ def _may_be_oblique(body: Body, loads: Loads) -> bool:
 
 @kernel
 def _clearance(moment: float, axis: Vec3, arm: Vec3) -> float:
-    """Return how far across an axis the arm lies; none of an axis about which nothing can turn."""
+    """Return how far across an axis the arm lies; 0 for an axis without inertia, about which nothing can turn."""
     return -abs(dot(axis, arm)) if moment > 0.0 else -math.inf
 
 
 @kernel
 def leaves_axis(z: Any, axis: Vec3, q: Quaternion, omega: Vec3, body: Body, loads: Loads) -> bool:
-    """Return whether anything turns the body about another axis, at any angle, or a force a free body's path.
+    """Return whether anything, at any angle, turns the body about another axis, or a turning force bends its path.
 
-    Loads that models with a closed form do not know count too.
+    Loads that models with a closed form do not know count as well.
     """
     arm = body.arm_b
     q_ba = invert_quaternion(q)
@@ -86,9 +86,9 @@ def leaves_axis(z: Any, axis: Vec3, q: Quaternion, omega: Vec3, body: Body, load
 
 @kernel
 def turns_path(z: Any, axis: Vec3) -> bool:
-    """Return whether a force that turns about an axis with the body bends its path, and somebody looks.
+    """Return whether a force that turns about an axis with the body bends its path, and an output shows it.
 
-    axis: of any size, zero where the body does not turn. A force along the axis does not turn.
+    The axis may have any length, and is zero where the body does not turn. A force along the axis does not turn.
     """
     return needs_translation(z) and _is_across(axis, loads_of(z).force_b, _PARALLEL)
 
@@ -101,7 +101,7 @@ def _is_across(axis: Vec3, v: Vec3, slack: float) -> bool:
 
 @kernel(inline=False)
 def swing(z: Any, axis: Vec3) -> tuple[DoubleDouble, DoubleDouble]:
-    """Return (A, B): forces fixed in space accelerate the angle from quaternion_0 by A cos + B sin of it."""
+    """Return (A, B), rad/s2: forces fixed in space accelerate the angle from quaternion_0 by A cos + B sin of it."""
     arm, loads = body_of(z).arm_b, loads_of(z)
     q, moment = quaternion_at(z, _Q_0), _moment(z, axis)
     up = power_of_two_for(max(max(abs(q[0]), abs(q[1])), max(abs(q[2]), abs(q[3]))))
@@ -115,7 +115,7 @@ def swing(z: Any, axis: Vec3) -> tuple[DoubleDouble, DoubleDouble]:
 
 @kernel
 def drive_and_damping_rate(z: Any, axis: Vec3, q: Quaternion, body: Body, loads: Loads) -> tuple[float, float]:
-    """(P, d), rad/s2 and 1/s: what else acts, torques, forces that turn with the body, damping, adds P - d rate."""
+    """Return (P, d), rad/s2 and 1/s: torques, forces that turn with the body, and damping add P - d rate."""
     torque = add(rotate(invert_quaternion(q), loads.torque_a), add(loads.torque_b, cross(body.arm_b, loads.force_b)))
     moment = _moment(z, axis)[0]
     return dot(axis, torque) / moment, -dot(axis, damping_torque(body.damping_b, axis)) / moment

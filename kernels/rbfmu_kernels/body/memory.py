@@ -1,6 +1,7 @@
-"""What the units of a body have in common: the layout of their buffers, their start, their loads, their outputs.
+"""What the models of a body have in common: the layout of their buffers, their start, their state and their loads.
 
-A unit's buffer begins with these blocks; what its method needs besides follows. The state: `rigid_body_state`.
+A model's buffer begins with these blocks; what its method needs besides follows. For the state see
+`rigid_body_state`.
 """
 
 import math
@@ -24,10 +25,11 @@ SETTINGS = {
     "pivot": 1, "tolerance": 1, "span": 1, "substep": 1, "skip_model_checks": 1,
     "ports": len(INPUTS), "active": len(OUTPUTS) + len(quantities.NEEDS),
 }  # fmt: skip
-"""span: s, 0 where `tolerance` is for a substep; else the tolerance is for all substeps of so long a run together, and
-an error of the rate counts as what it turns the body by in that time; skip_model_checks: 1 where a plan has judged
-the model by the parameters' values, so that no model need ask whether it serves them; ports: 1 for each input that may
-come to act; active: 1 for each output that is computed and for each need of theirs, see `quantities.active_flags`."""
+"""span: s, 0 where `tolerance` is for a substep; else the tolerance is for all substeps of a run of that length
+together, and an error of the rate counts as what it turns the body by in that time; skip_model_checks: 1 where a plan
+has judged the model by the parameters' values, so that no model need ask whether it serves them; ports: 1 for each
+input that may come to act; active: 1 for each output that is computed and for each need of the outputs, see
+`quantities.active_flags`."""
 OUTPUT_RATES = {f"d_{name}": size for name, size in OUTPUTS.items()}
 """Time derivatives of the outputs, refreshed by `output_rates` alone."""
 MEMORY = STATE_BLOCKS | {"inverse_mass": 1, "M": 9, "M_inverse": 9, "arm": 3}
@@ -52,7 +54,7 @@ _INVERSE_MASS, _M, _M_INVERSE, _ARM = (_AT[n] for n in ("inverse_mass", "M", "M_
 
 @kernel(inline=False)
 def initialize_body(z: Any) -> int:
-    """Check the parameters, set the state; returns 0 or a key of `buffer.FAULTS`."""
+    """Check the parameters and set the state; return 0 or a key of `buffer.FAULTS`."""
     fault = _fault_of_parameters(z)
     if fault != 0:
         return fault
@@ -102,7 +104,7 @@ def _fault_of_parameters(z: Any) -> int:
 
 @kernel
 def inertia_of(z: Any) -> Matrix:
-    """The symmetric matrix of (11, 22, 33, 12, 13, 23)."""
+    """Return the inertia as a symmetric matrix of the block's (11, 22, 33, 12, 13, 23), kg m^2."""
     xx, yy, zz = vec3_at(z, _INERTIA)
     xy, xz, yz = vec3_at(z, _INERTIA + 3)
     return ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
@@ -149,7 +151,7 @@ def put_motion(z: Any, motion: State) -> None:
 
 @kernel
 def substep_of(z: Any) -> float:
-    """The largest substep of a method of fixed steps, s."""
+    """Return the largest substep of a method of fixed steps, s."""
     return z[_SUBSTEP]  # type: ignore[no-any-return]
 
 
@@ -169,7 +171,7 @@ def restore_state(z: Any, before: int) -> None:
 
 @kernel
 def is_finite(z: Any) -> bool:
-    """Whether every number of the state is."""
+    """Return whether every number of the state is finite."""
     total = 0.0
     for i in range(STATE_START, STATE_START + STATE_SIZE):
         total += 0.0 * z[i]
@@ -178,13 +180,13 @@ def is_finite(z: Any) -> bool:
 
 @kernel
 def has_pivot(z: Any) -> bool:
-    """Whether o is fixed in space."""
+    """Return whether o is fixed in space."""
     return bool(z[_PIVOT] != 0.0)
 
 
 @kernel(inline=False)
 def principal_frame(M: Matrix) -> tuple[Vec3, Matrix]:
-    """(moments, R_bp): the body's own axes where they are principal, whatever their order."""
+    """Return (moments, R_bp); the body's own axes where they are principal, whatever the order of the moments."""
     if M[0][1] == 0.0 and M[0][2] == 0.0 and M[1][2] == 0.0:
         return (M[0][0], M[1][1], M[2][2]), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     return principal_axes(M)
@@ -192,7 +194,7 @@ def principal_frame(M: Matrix) -> tuple[Vec3, Matrix]:
 
 @kernel
 def body_of(z: Any) -> Body:
-    """The constants of the equations of motion; see `equations_of_motion.Body`."""
+    """Return the constants of the equations of motion; see `equations_of_motion.Body`."""
     free = 1.0 if z[_PIVOT] == 0.0 else 0.0
     M, M_inverse = matrix_at(z, _M), matrix_at(z, _M_INVERSE)
     return Body(z[_INVERSE_MASS], M, M_inverse, vec3_at(z, _ARM), vec3_at(z, _DAMPING), free)
@@ -200,7 +202,7 @@ def body_of(z: Any) -> Body:
 
 @kernel
 def loads_of(z: Any) -> Loads:
-    """Known and supplied loads together; see `equations_of_motion.Loads`."""
+    """Return the sum of known and supplied loads; see `equations_of_motion.Loads`."""
     gravity_a = vec3_at(z, _GRAVITY)
     torque_a = add(vec3_at(z, _CONSTANT_TORQUE_A), vec3_at(z, _TORQUE_A))
     torque_b = add(vec3_at(z, _CONSTANT_TORQUE_B), vec3_at(z, _TORQUE_B))

@@ -1,4 +1,4 @@
-"""The outputs of a body's unit and their time derivatives, from its state and the inputs now set."""
+"""The outputs of a body's model and their time derivatives, from its state and the inputs now set."""
 
 from typing import Any
 
@@ -35,7 +35,7 @@ _FIRST, _END = BLOCKS[next(iter(OUTPUTS))].start, BLOCKS[next(reversed(OUTPUTS))
 
 @kernel(inline=False)
 def outputs(z: Any) -> int:
-    """Refresh the outputs that somebody wants from the state and the inputs now set."""
+    """Refresh the active outputs from the state and the inputs now set."""
     q, omega = rotation_of(z)
     if needs_translation(z):
         _put_translation(z, q, omega)
@@ -59,7 +59,7 @@ def outputs(z: Any) -> int:
 
 @kernel
 def _put_translation(z: Any, q: Quaternion, omega: Vec3) -> None:
-    """Position and velocity of o."""
+    """Set position and velocity of o."""
     r_oc = vec3_at(z, _R_OC)
     if has_pivot(z):
         put_vec3_at(z, _POSITION, vec3_at(z, _POSITION_0))
@@ -71,7 +71,7 @@ def _put_translation(z: Any, q: Quaternion, omega: Vec3) -> None:
 
 @kernel
 def _put_accelerations(z: Any, q: Quaternion, omega: Vec3) -> None:
-    """alpha_b, and the acceleration of o."""
+    """Set alpha_b and the acceleration of o."""
     body, loads = body_of(z), loads_of(z)
     alpha = angular_acceleration(q, omega, body, loads)
     relative = relative_acceleration(omega, alpha, vec3_at(z, _R_OC))
@@ -82,9 +82,9 @@ def _put_accelerations(z: Any, q: Quaternion, omega: Vec3) -> None:
 
 @kernel(inline=False)
 def output_rates(z: Any) -> int:
-    """Set the outputs' time derivatives, inputs held: blocks `d_<output>`.
+    """Set the outputs' time derivatives at constant inputs: the blocks `d_<output>`.
 
-    Not finite where rpy is at its pole.
+    Those of rpy are not finite at its pole.
     """
     (q, omega), body, loads = rotation_of(z), body_of(z), loads_of(z)
     _put_translation(z, q, omega)
@@ -113,7 +113,7 @@ def output_rates(z: Any) -> int:
 
 @kernel(inline=False)
 def first_outputs(z: Any) -> int:
-    """Set the outputs at the start; 0, or a key of `buffer.FAULTS` where the parameters overflow them."""
+    """Set the outputs at the start; return 0, or a key of `buffer.FAULTS` where the parameters overflow them."""
     outputs(z)
     total = 0.0
     for i in range(_FIRST, _END):

@@ -1,6 +1,6 @@
 """Principal moments, axes and rates of a body in double-double, for motions whose phase is a rate times a long time.
 
-Moments to eps of the trace, as doubles have them, cost such a motion eps times its angle.
+Moments to eps of the trace, as doubles have them, would cost such a motion eps times its angle.
 """
 
 from typing import Any
@@ -32,23 +32,23 @@ from ..types import Matrix, Vec3
 from .memory import BLOCKS, has_pivot, inertia_of
 
 Axes = tuple[Vector, Vector, Vector]
-"""Principal axes, each in b."""
+"""The three principal axes, each in b."""
 Inertia = tuple[DoubleDouble, DoubleDouble, DoubleDouble, DoubleDouble, DoubleDouble, DoubleDouble]
-"""11, 22, 33, 12, 13, 23."""
+"""The elements 11, 22, 33, 12, 13, 23."""
 
 _MASS, _R_OC = BLOCKS["mass"].start, BLOCKS["r_oc_b"].start
 _ZERO: DoubleDouble = (0.0, 0.0)
 _ONE: DoubleDouble = (1.0, 0.0)
 _NEGLIGIBLE = 2.0**-106
-"""Off the diagonal, of the trace."""
+"""The part of the trace up to which an element off the diagonal counts as zero."""
 
 
 @kernel(inline=False)
 def exact_frame(z: Any) -> tuple[Vector, Axes]:
-    """(moments, axes) about the centre of mass or the pivot; the moments in some power of two of kg m^2.
+    """Return (moments, axes) about the centre of mass or the pivot; the moments in some power of two of kg m^2.
 
-    The body's own axes where they are principal, else moments and axes of a matrix within 1e-31 of the given one; a
-    least moment of at most 1e-12 of the trace is then a slender beam's, zero.
+    The axes are the body's own where these are principal. Else moments and axes belong to a matrix within 1e-31 of the
+    given one, and a least moment of at most 1e-12 of the trace is taken as a slender beam's, which is zero.
     """
     M = _about_reference(z)
     if M[3][0] == 0.0 and M[4][0] == 0.0 and M[5][0] == 0.0:
@@ -64,21 +64,21 @@ def exact_frame(z: Any) -> tuple[Vector, Axes]:
 
 @kernel(inline=False)
 def rates_along(axes: Axes, omega: Vec3) -> Vector:
-    """Components of a rate along principal axes."""
+    """Return the components of a rate along principal axes."""
     w = dd_vector(omega)
     return dd_dot(axes[0], w), dd_dot(axes[1], w), dd_dot(axes[2], w)
 
 
 @kernel
 def rounded(axes: Axes) -> Matrix:
-    """Axes as floats, each a row."""
+    """Return the axes as floats, each a row."""
     (a, b, c), (d, e, f), (g, h, i) = axes
     return (a[0], b[0], c[0]), (d[0], e[0], f[0]), (g[0], h[0], i[0])
 
 
 @kernel(inline=False)
 def keeps_its_rate(z: Any, omega: Vec3) -> bool:
-    """Whether omega x M omega is zero to twice the digits: without torque the rate stays."""
+    """Return whether omega x M omega is zero to twice the digits, so that without torque the rate stays."""
     a, b, c, d, e, f = _scaled(_about_reference(z))
     rate = dd_vector(omega)
     x, y, w = dd_scale_vector(power_for(rate), rate)
@@ -94,7 +94,7 @@ def keeps_its_rate(z: Any, omega: Vec3) -> bool:
 
 @kernel(inline=False)
 def _about_reference(z: Any) -> Inertia:
-    """M about the centre of mass or the pivot."""
+    """Return M about the centre of mass or the pivot."""
     (a, d, e), (_, b, f), (_, _, c) = inertia_of(z)
     M: Inertia = ((a, 0.0), (b, 0.0), (c, 0.0), (d, 0.0), (e, 0.0), (f, 0.0))
     if not has_pivot(z):
@@ -114,7 +114,7 @@ def _plus(a: DoubleDouble, s: float, b: DoubleDouble) -> DoubleDouble:
 
 @kernel
 def _scaled(M: Inertia) -> Inertia:
-    """By a power of two, to a trace of about 1."""
+    """Return M scaled by a power of two to a trace of about 1."""
     up = power_of_two_for(M[0][0] + M[1][0] + M[2][0])
     (a, b, c), (d, e, f) = dd_scale_vector(up, M[0:3]), dd_scale_vector(up, M[3:6])
     return a, b, c, d, e, f
@@ -122,7 +122,7 @@ def _scaled(M: Inertia) -> Inertia:
 
 @kernel(inline=False)
 def _orthonormal(R: Matrix) -> Axes:
-    """The columns of R, orthonormal to round-off, to twice the digits, by a step of Newton's method."""
+    """Return the columns of R, orthonormal to round-off, to twice the digits, by one step of Newton's method."""
     x, y, w = (R[0][0], R[1][0], R[2][0]), (R[0][1], R[1][1], R[2][1]), (R[0][2], R[1][2], R[2][2])
     xy, xw, yw = _half_dot(x, y)[0], _half_dot(x, w)[0], _half_dot(y, w)[0]
     return _corrected(x, xy, y, xw, w), _corrected(y, xy, x, yw, w), _corrected(w, xw, x, yw, y)
@@ -142,7 +142,7 @@ def _half_dot(a: Vec3, b: Vec3) -> DoubleDouble:
 
 @kernel(inline=False)
 def _refined(M: Inertia, axes: Axes) -> tuple[Vector, Axes]:
-    """The same by Jacobi's rotations from axes that are principal already, to round-off; `inertia.principal_axes`."""
+    """Return moments and axes of M by Jacobi's rotations, from axes that are principal to round-off."""
     x, y, w = axes
     m_x, m_y, m_w = _times(M, x), _times(M, y), _times(M, w)
     a, b, c, d, e, f = dd_dot(x, m_x), dd_dot(y, m_y), dd_dot(w, m_w), dd_dot(x, m_y), dd_dot(x, m_w), dd_dot(y, m_w)
@@ -164,7 +164,7 @@ def _refined(M: Inertia, axes: Axes) -> tuple[Vector, Axes]:
 
 @kernel
 def _times(M: Inertia, v: Vector) -> Vector:
-    """The product M v."""
+    """Return the product M v."""
     a, b, c, d, e, f = M
     return dd_dot((a, d, e), v), dd_dot((d, b, f), v), dd_dot((e, f, c), v)
 
@@ -173,7 +173,7 @@ def _times(M: Inertia, v: Vector) -> Vector:
 def _jacobi(
     p: DoubleDouble, q: DoubleDouble, o: DoubleDouble, least: float
 ) -> tuple[DoubleDouble, DoubleDouble, DoubleDouble]:
-    """(cosine, sine, tangent times o) of the rotation that annihilates o of ((p, o), (o, q)); none below `least`."""
+    """Return (cos, sin, tan times o) of the rotation that annihilates o of ((p, o), (o, q)); none below `least`."""
     if not abs(o[0]) > 2.0**-8 * least:
         return _ONE, _ZERO, _ZERO
     x = dd_divide(dd_subtract(q, p), dd_scale(2.0, o))

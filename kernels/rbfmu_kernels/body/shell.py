@@ -30,7 +30,7 @@ def advance(z: Any, h: float) -> int:
 
 
 def initialize(z: Any) -> int:
-    """Check the parameters, set state and outputs; return 0 or a key of `buffer.FAULTS`."""
+    """Check the parameters, and set state and outputs; return 0 or a key of `buffer.FAULTS`."""
     return initialize_body(z) or set_up(z) or first_outputs(z)
 
 
@@ -57,7 +57,7 @@ def step_function(model: str, own_advance: Callable[[Any, float], int]) -> Calla
 
 @kernel
 def commit_motion(z: Any, motion: State) -> int:
-    """Take a state and refresh the outputs; STEP_REJECTED, with nothing changed, where it is not finite."""
+    """Set the state and refresh the outputs; return STEP_REJECTED, with nothing changed, where it is not finite."""
     r, v, q, w = motion
     if not math.isfinite(dot(r, r) + dot(v, v) + dot(w, w) + q[0] + q[1] + q[2] + q[3]):
         return STEP_REJECTED
@@ -68,8 +68,8 @@ def commit_motion(z: Any, motion: State) -> int:
 def _bound(template: Any, model: str, **own: Any) -> Any:
     """Compile a template with the model's functions as its globals.
 
-    Not a closure: Numba's cache on disk would not know it again in another process. It tells functions of one file
-    apart by their qualified names.
+    The result is not a closure, as Numba's cache on disk would not know one again in another process. The cache tells
+    functions of one file apart by their qualified names.
     """
     function = FunctionType(template.__code__, template.__globals__ | own, template.__name__)
     function.__doc__, function.__annotations__ = template.__doc__, template.__annotations__

@@ -11,8 +11,9 @@ from .principal import Axes, exact_frame
 
 @kernel
 def symmetric_frame(M: Matrix) -> tuple[float, float, Matrix]:
-    """(I_t, I_s, axes): the moment that two axes share (else their mean), that of the third; axes t, u, s as rows in b.
+    """Return (I_t, I_s, axes) of a body with two equal moments.
 
+    I_t is the moment that two axes share, or their mean; I_s is that of the third axis; the axes t, u, s are rows in b.
     M: symmetric, kg m^2.
     """
     moments, R_bp = principal_frame(M)
@@ -27,7 +28,7 @@ def symmetric_frame(M: Matrix) -> tuple[float, float, Matrix]:
 
 @kernel
 def exact_symmetric_frame(z: Any) -> tuple[DoubleDouble, DoubleDouble, Axes]:
-    """The same of a unit's body to twice the digits; the moments in some power of two of kg m^2."""
+    """Return `symmetric_frame` of the buffer's body to twice the digits; the moments in some power of two of kg m^2."""
     moments, axes = exact_frame(z)
     s = _odd_one((moments[0][0], moments[1][0], moments[2][0]))
     t, u = (s + 1) % 3, (s + 2) % 3
@@ -36,7 +37,7 @@ def exact_symmetric_frame(z: Any) -> tuple[DoubleDouble, DoubleDouble, Axes]:
 
 @kernel
 def _odd_one(moments: Vec3) -> int:
-    """The axis whose moment is farthest from the other two."""
+    """Return the index of the axis whose moment is farthest from the other two."""
     a, b, c = moments
     x, y, w = abs(b - c), abs(c - a), abs(a - b)
     return 0 if x <= y and x <= w else (1 if y <= w else 2)
@@ -44,7 +45,7 @@ def _odd_one(moments: Vec3) -> int:
 
 @kernel
 def is_sphere(M: Matrix) -> bool:
-    """Whether the three moments are equal to the bit, so that every axis is principal.
+    """Return whether the three moments are equal to the bit, so that every axis is principal.
 
     M: symmetric, kg m^2.
     """

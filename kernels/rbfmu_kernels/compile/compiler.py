@@ -1,7 +1,7 @@
-"""Numba's compiler with no more to do than kernels need, in half of the time of a first call.
+"""Numba's compiler with no more to do than kernels need, which takes half of the time of a first call.
 
-Numba makes machine code of a function and, once more, of all that it calls, to be called from Python too.  Nobody calls
-what a kernel calls but compiled code, into which it is merged: there it is only LLVM's intermediate code.
+Numba makes machine code of a function and, once more, of all that it calls, so that Python can call that too. What a
+kernel calls is called by compiled code only, into which it is merged, so that LLVM's intermediate code is enough.
 """
 
 import gc
@@ -37,7 +37,7 @@ _PASSES = (
 
 
 class _Remembering(Context):  # type: ignore[misc]
-    """Numba tries some ten templates, most of them NumPy's, at each sum of two numbers; here it tries once."""
+    """A typing context that remembers: Numba tries some ten templates at each sum of two numbers, this one once."""
 
     _answers: ClassVar[dict[Any, Any]] = {}
     _numbers = (types.Number, types.Boolean, types.Literal)
@@ -58,14 +58,14 @@ class _Remembering(Context):  # type: ignore[misc]
 
 
 class KernelCompiler(CompilerBase):  # type: ignore[misc]
-    """Compiles without what is for closures, `with`, `raise`, array expressions and literals."""
+    """A compiler without the passes for closures, `with`, `raise`, array expressions and literals."""
 
     def __init__(self, typingctx: Any, *rest: Any) -> None:
         super().__init__(typingctx, *rest)
         self.state.typingctx = _Remembering.beside(typingctx)
 
     def compile_extra(self, function: Any) -> Any:
-        """Compile. Garbage is collected afterwards: looking for it takes a tenth of the time, and there is little."""
+        """Compile, and collect garbage afterwards: looking for it takes a tenth of the time, and there is little."""
         collecting = gc.isenabled()
         gc.disable()
         try:
@@ -84,7 +84,7 @@ class KernelCompiler(CompilerBase):  # type: ignore[misc]
 
 
 class CalleeCompiler(KernelCompiler):
-    """Compiles what compiled code calls."""
+    """A compiler of what only compiled code calls."""
 
     def __init__(self, typingctx: Any, targetctx: Any, library: Any, *rest: Any) -> None:
         super().__init__(typingctx, targetctx, _IntermediateCode(targetctx.codegen(), "callee"), *rest)
@@ -93,11 +93,11 @@ class CalleeCompiler(KernelCompiler):
 class _IntermediateCode(JITCodeLibrary):  # type: ignore[misc]
     @property
     def codegen(self) -> Any:
-        """Return itself: Numba asks for `set_env` only."""
+        """Return itself, as Numba asks for `set_env` only."""
         return self
 
     def set_env(self, name: str, environment: Any) -> None:
-        """Do nothing: exceptions and Python objects need an environment, kernels do not."""
+        """Do nothing, as exceptions and Python objects need an environment, but kernels do not."""
 
     def get_pointer_to_function(self, name: str) -> int:
         self._ensure_finalized()
@@ -127,7 +127,7 @@ class _IntermediateCode(JITCodeLibrary):  # type: ignore[misc]
 
 class _CalleeCacheImplementation(CompileResultCacheImpl):  # type: ignore[misc]
     def rebuild(self, target_context: Any, payload: Any) -> Any:
-        """Return what CalleeCompiler made, as if compiled now: machine code would be made from it, and change it."""
+        """Return what CalleeCompiler made, as if compiled now; making machine code of it would change it."""
         state, description, environment, signature, *_ = payload
         library = _IntermediateCode._unserialize(target_context.codegen(), state)
         return compile_result(
@@ -143,6 +143,6 @@ class _CalleeCacheImplementation(CompileResultCacheImpl):  # type: ignore[misc]
 
 
 class CalleeCache(FunctionCache):  # type: ignore[misc]
-    """Stores what CalleeCompiler makes."""
+    """A cache of what CalleeCompiler makes."""
 
     _impl_class = _CalleeCacheImplementation

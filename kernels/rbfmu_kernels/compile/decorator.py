@@ -20,8 +20,8 @@ def kernel(function: Callable[P, R], /) -> Callable[P, R]: ...
 @overload
 def kernel(*, inline: bool) -> Callable[[Callable[P, R]], Callable[P, R]]: ...
 def kernel(function: Any = None, /, *, inline: bool = True) -> Any:
-    """Compile lazily, strict IEEE (no fastmath: one result everywhere), cached on disk where that can be written.
+    """Compile at the first call, by strict IEEE rules (no fastmath), and cache on disk where that can be written.
 
-    inline: merge into the caller's code, for cores of up to some 30 lines; others stay calls.
+    inline: whether to merge the kernel into its caller's code, for cores of up to some 30 lines; others stay calls.
     """
     return partial(_compile, inline=inline) if function is None else _compile(function, inline=inline)

@@ -12,14 +12,14 @@ from .stamp import SOURCES
 class DiskCache:
     """The cache of one function; none where no folder for it can be written, or where Numba's cannot be used.
 
-    Looked for at the first use, and read without loading Numba's compiler first: it costs 0.2 s and is not needed.
+    It is looked for at the first use, and read without loading Numba's compiler, which costs 0.2 s and is not needed.
     """
 
     def __init__(self, function: Callable[..., Any], kind: Any = FunctionCache) -> None:
         self._function, self._kind = function, kind
 
     def load_overload(self, signature: Any, context: Any) -> Any:
-        """Return stored code, or None."""
+        """Return stored code, or None where there is none."""
         try:
             rtsys.initialize(context)  # object code names its functions, and must find all that it names
             return self._cache._load_overload(signature, context)

@@ -1,4 +1,4 @@
-"""Makes an array function from a scalar kernel's one definition."""
+"""Array functions made from a scalar kernel's one definition."""
 
 from collections.abc import Callable
 from typing import Any
@@ -14,8 +14,8 @@ from .shapes import argument_shapes, core_shapes
 def gufunc(kernel: Callable[..., Any], *constants: int, singular: Callable[..., bool] | None = None) -> Any:
     """Return a gufunc that maps `kernel(*constants, ...)` over leading axes.
 
-    singular: a kernel of the first few arguments. The gufunc then takes a mark before its arguments, an array () of
-    zero, which becomes 1 where `singular` is true for an item.
+    singular: a kernel of the first few arguments. The gufunc then takes a mark before its arguments: an array of shape
+    (), zero, which becomes 1 where `singular` is true for an item.
     """
     if config.DISABLE_JIT:
         return interpreted(kernel, *constants, singular=singular)

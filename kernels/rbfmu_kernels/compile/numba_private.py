@@ -1,8 +1,8 @@
 """The one module that imports Numba's internals. All that is needed of them is listed here.
 
-Tried with Numba 0.62.1, 0.63.1, 0.64.0, 0.65.1, 0.66.0, 0.67.0 and 0.68.1, each row with each.  Where a row is missing,
-`MISSING` names it, and `plain` compiles instead by what Numba documents: the first call is slower, the bits are the
-same.  Where all are there and behave otherwise, `decorator.internals_serve` finds it (as with Numba 0.61.2, whose
+Each row was tried with Numba 0.62.1, 0.63.1, 0.64.0, 0.65.1, 0.66.0, 0.67.0 and 0.68.1. Where a row is missing,
+`MISSING` names it, and `plain` compiles instead by what Numba documents: the first call is slower, and the bits are the
+same. Where all are there but behave otherwise, `reduced.internals_serve` finds it (as with Numba 0.61.2, whose
 `_module_pass_manager` returns one value).
 """
 
@@ -81,7 +81,7 @@ MISSING = _look_up()
 
 
 def __getattr__(name: str) -> Any:
-    """Give an internal of Numba by the name that the table has for it."""
+    """Return an internal of Numba by the name that the table has for it."""
     try:
         return _found[name]
     except KeyError:

@@ -1,6 +1,6 @@
 """Kernels and array functions by Numba's documented `njit` and `guvectorize` alone.
 
-They serve where Numba's internals do not: the first call is slower, the bits are the same.
+They serve where Numba's internals do not: the first call is slower, and the bits are the same.
 """
 
 import inspect
@@ -22,7 +22,7 @@ def plain_kernel(function: Callable[..., Any], *, inline: bool) -> Any:
 
 
 def _cached(compiled: Callable[[bool], Any]) -> Any:
-    """Compile with a cache in a folder of these sources: Numba's stamp does not see what a function calls."""
+    """Compile with a cache in a folder of these sources, as Numba's stamp does not see what a function calls."""
     folder = config.CACHE_DIR
     config.CACHE_DIR = str(Path(folder or Path(__file__).parents[1] / "__pycache__") / SOURCES)
     try:
@@ -56,7 +56,7 @@ def _layout(shape: Shape) -> str:
 
 
 def _with_sizes(loop: Any, sizes: list[Any]) -> Callable[..., Any]:
-    """Give core sizes their numbers: `guvectorize` knows names only, which these first arguments bind."""
+    """Bind core sizes to their numbers by first arguments, as `guvectorize` knows sizes by name only."""
 
     def call(*args: Any, **kwargs: Any) -> Any:
         if "axes" in kwargs:
@@ -70,7 +70,7 @@ def _with_sizes(loop: Any, sizes: list[Any]) -> Callable[..., Any]:
 def _loop_source(
     constants: tuple[int, ...], sizes: list[str], arguments: list[Shape], results: list[Shape], checked: int
 ) -> str:
-    """Source of the function LOOP on one item. checked: how many arguments `singular` takes."""
+    """Return the source of the function LOOP on one item; checked: how many arguments `singular` takes."""
     names = [f"a{k}" for k in range(len(arguments))]
     outs = [f"r{k}" for k in range(len(results))]
     items = [_item(name, shape) for name, shape in zip(names, arguments, strict=True)]
@@ -86,7 +86,7 @@ def _loop_source(
 
 
 def _item(name: str, shape: Shape, index: tuple[int, ...] = ()) -> str:
-    """Source of an item as a number or a (nested) tuple."""
+    """Return the source of an item as a number or a (nested) tuple."""
     if len(index) == len(shape):
         return f"{name}[{_comma(index) or 0}]"
     return "(" + "".join(_item(name, shape, (*index, i)) + ", " for i in range(shape[len(index)])) + ")"

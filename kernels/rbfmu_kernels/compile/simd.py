@@ -1,4 +1,4 @@
-"""Four numbers side by side, on which the same is done at once: a vector of the machine's, in Python a tuple.
+"""Four numbers side by side, on which the same is done at once: a vector of the machine, or a tuple in Python.
 
 A lane's arithmetic is that of plain numbers, so that no bit depends on how wide the machine's vectors are.
 """
@@ -29,7 +29,7 @@ class _Model(models.PrimitiveModel):  # type: ignore[misc]
 
 @intrinsic  # type: ignore[untyped-decorator]
 def lanes(typingctx: Any, a: Any, b: Any, c: Any, d: Any) -> Any:
-    """Of four numbers."""
+    """Return four numbers side by side."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         vector = ir.Constant(_VECTOR, ir.Undefined)
@@ -42,7 +42,7 @@ def lanes(typingctx: Any, a: Any, b: Any, c: Any, d: Any) -> Any:
 
 @intrinsic  # type: ignore[untyped-decorator]
 def numbers(typingctx: Any, a: Any) -> Any:
-    """The four numbers."""
+    """Return the four numbers."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         return context.make_tuple(
@@ -54,7 +54,7 @@ def numbers(typingctx: Any, a: Any) -> Any:
 
 @intrinsic  # type: ignore[untyped-decorator]
 def lanes_at(typingctx: Any, z: Any, i: Any) -> Any:
-    """Of the four numbers that begin at z[i]."""
+    """Return the four numbers from z[i] on."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         vector = builder.load(_place(context, builder, signature, args), typ=_VECTOR)
@@ -66,7 +66,7 @@ def lanes_at(typingctx: Any, z: Any, i: Any) -> Any:
 
 @intrinsic  # type: ignore[untyped-decorator]
 def put_lanes(typingctx: Any, z: Any, i: Any, a: Any) -> Any:
-    """Store them from z[i] on."""
+    """Store four numbers from z[i] on."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         builder.store(args[2], _place(context, builder, signature, args)).align = 8
@@ -82,7 +82,7 @@ def _place(context: Any, builder: Any, signature: Any, args: Any) -> Any:
 
 @intrinsic  # type: ignore[untyped-decorator]
 def add_lanes(typingctx: Any, a: Any, b: Any) -> Any:
-    """a + b."""
+    """Add lane by lane."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         return builder.fadd(*args)
@@ -92,7 +92,7 @@ def add_lanes(typingctx: Any, a: Any, b: Any) -> Any:
 
 @intrinsic  # type: ignore[untyped-decorator]
 def multiply_lanes(typingctx: Any, a: Any, b: Any) -> Any:
-    """Lane by lane."""
+    """Multiply lane by lane."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         return builder.fmul(*args)

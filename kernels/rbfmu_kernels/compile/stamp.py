@@ -1,4 +1,4 @@
-"""The stamp of cached code: Numba's own sees a function's file, not those of the functions that it calls."""
+"""The stamp of cached code, as Numba's own sees a function's file, but not those of the functions that it calls."""
 
 import hashlib
 from pathlib import Path
@@ -13,4 +13,4 @@ def hash_of_sources(package: Path) -> str:
 
 
 SOURCES = hash_of_sources(Path(__file__).parents[1])
-"""Of this package."""
+"""The hash of this package's sources."""

@@ -1,6 +1,6 @@
 """A tile: numbers of sixteen items on the stack, a number's values for successive items side by side.
 
-Numba's intrinsics behind the loops of `gufunc`: moves between memory and tile, and hints to LLVM.
+These are Numba intrinsics behind the loops of `gufunc`: moves between memory and tile, and hints to LLVM.
 """
 
 import math
@@ -22,7 +22,7 @@ _byte_pointer = ir.IntType(8).as_pointer()
 
 @intrinsic  # type: ignore[untyped-decorator]
 def address(typingctx: Any, pointer: Any, offset: Any) -> Any:
-    """The address `offset` bytes after a double*."""
+    """Return the address `offset` bytes after a double*."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         return _moved(builder, args[0], args[1])
@@ -32,7 +32,7 @@ def address(typingctx: Any, pointer: Any, offset: Any) -> Any:
 
 @intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
 def tile_of(typingctx: Any, rows: Any) -> Any:
-    """A tile with `rows` (a literal) numbers for each item, in a function that may use the widest vectors there are."""
+    """Return a tile of `rows` (a literal) numbers an item; its function may use the widest vectors there are."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         set.add(builder.function.attributes, '"prefer-vector-width"="512"')  # not among those that llvmlite checks for
@@ -43,7 +43,7 @@ def tile_of(typingctx: Any, rows: Any) -> Any:
 
 @intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
 def to_tile(typingctx: Any, tile: Any, items: Any, row: Any, size: Any) -> Any:
-    """Sixteen items of `size` numbers, packed at `items`, to the tile's rows from `row` on."""
+    """Move sixteen items of `size` numbers, packed at `items`, to the tile's rows from `row` on."""
     first, width = row.literal_value, size.literal_value
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -57,7 +57,7 @@ def to_tile(typingctx: Any, tile: Any, items: Any, row: Any, size: Any) -> Any:
 
 @intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
 def from_tile(typingctx: Any, tile: Any, items: Any, row: Any, size: Any) -> Any:
-    """The tile's rows from `row` on to sixteen items of `size` numbers, packed at `items`."""
+    """Move the tile's rows from `row` on to sixteen items of `size` numbers, packed at `items`."""
     first, width = row.literal_value, size.literal_value
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -70,9 +70,9 @@ def from_tile(typingctx: Any, tile: Any, items: Any, row: Any, size: Any) -> Any
 
 @intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
 def item_to_tile(typingctx: Any, column: Any, item: Any, row: Any, shape: Any, strides: Any) -> Any:
-    """One item anywhere in memory to the tile, `column` being the address of its place in the first row.
+    """Move one item anywhere in memory to the tile, where `column` is the address of its place in the first row.
 
-    shape: of the item, such as (3, 3); strides: in bytes.
+    shape: the item's, such as (3, 3); strides: in bytes.
     """
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -86,7 +86,7 @@ def item_to_tile(typingctx: Any, column: Any, item: Any, row: Any, shape: Any, s
 
 @intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
 def item_from_tile(typingctx: Any, column: Any, item: Any, row: Any, shape: Any, strides: Any) -> Any:
-    """The same back."""
+    """Move an item of the tile, as `item_to_tile` does, back to memory."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         cells = _cells(builder, args[0], row.literal_value, _lengths(shape))
@@ -99,7 +99,7 @@ def item_from_tile(typingctx: Any, column: Any, item: Any, row: Any, shape: Any,
 
 @intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
 def read(typingctx: Any, column: Any, row: Any, shape: Any) -> Any:
-    """An item of the tile as a number or a (nested) tuple."""
+    """Return an item of the tile as a number or a (nested) tuple."""
     lengths = _lengths(shape)
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -120,7 +120,7 @@ def read(typingctx: Any, column: Any, row: Any, shape: Any) -> Any:
 
 @intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
 def write(typingctx: Any, column: Any, row: Any, shape: Any, item: Any) -> Any:
-    """The same back."""
+    """Set an item of the tile from a number or a (nested) tuple."""
     lengths = _lengths(shape)
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -140,7 +140,7 @@ def _cells(builder: Any, column: Any, row: int, lengths: list[int]) -> list[Any]
 
 
 def _places(builder: Any, item: Any, strides: Any, lengths: list[int]) -> Any:
-    """The addresses of an item's numbers."""
+    """Return the addresses of an item's numbers."""
     for index in np.ndindex(*lengths):
         offset = ir.Constant(_int64, 0)
         for axis, i in enumerate(index):
@@ -150,15 +150,15 @@ def _places(builder: Any, item: Any, strides: Any, lengths: list[int]) -> Any:
 
 
 def _keep_scalar(builder: Any) -> None:
-    """An empty instruction that keeps LLVM from vectorising a copying loop: its gathers and scatters are slow."""
+    """Put an empty instruction that keeps LLVM from vectorising a copying loop, whose gathers and scatters are slow."""
     builder.asm(ir.FunctionType(ir.VoidType(), []), "", "~{memory}", [], True)
 
 
 @intrinsic  # type: ignore[untyped-decorator]
 def in_vectors(typingctx: Any) -> Any:
-    """At the end of a loop's body: LLVM shall not unroll it before vectorising, and mix two vectors' instructions.
+    """End a loop's body so that LLVM does not unroll it before vectorising, but interleaves two vectors' instructions.
 
-    (A chain of dependent operations leaves the processor's units idle half of the time.)
+    A chain of dependent operations alone would leave the processor idle half of the time.
     """
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -187,13 +187,13 @@ def _without_result(generate: Any) -> Any:
 
 
 def _moved(builder: Any, pointer: Any, offset: Any) -> Any:
-    """The pointer, `offset` bytes on."""
+    """Return the pointer moved by `offset` bytes."""
     place = builder.gep(builder.bitcast(pointer, _byte_pointer), [offset])  # as integers, vectors would be lost
     return builder.bitcast(place, pointer.type)
 
 
 def _stack(builder: Any, count: int) -> Any:
-    """Numbers on the stack, from the beginning of a cache line on."""
+    """Return room for numbers on the stack, from the beginning of a cache line on."""
     with builder.goto_entry_block():
         array = builder.alloca(ir.ArrayType(_double, count))
     array.align = 8 * LANES
@@ -211,6 +211,6 @@ def _ask_for(builder: Any, pointer: Any, index: int, lines: int, *, writing: boo
 
 
 def _store_rows(builder: Any, tile: Any, rows: range, items: Any, half: int) -> None:
-    """Half a tile's items from `rows`, packed at `items`."""
+    """Store half a tile's items from `rows`, packed at `items`."""
     columns = [load(builder, tile, n * ITEMS + half, LANES) for n in rows]
     store_items(builder, columns, items, half * len(rows))

@@ -40,7 +40,7 @@ _NAMES |= {"clear_float_flags": _clear_float_flags}
 
 
 def tiled_gufunc(kernel: Callable[..., Any], *constants: int, singular: Callable[..., bool] | None = None) -> Any:
-    """Return what `gufunc` returns, with a loop over tiles; it compiles now, or loads from the cache."""
+    """Return what `gufunc` returns, with a loop over tiles that is compiled now, or loaded from the cache."""
     arguments, results = core_shapes(kernel)
     name = python_function(kernel).__name__
     checked = len(argument_shapes(singular)) if singular else 0
@@ -67,7 +67,7 @@ def _compiled(loop: Callable[..., Any]) -> Any:
 
 
 def _marks(checked: int) -> list[Shape]:
-    """The core shape of the mark, where there is one."""
+    """Return the core shape of the mark, where there is one."""
     return [()] if checked else []
 
 
@@ -82,7 +82,7 @@ def _loop_name(name: str, constants: tuple[int, ...]) -> str:
 def _loop_source(
     name: str, constants: tuple[int, ...], arguments: list[Shape], results: list[Shape], checked: int
 ) -> str:
-    """The loop over items. checked: how many arguments `singular` takes (0: there is nothing to check)."""
+    """Return the source of the loop over items; checked: how many arguments `singular` takes, 0 for no check."""
     operands = _operands(_marks(checked) + arguments + results)
     inputs, outputs = operands[-len(arguments + results) : -len(results)], operands[-len(results) :]
     compute = _computation([*map(str, constants)], inputs, outputs, checked)
@@ -98,7 +98,7 @@ def _loop_source(
 
 
 def _computation(fixed: list[str], inputs: list["_Operand"], outputs: list["_Operand"], checked: int) -> list[str]:
-    """From the tile's item i to the tile."""
+    """Return the lines that compute from the tile's item i to the tile."""
     items = [f"read(address(tile, 8 * i), {o.row}, {o.shape})" for o in inputs]
     parts = [f"r[{n}]" for n in range(len(outputs))] if len(outputs) > 1 else ["r"]
     check = [f"found += 1 if singular({', '.join([*fixed, *items[:checked]])}) else 0"] if checked else []
@@ -108,7 +108,7 @@ def _computation(fixed: list[str], inputs: list["_Operand"], outputs: list["_Ope
 
 
 def _packed_items(inputs: list["_Operand"], outputs: list["_Operand"], compute: list[str]) -> list[str]:
-    """Whole tiles of items that are packed in memory, or one item for all."""
+    """Return the lines for whole tiles of items that are packed in memory, or one item for all."""
     lines = [f"if {' and '.join([*(o.packed_or_one() for o in inputs), *(o.packed() for o in outputs)])}:"]
     for o in inputs:
         lines += [f"    if s{o.k} == 0:", *_indented(2, o.moves("item_to_tile"))]
@@ -120,7 +120,7 @@ def _packed_items(inputs: list["_Operand"], outputs: list["_Operand"], compute: 
 
 
 def _any_items(inputs: list["_Operand"], outputs: list["_Operand"], compute: list[str]) -> list[str]:
-    """The rest, anywhere in memory."""
+    """Return the lines for the other items, anywhere in memory."""
     lines = ["while start < n:", "    m = min(ITEMS, n - start)"]
     lines += _indented(1, [line for o in inputs for line in o.moves("item_to_tile")])
     lines += ["    for i in range(m):", *_indented(2, compute)]
@@ -134,7 +134,7 @@ def _indented(levels: int, lines: list[str]) -> list[str]:
 
 @dataclass(frozen=True)
 class _Operand:
-    """Argument or result k of a loop, as source text."""
+    """An argument or result, number k of a loop, as source text."""
 
     k: int
     shape: Shape
@@ -157,11 +157,11 @@ class _Operand:
         return "(" + "".join(f"steps[{axis}], " for axis in self.axes) + ")"
 
     def move(self, function: str) -> str:
-        """A tile's items, packed in memory."""
+        """Return the call that moves a tile's items where they are packed in memory."""
         return f"{function}(tile, address(p{self.k}, start * {8 * self.size}), {self.row}, {self.size})"
 
     def moves(self, function: str) -> list[str]:
-        """A tile's items, anywhere in memory."""
+        """Return the lines that move a tile's items from or to anywhere in memory."""
         item = f"address(p{self.k}, (start + i) * s{self.k})"
         call = f"{function}(address(tile, 8 * i), {item}, {self.row}, {self.shape}, c{self.k})"
         return ["for i in range(m):", f"    {call}"]

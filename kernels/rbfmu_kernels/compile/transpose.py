@@ -1,4 +1,4 @@
-"""Eight items of a few numbers each, from rows in memory to columns in vectors and back: shuffles in registers."""
+"""Eight items of a few numbers each, from rows in memory to columns in vectors and back, by shuffles in registers."""
 
 from typing import Any
 
@@ -33,7 +33,7 @@ def _shuffled(builder: Any, a: Any, b: Any, places: list[int]) -> Any:
 
 
 def columns_of(builder: Any, items: Any, index: int, width: int) -> list[Any]:
-    """Of eight items of `width` numbers, packed from items[index] on."""
+    """Return the columns of eight items of `width` numbers, packed from items[index] on."""
     if width in (1, 2, 4):
         return _unzipped(builder, [load(builder, items, index + LANES * n, LANES) for n in range(width)])
     if width < LANES:
@@ -52,7 +52,7 @@ def columns_of(builder: Any, items: Any, index: int, width: int) -> list[Any]:
 
 
 def store_items(builder: Any, columns: list[Any], items: Any, index: int) -> None:
-    """The same back."""
+    """Store the columns of eight items where `columns_of` finds them."""
     width = len(columns)
     if width in (1, 2, 4):
         for i, row in enumerate(_zipped(builder, columns)):
@@ -76,7 +76,7 @@ def store_items(builder: Any, columns: list[Any], items: Any, index: int) -> Non
 
 
 def _unzipped(builder: Any, vectors: list[Any]) -> list[Any]:
-    """Every w-th number of w vectors in a row, w = 1, 2, 4 or 8: even from odd places, log2(w) times."""
+    """Gather every w-th number of w vectors in a row, w = 1, 2, 4 or 8: part even from odd places, log2(w) times."""
     even, odd = [*range(0, 2 * LANES, 2)], [*range(1, 2 * LANES, 2)]
     for _ in range(len(vectors).bit_length() - 1):
         pairs = [*zip(vectors[::2], vectors[1::2], strict=True)]
@@ -85,7 +85,7 @@ def _unzipped(builder: Any, vectors: list[Any]) -> list[Any]:
 
 
 def _zipped(builder: Any, vectors: list[Any]) -> list[Any]:
-    """The same back: the first half of the numbers between those of the second, log2(w) times."""
+    """Undo `_unzipped`: put the first half of the numbers between those of the second, log2(w) times."""
     both = [place for i in range(LANES) for place in (i, i + LANES)]
     for _ in range(len(vectors).bit_length() - 1):
         half = len(vectors) // 2

@@ -186,7 +186,7 @@ def _length(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
 
 @kernel
 def _complementary_modulus(gap: DoubleDouble, total: DoubleDouble, fastest: DoubleDouble) -> DoubleDouble:
-    """Return sqrt |gap total| / fastest, at most 1; 1 where nothing moves or pulls."""
+    """Return sqrt |gap total| / fastest, at most 1; 1 where nothing moves or acts."""
     if fastest[0] == 0.0:
         return 1.0, 0.0
     root = dd_multiply(dd_sqrt(dd_scale(math.copysign(1.0, gap[0]), gap)), dd_sqrt(total))

@@ -1,11 +1,11 @@
 """A body with two equal principal moments under torques and forces that depend on its attitude only: heavy tops.
 
-A step composes kicks (attitude held, the loads change the rates) with drifts (no loads: the exact flow of the
-symmetric free body, elementary functions only). Not for damping, which is left out, nor for inputs that change within
-the step. Any direction of the symmetry axis; two of the moments about the reference point must be equal.
+A step composes kicks (the loads change the rates at a fixed attitude) with drifts (the exact flow of the
+symmetric free body, by elementary functions only). Damping and changes of the inputs within the step are left out. The
+symmetry axis may have any direction; two of the moments about the reference point must be equal.
 
-Kicks resonate with the precession about the angular momentum: keep h well below `resonant_step` (law: below it the
-energy error stays bounded for all times; at it the energy drifts by some m g l).
+Kicks resonate with the precession about the angular momentum: keep h well below `resonant_step`. Below it the
+energy error stays bounded for all times; at it the energy drifts by some m g l.
 """
 
 import math
@@ -24,8 +24,8 @@ _AT_REST: Vec3 = (0.0, 0.0, 0.0)
 
 # S. Blanes & P. C. Moan, "Practical symplectic partitioned Runge-Kutta and Runge-Kutta-Nystroem methods",
 # J. Comput. Appl. Math. 142 (2002): SRKN^b_6 (order 4) and SRKN^b_11 (order 6), each symmetric, kicks at both ends:
-# one step's last and the next one's first are one.
-# Kick after kick depends on the attitude alone, so that the conditions of Nystroem methods suffice.
+# the last of one step and the first of the next are merged.
+# Each kick depends on the attitude alone, so that the conditions of Nystroem methods suffice.
 _K4 = (0.0829844064174052, 0.396309801498368, -0.0390563049223486)
 _K4_MIDDLE = 1.0 - 2.0 * (_K4[0] + _K4[1] + _K4[2])
 _D4 = (0.245298957184271, 0.604872665711080)
@@ -82,7 +82,7 @@ def resonant_step(M: Matrix, omega_b: Vec3) -> float:
 
 @kernel
 def _kick(state: State, h: float, body: Body, loads: Loads) -> State:
-    """Let the loads act for h at a held attitude."""
+    """Let the loads act for h at a fixed attitude."""
     r, v, q, omega = state
     v = add_scaled(v, h, linear_acceleration(q, body, loads))
     return State(r, v, q, add_scaled(omega, h, angular_acceleration(q, _AT_REST, body, loads)))

@@ -1,1 +1,1 @@
-"""One module a model: a co-simulation unit of the body, or of what of it a scene needs; see `body.shell`."""
+"""One module a model, be it of the whole body or of what a scene needs of it; see `body.shell`."""

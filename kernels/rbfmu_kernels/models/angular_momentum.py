@@ -19,12 +19,12 @@ from ..rotations.vec3 import add_scaled
 __all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
 
 BLOCKS, SIZE = places(CLOSED_FORM | {"omega_0": 3, "alpha": 3, "since_alpha": 2})
-"""Besides: the rate when the torque last changed, what that adds to it in a second, and the time since then."""
+"""After CLOSED_FORM: the rate when the torque last changed, what the torque adds to it in 1 s, and the time since."""
 
 _OMEGA_0, _ALPHA, _SINCE_ALPHA = (BLOCKS[n].start for n in ("omega_0", "alpha", "since_alpha"))
 _AT_REST = (0.0, 0.0, 0.0)
 _MORE = 20
-"""Key of `buffer.FAULTS`."""
+"""The key in `buffer.FAULTS`."""
 
 
 @kernel
@@ -41,7 +41,7 @@ def _set_up(z: Any) -> int:
 
 @kernel
 def _advance(z: Any, h: float) -> int:
-    """Advance by h; STEP_REJECTED (and nothing changed) where the motion is not finite or an input turns in a."""
+    """Advance by h; reject the step and change nothing where the motion is not finite or an input turns in a."""
     if not skips_model_checks(z) and has_turning_torque(z):
         return STEP_REJECTED
     since, low, omega, q = 0.0, 0.0, vec3_at(z, _OMEGA_0), first_attitude(z)

@@ -1,4 +1,4 @@
-"""A free body that turns at a constant rate as a co-simulation unit: a sphere, or a spin about a principal axis."""
+"""The model of a free body that turns at a constant rate: a sphere, or a spin about a principal axis."""
 
 from typing import Any
 
@@ -27,7 +27,7 @@ BLOCKS, SIZE = places(CLOSED_FORM | {"turning": TURNING_SIZE})
 
 _TURNING = BLOCKS["turning"].start
 _UNSTEADY = 15
-"""Key of `buffer.FAULTS`."""
+"""The key in `buffer.FAULTS`."""
 
 
 @kernel
@@ -42,7 +42,7 @@ def _set_up(z: Any) -> int:
 
 @kernel
 def _advance(z: Any, h: float) -> int:
-    """Advance by h; STEP_REJECTED (and nothing changed) where the motion is not finite or an input makes a torque."""
+    """Advance by h; reject the step and change nothing where the motion is not finite or an input makes a torque."""
     if not skips_model_checks(z) and _is_disturbed(z):
         return STEP_REJECTED
     t = time_after(z, h)
@@ -52,7 +52,7 @@ def _advance(z: Any, h: float) -> int:
 
 @kernel
 def _is_disturbed(z: Any) -> bool:
-    """Whether a torque acts, or a force turns with the body's path: one along the rate does not turn."""
+    """Return whether a torque acts, or a turning force bends the body's path; one along the rate does not turn."""
     return has_torque(z) or turns_path(z, rotation_of(z).omega_b)
 
 

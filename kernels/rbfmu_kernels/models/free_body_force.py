@@ -1,8 +1,8 @@
-"""A torque-free body pushed by a force fixed in b: exact rotation, and a quadrature of the force for the path.
+"""A torque-free body under a force fixed in b: exact rotation, and a quadrature of the force for the path.
 
 A step is cut into equal panels of at most `substep`, each with `order` points of Gauss's rule. What a panel of length s
 leaves out shrinks as (omega s)^(2 order), and nothing else is left out; steps add up in twice the digits.
-Abramowitz and Stegun, 25.4.30.
+Source: Abramowitz and Stegun, 25.4.30.
 """
 
 from typing import Any
@@ -25,7 +25,7 @@ from .free_triaxial import FREE, free_motion_of, keep_place, output_rates, set_u
 __all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
 
 ORDERS = (1, 2, 3, 4, 5, 6, 7, 8)
-"""Points a panel."""
+"""The numbers of points a panel that may be chosen."""
 _POINTS = (
     0.5,
     0.2113248654051871, 0.7886751345948129,
@@ -54,14 +54,14 @@ _WEIGHTS = (
     0.05061426814518813, 0.11119051722668724, 0.15685332293894363, 0.181341891689181,
     0.181341891689181, 0.15685332293894363, 0.11119051722668724, 0.05061426814518813,
 )  # fmt: skip
-"""Of Gauss's rule on [0, 1], by order: k of them from k (k - 1) / 2 on."""
+"""Points or weights of Gauss's rule on [0, 1], by order: k of them from k (k - 1) / 2 on."""
 
 BLOCKS, SIZE = places(FREE | {"order": 1, "low_r": 3, "low_v": 3})
-"""Besides: the low parts of position and velocity of the centre of mass."""
+"""After FREE: order, and the low parts of position and velocity of the centre of mass."""
 
 _ORDER, _LOW_R, _LOW_V = (BLOCKS[n].start for n in ("order", "low_r", "low_v"))
 _TORQUE = 11
-"""Key of `buffer.FAULTS`."""
+"""The key in `buffer.FAULTS`."""
 _NONE = (0.0, 0.0, 0.0)
 
 
@@ -77,7 +77,7 @@ def _set_up(z: Any) -> int:
 
 @kernel
 def _advance(z: Any, h: float) -> int:
-    """Advance by h; STEP_REJECTED (and nothing changed) where the motion is not finite or an input makes a torque."""
+    """Advance by h; reject the step and change nothing where the motion is not finite or an input makes a torque."""
     count = substeps_in(h, substep_of(z))
     if count == 0 or (not skips_model_checks(z) and has_torque(z)):
         return STEP_REJECTED
@@ -97,7 +97,7 @@ def _advance(z: Any, h: float) -> int:
 
 @kernel
 def _moved(z: Any, h: float, count: int) -> tuple[tuple[Vec3, Vec3], tuple[Vec3, Vec3]]:
-    """Position and velocity of the centre of mass after h, each with its low part."""
+    """Return position and velocity of the centre of mass after h, each with its low part."""
     body, loads = body_of(z), loads_of(z)
     (r, v), a = centre_of(z), steady_acceleration(body, loads)
     gained_r, gained_v = _gained(z, h, count)
@@ -107,7 +107,7 @@ def _moved(z: Any, h: float, count: int) -> tuple[tuple[Vec3, Vec3], tuple[Vec3,
 
 @kernel
 def _gained(z: Any, h: float, count: int) -> tuple[Vec3, Vec3]:
-    """What the force that turns adds to position and velocity in h."""
+    """Return what the turning force adds to position and velocity in h."""
     body, loads, motion = body_of(z), loads_of(z), free_motion_of(z)
     order, part = int(z[_ORDER]), h / count
     first, r, v = order * (order - 1) // 2, _NONE, _NONE
@@ -124,7 +124,7 @@ def _gained(z: Any, h: float, count: int) -> tuple[Vec3, Vec3]:
 
 @kernel
 def _sum(a: Vec3, low: Vec3, b: Vec3) -> tuple[Vec3, Vec3]:
-    """a + low + b, and its low part."""
+    """Return a + low + b, and its low part."""
     x, low_x = two_sum(a[0], b[0] + low[0])
     y, low_y = two_sum(a[1], b[1] + low[1])
     w, low_w = two_sum(a[2], b[2] + low[2])

@@ -1,4 +1,4 @@
-"""A free body with two equal moments as a co-simulation unit: two steady turns, elementary functions only."""
+"""The model of a free body with two equal moments: two steady turns by elementary functions only."""
 
 from typing import Any
 
@@ -29,7 +29,7 @@ BLOCKS, SIZE = places(CLOSED_FORM | {"omega_0": 3, "about_momentum": TURNING_SIZ
 
 _OMEGA_0, _ABOUT_MOMENTUM, _ABOUT_AXIS = (BLOCKS[n].start for n in ("omega_0", "about_momentum", "about_axis"))
 _TORQUE, _NOT_SYMMETRIC = 11, 16
-"""Keys of `buffer.FAULTS`."""
+"""The keys in `buffer.FAULTS`."""
 
 
 @kernel
@@ -52,7 +52,7 @@ def _set_up(z: Any) -> int:
 
 @kernel
 def _advance(z: Any, h: float) -> int:
-    """Advance by h; STEP_REJECTED (and nothing changed) where the motion is not finite or an input makes a torque."""
+    """Advance by h; reject the step and change nothing where the motion is not finite or an input makes a torque."""
     if not skips_model_checks(z) and is_driven(z):
         return STEP_REJECTED
     t = time_after(z, h)

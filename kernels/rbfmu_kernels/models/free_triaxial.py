@@ -1,4 +1,4 @@
-"""A body on which no torque acts as a co-simulation unit: exact rotation at any time, position in closed form."""
+"""The model of a body on which no torque acts: exact rotation at any time, and position in closed form."""
 
 from typing import Any
 
@@ -31,12 +31,12 @@ from ..types import Vec3
 __all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
 
 FREE = CLOSED_FORM | {"axes": 9, "place": 4, "moved": 1, "constants": FREE_ROTATION_SIZE}
-"""Besides, after a step: where on the polhode the body is, and 1."""
+"""After CLOSED_FORM: principal axes, place on the polhode, 1 once a step was taken, constants of the exact motion."""
 BLOCKS, SIZE = places(FREE)
 
 _M, _AXES, _PLACE, _MOVED, _CONSTANTS = (BLOCKS[n].start for n in ("M", "axes", "place", "moved", "constants"))
 _TORQUE = 11
-"""Key of `buffer.FAULTS`."""
+"""The key in `buffer.FAULTS`."""
 
 
 @kernel
@@ -49,7 +49,7 @@ def _set_up(z: Any) -> int:
 
 @kernel(inline=False)
 def set_up_rotation(z: Any) -> None:
-    """The exact motion's constants and the clocks."""
+    """Set the exact motion's constants and the clocks."""
     moments, axes = exact_frame(z)
     R_bp = invert_matrix(rounded(axes))
     put_matrix_at(z, _AXES, R_bp)
@@ -64,7 +64,7 @@ def set_up_rotation(z: Any) -> None:
 
 @kernel
 def _advance(z: Any, h: float) -> int:
-    """Advance by h; STEP_REJECTED (and nothing changed) where the motion is not finite or an input makes a torque."""
+    """Advance by h; reject the step and change nothing where the motion is not finite or an input makes a torque."""
     if not skips_model_checks(z) and is_driven(z):
         return STEP_REJECTED
     motion = free_motion_of(z)
@@ -79,20 +79,20 @@ def _advance(z: Any, h: float) -> int:
 
 @kernel
 def shown_rates(z: Any, place: Place) -> Vec3:
-    """omega_ab_b at a place on the polhode, where an output needs it."""
+    """Return omega_ab_b at a place on the polhode where an output needs it."""
     return _rates(z, place) if shows_rates(z) else rotation_of(z).omega_b
 
 
 @kernel
 def keep_place(z: Any, place: Place) -> None:
-    """Where on the polhode the body is after a step."""
+    """Keep where on the polhode the body is after a step."""
     put_quaternion_at(z, _PLACE, place)
     z[_MOVED] = 1.0
 
 
 @kernel(inline=False)
 def output_rates(z: Any) -> int:
-    """Set the outputs' time derivatives, inputs held; first the rate, which may be that of a step before."""
+    """Set the outputs' time derivatives at constant inputs, and first the rate, which may be an earlier step's."""
     if z[_MOVED] != 0.0:
         put_rotation(z, rotation_of(z).q_ab, _rates(z, quaternion_at(z, _PLACE)))
     return body_output_rates(z)

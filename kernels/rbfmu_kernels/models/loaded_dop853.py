@@ -1,7 +1,7 @@
-"""A body under any of the scene's loads as a co-simulation unit: DOP853 inside a communication step.
+"""The model of a body under any of the scene's loads, by DOP853 inside a communication step.
 
-`tolerance` is the largest estimated error of a substep, 0 for substeps of at most `substep` without error control
-(`rbfmu.planning.fitting` chooses). Inputs may change within a step: see `body.driven`.
+`tolerance` is the largest estimated error of a substep, or 0 for substeps of at most `substep` without error control.
+Inputs may change within a step: see `body.driven`.
 """
 
 from typing import Any
@@ -18,7 +18,7 @@ __all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
 
 _, _BEFORE = places(DRIVEN)
 BLOCKS, SIZE = places(DRIVEN | {"pad_3": -_BEFORE % 8, "work": WORK})
-"""The work space begins with a cache line where the buffer does."""
+"""The work space begins at a cache line if the buffer does."""
 
 _TOLERANCE, _SPAN, _SUBSTEP, _WORK = (BLOCKS[n].start for n in ("tolerance", "span", "substep", "work"))
 
@@ -31,7 +31,7 @@ def _set_up(z: Any) -> int:
 
 @kernel
 def _advance(z: Any, h: float) -> int:
-    """Advance by h; STEP_REJECTED (and nothing changed) where the motion cannot be followed."""
+    """Advance by h; reject the step and change nothing where the motion cannot be followed."""
     keep(z)
     body, loads = body_of(z), load_polynomial_of(z)
     n = max(ROTATION, integrated(z, body, loads))

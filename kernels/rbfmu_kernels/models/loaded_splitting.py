@@ -1,6 +1,6 @@
-"""A body with two equal moments as a co-simulation unit: kicks by the loads between exact flows of the free body.
+"""The model of a body with two equal moments by splitting: the loads' impulses between exact flows of the free body.
 
-For loads that depend on the attitude alone (no damping): heavy tops.
+It serves loads that depend on the attitude alone, without damping, such as those of heavy tops.
 """
 
 from typing import Any
@@ -20,7 +20,7 @@ BLOCKS, SIZE = places(COMMON | {"order": 1})
 
 _ORDER = BLOCKS["order"].start
 _NO_TOP, _RESONANT = 12, 13
-"""Keys of `buffer.FAULTS`."""
+"""The keys in `buffer.FAULTS`."""
 
 
 @kernel
@@ -35,7 +35,7 @@ def _set_up(z: Any) -> int:
 
 @kernel
 def _advance(z: Any, h: float) -> int:
-    """Advance by h with the inputs held; STEP_REJECTED (and nothing changed) where the result is not finite."""
+    """Advance by h at constant inputs; reject the step and change nothing where the result is not finite."""
     n = substeps_in(h, substep_of(z))
     if n == 0:
         return STEP_REJECTED

@@ -1,6 +1,6 @@
-"""A body under any of the scene's loads as a co-simulation unit: Taylor series inside a communication step.
+"""The model of a body under any of the scene's loads, by Taylor series inside a communication step.
 
-`tolerance` is the largest estimated error of a substep, `order` that of the series (`rbfmu.planning.fitting` chooses).
+`tolerance` is the largest estimated error of a substep, and `order` is that of the series; both come from the plan.
 Inputs may change within a step: see `body.driven`.
 """
 
@@ -19,7 +19,7 @@ __all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
 
 _, _BEFORE = places(DRIVEN | {"order": 1})
 BLOCKS, SIZE = places(DRIVEN | {"order": 1, "pad_3": -_BEFORE % 8, "work": WORK})
-"""The work space begins with a cache line where the buffer does."""
+"""The work space begins at a cache line if the buffer does."""
 
 _TOLERANCE, _SPAN, _ORDER, _WORK = (BLOCKS[n].start for n in ("tolerance", "span", "order", "work"))
 
@@ -32,7 +32,7 @@ def _set_up(z: Any) -> int:
 
 @kernel
 def _advance(z: Any, h: float) -> int:
-    """Advance by h; STEP_REJECTED (and nothing changed) where the motion cannot be followed."""
+    """Advance by h; reject the step and change nothing where the motion cannot be followed."""
     keep(z)
     body, loads = body_of(z), load_polynomial_of(z)
     n = integrated(z, body, loads)

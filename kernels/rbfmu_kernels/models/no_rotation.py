@@ -1,4 +1,4 @@
-"""A body whose rotation nobody needs or that does not turn, as a co-simulation unit: its position in closed form."""
+"""The model of a body that does not turn, or whose rotation no output needs: its position in closed form."""
 
 from typing import Any
 
@@ -16,7 +16,7 @@ __all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
 BLOCKS, SIZE = places(CLOSED_FORM)
 
 _TURNS = 14
-"""Key of `buffer.FAULTS`."""
+"""The key in `buffer.FAULTS`."""
 
 
 @kernel
@@ -29,7 +29,7 @@ def _set_up(z: Any) -> int:
 
 @kernel
 def _advance(z: Any, h: float) -> int:
-    """Advance by h with the inputs held; STEP_REJECTED (and nothing changed) where the result is not finite."""
+    """Advance by h at constant inputs; reject the step and change nothing where the result is not finite."""
     if not needs_translation(z):
         return outputs(z) if shows_loads(z) else OK
     q, omega = rotation_of(z)
@@ -38,7 +38,7 @@ def _advance(z: Any, h: float) -> int:
 
 @kernel
 def begins_to_turn(z: Any) -> bool:
-    """Whether an output that depends on the rotation would change."""
+    """Return whether an output that depends on the rotation would change."""
     (q, omega), body, loads = rotation_of(z), body_of(z), loads_of(z)
     changes = is_nonzero(angular_acceleration(q, omega, body, loads))
     return changes or (is_nonzero(omega) and (needs_attitude(z) or has_torque(z)))

@@ -21,7 +21,7 @@ BLOCKS, SIZE = places(CLOSED_FORM | {"axis": 3, "rate": 1, "drive": 1, "damping_
 
 _AXIS, _RATE, _DRIVE, _DAMPING_RATE = (BLOCKS[n].start for n in ("axis", "rate", "drive", "damping_rate"))
 _MORE_AXES = 17
-"""Key of `buffer.FAULTS`."""
+"""The key in `buffer.FAULTS`."""
 
 
 @kernel
@@ -43,7 +43,7 @@ def _set_up(z: Any) -> int:
 
 @kernel
 def _advance(z: Any, h: float) -> int:
-    """Advance by h; STEP_REJECTED (and nothing changed) where the motion is not finite."""
+    """Advance by h; reject the step and change nothing where the motion is not finite."""
     high, low = time_after(z, h)
     t = high + low
     axis, q = vec3_at(z, _AXIS), first_attitude(z)

@@ -21,7 +21,7 @@ from ..rotations.vec3 import dot, scale
 __all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
 
 ORDERS = (4, 8, 16)
-"""Of the series; powers of two, whose roots are square roots."""
+"""The orders of the series: powers of two, as their roots are repeated square roots."""
 _TERMS = ORDERS[-1] + 1
 BLOCKS, SIZE = places(
     CLOSED_FORM
@@ -35,7 +35,7 @@ _AXIS, _ANGLE, _DRIVE, _DAMPING_RATE, _SWING = (
 _TOLERANCE, _ORDER, _SUBSTEPS = (BLOCKS[n].start for n in ("tolerance", "order", "substeps"))
 _RATE, _SINE, _COSINE = (BLOCKS[n].start for n in ("rate_series", "sine_series", "cosine_series"))
 _MORE_AXES = 17
-"""Key of `buffer.FAULTS`."""
+"""The key in `buffer.FAULTS`."""
 
 
 @kernel
@@ -55,7 +55,7 @@ def _set_up(z: Any) -> int:
 
 @kernel
 def _advance(z: Any, h: float) -> int:
-    """Advance by h; STEP_REJECTED (and nothing changed) where the motion is not finite or needs too many substeps."""
+    """Advance by h; reject the step and change nothing where the motion is not finite or needs too many substeps."""
     axis, angle = vec3_at(z, _AXIS), z[_ANGLE]
     rate = dot(axis, rotation_of(z).omega_b)
     rest, steps, order = h, 0, int(z[_ORDER])
@@ -97,9 +97,7 @@ def _put_term(z: Any, series: int, k: int, x: float) -> None:
 def _expand(z: Any, angle: float, rate: float, order: int) -> float:
     """Set the series of the rate, and of sine and cosine of the angle; return the longest step.
 
-    sin' = rate cos, cos' = -rate sin.
-
-    order: a literal, so that the loops unroll.
+    They follow from sin' = rate cos and cos' = -rate sin. order: a literal, so that the loops unroll.
     """
     drive, damping_rate, (cosine, sine) = z[_DRIVE], z[_DAMPING_RATE], pair_at(z, _SWING)
     s, c = sincos(angle)

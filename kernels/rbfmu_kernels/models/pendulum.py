@@ -1,6 +1,6 @@
 """A body that turns about one principal axis, fixed in space, under forces fixed in space alone: a pendulum, exactly.
 
-Damping or another torque: `one_axis_taylor`.
+With damping or another torque, `one_axis_taylor` serves.
 """
 
 from typing import Any
@@ -32,7 +32,7 @@ BLOCKS, SIZE = places(CLOSED_FORM | {"q_hanging": 4, "axis": 3, "pendulum": PEND
 
 _Q_HANGING, _AXIS, _PENDULUM = (BLOCKS[n].start for n in ("q_hanging", "axis", "pendulum"))
 _MORE_AXES, _DRIVEN = 17, 18
-"""Keys of `buffer.FAULTS`."""
+"""The keys in `buffer.FAULTS`."""
 
 
 @kernel
@@ -56,7 +56,7 @@ def _set_up(z: Any) -> int:
 
 @kernel
 def _advance(z: Any, h: float) -> int:
-    """Advance by h; STEP_REJECTED (and nothing changed) where the motion is not finite."""
+    """Advance by h; reject the step and change nothing where the motion is not finite."""
     axis = vec3_at(z, _AXIS)
     motion = read_pendulum(z[_PENDULUM : _PENDULUM + PENDULUM_SIZE])
     s, c, rate = pendulum_at(motion, time_after(z, h))

@@ -1,7 +1,8 @@
-"""Attitude from prescribed body rates as a co-simulation unit: kinematics only.
+"""The model of an attitude from prescribed body rates: kinematics only.
 
-Rates held over a step turn the attitude exactly. They may change as omega_b + omega_b_rate t + omega_b_rate_2 t^2 / 2,
-t from the step's begin, to round-off by Taylor series; after the step they hold their last value.
+Rates that are constant over a step turn the attitude exactly. Those that change within it, as
+omega_b + omega_b_rate t + omega_b_rate_2 t^2 / 2 with t from the step's begin, do so to round-off by Taylor series;
+after the step they keep their last value.
 """
 
 import math
@@ -25,11 +26,11 @@ OUTPUTS = {row.name: row.size for row in quantities.OUTPUTS if row.kinematic}
 OUTPUT_RATES = {f"d_{name}": size for name, size in OUTPUTS.items()}
 RATES = {f"{name}_{order}": size for order in ("rate", "rate_2") for name, size in INPUTS.items()}
 MEMORY = {"anchor": 4, "omega_anchor": 3, "elapsed": 2, "turning": TURNING_SIZE}
-"""Attitude when the rates changed, those rates, the time since then, their turning."""
+"""The attitude when the rates changed, those rates, the time since then, and the turning that they make."""
 BLOCKS, SIZE = places(INPUTS | PARAMETERS | OUTPUTS | OUTPUT_RATES | RATES | MEMORY)  # the quaternion is the state
 
 LARGEST_TURN = 1e15
-"""rad: from here on an angle in double precision says nothing about the attitude."""
+"""The angle, rad, from which on a double says nothing about the attitude."""
 
 _OMEGA, _Q_0, _Q, _RPY, _OMEGA_A = (
     BLOCKS[n].start for n in ("omega_b", "quaternion_0", "quaternion", "rpy", "omega_a")
@@ -39,12 +40,12 @@ _RATES, _RATES_2 = BLOCKS["omega_b_rate"].start, BLOCKS["omega_b_rate_2"].start
 _ANCHOR, _OMEGA_ANCHOR, _ELAPSED, _TURNING = (BLOCKS[n].start for n in MEMORY)
 _AT_REST = (0.0, 0.0, 0.0)
 _ORDER = 16
-"""Of the series, for turns of at most a radian: the remainder is 2^-17 / 17! = 2e-20."""
+"""The order of the series, for turns of at most a radian: the remainder is 2^-17 / 17! = 2e-20."""
 
 
 @kernel(inline=False)
 def initialize(z: Any) -> int:
-    """Check the parameters, set state and outputs; returns 0 or a key of `buffer.FAULTS`."""
+    """Check the parameters, and set state and outputs; return 0 or a key of `buffer.FAULTS`."""
     q = quaternion_at(z, _Q_0)
     total = abs(q[0]) + abs(q[1]) + abs(q[2]) + abs(q[3])
     if not (total > 0.0 and math.isfinite(total)):
@@ -56,10 +57,10 @@ def initialize(z: Any) -> int:
 
 @kernel
 def _advance(z: Any, h: float) -> int:
-    """Turn by h omega_b; STEP_REJECTED (and nothing changed) where the result is not finite or an angle has no digits.
+    """Turn by h omega_b; reject the step and change nothing where the result is not finite or an angle has no digits.
 
-    While the rates stay as they are the attitude is that of the time since they changed: no error piles up, none grows
-    with the angle. Each change of the rates leaves up to 3 eps.
+    While the rates stay as they are, the attitude follows from the time since they changed: no error adds up, and none
+    grows with the angle. Each change of the rates leaves up to 3 eps.
     """
     omega = vec3_at(z, _OMEGA)
     slope, bend = vec3_at(z, _RATES), vec3_at(z, _RATES_2)
@@ -91,7 +92,7 @@ def _put_anchor(z: Any, anchor: Quaternion, omega: Vec3, elapsed: DoubleDouble, 
 
 @kernel(inline=False)
 def _changing_step(z: Any, h: float, omega: Vec3, slope: Vec3, bend: Vec3) -> int:
-    """The same for rates that change; their last value is then the input."""
+    """Take a step with rates that change within it; their last value is then the input."""
     turn = h * (norm(omega) + h * (norm(slope) + h * norm(bend)))
     if not turn < MAX_SUBSTEPS:
         return STEP_REJECTED
@@ -120,7 +121,7 @@ def _after(omega: Vec3, slope: Vec3, bend: Vec3, t: float) -> Vec3:
 
 @kernel
 def _turn(h: float, omega: Vec3, slope: Vec3, bend: Vec3) -> Quaternion:
-    """The attitude after h, relative to that before: the series of dD/dt = D o (0, omega) / 2."""
+    """Return the attitude after h relative to that before, by the series of dD/dt = D o (0, omega) / 2."""
     none = (0.0, 0.0, 0.0, 0.0)
     half, first, second = scale(0.5 * h, omega), scale(0.5 * h * h, slope), scale(0.25 * h * h * h, bend)
     term, before, earlier = (1.0, 0.0, 0.0, 0.0), none, none

@@ -1,7 +1,7 @@
 """The rates of a body with two equal moments under a steady torque about the third axis, and damping: a closed form.
 
-About its axis the body speeds up or relaxes; the rate across turns in the body with (I_s - I_t) / I_t times that angle,
-and fades. The attitude has no such form. Whittaker, Analytical Dynamics, 4th ed. 1937, 69 (without torque).
+About its axis the body speeds up or relaxes; the rate across turns in the body by (I_s - I_t) / I_t times that angle,
+and fades. The attitude has no such form. Source: Whittaker, Analytical Dynamics, 4th ed. 1937, 69 (without torque).
 """
 
 from typing import Any
@@ -34,7 +34,7 @@ _AXES, _RATES, _DRIVE, _DAMPING_RATE, _DAMPING_RATE_ACROSS, _RATIO = (
     BLOCKS[n].start for n in ("axes", "rates", "drive", "damping_rate", "damping_rate_across", "ratio")
 )
 _ASTRAY = 19
-"""Key of `buffer.FAULTS`."""
+"""The key in `buffer.FAULTS`."""
 
 
 @kernel
@@ -54,7 +54,7 @@ def _set_up(z: Any) -> int:
 
 @kernel
 def _advance(z: Any, h: float) -> int:
-    """Advance by h; STEP_REJECTED (and nothing changed) where the motion is not finite."""
+    """Advance by h; reject the step and change nothing where the motion is not finite."""
     high, low = time_after(z, h)
     t = high + low
     w_t, w_u, w_s = vec3_at(z, _RATES)
@@ -67,7 +67,7 @@ def _advance(z: Any, h: float) -> int:
 
 @kernel
 def leads_astray(q: Quaternion, axes: Matrix, body: Body, loads: Loads) -> bool:
-    """Whether the moments differ, a load depends on the attitude or acts across the axis, or damping is uneven."""
+    """Return whether moments differ, a load depends on the attitude or acts across the axis, or damping is uneven."""
     turning = is_nonzero(loads.torque_a) or (is_nonzero(body.arm_b) and is_nonzero(loads.force_a))
     from_rest = angular_acceleration(q, (0.0, 0.0, 0.0), body, loads)
     (t, u, s), damping_b = axes, body.damping_b
