@@ -30,7 +30,7 @@ class BodyAtStart:
         self.z: Buffer = np.zeros(SIZE)
         put_scene(scene, BLOCKS, self.z)
         self.fault = interpreted(memory.initialize_body)(self.z) or interpreted(outputs.first_outputs)(self.z)
-        """What every model refuses the body for: a key of `buffer.FAULTS`, or 0."""
+        """The fault for which every model refuses the body: a key of `buffer.FAULTS`, or 0."""
 
     def check(self) -> None:
         """Raise SceneError where every model refuses the body."""
@@ -74,12 +74,12 @@ class BodyAtStart:
 
     @cached_property
     def body(self) -> Body:
-        """Return its constants in the equations of motion."""
+        """Return the body's constants in the equations of motion."""
         return interpreted(memory.body_of)(self.z)
 
     @cached_property
     def loads(self) -> Loads:
-        """Return the loads on it."""
+        """Return the loads on the body."""
         return interpreted(memory.loads_of)(self.z)
 
     @property
@@ -99,7 +99,7 @@ class BodyAtStart:
 
     @property
     def is_driven(self) -> bool:
-        """Return whether a torque acts, or a force that turns with the body on a path that somebody looks at."""
+        """Return whether a torque acts, or a force that turns with the body on a path that an output shows."""
         return interpreted(closed_form.is_driven)(self.z)
 
     @property
@@ -114,7 +114,7 @@ class BodyAtStart:
 
     @property
     def turns_path(self) -> bool:
-        """Return whether a force that turns about the rate with the body bends a path that somebody looks at."""
+        """Return whether a force that turns about the rate with the body bends a path that an output shows."""
         return interpreted(fixed_axis.turns_path)(self.z, self._rotation[1])
 
     @property
@@ -156,7 +156,7 @@ class BodyAtStart:
 
     @property
     def is_swung(self) -> bool:
-        """Return whether forces fixed in space turn it about the axis, by its angle."""
+        """Return whether forces fixed in space swing the body about the axis, by a torque that depends on its angle."""
         cosine, sine = interpreted(fixed_axis.swing)(self.z, self.axis)
         return cosine[0] != 0.0 or sine[0] != 0.0
 
@@ -174,5 +174,5 @@ class BodyAtStart:
 
 @lru_cache(maxsize=8)
 def body_at_start(scene: Scene) -> BodyAtStart:
-    """Return the answers about a scene, the same for as long as it is looked at."""
+    """Return the answers about a scene, the same object as long as they are asked of one scene."""
     return BodyAtStart(scene)

@@ -46,7 +46,7 @@ def along_axis(scene: Scene, rates: Array) -> Array:
 
 
 def loads_start_and_shape(scene: Scene, needs: Needs) -> set[str]:
-    """Return what a motion about one axis rests on."""
+    """Return the names of what a motion about one axis rests on."""
     return turning_loads(scene, needs) | shape(scene) | START
 
 

@@ -14,7 +14,7 @@ from rbfmu_kernels.types import Vec3
 
 ROUND_OFF = 2.0**-52
 TWICE = 2.0**-100
-"""What double-double leaves of a number, with room for what a flip makes of it."""
+"""The relative error that double-double leaves, with room for what a flip makes of it."""
 
 
 def prescribed_rates_error(scene: Scene) -> float:
@@ -27,7 +27,7 @@ def prescribed_rates_error(scene: Scene) -> float:
 
 
 def lost_near_separatrix(scene: Scene) -> float:
-    """Return what double-double leaves of the distance from the separatrix, rad, at each flip.
+    """Return the error, rad, that double-double's error of the distance from the separatrix makes at each flip.
 
     It is 0 for a diagonal matrix.
     """
@@ -41,10 +41,10 @@ def lost_near_separatrix(scene: Scene) -> float:
 
 
 def lost_by_symmetry(scene: Scene) -> float:
-    """Return what the difference of two moments makes of a body taken as symmetric, rad; 0 for a diagonal matrix.
+    """Return the error, rad, of taking a body as symmetric whose two moments differ; 0 for a diagonal matrix.
 
-    It is that difference over the least moment, times the angle, and times that in which the rate across turns, for it
-    turns the body about its axis the faster the thinner it is, as long as the rate across stays where it is.
+    It is that difference over the least moment, times the angle, times 1 plus the angle before the rate across the axis
+    has turned within the body: until then that rate turns the body about its axis, the faster the thinner it is.
     """
     assert scene.body is not None
     M, omega, span = scene.body.M, scene.initial.omega_b, scene.run.stop - scene.run.start

@@ -13,14 +13,14 @@ from rbfmu_kernels.rotations.quaternion import rotate
 Array = NDArray[np.float64]
 
 GROWTH = 0.1
-"""Growth of a disturbance over the run, as an exponent, from which on a spin counts as unstable."""
+"""The exponent of a disturbance's growth over the run from which on a spin counts as unstable."""
 
 
 def growth_rate(scene: Scene) -> float:
     """Return how fast a disturbance of the motion at the start grows, 1/s; 0 where it is stable.
 
-    A free spin about the middle axis: omega sqrt((I_k - I_i) (I_j - I_k) / (I_i I_j)); a body on a pivot whose centre
-    of mass is above it, spinning at omega_s: sqrt(4 I_t m g l - (I_s omega_s)^2) / (2 I_t).
+    It is omega sqrt((I_k - I_i) (I_j - I_k) / (I_i I_j)) for a free spin about the middle axis, and
+    sqrt(4 I_t m g l - (I_s omega_s)^2) / (2 I_t) for a body spinning at omega_s with its centre of mass above a pivot.
     """
     body, omega, gravity = scene.body, np.array(scene.initial.omega_b), np.array(scene.loads.gravity_a)
     assert body is not None

@@ -23,7 +23,7 @@ class Needs:
 
     @classmethod
     def of(cls, scene: Scene) -> "Needs":
-        """Return them by the kernels' own rules, and by what ports and listed parameters may come to."""
+        """Return the needs by the kernels' own rules, and by what ports and listed parameters may become."""
         start, varying = body_at_start(scene), varying_parameters(scene)
         free = not start.has_pivot
         translation = start.needs_translation and free
@@ -35,17 +35,17 @@ class Needs:
 
 
 def varying_parameters(scene: Scene) -> set[str]:
-    """Return names of loads and parameters whose values are not known when the scene is planned."""
+    """Return the names of loads and parameters whose values are not known when the scene is planned."""
     return set(scene.inputs.ports) | set(scene.inputs.parameters)
 
 
 def acting_loads(loads: Loads) -> set[str]:
-    """Return names of the known loads that are not zero."""
+    """Return the names of the known loads that are not zero."""
     return {name for name in type(loads).model_fields if any(flattened(getattr(loads, name)))}
 
 
 def torques(scene: Scene) -> set[str]:
-    """Return names of loads that act, or may come to act, and then turn the body; and of the arm they act on."""
+    """Return the names of loads that act, or may come to act, and then turn the body, and of the arm they act on."""
     body, loads, varying = scene.body, scene.loads, varying_parameters(scene)
     assert body is not None
     acting = acting_loads(loads) | varying
@@ -57,11 +57,11 @@ def torques(scene: Scene) -> set[str]:
 
 
 def turning_loads(scene: Scene, needs: Needs) -> set[str]:
-    """Return names of what would turn the body, or a force with it, if it came to act."""
+    """Return the names of what would turn the body, or a force with it, if it came to act."""
     return torques(scene) | TORQUES | (FORCES - FIXED_IN_SPACE if needs.translation else set())
 
 
 def shape(scene: Scene) -> set[str]:
-    """Return names of the parameters that the moments about the centre of mass, or the pivot, follow from."""
+    """Return the names of the parameters that the moments about the centre of mass, or the pivot, follow from."""
     assert scene.body is not None
     return {"inertia"} | ({"mass", "r_oc_b"} if scene.body.pivot else set())

@@ -26,19 +26,19 @@ class ModelSpec:
     method: how it is computed; empty where the plan's settings say it.
     states, rate_states: numbers that it keeps of the rotation, with and without the attitude.
     holds: whether it holds for the scene's values, ports at zero, as the kernels' `initialize` sees it.
-    rests_on: names of loads and parameters that must not vary.
-    drops: loads that do not turn it where they are too small to matter.
-    closed_form: a formula gives the motion at any time.
-    stands_still, keeps_rate: attitude and rate, or the rate, stay as they begin.
-    force_keeps_direction: a force fixed in b pushes as it does at the start.
-    may_be_unstable: a disturbance of its motion may grow, which a reason says.
-    angle_round_off: its angle is a double, whose round-off grows with it.
-    rates_from: what it makes of a motion's rates (n, 3), rad/s; None where that takes a run to tell.
-    conditioning: rad, what the motion loses by the body's moments.
-    costs: ns a communication step, by what makes it necessary; "" always: see `planning.costs`.
-    substep_without_attitude: what a substep costs then, as a part of one with it.
-    integrates_path: the path is part of the integration, and costs nothing besides.
-    computes_all_outputs: whatever is asked for; so that nothing costs more.
+    rests_on: the names of the loads and parameters that must not vary.
+    drops: the loads that it leaves out where they are too small to matter.
+    closed_form: whether a formula gives the motion at any time.
+    stands_still, keeps_rate: whether attitude and rate, or the rate alone, stay as they begin.
+    force_keeps_direction: whether a force fixed in b keeps its first direction in a.
+    may_be_unstable: whether a disturbance of its motion may grow, which a reason then says.
+    angle_round_off: whether its angle is a double, whose round-off grows with it.
+    rates_from: its rates from those of a motion (n, 3), rad/s; None where only a run can tell.
+    conditioning: the error, rad, that the round-off of the body's moments makes.
+    costs: ns a communication step, by what makes it necessary, where "" always counts; see `planning.costs`.
+    substep_without_attitude: the cost of a substep without attitude, as a part of that of one with it.
+    integrates_path: whether the path is part of the integration, and costs nothing besides.
+    computes_all_outputs: whether all outputs are computed whatever is asked for, so that none costs more.
     reason: why it is exact.
     """
 
@@ -69,7 +69,7 @@ class ModelSpec:
         return not self.rests_on(scene, needs) & varying_parameters(scene) and self.accepts(scene)
 
     def accepts(self, scene: Scene) -> bool:
-        """Return what the kernels' `initialize` says of the scene's values: whether the model holds for them."""
+        """Return whether the model holds for the scene's values, as the kernels' `initialize` finds."""
         start = body_at_start(scene)
         return start.fault == 0 and self.holds(start)
 

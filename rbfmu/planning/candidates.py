@@ -17,20 +17,20 @@ from rbfmu_kernels.quantities import (
 
 OF_RATES, OF_ATTITUDE = needing(RATE), needing(ATTITUDE)
 OF_INERTIA = {row.name for row in OUTPUTS if "inertia" in row.initially} - needing(LOADS_NOW)
-"""Quantities that show them, whatever the loads."""
+"""Quantities that depend on moments of inertia at the start, whatever the loads."""
 CONDITIONED = 0.1
-"""Of the accuracy: what a model may lose by its conditioning where another one serves as well."""
+"""The part of the accuracy that a model may lose by its conditioning where another one serves as well."""
 
 
 def exact_closed_form(scene: Scene, needs: Needs) -> ModelSpec | None:
-    """Return the smallest model with a closed form that is exact for this scene, and conditioned well if one is."""
+    """Return the smallest model with a closed form that is exact for this scene, and well conditioned if any is."""
     exact = [spec for spec in CLOSED_FORMS if spec.serves(scene, needs)]
     good = (spec for spec in exact if spec.conditioning(scene) <= CONDITIONED * scene.run.accuracy)
     return next(good, exact[0] if exact else None)
 
 
 def needed_parameters(scene: Scene, model: str) -> set[str]:
-    """Return names of the parameters on which an output depends in a model of the scene, or that are listed."""
+    """Return the names of the parameters that are listed, or on which an output depends in a model of the scene."""
     spec = MODELS[model]
     body, wanted, listed = scene.body, set(scene.outputs.quantities), set(scene.inputs.parameters)
     if body is None:

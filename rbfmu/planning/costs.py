@@ -10,9 +10,9 @@ from rbfmu.scene.scene import Scene
 from rbfmu_kernels.quantities import OUTPUT
 
 MACHINE = "an Intel Xeon of 2026"
-"""Whose ns all costs are: one calm core, a compiled loop, the library's own models."""
+"""The machine whose ns all costs are, in a compiled loop over the library's own models on one idle core."""
 ATTITUDE, CHANGING, TURNING_LOADS = "attitude", "changing", "loads that turn"
-"""Terms of a model's own costs, besides what each step costs: see `ModelSpec.costs`."""
+"""The terms of a model's own costs besides what each step costs; see `ModelSpec.costs`."""
 
 
 def term(model: str, name: str) -> str:
@@ -29,11 +29,11 @@ NS = {
     "angular_momentum_a": 8.0,
     "kinetic_energy": 3.0,
 }
-"""By term, as `python -m examples.benchmarks.costs` prints them."""
+"""The costs, ns, by term, as `python -m examples.benchmarks.costs` prints them."""
 
 
 def stated(scene: Scene, plan: Plan) -> Plan:
-    """Return the plan with its cost a communication step, ns; its cost before: of a step's substeps alone."""
+    """Return the plan with its cost a communication step, ns; its cost before is that of a step's substeps alone."""
     return replace(
         plan, cost=_share_of_substeps(scene, plan) * plan.cost + sum(NS[name] for name in terms(scene, plan))
     )

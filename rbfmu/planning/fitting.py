@@ -25,21 +25,21 @@ from rbfmu_kernels.integrators.substeps import ROUND_OFF, substeps_in
 from rbfmu_kernels.integrators.taylor_coefficients import MAX_ORDER
 
 AT_REST = 0.01
-"""Of the accuracy: the error of a motion in which what would grow has not begun to."""
+"""The part of the accuracy up to which an error shows that whatever would grow has not begun to."""
 SMALLEST = 1e-14
 """The accuracy that any motion is promised at best: outputs have round-off of their own."""
 KEPT, REACHED = 1.0 / 3.0, 0.8
-"""Of the accuracy: the error that settings are fitted to, and the largest that is accepted where none is smaller."""
+"""Parts of the accuracy: to which settings are fitted, and up to which an error is accepted where none is smaller."""
 MAX_WORK = 1e7
 """Substeps of all pilot runs (some five seconds), after which nothing cheaper is looked for."""
 HIGHER = 2
-"""Orders that series may have beyond the likely one."""
+"""The number of orders that series may have beyond the likely one."""
 LEAST_ORDER_OF_INPUTS = 8
-"""Of series: pilot runs do not see what comes through ports, or what parameters are set to."""
+"""The least order of series with inputs: pilot runs do not see what ports supply, or what parameters are set to."""
 UNCUT = 20.0
-"""Substeps in a communication step from which on longer ones change little."""
+"""The number of substeps in a communication step from which on longer steps change little."""
 LONGER, SHORTER = (2, 4, 10, 25, 50, 100), (2, 3, 4, 6, 10)
-"""Communication steps that an importer may take as one, besides all of the run's; parts that it may take of one."""
+"""Numbers of communication steps that an importer may take as one, besides the whole run, and of parts of one."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class _Fit:
     substeps: float
     cost: float
     order: int
-    """Of the error in the plan's tolerance (1) or step."""
+    """The power of the plan's tolerance (1) or step that the error goes with."""
     other: float = 0.0
     """The error in other communication steps."""
 
@@ -57,9 +57,9 @@ class _Fit:
 def cheapest_fit(scene: Scene, general: Plan, judge: Judge, splitting: bool = True) -> Plan:
     """Return Taylor series of some order, or splitting for a symmetric top: the cheapest that meets the accuracy.
 
-    general: the plan whose method and settings are to be found, its tolerance the scene's accuracy; splitting: whether
-    it may be chosen.
-    Raises SceneError where none is accurate enough.
+    general: the plan whose method and settings are to be found, with the scene's accuracy as its tolerance; splitting:
+    whether it may be chosen.
+    Raises SceneError where no method is accurate enough.
     """
     search = _Search(scene, judge, general)
     if scene.run.accuracy < SMALLEST:
@@ -90,7 +90,7 @@ class _Search:
         self.shares = load_shares(scene)
 
     def plan(self, splitting: bool) -> Plan:
-        """Return the cheapest plan; SceneError where none is accurate enough."""
+        """Return the cheapest plan; raise SceneError where none is accurate enough."""
         self._try_tightest()
         self._fit_series()
         if splitting:
@@ -101,7 +101,7 @@ class _Search:
         return self.settled(self.bound)
 
     def plan_of_varying(self) -> Plan:
-        """Return the cheapest whose substeps' errors, as the motion magnifies them, make a quarter of the accuracy."""
+        """Return the cheapest plan whose substeps' errors, magnified by the motion, make a quarter of the accuracy."""
         span, growth = self.scene.run.stop - self.scene.run.start, self.judge.growth()
         tolerance = max(0.25 * self.accuracy / growth, TIGHTEST)
         found = self._cheapest_over(span, tolerance)
@@ -120,7 +120,7 @@ class _Search:
         return bool(self.met)
 
     def out_of_reach(self, error: float) -> SceneError:
-        """Return what is said where no method's error is smaller."""
+        """Return the error that is raised where no method's error is smaller."""
         reached = error / REACHED
         expected = f"expected one that this scene can meet; the methods here reach {reached:.1e} here"
         if reached > 1e-3:
@@ -139,7 +139,7 @@ class _Search:
     # What is accurate enough whatever the communication step
 
     def settled(self, bound: float) -> Plan:
-        """Return the cheapest of those that meet the accuracy whatever the communication step."""
+        """Return the cheapest of the plans that meet the accuracy whatever the communication step."""
         best: _Fit | None = None
         for fit in sorted(self.met, key=lambda fit: fit.cost):
             if best and fit.cost >= best.cost:
@@ -172,7 +172,7 @@ class _Search:
         return fit
 
     def _errors_in_other_steps(self, fit: _Fit) -> Iterator[float]:
-        """Yield errors in longer communication steps; in shorter ones where the scene's do not yet cut substeps."""
+        """Yield errors in longer communication steps, and in shorter ones if the scene's do not cut substeps yet."""
         count = len(self.judge.steps)
         for at_once in (*LONGER, count):
             if at_once <= count:
@@ -183,7 +183,7 @@ class _Search:
     # Methods
 
     def _try_tightest(self) -> None:
-        """Find what can be reached at all: where that is little, it is accepted, and nothing more is looked for."""
+        """Find whether the accuracy can be met at all, and accept an error near it where none is much smaller."""
         reached = math.inf
         for order in (MAX_ORDER - 8, MAX_ORDER):
             method = series(self.general, order, self.shares)
@@ -200,7 +200,7 @@ class _Search:
     def _fit_series(self) -> None:
         """Fit from a likely order up and down, until two in a row are no cheaper.
 
-        Up no further than HIGHER: what estimates say of long steps of a high order does not hold in other steps.
+        Orders go up no further than HIGHER, as estimates for long steps of a high order do not hold in other steps.
         """
         likely = 2 * round(1.0 + 0.25 * math.log(100.0 / self.accuracy))
         order = min(max(likely, ORDERS_OF_SERIES[0]), ORDERS_OF_SERIES[-1])
@@ -214,7 +214,7 @@ class _Search:
                 other += way
 
     def _cheapest_over(self, span: float, tolerance: float) -> _Fit:
-        """Return the cheapest series at a tolerance for the whole run; of those that meet it, if any do."""
+        """Return the cheapest series at a tolerance for the whole run, among those that meet it if any do."""
         best: _Fit | None = None
         for order in range(LEAST_ORDER_OF_INPUTS, MAX_ORDER + 1, 2):
             method = series(self.general, order, self.shares)
@@ -234,7 +234,7 @@ class _Search:
     # Values
 
     def fit(self, method: Method, value: float) -> float:
-        """Bring a method's error to where it costs 10 % at most, as long as it may become the best; the last value."""
+        """Fit a method's setting to cost at most 10 % more than it need, while it may be the best; return the last."""
         bound, error = self.bound, math.inf
         least = bound * max(1.1**-method.order, 0.1)
         for _ in range(8):
@@ -254,7 +254,7 @@ class _Search:
         return value
 
     def _tried(self, plan: Plan) -> tuple[float, float]:
-        """Return error and substeps of a pilot run."""
+        """Return error and number of substeps of a pilot run."""
         error, counted = self.judge.try_out(plan)
         taken = counted
         if math.isfinite(plan.substep):

@@ -23,21 +23,21 @@ from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE
 from rbfmu_kernels.quantities import DISSIPATIVE, FORCES, OUTPUT, OUTPUTS, TORQUES
 
 MAX_STEPS = 20_000
-"""Communication steps up to which plans are tried on the scene's own; of a longer run on several at once."""
+"""The number of communication steps up to which pilot runs take each; in longer runs they take several at once."""
 MAX_COUNTED = 2_000_000
-"""Steps of a longer run that are taken one by one at last, for their round-off."""
+"""The number of a longer run's steps that are taken one by one at last, for their round-off."""
 GOLDEN = 0.6180339887498949
-"""Where a step is cut in two, so that a motion whose period is the step does not look like rest."""
+"""The place where a step is cut in two, so that a motion whose period is the step does not look like rest."""
 SMALL, LOST = 1e-11, 0.1
-"""An error, rad, well above round-off, and what it must not grow to."""
+"""An error, rad, well above round-off, and the size that it must not grow to."""
 DIRECTIONS = ((0.48, -0.6, 0.64), (0.8, 0.0, -0.6), (0.36, 0.8, 0.48))
-"""Orthogonal, along no axis of a body's."""
+"""Orthogonal directions, none along a body's axis."""
 NOISE = 64.0 * 2.0**-52
-"""Of what a quantity is made of: less is no error, whatever cancels in it."""
+"""The part of a quantity's largest term below which a difference is no error, whatever cancels in the quantity."""
 
 
 MAX_REFERENCE_STEPS = 100_000
-"""In double-double arithmetic, some seconds."""
+"""The number of the reference's steps in double-double arithmetic, some seconds of work."""
 LONG = (
     "planning takes more than some seconds, for the motion turns fast, or damping is stiff: more than 1e5 steps of "
     "order 26; a shorter run is planned sooner"
@@ -45,7 +45,7 @@ LONG = (
 
 
 class PlanningWarning(RuntimeWarning):
-    """A plan is made, but takes long."""
+    """A warning that a plan is made, but takes long."""
 
 
 def watched(scene: Scene) -> tuple[str, ...]:
@@ -56,7 +56,7 @@ def watched(scene: Scene) -> tuple[str, ...]:
 class Judge:
     """A scene's motion with its ports at zero, far more exact than what is judged by it.
 
-    progress: is told which part of the motion is done.
+    progress: a function that is told which part of the motion is done.
     """
 
     def __init__(self, scene: Scene, progress: Callable[[float], Any] | None = None) -> None:
@@ -82,7 +82,7 @@ class Judge:
             return one
 
     def _tight_motion(self, order: int) -> Motion:
-        """Return the motion in doubles, in half steps: where double-double arithmetic takes too long."""
+        """Return the motion in doubles, in half steps, for where double-double arithmetic takes too long."""
         tight = Plan(LOADED_TAYLOR.key, "", 0, tolerance=1e-18, order=order)
         names = tuple(dict.fromkeys((*self.names, "omega_b")))
         return record_trajectory(
@@ -113,8 +113,8 @@ class Judge:
     def try_out(self, plan: Plan, at_once: int = 1, parts: int = 1, absolute: bool = False) -> tuple[float, float]:
         """Return the plan's error over the run, and the substeps it counted.
 
-        at_once: steps taken as one, in equal parts; absolute: positions and velocities count relative to 1 m and
-        1 m/s, as something varies that they grow with.
+        at_once: how many steps are taken as one, in equal parts; absolute: whether positions and velocities count
+        relative to 1 m and 1 m/s, as something varies that they grow with.
         """
         points = [*range(0, len(self.steps), at_once), len(self.steps)]
         steps = [math.fsum(self.steps[i:j]) for i, j in pairwise(points)]
@@ -145,9 +145,9 @@ class Judge:
         return error + self.doubt, substeps_counted(plan.kernels, z)
 
     def growth(self) -> float:
-        """Return what the motion makes of an error of attitude and rate at the start, over the run; at least 1.
+        """Return the factor, at least 1, by which an error of attitude and rate at the start grows over the run.
 
-        Infinite where so small an error changes the motion itself.
+        It is infinite where so small an error changes the motion itself.
         """
         span = self.scene.run.stop - self.scene.run.start
         tight, rows = Plan(LOADED_TAYLOR.key, "", 0, tolerance=1e-16, order=20), np.array(DIRECTIONS)
@@ -162,13 +162,13 @@ class Judge:
         return max(worst / SMALL, 1.0) if worst < LOST else math.inf
 
     def _turning(self, change: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return what of a change of the rate a body has inertia about."""
+        """Return the part of a change of the rate that is about axes with inertia."""
         body = self.scene.body
         axis = body.axis_without_inertia if body else None
         return change if axis is None else change - np.dot(change, axis) * np.array(axis)
 
     def compare(self, smaller: Plan, truth: Motion, names: tuple[str, ...], absolute: bool) -> float:
-        """Return the error of a model that leaves something out, also between steps; absolute: as `try_out`."""
+        """Return the error of a model that leaves something out, also between steps; absolute: as in `try_out`."""
         found = record_trajectory(smaller.kernels, start_run(self.scene, smaller, names), self.cut_steps, names)
         return _error_between(found, truth, names, round_off(self.scene, truth), absolute)
 
@@ -185,14 +185,14 @@ def _error_between(
 
 
 def round_off(scene: Scene, motion: Motion) -> dict[str, float]:
-    """Return 64 eps of what each quantity is made of before anything cancels, where that exceeds the accuracy."""
+    """Return 64 eps of each quantity's terms before anything cancels, where that exceeds a tenth of the accuracy."""
     noise = {name: NOISE * size for name, size in natural_sizes(scene, motion).items() if name in motion}
     resolved = {name: 0.1 * scene.run.accuracy * largest_size(motion[name]) for name in noise}
     return {name: least for name, least in noise.items() if least > resolved[name]}
 
 
 def natural_sizes(scene: Scene, motion: Motion) -> dict[str, float]:
-    """Return what loads and rates of the scene's size make of each quantity where they are not in balance."""
+    """Return the size of each quantity that the scene's loads and rates make where they are not in balance."""
     body, loads = scene.body, scene.loads
     assert body is not None
     size = {name: math.hypot(*flattened(getattr(loads, name))) for name in type(loads).model_fields}

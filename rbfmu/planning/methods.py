@@ -20,25 +20,26 @@ from rbfmu_kernels.models.one_axis_taylor import ORDERS
 TIGHTEST = 1e-15
 """The smallest tolerance that double precision serves."""
 LOOSEST = 10.0
-"""Times the accuracy: the largest tolerance, as looser estimates say little of the errors in other steps."""
+"""The largest tolerance over the accuracy, as looser estimates say little of the errors in other steps."""
 ORDERS_OF_SERIES = range(6, MAX_ORDER + 1, 2)
 SERIES_COSTS = ((58.0, 14.3), (10.0, 24.0), (41.0, 23.1))
 """(a, b) of a + b N ns a substep at order N, on `costs.MACHINE`; examples/benchmarks/substeps.py fits these lines.
 
-Torques that are known in b; also loads that turn in b; also a force that turns with the body.
+The lines are for torques that are known in b alone, for loads that turn in b as well, and for a force that turns with
+the body.
 """
 ONE_AXIS_COSTS = {4: 55.0, 8: 85.0, 16: 185.0}
 SPLITTING_COSTS = {2: 76.0, 4: 470.0, 6: 864.0}
 """Ns a substep, by order."""
 RESONANCE = 0.45
-"""Of the step at which splitting resonates, or of the turn that it resonates with: the longest step."""
+"""The longest step, as a part of that at which splitting resonates, or of the turn that it resonates with."""
 
 
 @dataclass(frozen=True)
 class Method:
-    """A method with a setting to be found: its plan at a value, ns a substep, order.
+    """A method with a setting to be found: its plan at a value, ns a substep, and order.
 
-    steps: whether the value is a step, to whose power `order` the error goes; else a tolerance.
+    steps: whether the value is a step, with whose power `order` the error goes; else it is a tolerance.
     """
 
     plan_of: Callable[[float], Plan]
@@ -56,30 +57,30 @@ class Method:
 
 
 def series(general: Plan, order: int, shares: tuple[float, float]) -> Method:
-    """Return the series of an order; shares: as `load_shares`."""
+    """Return the series of an order; shares: as from `load_shares`."""
     return Method(partial(series_plan, general, order), series_cost(order, shares), order)
 
 
 def one_axis_series(general: Plan) -> Iterator[Method]:
-    """Return the series of one angle, from the highest order."""
+    """Yield the series of one angle, from the highest order."""
     for order in reversed(ORDERS):
         yield Method(partial(series_plan, general, order), ONE_AXIS_COSTS[order], order)
 
 
 def series_plan(general: Plan, order: int, tolerance: float) -> Plan:
-    """Return the plan of a series; general: its tolerance is the scene's accuracy."""
+    """Return the plan of a series; general: a plan with the scene's accuracy as its tolerance."""
     value = min(max(tolerance, 1e-3 * TIGHTEST), LOOSEST * general.tolerance)
     return replace(general, method=f"Taylor series of order {order}", order=order, tolerance=value)
 
 
 def series_cost(order: int, shares: tuple[float, float]) -> float:
-    """Return ns a substep; shares: as `load_shares`."""
+    """Return ns a substep; shares: as from `load_shares`."""
     plain, *more = (a + b * order for a, b in SERIES_COSTS)
     return plain + sum(share * (cost - plain) for share, cost in zip(shares, more, strict=True))
 
 
 def load_shares(scene: Scene) -> tuple[float, float]:
-    """Return, as 0 or 1, whether loads may turn in b, and a force with a body whose path is asked."""
+    """Return, as 0 or 1, whether loads may turn in b, and a force with a body whose path is asked for."""
     start, varying = body_at_start(scene), varying_parameters(scene)
     levered = any(start.body.arm_b) and (any(start.loads.force_a) or "force_a" in varying)
     turned = levered or any(start.loads.torque_a) or "torque_a" in varying
@@ -91,7 +92,7 @@ def load_shares(scene: Scene) -> tuple[float, float]:
 
 
 def splittings(scene: Scene, general: Plan) -> Iterator[tuple[Method, float]]:
-    """Return the splitting methods that serve the scene's body, and the longest step of each, s."""
+    """Yield the splitting methods that serve the scene's body, and the longest step of each, s."""
     start, run, omega = body_at_start(scene), scene.run, scene.initial.omega_b
     if not LOADED_SPLITTING.accepts(scene):
         return
@@ -104,7 +105,7 @@ def splittings(scene: Scene, general: Plan) -> Iterator[tuple[Method, float]]:
 
 
 def _spins_unseen(start: BodyAtStart) -> bool:
-    """Return whether loads stay as they are when a symmetric body turns about its axis; else that resonates."""
+    """Return whether a symmetric body's turn about its axis leaves loads as they are; else that turn resonates."""
     body, loads = start.body, start.loads
     M, arm = np.array(body.inertia), np.array(body.arm_b)
     axial = M - interpreted(transverse_moment)(body.inertia) * np.eye(3)  # (I_s - I_t) s s^T

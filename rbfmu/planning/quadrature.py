@@ -1,4 +1,4 @@
-"""The quadrature of least work for the path of a body that turns without torque and is pushed by a force fixed in b."""
+"""The quadrature of least work for the path of a body that turns without torque, under a force fixed in b."""
 
 import math
 from dataclasses import replace
@@ -11,15 +11,15 @@ from rbfmu.scene.scene import Scene
 from rbfmu_kernels.models.free_body_force import ORDERS
 
 POINT_COST = 86.0
-"""ns a point, on `costs.MACHINE`."""
+"""The cost of a point, ns, on `costs.MACHINE`."""
 EXACT = 1e-14
 MAX_TRIALS = 6
 
 
 def cheapest_quadrature(scene: Scene, general: Plan, judge: Judge) -> Plan | None:
-    """Return points of Gauss's rule and panels a communication step; None where they miss the accuracy.
+    """Return the cheapest points of Gauss's rule and panels a communication step; None where they miss the accuracy.
 
-    Panels are no longer in other communication steps, so that their error is not either.
+    Panels are no longer in other communication steps, so that their error is no larger either.
     """
     grows = bool(varying_parameters(scene) & GROWING)
     if grows and "kinetic_energy" in judge.names:

@@ -17,7 +17,7 @@ PRESCRIBED = "rotation: 4 states, port omega_b prescribes the rates; exact for r
 
 
 def what_is_left_out(scene: Scene, needs: Needs, steady: bool) -> tuple[str, ...]:
-    """Return what is not modelled, or in closed form; steady: the model's force_b keeps its direction."""
+    """Return what is not modelled, or is in closed form; steady: whether the model's force_b keeps its direction."""
     lines = [_translation(scene, needs.translation, steady)]
     if not needs.rotation:
         lines.append("rotation: 0 of 7 states, no output shows it and no force depends on it")
@@ -59,7 +59,7 @@ def why_swinging(scene: Scene, plan: Plan) -> tuple[str, ...]:
 
 
 def why_pushed(scene: Scene, plan: Plan) -> tuple[str, ...]:
-    """Return why the rotation is exact, and the path a quadrature."""
+    """Return why the rotation is exact and the path is a quadrature."""
     rule = plan.method.rpartition(", ")[2]
     why = f"path: {rule} in panels of {plan.substep:.3g} s: error {plan.error:.1e}"
     rotation = f"rotation: no torque, moments {moments_of(scene)} kg m2: elliptic functions"
@@ -86,10 +86,11 @@ def unstable_at_zero_inputs(growth: float) -> str:
 
 
 def what_inputs_cost(scene: Scene, plan: Plan) -> tuple[str, ...]:
-    """Return what holding the inputs over a communication step does to a loop that is closed through them.
+    """Return what a zero-order hold of the inputs over a communication step does to a loop closed through them.
 
-    A spring's energy grows by k h^2 / (2 m) of it a step, with first derivatives of the inputs by (k h^2 / m)^2 / 12;
-    with a damper beside it the loop is stable where k h / 2 < d < 2 m / h: from the products of its eigenvalues.
+    A spring's energy grows each step by k h^2 / (2 m) of it, or with first derivatives of the inputs by
+    (k h^2 / m)^2 / 12. With a damper beside it the loop is stable where k h / 2 < d < 2 m / h, as the products of its
+    eigenvalues show.
     """
     ports, h, body = scene.inputs.ports, scene.run.step, scene.body
     if not ports:

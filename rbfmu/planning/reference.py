@@ -17,11 +17,11 @@ Array = NDArray[np.float64]
 Motion = dict[str, Array]
 DIGITS = 50
 CHUNK = 500
-"""Steps of the scene after which progress is told."""
+"""The number of the scene's steps after which progress is told."""
 
 
 class ReferenceTooLongError(ArithmeticError):
-    """The motion takes more steps than are allowed, or leaves the range of numbers."""
+    """An error for a motion that takes more steps than are allowed, or leaves the range of numbers."""
 
 
 def reference_motion(
@@ -29,7 +29,8 @@ def reference_motion(
 ) -> Motion:
     """Return all quantities of the scene (but rpy) at its start and after each step (s), its ports at zero.
 
-    progress: is told which part of the run is done.  Raises ReferenceTooLongError beyond `most` steps of the reference.
+    progress: a function that is told which part of the run is done.
+    Raises ReferenceTooLongError beyond `most` steps of the reference.
     """
     with localcontext() as context:
         context.prec = DIGITS

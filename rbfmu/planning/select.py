@@ -30,21 +30,21 @@ from rbfmu.scene.scene import Scene, SceneError
 from rbfmu_kernels.quantities import OUTPUTS
 
 EXACT, ROUND_OFF = 1e-14, 2.0**-52
-"""The accuracy that closed forms keep, and what a step of others loses at least."""
+"""The accuracy that closed forms keep, and the least that a step of other models loses."""
 TRANSLATION = {row.name for row in OUTPUTS if row.of_origin}
 CONSERVED = {row.name for row in OUTPUTS if row.conserved}
 DIFFERENCES = {row.name for row in OUTPUTS if row.cancels}
 """Quantities that are sums of terms that may cancel, so that round-off counts for more than in the state."""
 DERIVED = 1e-9
-"""The accuracy below which they are looked at even where the state is exact."""
+"""The accuracy below which these are compared even where the state is exact."""
 SHARE = 0.8
-"""Of the accuracy: what a model that leaves something out may be off by, where no closed form judges it."""
+"""The part of the accuracy that the error of a model that leaves something out may be, if no closed form judges it."""
 
 
 def plan(scene: Scene, full: bool = False, progress: Callable[[float], Any] | None = None) -> Plan:
-    """Choose model, method and step; full: all degrees of freedom and outputs, integrated.
+    """Choose model, method and step; full: whether to integrate all degrees of freedom and outputs.
 
-    progress: is told from time to time which part of the motion that judges plans is known.
+    progress: a function that is told from time to time which part of the motion that judges plans is known.
     Raises SceneError where the accuracy asked cannot be met.
     """
     if full:
@@ -92,7 +92,7 @@ def _refuse_below(scene: Scene, error: float) -> None:
 
 
 def _angle(scene: Scene, spec: ModelSpec) -> float:
-    """Return the largest that the body may turn by, rad."""
+    """Return the largest angle that the body may turn by, rad."""
     closed = Plan(spec.key, "", 0)
     motion = record_trajectory(
         spec.kernels, start_run(scene, closed, ("omega_b",)), thinned_steps(scene, 100), ("omega_b",)
@@ -109,7 +109,7 @@ def _left_out(scene: Scene, needs: Needs, spec: ModelSpec) -> tuple[str, ...]:
 
 
 def _swinging(scene: Scene, needs: Needs, judge: Judge) -> Plan | None:
-    """Return one angle under forces fixed in space, by the series of least work that meets the accuracy."""
+    """Return the plan of one angle under forces fixed in space, by the cheapest series that meets the accuracy."""
     spec = ONE_AXIS_TAYLOR
     if not spec.serves(scene, needs):
         return None
@@ -121,7 +121,7 @@ def _swinging(scene: Scene, needs: Needs, judge: Judge) -> Plan | None:
 
 
 def _pushed(scene: Scene, needs: Needs, judge: Judge) -> Plan | None:
-    """Return exact rotation and a quadrature for the path; a symmetric body's may cost more than splitting."""
+    """Return exact rotation with a quadrature for the path; for a symmetric body, an integration if it costs less."""
     spec = FREE_BODY_FORCE
     if not any(scene.loads.force_b) or not needs.translation or not spec.serves(scene, needs):
         return None
@@ -159,7 +159,8 @@ def with_all_outputs(scene: Scene) -> Scene:
 def _smaller(scene: Scene, found: Plan | None, needs: Needs, judge: Judge) -> Plan | None:
     """Return the smallest model that stays within the accuracy, if nothing varies that turns it.
 
-    found: the closed form that serves exactly, and then judges; else the motion in double-double arithmetic does.
+    found: the closed form that serves exactly, by which smaller models are judged; where there is none, they are judged
+    by the motion in double-double arithmetic.
     """
     names, varying = watched(scene), varying_parameters(scene)
     smaller = [*smaller_closed_forms(found.model if found else "")]
@@ -181,7 +182,7 @@ def _smaller(scene: Scene, found: Plan | None, needs: Needs, judge: Judge) -> Pl
 
 
 def _may_be_compared(scene: Scene, needs: Needs) -> bool:
-    """Return whether nothing varies that the rotation, or the size of what is looked at, depends on."""
+    """Return whether nothing varies on which the rotation or the size of the compared quantities depends."""
     names, varying = set(watched(scene)), varying_parameters(scene)
     rests = {*ONE_AXIS.rests_on(scene, needs)}
     if needs.translation or "acceleration" in names:
@@ -194,7 +195,7 @@ def _may_be_compared(scene: Scene, needs: Needs) -> bool:
 
 
 def _motion_of(scene: Scene, found: Plan, judge: Judge, names: tuple[str, ...]) -> Motion:
-    """Return a closed form's motion at the judge's times; rates are a measure only of how much changes."""
+    """Return a closed form's motion at the judge's times; its rates only measure how much changes."""
     names = tuple(dict.fromkeys((*names, "omega_b")))
     z = start_run(scene, replace(found, pinned=_pinned(scene)), names)
     return record_trajectory(found.kernels, z, judge.cut_steps, names)
@@ -219,7 +220,7 @@ def _may_be_close(scene: Scene, spec: ModelSpec, truth: Motion, names: tuple[str
 
 
 def _stays(scene: Scene, truth: Motion, names: tuple[str, ...]) -> bool:
-    """Return whether everything looked at stays as it begins, but for the path."""
+    """Return whether all compared quantities stay as they begin, except for the path."""
     names = tuple(n for n in names if n not in (*TRANSLATION, "kinetic_energy"))
     still = {n: truth[n][:1] + 0.0 * truth[n] for n in names}
     return largest_error(still, truth, names, round_off(scene, truth)) <= scene.run.accuracy

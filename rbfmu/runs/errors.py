@@ -14,7 +14,7 @@ __all__ = ["attitude_error", "largest_error", "relative_error"]
 Array = NDArray[np.float64]
 _NONE: Mapping[str, float] = {}
 FLOORS: Mapping[str, float] = {row.name: row.floor for row in OUTPUTS if row.floor}
-"""m and m/s, by name: what an error is relative to at least."""
+"""The least size, m or m/s, that an error is relative to, by the quantity's name."""
 
 
 def relative_error(a: Array, b: Array, floor: float, noise: float = 0.0) -> Array:
@@ -41,7 +41,7 @@ def largest_error(
 ) -> float:
     """Return the largest error of a run in the quantities named; infinite where one is not finite.
 
-    noise: by name, in its own unit, what counts as no error.
+    noise: the difference that counts as no error, by the quantity's name and in its unit.
     """
     worst = 0.0
     for name in names:

@@ -1,4 +1,4 @@
-"""A co-simulation unit, its buffer filled with a scene's numbers, its start."""
+"""A model's buffer, filled with a scene's numbers, and its start."""
 
 import math
 from typing import TYPE_CHECKING, Any, Protocol
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 Buffer = NDArray[np.float64]
 _CACHE_LINE = 8
-"""Numbers in one."""
+"""The numbers in a cache line."""
 
 
 class Model(Protocol):
@@ -37,7 +37,7 @@ class Model(Protocol):
 
 
 def aligned_zeros(size: int) -> Buffer:
-    """Return zeros from a cache line's begin on: vectors that lie across two take longer."""
+    """Return zeros that begin at a cache line, as vectors that lie across two lines take longer."""
     z = np.zeros(size + _CACHE_LINE)
     start = -z.ctypes.data // z.itemsize % _CACHE_LINE
     return z[start : start + size]
@@ -64,13 +64,13 @@ def _put(numbers: dict[str, Any], blocks: dict[str, slice], z: Buffer) -> None:
 
 
 def initialize(scene: Scene, kernels: Model, z: Buffer) -> None:
-    """Set state and outputs from the parameters; SceneError where the model refuses them."""
+    """Set state and outputs from the parameters; raise SceneError where the model refuses them."""
     if code := kernels.initialize(z):
         raise refusal(scene, code, kernels.BLOCKS, z)
 
 
 def refusal(scene: Scene, code: int, blocks: dict[str, slice], z: Buffer) -> SceneError:
-    """Return what is said of parameters that a model refuses; code: a key of `buffer.FAULTS`."""
+    """Return the error for parameters that a model refuses; code: a key of `buffer.FAULTS`."""
     block, expected = FAULTS[code]
     named = f"{block} = {z[blocks[block]].tolist()}" if block in blocks else "parameters"
     return SceneError(f"{named}: {expected}", scene.name)

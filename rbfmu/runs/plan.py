@@ -33,7 +33,7 @@ class Plan:
     reasons: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
-        """Return it for JSON: an infinite substep is None."""
+        """Return the plan for JSON, where an infinite substep is None."""
         return asdict(self) | {"substep": self.substep if math.isfinite(self.substep) else None}
 
     @classmethod

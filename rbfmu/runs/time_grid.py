@@ -13,7 +13,8 @@ Array = NDArray[np.float64]
 def time_grid(start: float, stop: float, step: float) -> Array:
     """Return start, start + step, ... stop, which the last point may miss by round-off.
 
-    To the bit the points that FMPy visits, but at a Unix clock's times: it ends a run within 1e-9 of the time itself.
+    These are to the bit the points that FMPy visits, except at times as large as a Unix clock's, where FMPy ends a run
+    within 1e-9 of the time itself.
     """
     grid: Array = start + np.arange(_count(start, stop, step) + 1, dtype=np.float64) * step
     if not abs(grid[-1] - stop) <= _round_off(start, stop):
@@ -27,7 +28,7 @@ def communication_steps(scene: Scene) -> int:
 
 
 def thinned_steps(scene: Scene, most: int) -> list[float]:
-    """Return the lengths of the scene's steps, s; of several at once where there are more than `most`."""
+    """Return the lengths of the scene's steps, s, or of several together where there are more than `most`."""
     grid = time_grid(scene.run.start, scene.run.stop, scene.run.step)
     stride = math.ceil((len(grid) - 1) / most)
     steps: list[float] = np.diff(grid if stride == 1 else np.append(grid[:-1:stride], grid[-1])).tolist()

@@ -1,4 +1,4 @@
-"""Runs of a co-simulation unit, of which blocks of its buffer are kept."""
+"""Runs of a model, of which blocks of its buffer are kept."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -16,7 +16,7 @@ Motion = dict[str, NDArray[np.float64]]
 
 
 def start_run(scene: Scene, plan: Plan, names: Sequence[str]) -> Buffer:
-    """Return the buffer of the plan's unit at the start, of whose outputs only those named are computed."""
+    """Return the buffer of the plan's model at the start, of whose outputs only those named are computed."""
     unit, z = plan.kernels, filled_buffer(scene, plan)
     if "active" in unit.BLOCKS:
         z[unit.BLOCKS["active"]] = active_flags(names)
@@ -32,9 +32,9 @@ def record_trajectory(
     parts: int = 1,
     progress: Callable[[float], Any] | None = None,
 ) -> Motion:
-    """Return blocks now and after each of the steps (s), taken in equal parts; NaN from where the motion ends.
+    """Return the blocks now and after each step (s), taken in equal parts; NaN from where the motion ends.
 
-    progress: is told which part of the run is done.
+    progress: a function that is told which part of the run is done.
     """
     blocks = {name: z[unit.BLOCKS[name]] for name in names}
     motion = {name: np.full((len(steps) + 1, len(block)), np.nan) for name, block in blocks.items()}

@@ -88,26 +88,28 @@ def with_ports(scene, ports, quantities):
         found = Scene.from_dict(scene.to_dict() | asked)
     except SceneError:  # a beam that a port would turn about itself
         assume(False)
-    assume(not found.body.axis_without_inertia)  # it could not be shaken
+    assume(not found.body.axis_without_inertia)  # its rate could not be perturbed
     return found
 
 
-SHAKE, MODERATE, STRONG = 1e-8, 3.0, 1e3
-"""Of the rate at the start; of inputs, N and N m: as large as other loads, and larger than all of them.
+PERTURBATION, MODERATE, STRONG = 1e-8, 3.0, 1e3
+"""A perturbation of the rate at the start, rad/s; sizes of inputs, N and N m: as other loads, and above them all.
 
-No smaller model gets away with each: a strong torque hides what it leaves out, and none shows nothing.
+Each size finds faults that the others miss: a strong torque hides what a smaller model leaves out, and without inputs
+nothing shows.
 """
 
 
-def driven(scene, planned, full=True, shake=0.0, size=1.0):
+def driven(scene, planned, full=True, perturbation=0.0, size=1.0):
     """What the scene asks for, under random inputs held over each step; NaN from where a step is refused.
 
-    full: nothing is left out; shake: of the rate at the start; size: of the inputs, half of them 0 where not STRONG.
+    full: nothing is left out; perturbation: of the rate at the start, rad/s; size: of the inputs, half of them 0 where
+    not STRONG.
     """
     unit, z, random = planned.kernels, filled_buffer(scene, planned), np.random.default_rng(1)
     names = dict.fromkeys([*watched(scene), "omega_b"])
     z[unit.BLOCKS["active"]] = active_flags(OUTPUTS if full else watched(scene))
-    z[unit.BLOCKS["omega_b_0"]] += shake
+    z[unit.BLOCKS["omega_b_0"]] += perturbation
     initialize(scene, unit, z)
     rows = []
     for h in np.diff(time_grid(scene.run.start, scene.run.stop, scene.run.step)):
@@ -130,7 +132,11 @@ def check_driven(scene):
     names = watched(scene)
     (motion, substeps), (truth, _) = driven(scene, found, full=False), driven(scene, tight)
     fastest = float(np.max(np.linalg.norm(truth["omega_b"], axis=1)))  # as errors of rates are relative
-    growth = max(fastest, 1.0) * largest_error(driven(scene, tight, shake=SHAKE)[0], truth, names) / SHAKE
+    growth = (
+        max(fastest, 1.0)
+        * largest_error(driven(scene, tight, perturbation=PERTURBATION)[0], truth, names)
+        / PERTURBATION
+    )
     assert largest_error(motion, truth, names) <= max(1.0, growth) * max(1.0, substeps / 4.0) * scene.run.accuracy
     start, loads = scene.initial, scene.loads
     turning = (scene.body.r_oc_b, start.omega_b, loads.force_b, loads.torque_a, loads.torque_b)
