@@ -27,7 +27,7 @@ def prescribed_rates_error(scene: Scene) -> float:
 
 
 def lost_near_separatrix(scene: Scene) -> float:
-    """Return the error, rad, that double-double's error of the distance from the separatrix makes at each flip.
+    """Return the error, rad, that double-double makes by the distance from the separatrix, added over all flips.
 
     It is 0 for a diagonal matrix.
     """
