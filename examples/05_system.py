@@ -63,16 +63,16 @@ class Unit:
 
     def __init__(self, scene: rbfmu.Scene) -> None:
         plan = rbfmu.plan(scene)
-        self.unit, self.z = plan.kernels, filled_buffer(scene, plan)
-        initialize(scene, self.unit, self.z)
+        self.kernels, self.z = plan.kernels, filled_buffer(scene, plan)
+        initialize(scene, self.kernels, self.z)
 
     def step(self, port: str, values: list[float]) -> None:
         """With an input held."""
-        self.z[self.unit.BLOCKS[port]] = values
-        assert self.unit.step(self.z, STEP) == 0
+        self.z[self.kernels.BLOCKS[port]] = values
+        assert self.kernels.step(self.z, STEP) == 0
 
     def __getitem__(self, name: str) -> list[float]:
-        return self.z[self.unit.BLOCKS[name]].tolist()
+        return self.z[self.kernels.BLOCKS[name]].tolist()
 
 
 def by_direct_calls() -> np.ndarray:

@@ -102,19 +102,19 @@ def simulate(
     progress: wraps the sequence of step numbers, e.g. a progress bar. Raises SceneError, SimulationError.
     """
     planned = planned or planning.plan(scene)
-    unit, z = planned.kernels, filled_buffer(scene, planned)
-    initialize(scene, unit, z)
+    kernels, z = planned.kernels, filled_buffer(scene, planned)
+    initialize(scene, kernels, z)
     time = time_grid(scene.run.start, scene.run.stop, scene.run.step)
-    block = output_block(scene, unit)
+    block = output_block(scene, kernels)
     outputs = z[block]
     rows = np.empty((len(time), len(outputs)))
     rows[0] = outputs
     numbers = range(1, len(time))
     for k in numbers if progress is None else progress(numbers):
-        if unit.step(z, time[k] - time[k - 1]) != OK:
+        if kernels.step(z, time[k] - time[k - 1]) != OK:
             raise SimulationError(f"{scene.name}: the step from t = {float(time[k - 1])!r} s was refused: not finite")
         rows[k] = outputs
-    result = Result(time, {n: _quantity(rows, unit.BLOCKS[n], block.start) for n in scene.outputs.quantities})
+    result = Result(time, {n: _quantity(rows, kernels.BLOCKS[n], block.start) for n in scene.outputs.quantities})
     warn(scene, doubts_after(scene, result.quantities), stacklevel=4)
     return result
 

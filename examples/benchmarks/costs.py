@@ -104,14 +104,14 @@ def scene_of(body: str, asked: Sequence[str], accuracy: float, step: float) -> S
 
 def timer(scene: Scene, planned: Plan, k: int) -> Callable[[], float]:
     """Ns a step of k runs of a plan in a compiled loop."""
-    unit, start, h = planned.kernels, filled_buffer(scene, planned), scene.run.step
-    initialize(scene, unit, start)
+    kernels, start, h = planned.kernels, filled_buffer(scene, planned), scene.run.step
+    initialize(scene, kernels, start)
     z = start.copy()
-    assert _runs(unit.step, z, start, h, k) == 0
+    assert _runs(kernels.step, z, start, h, k) == 0
 
     def once() -> float:
         before = perf_counter()
-        _runs(unit.step, z, start, h, k)
+        _runs(kernels.step, z, start, h, k)
         return 1e9 * (perf_counter() - before) / (k * STEPS)
 
     return once

@@ -128,20 +128,20 @@ def _runs(step: Any, z: Any, start: Any, h: float, n: int, k: int) -> int:
 
 
 def own(scene: rbfmu.Scene, who: str, planned: Any, true: list[Values]) -> Competitor:
-    """Return a plan's unit, stepped at the scene's communication step; the full model with all outputs."""
-    unit, start = planned.kernels, filled_buffer(with_all_outputs(scene) if who == "full" else scene, planned)
-    initialize(scene, unit, start)
+    """Return a plan's kernels, stepped at the scene's communication step; the full model with all outputs."""
+    kernels, start = planned.kernels, filled_buffer(with_all_outputs(scene) if who == "full" else scene, planned)
+    initialize(scene, kernels, start)
     z, n, h = start.copy(), steps_of(scene), scene.run.step
     found = []
     for _ in range(CHECKPOINTS):
-        assert all(unit.step(z, h) == 0 for _ in range(n // CHECKPOINTS))
-        found.append({name: z[unit.BLOCKS[name]].copy() for name in scene.outputs.quantities})
+        assert all(kernels.step(z, h) == 0 for _ in range(n // CHECKPOINTS))
+        found.append({name: z[kernels.BLOCKS[name]].copy() for name in scene.outputs.quantities})
     for values in found:
         if "rpy" in values:
             values["rpy"] = rbfmu.quaternion_from_euler("ZYX", values["rpy"][::-1])
 
     def repeat(k: int) -> None:
-        assert _runs(unit.step, z, start, h, n, k) == 0
+        assert _runs(kernels.step, z, start, h, n, k) == 0
 
     return Competitor(scene.name, who, f"{planned.model}: {planned.method}", largest_error(found, true), repeat)
 

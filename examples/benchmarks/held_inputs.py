@@ -1,7 +1,7 @@
 """What inputs that are held over a communication step cost in accuracy, and what their derivatives bring back.
 
 FMPy interpolates a table of inputs linearly between its points, and sets what it finds at the beginning of each step;
-the unit holds that over the step. With the table's slope given as well the unit follows the table. FMPy 0.3.32 can give
+the model holds that over the step. With the table's slope given as well it follows the table. FMPy 0.3.32 can give
 slopes to FMUs of nine inputs only (`set_input_derivatives`), so they are given to the kernels here.
 """
 
@@ -41,16 +41,16 @@ def table() -> tuple[np.ndarray, np.ndarray]:
 def by_kernels(scene: rbfmu.Scene) -> np.ndarray:
     """Return the last attitude with the table's slopes."""
     planned = rbfmu.plan(scene)
-    unit, z, (time, torques) = planned.kernels, filled_buffer(scene, planned), table()
-    initialize(scene, unit, z)
+    kernels, z, (time, torques) = planned.kernels, filled_buffer(scene, planned), table()
+    initialize(scene, kernels, z)
     for k in range(round(STOP / scene.run.step)):
         t = k * scene.run.step
         i = int(t / POINTS + 1e-9)
         slope = (torques[i + 1] - torques[i]) / POINTS
-        z[unit.BLOCKS["torque_b"]] = torques[i] + (t - time[i]) * slope
-        z[unit.BLOCKS["torque_b_rate"]] = slope
-        assert unit.step(z, scene.run.step) == 0
-    return z[unit.BLOCKS["quaternion"]].copy()
+        z[kernels.BLOCKS["torque_b"]] = torques[i] + (t - time[i]) * slope
+        z[kernels.BLOCKS["torque_b_rate"]] = slope
+        assert kernels.step(z, scene.run.step) == 0
+    return z[kernels.BLOCKS["quaternion"]].copy()
 
 
 def by_fmpy(scene: rbfmu.Scene) -> np.ndarray:

@@ -67,10 +67,10 @@ def _scene(name: str) -> rbfmu.Scene:
 
 
 def _numba_timer(scene: rbfmu.Scene, planned: Plan) -> Timer:
-    unit, z = planned.kernels, filled_buffer(scene, planned)
+    kernels, z = planned.kernels, filled_buffer(scene, planned)
     offsets = np.array([v.offset for v in describe(scene, planned).variables if v.causality == "output"])
-    initialize(scene, unit, z)
-    step, taken = unit.step, np.empty(len(offsets))
+    initialize(scene, kernels, z)
+    step, taken = kernels.step, np.empty(len(offsets))
 
     @njit
     def steps_of(z: Any, taken: Any, h: float, steps: int) -> int:

@@ -17,10 +17,10 @@ from rbfmu_kernels.quantities import BY_NAME, IN_BUFFER_ORDER, OUTPUT, PORTS, in
 
 @dataclass(frozen=True)
 class Variable:
-    """One Real variable: its name, its block of the contract, and its place in the unit's buffer.
+    """One Real variable: its name, its block in the model's buffer, and its place there.
 
-    held: the plan holds for the start value only; rates: places of the time derivatives, from the first order on, that
-    an importer may give of an input, or take of an output.
+    pinned: the plan holds for the start value only; rates: places of the time derivatives, from the first order on,
+    that an importer may give of an input, or take of an output.
     """
 
     name: str
@@ -30,13 +30,13 @@ class Variable:
     start: float | None
     minimum: float | None
     maximum: float | None
-    held: bool
+    pinned: bool
     rates: tuple[int, ...]
 
 
 @dataclass(frozen=True)
 class Description:
-    """A scene's FMU: everything that a slave or a C layer must know of the unit, and nothing of its formulas."""
+    """A scene's FMU: everything that a slave or a C layer must know of the model, and nothing of its formulas."""
 
     name: str
     identifier: str
@@ -46,7 +46,7 @@ class Description:
     stop: float
     step: float
     accuracy: float
-    unit: str
+    model: str
     faults: dict[int, tuple[str, str]]
     changed: str
     """What stands for a fault's block where a model does not serve the parameters that were changed."""
@@ -79,7 +79,7 @@ class Description:
 
 def describe(scene: Scene, plan: Plan) -> Description:
     """Return the FMU of a scene under its plan."""
-    unit, z = plan.kernels, filled_buffer(scene, plan)
+    kernels, z = plan.kernels, filled_buffer(scene, plan)
     return Description(
         name=scene.name,
         identifier=identifier(scene.name),
@@ -89,7 +89,7 @@ def describe(scene: Scene, plan: Plan) -> Description:
         stop=scene.run.stop,
         step=scene.run.step,
         accuracy=scene.run.accuracy,
-        unit=unit.__name__.removeprefix("rbfmu_kernels."),
+        model=kernels.__name__.removeprefix("rbfmu_kernels."),
         faults=FAULTS,
         changed=CHANGED,
     )
@@ -119,12 +119,12 @@ def file_name(name: str) -> str:
 
 def _blocks(scene: Scene, plan: Plan) -> list[tuple[str, slice, str]]:
     """Yield (FMU name, place in the buffer, causality) of the blocks that the scene's model needs."""
-    unit, ports, needed = plan.kernels, scene.inputs.ports, needed_parameters(scene, plan.model)
-    blocks = [(n, unit.BLOCKS[n], "input") for n in PORTS if n in ports]
+    kernels, ports, needed = plan.kernels, scene.inputs.ports, needed_parameters(scene, plan.model)
+    blocks = [(n, kernels.BLOCKS[n], "input") for n in PORTS if n in ports]
     for row in IN_BUFFER_ORDER:
         if row.name in needed and row.name not in ports:  # a port's name is taken: its known part stays inside
-            blocks.append((row.name, unit.BLOCKS[getattr(row, "block", row.name)], "parameter"))
-    return blocks + [(n, unit.BLOCKS[n], "output") for n in OUTPUT if n in scene.outputs.quantities]
+            blocks.append((row.name, kernels.BLOCKS[getattr(row, "block", row.name)], "parameter"))
+    return blocks + [(n, kernels.BLOCKS[n], "output") for n in OUTPUT if n in scene.outputs.quantities]
 
 
 def _variables(name: str, place: slice, causality: str, plan: Plan, z: Any) -> list[Variable]:
@@ -140,17 +140,17 @@ def _variables(name: str, place: slice, causality: str, plan: Plan, z: Any) -> l
             start=None if causality == "output" else float(z[place.start + i]),
             minimum=bounds[i][0],
             maximum=bounds[i][1],
-            held=causality == "parameter" and name in plan.pinned,
+            pinned=causality == "parameter" and name in plan.pinned,
             rates=tuple(block.start + i for block in rates),
         )
         for i, index in enumerate(indices(row))
     ]
 
 
-def _rate_blocks(unit: Model, name: str, causality: str) -> list[slice]:
+def _rate_blocks(kernels: Model, name: str, causality: str) -> list[slice]:
     """Return blocks of an input's derivatives, which `step` uses, or of an output's, which `output_rates` fills."""
     if causality == "output":
-        names = [f"d_{name}"] if hasattr(unit, "output_rates") else []
+        names = [f"d_{name}"] if hasattr(kernels, "output_rates") else []
     else:
         names = [f"{name}_rate", f"{name}_rate_2"] if causality == "input" else []
-    return [unit.BLOCKS[n] for n in names if n in unit.BLOCKS]
+    return [kernels.BLOCKS[n] for n in names if n in kernels.BLOCKS]

@@ -192,13 +192,13 @@ def _stepped(
 def _through_kernels(
     scene: Scene, plan: Plan, time: NDArray[np.float64], inputs: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    unit, z, description = plan.kernels, filled_buffer(scene, plan), describe(scene, plan)
+    kernels, z, description = plan.kernels, filled_buffer(scene, plan), describe(scene, plan)
     places = [v.offset for v in description.variables if v.causality == "input"]
     wanted = [v.offset for v in description.variables if v.causality == "output"]
     rows = np.full((len(time), len(wanted)), np.nan)
     for k in range(len(time)):
         z[places] = inputs[max(k - 1, 0)]
-        _advance(scene, unit, z, k, time)
+        _advance(scene, kernels, z, k, time)
         rows[k] = z[wanted]
     return rows
 
@@ -223,10 +223,10 @@ def _distance_to_full(
     return largest_error(a, b, tuple(a))
 
 
-def _advance(scene: Scene, unit: Model, z: Buffer, k: int, time: NDArray[np.float64]) -> None:
+def _advance(scene: Scene, kernels: Model, z: Buffer, k: int, time: NDArray[np.float64]) -> None:
     if k == 0:
-        initialize(scene, unit, z)
-    elif unit.step(z, time[k] - time[k - 1]) != OK:
+        initialize(scene, kernels, z)
+    elif kernels.step(z, time[k] - time[k - 1]) != OK:
         z[:] = np.nan
 
 

@@ -17,15 +17,15 @@ Motion = dict[str, NDArray[np.float64]]
 
 def start_run(scene: Scene, plan: Plan, names: Sequence[str]) -> Buffer:
     """Return the buffer of the plan's model at the start, of whose outputs only those named are computed."""
-    unit, z = plan.kernels, filled_buffer(scene, plan)
-    if "active" in unit.BLOCKS:
-        z[unit.BLOCKS["active"]] = active_flags(names)
-    initialize(scene, unit, z)
+    kernels, z = plan.kernels, filled_buffer(scene, plan)
+    if "active" in kernels.BLOCKS:
+        z[kernels.BLOCKS["active"]] = active_flags(names)
+    initialize(scene, kernels, z)
     return z
 
 
 def record_trajectory(
-    unit: Any,
+    kernels: Any,
     z: Buffer,
     steps: Sequence[float],
     names: Sequence[str],
@@ -36,10 +36,10 @@ def record_trajectory(
 
     progress: a function that is told which part of the run is done.
     """
-    blocks = {name: z[unit.BLOCKS[name]] for name in names}
+    blocks = {name: z[kernels.BLOCKS[name]] for name in names}
     motion = {name: np.full((len(steps) + 1, len(block)), np.nan) for name, block in blocks.items()}
     for k, h in enumerate((0.0, *steps)):
-        if k and any(unit.step(z, h / parts) != OK for _ in range(parts)):
+        if k and any(kernels.step(z, h / parts) != OK for _ in range(parts)):
             break
         for name, block in blocks.items():
             motion[name][k] = block
@@ -48,6 +48,6 @@ def record_trajectory(
     return motion
 
 
-def substeps_counted(unit: Any, z: Buffer) -> float:
+def substeps_counted(kernels: Any, z: Buffer) -> float:
     """Return the number of substeps since the start; 0 where the model counts none."""
-    return float(z[unit.BLOCKS["substeps"]][0]) if "substeps" in unit.BLOCKS else 0.0
+    return float(z[kernels.BLOCKS["substeps"]][0]) if "substeps" in kernels.BLOCKS else 0.0

@@ -75,7 +75,7 @@ def _variables(d: Description) -> list[str]:
         missing = ["NOT_PROVIDED"] * (MAX_DERIVATIVE_ORDER - len(v.rates))
         lines += [f"    {_row([*v.rates, *missing])}, /* {v.name} */"]
     lines += ["};", "static const struct { const char *name, *block; int pinned; } VARIABLES[REALS] = {"]
-    lines += [f"    {_row((_c(v.name), _c(v.block), int(v.held)))}," for v in d.variables]
+    lines += [f"    {_row((_c(v.name), _c(v.block), int(v.pinned)))}," for v in d.variables]
     return [*lines, "};"]
 
 

@@ -188,7 +188,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
             raise self._survivable("fmi2ExitInitializationMode", error) from None
 
     def _initialize_or_refuse(self) -> None:
-        for name, offset, planned, block in self.access.held:
+        for name, offset, planned, block in self.access.pinned:
             if self._z[offset] != planned:
                 raise ValueError(HELD % (name, self._z[offset], planned, block))
         fault = self._initialize(self._where)

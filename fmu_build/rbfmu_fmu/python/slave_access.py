@@ -50,7 +50,7 @@ class Access:
         self.inputs = [r for r, c in enumerate(self.causality) if c == "input"]
         self.outputs = [r for r, c in enumerate(self.causality) if c == "output"]
         self.settable = {r for r, c in enumerate(self.causality) if c != "output"}
-        self.held = [(v["name"], v["offset"], v["start"], v["block"]) for v in variables if v["held"]]
+        self.pinned = [(v["name"], v["offset"], v["start"], v["block"]) for v in variables if v["pinned"]]
         self.input_struct = _struct([self.offsets[r] for r in self.inputs])
         self.output_struct = _struct([self.offsets[r] for r in self.outputs])
         start = self.description["start_buffer"]
@@ -63,7 +63,7 @@ class Access:
         """Return the entries that were compiled ahead of time or, without those, let Numba compile them now."""
         if self._entries is None:
             shipped = _shipped_entries(self._folder, self.description["shipped_code"])
-            self._entries = shipped or _numba_entries(self.description["unit"])
+            self._entries = shipped or _numba_entries(self.description["model"])
         return self._entries
 
     def state_head(self, content: bytes) -> bytes:

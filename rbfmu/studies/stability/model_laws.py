@@ -98,16 +98,16 @@ _CHANGING = {
 def _driven(case: Case) -> dict[str, Any]:
     """Return where loads that change within each of five steps take the loaded body."""
     tables = MOTIONS["loaded"].to_dict() | {"inputs": {"ports": list(_CHANGING)}}
-    scene, unit = Scene.from_dict(tables), case.planned.kernels
+    scene, kernels = Scene.from_dict(tables), case.planned.kernels
     z = filled_buffer(scene, case.planned)
-    initialize(scene, unit, z)
+    initialize(scene, kernels, z)
     for _ in range(5):
         for name, value in _CHANGING.items():
             for block, part in ((name, 1.0), (f"{name}_rate", 1.0), (f"{name}_rate_2", 0.5)):
-                z[unit.BLOCKS[block]] = part * np.array(value)
-        if unit.step(z, 1.0):
+                z[kernels.BLOCKS[block]] = part * np.array(value)
+        if kernels.step(z, 1.0):
             return {"quaternion": np.full((1, 4), np.nan)}
-    return {n: z[unit.BLOCKS[n]].copy()[None, :] for n in ("quaternion", "omega_b", "position", "velocity")}
+    return {n: z[kernels.BLOCKS[n]].copy()[None, :] for n in ("quaternion", "omega_b", "position", "velocity")}
 
 
 def _apart() -> float:

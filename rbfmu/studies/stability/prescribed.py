@@ -23,12 +23,12 @@ def prescribed_error() -> float:
     """Return the largest error after a step, rad."""
     scene = Scene.from_dict({"inputs": {"ports": ["omega_b"]}, "outputs": {"quantities": ["quaternion"]}})
     planned = Plan("prescribed rates", "", 4)
-    unit, z = planned.kernels, filled_buffer(scene, planned)
-    initialize(scene, unit, z)
+    kernels, z = planned.kernels, filled_buffer(scene, planned)
+    initialize(scene, kernels, z)
     found: list[Array] = []
     for h, omega, rate, rate_2 in PRESCRIBED:
         for name, value in (("omega_b", omega), ("omega_b_rate", rate), ("omega_b_rate_2", rate_2)):
-            z[unit.BLOCKS[name]] = value
-        refused = unit.step(z, h)
-        found.append(np.full(4, np.nan) if refused else z[unit.BLOCKS["quaternion"]].copy())
+            z[kernels.BLOCKS[name]] = value
+        refused = kernels.step(z, h)
+        found.append(np.full(4, np.nan) if refused else z[kernels.BLOCKS["quaternion"]].copy())
     return attitude_error(np.array(found), np.array(references()["prescribed"]))

@@ -37,7 +37,7 @@ from rbfmu_kernels.types import Quaternion, Vec3
 
 
 @njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
-def _unit_repeated(step: Any, z: Any, start: Any, interval: float, at: Any, out: Any, k: int) -> int:
+def _steps_repeated(step: Any, z: Any, start: Any, interval: float, at: Any, out: Any, k: int) -> int:
     """Make k runs; what stands at some places of the buffer is kept at every output."""
     fault = 0
     for _ in range(k):
@@ -51,16 +51,16 @@ def _unit_repeated(step: Any, z: Any, start: Any, interval: float, at: Any, out:
 
 def _run_of_unit(case: Case, scene: Scene, chosen: Plan, per_substep: float = math.nan, fixed: float = 0.0) -> Run:
     """Return a run of a plan's model; per_substep: right-hand sides; fixed: substeps where it counts none."""
-    unit, start = chosen.kernels, filled_buffer(scene, chosen)
-    initialize(scene, unit, start)
+    kernels, start = chosen.kernels, filled_buffer(scene, chosen)
+    initialize(scene, kernels, start)
     z = aligned_zeros(len(start))
-    at = np.concatenate([np.arange(len(z))[unit.BLOCKS[name]] for name in case.quantities])
+    at = np.concatenate([np.arange(len(z))[kernels.BLOCKS[name]] for name in case.quantities])
     out = np.zeros((case.outputs, len(at)))
-    if _unit_repeated(unit.step, z, start, case.interval, at, out, 1):
+    if _steps_repeated(kernels.step, z, start, case.interval, at, out, 1):
         out[:] = math.nan
     found = [_state(case, row) for row in out[case.checkpoints]]
-    evaluations = per_substep * (fixed or substeps_counted(unit, z))
-    seconds = timed(lambda k: _unit_repeated(unit.step, z, start, case.interval, at, out, k))
+    evaluations = per_substep * (fixed or substeps_counted(kernels, z))
+    seconds = timed(lambda k: _steps_repeated(kernels.step, z, start, case.interval, at, out, k))
     return Run(lambda: found, seconds, evaluations, chosen.method)
 
 
@@ -162,11 +162,11 @@ class Exact:
         return Run(states, timed(repeat), 0.0)
 
 
-# The product: plan, then step its unit
+# The product: plan, then step its model
 
 
 class Planned:
-    """What `rbfmu.plan` chooses for an accuracy, with all of a unit's outputs."""
+    """What `rbfmu.plan` chooses for an accuracy, with all of a model's outputs."""
 
     name, family, setting = "rbfmu, as planned", "planned", "accuracy asked"
 

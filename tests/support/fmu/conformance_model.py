@@ -101,7 +101,7 @@ class Model:
 
     def _initialized(self):
         z = self.now.z.copy()
-        held = [v for v in self.facts.description.variables if v.held]
+        held = [v for v in self.facts.description.variables if v.pinned]
         if any(z[v.offset] != self.facts.start[v.offset] for v in held) or self.facts.unit.initialize(z):
             return False
         self.now.z[:] = z

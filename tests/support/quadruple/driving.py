@@ -54,7 +54,7 @@ def seen(scene: Scene, plan: Plan, setting: Setting):
         if v.causality == "parameter" and v.block in setting.changes:
             z[v.offset] = setting.changes[v.block][int(v.offset) - first_of(description, v.block)]
     for v in description.variables:
-        if v.held and z[v.offset] != v.start:
+        if v.pinned and z[v.offset] != v.start:
             return HELD % (v.name, z[v.offset], v.start, v.block), {}
     if fault := unit.initialize(z):
         block, expected = description.faults[fault]
