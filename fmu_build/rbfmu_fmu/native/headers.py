@@ -4,9 +4,9 @@ import json
 from collections.abc import Iterable
 
 from rbfmu_fmu.description import Description
-from rbfmu_fmu.fmi2_xml import LOG_CATEGORIES
 from rbfmu_fmu.python.call_rules import CALLS, PHASES, SET_REFUSAL, SETTABLE
 from rbfmu_fmu.python.slave_access import HELD, TO_VARY
+from rbfmu_fmu.xml_parts import LOG_CATEGORIES
 from rbfmu_kernels.buffer import OK, PAST_STOP, STEP_REJECTED
 
 MAX_DERIVATIVE_ORDER = 2

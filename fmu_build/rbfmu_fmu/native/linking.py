@@ -20,8 +20,11 @@ FMI_HEADERS = Path(fmpy.__file__).parent / "c-code"
 HEADERS = ("cosimulation.h", "instance.h", "model.h")
 """The headers of `native/`, which stand beside every C source when it is compiled."""
 
-FMI2 = ("fmi2.c", "cosimulation.c", "messages.c", "saved_states.c")
-"""The C sources of an FMU of FMI 2.0. Only the first one knows the version."""
+ANY_VERSION = ("cosimulation.c", "messages.c", "saved_states.c")
+"""The C sources of an FMU that know no version of FMI."""
+
+FMI2 = ("fmi2.c", *ANY_VERSION)
+"""The C sources of an FMU of FMI 2.0."""
 
 EXPORTS = ("exports.c",)
 """The C source of the shared library in a pythonfmu FMU."""
