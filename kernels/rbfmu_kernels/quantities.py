@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 Bounds = tuple[tuple[float | None, float | None], ...]
 ANY: Bounds = ((None, None),)
-"""Bounds are given for all elements alike, or for each of them; this row sets none."""
+"""Bounds are given for all elements alike, or for each of them; these set none."""
 NOT_NEGATIVE: Bounds = ((0.0, None),)
 _UNIT_INTERVAL: Bounds = ((-1.0 - 2.0**-50, 1.0 + 2.0**-50),)
 """A normalised quaternion's component may pass 1 by round-off."""

@@ -76,7 +76,7 @@ def is_driven(z: Any) -> bool:
 
 @kernel(inline=False)
 def finish_step(z: Any, h: float, q: Quaternion, omega: Vec3) -> int:
-    """Set attitude and rate, move the centre of mass, refresh the outputs; return STEP_REJECTED with all as it was."""
+    """Set attitude and rate, move the centre of mass, refresh outputs; or return STEP_REJECTED with all as it was."""
     if not is_finite_rotation(q, omega) or (needs_translation(z) and not has_pivot(z) and not _moved(z, h)):
         return STEP_REJECTED
     return commit_step(z, h, q, omega)
@@ -105,7 +105,10 @@ def commit_step(z: Any, h: float, q: Quaternion, omega: Vec3) -> int:
 
 @kernel
 def _moved(z: Any, h: float) -> bool:
-    """Move the centre of mass and return whether it stays finite; a force fixed in b keeps its first direction in a."""
+    """Move the centre of mass if it stays finite; return whether it did.
+
+    A force fixed in b keeps its first direction in a.
+    """
     since, low, r_0, v_0 = 0.0, 0.0, vec3_at(z, _R_0), vec3_at(z, _V_0)
     a = linear_acceleration(first_attitude(z), body_of(z), loads_of(z))
     if a == vec3_at(z, _A_C):

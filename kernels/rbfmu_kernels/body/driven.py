@@ -74,7 +74,7 @@ def keep(z: Any) -> None:
 
 @kernel
 def finish(z: Any, n: int, h: float, status: int, body: Body, loads: LoadPolynomial) -> int:
-    """Move the centre of mass as far as in closed form, set outputs; return STEP_REJECTED with all as it was."""
+    """Move the centre of mass as far as in closed form, set outputs; or return STEP_REJECTED with all as it was."""
     _translate(z, h, 0.0 if n == WHOLE_STATE else 1.0, body, loads.value)
     changing = is_changing(loads)
     if changing:

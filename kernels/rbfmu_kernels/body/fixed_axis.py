@@ -61,7 +61,7 @@ def _may_be_oblique(body: Body, loads: Loads) -> bool:
 
 @kernel
 def _clearance(moment: float, axis: Vec3, arm: Vec3) -> float:
-    """Return how far across an axis the arm lies; 0 for an axis without inertia, about which nothing can turn."""
+    """Return minus the arm's length along an axis, greatest where the arm lies across; -inf for one without inertia."""
     return -abs(dot(axis, arm)) if moment > 0.0 else -math.inf
 
 
