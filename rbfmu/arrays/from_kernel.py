@@ -12,7 +12,7 @@ import numpy as np
 from rbfmu.arrays.argument_names import documented_by, in_order
 from rbfmu.arrays.errors import clear_error
 from rbfmu.arrays.singular import Singular, warn_of_singular
-from rbfmu_kernels.compile.gufunc import gufunc
+from rbfmu_kernels.compile.gufunc import STREAMED, gufuncs
 from rbfmu_kernels.compile.shapes import core_shapes
 from rbfmu_kernels.rotations.euler_angles import sequence
 
@@ -44,32 +44,32 @@ def array_function(
 
     singular: a kernel of the first few arguments; where it is true for an item, the warning of that text is given.
     """
-    loop: Any = None
+    loops: Any = None  # gufuncs of whole arrays, and of pieces
     limits: list[tuple[int, int]] = []  # of each argument: core axes and one more, numbers of an item
     report = partial(warn_of_singular, warning) if singular else None
 
     @documented_by(kernel)
     def call(*args: Any, **kwargs: Any) -> Any:
-        nonlocal loop
+        nonlocal loops
         if kwargs:
             args, kwargs = in_order(kernel, args, kwargs)
-            if loop and report and "axes" in kwargs:
+            if loops and report and "axes" in kwargs:
                 kwargs["axes"] = [(), *kwargs["axes"]]  # the mark's
         few = _pool is None or _are_few(args, limits)
         try:
             if report is None:
-                return loop(*args, **kwargs) if few else _in_threads(loop, kernel, args, kwargs)
+                return loops[0](*args, **kwargs) if few else _in_threads(loops, kernel, args, kwargs)
             mark = np.zeros(())
-            result = loop(mark, *args, **kwargs) if few else _in_threads(loop, kernel, args, kwargs, mark)
+            result = loops[0](mark, *args, **kwargs) if few else _in_threads(loops, kernel, args, kwargs, mark)
             if mark:
                 report()
             return result
         except TypeError as error:
-            if loop is not None:
+            if loops is not None:
                 raise clear_error(kernel, args, kwargs, error) from None
         except ValueError as error:
             raise clear_error(kernel, args, kwargs, error) from None
-        loop = gufunc(kernel, *constants, singular=singular)
+        loops = gufuncs(kernel, *constants, singular=singular)
         limits[:] = [(len(shape) + 1, math.prod(shape)) for shape in core_shapes(kernel)[0].values()]
         return call(*args, **kwargs)
 
@@ -112,23 +112,24 @@ def _are_few(args: Any, limits: list[tuple[int, int]]) -> bool:
     return True
 
 
-def _in_threads(loop: Any, kernel: Any, args: Any, kwargs: dict[str, Any], *mark: Any) -> Any:
+def _in_threads(loops: Any, kernel: Any, args: Any, kwargs: dict[str, Any], *mark: Any) -> Any:
     """Make the call in chunks along its longest leading axis; as a whole where it is small or unusual."""
     assert _pool is not None
+    whole, pieces = loops
     arguments, results = core_shapes(kernel)
     shapes = [*arguments.values()]
     if len(args) != len(shapes) or kwargs.keys() - {"out"}:
-        return loop(*mark, *args, **kwargs)
+        return whole(*mark, *args, **kwargs)
     arrays = [np.asarray(a) for a in args]
     depths = [a.ndim - len(s) for a, s in zip(arrays, shapes, strict=True)]
     leading = np.broadcast_shapes(*(a.shape[:d] for a, d in zip(arrays, depths, strict=True) if d > 0), ())
     if min(depths) < 0 or math.prod(leading) < THRESHOLD:
-        return loop(*mark, *args, **kwargs)
+        return whole(*mark, *args, **kwargs)
     out = kwargs.get("out")
     outs: tuple[Any, ...] = out if isinstance(out, tuple) else (out,) * len(results)
     outs = tuple(np.empty(leading + s) if o is None else o for o, s in zip(outs, results, strict=True))
     if any(o.shape != leading + s for o, s in zip(outs, results, strict=True)):
-        return loop(*mark, *args, **kwargs)
+        return whole(*mark, *args, **kwargs)
     axis = int(np.argmax(leading)) - len(leading)  # counted from the last leading axis: -1 is the last
     items = math.prod(leading)
     rows = max(1, max(CHUNK, items // (CHUNKS * _threads)) * leading[axis] // items)
@@ -139,13 +140,14 @@ def _in_threads(loop: Any, kernel: Any, args: Any, kwargs: dict[str, Any], *mark
             return array
         return array[(slice(None),) * position + (piece,)]
 
+    of_chunk = pieces if sum(o.nbytes for o in outs) >= STREAMED else whole
     starts = iter(range(0, leading[axis], rows))  # shared: whoever is free takes the next chunk
 
     def work() -> None:
         for start in starts:
             piece = slice(start, start + rows)
             inputs = [cut(a, s, piece) for a, s in zip(arrays, shapes, strict=True)]
-            loop(*mark, *inputs, out=tuple(cut(o, s, piece) for o, s in zip(outs, results, strict=True)))
+            of_chunk(*mark, *inputs, out=tuple(cut(o, s, piece) for o, s in zip(outs, results, strict=True)))
 
     others = [_pool.submit(copy_context().run, work) for _ in range(_threads - 1)]
     try:

@@ -36,7 +36,7 @@ def _cached(compiled: Callable[[bool], Any]) -> Any:
 def plain_gufunc(
     kernel: Callable[..., Any], *constants: int, singular: Callable[..., bool] | None = None
 ) -> Callable[..., Any]:
-    """Return what `gufunc` returns, with a loop that takes one item after the other."""
+    """Return what `gufuncs` returns one of, with a loop that takes one item after the other."""
     arguments, results = core_shapes(kernel)
     checked = len(argument_shapes(singular)) if singular else 0
     inputs = [()] * bool(checked) + [*arguments.values()]

@@ -4,6 +4,8 @@ These are Numba intrinsics behind the loops of `gufunc`: moves between memory an
 """
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -66,6 +68,40 @@ def from_tile(typingctx: Any, tile: Any, items: Any, row: Any, size: Any) -> Any
             _store_rows(builder, args[0], range(first, first + width), args[1], half)
 
     return types.void(_POINTER, _POINTER, row, size), _without_result(generate)
+
+
+@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
+def stream_tile(typingctx: Any, tile: Any, items: Any, row: Any, size: Any) -> Any:
+    """Move items as `from_tile` does, but past the caches, in whole cache lines.
+
+    Memory that is written only need not be read first.
+    """
+    first, width = row.literal_value, size.literal_value
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        count = ir.Constant(_int64, ITEMS * width)
+        lines = _stack(builder, ITEMS * width)
+        for half in range(0, ITEMS, LANES):
+            _store_rows(builder, args[0], range(first, first + width), lines, half)
+        builder.asm(ir.FunctionType(ir.VoidType(), [lines.type]), "", "r,~{memory}", [lines], True)  # all in place
+        before = _before_line(builder, args[1], count)
+        behind = builder.add(before, builder.and_(builder.sub(count, before), _int64(-LANES)))
+        for start, stop, step in ((_int64(0), before, 1), (before, behind, LANES), (behind, count, 1)):
+            with _counted(builder, start, stop, step) as i:
+                _stream(builder, builder.gep(lines, [i]), builder.gep(args[1], [i]), step)
+
+    return types.void(_POINTER, _POINTER, row, size), _without_result(generate)
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def end_stream(typingctx: Any) -> Any:
+    """Let other threads see what was streamed before they see that the call is over."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        kind = ir.FunctionType(ir.VoidType(), [])
+        builder.call(builder.module.declare_intrinsic("llvm.x86.sse.sfence", (), kind), [])
+
+    return types.void(), _without_result(generate)
 
 
 @intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
@@ -198,6 +234,38 @@ def _stack(builder: Any, count: int) -> Any:
         array = builder.alloca(ir.ArrayType(_double, count))
     array.align = 8 * LANES
     return builder.bitcast(array, _double.as_pointer())
+
+
+@contextmanager
+def _counted(builder: Any, start: Any, stop: Any, step: int) -> Iterator[Any]:
+    """Make a loop over start, start + step, ... below stop; its counter."""
+    before, head, body, end = (builder.block, *(builder.append_basic_block(name) for name in ("head", "body", "end")))
+    builder.branch(head)
+    builder.position_at_end(head)
+    i = builder.phi(_int64)
+    i.add_incoming(start, before)
+    builder.cbranch(builder.icmp_signed("<", i, stop), body, end)
+    builder.position_at_end(body)
+    yield i
+    i.add_incoming(builder.add(i, _int64(step)), builder.block)
+    builder.branch(head)
+    builder.position_at_end(end)
+
+
+def _before_line(builder: Any, pointer: Any, count: Any) -> Any:
+    """Return how many numbers there are before a cache line begins; `count` where none ever does at a number."""
+    place = builder.ptrtoint(pointer, _int64)
+    numbers = builder.and_(builder.neg(builder.lshr(place, _int64(3))), _int64(LANES - 1))
+    aligned = builder.icmp_unsigned("==", builder.and_(place, _int64(7)), _int64(0))
+    return builder.select(aligned, numbers, count)
+
+
+def _stream(builder: Any, source: Any, target: Any, count: int) -> None:
+    """Store one number, or a line of them to where one begins, without a place in the caches."""
+    kind = ir.VectorType(_double, count) if count > 1 else _int64
+    value = builder.load(builder.bitcast(source, kind.as_pointer()), align=8)
+    stored = builder.store(value, builder.bitcast(target, kind.as_pointer()), align=8 * count)
+    stored.set_metadata("nontemporal", builder.module.add_metadata([constant(1)]))
 
 
 def _ask_for(builder: Any, pointer: Any, index: int, lines: int, *, writing: bool) -> None:

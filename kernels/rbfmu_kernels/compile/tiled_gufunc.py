@@ -1,11 +1,13 @@
 """A NumPy gufunc with fixed core sizes whose loop takes sixteen items at a time to a tile, where LLVM vectorises.
 
 The loop is generated as source and compiled as a C callback. Items go to the tile by transposing vectors where they are
-packed in memory (or are one item, broadcast), number by number where they are not (slices, transposes).
+packed in memory (or are one item, broadcast), number by number where they are not (slices, transposes). Large results
+go past the caches.
 """
 
 import inspect
 import math
+import platform
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -15,17 +17,20 @@ from numba import float64, intp, types
 
 from ..types import Shape
 from .disk_cache import DiskCache
+from .gufunc import STREAMED
 from .numba_private import CFunc, fromfunc
 from .reduced import pipeline
 from .shapes import argument_shapes, core_shapes, python_function
 from .tile import (
     ITEMS,
     address,
+    end_stream,
     from_tile,
     in_vectors,
     item_from_tile,
     item_to_tile,
     read,
+    stream_tile,
     tile_of,
     to_tile,
     write,
@@ -33,14 +38,17 @@ from .tile import (
 
 _LOOP_SIGNATURE = types.void(types.CPointer(types.CPointer(float64)), types.CPointer(intp), types.CPointer(intp), intp)
 _clear_float_flags = types.ExternalFunction("feclearexcept", types.int32(types.int32))
+_X86 = platform.machine() in ("x86_64", "AMD64")
 _ALL_FLAGS = 0x3D  # FE_ALL_EXCEPT of x86; its bits contain those of the other platforms
-_MOVES = (to_tile, from_tile, item_to_tile, item_from_tile)
+_MOVES = (to_tile, from_tile, item_to_tile, item_from_tile, stream_tile, end_stream)
 _NAMES = {f.__name__: f for f in (address, tile_of, read, write, in_vectors, *_MOVES)}
 _NAMES |= {"clear_float_flags": _clear_float_flags}
 
 
-def tiled_gufunc(kernel: Callable[..., Any], *constants: int, singular: Callable[..., bool] | None = None) -> Any:
-    """Return what `gufunc` returns, with a loop over tiles that is compiled now, or loaded from the cache."""
+def tiled_gufuncs(
+    kernel: Callable[..., Any], *constants: int, singular: Callable[..., bool] | None = None
+) -> list[Any]:
+    """Return what `gufuncs` returns, with a loop over tiles that is compiled now, or loaded from the cache."""
     arguments, results = core_shapes(kernel)
     name = python_function(kernel).__name__
     checked = len(argument_shapes(singular)) if singular else 0
@@ -52,10 +60,13 @@ def tiled_gufunc(kernel: Callable[..., Any], *constants: int, singular: Callable
     inputs = [*_marks(checked), *arguments.values()]
     layout = _layout(inputs) + "->" + _layout(results)
     double = [np.dtype(np.float64).num] * (len(inputs) + len(results))
-    return fromfunc(
-        name, kernel.__doc__ or "", [compiled.address], [double], len(inputs), len(results), [None], compiled,
-        -1, layout, (),
-    )  # fmt: skip
+    return [
+        fromfunc(
+            name, kernel.__doc__ or "", [compiled.address], [double], len(inputs), len(results), [least], compiled,
+            -1, layout, (),
+        )
+        for least in (STREAMED, 0)
+    ]  # fmt: skip
 
 
 def _compiled(loop: Callable[..., Any]) -> Any:
@@ -93,7 +104,7 @@ def _loop_source(
     # Branch-free code evaluates what it does not select; its flags would become NumPy warnings.
     lines += [f"clear_float_flags({_ALL_FLAGS})"]
     lines += ["if found > 0: write(p0, 0, (), 1.0)"] if checked else []
-    header = f"def {_loop_name(name, constants)}(args, dims, steps, data):"
+    header = f"def {_loop_name(name, constants)}(args, dims, steps, least):"
     return "\n".join([header, *_indented(1, lines)]).replace("ITEMS", str(ITEMS)) + "\n"
 
 
@@ -112,11 +123,18 @@ def _packed_items(inputs: list["_Operand"], outputs: list["_Operand"], compute: 
     lines = [f"if {' and '.join([*(o.packed_or_one() for o in inputs), *(o.packed() for o in outputs)])}:"]
     for o in inputs:
         lines += [f"    if s{o.k} == 0:", *_indented(2, o.moves("item_to_tile"))]
+    lines += [f"    streamed = n * {8 * sum(o.size for o in outputs)} >= least"]
     lines += ["    while start + ITEMS <= n:"]
     lines += [f"        if s{o.k} != 0: {o.move('to_tile')}" for o in inputs]
     lines += ["        for i in range(ITEMS):", *_indented(3, [*compute, "in_vectors()"])]
-    lines += _indented(2, [o.move("from_tile") for o in outputs])
-    return [*lines, "        start += ITEMS"]
+    lines += _indented(2, _streamed_or_not(outputs) if _X86 else [o.move("from_tile") for o in outputs])
+    lines += ["        start += ITEMS"]
+    return lines + ["    if streamed: end_stream()"] * _X86
+
+
+def _streamed_or_not(outputs: list["_Operand"]) -> list[str]:
+    streamed, kept = ([o.move(f) for o in outputs] for f in ("stream_tile", "from_tile"))
+    return ["if streamed:", *_indented(1, streamed), "else:", *_indented(1, kept)]
 
 
 def _any_items(inputs: list["_Operand"], outputs: list["_Operand"], compute: list[str]) -> list[str]:

@@ -80,5 +80,5 @@ def test_loops_over_tiles_are_vectorised_over_items(monkeypatch):
     monkeypatch.setattr(tiled_gufunc, "DiskCache", lambda loop: NullCache())  # stored code has no source left
     compiled = tiled_gufunc._compiled
     monkeypatch.setattr(tiled_gufunc, "_compiled", lambda loop: loops.append(compiled(loop)) or loops[-1])
-    tiled_gufunc.tiled_gufunc(rotate)
+    tiled_gufunc.tiled_gufuncs(rotate)
     assert re.search(r"fmul <\d+ x double>", loops[0].inspect_llvm())
