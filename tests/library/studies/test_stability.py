@@ -261,3 +261,11 @@ def test_command_prints_the_table_and_fails_with_a_finding(
     assert result.exit_code == status
     assert "Law 15." in result.output
     assert ("does not hold: law 15, tile" in result.output) == bool(status)
+
+
+def test_a_method_that_refuses_a_step_is_infinitely_far_from_the_other(monkeypatch):
+    """2026-11-22: under a wrong error estimate the command ended with a traceback instead of a finding."""
+    where = {"quaternion": np.ones((1, 4)), "omega_b": np.ones((1, 3))}
+    for refused in (model_laws.SERIES, model_laws.LOADED):
+        monkeypatch.setattr(model_laws, "_driven", lambda case, refused=refused: {} if case.model == refused else where)
+        assert model_laws._apart() == math.inf
