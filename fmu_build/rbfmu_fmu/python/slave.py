@@ -156,6 +156,8 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         self._allow("get_outputs")
         if self._phase == INITIALIZING:
             self._initialize_or_refuse()
+        elif self._phase == TERMINATED:
+            raise RuntimeError("outputs have no values: initialisation has not ended")
         else:
             self._outputs_of(self._where)
         self._stale = False
@@ -229,7 +231,9 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         return False
 
     def terminate(self) -> None:
-        """End stepping; values can still be read."""
+        """End stepping; values can still be read, those of outputs where initialisation had ended."""
+        if self._stale and self._phase == STEPPING:
+            self._refresh()
         self._phase = TERMINATED
         self._gil.release()
 

@@ -345,3 +345,22 @@ def test_all_kernel_modules_are_shipped():
     assert kernel_sources().keys() == modules
     (folder,) = (unzipped("driven") / "resources").glob("rbfmu_*")
     assert all((folder / name).read_bytes() == (package / name).read_bytes() for name in modules)
+
+
+def test_outputs_of_an_fmu_that_was_never_initialised_are_refused_after_terminate_too():
+    """2026-11-22: what a failed initialisation had left was read, without a word."""
+    fmu = opened("driven")
+    instance = fmu.instance()
+    assert instance.setup() == OK
+    assert instance.enter() == OK
+    assert instance.terminate() == OK
+    assert instance.get_references([fmu.references["rpy[1]"]])[0] == FATAL
+    instance.free()
+    found = []
+    for ends in (False, True):
+        instance = fmu.started()
+        assert instance.set({"torque_b[1]": 0.5}) == OK
+        assert not ends or instance.terminate() == OK
+        found.append(instance.outputs())
+        instance.free()
+    assert found[0] == found[1]

@@ -96,6 +96,8 @@ class Model:
     def terminate(self):
         if self.native and not self._allowed("terminate"):
             return self.refused
+        if self.now.phase == STEPPING:
+            self._fresh()
         self.now.phase = TERMINATED
         return OK, None
 
@@ -122,6 +124,8 @@ class Model:
             return False
         if self.now.stale and self.now.phase == INITIALIZING:
             return self._initialized()
+        if self.now.stale and self.now.phase == TERMINATED:
+            return False  # nothing was initialised
         if self.now.stale:
             self.facts.unit.outputs(self.now.z)
             self.now.stale = False
