@@ -44,7 +44,7 @@ BODIES: dict[str, tuple[Any, Any, Any]] = {
     "symmetric, free": (ROUND, TUMBLING, {}),
     "symmetric, spun up": (ROUND, TUMBLING, {"torque_b": [0.0, 0.0, 0.1]}),
     "free": (FREE, TUMBLING, {}),
-    "pushed": (FREE, TUMBLING, {"force_b": [0.1, 0.2, 0.3]}),
+    "body force": (FREE, TUMBLING, {"force_b": [0.1, 0.2, 0.3]}),
     "top": (ROUND | HUNG, TUMBLING, {}),
     "fast top": (ROUND | HUNG, {"omega_b": [0.0, 0.0, 30.0], "attitude": {"rotvec": [2.0, 0.0, 0.0]}}, {}),
     "hung": (FREE | HUNG, TUMBLING, {}),
@@ -66,7 +66,7 @@ SERVED = {
     "torque-free symmetric body": ("symmetric, free", "quaternion"),
     "symmetric body spun up": ("symmetric, spun up", "omega_b"),
     "torque-free body": ("free", "quaternion"),
-    "torque-free body, pushed": ("pushed", "position"),
+    "torque-free body, body force": ("body force", "position"),
     "symmetric top": ("fast top", "quaternion"),
 }
 """By model: a body of those above and a quantity for which it is planned."""
@@ -131,8 +131,8 @@ def chosen_by_hand() -> list[tuple[Scene, Plan]]:
     for asked in (("quaternion",), tuple(QUANTITIES)):
         top = scene_of("top", asked, 1e-6, 0.01)
         for order, ns in SPLITTING_COSTS.items():
-            kicks = Plan("symmetric top", f"kicks of order {order}", 7, substep=0.01, order=order, cost=ns)
-            found.append((top, stated(top, kicks)))
+            splitting = Plan("symmetric top", f"splitting of order {order}", 7, substep=0.01, order=order, cost=ns)
+            found.append((top, stated(top, splitting)))
     return found
 
 
@@ -202,7 +202,7 @@ def goals(figures: Sequence[Figure]) -> list[Goal]:
 def main() -> list[Figure]:
     """Measure and print."""
     figures = measured(planned_scenes(list(BODIES), ASKED, [(1e-9, 0.01)]) + chosen_by_hand(), 15, 10)
-    driven = ["top", "hung", "under torque_b", "damped pendulum", "pushed", "under force_b beside c"]
+    driven = ["top", "hung", "under torque_b", "damped pendulum", "body force", "under force_b beside c"]
     settings = [(1e-4, 0.1), (1e-12, 0.1), (1e-4, 1.0), (1e-9, 1.0)]
     figures += measured(planned_scenes(driven, [("quaternion",), ("omega_b",), tuple(QUANTITIES)], settings), 15, 3)
     print(f"{'stated':>8} {'measured':>8} {'ratio':>6}  ns a step")

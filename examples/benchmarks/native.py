@@ -26,9 +26,10 @@ from rbfmu.planning.select import plan
 from rbfmu.runs.model_buffer import filled_buffer, initialize
 from rbfmu.runs.plan import Plan
 from rbfmu_fmu.description import describe
-from rbfmu_fmu.native.build import build_native_fmu
+from rbfmu_fmu.fmi2_xml import FMI2
+from rbfmu_fmu.native.build import build_native_fmu, c_sources
 from rbfmu_fmu.native.headers import headers
-from rbfmu_fmu.native.linking import FLAGS, FMI2, compiler, linked, source
+from rbfmu_fmu.native.linking import FLAGS, compiler, linked, source
 from rbfmu_fmu.native.object_code import ENTRIES, object_files
 from rbfmu_fmu.native.platforms import this_platform
 from rbfmu_fmu.python.build import build_python_fmu
@@ -165,7 +166,7 @@ def _with_other_unit(fmu: Fmu, place: Path, generated: dict[str, str], objects: 
     library, guid, *others = fmu.arguments
     place.mkdir()
     other = place / Path(library).name
-    other.write_bytes(linked(FMI2, objects, this_platform(), other.stem, generated))
+    other.write_bytes(linked(c_sources(FMI2), objects, this_platform(), other.stem, generated))
     found = Fmu.__new__(Fmu)
     found.names, found.arguments = fmu.names, [str(other), guid, *others]
     return found

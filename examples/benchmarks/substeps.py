@@ -69,7 +69,7 @@ def jobs() -> dict[tuple[str, str], Callable[[], float]]:
         )
     for order in (2, 4, 6):
         plan = Plan("symmetric top", "", 13, substep=CASES["c"].span / 200, order=order)
-        found[f"kicks {order}", "loads that turn in b"] = timed("c", plan, 200)
+        found[f"splitting {order}", "loads that turn in b"] = timed("c", plan, 200)
     return found
 
 

@@ -1,8 +1,9 @@
-"""The modelDescription.xml of FMI 2.0."""
+"""FMI 2.0: its modelDescription.xml, and what else its FMUs have of their own."""
 
 from xml.etree.ElementTree import Element, SubElement
 
 from rbfmu_fmu.description import Description, Variable
+from rbfmu_fmu.fmi_version import FmiVersion
 from rbfmu_fmu.xml_parts import (
     STATUS_MEANING,
     default_experiment,
@@ -68,3 +69,11 @@ def _model_structure(d: Description) -> Element:
 def _indices(numbers: list[int]) -> str:
     """Return places in the list of variables, which count from 1."""
     return " ".join(str(k + 1) for k in numbers)
+
+
+FOLDERS = {"linux64": "linux64", "win64": "win64", "linux-aarch64": "aarch64-linux"}
+FOLDERS |= {"darwin64": "darwin64", "darwin-aarch64": "darwin64"}
+"""FMI 2.0 has one folder for macOS and none for Linux on aarch64: the first takes both processors in one file, the
+second has the name that FMI 3.0 gave it."""
+
+FMI2 = FmiVersion("2.0", model_description, "guid", "fmi2.c", FOLDERS)

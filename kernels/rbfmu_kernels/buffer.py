@@ -39,7 +39,7 @@ FAULTS: dict[int, tuple[str, str]] = {
     9: ("omega_b_0", "expected no rate about a slender beam's own axis, where it has no inertia"),
     11: (CHANGED, "expected loads without torque: this model is torque-free"),
     12: (CHANGED, "expected two equal moments, no damping: this model is a symmetric top"),
-    13: (CHANGED, "expected a rate at which the planned substep is below half the resonance of a top's kicks"),
+    13: (CHANGED, "expected a rate at which the planned substep is below half the resonance of a top's splitting"),
     14: (CHANGED, "expected no rate and no torque: this model does not turn"),
     15: (CHANGED, "expected a rate about a principal axis: this model's rate is constant"),
     16: (CHANGED, "expected two equal moments: this model is a symmetric body's"),

@@ -7,6 +7,13 @@ from .types import Matrix, Quaternion, Vec3
 
 
 @kernel
+def copy_numbers(z: Any, source: int, target: int, n: int) -> None:
+    """Copy n numbers from z[source] on to z[target] on; the two do not overlap."""
+    for i in range(n):
+        z[target + i] = z[source + i]
+
+
+@kernel
 def pair_at(z: Any, i: int) -> tuple[float, float]:
     """Return the two numbers from z[i] on: a pair, or the high and low parts of one number."""
     return (z[i], z[i + 1])

@@ -41,7 +41,7 @@ def _force_rests_on(scene: Scene, needs: Needs) -> set[str]:
 
 
 FREE_BODY_FORCE = ModelSpec(
-    "torque-free body, pushed",
+    "torque-free body, body force",
     free_body_force,
     rate_states=3,
     holds=lambda start: not start.has_torque,

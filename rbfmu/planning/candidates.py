@@ -40,9 +40,9 @@ def needed_parameters(scene: Scene, model: str) -> set[str]:
     moving = needs.translation or (not body.pivot and "acceleration" in wanted)
     angular = "alpha_b" in wanted or (moving and beside and "acceleration" in wanted)
     driven = needs.rotation and (angular or not spec.keeps_rate)
-    twisting = torques(scene) - (set() if angular else spec.drops) if driven else set()
+    turning = torques(scene) - (set() if angular else spec.drops) if driven else set()
     pushing = FORCES | WEIGHTS if moving else set()
-    acting = acting_loads(scene.loads) & (twisting | pushing)
+    acting = acting_loads(scene.loads) & (turning | pushing)
     names = listed | (acting - ports)
     if driven or wanted & OF_INERTIA:
         names |= {"inertia"}
@@ -51,9 +51,8 @@ def needed_parameters(scene: Scene, model: str) -> set[str]:
     swung = moving and beside and bool(turned)
     if needs.rotation and (swung or not spec.stands_still or wanted & OF_RATES):
         names |= {"omega_b_0"}
-    pushed = moving and "force_b" in acting | ports | listed
-    turning = twisting & FIXED_IN_SPACE
-    if needs.attitude and (turning or swung or pushed or wanted & OF_ATTITUDE):
+    body_force = moving and "force_b" in acting | ports | listed
+    if needs.attitude and (turning & FIXED_IN_SPACE or swung or body_force or wanted & OF_ATTITUDE):
         names |= {"quaternion_0"}
     if needs.translation:
         names |= {"velocity_0"}
@@ -61,6 +60,6 @@ def needed_parameters(scene: Scene, model: str) -> set[str]:
         names |= {"position_0"}
     if (moving and (acting | ports | listed) & FORCES) or ("kinetic_energy" in wanted and moving):
         names |= {"mass"}
-    if any(body.r_oc_b) and (swung or "r_oc_b" in twisting or (body.pivot and "inertia" in names)):
+    if any(body.r_oc_b) and (swung or "r_oc_b" in turning or (body.pivot and "inertia" in names)):
         names |= {"r_oc_b"}
     return names

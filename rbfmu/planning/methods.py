@@ -88,8 +88,8 @@ def load_shares(scene: Scene) -> tuple[float, float]:
     start, varying = body_at_start(scene), varying_parameters(scene)
     levered = any(start.body.arm_b) and (any(start.loads.force_a) or "force_a" in varying)
     turned = levered or any(start.loads.torque_a) or "torque_a" in varying
-    pushed = any(start.loads.force_b) or ("force_b" in varying and not start.has_pivot)
-    return float(turned), float(pushed and start.needs_translation)
+    body_force = any(start.loads.force_b) or ("force_b" in varying and not start.has_pivot)
+    return float(turned), float(body_force and start.needs_translation)
 
 
 # Splitting
@@ -121,7 +121,7 @@ def _spins_unseen(start: BodyAtStart) -> bool:
 
 
 def _splitting_plan(general: Plan, order: int, longest: float, substep: float) -> Plan:
-    method, step = f"kicks of order {order}", min(substep, longest)
+    method, step = f"splitting of order {order}", min(substep, longest)
     return replace(general, model=LOADED_SPLITTING.key, method=method, tolerance=0.0, order=order, substep=step)
 
 

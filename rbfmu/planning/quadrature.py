@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from rbfmu.models.scene_needs import GROWING, varying_parameters
 from rbfmu.planning.judge import Judge
-from rbfmu.planning.reasons import why_pushed
+from rbfmu.planning.reasons import why_quadrature
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.models.free_body_force import ORDERS
@@ -42,7 +42,7 @@ def cheapest_quadrature(scene: Scene, general: Plan, judge: Judge) -> Plan | Non
             if not ratio * panels < 1e6:
                 break
             panels = max(panels + 1, math.ceil(ratio * panels))
-    return replace(best, reasons=why_pushed(scene, best)) if best else None
+    return replace(best, reasons=why_quadrature(scene, best)) if best else None
 
 
 def _trial(scene: Scene, general: Plan, order: int, panel: float) -> Plan:

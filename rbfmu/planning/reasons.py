@@ -58,7 +58,7 @@ def why_swinging(scene: Scene, plan: Plan) -> tuple[str, ...]:
     return ("rotation: one angle, every load turns the body about one principal axis; 2 of 7 states",)
 
 
-def why_pushed(scene: Scene, plan: Plan) -> tuple[str, ...]:
+def why_quadrature(scene: Scene, plan: Plan) -> tuple[str, ...]:
     """Return why the rotation is exact and the path is a quadrature."""
     rule = plan.method.rpartition(", ")[2]
     why = f"path: {rule} in panels of {plan.substep:.3g} s: error {plan.error:.1e}"

@@ -64,7 +64,12 @@ def _planned(scene: Scene, full: bool, progress: Callable[[float], Any] | None) 
     smaller = _smaller(scene, found, needs, judge)
     if smaller:
         return smaller
-    found = found or _swinging(scene, needs, judge) or _pushed(scene, needs, judge) or _integrated(scene, needs, judge)
+    found = (
+        found
+        or _swinging(scene, needs, judge)
+        or _under_body_force(scene, needs, judge)
+        or _integrated(scene, needs, judge)
+    )
     return replace(found, reasons=(*_left_out(scene, needs, found.spec), *found.reasons))
 
 
@@ -120,7 +125,7 @@ def _swinging(scene: Scene, needs: Needs, judge: Judge) -> Plan | None:
     return stated(scene, replace(found, pinned=_pinned(scene), reasons=(*reasons, *found.reasons)))
 
 
-def _pushed(scene: Scene, needs: Needs, judge: Judge) -> Plan | None:
+def _under_body_force(scene: Scene, needs: Needs, judge: Judge) -> Plan | None:
     """Return exact rotation with a quadrature for the path; for a symmetric body, an integration if it costs less."""
     spec = FREE_BODY_FORCE
     if not any(scene.loads.force_b) or not needs.translation or not spec.serves(scene, needs):

@@ -66,8 +66,8 @@ FAULTS = {
         "rate = dd_divide(dd_multiply(momentum, ONE_OVER_4PI), i_t)",
         "rate = dd_divide(dd_multiply(momentum, ONE_OVER_4PI), dd_scale(1.00001, i_t))",
     ),
-    "coefficient of the kicks of order 4": Fault("integrators/splitting", "0.604872665711080", "0.604878714437737"),
-    "kicks of order 6 in another order": Fault(
+    "coefficient of the splitting of order 4": Fault("integrators/splitting", "0.604872665711080", "0.604878714437737"),
+    "splitting of order 6 in another order": Fault(
         "integrators/splitting",
         "y = _drift_and_kick(y, _D6[2] * h, _K6[3] * h, u, body, loads)",
         "y = _drift_and_kick(y, _D6[3] * h, _K6[3] * h, u, body, loads)",

@@ -7,14 +7,20 @@ from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu_fmu.archive import guid_of, scene_inside, write_archive, xml_bytes
 from rbfmu_fmu.description import Description, describe
-from rbfmu_fmu.fmi2_xml import model_description
+from rbfmu_fmu.fmi2_xml import FMI2
+from rbfmu_fmu.fmi_version import UNSET, FmiVersion
 from rbfmu_fmu.native.headers import headers
-from rbfmu_fmu.native.linking import FLAGS, FMI2, HEADERS, linked, source, universal
+from rbfmu_fmu.native.linking import ANY_VERSION, FLAGS, HEADERS, linked, source, universal
 from rbfmu_fmu.native.object_code import object_files
 from rbfmu_fmu.native.platforms import Platform, platform_named, this_platform
 
+VERSIONS = {version.name: version for version in (FMI2,)}
+"""The versions of FMI that native FMUs are built for, by name."""
 
-def build_native_fmu(scene: Scene, plan: Plan, path: Path, platforms: Sequence[str] = ()) -> Path:
+
+def build_native_fmu(
+    scene: Scene, plan: Plan, path: Path, platforms: Sequence[str] = (), version: FmiVersion = FMI2
+) -> Path:
     """Write the FMU: the same bytes for the same scene; a file that stands at `path` is replaced when done.
 
     platforms: names from `platforms.PLATFORMS`; none: this one.
@@ -23,20 +29,24 @@ def build_native_fmu(scene: Scene, plan: Plan, path: Path, platforms: Sequence[s
     description = describe(scene, plan)
     objects = {p: object_files(plan.kernels, p) for p in chosen}
     contents = {"resources/scene.json": scene_inside(scene, plan)}
-    xml = model_description(description, "{}", _capabilities(description))
-    guid = guid_of(contents | _identity(description, objects), xml)
-    xml.set("guid", guid)
+    xml = version.model_description(description, UNSET, _capabilities(description))
+    guid = guid_of(contents | _identity(description, c_sources(version), objects), xml)
+    xml.set(version.identity, guid)
     contents["modelDescription.xml"] = xml_bytes(xml)
-    for folder in sorted({p.folder for p in chosen}):
+    for folder in sorted({version.folders[p.name] for p in chosen}):
+        members = [p for p in chosen if version.folders[p.name] == folder]
         libraries = [
-            linked(FMI2, objects[p], p, description.identifier, headers(description, guid))
-            for p in chosen
-            if p.folder == folder
+            linked(c_sources(version), objects[p], p, description.identifier, headers(description, guid))
+            for p in members
         ]
-        suffix = next(p.suffix for p in chosen if p.folder == folder)
-        contents[f"binaries/{folder}/{description.identifier}{suffix}"] = universal(libraries)
+        contents[f"binaries/{folder}/{description.identifier}{members[0].suffix}"] = universal(libraries)
     write_archive(contents, path)
     return path
+
+
+def c_sources(version: FmiVersion) -> tuple[str, ...]:
+    """Return the C sources in `native/` of an FMU of a version of FMI."""
+    return (version.signatures, *ANY_VERSION)
 
 
 def _capabilities(d: Description) -> dict[str, str]:
@@ -45,9 +55,9 @@ def _capabilities(d: Description) -> dict[str, str]:
     return said | ({"maxOutputDerivativeOrder": "1"} if d.output_rates else {})
 
 
-def _identity(d: Description, objects: dict[Platform, dict[str, bytes]]) -> dict[str, bytes]:
+def _identity(d: Description, sources: Sequence[str], objects: dict[Platform, dict[str, bytes]]) -> dict[str, bytes]:
     """Return what makes the libraries what they are, except for their guid."""
-    sources = {name: source(name) for name in (*FMI2, *HEADERS)}
-    sources |= {name: text.encode() for name, text in headers(d, "").items()}
-    sources |= {"flags": " ".join(FLAGS).encode()}
-    return sources | {f"{p.name}/{name}": code for p, files in objects.items() for name, code in files.items()}
+    parts = {name: source(name) for name in (*sources, *HEADERS)}
+    parts |= {name: text.encode() for name, text in headers(d, "").items()}
+    parts |= {"flags": " ".join(FLAGS).encode()}
+    return parts | {f"{p.name}/{name}": code for p, files in objects.items() for name, code in files.items()}

@@ -23,9 +23,6 @@ HEADERS = ("cosimulation.h", "instance.h", "model.h")
 ANY_VERSION = ("cosimulation.c", "messages.c", "saved_states.c")
 """The C sources of an FMU that know no version of FMI."""
 
-FMI2 = ("fmi2.c", *ANY_VERSION)
-"""The C sources of an FMU of FMI 2.0."""
-
 EXPORTS = ("exports.c",)
 """The C source of the shared library in a pythonfmu FMU."""
 

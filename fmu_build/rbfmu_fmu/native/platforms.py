@@ -11,13 +11,12 @@ class BuildError(ValueError):
 
 @dataclass(frozen=True)
 class Platform:
-    """A triple and a processor for LLVM, a target for ziglang, a folder of `binaries` and a suffix for importers."""
+    """A triple and a processor for LLVM, a target for ziglang, and the suffix of a shared library."""
 
     name: str
     triple: str
     cpu: str
     zig: str
-    folder: str
     suffix: str
     features: tuple[str, ...] = ()
     """What newer processors have: for each there is one more step, which is chosen at run time (native/model.h)."""
@@ -26,22 +25,15 @@ class Platform:
 PLATFORMS = {
     p.name: p
     for p in (
-        Platform("linux64", "x86_64-unknown-linux-gnu", "x86-64", "x86_64-linux-gnu.2.17", "linux64", ".so",
+        Platform("linux64", "x86_64-unknown-linux-gnu", "x86-64", "x86_64-linux-gnu.2.17", ".so", ("avx2",)),
+        Platform("win64", "x86_64-pc-windows-gnu", "x86-64", "x86_64-windows-gnu", ".dll", ("avx2",)),
+        Platform("darwin64", "x86_64-apple-macosx11.0.0", "x86-64", "x86_64-macos.11.0", ".dylib",
                  ("avx2",)),
-        Platform("win64", "x86_64-pc-windows-gnu", "x86-64", "x86_64-windows-gnu", "win64", ".dll",
-                 ("avx2",)),
-        Platform("darwin64", "x86_64-apple-macosx11.0.0", "x86-64", "x86_64-macos.11.0", "darwin64",
-                 ".dylib", ("avx2",)),
-        Platform("linux-aarch64", "aarch64-unknown-linux-gnu", "generic", "aarch64-linux-gnu.2.17", "aarch64-linux",
-                 ".so"),
-        Platform("darwin-aarch64", "arm64-apple-macosx11.0.0", "apple-m1", "aarch64-macos.11.0", "darwin64", ".dylib"),
+        Platform("linux-aarch64", "aarch64-unknown-linux-gnu", "generic", "aarch64-linux-gnu.2.17", ".so"),
+        Platform("darwin-aarch64", "arm64-apple-macosx11.0.0", "apple-m1", "aarch64-macos.11.0", ".dylib"),
     )
 }  # fmt: skip
-"""Processors are the oldest of their kind. No code has fused products, so that all give the same bits.
-
-FMI 2.0 has one folder for macOS and none for Linux on aarch64: the first takes both processors in one file, the second
-has the name that FMI 3.0 gave it.
-"""
+"""Processors are the oldest of their kind. No code has fused products, so that all give the same bits."""
 
 
 def platform_named(name: str) -> Platform:

@@ -12,7 +12,8 @@ from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu_fmu.archive import guid_of, hash_of, json_bytes, kernel_sources, scene_inside, write_archive, xml_bytes
 from rbfmu_fmu.description import Description, describe
-from rbfmu_fmu.fmi2_xml import model_description
+from rbfmu_fmu.fmi2_xml import FMI2
+from rbfmu_fmu.fmi_version import UNSET
 from rbfmu_fmu.native.linking import EXPORTS, NoLinkerError, linked
 from rbfmu_fmu.native.object_code import object_files
 from rbfmu_fmu.native.platforms import this_platform
@@ -60,8 +61,8 @@ def build_python_fmu(scene: Scene, plan: Plan, path: Path) -> Path:
         with zipfile.ZipFile(raw) as archive:
             contents = {n: archive.read(n) for n in archive.namelist() if not LEFT_OUT.fullmatch(n)}
     contents["resources/scene.json"] = scene_inside(scene, plan)
-    xml = model_description(description, "{}", CAPABILITIES)
-    xml.set("guid", guid_of(contents, xml))
+    xml = FMI2.model_description(description, UNSET, CAPABILITIES)
+    xml.set(FMI2.identity, guid_of(contents, xml))
     write_archive(contents | {"modelDescription.xml": xml_bytes(xml)}, path)
     return path
 

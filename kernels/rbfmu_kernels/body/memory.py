@@ -9,7 +9,15 @@ from typing import Any
 
 from .. import quantities
 from ..buffer import NEGATIVE, places
-from ..buffer_access import matrix_at, put_matrix_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
+from ..buffer_access import (
+    copy_numbers,
+    matrix_at,
+    put_matrix_at,
+    put_quaternion_at,
+    put_vec3_at,
+    quaternion_at,
+    vec3_at,
+)
 from ..compile.decorator import kernel
 from ..integrators.rigid_body_state import STATE_BLOCKS, STATE_SIZE, Centre, Rotation
 from ..mechanics.equations_of_motion import Body, Loads, State
@@ -158,15 +166,13 @@ def substep_of(z: Any) -> float:
 @kernel
 def keep_state(z: Any, before: int) -> None:
     """Copy the state to z[before:], from where `restore_state` brings it back."""
-    for i in range(STATE_SIZE):
-        z[before + i] = z[STATE_START + i]
+    copy_numbers(z, STATE_START, before, STATE_SIZE)
 
 
 @kernel
 def restore_state(z: Any, before: int) -> None:
     """Bring back the state that `keep_state` kept."""
-    for i in range(STATE_SIZE):
-        z[STATE_START + i] = z[before + i]
+    copy_numbers(z, before, STATE_START, STATE_SIZE)
 
 
 @kernel

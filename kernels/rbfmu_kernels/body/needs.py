@@ -83,8 +83,10 @@ def needs_attitude(z: Any) -> bool:
 
 @kernel
 def _shows_turning_path(z: Any) -> bool:
-    pushed = is_nonzero(vec3_at(z, _CONSTANT_FORCE_B)) or is_nonzero(vec3_at(z, _FORCE_B)) or has_port(z, _PORT_FORCE_B)
-    beside = pushed or is_nonzero(vec3_at(z, _R_OC))
+    body_force = (
+        is_nonzero(vec3_at(z, _CONSTANT_FORCE_B)) or is_nonzero(vec3_at(z, _FORCE_B)) or has_port(z, _PORT_FORCE_B)
+    )
+    beside = body_force or is_nonzero(vec3_at(z, _R_OC))
     return bool(beside and not has_pivot(z) and z[_PATH] != 0.0)
 
 

@@ -7,6 +7,7 @@ import math
 from typing import Any
 
 from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED
+from ..buffer_access import copy_numbers
 from ..compile.decorator import kernel
 from ..mechanics.equations_of_motion import (
     Body,
@@ -202,6 +203,5 @@ def dop853_advance(
 @kernel
 def _accept(z: Any, y: int, w: int, n: int) -> None:
     """Take the trial state as the state, its quaternion scaled to length 1."""
-    for j in range(OMEGA, n):
-        z[y + j] = z[w + j]
+    copy_numbers(z, w + OMEGA, y + OMEGA, n - OMEGA)
     put_unit_attitude(z, y, state_attitude(z, w))

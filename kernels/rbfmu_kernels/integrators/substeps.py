@@ -4,6 +4,7 @@ import math
 from typing import Any
 
 from ..buffer import MAX_SUBSTEPS
+from ..buffer_access import pair_at, put_pair_at
 from ..compile.decorator import kernel
 
 ROUND_OFF = 2.0**-52
@@ -41,5 +42,6 @@ def nearer_size(h: float, order: int, excess: float) -> float:
 
 @kernel
 def count_substep(z: Any, size: int) -> None:
-    """Add one to the count next to the step size that is kept at z[size]."""
-    z[size + 1] += 1.0
+    """Add one to the count that is kept next to the step size at z[size]."""
+    h, count = pair_at(z, size)
+    put_pair_at(z, size, (h, count + 1.0))

@@ -16,13 +16,13 @@ from rbfmu.studies.stability.body_laws import damping_limits, energy_drift, gyro
 from rbfmu.studies.stability.findings import Finding, Study, failures, read_findings, write_columns, write_findings
 from rbfmu.studies.stability.maps import METHODS, QUICK_METHODS, Row, findings_of_maps, verdicts
 from rbfmu.studies.stability.model_laws import orders_and_error_control, product_models
-from rbfmu.studies.stability.top_laws import intermediate_axis, kick_resonance, sleeping_top
+from rbfmu.studies.stability.top_laws import intermediate_axis, sleeping_top, splitting_resonance
 
 __all__ = ["STUDIES", "Finding", "Study", "failures", "read_findings", "run_stability", "write_findings"]
 
 STUDIES: tuple[Callable[[bool], Study], ...] = (
     growth_factors, drift, gimbal_passage, gyroscopic_blow_up, damping_limits, moser_veselov_limits, energy_drift,
-    small_angles, intermediate_axis, sleeping_top, kick_resonance, product_models, orders_and_error_control,
+    small_angles, intermediate_axis, sleeping_top, splitting_resonance, product_models, orders_and_error_control,
 )  # fmt: skip
 """Each measures one or more laws; the argument asks for a quick, coarse run."""
 

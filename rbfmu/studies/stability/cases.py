@@ -35,7 +35,7 @@ TOP_MOMENTS: Vec3 = (1.0, 1.0, 0.3)
 """About the pivot; with m g l = 1 along z."""
 WEIGHT = Loads(ZERO, (0.0, 0.0, -1.0), ZERO, ZERO, ZERO)
 
-KICKS = {
+SPLITTINGS = {
     "Strang": OneStepMethod("Strang", splitting.strang_steps, 2, 1),
     "RKN4": OneStepMethod("RKN4", splitting.rkn4_steps, 4, 6),
     "RKN6": OneStepMethod("RKN6", splitting.rkn6_steps, 6, 11),

@@ -16,7 +16,7 @@ from rbfmu.studies.stability.motions import MOTIONS, error_of, error_of_model, t
 from rbfmu.studies.stability.prescribed import prescribed_error
 
 SWING, LOADED, SERIES, TOP = "one swinging axis", "body under loads", "body under loads, by series", "symmetric top"
-MOMENTUM, PUSHED = "angular momentum", "torque-free body, pushed"
+MOMENTUM, BODY_FORCE = "angular momentum", "torque-free body, body force"
 
 
 class Case(NamedTuple):
@@ -38,14 +38,14 @@ class Case(NamedTuple):
     def name(self) -> str:
         """Return the model, and what of its settings is varied."""
         order = f", order {self.order}" if self.order else ""
-        if self.model == PUSHED:
+        if self.model == BODY_FORCE:
             order = f", {self.order} points"
         if self.model == LOADED:
             order = ", DOP853" + (", fixed steps" if self.substep < math.inf else "")
         return f"{self.model}{order}"
 
 
-PUSHES = {3: 5e-11, 4: 3e-14, 5: 3e-15, 6: 3e-15, 7: 3e-15, 8: 3e-15}
+QUADRATURE_BOUNDS = {3: 5e-11, 4: 3e-14, 5: 3e-15, 6: 3e-15, 7: 3e-15, 8: 3e-15}
 """Points of Gauss's rule, and the error that they must keep in panels of 0.1 s; fewer are held to their order."""
 CASES = (
     Case("no rotation", "fall", 3e-15),
@@ -60,7 +60,7 @@ CASES = (
     Case("symmetric body spun up", "spin-up", 3e-15),
     *(Case("torque-free body", motion, 3e-15) for motion in ("tumble", "flips", "coin")),
     *(Case(MOMENTUM, motion, 3e-15) for motion in ("pulled", "pulled sphere")),
-    *(Case(PUSHED, "pushed", bound, substep=0.1, order=n) for n, bound in PUSHES.items()),
+    *(Case(BODY_FORCE, "body force", bound, substep=0.1, order=n) for n, bound in QUADRATURE_BOUNDS.items()),
     Case(TOP, "top", 1e-8, substep=1e-4, order=2),
     Case(TOP, "top", 1e-12, substep=1e-3, order=4),
     Case(TOP, "top", 1e-12, substep=5e-3, order=6),
@@ -134,11 +134,11 @@ def _error_of_whole_steps(motion: str, order: int) -> Callable[[float], float]:
 
 
 _ORDERS: tuple[tuple[str, float, float, Callable[[float], float]], ...] = (
-    ("kicks of order 2", 2.0, 0.01, _error_at_substep(TOP, "top", 2)),
-    ("kicks of order 4", 4.0, 0.04, _error_at_substep(TOP, "gentle top", 4)),
-    ("kicks of order 6", 6.0, 0.1, _error_at_substep(TOP, "top", 6)),
-    ("Gauss's rule of 1 point", 2.0, 0.125, _error_at_substep(PUSHED, "pushed", 1)),
-    ("Gauss's rule of 2 points", 4.0, 0.125, _error_at_substep(PUSHED, "pushed", 2)),
+    ("splitting of order 2", 2.0, 0.01, _error_at_substep(TOP, "top", 2)),
+    ("splitting of order 4", 4.0, 0.04, _error_at_substep(TOP, "gentle top", 4)),
+    ("splitting of order 6", 6.0, 0.1, _error_at_substep(TOP, "top", 6)),
+    ("Gauss's rule of 1 point", 2.0, 0.125, _error_at_substep(BODY_FORCE, "body force", 1)),
+    ("Gauss's rule of 2 points", 4.0, 0.125, _error_at_substep(BODY_FORCE, "body force", 2)),
     ("DOP853", 8.0, 0.4, _error_at_substep(LOADED, "motor", 0)),
     ("series of order 6, attitude by 3 derivatives", 6.0, 0.125, _error_of_whole_steps("motor", 6)),
     ("series of order 8, attitude by 3 derivatives", 6.0, 0.125, _error_of_whole_steps("motor", 8)),

@@ -88,7 +88,7 @@ MOTIONS: dict[str, Scene] = {
     "pulled sphere": _motion({"mass": 2.0, "inertia": [1.5, 1.5, 1.5]}, (1.0, -2.0, 3.0), 20.0,
                              NO_WEIGHT | {"torque_a": [0.1, 0.2, -0.1]},
                              ("omega_a", "angular_momentum_a", "kinetic_energy")),
-    "pushed": _motion(BRICK, (1.0, 2.0, -1.0), 20.0, NO_WEIGHT | {"force_b": [0.3, -0.2, 0.5]}),
+    "body force": _motion(BRICK, (1.0, 2.0, -1.0), 20.0, NO_WEIGHT | {"force_b": [0.3, -0.2, 0.5]}),
     "loaded": _motion(OFF_CENTRE, (1.0, 2.0, -1.0), 20.0, LOADED),
     "damped rates": _motion(BRICK, (1.0, 2.0, -1.0), 20.0,
                             NO_WEIGHT | {"torque_b": [0.1, 0.2, -0.1], "damping_b": [0.1, 0.05, 0.02]}, ("omega_b",)),

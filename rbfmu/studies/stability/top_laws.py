@@ -13,8 +13,8 @@ from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS
 from rbfmu.studies.stability.attitude_laws import crossing
 from rbfmu.studies.stability.cases import (
     BRICK,
-    KICKS,
     NO_LOADS,
+    SPLITTINGS,
     TOP_MOMENTS,
     UPRIGHT,
     WEIGHT,
@@ -170,7 +170,7 @@ def _energy_error(method: str, h: float) -> float:
     """Return the largest energy error of the fast heavy top (case c) over 10 s, in m g l."""
     y, worst, start = _FAST, 0.0, top_energy(_FAST)
     for _ in range(round(10.0 / h)):
-        y = KICKS[method].steps(y, h, 1, heavy_top(), WEIGHT)
+        y = SPLITTINGS[method].steps(y, h, 1, heavy_top(), WEIGHT)
         worst = max(worst, abs(top_energy(y) - start))
     return worst
 
@@ -200,12 +200,12 @@ def _largest_substep() -> float:
     return crossing(refused, 0.1, 0.4)
 
 
-def kick_resonance(quick: bool) -> Study:
+def splitting_resonance(quick: bool) -> Study:
     """Law 12: splitting with steps at the rhythm of the precession takes a fast top to any height."""
     resonance = resonant_step(heavy_top()[1], _FAST[3])
     steps = np.geomspace(0.03, 0.6, 13 if quick else 121).tolist()
     columns: dict[str, Any] = {"h": steps}
-    columns |= {name: [_energy_error(name, h) for h in steps] for name in KICKS}
+    columns |= {name: [_energy_error(name, h) for h in steps] for name in SPLITTINGS}
     findings = [
         Finding(12, "resonant step 2 pi I1 / (I3 w3), s", 2.0 * math.pi / (0.3 * 50.0), resonance, 1e-15),
         Finding(12, "Strang, step of the largest energy error over the resonant one", 1.0,
@@ -223,4 +223,4 @@ def kick_resonance(quick: bool) -> Study:
             for name, h, recorded in (("Strang", 0.4189, 10.7), ("Strang", 0.1, 4.5e-4), ("RKN6", 0.1047, 3.54e-10))
         ),
     ]  # fmt: skip
-    return Study("kick_resonance", findings, columns)
+    return Study("splitting_resonance", findings, columns)

@@ -8,7 +8,7 @@ from itertools import pairwise
 from rbfmu.studies.work_precision.collection import Point
 
 DECADES = tuple(10.0**-k for k in range(2, 15))
-OWN = ("exact", "DOP853", "Taylor", "kicks")
+OWN = ("exact", "DOP853", "Taylor", "splitting")
 """Families of the library's own methods; `planned` chooses among them."""
 OUTSIDE = ("classic", "Moser-Veselov")
 

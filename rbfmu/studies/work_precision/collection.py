@@ -113,7 +113,7 @@ class Extent:
 
 QUICK_CASES = ("a", "c", "d")
 QUICK_METHODS = (
-    "exact", "DOP853, error control", "Taylor, order 12", "kicks, order 4", "RK4, quaternion",
+    "exact", "DOP853, error control", "Taylor, order 12", "splitting, order 4", "RK4, quaternion",
     "Moser-Veselov, order 10", "SciPy DOP853", "SciPy odeint", "rbfmu, as planned",
 )  # fmt: skip
 

@@ -22,7 +22,7 @@ GROUPS = {
     "exact": "#009e73",
     "Taylor series": "#56b4e9",
     "DOP853": "#0072b2",
-    "kicks": "#cc79a7",
+    "splitting": "#cc79a7",
     "Moser-Veselov": "#8a7500",
     "heyoka.py": "#d55e00",
     "numbalsoda": "#e69f00",
@@ -34,7 +34,7 @@ GROUPS = {
     "RK4, Euler and others": "#8c8c8c",
 }
 """Lines by who offers them, each the best of its methods; the library's first."""
-OWN_GROUPS = frozenset(("rbfmu's plan", "exact", "Taylor series", "DOP853", "kicks"))
+OWN_GROUPS = frozenset(("rbfmu's plan", "exact", "Taylor series", "DOP853", "splitting"))
 _FAMILIES = {
     "planned": "rbfmu's plan",
     "Taylor": "Taylor series",
@@ -42,7 +42,7 @@ _FAMILIES = {
 }
 PEER = "#f6b58a"
 """Where a peer is cheaper than the plan."""
-CELLS = {"Taylor": "#a9d8f5", "DOP853": "#7fb3de", "kicks": "#e3b7cf"}
+CELLS = {"Taylor": "#a9d8f5", "DOP853": "#7fb3de", "splitting": "#e3b7cf"}
 EXACT = "#8fd3bd"
 DPI = 120
 GAIN = 0.8

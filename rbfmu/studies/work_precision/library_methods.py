@@ -202,19 +202,19 @@ class ClosedForm(Planned):
         yield 1e-6
 
 
-_KICKS = (
-    OneStepMethod("kicks, order 2 (Strang)", strang_steps, 2, 1),
-    OneStepMethod("kicks, order 4", rkn4_steps, 4, 6),
-    OneStepMethod("kicks, order 6", rkn6_steps, 6, 11),
+_SPLITTINGS = (
+    OneStepMethod("splitting, order 2 (Strang)", strang_steps, 2, 1),
+    OneStepMethod("splitting, order 4", rkn4_steps, 4, 6),
+    OneStepMethod("splitting, order 6", rkn6_steps, 6, 11),
 )
 
 
 @cache
 def library_methods() -> tuple[Method, ...]:
     """Return the library's methods, the plan last."""
-    kicks = [FixedSteps(kick, "kicks", _top) for kick in _KICKS]
+    splittings = [FixedSteps(one, "splitting", _top) for one in _SPLITTINGS]
     series = [Substeps(order) for order in (6, 8, 12, 16, 20, 24)]
-    return Exact(), ClosedForm(), Substeps(0), Substeps(0, False), *series, *kicks, Planned()
+    return Exact(), ClosedForm(), Substeps(0), Substeps(0, False), *series, *splittings, Planned()
 
 
 def _top(case: Case) -> bool:

@@ -15,6 +15,7 @@ from click.testing import CliRunner
 import rbfmu_fmu
 from rbfmu.cli import main
 from rbfmu_fmu import VerificationError, archive, verify
+from rbfmu_fmu.fmi2_xml import FMI2
 from rbfmu_fmu.native import linking
 from rbfmu_fmu.native.linking import NoLinkerError, universal
 from rbfmu_fmu.native.platforms import PLATFORMS, BuildError, this_platform
@@ -116,7 +117,7 @@ def test_what_the_c_compiler_says_is_in_the_message(tmp_path, monkeypatch):
     exported = b'__attribute__((visibility("default")))'
     layer = b"int unknown(void); %s int f(void) { return unknown(); }" % exported
     own = linking.source
-    monkeypatch.setattr(linking, "source", lambda name: layer if name == linking.FMI2[0] else own(name))
+    monkeypatch.setattr(linking, "source", lambda name: layer if name == FMI2.signatures else own(name))
     with pytest.raises(linking.LinkError, match="unknown"):
         rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", kind="native")
 
@@ -132,7 +133,7 @@ def test_every_platform_is_built_small_and_the_same_each_time(name, platform, tm
     assert paths[0].stat().st_size < LARGEST[platform]
     with zipfile.ZipFile(paths[0]) as fmu:
         (library,) = (n for n in fmu.namelist() if n.startswith("binaries/"))
-        assert library.split("/")[1] == PLATFORMS[platform].folder
+        assert library.split("/")[1] == FMI2.folders[platform]
         assert fmu.read(library).startswith(FORMATS[platform])
 
 
@@ -141,7 +142,7 @@ def test_every_platform_is_built_small_and_the_same_each_time(name, platform, tm
 def test_one_fmu_may_serve_all_platforms(tmp_path):
     path = rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", "native", list(PLATFORMS))
     folder = unzipped_at(path, tmp_path / "it")
-    assert {p.parent.name for p in folder.glob("binaries/*/*")} == {p.folder for p in PLATFORMS.values()}
+    assert {p.parent.name for p in folder.glob("binaries/*/*")} == set(FMI2.folders.values())
     assert Fmu(folder).started().steps(5) == native("prescribed").started().steps(5)
     (both,) = folder.glob("binaries/darwin64/*.dylib")
     content = both.read_bytes()

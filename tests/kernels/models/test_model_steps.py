@@ -102,7 +102,7 @@ def scene_of(model):
             outputs={"quantities": ["omega_b"]},
         ),
         "torque-free body": lambda: made(TRIAXIAL),
-        "torque-free body, pushed": lambda: made(
+        "torque-free body, body force": lambda: made(
             TRIAXIAL, {"omega_b": [1.0, 2.0, 0.0]}, NO_GRAVITY | {"force_b": [0.1, 0.2, 0.3]}
         ),
         "undamped pendulum": lambda: made(
@@ -121,7 +121,7 @@ def scene_of(model):
     }[model]()
 
 
-KICKS = Plan("symmetric top", "kicks of order 2", 7, substep=1e-3, order=2)
+KICKS = Plan("symmetric top", "splitting of order 2", 7, substep=1e-3, order=2)
 
 ANY_BODY = [
     (1, {"mass": 0.0}),
@@ -147,8 +147,8 @@ FAULTY += [
     ("torque-free body", 11, {"constant_torque_a": [0.0, 1e-9, 0.0]}),
     ("torque-free body", 11, {"damping_b": [0.0, 0.0, 1.0]}),
     ("torque-free body", 11, {"r_oc_b": [1.0, 0.0, 0.0], "constant_force_a": [0.0, 1.0, 0.0]}),
-    ("torque-free body, pushed", 11, {"damping_b": [0.0, 0.0, 1.0]}),
-    ("torque-free body, pushed", 11, {"r_oc_b": [1e-9, 0.0, 0.0]}),
+    ("torque-free body, body force", 11, {"damping_b": [0.0, 0.0, 1.0]}),
+    ("torque-free body, body force", 11, {"r_oc_b": [1e-9, 0.0, 0.0]}),
     ("symmetric top", 12, {"inertia": [0.5, 0.6, 0.3, 0.0, 0.0, 0.0]}),
     ("symmetric top", 12, {"damping_b": [0.0, 0.0, 1.0]}),
     ("symmetric top", 13, {"omega_b_0": [0.0, 0.0, 2e4]}),
@@ -200,7 +200,9 @@ WITH_ATTITUDE = MODELS.keys() - {"no rotation", "angular momentum", "symmetric b
 def test_the_quaternion_keeps_length_one(model):
     """To 4 eps at all times: scaled after each substep, or made anew from the start's at each step."""
     scene = AT_A_TURN[model]() if model in AT_A_TURN else scene_of(model)
-    fitted = Plan(model, "", 13, substep=0.1, tolerance=1e-9, order=6 if model == "torque-free body, pushed" else 12)
+    fitted = Plan(
+        model, "", 13, substep=0.1, tolerance=1e-9, order=6 if model == "torque-free body, body force" else 12
+    )
     unit, random = Unit(scene, KICKS if model == "symmetric top" else fitted), np.random.default_rng(2)
     for k in range(300):
         if model == "prescribed rates":

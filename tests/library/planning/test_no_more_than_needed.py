@@ -282,7 +282,7 @@ def test_points_and_weights_are_gauss_s_rule(order):
 def test_a_pushed_free_body_is_not_integrated(accuracy):
     scene = made(TRIAXIAL, SPUN, PUSH, accuracy=accuracy)
     found = plan(scene)
-    assert (found.model, found.states) == ("torque-free body, pushed", 13)
+    assert (found.model, found.states) == ("torque-free body, body force", 13)
     assert error_of(scene, found) <= 1.1 * found.error + 4 * EPS
     assert found.error <= accuracy / 3.0
     assert "turns with the body" in reasons(found)
@@ -312,7 +312,7 @@ def test_the_quadrature_holds_in_any_communication_step(factor):
 def test_a_pushed_path_gathers_no_round_off():
     """1e5 steps: plain sums lose 1e-12."""
     scene = made(TRIAXIAL, SPUN, PUSH)
-    found = Plan("torque-free body, pushed", "", 13, order=3, substep=1.0, pinned=("all",))
+    found = Plan("torque-free body, body force", "", 13, order=3, substep=1.0, pinned=("all",))
     rows = ends(scene, found, [2.0**-10] * 100_000)
     last = reference.motion(scene, [100_000 * 2.0**-10])
     assert max(reference.errors(last, *(column[-1:] for column in rows)).values()) <= 20 * EPS
@@ -335,4 +335,4 @@ def test_what_turns_or_varies_is_integrated(body, loads, varies):
 def test_the_cheaper_of_quadrature_and_integrator_serves_a_symmetric_body():
     body = {"mass": 2.0, "inertia": [1.0, 1.0, 2.0]}
     models = [plan(made(body, SPUN, PUSH, accuracy=accuracy)).model for accuracy in (1e-3, 1e-12)]
-    assert models == ["symmetric top", "torque-free body, pushed"]
+    assert models == ["symmetric top", "torque-free body, body force"]

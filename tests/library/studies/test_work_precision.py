@@ -161,7 +161,7 @@ def test_many_outputs_are_of_the_same_motion() -> None:
         assert range(case.outputs)[case.checkpoints][-1] == case.outputs - 1
     many = CASES["c"].with_many_outputs()
     assert many.outputs == 1000
-    for name in ("RK4, quaternion", "kicks, order 4"):
+    for name in ("RK4, quaternion", "splitting, order 4"):
         method = {m.name: m for m in (*library_methods.library_methods(), *methods.reference_integrators())}[name]
         few = CASES["c"].errors(method.run(CASES["c"], 0.005).states())
         assert many.errors(method.run(many, 0.005).states()) == few  # the same steps
@@ -459,7 +459,7 @@ def test_figures_tell_machine_and_versions_and_are_read_back_as_written(files: d
 def test_quick_figures_are_sound(files: dict[str, Path]) -> None:
     points = read_points(files["work_precision.csv"])
     assert {p.method for p in points} >= {
-        "exact", "DOP853, error control", "Taylor, order 12", "kicks, order 4", "SciPy DOP853",
+        "exact", "DOP853, error control", "Taylor, order 12", "splitting, order 4", "SciPy DOP853",
     }  # fmt: skip
     for point in points:
         assert point.seconds > 0.0
@@ -486,7 +486,7 @@ def made_up() -> Collection:
         ("exact", "exact"),
         ("DOP853, error control", "DOP853"),
         ("Taylor, order 24", "Taylor"),
-        ("kicks, order 4", "kicks"),
+        ("splitting, order 4", "splitting"),
     )
     points, endings = [], []
     for case in few_and_many(CASES):

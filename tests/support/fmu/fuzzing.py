@@ -12,8 +12,10 @@ import tempfile
 from pathlib import Path
 
 from rbfmu_fmu.description import describe
+from rbfmu_fmu.fmi2_xml import FMI2
 from rbfmu_fmu.native import headers as native_headers
 from rbfmu_fmu.native import linking
+from rbfmu_fmu.native.build import c_sources
 from rbfmu_fmu.native.object_code import object_files
 from rbfmu_fmu.native.platforms import this_platform
 from tests.support.fmu.fmus import planned, scene
@@ -45,7 +47,7 @@ def compiled(name, folder, compiler, flags=(), spoilt=None):
     """The fuzzer of a scene's C layer; spoilt: what to replace in it, (right, wrong), each to be found once."""
     headers = native_headers.headers(describe(scene(name), planned(name)), "{00000000-0000-0000-0000-000000000000}")
     objects = object_files(planned(name).kernels, this_platform())
-    sources = {file: linking.source(file).decode() for file in (*linking.FMI2, *linking.HEADERS)}
+    sources = {file: linking.source(file).decode() for file in (*c_sources(FMI2), *linking.HEADERS)}
     if spoilt:
         (file,) = (file for file, text in sources.items() if spoilt[0] in text)
         sources[file] = sources[file].replace(*spoilt)
@@ -55,7 +57,7 @@ def compiled(name, folder, compiler, flags=(), spoilt=None):
         (folder / file).write_bytes(content)
     program = folder / f"fuzz_{name}"
     command = [compiler, *FLAGS, *flags, f"-I{folder}", f"-I{linking.FMI_HEADERS}", C_SOURCES / "fuzz.c"]
-    parts = [*objects, *(file for file in linking.FMI2 if file != INCLUDED)]
+    parts = [*objects, *(file for file in c_sources(FMI2) if file != INCLUDED)]
     subprocess.run([*command, *[folder / part for part in parts], "-lm", "-o", program], check=True)
     return program
 

@@ -14,7 +14,7 @@ PICTURES: dict[str, Callable[[Study], Figure]] = {
         attitude.growth_factors, attitude.drift, attitude.gimbal_passage,
         body.gyroscopic_blow_up, body.damping_limits, body.moser_veselov_limits,
         body.energy_drift, attitude.small_angles, body.intermediate_axis,
-        body.sleeping_top, body.kick_resonance, model.product_models,
+        body.sleeping_top, body.splitting_resonance, model.product_models,
         model.orders_and_error_control,
     )
 }  # fmt: skip

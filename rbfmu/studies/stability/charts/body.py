@@ -158,10 +158,10 @@ def sleeping_top(study: Study) -> Figure:
     return axes.figure  # type: ignore[no-any-return]
 
 
-def kick_resonance(study: Study) -> Figure:
+def splitting_resonance(study: Study) -> Figure:
     """Law 12."""
     axes = titled_axes(
-        "Kicks in the rhythm of the precession lift a fast top: at h = 2π I₁ / (I₃ω₃) = 0.419 s\n"
+        "Splitting steps in the rhythm of the precession lift a fast top: at h = 2π I₁ / (I₃ω₃) = 0.419 s\n"
         "the energy error is 10.7 m g l, at a quarter of that step it is 0.0004",
         "step h (s)", "largest energy error over 10 s (m g l)", right=0.9,
     )  # fmt: skip

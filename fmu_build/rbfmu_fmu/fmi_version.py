@@ -1,0 +1,25 @@
+"""What FMUs of one version of FMI differ in: their XML, their C signatures, their folders of binaries."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from xml.etree.ElementTree import Element
+
+from rbfmu_fmu.description import Description
+
+UNSET = "{}"
+"""Stands for an FMU's identity while that identity is being made."""
+
+
+@dataclass(frozen=True)
+class FmiVersion:
+    """One version of FMI; `native.build.VERSIONS` lists all."""
+
+    name: str
+    model_description: Callable[[Description, str, dict[str, str]], Element]
+    """Makes modelDescription.xml of a description, the FMU's identity, and attributes in which kinds of FMU differ."""
+    identity: str
+    """The attribute of modelDescription.xml that identifies an FMU."""
+    signatures: str
+    """The C source of the version's functions, in `native/`."""
+    folders: dict[str, str]
+    """The folder of `binaries` for each of `native.platforms.PLATFORMS`."""
