@@ -235,7 +235,7 @@ Status set_reals(Instance *m, const char *call, const unsigned r[], size_t n, co
     for (size_t i = 0; i < n; i++)
         if (!is_real(m, call, r[i]) || !settable(m, call, r[i], values[i])) return CALL_ERROR;
     for (size_t i = 0; i < n; i++) m->now.z[OFFSETS[r[i]]] = values[i];
-    m->now.stale = 1;
+    m->now.stale |= n > 0;
     return CALL_OK;
 }
 

@@ -97,7 +97,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
                     self._settable(r)
                 for r, value in zip(references, values, strict=True):
                     self._z[self.access.offsets[r]] = value
-            self._stale = True
+            self._stale = self._stale or bool(references)
         except BaseException as error:
             raise self._survivable("fmi2SetReal", error) from None
 

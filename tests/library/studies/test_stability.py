@@ -51,7 +51,7 @@ def test_all_laws_are_measured_and_named() -> None:
 def test_every_model_that_a_plan_may_choose_is_held_against_its_reference() -> None:
     assert {case.model for case in model_laws.CASES} | {"prescribed rates"} == set(MODELS)
     assert {case.order for case in model_laws.CASES if case.model == model_laws.SWING} == set(one_axis_taylor.ORDERS)
-    assert {1, 2, *model_laws.PUSHES} == set(free_body_force.ORDERS)
+    assert {1, 2, *model_laws.QUADRATURE_BOUNDS} == set(free_body_force.ORDERS)
 
 
 @pytest.mark.parametrize("key", motions.MOTIONS)

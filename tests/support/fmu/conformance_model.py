@@ -137,7 +137,7 @@ class Model:
             return self.refused
         for r, value in zip(references, values, strict=True):
             self.now.z[self.facts.offsets[r]] = value
-        self.now.stale = True
+        self.now.stale |= bool(references)
         return OK, None
 
     def _settable(self, reference):
