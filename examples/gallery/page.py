@@ -1,11 +1,10 @@
 """The gallery: draws each scene of examples/scenes and writes their page, with what `rbfmu plan` says, word for word.
 
 `python -m examples.gallery.page [NAME ...]` draws the pictures named (all: none named) and writes the page. What the
-scenes cost stands there as `python -m examples.benchmarks.gallery examples/pictures` has measured it.
+scenes cost stands there as `python -m examples.pages --measure gallery_cost` has measured it.
 """
 
 import argparse
-import csv
 from pathlib import Path
 from statistics import median
 
@@ -13,6 +12,7 @@ import matplotlib as mpl
 from click.testing import CliRunner
 
 import rbfmu
+from examples.figures import record
 from examples.gallery.axes import save
 from examples.gallery.pictures import PICTURES
 from rbfmu.cli import main as command_line
@@ -67,10 +67,7 @@ def plan_text(name: str) -> str:
 
 def costs() -> str:
     """Return the section on what scenes cost, from the figures beside the pictures."""
-    with (FOLDER / "gallery_cost.csv").open(newline="", encoding="utf-8") as file:
-        lines = file.read().splitlines()
-    machine = [line.removeprefix("# ") for line in lines if line.startswith("#")]
-    rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
+    machine, rows = record.read("gallery_cost")
     cells = {(row["scene"], row["who"]): row for row in rows}
     table = []
     for name in dict.fromkeys(row["scene"] for row in rows):

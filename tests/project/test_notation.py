@@ -33,7 +33,9 @@ def test_every_function_is_an_array_function_and_a_kernel(name):
     assert config.DISABLE_JIT or hasattr(getattr(rbfmu_kernels, name), "py_func")  # `@njit` code may call it
 
 
-@pytest.mark.parametrize("document", ["README.md", "NOTATION.md"])
+@pytest.mark.parametrize(
+    "document", ["README.md", "NOTATION.md", "kernels/README.md", "rbfmu/README.md", "fmu_build/README.md"]
+)
 def test_functions_named_as_attributes_exist(document):
     """Such as `rbfmu.rotate` and `rbfmu_kernels.ZYX`."""
     named = re.findall(

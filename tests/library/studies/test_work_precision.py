@@ -536,12 +536,15 @@ def test_tables_fit_the_terminal_and_no_label_lies_on_another(
         assert all(axes.lines or axes.patches for axes in figure.axes)  # no panel is empty
 
 
-def test_the_readme_s_table_quotes_the_best_peer_and_says_where_it_is_ahead(made_up: Collection) -> None:
-    ahead, behind, even = (_judged(1e-10, 1.0, peer) for peer in (0.25, 2.5, 1.0))
-    assert [plans.quoted(v) for v in (ahead, behind, even)] == ["**heyoka.py 0.25**", "heyoka.py 2.5", "heyoka.py even"]
-    lines = plans.markdown(verdicts(made_up)).splitlines()
-    assert len(lines) == 2 + len(tuple(few_and_many(CASES)))
-    assert {line.count("|") for line in lines} == {7}
+def test_the_readme_s_figures_are_those_of_plans_and_of_the_best_peers(made_up: Collection) -> None:
+    ahead, none = _judged(1e-10, 1.0, 0.25), replace(_judged(1e-10, 1.0, 0.25), peer=None)
+    (row, other) = plans.rows([ahead, none])
+    assert (row["peer"], row["seconds"], row["peer_seconds"]) == ("heyoka.py", ahead.cost, 0.25 * ahead.cost)
+    assert other["peer"] == ""
+    assert math.isnan(float(str(other["peer_seconds"])))
+    outputs = [int(str(row["outputs"])) for row in plans.rows(verdicts(made_up))]
+    assert len(outputs) == len(verdicts(made_up))
+    assert [n > CHECKPOINTS for n in outputs] == sorted(n > CHECKPOINTS for n in outputs)  # few first
 
 
 @pytest.mark.parametrize("places", [[0.5, 0.5, 0.5], [0.0, 0.01, 0.99, 1.0], [0.9, 0.95, 1.0]])

@@ -1,0 +1,164 @@
+"""The tables of the pages that are made from code and figures.
+
+They stand between `<!-- made by examples.pages: NAME -->` and `<!-- end -->`. `python -m examples.pages` writes them;
+with `--measure stale` it first takes anew all figures whose sources have changed, with `--measure NAME ...` some.
+Times want a machine with nothing else to do.
+"""
+
+import argparse
+import re
+from collections.abc import Callable, Iterable, Sequence
+from itertools import groupby
+from typing import Any
+
+import rbfmu
+from examples.figures import record
+from examples.gallery import page as gallery
+from rbfmu.scene.keys import scene_keys
+from rbfmu.studies.work_precision.tables import short
+
+PAGES = tuple(
+    record.ROOT / name
+    for name in ("README.md", "kernels/README.md", "rbfmu/README.md", "fmu_build/README.md", "examples/README.md")
+)
+PLACE = re.compile(r"(<!-- made by examples\.pages: (\S+) -->\n).*?(<!-- end -->)", re.DOTALL)
+
+
+def markdown(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a table."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
+
+
+def two_digits(number: float) -> str:
+    """Return a number to two digits, without an exponent."""
+    return f"{float(f'{number:.2g}'):,.12g}"
+
+
+def accuracy_and_cost() -> str:
+    """Return what plans and the best peers take for each accuracy, and the machine."""
+    head, rows = record.read("peers")
+    accuracies = list(dict.fromkeys(row["accuracy"] for row in rows))
+    table = [
+        [motion, f"{int(outputs):,}", *map(times, group)]
+        for (motion, outputs), group in groupby(rows, lambda row: (row["motion"], row["outputs"]))
+    ]
+    titles = ["motion", "outputs", *(f"error {short(float(accuracy))}" for accuracy in accuracies)]
+    noise = float(rows[0]["noise"])
+    measured = f"Where no name stands, the other is heyoka.py. Costs within a factor of {noise:.2f} are even."
+    return f"{markdown(titles, table)}\n{measured} {machine(head)}\n"
+
+
+def times(row: dict[str, str]) -> str:
+    """Return both times in microseconds, the lesser one bold; heyoka.py, the usual peer, is not named."""
+    own, other = (two_digits(1e6 * float(row[who])) for who in ("seconds", "peer_seconds"))
+    if row["even"] == "False":
+        is_ahead = float(row["seconds"]) < float(row["peer_seconds"])
+        own, other = (f"**{own}**", other) if is_ahead else (own, f"**{other}**")
+    return f"{own} / {other}" + (f" {row['peer']}" if row["peer"] != "heyoka.py" else "")
+
+
+def machine(head: Sequence[str]) -> str:
+    """Return on what figures were measured, without what was not installed."""
+    found = [line for line in head if "not installed" not in line]
+    processor = found[0].split(",")[0].replace("(R)", "")
+    return f"Measured on: {processor}, two shared cores; {', '.join(found[1:])}."
+
+
+def keys() -> str:
+    """Return all keys of a scene, table by table."""
+    parts = []
+    for table, group in groupby(scene_keys(), lambda key: key.table):
+        rows = [[f"`{key.name}`", key.unit, key.default and f"`{key.default}`", key.meaning] for key in group]
+        title = f"`[{table}]`" if table else "before all tables"
+        parts.append(f"**{title}**\n\n" + markdown(["key", "unit", "default", "meaning"], rows))
+    return "\n".join(parts).replace("`required`", "required").replace("`all there are`", "all there are")
+
+
+STATED = (
+    "compose_quaternions", "rotate", "matrix_from_quaternion", "quaternion_from_matrix", "compose_matrices",
+    "quaternion_from_euler", "quaternion_from_rotvec", "rotvec_from_quaternion", "angle_between",
+)  # fmt: skip
+"""Functions whose docstrings the page on kernels quotes."""
+
+
+def errors() -> str:
+    """Return what some docstrings say of the error and of places without a value."""
+    rows = []
+    for name in STATED:
+        text = " ".join((getattr(rbfmu, name).__doc__ or "").split("\n"))
+        (error, singular) = re.findall(r"Error <= (.*?)\.\s{2,}Singular: (.*?)\.(?:\s|$)", text)[0]
+        rows.append([f"`{name}`", error.replace("|", "\\|"), singular.replace("|", "\\|")])
+    return markdown(["function", "error at most", "singular"], rows)
+
+
+def kernels() -> str:
+    """Return ns an item of array functions, and of others as multiples."""
+    head, rows = record.read("kernels")
+    others = ("SciPy", "numpy-quaternion", "quaternionic", "copy")
+    table = [
+        [row["operation"], two_digits(float(row["rbfmu"])), *(ratio(row, other, "rbfmu") for other in others)]
+        for row in rows
+    ]
+    titles = ["a million items, one thread", "ns an item", *(f"{other}, times" for other in others)]
+    return f"{markdown(titles, table)}\n{machine(head)}\n"
+
+
+def ratio(row: dict[str, str], one: str, other: str) -> str:
+    """Return how many times one figure is another."""
+    return two_digits(float(row[one]) / float(row[other])) if row[one] else ""
+
+
+def native() -> str:
+    """Return ratios of what a step of native FMUs takes."""
+    head, rows = record.read("native")
+    titles = ["model", "over the same kernel in a Numba loop", "over C by hand, -O3", "over the pythonfmu kind"]
+    who = ("numba loop", "by hand", "pythonfmu")
+    table = [[row["scene"], *(two_digits(float(row[x])) if row[x] else "" for x in who)] for row in rows]
+    return f"{markdown(titles, table)}\n{machine(head)}\n"
+
+
+def importers() -> str:
+    """Return what came of both kinds of FMU in each importer."""
+    _, rows = record.read("interop")
+    table = []
+    for (name, version), group in groupby(rows, lambda row: (row["importer"], row["version"])):
+        results = {row["FMU"]: row["result"] for row in group}
+        table.append([f"{name} {version}".strip(), results["native"], results["python"]])
+    return markdown(["importer", "native kind", "pythonfmu kind"], table)
+
+
+TABLES: dict[str, Callable[[], str]] = {
+    "accuracy-and-cost": accuracy_and_cost,
+    "scene-keys": keys,
+    "errors": errors,
+    "kernels": kernels,
+    "native": native,
+    "importers": importers,
+}
+
+
+def filled(text: str) -> str:
+    """Return a page's text with its tables as they should be. Raises KeyError for one that nothing makes."""
+    return PLACE.sub(lambda found: found[1] + TABLES[found[2]]() + found[3], text)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure what is asked for, and write the pages."""
+    parser: Any = argparse.ArgumentParser(description="Write the tables of the pages.")
+    names = ("stale", *record.SOURCES)
+    parser.add_argument("--measure", nargs="+", default=[], choices=names, help="figures to take anew")
+    asked = parser.parse_args(arguments).measure
+    for name in record.SOURCES:
+        if name in asked or ("stale" in asked and not record.is_up_to_date(name)):
+            from examples.figures.measure import measure
+
+            measure(name)
+            if name == "gallery_cost":
+                gallery.PAGE.write_text(gallery.page(), encoding="utf-8")
+    for page in PAGES:
+        page.write_text(filled(page.read_text(encoding="utf-8")), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
