@@ -251,6 +251,31 @@ def test_rows_of_peers_are_quoted_with_every_accuracy() -> None:
     assert set(plans.FASTEST) >= {row["peer"] for row in rows}
 
 
+def test_who_is_ahead_where_is_what_the_readme_says() -> None:
+    """With few outputs nobody is ahead of plans, with many nobody behind."""
+    for row in record.read("peers")[1]:
+        if row["even"] == "False":
+            few = int(row["outputs"]) == CASES[row["case"]].outputs
+            assert (float(row["seconds"]) < float(row["peer_seconds"])) == few, row
+
+
+def test_round_off_limits_what_can_be_asked_as_the_readme_says() -> None:
+    assert "1e-13 of a fast top that turns by 500 rad; if you ask for 1e-15" in text_of("README.md")
+    fast = rbfmu.load_scene(gallery.scene_file("top_sleeping")).replace({"run.stop": 2.5})
+    assert fast.initial.omega_b[2] * fast.run.stop == pytest.approx(500.0)
+    assert rbfmu.plan(fast.replace({"run.accuracy": 1e-13})).error < 1e-13
+    with pytest.raises(rbfmu.SceneError, match="reach"):
+        rbfmu.plan(fast.replace({"run.accuracy": 1e-15}))
+
+
+def test_numbers_in_words_are_those_of_the_code() -> None:
+    assert len(gallery.PICTURES) == 15
+    assert "fifteen scenes" in text_of("rbfmu/README.md")
+    assert "fifteen scenes" in text_of("examples/README.md")
+    assert len(CASES) == 8
+    assert "on eight motions" in text_of("rbfmu/README.md")
+
+
 # --- scenes and plans
 
 
