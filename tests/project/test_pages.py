@@ -33,6 +33,11 @@ def text_of(name: str) -> str:
     return (ROOT / name).read_text(encoding="utf-8")
 
 
+def joined(text: str) -> str:
+    """Return a text whose lines follow each other with a blank between."""
+    return " ".join(text.split())
+
+
 class Block(NamedTuple):
     page: str
     number: int
@@ -126,7 +131,7 @@ def test_what_is_not_run_here_exists(command: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_commands_named_in_the_text_exist(name: str) -> None:
-    for code in re.findall(r"`([^`\n]+)`", FENCE.sub("", text_of(name))):
+    for code in re.findall(r"`([^`]+)`", joined(FENCE.sub("", text_of(name)))):
         if found := re.match(r"python -m (examples\.\S+)", code):
             assert (ROOT / f"{found[1].replace('.', '/')}.py").exists(), code
         if found := re.match(r"make (\w+)", code):
@@ -214,6 +219,33 @@ def test_every_pattern_of_sources_finds_some(name: str) -> None:
     assert name in measure.MEASURED
 
 
+def test_one_command_takes_stale_figures_anew_and_writes_the_tables(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    taken: list[str] = []
+    page = tmp_path / "README.md"
+    page.write_text("a\n<!-- made by examples.pages: importers -->\nold\n<!-- end -->\nb\n")
+    monkeypatch.setattr(pages, "PAGES", [page])
+    monkeypatch.setattr(measure, "measure", taken.append)
+    monkeypatch.setattr(record, "is_up_to_date", lambda name: name != "interop")
+    pages.main(["--measure", "stale"])
+    assert taken == ["interop"]
+    assert page.read_text() == f"a\n<!-- made by examples.pages: importers -->\n{pages.importers()}<!-- end -->\nb\n"
+
+
+def test_figures_are_kept_with_the_digest_of_their_sources(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(record, "place", lambda name: tmp_path / f"{name}.csv")
+    monkeypatch.setitem(measure.MEASURED, "native", lambda: [{"scene": "one", "by hand": 0.5}])
+    measure.measure("native")
+    head, rows = record.read("native")
+    assert rows == [{"scene": "one", "by hand": "0.5"}]
+    assert head[0]
+    assert not any(line.startswith("sources") for line in head)
+    assert record.is_up_to_date("native")
+    monkeypatch.setattr(record, "digest", lambda name: "other")
+    assert not record.is_up_to_date("native")
+
+
 def test_measuring_without_a_peer_says_which(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(measure.NEEDED, "peers", ("no_such_package",))
     with pytest.raises(SystemExit, match="no_such_package"):
@@ -260,7 +292,7 @@ def test_who_is_ahead_where_is_what_the_readme_says() -> None:
 
 
 def test_round_off_limits_what_can_be_asked_as_the_readme_says() -> None:
-    assert "1e-13 of a fast top that turns by 500 rad; if you ask for 1e-15" in text_of("README.md")
+    assert "1e-13 of a fast top that turns by 500 rad; if you ask for 1e-15" in joined(text_of("README.md"))
     fast = rbfmu.load_scene(gallery.scene_file("top_sleeping")).replace({"run.stop": 2.5})
     assert fast.initial.omega_b[2] * fast.run.stop == pytest.approx(500.0)
     assert rbfmu.plan(fast.replace({"run.accuracy": 1e-13})).error < 1e-13
@@ -270,10 +302,10 @@ def test_round_off_limits_what_can_be_asked_as_the_readme_says() -> None:
 
 def test_numbers_in_words_are_those_of_the_code() -> None:
     assert len(gallery.PICTURES) == 15
-    assert "fifteen scenes" in text_of("rbfmu/README.md")
-    assert "fifteen scenes" in text_of("examples/README.md")
+    assert "fifteen scenes" in joined(text_of("rbfmu/README.md"))
+    assert "fifteen scenes" in joined(text_of("examples/README.md"))
     assert len(CASES) == 8
-    assert "on eight motions" in text_of("rbfmu/README.md")
+    assert "on eight motions" in joined(text_of("rbfmu/README.md"))
 
 
 # --- scenes and plans
