@@ -3,7 +3,7 @@ VENV ?= .venv
 PYTHON ?= python3
 BIN = $(VENV)/bin
 
-.PHONY: setup check test slow demo bench interop platforms fuzz
+.PHONY: setup check test slow demo bench interop platforms fuzz ranges
 setup:
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --editable ".[dev]"
@@ -40,6 +40,11 @@ interop:
 platforms:
 	$(BIN)/pip install --quiet --editable ".[native]"
 	$(BIN)/pytest -m slow tests/fmu/native/test_native_fmu_build.py tests/fmu/native/test_native_fmu_platforms.py
+
+# The lowest and the newest of all dependencies with every Python found here, in fresh environments, some minutes each.
+ranges:
+	$(BIN)/pip install --quiet "uv>=0.5"
+	$(BIN)/python -m tests.support.ranges
 
 # Wrong calls of both kinds of FMU, millions of them, counted; the C layer under sanitizers.
 fuzz:

@@ -1,7 +1,7 @@
 """Two FMUs of rbfmu and a controller, connected by an OSP system file and run by libcosim; the same by direct calls.
 
 In libcosim's fixed-step algorithm all units step at once, then outputs become inputs: each connection delays by a
-step. `pip install libcosimpy` first.
+step. It needs libcosimpy: `pip install "rbfmu[interop]"`.
 """
 
 import shutil
@@ -14,7 +14,13 @@ from pythonfmu.builder import FmuBuilder
 
 import rbfmu
 import rbfmu_fmu
+from rbfmu.extras import needed_of
 from rbfmu.runs.model_buffer import filled_buffer, initialize
+
+with needed_of("interop"):
+    from libcosimpy.CosimExecution import CosimExecution
+    from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
+    from libcosimpy.CosimObserver import CosimObserver
 
 SYSTEM = Path(__file__).parent / "interop" / "system"
 SATELLITE = rbfmu.load_scene(Path(__file__).parent / "scenes" / "controlled_satellite.toml")
@@ -39,10 +45,6 @@ def build(folder: Path, kind: str) -> None:
 
 def through_libcosim(folder: Path) -> np.ndarray:
     """Return the satellite's attitude and the navigator's after each step, (STEPS, 8)."""
-    from libcosimpy.CosimExecution import CosimExecution
-    from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
-    from libcosimpy.CosimObserver import CosimObserver
-
     log_output_level(CosimLogLevel.WARNING)
     execution = CosimExecution.from_osp_config_file(str(folder))
     observer, places = CosimObserver.create_last_value(), []

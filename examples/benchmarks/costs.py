@@ -16,11 +16,11 @@ from unittest.mock import patch
 
 import numpy as np
 from numba import njit
-from scipy.optimize import nnls
 
 import rbfmu
 from examples.benchmarks.goals import Goal, status
 from examples.benchmarks.substeps import series, timed
+from rbfmu.extras import needed_of
 from rbfmu.models import registry
 from rbfmu.models.spec import ModelSpec
 from rbfmu.planning.costs import NS, stated, terms
@@ -28,6 +28,9 @@ from rbfmu.planning.methods import SPLITTING_COSTS, series_cost
 from rbfmu.runs.model_buffer import filled_buffer, initialize
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import QUANTITIES, Scene
+
+with needed_of("bench"):
+    from scipy.optimize import nnls
 
 WITHIN, STEPS = 1.5, 100
 FREE, ROUND = {"mass": 2.0, "inertia": [1.0, 2.0, 2.5]}, {"mass": 2.0, "inertia": [1.0, 1.0, 0.5]}

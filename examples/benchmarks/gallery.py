@@ -17,7 +17,6 @@ from pathlib import Path
 from time import process_time
 from typing import Any
 
-import mpmath as mp
 import numpy as np
 from numba import njit
 
@@ -26,6 +25,7 @@ from examples.benchmarks.goals import Goal, status
 from examples.gallery.cost_chart import draw
 from examples.gallery.page import PICTURES, scene_file
 from examples.references.reference_motions import USUAL, Motion
+from rbfmu.extras import needed_of
 from rbfmu.planning.select import with_all_outputs
 from rbfmu.runs.errors import attitude_error, relative_error
 from rbfmu.runs.model_buffer import filled_buffer, initialize
@@ -34,6 +34,9 @@ from rbfmu.studies.work_precision.collection import machine, write_rows
 from rbfmu.studies.work_precision.methods import NotFeasibleError
 from rbfmu.studies.work_precision.peers import ABSENT, MUJOCO_INTEGRATORS, peers
 from rbfmu.studies.work_precision.simulators import MuJoCo
+
+with needed_of("bench"):
+    import mpmath as mp
 
 GOAL, ALLOWANCE = 5.0, 1.05
 """The full model's cost over the planned one's on the median scene, and what the planned one may cost on any."""

@@ -8,6 +8,7 @@ with status 1 where a goal is missed.
 import csv
 import importlib
 import importlib.metadata
+import importlib.util
 import os
 import platform
 import subprocess
@@ -24,14 +25,17 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from numba import njit
-from scipy.spatial.transform import Rotation
 
 import rbfmu
 import rbfmu_kernels as k
 from examples.benchmarks.goals import Goal, status
+from rbfmu.extras import needed_of, remedy
 from rbfmu_kernels.compile.plain import plain_gufunc
 from rbfmu_kernels.compile.shapes import core_shapes
 from rbfmu_kernels.rotations.euler_angles import sequence
+
+with needed_of("bench"):
+    from scipy.spatial.transform import Rotation
 
 GOALS = {  # name: (times faster than SciPy, share of the copy's speed)
     "compose quaternions": (40.0, 0.9),
@@ -389,9 +393,16 @@ def main(folder: Path, n: int = 1_000_000) -> list[dict[str, Any]]:
         peer, share = GOALS[row["operation"]]
         ratio, of_copy = row["SciPy"] / row["rbfmu"], row["copy"] / row["rbfmu"]
         print(f"{row['operation']:32}{ratio:17.1f}{peer:8.1f}{of_copy:17.2f}{share:8.2f}")
+    print("".join(absent()), end="")
     for name, value in {**one_item(), **threads(n), **starts()}.items():
         print(f"{name:60}{value:10.3f}")
     return rows
+
+
+def absent() -> list[str]:
+    """Return a line for each peer that is not installed."""
+    missing = [peer for peer, (module, _) in PEERS.items() if importlib.util.find_spec(module) is None]
+    return [f"{peer}: not installed ({remedy('bench')})\n" for peer in missing]
 
 
 def _version(package: str) -> str | None:

@@ -19,6 +19,7 @@ import rbfmu
 import rbfmu_fmu
 from examples.interop import importers
 from examples.interop.importers import IMPORTERS, Importer
+from rbfmu.extras import remedy
 from rbfmu.runs.model_buffer import filled_buffer, initialize
 from rbfmu_fmu.description import describe
 
@@ -97,11 +98,16 @@ def rows_of(scene: rbfmu.Scene, folder: Path) -> list[dict[str, str]]:
         version = importers.version(importer)
         for kind, fmu in fmus.items():
             if version is None:
-                result = "not on this machine"
+                result = absent(importer)
             else:
                 result = fmu if isinstance(fmu, str) else try_importer(name, fmu, scene)
             rows.append(dict(zip(COLUMNS, (name, version or "", kind, result), strict=True)))
     return rows
+
+
+def absent(importer: Importer) -> str:
+    """Return what an importer that is not here needs."""
+    return f"not installed: {remedy('interop')}" if importer.package else f"no {importer.program} on PATH"
 
 
 def markdown(rows: list[dict[str, str]]) -> str:

@@ -11,10 +11,12 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
-import mpmath as mp
-
+from rbfmu.extras import needed_of
 from rbfmu.scene.scene import Scene
 from rbfmu.studies.work_precision.cases import CASES, CHECKPOINTS, REFERENCES
+
+with needed_of("bench"):
+    import mpmath as mp
 
 DIGITS = 40
 Series = list[int]

@@ -7,6 +7,7 @@ import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import fmpy
 import numpy as np
@@ -121,11 +122,19 @@ def _missing(path: Path, description: Description) -> list[str]:
     found = {v.name: v for v in model.modelVariables}
     problems = [f"variable {v.name} is missing" for v in description.variables if v.name not in found]
     problems += [f"variable {v.name} has no unit" for v in found.values() if v.type == "Real" and not v.unit]
-    outputs = {v.name for v in found.values() if v.causality == "output"}
-    for kind, unknowns in (("outputs", model.outputs), ("initial unknowns", model.initialUnknowns)):
-        listed = {u.variable.name for u in unknowns if u.dependencies is not None}
+    outputs, names = {v.name for v in found.values() if v.causality == "output"}, [v.name for v in model.modelVariables]
+    for kind, section in (("outputs", "Outputs"), ("initial unknowns", "InitialUnknowns")):
+        listed = {names[index] for index in _with_dependencies(path, section)}
         problems += [f"{n} is not among the {kind} with dependencies" for n in sorted(outputs - listed)]
     return problems
+
+
+def _with_dependencies(path: Path, section: str) -> list[int]:
+    """Return the indices of variables whose dependencies are said; older FMPy reads silence as no dependency."""
+    with zipfile.ZipFile(path) as archive:
+        root = ElementTree.fromstring(archive.read("modelDescription.xml"))
+    unknowns = root.iterfind(f"ModelStructure/{section}/Unknown[@dependencies]")
+    return [int(unknown.attrib["index"]) - 1 for unknown in unknowns]
 
 
 def _signal(scene: Scene, description: Description, steps: int, random: np.random.Generator) -> NDArray[np.float64]:

@@ -12,10 +12,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from rbfmu.cli import main
 from rbfmu_fmu import archive
+from tests.support.command_line import call
 from tests.support.fmu.fmus import built
 from tests.support.paths import ROOT
 
@@ -88,13 +87,13 @@ def test_a_disk_full_at_any_file_leaves_what_was_there(kind, scene_file, tmp_pat
     monkeypatch.setattr(archive, "zipfile", SimpleNamespace(**vars(zipfile) | {"ZipFile": FullDisk}))
     target.write_bytes(b"what was there")
     for FullDisk.room in (0, 1, files - 1):
-        result = CliRunner().invoke(main, command(scene_file, target, kind)[3:])
+        result = call(*command(scene_file, target, kind)[3:])
         assert result.exit_code == 2
         assert result.stderr == f"Error: {target}: No space left on device\n"
         assert target.read_bytes() == b"what was there"
         assert sorted(p.name for p in tmp_path.iterdir()) == ["it.fmu", "prescribed.toml"]
     FullDisk.room = files
-    assert CliRunner().invoke(main, command(scene_file, target, kind)[3:]).exit_code == 0
+    assert call(*command(scene_file, target, kind)[3:]).exit_code == 0
     assert target.read_bytes() == built("prescribed", kind).read_bytes()
 
 

@@ -11,13 +11,12 @@ from pathlib import Path
 import fmpy
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
 
 import rbfmu
 import rbfmu_fmu
-from rbfmu.cli import main
 from rbfmu_fmu.native.platforms import PLATFORMS
 from tests.support.bad_scenes import BAD_SCENES, BadScene
+from tests.support.command_line import call
 
 SHORT = """
 [body]
@@ -29,10 +28,6 @@ omega_b = [0.3, 1.0, 0.2]
 stop = 1.0
 step = 0.1
 """
-
-
-def call(*arguments: object) -> Result:
-    return CliRunner().invoke(main, [str(a) for a in arguments])
 
 
 @pytest.fixture

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import fmpy
 
+from rbfmu.extras import remedy
 from rbfmu_fmu.native.platforms import BuildError, Platform, is_this
 
 FMI_HEADERS = Path(fmpy.__file__).parent / "c-code"
@@ -81,9 +82,10 @@ def compiler(platform: Platform) -> list[str]:
         return [own, "-Wl,-z,noseparate-code"] if platform.suffix == ".so" else [own]  # 8 kB less
     if find_spec("ziglang"):
         return [sys.executable, "-m", "ziglang", "cc", "-target", platform.zig]
-    remedy = 'pip install "rbfmu[native]" (ziglang, compiles for every platform)'
     own_remedy = ", or a C compiler on PATH (cc, gcc or clang)" if is_this(platform) else ""
-    raise NoLinkerError(f"a native FMU for {platform.name} needs {remedy}{own_remedy}")
+    raise NoLinkerError(
+        f"a native FMU for {platform.name} needs {remedy('native')} (ziglang, compiles for every platform){own_remedy}"
+    )
 
 
 def compiled_by_ziglang(platform: Platform) -> bool:

@@ -99,20 +99,24 @@ def _entry_module(model: Model, name: str) -> Any:
     except AttributeError as error:
         raise BuildError(f"Numba {numba.__version__} does not give a function's LLVM source: {error}") from error
     module = llvm.parse_assembly(source)
-    module.link_in(llvm.parse_assembly(_c_signature(name, inner)))
+    module.link_in(llvm.parse_assembly(_c_signature(name, inner, typed="double*" in source)))
     return module
 
 
-def _c_signature(name: str, inner: str) -> str:
-    """Return LLVM source of `int64 NAME(double *, ...)` around Numba's `int32 inner(ret *, exc **, double *, ...)`."""
-    declared, given = ("ptr, double", "ptr %z, double %h") if name == "step" else ("ptr", "ptr %z")
+def _c_signature(name: str, inner: str, typed: bool) -> str:
+    """Return LLVM source of `int64 NAME(double *, ...)` around Numba's `int32 inner(ret *, exc **, double *, ...)`.
+
+    typed: whether LLVM's pointers have types, as with Numba 0.61.
+    """
+    result, exception, buffer = ("i64*", "i8**", "double*") if typed else ("ptr",) * 3
+    step, size = (", double", ", double %h") if name == "step" else ("", "")
     return f"""
-        declare i32 @"{inner}"(ptr, ptr, {declared})
-        define hidden i64 @{name}({given}) {{
+        declare i32 @"{inner}"({result}, {exception}, {buffer}{step})
+        define hidden i64 @{name}({buffer} %z{size}) {{
             %result = alloca i64
-            %exception = alloca ptr
-            %failed = call i32 @"{inner}"(ptr %result, ptr %exception, {given})
-            %value = load i64, ptr %result
+            %exception = alloca {exception.removesuffix("*")}
+            %failed = call i32 @"{inner}"({result} %result, {exception} %exception, {buffer} %z{size})
+            %value = load i64, {result} %result
             %bad = icmp ne i32 %failed, 0
             %status = select i1 %bad, i64 -1, i64 %value
             ret i64 %status

@@ -1,7 +1,8 @@
-"""Traps of pythonfmu 0.7.0, each with what would happen, and how this FMU stays out of it. Bundled into every FMU.
+"""Traps of pythonfmu 0.6.3 to 0.7.0, each with what would happen, and how this FMU stays out of it.
 
-All that rests on how pythonfmu works inside stands here, but for what its interface cannot say otherwise: an exception
-is fmi2Fatal, a `do_step` that returns False is fmi2Discard with fmi2Terminated; there is no third way to refuse.
+It is bundled into every FMU. All that rests on how pythonfmu works inside stands here, but for what its interface
+cannot say otherwise: an exception is fmi2Fatal, a `do_step` that returns False is fmi2Discard with fmi2Terminated;
+there is no third way to refuse.
 """
 
 import atexit
@@ -14,18 +15,18 @@ import threading
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-VERSION = "0.7.0"
-"""The one version whose traps these are; another may have none of them, or others."""
-
 BUILDERS_INSTANCE = "dummyInstance"
 """The builder makes an instance of this name to read the variables: it has no FMU's folder, and no logger."""
 
-LEFT_OUT = re.compile(r"modelDescription\.xml|resources/pythonfmu/(deploy|csvbuilder|__main__)\.py")
+LEFT_OUT = re.compile(r"modelDescription\.xml|sources/.*|resources/pythonfmu/(deploy|csvbuilder|__main__)\.py")
 """Packed by the builder: a description with a random guid and the date, which would differ each time, and modules that
 no FMU uses."""
 
 CRASHES_IN_PATH = re.compile(r"[+%(#]|[^\x00-\x7f]")
 """Characters of the folder of an unzipped FMU at which the library ends the process when it decodes the path."""
+
+_TAKES_MEMORY = re.compile(rb"6cppfmu|@cppfmu@@")
+"""In a library of pythonfmu (ELF or Windows) that takes memory by the importer's callbacks: those before 0.6.8."""
 
 _increment = ctypes.pythonapi.Py_IncRef
 _increment.argtypes, _increment.restype = [ctypes.py_object], None
@@ -45,6 +46,12 @@ def builder_imports_undone() -> Iterator[None]:
         for name in set(sys.modules) - before:
             if re.search(r"(^|\.)rbfmu_[0-9a-f]{12}|_[0-9a-f]{12}$", name):
                 del sys.modules[name]
+
+
+def memory_capability(contents: dict[str, bytes]) -> dict[str, str]:
+    """Return what an FMU of these files says of its memory; pythonfmu says "true" of all, and some then crash."""
+    takes = any(_TAKES_MEMORY.search(code) for name, code in contents.items() if name.startswith("binaries/"))
+    return {"canNotUseMemoryManagementFunctions": str(not takes).lower()}
 
 
 def keep_script(names: dict[str, Any]) -> None:

@@ -168,7 +168,9 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         if self._phase not in CALLS[call].phases:
             raise RuntimeError(refusal(call, self._phase))
 
-    def setup_experiment(self, start_time: float, stop_time: float | None, tolerance: float | None) -> None:
+    def setup_experiment(
+        self, start_time: float, stop_time: float | None = None, tolerance: float | None = None
+    ) -> None:
         """Do nothing: the times are the importer's, and the accuracy is the scene's."""
 
     def enter_initialization_mode(self) -> None:

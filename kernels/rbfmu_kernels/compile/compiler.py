@@ -109,8 +109,14 @@ class _IntermediateCode(JITCodeLibrary):  # type: ignore[misc]
     def _optimize_final_module(self) -> None:
         """Merge what is called; the rest is done once, in the caller."""
         options = {"loop_vectorize": False, "slp_vectorize": False, "opt": 0, "cost": "cheap"}
-        passes, builder = self._codegen._module_pass_manager(**options)
-        passes.run(self._final_module, builder)
+        made = self._codegen._module_pass_manager(**options)
+        if isinstance(made, tuple):
+            passes, builder = made
+            passes.run(self._final_module, builder)
+        else:  # Numba 0.61, whose LLVM keeps unused globals: addresses of functions, for which nothing would be cached
+            made.add_aggressive_dead_code_elimination_pass()
+            made.add_global_dce_pass()
+            made.run(self._final_module)
 
     def _finalize_final_module(self) -> None:
         self._finalize_dynamic_globals()

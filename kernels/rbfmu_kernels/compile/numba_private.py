@@ -1,9 +1,8 @@
 """The one module that imports Numba's internals. All that is needed of them is listed here.
 
-Each row was tried with Numba 0.62.1, 0.63.1, 0.64.0, 0.65.1, 0.66.0, 0.67.0 and 0.68.1. Where a row is missing,
+Each row was tried with Numba 0.61.0, 0.62.1, 0.63.1, 0.64.0, 0.65.1, 0.66.0, 0.67.0 and 0.68.1. Where a row is missing,
 `MISSING` names it, and `plain` compiles instead by what Numba documents: the first call is slower, and the bits are the
-same. Where all are there but behave otherwise, `reduced.internals_serve` finds it (as with Numba 0.61.2, whose
-`_module_pass_manager` returns one value).
+same. Where all are there but behave otherwise, `reduced.internals_serve` finds it.
 """
 
 import importlib

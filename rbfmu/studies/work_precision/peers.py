@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 
+from rbfmu.extras import remedy
 from rbfmu.studies.work_precision.heyoka_peer import Heyoka
 from rbfmu.studies.work_precision.methods import Method
 from rbfmu.studies.work_precision.simulators import Basilisk, Drake, MuJoCo
@@ -47,4 +48,4 @@ def peers() -> tuple[tuple[Method, ...], dict[str, str]]:
 def absent() -> list[str]:
     """Return a line for each peer that is not installed."""
     names = [name for name, found in peers()[1].items() if found == ABSENT]
-    return [f"{name}: {ABSENT} (pip install 'rbfmu[{_PEERS[name][1]}]')" for name in names]
+    return [f"{name}: {ABSENT} ({remedy(_PEERS[name][1])})" for name in names]

@@ -10,15 +10,14 @@ from xml.etree import ElementTree
 
 import fmpy
 import pytest
-from click.testing import CliRunner
 
 import rbfmu_fmu
-from rbfmu.cli import main
 from rbfmu_fmu import VerificationError, archive, verify
 from rbfmu_fmu.fmi2_xml import FMI2
 from rbfmu_fmu.native import linking
 from rbfmu_fmu.native.linking import NoLinkerError, universal
 from rbfmu_fmu.native.platforms import PLATFORMS, BuildError, this_platform
+from tests.support.command_line import call
 from tests.support.fmu.builds import KILLED, build_elsewhere
 from tests.support.fmu.fmu_importer import Fmu
 from tests.support.fmu.fmus import built, native, scene, unzipped, unzipped_at
@@ -158,17 +157,13 @@ def test_one_fmu_may_serve_all_platforms(tmp_path):
 # --- the command line
 
 
-def run(*arguments):
-    return CliRunner().invoke(main, list(map(str, arguments)))
-
-
 def test_the_command_builds_what_the_function_builds(tmp_path):
     path = tmp_path / "it.fmu"
-    result = run("build", SCENES / "gyro_attitude.toml", "--native", "-o", path)
+    result = call("build", SCENES / "gyro_attitude.toml", "--native", "-o", path)
     assert (result.exit_code, result.stdout.strip()) == (0, str(path))
     expected = rbfmu_fmu.build(scene("gyro_attitude"), tmp_path / "expected.fmu", "native")
     assert path.read_bytes() == expected.read_bytes()
-    verified = run("verify", path)
+    verified = call("verify", path)
     assert verified.exit_code == 0
     assert "passed" in verified.stdout
 
@@ -178,7 +173,7 @@ def test_the_command_builds_what_the_function_builds(tmp_path):
     (["--native", "--platform", "amiga"], "platform 'amiga': expected one of linux64, win64"),
 ])  # fmt: skip
 def test_bad_usage_is_one_message_and_status_2(options, message, tmp_path):
-    result = run("build", SCENES / "gyro_attitude.toml", "-o", tmp_path / "it.fmu", *options)
+    result = call("build", SCENES / "gyro_attitude.toml", "-o", tmp_path / "it.fmu", *options)
     assert result.exit_code == 2
     assert message in result.stderr
     assert list(tmp_path.iterdir()) == []
@@ -187,7 +182,7 @@ def test_bad_usage_is_one_message_and_status_2(options, message, tmp_path):
 def test_a_machine_without_compilers_gets_one_message(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr(linking, "find_spec", lambda name: None)
-    result = run("build", SCENES / "gyro_attitude.toml", "--native", "-o", tmp_path / "it.fmu")
+    result = call("build", SCENES / "gyro_attitude.toml", "--native", "-o", tmp_path / "it.fmu")
     assert result.exit_code == 2
     assert 'pip install "rbfmu[native]"' in result.stderr
     assert "Traceback" not in result.output

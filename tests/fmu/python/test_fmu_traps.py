@@ -5,7 +5,6 @@ import shutil
 import subprocess
 import sys
 from functools import cache
-from importlib import metadata
 from pathlib import Path
 from types import ModuleType
 
@@ -273,10 +272,6 @@ def test_building_leaves_no_module_and_no_path_behind(tmp_path):
     assert sys.path == path
     assert set(sys.modules) == modules
     assert sys.dont_write_bytecode == caching
-
-
-def test_the_traps_are_those_of_the_version_that_is_installed():
-    assert metadata.version("pythonfmu") == pythonfmu_traps.VERSION
 
 
 def test_what_rests_on_the_inside_of_pythonfmu_stands_in_one_module():

@@ -3,12 +3,11 @@
 import re
 
 import pytest
-from click.testing import CliRunner
 
 import rbfmu
-from rbfmu.cli import main
 from rbfmu.planning.costs import MACHINE, NS, stated, terms
 from rbfmu.runs.plan import Plan
+from tests.support.command_line import call
 from tests.support.fmu.fmus import bench
 from tests.support.paths import SCENES
 
@@ -50,7 +49,7 @@ def test_a_force_in_b_costs_as_one_that_turns_only_where_its_path_is_asked():
 
 def test_the_command_says_cost_step_and_machine():
     name = str(SCENES / "tumbling_brick.toml")
-    last = CliRunner().invoke(main, ["plan", name], catch_exceptions=False).stdout.splitlines()[-1]
+    last = call("plan", name, catch_exceptions=False).stdout.splitlines()[-1]
     found = re.fullmatch(r"expected: error \S+, about ([\d,]+) ns a step of 0.1 s on (.+)", last)
     assert found[2] == MACHINE
     assert float(found[1].replace(",", "")) == pytest.approx(rbfmu.plan(name).cost, rel=0.05)

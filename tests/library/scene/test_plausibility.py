@@ -5,11 +5,10 @@ import warnings
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
 import rbfmu
-from rbfmu.cli import main
 from rbfmu.scene.plausibility import doubts_after, doubts_before
+from tests.support.command_line import call
 from tests.support.scene_tables import SMALLEST, scene
 
 SLOW = {"stop": 1.0, "step": 0.1}
@@ -55,9 +54,9 @@ def test_a_body_that_is_spun_up_during_the_run() -> None:
 def test_python_is_warned_where_it_called(tmp_path: Path) -> None:
     path = tmp_path / "large.toml"
     path.write_text("[body]\nmass = 1\ninertia = [1e6, 1e6, 1e6]\n[run]\nstop = 0.1\n")
-    for call in (lambda: rbfmu.simulate(path), lambda: rbfmu.plan(rbfmu.load_scene(path))):
+    for ask in (lambda: rbfmu.simulate(path), lambda: rbfmu.plan(rbfmu.load_scene(path))):
         with pytest.warns(rbfmu.SceneWarning, match="large: the body's radius of gyration is 1e\\+03 m") as caught:
-            call()
+            ask()
         assert [w.filename for w in caught] == [__file__]
 
 
@@ -66,7 +65,7 @@ def test_the_command_line_says_each_doubt_once_on_stderr(tmp_path: Path) -> None
     path.write_text(
         "[body]\nmass = 1\ninertia = [1e6, 1e6, 1e6]\n[initial]\nomega_b = [0, 0, 700]\n[run]\nstop = 0.1\n"
     )
-    result = CliRunner().invoke(main, ["run", str(path)])
+    result = call("run", path)
     assert result.exit_code == 0
     lines = result.stderr.splitlines()
     assert [line.split(":")[0] for line in lines] == ["Warning"] * 2

@@ -5,22 +5,17 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
 
 import rbfmu
-from rbfmu.cli import main
 from rbfmu.scene.keys import REQUIRED, new_scene, scene_keys
 from rbfmu.scene.scene import PARAMETERS, PORTS, QUANTITIES, Scene
 from rbfmu_kernels.quantities import BY_NAME
 from tests.support.bad_scenes import GOOD
+from tests.support.command_line import call
 from tests.support.scene_tables import DEFAULTS, SMALLEST
 
 KEYS = {key.path: key for key in scene_keys()}
 OPTIONAL = re.compile(r"^#(\w+) = ", re.MULTILINE)
-
-
-def call(*arguments: object) -> Result:
-    return CliRunner().invoke(main, [str(a) for a in arguments])
 
 
 def test_every_key_that_a_scene_takes_is_listed() -> None:

@@ -7,9 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from rbfmu.cli import main
 from rbfmu.models.registry import MODELS
 from rbfmu.studies import stability
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS
@@ -21,6 +19,7 @@ from rbfmu.studies.stability.report import print_laws
 from rbfmu.studies.stability.top_laws import flip_rate, time_between_flips
 from rbfmu_kernels.models import free_body_force, one_axis_taylor
 from tests.support import stability_references
+from tests.support.command_line import call
 
 STUDIES = {study.__name__: study for study in stability.STUDIES}
 _MEASURED: dict[str, Any] = {}
@@ -257,7 +256,7 @@ def test_command_prints_the_table_and_fails_with_a_finding(
         return [stability.write_findings(folder / "laws.csv", [Finding(15, "tile", 1e-9, measured, 0.0, AT_MOST)])]
 
     monkeypatch.setattr(stability, "run_stability", run)
-    result = CliRunner().invoke(main, ["stability", "--quick", "-o", str(tmp_path / "out")])
+    result = call("stability", "--quick", "-o", tmp_path / "out")
     assert result.exit_code == status
     assert "Law 15." in result.output
     assert ("does not hold: law 15, tile" in result.output) == bool(status)

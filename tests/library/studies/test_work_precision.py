@@ -220,7 +220,7 @@ def test_absent_peers_are_named_and_left_out(monkeypatch: pytest.MonkeyPatch) ->
     assert peers.peers()[0] == ()
     lines = peers.absent()
     assert len(lines) == len(peers._PEERS)
-    assert "heyoka.py: not installed (pip install 'rbfmu[bench]')" in lines
+    assert 'heyoka.py: not installed (pip install "rbfmu[bench]")' in lines
 
 
 def test_the_extras_that_are_named_install_their_peers() -> None:

@@ -1,0 +1,90 @@
+"""What is not installed is named in one line, with the extra that installs it; the main job needs no extra."""
+
+import subprocess
+import sys
+import tomllib
+
+import pytest
+
+from examples.benchmarks import kernels
+from examples.interop import importers
+from examples.interop import run as interop
+from rbfmu.extras import remedy
+from tests.support.paths import ROOT, SCENES
+
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+EXTRAS = PROJECT["optional-dependencies"]
+NEEDED = {
+    ("examples.benchmarks.costs", "scipy"): "bench",
+    ("examples.benchmarks.kernels", "scipy"): "bench",
+    ("examples.benchmarks.gallery", "mpmath"): "bench",
+    ("examples.references.reference_motions", "mpmath"): "bench",
+    ("examples.05_system", "libcosimpy"): "interop",
+}
+"""By module and the package that it cannot do without: the extra that installs it."""
+MAIN_JOB = """
+import sys
+class Absent:
+    def find_spec(name, path, target=None):
+        if name.partition(".")[0] in {absent}:
+            raise ModuleNotFoundError(f"no {{name}}", name=name)
+sys.meta_path.insert(0, Absent)
+{then}
+"""
+
+
+def without(absent, then):
+    program = MAIN_JOB.format(absent=absent, then=then)
+    return subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True)
+
+
+@pytest.mark.parametrize(("program", "package"), NEEDED)
+def test_a_program_without_its_package_ends_with_the_extra_s_name(program, package):
+    done = without([package], f"import importlib; importlib.import_module({program!r})")
+    extra = NEEDED[program, package]
+    assert done.stderr.strip().endswith(f'is not installed: pip install "rbfmu[{extra}]"')
+    assert done.stderr.count("\n") == 1
+    assert any(line.startswith(package) for line in EXTRAS[extra])
+
+
+def test_the_kernels_benchmark_names_peers_that_are_absent(monkeypatch):
+    monkeypatch.setattr(kernels, "PEERS", {"Nobody's": ("no_such_module", None)})
+    assert kernels.absent() == ['Nobody\'s: not installed (pip install "rbfmu[bench]")\n']
+
+
+def test_importers_that_are_absent_name_the_extra_or_the_program():
+    package, program = importers.IMPORTERS["ecospy"], importers.IMPORTERS["fmuCheck"]
+    assert interop.absent(package) == 'not installed: pip install "rbfmu[interop]"'
+    assert interop.absent(program) == "no fmuCheck.linux64 on PATH"
+
+
+@pytest.mark.parametrize("extra", ["native", "bench", "interop"])
+def test_an_extra_that_is_named_exists(extra):
+    assert remedy(extra) == f'pip install "rbfmu[{extra}]"'
+    assert EXTRAS[extra]
+
+
+def test_the_main_job_needs_no_extra(tmp_path):
+    """Scenes are run, planned, built into FMUs and verified, and the demonstration is loaded."""
+    extras = (
+        "scipy",
+        "mpmath",
+        "ziglang",
+        "libcosimpy",
+        "ecospy",
+        "tbb",
+        "heyoka",
+        "quaternion",
+        "mujoco",
+        "numbalsoda",
+    )
+    scene, fmu = str(SCENES / "gyro_attitude.toml"), str(tmp_path / "it.fmu")
+    commands = (
+        ["plan", scene],
+        ["run", scene, "-o", str(tmp_path / "it.csv")],
+        ["build", scene, "-o", fmu],
+        ["verify", fmu],
+    )
+    calls = "".join(f"main({command}, standalone_mode=False)\n" for command in commands)
+    done = without(extras, f"from rbfmu.cli import main\nimport rbfmu_fmu.demo\n{calls}")
+    assert done.returncode == 0, done.stderr
