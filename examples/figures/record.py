@@ -16,16 +16,19 @@ FOLDER = Path(__file__).parent
 _PARTS = ("rotations", "numerics", "mechanics", "exact", "integrators", "body", "models")
 KERNELS = tuple(f"kernels/rbfmu_kernels/{part}/**/*.py" for part in _PARTS)
 """What is computed. How it is compiled (`compile/`) and planned is left out: plans are compared one by one."""
-_NATIVE = ("fmu_build/rbfmu_fmu/native/*.[ch]", "fmu_build/rbfmu_fmu/python/slave.py")
+_NATIVE = "fmu_build/rbfmu_fmu/native/*.[ch]"
+_STUDY = "rbfmu/studies/work_precision"
+_BENCH = "examples/benchmarks"
 SOURCES: dict[str, tuple[str, ...]] = {
-    "peers": (*KERNELS, "examples/benchmarks/plans.py", "rbfmu/studies/work_precision/cases.py",
-              "rbfmu/studies/work_precision/*peer*.py", "rbfmu/studies/work_precision/solvers.py"),
-    "gallery_cost": (*KERNELS, "examples/benchmarks/gallery.py"),
-    "kernels": (*KERNELS[:2], "examples/benchmarks/kernels.py"),
-    "native": (*KERNELS, *_NATIVE, "examples/benchmarks/native.*", "examples/benchmarks/native_by_hand.c"),
-    "interop": (*_NATIVE, "examples/interop/*.py"),
+    "peers": (*KERNELS, f"{_STUDY}/cases.py", f"{_STUDY}/heyoka_peer.py", f"{_STUDY}/solvers.py",
+              f"{_BENCH}/plans.py:collected"),
+    "gallery_cost": (*KERNELS, f"{_BENCH}/gallery.py:competitors,measured"),
+    "kernels": (*KERNELS[:2], f"{_BENCH}/kernels.py:tasks,scipy_calls,measure"),
+    "native": (*KERNELS, _NATIVE, f"{_BENCH}/native.c", f"{_BENCH}/native_by_hand.c",
+               f"{_BENCH}/native.py:_scene,_costs,_numba_timer,Running"),
+    "interop": (_NATIVE, "examples/interop/importers.py", "examples/interop/run.py:by_kernels,try_importer,comparison"),
 }  # fmt: skip
-"""By the name of a file of figures: what it rests on."""
+"""By the name of a file of figures: what it rests on, files or functions and classes in them."""
 _STAMP = "# sources "
 
 
@@ -34,18 +37,32 @@ def place(name: str) -> Path:
     return ROOT / "examples" / "pictures" / f"{name}.csv" if name == "gallery_cost" else FOLDER / f"{name}.csv"
 
 
-def sources(name: str) -> list[Path]:
-    """Return the files that these figures rest on."""
-    return sorted(path for pattern in SOURCES[name] for path in ROOT.glob(pattern))
+def sources(name: str) -> Iterator[tuple[Path, list[str]]]:
+    """Yield the files that these figures rest on, each with the definitions that count there (all: none named)."""
+    for entry in SOURCES[name]:
+        pattern, _, definitions = entry.partition(":")
+        for path in sorted(ROOT.glob(pattern)):
+            yield path, definitions.split(",") if definitions else []
 
 
 def digest(name: str) -> str:
     """Return a digest of what these figures rest on; comments, docstrings and blank lines do not count."""
     found = hashlib.sha256()
-    for path in sources(name):
+    for path, definitions in sources(name):
         text = path.read_text(encoding="utf-8")
-        found.update("\n".join([path.name, *(code_lines(text) if path.suffix == ".py" else [text])]).encode())
+        for definition in definitions:
+            found.update("\n".join(code_lines(segment(text, definition))).encode())
+        if not definitions:
+            found.update("\n".join([path.name, *(code_lines(text) if path.suffix == ".py" else [text])]).encode())
     return found.hexdigest()[:16]
+
+
+def segment(text: str, definition: str) -> str:
+    """Return the source of a function or class. Raises KeyError where there is none."""
+    for node in ast.parse(text).body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and node.name == definition:
+            return "\n".join(text.splitlines()[node.lineno - 1 : node.end_lineno]) + "\n"
+    raise KeyError(definition)
 
 
 def code_lines(text: str) -> Iterator[str]:

@@ -205,7 +205,7 @@ def test_figures_are_not_older_than_their_sources(name: str) -> None:
 
 def test_figures_grow_old_with_code_but_not_with_words(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     source = tmp_path / "it.py"
-    monkeypatch.setattr(record, "sources", lambda name: [source])
+    monkeypatch.setattr(record, "sources", lambda name: [(source, [])])
     seen = []
     for text in ('"""Words."""\nx = 1.0\n', '"""Other\nwords."""\n\nx = 1.0  # and more\n', "x = 2.0\n"):
         source.write_text(text)
@@ -213,9 +213,26 @@ def test_figures_grow_old_with_code_but_not_with_words(monkeypatch: pytest.Monke
     assert seen[0] == seen[1] != seen[2]
 
 
+def test_of_some_sources_only_the_functions_named_count(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    source = tmp_path / "it.py"
+    seen = []
+    monkeypatch.setattr(record, "sources", lambda name: [(source, ["one"])])
+    for text in (
+        "def one():\n    return 1\n",
+        "import os\n\n\ndef one():\n    return 1\n",
+        "def one():\n    return 2\n",
+    ):
+        source.write_text(text)
+        seen.append(record.digest("peers"))
+    assert seen[0] == seen[1] != seen[2]
+    monkeypatch.setattr(record, "sources", lambda name: [(source, ["two"])])
+    with pytest.raises(KeyError, match="two"):
+        record.digest("peers")
+
+
 @pytest.mark.parametrize("name", record.SOURCES)
 def test_every_pattern_of_sources_finds_some(name: str) -> None:
-    assert all(list(ROOT.glob(pattern)) for pattern in record.SOURCES[name])
+    assert all(list(ROOT.glob(entry.partition(":")[0])) for entry in record.SOURCES[name])
     assert name in measure.MEASURED
 
 
