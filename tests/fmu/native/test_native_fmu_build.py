@@ -14,7 +14,7 @@ import pytest
 import rbfmu_fmu
 from rbfmu_fmu import VerificationError, archive, verify
 from rbfmu_fmu.fmi2_xml import FMI2
-from rbfmu_fmu.native import linking
+from rbfmu_fmu.native import linking, object_code
 from rbfmu_fmu.native.linking import NoLinkerError, universal
 from rbfmu_fmu.native.platforms import PLATFORMS, BuildError, this_platform
 from tests.support.command_line import call
@@ -195,3 +195,9 @@ def test_an_fmu_for_another_platform_cannot_be_verified_here(tmp_path):
     path = rbfmu_fmu.build(scene("gyro_attitude"), tmp_path / "it.fmu", "native", [other])
     with pytest.raises(VerificationError, match=f"built for {other}, not {fmpy.platform}"):
         verify(path)
+
+
+def test_the_c_signature_has_pointers_as_llvm_has_them():
+    assert "double* %z, double %h" in object_code._c_signature("step", "inner", typed=True)
+    assert "ptr" not in object_code._c_signature("step", "inner", typed=True)
+    assert "*" not in object_code._c_signature("step", "inner", typed=False)

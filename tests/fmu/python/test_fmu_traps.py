@@ -1,6 +1,8 @@
 """The traps of pythonfmu, each closed; what could crash runs in a process of its own."""
 
 import hashlib
+import inspect
+import re
 import shutil
 import subprocess
 import sys
@@ -18,6 +20,7 @@ from rbfmu_fmu.native.object_code import object_files
 from rbfmu_fmu.python import build as python_fmu
 from rbfmu_fmu.python import pythonfmu_traps
 from rbfmu_fmu.python.build import build_python_fmu
+from rbfmu_fmu.python.slave import Slave
 from tests.support.fmu.builds import KILLED, NAMED, build_elsewhere
 from tests.support.fmu.c_host import rows_for_c_host, run_c_host
 from tests.support.fmu.fmu_cases import WRONGS
@@ -279,3 +282,16 @@ def test_what_rests_on_the_inside_of_pythonfmu_stands_in_one_module():
     modules = {p: p.read_text(encoding="utf-8") for p in Path(rbfmu_fmu.__file__).parent.rglob("*.py")}
     for sign in ("ctypes.pythonapi", "log_queue", "dladdr", "sys.path", "dummyInstance", "resources/pythonfmu/("):
         assert [path for path, text in modules.items() if sign in text] == [home], sign
+
+
+def test_older_pythonfmu_finds_the_script_s_class_by_its_text_and_passes_the_start_time_alone():
+    script = python_fmu.SCRIPT.format(package="p", identifier="Body")
+    assert re.search(r"^class (\w+)\(\s*Fmi2Slave\s*\)\s*:", script, re.MULTILINE)[1] == "Body"
+    assert inspect.signature(Slave.setup_experiment).bind(None, 0.0)
+
+
+@pytest.mark.parametrize(("code", "own"), [(b"PyState", "true"), (b"N6cppfmu6", "false"), (b"@cppfmu@@", "false")])
+def test_what_takes_memory_of_the_importer_says_so(code, own):
+    """Else importers that offer none are ended by pythonfmu before 0.6.8."""
+    contents = {"binaries/it.so": code, "resources/text": b"6cppfmu"}
+    assert pythonfmu_traps.memory_capability(contents) == {"canNotUseMemoryManagementFunctions": own}

@@ -5,6 +5,8 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
+from unittest.mock import Mock, call
 
 import pytest
 from numba import config, njit
@@ -12,6 +14,7 @@ from numba.core.caching import NullCache
 
 from rbfmu_kernels import free_rotation, free_rotation_at, free_rotation_setup, rotate
 from rbfmu_kernels.compile import stamp, tiled_gufunc
+from rbfmu_kernels.compile.compiler import _IntermediateCode
 from rbfmu_kernels.compile.decorator import kernel
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="needs the compiler")
@@ -82,3 +85,15 @@ def test_loops_over_tiles_are_vectorised_over_items(monkeypatch):
     monkeypatch.setattr(tiled_gufunc, "_compiled", lambda loop: loops.append(compiled(loop)) or loops[-1])
     tiled_gufunc.tiled_gufuncs(rotate)
     assert re.search(r"fmul <\d+ x double>", loops[0].inspect_llvm())
+
+
+def test_passes_that_know_no_builder_also_drop_addresses_that_nobody_uses():
+    """So with Numba 0.61, where no code that keeps such an address would be cached."""
+    made = Mock()
+    library = SimpleNamespace(_codegen=Mock(_module_pass_manager=lambda **options: made), _final_module="module")
+    _IntermediateCode._optimize_final_module(library)
+    assert made.method_calls == [
+        call.add_aggressive_dead_code_elimination_pass(),
+        call.add_global_dce_pass(),
+        call.run("module"),
+    ]

@@ -74,7 +74,7 @@ def refusals(folder):
             assert instance.exit() == OK
         before = _reals(instance, phase)
         status = wrong(instance)
-        found[name] = {"status": status, "log": [(s, c and c.decode(), t.decode()) for s, c, t in instance.log]}
+        found[name] = {"status": status, "log": [(s, (c or b"").decode(), t.decode()) for s, c, t in instance.log]}
         found[name]["untouched"] = _reals(instance, phase) == before
         instance.log.clear()
         if phase == "stepping":
