@@ -11,6 +11,7 @@ from pathlib import Path
 import fmpy
 import numpy as np
 import pytest
+from numba import config
 
 import rbfmu
 import rbfmu_fmu
@@ -135,7 +136,7 @@ def test_options_take_the_place_of_the_file_s_keys(short: Path, tmp_path: Path) 
     assert "a step of 0.5 s" in call("plan", short, *options).output
     assert call("build", short, "-o", tmp_path / "it.fmu", *options).exit_code == 0
     model = fmpy.read_model_description(str(tmp_path / "it.fmu"))
-    assert (model.defaultExperiment.stopTime, model.defaultExperiment.stepSize) == ("3.0", "0.5")
+    assert (float(model.defaultExperiment.stopTime), float(model.defaultExperiment.stepSize)) == (3.0, 0.5)
     assert "accuracy asked 0.001" in call("verify", tmp_path / "it.fmu").output
 
 
@@ -156,6 +157,7 @@ def test_the_end_is_printed_with_units(short: Path) -> None:
     assert units == {"position": ["m"], "omega_b": ["rad/s"], "alpha_b": ["rad/s2"]}
 
 
+@pytest.mark.skipif(not hasattr(config, "CACHE_LOCATOR_CLASSES"), reason="this Numba finds another folder")
 def test_where_nothing_can_be_kept_one_line_says_what_to_do(short: Path, tmp_path: Path) -> None:
     environment = os.environ | {
         "NUMBA_CACHE_DIR": str(short / "no folder"), "NUMBA_CACHE_LOCATOR_CLASSES": "UserProvidedCacheLocator",
