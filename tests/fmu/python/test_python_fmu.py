@@ -20,6 +20,10 @@ from rbfmu_fmu.demo import ROUND_OFF
 from tests.support.fmu.fmu_importer import DISCARD, FATAL, OK
 from tests.support.fmu.fmus import ALL_PORTS, Kernels, built, opened, planned, scene, signal, unzipped
 
+# From CPython 3.13 on ctypes reports that pythonfmu calls the importer's logger while an exception is on its way.
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored on calling ctypes callback function:pytest.PytestUnraisableExceptionWarning"
+)
 H = 0.01
 LOADED = {"force_a[1]": 2.0, "force_b[2]": -1.0, "torque_a[3]": 0.5, "torque_b[1]": 0.7}
 
