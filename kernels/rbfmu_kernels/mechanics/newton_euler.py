@@ -66,6 +66,7 @@ def gyroscopic_torque(M: Matrix, omega: Vec3) -> Vec3:
 def euler_equation(M_c: Matrix, omega: Vec3, torque_c: Vec3) -> Vec3:
     """Return alpha of T_c = M_c alpha + omega x (M_c omega).
 
+    About a point o of the body that is fixed in space it holds as well: give M_o and torque_o.
     Units: M_c in kg m^2, omega in rad/s, torque_c in N m; alpha in rad/s^2.  Frames: all in body axes.
     Error in eps |M_c^-1| (|T_c| + |M_c| |omega|^2): 1.5 in principal axes, 1.2 times the condition of M_c in others.
     Singular: about the axis of a zero principal moment (slender beam) alpha is 0; two zero moments give NaN.
