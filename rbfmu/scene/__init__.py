@@ -1,4 +1,4 @@
-"""Scenes: a body, its start, its loads, what is asked for; read from TOML and checked."""
+"""A scene: a body, its initial state, its loads and the requested outputs, read from TOML and checked."""
 
 from rbfmu.scene.body import Body
 from rbfmu.scene.fields import SceneError

@@ -1,4 +1,4 @@
-"""Functions of a scene that take a scene file's path as well, name the file in their errors, and doubt slips."""
+"""Let functions of a scene take the path of a scene file as well, name it in errors, and warn of likely mistakes."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,7 +15,7 @@ R = TypeVar("R")
 
 @contextmanager
 def faults_of(source: str) -> Iterator[None]:
-    """Let a SceneError name this source."""
+    """Name this source in each SceneError that is raised inside."""
     try:
         yield
     except SceneError as error:
@@ -23,7 +23,7 @@ def faults_of(source: str) -> Iterator[None]:
 
 
 def of_scene_or_path(function: Callable[Concatenate[Scene, P], R]) -> Callable[Concatenate[Scene | str | Path, P], R]:
-    """Make a function of a scene take a scene's file as well. It raises TypeError for anything else."""
+    """Make a function of a scene accept the path of a scene file as well; it raises TypeError for anything else."""
 
     @wraps(function)
     def call(scene: Scene | str | Path, *args: P.args, **kwargs: P.kwargs) -> R:
@@ -38,4 +38,4 @@ def of_scene_or_path(function: Callable[Concatenate[Scene, P], R]) -> Callable[C
             warn(loaded, doubts_before(loaded))
             return function(loaded, *args, **kwargs)
 
-    return call  # type: ignore[return-value]  # a keyword as well
+    return call  # type: ignore[return-value]  # scene may also be a keyword

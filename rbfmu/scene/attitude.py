@@ -1,4 +1,4 @@
-"""The attitude of a scene: a quaternion from any of the ways to write one."""
+"""The attitude of a scene: a quaternion, read from any of its representations."""
 
 import math
 from typing import Annotated, Any, ClassVar
@@ -14,12 +14,12 @@ from rbfmu_kernels.rotations import rotation_vector as rotvec
 from rbfmu_kernels.types import Matrix, Quaternion, Vec3
 
 UNIT_TOLERANCE = 1e-6
-"""How far a quaternion's length may be from 1, a matrix from orthogonal: numbers typed with seven digits."""
+"""The largest deviation of a quaternion's length from 1, or of R R^T from the identity; seven digits suffice."""
 LARGEST_ANGLE = 1e9
-"""Beyond, the last digit of a float is more than 1e-7: no attitude, but a slip."""
+"""A float resolves a larger angle no finer than 1e-7, so a larger angle must be a mistake."""
 ZERO = (0.0, 0.0, 0.0)
 ROUND_OFF = 8 * 2.0**-52
-"""|q|^2 - 1 of a quaternion that has been normalised: it is kept to the bit."""
+"""A quaternion whose |q|^2 differs from 1 by no more than this is already normalised, and no bit of it changes."""
 
 
 class UnitQuaternion(Numbers):
@@ -68,7 +68,7 @@ def _angles(unit: str) -> Numbers:
 
 
 class Attitude(Section):
-    """`initial.attitude`: exactly one of the representations."""
+    """The table `initial.attitude`, which gives the attitude in exactly one representation."""
 
     _path: ClassVar[str] = "initial.attitude"
 
@@ -118,5 +118,5 @@ class Attitude(Section):
 
 
 def read_attitude(value: Any) -> Quaternion:
-    """Return q_ab of an attitude table, or of a quaternion that is one already. Raises SceneError."""
+    """Return q_ab of an attitude table or of an `Attitude`. Raises SceneError."""
     return Attitude.read(value).resolved()

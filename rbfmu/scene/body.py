@@ -1,4 +1,4 @@
-"""The body of a scene: mass, inertia about the centre of mass, and where it is held."""
+"""The body of a scene: its mass, its inertia about the centre of mass, and its pivot."""
 
 import math
 from abc import abstractmethod
@@ -19,17 +19,17 @@ ZERO = (0.0, 0.0, 0.0)
 
 
 class Inertia(Numbers):
-    """The rule of an inertia: principal moments or a matrix, stored as a symmetric matrix that a body can have."""
+    """The rule of an inertia: principal moments or a matrix, stored as a symmetric and physically possible matrix."""
 
     def __init__(self) -> None:
         super().__init__((3, 3), _UNIT)
 
     def expected(self) -> str:
-        """Return in words what may stand there."""
+        """Return a phrase that says which values are allowed."""
         return f"{self.choice()} about the centre of mass ({_UNIT})"
 
     def choice(self) -> str:
-        """Return in words what there is to choose from."""
+        """Return a phrase that lists the choices."""
         return "3 principal moments or a 3x3 matrix"
 
     def __call__(self, value: Any) -> Matrix:
@@ -199,7 +199,7 @@ class Body(Section):
 
     @classmethod
     def _inertia_of_shape(cls, shape: Any, mass: Any, faults: list[str]) -> Any:
-        """Return M_c, or that of a unit ball where faults are in the way."""
+        """Return M_c, or unit moments as a placeholder if there are faults."""
         try:
             body = _read_shape(shape)
         except SceneError as error:
@@ -208,7 +208,7 @@ class Body(Section):
             try:
                 mass = _MASS(mass)
             except ValueError:
-                pass  # said at body.mass
+                pass  # this fault is reported at body.mass
             else:
                 M = body.inertia(mass)
                 if all(map(math.isfinite, flattened(M))) and _inertia.trace(M) > 0.0:
@@ -220,7 +220,7 @@ class Body(Section):
         return self._without_two_moments()
 
     def _without_two_moments(self) -> Iterator[str]:
-        """Yield the fault of a point mass: it has no attitude; on a pivot it is a pendulum, the same as a beam."""
+        """Yield a fault if `M` is not finite or two of its moments are zero: a free point mass has no attitude."""
         if not all(map(math.isfinite, flattened(self.M))):
             yield fault("body.r_oc_b", self.r_oc_b, f"a distance whose inertia about o is finite ({_UNIT})")
         elif _inertia.principal_axes(self.M)[0][1] <= _inertia.INERTIA_TOLERANCE * _inertia.trace(self.M):

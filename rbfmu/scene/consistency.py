@@ -1,4 +1,4 @@
-"""Faults between the sections of a scene: each section is good by itself."""
+"""Contradictions between the sections of a scene, each of which is valid by itself."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -13,22 +13,22 @@ from rbfmu_kernels.types import Vec3
 PRESCRIBED = tuple(row.name for row in OUTPUTS if row.kinematic)
 """Quantities that follow from prescribed rates."""
 HELD = tuple(row.name for row in OUTPUTS if row.of_origin)
-"""Quantities of o, which a pivot holds."""
+"""Quantities of o, which a pivot keeps fixed."""
 NEGLIGIBLE = 1e-12
-"""Share of a vector that counts as round-off, as in the kernels."""
+"""The relative size up to which a part of a vector counts as round-off, as in the kernels."""
 
 
 def default_quantities(body: Body | None, inputs: Any, quantities: tuple[str, ...]) -> tuple[str, ...]:
-    """Return all quantities that the body's motion has."""
+    """Return the default outputs: all quantities that this motion has."""
     if inputs is not None and "omega_b" in inputs.ports:
         return PRESCRIBED
     return tuple(q for q in quantities if not (body is not None and body.pivot and q in HELD))
 
 
 def faults_between(good: Mapping[str, Any], rates: tuple[str, Any] | None = None) -> Iterator[str]:
-    """Return all faults between those sections that are good by themselves; a body that is not there is None.
+    """Yield all contradictions between those sections that are valid by themselves; a missing body is None.
 
-    rates: key and value of the initial rates as the file has them, where that is not `initial.omega_b`.
+    rates: the key and value of the initial rates as written in the file, if the key is not `initial.omega_b`.
     """
     inputs, body, initial = good.get("inputs"), good.get("body"), good.get("initial")
     rates = rates or ("initial.omega_b", initial and initial.omega_b)
@@ -71,10 +71,10 @@ def _faults_of_prescribed_rates(good: Mapping[str, Any], rates: tuple[str, Any])
 
 
 def _faults_of_beam(body: Body, axis: Any, good: Mapping[str, Any], rates: tuple[str, Any]) -> Iterator[str]:
-    """Return the faults of a body without inertia about `axis`: what turns it about that gives a rate without bound."""
+    """Yield the faults of a body without inertia about `axis`: a torque about that axis makes the rate unbounded."""
     initial, loads, inputs = (good.get(key) for key in ("initial", "loads", "inputs"))
     about = f"about {_direction(axis)}, where inertia is zero to {NEGLIGIBLE:g} of its trace"
-    # Forces act at o: on a free body with a moment -r x F about the centre of mass; on a pivot with none.
+    # A force at o has the moment -r x F about the centre of mass of a free body, and no moment about a pivot.
     lever = np.zeros(3) if body.pivot else -np.cross(body.r_oc_b, axis)
     levered = not _small(lever, np.array(body.r_oc_b))
     if initial is not None and not _small(axis @ np.array(initial.omega_b), np.array(initial.omega_b)):

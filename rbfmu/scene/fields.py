@@ -1,4 +1,4 @@
-"""What the keys of a scene may hold, and the words for what they must not."""
+"""Rules for the values of a scene's keys, and the messages about values that break them."""
 
 import difflib
 import json
@@ -34,7 +34,7 @@ class SceneError(ValueError):
 
 
 def fault(path: str, value: object, expected: str) -> str:
-    """Return one line: which key holds what, and what was expected."""
+    """Return one line that names the key, its value, and what was expected."""
     return f"{path} = {shown(value)}: expected {expected}"
 
 
@@ -60,7 +60,7 @@ def _spelled(value: object, depth: int) -> str:
         return "[" + ", ".join(_spelled(item, depth + 1) for item in _first(value)) + "]"
     try:
         return str(value) if isinstance(value, Real | date | time) else repr(value)
-    except ValueError:  # an integer of thousands of digits
+    except ValueError:  # str() refuses an integer of thousands of digits
         return "a very large integer"
 
 
@@ -69,20 +69,20 @@ def _first(items: Collection[Any]) -> Iterator[Any]:
 
 
 def joined(path: str, key: str) -> str:
-    """Return a dotted key, quoted where TOML would."""
+    """Return a dotted key, quoted where TOML requires it."""
     key = key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else json.dumps(key)
     return f"{path}.{key}" if path else key
 
 
 class Rule(ABC):
-    """What one key may hold: a call returns the value as stored or raises ValueError(what was expected)."""
+    """A rule for one key: a call returns the value to store, or raises a ValueError that says what was expected."""
 
     @abstractmethod
     def expected(self) -> str:
-        """Return in words what may stand there."""
+        """Return a phrase that says which values are allowed."""
 
     def choice(self) -> str:
-        """Return in words what there is to choose from; nothing where the key's unit and meaning say it."""
+        """Return a phrase that lists the choices; it is empty where unit and meaning suffice."""
         return ""
 
     @abstractmethod
@@ -99,7 +99,7 @@ class Rule(ABC):
 
 @dataclass(frozen=True)
 class Numbers(Rule):
-    """A float, a tuple of floats or of rows, finite and within a bound; integers serve, bools and text do not."""
+    """The rule of finite floats within a bound: one, a tuple, or rows. Integers are accepted, bools are not."""
 
     shape: tuple[int, ...]
     unit: str
@@ -107,7 +107,7 @@ class Numbers(Rule):
     holds: Callable[[float], bool] = field(default=math.isfinite, repr=False)
 
     def expected(self) -> str:
-        """Return in words what may stand there, such as `3 numbers (m)`."""
+        """Return a phrase that says which values are allowed, such as `3 numbers (m)`."""
         return self._words("")
 
     def _words(self, finite: str) -> str:
@@ -154,7 +154,7 @@ def positive(unit: str, *shape: int) -> Numbers:
 
 
 def numbers(name: str) -> Numbers:
-    """Return what a scene may hold of a parameter, a load or an initial value, by its name among the quantities."""
+    """Return the rule of a parameter, a load or an initial value, given its name in the table of quantities."""
     row = BY_NAME[name]
     shape = () if row.size == 1 else (row.size,)
     unit = "" if row.unit == "1" else row.unit
@@ -173,11 +173,11 @@ class Flag(Rule):
     """The rule of a flag: true or false."""
 
     def expected(self) -> str:
-        """Return in words what may stand there."""
+        """Return a phrase that says which values are allowed."""
         return "true or false"
 
     def __call__(self, value: Any) -> bool:
-        """Return the value, if it is one."""
+        """Return the value if it is a bool."""
         return value if isinstance(value, bool) else self.refuse()
 
 
@@ -186,11 +186,11 @@ class Name(Rule):
     """The rule of a name: a title that also serves as a file's name."""
 
     def expected(self) -> str:
-        """Return in words what may stand there."""
+        """Return a phrase that says which values are allowed."""
         return "1 to 200 printable characters without / and \\"
 
     def __call__(self, value: Any) -> str:
-        """Return the value, if it is one."""
+        """Return the value if it is a valid name."""
         if not isinstance(value, str) or not value.isprintable() or set(value) & set("/\\"):
             self.refuse()
         return value if value.strip() and len(value) <= 200 else self.refuse()
@@ -204,7 +204,7 @@ class OneOf(Rule):
     words: str
 
     def expected(self) -> str:
-        """Return in words what may stand there."""
+        """Return a phrase that says which values are allowed."""
         return self.words
 
     def __call__(self, value: Any) -> str:
@@ -214,17 +214,17 @@ class OneOf(Rule):
 
 @dataclass(frozen=True)
 class Names(Rule):
-    """The rule of several names: distinct ones out of a list."""
+    """The rule of a list of distinct, known names."""
 
     known: tuple[str, ...]
     least: int = 0
 
     def expected(self) -> str:
-        """Return in words what may stand there."""
+        """Return a phrase that says which values are allowed."""
         return f"a list of distinct names {self.choice()}"
 
     def choice(self) -> str:
-        """Return in words what may stand there."""
+        """Return a phrase that lists the known names."""
         return f"out of {', '.join(self.known)}"
 
     def __call__(self, value: Any) -> tuple[str, ...]:
@@ -245,7 +245,7 @@ class Names(Rule):
 
 
 def closest(name: str, known: Iterable[str]) -> str:
-    """Return the known name that a mistyped one stands for, or nothing where none is near."""
+    """Return the known name closest to a mistyped one, or an empty string if none is close."""
     lower = {k.lower(): k for k in known}
     near = difflib.get_close_matches(name.lower(), lower, n=1)
     return lower[near[0]] if near else ""

@@ -1,4 +1,4 @@
-"""Every key of a scene with unit, default and meaning, read from the fields that check it; a scene to begin with."""
+"""All keys of a scene with unit, default and meaning, taken from the fields that check them, and a scene template."""
 
 import json
 import textwrap
@@ -18,13 +18,13 @@ WRITTEN = {
     "body.inertia": "[1.0, 2.0, 2.5]",
     "initial.omega_b": "[0.1, 2.0, 0.1]",
 }
-"""What a new scene says for itself: a body that tumbles."""
+"""The values that are set in a new scene: those of a tumbling body."""
 SKETCHED = {
     "body.shape": '{ kind = "box", sides = [0.2, 0.1, 0.05] }',
     "initial.attitude": '{ euler = "ZYX", angles_deg = [0, 0, 0] }',
     "initial.omega_b_deg": "[0, 0, 0]",
 }
-"""What it shows of keys that stand in place of others."""
+"""The values that a new scene shows, commented out, for keys that can replace others."""
 
 INTRODUCTION = """\
 # A scene of rbfmu: one rigid body, its start, its loads and its run. SI units, angles in radians.
@@ -33,7 +33,7 @@ INTRODUCTION = """\
 
 
 class Key(NamedTuple):
-    """A key, the dotted path of its table, its unit and default (as TOML spells it, or in words), its meaning."""
+    """A key: the dotted path of its table, its name, unit, default (as TOML spells it, or in words) and meaning."""
 
     table: str
     name: str
@@ -83,14 +83,14 @@ def _unit(rule: Rule | None) -> str:
 
 
 def _plain(value: object) -> object:
-    """Return whole numbers without a point, for the eye."""
+    """Return the value with whole numbers as integers, which are easier to read."""
     if isinstance(value, tuple):
         return [_plain(item) for item in value]
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
 def new_scene(name: str) -> str:
-    """Return the text of a scene file that runs, with every key: those that it does not need are commented out."""
+    """Return the text of a scene file that runs and shows every key; those that it does not need are commented out."""
     lines = [INTRODUCTION, f"name = {json.dumps(name, ensure_ascii=False)}"]
     table = ""
     for key in scene_keys():

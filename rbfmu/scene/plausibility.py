@@ -1,4 +1,4 @@
-"""What is possible and yet looks like a slip: a unit, or a communication step too long to see the motion."""
+"""Warnings of scenes that are possible but look like mistakes: a wrong unit, or too long a communication step."""
 
 import math
 import warnings
@@ -13,7 +13,7 @@ from rbfmu_kernels.mechanics import inertia
 from rbfmu_kernels.quantities import ANGLE, OUTPUTS
 
 LARGEST, SMALLEST = 100.0, 1e-4
-"""Radii of gyration, m."""
+"""The largest and smallest plausible radius of gyration, in m."""
 PERIODIC = tuple(row.name for row in OUTPUTS if row.error == ANGLE or row.unit == "rad")
 """Quantities that do not show a turn between two points."""
 
@@ -23,20 +23,20 @@ class SceneWarning(UserWarning):
 
 
 def warn(scene: Scene, doubts: Iterable[str], stacklevel: int = 3) -> None:
-    """Give a SceneWarning for each doubt."""
+    """Issue a SceneWarning for each doubt."""
     for doubt in doubts:
         warnings.warn(f"{scene.name}: {doubt}", SceneWarning, stacklevel=stacklevel)
 
 
 def doubts_before(scene: Scene) -> Iterator[str]:
-    """Return what the scene shows: a radius of gyration beyond 100 m or below 0.1 mm, more than a turn a step."""
+    """Yield the doubts that a scene raises: an implausible radius of gyration, or more than one turn per step."""
     if scene.body is not None:
         yield from _size(scene.body)
     yield from _turns(scene, math.hypot(*scene.initial.omega_b), "at the start")
 
 
 def doubts_after(scene: Scene, motion: Mapping[str, NDArray[np.float64]]) -> Iterator[str]:
-    """Return what only the rates of a run show, by quantity."""
+    """Yield the doubts that only the results of a run raise; `motion` holds them by quantity."""
     found = next((motion[row.name] for row in OUTPUTS if row.unit == "rad/s" and row.name in motion), None)
     if found is not None and not any(_turns(scene, math.hypot(*scene.initial.omega_b), "")):
         yield from _turns(scene, float(np.max(np.linalg.norm(found, axis=1))), "at the fastest")

@@ -1,4 +1,4 @@
-"""The scene: a body, its start, its loads, inputs, outputs and run, from a TOML file or in Python, checked."""
+"""The scene: body, initial state, loads, inputs, outputs and run, given in a TOML file or in Python, and checked."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -24,7 +24,7 @@ PORTS = quantities.PORTS
 PARAMETERS = tuple(row.name for row in quantities.IN_BUFFER_ORDER)
 QUANTITIES = tuple(quantities.OUTPUT)
 MAX_STEPS = 1e8
-"""Communication steps of a run: their results take some 20 GB."""
+"""The largest number of communication steps of a run; their results take some 20 GB."""
 _IDENTITY = (1.0, 0.0, 0.0, 0.0)
 _DEGREES = Numbers((3,), "deg/s")
 
@@ -38,7 +38,7 @@ def _meaning(name: str) -> Any:
 
 
 class Initial(Section):
-    """The state at the start; `quaternion` comes from the table `attitude`."""
+    """The initial state; `quaternion` comes from the table `attitude`."""
 
     _path: ClassVar[str] = "initial"
     _spellings: ClassVar[Mapping[str, tuple[str, ...]]] = {
@@ -86,7 +86,7 @@ class Loads(Section):
 
 
 class Inputs(Section):
-    """The inputs that others supply."""
+    """The inputs that other FMUs supply, and the parameters that an importer may change."""
 
     _path: ClassVar[str] = "inputs"
 
@@ -103,7 +103,7 @@ class Inputs(Section):
 
 
 class Outputs(Section):
-    """The quantities that someone will look at."""
+    """The requested output quantities."""
 
     _path: ClassVar[str] = "outputs"
 
@@ -156,7 +156,7 @@ SECTIONS: Mapping[str, type[Section]] = {
 
 
 class Scene(Section):
-    """One rigid body and all that is known about its run; immutable. A bad one raises SceneError with all faults."""
+    """One rigid body and what is known about its run; immutable. An invalid scene raises SceneError with all faults."""
 
     name: Annotated[str, Name(), _means("title, and the FMU's name; by default the file's")] = "scene"
     body: Body | None = None
@@ -186,7 +186,7 @@ class Scene(Section):
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], source: str = "scene") -> Self:
-        """Return the scene of nested tables as in a file; source: its name in messages, and where none is given."""
+        """Return the scene of nested tables as in a file; `source` names it in messages and by default."""
         try:
             if not isinstance(data, Mapping):
                 raise SceneError(fault("scene", data, f"tables {', '.join(SECTIONS)}"))
@@ -197,10 +197,10 @@ class Scene(Section):
     def replace(self, changes: Mapping[str, Any] = MappingProxyType({}), /, **tables: Any) -> Self:
         """Return a checked scene with other values: `replace({"run.stop": 5.0})` or `replace(run={"stop": 5.0})`.
 
-        A table's other keys stay, a section (`Run(...)`) or None takes the table's place. What stands in place of a key
-        removes it (omega_b_deg: omega_b; shape: inertia); quantities that were not asked for by name follow from the
-        new motion. A shape was turned into its inertia when the scene was made: a new mass alone leaves that as it is.
-        Raises SceneError; pydantic's `model_copy(update=...)` checks nothing.
+        The other keys of a table stay; a section (`Run(...)`) or None replaces the whole table. A new key removes the
+        one that it excludes (omega_b_deg removes omega_b, shape removes inertia). Outputs that were not requested by
+        name follow from the new motion. A shape was turned into its inertia when the scene was made, so a new mass
+        alone does not change the inertia. Raises SceneError; pydantic's `model_copy(update=...)` checks nothing.
         """
         new = self.to_dict()
         if "quantities" not in self.outputs.model_fields_set:
@@ -210,20 +210,20 @@ class Scene(Section):
         return type(self).from_dict(new, self.name)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return nested tables of which `from_dict` makes an equal scene; with lists, which JSON keeps as they are."""
+        """Return nested tables from which `from_dict` makes an equal scene; vectors are lists."""
         tables: dict[str, Any] = self.model_dump(mode="json", exclude_none=True)
         tables["initial"]["attitude"] = {"quaternion": tables["initial"].pop("quaternion")}
         return tables
 
 
 def _rates_as_written(initial: Any) -> tuple[str, Any] | None:
-    """Return key and value of the initial rates where they are not those of the field."""
+    """Return the key and value of initial rates that are given in degrees, or None."""
     given = isinstance(initial, Mapping) and "omega_b_deg" in initial and "omega_b" not in initial
     return ("initial.omega_b_deg", initial["omega_b_deg"]) if given else None
 
 
 def _changed(table: Any, value: Any, section: type[Section] | None) -> Any:
-    """Return a table in which new keys take the place of those that they exclude."""
+    """Return the table with the new keys, and without the keys that these exclude."""
     if section is None or not isinstance(value, Mapping) or not isinstance(table, Mapping):
         return value
     excluded = {key for keys in section._spellings.values() if set(keys) & set(value) for key in keys}

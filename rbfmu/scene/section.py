@@ -1,4 +1,4 @@
-"""What the tables of a scene have in common: unknown keys, exclusive keys, all faults at once."""
+"""The base class of a scene's tables, which finds unknown and exclusive keys and reports all faults at once."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, ClassVar, Self
@@ -9,13 +9,13 @@ from rbfmu.scene.fields import Rule, SceneError, closest, fault, joined, shown
 
 
 class Section(BaseModel):
-    """A table of the scene: immutable, compared by value; a bad one raises SceneError with all of its faults."""
+    """A table of the scene: immutable, compared by value; an invalid one raises SceneError with all of its faults."""
 
     model_config = ConfigDict(frozen=True)
     _path: ClassVar[str] = ""
     _spellings: ClassVar[Mapping[str, tuple[str, ...]]] = {}
     _other_keys: ClassVar[Mapping[str, tuple[Rule | None, str]]] = {}
-    """Of keys that are no fields: rule (none for a table) and meaning."""
+    """The rule (None for a table) and the meaning of each key that is not a field."""
     _homes: ClassVar[dict[str, str]] = {}
 
     def __init__(self, /, **data: Any) -> None:
@@ -32,7 +32,7 @@ class Section(BaseModel):
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
-        """Remember where each key is at home, to say so where it is found elsewhere."""
+        """Record the table of each key, so that an error can name it where the key is misplaced."""
         for key in cls._keys() if cls._path else ():
             cls._homes.setdefault(key, joined(cls._path, key))
 
@@ -47,7 +47,7 @@ class Section(BaseModel):
 
     @classmethod
     def _keys(cls) -> list[str]:
-        """Return the keys as the file spells them: a field may have several in its place."""
+        """Return the keys as the file spells them; several keys may stand for one field."""
         return [key for name in cls.model_fields for key in cls._spellings.get(name, (name,))]
 
     @classmethod
@@ -56,11 +56,11 @@ class Section(BaseModel):
 
     @classmethod
     def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
-        """Return the fields, from whichever keys stand for them."""
+        """Return the fields, made from the keys that stand for them."""
         return data
 
     def _contradictions(self) -> Iterable[str]:
-        """Return the faults between fields that are good by themselves."""
+        """Return the contradictions between fields that are valid by themselves."""
         return ()
 
     @classmethod
@@ -84,7 +84,7 @@ class Section(BaseModel):
 
 
 def one_of(section: type[Section], data: dict[str, Any], keys: tuple[str, ...], faults: list[str]) -> str:
-    """Return the one of the exclusive keys that is there, or nothing; several are a fault."""
+    """Return the exclusive key that is given, or an empty string; several keys add a fault."""
     given = [key for key in keys if key in data]
     if len(given) > 1:
         path = joined(section._path, given[1])

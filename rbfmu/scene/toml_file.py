@@ -1,4 +1,4 @@
-"""The tables of a scene file; what is no TOML is a SceneError that says where."""
+"""Read the tables of a scene file; invalid TOML raises a SceneError that says where the error is."""
 
 import re
 import tomllib
@@ -8,9 +8,9 @@ from typing import Any
 from rbfmu.scene.fields import SceneError, joined
 
 LARGEST_FILE = 1_000_000
-"""Bytes; a scene is some hundred."""
+"""The largest size of a scene file in bytes; a typical file has a few hundred."""
 MAX_LINES = 100
-"""Of one statement."""
+"""The largest number of lines of one statement."""
 _TWICE = re.compile(r"Cannot (overwrite|declare)|twice")
 _TABLE = re.compile(r"\s*(\[\[?[^\]=]*\]\]?)\s*(#.*)?")
 
@@ -45,7 +45,7 @@ def _tables(text: str, path: Path) -> dict[str, Any]:
 
 
 def _refuse_what_stands_twice(lines: list[str], message: str, path: Path) -> None:
-    """Name the key, and the line (from 1) of the statement that repeats it; tomllib knows where that ends."""
+    """Raise a SceneError with a repeated key and its line (from 1); tomllib only says where the statement ends."""
     place = re.search(r"line (\d+)", message)
     last = int(place[1]) if place else len(lines)
     before = range(last - 1, max(last - MAX_LINES, 0) - 1, -1)

@@ -1,9 +1,9 @@
-"""One-step methods that people use elsewhere: what charts and stability tests compare with, no part of the product.
+"""One-step methods in common use, with which the charts and stability laws compare; they are no part of the product.
 
-Each integrates the right-hand sides of `rbfmu_kernels.mechanics.equations_of_motion` over its `State`, `Body`,
-`Loads` tuples, but may hold the attitude in another form.
-`OneStepMethod.start` takes a state to that form, `steps` advances it as long
-as you like (so that drift adds up as it does for users), `state_of` takes it back with a quaternion of unit length.
+Each integrates the right-hand sides of `rbfmu_kernels.mechanics.equations_of_motion` with its tuples `State`, `Body`
+and `Loads`, but may represent the attitude in another form. `OneStepMethod.start` converts a state to that form,
+`steps` advances it by any number of steps (so that drift accumulates as it does for users), and `state_of` converts it
+back, with a unit quaternion.
 """
 
 from collections.abc import Callable
@@ -18,12 +18,12 @@ from rbfmu.studies.reference_methods.moser_veselov import moser_veselov
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
 
 Steps = Callable[[Any, float, int, Body, Loads], Any]
-"""`steps(y, h, n, body, loads)`: n steps of h; all numbers but n floats."""
+"""A function `steps(y, h, n, body, loads)` that takes n steps of size h; all numbers except n are floats."""
 
 
 @dataclass(frozen=True)
 class OneStepMethod:
-    """A one-step method: how it starts, steps and ends; its order and right-hand sides a step (0: they vary)."""
+    """A one-step method, its order, and its evaluations of the right-hand side per step (0 if their number varies)."""
 
     name: str
     steps: Steps
@@ -66,6 +66,6 @@ _FREE = (
     OneStepMethod("Moser-Veselov, order 10", moser_veselov(10), 10, 0),
 )
 REFERENCE_INTEGRATORS = {integrator.name: integrator for integrator in _ALL}
-"""By name: for any body and loads."""
+"""The methods for any body and any loads, by name."""
 TORQUE_FREE_INTEGRATORS = {integrator.name: integrator for integrator in _FREE}
-"""By name: for bodies in principal axes without loads or damping only."""
+"""The methods for bodies in principal axes without loads or damping, by name."""

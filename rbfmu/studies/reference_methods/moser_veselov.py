@@ -1,8 +1,9 @@
 """The discrete Moser-Veselov algorithm for torque-free bodies, plain (order 2) and preprocessed to order 10.
 
-Momentum and a modified energy are kept exactly; one fixed-point iteration in three numbers a step. Preprocessing
-(E. Hairer & G. Vilmart, J. Phys. A 39 (2006); R. McLachlan & A. Zanna, Found. Comput. Math. 5 (2005)) replaces the
-moments by others, functions of the step, of |h|^2 and of the energy, so that the order rises at no cost a step.
+It conserves the angular momentum and a modified energy exactly; each step solves for three numbers by fixed-point
+iteration. Preprocessing (E. Hairer & G. Vilmart, J. Phys. A 39 (2006); R. McLachlan & A. Zanna, Found. Comput. Math. 5
+(2005)) replaces the moments of inertia by functions of the step size, of |h|^2 and of the energy, which raises the
+order at no cost per step.
 """
 
 from typing import Any
@@ -13,12 +14,12 @@ from rbfmu_kernels.rotations.quaternion import compose_quaternions, normalize
 from rbfmu_kernels.rotations.vec3 import dot
 from rbfmu_kernels.types import Vec3
 
-MAX_ROUNDS = 10_000  # near its last solution the iteration is slow
+MAX_ROUNDS = 10_000  # the iteration is slow near the largest step that has a solution
 
 
 @kernel(inline=False)
 def _steps(state: State, h: float, n: int, moments: Vec3, inverse: Vec3) -> State:
-    """Take n steps with modified `inverse` moments: R = (1 + skew(c))(1 - skew(c))^-1 turns the momentum back."""
+    """Take n steps with modified `inverse` moments, each by a Cayley vector c: R = (1 + skew(c))(1 - skew(c))^-1."""
     r, v, q, omega = state
     m = (moments[0] * omega[0], moments[1] * omega[1], moments[2] * omega[2])
     i, j, k = 1.0 / inverse[0], 1.0 / inverse[1], 1.0 / inverse[2]

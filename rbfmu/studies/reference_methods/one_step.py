@@ -50,7 +50,7 @@ def advance(state: State, s: float, rates: Rates) -> State:
 
 @kernel
 def _unit_attitude(state: State) -> State:
-    """Return the state with its quaternion scaled to length 1, as a step leaves it within 10 % of that."""
+    """Return the state with its quaternion scaled to length 1; a step has left |q| within 10 % of 1."""
     r, v, q, omega = state
     s = 1.0 / math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     return State(r, v, (s * q[0], s * q[1], s * q[2], s * q[3]), omega)
@@ -64,7 +64,7 @@ def explicit_euler_step(state: State, h: float, body: Body, loads: Loads) -> Sta
 
 @kernel(inline=False)
 def semi_implicit_euler_step(state: State, h: float, body: Body, loads: Loads) -> State:
-    """Advance rates first, then position and attitude with the new rates, normalised: what game engines do."""
+    """Advance the rates first, then position and attitude with the new rates, and normalise, as game engines do."""
     r, v, q, omega = state
     v = add_scaled(v, h, linear_acceleration(q, body, loads))
     omega = add_scaled(omega, h, angular_acceleration(q, omega, body, loads))
@@ -73,15 +73,15 @@ def semi_implicit_euler_step(state: State, h: float, body: Body, loads: Loads) -
 
 @kernel(inline=False)
 def rk4_not_normalised_step(state: State, h: float, body: Body, loads: Loads) -> State:
-    """Take a step of classical Runge-Kutta on q as on any vector: |q| falls by 1 - (h omega)^6 / 9216 a step.
+    """Take a step of classical Runge-Kutta on q as on any vector: each step scales |q| by 1 - (h omega)^6 / 9216.
 
-    Order 4, stable to h omega = 4 sqrt 2 (attitude) and h d / I = 2.785 (damping).
+    The order is 4; steps are stable up to h omega = 4 sqrt 2 (attitude) and h d / I = 2.785 (damping).
     """
     k1 = state_rates(state, body, loads)
     k2 = state_rates(advance(state, 0.5 * h, k1), body, loads)
     k3 = state_rates(advance(state, 0.5 * h, k2), body, loads)
     k4 = state_rates(advance(state, h, k3), body, loads)
-    rates = advance(advance(advance(k1, 1.0, k4), 2.0, k2), 2.0, k3)  # one rounding of the state, not four
+    rates = advance(advance(advance(k1, 1.0, k4), 2.0, k2), 2.0, k3)  # the state is rounded once, not four times
     return advance(state, h / 6.0, rates)
 
 
@@ -93,7 +93,7 @@ def rk4_step(state: State, h: float, body: Body, loads: Loads) -> State:
 
 @kernel
 def _difference(a: State, b: State) -> float:
-    """Return a size of b - a: attitude in half rad, and rates."""
+    """Return the 1-norm of b - a over quaternion and rates."""
     q, p = a.q_ab, b.q_ab
     turn = abs(p[0] - q[0]) + abs(p[1] - q[1]) + abs(p[2] - q[2]) + abs(p[3] - q[3])
     u, w = a.omega_b, b.omega_b
@@ -115,13 +115,13 @@ def midpoint(state: State, h: float, body: Body, loads: Loads) -> tuple[State, f
 
 @kernel(inline=False)
 def implicit_midpoint_step(state: State, h: float, body: Body, loads: Loads) -> State:
-    """Return y + h f((y + y_next) / 2): keeps |q|, energy, |h| of a free body; not finite where the iteration fails."""
+    """Return y + h f((y + y_next) / 2): conserves |q|, energy, |h| of a free body; not finite if iteration fails."""
     middle, rounds = midpoint(state, h, body, loads)
     settled = h if rounds < MAX_ROUNDS else h * float("inf")
     return advance(state, settled, state_rates(middle, body, loads))
 
 
-# Rotation matrices and Euler angles: the loads are taken to the body's axes first
+# Rotation matrices and Euler angles: the loads are decomposed in b first
 
 
 @kernel
@@ -213,7 +213,7 @@ def _local_state(local: VectorState, q: Quaternion) -> State:
 
 @kernel(inline=False)
 def _local_rates(local: VectorState, q: Quaternion, correction: float, body: Body, loads: Loads) -> VectorState:
-    """Return du/dt = omega + u x omega / 2 + u x (u x omega) / 12, enough for order 4; 0 as correction leaves omega."""
+    """Return rates with du/dt = omega + u x omega / 2 + u x (u x omega) / 12 (order 4); omega if correction = 0."""
     v, a_c, _, alpha = state_rates(_local_state(local, q), body, loads)
     u, omega = local.attitude, local.omega_b
     turned = cross(u, omega)
@@ -235,7 +235,7 @@ def rkmk4_step(state: State, h: float, body: Body, loads: Loads) -> State:
 
 @kernel(inline=False)
 def cf4_step(state: State, h: float, body: Body, loads: Loads) -> State:
-    """Take a step of the commutator-free Lie group method of order 4.  Celledoni, Marthinsen & Owren 2003."""
+    """Take a step of the commutator-free Lie group method of order 4 (Celledoni, Marthinsen & Owren 2003)."""
     r, v, q, omega = state
     local = VectorState(r, v, NONE, omega)
     k1 = _local_rates(local, q, 0.0, body, loads)

@@ -1,7 +1,7 @@
-"""Where methods fail: the laws of stability, measured against their predictions, pictures and maps.
+"""Where methods fail: the laws of stability, measured and compared with their predictions, with pictures and maps.
 
-`run_stability` collects all numbers in CSV files first and draws afterwards; `failures` reads what does not hold,
-`read_findings` all.
+`run_stability` writes all numbers to CSV files first and draws afterwards. `read_findings` reads all findings,
+`failures` those that do not hold.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -32,7 +32,7 @@ def run_stability(
 ) -> list[Path]:
     """Measure all laws and maps, write CSV files and pictures into a folder; return their paths, `laws.csv` first.
 
-    progress: wraps the sequence of parts, e.g. a progress bar. Parts take a second or some.
+    progress: wraps the sequence of parts, for instance in a progress bar; a part takes a few seconds.
     """
     from rbfmu.studies.stability.charts.stability_map import draw_maps
 
@@ -48,7 +48,7 @@ def run_stability(
     parts += [partial(_picture, pictures, studies, k, folder) for k in range(len(STUDIES))]
     parts.append(lambda: pictures.append(draw_maps(rows, folder / "maps.png")))
     with catch_warnings():
-        simplefilter("ignore", SceneWarning)  # turns between points are meant here
+        simplefilter("ignore", SceneWarning)  # whole turns between points are intended here
         for part in parts if progress is None else progress(parts):
             part()
     return tables + pictures

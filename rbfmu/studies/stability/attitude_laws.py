@@ -1,4 +1,4 @@
-"""Laws 1 to 4 and 9: what integrating an attitude does to its length, its phase and its small angles."""
+"""Laws 1 to 4 and 9: what integration does to an attitude's norm, phase and small angles."""
 
 import math
 from collections.abc import Callable
@@ -20,7 +20,7 @@ EPS = 2.0**-52
 
 
 def stability_polynomial(method: str) -> Callable[[complex], complex]:
-    """Return R(z): what a step makes of y with dy/dt = lambda y, z = h lambda."""
+    """Return the stability polynomial R(z): a step multiplies y by R(h lambda) if dy/dt = lambda y."""
     if method == "DOP853":
         matrix, weights = A[:STAGES], A[STAGES]
         return lambda z: complex(1.0 + z * (weights @ np.linalg.solve(np.eye(STAGES) - z * matrix, np.ones(STAGES))))
@@ -49,7 +49,7 @@ def matrix_growth(h_omega: float) -> float:
 
 
 def growth_factors(quick: bool) -> Study:
-    """Laws 1, 2, 3: the factor by which a step scales an attitude, against h omega."""
+    """Measure laws 1 to 3: the factor by which a step scales an attitude, against h omega."""
     x = np.linspace(0.1, 13.0, 26 if quick else 130)
     columns: dict[str, Any] = {"h_omega": x.tolist()}
     named = {"explicit Euler": "explicit Euler", "RK4, quaternion not normalised": "RK4", "DOP853": "DOP853"}
@@ -85,7 +85,7 @@ def _matrix_drift(R_ab: Any) -> float:
 
 
 def drift(quick: bool) -> Study:
-    """Laws 2, 3: how |q| and R^T R leave 1 and I, step after step."""
+    """Measure laws 2 and 3: the drift of |q| from 1 and of R^T R from I over many steps."""
     x, counts = 0.1, [10**k for k in range(0, 5 if quick else 7)]
     names = {"RK4, quaternion not normalised": "q", "RK4, matrix": "R", "RK4, quaternion": "q normalised"}
     columns: dict[str, Any] = {"steps": counts}
@@ -118,11 +118,11 @@ def drift(quick: bool) -> Study:
 
 
 _MISS = 0.01
-"""rad: how far the nose passes from the vertical."""
+"""The least angle between the nose (x axis) and the vertical, in rad."""
 
 
 def _passage() -> State:
-    """Return the attitude of a nose (x axis) on a great circle that misses the vertical by _MISS, at 1 rad/s."""
+    """Return the state of a body at 1 rad/s whose nose (x axis) passes the vertical at an angle of _MISS."""
     return at(UPRIGHT, (0.0, math.cos(_MISS), math.sin(_MISS)))
 
 
@@ -134,7 +134,7 @@ def _passage_error(method: str, ratio: float) -> float:
 
 
 def gimbal_passage(quick: bool) -> Study:
-    """Law 4: roll, pitch, yaw that pass the vertical at a small distance."""
+    """Measure law 4: roll, pitch and yaw of a body whose nose passes close to the vertical."""
     ratios = np.geomspace(0.1, 30.0, 9 if quick else 41).tolist()
     columns = {"h_omega_over_delta": ratios}
     columns |= {name: [_passage_error(name, r) for r in ratios] for name in ("RK4, Euler angles", "RK4, quaternion")}
@@ -158,7 +158,7 @@ def gimbal_passage(quick: bool) -> Study:
 
 
 def _dexp_coefficient(theta: float) -> float:
-    """Return the factor of u x (u x omega) in du/dt, |u| = theta, as the product's rotvec_rate_b has it."""
+    """Return the factor of u x (u x omega) in du/dt, |u| = theta, as `rotvec_rate_b` computes it."""
     return (1.0 - rotvec_rate_b((theta, 0.0, 0.0), (0.0, 1.0, 0.0))[1]) / (theta * theta)
 
 
@@ -168,7 +168,7 @@ def _acos_of_trace(theta: float) -> float:
 
 
 def small_angles(quick: bool) -> Study:
-    """Law 9: formulas that cancel."""
+    """Measure law 9: formulas that suffer from cancellation at small angles."""
     thetas = np.geomspace(1e-12, 1.0, 37 if quick else 241).tolist()
 
     def relative(value: float, truth: float) -> float:

@@ -1,4 +1,4 @@
-"""Laws 5 to 8: what integrating a body's rates does to its energy, and how large a step may be."""
+"""Laws 5 to 8: what integration does to a body's energy, and how large a step may be."""
 
 import math
 from typing import Any
@@ -40,7 +40,7 @@ def _transverse(state: State) -> float:
 
 
 def _gains(method: str) -> tuple[float, float, float, float]:
-    """Return gains of energy and momentum^2 over theory's in 1000 steps of 0.05 on BRICK, and the smallest gains."""
+    """Return the gains of energy and |h|^2 over theory's in 1000 steps of 0.05 s of BRICK, and the least gains."""
     y, h, body = TUMBLE, 0.05, free_body(BRICK)
     step = one_step(method)
     M = body.inertia
@@ -63,7 +63,7 @@ def _gains(method: str) -> tuple[float, float, float, float]:
 
 
 def gyroscopic_blow_up(quick: bool) -> Study:
-    """Law 5: the gyroscopic term, taken explicitly, makes energy."""
+    """Measure law 5: an explicit gyroscopic term adds energy."""
     start, body = at(UPRIGHT, (1e-3, 0.0, _RATE)), free_body(_ROD)
     factor = math.sqrt(1.0 + (_STEP * _NUTATION) ** 2)
     names = ("explicit Euler", "semi-implicit Euler", "RK4, quaternion", "implicit midpoint")
@@ -98,18 +98,18 @@ _MODELS = {
     "DOP853": Plan("body under loads", "", 3, substep=1.0),
     **{f"Taylor {n}": Plan("body under loads, by series", "", 3, tolerance=math.inf, order=n) for n in (8, 12, 16)},
 }
-"""The product's, one substep a step."""
+"""Plans of the product's methods, with one substep per step."""
 
 
 def decay_factor(method: str, x: float) -> float:
-    """Return what one step makes of a damped spin of 1 rad/s, h d / I = x; NaN where there is no step."""
+    """Return the rate after one step of a damped spin of 1 rad/s with h d / I = x; NaN if there is no step."""
     if method in _MODELS:
         return damped_rate(_MODELS[method], x)
     return float(one_step(method)(spin(1.0), 1.0, free_body(SPHERE, (x, x, x)), NO_LOADS).omega_b[2])
 
 
 def damping_limits(quick: bool) -> Study:
-    """Law 6: the largest h d / I at which a damped spin still decays."""
+    """Measure law 6: the largest h d / I at which a damped spin still decays."""
     x = np.linspace(0.05, 8.0, 32 if quick else 160).tolist()
     columns: dict[str, Any] = {"h d / I": x, "exact": [math.exp(-value) for value in x]}
     for method in (*_DAMPED, "implicit midpoint"):
@@ -137,12 +137,12 @@ def _moser_veselov_error(method: str, x: float) -> float:
 
 
 def _last_use(method: str, error: float) -> float:
-    """Return the largest h omega below which a step has a solution within an error in rad."""
+    """Return the h omega up to which a step has a solution with at most this error in rad."""
     return crossing(lambda x: 0.0 if _moser_veselov_error(method, x) <= error else 2.0, 0.5, 3.0)
 
 
 def moser_veselov_limits(quick: bool) -> Study:
-    """Law 7: the discrete Moser-Veselov algorithm has no solution for large steps."""
+    """Measure law 7: the discrete Moser-Veselov algorithm has no solution for large steps."""
     x = np.geomspace(0.02, 2.0, 21 if quick else 161).tolist()
     columns: dict[str, Any] = {"h_omega": x}
     columns |= {name: [_moser_veselov_error(name, value) for value in x] for name in TORQUE_FREE_INTEGRATORS}
@@ -162,7 +162,7 @@ _H = 0.1
 
 
 def _energies(name: str, h: float, counts: list[int]) -> list[float]:
-    """Return relative energy errors of the tumbling brick after so many steps."""
+    """Return the relative energy errors of the tumbling brick after each of these numbers of steps."""
     start = rotational_energy(BRICK, TUMBLE)
     if name == "exact steps":
         rates = free_motion(BRICK, TUMBLE, h * counts[-1], h).omega_b[counts]
@@ -176,7 +176,7 @@ def _energies(name: str, h: float, counts: list[int]) -> list[float]:
 
 
 def energy_drift(quick: bool) -> Study:
-    """Law 8: energy of a tumbling brick over long runs at h = 0.1."""
+    """Measure law 8: the energy of a tumbling brick over long runs at h = 0.1."""
     counts = [10**k for k in range(0, 4 if quick else 6)]
     n, round_off = counts[-1], 2.0**-52 * math.sqrt(counts[-1])
     names = ("semi-implicit Euler", "RK4, quaternion", "implicit midpoint", "Moser-Veselov, order 10", "exact steps")

@@ -30,9 +30,9 @@ UPRIGHT: Quaternion = (1.0, 0.0, 0.0, 0.0)
 SPHERE: Vec3 = (1.0, 1.0, 1.0)
 BRICK: Vec3 = (1.0, 2.0, 3.0)
 TUMBLE = State(ZERO, ZERO, (0.5, 0.5, 0.5, 0.5), (0.3, 1.0, 0.2))
-"""With BRICK: case a of the work-precision diagrams."""
+"""With BRICK, this is case a of the work-precision diagrams."""
 TOP_MOMENTS: Vec3 = (1.0, 1.0, 0.3)
-"""About the pivot; with m g l = 1 along z."""
+"""Moments of inertia about the pivot; the centre of mass is on the z axis, and m g l = 1 N m."""
 WEIGHT = Loads(ZERO, (0.0, 0.0, -1.0), ZERO, ZERO, ZERO)
 
 SPLITTINGS = {
@@ -43,7 +43,7 @@ SPLITTINGS = {
 
 
 def free_body(moments: Vec3, damping_b: Vec3 = ZERO) -> Body:
-    """Return a body that floats, in principal axes."""
+    """Return a free body in principal axes."""
     M = diagonal(moments)
     return Body(1.0, M, inverse_inertia(M), ZERO, damping_b, 1.0)
 
@@ -70,7 +70,7 @@ def angle(a: State, q: Quaternion) -> float:
 
 
 def turned(state: State, t: float) -> Quaternion:
-    """Return the attitude of a sphere after t: its rate is constant."""
+    """Return the attitude of a sphere after the time t; its rate is constant."""
     (e, x, y, z), omega = state.q_ab, state.omega_b
     rate = math.hypot(*omega)
     a, s = math.cos(0.5 * rate * t), math.sin(0.5 * rate * t) / rate
@@ -94,7 +94,7 @@ def free_motion(moments: Vec3, start: State, stop: float, step: float) -> Result
 
 
 def damped_rate(planned: Plan, x: float) -> float:
-    """Return what one step of a product's model makes of a spin of 1 rad/s, h d / I = x."""
+    """Return the rate after one step of a product's model from a damped spin of 1 rad/s with h d / I = x."""
     scene = Scene.from_dict({
         "body": {"mass": 1.0, "inertia": SPHERE},
         "initial": {"omega_b": (0.0, 0.0, 1.0)},
@@ -111,13 +111,13 @@ def rotational_energy(moments: Vec3, state: State) -> float:
 
 
 def top_energy(state: State) -> float:
-    """Return the energy of the heavy top: kinetic, and of the height of its centre of mass."""
+    """Return the kinetic and potential energy of the heavy top."""
     q = state.q_ab
     return rotational_energy(TOP_MOMENTS, state) + 1.0 - 2.0 * (q[1] * q[1] + q[2] * q[2])
 
 
 def one_step(method: str) -> Any:
-    """Return `step(state, h, body, loads)` of a reference integrator or of the product's DOP853, not normalised."""
+    """Return `step(state, h, body, loads)` of a reference integrator, or of DOP853 without normalisation."""
     if method == "DOP853":
         return _dop853_step
     integrator = REFERENCE_INTEGRATORS[method]

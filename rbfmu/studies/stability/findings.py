@@ -8,15 +8,15 @@ from pathlib import Path
 from typing import Any
 
 EQUAL, AT_MOST, RECORDED = "equal", "at most", "recorded"
-"""A prediction; a bound; no prediction, but a figure measured before."""
+"""The kinds of findings: the value equals a prediction, is at most a bound, or equals a value recorded earlier."""
 
 
 @dataclass(frozen=True)
 class Finding:
     """One number that theory predicts, and its measured value.
 
-    tolerance: how far they may differ, relative to the prediction; for AT_MOST the prediction is a bound. place: where
-    in a map, or of which motion; findings of one `what` are told together.
+    tolerance: the largest difference allowed, relative to the prediction; for AT_MOST the prediction is a bound.
+    place: the place in a map, or the motion; findings with the same `what` are reported together.
     """
 
     law: int
@@ -49,7 +49,7 @@ _NAMES = ("law", "what", "place", "kind", "predicted", "measured", "tolerance", 
 
 
 def write_columns(path: Path, columns: Mapping[str, Sequence[Any]]) -> Path:
-    """Write a CSV file, every digit."""
+    """Write a CSV file with all digits."""
     with path.open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(columns)
@@ -70,11 +70,11 @@ def read_findings(folder: Path) -> list[Finding]:
 
 
 def failures(folder: Path) -> list[str]:
-    """Return the findings in a folder that `run_stability` has written which do not hold, in words."""
+    """Return a line for each finding that does not hold, from a folder that `run_stability` has written."""
     return [in_words(f) for f in read_findings(folder) if not f.holds]
 
 
 def in_words(finding: Finding) -> str:
-    """Return what was found, in a line."""
+    """Return a line that describes a finding."""
     place = f" ({finding.place})" if finding.place else ""
     return f"law {finding.law}, {finding.what}{place}: predicted {finding.predicted!r}, measured {finding.measured!r}"

@@ -18,19 +18,19 @@ from rbfmu_kernels.types import Vec3
 RIGHT, WRONG, NOT_FINITE, REFUSED = 0, 1, 2, 3
 VERDICTS = ("right", "wrong", "not finite", "refused with a message")
 LARGEST_ERROR = 0.1
-"""rad, over the whole run: above it a motion is wrong."""
+"""The largest error in rad over a run with which a motion still counts as right."""
 TURN, LONG_TURN, CHECKS = 100.0, 1000.0, 20
-"""A run turns by TURN rad, with steps above one rad by LONG_TURN, and is compared at so many points."""
+"""A run turns by TURN rad, or by LONG_TURN rad with steps above one radian, and is compared at CHECKS points."""
 CHECK_TIMES = sorted({turn * (k + 1) / CHECKS for turn in (TURN, LONG_TURN) for k in range(CHECKS)})
 _Q_0, _OMEGA_0 = (0.8, 0.4, -0.4, 0.2), (0.1, 0.2, 0.96875)
-"""Turning at about 1 rad/s, mostly about the axis of the least moment."""
+"""The initial state: a rotation at about 1 rad/s, mostly about the axis of the least moment."""
 ACCURACY = 1e-9
-"""Asked of the product, and the bound of each of its tiles, rad."""
+"""The accuracy in rad that is asked of the product, which bounds its error in each cell of a map."""
 
 Verdict = tuple[int, float]
-"""A place in VERDICTS and the largest error, rad."""
+"""An index into VERDICTS, and the largest error in rad."""
 Row = tuple[str, float, float, str, float]
-"""method, h omega, ratio, verdict, largest error (rad)."""
+"""The method, h omega, the ratio of moments, the verdict, and the largest error in rad."""
 
 
 def moments(ratio: float) -> Vec3:
@@ -68,7 +68,7 @@ def map_scene(ratio: float, turn: float = TURN, n: int = CHECKS, ports: tuple[st
 
 
 def _verdict(ratio: float, turn: float, attitudes: Any) -> Verdict:
-    """Return the verdict of quaternions (CHECKS, 4)."""
+    """Return the verdict on quaternions of shape (CHECKS, 4)."""
     if not np.all(np.isfinite(attitudes)):
         return NOT_FINITE, math.inf
     rows = dict(zip(CHECK_TIMES, references()["maps"][repr(ratio)], strict=True))
@@ -77,7 +77,7 @@ def _verdict(ratio: float, turn: float, attitudes: Any) -> Verdict:
 
 
 def verdict_of_steps(method: OneStepMethod, h: float, ratio: float) -> Verdict:
-    """Return the verdict of a one-step method at fixed step."""
+    """Return the verdict on a one-step method with a fixed step."""
     turn, n = steps_of_a_turn(h)
     y, attitudes, body = method.start(at(_Q_0, _OMEGA_0)), [], free_body(moments(ratio))
     for _ in range(CHECKS):
@@ -87,7 +87,7 @@ def verdict_of_steps(method: OneStepMethod, h: float, ratio: float) -> Verdict:
 
 
 def verdict_of_product(ports: tuple[str, ...], planned: Plan | None, h: float, ratio: float) -> Verdict:
-    """Return the verdict of `simulate`, h the communication step, with a plan or its own."""
+    """Return the verdict on `simulate` with h as communication step, and with the given plan or its own."""
     turn, n = steps_of_a_turn(h)
     try:
         result = simulate(map_scene(ratio, turn, n, ports), planned=planned)
@@ -114,7 +114,7 @@ OURS: dict[str, Callable[[float, float], Verdict]] = {
     "rbfmu Taylor 16": _of_product(_PORT, _SERIES),
 }
 METHODS = {name: _of_steps(method) for name, method in (REFERENCE_INTEGRATORS | TORQUE_FREE_INTEGRATORS).items()} | OURS
-"""By name: what gives a verdict for (h, ratio)."""
+"""The functions that return a verdict for (h, ratio), by the method's name."""
 QUICK_METHODS = ("semi-implicit Euler", "RK4, quaternion", *OURS)
 
 
@@ -126,7 +126,7 @@ def verdicts(name: str, quick: bool) -> list[Row]:
 
 
 def findings_of_maps(rows: list[Row]) -> list[Finding]:
-    """Return the findings: each tile of the product is right to the accuracy asked, none is refused."""
+    """Return the findings: in each cell the product reaches the accuracy asked and refuses nothing."""
     return [
         Finding(
             15, f"{name}: attitude error, rad", ACCURACY, error, 0.0, AT_MOST, f"h omega {h:.3g}, moments {ratio:g}"

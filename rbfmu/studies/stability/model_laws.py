@@ -1,4 +1,4 @@
-"""Laws 13 and 14: the product's models against 40-digit references, their orders, and their control of the error."""
+"""Laws 13 and 14: the product's models against 40-digit references, their orders, and their error control."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -20,7 +20,7 @@ MOMENTUM, BODY_FORCE = "angular momentum", "torque-free body, body force"
 
 
 class Case(NamedTuple):
-    """A model, the motion that it is tried on, its settings, and the error that it must keep."""
+    """A model, the motion that it is tested on, the bound of its error, and its settings."""
 
     model: str
     motion: str
@@ -31,12 +31,12 @@ class Case(NamedTuple):
 
     @property
     def planned(self) -> Plan:
-        """Return what `simulate` is given."""
+        """Return the plan that `simulate` is given."""
         return Plan(self.model, "", 0, self.substep, self.tolerance, self.order)
 
     @property
     def name(self) -> str:
-        """Return the model, and what of its settings is varied."""
+        """Return the name of the model with the settings that are varied."""
         order = f", order {self.order}" if self.order else ""
         if self.model == BODY_FORCE:
             order = f", {self.order} points"
@@ -46,7 +46,7 @@ class Case(NamedTuple):
 
 
 QUADRATURE_BOUNDS = {3: 5e-11, 4: 3e-14, 5: 3e-15, 6: 3e-15, 7: 3e-15, 8: 3e-15}
-"""Points of Gauss's rule, and the error that they must keep in panels of 0.1 s; fewer are held to their order."""
+"""Error bounds by the number of points of Gauss's rule, in panels of 0.1 s; fewer points are tested by order."""
 CASES = (
     Case("no rotation", "fall", 3e-15),
     Case("constant rate", "spin", 3e-15),
@@ -73,7 +73,7 @@ CASES = (
 
 
 def product_models(quick: bool) -> Study:
-    """Law 13: each model keeps its bound; quick or not, as faults are sought here."""
+    """Measure law 13: the error of each model stays within its bound; `quick` changes nothing here."""
     errors = [error_of_model(case.motion, case.planned) for case in CASES] + [prescribed_error()]
     names = [case.name for case in CASES] + ["prescribed rates"]
     motions = [case.motion for case in CASES] + ["held, then changing"]
@@ -92,11 +92,11 @@ _CHANGING = {
     "torque_a": (-0.1, 0.05, 0.1),
     "torque_b": (0.1, 0.1, -0.2),
 }
-"""Loads through ports; their first and second derivatives are the same numbers, and half of them."""
+"""Loads through ports; their first derivatives equal their values, their second derivatives are half of them."""
 
 
 def _driven(case: Case) -> dict[str, Any]:
-    """Return where loads that change within each of five steps take the loaded body; nothing where one is refused."""
+    """Return the state of the loaded body after five steps with changing loads, or nothing if a step is refused."""
     tables = MOTIONS["loaded"].to_dict() | {"inputs": {"ports": list(_CHANGING)}}
     scene, kernels = Scene.from_dict(tables), case.planned.kernels
     z = filled_buffer(scene, case.planned)
@@ -117,7 +117,7 @@ def _apart() -> float:
 
 
 def _error(case: Case, step: float) -> float:
-    """Return the error at the points where a motion is compared, with another communication step."""
+    """Return the error at the points of comparison, computed with another communication step."""
     tables = MOTIONS[case.motion].to_dict()
     every = round(tables["run"]["step"] / step)
     tables["run"]["step"] = step
@@ -143,7 +143,7 @@ _ORDERS: tuple[tuple[str, float, float, Callable[[float], float]], ...] = (
     ("series of order 6, attitude by 3 derivatives", 6.0, 0.125, _error_of_whole_steps("motor", 6)),
     ("series of order 8, attitude by 3 derivatives", 6.0, 0.125, _error_of_whole_steps("motor", 8)),
 )
-"""Order, and the step (s) from which to half of it the error falls by 2 to the order."""
+"""The name, the order, a step in s, and the error by step: halving that step divides the error by 2 to the order."""
 _CONTROLLED = (
     ("DOP853", Case(LOADED, "gentle top", 0.0), 1.0 / 8.0, 17.2),
     ("series of order 6", Case(SERIES, "gentle top", 0.0, order=6), 1.0 / 5.0, 0.107),
@@ -151,11 +151,11 @@ _CONTROLLED = (
     ("series of one angle, order 4", Case(SWING, "damped swing", 0.0, order=4), 1.0 / 4.0, 28.4),
     ("series of one angle, order 8", Case(SWING, "damped swing", 0.0, order=8), 1.0 / 8.0, 9.75),
 )
-"""By how much of a power of 1 / tolerance the substeps grow; the error over the tolerance at 1e-10, recorded."""
+"""The name, the case, the power of 1 / tolerance in the substeps, and the recorded error / tolerance at 1e-10."""
 
 
 def _substeps(case: Case) -> float:
-    """Return the number of substeps, NaN where a step is refused."""
+    """Return the number of substeps; NaN if a step is refused."""
     scene, planned = MOTIONS[case.motion], case.planned
     z = filled_buffer(scene, planned)
     initialize(scene, planned.kernels, z)
@@ -166,7 +166,7 @@ def _substeps(case: Case) -> float:
 
 
 def orders_and_error_control(quick: bool) -> Study:
-    """Law 14: errors fall with the step by the method's order, substeps grow with the accuracy as the order says."""
+    """Measure law 14: the order says how errors fall with the step and how substeps grow with the accuracy."""
     findings: list[Finding] = []
     halvings = range(4)
     columns: dict[str, Sequence[float]] = {"halvings of the step": list(halvings)}

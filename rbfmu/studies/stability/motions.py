@@ -1,4 +1,4 @@
-"""Motions of scenes whose truth is known to 40 digits, and how far a model is from it."""
+"""Motions that are known to 40 digits, and the errors of models on them."""
 
 import json
 import math
@@ -17,9 +17,9 @@ from rbfmu.simulation import SimulationError, simulate
 Array = NDArray[np.float64]
 
 REFERENCES = Path(__file__).with_name("reference_motions.json")
-"""Written by tests/stability_references.py."""
+"""The file is written by tests/support/stability_references.py."""
 POINTS = 10
-"""At which a motion is compared."""
+"""The number of points at which a motion is compared."""
 STATE = ("quaternion", "omega_b", "position", "velocity")
 DERIVED = ("omega_a", "angular_momentum_a", "kinetic_energy")
 TURNED = (0.8, 0.4, -0.4, 0.2)
@@ -34,7 +34,7 @@ OFF_CENTRE = {
 }
 PENDULUM = {"mass": 2.0, "inertia": [1.0, 2.0, 2.5], "r_oc_b": [0.0, 0.0, -0.5], "pivot": True}
 TOP = {"mass": 1.0, "inertia": [0.984375, 0.984375, 0.3], "r_oc_b": [0.0, 0.0, 0.125], "pivot": True}
-"""With the weight of `TOP_WEIGHT` the heavy top c of the work-precision diagrams."""
+"""With the loads `TOP_WEIGHT`, this is the heavy top (case c) of the work-precision diagrams."""
 TOP_WEIGHT = {"gravity_a": [0.0, 0.0, -8.0]}
 LOADED = {
     "gravity_a": [0.0, 0.0, -1.0], "force_b": [1.0, 0.5, 0.2], "force_a": [0.3, 0.1, -0.4],
@@ -57,13 +57,13 @@ def _motion(
 
 
 def _swing(rate: float, **loads: Any) -> Scene:
-    """Return a pendulum that hangs at rest but for a rate about x, rad/s."""
+    """Return a pendulum that hangs down and starts with a rate about x, in rad/s."""
     gravity = {"gravity_a": [0.0, 0.0, -9.81]}
     return _motion(PENDULUM, (rate, 0.0, 0.0), 20.0, gravity | loads, quaternion=UPRIGHT)
 
 
 _OVER_THE_TOP = 2.0 * math.sqrt(2.0 * 9.81 * 0.5 / 1.5)
-"""rad/s: what carries the pendulum upright, and no further."""
+"""The initial rate in rad/s that just takes the pendulum to its upright position."""
 
 MOTIONS: dict[str, Scene] = {
     "fall": _motion(BRICK, (0.0, 0.0, 0.0), 20.0, {"force_a": [0.3, 0.1, 0.7]}, ("position", "velocity")),
@@ -98,7 +98,7 @@ MOTIONS: dict[str, Scene] = {
 
 @cache
 def references() -> dict[str, Any]:
-    """Return what the file holds."""
+    """Return the contents of the file of references."""
     return json.loads(REFERENCES.read_text())  # type: ignore[no-any-return]
 
 
@@ -129,7 +129,7 @@ def _matrix(q: Any) -> Array:
 
 
 def attitude_error(q: Any, true_q: Any) -> float:
-    """Return the largest angle in rad; a quaternion whose length is not 1 is wrong by what it lacks."""
+    """Return the largest attitude error in rad; a deviation of the quaternion's norm from 1 counts as an error."""
     q, true_q = np.asarray(q), np.asarray(true_q)
     sign = np.where(np.sum(q * true_q, axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
     apart, together = np.linalg.norm(sign * q - true_q, axis=-1), np.linalg.norm(sign * q + true_q, axis=-1)
@@ -137,7 +137,7 @@ def attitude_error(q: Any, true_q: Any) -> float:
 
 
 def error_of(found: Mapping[str, Array], true: Mapping[str, Array]) -> float:
-    """Return the largest error of a run: attitude in rad, else relative to the largest size (m, m/s: at least 1)."""
+    """Return the largest error: attitude in rad, others relative to the largest norm (at least 1 m, 1 m/s)."""
     worst = 0.0
     for name, values in found.items():
         rows = values.reshape(len(values), -1)

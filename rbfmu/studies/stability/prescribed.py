@@ -1,4 +1,4 @@
-"""The model of prescribed rates: rates held for some steps, then rates that change within each step."""
+"""The model of prescribed rates: rates that are constant for some steps and then change within each step."""
 
 import numpy as np
 
@@ -16,7 +16,7 @@ PRESCRIBED = (
     (2.0, (1.0, 0.0, 0.5), (-0.5, 1.5, 0.25), (0.25, -1.0, 0.5)),
     (2.0, (0.0, 2.0, -1.0), (1.0, -0.5, 0.75), _NONE),
 )
-"""Steps: s; omega_b at their begin, its first and second derivative."""
+"""For each step: its length in s, and omega_b with its first and second derivative at the start of the step."""
 
 
 def prescribed_error() -> float:

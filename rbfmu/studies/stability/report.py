@@ -18,7 +18,7 @@ _FAILS = {EQUAL: "FAILS", AT_MOST: "FAILS", RECORDED: "NOT as recorded"}
 
 
 def print_laws(findings: Sequence[Finding]) -> None:
-    """Print law by law, at most 80 columns wide; findings that differ only by their place in a row."""
+    """Print law by law in at most 80 columns; findings that differ only by their place share a row."""
     console = Console(highlight=False, width=WIDTH)
     for law, members in groupby(sorted(findings, key=lambda f: f.law), key=lambda f: f.law):
         console.print(f"\n[bold]Law {law}.[/bold] {LAWS[law].says}")
@@ -34,7 +34,7 @@ def print_laws(findings: Sequence[Finding]) -> None:
 
 
 def rows(findings: Sequence[Finding]) -> list[tuple[str, str, str, str]]:
-    """Return (finding, predicted, measured, verdict); of those told together the worst, and each that does not hold."""
+    """Return (finding, predicted, measured, verdict) of the worst in each group, and of each that does not hold."""
     found: list[tuple[str, str, str, str]] = []
     together: dict[str, list[Finding]] = {}
     for finding in findings:

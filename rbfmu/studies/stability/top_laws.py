@@ -1,4 +1,4 @@
-"""Laws 10 to 12: motions that are unstable by nature, and a resonance that a method brings in."""
+"""Laws 10 to 12: physically unstable motions, and a resonance that a numerical method introduces."""
 
 import math
 from collections.abc import Callable
@@ -34,7 +34,7 @@ _DISTURBED: Vec3 = (1e-4, 2.0, 1e-4)
 
 
 def flip_rate(moments: Vec3, omega_2: float) -> float:
-    """Return the rate omega_2 sqrt((I2 - I1) (I3 - I2) / (I1 I3)) of leaving a spin about the middle axis."""
+    """Return omega_2 sqrt((I2 - I1) (I3 - I2) / (I1 I3)), the growth rate of a disturbed spin about the middle axis."""
     i_1, i_2, i_3 = moments
     return omega_2 * math.sqrt((i_2 - i_1) * (i_3 - i_2) / (i_1 * i_3))
 
@@ -65,7 +65,7 @@ def _exact_flips(moments: Vec3, stop: float) -> float:
 
 
 def _flips_about_a_pivot() -> tuple[float, float]:
-    """Return predicted and measured time between flips of a weightless brick held half a metre from its centre."""
+    """Return the predicted and measured time between flips of a weightless brick on a pivot 0.5 m from its centre."""
     scene = Scene.from_dict({
         "body": {"mass": 1.0, "inertia": BRICK, "r_oc_b": (0.0, 0.0, 0.5), "pivot": True},
         "initial": {"omega_b": _DISTURBED},
@@ -79,7 +79,7 @@ def _flips_about_a_pivot() -> tuple[float, float]:
 
 
 def intermediate_axis(quick: bool) -> Study:
-    """Law 10: spin about the middle axis turns over, again and again, at a predicted time."""
+    """Measure law 10: a spin about the middle axis flips again and again, at predicted intervals."""
     time = np.arange(0.0, 30.0 if quick else 62.0, 0.25)
     start, body = at(UPRIGHT, _DISTURBED), free_body(BRICK)
     exact = free_motion(BRICK, start, float(time[-1]), 0.25).omega_b[:, 1].tolist()
@@ -104,7 +104,7 @@ def intermediate_axis(quick: bool) -> Study:
 
 
 _CRITICAL = 2.0 * math.sqrt(TOP_MOMENTS[0]) / TOP_MOMENTS[2]
-"""rad/s: (I3 w3)^2 = 4 I1 m g l."""
+"""The critical spin in rad/s, from (I3 w3)^2 = 4 I1 m g l."""
 
 
 def _tilted(tilt: float, rate: float) -> State:
@@ -112,7 +112,7 @@ def _tilted(tilt: float, rate: float) -> State:
 
 
 def _tilts(tilt: float, rate: float, stop: float) -> Any:
-    """Return the top's tilt each 0.1 s."""
+    """Return the top's tilt every 0.1 s."""
     start = _tilted(tilt, rate)
     scene = Scene.from_dict({
         "body": TOP,
@@ -126,12 +126,12 @@ def _tilts(tilt: float, rate: float, stop: float) -> Any:
 
 
 def tilt_growth(ratio: float) -> float:
-    """Return sigma of exp(sigma t), 1/s: sqrt(m g l / I1 - (I3 w3 / (2 I1))^2), w3 below the critical rate."""
+    """Return the growth rate of the tilt, 1/s: sqrt(m g l / I1 - (I3 w3 / (2 I1))^2) for w3 below the critical spin."""
     return math.sqrt((1.0 - ratio * ratio) / TOP_MOMENTS[0])
 
 
 def _measured_growth(ratio: float) -> float:
-    """Return the growth of the tilt between 4 and 8 times 1 / sigma, from 1e-7 rad on."""
+    """Return the growth rate of the tilt between t = 4 / sigma and 8 / sigma, from an initial tilt of 1e-7 rad."""
     sigma = tilt_growth(ratio)
     tilts = _tilts(1e-7, ratio * _CRITICAL, 8.0 / sigma)
     half = len(tilts) // 2
@@ -139,7 +139,7 @@ def _measured_growth(ratio: float) -> float:
 
 
 def sleeping_top(quick: bool) -> Study:
-    """Law 11: an upright top stays up if it spins fast enough."""
+    """Measure law 11: an upright top stays up if it spins fast enough."""
     ratios = [0.3, 0.6, 0.9, 1.1, 1.5] if quick else np.linspace(0.05, 1.6, 63).tolist()
     tilts = [float(np.max(_tilts(1e-3, r * _CRITICAL, 30.0 if quick else 60.0))) for r in ratios]
     columns: dict[str, Any] = {"spin over critical": ratios, "largest tilt": tilts}
@@ -185,7 +185,7 @@ def _peak(function: Callable[[float], float], low: float, high: float) -> float:
 
 
 def _largest_substep() -> float:
-    """Return the substep beyond which the product's model of a symmetric top refuses the fast top, s."""
+    """Return the substep in s beyond which the product's model of a symmetric top refuses the fast top."""
 
     def refused(h: float) -> float:
         scene = Scene.from_dict({
@@ -201,7 +201,7 @@ def _largest_substep() -> float:
 
 
 def splitting_resonance(quick: bool) -> Study:
-    """Law 12: splitting with steps at the rhythm of the precession takes a fast top to any height."""
+    """Measure law 12: splitting steps in resonance with the precession lift a fast top."""
     resonance = resonant_step(heavy_top()[1], _FAST[3])
     steps = np.geomspace(0.03, 0.6, 13 if quick else 121).tolist()
     columns: dict[str, Any] = {"h": steps}

@@ -1,6 +1,6 @@
-"""`rbfmu chart`: for accuracy X, use method Y, it costs Z.
+"""The study behind `rbfmu chart`: which method to use for an accuracy, and what it costs.
 
-Figures are collected first (CSV), answers and pictures are made from them.
+All measurements are collected first (CSV); answers and pictures are made from them.
 """
 
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""What an accuracy costs by each kind of method: read off the collected figures."""
+"""The cost of an accuracy with each kind of method, read from the collected measurements."""
 
 import math
 from collections.abc import Callable, Iterable, Sequence
@@ -15,7 +15,7 @@ OUTSIDE = ("classic", "Moser-Veselov")
 
 @dataclass(frozen=True)
 class Offer:
-    """A method's cost to reach an accuracy, s of the processor for the run."""
+    """A method, and the processor time in s of a run by which it reaches an accuracy."""
 
     method: str
     family: str
@@ -24,7 +24,7 @@ class Offer:
 
 @dataclass(frozen=True)
 class Answer:
-    """The best offers for an accuracy (rad) on a case; None where nobody reaches it."""
+    """The best offers for an accuracy (rad) on a case; None where no method reaches it."""
 
     case: str
     title: str
@@ -50,7 +50,7 @@ def _attitude_error(point: Point) -> float:
 
 
 def front(points: Iterable[Point], error: Callable[[Point], float] = _attitude_error, gain: float = 1.0) -> list[Point]:
-    """Return the points that no cheaper one beats, by falling error; each below `gain` times the last one's."""
+    """Return the Pareto front by rising cost: each error is below `gain` times that of the point before."""
     kept: list[Point] = []
     for point in sorted(points, key=lambda p: p.seconds):
         if not kept or error(point) < gain * error(kept[-1]):
@@ -59,7 +59,7 @@ def front(points: Iterable[Point], error: Callable[[Point], float] = _attitude_e
 
 
 def cost_of(points: Iterable[Point], accuracy: float) -> float | None:
-    """Return what one method's points make an accuracy cost: between two points, by the power law through them."""
+    """Return the cost of an accuracy by one method's points, interpolated by a power law; None if out of reach."""
     best = front(points)
     if not best or best[-1].attitude_error > accuracy:
         return None
@@ -104,6 +104,6 @@ def text_of(seconds: float) -> str:
 
 
 def rounded(number: float) -> str:
-    """Return two digits, all of a whole number's."""
+    """Return a number rounded to two significant digits, without an exponent."""
     number = float(f"{number:.1e}")
     return f"{number:,.{max(0, 1 - math.floor(math.log10(number)))}f}"

@@ -1,4 +1,4 @@
-"""The motions on which methods compete, their references to 40 digits, and what each motion keeps."""
+"""The motions on which methods compete, their references to 40 digits, and what each motion conserves."""
 
 import json
 import math
@@ -24,11 +24,11 @@ from rbfmu_kernels.models import loaded_dop853
 Array = NDArray[np.float64]
 
 CHECKPOINTS = 5
-"""Where errors are taken, and the outputs of a run with few."""
+"""The number of points at which errors are measured, and of the outputs of a run with few outputs."""
 OUTPUT_STEP = 0.01
-"""s between the outputs of a run with many."""
+"""The time in s between the outputs of a run with many outputs."""
 REFERENCES = Path(__file__).with_name("reference_motions.json")
-"""Written by examples/references/reference_motions.py."""
+"""The file is written by examples/references/reference_motions.py."""
 _GENERAL = Plan("body under loads", "", 13)
 _NOTHING = (0.0, 0.0, 0.0)
 
@@ -37,9 +37,9 @@ _NOTHING = (0.0, 0.0, 0.0)
 class Case:
     """A scene on which methods are compared at five checkpoints.
 
-    title: what a user would call such a motion; keeps: of "energy", "momentum" (its inertial components) and "vertical
-    momentum"; torque_free: no load makes a torque; outputs: how many states a method gives over the run, equally
-    spaced, the checkpoints among them.
+    title: the name that a user would give the motion; keeps: what it conserves out of "energy", "momentum" (its
+    inertial components) and "vertical momentum"; torque_free: whether no load makes a torque; outputs: the number of
+    equally spaced states that a method returns over the run, which include the checkpoints.
     """
 
     key: str
@@ -67,7 +67,7 @@ class Case:
 
     @property
     def quantities(self) -> tuple[str, ...]:
-        """Return what all methods give: the position only where it has no closed form."""
+        """Return the quantities that all methods compute; the position only where it has no closed form."""
         return ("quaternion", "omega_b", "position") if self.turning_force else ("quaternion", "omega_b")
 
     def with_many_outputs(self) -> "Case":
@@ -75,7 +75,7 @@ class Case:
         return replace(self, outputs=round(self.span / OUTPUT_STEP))
 
     def asking(self, accuracy: float) -> Scene:
-        """Return the scene with an accuracy, which asks for what all methods give, at the outputs' times."""
+        """Return the scene with this accuracy, and with the quantities and output times of all methods."""
         tables = self.scene.to_dict()
         tables["run"] |= {"accuracy": accuracy, "step": self.interval}
         tables["outputs"]["quantities"] = list(self.quantities)
@@ -105,7 +105,7 @@ class Case:
 
     @property
     def moments(self) -> tuple[float, float, float]:
-        """Return the principal moments about the reference point: all cases have principal axes."""
+        """Return the principal moments about the reference point: all cases are in principal axes."""
         M = self.body.inertia
         return M[0][0], M[1][1], M[2][2]
 
@@ -116,7 +116,7 @@ class Case:
 
     @property
     def long(self) -> bool:
-        """Return whether steps would take minutes: few methods are tried, and seldom."""
+        """Return whether a run in steps takes minutes, so that few methods and settings are tried."""
         return self.span > 1e5
 
     @property
@@ -130,7 +130,7 @@ class Case:
         return float(max(np.linalg.norm(self.start.omega_b), *np.linalg.norm(reference(self.key)["omega_b"], axis=1)))
 
     def errors(self, states: Sequence[State]) -> dict[str, float]:
-        """Return the largest errors at the checkpoints, and drifts of what the motion keeps (NaN where nothing)."""
+        """Return the largest errors at the checkpoints, and the drifts of what is conserved (NaN for the rest)."""
         r, _, q, omega = (np.array(part, dtype=float) for part in zip(*states, strict=True))
         truth = reference(self.key)
         with np.errstate(over="ignore"):
@@ -151,7 +151,7 @@ class Case:
         return found
 
     def _kept(self, r: Array, q: Array, omega: Array) -> dict[str, Array]:
-        """Return energy of the rotation and of the weight about a pivot, and angular momentum, of (n, ...) states."""
+        """Return the energy (with that of the weight about a pivot) and the angular momentum of (n, ...) states."""
         h_a = rbfmu.rotate(q, rbfmu.angular_momentum(np.array(self.body.inertia), omega))
         energy = 0.5 * np.sum(omega * rbfmu.angular_momentum(np.array(self.body.inertia), omega), axis=-1)
         if self.body.is_free == 0.0:
@@ -163,7 +163,7 @@ DRIFTS = ("energy", "momentum", "vertical momentum")
 
 
 def _attitude_error(q: Array, truth: dict[str, Array]) -> float:
-    """Return the largest angle in rad to references in two parts: no error of the reference's own rounding."""
+    """Return the largest angle in rad to references in two parts, so that their own rounding adds no error."""
     high, low = truth["q"], truth["q_low"]
     sign = np.where(np.sum(q * high, axis=1, keepdims=True) < 0.0, -1.0, 1.0)
     apart = np.linalg.norm((sign * q - high) - low, axis=1)
@@ -185,7 +185,7 @@ def reference(key: str) -> dict[str, Array]:
 
 
 def _low(digits: str) -> float:
-    """Return what a number's nearest double leaves of it."""
+    """Return the difference between a decimal number and its nearest double."""
     from fractions import Fraction
 
     return float(Fraction(digits) - Fraction(float(digits)))
@@ -248,7 +248,7 @@ CASES = {
         ),
     )
 }
-"""By key: a to e as in the literature of this library's methods, f with six degrees of freedom, g long."""
+"""The cases by key: a to e as in the literature on these methods, f with six degrees of freedom, g a long run."""
 
 
 def described(case: Case) -> str:

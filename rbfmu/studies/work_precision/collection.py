@@ -1,4 +1,4 @@
-"""Collects the figures of all methods on all cases, interleaved, into a CSV file."""
+"""Collect measurements of all methods on all cases, interleaved, in a CSV file."""
 
 import csv
 import math
@@ -21,23 +21,23 @@ from rbfmu.studies.work_precision.peers import ABSENT, absent, peers
 
 Progress = Callable[[int, int, str], Any]
 LARGEST_ERROR = 1.0
-"""rad; what is worse is no answer and is not kept."""
+"""The largest attitude error in rad that is recorded; a larger one is no answer."""
 
 
 TIME_LIMIT = 0.3
-"""s of the processor that a run may take: where a method's finer settings would take more, it is stopped."""
+"""The processor time in s that a run may take; a method whose finer settings would take more is stopped."""
 MAX_IDLE = 5
-"""Finer settings in a row that bring nothing, after which a method has given all."""
+"""The number of finer settings in a row without a gain after which no more are tried."""
 
 
 @dataclass
 class Point:
     """One method at one setting on one case.
 
-    outputs: states that a run gives; detail: what a plan chose; errors: rad, and of the position relative to its size,
-    at least 1 m; drifts relative; seconds: the least that a run took of the processor; spread: how far the least of
-    every other repeat and of the repeats between came apart, as a ratio; compiling: what the method's very first call
-    took longer (compilation, or loading what was compiled).
+    outputs: the number of states that a run returns; detail: the method that a plan chose; errors: in rad, that of the
+    position relative to its size (at least 1 m); drifts: relative; seconds: the least processor time of a run; spread:
+    the ratio between the least times of every other repeat and of the repeats between; compiling: the additional time
+    of the method's very first call, which compiles or loads compiled code.
     """
 
     case: str
@@ -61,13 +61,13 @@ class Point:
 
     @property
     def motion(self) -> tuple[str, int]:
-        """Return what methods are compared on: case and outputs."""
+        """Return the case and the number of outputs, for which methods are compared."""
         return self.case, self.outputs
 
 
 @dataclass(frozen=True)
 class Ending:
-    """The smallest error that a method came to on a case (infinite: none below `LARGEST_ERROR`), and why it ended."""
+    """The smallest error that a method reached on a case (infinite: none below `LARGEST_ERROR`), and why it ended."""
 
     case: str
     outputs: int
@@ -78,7 +78,7 @@ class Ending:
 
     @property
     def stopped(self) -> bool:
-        """Return whether it might have done more, given time."""
+        """Return whether the time limit stopped the method."""
         return self.why == STOPPED
 
 
@@ -87,7 +87,7 @@ STOPPED = "stopped: time limit"
 
 @dataclass(frozen=True)
 class Collection:
-    """All figures, where and why each method ended, and the limit of time, s."""
+    """All measurements, where and why each method ended, and the time limit in s."""
 
     points: list[Point]
     endings: list[Ending]
@@ -95,13 +95,13 @@ class Collection:
 
     @property
     def noise(self) -> float:
-        """Return the ratio within which costs are even: 19 of 20 halves of repeats came no further apart."""
+        """Return the ratio within which costs count as equal: 19 of 20 points have a smaller spread."""
         return float(np.percentile([point.spread for point in self.points], 95.0))
 
 
 @dataclass(frozen=True)
 class Extent:
-    """How much to collect."""
+    """The cases, methods and limits of a collection."""
 
     cases: Sequence[Case]
     methods: Sequence[Method]
@@ -119,7 +119,7 @@ QUICK_METHODS = (
 
 
 def extent(quick: bool) -> Extent:
-    """Return all of it, or what a test has time for."""
+    """Return the full extent, or a small one for a quick run."""
     methods = (*library_methods(), *reference_integrators(), *peers()[0])
     if not quick:
         return Extent(tuple(few_and_many(CASES)), methods, TIME_LIMIT, 5, 2e-3, False)
@@ -128,7 +128,7 @@ def extent(quick: bool) -> Extent:
 
 
 def few_and_many(keys: Iterable[str]) -> Iterator[Case]:
-    """Return cases with few and with many outputs; long ones with few."""
+    """Yield each case with few and with many outputs; long ones with few only."""
     for key in keys:
         yield CASES[key]
         if not CASES[key].long:
@@ -136,7 +136,7 @@ def few_and_many(keys: Iterable[str]) -> Iterator[Case]:
 
 
 def collect(what: Extent, progress: Progress) -> Collection:
-    """Try each method's settings, then time them in turn, in an order that no method can profit from."""
+    """Try each method's settings, then time them in turns, in a random order that favours no method."""
     pairs = [(case, method) for case in what.cases for method in what.methods if method.suits(case)]
     total = len(pairs) + what.repeats * len(what.cases)
     found: list[Tried] = []
@@ -174,7 +174,7 @@ class Tried:
     times: list[float] = field(default_factory=list)
 
     def time(self, shortest: float) -> None:
-        """Time once more, for some `shortest` s; the point has the least time and how far halves come apart."""
+        """Time once more, for about `shortest` s, and update the least time and the spread of the point."""
         k = max(1, round(shortest / self.point.seconds))
         self.times.append(self.run.seconds(k) / k)
         halves = [min(half) for half in (self.times[::2], self.times[1::2]) if half]
@@ -182,7 +182,7 @@ class Tried:
 
 
 def explored(what: Extent, case: Case, method: Method, first_calls: dict[str, float]) -> tuple[list[Tried], Ending]:
-    """Try settings from coarse to fine until time or digits end; first_calls: by method, s, filled here."""
+    """Try settings from coarse to fine until time or digits end; `first_calls` (s, by method) is filled here."""
     found: list[Tried] = []
     least, last, idle, why = math.inf, math.inf, 0, "all settings tried"
     for value in method.settings(case, what.quick):
@@ -195,7 +195,7 @@ def explored(what: Extent, case: Case, method: Method, first_calls: dict[str, fl
         if errors["attitude"] <= LARGEST_ERROR:
             found.append(Tried(_point(case, method, value, run, errors, seconds, first_calls[method.name]), run))
         idle = 0 if errors["attitude"] < 0.7 * least else idle + (errors["attitude"] != last)
-        last = errors["attitude"]  # equal where both take one step to each output
+        last = errors["attitude"]  # errors are equal where both settings take one step to each output
         least = min(least, errors["attitude"])
         if 1.5 * seconds > what.longest and not case.long:
             why = STOPPED
@@ -210,7 +210,7 @@ def explored(what: Extent, case: Case, method: Method, first_calls: dict[str, fl
 def _tried(
     case: Case, method: Method, value: float, first_calls: dict[str, float]
 ) -> tuple[Run, dict[str, float], float]:
-    """Return a point ready to run, its errors, the s of a run."""
+    """Return a run that is ready to be timed, its errors, and its time in s."""
     start = process_time()
     run = method.run(case, value)
     errors = case.errors(run.states())
@@ -234,7 +234,7 @@ def _point(
 
 
 def machine() -> list[str]:
-    """Return what it ran on: lines for a file's head."""
+    """Return lines on the machine and the packages for a file's head."""
     packages = ("numpy", "numba", "llvmlite")
     theirs = ", ".join(f"{name} {found}" for name, found in peers()[1].items() if found != ABSENT)
     return [
@@ -265,7 +265,7 @@ def write_rows(path: Path, rows: Iterable[dict[str, Any]], head: Iterable[str]) 
 
 
 def write_points(path: Path, points: Sequence[Point]) -> Path:
-    """Write the collected figures; every digit."""
+    """Write the collected points with all digits."""
     return write_rows(path, map(asdict, points), machine())
 
 

@@ -1,4 +1,4 @@
-"""Draws the collected figures: one chart for each motion, and one that answers the question at a glance."""
+"""Draw the collected measurements: one chart for each motion, and one that shows which method to use."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -33,7 +33,7 @@ GROUPS = {
     "Drake": "#5e3c99",
     "RK4, Euler and others": "#8c8c8c",
 }
-"""Lines by who offers them, each the best of its methods; the library's first."""
+"""The colour of each line, which is the best of a group of methods; the library's own groups come first."""
 OWN_GROUPS = frozenset(("rbfmu's plan", "exact", "Taylor series", "DOP853", "splitting"))
 _FAMILIES = {
     "planned": "rbfmu's plan",
@@ -41,12 +41,12 @@ _FAMILIES = {
     "classic": "RK4, Euler and others",
 }
 PEER = "#f6b58a"
-"""Where a peer is cheaper than the plan."""
+"""The colour of a cell in which a peer is cheaper than the plan."""
 CELLS = {"Taylor": "#a9d8f5", "DOP853": "#7fb3de", "splitting": "#e3b7cf"}
 EXACT = "#8fd3bd"
 DPI = 120
 GAIN = 0.8
-"""Points that gain less are left out: a line ends where its digits do."""
+"""A point is drawn only if its error is below this part of the last one's, so that a line ends with its digits."""
 
 
 def group_of(point: Point) -> str:
@@ -76,13 +76,13 @@ def draw_case(points: Sequence[Point], endings: Sequence[Ending], path: Path) ->
 
 
 def draw_kept(points: Sequence[Point], path: Path) -> list[Path]:
-    """Draw, for few outputs, what the motion keeps and methods lose, against time; no file where nothing is kept."""
+    """Draw the drift of conserved quantities against time, for few outputs; no file if nothing is conserved."""
     few = [p for p in points if p.outputs == CHECKPOINTS]
     names = [n for n in ("energy", "momentum", "vertical_momentum") if any(math.isfinite(drift_of(n)(p)) for p in few)]
     if not names:
         return []
     figure, panels = _panels(len(names), few[0])
-    title = f"{few[0].title.capitalize()}: what methods lose of what the motion keeps\nlines: the best of each kind"
+    title = f"{few[0].title.capitalize()}: drift of what the motion conserves\nlines: the best of each kind"
     figure.suptitle(f"{title}; stars: as planned", fontsize=13, x=0.02, ha="left")
     drawn = []
     for axes, name in zip(panels, names, strict=True):
@@ -103,7 +103,7 @@ def _panels(count: int, example: Point) -> tuple[Figure, Any]:
 
 
 def _finished(figure: Figure, panels: Any, drawn: Sequence[Any], path: Path) -> Path:
-    """Write names last, when all panels' limits are known."""
+    """Write the names last, when the limits of all panels are known, and save the figure."""
     for axes, (lines, error) in zip(panels, drawn, strict=True):
         axes.tick_params(labelleft=True)
         axes.yaxis.set_major_formatter(FuncFormatter(lambda seconds, _: _tick(seconds)))
@@ -118,7 +118,7 @@ def attitude_error(point: Point) -> float:
 
 
 def drift_of(name: str) -> Callable[[Point], float]:
-    """Return a drift, of which nothing below round-off is shown."""
+    """Return a function that gives a point's drift, which is shown as at least 1e-17."""
     return lambda p: max(getattr(p, name + "_drift"), 1e-17)
 
 
@@ -133,7 +133,7 @@ def _tick(seconds: float) -> str:
 
 
 def lines_of(points: Sequence[Point], error: Callable[[Point], float]) -> dict[str, list[Point]]:
-    """Return by group the points that none of the same group beats."""
+    """Return the Pareto front of each group."""
     lines = {}
     for name in GROUPS:
         mine = [p for p in points if group_of(p) == name and math.isfinite(error(p)) and p.seconds > 0.0]
@@ -184,7 +184,7 @@ def _name_lines(axes: Any, lines: dict[str, list[Point]], error: Callable[[Point
 
 
 def spread(places: Sequence[float], apart: float, highest: float = 1.0) -> list[float]:
-    """Return rising places moved as little as it takes to be so far apart, none above the highest."""
+    """Return rising places, moved so that they are at least `apart` apart and none is above `highest`."""
     found = list(places)
     for i in range(1, len(found)):
         found[i] = max(found[i], found[i - 1] + apart)
@@ -195,7 +195,7 @@ def spread(places: Sequence[float], apart: float, highest: float = 1.0) -> list[
     return found
 
 
-# The answer at a glance
+# The overview: which method to use
 
 
 def draw_answers(found: Sequence[Verdict], path: Path) -> Path:
@@ -225,7 +225,7 @@ def draw_answers(found: Sequence[Verdict], path: Path) -> Path:
         axes.annotate(f"{text}\nattitude error at most (rad)", (x, 1.0), (0, 24), xycoords=("data", "axes fraction"),
                       textcoords="offset points", ha="center", fontsize=11, annotation_clip=False)  # fmt: skip
     figure.suptitle(
-        "Use this method for this accuracy; processor time of the run below it\n"
+        "The method to use for an accuracy; below it, the processor time of the run\n"
         f"orange: another package is cheaper than rbfmu's plan; even: within noise, {found[0].noise:.2f} times",
         fontsize=12.5, x=0.015, ha="left", y=0.985, va="top",
     )  # fmt: skip
@@ -256,7 +256,7 @@ def _draw_cell(axes: Any, x: float, y: float, v: Verdict) -> None:
 
 
 def cell_of(v: Verdict) -> tuple[str, str, str, str]:
-    """Return the colour, what to use, its time, and what is said of the other."""
+    """Return a cell's colour, the method to use, its time, and a remark on the other."""
     if v.method == REFUSED:
         return ("#eeeeee", "no method", "", "plan refuses") if v.peer is None else (
             PEER, v.peer.method, text_of(v.peer.cost), "plan refuses")  # fmt: skip

@@ -21,7 +21,7 @@ class Heyoka:
         return not case.long
 
     def settings(self, case: Case, quick: bool) -> Iterator[float]:
-        """Return powers of ten: each is compiled for seconds, since the order follows from it."""
+        """Return powers of ten; each takes seconds to compile, since it determines the order."""
         return islice(tolerances(-2, -15, False), 0, None, 6 if quick else 2)
 
     def run(self, case: Case, value: float) -> Run:
@@ -80,7 +80,7 @@ def _rotation(e: Any, u: Any) -> Any:
 
 
 def _product(a: Any, b: Any) -> Any:
-    """Return a product, of which nothing is left with the number 0."""
+    """Return a product, or 0.0 if a factor is the number 0."""
     return 0.0 if (isinstance(a, float) and a == 0.0) or (isinstance(b, float) and b == 0.0) else a * b
 
 

@@ -33,12 +33,12 @@ from rbfmu_kernels.integrators.splitting import rkn4_steps, rkn6_steps, strang_s
 from rbfmu_kernels.mechanics.equations_of_motion import State
 from rbfmu_kernels.types import Quaternion, Vec3
 
-# The product's units: stepped from checkpoint to checkpoint, with all outputs
+# The product's models, stepped from output to output
 
 
 @njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
 def _steps_repeated(step: Any, z: Any, start: Any, interval: float, at: Any, out: Any, k: int) -> int:
-    """Make k runs; what stands at some places of the buffer is kept at every output."""
+    """Make k runs, and store the buffer's elements `at` in `out` at every output."""
     fault = 0
     for _ in range(k):
         z[:] = start
@@ -50,7 +50,7 @@ def _steps_repeated(step: Any, z: Any, start: Any, interval: float, at: Any, out
 
 
 def _run_of_unit(case: Case, scene: Scene, chosen: Plan, per_substep: float = math.nan, fixed: float = 0.0) -> Run:
-    """Return a run of a plan's model; per_substep: right-hand sides; fixed: substeps where it counts none."""
+    """Return a run of a plan's model; per_substep: right-hand sides; fixed: substeps if it counts none."""
     kernels, start = chosen.kernels, filled_buffer(scene, chosen)
     initialize(scene, kernels, start)
     z = aligned_zeros(len(start))
@@ -65,7 +65,7 @@ def _run_of_unit(case: Case, scene: Scene, chosen: Plan, per_substep: float = ma
 
 
 def _state(case: Case, row: Any) -> State:
-    """Return a row (q, omega, perhaps the position of o); without it the centre of mass stays (no load moves it)."""
+    """Return the state of a row (q, omega, perhaps the position of o); without it the centre of mass stays."""
     q, omega = row[:4], row[4:7]
     body = case.scene.body
     assert body is not None
@@ -75,9 +75,9 @@ def _state(case: Case, row: Any) -> State:
 
 @dataclass(frozen=True)
 class Substeps:
-    """The units of a body under loads: with error control, or DOP853 in equal steps.
+    """The models of a body under loads, with error control, or with DOP853 in equal steps.
 
-    order: of Taylor series, 0 for DOP853.
+    order: the order of the Taylor series, 0 for DOP853.
     """
 
     order: int
@@ -97,7 +97,7 @@ class Substeps:
 
     @property
     def setting(self) -> str:
-        """Return what is varied."""
+        """Return the name of the setting that is varied."""
         return "tolerance" if self.controlled else "step (s)"
 
     def suits(self, case: Case) -> bool:
@@ -122,7 +122,7 @@ class Substeps:
 
 @kernel(inline=False)
 def _exact(out: Any, moments: Vec3, q: Quaternion, w: Vec3, span: float, k: int) -> float:
-    """Set up k times, each time followed by all outputs."""
+    """Set up the motion k times, and compute all outputs each time."""
     rest, n = 0.0, len(out)
     for _ in range(k):
         setup = free_rotation_setup(moments, q, (w[0] + 0.0 * rest, w[1], w[2]))
@@ -166,7 +166,7 @@ class Exact:
 
 
 class Planned:
-    """What `rbfmu.plan` chooses for an accuracy, with all of a model's outputs."""
+    """The plan that `rbfmu.plan` makes for an accuracy, with all of a model's outputs."""
 
     name, family, setting = "rbfmu, as planned", "planned", "accuracy asked"
 
@@ -189,12 +189,12 @@ class Planned:
 
 
 class ClosedForm(Planned):
-    """A closed form under torques: what a plan is then, whatever the accuracy."""
+    """A closed form under torques, which is the plan for such a case whatever the accuracy."""
 
     name, family = "closed form", "exact"
 
     def suits(self, case: Case) -> bool:
-        """Return whether a plan is such a closed form."""
+        """Return whether the plan of the case is a closed form under torques."""
         return not case.torque_free and plan(case.asking(1e-6)).spec.closed_form
 
     def settings(self, case: Case, quick: bool) -> Iterator[float]:

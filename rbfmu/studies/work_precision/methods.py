@@ -1,4 +1,4 @@
-"""What competes: a method at one setting on one case is a `Run`, which gives its states and its time."""
+"""The methods that compete: one of them at one setting on one case is a `Run` with its states and its time."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -21,9 +21,10 @@ class NotFeasibleError(Exception):
 
 @dataclass(frozen=True)
 class Run:
-    """A method at a setting: its states at the checkpoints, s of the processor for k solutions with all outputs.
+    """A method at a setting: its states at the checkpoints, and the time of k solutions with all outputs.
 
-    evaluations: right-hand sides of one solution (0: none, NaN: not counted); detail: what a plan chose.
+    seconds: of the processor; evaluations: those of the right-hand side in one solution (0: none, NaN: not counted);
+    detail: the method that a plan chose.
     """
 
     states: Callable[[], Sequence[State]]
@@ -41,24 +42,24 @@ class Method(Protocol):
 
     @property
     def family(self) -> str:
-        """Return what shares a colour."""
+        """Return the family, whose methods share a colour."""
 
     @property
     def setting(self) -> str:
-        """Return what is varied, and its unit."""
+        """Return the name and unit of the setting that is varied."""
 
     def suits(self, case: Case) -> bool:
         """Return whether the method applies to the case."""
 
     def settings(self, case: Case, quick: bool) -> Iterator[float]:
-        """Return values to try until no more digits, or too much time, come of it."""
+        """Return the values to try until the error no longer falls or a run takes too long."""
 
     def run(self, case: Case, value: float) -> Run:
         """Return a run at a setting; raise NotFeasibleError."""
 
 
 def timed(repeat: Callable[[int], Any]) -> Callable[[int], float]:
-    """Return the seconds that `repeat(k)` takes of the processor: waiting for it does not count."""
+    """Return a function that measures the processor time of `repeat(k)` in s; waiting does not count."""
 
     def seconds(k: int) -> float:
         start = process_time()
@@ -69,7 +70,7 @@ def timed(repeat: Callable[[int], Any]) -> Callable[[int], float]:
 
 
 def step_counts(case: Case, quick: bool) -> Iterator[float]:
-    """Return numbers of steps, from 16 rad each on, by factors of 2 (quick: 4); for a long motion only two."""
+    """Yield step sizes, from 16 rad per step downwards by factors of 2 (quick: 4); only two for a long motion."""
     if case.long:
         yield from (case.interval / round(case.interval * case.rate / radians) for radians in (0.25, 0.15))
         return
@@ -82,13 +83,13 @@ def step_counts(case: Case, quick: bool) -> Iterator[float]:
 
 
 def tolerances(largest: int, smallest: int, quick: bool) -> Iterator[float]:
-    """Return powers of ten, with their square roots between."""
+    """Yield powers of ten from large to small in half decades (quick: every three decades)."""
     for k in range(2 * largest, 2 * smallest - 1, -(6 if quick else 1)):
         yield 10.0 ** (k / 2)
 
 
 def tuples(r: Any, v: Any, q: Any, omega: Any) -> State:
-    """Return a state of whatever holds numbers."""
+    """Return a state made from any sequences of numbers."""
     return State(*(tuple(map(float, x)) for x in (r, v, q, omega)))  # type: ignore[arg-type]
 
 
@@ -105,7 +106,7 @@ def module(name: str) -> Any:
 
 @njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
 def _repeated(loop: Any, y: Any, h: float, n: int, outputs: int, body: Body, loads: Loads, k: int) -> Any:
-    """Solve k times, n steps to each output; each step size depends (by 0 *) on the last solution: none is left out."""
+    """Solve k times; h depends formally (by 0 *) on the last solution, so that the compiler removes no solution."""
     z = y
     for _ in range(k):
         step = h + 0.0 * z.omega_b[0]
@@ -126,7 +127,7 @@ def _midpoint_rounds(loop: Any, y: Any, h: float, n: int, body: Body, loads: Loa
 
 @dataclass(frozen=True)
 class FixedSteps:
-    """A one-step method, `rbfmu.studies.reference_methods` or alike."""
+    """A one-step method in equal steps, such as those of `rbfmu.studies.reference_methods`."""
 
     method: OneStepMethod
     family: str
@@ -139,7 +140,7 @@ class FixedSteps:
         return self.method.name
 
     def suits(self, case: Case) -> bool:
-        """Return whether the case suits, as told; of a long motion only high orders do."""
+        """Return whether the method applies; to a long motion only methods of order 8 or higher do."""
         return self.applies(case) and (self.method.order >= 8 or not case.long)
 
     def settings(self, case: Case, quick: bool) -> Iterator[float]:
@@ -161,7 +162,7 @@ class FixedSteps:
 
         if hasattr(method.steps, "py_func"):
             seconds = timed(lambda k: _repeated(method.steps, start, value, n, outputs, body, loads, k))
-        else:  # not compiled as a whole: on and on, of which the calls are a small part
+        else:  # the loop is not compiled: one long run, of which the calls are a small part
             seconds = timed(lambda k: method.steps(start, value, outputs * n * k, body, loads))
         evaluations = float(method.evaluations * outputs * n)
         if method.name == "implicit midpoint":
@@ -171,7 +172,7 @@ class FixedSteps:
 
 @cache
 def reference_integrators() -> tuple[Method, ...]:
-    """Return one-step methods that people use, over the same right-hand sides."""
+    """Return one-step methods in common use, with the same right-hand sides."""
     any_torque = [FixedSteps(method, "classic", _any_case) for method in REFERENCE_INTEGRATORS.values()]
     free = [FixedSteps(method, "Moser-Veselov", _torque_free) for method in TORQUE_FREE_INTEGRATORS.values()]
     return (*any_torque, *free)

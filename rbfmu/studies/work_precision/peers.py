@@ -29,13 +29,13 @@ _PEERS: dict[str, tuple[str, str, Callable[[], Sequence[Method]]]] = {
     "Basilisk": ("bsk", "bench-simulators", lambda: [Basilisk(m) for m in ("RK4", "RKF78")]),
     "Drake": ("drake", "bench-simulators", lambda: [Drake("runge_kutta3", "RK3"), Drake("runge_kutta5", "RK5")]),
 }
-"""By name: package, this library's extra that installs it, methods."""
+"""For each peer: its package, the extra of this library that installs it, and its methods."""
 ABSENT = "not installed"
 
 
 @cache
 def peers() -> tuple[tuple[Method, ...], dict[str, str]]:
-    """Return the installed peers' methods; versions by peer, or that it is not installed."""
+    """Return the methods of the installed peers, and the version of each peer (`ABSENT` if it is not installed)."""
     found: list[Method] = []
     versions = {}
     for name, (package, _, methods) in _PEERS.items():

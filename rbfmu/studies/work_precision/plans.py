@@ -1,4 +1,4 @@
-"""Plans held against the best of the library's own methods, and against the best peer, at the same accuracy."""
+"""Plans compared with the best of the library's own methods and with the best peer, at the same accuracy."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -9,7 +9,7 @@ from rbfmu.studies.work_precision.cases import CHECKPOINTS
 from rbfmu.studies.work_precision.collection import Collection, Point
 
 DEAREST = 1.3
-"""A plan may cost so many times the best other method: it is made without knowing the truth."""
+"""The largest cost of a plan relative to the best other method; a plan is made without knowing the true error."""
 REFUSED = "refused"
 
 
@@ -17,8 +17,8 @@ REFUSED = "refused"
 class Verdict:
     """A plan for an accuracy, the best other method at the plan's error, the best peer at that accuracy.
 
-    cost: infinite where no plan is made; stopped: peers that the limit of time stopped before that accuracy; noise:
-    costs within this ratio are even.
+    cost: infinite where no plan is made; stopped: the peers that the time limit stopped before that accuracy; noise:
+    the ratio within which costs count as equal.
     """
 
     case: str
@@ -40,22 +40,22 @@ class Verdict:
 
     @property
     def dearness(self) -> float:
-        """Return the cost over the best other method's, 0 where none is as accurate."""
+        """Return the cost relative to the best other method's, 0 where none is as accurate."""
         return self.cost / self.rival.cost if self.rival else 0.0
 
     @property
     def lead(self) -> float:
-        """Return the best peer's cost over this one's, infinite where none is as accurate, 0 where only peers are."""
+        """Return the best peer's cost over the plan's: infinite if no peer is as accurate, 0 if there is no plan."""
         return self.peer.cost / self.cost if self.peer else math.inf
 
     @property
     def even(self) -> bool:
-        """Return whether noise could turn the verdict."""
+        """Return whether both costs are equal within the noise."""
         return 1.0 / self.noise <= self.lead <= self.noise
 
     @property
     def kept(self) -> bool:
-        """Return whether error and cost are as they should be."""
+        """Return whether the plan keeps its accuracy and costs no more than `DEAREST` allows."""
         return self.error <= self.accuracy and self.dearness <= DEAREST * self.noise
 
 

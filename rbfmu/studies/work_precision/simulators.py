@@ -1,4 +1,4 @@
-"""Other people's simulators on the same cases, where they are installed; each is imported at its turn."""
+"""Other people's simulators on the same cases, where they are installed; each is imported when it runs."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -40,7 +40,7 @@ class MuJoCo:
         return not case.long
 
     def settings(self, case: Case, quick: bool) -> Iterator[float]:
-        """Return step sizes, none of those that it warns of."""
+        """Return step sizes, without those that MuJoCo warns of."""
         return (h for h in step_counts(case, quick) if h * case.rate <= 1.0)
 
     def run(self, case: Case, value: float) -> Run:
@@ -123,7 +123,7 @@ class Basilisk:
         return islice(steps, 0, None, 3 if quick else 1)
 
     def run(self, case: Case, value: float) -> Run:
-        """Return a run in steps of `value`, or error control in tasks of a radian, which keep parameters regular."""
+        """Return a run in steps of `value`, or with error control in tasks of a radian, which keep the MRPs regular."""
         n = math.ceil(case.interval * max(1.0, case.rate)) if self.controlled else round(case.interval / value)
         n = n if round(case.interval * 1e9) % n == 0 else math.ceil(case.interval) * 4
         recorder: Any = None
@@ -148,7 +148,7 @@ class Basilisk:
         return Run(states, lambda k: sum(execute() for _ in range(k)), evaluations)
 
     def _simulation(self, case: Case, value: float, nanoseconds: int) -> tuple[Any, Any]:
-        """Return a simulation for one run: a second start of the same one warns."""
+        """Return a simulation for one run, since starting the same one again gives a warning."""
         base = module("Basilisk.utilities.SimulationBaseClass")
         craft, forces = (
             module("Basilisk.simulation.spacecraft"),
@@ -197,9 +197,9 @@ class Drake:
         self.scheme, self.name = scheme, f"Drake {label}"
 
     def suits(self, case: Case) -> bool:
-        """Return whether the case suits: no load turns with the body (a Python callback); few enough turns.
+        """Return whether the case suits: no load turns with the body (a Python callback), and the turns are few.
 
-        RK5 does not end on ball joints: it walks into the singularity of their Euler angles.
+        RK5 does not finish on ball joints, since it runs into the singularity of their Euler angles.
         """
         return case.key in ("a", "b") or (case.key in ("c", "c'", "e") and self.scheme == "runge_kutta3")
 
@@ -236,7 +236,7 @@ class Drake:
             for t in (case.interval * np.arange(1, case.outputs + 1))[case.checkpoints]:
                 try:
                     made.AdvanceTo(t)
-                except RuntimeError as error:  # the joint's pitch came (near) to 90 degrees
+                except RuntimeError as error:  # the joint's pitch came close to 90 degrees
                     raise NotFeasibleError(str(error)) from None
                 context = made.get_context()
                 R = plant.EvalBodyPoseInWorld(context, body).rotation()

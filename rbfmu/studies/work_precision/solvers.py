@@ -16,7 +16,7 @@ from rbfmu_kernels.body.memory import body_of, loads_of
 from rbfmu_kernels.mechanics.equations_of_motion import State, state_rates
 
 MAX_STEPS = 10**6
-"""Between two outputs; the solvers' own limits end long before."""
+"""The largest number of steps between two outputs; the solvers' default limits are much lower."""
 
 
 @njit(error_model="numpy")  # type: ignore[untyped-decorator]
@@ -40,7 +40,7 @@ def _rates(t: float, y: Any, z: Any) -> Any:
 
 
 def _numpy_rates(case: Case) -> Callable[[float, Any], Any]:
-    """Return the same rates as people write them."""
+    """Return the same rates in NumPy, as users write them."""
     body, loads = case.body, case.loads
     M, M_inverse, arm, damping = (np.array(x) for x in (body.inertia, body.inertia_inverse, body.arm_b, body.damping_b))
     gravity_a, force_a, force_b = (np.array(x) for x in (loads.gravity_a, loads.force_a, loads.force_b))
@@ -69,7 +69,7 @@ def times_of(case: Case) -> Any:
 
 
 def states_of(case: Case, rows: Any) -> list[State]:
-    """Return the states at the checkpoints, of rows at the start and at all outputs."""
+    """Return the states at the checkpoints from the rows at the start and at all outputs."""
     r, v = case.start.r_c, case.start.v_c
     chosen = rows[1:][case.checkpoints]
     return [tuples(x[7:10], x[10:13], x[:4], x[4:7]) if len(x) > 7 else tuples(r, v, x[:4], x[4:7]) for x in chosen]
@@ -90,7 +90,7 @@ class _Solver:
 
 
 class SolveIvp(_Solver):
-    """`scipy.integrate.solve_ivp`, its right-hand sides compiled with Numba, or in NumPy."""
+    """`scipy.integrate.solve_ivp` with right-hand sides that are compiled with Numba or written in NumPy."""
 
     def __init__(self, method: str, compiled: bool = True) -> None:
         self.method, self.compiled = method, compiled
@@ -113,7 +113,7 @@ class SolveIvp(_Solver):
 
 
 class Odeint(_Solver):
-    """`scipy.integrate.odeint`: LSODA that is called once for all outputs, right-hand side compiled with Numba."""
+    """`scipy.integrate.odeint`: LSODA, called once for all outputs with a right-hand side compiled with Numba."""
 
     name = "SciPy odeint"
 
@@ -147,7 +147,7 @@ def _callback(n: int, size: int) -> Any:
 
 @cache
 def _solved(method: str) -> Any:
-    """Solve k times by one of numbalsoda's methods and keep the last solution."""
+    """Return a compiled function that solves k times by a method of numbalsoda and returns the last solution."""
     solve = getattr(module("numbalsoda"), method)
 
     @njit  # type: ignore[untyped-decorator]

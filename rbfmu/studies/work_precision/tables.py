@@ -14,7 +14,7 @@ _ROW = "{:>6}  {:7}  {:19}  {:>7}  {:19}  {}"
 
 
 def plan_table(found: Sequence[Verdict]) -> str:
-    """Return a table of what plans cost beside the best peer, motion by motion."""
+    """Return a table of what plans and the best peers cost, motion by motion."""
     noise = found[0].noise
     lines = _paragraph(
         "Processor time of a whole run that stays within an attitude error (rad): as rbfmu plans it, and by the "
@@ -38,17 +38,17 @@ def _row(v: Verdict) -> str:
 
 
 def short(number: float) -> str:
-    """Return a number in few letters, such as 1e-9."""
+    """Return a number in its shortest form, such as 1e-9."""
     return f"{number:.0e}".replace("e-0", "e-")
 
 
 def method_of(v: Verdict) -> str:
-    """Return a plan's method in few letters."""
+    """Return a short name of a plan's method."""
     return v.method.replace("series of order", "series").replace(" of order", "").replace(" in equal steps", " fixed")
 
 
 def against(v: Verdict) -> str:
-    """Return the best peer's cost over the plan's."""
+    """Return the best peer's cost relative to the plan's, in words."""
     if v.peer is None:
         return ""
     if v.method == REFUSED:
@@ -63,11 +63,11 @@ def dearness_table(found: Sequence[Verdict]) -> str:
     if not any(v.rival for v in found):
         return ""
     missed = [v for v in found if not v.kept]
-    goal = f"its accuracy kept at no more than {DEAREST:g} times the cheapest of all methods, peers apart"
+    goal = f"keeps its accuracy and costs at most {DEAREST:g} times the cheapest method that is no peer"
     if not missed:
-        return "\n".join(_paragraph(f"Every plan: {goal}, at the error that it makes."))
+        return "\n".join(_paragraph(f"Every plan {goal}, at the error of the plan."))
     return "\n".join(
-        [*_paragraph(f"Plans that miss the goal ({goal}, at the error that they make):"), *map(_miss, missed)]
+        [*_paragraph(f"Plans that miss the goal (a plan {goal}, at the error of the plan):"), *map(_miss, missed)]
     )
 
 
@@ -78,7 +78,7 @@ def _miss(v: Verdict) -> str:
 
 
 def stopped_table(found: Collection) -> str:
-    """Return a table of who was stopped by the limit of time, and where."""
+    """Return a table of the methods that the time limit stopped, and of the cases."""
     lines = _paragraph(
         f"{STOPPED} ({1e3 * found.limit:g} ms of processor a run). These could be more accurate, given time; the "
         f"smallest error that they came to (many: outputs every {OUTPUT_STEP:g} s):"

@@ -18,7 +18,7 @@ PICTURES: dict[str, Callable[[Study], Figure]] = {
         model.orders_and_error_control,
     )
 }  # fmt: skip
-"""By the study's name."""
+"""The drawing functions, by the study's name."""
 
 
 def draw(study: Study, folder: Path) -> Path:

@@ -1,4 +1,4 @@
-"""Pictures of laws 1 to 4 and 9: what was measured (dots) on what theory predicts (lines)."""
+"""Pictures of laws 1 to 4 and 9: measurements (dots) on predictions (lines)."""
 
 import math
 
@@ -23,7 +23,7 @@ from rbfmu.studies.stability.findings import Study
 
 
 def growth_factors(study: Study) -> Figure:
-    """Laws 1 to 3."""
+    """Draw laws 1 to 3."""
     axes = titled_axes(
         "Past its limit each step makes an attitude grow: explicit Euler at once,\n"
         "RK4 on matrices at hω = 2.83, RK4 on quaternions at 5.66, the 8th-order method at 11.92",
@@ -52,7 +52,7 @@ def growth_factors(study: Study) -> Figure:
 
 
 def drift(study: Study) -> Figure:
-    """Laws 2 and 3."""
+    """Draw laws 2 and 3."""
     axes = titled_axes(
         "RK4 without normalisation leaves the rotations, matrices 64 times as fast as |q|²;\n"
         "normalised at each step it stays within round-off  (hω = 0.1)",
@@ -77,10 +77,10 @@ def drift(study: Study) -> Figure:
 
 
 def gimbal_passage(study: Study) -> Figure:
-    """Law 4."""
+    """Draw law 4."""
     axes = titled_axes(
-        "Missing the vertical by 0.01 rad, roll-pitch-yaw lose what quaternions keep:\n"
-        "at h = 0.1 s RK4 is 0.08 rad off on angles, 0.0000002 rad on q",
+        "Passing the vertical at 0.01 rad, roll, pitch, yaw lose accuracy, quaternions do not:\n"
+        "at h = 0.1 s, RK4 is 0.08 rad off on angles and 0.0000002 rad on quaternions",
         "h ω / δ: step over the time of the passage", "attitude error after half a turn (rad)", right=0.8,
     )  # fmt: skip
     x = study.columns["h_omega_over_delta"]
@@ -97,9 +97,9 @@ def gimbal_passage(study: Study) -> Figure:
 
 
 def small_angles(study: Study) -> Figure:
-    """Law 9."""
+    """Draw law 9."""
     axes = titled_axes(
-        "Formulas that cancel lose small angles altogether: acos of the trace and (1 − cos θ) / θ²\n"
+        "Formulas with cancellation lose small angles altogether: acos of the trace and (1 − cos θ) / θ²\n"
         "are 100 % wrong below 1e-8; the product's rotation vector keeps every digit",
         "angle θ (rad)", "relative error",
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Pictures of laws 5 to 8 and 10 to 12: what was measured (dots) on what theory predicts (lines)."""
+"""Pictures of laws 5 to 8 and 10 to 12: measurements (dots) on predictions (lines)."""
 
 import math
 
@@ -25,9 +25,9 @@ from rbfmu.studies.stability.findings import Study
 
 
 def gyroscopic_blow_up(study: Study) -> Figure:
-    """Law 5."""
+    """Draw law 5."""
     axes = titled_axes(
-        "A gyroscopic term taken explicitly makes energy: the nutation of a thin rod\n"
+        "An explicit gyroscopic term adds energy: the nutation of a thin rod\n"
         "(1 : 1 : 0.01, 30 rad/s, 60 steps a second) grows 717 times in one second",
         "time (s)", "transverse rate over its start", right=0.78,
     )  # fmt: skip
@@ -45,7 +45,7 @@ def gyroscopic_blow_up(study: Study) -> Figure:
 
 
 def damping_limits(study: Study) -> Figure:
-    """Law 6."""
+    """Draw law 6."""
     axes = titled_axes(
         "Damping that a step cannot follow becomes growth:\n"
         "explicit Euler beyond h d / I = 2, RK4 beyond 2.785, the 8th-order method beyond 6.394",
@@ -75,7 +75,7 @@ def damping_limits(study: Study) -> Figure:
 
 
 def moser_veselov_limits(study: Study) -> Figure:
-    """Law 7."""
+    """Draw law 7."""
     axes = titled_axes(
         "The discrete Moser-Veselov algorithm ends at hω = 1, where its equation has no solution;\n"
         "preprocessed to order 10 it turns the right way up to hω = π/2",
@@ -94,7 +94,7 @@ def moser_veselov_limits(study: Study) -> Figure:
 
 
 def energy_drift(study: Study) -> Figure:
-    """Law 8."""
+    """Draw law 8."""
     axes = titled_axes(
         "RK4 loses energy in proportion to time; the implicit midpoint, Moser-Veselov and\n"
         "exact steps only have round-off  (tumbling brick, h = 0.1 s)",
@@ -115,10 +115,10 @@ def energy_drift(study: Study) -> Figure:
 
 
 def intermediate_axis(study: Study) -> Figure:
-    """Law 10."""
+    """Draw law 10."""
     axes = titled_axes(
         "A spin about the middle axis turns over every 18.954193 s, as predicted;\n"
-        "a method that makes energy spins faster after each flip",
+        "a method that adds energy spins faster after each flip",
         "time (s)", "ω₂ (rad/s)", right=0.78,
     )  # fmt: skip
     t = study.columns["time"]
@@ -140,7 +140,7 @@ def intermediate_axis(study: Study) -> Figure:
 
 
 def sleeping_top(study: Study) -> Figure:
-    """Law 11."""
+    """Draw law 11."""
     axes = titled_axes(
         "A top that stands upright sleeps only above its critical spin, (I₃ω₃)² = 4 I₁ m g l:\n"
         "below it, a tilt of 0.001 rad becomes a fall",
@@ -159,7 +159,7 @@ def sleeping_top(study: Study) -> Figure:
 
 
 def splitting_resonance(study: Study) -> Figure:
-    """Law 12."""
+    """Draw law 12."""
     axes = titled_axes(
         "Splitting steps in the rhythm of the precession lift a fast top: at h = 2π I₁ / (I₃ω₃) = 0.419 s\n"
         "the energy error is 10.7 m g l, at a quarter of that step it is 0.0004",

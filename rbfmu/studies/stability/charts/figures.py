@@ -1,4 +1,4 @@
-"""What the laws' pictures share: colours, axes under a title that says the finding, direct labels."""
+"""Common parts of the laws' pictures: colours, axes with a title that states the finding, and direct labels."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -9,7 +9,7 @@ from rbfmu.plot import COLORS, open_frame
 
 BLUE, VERMILION, GREEN, PURPLE = COLORS
 ORANGE, SKY, BLACK, GREY = "#e69f00", "#56b4e9", "#000000", "#777777"
-"""The rest of Okabe and Ito's, and one for what is no method."""
+"""Further colours of the Okabe-Ito palette, and a grey for everything that is no method."""
 COLOR_OF = {
     "explicit Euler": VERMILION,
     "semi-implicit Euler": ORANGE,
@@ -27,12 +27,12 @@ COLOR_OF = {
 
 
 def ink(color: str) -> str:
-    """Return the colour for text: pale ones are darker."""
+    """Return the colour for text, which is darker for pale colours."""
     return {ORANGE: "#b37700", SKY: "#2c7fb0", PURPLE: "#b0568c"}.get(color, color)
 
 
 def titled_axes(title: str, x: str, y: str, *, left: float = 0.1, right: float = 0.97) -> Any:
-    """Return one panel under a title that says the finding; left, right: the panel's edges, room for labels beyond."""
+    """Return one panel with a title that states the finding; labels fit outside its edges `left` and `right`."""
     figure = Figure(figsize=(8.4, 5.0))
     axes = figure.add_axes((left, 0.12, right - left, 0.74))
     axes.set_title(title, fontsize=11, x=(0.1 - left) / (right - left), loc="left", pad=10)
@@ -43,14 +43,14 @@ def titled_axes(title: str, x: str, y: str, *, left: float = 0.1, right: float =
 
 
 def law(axes: Any, x: Any, predicted: Any, measured: Any, color: str, dots: int) -> None:
-    """Draw what theory predicts as a line, what was measured as some dots on it."""
+    """Draw the prediction as a line, and some of the measured values as dots on it."""
     every = max(len(x) // dots, 1)
     axes.plot(x, predicted, color=color, linewidth=1.3)
     axes.plot(x[::every], measured[::every], "o", color=color, markersize=3)
 
 
 def explain(axes: Any) -> None:
-    """Say what lines and dots are."""
+    """Write a note that explains lines and dots."""
     axes.text(0.02, 0.95, "lines: predicted, dots: measured", transform=axes.transAxes, fontsize=9)
 
 
@@ -69,7 +69,7 @@ def end_labels(axes: Any, labels: Sequence[tuple[float, str, str]]) -> None:
 
 
 def mark(axes: Any, x: float, text: str, *, y: float = 0.97, align: str = "left", color: str = GREY) -> None:
-    """Draw a vertical line at x and say what it is."""
+    """Draw a vertical line at x with a label."""
     axes.axvline(x, color=color, linewidth=0.9, linestyle=(0, (4, 3)))
     axes.annotate(
         text, (x, y), xycoords=("data", "axes fraction"), xytext=(4 if align == "left" else -4, 0),

@@ -17,7 +17,7 @@ from rbfmu.studies.stability.findings import Study
 
 
 def product_models(study: Study) -> Figure:
-    """Law 13."""
+    """Draw law 13."""
     axes = titled_axes(
         "Each of the product's models follows its motion to round-off, Strang's splitting to 1e-8:\n"
         "dots: largest error of the attitude (rad) and of all else (relative); bars: the bound",
@@ -38,7 +38,7 @@ def product_models(study: Study) -> Figure:
 
 
 def orders_and_error_control(study: Study) -> Figure:
-    """Law 14."""
+    """Draw law 14."""
     axes = titled_axes(
         "Halving the step divides the error by 2 to the method's order, until round-off is reached\n"
         "(lines: that slope from the first dot on)",

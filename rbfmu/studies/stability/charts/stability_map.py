@@ -13,12 +13,12 @@ from matplotlib.patches import Patch
 from rbfmu.studies.stability.maps import ACCURACY, LARGEST_ERROR, LONG_TURN, OURS, TURN, VERDICTS, Row
 
 _COLORS = ("#009e73", "#e69f00", "#000000", "#56b4e9")
-"""Of VERDICTS, Okabe and Ito's."""
+"""The colours of VERDICTS, from the Okabe-Ito palette."""
 _COLUMNS = 4
 
 
 def draw_maps(rows: Sequence[Row], path: Path) -> Path:
-    """Draw panels in the order of the rows; the product's in bold."""
+    """Draw panels in the order of the rows, with the product's titles in bold."""
     names = list(dict.fromkeys(row[0] for row in rows))
     lines = math.ceil((len(names) + 1) / _COLUMNS)
     figure = Figure(figsize=(11.5, 1.5 + 2.25 * lines))
