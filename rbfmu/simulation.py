@@ -16,6 +16,7 @@ from rbfmu.scene.argument import of_scene_or_path
 from rbfmu.scene.plausibility import doubts_after, warn
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.buffer import OK
+from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.quantities import OUTPUT, TIME
 
 Array = NDArray[np.float64]
@@ -109,9 +110,9 @@ def simulate(
     outputs = z[block]
     rows = np.empty((len(time), len(outputs)))
     rows[0] = outputs
-    numbers = range(1, len(time))
+    step, numbers = tiered(kernels.step), range(1, len(time))
     for k in numbers if progress is None else progress(numbers):
-        if kernels.step(z, time[k] - time[k - 1]) != OK:
+        if step(z, time[k] - time[k - 1]) != OK:
             raise SimulationError(f"{scene.name}: the step from t = {float(time[k - 1])!r} s was refused: not finite")
         rows[k] = outputs
     result = Result(time, {n: _quantity(rows, kernels.BLOCKS[n], block.start) for n in scene.outputs.quantities})

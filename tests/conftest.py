@@ -19,5 +19,7 @@ def _hash_of_kernels() -> str:
 
 os.environ.setdefault("NUMBA_CACHE_DIR", str(Path(tempfile.gettempdir()) / f"rbfmu-numba-{_hash_of_kernels()}"))
 
+os.environ.setdefault("RBFMU_QUIET", "1")  # what is said of slow compilations hangs on the cache and the load
+
 settings.register_profile("unhurried", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("unhurried")

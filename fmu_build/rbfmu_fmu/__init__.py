@@ -1,30 +1,28 @@
 """Co-simulation units (FMI 2.0) of rigid-body scenes: `build` and `verify`."""
 
-from collections.abc import Sequence
-from pathlib import Path
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
-from rbfmu.planning.select import plan
-from rbfmu.scene.argument import of_scene_or_path
-from rbfmu.scene.scene import Scene
-from rbfmu_fmu.native.build import build_native_fmu
-from rbfmu_fmu.native.platforms import BuildError
-from rbfmu_fmu.python.build import build_python_fmu
-from rbfmu_fmu.verification import Verification, VerificationError, verify
+if TYPE_CHECKING:
+    from rbfmu_fmu.builder import build as build
+    from rbfmu_fmu.native.platforms import BuildError as BuildError
+    from rbfmu_fmu.verification import Verification as Verification
+    from rbfmu_fmu.verification import VerificationError as VerificationError
+    from rbfmu_fmu.verification import verify as verify
 
+_HOMES = {
+    "build": "builder",
+    "BuildError": "native.platforms",
+    "Verification": "verification",
+    "VerificationError": "verification",
+    "verify": "verification",
+}
 __all__ = ["BuildError", "Verification", "VerificationError", "build", "verify"]
 
 
-@of_scene_or_path
-def build(
-    scene: Scene, path: str | Path, kind: str = "python", platforms: Sequence[str] = (), full: bool = False
-) -> Path:
-    """Build the FMU of a scene, or of a scene file, at `path` and return it.
-
-    kind: "python" (pythonfmu; the importer's process needs Python) or "native" (it needs nothing); platforms: of a
-    native FMU, names from `rbfmu_fmu.native.platforms.PLATFORMS`; none: this one; full: with all degrees of freedom.
-    """
-    if kind not in ("python", "native"):
-        raise ValueError(f'kind = {kind!r}: expected "python" or "native"')
-    if kind == "native":
-        return build_native_fmu(scene, plan(scene, full), Path(path), platforms)
-    return build_python_fmu(scene, plan(scene, full), Path(path))
+def __getattr__(name: str) -> Any:
+    """Load a name's module when it is first used, as FMPy takes a tenth of a second."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'rbfmu_fmu' has no attribute {name!r}")
+    value = globals()[name] = getattr(import_module(f"rbfmu_fmu.{_HOMES[name]}"), name)
+    return value

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 import rbfmu
 from rbfmu.plot import COLORS, open_frame
-from rbfmu.runs.errors import attitude_error
 from rbfmu.scene.scene import Scene
 from rbfmu.studies.work_precision.collection import Progress, machine, write_rows
 from rbfmu_fmu import build
@@ -192,7 +191,7 @@ def collect(step_counts: Sequence[int], progress: Progress) -> list[Point]:
             progress(i, len(settings), f"attitude loop: {way}, {FINAL_TIME / steps:g} s")
             loop.fmu.setFMUState(start)
             final = run_loop(loop, way, steps, n)
-            error = float(attitude_error(final[:4], truth[:4])) if np.all(np.isfinite(final)) else np.inf
+            error = float(rbfmu.angle_between(final[:4], truth[:4])) if np.all(np.isfinite(final)) else np.inf
             points.append(Point(way, n, FINAL_TIME / steps, error, loop.calls))
         loop.fmu.freeFMUState(start)
     progress(len(settings), len(settings), "")

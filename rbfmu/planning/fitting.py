@@ -21,6 +21,7 @@ from rbfmu.planning.methods import (
 from rbfmu.runs.plan import Plan
 from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.scene import Scene, SceneError
+from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.integrators.substeps import ROUND_OFF, substeps_in
 from rbfmu_kernels.integrators.taylor_coefficients import MAX_ORDER
 
@@ -258,7 +259,7 @@ class _Search:
         error, counted = self.judge.try_out(plan)
         taken = counted
         if math.isfinite(plan.substep):
-            taken = self.steps * (substeps_in(self.scene.run.step, plan.substep) or math.inf)
+            taken = self.steps * (evaluated(substeps_in, self.scene.run.step, plan.substep) or math.inf)
         taken = max(taken, float(self.steps))
         self.work += min(taken, MAX_WORK)
         return error, taken
@@ -273,7 +274,7 @@ class _Search:
         """Return the cost as far as it is known before a pilot run."""
         known = float(self.steps)
         if math.isfinite(plan.substep):
-            known *= substeps_in(self.scene.run.step, plan.substep) or math.inf
+            known *= evaluated(substeps_in, self.scene.run.step, plan.substep) or math.inf
         return method.cost * known
 
     def _is_dearer(self, cost: float) -> bool:

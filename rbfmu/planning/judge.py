@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rbfmu.arrays import compose_quaternions, principal_axes
+from rbfmu.models.body_at_start import body_at_start
 from rbfmu.models.integrated import LOADED_TAYLOR
 from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
 from rbfmu.runs.errors import FLOORS, largest_error, largest_size
@@ -19,8 +19,10 @@ from rbfmu.runs.time_grid import communication_steps, thinned_steps
 from rbfmu.runs.trajectory import Motion, record_trajectory, start_run, substeps_counted
 from rbfmu.scene.fields import flattened
 from rbfmu.scene.scene import Scene
+from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE
 from rbfmu_kernels.quantities import DISSIPATIVE, FORCES, OUTPUT, OUTPUTS, TORQUES
+from rbfmu_kernels.rotations.quaternion import compose_quaternions
 
 MAX_STEPS = 20_000
 """The number of communication steps up to which pilot runs take each; in longer runs they take several at once."""
@@ -155,7 +157,7 @@ class Judge:
         for turn, change in zip(rows, np.roll(rows, 1, axis=0), strict=True):
             z = start_run(self.scene, tight, self.names)
             q, omega = (z[tight.kernels.BLOCKS[name]] for name in ("q", "omega"))
-            q += 0.5 * SMALL * np.array(compose_quaternions(q, np.array([0.0, *turn])))
+            q += 0.5 * SMALL * np.array(evaluated(compose_quaternions, tuple(q.tolist()), (0.0, *turn.tolist())))
             omega += SMALL / span * self._turning(change)
             found = record_trajectory(tight.kernels, z, self.steps, self.names)
             worst = max(worst, largest_error(found, self.truth, self.names, self.noise))
@@ -197,7 +199,7 @@ def natural_sizes(scene: Scene, motion: Motion) -> dict[str, float]:
     assert body is not None
     size = {name: math.hypot(*flattened(getattr(loads, name))) for name in type(loads).model_fields}
     force = body.mass * size["gravity_a"] if body.pivot else sum(size[name] for name in sorted(FORCES))
-    arm, (low, middle, high) = math.hypot(*body.r_oc_b), principal_axes(np.array(body.M))[0].tolist()
+    arm, (low, middle, high) = math.hypot(*body.r_oc_b), body_at_start(scene).principal_axes[0].tolist()
     least = low if low > INERTIA_TOLERANCE * high else middle
     torque = sum(size[name] for name in sorted(TORQUES - DISSIPATIVE))
     angular = (torque + arm * force) / least

@@ -6,15 +6,27 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from rbfmu.arrays import angle_between as attitude_error
+from rbfmu import arrays
+from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.quantities import ANGLE, OUTPUT, OUTPUTS
+from rbfmu_kernels.rotations.quaternion import angle_between
 
 __all__ = ["attitude_error", "largest_error", "relative_error"]
 
 Array = NDArray[np.float64]
 _NONE: Mapping[str, float] = {}
+FEW = 20_000
+"""The number of rows up to which the array function is not worth its compilation."""
 FLOORS: Mapping[str, float] = {row.name: row.floor for row in OUTPUTS if row.floor}
 """The least size, m or m/s, that an error is relative to, by the quantity's name."""
+
+
+def attitude_error(a: Array, b: Array) -> Array:
+    """Return the angles, rad, between the attitudes of rows of unit quaternions."""
+    if len(a) > FEW:
+        return arrays.angle_between(a, b)  # type: ignore[no-any-return]
+    angle = tiered(angle_between)
+    return np.array([angle(tuple(p), tuple(q)) for p, q in zip(a, b, strict=True)])
 
 
 def relative_error(a: Array, b: Array, floor: float, noise: float = 0.0) -> Array:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu_kernels.body.memory import INPUTS
 from rbfmu_kernels.buffer import FAULTS
+from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.quantities import INITIAL_VALUES, LOADS, active_flags
 
 if TYPE_CHECKING:
@@ -65,7 +66,7 @@ def _put(numbers: dict[str, Any], blocks: dict[str, slice], z: Buffer) -> None:
 
 def initialize(scene: Scene, kernels: Model, z: Buffer) -> None:
     """Set state and outputs from the parameters; raise SceneError where the model refuses them."""
-    if code := kernels.initialize(z):
+    if code := tiered(kernels.initialize)(z):
         raise refusal(scene, code, kernels.BLOCKS, z)
 
 

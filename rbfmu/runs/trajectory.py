@@ -10,6 +10,7 @@ from rbfmu.runs.model_buffer import Buffer, filled_buffer, initialize
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.buffer import OK
+from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.quantities import active_flags
 
 Motion = dict[str, NDArray[np.float64]]
@@ -38,8 +39,9 @@ def record_trajectory(
     """
     blocks = {name: z[kernels.BLOCKS[name]] for name in names}
     motion = {name: np.full((len(steps) + 1, len(block)), np.nan) for name, block in blocks.items()}
+    step = tiered(kernels.step)
     for k, h in enumerate((0.0, *steps)):
-        if k and any(kernels.step(z, h / parts) != OK for _ in range(parts)):
+        if k and any(step(z, h / parts) != OK for _ in range(parts)):
             break
         for name, block in blocks.items():
             motion[name][k] = block

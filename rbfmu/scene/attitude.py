@@ -8,6 +8,7 @@ from pydantic import Field
 
 from rbfmu.scene.fields import Numbers, OneOf, fault
 from rbfmu.scene.section import Section
+from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.rotations import euler_angles, quaternion
 from rbfmu_kernels.rotations import matrix as rotation
 from rbfmu_kernels.rotations import rotation_vector as rotvec
@@ -42,7 +43,7 @@ class UnitQuaternion(Numbers):
 def normalized(q: Quaternion) -> Quaternion:
     """Return q / |q|; one that is unit to round-off stays as it is, so that reading what was written changes no bit."""
     square = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
-    return q if abs(square - 1.0) <= ROUND_OFF else quaternion.normalize(q)
+    return q if abs(square - 1.0) <= ROUND_OFF else evaluated(quaternion.normalize, q)
 
 
 class RotationMatrix(Numbers):
@@ -109,11 +110,12 @@ class Attitude(Section):
         given = self.model_fields_set
         if "euler" in given:
             x, y, z = map(math.radians, self.angles_deg) if "angles_deg" in given else self.angles
-            return normalized(euler_angles.quaternion_from_euler(euler_angles.sequence(self.euler), (x, y, z)))
+            sequence = euler_angles.sequence(self.euler)
+            return normalized(evaluated(euler_angles.quaternion_from_euler, sequence, (x, y, z)))
         if "rotvec" in given:
-            return normalized(rotvec.quaternion_from_rotvec(self.rotvec))
+            return normalized(evaluated(rotvec.quaternion_from_rotvec, self.rotvec))
         if "matrix" in given:
-            return normalized(rotation.quaternion_from_matrix(self.matrix))
+            return normalized(evaluated(rotation.quaternion_from_matrix, self.matrix))
         return self.quaternion
 
 

@@ -3,12 +3,14 @@
 import math
 from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import Field
 
 from rbfmu.scene.fields import Flag, Numbers, Rule, SceneError, fault, flattened, numbers, positive
 from rbfmu.scene.section import Section, one_of
+from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.mechanics import inertia as _inertia
 from rbfmu_kernels.mechanics import shape_inertia as _shapes
 from rbfmu_kernels.quantities import BY_NAME
@@ -38,12 +40,12 @@ class Inertia(Numbers):
         items = value if isinstance(value, list | tuple) else ()
         rows = any(isinstance(item, list | tuple) or getattr(item, "shape", ()) for item in items)
         floats = self.floats(value, (3, 3) if rows else (3,))
-        return possible_inertia(floats if rows else _inertia.diagonal(floats))
+        return possible_inertia(floats if rows else evaluated(_inertia.diagonal, floats))
 
 
 def possible_inertia(M: Matrix) -> Matrix:
     """Return the matrix, symmetric to the bit; raise ValueError with what was expected where no body has it."""
-    reason = int(_inertia.check_inertia(M))
+    reason = int(evaluated(_inertia.check_inertia, M))
     if reason == _inertia.NOT_FINITE:
         raise ValueError(f"finite moments of inertia ({_UNIT})")
     if reason == _inertia.NOT_SYMMETRIC:
@@ -61,8 +63,13 @@ def _symmetric(M: Matrix) -> Matrix:
     return ((M[0][0], x, y), (x, M[1][1], z), (y, z, M[2][2]))
 
 
+@lru_cache(maxsize=64)
+def _principal_axes(M: Matrix) -> tuple[Vec3, Matrix]:
+    return evaluated(_inertia.principal_axes, M)
+
+
 def _moments(M: Matrix) -> str:
-    return ", ".join(f"{moment:.6g}" for moment in _inertia.principal_axes(M)[0])
+    return ", ".join(f"{moment:.6g}" for moment in _principal_axes(M)[0])
 
 
 class _Shape(Section):
@@ -78,14 +85,14 @@ class _Beam(_Shape):
     length: Annotated[float, positive("m"), Field(description="beam along x: its length")]
 
     def inertia(self, mass: float) -> Matrix:
-        return _shapes.beam_inertia(mass, self.length)
+        return evaluated(_shapes.beam_inertia, mass, self.length)
 
 
 class _Box(_Shape):
     sides: Annotated[Vec3, positive("m", 3), Field(description="box: its sides along x, y, z")]
 
     def inertia(self, mass: float) -> Matrix:
-        return _shapes.box_inertia(mass, self.sides)
+        return evaluated(_shapes.box_inertia, mass, self.sides)
 
 
 class _Cylinder(_Shape):
@@ -93,21 +100,21 @@ class _Cylinder(_Shape):
     length: Annotated[float, positive("m"), Field(description="cylinder about z: its length")]
 
     def inertia(self, mass: float) -> Matrix:
-        return _shapes.cylinder_inertia(mass, self.radius, self.length)
+        return evaluated(_shapes.cylinder_inertia, mass, self.radius, self.length)
 
 
 class _Sphere(_Shape):
     radius: Annotated[float, positive("m"), Field(description="sphere: its radius")]
 
     def inertia(self, mass: float) -> Matrix:
-        return _shapes.sphere_inertia(mass, self.radius)
+        return evaluated(_shapes.sphere_inertia, mass, self.radius)
 
 
 class _Ellipsoid(_Shape):
     semiaxes: Annotated[Vec3, positive("m", 3), Field(description="ellipsoid: its semiaxes along x, y, z")]
 
     def inertia(self, mass: float) -> Matrix:
-        return _shapes.ellipsoid_inertia(mass, self.semiaxes)
+        return evaluated(_shapes.ellipsoid_inertia, mass, self.semiaxes)
 
 
 SHAPES: Mapping[str, type[_Shape]] = {
@@ -171,7 +178,7 @@ class Body(Section):
     @property
     def M_o(self) -> Matrix:
         """Return the inertia about the body's origin, kg m2."""
-        return _inertia.parallel_axis(self.inertia, self.mass, self.r_oc_b)
+        return evaluated(_inertia.parallel_axis, self.inertia, self.mass, self.r_oc_b)
 
     @property
     def M(self) -> Matrix:
@@ -179,10 +186,15 @@ class Body(Section):
         return self.M_o if self.pivot else self.M_c
 
     @property
+    def _least_moment(self) -> float:
+        """Return the moment up to which one counts as zero, kg m2."""
+        return _inertia.INERTIA_TOLERANCE * evaluated(_inertia.trace, self.M)
+
+    @property
     def axis_without_inertia(self) -> Vec3 | None:
         """Return the body axis about which `M` has no moment (a slender beam's own), if there is one."""
-        (low, _, _), R = _inertia.principal_axes(self.M)
-        if low > _inertia.INERTIA_TOLERANCE * _inertia.trace(self.M):
+        (low, _, _), R = _principal_axes(self.M)
+        if low > self._least_moment:
             return None
         return R[0][0], R[1][0], R[2][0]
 
@@ -211,7 +223,7 @@ class Body(Section):
                 pass  # this fault is reported at body.mass
             else:
                 M = body.inertia(mass)
-                if all(map(math.isfinite, flattened(M))) and _inertia.trace(M) > 0.0:
+                if all(map(math.isfinite, flattened(M))) and evaluated(_inertia.trace, M) > 0.0:
                     return M
                 faults.append(fault("body.shape", shape, f"a size whose inertia is a normal number ({_UNIT})"))
         return (1.0, 1.0, 1.0)
@@ -223,6 +235,6 @@ class Body(Section):
         """Yield a fault if `M` is not finite or two of its moments are zero: a free point mass has no attitude."""
         if not all(map(math.isfinite, flattened(self.M))):
             yield fault("body.r_oc_b", self.r_oc_b, f"a distance whose inertia about o is finite ({_UNIT})")
-        elif _inertia.principal_axes(self.M)[0][1] <= _inertia.INERTIA_TOLERANCE * _inertia.trace(self.M):
+        elif _principal_axes(self.M)[0][1] <= self._least_moment:
             about = "o, the pivot" if self.pivot else "the centre of mass"
             yield fault("body.inertia", self.inertia, f"at most one zero moment about {about} (a slender beam has one)")

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from rbfmu.scene.body import Body
 from rbfmu.scene.scene import Scene
+from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.mechanics import inertia
 from rbfmu_kernels.quantities import ANGLE, OUTPUTS
 
@@ -43,7 +44,7 @@ def doubts_after(scene: Scene, motion: Mapping[str, NDArray[np.float64]]) -> Ite
 
 
 def _size(body: Body) -> Iterator[str]:
-    radius = math.sqrt(inertia.principal_axes(body.M_c)[0][2] / body.mass)
+    radius = math.sqrt(evaluated(inertia.principal_axes, body.M_c)[0][2] / body.mass)
     if not SMALLEST <= radius <= LARGEST and radius > 0.0:
         wrong = f"beyond {LARGEST:g} m" if radius > LARGEST else f"below {1e3 * SMALLEST:g} mm"
         yield f"the body's radius of gyration is {radius:.3g} m, {wrong}; mass in kg, inertia in kg m2?"

@@ -10,13 +10,11 @@ from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
-import fmpy
-
 from rbfmu.extras import remedy
 from rbfmu_fmu.native.platforms import BuildError, Platform, is_this
 
-FMI_HEADERS = Path(fmpy.__file__).parent / "c-code"
-"""FMI's own headers, as FMPy ships them."""
+FMI_HEADERS = Path(str(find_spec("fmpy").origin)).parent / "c-code"  # type: ignore[union-attr]
+"""FMI's own headers, as FMPy ships them; FMPy is not loaded for them."""
 
 HEADERS = ("cosimulation.h", "instance.h", "model.h")
 """The headers of `native/`, which stand beside every C source when it is compiled."""

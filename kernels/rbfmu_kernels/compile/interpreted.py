@@ -8,6 +8,7 @@ from typing import Any, ParamSpec, TypeVar, cast
 import numpy as np
 
 from .shapes import python_function
+from .simd import MACHINE_CODE_ONLY
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -27,13 +28,21 @@ def interpreted(kernel: Callable[P, R]) -> Callable[P, R]:
     return call
 
 
-@cache
+class NotInterpretableError(TypeError):
+    """The error of a kernel that has an instruction of its own for the machine, and no form in Python."""
+
+
 def _plain(value: Any) -> Any:
     """Return a kernel as a Python function, a module as one whose kernels are such, and anything else as it is."""
     if isinstance(value, ModuleType):
         return _PlainModule(value)
-    if not hasattr(value, "py_func"):
-        return value
+    if any(value is one for one in MACHINE_CODE_ONLY):
+        raise NotInterpretableError(value)
+    return _plain_function(value) if hasattr(value, "py_func") else value
+
+
+@cache
+def _plain_function(value: Any) -> Any:
     function = cast(FunctionType, python_function(value))
     names, used = dict(function.__globals__), function.__code__.co_names
     names |= {name: _plain(names[name]) for name in used if name in names}
@@ -45,4 +54,5 @@ class _PlainModule:
         self._module = module
 
     def __getattr__(self, name: str) -> Any:
-        return _plain(getattr(self._module, name))
+        value = self.__dict__[name] = _plain(getattr(self._module, name))
+        return value

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from functools import cache, partial
 from typing import Any
 
-from numba import njit
+from numba import njit, types
 
 from .compiler import CalleeCache, CalleeCompiler, KernelCompiler
 from .disk_cache import DiskCache
@@ -39,7 +39,8 @@ def _compile_callees_bare(compiled: Any, inline: bool) -> None:
     def template_and_overload() -> Any:
         return bare() if internals_serve() else as_numba_does
 
-    compiled.get_call_template = lambda args, kws: template_and_overload()[0](args, kws)
+    # a number that is known at compile time is no type of its own: one function serves all, and LLVM merges numbers
+    compiled.get_call_template = lambda args, kws: template_and_overload()[0](tuple(map(types.unliteral, args)), kws)
     compiled.get_overload = lambda sig: template_and_overload()[1](sig)
 
 

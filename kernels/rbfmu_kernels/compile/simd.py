@@ -100,7 +100,11 @@ def multiply_lanes(typingctx: Any, a: Any, b: Any) -> Any:
     return a(a, b), generate
 
 
+MACHINE_CODE_ONLY: tuple[Any, ...] = (lanes, numbers, lanes_at, put_lanes, add_lanes, multiply_lanes)
+"""What a kernel in plain Python cannot call, but where the JIT is disabled."""
+
 if config.DISABLE_JIT:
+    MACHINE_CODE_ONLY = ()
 
     def lanes(a: float, b: float, c: float, d: float) -> Lanes:
         """Return four numbers side by side."""

@@ -10,10 +10,12 @@ import math
 import platform
 from collections.abc import Callable
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 from numba import float64, intp, types
+from numba.core import event
 
 from ..types import Shape
 from .disk_cache import DiskCache
@@ -73,7 +75,8 @@ def _compiled(loop: Callable[..., Any]) -> Any:
     signature = _LOOP_SIGNATURE.args, _LOOP_SIGNATURE.return_type
     compiled = CFunc(loop, signature, {}, {"error_model": "numpy"}, pipeline_class=pipeline)
     compiled._cache = DiskCache(loop)
-    compiled.compile()
+    with event.trigger_event("numba:compile", data={"dispatcher": SimpleNamespace(py_func=loop)}):
+        compiled.compile()
     return compiled
 
 

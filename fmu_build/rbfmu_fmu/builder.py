@@ -1,0 +1,26 @@
+"""Builds the FMU of a scene, of either kind."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from rbfmu.planning.select import plan
+from rbfmu.scene.argument import of_scene_or_path
+from rbfmu.scene.scene import Scene
+from rbfmu_fmu.native.build import build_native_fmu
+from rbfmu_fmu.python.build import build_python_fmu
+
+
+@of_scene_or_path
+def build(
+    scene: Scene, path: str | Path, kind: str = "python", platforms: Sequence[str] = (), full: bool = False
+) -> Path:
+    """Build the FMU of a scene, or of a scene file, at `path` and return it.
+
+    kind: "python" (pythonfmu; the importer's process needs Python) or "native" (it needs nothing); platforms: of a
+    native FMU, names from `rbfmu_fmu.native.platforms.PLATFORMS`; none: this one; full: with all degrees of freedom.
+    """
+    if kind not in ("python", "native"):
+        raise ValueError(f'kind = {kind!r}: expected "python" or "native"')
+    if kind == "native":
+        return build_native_fmu(scene, plan(scene, full), Path(path), platforms)
+    return build_python_fmu(scene, plan(scene, full), Path(path))

@@ -1,0 +1,114 @@
+"""Kernels that are plain Python until compiling pays: the same bits before and after, and nothing compiled too soon."""
+
+import os
+import subprocess
+import sys
+import threading
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import rbfmu
+from rbfmu_kernels.compile import announcement, tiered
+from rbfmu_kernels.compile.disk_cache import is_kept
+from rbfmu_kernels.mechanics.inertia import principal_axes
+from rbfmu_kernels.models import free_triaxial, loaded_taylor
+from rbfmu_kernels.rotations.euler_angles import quaternion_from_euler, zyx
+from tests.support.paths import ROOT
+
+M = ((1.0, 0.1, 0.0), (0.1, 2.0, 0.3), (0.0, 0.3, 2.5))
+SCENE = ROOT / "examples" / "scenes" / "tumbling_brick.toml"
+
+
+def in_python(kernel):
+    """A tier that has not asked yet whether the code is kept, and never gets tired."""
+    tier = tiered.Tiered(kernel, tiered.interpreted(kernel))
+    tier._call = tier._interpreted
+    return tier
+
+
+@pytest.mark.parametrize("name", sorted(p.stem for p in SCENE.parent.glob("*.toml")))
+def test_plain_python_and_machine_code_give_the_same_bits(name):
+    scene = rbfmu.load_scene(SCENE.with_stem(name))
+    plan = rbfmu.plan(scene)
+    found = []
+    for way in (in_python, lambda kernel: kernel):
+        z = rbfmu.runs.model_buffer.filled_buffer(scene, plan)
+        assert way(plan.kernels.initialize)(z) == 0
+        if plan.kernels is not loaded_taylor:
+            for _ in range(20):
+                assert way(plan.kernels.step)(z, scene.run.step) == 0
+        found.append(z.tobytes())
+    assert found[0] == found[1]
+
+
+def test_numbers_and_tuples_come_back_as_pythons():
+    moments, R = tiered.evaluated(principal_axes, M)
+    assert (moments, R) == principal_axes(M)
+    assert {type(x) for row in (moments, *R) for x in row} == {float}
+    assert tiered.evaluated(quaternion_from_euler, zyx, (0.1, 0.2, 0.3)) == quaternion_from_euler(zyx, (0.1, 0.2, 0.3))
+
+
+def test_a_kernel_is_compiled_once_python_has_taken_its_time(monkeypatch):
+    def plain(x):
+        return ("plain", x)
+
+    compiled = SimpleNamespace(py_func=plain)
+    tier = tiered.Tiered(compiled, plain)
+    monkeypatch.setattr(tiered, "PATIENCE", 1e9)
+    assert tier(1) == ("plain", 1)
+    assert tier._call == tier._interpreted
+    monkeypatch.setattr(tiered, "PATIENCE", -1.0)
+    assert tier(2) == ("plain", 2)
+    assert tier._call is compiled
+
+
+def test_what_is_kept_is_not_interpreted():
+    z = np.zeros(free_triaxial.SIZE)
+    free_triaxial.step(z, 0.1)
+    assert is_kept(free_triaxial.step, z, 0.1)
+    assert not is_kept(free_triaxial.step, 1, 2, 3)
+
+
+def test_instructions_of_the_machine_alone_are_compiled_at_once():
+    assert tiered.tiered(loaded_taylor.step) is loaded_taylor.step
+
+
+def test_a_run_of_a_closed_form_compiles_nothing(tmp_path):
+    """The first run of NASA's brick took 13 s of CPU, nearly all of it for code that ran for a millisecond."""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    command = [sys.executable, "-m", "rbfmu", "run", str(SCENE)]
+    subprocess.run(command, env=environment, check=True, capture_output=True, cwd=ROOT)
+    assert not [*tmp_path.rglob("*.nbi")]
+
+
+@pytest.mark.parametrize(
+    "module", ["rbfmu_kernels.models.pendulum", "rbfmu_0123456789ab.models.pendulum", "rbfmu.studies"]
+)
+def test_a_long_compilation_is_announced_once(module, monkeypatch, capsys):
+    monkeypatch.setattr(announcement, "PATIENCE", 0.0)
+    ours = SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=SimpleNamespace(__module__=module))})
+    listener = announcement.Announcer()
+    for _ in range(2):
+        listener.on_start(ours)
+        listener._timer.join()
+        listener.on_end(ours)
+    assert capsys.readouterr().err == announcement.TEXT + "\n"
+
+
+def test_short_ones_and_those_of_others_are_not_announced(monkeypatch, capsys):
+    ours, others = (
+        SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=SimpleNamespace(__module__=m))})
+        for m in ("rbfmu_kernels", "librosa")
+    )
+    listener = announcement.Announcer()
+    monkeypatch.setattr(announcement, "PATIENCE", 1e6)
+    listener.on_start(ours)
+    listener.on_end(ours)
+    monkeypatch.setattr(announcement, "PATIENCE", 0.0)
+    before = threading.active_count()
+    listener.on_start(others)
+    assert threading.active_count() <= before
+    listener.on_end(others)
+    assert capsys.readouterr().err == ""
