@@ -15,16 +15,16 @@ from rich.markup import escape
 from rich.progress import Progress
 from rich.table import Table
 
-from rbfmu._interrupt import interruptible
 from rbfmu.cli_output import (
+    Commands,
     check_target,
-    doubts_in_lines,
     planning_bar,
     print_end,
     print_keys,
     progress_bar,
     say_where_nothing_is_kept,
 )
+from rbfmu.kept_plans import KeptPlan
 
 if TYPE_CHECKING:
     from rbfmu.scene.scene import Scene
@@ -45,33 +45,7 @@ def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
-class _Commands(click.Group):
-    """Commands that turn users' errors into a message and exit status 2, warnings into lines, Ctrl-C into 130."""
-
-    def main(self, *args: Any, **kwargs: Any) -> Any:
-        with interruptible():
-            return super().main(*args, **kwargs)
-
-    def invoke(self, ctx: click.Context) -> Any:
-        from rbfmu.scene.scene import SceneError
-        from rbfmu.simulation import SimulationError
-
-        try:
-            with doubts_in_lines():
-                return super().invoke(ctx)
-        except SceneError as error:
-            click.echo(f"Error: {error}" if len(error.faults) == 1 else f"Errors:\n{error}", err=True)
-        except SimulationError as error:
-            click.echo(f"Error: {error}", err=True)
-            ctx.exit(1)
-        except BrokenPipeError:
-            raise  # click ends quietly
-        except OSError as error:
-            click.echo(f"Error: {error.filename or 'a file'}: {error.strerror or error}", err=True)
-        ctx.exit(2)
-
-
-@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="rbfmu")
 def main() -> None:
     """One rigid body: simulate scenes, build and verify their co-simulation units (FMUs).
@@ -128,23 +102,36 @@ def new(name: str) -> None:
 @_run_options
 def show_plan(scene: Path, as_json: bool, model: str, **run: float | None) -> None:
     """Say which model and method a scene gets, and why."""
+    kept = KeptPlan(scene, {"model": model, **run})
+    known = kept.read()
+    if known is None:
+        with _scene(scene, run) as loaded:
+            known = _planned(loaded, model, kept)
+    click.echo(json.dumps(known["plan"] | {"variables": known["variables"]}, indent=1) if as_json else known["text"])
+
+
+def _planned(scene: "Scene", model: str, kept: KeptPlan) -> dict[str, Any]:
+    """Plan a scene and return what is said of the plan; keep it where the scene gives no doubt that must be said."""
     from rbfmu.planning.costs import MACHINE
+    from rbfmu.scene.plausibility import doubts_before
     from rbfmu.simulation import plan
     from rbfmu_fmu.description import sizes
 
-    with _scene(scene, run) as loaded:
-        with planning_bar(loaded.name) as bar:
-            chosen = plan(loaded, full=model == "full", progress=bar)
-        variables, full = sizes(loaded, chosen)
-    if as_json:
-        click.echo(json.dumps(chosen.to_dict() | {"variables": variables}, indent=1))
-    else:
-        click.echo(f"{chosen.model}: {chosen.method}")
-        click.echo("\n".join(chosen.reasons))
-        size = f"{chosen.states} state{'s' * (chosen.states != 1)} and {variables} FMU variables"
-        click.echo(f"{size}, against {full[0]} and {full[1]} of the full model")
-        cost = f"about {float(f'{chosen.cost:.2g}'):,.0f} ns a step of {loaded.run.step:g} s on {MACHINE}"
-        click.echo(f"expected: error {chosen.error:.1e}, {cost}")
+    with planning_bar(scene.name) as bar:
+        chosen = plan(scene, full=model == "full", progress=bar)
+    variables, full = sizes(scene, chosen)
+    cost = f"about {float(f'{chosen.cost:.2g}'):,.0f} ns a step of {scene.run.step:g} s on {MACHINE}"
+    lines = [
+        f"{chosen.model}: {chosen.method}",
+        *chosen.reasons,
+        f"{chosen.states} state{'s' * (chosen.states != 1)} and {variables} FMU variables, "
+        f"against {full[0]} and {full[1]} of the full model",
+        f"expected: error {chosen.error:.1e}, {cost}",
+    ]
+    known = {"plan": chosen.to_dict(), "variables": variables, "text": "\n".join(lines)}
+    if not any(doubts_before(scene)):
+        kept.keep(known)
+    return known
 
 
 @main.command()
@@ -158,13 +145,14 @@ def run(scene: Path, output: Path | None, plot: Path | None, model: str, **run: 
 
     The units of the columns of FILE.csv are written to FILE.units.csv.
     """
-    from rbfmu.simulation import plan, simulate
+    from rbfmu.runs.plan import Plan
+    from rbfmu.simulation import simulate
 
     check_target(output, "--output", SAVED)
     check_target(plot, "--plot", PICTURES)
+    kept = KeptPlan(scene, {"model": model, **run})
     with _scene(scene, run) as loaded:
-        with planning_bar(loaded.name) as bar:
-            planned = plan(loaded, full=model == "full", progress=bar)
+        planned = Plan.from_dict((kept.read() or _planned(loaded, model, kept))["plan"])
         result = simulate(loaded, planned=planned, progress=progress_bar(loaded.name))
     if output:
         result.save(output)

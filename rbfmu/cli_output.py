@@ -1,4 +1,4 @@
-"""What the command line says beside its results: doubts, notes, progress, tables."""
+"""What the command line says beside its results: errors, doubts, notes, progress, tables."""
 
 import sys
 import warnings
@@ -15,12 +15,38 @@ from rich.markup import escape
 from rich.progress import Progress, track
 from rich.table import Table
 
+from rbfmu._interrupt import interruptible
+from rbfmu.exceptions import SceneError, SceneWarning, SimulationError
+
+
+class Commands(click.Group):
+    """Commands that turn users' errors into a message and exit status 2, warnings into lines, Ctrl-C into 130."""
+
+    def main(self, *args: Any, **kwargs: Any) -> Any:
+        """Run a command, which Ctrl-C ends at once."""
+        with interruptible():
+            return super().main(*args, **kwargs)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run a command, and turn its errors into a message."""
+        try:
+            with doubts_in_lines():
+                return super().invoke(ctx)
+        except SceneError as error:
+            click.echo(f"Error: {error}" if len(error.faults) == 1 else f"Errors:\n{error}", err=True)
+        except SimulationError as error:
+            click.echo(f"Error: {error}", err=True)
+            ctx.exit(1)
+        except BrokenPipeError:
+            raise  # click ends quietly
+        except OSError as error:
+            click.echo(f"Error: {error.filename or 'a file'}: {error.strerror or error}", err=True)
+        ctx.exit(2)
+
 
 @contextmanager
 def doubts_in_lines() -> Iterator[None]:
     """Print each doubt about a scene as one line, once."""
-    from rbfmu.scene.plausibility import SceneWarning
-
     with warnings.catch_warnings():
         warnings.simplefilter("always", SceneWarning)
         show, said = warnings.showwarning, set[str]()

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rbfmu import planning
+from rbfmu.exceptions import SimulationError as SimulationError
 from rbfmu.runs.model_buffer import filled_buffer, initialize, output_block
 from rbfmu.runs.plan import Plan
 from rbfmu.runs.time_grid import time_grid
@@ -23,11 +23,21 @@ Array = NDArray[np.float64]
 CHUNK = 1024
 """Rows that a CSV's writer holds as text."""
 
-plan = of_scene_or_path(planning.plan)
+
+@of_scene_or_path
+def plan(scene: Scene, full: bool = False, progress: Callable[[float], Any] | None = None) -> Plan:
+    """Choose model, method and step for a scene, or that of a scene file; full: to integrate all degrees of freedom.
+
+    progress: a function that is told from time to time which part of the motion that judges plans is known.
+    Raises SceneError where the accuracy asked cannot be met.
+    """
+    return _planned(scene, full, progress)
 
 
-class SimulationError(RuntimeError):
-    """The error of a step not taken: the motion left the range of numbers, or would take too many substeps."""
+def _planned(scene: Scene, full: bool = False, progress: Callable[[float], Any] | None = None) -> Plan:
+    from rbfmu.planning import plan as planned  # a run whose plan is known does without
+
+    return planned(scene, full, progress)
 
 
 class Result:
@@ -102,7 +112,7 @@ def simulate(
 
     progress: wraps the sequence of step numbers, e.g. a progress bar. Raises SceneError, SimulationError.
     """
-    planned = planned or planning.plan(scene)
+    planned = planned or _planned(scene)
     kernels, z = planned.kernels, filled_buffer(scene, planned)
     initialize(scene, kernels, z)
     time = time_grid(scene.run.start, scene.run.stop, scene.run.step)

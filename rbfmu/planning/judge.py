@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rbfmu.exceptions import PlanningWarning as PlanningWarning
 from rbfmu.models.body_at_start import body_at_start
 from rbfmu.models.integrated import LOADED_TAYLOR
 from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
@@ -44,10 +45,6 @@ LONG = (
     "planning takes more than some seconds, for the motion turns fast, or damping is stiff: more than 1e5 steps of "
     "order 26; a shorter run is planned sooner"
 )
-
-
-class PlanningWarning(RuntimeWarning):
-    """A warning that a plan is made, but takes long."""
 
 
 def watched(scene: Scene) -> tuple[str, ...]:

@@ -14,23 +14,11 @@ from typing import Any, NoReturn
 from pydantic import GetCoreSchemaHandler
 from pydantic_core import core_schema
 
+from rbfmu.exceptions import SceneError as SceneError
 from rbfmu_kernels.quantities import BY_NAME, NOT_NEGATIVE
 
 LONGEST = 72
 """Characters of a value that a message shows."""
-
-
-class SceneError(ValueError):
-    """The error of a bad scene: `.faults` has all that is wrong with it, one line each."""
-
-    def __init__(self, faults: str | Iterable[str], source: str = "") -> None:
-        self.faults = [faults] if isinstance(faults, str) else list(faults)
-        self.source = source
-        super().__init__(self.faults, source)
-
-    def __str__(self) -> str:
-        prefix = f"{self.source}: " if self.source else ""
-        return "\n".join(prefix + fault for fault in self.faults)
 
 
 def fault(path: str, value: object, expected: str) -> str:

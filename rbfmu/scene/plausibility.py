@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from rbfmu.exceptions import SceneWarning as SceneWarning
 from rbfmu.scene.body import Body
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.compile.tiered import evaluated
@@ -17,10 +18,6 @@ LARGEST, SMALLEST = 100.0, 1e-4
 """The largest and smallest plausible radius of gyration, in m."""
 PERIODIC = tuple(row.name for row in OUTPUTS if row.error == ANGLE or row.unit == "rad")
 """Quantities that do not show a turn between two points."""
-
-
-class SceneWarning(UserWarning):
-    """The warning of a scene that is possible, but looks like a slip."""
 
 
 def warn(scene: Scene, doubts: Iterable[str], stacklevel: int = 3) -> None:

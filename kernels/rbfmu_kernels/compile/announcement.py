@@ -35,7 +35,8 @@ class Announcer(event.Listener):  # type: ignore[misc]
 
     def _say(self) -> None:
         self._spoken = True
-        print(TEXT, file=sys.stderr, flush=True)
+        if not os.environ.get("RBFMU_QUIET"):
+            print(TEXT, file=sys.stderr, flush=True)
 
 
 def _is_ours(compilation: Any) -> bool:
@@ -44,6 +45,5 @@ def _is_ours(compilation: Any) -> bool:
 
 
 def announce_compilation() -> None:
-    """Let long compilations be announced in this process, unless the environment has RBFMU_QUIET."""
-    if not os.environ.get("RBFMU_QUIET"):
-        event.register("numba:compile", Announcer())
+    """Let long compilations be announced in this process."""
+    event.register("numba:compile", Announcer())

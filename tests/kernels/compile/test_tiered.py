@@ -88,6 +88,7 @@ def test_a_run_of_a_closed_form_compiles_nothing(tmp_path):
 )
 def test_a_long_compilation_is_announced_once(module, monkeypatch, capsys):
     monkeypatch.setattr(announcement, "PATIENCE", 0.0)
+    monkeypatch.delenv("RBFMU_QUIET", raising=False)
     ours = SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=SimpleNamespace(__module__=module))})
     listener = announcement.Announcer()
     for _ in range(2):
@@ -104,6 +105,7 @@ def test_short_ones_and_those_of_others_are_not_announced(monkeypatch, capsys):
     )
     listener = announcement.Announcer()
     monkeypatch.setattr(announcement, "PATIENCE", 1e6)
+    monkeypatch.delenv("RBFMU_QUIET", raising=False)
     listener.on_start(ours)
     listener.on_end(ours)
     monkeypatch.setattr(announcement, "PATIENCE", 0.0)

@@ -1,0 +1,28 @@
+"""The errors and warnings of the library; nothing else is loaded with them."""
+
+from collections.abc import Iterable
+
+
+class SceneError(ValueError):
+    """The error of a bad scene: `.faults` has all that is wrong with it, one line each."""
+
+    def __init__(self, faults: str | Iterable[str], source: str = "") -> None:
+        self.faults = [faults] if isinstance(faults, str) else list(faults)
+        self.source = source
+        super().__init__(self.faults, source)
+
+    def __str__(self) -> str:
+        prefix = f"{self.source}: " if self.source else ""
+        return "\n".join(prefix + fault for fault in self.faults)
+
+
+class SceneWarning(UserWarning):
+    """The warning of a scene that is possible, but looks like a slip."""
+
+
+class SimulationError(RuntimeError):
+    """The error of a step not taken: the motion left the range of numbers, or would take too many substeps."""
+
+
+class PlanningWarning(RuntimeWarning):
+    """A warning that a plan is made, but takes long."""

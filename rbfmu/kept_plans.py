@@ -1,0 +1,72 @@
+"""Plans of scene files that were planned before, kept on disk: the same file is planned once.
+
+A plan is known by the bytes of its scene file, the options, and the sources and versions that it was made with. Where
+nothing can be written, or what stands there cannot be read, the scene is planned anew.
+"""
+
+import hashlib
+import json
+import os
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+MOST = 200
+"""The number of plans that are kept; the oldest go."""
+PACKAGES = ("rbfmu", "rbfmu_kernels", "rbfmu_fmu")
+
+
+class KeptPlan:
+    """The place of what is known of a scene file's plan."""
+
+    def __init__(self, scene: Path, options: Mapping[str, object]) -> None:
+        self._file: Path | None = None
+        with suppress(OSError):
+            digest = hashlib.sha256(_stamp())
+            digest.update(json.dumps([str(scene), dict(options)], sort_keys=True).encode())
+            digest.update(scene.read_bytes())
+            self._file = _folder() / f"{digest.hexdigest()}.json"
+
+    def read(self) -> dict[str, Any] | None:
+        """Return what was kept, or None."""
+        try:
+            return dict(json.loads(self._file.read_text(encoding="utf-8"))) if self._file else None
+        except (OSError, ValueError, TypeError):
+            return None
+
+    def keep(self, known: Mapping[str, Any]) -> None:
+        """Keep what is known, where that can be written."""
+        if self._file is None:
+            return
+        with suppress(OSError):
+            self._file.parent.mkdir(parents=True, exist_ok=True)
+            handle, temporary = tempfile.mkstemp(dir=self._file.parent, suffix=".part")
+            with os.fdopen(handle, "w", encoding="utf-8") as file:
+                json.dump(dict(known), file)
+            os.replace(temporary, self._file)
+            for old in sorted(self._file.parent.glob("*.json"), key=lambda path: path.stat().st_mtime)[:-MOST]:
+                old.unlink()
+
+
+def _folder() -> Path:
+    """Return a folder beside Numba's compiled code."""
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    return (Path(given) if given else Path(__file__).parent / "__pycache__") / "rbfmu_plans"
+
+
+def _stamp() -> bytes:
+    """Return what tells these sources and libraries from others; nothing is loaded for it."""
+    lines = [f"{name} {version(name)}" for name in ("numba", "numpy")]
+    lines += [f"{path} {path.stat().st_mtime_ns} {path.stat().st_size}" for path in _sources()]
+    return "\n".join(lines).encode()
+
+
+def _sources() -> Iterator[Path]:
+    for package in PACKAGES:
+        spec = find_spec(package)
+        for folder in (spec.submodule_search_locations or ()) if spec else ():
+            yield from sorted(Path(folder).rglob("*.py"))
