@@ -14,12 +14,12 @@ from rbfmu_fmu.python.build import build_python_fmu
 def build(
     scene: Scene, path: str | Path, kind: str = "python", platforms: Sequence[str] = (), full: bool = False
 ) -> Path:
-    """Build the FMU of a scene, or of a scene file, at `path` and return it.
+    """Build the FMU of a scene, or of a scene file by its path, at `path` and return it.
 
-    kind: "python" (pythonfmu; the importer's process needs Python) or "native" (it needs nothing); platforms: of a
+    kind: "python" or "pythonfmu" (the importer's process needs Python) or "native" (it needs nothing); platforms: of a
     native FMU, names from `rbfmu_fmu.native.platforms.PLATFORMS`; none: this one; full: with all degrees of freedom.
     """
-    if kind not in ("python", "native"):
+    if kind not in ("python", "pythonfmu", "native"):
         raise ValueError(f'kind = {kind!r}: expected "python" or "native"')
     if kind == "native":
         return build_native_fmu(scene, plan(scene, full), Path(path), platforms)

@@ -22,8 +22,8 @@ FLOORS: Mapping[str, float] = {row.name: row.floor for row in OUTPUTS if row.flo
 
 
 def attitude_error(a: Array, b: Array) -> Array:
-    """Return the angles, rad, between the attitudes of rows of unit quaternions."""
-    if len(a) > FEW:
+    """Return the angles, rad, between attitudes: unit quaternions (..., 4)."""
+    if np.ndim(a) != 2 or np.shape(a) != np.shape(b) or len(a) > FEW:
         return arrays.angle_between(a, b)  # type: ignore[no-any-return]
     angle = tiered(angle_between)
     return np.array([angle(tuple(p), tuple(q)) for p, q in zip(a, b, strict=True)])

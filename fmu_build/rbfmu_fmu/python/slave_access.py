@@ -138,7 +138,8 @@ def _addresses_in_object(code: bytes) -> Callable[[str], int]:
 
 def _numba_entries(model: str) -> Entries:
     module = importlib.import_module(f".{model}", __package__)
-    return Entries(module.initialize, module.step, module.outputs, True)
+    tiered = importlib.import_module(".compile.tiered", __package__).tiered
+    return Entries(tiered(module.initialize), tiered(module.step), tiered(module.outputs), True)
 
 
 def tell(text: str) -> None:

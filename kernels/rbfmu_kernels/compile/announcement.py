@@ -5,14 +5,14 @@ import sys
 from threading import Timer
 from typing import Any
 
-from numba.core import event
+from .numba_private import Listener, register
 
 PATIENCE = 1.0
 """The time, s, after which the line is printed."""
 TEXT = "rbfmu: compiling for the first time takes some seconds; where the code can be kept, it happens once"
 
 
-class Announcer(event.Listener):  # type: ignore[misc]
+class Announcer(Listener):  # type: ignore[misc]
     """A listener that waits from the outermost start of a compilation of ours to its end, and speaks once."""
 
     def __init__(self) -> None:
@@ -46,4 +46,4 @@ def _is_ours(compilation: Any) -> bool:
 
 def announce_compilation() -> None:
     """Let long compilations be announced in this process."""
-    event.register("numba:compile", Announcer())
+    register("numba:compile", Announcer())

@@ -4,15 +4,15 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, ParamSpec, TypeVar, overload
 
-from .announcement import announce_compilation
 from .numba_private import MISSING
 
 if MISSING:
     from .plain import plain_kernel as _compile
 else:
+    from .announcement import announce_compilation
     from .reduced import reduced_kernel as _compile
 
-announce_compilation()
+    announce_compilation()
 
 P = ParamSpec("P")
 R = TypeVar("R")

@@ -4,25 +4,9 @@ from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
-from numba import typeof
-
 from .compiler import CalleeCache
 from .numba_private import FunctionCache, IndexDataCacheFile, NullCache, rtsys
 from .stamp import SOURCES
-
-
-def is_kept(kernel: Any, *args: Any) -> bool:
-    """Return whether a kernel's code for such arguments is compiled already, or is kept on disk; it is loaded then."""
-    try:
-        signature = tuple(map(typeof, args))
-        if signature in kernel.overloads:
-            return True
-        kept = kernel._cache.load_overload(signature, kernel.targetctx)
-        if kept is not None:
-            kernel.add_overload(kept)
-        return kept is not None
-    except Exception:  # as in `load_overload` below
-        return False
 
 
 class DiskCache:

@@ -12,6 +12,7 @@ from typing import Any
 _FEWER_PASSES = "Kernels are compiled by fewer passes, in half of the time."
 _CALLEES = "What compiled code calls stays LLVM's intermediate code, without machine code of its own."
 _CACHE = "Cached code is stamped with all sources, and is read without loading the compiler."
+_SAID = "A long compilation is announced, and what code is kept is found before anything is compiled."
 _LOOPS = "An array function's loop is compiled once and cached, and becomes a NumPy gufunc with fixed core sizes."
 
 INTERNALS = {
@@ -52,6 +53,10 @@ INTERNALS = {
     "numba.core.caching:FunctionCache._impl_class": _CACHE,
     "numba.core.caching:IndexDataCacheFile": _CACHE,
     "numba.core.caching:NullCache": _CACHE,
+    "numba.core.event:Listener": _SAID,
+    "numba.core.event:register": _SAID,
+    "numba.core.event:trigger_event": _SAID,
+    "numba.core.dispatcher:Dispatcher.add_overload": _SAID,
     "numba.core.runtime:rtsys.initialize": _CACHE,
     "numba.core.ccallback:CFunc.compile": _LOOPS,
     "numba.core.ccallback:CFunc.address": _LOOPS,

@@ -10,8 +10,8 @@ from time import process_time
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
+from numba import typeof
 
-from .disk_cache import is_kept
 from .interpreted import NotInterpretableError, interpreted
 from .shapes import python_function
 
@@ -50,6 +50,20 @@ def _in_python(value: Any) -> Any:
     if isinstance(value, tuple):
         return tuple(map(_in_python, value))
     return value.item() if isinstance(value, np.generic) else value
+
+
+def is_kept(kernel: Any, *args: Any) -> bool:
+    """Return whether a kernel's code for such arguments is compiled already, or is kept on disk; it is loaded then."""
+    try:
+        signature = tuple(map(typeof, args))
+        if signature in kernel.overloads:
+            return True
+        kept = kernel._cache.load_overload(signature, kernel.targetctx)
+        if kept is not None:
+            kernel.add_overload(kept)
+        return kept is not None
+    except Exception:  # Numba's internals behave otherwise than where they were tried
+        return False
 
 
 class Tiered:

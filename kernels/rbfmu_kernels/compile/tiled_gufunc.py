@@ -15,12 +15,11 @@ from typing import Any
 
 import numpy as np
 from numba import float64, intp, types
-from numba.core import event
 
 from ..types import Shape
 from .disk_cache import DiskCache
 from .gufunc import STREAMED
-from .numba_private import CFunc, fromfunc
+from .numba_private import CFunc, fromfunc, trigger_event
 from .reduced import pipeline
 from .shapes import argument_shapes, core_shapes, python_function
 from .tile import (
@@ -75,7 +74,7 @@ def _compiled(loop: Callable[..., Any]) -> Any:
     signature = _LOOP_SIGNATURE.args, _LOOP_SIGNATURE.return_type
     compiled = CFunc(loop, signature, {}, {"error_model": "numpy"}, pipeline_class=pipeline)
     compiled._cache = DiskCache(loop)
-    with event.trigger_event("numba:compile", data={"dispatcher": SimpleNamespace(py_func=loop)}):
+    with trigger_event("numba:compile", data={"dispatcher": SimpleNamespace(py_func=loop)}):
         compiled.compile()
     return compiled
 

@@ -11,7 +11,6 @@ import pytest
 
 import rbfmu
 from rbfmu_kernels.compile import announcement, tiered
-from rbfmu_kernels.compile.disk_cache import is_kept
 from rbfmu_kernels.mechanics.inertia import principal_axes
 from rbfmu_kernels.models import free_triaxial, loaded_taylor
 from rbfmu_kernels.rotations.euler_angles import quaternion_from_euler, zyx
@@ -67,8 +66,8 @@ def test_a_kernel_is_compiled_once_python_has_taken_its_time(monkeypatch):
 def test_what_is_kept_is_not_interpreted():
     z = np.zeros(free_triaxial.SIZE)
     free_triaxial.step(z, 0.1)
-    assert is_kept(free_triaxial.step, z, 0.1)
-    assert not is_kept(free_triaxial.step, 1, 2, 3)
+    assert tiered.is_kept(free_triaxial.step, z, 0.1)
+    assert not tiered.is_kept(free_triaxial.step, 1, 2, 3)
 
 
 def test_instructions_of_the_machine_alone_are_compiled_at_once():
