@@ -12,10 +12,13 @@ from itertools import groupby
 from typing import Any
 
 import rbfmu
+import rbfmu_kernels
 from examples.figures import record
 from examples.gallery import page as gallery
+from rbfmu import arrays
 from rbfmu.scene.keys import scene_keys
 from rbfmu.studies.work_precision.tables import short
+from rbfmu_kernels.compile.shapes import python_function
 
 PAGES = tuple(
     record.ROOT / name
@@ -92,6 +95,31 @@ def errors() -> str:
     return markdown(["function", "error at most", "singular"], rows)
 
 
+PARTS = {
+    "rotations.vec3": "Vectors", "rotations.matrix": "Rotation matrices",
+    "rotations.quaternion": "Euler parameters (quaternions)", "rotations.euler_angles": "Euler angles",
+    "rotations.rotation_vector": "Rotation vectors, axis and angle",
+    "mechanics.kinematics": "Velocities and accelerations", "mechanics.inertia": "Inertia",
+    "mechanics.shape_inertia": "Inertia of bodies of known shape", "mechanics.newton_euler": "Newton and Euler",
+    "exact.free_rotation": "Motion without torque", "numerics.elementary": "Elementary functions",
+}  # fmt: skip
+"""Modules of functions, in the page's order, and what they are about."""
+
+
+def functions() -> str:
+    """Return all functions, part by part, with the first lines of their docstrings."""
+    rows: dict[str, list[list[str]]] = {part: [] for part in PARTS}
+    for name in rbfmu_kernels.__all__:
+        if callable(getattr(rbfmu_kernels, name)) and name not in ("Matrix", "Quaternion", "Vec3"):
+            kernel = getattr(rbfmu_kernels, name)
+            summary, _, _ = (getattr(arrays, name, python_function(kernel)).__doc__ or "").partition("\n")
+            where = "both" if name in arrays.__all__ else "`rbfmu_kernels`"
+            part = python_function(kernel).__module__.removeprefix("rbfmu_kernels.")
+            rows[part].append([f"`{name}`", where, summary.replace("|", "\\|")])
+    head = ["function", "in", "what it does"]
+    return "\n".join(f"**{title}**\n\n{markdown(head, rows[part])}" for part, title in PARTS.items())
+
+
 def kernels() -> str:
     """Return ns an item of array functions, and of others as multiples."""
     head, rows = record.read("kernels")
@@ -134,6 +162,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "accuracy-and-cost": accuracy_and_cost,
     "scene-keys": keys,
     "errors": errors,
+    "functions": functions,
     "kernels": kernels,
     "native": native,
     "importers": importers,

@@ -35,6 +35,8 @@ _HOMES = {name: module for module, names in _MODULES.items() for name in names}
 
 def __getattr__(name: str) -> Any:
     """Load a name's module when it is first used; what is no scene's is an array function."""
+    if name == "__all__":  # `help(rbfmu)` lists it
+        return sorted([*_HOMES, *(n for n in import_module("rbfmu.arrays").__all__ if n not in _HOMES)])
     if name.startswith("__"):
         raise AttributeError(name)
     module = import_module(f"rbfmu.{_HOMES.get(name, 'arrays')}")

@@ -39,8 +39,14 @@ def _of_arguments(name: str, shapes: dict[str, Shape], args: tuple[Any, ...]) ->
         if array.dtype.kind not in "biuf":
             return ValueError(f"{name}: {argument} must be real numbers, got {value!r}")
         if array.shape[array.ndim - len(shape) :] != shape or array.ndim < len(shape):
-            return ValueError(f"{name}: {argument} must have trailing shape {shape}, got {array.shape}")
+            hint = "; of principal moments give np.diag(moments)" if _are_moments(argument, array) else ""
+            return ValueError(f"{name}: {argument} must have trailing shape {shape}, got {array.shape}{hint}")
     return None
+
+
+def _are_moments(argument: str, array: Any) -> bool:
+    """Return whether three numbers are given for an inertia matrix, such as M_c."""
+    return argument.partition("_")[0] == "M" and array.shape == (3,)
 
 
 def _of_keywords(name: str, first: str, kwargs: dict[str, Any]) -> Exception | None:

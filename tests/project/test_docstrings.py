@@ -1,10 +1,12 @@
 """What `help` says of every array function: shapes, units, frames, error, singularities and source."""
 
 import inspect
+import pydoc
 import re
 
 import pytest
 
+import rbfmu
 from rbfmu import arrays
 from rbfmu_kernels.compile.shapes import python_function
 from rbfmu_kernels.types import Matrix, Quaternion, Vec3
@@ -46,6 +48,12 @@ def test_an_array_function_says_all_that_its_user_needs(name):
     (said,) = re.findall(r"^Shapes: (.*)\.$", text, re.MULTILINE)
     assert said == (NOT_FROM_A_KERNEL.get(name) or shapes_of(getattr(arrays, name).__wrapped__))
     assert max(map(len, text.splitlines())) <= 120
+
+
+def test_help_of_the_package_shows_every_function():
+    text = pydoc.plain(pydoc.render_doc(rbfmu))
+    shown = set(re.findall(r"^    (\w+)\(", text, re.MULTILINE))
+    assert {*FUNCTIONS, "load_scene", "plan", "simulate"} <= shown
 
 
 @pytest.mark.parametrize("part", PARTS)

@@ -13,7 +13,7 @@ from rbfmu_kernels.rotations import matrix
 from tests.support.paths import ROOT
 
 TEXT = (ROOT / "NOTATION.md").read_text(encoding="utf-8")
-TABLE = TEXT.partition("## The lecture's formulas and their functions")[2]
+TABLE = TEXT.partition("## The textbook's formulas and their functions")[2]
 FUNCTIONS = sorted({name for row in TABLE.splitlines() if row[:1] == "|" for name in re.findall(r"`([a-z]\w*)", row)})
 EPS = 2.0**-52
 
@@ -69,6 +69,26 @@ def test_roll_pitch_yaw_given_to_zyx_as_it_stands_is_another_rotation():
     trapped = rbfmu.matrix_from_euler("ZYX", RPY[0])
     np.testing.assert_allclose(trapped, other, atol=4 * EPS)
     assert np.abs(trapped - rbfmu.matrix_from_euler("xyz", RPY[0])).max() > 0.5
+
+
+@pytest.mark.parametrize("seq", ["ZYX", "XZY", "xyz", "ZXZ", "yzy"])
+def test_the_determinant_of_e_is_that_of_the_middle_angle(seq):
+    """Plus or minus its cosine, for proper Euler angles its sine."""
+    angles = (0.3, 0.8, -1.9)
+    expected = np.sin(0.8) if seq[0] == seq[2] else np.cos(0.8)
+    for kernel in (rbfmu_kernels.euler_rate_matrix_a, rbfmu_kernels.euler_rate_matrix_b):
+        E = np.array(kernel(getattr(rbfmu_kernels, seq), angles))
+        assert abs(np.linalg.det(E)) == pytest.approx(expected, rel=1e-14)
+
+
+def test_about_a_pivot_euler_s_equation_takes_inertia_and_torque_about_it():
+    """As the equations about o, with the force that holds o at rest."""
+    mass, M_c, r_oc, omega = 2.0, np.diag([1.0, 2.0, 2.5]), np.array([0.1, -0.2, 0.4]), np.array([0.3, 1.0, -0.5])
+    M_o, torque_o = rbfmu.parallel_axis(M_c, mass, r_oc), np.array([0.5, 0.2, -0.7])
+    alpha = rbfmu.euler_equation(M_o, omega, torque_o)
+    a_c = np.cross(alpha, r_oc) + np.cross(omega, np.cross(omega, r_oc))
+    force, torque_c = rbfmu.inverse_newton_euler_c(mass, M_c, omega, a_c, alpha)
+    np.testing.assert_allclose(torque_c + np.cross(r_oc, force), torque_o, rtol=1e-13)
 
 
 def test_the_output_rpy_is_of_that_order():

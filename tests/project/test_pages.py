@@ -1,5 +1,6 @@
 """The pages: their code runs, their links lead somewhere, their tables are today's, and the README is short."""
 
+import inspect
 import os
 import re
 import shutil
@@ -11,10 +12,12 @@ from typing import NamedTuple
 import pytest
 
 import rbfmu
+import rbfmu_kernels
 from examples import pages
 from examples.benchmarks import plans
 from examples.figures import measure, record
 from examples.gallery import page as gallery
+from rbfmu import arrays
 from rbfmu.cli import main
 from rbfmu.models.registry import MODELS
 from rbfmu.studies.work_precision.cases import CASES
@@ -323,6 +326,21 @@ def test_numbers_in_words_are_those_of_the_code() -> None:
     assert "fifteen scenes" in joined(text_of("examples/README.md"))
     assert len(CASES) == 8
     assert "on eight motions" in joined(text_of("rbfmu/README.md"))
+
+
+# --- functions
+
+
+def test_the_page_on_kernels_lists_every_function_once() -> None:
+    listed = re.findall(r"^\| `(\w+)` \| (both|`rbfmu_kernels`) \|", text_of("kernels/README.md"), re.MULTILINE)
+    kernels = [name for name in rbfmu_kernels.__all__ if inspect.isroutine(python_function_of(name))]
+    assert sorted(name for name, _ in listed) == sorted(kernels)
+    assert {name for name, where in listed if where == "both"} == {*arrays.__all__} - {"set_threads"}
+
+
+def python_function_of(name: str) -> object:
+    value = getattr(rbfmu_kernels, name)
+    return getattr(value, "py_func", value)
 
 
 # --- scenes and plans

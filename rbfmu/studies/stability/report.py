@@ -13,6 +13,7 @@ from rbfmu.studies.stability.laws import LAWS
 
 WIDTH = 80
 _INDENT = (0, 0, 0, 2)
+_RECORDED = '"Recorded": no theory gives this figure; it was measured when the law was written down.'
 _HOLDS = {EQUAL: "holds", AT_MOST: "holds", RECORDED: "as recorded"}
 _FAILS = {EQUAL: "FAILS", AT_MOST: "FAILS", RECORDED: "NOT as recorded"}
 
@@ -31,6 +32,8 @@ def print_laws(findings: Sequence[Finding]) -> None:
         for row in rows(list(members)):
             table.add_row(*map(escape, row))
         console.print(Padding(table, _INDENT))
+    if any(f.kind == RECORDED for f in findings):
+        console.print(f"\n{_RECORDED}")
 
 
 def rows(findings: Sequence[Finding]) -> list[tuple[str, str, str, str]]:

@@ -132,7 +132,8 @@ def test_several_results_and_their_out():
     [
         (lambda: rbfmu.rotate(Q[:, :3], V), r"rotate: q_ab must have trailing shape \(4,\), got \(100, 3\)"),
         (lambda: rbfmu.rotate(Q, 3.0), r"rotate: v_b must have trailing shape \(3,\), got \(\)"),
-        (lambda: rbfmu.transform(R[0, 0], V), r"transform: R_ab must have trailing shape \(3, 3\)"),
+        (lambda: rbfmu.transform(R[0, 0], V), r"transform: R_ab must have trailing shape \(3, 3\), got \(3,\)$"),
+        (lambda: rbfmu.angular_momentum([1, 2, 3], V[0]), r"M_c must .* got \(3,\); .* np\.diag\(moments\)$"),
         (lambda: rbfmu.euler_from_matrix("ZYX", Q), r"euler_from_matrix: R_ab must have trailing shape \(3, 3\)"),
         (lambda: rbfmu.euler_from_matrix("ZZX", R), "Euler sequence"),
         (lambda: rbfmu.euler_from_matrix(R, R), "Euler sequence"),

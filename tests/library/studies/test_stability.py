@@ -243,6 +243,7 @@ def test_the_table_names_law_source_prediction_measurement_and_verdict(capsys: p
     assert "growth of |q| [a step] 1 1.1 FAILS" in lines
     assert "a figure measured before 0.08 0.081 as recorded" in lines
     assert "another 1 2 NOT as recorded" in lines
+    assert '"Recorded": no theory gives this figure;' in " ".join(lines)
     assert "tile (2 of 3) <= 1e-09 1e-10 holds" in lines
     assert "tile (place 1e-05) <= 1e-09 1e-05 FAILS" in lines
 

@@ -26,7 +26,7 @@ def growth_factors(study: Study) -> Figure:
     """Draw laws 1 to 3."""
     axes = titled_axes(
         "Past its limit each step makes an attitude grow: explicit Euler at once,\n"
-        "RK4 on matrices at hω = 2.83, RK4 on quaternions at 5.66, the 8th-order method at 11.92",
+        "RK4 on matrices at hω = 2.83, RK4 on quaternions at 5.66, DOP853 (order 8) at 11.92",
         "hω: turn in one step (rad)", "factor on |q| or |R| in one step",
     )  # fmt: skip
     axes.set(yscale="log", ylim=(0.3, 12.0), xlim=(0.0, 13.0))
@@ -37,7 +37,7 @@ def growth_factors(study: Study) -> Figure:
         "explicit Euler": ("explicit Euler, q", 8.6, 3.6),
         "RK4, matrix": ("RK4, R", 2.95, 6.5),
         "RK4, quaternion not normalised": ("RK4, q", 6.6, 1.75),
-        "DOP853": ("8th order, q", 8.9, 0.62),
+        "DOP853": ("DOP853, q", 8.9, 0.62),
     }
     for method, (name, at_x, at_y) in places.items():
         color = COLOR_OF[method]
@@ -100,7 +100,7 @@ def small_angles(study: Study) -> Figure:
     """Draw law 9."""
     axes = titled_axes(
         "Formulas with cancellation lose small angles altogether: acos of the trace and (1 − cos θ) / θ²\n"
-        "are 100 % wrong below 1e-8; the product's rotation vector keeps every digit",
+        "are 100 % wrong below 1e-8; rbfmu's rotation vector keeps every digit",
         "angle θ (rad)", "relative error",
     )  # fmt: skip
     x = study.columns["theta"]

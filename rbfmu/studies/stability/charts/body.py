@@ -48,7 +48,7 @@ def damping_limits(study: Study) -> Figure:
     """Draw law 6."""
     axes = titled_axes(
         "Damping that a step cannot follow becomes growth:\n"
-        "explicit Euler beyond h d / I = 2, RK4 beyond 2.785, the 8th-order method beyond 6.394",
+        "explicit Euler beyond h d / I = 2, RK4 beyond 2.785, DOP853 beyond 6.394",
         "h d / I", "|factor| on a damped rate in one step",
     )  # fmt: skip
     x = study.columns["h d / I"]
@@ -58,7 +58,7 @@ def damping_limits(study: Study) -> Figure:
     places = {
         "explicit Euler": (0.85, 1.2, "explicit Euler"),
         "RK4, quaternion": (3.1, 1.4, "RK4"),
-        "DOP853": (6.65, 1.4, "8th order"),
+        "DOP853": (6.65, 1.4, "DOP853"),
     }
     for name, (at_x, at_y, text) in places.items():
         color = COLOR_OF[name]

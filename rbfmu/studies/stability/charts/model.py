@@ -19,7 +19,7 @@ from rbfmu.studies.stability.findings import Study
 def product_models(study: Study) -> Figure:
     """Draw law 13."""
     axes = titled_axes(
-        "Each of the product's models follows its motion to round-off, Strang's splitting to 1e-8:\n"
+        "Each of rbfmu's models follows its motion to round-off, Strang's splitting to 1e-8:\n"
         "dots: largest error of the attitude (rad) and of all else (relative); bars: the bound",
         "largest error", "", left=0.41, right=0.95,
     )  # fmt: skip
