@@ -222,7 +222,7 @@ class Names(Rule):
         for name in value:
             if name not in self.known:
                 if near := closest(name, self.known):
-                    raise ValueError(f"{near} in place of {shown(name)}")
+                    raise ValueError(f"{near} in place of {shown(name)}, or another {self.choice()}")
                 self.refuse(f", not {shown(name)}")
         if len(set(value)) < len(value):
             twice = next(name for name in value if value.count(name) > 1)

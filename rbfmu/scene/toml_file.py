@@ -12,6 +12,7 @@ LARGEST_FILE = 1_000_000
 MAX_LINES = 100
 """The largest number of lines of one statement."""
 _TWICE = re.compile(r"Cannot (overwrite|declare)|twice")
+_NOT_BOOLEAN = re.compile(r"=\s*(yes|no|on|off|true|false)\s*([#,}]|$)", re.IGNORECASE)
 _TABLE = re.compile(r"\s*(\[\[?[^\]=]*\]\]?)\s*(#.*)?")
 
 
@@ -41,7 +42,15 @@ def _tables(text: str, path: Path) -> dict[str, Any]:
     except tomllib.TOMLDecodeError as error:
         if _TWICE.search(str(error)):
             _refuse_what_stands_twice(text.splitlines(), str(error), path)
-        raise
+        hint = _hint(text.split("\n"), str(error))
+        raise SceneError(f"not TOML: {error}{hint}", str(path)) from None
+
+
+def _hint(lines: list[str], message: str) -> str:
+    """Return what to write where a value is yes, True or the like."""
+    place = re.search(r"line (\d+)", message)
+    found = place and _NOT_BOOLEAN.search(lines[int(place[1]) - 1])
+    return f": expected true or false in place of {found[1]}" if found else ""
 
 
 def _refuse_what_stands_twice(lines: list[str], message: str, path: Path) -> None:

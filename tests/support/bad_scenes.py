@@ -212,6 +212,8 @@ FILES = {
         "initial.attitude.euler stands twice, again in line 3",
     ),
     "key twice in a row": (b"[body]\nshape = { kind = 'box', kind = 'box' }\n", "'kind'"),
+    "yes": (b"[body]\npivot = yes  # it is\n", "expected true or false in place of yes"),
+    "True": (b"[body]\r\npivot = True\r\n", "expected true or false in place of True"),
     "no value": (b"[body]\nmass =\n", "not TOML"),
     "nested without end": (b"x = " + 100_000 * b"[", "nested"),
     "very large": (b"#" * 1_000_001, "larger than"),

@@ -115,7 +115,8 @@ def test_messages_read_well():
     assert faults_of(lods={}) == ["lods = {}: unknown key; did you mean loads?"]
     assert faults_of(run={"gravity_a": [0, 0, 0]})[0].endswith("unknown key; did you mean loads.gravity_a?")
     assert faults_of(inputs={"ports": ["torqe_b"]}) == [
-        'inputs.ports = ["torqe_b"]: expected torque_b in place of "torqe_b"'
+        'inputs.ports = ["torqe_b"]: expected torque_b in place of "torqe_b", '
+        "or another out of force_a, force_b, torque_a, torque_b, omega_b"
     ]
     assert faults_of(run={"stop": datetime.date(1979, 5, 27)}) == ["run.stop = 1979-05-27: expected a number (s)"]
     assert faults_of(initial={"attitude": {"rotvec": "x" * 1000}})[0].count("x") < 80
