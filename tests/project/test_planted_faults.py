@@ -34,5 +34,5 @@ def test_without_a_fault_all_findings_hold() -> None:
 def test_fault_is_found(name: str) -> None:
     status, failed = stability(FAULTS[name], "--quick")
     print(f"{name}: {failed[0] if failed else 'not found'}, {len(failed)} fail")
-    assert status == 1
+    assert status in (1, 2)
     assert failed

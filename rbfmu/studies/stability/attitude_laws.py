@@ -8,7 +8,7 @@ import numpy as np
 
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS
 from rbfmu.studies.stability.cases import NO_LOADS, SPHERE, UPRIGHT, angle, at, free_body, one_step, spin, turned
-from rbfmu.studies.stability.findings import AT_MOST, RECORDED, Finding, Study
+from rbfmu.studies.stability.findings import AT_MOST, RECORDED, Finding, Study, exponent
 from rbfmu_kernels.integrators.dop853_tableau import STAGES, A
 from rbfmu_kernels.mechanics.equations_of_motion import State
 from rbfmu_kernels.rotations.euler_angles import ZYX, euler_from_quaternion, euler_rate_b
@@ -150,7 +150,7 @@ def gimbal_passage(quick: bool) -> Study:
             for ratio, recorded in ((10.0, 8e-2), (1.0, 3.6e-5), (0.1, 3e-9))
         ),
         Finding(4, "RK4 on angles, order from h omega / delta = 0.2 to 0.1", 4.0,
-                math.log2(_passage_error("RK4, Euler angles", 0.2) / _passage_error("RK4, Euler angles", 0.1)), 0.02),
+                exponent(_passage_error("RK4, Euler angles", 0.2), _passage_error("RK4, Euler angles", 0.1)), 0.02),
         Finding(4, "RK4 on q, lag in rad over half a turn with h = pi / 31", math.pi * (math.pi / 31) ** 4 / 1920,
                 _passage_error("RK4, quaternion", 10.0), 1e-2),
     ]  # fmt: skip

@@ -25,7 +25,7 @@ from rbfmu.studies.stability.cases import (
     spin,
     turned,
 )
-from rbfmu.studies.stability.findings import AT_MOST, RECORDED, Finding, Study
+from rbfmu.studies.stability.findings import AT_MOST, RECORDED, Finding, Study, exponent
 from rbfmu_kernels.mechanics.equations_of_motion import State, angular_acceleration
 from rbfmu_kernels.mechanics.newton_euler import angular_momentum, kinetic_energy
 from rbfmu_kernels.rotations.vec3 import norm
@@ -185,7 +185,7 @@ def energy_drift(quick: bool) -> Study:
     coarse, longer = _energies("RK4, quaternion", _H, [1000, 10_000])
     finer = _energies("RK4, quaternion", 0.5 * _H, [20_000])[0]
     findings = [
-        Finding(8, "RK4, power of h in the energy error after 1000 s", 5.0, math.log2(longer / finer), 0.02),
+        Finding(8, "RK4, power of h in the energy error after 1000 s", 5.0, exponent(longer, finer), 0.02),
         Finding(8, "RK4, relative energy error over h^5 per 100 s", -0.0277, coarse / _H**5, 0.01, RECORDED),
         Finding(8, f"Moser-Veselov, order 10, energy error, {n:g} steps", 2.0 * round_off,
                 columns["Moser-Veselov, order 10"][-1], 0.0, AT_MOST),

@@ -35,6 +35,12 @@ class Finding:
         return math.isclose(self.measured, self.predicted, rel_tol=self.tolerance, abs_tol=0.0)
 
 
+def exponent(larger: float, smaller: float, ratio: float = 2.0) -> float:
+    """Return the power of a ratio by which two numbers differ; NaN, which no law predicts, where there is none."""
+    quotient = larger / smaller if smaller else math.nan
+    return math.log(quotient) / math.log(ratio) if 0.0 < quotient < math.inf else math.nan
+
+
 @dataclass
 class Study:
     """Measurements of laws that share a picture: findings, and the picture's curves as columns of equal length."""

@@ -11,7 +11,7 @@ from rbfmu.runs.plan import Plan
 from rbfmu.runs.trajectory import substeps_counted
 from rbfmu.scene.scene import Scene
 from rbfmu.simulation import simulate
-from rbfmu.studies.stability.findings import AT_MOST, RECORDED, Finding, Study
+from rbfmu.studies.stability.findings import AT_MOST, RECORDED, Finding, Study, exponent
 from rbfmu.studies.stability.motions import MOTIONS, error_of, error_of_model, truth
 from rbfmu.studies.stability.prescribed import prescribed_error
 
@@ -172,14 +172,12 @@ def orders_and_error_control(quick: bool) -> Study:
     columns: dict[str, Sequence[float]] = {"halvings of the step": list(halvings)}
     for name, order, h, error_at in _ORDERS:
         errors = columns[name] = [error_at(h * 0.5**k) for k in halvings]
-        findings.append(Finding(14, f"{name}: order", order, math.log2(errors[0] / errors[1]), 0.02))
+        findings.append(Finding(14, f"{name}: order", order, exponent(errors[0], errors[1]), 0.02))
     for name, case, power, ratio in _CONTROLLED:
         few, many = (_substeps(case._replace(tolerance=t)) for t in (1e-10, 1e-14))
         error = error_of_model(case.motion, case._replace(tolerance=1e-10).planned)
         findings += [
-            Finding(
-                14, f"{name}: power of 1 / tolerance in substeps", power, math.log(many / few) / math.log(1e4), 0.05
-            ),
+            Finding(14, f"{name}: power of 1 / tolerance in substeps", power, exponent(many, few, 1e4), 0.05),
             Finding(14, f"{name}: error / tolerance", ratio, error / 1e-10, 0.02, RECORDED),
         ]
     return Study("orders_and_error_control", findings, columns)

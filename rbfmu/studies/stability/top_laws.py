@@ -24,7 +24,7 @@ from rbfmu.studies.stability.cases import (
     heavy_top,
     top_energy,
 )
-from rbfmu.studies.stability.findings import RECORDED, Finding, Study
+from rbfmu.studies.stability.findings import RECORDED, Finding, Study, exponent
 from rbfmu.studies.stability.motions import TOP, TOP_WEIGHT
 from rbfmu_kernels.integrators.splitting import resonant_step
 from rbfmu_kernels.mechanics.equations_of_motion import State
@@ -90,7 +90,7 @@ def intermediate_axis(quick: bool) -> Study:
             states.append(REFERENCE_INTEGRATORS[name].steps(states[-1], h, round(0.25 / h), body, NO_LOADS))
         columns[f"{name}, h = {h:g} s"] = [y.omega_b[1] for y in states]
     tiny = free_motion(BRICK, at(UPRIGHT, (1e-8, 2.0, 1e-8)), 8.0, 1.0).omega_b[:, 0]
-    growth = math.log(tiny[8] / tiny[5]) / 3.0
+    growth = exponent(tiny[8], tiny[5], math.e) / 3.0
     predicted = time_between_flips(BRICK, _DISTURBED)
     measured = _exact_flips(BRICK, 32.0)
     findings = [
@@ -135,7 +135,7 @@ def _measured_growth(ratio: float) -> float:
     sigma = tilt_growth(ratio)
     tilts = _tilts(1e-7, ratio * _CRITICAL, 8.0 / sigma)
     half = len(tilts) // 2
-    return math.log(tilts[-1] / tilts[half - 1]) / (0.1 * (len(tilts) - half))
+    return exponent(tilts[-1], tilts[half - 1], math.e) / (0.1 * (len(tilts) - half))
 
 
 def sleeping_top(quick: bool) -> Study:
@@ -214,7 +214,7 @@ def splitting_resonance(quick: bool) -> Study:
                 _largest_substep() / resonance, 1e-6),
         *(
             Finding(12, f"{name}, power of h in the energy error below the resonance", order,
-                    math.log2(_energy_error(name, h) / _energy_error(name, 0.5 * h)), 0.03)
+                    exponent(_energy_error(name, h), _energy_error(name, 0.5 * h)), 0.03)
             for name, order, h in (("Strang", 2.0, 0.05), ("RKN4", 4.0, 0.03), ("RKN6", 6.0, 0.1))
         ),
         *(

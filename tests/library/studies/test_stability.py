@@ -13,7 +13,7 @@ from rbfmu.studies import stability
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS
 from rbfmu.studies.stability import Finding, body_laws, maps, model_laws, motions
 from rbfmu.studies.stability.attitude_laws import crossing, quaternion_growth, stability_polynomial
-from rbfmu.studies.stability.findings import AT_MOST, RECORDED
+from rbfmu.studies.stability.findings import AT_MOST, RECORDED, exponent
 from rbfmu.studies.stability.laws import LAWS
 from rbfmu.studies.stability.report import print_laws
 from rbfmu.studies.stability.top_laws import flip_rate, time_between_flips
@@ -269,3 +269,12 @@ def test_a_method_that_refuses_a_step_is_infinitely_far_from_the_other(monkeypat
     for refused in (model_laws.SERIES, model_laws.LOADED):
         monkeypatch.setattr(model_laws, "_driven", lambda case, refused=refused: {} if case.model == refused else where)
         assert model_laws._apart() == math.inf
+
+
+@pytest.mark.parametrize(
+    "sizes", [(1.0, 0.0), (0.0, 1.0), (math.nan, 1.0), (1.0, math.nan), (math.inf, 1.0), (1.0, -1.0)]
+)
+def test_an_error_that_is_no_size_is_a_finding_that_does_not_hold(sizes: tuple[float, float]) -> None:
+    """2026-11-22: a sign in the composition of quaternions ended the study with a traceback."""
+    assert exponent(8.0, 1.0) == pytest.approx(3.0, rel=1e-15)
+    assert not Finding(12, "order", 2.0, exponent(*sizes), 0.03).holds
