@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rbfmu.arrays import *  # noqa: F403
     from rbfmu.arrays.from_kernel import set_threads as set_threads
+    from rbfmu.result import Result as Result
     from rbfmu.runs.plan import Plan as Plan
     from rbfmu.scene import Body as Body
     from rbfmu.scene import Scene as Scene
     from rbfmu.scene import SceneError as SceneError
     from rbfmu.scene import load_scene as load_scene
     from rbfmu.scene.plausibility import SceneWarning as SceneWarning
-    from rbfmu.simulation import Result as Result
     from rbfmu.simulation import SimulationError as SimulationError
     from rbfmu.simulation import plan as plan
     from rbfmu.simulation import simulate as simulate
@@ -28,7 +28,8 @@ _MODULES = {
     "runs.plan": ("Plan",),
     "scene.plausibility": ("SceneWarning",),
     "arrays.from_kernel": ("set_threads",),
-    "simulation": ("Result", "SimulationError", "plan", "simulate"),
+    "result": ("Result",),
+    "simulation": ("SimulationError", "plan", "simulate"),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}
 

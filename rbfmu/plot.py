@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from rbfmu.simulation import Result
+from rbfmu.result import Result
 from rbfmu_kernels.quantities import OUTPUT
 
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")

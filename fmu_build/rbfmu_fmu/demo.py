@@ -22,9 +22,10 @@ from rich.table import Table
 import rbfmu
 from rbfmu.planning.select import plan
 from rbfmu.plot import COLORS, draw_components, open_frame
+from rbfmu.result import Result
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene, load_scene
-from rbfmu.simulation import Result, simulate
+from rbfmu.simulation import simulate
 from rbfmu_fmu import nasa_brick
 from rbfmu_fmu.python.build import build_python_fmu
 from rbfmu_fmu.verification import Verification, check_plain, verify

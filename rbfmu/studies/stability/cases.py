@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from rbfmu.result import Result
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
-from rbfmu.simulation import Result, simulate
+from rbfmu.simulation import simulate
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, OneStepMethod
 from rbfmu_kernels.integrators import dop853, splitting
 from rbfmu_kernels.integrators.rigid_body_state import (

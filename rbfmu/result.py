@@ -1,0 +1,77 @@
+"""The result of a run: its quantities over time, and the files that it is saved to."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rbfmu_kernels.quantities import OUTPUT, TIME
+
+Array = NDArray[np.float64]
+CHUNK = 1024
+"""Rows that a CSV's writer holds as text."""
+
+
+class Result:
+    """A simulated scene: `.time` (n,) in s, and one (n,) or (n, k) array per quantity by attribute."""
+
+    def __init__(self, time: Array, quantities: dict[str, Array]) -> None:
+        self.time = time
+        self.quantities = quantities
+
+    def __getattr__(self, name: str) -> Array:
+        try:
+            return self.__dict__["quantities"][name]  # type: ignore[no-any-return]
+        except KeyError:
+            known = ", ".join(self.__dict__.get("quantities", ()))
+            raise AttributeError(f"no quantity {name!r} in this result; it has time, {known}") from None
+
+    def __repr__(self) -> str:
+        return f"Result({len(self.time)} points, {', '.join(self.quantities)})"
+
+    def columns(self) -> dict[str, Array]:
+        """Return flat columns by FMU variable name: time, quaternion[1], ..."""
+        columns = {"time": self.time}
+        for name, values in self.quantities.items():
+            if values.ndim == 1:
+                columns[name] = values
+            else:
+                columns |= {f"{name}[{i + 1}]": values[:, i] for i in range(values.shape[1])}
+        return columns
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Return the SI units of time and of each quantity."""
+        return {"time": TIME.unit} | {name: OUTPUT[name].unit for name in self.quantities}
+
+    def save(self, path: str | Path) -> None:
+        """Write `.csv` (FMU variable names, every digit) or `.npz` (arrays by quantity).
+
+        A CSV's units stand in a second file beside it: those of `run.csv` in `run.units.csv`, a line a column with
+        name, unit and meaning, so that the first keeps one header and serves as an FMU's input in FMPy.
+        """
+        path = Path(path)
+        if path.suffix == ".npz":
+            np.savez(path, time=self.time, **self.quantities)  # type: ignore[arg-type]
+        elif path.suffix == ".csv":
+            self._write_csv(path)
+            self._write_units(path.with_suffix(".units.csv"))
+        else:
+            raise ValueError(f"cannot save to {str(path)!r}: the name must end in .csv or .npz")
+
+    def _write_csv(self, path: Path) -> None:
+        columns = self.columns()
+        with path.open("w") as file:
+            file.write(",".join(f'"{name}"' for name in columns) + "\n")
+            for first in range(0, len(self.time), CHUNK):
+                rows = zip(*(c[first : first + CHUNK].tolist() for c in columns.values()), strict=True)
+                file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
+
+    def _write_units(self, path: Path) -> None:
+        known = {"time": TIME} | OUTPUT
+        with path.open("w", newline="") as file:
+            table = csv.writer(file, quoting=csv.QUOTE_ALL, lineterminator="\n")
+            table.writerow(("name", "unit", "meaning"))
+            rows = ((name, known[name.split("[")[0]]) for name in self.columns())
+            table.writerows((name, row.unit, row.meaning) for name, row in rows)
