@@ -18,6 +18,7 @@ from rich.table import Table
 from rbfmu.cli_output import (
     Commands,
     check_target,
+    expected_error,
     planning_bar,
     print_end,
     print_keys,
@@ -126,7 +127,7 @@ def _planned(scene: "Scene", model: str, kept: KeptPlan) -> dict[str, Any]:
         *chosen.reasons,
         f"{chosen.states} state{'s' * (chosen.states != 1)} and {variables} FMU variables, "
         f"against {full[0]} and {full[1]} of the full model",
-        f"expected: error {chosen.error:.1e}, {cost}",
+        f"{expected_error(scene, chosen)}, {cost}",
     ]
     known = {"plan": chosen.to_dict(), "variables": variables, "text": "\n".join(lines)}
     if not any(doubts_before(scene)):
@@ -160,7 +161,7 @@ def run(scene: Path, output: Path | None, plot: Path | None, model: str, **run: 
         from rbfmu.plot import plot_result
 
         plot_result(result, plot, loaded.name)
-    print_end(planned.reasons, result)
+    print_end(loaded, planned, result)
 
 
 @main.command()

@@ -157,6 +157,29 @@ def test_the_end_is_printed_with_units(short: Path) -> None:
     assert units == {"position": ["m"], "omega_b": ["rad/s"], "alpha_b": ["rad/s2"]}
 
 
+def test_a_run_says_its_model_and_the_error_to_expect(short: Path) -> None:
+    planned = rbfmu.plan(short)
+    head = call("run", short).output.partition(" at the end")[0].splitlines()
+    expected = f"expected: error {planned.error:.1e}, accuracy asked 1e-06"
+    assert head == [f"{planned.model}: {planned.method}", *planned.reasons, expected]
+
+
+@pytest.mark.parametrize(
+    ("inputs", "which"),
+    [
+        ('ports = ["torque_b"]', " with inputs at zero"),
+        ('parameters = ["omega_b_0"]', " with the scene's parameters"),
+        ('ports = ["torque_b"]\nparameters = ["omega_b_0"]', " with inputs at zero and the scene's parameters"),
+    ],
+)
+def test_an_expected_error_says_of_which_run_it_is(short: Path, inputs: str, which: str) -> None:
+    """Another unit may supply other inputs, of which the pilot run knows nothing."""
+    short.write_text(f"{short.read_text()}\n[inputs]\n{inputs}\n")
+    said = f"expected: error {rbfmu.plan(short).error:.1e}{which}, "
+    assert call("plan", short).output.splitlines()[-1].startswith(f"{said}about ")
+    assert f"{said}accuracy asked 1e-06\n" in call("run", short).output
+
+
 @pytest.mark.skipif(not hasattr(config, "CACHE_LOCATOR_CLASSES"), reason="this Numba finds another folder")
 def test_where_nothing_can_be_kept_one_line_says_what_to_do(short: Path, tmp_path: Path) -> None:
     environment = os.environ | {
