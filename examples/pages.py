@@ -148,14 +148,33 @@ def native() -> str:
     return f"{markdown(titles, table)}\n{first} {machine(head)}\n"
 
 
+_PRELOADED = "`LD_PRELOAD=libpython3.x.so`"
+_NATIVE_KIND = "take the native kind"
+IMPORTERS = {
+    "FMPy": ("FMPy", "`fmpy.simulate_fmu`, as below"),
+    "fmpy simulate": ("FMPy, as a command", "`fmpy simulate native.fmu`"),
+    "libcosimpy": ("libcosim (Open Simulation Platform)", "`pip install libcosimpy`, then as "
+                   "[05_system.py](../examples/05_system.py): two FMUs and a controller in a system file"),
+    "ecospy": ("Ecos in Python (ecospy)", "`pip install ecospy tbb`"),
+    "ecos": ("Ecos, the program", _NATIVE_KIND),
+    "ecos, libpython preloaded": ("Ecos, the program, with libpython", _PRELOADED),
+    "fmuCheck": ("fmuCheck, the FMU Compliance Checker", _NATIVE_KIND),
+    "fmuCheck, libpython preloaded": ("fmuCheck with libpython", _PRELOADED),
+}  # fmt: skip
+"""By the name in the figures: the importer's name on the page, and how an FMU runs there."""
+NEVER_TRIED = ("OMSimulator", "PyFMI", "Simulink", "Dymola")
+
+
 def importers() -> str:
-    """Return what came of both kinds of FMU in each importer."""
+    """Return how an FMU runs in each importer, and what came of both kinds."""
     _, rows = record.read("interop")
     table = []
     for (name, version), group in groupby(rows, lambda row: (row["importer"], row["version"])):
-        results = {row["FMU"]: row["result"] for row in group}
-        table.append([f"{name} {version}".strip(), results["native"], results["python"]])
-    return markdown(["importer", "native kind", "pythonfmu kind"], table)
+        results = {row["FMU"]: row["result"] if version else "not tried" for row in group}
+        title, how = IMPORTERS[name]
+        table.append([title, version, results["native"], results["python"], how])
+    table += [[name, "", "not tried", "not tried", _NATIVE_KIND] for name in NEVER_TRIED]
+    return markdown(["importer", "version", "native kind", "pythonfmu kind", "how"], table)
 
 
 TABLES: dict[str, Callable[[], str]] = {

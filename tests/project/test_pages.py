@@ -128,7 +128,7 @@ def test_what_is_not_run_here_exists(command: str) -> None:
         assert set(target.split()) <= set(re.findall(r"^(\w+):", text_of("Makefile"), re.MULTILINE))
     for script in re.findall(r"^python (\S+)$", command):
         assert (ROOT / "examples" / script).exists()
-    for extra in re.findall(r"rbfmu\[(\S+?)\]", command):
+    for extra in re.findall(r"(?:rbfmu|\.)\[(\S+?)\]", command):
         assert re.search(rf"^{extra} = \[", text_of("pyproject.toml"), re.MULTILINE)
 
 
@@ -141,7 +141,7 @@ def test_commands_named_in_the_text_exist(name: str) -> None:
             assert re.search(rf"^{found[1]}:", text_of("Makefile"), re.MULTILINE), code
         if found := re.match(r"rbfmu (\w+)", code):
             assert found[1] in main.commands, code
-        if found := re.search(r"rbfmu\[(\S+?)\]", code):
+        if found := re.search(r"(?:rbfmu|\.)\[(\S+?)\]", code):
             assert re.search(rf"^{found[1]} = \[", text_of("pyproject.toml"), re.MULTILINE), code
 
 

@@ -1,7 +1,8 @@
 """`make ranges`: the tests below with the lowest and the newest of all that rbfmu depends on, in fresh environments.
 
-`python -m tests.support.ranges [lowest|newest] [3.11 3.12 ...]`. What is lowest stands in pyproject.toml alone: uv
-resolves it (`--resolution lowest-direct`). Every Python of PYTHONS that is found here is taken; the others are named.
+`python -m tests.support.ranges [lowest|newest] [3.11 3.12 ...] [tests/...]` takes some of them. What is lowest stands
+in pyproject.toml alone: uv resolves it (`--resolution lowest-direct`). Every Python of PYTHONS that is found here is
+taken; the others are named.
 """
 
 import os
@@ -9,7 +10,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from tests.support.paths import ROOT
@@ -64,17 +65,28 @@ def versions(python: Path) -> str:
     return ", ".join(f"{name} {found[name]}" for name in SHOWN)
 
 
-def tested(python: Path) -> bool:
-    """Return whether the tests pass; older packages may use what newer ones warn of."""
+def tested(python: Path, tests: Sequence[str]) -> bool:
+    """Return whether these tests pass; older packages may use what newer ones warn of."""
     command = [str(python), "-m", "pytest", "-q", "-n", "2", "--dist", "loadfile", "-m", "not slow"]
-    command += ["-W", "ignore::DeprecationWarning", *TESTS]
+    command += ["-W", "ignore::DeprecationWarning", *tests]
     environment = os.environ | {"NUMBA_CACHE_DIR": str(python.parents[1] / "compiled")}
     return subprocess.run(command, cwd=ROOT, env=environment).returncode == 0
 
 
-def results(wanted: list[str]) -> Iterator[tuple[str, bool]]:
+def unknown(wanted: Sequence[str]) -> list[str]:
+    """Return what is no resolution, no version of Python and no test."""
+    return [word for word in wanted if word not in (*RESOLUTIONS, *PYTHONS) and word not in tests_of(wanted)]
+
+
+def tests_of(wanted: Sequence[str]) -> list[str]:
+    """Return the files and folders of tests that are asked for."""
+    return [word for word in wanted if word.startswith("tests/") and (ROOT / word).exists()]
+
+
+def results(wanted: Sequence[str]) -> Iterator[tuple[str, bool]]:
     """Give a line for each environment, and whether all is well there."""
     resolutions = [name for name in RESOLUTIONS if name in wanted] or [*RESOLUTIONS]
+    tests = tests_of(wanted) or TESTS
     for version in [v for v in PYTHONS if v in wanted] or PYTHONS:
         path = python_of(version)
         if path is None:
@@ -83,13 +95,17 @@ def results(wanted: list[str]) -> Iterator[tuple[str, bool]]:
         for resolution in resolutions:
             with tempfile.TemporaryDirectory(prefix="rbfmu_ranges_") as folder:
                 python = install(path, resolution, Path(folder) / "venv")
-                well = tested(python)
+                well = tested(python, tests)
                 verdict = "passed" if well else "FAILED"
                 yield f"Python {version}, {resolution}: {verdict} with {versions(python)}", well
 
 
-def main(wanted: list[str]) -> int:
+def main(wanted: Sequence[str]) -> int:
     """Print the lines at the end, together."""
+    if wrong := unknown(wanted):
+        expected = f"{', '.join(RESOLUTIONS)}, {', '.join(PYTHONS)} or files of tests"
+        print(f"{', '.join(wrong)}: expected of {expected}", file=sys.stderr)
+        return 2
     found = list(results(wanted))
     print("\n".join(line for line, _ in found))
     return 0 if all(well for _, well in found) else 1
