@@ -6,7 +6,7 @@ import tomllib
 
 import pytest
 
-from examples.benchmarks import kernels
+from examples.benchmarks import array_tasks
 from examples.interop import importers
 from examples.interop import run as interop
 from rbfmu.extras import remedy
@@ -48,8 +48,8 @@ def test_a_program_without_its_package_ends_with_the_extra_s_name(program, packa
 
 
 def test_the_kernels_benchmark_names_peers_that_are_absent(monkeypatch):
-    monkeypatch.setattr(kernels, "PEERS", {"Nobody's": ("no_such_module", None)})
-    assert kernels.absent() == ['Nobody\'s: not installed (pip install "rbfmu[bench]")\n']
+    monkeypatch.setattr(array_tasks, "PEERS", {"Nobody's": ("no_such_module", None)})
+    assert array_tasks.absent() == ['Nobody\'s: not installed (pip install "rbfmu[bench]")\n']
 
 
 def test_importers_that_are_absent_name_the_extra_or_the_program():
