@@ -16,8 +16,8 @@ from numba import config
 import rbfmu
 import rbfmu_fmu
 from rbfmu_fmu.native.platforms import PLATFORMS
-from tests.support.bad_scenes import BAD_SCENES, BadScene
 from tests.support.command_line import call
+from tests.support.scenes.bad_scenes import BAD_SCENES, BadScene
 
 SHORT = """
 [body]

@@ -17,7 +17,7 @@ from rbfmu.simulation import SimulationError, simulate
 Array = NDArray[np.float64]
 
 REFERENCES = Path(__file__).with_name("reference_motions.json")
-"""The file is written by tests/support/stability_references.py."""
+"""The file is written by tests/support/references/stability_references.py."""
 POINTS = 10
 """The number of points at which a motion is compared."""
 STATE = ("quaternion", "omega_b", "position", "velocity")

@@ -5,9 +5,9 @@ import pytest
 
 import rbfmu_fmu
 from rbfmu.scene.scene import Scene
-from tests.support import reference_mp as reference
 from tests.support.fmu.fmu_importer import ERROR, OK, Fmu
 from tests.support.fmu.fmus import unzipped_at
+from tests.support.references import reference_mp as reference
 
 KINDS = ("python", "native")
 NO_GRAVITY = {"gravity_a": [0.0, 0.0, 0.0]}

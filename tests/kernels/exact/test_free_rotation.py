@@ -14,8 +14,16 @@ from rbfmu.arrays.free_body import free_rotation as free_rotation_array
 from rbfmu_kernels import compose_quaternions
 from rbfmu_kernels import free_rotation as body_at
 from rbfmu_kernels.exact.free_rotation import free_rotation_at, free_rotation_is_singular, free_rotation_setup
-from tests.support.free_rotation_mp import CLASSES, angle_to, closed_form, mp, random_case, relative_distance, taylor
 from tests.support.paths import ROOT
+from tests.support.references.free_rotation_mp import (
+    CLASSES,
+    angle_to,
+    closed_form,
+    mp,
+    random_case,
+    relative_distance,
+    taylor,
+)
 
 EPS = 2.0**-52
 I_123, Q, OMEGA = (1.0, 2.0, 3.0), (0.5, 0.5, 0.5, 0.5), (0.3, 1.0, 0.2)

@@ -14,9 +14,9 @@ from rbfmu.studies.reference_methods.one_step import rk4_not_normalised_step, rk
 from rbfmu_kernels.mechanics import inertia
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, Body, Loads, State
 from rbfmu_kernels.mechanics.newton_euler import kinetic_energy
-from tests.support import free_rotation_mp
-from tests.support import reference_mp as reference
 from tests.support.paths import SCENES
+from tests.support.references import free_rotation_mp
+from tests.support.references import reference_mp as reference
 
 EPS = 2.0**-52
 ZERO = (0.0, 0.0, 0.0)

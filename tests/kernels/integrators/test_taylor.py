@@ -17,7 +17,7 @@ from rbfmu_kernels.integrators.taylor import derivatives_of_attitude, taylor_adv
 from rbfmu_kernels.integrators.taylor_coefficients import MAX_ORDER, WORK
 from rbfmu_kernels.mechanics.equations_of_motion import constant_loads
 from rbfmu_kernels.models import loaded_taylor
-from tests.support import reference_mp as reference
+from tests.support.references import reference_mp as reference
 
 EPS = 2.0**-52
 SIZE = STATE_SIZE + WORK

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 import rbfmu
 from rbfmu_kernels.mechanics import inertia, kinematics, newton_euler, shape_inertia
 from rbfmu_kernels.rotations import matrix, vec3
-from tests.support import exact
-from tests.support.exact import EPS
-from tests.support.hard_cases import (
+from tests.support.references import exact
+from tests.support.references.exact import EPS
+from tests.support.references.hard_cases import (
     any_quaternion,
     any_vector,
     random_quaternions,
@@ -18,7 +18,7 @@ from tests.support.hard_cases import (
     rng,
     rotation_matrices,
 )
-from tests.support.laws import Law
+from tests.support.references.laws import Law
 
 A, B, C, D = (random_vectors(300, seed) for seed in range(101, 105))
 MASSES = (10.0 ** rng(105).uniform(-3, 3, 300)).tolist()

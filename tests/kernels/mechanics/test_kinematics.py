@@ -5,10 +5,16 @@ from hypothesis import given
 
 from rbfmu_kernels.mechanics import kinematics
 from rbfmu_kernels.rotations import matrix, vec3
-from tests.support import exact
-from tests.support.exact import EPS, mp
-from tests.support.hard_cases import any_quaternion, any_vector, random_quaternions, random_vectors, rotation_matrices
-from tests.support.laws import Law
+from tests.support.references import exact
+from tests.support.references.exact import EPS, mp
+from tests.support.references.hard_cases import (
+    any_quaternion,
+    any_vector,
+    random_quaternions,
+    random_vectors,
+    rotation_matrices,
+)
+from tests.support.references.laws import Law
 
 MATRICES = rotation_matrices(random_quaternions(300, 61))
 A, B, C, D, E, F = (random_vectors(300, seed) for seed in range(62, 68))

@@ -13,7 +13,7 @@ from rbfmu.scene.scene import Scene
 from rbfmu_kernels import free_rotation
 from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.numerics.phi_functions import relaxation
-from tests.support import reference_mp as reference
+from tests.support.references import reference_mp as reference
 
 EPS = 2.0**-52
 NO_GRAVITY = {"gravity_a": [0.0, 0.0, 0.0]}

@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from rbfmu.runs.errors import attitude_error
 from rbfmu_kernels.quantities import OUTPUT
-from tests.support import reference_mp as reference
-from tests.support.model_cases import (
+from tests.support.references import reference_mp as reference
+from tests.support.scenes.model_cases import (
     EPS,
     GRAVITY,
     LOADED,

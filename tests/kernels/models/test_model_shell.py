@@ -15,7 +15,7 @@ from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.body import shell
 from rbfmu_kernels.buffer import STEP_REJECTED
-from tests.support.scene_tables import SMALLEST
+from tests.support.scenes.scene_tables import SMALLEST
 
 TWO = ("no_rotation", "constant_rate")
 STEPS = f"""

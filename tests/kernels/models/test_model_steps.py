@@ -11,7 +11,7 @@ from rbfmu.runs.errors import attitude_error
 from rbfmu.runs.plan import Plan
 from rbfmu_kernels.buffer import FAULTS, NEGATIVE
 from rbfmu_kernels.quantities import active_flags
-from tests.support.model_cases import (
+from tests.support.scenes.model_cases import (
     EPS,
     GRAVITY,
     LEANING,

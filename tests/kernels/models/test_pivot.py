@@ -8,8 +8,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rbfmu.runs.errors import attitude_error
-from tests.support import reference_mp as reference
-from tests.support.model_cases import EPS, GRAVITY, LEANING, NO_GRAVITY, TOP, Unit, distance, made, matrix
+from tests.support.references import reference_mp as reference
+from tests.support.scenes.model_cases import EPS, GRAVITY, LEANING, NO_GRAVITY, TOP, Unit, distance, made, matrix
 
 
 @pytest.mark.parametrize("inertia", [[0.5, 0.5, 0.3], [0.5, 0.6, 0.3]], ids=["symmetric", "triaxial"])

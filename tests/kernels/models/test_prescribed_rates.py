@@ -11,8 +11,8 @@ from rbfmu import rotate
 from rbfmu.models.conditioning import prescribed_rates_error
 from rbfmu.runs.errors import attitude_error
 from rbfmu.scene.scene import Scene
-from tests.support.free_rotation_mp import angle_to, compose
-from tests.support.model_cases import EPS, TURNED, Unit, assert_refused, distance
+from tests.support.references.free_rotation_mp import angle_to, compose
+from tests.support.scenes.model_cases import EPS, TURNED, Unit, assert_refused, distance
 
 
 def prescribed(**initial):

@@ -13,10 +13,10 @@ from rbfmu.runs.errors import attitude_error
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from tests.kernels.exact.test_plane_pendulum import truth
-from tests.support import reference_mp as reference
 from tests.support.fmu.fmu_importer import ERROR, OK, Fmu
 from tests.support.fmu.fmus import unzipped_at
-from tests.support.model_cases import EPS, GRAVITY, NO_GRAVITY, TRIAXIAL, Unit, assert_refused
+from tests.support.references import reference_mp as reference
+from tests.support.scenes.model_cases import EPS, GRAVITY, NO_GRAVITY, TRIAXIAL, Unit, assert_refused
 
 MODEL = "undamped pendulum"
 RUN = {"stop": 8.0, "step": 0.5, "accuracy": 1e-12}

@@ -8,10 +8,10 @@ from hypothesis import given
 
 from rbfmu_kernels.numerics.elementary import atan2, exp2, scale_for_squares, sincos, sincos_half_turns
 from rbfmu_kernels.rotations.vec3 import norm
-from tests.support import exact
-from tests.support.exact import EPS, mp
-from tests.support.hard_cases import angles, rng
-from tests.support.laws import Law
+from tests.support.references import exact
+from tests.support.references.exact import EPS, mp
+from tests.support.references.hard_cases import angles, rng
+from tests.support.references.laws import Law
 
 
 def ulps(value, truth, scale):

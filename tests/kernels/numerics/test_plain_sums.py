@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import rbfmu_kernels as k
-from tests.support import exact
-from tests.support.hard_cases import rng
 from tests.support.paths import ROOT
+from tests.support.references import exact
+from tests.support.references.hard_cases import rng
 
 KERNELS = [name for name in k.__all__ if callable(getattr(k, name)) and not name[0].isupper()]
 

@@ -14,10 +14,17 @@ import rbfmu_kernels
 from rbfmu_kernels.rotations import euler_angles as euler
 from rbfmu_kernels.rotations import matrix as rotation
 from rbfmu_kernels.rotations import vec3
-from tests.support import exact
-from tests.support.exact import EPS, mp
-from tests.support.hard_cases import any_angles, any_quaternion, any_vector, euler_angles, quaternions, random_vectors
-from tests.support.laws import Law
+from tests.support.references import exact
+from tests.support.references.exact import EPS, mp
+from tests.support.references.hard_cases import (
+    any_angles,
+    any_quaternion,
+    any_vector,
+    euler_angles,
+    quaternions,
+    random_vectors,
+)
+from tests.support.references.laws import Law
 
 NAME = {euler.sequence(name): name for name in euler.NAMES}
 CASES = {seq: euler_angles(name) for seq, name in NAME.items()}

@@ -9,10 +9,17 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
 from rbfmu_kernels.rotations import matrix, quaternion, vec3
-from tests.support import exact
-from tests.support.exact import EPS, mp
-from tests.support.hard_cases import any_quaternion, any_vector, quaternions, random_quaternions, random_vectors, rng
-from tests.support.laws import Law
+from tests.support.references import exact
+from tests.support.references.exact import EPS, mp
+from tests.support.references.hard_cases import (
+    any_quaternion,
+    any_vector,
+    quaternions,
+    random_quaternions,
+    random_vectors,
+    rng,
+)
+from tests.support.references.laws import Law
 
 QUATERNIONS = quaternions() + random_quaternions(150)
 OTHERS = random_quaternions(len(QUATERNIONS), seed=31)

@@ -8,9 +8,9 @@ from hypothesis import given
 from scipy.spatial.transform import Rotation
 
 from rbfmu_kernels.rotations import matrix, vec3
-from tests.support import exact
-from tests.support.exact import EPS, mp
-from tests.support.hard_cases import (
+from tests.support.references import exact
+from tests.support.references.exact import EPS, mp
+from tests.support.references.hard_cases import (
     any_quaternion,
     any_vector,
     quaternions,
@@ -19,7 +19,7 @@ from tests.support.hard_cases import (
     rng,
     rotation_matrices,
 )
-from tests.support.laws import Law, up_to_sign
+from tests.support.references.laws import Law, up_to_sign
 
 QUATERNIONS = quaternions() + random_quaternions(150)
 MATRICES = rotation_matrices(QUATERNIONS)

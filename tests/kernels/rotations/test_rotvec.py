@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from rbfmu_kernels.rotations import matrix, quaternion, rotation_vector, vec3
-from tests.support import exact
-from tests.support.exact import EPS, mp
-from tests.support.hard_cases import (
+from tests.support.references import exact
+from tests.support.references.exact import EPS, mp
+from tests.support.references.hard_cases import (
     AXES,
     SMALL,
     any_quaternion,
@@ -21,8 +21,8 @@ from tests.support.hard_cases import (
     random_vectors,
     rng,
 )
-from tests.support.hard_cases import rotation_vectors as hard_rotation_vectors
-from tests.support.laws import Law, up_to_sign
+from tests.support.references.hard_cases import rotation_vectors as hard_rotation_vectors
+from tests.support.references.laws import Law, up_to_sign
 
 
 def directions(n, seed):

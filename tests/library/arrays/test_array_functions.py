@@ -19,9 +19,9 @@ from rbfmu_kernels.compile.shapes import core_shapes
 from rbfmu_kernels.rotations import euler_angles, quaternion, rotation_vector
 from tests.kernels.mechanics import test_inverse_dynamics, test_kinematics
 from tests.kernels.rotations import test_euler_angles, test_quaternion, test_rotation, test_rotvec
-from tests.support import exact
-from tests.support.hard_cases import random_quaternions, random_vectors, rng, rotation_matrices
 from tests.support.paths import ROOT
+from tests.support.references import exact
+from tests.support.references.hard_cases import random_quaternions, random_vectors, rng, rotation_matrices
 
 TABLES = [test_rotation, test_quaternion, test_euler_angles, test_rotvec, test_kinematics, test_inverse_dynamics]
 LAWS = {law.name: law for module in TABLES for law in module.LAWS}

@@ -8,7 +8,7 @@ import rbfmu
 from rbfmu_kernels import free_rotation as body_at
 from rbfmu_kernels.exact.free_rotation import FREE_ROTATION_SIZE, free_rotation_at, free_rotation_setup
 from tests.support.fmu.fmus import bench
-from tests.support.free_rotation_mp import angle_to, random_case
+from tests.support.references.free_rotation_mp import angle_to, random_case
 
 I_123, Q, OMEGA = (1.0, 2.0, 3.0), (0.5, 0.5, 0.5, 0.5), (0.3, 1.0, 0.2)
 compiled_only = pytest.mark.skipif(config.DISABLE_JIT, reason="speed")

@@ -5,8 +5,8 @@ import pytest
 
 import rbfmu
 from tests.kernels.rotations import test_quaternion, test_rotation
-from tests.support.exact import EPS
-from tests.support.hard_cases import rng
+from tests.support.references.exact import EPS
+from tests.support.references.hard_cases import rng
 
 Long = np.longdouble
 LAWS = {law.name: law for module in (test_quaternion, test_rotation) for law in module.LAWS}

@@ -8,7 +8,7 @@ from numba import config
 
 import rbfmu
 from rbfmu_kernels.compile import gufunc
-from tests.support.hard_cases import random_quaternions
+from tests.support.references.hard_cases import random_quaternions
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="needs the compiled functions")
 

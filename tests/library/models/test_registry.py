@@ -14,7 +14,7 @@ from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.buffer import OK
 from tests.support.paths import SCENES
-from tests.support.random_scenes import scenes
+from tests.support.scenes.random_scenes import scenes
 
 OF_BODIES = [spec for spec in MODELS.values() if "inertia" in spec.kernels.BLOCKS]
 ULP = 2.0**-52

@@ -7,12 +7,12 @@ import pytest
 
 from rbfmu.planning.select import plan
 from rbfmu.scene.scene import Scene
-from tests.support.mended_scenes import LOADED, run, scene
 from tests.support.quadruple import reference
 from tests.support.quadruple.campaign import HONEST, KEYLESS, REFUSED, RIGHT, SILENT, verdict_of, verdict_of_refusal
 from tests.support.quadruple.driving import Outcome, Setting, outcome, pasted, seen, true_motion
 from tests.support.quadruple.errors import errors
 from tests.support.quadruple.scenes import random_scene
+from tests.support.scenes.mended_scenes import LOADED, run, scene
 
 pytestmark = pytest.mark.skipif(reference.library() is None, reason="no C compiler with quadruple precision")
 SCENE = scene(**LOADED | {"run": run(10.0, 1.0, 1e-6)})

@@ -11,7 +11,7 @@ from rbfmu.runs.model_buffer import filled_buffer
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu_kernels.body.memory import OUTPUTS, PARAMETERS
 from rbfmu_kernels.buffer import OK
-from tests.support.random_scenes import scenes
+from tests.support.scenes.random_scenes import scenes
 
 QUIET = {"deadline": None, "suppress_health_check": list(HealthCheck), "derandomize": True}
 TRIAXIAL = {"mass": 2.0, "inertia": [1.0, 2.0, 2.5]}

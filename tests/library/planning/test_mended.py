@@ -7,9 +7,9 @@ import pytest
 from rbfmu.runs.time_grid import time_grid
 from rbfmu_kernels.integrators.splitting import is_symmetric_top
 from rbfmu_kernels.mechanics.inertia import diagonal, inverse_inertia
-from tests.support.mended_scenes import CASES
 from tests.support.quadruple import reference
 from tests.support.quadruple.verdicts import judged
+from tests.support.scenes.mended_scenes import CASES
 
 SLOW = (8, 10, 12)
 """Items whose reference takes long."""

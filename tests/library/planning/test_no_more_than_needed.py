@@ -15,7 +15,7 @@ from rbfmu.scene.scene import Scene
 from rbfmu_kernels.buffer import OK, STEP_REJECTED
 from rbfmu_kernels.models.free_body_force import _POINTS, _WEIGHTS, ORDERS
 from tests.library.planning.test_smallest_model import error_of
-from tests.support import reference_mp as reference
+from tests.support.references import reference_mp as reference
 
 EPS = 2.0**-52
 NO_GRAVITY = {"gravity_a": [0.0, 0.0, 0.0]}

@@ -16,7 +16,7 @@ from rbfmu.runs.model_buffer import filled_buffer, initialize
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu_kernels.buffer import OK
-from tests.support import reference_mp as reference
+from tests.support.references import reference_mp as reference
 
 EPS = 2.0**-52
 STATE = ("quaternion", "omega_b", "position", "velocity")

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 
 from rbfmu.scene.scene import Scene
-from tests.support import reference_mp
 from tests.support.quadruple import reference
 from tests.support.quadruple.errors import attitude_errors, quantity_error
-from tests.support.random_scenes import scenes
+from tests.support.references import reference_mp
+from tests.support.scenes.random_scenes import scenes
 
 pytestmark = pytest.mark.skipif(reference.library() is None, reason="no C compiler with quadruple precision")
 PROMISED = 1e-25

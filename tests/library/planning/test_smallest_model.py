@@ -23,8 +23,8 @@ from rbfmu.simulation import SimulationError
 from rbfmu_kernels.body.memory import INPUTS, OUTPUTS
 from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.quantities import active_flags
-from tests.support import reference_mp as reference
-from tests.support.random_scenes import scenes
+from tests.support.references import reference_mp as reference
+from tests.support.scenes.random_scenes import scenes
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="too many steps to interpret")
 QUIET = {"deadline": None, "suppress_health_check": list(HealthCheck), "derandomize": True}

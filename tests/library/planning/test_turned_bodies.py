@@ -15,9 +15,9 @@ from rbfmu.scene.scene import Scene
 from rbfmu.simulation import simulate
 from rbfmu_kernels.body.principal import exact_frame, keeps_its_rate
 from rbfmu_kernels.buffer import OK
-from tests.support import reference_mp as reference
-from tests.support.free_rotation_mp import angle_to, closed_form, relative_distance
-from tests.support.turned_bodies import KINDS, random_body, truth
+from tests.support.references import reference_mp as reference
+from tests.support.references.free_rotation_mp import angle_to, closed_form, relative_distance
+from tests.support.scenes.turned_bodies import KINDS, random_body, truth
 
 EPS = 2.0**-52
 NO_GRAVITY = {"gravity_a": [0.0, 0.0, 0.0]}

@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from rbfmu.scene.body import Body
 from rbfmu.scene.scene import Loads, Scene, SceneError, load_scene
 from rbfmu_kernels.rotations.euler_angles import NAMES
-from tests.support.bad_scenes import BAD_SCENES, BEAM, GOOD, TURNED_BEAM, text
-from tests.support.scene_tables import DEFAULTS, scene, scene_tables, vectors
+from tests.support.scenes.bad_scenes import BAD_SCENES, BEAM, GOOD, TURNED_BEAM, text
+from tests.support.scenes.scene_tables import DEFAULTS, scene, scene_tables, vectors
 
 EPS = np.finfo(float).eps
 KEYS = sorted({"x", "angles", "angles_deg", "kind", "sides", "radius", "shape"} | set().union(DEFAULTS, *GOOD.values()))

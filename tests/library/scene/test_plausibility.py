@@ -9,7 +9,7 @@ import pytest
 import rbfmu
 from rbfmu.scene.plausibility import doubts_after, doubts_before
 from tests.support.command_line import call
-from tests.support.scene_tables import SMALLEST, scene
+from tests.support.scenes.scene_tables import SMALLEST, scene
 
 SLOW = {"stop": 1.0, "step": 0.1}
 

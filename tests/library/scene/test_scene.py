@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 from rbfmu.scene.body import Body
 from rbfmu.scene.scene import QUANTITIES, Initial, Run, Scene, load_scene
 from rbfmu_kernels.rotations.euler_angles import NAMES
-from tests.support.bad_scenes import text
-from tests.support.scene_tables import DEFAULTS, SMALLEST, scene, scene_tables
+from tests.support.scenes.bad_scenes import text
+from tests.support.scenes.scene_tables import DEFAULTS, SMALLEST, scene, scene_tables
 
 EPS = np.finfo(float).eps
 

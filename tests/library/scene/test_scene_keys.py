@@ -10,9 +10,9 @@ import rbfmu
 from rbfmu.scene.keys import REQUIRED, new_scene, scene_keys
 from rbfmu.scene.scene import PARAMETERS, PORTS, QUANTITIES, Scene
 from rbfmu_kernels.quantities import BY_NAME
-from tests.support.bad_scenes import GOOD
 from tests.support.command_line import call
-from tests.support.scene_tables import DEFAULTS, SMALLEST
+from tests.support.scenes.bad_scenes import GOOD
+from tests.support.scenes.scene_tables import DEFAULTS, SMALLEST
 
 KEYS = {key.path: key for key in scene_keys()}
 OPTIONAL = re.compile(r"^#(\w+) = ", re.MULTILINE)

@@ -6,7 +6,7 @@ import pytest
 
 from rbfmu.scene.body import Body
 from rbfmu.scene.scene import Run, SceneError
-from tests.support.scene_tables import scene
+from tests.support.scenes.scene_tables import scene
 
 SCENE = scene(initial={"omega_b": [0.1, 0.2, 0.3], "position": [1, 2, 3]}, run={"stop": 3.0})
 

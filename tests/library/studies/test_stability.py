@@ -18,8 +18,8 @@ from rbfmu.studies.stability.laws import LAWS
 from rbfmu.studies.stability.report import print_laws
 from rbfmu.studies.stability.top_laws import flip_rate, time_between_flips
 from rbfmu_kernels.models import free_body_force, one_axis_taylor
-from tests.support import stability_references
 from tests.support.command_line import call
+from tests.support.references import stability_references
 
 STUDIES = {study.__name__: study for study in stability.STUDIES}
 _MEASURED: dict[str, Any] = {}

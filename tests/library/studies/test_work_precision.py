@@ -46,8 +46,8 @@ from rbfmu.studies.work_precision.methods import NotFeasibleError, Run
 from rbfmu.studies.work_precision.plans import verdicts
 from rbfmu.studies.work_precision.tables import WIDTH, dearness_table, plan_table, stopped_table
 from rbfmu_kernels.mechanics.equations_of_motion import State
-from tests.support import free_rotation_mp, reference_mp
 from tests.support.paths import ROOT
+from tests.support.references import free_rotation_mp, reference_mp
 
 DIGITS = mp.mpf(10) ** -37
 """Of 40 in the file; body rates grow to 50."""

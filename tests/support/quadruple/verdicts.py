@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 from rbfmu.planning.select import plan
 from rbfmu.scene.scene import SceneError
-from tests.support.mended_scenes import Case
 from tests.support.quadruple.driving import BEYOND, outcome, plainly_met
+from tests.support.scenes.mended_scenes import Case
 
 
 class Verdict(NamedTuple):

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from tests.support import exact
+from tests.support.references import exact
 
 
 @dataclass(frozen=True)

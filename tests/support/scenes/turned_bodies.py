@@ -7,7 +7,7 @@ import mpmath as mp
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tests.support.free_rotation_mp import DIGITS, Numbers, closed_form, compose, conjugate
+from tests.support.references.free_rotation_mp import DIGITS, Numbers, closed_form, compose, conjugate
 
 Body = tuple[list[list[float]], list[float], list[float]]
 KINDS = ("generic", "nearly symmetric", "rod", "disc", "nearly a sphere", "sphere", "symmetric", "near the separatrix",

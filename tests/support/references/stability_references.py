@@ -10,7 +10,7 @@ from rbfmu.scene.scene import Scene
 from rbfmu.studies.stability.maps import CHECK_TIMES, map_scene, ratios_of_moments
 from rbfmu.studies.stability.motions import MOTIONS, REFERENCES
 from rbfmu.studies.stability.prescribed import PRESCRIBED
-from tests.support import reference_mp
+from tests.support.references import reference_mp
 
 
 def quaternion_of(R: Any) -> list[float]:
@@ -73,7 +73,7 @@ def main() -> None:
     motions = {key: motion_of(scene, communication_points(scene)) for key, scene in MOTIONS.items()}
     maps = {repr(ratio): map_attitudes(ratio) for ratio in ratios_of_moments(quick=False)}
     content = {
-        "written by": "tests/support/stability_references.py", "motions": motions, "maps": maps,
+        "written by": "tests/support/references/stability_references.py", "motions": motions, "maps": maps,
         "prescribed": prescribed_attitudes(),
     }  # fmt: skip
     REFERENCES.write_text(json.dumps(content).replace('"quaternion"', '\n"quaternion"') + "\n")

@@ -8,8 +8,8 @@ import numpy as np
 from hypothesis import settings
 from hypothesis import strategies as st
 
-from tests.support import exact
-from tests.support.exact import mp
+from tests.support.references import exact
+from tests.support.references.exact import mp
 
 Tuple = tuple[float, ...]
 SMALL = [1e-160, 1e-80, 1e-20, 1e-9, 1e-8, 1e-4]

@@ -1,0 +1,1 @@
+"""Scenes that tests need: made at random, in families, or wrong."""
