@@ -1,10 +1,18 @@
 """The entry point of `python -m rbfmu` and of the command `rbfmu`."""
 
+import atexit
+import gc
+
 from rbfmu._interrupt import leave
+
+YOUNG = 100_000
+"""Objects between two searches for garbage: a command imports and compiles a million that stay until its end."""
 
 
 def main() -> None:
     """Run the command line, whose imports take long enough for a Ctrl-C."""
+    gc.set_threshold(YOUNG)
+    atexit.register(gc.freeze)  # at the end all goes anyway
     try:
         from rbfmu.cli import main as command
     except KeyboardInterrupt:

@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rbfmu.arrays import quaternion_from_matrix
 from rbfmu.scene.scene import Scene
+from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.integrators import reference_series as series
 from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE
 from rbfmu_kernels.quantities import LOADS
+from rbfmu_kernels.rotations.matrix import quaternion_from_matrix
 
 Array = NDArray[np.float64]
 Motion = dict[str, Array]
@@ -51,7 +52,8 @@ def reference_motion(
 
 def _named(rows: Array) -> Motion:
     motion = {name: rows[:, place] for name, place in series.OUTPUTS.items()}
-    motion["quaternion"] = quaternion_from_matrix(motion.pop("R_ab").reshape(-1, 3, 3))
+    attitude, to_quaternion = motion.pop("R_ab").tolist(), tiered(quaternion_from_matrix)
+    motion["quaternion"] = np.array([to_quaternion((tuple(R[:3]), tuple(R[3:6]), tuple(R[6:]))) for R in attitude])
     return motion
 
 

@@ -5,6 +5,7 @@ kernel calls is called by compiled code only, into which it is merged, so that L
 """
 
 import gc
+from functools import cache
 from typing import Any, ClassVar
 
 from llvmlite import binding
@@ -57,6 +58,14 @@ class _Remembering(Context):  # type: ignore[misc]
         return self._answers[func, args]
 
 
+class _Passes(PassManager):  # type: ignore[misc]
+    """Passes one after another, without Numba's timers, events and checks, which take as long as some passes."""
+
+    def _runPass(self, index: int, stage: Any, state: Any) -> None:
+        stage.analysis = self._analysis
+        stage.run_pass(state)
+
+
 class KernelCompiler(CompilerBase):  # type: ignore[misc]
     """A compiler without the passes for closures, `with`, `raise`, array expressions and literals."""
 
@@ -65,22 +74,30 @@ class KernelCompiler(CompilerBase):  # type: ignore[misc]
         self.state.typingctx = _Remembering.beside(typingctx)
 
     def compile_extra(self, function: Any) -> Any:
-        """Compile, and collect garbage afterwards: looking for it takes a tenth of the time, and there is little."""
+        """Compile without looking for garbage: that takes a tenth of the time, and there is little."""
         collecting = gc.isenabled()
         gc.disable()
         try:
             return super().compile_extra(function)
         finally:
             if collecting:
+                _count_as_old()
                 gc.enable()
 
     def define_pipelines(self) -> list[Any]:
         """Return the one pipeline of a kernel."""
-        passes = PassManager("kernel")
+        passes = _Passes("kernel")
         for stage in _PASSES:
             passes.add_pass(stage, stage.__name__)
         passes.finalize()
         return [passes]
+
+
+def _count_as_old() -> None:
+    """Put what lives now among what is looked through last: the next search would take a quarter of a second else."""
+    if gc.get_freeze_count() == 0:
+        gc.freeze()
+        gc.unfreeze()
 
 
 class CalleeCompiler(KernelCompiler):
@@ -88,6 +105,15 @@ class CalleeCompiler(KernelCompiler):
 
     def __init__(self, typingctx: Any, targetctx: Any, library: Any, *rest: Any) -> None:
         super().__init__(typingctx, targetctx, _IntermediateCode(targetctx.codegen(), "callee"), *rest)
+
+
+@cache
+def _few_passes() -> Any:
+    passes = binding.create_new_function_pass_manager()
+    passes.add_sroa_pass()
+    passes.add_simplify_cfg_pass()
+    passes.add_aggressive_dce_pass()
+    return passes
 
 
 class _IntermediateCode(JITCodeLibrary):  # type: ignore[misc]
@@ -105,6 +131,16 @@ class _IntermediateCode(JITCodeLibrary):  # type: ignore[misc]
 
     def serialize_using_object_code(self) -> Any:
         return self.serialize_using_bitcode()
+
+    def _optimize_functions(self, module: Any) -> None:
+        """Take variables from memory into registers; the rest is done once, in the caller."""
+        if not hasattr(self._codegen, "_pass_builder"):  # Numba 0.61, whose LLVM knows no such pass by itself
+            super()._optimize_functions(module)
+            return
+        module.data_layout = self._codegen._data_layout
+        for function in module.functions:
+            if not function.is_declaration:
+                _few_passes().run(function, self._codegen._pass_builder())
 
     def _optimize_final_module(self) -> None:
         """Merge what is called; the rest is done once, in the caller."""

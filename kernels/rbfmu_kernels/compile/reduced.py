@@ -39,8 +39,16 @@ def _compile_callees_bare(compiled: Any, inline: bool) -> None:
     def template_and_overload() -> Any:
         return bare() if internals_serve() else as_numba_does
 
+    @cache
+    def template(args: Any) -> Any:
+        return template_and_overload()[0](args, {})
+
+    def template_of(args: Any, kws: Any) -> Any:
+        args = tuple(map(types.unliteral, args))
+        return template_and_overload()[0](args, kws) if kws else template(args)
+
     # a number that is known at compile time is no type of its own: one function serves all, and LLVM merges numbers
-    compiled.get_call_template = lambda args, kws: template_and_overload()[0](tuple(map(types.unliteral, args)), kws)
+    compiled.get_call_template = template_of
     compiled.get_overload = lambda sig: template_and_overload()[1](sig)
 
 

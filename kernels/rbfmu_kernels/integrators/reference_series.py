@@ -190,7 +190,7 @@ def _unit_of_time(c: Any, state: Any, scratch: Any) -> float:
     """Return a power of two, s, in which the motion is of order 1, so that no coefficient overflows; 1 at rest."""
     _put_alpha(c, state, scratch)
     rate_scale = max(_largest(state, _OMEGA, 3), math.sqrt(_largest(scratch, _S_ALPHA, 3)))
-    return 2.0 ** -math.floor(math.log2(rate_scale)) if rate_scale > 1e-290 else 1.0
+    return math.ldexp(1.0, -math.floor(math.log2(rate_scale))) if rate_scale > 1e-290 else 1.0
 
 
 @kernel(inline=False)

@@ -1,5 +1,6 @@
 """How kernels are compiled: for Python only what Python calls."""
 
+import gc
 import re
 import shutil
 import subprocess
@@ -9,15 +10,22 @@ from types import SimpleNamespace
 from unittest.mock import Mock, call
 
 import pytest
+from llvmlite import binding
 from numba import config, njit
+from numba.core import event
 from numba.core.caching import NullCache
+from numba.core.registry import cpu_target
 
 from rbfmu_kernels import free_rotation, free_rotation_at, free_rotation_setup, rotate
-from rbfmu_kernels.compile import stamp, tiled_gufunc
+from rbfmu_kernels.compile import compiler, stamp, tiled_gufunc
 from rbfmu_kernels.compile.compiler import _IntermediateCode
 from rbfmu_kernels.compile.decorator import kernel
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="needs the compiler")
+
+
+OPAQUE = binding.llvm_version_info >= (15,)
+"""Whether LLVM knows pointers of no type alone."""
 
 
 @kernel
@@ -46,6 +54,64 @@ def test_a_kernel_called_by_compiled_code_first_has_the_same_bits_from_python():
         return free_rotation_at(free_rotation_setup(moments, q_0, omega), t)
 
     assert both(*state, 7.0) == free_rotation(*state, 7.0) == free_rotation_at(free_rotation_setup(*state), 7.0)
+
+
+def test_a_callee_is_asked_for_once_a_signature_and_its_passes_are_not_announced():
+    passes = event.RecordingListener()
+    with event.install_listener("numba:run_pass", passes):
+
+        @kernel
+        def inner(x: float) -> float:
+            return x + 1.0
+
+        @kernel
+        def outer(x: float) -> float:
+            return inner(x) * inner(2.0) + inner(3.0)
+
+        before = inner.get_call_template
+        asked = []
+        inner.get_call_template = lambda args, kws: asked.append(before(args, kws)) or asked[-1]
+        assert outer(1.0) == 10.0
+    assert len({id(template) for template, *_ in asked}) == 1 < len(asked)
+    assert not passes.buffer
+
+
+def test_a_callee_keeps_its_variables_in_registers_before_it_is_merged():
+    """Its caller's passes see less of it then; with Numba 0.61 its own passes do this, and more."""
+    libraries = []
+
+    class Watched(_IntermediateCode):
+        def _optimize_functions(self, module):
+            before = str(module)
+            super()._optimize_functions(module)
+            libraries.append((before.count("alloca"), str(module).count("alloca")))
+
+    source = "define double @f(double %x) {\n %a = alloca double\n store double %x, double* %a\n"
+    source += " %y = load double, double* %a\n ret double %y\n}\n"
+    library = Watched(cpu_target.target_context.codegen(), "watched")
+    library.add_llvm_module(binding.parse_assembly(source.replace("double*", "ptr") if OPAQUE else source))
+    assert libraries == [(1, 0)]
+
+
+def test_what_a_compilation_leaves_counts_as_old_and_nothing_is_frozen():
+    gc.disable()
+    try:
+        young = [[] for _ in range(10_000)]
+        assert gc.get_count()[0] > len(young) / 2
+        compiler._count_as_old()
+        assert gc.get_count()[0] < 1000
+        assert gc.get_freeze_count() == 0
+    finally:
+        gc.enable()
+
+
+def test_what_the_user_froze_stays_frozen():
+    gc.freeze()
+    try:
+        compiler._count_as_old()
+        assert gc.get_freeze_count() > 0
+    finally:
+        gc.unfreeze()
 
 
 def test_callees_are_found_in_the_cache(tmp_path, monkeypatch):
