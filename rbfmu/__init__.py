@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from rbfmu.simulation import SimulationError as SimulationError
     from rbfmu.simulation import plan as plan
     from rbfmu.simulation import simulate as simulate
+    from rbfmu.simulator import Simulator as Simulator
+    from rbfmu.simulator import compiled_step as compiled_step
 
 __version__ = "0.1.0"
 
@@ -29,6 +31,7 @@ _MODULES = {
     "scene.plausibility": ("SceneWarning",),
     "arrays.from_kernel": ("set_threads",),
     "result": ("Result",),
+    "simulator": ("Simulator", "compiled_step"),
     "simulation": ("SimulationError", "plan", "simulate"),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}

@@ -8,26 +8,35 @@ from numpy.typing import NDArray
 
 from rbfmu.exceptions import SimulationError as SimulationError
 from rbfmu.result import Result
+from rbfmu.runs.drive import Driven, drive_of
+from rbfmu.runs.input_tables import HOLD, InputTables, input_tables
 from rbfmu.runs.model_buffer import filled_buffer, initialize, output_block
 from rbfmu.runs.plan import Plan
-from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.argument import of_scene_or_path
 from rbfmu.scene.plausibility import doubts_after, warn
 from rbfmu.scene.scene import Scene
-from rbfmu_kernels.buffer import OK
-from rbfmu_kernels.compile.tiered import tiered
 
 Array = NDArray[np.float64]
 
 
 @of_scene_or_path
-def plan(scene: Scene, full: bool = False, progress: Callable[[float], Any] | None = None) -> Plan:
+def plan(
+    scene: Scene,
+    full: bool = False,
+    progress: Callable[[float], Any] | None = None,
+    *,
+    inputs: Any = None,
+    interpolate: str = HOLD,
+) -> Plan:
     """Choose model, method and step for a scene, or that of a scene file; full: to integrate all degrees of freedom.
 
     progress: a function that is told from time to time which part of the motion that judges plans is known.
-    Raises SceneError where the accuracy asked cannot be met.
+    inputs, interpolate: see `simulate`; error and cost are then those of the run that they drive. Raises SceneError
+    where the accuracy asked cannot be met.
     """
-    return _planned(scene, full, progress)
+    tables = None if inputs is None else input_tables(scene, inputs, interpolate)
+    found = _planned(scene, full, progress)
+    return found if tables is None else _planned_for(scene, tables, interpolate, found)
 
 
 def _planned(scene: Scene, full: bool = False, progress: Callable[[float], Any] | None = None) -> Plan:
@@ -36,25 +45,47 @@ def _planned(scene: Scene, full: bool = False, progress: Callable[[float], Any] 
     return planned(scene, full, progress)
 
 
+def _planned_for(scene: Scene, tables: InputTables, interpolate: str, found: Plan) -> Plan:
+    from rbfmu.planning.driven import plan_for_inputs
+
+    return plan_for_inputs(scene, tables, interpolate, found)
+
+
 @of_scene_or_path
 def simulate(
-    scene: Scene, *, planned: Plan | None = None, progress: Callable[[Sequence[int]], Any] | None = None
+    scene: Scene,
+    *,
+    inputs: Any = None,
+    interpolate: str = HOLD,
+    planned: Plan | None = None,
+    progress: Callable[[Sequence[int]], Any] | None = None,
 ) -> Result:
-    """Run a scene, or that of a scene file, with its ports at zero: its FMU's bits at the same communication step.
+    """Run a scene, or that of a scene file: its FMU's bits at the same communication steps and inputs.
 
+    inputs: what drives the ports, which are at zero without it: a mapping from a port's name to `(times (m,), values
+    (m, 3))` or to an array (n, 3) with a row for each communication step, or the path of a CSV file in FMPy's format
+    (`time`, then FMU variables such as `torque_b[1]`). Ports that are not named stay at zero.
+    interpolate: "hold", a value from its time on, or "linear" between times. Communication steps are cut where a time
+    lies inside. Of linear inputs a model that takes no input derivatives sees the mean over each step.
+    planned: a plan, used as it is; without one, a plan that meets the accuracy under the inputs given.
     progress: wraps the sequence of step numbers, e.g. a progress bar. Raises SceneError, SimulationError.
     """
-    planned = planned or _planned(scene)
+    tables = {} if inputs is None else input_tables(scene, inputs, interpolate)
+    if planned is None:
+        planned = _planned(scene)
+        planned = _planned_for(scene, tables, interpolate, planned) if tables else planned
     kernels, z = planned.kernels, filled_buffer(scene, planned)
+    drive = drive_of(scene, tables, interpolate)
+    driven, time = Driven(drive, kernels, z), drive.time
+    driven.start()
     initialize(scene, kernels, z)
-    time = time_grid(scene.run.start, scene.run.stop, scene.run.step)
     block = output_block(scene, kernels)
     outputs = z[block]
     rows = np.empty((len(time), len(outputs)))
     rows[0] = outputs
-    step, numbers = tiered(kernels.step), range(1, len(time))
+    numbers = range(1, len(time))
     for k in numbers if progress is None else progress(numbers):
-        if step(z, time[k] - time[k - 1]) != OK:
+        if not driven.advance(k):
             raise SimulationError(f"{scene.name}: the step from t = {float(time[k - 1])!r} s was refused: not finite")
         rows[k] = outputs
     result = Result(time, {n: _quantity(rows, kernels.BLOCKS[n], block.start) for n in scene.outputs.quantities})

@@ -85,6 +85,16 @@ def unstable_at_zero_inputs(growth: float) -> str:
     )
 
 
+def tighter_than_the_fmu(method: str, tighter: str, tolerance: float) -> str:
+    """Return why the plan of known inputs is not that of the scene's FMU."""
+    return f"{method}, planned for any inputs, misses the accuracy under these: {tighter} at {tolerance:.1e} instead"
+
+
+def under_inputs(error: float) -> str:
+    """Return the error of a run whose inputs are known."""
+    return f"error {error:.1e} in a pilot run with the inputs given, judged by series of order 24 in half steps"
+
+
 def what_inputs_cost(scene: Scene, plan: Plan) -> tuple[str, ...]:
     """Return what a zero-order hold of the inputs over a communication step does to a loop closed through them.
 

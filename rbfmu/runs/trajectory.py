@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rbfmu.runs.drive import Drive, Driven
 from rbfmu.runs.model_buffer import Buffer, filled_buffer, initialize
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
@@ -18,10 +19,15 @@ Motion = dict[str, NDArray[np.float64]]
 
 def start_run(scene: Scene, plan: Plan, names: Sequence[str]) -> Buffer:
     """Return the buffer of the plan's model at the start, of whose outputs only those named are computed."""
+    z = _filled(scene, plan, names)
+    initialize(scene, plan.kernels, z)
+    return z
+
+
+def _filled(scene: Scene, plan: Plan, names: Sequence[str]) -> Buffer:
     kernels, z = plan.kernels, filled_buffer(scene, plan)
     if "active" in kernels.BLOCKS:
         z[kernels.BLOCKS["active"]] = active_flags(names)
-    initialize(scene, kernels, z)
     return z
 
 
@@ -37,16 +43,44 @@ def record_trajectory(
 
     progress: a function that is told which part of the run is done.
     """
-    blocks = {name: z[kernels.BLOCKS[name]] for name in names}
-    motion = {name: np.full((len(steps) + 1, len(block)), np.nan) for name, block in blocks.items()}
     step = tiered(kernels.step)
-    for k, h in enumerate((0.0, *steps)):
-        if k and any(step(z, h / parts) != OK for _ in range(parts)):
+    return _recorded(
+        kernels,
+        z,
+        len(steps),
+        names,
+        lambda k: all(step(z, steps[k - 1] / parts) == OK for _ in range(parts)),
+        progress,
+    )
+
+
+def record_driven(scene: Scene, plan: Plan, drive: Drive, names: Sequence[str]) -> tuple[Motion, float]:
+    """Return the blocks at the communication points of a run under inputs, NaN from where it ends, and its substeps."""
+    z = _filled(scene, plan, names)
+    driven = Driven(drive, plan.kernels, z)
+    driven.start()
+    initialize(scene, plan.kernels, z)
+    motion = _recorded(plan.kernels, z, len(drive.time) - 1, names, driven.advance)
+    return motion, substeps_counted(plan.kernels, z)
+
+
+def _recorded(
+    kernels: Any,
+    z: Buffer,
+    count: int,
+    names: Sequence[str],
+    advance: Callable[[int], bool],
+    progress: Callable[[float], Any] | None = None,
+) -> Motion:
+    blocks = {name: z[kernels.BLOCKS[name]] for name in names}
+    motion = {name: np.full((count + 1, len(block)), np.nan) for name, block in blocks.items()}
+    for k in range(count + 1):
+        if k and not advance(k):
             break
         for name, block in blocks.items():
             motion[name][k] = block
         if progress is not None:
-            progress(k / len(steps))
+            progress(k / count)
     return motion
 
 
