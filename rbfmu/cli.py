@@ -36,6 +36,10 @@ PICTURES = (".png", ".svg", ".pdf")
 
 _MODEL = click.option("--model", type=click.Choice(["planned", "full"]), default="planned", show_default=True,
                       help="The smallest that serves the scene, or all degrees of freedom.")  # fmt: skip
+_INPUTS = click.option("--inputs", type=click.Path(path_type=Path), metavar="FILE.csv",
+                       help="Drive the ports: columns time, torque_b[1], ...  [ports at zero]")  # fmt: skip
+_INTERPOLATE = click.option("--interpolate", type=click.Choice(["hold", "linear"]), default="hold", show_default=True,
+                            help="Between the rows of --inputs.")  # fmt: skip
 
 
 def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -99,27 +103,36 @@ def new(name: str) -> None:
 @main.command("plan")
 @click.argument("scene", metavar="SCENE", type=click.Path(path_type=Path))
 @click.option("--json", "as_json", is_flag=True, help="Print model, method, substep, states and reasons as JSON.")
+@_INPUTS
+@_INTERPOLATE
 @_MODEL
 @_run_options
-def show_plan(scene: Path, as_json: bool, model: str, **run: float | None) -> None:
+def show_plan(
+    scene: Path, as_json: bool, inputs: Path | None, interpolate: str, model: str, **run: float | None
+) -> None:
     """Say which model and method a scene gets, and why."""
     kept = KeptPlan(scene, {"model": model, **run})
-    known = kept.read()
+    known = kept.read() if inputs is None else None
     if known is None:
         with _scene(scene, run) as loaded:
-            known = _planned(loaded, model, kept)
+            known = _planned(loaded, model, kept, _driven(inputs, interpolate))
     click.echo(json.dumps(known["plan"] | {"variables": known["variables"]}, indent=1) if as_json else known["text"])
 
 
-def _planned(scene: "Scene", model: str, kept: KeptPlan) -> dict[str, Any]:
-    """Plan a scene and return what is said of the plan; keep it where the scene gives no doubt that must be said."""
+def _driven(inputs: Path | None, interpolate: str) -> dict[str, Any]:
+    """Return the arguments of a plan and of a run that are driven by a file."""
+    return {} if inputs is None else {"inputs": inputs, "interpolate": interpolate}
+
+
+def _planned(scene: "Scene", model: str, kept: KeptPlan, driven: dict[str, Any]) -> dict[str, Any]:
+    """Plan a scene and return what is said of the plan; keep it where no inputs are given and no doubt must be said."""
     from rbfmu.planning.costs import MACHINE
     from rbfmu.scene.plausibility import doubts_before
     from rbfmu.simulation import plan
     from rbfmu_fmu.description import sizes
 
     with planning_bar(scene.name) as bar:
-        chosen = plan(scene, full=model == "full", progress=bar)
+        chosen = plan(scene, full=model == "full", progress=bar, **driven)
     variables, full = sizes(scene, chosen)
     cost = f"about {float(f'{chosen.cost:.2g}'):,.0f} ns a step of {scene.run.step:g} s on {MACHINE}"
     lines = [
@@ -127,10 +140,10 @@ def _planned(scene: "Scene", model: str, kept: KeptPlan) -> dict[str, Any]:
         *chosen.reasons,
         f"{chosen.states} state{'s' * (chosen.states != 1)} and {variables} FMU variables, "
         f"against {full[0]} and {full[1]} of the full model",
-        f"{expected_error(scene, chosen)}, {cost}",
+        f"{expected_error(scene, chosen, bool(driven))}, {cost}",
     ]
     known = {"plan": chosen.to_dict(), "variables": variables, "text": "\n".join(lines)}
-    if not any(doubts_before(scene)):
+    if not driven and not any(doubts_before(scene)):
         kept.keep(known)
     return known
 
@@ -139,10 +152,20 @@ def _planned(scene: "Scene", model: str, kept: KeptPlan) -> dict[str, Any]:
 @click.argument("scene", metavar="SCENE", type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), help="Save to FILE (.csv or .npz).")
 @click.option("--plot", type=click.Path(dir_okay=False, path_type=Path), help="Draw to FILE (.png, .svg or .pdf).")
+@_INPUTS
+@_INTERPOLATE
 @_MODEL
 @_run_options
-def run(scene: Path, output: Path | None, plot: Path | None, model: str, **run: float | None) -> None:
-    """Simulate a scene with its ports at zero.
+def run(
+    scene: Path,
+    output: Path | None,
+    plot: Path | None,
+    inputs: Path | None,
+    interpolate: str,
+    model: str,
+    **run: float | None,
+) -> None:
+    """Simulate a scene, its ports at zero or driven by a file.
 
     The units of the columns of FILE.csv are written to FILE.units.csv.
     """
@@ -151,17 +174,18 @@ def run(scene: Path, output: Path | None, plot: Path | None, model: str, **run: 
 
     check_target(output, "--output", SAVED)
     check_target(plot, "--plot", PICTURES)
-    kept = KeptPlan(scene, {"model": model, **run})
+    driven, kept = _driven(inputs, interpolate), KeptPlan(scene, {"model": model, **run})
     with _scene(scene, run) as loaded:
-        planned = Plan.from_dict((kept.read() or _planned(loaded, model, kept))["plan"])
-        result = simulate(loaded, planned=planned, progress=progress_bar(loaded.name))
+        known = kept.read() if inputs is None else None
+        planned = Plan.from_dict((known or _planned(loaded, model, kept, driven))["plan"])
+        result = simulate(loaded, planned=planned, progress=progress_bar(loaded.name), **driven)
     if output:
         result.save(output)
     if plot:
         from rbfmu.plot import plot_result
 
         plot_result(result, plot, loaded.name)
-    print_end(loaded, planned, result)
+    print_end(loaded, planned, result, bool(driven))
 
 
 @main.command()

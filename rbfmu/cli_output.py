@@ -104,19 +104,19 @@ def planning_bar(name: str) -> Iterator[Callable[[float], Any] | None]:
         yield lambda part: bar.update(task, completed=part, visible=monotonic() > begin + 1.0)
 
 
-def expected_error(scene: "Scene", planned: "Plan") -> str:
+def expected_error(scene: "Scene", planned: "Plan", driven: bool) -> str:
     """Return what error a plan expects, and of which run where others may set inputs or parameters."""
-    of_run = ["inputs at zero"] * bool(scene.inputs.ports)
+    of_run = ["the inputs given" if driven else "inputs at zero"] * bool(scene.inputs.ports)
     of_run += ["the scene's parameters"] * bool(scene.inputs.parameters)
     return f"expected: error {planned.error:.1e}" + (f" with {' and '.join(of_run)}" if of_run else "")
 
 
-def print_end(scene: "Scene", planned: "Plan", result: Any) -> None:
+def print_end(scene: "Scene", planned: "Plan", result: Any, driven: bool) -> None:
     """Print the model and its method, why they serve, the error to expect, and the last values."""
     click.echo(f"{planned.model}: {planned.method}")
     for reason in planned.reasons:
         click.echo(reason)
-    click.echo(f"{expected_error(scene, planned)}, accuracy asked {scene.run.accuracy:g}")
+    click.echo(f"{expected_error(scene, planned, driven)}, accuracy asked {scene.run.accuracy:g}")
     table = Table("at the end", "unit", f"t = {result.time[-1]:g} s", box=None)
     for name, values in result.quantities.items():
         table.add_row(name, result.units[name], " ".join(f"{x: .8g}" for x in values[-1:].ravel()))

@@ -50,7 +50,7 @@ class Simulator:
         kernels, run = self.plan.kernels, self.scene.run
         blocks = kernels.BLOCKS
         self._z = _started(self.scene, self.plan, parameters)
-        self._bytes, self._step = memoryview(self._z).cast("B"), tiered(kernels.step)
+        self._bytes, self._step = self._z.data.cast("B"), tiered(kernels.step)
         self._ports = {name: 8 * blocks[name].start for name in self.scene.inputs.ports}
         self._quantities = {name: self._z[blocks[name]] for name in self.scene.outputs.quantities}
         self._identity = _identity(self.scene, self.plan)
@@ -133,7 +133,7 @@ class Simulator:
         return self._identity + _CLOCK.pack(self.time, self._begin, self._count) + self._bytes.tobytes()
 
     def restore(self, state: bytes) -> None:
-        """Go back to a state that was saved. Raises ValueError, with nothing changed, if it is no state of the scene."""
+        """Go back to a saved state. Raises ValueError, with nothing changed, if it is no state of the scene."""
         head = len(self._identity)
         if len(state) != head + _CLOCK.size + self._bytes.nbytes or state[:head] != self._identity:
             raise ValueError(f"these {len(state)} bytes are no state of {self.scene.name} under its plan")
@@ -193,11 +193,11 @@ def _with_parameters(scene: Scene, planned: Plan, parameters: dict[str, Any]) ->
     changed = scene.replace({_KEYS[name]: _plain(value) for name, value in parameters.items()})
     blocks, old, new = planned.kernels.BLOCKS, filled_buffer(scene, planned), filled_buffer(changed, planned)
     for name in parameters:
-        block = blocks[_BLOCK_OF[name]]
-        if name in planned.pinned and not np.array_equal(old[block], new[block]):
-            values = old[block].tolist()
-            expected = f"{shown(values if len(values) > 1 else values[0])}, for which the model was planned; list {name!r} in inputs.parameters"
-            raise SceneError(fault(name, parameters[name], f"{expected} to vary it"), scene.name)
+        values = old[blocks[_BLOCK_OF[name]]].tolist()
+        if name in planned.pinned and values != new[blocks[_BLOCK_OF[name]]].tolist():
+            made_for = f"{shown(values if len(values) > 1 else values[0])}, for which the model was planned"
+            expected = f"{made_for}; list {name!r} in inputs.parameters to vary it"
+            raise SceneError(fault(name, parameters[name], expected), scene.name)
     return changed
 
 

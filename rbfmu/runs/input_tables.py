@@ -3,6 +3,7 @@
 import csv
 import math
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -40,17 +41,18 @@ def input_tables(scene: Scene, inputs: Any, interpolate: str = HOLD) -> InputTab
     if interpolate not in (HOLD, LINEAR):
         raise SceneError(fault("interpolate", interpolate, f"{HOLD!r} or {LINEAR!r}"), scene.name)
     is_file = isinstance(inputs, str | Path)
-    source = str(inputs) if is_file else scene.name
+    source = f"{inputs}: " if is_file else ""
+    faults: list[str] = []
     if not is_file and not isinstance(inputs, Mapping):
         expected = "a mapping from a port's name to its values, or the path of a CSV file"
-        raise SceneError(fault("inputs", type(inputs).__name__, expected), source)
-    faults: list[str] = []
+        raise SceneError(fault("inputs", type(inputs).__name__, expected), scene.name)
+    if not scene.inputs.ports:
+        raise SceneError(f"{source}inputs are given: expected none, as the scene has no ports", scene.name)
     tables = _read(Path(inputs), scene, faults) if is_file else _from_mapping(inputs, scene, interpolate, faults)
     for port, table in tables.items():
-        where = "time" if is_file else f"times of {port}"
-        faults += _faults_of_times(scene, table.times, where, interpolate)
+        faults += _faults_of_times(scene, table.times, "time" if is_file else f"times of {port}", interpolate)
     if faults:
-        raise SceneError(dict.fromkeys(faults), source)
+        raise SceneError([f"{source}{text}" for text in dict.fromkeys(faults)], scene.name)
     return tables
 
 
@@ -61,7 +63,7 @@ def _from_mapping(inputs: Mapping[str, Any], scene: Scene, interpolate: str, fau
     tables = {}
     for port, given in inputs.items():
         if port not in scene.inputs.ports:
-            faults.append(f"inputs {port!r}: expected {_known(scene.inputs.ports, 'a port of this scene')}")
+            faults.append(f"inputs {port!r}: expected one of the scene's ports, {', '.join(scene.inputs.ports)}")
             continue
         try:
             timed = isinstance(given, tuple) and len(given) == 2
@@ -106,13 +108,17 @@ def _read(path: Path, scene: Scene, faults: list[str]) -> InputTables:
         with path.open(newline="", encoding="utf-8-sig") as file:
             header, *rows = [row for row in csv.reader(file, skipinitialspace=True) if row] or [[]]
     except OSError as error:
-        raise SceneError(f"cannot be read ({error.strerror}): expected a CSV file of inputs", str(path)) from None
+        faults.append(f"cannot be read ({error.strerror}): expected a CSV file of inputs")
+        return {}
     except (UnicodeDecodeError, csv.Error) as error:
-        raise SceneError(f"not a CSV file: {error}", str(path)) from None
+        faults.append(f"not a CSV file: {error}")
+        return {}
     names = [name.strip() for name in header]
     columns = _columns(names, scene, faults)
-    if faults or not rows:
-        raise SceneError(dict.fromkeys(faults) or "no rows: expected a header, and a row of numbers a time", str(path))
+    if not faults and not rows:
+        faults.append("no rows: expected a header, and a row of numbers a time")
+    if faults:
+        return {}
     numbers = _numbers(names, rows, faults)
     times = numbers[:, names.index("time")]
     return {port: InputTable(times, numbers[:, places]) for port, places in columns.items()}
@@ -126,7 +132,7 @@ def _columns(names: list[str], scene: Scene, faults: list[str]) -> dict[str, lis
     ]
     for name in names:
         if name != "time" and name not in known:
-            faults.append(f"column {shown(name)}: expected {_known(['time', *known], 'one of')}")
+            faults.append(f"column {shown(name)}: expected one of time, {', '.join(known)}")
     ports = dict.fromkeys(known[name] for name in names if name in known)
     wanted = ["time", *(name for name, port in known.items() if port in ports)]
     faults += [
@@ -137,10 +143,6 @@ def _columns(names: list[str], scene: Scene, faults: list[str]) -> dict[str, lis
     return {port: [names.index(name) for name in known if known[name] == port] for port in ports}
 
 
-def _known(names: Any, what: str) -> str:
-    return f"{what}: {', '.join(names)}" if names else "no inputs, as the scene has no ports"
-
-
 def _numbers(names: list[str], rows: list[list[str]], faults: list[str]) -> Array:
     """Return the file's numbers; NaN for what is none, of which the first of each column is noted."""
     table, said = np.full((len(rows), len(names)), np.nan), set[str]()
@@ -149,10 +151,8 @@ def _numbers(names: list[str], rows: list[list[str]], faults: list[str]) -> Arra
             faults.append(f"row {k + 1} has {len(row)} cells: expected {len(names)}, as many as the header")
             break
         for i, cell in enumerate(row):
-            try:
+            with suppress(ValueError):
                 table[k, i] = float(cell)
-            except ValueError:
-                pass
             if not math.isfinite(table[k, i]) and names[i] not in said:
                 said.add(names[i])
                 faults.append(f"{names[i]} = {shown(cell)} in row {k + 1}: expected a finite number")

@@ -1,0 +1,216 @@
+"""Runs that are driven by inputs: against 20-digit motions, their order in the table's spacing, and what is refused."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import rbfmu
+from rbfmu.models.integrated import LOADED_TAYLOR
+from rbfmu.runs.errors import attitude_error
+from rbfmu.runs.input_tables import input_tables
+from tests.support.driven_motion_mp import true_motion
+
+OFFSET = {"mass": 2.0, "inertia": [[1.0, 0.1, 0.05], [0.1, 1.2, 0.02], [0.05, 0.02, 1.5]], "r_oc_b": [0.1, -0.2, 0.3]}
+MOVING = {
+    "position": [1.0, 2.0, 3.0],
+    "velocity": [0.1, 0.2, 0.3],
+    "omega_b": [1.0, 2.0, -1.0],
+    "attitude": {"rotvec": [0.3, -0.8, 0.5]},
+}
+PORTS = ("force_a", "force_b", "torque_a", "torque_b")
+TIMES = np.array([0.0, 0.375, 0.8, 1.5])
+"""One row lies at a communication point of STEP, one inside a step."""
+STEP, STOP, ACCURACY = 0.375, 1.5, 1e-9
+VALUES = {port: np.random.default_rng(k).normal(scale=0.5, size=(len(TIMES), 3)) for k, port in enumerate(PORTS)}
+
+
+def scene(**more):
+    tables = {
+        "body": OFFSET,
+        "initial": MOVING,
+        "loads": {"gravity_a": [0.0, 0.0, -1.0]},
+        "inputs": {"ports": list(PORTS)},
+        "run": {"stop": STOP, "step": STEP, "accuracy": ACCURACY},
+    }
+    return rbfmu.Scene.from_dict(tables | more)
+
+
+def pieces(interpolate):
+    """Between communication points and rows: lengths, and inputs with their slopes."""
+    cuts, found = np.union1d(TIMES, STEP * np.arange(5)), []
+    for begin, end in pairwise(cuts):
+        k = np.searchsorted(TIMES, begin, side="right") - 1
+        part = (begin - TIMES[k]) / (TIMES[k + 1] - TIMES[k])
+        inputs = {}
+        for port, rows in VALUES.items():
+            slope = (rows[k + 1] - rows[k]) / (TIMES[k + 1] - TIMES[k])
+            linear = (rows[k] + part * (rows[k + 1] - rows[k]), slope, np.zeros(3))
+            inputs[port] = linear if interpolate == "linear" else (rows[k], np.zeros(3), np.zeros(3))
+        found.append((end - begin, inputs))
+    return cuts[1:], found
+
+
+@pytest.mark.parametrize("interpolate", ["hold", "linear"])
+def test_a_driven_run_meets_its_accuracy_wherever_the_rows_lie(interpolate):
+    result = rbfmu.simulate(scene(), inputs={p: (TIMES, v) for p, v in VALUES.items()}, interpolate=interpolate)
+    ends, found = pieces(interpolate)
+    truth = dict(zip(ends, true_motion(OFFSET, MOVING, found), strict=True))
+    for k, t in enumerate(result.time[1:], 1):
+        q, omega, position, velocity = truth[t]
+        assert attitude_error(result.quaternion[k : k + 1], np.array([q]))[0] < ACCURACY
+        np.testing.assert_allclose(result.omega_b[k], omega, rtol=0, atol=ACCURACY)
+        np.testing.assert_allclose(result.position[k], position, rtol=0, atol=ACCURACY)
+        np.testing.assert_allclose(result.velocity[k], velocity, rtol=0, atol=ACCURACY)
+
+
+@pytest.mark.parametrize(("interpolate", "order"), [("hold", 1), ("linear", 2)])
+def test_a_sampled_torque_is_followed_in_the_order_of_its_interpolation(interpolate, order):
+    """torque_b = sin t about a principal axis: omega = 1 - cos t, turned by t - sin t."""
+    about_x = scene(
+        body={"mass": 1.0, "inertia": [1.0, 2.0, 3.0]},
+        initial={},
+        inputs={"ports": ["torque_b"]},
+        outputs={"quantities": ["quaternion", "omega_b"]},
+        run={"stop": 2.0, "step": 0.5, "accuracy": 1e-10},
+    )
+    errors = []
+    for n in (20, 40):
+        t = np.linspace(0.0, 2.0, n + 1)
+        torque = np.column_stack([np.sin(t), 0.0 * t, 0.0 * t])
+        found = rbfmu.simulate(about_x, inputs={"torque_b": (t, torque)}, interpolate=interpolate)
+        errors.append(abs(2.0 * math.atan2(found.quaternion[-1, 1], found.quaternion[-1, 0]) - (2.0 - math.sin(2.0))))
+    assert math.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.05)
+    assert errors[1] < (0.05 if order == 1 else 1e-3)
+
+
+def test_a_model_without_input_derivatives_sees_the_mean_of_each_step_and_the_last_value_at_its_end():
+    """force_a = t on a body that does not turn: velocity t^2 / 2 exactly, acceleration t / mass at the points."""
+    falling = scene(
+        body={"mass": 2.0, "inertia": [1.0, 2.0, 3.0]},
+        initial={},
+        loads={"gravity_a": [0, 0, 0]},
+        inputs={"ports": ["force_a"]},
+        outputs={"quantities": ["position", "velocity", "acceleration"]},
+        run={"stop": 1.0, "step": 0.125, "accuracy": 1e-2},
+    )
+    ramp = {"force_a": ([0.0, 1.0], [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])}
+    found = rbfmu.simulate(falling, inputs=ramp, interpolate="linear")
+    np.testing.assert_allclose(found.velocity[:, 2], found.time**2 / 4, atol=1e-15)
+    np.testing.assert_allclose(found.acceleration[:, 2], found.time / 2, atol=1e-15)
+    error = np.abs(found.position[:, 2] - found.time**3 / 12)
+    assert 1e-4 < error.max() < 1e-2  # second order in the step: the mean of a step is too much at its begin
+    assert rbfmu.plan(falling, inputs=ramp, interpolate="linear").error == pytest.approx(error.max(), rel=1e-6)
+
+
+def test_where_a_models_error_under_the_inputs_is_too_large_a_larger_one_is_planned():
+    falling = scene(
+        body={"mass": 2.0, "inertia": [1.0, 2.0, 3.0]},
+        initial={},
+        inputs={"ports": ["force_a"]},
+        outputs={"quantities": ["position"]},
+        run={"stop": 1.0, "step": 0.125, "accuracy": 1e-9},
+    )
+    ramp = {"force_a": ([0.0, 1.0], [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])}
+    smallest, driven = rbfmu.plan(falling), rbfmu.plan(falling, inputs=ramp, interpolate="linear")
+    assert smallest.model != driven.model == LOADED_TAYLOR.key
+    assert driven.error < 1e-9
+    assert any("planned for any inputs, misses" in line for line in driven.reasons)
+    found = rbfmu.simulate(falling, inputs=ramp, interpolate="linear")
+    np.testing.assert_allclose(found.position[:, 2], -0.5 * found.time**2 + found.time**3 / 12, atol=1e-9)
+
+
+def test_a_row_a_step_is_held_over_it_and_ports_that_are_not_named_are_zero():
+    t, rows = TIMES[:1] + STEP * np.arange(4), np.random.default_rng(5).normal(size=(4, 3))
+    one = rbfmu.simulate(scene(), inputs={"torque_b": rows})
+    other = rbfmu.simulate(scene(), inputs={"torque_b": (t, rows), "force_a": (t, 0.0 * rows)})
+    for name, values in one.quantities.items():
+        np.testing.assert_array_equal(values, other.quantities[name], err_msg=name)
+
+
+def test_prescribed_rates_take_inputs_as_well():
+    turning = rbfmu.Scene.from_dict({"inputs": {"ports": ["omega_b"]}, "run": {"stop": 2.0, "step": 0.25}})
+    ramp = {"omega_b": ([0.0, 2.0], [[0.0, 0.0, 0.0], [0.0, 0.0, 2.0]])}
+    found = rbfmu.simulate(turning, inputs=ramp, interpolate="linear")
+    angle = 2.0 * np.arctan2(found.quaternion[:, 3], found.quaternion[:, 0])
+    np.testing.assert_allclose(angle, found.time**2 / 2, atol=1e-14)
+
+
+def test_a_file_gives_the_same_as_its_numbers(tmp_path):
+    t, rows = TIMES, VALUES["torque_b"]
+    path = tmp_path / "inputs.csv"
+    names = ("time", "torque_b[2]", "torque_b[1]", "torque_b[3]")
+    lines = [",".join(map(repr, (s, u[1], u[0], u[2]))) for s, u in zip(t.tolist(), rows.tolist(), strict=True)]
+    path.write_text(",".join(f'"{name}"' for name in names) + "\n" + "\n".join(lines) + "\n")
+    found = input_tables(scene(), path)
+    np.testing.assert_array_equal(found["torque_b"].times, t)
+    np.testing.assert_array_equal(found["torque_b"].values, rows)
+
+
+T = [0.0, 1.0, 2.0]
+ZEROS = np.zeros((3, 3))
+BAD = {
+    "no port": ({"weight": (T, ZEROS)}, "inputs 'weight': expected one of the scene's ports, force_a"),
+    "shape": ({"force_a": (T, np.zeros((3, 2)))}, r"shapes \(3,\) and \(3, 2\): expected times \(m,\) and values"),
+    "rows": ({"force_a": np.zeros((7, 3))}, r"shape \(7, 3\): expected \(times, values\), or 4 rows, one a step"),
+    "text": ({"force_a": "abc"}, "inputs 'force_a': could not convert"),
+    "NaN": ({"force_a": (T, [[0, 0, 0], [0, math.nan, 0], [0, 0, 0]])}, r"force_a\[2\] = nan in row 2: expected a fin"),
+    "NaN time": ({"force_a": ([0.0, math.nan, 2.0], ZEROS)}, "times of force_a = nan in row 2: expected a finite"),
+    "order": ({"force_a": ([0.0, 2.0, 2.0], ZEROS)}, "times of force_a = 2.0 in row 3: expected a time after 2.0 s"),
+    "begin": ({"force_a": ([0.1, 1.0, 2.0], ZEROS)}, "times of force_a = 0.1 in row 1: expected at most 0.0 s"),
+    "end": ({"force_a": ([0.0, 0.1, 0.2], ZEROS)}, "0.2 in row 3, the last: expected a row that holds to 1.5 s"),
+    "kind": (3, 'inputs = "int": expected a mapping'),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_wrong_inputs_are_refused_in_one_message(name):
+    inputs, message = BAD[name]
+    with pytest.raises(rbfmu.SceneError, match=message):
+        rbfmu.simulate(scene(), inputs=inputs)
+
+
+def test_linear_inputs_must_reach_the_end_and_the_way_to_interpolate_must_be_known():
+    with pytest.raises(rbfmu.SceneError, match=r"1\.4 in row 3, the last: expected at least 1\.5 s"):
+        rbfmu.simulate(scene(), inputs={"force_a": ([0.0, 1.0, 1.4], ZEROS)}, interpolate="linear")
+    with pytest.raises(rbfmu.SceneError, match='interpolate = "cubic": expected'):
+        rbfmu.simulate(scene(), inputs={"force_a": (T, ZEROS)}, interpolate="cubic")
+
+
+FILES = {
+    "unknown": ("time,torque_x\n0,1\n", 'column "torque_x": expected one of time, force_a'),
+    "missing": (
+        "time,force_a[1],force_a[3]\n0,1,1\n",
+        r"column 'force_a\[2\]' is missing: expected all of time, force",
+    ),
+    "no time": ("force_a[1],force_a[2],force_a[3]\n1,1,1\n", "column 'time' is missing"),
+    "twice": ("time,time,force_a[1],force_a[2],force_a[3]\n0,0,1,1,1\n", "column 'time' stands twice"),
+    "text": (
+        "time,force_a[1],force_a[2],force_a[3]\n0,1,x,1\n",
+        r'force_a\[2\] = "x" in row 1: expected a finite numb',
+    ),
+    "NaN": ("time,force_a[1],force_a[2],force_a[3]\n0,1,1,1\n3,1,nan,1\n", r'force_a\[2\] = "nan" in row 2: expected'),
+    "short": ("time,force_a[1],force_a[2],force_a[3]\n0,1,1\n", "row 1 has 3 cells: expected 4, as many as the header"),
+    "header": ("time,force_a[1],force_a[2],force_a[3]\n", "no rows: expected a header, and a row of numbers a time"),
+    "empty": ("", "column 'time' is missing"),
+    "bytes": (b"\xff\xfe\x00", "not a CSV file"),
+    "order": ("time,force_a[1],force_a[2],force_a[3]\n0,1,1,1\n0,1,1,1\n", "time = 0.0 in row 2: expected a time aft"),
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_wrong_files_are_refused_with_their_name_and_row(name, tmp_path):
+    content, message = FILES[name]
+    path = tmp_path / "wrong.csv"
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    with pytest.raises(rbfmu.SceneError, match=message) as caught:
+        rbfmu.simulate(scene(), inputs=path)
+    assert str(path) in str(caught.value)
+
+
+def test_a_file_that_is_not_there_and_a_scene_without_ports_are_refused(tmp_path):
+    with pytest.raises(rbfmu.SceneError, match=r"none\.csv: cannot be read \(No such file"):
+        rbfmu.simulate(scene(), inputs=tmp_path / "none.csv")
+    with pytest.raises(rbfmu.SceneError, match="inputs are given: expected none, as the scene has no ports"):
+        rbfmu.simulate(scene(inputs={}), inputs={"force_a": (T, ZEROS)})

@@ -1,0 +1,197 @@
+"""A scene stepped by hand: the bits of a run, states that are saved and restored, and what is refused."""
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+import rbfmu
+from rbfmu_kernels.buffer import OK
+from tests.support.paths import SCENES
+
+SATELLITE = SCENES / "controlled_satellite.toml"
+
+
+def torques(n, seed=1):
+    return np.random.default_rng(seed).normal(scale=0.05, size=(n, 3))
+
+
+def state_of(sim):
+    return {name: getattr(sim, name) for name in sim.scene.outputs.quantities}
+
+
+def assert_same(one, other):
+    for name, values in one.items():
+        np.testing.assert_array_equal(values, other[name], err_msg=name)
+
+
+def test_steps_have_the_bits_of_a_run_with_the_same_inputs():
+    sim, u = rbfmu.Simulator(SATELLITE), torques(600)
+    run = rbfmu.simulate(SATELLITE, inputs={"torque_b": u})
+    for k in range(600):
+        assert sim.time == run.time[k]
+        assert_same({n: v[k] for n, v in run.quantities.items()}, state_of(sim))
+        sim.step(torque_b=u[k])
+    assert (sim.time, sim.status) == (run.time[-1], 0)
+    sim.step()
+    assert sim.status == 2  # past the scene's stop
+
+
+@pytest.mark.parametrize("kind", [list, tuple, np.array])
+def test_an_input_is_any_three_numbers_and_keeps_its_last_value(kind):
+    one, other, u = rbfmu.Simulator(SATELLITE), rbfmu.Simulator(SATELLITE), [0.1, -0.2, 0.3]
+    one.step(torque_b=kind(u))
+    one.step()
+    other.step(0.1, torque_b=u)
+    other.step(torque_b=u)
+    np.testing.assert_array_equal(one.quaternion, other.quaternion)
+
+
+def test_what_was_read_stays_as_it_was():
+    sim = rbfmu.Simulator(SATELLITE)
+    q = sim.quaternion
+    kept = q.copy()
+    sim.step()
+    np.testing.assert_array_equal(q, kept)
+    q[:] = 0.0
+    assert sim.quaternion.any()
+
+
+def test_a_restored_state_goes_on_with_the_same_bits_in_another_simulator():
+    sim, other = rbfmu.Simulator(SATELLITE), rbfmu.Simulator(SATELLITE)
+    for u in torques(20):
+        sim.step(torque_b=u)
+    sim.step(0.037)
+    saved = sim.save()
+    for u in torques(5, seed=2):
+        sim.step(torque_b=u)
+    other.restore(saved)
+    assert other.time != sim.time
+    for u in torques(5, seed=2):
+        other.step(torque_b=u)
+    assert other.time == sim.time
+    assert_same(state_of(sim), state_of(other))
+    assert other.save() == sim.save()
+
+
+def test_what_is_no_state_of_the_scene_is_refused_and_changes_nothing():
+    sim = rbfmu.Simulator(SATELLITE)
+    sim.step()
+    before, longer = sim.save(), rbfmu.Simulator(rbfmu.load_scene(SATELLITE).replace({"run.stop": 70.0})).save()
+    for wrong in (b"", before[:-1], b"x" + before[1:], longer):
+        with pytest.raises(ValueError, match=f"these {len(wrong)} bytes are no state of controlled_satellite"):
+            sim.restore(wrong)
+        assert sim.save() == before
+
+
+BAD = {
+    "too few": ({"torque_b": [1.0, 2.0]}, r"torque_b = \[1.0, 2.0\]: expected 3 finite numbers \(N m\)"),
+    "NaN": ({"torque_b": [1.0, math.nan, 2.0]}, r"torque_b = \[1.0, nan, 2.0\]: expected 3 finite numbers"),
+    "text": ({"torque_b": "abc"}, 'torque_b = "abc": expected 3 finite numbers'),
+    "number": ({"torque_b": 1.0}, r"torque_b = 1.0: expected 3 finite numbers"),
+    "no port": ({"force_a": [1.0, 2.0, 3.0]}, "input 'force_a': expected one of torque_b"),
+    "second": ({"torque_b": [1.0, 2.0, 3.0], "force_a": [0.0, 0.0, 0.0]}, "input 'force_a': expected one of torque_b"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_wrong_input_is_refused_and_changes_nothing(name):
+    sim = rbfmu.Simulator(SATELLITE)
+    sim.step(torque_b=[0.1, 0.2, 0.3])
+    ports, message = BAD[name]
+    before = sim.save()
+    with pytest.raises(ValueError, match=message):
+        sim.step(**ports)
+    assert sim.save() == before
+
+
+@pytest.mark.parametrize("h", [0.0, -0.1, math.nan, math.inf])
+def test_a_step_of_no_size_is_refused_and_changes_nothing(h):
+    sim = rbfmu.Simulator(SATELLITE)
+    before = sim.save()
+    with pytest.raises(rbfmu.SimulationError, match=r"controlled_satellite: the step from t = 0.0 s by .* was refused"):
+        sim.step(h, torque_b=[1.0, 2.0, 3.0])
+    assert sim.save() == before
+
+
+def test_a_step_that_leaves_the_range_of_numbers_is_refused_and_changes_nothing():
+    sim, other = rbfmu.Simulator(SATELLITE), rbfmu.Simulator(SATELLITE)
+    with pytest.raises(rbfmu.SimulationError, match="no finite motion, or none that the accuracy allows"):
+        sim.step(torque_b=[1e300, 1e300, 1e300])
+    for _ in range(3):
+        assert sim.time == other.time
+        assert_same(state_of(sim), state_of(other))
+        sim.step()  # with the input that was before, none
+        other.step()
+
+
+def test_reset_begins_anew_with_the_parameters_that_the_scene_lists():
+    scene = rbfmu.load_scene(SATELLITE).replace({"inputs.parameters": ["omega_b_0", "inertia"]})
+    sim = rbfmu.Simulator(scene, omega_b_0=[0.1, 0.2, 0.3])
+    np.testing.assert_array_equal(sim.omega_b, [0.1, 0.2, 0.3])
+    fresh = sim.save()
+    sim.step(torque_b=[1.0, 0.0, 0.0])
+    sim.reset(omega_b_0=np.array([0.1, 0.2, 0.3]))
+    assert sim.save() == fresh
+    sim.reset(inertia=[2.0, 3.0, 4.0])
+    sim.step()
+    changed = rbfmu.Simulator(scene.replace({"body.inertia": [2.0, 3.0, 4.0]}))
+    changed.step()
+    np.testing.assert_allclose(sim.omega_b, changed.omega_b, rtol=0, atol=1e-12)
+
+
+REFUSED = {
+    "pinned": ({"mass": 2.0}, "mass = 2.0: expected 50.0, for which the model was planned; list 'mass' in inputs.par"),
+    "unknown": ({"weight": 2.0}, "parameter 'weight': expected one of mass, inertia"),
+    "shape": ({"omega_b_0": [1.0]}, r"initial.omega_b = \[1.0\]: expected 3 numbers"),
+    "body": ({"inertia": [1.0, 1.0, 9.0]}, "body.inertia"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_wrong_parameters_are_refused_and_change_nothing(name):
+    sim = rbfmu.Simulator(SATELLITE)
+    sim.step()
+    before, (parameters, message) = sim.save(), REFUSED[name]
+    with pytest.raises(rbfmu.SceneError, match=message):
+        sim.reset(**parameters)
+    assert sim.save() == before
+
+
+def test_a_quantity_that_is_not_asked_for_is_named_with_those_that_are():
+    with pytest.raises(
+        AttributeError, match=r"no quantity 'position' is asked for .*; it has quaternion, omega_b, rpy"
+    ):
+        _ = rbfmu.Simulator(SATELLITE).position
+
+
+def test_a_number_is_read_as_a_float():
+    scene = rbfmu.load_scene(SATELLITE).replace({"outputs.quantities": ["kinetic_energy"]})
+    sim = rbfmu.Simulator(scene)
+    assert type(sim.kinetic_energy) is float
+    assert sim.kinetic_energy > 0.0
+
+
+def test_simulators_of_one_scene_run_in_threads_side_by_side():
+    def run(seed):
+        sim = rbfmu.Simulator(SATELLITE)
+        for u in torques(300, seed):
+            sim.step(torque_b=u)
+        return sim.save()
+
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(run, range(8)))
+    assert together == [run(seed) for seed in range(8)]
+    assert len(set(together)) == 8
+
+
+def test_the_compiled_step_works_on_its_buffer():
+    scene = rbfmu.load_scene(SATELLITE)
+    planned = rbfmu.plan(scene)
+    step, z = rbfmu.compiled_step(scene, planned)
+    sim, blocks = rbfmu.Simulator(scene), planned.kernels.BLOCKS
+    z[blocks["torque_b"]] = [0.1, 0.2, 0.3]
+    sim.step(torque_b=[0.1, 0.2, 0.3])
+    assert step(z, sim.time) == OK
+    np.testing.assert_array_equal(z[blocks["quaternion"]], sim.quaternion)
