@@ -4,6 +4,7 @@ import json
 import shlex
 import sys
 import tomllib
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -25,6 +26,7 @@ from rbfmu.cli_output import (
     progress_bar,
     say_where_nothing_is_kept,
 )
+from rbfmu.exceptions import SceneWarning
 from rbfmu.kept_plans import KeptPlan
 
 if TYPE_CHECKING:
@@ -116,6 +118,8 @@ def show_plan(
     if known is None:
         with _scene(scene, run) as loaded:
             known = _planned(loaded, model, kept, _driven(inputs, interpolate))
+    for doubt in known["doubts"]:
+        warnings.warn(doubt, SceneWarning, stacklevel=2)  # of a plan that was made now they are said already
     click.echo(json.dumps(known["plan"] | {"variables": known["variables"]}, indent=1) if as_json else known["text"])
 
 
@@ -125,7 +129,7 @@ def _driven(inputs: Path | None, interpolate: str) -> dict[str, Any]:
 
 
 def _planned(scene: "Scene", model: str, kept: KeptPlan, driven: dict[str, Any]) -> dict[str, Any]:
-    """Plan a scene and return what is said of the plan; keep it where no inputs are given and no doubt must be said."""
+    """Plan a scene; return what is said of the plan and of doubts; keep it where no inputs are given."""
     from rbfmu.planning.costs import MACHINE
     from rbfmu.scene.plausibility import doubts_before
     from rbfmu.simulation import plan
@@ -142,8 +146,9 @@ def _planned(scene: "Scene", model: str, kept: KeptPlan, driven: dict[str, Any])
         f"against {full[0]} and {full[1]} of the full model",
         f"{expected_error(scene, chosen, bool(driven))}, {cost}",
     ]
-    known = {"plan": chosen.to_dict(), "variables": variables, "text": "\n".join(lines)}
-    if not driven and not any(doubts_before(scene)):
+    doubts = [f"{scene.name}: {doubt}" for doubt in doubts_before(scene)]
+    known = {"plan": chosen.to_dict(), "variables": variables, "text": "\n".join(lines), "doubts": doubts}
+    if not driven:
         kept.keep(known)
     return known
 
