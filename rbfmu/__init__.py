@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from rbfmu.simulation import simulate as simulate
     from rbfmu.simulator import Simulator as Simulator
     from rbfmu.simulator import compiled_step as compiled_step
+    from rbfmu.viewer import view as view
 
 __version__ = "0.1.0"
 
@@ -33,6 +34,7 @@ _MODULES = {
     "result": ("Result",),
     "simulator": ("Simulator", "compiled_step"),
     "simulation": ("SimulationError", "plan", "simulate"),
+    "viewer": ("view",),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}
 

@@ -25,6 +25,7 @@ from rbfmu.cli_output import (
     print_keys,
     progress_bar,
     say_where_nothing_is_kept,
+    usage_errors,
 )
 from rbfmu.exceptions import SceneWarning
 from rbfmu.kept_plans import KeptPlan
@@ -191,6 +192,27 @@ def run(
 
         plot_result(result, plot, loaded.name)
     print_end(loaded, planned, result, bool(driven))
+
+
+@main.command()
+@click.argument("source", metavar="SCENE|RESULT", type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), default=Path("motion.html"),
+              show_default=True, help="Page to write.")  # fmt: skip
+@click.option("--scene", "body", type=click.Path(path_type=Path), help="Whose body a RESULT (.csv, .npz) moves.")
+@click.option("--stop", type=float, help="End of what is shown (s).")
+def view(source: Path, output: Path, body: Path | None, stop: float | None) -> None:
+    """Write a page that plays a motion in 3D, in any browser and without network.
+
+    A SCENE is simulated with its ports at zero; a RESULT is shown as it is.
+    """
+    from rbfmu.viewer import view as write_page
+
+    check_target(output, "--output", (".html",))
+    say_where_nothing_is_kept()
+    with usage_errors(), planning_bar(source.stem) as bar:
+        motion = write_page(source, output, scene=body, stop=stop, progress=bar)
+    size = output.stat().st_size / 1e6
+    click.echo(f"{output}: {size:.1f} MB, {len(motion.result.time)} pictures, played in {motion.played:.3g} s")
 
 
 @main.command()

@@ -66,6 +66,17 @@ def doubts_in_lines() -> Iterator[None]:
         yield
 
 
+@contextmanager
+def usage_errors() -> Iterator[None]:
+    """Turn what is wrong with a file that was given, or a package that is absent, into a message."""
+    try:
+        yield
+    except SceneError:
+        raise
+    except (ValueError, ModuleNotFoundError) as error:
+        raise click.UsageError(str(error)) from None
+
+
 def say_where_nothing_is_kept() -> None:
     """Print a note where Numba finds no folder for compiled code."""
     from rbfmu_kernels import rotate

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from rbfmu_kernels.quantities import OUTPUT, TIME
 
 Array = NDArray[np.float64]
+FORMATS = (".csv", ".npz")
 CHUNK = 1024
 """Rows that a CSV's writer holds as text."""
 
@@ -44,6 +45,23 @@ class Result:
     def units(self) -> dict[str, str]:
         """Return the SI units of time and of each quantity."""
         return {"time": TIME.unit} | {name: OUTPUT[name].unit for name in self.quantities}
+
+    def until(self, stop: float | None) -> "Result":
+        """Return the part up to this time (s), all where it is None."""
+        if stop is None:
+            return self
+        n = int(np.searchsorted(self.time, stop, side="right"))
+        return Result(self.time[:n], {name: values[:n] for name, values in self.quantities.items()})
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Result":
+        """Read what `save` wrote, or a CSV that an FMU's importer wrote; columns that are no quantity are left out.
+
+        Raises ValueError where the file has no time, an incomplete quantity or a number that is not finite.
+        """
+        from rbfmu.result_files import read_result
+
+        return cls(*read_result(Path(path)))
 
     def save(self, path: str | Path) -> None:
         """Write `.csv` (FMU variable names, every digit) or `.npz` (arrays by quantity).

@@ -38,7 +38,9 @@ def short(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("command", ["", "demo", "keys", "new", "plan", "run", "build", "verify", "chart", "stability"])
+@pytest.mark.parametrize(
+    "command", ["", "demo", "keys", "new", "plan", "run", "build", "verify", "view", "chart", "stability"]
+)
 def test_help_everywhere(command: str) -> None:
     result = call(*filter(None, [command]), "--help")
     assert result.exit_code == 0

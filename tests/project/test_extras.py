@@ -58,7 +58,15 @@ def test_importers_that_are_absent_name_the_extra_or_the_program():
     assert interop.absent(program) == "no fmuCheck.linux64 on PATH"
 
 
-@pytest.mark.parametrize("extra", ["native", "bench", "interop"])
+def test_a_view_without_viser_is_one_message(tmp_path):
+    scene = str(SCENES / "tumbling_brick.toml")
+    done = without(["viser"], f"from rbfmu.cli import main\nmain(['view', {scene!r}, '-o', '{tmp_path}/it.html'])")
+    assert done.returncode == 2
+    assert done.stderr.endswith('Error: viser is not installed: pip install "rbfmu[view]"\n')
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("extra", ["native", "bench", "interop", "view"])
 def test_an_extra_that_is_named_exists(extra):
     assert remedy(extra) == f'pip install "rbfmu[{extra}]"'
     assert EXTRAS[extra]
@@ -67,6 +75,7 @@ def test_an_extra_that_is_named_exists(extra):
 def test_the_main_job_needs_no_extra(tmp_path):
     """Scenes are run, planned, built into FMUs and verified, and the demonstration is loaded."""
     extras = (
+        "viser",
         "scipy",
         "mpmath",
         "ziglang",

@@ -1,0 +1,54 @@
+"""A motion to look at: one page of HTML that plays it in 3D, in any browser and without network."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from rbfmu.extras import needed
+from rbfmu.result import FORMATS, Result
+from rbfmu.scene.argument import faults_of
+from rbfmu.scene.scene import Scene, load_scene
+from rbfmu.scene.toml_file import read_tables
+from rbfmu.viewer.motion import Motion, motion_of_result, motion_of_scene
+
+
+def view(
+    source: Scene | Result | str | Path,
+    path: str | Path = "motion.html",
+    *,
+    scene: Scene | str | Path | None = None,
+    stop: float | None = None,
+    progress: Callable[[float], Any] | None = None,
+) -> Motion:
+    """Write a page that plays a motion in 3D, and return what it shows.
+
+    source: a scene, whose ports are then at zero, a result, or a file of either (.toml, .csv, .npz); scene: whose body
+    a result moves, else a plain body is drawn; stop: the end of what is shown, s, if it is not the run's; progress: is
+    told which part of planning is done. Raises SceneError, SimulationError, ModuleNotFoundError without viser, and
+    ValueError where a result has no attitude.
+    """
+    needed("viser", "view")
+    from rbfmu.viewer.page import motion_page
+
+    page = motion_page(motion := _motion(source, scene, stop, progress))
+    Path(path).write_text(page, encoding="utf-8")
+    return motion
+
+
+def _motion(source: Any, scene: Any, stop: float | None, progress: Any) -> Motion:
+    result = source if isinstance(source, Result) else None
+    if isinstance(source, str | Path) and Path(source).suffix in FORMATS:
+        result = Result.load(source)
+    if result is not None:
+        title = "motion" if result is source else Path(source).stem
+        return motion_of_result(result.until(stop), title, *_loaded(scene))
+    loaded, shape = _loaded(source)
+    with faults_of(str(source) if stop is None else f"{source} with stop {stop!r}"):
+        return motion_of_scene(loaded if stop is None else loaded.replace(run={"stop": stop}), shape, progress)
+
+
+def _loaded(scene: Scene | str | Path | None) -> tuple[Any, dict[str, Any] | None]:
+    """Return a scene, and the shape that its file gives to the body."""
+    if scene is None or isinstance(scene, Scene):
+        return scene, None
+    return load_scene(scene), read_tables(Path(scene)).get("body", {}).get("shape")

@@ -1,0 +1,118 @@
+"""Where things are drawn: a motion in lengths of which 1 is half the body's size as drawn."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from rbfmu.arrays import rotate
+from rbfmu.result import Array
+from rbfmu.viewer.motion import Motion
+
+LONGEST = 8.0
+"""The reach of a path, in sizes of the body, up to which the body is drawn to the scale of its path."""
+AXIS_B, AXIS_A, MOMENTUM, RATE = 1.6, 2.1, 2.6, 2.0
+"""Lengths of the axes of b, of a, of the longest angular momentum and of the longest rate."""
+STILL = 0.05
+"""The way of an axis' tip (rad) that is no trace."""
+STROBE = 1.0
+"""The angle between pictures (rad) from which on a spin looks wrong."""
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """A motion as it is drawn."""
+
+    motion: Motion
+
+    @cached_property
+    def reach(self) -> float:
+        """Return the half of the box round the path of o, diagonally (m)."""
+        path = self.motion.position
+        return float(np.linalg.norm(np.ptp(path, axis=0))) / 2.0
+
+    @cached_property
+    def body_radius(self) -> float:
+        """Return the radius of the body about o (m)."""
+        return self.motion.shape.radius + float(np.linalg.norm(self.motion.shape.centre))
+
+    @cached_property
+    def enlarged(self) -> float:
+        """Return how many times too large the body is drawn beside its path."""
+        return max(1.0, self.reach / (LONGEST * self.body_radius))
+
+    @cached_property
+    def unit(self) -> float:
+        """Return the metres of the path in one length of the drawing."""
+        return self.body_radius * self.enlarged
+
+    @cached_property
+    def origin_a(self) -> Array:
+        """Return where the axes of a are drawn (m): at its origin, or at the path's beginning if that is far off."""
+        path = self.motion.position
+        far = np.linalg.norm(path[0]) > 2.0 * self.reach + 4.0 * self.unit
+        return path[0] if far else np.zeros(3)
+
+    @cached_property
+    def middle(self) -> Array:
+        """Return the middle of what is drawn (m)."""
+        points = np.vstack([self.motion.position, self.origin_a[None]])
+        return np.asarray((points.min(axis=0) + points.max(axis=0)) / 2.0)
+
+    def place(self, points: Array) -> Array:
+        """Return points of a (..., 3), m, in the drawing."""
+        return np.asarray((points - self.middle) / self.unit)
+
+    @cached_property
+    def path(self) -> Array:
+        """Return o in the drawing (n, 3)."""
+        return self.place(self.motion.position)
+
+    @cached_property
+    def base(self) -> Array:
+        """Return where arrows begin (n, 3): at the centre of mass, with a pivot at o."""
+        return self.path if self.motion.pivot else self.path + self.lever
+
+    @cached_property
+    def lever(self) -> Array:
+        """Return the way from o to the centre of mass (n, 3)."""
+        return np.asarray(rotate(self.motion.quaternion, np.array(self.motion.shape.centre) / self.body_radius))
+
+    @cached_property
+    def toward(self) -> Array:
+        """Return the direction from the middle to whom looks: across the path, a little from above."""
+        up, way = np.array(self.motion.up), self.path[-1] - self.path[0]
+        side = np.eye(3)[int(np.argmin(np.abs(up)))]
+        across = np.cross(up, way)
+        if np.linalg.norm(across) > 1.0:
+            side = -across
+        side = side - up * (up @ side)
+        side /= np.linalg.norm(side)
+        direction = 0.85 * side + 0.35 * np.cross(up, side) + 0.4 * up
+        return np.asarray(direction / np.linalg.norm(direction))
+
+    @cached_property
+    def radius(self) -> float:
+        """Return the radius of all that is drawn."""
+        points = np.vstack([self.path, self.place(self.origin_a[None])])
+        return float(np.max(np.linalg.norm(points, axis=1))) + MOMENTUM
+
+    def arrows(self, vectors: Array, length: float) -> Array:
+        """Return vectors (n, 3) as arrows, of which the longest of the run has this length."""
+        largest = float(np.max(np.linalg.norm(vectors, axis=1)))
+        return vectors * (length / largest if largest > 0.0 else 0.0)
+
+    @cached_property
+    def traced(self) -> int | None:
+        """Return the axis of b whose tip goes the shortest way that is one, or None."""
+        ways = [float(np.sum(np.linalg.norm(np.diff(self._tips(k), axis=0), axis=1))) for k in range(3)]
+        moved = [k for k in range(3) if ways[k] > STILL]
+        return min(moved, key=lambda k: (ways[k], -k)) if moved and self.motion.largest_turn < STROBE else None
+
+    @cached_property
+    def trace(self) -> Array:
+        """Return the way of the traced axis' tip (n, 3) in the drawing."""
+        return self.path + AXIS_B * self._tips(self.traced or 0)
+
+    def _tips(self, axis: int) -> Array:
+        return np.asarray(rotate(self.motion.quaternion, np.eye(3)[axis]))

@@ -1,0 +1,129 @@
+"""What is shown of a motion: its attitude, path, angular momentum and rate at the instants of the pictures."""
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from rbfmu.arrays import angle_between, quaternion_from_euler, rotate
+from rbfmu.result import Array, Result
+from rbfmu.scene.consistency import default_quantities
+from rbfmu.scene.plausibility import SceneWarning
+from rbfmu.scene.scene import QUANTITIES, Scene
+from rbfmu.simulation import plan, simulate
+from rbfmu.viewer.pictures import Pictures, pictures
+from rbfmu.viewer.shape import Shape, shape_of
+from rbfmu_kernels.types import Vec3
+
+NEEDED = ("quaternion", "omega_a", "angular_momentum_a")
+UP: Vec3 = (0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A motion at the instants of its pictures; up: against gravity, or z."""
+
+    title: str
+    result: Result
+    shape: Shape
+    played: float
+    pivot: bool = False
+    up: Vec3 = UP
+    notes: tuple[str, ...] = ()
+
+    @cached_property
+    def quaternion(self) -> Array:
+        """Return q_ab (n, 4)."""
+        return attitude_of(self.result)
+
+    @cached_property
+    def position(self) -> Array:
+        """Return the place of o in a (n, 3), m; zero where the result does not say."""
+        return self.result.quantities.get("position", np.zeros((len(self.result.time), 3)))
+
+    @property
+    def angular_momentum(self) -> Array | None:
+        """Return h_a (n, 3), kg m2/s, or None."""
+        return self.result.quantities.get("angular_momentum_a")
+
+    @property
+    def rate(self) -> Array | None:
+        """Return omega_ab_a (n, 3), rad/s, or None."""
+        return rate_of(self.result)
+
+    @cached_property
+    def largest_turn(self) -> float:
+        """Return the largest angle from one picture to the next (rad)."""
+        return float(np.max(angle_between(self.quaternion[:-1], self.quaternion[1:])))
+
+
+def attitude_of(result: Result) -> Array:
+    """Return q_ab (n, 4) of a result. Raises ValueError where it has no attitude."""
+    if "quaternion" in result.quantities:
+        return result.quaternion
+    if "rpy" in result.quantities:
+        return np.asarray(quaternion_from_euler("xyz", result.rpy))
+    raise ValueError(f"quaternion or rpy: expected one of them in the result, which has {', '.join(result.quantities)}")
+
+
+def rate_of(result: Result) -> Array | None:
+    """Return omega_ab_a (n, 3) of a result, rad/s, or None."""
+    if "omega_a" in result.quantities:
+        return result.omega_a
+    if "omega_b" in result.quantities:
+        return np.asarray(rotate(attitude_of(result), result.omega_b))
+    return None
+
+
+def motion_of_scene(
+    scene: Scene, written: dict[str, Any] | None = None, progress: Callable[[float], Any] | None = None
+) -> Motion:
+    """Simulate a scene with its ports at zero at the instants of the pictures; written: its file's `body.shape`."""
+    wanted, span = scene.replace({"outputs.quantities": _shown(scene)}), scene.run.stop - scene.run.start
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SceneWarning)  # of steps that are not those of the pictures
+        chosen = plan(wanted, progress=progress)
+        result = simulate(_stepped(wanted, pictures(span, 0.0)), planned=chosen)
+    fine = pictures(span, _largest(rate_of(result)))
+    result = simulate(_stepped(wanted, fine), planned=chosen)
+    notes = ("inputs are zero",) if scene.inputs.ports else ()
+    return _motion(scene.name, result, fine.played, scene, written, notes)
+
+
+def motion_of_result(
+    result: Result, title: str, scene: Scene | None = None, written: dict[str, Any] | None = None
+) -> Motion:
+    """Return the motion of a result; scene: whose body it is. Raises ValueError where the result has no attitude."""
+    attitude_of(result)
+    if len(result.time) < 2:
+        raise ValueError(f"time: expected at least two points in time in the result, which has {len(result.time)}")
+    shown = pictures(float(result.time[-1] - result.time[0]), _largest(rate_of(result)), len(result.time))
+    rows = np.linspace(0.0, len(result.time) - 1.0, shown.number).round().astype(int)
+    thinned = Result(result.time[rows], {name: values[rows] for name, values in result.quantities.items()})
+    return _motion(title, thinned, shown.played, scene, written, ())
+
+
+def _motion(
+    title: str, result: Result, played: float, scene: Scene | None, written: Any, notes: tuple[str, ...]
+) -> Motion:
+    pivot = scene is not None and scene.body is not None and scene.body.pivot
+    gravity = np.array(scene.loads.gravity_a if scene else (0.0, 0.0, 0.0))
+    up = -gravity / np.linalg.norm(gravity) if gravity.any() else np.array(UP)
+    return Motion(title, result, shape_of(scene, written), played, pivot, tuple(up.tolist()), notes)
+
+
+def _shown(scene: Scene) -> tuple[str, ...]:
+    possible = default_quantities(scene.body, scene.inputs, QUANTITIES)
+    needed = {name for name in NEEDED if name in possible}
+    return tuple(name for name in QUANTITIES if name in needed | set(scene.outputs.quantities))
+
+
+def _stepped(scene: Scene, shown: Pictures) -> Scene:
+    return scene.replace({"run.step": (scene.run.stop - scene.run.start) / (shown.number - 1)})
+
+
+def _largest(vectors: Array | None) -> float:
+    return 0.0 if vectors is None else float(np.max(np.linalg.norm(vectors, axis=1)))

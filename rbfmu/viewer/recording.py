@@ -1,0 +1,147 @@
+"""A motion drawn and recorded by viser, as one page without network."""
+
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stdout
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import viser
+
+from rbfmu.result import Array
+from rbfmu.viewer import geometry as lengths
+from rbfmu.viewer.geometry import AXIS_A, AXIS_B, Geometry
+
+BODY, MOMENTUM, RATE, TRACE, FIXED = (130, 165, 205), (213, 94, 0), (0, 130, 95), (190, 90, 150), (120, 120, 120)
+CHUNKS = 200
+"""Pieces of the trace, each of which appears when the tip has passed."""
+TAIL = 60.0
+"""The length of the trace that stays, in sizes of the body."""
+FIELD_OF_VIEW = 0.7
+LETTERS = ("x", "y", "z")
+
+
+def recorded_page(geometry: Geometry) -> str:
+    """Return the page that plays the motion."""
+    with _server() as server:
+        _look(server, geometry)
+        parts: list[Any] = [_Body(server, geometry), _Trace(server, geometry), *_arrows(server, geometry)]
+        recording = server.get_scene_serializer()
+        pauses = np.diff(geometry.motion.result.time)
+        pauses *= geometry.motion.played / pauses.sum()
+        for k in range(len(geometry.path)):
+            for part in parts:
+                part.show(k)
+            recording.insert_sleep(float(pauses[k]) if k < len(pauses) else 1.0 / 30.0)
+        return str(recording.as_html())
+
+
+@contextmanager
+def _server() -> Iterator[viser.ViserServer]:
+    """Run viser's server on this machine alone; it says nothing."""
+    with redirect_stdout(io.StringIO()):
+        server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+        try:
+            yield server
+        finally:
+            server.stop()
+
+
+def _look(server: viser.ViserServer, geometry: Geometry) -> None:
+    distance = geometry.radius / np.sin(FIELD_OF_VIEW / 2.0)
+    server.scene.set_up_direction(geometry.motion.up)
+    camera = server.initial_camera
+    camera.look_at, camera.up = np.zeros(3), np.array(geometry.motion.up)
+    camera.position = geometry.toward * distance
+    camera.fov, camera.near, camera.far = FIELD_OF_VIEW, distance / 100.0, distance * 100.0
+    _axes(server, "/a", AXIS_A, 0.012, "a", geometry.place(geometry.origin_a))
+
+
+def _axes(server: viser.ViserServer, name: str, length: float, radius: float, frame: str, position: Any) -> Any:
+    axes = server.scene.add_frame(name, axes_length=length, axes_radius=radius, origin_radius=0.0, position=position)
+    for letter, place in zip(LETTERS, np.eye(3) * 1.07 * length, strict=True):
+        server.scene.add_label(f"{name}/{letter}", f"{letter}_{frame}", position=place, anchor="center-center")
+    return axes
+
+
+class _Body:
+    """The body and the axes of b, which move with it."""
+
+    def __init__(self, server: viser.ViserServer, geometry: Geometry) -> None:
+        self.geometry, shape, scene = geometry, geometry.motion.shape, server.scene
+        self.axes = _axes(server, "/b", AXIS_B, 0.03, "b", geometry.path[0])
+        sides = np.array(shape.sides) / geometry.body_radius
+        place: dict[str, Any] = {"wxyz": shape.q_bp, "position": np.array(shape.centre) / geometry.body_radius}
+        place |= {"color": BODY, "opacity": 0.85}
+        if shape.kind == "box":
+            scene.add_box("/b/body", dimensions=sides, **place)
+        elif shape.kind == "cylinder":
+            scene.add_cylinder("/b/body", radius=sides[0] / 2.0, height=sides[2], flat_shading=True, **place)
+        else:
+            scene.add_icosphere("/b/body", radius=0.5, scale=tuple(sides), flat_shading=True, **place)
+        if any(shape.centre):
+            rod = np.array([[[0.0, 0.0, 0.0], shape.centre]]) / geometry.body_radius
+            scene.add_line_segments("/b/rod", rod, FIXED, thickness=0.03)
+
+    def show(self, k: int) -> None:
+        self.axes.wxyz, self.axes.position = self.geometry.motion.quaternion[k], self.geometry.path[k]
+
+
+class _Arrow:
+    """A vector of a, drawn from the body; hidden where it is zero."""
+
+    def __init__(self, server: viser.ViserServer, name: str, color: Any, vectors: Array, base: Array) -> None:
+        self.ends, self.lengths = np.stack([base, base + vectors], axis=1), np.linalg.norm(vectors, axis=1)
+        size = {"shaft_radius": 0.035, "head_radius": 0.09, "head_length": 0.25}
+        self.arrow = server.scene.add_arrows(f"/{name}", self.ends[:1], color, **size)
+        self.label = server.scene.add_label(f"/{name}_label", name, anchor="center-center")
+
+    def show(self, k: int) -> None:
+        seen = bool(self.lengths[k] > 0.02)
+        _set_visible(self.arrow, seen)
+        _set_visible(self.label, seen)
+        if seen:
+            base, tip = self.ends[k]
+            self.arrow.points = self.ends[k : k + 1]
+            self.label.position = tip + 0.2 * (tip - base) / self.lengths[k]
+
+
+def _arrows(server: viser.ViserServer, geometry: Geometry) -> Iterator[_Arrow]:
+    h, omega = geometry.motion.angular_momentum, geometry.motion.rate
+    if h is not None:
+        yield _Arrow(server, "h", MOMENTUM, geometry.arrows(h, lengths.MOMENTUM), geometry.base)
+    if omega is not None:
+        yield _Arrow(server, "ω", RATE, geometry.arrows(omega, lengths.RATE), geometry.base)
+
+
+class _Trace:
+    """The path of o, and the way of an axis' tip, which appears in pieces and goes again when it is long."""
+
+    def __init__(self, server: viser.ViserServer, geometry: Geometry) -> None:
+        self.pieces: list[tuple[int, float, Any]] = []
+        if geometry.reach > 0.0:
+            _line(server, "/path", geometry.path, FIXED)
+        tip = geometry.trace
+        if geometry.traced is None:
+            return
+        self.way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(tip, axis=0), axis=1))])
+        borders = np.unique(np.linspace(0, len(tip) - 1, CHUNKS + 1).round().astype(int))
+        for first, last in pairwise(borders):
+            piece = _line(server, f"/trace/{first}", tip[first : last + 1], TRACE, visible=False)
+            self.pieces.append((int(last), float(self.way[last]), piece))
+
+    def show(self, k: int) -> None:
+        for last, way, piece in self.pieces:
+            _set_visible(piece, bool(last <= k and self.way[k] - way < TAIL))
+
+
+def _set_visible(part: Any, visible: bool) -> None:
+    """Record it only where it changes: each setting is a message in the page."""
+    if part.visible != visible:
+        part.visible = visible
+
+
+def _line(server: viser.ViserServer, name: str, points: Array, color: Any, visible: bool = True) -> Any:
+    ends = np.stack([points[:-1], points[1:]], axis=1)
+    return server.scene.add_line_segments(name, ends, color, thickness=0.02, visible=visible)

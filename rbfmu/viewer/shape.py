@@ -1,0 +1,83 @@
+"""The body that is drawn: a scene's shape, or the box with the same mass and inertia."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rbfmu.arrays import principal_axes, quaternion_from_matrix
+from rbfmu.scene.scene import Scene
+from rbfmu_kernels.types import Quaternion, Vec3
+
+THINNEST = 0.1
+"""The least side of what is drawn, of the largest: so that rods and sheets are seen."""
+ORIGIN: Vec3 = (0.0, 0.0, 0.0)
+UNTURNED: Quaternion = (1.0, 0.0, 0.0, 0.0)
+
+
+class Shape(NamedTuple):
+    """What is drawn of a body: sides along its own axes p (m), its centre in b (m), and q_bp.
+
+    kind: box, cylinder (about z) or ellipsoid; to_scale: the sides are the body's.
+    """
+
+    kind: str
+    sides: Vec3
+    text: str
+    centre: Vec3 = ORIGIN
+    q_bp: Quaternion = UNTURNED
+    to_scale: bool = True
+
+    @property
+    def radius(self) -> float:
+        """Return half the longest way through it (m)."""
+        return float(np.linalg.norm(self.sides)) / 2.0
+
+
+PLAIN = Shape("box", (3.0, 2.0, 1.0), "the inertia is not known: any body", to_scale=False)
+
+
+def shape_of(scene: Scene | None, written: dict[str, Any] | None = None) -> Shape:
+    """Return the shape to draw for a scene; written: the table `body.shape` of its file, where it has one."""
+    if scene is None or scene.body is None:
+        return PLAIN
+    centre = scene.body.r_oc_b
+    if written:
+        kind, sides = _sides(written)
+        return Shape(kind, _seen(sides), f"{written['kind']}, {_metres(sides)}", centre)
+    moments, axes = principal_axes(np.array(scene.body.inertia))
+    sides = equivalent_box(scene.body.mass, moments)
+    q_bp = tuple(quaternion_from_matrix(axes).tolist())
+    return Shape("box", _seen(sides), f"box with the body's mass and inertia, {_metres(sides)}", centre, q_bp)
+
+
+def equivalent_box(mass: float, moments: Any) -> Vec3:
+    """Return the sides (m) of the homogeneous box with these principal moments (kg m2), along their axes."""
+    squares = 6.0 * (np.sum(moments) - 2.0 * np.asarray(moments)) / mass
+    x, y, z = np.sqrt(np.maximum(squares, 0.0)).tolist()
+    return x, y, z
+
+
+def _sides(written: dict[str, Any]) -> tuple[str, Vec3]:
+    match written["kind"]:
+        case "beam":
+            return "box", (float(written["length"]), 0.0, 0.0)
+        case "cylinder":
+            across = 2.0 * written["radius"]
+            return "cylinder", (across, across, float(written["length"]))
+        case "sphere":
+            return "ellipsoid", (2.0 * written["radius"],) * 3
+        case "ellipsoid":
+            x, y, z = (2.0 * semiaxis for semiaxis in written["semiaxes"])
+            return "ellipsoid", (x, y, z)
+        case _:
+            x, y, z = map(float, written["sides"])
+            return "box", (x, y, z)
+
+
+def _seen(sides: Vec3) -> Vec3:
+    x, y, z = (max(side, THINNEST * max(sides)) for side in sides)
+    return x, y, z
+
+
+def _metres(sides: Vec3) -> str:
+    return " × ".join(f"{side:.3g}" for side in sides) + " m"

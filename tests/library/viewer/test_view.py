@@ -1,0 +1,122 @@
+"""A motion as its page shows it: opened in a browser, and read back from what viser has recorded."""
+
+import base64
+import re
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+import zstandard
+
+import rbfmu
+from rbfmu.viewer.motion import Motion
+from rbfmu.viewer.pictures import MAX_PICTURES
+from tests.support.browser import browser, open_page
+from tests.support.command_line import call
+from tests.support.paths import SCENES
+
+THROWN = {
+    "name": "thrown <brick>",
+    "body": {"mass": 2.0, "inertia": [0.01, 0.02, 0.025]},
+    "initial": {"velocity": [1.0, 0.5, 2.0], "omega_b": [0.5, 3.0, 0.1]},
+    "run": {"stop": 0.6, "step": 0.01},
+}
+
+
+@pytest.fixture(scope="module")
+def thrown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Motion]:
+    path = tmp_path_factory.mktemp("view") / "motion.html"
+    return path, rbfmu.view(rbfmu.Scene.from_dict(THROWN), path)
+
+
+def recorded(page: Path) -> list[tuple[float, dict]]:
+    """Return the messages of a page with their times."""
+    packed = re.search(r'__VISER_EMBED_DATA__="([^"]*)"', page.read_text(encoding="utf-8"))[1]
+    data = zstandard.ZstdDecompressor().decompressobj().decompress(base64.b64decode(packed)[8:])
+    length = int.from_bytes(data[:8], "little")
+    return msgspec.msgpack.decode(data[8 : 8 + length])["messages"]
+
+
+@pytest.mark.skipif(not browser(), reason="no headless browser on PATH")
+def test_the_page_moves_in_a_browser_without_network(thrown: tuple[Path, Motion]) -> None:
+    path, motion = thrown
+    with open_page(path) as page:
+        pictures = []
+        for part in (0.2, 0.8, 0.2):
+            page.seek(part)
+            pictures.append(page.picture())
+            k = int(np.argmin(np.abs(motion.result.time - page.time)))
+            for name in ("position", "quaternion", "omega_b", "kinetic_energy"):
+                shown = motion.result.quantities[name][k]
+                np.testing.assert_allclose(page.values(name), np.atleast_1d(shown), rtol=2e-4, atol=1e-12)
+        same, other = (float(np.mean(np.abs(pictures[0] - pictures[k]))) for k in (2, 1))
+        assert other > 0.01
+        assert other > 5.0 * same
+        before = page.time
+        page.page.keyboard.press("Space")
+        page.wait_until_time_is_not(before)
+        assert page.page.title() == "thrown <brick>"
+        assert page.requests == [path.as_uri()]
+        assert page.complaints == []
+
+
+def test_the_body_has_the_attitude_and_place_of_each_picture(thrown: tuple[Path, Motion]) -> None:
+    path, motion = thrown
+    pose = [(time, message) for time, message in recorded(path) if message.get("name") == "/b"]
+    played = (motion.result.time - motion.result.time[0]) * motion.played / 0.6
+    turned = [(time, message["wxyz"]) for time, message in pose if message["type"] == "SetOrientationMessage"]
+    for time, wxyz in turned:
+        q = motion.result.quaternion[np.argmin(np.abs(played - time))]
+        np.testing.assert_allclose(np.abs(np.dot(wxyz, q)), 1.0, rtol=1e-12)
+    assert len(turned) >= len(played) - 1
+    places = np.array([message["position"] for _, message in pose if message["type"] == "SetPositionMessage"])
+    steps = np.diff(motion.result.position, axis=0)
+    drawn = np.diff(places, axis=0)[-len(steps) :]
+    np.testing.assert_allclose(drawn * (steps[-1] @ steps[-1]) / (drawn[-1] @ steps[-1]), steps, rtol=1e-6, atol=1e-9)
+
+
+def test_the_size_of_a_page_is_bounded(tmp_path: Path) -> None:
+    """All quantities at as many pictures as there may be: some 2 MB."""
+    scene = rbfmu.Scene.from_dict(THROWN | {"initial": {"omega_b": [500.0, 3.0, 0.1]}, "run": {"stop": 10.0}})
+    motion = rbfmu.view(scene, tmp_path / "motion.html")
+    assert len(motion.result.time) == MAX_PICTURES
+    assert (tmp_path / "motion.html").stat().st_size < 4e6
+    text = (tmp_path / "motion.html").read_text(encoding="utf-8")
+    assert re.search(r"up to \d+° between pictures", text)
+
+
+def test_a_page_names_frames_units_and_scales(thrown: tuple[Path, Motion]) -> None:
+    text = thrown[0].read_text(encoding="utf-8")
+    rate = f"longest {np.max(np.linalg.norm(thrown[1].result.omega_b, axis=1)):.3g} rad/s"
+    for part in ("<h1>thrown &lt;brick&gt;</h1>", "fixed in space", "fixed in the body", rate, "kg m2/s"):
+        assert part in text
+    assert "box with the body&#x27;s mass and inertia" in text
+
+
+def test_a_result_is_shown_with_or_without_its_body(tmp_path: Path) -> None:
+    scene = rbfmu.Scene.from_dict(THROWN)
+    rbfmu.simulate(scene).save(tmp_path / "it.npz")
+    plain = rbfmu.view(tmp_path / "it.npz", tmp_path / "plain.html")
+    assert "the inertia is not known" in (tmp_path / "plain.html").read_text(encoding="utf-8")
+    assert (plain.title, plain.shape.to_scale) == ("it", False)
+    own = rbfmu.view(tmp_path / "it.npz", tmp_path / "own.html", scene=scene, stop=0.305)
+    assert own.shape.to_scale
+    assert own.result.time[-1] == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize("keep", [("position",), ("omega_b",)])
+def test_a_result_without_attitude_is_refused(keep: tuple[str, ...], tmp_path: Path) -> None:
+    scene = rbfmu.Scene.from_dict(THROWN | {"outputs": {"quantities": keep}})
+    rbfmu.simulate(scene).save(tmp_path / "it.csv")
+    done = call("view", tmp_path / "it.csv", "-o", tmp_path / "it.html")
+    assert done.exit_code == 2
+    assert f"quaternion or rpy: expected one of them in the result, which has {keep[0]}" in done.stderr
+    assert not (tmp_path / "it.html").exists()
+
+
+def test_the_command_says_what_it_wrote(tmp_path: Path) -> None:
+    done = call("view", SCENES / "top_precessing.toml", "-o", tmp_path / "top.html", "--stop", "0.2")
+    assert done.exit_code == 0, done.output
+    assert re.fullmatch(r".*top\.html: \d\.\d MB, \d+ pictures, played in \d+ s\n", done.output)
+    assert "cylinder, 0.06 × 0.06 × 0.01 m" in (tmp_path / "top.html").read_text(encoding="utf-8")
