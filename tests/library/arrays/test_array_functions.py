@@ -1,35 +1,28 @@
 """Array functions: the kernels' bits under NumPy's rules."""
 
-import inspect
 import math
 import os
 import re
 import subprocess
 import sys
-import warnings
 
 import numpy as np
 import pytest
-from numba import config, njit
+from numba import njit
 
 import rbfmu
-from rbfmu import arrays
 from rbfmu_kernels.compile.gufunc import gufuncs, interpreted
 from rbfmu_kernels.compile.shapes import core_shapes
 from rbfmu_kernels.rotations import euler_angles, quaternion, rotation_vector
 from tests.kernels.mechanics import test_inverse_dynamics, test_kinematics
 from tests.kernels.rotations import test_euler_angles, test_quaternion, test_rotation, test_rotvec
+from tests.support.array_arguments import ARRAY_FUNCTIONS, Q, R, V, compiled_only
 from tests.support.paths import ROOT
 from tests.support.references import exact
-from tests.support.references.hard_cases import random_quaternions, random_vectors, rng, rotation_matrices
+from tests.support.references.hard_cases import random_quaternions, rng
 
 TABLES = [test_rotation, test_quaternion, test_euler_angles, test_rotvec, test_kinematics, test_inverse_dynamics]
 LAWS = {law.name: law for module in TABLES for law in module.LAWS}
-ARRAY_FUNCTIONS = {name: f for name in arrays.__all__ if hasattr(f := getattr(rbfmu, name), "__wrapped__")}
-Q = np.array(random_quaternions(100, 71))
-V = np.array(random_vectors(100, 72))
-R = np.array(rotation_matrices(random_quaternions(100, 73)))
-compiled_only = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="needs the compiled functions")
 
 
 def test_every_array_function_stands_in_a_table_of_laws():
@@ -127,157 +120,6 @@ def test_several_results_and_their_out():
     assert (outs[1] == angle).all()
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: rbfmu.rotate(Q[:, :3], V), r"rotate: q_ab must have trailing shape \(4,\), got \(100, 3\)"),
-        (lambda: rbfmu.rotate(Q, 3.0), r"rotate: v_b must have trailing shape \(3,\), got \(\)"),
-        (lambda: rbfmu.transform(R[0, 0], V), r"transform: R_ab must have trailing shape \(3, 3\), got \(3,\)$"),
-        (lambda: rbfmu.angular_momentum([1, 2, 3], V[0]), r"M_c must .* got \(3,\); .* np\.diag\(moments\)$"),
-        (lambda: rbfmu.euler_from_matrix("ZYX", Q), r"euler_from_matrix: R_ab must have trailing shape \(3, 3\)"),
-        (lambda: rbfmu.euler_from_matrix("ZZX", R), "Euler sequence"),
-        (lambda: rbfmu.euler_from_matrix(R, R), "Euler sequence"),
-        (lambda: rbfmu.rotate(Q[:7], V[:6]), "do not broadcast"),
-        (lambda: rbfmu.rotate(["a", "b", "c", "d"], V[0]), "q_ab must be real numbers"),
-        (lambda: rbfmu.normalize(Q * 1j), "q must be real numbers"),
-        (lambda: rbfmu.rotate([[1.0], [1.0, 2.0]], V[0]), "q_ab must be a regular array"),
-    ],
-)
-def test_what_does_not_fit_is_a_value_error_that_names_the_argument(call, message):
-    for _ in range(2):  # before and after compilation
-        with pytest.raises(ValueError, match=message):
-            call()
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: rbfmu.rotate(Q), r"rotate takes 2 arguments \(q_ab, v_b\), got 1"),
-        (lambda: rbfmu.rotate(Q, V, speed=3), "rotate: unexpected keyword 'speed'; arguments are q_ab, v_b, out"),
-        (lambda: rbfmu.rotate(q_ab=Q, v_a=V), "rotate: unexpected keyword 'v_a'; arguments are q_ab, v_b, out"),
-        (lambda: rbfmu.rotate(v_b=V), "rotate: q_ab missing; arguments are q_ab, v_b, out"),
-        (lambda: rbfmu.rotate(Q, q_ab=Q), "rotate: q_ab is given twice, by position and by name"),
-        (lambda: rbfmu.rotate(Q, V, v_b=V), "rotate: v_b is given twice, by position and by name"),
-        (
-            lambda: rbfmu.matrix_from_euler("ZYX", rpy=V),
-            "matrix_from_euler: unexpected keyword 'rpy'; arguments are angles",
-        ),
-        (
-            lambda: rbfmu.matrix_from_euler("ZYX", V, seq="XYZ"),
-            "matrix_from_euler.* multiple values for argument 'seq'",
-        ),
-        (lambda: rbfmu.matrix_from_euler(angles=V), "matrix_from_euler.* missing .* 'seq'"),
-        (lambda: rbfmu.free_rotation(V[0], Q[0], omega_b_0=V[0]), "free_rotation: t missing"),
-        (lambda: rbfmu.free_rotation(V[0], Q[0], V[0], 1.0, t=2.0), "free_rotation: t is given twice"),
-    ],
-)
-def test_a_call_that_does_not_fit_is_a_type_error_that_names_the_argument(call, message):
-    for _ in range(2):  # before and after compilation
-        with pytest.raises(TypeError, match=message):
-            call()
-
-
-@compiled_only
-@pytest.mark.parametrize(
-    ("function", "args", "keywords", "error", "message"),
-    [
-        ("rotate", (Q, V), {"out": np.empty((99, 3))}, ValueError, r"out must have shape \(100, 3\), got \(99, 3\)"),
-        ("rotate", (Q, V, np.empty((100, 4))), {}, ValueError, r"out must have shape \(100, 3\), got \(100, 4\)"),
-        ("rotate", (Q, V), {"out": np.empty((100, 3), int)}, TypeError, "out must hold floats, got int64"),
-        ("rotate", (Q, V), {"out": [1.0]}, TypeError, r"out must be an array, got \[1.0\]"),
-        ("rotate", (Q, V), {"out": (V, V)}, ValueError, "out must be one array, got 2"),
-        (
-            "rotate",
-            (Q, V),
-            {"out": np.broadcast_to(V[0], (100, 3))},
-            ValueError,
-            "out must be an array that can be written",
-        ),
-        ("axis_angle_from_quaternion", (Q,), {"out": V}, ValueError, "out must be a tuple of 2 arrays, got 1"),
-        ("axis_angle_from_quaternion", (Q,), {"out": (None, V)}, ValueError, r"out\[1\] must have shape \(100,\)"),
-        ("rotvec_rate_a", (V, V), {"out": Q}, ValueError, r"out must have shape \(100, 3\), got \(100, 4\)"),
-        ("rotate", (Q, V), {"where": Q[:, 0] > 0}, TypeError, r"where is not supported; .* q_ab\[mask\]"),
-        ("rotvec_rate_a", (V, V), {"where": True}, TypeError, r"where is not supported; .* u\[mask\]"),
-        ("rotate", (Q, V), {"dtype": np.float32}, TypeError, "dtype = float32: all is computed in float64"),
-        ("rotate", (Q, V), {"casting": "bold"}, ValueError, "casting must be one of"),
-        ("rotate", (Q, V), {"axes": [(0,)]}, ValueError, "axes should be a list"),
-        (
-            "free_rotation",
-            (np.array([1.0, 2.0, 2.5]), Q[0], V[0], V),
-            {"out": (Q, V)},
-            ValueError,
-            r"out\[0\] must have shape \(100, 3, 4\)",
-        ),
-    ],
-)
-def test_a_keyword_that_does_not_fit_is_named(function, args, keywords, error, message):
-    for _ in range(2):  # before and after compilation
-        with pytest.raises(error, match=f"^{function}: {message}"):
-            getattr(rbfmu, function)(*args, **keywords)
-
-
-@compiled_only
-def test_out_may_have_further_leading_axes():
-    out = np.empty((2, 100, 3))
-    assert (rbfmu.rotate(Q, V[0], out=out) == rbfmu.rotate(Q, V[0])).all()
-    with pytest.raises(ValueError, match=r"rotate: casting"):
-        rbfmu.rotate(Q, V[0], out=out, casting="bold")
-
-
-def test_array_functions_are_documented():
-    for name, function in ARRAY_FUNCTIONS.items():
-        assert function.__name__ == name
-        assert function.__doc__
-
-
-def arguments_of(name):
-    """Names and values: five items, the sequence by its name."""
-    kernel = ARRAY_FUNCTIONS[name].__wrapped__
-    shapes = core_shapes(kernel)[0]
-    random = rng(75)
-    sequences = {} if shapes.keys() == inspect.signature(kernel).parameters.keys() else {"seq": "ZXZ"}
-    return sequences | {key: random.uniform(0.5, 1.5, (5, *shape)) for key, shape in shapes.items()}
-
-
-def numbers(results):
-    return [r.tolist() for r in (results if isinstance(results, tuple) else (results,))]
-
-
-@pytest.mark.parametrize("name", ARRAY_FUNCTIONS)
-def test_arguments_may_be_given_by_name(name):
-    """All of them, in any order, or the last ones only; `repr`, since a NaN equals none."""
-    function, arguments = ARRAY_FUNCTIONS[name], arguments_of(name)
-    expected = repr(numbers(function(*arguments.values())))
-    assert repr(numbers(function(**dict(reversed(arguments.items()))))) == expected
-    first, *rest = arguments
-    assert repr(numbers(function(arguments[first], **{key: arguments[key] for key in rest}))) == expected
-
-
-@pytest.mark.parametrize("name", ARRAY_FUNCTIONS)
-def test_signatures_name_the_arguments(name):
-    """As `help` shows them. The kernel's annotations are of one item's tuples, and are left out."""
-    parameters = inspect.signature(ARRAY_FUNCTIONS[name]).parameters
-    assert list(parameters) == [*arguments_of(name), "out"]
-    assert all(p.annotation is inspect.Parameter.empty for p in parameters.values())
-
-
-def test_out_goes_with_names():
-    out = np.empty((100, 3))
-    assert rbfmu.rotate(q_ab=Q, v_b=V, out=out) is out
-    assert (out == rbfmu.rotate(Q, V)).all()
-
-
-@compiled_only
-@pytest.mark.parametrize("rate", ["compose_omega", "rotvec_rate_a"])
-def test_axes_are_those_of_numpy(rate):
-    """Core axes first, also where a function watches for singular arguments."""
-    arguments = {"compose_omega": (V, R, V[::-1]), "rotvec_rate_a": (V, V[::-1])}[rate]
-    cores = [(0, 1) if a.ndim == 3 else (0,) for a in arguments] + [(0,)]
-    turned = [np.moveaxis(a, 0, -1) for a in arguments]
-    found = getattr(rbfmu, rate)(*turned, axes=cores)
-    assert (getattr(rbfmu, rate)(*arguments) == found.T).all()
-
-
 def test_results_may_overwrite_an_argument():
     vectors, matrices = V.copy(), R.copy()
     rbfmu.rotate(Q, vectors, out=vectors)
@@ -300,110 +142,6 @@ def test_no_kernel_raises(name, number):
     takes_sequence = isinstance(LAWS[name].cases()[0][0], int)
     sequence = [euler_angles.ZXZ] if takes_sequence else []
     LAWS[name].kernel(*sequence, *(exact.rounded(np.full(shape, number).tolist()) for shape in arguments.values()))
-
-
-def test_nan_stays_where_it_is_and_nothing_warns():
-    spoiled = Q.copy()
-    spoiled[3, 2] = np.nan
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        for function in (rbfmu.normalize, rbfmu.matrix_from_quaternion, rbfmu.rotvec_from_quaternion):
-            bad = np.isnan(function(spoiled)).reshape(100, -1).any(axis=1)
-            assert np.flatnonzero(bad).tolist() == [3]
-
-
-@pytest.mark.parametrize(("rate", "omega"), [("euler_rate_a", V), ("euler_rate_b", V[0])])
-def test_singular_euler_rates_warn_of_gimbal_lock(rate, omega):
-    angles = np.full((100, 3), 0.3)
-    function = getattr(rbfmu, rate)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        expected = function("ZYX", angles, omega)
-    angles[60, 1] = math.pi / 2
-    text = (
-        rf"{rate}: some of these Euler angles ZYX are in gimbal lock \(\|det E\| < 4 eps: the middle angle is -90 or 90"
-    )
-    with pytest.warns(RuntimeWarning, match=text) as record:
-        rates = function("ZYX", angles, omega)
-    assert [w.filename for w in record] == [__file__]
-    assert np.isfinite(rates).all()
-    assert (np.delete(rates, 60, axis=0) == np.delete(expected, 60, axis=0)).all()
-    with pytest.warns(RuntimeWarning, match="Euler angles ZXZ .* the middle angle is 0 or 180 deg"):
-        assert not np.isfinite(function("ZXZ", [0.1, 0.0, 0.2], omega)).all()
-
-
-def test_singular_rotation_vector_rates_warn_of_the_full_turn():
-    with pytest.warns(RuntimeWarning, match="rotvec_rate_a: some of these rotation vectors are full turns"):
-        rbfmu.rotvec_rate_a([0.0, 2.0 * math.pi, 0.0], V[0])
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        rbfmu.rotvec_rate_a([0.0, 0.0, 0.0], V[0])
-
-
-@pytest.mark.parametrize("t", [1.0, [1.0, 2.0]])
-def test_moments_of_no_body_warn_of_the_moments(t):
-    with pytest.warns(RuntimeWarning, match="free_rotation: some of these moments are of no body"):
-        assert np.isnan(rbfmu.free_rotation([1.0, 2.0, -1.0], Q[0], V[0], t)[1]).all()
-
-
-def test_numpy_s_error_state_rules_the_warning():
-    with np.errstate(divide="ignore"), warnings.catch_warnings():
-        warnings.simplefilter("error")
-        rbfmu.euler_rate_a("ZYX", [0.0, math.pi / 2, 0.0], V[0])
-    with np.errstate(divide="raise"), pytest.raises(FloatingPointError, match="gimbal lock"):
-        rbfmu.euler_rate_a("ZYX", [0.0, math.pi / 2, 0.0], V[0])
-
-
-@pytest.fixture
-def two_threads(monkeypatch):
-    monkeypatch.setattr(rbfmu.arrays.from_kernel, "CHUNK", 16)
-    monkeypatch.setattr(rbfmu.arrays.from_kernel, "THRESHOLD", 64)
-    rbfmu.set_threads(2)
-    yield
-    rbfmu.set_threads(1)
-
-
-CALLS = [
-    lambda: rbfmu.rotate(Q, V),
-    lambda: rbfmu.rotate(Q[0], V),
-    lambda: rbfmu.transform(R[:4, np.newaxis], V),
-    lambda: rbfmu.slerp(Q, Q[::-1], 0.3),
-    lambda: rbfmu.axis_angle_from_quaternion(Q)[1],
-    lambda: rbfmu.euler_from_quaternion("ZYX", Q.reshape(2, 50, 4)),
-    lambda: rbfmu.rotate(Q, V, out=np.empty((100, 3))),
-    lambda: rbfmu.rotate(Q[3], V[3]),
-]
-
-
-@pytest.mark.parametrize("number", range(len(CALLS)))
-def test_threads_give_the_same_bits(number, two_threads):
-    threaded = CALLS[number]()
-    rbfmu.set_threads(1)
-    alone = CALLS[number]()
-    assert threaded.shape == alone.shape
-    assert (threaded == alone).all()
-
-
-def test_threads_warn_and_raise_as_one_does(two_threads):
-    angles = np.full((100, 3), math.pi / 2)
-    with pytest.warns(RuntimeWarning, match="euler_rate_a") as record:
-        rbfmu.euler_rate_a("ZYX", angles, V)
-    assert [w.filename for w in record] == [__file__]
-    with pytest.raises(ValueError, match="v_b must have trailing shape"):
-        rbfmu.rotate(Q, V[:, :2])
-    with pytest.raises(ValueError, match="do not broadcast"):
-        rbfmu.rotate(Q, V[:99])
-
-
-@compiled_only
-def test_threads_obey_the_caller_s_error_state(two_threads):
-    with np.errstate(divide="raise"), pytest.raises(FloatingPointError):
-        rbfmu.euler_rate_a("ZYX", np.full((100, 3), math.pi / 2), V)
-
-
-def test_there_is_at_least_one_thread():
-    with pytest.raises(ValueError, match="at least 1"):
-        rbfmu.set_threads(0)
 
 
 @compiled_only

@@ -1,0 +1,178 @@
+"""Inertia of shapes and of points."""
+
+import math
+from fractions import Fraction
+
+import mpmath as mp
+import numpy as np
+import pytest
+from numba import njit
+
+import rbfmu
+from rbfmu_kernels.mechanics import inertia, shape_inertia
+from tests.support.references.rational_matrices import (
+    exact,
+    exact_trace,
+    largest_difference,
+)
+
+EPS = 2.0**-52
+
+
+# Second moments E[x^2], E[y^2], E[z^2] of homogeneous bodies, by integrals over the density of one coordinate.
+
+
+def uniform(length):
+    return mp.quad(lambda x: x * x / length, [-length / 2, length / 2]) if length else mp.mpf(0)
+
+
+def half_ellipse(radius):
+    return mp.quad(lambda x: x * x * 2 * mp.sqrt(radius**2 - x * x) / (mp.pi * radius**2), [-radius, 0, radius])
+
+
+def parabola(radius):
+    return mp.quad(lambda x: x * x * 3 * (1 - (x / radius) ** 2) / (4 * radius), [-radius, radius])
+
+
+SHAPES = {
+    "beam": (shape_inertia.beam_inertia, 1, lambda l: [uniform(l), mp.mpf(0), mp.mpf(0)], 2),
+    "box": (shape_inertia.box_inertia, 3, lambda a, b, c: [uniform(a), uniform(b), uniform(c)], 2),
+    "cylinder": (shape_inertia.cylinder_inertia, 2, lambda r, l: [half_ellipse(r), half_ellipse(r), uniform(l)], 2),
+    "sphere": (shape_inertia.sphere_inertia, 1, lambda r: [parabola(r)] * 3, 2),
+    "ellipsoid": (shape_inertia.ellipsoid_inertia, 3, lambda a, b, c: [parabola(a), parabola(b), parabola(c)], 2),
+}
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_inertia_of_a_shape_is_its_integral(shape):
+    kernel, sizes, second_moments, eps = SHAPES[shape]
+    rng = np.random.default_rng(1)
+    worst = 0.0
+    with mp.workdps(30):
+        for _ in range(15):
+            mass, *lengths = (10.0 ** rng.uniform(-2, 2, 1 + sizes)).tolist()
+            x, y, z = second_moments(*map(mp.mpf, lengths))
+            truth = [mass * (y + z), mass * (z + x), mass * (x + y)]
+            M = kernel(mass, tuple(lengths)) if shape in ("box", "ellipsoid") else kernel(mass, *lengths)
+            assert all(M[i][j] == 0.0 for i in range(3) for j in range(3) if i != j)
+            worst = max(worst, *(float(abs(M[i][i] - t) / t) if t else abs(M[i][i]) for i, t in enumerate(truth)))
+    assert worst <= eps * EPS
+
+
+def test_a_beam_has_no_moment_about_itself():
+    assert shape_inertia.beam_inertia(3.0, 2.0) == ((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+def test_inertia_of_points_is_exact_far_from_the_origin():
+    rng = np.random.default_rng(3)
+    worst = [Fraction(0)] * 3
+    for distance in (0.0, 1e3, 1e8):
+        for n in (2, 5, 100):
+            m, r = rng.uniform(0.1, 1.0, n), rng.normal(size=(n, 3)) + distance * rng.normal(size=3)
+            found = rbfmu.inertia_of_points(m, r)
+            truth = exact_inertia_of_points(m, r)
+            errors = (
+                abs(Fraction(float(found[0])) - truth[0]) / truth[0],
+                max(abs(Fraction(float(a)) - b) for a, b in zip(found[1], truth[1], strict=True))
+                / Fraction(np.max(np.abs(r))),
+                largest_difference(exact(found[2].tolist()), truth[2]) / exact_trace(truth[2]),
+            )
+            worst = [max(a, b) for a, b in zip(worst, errors, strict=True)]
+    assert max(worst) <= 1 * EPS
+
+
+def test_errors_of_inertia_of_points_do_not_grow_with_their_number():
+    """Plain sums of 10,000 terms are off by some 30 eps."""
+    rng = np.random.default_rng(12)
+    m, r = rng.uniform(0.1, 1.0, 10_000), rng.normal(size=(10_000, 3)) + 10.0
+    mass, r_oc, M_c = inertia.inertia_of_points(m, r)
+    truth = exact_inertia_of_points(m, r)
+    assert abs(Fraction(mass) - truth[0]) <= EPS * truth[0]
+    assert max(abs(Fraction(a) - b) for a, b in zip(r_oc, truth[1], strict=True)) <= EPS * Fraction(np.max(np.abs(r)))
+    assert largest_difference(exact(M_c), truth[2]) <= EPS * exact_trace(truth[2])
+
+
+def test_inertia_of_points_is_one_function_for_arrays_and_in_compiled_code():
+    @njit
+    def of_rows(masses, positions):
+        return inertia.inertia_of_points(masses, positions)
+
+    @njit
+    def of_dumbbell(length):
+        return inertia.inertia_of_points((1.0, 3.0), ((0.0, 0.0, 0.0), (length, 0.0, 0.0)))
+
+    rng = np.random.default_rng(13)
+    m, r = rng.uniform(0.1, 1.0, 7), rng.normal(size=(7, 3))
+    found, arrays = of_rows(m, r), rbfmu.inertia_of_points(m, r)
+    assert (found[0], np.array(found[1]).tolist(), np.array(found[2]).tolist()) == tuple(a.tolist() for a in arrays)
+    assert of_rows(m, np.asfortranarray(r)) == found
+    assert of_dumbbell(4.0) == (4.0, (3.0, 0.0, 0.0), inertia.diagonal((0.0, 12.0, 12.0)))
+
+
+def test_points_without_mass_have_no_centre():
+    """Nothing raises in a kernel."""
+    mass, r_oc, M_c = inertia.inertia_of_points((0.0, 0.0), ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)))
+    assert mass == 0.0
+    assert np.isnan(r_oc).all()
+    assert np.isnan(M_c).all()
+
+
+def exact_inertia_of_points(masses, positions):
+    m, r = [Fraction(x) for x in masses.tolist()], exact(positions.tolist())
+    mass = sum(m)
+    c = [sum(mk * rk[i] for mk, rk in zip(m, r, strict=True)) / mass for i in range(3)]
+    M = [[Fraction(0)] * 3 for _ in range(3)]
+    for mk, rk in zip(m, r, strict=True):
+        d = [a - b for a, b in zip(rk, c, strict=True)]
+        for i in range(3):
+            for j in range(3):
+                M[i][j] += mk * ((i == j) * sum(x * x for x in d) - d[i] * d[j])
+    return mass, c, M
+
+
+def test_a_light_point_far_from_a_heavy_cloud_does_no_harm():
+    """The first point is no good origin here: its mass is 1e-20."""
+    m, r = (
+        np.array([1e-20, 1.0, 2.0, 1.5]),
+        np.array([[1e6, 2e6, -1e6], [0.0, 1.0, 0.2], [1.0, 0.3, 0.0], [-0.7, 0.0, 0.9]]),
+    )
+    _, _, M = rbfmu.inertia_of_points(m, r)
+    truth = exact_inertia_of_points(m, r)[2]
+    assert largest_difference(exact(M.tolist()), truth) / exact_trace(truth) <= 2 * EPS
+
+
+def test_inertia_of_points_agrees_with_a_box_of_eight_corners():
+    """Points at +-s / sqrt(12) have the second moments of a box with sides s."""
+    sides = np.array([0.2, 0.1, 0.5])
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    mass, r_oc, M_c = rbfmu.inertia_of_points(np.full(8, 0.25), signs * sides / math.sqrt(12.0))
+    assert mass == 2.0
+    np.testing.assert_allclose(r_oc, 0.0, atol=EPS)
+    np.testing.assert_allclose(M_c, rbfmu.box_inertia(2.0, sides), atol=2 * EPS * 2.0 * float(sides @ sides))
+
+
+def test_inertia_of_points_broadcasts_and_keeps_to_one_cloud_at_a_time():
+    rng = np.random.default_rng(4)
+    m, r = rng.uniform(0.1, 1.0, (2, 1, 6)), rng.normal(size=(3, 6, 3))
+    mass, r_oc, M_c = rbfmu.inertia_of_points(m, r)
+    assert (mass.shape, r_oc.shape, M_c.shape) == ((2, 3), (2, 3, 3), (2, 3, 3, 3))
+    one = rbfmu.inertia_of_points(m[1, 0], r[2])
+    for many, single in zip((mass, r_oc, M_c), one, strict=True):
+        np.testing.assert_array_equal(many[1, 2], single)
+
+
+@pytest.mark.parametrize(
+    ("masses", "positions", "message"),
+    [
+        ([1.0, 2.0], [[0, 0, 0]], r"masses must have trailing shape \(1,\), got \(2,\)"),
+        (1.0, [[0, 0, 0]], r"masses must have trailing shape \(1,\), got \(\)"),
+        ([1.0], [0, 0, 0], r"positions must have trailing shape \(n, 3\), got \(3,\)"),
+        ([1.0], [[0, 0]], r"positions must have trailing shape \(n, 3\), got \(1, 2\)"),
+        (["x"], [[0, 0, 0]], "masses must be numbers"),
+        ([0.0, 0.0], [[0, 0, 0], [1, 1, 1]], "masses must have a sum above 0"),
+        (np.zeros(0), np.zeros((0, 3)), "masses must have a sum above 0"),
+    ],
+)
+def test_inertia_of_points_names_a_wrong_argument(masses, positions, message):
+    with pytest.raises(ValueError, match=message):
+        rbfmu.inertia_of_points(masses, positions)

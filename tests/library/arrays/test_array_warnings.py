@@ -1,0 +1,114 @@
+"""What array functions warn of, and what threads change in it: nothing, nor in the numbers."""
+
+import math
+import warnings
+
+import numpy as np
+import pytest
+
+import rbfmu
+from tests.support.array_arguments import Q, R, V, compiled_only
+
+
+def test_nan_stays_where_it_is_and_nothing_warns():
+    spoiled = Q.copy()
+    spoiled[3, 2] = np.nan
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for function in (rbfmu.normalize, rbfmu.matrix_from_quaternion, rbfmu.rotvec_from_quaternion):
+            bad = np.isnan(function(spoiled)).reshape(100, -1).any(axis=1)
+            assert np.flatnonzero(bad).tolist() == [3]
+
+
+@pytest.mark.parametrize(("rate", "omega"), [("euler_rate_a", V), ("euler_rate_b", V[0])])
+def test_singular_euler_rates_warn_of_gimbal_lock(rate, omega):
+    angles = np.full((100, 3), 0.3)
+    function = getattr(rbfmu, rate)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        expected = function("ZYX", angles, omega)
+    angles[60, 1] = math.pi / 2
+    text = (
+        rf"{rate}: some of these Euler angles ZYX are in gimbal lock \(\|det E\| < 4 eps: the middle angle is -90 or 90"
+    )
+    with pytest.warns(RuntimeWarning, match=text) as record:
+        rates = function("ZYX", angles, omega)
+    assert [w.filename for w in record] == [__file__]
+    assert np.isfinite(rates).all()
+    assert (np.delete(rates, 60, axis=0) == np.delete(expected, 60, axis=0)).all()
+    with pytest.warns(RuntimeWarning, match="Euler angles ZXZ .* the middle angle is 0 or 180 deg"):
+        assert not np.isfinite(function("ZXZ", [0.1, 0.0, 0.2], omega)).all()
+
+
+def test_singular_rotation_vector_rates_warn_of_the_full_turn():
+    with pytest.warns(RuntimeWarning, match="rotvec_rate_a: some of these rotation vectors are full turns"):
+        rbfmu.rotvec_rate_a([0.0, 2.0 * math.pi, 0.0], V[0])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        rbfmu.rotvec_rate_a([0.0, 0.0, 0.0], V[0])
+
+
+@pytest.mark.parametrize("t", [1.0, [1.0, 2.0]])
+def test_moments_of_no_body_warn_of_the_moments(t):
+    with pytest.warns(RuntimeWarning, match="free_rotation: some of these moments are of no body"):
+        assert np.isnan(rbfmu.free_rotation([1.0, 2.0, -1.0], Q[0], V[0], t)[1]).all()
+
+
+def test_numpy_s_error_state_rules_the_warning():
+    with np.errstate(divide="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("error")
+        rbfmu.euler_rate_a("ZYX", [0.0, math.pi / 2, 0.0], V[0])
+    with np.errstate(divide="raise"), pytest.raises(FloatingPointError, match="gimbal lock"):
+        rbfmu.euler_rate_a("ZYX", [0.0, math.pi / 2, 0.0], V[0])
+
+
+@pytest.fixture
+def two_threads(monkeypatch):
+    monkeypatch.setattr(rbfmu.arrays.from_kernel, "CHUNK", 16)
+    monkeypatch.setattr(rbfmu.arrays.from_kernel, "THRESHOLD", 64)
+    rbfmu.set_threads(2)
+    yield
+    rbfmu.set_threads(1)
+
+
+CALLS = [
+    lambda: rbfmu.rotate(Q, V),
+    lambda: rbfmu.rotate(Q[0], V),
+    lambda: rbfmu.transform(R[:4, np.newaxis], V),
+    lambda: rbfmu.slerp(Q, Q[::-1], 0.3),
+    lambda: rbfmu.axis_angle_from_quaternion(Q)[1],
+    lambda: rbfmu.euler_from_quaternion("ZYX", Q.reshape(2, 50, 4)),
+    lambda: rbfmu.rotate(Q, V, out=np.empty((100, 3))),
+    lambda: rbfmu.rotate(Q[3], V[3]),
+]
+
+
+@pytest.mark.parametrize("number", range(len(CALLS)))
+def test_threads_give_the_same_bits(number, two_threads):
+    threaded = CALLS[number]()
+    rbfmu.set_threads(1)
+    alone = CALLS[number]()
+    assert threaded.shape == alone.shape
+    assert (threaded == alone).all()
+
+
+def test_threads_warn_and_raise_as_one_does(two_threads):
+    angles = np.full((100, 3), math.pi / 2)
+    with pytest.warns(RuntimeWarning, match="euler_rate_a") as record:
+        rbfmu.euler_rate_a("ZYX", angles, V)
+    assert [w.filename for w in record] == [__file__]
+    with pytest.raises(ValueError, match="v_b must have trailing shape"):
+        rbfmu.rotate(Q, V[:, :2])
+    with pytest.raises(ValueError, match="do not broadcast"):
+        rbfmu.rotate(Q, V[:99])
+
+
+@compiled_only
+def test_threads_obey_the_caller_s_error_state(two_threads):
+    with np.errstate(divide="raise"), pytest.raises(FloatingPointError):
+        rbfmu.euler_rate_a("ZYX", np.full((100, 3), math.pi / 2), V)
+
+
+def test_there_is_at_least_one_thread():
+    with pytest.raises(ValueError, match="at least 1"):
+        rbfmu.set_threads(0)
