@@ -1,4 +1,4 @@
-"""Traps of pythonfmu 0.6.3 to 0.7.0, each with what would happen, and how this FMU stays out of it.
+"""Traps of pythonfmu 0.6.8 to 0.7.0, each with what would happen, and how this FMU stays out of it.
 
 It is bundled into every FMU. All that rests on how pythonfmu works inside stands here, but for what its interface
 cannot say otherwise: an exception is fmi2Fatal, a `do_step` that returns False is fmi2Discard with fmi2Terminated;
