@@ -33,7 +33,7 @@ LAWS = {
             "Euler's equations: w2 sqrt((I2 - I1) (I3 - I2) / (I1 I3)), ln(16 / mc)"),
     11: Law("An upright top sleeps only above its critical spin.",
             "linear theory: (I3 w3)^2 = 4 I1 m g l, moments about the pivot"),
-    12: Law("Splitting resonates with the precession.",
+    12: Law("Splitting resonates with the free precession of a top.",
             "2 pi I1 / (I3 w3); below it the order of the splitting; else recorded"),
     13: Law("Each of rbfmu's models follows its motion.",
             "references of 40 digits, computed once by mpmath; bound: round-off, some 10 times what is reached"),

@@ -201,7 +201,7 @@ def _largest_substep() -> float:
 
 
 def splitting_resonance(quick: bool) -> Study:
-    """Measure law 12: splitting steps in resonance with the precession lift a fast top."""
+    """Measure law 12: splitting steps in resonance with the free precession gain energy."""
     resonance = resonant_step(heavy_top()[1], _FAST[3])
     steps = np.geomspace(0.03, 0.6, 13 if quick else 121).tolist()
     columns: dict[str, Any] = {"h": steps}

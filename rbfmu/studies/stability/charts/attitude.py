@@ -25,7 +25,7 @@ from rbfmu.studies.stability.findings import Study
 def growth_factors(study: Study) -> Figure:
     """Draw laws 1 to 3."""
     axes = titled_axes(
-        "Past its limit each step makes an attitude grow: explicit Euler at once,\n"
+        "Beyond its largest stable step a method makes |q| or |R| grow: explicit Euler at once,\n"
         "RK4 on matrices at hω = 2.83, RK4 on quaternions at 5.66, DOP853 (order 8) at 11.92",
         "hω: turn in one step (rad)", "factor on |q| or |R| in one step",
     )  # fmt: skip
@@ -54,7 +54,7 @@ def growth_factors(study: Study) -> Figure:
 def drift(study: Study) -> Figure:
     """Draw laws 2 and 3."""
     axes = titled_axes(
-        "RK4 without normalisation leaves the rotations, matrices 64 times as fast as |q|²;\n"
+        "RK4 without normalisation drifts off the rotations, matrices 64 times as fast as |q|²;\n"
         "normalised at each step it stays within round-off  (hω = 0.1)",
         "steps", "distance from a rotation", right=0.8,
     )  # fmt: skip

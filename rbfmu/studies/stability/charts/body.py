@@ -161,8 +161,8 @@ def sleeping_top(study: Study) -> Figure:
 def splitting_resonance(study: Study) -> Figure:
     """Draw law 12."""
     axes = titled_axes(
-        "Splitting steps in the rhythm of the precession lift a fast top: at h = 2π I₁ / (I₃ω₃) = 0.419 s\n"
-        "the energy error is 10.7 m g l, at a quarter of that step it is 0.0004",
+        "Splitting resonates with the free precession of a fast top: at h = 2π I₁ / (I₃ω₃) = 0.419 s\n"
+        "the energy error is 10.7 m g l, at a quarter of that step it is 0.0004 m g l",
         "step h (s)", "largest energy error over 10 s (m g l)", right=0.9,
     )  # fmt: skip
     x = study.columns["h"]

@@ -18,7 +18,7 @@ _COLUMNS = 4
 
 
 def draw_maps(rows: Sequence[Row], path: Path) -> Path:
-    """Draw panels in the order of the rows, with the product's titles in bold."""
+    """Draw panels in the order of the rows, with the titles of rbfmu's in bold."""
     names = list(dict.fromkeys(row[0] for row in rows))
     lines = math.ceil((len(names) + 1) / _COLUMNS)
     figure = Figure(figsize=(11.5, 1.5 + 2.25 * lines))
@@ -41,9 +41,10 @@ def draw_maps(rows: Sequence[Row], path: Path) -> Path:
     figure.supxlabel("hω: turn in one step (rad)")
     figure.supylabel("least moment over the largest (0.01: rod, 1: sphere)")
     figure.suptitle(
-        "Every fixed step has a size beyond which it is wrong without a word; of the product's tiles the worst\n"
-        f"is {worst:.0e} rad off, {ACCURACY:g} are asked  (free bodies that turn by {TURN:g} rad, for hω above 1 by "
-        f"{LONG_TURN:g};\nright: always within {LARGEST_ERROR:g} rad of the truth)",
+        "Each method of fixed step computes wrong motions, without notice, where the step is too long.\n"
+        f"The largest error of rbfmu (bold) is {worst:.0e} rad at any step, where {ACCURACY:g} rad is asked.\n"
+        f"(Torque-free bodies that turn by {TURN:g} rad, for hω > 1 by {LONG_TURN:g} rad; right: attitude error "
+        f"at most {LARGEST_ERROR:g} rad.)",
         fontsize=12,
     )
     figure.savefig(path, dpi=110)
