@@ -171,3 +171,17 @@ def test_steps_are_measured_beside_what_plans_state():
     assert figure.stated == figure.planned.cost
     assert (figure.body, figure.asked) == ("free, 0.01 s, 1e-09", "quaternion")
     assert list(COSTS.table([figure])) == figure.terms
+
+
+def test_parts_are_weighed_against_what_is_left_without_them(monkeypatch):
+    weighed = bench("weighed")
+    for name, value in {"ROUNDS": 1, "SECONDS": 1e-4, "ORDERS": (12,), "ACCURACIES": (1e-6,)}.items():
+        monkeypatch.setattr(weighed, name, value)
+    (name,), (ratio,) = zip(*weighed.dop853(["d"]).items(), strict=True)
+    assert name == "constant body torque, 1e-06: DOP853 / plan (Taylor series of order 12)"
+    assert 0.0 < ratio < math.inf
+    (name,) = weighed.free(["a"])
+    assert name == "free body, 1e-06: exact / Taylor, order 12"
+    errors = list(weighed.rates().values())
+    assert errors[0] < 0.01 * errors[1]  # two derivatives, beside rates held at the middle
+    assert errors[1:] == sorted(errors[1:], reverse=True)
