@@ -1,8 +1,8 @@
 """Any FMI 2.0 call in any order with any argument: the right answer, the right motion, and never a crash.
 
-conformance_machine.py makes the calls in a child process (conformance_process.py, conformance_child.py);
-conformance_model.py says what each must answer, and has the motion from direct calls of the kernels. Numbers of calls
-are printed (`make fuzz`, or -s).
+conformance_machine.py and conformance_states.py make the calls in a child process (conformance_process.py,
+conformance_child.py); conformance_model.py says what each must answer, and has the motion from direct calls of the
+kernels. Numbers of calls are printed (`make fuzz`, or -s).
 """
 
 import subprocess

@@ -1,17 +1,17 @@
 """A stateful test of FMI 2.0's calls: rules make them, right and wrong, and compare the answers with the model's."""
 
 import math
-from collections import Counter
 
 from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule
+from hypothesis.stateful import initialize, precondition, rule
 
 from rbfmu_fmu.python.call_rules import INSTANTIATED, STEPPING
+from tests.support.fmu.conformance_calls import INQUIRIES, some, some_live
 from tests.support.fmu.conformance_model import Model
-from tests.support.fmu.fmu_importer import DISCARD, ERROR, OK
+from tests.support.fmu.conformance_states import SavedStates
+from tests.support.fmu.fmu_importer import ERROR, OK
 
 OTHER_TYPES = [f"fmi2{verb}{kind}" for kind in ("Integer", "Boolean", "String") for verb in ("Get", "Set")]
-INQUIRIES = [("Real", 2), ("Boolean", 3), ("Status", 0), ("Integer", 0), ("String", 1), ("Real", 3), ("Boolean", 5)]
 SET_RATES, GET_RATES = "fmi2SetRealInputDerivatives", "fmi2GetRealOutputDerivatives"
 PLAIN = {
     "fmi2EnterInitializationMode": "enter",
@@ -39,8 +39,6 @@ NO_INSTANCE = [
 ]
 """(function, operation, arguments)."""
 
-some = st.integers(0, 1000)
-"""Picks one of those that are there."""
 nice = st.floats(-10.0, 10.0)
 odd = st.sampled_from([math.nan, math.inf, -math.inf, 1e300, -1e300, 0.0, -0.0, 5e-324, -1.0])
 numbers = st.one_of(nice, nice, nice, odd)
@@ -54,65 +52,8 @@ references = st.one_of(st.integers(0, 70), st.sampled_from([-1, -2, -3, 2**31 - 
 orders = st.sampled_from([1, 1, 1, 1, 2, 2, 0, -1, 3, 2**31 - 1, -(2**31)])
 
 
-def same(a, b):
-    """Equal to the bit, but for a NaN's; lists and single values."""
-    if isinstance(a, list) and isinstance(b, list):
-        return len(a) == len(b) and all(map(same, a, b))
-    if isinstance(a, float) and isinstance(b, float):
-        return (a == b and math.copysign(1.0, a) == math.copysign(1.0, b)) or (a != a and b != b)
-    return a == b
-
-
-class CallMachine(RuleBasedStateMachine):
-    """Instances, states and serialised bytes are lists; a rule picks from them by number."""
-
-    def __init__(self, kind, process, facts):
-        super().__init__()
-        self.kind, self.native, self.process, self.facts = kind, kind == "native", process, facts
-        self.live, self.places, self.addresses, self.blobs = {}, {}, {}, []
-        self.made = 0
-
-    # --- the bridge
-
-    def ask(self, function, expected, operation, *arguments, errors=None):
-        """Make a call and compare its answer; returns (status, result). errors: how many must be logged.
-
-        expected: what the model says, or how to ask it: after the child, which alone may hang.
-        """
-        status, result, log = self.process.ask(operation, *arguments)
-        self.expected = expected = expected() if callable(expected) else expected
-        self.process.calls[function] += 1
-        self.process.refused[function] += status != OK or result is False
-        self.must(status == expected[0], function, arguments, status, expected, log)
-        if self.native:  # one message for each refused call, none else; discards where they are wanted
-            told = Counter(severity for severity, category, text in log if category and text)
-            self.must(told[ERROR] == (status == ERROR if errors is None else errors), function, log)
-            self.must(told[DISCARD] <= (status == DISCARD), function, log)
-            self.must(len(log) == told[ERROR] + told[DISCARD], function, log)
-        return status, result
-
-    def must(self, fine, *what):
-        """Else this example fails; the next one begins in a new process."""
-        if not fine:
-            self.process.end()
-            raise AssertionError(repr(what)[:2000])
-
-    def check(self, function, expected, operation, *arguments, errors=None, result=True):
-        """The same, and the result must be the expected one."""
-        _, found = self.ask(function, expected, operation, *arguments, errors=errors)
-        self.must(not result or same(found, self.expected[1]), function, arguments, found, self.expected)
-
-    def one(self, pick):
-        """(number, model) of an instance."""
-        number = sorted(self.live)[pick % len(self.live)]
-        return number, self.live[number]
-
-    def right(self, which, model):
-        """Value references, of those that count from the end."""
-        return [r if r >= 0 else model.facts.reals + 2 + r for r in which]
-
-    def some_live(self):
-        return bool(self.live)
+class CallMachine(SavedStates):
+    """Makes any call in any phase, right and wrong."""
 
     # --- life
 
@@ -202,19 +143,6 @@ class CallMachine(RuleBasedStateMachine):
         self.get_reals(number, model, self.right(which, model) or model.facts.outputs)
         self.get_reals(number, model, [], null=3)
 
-    def get_reals(self, number, model, which, null=0):
-        self.check("fmi2GetReal", model.get_real(which), "values", number, "fmi2GetReal", which, None, null)
-
-    def compare(self, number, model):
-        """All that can be read."""
-        self.get_reals(number, model, model.facts.outputs)
-        self.get_reals(number, model, model.facts.inputs + model.facts.parameters)
-        which, function = [model.facts.reals], "fmi2GetInteger"
-        self.check(function, model.get_integer(which), "values", number, function, which, None, 0)
-        for kind, wanted in INQUIRIES[:2]:
-            function = f"fmi2Get{kind}Status"
-            self.check(function, model.inquiry(kind, wanted), "status", number, function, wanted)
-
     @precondition(some_live)
     @rule(pick=some, some_of=st.lists(st.tuples(references, orders, numbers), max_size=3))
     def derivatives(self, pick, some_of):
@@ -297,103 +225,6 @@ class CallMachine(RuleBasedStateMachine):
         self.check("fmi2FreeInstance", (OK, None), "free_nothing", 0)
         for name, operation, *arguments in NO_INSTANCE:
             self.check(f"{name} of no instance", (ERROR, None), operation, None, *arguments, errors=0, result=False)
-
-    # --- saved states: places hold an address, or none; `addresses` says what is there
-
-    def known_at(self, model, place):
-        """The snapshot that this instance may use at the address in a place, or None."""
-        found = self.addresses.get(self.places.get(place))
-        if found is None:
-            return None
-        owner, facts, snapshot = found
-        return snapshot if facts is model.facts and (not self.native or owner is model) else None
-
-    def usable(self, place):
-        """Pythonfmu follows any pointer: not null, not freed."""
-        return self.native or self.places.get(place) in self.addresses
-
-    @precondition(some_live)
-    @rule(pick=some, place=st.integers(0, 1))
-    def get_state(self, pick, place):
-        number, model = self.one(pick)
-        before = self.places.get(place)
-        expected = (OK, None) if not self.native or before is None or self.known_at(model, place) else model.refused
-        status, address = self.ask("fmi2GetFMUstate", expected, "get_state", number, place)
-        if status == OK:
-            self.put(place, address, model, model.now)
-        else:
-            self.must(address == before, "fmi2GetFMUstate", address, before)
-
-    def put(self, place, address, model, snapshot):
-        self.must(address, "no state")
-        self.places[place] = address
-        self.addresses[address] = (model, model.facts, snapshot.copy())
-
-    @precondition(some_live)
-    @rule(pick=some, place=st.integers(0, 1))
-    def set_state(self, pick, place):
-        number, model = self.one(pick)
-        if self.usable(place):
-            snapshot = self.known_at(model, place)
-            expected = model.restore(snapshot) if snapshot else model.refused
-            self.check("fmi2SetFMUstate", expected, "set_state", number, place)
-            self.compare(number, model)
-
-    @precondition(some_live)
-    @rule(pick=some, place=st.integers(0, 1), keep=st.booleans())
-    def free_state(self, pick, place, keep):
-        number, model = self.one(pick)
-        address = self.places.get(place)
-        if address is None:
-            self.check("fmi2FreeFMUstate", (OK, None), "free_state", number, place, False)
-        elif self.native:
-            known = self.known_at(model, place) is not None
-            expected = (OK, None) if known else (model.refused[0], address)
-            self.check("fmi2FreeFMUstate", expected, "free_state", number, place, keep)
-            if known:
-                del self.addresses[address]
-                self.places[place] = address if keep else None
-        elif address in self.addresses:
-            self.ask("fmi2FreeFMUstate", (OK, None), "free_state", number, place, False)
-            del self.addresses[address]
-            self.places[place] = None
-
-    @precondition(some_live)
-    @rule(pick=some, place=st.integers(0, 1), fill=st.booleans(), room=st.sampled_from([0, 0, 0, -1, -7, 1]))
-    def serialize(self, pick, place, fill, room):
-        number, model = self.one(pick)
-        if fill:
-            self.get_state(pick, place)
-        if not self.usable(place):
-            return
-        known = self.known_at(model, place) if self.native else self.addresses[self.places[place]][2]
-        expected = (OK, None) if known else model.refused
-        _, size = self.ask("fmi2SerializedFMUstateSize", expected, "size", number, place)
-        if not self.native:
-            room = min(room, 0)  # it reads as many bytes as it is told to write
-        expected = model.refused if self.native and (not known or room < 0) else (OK, None)
-        _, content = self.ask("fmi2SerializeFMUstate", expected, "serialize", number, place, max(size + room, 0))
-        if expected[0] == OK and room == 0:
-            self.blobs = [*self.blobs[-9:], (content, self.addresses[self.places[place]][1], known.copy())]
-
-    @precondition(lambda self: self.live and self.blobs)
-    @rule(pick=some, which=some, place=st.integers(0, 1), damage=st.none() | st.tuples(some, st.integers(1, 255)),
-          size=st.sampled_from([0, 0, 0, 0, -1, 1, -10**6]))  # fmt: skip
-    def deserialize(self, pick, which, place, damage, size):
-        number, model = self.one(pick)
-        content, facts, snapshot = self.blobs[which % len(self.blobs)]
-        given = bytearray(content)
-        if damage:
-            given[damage[0] * len(content) // 1001] ^= damage[1]
-        given = bytes(given[: max(len(given) + size, 0)] + b"\0" * max(size, 0))
-        fine = given == content and facts is model.facts
-        before, function = self.places.get(place), "fmi2DeSerializeFMUstate"
-        expected = (OK, None) if fine else model.refused
-        status, address = self.ask(function, expected, "deserialize", number, place, given)
-        if status == OK:
-            self.put(place, address, model, snapshot)
-        else:
-            self.must(address == before, function, address, before)
 
     def teardown(self):
         if self.process.process is None:  # it has crashed
