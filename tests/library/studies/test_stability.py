@@ -13,6 +13,7 @@ from rbfmu.studies import stability
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS
 from rbfmu.studies.stability import Finding, body_laws, maps, model_laws, motions
 from rbfmu.studies.stability.attitude_laws import crossing, quaternion_growth, stability_polynomial
+from rbfmu.studies.stability.charts import stability_map
 from rbfmu.studies.stability.findings import AT_MOST, RECORDED, exponent
 from rbfmu.studies.stability.laws import LAWS
 from rbfmu.studies.stability.report import print_laws
@@ -278,3 +279,15 @@ def test_an_error_that_is_no_size_is_a_finding_that_does_not_hold(sizes: tuple[f
     """2026-11-22: a sign in the composition of quaternions ended the study with a traceback."""
     assert exponent(8.0, 1.0) == pytest.approx(3.0, rel=1e-15)
     assert not Finding(12, "order", 2.0, exponent(*sizes), 0.03).holds
+
+
+@pytest.mark.parametrize(("error", "said"), [(1.32e-10, "2e-10"), (2e-10, "2e-10"), (9.1e-10, "1e-09"), (0.0, "0e+00")])
+def test_no_picture_says_a_smaller_error_than_was_found(error: float, said: str, monkeypatch, tmp_path: Path) -> None:
+    """2026-11-22: 1.32e-10 rad were "within 1e-10 rad"."""
+    drawn = []
+    monkeypatch.setattr(stability_map.Figure, "savefig", lambda figure, path, **more: drawn.append(figure))
+    rows = [("rbfmu planned", h, ratio, "right", error) for h in (0.1, 1.0) for ratio in (0.1, 1.0)]
+    stability_map.draw_maps(rows, tmp_path / "maps.png")
+    (figure,) = drawn
+    assert f"(bold) is {said} rad at any step" in figure.get_suptitle()
+    assert figure.axes[0].get_title(loc="left") == f"rbfmu planned: within {said} rad"

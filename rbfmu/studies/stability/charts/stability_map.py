@@ -69,7 +69,10 @@ def _draw(panel: Any, name: str, rows: Sequence[Row]) -> None:
 
 
 def _worst(rows: Sequence[Row]) -> float:
-    return max(row[4] for row in rows)
+    """Return the largest error, rounded up to one digit."""
+    largest = max(row[4] for row in rows)
+    unit = 10.0 ** math.floor(math.log10(largest)) if 0.0 < largest < math.inf else 1.0
+    return math.ceil(largest / unit) * unit if math.isfinite(largest) else largest
 
 
 def _edges(centres: Sequence[float]) -> Any:
