@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from rbfmu.simulation import simulate as simulate
     from rbfmu.simulator import Simulator as Simulator
     from rbfmu.simulator import compiled_step as compiled_step
+    from rbfmu.studies.own_chart import Chart as Chart
+    from rbfmu.studies.own_chart import chart as chart
     from rbfmu.viewer import view as view
 
 __version__ = "0.1.0"
@@ -33,6 +35,7 @@ _MODULES = {
     "arrays.from_kernel": ("set_threads",),
     "result": ("Result",),
     "simulator": ("Simulator", "compiled_step"),
+    "studies.own_chart": ("Chart", "chart"),
     "simulation": ("SimulationError", "plan", "simulate"),
     "viewer": ("view",),
 }

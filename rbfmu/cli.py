@@ -269,13 +269,18 @@ def verify(fmu: Path, seed: int) -> None:
 
 
 @main.command()
+@click.argument("scene", metavar="[SCENE]", required=False, type=click.Path(path_type=Path))
 @click.option(
     "-o", "--output", "folder", type=click.Path(file_okay=False, path_type=Path), default=Path("rbfmu_chart"),
     show_default=True, help="Folder for the tables and pictures.",
 )  # fmt: skip
 @click.option("--quick", is_flag=True, help="Few cases and methods: to see that it runs.")
-def chart(folder: Path, quick: bool) -> None:
-    """Chart accuracy against cost: which method to use, here and with the peers that are installed."""
+def chart(scene: Path | None, folder: Path, quick: bool) -> None:
+    """Chart accuracy against cost: which method to use, here and with the peers that are installed.
+
+    Of SCENE, with its ports at zero; or, if none is given, of eight motions and a loop closed through an FMU.
+    """
+    from rbfmu.studies.own_chart import chart as chart_of
     from rbfmu.studies.work_precision import run_charts
     from rbfmu_fmu.cosimulation_chart import run_cosimulation_chart
 
@@ -285,9 +290,12 @@ def chart(folder: Path, quick: bool) -> None:
         def progress(done: int, total: int, text: str) -> None:
             bar.update(task, completed=done, total=total, description=text)
 
-        paths = run_charts(folder, quick, progress) + run_cosimulation_chart(folder, quick, progress)
+        if scene is not None:
+            paths = chart_of(scene, quick, progress).save(folder)
+        else:
+            paths = run_charts(folder, quick, progress) + run_cosimulation_chart(folder, quick, progress)
     click.echo("\n".join(map(str, paths)))
-    click.echo((folder / "answers.txt").read_text(encoding="utf-8"))
+    click.echo(next(path for path in paths if path.suffix == ".txt").read_text(encoding="utf-8"))
 
 
 @main.command()

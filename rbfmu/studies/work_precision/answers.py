@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Protocol, TypeVar
 
 from rbfmu.studies.work_precision.collection import Point
 
@@ -45,36 +46,60 @@ class Answer:
         return found
 
 
-def _attitude_error(point: Point) -> float:
-    return point.attitude_error
+class Measured(Protocol):
+    """A method at a setting, its error and its cost."""
+
+    @property
+    def method(self) -> str:
+        """Return the method's name."""
+
+    @property
+    def family(self) -> str:
+        """Return the method's family."""
+
+    @property
+    def error(self) -> float:
+        """Return the error by which methods are compared."""
+
+    @property
+    def seconds(self) -> float:
+        """Return the cost, s of the processor."""
 
 
-def front(points: Iterable[Point], error: Callable[[Point], float] = _attitude_error, gain: float = 1.0) -> list[Point]:
+M = TypeVar("M", bound=Measured)
+
+
+def error_of(point: Measured) -> float:
+    """Return the error by which methods are compared."""
+    return point.error
+
+
+def front(points: Iterable[M], error: Callable[[M], float] = error_of, gain: float = 1.0) -> list[M]:
     """Return the Pareto front by rising cost: each error is below `gain` times that of the point before."""
-    kept: list[Point] = []
+    kept: list[M] = []
     for point in sorted(points, key=lambda p: p.seconds):
         if not kept or error(point) < gain * error(kept[-1]):
             kept.append(point)
     return kept
 
 
-def cost_of(points: Iterable[Point], accuracy: float) -> float | None:
+def cost_of(points: Iterable[Measured], accuracy: float) -> float | None:
     """Return the cost of an accuracy by one method's points, interpolated by a power law; None if out of reach."""
     best = front(points)
-    if not best or best[-1].attitude_error > accuracy:
+    if not best or best[-1].error > accuracy:
         return None
-    if best[0].attitude_error <= accuracy:
+    if best[0].error <= accuracy:
         return best[0].seconds
     for coarse, fine in pairwise(best):
-        if fine.attitude_error <= accuracy:
+        if fine.error <= accuracy:
             if fine.family in ("exact", "planned"):
                 return fine.seconds
-            part = math.log(coarse.attitude_error / accuracy) / math.log(coarse.attitude_error / fine.attitude_error)
+            part = math.log(coarse.error / accuracy) / math.log(coarse.error / fine.error)
             return float(coarse.seconds * (fine.seconds / coarse.seconds) ** part)
     raise AssertionError
 
 
-def cheapest(points: Sequence[Point], families: Sequence[str], accuracy: float) -> Offer | None:
+def cheapest(points: Sequence[Measured], families: Sequence[str], accuracy: float) -> Offer | None:
     """Return the cheapest method of some families."""
     offers = []
     for method in dict.fromkeys(p.method for p in points if p.family in families):

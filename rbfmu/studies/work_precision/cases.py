@@ -2,9 +2,10 @@
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,8 @@ Array = NDArray[np.float64]
 
 CHECKPOINTS = 5
 """The number of points at which errors are measured, and of the outputs of a run with few outputs."""
+RATES, PATH, ROTATION, ALL = 3, 6, 7, 13
+"""How many numbers solvers integrate: omega_b; r_c and v_c; q_ab and omega_b; q_ab, omega_b, r_c and v_c."""
 OUTPUT_STEP = 0.01
 """The time in s between the outputs of a run with many outputs."""
 REFERENCES = Path(__file__).with_name("reference_motions.json")
@@ -35,11 +38,11 @@ _NOTHING = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class Case:
-    """A scene on which methods are compared at five checkpoints.
+    """A scene on which methods are compared at checkpoints.
 
     title: the name that a user would give the motion; keeps: what it conserves out of "energy", "momentum" (its
     inertial components) and "vertical momentum"; torque_free: whether no load makes a torque; outputs: the number of
-    equally spaced states that a method returns over the run, which include the checkpoints.
+    equally spaced states that a method returns over the run; points: the largest number of checkpoints among them.
     """
 
     key: str
@@ -48,6 +51,7 @@ class Case:
     keeps: tuple[str, ...] = ()
     torque_free: bool = False
     outputs: int = CHECKPOINTS
+    points: int = CHECKPOINTS
 
     @property
     def span(self) -> float:
@@ -61,9 +65,20 @@ class Case:
 
     @property
     def checkpoints(self) -> slice:
-        """Return the checkpoints among the outputs."""
-        every = self.outputs // CHECKPOINTS
-        return slice(every - 1, None, every)
+        """Return the checkpoints among the outputs, equally spaced up to the last."""
+        every = math.ceil(self.outputs / self.points)
+        return slice((self.outputs - 1) % every, None, every)
+
+    @property
+    def numbers(self) -> int:
+        """Return how many numbers solvers integrate: `RATES`, `PATH`, `ROTATION` or `ALL`."""
+        return ALL if self.turning_force else ROTATION
+
+    @property
+    def outputs_between(self) -> list[int]:
+        """Return the number of outputs up to each checkpoint from the one before."""
+        at = [0, *(i + 1 for i in range(self.outputs)[self.checkpoints])]
+        return [b - a for a, b in pairwise(at)]
 
     @property
     def quantities(self) -> tuple[str, ...]:
@@ -73,6 +88,17 @@ class Case:
     def with_many_outputs(self) -> "Case":
         """Return the same motion with an output every `OUTPUT_STEP`."""
         return replace(self, outputs=round(self.span / OUTPUT_STEP))
+
+    def states_of(self, rows: Array) -> Sequence[State] | Mapping[str, Array]:
+        """Return the states at the checkpoints from a model's rows of `quantities` at the outputs."""
+        return [self._state(row) for row in rows[self.checkpoints]]
+
+    def _state(self, row: Array) -> State:
+        """Return the state of a row (q, omega, perhaps the position of o); without it the centre of mass stays."""
+        q, omega, body = row[:4], row[4:7], self.scene.body
+        assert body is not None
+        r = row[7:] + rbfmu.rotate(q, np.array(body.r_oc_b)) if len(row) > 7 else self.start.r_c
+        return state_of(r, self.start.v_c, q, omega)
 
     def asking(self, accuracy: float) -> Scene:
         """Return the scene with this accuracy, and with the quantities and output times of all methods."""
@@ -129,7 +155,11 @@ class Case:
         """Return the largest |omega| at start and checkpoints, rad/s."""
         return float(max(np.linalg.norm(self.start.omega_b), *np.linalg.norm(reference(self.key)["omega_b"], axis=1)))
 
-    def errors(self, states: Sequence[State]) -> dict[str, float]:
+    def judged(self, errors: Mapping[str, float]) -> float:
+        """Return the error by which methods are compared, of those from `errors`: that of the attitude, rad."""
+        return errors["attitude"]
+
+    def errors(self, states: Any) -> dict[str, float]:
         """Return the largest errors at the checkpoints, and the drifts of what is conserved (NaN for the rest)."""
         r, _, q, omega = (np.array(part, dtype=float) for part in zip(*states, strict=True))
         truth = reference(self.key)
@@ -157,6 +187,11 @@ class Case:
         if self.body.is_free == 0.0:
             energy = energy - rbfmu.rotate(q, np.array(self.body.arm_b)) @ np.array(self.loads.force_a)
         return {"energy": energy, "momentum": h_a, "vertical momentum": h_a[:, 2]}
+
+
+def state_of(r: Any, v: Any, q: Any, omega: Any) -> State:
+    """Return a state made from any sequences of numbers."""
+    return State(*(tuple(map(float, x)) for x in (r, v, q, omega)))  # type: ignore[arg-type]
 
 
 DRIFTS = ("energy", "momentum", "vertical momentum")

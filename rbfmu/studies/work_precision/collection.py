@@ -26,6 +26,8 @@ LARGEST_ERROR = 1.0
 
 TIME_LIMIT = 0.3
 """The processor time in s that a run may take; a method whose finer settings would take more is stopped."""
+MAX_REFUSED = 30
+"""The number of settings in a row that a method does not run at, after which no more are tried."""
 MAX_IDLE = 5
 """The number of finer settings in a row without a gain after which no more are tried."""
 
@@ -34,10 +36,11 @@ MAX_IDLE = 5
 class Point:
     """One method at one setting on one case.
 
-    outputs: the number of states that a run returns; detail: the method that a plan chose; errors: in rad, that of the
-    position relative to its size (at least 1 m); drifts: relative; seconds: the least processor time of a run; spread:
-    the ratio between the least times of every other repeat and of the repeats between; compiling: the additional time
-    of the method's very first call, which compiles or loads compiled code.
+    outputs: the number of states that a run returns; detail: the method that a plan chose; error: that of the
+    attitude, rad (of a scene of one's own: as its accuracy counts); position_error: relative to its size (at least 1
+    m); drifts: relative; seconds: the least processor time of a run; spread: the ratio between the least times of
+    every other repeat and of the repeats between; compiling: the additional time of the method's very first call,
+    which compiles or loads compiled code.
     """
 
     case: str
@@ -48,7 +51,7 @@ class Point:
     family: str
     setting: str
     value: float
-    attitude_error: float
+    error: float
     position_error: float
     energy_drift: float
     momentum_drift: float
@@ -101,7 +104,7 @@ class Collection:
 
 @dataclass(frozen=True)
 class Extent:
-    """The cases, methods and limits of a collection."""
+    """The cases, methods and limits of a collection; finest: the error below which nothing is told from round-off."""
 
     cases: Sequence[Case]
     methods: Sequence[Method]
@@ -109,6 +112,7 @@ class Extent:
     repeats: int
     shortest: float
     quick: bool
+    finest: float = 0.0
 
 
 QUICK_CASES = ("a", "c", "d")
@@ -184,26 +188,29 @@ class Tried:
 def explored(what: Extent, case: Case, method: Method, first_calls: dict[str, float]) -> tuple[list[Tried], Ending]:
     """Try settings from coarse to fine until time or digits end; `first_calls` (s, by method) is filled here."""
     found: list[Tried] = []
-    least, last, idle, why = math.inf, math.inf, 0, "all settings tried"
+    least, last, idle, refused, why = math.inf, math.inf, 0, 0, "all settings tried"
     for value in method.settings(case, what.quick):
         try:
             run, errors, seconds = _tried(case, method, value, first_calls)
-        except NotFeasibleError as error:
-            why = f"not run at {value:g}: {' '.join(str(error).split())}"[:200]
+        except NotFeasibleError as fault:
+            why, refused = f"not run at {value:g}: {' '.join(str(fault).split())}"[:200], refused + 1
+            if refused == MAX_REFUSED:
+                break
             continue
-        why = "all settings tried"
-        if errors["attitude"] <= LARGEST_ERROR:
+        refused, why = 0, "all settings tried"
+        error = case.judged(errors)
+        if error <= LARGEST_ERROR:
             found.append(Tried(_point(case, method, value, run, errors, seconds, first_calls[method.name]), run))
-        idle = 0 if errors["attitude"] < 0.7 * least else idle + (errors["attitude"] != last)
-        last = errors["attitude"]  # errors are equal where both settings take one step to each output
-        least = min(least, errors["attitude"])
+        idle = 0 if error < 0.7 * least else idle + (error != last)
+        last = error  # errors are equal where both settings take one step to each output
+        least = min(least, error)
         if 1.5 * seconds > what.longest and not case.long:
             why = STOPPED
             break
-        if idle >= MAX_IDLE and least < 1e-2:
+        if (idle >= MAX_IDLE and least < 1e-2) or error < what.finest:
             why = "no more digits"
             break
-    best = min((tried.point.attitude_error for tried in found), default=math.inf)
+    best = min((tried.point.error for tried in found), default=math.inf)
     return found, Ending(case.key, case.outputs, method.name, method.family, best, why)
 
 
@@ -229,7 +236,7 @@ def _point(
     drifts = (errors["energy"], errors["momentum"], errors["vertical momentum"])
     return Point(
         *(case.key, case.title, case.outputs, method.name, run.detail, method.family, method.setting, value),
-        *(errors["attitude"], errors["position"], *drifts, run.evaluations, seconds, case.span, compiling),
+        *(case.judged(errors), errors["position"], *drifts, run.evaluations, seconds, case.span, compiling),
     )
 
 

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from statistics import mean
 from typing import Any
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -11,7 +12,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import FuncFormatter, LogLocator
 
 from rbfmu.plot import open_frame
-from rbfmu.studies.work_precision.answers import front, rounded, text_of
+from rbfmu.studies.work_precision.answers import M, Measured, error_of, front, rounded, text_of
 from rbfmu.studies.work_precision.cases import CHECKPOINTS, OUTPUT_STEP
 from rbfmu.studies.work_precision.collection import STOPPED, Ending, Point
 from rbfmu.studies.work_precision.plans import REFUSED, Verdict
@@ -49,13 +50,18 @@ GAIN = 0.8
 """A point is drawn only if its error is below this part of the last one's, so that a line ends with its digits."""
 
 
-def group_of(point: Point) -> str:
+def group_of(point: Measured) -> str:
     """Return the line that a point belongs to."""
-    if point.family != "peer":
-        return _FAMILIES.get(point.family, point.family)
-    if point.method.startswith("SciPy") and point.method != "SciPy odeint":
+    return kind_of(point.method, point.family)
+
+
+def kind_of(method: str, family: str) -> str:
+    """Return the line that a method of a family belongs to."""
+    if family != "peer":
+        return _FAMILIES.get(family, family)
+    if method.startswith("SciPy") and method != "SciPy odeint":
         return "SciPy solve_ivp"
-    return next(name for name in GROUPS if point.method.startswith(name))
+    return next(name for name in GROUPS if method.startswith(name))
 
 
 def draw_case(points: Sequence[Point], endings: Sequence[Ending], path: Path) -> Path:
@@ -68,8 +74,8 @@ def draw_case(points: Sequence[Point], endings: Sequence[Ending], path: Path) ->
     for axes, count in zip(panels, counts, strict=True):
         mine = [p for p in points if p.outputs == count]
         stopped = {e.method for e in endings if (e.case, e.outputs) == mine[0].motion and e.stopped}
-        drawn.append((lines_of(mine, attitude_error), attitude_error))
-        _draw(axes, *drawn[-1], stopped)
+        drawn.append((lines_of(mine, error_of), error_of))
+        draw_lines(axes, *drawn[-1], stopped)
         axes.set_title(_outputs(count), fontsize=12, loc="left")
         axes.set_xlabel("attitude error (rad), more accurate to the right")
     return _finished(figure, panels, drawn, path)
@@ -87,7 +93,7 @@ def draw_kept(points: Sequence[Point], path: Path) -> list[Path]:
     drawn = []
     for axes, name in zip(panels, names, strict=True):
         drawn.append((lines_of(few, drift_of(name)), drift_of(name)))
-        _draw(axes, *drawn[-1], set())
+        draw_lines(axes, *drawn[-1], set())
         axes.set_xlabel(f"drift of the {name.replace('_', ' ')} (relative), better to the right")
     return [_finished(figure, panels, drawn, path)]
 
@@ -107,14 +113,9 @@ def _finished(figure: Figure, panels: Any, drawn: Sequence[Any], path: Path) -> 
     for axes, (lines, error) in zip(panels, drawn, strict=True):
         axes.tick_params(labelleft=True)
         axes.yaxis.set_major_formatter(FuncFormatter(lambda seconds, _: _tick(seconds)))
-        _name_lines(axes, lines, error)
+        name_lines(axes, lines, error)
     figure.savefig(path, dpi=DPI)
     return path
-
-
-def attitude_error(point: Point) -> float:
-    """Return the attitude's error in rad."""
-    return point.attitude_error
 
 
 def drift_of(name: str) -> Callable[[Point], float]:
@@ -132,7 +133,7 @@ def _tick(seconds: float) -> str:
     return text_of(seconds).replace(".0 ", " ")
 
 
-def lines_of(points: Sequence[Point], error: Callable[[Point], float]) -> dict[str, list[Point]]:
+def lines_of(points: Sequence[M], error: Callable[[M], float]) -> dict[str, list[M]]:
     """Return the Pareto front of each group."""
     lines = {}
     for name in GROUPS:
@@ -142,7 +143,8 @@ def lines_of(points: Sequence[Point], error: Callable[[Point], float]) -> dict[s
     return lines
 
 
-def _draw(axes: Any, lines: dict[str, list[Point]], error: Callable[[Point], float], stopped: set[str]) -> None:
+def draw_lines(axes: Any, lines: dict[str, list[M]], error: Callable[[M], float], stopped: set[str]) -> None:
+    """Draw the lines by name, those of the library over all others; stopped: methods whose line ends in an arrow."""
     for name, line in reversed(lines.items()):
         x, y = [error(p) for p in line], [p.seconds for p in line]
         style: dict[str, Any] = {"color": GROUPS[name], "linewidth": 2.2 if name in OWN_GROUPS else 1.4}
@@ -158,8 +160,17 @@ def _draw(axes: Any, lines: dict[str, list[Point]], error: Callable[[Point], flo
     open_frame(axes, grid=True)
 
 
-def _name_lines(axes: Any, lines: dict[str, list[Point]], error: Callable[[Point], float]) -> None:
-    """Write names in a column at the right, in the order of the lines' ends, each tied to its end."""
+def name_lines(
+    axes: Any,
+    lines: dict[str, list[M]],
+    error: Callable[[M], float],
+    text: Callable[[str], str] = str,
+    apart: float = 0.047,
+) -> None:
+    """Write names in a column at the right, in the order of the lines' ends, each tied to its end.
+
+    text: what is written for a name; apart: the least distance of two, as a part of the axes' height.
+    """
     bottom, top = axes.get_ylim()
 
     def height(seconds: float) -> float:
@@ -167,10 +178,10 @@ def _name_lines(axes: Any, lines: dict[str, list[Point]], error: Callable[[Point
 
     ends = {name: line[-1] for name, line in lines.items()}
     names = sorted(ends, key=lambda name: ends[name].seconds)
-    for name, y in zip(names, spread([height(ends[name].seconds) for name in names], 0.047), strict=True):
+    for name, y in zip(names, spread([height(ends[name].seconds) for name in names], apart), strict=True):
         color = GROUPS[name]
         axes.annotate(
-            name,
+            text(name),
             (error(ends[name]), ends[name].seconds),
             (1.035, y),
             textcoords="axes fraction",
@@ -179,15 +190,31 @@ def _name_lines(axes: Any, lines: dict[str, list[Point]], error: Callable[[Point
             fontsize=10,
             weight="bold" if name in OWN_GROUPS else "normal",
             va="center",
-            arrowprops={"arrowstyle": "-", "color": color, "linewidth": 0.5, "alpha": 0.7, "shrinkA": 1, "shrinkB": 3},
+            arrowprops={
+                "arrowstyle": "-",
+                "color": color,
+                "linewidth": 0.5,
+                "alpha": 0.7,
+                "shrinkA": 1,
+                "shrinkB": 3,
+                "relpos": (0.0, 0.5),
+            },
         )
 
 
 def spread(places: Sequence[float], apart: float, highest: float = 1.0) -> list[float]:
-    """Return rising places, moved so that they are at least `apart` apart and none is above `highest`."""
-    found = list(places)
-    for i in range(1, len(found)):
-        found[i] = max(found[i], found[i - 1] + apart)
+    """Return rising places, moved as little as may be so that they are `apart` and none is above `highest`.
+
+    Where places are too close, they are spread about their mean.
+    """
+    groups: list[list[float]] = []
+    for i, place in enumerate(places):
+        groups.append([place - i * apart])
+        while len(groups) > 1 and mean(groups[-2]) >= mean(groups[-1]):
+            last = groups.pop()
+            groups[-1] += last
+    found = [mean(group) for group in groups for _ in group]
+    found = [max(place, 0.0) + i * apart for i, place in enumerate(found)]
     limit = highest
     for i in reversed(range(len(found))):
         found[i] = min(found[i], limit)

@@ -5,9 +5,11 @@ from functools import cache
 from itertools import islice
 from typing import Any
 
-from rbfmu.studies.work_precision.cases import CASES, Case
+from rbfmu.scene.scene import Scene
+from rbfmu.studies.work_precision.cases import PATH, RATES, ROTATION, Case
 from rbfmu.studies.work_precision.methods import NotFeasibleError, Run, module, timed, tolerances
 from rbfmu.studies.work_precision.solvers import start_of, states_of, times_of
+from rbfmu_kernels.mechanics.equations_of_motion import Body
 from rbfmu_kernels.types import Vec3
 
 
@@ -26,7 +28,8 @@ class Heyoka:
 
     def run(self, case: Case, value: float) -> Run:
         """Return a run at a tolerance."""
-        series, y, grid = _integrator(case.key, value), start_of(case), times_of(case)
+        y, grid = start_of(case), times_of(case)
+        series = _integrator(case.scene, case.numbers, value)
         success = module("heyoka").taylor_outcome.time_limit
 
         def once() -> Any:
@@ -42,32 +45,46 @@ class Heyoka:
 
 
 @cache
-def _integrator(key: str, tolerance: float) -> Any:
-    case = CASES[key]
-    return module("heyoka").taylor_adaptive(equations(case), list(start_of(case)), tol=tolerance)
+def _integrator(scene: Scene, numbers: int, tolerance: float) -> Any:
+    """Return an integrator, whose state is still to be set."""
+    return module("heyoka").taylor_adaptive(equations(Case("", "", scene), numbers), [0.0] * numbers, tol=tolerance)
 
 
-def equations(case: Case) -> list[tuple[Any, Any]]:
-    """Return (variable, rate) of q_ab, omega_b and, where the force turns with the body, r_c and v_c; M is diagonal."""
+def equations(case: Case, numbers: int) -> list[tuple[Any, Any]]:
+    """Return (variable, rate) of the numbers that are integrated: see `cases.RATES`, `PATH`, `ROTATION`, `ALL`."""
     q, w = (module("heyoka").make_vars(*(f"{letter}{i}" for i in range(n))) for letter, n in (("q", 4), ("w", 3)))
+    if numbers < ROTATION:
+        q = list(case.start.q_ab)
     body, loads = case.body, case.loads
     M = body.inertia
     e, u = q[0], tuple(q[1:])
     R = _rotation(e, u)
     force = _sum(loads.force_b, _times_transposed(R, loads.force_a))
     torque = _sum(loads.torque_b, _times_transposed(R, loads.torque_a), _cross(body.arm_b, force))
-    spin = _cross(tuple(M[i][i] * w[i] for i in range(3)), tuple(w))
-    dw = [(torque[i] + spin[i] - body.damping_b[i] * w[i]) / M[i][i] for i in range(3)]
+    spin = _cross(tuple(_dot(row, w) for row in M), tuple(w))
+    turning = tuple(torque[i] + spin[i] - body.damping_b[i] * w[i] for i in range(3))
+    dw = [_turned_into_rate(body, i, turning) for i in range(3)]
     dq = [-0.5 * _dot(u, w), *(0.5 * (e * w[i] + x) for i, x in enumerate(_cross(u, tuple(w))))]
-    system = [*zip(q, dq, strict=True), *zip(w, dw, strict=True)]
-    if not case.turning_force:
+    rates, attitude = [*zip(w, dw, strict=True)], [*zip(q, dq, strict=True)]
+    system = {RATES: rates, PATH: []}.get(numbers, [*attitude, *rates])
+    if numbers in (RATES, ROTATION):
         return system
     r, v = (module("heyoka").make_vars(*(f"{letter}{i}" for i in range(3))) for letter in "rv")
     dv = [
-        body.is_free * loads.gravity_a[i] + body.inverse_mass * (loads.force_a[i] + _dot(R[i], loads.force_b))
+        0.0 * v[i]  # no number alone is an equation's right-hand side
+        + body.is_free * loads.gravity_a[i]
+        + body.inverse_mass * (loads.force_a[i] + _dot(R[i], loads.force_b))
         for i in range(3)
     ]
     return [*system, *zip(r, v, strict=True), *zip(v, dv, strict=True)]
+
+
+def _turned_into_rate(body: Body, i: int, torque: Any) -> Any:
+    """Return a component of M^-1 torque; 0 about the axis of a slender beam."""
+    M, row = body.inertia[i], body.inertia_inverse[i]
+    if any(x for j, x in enumerate(M) if j != i):
+        return _dot(row, torque)
+    return torque[i] / M[i] if row[i] else 0.0 * torque[i]
 
 
 def _rotation(e: Any, u: Any) -> Any:

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-import rbfmu
 from rbfmu.planning.select import plan
 from rbfmu.runs.model_buffer import aligned_zeros, filled_buffer, initialize
 from rbfmu.runs.plan import Plan
@@ -25,12 +24,10 @@ from rbfmu.studies.work_precision.methods import (
     step_counts,
     timed,
     tolerances,
-    tuples,
 )
 from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.exact.free_rotation import free_rotation_at, free_rotation_setup
 from rbfmu_kernels.integrators.splitting import rkn4_steps, rkn6_steps, strang_steps
-from rbfmu_kernels.mechanics.equations_of_motion import State
 from rbfmu_kernels.types import Quaternion, Vec3
 
 # The product's models, stepped from output to output
@@ -49,7 +46,7 @@ def _steps_repeated(step: Any, z: Any, start: Any, interval: float, at: Any, out
     return fault
 
 
-def _run_of_unit(case: Case, scene: Scene, chosen: Plan, per_substep: float = math.nan, fixed: float = 0.0) -> Run:
+def run_of_unit(case: Case, scene: Scene, chosen: Plan, per_substep: float = math.nan, fixed: float = 0.0) -> Run:
     """Return a run of a plan's model; per_substep: right-hand sides; fixed: substeps if it counts none."""
     kernels, start = chosen.kernels, filled_buffer(scene, chosen)
     initialize(scene, kernels, start)
@@ -58,19 +55,10 @@ def _run_of_unit(case: Case, scene: Scene, chosen: Plan, per_substep: float = ma
     out = np.zeros((case.outputs, len(at)))
     if _steps_repeated(kernels.step, z, start, case.interval, at, out, 1):
         out[:] = math.nan
-    found = [_state(case, row) for row in out[case.checkpoints]]
+    found = case.states_of(out)
     evaluations = per_substep * (fixed or substeps_counted(kernels, z))
     seconds = timed(lambda k: _steps_repeated(kernels.step, z, start, case.interval, at, out, k))
     return Run(lambda: found, seconds, evaluations, chosen.method)
-
-
-def _state(case: Case, row: Any) -> State:
-    """Return the state of a row (q, omega, perhaps the position of o); without it the centre of mass stays."""
-    q, omega = row[:4], row[4:7]
-    body = case.scene.body
-    assert body is not None
-    r = row[7:] + rbfmu.rotate(q, np.array(body.r_oc_b)) if len(row) > 7 else case.start.r_c
-    return tuples(r, case.start.v_c, q, omega)
 
 
 @dataclass(frozen=True)
@@ -114,7 +102,7 @@ class Substeps:
         substep, tolerance = (math.inf, value) if self.controlled else (value, 0.0)
         chosen = Plan(model, self.name, 13, substep, tolerance, self.order)
         fixed = 0.0 if self.controlled else float(case.outputs * round(case.interval / value))
-        return _run_of_unit(case, case.asking(1.0), chosen, self.order or 12.0, fixed)
+        return run_of_unit(case, case.asking(1.0), chosen, self.order or 12.0, fixed)
 
 
 # Exact
@@ -155,9 +143,9 @@ class Exact:
         def repeat(k: int) -> None:
             _exact(out, case.moments, q, w, case.span, k)
 
-        def states() -> list[State]:
+        def states() -> Any:
             repeat(1)
-            return [_state(case, row) for row in out[case.checkpoints]]
+            return case.states_of(out)
 
         return Run(states, timed(repeat), 0.0)
 
@@ -185,7 +173,7 @@ class Planned:
             chosen = plan(scene)
         except SceneError as error:
             raise NotFeasibleError(str(error)) from None
-        return _run_of_unit(case, scene, chosen)
+        return run_of_unit(case, scene, chosen)
 
 
 class ClosedForm(Planned):

@@ -1,6 +1,6 @@
 """The methods that compete: one of them at one setting on one case is a `Run` with its states and its time."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -11,7 +11,7 @@ from numba import njit
 
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, TORQUE_FREE_INTEGRATORS, OneStepMethod
 from rbfmu.studies.reference_methods.one_step import midpoint
-from rbfmu.studies.work_precision.cases import CHECKPOINTS, Case
+from rbfmu.studies.work_precision.cases import Case
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
 
 
@@ -23,11 +23,11 @@ class NotFeasibleError(Exception):
 class Run:
     """A method at a setting: its states at the checkpoints, and the time of k solutions with all outputs.
 
-    seconds: of the processor; evaluations: those of the right-hand side in one solution (0: none, NaN: not counted);
-    detail: the method that a plan chose.
+    states: what the case's `errors` takes; seconds: of the processor; evaluations: those of the right-hand side in one
+    solution (0: none, NaN: not counted); detail: the method that a plan chose.
     """
 
-    states: Callable[[], Sequence[State]]
+    states: Callable[[], Any]
     seconds: Callable[[int], float]
     evaluations: float
     detail: str = ""
@@ -86,11 +86,6 @@ def tolerances(largest: int, smallest: int, quick: bool) -> Iterator[float]:
     """Yield powers of ten from large to small in half decades (quick: every three decades)."""
     for k in range(2 * largest, 2 * smallest - 1, -(6 if quick else 1)):
         yield 10.0 ** (k / 2)
-
-
-def tuples(r: Any, v: Any, q: Any, omega: Any) -> State:
-    """Return a state made from any sequences of numbers."""
-    return State(*(tuple(map(float, x)) for x in (r, v, q, omega)))  # type: ignore[arg-type]
 
 
 def module(name: str) -> Any:
@@ -155,8 +150,8 @@ class FixedSteps:
 
         def states() -> list[State]:
             found, y = [], start
-            for _ in range(CHECKPOINTS):
-                y = method.steps(y, value, n * outputs // CHECKPOINTS, body, loads)
+            for some in case.outputs_between:
+                y = method.steps(y, value, n * some, body, loads)
                 found.append(method.state_of(y))
             return found
 

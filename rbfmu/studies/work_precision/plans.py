@@ -80,7 +80,7 @@ def _stopped(found: Collection, motion: tuple[str, int], accuracy: float) -> Ite
 
 def _verdict(points: Sequence[Point], accuracy: float, stopped: tuple[str, ...], noise: float) -> Verdict:
     planned = next((p for p in points if p.family == "planned" and p.value == accuracy), None)
-    error = planned.attitude_error if planned else math.inf
+    error = planned.error if planned else math.inf
     made = (planned.detail, error, planned.seconds) if planned else (REFUSED, error, math.inf)
     rival = cheapest(points, (*OWN, *OUTSIDE), min(error, accuracy))
     peer = cheapest(points, ("peer",), accuracy)

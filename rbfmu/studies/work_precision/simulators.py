@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 import rbfmu
-from rbfmu.studies.work_precision.cases import CHECKPOINTS, Case
-from rbfmu.studies.work_precision.methods import NotFeasibleError, Run, module, step_counts, timed, tolerances, tuples
+from rbfmu.studies.work_precision.cases import Case, state_of
+from rbfmu.studies.work_precision.methods import NotFeasibleError, Run, module, step_counts, timed, tolerances
 from rbfmu_kernels.mechanics.equations_of_motion import State
+from rbfmu_kernels.types import Matrix
 
 
 def _text(numbers: Iterable[float]) -> str:
@@ -22,9 +23,16 @@ def _text(numbers: Iterable[float]) -> str:
 
 _MUJOCO = """<mujoco><option timestep="{h!r}" integrator="{integrator}" gravity="{gravity}">
 <flag contact="disable" constraint="disable"/></option>
-<worldbody><body>{joint}<inertial pos="{at}" mass="{mass!r}" diaginertia="{moments}"/>
+<worldbody><body name="body">{joint}<inertial pos="{at}" mass="{mass!r}" {inertia}/>
 <site name="o"/></body></worldbody>
 <actuator><motor site="o" gear="{load}"/></actuator></mujoco>"""
+
+
+def _inertia(M: Matrix) -> str:
+    """Return MuJoCo's attribute for an inertia matrix about the centre of mass."""
+    mixed = (M[0][1], M[0][2], M[1][2])
+    kind = "fullinertia" if any(mixed) else "diaginertia"
+    return f'{kind}="{_text((M[0][0], M[1][1], M[2][2], *(mixed if any(mixed) else ())))}"'
 
 
 class MuJoCo:
@@ -52,18 +60,22 @@ class MuJoCo:
         ball = body.pivot or any(loads.damping_b)
         if len(set(loads.damping_b)) > 1:
             raise NotFeasibleError("a ball joint's damping is the same about all axes")
-        model = mujoco.MjModel.from_xml_string(
-            _MUJOCO.format(
-                h=value,
-                integrator=self.integrator,
-                gravity=_text(loads.gravity_a),
-                joint=f'<joint type="ball" damping="{loads.damping_b[0]}"/>' if ball else '<freejoint align="false"/>',
-                at=_text(body.r_oc_b),
-                mass=body.mass,
-                moments=_text(body.M_c[k][k] for k in range(3)),
-                load=_text((*loads.force_b, *loads.torque_b)),
-            )
+        if any(body.r_oc_b) and any(loads.force_a):
+            raise NotFeasibleError("a force fixed in space acts at the centre of mass")
+        text = _MUJOCO.format(
+            h=value,
+            integrator=self.integrator,
+            gravity=_text(loads.gravity_a),
+            joint=f'<joint type="ball" damping="{loads.damping_b[0]}"/>' if ball else '<freejoint align="false"/>',
+            at=_text(body.r_oc_b),
+            mass=body.mass,
+            inertia=_inertia(body.M_c),
+            load=_text((*loads.force_b, *loads.torque_b)),
         )
+        try:
+            model = mujoco.MjModel.from_xml_string(text)
+        except ValueError as error:
+            raise NotFeasibleError(str(error)) from None
         data, n = mujoco.MjData(model), round(case.interval / value)
 
         def begin() -> None:
@@ -71,18 +83,19 @@ class MuJoCo:
             data.qpos[:] = (*(() if ball else initial.position), *initial.quaternion)
             data.qvel[:] = (*(() if ball else initial.velocity), *initial.omega_b)
             data.ctrl[:] = 1.0
+            data.xfrc_applied[-1] = (*loads.force_a, *loads.torque_a)
 
         def state() -> State:
             q, omega = np.array(data.qpos[-4:]), np.array(data.qvel[-3:])
             if ball:
-                return tuples(case.start.r_c, case.start.v_c, q, omega)
+                return state_of(case.start.r_c, case.start.v_c, q, omega)
             r = data.qpos[:3] + rbfmu.rotate(q, np.array(body.r_oc_b))
-            return tuples(r, np.zeros(3), q, omega)
+            v = data.qvel[:3] + rbfmu.rotate(q, np.cross(omega, body.r_oc_b))
+            return state_of(r, v, q, omega)
 
         def states() -> list[State]:
             begin()
-            every = n * case.outputs // CHECKPOINTS
-            return [(mujoco.mj_step(model, data, every), state())[1] for _ in range(CHECKPOINTS)]
+            return [(mujoco.mj_step(model, data, n * some), state())[1] for some in case.outputs_between]
 
         out = np.zeros((case.outputs, len(data.qpos)))
 
@@ -142,7 +155,7 @@ class Basilisk:
             execute()
             sigma, omega = np.array(recorder.sigma_BN), np.array(recorder.omega_BN_B)
             rows = range(n, case.outputs * n + 1, n)[case.checkpoints]
-            return [tuples(case.start.r_c, case.start.v_c, _quaternion_from_mrp(sigma[i]), omega[i]) for i in rows]
+            return [state_of(case.start.r_c, case.start.v_c, _quaternion_from_mrp(sigma[i]), omega[i]) for i in rows]
 
         evaluations = math.nan if self.controlled else 4.0 * case.outputs * n
         return Run(states, lambda k: sum(execute() for _ in range(k)), evaluations)
@@ -241,7 +254,7 @@ class Drake:
                 context = made.get_context()
                 R = plant.EvalBodyPoseInWorld(context, body).rotation()
                 omega = R.matrix().T @ plant.EvalBodySpatialVelocityInWorld(context, body).rotational()
-                found.append(tuples(case.start.r_c, case.start.v_c, rbfmu.quaternion_from_matrix(R.matrix()), omega))
+                found.append(state_of(case.start.r_c, case.start.v_c, rbfmu.quaternion_from_matrix(R.matrix()), omega))
             evaluations.append(made.get_integrator().get_num_derivative_evaluations())
             return found
 

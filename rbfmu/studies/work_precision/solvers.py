@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numba import carray, cfunc, njit
 
-from rbfmu.studies.work_precision.cases import Case
-from rbfmu.studies.work_precision.methods import Method, NotFeasibleError, Run, module, timed, tolerances, tuples
-from rbfmu_kernels.body.memory import body_of, loads_of
+from rbfmu.studies.work_precision.cases import ALL, PATH, RATES, ROTATION, Case, state_of
+from rbfmu.studies.work_precision.methods import Method, NotFeasibleError, Run, module, timed, tolerances
+from rbfmu_kernels.body.memory import body_of, loads_of, motion_of
 from rbfmu_kernels.mechanics.equations_of_motion import State, state_rates
 
 MAX_STEPS = 10**6
@@ -21,15 +21,27 @@ MAX_STEPS = 10**6
 
 @njit(error_model="numpy")  # type: ignore[untyped-decorator]
 def put_rates(f: Any, y: Any, z: Any) -> None:
-    """Put d/dt of (q, omega) or (q, omega, r_c, v_c) for the body of a model's buffer z into f."""
-    r, v = ((y[7], y[8], y[9]), (y[10], y[11], y[12])) if len(y) > 7 else ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    state = State(r, v, (y[0], y[1], y[2], y[3]), (y[4], y[5], y[6]))
-    dr, dv, dq, dw = state_rates(state, body_of(z), loads_of(z))
-    f[0], f[1], f[2], f[3] = dq
-    f[4], f[5], f[6] = dw
-    if len(y) > 7:
-        f[7], f[8], f[9] = dr
-        f[10], f[11], f[12] = dv
+    """Put d/dt of the numbers y into f, for the body of a model's buffer z, from where the rest of the state is taken.
+
+    The numbers are those of `cases.RATES`, `PATH`, `ROTATION` or `ALL`.
+    """
+    n = len(y)
+    r, v, q, omega = motion_of(z)
+    if n == RATES:
+        omega = (y[0], y[1], y[2])
+    if n >= ROTATION:
+        q, omega = (y[0], y[1], y[2], y[3]), (y[4], y[5], y[6])
+    if n in (PATH, ALL):
+        v = (y[n - 3], y[n - 2], y[n - 1])
+    dr, dv, dq, dw = state_rates(State(r, v, q, omega), body_of(z), loads_of(z))
+    if n == RATES:
+        f[0], f[1], f[2] = dw
+    if n >= ROTATION:
+        f[0], f[1], f[2], f[3] = dq
+        f[4], f[5], f[6] = dw
+    if n in (PATH, ALL):
+        f[n - 6], f[n - 5], f[n - 4] = dr
+        f[n - 3], f[n - 2], f[n - 1] = dv
 
 
 @njit(error_model="numpy")  # type: ignore[untyped-decorator]
@@ -58,9 +70,9 @@ def _numpy_rates(case: Case) -> Callable[[float, Any], Any]:
 
 
 def start_of(case: Case) -> Any:
-    """Return (q, omega), and (r_c, v_c) where the path has no closed form."""
+    """Return the numbers that are integrated, at the start."""
     r, v, q, omega = case.start
-    return np.array((*q, *omega, *r, *v) if case.turning_force else (*q, *omega))
+    return np.array({RATES: omega, PATH: (*r, *v), ROTATION: (*q, *omega), ALL: (*q, *omega, *r, *v)}[case.numbers])
 
 
 def times_of(case: Case) -> Any:
@@ -70,9 +82,16 @@ def times_of(case: Case) -> Any:
 
 def states_of(case: Case, rows: Any) -> list[State]:
     """Return the states at the checkpoints from the rows at the start and at all outputs."""
-    r, v = case.start.r_c, case.start.v_c
-    chosen = rows[1:][case.checkpoints]
-    return [tuples(x[7:10], x[10:13], x[:4], x[4:7]) if len(x) > 7 else tuples(r, v, x[:4], x[4:7]) for x in chosen]
+    (r, v, q, omega), n, found = case.start, case.numbers, []
+    for x in rows[1:][case.checkpoints]:
+        if n == RATES:
+            omega = x
+        if n >= ROTATION:
+            q, omega = x[:4], x[4:7]
+        if n in (PATH, ALL):
+            r, v = x[n - 6 : n - 3], x[n - 3 :]
+        found.append(state_of(r, v, q, omega))
+    return found
 
 
 class _Solver:

@@ -106,7 +106,7 @@ def test_cost_is_the_first_point_s_where_that_is_good_enough_and_none_beyond_the
 
 
 def test_front_leaves_out_what_a_cheaper_point_beats() -> None:
-    worse = replace(POWER_LAW[1], attitude_error=1e-3)
+    worse = replace(POWER_LAW[1], error=1e-3)
     assert front([worse, *POWER_LAW]) == POWER_LAW
 
 

@@ -2,12 +2,11 @@
 
 import math
 from dataclasses import replace
-from itertools import combinations, pairwise
+from itertools import pairwise
 from pathlib import Path
 
 import numba
 import pytest
-from matplotlib.text import Text
 
 from examples.benchmarks import plans
 from rbfmu.studies.work_precision import (
@@ -31,6 +30,7 @@ from rbfmu.studies.work_precision.collection import (
 from rbfmu.studies.work_precision.plans import verdicts
 from rbfmu.studies.work_precision.tables import WIDTH, plan_table
 from tests.support.chart_points import judged, made_point
+from tests.support.pictures import overlaps
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +74,7 @@ def test_quick_figures_are_sound(files: dict[str, Path]) -> None:
         assert point.seconds > 0.0
         assert point.spread >= 1.0
         assert point.compiling >= 0.0
-        assert 0.0 <= point.attitude_error <= collection.LARGEST_ERROR
+        assert 0.0 <= point.error <= collection.LARGEST_ERROR
     assert {p.outputs for p in points if p.case == "d"} == {5, 2000}
 
 
@@ -110,23 +110,6 @@ def made_up() -> Collection:
     return Collection([p if kept[p.case] else replace(p, **nothing) for p in points], endings)
 
 
-def _overlaps(figure) -> list[tuple[str, str]]:
-    """Texts that lie on one another, or beyond the page; ticks beyond their axis' ends are not drawn."""
-    figure.draw_without_rendering()
-    hidden = set()
-    for axes in figure.axes:
-        (left, right), (bottom, top) = sorted(axes.get_xlim()), sorted(axes.get_ylim())
-        hidden |= {tick.label1 for tick in axes.xaxis.get_major_ticks() if not left <= tick.get_loc() <= right}
-        hidden |= {tick.label1 for tick in axes.yaxis.get_major_ticks() if not bottom <= tick.get_loc() <= top}
-    texts = [t for t in figure.findobj(Text) if t.get_visible() and t.get_text().strip() and t not in hidden]
-    boxes = [(t.get_text(), Text.get_window_extent(t, figure.canvas.get_renderer())) for t in texts]
-    boxes = [(text, box) for text, box in boxes if box.width > 1.0]
-    page = figure.bbox
-    outside = [(text, "figure") for text, b in boxes if min(b.x0, b.y0) < 0.0 or b.x1 > page.x1 or b.y1 > page.y1]
-    pairs = ((a, b) for a, b in combinations(boxes, 2) if a[1].shrunk(0.9, 0.8).overlaps(b[1].shrunk(0.9, 0.8)))
-    return outside + [(a[0], b[0]) for a, b in pairs]
-
-
 def test_tables_fit_the_terminal_and_no_label_lies_on_another(
     made_up: Collection, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -141,7 +124,7 @@ def test_tables_fit_the_terminal_and_no_label_lies_on_another(
     assert len(drawn) == sum(path.suffix == ".png" for path in paths)
     drawing.draw_answers(verdicts(made_up)[:2], tmp_path / "one_motion.png")
     for figure in drawn:
-        assert _overlaps(figure) == []
+        assert overlaps(figure) == []
         assert all(axes.lines or axes.patches for axes in figure.axes)  # no panel is empty
 
 

@@ -1,0 +1,372 @@
+"""`rbfmu chart SCENE`: errors against independent arithmetic, what is said of peers and models, the table, files."""
+
+import csv
+import math
+import random
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rbfmu
+from rbfmu.studies.own_chart import case as own
+from rbfmu.studies.own_chart import contestants, findings, measure, tables
+from rbfmu.studies.own_chart.result import Chart, End, Row
+from rbfmu.studies.work_precision import library_methods, methods, peers, solvers
+from rbfmu.studies.work_precision.cases import ALL, PATH, RATES, ROTATION, state_of
+from rbfmu.studies.work_precision.collection import STOPPED
+from rbfmu.studies.work_precision.drawing import GROUPS
+from rbfmu.studies.work_precision.methods import NotFeasibleError
+from rbfmu.studies.work_precision.simulators import MuJoCo
+from rbfmu.studies.work_precision.tables import WIDTH
+from rbfmu_kernels.mechanics.equations_of_motion import State
+from tests.support.command_line import call
+from tests.support.paths import ROOT
+from tests.support.pictures import overlaps
+from tests.support.references import reference_mp
+
+GALLERY = sorted((ROOT / "examples" / "scenes").glob("*.toml"))
+MIXED = ((2.0, 0.1, -0.2), (0.1, 2.5, 0.3), (-0.2, 0.3, 3.0))
+SATELLITE = {
+    "name": "satellite",
+    "body": {"mass": 2.0, "inertia": MIXED, "r_oc_b": [0.1, -0.2, 0.05]},
+    "initial": {"omega_b": [0.3, -0.5, 0.8], "velocity": [1.0, 0.0, 0.0], "position": [0.0, 2.0, 0.0]},
+    "loads": {"force_b": [1.0, 0.5, -2.0], "torque_b": [0.1, 0.0, 0.2]},
+    "outputs": {"quantities": ["position", "velocity", "rpy", "omega_a"]},
+    "run": {"start": 3.0, "stop": 5.0, "step": 0.1, "accuracy": 1e-8},
+}
+"""Loads and outputs of many kinds, moments that are not principal, and a start that is not 0."""
+
+
+def scene_of(tables: dict, **changes: object) -> rbfmu.Scene:
+    scene = rbfmu.Scene.from_dict(tables, "it")
+    return scene.replace(changes) if changes else scene
+
+
+def gallery(name: str) -> own.OwnCase:
+    return own.own_case(rbfmu.load_scene(ROOT / "examples" / "scenes" / f"{name}.toml"))
+
+
+@pytest.fixture(scope="module")
+def satellite() -> own.OwnCase:
+    return own.own_case(scene_of(SATELLITE))
+
+
+# Errors
+
+
+@pytest.fixture(scope="module")
+def by_mpmath(satellite: own.OwnCase) -> list[State]:
+    """The centre of mass, attitude and rates at the checkpoints, rounded from 40 digits."""
+    times = tuple(3.0 + satellite.interval * n for n in np.cumsum(satellite.outputs_between).tolist())
+    found = []
+    for point in reference_mp.motion(satellite.scene, times):
+        R, w = np.array(point.R_ab, dtype=float), np.array(point.omega_b, dtype=float)
+        arm = np.array(satellite.scene.body.r_oc_b)
+        r, v = np.array(point.position, dtype=float), np.array(point.velocity, dtype=float)
+        q = rbfmu.quaternion_from_matrix(R)
+        found.append(state_of(r + R @ arm, v + R @ np.cross(w, arm), -2.0 * q, w))  # neither sign nor length counts
+    return found
+
+
+def test_the_true_motion_has_no_error(satellite: own.OwnCase, by_mpmath: list[State]) -> None:
+    assert len(by_mpmath) == 20
+    assert satellite.judged(satellite.errors(by_mpmath)) < own.FLOOR
+
+
+@pytest.mark.parametrize(
+    ("turned", "moved", "faster", "expected"),
+    [(1e-5, 0.0, 0.0, 1e-5), (0.0, 1e-4, 0.0, "position"), (0.0, 0.0, 1e-4, "omega_a")],
+)
+def test_errors_are_those_that_the_accuracy_counts(
+    satellite: own.OwnCase, by_mpmath: list[State], turned: float, moved: float, faster: float, expected: object
+) -> None:
+    states = list(by_mpmath)
+    r, v, q, w = states[7]
+    turn = rbfmu.quaternion_from_rotvec(np.array([0.0, turned, 0.0]))
+    states[7] = state_of(
+        np.add(r, (moved, 0.0, 0.0)),
+        v,
+        rbfmu.compose_quaternions(np.array(q), turn),
+        np.multiply(w, 1.0 + faster),
+    )  # fmt: skip
+    found = satellite.judged(satellite.errors(states))
+    if expected == "position":
+        expected = moved / max(1.0, np.max(np.linalg.norm(satellite.truth["position"], axis=1)))
+    if expected == "omega_a":
+        sizes = np.linalg.norm(satellite.truth["omega_a"], axis=1)
+        assert 0.0 < found <= faster * 1.0001
+        assert found >= faster * sizes[8] / np.max(sizes) * 0.9999
+    else:
+        assert found == pytest.approx(expected, rel=0.5 if turned else 1e-6)
+
+
+def test_what_is_not_finite_has_an_infinite_error(satellite: own.OwnCase, by_mpmath: list[State]) -> None:
+    states = list(by_mpmath)
+    states[3] = states[3]._replace(omega_b=(math.nan, 0.0, 0.0))
+    assert satellite.judged(satellite.errors(states)) == math.inf
+
+
+def _of_peers() -> list[methods.Method]:
+    return [*peers.peers()[0], *methods.reference_integrators(), *library_methods.library_methods()]
+
+
+@pytest.mark.parametrize("name", ["SciPy DOP853", "SciPy odeint", "heyoka.py", "RK4, quaternion",
+                                  "Taylor, order 12", "MuJoCo RK4"])  # fmt: skip
+def test_all_follow_the_same_motion_in_their_own_ways(satellite: own.OwnCase, name: str) -> None:
+    method = next((m for m in _of_peers() if m.name == name), None)
+    if method is None:
+        pytest.skip(f"{name} is not installed")
+    value = 0.001 if "RK4" in name else 1e-9
+    assert satellite.judged(satellite.errors(method.run(satellite, value).states())) < 1e-6
+
+
+# What is charted of a scene
+
+
+@pytest.mark.parametrize(
+    ("name", "numbers"), [("thrown_ball", PATH), ("flywheel", RATES), ("toutatis", ROTATION), ("ship", ALL)]
+)
+def test_solvers_integrate_what_the_outputs_need_and_no_more(name: str, numbers: int) -> None:
+    case = gallery(name)
+    assert case.numbers == numbers == len(solvers.start_of(case))
+    for method in (solvers.Odeint(), *(m for m in peers.peers()[0] if m.name == "heyoka.py")):
+        assert case.judged(case.errors(method.run(case, 1e-10).states())) < 1e-6
+
+
+def test_a_run_too_long_for_the_reference_is_charted_in_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(own, "MAX_REFERENCE_STEPS", 1)
+    case = own.own_case(scene_of(SATELLITE))
+    assert case.outputs == 5
+    assert case.span == pytest.approx(0.5)
+    assert case.scene.run.start == 3.0
+
+
+@pytest.mark.parametrize(("step", "outputs", "span"), [(0.3, 6, 1.8), (0.1, 20, 2.0), (2.0, 1, 2.0)])
+def test_a_last_step_that_is_shorter_is_left_out(step: float, outputs: int, span: float) -> None:
+    case = own.own_case(scene_of(SATELLITE, **{"run.step": step}))
+    assert (case.outputs, case.span) == (outputs, pytest.approx(span))
+
+
+def test_errors_are_measured_at_the_end_and_at_a_few_hundred_points_at_most() -> None:
+    case = own.own_case(scene_of(SATELLITE, **{"run.step": 0.002}))
+    at = list(range(case.outputs)[case.checkpoints])
+    assert len(at) == own.POINTS == len(case.outputs_between)
+    assert at[-1] == case.outputs - 1
+    assert sum(case.outputs_between) == case.outputs
+    assert len(case.truth["omega_b"]) == own.POINTS + 1
+
+
+def test_closed_forms_compete_only_where_ports_leave_them_exact() -> None:
+    closed = {form.name: form for form in map(contestants.ClosedForm, contestants.CLOSED_FORMS)}
+    free, driven = gallery("t_handle"), gallery("controlled_satellite")
+    assert [name for name, form in closed.items() if form.suits(free)] == ["torque-free body"]
+    assert not any(form.suits(driven) for form in closed.values())
+    planned = rbfmu.plan(driven.scene)
+    small = {model.model: model for model in contestants.too_small(driven, planned)}
+    assert small["torque-free body"].why == "takes no torque_b"
+    assert small["torque-free body"].error < 1e-12
+
+
+def test_models_too_small_are_named_with_their_errors() -> None:
+    case = gallery("flywheel")
+    small = contestants.too_small(case, rbfmu.plan(case.scene))
+    assert [model.model for model in small] == ["no rotation", "constant rate", "angular momentum"]
+    decayed = 1.0 - math.exp(-0.02 / 0.4 * 100.0)  # of the rate; the energy's is its square
+    assert small[1].error == pytest.approx(1.0 - (1.0 - decayed) ** 2, rel=1e-6)
+    assert small[2].why == "shows no rates in b"
+
+
+def test_what_mujoco_cannot_model_is_said() -> None:
+    pytest.importorskip("mujoco")
+    with pytest.raises(NotFeasibleError, match="damping is the same"):
+        MuJoCo("RK4").run(gallery("flywheel"), 0.1)
+    with pytest.raises(NotFeasibleError, match="centre of mass"):
+        MuJoCo("RK4").run(own.own_case(scene_of(SATELLITE, **{"loads.force_a": [1.0, 0.0, 0.0]})), 0.01)
+
+
+# Charts
+
+
+def few(monkeypatch: pytest.MonkeyPatch, *names: str) -> None:
+    """Let few methods compete, which need little compilation."""
+    chosen = contestants.own_methods
+    monkeypatch.setattr(
+        "rbfmu.studies.own_chart.measure.own_methods",
+        lambda case, them: [m for m in chosen(case, them) if m.name in (*names, "rbfmu, as planned")],
+    )
+
+
+@pytest.fixture(scope="module")
+def small_chart() -> Chart:
+    with pytest.MonkeyPatch.context() as patch:
+        few(patch, "SciPy odeint", "Taylor, order 12")
+        patch.setattr(measure, "QUICK_LONGEST", 60.0)  # whatever the load
+        seen: list[tuple[int, int, str]] = []
+        found = rbfmu.chart(ROOT / "examples/scenes/top_falling.toml", True, lambda *step: seen.append(step))
+    assert seen[-1][0] == seen[-1][1]
+    return found
+
+
+def test_a_chart_has_its_plan_and_its_methods(small_chart: Chart) -> None:
+    assert {row.kind for row in small_chart.rows} == {"rbfmu's plan", "Taylor series", "SciPy odeint"}
+    assert small_chart.plan.value == small_chart.accuracy == 1e-6
+    assert small_chart.plan.error <= 1e-6
+    for row in small_chart.rows:
+        assert row.seconds == row.run_seconds / 2.0 > 0.0
+    assert repr(small_chart).startswith(f"Chart of top_falling: {len(small_chart.rows)} points")
+    assert str(small_chart) == small_chart.table
+    assert small_chart._repr_html_().startswith('<img src="data:image/png;base64,')
+
+
+def test_all_points_are_in_the_file_with_the_machine(small_chart: Chart, tmp_path: Path) -> None:
+    paths = small_chart.save(tmp_path / "charts")
+    assert [path.name for path in paths] == ["top_falling.csv", "top_falling.txt", "top_falling.png"]
+    lines = paths[0].read_text().splitlines()
+    assert "processors" in lines[0]
+    rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
+    assert [float(row["error"]) for row in rows] == [row.error for row in small_chart.rows]
+    assert [float(row["seconds"]) for row in rows] == [row.seconds for row in small_chart.rows]
+    assert paths[1].read_text() == small_chart.table + "\n"
+    assert paths[2].read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_command_charts_a_scene_and_names_what_is_wrong_with_it(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    few(monkeypatch, "SciPy odeint")
+    done = call("chart", ROOT / "examples/scenes/controlled_satellite.toml", "--quick", "-o", tmp_path)
+    assert done.exit_code == 0
+    assert "torque_b at zero" in done.stdout
+    assert str(tmp_path / "controlled_satellite.png") in done.stdout
+    (tmp_path / "bad.toml").write_text("[body]\nmass = -1.0\ninertia = [1, 1, 1]\n")
+    wrong = call("chart", tmp_path / "bad.toml")
+    assert wrong.exit_code == 2
+    assert "bad.toml" in wrong.stderr
+    assert "mass" in wrong.stderr
+
+
+def test_prescribed_rates_are_charted_at_rest() -> None:
+    found = rbfmu.chart(ROOT / "examples/scenes/gyro_attitude.toml", quick=True)
+    assert found.plan.error == 0.0
+    assert "omega_b at zero" in found.table
+    assert "prescribed rates" in found.table
+    found.figure()
+
+
+def test_absent_peers_are_lines(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(peers, "_package", lambda name: None)
+    none = peers.peers.__wrapped__()
+    for place in ("rbfmu.studies.own_chart.measure.peers", "rbfmu.studies.work_precision.collection.peers"):
+        monkeypatch.setattr(place, lambda: none)
+    monkeypatch.setattr(peers, "peers", lambda: none)
+    few(monkeypatch, "Taylor, order 12")
+    found = rbfmu.chart(ROOT / "examples/scenes/thrown_ball.toml", quick=True)
+    for name in peers._PEERS:
+        assert f"{name}: not installed" in found.table
+    assert "no peer is charted" in found.table
+
+
+def test_a_peer_that_does_not_load_is_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(name: str):
+        raise NotFeasibleError(f"{name} is installed but does not load: no shared library")
+
+    monkeypatch.setattr(solvers, "module", broken)
+    few(monkeypatch, "SciPy odeint")
+    found = rbfmu.chart(ROOT / "examples/scenes/thrown_ball.toml", quick=True)
+    assert "SciPy: scipy.integrate is installed but does not load" in found.table
+
+
+# What is said
+
+
+def _row(kind: str, method: str, family: str, error: float, micros: float, **more: object) -> Row:
+    row = Row(kind, method, "", family, "tolerance", 1e-6, error, 1e-6 * micros, 2e-6 * micros, 1.05, math.nan)
+    return replace(row, **more)
+
+
+def made_up(peer: float, scene: str = "it", **changes: object) -> Chart:
+    """A plan of 1 us at 1e-6, a peer that costs so many, one that is too slow, and one that never gets there."""
+    detail = "elliptic functions, Gauss's rule of 16 points"
+    plan = _row("rbfmu's plan", "rbfmu, as planned", "planned", 2e-7, 1.0, detail=detail)
+    peers_rows = [_row("heyoka.py", "heyoka.py", "peer", 10.0**-k, peer * 1.2 ** (k - 6)) for k in range(3, 14)]
+    slow = [_row("MuJoCo", "MuJoCo implicitfast", "peer", 10.0**-k, 900.0 * 2.0**k) for k in range(1, 4)]
+    others = [_row("RK4, Euler and others", "RK4, quaternion not normalised", "classic", 10.0**-k, 3.0 * 2.0**k)
+              for k in range(1, 13)]  # fmt: skip
+    ends = [End(row.kind, row.method, row.error, why) for row, why in
+            ((peers_rows[-1], "all settings tried"), (slow[-1], STOPPED), (others[-1], STOPPED))]  # fmt: skip
+    further = [replace(plan, value=1e-7, error=9e-9, seconds=1.5e-6), replace(plan, value=1e-8, seconds=4e-6)]
+    chart = Chart(
+        scene, "torque-free body, body force", 1e-6, 2.0, 2.0, 400, ("torque_b",),
+        (*others, *peers_rows, *slow, plan, *further), tuple(ends),
+        (contestants.TooSmall("torque-free symmetric body", 0.37), contestants.TooSmall("angular momentum", math.inf,
+         "shows no attitude")), ("Drake: not installed",), "1e-09: refused", ("a processor",),
+    )  # fmt: skip
+    return replace(chart, **changes)
+
+
+@pytest.mark.parametrize(
+    ("peer", "first", "second"),
+    [
+        (3.0, "it at 1e-6: use rbfmu's plan, 1.0 µs per", "best peer heyoka.py, 3.0 x that"),
+        (1.02, "use rbfmu's plan", "heyoka.py is even"),
+        (0.97, "use rbfmu's plan", "heyoka.py is even"),
+        (0.5, "cheapest is heyoka.py, 500 ns per simulated second", "rbfmu's plan costs 2.0 x that"),
+    ],
+)
+def test_the_headline_names_what_to_use(peer: float, first: str, second: str) -> None:
+    lines = list(findings.headline(made_up(peer)))
+    assert first in lines[0]
+    assert second in lines[1]
+
+
+def test_the_table_has_every_answer() -> None:
+    text = made_up(3.0).table
+    assert "MuJoCo                misses it: 1e-3 by MuJoCo implicitfast (stopped:" in text
+    assert "torque-free symmetric body          0.37     3.7e+05 x" in text
+    assert "shows no attitude" in text
+    assert "1e-7      elliptic functions, Gauss's rule of 16" in text
+    assert "1e-09: refused" in text
+    assert "torque_b at zero" in text
+    assert "Drake: not installed" in text
+    assert max(map(len, text.splitlines())) <= WIDTH
+
+
+def test_a_part_of_a_run_is_said_to_be_one() -> None:
+    assert "the first 2 s of 500 s" in tables.conditions(made_up(3.0, whole=500.0))
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"), [(1.2e-15, "1.2 fs"), (3.4e-13, "340 fs"), (5e-12, "5.0 ps"), (0.25, "250 ms")]
+)
+def test_costs_have_units_of_their_size(seconds: float, text: str) -> None:
+    assert findings.cost_text(seconds) == text
+
+
+def crowded(seed: int) -> Chart:
+    """All kinds of methods, whose lines end anywhere."""
+    draw, rows, ends = random.Random(seed), [], []
+    for kind in GROUPS:
+        cost, best = 10.0 ** draw.uniform(-1.0, 4.0), draw.randint(4, 15)
+        if kind != "rbfmu's plan":
+            mine = [_row(kind, kind, "peer", 10.0**-k, cost * 1.3**k) for k in range(draw.randint(1, 3), best)]
+            rows += mine
+            ends.append(End(kind, kind, mine[-1].error, STOPPED))
+    one = made_up(1.0, draw.choice(("it", "a_satellite_with_a_long_name_that_somebody_gave_it")))
+    return replace(one, rows=(*rows, *one.plans), ends=tuple(ends), accuracy=10.0 ** -draw.randint(1, 13))
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_no_label_of_the_picture_lies_on_another(seed: int) -> None:
+    assert overlaps(crowded(seed).figure()) == []
+    assert max(map(len, crowded(seed).table.splitlines())) <= WIDTH
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", GALLERY, ids=lambda path: path.stem)
+def test_every_scene_of_the_gallery_has_its_chart(path: Path, tmp_path: Path) -> None:
+    found = rbfmu.chart(path, quick=True)
+    assert found.plan.error <= found.accuracy
+    assert max(map(len, found.table.splitlines())) <= WIDTH
+    assert all(file.stat().st_size > 0 for file in found.save(tmp_path))
