@@ -1,6 +1,5 @@
-"""A controller in Python turns a satellite's FMU to zero attitude, step by step through FMPy."""
+"""A controller in Python turns a satellite to zero attitude: by a Simulator, and through its FMU by FMPy."""
 
-import shutil
 import tempfile
 from pathlib import Path
 
@@ -21,36 +20,49 @@ def control(q_ab: np.ndarray, omega_b: np.ndarray) -> np.ndarray:
     return -STIFFNESS * np.copysign(1.0, q_ab[0]) * q_ab[1:] - DAMPING * omega_b
 
 
-def main() -> float:
-    """Print the attitude error as it falls; return the last one in degrees."""
-    scene = rbfmu.load_scene(SCENE)
-    folder = Path(tempfile.mkdtemp())
-    fmu_file = rbfmu_fmu.build(scene, folder / "satellite.fmu")
-    model = fmpy.read_model_description(str(fmu_file))
+def by_simulator(steps: int) -> np.ndarray:
+    """Return the attitude after each step, (steps, 4)."""
+    satellite = rbfmu.Simulator(SCENE)
+    attitudes = []
+    for _ in range(steps):
+        satellite.step(0.1, torque_b=control(satellite.quaternion, satellite.omega_b))
+        attitudes.append(satellite.quaternion)
+    return np.array(attitudes)
+
+
+def by_fmu(steps: int, folder: Path) -> np.ndarray:
+    """Return the same from the scene's FMU."""
+    fmu_file = str(rbfmu_fmu.build(rbfmu.load_scene(SCENE), folder / "satellite.fmu"))
+    model, unzipped = fmpy.read_model_description(fmu_file), fmpy.extract(fmu_file, str(folder / "unzipped"))
     reference = {v.name: v.valueReference for v in model.modelVariables}
     state = [reference[f"quaternion[{i}]"] for i in (1, 2, 3, 4)] + [reference[f"omega_b[{i}]"] for i in (1, 2, 3)]
     torque = [reference[f"torque_b[{i}]"] for i in (1, 2, 3)]
-
-    unzipped = fmpy.extract(str(fmu_file), str(folder / "unzipped"))
     fmu = FMU2Slave(guid=model.guid, unzipDirectory=unzipped, modelIdentifier=model.coSimulation.modelIdentifier,
                     instanceName="satellite")  # fmt: skip
     fmu.instantiate()
     fmu.setupExperiment(startTime=0.0)
     fmu.enterInitializationMode()
     fmu.exitInitializationMode()
-    step, angle = scene.run.step, 0.0
-    for k in range(round(scene.run.stop / step)):
+    attitudes = []
+    for k in range(steps):
         values = np.array(fmu.getReal(state))
-        angle = float(np.degrees(rbfmu.angle_between(values[:4], [1.0, 0.0, 0.0, 0.0])))
-        if k % 100 == 0:
-            print(f"t = {k * step:4.1f} s: {angle:8.4f} deg from zero attitude")
         fmu.setReal(torque, control(values[:4], values[4:]).tolist())
-        fmu.doStep(currentCommunicationPoint=k * step, communicationStepSize=step)
+        fmu.doStep(currentCommunicationPoint=k * 0.1, communicationStepSize=0.1)
+        attitudes.append(fmu.getReal(state)[:4])
     fmu.terminate()
     fmu.freeInstance()
-    shutil.rmtree(folder)
-    print(f"t = {scene.run.stop:4.1f} s: {angle:8.4f} deg")
-    return angle
+    return np.array(attitudes)
+
+
+def main(steps: int = 600) -> float:
+    """Print the attitude error as it falls, and how far both ways are apart; return the last error in degrees."""
+    attitudes = by_simulator(steps)
+    angles = np.degrees(rbfmu.angle_between(attitudes, [1.0, 0.0, 0.0, 0.0]))
+    for k in range(steps // 6 - 1, steps, steps // 6):
+        print(f"t = {0.1 * (k + 1):4.1f} s: {angles[k]:8.4f} deg from zero attitude")
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        print(f"largest difference to the FMU: {np.max(np.abs(attitudes - by_fmu(steps, Path(folder))))}")
+    return float(angles[-1])
 
 
 if __name__ == "__main__":

@@ -1,6 +1,9 @@
 """Both kinds of FMU in every importer on this machine; a system of three units in libcosim."""
 
 import importlib.util
+import re
+import subprocess
+import sys
 from functools import cache
 
 import pytest
@@ -63,3 +66,14 @@ def test_a_system_of_three_units_in_libcosim_is_the_loop_of_direct_calls(kind, c
     last = capsys.readouterr().out.splitlines()[-2]
     # held rates make the navigator's attitude drift by a degree, which the controller then holds
     assert 0.5 < float(last.split(": ")[1].split()[0]) < 1.5
+
+
+@pytest.mark.parametrize("kind", interop.KINDS)
+def test_two_joined_satellites_in_libcosim_are_two_simulators(kind):
+    pytest.importorskip("libcosimpy")
+    example = ROOT / "examples" / "06_joined_satellites.py"
+    done = subprocess.run([sys.executable, example, kind], capture_output=True, text=True, check=True, timeout=1200)
+    distances = [float(x) for x in re.findall(r"(\S+) m apart", done.stdout)]
+    assert distances == sorted(distances, reverse=True)
+    assert float(re.search(r"moved by (\S+) m", done.stdout)[1]) < 1e-13
+    assert done.stdout.endswith("largest difference to libcosim: 0.0\n")

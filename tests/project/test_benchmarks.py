@@ -11,7 +11,7 @@ from tests.support.fmu import c_host
 from tests.support.fmu.fmus import bench
 from tests.support.paths import ROOT
 
-NAMES = ("kernels", "free_rotation", "fmu", "held_gil", "native", "gallery", "costs")
+NAMES = ("kernels", "free_rotation", "fmu", "held_gil", "native", "gallery", "costs", "stepping")
 GALLERY, COSTS = bench("gallery"), bench("costs")
 
 
@@ -60,6 +60,7 @@ FIGURES = {
     "native": ({"top": NATIVE, "DOP853 and by hand": NATIVE | BY_HAND}, 7),
     "gallery": ([_row("planned"), _row("full", 6.0), _row("MuJoCo", 0.1, 1.0)], 4),
     "costs": ([_figure(100.0, 140.0), _figure(140.0, 100.0)], 2),
+    "stepping": ({"stepped": 2.9e-6, "bare": 1e-6}, 1),
 }
 """Made up, all goals kept; how many goals there are."""
 
@@ -85,6 +86,7 @@ def test_good_figures_keep_all_goals(name):
     ("gallery", [_row("planned", error=2e-3), _row("full", 6.0)], "error, top, planned"),
     ("costs", [_figure(100.0, 160.0)], "free, all, stated / measured"),
     ("costs", [_figure(160.0, 100.0)], "free, all, stated / measured"),
+    ("stepping", {"stepped": 3.1e-6, "bare": 1e-6}, "microseconds a step of a Simulator"),
 ])  # fmt: skip
 def test_a_figure_beyond_its_goal_is_missed(name, figures, missed):
     assert [goal.name for goal in bench(name).goals(figures) if not goal.kept] == [missed]
@@ -125,6 +127,12 @@ def test_free_rotation_is_measured():
     figures = bench("free_rotation").main(2, 10)
     assert [len(ratios) for ratios in figures.values()] == [3, 2]
     assert all(ratio > 0.0 for ratios in figures.values() for ratio in ratios.values())
+
+
+def test_steps_of_a_simulator_are_measured(capsys):
+    figures = bench("stepping").main(rounds=1, steps=100)
+    assert 0.0 < figures["bare"] < figures["stepped"]
+    assert "ratio" in capsys.readouterr().out
 
 
 def test_the_pythonfmu_fmu_is_measured(monkeypatch):

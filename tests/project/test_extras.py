@@ -20,6 +20,7 @@ NEEDED = {
     ("examples.benchmarks.gallery", "mpmath"): "bench",
     ("examples.references.reference_motions", "mpmath"): "bench",
     ("examples.05_system", "libcosimpy"): "interop",
+    ("examples.06_joined_satellites", "libcosimpy"): "interop",
 }
 """By module and the package that it cannot do without: the extra that installs it."""
 MAIN_JOB = """
