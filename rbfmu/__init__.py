@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rbfmu.arrays import *  # noqa: F403
     from rbfmu.arrays.from_kernel import set_threads as set_threads
+    from rbfmu.progress import progress_bar as progress_bar
     from rbfmu.result import Result as Result
     from rbfmu.runs.plan import Plan as Plan
     from rbfmu.scene import Body as Body
@@ -34,6 +35,7 @@ _MODULES = {
     "scene.plausibility": ("SceneWarning",),
     "arrays.from_kernel": ("set_threads",),
     "result": ("Result",),
+    "progress": ("progress_bar",),
     "simulator": ("Simulator", "compiled_step"),
     "studies.own_chart": ("Chart", "chart"),
     "simulation": ("SimulationError", "plan", "simulate"),

@@ -23,12 +23,12 @@ from rbfmu.cli_output import (
     planning_bar,
     print_end,
     print_keys,
-    progress_bar,
     say_where_nothing_is_kept,
     usage_errors,
 )
 from rbfmu.exceptions import SceneWarning
 from rbfmu.kept_plans import KeptPlan
+from rbfmu.progress import progress_bar
 
 if TYPE_CHECKING:
     from rbfmu.scene.scene import Scene

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import Progress, track
+from rich.progress import Progress
 from rich.table import Table
 
 from rbfmu._interrupt import interruptible
@@ -94,13 +94,6 @@ def check_target(path: Path | None, option: str, endings: Sequence[str]) -> None
         raise click.UsageError(f"{option} {str(path)!r}: expected a name that ends in {' or '.join(endings)}")
     if not path.parent.is_dir():
         raise click.UsageError(f"{option} {str(path)!r}: there is no folder {str(path.parent)!r}")
-
-
-def progress_bar(name: str) -> Callable[[Sequence[Any]], Any] | None:
-    """Show a bar on a terminal; it goes when done."""
-    if not sys.stderr.isatty():
-        return None
-    return lambda numbers: track(numbers, name, console=Console(stderr=True), transient=True)
 
 
 @contextmanager

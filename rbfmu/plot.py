@@ -1,5 +1,6 @@
 """Pictures of results."""
 
+import io
 import math
 from pathlib import Path
 from typing import Any
@@ -14,9 +15,25 @@ COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
 """Okabe and Ito's: told apart by everyone."""
 
 
-def plot_result(result: Result, path: str | Path, title: str = "") -> None:
+class Picture(Figure):
+    """A figure that a notebook shows, whichever way it shows other figures."""
+
+    def _repr_png_(self) -> bytes:
+        file = io.BytesIO()
+        self.savefig(file, format="png", dpi=90)
+        return file.getvalue()
+
+
+def plot_result(result: Result, path: str | Path, title: str = "") -> Figure:
     """Draw one panel for each quantity over time; the file's ending (.png, .svg, .pdf) sets the format."""
-    figure = Figure(figsize=(8.0, 1.2 + 1.9 * len(result.quantities)), layout="constrained")
+    figure = drawn(result, title)
+    figure.savefig(path, dpi=130)
+    return figure
+
+
+def drawn(result: Result, title: str = "") -> Figure:
+    """Return a figure with one panel for each quantity over time."""
+    figure = Picture(figsize=(8.0, 1.2 + 1.9 * len(result.quantities)), layout="constrained")
     panels = figure.subplots(len(result.quantities), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (name, values) in zip(panels, result.quantities.items(), strict=True):
         turn = 2.0 * math.pi if OUTPUT[name].unit == "rad" else math.inf
@@ -24,7 +41,7 @@ def plot_result(result: Result, path: str | Path, title: str = "") -> None:
         axes.set_ylabel(f"{OUTPUT[name].label}{_unit(name)}", fontsize=9)
     panels[-1].set_xlabel("time (s)")
     figure.suptitle(title, fontsize=11)
-    figure.savefig(path, dpi=130)
+    return figure
 
 
 def draw_components(axes: Any, time: Any, values: Any, names: tuple[str, ...], turn: float = math.inf) -> None:

@@ -2,6 +2,7 @@
 
 import csv
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,32 @@ class Result:
 
     def __repr__(self) -> str:
         return f"Result({len(self.time)} points, {', '.join(self.quantities)})"
+
+    def _repr_html_(self) -> str:
+        from rbfmu.notebook import result_html
+
+        return result_html(self)
+
+    def plot(self, path: str | Path | None = None, title: str = "") -> Any:
+        """Draw one panel for each quantity over time, and return the matplotlib.figure.Figure, which notebooks show.
+
+        path: a file to draw to, whose ending (.png, .svg, .pdf) sets the format.
+        """
+        from rbfmu.plot import drawn, plot_result
+
+        return drawn(self, title) if path is None else plot_result(self, path, title)
+
+    def to_dataframe(self) -> Any:
+        """Return a pandas.DataFrame: time (s) as index, a column for each FMU variable, units in `.attrs["units"]`."""
+        from rbfmu.result_tables import dataframe
+
+        return dataframe(self)
+
+    def to_xarray(self) -> Any:
+        """Return a xarray.Dataset: a variable for each quantity, with the names of its components and its unit."""
+        from rbfmu.result_tables import dataset
+
+        return dataset(self)
 
     def columns(self) -> dict[str, Array]:
         """Return flat columns by FMU variable name: time, quaternion[1], ..."""

@@ -9,7 +9,7 @@ from rbfmu.models.spec import ModelSpec
 from rbfmu.runs.model_buffer import Model
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Plan:
     """What simulates a scene, and why.
 
@@ -31,6 +31,14 @@ class Plan:
     cost: float = 0.0
     span: float = 0.0
     reasons: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return f"Plan({self.model}: {self.method}; {self.states} states, error {self.error:.1e})"
+
+    def _repr_html_(self) -> str:
+        from rbfmu.notebook import plan_html
+
+        return plan_html(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the plan for JSON, where an infinite substep is None."""

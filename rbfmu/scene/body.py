@@ -170,6 +170,12 @@ class Body(Section):
             pivot: bool = False,
         ) -> None: ...
 
+    def _set(self) -> dict[str, Any]:
+        """Return the fields that are not as by default; an inertia along the axes is its three moments."""
+        M = self.inertia
+        moments = (M[0][0], M[1][1], M[2][2])
+        return super()._set() | ({"inertia": moments} if evaluated(_inertia.diagonal, moments) == M else {})
+
     @property
     def M_c(self) -> Matrix:
         """Return the inertia about the centre of mass, kg m2."""

@@ -1,7 +1,7 @@
 """The scene: body, initial state, loads, inputs, outputs and run, given in a TOML file or in Python, and checked."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Self
@@ -11,7 +11,7 @@ from pydantic import Field
 from rbfmu.scene.attitude import read_attitude
 from rbfmu.scene.body import ZERO, Body
 from rbfmu.scene.consistency import default_quantities, faults_between
-from rbfmu.scene.fields import Name, Names, Numbers, Rule, SceneError, fault, numbers, positive
+from rbfmu.scene.fields import Name, Names, Numbers, Rule, SceneError, fault, numbers, positive, shown
 from rbfmu.scene.section import Section, one_of
 from rbfmu.scene.toml_file import read_tables
 from rbfmu_kernels import quantities
@@ -70,6 +70,11 @@ class Initial(Section):
             except ValueError as error:
                 faults.append(fault("initial.omega_b_deg", degrees, str(error)))
         return data
+
+    def __repr_args__(self) -> Iterable[tuple[str | None, Any]]:
+        """Return what makes the section again."""
+        for name, value in self._set().items():
+            yield ("attitude", {name: value}) if name == "quaternion" else (name, value)
 
 
 class Loads(Section):
@@ -193,6 +198,20 @@ class Scene(Section):
             return cls.read({"name": Path(source).stem or "scene"} | dict(data))
         except SceneError as error:
             raise SceneError(error.faults, source) from None
+
+    def rows(self) -> Iterator[tuple[str, str, str, str]]:
+        """Return key, value, unit and meaning of what is not as by default."""
+        for key in SECTIONS:
+            section = getattr(self, key)
+            for name, value in section._set().items() if section is not None else ():
+                field = type(section).model_fields[name]
+                unit = next((rule.unit for rule in field.metadata if isinstance(rule, Numbers)), "")
+                yield f"{key}.{name}", shown(value), unit, field.description or ""
+
+    def _repr_html_(self) -> str:
+        from rbfmu.notebook import scene_html
+
+        return scene_html(self)
 
     def replace(self, changes: Mapping[str, Any] = MappingProxyType({}), /, **tables: Any) -> Self:
         """Return a checked scene with other values: `replace({"run.stop": 5.0})` or `replace(run={"stop": 5.0})`.

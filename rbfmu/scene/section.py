@@ -36,6 +36,14 @@ class Section(BaseModel):
         for key in cls._keys() if cls._path else ():
             cls._homes.setdefault(key, joined(cls._path, key))
 
+    def _set(self) -> dict[str, Any]:
+        """Return the fields that are not as by default."""
+        fields = type(self).model_fields
+        return {name: getattr(self, name) for name in fields if getattr(self, name) != fields[name].default}
+
+    def __repr_args__(self) -> Iterable[tuple[str | None, Any]]:
+        return self._set().items()
+
     @classmethod
     def read(cls, value: Any) -> Self:
         """Return the section of a table, or the section itself."""

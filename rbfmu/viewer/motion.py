@@ -22,7 +22,7 @@ NEEDED = ("quaternion", "omega_a", "angular_momentum_a")
 UP: Vec3 = (0.0, 0.0, 1.0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Motion:
     """A motion at the instants of its pictures; up: against gravity, or z."""
 
@@ -33,6 +33,9 @@ class Motion:
     pivot: bool = False
     up: Vec3 = UP
     notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return f"Motion({self.title}: {len(self.result.time)} pictures, played in {self.played:.3g} s)"
 
     @cached_property
     def quaternion(self) -> Array:

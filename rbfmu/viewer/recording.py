@@ -1,12 +1,12 @@
 """A motion drawn and recorded by viser, as one page without network."""
 
-import io
 from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import rich
 import viser
 
 from rbfmu.result import Array
@@ -40,12 +40,16 @@ def recorded_page(geometry: Geometry) -> str:
 @contextmanager
 def _server() -> Iterator[viser.ViserServer]:
     """Run viser's server on this machine alone; it says nothing."""
-    with redirect_stdout(io.StringIO()):
+    console = rich.get_console()
+    said, console.quiet = console.quiet, True
+    try:
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         try:
             yield server
         finally:
             server.stop()
+    finally:
+        console.quiet = said
 
 
 def _look(server: viser.ViserServer, geometry: Geometry) -> None:

@@ -67,7 +67,14 @@ def test_a_view_without_viser_is_one_message(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("extra", ["native", "bench", "interop", "view"])
+@pytest.mark.parametrize(("method", "package"), [("to_dataframe", "pandas"), ("to_xarray", "xarray")])
+def test_a_table_without_its_package_is_one_message(method, package):
+    made = "import numpy, rbfmu\nit = rbfmu.Result(numpy.arange(2.0), {'kinetic_energy': numpy.arange(2.0)})"
+    done = without([package], f"{made}\nit.{method}()")
+    assert done.stderr.endswith(f'ModuleNotFoundError: {package} is not installed: pip install "rbfmu[tables]"\n')
+
+
+@pytest.mark.parametrize("extra", ["native", "bench", "interop", "view", "tables", "notebook"])
 def test_an_extra_that_is_named_exists(extra):
     assert remedy(extra) == f'pip install "rbfmu[{extra}]"'
     assert EXTRAS[extra]
@@ -77,6 +84,10 @@ def test_the_main_job_needs_no_extra(tmp_path):
     """Scenes are run, planned, built into FMUs and verified, and the demonstration is loaded."""
     extras = (
         "viser",
+        "pandas",
+        "xarray",
+        "ipywidgets",
+        "IPython",
         "scipy",
         "mpmath",
         "ziglang",
