@@ -17,7 +17,7 @@ from rbfmu_fmu.fmi_version import UNSET
 from rbfmu_fmu.native.linking import EXPORTS, NoLinkerError, linked
 from rbfmu_fmu.native.object_code import object_files
 from rbfmu_fmu.native.platforms import this_platform
-from rbfmu_fmu.python.pythonfmu_traps import LEFT_OUT, builder_imports_undone, memory_capability
+from rbfmu_fmu.python.pythonfmu_traps import LEFT_OUT, builder_imports_undone
 from rbfmu_fmu.python.slave_access import CODE, LIBRARY, OBJECT
 
 SCRIPT = '''"""Entry of the FMU: pythonfmu instantiates the class below."""
@@ -43,7 +43,9 @@ ACCESS = Access(os.path.dirname(__file__), "{identity}")
 SHIPPED = ("slave.py", "slave_access.py", "call_rules.py", "pythonfmu_traps.py")
 """The modules of an FMU beside the kernels."""
 
-CAPABILITIES = {"needsExecutionTool": "true", "canInterpolateInputs": "false"}
+CAPABILITIES = {
+    "needsExecutionTool": "true", "canInterpolateInputs": "false", "canNotUseMemoryManagementFunctions": "true",
+}  # fmt: skip
 
 
 def build_python_fmu(scene: Scene, plan: Plan, path: Path) -> Path:
@@ -60,7 +62,7 @@ def build_python_fmu(scene: Scene, plan: Plan, path: Path) -> Path:
         with zipfile.ZipFile(raw) as archive:
             contents = {n: archive.read(n) for n in archive.namelist() if not LEFT_OUT.fullmatch(n)}
     contents["resources/scene.json"] = scene_inside(scene, plan)
-    xml = FMI2.model_description(description, UNSET, CAPABILITIES | memory_capability(contents))
+    xml = FMI2.model_description(description, UNSET, CAPABILITIES)
     xml.set(FMI2.identity, guid_of(contents, xml))
     write_archive(contents | {"modelDescription.xml": xml_bytes(xml)}, path)
     return path

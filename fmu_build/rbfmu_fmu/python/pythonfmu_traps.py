@@ -25,9 +25,6 @@ no FMU uses."""
 CRASHES_IN_PATH = re.compile(r"[+%(#]|[^\x00-\x7f]")
 """Characters of the folder of an unzipped FMU at which the library ends the process when it decodes the path."""
 
-_TAKES_MEMORY = re.compile(rb"6cppfmu|@cppfmu@@")
-"""In a library of pythonfmu (ELF or Windows) that takes memory by the importer's callbacks: those before 0.6.8."""
-
 _increment = ctypes.pythonapi.Py_IncRef
 _increment.argtypes, _increment.restype = [ctypes.py_object], None
 
@@ -46,12 +43,6 @@ def builder_imports_undone() -> Iterator[None]:
         for name in set(sys.modules) - before:
             if re.search(r"(^|\.)rbfmu_[0-9a-f]{12}|_[0-9a-f]{12}$", name):
                 del sys.modules[name]
-
-
-def memory_capability(contents: dict[str, bytes]) -> dict[str, str]:
-    """Return what an FMU of these files says of its memory; pythonfmu says "true" of all, and some then crash."""
-    takes = any(_TAKES_MEMORY.search(code) for name, code in contents.items() if name.startswith("binaries/"))
-    return {"canNotUseMemoryManagementFunctions": str(not takes).lower()}
 
 
 def keep_script(names: dict[str, Any]) -> None:

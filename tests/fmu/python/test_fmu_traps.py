@@ -288,10 +288,3 @@ def test_older_pythonfmu_finds_the_script_s_class_by_its_text_and_passes_the_sta
     script = python_fmu.SCRIPT.format(package="p", identifier="Body")
     assert re.search(r"^class (\w+)\(\s*Fmi2Slave\s*\)\s*:", script, re.MULTILINE)[1] == "Body"
     assert inspect.signature(Slave.setup_experiment).bind(None, 0.0)
-
-
-@pytest.mark.parametrize(("code", "own"), [(b"PyState", "true"), (b"N6cppfmu6", "false"), (b"@cppfmu@@", "false")])
-def test_what_takes_memory_of_the_importer_says_so(code, own):
-    """Else importers that offer none are ended by pythonfmu before 0.6.8."""
-    contents = {"binaries/it.so": code, "resources/text": b"6cppfmu"}
-    assert pythonfmu_traps.memory_capability(contents) == {"canNotUseMemoryManagementFunctions": own}

@@ -34,8 +34,6 @@ class Fmu:
         root = ElementTree.parse(self.folder / "modelDescription.xml").getroot()
         self.guid, interface = root.get("guid"), root.find("CoSimulation")
         identifier = interface.get("modelIdentifier")
-        takes_memory = interface.get("canNotUseMemoryManagementFunctions") == "false"
-        self.of_old_pythonfmu = takes_memory and interface.get("needsExecutionTool") == "true"
         self.lib = c.CDLL(str(self.folder / "binaries" / "linux64" / f"{identifier}.so"))
         self.lib.fmi2Instantiate.restype = c.c_void_p
         self.references, self.by_causality = {}, {"parameter": [], "input": [], "output": []}
@@ -77,14 +75,13 @@ class Memory:
 class Instance:
     """Calls return the FMI status unless they say what else; `log` collects (status, category, message).
 
-    guid, kind (1: co-simulation), logging: arguments of fmi2Instantiate; memory: a `Memory`, else none is offered but
-    to FMUs of pythonfmu before 0.6.8, which cannot do without.
+    guid, kind (1: co-simulation), logging: arguments of fmi2Instantiate; memory: a `Memory`, else none is offered.
     """
 
     def __init__(self, fmu, name, guid=None, kind=1, logging=1, memory=None):
         self.fmu, self.lib, self.log = fmu, fmu.lib, []
         self._logger = _LOGGER(lambda environment, who, *message: self.log.append(message))
-        self.memory = memory or (Memory() if fmu.of_old_pythonfmu else None)
+        self.memory = memory
         self._callbacks = _Callbacks(self._logger, *(self.memory.functions if self.memory else ()))
         uri = (fmu.folder / "resources").as_uri()
         arguments = (guid or fmu.guid).encode(), uri.encode(), c.byref(self._callbacks)
