@@ -4,7 +4,9 @@ Vectors are 3-tuples, quaternions 4-tuples (scalar first), matrices tuples of ro
 constants: `euler_from_quaternion(ZYX, q_ab)`.
 """
 
-from .exact.free_rotation import free_rotation, free_rotation_at, free_rotation_setup
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from .mechanics.inertia import (
     add_scaled_matrix,
     adjugate_symmetric,
@@ -120,6 +122,9 @@ from .rotations.rotation_vector import (
 )
 from .rotations.vec3 import add, add_scaled, cross, dot, norm, scale, skew, subtract, unskew
 from .types import Matrix, Quaternion, Vec3
+
+if TYPE_CHECKING:
+    from .exact.free_rotation import free_rotation, free_rotation_at, free_rotation_setup
 
 __all__ = [
     "XYX",
@@ -241,3 +246,11 @@ __all__ = [
     "zyx",
     "zyz",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Load free rotation when it is first used: its modules take as long as all others."""
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = globals()[name] = getattr(import_module(".exact.free_rotation", __name__), name)
+    return value

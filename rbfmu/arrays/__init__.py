@@ -1,6 +1,8 @@
 """The array functions: each is made from the scalar kernel of the same name."""
 
-from rbfmu.arrays.free_body import free_rotation as free_rotation
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from rbfmu.arrays.from_kernel import array_function, sequence_function, set_threads
 from rbfmu.arrays.inertia import check_inertia, inertia_of_points
 from rbfmu_kernels.mechanics import inertia as _inertia
@@ -12,6 +14,9 @@ from rbfmu_kernels.rotations import matrix as _rotation
 from rbfmu_kernels.rotations import quaternion as _quaternion
 from rbfmu_kernels.rotations import rotation_vector as _rotvec
 from rbfmu_kernels.rotations import vec3 as _vec3
+
+if TYPE_CHECKING:
+    from rbfmu.arrays.free_body import free_rotation as free_rotation
 
 # Vectors and rotation matrices
 cross = array_function(_vec3.cross)
@@ -97,5 +102,13 @@ angular_momentum = array_function(_rigid_body.angular_momentum)
 angular_momentum_o = array_function(_rigid_body.angular_momentum_o)
 kinetic_energy = array_function(_rigid_body.kinetic_energy)
 
-__all__ = ["check_inertia", "inertia_of_points", "set_threads"]
+__all__ = ["check_inertia", "free_rotation", "inertia_of_points", "set_threads"]
 __all__ += [name for name, value in globals().items() if hasattr(value, "__wrapped__")]
+
+
+def __getattr__(name: str) -> Any:
+    """Load free rotation when it is first used: its modules take as long as all others."""
+    if name != "free_rotation":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = globals()[name] = import_module("rbfmu.arrays.free_body").free_rotation
+    return value

@@ -8,7 +8,7 @@ import numpy as np
 from rbfmu.arrays.argument_names import documented_by, in_order
 from rbfmu.arrays.errors import clear_error
 from rbfmu.arrays.from_kernel import array_function
-from rbfmu_kernels import free_rotation as _kernel
+from rbfmu_kernels.exact.free_rotation import free_rotation as _kernel
 from rbfmu_kernels.exact.free_rotation import free_rotation_at, free_rotation_is_singular, free_rotation_setup
 
 _impossible = "free_rotation: some of these moments are of no body (negative, infinite, or 0 beside two that differ)"

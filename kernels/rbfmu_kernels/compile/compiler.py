@@ -19,8 +19,8 @@ from .numba_private import (
     FixupArgs,
     FunctionCache,
     GenericRewrites,
-    IRProcessing,
     JITCodeLibrary,
+    Lower,
     NativeLowering,
     NoPythonBackend,
     NopythonTypeInference,
@@ -29,12 +29,9 @@ from .numba_private import (
     ReconstructSSA,
     TranslateByteCode,
     compile_result,
+    ir,
+    register_pass,
 )
-
-_PASSES = (
-    TranslateByteCode, FixupArgs, IRProcessing, GenericRewrites, ReconstructSSA, NopythonTypeInference,
-    PreLowerStripPhis, AnnotateTypes, NativeLowering, NoPythonBackend,
-)  # fmt: skip
 
 
 class _Remembering(Context):  # type: ignore[misc]
@@ -56,6 +53,33 @@ class _Remembering(Context):  # type: ignore[misc]
         if (func, args) not in self._answers:
             self._answers[func, args] = super().resolve_function_type(func, args, kws)
         return self._answers[func, args]
+
+
+class _Lower(Lower):  # type: ignore[misc]
+    def lower_binop(self, resty: Any, expr: Any, op: Any) -> Any:
+        """Lower an operation by the signature that type inference has found; Numba would look for it anew."""
+        signature, context = self.fndesc.calltypes[expr], self.context
+        known = (context.typing_context.resolve_value_type(op), signature.args)
+        fixed = expr.static_lhs is not ir.UNDEFINED or expr.static_rhs is not ir.UNDEFINED
+        if fixed or known not in _Remembering._answers:
+            return super().lower_binop(resty, expr, op)
+        operands = [
+            context.cast(self.builder, self.loadvar(operand.name), self.typeof(operand.name), kind)
+            for operand, kind in zip((expr.lhs, expr.rhs), signature.args, strict=True)
+        ]
+        found = context.get_function(known[0], _Remembering._answers[known])(self.builder, operands)
+        return context.cast(self.builder, found, signature.return_type, resty)
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _Lowering(NativeLowering):  # type: ignore[misc]
+    lowering_class = _Lower
+
+
+_PASSES = (
+    TranslateByteCode, FixupArgs, GenericRewrites, ReconstructSSA, NopythonTypeInference,
+    PreLowerStripPhis, AnnotateTypes, _Lowering, NoPythonBackend,
+)  # fmt: skip
 
 
 class _Passes(PassManager):  # type: ignore[misc]

@@ -69,7 +69,7 @@ def is_kept(kernel: Any, *args: Any) -> bool:
 class Tiered:
     """A kernel that is called in plain Python first, and compiled later."""
 
-    def __init__(self, kernel: Callable[..., Any], plain: Callable[..., Any]) -> None:
+    def __init__(self, kernel: Any, plain: Callable[..., Any]) -> None:
         self._kernel, self._plain, self._spent = kernel, plain, 0.0
         self._call = self._first
 
@@ -85,6 +85,6 @@ class Tiered:
         begin = process_time()
         found = self._plain(*args)
         self._spent += process_time() - begin
-        if self._spent > PATIENCE:
+        if self._spent > PATIENCE or self._kernel.overloads:  # it may be compiled for others meanwhile
             self._call = self._kernel
         return found

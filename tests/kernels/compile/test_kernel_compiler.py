@@ -11,7 +11,7 @@ from unittest.mock import Mock, call
 
 import pytest
 from llvmlite import binding
-from numba import config, njit
+from numba import config, njit, types
 from numba.core import event
 from numba.core.caching import NullCache
 from numba.core.registry import cpu_target
@@ -74,6 +74,20 @@ def test_a_callee_is_asked_for_once_a_signature_and_its_passes_are_not_announced
         assert outer(1.0) == 10.0
     assert len({id(template) for template, *_ in asked}) == 1 < len(asked)
     assert not passes.buffer
+
+
+def test_a_sum_of_two_numbers_is_looked_up_once_for_types_and_code(monkeypatch):
+    asked = []
+    look_up = types.Function.get_call_type
+    counted = lambda self, *rest: asked.append(self) or look_up(self, *rest)  # noqa: E731 - a method
+    monkeypatch.setattr(types.Function, "get_call_type", counted)
+
+    @kernel
+    def many(x: float, y: float) -> float:
+        return x * y + x * x * y + y * y * x + x * y * y
+
+    assert many(1.0, 2.0) == 12.0
+    assert len(asked) <= 2
 
 
 def test_a_callee_keeps_its_variables_in_registers_before_it_is_merged():

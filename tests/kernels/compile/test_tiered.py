@@ -53,13 +53,23 @@ def test_a_kernel_is_compiled_once_python_has_taken_its_time(monkeypatch):
     def plain(x):
         return ("plain", x)
 
-    compiled = SimpleNamespace(py_func=plain)
+    compiled = SimpleNamespace(py_func=plain, overloads={})
     tier = tiered.Tiered(compiled, plain)
     monkeypatch.setattr(tiered, "PATIENCE", 1e9)
     assert tier(1) == ("plain", 1)
     assert tier._call == tier._interpreted
     monkeypatch.setattr(tiered, "PATIENCE", -1.0)
     assert tier(2) == ("plain", 2)
+    assert tier._call is compiled
+
+
+def test_what_others_have_compiled_meanwhile_is_used():
+    compiled = SimpleNamespace(overloads={})
+    tier = tiered.Tiered(compiled, abs)
+    tier(-1.0)
+    assert tier._call == tier._interpreted
+    compiled.overloads["a signature"] = "code"
+    tier(-1.0)
     assert tier._call is compiled
 
 
