@@ -200,17 +200,22 @@ def run(
               show_default=True, help="Page to write.")  # fmt: skip
 @click.option("--scene", "body", type=click.Path(path_type=Path), help="Whose body a RESULT (.csv, .npz) moves.")
 @click.option("--stop", type=float, help="End of what is shown (s).")
-def view(source: Path, output: Path, body: Path | None, stop: float | None) -> None:
+@_INPUTS
+@_INTERPOLATE
+def view(
+    source: Path, output: Path, body: Path | None, stop: float | None, inputs: Path | None, interpolate: str
+) -> None:
     """Write a page that plays a motion in 3D, in any browser and without network.
 
-    A SCENE is simulated with its ports at zero; a RESULT is shown as it is.
+    A SCENE is simulated; a RESULT is shown as it is.
     """
     from rbfmu.viewer import view as write_page
 
     check_target(output, "--output", (".html",))
     say_where_nothing_is_kept()
     with usage_errors(), planning_bar(source.stem) as bar:
-        motion = write_page(source, output, scene=body, stop=stop, progress=bar)
+        driven = _driven(inputs, interpolate)
+        motion = write_page(source, output, scene=body, stop=stop, progress=bar, **driven)
     size = output.stat().st_size / 1e6
     click.echo(f"{output}: {size:.1f} MB, {len(motion.result.time)} pictures, played in {motion.played:.3g} s")
 

@@ -9,7 +9,7 @@ from rbfmu.result import FORMATS, Result
 from rbfmu.scene.argument import faults_of
 from rbfmu.scene.scene import Scene, load_scene
 from rbfmu.scene.toml_file import read_tables
-from rbfmu.viewer.motion import Motion, motion_of_result, motion_of_scene
+from rbfmu.viewer.motion import Motion, motion_of_driven_scene, motion_of_result, motion_of_scene
 
 
 def view(
@@ -18,33 +18,40 @@ def view(
     *,
     scene: Scene | str | Path | None = None,
     stop: float | None = None,
+    inputs: Any = None,
+    interpolate: str = "hold",
     progress: Callable[[float], Any] | None = None,
 ) -> Motion:
     """Write a page that plays a motion in 3D, and return what it shows.
 
-    source: a scene, whose ports are then at zero, a result, or a file of either (.toml, .csv, .npz); scene: whose body
-    a result moves, else a plain body is drawn; stop: the end of what is shown, s, if it is not the run's; progress: is
-    told which part of planning is done. Raises SceneError, SimulationError, ModuleNotFoundError without viser, and
-    ValueError where a result has no attitude.
+    source: a scene, a result, or a file of either (.toml, .csv, .npz); scene: whose body a result moves, else a plain
+    body is drawn; stop: the end of what is shown, s, if it is not the run's; inputs, interpolate: what drives a scene's
+    ports, as for `simulate`; progress: is told which part of planning is done. Raises SceneError, SimulationError,
+    ModuleNotFoundError without viser, and ValueError where a result has no attitude.
     """
     needed("viser", "view")
     from rbfmu.viewer.page import motion_page
 
-    page = motion_page(motion := _motion(source, scene, stop, progress))
+    page = motion_page(motion := _motion(source, scene, stop, (inputs, interpolate), progress))
     Path(path).write_text(page, encoding="utf-8")
     return motion
 
 
-def _motion(source: Any, scene: Any, stop: float | None, progress: Any) -> Motion:
+def _motion(source: Any, scene: Any, stop: float | None, driven: tuple[Any, str], progress: Any) -> Motion:
     result = source if isinstance(source, Result) else None
     if isinstance(source, str | Path) and Path(source).suffix in FORMATS:
         result = Result.load(source)
     if result is not None:
+        if driven[0] is not None:
+            raise ValueError("inputs: expected a scene with them, as a result is shown as it is")
         title = "motion" if result is source else Path(source).stem
         return motion_of_result(result.until(stop), title, *_loaded(scene))
     loaded, shape = _loaded(source)
     with faults_of(str(source) if stop is None else f"{source} with stop {stop!r}"):
-        return motion_of_scene(loaded if stop is None else loaded.replace(run={"stop": stop}), shape, progress)
+        shown = loaded if stop is None else loaded.replace(run={"stop": stop})
+        if driven[0] is None:
+            return motion_of_scene(shown, shape, progress)
+        return motion_of_driven_scene(shown, *driven, shape)
 
 
 def _loaded(scene: Scene | str | Path | None) -> tuple[Any, dict[str, Any] | None]:

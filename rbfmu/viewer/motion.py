@@ -96,6 +96,14 @@ def motion_of_scene(
     return _motion(scene.name, result, fine.played, scene, written, notes)
 
 
+def motion_of_driven_scene(
+    scene: Scene, inputs: Any, interpolate: str, written: dict[str, Any] | None = None
+) -> Motion:
+    """Simulate a scene under these inputs, with its own communication step, and show what can be shown of that."""
+    wanted = scene.replace({"outputs.quantities": _shown(scene)})
+    return motion_of_result(simulate(wanted, inputs=inputs, interpolate=interpolate), scene.name, scene, written)
+
+
 def motion_of_result(
     result: Result, title: str, scene: Scene | None = None, written: dict[str, Any] | None = None
 ) -> Motion:

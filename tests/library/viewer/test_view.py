@@ -115,6 +115,18 @@ def test_a_result_without_attitude_is_refused(keep: tuple[str, ...], tmp_path: P
     assert not (tmp_path / "it.html").exists()
 
 
+def test_inputs_drive_what_is_shown(tmp_path: Path) -> None:
+    """A torque of 0.4 N m about 0.2 kg m2 for 1 s, from rest: 2 rad/s."""
+    driven = {"body": {"mass": 2.0, "inertia": [0.1, 0.2, 0.2]}, "inputs": {"ports": ["torque_b"]}}
+    scene = rbfmu.Scene.from_dict(driven | {"run": {"stop": 1.0, "step": 0.1}})
+    table = {"torque_b": (np.array([0.0]), np.array([[0.0, 0.0, 0.4]]))}
+    motion = rbfmu.view(scene, tmp_path / "it.html", inputs=table)
+    np.testing.assert_allclose(motion.rate[-1], [0.0, 0.0, 2.0], atol=1e-6)
+    motion.result.save(tmp_path / "it.npz")
+    with pytest.raises(ValueError, match="inputs: expected a scene with them"):
+        rbfmu.view(tmp_path / "it.npz", tmp_path / "it.html", inputs=table)
+
+
 def test_the_command_says_what_it_wrote(tmp_path: Path) -> None:
     done = call("view", SCENES / "top_precessing.toml", "-o", tmp_path / "top.html", "--stop", "0.2")
     assert done.exit_code == 0, done.output
