@@ -6,16 +6,18 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
 
 import rbfmu
 from examples.gallery import surroundings as around
 from examples.gallery.axes import at_end, name_axes, panels
+from examples.gallery.space import draw_top_in_space, in_space
 from rbfmu.plot import COLORS
 
 BLUE, VERMILION, GREEN, PURPLE = COLORS
 GREY = "#777777"
 X, Y, Z = np.eye(3)
+SMALL = 10.0
+"""Tilts (°) that are seen from above, and not in space."""
 
 
 def fixed_camera(scene: rbfmu.Scene) -> Figure:
@@ -135,21 +137,16 @@ def gyro_attitude(scene: rbfmu.Scene) -> Figure:
 
 
 def _top(scene: rbfmu.Scene, title: str, reach: float) -> Figure:
-    """Draw a top's axis from above, by its tilt in degrees, and the tilt over time."""
+    """Draw the way of a top's axis, in space or, where it hardly leaves the vertical, from above; and its tilt."""
     result = rbfmu.simulate(scene)
     z = rbfmu.rotate(result.quaternion, Z)
     tilt = np.degrees(np.arccos(np.clip(z[:, 2], -1.0, 1.0)))
-    sideways = np.hypot(z[:, 0], z[:, 1])
-    figure, (above, axes) = panels(title, 1.0, 1.9)
-    above.plot(tilt * z[:, 0] / sideways, tilt * z[:, 1] / sideways, color=BLUE, linewidth=1.0)
-    above.plot([tilt[0]], [0.0], "o", color=VERMILION, markersize=4)
-    above.plot([0.0], [0.0], "+", color="black", markersize=7)
-    above.set_xlim(-reach, reach)
-    above.set_ylim(-reach, reach)
-    above.set_aspect("equal")
-    name_axes(above, "the axis from above (°)", "")
+    figure, (left, axes) = panels(title, 1.0, 1.9)
+    if reach > SMALL:
+        draw_top_in_space(in_space(figure, left), z)
+    else:
+        _draw_top_from_above(left, z, tilt, reach)
     if reach > 90.0:
-        above.add_patch(Circle((0.0, 0.0), 90.0, fill=False, color=GREY, linewidth=0.8, linestyle=(0, (4, 3))))
         axes.axhline(90.0, color=GREY, linewidth=0.8, linestyle=(0, (4, 3)))
         axes.annotate("horizontal", (0.02, 94.0), color=GREY, fontsize=8)
     axes.plot(result.time, tilt, color=BLUE)
@@ -157,6 +154,17 @@ def _top(scene: rbfmu.Scene, title: str, reach: float) -> Figure:
     axes.set_ylim(0.0, reach)
     name_axes(axes, "time (s)", "tilt (°)")
     return figure
+
+
+def _draw_top_from_above(axes: Any, z: Any, tilt: Any, reach: float) -> None:
+    sideways = np.hypot(z[:, 0], z[:, 1])
+    axes.plot(tilt * z[:, 0] / sideways, tilt * z[:, 1] / sideways, color=BLUE, linewidth=1.0)
+    axes.plot([tilt[0]], [0.0], "o", color=VERMILION, markersize=4)
+    axes.plot([0.0], [0.0], "+", color="black", markersize=7)
+    axes.set_xlim(-reach, reach)
+    axes.set_ylim(-reach, reach)
+    axes.set_aspect("equal")
+    name_axes(axes, "the axis from above (°)", "")
 
 
 def top_sleeping(scene: rbfmu.Scene) -> Figure:
