@@ -29,6 +29,11 @@ class Page:
         page.on("pageerror", lambda error: self.complaints.append(str(error)))
         page.on("console", lambda m: m.type == "error" and self.complaints.append(m.text))
 
+    @property
+    def fetched(self) -> list[str]:
+        """Return the addresses that the page asked for outside itself."""
+        return [url for url in self.requests if not url.startswith(("blob:", "data:"))]
+
     def open(self, path: Path) -> None:
         """Load the page and stop its play."""
         self.page.goto(path.as_uri())

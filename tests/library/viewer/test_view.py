@@ -57,7 +57,7 @@ def test_the_page_moves_in_a_browser_without_network(thrown: tuple[Path, Motion]
         page.page.keyboard.press("Space")
         page.wait_until_time_is_not(before)
         assert page.page.title() == "thrown <brick>"
-        assert page.requests == [path.as_uri()]
+        assert page.fetched == [path.as_uri()]
         assert page.complaints == []
 
 
