@@ -15,7 +15,7 @@ from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
 from rbfmu.runs.errors import largest_error
 from rbfmu.runs.time_grid import communication_steps
 from rbfmu.runs.trajectory import Motion
-from rbfmu.scene.scene import Scene
+from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.studies.work_precision.cases import ALL, PATH, RATES, ROTATION, Array, Case
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.mechanics.equations_of_motion import State
@@ -136,7 +136,10 @@ def own_case(scene: Scene) -> OwnCase:
             return _with_truth(case)
         except ReferenceTooLongError:
             if outputs == 1:
-                raise
+                expected = (
+                    "expected a step over which the true motion can be followed in some seconds; no chart without"
+                )
+                raise SceneError(f"run.step = {scene.run.step!r}: {expected}", scene.name) from None
             outputs = max(outputs // 4, 1)
 
 

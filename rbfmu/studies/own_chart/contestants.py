@@ -20,6 +20,7 @@ from rbfmu.studies.work_precision.library_methods import ClosedForm as PlannedCl
 from rbfmu.studies.work_precision.library_methods import Exact, Planned, library_methods, run_of_unit
 from rbfmu.studies.work_precision.methods import Method, NotFeasibleError, Run, reference_integrators
 from rbfmu.studies.work_precision.solvers import SolveIvp
+from rbfmu.studies.work_precision.tables import short
 from rbfmu_kernels.models.one_axis_taylor import ORDERS
 
 PLANNING = 30.0
@@ -39,14 +40,14 @@ class Ladder(Planned):
             yield accuracy
             accuracy = float(f"{0.1 * accuracy:.12g}")
             if process_time() > begin + (0.0 if quick else PLANNING):
-                self.refusal = f"{accuracy:g}: not tried, as planning takes long"
+                self.refusal = f"{short(accuracy)}: not tried{'' if quick else ', as planning takes long'}"
 
     def run(self, case: Case, value: float) -> Run:
         """Return a run as planned for the accuracy."""
         try:
             return super().run(case, value)
         except NotFeasibleError as error:
-            self.refusal = f"{value:g}: {error}"
+            self.refusal = f"{short(value)}: {error}"
             raise
 
 

@@ -36,9 +36,8 @@ def chart_text(chart: "Chart") -> str:
 
 def conditions(chart: "Chart") -> str:
     """Return how the scene was run."""
-    said = f"{chart.span:g} s, an output every {chart.span / chart.outputs:g} s"
-    if chart.span < 0.999 * chart.whole:
-        said = f"the first {chart.span:.4g} s of {chart.whole:g} s, an output every {chart.span / chart.outputs:g} s"
+    part = f"the first {chart.span:,.8g} s of " if chart.span < 0.999 * chart.whole else ""
+    said = f"{part}{chart.whole:,.8g} s, an output every {chart.span / chart.outputs:,.8g} s"
     if not chart.ports:
         return said
     return f"{said}; {' and '.join(chart.ports)} at zero all the time, so that others may step over outputs"

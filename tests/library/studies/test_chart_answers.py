@@ -9,6 +9,7 @@ from rbfmu.studies.work_precision import (
     cases,
     collection,
     drawing,
+    methods,
     solvers,
 )  # fmt: skip
 from rbfmu.studies.work_precision.answers import Offer, answers, cost_of, front, text_of
@@ -66,6 +67,27 @@ def test_why_a_method_ended_is_kept(errors, seconds, points: int, smallest: floa
     assert len(found) == points
     assert ending.error == pytest.approx(smallest, rel=1e-6)
     assert (ending.why, ending.stopped) == (why, why == STOPPED)
+
+
+def test_a_method_that_runs_at_no_step_size_is_given_up() -> None:
+    class Refusing(_Made):
+        def settings(self, case: cases.Case, quick: bool):
+            return methods.step_counts(case, quick)
+
+        def run(self, case: cases.Case, value: float) -> Run:
+            raise NotFeasibleError("never")
+
+    what = Extent((), (), 0.3, 2, 1e-3, False)
+    found, ending = explored(what, CASES["a"], Refusing([], []), {})
+    assert found == []
+    assert ending.why.endswith("never")
+
+
+def test_no_finer_setting_is_tried_below_round_off() -> None:
+    what = Extent((), (), 0.3, 2, 1e-3, False, 1e-5)
+    found, ending = explored(what, CASES["a"], _Made([1e-4, 1e-6, 1e-8], [0.01] * 3), {})
+    assert [tried.point.value for tried in found] == [0.0, 1.0]
+    assert ending.why == "no more digits"
 
 
 @pytest.mark.parametrize("key", ["a", "g"])

@@ -147,6 +147,11 @@ def test_labels_are_spread_in_order(places: list[float]) -> None:
     assert drawing.spread([0.1, 0.5, 0.9], 0.05) == [0.1, 0.5, 0.9]
 
 
+def test_labels_at_one_place_are_spread_about_it() -> None:
+    assert drawing.spread([0.5, 0.5, 0.5], 0.05) == pytest.approx([0.45, 0.5, 0.55])
+    assert drawing.spread([0.0, 0.0], 0.05) == pytest.approx([0.0, 0.05])
+
+
 def test_every_line_has_its_name() -> None:
     made = [*peers.peers()[0], *library_methods.library_methods(), *methods.reference_integrators()]
     groups = {drawing.group_of(made_point(method.name, method.family, 1e-3, 1.0)) for method in made}

@@ -1,0 +1,96 @@
+"""`rbfmu chart SCENE`: what table and picture say, on made-up figures."""
+
+import math
+import random
+from dataclasses import replace
+
+import pytest
+
+from rbfmu.studies.own_chart import contestants, findings, tables
+from rbfmu.studies.own_chart.result import Chart, End, Row
+from rbfmu.studies.work_precision.collection import STOPPED
+from rbfmu.studies.work_precision.drawing import GROUPS
+from rbfmu.studies.work_precision.tables import WIDTH
+from tests.support.pictures import overlaps
+
+
+def _row(kind: str, method: str, family: str, error: float, micros: float, **more: object) -> Row:
+    row = Row(kind, method, "", family, "tolerance", 1e-6, error, 1e-6 * micros, 2e-6 * micros, 1.05, math.nan)
+    return replace(row, **more)
+
+
+def made_up(peer: float, scene: str = "it", **changes: object) -> Chart:
+    """A plan of 1 us at 1e-6, a peer that costs so many, one that is too slow, and one that never gets there."""
+    detail = "elliptic functions, Gauss's rule of 16 points"
+    plan = _row("rbfmu's plan", "rbfmu, as planned", "planned", 2e-7, 1.0, detail=detail)
+    peers_rows = [_row("heyoka.py", "heyoka.py", "peer", 10.0**-k, peer * 1.2 ** (k - 6)) for k in range(3, 14)]
+    slow = [_row("MuJoCo", "MuJoCo implicitfast", "peer", 10.0**-k, 900.0 * 2.0**k) for k in range(1, 4)]
+    others = [_row("RK4, Euler and others", "RK4, quaternion not normalised", "classic", 10.0**-k, 3.0 * 2.0**k)
+              for k in range(1, 13)]  # fmt: skip
+    ends = [End(row.kind, row.method, row.error, why) for row, why in
+            ((peers_rows[-1], "all settings tried"), (slow[-1], STOPPED), (others[-1], STOPPED))]  # fmt: skip
+    further = [replace(plan, value=1e-7, error=9e-9, seconds=1.5e-6), replace(plan, value=1e-8, seconds=4e-6)]
+    chart = Chart(
+        scene, "torque-free body, body force", 1e-6, 2.0, 2.0, 400, ("torque_b",),
+        (*others, *peers_rows, *slow, plan, *further), tuple(ends),
+        (contestants.TooSmall("torque-free symmetric body", 0.37), contestants.TooSmall("angular momentum", math.inf,
+         "shows no attitude")), ("Drake: not installed",), "1e-09: refused", ("a processor",),
+    )  # fmt: skip
+    return replace(chart, **changes)
+
+
+@pytest.mark.parametrize(
+    ("peer", "first", "second"),
+    [
+        (3.0, "it at 1e-6: use rbfmu's plan, 1.0 µs per", "best peer heyoka.py, 3.0 x that"),
+        (1.02, "use rbfmu's plan", "heyoka.py is even"),
+        (0.97, "use rbfmu's plan", "heyoka.py is even"),
+        (0.5, "cheapest is heyoka.py, 500 ns per simulated second", "rbfmu's plan costs 2.0 x that"),
+    ],
+)
+def test_the_headline_names_what_to_use(peer: float, first: str, second: str) -> None:
+    lines = list(findings.headline(made_up(peer)))
+    assert first in lines[0]
+    assert second in lines[1]
+
+
+def test_the_table_has_every_answer() -> None:
+    text = made_up(3.0).table
+    assert "MuJoCo                misses it: 1e-3 by MuJoCo implicitfast (stopped:" in text
+    assert "torque-free symmetric body          0.37     3.7e+05 x" in text
+    assert "shows no attitude" in text
+    assert "1e-7      elliptic functions, Gauss's rule of 16" in text
+    assert "1e-09: refused" in text
+    assert "torque_b at zero" in text
+    assert "Drake: not installed" in text
+    assert max(map(len, text.splitlines())) <= WIDTH
+
+
+def test_a_part_of_a_run_is_said_to_be_one() -> None:
+    assert "the first 2 s of 500 s" in tables.conditions(made_up(3.0, whole=500.0))
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"), [(1.2e-15, "1.2 fs"), (3.4e-13, "340 fs"), (5e-12, "5.0 ps"), (0.25, "250 ms")]
+)
+def test_costs_have_units_of_their_size(seconds: float, text: str) -> None:
+    assert findings.cost_text(seconds) == text
+
+
+def crowded(seed: int) -> Chart:
+    """All kinds of methods, whose lines end anywhere."""
+    draw, rows, ends = random.Random(seed), [], []
+    for kind in GROUPS:
+        cost, best = 10.0 ** draw.uniform(-1.0, 4.0), draw.randint(4, 15)
+        if kind != "rbfmu's plan":
+            mine = [_row(kind, kind, "peer", 10.0**-k, cost * 1.3**k) for k in range(draw.randint(1, 3), best)]
+            rows += mine
+            ends.append(End(kind, kind, mine[-1].error, STOPPED))
+    one = made_up(1.0, draw.choice(("it", "a_satellite_with_a_long_name_that_somebody_gave_it")))
+    return replace(one, rows=(*rows, *one.plans), ends=tuple(ends), accuracy=10.0 ** -draw.randint(1, 13))
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_no_label_of_the_picture_lies_on_another(seed: int) -> None:
+    assert overlaps(crowded(seed).figure()) == []
+    assert max(map(len, crowded(seed).table.splitlines())) <= WIDTH
