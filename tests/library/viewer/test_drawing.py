@@ -1,0 +1,106 @@
+"""The body that is drawn, how many pictures there are, and where things stand in them."""
+
+import numpy as np
+import pytest
+
+import rbfmu
+from rbfmu.viewer.geometry import AXIS_B, LONGEST, MOMENTUM, RATE, Geometry
+from rbfmu.viewer.motion import motion_of_scene
+from rbfmu.viewer.pictures import FPS, MAX_PICTURES, MAX_TURN, pictures
+from rbfmu.viewer.shape import PLAIN, THINNEST, equivalent_box, shape_of
+
+MASS, SIDES = 3.0, (0.3, 0.2, 0.5)
+
+
+def scene(**tables: dict) -> rbfmu.Scene:
+    body = {"mass": MASS, "inertia": rbfmu.box_inertia(MASS, np.array(SIDES)).tolist()}
+    return rbfmu.Scene.from_dict({"body": body, "run": {"stop": 2.0}} | tables)
+
+
+def test_a_box_is_found_again_from_its_inertia() -> None:
+    moments = np.diag(rbfmu.box_inertia(MASS, np.array(SIDES)))
+    assert equivalent_box(MASS, moments) == pytest.approx(SIDES, rel=1e-14)
+
+
+def test_a_box_in_any_axes_is_drawn_along_its_own() -> None:
+    R_bp = rbfmu.matrix_from_euler("ZYX", np.array([0.4, -0.7, 1.1]))
+    inertia = rbfmu.rotate_inertia(R_bp, rbfmu.box_inertia(MASS, np.array(SIDES)))
+    inertia = (inertia + inertia.T) / 2.0
+    shape = shape_of(scene(body={"mass": MASS, "inertia": inertia.tolist()}))
+    drawn = rbfmu.rotate_inertia(
+        rbfmu.matrix_from_quaternion(np.array(shape.q_bp)), rbfmu.box_inertia(MASS, np.array(shape.sides))
+    )
+    np.testing.assert_allclose(drawn, inertia, rtol=1e-12, atol=1e-15)
+    assert sorted(shape.sides) == pytest.approx(sorted(SIDES), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("written", "kind", "sides"),
+    [
+        ({"kind": "box", "sides": [1, 2, 3]}, "box", (1, 2, 3)),
+        ({"kind": "beam", "length": 2.0}, "box", (2, 2 * THINNEST, 2 * THINNEST)),
+        ({"kind": "cylinder", "radius": 0.5, "length": 3}, "cylinder", (1, 1, 3)),
+        ({"kind": "sphere", "radius": 0.5}, "ellipsoid", (1, 1, 1)),
+        ({"kind": "ellipsoid", "semiaxes": [1, 2, 3]}, "ellipsoid", (2, 4, 6)),
+    ],
+)
+def test_a_shape_of_a_scene_is_drawn_as_it_is(written: dict, kind: str, sides: tuple[float, ...]) -> None:
+    shape = shape_of(scene(body={"mass": MASS, "shape": written, "r_oc_b": [0.1, 0.0, 0.0]}), written)
+    assert (shape.kind, shape.sides, shape.centre) == (kind, sides, (0.1, 0.0, 0.0))
+    assert shape.text.startswith(written["kind"])
+
+
+def test_a_body_of_unknown_inertia_is_said_to_be_any() -> None:
+    assert shape_of(None) is PLAIN
+    assert not PLAIN.to_scale
+
+
+@pytest.mark.parametrize(
+    ("span", "rate", "number", "played"),
+    [
+        (10.0, 0.0, 301, 10.0),  # in real time
+        (3600.0, 0.0, 601, 20.0),
+        (0.1, 0.0, 601, 20.0),
+        (10.0, 20.0, 801, 800 / FPS),  # slowed down
+        (10.0, 1e6, MAX_PICTURES, (MAX_PICTURES - 1) / FPS),
+    ],
+)
+def test_pictures_are_as_many_as_the_eye_needs(span: float, rate: float, number: int, played: float) -> None:
+    found = pictures(span, rate)
+    assert found.number == number
+    assert found.played == pytest.approx(played)
+    assert found.number == MAX_PICTURES or rate * span / (found.number - 1) <= MAX_TURN
+
+
+def test_few_rows_are_not_shown_for_minutes() -> None:
+    assert pictures(60.0, 0.0, rows=11) == (11, 2.2)
+
+
+def test_arrows_and_trace_are_those_of_the_motion() -> None:
+    motion = motion_of_scene(scene(initial={"omega_b": [0.3, 2.0, 0.2]}, loads={"gravity_a": [0, 0, 0]}))
+    drawn = Geometry(motion)
+    for vectors, length in ((motion.angular_momentum, MOMENTUM), (motion.rate, RATE)):
+        arrows = drawn.arrows(vectors, length)
+        sizes = np.linalg.norm(arrows, axis=1)
+        assert sizes.max() == pytest.approx(length)
+        np.testing.assert_allclose(arrows * np.linalg.norm(vectors, axis=1)[:, None], vectors * sizes[:, None])
+    assert drawn.traced == 1
+    R_ab = rbfmu.matrix_from_quaternion(motion.quaternion)
+    np.testing.assert_allclose(drawn.trace, drawn.path + AXIS_B * R_ab[:, :, 1], atol=1e-14)
+
+
+def test_a_long_path_makes_the_body_larger_and_all_is_in_view() -> None:
+    thrown = scene(initial={"velocity": [30.0, 0.0, 9.81]}, outputs={"quantities": ["position"]})
+    drawn = Geometry(motion_of_scene(thrown))
+    reach = np.linalg.norm(np.ptp(drawn.motion.position, axis=0)) / 2.0
+    assert drawn.enlarged == pytest.approx(reach / (LONGEST * drawn.body_radius))
+    assert np.linalg.norm(np.ptp(drawn.path, axis=0)) / 2.0 == pytest.approx(LONGEST)
+    assert np.max(np.linalg.norm(drawn.path, axis=1)) < drawn.radius
+    assert abs(drawn.toward @ [1.0, 0.0, 0.0]) < 0.4  # from the side of the path
+    assert drawn.toward[2] > 0.0
+
+
+def test_up_is_against_gravity() -> None:
+    motion = motion_of_scene(scene(loads={"gravity_a": [0.0, 9.81, 0.0]}, outputs={"quantities": ["quaternion"]}))
+    np.testing.assert_allclose(motion.up, [0.0, -1.0, 0.0])
+    assert not motion.position.any()  # nobody asked for it
