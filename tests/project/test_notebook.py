@@ -5,11 +5,9 @@ from typing import Any
 
 import nbformat
 import pytest
-from nbclient import NotebookClient
 
-from tests.support.paths import ROOT
+from examples.renew_notebook import NOTEBOOK, executed
 
-NOTEBOOK = ROOT / "examples" / "notebook.ipynb"
 OWN = ("text/html", "<table><caption>")
 """What is ours among the outputs; others' tables look different in each of their versions."""
 
@@ -27,13 +25,8 @@ def own_tables(notebook: Any) -> list[str]:
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # of sockets that Jupyter leaves
 def test_the_notebook_runs_and_shows_what_is_stored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("RBFMU_QUIET", "1")
-    stored, fresh = nbformat.read(NOTEBOOK, 4), nbformat.read(NOTEBOOK, 4)
-    for cell in fresh.cells:
-        cell.pop("outputs", None)
-        if cell.cell_type == "code":
-            cell.outputs = []
-    NotebookClient(fresh, timeout=None, resources={"metadata": {"path": str(tmp_path)}}).execute()
-    assert own_tables(fresh) == own_tables(stored)
+    stored, fresh = nbformat.read(NOTEBOOK, 4), executed(tmp_path)
+    assert own_tables(fresh) == own_tables(stored), "renew by: python -m examples.renew_notebook"
     assert len(own_tables(fresh)) == 3
     kinds = {kind for output in outputs(fresh) for kind in output.get("data", {})}
     assert {"image/png", "application/vnd.jupyter.widget-view+json"} <= kinds, "a plot and a bar of progress"
