@@ -28,16 +28,17 @@ def plan_for_inputs(scene: Scene, tables: InputTables, interpolate: str, found: 
     """
     if found.model == PRESCRIBED_RATES.key:
         return found
-    names = tuple(dict.fromkeys((*watched(scene), "omega_b")))
+    names = watched(scene)
+    with_rates = tuple(dict.fromkeys((*names, "omega_b")))  # by which round-off is judged
     drive, halves = drive_of(scene, tables, interpolate), drive_of(scene, tables, interpolate, parts=2)
     tight = [Plan(LOADED_TAYLOR.key, "", 0, tolerance=1e-18, order=order) for order in ORDERS]
-    (truth, _), (other, _) = (record_driven(scene, plan, halves, names) for plan in tight)
+    (truth, _), (other, _) = (record_driven(scene, plan, halves, with_rates) for plan in tight)
     noise = round_off(scene, truth)
-    doubt = largest_error(other, truth, watched(scene), noise)
+    doubt = largest_error(other, truth, names, noise)
     best = math.inf
     for plan in (found, *_tighter(scene, found)):
         motion, substeps = record_driven(scene, plan, drive, names)
-        error = largest_error(motion, truth, watched(scene), noise) + doubt
+        error = largest_error(motion, truth, names, noise) + doubt
         if error <= scene.run.accuracy:
             return _stated(scene, found, plan, error, substeps, drive)
         best = min(best, error)

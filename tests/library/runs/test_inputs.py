@@ -121,6 +121,21 @@ def test_where_a_models_error_under_the_inputs_is_too_large_a_larger_one_is_plan
     np.testing.assert_allclose(found.position[:, 2], -0.5 * found.time**2 + found.time**3 / 12, atol=1e-9)
 
 
+def test_a_model_that_leaves_the_rotation_out_is_driven_by_a_torque_as_well():
+    falling = scene(
+        body={"mass": 2.0, "inertia": [1.0, 2.0, 3.0]},
+        initial={},
+        inputs={"ports": ["torque_a"]},
+        outputs={"quantities": ["position"]},
+        run={"stop": 1.0, "step": 0.25},
+    )
+    torque = {"torque_a": ([0.0, 1.0], [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])}
+    planned = rbfmu.plan(falling, inputs=torque)
+    found = rbfmu.simulate(falling, inputs=torque)
+    assert planned.model == "no rotation"
+    np.testing.assert_allclose(found.position[:, 2], -0.5 * found.time**2, atol=1e-15)
+
+
 def test_a_row_a_step_is_held_over_it_and_ports_that_are_not_named_are_zero():
     t, rows = TIMES[:1] + STEP * np.arange(4), np.random.default_rng(5).normal(size=(4, 3))
     one = rbfmu.simulate(scene(), inputs={"torque_b": rows})
