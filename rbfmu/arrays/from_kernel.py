@@ -12,7 +12,7 @@ import numpy as np
 from rbfmu.arrays.argument_names import documented_by, in_order
 from rbfmu.arrays.errors import clear_error
 from rbfmu.arrays.singular import Singular, warn_of_singular
-from rbfmu_kernels.compile.gufunc import STREAMED, gufuncs
+from rbfmu_kernels.compile.array_functions.gufunc import STREAMED, gufuncs
 from rbfmu_kernels.compile.shapes import core_shapes
 from rbfmu_kernels.rotations.euler_angles import sequence
 

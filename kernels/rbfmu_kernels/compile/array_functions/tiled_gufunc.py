@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 from numba import float64, intp, types
 
-from ..types import Shape
-from .disk_cache import DiskCache
+from ...types import Shape
+from ..disk_cache import DiskCache
+from ..numba_private import CFunc, fromfunc, trigger_event
+from ..reduced import pipeline
+from ..shapes import argument_shapes, core_shapes, python_function
 from .gufunc import STREAMED
-from .numba_private import CFunc, fromfunc, trigger_event
-from .reduced import pipeline
-from .shapes import argument_shapes, core_shapes, python_function
 from .tile import (
     ITEMS,
     address,

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numba import config
 
-from .numba_private import MISSING
-from .plain import plain_gufunc
-from .shapes import argument_shapes, core_shapes
+from ..numba_private import MISSING
+from ..plain import plain_gufunc
+from ..shapes import argument_shapes, core_shapes
 
 STREAMED = 20 << 20
 """Bytes: results of this size or more go past the caches.
