@@ -23,6 +23,8 @@ from rbfmu.studies.work_precision.solvers import SolveIvp
 from rbfmu.studies.work_precision.tables import short
 from rbfmu_kernels.models.one_axis_taylor import ORDERS
 
+TAKES_NO = "takes no"
+"""How the reason begins why a model does not serve a scene with ports, or with parameters to be changed."""
 PLANNING = 30.0
 """The processor time, s, after which no tighter plans are made."""
 
@@ -151,5 +153,5 @@ def _error_of(case: OwnCase, spec: ModelSpec) -> tuple[float, str]:
     error = case.errors({name: rows[1:] for name, rows in motion.items()})["scene"]
     varying = spec.rests_on(scene, needs) & varying_parameters(scene)
     if error <= scene.run.accuracy and varying:
-        return error, f"takes no {' or '.join(sorted(varying))}"
+        return error, f"{TAKES_NO} {' or '.join(sorted(varying))}"
     return error, ""

@@ -3,15 +3,18 @@
 import math
 import textwrap
 from collections.abc import Sequence
+from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from rbfmu.studies.own_chart.case import FLOOR
+from rbfmu.studies.own_chart.contestants import TAKES_NO
 from rbfmu.studies.own_chart.findings import (
     KINDS,
+    Reach,
     clipped,
     cost_text,
     digits,
@@ -32,7 +35,8 @@ if TYPE_CHECKING:
 LARGEST = 1.0
 _HOW = (
     "Lines: the best of each kind; at their names: the cost at the accuracy asked, by the setting that just meets it, "
-    "which nobody knows beforehand. Large star: the plan, made beforehand. Small stars: plans for further digits."
+    "which nobody knows beforehand. Large star: the plan, made beforehand. Small stars: plans for further "
+    "digits. Arrowheads: stopped, as finer runs take too long."
 )
 PALE, DARK = "#f3f3f3", "#333333"
 
@@ -48,8 +52,9 @@ def drawn(chart: "Chart") -> Figure:
     _limits(axes, chart, [row for line in lines.values() for row in line])
     _accuracy_asked(axes, chart)
     _plan(axes, chart)
-    costs = {reach.kind: reach.cost for reach in reaches(chart)}
-    name_lines(axes, lines, error_of, lambda name: _label(name, costs[name]), 0.062)
+    labels = {reach.kind: _label(reach) for reach in reaches(chart)}
+    ends = lines | {"rbfmu's plan": [row for row in clipped(chart) if row.family == "planned"][:1]}
+    name_lines(axes, ends, error_of, labels.__getitem__, 0.062)
     _words(figure, chart)
     return figure
 
@@ -69,6 +74,8 @@ def _limits(axes: Any, chart: "Chart", rows: Sequence["Row"]) -> None:
     axes.set_ylim(min(costs) / 2.5, max(costs) * 2.5)
     axes.yaxis.set_major_formatter(FuncFormatter(lambda cost, _: cost_text(cost).replace(".0 ", " ")))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda error, _: short_number(error)))
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_minor_formatter(NullFormatter())  # it would name ticks within a decade
     axes.set_xlabel(f"error, more accurate to the right ({short_number(FLOOR)}: round-off)")
     axes.set_ylabel("processor time for a simulated second")
 
@@ -90,8 +97,10 @@ def _plan(axes: Any, chart: "Chart") -> None:
               markeredgecolor="white", markeredgewidth=1.2, zorder=6, clip_on=False)  # fmt: skip
 
 
-def _label(kind: str, cost: float) -> str:
-    return f"{KINDS[kind]}  {cost_text(cost) if math.isfinite(cost) else 'misses'}"
+def _label(reach: Reach) -> str:
+    """Return a kind's name, and its cost at the accuracy asked."""
+    without = "stopped" if reach.stopped else "misses"
+    return f"{KINDS[reach.kind]}  {cost_text(reach.cost) if math.isfinite(reach.cost) else without}"
 
 
 def _words(figure: Figure, chart: "Chart") -> None:
@@ -107,18 +116,20 @@ def _words(figure: Figure, chart: "Chart") -> None:
 
 
 def _further(chart: "Chart") -> str:
-    more = [f"{short_number(row.value)}: {times(ratio)}" for row, ratio in digits(chart)][1:]
+    more = [(times(ratio), short_number(row.value)) for row, ratio in digits(chart)][1:]
     why = exhausted(chart)
     if not more:
         return f"Further digits: {why}" if why else ""
+    spans = [(ratio, [value for _, value in group]) for ratio, group in groupby(more, lambda one: one[0])]
+    said = [f"{' to '.join(dict.fromkeys((values[0], values[-1])))}: {ratio}" for ratio, values in spans]
     end = [f"no plan at {why.split(':')[0]}"] if chart.refusal else []
-    return "Further digits, and their cost by that of the plan: " + ", ".join([*more, *end])
+    return "Further digits, and their cost by that of the plan: " + ", ".join([*said, *end])
 
 
 def _small(chart: "Chart") -> str:
-    found = [m for m in chart.too_small if not m.why]
-    if not found:
-        return "No smaller model comes close." if chart.too_small else ""
-    return "Models that are too small, and their errors: " + ", ".join(
-        f"{m.model} {short_number(m.error)}" for m in found
-    )
+    wrong = [f"{m.model} {short_number(m.error)}" for m in chart.too_small if not m.why]
+    said = [f"Models that are too small, and their errors: {', '.join(wrong)}."] if wrong else []
+    for why in dict.fromkeys(m.why for m in chart.too_small if m.why.startswith(TAKES_NO)):
+        names = ", ".join(m.model for m in chart.too_small if m.why == why)
+        said.append(f"Models without {why.removeprefix(TAKES_NO).strip()}: {names}.")
+    return " ".join(said)

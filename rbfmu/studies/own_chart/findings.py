@@ -9,6 +9,7 @@ import numpy as np
 
 from rbfmu.studies.own_chart.case import FLOOR
 from rbfmu.studies.work_precision.answers import cheapest, rounded
+from rbfmu.studies.work_precision.collection import STOPPED
 from rbfmu.studies.work_precision.drawing import GROUPS
 from rbfmu.studies.work_precision.tables import short
 
@@ -25,7 +26,7 @@ class Reach:
     """The cheapest way to the accuracy asked by a kind of method.
 
     cost: s for a simulated second, infinite where none meets the accuracy; least: the smallest error of the kind, by
-    `best`, and why that ended.
+    `best`, and why that ended; stopped: whether the time limit stopped one, which might else come further.
     """
 
     kind: str
@@ -34,6 +35,7 @@ class Reach:
     least: float
     best: str
     why: str
+    stopped: bool = False
 
 
 def clipped(chart: "Chart") -> list["Row"]:
@@ -58,18 +60,23 @@ def _reach(chart: "Chart", kind: str, rows: Sequence["Row"]) -> Reach | None:
     offer = cheapest(rows, [row.family for row in rows], max(chart.accuracy, FLOOR))
     end = min(ends, key=lambda end: end.error, default=None)
     least, best, why = (end.error, end.method, end.why) if end else (rows[0].error, rows[0].method, "")
-    return Reach(kind, offer.method if offer else "", offer.cost if offer else math.inf, least, best, why)
+    stopped = any(end.why == STOPPED for end in ends)
+    return Reach(kind, offer.method if offer else "", offer.cost if offer else math.inf, least, best, why, stopped)
 
 
 def noise(chart: "Chart") -> float:
-    """Return the ratio within which costs count as equal: 19 of 20 points have a smaller spread."""
-    return float(np.percentile([row.spread for row in chart.rows], 95.0))
+    """Return the ratio within which costs count as equal: 19 of 20 points that may be compared have a smaller spread.
+
+    These cost at most ten times as much as the plan; dear runs are timed less often.
+    """
+    return float(np.percentile([row.spread for row in chart.rows if row.seconds <= 10.0 * chart.plan.seconds], 95.0))
 
 
 def headline(chart: "Chart") -> Iterator[str]:
     """Yield two lines: which method costs least at the accuracy asked, and what is beside it."""
     plan, first = chart.plan, reaches(chart)[0]
-    asked, ratio = f"{chart.scene} at {short_number(chart.accuracy)}", plan.seconds / first.cost
+    asked = f"{chart.scene} at {short_number(chart.accuracy)}{', ports at zero' if chart.ports else ''}"
+    ratio = plan.seconds / first.cost
     if ratio <= noise(chart):
         yield f"{asked}: use rbfmu's plan, {cost_text(plan.seconds)} per simulated second"
         yield f"{planned_method(chart)}; {_beside(chart)}"

@@ -20,7 +20,7 @@ from rbfmu.studies.work_precision.drawing import group_of, kind_of
 from rbfmu.studies.work_precision.methods import Method
 from rbfmu.studies.work_precision.peers import absent, peers
 
-LONGEST, REPEATS, SHORTEST = 0.06, 7, 1e-3
+LONGEST, REPEATS, SHORTEST = 0.1, 9, 1e-3
 """The processor time, s, of the longest run; how often each is timed; the least time for which each is."""
 QUICK_LONGEST = 0.02
 """The processor time, s, of the longest run of a quick chart."""

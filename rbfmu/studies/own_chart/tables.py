@@ -66,7 +66,8 @@ def _kind(chart: "Chart", reach: Reach) -> Iterator[str]:
         yield _KIND.format(name, reach.method, cost_text(reach.cost), cost_text(reach.cost * chart.span), ratio)
     else:
         least = short_number(reach.least) if math.isfinite(reach.least) else "none below 1"
-        yield from textwrap.wrap(f"{name:22}misses it: {least} by {reach.best} ({reach.why})", WIDTH,
+        so_far = "stopped" if reach.stopped else "misses it"
+        yield from textwrap.wrap(f"{name:22}{so_far}: {least} by {reach.best} ({reach.why})", WIDTH,
                                  subsequent_indent=" " * 24)  # fmt: skip
 
 

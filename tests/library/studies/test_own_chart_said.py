@@ -42,7 +42,7 @@ def made_up(peer: float, scene: str = "it", **changes: object) -> Chart:
 @pytest.mark.parametrize(
     ("peer", "first", "second"),
     [
-        (3.0, "it at 1e-6: use rbfmu's plan, 1.0 µs per", "best peer heyoka.py, 3.0 x that"),
+        (3.0, "it at 1e-6, ports at zero: use rbfmu's plan, 1.0 µs per", "best peer heyoka.py, 3.0 x that"),
         (1.02, "use rbfmu's plan", "heyoka.py is even"),
         (0.97, "use rbfmu's plan", "heyoka.py is even"),
         (0.5, "cheapest is heyoka.py, 500 ns per simulated second", "rbfmu's plan costs 2.0 x that"),
@@ -54,9 +54,16 @@ def test_the_headline_names_what_to_use(peer: float, first: str, second: str) ->
     assert second in lines[1]
 
 
+def test_noise_is_that_of_what_costs_about_as_much_as_the_plan() -> None:
+    noisy = [replace(row, spread=9.0 if row.seconds > 1e-5 else row.spread) for row in made_up(3.0).rows]
+    assert findings.noise(made_up(3.0, rows=tuple(noisy))) == pytest.approx(1.05)
+    noisy = [replace(row, spread=1.4) for row in made_up(3.0).rows]
+    assert findings.noise(made_up(3.0, rows=tuple(noisy))) == pytest.approx(1.4)
+
+
 def test_the_table_has_every_answer() -> None:
     text = made_up(3.0).table
-    assert "MuJoCo                misses it: 1e-3 by MuJoCo implicitfast (stopped:" in text
+    assert "MuJoCo                stopped: 1e-3 by MuJoCo implicitfast (stopped: time limit)" in text
     assert "torque-free symmetric body          0.37     3.7e+05 x" in text
     assert "shows no attitude" in text
     assert "1e-7      elliptic functions, Gauss's rule of 16" in text
@@ -64,6 +71,35 @@ def test_the_table_has_every_answer() -> None:
     assert "torque_b at zero" in text
     assert "Drake: not installed" in text
     assert max(map(len, text.splitlines())) <= WIDTH
+
+
+def test_a_method_stopped_by_time_is_not_said_to_be_unable() -> None:
+    one = made_up(3.0)
+    unable = made_up(3.0, ends=tuple(replace(end, why="no more digits") for end in one.ends))
+    for chart, word, other in ((one, "stopped", "misses"), (unable, "misses", "stopped")):
+        labels = [text.get_text() for axes in chart.figure().axes for text in axes.texts]
+        assert f"MuJoCo  {word}" in labels
+        assert f"MuJoCo  {other}" not in labels
+    assert "MuJoCo                misses it: 1e-3 by MuJoCo implicitfast (no more digits)" in unable.table
+
+
+def test_the_picture_s_words_name_further_digits_and_models() -> None:
+    small = [*made_up(3.0).too_small, *(contestants.TooSmall(m, 1e-9, "takes no torque_b") for m in ("one", "two"))]
+    words = " ".join(text.get_text() for text in made_up(3.0, too_small=tuple(small)).figure().texts)
+    assert "1e-7: 1.5 x, 1e-8: 4.0 x, no plan at 1e-09" in words
+    assert "their errors: torque-free symmetric body 0.37. Models without torque_b: one, two." in words
+    even = [replace(row, seconds=1e-6) for row in made_up(3.0).plans]
+    others = [row for row in made_up(3.0).rows if row.family != "planned"]
+    words = " ".join(text.get_text() for text in made_up(3.0, rows=(*others, *even)).figure().texts)
+    assert "1e-7 to 1e-8: 1.0 x" in words
+
+
+def test_costs_within_a_decade_have_no_labels_of_another_kind() -> None:
+    one = made_up(3.0)
+    figure = replace(one, rows=one.plans[:1], ends=()).figure()
+    figure.draw_without_rendering()
+    (axes,) = figure.axes
+    assert not any(tick.label1.get_text() for tick in axes.yaxis.get_minor_ticks())
 
 
 def test_a_part_of_a_run_is_said_to_be_one() -> None:
