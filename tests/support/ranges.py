@@ -29,7 +29,7 @@ TESTS = (
     "tests/fmu/native/test_native_fmu.py",
     "tests/fmu/native/test_native_fmu_build.py",
     "tests/fmu/test_verification.py",
-    "tests/project/test_cli.py",
+    "tests/project/command_line/test_cli.py",
 )
 SHOWN = ("numba", "llvmlite", "numpy", "fmpy", "pythonfmu", "matplotlib", "click", "rich", "pydantic")
 
