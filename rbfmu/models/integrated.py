@@ -64,7 +64,7 @@ LOADED_TAYLOR = ModelSpec(
     "body under loads, by series",
     loaded_taylor,
     rate_states=3,
-    costs={"": 60.0, "loads that turn": 68.0},
+    costs={"": 60.0, "evaluated": 40.0, "loads that turn": 68.0},
     substep_without_attitude=0.72,
     integrates_path=True,
 )

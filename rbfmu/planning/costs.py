@@ -4,14 +4,14 @@ from dataclasses import replace
 
 from rbfmu.models.body_at_start import body_at_start
 from rbfmu.models.registry import MODELS
-from rbfmu.planning.methods import load_shares
+from rbfmu.planning.methods import load_shares, serves_many_steps
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.quantities import OUTPUT
 
 MACHINE = "an Intel Xeon of 2026"
 """The machine whose ns all costs are, in a compiled loop over the library's own models on one idle core."""
-ATTITUDE, CHANGING, TURNING_LOADS = "attitude", "changing", "loads that turn"
+ATTITUDE, CHANGING, TURNING_LOADS, EVALUATED = "attitude", "changing", "loads that turn", "evaluated"
 """The terms of a model's own costs besides what each step costs; see `ModelSpec.costs`."""
 
 
@@ -49,16 +49,18 @@ def terms(scene: Scene, plan: Plan) -> list[str]:
     spec = plan.spec
     if spec.computes_all_outputs:
         return [spec.key]
-    start, wanted = body_at_start(scene), set(scene.outputs.quantities)
+    start, wanted, shares = body_at_start(scene), set(scene.outputs.quantities), load_shares(scene)
+    evaluated = serves_many_steps(plan, shares)
     changing = start.needs_translation or start.shows_loads
     if CHANGING in spec.costs and not changing:
         return [spec.key]  # its outputs never change
     parts = {
         term(spec.key, CHANGING): changing,
         term(spec.key, ATTITUDE): start.needs_attitude,
-        term(spec.key, TURNING_LOADS): any(load_shares(scene)),
+        term(spec.key, TURNING_LOADS): any(shares) and not evaluated,
         "path": start.needs_translation and not start.has_pivot and not spec.integrates_path,
         "accelerations": start.shows_loads,
         **{name: name in wanted for name in OUTPUT},
     }
-    return [spec.key, *(name for name, asked in parts.items() if asked and name in NS)]
+    own = term(spec.key, EVALUATED) if evaluated else spec.key
+    return [own, *(name for name, asked in parts.items() if asked and name in NS)]

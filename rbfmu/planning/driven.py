@@ -8,7 +8,7 @@ from rbfmu.models.integrated import LOADED_TAYLOR, PRESCRIBED_RATES
 from rbfmu.planning import reasons as say
 from rbfmu.planning.costs import stated
 from rbfmu.planning.judge import round_off, watched
-from rbfmu.planning.methods import TIGHTEST, load_shares, series, series_cost
+from rbfmu.planning.methods import TIGHTEST, load_shares, series, series_cost, work_of
 from rbfmu.runs.drive import Drive, drive_of
 from rbfmu.runs.errors import largest_error
 from rbfmu.runs.input_tables import InputTables
@@ -61,7 +61,7 @@ def _stated(scene: Scene, found: Plan, plan: Plan, error: float, substeps: float
     steps, reasons = len(drive.time) - 1, found.reasons
     cost = found.cost * len(drive.lengths) / steps
     if plan.model == LOADED_TAYLOR.key:
-        ns = series_cost(plan.order, load_shares(scene)) * max(substeps, float(len(drive.lengths)))
+        ns = series_cost(plan.order, load_shares(scene)) * work_of(substeps, float(len(drive.lengths)))
         cost = stated(scene, replace(plan, cost=ns / steps)).cost
     if plan is not found:
         reasons = (*reasons, say.tighter_than_the_fmu(found.method, plan.method, plan.tolerance))

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from rbfmu.models.body_at_start import body_at_start
+from rbfmu.models.integrated import LOADED_TAYLOR
 from rbfmu.models.scene_needs import varying_parameters
 from rbfmu.planning import reasons as say
 from rbfmu.planning.judge import Judge
@@ -17,6 +18,7 @@ from rbfmu.planning.methods import (
     series,
     splittings,
     tightened,
+    work_of,
 )
 from rbfmu.runs.plan import Plan
 from rbfmu.runs.time_grid import communication_steps
@@ -201,15 +203,18 @@ class _Search:
     def _fit_series(self) -> None:
         """Fit from a likely order up and down, until two in a row are no cheaper.
 
-        Orders go up no further than HIGHER, as estimates for long steps of a high order do not hold in other steps.
+        Orders go up no further than HIGHER, as estimates for long steps of a high order do not hold in other steps,
+        except while a series serves many steps.
         """
         likely = 2 * round(1.0 + 0.25 * math.log(100.0 / self.accuracy))
         order = min(max(likely, ORDERS_OF_SERIES[0]), ORDERS_OF_SERIES[-1])
         first = self.fit(series(self.general, order, self.shares), self.accuracy / 8.0)
         for way in (2, -2):
             other, value, idle = order + way, first, 0
-            while other in ORDERS_OF_SERIES and idle < 2 and other <= order + HIGHER:
+            while other in ORDERS_OF_SERIES and idle < 2:
                 before = self.best
+                if other > order + HIGHER and not (before and before.substeps < self.steps):
+                    break
                 value = self.fit(series(self.general, other, self.shares), value)
                 idle = idle + 1 if self.best is before else 0
                 other += way
@@ -219,8 +224,8 @@ class _Search:
         best: _Fit | None = None
         for order in range(LEAST_ORDER_OF_INPUTS, MAX_ORDER + 1, 2):
             method = series(self.general, order, self.shares)
-            if best is None or best.error > self.bound or method.cost * self.steps < best.cost:
-                plan = replace(method.plan_of(tolerance), span=span)
+            plan = replace(method.plan_of(tolerance), span=span)
+            if best is None or best.error > self.bound or self._least_cost(method, plan) < best.cost:
                 error, substeps = self._tried(plan)
                 found = _Fit(plan, error, substeps, method.cost * substeps, 1)
                 best = found if best is None or _better(found, best, REACHED * self.accuracy) else best
@@ -255,14 +260,19 @@ class _Search:
         return value
 
     def _tried(self, plan: Plan) -> tuple[float, float]:
-        """Return error and number of substeps of a pilot run."""
+        """Return error and number of substeps of a pilot run: less than steps where a series serves many of them."""
         error, counted = self.judge.try_out(plan)
         taken = counted
         if math.isfinite(plan.substep):
             taken = self.steps * (evaluated(substeps_in, self.scene.run.step, plan.substep) or math.inf)
-        taken = max(taken, float(self.steps))
-        self.work += min(taken, MAX_WORK)
+        if counted < self.steps:
+            kept = self._may_keep_series(plan)
+            taken = work_of(counted, float(self.steps)) if kept else max(taken, float(self.steps))
+        self.work += min(max(taken, float(self.steps)), MAX_WORK)
         return error, taken
+
+    def _may_keep_series(self, plan: Plan) -> bool:  # ports may change at each step
+        return plan.model == LOADED_TAYLOR.key and not self.scene.inputs.ports
 
     def _note(self, found: _Fit, bound: float) -> None:
         if self.best is None or _better(found, self.best, bound):
@@ -272,6 +282,8 @@ class _Search:
 
     def _least_cost(self, method: Method, plan: Plan) -> float:
         """Return the cost as far as it is known before a pilot run."""
+        if self._may_keep_series(plan):
+            return 0.0
         known = float(self.steps)
         if math.isfinite(plan.substep):
             known *= evaluated(substeps_in, self.scene.run.step, plan.substep) or math.inf

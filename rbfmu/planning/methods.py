@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from rbfmu.models.body_at_start import BodyAtStart, body_at_start
-from rbfmu.models.integrated import LOADED_SPLITTING
+from rbfmu.models.integrated import LOADED_SPLITTING, LOADED_TAYLOR
 from rbfmu.models.scene_needs import varying_parameters
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
@@ -32,6 +32,8 @@ SERIES_COSTS = ((58.0, 14.3), (10.0, 24.0), (41.0, 23.1))
 The lines are for torques that are known in b alone, for loads that turn in b as well, and for a force that turns with
 the body.
 """
+KEPT_SERIES_COST = 1.6
+"""The cost of a series that serves many communication steps over that of a substep of the same order."""
 ONE_AXIS_COSTS = {4: 55.0, 8: 85.0, 16: 185.0}
 SPLITTING_COSTS = {2: 76.0, 4: 470.0, 6: 864.0}
 """Ns a substep, by order."""
@@ -90,6 +92,16 @@ def load_shares(scene: Scene) -> tuple[float, float]:
     turned = levered or any(start.loads.torque_a) or "torque_a" in varying
     body_force = any(start.loads.force_b) or ("force_b" in varying and not start.has_pivot)
     return float(turned), float(body_force and start.needs_translation)
+
+
+def work_of(substeps: float, steps: float) -> float:
+    """Return the substeps that cost as much, where fewer than steps are series that serve many of these."""
+    return substeps if substeps >= steps else min(KEPT_SERIES_COST * substeps, steps)
+
+
+def serves_many_steps(plan: Plan, shares: tuple[float, float]) -> bool:
+    """Return whether the plan, whose cost is that of its substeps alone, makes less than a series a step."""
+    return plan.model == LOADED_TAYLOR.key and 0.0 < plan.cost < series_cost(plan.order, shares)
 
 
 # Splitting

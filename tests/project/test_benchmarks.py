@@ -11,7 +11,7 @@ from tests.support.fmu import c_host
 from tests.support.fmu.fmus import bench
 from tests.support.paths import ROOT
 
-NAMES = ("kernels", "free_rotation", "fmu", "held_gil", "native", "gallery", "costs", "stepping")
+NAMES = ("kernels", "free_rotation", "fmu", "held_gil", "native", "gallery", "costs", "stepping", "dense_output")
 GALLERY, COSTS = bench("gallery"), bench("costs")
 
 
@@ -52,6 +52,10 @@ def _figure(stated, measured):
     return COSTS.Figure("free", "all", None, (), stated, measured)
 
 
+def _output(ns, peer=100.0):
+    return bench("dense_output").Row("top", 0.01, 1e-6, "", 1e-7, ns, 1e-7, 1e-8, peer)
+
+
 FIGURES = {
     "kernels": ([{"operation": "rotate"} | KERNELS], 2),
     "free_rotation": ({"generic": FREE_ROTATION | {"many times of one body / as many bodies": 0.3}}, 3),
@@ -61,6 +65,7 @@ FIGURES = {
     "gallery": ([_row("planned"), _row("full", 6.0), _row("MuJoCo", 0.1, 1.0)], 4),
     "costs": ([_figure(100.0, 140.0), _figure(140.0, 100.0)], 2),
     "stepping": ({"stepped": 2.9e-6, "bare": 1e-6}, 1),
+    "dense_output": ([_output(50.0), _output(100.0)], 2),
 }
 """Made up, all goals kept; how many goals there are."""
 
@@ -87,6 +92,8 @@ def test_good_figures_keep_all_goals(name):
     ("costs", [_figure(100.0, 160.0)], "free, all, stated / measured"),
     ("costs", [_figure(160.0, 100.0)], "free, all, stated / measured"),
     ("stepping", {"stepped": 3.1e-6, "bare": 1e-6}, "microseconds a step of a Simulator"),
+    ("dense_output", [_output(101.0)], "top, every 0.01 s, 1e-06, plan / heyoka.py"),
+    ("dense_output", [_output(50.0, math.nan)], "top, every 0.01 s, 1e-06, plan / heyoka.py"),
 ])  # fmt: skip
 def test_a_figure_beyond_its_goal_is_missed(name, figures, missed):
     assert [goal.name for goal in bench(name).goals(figures) if not goal.kept] == [missed]
@@ -133,6 +140,16 @@ def test_steps_of_a_simulator_are_measured(capsys):
     figures = bench("stepping").main(rounds=1, steps=100)
     assert 0.0 < figures["bare"] < figures["stepped"]
     assert "ratio" in capsys.readouterr().out
+
+
+def test_many_outputs_are_measured_beside_a_peer_as_accurate(capsys):
+    pytest.importorskip("heyoka")
+    one = bench("dense_output")
+    (row,) = one.main(("d",), (1.0,), (1e-6,), 2)
+    assert row.error <= 1e-6
+    assert row.peer_error <= row.error
+    assert row.ratio > 0.0
+    assert "constant body torque" in capsys.readouterr().out
 
 
 def test_the_pythonfmu_fmu_is_measured(monkeypatch):

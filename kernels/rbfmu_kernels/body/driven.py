@@ -7,7 +7,7 @@ step the input keeps its last value, and its rates are 0 until they are set agai
 from typing import Any
 
 from ..buffer import STEP_REJECTED, places
-from ..buffer_access import vec3_at
+from ..buffer_access import copy_numbers, vec3_at
 from ..compile.decorator import kernel
 from ..integrators.rigid_body_state import RATE_ONLY, ROTATION, STATE_SIZE, WHOLE_STATE
 from ..mechanics.equations_of_motion import (
@@ -19,10 +19,22 @@ from ..mechanics.equations_of_motion import (
     steady_acceleration,
 )
 from ..rotations.vec3 import add_scaled, is_nonzero
-from .memory import COMMON, INPUTS, centre_of, has_pivot, is_finite, keep_state, loads_of, put_centre, restore_state
+from .memory import (
+    COMMON,
+    INPUTS,
+    body_of,
+    centre_of,
+    has_pivot,
+    is_finite,
+    keep_state,
+    loads_of,
+    put_centre,
+    restore_state,
+)
 from .needs import PORTS, has_port, needs_attitude, needs_translation
 from .outputs import outputs
 
+NUMBER_OF_INPUTS = sum(INPUTS.values())
 RATES = {f"{name}_rate": size for name, size in INPUTS.items()}
 RATES_2 = {f"{name}_rate_2": size for name, size in INPUTS.items()}
 DRIVEN = COMMON | RATES | RATES_2 | {"before": STATE_SIZE, "step_size": 1, "substeps": 1, "step_size_before": 1}
@@ -66,6 +78,23 @@ def integrated(z: Any, body: Body, loads: LoadPolynomial) -> int:
 
 
 @kernel
+def holds_inputs(z: Any, held: int) -> bool:
+    """Return whether the inputs are those that were kept from z[held] on, and do not change within the step."""
+    same = True
+    for i in range(_NUMBERS):
+        same &= bool(z[_INPUTS + i] == z[held + i])
+    for i in range(_NUMBERS):
+        same &= bool(z[_RATES + i] == 0.0) & bool(z[_RATES_2 + i] == 0.0)
+    return same
+
+
+@kernel
+def keep_inputs(z: Any, held: int) -> None:
+    """Copy the inputs to z[held:], for `holds_inputs`."""
+    copy_numbers(z, _INPUTS, held, _NUMBERS)
+
+
+@kernel
 def keep(z: Any) -> None:
     """Keep what `finish` restores where the step is rejected."""
     keep_state(z, _BEFORE)
@@ -85,6 +114,16 @@ def finish(z: Any, n: int, h: float, status: int, body: Body, loads: LoadPolynom
         return STEP_REJECTED
     if changing:
         _hold_last_inputs(z, h)
+    return outputs(z)
+
+
+@kernel
+def finish_steadily(z: Any, n: int, h: float) -> int:
+    """Do what `finish` does where no input changes within the step."""
+    _translate(z, h, 0.0 if n == WHOLE_STATE else 1.0, body_of(z), loads_of(z))
+    if not is_finite(z):
+        restore_state(z, _BEFORE)
+        return STEP_REJECTED
     return outputs(z)
 
 

@@ -8,7 +8,7 @@ from typing import Any, ParamSpec, TypeVar, cast
 import numpy as np
 
 from .shapes import python_function
-from .simd import MACHINE_CODE_ONLY
+from .simd import IN_PYTHON
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -29,15 +29,25 @@ def interpreted(kernel: Callable[P, R]) -> Callable[P, R]:
 
 
 class NotInterpretableError(TypeError):
-    """The error of a kernel that has an instruction of its own for the machine, and no form in Python."""
+    """The error of a kernel that calls one that is compiled at once."""
+
+
+_COMPILED_AT_ONCE: list[Any] = []
+
+
+def compiled_at_once(kernel: Callable[P, R]) -> Callable[P, R]:
+    """Mark a kernel that does so much that plain Python would only delay it."""
+    _COMPILED_AT_ONCE.append(kernel)
+    return kernel
 
 
 def _plain(value: Any) -> Any:
     """Return a kernel as a Python function, a module as one whose kernels are such, and anything else as it is."""
     if isinstance(value, ModuleType):
         return _PlainModule(value)
-    if any(value is one for one in MACHINE_CODE_ONLY):
+    if any(value is one for one in _COMPILED_AT_ONCE):
         raise NotInterpretableError(value)
+    value = next((plain for machine, plain in IN_PYTHON if value is machine), value)
     return _plain_function(value) if hasattr(value, "py_func") else value
 
 

@@ -100,32 +100,45 @@ def multiply_lanes(typingctx: Any, a: Any, b: Any) -> Any:
     return a(a, b), generate
 
 
-MACHINE_CODE_ONLY: tuple[Any, ...] = (lanes, numbers, lanes_at, put_lanes, add_lanes, multiply_lanes)
-"""What a kernel in plain Python cannot call, but where the JIT is disabled."""
+def _plain_lanes(a: float, b: float, c: float, d: float) -> Lanes:
+    """Return four numbers side by side."""
+    return (a, b, c, d)
+
+
+def _plain_numbers(a: Lanes) -> Lanes:
+    """Return the four numbers."""
+    return a
+
+
+def _plain_lanes_at(z: Any, i: int) -> Lanes:
+    """Return the four numbers from z[i] on."""
+    return (z[i], z[i + 1], z[i + 2], z[i + 3])
+
+
+def _plain_put_lanes(z: Any, i: int, a: Lanes) -> None:
+    """Store four numbers from z[i] on."""
+    z[i : i + 4] = a
+
+
+def _plain_add_lanes(a: Lanes, b: Lanes) -> Lanes:
+    """Add lane by lane."""
+    return (a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3])
+
+
+def _plain_multiply_lanes(a: Lanes, b: Lanes) -> Lanes:
+    """Multiply lane by lane."""
+    return (a[0] * b[0], a[1] * b[1], a[2] * b[2], a[3] * b[3])
+
+
+IN_PYTHON: tuple[tuple[Any, Any], ...] = (
+    (lanes, _plain_lanes),
+    (numbers, _plain_numbers),
+    (lanes_at, _plain_lanes_at),
+    (put_lanes, _plain_put_lanes),
+    (add_lanes, _plain_add_lanes),
+    (multiply_lanes, _plain_multiply_lanes),
+)
+"""What stands for each in a kernel that runs in plain Python."""
 
 if config.DISABLE_JIT:
-    MACHINE_CODE_ONLY = ()
-
-    def lanes(a: float, b: float, c: float, d: float) -> Lanes:
-        """Return four numbers side by side."""
-        return (a, b, c, d)
-
-    def numbers(a: Lanes) -> Lanes:
-        """Return the four numbers."""
-        return a
-
-    def lanes_at(z: Any, i: int) -> Lanes:
-        """Return the four numbers from z[i] on."""
-        return (z[i], z[i + 1], z[i + 2], z[i + 3])
-
-    def put_lanes(z: Any, i: int, a: Lanes) -> None:
-        """Store four numbers from z[i] on."""
-        z[i : i + 4] = a
-
-    def add_lanes(a: Lanes, b: Lanes) -> Lanes:
-        """Add lane by lane."""
-        return (a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3])
-
-    def multiply_lanes(a: Lanes, b: Lanes) -> Lanes:
-        """Multiply lane by lane."""
-        return (a[0] * b[0], a[1] * b[1], a[2] * b[2], a[3] * b[3])
+    lanes, numbers, lanes_at, put_lanes, add_lanes, multiply_lanes = (plain for _, plain in IN_PYTHON)

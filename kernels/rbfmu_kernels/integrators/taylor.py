@@ -18,6 +18,7 @@ import numpy as np
 from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED
 from ..buffer_access import quaternion_at, vec3_at
 from ..compile.decorator import kernel
+from ..compile.interpreted import compiled_at_once
 from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers
 from ..mechanics.equations_of_motion import Body, LoadPolynomial, polynomial_after
 from ..mechanics.inertia import trace
@@ -55,6 +56,7 @@ from .taylor_coefficients import (
     term,
     turned_loads,
 )
+from .truncation import power_of, size_of, truncation
 
 _MAX_DERIVATIVES = 9
 _WEIGHT = np.array(
@@ -136,71 +138,31 @@ def _move(z: Any, y: int, q: Quaternion, m: int, s: Any, h: float) -> None:
 
 
 @kernel
-def _power(x: float, n: int) -> float:
-    total = 1.0
-    while n > 0:
-        total = total * x if n & 1 == 1 else total
-        x, n = x * x, n >> 1
-    return total
-
-
-@kernel
-def _last_terms(s: Any, u: int, order: int, h: float) -> float:
-    """Return the larger of the last two terms of the series at u, per h^(order - 1)."""
-    last, before = vec3_at(s, term(u, order)), vec3_at(s, term(u, order - 1))
-    return max(largest_component(before), h * largest_component(last))
-
-
-@kernel
 def _space_fixed_acceleration(s: Any, body: Body, fixed: SpaceFixedLoads) -> float:
     """Return a bound of the angular acceleration by loads that turn in b."""
     torque = 0.0
     if fixed.lever_force:
-        torque += _size(body.arm_b) * _size(vec3_at(s, FORCE))
+        torque += size_of(body.arm_b) * size_of(vec3_at(s, FORCE))
     if fixed.torque:
-        torque += _size(vec3_at(s, TORQUE))
+        torque += size_of(vec3_at(s, TORQUE))
     return torque * trace(body.inertia_inverse)
-
-
-@kernel
-def _size(v: Vec3) -> float:
-    return abs(v[0]) + abs(v[1]) + abs(v[2])
 
 
 @kernel(inline=False)
 def _error(
     s: Any, order: int, h: float, acceleration: float, alpha_fixed: float, kept: int, n: int, span: float
 ) -> float:
-    """Estimate for a step of h: the last two terms relative to the rate, and the two-point formula's remainder (rad).
+    """Estimate for a step of h: its truncation, and the two-point formula's remainder (rad).
 
     acceleration: that by a force that turns with the body, relative to the velocity, which counts as 1 m/s at least.
-    alpha_fixed: the angular acceleration by loads that turn in b, whose last terms count as they act for `kept` steps.
-    span: how long an error of the rate goes on to turn the body, s; see `body.memory.SETTINGS`.
     """
-    m, square, power = derivatives_of_attitude(order), 0.0, 1.0
-    at_end = (0.0, 0.0, 0.0)
-    for k in range(4):
-        part = scale(power, vec3_at(s, term(RATE, k)))
-        at_end = add(at_end, part)
-        square = max(square, max(dot(part, part), dot(at_end, at_end)))
-        power *= h
-    power = _power(h, order - 1)
-    last = _last_terms(s, RATE, order, h) * power
-    rate = math.sqrt(square)
-    turned = last * span
-    last = last / rate if rate > 0.0 else 0.0
+    m = derivatives_of_attitude(order)
+    last, square = truncation(s, order, h, alpha_fixed, kept, n, span)
     if n == RATE_ONLY:
         return last
-    last = max(last, turned)
-    if alpha_fixed > 0.0:
-        force, torque = _size(vec3_at(s, FORCE)), _size(vec3_at(s, TORQUE))
-        off = _last_terms(s, FORCE, order, h) * power / force if force > 0.0 else 0.0
-        off += _last_terms(s, TORQUE, order, h) * power / torque if torque > 0.0 else 0.0
-        span = kept * h
-        last = max(last, off * alpha_fixed * span * max(0.5 * span, 1.0 / rate)) if off > 0.0 else last
     alpha = vec3_at(s, term(RATE, 1))
     square = h * h * (square + _RATE_PER_ACCELERATION[m] * math.sqrt(dot(alpha, alpha)))
-    remainder: float = _REMAINDER[m] * _power(square, m) * max(math.sqrt(square), _FOUR[m] * h * acceleration)
+    remainder: float = _REMAINDER[m] * power_of(square, m) * max(math.sqrt(square), _FOUR[m] * h * acceleration)
     return max(last, remainder)
 
 
@@ -216,6 +178,7 @@ def _sums(s: Any, order: int, h: float, fixed: SpaceFixedLoads) -> None:
             put_factors(s, torque, _sum(s, torque, order, h))
 
 
+@compiled_at_once
 @kernel(inline=False)
 def taylor_advance(
     z: Any,

@@ -35,8 +35,8 @@ RATE, TURN, FORCE, TORQUE, FORCE_RATE, TORQUE_RATE, FORCE_RATE_2, TORQUE_RATE_2,
 )
 TO_DERIVATIVE = FORCE_RATE - FORCE
 """From a load's series to that of its derivative."""
-_ROWS = 31
-"""k & _ROWS is k for any row: an index that cannot be negative needs no check."""
+ROWS = 31
+"""k & ROWS is k for any row: an index that cannot be negative needs no check."""
 PER = 1.0 / np.arange(1.0, MAX_ORDER + 2.0)
 """1 / (k + 1)."""
 
@@ -105,7 +105,7 @@ def _squares(s: Any, k: int) -> Vec3:
     x, y, v = 0.0, 0.0, 0.0
     for j in range(k + 1):
         a, b, c = vec3_at(s, term(RATE, j))
-        d, e, f = vec3_at(s, term(RATE, (k - j) & _ROWS))
+        d, e, f = vec3_at(s, term(RATE, (k - j) & ROWS))
         x += a * d
         y += b * e
         v += c * f
@@ -140,7 +140,7 @@ def _turn_term(s: Any, k: int, turn: Quaternion, rate: Vec3, start: Vec3) -> Qua
     e, x, y, v = 0.0, 0.0, 0.0, 0.0
     for j in range(1, k):
         a, b, c, d = quaternion_at(s, term(TURN, j))
-        f, g, h = vec3_at(s, term(RATE, (k - j) & _ROWS))
+        f, g, h = vec3_at(s, term(RATE, (k - j) & ROWS))
         e -= b * f + c * g + d * h
         x += a * f + (c * h - d * g)
         y += a * g + (d * f - b * h)
@@ -163,7 +163,7 @@ def _acceleration_term(s: Any, k: int) -> Vec3:
     x, y, v = 0.0, 0.0, 0.0
     for j in range(k + 1):
         a, b, c, d = quaternion_at(s, product(TURN, j))
-        e, f, g, h = quaternion_at(s, term(TURN, (k - j) & _ROWS))
+        e, f, g, h = quaternion_at(s, term(TURN, (k - j) & ROWS))
         x += (b * e - a * f) + (d * g - c * h)
         y += (c * e - a * g) + (b * h - d * f)
         v += (d * e - a * h) + (c * f - b * g)

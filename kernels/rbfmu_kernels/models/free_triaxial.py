@@ -1,9 +1,12 @@
-"""The model of a body on which no torque acts: exact rotation at any time, and position in closed form."""
+"""The model of a body on which no torque acts: exact rotation at any time, and position in closed form.
+
+While steps are short, a series about an exact state serves many of them: see `integrators.free_series`.
+"""
 
 from typing import Any
 
 from ..body.closed_form import CLOSED_FORM, finish_step, is_driven, start_clocks, time_after
-from ..body.memory import put_rotation, rotation_of
+from ..body.memory import body_of, has_pivot, put_rotation, rotation_of
 from ..body.needs import needs_attitude, shows_rates, skips_model_checks
 from ..body.outputs import output_rates as body_output_rates
 from ..body.principal import exact_frame, rates_along, rounded
@@ -24,6 +27,16 @@ from ..exact.free_rotation import (
     scaled_time,
     with_axes_turned,
 )
+from ..integrators.dense_output import NONE, reaches_over
+from ..integrators.free_series import (
+    FREE_SERIES,
+    FREE_WORK,
+    begin_free_series,
+    motion_after,
+    pass_time,
+    series_pays,
+    start_without_series,
+)
 from ..rotations.matrix import invert_matrix, quaternion_from_matrix, transform
 from ..rotations.quaternion import compose_quaternions, invert_quaternion
 from ..types import Vec3
@@ -31,10 +44,12 @@ from ..types import Vec3
 __all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
 
 FREE = CLOSED_FORM | {"axes": 9, "place": 4, "moved": 1, "constants": FREE_ROTATION_SIZE}
-"""After CLOSED_FORM: principal axes, place on the polhode, 1 once a step was taken, constants of the exact motion."""
-BLOCKS, SIZE = places(FREE)
+"""After CLOSED_FORM: principal axes, place on the polhode, 1 where the last step set it, constants of the motion."""
+_, _BEFORE = places(FREE | FREE_SERIES)
+BLOCKS, SIZE = places(FREE | FREE_SERIES | {"pad_3": -_BEFORE % 8, "work": FREE_WORK})
 
 _M, _AXES, _PLACE, _MOVED, _CONSTANTS = (BLOCKS[n].start for n in ("M", "axes", "place", "moved", "constants"))
+_SERIES, _WORK = BLOCKS[next(iter(FREE_SERIES))].start, BLOCKS["work"].start
 _TORQUE = 11
 """The key in `buffer.FAULTS`."""
 
@@ -44,7 +59,15 @@ def _set_up(z: Any) -> int:
     if not skips_model_checks(z) and is_driven(z):
         return _TORQUE
     set_up_rotation(z)
+    start_without_series(z, _SERIES, needs_attitude(z) and _has_exact_moments(z))
     return 0
+
+
+@kernel
+def _has_exact_moments(z: Any) -> bool:
+    """Return whether the body's own axes are principal, with moments as given, so that doubles lose nothing."""
+    M = body_of(z).inertia
+    return M[0][1] == 0.0 and M[0][2] == 0.0 and M[1][2] == 0.0 and not has_pivot(z)
 
 
 @kernel(inline=False)
@@ -67,6 +90,19 @@ def _advance(z: Any, h: float) -> int:
     """Advance by h; reject the step and change nothing where the motion is not finite or an input makes a torque."""
     if not skips_model_checks(z) and is_driven(z):
         return STEP_REJECTED
+    if not reaches_over(z, _SERIES, h):
+        return _advance_exactly(z, h)
+    q, omega = motion_after(z, _WORK, _SERIES, h)
+    status = finish_step(z, h, q, omega)
+    if status == OK:
+        pass_time(z, _SERIES, h)
+        z[_MOVED] = 0.0
+    return status
+
+
+@kernel(inline=False)
+def _advance_exactly(z: Any, h: float) -> int:
+    """Advance by h in closed form, and begin a series there if that pays."""
     motion = free_motion_of(z)
     t = scaled_time(motion, time_after(z, h))
     place = place_at(motion, t)
@@ -74,6 +110,10 @@ def _advance(z: Any, h: float) -> int:
     status = finish_step(z, h, q, shown_rates(z, place))
     if status == OK:
         keep_place(z, place)
+        if series_pays(z, _SERIES, h):
+            begin_free_series(z, _WORK, _SERIES, h, q, _rates(z, place), body_of(z))
+        else:
+            z[_SERIES] = NONE
     return status
 
 

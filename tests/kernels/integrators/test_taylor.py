@@ -178,10 +178,10 @@ def test_damping_is_stable_to_the_series_own_limit(order):
         assert (abs(block(z, "omega_b")[2]) > 1e-3) == grows
 
 
-def test_a_body_at_rest_without_loads_takes_one_step():
+def test_a_body_at_rest_without_loads_takes_one_series():
     scene = Scene(body={"mass": 1.0, "inertia": [1.0, 2.0, 3.0]}, loads={"gravity_a": [0.0, 0.0, 0.0]})
     z = unit_of(scene, 12, 1e-12)
     for h in (1e-3, 1.0, 1e6):
         assert loaded_taylor.step(z, h) == OK
-    assert float(block(z, "substeps")[0]) == 3.0
+    assert float(block(z, "substeps")[0]) == 1.0
     np.testing.assert_array_equal(block(z, "quaternion"), [1.0, 0.0, 0.0, 0.0])

@@ -62,7 +62,7 @@ def matrix(unit):
     return Rotation.from_quat(unit["quaternion"], scalar_first=True).as_matrix()
 
 
-SCRATCH = {"before", "step_size_before", "substeps", "work"}
+SCRATCH = {"before", "step_size_before", "substeps", "is_alive", "kept_before", "work"}
 """Blocks of a buffer that say nothing about the motion."""
 
 

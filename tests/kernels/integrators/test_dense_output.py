@@ -1,0 +1,239 @@
+"""Series that serve many steps: as accurate at every output, saved, refused, driven; the same bits in plain Python."""
+
+import math
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from rbfmu.runs.errors import attitude_error
+from rbfmu.runs.model_buffer import filled_buffer, initialize
+from rbfmu.runs.plan import Plan
+from rbfmu.scene.scene import Scene
+from rbfmu.studies.work_precision.cases import CASES
+from rbfmu_kernels.buffer import OK, STEP_REJECTED
+from rbfmu_kernels.models import loaded_taylor
+from tests.support.paths import ROOT
+from tests.support.references import reference_mp as reference
+
+EPS = 2.0**-52
+ALL_LOADS = {
+    "body": {"mass": 2.0, "inertia": [[1.0, 0.1, 0.05], [0.1, 1.2, 0.02], [0.05, 0.02, 1.5]],
+             "r_oc_b": [0.1, -0.2, 0.3]},
+    "initial": {"omega_b": [1.0, 2.0, -1.0], "position": [1.0, 2.0, 3.0], "velocity": [0.1, 0.2, 0.3]},
+    "loads": {"force_b": [1.0, 0.5, 0.2], "force_a": [0.3, 0.1, -0.4], "torque_b": [0.1, 0.2, 0.1],
+              "torque_a": [0.05, 0.0, 0.02], "damping_b": [0.1, 0.05, 0.02]},
+}  # fmt: skip
+SCENES = {
+    "torque in b": CASES["d"].scene,
+    "top": CASES["c"].scene,
+    "heavy body": CASES["c'"].scene,
+    "thruster": CASES["f"].scene,
+    "all loads": Scene(**ALL_LOADS, run={"stop": 5.0}),
+    "damped": CASES["e"].scene,
+}
+
+
+class Unit:
+    """A body by series, and its steps."""
+
+    def __init__(self, scene, order=16, tolerance=1e-10, span=0.0, ports=()):
+        tables = scene.to_dict() | {"inputs": {"ports": list(ports)}}
+        plan = Plan("body under loads, by series", "", 13, tolerance=tolerance, order=order, span=span)
+        scene = Scene.from_dict(tables, "dense")
+        self.z = filled_buffer(scene, plan)
+        initialize(scene, loaded_taylor, self.z)
+
+    def __getitem__(self, name):
+        return self.z[loaded_taylor.BLOCKS[name]].copy()
+
+    def __setitem__(self, name, value):
+        self.z[loaded_taylor.BLOCKS[name]] = value
+
+    def step(self, h, times=1):
+        for _ in range(times):
+            assert loaded_taylor.step(self.z, h) == OK
+        return self
+
+    @property
+    def series(self):
+        return float(self["substeps"][0])
+
+    @property
+    def outputs(self):
+        return np.concatenate([self[name] for name in ("position", "velocity", "quaternion", "omega_b")])
+
+    def errors(self, truth):
+        return reference.errors([truth], *([self[name]] for name in ("quaternion", "omega_b", "position", "velocity")))
+
+
+def natural_step(scene, order, tolerance, span):
+    """Return the mean time between series."""
+    unit = Unit(scene, order, tolerance).step(span / 3000.0, 3000)
+    assert unit.series < 1000.0
+    return span / unit.series
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("denser", [10, 100])
+def test_every_output_is_within_the_tolerances_of_the_series_begun(name, denser):
+    """Against 40 digits, at times all over the run."""
+    scene, order, tolerance, span = SCENES[name], 16, 1e-9, 1.5
+    h = natural_step(scene, order, tolerance, span) / denser
+    n = math.ceil(span / h)
+    chosen = np.linspace(1, n, 12).astype(int)
+    truth = reference.motion(scene, tuple(h * k for k in chosen.tolist()))
+    unit, done = Unit(scene, order, tolerance), 0
+    for k, point in zip(chosen, truth, strict=True):
+        unit.step(h, k - done)
+        done = k
+        assert max(unit.errors(point).values()) <= unit.series * tolerance + 40 * EPS
+    assert unit.series <= 1.2 * n / denser + 1
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_series_do_not_care_when_outputs_are_asked_for(name):
+    """Where they begin is theirs: outputs at one time differ by the round-off of clocks, and of adding up a path."""
+    unit, denser = Unit(SCENES[name]), Unit(SCENES[name])
+    h = 1e-3
+    for _ in range(50):
+        unit.step(20 * h)
+        denser.step(h, 20)
+        np.testing.assert_allclose(denser.outputs, unit.outputs, rtol=0.0, atol=4000 * EPS)
+    assert unit.series == denser.series
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_steps_of_any_size_are_served(name):
+    """Longer ones than a series reaches over too, which may take substeps."""
+    scene, rng, span = SCENES[name], np.random.default_rng(3), 1.5
+    times = np.sort(np.concatenate([rng.uniform(0.0, 0.2, 40), rng.uniform(0.0, 1.2, 5), rng.uniform(1.2, span, 40)]))
+    (truth,) = reference.motion(scene, (float(times[-1]),))
+    unit = Unit(scene, 14, 1e-9)
+    for h in np.diff(times, prepend=0.0):
+        unit.step(float(h))
+    assert max(unit.errors(truth).values()) <= unit.series * 1e-9 + 400 * EPS
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_copy_in_mid_series_goes_on_with_the_same_bits(name):
+    unit = Unit(SCENES[name]).step(0.002, 17)
+    saved = unit.z.copy()
+    first = unit.step(0.002, 120).step(0.5).step(0.001, 9).z.copy()
+    unit.z[:] = saved
+    np.testing.assert_array_equal(unit.step(0.002, 120).step(0.5).step(0.001, 9).z, first)
+
+
+@pytest.mark.parametrize("h", [0.0, -1.0, math.nan, math.inf, 1e300])
+@pytest.mark.parametrize("name", ["top", "thruster", "all loads"])
+def test_a_refused_step_leaves_a_series_as_it_was(name, h):
+    unit, other = (Unit(SCENES[name]).step(0.002, 11) for _ in range(2))
+    before = unit.outputs
+    assert loaded_taylor.step(unit.z, h) == STEP_REJECTED
+    np.testing.assert_array_equal(unit.outputs, before)
+    for _ in range(60):
+        np.testing.assert_array_equal(unit.step(0.002).outputs, other.step(0.002).outputs)
+
+
+@pytest.mark.parametrize("name", ["torque in b", "thruster", "all loads"])
+@pytest.mark.parametrize(
+    ("change", "value"), [("torque_b", 1e200), ("torque_b_rate", 1e200), ("force_a", math.inf), ("force_a", math.nan)]
+)
+def test_a_step_refused_for_its_inputs_leaves_a_series_as_it_was(name, change, value):
+    unit, other = (Unit(SCENES[name], ports=("torque_b", "force_a")).step(0.002, 11) for _ in range(2))
+    kept = unit[change]
+    unit[change] = [value, value, 0.0]
+    assert loaded_taylor.step(unit.z, 1.0) == STEP_REJECTED
+    unit[change] = kept
+    for _ in range(60):
+        np.testing.assert_array_equal(unit.step(0.002).outputs, other.step(0.002).outputs)
+
+
+def fresh(unit, scene, torque):
+    """A unit that starts from another's state under a torque that it knows."""
+    tables = scene.to_dict()
+    tables["initial"] = {"attitude": {"quaternion": unit["quaternion"].tolist()}, "omega_b": unit["omega_b"].tolist(),
+                         "position": unit["position"].tolist(), "velocity": unit["velocity"].tolist()}  # fmt: skip
+    tables["loads"]["torque_b"] = torque
+    return Scene.from_dict(tables, "fresh")
+
+
+@pytest.mark.parametrize("name", ["torque in b", "heavy body", "thruster"])
+def test_an_input_changed_in_mid_series_acts_as_from_a_fresh_start(name):
+    scene, torque, tolerance = SCENES[name], [0.3, -0.2, 0.1], 1e-10
+    known = scene.to_dict()["loads"].get("torque_b", [0.0, 0.0, 0.0])
+    unit = Unit(scene, tolerance=tolerance, ports=("torque_b",)).step(0.003, 25)
+    (truth,) = reference.motion(fresh(unit, scene, np.add(known, torque).tolist()), (0.3,))
+    begun = unit.series
+    unit["torque_b"] = torque
+    unit.step(0.003, 100)
+    assert max(unit.errors(truth).values()) <= (unit.series - begun) * tolerance + 400 * EPS
+    assert unit.series - begun < 60.0
+
+
+def test_inputs_that_hold_go_on_with_the_series_and_those_that_change_do_not_wait_for_one():
+    """A series that is begun for one step alone would cost more than a substep."""
+    unit = Unit(SCENES["torque in b"], ports=("torque_b",)).step(0.01, 50)
+    assert unit.series == 1.0
+    for k in range(50):
+        unit["torque_b"] = [0.01 * k + 0.01, 0.0, 0.0]
+        unit.step(0.01)
+    assert unit.series == 51.0
+    assert unit.step(0.01, 50).series == 52.0
+
+
+def test_inputs_that_change_within_a_step_end_a_series():
+    scene = SCENES["torque in b"]
+    unit, other = Unit(scene, ports=("torque_b",)), Unit(scene, ports=("torque_b",))
+    unit.step(0.01, 10)
+    unit["torque_b_rate"] = [1.0, 0.0, 0.0]
+    unit.step(0.01).step(0.01, 30)
+    other["step_size"] = 0.01  # too short for series
+    other.step(0.01, 10)
+    other["torque_b_rate"] = [1.0, 0.0, 0.0]
+    other.step(0.01).step(0.01, 30)
+    assert unit["torque_b"][0] == 0.01
+    assert attitude_error(unit["quaternion"], other["quaternion"]) <= 1e-9
+    assert unit.series < other.series
+
+
+def test_a_motion_that_turns_fast_leaves_the_series():
+    """Spun up from rest: natural steps shrink below the communication step."""
+    scene = Scene(body={"mass": 1.0, "inertia": [1.0, 1.2, 1.5]}, loads={"torque_b": [30.0, 20.0, 80.0]},
+                  run={"stop": 2.0})  # fmt: skip
+    unit = Unit(scene, 12, 1e-9)
+    (truth,) = reference.motion(scene, (2.0,))
+    unit.step(0.05, 40)
+    assert max(unit.errors(truth).values()) <= unit.series * 1e-9 * 2.0
+    assert unit.series > 40.0
+
+
+def test_a_tolerance_for_a_whole_run_is_kept():
+    scene, span = SCENES["heavy body"], 5.0
+    (truth,) = reference.motion(scene, (span,))
+    for tolerance in (1e-5, 1e-8):
+        unit = Unit(scene, 16, tolerance, span).step(0.005, 1000)
+        assert max(unit.errors(truth).values()) <= 3.0 * tolerance
+        assert unit.series < 500.0
+
+
+BITS = """
+import sys
+from tests.kernels.integrators.test_dense_output import SCENES, Unit
+for name, scene in SCENES.items():
+    unit = Unit(scene, 8, 1e-6, ports=("torque_b",)).step(0.003, 25)
+    unit["torque_b"] = [0.1, 0.0, 0.0]
+    unit.step(0.003, 12)
+    print(unit.outputs.tobytes().hex())
+"""
+
+
+def test_plain_python_has_the_same_bits():
+    found = [
+        subprocess.run([sys.executable, "-c", BITS], env=os.environ | {"NUMBA_DISABLE_JIT": flag}, cwd=ROOT, check=True,
+                       capture_output=True, text=True).stdout for flag in ("0", "1")
+    ]  # fmt: skip
+    assert found[0] == found[1]
+    assert len(set(found[0].split())) == len(SCENES)
