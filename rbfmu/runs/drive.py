@@ -81,7 +81,7 @@ class Driven:
     """
 
     def __init__(self, drive: Drive, kernels: Model, z: Buffer) -> None:
-        self._z, self._step, self._outputs = z, tiered(kernels.step), tiered(kernels.outputs)
+        self._z, self._step, self._outputs = z, tiered(kernels.step, len(drive.lengths)), tiered(kernels.outputs)
         self._lengths, self._counts = drive.lengths, drive.counts
         takes_slopes = all(f"{port}_rate" in kernels.BLOCKS for port in drive.ports)
         follows = not drive.is_steady and not takes_slopes

@@ -43,7 +43,7 @@ def record_trajectory(
 
     progress: a function that is told which part of the run is done.
     """
-    step = tiered(kernels.step)
+    step = tiered(kernels.step, len(steps) * parts)
     return _recorded(
         kernels,
         z,

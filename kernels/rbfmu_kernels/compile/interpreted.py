@@ -3,12 +3,12 @@
 from collections.abc import Callable
 from functools import cache
 from types import FunctionType, ModuleType
-from typing import Any, ParamSpec, TypeVar, cast
+from typing import Any, ParamSpec, TypeGuard, TypeVar, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .shapes import python_function
-from .simd import IN_PYTHON
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -28,26 +28,12 @@ def interpreted(kernel: Callable[P, R]) -> Callable[P, R]:
     return call
 
 
-class NotInterpretableError(TypeError):
-    """The error of a kernel that calls one that is compiled at once."""
-
-
-_COMPILED_AT_ONCE: list[Any] = []
-
-
-def compiled_at_once(kernel: Callable[P, R]) -> Callable[P, R]:
-    """Mark a kernel that does so much that plain Python would only delay it."""
-    _COMPILED_AT_ONCE.append(kernel)
-    return kernel
-
-
 def _plain(value: Any) -> Any:
-    """Return a kernel as a Python function, a module as one whose kernels are such, and anything else as it is."""
+    """Return a kernel as a Python function, a module as one whose kernels are such, and most else as it is."""
     if isinstance(value, ModuleType):
         return _PlainModule(value)
-    if any(value is one for one in _COMPILED_AT_ONCE):
-        raise NotInterpretableError(value)
-    value = next((plain for machine, plain in IN_PYTHON if value is machine), value)
+    if isinstance(value, np.ndarray) and value.dtype == np.float64:
+        return memoryview(value.data)  # whose numbers are Python's
     return _plain_function(value) if hasattr(value, "py_func") else value
 
 
@@ -57,6 +43,47 @@ def _plain_function(value: Any) -> Any:
     names, used = dict(function.__globals__), function.__code__.co_names
     names |= {name: _plain(names[name]) for name in used if name in names}
     return FunctionType(function.__code__, names, function.__name__, function.__defaults__)
+
+
+def on_buffer(function: Callable[P, R]) -> Callable[P, R]:
+    """Return a kernel as a Python function that takes its buffers' numbers for Python's: twice as fast as NumPy's.
+
+    Where these are divided by zero, what was done is undone, and done again with NumPy's.
+    """
+
+    def call(*args: P.args, **kwargs: P.kwargs) -> R:
+        before = [(one, one.copy()) for one in args if _is_buffer(one)]
+        try:
+            return function(*(memoryview(one) if _is_buffer(one) else one for one in args), **kwargs)  # type: ignore
+        except ZeroDivisionError:
+            for one, numbers in before:
+                one[:] = numbers
+            return function(*args, **kwargs)
+
+    return call
+
+
+def _is_buffer(value: Any) -> TypeGuard[NDArray[np.float64]]:
+    return isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype == np.float64
+
+
+def size_of_code(kernel: Any) -> int:
+    """Return the number of bytes of a kernel and of all that it calls, as Python's code."""
+    found: dict[Any, int] = {}
+    _measure(kernel, found)
+    return sum(found.values())
+
+
+def _measure(kernel: Any, found: dict[Any, int]) -> None:
+    function = getattr(kernel, "py_func", None)
+    if function is None or function in found:
+        return
+    code, known = function.__code__, function.__globals__
+    found[function] = len(code.co_code)
+    used = [known[name] for name in code.co_names if name in known]
+    modules = [one for one in used if isinstance(one, ModuleType)]
+    for one in [*used, *(getattr(module, name, None) for module in modules for name in code.co_names)]:
+        _measure(one, found)
 
 
 class _PlainModule:

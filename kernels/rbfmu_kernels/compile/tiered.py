@@ -1,9 +1,11 @@
 """Kernels as plain Python until compiling them pays: the bits are the same, and a short run starts at once.
 
-Compiling a model's step takes a second or more, and a thousand steps in plain Python take a tenth of that. Code that is
-kept on disk from an earlier run serves from the first call.
+Compiling a model's step takes seconds, and a thousand steps in plain Python take a tenth of that. A kernel is compiled
+once its calls have taken the time that compiling takes, or after its first where those to come will take it. Code that
+is kept on disk from an earlier run serves from the first call.
 """
 
+import math
 from collections.abc import Callable
 from functools import cache
 from time import process_time
@@ -12,25 +14,32 @@ from typing import Any, ParamSpec, TypeVar
 import numpy as np
 from numba import typeof
 
-from .interpreted import NotInterpretableError, interpreted
+from .interpreted import interpreted, on_buffer, size_of_code
 from .shapes import python_function
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
-PATIENCE = 0.3
-"""The CPU time, s, that calls in plain Python may take before the kernel is compiled: a small one takes about that."""
+PATIENCE, PATIENCE_PER_BYTE = 0.3, 1.4e-4
+"""The CPU time, s, that calls in plain Python may take before a kernel is compiled, and more per byte of its code:
+measured, what compiling takes."""
+
+
+def tiered(kernel: Callable[..., Any], calls: int = 1) -> Callable[..., Any]:
+    """Return a kernel that is compiled where its calls in plain Python take longer.
+
+    calls: how many are known to come.
+    """
+    if python_function(kernel) is kernel:  # the JIT is disabled
+        return kernel
+    tier = _tier(kernel)
+    tier.calls = calls
+    return tier
 
 
 @cache
-def tiered(kernel: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a kernel that is compiled once its calls in plain Python have taken some time, or from the first call."""
-    if python_function(kernel) is kernel:  # the JIT is disabled
-        return kernel
-    try:
-        return Tiered(kernel, interpreted(kernel))
-    except NotInterpretableError:
-        return kernel
+def _tier(kernel: Any) -> "Tiered":
+    return Tiered(kernel, on_buffer(interpreted(kernel)))
 
 
 def evaluated(kernel: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
@@ -67,10 +76,12 @@ def is_kept(kernel: Any, *args: Any) -> bool:
 
 
 class Tiered:
-    """A kernel that is called in plain Python first, and compiled later."""
+    """A kernel that is called in plain Python first, and compiled later; calls: how many are known to come."""
 
     def __init__(self, kernel: Any, plain: Callable[..., Any]) -> None:
-        self._kernel, self._plain, self._spent = kernel, plain, 0.0
+        self._kernel, self._plain, self.calls = kernel, plain, 1
+        self._patience = PATIENCE + PATIENCE_PER_BYTE * size_of_code(kernel)
+        self._shortest = math.inf
         self._call = self._first
 
     def __call__(self, *args: Any) -> Any:
@@ -84,7 +95,9 @@ class Tiered:
     def _interpreted(self, *args: Any) -> Any:
         begin = process_time()
         found = self._plain(*args)
-        self._spent += process_time() - begin
-        if self._spent > PATIENCE or self._kernel.overloads:  # it may be compiled for others meanwhile
+        taken = process_time() - begin
+        self._patience -= taken
+        self._shortest, self.calls = min(self._shortest, taken), max(self.calls - 1, 0)
+        if self.calls * self._shortest > self._patience or self._kernel.overloads:  # others may have compiled it
             self._call = self._kernel
         return found

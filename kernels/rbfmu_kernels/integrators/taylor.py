@@ -18,7 +18,6 @@ import numpy as np
 from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED
 from ..buffer_access import quaternion_at, vec3_at
 from ..compile.decorator import kernel
-from ..compile.interpreted import compiled_at_once
 from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers
 from ..mechanics.equations_of_motion import Body, LoadPolynomial, polynomial_after
 from ..mechanics.inertia import trace
@@ -178,7 +177,6 @@ def _sums(s: Any, order: int, h: float, fixed: SpaceFixedLoads) -> None:
             put_factors(s, torque, _sum(s, torque, order, h))
 
 
-@compiled_at_once
 @kernel(inline=False)
 def taylor_advance(
     z: Any,

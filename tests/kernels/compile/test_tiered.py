@@ -1,16 +1,19 @@
 """Kernels that are plain Python until compiling pays: the same bits before and after, and nothing compiled too soon."""
 
+import math
 import os
 import subprocess
 import sys
 import threading
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import rbfmu
-from rbfmu_kernels.compile import announcement, tiered
+from rbfmu_kernels.compile import announcement, interpreted, tiered
+from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.mechanics.inertia import principal_axes
 from rbfmu_kernels.models import free_triaxial, loaded_taylor
 from rbfmu_kernels.rotations.euler_angles import quaternion_from_euler, zyx
@@ -20,10 +23,10 @@ M = ((1.0, 0.1, 0.0), (0.1, 2.0, 0.3), (0.0, 0.3, 2.5))
 SCENE = ROOT / "examples" / "scenes" / "tumbling_brick.toml"
 
 
-def in_python(kernel):
+def in_python(function):
     """A tier that has not asked yet whether the code is kept, and never gets tired."""
-    tier = tiered.Tiered(kernel, tiered.interpreted(kernel))
-    tier._call = tier._interpreted
+    tier = tiered.Tiered(function, tiered.on_buffer(tiered.interpreted(function)))
+    tier._patience, tier._call = math.inf, tier._interpreted
     return tier
 
 
@@ -32,12 +35,11 @@ def test_plain_python_and_machine_code_give_the_same_bits(name):
     scene = rbfmu.load_scene(SCENE.with_stem(name))
     plan = rbfmu.plan(scene)
     found = []
-    for way in (in_python, lambda kernel: kernel):
+    for way in (in_python, lambda function: function):
         z = rbfmu.runs.model_buffer.filled_buffer(scene, plan)
         assert way(plan.kernels.initialize)(z) == 0
-        if plan.kernels is not loaded_taylor:
-            for _ in range(20):
-                assert way(plan.kernels.step)(z, scene.run.step) == 0
+        for _ in range(20):
+            assert way(plan.kernels.step)(z, scene.run.step) == 0
         found.append(z.tobytes())
     assert found[0] == found[1]
 
@@ -49,18 +51,41 @@ def test_numbers_and_tuples_come_back_as_pythons():
     assert tiered.evaluated(quaternion_from_euler, zyx, (0.1, 0.2, 0.3)) == quaternion_from_euler(zyx, (0.1, 0.2, 0.3))
 
 
-def test_a_kernel_is_compiled_once_python_has_taken_its_time(monkeypatch):
-    def plain(x):
-        return ("plain", x)
+def plain(x):
+    return ("plain", x)
 
-    compiled = SimpleNamespace(py_func=plain, overloads={})
-    tier = tiered.Tiered(compiled, plain)
-    monkeypatch.setattr(tiered, "PATIENCE", 1e9)
+
+def tier_of(monkeypatch, patience, calls=1):
+    monkeypatch.setattr(tiered, "PATIENCE", patience)
+    tier = tiered.Tiered(SimpleNamespace(py_func=plain, overloads={}), plain)
+    tier.calls = calls
+    return tier
+
+
+@pytest.mark.parametrize(("patience", "calls", "is_compiled"), [(1e9, 1, False), (-1.0, 1, True), (1e9, 1e99, True)])
+def test_a_kernel_is_compiled_once_python_takes_the_time_for_that(patience, calls, is_compiled, monkeypatch):
+    tier = tier_of(monkeypatch, patience, calls)
+    monkeypatch.setattr(tiered, "process_time", iter((0.0, 0.001)).__next__)
     assert tier(1) == ("plain", 1)
-    assert tier._call == tier._interpreted
-    monkeypatch.setattr(tiered, "PATIENCE", -1.0)
-    assert tier(2) == ("plain", 2)
-    assert tier._call is compiled
+    assert (tier._call is tier._kernel) == is_compiled
+
+
+def test_a_long_kernel_is_waited_for_longer():
+    short, long = (interpreted.size_of_code(kernel) for kernel in (quaternion_from_euler, loaded_taylor.step))
+    assert 0 < 5 * short < long
+    assert tiered.tiered(loaded_taylor.step)._patience > 0.3
+
+
+@kernel
+def _next_quotient(z: Any, x: float) -> float:
+    z[0] += 1.0
+    return z[0] / z[1] + x
+
+
+def test_a_division_by_zero_is_as_in_machine_code_and_what_it_cut_short_is_undone():
+    z, other = np.array([1.0, 0.0]), np.array([1.0, 0.0])
+    assert in_python(_next_quotient)(z, 1.0) == _next_quotient(other, 1.0) == math.inf
+    assert z.tolist() == other.tolist() == [2.0, 0.0]
 
 
 def test_what_others_have_compiled_meanwhile_is_used():
@@ -78,10 +103,6 @@ def test_what_is_kept_is_not_interpreted():
     free_triaxial.step(z, 0.1)
     assert tiered.is_kept(free_triaxial.step, z, 0.1)
     assert not tiered.is_kept(free_triaxial.step, 1, 2, 3)
-
-
-def test_instructions_of_the_machine_alone_are_compiled_at_once():
-    assert tiered.tiered(loaded_taylor.step) is loaded_taylor.step
 
 
 def test_a_run_of_a_closed_form_compiles_nothing(tmp_path):
