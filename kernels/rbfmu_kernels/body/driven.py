@@ -104,7 +104,8 @@ def keep(z: Any) -> None:
 @kernel
 def finish(z: Any, n: int, h: float, status: int, body: Body, loads: LoadPolynomial) -> int:
     """Move the centre of mass as far as in closed form, set outputs; or return STEP_REJECTED with all as it was."""
-    _translate(z, h, 0.0 if n == WHOLE_STATE else 1.0, body, loads.value)
+    if needs_translation(z):
+        _translate(z, h, 0.0 if n == WHOLE_STATE else 1.0)
     changing = is_changing(loads)
     if changing:
         _translate_further(z, h, body, loads)
@@ -120,19 +121,18 @@ def finish(z: Any, n: int, h: float, status: int, body: Body, loads: LoadPolynom
 @kernel
 def finish_steadily(z: Any, n: int, h: float) -> int:
     """Do what `finish` does where no input changes within the step."""
-    _translate(z, h, 0.0 if n == WHOLE_STATE else 1.0, body_of(z), loads_of(z))
+    if needs_translation(z):
+        _translate(z, h, 0.0 if n == WHOLE_STATE else 1.0)
     if not is_finite(z):
         restore_state(z, _BEFORE)
         return STEP_REJECTED
     return outputs(z)
 
 
-@kernel
-def _translate(z: Any, h: float, drift: float, body: Body, loads: Loads) -> None:
+@kernel(inline=False)
+def _translate(z: Any, h: float, drift: float) -> None:
     """Move the centre of mass by h under its steady acceleration; drift: 0 where v_c h is added already, else 1."""
-    if not needs_translation(z):
-        return
-    (r_c, v_c), a = centre_of(z), steady_acceleration(body, loads)
+    (r_c, v_c), a = centre_of(z), steady_acceleration(body_of(z), loads_of(z))
     put_centre(z, add_scaled(add_scaled(r_c, drift * h, v_c), 0.5 * h * h, a), add_scaled(v_c, h, a))
 
 
