@@ -104,8 +104,7 @@ def keep(z: Any) -> None:
 @kernel
 def finish(z: Any, n: int, h: float, status: int, body: Body, loads: LoadPolynomial) -> int:
     """Move the centre of mass as far as in closed form, set outputs; or return STEP_REJECTED with all as it was."""
-    if needs_translation(z):
-        _translate(z, h, 0.0 if n == WHOLE_STATE else 1.0)
+    _translate(z, h, 0.0 if n == WHOLE_STATE else 1.0, body, loads.value)
     changing = is_changing(loads)
     if changing:
         _translate_further(z, h, body, loads)
@@ -121,18 +120,19 @@ def finish(z: Any, n: int, h: float, status: int, body: Body, loads: LoadPolynom
 @kernel
 def finish_steadily(z: Any, n: int, h: float) -> int:
     """Do what `finish` does where no input changes within the step."""
-    if needs_translation(z):
-        _translate(z, h, 0.0 if n == WHOLE_STATE else 1.0)
+    _translate(z, h, 0.0 if n == WHOLE_STATE else 1.0, body_of(z), loads_of(z))
     if not is_finite(z):
         restore_state(z, _BEFORE)
         return STEP_REJECTED
     return outputs(z)
 
 
-@kernel(inline=False)
-def _translate(z: Any, h: float, drift: float) -> None:
+@kernel
+def _translate(z: Any, h: float, drift: float, body: Body, loads: Loads) -> None:
     """Move the centre of mass by h under its steady acceleration; drift: 0 where v_c h is added already, else 1."""
-    (r_c, v_c), a = centre_of(z), steady_acceleration(body_of(z), loads_of(z))
+    if not needs_translation(z):
+        return
+    (r_c, v_c), a = centre_of(z), steady_acceleration(body, loads)
     put_centre(z, add_scaled(add_scaled(r_c, drift * h, v_c), 0.5 * h * h, a), add_scaled(v_c, h, a))
 
 

@@ -107,7 +107,7 @@ def follow(z: Any, y: int, w: int, i: int, order: int, h: float) -> None:
     _put_motion(z, y, w, i, order, h, since[0])
 
 
-@kernel(inline=False)
+@kernel
 def _put_motion(z: Any, y: int, w: int, i: int, order: int, h: float, t: float) -> None:
     """Set the state z[y:] to that at t of the series, h after the one before."""
     n = extent_of(z, i)
