@@ -170,9 +170,8 @@ def _print(
 def _draw(result: Result, path: Path) -> None:
     figure = Figure(figsize=(8.4, 7.2), layout="constrained")
     rates, angles, error = figure.subplots(3, 1, sharex=True, height_ratios=(1.1, 1.1, 1.0))
-    local = nasa_brick.local_attitude(result.time, result.quaternion)
     draw_components(rates, result.time, np.degrees(result.omega_b), ("p", "q", "r"))
-    turned = np.degrees(rbfmu.euler_from_quaternion("ZYX", local))
+    turned = np.degrees(nasa_brick.local_angles(result.time, result.quaternion))
     draw_components(angles, result.time, turned, ("yaw", "pitch", "roll"), turn=360.0)
     nasa = np.array(nasa_brick.NASA["01"])
     for k in range(3):

@@ -7,7 +7,12 @@ case 2 (tumbling brick, no damping). Simulations 01 and 04 agree with Euler's eq
 import numpy as np
 from numpy.typing import NDArray
 
-import rbfmu
+from rbfmu_kernels.compile.tiered import evaluated
+from rbfmu_kernels.rotations.euler_angles import ZYX, euler_from_quaternion, quaternion_from_euler
+from rbfmu_kernels.rotations.quaternion import angle_between, compose_quaternions
+from rbfmu_kernels.types import Quaternion
+
+Array = NDArray[np.float64]
 
 EARTH_RATE = 7.292115e-5
 """rad/s: the earth turns under the brick, about the north axis of the local frame at the equator."""
@@ -49,23 +54,26 @@ NASA = {
 }  # fmt: skip
 
 
-def errors(
-    simulation: str, time: NDArray[np.float64], q_ab: NDArray[np.float64], omega_b: NDArray[np.float64]
-) -> list[tuple[float, float, float]]:
+def errors(simulation: str, time: Array, q_ab: Array, omega_b: Array) -> list[tuple[float, float, float]]:
     """Return (time in s, largest rate error in deg/s, attitude error in deg) at NASA's times that the motion passes."""
     found = []
     for row in NASA[simulation]:
         k = int(np.argmin(np.abs(time - row[0])))
         if abs(time[k] - row[0]) < 1e-9:
             rate = float(np.max(np.abs(np.degrees(omega_b[k]) - row[1:4])))
-            q_nb = rbfmu.quaternion_from_euler("ZYX", np.radians(row[4:7]))
-            attitude = rbfmu.angle_between(local_attitude(row[0], q_ab[k]), q_nb)
-            found.append((row[0], rate, float(np.degrees(attitude))))
+            yaw, pitch, roll = np.radians(row[4:7]).tolist()
+            q_nb = evaluated(quaternion_from_euler, ZYX, (yaw, pitch, roll))
+            (local,) = _local_attitudes(np.array([row[0]]), q_ab[k : k + 1])
+            found.append((row[0], rate, float(np.degrees(evaluated(angle_between, local, q_nb)))))
     return found
 
 
-def local_attitude(time: float | NDArray[np.float64], q_ab: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the attitude relative to north-east-down at `time`: frame a is that at time 0, which does not turn."""
-    half = 0.5 * EARTH_RATE * np.asarray(time)
+def local_angles(time: Array, q_ab: Array) -> Array:
+    """Return yaw, pitch and roll, rad, relative to north-east-down: frame a is that at time 0, which does not turn."""
+    return np.array([evaluated(euler_from_quaternion, ZYX, q) for q in _local_attitudes(time, q_ab)])
+
+
+def _local_attitudes(time: Array, q_ab: Array) -> list[Quaternion]:
+    half = 0.5 * EARTH_RATE * time
     q_na = np.stack([np.cos(half), -np.sin(half), 0.0 * half, 0.0 * half], axis=-1)
-    return rbfmu.compose_quaternions(q_na, q_ab)  # type: ignore[no-any-return]
+    return [evaluated(compose_quaternions, *both) for both in zip(q_na.tolist(), q_ab.tolist(), strict=True)]

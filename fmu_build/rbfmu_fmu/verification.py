@@ -17,7 +17,6 @@ from fmpy.validation import validate_fmu
 from numpy.typing import NDArray
 
 from rbfmu import planning
-from rbfmu.arrays import quaternion_from_euler
 from rbfmu.runs.errors import largest_error
 from rbfmu.runs.model_buffer import Buffer, Model, filled_buffer, initialize
 from rbfmu.runs.plan import Plan
@@ -27,7 +26,9 @@ from rbfmu_fmu.archive import kernel_hash
 from rbfmu_fmu.description import Description, describe
 from rbfmu_fmu.python.pythonfmu_traps import CRASHES_IN_PATH
 from rbfmu_kernels.buffer import OK
+from rbfmu_kernels.compile.tiered import evaluated, tiered
 from rbfmu_kernels.quantities import FORCES, TORQUES
+from rbfmu_kernels.rotations.euler_angles import ZYX, quaternion_from_euler
 
 MAX_STEPS = 10_000
 HELD_STEPS = 10
@@ -228,14 +229,15 @@ def _distance_to_full(
     a, b = ({n: m[: len(planned), c] for n, c in columns.items()} for m in (planned, rows))
     for motion in (a, b):
         if "rpy" in motion:
-            motion["quaternion"] = quaternion_from_euler("ZYX", motion.pop("rpy")[:, ::-1])
+            angles = motion.pop("rpy")[:, ::-1].tolist()
+            motion["quaternion"] = np.array([evaluated(quaternion_from_euler, ZYX, row) for row in angles])
     return largest_error(a, b, tuple(a))
 
 
 def _advance(scene: Scene, kernels: Model, z: Buffer, k: int, time: NDArray[np.float64]) -> None:
     if k == 0:
         initialize(scene, kernels, z)
-    elif kernels.step(z, time[k] - time[k - 1]) != OK:
+    elif tiered(kernels.step, len(time) - k)(z, time[k] - time[k - 1]) != OK:
         z[:] = np.nan
 
 
