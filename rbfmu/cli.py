@@ -2,29 +2,38 @@
 
 import json
 import shlex
-import sys
 import tomllib
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
-from rich.markup import escape
-from rich.progress import Progress
-from rich.table import Table
 
+from rbfmu.cli_options import (
+    PICTURES,
+    SAVED,
+    driven_by,
+    folder_option,
+    input_options,
+    model_option,
+    run_options,
+)
 from rbfmu.cli_output import (
     Commands,
     check_target,
-    expected_error,
+    counting_bar,
+    plan_text,
     planning_bar,
     print_end,
     print_keys,
+    print_verdict,
+    print_verification,
     say_where_nothing_is_kept,
     usage_errors,
+    write_new,
 )
 from rbfmu.exceptions import SceneWarning
 from rbfmu.kept_plans import KeptPlan
@@ -32,25 +41,6 @@ from rbfmu.progress import progress_bar
 
 if TYPE_CHECKING:
     from rbfmu.scene.scene import Scene
-
-SAVED = (".csv", ".npz")
-PICTURES = (".png", ".svg", ".pdf")
-
-
-_MODEL = click.option("--model", type=click.Choice(["planned", "full"]), default="planned", show_default=True,
-                      help="The smallest that serves the scene, or all degrees of freedom.")  # fmt: skip
-_INPUTS = click.option("--inputs", type=click.Path(path_type=Path), metavar="FILE.csv",
-                       help="Drive the ports: columns time, torque_b[1], ...  [ports at zero]")  # fmt: skip
-_INTERPOLATE = click.option("--interpolate", type=click.Choice(["hold", "linear"]), default="hold", show_default=True,
-                            help="Between the rows of --inputs.")  # fmt: skip
-
-
-def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options of commands that plan a run: keys of the scene's table [run]."""
-    for key, unit in (("step", " (s)"), ("stop", " (s)"), ("accuracy", "")):
-        option = click.option(f"--{key}", type=float, help=f"In place of the scene's run.{key}{unit}.")
-        command = option(command)
-    return command
 
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
@@ -63,8 +53,7 @@ def main() -> None:
 
 
 @main.command()
-@click.option("-o", "--output", "folder", type=click.Path(file_okay=False, path_type=Path), default=Path("rbfmu_demo"),
-              show_default=True, help="Folder for the FMU, the results and the picture.")  # fmt: skip
+@folder_option("rbfmu_demo", "Folder for the FMU, the results and the picture.")
 def demo(folder: Path) -> None:
     """Simulate NASA's tumbling brick in three ways, compare them with each other and with NASA, draw it."""
     from rbfmu_fmu import VerificationError
@@ -95,21 +84,16 @@ def new(name: str) -> None:
     check_target(path, "NAME", (".toml",))
     text = new_scene(path.stem)
     Scene.from_dict(tomllib.loads(text), str(path))
-    try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(text)
-    except FileExistsError:
-        raise click.UsageError(f"{path}: exists already, and stays as it is") from None
+    write_new(path, text)
     click.echo(f"{path} (next: rbfmu run {shlex.quote(str(path))})")
 
 
 @main.command("plan")
 @click.argument("scene", metavar="SCENE", type=click.Path(path_type=Path))
 @click.option("--json", "as_json", is_flag=True, help="Print model, method, substep, states and reasons as JSON.")
-@_INPUTS
-@_INTERPOLATE
-@_MODEL
-@_run_options
+@input_options
+@model_option
+@run_options
 def show_plan(
     scene: Path, as_json: bool, inputs: Path | None, interpolate: str, model: str, **run: float | None
 ) -> None:
@@ -118,20 +102,14 @@ def show_plan(
     known = kept.read() if inputs is None else None
     if known is None:
         with _scene(scene, run) as loaded:
-            known = _planned(loaded, model, kept, _driven(inputs, interpolate))
+            known = _planned(loaded, model, kept, driven_by(inputs, interpolate))
     for doubt in known["doubts"]:
         warnings.warn(doubt, SceneWarning, stacklevel=2)  # of a plan that was made now they are said already
     click.echo(json.dumps(known["plan"] | {"variables": known["variables"]}, indent=1) if as_json else known["text"])
 
 
-def _driven(inputs: Path | None, interpolate: str) -> dict[str, Any]:
-    """Return the arguments of a plan and of a run that are driven by a file."""
-    return {} if inputs is None else {"inputs": inputs, "interpolate": interpolate}
-
-
 def _planned(scene: "Scene", model: str, kept: KeptPlan, driven: dict[str, Any]) -> dict[str, Any]:
     """Plan a scene; return what is said of the plan and of doubts; keep it where no inputs are given."""
-    from rbfmu.planning.costs import MACHINE
     from rbfmu.scene.plausibility import doubts_before
     from rbfmu.simulation import plan
     from rbfmu_fmu.description import sizes
@@ -139,16 +117,9 @@ def _planned(scene: "Scene", model: str, kept: KeptPlan, driven: dict[str, Any])
     with planning_bar(scene.name) as bar:
         chosen = plan(scene, full=model == "full", progress=bar, **driven)
     variables, full = sizes(scene, chosen)
-    cost = f"about {float(f'{chosen.cost:.2g}'):,.0f} ns a step of {scene.run.step:g} s on {MACHINE}"
-    lines = [
-        f"{chosen.model}: {chosen.method}",
-        *chosen.reasons,
-        f"{chosen.states} state{'s' * (chosen.states != 1)} and {variables} FMU variables, "
-        f"against {full[0]} and {full[1]} of the full model",
-        f"{expected_error(scene, chosen, bool(driven))}, {cost}",
-    ]
+    text = plan_text(scene, chosen, variables, full, bool(driven))
     doubts = [f"{scene.name}: {doubt}" for doubt in doubts_before(scene)]
-    known = {"plan": chosen.to_dict(), "variables": variables, "text": "\n".join(lines), "doubts": doubts}
+    known = {"plan": chosen.to_dict(), "variables": variables, "text": text, "doubts": doubts}
     if not driven:
         kept.keep(known)
     return known
@@ -158,10 +129,9 @@ def _planned(scene: "Scene", model: str, kept: KeptPlan, driven: dict[str, Any])
 @click.argument("scene", metavar="SCENE", type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), help="Save to FILE (.csv or .npz).")
 @click.option("--plot", type=click.Path(dir_okay=False, path_type=Path), help="Draw to FILE (.png, .svg or .pdf).")
-@_INPUTS
-@_INTERPOLATE
-@_MODEL
-@_run_options
+@input_options
+@model_option
+@run_options
 def run(
     scene: Path,
     output: Path | None,
@@ -180,7 +150,7 @@ def run(
 
     check_target(output, "--output", SAVED)
     check_target(plot, "--plot", PICTURES)
-    driven, kept = _driven(inputs, interpolate), KeptPlan(scene, {"model": model, **run})
+    driven, kept = driven_by(inputs, interpolate), KeptPlan(scene, {"model": model, **run})
     with _scene(scene, run) as loaded:
         known = kept.read() if inputs is None else None
         planned = Plan.from_dict((known or _planned(loaded, model, kept, driven))["plan"])
@@ -200,8 +170,7 @@ def run(
               show_default=True, help="Page to write.")  # fmt: skip
 @click.option("--scene", "body", type=click.Path(path_type=Path), help="Whose body a RESULT (.csv, .npz) moves.")
 @click.option("--stop", type=float, help="End of what is shown (s).")
-@_INPUTS
-@_INTERPOLATE
+@input_options
 def view(
     source: Path, output: Path, body: Path | None, stop: float | None, inputs: Path | None, interpolate: str
 ) -> None:
@@ -214,7 +183,7 @@ def view(
     check_target(output, "--output", (".html",))
     say_where_nothing_is_kept()
     with usage_errors(), planning_bar(source.stem) as bar:
-        driven = _driven(inputs, interpolate)
+        driven = driven_by(inputs, interpolate)
         motion = write_page(source, output, scene=body, stop=stop, progress=bar, **driven)
     size = output.stat().st_size / 1e6
     click.echo(f"{output}: {size:.1f} MB, {len(motion.result.time)} pictures, played in {motion.played:.3g} s")
@@ -226,8 +195,8 @@ def view(
 @click.option("--native", is_flag=True, help="Compiled: the importer needs no Python.")
 @click.option("--platform", "platforms", default="", metavar="NAME,...",
               help="Of a native FMU: linux64, win64, darwin64, linux-aarch64, darwin-aarch64.  [this one]")  # fmt: skip
-@_MODEL
-@_run_options
+@model_option
+@run_options
 def build(scene: Path, output: Path | None, native: bool, platforms: str, model: str, **run: float | None) -> None:
     """Build a scene's FMU (FMI 2.0 co-simulation, pythonfmu or native)."""
     from rbfmu_fmu import BuildError
@@ -254,31 +223,19 @@ def verify(fmu: Path, seed: int) -> None:
     """Compare an FMU with direct calls of its kernels, bit by bit, and validate it."""
     from rbfmu_fmu import VerificationError
     from rbfmu_fmu import verify as verify_fmu
-    from rbfmu_kernels.quantities import OUTPUT
 
     say_where_nothing_is_kept()
     try:
         found = verify_fmu(fmu, seed)
     except VerificationError as error:
         raise click.UsageError(str(error)) from None
-    table = Table("output", "unit", "largest difference to the kernels", box=None)
-    for name, difference in found.differences.items():
-        table.add_row(escape(name), OUTPUT[name.split("[")[0]].unit, repr(difference))
-    Console(highlight=False).print(table)
-    click.echo(f"{found.steps_done} of {found.steps_asked} steps done; inputs from seed {found.seed}")
-    click.echo(f"planned and full model differ by {found.to_full:.1e}, accuracy asked {found.accuracy:g}")
-    for problem in found.problems:
-        click.echo(f"problem: {problem}")
-    click.echo("passed" if found.passed else "FAILED")
+    print_verification(found)
     click.get_current_context().exit(0 if found.passed else 1)
 
 
 @main.command()
 @click.argument("scene", metavar="[SCENE]", required=False, type=click.Path(path_type=Path))
-@click.option(
-    "-o", "--output", "folder", type=click.Path(file_okay=False, path_type=Path), default=Path("rbfmu_chart"),
-    show_default=True, help="Folder for the tables and pictures.",
-)  # fmt: skip
+@folder_option("rbfmu_chart", "Folder for the tables and pictures.")
 @click.option("--quick", is_flag=True, help="Few cases and methods: to see that it runs.")
 def chart(scene: Path | None, folder: Path, quick: bool) -> None:
     """Chart accuracy against cost: which method to use, here and with the peers that are installed.
@@ -289,12 +246,7 @@ def chart(scene: Path | None, folder: Path, quick: bool) -> None:
     from rbfmu.studies.work_precision import run_charts
     from rbfmu_fmu.cosimulation_chart import run_cosimulation_chart
 
-    with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as bar:
-        task = bar.add_task("chart", total=None)
-
-        def progress(done: int, total: int, text: str) -> None:
-            bar.update(task, completed=done, total=total, description=text)
-
+    with counting_bar("chart") as progress:
         if scene is not None:
             paths = chart_of(scene, quick, progress).save(folder)
         else:
@@ -304,10 +256,7 @@ def chart(scene: Path | None, folder: Path, quick: bool) -> None:
 
 
 @main.command()
-@click.option(
-    "-o", "--output", "folder", type=click.Path(file_okay=False, path_type=Path), default=Path("rbfmu_stability"),
-    show_default=True, help="Folder for the tables and pictures.",
-)  # fmt: skip
+@folder_option("rbfmu_stability", "Folder for the tables and pictures.")
 @click.option("--quick", is_flag=True, help="Coarse and fast: to see that it runs.")
 def stability(folder: Path, quick: bool) -> None:
     """Measure where methods fail, against the laws that predict it; draw it."""
@@ -317,9 +266,7 @@ def stability(folder: Path, quick: bool) -> None:
     paths = run_stability(folder, quick, progress_bar("stability"))
     findings, wrong = read_findings(folder), failures(folder)
     print_laws(findings)
-    click.echo(f"\n{len(findings) - len(wrong)} of {len(findings)} findings hold; {len(paths)} files in {folder}")
-    for text in wrong:
-        click.echo(f"does not hold: {text}")
+    print_verdict(len(findings), wrong, f"{len(paths)} files in {folder}")
     click.get_current_context().exit(1 if wrong else 0)
 
 

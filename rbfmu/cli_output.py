@@ -96,6 +96,15 @@ def check_target(path: Path | None, option: str, endings: Sequence[str]) -> None
         raise click.UsageError(f"{option} {str(path)!r}: there is no folder {str(path.parent)!r}")
 
 
+def write_new(path: Path, text: str) -> None:
+    """Write a file that must not be there yet."""
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError:
+        raise click.UsageError(f"{path}: exists already, and stays as it is") from None
+
+
 @contextmanager
 def planning_bar(name: str) -> Iterator[Callable[[float], Any] | None]:
     """Show a bar for what planning takes, on a terminal and after a second; it goes when done."""
@@ -108,11 +117,38 @@ def planning_bar(name: str) -> Iterator[Callable[[float], Any] | None]:
         yield lambda part: bar.update(task, completed=part, visible=monotonic() > begin + 1.0)
 
 
+@contextmanager
+def counting_bar(name: str) -> Iterator[Callable[[int, int, str], None]]:
+    """Show a bar for what is done of a number of things, on a terminal; it goes when done."""
+    with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as bar:
+        task = bar.add_task(name, total=None)
+
+        def progress(done: int, total: int, text: str) -> None:
+            bar.update(task, completed=done, total=total, description=text)
+
+        yield progress
+
+
 def expected_error(scene: "Scene", planned: "Plan", driven: bool) -> str:
     """Return what error a plan expects, and of which run where others may set inputs or parameters."""
     of_run = ["the inputs given" if driven else "inputs at zero"] * bool(scene.inputs.ports)
     of_run += ["the scene's parameters"] * bool(scene.inputs.parameters)
     return f"expected: error {planned.error:.1e}" + (f" with {' and '.join(of_run)}" if of_run else "")
+
+
+def plan_text(scene: "Scene", chosen: "Plan", variables: int, full: tuple[int, int], driven: bool) -> str:
+    """Return what is said of a plan; variables: of its FMU; full: states and variables of the full model."""
+    from rbfmu.planning.costs import MACHINE
+
+    cost = f"about {float(f'{chosen.cost:.2g}'):,.0f} ns a step of {scene.run.step:g} s on {MACHINE}"
+    lines = [
+        f"{chosen.model}: {chosen.method}",
+        *chosen.reasons,
+        f"{chosen.states} state{'s' * (chosen.states != 1)} and {variables} FMU variables, "
+        f"against {full[0]} and {full[1]} of the full model",
+        f"{expected_error(scene, chosen, driven)}, {cost}",
+    ]
+    return "\n".join(lines)
 
 
 def print_end(scene: "Scene", planned: "Plan", result: Any, driven: bool) -> None:
@@ -136,3 +172,25 @@ def print_keys() -> None:
         for key in group:
             table.add_row(key.name, key.unit, escape(key.default), escape(key.meaning))
         Console(highlight=False).print(table)
+
+
+def print_verification(found: Any) -> None:
+    """Print what `rbfmu_fmu.verify` found."""
+    from rbfmu_kernels.quantities import OUTPUT
+
+    table = Table("output", "unit", "largest difference to the kernels", box=None)
+    for name, difference in found.differences.items():
+        table.add_row(escape(name), OUTPUT[name.split("[")[0]].unit, repr(difference))
+    Console(highlight=False).print(table)
+    click.echo(f"{found.steps_done} of {found.steps_asked} steps done; inputs from seed {found.seed}")
+    click.echo(f"planned and full model differ by {found.to_full:.1e}, accuracy asked {found.accuracy:g}")
+    for problem in found.problems:
+        click.echo(f"problem: {problem}")
+    click.echo("passed" if found.passed else "FAILED")
+
+
+def print_verdict(findings: int, wrong: Sequence[str], written: str) -> None:
+    """Print how many findings hold, what was written, and what does not hold."""
+    click.echo(f"\n{findings - len(wrong)} of {findings} findings hold; {written}")
+    for text in wrong:
+        click.echo(f"does not hold: {text}")
