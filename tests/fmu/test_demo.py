@@ -2,6 +2,7 @@
 
 import io
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -28,23 +29,14 @@ def test_demo_fails_where_nasa_disagrees(tmp_path: Path, monkeypatch: pytest.Mon
     assert not demo.run_demo(tmp_path, Console(file=io.StringIO()))
 
 
-def test_the_step_is_compiled_before_it_is_timed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """So short a run would take it in plain Python, where it costs a hundred times as much."""
-
-    class TimedError(Exception):
-        pass
-
-    def time_it(*_: object) -> None:
-        raise TimedError
-
-    scene = rbfmu.load_scene(demo.scene_file("tumbling_brick.toml"))
-    planned, compiled = rbfmu.plan(scene), []
-    monkeypatch.setattr(demo, "plan", lambda scene: planned)
-    monkeypatch.setattr(demo, "_by_kernels", time_it)
-    monkeypatch.setattr(planned.kernels, "step", lambda z, h: compiled.append(h))
-    with pytest.raises(TimedError):
-        demo.run_demo(tmp_path, Console(file=io.StringIO()))
-    assert compiled == [scene.run.step]
+@pytest.mark.parametrize(("compiled", "name"), [(False, "kernels, plain Python"), (True, "compiled kernels")])
+def test_the_kernels_time_says_whether_it_is_that_of_compiled_code(
+    compiled: bool, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = rbfmu.load_scene(demo.scene_file("tumbling_brick.toml")).replace(run={"stop": 1.0})
+    monkeypatch.setattr(demo, "tiered", lambda kernel: SimpleNamespace(is_compiled=compiled))
+    _, way = demo._by_kernels(scene, rbfmu.plan(scene))
+    assert way.name == name
 
 
 @pytest.mark.parametrize("simulation", ["01", "04"])

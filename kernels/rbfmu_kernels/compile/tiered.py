@@ -88,6 +88,11 @@ class Tiered:
         """Return what the kernel returns."""
         return self._call(*args)
 
+    @property
+    def is_compiled(self) -> bool:
+        """Return whether the next call is one of compiled code."""
+        return self._call is self._kernel
+
     def _first(self, *args: Any) -> Any:
         self._call = self._kernel if is_kept(self._kernel, *args) else self._interpreted
         return self._call(*args)
