@@ -9,6 +9,7 @@ from typing import Any
 from ..buffer_access import put_pair_at
 from ..compile.decorator import kernel
 from ..mechanics.equations_of_motion import Body
+from ..rotations.vec3 import norm
 from ..types import Quaternion, Vec3
 from .dense_output import KEPT, KEPT_SIZE, NONE, SINCE, begin_clock, clock_after, reach_within, turn_order_of
 from .dense_series import attitude_at, attitude_series, end_series, likely_reach, rate_at
@@ -32,13 +33,15 @@ LEAST_REACH = 16.0
 _NEXT = KEPT_SIZE
 _ROUND_OFF = 2.0**-50
 """The size of the last two terms: those that are left out are some 2^-54."""
+_FARTHEST = 8.0
+"""A turn, rad, over which no series reaches: its order's last term, (turn / 2)^24 / 24!, is then 4e-10."""
 _NO_TORQUES = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 @kernel
-def start_without_series(z: Any, i: int, ever: bool) -> None:
-    """Set what is kept, from z[i] on; ever: whether there may ever be a series."""
-    z[i], z[i + _NEXT] = NONE, LONGEST_STEP if ever else 0.0
+def start_without_series(z: Any, i: int, ever: bool, omega: Vec3) -> None:
+    """Set what is kept, from z[i] on; ever: whether there may ever be a series; omega: the rate at the start."""
+    z[i], z[i + _NEXT] = NONE, min(LONGEST_STEP, _FARTHEST / max(norm(omega), 1e-300)) if ever else 0.0
 
 
 @kernel

@@ -59,7 +59,7 @@ def _set_up(z: Any) -> int:
     if not skips_model_checks(z) and is_driven(z):
         return _TORQUE
     set_up_rotation(z)
-    start_without_series(z, _SERIES, needs_attitude(z) and _has_exact_moments(z))
+    start_without_series(z, _SERIES, needs_attitude(z) and _has_exact_moments(z), rotation_of(z).omega_b)
     return 0
 
 

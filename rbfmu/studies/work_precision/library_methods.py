@@ -35,10 +35,10 @@ from rbfmu_kernels.types import Quaternion, Vec3
 
 @njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
 def _steps_repeated(step: Any, z: Any, start: Any, interval: float, at: Any, out: Any, k: int) -> int:
-    """Make k runs, and store the buffer's elements `at` in `out` at every output."""
+    """Make k runs, and store the buffer's elements `at` in `out` at every output; start: what a run begins with."""
     fault = 0
     for _ in range(k):
-        z[:] = start
+        z[: len(start)] = start
         for i in range(len(out)):
             fault += step(z, interval)
             for j in range(len(at)):
@@ -50,7 +50,7 @@ def run_of_unit(case: Case, scene: Scene, chosen: Plan, per_substep: float = mat
     """Return a run of a plan's model; per_substep: right-hand sides; fixed: substeps if it counts none."""
     kernels, start = chosen.kernels, filled_buffer(scene, chosen)
     initialize(scene, kernels, start)
-    z = aligned_zeros(len(start))
+    z, start = aligned_zeros(len(start)), start[: kernels.BLOCKS["work"].start if "work" in kernels.BLOCKS else None]
     at = np.concatenate([np.arange(len(z))[kernels.BLOCKS[name]] for name in case.quantities])
     out = np.zeros((case.outputs, len(at)))
     if _steps_repeated(kernels.step, z, start, case.interval, at, out, 1):
