@@ -180,7 +180,7 @@ def without(model: str) -> Iterator[None]:
 def served(model: str) -> Scene:
     """Return a scene for which the model is planned."""
     body, asked = SERVED[model]
-    return scene_of(body, (asked,), 1e-4, 0.1)
+    return scene_of(body, (asked,), 1e-4, 1.0)
 
 
 def worth(model: str, rounds: int, k: int) -> float:

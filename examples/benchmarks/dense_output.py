@@ -25,9 +25,6 @@ from rbfmu.studies.work_precision.cases import CASES, Case
 from rbfmu.studies.work_precision.heyoka_peer import equations
 from rbfmu.studies.work_precision.solvers import start_of, states_of, times_of
 
-with needed_of("bench"):
-    import heyoka
-
 MOTIONS, STEPS, ACCURACIES = ("a", "d", "c'", "c"), (0.1, 0.01), (1e-6, 1e-9, 1e-12)
 TOLERANCES = [10.0 ** (-0.5 * k) for k in range(6, 32)]
 SECONDS = 1e-3
@@ -89,6 +86,8 @@ def planned(case: Case, accuracy: float) -> tuple[str, float, Callable[[], None]
 
 @cache
 def _integrator(key: str, tolerance: float) -> Any:
+    with needed_of("bench"):
+        import heyoka
     case = CASES[key]
     return heyoka.taylor_adaptive(equations(case, case.numbers), list(start_of(case)), tol=tolerance)
 
