@@ -206,13 +206,13 @@ class Top:
 
 @pytest.mark.parametrize(("name", "sleeps"), [("top_sleeping", True), ("top_precessing", True), ("top_falling", False)])
 def test_a_top_nods_and_goes_round_by_the_closed_form(name, sleeps):
-    one = scene(name, step=2.5e-4)
+    one = scene(name, step=2.5e-4, accuracy=1e-10)
     law, result = Top(one), rbfmu.simulate(one)
     assert law.sleeps == sleeps
     z = rbfmu.rotate(result.quaternion, Z)
     largest = int(np.argmin(z[:, 2]))
     assert z[largest, 2] == pytest.approx(law.low, abs=1e-6)  # between points 2.5e-4 s apart
-    assert np.max(z[:, 2]) == pytest.approx(law.top, abs=1e-12)  # the start
+    assert np.max(z[:, 2]) == pytest.approx(law.top, abs=1e-10)  # the start
     # downward passages of the middle height are a nod apart
     down = crossings(result.time, z[:, 2] - 0.5 * (law.low + law.top))[::2]
     assert np.diff(down) == pytest.approx(law.nod, rel=1e-7)

@@ -49,7 +49,7 @@ sys.meta_path.insert(0, Finder)
 """,
     "planning": "import rbfmu.planning; rbfmu.planning.plan = strike",
     "compiling": "import numba.core.typeinfer as t; t.TypeInferer.propagate = strike",
-    "running": "import rbfmu.simulation; rbfmu.simulation.time_grid = strike",
+    "running": "import rbfmu.simulation; rbfmu.simulation.drive_of = strike",
     "drawing": "import rbfmu.plot; rbfmu.plot.plot_result = strike",
     "where it is caught": """
 def caught(*args, **kwargs):
@@ -57,7 +57,7 @@ def caught(*args, **kwargs):
         strike()
     except BaseException as error:
         raise RuntimeError("the unit failed") from error
-import rbfmu.simulation; rbfmu.simulation.time_grid = caught
+import rbfmu.simulation; rbfmu.simulation.drive_of = caught
 """,
     "where it is only reported": """
 class Finalised:
@@ -66,7 +66,7 @@ class Finalised:
 def finalise(*args):
     Finalised()
     time.sleep(600)
-import rbfmu.simulation; rbfmu.simulation.time_grid = finalise
+import rbfmu.simulation; rbfmu.simulation.drive_of = finalise
 """,
     "where it is forgotten": """
 def forgotten(progress=None):
@@ -119,7 +119,7 @@ def test_an_interrupt_from_outside_ends_a_run(tmp_path: Path) -> None:
 def wait(*args):
     print("running", flush=True)
     time.sleep(600)
-import rbfmu.simulation; rbfmu.simulation.time_grid = wait
+import rbfmu.simulation; rbfmu.simulation.drive_of = wait
 """
     process = start(tmp_path, ["run", str(SCENE)], stage)
     assert process.stdout is not None
