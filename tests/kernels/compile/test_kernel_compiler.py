@@ -25,7 +25,7 @@ from rbfmu_kernels.compile.decorator import kernel
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="needs the compiler")
 
 
-OPAQUE = binding.llvm_version_info >= (15,)
+OPAQUE = binding.llvm_version_info >= (16,)
 """Whether LLVM knows pointers of no type alone."""
 
 
