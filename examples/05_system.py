@@ -1,4 +1,4 @@
-"""Two FMUs of rbfmu and a controller, connected by an OSP system file and run by libcosim; the same by direct calls.
+"""Two FMUs of rbfmu and a controller, connected by an OSP system file and run by libcosim; the same by simulators.
 
 In libcosim's fixed-step algorithm all units step at once, then outputs become inputs: each connection delays by a
 step. It needs libcosimpy: `pip install "rbfmu[interop]"`.
@@ -15,7 +15,6 @@ from pythonfmu.builder import FmuBuilder
 import rbfmu
 import rbfmu_fmu
 from rbfmu.extras import needed_of
-from rbfmu.runs.model_buffer import filled_buffer, initialize
 
 with needed_of("interop"):
     from libcosimpy.CosimExecution import CosimExecution
@@ -60,40 +59,23 @@ def through_libcosim(folder: Path) -> np.ndarray:
     return np.array(rows)
 
 
-class Unit:
-    """A scene's kernels on their buffer."""
-
-    def __init__(self, scene: rbfmu.Scene) -> None:
-        plan = rbfmu.plan(scene)
-        self.kernels, self.z = plan.kernels, filled_buffer(scene, plan)
-        initialize(scene, self.kernels, self.z)
-
-    def step(self, port: str, values: list[float]) -> None:
-        """With an input held."""
-        self.z[self.kernels.BLOCKS[port]] = values
-        assert self.kernels.step(self.z, STEP) == 0
-
-    def __getitem__(self, name: str) -> list[float]:
-        return self.z[self.kernels.BLOCKS[name]].tolist()
-
-
-def by_direct_calls() -> np.ndarray:
+def by_simulators() -> np.ndarray:
     """Run the same loop in Python: every unit steps with what the others said before."""
     from controller import control
 
-    satellite, navigator, torque = Unit(SATELLITE), Unit(NAVIGATOR), [0.0, 0.0, 0.0]
+    satellite, navigator, torque = rbfmu.Simulator(SATELLITE), rbfmu.Simulator(NAVIGATOR), [0.0, 0.0, 0.0]
     rows = []
     for _ in range(STEPS):
-        omega, attitude, held = satellite["omega_b"], navigator["quaternion"], torque
-        satellite.step("torque_b", held)
-        navigator.step("omega_b", omega)
-        torque = control(attitude, omega)
-        rows.append(satellite["quaternion"] + navigator["quaternion"])
+        omega, attitude, held = satellite.omega_b, navigator.quaternion, torque
+        satellite.step(STEP, torque_b=held)
+        navigator.step(STEP, omega_b=omega)
+        torque = control(attitude.tolist(), omega.tolist())
+        rows.append([*satellite.quaternion, *navigator.quaternion])
     return np.array(rows)
 
 
 def main(kind: str = "python") -> float:
-    """Print the errors of pointing and of navigation, and the largest difference to direct calls; return it."""
+    """Print the errors of pointing and of navigation, and the largest difference to simulators in Python; return it."""
     with tempfile.TemporaryDirectory() as folder:
         build(Path(folder), kind)
         rows = through_libcosim(Path(folder))
@@ -101,8 +83,8 @@ def main(kind: str = "python") -> float:
     navigation = np.degrees(rbfmu.angle_between(rows[:, :4], rows[:, 4:]))
     for k in range(STEPS // 6 - 1, STEPS, STEPS // 6):
         print(f"t = {(k + 1) * STEP:4.1f} s: {pointing[k]:8.4f} deg off, of which navigation {navigation[k]:.4f} deg")
-    difference = float(np.max(np.abs(rows - by_direct_calls())))
-    print(f"largest difference to direct calls of the kernels: {difference}")
+    difference = float(np.max(np.abs(rows - by_simulators())))
+    print(f"largest difference to simulators in Python: {difference}")
     return difference
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from rbfmu.exceptions import SceneError, SimulationError
 from rbfmu.runs.model_buffer import Buffer, filled_buffer, initialize
 from rbfmu.runs.plan import Plan
+from rbfmu.runs.time_grid import last_time
 from rbfmu.scene.argument import of_scene_or_path
 from rbfmu.scene.fields import fault, shown
 from rbfmu.scene.scene import PARAMETERS, Scene
@@ -54,7 +55,7 @@ class Simulator:
         self._ports = {name: 8 * blocks[name].start for name in self.scene.inputs.ports}
         self._quantities = {name: self._z[blocks[name]] for name in self.scene.outputs.quantities}
         self._identity = _identity(self.scene, self.plan)
-        self._h, self._last_time = run.step, run.stop + min(1e-9 * max(run.step, abs(run.stop)), 0.1 * run.step)
+        self._h, self._last_time = run.step, last_time(run.stop, run.step)
         self.time = self._begin = run.start
         self._count = 0
 

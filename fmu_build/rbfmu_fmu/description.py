@@ -10,6 +10,7 @@ from rbfmu.planning.candidates import needed_parameters
 from rbfmu.planning.select import with_all_outputs
 from rbfmu.runs.model_buffer import Model, filled_buffer
 from rbfmu.runs.plan import Plan
+from rbfmu.runs.time_grid import last_time
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.buffer import CHANGED, FAULTS
 from rbfmu_kernels.quantities import BY_NAME, IN_BUFFER_ORDER, OUTPUT, PORTS, indices
@@ -58,8 +59,8 @@ class Description:
 
     @property
     def last_time(self) -> float:
-        """Return the stop time and an importer's round-off, a tenth of a step at most: what is later has `status` 2."""
-        return self.stop + min(1e-9 * max(self.step, abs(self.stop)), 0.1 * self.step)
+        """Return the time from which on `status` is 2."""
+        return last_time(self.stop, self.step)
 
     @property
     def interpolates_inputs(self) -> bool:

@@ -8,7 +8,7 @@ from rbfmu.models.integrated import LOADED_TAYLOR, PRESCRIBED_RATES
 from rbfmu.planning import reasons as say
 from rbfmu.planning.costs import stated
 from rbfmu.planning.judge import round_off, watched
-from rbfmu.planning.methods import TIGHTEST, load_shares, series, series_cost, work_of
+from rbfmu.planning.methods import TIGHTEST, likely_order, load_shares, series, series_cost, work_of
 from rbfmu.runs.drive import Drive, drive_of
 from rbfmu.runs.errors import largest_error
 from rbfmu.runs.input_tables import InputTables
@@ -53,7 +53,7 @@ def _tighter(scene: Scene, found: Plan) -> Iterator[Plan]:
     tolerance = found.tolerance if found.model == LOADED_TAYLOR.key else scene.run.accuracy
     while tolerance > TIGHTEST:
         tolerance = max(0.1 * tolerance, TIGHTEST)
-        order = max(found.order, min(2 * round(1.0 - 0.25 * math.log(tolerance / 100.0)), MAX_ORDER))
+        order = max(found.order, likely_order(tolerance))
         yield replace(series(general, order, load_shares(scene)).plan_of(tolerance), span=span)
 
 

@@ -13,6 +13,7 @@ from rbfmu.planning.methods import (
     ORDERS_OF_SERIES,
     TIGHTEST,
     Method,
+    likely_order,
     load_shares,
     one_axis_series,
     series,
@@ -206,8 +207,7 @@ class _Search:
         Orders go up no further than HIGHER, as estimates for long steps of a high order do not hold in other steps,
         except while a series serves many steps.
         """
-        likely = 2 * round(1.0 + 0.25 * math.log(100.0 / self.accuracy))
-        order = min(max(likely, ORDERS_OF_SERIES[0]), ORDERS_OF_SERIES[-1])
+        order = likely_order(self.accuracy)
         first = self.fit(series(self.general, order, self.shares), self.accuracy / 8.0)
         for way in (2, -2):
             other, value, idle = order + way, first, 0

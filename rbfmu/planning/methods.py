@@ -73,6 +73,12 @@ def one_axis_series(general: Plan) -> Iterator[Method]:
         yield Method(partial(series_plan, general, order), ONE_AXIS_COSTS[order], order)
 
 
+def likely_order(accuracy: float) -> int:
+    """Return the order of the series that is likely to meet an accuracy at the least cost."""
+    order = 2 * round(1.0 + 0.25 * math.log(100.0 / accuracy))
+    return min(max(order, ORDERS_OF_SERIES[0]), ORDERS_OF_SERIES[-1])
+
+
 def series_plan(general: Plan, order: int, tolerance: float) -> Plan:
     """Return the plan of a series; general: a plan with the scene's accuracy as its tolerance."""
     value = min(max(tolerance, 1e-3 * TIGHTEST), LOOSEST * general.tolerance)

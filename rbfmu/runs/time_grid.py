@@ -22,6 +22,11 @@ def time_grid(start: float, stop: float, step: float) -> Array:
     return grid
 
 
+def last_time(stop: float, step: float) -> float:
+    """Return stop and an importer's round-off, a tenth of a step at most: what is later is past the scene's stop."""
+    return stop + min(1e-9 * max(step, abs(stop)), 0.1 * step)
+
+
 def communication_steps(scene: Scene) -> int:
     """Return the number of communication steps of the run."""
     return _count(scene.run.start, scene.run.stop, scene.run.step)

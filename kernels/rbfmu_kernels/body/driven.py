@@ -34,7 +34,6 @@ from .memory import (
 from .needs import PORTS, has_port, needs_attitude, needs_translation
 from .outputs import outputs
 
-NUMBER_OF_INPUTS = sum(INPUTS.values())
 RATES = {f"{name}_rate": size for name, size in INPUTS.items()}
 RATES_2 = {f"{name}_rate_2": size for name, size in INPUTS.items()}
 DRIVEN = COMMON | RATES | RATES_2 | {"before": STATE_SIZE, "step_size": 1, "substeps": 1, "step_size_before": 1}
@@ -45,7 +44,7 @@ STEP_SIZE = BLOCKS["step_size"].start
 """The place of the step size; the count of substeps stands next to it."""
 _BEFORE, _SIZE_BEFORE = BLOCKS["before"].start, BLOCKS["step_size_before"].start
 _INPUTS, _RATES, _RATES_2 = (BLOCKS[next(iter(names))].start for names in (INPUTS, RATES, RATES_2))
-_OF_INPUT, _NUMBERS = places(INPUTS)
+_OF_INPUT, NUMBER_OF_INPUTS = places(INPUTS)
 _FORCE_A, _FORCE_B, _TORQUE_A, _TORQUE_B = (_OF_INPUT[n].start for n in ("force_a", "force_b", "torque_a", "torque_b"))
 _NONE = (0.0, 0.0, 0.0)
 _PORT_FORCE_A, _PORT_TORQUE_A = PORTS["force_a"], PORTS["torque_a"]
@@ -81,9 +80,9 @@ def integrated(z: Any, body: Body, loads: LoadPolynomial) -> int:
 def holds_inputs(z: Any, held: int) -> bool:
     """Return whether the inputs are those that were kept from z[held] on, and do not change within the step."""
     same = True
-    for i in range(_NUMBERS):
+    for i in range(NUMBER_OF_INPUTS):
         same &= bool(z[_INPUTS + i] == z[held + i])
-    for i in range(_NUMBERS):
+    for i in range(NUMBER_OF_INPUTS):
         same &= bool(z[_RATES + i] == 0.0) & bool(z[_RATES_2 + i] == 0.0)
     return same
 
@@ -91,7 +90,7 @@ def holds_inputs(z: Any, held: int) -> bool:
 @kernel
 def keep_inputs(z: Any, held: int) -> None:
     """Copy the inputs to z[held:], for `holds_inputs`."""
-    copy_numbers(z, _INPUTS, held, _NUMBERS)
+    copy_numbers(z, _INPUTS, held, NUMBER_OF_INPUTS)
 
 
 @kernel
@@ -147,6 +146,6 @@ def _translate_further(z: Any, h: float, body: Body, loads: LoadPolynomial) -> N
 
 @kernel
 def _hold_last_inputs(z: Any, h: float) -> None:
-    for i in range(_NUMBERS):
+    for i in range(NUMBER_OF_INPUTS):
         z[_INPUTS + i] += h * z[_RATES + i] + 0.5 * h * h * z[_RATES_2 + i]
         z[_RATES + i] = z[_RATES_2 + i] = 0.0

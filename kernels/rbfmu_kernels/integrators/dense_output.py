@@ -11,7 +11,7 @@ from ..buffer import MAX_SUBSTEPS, places
 from ..buffer_access import copy_numbers, pair_at, put_pair_at, put_vec3_at, vec3_at
 from ..compile.decorator import kernel
 from ..mechanics.equations_of_motion import Body, LoadPolynomial
-from ..numerics.double_double import DoubleDouble, two_sum
+from ..numerics.double_double import DoubleDouble, dd_add_float
 from ..rotations.vec3 import add, add_scaled, largest_component, scale, subtract
 from .dense_series import attitude_at, attitude_series, end_series, last_terms_of_attitude, likely_reach, rate_at
 from .rigid_body_state import (
@@ -86,10 +86,7 @@ def extent_of(z: Any, i: int) -> int:
 @kernel
 def clock_after(z: Any, i: int, h: float) -> DoubleDouble:
     """Return how far the series has served after a step h, s."""
-    high, low = pair_at(z, i + SINCE)
-    low, rest = two_sum(low, h)
-    t, low = two_sum(high, low)
-    return t, low + rest
+    return dd_add_float(pair_at(z, i + SINCE), h)
 
 
 @kernel

@@ -9,57 +9,37 @@ import numpy as np
 import pytest
 
 from rbfmu.runs.errors import attitude_error
-from rbfmu.runs.model_buffer import filled_buffer, initialize
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu.studies.work_precision.cases import CASES
-from rbfmu_kernels.buffer import OK, STEP_REJECTED
+from rbfmu_kernels.buffer import STEP_REJECTED
 from rbfmu_kernels.models import loaded_taylor
 from tests.support.paths import ROOT
 from tests.support.references import reference_mp as reference
+from tests.support.scenes import model_cases
 
 EPS = 2.0**-52
-ALL_LOADS = {
-    "body": {"mass": 2.0, "inertia": [[1.0, 0.1, 0.05], [0.1, 1.2, 0.02], [0.05, 0.02, 1.5]],
-             "r_oc_b": [0.1, -0.2, 0.3]},
-    "initial": {"omega_b": [1.0, 2.0, -1.0], "position": [1.0, 2.0, 3.0], "velocity": [0.1, 0.2, 0.3]},
-    "loads": {"force_b": [1.0, 0.5, 0.2], "force_a": [0.3, 0.1, -0.4], "torque_b": [0.1, 0.2, 0.1],
-              "torque_a": [0.05, 0.0, 0.02], "damping_b": [0.1, 0.05, 0.02]},
-}  # fmt: skip
 SCENES = {
     "torque in b": CASES["d"].scene,
     "top": CASES["c"].scene,
     "heavy body": CASES["c'"].scene,
     "thruster": CASES["f"].scene,
-    "all loads": Scene(**ALL_LOADS, run={"stop": 5.0}),
+    "all loads": Scene(**model_cases.ALL_LOADS, run={"stop": 5.0}),
     "damped": CASES["e"].scene,
 }
 
 
-class Unit:
-    """A body by series, and its steps."""
+class Unit(model_cases.Unit):
+    """A body by series."""
 
     def __init__(self, scene, order=16, tolerance=1e-10, span=0.0, ports=()):
         tables = scene.to_dict() | {"inputs": {"ports": list(ports)}}
         plan = Plan("body under loads, by series", "", 13, tolerance=tolerance, order=order, span=span)
-        scene = Scene.from_dict(tables, "dense")
-        self.z = filled_buffer(scene, plan)
-        initialize(scene, loaded_taylor, self.z)
-
-    def __getitem__(self, name):
-        return self.z[loaded_taylor.BLOCKS[name]].copy()
-
-    def __setitem__(self, name, value):
-        self.z[loaded_taylor.BLOCKS[name]] = value
-
-    def step(self, h, times=1):
-        for _ in range(times):
-            assert loaded_taylor.step(self.z, h) == OK
-        return self
+        super().__init__(Scene.from_dict(tables, "dense"), plan)
 
     @property
     def series(self):
-        return float(self["substeps"][0])
+        return self["substeps"]
 
     @property
     def outputs(self):

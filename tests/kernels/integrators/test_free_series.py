@@ -8,7 +8,6 @@ import sys
 import numpy as np
 import pytest
 
-from rbfmu.runs.model_buffer import filled_buffer, initialize
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.buffer import OK, STEP_REJECTED
@@ -17,6 +16,7 @@ from rbfmu_kernels.integrators.dense_output import ALIVE
 from rbfmu_kernels.models import free_triaxial
 from tests.support.paths import ROOT
 from tests.support.references.free_rotation_mp import angle_to, closed_form, relative_distance
+from tests.support.scenes import model_cases
 
 EPS = 2.0**-52
 LEANING = (0.5, 0.5, 0.5, 0.5)
@@ -31,8 +31,8 @@ BODIES = {
 }
 
 
-class Unit:
-    """A free body in closed form, and its steps."""
+class Unit(model_cases.Unit):
+    """A free body in closed form."""
 
     def __init__(self, name="generic", wanted=("quaternion", "omega_b"), **more):
         moments, omega = BODIES[name]
@@ -40,24 +40,11 @@ class Unit:
                   "initial": {"omega_b": list(omega), "velocity": [1.0, 2.0, 3.0],
                               "attitude": {"quaternion": list(LEANING)}},
                   "outputs": {"quantities": list(wanted)}, "run": {"stop": 10.0}}  # fmt: skip
-        scene = Scene.from_dict(tables | more, name)
-        self.z = filled_buffer(scene, Plan("torque-free body", "", 4))
-        initialize(scene, free_triaxial, self.z)
-
-    def __getitem__(self, name):
-        return self.z[free_triaxial.BLOCKS[name]].copy()
-
-    def __setitem__(self, name, value):
-        self.z[free_triaxial.BLOCKS[name]] = value
-
-    def step(self, h, times=1):
-        for _ in range(times):
-            assert free_triaxial.step(self.z, h) == OK
-        return self
+        super().__init__(Scene.from_dict(tables | more, name), Plan("torque-free body", "", 4))
 
     @property
     def is_on_series(self):
-        return self["is_alive"][0] == ALIVE and self["since"][0] > 0.0
+        return self["is_alive"] == ALIVE and self["since"][0] > 0.0
 
     @property
     def outputs(self):

@@ -18,16 +18,10 @@ from rbfmu_kernels.integrators.taylor_coefficients import MAX_ORDER, WORK
 from rbfmu_kernels.mechanics.equations_of_motion import constant_loads
 from rbfmu_kernels.models import loaded_taylor
 from tests.support.references import reference_mp as reference
+from tests.support.scenes.model_cases import ALL_LOADS
 
 EPS = 2.0**-52
 SIZE = STATE_SIZE + WORK
-ALL_LOADS = {
-    "body": {"mass": 2.0, "inertia": [[1.0, 0.1, 0.05], [0.1, 1.2, 0.02], [0.05, 0.02, 1.5]],
-             "r_oc_b": [0.1, -0.2, 0.3]},
-    "initial": {"omega_b": [1.0, 2.0, -1.0], "position": [1.0, 2.0, 3.0], "velocity": [0.1, 0.2, 0.3]},
-    "loads": {"force_b": [1.0, 0.5, 0.2], "force_a": [0.3, 0.1, -0.4], "torque_b": [0.1, 0.2, 0.1],
-              "torque_a": [0.05, 0.0, 0.02], "damping_b": [0.1, 0.05, 0.02]},
-}  # fmt: skip
 
 
 def buffer_of(case, h):

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rbfmu.runs.model_buffer import filled_buffer, initialize
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.buffer import OK, STEP_REJECTED
 from rbfmu_kernels.models import prescribed_rates
-from tests.support.driven_motion_mp import gragg, true_motion
+from tests.support.references.driven_motion_mp import gragg, true_motion
+from tests.support.scenes import model_cases
 
 EPS = 2.0**-52
 OFFSET = {"mass": 2.0, "inertia": [[1.0, 0.1, 0.05], [0.1, 1.2, 0.02], [0.05, 0.02, 1.5]], "r_oc_b": [0.1, -0.2, 0.3]}
@@ -35,20 +35,11 @@ METHODS = {
 }
 
 
-class Unit:
-    """A unit as planned, its variables by name."""
+class Unit(model_cases.Unit):
+    """A unit as planned, and its inputs."""
 
     def __init__(self, plan, **tables):
-        scene = Scene(**tables)
-        self.kernels = plan.kernels
-        self.z = filled_buffer(scene, plan)
-        initialize(scene, self.kernels, self.z)
-
-    def __getitem__(self, name):
-        return self.z[self.kernels.BLOCKS[name]].copy()
-
-    def __setitem__(self, name, value):
-        self.z[self.kernels.BLOCKS[name]] = value
+        super().__init__(Scene(**tables), plan)
 
     def drive(self, inputs):
         """Set inputs and their derivatives."""

@@ -10,7 +10,7 @@ import rbfmu
 from rbfmu.models.integrated import LOADED_TAYLOR
 from rbfmu.runs.errors import attitude_error
 from rbfmu.runs.input_tables import input_tables
-from tests.support.driven_motion_mp import true_motion
+from tests.support.references.driven_motion_mp import true_motion
 
 OFFSET = {"mass": 2.0, "inertia": [[1.0, 0.1, 0.05], [0.1, 1.2, 0.02], [0.05, 0.02, 1.5]], "r_oc_b": [0.1, -0.2, 0.3]}
 MOVING = {

@@ -20,6 +20,11 @@ LOADED = {
     "gravity_a": [0.0, 0.0, -1.0], "force_b": [1.0, 0.5, 0.2], "force_a": [0.3, 0.1, -0.4], "torque_b": [0.1, 0.2, 0.1],
     "torque_a": [0.05, 0.0, 0.02], "damping_b": [0.1, 0.05, 0.02],
 }  # fmt: skip
+ALL_LOADS = {
+    "body": OFFSET,
+    "initial": {"omega_b": [1.0, 2.0, -1.0], "position": [1.0, 2.0, 3.0], "velocity": [0.1, 0.2, 0.3]},
+    "loads": {name: values for name, values in LOADED.items() if name != "gravity_a"},
+}
 MOVING = {"position": [1.0, 2.0, 3.0], "velocity": [0.1, 0.2, 0.3], "omega_b": [1.0, 2.0, -1.0], "attitude": TURNED}
 
 
