@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from rbfmu.arrays import *  # noqa: F403
     from rbfmu.arrays.from_kernel import set_threads as set_threads
     from rbfmu.progress import progress_bar as progress_bar
-    from rbfmu.result import Result as Result
+    from rbfmu.results.result import Result as Result
     from rbfmu.runs.plan import Plan as Plan
     from rbfmu.scene import Body as Body
     from rbfmu.scene import Scene as Scene
@@ -34,7 +34,7 @@ _MODULES = {
     "runs.plan": ("Plan",),
     "scene.plausibility": ("SceneWarning",),
     "arrays.from_kernel": ("set_threads",),
-    "result": ("Result",),
+    "results.result": ("Result",),
     "progress": ("progress_bar",),
     "simulator": ("Simulator", "compiled_step"),
     "studies.own_chart": ("Chart", "chart"),

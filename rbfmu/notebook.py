@@ -9,7 +9,7 @@ import numpy as np
 from rbfmu_kernels.quantities import OUTPUT
 
 if TYPE_CHECKING:
-    from rbfmu.result import Result
+    from rbfmu.results.result import Result
     from rbfmu.runs.plan import Plan
     from rbfmu.scene.scene import Scene
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from rbfmu.result import Result
+from rbfmu.results.result import Result
 from rbfmu_kernels.quantities import OUTPUT
 
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")

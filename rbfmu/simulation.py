@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu.exceptions import SimulationError as SimulationError
-from rbfmu.result import Result
+from rbfmu.results.result import Result
 from rbfmu.runs.drive import Driven, drive_of
 from rbfmu.runs.input_tables import HOLD, InputTables, input_tables
 from rbfmu.runs.model_buffer import filled_buffer, initialize, output_block

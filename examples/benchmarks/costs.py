@@ -18,8 +18,8 @@ import numpy as np
 from numba import njit
 
 import rbfmu
-from examples.benchmarks.goals import Goal, status
 from examples.benchmarks.substeps import series, timed
+from examples.benchmarks.support.goals import Goal, status
 from rbfmu.extras import needed_of
 from rbfmu.models import registry
 from rbfmu.models.spec import ModelSpec

@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 
 import rbfmu
-from examples.benchmarks.goals import Goal, status
+from examples.benchmarks.support.goals import Goal, status
 from rbfmu.extras import needed_of
 from rbfmu.runs.model_buffer import aligned_zeros
 from rbfmu.runs.trajectory import start_run

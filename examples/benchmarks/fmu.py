@@ -22,7 +22,7 @@ from pythonfmu.builder import FmuBuilder
 
 import rbfmu
 import rbfmu_fmu
-from examples.benchmarks.goals import Goal, status
+from examples.benchmarks.support.goals import Goal, status
 
 GOAL_STEP, GOAL_START = 2.2, 1.5
 SCENES = {

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 import rbfmu
-from examples.benchmarks.goals import Goal, status
+from examples.benchmarks.support.goals import Goal, status
 from rbfmu_kernels import free_rotation
 from rbfmu_kernels.exact.free_rotation import free_rotation_at, free_rotation_setup
 

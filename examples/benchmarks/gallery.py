@@ -21,7 +21,7 @@ import numpy as np
 from numba import njit
 
 import rbfmu
-from examples.benchmarks.goals import Goal, status
+from examples.benchmarks.support.goals import Goal, status
 from examples.gallery.cost_chart import draw
 from examples.gallery.page import PICTURES, scene_file
 from examples.references.reference_motions import USUAL, Motion

@@ -9,7 +9,7 @@ The host is the tests' own (fmu_host.c). `python -m examples.benchmarks.held_gil
 import tempfile
 from pathlib import Path
 
-from examples.benchmarks.goals import Goal, status
+from examples.benchmarks.support.goals import Goal, status
 from tests.support.fmu import c_host
 
 MOST = 0.7

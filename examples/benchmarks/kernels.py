@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from examples.benchmarks.array_tasks import PEERS, absent, copy_of, tasks
-from examples.benchmarks.call_costs import one_item, starts, threads
-from examples.benchmarks.goals import Goal, status
+from examples.benchmarks.support.array_tasks import PEERS, absent, copy_of, tasks
+from examples.benchmarks.support.call_costs import one_item, starts, threads
+from examples.benchmarks.support.goals import Goal, status
 
 GOALS = {  # name: (times faster than SciPy, share of the copy's speed)
     "compose quaternions": (40.0, 0.9),

@@ -21,7 +21,7 @@ from numba import njit
 
 import rbfmu
 from examples.benchmarks.fmu import Fmu, _seconds_to_first_step
-from examples.benchmarks.goals import Goal, status
+from examples.benchmarks.support.goals import Goal, status
 from rbfmu.planning.select import plan
 from rbfmu.runs.model_buffer import filled_buffer, initialize
 from rbfmu.runs.plan import Plan

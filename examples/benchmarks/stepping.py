@@ -9,7 +9,7 @@ from pathlib import Path
 from time import perf_counter
 
 import rbfmu
-from examples.benchmarks.goals import Goal, status
+from examples.benchmarks.support.goals import Goal, status
 
 SCENE = Path(__file__).parents[1] / "scenes" / "controlled_satellite.toml"
 MOST = 3.0

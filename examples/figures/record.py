@@ -23,7 +23,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "peers": (*KERNELS, f"{_STUDY}/cases.py", f"{_STUDY}/heyoka_peer.py", f"{_STUDY}/solvers.py",
               f"{_BENCH}/plans.py:collected"),
     "gallery_cost": (*KERNELS, f"{_BENCH}/gallery.py:competitors,measured"),
-    "kernels": (*KERNELS[:2], f"{_BENCH}/array_tasks.py:tasks,scipy_calls", f"{_BENCH}/kernels.py:measure"),
+    "kernels": (*KERNELS[:2], f"{_BENCH}/support/array_tasks.py:tasks,scipy_calls", f"{_BENCH}/kernels.py:measure"),
     "native": (*KERNELS, _NATIVE, f"{_BENCH}/native.c", f"{_BENCH}/native_by_hand.c",
                f"{_BENCH}/native.py:_scene,_costs,_numba_timer,Running"),
     "interop": (_NATIVE, "examples/interop/importers.py", "examples/interop/run.py:by_kernels,try_importer,comparison"),

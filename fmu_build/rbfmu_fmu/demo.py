@@ -22,7 +22,7 @@ from rich.table import Table
 import rbfmu
 from rbfmu.planning.select import plan
 from rbfmu.plot import COLORS, draw_components, open_frame
-from rbfmu.result import Result
+from rbfmu.results.result import Result
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene, load_scene
 from rbfmu.simulation import simulate

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from rbfmu.extras import needed
-from rbfmu.result import FORMATS, Result
+from rbfmu.results.result import FORMATS, Result
 from rbfmu.scene.argument import faults_of
 from rbfmu.scene.scene import Scene, load_scene
 from rbfmu.scene.toml_file import read_tables

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rbfmu.arrays import angle_between, quaternion_from_euler, rotate
-from rbfmu.result import Array, Result
+from rbfmu.results.result import Array, Result
 from rbfmu.scene.consistency import default_quantities
 from rbfmu.scene.plausibility import SceneWarning
 from rbfmu.scene.scene import QUANTITIES, Scene

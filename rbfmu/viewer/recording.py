@@ -9,7 +9,7 @@ import numpy as np
 import rich
 import viser
 
-from rbfmu.result import Array
+from rbfmu.results.result import Array
 from rbfmu.viewer import geometry as lengths
 from rbfmu.viewer.geometry import AXIS_A, AXIS_B, Geometry
 

@@ -26,11 +26,11 @@ def test_make_runs_all_of_them():
     ({"least": 1.0, "most": 2.0}, 1.5, True), ({"least": 1.0, "most": 2.0}, 0.5, False),
 ])  # fmt: skip
 def test_a_goal_is_kept_within_its_bounds(bounds, figure, kept):
-    assert bench("goals").Goal("it", figure, **bounds).kept == kept
+    assert bench("support.goals").Goal("it", figure, **bounds).kept == kept
 
 
 def test_the_status_is_1_where_any_goal_is_missed(capsys):
-    goals = bench("goals")
+    goals = bench("support.goals")
     kept, missed = goals.Goal("step", 1.0, most=2.0), goals.Goal("start", 0.2, least=0.5, most=1.0)
     assert goals.status([kept, kept]) == 0
     assert capsys.readouterr().out == "2 of 2 goals kept\n"

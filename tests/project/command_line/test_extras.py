@@ -6,7 +6,7 @@ import tomllib
 
 import pytest
 
-from examples.benchmarks import array_tasks
+from examples.benchmarks.support import array_tasks
 from examples.interop import importers
 from examples.interop import run as interop
 from rbfmu.extras import remedy

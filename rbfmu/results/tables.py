@@ -6,7 +6,7 @@ from rbfmu.extras import needed
 from rbfmu_kernels.quantities import OUTPUT, TIME
 
 if TYPE_CHECKING:
-    from rbfmu.result import Result
+    from rbfmu.results.result import Result
 
 AXES = {"quaternion": "parameter", "rpy": "angle"}
 """What the components of a quantity are, if they are not along axes x, y, z."""

@@ -48,13 +48,13 @@ class Result:
 
     def to_dataframe(self) -> Any:
         """Return a pandas.DataFrame: time (s) as index, a column for each FMU variable, units in `.attrs["units"]`."""
-        from rbfmu.result_tables import dataframe
+        from rbfmu.results.tables import dataframe
 
         return dataframe(self)
 
     def to_xarray(self) -> Any:
         """Return a xarray.Dataset: a variable for each quantity, with the names of its components and its unit."""
-        from rbfmu.result_tables import dataset
+        from rbfmu.results.tables import dataset
 
         return dataset(self)
 
@@ -86,7 +86,7 @@ class Result:
 
         Raises ValueError where the file has no time, an incomplete quantity or a number that is not finite.
         """
-        from rbfmu.result_files import read_result
+        from rbfmu.results.files import read_result
 
         return cls(*read_result(Path(path)))
 

@@ -1,0 +1,1 @@
+"""What the benchmarks share: goals, tasks, and costs of a call."""

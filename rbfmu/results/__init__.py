@@ -1,0 +1,1 @@
+"""What a run gave: its numbers, files, and tables of other libraries."""
