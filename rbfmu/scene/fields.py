@@ -185,6 +185,19 @@ class Name(Rule):
 
 
 @dataclass(frozen=True)
+class Text(Rule):
+    """The rule of a line of text that tools show."""
+
+    def expected(self) -> str:
+        """Return a phrase that says which values are allowed."""
+        return "at most 1000 printable characters"
+
+    def __call__(self, value: Any) -> str:
+        """Return the text, if it is one line of that length."""
+        return value if isinstance(value, str) and value.isprintable() and len(value) <= 1000 else self.refuse()
+
+
+@dataclass(frozen=True)
 class OneOf(Rule):
     """The rule of a choice: one of some words."""
 

@@ -27,7 +27,10 @@ SKETCHED = {
 """The values that a new scene shows, commented out, for keys that can replace others."""
 
 INTRODUCTION = """\
-# A scene of rbfmu: one rigid body, its start, its loads and its run. SI units, angles in radians.
+# {name}
+#
+# A scene of rbfmu: one rigid body, its start, its loads and its run. SI units, angles in radians. The first paragraph
+# of this comment describes the scene where it becomes an FMU.
 # Frames: a is inertial, b is fixed in the body; o is the body's origin.
 # A key behind a # shows its default, or what may stand in place of another. `rbfmu keys` lists all."""
 
@@ -91,7 +94,7 @@ def _plain(value: object) -> object:
 
 def new_scene(name: str) -> str:
     """Return the text of a scene file that runs and shows every key; those that it does not need are commented out."""
-    lines = [INTRODUCTION, f"name = {json.dumps(name, ensure_ascii=False)}"]
+    lines = [INTRODUCTION.format(name=name), f"name = {json.dumps(name, ensure_ascii=False)}"]
     table = ""
     for key in scene_keys():
         if key.table in ("", "body.shape", "initial.attitude"):

@@ -11,14 +11,14 @@ from pydantic import Field
 from rbfmu.scene.attitude import read_attitude
 from rbfmu.scene.body import ZERO, Body
 from rbfmu.scene.consistency import default_quantities, faults_between
-from rbfmu.scene.fields import Name, Names, Numbers, Rule, SceneError, fault, numbers, positive, shown
+from rbfmu.scene.fields import Name, Names, Numbers, Rule, SceneError, Text, fault, numbers, positive, shown
 from rbfmu.scene.section import Section, one_of
-from rbfmu.scene.toml_file import read_tables
+from rbfmu.scene.toml_file import read_file, with_description
 from rbfmu_kernels import quantities
 from rbfmu_kernels.types import Quaternion, Vec3
 
-__all__ = ["PARAMETERS", "PORTS", "QUANTITIES", "Body", "Initial", "Inputs", "Loads", "Outputs", "Run", "Scene",
-           "SceneError", "load_scene"]  # fmt: skip
+__all__ = ["PARAMETERS", "PORTS", "QUANTITIES", "About", "Body", "Initial", "Inputs", "Loads", "Outputs", "Run",
+           "Scene", "SceneError", "load_scene"]  # fmt: skip
 
 PORTS = quantities.PORTS
 PARAMETERS = tuple(row.name for row in quantities.IN_BUFFER_ORDER)
@@ -150,6 +150,17 @@ class Run(Section):
             yield fault("run.step", self.step, f"at least {resolution:.2g}, what the clock resolves there (s)")
 
 
+class About(Section):
+    """What tools show of a scene's FMU."""
+
+    _path: ClassVar[str] = "about"
+
+    description: Annotated[str, Text(), _means("what it is; by default the first paragraph of the file's comment")] = ""
+    author: Annotated[str, Text(), _means("who made the scene")] = ""
+    version: Annotated[str, Text(), _means("version of the scene")] = ""
+    license: Annotated[str, Text(), _means("terms under which the scene may be used")] = ""
+
+
 SECTIONS: Mapping[str, type[Section]] = {
     "body": Body,
     "initial": Initial,
@@ -157,6 +168,7 @@ SECTIONS: Mapping[str, type[Section]] = {
     "inputs": Inputs,
     "outputs": Outputs,
     "run": Run,
+    "about": About,
 }
 
 
@@ -170,6 +182,7 @@ class Scene(Section):
     inputs: Inputs = Inputs()
     outputs: Outputs = Outputs()
     run: Run = Run()
+    about: About = About()
 
     @classmethod
     def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
@@ -266,4 +279,5 @@ def _nested(changes: Mapping[str, Any]) -> dict[str, Any]:
 
 def load_scene(path: str | Path) -> Scene:
     """Read a scene file (TOML). Raises SceneError with all that is wrong with it."""
-    return Scene.from_dict(read_tables(Path(path)), source=str(Path(path)))
+    path = Path(path)
+    return Scene.from_dict(with_description(*read_file(path), path.name), source=str(path))

@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+from itertools import dropwhile, takewhile
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,8 @@ from rbfmu.scene.fields import SceneError, joined
 
 LARGEST_FILE = 1_000_000
 """The largest size of a scene file in bytes; a typical file has a few hundred."""
+LONGEST_COMMENT = 1000
+"""Characters of a comment that become a description."""
 MAX_LINES = 100
 """The largest number of lines of one statement."""
 _TWICE = re.compile(r"Cannot (overwrite|declare)|twice")
@@ -18,12 +21,18 @@ _TABLE = re.compile(r"\s*(\[\[?[^\]=]*\]\]?)\s*(#.*)?")
 
 def read_tables(path: Path) -> dict[str, Any]:
     """Return the file's tables. Raises SceneError."""
+    return read_file(path)[0]
+
+
+def read_file(path: Path) -> tuple[dict[str, Any], str]:
+    """Return the file's tables, and its text. Raises SceneError."""
     try:
         with path.open("rb") as file:
             content = file.read(LARGEST_FILE + 1)
         if len(content) > LARGEST_FILE:
             raise SceneError(f"larger than {LARGEST_FILE} bytes: expected a scene in TOML", str(path))
-        return _tables(content.decode("utf-8-sig"), path)
+        text = content.decode("utf-8-sig")
+        return _tables(text, path), text
     except OSError as error:
         raise SceneError(f"cannot be read ({error.strerror}): expected a scene file in TOML", str(path)) from None
     except UnicodeDecodeError:
@@ -34,6 +43,21 @@ def read_tables(path: Path) -> dict[str, Any]:
         if isinstance(error, SceneError):
             raise
         raise SceneError(f"not TOML: {error}", str(path)) from None
+
+
+def with_description(tables: dict[str, Any], text: str, file_name: str) -> dict[str, Any]:
+    """Return the tables with the first paragraph of the file's comment for a description, where they have none."""
+    about, comment = tables.get("about", {}), _first_paragraph(text, file_name)
+    if not comment or not isinstance(about, dict) or "description" in about:
+        return tables
+    return tables | {"about": {"description": comment} | about}
+
+
+def _first_paragraph(text: str, file_name: str) -> str:
+    """Return as a line what the file's first lines say behind #, up to an empty one; the file's name says nothing."""
+    said = (line.removeprefix("#").strip() for line in takewhile(lambda line: line.startswith("#"), text.splitlines()))
+    words = takewhile(bool, dropwhile(lambda line: line in ("", file_name), said))
+    return "".join(c for c in " ".join(words) if c.isprintable())[:LONGEST_COMMENT]
 
 
 def _tables(text: str, path: Path) -> dict[str, Any]:

@@ -9,11 +9,12 @@ import pytest
 
 import rbfmu
 from rbfmu.results.result import Result
-from rbfmu.scene.scene import Body, Initial, Inputs, Loads, Outputs, Run, Scene
+from rbfmu.scene.scene import About, Body, Initial, Inputs, Loads, Outputs, Run, Scene
 from rbfmu_kernels.quantities import OUTPUT
 from tests.support.paths import SCENES
 
 NAMES = {
+    "About": About,
     "Scene": Scene,
     "Body": Body,
     "Initial": Initial,

@@ -112,3 +112,36 @@ def test_a_file_that_is_there_stays(tmp_path: Path) -> None:
     assert result.exit_code == 2
     assert "mine.toml: exists already" in result.stderr
     assert path.read_text() == "precious"
+
+
+BODY = "[body]\nmass = 2.0\ninertia = [1.0, 2.0, 2.5]\n"
+
+
+@pytest.mark.parametrize(
+    ("before", "description"),
+    [
+        ("# A brick\n#   that tumbles\n#\n# and more\n", "A brick that tumbles"),
+        ("# my.toml\n# A brick\n", "A brick"),
+        ("#\n# A brick\n\n# of the body\n", "A brick"),
+        ("# bell \x7f rings\n".replace("\x7f", "\u200b"), "bell  rings"),
+        ("# " + "x" * 2000 + "\n", "x" * 1000),
+        ("# my.toml\n", ""),
+        ("\n# of the body\n", ""),
+        ("", ""),
+    ],
+)
+def test_a_scene_s_description_is_its_file_s_first_paragraph(before: str, description: str, tmp_path: Path) -> None:
+    path = tmp_path / "my.toml"
+    path.write_text(before + BODY, encoding="utf-8")
+    assert rbfmu.load_scene(path).about.description == description
+
+
+def test_a_description_that_is_given_stays(tmp_path: Path) -> None:
+    path = tmp_path / "my.toml"
+    path.write_text("# A brick\n" + BODY + '[about]\ndescription = "Another"\nauthor = "Ann"\n')
+    assert rbfmu.load_scene(path).about.model_dump() == {
+        "description": "Another",
+        "author": "Ann",
+        "version": "",
+        "license": "",
+    }

@@ -19,6 +19,7 @@ GOOD = {
     "inputs": {"ports": '["torque_b"]', "parameters": '["omega_b_0"]'},
     "outputs": {"quantities": '["quaternion", "omega_b"]'},
     "run": {"start": "0.0", "stop": "1.0", "step": "0.1", "accuracy": "1e-6"},
+    "about": {"description": '"a body"', "author": '"somebody"'},
 }
 """Section, key, value as TOML spells it."""
 
