@@ -2,6 +2,7 @@
 
 import re
 import unicodedata
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from keyword import iskeyword
 from typing import Any
@@ -12,25 +13,28 @@ from rbfmu.runs.model_buffer import Model, filled_buffer
 from rbfmu.runs.plan import Plan
 from rbfmu.runs.time_grid import last_time
 from rbfmu.scene.scene import Scene
+from rbfmu_fmu.variable_words import components, nominal_sizes
 from rbfmu_kernels.buffer import CHANGED, FAULTS
 from rbfmu_kernels.quantities import BY_NAME, IN_BUFFER_ORDER, OUTPUT, PORTS, indices
 
 
 @dataclass(frozen=True)
 class Variable:
-    """One Real variable: its name, its block in the model's buffer, and its place there.
+    """One Real variable: its name, its block in the model's buffer, its component of it, and its place there.
 
-    pinned: the plan holds for the start value only; rates: places of the time derivatives, from the first order on,
-    that an importer may give of an input, or take of an output.
+    nominal: its usual size, where one is known; pinned: the plan holds for the start value only; rates: places of the
+    time derivatives, from the first order on, that an importer may give of an input, or take of an output.
     """
 
     name: str
     block: str
+    component: str
     offset: int
     causality: str
     start: float | None
     minimum: float | None
     maximum: float | None
+    nominal: float | None
     pinned: bool
     rates: tuple[int, ...]
 
@@ -41,6 +45,8 @@ class Description:
 
     name: str
     identifier: str
+    about: dict[str, str]
+    """What tools show of it: the keys of a scene's table `about`."""
     variables: tuple[Variable, ...]
     start_buffer: tuple[float, ...]
     start: float
@@ -81,10 +87,12 @@ class Description:
 def describe(scene: Scene, plan: Plan) -> Description:
     """Return the FMU of a scene under its plan."""
     kernels, z = plan.kernels, filled_buffer(scene, plan)
+    sizes = nominal_sizes(scene, kernels, z)
     return Description(
         name=scene.name,
         identifier=identifier(scene.name),
-        variables=tuple(v for block in _blocks(scene, plan) for v in _variables(*block, plan, z)),
+        about=scene.about.model_dump(),
+        variables=tuple(v for block in _blocks(scene, plan) for v in _variables(*block, plan, z, sizes)),
         start_buffer=tuple(z.tolist()),
         start=scene.run.start,
         stop=scene.run.stop,
@@ -128,7 +136,9 @@ def _blocks(scene: Scene, plan: Plan) -> list[tuple[str, slice, str]]:
     return blocks + [(n, kernels.BLOCKS[n], "output") for n in OUTPUT if n in scene.outputs.quantities]
 
 
-def _variables(name: str, place: slice, causality: str, plan: Plan, z: Any) -> list[Variable]:
+def _variables(
+    name: str, place: slice, causality: str, plan: Plan, z: Any, sizes: Mapping[str, float]
+) -> list[Variable]:
     rates = _rate_blocks(plan.kernels, name, causality)
     row = BY_NAME[name]
     bounds = row.bounds if len(row.bounds) == row.size else row.bounds * row.size
@@ -136,15 +146,17 @@ def _variables(name: str, place: slice, causality: str, plan: Plan, z: Any) -> l
         Variable(
             name=f"{name}{index}",
             block=name,
+            component=component,
             offset=place.start + i,
             causality=causality,
             start=None if causality == "output" else float(z[place.start + i]),
             minimum=bounds[i][0],
             maximum=bounds[i][1],
+            nominal=sizes.get(name),
             pinned=causality == "parameter" and name in plan.pinned,
             rates=tuple(block.start + i for block in rates),
         )
-        for i, index in enumerate(indices(row))
+        for i, (index, component) in enumerate(zip(indices(row), components(row), strict=True))
     ]
 
 

@@ -4,8 +4,12 @@ from xml.etree.ElementTree import Element, SubElement
 
 from rbfmu_fmu.description import Description, Variable
 from rbfmu_fmu.fmi_version import FmiVersion
+from rbfmu_fmu.variable_words import meaning
 from rbfmu_fmu.xml_parts import (
     STATUS_MEANING,
+    about,
+    declared_type,
+    declared_types,
     default_experiment,
     depends_initially_on,
     depends_on,
@@ -13,21 +17,19 @@ from rbfmu_fmu.xml_parts import (
     unit_and_limits,
     unit_definitions,
 )
-from rbfmu_kernels.quantities import BY_NAME
 
 
 def model_description(d: Description, guid: str, co_simulation: dict[str, str]) -> Element:
     """Return modelDescription.xml; `co_simulation` holds the attributes in which kinds of FMU differ."""
     root = Element("fmiModelDescription", {
-        "fmiVersion": "2.0", "modelName": d.name, "guid": guid, "generationTool": "rbfmu",
-        "description": "One rigid body", "variableNamingConvention": "structured",
+        "fmiVersion": "2.0", "modelName": d.name, "guid": guid, **about(d), "variableNamingConvention": "structured",
     })  # fmt: skip
     SubElement(root, "CoSimulation", {
         "modelIdentifier": d.identifier, "canHandleVariableCommunicationStepSize": "true",
         "canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true",
         "canBeInstantiatedOnlyOncePerProcess": "false", **co_simulation,
     })  # fmt: skip
-    root.extend((unit_definitions(d), log_categories(), default_experiment(d)))
+    root.extend((unit_definitions(d), *_type_definitions(d), log_categories(), default_experiment(d)))
     variables = SubElement(root, "ModelVariables")
     for reference, v in enumerate(d.variables):
         variables.append(_scalar_variable(v, reference))
@@ -38,6 +40,14 @@ def model_description(d: Description, guid: str, co_simulation: dict[str, str]) 
     return root
 
 
+def _type_definitions(d: Description) -> list[Element]:
+    """Return the declared types in one element, or none where no variable has a type."""
+    definitions = Element("TypeDefinitions")
+    for name, attributes in declared_types(d).items():
+        SubElement(SubElement(definitions, "SimpleType", name=name), "Real", attributes)
+    return [definitions] if len(definitions) else []
+
+
 def _scalar_variable(v: Variable, reference: int) -> Element:
     variability, initial = {
         "input": ("continuous", None),
@@ -45,11 +55,12 @@ def _scalar_variable(v: Variable, reference: int) -> Element:
         "output": ("continuous", "calculated"),
     }[v.causality]
     attributes = {"name": v.name, "valueReference": str(reference), "causality": v.causality}
-    attributes |= {"variability": variability, "description": BY_NAME[v.block].meaning}
+    attributes |= {"variability": variability, "description": meaning(v.block, v.component)}
     if initial:
         attributes["initial"] = initial
     element = Element("ScalarVariable", attributes)
-    SubElement(element, "Real", unit_and_limits(v))
+    declared = {"declaredType": name} if (name := declared_type(v)) else {}
+    SubElement(element, "Real", declared | unit_and_limits(v))
     return element
 
 

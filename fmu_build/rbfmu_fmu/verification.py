@@ -25,9 +25,9 @@ from rbfmu.scene.scene import Scene, SceneError
 from rbfmu_fmu.archive import kernel_hash
 from rbfmu_fmu.description import Description, describe
 from rbfmu_fmu.python.pythonfmu_traps import CRASHES_IN_PATH
+from rbfmu_fmu.variable_words import input_sizes
 from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.compile.tiered import evaluated, tiered
-from rbfmu_kernels.quantities import FORCES, TORQUES
 from rbfmu_kernels.rotations.euler_angles import ZYX, quaternion_from_euler
 
 MAX_STEPS = 10_000
@@ -140,10 +140,7 @@ def _with_dependencies(path: Path, section: str) -> list[int]:
 
 def _signal(scene: Scene, description: Description, steps: int, random: np.random.Generator) -> NDArray[np.float64]:
     """Return piecewise-constant inputs (steps, n): about 1 m/s2 for forces, 1 rad/s2 for torques, 1 rad/s for rates."""
-    scale = {"omega_b": 1.0}
-    if scene.body is not None:
-        moment = max(scene.body.M_c[i][i] for i in range(3))
-        scale |= dict.fromkeys(FORCES, scene.body.mass) | dict.fromkeys(TORQUES, moment)
+    scale = input_sizes(scene)
     blocks = [v.block for v in description.variables if v.causality == "input"]
     levels = random.normal(size=(steps // HELD_STEPS + 1, len(blocks))) * [scale[b] for b in blocks]
     return np.repeat(levels, HELD_STEPS, axis=0)[:steps]

@@ -2,13 +2,50 @@
 
 from xml.etree.ElementTree import Element, SubElement
 
+import rbfmu
 from rbfmu_fmu.description import Description, Variable
+from rbfmu_fmu.variable_words import QUANTITIES
 from rbfmu_kernels.quantities import BY_NAME, OUTPUT, UNITS
 
-LOG_CATEGORIES = ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal", "logAll")
+LOG_CATEGORIES = {
+    "logStatusWarning": "what may be less accurate than expected",
+    "logStatusDiscard": "why a step was not taken; nothing has changed",
+    "logStatusError": "why a call was refused; nothing has changed",
+    "logStatusFatal": "why a call was refused after which no other is allowed",
+    "logAll": "all messages",
+}
+"""By name, what a message of the category says."""
+LICENSE = "MIT; see documentation/licenses"
+"""The terms of the code in an FMU, which a scene's own stand beside."""
 STATUS_MEANING = (
     "0: fine; 1: the last step was refused or missed the accuracy; 2: past the stop time, accuracy not promised"
 )
+
+
+def about(d: Description) -> dict[str, str]:
+    """Return the attributes that say what the FMU is, and by whom, as far as they are known."""
+    said = {"generationTool": f"rbfmu {rbfmu.__version__}", "description": "One rigid body", "license": LICENSE}
+    return said | {key: text for key, text in d.about.items() if text}
+
+
+def declared_types(d: Description) -> dict[str, dict[str, str]]:
+    """Return the types of the variables by name: quantity, unit and the unit in which it is usually shown."""
+    units = {BY_NAME[v.block].unit for v in d.variables}
+    return {QUANTITIES[unit]: _of_unit(unit) for unit in sorted(units, key=_fmi_name) if unit in QUANTITIES}
+
+
+def declared_type(v: Variable) -> str | None:
+    """Return the name of a variable's type, if it has one."""
+    return QUANTITIES.get(BY_NAME[v.block].unit)
+
+
+def _of_unit(unit: str) -> dict[str, str]:
+    """Return the attributes quantity, unit and displayUnit, as far as there are any."""
+    attributes = {"quantity": QUANTITIES[unit]} if unit in QUANTITIES else {}
+    attributes["unit"] = _fmi_name(unit)
+    if UNITS[unit].display:
+        attributes["displayUnit"] = UNITS[unit].display[0][0]
+    return attributes
 
 
 def unit_definitions(d: Description) -> Element:
@@ -35,23 +72,21 @@ def _fmi_name(unit: str) -> str:
 def log_categories() -> Element:
     """Return the categories of messages."""
     categories = Element("LogCategories")
-    for category in LOG_CATEGORIES:
-        SubElement(categories, "Category", name=category)
+    for category, says in LOG_CATEGORIES.items():
+        SubElement(categories, "Category", name=category, description=says)
     return categories
 
 
 def default_experiment(d: Description) -> Element:
-    """Return the times of the scene's run."""
-    return Element("DefaultExperiment", startTime=repr(d.start), stopTime=repr(d.stop), stepSize=repr(d.step))
+    """Return the times and the accuracy of the scene's run."""
+    times = {"startTime": d.start, "stopTime": d.stop, "tolerance": d.accuracy, "stepSize": d.step}
+    return Element("DefaultExperiment", {name: repr(value) for name, value in times.items()})
 
 
 def unit_and_limits(v: Variable) -> dict[str, str]:
-    """Return the attributes unit, displayUnit, min, max and start, as far as a variable has them."""
-    unit = BY_NAME[v.block].unit
-    attributes = {"unit": _fmi_name(unit)}
-    if UNITS[unit].display:
-        attributes["displayUnit"] = UNITS[unit].display[0][0]
-    for key, value in (("min", v.minimum), ("max", v.maximum), ("start", v.start)):
+    """Return the attributes quantity, unit, displayUnit, min, max, nominal and start, as far as a variable has them."""
+    attributes = _of_unit(BY_NAME[v.block].unit)
+    for key, value in (("min", v.minimum), ("max", v.maximum), ("nominal", v.nominal), ("start", v.start)):
         if value is not None:
             attributes[key] = repr(value)
     return attributes

@@ -1,0 +1,130 @@
+"""What tools show of an FMU: who made it and what it is, types, display units, usual sizes, words for components."""
+
+from functools import cache
+from xml.etree import ElementTree
+
+import fmpy
+import pytest
+
+import rbfmu
+from rbfmu.scene.scene import Scene
+from rbfmu_fmu.description import describe
+from rbfmu_fmu.fmi2_xml import model_description
+from rbfmu_fmu.variable_words import QUANTITIES
+from rbfmu_kernels.quantities import UNITS
+from tests.support.fmu.fmus import TABLES, built, planned, scene, unzipped
+
+NAMES = ("brick", *TABLES)
+
+
+@cache
+def written(name):
+    return ElementTree.parse(unzipped(name) / "modelDescription.xml").getroot()
+
+
+def variables(name):
+    return {v.get("name"): v for v in written(name).iter("ScalarVariable")}
+
+
+def real(name, variable):
+    return variables(name)[variable].find("Real")
+
+
+def test_a_scene_s_own_words_are_shown():
+    root = written("brick")
+    assert root.get("generationTool") == f"rbfmu {rbfmu.__version__}"
+    assert root.get("description") == scene("brick").about.description == "NASA's tumbling brick"
+    assert root.get("license").startswith("MIT")
+    assert root.get("author") is None
+    about = {"description": "A <b> & c", "author": "Ann", "version": "1.2", "license": "mine"}
+    made = describe(Scene.from_dict(TABLES["default"] | {"about": about}), planned("default"))
+    root = model_description(made, "{}", {})
+    assert {key: root.get(key) for key in about} == about
+
+
+def test_a_scene_without_words_is_one_rigid_body():
+    assert written("default").get("description") == "One rigid body"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_variable_has_the_declared_type_of_its_unit(name):
+    types = {t.get("name"): t.find("Real").attrib for t in written(name).iter("SimpleType")}
+    used = set()
+    for v in variables(name).values():
+        attributes = v.find("Real").attrib if v.find("Real") is not None else {"unit": "1"}
+        declared = attributes.get("declaredType")
+        assert (declared is None) == (attributes["unit"] == "1")
+        if declared:
+            used.add(declared)
+            assert types[declared] == {k: x for k, x in attributes.items() if k in ("quantity", "unit", "displayUnit")}
+            assert attributes["quantity"] == declared
+    assert used == set(types)
+    assert not used & set(variables(name))
+
+
+def test_every_unit_but_1_measures_a_quantity_of_its_own():
+    assert set(QUANTITIES) == set(UNITS) - {"1"}
+    assert len(set(QUANTITIES.values())) == len(QUANTITIES)
+
+
+def test_angles_and_rates_are_shown_in_degrees():
+    shown = {name: real("default", name).get("displayUnit") for name in ("rpy[1]", "omega_b[1]", "alpha_b[2]", "mass")}
+    assert shown == {"rpy[1]": "deg", "omega_b[1]": "deg/s", "alpha_b[2]": "deg/s2", "mass": None}
+
+
+def test_components_have_words():
+    words = {name: v.get("description").rpartition(": ")[2] for name, v in variables("driven").items()}
+    assert [words[f"torque_b[{i}]"] for i in (1, 2, 3)] == ["x", "y", "z"]
+    assert [words[f"rpy[{i}]"] for i in (1, 2, 3)] == ["roll", "pitch", "yaw"]
+    assert [words[f"inertia[{i}]"] for i in ("1,1", "2,2", "3,3", "1,2", "1,3", "2,3")] == [
+        *("xx", "yy", "zz", "xy", "xz", "yz")
+    ]
+    for name in ("quaternion", "quaternion_0"):
+        found = [words[f"{name}[{i}]"] for i in (1, 2, 3, 4)]
+        assert found == ["scalar part", "vector part x", "vector part y", "vector part z"]
+    assert variables("driven")["mass"].get("description") == "mass"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_descriptions_tell_variables_apart(name):
+    words = [v.get("description") for v in variables(name).values()]
+    assert len(set(words)) == len(words)
+
+
+def test_nominal_values_are_sizes_at_the_start():
+    nominal = {name: v.find("Real").get("nominal") for name, v in variables("driven").items() if name != "status"}
+    assert nominal["mass"] == "2.0"
+    assert nominal["position[3]"] == nominal["position_0[1]"] == "4.0"  # of (1, 2, 3), to one digit
+    assert nominal["velocity[1]"] == "1.0"  # m/s: at least what the accuracy is relative to
+    assert nominal["omega_b[2]"] == nominal["omega_a[2]"] == "0.4"
+    assert nominal["force_a[1]"] == "2.0"  # 1 m/s2
+    assert nominal["torque_b[1]"] == "2.0"  # 1 rad/s2 of the largest moment, 2.5
+    assert nominal["gravity_a[1]"] == "10.0"
+    assert float(nominal["angular_momentum_a[1]"]) > 0.1
+    assert not any(nominal[name] for name in ("rpy[1]", "quaternion[2]", "alpha_b[1]", "acceleration[3]"))
+    assert real("prescribed", "omega_b[1]").get("nominal") == "1.0"
+    assert real("default", "omega_b[1]").get("nominal") is None  # it starts at rest
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_nominal_values_are_positive(name):
+    found = [v.find("Real").get("nominal") for v in variables(name).values() if v.find("Real") is not None]
+    assert all(float(x) > 0.0 for x in found if x is not None)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_experiment_has_the_scene_s_accuracy_for_its_tolerance(name):
+    assert float(fmpy.read_model_description(str(built(name))).defaultExperiment.tolerance) == scene(name).run.accuracy
+
+
+def test_log_categories_are_described():
+    categories = list(written("default").iter("Category"))
+    assert len(categories) == 5
+    assert all(category.get("description") for category in categories)
+
+
+def test_a_scene_whose_variables_have_no_quantity_declares_no_types():
+    still = scene("fixed_camera").replace({"outputs.quantities": ["quaternion"]})
+    d = describe(still, rbfmu.plan(still))
+    assert {v.block for v in d.variables} == {"quaternion", "quaternion_0"}
+    assert model_description(d, "{}", {}).find("TypeDefinitions") is None
