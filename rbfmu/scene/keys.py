@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 from rbfmu.scene.attitude import Attitude
 from rbfmu.scene.body import SHAPES, Body
+from rbfmu.scene.correlation import Correlation
+from rbfmu.scene.ensemble import Ensemble
 from rbfmu.scene.fields import Numbers, Rule, joined, shown
 from rbfmu.scene.scene import QUANTITIES, SECTIONS, Initial, Scene
 from rbfmu.scene.section import Section
@@ -32,7 +34,8 @@ INTRODUCTION = """\
 # A scene of rbfmu: one rigid body, its start, its loads and its run. SI units, angles in radians. The first paragraph
 # of this comment describes the scene where it becomes an FMU.
 # Frames: a is inertial, b is fixed in the body; o is the body's origin.
-# A key behind a # shows its default, or what may stand in place of another. `rbfmu keys` lists all."""
+# A key behind a # shows its default, or what may stand in place of another. `rbfmu keys` lists all, also those
+# of an ensemble of runs."""
 
 
 class Key(NamedTuple):
@@ -54,11 +57,13 @@ def scene_keys() -> Iterator[Key]:
     """Return all keys, table by table."""
     yield _key(Scene, "name")
     for section in SECTIONS.values():
-        yield from (_key(section, key) for key in section._keys())
+        yield from (_key(section, key) for key in section._keys() if (section, key) != (Ensemble, "correlation"))
         if section is Body:
             yield from _shape_keys()
         if section is Initial:
             yield from (_key(Attitude, key)._replace(default="") for key in Attitude._keys())
+        if section is Ensemble:
+            yield from (_key(Correlation, key)._replace(default="") for key in Correlation._keys())
 
 
 def _shape_keys() -> Iterator[Key]:
@@ -93,11 +98,11 @@ def _plain(value: object) -> object:
 
 
 def new_scene(name: str) -> str:
-    """Return the text of a scene file that runs and shows every key; those that it does not need are commented out."""
+    """Return the text of a scene file that runs and shows every key of a run; those not needed are commented out."""
     lines = [INTRODUCTION.format(name=name), f"name = {json.dumps(name, ensure_ascii=False)}"]
     table = ""
     for key in scene_keys():
-        if key.table in ("", "body.shape", "initial.attitude"):
+        if key.table in ("", "body.shape", "initial.attitude") or key.table.startswith("ensemble"):
             continue
         if key.table != table:
             table = key.table

@@ -11,6 +11,7 @@ from pydantic import Field
 from rbfmu.scene.attitude import read_attitude
 from rbfmu.scene.body import ZERO, Body
 from rbfmu.scene.consistency import default_quantities, faults_between
+from rbfmu.scene.ensemble import Ensemble, as_written, faults_with, fitting
 from rbfmu.scene.fields import Name, Names, Numbers, Rule, SceneError, Text, fault, numbers, positive, shown
 from rbfmu.scene.section import Section, one_of
 from rbfmu.scene.toml_file import read_file, with_description
@@ -169,7 +170,10 @@ SECTIONS: Mapping[str, type[Section]] = {
     "outputs": Outputs,
     "run": Run,
     "about": About,
+    "ensemble": Ensemble,
 }
+OPTIONAL = ("body", "ensemble")
+"""The tables that a scene may do without."""
 
 
 class Scene(Section):
@@ -183,13 +187,15 @@ class Scene(Section):
     outputs: Outputs = Outputs()
     run: Run = Run()
     about: About = About()
+    ensemble: Ensemble | None = None
 
     @classmethod
     def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
         good: dict[str, Any] = {}
         rates = _rates_as_written(data.get("initial"))
+        data["ensemble"] = as_written(data.get("ensemble"), data)
         for key, section in SECTIONS.items():
-            if key == "body" and data.get(key) is None:
+            if key in OPTIONAL and data.get(key) is None:
                 good[key] = data.pop(key, None)
                 continue
             try:
@@ -200,6 +206,9 @@ class Scene(Section):
             default = default_quantities(good.get("body"), good.get("inputs"), QUANTITIES)
             good["outputs"] = Outputs.model_construct(set(), quantities=default)
         faults += faults_between(good, rates)
+        if good.get("ensemble") is not None:
+            faults += faults_with(good["ensemble"], good)
+            good["ensemble"] = fitting(good["ensemble"], good.get("body"))
         return data | good
 
     @classmethod

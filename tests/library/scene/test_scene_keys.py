@@ -25,7 +25,9 @@ def test_every_key_that_a_scene_takes_is_listed() -> None:
     shape = {f"body.shape.{key}" for key in ("kind", "sides", "length", "radius", "semiaxes")}
     others = {"name", "body.shape", "initial.omega_b_deg"}
     written = {f"{table}.{key}" for table, keys in DEFAULTS.items() if table != "name" for key in keys}
-    assert set(KEYS) == attitude | shape | others | written
+    ensemble = {f"ensemble.{key}" for key in ("runs", "seed", "design", "keep", "vary")}
+    ensemble |= {f"ensemble.correlation.{key}" for key in ("components", "matrix", "covariance")}
+    assert set(KEYS) == attitude | shape | others | written | ensemble
     assert set(KEYS) >= {f"{table}.{key}" for table, keys in GOOD.items() for key in keys}
 
 
@@ -49,7 +51,9 @@ def test_the_defaults_listed_are_those_that_a_scene_has() -> None:
         tables.setdefault(key.table, {})[key.name] = tomllib.loads(f"x = {key.default}")["x"]
     assert {path for path, key in KEYS.items() if key.default == REQUIRED} >= {"body.mass", "body.inertia"}
     body = SMALLEST["body"] | tables.pop("body")
-    assert Scene.from_dict({"body": body} | tables) == Scene.from_dict(SMALLEST)
+    vary = {"vary": {"body.mass": {"normal": [2.0, 0.1]}}}
+    made = Scene.from_dict({"body": body} | tables | {"ensemble": tables["ensemble"] | vary})
+    assert made == Scene.from_dict(SMALLEST | {"ensemble": vary})
 
 
 def test_keys_prints_them_all() -> None:
@@ -78,7 +82,7 @@ def test_a_new_scene_runs_and_has_every_key(tmp_path: Path, monkeypatch: pytest.
     text = Path("first.toml").read_text(encoding="utf-8")
     assert text == new_scene("first")
     for key in KEYS.values():
-        if key.table not in ("body.shape", "initial.attitude"):
+        if key.table not in ("body.shape", "initial.attitude") and not key.path.startswith("ensemble"):
             assert re.search(rf"^#?{key.name} = ", text, re.MULTILINE), key
     assert call("run", "first.toml", "--stop", 0.1).exit_code == 0
     assert rbfmu.load_scene("first.toml").name == "first"

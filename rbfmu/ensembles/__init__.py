@@ -1,0 +1,1 @@
+"""Many runs of one scene in which some of its numbers vary."""

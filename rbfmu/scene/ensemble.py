@@ -1,0 +1,276 @@
+"""The table `[ensemble]` of a scene: how many runs, which of its numbers vary, and how."""
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, ClassVar
+
+from pydantic import Field, field_serializer
+
+from rbfmu.scene.body import SHAPES, Body
+from rbfmu.scene.correlation import Correlation
+from rbfmu.scene.fields import Names, OneOf, Rule, SceneError, fault, joined
+from rbfmu.scene.marginals import FIXED, NORMAL, RELATIVE, Marginal, components
+from rbfmu.scene.section import Section
+from rbfmu.scene.variations import (
+    ATTITUDE,
+    AXES,
+    DEGREES,
+    INERTIA,
+    SHAPE,
+    VARYING_ANGLES,
+    Variation,
+    read_variations,
+)
+from rbfmu_kernels.compile.tiered import evaluated
+from rbfmu_kernels.mechanics import inertia
+
+RANDOM, SOBOL, LATIN_HYPERCUBE, GRID = DESIGNS = ("random", "sobol", "latin_hypercube", "grid")
+CHOICE = " or ".join(f'"{name}"' for name in DESIGNS)
+KEPT = ("final", "statistics", "all")
+MOST_RUNS = 1_000_000_000
+PARAMETERS = {DEGREES: "omega_b_0", ATTITUDE: "quaternion_0", SHAPE: "inertia"}
+"""The parameters that keys set whose name does not say it."""
+
+
+class Whole(Rule):
+    """The rule of a whole number from `least` to `most`."""
+
+    def __init__(self, least: int, most: int) -> None:
+        self.least, self.most = least, most
+
+    def expected(self) -> str:
+        """Return a phrase that says which values are allowed."""
+        return f"a whole number from {self.least} to {self.most}"
+
+    def __call__(self, value: Any) -> int:
+        """Return the number."""
+        value = value.item() if hasattr(value, "item") else value
+        if isinstance(value, bool) or not isinstance(value, int) or not self.least <= value <= self.most:
+            self.refuse()
+        return value
+
+
+class _Variations(Rule):
+    def expected(self) -> str:
+        return 'a table: keys of the scene, each with a distribution, such as "body.mass" = { normal = [50.0, 0.5] }'
+
+    def __call__(self, value: Any) -> tuple[Variation, ...]:
+        return tuple(value)
+
+
+class Ensemble(Section):
+    """Runs of one scene in which some of its numbers vary."""
+
+    _path: ClassVar[str] = "ensemble"
+
+    runs: Annotated[int, Whole(1, MOST_RUNS), Field(description="number of runs; of a grid: that of its points")] = 1000
+    seed: Annotated[int, Whole(0, 2**63 - 1), Field(description="run i depends on seed and i alone")] = 0
+    design: Annotated[str, OneOf(DESIGNS, CHOICE), Field(description="how values are drawn: " + CHOICE)] = RANDOM
+    keep: Annotated[
+        tuple[str, ...],
+        Names(KEPT, least=1),
+        Field(description='what is kept: of each run its end ("final") or all of it, and statistics over time'),
+    ] = ("final", "statistics")
+    vary: Annotated[
+        tuple[Variation, ...], _Variations(), Field(description="what varies: keys of the scene, each a distribution")
+    ]
+    correlation: Annotated[Correlation | None, Field(description="which of these numbers depend on each other")] = None
+
+    @classmethod
+    def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
+        if "vary" in data:
+            data["vary"] = read_variations(data["vary"], faults)
+        if data.get("correlation") is not None:
+            try:
+                data["correlation"] = Correlation.read(data["correlation"])
+            except SceneError as error:
+                faults += error.faults
+                del data["correlation"]
+        if data.get("design") == GRID and "runs" not in data and isinstance(data.get("vary"), tuple):
+            data["runs"] = min(math.prod(m.points or 1 for m in _varying(data["vary"])), MOST_RUNS)
+        return data
+
+    @field_serializer("vary")
+    def _vary_table(self, vary: tuple[Variation, ...]) -> dict[str, Any]:
+        return {variation.key: variation.table for variation in vary}
+
+    @property
+    def varying(self) -> tuple[Marginal, ...]:
+        """Return the distributions of all numbers that vary."""
+        return tuple(_varying(self.vary))
+
+    def of(self, key: str) -> Variation | None:
+        """Return how a key varies, or None."""
+        return next((variation for variation in self.vary if variation.key == key), None)
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Return the names of the parameters whose values vary, as `inputs.parameters` lists them."""
+        names = [_parameter(variation.key) for variation in self.vary]
+        return tuple(dict.fromkeys(names))
+
+    def _set(self) -> dict[str, Any]:
+        """Return the fields that are not as by default, tables as in the file."""
+        tables = self.table()
+        return {name: tables.get(name, value) for name, value in super()._set().items()}
+
+    def table(self) -> dict[str, Any]:
+        """Return the table from which the ensemble is made again."""
+        return self.model_dump(mode="json", exclude_none=True)
+
+    def _contradictions(self) -> Iterator[str]:
+        yield from self._faults_of_grid()
+        if self.correlation is not None:
+            yield from self._faults_of_correlation(self.correlation)
+        keys = {variation.key for variation in self.vary}
+        if {DEGREES, "initial.omega_b"} <= keys:
+            yield fault(joined("ensemble.vary", DEGREES), self._written(DEGREES), "initial.omega_b or this, not both")
+        own = self.of(INERTIA)
+        if SHAPE in keys and own and own.form not in ("", RELATIVE):
+            expected = f"{RELATIVE} or {AXES}: the inertia follows from {SHAPE}"
+            yield fault(joined("ensemble.vary", INERTIA), own.table, expected)
+
+    def _written(self, key: str) -> Any:
+        found = self.of(key)
+        return found.table if found else None
+
+    def _faults_of_grid(self) -> Iterator[str]:
+        for variation in self.vary:
+            for marginal in variation.marginals:
+                if self.design != GRID and marginal.points:
+                    expected = 'points in a grid alone: design = "grid"'
+                    yield fault(joined("ensemble.vary", variation.key), variation.table, expected)
+                    break
+                if self.design == GRID and marginal.varies and not marginal.points:
+                    expected = "points = the number of values in the grid, at least 1"
+                    yield fault(joined("ensemble.vary", variation.key), variation.table, expected)
+                    break
+        if self.design == GRID:
+            count = math.prod(m.points or 1 for m in self.varying)
+            if count != self.runs:
+                yield fault("ensemble.runs", self.runs, f"no such key, or {count}: the points of the grid")
+
+    def _faults_of_correlation(self, correlation: Correlation) -> Iterator[str]:
+        path, known = "ensemble.correlation.components", {m.name: m for m in self.varying}
+        if self.design == GRID:
+            yield fault("ensemble.correlation", correlation.components, "none: the points of a grid are independent")
+        unknown = [name for name in correlation.components if name not in known or ".uniform[" in name]
+        if unknown:
+            names = [name for name in known if ".uniform[" not in name]
+            yield fault(path, unknown, f"numbers that vary, out of {', '.join(names)}")
+        elif correlation.covariance is not None:
+            for name, row, k in zip(correlation.components, correlation.covariance, range(10**6), strict=False):
+                marginal = known[name]
+                if marginal.kind != NORMAL or not math.isclose(row[k], marginal.arguments[1] ** 2, rel_tol=1e-6):
+                    expected = f"the square of the standard deviation of {name}, which is normal; or the key matrix"
+                    yield fault("ensemble.correlation.covariance", row[k], expected)
+
+
+def _varying(vary: tuple[Variation, ...]) -> Iterator[Marginal]:
+    return (marginal for variation in vary for marginal in variation.marginals if marginal.varies)
+
+
+def _parameter(key: str) -> str:
+    table, _, name = key.partition(".")
+    return PARAMETERS.get(key) or (f"{name}_0" if table == "initial" else name)
+
+
+# The ensemble and the rest of its scene
+
+
+def as_written(value: Any, tables: Mapping[str, Any]) -> Any:
+    """Return the ensemble's table with what the scene's own spelling says of it: a shape, a sequence of angles.
+
+    A member's inertia follows from the shape where mass or sizes vary, as it would in the member's own scene file.
+    """
+    value = value.table() if isinstance(value, Ensemble) else value
+    vary = value.get("vary") if isinstance(value, Mapping) else None
+    if not isinstance(vary, Mapping):
+        return value
+    vary = _with_shape(dict(vary), tables.get("body"))
+    return {**value, "vary": _with_attitude(vary, tables.get("initial"))}
+
+
+def _with_shape(vary: dict[str, Any], body: Any) -> dict[str, Any]:
+    shape = body.get("shape") if isinstance(body, Mapping) else None
+    if not isinstance(shape, Mapping):
+        return vary
+    sizes = {key: vary[key] for key in vary if str(key).startswith(f"{SHAPE}.")}
+    known = vary.get(SHAPE)
+    is_fixed = isinstance(known, Mapping) and not any(isinstance(size, Mapping) for size in known.values())
+    if sizes or is_fixed or (known is None and "body.mass" in vary and not _is_absolute(vary.get(INERTIA))):
+        varied = {str(key).removeprefix(f"{SHAPE}."): size for key, size in sizes.items()}
+        vary = {key: item for key, item in vary.items() if key not in sizes} | {SHAPE: {**shape, **varied}}
+    return vary
+
+
+def _is_absolute(own: Any) -> bool:
+    return isinstance(own, Mapping) and not set(own) <= {RELATIVE, AXES, "points"}
+
+
+def _with_attitude(vary: dict[str, Any], initial: Any) -> dict[str, Any]:
+    attitude = initial.get("attitude") if isinstance(initial, Mapping) else None
+    for name in VARYING_ANGLES:
+        key = f"{ATTITUDE}.{name}"
+        if key in vary and ATTITUDE not in vary and isinstance(attitude, Mapping):
+            sequence = {"euler": attitude["euler"]} if "euler" in attitude and name != "rotvec" else {}
+            if sequence or name == "rotvec":
+                table = sequence | {name: vary[key]}
+                vary = {(ATTITUDE if k == key else k): (table if k == key else v) for k, v in vary.items()}
+    return vary
+
+
+def fitting(ensemble: Ensemble, body: Body | None) -> Ensemble:
+    """Return the ensemble without a shape of which nothing varies and which is not the body's any more."""
+    shape = ensemble.of(SHAPE)
+    if shape is None or body is None or any(m.kind != FIXED for m in shape.marginals):
+        return ensemble
+    if SHAPES[shape.form].read(shape.table).inertia(body.mass) == body.inertia:
+        return ensemble
+    vary = tuple(variation for variation in ensemble.vary if variation is not shape)
+    return ensemble.model_copy(update={"vary": vary})
+
+
+def faults_with(ensemble: Ensemble, good: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the contradictions between an ensemble and the other sections of its scene."""
+    body, inputs = good.get("body"), good.get("inputs")
+    prescribed = inputs is not None and "omega_b" in inputs.ports
+    for variation in ensemble.vary:
+        path = joined("ensemble.vary", variation.key)
+        if prescribed and variation.key != ATTITUDE:
+            yield fault(path, variation.table, f"{ATTITUDE} at most: the port omega_b prescribes the rates")
+        elif variation.key == "initial.velocity" and body is not None and body.pivot:
+            yield fault(path, variation.table, "no such key: the pivot holds o")
+        elif RELATIVE in (m.kind for m in variation.marginals):
+            yield from _faults_of_relative(variation, path, good)
+
+
+def _faults_of_relative(variation: Variation, path: str, good: Mapping[str, Any]) -> Iterator[str]:
+    """Yield a fault where a distribution is relative to 0, or would break a beam's equal moments."""
+    section = good.get(variation.key.partition(".")[0])
+    if section is None:
+        return
+    if variation.key == INERTIA:
+        if _is_beam(good["body"]):
+            yield fault(path, variation.table, "body.mass, or the length of its shape: a beam's two moments are equal")
+        return
+    value = nominal_value(variation.key, good)
+    relative = [m for m in variation.marginals if m.kind == RELATIVE]
+    zero = [m for m, x in zip(relative, value, strict=True) if m.varies and x == 0.0]
+    one_for_all = not isinstance(variation.table[RELATIVE], list) and len(relative) > 1
+    if zero and not (one_for_all and len(zero) < len(relative)):
+        expected = f"a distribution of {zero[0].name} that is not relative: it is 0 in the scene"
+        yield fault(path, variation.table, expected)
+
+
+def _is_beam(body: Body) -> bool:
+    (low, _, high), _ = evaluated(inertia.principal_axes, body.M_c)
+    return low <= inertia.INERTIA_TOLERANCE * high
+
+
+def nominal_value(key: str, sections: Mapping[str, Any]) -> list[float]:
+    """Return the scene's own numbers of a key, deg/s for `initial.omega_b_deg`."""
+    table, _, name = key.partition(".")
+    value = getattr(sections[table], name.removesuffix("_deg"))
+    found = components(value, (3,) if isinstance(value, tuple) else ())
+    return [math.degrees(x) for x in found] if key == DEGREES else found

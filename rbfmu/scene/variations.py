@@ -1,0 +1,276 @@
+"""The keys of a scene that vary in an ensemble: the distributions of their numbers, read from `[ensemble.vary]`."""
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from rbfmu.scene.attitude import Attitude
+from rbfmu.scene.body import SHAPES
+from rbfmu.scene.fields import Numbers, Rule, closest, fault, joined, not_negative, numbers, shown
+from rbfmu.scene.marginals import (
+    EXPECTED,
+    FIXED,
+    LOGNORMAL,
+    NORMAL,
+    RELATIVE,
+    TRIANGULAR,
+    UNIFORM,
+    Marginal,
+    component_names,
+    components,
+)
+from rbfmu_kernels.quantities import INITIAL_VALUES, LOADS
+
+INERTIA, ATTITUDE, SHAPE, DEGREES = "body.inertia", "initial.attitude", "body.shape", "initial.omega_b_deg"
+AXES = "axes_deg"
+UNIFORM_ROTATIONS = "uniform"
+ABOUT = {"rotvec_deg": "deg", "rotvec": "rad"}
+"""Ways to give standard deviations of a rotation vector, by their unit."""
+VARYING_ANGLES = ("angles_deg", "angles", "rotvec")
+"""Representations of an attitude whose numbers may vary one by one."""
+
+
+@dataclass(frozen=True)
+class Variation:
+    """A key that varies. marginals: of all its numbers; form: the key's way to give them; text: as written, in JSON."""
+
+    key: str
+    form: str
+    marginals: tuple[Marginal, ...]
+    text: str
+
+    @property
+    def table(self) -> Any:
+        """Return what the file says of the key."""
+        return json.loads(self.text)
+
+
+def _own_rules() -> Iterator[tuple[str, Numbers]]:
+    yield "body.mass", numbers("mass")
+    yield "body.r_oc_b", numbers("r_oc_b")
+    for row in INITIAL_VALUES:
+        if row.name != "quaternion_0":
+            yield f"initial.{row.name.removesuffix('_0')}", numbers(row.name)
+    yield DEGREES, Numbers((3,), "deg/s")
+    for load in LOADS:
+        yield f"loads.{load.name}", numbers(load.name)
+
+
+RULES: Mapping[str, Numbers] = dict(_own_rules())
+"""The rule of each key whose numbers stand for themselves."""
+KEYS = (*RULES, INERTIA, ATTITUDE, SHAPE)
+
+
+def read_variations(vary: Any, faults: list[str]) -> tuple[Variation, ...]:
+    """Return the keys that vary, and add the faults of the table `ensemble.vary`."""
+    if not isinstance(vary, Mapping) or not vary:
+        faults.append(fault("ensemble.vary", vary, "a table: keys of the scene, each with a distribution"))
+        return ()
+    found = []
+    for key, value in vary.items():
+        reader = _Reader(str(key), value, faults)
+        before = len(faults)
+        marginals, form = reader.read()
+        if len(faults) == before and not any(m.varies for m in marginals) and key != SHAPE:
+            reader.refuse(value, "a distribution in which something varies")
+        if len(faults) == before:
+            found.append(Variation(str(key), form, marginals, json.dumps(_plain(value))))
+    return tuple(found)
+
+
+def _plain(value: Any) -> Any:
+    value = value.tolist() if hasattr(value, "tolist") else value
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
+
+
+class _Reader:
+    """The reader of one key's distributions."""
+
+    def __init__(self, key: str, value: Any, faults: list[str]) -> None:
+        self.key, self.value, self.faults = key, value, faults
+        self.path = joined("ensemble.vary", key)
+
+    def refuse(self, value: Any, expected: str, path: str = "") -> None:
+        self.faults.append(fault(path or self.path, value, expected))
+
+    def read(self) -> tuple[tuple[Marginal, ...], str]:
+        """Return the marginals and the form."""
+        readers = {INERTIA: self._inertia, ATTITUDE: self._attitude, SHAPE: self._shape}
+        if self.key in readers:
+            return readers[self.key]()
+        if self.key not in RULES:
+            self._refuse_key()
+            return (), ""
+        return self._distribution(self.path, self.value, self.key, RULES[self.key])
+
+    def _refuse_key(self) -> None:
+        if self.key.startswith(f"{SHAPE}."):
+            expected = f'no such key without body.shape; or "{SHAPE}" = {{ kind = ..., sides = {{ normal = ... }} }}'
+        elif self.key.startswith(f"{ATTITUDE}."):
+            expected = f'"{ATTITUDE}" = {{ rotvec_deg = 2.0 }}, {{ euler = "ZYX", angles_deg = {{ normal = ... }} }}'
+        elif self.key.startswith("run."):
+            expected = "a key of body, initial or loads: all runs have the same times and accuracy"
+        else:
+            near = closest(self.key, KEYS)
+            expected = f"did you mean {near}?" if near else f"keys out of {', '.join(KEYS)}"
+            self.faults.append(f"{self.path} = {shown(self.value)}: unknown key; {expected}")
+            return
+        self.refuse(self.value, expected)
+
+    # Numbers
+
+    def _distribution(
+        self, path: str, value: Any, name: str, rule: Numbers, beside: tuple[str, ...] = (), relative: bool = True
+    ) -> tuple[tuple[Marginal, ...], str]:
+        """Return the marginals of a number or a vector, and the kind. beside: other keys that the table may have."""
+        kinds = [kind for kind in EXPECTED if relative or kind != RELATIVE]
+        given = [key for key in value if key in kinds] if isinstance(value, Mapping) else []
+        others = set(value) - {*kinds, "points", *beside} if isinstance(value, Mapping) else set()
+        if len(given) != 1 or others:
+            ways = ", ".join(f"{kind} = {EXPECTED[kind]}" for kind in kinds)
+            self.refuse(value, f"a table with one of {ways}", path)
+            return (), ""
+        kind = given[0]
+        rows = self._arguments(f"{path}.{kind}", kind, value[kind], rule)
+        points = self._points(f"{path}.points", value.get("points", 0), rule.shape)
+        names = component_names(name, rule.shape)
+        if rows is None or points is None:
+            return (), ""
+        columns = zip(*rows, strict=True)
+        return tuple(
+            Marginal(n, kind, arguments, p) for n, arguments, p in zip(names, columns, points, strict=True)
+        ), kind
+
+    def _arguments(self, path: str, kind: str, value: Any, rule: Numbers) -> list[list[float]] | None:
+        """Return the numbers of each argument, flattened to the key's components."""
+        spread = Numbers(rule.shape, "" if kind in (LOGNORMAL, RELATIVE) else rule.unit, " >= 0", not_negative)
+        location = Numbers(rule.shape, rule.unit, " > 0", lambda x: x > 0.0) if kind == LOGNORMAL else rule
+        rules = {NORMAL: (location, spread), LOGNORMAL: (location, spread), UNIFORM: (location,) * 2,
+                 TRIANGULAR: (location,) * 3, RELATIVE: (spread,)}[kind]  # fmt: skip
+        values = [value] if kind == RELATIVE else value
+        if not isinstance(values, list | tuple) or len(values) != len(rules):
+            self.refuse(value, f"{EXPECTED[kind]}, each {rule.expected()}", path)
+            return None
+        try:
+            rows = [components(_read(r, v, r is spread), rule.shape) for r, v in zip(rules, values, strict=True)]
+        except ValueError as error:
+            self.refuse(value, f"{EXPECTED[kind]}: {error}", path)
+            return None
+        if kind in (UNIFORM, TRIANGULAR) and any(list(c) != sorted(c) for c in zip(*rows, strict=True)):
+            self.refuse(value, f"{EXPECTED[kind]} in ascending order", path)
+            return None
+        return rows
+
+    def _points(self, path: str, value: Any, shape: tuple[int, ...]) -> list[int] | None:
+        count = len(component_names("", shape))
+        each = list(value) if isinstance(value, list | tuple) else [value] * count
+        whole = all(isinstance(n, int) and not isinstance(n, bool) and 0 <= n <= 10**6 for n in each)
+        if not whole or len(each) != count:
+            several = f", or {count} of them" if count > 1 else ""
+            self.refuse(value, f"a number of points of the grid{several}", path)
+            return None
+        return each
+
+    # Inertia, attitude, shape
+
+    def _inertia(self) -> tuple[tuple[Marginal, ...], str]:
+        value = self.value
+        if not isinstance(value, Mapping) or not value:
+            return self._distribution(self.path, value, INERTIA, Numbers((3,), "kg m2"))
+        found: tuple[tuple[Marginal, ...], str] = ((), "")
+        if set(value) != {AXES}:
+            kind = next((kind for kind in EXPECTED if kind in value), "")
+            shape = (3, 3) if kind and _has_rows(value[kind]) else (3,)
+            if len(shape) == 2 and AXES in value:
+                self.refuse(value, f"principal moments, or no {AXES}: a matrix has its axes")
+            found = self._distribution(self.path, value, INERTIA, Numbers(shape, "kg m2"), beside=(AXES,))
+        axes = self._normal_about_zero(AXES, value[AXES], "deg") if AXES in value else ()
+        return (*found[0], *axes), found[1]
+
+    def _attitude(self) -> tuple[tuple[Marginal, ...], str]:
+        value = self.value
+        if value == UNIFORM_ROTATIONS:
+            names = component_names(f"{ATTITUDE}.{UNIFORM_ROTATIONS}", (3,))
+            return tuple(Marginal(name, UNIFORM, (0.0, 1.0)) for name in names), UNIFORM_ROTATIONS
+        if isinstance(value, Mapping) and set(value) <= {*VARYING_ANGLES, *ABOUT, "euler"}:
+            given = [key for key in value if key != "euler"]
+            if len(given) == 1 and ("euler" in value) == given[0].startswith("angles"):
+                return self._angles(given[0], value)
+        ways = '"uniform", { rotvec_deg = 2.0 } about the scene\'s, or { euler = "ZYX", angles_deg = { normal = ... } }'
+        self.refuse(value, f"{ways}, or {{ rotvec = {{ normal = ... }} }}")
+        return (), ""
+
+    def _angles(self, name: str, value: Mapping[str, Any]) -> tuple[tuple[Marginal, ...], str]:
+        if name in ABOUT and not isinstance(value[name], Mapping):
+            return self._normal_about_zero(name, value[name], ABOUT[name]), f"about {name}"
+        if "euler" in value:
+            try:
+                Attitude._rule("euler")(value["euler"])
+            except ValueError as error:
+                self.refuse(value["euler"], str(error), f"{self.path}.euler")
+                return (), ""
+        rule = Attitude._rule(name if name in VARYING_ANGLES else "rotvec")
+        assert isinstance(rule, Numbers)
+        path = f"{self.path}.{name}"
+        found, _ = self._distribution(path, value[name], f"{ATTITUDE}.{name}", rule, relative=False)
+        return found, name
+
+    def _normal_about_zero(self, name: str, value: Any, unit: str) -> tuple[Marginal, ...]:
+        """Return the marginals of a rotation vector, given their standard deviations."""
+        path = f"{self.path}.{name}"
+        rule = Numbers((3,), unit, " >= 0: standard deviations, or one for all", not_negative)
+        try:
+            spread = components(_read(rule, value, True), (3,))
+        except ValueError as error:
+            self.refuse(value, str(error), path)
+            return ()
+        names = component_names(f"{self.key}.{name}", (3,))
+        return tuple(Marginal(n, NORMAL, (0.0, s)) for n, s in zip(names, spread, strict=True))
+
+    def _shape(self) -> tuple[tuple[Marginal, ...], str]:
+        value = self.value
+        kind = value.get("kind") if isinstance(value, Mapping) else None
+        if not isinstance(kind, str) or kind not in SHAPES:
+            self.refuse(value, f"a table with kind out of {', '.join(SHAPES)}, and its sizes")
+            return (), ""
+        section = SHAPES[kind]
+        keys = [key for key in section._keys() if key != "kind"]
+        if set(value) != {"kind", *keys}:
+            self.refuse(value, f"a {kind} with {' and '.join(keys)}")
+            return (), ""
+        found: tuple[Marginal, ...] = ()
+        for key in keys:
+            found += self._size(key, value[key], section._rule(key))
+        return found, kind
+
+    def _size(self, key: str, value: Any, rule: Rule) -> tuple[Marginal, ...]:
+        assert isinstance(rule, Numbers)
+        path, name = f"{self.path}.{key}", f"{SHAPE}.{key}"
+        if isinstance(value, Mapping):
+            return self._distribution(path, value, name, rule, relative=False)[0]
+        try:
+            row = components(rule(value), rule.shape)
+        except ValueError as error:
+            self.refuse(value, str(error), path)
+            return ()
+        return tuple(Marginal(n, FIXED, (x,)) for n, x in zip(component_names(name, rule.shape), row, strict=True))
+
+
+def _read(rule: Numbers, value: Any, one_for_all: bool) -> Any:
+    """Return the numbers; one number stands for a vector of equal ones where that is allowed."""
+    if one_for_all and rule.shape and not isinstance(value, list | tuple) and not hasattr(value, "tolist"):
+        value = Numbers((), rule.unit, rule.bound, rule.holds)(value)
+        return _filled(rule.shape, value)
+    return rule(value)
+
+
+def _filled(shape: tuple[int, ...], value: float) -> Any:
+    return tuple(_filled(shape[1:], value) for _ in range(shape[0])) if shape else value
+
+
+def _has_rows(value: Any) -> bool:
+    items = value if isinstance(value, list | tuple) else ()
+    return any(isinstance(row, list | tuple) for item in items if isinstance(item, list | tuple) for row in item)
