@@ -85,6 +85,8 @@ def _indices(numbers: list[int]) -> str:
 FOLDERS = {"linux64": "linux64", "win64": "win64", "linux-aarch64": "aarch64-linux"}
 FOLDERS |= {"darwin64": "darwin64", "darwin-aarch64": "darwin64"}
 """FMI 2.0 has one folder for macOS and none for Linux on aarch64: the first takes both processors in one file, the
-second has the name that FMI 3.0 gave it."""
+second has the name that FMI 3.0 gave it, as FMI 2.0.5 says."""
+SECOND_FOLDERS = {"linux-aarch64": "linux64"}
+"""FMPy, for one, looks into this folder on any Linux."""
 
-FMI2 = FmiVersion("2.0", model_description, "guid", "fmi2.c", FOLDERS)
+FMI2 = FmiVersion("2.0", model_description, "guid", "fmi2.c", FOLDERS, SECOND_FOLDERS)

@@ -1,7 +1,7 @@
 """What FMUs of one version of FMI differ in: their XML, their C signatures, their folders of binaries."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from xml.etree.ElementTree import Element
 
 from rbfmu_fmu.description import Description
@@ -23,3 +23,5 @@ class FmiVersion:
     """The C source of the version's functions, in `native/`."""
     folders: dict[str, str]
     """The folder of `binaries` for each of `native.platforms.PLATFORMS`."""
+    second_folders: dict[str, str] = field(default_factory=dict)
+    """A second folder for a platform, where no other platform of an FMU has it: importers there look into it."""

@@ -165,10 +165,9 @@ def test_capabilities_are_said(name):
         "canHandleVariableCommunicationStepSize",
         "canGetAndSetFMUstate",
         "canSerializeFMUstate",
-        "needsExecutionTool",
     )
     assert all(said[capability] == "true" for capability in yes)
-    assert said["canBeInstantiatedOnlyOncePerProcess"] == "false"
+    assert said["canBeInstantiatedOnlyOncePerProcess"] == said["needsExecutionTool"] == "false"
     assert root.get("variableNamingConvention") == "structured"
     assert {c.get("name") for c in root.iter("Category")} >= {"logStatusDiscard", "logStatusFatal"}
 

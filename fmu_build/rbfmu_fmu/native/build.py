@@ -39,9 +39,16 @@ def build_native_fmu(
             linked(c_sources(version), objects[p], p, description.identifier, headers(description, guid))
             for p in members
         ]
-        contents[f"binaries/{folder}/{description.identifier}{members[0].suffix}"] = universal(libraries)
+        for place in (folder, *_second_folders(version, members, chosen)):
+            contents[f"binaries/{place}/{description.identifier}{members[0].suffix}"] = universal(libraries)
     write_archive(contents, path)
     return path
+
+
+def _second_folders(version: FmiVersion, members: Sequence[Platform], chosen: Sequence[Platform]) -> list[str]:
+    """Return further folders of a library that serves `members`: such as no platform of the FMU has for its own."""
+    second = {version.second_folders[p.name] for p in members if p.name in version.second_folders}
+    return sorted(second - {version.folders[p.name] for p in chosen})
 
 
 def c_sources(version: FmiVersion) -> tuple[str, ...]:

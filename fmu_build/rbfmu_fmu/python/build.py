@@ -44,7 +44,7 @@ SHIPPED = ("slave.py", "slave_access.py", "call_rules.py", "pythonfmu_traps.py")
 """The modules of an FMU beside the kernels."""
 
 CAPABILITIES = {
-    "needsExecutionTool": "true", "canInterpolateInputs": "false", "canNotUseMemoryManagementFunctions": "true",
+    "needsExecutionTool": "false", "canInterpolateInputs": "false", "canNotUseMemoryManagementFunctions": "true",
 }  # fmt: skip
 
 

@@ -22,8 +22,12 @@ LEFT_OUT = re.compile(r"modelDescription\.xml|sources/.*|resources/pythonfmu/(de
 """Packed by the builder: a description with a random guid and the date, which would differ each time, and modules that
 no FMU uses."""
 
-CRASHES_IN_PATH = re.compile(r"[+%(#]|[^\x00-\x7f]")
-"""Characters of the folder of an unzipped FMU at which the library ends the process when it decodes the path."""
+CRASHES_IN_PATH = re.compile(r"[^A-Za-z0-9_.~/ -]" if os.name == "posix" else r"[^A-Za-z0-9_.~/ :\\-]")
+"""Characters of the folder of an unzipped FMU that a URI spells otherwise, all but the space: the library looks for the
+FMU where the URI points to as it is spelled, finds no class there, and calls it all the same. This ends the process."""
+
+CATEGORIES = ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal", "logAll", "cppfmu")
+"""The categories of all messages that have one; the last is the library's."""
 
 _increment = ctypes.pythonapi.Py_IncRef
 _increment.argtypes, _increment.restype = [ctypes.py_object], None
@@ -82,6 +86,38 @@ def log(instance: Any, text: str, status: Any) -> None:
     instance.log(text, status)
 
 
+class _Logger(ctypes.Structure):
+    """The library's logger of an instance, a C++ object: what is asked for, and the name that messages come with."""
+
+    _fields_ = (
+        ("functions", ctypes.c_void_p),
+        ("is_on", ctypes.c_bool),
+        ("name", ctypes.c_void_p),
+        ("length", ctypes.c_size_t),
+        ("short_name", ctypes.c_char * 16),
+        ("first_category", ctypes.c_void_p),
+        ("no_category", ctypes.c_void_p),
+        ("end", ctypes.c_void_p),
+    )
+
+
+def drop_messages_without_category(logger: int, name: str) -> None:
+    """Ask the library, where all messages are wanted, for those of all categories: it has some of its own without one.
+
+    These come with NULL for a category when a call is refused, after our own message of it, and end OMSimulator.
+    logger: address of an instance's logger; it is left alone where `name`, the instance's, is not where it should be.
+    """
+    seen, spelled = _Logger.from_address(logger), name.encode()
+    if sys.platform != "linux" or seen.length != len(spelled) or ctypes.string_at(seen.name, seen.length) != spelled:
+        return
+    library = _library_of(logger)
+    if library is None or not seen.is_on or seen.first_category != seen.no_category:
+        return
+    names = (ctypes.c_char_p * len(CATEGORIES))(*(category.encode() for category in CATEGORIES))
+    component = (ctypes.c_void_p * 8)(*[logger] * 8)  # of an instance, the call looks at the logger alone
+    _loaded(library).fmi2SetDebugLogging(component, 1, ctypes.c_size_t(len(names)), names)
+
+
 class HeldGil:
     """A lock that spares a host without Python the thread state that the library makes in each call (15 us).
 
@@ -121,20 +157,21 @@ def release_at_exit(logger: int) -> None:
     logger: address of a C++ object of it, whose first word points into it. In a host without Python the library also
     stays loaded to the end: it would take the interpreter from other FMUs, and Numba cannot start in a second one.
     """
-    if sys.platform != "linux":
-        return
-    symbol, table, process = _Symbol(), ctypes.c_void_p.from_address(logger), ctypes.CDLL(None)
-    if not process.dladdr(table, ctypes.byref(symbol)):
-        return
-    library = os.fsdecode(symbol.file)
-    if library in _LIBRARIES:
+    library = _library_of(logger) if sys.platform == "linux" else None
+    if library is None or library in _LIBRARIES:
         return
     if not sys.orig_argv:
         release = ctypes.cast(_loaded(library).finalizePythonInterpreter, ctypes.c_void_p)
-        process.__cxa_atexit(release, None, None)
+        ctypes.CDLL(None).__cxa_atexit(release, None, None)
     elif not _LIBRARIES:
         atexit.register(_release)
     _LIBRARIES.add(library)
+
+
+def _library_of(logger: int) -> str | None:
+    """Return the file of the library whose C++ object stands at an address: the object's first word points into it."""
+    symbol, table = _Symbol(), ctypes.c_void_p.from_address(logger)
+    return os.fsdecode(symbol.file) if ctypes.CDLL(None).dladdr(table, ctypes.byref(symbol)) else None
 
 
 def _release() -> None:

@@ -51,8 +51,10 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         self._phase, self._status, self._stale = INSTANTIATED, OK, True
         _LIVE.add(self)
         if self.instance_name != traps.BUILDERS_INSTANCE:
+            self._logger = kwargs["logger"]
             traps.forget_resources(kwargs["resources"])
-            traps.release_at_exit(kwargs["logger"])
+            traps.release_at_exit(self._logger)
+            traps.drop_messages_without_category(self._logger, self.instance_name)
             try:
                 self._bind(access.entries())
             except BaseException as error:
@@ -242,6 +244,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
     def _survivable(self, call: str, error: BaseException) -> BaseException:
         """Log an error that is about to be raised, and return it."""
         traps.keep_after_exception(self)
+        traps.drop_messages_without_category(self._logger, self.instance_name)
         self._tell(f"{call}: {error}", Fmi2Status.fatal)
         return error
 
@@ -273,9 +276,17 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
             cls.access.state_content(data)
         except ValueError as error:
             traps.keep_after_refused_bytes(cls, _LIVE)
+            cls._tell_all(f"fmi2DeSerializeFMUstate, of this or another unit: {error}")
             tell(f"rbfmu: fmi2DeSerializeFMUstate: {error}")
             raise
         return data
+
+    @staticmethod
+    def _tell_all(text: str) -> None:
+        """Log where the class is called, and nobody knows for which instance."""
+        for instance in _LIVE:
+            traps.drop_messages_without_category(instance._logger, instance.instance_name)
+            traps.log(instance, text, Fmi2Status.fatal)
 
     @staticmethod
     def _fmu_state_to_bytes(state: bytes) -> bytes:

@@ -49,8 +49,8 @@ def test_refusal_is_answered_logged_and_printed_and_leaves_no_trace(case):
     assert answer["untouched"]
     category = "logStatusDiscard" if discarded else "logStatusFatal"
     messages = [text for status, named, text in answer["log"] if status == answer["status"] and named == category]
-    if case in STATES:  # the class is asked, which has no log: pythonfmu logs the error, without a category
-        messages = [text for _, _, text in answer["log"]]
+    assert all(named for _, named, _ in answer["log"])
+    if case in STATES:  # the class is asked, which does not know for which instance
         printed_by_it = [line for line in printed if line.startswith("rbfmu: fmi2DeSerializeFMUstate")]
         assert len(printed_by_it) == len(STATES)
     else:
@@ -59,6 +59,22 @@ def test_refusal_is_answered_logged_and_printed_and_leaves_no_trace(case):
     assert len(messages) == 1
     assert NAMED[case] in messages[0]
     assert NAMED[case] in printed_by_it[0]
+
+
+def test_no_message_comes_without_a_category():
+    """NULL for a category ends OMSimulator; what else the importer asks for it gets."""
+    asked, refused, cancelled, chosen, off = run_case("logged_categories", unzipped("driven"))[0]
+    assert asked == refused == ["logStatusFatal"]
+    assert cancelled == []
+    assert chosen == ["logStatusDiscard"]
+    assert off == []
+
+
+def test_paths_that_a_uri_spells_otherwise_are_told():
+    for code in range(33, 0x250):
+        spelled_otherwise = Path(f"/x{chr(code)}x").as_uri() != f"file:///x{chr(code)}x"
+        assert bool(pythonfmu_traps.CRASHES_IN_PATH.search(chr(code))) == spelled_otherwise, chr(code)
+    assert not pythonfmu_traps.CRASHES_IN_PATH.search("/tmp/a b")
 
 
 def test_hundreds_of_errors_break_nothing():

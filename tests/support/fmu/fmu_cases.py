@@ -87,6 +87,36 @@ def refusals(folder):
     return found
 
 
+def logged_categories(folder):
+    """The categories of what is logged of refused calls, however logging was turned on; None is NULL."""
+    fmu = Fmu(folder)
+
+    def told(instance, call):
+        instance.log.clear()
+        call(instance)
+        return [category and category.decode() for _, category, _ in instance.log]
+
+    def wrong(instance):
+        assert instance.enter() == FATAL
+
+    def discarded(instance):
+        assert instance.step(0.0, -1.0) == DISCARD
+        wrong(instance)
+
+    first = fmu.started()
+    found = [told(first, wrong)]
+    second = fmu.instance(logging=0)
+    second.start()
+    assert second.set_debug_logging(1) == OK
+    found.append(told(second, wrong))
+    found.append(told(second, lambda it: it.lib.fmi2CancelStep(it.component)))
+    assert second.set_debug_logging(1, "logStatusDiscard") == OK
+    found.append(told(second, discarded))
+    assert second.set_debug_logging(0) == OK
+    found.append(told(second, discarded))
+    return found
+
+
 def _reals(instance, phase):
     names = instance.fmu.by_causality
     known = instance.get(*names["parameter"], *names["input"])
