@@ -7,7 +7,7 @@ step the input keeps its last value, and its rates are 0 until they are set agai
 from typing import Any
 
 from ..buffer import STEP_REJECTED, places
-from ..buffer_access import copy_numbers, vec3_at
+from ..buffer_access import copy_numbers
 from ..compile.decorator import kernel
 from ..integrators.rigid_body_state import RATE_ONLY, ROTATION, STATE_SIZE, WHOLE_STATE
 from ..mechanics.equations_of_motion import (
@@ -27,6 +27,7 @@ from .memory import (
     has_pivot,
     is_finite,
     keep_state,
+    loads_at,
     loads_of,
     put_centre,
     restore_state,
@@ -44,25 +45,15 @@ STEP_SIZE = BLOCKS["step_size"].start
 """The place of the step size; the count of substeps stands next to it."""
 _BEFORE, _SIZE_BEFORE = BLOCKS["before"].start, BLOCKS["step_size_before"].start
 _INPUTS, _RATES, _RATES_2 = (BLOCKS[next(iter(names))].start for names in (INPUTS, RATES, RATES_2))
-_OF_INPUT, NUMBER_OF_INPUTS = places(INPUTS)
-_FORCE_A, _FORCE_B, _TORQUE_A, _TORQUE_B = (_OF_INPUT[n].start for n in ("force_a", "force_b", "torque_a", "torque_b"))
-_NONE = (0.0, 0.0, 0.0)
+NUMBER_OF_INPUTS = sum(INPUTS.values())
 _PORT_FORCE_A, _PORT_TORQUE_A = PORTS["force_a"], PORTS["torque_a"]
 
 
 @kernel
 def load_polynomial_of(z: Any) -> LoadPolynomial:
     """Return the sum of known and supplied loads, and the derivatives of the supplied ones."""
-    return LoadPolynomial(loads_of(z), _load_rates(z, _RATES), _load_rates(z, _RATES_2))
-
-
-@kernel
-def _load_rates(z: Any, i: int) -> Loads:
-    """Return the derivatives of the inputs that stand from z[i] on; those of the forces are 0 with a pivot."""
-    force_a, force_b = vec3_at(z, i + _FORCE_A), vec3_at(z, i + _FORCE_B)
-    if has_pivot(z):
-        force_a = force_b = _NONE
-    return Loads(_NONE, force_a, force_b, vec3_at(z, i + _TORQUE_A), vec3_at(z, i + _TORQUE_B))
+    pivot = has_pivot(z)
+    return LoadPolynomial(loads_of(z), loads_at(z, _RATES, pivot), loads_at(z, _RATES_2, pivot))
 
 
 @kernel

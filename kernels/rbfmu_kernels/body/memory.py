@@ -207,6 +207,15 @@ def body_of(z: Any) -> Body:
 
 
 @kernel
+def loads_at(numbers: Any, i: int, pivot: bool) -> Loads:
+    """Return what stands at numbers[i] and after it, as a buffer's inputs stand, as loads; no forces with a pivot."""
+    force_a, force_b = vec3_at(numbers, i + _FORCE_A), vec3_at(numbers, i + _FORCE_B)
+    if pivot:
+        force_a = force_b = (0.0, 0.0, 0.0)
+    return Loads((0.0, 0.0, 0.0), force_a, force_b, vec3_at(numbers, i + _TORQUE_A), vec3_at(numbers, i + _TORQUE_B))
+
+
+@kernel
 def loads_of(z: Any) -> Loads:
     """Return the sum of known and supplied loads; see `equations_of_motion.Loads`."""
     gravity_a = vec3_at(z, _GRAVITY)

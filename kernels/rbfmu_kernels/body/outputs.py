@@ -4,7 +4,7 @@ from typing import Any
 
 from ..buffer_access import matrix_at, put_quaternion_at, put_vec3_at, vec3_at
 from ..compile.decorator import kernel
-from ..mechanics.equations_of_motion import angular_acceleration, angular_jerk, linear_acceleration
+from ..mechanics.equations_of_motion import Body, Loads, angular_acceleration, angular_jerk, linear_acceleration
 from ..mechanics.newton_euler import (
     angular_momentum,
     gyroscopic_torque,
@@ -72,12 +72,18 @@ def _put_translation(z: Any, q: Quaternion, omega: Vec3) -> None:
 @kernel
 def _put_accelerations(z: Any, q: Quaternion, omega: Vec3) -> None:
     """Set alpha_b and the acceleration of o."""
-    body, loads = body_of(z), loads_of(z)
-    alpha = angular_acceleration(q, omega, body, loads)
-    relative = relative_acceleration(omega, alpha, vec3_at(z, _R_OC))
-    a_o = subtract(linear_acceleration(q, body, loads), rotate(q, relative))
+    alpha, acceleration = accelerations(q, omega, body_of(z), loads_of(z), vec3_at(z, _R_OC))
     put_vec3_at(z, _ALPHA, alpha)
-    put_vec3_at(z, _ACCELERATION, (0.0, 0.0, 0.0) if has_pivot(z) else a_o)
+    put_vec3_at(z, _ACCELERATION, acceleration)
+
+
+@kernel
+def accelerations(q: Quaternion, omega: Vec3, body: Body, loads: Loads, r_oc: Vec3) -> tuple[Vec3, Vec3]:
+    """Return (alpha_b, acceleration of o in a) of a body under loads; with a pivot o stays."""
+    alpha = angular_acceleration(q, omega, body, loads)
+    relative = relative_acceleration(omega, alpha, r_oc)
+    a_o = subtract(linear_acceleration(q, body, loads), rotate(q, relative))
+    return alpha, ((0.0, 0.0, 0.0) if body.is_free == 0.0 else a_o)
 
 
 @kernel(inline=False)

@@ -1,7 +1,7 @@
 """The entry functions that all models share: `initialize` and `step` around a model's own `set_up` and `advance`.
 
-A model is a module with the layout of its buffer (BLOCKS, SIZE) and `initialize`, `step`, `outputs`, `output_rates`
-over that buffer, its whole memory: a copy of its bytes is a snapshot.
+A model is a module with the layout of its buffer (BLOCKS, SIZE) and `initialize`, `step`, `outputs`, `output_rates`,
+`feedthrough` over that buffer, its whole memory: a copy of its bytes is a snapshot.
 """
 
 import math
@@ -13,10 +13,11 @@ from ..buffer import STEP_REJECTED
 from ..compile.decorator import kernel
 from ..mechanics.equations_of_motion import State
 from ..rotations.vec3 import dot
+from .feedthrough import feedthrough
 from .memory import initialize_body, put_motion
 from .outputs import first_outputs, output_rates, outputs
 
-__all__ = ["commit_motion", "entry_functions", "output_rates", "outputs"]
+__all__ = ["commit_motion", "entry_functions", "feedthrough", "output_rates", "outputs"]
 
 
 def set_up(z: Any) -> int:

@@ -8,7 +8,7 @@ from typing import Any
 from ..body.closed_form import CLOSED_FORM, finish_step, first_attitude, has_turning_torque, later, start_clocks
 from ..body.memory import body_of, loads_of, rotation_of
 from ..body.needs import shows_more_than_momentum, skips_model_checks
-from ..body.shell import entry_functions, output_rates, outputs
+from ..body.shell import entry_functions, feedthrough, output_rates, outputs
 from ..body.symmetry import is_sphere
 from ..buffer import OK, STEP_REJECTED, places
 from ..buffer_access import put_pair_at, put_vec3_at, vec3_at
@@ -16,7 +16,7 @@ from ..compile.decorator import kernel
 from ..mechanics.equations_of_motion import angular_acceleration
 from ..rotations.vec3 import add_scaled
 
-__all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
+__all__ = ["BLOCKS", "SIZE", "feedthrough", "initialize", "output_rates", "outputs", "step"]
 
 BLOCKS, SIZE = places(CLOSED_FORM | {"omega_0": 3, "alpha": 3, "since_alpha": 2})
 """After CLOSED_FORM: the rate when the torque last changed, what the torque adds to it in 1 s, and the time since."""

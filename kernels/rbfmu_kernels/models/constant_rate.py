@@ -14,14 +14,14 @@ from ..body.fixed_axis import turns_path
 from ..body.memory import rotation_of
 from ..body.needs import skips_model_checks
 from ..body.principal import keeps_its_rate
-from ..body.shell import entry_functions, output_rates, outputs
+from ..body.shell import entry_functions, feedthrough, output_rates, outputs
 from ..buffer import STEP_REJECTED, places
 from ..compile.decorator import kernel
 from ..exact.uniform_rotation import TURNING_SIZE, put_turning, read_turning, turned, turning_about
 from ..numerics.double_double import dd_vector
 from ..rotations.quaternion import compose_quaternions
 
-__all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
+__all__ = ["BLOCKS", "SIZE", "feedthrough", "initialize", "output_rates", "outputs", "step"]
 
 BLOCKS, SIZE = places(CLOSED_FORM | {"turning": TURNING_SIZE})
 

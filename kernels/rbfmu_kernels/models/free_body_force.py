@@ -10,7 +10,7 @@ from typing import Any
 from ..body.closed_form import commit_step, has_torque, is_finite_path, is_finite_rotation, time_after
 from ..body.memory import body_of, centre_of, loads_of, put_centre, substep_of
 from ..body.needs import skips_model_checks
-from ..body.shell import entry_functions, outputs
+from ..body.shell import entry_functions, feedthrough, outputs
 from ..buffer import STEP_REJECTED, places
 from ..buffer_access import put_vec3_at, vec3_at
 from ..compile.decorator import kernel
@@ -22,7 +22,7 @@ from ..rotations.vec3 import add_scaled
 from ..types import Vec3
 from .free_triaxial import FREE, free_motion_of, keep_place, output_rates, set_up_rotation, shown_rates
 
-__all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
+__all__ = ["BLOCKS", "SIZE", "feedthrough", "initialize", "output_rates", "outputs", "step"]
 
 ORDERS = (1, 2, 3, 4, 5, 6, 7, 8)
 """The numbers of points a panel that may be chosen."""

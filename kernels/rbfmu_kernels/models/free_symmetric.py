@@ -13,7 +13,7 @@ from ..body.closed_form import (
 from ..body.memory import body_of, rotation_of
 from ..body.needs import needs_attitude, skips_model_checks
 from ..body.principal import rates_along, rounded
-from ..body.shell import entry_functions, output_rates, outputs
+from ..body.shell import entry_functions, feedthrough, output_rates, outputs
 from ..body.symmetry import exact_symmetric_frame
 from ..buffer import STEP_REJECTED, places
 from ..buffer_access import put_vec3_at, vec3_at
@@ -23,7 +23,7 @@ from ..integrators.splitting import is_symmetric_top
 from ..rotations.matrix import invert_matrix, transform
 from ..rotations.quaternion import compose_quaternions, invert_quaternion, rotate
 
-__all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
+__all__ = ["BLOCKS", "SIZE", "feedthrough", "initialize", "output_rates", "outputs", "step"]
 
 BLOCKS, SIZE = places(CLOSED_FORM | {"omega_0": 3, "about_momentum": TURNING_SIZE, "about_axis": TURNING_SIZE})
 

@@ -10,7 +10,7 @@ from ..body.memory import body_of, has_pivot, put_rotation, rotation_of
 from ..body.needs import needs_attitude, shows_rates, skips_model_checks
 from ..body.outputs import output_rates as body_output_rates
 from ..body.principal import exact_frame, rates_along, rounded
-from ..body.shell import entry_functions, outputs
+from ..body.shell import entry_functions, feedthrough, outputs
 from ..buffer import OK, STEP_REJECTED, places
 from ..buffer_access import matrix_at, put_matrix_at, put_quaternion_at, quaternion_at
 from ..compile.decorator import kernel
@@ -41,7 +41,7 @@ from ..rotations.matrix import invert_matrix, quaternion_from_matrix, transform
 from ..rotations.quaternion import compose_quaternions, invert_quaternion
 from ..types import Vec3
 
-__all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
+__all__ = ["BLOCKS", "SIZE", "feedthrough", "initialize", "output_rates", "outputs", "step"]
 
 FREE = CLOSED_FORM | {"axes": 9, "place": 4, "moved": 1, "constants": FREE_ROTATION_SIZE}
 """After CLOSED_FORM: principal axes, place on the polhode, 1 where the last step set it, constants of the motion."""

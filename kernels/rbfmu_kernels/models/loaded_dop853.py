@@ -8,13 +8,13 @@ from typing import Any
 
 from ..body.driven import DRIVEN, STEP_SIZE, finish, integrated, keep, load_polynomial_of
 from ..body.memory import STATE_START, body_of, loads_of
-from ..body.shell import entry_functions, output_rates, outputs
+from ..body.shell import entry_functions, feedthrough, output_rates, outputs
 from ..buffer import places
 from ..compile.decorator import kernel
 from ..integrators.dop853 import WORK, dop853_advance, dop853_march, first_step
 from ..integrators.rigid_body_state import ROTATION
 
-__all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
+__all__ = ["BLOCKS", "SIZE", "feedthrough", "initialize", "output_rates", "outputs", "step"]
 
 _, _BEFORE = places(DRIVEN)
 BLOCKS, SIZE = places(DRIVEN | {"pad_3": -_BEFORE % 8, "work": WORK})

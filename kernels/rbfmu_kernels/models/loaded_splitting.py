@@ -7,14 +7,14 @@ from typing import Any
 
 from ..body.memory import COMMON, body_of, loads_of, motion_of, substep_of
 from ..body.needs import has_unknown_load
-from ..body.shell import commit_motion, entry_functions, output_rates, outputs
+from ..body.shell import commit_motion, entry_functions, feedthrough, output_rates, outputs
 from ..buffer import STEP_REJECTED, places
 from ..compile.decorator import kernel
 from ..integrators.splitting import is_symmetric_top, resonant_step, rkn4_steps, rkn6_steps, strang_steps
 from ..integrators.substeps import substeps_in
 from ..rotations.vec3 import is_nonzero
 
-__all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
+__all__ = ["BLOCKS", "SIZE", "feedthrough", "initialize", "output_rates", "outputs", "step"]
 
 BLOCKS, SIZE = places(COMMON | {"order": 1})
 

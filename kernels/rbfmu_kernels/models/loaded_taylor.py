@@ -21,7 +21,7 @@ from ..body.driven import (
     load_polynomial_of,
 )
 from ..body.memory import STATE_START, body_of
-from ..body.shell import entry_functions, output_rates, outputs
+from ..body.shell import entry_functions, feedthrough, output_rates, outputs
 from ..buffer import OK, places
 from ..buffer_access import copy_numbers, pair_at, put_pair_at
 from ..compile.decorator import kernel
@@ -43,7 +43,7 @@ from ..integrators.dop853 import LONGEST_STEP
 from ..integrators.taylor import taylor_advance
 from ..integrators.taylor_coefficients import WORK
 
-__all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
+__all__ = ["BLOCKS", "SIZE", "feedthrough", "initialize", "output_rates", "outputs", "step"]
 
 _DENSE = KEPT | {"kept_before": KEPT_SIZE, "held_inputs": NUMBER_OF_INPUTS}
 _, _BEFORE = places(DRIVEN | {"order": 1} | _DENSE)

@@ -5,13 +5,13 @@ from typing import Any
 from ..body.closed_form import CLOSED_FORM, finish_step, has_torque, start_clocks
 from ..body.memory import body_of, loads_of, rotation_of
 from ..body.needs import needs_attitude, needs_rate, needs_translation, shows_loads, skips_model_checks
-from ..body.shell import entry_functions, output_rates, outputs
+from ..body.shell import entry_functions, feedthrough, output_rates, outputs
 from ..buffer import OK, places
 from ..compile.decorator import kernel
 from ..mechanics.equations_of_motion import angular_acceleration
 from ..rotations.vec3 import is_nonzero
 
-__all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
+__all__ = ["BLOCKS", "SIZE", "feedthrough", "initialize", "output_rates", "outputs", "step"]
 
 BLOCKS, SIZE = places(CLOSED_FORM)
 

@@ -6,7 +6,7 @@ from ..body.closed_form import CLOSED_FORM, finish_step, first_attitude, start_c
 from ..body.fixed_axis import drive_and_damping_rate, leaves_axis, main_axis, swing
 from ..body.memory import body_of, loads_of, rotation_of
 from ..body.needs import needs_attitude, skips_model_checks
-from ..body.shell import entry_functions, output_rates, outputs
+from ..body.shell import entry_functions, feedthrough, output_rates, outputs
 from ..buffer import places
 from ..buffer_access import put_vec3_at, vec3_at
 from ..compile.decorator import kernel
@@ -15,7 +15,7 @@ from ..rotations.quaternion import compose_quaternions
 from ..rotations.rotation_vector import quaternion_from_axis_angle
 from ..rotations.vec3 import dot, scale
 
-__all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
+__all__ = ["BLOCKS", "SIZE", "feedthrough", "initialize", "output_rates", "outputs", "step"]
 
 BLOCKS, SIZE = places(CLOSED_FORM | {"axis": 3, "rate": 1, "drive": 1, "damping_rate": 1})
 

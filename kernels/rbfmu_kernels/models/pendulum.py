@@ -9,7 +9,7 @@ from ..body.closed_form import CLOSED_FORM, finish_step, start_clocks, time_afte
 from ..body.fixed_axis import drive_and_damping_rate, leaves_axis, main_axis, swing
 from ..body.memory import body_of, loads_of, rotation_of
 from ..body.needs import skips_model_checks
-from ..body.shell import entry_functions, output_rates, outputs
+from ..body.shell import entry_functions, feedthrough, output_rates, outputs
 from ..buffer import places
 from ..buffer_access import put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
@@ -25,7 +25,7 @@ from ..exact.pendulum import (
 from ..rotations.quaternion import compose_quaternions
 from ..rotations.vec3 import dot, scale
 
-__all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
+__all__ = ["BLOCKS", "SIZE", "feedthrough", "initialize", "output_rates", "outputs", "step"]
 
 BLOCKS, SIZE = places(CLOSED_FORM | {"q_hanging": 4, "axis": 3, "pendulum": PENDULUM_SIZE})
 """q_hanging: the attitude in stable equilibrium."""

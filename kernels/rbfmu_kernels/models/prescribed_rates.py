@@ -157,4 +157,11 @@ def output_rates(z: Any) -> int:
     return OK
 
 
+@kernel(inline=False)
+def feedthrough(z: Any, change: Any) -> int:
+    """Set how much omega_a changes at once when the rates do; see `body.feedthrough`."""
+    put_vec3_at(change, _OMEGA_A, rotate(quaternion_at(z, _Q), vec3_at(change, _OMEGA)))
+    return OK
+
+
 step = step_function(__name__, _advance)

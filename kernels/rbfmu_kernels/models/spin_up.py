@@ -10,7 +10,7 @@ from ..body.closed_form import CLOSED_FORM, finish_step, start_clocks, time_afte
 from ..body.fixed_axis import drive_and_damping_rate
 from ..body.memory import body_of, loads_of, rotation_of
 from ..body.needs import has_unknown_load, needs_attitude, skips_model_checks
-from ..body.shell import entry_functions, output_rates, outputs
+from ..body.shell import entry_functions, feedthrough, output_rates, outputs
 from ..body.symmetry import symmetric_frame
 from ..buffer import places
 from ..buffer_access import matrix_at, put_matrix_at, put_vec3_at, vec3_at
@@ -24,7 +24,7 @@ from ..rotations.matrix import invert_matrix, transform
 from ..rotations.vec3 import cross, dot, is_nonzero
 from ..types import Matrix, Quaternion
 
-__all__ = ["BLOCKS", "SIZE", "initialize", "output_rates", "outputs", "step"]
+__all__ = ["BLOCKS", "SIZE", "feedthrough", "initialize", "output_rates", "outputs", "step"]
 
 BLOCKS, SIZE = places(
     CLOSED_FORM | {"axes": 9, "rates": 3, "drive": 1, "damping_rate": 1, "damping_rate_across": 1, "ratio": 1}
