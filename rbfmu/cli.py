@@ -195,10 +195,16 @@ def view(
 @click.option("--native", is_flag=True, help="Compiled: the importer needs no Python.")
 @click.option("--platform", "platforms", default="", metavar="NAME,...",
               help="Of a native FMU: linux64, win64, darwin64, linux-aarch64, darwin-aarch64.  [this one]")  # fmt: skip
+@click.option("--fmi", type=click.Choice(["2", "3"]), default="2", show_default=True,
+              help="Version of FMI: 2.0, or 3.0 with arrays as variables; 3 with --native.")  # fmt: skip
+@click.option("--scalars", is_flag=True, help="Of FMI 3.0: no arrays, as importers that cannot take them need it.")
 @model_option
 @run_options
-def build(scene: Path, output: Path | None, native: bool, platforms: str, model: str, **run: float | None) -> None:
-    """Build a scene's FMU (FMI 2.0 co-simulation, pythonfmu or native)."""
+def build(
+    scene: Path, output: Path | None, native: bool, platforms: str, fmi: str, scalars: bool, model: str,
+    **run: float | None,
+) -> None:  # fmt: skip
+    """Build a scene's FMU for co-simulation (FMI 2.0, pythonfmu or native; FMI 3.0, native)."""
     from rbfmu_fmu import BuildError
     from rbfmu_fmu import build as build_fmu
     from rbfmu_fmu.description import file_name
@@ -207,11 +213,16 @@ def build(scene: Path, output: Path | None, native: bool, platforms: str, model:
     names = [name.strip() for name in platforms.split(",") if name.strip()]
     if names and not native:
         raise click.UsageError("--platform: expected --native with it")
+    if fmi == "3" and not native:
+        raise click.UsageError("--fmi 3: expected --native with it")
+    if scalars and fmi != "3":
+        raise click.UsageError("--scalars: expected --fmi 3 with it")
+    kind = "native" if native else "python"
     try:
         with _scene(scene, run) as loaded:
             _say_what_takes_minutes(names)
             target = output or Path(file_name(loaded.name))
-            click.echo(build_fmu(loaded, target, "native" if native else "python", names, full=model == "full"))
+            click.echo(build_fmu(loaded, target, kind, names, model == "full", int(fmi), scalars))
     except BuildError as error:
         raise click.UsageError(str(error)) from None
 

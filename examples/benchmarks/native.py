@@ -52,7 +52,8 @@ TABLES = {
 HAND = "DOP853 and by hand"
 NOTHING = "#include <stdint.h>\n" + "".join(
     f"int64_t {name} {{ return 0; }}\n" for name in ("initialize(double *z)", "step(double *z, double h)",
-                                                     "outputs(double *z)", "output_rates(double *z)")
+                                                     "outputs(double *z)", "output_rates(double *z)",
+                                                     "feedthrough(double *z, double *change)")
 )  # fmt: skip
 
 Timer = Callable[[int, int], float]
@@ -214,7 +215,7 @@ def _figures_of(text: str, folder: Path, driver: Any, repeats: int, steps: int, 
         "native": Fmu(build_native_fmu(scene, planned, folder / "native.fmu"), folder / "native"),
         "pythonfmu": Fmu(build_python_fmu(scene, planned, folder / "python.fmu"), folder / "python"),
     }
-    generated = headers(describe(scene, planned), fmus["native"].arguments[1])
+    generated = headers(describe(scene, planned), FMI2, fmus["native"].arguments[1])
     if text == HAND:
         fmus |= _others(fmus["native"], folder, generated, planned)
     costs, values = _costs(scene, planned, fmus, driver, repeats, steps)

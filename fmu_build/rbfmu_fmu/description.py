@@ -54,6 +54,8 @@ class Description:
     step: float
     accuracy: float
     model: str
+    outputs_end: int
+    """One past the last of a model's outputs in its buffer."""
     faults: dict[int, tuple[str, str]]
     changed: str
     """What stands for a fault's block where a model does not serve the parameters that were changed."""
@@ -99,6 +101,7 @@ def describe(scene: Scene, plan: Plan) -> Description:
         step=scene.run.step,
         accuracy=scene.run.accuracy,
         model=kernels.__name__.removeprefix("rbfmu_kernels."),
+        outputs_end=max(kernels.BLOCKS[name].stop for name in OUTPUT if name in kernels.BLOCKS),
         faults=FAULTS,
         changed=CHANGED,
     )

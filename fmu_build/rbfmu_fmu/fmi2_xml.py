@@ -4,6 +4,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from rbfmu_fmu.description import Description, Variable
 from rbfmu_fmu.fmi_version import FmiVersion
+from rbfmu_fmu.value_references import scalars
 from rbfmu_fmu.variable_words import meaning
 from rbfmu_fmu.xml_parts import (
     STATUS_MEANING,
@@ -89,4 +90,15 @@ second has the name that FMI 3.0 gave it, as FMI 2.0.5 says."""
 SECOND_FOLDERS = {"linux-aarch64": "linux64"}
 """FMPy, for one, looks into this folder on any Linux."""
 
-FMI2 = FmiVersion("2.0", model_description, "guid", "fmi2.c", FOLDERS, SECOND_FOLDERS)
+
+def capabilities(d: Description) -> dict[str, str]:
+    """Return what a native FMU can do, as attributes of the element CoSimulation."""
+    said = {"needsExecutionTool": "false", "canNotUseMemoryManagementFunctions": "false"}
+    said |= {"canInterpolateInputs": "true" if d.interpolates_inputs else "false"}
+    said |= {"providesDirectionalDerivative": "true"}
+    return said | ({"maxOutputDerivativeOrder": "1"} if d.output_rates else {})
+
+
+FMI2 = FmiVersion(
+    "2.0", model_description, "guid", "fmi2.c", FOLDERS, capabilities, scalars, "Real", False, SECOND_FOLDERS
+)

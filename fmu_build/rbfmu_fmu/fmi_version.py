@@ -1,10 +1,11 @@
-"""What FMUs of one version of FMI differ in: their XML, their C signatures, their folders of binaries."""
+"""What FMUs of one version of FMI differ in: their XML, their C signatures, their variables, their folders."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from xml.etree.ElementTree import Element
 
 from rbfmu_fmu.description import Description
+from rbfmu_fmu.value_references import Referenced
 
 UNSET = "{}"
 """Stands for an FMU's identity while that identity is being made."""
@@ -23,5 +24,13 @@ class FmiVersion:
     """The C source of the version's functions, in `native/`."""
     folders: dict[str, str]
     """The folder of `binaries` for each of `native.platforms.PLATFORMS`."""
+    capabilities: Callable[[Description], dict[str, str]]
+    """What a native FMU can do, as attributes of modelDescription.xml."""
+    references: Callable[[Description], list[Referenced]]
+    """What has a value reference."""
+    real: str
+    """What the version calls the type of floating-point variables."""
+    has_time: bool
+    """Whether the time is a variable: the one after those that have a value reference."""
     second_folders: dict[str, str] = field(default_factory=dict)
     """A second folder for a platform, where no other platform of an FMU has it: importers there look into it."""

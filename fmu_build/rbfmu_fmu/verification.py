@@ -12,7 +12,6 @@ from xml.etree import ElementTree
 import fmpy
 import numpy as np
 from fmpy.fmi1 import FMICallException
-from fmpy.simulation import instantiate_fmu
 from fmpy.validation import validate_fmu
 from numpy.typing import NDArray
 
@@ -24,6 +23,7 @@ from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu_fmu.archive import kernel_hash
 from rbfmu_fmu.description import Description, describe
+from rbfmu_fmu.fmpy_unit import Unit, unit_in, version_in
 from rbfmu_fmu.python.pythonfmu_traps import CRASHES_IN_PATH
 from rbfmu_fmu.variable_words import input_sizes
 from rbfmu_kernels.buffer import OK
@@ -120,22 +120,29 @@ def _scene_inside(path: Path) -> tuple[Scene, Plan, list[str]]:
 def _missing(path: Path, description: Description) -> list[str]:
     """Return variables, units and dependencies that an importer needs and does not find."""
     model = fmpy.read_model_description(str(path), validate=False)
-    found = {v.name: v for v in model.modelVariables}
-    problems = [f"variable {v.name} is missing" for v in description.variables if v.name not in found]
-    problems += [f"variable {v.name} has no unit" for v in found.values() if v.type == "Real" and not v.unit]
-    outputs, names = {v.name for v in found.values() if v.causality == "output"}, [v.name for v in model.modelVariables]
-    for kind, section in (("outputs", "Outputs"), ("initial unknowns", "InitialUnknowns")):
-        listed = {names[index] for index in _with_dependencies(path, section)}
+    found, version = {v.name: v for v in model.modelVariables}, version_in(model)
+    names = {one.name for one in version.references(description)}
+    problems = [f"variable {name} is missing" for name in sorted(names - set(found))]
+    problems += [f"variable {v.name} has no unit" for v in found.values() if v.type == version.real and not v.unit]
+    outputs = {v.name for v in found.values() if v.causality == "output"}
+    for kind, listed in _with_dependencies(path, model).items():
         problems += [f"{n} is not among the {kind} with dependencies" for n in sorted(outputs - listed)]
     return problems
 
 
-def _with_dependencies(path: Path, section: str) -> list[int]:
-    """Return the indices of variables whose dependencies are said; older FMPy reads silence as no dependency."""
+def _with_dependencies(path: Path, model: Any) -> dict[str, set[str]]:
+    """Return names of variables whose dependencies are said; older FMPy reads silence as no dependency."""
     with zipfile.ZipFile(path) as archive:
         root = ElementTree.fromstring(archive.read("modelDescription.xml"))
-    unknowns = root.iterfind(f"ModelStructure/{section}/Unknown[@dependencies]")
-    return [int(unknown.attrib["index"]) - 1 for unknown in unknowns]
+    names = {str(index): v.name for index, v in enumerate(model.modelVariables, start=1)}
+    places, key = ("Outputs/Unknown", "InitialUnknowns/Unknown"), "index"
+    if model.fmiVersion.startswith("3"):
+        names = {str(v.valueReference): v.name for v in model.modelVariables}
+        places, key = ("Output", "InitialUnknown"), "valueReference"
+    return {
+        kind: {names[u.attrib[key]] for u in root.iterfind(f"ModelStructure/{place}[@dependencies]")}
+        for kind, place in zip(("outputs", "initial unknowns"), places, strict=True)
+    }
 
 
 def _signal(scene: Scene, description: Description, steps: int, random: np.random.Generator) -> NDArray[np.float64]:
@@ -149,50 +156,32 @@ def _signal(scene: Scene, description: Description, steps: int, random: np.rando
 def _through_fmpy(
     path: Path, description: Description, time: NDArray[np.float64], inputs: NDArray[np.float64]
 ) -> tuple[Any, list[str]]:
-    references = [k for k, v in enumerate(description.variables) if v.causality == "input"]
-    wanted = [k for k, v in enumerate(description.variables) if v.causality == "output"]
-    messages: list[str] = []
-
-    def log(component: Any, instance: bytes, status: int, category: bytes, message: bytes) -> None:
-        if status:
-            messages.append(message.decode())
-
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         fmpy.extract(str(path), folder)
-        model = fmpy.read_model_description(folder, validate=False)
-        fmu = instantiate_fmu(folder, model, "CoSimulation", debug_logging=True, logger=log)
-        rows = _stepped(fmu, time, references, inputs, [*wanted, description.status_reference])
-        fmu.freeInstance()
-    recorded = {description.variables[k].name: rows[:, i] for i, k in enumerate(wanted)}
+        with unit_in(folder, description) as unit:
+            rows = _stepped(unit, time, inputs)
+    outputs = [v.name for v in description.variables if v.causality == "output"]
+    recorded = {name: rows[:, k] for k, name in enumerate(outputs)}
     bad = int(np.count_nonzero(rows[:, -1]))
     recorded["time"] = time[: len(rows)]
-    return recorded, messages + ([f"status was not 0 at {bad} points"] if bad else [])
+    return recorded, unit.messages + ([f"status was not 0 at {bad} points"] if bad else [])
 
 
-def _stepped(
-    fmu: Any, time: NDArray[np.float64], references: list[int], inputs: NDArray[np.float64], wanted: list[int]
-) -> NDArray[np.float64]:
+def _stepped(unit: Unit, time: NDArray[np.float64], inputs: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return outputs, the last of them an Integer, at each time up to a refused step.
 
     Not by `simulate_fmu`, which compares times by 1e-9 of their size.
     """
-
-    def row() -> list[float]:
-        return [*fmu.getReal(wanted[:-1]), *fmu.getInteger(wanted[-1:])]
-
-    fmu.setupExperiment(startTime=time[0], stopTime=time[-1])
-    fmu.enterInitializationMode()
-    fmu.setReal(references, inputs[0].tolist() if references else [])
-    fmu.exitInitializationMode()
-    rows = [row()]
+    unit.start(time[0], time[-1], inputs[0].tolist())
+    rows = [unit.outputs()]
     for k in range(1, len(time)):
-        fmu.setReal(references, inputs[k - 1].tolist() if references else [])
+        unit.set_inputs(inputs[k - 1].tolist())
         try:
-            fmu.doStep(time[k - 1], time[k] - time[k - 1])
+            unit.step(time[k - 1], time[k] - time[k - 1])
         except FMICallException:
             return np.array(rows)
-        rows.append(row())
-    fmu.terminate()
+        rows.append(unit.outputs())
+    unit.terminate()
     return np.array(rows)
 
 

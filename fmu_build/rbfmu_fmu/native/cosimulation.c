@@ -15,25 +15,37 @@
 
 static int is_in(const Instance *m, unsigned phases) { return phases >> m->now.phase & 1; }
 
-static int allowed(Instance *m, const char *call, Call what) {
+int allowed(Instance *m, const char *call, Call what) {
     if (m && is_in(m, RULES[what].phases)) return 1;
     if (m) refuse(m, call, "%s %s", RULES[what].refusal, PHASE_NAMES[m->now.phase]);
     return 0;
 }
 
-static Causality causality_of(unsigned r) {
+Causality causality_of(unsigned r) {
     return r >= FIRST_OUTPUT ? OUTPUT : r >= FIRST_PARAMETER ? PARAMETER : INPUT;
 }
 
-static int is_real(Instance *m, const char *call, unsigned r) {
-    if (r >= REALS) refuse(m, call, "value reference %u is no Real variable", r);
-    return r < REALS;
+Elements elements_of(unsigned v) {
+    Elements e = {ELEMENTS + FIRST_ELEMENT[v], (size_t)(FIRST_ELEMENT[v + 1] - FIRST_ELEMENT[v])};
+    return e;
 }
 
-/* Whether variable r, which exists, may be set to this value now. */
-static int settable(Instance *m, const char *call, unsigned r, double value) {
+/* Whether these value references are of Real variables, with as many elements together as there are values. */
+static int are_reals(Instance *m, const char *call, const unsigned v[], size_t n, size_t n_values) {
+    size_t expected = 0;
+    for (size_t i = 0; i < n; i++) {
+        if (v[i] >= REFERENCES) return !refuse(m, call, "value reference %u is no " REAL " variable", v[i]);
+        expected += elements_of(v[i]).n;
+    }
+    return n_values == expected || !refuse(m, call, "%zu values: expected %zu", n_values, expected);
+}
+
+/* Whether Real r may be set to this value now. */
+int settable(Instance *m, const char *call, unsigned r, double value) {
     Causality causality = causality_of(r);
-    if (!isfinite(value))
+    if (r == TIME)
+        refuse(m, call, "the time cannot be set: it follows from the steps");
+    else if (!isfinite(value))
         refuse(m, call, "%s = %s: expected a finite number", VARIABLES[r].name, number(value).text);
     else if (!is_in(m, CAUSALITIES[causality].settable_in))
         refuse(m, call, SET_REFUSAL, CAUSALITIES[causality].name, VARIABLES[r].name,
@@ -83,7 +95,7 @@ Instance *create_instance(const Host *host, const char *call, const char *name, 
     Instance *m;
     if (!name) return refuse_instance(host, call, name, "the instance has no name");
     if (!guid || strcmp(guid, GUID))
-        return refuse_instance(host, call, name, "the guid is not that of this FMU, " GUID);
+        return refuse_instance(host, call, name, "the " IDENTITY " is not that of this FMU, " GUID);
     m = new_instance(host, sizeof *m + strlen(name) + 1);
     if (!m) return refuse_instance(host, call, name, "no memory");
     m->host = *host;
@@ -209,7 +221,7 @@ Status exit_initialization(Instance *m, const char *call) {
 /* --- values */
 
 /* Let the outputs follow what was set since the last step. */
-static int fresh(Instance *m, const char *call) {
+int fresh(Instance *m, const char *call) {
     if (!allowed(m, call, GET_OUTPUTS)) return 0;
     if (!m->now.stale) return 1;
     if (m->now.phase == INITIALIZING) return initialized(m, call);
@@ -218,23 +230,46 @@ static int fresh(Instance *m, const char *call) {
     return 1;
 }
 
-Status get_reals(Instance *m, const char *call, const unsigned r[], size_t n, double values[]) {
+static double value_of(const Instance *m, unsigned r) { return r == TIME ? m->now.time : m->now.z[OFFSETS[r]]; }
+
+static int is_output(unsigned v) { return v != TIME_REFERENCE && causality_of(*elements_of(v).r) == OUTPUT; }
+
+Status get_reals(Instance *m, const char *call, const unsigned v[], size_t n, double values[], size_t n_values) {
     int any_output = 0;
-    if (!given(m, call, n, r, values)) return CALL_ERROR;
+    if (!given(m, call, n, v, values) || !are_reals(m, call, v, n, n_values)) return CALL_ERROR;
     for (size_t i = 0; i < n; i++) {
-        if (!is_real(m, call, r[i])) return CALL_ERROR;
-        any_output |= causality_of(r[i]) == OUTPUT;
+        if (!exchanged(m, call, v[i], CAN_GET)) return CALL_ERROR;
+        any_output |= is_output(v[i]);
     }
     if (any_output && !fresh(m, call)) return CALL_ERROR;
-    for (size_t i = 0; i < n; i++) values[i] = m->now.z[OFFSETS[r[i]]];
+    for (size_t i = 0; i < n; i++) {
+        Elements e = elements_of(v[i]);
+        for (size_t k = 0; k < e.n; k++) *values++ = value_of(m, e.r[k]);
+    }
     return CALL_OK;
 }
 
-Status set_reals(Instance *m, const char *call, const unsigned r[], size_t n, const double values[]) {
-    if (!given(m, call, n, r, values)) return CALL_ERROR;
-    for (size_t i = 0; i < n; i++)
-        if (!is_real(m, call, r[i]) || !settable(m, call, r[i], values[i])) return CALL_ERROR;
-    for (size_t i = 0; i < n; i++) m->now.z[OFFSETS[r[i]]] = values[i];
+/* Whether a variable may be set to these values now; an element that stands in two places must have one value. */
+static int all_settable(Instance *m, const char *call, Elements e, const double values[]) {
+    for (size_t k = 0; k < e.n; k++) {
+        if (!settable(m, call, e.r[k], values[k])) return 0;
+        for (size_t twin = 0; twin < k; twin++)
+            if (e.r[twin] == e.r[k] && values[twin] != values[k])
+                return !refuse(m, call, "%s = %s and %s: expected a symmetric matrix", VARIABLES[e.r[k]].name,
+                               number(values[twin]).text, number(values[k]).text);
+    }
+    return 1;
+}
+
+Status set_reals(Instance *m, const char *call, const unsigned v[], size_t n, const double values[], size_t n_values) {
+    const double *next = values;
+    if (!given(m, call, n, v, values) || !are_reals(m, call, v, n, n_values)) return CALL_ERROR;
+    for (size_t i = 0; i < n; next += elements_of(v[i++]).n)
+        if (!exchanged(m, call, v[i], CAN_SET) || !all_settable(m, call, elements_of(v[i]), next)) return CALL_ERROR;
+    for (size_t i = 0; i < n; i++) {
+        Elements e = elements_of(v[i]);
+        for (size_t k = 0; k < e.n; k++) m->now.z[OFFSETS[e.r[k]]] = *values++;
+    }
     m->now.stale |= n > 0;
     return CALL_OK;
 }
@@ -252,40 +287,6 @@ Status no_variables(Instance *m, const char *call, const unsigned r[], size_t n,
     return n ? refuse(m, call, "value reference %u is no %s", r[0], kind) : CALL_OK;
 }
 
-static int has_derivative(Instance *m, const char *call, unsigned r, int order, Causality wanted) {
-    if (r >= REALS || (causality_of(r) == OUTPUT) != (wanted == OUTPUT))
-        refuse(m, call, "value reference %u is no %s", r, CAUSALITIES[wanted].name);
-    else if (order < 1 || order > MAX_DERIVATIVE_ORDER || DERIVATIVES[r][order - 1] == NOT_PROVIDED)
-        refuse(m, call, "%s has no derivative of order %d here", VARIABLES[r].name, order);
-    else
-        return 1;
-    return 0;
-}
-
-/* They count for one step, after which the kernels leave the input at its last value: u + u' h + u'' h^2 / 2. */
-Status set_input_derivatives(Instance *m, const char *call, const unsigned r[], size_t n, const int order[],
-                             const double values[]) {
-    if (!given(m, call, n, r, values) || !given(m, call, n, order, order)) return CALL_ERROR;
-    if (!allowed(m, call, SET_INPUT_DERIVATIVES)) return CALL_ERROR;
-    for (size_t i = 0; i < n; i++)
-        if (!has_derivative(m, call, r[i], order[i], INPUT) || !settable(m, call, r[i], values[i])) return CALL_ERROR;
-    for (size_t i = 0; i < n; i++) m->now.z[DERIVATIVES[r[i]][order[i] - 1]] = values[i];
-    return CALL_OK;
-}
-
-Status get_output_derivatives(Instance *m, const char *call, const unsigned r[], size_t n, const int order[],
-                              double values[]) {
-    if (!given(m, call, n, r, values) || !given(m, call, n, order, order)) return CALL_ERROR;
-    for (size_t i = 0; i < n; i++)
-        if (!has_derivative(m, call, r[i], order[i], OUTPUT)) return CALL_ERROR;
-    if (n && !fresh(m, call)) return CALL_ERROR;
-#ifdef OUTPUT_DERIVATIVES
-    if (n) output_rates(m->now.z);
-#endif
-    for (size_t i = 0; i < n; i++) values[i] = m->now.z[DERIVATIVES[r[i]][order[i] - 1]];
-    return CALL_OK;
-}
-
 /* --- steps */
 
 /* Why a step cannot even be tried, or null. */
@@ -298,7 +299,7 @@ static const char *impossible(const State *s, double t, double h) {
     return NULL;
 }
 
-static Status not_taken(Instance *m, const char *call, Status status, double t, double h, const char *reason) {
+Status not_taken(Instance *m, const char *call, Status status, double t, double h, const char *reason) {
     Status (*answer)(Instance *, const char *, const char *, ...) = status == CALL_DISCARD ? discard : refuse;
     m->now.status = STEP_REJECTED;
     m->now.discarded = status == CALL_DISCARD;
@@ -309,7 +310,12 @@ static Status not_taken(Instance *m, const char *call, Status status, double t, 
 Status do_step(Instance *m, const char *call, double t, double h) {
     const char *reason;
     if (!allowed(m, call, DO_STEP)) return CALL_ERROR;
+    m->returned_early = 0;
     if ((reason = impossible(&m->now, t, h))) return not_taken(m, call, CALL_ERROR, t, h, reason);
+    return m->host.update ? take_updated_step(m, call, t, h) : take_step(m, call, t, h);
+}
+
+Status take_step(Instance *m, const char *call, double t, double h) {
     if (m->step(m->now.z, h))
         return not_taken(m, call, CALL_DISCARD, t, h, "no finite motion, or none that the accuracy allows");
     m->now.time = t + h;
@@ -327,5 +333,11 @@ Status get_last_successful_time(Instance *m, const char *call, double *t) {
 Status get_discarded(Instance *m, const char *call, int *discarded) {
     if (!given(m, call, 1, discarded, discarded)) return CALL_ERROR;
     *discarded = m->now.discarded != 0;
+    return CALL_OK;
+}
+
+Status get_returned_early(Instance *m, const char *call, int *early) {
+    if (!given(m, call, 1, early, early)) return CALL_ERROR;
+    *early = m->returned_early;
     return CALL_OK;
 }

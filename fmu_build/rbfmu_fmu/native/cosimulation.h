@@ -10,24 +10,13 @@
      passes `__func__` as `call`, with which every message begins, and casts the Status that comes back (it has the
      values of fmi2Status and of fmi3Status: assert that);
    - fill a Host with what the importer offers: `log` hands one message to the version's logger (FMI 2 takes the text
-     for a format, FMI 3 does not), `allocate` and `release` stay null where the version has no functions for memory;
-   - turn value references into places: variable r of the Reals below is the r-th scalar of the model description. In
-     FMI 2 a value reference is that number. Where one of FMI 3 stands for an array, list the places of its elements,
-     compare their number with nValues, and make one call with all of them, because a call sets all values or none;
-   - refuse by `refuse`, in one line each, what no model here has: directional derivatives, asynchronous steps, events;
-   - stand beside this file in the list of sources in linking.py.
+     for a format, FMI 3 does not); `allocate` and `release` stay null where the version has no functions for memory,
+     and `update` where it has no intermediate updates;
+   - refuse by `refuse`, in one line each, what no model here has: asynchronous steps, events, clocks;
+   - be the `signatures` of the version in fmi_version.py.
 
-   For FMI 3.0 that means
-     fmi3InstantiateCoSimulation      create_instance; the instantiation token is the guid
-     fmi3EnterInitializationMode      set_up_experiment, and if that is CALL_OK enter_initialization
-     fmi3GetFloat64, fmi3SetFloat64   get_reals, set_reals
-     fmi3GetInt32                     get_integers
-     fmi3GetOutputDerivatives         get_output_derivatives
-     fmi3DoStep                       do_step, get_last_successful_time and get_discarded, which is terminateSimulation;
-                                      eventHandlingNeeded and earlyReturn are always false
-     fmi3GetFMUState and its family   save_state, restore_state, free_state, state_size, serialize_state,
-                                      deserialize_state
-   and everything else as in fmi2.c. */
+   A value reference stands for one or more Reals, row by row, as scene.h lists them: what a call takes or gives are the
+   values of all of them, one after another. In FMI 2 each has one. */
 
 #ifndef COSIMULATION_H
 #define COSIMULATION_H
@@ -41,6 +30,12 @@ typedef enum { CALL_OK, CALL_WARNING, CALL_DISCARD, CALL_ERROR } Status;
 typedef struct Instance Instance;
 typedef void Function(void);
 
+/* Whether the importer wants a step to end before its end, and when. */
+typedef struct {
+    int wanted;
+    double time;
+} EarlyReturn;
+
 /* What the importer offers. Any part of it may be null. */
 typedef struct Host {
     void (*log)(const struct Host *host, const char *name, Status status, const char *category, const char *text);
@@ -48,6 +43,10 @@ typedef struct Host {
     void *environment;
     void *(*allocate)(size_t count, size_t size); /* both of these, or malloc and free serve */
     void (*release)(void *memory);
+    /* Called while a step is taken: before it is finished, for inputs, and afterwards, for outputs. */
+    void (*update)(const struct Host *host, double t, int finished, EarlyReturn *early);
+    Function *updater; /* the importer's own, for `update` to call */
+    int takes_early_return;
 } Host;
 
 /* --- the life of an instance */
@@ -57,7 +56,12 @@ Instance *create_instance(const Host *host, const char *call, const char *name, 
 Instance *refuse_instance(const Host *host, const char *call, const char *name, const char *reason);
 void free_instance(Instance *m);
 
+/* Turn on the messages of some categories, and off those of all others; or off all, or the same for all with n = 0. */
 Status set_debug_logging(Instance *m, const char *call, int on, size_t n, const char *const categories[]);
+
+/* Turn on or off the messages of some categories, or of all with n = 0. */
+Status switch_debug_logging(Instance *m, const char *call, int on, size_t n, const char *const categories[]);
+
 Status set_up_experiment(Instance *m, const char *call, double start, int has_stop, double stop);
 Status enter_initialization(Instance *m, const char *call);
 Status exit_initialization(Instance *m, const char *call);
@@ -66,13 +70,31 @@ Status reset(Instance *m);
 
 /* --- values: all of a call's or none of them */
 
-Status get_reals(Instance *m, const char *call, const unsigned r[], size_t n, double values[]);
-Status set_reals(Instance *m, const char *call, const unsigned r[], size_t n, const double values[]);
+Status get_reals(Instance *m, const char *call, const unsigned v[], size_t n, double values[], size_t n_values);
+Status set_reals(Instance *m, const char *call, const unsigned v[], size_t n, const double values[], size_t n_values);
 Status get_integers(Instance *m, const char *call, const unsigned r[], size_t n, int values[]);
-Status set_input_derivatives(Instance *m, const char *call, const unsigned r[], size_t n, const int order[],
+
+/* Derivatives with respect to time. Those of inputs are for variables of one element. */
+Status set_input_derivatives(Instance *m, const char *call, const unsigned v[], size_t n, const int order[],
                              const double values[]);
-Status get_output_derivatives(Instance *m, const char *call, const unsigned r[], size_t n, const int order[],
-                              double values[]);
+Status get_output_derivatives(Instance *m, const char *call, const unsigned v[], size_t n, const int order[],
+                              double values[], size_t n_values);
+
+/* Derivatives of outputs by inputs: J seed, where the seed is a change of the inputs and the result that of the
+   outputs, or seed^T J, where the seed has weights of the outputs and the result is a number for each input. */
+typedef struct {
+    const unsigned *outputs;
+    size_t n_outputs;
+    const unsigned *inputs;
+    size_t n_inputs;
+    const double *seed;
+    size_t n_seed;
+    double *result;
+    size_t n_result;
+} Partial;
+
+Status get_directional_derivative(Instance *m, const char *call, const Partial *of);
+Status get_adjoint_derivative(Instance *m, const char *call, const Partial *of);
 
 /* For types of which there is no variable: `kind` says in a message what was looked for. */
 Status no_variables(Instance *m, const char *call, const unsigned r[], size_t n, const char *kind);
@@ -83,6 +105,14 @@ Status no_variables(Instance *m, const char *call, const unsigned r[], size_t n,
 Status do_step(Instance *m, const char *call, double t, double h);
 Status get_last_successful_time(Instance *m, const char *call, double *t);
 Status get_discarded(Instance *m, const char *call, int *discarded);
+Status get_returned_early(Instance *m, const char *call, int *early);
+
+/* --- intermediate updates: only what was named here can be set or read in them, and no other call made */
+
+Status use_intermediate(Instance *m, const char *call, const unsigned v[], size_t n);
+
+/* Whether this is called from within an update, which is refused. */
+int is_updating(Instance *m, const char *call);
 
 /* --- saved states; a pointer that is no saved state of this instance is refused, and never followed */
 

@@ -74,11 +74,11 @@ fmi2Status fmi2Reset(fmi2Component c) { return (fmi2Status)reset(c); }
 /* --- values */
 
 fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference r[], size_t n, fmi2Real values[]) {
-    return (fmi2Status)get_reals(c, __func__, r, n, values);
+    return (fmi2Status)get_reals(c, __func__, r, n, values, n);
 }
 
 fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference r[], size_t n, const fmi2Real values[]) {
-    return (fmi2Status)set_reals(c, __func__, r, n, values);
+    return (fmi2Status)set_reals(c, __func__, r, n, values, n);
 }
 
 fmi2Status fmi2GetInteger(fmi2Component c, const fmi2ValueReference r[], size_t n, fmi2Integer values[]) {
@@ -117,14 +117,14 @@ fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference
 
 fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference r[], size_t n,
                                         const fmi2Integer order[], fmi2Real values[]) {
-    return (fmi2Status)get_output_derivatives(c, __func__, r, n, order, values);
+    return (fmi2Status)get_output_derivatives(c, __func__, r, n, order, values, n);
 }
 
 fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknown[], size_t n_unknown,
                                         const fmi2ValueReference known[], size_t n_known, const fmi2Real by[],
                                         fmi2Real values[]) {
-    (void)unknown, (void)n_unknown, (void)known, (void)n_known, (void)by, (void)values;
-    return (fmi2Status)refuse(c, __func__, "not provided");
+    Partial of = {unknown, n_unknown, known, n_known, by, n_known, values, n_unknown};
+    return (fmi2Status)get_directional_derivative(c, __func__, &of);
 }
 
 /* --- steps */

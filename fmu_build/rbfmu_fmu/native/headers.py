@@ -2,8 +2,10 @@
 
 import json
 from collections.abc import Iterable
+from itertools import accumulate
 
 from rbfmu_fmu.description import Description
+from rbfmu_fmu.fmi_version import FmiVersion
 from rbfmu_fmu.python.call_rules import CALLS, PHASES, SET_REFUSAL, SETTABLE
 from rbfmu_fmu.python.slave_access import HELD, TO_VARY
 from rbfmu_fmu.xml_parts import LOG_CATEGORIES
@@ -13,9 +15,9 @@ MAX_DERIVATIVE_ORDER = 2
 """The highest order of a derivative with respect to time that the C layer's table has room for."""
 
 
-def headers(d: Description, guid: str) -> dict[str, str]:
+def headers(d: Description, version: FmiVersion, guid: str) -> dict[str, str]:
     """Return C sources by file name."""
-    return {"call_rules.h": call_rules(), "scene.h": scene_header(d, guid)}
+    return {"call_rules.h": call_rules(), "scene.h": scene_header(d, version, guid)}
 
 
 def call_rules() -> str:
@@ -41,28 +43,49 @@ def call_rules() -> str:
     return "\n".join(lines) + "\n"
 
 
-def scene_header(d: Description, guid: str) -> str:
-    """Return C source of the scene's numbers and names. Variables are numbered as in the model description."""
+def scene_header(d: Description, version: FmiVersion, guid: str) -> str:
+    """Return C source of the scene's numbers and names."""
     inputs, parameters = (sum(v.causality == c for v in d.variables) for c in ("input", "parameter"))
     lines = [
         "/* The numbers and names of one scene; places are those in the model's buffer. */",
         "#ifndef SCENE_H",
         "#define SCENE_H",
         f"#define GUID {_c(guid)}",
+        f"#define IDENTITY {_c(_IDENTITIES[version.identity])}",
+        f"#define REAL {_c(version.real)}",
         f"#define CATEGORIES {_row([*map(_c, LOG_CATEGORIES), 'NULL'])}",
         f"#define START_TIME {d.start.hex()}",
         f"#define LAST_TIME {d.last_time.hex()}",
         "#define OUTPUT_DERIVATIVES" if d.output_rates else "/* no output has a derivative */",
         f"enum {{ STEP_OK = {OK}, STEP_REJECTED = {STEP_REJECTED}, PAST_STOP = {PAST_STOP} }}; /* of `status` */",
-        f"enum {{ SIZE = {len(d.start_buffer)}, REALS = {len(d.variables)} }};",
+        f"enum {{ SIZE = {len(d.start_buffer)}, REALS = {len(d.variables)}, CHANGES = {d.outputs_end} }};",
         f"enum {{ FIRST_PARAMETER = {inputs}, FIRST_OUTPUT = {inputs + parameters} }};",
-        f"enum {{ STATUS_REFERENCE = {d.status_reference} }};",
+        *_references(d, version),
         f"static const double START[SIZE] = {_row(x.hex() for x in d.start_buffer)};",
         *_variables(d),
         *_refusals(d),
         "#endif",
     ]
     return "\n".join(lines) + "\n"
+
+
+_IDENTITIES = {"guid": "guid", "instantiationToken": "instantiation token"}
+"""What identifies an FMU, in words."""
+
+
+def _references(d: Description, version: FmiVersion) -> list[str]:
+    """Return the Reals that each value reference stands for, one after another; TIME is in place of a Real."""
+    elements = [one.elements for one in version.references(d)]
+    if version.has_time:
+        elements.append((len(d.variables),))
+    first = [0, *accumulate(map(len, elements))]
+    time = "REFERENCES - 1" if version.has_time else "REFERENCES + 1 /* there is none */"
+    return [
+        f"enum {{ TIME = REALS, REFERENCES = {len(elements)}, STATUS_REFERENCE = REFERENCES }};",
+        f"enum {{ TIME_REFERENCE = {time} }};",
+        f"static const unsigned short ELEMENTS[] = {_row(k for places in elements for k in places)};",
+        f"static const unsigned short FIRST_ELEMENT[] = {_row(first)};",
+    ]
 
 
 def _variables(d: Description) -> list[str]:

@@ -22,15 +22,42 @@ typedef struct Saved {
     State state;
 } Saved;
 
+/* What the importer may do in an intermediate update; nothing outside of one. */
+typedef enum { NO_UPDATE, CAN_SET, CAN_GET } Update;
+
 struct Instance {
     void *memory; /* the block that the instance lies in */
     Host host;
     Step *step;
-    int logs_discards;
+    int logs_discards, returned_early;
+    Update update;
+    unsigned char intermediate[REFERENCES + 1]; /* by value reference: may be set or read in intermediate updates */
     Saved *saved; /* the newest one first */
     State now;
     char name[];
 };
+
+/* The Reals that a value reference stands for, row by row. */
+typedef struct {
+    const unsigned short *r;
+    size_t n;
+} Elements;
+
+Elements elements_of(unsigned v);
+Causality causality_of(unsigned r);
+
+/* Whether a call is allowed, a Real may have this value, the outputs can be as the inputs want them; if not, refuse. */
+int allowed(Instance *m, const char *call, Call what);
+int settable(Instance *m, const char *call, unsigned r, double value);
+int fresh(Instance *m, const char *call);
+
+/* Whether a variable may be read or set: in an intermediate update only some may; if not, refuse. */
+int exchanged(Instance *m, const char *call, unsigned v, Update how);
+
+/* A step that is possible: as the inputs now are, or as the importer gives them in intermediate updates. */
+Status take_step(Instance *m, const char *call, double t, double h);
+Status take_updated_step(Instance *m, const char *call, double t, double h);
+Status not_taken(Instance *m, const char *call, Status status, double t, double h, const char *reason);
 
 void *allocate(const Host *host, size_t size);
 void release(const Host *host, void *memory);

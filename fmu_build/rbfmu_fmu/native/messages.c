@@ -72,17 +72,31 @@ int given(Instance *m, const char *call, size_t n, const void *references, const
     return is_given;
 }
 
-Status set_debug_logging(Instance *m, const char *call, int on, size_t n, const char *const categories[]) {
+/* Whether discards are among some categories, of which none stands for all; -1 after a message where one is wrong. */
+static int has_discards(Instance *m, const char *call, size_t n, const char *const categories[]) {
     static const char *const known[] = CATEGORIES;
     int discards = n == 0;
-    if (!given(m, call, n, categories, categories)) return CALL_ERROR;
+    if (!given(m, call, n, categories, categories)) return -1;
     for (size_t i = 0; i < n; i++) {
         size_t k = 0;
-        if (!categories[i]) return refuse(m, call, "null pointer");
+        if (!categories[i]) return refuse(m, call, "null pointer"), -1;
         while (known[k] && strcmp(categories[i], known[k])) k++;
-        if (!known[k]) return refuse(m, call, "there is no category %.64s", categories[i]);
+        if (!known[k]) return refuse(m, call, "there is no category %.64s", categories[i]), -1;
         discards |= !strcmp(known[k], "logStatusDiscard") || !strcmp(known[k], "logAll");
     }
+    return discards;
+}
+
+Status set_debug_logging(Instance *m, const char *call, int on, size_t n, const char *const categories[]) {
+    int discards = has_discards(m, call, n, categories);
+    if (discards < 0) return CALL_ERROR;
     m->logs_discards = on && discards;
+    return CALL_OK;
+}
+
+Status switch_debug_logging(Instance *m, const char *call, int on, size_t n, const char *const categories[]) {
+    int discards = has_discards(m, call, n, categories);
+    if (discards < 0) return CALL_ERROR;
+    if (discards) m->logs_discards = on != 0;
     return CALL_OK;
 }

@@ -13,6 +13,7 @@ typedef int64_t Step(double *z, double h);
 int64_t initialize(double *z);   /* 0, or a fault's number */
 int64_t outputs(double *z);      /* refreshes the outputs */
 int64_t output_rates(double *z); /* refreshes their derivatives; not every model has it */
+int64_t feedthrough(double *z, double *change); /* sets how much outputs change at once as inputs do; keeps z */
 Step step;                       /* 0, or not 0 where nothing has changed */
 
 #ifdef __x86_64__

@@ -17,8 +17,11 @@ from rbfmu.runs.model_buffer import Model
 from rbfmu_fmu.native.platforms import BuildError, Platform
 from rbfmu_kernels.compile.numba_private import llvm_source
 
-ENTRIES = ("initialize", "step", "outputs", "output_rates")
-"""The entry functions are `int64 NAME(double *buffer[, double h])`; not every model has the last one."""
+ENTRIES = ("initialize", "step", "outputs", "output_rates", "feedthrough")
+"""The entry functions are `int64 NAME(double *buffer)`, but for SECOND; not every model has `output_rates`."""
+
+SECOND = {"step": types.float64, "feedthrough": types.CPointer(types.float64)}
+"""What an entry takes after the buffer."""
 
 LIBM = frozenset({"sqrt", "fabs", "copysign", "floor", "ceil", "memcpy", "memset", "memmove"})
 """An object may leave only these symbols to the platform: correctly rounded everywhere, or no arithmetic."""
@@ -85,9 +88,14 @@ def _entry_module(model: Model, name: str) -> Any:
     options = {"error_model": "numpy", "no_cfunc_wrapper": True, "no_cpython_wrapper": True}
     if name == "step":
 
-        @njit(types.int64(pointer, types.float64), **options)  # type: ignore[untyped-decorator]
+        @njit(types.int64(pointer, SECOND[name]), **options)  # type: ignore[untyped-decorator]
         def entry(p: Any, h: float) -> Any:
             return function(carray(p, (size,)), h)
+    elif name == "feedthrough":
+
+        @njit(types.int64(pointer, SECOND[name]), **options)  # type: ignore[untyped-decorator]
+        def entry(p: Any, change: Any) -> Any:
+            return function(carray(p, (size,)), carray(change, (size,)))
     else:
 
         @njit(types.int64(pointer), **options)  # type: ignore[untyped-decorator]
@@ -109,7 +117,8 @@ def _c_signature(name: str, inner: str, typed: bool) -> str:
     typed: whether LLVM's pointers have types, as with Numba 0.61.
     """
     result, exception, buffer = ("i64*", "i8**", "double*") if typed else ("ptr",) * 3
-    step, size = (", double", ", double %h") if name == "step" else ("", "")
+    kind = {types.float64: "double", types.CPointer(types.float64): buffer}.get(SECOND.get(name))
+    step, size = (f", {kind}", f", {kind} %second") if kind else ("", "")
     return f"""
         declare i32 @"{inner}"({result}, {exception}, {buffer}{step})
         define hidden i64 @{name}({buffer} %z{size}) {{

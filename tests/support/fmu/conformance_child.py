@@ -64,10 +64,12 @@ class Child:
         status = getattr(lib, function)(component, which, c.c_size_t(n), of, array)
         return status, list(array) if values is None and status == 0 else None
 
-    def directional(self, number):
+    def directional(self, number, unknowns, knowns, seed):
         lib, component = self._of(number)
-        one, x = (c.c_uint * 1)(0), (c.c_double * 1)(1.0)
-        return lib.fmi2GetDirectionalDerivative(component, one, c.c_size_t(1), one, c.c_size_t(1), x, x), None
+        n, k, result = len(unknowns), len(knowns), (c.c_double * len(unknowns))()
+        which = (c.c_uint * n)(*unknowns), c.c_size_t(n), (c.c_uint * k)(*knowns), c.c_size_t(k)
+        status = lib.fmi2GetDirectionalDerivative(component, *which, (c.c_double * k)(*seed), result)
+        return status, list(result) if status == 0 else None
 
     def status(self, number, function, kind):
         lib, component = self._of(number)

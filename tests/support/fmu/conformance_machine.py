@@ -27,7 +27,7 @@ NO_INSTANCE = [
     ("fmi2DoStep", "step", 0.0, 0.1),
     ("fmi2GetReal", "values", "fmi2GetReal", [0], None, 0),
     ("fmi2SetReal", "values", "fmi2SetReal", [0], [1.0], 0),
-    ("fmi2GetDirectionalDerivative", "directional"),
+    ("fmi2GetDirectionalDerivative", "directional", [0], [0], [1.0]),
     ("fmi2SetDebugLogging", "logging", True, []),
     ("fmi2GetRealStatus", "status", "fmi2GetRealStatus", 2),
     ("fmi2GetFMUstate", "get_state", 9),
@@ -157,6 +157,21 @@ class CallMachine(SavedStates):
         expected = model.set_derivatives(which, of, values)
         self.check(SET_RATES, expected, "derivatives", number, SET_RATES, which, of, values)
 
+    @precondition(some_live)
+    @rule(pick=some, unknowns=st.lists(some, max_size=4), knowns=st.lists(st.tuples(some, numbers), max_size=3),
+          wild=st.none() | references)  # fmt: skip
+    def directional(self, pick, unknowns, knowns, wild):
+        """Of outputs by inputs, but for one of them."""
+        number, model = self.one(pick)
+        outputs, inputs = model.facts.outputs, model.facts.inputs
+        unknowns = [outputs[k % len(outputs)] for k in unknowns]
+        which = [inputs[k % len(inputs)] for k, _ in knowns] if inputs else []
+        if wild is not None:
+            (unknowns if wild % 2 else which).extend(self.right([wild], model))
+        seed = [x for _, x in knowns][: len(which)] + [1.0] * (len(which) - len(knowns))
+        expected = model.directional(unknowns, which, seed)
+        self.check("fmi2GetDirectionalDerivative", expected, "directional", number, unknowns, which, seed)
+
     # --- steps
 
     @precondition(some_live)
@@ -194,7 +209,6 @@ class CallMachine(SavedStates):
         which = self.right(which, model)
         if what == 0:
             self.check("fmi2CancelStep", (ERROR, None), "plain", number, "fmi2CancelStep")
-            self.check("fmi2GetDirectionalDerivative", (ERROR, None), "directional", number)
         elif what < 3:
             kind, wanted = inquiry
             asked = f"fmi2Get{'' if kind == 'Status' else kind}Status"

@@ -171,6 +171,18 @@ class Model:
             self.facts.unit.output_rates(self.now.z)
         return OK, self.now.z[places].tolist()
 
+    def directional(self, unknowns, knowns, seed):
+        if not self.native:
+            return ERROR, None
+        among = all(r in self.facts.outputs for r in unknowns) and all(r in self.facts.inputs for r in knowns)
+        if not among or not np.isfinite(seed).all() or not self._fresh():
+            return self.refused
+        change = np.zeros_like(self.now.z)
+        for r, x in zip(knowns, seed, strict=True):
+            change[self.facts.offsets[r]] += x
+        self.facts.unit.feedthrough(self.now.z, change)
+        return OK, [float(change[self.facts.offsets[r]]) for r in unknowns]
+
     def _rates(self, references, orders, among):
         """Places of derivatives, or None where one of them is not provided."""
         places = []

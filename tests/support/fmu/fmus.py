@@ -21,6 +21,7 @@ from rbfmu.scene.scene import Scene, load_scene
 from rbfmu_fmu.description import describe
 from tests.support.fmu.elsewhere import copy_modules
 from tests.support.fmu.fmu_importer import Fmu
+from tests.support.fmu.fmu_importer3 import Fmu3
 from tests.support.paths import SCENES
 
 BRICK = SCENES / "tumbling_brick.toml"
@@ -73,6 +74,10 @@ TABLES = {
 }
 
 
+NATIVE = {"native": {}, "fmi3": {"fmi": 3}, "fmi3_scalars": {"fmi": 3, "scalars": True}}
+"""Arguments of `build` for kinds of native FMU."""
+
+
 def bench(name):
     """The module of a benchmark in examples/."""
     return importlib.import_module(f"examples.benchmarks.{name}")
@@ -83,8 +88,8 @@ def workshop():
     """A folder for the session."""
     folder = Path(tempfile.mkdtemp(prefix="rbfmu-tests-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    (folder / "python").mkdir()
-    (folder / "native").mkdir()
+    for kind in ("python", *NATIVE):
+        (folder / kind).mkdir()
     return folder
 
 
@@ -129,8 +134,9 @@ def opened(name, kind="python"):
 
 @cache
 def _opened(name, kind):
-    path = rbfmu_fmu.build(scene(name), workshop() / kind / f"{name}.fmu", kind=kind)
-    return Fmu(unzipped_at(path, path.with_suffix("")))
+    path, options = workshop() / kind / f"{name}.fmu", NATIVE.get(kind, {})
+    rbfmu_fmu.build(scene(name), path, kind="native" if kind in NATIVE else kind, **options)
+    return (Fmu3 if options else Fmu)(unzipped_at(path, path.with_suffix("")))
 
 
 def native(name="driven"):

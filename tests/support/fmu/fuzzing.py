@@ -45,7 +45,8 @@ def sanitizing_compiler():
 
 def compiled(name, folder, compiler, flags=(), spoilt=None):
     """The fuzzer of a scene's C layer; spoilt: what to replace in it, (right, wrong), each to be found once."""
-    headers = native_headers.headers(describe(scene(name), planned(name)), "{00000000-0000-0000-0000-000000000000}")
+    description = describe(scene(name), planned(name))
+    headers = native_headers.headers(description, FMI2, "{00000000-0000-0000-0000-000000000000}")
     objects = object_files(planned(name).kernels, this_platform())
     sources = {file: linking.source(file).decode() for file in (*c_sources(FMI2), *linking.HEADERS)}
     if spoilt:

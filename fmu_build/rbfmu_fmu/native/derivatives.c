@@ -1,0 +1,112 @@
+/* Derivatives: of inputs and outputs with respect to time, and of outputs by inputs. */
+
+#include <math.h>
+
+#include "instance.h"
+
+static int has_derivative(Instance *m, const char *call, unsigned r, int order) {
+    if (order >= 1 && order <= MAX_DERIVATIVE_ORDER && DERIVATIVES[r][order - 1] != NOT_PROVIDED) return 1;
+    refuse(m, call, "%s has no derivative of order %d here", VARIABLES[r].name, order);
+    return 0;
+}
+
+/* Whether these value references are of inputs, or of outputs, with as many elements together as there are values. */
+static int are(Causality wanted, Instance *m, const char *call, const unsigned v[], size_t n, size_t n_values) {
+    size_t expected = 0;
+    for (size_t i = 0; i < n; i++) {
+        unsigned r = v[i] < REFERENCES ? *elements_of(v[i]).r : TIME;
+        if (r == TIME || (causality_of(r) == OUTPUT) != (wanted == OUTPUT))
+            return !refuse(m, call, "value reference %u is no %s", v[i], CAUSALITIES[wanted].name);
+        expected += elements_of(v[i]).n;
+    }
+    return n_values == expected || !refuse(m, call, "%zu values: expected %zu", n_values, expected);
+}
+
+/* --- with respect to time */
+
+/* They count for one step, after which the kernels leave the input at its last value: u + u' h + u'' h^2 / 2. */
+Status set_input_derivatives(Instance *m, const char *call, const unsigned v[], size_t n, const int order[],
+                             const double values[]) {
+    if (!given(m, call, n, v, values) || !given(m, call, n, order, order)) return CALL_ERROR;
+    if (!allowed(m, call, SET_INPUT_DERIVATIVES) || !are(INPUT, m, call, v, n, n)) return CALL_ERROR;
+    for (size_t i = 0; i < n; i++) {
+        unsigned r = *elements_of(v[i]).r;
+        if (!has_derivative(m, call, r, order[i]) || !settable(m, call, r, values[i])) return CALL_ERROR;
+    }
+    for (size_t i = 0; i < n; i++) m->now.z[DERIVATIVES[*elements_of(v[i]).r][order[i] - 1]] = values[i];
+    return CALL_OK;
+}
+
+Status get_output_derivatives(Instance *m, const char *call, const unsigned v[], size_t n, const int order[],
+                              double values[], size_t n_values) {
+    if (!given(m, call, n, v, values) || !given(m, call, n, order, order)) return CALL_ERROR;
+    if (!are(OUTPUT, m, call, v, n, n_values)) return CALL_ERROR;
+    for (size_t i = 0; i < n; i++)
+        if (!has_derivative(m, call, *elements_of(v[i]).r, order[i]) || !exchanged(m, call, v[i], CAN_GET))
+            return CALL_ERROR;
+    if (n && !fresh(m, call)) return CALL_ERROR;
+#ifdef OUTPUT_DERIVATIVES
+    if (n) output_rates(m->now.z);
+#endif
+    for (size_t i = 0; i < n; i++) {
+        Elements e = elements_of(v[i]);
+        for (size_t k = 0; k < e.n; k++) *values++ = m->now.z[DERIVATIVES[e.r[k]][order[i] - 1]];
+    }
+    return CALL_OK;
+}
+
+/* --- of outputs by inputs */
+
+/* Whether the values of a direction are finite numbers. */
+static int are_finite(Instance *m, const char *call, const double seed[], size_t n) {
+    for (size_t k = 0; k < n; k++)
+        if (!isfinite(seed[k])) return !refuse(m, call, "seed %s: expected a finite number", number(seed[k]).text);
+    return 1;
+}
+
+Status get_directional_derivative(Instance *m, const char *call, const Partial *of) {
+    double change[CHANGES] = {0.0}, *result = of->result;
+    const double *seed = of->seed;
+    if (!given(m, call, of->n_outputs, of->outputs, of->result)) return CALL_ERROR;
+    if (!given(m, call, of->n_inputs, of->inputs, of->seed)) return CALL_ERROR;
+    if (!are(OUTPUT, m, call, of->outputs, of->n_outputs, of->n_result)) return CALL_ERROR;
+    if (!are(INPUT, m, call, of->inputs, of->n_inputs, of->n_seed)) return CALL_ERROR;
+    if (!are_finite(m, call, of->seed, of->n_seed) || !fresh(m, call)) return CALL_ERROR;
+    for (size_t i = 0; i < of->n_inputs; i++) {
+        Elements e = elements_of(of->inputs[i]);
+        for (size_t k = 0; k < e.n; k++) change[OFFSETS[e.r[k]]] += *seed++;
+    }
+    feedthrough(m->now.z, change);
+    for (size_t i = 0; i < of->n_outputs; i++) {
+        Elements e = elements_of(of->outputs[i]);
+        for (size_t k = 0; k < e.n; k++) *result++ = change[OFFSETS[e.r[k]]];
+    }
+    return CALL_OK;
+}
+
+/* How much the outputs, weighted by the seed, change at once with one input. */
+static double weighted_change(const Instance *m, const Partial *of, unsigned input) {
+    double change[CHANGES] = {0.0}, sum = 0.0;
+    const double *seed = of->seed;
+    change[OFFSETS[input]] = 1.0;
+    feedthrough((double *)m->now.z, change);
+    for (size_t i = 0; i < of->n_outputs; i++) {
+        Elements e = elements_of(of->outputs[i]);
+        for (size_t k = 0; k < e.n; k++) sum += *seed++ * change[OFFSETS[e.r[k]]];
+    }
+    return sum;
+}
+
+Status get_adjoint_derivative(Instance *m, const char *call, const Partial *of) {
+    double *result = of->result;
+    if (!given(m, call, of->n_outputs, of->outputs, of->seed)) return CALL_ERROR;
+    if (!given(m, call, of->n_inputs, of->inputs, of->result)) return CALL_ERROR;
+    if (!are(OUTPUT, m, call, of->outputs, of->n_outputs, of->n_seed)) return CALL_ERROR;
+    if (!are(INPUT, m, call, of->inputs, of->n_inputs, of->n_result)) return CALL_ERROR;
+    if (!are_finite(m, call, of->seed, of->n_seed) || !fresh(m, call)) return CALL_ERROR;
+    for (size_t i = 0; i < of->n_inputs; i++) {
+        Elements e = elements_of(of->inputs[i]);
+        for (size_t k = 0; k < e.n; k++) *result++ = weighted_change(m, of, e.r[k]);
+    }
+    return CALL_OK;
+}

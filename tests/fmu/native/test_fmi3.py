@@ -1,0 +1,78 @@
+"""Native FMUs of FMI 3.0 compute what those of FMI 2.0 do, to the bit, with arrays as variables and with scalars."""
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy.validation import validate_fmu
+
+from rbfmu.simulation import simulate
+from rbfmu_fmu import verify
+from tests.fmu.python.test_python_fmu import LOADED, both_step
+from tests.support.fmu.fmu_importer import OK
+from tests.support.fmu.fmus import Kernels, built, native, opened, scene, signal
+
+OWN = ["brick", "driven", "pendulum", "prescribed"]
+KINDS = ["fmi3", "fmi3_scalars"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", OWN)
+def test_fmu_is_the_kernels_and_that_of_fmi_2_before_and_after_a_restore(name, kind):
+    inputs, size = signal(name, 2000), scene(name).run.step
+    instance, kernels, older = opened(name, kind).started(), Kernels(name), native(name).started()
+    assert instance.outputs() == kernels.outputs() == older.outputs()
+    assert both_step(instance, kernels, inputs, 0, 1200, size) == 0.0
+    state, z = instance.state(), kernels.z.copy()
+    assert both_step(instance, kernels, inputs, 1200, 800, size) == 0.0
+    end = instance.outputs()
+    assert instance.restore(state) == OK
+    kernels.z[:] = z
+    assert both_step(instance, kernels, inputs, 1200, 800, size) == 0.0
+    assert instance.outputs() == end
+    for k, values in enumerate(inputs):
+        assert not values or older.set(values) == OK
+        assert older.step(k * size, size) == OK
+    assert older.outputs() == end
+    instance.free()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", OWN)
+def test_verify_finds_no_difference(name, kind):
+    found = verify(built(name, kind))
+    assert found.passed, found
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", [*OWN, "two_ports", "default", "class"])
+def test_fmpy_validates(name, kind):
+    assert validate_fmu(str(built(name, kind))) == []
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_fmpy_gets_the_bits_of_simulate(kind):
+    run = scene("brick").run
+    recorded = fmpy.simulate_fmu(str(built("brick", kind)), stop_time=run.stop, output_interval=run.step)
+    result = simulate(scene("brick"))
+    for name in ("quaternion", "omega_b"):
+        values = getattr(result, name)
+        columns = recorded[name] if kind == "fmi3" else [recorded[f"{name}[{k + 1}]"] for k in range(len(values[0]))]
+        assert np.array_equal(np.transpose(columns) if kind == "fmi3" else columns, values.T), name
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_values_of_parameters_and_inputs_are_those_of_fmi_2(kind):
+    values = {"mass": 5.0, "inertia[1,1]": 1.5, "inertia[2,3]": 0.1, "omega_b_0[2]": 0.7, "quaternion_0[1]": 0.5}
+    instance, older = opened("driven", kind).started(values | LOADED), native().started(values | LOADED)
+    names = [name for group in ("parameter", "input", "output") for name in older.fmu.by_causality[group]]
+    assert instance.get(*names) == older.get(*names)
+    assert instance.steps(20) == older.steps(20)
+
+
+def test_an_array_has_its_quantitys_shape():
+    model = fmpy.read_model_description(str(built("driven", "fmi3")))
+    shapes = {v.name: v.shape for v in model.modelVariables}
+    assert shapes["quaternion"] == (4,)
+    assert shapes["inertia"] == (3, 3)
+    assert shapes["torque_b"] == shapes["omega_b"] == (3,)
+    assert shapes["mass"] == shapes["kinetic_energy"] == shapes["time"] == shapes["status"] == ()
