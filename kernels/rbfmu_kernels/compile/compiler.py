@@ -15,6 +15,7 @@ from .numba_private import (
     AnnotateTypes,
     CompilerBase,
     CompileResultCacheImpl,
+    ConfigStack,
     Context,
     FixupArgs,
     FunctionCache,
@@ -51,8 +52,16 @@ class _Remembering(Context):  # type: ignore[misc]
         if kws or not isinstance(func, types.Function) or not all(isinstance(a, self._numbers) for a in args):
             return super().resolve_function_type(func, args, kws)
         if (func, args) not in self._answers:
-            self._answers[func, args] = super().resolve_function_type(func, args, kws)
+            with ConfigStack().enter(_flags_for_all()):
+                self._answers[func, args] = super().resolve_function_type(func, args, kws)
         return self._answers[func, args]
+
+
+def _flags_for_all() -> Any:
+    """Return flags under which Numba's own functions, such as min, are the same code whoever calls them first."""
+    flags = ConfigStack().top().copy()
+    flags.forceinline, flags.no_cpython_wrapper, flags.no_cfunc_wrapper = False, True, True
+    return flags
 
 
 class _Lower(Lower):  # type: ignore[misc]

@@ -36,6 +36,7 @@ INTERNALS = {
     "numba.core.typed_passes:NoPythonBackend": _FEWER_PASSES,
     "numba.core.compiler_machinery:register_pass": _FEWER_PASSES,
     "numba.core.lowering:Lower.lower_binop": "Sums and products are lowered by the signature that is known.",
+    "numba.core.targetconfig:ConfigStack.enter": "Numba's own functions are compiled alike for all kernels.",
     "numba.core:ir.UNDEFINED": "Sums and products are lowered by the signature that is known.",
     "numba.core.typing:Context.resolve_function_type": "Sums and products of two numbers are resolved once, not each.",
     "numba.core.codegen:JITCodeLibrary.codegen": _CALLEES,

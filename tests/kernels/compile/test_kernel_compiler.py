@@ -1,6 +1,7 @@
 """How kernels are compiled: for Python only what Python calls."""
 
 import gc
+import os
 import re
 import shutil
 import subprocess
@@ -178,3 +179,34 @@ def test_passes_that_know_no_builder_also_drop_addresses_that_nobody_uses():
         call.add_global_dce_pass(),
         call.run("module"),
     ]
+
+
+SHARED = """
+import sys
+from numba import float64
+from rbfmu_kernels.compile.decorator import kernel
+@kernel
+def inlined(x: float) -> float:
+    return min(x, 1.0)
+@kernel(inline=False)
+def called(x: float) -> float:
+    return min(x, 2.0)
+kernels = {"inlined": inlined, "called": called}
+for name in sys.argv[1:]:
+    kernels[name](0.5)
+source = called.inspect_llvm(called.signatures[0])
+print(*sorted(word for word in source.replace("(", " ").split() if "ol_min" in word))
+"""
+
+
+def test_what_numba_defines_is_the_same_code_whichever_kernel_calls_it_first(tmp_path):
+    """Its first caller's options would be its own, so that FMUs had bytes that hang on what was compiled before."""
+    found = []
+    for order in (["called", "inlined"], ["inlined", "called"]):
+        script = tmp_path / order[0] / "shared.py"
+        script.parent.mkdir()
+        script.write_text(SHARED)
+        elsewhere = {**os.environ, "NUMBA_CACHE_DIR": str(script.parent)}
+        found.append(subprocess.check_output([sys.executable, script, *order], text=True, env=elsewhere))
+    assert "ol_min" in found[0]
+    assert re.sub(r"B\d+v\d+", "", found[0]) == re.sub(r"B\d+v\d+", "", found[1])
