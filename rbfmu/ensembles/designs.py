@@ -75,7 +75,7 @@ def _hypercube(dimensions: int, runs: int, seed: int) -> Array:
 
 
 def _generator(seed: int) -> np.random.Generator:
-    return np.random.Generator(np.random.Philox(key=np.array([seed, 0], dtype=np.uint64)))
+    return np.random.Generator(np.random.Philox(seed))
 
 
 def _grid(ensemble: Ensemble, first: int, count: int) -> Array:

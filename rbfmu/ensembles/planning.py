@@ -1,16 +1,42 @@
-"""The plan of an ensemble: models and methods that hold for every member."""
+"""The plan of an ensemble: one model and method that hold for every member.
 
-from collections.abc import Callable
-from dataclasses import dataclass
+The parameters that vary are listed, as where an importer may change them, so that only models are taken that hold for
+all values of them. Order and tolerance come from pilot members: some of the ensemble's own, and some as far out as its
+farthest. The tightest tolerance of all is taken, and every pilot's error under it is measured.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rbfmu.ensembles.samples import Samples, ensemble_of
+from rbfmu.ensembles.distributions import probabilities
+from rbfmu.ensembles.samples import Samples, at, draw, ensemble_of, member, refused
+from rbfmu.models.integrated import PRESCRIBED_RATES
+from rbfmu.models.registry import MODELS
+from rbfmu.models.scene_needs import Needs
 from rbfmu.planning import plan
+from rbfmu.planning import reasons as say
+from rbfmu.planning.judge import Judge
+from rbfmu.planning.methods import TIGHTEST
 from rbfmu.runs.plan import Plan
-from rbfmu.scene.scene import Scene
+from rbfmu.scene.ensemble import SOBOL
+from rbfmu.scene.scene import Scene, SceneError
+from rbfmu_kernels.integrators.substeps import ROUND_OFF
+
+Array = NDArray[np.float64]
+OWN, FAR = 3, 5
+"""The numbers of pilots: the ensemble's first members, and points beyond nearly all members."""
+BEYOND = 3.0
+"""How far these lie from the centre beyond the usual distance, sqrt(n) of n normal scores."""
+PARTS = np.outer(0.7 ** np.arange(8), (1.0, -1.0)).ravel()
+"""Parts of the distance at which a far pilot is tried, to both sides, until it is a scene."""
+MARGIN = 0.3
+"""The part of the pilots' least tolerance that is taken."""
+ENOUGH = 0.1
+"""The part of the accuracy up to which a pilot's error is left as it is."""
 
 
 @dataclass(frozen=True)
@@ -26,16 +52,128 @@ class EnsemblePlan:
 
 
 def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) -> EnsemblePlan:
-    """Choose model, method and step for all members: the plan of the scene with the parameters listed that vary.
+    """Choose model, method and step for all members.
 
-    Raises SceneError without an ensemble, and where the accuracy asked cannot be met.
+    progress: a function that is told from time to time which part of the work is done.
+    Raises SceneError without an ensemble, and where a pilot cannot meet the accuracy asked.
     """
-    found = plan(with_listed(scene), progress=progress)
-    return EnsemblePlan((found,), found.reasons)
+    pilots = list(_pilots(scene))
+    found = []
+    for k, pilot in enumerate(pilots):
+        found.append(plan(pilot))
+        _tell(progress, 0.5 * (k + 1) / len(pilots))
+    chosen, growth = _accurate(_for_all(found), pilots, progress)
+    reasons = (*_of_model(pilots[0], chosen), *_of_members(scene, chosen, len(pilots)), *_of_growth(scene, growth))
+    return EnsemblePlan((replace(chosen, reasons=reasons),), reasons)
 
 
-def with_listed(scene: Scene) -> Scene:
-    """Return the single scene whose plan holds for every value of what varies."""
+def _tell(progress: Callable[[float], Any] | None, part: float) -> None:
+    if progress is not None:
+        progress(part)
+
+
+# Why
+
+
+def _of_model(pilot: Scene, chosen: Plan) -> Iterator[str]:
+    """Yield what the model leaves out, and why it is right, with a pilot's numbers."""
+    if chosen.model == PRESCRIBED_RATES.key:
+        yield say.PRESCRIBED
+        return
+    needs = Needs.of(pilot)
+    yield from say.what_is_left_out(pilot, needs, chosen.spec.force_keeps_direction)
+    if chosen.spec.closed_form:
+        yield from say.why_exact(pilot, chosen.spec, needs)
+    elif chosen.tolerance > 0.0:
+        yield f"{chosen.method}: estimated errors of a run add up to at most {chosen.tolerance:.1e} in every member"
+
+
+def _of_members(scene: Scene, chosen: Plan, pilots: int) -> Iterator[str]:
+    ensemble = ensemble_of(scene)
+    keys = ", ".join(variation.key for variation in ensemble.vary)
+    whatever = f"the model holds whatever {keys} may be"
+    yield f"one plan for all {ensemble.runs} members; the numbers above are of one, {whatever}"
+    if chosen.model != PRESCRIBED_RATES.key:
+        far = f"as far out as the farthest; {scene.run.accuracy:g} asked"
+        yield f"error at most {chosen.error:.1e} in {pilots} pilot members, {far}"
+    if ensemble.design == SOBOL and ensemble.runs & (ensemble.runs - 1):
+        low = 1 << (ensemble.runs.bit_length() - 1)
+        yield f"Sobol's points are balanced where runs is a power of 2: {low} or {2 * low} in place of {ensemble.runs}"
+
+
+def _of_growth(scene: Scene, growth: float) -> Iterator[str]:
+    if 4.0 * ROUND_OFF * growth > scene.run.accuracy:
+        yield (
+            f"a pilot member magnifies an error {growth:.1e} times, round-off beyond the accuracy: members may miss it"
+        )
+
+
+# Pilots
+
+
+def _listed(scene: Scene) -> dict[str, Any]:
+    """Return the change of the scene that lists what varies, so that a plan holds for every value of it."""
     names = dict.fromkeys((*scene.inputs.parameters, *ensemble_of(scene).parameters))
-    listed = [name for name in names if name not in scene.inputs.ports]
-    return scene.replace({"ensemble": None, "inputs.parameters": listed})
+    return {"inputs.parameters": [name for name in names if name not in scene.inputs.ports]}
+
+
+def _pilots(scene: Scene) -> Iterator[Scene]:
+    """Yield scenes of members, with what varies listed. Raises SceneError where no member is a scene."""
+    message, found = "", 0
+    for samples in _pilot_samples(scene):
+        bad = refused(scene, samples)
+        row = next((row for row in range(len(samples)) if row not in bad), None)
+        if row is None:
+            message = bad[0]
+        else:
+            found += 1
+            yield member(scene, samples, row).replace(_listed(scene))
+    if not found:
+        raise SceneError(f"ensemble.vary: expected members that are scenes; of the first, {message}", scene.name)
+
+
+def _pilot_samples(scene: Scene) -> Iterator[Samples]:
+    """Yield rows of which the first that is a scene is a pilot."""
+    ensemble = ensemble_of(scene)
+    for k in range(min(OWN, ensemble.runs)):
+        yield draw(scene, k, 1)
+    n = len(ensemble.varying)
+    scores = np.random.Generator(np.random.Philox(key=ensemble.seed)).standard_normal((FAR, n))
+    for direction in scores:
+        far = (np.sqrt(n) + BEYOND) * direction / np.linalg.norm(direction)
+        yield at(scene, probabilities((PARTS[:, None] * far).ravel()).reshape(-1, n))
+
+
+# One plan for all
+
+
+def _for_all(found: list[Plan]) -> Plan:
+    """Return the plan of the largest model, with the shortest step and the least tolerance of all."""
+    order = list(MODELS)
+    largest = max(order.index(one.model) for one in found)
+    same = [one for one in found if order.index(one.model) == largest]
+    dearest = max(same, key=lambda one: one.cost)
+    tolerance = min(one.tolerance for one in same)
+    if tolerance > 0.0:
+        tolerance = max(MARGIN * tolerance, TIGHTEST)
+    substep, error = min(one.substep for one in same), max(one.error for one in same)
+    return replace(dearest, tolerance=tolerance, substep=substep, error=error)
+
+
+def _accurate(found: Plan, pilots: list[Scene], progress: Callable[[float], Any] | None) -> tuple[Plan, float]:
+    """Return the plan with the pilots' largest error, tightened where it must be, and how much an error grows."""
+    worst, growth = found.error if found.spec.closed_form else 0.0, 1.0
+    for k, pilot in enumerate(pilots if found.model != PRESCRIBED_RATES.key else ()):
+        judge = Judge(pilot)
+        error = judge.error_if_soon(found)
+        while error > ENOUGH * pilot.run.accuracy and found.tolerance > TIGHTEST:
+            found = replace(found, tolerance=max(0.1 * found.tolerance, TIGHTEST))
+            error = judge.error_if_soon(found)
+        if not error <= pilot.run.accuracy:
+            expected = f"one that all members can meet; the methods here reach {error:.1e}"
+            raise SceneError(f"run.accuracy = {pilot.run.accuracy!r}: expected {expected}", pilot.name)
+        worst = max(worst, error)
+        if 0.0 < found.tolerance <= TIGHTEST:
+            growth = max(growth, judge.growth())
+        _tell(progress, 0.5 + 0.5 * (k + 1) / len(pilots))
+    return replace(found, error=worst), growth

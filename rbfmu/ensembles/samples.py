@@ -48,12 +48,12 @@ def ensemble_of(scene: Scene) -> Ensemble:
 
 
 def draw(scene: Scene, first: int, count: int) -> Samples:
-    """Return `count` members from number `first` on; a member's row is the same whichever others are asked for.
+    """Return `count` >= 1 members from number `first` on; a member's row is the same whichever others are asked for.
 
     Raises SceneError without an ensemble, ValueError for members that it does not have.
     """
     ensemble = ensemble_of(scene)
-    if not 0 <= first <= first + count <= ensemble.runs:
+    if not 0 <= first < first + count <= ensemble.runs:
         raise ValueError(f"draw: first = {first}, count = {count}: expected members of the {ensemble.runs} runs")
     found = _sampled(scene, first, designs.points(ensemble, first, count))
     return found if ensemble.design == GRID else _possible(scene, found)

@@ -1,0 +1,343 @@
+"""What is drawn: each member by seed and number alone, distributions as their textbooks have them."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import rbfmu
+from rbfmu.ensembles import applied, designs
+from rbfmu.ensembles.distributions import normal_scores
+from rbfmu.ensembles.samples import draw, member, refused
+from rbfmu.scene.fields import SceneError
+from rbfmu.scene.scene import Scene
+
+BODY = {"mass": 50.0, "inertia": [10.0, 12.0, 15.0]}
+FULL = [[10.0, 1.0, 0.5], [1.0, 12.0, -0.3], [0.5, -0.3, 15.0]]
+EVERYTHING = {
+    "body.mass": {"lognormal": [50.0, 0.1]},
+    "body.inertia": {"relative": 0.1, "axes_deg": 3.0},
+    "body.r_oc_b": {"triangular": [[-0.1] * 3, [0.0, 0.05, -0.1], [0.1] * 3]},
+    "initial.position": {"normal": [[1.0, 2.0, 3.0], [0.1, 0.0, 0.3]]},
+    "initial.attitude": {"rotvec_deg": 2.0},
+    "initial.omega_b_deg": {"uniform": [[-5.0, 0.0, 5.0], [5.0, 10.0, 10.0]]},
+    "loads.damping_b": {"uniform": [[0.0, 0.1, 0.1], [0.1, 0.1, 0.2]]},
+}
+MANY = 20_000
+LIKELY = 1e-4
+"""The probability below which a statistical test fails; draws are the same each time, so it does so always or never."""
+
+
+def ensemble(vary, runs=MANY, body=BODY, correlation=None, tables=None, **more):
+    table = {"runs": runs, "vary": vary} | ({"correlation": correlation} if correlation else {}) | more
+    return Scene.from_dict({"body": body, "name": "drawn"} | (tables or {}) | {"ensemble": table})
+
+
+def equal(a, b, rows=slice(None)):
+    assert a.applied.keys() == b.applied.keys()
+    for mine, theirs in ((a.applied, b.applied), (a.drawn, b.drawn)):
+        assert all(np.array_equal(mine[key][rows], theirs[key]) for key in mine)
+    assert np.array_equal(a.redrawn[rows], b.redrawn)
+
+
+# Member i by its number alone
+
+
+@pytest.mark.parametrize("design", ["random", "sobol", "latin_hypercube"])
+def test_a_member_is_the_same_in_any_chunk(design):
+    scene = ensemble(EVERYTHING, runs=200, design=design, seed=3)
+    together = draw(scene, 0, 200)
+    for first, count in ((0, 1), (1, 1), (0, 7), (63, 64), (199, 1)):
+        equal(together, draw(scene, first, count), slice(first, first + count))
+
+
+def test_a_grid_s_member_is_the_same_in_any_chunk():
+    scene = ensemble({"body.mass": {"uniform": [1.0, 2.0], "points": 5}, "loads.torque_b": {
+        "normal": [[0.0, 0.0, 1.0], [0.0, 0.1, 0.1]], "points": [0, 2, 3]}}, runs=30, design="grid")  # fmt: skip
+    together = draw(scene, 0, 30)
+    equal(together, draw(scene, 11, 8), slice(11, 19))
+
+
+def test_more_runs_leave_the_first_as_they_are():
+    few, more = ensemble(EVERYTHING, runs=10), ensemble(EVERYTHING, runs=5000)
+    equal(draw(more, 0, 10), draw(few, 0, 10))
+
+
+def test_what_else_varies_leaves_a_number_s_draws_as_they_are():
+    alone = draw(ensemble({"body.mass": EVERYTHING["body.mass"]}), 0, 50)
+    beside = draw(ensemble({k: EVERYTHING[k] for k in ("loads.damping_b", "body.mass")}), 0, 50)
+    assert np.array_equal(alone.applied["body.mass"], beside.applied["body.mass"])
+
+
+def test_seeds_give_other_members():
+    one, other = (draw(ensemble(EVERYTHING, seed=seed), 0, 20) for seed in (0, 1))
+    assert all(not np.any(one.drawn[name] == other.drawn[name]) for name in one.drawn)
+
+
+def test_numbers_of_one_member_are_independent():
+    names = [m.name for m in ensemble(EVERYTHING).ensemble.varying]
+    cube = np.column_stack([designs.uniform(0, name, 0, MANY) for name in names])
+    worst = np.max(np.abs(np.corrcoef(cube.T) - np.eye(len(names))))
+    assert worst < stats.norm.isf(LIKELY / len(names) ** 2) / math.sqrt(MANY)
+    serial = np.corrcoef(cube[1:, 0], cube[:-1, 0])[0, 1]
+    assert abs(serial) < stats.norm.isf(LIKELY) / math.sqrt(MANY)
+
+
+def test_array_functions_and_single_calls_draw_the_same_bits(monkeypatch):
+    scene = ensemble(EVERYTHING | {"initial.attitude": "uniform"}, runs=300)
+    single = draw(scene, 0, 300)
+    monkeypatch.setattr(applied, "FEW", 0)
+    equal(draw(scene, 0, 300), single)
+
+
+def test_members_beyond_the_runs_are_refused():
+    scene = ensemble(EVERYTHING, runs=10)
+    for first, count in ((-1, 2), (0, 11), (10, 1), (3, 0), (3, -1)):
+        with pytest.raises(ValueError, match="expected members of the 10 runs"):
+            draw(scene, first, count)
+
+
+def test_a_scene_without_an_ensemble_is_refused():
+    with pytest.raises(SceneError, match=r"ensemble is missing: expected a table \[ensemble\.vary\]"):
+        draw(Scene.from_dict({"body": BODY}), 0, 1)
+
+
+# Distributions
+
+
+@pytest.mark.parametrize(
+    ("distribution", "expected"),
+    [
+        ({"normal": [50.0, 0.5]}, stats.norm(50.0, 0.5)),
+        ({"uniform": [40.0, 60.0]}, stats.uniform(40.0, 20.0)),
+        ({"lognormal": [50.0, 0.1]}, stats.lognorm(0.1, scale=50.0)),
+        ({"triangular": [40.0, 42.0, 60.0]}, stats.triang(0.1, 40.0, 20.0)),
+        ({"triangular": [40.0, 40.0, 60.0]}, stats.triang(0.0, 40.0, 20.0)),
+        ({"relative": 0.02}, stats.norm(50.0, 1.0)),
+    ],
+)
+@pytest.mark.parametrize("design", ["random", "sobol", "latin_hypercube"])
+def test_values_are_distributed_as_stated(distribution, expected, design):
+    scene = ensemble({"body.mass": distribution}, design=design, runs=4096)
+    found = draw(scene, 0, 4096).applied["body.mass"]
+    assert stats.kstest(found, expected.cdf).pvalue > LIKELY
+    if design == "latin_hypercube":  # one in each of as many equal shares
+        assert sorted(np.floor(4096 * expected.cdf(found))) == list(range(4096))
+
+
+def test_normal_scores_are_those_of_scipy():
+    u = np.concatenate([designs.uniform(1, "x", 0, 5000), [2.0**-54, 1e-300, 0.5, 1.0 - 2.0**-53]])
+    expected = stats.norm.ppf(u)
+    assert np.max(np.abs(normal_scores(u) - expected) / np.maximum(np.abs(expected), 1e-3)) < 4e-15
+
+
+def test_mean_and_covariance_are_those_of_a_linear_map_of_normals():
+    """x = L z: its covariance is L L^T, which the sample's meets within what MANY members allow."""
+    covariance = np.array([[0.04, 0.015, 0.0], [0.015, 0.09, -0.03], [0.0, -0.03, 0.16]])
+    names = ["body.mass", "initial.velocity[1]", "loads.torque_a[3]"]
+    vary = {
+        "body.mass": {"normal": [50.0, 0.2]},
+        "initial.velocity": {"normal": [[1.0, 0.0, 0.0], [0.3, 0.0, 0.0]]},
+        "loads.torque_a": {"normal": [[0.0, 0.0, -2.0], [0.1, 0.1, 0.4]]},
+    }
+    scene = ensemble(vary, correlation={"components": names, "covariance": covariance})
+    found = draw(scene, 0, MANY)
+    x = np.column_stack([found.drawn[name] for name in names])
+    spread = np.sqrt(np.diag(covariance))
+    far = stats.norm.isf(LIKELY / 9.0)
+    assert np.all(np.abs(x.mean(axis=0) - [50.0, 1.0, -2.0]) < far * spread / math.sqrt(MANY))
+    error = np.sqrt((np.outer(spread, spread) ** 2 + covariance**2) / MANY)
+    assert np.all(np.abs(np.cov(x.T) - covariance) < far * error)
+    independent = np.corrcoef(found.drawn["loads.torque_a[1]"], x[:, 2])[0, 1]
+    assert abs(independent) < far / math.sqrt(MANY)
+
+
+@pytest.mark.parametrize("design", ["random", "sobol", "latin_hypercube"])
+def test_correlated_numbers_keep_their_own_distributions(design):
+    vary = {"body.mass": {"uniform": [40.0, 60.0]}, "loads.torque_b": {"lognormal": [[1.0, 2.0, 3.0], [0.0, 0.0, 0.5]]}}
+    correlation = {"components": ["loads.torque_b[3]", "body.mass"], "matrix": [[1.0, -0.8], [-0.8, 1.0]]}
+    found = draw(ensemble(vary, runs=4096, correlation=correlation, design=design), 0, 4096)
+    mass, torque = found.applied["body.mass"], found.applied["loads.torque_b"][:, 2]
+    assert stats.kstest(mass, stats.uniform(40.0, 20.0).cdf).pvalue > LIKELY
+    assert stats.kstest(torque, stats.lognorm(0.5, scale=3.0).cdf).pvalue > LIKELY
+    rank = stats.spearmanr(mass, torque).statistic
+    assert abs(rank - 6.0 / math.pi * math.asin(-0.4)) < 5.0 / math.sqrt(4096)
+    assert np.all(found.applied["loads.torque_b"][:, :2] == [1.0, 2.0])
+
+
+def test_numbers_may_depend_on_each_other_altogether():
+    correlation = {"components": ["body.mass", "initial.position[1]"], "matrix": [[1.0, 1.0], [1.0, 1.0]]}
+    vary = {"body.mass": {"normal": [50.0, 1.0]}, "initial.position": {"normal": [[0.0] * 3, [2.0, 0.0, 0.0]]}}
+    found = draw(ensemble(vary, correlation=correlation), 0, 100)
+    expected = 2.0 * (found.applied["body.mass"] - 50.0)
+    assert np.allclose(found.applied["initial.position"][:, 0], expected, rtol=0.0, atol=1e-13)
+
+
+def test_a_grid_has_every_combination_the_last_changing_first():
+    vary = {"body.mass": {"uniform": [40.0, 60.0], "points": 3}, "loads.torque_b": {
+        "normal": [[0.0, 0.0, 1.0], [0.0, 0.0, 0.1]], "points": 2}}  # fmt: skip
+    scene = ensemble(vary, runs=6, design="grid")
+    found = draw(scene, 0, 6)
+    assert found.applied["body.mass"].tolist() == [40.0, 40.0, 50.0, 50.0, 60.0, 60.0]
+    z = stats.norm.ppf(0.25)
+    assert np.allclose(found.applied["loads.torque_b"][:, 2], [1.0 + 0.1 * z, 1.0 - 0.1 * z] * 3, rtol=1e-15)
+    assert Scene.from_dict({"body": BODY, "ensemble": {"design": "grid", "vary": vary}}).ensemble.runs == 6
+
+
+def test_sobol_points_fill_the_cube_evenly():
+    scene = ensemble({"body.mass": {"uniform": [1.0, 2.0]}, "initial.position": {"uniform": [[0.0] * 3, [1.0] * 3]}},
+                     runs=1024, design="sobol")  # fmt: skip
+    cube = designs.points(scene.ensemble, 0, 1024)
+    assert all(sorted(np.floor(1024 * column)) == list(range(1024)) for column in cube.T)
+    assert 0.0 < cube.min() < cube.max() < 1.0
+
+
+# Attitudes
+
+
+def test_attitudes_about_the_scene_s_are_turned_by_normal_rotation_vectors():
+    tables = {"initial": {"attitude": {"euler": "ZYX", "angles_deg": [90.0, 20.0, -30.0]}}}
+    scene = ensemble({"initial.attitude": {"rotvec_deg": [1.0, 2.0, 0.0]}}, tables=tables)
+    q = draw(scene, 0, MANY).applied["initial.attitude"]
+    turn = rbfmu.compose_quaternions(rbfmu.invert_quaternion(np.array(scene.initial.quaternion)), q)
+    u = np.degrees(rbfmu.rotvec_from_quaternion(turn))
+    assert stats.kstest(u[:, 0], stats.norm(0.0, 1.0).cdf).pvalue > LIKELY
+    assert stats.kstest(u[:, 1], stats.norm(0.0, 2.0).cdf).pvalue > LIKELY
+    assert np.max(np.abs(u[:, 2])) < 1e-12
+
+
+def test_uniform_attitudes_turn_a_vector_to_all_directions_alike():
+    q = draw(ensemble({"initial.attitude": "uniform"}), 0, MANY).applied["initial.attitude"]
+    assert np.max(np.abs(np.linalg.norm(q, axis=1) - 1.0)) < 4e-16
+    angle = 2.0 * np.arccos(np.clip(np.abs(q[:, 0]), 0.0, 1.0))  # density (1 - cos angle) / pi on [0, pi]
+    assert stats.kstest(angle, lambda a: (a - np.sin(a)) / np.pi).pvalue > LIKELY
+    for axis in np.eye(3):
+        v = rbfmu.rotate(q, axis)
+        assert all(stats.kstest(column, stats.uniform(-1.0, 2.0).cdf).pvalue > LIKELY for column in v.T)
+
+
+@pytest.mark.parametrize(
+    ("vary", "written"),
+    [
+        ({"euler": "ZYX", "angles_deg": {"normal": [[90.0, 0.0, 10.0], [5.0, 1.0, 1.0]]}}, "angles_deg"),
+        ({"euler": "xyz", "angles": {"uniform": [[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]}}, "angles"),
+        ({"rotvec": {"normal": [[0.1, 0.2, 0.3], 0.1]}}, "rotvec"),
+    ],
+)
+def test_attitudes_may_vary_in_their_own_representation(vary, written):
+    scene = ensemble({"initial.attitude": vary}, runs=20)
+    found = draw(scene, 0, 20)
+    for row in range(20):
+        numbers = [found.drawn[f"initial.attitude.{written}[{k}]"][row] for k in (1, 2, 3)]
+        attitude = {written: numbers} | ({"euler": vary["euler"]} if "euler" in vary else {})
+        expected = Scene.from_dict({"body": BODY, "initial": {"attitude": attitude}}).initial.quaternion
+        angle = float(rbfmu.angle_between(np.array(expected), found.applied["initial.attitude"][row]))
+        assert angle < 1e-15
+
+
+# Inertia
+
+
+def test_relative_moments_keep_the_axes_of_a_full_matrix():
+    scene = ensemble({"body.inertia": {"relative": 0.03}}, body=BODY | {"inertia": FULL}, runs=500)
+    found = draw(scene, 0, 500)
+    moments, R_bp = rbfmu.principal_axes(np.array(FULL))
+    turned = R_bp.T @ found.applied["body.inertia"] @ R_bp
+    factors = np.column_stack([found.drawn[f"body.inertia[{k}]"] for k in (1, 2, 3)])
+    assert np.max(np.abs(turned - (factors * moments)[:, None, :] * np.eye(3))) < 1e-13
+    assert not found.redrawn.any()
+
+
+def test_axes_turn_and_leave_the_moments():
+    scene = ensemble({"body.inertia": {"axes_deg": [0.0, 0.0, 10.0]}}, runs=200)
+    found = draw(scene, 0, 200)
+    M, angle = found.applied["body.inertia"], np.radians(found.drawn["body.inertia.axes_deg[3]"])
+    assert np.max(np.abs(np.linalg.eigvalsh(M) - [10.0, 12.0, 15.0])) < 1e-13
+    assert np.allclose(M[:, 0, 1], (10.0 - 12.0) * np.sin(angle) * np.cos(angle), atol=1e-14)
+    assert np.array_equal(M, M.transpose(0, 2, 1))
+
+
+def test_elements_of_a_matrix_vary_one_by_one():
+    spread = [[0.1, 0.01, 0.0], [0.01, 0.1, 0.02], [0.0, 0.02, 0.2]]
+    scene = ensemble({"body.inertia": {"normal": [FULL, spread]}}, body=BODY | {"inertia": FULL})
+    M = draw(scene, 0, MANY).applied["body.inertia"]
+    assert stats.kstest(M[:, 1, 2], stats.norm(-0.3, 0.02).cdf).pvalue > LIKELY
+    assert stats.kstest(M[:, 2, 2], stats.norm(15.0, 0.2).cdf).pvalue > LIKELY
+    assert np.all(M[:, 0, 2] == 0.5)
+    assert np.array_equal(M, M.transpose(0, 2, 1))
+
+
+def test_moments_may_be_stated_outright():
+    scene = ensemble({"body.inertia": {"uniform": [[9.0, 11.0, 14.0], [11.0, 13.0, 16.0]]}}, runs=100)
+    M = draw(scene, 0, 100).applied["body.inertia"]
+    assert not (M - np.einsum("nii->ni", M)[:, :, None] * np.eye(3)).any()
+    assert stats.kstest(M[:, 0, 0], stats.uniform(9.0, 2.0).cdf).pvalue > LIKELY
+
+
+@pytest.mark.parametrize("design", ["random", "sobol", "latin_hypercube"])
+def test_what_breaks_the_triangle_inequality_is_drawn_again_and_counted(design):
+    flat = BODY | {"inertia": [1.0, 2.0, 3.0]}
+    scene = ensemble({"body.inertia": {"relative": 0.02}, "body.mass": {"normal": [50.0, 1.0]}}, body=flat, runs=1000,
+                     design=design)  # fmt: skip
+    found = draw(scene, 0, 1000)
+    rbfmu.check_inertia(found.applied["body.inertia"])
+    again = found.redrawn
+    assert 0.4 < np.mean(again > 0) < 0.6  # half of the draws break it
+    assert abs(np.mean(again) - 1.0) < 5.0 * math.sqrt(2.0 / 1000.0)  # geometric: mean 1, variance 2
+    assert not refused(scene, found)
+    kept = draw(scene.replace({"ensemble.vary": {"body.mass": {"normal": [50.0, 1.0]}}}), 0, 1000)
+    same = kept.applied["body.mass"] == found.applied["body.mass"]
+    assert design != "random" or np.array_equal(same, again == 0)
+
+
+def test_draws_again_are_distributed_as_the_possible_ones():
+    """Moments (a, b, c) with c of the scene a + b: the sample kept is that of all draws with c <= a + b."""
+    scene = ensemble({"body.inertia": {"relative": 0.02}}, body=BODY | {"inertia": [1.0, 2.0, 3.0]})
+    found = draw(scene, 0, MANY)
+    c = found.drawn["body.inertia[3]"] * 3.0
+    random = np.random.default_rng(5)
+    a, b, other = (random.normal(m, 0.02 * m, MANY * 4) for m in (1.0, 2.0, 3.0))
+    assert stats.ks_2samp(c, other[other <= a + b]).pvalue > LIKELY
+
+
+def test_an_impossible_inertia_in_a_grid_is_refused_and_not_drawn_again():
+    vary = {"body.inertia": {"uniform": [[1.0, 1.0, 1.0], [1.0, 1.0, 3.0]], "points": [1, 1, 3]}}
+    scene = ensemble(vary, runs=3, design="grid")
+    found = draw(scene, 0, 3)
+    assert not found.redrawn.any()
+    assert list(refused(scene, found)) == [2]
+    assert "each principal moment at most the sum of the other two" in refused(scene, found)[2]
+
+
+def test_an_inertia_that_is_never_possible_ends_as_a_refused_member():
+    vary = {"body.inertia": {"uniform": [[1.0, 1.0, 9.0], [1.1, 1.1, 9.5]]}}
+    scene = ensemble(vary, runs=5)
+    found = draw(scene, 0, 5)
+    assert found.redrawn.tolist() == [100] * 5
+    assert sorted(refused(scene, found)) == list(range(5))
+
+
+# Shapes
+
+
+def test_sizes_of_a_shape_vary_and_inertia_follows():
+    shape = {"kind": "cylinder", "radius": 0.5, "length": 2.0}
+    vary = {"body.shape.radius": {"normal": [0.5, 0.01]}, "body.mass": {"normal": [50.0, 1.0]}}
+    scene = ensemble(vary, body={"mass": 50.0, "shape": shape}, runs=30)
+    found = draw(scene, 0, 30)
+    expected = rbfmu.cylinder_inertia(found.applied["body.mass"], found.applied["body.shape.radius"], 2.0)
+    assert np.array_equal(found.applied["body.inertia"], expected)
+    assert np.all(found.applied["body.shape.length"] == 2.0)
+    row = member(scene, found, 4)
+    sizes = shape | {"radius": float(found.applied["body.shape.radius"][4])}
+    assert row.body == Scene.from_dict({"body": {"mass": row.body.mass, "shape": sizes}}).body
+
+
+def test_a_size_that_is_not_positive_is_a_refused_member():
+    vary = {"body.shape.sides": {"normal": [[0.5, 0.5, 0.5], [0.4, 0.0, 0.0]]}}
+    scene = ensemble(vary, body={"mass": 50.0, "shape": {"kind": "box", "sides": [0.5, 0.5, 0.5]}}, runs=200)
+    found = draw(scene, 0, 200)
+    negative = np.flatnonzero(found.applied["body.shape.sides"][:, 0] <= 0.0)
+    assert len(negative)
+    assert list(refused(scene, found)) == negative.tolist()

@@ -1,0 +1,146 @@
+"""One plan for all members of an ensemble: its model holds for each, and each meets the accuracy asked."""
+
+import numpy as np
+import pytest
+
+from rbfmu.ensembles.planning import plan_ensemble
+from rbfmu.ensembles.samples import draw, member
+from rbfmu.exceptions import SceneError
+from rbfmu.planning import plan
+from rbfmu.scene.scene import Scene
+from tests.support.quadruple import reference
+from tests.support.quadruple.driving import outcome
+
+ROTATION = {"quantities": ["quaternion", "omega_b"]}
+RUN = {"stop": 20.0, "step": 1.0}
+FREE = {
+    "body": {"mass": 50.0, "inertia": [2.0, 2.0, 3.0]},
+    "initial": {"omega_b": [0.3, 0.1, 1.0]},
+    "loads": {"gravity_a": [0.0, 0.0, 0.0]},
+    "outputs": ROTATION,
+    "run": RUN,
+}
+CASES = {
+    "a free symmetric body of any inertia": FREE
+    | {"ensemble": {"vary": {"body.inertia": {"relative": 0.02}, "initial.omega_b": {"relative": 0.1}}}},
+    "a satellite that flips": FREE
+    | {
+        "body": {"mass": 50.0, "inertia": [1.0, 2.0, 2.5]},
+        "initial": {"omega_b": [0.01, 1.0, 0.01]},
+        "ensemble": {
+            "vary": {
+                "body.inertia": {"relative": 0.01, "axes_deg": 1.0},
+                "initial.omega_b": {"normal": [[0.01, 1.0, 0.01], 0.01]},
+                "loads.torque_b": {"normal": [[0.0, 0.0, 0.001], 0.0005]},
+            }
+        },
+    },
+    "a heavy top": {
+        "body": {"mass": 2.0, "inertia": [0.02, 0.02, 0.01], "r_oc_b": [0.0, 0.0, 0.1], "pivot": True},
+        "initial": {"omega_b": [0.0, 0.0, 40.0], "attitude": {"rotvec": [0.3, 0.0, 0.0]}},
+        "outputs": ROTATION,
+        "run": {"stop": 4.0, "step": 0.5},
+        "ensemble": {
+            "vary": {
+                "body.mass": {"uniform": [1.5, 2.5]},
+                "body.inertia": {"relative": 0.03},
+                "body.r_oc_b": {"normal": [[0.0, 0.0, 0.1], 0.005]},
+                "initial.attitude": {"rotvec_deg": 5.0},
+            }
+        },
+    },
+    "a thruster off the centre": {
+        "body": {"mass": 4.0, "shape": {"kind": "box", "sides": [0.1, 0.1, 0.34]}},
+        "loads": {"force_b": [0.0, 0.0, 0.02], "damping_b": [2e-4, 2e-4, 2e-4]},
+        "outputs": {"quantities": ["quaternion", "omega_b", "position"]},
+        "run": RUN,
+        "ensemble": {
+            "vary": {
+                "body.mass": {"normal": [4.0, 0.1]},
+                "body.r_oc_b": {"normal": [[0.0, 0.0, 0.0], 0.002]},
+                "initial.omega_b_deg": {"normal": [[0.0, 0.0, 0.0], 5.0]},
+                "initial.attitude": "uniform",
+                "loads.damping_b": {"lognormal": [[2e-4, 2e-4, 2e-4], 0.2]},
+            }
+        },
+    },
+    "a torque that is zero in the scene": FREE
+    | {"ensemble": {"vary": {"loads.torque_b": {"triangular": [[-0.1] * 3, [0.0] * 3, [0.1] * 3]}}}},
+}
+
+
+def scene_of(name, accuracy=1e-7):
+    tables = CASES[name]
+    return Scene.from_dict(tables | {"name": "members", "run": tables["run"] | {"accuracy": accuracy}})
+
+
+@pytest.mark.skipif(reference.library() is None, reason="no C compiler with quadruple precision")
+@pytest.mark.parametrize("name", CASES)
+def test_every_member_meets_the_accuracy_by_the_plan_for_all(name):
+    """The reference is quadruple precision, which `test_quadruple` holds to 40 digits."""
+    scene = scene_of(name)
+    planned = plan_ensemble(scene)
+    samples = draw(scene, 0, 24)
+    for row, which in enumerate(planned.plan_of(samples)):
+        found = outcome(member(scene, samples, row), planned.plans[which])
+        assert not found.refused
+        assert found.error <= scene.run.accuracy, (row, found)
+
+
+@pytest.mark.parametrize(
+    ("name", "single", "together"),
+    [
+        ("a free symmetric body of any inertia", "torque-free symmetric body", "torque-free body"),
+        ("a torque that is zero in the scene", "torque-free symmetric body", "body under loads, by series"),
+        ("a heavy top", "symmetric top", "body under loads, by series"),
+    ],
+)
+def test_a_model_that_holds_for_the_scene_alone_is_not_taken(name, single, together):
+    scene = scene_of(name, 1e-4)
+    assert plan(scene.replace({"ensemble": None})).model == single
+    (found,) = plan_ensemble(scene).plans
+    assert found.model == together
+
+
+def test_a_plan_says_what_varies_and_how_far_its_pilots_are_off():
+    found = plan_ensemble(scene_of("a heavy top"))
+    said = "\n".join(found.reasons)
+    assert "whatever body.mass, body.inertia, body.r_oc_b, initial.attitude may be" in said
+    assert "pilot members" in said
+    assert 0.0 < found.plans[0].error <= 1e-7
+
+
+def test_planning_asks_the_same_of_the_same_scene():
+    assert plan_ensemble(scene_of("a heavy top")) == plan_ensemble(scene_of("a heavy top"))
+
+
+def test_an_accuracy_that_no_member_can_meet_is_refused():
+    with pytest.raises(SceneError, match=r"run\.accuracy = 1e-15: expected"):
+        plan_ensemble(scene_of("a heavy top", 1e-15))
+
+
+def test_members_that_are_no_scenes_at_all_are_refused_with_the_first_fault():
+    scene = scene_of("a heavy top").replace({"ensemble.vary": {"body.inertia": {"uniform": [[-2.0] * 3, [-1.0] * 3]}}})
+    with pytest.raises(SceneError, match=r"ensemble\.vary: expected members that are scenes.*body\.inertia"):
+        plan_ensemble(scene)
+
+
+def test_prescribed_rates_are_planned_as_such():
+    tables = {"inputs": {"ports": ["omega_b"]}, "ensemble": {"vary": {"initial.attitude": {"rotvec_deg": 3.0}}}}
+    assert [one.model for one in plan_ensemble(Scene.from_dict(tables)).plans] == ["prescribed rates"]
+
+
+def test_sobol_points_that_are_not_balanced_are_said():
+    scene = scene_of("a heavy top").replace({"ensemble.design": "sobol", "ensemble.runs": 1000})
+    pytest.importorskip("scipy")
+    assert any("512 or 1024 in place of 1000" in line for line in plan_ensemble(scene).reasons)
+    balanced = plan_ensemble(scene.replace({"ensemble.runs": 1024}))
+    assert not any("in place of" in line for line in balanced.reasons)
+
+
+def test_progress_is_told_up_to_the_end():
+    told = []
+    plan_ensemble(scene_of("a heavy top", 1e-4), told.append)
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+    assert np.isfinite(told).all()
