@@ -5,6 +5,7 @@ here is for Python; Numba puts instructions on vectors in its place.
 """
 
 from collections.abc import Callable
+from inspect import signature
 from typing import Any
 
 from llvmlite import ir
@@ -45,33 +46,46 @@ def multiply_lanes(a: Lanes, b: Lanes) -> Lanes:
     return (a[0] * b[0], a[1] * b[1], a[2] * b[2], a[3] * b[3])
 
 
-class _Type(types.Type):  # type: ignore[misc]
+class LanesType(types.Type):  # type: ignore[misc]
+    """The type of four numbers side by side."""
+
     def __init__(self) -> None:
         super().__init__("Lanes")
 
+    def unify(self, typingctx: Any, other: Any) -> Any:
+        """Return the type of four wide numbers, see `wide`, for a variable that is sometimes four plain ones."""
+        return other if isinstance(other, types.UniTuple) and len(other) == 4 else None
 
-_LANES = _Type()
+
+_LANES = LanesType()
 _VECTOR, _INT = ir.VectorType(ir.DoubleType(), 4), ir.IntType(32)
 
 
-@register_model(_Type)
+@register_model(LanesType)
 class _Model(models.PrimitiveModel):  # type: ignore[misc]
     def __init__(self, manager: Any, kind: Any) -> None:
         super().__init__(manager, kind, _VECTOR)
 
 
-def _compiled(function: Callable[..., Any], kind: Callable[..., Any]) -> Callable[[Any], Any]:
-    """Return a decorator: what is decorated makes machine code; kind: the signature from the arguments' types."""
+def _compiled(function: Callable[..., Any], kind: Callable[..., Any], *own: Any) -> Callable[[Any], Any]:
+    """Return a decorator: what is decorated makes machine code.
+
+    kind: the signature from the arguments' types; own: the classes of these, as others may register more.
+    """
 
     def register(generate: Any) -> Any:
-        type_callable(function)(lambda context: kind)
+        def typer(*args: Any) -> Any:
+            return kind(*args) if all(map(isinstance, args, own)) else None
+
+        typer.pysig = signature(kind)  # type: ignore[attr-defined]
+        type_callable(function)(lambda context: typer)
         lower_builtin(function, types.VarArg(types.Any))(generate)
         return generate
 
     return register
 
 
-@_compiled(lanes, lambda a, b, c, d: _LANES(float64, float64, float64, float64))
+@_compiled(lanes, lambda a, b, c, d: _LANES(float64, float64, float64, float64), *[types.Number] * 4)
 def _lanes(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     vector = ir.Constant(_VECTOR, ir.Undefined)
     for k, number in enumerate(args):
@@ -79,20 +93,20 @@ def _lanes(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     return vector
 
 
-@_compiled(numbers, lambda a: types.UniTuple(float64, 4)(a))
+@_compiled(numbers, lambda a: types.UniTuple(float64, 4)(a), LanesType)
 def _numbers(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     parts = [builder.extract_element(args[0], _INT(k)) for k in range(4)]
     return context.make_tuple(builder, signature.return_type, parts)
 
 
-@_compiled(lanes_at, lambda z, i: _LANES(z, intp))
+@_compiled(lanes_at, lambda z, i: _LANES(z, intp), types.Array)
 def _lanes_at(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     vector = builder.load(_place(context, builder, signature, args), typ=_VECTOR)
     vector.align = 8
     return vector
 
 
-@_compiled(put_lanes, lambda z, i, a: types.none(z, intp, a))
+@_compiled(put_lanes, lambda z, i, a: types.none(z, intp, a), types.Array)
 def _put_lanes(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     builder.store(args[2], _place(context, builder, signature, args)).align = 8
     return context.get_dummy_value()
@@ -103,11 +117,11 @@ def _place(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     return builder.bitcast(builder.gep(data, [args[1]]), _VECTOR.as_pointer())
 
 
-@_compiled(add_lanes, lambda a, b: a(a, b))
+@_compiled(add_lanes, lambda a, b: a(a, b), LanesType, LanesType)
 def _add_lanes(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     return builder.fadd(*args)
 
 
-@_compiled(multiply_lanes, lambda a, b: a(a, b))
+@_compiled(multiply_lanes, lambda a, b: a(a, b), LanesType, LanesType)
 def _multiply_lanes(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     return builder.fmul(*args)

@@ -56,7 +56,7 @@ NONE, ALIVE, BURIED = 0.0, 1.0, 2.0
 """A buried series has its work space overwritten, and is made again before it goes on."""
 LEAST_REACH = 1.5
 """Communication steps that a series has to reach over at least: below, a substep a step costs less."""
-_PATIENCE = 16.0
+PATIENCE = 16.0
 """The steps after a series that did not until another is tried."""
 _CAUTION = 1.0 / 64.0
 """The part of a whole run's tolerance that series use up: no pilot run has seen how inputs magnify errors."""
@@ -170,7 +170,7 @@ def follow_series(
         _put_motion(z, y, w, i, order, part, reach)
         rest -= part
         again = stands = False
-    z[i], z[i + WAIT], z[size] = NONE, _PATIENCE, longest
+    z[i], z[i + WAIT], z[size] = NONE, PATIENCE, longest
     return rest
 
 

@@ -6,6 +6,7 @@ from typing import Any
 from ..buffer import MAX_SUBSTEPS
 from ..buffer_access import pair_at, put_pair_at
 from ..compile.decorator import kernel
+from ..compile.wide import choose
 
 ROUND_OFF = 2.0**-52
 
@@ -18,6 +19,12 @@ def substeps_in(h: float, longest: float) -> int:
     """
     if not h < MAX_SUBSTEPS * longest:
         return 0
+    return parts_in(h, longest)
+
+
+@kernel
+def parts_in(h: float, longest: float) -> int:
+    """Return the same where it is known to be a number that is not too large."""
     return max(math.ceil(h / longest * (1.0 - 1e-9)), 1)
 
 
@@ -33,11 +40,9 @@ def tolerance_of_substep(tolerance: float, span: float, part: float) -> float:
 @kernel
 def nearer_size(h: float, order: int, excess: float) -> float:
     """Return the step whose error is that of h over `excess`: about h excess^(-1 / order), without a root."""
-    if not excess < 1e4:
-        return 0.5 * h
-    if excess < 1e-4:
-        return 2.0 * h if excess < 1e-8 else 1.3 * h
-    return h * ((order + 1.0) + (order - 1.0) * excess) / ((order - 1.0) + (order + 1.0) * excess)
+    near = h * ((order + 1.0) + (order - 1.0) * excess) / ((order - 1.0) + (order + 1.0) * excess)
+    near = choose(excess < 1e-4, choose(excess < 1e-8, 2.0 * h, 1.3 * h), near)
+    return choose(excess < 1e4, near, 0.5 * h)
 
 
 @kernel

@@ -149,7 +149,7 @@ def _space_fixed_acceleration(s: Any, body: Body, fixed: SpaceFixedLoads) -> flo
 
 @kernel(inline=False)
 def _error(
-    s: Any, order: int, h: float, acceleration: float, alpha_fixed: float, kept: int, n: int, span: float
+    s: Any, order: int, h: float, acceleration: float, alpha_fixed: float, kept: float, n: int, span: float
 ) -> float:
     """Estimate for a step of h: its truncation, and the two-point formula's remainder (rad).
 

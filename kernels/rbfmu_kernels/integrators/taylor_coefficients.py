@@ -12,6 +12,7 @@ from ..buffer import places
 from ..buffer_access import put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes
+from ..compile.wide import all_of
 from ..mechanics.equations_of_motion import Body, LoadPolynomial, Loads, acting_loads, is_changing
 from ..rotations.matrix import transform
 from ..rotations.quaternion import add_scaled_quaternion, compose_quaternions, invert_quaternion, rotate
@@ -227,7 +228,7 @@ def motion_series(s: Any, first: int, last: int, m: int, body: Body, torques: To
     damping = body.damping_b
     (a, d, e), (_, b, f), (_, _, c) = body.inertia
     (p, _, _), (_, q, _), (_, _, r) = body.inertia_inverse
-    diagonal = d == 0.0 and e == 0.0 and f == 0.0
+    diagonal = all_of((d == 0.0) & (e == 0.0) & (f == 0.0))
     x, y, v = p * (b - c), q * (c - a), r * (a - b)
     start, rate, turn = vec3_at(s, RATE), vec3_at(s, term(RATE, first)), (1.0, 0.0, 0.0, 0.0)
     force, space_torque = vec3_at(s, term(FORCE, first)), vec3_at(s, term(TORQUE, first))

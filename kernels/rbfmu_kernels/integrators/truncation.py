@@ -5,6 +5,7 @@ from typing import Any
 
 from ..buffer_access import vec3_at
 from ..compile.decorator import kernel
+from ..compile.wide import any_of, choose
 from ..rotations.vec3 import add, dot, largest_component, scale
 from ..types import Vec3
 from .rigid_body_state import RATE_ONLY
@@ -35,7 +36,9 @@ def size_of(v: Vec3) -> float:
 
 
 @kernel(inline=False)
-def truncation(s: Any, order: int, h: float, alpha_fixed: float, kept: int, n: int, span: float) -> tuple[float, float]:
+def truncation(
+    s: Any, order: int, h: float, alpha_fixed: float, kept: float, n: int, span: float
+) -> tuple[float, float]:
     """Return for a step of h the last two terms relative to the rate, and the square of the largest rate.
 
     alpha_fixed: the angular acceleration by loads that turn in b, whose last terms count as they act for `kept` steps.
@@ -52,14 +55,20 @@ def truncation(s: Any, order: int, h: float, alpha_fixed: float, kept: int, n: i
     last = last_terms(s, RATE, order, h) * power
     rate = math.sqrt(square)
     turned = last * span
-    last = last / rate if rate > 0.0 else 0.0
+    last = choose(rate > 0.0, last / choose(rate > 0.0, rate, 1.0), 0.0)
     if n == RATE_ONLY:
         return last, square
     last = max(last, turned)
-    if alpha_fixed > 0.0:
-        force, torque = size_of(vec3_at(s, FORCE)), size_of(vec3_at(s, TORQUE))
-        off = last_terms(s, FORCE, order, h) * power / force if force > 0.0 else 0.0
-        off += last_terms(s, TORQUE, order, h) * power / torque if torque > 0.0 else 0.0
+    if any_of(alpha_fixed > 0.0):
+        off = _relative_end(s, FORCE, order, h, power) + _relative_end(s, TORQUE, order, h, power)
         span = kept * h
-        last = max(last, off * alpha_fixed * span * max(0.5 * span, 1.0 / rate)) if off > 0.0 else last
+        acting = off * alpha_fixed * span * max(0.5 * span, 1.0 / rate)
+        last = choose(off > 0.0, max(last, acting), last)
     return last, square
+
+
+@kernel
+def _relative_end(s: Any, u: int, order: int, h: float, power: float) -> float:
+    """Return the last two terms of a load's series relative to the load."""
+    size = size_of(vec3_at(s, u))
+    return choose(size > 0.0, last_terms(s, u, order, h) * power / choose(size > 0.0, size, 1.0), 0.0)

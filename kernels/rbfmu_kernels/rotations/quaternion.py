@@ -3,6 +3,7 @@
 import math
 
 from ..compile.decorator import kernel
+from ..compile.wide import choose
 from ..numerics.elementary import atan2, scale_for_squares, sincos
 from ..types import Quaternion, Vec3
 from . import vec3
@@ -75,12 +76,12 @@ def rotate(q_ab: Quaternion, v_b: Vec3) -> Vec3:
     """
     eta, eps = q_ab[0], (q_ab[1], q_ab[2], q_ab[3])
     square = square_of(q_ab)
-    s = 1.0 / square if square > 0.0 else math.nan
+    s = 1.0 / choose(square > 0.0, square, math.nan)
     u = vec3.scale(s, vec3.add(vec3.scale(eta, v_b), vec3.cross(eps, v_b)))
     x, y, z = vec3.add_scaled(vec3.scale(s * vec3.dot(eps, v_b), eps), eta, u)
     near = eta * eta > 0.5 * square
-    start = (v_b[0] if near else x, v_b[1] if near else y, v_b[2] if near else z)
-    return vec3.add_scaled(start, 2.0 if near else 1.0, vec3.cross(eps, u))
+    start = (choose(near, v_b[0], x), choose(near, v_b[1], y), choose(near, v_b[2], z))
+    return vec3.add_scaled(start, choose(near, 2.0, 1.0), vec3.cross(eps, u))
 
 
 @kernel

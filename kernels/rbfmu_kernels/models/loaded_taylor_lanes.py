@@ -1,0 +1,251 @@
+"""Communication steps of `loaded_taylor` for many bodies at once, in the lanes of a vector: the bits are the same.
+
+A lane takes one body after another. Bodies that differ in what is decided once for all lanes (`_kind`) do not share a
+vector; those of a step that lanes do not know are taken alone.
+"""
+
+import math
+from typing import Any
+
+from ..body.driven import STEP_SIZE, finish_steadily, holds_inputs, integrated, keep, keep_inputs, load_polynomial_of
+from ..body.memory import STATE_START, body_of
+from ..buffer import OK
+from ..compile.decorator import kernel
+from ..compile.wide_arrays import eight_wide, four_wide, lane_at, put_lane_at, width_of
+from ..integrators.dense_output import LEAST_REACH, NONE, PATIENCE, WAIT
+from ..integrators.rigid_body_state import ROTATION, WHOLE_STATE, state_attitude, state_omega
+from ..integrators.taylor_coefficients import WORK, SpaceFixedLoads, known_torques, space_fixed_loads
+from ..integrators.taylor_lanes import (
+    COLUMNS_SIZE,
+    COUNT,
+    FORCE_A,
+    HAS_FAILED,
+    IS_NEW,
+    LOW,
+    MEMBER,
+    PLACES,
+    REST,
+    SIZE,
+    STATE,
+    TORQUE_A,
+    TORQUE_B,
+    TRIED,
+    begin_substeps,
+    take_substeps,
+)
+from ..mechanics.equations_of_motion import angular_acceleration
+from ..rotations.vec3 import is_nonzero, norm
+from ..types import Matrix, Vec3
+from .loaded_taylor import BLOCKS, initialize, step
+
+_TOLERANCE, _SPAN, _ORDER = (BLOCKS[n].start for n in ("tolerance", "span", "order"))
+_SERIES, _HELD = BLOCKS["is_alive"].start, BLOCKS["held_inputs"].start
+_INERTIA, _INVERSE, _ARM, _DAMPING = (PLACES[name].start for name in ("inertia", "inverse", "arm", "damping"))
+WIDEST = 8
+SCRATCH = WIDEST * (COLUMNS_SIZE + WORK)
+"""The numbers of work space that lanes need, at a cache line."""
+_PENDING = -1
+_SURELY = 0.95
+
+Kind = tuple[int, int, float, float, bool, bool, bool]
+"""How much of the state is integrated, the order, tolerance and span, whether a force fixed in a acts on an arm and a
+torque fixed in a acts, whether the inertia is diagonal. The first is 0 where lanes do not serve."""
+
+
+@kernel(inline=False)
+def advance_in_four(buffers: Any, h: float, scratch: Any, statuses: Any) -> None:
+    """Advance models' buffers (n, SIZE) by h, four side by side.
+
+    statuses (n,): in, OK where a buffer is to be advanced; out, what `step` returns of those.
+    """
+    _advance(buffers, h, four_wide(scratch, 0), four_wide(scratch, 4 * COLUMNS_SIZE), statuses)
+
+
+@kernel(inline=False)
+def advance_in_eight(buffers: Any, h: float, scratch: Any, statuses: Any) -> None:
+    """Do the same, eight side by side."""
+    _advance(buffers, h, eight_wide(scratch, 0), eight_wide(scratch, 8 * COLUMNS_SIZE), statuses)
+
+
+@kernel(inline=False)
+def run_in_four(
+    base: Any, places: Any, values: Any, steps: Any, kept: Any, rows: Any, ends: Any, buffers: Any, statuses: Any,
+    scratch: Any,
+) -> None:  # fmt: skip
+    """Run members of an ensemble, four side by side.
+
+    base (SIZE,): what a buffer holds before a member's values (m, p) are put to places (p,). steps (n,): s.
+    kept (K,): places of the outputs. rows (m, n + 1, K) or (m, 1, K): outputs at each point, or the last.
+    ends (m, 2): what `initialize` returned, and the number of steps done. buffers (b, SIZE): room for some members at a
+    time; statuses (b,): of these.
+    """
+    c, s = four_wide(scratch, 0), four_wide(scratch, 4 * COLUMNS_SIZE)
+    _run(base, places, values, steps, kept, rows, ends, buffers, statuses, c, s)
+
+
+@kernel(inline=False)
+def run_in_eight(
+    base: Any, places: Any, values: Any, steps: Any, kept: Any, rows: Any, ends: Any, buffers: Any, statuses: Any,
+    scratch: Any,
+) -> None:  # fmt: skip
+    """Do the same, eight side by side."""
+    c, s = eight_wide(scratch, 0), eight_wide(scratch, 8 * COLUMNS_SIZE)
+    _run(base, places, values, steps, kept, rows, ends, buffers, statuses, c, s)
+
+
+@kernel
+def _run(
+    base: Any, places: Any, values: Any, steps: Any, kept: Any, rows: Any, ends: Any, buffers: Any, statuses: Any,
+    c: Any, s: Any,
+) -> None:  # fmt: skip
+    for first in range(0, len(values), len(buffers)):
+        count = min(len(buffers), len(values) - first)
+        for i in range(count):
+            statuses[i] = _begin(buffers[i], base, places, values[first + i])
+            ends[first + i, 0], ends[first + i, 1] = statuses[i], 0
+            if statuses[i] == OK:
+                _record(buffers[i], kept, rows[first + i, 0])
+        for k in range(len(steps)):
+            _advance(buffers[:count], steps[k], c, s, statuses[:count])
+            for i in range(count):
+                if statuses[i] == OK:
+                    ends[first + i, 1] = k + 1
+                    _record(buffers[i], kept, rows[first + i, k + 1 if rows.shape[1] > 1 else 0])
+
+
+@kernel
+def _begin(z: Any, base: Any, places: Any, values: Any) -> int:
+    for j in range(len(base)):
+        z[j] = base[j]
+    for j in range(len(places)):
+        z[places[j]] = values[j]
+    return initialize(z)
+
+
+@kernel
+def _record(z: Any, kept: Any, row: Any) -> None:
+    for j in range(len(kept)):
+        row[j] = z[kept[j]]
+
+
+@kernel
+def _advance(buffers: Any, h: float, c: Any, s: Any, statuses: Any) -> None:
+    for i in range(len(buffers)):
+        if statuses[i] == OK:
+            statuses[i] = _PENDING
+    for i in range(len(buffers)):
+        if statuses[i] == _PENDING:
+            kind = _kind(buffers[i], h)
+            if kind[0] == 0:
+                statuses[i] = step(buffers[i], h)
+            else:
+                _advance_kind(buffers, i, h, c, s, statuses, kind)
+
+
+@kernel(inline=False)
+def _kind(z: Any, h: float) -> Kind:
+    body, loads = body_of(z), load_polynomial_of(z)
+    n, order, fixed = integrated(z, body, loads), int(z[_ORDER]), space_fixed_loads(body, loads)
+    held = holds_inputs(z, _HELD)
+    served = z[_SERIES] != NONE or (held and z[_SERIES + WAIT] <= 0.0 and h * LEAST_REACH <= z[STEP_SIZE])
+    if served and z[_SERIES] == NONE:
+        q, omega = state_attitude(z, STATE_START), state_omega(z, STATE_START)
+        alpha = angular_acceleration(q, omega, body, loads.value)
+        turning = norm(omega) + math.sqrt(norm(alpha))
+        served = n != ROTATION or not order < _SURELY * LEAST_REACH * h * turning
+    if served or fixed.changing or n == WHOLE_STATE or not (h > 0.0 and z[_TOLERANCE] < math.inf):
+        n = 0
+    M = body.inertia
+    diagonal = not is_nonzero((M[0][1], M[0][2], M[1][2]))
+    return n, order, z[_TOLERANCE], z[_SPAN], fixed.lever_force, fixed.torque, diagonal
+
+
+@kernel(inline=False)
+def _advance_kind(buffers: Any, first: int, h: float, c: Any, s: Any, statuses: Any, kind: Kind) -> None:
+    """Advance all bodies of a kind from the first on."""
+    n, order, tolerance, span, lever_force, torque, _ = kind
+    fixed = SpaceFixedLoads(lever_force, torque, False)
+    following, busy = first, 0
+    for lane in range(width_of(c)):
+        following, found = _next(buffers, following, h, statuses, kind)
+        _load(buffers[first if found < 0 else found], c, lane, h, found)  # a lane without a body has a copy
+        busy += 1 if found >= 0 else 0
+    while busy > 0:
+        begin_substeps(c, s, n, order, fixed)
+        take_substeps(c, s, n, order, tolerance, span, fixed)
+        for lane in range(width_of(c)):
+            member = int(lane_at(c, MEMBER, lane))
+            failed = lane_at(c, HAS_FAILED, lane) != 0.0
+            if member < 0 or (lane_at(c, REST, lane) > 0.0 and not failed):
+                continue
+            z = buffers[member]
+            statuses[member] = step(z, h) if failed else _unload(z, c, lane, n, h)
+            following, found = _next(buffers, following, h, statuses, kind)
+            if found >= 0:
+                _load(buffers[found], c, lane, h, found)
+            else:
+                put_lane_at(c, MEMBER, lane, -1.0)
+                put_lane_at(c, REST, lane, 0.0)
+                busy -= 1
+
+
+@kernel
+def _next(buffers: Any, i: int, h: float, statuses: Any, kind: Kind) -> tuple[int, int]:
+    """Return where to look next, and the next body of a kind from i on, or -1."""
+    while i < len(buffers):
+        if statuses[i] == _PENDING and _kind(buffers[i], h) == kind:
+            return i + 1, i
+        i += 1
+    return i, -1
+
+
+@kernel
+def _put(c: Any, i: int, lane: int, v: Vec3) -> None:
+    for k in range(3):
+        put_lane_at(c, i + k, lane, v[k])
+
+
+@kernel
+def _put_rows(c: Any, i: int, lane: int, M: Matrix) -> None:
+    for k in range(3):
+        _put(c, i + 3 * k, lane, M[k])
+
+
+@kernel(inline=False)
+def _load(z: Any, c: Any, lane: int, h: float, member: int) -> None:
+    """Let a lane begin with a body."""
+    body, loads = body_of(z), load_polynomial_of(z)
+    for k in range(ROTATION):
+        put_lane_at(c, STATE + k, lane, z[STATE_START + k])
+    _put_rows(c, _INERTIA, lane, body.inertia)
+    _put_rows(c, _INVERSE, lane, body.inertia_inverse)
+    _put(c, _ARM, lane, body.arm_b)
+    _put(c, _DAMPING, lane, body.damping_b)
+    _put(c, FORCE_A, lane, loads.value.force_a)
+    _put(c, TORQUE_A, lane, loads.value.torque_a)
+    _put(c, TORQUE_B, lane, known_torques(loads, body)[0])
+    put_lane_at(c, SIZE, lane, z[STEP_SIZE])
+    put_lane_at(c, REST, lane, h)
+    put_lane_at(c, LOW, lane, 0.0)
+    put_lane_at(c, TRIED, lane, 0.0)
+    put_lane_at(c, COUNT, lane, 0.0)
+    put_lane_at(c, IS_NEW, lane, 1.0)
+    put_lane_at(c, MEMBER, lane, float(member))
+
+
+@kernel(inline=False)
+def _unload(z: Any, c: Any, lane: int, n: int, h: float) -> int:
+    """Commit what a lane has made of a body, as `step` does; it is taken alone where that is not finite."""
+    keep(z)
+    for k in range(ROTATION):
+        z[STATE_START + k] = lane_at(c, STATE + k, lane)
+    if finish_steadily(z, n, h) != OK:
+        return step(z, h)
+    if holds_inputs(z, _HELD) and z[_SERIES + WAIT] <= 0.0 and h * LEAST_REACH <= z[STEP_SIZE]:
+        z[_SERIES + WAIT] = PATIENCE
+    z[_SERIES] = NONE
+    z[_SERIES + WAIT] -= 1.0
+    z[STEP_SIZE] = lane_at(c, SIZE, lane)
+    z[STEP_SIZE + 1] += lane_at(c, COUNT, lane)
+    keep_inputs(z, _HELD)
+    return OK

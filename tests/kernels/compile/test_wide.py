@@ -1,0 +1,100 @@
+"""Numbers of several bodies side by side: each lane is plain arithmetic, no code branches on what lanes differ in."""
+
+import math
+
+import numpy as np
+import pytest
+from numba import config
+from numba.core.errors import TypingError
+
+from rbfmu_kernels.buffer_access import put_vec3_at, vec3_at
+from rbfmu_kernels.compile.decorator import kernel
+from rbfmu_kernels.compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes
+from rbfmu_kernels.compile.wide import all_of, any_of, choose
+from rbfmu_kernels.compile.wide_arrays import eight_wide, four_wide, lane_at, put_lane_at, width_of
+from rbfmu_kernels.rotations.vec3 import add, cross
+
+pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="wide numbers are compiled code")
+ROWS = 24
+
+
+@kernel
+def _arithmetic(s):
+    total, x = (0.0, 0.0, 0.0), 0.0
+    for k in range(3):
+        total = add(total, cross(vec3_at(s, 0), vec3_at(s, 3)))
+        x = x + 2.0 * s[k]
+    put_vec3_at(s, 6, total)
+    s[9] = choose(x > 1.0, x / s[1], -1.0)
+    s[10] = max(abs(x), 1.0)
+    s[11] = math.sqrt(math.ceil(abs(x)))
+    s[12] = -x - 1
+    s[13] = choose(~((x >= 0.0) & (s[1] < 0.0)) | (s[2] <= 0.0), 1.0, 0.0)
+    s[14] = 3.0
+    four = multiply_lanes(lanes_at(s, 0), lanes(s[3], 2.0, s[5], 0.5))
+    put_lanes(s, 15, add_lanes(four, lanes(1.0, 2.0, 3.0, 4.0)))
+    s[19] = numbers(four)[1]
+    put_lane_at(s, 20, 1, 5.0)
+    s[21] = lane_at(s, 0, 2)
+    return width_of(s)
+
+
+@kernel
+def _in_four(z):
+    return _arithmetic(four_wide(z, 0))
+
+
+@kernel
+def _in_eight(z):
+    return _arithmetic(eight_wide(z, 0))
+
+
+@pytest.mark.parametrize(("width", "run"), [(4, _in_four), (8, _in_eight)])
+def test_each_lane_is_plain_arithmetic(width, run):
+    z = np.random.default_rng(1).normal(size=ROWS * width)
+    s = z.copy().reshape(ROWS, width)
+    assert run(z) == width
+    found = z.reshape(ROWS, width)
+    turn = np.cross(s[:3].T, s[3:6].T).T
+    np.testing.assert_array_equal(found[6:9], turn + turn + turn)
+    x = 2.0 * s[0] + 2.0 * s[1] + 2.0 * s[2]
+    np.testing.assert_array_equal(found[9], np.where(x > 1.0, x / s[1], -1.0))
+    np.testing.assert_array_equal(found[10], np.maximum(abs(x), 1.0))
+    np.testing.assert_array_equal(found[11], np.sqrt(np.ceil(abs(x))))
+    np.testing.assert_array_equal(found[12], -x - 1.0)
+    np.testing.assert_array_equal(found[13], ~((x >= 0.0) & (s[1] < 0.0)) | (s[2] <= 0.0))
+    np.testing.assert_array_equal(found[14], 3.0)
+    four = np.array([s[0] * s[3], s[1] * 2.0, s[2] * s[5], s[3] * 0.5])
+    np.testing.assert_array_equal(found[15:19], four + np.arange(1.0, 5.0)[:, None])
+    np.testing.assert_array_equal(found[19], four[1])
+    assert found[20, 1] == 5.0
+    np.testing.assert_array_equal(np.delete(found[20], 1), np.delete(s[20], 1))
+    np.testing.assert_array_equal(found[21], s[0, 2])
+
+
+@kernel
+def _summaries(z, limit):
+    s = four_wide(z, 0)
+    return any_of(s[0] > limit), all_of(s[0] > limit)
+
+
+@pytest.mark.parametrize(("limit", "expected"), [(0.5, (True, True)), (1.5, (True, False)), (4.5, (False, False))])
+def test_conditions_are_summed_up_over_all_lanes(limit, expected):
+    assert _summaries(np.array([1.0, 2.0, 3.0, 4.0]), limit) == expected
+
+
+@pytest.mark.parametrize("condition", [True, False])
+def test_a_plain_condition_is_its_own_summary(condition):
+    assert (any_of(condition), all_of(condition)) == (condition, condition)
+    assert choose(condition, 1.0, 2.0) == (1.0 if condition else 2.0)
+
+
+@kernel
+def _branches(z):
+    s = four_wide(z, 0)
+    return 1.0 if s[0] > 0.0 else 2.0
+
+
+def test_numba_refuses_to_branch_on_what_may_differ_from_lane_to_lane():
+    with pytest.raises(TypingError):
+        _branches(np.zeros(4))
