@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rbfmu.arrays import *  # noqa: F403
     from rbfmu.arrays.from_kernel import set_threads as set_threads
+    from rbfmu.ensembles.result import EnsembleResult as EnsembleResult
+    from rbfmu.ensembles.running import run_ensemble as run_ensemble
     from rbfmu.progress import progress_bar as progress_bar
     from rbfmu.results.result import Result as Result
     from rbfmu.runs.plan import Plan as Plan
@@ -35,6 +37,8 @@ _MODULES = {
     "scene.plausibility": ("SceneWarning",),
     "arrays.from_kernel": ("set_threads",),
     "results.result": ("Result",),
+    "ensembles.result": ("EnsembleResult",),
+    "ensembles.running": ("run_ensemble",),
     "progress": ("progress_bar",),
     "simulator": ("Simulator", "compiled_step"),
     "studies.own_chart": ("Chart", "chart"),

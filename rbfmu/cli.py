@@ -15,6 +15,7 @@ from rich.console import Console
 from rbfmu.cli_options import (
     PICTURES,
     SAVED,
+    STORES,
     driven_by,
     folder_option,
     input_options,
@@ -28,6 +29,7 @@ from rbfmu.cli_output import (
     plan_text,
     planning_bar,
     print_end,
+    print_ensemble,
     print_keys,
     print_verdict,
     print_verification,
@@ -162,6 +164,48 @@ def run(
 
         plot_result(result, plot, loaded.name)
     print_end(loaded, planned, result, bool(driven))
+
+
+@main.command()
+@click.argument("scene", metavar="SCENE", type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=click.Path(path_type=Path), metavar="STORE", help="Keep in STORE (.npz or .zarr).")
+@click.option("--runs", type=click.IntRange(1), help="In place of the scene's ensemble.runs.")
+@click.option("--workers", type=click.IntRange(1), help="Threads.  [one for each processor]")
+@click.option("--scheduler", metavar="ADDRESS", help="Of Dask, in place of threads: tcp://HOST:PORT.")
+@click.option("--resume", is_flag=True, help="Go on with a STORE that is there.")
+@click.option("--plot", type=click.Path(dir_okay=False, path_type=Path), help="Draw to FILE (.png, .svg or .pdf).")
+@run_options
+def ensemble(
+    scene: Path,
+    output: Path | None,
+    runs: int | None,
+    workers: int | None,
+    scheduler: str | None,
+    resume: bool,
+    plot: Path | None,
+    **run: float | None,
+) -> None:
+    """Run a scene many times, with the numbers that its table [ensemble] varies.
+
+    A run has the same numbers on any number of workers, in one go or resumed.
+    """
+    from rbfmu.ensembles.executors import executor_of
+    from rbfmu.ensembles.planning import plan_ensemble
+    from rbfmu.ensembles.running import run_ensemble
+
+    check_target(output, "--output", STORES)
+    check_target(plot, "--plot", PICTURES)
+    if resume and output is None:
+        raise click.UsageError("--resume: expected --output with the store to go on with")
+    if workers and scheduler:
+        raise click.UsageError("--workers: expected no --scheduler with it, which has workers of its own")
+    with _scene(scene, run) as loaded, usage_errors(), executor_of(workers, scheduler) as executor:
+        with planning_bar(loaded.name) as bar:
+            planned = plan_ensemble(loaded, bar)
+        found = run_ensemble(loaded, output, executor, runs, resume, planned=planned)
+        if plot:
+            found.plot(plot)
+    print_ensemble(planned, found)
 
 
 @main.command()

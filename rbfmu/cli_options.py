@@ -7,6 +7,7 @@ from typing import Any
 import click
 
 SAVED = (".csv", ".npz")
+STORES = (".npz", ".zarr")
 PICTURES = (".png", ".svg", ".pdf")
 
 model_option = click.option(

@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     from rbfmu.scene.scene import Scene
 
 
+MOST_FAILED = 5
+"""Runs that failed whose messages are printed."""
+
+
 class Commands(click.Group):
     """Commands that turn users' errors into a message and exit status 2, warnings into lines, Ctrl-C into 130."""
 
@@ -161,6 +165,29 @@ def print_end(scene: "Scene", planned: "Plan", result: Any, driven: bool) -> Non
     for name, values in result.quantities.items():
         table.add_row(name, result.units[name], " ".join(f"{x: .8g}" for x in values[-1:].ravel()))
     Console(highlight=False).print(table)
+
+
+def print_ensemble(planned: Any, result: Any) -> None:
+    """Print the models, what failed, and mean and spread of the runs at their end."""
+    from rbfmu_kernels.quantities import OUTPUT
+
+    for plan in planned.plans:
+        click.echo(f"{plan.model}: {plan.method}")
+    for reason in planned.reasons:
+        click.echo(reason)
+    click.echo(f"{result.runs:,} runs, {len(result.failed):,} of them failed, {_drawn_again(result)} drawn again")
+    for index, text in [*result.failed.items()][:MOST_FAILED]:
+        click.echo(f"run {index}: {text}")
+    table = Table(f"at t = {result.time[-1]:g} s", "unit", "mean", "standard deviation", box=None)
+    for name in result.scene.outputs.quantities:
+        mean, spread = result.at_end(name)
+        numbers = (" ".join(f"{x: .6g}" for x in values) for values in (mean, spread))
+        table.add_row(name, OUTPUT[name].unit, *numbers)
+    Console(highlight=False).print(table)
+
+
+def _drawn_again(result: Any) -> str:
+    return f"{int((result.redrawn > 0).sum()):,}"
 
 
 def print_keys() -> None:

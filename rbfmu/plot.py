@@ -38,7 +38,7 @@ def drawn(result: Result, title: str = "") -> Figure:
     for axes, (name, values) in zip(panels, result.quantities.items(), strict=True):
         turn = 2.0 * math.pi if OUTPUT[name].unit == "rad" else math.inf
         draw_components(axes, result.time, values, OUTPUT[name].components, turn)
-        axes.set_ylabel(f"{OUTPUT[name].label}{_unit(name)}", fontsize=9)
+        axes.set_ylabel(quantity_label(name), fontsize=9)
     panels[-1].set_xlabel("time (s)")
     figure.suptitle(title, fontsize=11)
     return figure
@@ -59,6 +59,11 @@ def broken(time: Any, angles: Any, turn: float) -> tuple[Any, Any]:
     """Return the points (n,) of a line with a gap between those that are more than half a turn apart."""
     jumps = np.flatnonzero(np.abs(np.diff(angles)) > 0.5 * turn) + 1
     return np.insert(time, jumps, time[jumps]), np.insert(angles, jumps, np.nan)
+
+
+def quantity_label(name: str) -> str:
+    """Return what an axis says of a quantity."""
+    return f"{OUTPUT[name].label}{_unit(name)}"
 
 
 def _unit(name: str) -> str:

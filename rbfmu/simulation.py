@@ -86,11 +86,16 @@ def simulate(
     numbers = range(1, len(time))
     for k in numbers if progress is None else progress(numbers):
         if not driven.advance(k):
-            raise SimulationError(f"{scene.name}: the step from t = {float(time[k - 1])!r} s was refused: not finite")
+            raise refused_step(scene, time[k - 1])
         rows[k] = outputs
     result = Result(time, {n: _quantity(rows, kernels.BLOCKS[n], block.start) for n in scene.outputs.quantities})
     warn(scene, doubts_after(scene, result.quantities), stacklevel=4)
     return result
+
+
+def refused_step(scene: Scene, begin: float) -> SimulationError:
+    """Return the error for a step of a run that was refused; begin: s."""
+    return SimulationError(f"{scene.name}: the step from t = {float(begin)!r} s was refused: not finite")
 
 
 def _quantity(rows: Array, block: slice, first: int) -> Array:

@@ -1,0 +1,154 @@
+"""A chunk of an ensemble: its members' numbers drawn, run in compiled code, and summed up."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rbfmu.ensembles.columns import KEYS, Columns
+from rbfmu.ensembles.loops import compiled, entries, run_members
+from rbfmu.ensembles.samples import Samples, draw, ensemble_of, member, refused
+from rbfmu.ensembles.statistics import Summary, summary_of
+from rbfmu.exceptions import SceneError
+from rbfmu.runs.drive import drive_of
+from rbfmu.runs.input_tables import HOLD
+from rbfmu.runs.model_buffer import aligned_zeros, filled_buffer, refusal
+from rbfmu.runs.plan import Plan
+from rbfmu.scene.scene import Scene
+from rbfmu.simulation import refused_step
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+FINAL, STATISTICS, ALL = "final", "statistics", "all"
+SECONDS, MOST_MEMBERS, MOST_BYTES = 0.1, 65536, 3.2e7
+"""What a chunk takes by its plan; the most members, and bytes of their outputs, that it has."""
+SET_UP = 2e-6
+"""What a member takes besides its steps, s."""
+_TRIANGLE = ((0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2))
+"""Rows and columns of the numbers of an inertia in a buffer."""
+
+
+@dataclass(frozen=True)
+class Work:
+    """What all chunks of an ensemble have in common. plans: an EnsemblePlan; size: members of a chunk."""
+
+    scene: Scene
+    plans: Any
+    size: int
+
+    @property
+    def columns(self) -> Columns:
+        """Return the columns of the outputs."""
+        return Columns(self.scene.outputs.quantities)
+
+    @property
+    def runs(self) -> int:
+        """Return the number of members."""
+        return ensemble_of(self.scene).runs
+
+    @property
+    def chunks(self) -> int:
+        """Return the number of chunks."""
+        return -(-self.runs // self.size)
+
+    def keeps(self, what: str) -> bool:
+        """Return whether this is kept of the runs."""
+        return what in ensemble_of(self.scene).keep
+
+    @property
+    def keeps_time(self) -> bool:
+        """Return whether more than the end of a run is looked at."""
+        return self.keeps(STATISTICS) or self.keeps(ALL)
+
+
+class Chunk(NamedTuple):
+    """What a chunk of members gave. rows (m, n, K): outputs at all points or the last, NaN of members that failed."""
+
+    first: int
+    samples: Mapping[str, Array]
+    redrawn: Indices
+    rows: Array
+    failed: dict[int, str]
+    summary: Summary | None
+
+    @property
+    def members(self) -> int:
+        """Return the number of members."""
+        return len(self.rows)
+
+
+def members_of_a_chunk(scene: Scene, plans: Any) -> int:
+    """Return how many members a chunk has, a power of 2 that depends on the ensemble alone, not on its runs."""
+    steps = len(drive_of(scene, {}, HOLD).lengths)
+    seconds = max(plan.cost for plan in plans.plans) * 1e-9 * steps + SET_UP
+    keeps_time = set(ensemble_of(scene).keep) - {FINAL}
+    numbers = Columns(scene.outputs.quantities).width * (steps + 1 if keeps_time else 1)
+    most = max(1, int(min(SECONDS / seconds, MOST_BYTES / (8.0 * numbers), MOST_MEMBERS)))
+    return 1 << (most.bit_length() - 1)
+
+
+def run_chunk(work: Work, index: int) -> Chunk:
+    """Draw and run the members of a chunk. Their bits are those of `simulate(member(scene, samples, row), plan)`."""
+    first = index * work.size
+    samples = draw(work.scene, first, min(work.size, work.runs - first))
+    count = len(samples.redrawn)
+    steps = drive_of(work.scene, {}, HOLD).lengths
+    rows = np.full((count, len(steps) + 1 if work.keeps_time else 1, work.columns.width), np.nan)
+    failed = refused(work.scene, samples)
+    chosen = work.plans.plan_of(samples)
+    for number, plan in enumerate(work.plans.plans):
+        which = np.array([i for i in np.flatnonzero(chosen == number) if i not in failed], dtype=np.int64)
+        if len(which):
+            rows[which], said = _outputs(work, plan, samples, which, steps, rows.shape[1])
+            failed |= said
+    good = np.array([i for i in range(count) if i not in failed], dtype=np.int64)
+    rows[list(failed)] = np.nan
+    summary = summary_of(rows, good, work.columns.pairs, index) if work.keeps(STATISTICS) else None
+    kept = rows if work.keeps(ALL) else np.ascontiguousarray(rows[:, -1:])
+    messages = {first + i: text for i, text in sorted(failed.items())}
+    return Chunk(first, samples.applied, samples.redrawn, kept, messages, summary)
+
+
+def _outputs(
+    work: Work, plan: Plan, samples: Samples, which: Indices, steps: Array, points: int
+) -> tuple[Array, dict[int, str]]:
+    """Return the outputs (m, n, K) of the members named, by row, and what is said of those that were refused."""
+    kernels = plan.kernels
+    places, values = varied_numbers(samples.applied, kernels.BLOCKS)
+    rows = np.empty((len(which), points, work.columns.width))
+    ends = np.empty((len(which), 2), dtype=np.int64)
+    compiled(run_members)(
+        *entries(kernels), aligned_zeros(kernels.SIZE), filled_buffer(work.scene, plan), places, values[which], steps,
+        work.columns.places(kernels.BLOCKS), rows, ends,
+    )  # fmt: skip
+    bad = np.flatnonzero((ends[:, 0] != 0) | (ends[:, 1] < len(steps)))
+    return rows, {int(which[k]): _message(work.scene, plan, samples, int(which[k]), ends[k]) for k in bad}
+
+
+def varied_numbers(applied: Mapping[str, Array], blocks: dict[str, slice]) -> tuple[Indices, Array]:
+    """Return places (p,) in a model's buffer and the members' values (m, p) there; what it has no block for is left."""
+    count = len(next(iter(applied.values())))
+    names = {key: getattr(KEYS[key], "block", KEYS[key].name) for key in applied}
+    known = {key: blocks[name] for key, name in names.items() if name in blocks}
+    places = [np.arange(block.start, block.stop) for block in known.values()]
+    values = [_flat(applied[key], count) for key in known]
+    both = np.concatenate([np.empty(0, dtype=np.int64), *places]), np.hstack([np.empty((count, 0)), *values])
+    return both[0].astype(np.int64), np.ascontiguousarray(both[1])
+
+
+def _flat(values: Array, count: int) -> Array:
+    return values[:, *_TRIANGLE] if values.ndim == 3 else values.reshape(count, -1)
+
+
+def _message(scene: Scene, plan: Plan, samples: Samples, row: int, end: Indices) -> str:
+    """Return what `simulate` says of a member that was refused, or the checks of its scene say."""
+    try:
+        own = member(scene, samples, row)
+    except SceneError as error:
+        return str(error)
+    if end[0]:
+        return str(refusal(own, int(end[0]), plan.kernels.BLOCKS, filled_buffer(own, plan)))
+    return str(refused_step(own, drive_of(own, {}, HOLD).time[int(end[1])]))

@@ -1,0 +1,70 @@
+"""Which dispersion drives which result: rank correlations of what was applied with how the runs end."""
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rbfmu.ensembles.columns import KEYS
+from rbfmu.extras import needed
+from rbfmu_kernels.quantities import OUTPUT, indices
+
+if TYPE_CHECKING:
+    from rbfmu.ensembles.result import EnsembleResult
+
+Array = NDArray[np.float64]
+MOST = 20_000
+"""Runs that are ranked; the first ones."""
+SURE = 3.0
+"""Standard deviations of a correlation of independent numbers, above which one is not chance."""
+
+
+class Drivers(NamedTuple):
+    """Rank correlations (p, q) of p numbers that vary with q numbers at the end; chance: what chance alone may make."""
+
+    varied: tuple[str, ...]
+    ends: tuple[str, ...]
+    correlations: Array
+    chance: float
+
+
+def drivers_of(result: "EnsembleResult") -> Drivers:
+    """Return Spearman's rank correlations; numbers that are the same in all runs are left out."""
+    rows = result.good[:MOST]
+    varied = _varying(_applied(result, rows))
+    ends = _varying(_ended(result, rows))
+    if not varied or not ends or len(rows) < 3:
+        return Drivers(tuple(varied), tuple(ends), np.full((len(varied), len(ends)), np.nan), 1.0)
+    rank = needed("scipy.stats", "ensemble").rankdata
+    a, b = (_centred(rank(np.column_stack([*columns.values()]), axis=0)) for columns in (varied, ends))
+    return Drivers(tuple(varied), tuple(ends), a.T @ b, SURE / float(np.sqrt(len(rows) - 1)))
+
+
+def _centred(ranks: Array) -> Array:
+    apart = ranks - ranks.mean(axis=0)
+    return np.asarray(apart / np.linalg.norm(apart, axis=0))
+
+
+def _applied(result: "EnsembleResult", rows: Any) -> dict[str, Array]:
+    """Return the numbers applied (n,); of an attitude the vector part of its quaternion."""
+    found: dict[str, Array] = {}
+    for key, values in result.samples.items():
+        chosen = values[rows]
+        if chosen.ndim == 3:
+            chosen = chosen[:, (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)]
+        columns = chosen.reshape(len(rows), -1)
+        names = [f"{key}{index}" for index in indices(KEYS[key])]
+        found |= {name: columns[:, k] for k, name in enumerate(names) if not (columns.shape[1] == 4 and k == 0)}
+    return found
+
+
+def _ended(result: "EnsembleResult", rows: Any) -> dict[str, Array]:
+    found: dict[str, Array] = {}
+    for name in result.scene.outputs.quantities:
+        columns = result.ends(name)[rows].reshape(len(rows), -1)
+        found |= {f"{name}{index}": columns[:, k] for k, index in enumerate(indices(OUTPUT[name]))}
+    return found
+
+
+def _varying(columns: dict[str, Array]) -> dict[str, Array]:
+    return {name: values for name, values in columns.items() if len(values) and np.ptp(values) > 0.0}

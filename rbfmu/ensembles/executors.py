@@ -1,0 +1,141 @@
+"""Where chunks run: threads of this process, any executor of `concurrent.futures`, or Dask."""
+
+import os
+import pickle
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from functools import lru_cache
+from typing import Any
+
+from rbfmu.ensembles.chunks import Chunk, Work, run_chunk
+from rbfmu.exceptions import SimulationError
+from rbfmu.extras import needed
+from rbfmu_kernels.compile.stamp import SOURCES
+
+AHEAD = 3
+"""Chunks that are on their way or wait for an earlier one, for each worker: memory is bounded by that."""
+PATIENCE = "30s"
+"""How long a scheduler is waited for."""
+
+Submit = Callable[..., Any]
+
+
+@contextmanager
+def workers_of(executor: Any) -> Iterator[tuple[Submit, int]]:
+    """Yield `submit` and the number of workers of an executor; of None or a number of threads: threads of our own."""
+    if executor is None or (isinstance(executor, int) and not isinstance(executor, bool)):
+        with _threads(executor) as (submit, number):
+            yield submit, number
+    elif hasattr(executor, "scheduler_info"):  # a client of Dask
+        yield _submit_to_dask(executor), max(1, sum(executor.nthreads().values()))
+    elif hasattr(executor, "submit"):
+        yield executor.submit, int(getattr(executor, "_max_workers", 0)) or processors()
+    else:
+        expected = "a number of threads, an executor of concurrent.futures or a client of Dask"
+        raise ValueError(f"executor = {executor!r}: expected {expected}")
+
+
+@contextmanager
+def _threads(asked: int | None) -> Iterator[tuple[Submit, int]]:
+    if asked is not None and asked < 1:
+        raise ValueError(f"executor = {asked!r}: expected at least one thread")
+    number = asked or processors()
+    pool = ThreadPoolExecutor(number, "rbfmu")
+    try:
+        yield pool.submit, number
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def processors() -> int:
+    """Return the number of processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@contextmanager
+def executor_of(threads: int | None, scheduler: str | None) -> Iterator[Any]:
+    """Yield what `run_ensemble` takes: a number of threads, or a client of the scheduler at an address."""
+    if scheduler is None:
+        yield threads
+    else:
+        with dask_client(scheduler) as client:
+            yield client
+
+
+@contextmanager
+def dask_client(address: str) -> Iterator[Any]:
+    """Yield a client of the scheduler at an address such as tcp://host:8786."""
+    distributed = needed("distributed", "cluster")
+    try:
+        client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise ValueError(f"no scheduler of Dask at {address!r}: {error}") from None
+    with client:
+        yield client
+
+
+def _submit_to_dask(client: Any) -> Submit:
+    """Return `submit` of a client. Dask runs the chunk of a worker that dies on another one."""
+
+    def submit(task: Callable[..., Any], *args: Any) -> Any:
+        return client.submit(task, *args, pure=False)
+
+    return submit
+
+
+def chunks_in_order(work: Work, first: int, executor: Any) -> Iterator[Chunk]:
+    """Yield the chunks from the number `first` on in their order, of which few are on their way at a time."""
+    given = packed(work)
+    with workers_of(executor) as (submit, workers):
+        waiting: deque[Any] = deque()
+        try:
+            for number in range(first, work.chunks):
+                with _losses():
+                    waiting.append(submit(run_packed, given, number))
+                if len(waiting) >= AHEAD * workers:
+                    yield _result(waiting)
+            while waiting:
+                yield _result(waiting)
+        finally:
+            for future in waiting:
+                future.cancel()
+
+
+def _result(waiting: "deque[Any]") -> Chunk:
+    """Return the chunk that comes next, and forget it."""
+    with _losses():
+        chunk: Chunk = waiting.popleft().result()
+    return chunk
+
+
+@contextmanager
+def _losses() -> Iterator[None]:
+    """Turn an error of an executor or of a connection, not of what it runs, into one that says so."""
+    try:
+        yield
+    except Exception as error:
+        if type(error).__module__.partition(".")[0] not in ("concurrent", "distributed", "asyncio"):
+            raise
+        name = type(error).__name__
+        raise SimulationError(f"the executor lost a chunk of the ensemble: {name}: {error}") from error
+
+
+def packed(work: Work) -> bytes:
+    """Return work as bytes, with what tells the kernels that it is for."""
+    return pickle.dumps((SOURCES, work))
+
+
+def run_packed(given: bytes, index: int) -> Chunk:
+    """Run a chunk of packed work, which a worker unpacks once. Raises SimulationError where its kernels are others."""
+    sources, work = _unpacked(given)
+    if sources != SOURCES:
+        raise SimulationError("a worker has other kernels, whose bits may be others: expected one version of rbfmu")
+    return run_chunk(work, index)
+
+
+@lru_cache(maxsize=4)
+def _unpacked(given: bytes) -> tuple[str, Work]:
+    found: tuple[str, Work] = pickle.loads(given)
+    return found

@@ -1,0 +1,111 @@
+"""The picture of an ensemble: bands over time, how runs end, and what drives it."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.patches import Ellipse
+from numpy.typing import NDArray
+
+from rbfmu.ensembles.drivers import Drivers, drivers_of
+from rbfmu.plot import COLORS, Picture, open_frame, quantity_label
+from rbfmu_kernels.quantities import OUTPUT, indices
+
+if TYPE_CHECKING:
+    from rbfmu.ensembles.result import EnsembleResult
+
+Array = NDArray[np.float64]
+BANDS = ((0.05, 0.95, 0.16), (0.25, 0.75, 0.3))
+"""Between which parts of the runs a band lies, and how opaque it is."""
+MOST_DOTS = 3000
+SIGMAS = (1.0, 2.0, 3.0)
+WORDS = (
+    "Left: median, half of the runs, and 90 % of them. Right: runs at the end, with ellipses at 1, 2 and 3 standard "
+    "deviations.\nBelow: rank correlations of what varies with how the runs end, where chance alone does not make them."
+)
+
+
+def drawn(result: "EnsembleResult", path: str | Path | None = None) -> Picture:
+    """Draw an ensemble, to a file too where a path is given; return the figure."""
+    names, drivers = result.scene.outputs.quantities, drivers_of(result)
+    heights = [*[1.9] * len(names), 0.7 + 0.24 * len(drivers.varied)]
+    figure = Picture(figsize=(10.0, 1.3 + sum(heights)), layout="constrained")
+    grid = figure.add_gridspec(len(heights), 2, height_ratios=heights, width_ratios=(2.2, 1.0))
+    first = None
+    for row, name in enumerate(names):
+        first = figure.add_subplot(grid[row, 0], sharex=first)
+        _bands(first, result, name, row == len(names) - 1)
+        _ends(figure.add_subplot(grid[row, 1]), result, name)
+    _drivers(figure, figure.add_subplot(grid[-1, :]), drivers)
+    failed = f", {len(result.failed):,} failed" if result.failed else ""
+    figure.suptitle(f"{result.scene.name}: {result.runs:,} runs{failed}", fontsize=12)
+    figure.supxlabel(WORDS, fontsize=8, color="#444444")
+    if path is not None:
+        figure.savefig(path, dpi=130)
+    return figure
+
+
+def _bands(axes: Any, result: "EnsembleResult", name: str, is_last: bool) -> None:
+    row = OUTPUT[name]
+    if name in result.quantiles:
+        quantiles = result.quantiles[name].reshape(len(result.probabilities), len(result.time), -1)
+        at = {p: quantiles[k] for k, p in enumerate(result.probabilities.tolist())}
+        for j, component in enumerate(row.components):
+            for low, high, opacity in BANDS:
+                ends = at[low][:, j], at[high][:, j]
+                axes.fill_between(result.time, *ends, color=COLORS[j], alpha=opacity, linewidth=0.0)
+            axes.plot(result.time, at[0.5][:, j], color=COLORS[j], linewidth=1.2, label=component)
+        if len(row.components) > 1:
+            axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=9)
+    else:
+        axes.text(0.5, 0.5, "statistics over time are not kept", ha="center", transform=axes.transAxes, color="#777777")
+    axes.set_ylabel(quantity_label(name), fontsize=9)
+    axes.tick_params(labelsize=8, labelbottom=is_last)
+    axes.margins(x=0.0)
+    open_frame(axes, grid=True)
+    if is_last:
+        axes.set_xlabel("time (s)", fontsize=9)
+
+
+def _ends(axes: Any, result: "EnsembleResult", name: str) -> None:
+    """Draw the two components that spread most, or how often values of a single number occur."""
+    ends = result.ends(name)[result.good].reshape(len(result.good), -1)
+    spread = np.argsort(-ends.std(axis=0), kind="stable") if len(ends) else np.arange(1)
+    open_frame(axes)
+    axes.tick_params(labelsize=8)
+    if len(ends) < 2 or ends.shape[1] == 1:
+        axes.hist(ends[:, 0], bins=40, color=COLORS[0], alpha=0.6)
+        axes.set_xlabel(name, fontsize=8)
+        axes.set_ylabel("runs", fontsize=8)
+        return
+    j, k = sorted(spread[:2].tolist())
+    dots = ends[:: max(1, len(ends) // MOST_DOTS)]
+    axes.plot(dots[:, j], dots[:, k], ".", markersize=2.0, color="#888888", alpha=0.5, markeredgewidth=0.0, zorder=1)
+    pair = ends[:, [j, k]]
+    for sigma in SIGMAS:
+        axes.add_patch(_ellipse(pair.mean(axis=0), np.cov(pair.T), sigma))
+    axes.set_xlabel(f"{name}{indices(OUTPUT[name])[j]}", fontsize=8)
+    axes.set_ylabel(f"{name}{indices(OUTPUT[name])[k]}", fontsize=8)
+
+
+def _ellipse(middle: Array, covariance: Array, sigma: float) -> Ellipse:
+    variances, axes = np.linalg.eigh(covariance)
+    width, height = 2.0 * sigma * np.sqrt(np.maximum(variances, 0.0))
+    angle = float(np.degrees(np.arctan2(axes[1, 0], axes[0, 0])))
+    return Ellipse(tuple(middle), width, height, angle=angle, fill=False, edgecolor=COLORS[1], linewidth=1.1, zorder=2)
+
+
+def _drivers(figure: Any, axes: Any, drivers: Drivers) -> None:
+    if not drivers.varied or not drivers.ends:
+        axes.set_axis_off()
+        return
+    image = axes.imshow(drivers.correlations, cmap="RdBu_r", vmin=-1.0, vmax=1.0, aspect="auto")
+    axes.set_yticks(range(len(drivers.varied)), drivers.varied, fontsize=8)
+    axes.set_xticks(range(len(drivers.ends)), drivers.ends, fontsize=8, rotation=35, ha="right", rotation_mode="anchor")
+    axes.tick_params(length=0.0)
+    for i, j in np.ndindex(drivers.correlations.shape):
+        value = float(drivers.correlations[i, j])
+        if abs(value) > drivers.chance:
+            color = "white" if abs(value) > 0.6 else "black"
+            axes.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=7, color=color)
+    figure.colorbar(image, ax=axes, shrink=0.9, pad=0.01).ax.tick_params(labelsize=7)

@@ -1,0 +1,146 @@
+"""What an ensemble gave: what was applied to each run, how it ended, and statistics over time."""
+
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rbfmu.ensembles.checkpoint import Checkpoint
+from rbfmu.ensembles.columns import KEYS
+from rbfmu.ensembles.drivers import Drivers, drivers_of
+from rbfmu.ensembles.samples import ensemble_of
+from rbfmu.ensembles.variables import PROBABILITY, RANK_ERROR, REDRAWN, TIMES, coordinates, variables_by_name
+from rbfmu.extras import needed
+from rbfmu.scene.scene import Scene
+from rbfmu_kernels.quantities import OUTPUT
+
+Array = NDArray[np.float64]
+
+
+class Arrays(Mapping[str, Any]):
+    """Arrays by name, each of which is read when it is first asked for."""
+
+    def __init__(self, sources: Mapping[str, Any], missing: str) -> None:
+        self._sources, self._missing = sources, missing
+        self._read: dict[str, Any] = {}
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._sources:
+            known = ", ".join(self._sources) or "nothing"
+            raise KeyError(f"{name}: {self._missing}; there is {known}")
+        if name not in self._read:
+            self._read[name] = np.asarray(self._sources[name])
+        return self._read[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._sources)
+
+    def __len__(self) -> int:
+        return len(self._sources)
+
+    def __repr__(self) -> str:
+        return f"{{{', '.join(f'{name}: {tuple(source.shape)}' for name, source in self._sources.items())}}}"
+
+
+class EnsembleResult:
+    """The runs of an ensemble.
+
+    time (n,): s. samples: key of the scene -> (runs, ...) what was applied, SI; attitudes as quaternions, inertia as
+    matrices. final: quantity -> (runs, k). mean, std: quantity -> (n, k); covariance -> (n, k, k); quantiles -> (q, n,
+    k) at the q parts `probabilities` of the runs. all: quantity -> (runs, n, k). What the scene's `ensemble.keep` does
+    not name is empty. A quantity of one number has no last axis. Statistics are those of the numbers of the runs that
+    did not fail; failed: index of a run -> message, its numbers are NaN. redrawn (runs,): how often its numbers were
+    drawn again. rank_error: by which part of the runs a quantile is displaced at most.
+    """
+
+    def __init__(self, scene: Scene, arrays: Mapping[str, Any], failed: Mapping[int, str]) -> None:
+        self.scene, self.failed, self._arrays = scene, dict(failed), arrays
+        self.time: Array = np.asarray(arrays[TIMES])
+        self.probabilities: Array = np.asarray(arrays[PROBABILITY])
+        self.rank_error = float(np.asarray(arrays[RANK_ERROR])) if RANK_ERROR in arrays else 0.0
+        names = scene.outputs.quantities
+        self.samples = Arrays({name: a for name, a in arrays.items() if name in KEYS}, "no key that varies")
+        self.final = self._of(names, "_final", "the end of the runs is not kept")
+        self.all = self._of(names, "", "not all of the runs is kept")
+        self.mean, self.std, self.covariance, self.quantiles = (
+            self._of(names, end, "statistics are not kept") for end in ("_mean", "_std", "_covariance", "_quantiles")
+        )
+
+    def _of(self, names: tuple[str, ...], end: str, missing: str) -> Arrays:
+        return Arrays({n: self._arrays[n + end] for n in names if n + end in self._arrays}, missing)
+
+    def __repr__(self) -> str:
+        failed = f", {len(self.failed)} failed" if self.failed else ""
+        shown = ", ".join(self.scene.outputs.quantities)
+        return f"EnsembleResult({self.scene.name!r}: {self.runs} runs{failed}, {shown})"
+
+    @property
+    def runs(self) -> int:
+        """Return the number of runs."""
+        return int(self._arrays[REDRAWN].shape[0])
+
+    @cached_property
+    def redrawn(self) -> NDArray[np.int64]:
+        """Return how often each run's numbers were drawn again, as no body has their inertia."""
+        return np.asarray(self._arrays[REDRAWN])
+
+    @property
+    def good(self) -> NDArray[np.intp]:
+        """Return the indices of the runs that did not fail."""
+        return np.setdiff1d(np.arange(self.runs), np.array(sorted(self.failed), dtype=int))
+
+    def ends(self, name: str) -> Array:
+        """Return a quantity at the end of all runs (runs, k), NaN of those that failed. Raises KeyError if not kept."""
+        return np.asarray(self.all[name][:, -1] if name in self.all else self.final[name])
+
+    def drivers(self) -> Drivers:
+        """Return the rank correlations of what varies with how the runs end."""
+        return drivers_of(self)
+
+    def at_end(self, name: str) -> tuple[Array, Array]:
+        """Return mean and standard deviation (k,) of a quantity at the end of the runs that did not fail."""
+        if name in self.mean:
+            mean, std = self.mean[name][-1], self.std[name][-1]
+        else:
+            ends = self.ends(name)[self.good]
+            mean, std = ends.mean(axis=0), ends.std(axis=0, ddof=1) if len(ends) > 1 else np.full_like(ends[0], np.nan)
+        return np.atleast_1d(mean), np.atleast_1d(std)
+
+    def to_xarray(self) -> Any:
+        """Return a xarray.Dataset of all that is kept, with the names of components, units and frames."""
+        known, found, named = variables_by_name(self.scene, self._arrays), {}, {}
+        for name, variable in known.items():
+            if name in self._arrays:
+                found[name] = (variable.dims, np.asarray(self._arrays[name]), variable.attributes)
+                row = OUTPUT.get(name.rpartition("_")[0])
+                if row is not None and row.size > 1:
+                    axis = next(dim for dim in variable.dims if dim not in ("run", "time", "probability"))
+                    named[axis] = list(row.components)
+        return needed("xarray", "ensemble").Dataset(found, coordinates(self.time) | named)
+
+    def plot(self, path: str | Path | None = None) -> Any:
+        """Draw bands of quantiles, the scatter at the end and what drives it; return the matplotlib.figure.Figure.
+
+        path: a file to draw to, whose ending (.png, .svg, .pdf) sets the format.
+        """
+        from rbfmu.ensembles.pictures import drawn
+
+        return drawn(self, path)
+
+    @classmethod
+    def load(cls, path: str | Path) -> "EnsembleResult":
+        """Read a finished store, .npz or .zarr. Raises ValueError where it is none, or where runs are missing."""
+        path = Path(path)
+        is_file = path.suffix == ".npz"
+        known = Checkpoint.read(path if is_file else path / "resume" / "checkpoint.npz")
+        scene = Scene.from_dict(known.identity["scene"], str(path))
+        if known.runs == 0:
+            done = known.progress.chunks * known.identity["members of a chunk"]
+            raise ValueError(f"{path}: has {done} of {ensemble_of(scene).runs} runs: expected all, resume it")
+        if is_file:
+            return cls(scene, {**known.rows, **known.results}, known.progress.failed)
+        group = needed("zarr", "ensemble").open_group(path, mode="r")
+        return cls(scene, dict(group.arrays()), known.progress.failed)

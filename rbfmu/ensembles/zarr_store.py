@@ -1,0 +1,132 @@
+"""A folder of zarr, which xarray and others read: rows of runs are written in whole chunks of zarr, and once only."""
+
+import errno
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rbfmu.ensembles.checkpoint import Checkpoint, Progress, identity_of
+from rbfmu.ensembles.chunks import ALL, Chunk, Work
+from rbfmu.ensembles.columns import KEYS
+from rbfmu.ensembles.store import checkpoint_of
+from rbfmu.ensembles.variables import Variable, arrays_of_chunk, attributes_of, coordinates, results_of, variables
+from rbfmu.extras import needed
+
+ROWS = 16384
+"""The least number of runs in a chunk of zarr, of variables without time: fewer are held in the checkpoint."""
+NUMBERS = 262144
+"""The number of numbers in a chunk of zarr, of variables with time."""
+RESUME = "resume"
+"""The group of the checkpoint."""
+
+
+class ZarrStore:
+    """A folder of zarr, version 3 of the format."""
+
+    def __init__(self, work: Work, path: Path) -> None:
+        self._zarr = needed("zarr", "ensemble")
+        self._work, self._path, self._file = work, path, path / RESUME / "checkpoint.npz"
+        self._identity = identity_of(work)
+        self._rows = work.size * max(1, ROWS // work.size)
+        self._held: dict[str, Any] = {}
+        self._first = 0
+        self._group: Any = None
+
+    def begin(self, resume: bool) -> Checkpoint | None:
+        """Make the store ready, and return what it holds already. Raises FileExistsError, ValueError."""
+        known = checkpoint_of(self._path, self._file, self._identity, resume)
+        if known is None:
+            self._refuse_others()
+        self._group = self._zarr.open_group(self._path, mode="a", zarr_format=3)
+        if known is None:
+            self._group.require_group(RESUME)
+            Checkpoint(self._identity, Progress.none(self._work)).write(self._file)
+            return None
+        self._held = dict(known.rows)
+        done = known.progress.chunks * self._work.size
+        self._first = done - (len(next(iter(self._held.values()))) if self._held else 0)
+        if 0 < known.runs < self._work.runs:
+            for array in self._arrays_by_run():
+                array.resize((self._work.runs, *array.shape[1:]))
+        return known
+
+    def _refuse_others(self) -> None:
+        """Refuse a folder of something else; one that was begun and killed before its first checkpoint has little."""
+        if self._path.exists() and not (
+            self._path.is_dir() and {path.name for path in self._path.iterdir()} <= {RESUME, "zarr.json"}
+        ):
+            raise FileExistsError(errno.EEXIST, "is no store of an ensemble, and stays as it is", str(self._path))
+
+    def _arrays_by_run(self) -> Iterator[Any]:
+        return (array for _, array in self._group.arrays() if (array.metadata.dimension_names or ())[:1] == ("run",))
+
+    def put(self, chunk: Chunk) -> None:
+        """Take the next chunk."""
+        arrays = arrays_of_chunk(self._work, chunk)
+        if chunk.first == 0:
+            self._create(arrays)
+        timed = set(self._work.columns.names) if self._work.keeps(ALL) else set()
+        for name, values in arrays.items():
+            if name in timed:
+                self._group[name][chunk.first : chunk.first + chunk.members] = values
+            else:
+                there = self._held.get(name, values[:0])
+                self._held[name] = np.concatenate([there, values])
+        if len(self._held["redrawn"]) >= self._rows:
+            self._write_held()
+
+    def _create(self, arrays: Mapping[str, Any]) -> None:
+        """Create the arrays with a row a run, by the first chunk."""
+        sampled = {name: values.ndim for name, values in arrays.items() if name in KEYS}
+        for variable in variables(self._work.scene, sampled):
+            if variable.dims[:1] == ("run",):
+                values = arrays[variable.name]
+                self._array(variable, (self._work.runs, *values.shape[1:]), values.dtype)
+
+    def _array(self, variable: Variable, shape: tuple[int, ...], dtype: Any) -> Any:
+        return self._group.create_array(
+            variable.name, shape=shape, chunks=self._chunks(variable, shape), dtype=dtype, overwrite=True,
+            fill_value=np.nan if dtype.kind == "f" else 0, dimension_names=variable.dims,
+            attributes=variable.attributes,
+        )  # fmt: skip
+
+    def _chunks(self, variable: Variable, shape: tuple[int, ...]) -> tuple[int, ...]:
+        if variable.dims[:2] == ("run", "time"):
+            times = max(1, NUMBERS // (self._work.size * int(np.prod(shape[2:]))))
+            return (self._work.size, min(times, shape[1]), *shape[2:])
+        return (self._rows, *shape[1:]) if variable.dims[:1] == ("run",) else shape
+
+    def _write_held(self) -> None:
+        for name, values in self._held.items():
+            self._group[name][self._first : self._first + len(values)] = values
+        self._first += len(next(iter(self._held.values())))
+        self._held = {}
+
+    def commit(self, progress: Progress) -> None:
+        """Keep the chunks that were taken, all of them full, even if the program is killed after that."""
+        Checkpoint(self._identity, progress, self._held).write(self._file)
+
+    def finish(self, whole: Progress, progress: Progress) -> None:
+        """Keep everything. whole: the progress in full chunks, from which more runs may go on."""
+        full = whole.chunks * self._work.size - self._first
+        held = {name: values[:full] for name, values in self._held.items()} if full > 0 else {}
+        if self._held:
+            first = self._first
+            self._write_held()
+            self._first = first
+        results = results_of(self._work, progress.statistics, self._group)
+        for variable in variables(self._work.scene, {}):
+            if variable.name in results:
+                values = results[variable.name]
+                self._array(variable, values.shape, values.dtype)[...] = values
+        for name, (dimension, values, attributes) in coordinates(results["time"]).items():
+            self._array(Variable(name, (dimension,), attributes), values.shape, values.dtype)[...] = values
+        self._group.attrs.update(attributes_of(self._work, progress.failed))
+        progress = Progress(whole.chunks, whole.statistics, progress.failed)
+        Checkpoint(self._identity, progress, held, runs=self._work.runs).write(self._file)
+
+    def arrays(self) -> Mapping[str, Any]:
+        """Return all variables by name; they are read when they are looked at."""
+        return dict(self._group.arrays())

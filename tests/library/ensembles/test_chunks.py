@@ -1,0 +1,188 @@
+"""A chunk's members have the bits of single runs, whatever the model, and say what a single run says."""
+
+import numpy as np
+import pytest
+
+from rbfmu import SceneError, SimulationError, load_scene, simulate
+from rbfmu.ensembles.chunks import Work, members_of_a_chunk, run_chunk
+from rbfmu.ensembles.planning import EnsemblePlan, plan_ensemble
+from rbfmu.ensembles.samples import draw, member
+from rbfmu.models.registry import MODELS
+from rbfmu.runs.plan import Plan
+from rbfmu.scene.scene import Scene
+from tests.support.paths import SCENES
+from tests.support.scenes.model_cases import GRAVITY, NO_GRAVITY, TOP, TRIAXIAL
+
+DISC = {"mass": 2.0, "inertia": [1.0, 1.0, 1.3]}
+SPIN, TUMBLE = {"omega_b": [0.0, 0.0, 2.0]}, {"omega_b": [0.3, -0.2, 1.0]}
+MASS = {"body.mass": {"normal": [2.0, 0.05]}}
+START = {"initial.position": {"uniform": [[-1.0] * 3, [1.0] * 3]}, "initial.attitude": {"rotvec_deg": 5.0}}
+RATES = {"initial.omega_b": {"normal": [[0.3, -0.2, 1.0], [0.1] * 3]}}
+ANY_INERTIA = {"body.inertia": {"relative": 0.02, "axes_deg": 1.0}}
+ANYTHING = {
+    "loads.torque_b": {"normal": [[0.1, 0.2, 0.1], [0.01] * 3]}, "loads.damping_b": {"relative": 0.1},
+    "body.r_oc_b": {"normal": [[0.0, 0.0, 0.0], [0.01] * 3]}, "initial.velocity": {"normal": [[0, 0, 0], [1.0] * 3]},
+}  # fmt: skip
+PENDULUM = {"mass": 2.0, "inertia": [1.0, 1.2, 1.4], "r_oc_b": [0.0, 0.3, 0.0], "pivot": True}
+SWING = {"attitude": {"rotvec": [0.7, 0.0, 0.0]}}
+EVERYTHING = {
+    "gravity_a": [0.0, 0.0, -1.0], "force_b": [1.0, 0.5, 0.2], "torque_b": [0.1, 0.2, 0.1],
+    "damping_b": [0.1, 0.1, 0.1],
+}  # fmt: skip
+FREELY = MASS | START
+TWIST = {**NO_GRAVITY, "torque_b": [0.0, 0.0, 0.3]}
+CASES = {
+    "no rotation": (TRIAXIAL, {}, NO_GRAVITY, FREELY),
+    "constant rate": (TRIAXIAL, SPIN, NO_GRAVITY, FREELY | {"initial.omega_b": {"normal": [[0, 0, 2], [0, 0, 1]]}}),
+    "angular momentum": (TRIAXIAL, TUMBLE, {**NO_GRAVITY, "torque_a": [0.1, 0.0, 0.2]}, FREELY),
+    "one axis": (TRIAXIAL, SPIN, TWIST, FREELY),
+    "undamped pendulum": (PENDULUM, SWING, GRAVITY, MASS),
+    "torque-free symmetric body": (DISC, TUMBLE, NO_GRAVITY, FREELY | RATES),
+    "symmetric body spun up": (DISC, TUMBLE, TWIST, MASS),
+    "torque-free body": (TRIAXIAL, TUMBLE, NO_GRAVITY, FREELY | ANY_INERTIA),
+    "one swinging axis": (PENDULUM, SWING, {**GRAVITY, "damping_b": [0.1, 0.1, 0.1]}, MASS),
+    "torque-free body, body force": (TRIAXIAL, TUMBLE, {**NO_GRAVITY, "force_b": [0.0, 0.3, 1.0]}, FREELY),
+    "symmetric top": (TOP, TUMBLE, GRAVITY, {"initial.attitude": {"rotvec_deg": 5.0}}),
+    "body under loads": (TRIAXIAL, TUMBLE, EVERYTHING, FREELY),
+    "body under loads, by series": (TRIAXIAL, TUMBLE, EVERYTHING, FREELY | ANYTHING),
+}
+SHOWN = {"angular momentum": ["angular_momentum_a"], "symmetric body spun up": ["omega_b"]}
+
+
+def ensemble_scene(body, initial, loads, vary, shown=("position", "quaternion", "omega_b"), **table):
+    tables = {"body": body, "initial": initial, "loads": loads, "outputs": {"quantities": list(shown)}}
+    ensemble = {"runs": 9, "seed": 4, "keep": ["all", "statistics"], "vary": vary} | table
+    return Scene.from_dict(tables | {"run": {"stop": 2.0, "step": 0.25, "accuracy": 1e-6}, "ensemble": ensemble})
+
+
+def given_plan(key):
+    spec = MODELS[key]
+    return Plan(
+        key, spec.method, spec.states, substep=0.02, tolerance=1e-9, order=4 if "top" in key or "force" in key else 12
+    )
+
+
+def outcome(scene, samples, row, planned):
+    """What a single run gives, or says."""
+    try:
+        return simulate(member(scene, samples, row), planned=planned).quantities
+    except (SceneError, SimulationError) as error:
+        return str(error)
+
+
+def assert_like_single_runs(scene, plans):
+    work = Work(scene, plans, 64)
+    chunk, samples = run_chunk(work, 0), draw(scene, 0, scene.ensemble.runs)
+    chosen = plans.plan_of(samples)
+    for i in range(scene.ensemble.runs):
+        single = outcome(scene, samples, i, plans.plans[chosen[i]])
+        if isinstance(single, str):
+            assert chunk.failed[i] == single
+            assert np.isnan(chunk.rows[i]).all()
+            continue
+        assert i not in chunk.failed
+        for name, values in work.columns.split(chunk.rows[i]).items():
+            assert values.tobytes() == single[name].tobytes(), (name, i)
+    return chunk
+
+
+@pytest.mark.parametrize("model", CASES)
+def test_members_have_the_bits_of_single_runs(model):
+    body, initial, loads, vary = CASES[model]
+    scene = ensemble_scene(body, initial, loads, vary, SHOWN.get(model, ("position", "quaternion", "omega_b")))
+    chunk = assert_like_single_runs(scene, EnsemblePlan((given_plan(model),)))
+    assert not chunk.failed
+    ends = chunk.rows[:, -1]
+    assert len(np.unique(ends, axis=0)) > 1 or model in SHOWN  # what varies acts
+
+
+def test_every_model_is_tried():
+    assert set(CASES) == set(MODELS) - {"prescribed rates"}  # which is tried below
+
+
+def test_attitudes_vary_where_rates_are_prescribed():
+    scene = load_scene(SCENES / "gyro_attitude.toml").replace(
+        run={"stop": 1.0, "step": 0.25}, ensemble={"runs": 5, "vary": {"initial.attitude": "uniform"}, "keep": ["all"]}
+    )
+    assert_like_single_runs(scene, plan_ensemble(scene))
+
+
+def test_a_member_that_cannot_be_simulated_says_why_and_the_rest_goes_on():
+    vary = {"body.mass": {"normal": [1.0, 1.0]}, "loads.damping_b": {"normal": [[0.1] * 3, [0.1] * 3]}}
+    scene = ensemble_scene(TRIAXIAL, TUMBLE, EVERYTHING, vary, runs=40)
+    chunk = assert_like_single_runs(scene, EnsemblePlan((given_plan("body under loads, by series"),)))
+    assert 0 < len(chunk.failed) < 40
+    assert all("mass" in text or "damping_b" in text for text in chunk.failed.values())
+    assert chunk.summary.members == 40 - len(chunk.failed)
+
+
+def test_a_step_that_is_refused_is_said_with_its_time():
+    vary = {"loads.torque_b": {"lognormal": [[1e150] * 3, [40.0] * 3]}}
+    scene = ensemble_scene(TRIAXIAL, TUMBLE, EVERYTHING, vary, runs=20)
+    chunk = assert_like_single_runs(scene, EnsemblePlan((given_plan("body under loads, by series"),)))
+    assert any("was refused: not finite" in text for text in chunk.failed.values())
+
+
+def test_sizes_that_no_shape_has_are_refused_though_their_inertia_is_possible():
+    body = {"mass": 2.0, "shape": {"kind": "box", "sides": [1.0, 1.2, 1.4]}}
+    vary = {"body.shape.sides": {"normal": [[1.0, 1.2, 1.4], [1.0] * 3]}}
+    scene = ensemble_scene(body, TUMBLE, NO_GRAVITY, vary, runs=30)
+    chunk = assert_like_single_runs(scene, EnsemblePlan((given_plan("torque-free body"),)))
+    assert 0 < len(chunk.failed) < 30
+    assert all("body.shape.sides" in text for text in chunk.failed.values())
+
+
+def test_torques_about_a_beams_own_axis_are_refused_as_in_its_scene():
+    beam = {"mass": 2.0, "inertia": [0.0, 1.0, 1.0]}
+    loads = {**NO_GRAVITY, "torque_b": [0.0, 0.1, 0.1]}
+    vary = {"loads.torque_b": {"normal": [[0.0, 0.1, 0.1], [0.1, 0.0, 0.0]]}}
+    scene = ensemble_scene(beam, {}, loads, vary)
+    chunk = run_chunk(Work(scene, EnsemblePlan((given_plan("body under loads, by series"),)), 16), 0)
+    assert len(chunk.failed) == 9
+    assert "no torque about (1, 0, 0)" in chunk.failed[0]
+
+
+class TwoPlans(EnsemblePlan):
+    def plan_of(self, samples):
+        return (samples.first + np.arange(len(samples))) % 2
+
+
+def test_members_may_have_different_plans():
+    body, initial, loads, vary = CASES["body under loads, by series"]
+    plans = TwoPlans((given_plan("body under loads, by series"), given_plan("body under loads")))
+    assert_like_single_runs(ensemble_scene(body, initial, loads, vary), plans)
+
+
+def test_a_members_bits_do_not_hang_on_its_chunk():
+    body, initial, loads, vary = CASES["body under loads, by series"]
+    scene = ensemble_scene(body, initial, loads, vary)
+    plans = EnsemblePlan((given_plan("body under loads, by series"),))
+    whole = run_chunk(Work(scene, plans, 16), 0)
+    parts = [run_chunk(Work(scene, plans, 2), k) for k in range(5)]
+    assert np.concatenate([part.rows for part in parts]).tobytes() == whole.rows.tobytes()
+    assert [part.first for part in parts] == [0, 2, 4, 6, 8]
+
+
+def test_only_ends_are_kept_where_nothing_else_is_asked_for():
+    body, initial, loads, vary = CASES["torque-free body"]
+    scene = ensemble_scene(body, initial, loads, vary)
+    plans = EnsemblePlan((given_plan("torque-free body"),))
+    ends = run_chunk(Work(scene.replace({"ensemble.keep": ["final"]}), plans, 16), 0)
+    assert ends.rows.tobytes() == run_chunk(Work(scene, plans, 16), 0).rows[:, -1:].tobytes()
+    assert ends.summary is None
+
+
+def test_chunks_have_the_size_of_their_cost():
+    body, initial, loads, vary = CASES["torque-free body"]
+    scene = ensemble_scene(body, initial, loads, vary)
+
+    def size(cost, **changes):
+        plan = Plan("torque-free body", "", 7, cost=cost)
+        return members_of_a_chunk(scene.replace({f"{key.replace('__', '.')}": v for key, v in changes.items()}),
+                                  EnsemblePlan((plan,)))  # fmt: skip
+
+    assert size(1e8) == 1
+    assert size(1e5) == 64  # of 0.8 ms each, 0.1 s together
+    assert size(1e5, ensemble__runs=10**6) == 64
+    assert size(100.0) == 32768  # whose outputs at 9 points have 23 MB
+    assert size(100.0, ensemble__keep=["final"]) == 32768

@@ -1,0 +1,283 @@
+"""Runs of ensembles: the same bits on any executor, and after any stop."""
+
+import concurrent.futures as cf
+import multiprocessing
+import threading
+
+import pytest
+
+import rbfmu
+from rbfmu import EnsembleResult, SceneError, SimulationError, run_ensemble
+from rbfmu.ensembles import executors, running
+from rbfmu.ensembles.chunks import run_chunk
+from rbfmu.ensembles.planning import EnsemblePlan
+from rbfmu.runs.plan import Plan
+
+TABLES = {
+    "name": "satellite",
+    "body": {"mass": 50.0, "inertia": [2.0, 2.5, 3.0]},
+    "initial": {"omega_b": [0.1, -0.2, 0.15]},
+    "loads": {"gravity_a": [0.0, 0.0, 0.0], "damping_b": [0.05, 0.05, 0.05]},
+    "outputs": {"quantities": ["quaternion", "omega_b", "kinetic_energy"]},
+    "run": {"stop": 2.0, "step": 0.5},
+    "ensemble": {"runs": 100, "seed": 3, "vary": {
+        "body.mass": {"normal": [50.0, 0.5]},
+        "body.inertia": {"relative": 0.02},
+        "initial.attitude": {"rotvec_deg": 2.0},
+        "initial.omega_b": {"normal": [[0.1, -0.2, 0.15], [0.02] * 3]},
+        "loads.damping_b": {"normal": [[0.05] * 3, [0.03, 0.01, 0.01]]},  # of some runs negative: they fail
+    }},
+}  # fmt: skip
+PLAN = Plan("body under loads, by series", "series", 7, tolerance=1e-9, order=12, cost=2.5e6)
+PLANS = EnsemblePlan((PLAN,))
+"""A plan whose stated cost makes chunks of 8 members."""
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return rbfmu.Scene.from_dict(TABLES)
+
+
+def run(scene, *arguments, **options):
+    return run_ensemble(scene, *arguments, planned=PLANS, progress=False, **options)
+
+
+@pytest.fixture(scope="module")
+def whole(scene):
+    return run(scene, executor=1)
+
+
+def assert_same(a, b):
+    assert isinstance(b, EnsembleResult)
+    assert a.failed == b.failed
+    mine, theirs = a.to_xarray(), b.to_xarray()
+    assert set(mine.variables) == set(theirs.variables)
+    for name in mine.variables:
+        assert mine[name].values.tobytes() == theirs[name].values.tobytes(), name
+        assert mine[name].attrs == theirs[name].attrs
+
+
+def test_the_plan_makes_chunks_of_some_members(scene):
+    assert 5 < executors.Work(scene, PLANS, running.members_of_a_chunk(scene, PLANS)).chunks < 20
+
+
+@pytest.mark.parametrize("threads", [2, 7])
+def test_threads_give_the_same_bits(scene, whole, threads):
+    assert_same(whole, run(scene, executor=threads))
+    assert 0 < len(whole.failed) < 50
+
+
+def test_processes_give_the_same_bits(scene, whole):
+    with cf.ProcessPoolExecutor(2, multiprocessing.get_context("forkserver")) as pool:
+        assert_same(whole, run(scene, executor=pool))
+
+
+class Reversed(cf.Executor):
+    """An executor that runs what it has in reverse order, once it is asked for a result."""
+
+    _max_workers = 3
+
+    def __init__(self):
+        self.waiting, self.most = [], 0
+
+    def submit(self, function, /, *args):
+        future = Waited(self)
+        self.waiting.append((future, function, args))
+        self.most = max(self.most, len(self.waiting))
+        return future
+
+
+class Waited(cf.Future):
+    def __init__(self, pool):
+        super().__init__()
+        self.pool = pool
+
+    def result(self, timeout=None):
+        for future, function, args in reversed(self.pool.waiting):
+            future.set_result(function(*args))
+        self.pool.waiting.clear()
+        return super().result(timeout)
+
+
+def test_the_order_in_which_chunks_are_done_changes_nothing_and_few_wait(scene, whole):
+    pool = Reversed()
+    assert_same(whole, run(scene, executor=pool))
+    assert pool.most == 3 * executors.AHEAD
+
+
+@pytest.mark.parametrize("wrong", [0, -1, "two", True, 2.5])
+def test_what_is_no_executor_is_refused(scene, wrong):
+    with pytest.raises(ValueError, match="executor = "):
+        run(scene, executor=wrong)
+
+
+def test_a_scene_without_ensemble_is_refused(scene):
+    with pytest.raises(SceneError, match="ensemble is missing"):
+        run_ensemble(scene.replace({"ensemble": None}))
+
+
+def test_an_executor_that_breaks_is_named(scene, tmp_path, whole):
+    with cf.ProcessPoolExecutor(1, multiprocessing.get_context("forkserver")) as pool:
+        pool.submit(int).result()
+        for process in pool._processes.values():
+            process.kill()
+        with pytest.raises(SimulationError, match="the executor lost a chunk of the ensemble: BrokenProcessPool"):
+            run(scene, tmp_path / "store.npz", pool)
+    assert_same(whole, run(scene, tmp_path / "store.npz", resume=True))
+
+
+def test_workers_of_other_sources_are_refused(scene, monkeypatch):
+    packed = executors.packed(executors.Work(scene, PLANS, 8))
+    monkeypatch.setattr(executors, "SOURCES", "other")
+    with pytest.raises(SimulationError, match="a worker has other kernels"):
+        executors.run_packed(packed, 0)
+
+
+# Resumed
+
+
+STORES = ["store.npz", "store.zarr"]
+
+
+class StopError(Exception):
+    pass
+
+
+def stopped_after(monkeypatch, count, error=StopError):
+    """Let the chunk with this number fail, and all commits be made at once."""
+
+    def run_some(work, index):
+        if index >= count:
+            raise error
+        return run_chunk(work, index)
+
+    monkeypatch.setattr(executors, "run_chunk", run_some)
+    monkeypatch.setattr(running, "OFTEN", 0.0)
+    monkeypatch.setattr(running, "SHARE", 1e9)
+
+
+@pytest.mark.parametrize("store", STORES)
+@pytest.mark.parametrize("error", [StopError, KeyboardInterrupt])
+def test_what_was_stopped_goes_on_with_the_same_bits(scene, whole, tmp_path, monkeypatch, store, error):
+    for count in (0, 1, 5, 12):
+        with monkeypatch.context() as patch:
+            stopped_after(patch, count, error)
+            with pytest.raises(error):
+                run(scene, tmp_path / store, executor=2, resume=count > 0)
+    done = []
+
+    def counted(work, index):
+        done.append(index)
+        return run_chunk(work, index)
+
+    monkeypatch.setattr(executors, "run_chunk", counted)
+    found = run(scene, tmp_path / store, executor=2, resume=True)
+    assert sorted(done) == [12]  # nothing that is in the store is run again
+    assert_same(whole, found)
+    assert_same(whole, EnsembleResult.load(tmp_path / store))
+
+
+@pytest.mark.parametrize("store", STORES)
+def test_a_finished_store_is_read(scene, whole, tmp_path, monkeypatch, store):
+    run(scene, tmp_path / store)
+    monkeypatch.delattr(executors, "run_chunk")
+    assert_same(whole, run(scene, tmp_path / store, resume=True))
+
+
+@pytest.mark.parametrize("store", STORES)
+def test_more_runs_may_follow(scene, tmp_path, store):
+    more = run(scene, runs=163)
+    run(scene, tmp_path / store)
+    assert_same(more, run(scene, tmp_path / store, runs=163, resume=True))
+    with pytest.raises(ValueError, match=r"ensemble.runs = 100: expected 163"):
+        run(scene, tmp_path / store, resume=True)
+
+
+@pytest.mark.parametrize("store", STORES)
+def test_an_existing_store_is_not_touched_without_resume(scene, tmp_path, store):
+    run(scene, tmp_path / store)
+    with pytest.raises(FileExistsError, match="exists already, and stays as it is"):
+        run(scene, tmp_path / store)
+
+
+def test_a_folder_of_something_else_is_not_touched(scene, tmp_path):
+    (tmp_path / "store.zarr").mkdir()
+    (tmp_path / "store.zarr" / "notes.txt").write_text("mine")
+    for resume in (False, True):
+        with pytest.raises(FileExistsError, match="stays as it is"):
+            run(scene, tmp_path / "store.zarr", resume=resume)
+    assert [path.name for path in (tmp_path / "store.zarr").iterdir()] == ["notes.txt"]
+
+
+@pytest.mark.parametrize(("change", "said"), [
+    ({"ensemble.seed": 4}, "ensemble.seed = 4: expected 3"),
+    ({"body.mass": 51.0}, "body.mass = 51.0: expected 50.0"),
+    ({"ensemble.vary": {"body.mass": {"normal": [50.0, 1.0]}}}, "ensemble.vary"),
+    ({"run.stop": 3.0}, "run.stop = 3.0: expected 2.0"),
+    ({"ensemble.keep": ["final"]}, "ensemble.keep"),
+])  # fmt: skip
+@pytest.mark.parametrize("store", STORES)
+def test_a_store_of_another_ensemble_is_refused(scene, tmp_path, store, change, said):
+    run(scene, tmp_path / store)
+    with pytest.raises(ValueError, match="of another ensemble") as caught:
+        run(scene.replace(change), tmp_path / store, resume=True)
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_store_of_other_kernels_is_refused(scene, tmp_path, monkeypatch):
+    run(scene, tmp_path / "store.npz")
+    monkeypatch.setattr("rbfmu.ensembles.checkpoint.SOURCES", "other")
+    with pytest.raises(ValueError, match=r"sources.rbfmu_kernels = \"other\": expected"):
+        run(scene, tmp_path / "store.npz", resume=True)
+
+
+def test_a_store_of_another_plan_is_refused(scene, tmp_path):
+    run(scene, tmp_path / "store.npz")
+    other = EnsemblePlan((Plan(**{**vars(PLAN), "order": 14}),))
+    with pytest.raises(ValueError, match="plans"):
+        run_ensemble(scene, tmp_path / "store.npz", resume=True, planned=other, progress=False)
+
+
+@pytest.mark.parametrize("name", ["store", "store.csv"])
+def test_other_stores_are_refused(scene, tmp_path, name):
+    with pytest.raises(ValueError, match=r"expected a name that ends in .npz or .zarr"):
+        run(scene, tmp_path / name)
+
+
+def test_an_unfinished_store_is_no_result(scene, tmp_path, monkeypatch):
+    with monkeypatch.context() as patch:
+        stopped_after(patch, 3)
+        with pytest.raises(StopError):
+            run(scene, tmp_path / "store.npz", executor=1)
+    with pytest.raises(ValueError, match=r"has 24 of 100 runs: expected all, resume it"):
+        EnsembleResult.load(tmp_path / "store.npz")
+    (tmp_path / "text.npz").write_text("text")
+    with pytest.raises(ValueError, match="cannot be read"):
+        EnsembleResult.load(tmp_path / "text.npz")
+
+
+def test_an_interrupt_between_two_lines_keeps_nothing_that_is_half_done(scene, whole, tmp_path, monkeypatch):
+    """The statistics of a chunk are in, but not its rows, or the other way round: such a state is not kept."""
+    monkeypatch.setattr(running, "OFTEN", 0.0)
+    original, count = running.Progress.add, [0]
+
+    def struck(self, chunk, work):
+        count[0] += 1
+        original(self, chunk, work)
+        if count[0] == 4:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(running.Progress, "add", struck)
+        with pytest.raises(KeyboardInterrupt):
+            run(scene, tmp_path / "store.npz", executor=1)
+    assert_same(whole, run(scene, tmp_path / "store.npz", resume=True))
+
+
+def test_threads_stop_with_the_run(scene, monkeypatch):
+    stopped_after(monkeypatch, 2)
+    with pytest.raises(StopError):
+        run(scene, executor=2)
+    names = {thread.name for thread in threading.enumerate()}
+    assert not any(name.startswith("rbfmu_") for name in names)
