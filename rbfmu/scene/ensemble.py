@@ -27,6 +27,7 @@ from rbfmu_kernels.mechanics import inertia
 RANDOM, SOBOL, LATIN_HYPERCUBE, GRID = DESIGNS = ("random", "sobol", "latin_hypercube", "grid")
 CHOICE = " or ".join(f'"{name}"' for name in DESIGNS)
 KEPT = ("final", "statistics", "all")
+NESTED = ("body", "initial", "loads", "run")
 MOST_RUNS = 1_000_000_000
 PARAMETERS = {DEGREES: "omega_b_0", ATTITUDE: "quaternion_0", SHAPE: "inertia"}
 """The parameters that keys set whose name does not say it."""
@@ -187,8 +188,23 @@ def as_written(value: Any, tables: Mapping[str, Any]) -> Any:
     vary = value.get("vary") if isinstance(value, Mapping) else None
     if not isinstance(vary, Mapping):
         return value
-    vary = _with_shape(dict(vary), tables.get("body"))
+    vary = _with_shape(_dotted(vary), tables.get("body"))
     return {**value, "vary": _with_attitude(vary, tables.get("initial"))}
+
+
+def _dotted(vary: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the table with one dotted key a quantity, also where TOML's own dots made tables of them."""
+    found: dict[str, Any] = {}
+    for key, value in vary.items():
+        inside = isinstance(value, Mapping) and (
+            key in NESTED or (key == SHAPE and "kind" not in value) or (key == ATTITUDE and _lacks_sequence(value))
+        )
+        found |= _dotted({f"{key}.{name}": item for name, item in value.items()}) if inside else {key: value}
+    return found
+
+
+def _lacks_sequence(attitude: Mapping[str, Any]) -> bool:
+    return len(attitude) == 1 and next(iter(attitude)) in ("angles", "angles_deg")
 
 
 def _with_shape(vary: dict[str, Any], body: Any) -> dict[str, Any]:
@@ -254,13 +270,10 @@ def _faults_of_relative(variation: Variation, path: str, good: Mapping[str, Any]
         if _is_beam(good["body"]):
             yield fault(path, variation.table, "body.mass, or the length of its shape: a beam's two moments are equal")
         return
-    value = nominal_value(variation.key, good)
-    relative = [m for m in variation.marginals if m.kind == RELATIVE]
-    zero = [m for m, x in zip(relative, value, strict=True) if m.varies and x == 0.0]
-    one_for_all = not isinstance(variation.table[RELATIVE], list) and len(relative) > 1
-    if zero and not (one_for_all and len(zero) < len(relative)):
-        expected = f"a distribution of {zero[0].name} that is not relative: it is 0 in the scene"
-        yield fault(path, variation.table, expected)
+    relative = zip(variation.marginals, nominal_value(variation.key, good), strict=True)
+    if zero := next((m.name for m, x in relative if m.varies and x == 0.0), ""):
+        expected = f"0 for {zero}, as it is 0 in the scene; or a distribution that is not relative"
+        yield fault(f"{path}.{RELATIVE}", variation.table[RELATIVE], expected)
 
 
 def _is_beam(body: Body) -> bool:
