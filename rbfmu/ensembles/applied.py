@@ -19,7 +19,7 @@ from rbfmu_kernels.rotations import euler_angles, quaternion, rotation_vector
 
 Array = NDArray[np.float64]
 Drawn = Mapping[str, Array]
-FEW = 10_000
+FEW = 2_000
 """The runs up to which array functions are not worth their compilation."""
 
 
