@@ -100,5 +100,5 @@ def capabilities(d: Description) -> dict[str, str]:
 
 
 FMI2 = FmiVersion(
-    "2.0", model_description, "guid", "fmi2.c", FOLDERS, capabilities, scalars, "Real", False, SECOND_FOLDERS
+    "2.0", model_description, "guid", "fmi2.c", FOLDERS, capabilities, scalars, "Real", "Integer", False, SECOND_FOLDERS
 )

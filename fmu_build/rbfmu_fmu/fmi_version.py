@@ -30,6 +30,8 @@ class FmiVersion:
     """What has a value reference."""
     real: str
     """What the version calls the type of floating-point variables."""
+    integer: str
+    """The same of `status`."""
     has_time: bool
     """Whether the time is a variable: the one after those that have a value reference."""
     second_folders: dict[str, str] = field(default_factory=dict)

@@ -135,6 +135,12 @@ Status enter_initialization(Instance *m, const char *call) {
     return CALL_OK;
 }
 
+Status set_up_and_enter(Instance *m, const char *call, double start, int has_stop, double stop) {
+    if (!allowed(m, call, ENTER_INITIALIZATION)) return CALL_ERROR;
+    if (set_up_experiment(m, call, start, has_stop, stop) != CALL_OK) return CALL_ERROR;
+    return enter_initialization(m, call);
+}
+
 Status terminate(Instance *m, const char *call) {
     if (!allowed(m, call, TERMINATE)) return CALL_ERROR;
     m->now.phase = TERMINATED;
@@ -277,7 +283,7 @@ Status set_reals(Instance *m, const char *call, const unsigned v[], size_t n, co
 Status get_integers(Instance *m, const char *call, const unsigned r[], size_t n, int values[]) {
     if (!given(m, call, n, r, values)) return CALL_ERROR;
     for (size_t i = 0; i < n; i++)
-        if (r[i] != STATUS_REFERENCE) return refuse(m, call, "value reference %u is no Integer variable", r[i]);
+        if (r[i] != STATUS_REFERENCE) return refuse(m, call, "value reference %u is no " INTEGER " variable", r[i]);
     for (size_t i = 0; i < n; i++) values[i] = (int)m->now.status;
     return CALL_OK;
 }

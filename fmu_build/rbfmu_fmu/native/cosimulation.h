@@ -43,7 +43,8 @@ typedef struct Host {
     void *environment;
     void *(*allocate)(size_t count, size_t size); /* both of these, or malloc and free serve */
     void (*release)(void *memory);
-    /* Called while a step is taken: before it is finished, for inputs, and afterwards, for outputs. */
+    /* Called while a step is taken: before it is finished, for inputs, and afterwards, for outputs. `early` is null
+       where it is too late to return. */
     void (*update)(const struct Host *host, double t, int finished, EarlyReturn *early);
     Function *updater; /* the importer's own, for `update` to call */
     int takes_early_return;
@@ -64,6 +65,7 @@ Status switch_debug_logging(Instance *m, const char *call, int on, size_t n, con
 
 Status set_up_experiment(Instance *m, const char *call, double start, int has_stop, double stop);
 Status enter_initialization(Instance *m, const char *call);
+Status set_up_and_enter(Instance *m, const char *call, double start, int has_stop, double stop);
 Status exit_initialization(Instance *m, const char *call);
 Status terminate(Instance *m, const char *call);
 Status reset(Instance *m);

@@ -15,7 +15,7 @@ static int are(Causality wanted, Instance *m, const char *call, const unsigned v
     size_t expected = 0;
     for (size_t i = 0; i < n; i++) {
         unsigned r = v[i] < REFERENCES ? *elements_of(v[i]).r : TIME;
-        if (r == TIME || (causality_of(r) == OUTPUT) != (wanted == OUTPUT))
+        if (r == TIME || causality_of(r) != wanted)
             return !refuse(m, call, "value reference %u is no %s", v[i], CAUSALITIES[wanted].name);
         expected += elements_of(v[i]).n;
     }

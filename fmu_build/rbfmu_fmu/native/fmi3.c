@@ -27,11 +27,12 @@ static void log_message(const Host *host, const char *name, Status status, const
 }
 
 static void update(const Host *host, double t, int finished, EarlyReturn *early) {
-    fmi3Boolean can_return = host->takes_early_return && !finished, wanted = fmi3False;
+    fmi3Boolean can_return = host->takes_early_return && early, wanted = fmi3False;
     fmi3Float64 time = t;
     ((fmi3IntermediateUpdateCallback)host->updater)(host->environment, t, !finished, finished, finished, can_return,
                                                     &wanted, &time);
-    early->wanted = can_return && wanted;
+    if (!can_return) return;
+    early->wanted = wanted;
     early->time = time;
 }
 
@@ -99,11 +100,9 @@ fmi3Status fmi3SetDebugLogging(fmi3Instance c, fmi3Boolean on, size_t n, const f
 /* The tolerance is the importer's wish; the accuracy is the scene's. */
 fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean tolerance_defined, fmi3Float64 tolerance,
                                        fmi3Float64 start, fmi3Boolean stop_defined, fmi3Float64 stop) {
-    Status status;
     (void)tolerance_defined, (void)tolerance;
     OUTSIDE_UPDATES(c);
-    status = set_up_experiment(c, __func__, start, stop_defined, stop);
-    return (fmi3Status)(status == CALL_OK ? enter_initialization(c, __func__) : status);
+    return (fmi3Status)set_up_and_enter(c, __func__, start, stop_defined, stop);
 }
 
 fmi3Status fmi3ExitInitializationMode(fmi3Instance c) {

@@ -53,6 +53,7 @@ def scene_header(d: Description, version: FmiVersion, guid: str) -> str:
         f"#define GUID {_c(guid)}",
         f"#define IDENTITY {_c(_IDENTITIES[version.identity])}",
         f"#define REAL {_c(version.real)}",
+        f"#define INTEGER {_c(version.integer)}",
         f"#define CATEGORIES {_row([*map(_c, LOG_CATEGORIES), 'NULL'])}",
         f"#define START_TIME {d.start.hex()}",
         f"#define LAST_TIME {d.last_time.hex()}",

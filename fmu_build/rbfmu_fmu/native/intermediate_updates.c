@@ -1,6 +1,6 @@
 /* Inputs that change within a step: the importer gives them while the step is taken.
 
-   It is asked twice, for the middle and for the end of the step. The input then follows the parabola through these two
+   It is asked twice, for the middle and for the end of the step, and again where it wants the step to end early. The input then follows the parabola through these two
    values and that of the beginning, by the kernels' own derivatives of inputs, and keeps the last one. Inputs that the
    importer leaves as they are give the same bits as a step without updates. After the step, outputs can be read. */
 
@@ -41,11 +41,11 @@ static void put_inputs(Instance *m, const double u[]) {
     for (int i = 0; i < INPUTS; i++) m->now.z[OFFSETS[i]] = u[i];
 }
 
-/* Whether the kernels let every input change within a step. */
+/* Whether there are inputs, and the kernels let every one change within a step. */
 static int inputs_can_change(void) {
     for (int i = 0; i < INPUTS; i++)
         if (DERIVATIVES[i][1] == NOT_PROVIDED) return 0;
-    return 1;
+    return INPUTS > 0;
 }
 
 static void set_derivatives(Instance *m, int i, double first, double second) {
@@ -53,10 +53,19 @@ static void set_derivatives(Instance *m, int i, double first, double second) {
     m->now.z[DERIVATIVES[i][1]] = second;
 }
 
+/* early: what the importer wants, or null where it is too late for that. */
 static void update(Instance *m, Update how, double t, EarlyReturn *early) {
     m->update = how;
     m->host.update(&m->host, t, how == CAN_GET, early);
     m->update = NO_UPDATE;
+}
+
+/* What the importer gives for the middle and the end of a step; it may want to return early instead. */
+static void ask(Instance *m, double t, double h, double middle[], double end[], EarlyReturn *early) {
+    update(m, CAN_SET, t + 0.5 * h, early);
+    get_inputs(m, middle);
+    if (!early || !early->wanted) update(m, CAN_SET, t + h, early);
+    get_inputs(m, end);
 }
 
 /* Let inputs follow their values at the beginning, the middle and the end of a step h. */
@@ -81,44 +90,44 @@ static void forget(Instance *m, const double begin[]) {
     put_inputs(m, begin);
 }
 
-/* Nothing of a step, because the importer wants to stop where it begins. */
-static Status stay(Instance *m) {
-    m->now.status = m->now.time > LAST_TIME ? PAST_STOP : STEP_OK;
-    m->now.discarded = 0;
-    return CALL_OK;
+static Status refuse_updates(Instance *m, const char *call, const double begin[], double t, double h) {
+    put_inputs(m, begin);
+    return not_taken(m, call, CALL_ERROR, t, h, "the importer wants to return at a time outside of it");
 }
 
-/* Take as much of the step as the importer wants, with inputs that change. */
-static Status take_part(Instance *m, const char *call, double t, double h, const double end[], EarlyReturn early) {
-    Status status;
-    if (!early.wanted) {
-        status = take_step(m, call, t, h);
-        if (status == CALL_OK) keep(m, end);
-        return status;
-    }
-    m->returned_early = early.time < t + h;
-    if (!(early.time >= t && early.time <= t + h))
-        return not_taken(m, call, CALL_ERROR, t, h, "the importer wants to return at a time outside of it");
-    return early.time > t ? take_step(m, call, t, early.time - t) : stay(m);
+/* Nothing of a step, because the importer wants to return where it begins. */
+static Status stay(Instance *m, const double begin[]) {
+    put_inputs(m, begin);
+    m->now.status = m->now.time > LAST_TIME ? PAST_STOP : STEP_OK;
+    m->now.discarded = 0;
+    m->returned_early = 1;
+    return CALL_OK;
 }
 
 Status take_updated_step(Instance *m, const char *call, double t, double h) {
     double begin[ROOM], middle[ROOM], end[ROOM];
-    EarlyReturn early = {0, t}, ignored = {0, t};
+    EarlyReturn early = {0, t};
+    int is_early;
     Status status;
     if (!inputs_can_change()) return take_step(m, call, t, h);
     get_inputs(m, begin);
-    update(m, CAN_SET, t + 0.5 * h, &early);
-    get_inputs(m, middle);
-    if (!early.wanted) update(m, CAN_SET, t + h, &early);
-    get_inputs(m, end);
+    ask(m, t, h, middle, end, &early);
+    is_early = early.wanted && early.time < t + h;
+    if (early.wanted && !(early.time >= t && early.time <= t + h)) return refuse_updates(m, call, begin, t, h);
+    if (is_early && early.time == t) return stay(m, begin);
+    if (early.wanted) {
+        put_inputs(m, begin);
+        if (is_early) h = early.time - t;
+        ask(m, t, h, middle, end, NULL);
+    }
     follow(m, h, begin, middle, end);
-    status = take_part(m, call, t, h, end, early);
+    status = take_step(m, call, t, h);
     if (status != CALL_OK) {
-        m->returned_early = 0;
         forget(m, begin);
         return status;
     }
-    update(m, CAN_GET, m->now.time, &ignored);
+    keep(m, end);
+    m->returned_early = is_early;
+    update(m, CAN_GET, m->now.time, NULL);
     return CALL_OK;
 }

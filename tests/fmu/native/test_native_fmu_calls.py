@@ -11,14 +11,15 @@ from tests.fmu.python.test_python_fmu import LOADED
 from tests.support.fmu.builds import NAMED
 from tests.support.fmu.fmu_cases import WRONGS
 from tests.support.fmu.fmu_importer import DISCARD, ERROR, FATAL, OK, Memory
-from tests.support.fmu.fmus import ALL_PORTS, built, native, opened, run_case, scene, started, unzipped
+from tests.support.fmu.fmus import ALL_PORTS, built, each_version, native, opened, run_case, scene, started, unzipped  # noqa: F401
 
 H = 0.01
 
 
-def test_every_refusal_of_the_pythonfmu_fmu_is_an_error_with_the_same_message_and_leaves_no_trace():
+@pytest.mark.parametrize(("kind", "types"), [("native", {}), ("fmi3_scalars", {"Real": "Float64", "Integer": "Int32"})])
+def test_every_refusal_of_the_pythonfmu_fmu_is_an_error_with_the_same_message_and_leaves_no_trace(kind, types):
     """The case itself asserts that the instance, the same after a reset, and another one go on to the bit."""
-    found, errors = run_case("refusals", unzipped("driven", "native"))
+    found, errors = run_case("refusals", unzipped("driven", kind))
     assert set(found) == set(NAMED) == set(WRONGS)
     assert not errors  # it prints nothing
     for case, text in NAMED.items():
@@ -27,6 +28,8 @@ def test_every_refusal_of_the_pythonfmu_fmu_is_an_error_with_the_same_message_an
         assert found[case]["untouched"], case
         ((logged, category, message),) = found[case]["log"]
         assert (logged, category) == (status, "logStatusDiscard" if status == DISCARD else "logStatusError")
+        for word, name in types.items():
+            text = text.replace(f"is no {word}", f"is no {name}")
         assert text in message, case
 
 
@@ -113,6 +116,7 @@ def test_null_pointers_are_errors():
     assert instance.steps(5) == started().steps(5)
 
 
+@pytest.mark.usefixtures("each_version")
 @pytest.mark.parametrize("size", [0.0, -0.01, math.nan, math.inf, -math.inf, 1e-300, 1e300])
 def test_a_refused_step_changes_nothing_but_the_status(size):
     instance, other = started(LOADED), started(LOADED)
@@ -126,6 +130,7 @@ def test_a_refused_step_changes_nothing_but_the_status(size):
     assert (instance.status(), instance.terminated()) == (0, False)
 
 
+@pytest.mark.usefixtures("each_version")
 def test_a_step_from_another_time_is_an_error_and_the_clocks_round_off_is_none():
     instance = started()
     t = 0.0
@@ -134,11 +139,12 @@ def test_a_step_from_another_time_is_an_error_and_the_clocks_round_off_is_none()
         t += H
     for wrong in (10.0 + H, 10.0 - H, 10.0 + 1e-6, 0.0):
         assert instance.step(wrong, H) == ERROR
-        assert "where the instance stands" in instance.log[-1][2].decode()
-        assert "(it stands at t = " in instance.log[-1][2].decode()
+        assert "where the instance stands" in instance.log[-1][-1].decode()
+        assert "(it stands at t = " in instance.log[-1][-1].decode()
     assert instance.step(10.0, H) == OK
 
 
+@pytest.mark.usefixtures("each_version")
 def test_time_begins_where_the_experiment_does():
     instance = native().instance()
     assert instance.setup(start=-7.5) == instance.enter() == instance.exit() == OK
@@ -147,15 +153,17 @@ def test_time_begins_where_the_experiment_does():
     assert instance.last_time() == -7.5 + H
 
 
+@pytest.mark.usefixtures("each_version")
 def test_no_step_passes_the_experiments_stop():
     instance = native().instance()
     assert instance.setup(stop=0.1) == instance.enter() == instance.exit() == OK
     for k in range(10):
         assert instance.step(k * H, H) == OK
     assert instance.step(0.1, H) == ERROR
-    assert "the experiment ends before" in instance.log[-1][2].decode()
+    assert "the experiment ends before" in instance.log[-1][-1].decode()
 
 
+@pytest.mark.usefixtures("each_version")
 @pytest.mark.parametrize("start", [1e9, 2e9])
 def test_a_unix_clocks_times_are_as_strict(start):
     """Within half a step: also that of an importer which adds up."""
@@ -165,11 +173,11 @@ def test_a_unix_clocks_times_are_as_strict(start):
         assert instance.step(start + k * H, H) == OK
     for wrong in (start, start + 0.03, start + 0.07, start + 1.0):
         assert instance.step(wrong, H) == ERROR
-        assert "where the instance stands" in instance.log[-1][2].decode()
+        assert "where the instance stands" in instance.log[-1][-1].decode()
     for _ in range(5):
         assert instance.step(instance.last_time(), H) == OK
     assert instance.step(start + 0.1, H) == ERROR
-    assert "the experiment ends before" in instance.log[-1][2].decode()
+    assert "the experiment ends before" in instance.log[-1][-1].decode()
     assert instance.status() == 1
 
 
@@ -181,6 +189,7 @@ def test_an_experiment_without_sense_is_an_error(times):
     assert instance.setup() == OK
 
 
+@pytest.mark.usefixtures("each_version")
 @pytest.mark.parametrize("input_", [f"{port}[{i}]" for port in ALL_PORTS for i in (1, 3)])
 def test_a_step_that_leaves_the_range_of_numbers_never_happened(input_):
     """Also one that fails after many good substeps; an importer that asks learns where it stands, and need not loop."""
@@ -192,7 +201,7 @@ def test_a_step_that_leaves_the_range_of_numbers_never_happened(input_):
     for size in (H, 10.0):
         assert instance.step(0.03, size) == DISCARD
         assert (instance.status(), instance.terminated(), instance.last_time()) == (1, True, 0.03)
-        assert "no finite motion" in instance.log[-1][2].decode()
+        assert "no finite motion" in instance.log[-1][-1].decode()
     assert instance.set({input_: usual}) == OK
     assert instance.steps(10, first=3) == expected
 
@@ -207,6 +216,7 @@ def test_fmpy_ends_a_run_at_a_discarded_step():
     assert recorded["status"][-1] == 1
 
 
+@pytest.mark.usefixtures("each_version")
 def test_status_tells_times_past_the_scenes_stop():
     start, stop = scene("class").run.start, scene("class").run.stop
     instance = native("class").instance()
@@ -217,6 +227,7 @@ def test_status_tells_times_past_the_scenes_stop():
     assert instance.status() == 2
 
 
+@pytest.mark.usefixtures("each_version")
 def test_refused_parameters_can_be_put_right():
     instance, right = native().instance(), started({"mass": 3.0})
     assert instance.setup() == instance.enter() == OK
@@ -229,7 +240,7 @@ def test_refused_parameters_can_be_put_right():
     assert instance.steps(5) == right.steps(5)
 
 
-@pytest.mark.parametrize(("kind", "refusal"), [("native", ERROR), ("python", FATAL)])
+@pytest.mark.parametrize(("kind", "refusal"), [("native", ERROR), ("fmi3", ERROR), ("python", FATAL)])
 def test_what_the_plan_rests_on_must_keep_its_value(kind, refusal):
     """Of both kinds: they ask when initialisation ends, and say what to list in the scene."""
     instance = opened("earth", kind).instance()
@@ -238,11 +249,12 @@ def test_what_the_plan_rests_on_must_keep_its_value(kind, refusal):
     assert instance.set({name: 0.25}) == OK
     assert instance.exit() == refusal
     expected = f'{name} = 0.25: this FMU\'s model was planned for {planned!r} here; list "omega_b_0" under parameters'
-    assert any(expected in text.decode() for _, _, text in instance.log)
+    assert any(expected in text.decode() for *_, text in instance.log)
     assert instance.set({name: planned}) == OK
     assert instance.exit() == OK
 
 
+@pytest.mark.usefixtures("each_version")
 def test_a_set_that_is_refused_sets_nothing():
     instance = started(LOADED)
     for wrong in ({"force_a[1]": 9.0, "mass": 9.0}, {"force_a[1]": 9.0, "torque_b[1]": math.nan}):
@@ -262,10 +274,10 @@ def test_numbers_in_messages_are_pythons_own(value):
     assert instance.setup() == OK
     if math.isfinite(value):
         assert instance.setup(start=value, stop=value - abs(value)) == ERROR
-        assert instance.log[-1][2].decode().endswith(f"the start, {value!r}")
+        assert instance.log[-1][-1].decode().endswith(f"the start, {value!r}")
     else:
         assert instance.setup(start=value) == ERROR
-        assert f"= {value!r}:" in instance.log[-1][2].decode()
+        assert f"= {value!r}:" in instance.log[-1][-1].decode()
 
 
 def test_errors_are_always_logged_and_discards_on_demand():
@@ -289,6 +301,6 @@ def test_errors_are_always_logged_and_discards_on_demand():
 def test_unknown_categories_are_an_error_and_no_message_is_a_format():
     instance = started()
     assert instance.set_debug_logging(1, "logAll", "%n%s") == ERROR
-    assert instance.log[-1][2] == b"fmi2SetDebugLogging: there is no category %%n%%s"
+    assert instance.log[-1][-1] == b"fmi2SetDebugLogging: there is no category %%n%%s"
     assert instance.set_debug_logging(1, "x" * 5000) == ERROR
-    assert len(instance.log[-1][2]) < 200
+    assert len(instance.log[-1][-1]) < 200

@@ -5,7 +5,7 @@ import pytest
 from tests.fmu.native.test_native_fmu_calls import ALLOWED, MADE, in_phase
 from tests.fmu.python.test_python_fmu import LOADED
 from tests.support.fmu.fmu_importer import DISCARD, ERROR, OK
-from tests.support.fmu.fmus import native, started
+from tests.support.fmu.fmus import each_version, native, started  # noqa: F401
 
 
 def test_a_state_holds_pending_inputs_status_time_and_phase():
@@ -47,6 +47,7 @@ def in_phase_of(instance):
     return other
 
 
+@pytest.mark.usefixtures("each_version")
 def test_a_state_is_overwritten_where_its_pointer_is_given():
     instance = started(LOADED)
     state = instance.state()
@@ -74,6 +75,7 @@ def test_only_the_instances_own_live_states_are_taken():
     assert other.restore(foreign) == OK
 
 
+@pytest.mark.usefixtures("each_version")
 def test_damaged_bytes_are_no_state():
     instance = started(LOADED)
     content = instance.serialized(instance.state())

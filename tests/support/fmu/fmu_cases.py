@@ -17,7 +17,8 @@ import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from tests.support.fmu.fmu_importer import DISCARD, FATAL, OK, Fmu, without
+from tests.support.fmu.fmu_importer import DISCARD, FATAL, OK, without
+from tests.support.fmu.fmu_importer3 import imported
 
 H = 0.01
 NO_REFERENCE = 4294967295
@@ -42,7 +43,7 @@ def _rows(instance, steps=20, first=0):
 
 def rows(*folders):
     """The motions of FMUs that live in one process, a step of each in turn."""
-    instances = [Fmu(folder).started() for folder in folders]
+    instances = [imported(folder).started() for folder in folders]
     found = [[] for _ in folders]
     for k in range(20):
         for instance, rows_of_it in zip(instances, found, strict=True):
@@ -64,7 +65,7 @@ def rows_and_imports(folder):
 
 def refusals(folder):
     """Every way to be refused: what it answered and logged. Afterwards the instance, and others, go on."""
-    fmu, found = Fmu(folder), {}
+    fmu, found = imported(folder), {}
     expected = rows(folder)[0]
     for name, (phase, wrong) in WRONGS.items():
         instance = fmu.instance(name)
@@ -89,7 +90,7 @@ def refusals(folder):
 
 def logged_categories(folder):
     """The categories of what is logged of refused calls, however logging was turned on; None is NULL."""
-    fmu = Fmu(folder)
+    fmu = imported(folder)
 
     def told(instance, call):
         instance.log.clear()
@@ -193,7 +194,7 @@ def _bit_wrong(content):
 
 def errors_again_and_again(folder):
     """Hundreds of errors in one instance, among live neighbours; everything is freed in the end."""
-    fmu = Fmu(folder)
+    fmu = imported(folder)
     neighbour, instance = fmu.started(), fmu.started()
     for k in range(300):
         assert instance.get_references([NO_REFERENCE])[0] == FATAL
@@ -214,8 +215,8 @@ def errors_again_and_again(folder):
 def foreign_state(folder, other):
     """The state of another FMU is refused, and of the same FMU from another folder is not."""
     with tempfile.TemporaryDirectory() as place:
-        twin = Fmu(shutil.copytree(folder, Path(place) / "twin")).started()
-        a, b = Fmu(folder).started(), Fmu(other).started()
+        twin = imported(shutil.copytree(folder, Path(place) / "twin")).started()
+        a, b = imported(folder).started(), imported(other).started()
         _rows(twin, 5)
         assert a.restore(b.state()) == FATAL
         assert a.deserialized(b.serialized(b.state()))[0] == FATAL
@@ -228,7 +229,7 @@ def foreign_state(folder, other):
 
 def threads(folder):
     """Eight instances in eight threads: the same bits as one after the other."""
-    fmu = Fmu(folder)
+    fmu = imported(folder)
     expected = _rows(fmu.started(), 200)
     instances = [fmu.started(name=f"number {k}") for k in range(8)]
     with ThreadPoolExecutor(8) as pool:
@@ -240,7 +241,7 @@ def threads(folder):
 
 def threads_from_the_start(folder):
     """The very first instances are made in eight threads at once."""
-    fmu = Fmu(folder)
+    fmu = imported(folder)
     with ThreadPoolExecutor(8) as pool:
         found = list(pool.map(lambda k: _rows(fmu.started(name=f"number {k}")), range(8)))
     return found == [found[0]] * 8, found[0]
@@ -248,7 +249,7 @@ def threads_from_the_start(folder):
 
 def released_at_exit(folder, place):
     """Ends badly where pythonfmu's library still holds its interpreter (at `place`, hexadecimal) late in the exit."""
-    fmu = Fmu(folder)
+    fmu = imported(folder)
     name = fmu.lib._name
     with open("/proc/self/maps") as file:
         base = min(int(line.split("-")[0], 16) for line in file if line.strip().endswith(name))
@@ -262,7 +263,7 @@ def released_at_exit(folder, place):
 
 def cycles(folder):
     """Growth in MB of a process over 1000 lives of an instance."""
-    fmu = Fmu(folder)
+    fmu = imported(folder)
     for k in range(1000):
         instance = fmu.started()
         assert instance.step(0.0, H) == OK
@@ -289,7 +290,7 @@ def fresh_folders(path):
         with tempfile.TemporaryDirectory() as folder:
             with zipfile.ZipFile(path) as archive:
                 archive.extractall(folder)
-            instance = Fmu(folder).started()
+            instance = imported(folder).started()
             found.append(_rows(instance))
             instance.free()
     assert sys.path == paths
@@ -301,7 +302,7 @@ def deleted_folders(first, second):
     expected = rows(first)[0]
     with tempfile.TemporaryDirectory() as place:
         places = [shutil.copytree(f, Path(place) / str(k)) for k, f in enumerate((first, second))]
-        fmu, other = map(Fmu, places)
+        fmu, other = map(imported, places)
         running, waiting, neighbour = fmu.started(), fmu.instance(), other.started()
         half = _rows(running, 10)
         _rows(neighbour, 10)
@@ -315,12 +316,12 @@ def deleted_folders(first, second):
     assert _rows(running) == expected
     for instance in (running, waiting, neighbour):
         instance.free()
-    return _rows(Fmu(first).started()) == expected
+    return _rows(imported(first).started()) == expected
 
 
 def closed_stderr(folder):
     """Errors where nobody reads stderr: a closed pipe, a closed file, none at all."""
-    fmu = Fmu(folder)
+    fmu = imported(folder)
     read, write = os.pipe()
     os.close(read)
     statuses = []

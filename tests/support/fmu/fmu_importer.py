@@ -164,6 +164,13 @@ class Instance:
         status = self.lib.fmi2GetRealOutputDerivatives(self.component, which, c.c_size_t(n), orders, values)
         return status, list(values)
 
+    def derivative(self, unknowns, knowns, seed):
+        """(status, sensitivity) of variables by value reference."""
+        n, k, result = len(unknowns), len(knowns), (c.c_double * len(unknowns))()
+        which = (c.c_uint * n)(*unknowns), c.c_size_t(n), (c.c_uint * k)(*knowns), c.c_size_t(k)
+        given = (c.c_double * len(seed))(*seed)
+        return self.lib.fmi2GetDirectionalDerivative(self.component, *which, given, result), list(result)
+
     def outputs(self):
         return self.get(*self.fmu.by_causality["output"])
 

@@ -42,6 +42,12 @@ class Fmu3(Fmu):
         return Instance3(self, name, **options)
 
 
+def imported(folder):
+    """An unzipped FMU of either version."""
+    root = ElementTree.parse(Path(folder) / "modelDescription.xml").getroot()
+    return (Fmu3 if root.get("fmiVersion").startswith("3") else Fmu)(folder)
+
+
 def element_names(name, dimensions):
     """The names of FMI 2.0; of a symmetric matrix that of the upper triangle stands in both places."""
     if not dimensions:
@@ -126,6 +132,16 @@ class Instance3(Instance):
         for reference in references:
             complete += self.get_references([reference], quietly=True)[1]
         start = dict(zip(references, self._starts(references), strict=True))
+        for name, value in values.items():
+            for k in self.fmu.places[name]:
+                complete[start[self.fmu.references[name]] + k] = value
+        return self.set_references(references, complete)
+
+    def set_all(self, values):
+        """The same without reading first, which intermediate updates do not allow; other elements become 0."""
+        references = self._needed(values)
+        start = dict(zip(references, self._starts(references), strict=True))
+        complete = [0.0] * sum(self.fmu.sizes[r] for r in references)
         for name, value in values.items():
             for k in self.fmu.places[name]:
                 complete[start[self.fmu.references[name]] + k] = value

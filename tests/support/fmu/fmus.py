@@ -13,6 +13,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import rbfmu_fmu
 from rbfmu.planning.select import plan
@@ -20,8 +21,7 @@ from rbfmu.runs.model_buffer import filled_buffer, initialize
 from rbfmu.scene.scene import Scene, load_scene
 from rbfmu_fmu.description import describe
 from tests.support.fmu.elsewhere import copy_modules
-from tests.support.fmu.fmu_importer import Fmu
-from tests.support.fmu.fmu_importer3 import Fmu3
+from tests.support.fmu.fmu_importer3 import imported
 from tests.support.paths import SCENES
 
 BRICK = SCENES / "tumbling_brick.toml"
@@ -76,6 +76,7 @@ TABLES = {
 
 NATIVE = {"native": {}, "fmi3": {"fmi": 3}, "fmi3_scalars": {"fmi": 3, "scalars": True}}
 """Arguments of `build` for kinds of native FMU."""
+_in_use = ["native"]
 
 
 def bench(name):
@@ -136,12 +137,20 @@ def opened(name, kind="python"):
 def _opened(name, kind):
     path, options = workshop() / kind / f"{name}.fmu", NATIVE.get(kind, {})
     rbfmu_fmu.build(scene(name), path, kind="native" if kind in NATIVE else kind, **options)
-    return (Fmu3 if options else Fmu)(unzipped_at(path, path.with_suffix("")))
+    return imported(unzipped_at(path, path.with_suffix("")))
 
 
 def native(name="driven"):
-    """The native FMU's library."""
-    return opened(name, "native")
+    """The library of the native FMU that is in use."""
+    return opened(name, _in_use[-1])
+
+
+@pytest.fixture(params=["native", "fmi3"])
+def each_version(request):
+    """Native FMUs of one version of FMI and of the other, with arrays, in use in turn."""
+    _in_use.append(request.param)
+    yield request.param
+    _in_use.pop()
 
 
 def started(values=(), name="driven"):
@@ -188,7 +197,7 @@ def run_case(case, *arguments, **environment):
     command = [sys.executable, "-E", "-s", "-X", "faulthandler", "-m", module, case, *map(str, arguments)]
     environment = os.environ | {"NUMBA_CACHE_DIR": str(workshop() / "numba")} | environment
     with tempfile.TemporaryDirectory() as folder:
-        copy_modules(folder, "fmu_cases", "fmu_importer")
+        copy_modules(folder, "fmu_cases", "fmu_importer", "fmu_importer3")
         done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, timeout=1200)
     errors = done.stderr.decode(errors="replace")
     assert done.returncode == 0, f"{case} ended with {done.returncode}:\n{errors}"
