@@ -99,6 +99,7 @@ def capabilities(d: Description) -> dict[str, str]:
     return said | ({"maxOutputDerivativeOrder": "1"} if d.output_rates else {})
 
 
+_TYPES = "Real", "Integer", False
 FMI2 = FmiVersion(
-    "2.0", model_description, "guid", "fmi2.c", FOLDERS, capabilities, scalars, "Real", "Integer", False, SECOND_FOLDERS
+    "2.0", model_description, "guid", "fmi2.c", FOLDERS, capabilities, scalars, *_TYPES, SECOND_FOLDERS, "model.png"
 )

@@ -36,3 +36,5 @@ class FmiVersion:
     """Whether the time is a variable: the one after those that have a value reference."""
     second_folders: dict[str, str] = field(default_factory=dict)
     """A second folder for a platform, where no other platform of an FMU has it: importers there look into it."""
+    icon: str = "terminalsAndIcons/icon.png"
+    """The place of an FMU's picture."""

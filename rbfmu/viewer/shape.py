@@ -4,8 +4,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rbfmu.arrays import principal_axes, quaternion_from_matrix
 from rbfmu.scene.scene import Scene
+from rbfmu_kernels.compile.tiered import evaluated
+from rbfmu_kernels.mechanics.inertia import principal_axes
+from rbfmu_kernels.rotations.matrix import quaternion_from_matrix
 from rbfmu_kernels.types import Quaternion, Vec3
 
 THINNEST = 0.1
@@ -44,9 +46,9 @@ def shape_of(scene: Scene | None, written: dict[str, Any] | None = None) -> Shap
     if written:
         kind, sides = _sides(written)
         return Shape(kind, _seen(sides), f"{written['kind']}, {_metres(sides)}", centre)
-    moments, axes = principal_axes(np.array(scene.body.inertia))
+    moments, axes = evaluated(principal_axes, scene.body.inertia)
     sides = equivalent_box(scene.body.mass, moments)
-    q_bp = tuple(quaternion_from_matrix(axes).tolist())
+    q_bp = evaluated(quaternion_from_matrix, axes)
     return Shape("box", _seen(sides), f"box with the body's mass and inertia, {_metres(sides)}", centre, q_bp)
 
 

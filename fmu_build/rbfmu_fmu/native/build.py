@@ -14,6 +14,7 @@ from rbfmu_fmu.native.headers import headers
 from rbfmu_fmu.native.linking import ANY_VERSION, FLAGS, HEADERS, linked, source, universal
 from rbfmu_fmu.native.object_code import object_files
 from rbfmu_fmu.native.platforms import Platform, platform_named, this_platform
+from rbfmu_fmu.presentation.files import shown_files
 
 VERSIONS = {(2, False): FMI2, (3, False): FMI3, (3, True): FMI3_SCALARS}
 """What native FMUs are built for: by the version of FMI, and by whether scalars are asked for in place of arrays."""
@@ -51,7 +52,7 @@ def build_native_fmu(
         ]
         for place in (folder, *_second_folders(version, members, chosen)):
             contents[f"binaries/{place}/{description.identifier}{members[0].suffix}"] = universal(libraries)
-    write_archive(contents, path)
+    write_archive(contents | shown_files(scene, plan, description, version, needs_python=False), path)
     return path
 
 

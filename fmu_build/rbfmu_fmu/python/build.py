@@ -17,6 +17,7 @@ from rbfmu_fmu.fmi_version import UNSET
 from rbfmu_fmu.native.linking import EXPORTS, NoLinkerError, linked
 from rbfmu_fmu.native.object_code import object_files
 from rbfmu_fmu.native.platforms import this_platform
+from rbfmu_fmu.presentation.files import shown_files
 from rbfmu_fmu.python.pythonfmu_traps import LEFT_OUT, builder_imports_undone
 from rbfmu_fmu.python.slave_access import CODE, LIBRARY, OBJECT
 
@@ -64,6 +65,7 @@ def build_python_fmu(scene: Scene, plan: Plan, path: Path) -> Path:
     contents["resources/scene.json"] = scene_inside(scene, plan)
     xml = FMI2.model_description(description, UNSET, CAPABILITIES)
     xml.set(FMI2.identity, guid_of(contents, xml))
+    contents |= shown_files(scene, plan, description, FMI2, needs_python=True)
     write_archive(contents | {"modelDescription.xml": xml_bytes(xml)}, path)
     return path
 

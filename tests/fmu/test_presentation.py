@@ -1,0 +1,218 @@
+"""What an FMU has to be shown: picture, pages, licences, terminals, groups of variables; nothing that computes."""
+
+import struct
+import subprocess
+import sys
+import zipfile
+from functools import cache
+from html.parser import HTMLParser
+from importlib.metadata import files
+from pathlib import Path
+from xml.etree import ElementTree
+
+import fmpy
+import pytest
+from lxml import etree
+
+import rbfmu
+import rbfmu_fmu
+from rbfmu.scene.scene import Scene
+from rbfmu_fmu.description import describe
+from rbfmu_fmu.fmi2_xml import FMI2
+from rbfmu_fmu.native import build as native_build
+from rbfmu_fmu.presentation import osp, picture, terminals
+from rbfmu_fmu.presentation.documentation import page
+from rbfmu_fmu.presentation.files import shown_files
+from tests.support.fmu.fmus import TABLES, built, planned, scene, unzipped
+from tests.support.paths import ROOT
+
+NAMES = ("brick", *TABLES)
+SCHEMA = Path(fmpy.__file__).parent / "schema" / "fmi3" / "fmi3TerminalsAndIcons.xsd"
+OSP = "{https://open-simulation-platform.com/OspModelDescription/1.0.1}"
+
+
+def described(name):
+    return describe(scene(name), planned(name))
+
+
+@cache
+def shown(name, python=False):
+    return shown_files(scene(name), planned(name), described(name), FMI2, python)
+
+
+@pytest.mark.parametrize("kind", ["python", "native"])
+def test_an_fmu_has_them_all(kind):
+    with zipfile.ZipFile(built("prescribed", kind)) as archive:
+        expected = shown("prescribed", kind == "python")
+        assert {name: archive.read(name) for name in expected} == expected
+    licences = {"license.txt", "rbfmu.txt", "fmi.txt"} | ({"pythonfmu.txt"} if kind == "python" else set())
+    assert set(expected) == {
+        "model.png", "documentation/index.html", "terminalsAndIcons/terminalsAndIcons.xml",
+        "extra/com.open-simulation-platform/prescribed_OspModelDescription.xml",
+        *(f"documentation/licenses/{name}" for name in licences),
+        *(["documentation/externalDependencies.txt"] if kind == "python" else []),
+    }  # fmt: skip
+
+
+def test_they_are_the_same_bytes_each_time():
+    again = shown_files(scene("driven"), planned("driven"), described("driven"), FMI2, True)
+    assert again == shown("driven", True)
+
+
+def test_an_fmu_s_identity_does_not_rest_on_them(tmp_path, monkeypatch):
+    """A picture's bytes are those of one version of matplotlib."""
+    monkeypatch.setattr(native_build, "shown_files", lambda *args, **kwargs: {"model.png": b"another"})
+    path = rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", kind="native")
+    found, usual = (fmpy.read_model_description(str(one)).guid for one in (path, built("prescribed", "native")))
+    assert found == usual
+
+
+def test_matplotlib_is_loaded_for_the_picture_alone():
+    code = "import sys, rbfmu_fmu.presentation.files; print('matplotlib' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"
+
+
+# --- the picture
+
+
+def test_the_picture_is_a_png_of_200_by_200_points():
+    content = shown("driven")["model.png"]
+    assert content.startswith(b"\x89PNG\r\n\x1a\n")
+    assert struct.unpack(">II", content[16:24]) == (200, 200)
+    assert b"Software" not in content
+    assert len(content) < 12_000
+
+
+def test_another_body_is_another_picture():
+    assert shown("driven")["model.png"] != shown("default")["model.png"]
+    assert shown("default")["model.png"] != shown("class")["model.png"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_body_can_be_drawn(name):
+    assert len(picture.picture(scene(name))) > 2_000
+
+
+# --- documentation
+
+
+class Page(HTMLParser):
+    """A page's text, and the places that it names; every element that is opened is closed."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.text, self.places, self.open = "", [], []
+        self.feed(text)
+        assert not self.open
+
+    def handle_starttag(self, tag, attributes):
+        self.places += [value for key, value in attributes if key in ("src", "href")]
+        if tag not in ("meta", "img"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text += f"{data} "
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_page_says_model_frames_variables_and_accuracy(name):
+    files, plan = shown(name), planned(name)
+    read = Page(files["documentation/index.html"].decode())
+    for said in (scene(name).name, plan.model, plan.method, *plan.reasons, f"{scene(name).run.accuracy:g}"):
+        assert said in read.text
+    assert {v.block for v in described(name).variables} <= set(read.text.split())
+    assert "Frame a is inertial" in read.text
+    assert ("Inputs are held" in read.text) == any(v.causality == "input" for v in described(name).variables)
+    for place in read.places:
+        assert (Path("documentation") / place).as_posix().replace("documentation/../", "") in files
+
+
+def test_a_scene_s_words_are_text_on_the_page():
+    words = {"description": "<script>alert(1)</script> & more", "author": "A. <b>Nn", "version": "2", "license": "own"}
+    told = Scene.from_dict(TABLES["default"] | {"name": "a<b>&c", "about": words})
+    d = describe(told, planned("default"))
+    read = Page(page(told, planned("default"), d, "model.png"))
+    assert words["description"] in read.text
+    assert "author: A. <b>Nn; version: 2; licence: own" in read.text
+
+
+# --- licences
+
+
+def test_licences_are_those_of_what_is_inside():
+    found = shown("driven", True).items()
+    files_of_it = {name.rpartition("/")[2]: text.decode() for name, text in found if "licenses" in name}
+    assert files_of_it["rbfmu.txt"] == (ROOT / "LICENSE").read_text()
+    own = next(file for file in files("pythonfmu") if file.name.startswith("LICENSE"))
+    assert files_of_it["pythonfmu.txt"] == own.read_text()
+    assert files_of_it["fmi.txt"].startswith("Copyright (C) 2008-2011 MODELISAR")
+    assert "Redistributions in binary form must reproduce" in files_of_it["fmi.txt"]
+    assert "pythonfmu" not in shown("driven")["documentation/licenses/license.txt"].decode()
+
+
+# --- terminals
+
+
+@pytest.mark.parametrize("arrays", [False, True])
+@pytest.mark.parametrize("name", NAMES)
+def test_terminals_are_valid_and_hold_each_input_and_output_once(name, arrays):
+    d = described(name)
+    root = etree.fromstring(ElementTree.tostring(terminals.terminals(d, arrays)))
+    etree.XMLSchema(etree.parse(SCHEMA)).assertValid(root)
+    members = [m.get("variableName") for m in root.iter("TerminalMemberVariable")]
+    wanted = [v.block if arrays else v.name for v in d.variables if v.causality != "parameter"]
+    assert sorted(members) == sorted(set(wanted) if arrays else wanted)
+    for terminal in root.iter("Terminal"):
+        for names in ([m.get("memberName") for m in terminal if "Member" in m.tag], [t.get("name") for t in terminal]):
+            assert len(set(names) - {None}) == len([n for n in names if n])
+
+
+def test_members_of_terminals_are_axes():
+    root = terminals.terminals(described("driven"))
+    found = {t.get("name"): [m.get("memberName") for m in t if "Member" in m.tag] for t in root.iter("Terminal")}
+    assert found["torque_b"] == found["position"] == ["x", "y", "z"]
+    assert found["quaternion"] == ["eta", "epsilon_x", "epsilon_y", "epsilon_z"]
+    assert found["rpy"] == ["roll", "pitch", "yaw"]
+    assert found["kinetic_energy"] == ["value"]
+    assert [t.get("name") for t in root.find("Terminals")] == list(terminals.GROUPS)
+
+
+# --- groups of libcosim's
+
+
+def groups(name):
+    return ElementTree.fromstring(ElementTree.tostring(osp.osp_description(described(name)))).find(
+        f"{OSP}VariableGroups"
+    )
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_groups_hold_each_input_and_output_once_in_the_schema_s_order(name):
+    found = groups(name)
+    refs = [v.get("ref") for v in found.iter(f"{OSP}Variable")]
+    assert sorted(refs) == sorted(v.name for v in described(name).variables if v.causality != "parameter")
+    names = [g.get("name") for g in found.iter() if g.get("name")]
+    assert len(set(names)) == len(names)
+    kinds = [*dict.fromkeys(osp.KINDS.values()), "LinearMechanicalPort", "AngularMechanicalPort"]
+    order = [kinds.index(group.tag.removeprefix(OSP)) for group in found]
+    assert order == sorted(order)
+
+
+def test_a_force_and_a_velocity_are_a_port_and_prescribed_rates_are_none():
+    found = {g.get("name"): g for g in groups("driven")}
+    assert [part.get("name") for part in found["translation"]] == ["force_a", "velocity"]
+    assert [part.get("name") for part in found["rotation"]] == ["torque_b", "omega_b"]
+    assert [v.get("axis") for v in found["rotation"][0]] == ["x", "y", "z"]
+    assert {"force_b", "quaternion", "position"} <= set(found)
+    assert not any("Port" in g.tag for g in groups("prescribed"))
+
+
+def test_its_name_is_the_one_that_libcosim_looks_for():
+    place = "extra/com.open-simulation-platform/driven_OspModelDescription.xml"
+    assert (unzipped("driven") / place).exists()
+    odd = rbfmu.Scene.from_dict(TABLES["default"] | {"name": "größe"})
+    assert osp.osp_place(describe(odd, planned("default"))).endswith("/OspModelDescription.xml")
