@@ -77,3 +77,12 @@ def test_two_joined_satellites_in_libcosim_are_two_simulators(kind):
     assert distances == sorted(distances, reverse=True)
     assert float(re.search(r"moved by (\S+) m", done.stdout)[1]) < 1e-13
     assert done.stdout.endswith("largest difference to libcosim: 0.0\n")
+
+
+@pytest.mark.parametrize("kind", interop.KINDS)
+def test_a_group_of_variables_connects_two_fmus_in_libcosim(kind):
+    pytest.importorskip("libcosimpy")
+    example = ROOT / "examples" / "07_groups.py"
+    done = subprocess.run([sys.executable, example, kind], capture_output=True, text=True, check=True, timeout=1200)
+    assert 0.1 < float(re.search(r"off by (\S+) deg", done.stdout)[1]) < 2.0  # the navigator has rates at all
+    assert done.stdout.endswith("largest difference to libcosim: 0.0\n")

@@ -19,6 +19,7 @@ import rbfmu_fmu
 from rbfmu.scene.scene import Scene
 from rbfmu_fmu.description import describe
 from rbfmu_fmu.fmi2_xml import FMI2
+from rbfmu_fmu.fmi3_xml import FMI3, FMI3_SCALARS
 from rbfmu_fmu.native import build as native_build
 from rbfmu_fmu.presentation import osp, picture, terminals
 from rbfmu_fmu.presentation.documentation import page
@@ -216,3 +217,13 @@ def test_its_name_is_the_one_that_libcosim_looks_for():
     assert (unzipped("driven") / place).exists()
     odd = rbfmu.Scene.from_dict(TABLES["default"] | {"name": "größe"})
     assert osp.osp_place(describe(odd, planned("default"))).endswith("/OspModelDescription.xml")
+
+
+@pytest.mark.parametrize(("version", "member"), [(FMI3, "quaternion"), (FMI3_SCALARS, "quaternion[1]")])
+def test_fmi_3_has_its_icon_and_its_own_variables_in_terminals(version, member):
+    files_of_it = shown_files(scene("driven"), planned("driven"), described("driven"), version, False)
+    assert files_of_it["terminalsAndIcons/icon.png"] == shown("driven")["model.png"]
+    assert not any("Osp" in name or name == "model.png" for name in files_of_it)
+    root = ElementTree.fromstring(files_of_it["terminalsAndIcons/terminalsAndIcons.xml"])
+    assert member in [m.get("variableName") for m in root.iter("TerminalMemberVariable")]
+    assert "../terminalsAndIcons/icon.png" in Page(files_of_it["documentation/index.html"].decode()).places
