@@ -57,13 +57,14 @@ def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) 
     progress: a function that is told from time to time which part of the work is done.
     Raises SceneError without an ensemble, and where a pilot cannot meet the accuracy asked.
     """
-    pilots = list(_pilots(scene))
-    found = []
-    for k, pilot in enumerate(pilots):
-        found.append(plan(pilot))
-        _tell(progress, 0.5 * (k + 1) / len(pilots))
-    chosen, growth = _accurate(_for_all(found), pilots, progress)
-    reasons = (*_of_model(pilots[0], chosen), *_of_members(scene, chosen, len(pilots)), *_of_growth(scene, growth))
+    judges, found = [Judge(pilot) for pilot in _pilots(scene)], []
+    for k, judge in enumerate(judges):
+        found.append(plan(judge.scene, judge=judge))
+        _tell(progress, 0.9 * (k + 1) / len(judges))
+    chosen, growth = _accurate(_for_all(found), judges)
+    _tell(progress, 1.0)
+    pilots = _of_members(scene, chosen, len(judges))
+    reasons = (*_of_model(judges[0].scene, chosen), *pilots, *_of_growth(scene, growth))
     return EnsemblePlan((replace(chosen, reasons=reasons),), reasons)
 
 
@@ -160,20 +161,23 @@ def _for_all(found: list[Plan]) -> Plan:
     return replace(dearest, tolerance=tolerance, substep=substep, error=error)
 
 
-def _accurate(found: Plan, pilots: list[Scene], progress: Callable[[float], Any] | None) -> tuple[Plan, float]:
+def _accurate(found: Plan, judges: list[Judge]) -> tuple[Plan, float]:
     """Return the plan with the pilots' largest error, tightened where it must be, and how much an error grows."""
     worst, growth = found.error if found.spec.closed_form else 0.0, 1.0
-    for k, pilot in enumerate(pilots if found.model != PRESCRIBED_RATES.key else ()):
-        judge = Judge(pilot)
-        error = judge.error_if_soon(found)
-        while error > ENOUGH * pilot.run.accuracy and found.tolerance > TIGHTEST:
+    for judge in judges if found.model != PRESCRIBED_RATES.key else ():
+        error, accuracy = _error(judge, found), judge.scene.run.accuracy
+        while error > ENOUGH * accuracy and found.tolerance > TIGHTEST:
             found = replace(found, tolerance=max(0.1 * found.tolerance, TIGHTEST))
-            error = judge.error_if_soon(found)
-        if not error <= pilot.run.accuracy:
+            error = _error(judge, found)
+        if not error <= accuracy:
             expected = f"one that all members can meet; the methods here reach {error:.1e}"
-            raise SceneError(f"run.accuracy = {pilot.run.accuracy!r}: expected {expected}", pilot.name)
+            raise SceneError(f"run.accuracy = {accuracy!r}: expected {expected}", judge.scene.name)
         worst = max(worst, error)
         if 0.0 < found.tolerance <= TIGHTEST:
             growth = max(growth, judge.growth())
-        _tell(progress, 0.5 + 0.5 * (k + 1) / len(pilots))
     return replace(found, error=worst), growth
+
+
+def _error(judge: Judge, found: Plan) -> float:
+    """Return a pilot's error; of a closed form only where that takes no more than seconds."""
+    return judge.error_if_soon(found) if found.spec.closed_form else judge.try_out(found)[0]

@@ -91,7 +91,8 @@ class Judge:
     def error_if_soon(self, plan: Plan) -> float:
         """Return the plan's error where the truth takes no more than seconds, else 0."""
         try:
-            self.__dict__.setdefault("motion", self._reference())
+            if "motion" not in self.__dict__:
+                self.__dict__["motion"] = self._reference()
         except ReferenceTooLongError:
             return 0.0
         return self.try_out(plan)[0]

@@ -41,22 +41,25 @@ SHARE = 0.8
 """The part of the accuracy that the error of a model that leaves something out may be, if no closed form judges it."""
 
 
-def plan(scene: Scene, full: bool = False, progress: Callable[[float], Any] | None = None) -> Plan:
+def plan(
+    scene: Scene, full: bool = False, progress: Callable[[float], Any] | None = None, judge: Judge | None = None
+) -> Plan:
     """Choose model, method and step; full: whether to integrate all degrees of freedom and outputs.
 
     progress: a function that is told from time to time which part of the motion that judges plans is known.
+    judge: that of the scene, where its motion is wanted for more than this plan.
     Raises SceneError where the accuracy asked cannot be met.
     """
     if full:
         scene = with_all_outputs(scene)
-    found = _planned(scene, full, progress)
+    found = _planned(scene, full, judge or Judge(scene, progress))
     return replace(found, reasons=(*found.reasons, *say.what_inputs_cost(scene, found)))
 
 
-def _planned(scene: Scene, full: bool, progress: Callable[[float], Any] | None) -> Plan:
+def _planned(scene: Scene, full: bool, judge: Judge) -> Plan:
     if "omega_b" in scene.inputs.ports:
         return _prescribed(scene)
-    needs, judge = Needs.of(scene), Judge(scene, progress)
+    needs = Needs.of(scene)
     if full:
         return _integrated(scene, Needs(True, True, not _has_pivot(scene)), judge, splitting=False)
     exact = exact_closed_form(scene, needs)
