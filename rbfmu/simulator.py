@@ -88,6 +88,10 @@ class Simulator:
         why = "no finite motion, or none that the accuracy allows" if h > 0.0 else "the step size must be positive"
         raise SimulationError(f"{self.scene.name}: the step from t = {self.time!r} s by {h!r} s was refused: {why}")
 
+    def hold(self, **ports: Any) -> None:
+        """Set inputs for the steps to come, without a step. Raises ValueError for a wrong one, and then sets none."""
+        self._put(ports)
+
     def _put(self, ports: dict[str, Any]) -> list[tuple[int, tuple[float, ...]]]:
         """Set inputs; return what they were, by their places."""
         before: list[tuple[int, tuple[float, ...]]] = []

@@ -24,8 +24,9 @@ def printed(name: str) -> str:
 
 
 def test_every_example_is_tested() -> None:
-    here = ["01_kernels.py", "02_brick.py", "03_slender_beam.py", "04_controlled.py"]
-    assert [*here, "05_system.py", "06_joined_satellites.py"] == NUMBERED  # the last two in test_interop.py
+    here = {"01_kernels.py", "02_brick.py", "03_slender_beam.py", "04_controlled.py", "08_lqr.py"}
+    in_test_interop = {"05_system.py", "06_joined_satellites.py", "07_groups.py"}
+    assert here | in_test_interop == set(NUMBERED)
 
 
 def test_kernels_in_three_ways() -> None:
@@ -55,6 +56,18 @@ def test_controller_brings_the_satellite_home() -> None:
     assert start > angles[0] > angles[1] > angles[-1]
     assert angles[-1] < 0.01
     assert text.endswith("largest difference to the FMU: 0.0\n")
+
+
+def test_an_lqr_holds_a_satellite_as_the_linear_system_promises() -> None:
+    text = printed("08_lqr.py")
+    small, large = (list(map(float, found)) for found in re.findall(r"deg: (\S+) deg after 10 s, (\S+) deg", text))
+    assert 0.0 < small[1] < 1e-9  # 24 e-folds from 1 deg: 4e-11
+    assert small[0] < 0.3
+    assert small[0] < large[0] < 60.0
+    assert large[1] < 1e-6
+    stays, promised = map(float, re.search(r"stays (\S+) deg off, (\S+) deg by", text).groups())  # type: ignore[union-attr]
+    assert stays == pytest.approx(promised, abs=1e-5)
+    assert stays > 0.01
 
 
 @pytest.mark.skipif(not shutil.which("cc"), reason="no C compiler")

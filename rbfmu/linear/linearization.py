@@ -1,0 +1,177 @@
+"""The rigid body near a state of its motion: x' = A x + B u, y = C x + D u, exact by the kernels themselves."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rbfmu.linear.dual import jacobian, variables
+from rbfmu.runs.model_buffer import filled_buffer, initialize
+from rbfmu.runs.plan import Plan
+from rbfmu.scene.argument import of_scene_or_path
+from rbfmu.scene.scene import Scene
+from rbfmu.simulator import Simulator
+from rbfmu_kernels.body.memory import body_of, loads_of, motion_of
+from rbfmu_kernels.body.outputs import outputs
+from rbfmu_kernels.compile.interpreted import interpreted
+from rbfmu_kernels.compile.tiered import evaluated
+from rbfmu_kernels.mechanics.equations_of_motion import state_rates
+from rbfmu_kernels.quantities import BY_NAME, OUTPUT, TRANSLATION, indices, needing
+from rbfmu_kernels.rotations.euler_angles import ZYX, euler_from_quaternion, euler_rate_b
+from rbfmu_kernels.rotations.quaternion import compose_quaternions, invert_quaternion, quaternion_rate_b, rotate
+
+Array = NDArray[np.float64]
+FREE = ("r_c", "v_c", "rotvec_b", "omega_b")
+"""Errors of a body's state, three numbers each: the last two where no output shows the path, the third alone of rates
+that are prescribed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Linearization:
+    """What `linearize` gives: A (n, n), B (n, m), C (p, n), D (p, m), as which it also unpacks; SI units.
+
+    states: the errors' names, see `linearize`; inputs, outputs: variables, by the FMU's names; time: s.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    time: float
+
+    def __iter__(self) -> Iterator[Array]:
+        return iter((self.A, self.B, self.C, self.D))
+
+
+@of_scene_or_path
+def linearize(scene: Scene, /, t: float | None = None, **ports: Any) -> Linearization:
+    """Return the linear system of small errors about a scene's motion at time t (s), by default its start.
+
+    Errors, in this order: r_c and v_c, of the centre of mass in a (m, m/s; where an output shows them); rotvec_b, the
+    rotation vector u in b (rad) of the attitude's error, q_ab = q_ab(t) exp(u/2); omega_b (rad/s). Of prescribed rates,
+    rotvec_b alone. Their rates are those along the motion: a body that turns carries u with it.
+
+    ports: inputs at t by name, held from the start to t; zero without. Outputs are the scene's quantities. The matrices
+    are derivatives of the kernels' own formulas, to round-off; the state at t is as accurate as the scene asks.
+    Raises SceneError, SimulationError, ValueError for a time outside the run, a wrong input, or rpy at pitch 90 deg.
+    """
+    run = scene.run
+    t = run.start if t is None else float(t)
+    if not run.start <= t <= run.stop:
+        raise ValueError(f"t = {t!r}: expected a time from run.start = {run.start!r} to run.stop = {run.stop!r} (s)")
+    now = _at(scene, t, ports)
+    inputs = [x for name in scene.inputs.ports for x in ports.get(name, (0.0, 0.0, 0.0))]
+    point = _Prescribed(now, inputs) if scene.body is None else _Loaded(now, inputs)
+    names = tuple(f"{name}[{k}]" for name in point.states for k in (1, 2, 3))
+    n, rates = len(names), jacobian(point.rates(), point.count)
+    shown = np.vstack([jacobian(point.output(name), point.count) for name in scene.outputs.quantities])
+    inputs_of = tuple(f"{name}{index}" for name in scene.inputs.ports for index in indices(BY_NAME[name]))
+    outputs_of = tuple(f"{name}{index}" for name in scene.outputs.quantities for index in indices(OUTPUT[name]))
+    return Linearization(rates[:, :n], rates[:, n:], shown[:, :n], shown[:, n:], names, inputs_of, outputs_of, t)
+
+
+def _at(scene: Scene, t: float, ports: dict[str, Any]) -> Scene:
+    """Return the scene that begins where this one is at time t."""
+    wanted = ("quaternion",) if scene.body is None else ("position", "velocity", "quaternion", "omega_b")
+    simulator = Simulator(scene.replace({"outputs.quantities": wanted}))
+    if t > scene.run.start:
+        simulator.step(t - scene.run.start, **ports)
+    else:
+        simulator.hold(**ports)
+    initial = {name: getattr(simulator, name).tolist() for name in wanted}
+    if scene.body is not None and scene.body.pivot:
+        del initial["position"], initial["velocity"]
+    attitude = {"attitude": {"quaternion": initial.pop("quaternion")}}
+    return scene.replace({f"initial.{name}": value for name, value in (initial | attitude).items()})
+
+
+class _Point:
+    """A state and inputs as variables: errors first, then inputs."""
+
+    states: tuple[str, ...] = FREE
+
+    def __init__(self, scene: Scene, inputs: list[float]) -> None:
+        self.count = 3 * len(self.states) + len(inputs)
+        self.q0 = scene.initial.quaternion
+        self.turned = variables((0.0, 0.0, 0.0), 3 * self.states.index("rotvec_b"), self.count)
+        half = [0.5 * u for u in self.turned]
+        self.q_ab = interpreted(compose_quaternions)(self.q0, (1.0, *half))
+        self.inputs = variables(inputs, 3 * len(self.states), self.count)
+
+    def turning(self, omega_0: Any, omega: Any) -> list[Any]:
+        """Return the rate of rotvec_b: twice the vector part of d/dt (q_ab(t)* q_ab)."""
+        compose, rate = interpreted(compose_quaternions), interpreted(quaternion_rate_b)
+        invert = interpreted(invert_quaternion)
+        kept = compose(invert(rate(self.q0, omega_0)), self.q_ab)
+        moved = compose(invert(self.q0), rate(self.q_ab, omega))
+        return [2.0 * (a + b) for a, b in zip(kept[1:], moved[1:], strict=True)]
+
+    def roll_pitch_yaw(self) -> list[Any]:
+        """Return what an error of the attitude makes of rpy; raise ValueError at its pole, as `euler_rate_b` warns."""
+        angles = evaluated(euler_from_quaternion, ZYX, self.q0)
+        yaw, pitch, roll = interpreted(euler_rate_b)(ZYX, angles, tuple(self.turned))
+        if not np.all(np.abs(jacobian((roll, pitch, yaw), self.count)) < 0.25 / np.finfo(float).eps):
+            raise ValueError("rpy has no derivative at pitch 90 deg: expected outputs without rpy")
+        return [roll, pitch, yaw]
+
+
+class _Prescribed(_Point):
+    """An attitude under prescribed rates."""
+
+    states = ("rotvec_b",)
+
+    def __init__(self, scene: Scene, inputs: list[float]) -> None:
+        super().__init__(scene, inputs)
+        self.rates_now = tuple(inputs)
+
+    def rates(self) -> list[Any]:
+        """Return the rates of the errors."""
+        return self.turning(self.rates_now, tuple(self.inputs))
+
+    def output(self, name: str) -> Any:
+        """Return a quantity's numbers."""
+        if name == "rpy":
+            return self.roll_pitch_yaw()
+        return self.q_ab if name == "quaternion" else interpreted(rotate)(self.q_ab, tuple(self.inputs))
+
+
+class _Loaded(_Point):
+    """A body under loads: a buffer of its model, with variables in the places of state and inputs."""
+
+    def __init__(self, scene: Scene, inputs: list[float]) -> None:
+        assert scene.body is not None
+        moves = not scene.body.pivot and needing(TRANSLATION) & set(scene.outputs.quantities)
+        self.states = FREE if moves else FREE[2:]
+        super().__init__(scene, inputs)
+        shown = scene.replace(
+            {"outputs.quantities": [n for n in scene.outputs.quantities if n != "rpy"] or ["omega_b"]}
+        )
+        full = Plan("body under loads", "", 3 * len(self.states))
+        buffer, self.blocks = filled_buffer(shown, full), full.kernels.BLOCKS
+        initialize(shown, full.kernels, buffer)
+        self.z: list[Any] = buffer.tolist()
+        self.omega_0 = tuple(self.z[self.blocks["omega"]])
+        self.z[self.blocks["q"]] = self.q_ab
+        for k, name in enumerate(self.states):
+            if name != "rotvec_b":
+                block = self.blocks["omega" if name == "omega_b" else name]
+                self.z[block] = variables(self.z[block], 3 * k, self.count)
+        for k, port in enumerate(scene.inputs.ports):
+            self.z[self.blocks[port]] = self.inputs[3 * k : 3 * k + 3]
+        interpreted(outputs)(self.z)
+
+    def rates(self) -> list[Any]:
+        """Return the rates of the errors."""
+        z, motion = self.z, interpreted(motion_of)(self.z)
+        rates = interpreted(state_rates)(motion, interpreted(body_of)(z), interpreted(loads_of)(z))
+        of_centre = [] if "r_c" not in self.states else [*rates.r_c, *rates.v_c]
+        return [*of_centre, *self.turning(self.omega_0, motion.omega_b), *rates.omega_b]
+
+    def output(self, name: str) -> Any:
+        """Return a quantity's numbers."""
+        return self.roll_pitch_yaw() if name == "rpy" else self.z[self.blocks[name]]

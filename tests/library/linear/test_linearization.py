@@ -1,0 +1,251 @@
+"""`linearize` against differences of the textbook's equations in 50 digits, and against the simulation."""
+
+import math
+
+import mpmath
+import numpy as np
+import pytest
+from mpmath import mp, mpf
+from scipy.linalg import expm
+
+import rbfmu
+from rbfmu.linear.dual import Dual, jacobian, variables
+from rbfmu_kernels.quantities import OUTPUT
+from tests.support.paths import SCENES
+
+EPS = 2.0**-52
+STEP = "1e-16"
+"""Of the differences: their error is its square, relative."""
+TRIAXIAL = [[1.0, 0.1, -0.05], [0.1, 2.0, 0.2], [-0.05, 0.2, 2.5]]
+START = {"attitude": {"euler": "ZYX", "angles_deg": [25, -40, 70]}, "omega_b": [0.7, -0.4, 1.1]}
+PORTS = ["force_a", "force_b", "torque_a", "torque_b"]
+LOADS = {
+    "gravity_a": [0.3, -0.2, -9.81],
+    "torque_a": [0.2, -0.1, 0.3],
+    "torque_b": [0.1, 0.4, -0.2],
+    "damping_b": [0.02, 0.5, 0.03],
+}
+FREE = {
+    "body": {"mass": 2.0, "inertia": TRIAXIAL, "r_oc_b": [0.3, -0.2, 0.1]},
+    "initial": START | {"position": [1.0, 2.0, 3.0], "velocity": [0.4, -0.5, 0.6]},
+    "loads": LOADS | {"force_a": [1.0, 2.0, -1.0], "force_b": [0.5, -0.7, 0.2]},
+    "inputs": {"ports": PORTS},
+}
+PIVOT = {
+    "body": FREE["body"] | {"pivot": True},
+    "initial": START,
+    "loads": LOADS,
+    "inputs": {"ports": ["torque_a", "torque_b"]},
+}
+UNLOADED = {"body": {"mass": 2.0, "inertia": TRIAXIAL}, "inputs": {"ports": PORTS}, "loads": {"gravity_a": [0, 0, 0]}}
+RATES = {"inputs": {"ports": ["omega_b"]}, "initial": {"attitude": START["attitude"]}}
+CASES = {"free": FREE, "pivot": PIVOT, "unloaded": UNLOADED, "rates": RATES}
+HELD = {
+    "force_a": [0.1, -0.2, 0.3],
+    "force_b": [0.4, 0.5, -0.6],
+    "torque_a": [-0.7, 0.8, 0.9],
+    "torque_b": [0.15, -0.25, 0.35],
+    "omega_b": [0.3, -0.6, 0.2],
+}
+
+
+def vec(x):
+    return mpmath.matrix([mpf(float(v)) if not isinstance(v, mpf) else v for v in x])
+
+
+def cross(a, b):
+    return mpmath.matrix([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+def skew(u):
+    return mpmath.matrix([[0, -u[2], u[1]], [u[2], 0, -u[0]], [-u[1], u[0], 0]])
+
+
+def rotation(q):
+    """R = I + 2 eta eps^x + 2 eps^x eps^x of a unit quaternion."""
+    S = skew(q[1:])
+    return mpmath.eye(3) + 2 * q[0] * S + 2 * S * S
+
+
+def product(p, q):
+    e, d = mpmath.matrix(p[1:]), mpmath.matrix(q[1:])
+    return [p[0] * q[0] - (e.T * d)[0], *(p[0] * d + q[0] * e + cross(e, d))]
+
+
+def exponential(u):
+    angle = mpmath.norm(u)
+    return [mpmath.cos(angle / 2), *(u / 2 * mpmath.sincpi(angle / 2 / mp.pi))]
+
+
+class Textbook:
+    """Rates of the errors and outputs, by E&G's formulas; r is from o to the centre of mass."""
+
+    def __init__(self, scene, ports):
+        self.scene, body, initial = scene, scene.body, scene.initial
+        self.ports = {name: vec(ports.get(name, [0, 0, 0])) for name in scene.inputs.ports}
+        q = [mpf(x) for x in initial.quaternion]
+        self.q = [x / mp.sqrt(sum(y * y for y in q)) for x in q]
+        self.omega = vec(initial.omega_b) if body else self.ports["omega_b"]
+        if body:
+            self.r, self.m, self.pivot = vec(body.r_oc_b), mpf(body.mass), body.pivot
+            self.M = mpmath.matrix([list(map(mpf, row)) for row in body.M_c])
+            if self.pivot:
+                self.M = self.M - self.m * skew(self.r) * skew(self.r)
+            R = rotation(self.q)
+            self.r_c = vec(initial.position) + R * self.r
+            self.v_c = vec(initial.velocity) + R * cross(self.omega, self.r)
+
+    def __call__(self, states, x):
+        """Return (rates of the errors, outputs by name) at errors and changes of inputs x."""
+        error = {name: x[3 * k : 3 * k + 3] for k, name in enumerate(states)}
+        n = 3 * len(states)
+        ports = {p: v + mpmath.matrix(x[n + 3 * k : n + 3 * k + 3]) for k, (p, v) in enumerate(self.ports.items())}
+        q = product(self.q, exponential(mpmath.matrix(error["rotvec_b"])))
+        R, R_0 = rotation(q), rotation(self.q)
+        zero = [mpf(0)] * 3
+        omega = self.omega + mpmath.matrix(error.get("omega_b", zero)) if self.scene.body else ports["omega_b"]
+        relative = omega - R.T * R_0 * self.omega
+        found = {"quaternion": q, "rpy": self.rpy(R), "omega_b": omega, "omega_a": R * omega}
+        if not self.scene.body:
+            return list(relative), found
+        r_c, v_c = (a + mpmath.matrix(error.get(n, zero)) for a, n in ((self.r_c, "r_c"), (self.v_c, "v_c")))
+        a_c, alpha = self.accelerations(R, omega, ports)
+        found |= self.of_motion(R, omega, alpha, r_c, v_c, a_c)
+        rates = {"r_c": v_c, "v_c": a_c, "rotvec_b": relative, "omega_b": alpha}
+        return [x for name in states for x in rates[name]], found
+
+    def accelerations(self, R, omega, ports):
+        load = {n: vec(getattr(self.scene.loads, n)) + ports.get(n, vec([0, 0, 0])) for n in PORTS}
+        gravity = vec(self.scene.loads.gravity_a)
+        force = load["force_a"] + R * load["force_b"]
+        about_c = cross(-self.r, R.T * force)
+        if self.pivot:
+            about_c = cross(self.r, R.T * (self.m * gravity))
+        damping = mpmath.matrix([c * w for c, w in zip(self.scene.loads.damping_b, omega, strict=True)])
+        torque = R.T * load["torque_a"] + load["torque_b"] + about_c - damping
+        return gravity + force / self.m, mpmath.lu_solve(self.M, torque - cross(omega, self.M * omega))
+
+    def of_motion(self, R, omega, alpha, r_c, v_c, a_c):
+        still = mpmath.matrix(3, 1)
+        relative = cross(alpha, self.r) + cross(omega, cross(omega, self.r))
+        energy = (omega.T * self.M * omega)[0] / 2 + (0 if self.pivot else self.m * (v_c.T * v_c)[0] / 2)
+        return {
+            "position": vec(self.scene.initial.position) if self.pivot else r_c - R * self.r,
+            "velocity": still if self.pivot else v_c - R * cross(omega, self.r),
+            "acceleration": still if self.pivot else a_c - R * relative,
+            "alpha_b": alpha,
+            "angular_momentum_a": R * self.M * omega,
+            "kinetic_energy": [energy],
+        }
+
+    @staticmethod
+    def rpy(R):
+        return [mp.atan2(R[2, 1], R[2, 2]), -mp.asin(R[2, 0]), mp.atan2(R[1, 0], R[0, 0])]
+
+
+def differences(scene, ports, states):
+    """Return (rates, outputs) of central differences, a column for each error and input."""
+    mp.dps = 50
+    book, h = Textbook(scene, ports), mpf(STEP)
+    count = 3 * len(states) + 3 * len(scene.inputs.ports)
+
+    def all_of(k, sign):
+        rates, found = book(states, [sign * h if j == k else mpf(0) for j in range(count)])
+        return [*rates, *(x for name in scene.outputs.quantities for x in found[name])]
+
+    columns = [[(a - b) / (2 * h) for a, b in zip(all_of(k, 1), all_of(k, -1), strict=True)] for k in range(count)]
+    table = np.array([[float(x) for x in column] for column in columns]).T
+    return table[: 3 * len(states)], table[3 * len(states) :]
+
+
+@pytest.mark.parametrize("held", [{}, HELD], ids=["inputs zero", "inputs held"])
+@pytest.mark.parametrize("name", CASES)
+def test_it_is_the_derivative_of_the_textbook_s_equations(name, held):
+    scene = rbfmu.Scene.from_dict(CASES[name])
+    ports = {port: value for port, value in held.items() if port in scene.inputs.ports}
+    found = rbfmu.linearize(scene, **ports)
+    rates, outputs = differences(scene, ports, tuple(dict.fromkeys(s.partition("[")[0] for s in found.states)))
+    for ours, theirs in ((np.hstack([found.A, found.B]), rates), (np.hstack([found.C, found.D]), outputs)):
+        largest = np.maximum(np.max(np.abs(theirs), axis=1, keepdims=True), 1e-3)
+        assert np.max(np.abs(ours - theirs) / largest) < 40.0 * EPS  # some twenty operations a number
+    assert found.outputs == tuple(
+        f"{q}[{k + 1}]" if OUTPUT[q].size > 1 else q for q in scene.outputs.quantities for k in range(OUTPUT[q].size)
+    )
+    assert found.inputs == tuple(f"{port}[{k}]" for port in scene.inputs.ports for k in (1, 2, 3))
+
+
+def test_at_a_later_time_it_is_that_of_the_state_there():
+    scene = rbfmu.Scene.from_dict(FREE | {"run": {"start": 1.0, "stop": 3.0, "accuracy": 1e-10}})
+    ports = {"torque_b": HELD["torque_b"]}
+    later = rbfmu.Simulator(scene)
+    later.step(1.5, **ports)
+    initial = {"position": later.position, "velocity": later.velocity, "omega_b": later.omega_b}
+    initial = {k: v.tolist() for k, v in initial.items()} | {"attitude": {"quaternion": later.quaternion.tolist()}}
+    there = rbfmu.Scene.from_dict(FREE | {"initial": initial})
+    found = rbfmu.linearize(scene, 2.5, **ports)
+    for ours, theirs in zip(found, rbfmu.linearize(there, **ports), strict=True):
+        assert np.max(np.abs(ours - theirs)) < 1e-8
+    assert found.time == 2.5
+
+
+def test_small_disturbances_of_a_simulation_follow_it():
+    """Over a short time, x(t) = exp(A t) x(0), for a body at rest, of which A is constant."""
+    rest = {"body": {"mass": 2.0, "inertia": TRIAXIAL, "r_oc_b": [0.1, 0.0, -0.5], "pivot": True}}
+    rest |= {"run": {"stop": 1.0, "step": 1.0, "accuracy": 1e-9}}
+    scene = rbfmu.Scene.from_dict(rest | {"loads": {"gravity_a": [2.0 * -0.2, 0.0, 2.0], "damping_b": [0.5, 0.5, 0.5]}})
+    A = rbfmu.linearize(scene).A
+    size, axis = 1e-5, np.array([0.6, -0.48, 0.64])
+    moved = scene.replace({"initial.attitude": {"rotvec": (size * axis).tolist()}})
+    found = rbfmu.simulate(moved).omega_b[-1]
+    expected = (expm(A) @ np.concatenate([size * axis, np.zeros(3)]))[3:]
+    assert np.linalg.norm(found - expected) < 1e-4 * np.linalg.norm(expected)
+
+
+def test_a_path_that_no_output_shows_is_left_out():
+    scene = rbfmu.Scene.from_dict(FREE | {"outputs": {"quantities": ["quaternion", "acceleration"]}})
+    found = rbfmu.linearize(scene)
+    assert found.states == tuple(f"{name}[{k}]" for name in ("rotvec_b", "omega_b") for k in (1, 2, 3))
+    assert found.A.shape == (6, 6)
+    assert rbfmu.linearize(rbfmu.Scene.from_dict(FREE)).A.shape == (12, 12)
+
+
+def test_a_scene_file_will_do():
+    A, B, C, D = rbfmu.linearize(SCENES / "controlled_satellite.toml")
+    assert (A.shape, B.shape, C.shape, D.shape) == ((6, 6), (6, 3), (10, 6), (10, 3))
+    assert np.array_equal(B[3:], np.diag(1.0 / np.array([1.0, 2.0, 3.0])))
+
+
+def test_rpy_has_no_derivative_at_its_pole():
+    up = {"attitude": {"euler": "ZYX", "angles_deg": [0, 90, 0]}}
+    scene = rbfmu.Scene.from_dict(UNLOADED | {"initial": up})
+    with pytest.raises(ValueError, match=r"rpy has no derivative at pitch 90 deg: expected outputs without rpy"):
+        rbfmu.linearize(scene)
+    assert rbfmu.linearize(scene.replace({"outputs.quantities": ["quaternion"]})).C.shape == (4, 6)
+
+
+@pytest.mark.parametrize(
+    ("t", "ports", "message"),
+    [
+        (-1.0, {}, "t = -1.0: expected a time from run.start = 0.0 to run.stop"),
+        (math.nan, {}, "t = nan"),
+        (1e9, {}, "t = 1000000000.0"),
+        (0.0, {"omega_b": [1, 2, 3]}, "input 'omega_b': expected one of force_a"),
+        (0.0, {"torque_b": [1, 2]}, "torque_b = .*expected 3 finite numbers"),
+        (1.0, {"torque_b": [1, 2, math.inf]}, "torque_b = .*expected 3 finite numbers"),
+    ],
+)
+def test_what_is_wrong_is_refused(t, ports, message):
+    with pytest.raises(ValueError, match=message):
+        rbfmu.linearize(rbfmu.Scene.from_dict(FREE), t, **ports)
+
+
+def test_duals_differentiate():
+    x, y = variables([3.0, 2.0], 0, 2)
+    found = [x * y, x / y, 2.0 / y, x - y, 1.0 - x, x + 1.0, -x, x * 4.0, 5.0 * y, x / 2.0, 7.0]
+    assert [getattr(f, "value", f) for f in found] == [6.0, 1.5, 1.0, 1.0, -2.0, 4.0, -3.0, 12.0, 10.0, 1.5, 7.0]
+    expected = [[2, 3], [0.5, -0.75], [0, -0.5], [1, -1], [-1, 0], [1, 0], [-1, 0], [4, 0], [0, 5], [0.5, 0], [0, 0]]
+    assert jacobian(found, 2).tolist() == expected
+    assert x > y > 1.0
+    assert y < x
+    assert Dual(0.0, np.zeros(2)) == 0.0
+    assert Dual(0.0, np.ones(2)) != 0.0  # it begins to change
