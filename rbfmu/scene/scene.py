@@ -252,7 +252,8 @@ class Scene(Section):
 
     def to_dict(self) -> dict[str, Any]:
         """Return nested tables from which `from_dict` makes an equal scene; vectors are lists."""
-        tables: dict[str, Any] = self.model_dump(mode="json", exclude_none=True)
+        untold = {"about"} if self.about == About() else set()
+        tables: dict[str, Any] = self.model_dump(mode="json", exclude_none=True, exclude=untold)
         tables["initial"]["attitude"] = {"quaternion": tables["initial"].pop("quaternion")}
         return tables
 
