@@ -128,6 +128,7 @@ Status take_updated_step(Instance *m, const char *call, double t, double h) {
     }
     keep(m, end);
     m->returned_early = is_early;
+    if (is_early) m->now.time = early.time; /* which t + h is but for round-off */
     update(m, CAN_GET, m->now.time, NULL);
     return CALL_OK;
 }

@@ -5,6 +5,7 @@ another of the kernels' units. macOS: only built, see test_native_fmu_build.py.
 """
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -53,13 +54,14 @@ def variables(name, causality):
     return [v.name for v in describe(scene(name), planned(name)).variables if v.causality == causality]
 
 
-def rows_on(platform, name):
+def rows_on(platform, name, **version):
     """Outputs at each step of four lives."""
-    path = rbfmu_fmu.build(scene(name), workshop() / f"{name}-{platform}.fmu", "native", [platform])
+    path = workshop() / f"{name}-{platform}-{len(version)}.fmu"
+    rbfmu_fmu.build(scene(name), path, "native", [platform], **version)
     folder = unzipped_at(path, path.with_suffix(""))
-    (library,) = folder.glob("binaries/*/*")
+    library, *_ = sorted(folder.glob("binaries/*/*"))
     inputs, parameters, outputs = (len(variables(name, c)) for c in ("input", "parameter", "output"))
-    guid = (folder / "modelDescription.xml").read_text().split('guid="')[1].split('"')[0]
+    guid = re.search(r'(guid|instantiationToken)="([^"]*)"', (folder / "modelDescription.xml").read_text())[2]
     command = [*emulator(platform), host(platform), library, guid, "", STEPS, SIZE, inputs, inputs + parameters]
     environment = os.environ | {"WINEPREFIX": str(workshop() / "wine"), "WINEDEBUG": "-all"}
     done = subprocess.run([*map(str, command), str(outputs), "1"], env=environment, capture_output=True, timeout=300)
@@ -81,3 +83,10 @@ def rows_of_kernels(name):
 def test_every_platform_gives_the_kernels_bits(name, platform):
     emulator(platform)
     assert rows_on(platform, name) == rows_of_kernels(name) * 4
+
+
+@pytest.mark.parametrize("platform", ["linux64", "linux-aarch64", "win64"])
+@pytest.mark.parametrize("name", ["driven", "prescribed", "default"])
+def test_every_platform_gives_them_by_fmi_3(name, platform):
+    emulator(platform)
+    assert rows_on(platform, name, fmi=3, scalars=True) == rows_of_kernels(name) * 4

@@ -1,51 +1,19 @@
-/* Bytes become FMI 2.0 calls on the C layer: sanitizers watch, counts are printed.
-
-   fuzz SEED INPUTS makes random bytes; with clang, -fsanitize=fuzzer -DLIBFUZZER makes guided ones. Memory for some
-   instances comes through callbacks that count, and sometimes have none; buffers are allocated to the byte, so that
-   the address sanitizer sees what passes their ends. */
-
-#include <stdarg.h>
-#include <stdio.h>
-#include <stdlib.h>
+/* Bytes become FMI 2.0 calls on the C layer; memory for some instances comes through callbacks that count, and sometimes
+   have none. See fuzzing.h. */
 
 #include "fmi2Functions.h"
-#include "saved_states.c" /* the layout of a state's bytes */
 
-enum { INSTANCES = 3, PLACES = 2 * INSTANCES, MOST = 8, TEXTS = 2 };
-
-static const uint8_t *data;
-static size_t left;
-
-static unsigned take(unsigned n) { /* a number below n */
-    unsigned x = 0;
-    for (unsigned most = n; most > 1 && left; most >>= 8) x = x << 8 | *data++, left--;
-    return n ? x % n : 0;
-}
-
-static double real(double usual) {
-    static const double odd[] = {0.0, -0.0, 1e300, -1e300, 5e-324, 1e-12, -1.0, 99.99};
-    uint64_t bits = 0;
-    double x;
-    switch (take(16)) {
-    case 0: return NAN;
-    case 1: return take(2) ? INFINITY : -INFINITY;
-    case 2: return odd[take(sizeof odd / sizeof *odd)];
-    case 3:
-        for (int i = 0; i < 8; i++) bits = bits << 8 | take(256);
-        memcpy(&x, &bits, sizeof x);
-        return fabs(x) > 1e3 && fabs(x) < 1e25 ? 1.0 : x; /* minutes of substeps show nothing about memory */
-    default: return usual * (0.5 + take(256) / 256.0);
-    }
-}
+#define BYTE fmi2Byte
+#define FREE_INSTANCE fmi2FreeInstance
+#define GET_STATE fmi2GetFMUstate
+#define SET_STATE fmi2SetFMUstate
+#define FREE_STATE fmi2FreeFMUstate
+#define STATE_SIZE fmi2SerializedFMUstateSize
+#define SERIALIZE_STATE fmi2SerializeFMUstate
+#define DESERIALIZE_STATE fmi2DeSerializeFMUstate
+#include "fuzzing.h"
 
 /* --- the importer's side */
-
-static long blocks, messages;
-
-static void wrong(const char *what) {
-    fprintf(stderr, "fuzz.c: %s\n", what);
-    abort();
-}
 
 static void *their_memory(size_t n, size_t size) {
     void *block = take(16) ? malloc(n * size) : NULL;
@@ -78,41 +46,7 @@ static const fmi2CallbackFunctions CALLBACKS[] = {{their_logger, their_memory, t
                                                   {their_logger, their_memory, NULL, NULL, NULL},
                                                   {NULL, NULL, NULL, NULL, NULL}};
 
-static struct {
-    fmi2Component c;
-    double time;
-} instances[INSTANCES];
-static fmi2FMUstate places[PLACES];
-static struct {
-    fmi2Byte *bytes;
-    size_t size;
-} texts[TEXTS];
-
-static struct {
-    const char *name;
-    long calls, refused;
-} counts[64];
-
-static int count(const char *name, fmi2Status status) {
-    int k = 0;
-    if (status != fmi2OK && status != fmi2Discard && status != fmi2Error) wrong(name);
-    while (counts[k].name && strcmp(counts[k].name, name)) k++;
-    counts[k].name = name;
-    counts[k].calls++;
-    counts[k].refused += status != fmi2OK;
-    return status == fmi2OK;
-}
-
-#define CALL(function, ...) count(#function, function(__VA_ARGS__))
-
 /* --- calls */
-
-static fmi2ValueReference *some_references(size_t n, unsigned usual) {
-    static const fmi2ValueReference odd[] = {REALS, REALS - 1, REALS + 1, 0x7fffffff, 0x80000000, 0xffffffff};
-    fmi2ValueReference *r = malloc(n * sizeof *r);
-    for (size_t i = 0; i < n; i++) r[i] = take(16) ? take(usual) : odd[take(sizeof odd / sizeof *odd)];
-    return r;
-}
 
 static void any_reals(fmi2Component c, int set) {
     size_t n = take(MOST);
@@ -184,8 +118,19 @@ static void inquire(fmi2Component c) {
     case 4: CALL(fmi2GetStringStatus, c, kind, null ? NULL : &text); break;
     default:
         CALL(fmi2CancelStep, c);
-        CALL(fmi2GetDirectionalDerivative, c, NULL, take(3), NULL, take(3), NULL, NULL);
     }
+}
+
+static void partial_derivatives(fmi2Component c) {
+    size_t n = take(4), k = take(4);
+    fmi2ValueReference *unknown = some_references(n, REALS), *known = some_references(k, FIRST_PARAMETER);
+    fmi2Real *seed = malloc(k * sizeof *seed), *result = malloc(n * sizeof *result);
+    for (size_t i = 0; i < n; i++)
+        if (take(8)) unknown[i] = FIRST_OUTPUT + take(REALS - FIRST_OUTPUT);
+    for (size_t i = 0; i < k; i++) seed[i] = real(1.0);
+    CALL(fmi2GetDirectionalDerivative, c, take(16) ? unknown : NULL, n, take(16) ? known : NULL, k,
+         take(16) ? seed : NULL, take(16) ? result : NULL);
+    free(unknown), free(known), free(seed), free(result);
 }
 
 static void categories(fmi2Component c) {
@@ -236,78 +181,6 @@ static void any_step(int k) {
     if (CALL(fmi2DoStep, instances[k].c, t, h, fmi2True)) instances[k].time = t + h;
 }
 
-/* --- states: places hold pointers that are null, alive, freed, of another instance, or of nothing */
-
-static void to_bytes(fmi2Component c, fmi2FMUstate saved) {
-    size_t size = 0;
-    fmi2Byte *bytes;
-    int k = (int)take(TEXTS);
-    if (!CALL(fmi2SerializedFMUstateSize, c, saved, take(16) ? &size : NULL)) size = sizeof(Serialized);
-    switch (take(8)) {
-    case 0: size = take((unsigned)size); break;
-    case 1: size -= 1 + take(9); break;
-    case 2: size += take(9); break;
-    }
-    bytes = malloc(size);
-    if (CALL(fmi2SerializeFMUstate, c, saved, take(16) ? bytes : NULL, size)) {
-        free(texts[k].bytes);
-        texts[k].bytes = bytes, texts[k].size = size;
-    } else
-        free(bytes);
-}
-
-/* Damage that the checksum cannot see, because it is made anew. */
-static void forge(fmi2Byte *bytes) {
-    Serialized s;
-    memcpy(&s, bytes, sizeof s);
-    switch (take(6)) {
-    case 0: s.state.phase = (int64_t)take(20) - 2; break;
-    case 1: s.state.status = (int64_t)take(6) - 2; break;
-    case 2: s.state.time = real(1.0); break;
-    case 3: s.state.stop = real(50.0); break;
-    case 4: s.state.stale = take(3), s.state.discarded = take(3); break;
-    default: s.state.z[OFFSETS[take(FIRST_OUTPUT)]] = real(1.0);
-    }
-    s.checksum = checksum(&s.state);
-    memcpy(bytes, &s, sizeof s);
-}
-
-static void from_bytes(fmi2Component c, fmi2FMUstate *place) {
-    int k = (int)take(TEXTS);
-    size_t size = texts[k].size;
-    fmi2Byte *bytes;
-    if (!take(8)) size = take(2) ? take((unsigned)size + 1) : size + take(9);
-    bytes = malloc(size);
-    for (size_t i = 0; i < size; i++) bytes[i] = i < texts[k].size ? texts[k].bytes[i] : (fmi2Byte)take(256);
-    if (size && take(4) == 0) bytes[take((unsigned)size)] ^= (fmi2Byte)(1 + take(255));
-    if (size == sizeof(Serialized) && take(4) == 0) forge(bytes);
-    CALL(fmi2DeSerializeFMUstate, c, take(16) ? bytes : NULL, size, take(16) ? place : NULL);
-    free(bytes);
-}
-
-static void states(int k) {
-    fmi2Component c = instances[k].c;
-    fmi2FMUstate *place = &places[take(8) ? 2 * (unsigned)k + take(2) : take(PLACES)], copy;
-    if (!*place && take(4)) CALL(fmi2GetFMUstate, c, place);
-    switch (take(8)) {
-    case 0: CALL(fmi2GetFMUstate, c, take(16) ? place : NULL); break;
-    case 1:
-    case 2: CALL(fmi2SetFMUstate, c, *place); break;
-    case 3:
-        copy = *place; /* freed, and remembered */
-        CALL(fmi2FreeFMUstate, c, &copy);
-        break;
-    case 4: CALL(fmi2FreeFMUstate, c, take(16) ? place : NULL); break;
-    case 5:
-        if (!take(4)) *place = take(2) ? NULL : (fmi2FMUstate)(uintptr_t)(0x10 + 8 * take(256));
-        break;
-    case 6: to_bytes(c, *place); break;
-    default:
-        if (take(2)) to_bytes(c, *place);
-        from_bytes(c, place);
-    }
-}
-
 static void one_call(void) {
     int k = (int)take(INSTANCES);
     if (!instances[k].c && take(8)) { /* else the call is made with a null instance */
@@ -332,7 +205,7 @@ static void one_call(void) {
     case 10: inquire(instances[k].c); break;
     case 11: categories(instances[k].c); break;
     case 12:
-    case 13: derivatives(instances[k].c); break;
+    case 13: take(2) ? derivatives(instances[k].c) : partial_derivatives(instances[k].c); break;
     case 14:
     case 15: any_reals(instances[k].c, 0); break;
     case 16:
@@ -347,43 +220,3 @@ static void one_call(void) {
     }
 }
 
-int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size) {
-    data = bytes, left = size;
-    while (left) one_call();
-    for (int k = 0; k < INSTANCES; k++) {
-        fmi2FreeInstance(instances[k].c); /* and all its states with it */
-        instances[k].c = NULL;
-    }
-    for (int k = 0; k < TEXTS; k++) {
-        free(texts[k].bytes);
-        texts[k].bytes = NULL, texts[k].size = 0;
-    }
-    memset(places, 0, sizeof places);
-    if (blocks) wrong("the importer's memory did not come back");
-    return 0;
-}
-
-#ifndef LIBFUZZER
-static uint64_t splitmix64(uint64_t *state) {
-    uint64_t z = *state += 0x9e3779b97f4a7c15u;
-    z = (z ^ z >> 30) * 0xbf58476d1ce4e5b9u;
-    z = (z ^ z >> 27) * 0x94d049bb133111ebu;
-    return z ^ z >> 31;
-}
-
-int main(int argc, char **argv) {
-    uint8_t bytes[4096];
-    uint64_t state = argc > 1 ? strtoull(argv[1], NULL, 10) : 1;
-    long inputs = argc > 2 ? atol(argv[2]) : 1000, calls = 0, refused = 0;
-    for (long i = 0; i < inputs; i++) {
-        size_t size = splitmix64(&state) % sizeof bytes;
-        for (size_t k = 0; k < size; k++) bytes[k] = (uint8_t)splitmix64(&state);
-        LLVMFuzzerTestOneInput(bytes, size);
-    }
-    for (int k = 0; counts[k].name; k++) calls += counts[k].calls, refused += counts[k].refused;
-    printf("%ld inputs, %ld calls, %ld refused, %ld messages\n", inputs, calls, refused, messages);
-    for (int k = 0; counts[k].name; k++)
-        printf("  %s: %ld, %ld refused\n", counts[k].name, counts[k].calls, counts[k].refused);
-    return 0;
-}
-#endif

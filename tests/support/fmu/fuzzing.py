@@ -1,4 +1,4 @@
-"""Compiles fuzz.c with the C layer and a model's object code under the address and undefined-behaviour sanitizers.
+"""Compiles fuzz.c and fuzz3.c with the C layer and a model under address and undefined-behaviour sanitizers.
 
 `python -m tests.support.fmu.fuzzing [SEED] [INPUTS]` runs it on a body under loads and on prescribed rates
 (`make fuzz`).
@@ -9,10 +9,12 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from itertools import product
 from pathlib import Path
 
 from rbfmu_fmu.description import describe
 from rbfmu_fmu.fmi2_xml import FMI2
+from rbfmu_fmu.fmi3_xml import FMI3
 from rbfmu_fmu.native import headers as native_headers
 from rbfmu_fmu.native import linking
 from rbfmu_fmu.native.build import c_sources
@@ -22,8 +24,10 @@ from tests.support.fmu.fmus import planned, scene
 from tests.support.paths import C_SOURCES
 
 NAMES = ("driven", "prescribed")
+FUZZERS = {"fmi2": (FMI2, "fuzz.c"), "fmi3": (FMI3, "fuzz3.c")}
+"""By the version of FMI: what it is, and the program."""
 INCLUDED = "saved_states.c"
-"""What fuzz.c includes, to forge saved states; the other sources are compiled by themselves."""
+"""What fuzzers include, to forge saved states; the other sources are compiled by themselves."""
 FLAGS = ["-std=c11", "-O1", "-g", "-Wall", "-fno-omit-frame-pointer"]
 FLAGS += ["-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all", "-ffp-contract=off"]
 OPTIONS = {"ASAN_OPTIONS": "detect_leaks=1:abort_on_error=0", "UBSAN_OPTIONS": "print_stacktrace=1"}
@@ -43,12 +47,13 @@ def sanitizing_compiler():
     return None
 
 
-def compiled(name, folder, compiler, flags=(), spoilt=None):
+def compiled(name, folder, compiler, flags=(), spoilt=None, fmi="fmi2"):
     """The fuzzer of a scene's C layer; spoilt: what to replace in it, (right, wrong), each to be found once."""
+    version, fuzzer = FUZZERS[fmi]
     description = describe(scene(name), planned(name))
-    headers = native_headers.headers(description, FMI2, "{00000000-0000-0000-0000-000000000000}")
+    headers = native_headers.headers(description, version, "{00000000-0000-0000-0000-000000000000}")
     objects = object_files(planned(name).kernels, this_platform())
-    sources = {file: linking.source(file).decode() for file in (*c_sources(FMI2), *linking.HEADERS)}
+    sources = {file: linking.source(file).decode() for file in (*c_sources(version), *linking.HEADERS)}
     if spoilt:
         (file,) = (file for file, text in sources.items() if spoilt[0] in text)
         sources[file] = sources[file].replace(*spoilt)
@@ -57,8 +62,8 @@ def compiled(name, folder, compiler, flags=(), spoilt=None):
     for file, content in objects.items():
         (folder / file).write_bytes(content)
     program = folder / f"fuzz_{name}"
-    command = [compiler, *FLAGS, *flags, f"-I{folder}", f"-I{linking.FMI_HEADERS}", C_SOURCES / "fuzz.c"]
-    parts = [*objects, *(file for file in c_sources(FMI2) if file != INCLUDED)]
+    command = [compiler, *FLAGS, *flags, f"-I{folder}", f"-I{linking.FMI_HEADERS}", C_SOURCES / fuzzer]
+    parts = [*objects, *(file for file in c_sources(version) if file != INCLUDED)]
     subprocess.run([*command, *[folder / part for part in parts], "-lm", "-o", program], check=True)
     return program
 
@@ -72,10 +77,10 @@ def fuzz(program, seed, inputs, timeout=3600):
 def main(seed="1", inputs="10000"):
     """Print the counts; exit with the sanitizer's status."""
     compiler = sanitizing_compiler() or sys.exit("no C compiler with sanitizers")
-    for name in NAMES:
+    for name, fmi in product(NAMES, FUZZERS):
         with tempfile.TemporaryDirectory() as folder:
-            done = fuzz(compiled(name, Path(folder), compiler), seed, inputs)
-        print(f"{name}: {done.stdout}{done.stderr}", end="")
+            done = fuzz(compiled(name, Path(folder), compiler, fmi=fmi), seed, inputs)
+        print(f"{name}, {fmi}: {done.stdout}{done.stderr}", end="")
         if done.returncode:
             sys.exit(done.returncode)
 
