@@ -38,7 +38,6 @@ DEFAULTS = {
         ]
     },
     "run": {"start": 0.0, "stop": 10.0, "step": 0.01, "accuracy": 1e-6},
-    "about": {"description": "", "author": "", "version": "", "license": ""},
 }
 """What the smallest scene means: every key of the file with its default."""
 
