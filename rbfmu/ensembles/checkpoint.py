@@ -75,7 +75,7 @@ class Checkpoint:
             f"{_KEPT}{name}": a for name, a in (statistics.to_arrays() if statistics else {}).items()
         }
         kept |= {_HEAD: np.array(self._head()), **self.rows, **self.results}
-        part = path.with_name(f"{path.name}.{os.getpid()}.part")
+        part = path.with_name(f"{path.name}.partial")
         try:
             with part.open("wb") as file:
                 np.savez(file, **kept)

@@ -1,5 +1,6 @@
 """Where chunks run: threads of this process, any executor of `concurrent.futures`, or Dask."""
 
+import logging
 import os
 import pickle
 from collections import deque
@@ -72,8 +73,20 @@ def dask_client(address: str) -> Iterator[Any]:
         client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:
         raise ValueError(f"no scheduler of Dask at {address!r}: {error}") from None
-    with client:
+    with _quiet(), client:
         yield client
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep Dask from writing tracebacks of lost connections, of which an error says enough."""
+    log = logging.getLogger("distributed.client")
+    level = log.level
+    log.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        log.setLevel(level)
 
 
 def _submit_to_dask(client: Any) -> Submit:
@@ -118,8 +131,8 @@ def _losses() -> Iterator[None]:
     except Exception as error:
         if type(error).__module__.partition(".")[0] not in ("concurrent", "distributed", "asyncio"):
             raise
-        name = type(error).__name__
-        raise SimulationError(f"the executor lost a chunk of the ensemble: {name}: {error}") from error
+        text = " ".join(f"{type(error).__name__}: {error}".split())
+        raise SimulationError(f"the executor lost a chunk of the ensemble: {text}") from error
 
 
 def packed(work: Work) -> bytes:

@@ -88,9 +88,7 @@ class MemoryStore:
 def checkpoint_of(store: Path, file: Path, identity: Mapping[str, Any], resume: bool) -> Checkpoint | None:
     """Return the checkpoint of a store, None where there is none yet. Raises FileExistsError, ValueError."""
     if not resume and store.exists():
-        raise FileExistsError(
-            errno.EEXIST, "exists already, and stays as it is; to go on with it, resume it", str(store)
-        )
+        raise FileExistsError(errno.EEXIST, "exists already, and stays as it is; --resume goes on with it", str(store))
     if not file.exists():
         return None
     known = Checkpoint.read(file)

@@ -20,6 +20,12 @@ NUMBERS = 262144
 """The number of numbers in a chunk of zarr, of variables with time."""
 RESUME = "resume"
 """The group of the checkpoint."""
+PART = ".partial"
+"""The ending of files that zarr has not yet put in their place."""
+
+
+def _is_ours(path: Path) -> bool:
+    return path.name in (RESUME, "zarr.json") or path.suffix == PART
 
 
 class ZarrStore:
@@ -39,6 +45,8 @@ class ZarrStore:
         known = checkpoint_of(self._path, self._file, self._identity, resume)
         if known is None:
             self._refuse_others()
+        for part in self._path.rglob(f"*{PART}"):  # of a program that was killed
+            part.unlink()
         self._group = self._zarr.open_group(self._path, mode="a", zarr_format=3)
         if known is None:
             self._group.require_group(RESUME)
@@ -54,9 +62,7 @@ class ZarrStore:
 
     def _refuse_others(self) -> None:
         """Refuse a folder of something else; one that was begun and killed before its first checkpoint has little."""
-        if self._path.exists() and not (
-            self._path.is_dir() and {path.name for path in self._path.iterdir()} <= {RESUME, "zarr.json"}
-        ):
+        if self._path.exists() and not (self._path.is_dir() and all(map(_is_ours, self._path.iterdir()))):
             raise FileExistsError(errno.EEXIST, "is no store of an ensemble, and stays as it is", str(self._path))
 
     def _arrays_by_run(self) -> Iterator[Any]:

@@ -6,55 +6,22 @@ import threading
 
 import pytest
 
-import rbfmu
 from rbfmu import EnsembleResult, SceneError, SimulationError, run_ensemble
 from rbfmu.ensembles import executors, running
 from rbfmu.ensembles.chunks import run_chunk
 from rbfmu.ensembles.planning import EnsemblePlan
 from rbfmu.runs.plan import Plan
-
-TABLES = {
-    "name": "satellite",
-    "body": {"mass": 50.0, "inertia": [2.0, 2.5, 3.0]},
-    "initial": {"omega_b": [0.1, -0.2, 0.15]},
-    "loads": {"gravity_a": [0.0, 0.0, 0.0], "damping_b": [0.05, 0.05, 0.05]},
-    "outputs": {"quantities": ["quaternion", "omega_b", "kinetic_energy"]},
-    "run": {"stop": 2.0, "step": 0.5},
-    "ensemble": {"runs": 100, "seed": 3, "vary": {
-        "body.mass": {"normal": [50.0, 0.5]},
-        "body.inertia": {"relative": 0.02},
-        "initial.attitude": {"rotvec_deg": 2.0},
-        "initial.omega_b": {"normal": [[0.1, -0.2, 0.15], [0.02] * 3]},
-        "loads.damping_b": {"normal": [[0.05] * 3, [0.03, 0.01, 0.01]]},  # of some runs negative: they fail
-    }},
-}  # fmt: skip
-PLAN = Plan("body under loads, by series", "series", 7, tolerance=1e-9, order=12, cost=2.5e6)
-PLANS = EnsemblePlan((PLAN,))
-"""A plan whose stated cost makes chunks of 8 members."""
+from tests.support.ensembles.satellite import PLAN, PLANS, assert_same, run, satellite
 
 
 @pytest.fixture(scope="module")
 def scene():
-    return rbfmu.Scene.from_dict(TABLES)
-
-
-def run(scene, *arguments, **options):
-    return run_ensemble(scene, *arguments, planned=PLANS, progress=False, **options)
+    return satellite()
 
 
 @pytest.fixture(scope="module")
 def whole(scene):
     return run(scene, executor=1)
-
-
-def assert_same(a, b):
-    assert isinstance(b, EnsembleResult)
-    assert a.failed == b.failed
-    mine, theirs = a.to_xarray(), b.to_xarray()
-    assert set(mine.variables) == set(theirs.variables)
-    for name in mine.variables:
-        assert mine[name].values.tobytes() == theirs[name].values.tobytes(), name
-        assert mine[name].attrs == theirs[name].attrs
 
 
 def test_the_plan_makes_chunks_of_some_members(scene):

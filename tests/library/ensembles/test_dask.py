@@ -1,0 +1,114 @@
+"""Ensembles on Dask: the same bits, whichever worker is killed; a scheduler that is lost is said, and nothing lost."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from rbfmu import SimulationError
+from rbfmu.ensembles import executors
+from rbfmu.ensembles.result import EnsembleResult
+from tests.support.command_line import call
+from tests.support.ensembles.satellite import FILE, assert_same, run, satellite
+from tests.support.paths import ROOT
+
+distributed = pytest.importorskip("distributed")
+pytestmark = pytest.mark.filterwarnings("default")  # of Dask's own
+
+PATHS = {"PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "kernels"), str(ROOT / "fmu_build")])}
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return run(satellite(), executor=1)
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as found:
+        yield found
+
+
+class Fatal:
+    """A client with whose fifth chunk a process is killed, once: the worker, or another one."""
+
+    def __init__(self, client, mark, victim=0):
+        self.client, self.mark, self.victim, self.count = client, mark, victim, 0
+        self.scheduler_info, self.nthreads = client.scheduler_info, client.nthreads
+
+    def submit(self, task, *args, pure):
+        self.count += 1
+        kills = self.count == 5
+        return self.client.submit(
+            killing if kills else task, *([str(self.mark), self.victim, task] * kills), *args, pure=pure
+        )
+
+
+def killing(mark, victim, task, *args):
+    """Kill a process, this one by default, unless the file `mark` says that it was done."""
+    if not Path(mark).exists():
+        Path(mark).touch()
+        os.kill(victim or os.getpid(), signal.SIGKILL)
+    return task(*args)
+
+
+def test_workers_of_dask_give_the_same_bits(whole, cluster):
+    with distributed.Client(cluster) as client:
+        assert_same(whole, run(satellite(), executor=client))
+
+
+def test_a_worker_that_is_killed_is_replaced(whole, cluster, tmp_path):
+    with distributed.Client(cluster) as client:
+        before = set(client.run(os.getpid).values())
+        assert_same(whole, run(satellite(), executor=Fatal(client, tmp_path / "killed")))
+        client.wait_for_workers(2, timeout=60)
+        assert len(before & set(client.run(os.getpid).values())) == 1
+
+
+def test_the_command_line_takes_a_scheduler(cluster, tmp_path):
+    for store, options in (("dask.npz", ["--scheduler", cluster.scheduler_address]), ("threads.npz", ["--workers", 2])):
+        found = call("ensemble", FILE, "-o", tmp_path / store, *options)
+        assert found.exit_code == 0, found.stderr
+    assert_same(EnsembleResult.load(tmp_path / "dask.npz"), EnsembleResult.load(tmp_path / "threads.npz"))
+
+
+def test_no_scheduler_is_said(monkeypatch):
+    monkeypatch.setattr(executors, "PATIENCE", "1s")
+    found = call("ensemble", FILE, "--scheduler", "tcp://127.0.0.1:9")
+    assert found.exit_code == 2
+    assert "Error: no scheduler of Dask at 'tcp://127.0.0.1:9': " in found.stderr
+
+
+def process(module, *arguments):
+    command = [sys.executable, "-m", f"distributed.cli.{module}", *arguments, "--no-dashboard"]
+    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=os.environ | PATHS)
+
+
+@pytest.fixture
+def scheduler():
+    """A scheduler of its own process with a worker, and its address."""
+    found = process("dask_scheduler", "--host", "127.0.0.1", "--port", "0")
+    lines = iter(found.stderr.readline, "")
+    address = next(line.split()[-1] for line in lines if "Scheduler at:" in line)
+    worker = process("dask_worker", address, "--nthreads", "1", "--no-nanny")
+    yield found, address
+    for one in (found, worker):
+        one.kill()
+        one.wait()
+        one.stderr.close()
+
+
+def test_a_scheduler_that_is_killed_is_said_and_what_is_done_stays(whole, scheduler, tmp_path):
+    found, address = scheduler
+    store = tmp_path / "store.npz"
+    with executors.dask_client(address) as client:
+        client.wait_for_workers(1, timeout=60)
+        with pytest.raises(SimulationError, match="the executor lost a chunk of the ensemble: ") as caught:
+            run(satellite(), store, executor=Fatal(client, tmp_path / "killed", found.pid))
+    assert "\n" not in str(caught.value)
+    with pytest.raises(ValueError, match="of 100 runs: expected all, resume it"):
+        EnsembleResult.load(store)
+    assert_same(whole, run(satellite(), store, resume=True))

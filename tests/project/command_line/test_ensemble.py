@@ -1,0 +1,58 @@
+"""`rbfmu ensemble`: what it prints, writes and refuses."""
+
+import pytest
+
+from rbfmu import EnsembleResult
+from tests.support.command_line import call
+from tests.support.ensembles.satellite import FILE
+
+
+def test_it_prints_what_was_planned_what_failed_and_how_the_runs_end(tmp_path):
+    found = call("ensemble", FILE, "-o", tmp_path / "store.npz", "--plot", tmp_path / "satellite.png", "--runs", 400)
+    assert found.exit_code == 0, found.stderr
+    result = EnsembleResult.load(tmp_path / "store.npz")
+    assert found.stdout.startswith("body under loads, by series: Taylor series of order ")
+    assert f"400 runs, {len(result.failed)} of them failed, 0 drawn again\n" in found.stdout
+    index, message = next(iter(result.failed.items()))
+    assert f"run {index}: {message}\n" in found.stdout
+    assert "damping_b" in message
+    assert f"{result.final['kinetic_energy'][result.good].mean():.6g}"[:7] in found.stdout
+    assert (tmp_path / "satellite.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_store_goes_on_and_grows(tmp_path):
+    store = tmp_path / "store.zarr"
+    assert call("ensemble", FILE, "-o", store).exit_code == 0
+    again = call("ensemble", FILE, "-o", store)
+    assert again.exit_code == 2
+    assert again.stderr == f"Error: {store}: exists already, and stays as it is; --resume goes on with it\n"
+    assert call("ensemble", FILE, "-o", store, "--resume", "--runs", 150).exit_code == 0
+    assert EnsembleResult.load(store).runs == 150
+    other = call("ensemble", FILE, "-o", store, "--resume", "--runs", 150, "--stop", 3.0)
+    assert other.exit_code == 2
+    assert "run.stop = 3.0: expected 2.0, with which the store was begun" in other.stderr
+
+
+@pytest.mark.parametrize(("arguments", "said"), [
+    (["--resume"], "--resume: expected --output with the store to go on with"),
+    (["--workers", 2, "--scheduler", "tcp://a:1"], "--workers: expected no --scheduler with it"),
+    (["--workers", 0], "Invalid value for '--workers'"),
+    (["--runs", 0], "Invalid value for '--runs'"),
+    (["-o", "store.csv"], "expected a name that ends in .npz or .zarr"),
+    (["-o", "no_folder/store.npz"], "there is no folder 'no_folder'"),
+    (["--plot", "picture.gif"], "expected a name that ends in .png or .svg or .pdf"),
+])  # fmt: skip
+def test_bad_usage_is_one_message(arguments, said):
+    found = call("ensemble", FILE, *arguments)
+    assert found.exit_code == 2
+    assert said in found.stderr
+    assert found.stdout == ""
+
+
+def test_a_scene_without_ensemble_is_one_message(tmp_path):
+    scene = tmp_path / "plain.toml"
+    scene.write_text("[body]\nmass = 1.0\ninertia = [1, 2, 2.5]\n")
+    found = call("ensemble", scene)
+    assert found.exit_code == 2
+    assert found.stderr.startswith(f"Error: {scene}: ensemble is missing: expected ")
+    assert found.stderr.count("\n") == 1

@@ -1,0 +1,1 @@
+"""Ensembles that tests run, and kill."""
