@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 EXTENDABLE = ("random", "sobol")
 """Designs of which more members may be asked for later."""
 _HEAD, _KEPT = "resume/head", "resume/statistics/"
+_SOURCES_HERE = hash_of_sources(Path(__file__).parent)
 LIBRARIES = ("numpy", "scipy")
 """Packages that drawn numbers rest on."""
 
@@ -111,7 +112,7 @@ class Checkpoint:
 def identity_of(work: Work) -> dict[str, Any]:
     """Return what tells an ensemble's bits from those of others, for JSON."""
     plans = [{k: v for k, v in plan.to_dict().items() if k != "reasons"} for plan in work.plans.plans]
-    sources = {"rbfmu_kernels": SOURCES, "rbfmu.ensembles": hash_of_sources(Path(__file__).parent)}
+    sources = {"rbfmu_kernels": SOURCES, "rbfmu.ensembles": _SOURCES_HERE}
     libraries = {name: _version(name) for name in LIBRARIES}
     found = {"scene": work.scene.to_dict(), "plans": plans, "members of a chunk": work.size}
     return json.loads(json.dumps(found | {"sources": sources, "versions": libraries}))  # type: ignore[no-any-return]

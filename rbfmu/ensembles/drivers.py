@@ -31,10 +31,9 @@ class Drivers(NamedTuple):
 def drivers_of(result: "EnsembleResult") -> Drivers:
     """Return Spearman's rank correlations; numbers that are the same in all runs are left out."""
     rows = result.good[:MOST]
-    varied = _varying(_applied(result, rows))
-    ends = _varying(_ended(result, rows))
-    if not varied or not ends or len(rows) < 3:
-        return Drivers(tuple(varied), tuple(ends), np.full((len(varied), len(ends)), np.nan), 1.0)
+    varied, ends = ({}, {}) if len(rows) < 3 else (_varying(_applied(result, rows)), _varying(_ended(result, rows)))
+    if not varied or not ends:
+        return Drivers(tuple(varied), tuple(ends), np.empty((len(varied), len(ends))), 1.0)
     rank = needed("scipy.stats", "ensemble").rankdata
     a, b = (_centred(rank(np.column_stack([*columns.values()]), axis=0)) for columns in (varied, ends))
     return Drivers(tuple(varied), tuple(ends), a.T @ b, SURE / float(np.sqrt(len(rows) - 1)))
@@ -60,7 +59,7 @@ def _applied(result: "EnsembleResult", rows: Any) -> dict[str, Array]:
 
 def _ended(result: "EnsembleResult", rows: Any) -> dict[str, Array]:
     found: dict[str, Array] = {}
-    for name in result.scene.outputs.quantities:
+    for name in result.ended:
         columns = result.ends(name)[rows].reshape(len(rows), -1)
         found |= {f"{name}{index}": columns[:, k] for k, index in enumerate(indices(OUTPUT[name]))}
     return found

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.patches import Ellipse
 from numpy.typing import NDArray
 
@@ -30,12 +31,14 @@ def drawn(result: "EnsembleResult", path: str | Path | None = None) -> Picture:
     names, drivers = result.scene.outputs.quantities, drivers_of(result)
     heights = [*[1.9] * len(names), 0.7 + 0.24 * len(drivers.varied)]
     figure = Picture(figsize=(10.0, 1.3 + sum(heights)), layout="constrained")
+    FigureCanvasAgg(figure)
     grid = figure.add_gridspec(len(heights), 2, height_ratios=heights, width_ratios=(2.2, 1.0))
     first = None
     for row, name in enumerate(names):
         first = figure.add_subplot(grid[row, 0], sharex=first)
         _bands(first, result, name, row == len(names) - 1)
-        _ends(figure.add_subplot(grid[row, 1]), result, name)
+        if name in result.ended and len(result.good) > 1:
+            _ends(figure.add_subplot(grid[row, 1]), result, name)
     _drivers(figure, figure.add_subplot(grid[-1, :]), drivers)
     failed = f", {len(result.failed):,} failed" if result.failed else ""
     figure.suptitle(f"{result.scene.name}: {result.runs:,} runs{failed}", fontsize=12)
@@ -70,10 +73,12 @@ def _bands(axes: Any, result: "EnsembleResult", name: str, is_last: bool) -> Non
 def _ends(axes: Any, result: "EnsembleResult", name: str) -> None:
     """Draw the two components that spread most, or how often values of a single number occur."""
     ends = result.ends(name)[result.good].reshape(len(result.good), -1)
-    spread = np.argsort(-ends.std(axis=0), kind="stable") if len(ends) else np.arange(1)
+    spread = np.argsort(-ends.std(axis=0), kind="stable")
     open_frame(axes)
     axes.tick_params(labelsize=8)
-    if len(ends) < 2 or ends.shape[1] == 1:
+    axes.locator_params(nbins=5)
+    axes.ticklabel_format(scilimits=(-2, 4))
+    if ends.shape[1] == 1:
         axes.hist(ends[:, 0], bins=40, color=COLORS[0], alpha=0.6)
         axes.set_xlabel(name, fontsize=8)
         axes.set_ylabel("runs", fontsize=8)

@@ -92,6 +92,11 @@ class EnsembleResult:
         """Return the indices of the runs that did not fail."""
         return np.setdiff1d(np.arange(self.runs), np.array(sorted(self.failed), dtype=int))
 
+    @property
+    def ended(self) -> tuple[str, ...]:
+        """Return the quantities whose values at the end of all runs are kept."""
+        return tuple(name for name in self.scene.outputs.quantities if name in self.all or name in self.final)
+
     def ends(self, name: str) -> Array:
         """Return a quantity at the end of all runs (runs, k), NaN of those that failed. Raises KeyError if not kept."""
         return np.asarray(self.all[name][:, -1] if name in self.all else self.final[name])

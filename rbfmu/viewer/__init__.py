@@ -21,26 +21,30 @@ def view(
     inputs: Any = None,
     interpolate: str = "hold",
     progress: Callable[[float], Any] | None = None,
+    ghosts: int = 0,
 ) -> Motion:
     """Write a page that plays a motion in 3D, and return what it shows.
 
     source: a scene, a result, or a file of either (.toml, .csv, .npz); scene: whose body a result moves, else a plain
     body is drawn; stop: the end of what is shown, s, if it is not the run's; inputs, interpolate: what drives a scene's
-    ports, as for `simulate`; progress: is told which part of planning is done. Raises SceneError, SimulationError,
+    ports, as for `simulate`; progress: is told which part of planning is done; ghosts: how many runs of the scene's
+    ensemble, up to 50, are shown as pale bodies beside its own motion. Raises SceneError, SimulationError,
     ModuleNotFoundError without viser, and ValueError where a result has no attitude.
     """
     needed("viser", "view")
     from rbfmu.viewer.page import motion_page
 
-    page = motion_page(motion := _motion(source, scene, stop, (inputs, interpolate), progress))
+    page = motion_page(motion := _motion(source, scene, stop, (inputs, interpolate), progress, ghosts))
     Path(path).write_text(page, encoding="utf-8")
     return motion
 
 
-def _motion(source: Any, scene: Any, stop: float | None, driven: tuple[Any, str], progress: Any) -> Motion:
+def _motion(source: Any, scene: Any, stop: float | None, driven: tuple[Any, str], progress: Any, ghosts: int) -> Motion:
     result = source if isinstance(source, Result) else None
     if isinstance(source, str | Path) and Path(source).suffix in FORMATS:
         result = Result.load(source)
+    if ghosts and (result is not None or driven[0] is not None):
+        raise ValueError(f"ghosts = {ghosts}: expected a scene with them, and no inputs")
     if result is not None:
         if driven[0] is not None:
             raise ValueError("inputs: expected a scene with them, as a result is shown as it is")
@@ -50,7 +54,7 @@ def _motion(source: Any, scene: Any, stop: float | None, driven: tuple[Any, str]
     with faults_of(str(source) if stop is None else f"{source} with stop {stop!r}"):
         shown = loaded if stop is None else loaded.replace(run={"stop": stop})
         if driven[0] is None:
-            return motion_of_scene(shown, shape, progress)
+            return motion_of_scene(shown, shape, progress, ghosts)
         return motion_of_driven_scene(shown, *driven, shape)
 
 

@@ -69,6 +69,11 @@ class Geometry:
         return self.place(self.motion.position)
 
     @cached_property
+    def ghost_paths(self) -> list[Array]:
+        """Return o of each ghost in the drawing, (n, 3) each."""
+        return [self.place(ghost.position) for ghost in self.motion.ghosts]
+
+    @cached_property
     def base(self) -> Array:
         """Return where arrows begin (n, 3): at the centre of mass, with a pivot at o."""
         return self.path if self.motion.pivot else self.path + self.lever
@@ -94,7 +99,7 @@ class Geometry:
     @cached_property
     def radius(self) -> float:
         """Return the radius of all that is drawn."""
-        points = np.vstack([self.path, self.place(self.origin_a[None])])
+        points = np.vstack([self.path, *self.ghost_paths, self.place(self.origin_a[None])])
         return float(np.max(np.linalg.norm(points, axis=1))) + MOMENTUM
 
     def arrows(self, vectors: Array, length: float) -> Array:

@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -14,6 +14,7 @@ from rbfmu.scene.consistency import default_quantities
 from rbfmu.scene.plausibility import SceneWarning
 from rbfmu.scene.scene import QUANTITIES, Scene
 from rbfmu.simulation import plan, simulate
+from rbfmu.viewer.ghosts import Ghost, ghosts_of
 from rbfmu.viewer.pictures import Pictures, pictures
 from rbfmu.viewer.shape import Shape, shape_of
 from rbfmu_kernels.types import Vec3
@@ -33,6 +34,7 @@ class Motion:
     pivot: bool = False
     up: Vec3 = UP
     notes: tuple[str, ...] = ()
+    ghosts: tuple[Ghost, ...] = ()
 
     def __repr__(self) -> str:
         return f"Motion({self.title}: {len(self.result.time)} pictures, played in {self.played:.3g} s)"
@@ -82,9 +84,15 @@ def rate_of(result: Result) -> Array | None:
 
 
 def motion_of_scene(
-    scene: Scene, written: dict[str, Any] | None = None, progress: Callable[[float], Any] | None = None
+    scene: Scene,
+    written: dict[str, Any] | None = None,
+    progress: Callable[[float], Any] | None = None,
+    ghosts: int = 0,
 ) -> Motion:
-    """Simulate a scene with its ports at zero at the instants of the pictures; written: its file's `body.shape`."""
+    """Simulate a scene with its ports at zero at the instants of the pictures; written: its file's `body.shape`.
+
+    ghosts: how many members of its ensemble are shown beside it.
+    """
     wanted, span = scene.replace({"outputs.quantities": _shown(scene)}), scene.run.stop - scene.run.start
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SceneWarning)  # of steps that are not those of the pictures
@@ -93,7 +101,8 @@ def motion_of_scene(
     fine = pictures(span, _largest(rate_of(result)))
     result = simulate(_stepped(wanted, fine), planned=chosen)
     notes = ("inputs are zero",) if scene.inputs.ports else ()
-    return _motion(scene.name, result, fine.played, scene, written, notes)
+    shown = _motion(scene.name, result, fine.played, scene, written, notes)
+    return replace(shown, ghosts=ghosts_of(_stepped(wanted, fine), ghosts))
 
 
 def motion_of_driven_scene(

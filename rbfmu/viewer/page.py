@@ -74,6 +74,8 @@ def _legend(geometry: Geometry) -> str:
 def _notes(geometry: Geometry) -> list[str]:
     motion, span = geometry.motion, float(geometry.motion.result.time[-1] - geometry.motion.result.time[0])
     notes = [f"body: {motion.shape.text}"]
+    if motion.ghosts:
+        notes.append(f"pale bodies: {len(motion.ghosts)} runs of the ensemble")
     if geometry.enlarged > 1.0:
         notes.append(f"the body is drawn {geometry.enlarged:.3g} times too large beside its path")
     if np.any(geometry.origin_a):

@@ -27,6 +27,7 @@ def recorded_page(geometry: Geometry) -> str:
     with _server() as server:
         _look(server, geometry)
         parts: list[Any] = [_Body(server, geometry), _Trace(server, geometry), *_arrows(server, geometry)]
+        parts += [_Ghost(server, geometry, number) for number in range(len(geometry.ghost_paths))]
         recording = server.get_scene_serializer()
         pauses = np.diff(geometry.motion.result.time)
         pauses *= geometry.motion.played / pauses.sum()
@@ -75,21 +76,40 @@ class _Body:
     def __init__(self, server: viser.ViserServer, geometry: Geometry) -> None:
         self.geometry, shape, scene = geometry, geometry.motion.shape, server.scene
         self.axes = _axes(server, "/b", AXIS_B, 0.03, "b", geometry.path[0])
-        sides = np.array(shape.sides) / geometry.body_radius
-        place: dict[str, Any] = {"wxyz": shape.q_bp, "position": np.array(shape.centre) / geometry.body_radius}
-        place |= {"color": BODY, "opacity": 0.85}
-        if shape.kind == "box":
-            scene.add_box("/b/body", dimensions=sides, **place)
-        elif shape.kind == "cylinder":
-            scene.add_cylinder("/b/body", radius=sides[0] / 2.0, height=sides[2], flat_shading=True, **place)
-        else:
-            scene.add_icosphere("/b/body", radius=0.5, scale=tuple(sides), flat_shading=True, **place)
+        _add_shape(scene, "/b/body", geometry, 0.85)
         if any(shape.centre):
             rod = np.array([[[0.0, 0.0, 0.0], shape.centre]]) / geometry.body_radius
             scene.add_line_segments("/b/rod", rod, FIXED, thickness=0.03)
 
     def show(self, k: int) -> None:
         self.axes.wxyz, self.axes.position = self.geometry.motion.quaternion[k], self.geometry.path[k]
+
+
+def _add_shape(scene: Any, name: str, geometry: Geometry, opacity: float) -> None:
+    """Draw the body's shape in the frame that the name begins with."""
+    shape = geometry.motion.shape
+    sides = np.array(shape.sides) / geometry.body_radius
+    place: dict[str, Any] = {"wxyz": shape.q_bp, "position": np.array(shape.centre) / geometry.body_radius}
+    place |= {"color": BODY, "opacity": opacity}
+    if shape.kind == "box":
+        scene.add_box(name, dimensions=sides, **place)
+    elif shape.kind == "cylinder":
+        scene.add_cylinder(name, radius=sides[0] / 2.0, height=sides[2], flat_shading=True, **place)
+    else:
+        scene.add_icosphere(name, radius=0.5, scale=tuple(sides), flat_shading=True, **place)
+
+
+class _Ghost:
+    """A member of the ensemble: a pale body."""
+
+    def __init__(self, server: viser.ViserServer, geometry: Geometry, number: int) -> None:
+        self.path, self.quaternion = geometry.ghost_paths[number], geometry.motion.ghosts[number].quaternion
+        self.frame = server.scene.add_frame(f"/ghost_{number}", show_axes=False)
+        opacity = max(0.1, min(0.3, 3.0 / len(geometry.ghost_paths)))
+        _add_shape(server.scene, f"/ghost_{number}/body", geometry, opacity)
+
+    def show(self, k: int) -> None:
+        self.frame.wxyz, self.frame.position = self.quaternion[k], self.path[k]
 
 
 class _Arrow:

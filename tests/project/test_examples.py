@@ -4,6 +4,7 @@ import re
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,16 +16,16 @@ EXAMPLES = ROOT / "examples"
 NUMBERED = sorted(p.name for p in EXAMPLES.glob("[0-9]*.py"))
 
 
-def printed(name: str) -> str:
+def printed(name: str, folder: Path = EXAMPLES) -> str:
     done = subprocess.run(
-        [sys.executable, EXAMPLES / name], capture_output=True, text=True, check=False, timeout=1200, cwd=EXAMPLES
+        [sys.executable, EXAMPLES / name], capture_output=True, text=True, check=False, timeout=1200, cwd=folder
     )
     assert done.returncode == 0, done.stderr
     return done.stdout
 
 
 def test_every_example_is_tested() -> None:
-    here = {"01_kernels.py", "02_brick.py", "03_slender_beam.py", "04_controlled.py", "08_lqr.py"}
+    here = {"01_kernels.py", "02_brick.py", "03_slender_beam.py", "04_controlled.py", "08_lqr.py", "09_detumbling.py"}
     in_test_interop = {"05_system.py", "06_joined_satellites.py", "07_groups.py"}
     assert here | in_test_interop == set(NUMBERED)
 
@@ -68,6 +69,14 @@ def test_an_lqr_holds_a_satellite_as_the_linear_system_promises() -> None:
     stays, promised = map(float, re.search(r"stays (\S+) deg off, (\S+) deg by", text).groups())  # type: ignore[union-attr]
     assert stays == pytest.approx(promised, abs=1e-5)
     assert stays > 0.01
+
+
+def test_the_dampers_drive_how_ten_thousand_releases_end(tmp_path) -> None:
+    text = printed("09_detumbling.py", tmp_path)
+    assert text.startswith("10000 runs, 0 failed\n")
+    assert 0.0 < float(re.search(r"slower than \S+ deg/s: (\S+) %", text)[1]) < 100.0  # type: ignore[index]
+    assert re.search(r"with loads.damping_b\[\d\]: -0\.[4-9]\d\n", text)
+    assert (tmp_path / "detumbling.png").read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.skipif(not shutil.which("cc"), reason="no C compiler")

@@ -10,6 +10,7 @@ import pytest
 import zstandard
 
 import rbfmu
+from rbfmu.ensembles.samples import draw, member
 from rbfmu.viewer.motion import Motion
 from rbfmu.viewer.pictures import MAX_PICTURES
 from tests.support.browser import browser, open_page
@@ -132,3 +133,42 @@ def test_the_command_says_what_it_wrote(tmp_path: Path) -> None:
     assert done.exit_code == 0, done.output
     assert re.fullmatch(r".*top\.html: \d\.\d MB, \d+ pictures, played in \d+ s\n", done.output)
     assert "cylinder, 0.06 × 0.06 × 0.01 m" in (tmp_path / "top.html").read_text(encoding="utf-8")
+
+
+TUMBLING = {
+    "body": {"mass": 2.0, "inertia": [1.0, 1.2, 1.4]},
+    "initial": {"omega_b": [0.3, 0.2, 1.0], "velocity": [1.0, 0.0, 0.0]},
+    "loads": {"gravity_a": [0.0, 0.0, 0.0]},
+    "run": {"stop": 4.0, "step": 1.0},
+    "ensemble": {"runs": 5, "vary": {"initial.omega_b": {"normal": [[0.3, 0.2, 1.0], [0.2, 0.2, 0.2]]}}},
+}
+
+
+def test_ghosts_are_runs_of_the_ensemble(tmp_path: Path) -> None:
+    scene = rbfmu.Scene.from_dict(TUMBLING)
+    motion = rbfmu.view(scene, tmp_path / "motion.html", ghosts=3)
+    samples = draw(scene, 0, 5)
+    for number in range(3):
+        stepped = member(scene, samples, number).replace(run={"step": 4.0 / (len(motion.result.time) - 1)})
+        single = rbfmu.simulate(stepped)
+        np.testing.assert_allclose(motion.ghosts[number].quaternion, single.quaternion, atol=1e-6)
+        np.testing.assert_allclose(motion.ghosts[number].position, single.position, atol=1e-6)
+        pose = [m for _, m in recorded(tmp_path / "motion.html") if m.get("name") == f"/ghost_{number}"]
+        turned = [m["wxyz"] for m in pose if m["type"] == "SetOrientationMessage"]
+        np.testing.assert_allclose(turned[-1], motion.ghosts[number].quaternion[-1], atol=1e-12)
+    assert "pale bodies: 3 runs of the ensemble" in (tmp_path / "motion.html").read_text(encoding="utf-8")
+    assert len(rbfmu.view(scene, tmp_path / "motion.html", ghosts=9).ghosts) == 5
+
+
+@pytest.mark.parametrize(("ghosts", "options", "said"), [
+    (-1, {}, "ghosts = -1: expected a number from 0 to 50"), (51, {}, "ghosts = 51: expected a number from 0 to 50"),
+    (2, {"inputs": {}}, "ghosts = 2: expected a scene with them, and no inputs"),
+])  # fmt: skip
+def test_ghosts_that_cannot_be_shown_are_refused(tmp_path: Path, ghosts: int, options: dict, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        rbfmu.view(rbfmu.Scene.from_dict(TUMBLING), tmp_path / "motion.html", ghosts=ghosts, **options)
+
+
+def test_ghosts_need_an_ensemble(tmp_path: Path) -> None:
+    with pytest.raises(rbfmu.SceneError, match="ensemble is missing"):
+        rbfmu.view(rbfmu.Scene.from_dict(THROWN), tmp_path / "motion.html", ghosts=2)
