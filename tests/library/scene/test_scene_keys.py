@@ -27,7 +27,8 @@ def test_every_key_that_a_scene_takes_is_listed() -> None:
     written = {f"{table}.{key}" for table, keys in DEFAULTS.items() if table != "name" for key in keys}
     ensemble = {f"ensemble.{key}" for key in ("runs", "seed", "design", "keep", "vary")}
     ensemble |= {f"ensemble.correlation.{key}" for key in ("components", "matrix", "covariance")}
-    assert set(KEYS) == attitude | shape | others | written | ensemble
+    about = {f"about.{key}" for key in ("description", "author", "version", "license")}
+    assert set(KEYS) == attitude | shape | others | written | ensemble | about
     assert set(KEYS) >= {f"{table}.{key}" for table, keys in GOOD.items() for key in keys}
 
 
