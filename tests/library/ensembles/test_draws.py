@@ -1,6 +1,7 @@
 """What is drawn: each member by seed and number alone, distributions as their textbooks have them."""
 
 import math
+import sys
 
 import numpy as np
 import pytest
@@ -189,7 +190,17 @@ def test_sobol_points_fill_the_cube_evenly():
                      runs=1024, design="sobol")  # fmt: skip
     cube = designs.points(scene.ensemble, 0, 1024)
     assert all(sorted(np.floor(1024 * column)) == list(range(1024)) for column in cube.T)
-    assert 0.0 < cube.min() < cube.max() < 1.0
+    assert np.all(np.ldexp(cube, designs.SOBOL_BITS + 1) % 2.0 == 1.0)  # in the middle of a cell, never 0
+
+
+@pytest.mark.parametrize("design", ["sobol", "latin_hypercube"])
+def test_designs_say_what_to_install(design, monkeypatch):
+    for name in ("scipy", "scipy.stats", "scipy.stats.qmc"):
+        monkeypatch.setitem(sys.modules, name, None)
+    designs._hypercube.cache_clear()
+    with pytest.raises(ModuleNotFoundError, match=r'is not installed: pip install "rbfmu\[ensemble\]"'):
+        draw(ensemble(EVERYTHING, runs=8, design=design), 0, 8)
+    assert len(draw(ensemble(EVERYTHING, runs=8), 0, 8)) == 8
 
 
 # Attitudes

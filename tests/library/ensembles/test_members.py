@@ -1,11 +1,14 @@
 """Members of an ensemble: each is the scene that a user would have written, and is run by one plan for all."""
 
 import numpy as np
+import pytest
 
 import rbfmu
 from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.ensembles.samples import draw, member, refused
+from rbfmu.scene.keys import scene_keys
 from rbfmu.scene.scene import Scene
+from rbfmu_kernels.quantities import LOADS
 
 TABLES = {
     "name": "dispersed",
@@ -41,6 +44,39 @@ def test_a_member_has_what_was_applied_to_the_bit():
         assert one.loads.torque_b == tuple(samples.applied["loads.torque_b"][row].tolist())
         assert one.run == scene.run
         assert one.outputs == scene.outputs
+
+
+NUMBERS = {
+    "body.mass": 1.0, "body.inertia": [1.0, 1.1, 1.2], "body.r_oc_b": [0.1] * 3,
+    "body.shape.sides": [0.6, 0.5, 0.4], "body.shape.length": 2.0, "body.shape.radius": 0.5,
+    "body.shape.semiaxes": [1.0] * 3,
+    "initial.position": [1.0] * 3, "initial.velocity": [1.0] * 3, "initial.omega_b": [0.1] * 3,
+    "initial.omega_b_deg": [5.0] * 3, "initial.attitude.angles_deg": [10.0] * 3, "initial.attitude.angles": [0.1] * 3,
+    "initial.attitude.rotvec": [0.1] * 3,
+} | {f"loads.{load.name}": [1.0] * 3 for load in LOADS}  # fmt: skip
+SHAPES = {"sides": "box", "length": "beam", "radius": "sphere", "semiaxes": "ellipsoid"}
+ONE_BY_ONE = [key.path for key in scene_keys() if key.table.split(".")[0] in ("body", "initial", "loads") and key.unit]
+
+
+@pytest.mark.parametrize("path", ONE_BY_ONE)
+def test_every_number_of_body_start_and_loads_can_vary(path):
+    mean, name = NUMBERS[path], path.rpartition(".")[2]
+    initial = {"attitude": {"euler": "ZYX", "angles": [0.0, 0.0, 0.0]}}
+    body = {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}
+    if path.startswith("body.shape"):
+        body = {"mass": 1.0, "shape": {"kind": SHAPES[name], name: mean}}
+    vary = {path: {"normal": [mean, [0.01] * 3 if isinstance(mean, list) else 0.01]}}
+    scene = Scene.from_dict({"body": body, "initial": initial, "ensemble": {"runs": 2, "vary": vary}})
+    samples = draw(scene, 0, 2)
+    one, other = (member(scene, samples, row) for row in range(2))
+    assert one != other
+    assert plan_ensemble(scene.replace({"run.stop": 0.02})).plans
+
+
+def test_quaternions_and_matrices_of_the_attitude_vary_by_rotation_vectors():
+    assert {"initial.attitude.quaternion", "initial.attitude.matrix"} == {
+        key.path for key in scene_keys() if key.table == "initial.attitude" and not key.unit and key.name != "euler"
+    }
 
 
 def test_a_shape_s_inertia_follows_the_member_s_mass():

@@ -107,6 +107,7 @@ def test_every_member_meets_the_accuracy_by_the_plan_for_all(name):
     planned, samples = plan_ensemble(scene), draw(scene, 0, 12)
     for row, which in enumerate(planned.plan_of(samples)):
         found = outcome(member(scene, samples, row), planned.plans[which])
+        assert not set(planned.plans[which].pinned) & set(scene.ensemble.parameters)
         assert not found.refused
         assert found.error <= scene.run.accuracy, (row, found)
 

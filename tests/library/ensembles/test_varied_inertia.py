@@ -93,6 +93,21 @@ def test_an_inertia_that_is_never_possible_ends_as_a_refused_member():
     assert sorted(refused(scene, found)) == list(range(5))
 
 
+def test_an_inertia_at_the_border_is_possible_as_the_kernels_judge_it():
+    scene = ensemble({"body.inertia": {"axes_deg": 1.0}}, body=BODY | {"inertia": [1.0, 2.0, 3.0]}, runs=300)
+    assert not draw(scene, 0, 300).redrawn.any()
+
+
+def test_a_mass_that_is_not_positive_is_refused_and_not_drawn_again():
+    vary = {"body.mass": {"normal": [50.0, 50.0]}, "body.inertia": {"relative": 0.001}}
+    scene = ensemble(vary, body={"mass": 50.0, "shape": {"kind": "sphere", "radius": 1.0}}, runs=100)
+    found = draw(scene, 0, 100)
+    negative = np.flatnonzero(found.applied["body.mass"] <= 0.0)
+    assert len(negative)
+    assert not found.redrawn.any()
+    assert list(refused(scene, found)) == negative.tolist()
+
+
 def test_sizes_of_a_shape_vary_and_inertia_follows():
     shape = {"kind": "cylinder", "radius": 0.5, "length": 2.0}
     vary = {"body.shape.radius": {"normal": [0.5, 0.01]}, "body.mass": {"normal": [50.0, 1.0]}}
