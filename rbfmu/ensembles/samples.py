@@ -140,7 +140,7 @@ def _doubtful(scene: Scene, samples: Samples) -> list[NDArray[np.int64]]:
         rows = values.reshape(len(samples), -1)
         good = np.isfinite(rows).all(axis=1)
         rule = _rule(scene, key)
-        if rule is not None:
+        if rule is not None and not rule.holds(float(rows.min())):
             good &= np.array([rule.holds(least) for least in rows.min(axis=1).tolist()])
         found.append(np.flatnonzero(~good))
     M = samples.applied.get(INERTIA)

@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 
 import rbfmu
+from rbfmu.ensembles.inertia import impossible, thin
 from rbfmu.ensembles.samples import draw, member, refused
 from rbfmu.scene.scene import Scene
 from tests.library.ensembles.test_draws import BODY, LIKELY, MANY, ensemble
@@ -128,3 +129,23 @@ def test_a_size_that_is_not_positive_is_a_refused_member():
     negative = np.flatnonzero(found.applied["body.shape.sides"][:, 0] <= 0.0)
     assert len(negative)
     assert list(refused(scene, found)) == negative.tolist()
+
+
+def test_many_matrices_are_judged_as_one_by_one():
+    random = np.random.default_rng(8)
+    moments = np.concatenate([random.uniform(0.0, 1.0, (200, 3)), [[1, 2, 3], [0, 1, 1], [0, 1, 1.1], [-1e-3, 1, 1]]])
+    R = rbfmu.matrix_from_quaternion(rbfmu.normalize(random.normal(size=(len(moments), 4))))
+    M = R @ (moments[:, None, :] * np.eye(3)) @ R.transpose(0, 2, 1)
+    M = np.concatenate([0.5 * (M + M.transpose(0, 2, 1)), [np.full((3, 3), np.nan), np.full((3, 3), 1e300)]])
+    refusals = [row for row in range(len(M)) if is_refused(M[row])]
+    assert impossible(M).tolist() == refusals
+    assert 60 < len(refusals) < 140
+    assert set(thin(M).tolist()) >= {201, 202, 203, 204}
+
+
+def is_refused(M):
+    try:
+        rbfmu.check_inertia(M)
+    except ValueError:
+        return True
+    return False
