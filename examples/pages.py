@@ -160,9 +160,16 @@ IMPORTERS = {
     "ecos, libpython preloaded": ("Ecos, the program, with libpython", _PRELOADED),
     "fmuCheck": ("fmuCheck, the FMU Compliance Checker", _NATIVE_KIND),
     "fmuCheck, libpython preloaded": ("fmuCheck with libpython", _PRELOADED),
+    "fmusim": ("fmusim, of the Reference FMUs", _NATIVE_KIND),
+    "fmusim, libpython preloaded": ("fmusim with libpython", _PRELOADED),
+    "OMSimulator": ("OMSimulator, the program", _NATIVE_KIND),
+    "OMSimulator, libpython preloaded": ("OMSimulator with libpython", _PRELOADED),
+    "PyFMI": ("PyFMI", "`pyfmi.load_fmu`"),
+    "CoFMuPy": ("CoFMuPy", "it reads every output as a Real, and `status` is an Integer"),
+    "CasADi": ("CasADi", "it imports model exchange alone"),
 }  # fmt: skip
 """By the name in the figures: the importer's name on the page, and how an FMU runs there."""
-NEVER_TRIED = ("OMSimulator", "PyFMI", "Simulink", "Dymola")
+NEVER_TRIED = ("Simulink", "Dymola")
 
 
 def importers() -> str:

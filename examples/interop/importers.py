@@ -1,7 +1,8 @@
-"""Importers of FMUs, each made to run one FMU: `importers.py NAME FMU JOB` prints its version and the outputs it saw.
+"""Importers of FMUs, each made to run one FMU: `importers.py NAME FMU JOB` prints the outputs that it saw.
 
-JOB is JSON: values to set before initialisation, outputs wanted, communication step and number of steps. interop.py
-runs each of these in a process of its own: a wrong FMU ends some of them with a segmentation fault.
+JOB is JSON: values to set before initialisation, outputs wanted, communication step and number of steps. run.py runs
+each of these in a process of its own: a wrong FMU ends some of them with a segmentation fault. `importers.py NAME`
+prints a version, or nothing where the importer is not there. This file needs the importer alone.
 """
 
 import importlib.metadata
@@ -23,13 +24,17 @@ Rows = list[list[float]]
 
 
 class Importer(NamedTuple):
-    """How to run an FMU; what the importer must find; whether it can set values; how many digits it writes."""
+    """How to run an FMU; what the importer must find; whether it can set values; how many digits it writes.
+
+    decimals, digits: behind the point, or in all; without either, it shows full doubles.
+    """
 
     run: Callable[[str, dict[str, Any]], Rows]
     package: str | None = None
     program: str | None = None
     sets_values: bool = True
-    decimals: int | None = None  # None: full doubles
+    decimals: int | None = None
+    digits: int | None = None
 
 
 def fmpy_api(fmu: str, job: dict[str, Any]) -> Rows:
@@ -123,6 +128,68 @@ def compliance_checker(fmu: str, job: dict[str, Any], **environment: str) -> Row
     return table("out.csv", job["outputs"])
 
 
+def fmusim(fmu: str, job: dict[str, Any], **environment: str) -> Rows:
+    """Fmusim of the Reference FMUs: a host without Python."""
+    values = [str(x) for pair in job["values"].items() for x in ("--start-value", *pair)]
+    run("fmusim", *values, "--output-interval", job["step"], "--stop-time", job["step"] * job["steps"],
+        "--output-file", "out.csv", fmu, **environment)  # fmt: skip
+    return table("out.csv", job["outputs"])
+
+
+def omsimulator(fmu: str, job: dict[str, Any], **environment: str) -> Rows:
+    """OMSimulator's own program: a host without Python. It writes a time twice where something may have changed."""
+    printed = run("OMSimulator", fmu, f"--stopTime={job['step'] * job['steps']}", f"--stepSize={job['step']}",
+                  f"--intervals={job['steps']}", "--stripRoot=true", "--resultFile=out.csv", **environment)  # fmt: skip
+    if "error:" in printed:
+        raise RuntimeError(ending(1, printed))
+    rows = {time: row for time, *row in table("out.csv", ["time", *job["outputs"]])}
+    return [row for time, row in rows.items() if time > 0.0]
+
+
+def pyfmi(fmu: str, job: dict[str, Any]) -> Rows:
+    """PyFMI, with FMI Library."""
+    from pyfmi import load_fmu
+
+    model = load_fmu(fmu, log_level=0)
+    model.setup_experiment(start_time=0.0, stop_time=job["step"] * job["steps"])
+    for name, value in job["values"].items():
+        model.set(name, value)
+    model.initialize(0.0, job["step"] * job["steps"])
+    rows = []
+    for k in range(job["steps"]):
+        if model.do_step(k * job["step"], job["step"]) != 0:
+            raise RuntimeError(f"step {k} was refused")
+        rows.append([float(model.get(name)[0]) for name in job["outputs"]])
+    return rows
+
+
+def cofmupy(fmu: str, job: dict[str, Any]) -> Rows:
+    """CoFMuPy's coordinator, of one unit."""
+    from cofmupy import Coordinator
+
+    unit = {"id": "it", "name": "it", "path": fmu, "initialization": job["values"]}
+    system = {"fmus": [unit], "connections": [], "cosim_method": "jacobi", "edge_sep": " -> ", "root": "/"}
+    coordinator, rows = Coordinator(), []
+    coordinator.start(system)
+    for _ in range(job["steps"]):
+        coordinator.do_step(job["step"])
+        found = coordinator.master.get_outputs()["it"]
+        rows.append([float(found[name][0]) for name in job["outputs"]])
+    return rows
+
+
+def casadi(fmu: str, job: dict[str, Any]) -> Rows:
+    """CasADi's DaeBuilder, which imports model exchange alone."""
+    from casadi import DaeBuilder
+
+    shutil.unpack_archive(fmu, "unzipped", "zip")
+    try:
+        DaeBuilder("it", "unzipped")
+    except RuntimeError as error:
+        raise RuntimeError(str(error).splitlines()[-1]) from None
+    raise RuntimeError("imported, but nothing is known here of how it steps")
+
+
 IMPORTERS = {
     "FMPy": Importer(fmpy_api, "fmpy"),
     "fmpy simulate": Importer(fmpy_command, "fmpy"),
@@ -134,17 +201,30 @@ IMPORTERS = {
     "fmuCheck, libpython preloaded": Importer(
         with_python(compliance_checker), program="fmuCheck.linux64", sets_values=False
     ),
+    "fmusim": Importer(fmusim, program="fmusim", digits=16),
+    "fmusim, libpython preloaded": Importer(with_python(fmusim), program="fmusim", digits=16),
+    "OMSimulator": Importer(omsimulator, program="OMSimulator", sets_values=False, digits=12),
+    "OMSimulator, libpython preloaded": Importer(
+        with_python(omsimulator), program="OMSimulator", sets_values=False, digits=12
+    ),
+    "PyFMI": Importer(pyfmi, "pyfmi"),
+    "CoFMuPy": Importer(cofmupy, "cofmupy"),
+    "CasADi": Importer(casadi, "casadi"),
 }
 
 
 def version(importer: Importer) -> str | None:
-    """Of its package; an empty string of a program; None where it is not on this machine."""
-    if importer.package is None:
-        return "" if shutil.which(str(importer.program)) else None
-    try:
-        return importlib.metadata.version(importer.package)
-    except importlib.metadata.PackageNotFoundError:
+    """Of its package or its program, as far as that says one; None where it is not on this machine."""
+    if importer.package is not None:
+        try:
+            return importlib.metadata.version(importer.package)
+        except importlib.metadata.PackageNotFoundError:
+            return None
+    if not shutil.which(str(importer.program)):
         return None
+    said = subprocess.run([str(importer.program), "--version"], capture_output=True, text=True, errors="replace")
+    found = re.search(r"\d+(\.\w+)+", said.stdout + said.stderr)
+    return found[0] if found else "own build"
 
 
 def table(path: str | Path, names: list[str], separator: str = ",") -> Rows:
@@ -173,8 +253,11 @@ def ending(status: int, printed: str) -> str:
     return ": ".join([how, *(errors[:1] or lines[-1:])])
 
 
-def main(name: str, fmu: str, job: str) -> None:
-    """Run it in an empty folder."""
+def main(name: str, fmu: str = "", job: str = "") -> None:
+    """Run it in an empty folder; without an FMU, print its version."""
+    if not fmu:
+        print(version(IMPORTERS[name]) or "")
+        return
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
         try:

@@ -1,7 +1,9 @@
 """Both kinds of FMU in every importer on this machine: `interop.py [FOLDER]` writes interop.csv and interop.md there.
 
-Importers: FMPy; libcosimpy, ecospy and tbb from PyPI (`pip install .[interop]`); fmuCheck.linux64 where it is on the
-path. Values are set before initialisation, and the outputs of 100 steps compared with direct calls of the kernels.
+Importers: FMPy; libcosimpy, ecospy and tbb from PyPI (`pip install .[interop]`); PyFMI, CoFMuPy and CasADi where they
+are installed; the programs fmuCheck.linux64, fmusim and OMSimulator where they are on the path. Values are set before
+initialisation, and the outputs of 100 steps compared with direct calls of the kernels. An importer whose packages do
+not go with these may have a Python of its own: RBFMU_INTEROP_PYTHONS="PyFMI=/path/to/python CoFMuPy=/path/to/python".
 """
 
 import csv
@@ -54,14 +56,29 @@ def by_kernels(scene: rbfmu.Scene, values: dict[str, float]) -> np.ndarray:
     return np.array(rows)
 
 
+def python_of(name: str) -> str:
+    """Return the Python in which an importer runs."""
+    own = dict(pair.split("=", 1) for pair in os.environ.get("RBFMU_INTEROP_PYTHONS", "").split())
+    return own.get(name, sys.executable)
+
+
+def version_of(name: str) -> str | None:
+    """Return an importer's version; None where it is not there."""
+    try:
+        done = subprocess.run([python_of(name), importers.__file__, name], capture_output=True, text=True)
+    except OSError:
+        return None
+    return done.stdout.strip() or None
+
+
 def try_importer(name: str, fmu: Path, scene: rbfmu.Scene) -> str:
     """Return what came of it, in words."""
     importer = IMPORTERS[name]
     values = VALUES if importer.sets_values else {}
     outputs = [v.name for v in describe(scene, rbfmu.plan(scene)).variables if v.causality == "output"]
     job = {"values": values, "outputs": outputs, "step": STEP, "steps": STEPS}
-    command = [sys.executable, "-X", "faulthandler", importers.__file__, name, str(fmu), json.dumps(job)]
-    environment = {"LD_LIBRARY_PATH": f"{sys.prefix}/lib"} | os.environ
+    command = [python_of(name), "-X", "faulthandler", importers.__file__, name, str(fmu), json.dumps(job)]
+    environment = {"LD_LIBRARY_PATH": f"{Path(python_of(name)).parents[1]}/lib"} | os.environ
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, env=environment)
     except subprocess.TimeoutExpired:
@@ -78,9 +95,16 @@ def comparison(importer: Importer, found: np.ndarray, expected: np.ndarray) -> s
     difference = float(np.max(np.abs(found - expected)))
     if np.array_equal(found, expected):
         return "same bits"
+    if importer.digits and np.array_equal(found, to_digits(expected, importer.digits)):
+        return f"same to the {importer.digits} digits it writes"
     if importer.decimals and difference <= 0.5000001 * 10.0**-importer.decimals:
         return f"same to the {importer.decimals} decimals it writes"
     return f"failed: off by {difference:.1e}"
+
+
+def to_digits(numbers: np.ndarray, digits: int) -> np.ndarray:
+    """Return numbers as they are read from a file that has so many digits of them."""
+    return np.array([float(f"{x:.{digits}g}") for x in numbers.ravel()]).reshape(numbers.shape)
 
 
 def build(scene: rbfmu.Scene, folder: Path, kind: str) -> Path | str:
@@ -95,7 +119,7 @@ def rows_of(scene: rbfmu.Scene, folder: Path) -> list[dict[str, str]]:
     """Return a row for every importer and kind."""
     fmus, rows = {kind: build(scene, folder, kind) for kind in KINDS}, []
     for name, importer in IMPORTERS.items():
-        version = importers.version(importer)
+        version = version_of(name)
         for kind, fmu in fmus.items():
             if version is None:
                 result = absent(importer)

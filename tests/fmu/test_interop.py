@@ -2,19 +2,23 @@
 
 import importlib.util
 import re
+import shutil
 import subprocess
 import sys
 from functools import cache
 
+import fmpy
 import pytest
 
-from examples.interop import importers
+from examples.interop import elsewhere, importers, omsimulator
 from examples.interop import run as interop
 from tests.support.fmu.fmus import workshop
 from tests.support.paths import ROOT
 
-WITHOUT_PYTHON = {"ecos", "fmuCheck"}
+WITHOUT_PYTHON = {"ecos", "fmuCheck", "fmusim", "OMSimulator"}
 """Hosts in which a pythonfmu FMU cannot be loaded."""
+REFUSE = {"CoFMuPy": "fmi2GetReal failed", "CasADi": "must be of ModelExchange type"}
+"""Importers that take no FMU of ours: CoFMuPy reads each output as a Real, CasADi imports model exchange alone."""
 
 
 @cache
@@ -25,14 +29,25 @@ def built(kind):
 @pytest.mark.parametrize("kind", interop.KINDS)
 @pytest.mark.parametrize("name", importers.IMPORTERS)
 def test_importer_gets_the_kernels_bits(name, kind):
-    if importers.version(importers.IMPORTERS[name]) is None:
+    if interop.version_of(name) is None:
         pytest.skip(f"{name} is not on this machine")
-    result = interop.try_importer(name, built(kind), interop.scene_to_try())
-    if kind == "python" and name in WITHOUT_PYTHON:
+    result, importer = interop.try_importer(name, built(kind), interop.scene_to_try()), importers.IMPORTERS[name]
+    if name in REFUSE:
+        assert REFUSE[name] in result
+    elif kind == "python" and name in WITHOUT_PYTHON:
         assert result.startswith("failed: "), result
+    elif importer.decimals or importer.digits:
+        written = f"{importer.decimals} decimals" if importer.decimals else f"{importer.digits} digits"
+        assert result == f"same to the {written} it writes"
     else:
-        digits = importers.IMPORTERS[name].decimals
-        assert result == (f"same to the {digits} decimals it writes" if digits else "same bits")
+        assert result == "same bits"
+
+
+def test_an_importer_may_have_a_python_of_its_own(monkeypatch):
+    monkeypatch.setenv("RBFMU_INTEROP_PYTHONS", f"FMPy={sys.executable} PyFMI=/no/python")
+    assert interop.python_of("FMPy") == interop.python_of("ecospy") == sys.executable
+    assert interop.version_of("FMPy") == fmpy.__version__
+    assert interop.version_of("PyFMI") is None
 
 
 def test_an_importer_that_fails_says_how(tmp_path):
@@ -54,6 +69,9 @@ def test_a_wrong_value_is_seen(monkeypatch):
     assert interop.comparison(short, expected.round(6), expected) == "same to the 6 decimals it writes"
     assert interop.comparison(short, expected + 1e-6, expected) == "failed: off by 1.0e-06"
     assert interop.comparison(full, expected[:-1], expected) == "failed: 99 steps of 100"
+    digits = importers.IMPORTERS["OMSimulator"]
+    assert interop.comparison(digits, interop.to_digits(expected, 12), expected) == "same to the 12 digits it writes"
+    assert interop.comparison(digits, interop.to_digits(wrong, 11), expected).startswith("failed: off by")
 
 
 @pytest.mark.parametrize("kind", interop.KINDS)
@@ -86,3 +104,28 @@ def test_a_group_of_variables_connects_two_fmus_in_libcosim(kind):
     done = subprocess.run([sys.executable, example, kind], capture_output=True, text=True, check=True, timeout=1200)
     assert 0.1 < float(re.search(r"off by (\S+) deg", done.stdout)[1]) < 2.0  # the navigator has rates at all
     assert done.stdout.endswith("largest difference to libcosim: 0.0\n")
+
+
+def test_what_is_run_elsewhere_is_compared_here(tmp_path, capsys):
+    """Simulink and Dymola are not here: their result is, as a file."""
+    elsewhere.prepare(tmp_path)
+    made = {"native.fmu", "expected.csv", "interop_simulink.m", "interop_dymola.mos", "FORM.md"}
+    assert {path.name for path in tmp_path.iterdir()} == made
+    head, *rows = (tmp_path / "expected.csv").read_text().splitlines()
+    start = ",".join(["0.0", *["0"] * head.count(",")])
+    result = tmp_path / "result.csv"
+    result.write_text("\n".join([head, start, *rows]))
+    assert elsewhere.compare(tmp_path) == 0.0
+    wrong = rows[50].rpartition(",")[0] + ",0.7"
+    result.write_text("\n".join([head, start, *rows[:50], wrong, *rows[51:]]))
+    assert elsewhere.compare(tmp_path) > 0.01
+    assert "of omega_b[3]" in capsys.readouterr().out
+    result.write_text("\n".join([head, start, *rows[:50]]))
+    with pytest.raises(SystemExit, match=r"no row for t = 6\.375 s"):
+        elsewhere.compare(tmp_path)
+
+
+def test_two_fmus_in_omsimulator_are_two_simulators():
+    if not shutil.which("OMSimulator"):
+        pytest.skip("OMSimulator is not on this machine")
+    assert omsimulator.main() == 0.0
