@@ -261,7 +261,8 @@ class _Reader:
 
 def _read(rule: Numbers, value: Any, one_for_all: bool) -> Any:
     """Return the numbers; one number stands for a vector of equal ones where that is allowed."""
-    if one_for_all and rule.shape and not isinstance(value, list | tuple) and not hasattr(value, "tolist"):
+    value = value.tolist() if hasattr(value, "tolist") else value
+    if one_for_all and rule.shape and not isinstance(value, list | tuple):
         value = Numbers((), rule.unit, rule.bound, rule.holds)(value)
         return _filled(rule.shape, value)
     return rule(value)

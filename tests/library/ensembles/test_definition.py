@@ -54,6 +54,12 @@ def test_the_contract_s_tables_are_read():
     ]
 
 
+def test_numpy_s_numbers_and_arrays_are_numbers():
+    one = scene({"loads.torque_b": {"normal": [np.array([0, 0, 1]), np.float64(0.1)]}}, ensemble={"runs": np.int64(5)})
+    other = scene({"loads.torque_b": {"normal": [[0, 0, 1], 0.1]}}, ensemble={"runs": 5})
+    assert one == other
+
+
 def test_an_ensemble_is_made_again_from_its_tables():
     made = Scene.from_dict(tomllib.loads(CONTRACT))
     again = Scene.from_dict(json.loads(json.dumps(made.to_dict())), made.name)
