@@ -1,7 +1,7 @@
 """The plan of an ensemble: one model and method that hold for every member.
 
 The parameters that vary are listed, as where an importer may change them, so that only models are taken that hold for
-all values of them. Order and tolerance come from pilot members: some of the ensemble's own, and some as far out as its
+all values of them. Order and tolerance come from pilot members: some as members are, and some as far out as the
 farthest. The tightest tolerance of all is taken, and every pilot's error under it is measured.
 """
 
@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rbfmu.ensembles.distributions import probabilities
-from rbfmu.ensembles.samples import Samples, at, draw, ensemble_of, member, refused
+from rbfmu.ensembles import designs
+from rbfmu.ensembles.distributions import normal_scores, probabilities
+from rbfmu.ensembles.samples import Samples, at, ensemble_of, member, refused
 from rbfmu.models.integrated import PRESCRIBED_RATES
 from rbfmu.models.registry import MODELS
 from rbfmu.models.scene_needs import Needs
@@ -27,8 +28,10 @@ from rbfmu.scene.scene import Scene, SceneError
 from rbfmu_kernels.integrators.substeps import ROUND_OFF
 
 Array = NDArray[np.float64]
-OWN, FAR = 3, 5
-"""The numbers of pilots: the ensemble's first members, and points beyond nearly all members."""
+USUAL, FAR = 3, 5
+"""The numbers of pilots: drawn as members are, and at points beyond nearly all members."""
+APART = 1 << 32
+"""The attempt by whose numbers pilots are drawn, which no member has."""
 BEYOND = 3.0
 """How far these lie from the centre beyond the usual distance, sqrt(n) of n normal scores."""
 PARTS = np.outer(0.7 ** np.arange(8), (1.0, -1.0)).ravel()
@@ -134,15 +137,16 @@ def _pilots(scene: Scene) -> Iterator[Scene]:
 
 
 def _pilot_samples(scene: Scene) -> Iterator[Samples]:
-    """Yield rows of which the first that is a scene is a pilot."""
+    """Yield rows of which the first that is a scene is a pilot; they do not depend on the design and the runs."""
     ensemble = ensemble_of(scene)
-    for k in range(min(OWN, ensemble.runs)):
-        yield draw(scene, k, 1)
+    cube = designs.again(ensemble, 0, USUAL * len(PARTS) + FAR, APART)
+    for k in range(USUAL):
+        yield at(scene, cube[k : USUAL * len(PARTS) : USUAL])
     n = len(ensemble.varying)
-    scores = np.random.Generator(np.random.Philox(key=ensemble.seed)).standard_normal((FAR, n))
-    for direction in scores:
+    for point in cube[-FAR:]:
+        direction = normal_scores(point)
         far = (np.sqrt(n) + BEYOND) * direction / np.linalg.norm(direction)
-        yield at(scene, probabilities((PARTS[:, None] * far).ravel()).reshape(-1, n))
+        yield at(scene, probabilities(np.outer(PARTS, far).ravel()).reshape(-1, n))
 
 
 # One plan for all

@@ -1,5 +1,7 @@
 """One plan for all members of an ensemble: its model holds for each, and each meets the accuracy asked."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -137,6 +139,15 @@ def test_a_plan_says_what_varies_and_how_far_its_pilots_are_off():
 
 def test_planning_asks_the_same_of_the_same_scene():
     assert plan_ensemble(scene_of("a heavy top")) == plan_ensemble(scene_of("a heavy top"))
+
+
+def test_a_plan_depends_on_neither_design_nor_runs():
+    scene = scene_of("a torque that is zero in the scene", 1e-3)
+    one, other = (
+        plan_ensemble(scene.replace({"ensemble.design": design, "ensemble.runs": runs})).plans[0]
+        for design, runs in (("random", 1), ("latin_hypercube", 5000))
+    )
+    assert replace(one, reasons=()) == replace(other, reasons=())
 
 
 def test_an_accuracy_that_no_member_can_meet_is_refused():
