@@ -23,6 +23,7 @@ from rbfmu.planning import reasons as say
 from rbfmu.planning.judge import Judge
 from rbfmu.planning.methods import TIGHTEST
 from rbfmu.runs.plan import Plan
+from rbfmu.scene.argument import faults_of
 from rbfmu.scene.ensemble import SOBOL
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu_kernels.integrators.substeps import ROUND_OFF
@@ -62,7 +63,8 @@ def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) 
     """
     judges, found = [Judge(pilot) for pilot in _pilots(scene)], []
     for k, judge in enumerate(judges):
-        found.append(plan(judge.scene, judge=judge))
+        with faults_of(f"{scene.name}, pilot member {k + 1}"):
+            found.append(plan(judge.scene, judge=judge))
         _tell(progress, 0.9 * (k + 1) / len(judges))
     chosen, growth = _accurate(_for_all(found), judges)
     _tell(progress, 1.0)
@@ -175,7 +177,7 @@ def _accurate(found: Plan, judges: list[Judge]) -> tuple[Plan, float]:
             error = _error(judge, found)
         if not error <= accuracy:
             expected = f"one that all members can meet; the methods here reach {error:.1e}"
-            raise SceneError(f"run.accuracy = {accuracy!r}: expected {expected}", judge.scene.name)
+            raise SceneError(f"run.accuracy = {accuracy!r}: expected {expected}", f"{judge.scene.name}, a pilot member")
         worst = max(worst, error)
         if 0.0 < found.tolerance <= TIGHTEST:
             growth = max(growth, judge.growth())

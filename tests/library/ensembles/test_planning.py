@@ -151,7 +151,7 @@ def test_a_plan_depends_on_neither_design_nor_runs():
 
 
 def test_an_accuracy_that_no_member_can_meet_is_refused():
-    with pytest.raises(SceneError, match=r"run\.accuracy = 1e-15: expected"):
+    with pytest.raises(SceneError, match=r"members, pilot member 1: run\.accuracy = 1e-15: expected"):
         plan_ensemble(scene_of("a heavy top", 1e-15))
 
 
