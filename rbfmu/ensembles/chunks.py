@@ -23,10 +23,10 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 FINAL, STATISTICS, ALL = "final", "statistics", "all"
-SECONDS, MOST_MEMBERS, MOST_BYTES = 0.1, 65536, 3.2e7
+SECONDS, MOST_MEMBERS, MOST_BYTES = 0.1, 16384, 8e6
 """What a chunk takes by its plan; the most members, and bytes of their outputs, that it has."""
-SET_UP = 2e-6
-"""What a member takes besides its steps, s."""
+SET_UP, STATISTICS_OF_ONE = 1e-5, 2e-8
+"""What a member takes besides its steps, and what statistics of one number take, s."""
 _TRIANGLE = ((0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2))
 """Rows and columns of the numbers of an inertia in a buffer."""
 
@@ -83,9 +83,10 @@ class Chunk(NamedTuple):
 def members_of_a_chunk(scene: Scene, plans: Any) -> int:
     """Return how many members a chunk has, a power of 2 that depends on the ensemble alone, not on its runs."""
     steps = len(drive_of(scene, {}, HOLD).lengths)
+    keep = ensemble_of(scene).keep
+    numbers = Columns(scene.outputs.quantities).width * (steps + 1 if set(keep) - {FINAL} else 1)
     seconds = max(plan.cost for plan in plans.plans) * 1e-9 * steps + SET_UP
-    keeps_time = set(ensemble_of(scene).keep) - {FINAL}
-    numbers = Columns(scene.outputs.quantities).width * (steps + 1 if keeps_time else 1)
+    seconds += STATISTICS_OF_ONE * numbers if STATISTICS in keep else 0.0
     most = max(1, int(min(SECONDS / seconds, MOST_BYTES / (8.0 * numbers), MOST_MEMBERS)))
     return 1 << (most.bit_length() - 1)
 

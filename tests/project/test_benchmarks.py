@@ -11,7 +11,18 @@ from tests.support.fmu import c_host
 from tests.support.fmu.fmus import bench
 from tests.support.paths import ROOT
 
-NAMES = ("kernels", "free_rotation", "fmu", "held_gil", "native", "gallery", "costs", "stepping", "dense_output")
+NAMES = (
+    "kernels",
+    "free_rotation",
+    "fmu",
+    "held_gil",
+    "native",
+    "gallery",
+    "costs",
+    "stepping",
+    "dense_output",
+    "ensembles",
+)
 GALLERY, COSTS = bench("gallery"), bench("costs")
 
 
@@ -56,6 +67,16 @@ def _output(ns, peer=100.0):
     return bench("dense_output").Row("top", 0.01, 1e-6, "", 1e-7, ns, 1e-7, 1e-8, peer)
 
 
+def _ensembles(few=(1e-5, 250.0), many=(1e-5, 300.0), **others):
+    ensembles = bench("ensembles")
+    rows = [
+        ensembles.Cost(shape, runs, runs * each, megabytes)
+        for shape in ensembles.SHAPES
+        for runs, (each, megabytes) in ((10_000, few), (1_000_000, many))
+    ]
+    return {"costs": rows, "threads": 1.9, "dask": 0.9, "example": 20.0} | others
+
+
 FIGURES = {
     "kernels": ([{"operation": "rotate"} | KERNELS], 2),
     "free_rotation": ({"generic": FREE_ROTATION | {"many times of one body / as many bodies": 0.3}}, 3),
@@ -66,6 +87,7 @@ FIGURES = {
     "costs": ([_figure(100.0, 140.0), _figure(140.0, 100.0)], 2),
     "stepping": ({"stepped": 2.9e-6, "bare": 1e-6}, 1),
     "dense_output": ([_output(50.0), _output(100.0)], 2),
+    "ensembles": (_ensembles(), 7),
 }
 """Made up, all goals kept; how many goals there are."""
 
@@ -94,6 +116,9 @@ def test_good_figures_keep_all_goals(name):
     ("stepping", {"stepped": 3.1e-6, "bare": 1e-6}, "microseconds a step of a Simulator"),
     ("dense_output", [_output(101.0)], "top, every 0.01 s, 1e-06, plan / heyoka.py"),
     ("dense_output", [_output(50.0, math.nan)], "top, every 0.01 s, 1e-06, plan / heyoka.py"),
+    ("ensembles", _ensembles(threads=1.7), "two threads / one"),
+    ("ensembles", _ensembles(dask=0.8), "Dask / threads"),
+    ("ensembles", _ensembles(example=61.0), "seconds of the example"),
 ])  # fmt: skip
 def test_a_figure_beyond_its_goal_is_missed(name, figures, missed):
     assert [goal.name for goal in bench(name).goals(figures) if not goal.kept] == [missed]
@@ -128,6 +153,32 @@ def test_kernels_are_measured_written_and_drawn(tmp_path, capsys, monkeypatch):
     assert (tmp_path / "kernels.png").stat().st_size > 4_000
     assert len((tmp_path / "kernels.csv").read_text().splitlines()) == 1 + len(rows)
     assert "two threads" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("many", "missed"), [((1.3e-5, 300.0), "cost of a run"), ((1e-5, 400.0), "MB more")])
+def test_ensembles_whose_cost_or_memory_grows_are_found(many, missed):
+    found = [goal.name for goal in bench("ensembles").goals(_ensembles(many=many)) if not goal.kept]
+    assert len(found) == 2
+    assert all(missed in name for name in found)
+
+
+def test_ensembles_are_measured_and_drawn(tmp_path, capsys):
+    ensembles = bench("ensembles")
+    found = ensembles.costs((50, 100))
+    assert [(row.shape, row.runs) for row in found] == [(shape, n) for shape in ensembles.SHAPES for n in (50, 100)]
+    assert all(row.seconds > 0.0 and row.megabytes > 50.0 for row in found)
+    ensembles.draw(found, tmp_path / "ensembles.png")
+    assert (tmp_path / "ensembles.png").stat().st_size > 10_000
+    assert ensembles.example(20) > 0.0
+    assert "the example with its picture" in capsys.readouterr().out
+
+
+@pytest.mark.filterwarnings("default")  # of Dask's own
+def test_executors_of_ensembles_are_measured():
+    pytest.importorskip("distributed")
+    figures = bench("ensembles").executors(rounds=1, runs=8, overhead=2)
+    assert set(figures) == {"threads", "dask", "overhead of threads", "overhead of dask"}
+    assert all(figure > 0.0 for figure in figures.values())
 
 
 def test_free_rotation_is_measured():

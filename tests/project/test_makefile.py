@@ -38,4 +38,4 @@ def test_the_tests_without_jit_run_whatever_became_of_the_others(fails, well, tm
 def test_all_benchmarks_run_whatever_became_of_the_first(fails, well, tmp_path):
     found, parts = made("bench", "python", fails, tmp_path)
     assert found == well
-    assert len(parts) == 9
+    assert len(parts) == 10

@@ -184,5 +184,7 @@ def test_chunks_have_the_size_of_their_cost():
     assert size(1e8) == 1
     assert size(1e5) == 64  # of 0.8 ms each, 0.1 s together
     assert size(1e5, ensemble__runs=10**6) == 64
-    assert size(100.0) == 32768  # whose outputs at 9 points have 23 MB
-    assert size(100.0, ensemble__keep=["final"]) == 32768
+    assert size(1.0) == 8192  # at 9 points, of whose outputs statistics take some time
+    assert size(1.0, ensemble__keep=["all"]) == 8192
+    assert size(1.0, run__step=0.01, ensemble__keep=["all"]) == 256  # at 201 points 4 MB
+    assert size(1.0, run__step=0.01, ensemble__keep=["final"]) == 8192
