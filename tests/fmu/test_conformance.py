@@ -1,4 +1,4 @@
-"""Any FMI 2.0 call in any order with any argument: the right answer, the right motion, and never a crash.
+"""Any call of FMI 2.0 or 3.0 in any order with any argument: the right answer, the right motion, and never a crash.
 
 conformance_machine.py and conformance_states.py make the calls in a child process (conformance_process.py,
 conformance_child.py); conformance_model.py says what each must answer, and has the motion from direct calls of the
@@ -13,6 +13,7 @@ from hypothesis import HealthCheck, settings
 from hypothesis.stateful import run_state_machine_as_test
 
 from tests.support.fmu.conformance_machine import CallMachine
+from tests.support.fmu.conformance_machine3 import CallMachine3
 from tests.support.fmu.conformance_model import Facts
 from tests.support.fmu.conformance_process import Process
 from tests.support.fmu.elsewhere import copy_modules
@@ -28,14 +29,15 @@ def drive(kind, examples, steps):
     chosen = settings(max_examples=examples, stateful_step_count=steps, deadline=None, derandomize=True,
                       database=None, suppress_health_check=list(HealthCheck))  # fmt: skip
     try:
-        run_state_machine_as_test(lambda: CallMachine(kind, process, facts), settings=chosen)
+        machine = CallMachine3 if kind == "fmi3_scalars" else CallMachine
+        run_state_machine_as_test(lambda: machine(kind, process, facts), settings=chosen)
     finally:
         process.stop()
     print(process.report())
     return process
 
 
-@pytest.mark.parametrize("kind", ["python", "native"])
+@pytest.mark.parametrize("kind", ["python", "native", "fmi3_scalars"])
 def test_any_calls_are_answered_rightly(kind):
     process = drive(kind, 100, 50)
     assert sum(process.calls.values()) > 5_000

@@ -29,7 +29,7 @@ USUAL = {
 SPOILT_3 = {
     "heap-use-after-free|SEGV": ("    if (!is_updating(c, __func__)) free_instance(c);", "    free_instance(c);"),
     "a single # in a message": ("if (*text == '#') *end++ = '#';", ""),
-    "a step's answers": ("m->returned_early = is_early;", "m->returned_early = 0;"),
+    "a step's answers": ("m->returned_early = h < whole;", "m->returned_early = 0;"),
     "heap-buffer-overflow": ('return n_values == expected || !refuse(m, call, "%zu values: expected %zu", n_values, '
                              'expected);\n}\n\n/* Whether Real r', "return 1;\n}\n\n/* Whether Real r"),
     "out of bounds": ("if (v[i] >= REFERENCES || v[i] == TIME_REFERENCE", "if (v[i] == TIME_REFERENCE"),

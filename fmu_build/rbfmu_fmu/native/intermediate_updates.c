@@ -1,15 +1,18 @@
 /* Inputs that change within a step: the importer gives them while the step is taken.
 
-   It is asked twice, for the middle and for the end of the step, and again where it wants the step to end early. The input then follows the parabola through these two
-   values and that of the beginning, by the kernels' own derivatives of inputs, and keeps the last one. Inputs that the
-   importer leaves as they are give the same bits as a step without updates. After the step, outputs can be read. */
-
-#include <math.h>
-#include <string.h>
+   It is asked twice, for the middle and for the end of the step, and again where it wants the step to end early. The
+   input then follows the parabola through these two values and that of the beginning, by the kernels' own derivatives
+   of inputs, and keeps the last one. Inputs that the importer leaves as they are give the same bits as a step without
+   updates. After the step, outputs can be read. */
 
 #include "instance.h"
 
 enum { INPUTS = FIRST_PARAMETER, ROOM = INPUTS + 1 /* C has no arrays of no size */ };
+
+/* The inputs at the beginning, the middle and the end of a step. */
+typedef struct {
+    double begin[ROOM], middle[ROOM], end[ROOM];
+} Course;
 
 int exchanged(Instance *m, const char *call, unsigned v, Update how) {
     if (m->update == NO_UPDATE || (m->update == how && m->intermediate[v])) return 1;
@@ -61,20 +64,20 @@ static void update(Instance *m, Update how, double t, EarlyReturn *early) {
 }
 
 /* What the importer gives for the middle and the end of a step; it may want to return early instead. */
-static void ask(Instance *m, double t, double h, double middle[], double end[], EarlyReturn *early) {
+static void ask(Instance *m, double t, double h, Course *course, EarlyReturn *early) {
     update(m, CAN_SET, t + 0.5 * h, early);
-    get_inputs(m, middle);
+    get_inputs(m, course->middle);
     if (!early || !early->wanted) update(m, CAN_SET, t + h, early);
-    get_inputs(m, end);
+    get_inputs(m, course->end);
 }
 
-/* Let inputs follow their values at the beginning, the middle and the end of a step h. */
-static void follow(Instance *m, double h, const double begin[], const double middle[], const double end[]) {
+/* Let inputs follow the parabola through their values in a step h. */
+static void put_course(Instance *m, double h, const Course *course) {
     for (int i = 0; i < INPUTS; i++) {
-        double half = middle[i] - begin[i], whole = end[i] - begin[i];
+        double half = course->middle[i] - course->begin[i], whole = course->end[i] - course->begin[i];
         set_derivatives(m, i, (4.0 * half - whole) / h, 4.0 * (whole - 2.0 * half) / h / h);
     }
-    put_inputs(m, begin);
+    put_inputs(m, course->begin);
 }
 
 /* Keep the values that the importer gave, which the parabola reaches but for round-off. */
@@ -90,45 +93,52 @@ static void forget(Instance *m, const double begin[]) {
     put_inputs(m, begin);
 }
 
-static Status refuse_updates(Instance *m, const char *call, const double begin[], double t, double h) {
-    put_inputs(m, begin);
-    return not_taken(m, call, CALL_ERROR, t, h, "the importer wants to return at a time outside of it");
+/* Whether the importer may return when it wants to; if so, shorten the step and ask again, for what is left of it. */
+static int can_shorten(Instance *m, double t, double *h, Course *course, EarlyReturn early) {
+    if (!(early.time >= t && early.time <= t + *h)) return 0;
+    put_inputs(m, course->begin);
+    if (early.time < t + *h) *h = early.time - t;
+    if (*h > 0.0) ask(m, t, *h, course, NULL);
+    return 1;
 }
 
 /* Nothing of a step, because the importer wants to return where it begins. */
-static Status stay(Instance *m, const double begin[]) {
-    put_inputs(m, begin);
+static Status stay(Instance *m) {
     m->now.status = m->now.time > LAST_TIME ? PAST_STOP : STEP_OK;
     m->now.discarded = 0;
     m->returned_early = 1;
     return CALL_OK;
 }
 
+/* Take a step along the course of the inputs, and let outputs be read. */
+static Status follow(Instance *m, const char *call, double t, double h, const Course *course) {
+    Status status;
+    put_course(m, h, course);
+    status = take_step(m, call, t, h);
+    if (status == CALL_OK)
+        keep(m, course->end);
+    else
+        forget(m, course->begin);
+    return status;
+}
+
 Status take_updated_step(Instance *m, const char *call, double t, double h) {
-    double begin[ROOM], middle[ROOM], end[ROOM];
+    Course course;
     EarlyReturn early = {0, t};
-    int is_early;
+    double whole = h;
     Status status;
     if (!inputs_can_change()) return take_step(m, call, t, h);
-    get_inputs(m, begin);
-    ask(m, t, h, middle, end, &early);
-    is_early = early.wanted && early.time < t + h;
-    if (early.wanted && !(early.time >= t && early.time <= t + h)) return refuse_updates(m, call, begin, t, h);
-    if (is_early && early.time == t) return stay(m, begin);
-    if (early.wanted) {
-        put_inputs(m, begin);
-        if (is_early) h = early.time - t;
-        ask(m, t, h, middle, end, NULL);
+    get_inputs(m, course.begin);
+    ask(m, t, h, &course, &early);
+    if (early.wanted && !can_shorten(m, t, &h, &course, early)) {
+        put_inputs(m, course.begin);
+        return not_taken(m, call, CALL_ERROR, t, h, "the importer wants to return at a time outside of it");
     }
-    follow(m, h, begin, middle, end);
-    status = take_step(m, call, t, h);
-    if (status != CALL_OK) {
-        forget(m, begin);
-        return status;
-    }
-    keep(m, end);
-    m->returned_early = is_early;
-    if (is_early) m->now.time = early.time; /* which t + h is but for round-off */
+    if (!(h > 0.0)) return stay(m);
+    status = follow(m, call, t, h, &course);
+    if (status != CALL_OK) return status;
+    m->returned_early = h < whole;
+    if (m->returned_early) m->now.time = early.time; /* which t + h is but for round-off */
     update(m, CAN_GET, m->now.time, NULL);
     return CALL_OK;
 }

@@ -219,6 +219,7 @@ def test_an_fmu_for_another_platform_cannot_be_verified_here(tmp_path):
 
 
 def test_the_c_signature_has_pointers_as_llvm_has_them():
-    assert "double* %z, double %h" in object_code._c_signature("step", "inner", typed=True)
+    assert "double* %z, double %second" in object_code._c_signature("step", "inner", typed=True)
+    assert "double* %z, double* %second" in object_code._c_signature("feedthrough", "inner", typed=True)
     assert "ptr" not in object_code._c_signature("step", "inner", typed=True)
     assert "*" not in object_code._c_signature("step", "inner", typed=False)

@@ -55,6 +55,9 @@ orders = st.sampled_from([1, 1, 1, 1, 2, 2, 0, -1, 3, 2**31 - 1, -(2**31)])
 class CallMachine(SavedStates):
     """Makes any call in any phase, right and wrong."""
 
+    model = Model
+    no_instance = NO_INSTANCE
+
     # --- life
 
     @initialize(fmu=fmus, logging=st.booleans(), start=starts)
@@ -66,7 +69,7 @@ class CallMachine(SavedStates):
         if len(self.live) < 3:
             self.made += 1
             self.check("fmi2Instantiate", (OK, True), "instantiate", self.made, fmu, f"i{self.made}", 1, None, logging)
-            self.live[self.made] = Model(self.facts[fmu])
+            self.live[self.made] = self.model(self.facts[fmu])
             if start is not None:
                 self.begin(self.made, self.live[self.made], start)
 
@@ -209,7 +212,7 @@ class CallMachine(SavedStates):
         which = self.right(which, model)
         if what == 0:
             self.check("fmi2CancelStep", (ERROR, None), "plain", number, "fmi2CancelStep")
-        elif what < 3:
+        elif what < 3 and self.inquiries:
             kind, wanted = inquiry
             asked = f"fmi2Get{'' if kind == 'Status' else kind}Status"
             self.check(asked, model.inquiry(kind, wanted), "status", number, asked, wanted)
@@ -237,7 +240,7 @@ class CallMachine(SavedStates):
         for arguments in ((None, 1, None), ("it", 0, None), ("it", 1, "{no guid}"), ("it", 7, None)):
             self.check("fmi2Instantiate", (OK, False), "instantiate", 0, 0, *arguments, True, errors=1)
         self.check("fmi2FreeInstance", (OK, None), "free_nothing", 0)
-        for name, operation, *arguments in NO_INSTANCE:
+        for name, operation, *arguments in self.no_instance:
             self.check(f"{name} of no instance", (ERROR, None), operation, None, *arguments, errors=0, result=False)
 
     def teardown(self):

@@ -18,7 +18,7 @@ from rbfmu_kernels.buffer import PAST_STOP, STEP_REJECTED
 from tests.support.fmu.fmu_importer import DISCARD, ERROR, FATAL, LAST_SUCCESSFUL_TIME, OK
 from tests.support.fmu.fmu_importer import TERMINATED as IS_TERMINATED
 
-REFUSED = {"python": FATAL, "native": ERROR}
+REFUSED = {"python": FATAL, "native": ERROR, "fmi3_scalars": ERROR}
 
 
 class Facts:
@@ -26,9 +26,10 @@ class Facts:
 
     def __init__(self, scene, plan, kind):
         self.description, self.unit, self.kind = describe(scene, plan), plan.kernels, kind
-        self.native, self.refused = kind == "native", REFUSED[kind]
+        self.native, self.refused = kind != "python", REFUSED[kind]
         variables = self.description.variables
         self.reals = len(variables)
+        self.status = self.reals + (kind == "fmi3_scalars")  # after the time
         self.offsets = np.array([v.offset for v in variables])
         self.causality = [v.causality for v in variables]
         self.inputs, self.parameters, self.outputs = (
@@ -144,7 +145,7 @@ class Model:
         return self.now.phase in SETTABLE[self.facts.causality[reference]]
 
     def get_integer(self, references):
-        if any(r != self.facts.reals for r in references):
+        if any(r != self.facts.status for r in references):
             return self.refused
         return OK, [self.now.status] * len(references)
 

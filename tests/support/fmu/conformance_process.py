@@ -52,7 +52,7 @@ class Process:
     def _start(self):
         self.stderr = tempfile.TemporaryFile("w+", errors="replace")  # noqa: SIM115
         place = workshop() / "children"
-        copy_modules(place, "conformance_child", "fmu_importer")
+        copy_modules(place, "conformance_child", "fmu_importer", "fmu_importer3")
         command = [sys.executable, "-E", "-s", "-X", "faulthandler", "-m", MODULE, *map(str, self.folders)]
         self.process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self.stderr, cwd=place
