@@ -9,6 +9,7 @@ import numpy as np
 from rbfmu_kernels.quantities import OUTPUT
 
 if TYPE_CHECKING:
+    from rbfmu.ensembles.result import EnsembleResult
     from rbfmu.results.result import Result
     from rbfmu.runs.plan import Plan
     from rbfmu.scene.scene import Scene
@@ -46,6 +47,14 @@ def result_html(result: "Result") -> str:
         for name, v in result.quantities.items()
     )
     return table(f"{len(time)} points in time", header, rows)
+
+
+def ensemble_html(result: "EnsembleResult") -> str:
+    """Return mean and spread of each quantity at the end of the runs that did not fail."""
+    header = ("quantity", "unit", "mean", "standard deviation")
+    rows = ((name, OUTPUT[name].unit, *map(_numbers, result.at_end(name))) for name in result.ended)
+    caption = f"{result.scene.name}: {result.runs:,} runs, {len(result.failed):,} failed; at t = {result.time[-1]:g} s"
+    return table(caption, header, rows)
 
 
 def _numbers(values: Any) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu.ensembles.columns import KEYS, Columns
+from rbfmu.ensembles.lanes import advance_lanes
 from rbfmu.ensembles.loops import compiled, entries, run_members
 from rbfmu.ensembles.samples import Samples, draw, ensemble_of, member, refused
 from rbfmu.ensembles.statistics import Summary, summary_of
@@ -29,6 +30,11 @@ SET_UP, STATISTICS_OF_ONE = 1e-5, 2e-8
 """What a member takes besides its steps, and what statistics of one number take, s."""
 _TRIANGLE = ((0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2))
 """Rows and columns of the numbers of an inertia in a buffer."""
+
+
+LANES_FROM, LANES_GAIN, WORTH_COMPILING = 300.0, 3.0, 4.0
+"""The cost of a step, ns, from which on lanes take less time for it than one member does, how many times less; and the
+time of all members, s, from which on compiling lanes pays."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +91,8 @@ def members_of_a_chunk(scene: Scene, plans: Any) -> int:
     steps = len(drive_of(scene, {}, HOLD).lengths)
     keep = ensemble_of(scene).keep
     numbers = Columns(scene.outputs.quantities).width * (steps + 1 if set(keep) - {FINAL} else 1)
-    seconds = max(plan.cost for plan in plans.plans) * 1e-9 * steps + SET_UP
+    costs = (plan.cost / (LANES_GAIN if plan.cost >= LANES_FROM else 1.0) for plan in plans.plans)
+    seconds = max(costs) * 1e-9 * steps + SET_UP
     seconds += STATISTICS_OF_ONE * numbers if STATISTICS in keep else 0.0
     most = max(1, int(min(SECONDS / seconds, MOST_BYTES / (8.0 * numbers), MOST_MEMBERS)))
     return 1 << (most.bit_length() - 1)
@@ -121,12 +128,16 @@ def _outputs(
     places, values = varied_numbers(samples.applied, kernels.BLOCKS)
     rows = np.empty((len(which), points, work.columns.width))
     ends = np.empty((len(which), 2), dtype=np.int64)
-    compiled(run_members)(
-        *entries(kernels), aligned_zeros(kernels.SIZE), filled_buffer(work.scene, plan), places, values[which], steps,
-        work.columns.places(kernels.BLOCKS), rows, ends,
-    )  # fmt: skip
+    of_all = filled_buffer(work.scene, plan), places, values[which], steps, work.columns.places(kernels.BLOCKS)
+    if not (lanes_pay(work, plan, len(steps)) and advance_lanes(kernels, *of_all, rows, ends)):
+        compiled(run_members)(*entries(kernels), aligned_zeros(kernels.SIZE), *of_all, rows, ends)
     bad = np.flatnonzero((ends[:, 0] != 0) | (ends[:, 1] < len(steps)))
     return rows, {int(which[k]): _message(work.scene, plan, samples, int(which[k]), ends[k]) for k in bad}
+
+
+def lanes_pay(work: Work, plan: Plan, steps: int) -> bool:
+    """Return whether members side by side are sooner done, compiling included; the bits are the same."""
+    return plan.cost >= LANES_FROM and work.runs * steps * plan.cost * 1e-9 >= WORTH_COMPILING
 
 
 def varied_numbers(applied: Mapping[str, Array], blocks: dict[str, slice]) -> tuple[Indices, Array]:

@@ -77,6 +77,11 @@ class EnsembleResult:
         shown = ", ".join(self.scene.outputs.quantities)
         return f"EnsembleResult({self.scene.name!r}: {self.runs} runs{failed}, {shown})"
 
+    def _repr_html_(self) -> str:
+        from rbfmu.notebook import ensemble_html
+
+        return ensemble_html(self)
+
     @property
     def runs(self) -> int:
         """Return the number of runs."""

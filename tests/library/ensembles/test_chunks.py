@@ -1,9 +1,12 @@
 """A chunk's members have the bits of single runs, whatever the model, and say what a single run says."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from rbfmu import SceneError, SimulationError, load_scene, simulate
+from rbfmu.ensembles import chunks, lanes
 from rbfmu.ensembles.chunks import Work, members_of_a_chunk, run_chunk
 from rbfmu.ensembles.planning import EnsemblePlan, plan_ensemble
 from rbfmu.ensembles.samples import draw, member
@@ -163,6 +166,29 @@ def test_a_members_bits_do_not_hang_on_its_chunk():
     assert [part.first for part in parts] == [0, 2, 4, 6, 8]
 
 
+def test_members_side_by_side_have_the_bits_of_single_runs(monkeypatch):
+    taken = []
+
+    def noted(*arguments):
+        taken.append(lanes.advance_lanes(*arguments))
+        return taken[-1]
+
+    monkeypatch.setattr(chunks, "advance_lanes", noted)
+    monkeypatch.setattr(chunks, "WORTH_COMPILING", 0.0)
+    body, initial, loads, vary = CASES["body under loads, by series"]
+    scene = ensemble_scene(body, initial, loads, vary, runs=21)
+    assert_like_single_runs(scene, EnsemblePlan((replace(given_plan("body under loads, by series"), cost=1e4),)))
+    assert taken == [True]
+
+
+@pytest.mark.parametrize(("cost", "runs", "pay"), [(1e4, 10**6, True), (1e4, 1000, False), (100.0, 10**6, False)])
+def test_side_by_side_pays_where_steps_are_long_and_runs_are_many(cost, runs, pay):
+    body, initial, loads, vary = CASES["body under loads, by series"]
+    plan = replace(given_plan("body under loads, by series"), cost=cost)
+    work = Work(ensemble_scene(body, initial, loads, vary, runs=runs), EnsemblePlan((plan,)), 16)
+    assert chunks.lanes_pay(work, plan, 100) == pay
+
+
 def test_only_ends_are_kept_where_nothing_else_is_asked_for():
     body, initial, loads, vary = CASES["torque-free body"]
     scene = ensemble_scene(body, initial, loads, vary)
@@ -182,8 +208,8 @@ def test_chunks_have_the_size_of_their_cost():
                                   EnsemblePlan((plan,)))  # fmt: skip
 
     assert size(1e8) == 1
-    assert size(1e5) == 64  # of 0.8 ms each, 0.1 s together
-    assert size(1e5, ensemble__runs=10**6) == 64
+    assert size(3e5) == 64  # of 2.4 ms each, 0.1 s together where three are done in the time of one
+    assert size(3e5, ensemble__runs=10**6) == 64
     assert size(1.0) == 8192  # at 9 points, of whose outputs statistics take some time
     assert size(1.0, ensemble__keep=["all"]) == 8192
     assert size(1.0, run__step=0.01, ensemble__keep=["all"]) == 256  # at 201 points 4 MB

@@ -29,6 +29,9 @@ def test_a_result_says_what_it_has(found):
     assert found.covariance["omega_b"].shape == (5, 3, 3)
     assert found.quantiles["kinetic_energy"].shape == (7, 5)
     assert found.runs == 100
+    html = found._repr_html_()
+    assert "<caption>satellite: 100 runs, 1 failed; at t = 2 s</caption>" in html
+    assert f"<td>{found.mean['kinetic_energy'][-1]:.5g}</td>" in html
 
 
 def test_failed_runs_are_numbers_nowhere(found):

@@ -8,6 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from rbfmu import EnsembleResult
+from rbfmu.ensembles.checkpoint import Checkpoint
+from tests.support.command_line import call
+from tests.support.ensembles.satellite import FILE, assert_same
 from tests.support.paths import SCENES
 
 SCENE = SCENES / "top_precessing.toml"
@@ -126,3 +130,21 @@ import rbfmu.simulation; rbfmu.simulation.drive_of = wait
     assert process.stdout.readline() == "running\n"
     process.send_signal(signal.SIGINT)
     check_interrupted(process)
+
+
+def test_an_interrupted_ensemble_is_kept_and_goes_on(tmp_path: Path) -> None:
+    stage = """
+import rbfmu.ensembles.running as running
+add = running._Taken.add
+def struck(self, chunk):
+    add(self, chunk)
+    if self.progress.chunks == 3:
+        strike()
+running._Taken.add = struck
+"""
+    arguments = ["ensemble", str(FILE), "--runs", "40000", "-o"]
+    check_interrupted(start(tmp_path, [*arguments, str(tmp_path / "it.npz")], stage))
+    assert Checkpoint.read(tmp_path / "it.npz").progress.chunks == 3
+    assert call(*arguments, tmp_path / "it.npz", "--resume").exit_code == 0
+    assert call(*arguments, tmp_path / "whole.npz").exit_code == 0
+    assert_same(EnsembleResult.load(tmp_path / "whole.npz"), EnsembleResult.load(tmp_path / "it.npz"))

@@ -8,7 +8,7 @@ from rbfmu.ensembles.running import run_ensemble
 from rbfmu.runs.plan import Plan
 
 FILE = Path(__file__).with_name("satellite.toml")
-PLAN = Plan("body under loads, by series", "series", 7, tolerance=1e-9, order=12, cost=2.5e6)
+PLAN = Plan("body under loads, by series", "series", 7, tolerance=1e-9, order=12, cost=7.5e6)
 PLANS = EnsemblePlan((PLAN,))
 """A plan whose stated cost makes chunks of 8 members."""
 
