@@ -10,7 +10,7 @@ from functools import cache
 import fmpy
 import pytest
 
-from examples.interop import elsewhere, importers, omsimulator
+from examples.interop import elsewhere, importers, omsimulator, pyfmi_master
 from examples.interop import run as interop
 from tests.support.fmu.fmus import workshop
 from tests.support.paths import ROOT
@@ -129,3 +129,16 @@ def test_two_fmus_in_omsimulator_are_two_simulators():
     if not shutil.which("OMSimulator"):
         pytest.skip("OMSimulator is not on this machine")
     assert omsimulator.main() == 0.0
+
+
+def test_pyfmi_s_master_holds_inputs_goes_back_and_solves_a_loop(tmp_path):
+    if interop.version_of("PyFMI") is None:
+        pytest.skip("PyFMI is not on this machine")
+    pyfmi_master.build(tmp_path)
+    script = [interop.python_of("PyFMI"), pyfmi_master.__file__, tmp_path, "run"]
+    subprocess.run(script, check=True, timeout=1200, cwd=tmp_path, capture_output=True)
+    found = pyfmi_master.compare(tmp_path)
+    assert found["held inputs, to two simulators"] == 0.0
+    assert found["algebraic loop, to its exact solution (rad/s)"] < 1e-9
+    errors = {name: found[f"{name} steps, error relative to the largest rate"] for name in ("fixed", "controlled")}
+    assert errors["controlled"] < 0.1 * errors["fixed"]
