@@ -66,6 +66,10 @@ MEASURED: dict[str, Callable[[], Rows]] = {
 
 def missing(name: str) -> list[str]:
     """Return what is not installed of that which these figures need."""
+    if name == "interop":  # where each may have a Python of its own
+        from examples.interop.run import version_of
+
+        return [importer for importer in NEEDED[name] if version_of(importer) is None]
     return [package for package in NEEDED.get(name, ()) if importlib.util.find_spec(package) is None]
 
 

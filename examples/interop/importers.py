@@ -250,7 +250,8 @@ def ending(status: int, printed: str) -> str:
     lines = [line.strip() for line in printed.splitlines() if line.strip()]
     errors = [line for line in lines if re.search(r"\berror\b|fatal", line, re.IGNORECASE)]
     how = str(signal.strsignal(-status)) if status < 0 else f"exit status {status}"
-    return ": ".join([how, *(errors[:1] or lines[-1:])])
+    said = [re.sub(r"(/[^\s/]+)+/", "", line) for line in errors[:1] or lines[-1:]]  # files without their folders
+    return ": ".join([how, *said])
 
 
 def main(name: str, fmu: str = "", job: str = "") -> None:

@@ -59,7 +59,7 @@ def by_kernels(scene: rbfmu.Scene, values: dict[str, float]) -> np.ndarray:
 def python_of(name: str) -> str:
     """Return the Python in which an importer runs."""
     own = dict(pair.split("=", 1) for pair in os.environ.get("RBFMU_INTEROP_PYTHONS", "").split())
-    return own.get(name, sys.executable)
+    return own.get(name.partition(",")[0], sys.executable)
 
 
 def version_of(name: str) -> str | None:
