@@ -105,3 +105,15 @@ def test_one_plan_serves_all_members():
     for row in range(5):
         result = rbfmu.simulate(member(scene, samples, row), planned=planned.plans[0])
         assert np.isfinite(result.quaternion).all()
+
+
+def test_a_slender_beam_s_members_are_checked_one_by_one():
+    """A rate about the axis without inertia is no motion; one across it is."""
+    beam = {"mass": 2.0, "shape": {"kind": "beam", "length": 1.0}}
+    along = {"initial.omega_b": {"normal": [[0.0, 0.0, 1.0], [0.1, 0.0, 0.1]]}}
+    across = {"initial.omega_b": {"normal": [[0.0, 0.0, 1.0], [0.0, 0.1, 0.1]]}}
+    turning, steady = (ensemble(vary, TABLES | {"body": beam, "initial": {}, "loads": {}}) for vary in (along, across))
+    found = refused(turning, draw(turning, 0, 5))
+    assert sorted(found) == [0, 1, 2, 3, 4]
+    assert all("initial.omega_b" in text and "no rate about (1, 0, 0)" in text for text in found.values())
+    assert not refused(steady, draw(steady, 0, 5))
