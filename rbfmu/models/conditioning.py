@@ -68,7 +68,8 @@ def _speed(omega: Vec3) -> float:
 
 def _lost_distance(moments: Vector, rates: Vector, omega: Vec3) -> float:
     """Return the relative error of L^2 - 2 T I_r, I_r the middle moment, which is 0 on the separatrix."""
-    p, r, s, distance, unit = interpreted(polhode_axes)(moments, rates)
+    *axes, distance, unit = interpreted(polhode_axes)(moments, rates)
+    p, r, s = map(int, axes)
     levers = sum(abs(rates[k][0]) * moments[k][0] * abs(_difference(moments[k], moments[r])) for k in (p, s))
     exact = float(distance[0] * unit * unit)
     return TWICE * _speed(omega) * levers / exact if exact > 0.0 else 0.0

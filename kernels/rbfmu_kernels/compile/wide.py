@@ -34,6 +34,16 @@ def all_of(condition: bool) -> bool:
     return condition
 
 
+def alike(x: float, value: float) -> float:
+    """Return a value in as many lanes as x has."""
+    return value
+
+
+def always(x: float) -> bool:
+    """Return the condition that holds in as many lanes as x has."""
+    return True
+
+
 class WideType(types.Type):  # type: ignore[misc]
     """The type of a number in each of `width` lanes."""
 
@@ -143,6 +153,16 @@ def _compared(sign: str) -> Callable[..., Any]:
     return lambda builder, a, b: (builder.fcmp_unordered if sign == "!=" else builder.fcmp_ordered)(sign, a, b)
 
 
+def _register_copysign() -> None:
+    def make(builder: Any, a: Any, b: Any) -> Any:
+        kind, module = a.type, builder.module
+        full = f"llvm.copysign.v{kind.count}f64"
+        known = module.globals.get(full) or ir.Function(module, ir.FunctionType(kind, [kind, kind]), full)
+        return builder.call(known, [a, b])
+
+    _register_binary(math.copysign, WideType, make)
+
+
 def _intrinsic(name: str) -> Callable[..., Any]:
     def make(builder: Any, number: Any) -> Any:
         kind, module = number.type, builder.module
@@ -175,6 +195,9 @@ _register_unary(operator.neg, lambda builder, a: builder.fneg(a))
 _register_unary(abs, _intrinsic("llvm.fabs"))
 _register_unary(math.sqrt, _intrinsic("llvm.sqrt"))
 _register_unary(math.ceil, _intrinsic("llvm.ceil"))
+
+
+_register_copysign()
 
 
 # Conditions
@@ -217,6 +240,27 @@ def _register_summary(function: Callable[..., Any], sign: str, bits_of: Callable
 
 _register_summary(any_of, "!=", lambda width: 0)
 _register_summary(all_of, "==", lambda width: (1 << width) - 1)
+
+
+def _alike(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    return context.cast(builder, args[1], signature.args[1], signature.return_type)
+
+
+def _always(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    true = context.get_constant(types.boolean, True)
+    return context.cast(builder, true, types.boolean, signature.return_type)
+
+
+def _type_alike(x: Any, value: Any) -> Any:
+    return x if isinstance(x, WideType | types.Float) else None
+
+
+def _type_always(x: Any) -> Any:
+    return MaskType(x.width) if isinstance(x, WideType) else types.boolean
+
+
+register(alike, _type_alike, _alike, (types.VarArg(types.Any),))
+register(always, _type_always, _always, (types.VarArg(types.Any),))
 
 
 @type_callable(choose)  # type: ignore[untyped-decorator]

@@ -2,14 +2,21 @@
 
 import operator
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
-from llvmlite import ir
+from llvmlite import binding, ir
 from numba import types
 from numba.extending import lower_cast, models, register_model
 
 from . import simd
 from .wide import WideType, register, splat, widened, width_among
+
+
+@cache
+def widest() -> int:
+    """Return how many lanes serve best here, 8 or 4; no bit depends on it."""
+    return 8 if binding.get_host_cpu_features().get("avx512f", False) else 4
 
 
 def four_wide(z: Any, i: int) -> Any:

@@ -17,8 +17,18 @@ bounded: the error does not grow.
 import math
 
 from ..compile.decorator import kernel
+from ..compile.wide import choose
 from ..numerics.agm import jacobi_low_parts
-from ..numerics.double_double import DoubleDouble, Vector, dd_add, dd_scale, dd_scale_vector, dd_vector, two_sum
+from ..numerics.double_double import (
+    DoubleDouble,
+    Vector,
+    dd_add,
+    dd_choose,
+    dd_scale,
+    dd_scale_vector,
+    dd_vector,
+    two_sum,
+)
 from ..numerics.elementary import sincos_half_turns
 from ..numerics.scaling import power_of_two_for
 from ..rotations.quaternion import compose_quaternions, square_of
@@ -52,20 +62,26 @@ def free_rotation_of(moments: Vector, q_0: Quaternion, omega_b_0: Vector) -> Fre
     """Return the constants from numbers known to more digits: see `free_rotation_setup`."""
     (i_1, _), (i_2, _), (i_3, _) = moments
     valid = 0.0 <= i_1 < math.inf and 0.0 <= i_2 < math.inf and 0.0 <= i_3 < math.inf
-    scale = power_for(moments) if valid else math.nan
-    j_1, j_2, j_3 = dd_scale_vector(scale, moments)
-    scale = power_of_two_for(max(max(abs(q_0[0]), abs(q_0[1])), max(abs(q_0[2]), abs(q_0[3]))))
-    q = (scale * q_0[0], scale * q_0[1], scale * q_0[2], scale * q_0[3])
-    scale = power_for(omega_b_0)
-    omega = dd_scale_vector(scale, omega_b_0)
+    (j_1, j_2, j_3), q, omega, unit = scaled_for_setup(moments, q_0, omega_b_0)
+    none = (math.nan, math.nan)
+    j_1, j_2, j_3 = dd_choose(valid, j_1, none), dd_choose(valid, j_2, none), dd_choose(valid, j_3, none)
+    unit = unit if valid else math.nan
     (w_1, _), (w_2, _), (w_3, _) = omega
-    unit = 1.0 / scale if valid else math.nan
     steady_1 = j_2 == j_3 or w_2 == 0.0 or w_3 == 0.0
     steady_2 = j_3 == j_1 or w_3 == 0.0 or w_1 == 0.0
     steady_3 = j_1 == j_2 or w_1 == 0.0 or w_2 == 0.0
     if steady_1 and steady_2 and steady_3:
         return steady_setup(q, omega, unit)
     return tumbling_setup((j_1, j_2, j_3), q, omega, unit)
+
+
+@kernel
+def scaled_for_setup(moments: Vector, q_0: Quaternion, omega_b_0: Vector) -> tuple[Vector, Quaternion, Vector, float]:
+    """Return moments, attitude and rate scaled to about 1, and what undoes that of the rate."""
+    scale = power_of_two_for(max(max(abs(q_0[0]), abs(q_0[1])), max(abs(q_0[2]), abs(q_0[3]))))
+    q = (scale * q_0[0], scale * q_0[1], scale * q_0[2], scale * q_0[3])
+    scale = power_for(omega_b_0)
+    return dd_scale_vector(power_for(moments), moments), q, dd_scale_vector(scale, omega_b_0), 1.0 / scale
 
 
 @kernel(inline=False)
@@ -132,7 +148,7 @@ def with_axes_turned(motion: FreeRotation, q: Quaternion) -> FreeRotation:
 def scaled_time(motion: FreeRotation, t: DoubleDouble) -> DoubleDouble:
     """Return t in the unit of the constants; NaN where no digit is left."""
     high, low = dd_scale(motion.unit, t)
-    return (high if abs(motion.precession[0] * high) < _LAST_TURN else math.nan, low)
+    return (choose(abs(motion.precession[0] * high) < _LAST_TURN, high, math.nan), low)
 
 
 @kernel
@@ -142,7 +158,7 @@ def place_at(motion: FreeRotation, t: DoubleDouble) -> Place:
         rate, low_rate = motion.phase_rate
         phase = two_sum(2.0 * rate * t[0], 2.0 * (low_rate * t[0] + rate * t[1]))
         high, low = dd_add(phase, motion.phase)
-        high = math.copysign(_LAST_X, high) if abs(high) > _LAST_X else high
+        high = choose(abs(high) > _LAST_X, math.copysign(_LAST_X, high), high)
     else:
         high, low = without_turns(motion.phase_rate, t)
         high, low = dd_add((2.0 * high, 2.0 * low), motion.phase)
@@ -165,7 +181,7 @@ def free_attitude_at(motion: FreeRotation, t: DoubleDouble, place: Place) -> Qua
     q_2 = (e * of_1[2] + p * of_p[2]) + (r * of_r[2] + s * of_s[2])
     q_3 = (e * of_1[3] + p * of_p[3]) + (r * of_r[3] + s * of_s[3])
     square = square_of((q_0, q_1, q_2, q_3))
-    inverse = 1.0 / math.sqrt(square if square != 0.0 else math.nan)
+    inverse = 1.0 / math.sqrt(choose(square != 0.0, square, math.nan))
     return (inverse * q_0, inverse * q_1, inverse * q_2, inverse * q_3)
 
 

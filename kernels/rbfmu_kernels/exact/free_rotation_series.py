@@ -15,6 +15,7 @@ y = pi u / 4K', of nome exp(-pi K / 2K'), as series in e = exp(-2 |y|) and p = n
 from typing import NamedTuple
 
 from ..compile.decorator import kernel
+from ..compile.wide import alike
 from ..numerics.double_double import DoubleDouble, two_sum
 from ..numerics.elementary import sincos_half_turns
 from ..numerics.jacobi_theta import Near, Theta, jacobi_from_theta, jacobi_near, place_near
@@ -105,7 +106,7 @@ def place_of(kind: float, x: DoubleDouble, width: DoubleDouble) -> Place:
     """Return sine and cosine of the phase x, in half turns, or, NEAR, what `place_near` says."""
     if kind == TUMBLING:
         s, c = sincos_half_turns(x[0], x[1])
-        return (s, c, 0.0, 0.0)
+        return (s, c, alike(s, 0.0), alike(s, 0.0))
     return place_near(x, width)
 
 

@@ -6,6 +6,7 @@ kc is the complementary modulus, k k = kappa rho.
 import math
 
 from ..compile.decorator import kernel
+from ..compile.wide import any_of, choose
 from ..numerics.double_double import DoubleDouble, dd_scale
 from ..numerics.elementary import sincos_half_turns
 from ..numerics.jacobi_theta import Near, near_scale, near_series, nome, theta_series_of
@@ -15,6 +16,9 @@ from .free_rotation_series import (
     NearSeries,
     TumblingSeries,
 )
+
+_LEVELS = 12
+"""Of Landen's descent, at most."""
 
 
 @kernel(inline=False)
@@ -49,13 +53,16 @@ def _exponentials(kappa: float, tilt: float, k2: float, kc: float, q: float) -> 
     below, k = 2.0 * math.sqrt(kc) / (1.0 + kc), k2 / ((1.0 + kc) * (1.0 + kc))
     root = 1.0 + math.sqrt(1.0 + kappa)
     y = kappa / (root * root)
-    if y <= tilt * tilt:
-        up = tilt * _root_of_shift(tilt * tilt, k, below)
-        inverse = 0.0 if up == 0.0 else 1.0 / up
-        return (up, q * inverse, q * inverse * inverse, q * (up * up))
-    f = _root_of_shift(y, k, below)
-    f = y * (f * f)
-    return (math.sqrt(q / f), math.sqrt(q * f), f, q * (q / f))
+    by_tilt = y <= tilt * tilt
+    shift = _root_of_shift(choose(by_tilt, tilt * tilt, y), k, below)
+    up, f = tilt * shift, choose(by_tilt, 1.0, y * (shift * shift))
+    inverse = choose(up == 0.0, 0.0, 1.0 / choose(up == 0.0, 1.0, up))
+    return (
+        choose(by_tilt, up, math.sqrt(q / f)),
+        choose(by_tilt, q * inverse, math.sqrt(q * f)),
+        choose(by_tilt, q * inverse * inverse, f),
+        choose(by_tilt, q * (up * up), q * (q / f)),
+    )
 
 
 @kernel(inline=False)
@@ -64,22 +71,27 @@ def _root_of_shift(y: float, k: float, kc: float) -> float:
 
     With s = cn(a, k'_0), y is (1 - s) / (1 + s), f = exp(-pi a / K), and k of the level below k_0 is at most 6 y.
     """
-    if y == 0.0:
-        return 1.0
-    t, product, levels = k / y, 1.0, 0
-    while t > 1e-17 and levels < 12:
+    is_zero = y == 0.0
+    y = choose(is_zero, 1.0, y)
+    t, product, levels = k / y, 1.0, 0.0
+    for _ in range(_LEVELS):
+        goes_on = t > 1e-17
+        if not any_of(goes_on):
+            break
         factor = (1.0 + t) / (1.0 + k * y)
-        product = product * product * factor
-        y = y * y * factor
-        t = t * t / (factor * (1.0 + kc) * (1.0 + kc))
-        k = k / (1.0 + kc)
-        k = k * k
-        kc = 2.0 * math.sqrt(kc) / (1.0 + kc)
-        levels += 1
+        product = choose(goes_on, product * product * factor, product)
+        y = choose(goes_on, y * y * factor, y)
+        t = choose(goes_on, t * t / (factor * (1.0 + kc) * (1.0 + kc)), t)
+        root = k / (1.0 + kc)
+        k = choose(goes_on, root * root, k)
+        kc = choose(goes_on, 2.0 * math.sqrt(kc) / (1.0 + kc), kc)
+        levels = levels + choose(goes_on, 1.0, 0.0)
     product = math.sqrt(product)
-    for _ in range(levels):
-        product = math.sqrt(product)
-    return product
+    for level in range(_LEVELS):
+        if not any_of(levels > level):
+            break
+        product = choose(levels > level, math.sqrt(product), product)
+    return choose(is_zero, 1.0, product)
 
 
 @kernel(inline=False)

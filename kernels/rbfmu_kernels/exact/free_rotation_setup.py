@@ -4,11 +4,15 @@ import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..compile.decorator import kernel
+from ..compile.wide import all_of, choose
 from ..numerics.double_double import (
     DoubleDouble,
     Vector,
     dd_add,
+    dd_choose,
     dd_divide,
+    dd_equal,
+    dd_less,
     dd_multiply,
     dd_scale,
     dd_sqrt,
@@ -32,7 +36,7 @@ from .free_rotation_series import (
     turn_of,
 )
 from .free_rotation_series_setup import near_series_of, series_of
-from .polhode import gap, kappa_of, polhode_axes, symmetric_polhode, triaxial_polhode
+from .polhode import dd_at, gap, kappa_of, polhode_axes, symmetric_polhode, triaxial_polhode
 from .uniform_rotation import turning_about
 
 Columns = tuple[Quaternion, Quaternion, Quaternion, Quaternion]
@@ -105,15 +109,17 @@ def tumbling_setup(moments: Vector, q_0: Quaternion, omega: Vector, unit: float)
     moments and omega are scaled to about 1; `unit` undoes the scaling of omega.
     """
     p, r, s, distance, distance_unit = polhode_axes(moments, omega)
-    i_p, i_r, i_s = moments[p], moments[r], moments[s]
-    if not (i_p[0] > 0.0 and i_r[0] > 0.0 and (i_s[0] > 0.0 or i_p == i_r)):
-        i_p = i_r = i_s = (math.nan, math.nan)
-        unit = math.nan
-    sign = 1.0 if i_s > i_p else -1.0
-    sign_p = math.copysign(1.0, omega[p][0])
-    sign_s = math.copysign(1.0, omega[s][0])
-    sign_r = sign_p * sign_s * (1.0 if (p + 1) % 3 == r else -1.0)
-    w_p, w_r, w_s = dd_scale(sign_p, omega[p]), dd_scale(sign_r, omega[r]), dd_scale(sign_s, omega[s])
+    i_p, i_r, i_s = dd_at(moments, p), dd_at(moments, r), dd_at(moments, s)
+    w_p, w_r, w_s = dd_at(omega, p), dd_at(omega, r), dd_at(omega, s)
+    exists = (i_p[0] > 0.0) & (i_r[0] > 0.0) & ((i_s[0] > 0.0) | dd_equal(i_p, i_r))
+    nothing = (math.nan, math.nan)
+    i_p, i_r = dd_choose(exists, i_p, nothing), dd_choose(exists, i_r, nothing)
+    i_s, unit = dd_choose(exists, i_s, nothing), choose(exists, unit, math.nan)
+    sign = choose(dd_less(i_p, i_s), 1.0, -1.0)
+    sign_p = math.copysign(1.0, w_p[0])
+    sign_s = math.copysign(1.0, w_s[0])
+    sign_r = sign_p * sign_s * choose((r - p == 1.0) | (r - p == -2.0), 1.0, -1.0)
+    w_p, w_r, w_s = dd_scale(sign_p, w_p), dd_scale(sign_r, w_r), dd_scale(sign_s, w_s)
     m_s = dd_multiply(i_s, w_s)
 
     kappa, one_kappa = kappa_of(i_p, i_r, i_s)
@@ -129,7 +135,7 @@ def tumbling_setup(moments: Vector, q_0: Quaternion, omega: Vector, unit: float)
     a_p, a_p2 = dd_scale(down, a_p_up), dd_scale(down, dd_scale(down, a_p2_up))
     a_r = dd_scale(sign, dd_multiply(root_kappa, a_p))
 
-    if i_p == i_r:
+    if all_of(dd_equal(i_p, i_r)):
         polhode = symmetric_polhode(i_r, i_s, w_s, m_s, a_p2, am_s, am_c)
         kc: DoubleDouble = (1.0, 0.0)
         kc2 = kc
@@ -138,22 +144,22 @@ def tumbling_setup(moments: Vector, q_0: Quaternion, omega: Vector, unit: float)
         kc2 = dd_divide(dd_multiply(distance, i_s), dd_multiply(gap(i_s, i_r), a_s2))
         kc = dd_scale(distance_unit, dd_sqrt(kc2))
         kc2 = dd_scale(distance_unit, dd_scale(distance_unit, kc2))
-        if kc[0] - 1.0 + kc[1] > 0.0:
-            kc = kc2 = (1.0, 0.0)
-        kc = (_LEAST_KC, 0.0) if kc[0] <= _LEAST_KC else kc
+        above = kc[0] - 1.0 + kc[1] > 0.0
+        kc, kc2 = dd_choose(above, (1.0, 0.0), kc), dd_choose(above, (1.0, 0.0), kc2)
+        kc = dd_choose(kc[0] <= _LEAST_KC, (_LEAST_KC, 0.0), kc)
         polhode = triaxial_polhode((i_p, i_r, i_s), kappa, one_kappa, a_p2, a_s2, kc, am_s, am_c)
     a_s, g, rate_s, rate, nu, x, half_turn, k2, agm = polhode
 
     kind, width, shift = TUMBLING, (0.0, 0.0), 0.0
     half_turn = dd_scale(sign, half_turn)
-    if kc[0] >= NEAREST_KC:
+    if all_of(kc[0] >= NEAREST_KC):
         series = flatten_tumbling(series_of(kappa[0], a_p[0] / (a_s[0] + g), k2, kc[0], sign))
         rate = dd_add(rate, dd_multiply(half_turn, nu))
     else:
         kind = NEAR
         near, width, shift = near_series_of(dd_sqrt(kappa), kc, agm, sign)
         series = flatten_near(near)
-        if kc[0] > _LEAST_KC:
+        if all_of(kc[0] > _LEAST_KC):
             rate = dd_add(rate, dd_multiply(half_turn, nu))
         else:
             kind, shift = SEPARATRIX, 0.0
@@ -161,7 +167,7 @@ def tumbling_setup(moments: Vector, q_0: Quaternion, omega: Vector, unit: float)
     rate_p = dd_divide(dd_scale(unit * sign_p, a_p), i_p)
     rate_r = dd_divide(dd_scale(unit * sign_r, a_r), i_r)
     rate_s = dd_scale(unit * sign_s, rate_s)
-    q = (q_0[0], sign_p * q_0[p + 1], sign_r * q_0[r + 1], sign_s * q_0[s + 1])
+    q = (q_0[0], sign_p * _at(q_0, p), sign_r * _at(q_0, r), sign_s * _at(q_0, s))
     start = turn_of(kind, place_of(kind, x, width), (0.0, 0.0), shift, series)
     q = compose_quaternions(q, invert_quaternion(start))
     return FreeRotation(
@@ -182,6 +188,12 @@ def tumbling_setup(moments: Vector, q_0: Quaternion, omega: Vector, unit: float)
     )
 
 
+@kernel
+def _at(q: Quaternion, k: float) -> float:
+    """Return the component of a quaternion's vector part of number k, 0, 1 or 2."""
+    return choose(k == 0.0, q[1], choose(k == 1.0, q[2], q[3]))
+
+
 @kernel(inline=False)
 def _columns(q: Quaternion, signs: Vec3, p: float, r: float) -> Columns:
     """Return what 1, i_p, i_r, i_s are after q, in body axes."""
@@ -198,7 +210,7 @@ def _columns(q: Quaternion, signs: Vec3, p: float, r: float) -> Columns:
 def in_body_axes(v: Vec3, p: float, r: float) -> Vec3:
     """Return v, given along p, r and s, in body axes; p, r: the numbers 1, 2, 3 of the body axes."""
     return (
-        v[0] if p == 1.0 else (v[1] if r == 1.0 else v[2]),
-        v[0] if p == 2.0 else (v[1] if r == 2.0 else v[2]),
-        v[0] if p == 3.0 else (v[1] if r == 3.0 else v[2]),
+        choose(p == 1.0, v[0], choose(r == 1.0, v[1], v[2])),
+        choose(p == 2.0, v[0], choose(r == 2.0, v[1], v[2])),
+        choose(p == 3.0, v[0], choose(r == 3.0, v[1], v[2])),
     )

@@ -3,13 +3,17 @@
 from typing import NamedTuple
 
 from ..compile.decorator import kernel
+from ..compile.wide import alike, all_of, any_of, choose
 from ..numerics.agm import angle_in_half_turns, climb_scale
 from ..numerics.double_double import (
     DoubleDouble,
     Vector,
     dd_add,
     dd_add_float,
+    dd_choose,
     dd_divide,
+    dd_equal,
+    dd_less,
     dd_multiply,
     dd_negate,
     dd_scale,
@@ -53,7 +57,8 @@ def symmetric_polhode(
     lam = dd_divide(dd_multiply(gap(i_s, i_r), w_s), i_r)
     x = angle_in_half_turns(am_s, am_c)
     nu = dd_multiply(lam, _ONE_OVER_PI)
-    return Polhode(m_s, g[0], w_s, rate, nu, x, (-0.25, 0.0), 0.0, (1.0, 0.0))
+    zero, one = alike(g[0], 0.0), alike(g[0], 1.0)
+    return Polhode(m_s, g[0], w_s, rate, nu, x, (alike(g[0], -0.25), zero), zero, (one, zero))
 
 
 @kernel(inline=False)
@@ -69,18 +74,17 @@ def triaxial_polhode(
     lam = dd_multiply(gap(i_s, i_r), gap(i_s, i_p))
     lam = dd_multiply(rate_s, dd_sqrt(dd_divide(lam, dd_multiply(i_p, i_r))))
     rho, one_rho = dd_divide(a_p2, a_s2), dd_divide(g2, a_s2)
-    if kappa[0] <= rho[0]:
-        middle, n, one_n, one_other = True, kappa, one_kappa, one_rho
-        rate = dd_divide(g, i_r)
-    else:
-        middle, n, one_n, one_other = False, rho, one_rho, one_kappa
-        energy = dd_add(dd_multiply(a_p2, i_s), dd_multiply(a_s2, i_p))
-        rate = dd_divide(energy, dd_multiply(g, dd_multiply(i_p, i_s)))
+    middle = kappa[0] <= rho[0]
+    n, one_n = dd_choose(middle, kappa, rho), dd_choose(middle, one_kappa, one_rho)
+    one_other = dd_choose(middle, one_rho, one_kappa)
+    energy = dd_add(dd_multiply(a_p2, i_s), dd_multiply(a_s2, i_p))
+    over = dd_multiply(g, dd_multiply(i_p, i_s))
+    rate = dd_divide(dd_choose(middle, g, energy), dd_choose(middle, i_r, over))
     y = dd_multiply(n, dd_sqrt(dd_divide(one_other, one_n)))
     agm, total, x = climb_scale(kc, n, am_s, am_c)
     # T over a half turn is pi y (2 - total) / (2 AGM).
     half_turn = dd_scale(0.125, dd_divide(dd_multiply(y, dd_add_float(dd_negate(total), 2.0)), agm))
-    half_turn = dd_add_float(half_turn, -0.25) if middle else dd_negate(half_turn)
+    half_turn = dd_choose(middle, dd_add_float(half_turn, -0.25), dd_negate(half_turn))
     nu = dd_multiply(dd_multiply(lam, agm), _ONE_OVER_PI)
     rate = dd_multiply(rate, ONE_OVER_4PI)
     return Polhode(a_s, g[0], rate_s, rate, nu, x, half_turn, kappa[0] * rho[0], agm)
@@ -89,8 +93,9 @@ def triaxial_polhode(
 @kernel
 def kappa_of(i_p: DoubleDouble, i_r: DoubleDouble, i_s: DoubleDouble) -> tuple[DoubleDouble, DoubleDouble]:
     """Return (kappa, 1 + kappa), kappa = I_s (I_r - I_p) / (I_p (I_s - I_r))."""
-    if i_p == i_r:
-        return ((0.0, 0.0), (1.0, 0.0))
+    if all_of(dd_equal(i_p, i_r)):
+        zero, one = alike(i_p[0], 0.0), alike(i_p[0], 1.0)
+        return ((zero, zero), (one, zero))
     kappa = dd_divide(dd_multiply(gap(i_r, i_p), i_s), dd_multiply(gap(i_s, i_r), i_p))
     return (kappa, dd_add_float(kappa, 1.0))
 
@@ -98,37 +103,49 @@ def kappa_of(i_p: DoubleDouble, i_r: DoubleDouble, i_s: DoubleDouble) -> tuple[D
 @kernel
 def gap(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
     """Return |a - b|, of floats exactly."""
-    return dd_subtract(a, b) if a >= b else dd_subtract(b, a)
+    below = dd_less(a, b)
+    return dd_subtract(dd_choose(below, b, a), dd_choose(below, a, b))
 
 
 @kernel
-def polhode_axes(moments: Vector, omega: Vector) -> tuple[int, int, int, DoubleDouble, float]:
-    """Return (p, r, s, d, unit), where d is 0 on the separatrix.
+def polhode_axes(moments: Vector, omega: Vector) -> tuple[float, float, float, DoubleDouble, float]:
+    """Return (p, r, s, d, unit), the axes by the numbers 0, 1, 2; d is 0 on the separatrix.
 
     d unit^2 = |w_hi^2 I_hi (I_hi - I_r) - w_lo^2 I_lo (I_r - I_lo)|.
     """
     a, b, c = moments
-    lo = 0 if a <= b and a <= c else (1 if b <= c else 2)
-    hi = 2 if c >= a and c >= b else (1 if b >= a else 0)
-    r = 3 - lo - hi
-    up = power_of_two_for(max(abs(omega[lo][0]), abs(omega[hi][0])))
-    w_lo, w_hi = dd_scale(up, omega[lo]), dd_scale(up, omega[hi])
-    above, below = gap(moments[hi], moments[r]), gap(moments[r], moments[lo])
-    upper = dd_multiply(dd_multiply(dd_multiply(w_hi, w_hi), moments[hi]), above)
-    lower = dd_multiply(dd_multiply(dd_multiply(w_lo, w_lo), moments[lo]), below)
+    lo = choose(_at_most(a, b) & _at_most(a, c), 0.0, choose(_at_most(b, c), 1.0, 2.0))
+    hi = choose(_at_most(a, c) & _at_most(b, c), 2.0, choose(_at_most(a, b), 1.0, 0.0))
+    r = 3.0 - lo - hi
+    w_lo, w_hi, i_lo, i_hi = dd_at(omega, lo), dd_at(omega, hi), dd_at(moments, lo), dd_at(moments, hi)
+    up = power_of_two_for(max(abs(w_lo[0]), abs(w_hi[0])))
+    w_lo, w_hi = dd_scale(up, w_lo), dd_scale(up, w_hi)
+    above, below = gap(i_hi, dd_at(moments, r)), gap(dd_at(moments, r), i_lo)
+    upper = dd_multiply(dd_multiply(dd_multiply(w_hi, w_hi), i_hi), above)
+    lower = dd_multiply(dd_multiply(dd_multiply(w_lo, w_lo), i_lo), below)
     d = dd_subtract(upper, lower)
     rest = abs(w_hi[1]) + abs(w_lo[1]) + abs(a[1]) + abs(b[1]) + abs(c[1])
-    if abs(d[0]) < 1e-8 * upper[0] and rest == 0.0:  # too few digits would be left, and floats have more
-        sums = _add_exactly((0.0, 0.0, 0.0, 0.0), w_hi[0], moments[hi][0], above)
-        sums = _add_exactly(sums, w_lo[0], -moments[lo][0], below)
-        d = dd_add(two_sum(sums[0], sums[1]), (sums[2], sums[3]))
-    p, s = lo, hi
-    if d[0] < 0.0:
-        p, s = hi, lo
-        d = dd_negate(d)
-    if moments[s] == moments[r]:
-        p, s = s, p
-    return (p, r, s, d, 1.0 / up)
+    too_few = (abs(d[0]) < 1e-8 * upper[0]) & (rest == 0.0)
+    if any_of(too_few):  # digits would be left, and floats have more
+        zero = alike(d[0], 0.0)
+        sums = _add_exactly((zero, zero, zero, zero), w_hi[0], i_hi[0], above)
+        sums = _add_exactly(sums, w_lo[0], -i_lo[0], below)
+        d = dd_choose(too_few, dd_add(two_sum(sums[0], sums[1]), (sums[2], sums[3])), d)
+    other = d[0] < 0.0
+    p, s, d = choose(other, hi, lo), choose(other, lo, hi), dd_choose(other, dd_negate(d), d)
+    other = dd_equal(dd_at(moments, s), dd_at(moments, r))
+    return (choose(other, s, p), r, choose(other, p, s), d, 1.0 / up)
+
+
+@kernel
+def dd_at(v: Vector, k: float) -> DoubleDouble:
+    """Return the component of number k, 0, 1 or 2."""
+    return dd_choose(k == 0.0, v[0], dd_choose(k == 1.0, v[1], v[2]))
+
+
+@kernel
+def _at_most(a: DoubleDouble, b: DoubleDouble) -> bool:
+    return dd_less(a, b) | dd_equal(a, b)
 
 
 _Sums = tuple[float, float, float, float]

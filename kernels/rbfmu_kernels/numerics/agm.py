@@ -6,10 +6,12 @@ jacobi_theta.py.  Sources: DLMF 19.8, 22.7, 22.20.
 """
 
 from ..compile.decorator import kernel
+from ..compile.wide import all_of, always, any_of, choose
 from .double_double import (
     DoubleDouble,
     dd_add,
     dd_add_float,
+    dd_choose,
     dd_divide,
     dd_multiply,
     dd_scale,
@@ -53,30 +55,32 @@ def climb_scale(
     p = dd_sqrt(dd_add_float(n, 1.0))
     term: DoubleDouble = (1.0, 0.0)
     total: DoubleDouble = (1.0, 0.0)
-    turns, halves = 0.0, 1.0
+    turns, halves, goes_on = 0.0, 1.0, always(kc[0])
     for _ in range(16):
         ag = dd_multiply(a, g)
         a_plus_g = dd_add(a, g)
         gap = a[0] - g[0]
         # am' = 2 pi turns + the angle of (c, s)
-        turns = 2.0 * turns + ((1.0 if s[0] >= 0.0 else -1.0) if c[0] < 0.0 else 0.0)
+        whole = 2.0 * turns + choose(c[0] < 0.0, choose(s[0] >= 0.0, 1.0, -1.0), 0.0)
+        turns, halves = choose(goes_on, whole, turns), choose(goes_on, 0.5 * halves, halves)
         sc = dd_multiply(a_plus_g, dd_multiply(s, c))
-        c = dd_subtract(dd_multiply(a, dd_multiply(c, c)), dd_multiply(g, dd_multiply(s, s)))
-        s = sc
-        size = abs(s[0]) + abs(c[0])
-        if not 1e-10 < size < 1e10:  # squared at each level
-            power = power_of_two_for(size)
-            s, c = dd_scale(power, s), dd_scale(power, c)
-        halves *= 0.5
+        cc = dd_subtract(dd_multiply(a, dd_multiply(c, c)), dd_multiply(g, dd_multiply(s, s)))
+        size = abs(sc[0]) + abs(cc[0])
+        fits = (size > 1e-10) & (size < 1e10)
+        if not all_of(fits):  # squared at each level
+            power = choose(fits, 1.0, power_of_two_for(size))
+            sc, cc = dd_scale(power, sc), dd_scale(power, cc)
+        s, c = dd_choose(goes_on, sc, s), dd_choose(goes_on, cc, c)
         p2 = dd_multiply(p, p)
         p_sum = dd_add(p2, ag)
         epsilon = dd_divide(dd_subtract(p2, ag), p_sum)
-        p = dd_scale(0.5, dd_divide(p_sum, p))
-        term = dd_scale(0.5, dd_multiply(term, epsilon))
-        total = dd_add(total, term)
-        done = gap < 6e-4 * a[0] and abs(epsilon[0]) < 1e-3
-        a, g = dd_scale(0.5, a_plus_g), dd_sqrt(ag)
-        if done:
+        p = dd_choose(goes_on, dd_scale(0.5, dd_divide(p_sum, p)), p)
+        term = dd_choose(goes_on, dd_scale(0.5, dd_multiply(term, epsilon)), term)
+        total = dd_choose(goes_on, dd_add(total, term), total)
+        done = (gap < 6e-4 * a[0]) & (abs(epsilon[0]) < 1e-3)
+        a, g = dd_choose(goes_on, dd_scale(0.5, a_plus_g), a), dd_choose(goes_on, dd_sqrt(ag), g)
+        goes_on = goes_on & (choose(done, 0.0, 1.0) > 0.0)
+        if not any_of(goes_on):
             break
     # What is left is below 1e-6: series in h = (a - g) / a and epsilon, in double.
     gap_left = dd_subtract(a, g)
@@ -97,6 +101,13 @@ _ONE_OVER_PI: DoubleDouble = (0.3183098861837907, -1.9678676675182486e-17)
 _SIN_PI_8: DoubleDouble = (0.3826834323650898, -1.0050772696461588e-17)
 _COS_PI_8: DoubleDouble = (0.9238795325112867, 1.7645047084336677e-17)
 _SQRT_HALF: DoubleDouble = (0.7071067811865476, -4.833646656726457e-17)
+_EIGHTHS = (
+    (0.198912367379658, 1.0, _SIN_PI_8, _COS_PI_8),
+    (0.6681786379192989, 2.0, _SQRT_HALF, _SQRT_HALF),
+    (1.496605762665489, 3.0, _COS_PI_8, _SIN_PI_8),
+    (5.027339492125848, 4.0, (1.0, 0.0), (0.0, 0.0)),
+)
+"""The tangent from which on a multiple of pi / 8 is the nearest, the multiple, its sine and cosine."""
 
 
 @kernel(inline=False)
@@ -106,20 +117,16 @@ def angle_in_half_turns(y: DoubleDouble, x: DoubleDouble) -> DoubleDouble:
     Error about 1e-19: beyond double, short of double-double.
     """
     below, left = y[0] < 0.0, x[0] < 0.0
-    y = dd_scale(-1.0 if below else 1.0, y)
-    x = dd_scale(-1.0 if left else 1.0, x)
+    y = dd_scale(choose(below, -1.0, 1.0), y)
+    x = dd_scale(choose(left, -1.0, 1.0), x)
     # Turn the point by the nearest multiple of pi / 8.
     eighths = 0.0
     sine: DoubleDouble = (0.0, 0.0)
     cosine: DoubleDouble = (1.0, 0.0)
-    if y[0] > 0.198912367379658 * x[0]:
-        eighths, sine, cosine = 1.0, _SIN_PI_8, _COS_PI_8
-    if y[0] > 0.6681786379192989 * x[0]:
-        eighths, sine, cosine = 2.0, _SQRT_HALF, _SQRT_HALF
-    if y[0] > 1.496605762665489 * x[0]:
-        eighths, sine, cosine = 3.0, _COS_PI_8, _SIN_PI_8
-    if y[0] > 5.027339492125848 * x[0]:
-        eighths, sine, cosine = 4.0, (1.0, 0.0), (0.0, 0.0)
+    for tangent, nearest, of_sine, of_cosine in _EIGHTHS:
+        steeper = y[0] > tangent * x[0]
+        eighths = choose(steeper, nearest, eighths)
+        sine, cosine = dd_choose(steeper, of_sine, sine), dd_choose(steeper, of_cosine, cosine)
     along = dd_add(dd_multiply(x, cosine), dd_multiply(y, sine))
     across = dd_subtract(dd_multiply(y, cosine), dd_multiply(x, sine))
     t = dd_divide(across, along)
@@ -133,5 +140,5 @@ def angle_in_half_turns(y: DoubleDouble, x: DoubleDouble) -> DoubleDouble:
     p = 1.0 / 3.0 - z * (1.0 / 5.0) + z2 * p
     angle = dd_multiply(dd_add_float(t, -t[0] * z * p), _ONE_OVER_PI)
     angle = dd_add_float(angle, 0.125 * eighths)
-    angle = dd_add_float(dd_scale(-1.0, angle), 1.0) if left else angle
-    return dd_scale(-1.0 if below else 1.0, angle)
+    angle = dd_choose(left, dd_add_float(dd_scale(-1.0, angle), 1.0), angle)
+    return dd_scale(choose(below, -1.0, 1.0), angle)

@@ -8,6 +8,7 @@ Users scale their numbers: beyond 1e299 the splitting overflows, products below 
 import math
 
 from ..compile.decorator import kernel
+from ..compile.wide import choose
 from ..types import Vec3
 
 DoubleDouble = tuple[float, float]
@@ -126,9 +127,27 @@ def dd_divide(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
 @kernel
 def dd_sqrt(a: DoubleDouble) -> DoubleDouble:
     """Return the square root; 0 for a <= 0.  Relative error <= 4 u^2 (one Newton step, Karp & Markstein 1997)."""
-    positive = not a[0] <= 0.0  # NaN goes the same way as a number
-    root = math.sqrt(a[0] if positive else 1.0)
+    none = a[0] <= 0.0  # NaN goes the same way as a number above
+    root = math.sqrt(choose(none, 1.0, a[0]))
     half_inverse = 0.5 / root
     p, e = two_product(root, root)
     high, low = quick_two_sum(root, (((a[0] - p) - e) + a[1]) * half_inverse)
-    return (high if positive else 0.0, low if positive else 0.0)
+    return (choose(none, 0.0, high), choose(none, 0.0, low))
+
+
+@kernel
+def dd_choose(condition: bool, a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
+    """Return a where the condition holds, else b."""
+    return (choose(condition, a[0], b[0]), choose(condition, a[1], b[1]))
+
+
+@kernel
+def dd_equal(a: DoubleDouble, b: DoubleDouble) -> bool:
+    """Return whether a = b."""
+    return (a[0] == b[0]) & (a[1] == b[1])
+
+
+@kernel
+def dd_less(a: DoubleDouble, b: DoubleDouble) -> bool:
+    """Return whether a < b."""
+    return (a[0] < b[0]) | ((a[0] == b[0]) & (a[1] < b[1]))

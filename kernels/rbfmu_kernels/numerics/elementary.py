@@ -9,6 +9,8 @@ import math
 import numpy as np
 
 from ..compile.decorator import kernel
+from ..compile.wide import choose
+from ..compile.wide_bits import bits_of, number_of
 
 _ROUND = 1.5 * 2.0**52  # adding and subtracting it rounds to an integer
 _LARGEST = 1e15
@@ -62,15 +64,15 @@ def sincos_half_turns(high: float, low: float) -> tuple[float, float]:
 def _in_quadrant(shifted: float, r: float, tail: float) -> tuple[float, float]:
     """Return (sin, cos) of k pi / 2 + r + tail; shifted is k plus `_ROUND`."""
     s, c = _sincos_near_zero(r, tail)
-    quadrant = np.float64(shifted).view(np.int64)  # its last two bits are those of k
+    quadrant = bits_of(shifted)  # the last two are those of k
     odd = quadrant & 1 != 0
-    return (_signed(c if odd else s, quadrant), _signed(s if odd else c, quadrant + 1))
+    return (_signed(choose(odd, c, s), quadrant), _signed(choose(odd, s, c), quadrant + 1))
 
 
 @kernel
 def _signed(x: float, quadrant: np.int64) -> float:
     """Return x, or -x in the quadrants 2 and 3 (of 0 to 3)."""
-    return float(np.int64(np.float64(x).view(np.int64) ^ ((quadrant & 2) << 62)).view(np.float64))
+    return number_of(bits_of(x) ^ ((quadrant & 2) << 62))
 
 
 @kernel
@@ -106,8 +108,7 @@ def exp2(high: float, low: float) -> float:
     first = r * 0.6931471805599453
     s = 1.0 + first
     p = s + (((1.0 - s) + first) + z * (a + w * (b + w * c)))
-    power = np.int64((np.float64(shifted).view(np.int64) + 1023) << 52)
-    return float(power.view(np.float64)) * p
+    return number_of((bits_of(shifted) + 1023) << 52) * p
 
 
 @kernel

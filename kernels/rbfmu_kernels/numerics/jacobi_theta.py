@@ -12,6 +12,7 @@ import math
 from typing import NamedTuple
 
 from ..compile.decorator import kernel
+from ..compile.wide import choose
 from .agm import climb_scale
 from .double_double import DoubleDouble, dd_add_float, dd_divide, dd_multiply, dd_negate, dd_sqrt, two_product
 from .elementary import exp2
@@ -116,8 +117,10 @@ def place_near(x: DoubleDouble, width: DoubleDouble) -> Place:
     rest = x[0] - turns
     high, low = two_product(width[0], rest)
     low += width[0] * x[1] + width[1] * rest
-    e = exp2(-high, -low) if high > 0.0 else exp2(high, low)
-    return (e, math.copysign(1.0, high), 1.0 if 2.0 * round_to_integer(0.5 * turns) == turns else -1.0, rest)
+    right = high > 0.0
+    e = exp2(choose(right, -high, high), choose(right, -low, low))
+    flip = choose(2.0 * round_to_integer(0.5 * turns) == turns, 1.0, -1.0)
+    return (e, math.copysign(1.0, high), flip, rest)
 
 
 @kernel

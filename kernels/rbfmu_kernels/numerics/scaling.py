@@ -3,6 +3,7 @@
 import math
 
 from ..compile.decorator import kernel
+from ..compile.wide import choose
 
 _STEPS = (2.0**512, 2.0**256, 2.0**128, 2.0**64)
 
@@ -16,12 +17,10 @@ def power_of_two_for(x: float) -> float:
     size, power = abs(x), 1.0
     for step in _STEPS:
         inverse = 1.0 / step
-        if size >= step:
-            size *= inverse
-            power *= inverse
-        if 0.0 < size < inverse:
-            size *= step
-            power *= step
+        change = choose(size >= step, inverse, 1.0)
+        size, power = size * change, power * change
+        change = choose((size > 0.0) & (size < inverse), step, 1.0)
+        size, power = size * change, power * change
     return power
 
 
@@ -29,4 +28,4 @@ def power_of_two_for(x: float) -> float:
 def round_to_integer(x: float) -> float:
     """Return the nearest integer (ties to even)."""
     shift = math.copysign(4503599627370496.0, x)  # 2^52
-    return (x + shift) - shift if abs(x) < 4503599627370496.0 else x
+    return choose(abs(x) < 4503599627370496.0, (x + shift) - shift, x)

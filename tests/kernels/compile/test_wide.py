@@ -10,8 +10,9 @@ from numba.core.errors import TypingError
 from rbfmu_kernels.buffer_access import put_vec3_at, vec3_at
 from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes
-from rbfmu_kernels.compile.wide import all_of, any_of, choose
+from rbfmu_kernels.compile.wide import alike, all_of, always, any_of, choose
 from rbfmu_kernels.compile.wide_arrays import eight_wide, four_wide, lane_at, put_lane_at, width_of
+from rbfmu_kernels.compile.wide_bits import bits_of, number_of
 from rbfmu_kernels.rotations.vec3 import add, cross
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="wide numbers are compiled code")
@@ -70,6 +71,30 @@ def test_each_lane_is_plain_arithmetic(width, run):
     assert found[20, 1] == 5.0
     np.testing.assert_array_equal(np.delete(found[20], 1), np.delete(s[20], 1))
     np.testing.assert_array_equal(found[21], s[0, 2])
+
+
+@kernel
+def _bits(z):
+    s = four_wide(z, 0)
+    x = s[0]
+    s[1] = number_of(bits_of(x) ^ ((bits_of(s[1]) & 2) << 62))
+    s[2] = choose((bits_of(x) + 1) & 1 != 0, math.copysign(3.0, x), alike(x, 4.0))
+    s[3] = choose(always(x), 1.0, x)
+
+
+def test_bits_are_those_of_each_lane():
+    z = np.random.default_rng(4).normal(size=16)
+    s = z.copy().reshape(4, 4)
+    _bits(z)
+    bits = s.view(np.int64)
+    np.testing.assert_array_equal(z.reshape(4, 4)[1], (bits[0] ^ ((bits[1] & 2) << 62)).view(float))
+    np.testing.assert_array_equal(z.reshape(4, 4)[2], np.where(bits[0] & 1 == 0, np.copysign(3.0, s[0]), 4.0))
+    np.testing.assert_array_equal(z.reshape(4, 4)[3], 1.0)
+
+
+def test_of_a_plain_number_they_are_its_own():
+    assert number_of(bits_of(-2.5)) == -2.5
+    assert (alike(2.0, 3.0), always(2.0)) == (3.0, True)
 
 
 @kernel
