@@ -28,7 +28,7 @@ demo:
 	$(BIN)/rbfmu demo
 
 # All of them are run; the status is 1 where any misses a goal.
-BENCHES = kernels free_rotation fmu held_gil native gallery costs stepping dense_output ensembles
+BENCHES = kernels free_rotation fmu held_gil native gallery costs stepping dense_output ensembles batches
 bench:
 	status=0; for one in $(BENCHES); do $(BIN)/python -m examples.benchmarks.$$one || status=1; done; exit $$status
 

@@ -1,13 +1,12 @@
 """Members of an ensemble side by side in the lanes of a vector, where their model knows how: the bits are the same."""
 
-from functools import cache
 from typing import Any
 
 import numpy as np
-from llvmlite import binding
 from numba import config
 
 from rbfmu.runs.model_buffer import aligned_zeros
+from rbfmu_kernels.compile.wide_arrays import widest
 from rbfmu_kernels.models import loaded_taylor, loaded_taylor_lanes
 
 AT_ONCE = 64
@@ -31,13 +30,7 @@ def advance_lanes(
     size = -(-len(base) // _CACHE_LINE) * _CACHE_LINE
     buffers = aligned_zeros(count * size).reshape(count, size)[:, : len(base)]
     statuses = np.zeros(count, dtype=np.int64)
-    run, scratch = _widest(), aligned_zeros(loaded_taylor_lanes.SCRATCH)
+    run = loaded_taylor_lanes.run_in_eight if widest() == 8 else loaded_taylor_lanes.run_in_four
+    scratch = aligned_zeros(loaded_taylor_lanes.SCRATCH)
     run(base, places, values, steps, kept, rows, ends, buffers, statuses, scratch)
     return True
-
-
-@cache
-def _widest() -> Any:
-    """Return the run with as many lanes as the processor's vectors have; the bits do not depend on it."""
-    wide = binding.get_host_cpu_features().get("avx512f", False)
-    return loaded_taylor_lanes.run_in_eight if wide else loaded_taylor_lanes.run_in_four

@@ -6,6 +6,7 @@ import runpy
 import shutil
 
 import pytest
+from numba import config
 
 from tests.support.fmu import c_host
 from tests.support.fmu.fmus import bench
@@ -22,6 +23,7 @@ NAMES = (
     "stepping",
     "dense_output",
     "ensembles",
+    "batches",
 )
 GALLERY, COSTS = bench("gallery"), bench("costs")
 
@@ -77,6 +79,11 @@ def _ensembles(few=(1e-5, 250.0), many=(1e-5, 300.0), **others):
     return {"costs": rows, "threads": 1.9, "dask": 0.9, "example": 20.0} | others
 
 
+def _batch(lanes, peer=10.0):
+    batches = bench("batches")
+    return batches.Row("top", 1e-6, {}, {batches.LANES: lanes, batches.FOUR: peer})
+
+
 FIGURES = {
     "kernels": ([{"operation": "rotate"} | KERNELS], 2),
     "free_rotation": ({"generic": FREE_ROTATION | {"many times of one body / as many bodies": 0.3}}, 3),
@@ -88,6 +95,7 @@ FIGURES = {
     "stepping": ({"stepped": 2.9e-6, "bare": 1e-6}, 1),
     "dense_output": ([_output(50.0), _output(100.0)], 2),
     "ensembles": (_ensembles(), 7),
+    "batches": ([_batch(5.0), _batch(8.0)], 2),
 }
 """Made up, all goals kept; how many goals there are."""
 
@@ -119,6 +127,8 @@ def test_good_figures_keep_all_goals(name):
     ("ensembles", _ensembles(threads=1.7), "two threads / one"),
     ("ensembles", _ensembles(dask=0.8), "Dask / threads"),
     ("ensembles", _ensembles(example=61.0), "seconds of the example"),
+    ("batches", [_batch(8.1)], "top, 1e-06, ours / heyoka.py, 4"),
+    ("batches", [_batch(1.0, math.nan)], "top, 1e-06, ours / heyoka.py, 4"),
 ])  # fmt: skip
 def test_a_figure_beyond_its_goal_is_missed(name, figures, missed):
     assert [goal.name for goal in bench(name).goals(figures) if not goal.kept] == [missed]
@@ -200,6 +210,18 @@ def test_many_outputs_are_measured_beside_a_peer_as_accurate(capsys):
     assert row.error <= 1e-6
     assert row.peer_error <= row.error
     assert row.ratio > 0.0
+    assert "constant body torque" in capsys.readouterr().out
+
+
+@pytest.mark.skipif(bool(config.DISABLE_JIT), reason="lanes are compiled code")
+def test_many_bodies_are_measured_beside_peers_as_accurate(capsys):
+    pytest.importorskip("heyoka")
+    batches = bench("batches")
+    (row,) = batches.main(("d",), (1e-4,), 8, 2, (batches.ALONE, batches.FOUR))
+    assert set(row.costs) == {batches.LANES, batches.ALONE, batches.FOUR}
+    assert all(0.0 < error <= 1e-4 for error in row.errors.values())
+    assert row.errors[batches.LANES] == row.errors[batches.ALONE]
+    assert min(row.costs.values()) > 0.0
     assert "constant body torque" in capsys.readouterr().out
 
 

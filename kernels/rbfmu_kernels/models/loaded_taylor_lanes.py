@@ -38,7 +38,7 @@ from ..rotations.vec3 import is_nonzero, norm
 from ..types import Matrix, Vec3
 from .loaded_taylor import BLOCKS, initialize, step
 
-_TOLERANCE, _SPAN, _ORDER = (BLOCKS[n].start for n in ("tolerance", "span", "order"))
+_TOLERANCE, _SPAN, _ORDER, _WORK = (BLOCKS[n].start for n in ("tolerance", "span", "order", "work"))
 _SERIES, _HELD = BLOCKS["is_alive"].start, BLOCKS["held_inputs"].start
 _INERTIA, _INVERSE, _ARM, _DAMPING = (PLACES[name].start for name in ("inertia", "inverse", "arm", "damping"))
 WIDEST = 8
@@ -115,7 +115,7 @@ def _run(
 
 @kernel
 def _begin(z: Any, base: Any, places: Any, values: Any) -> int:
-    for j in range(len(base)):
+    for j in range(_WORK):  # the work space is written before it is read
         z[j] = base[j]
     for j in range(len(places)):
         z[places[j]] = values[j]

@@ -1,0 +1,314 @@
+"""Many bodies under loads: ours side by side in lanes, beside heyoka.py in batch mode, MuJoCo rollout and our own loop.
+
+Bodies of a motion whose moments, mass, rates and torque differ by 1 %, from their parameters to their attitudes at the
+end, on one thread. The tolerance of each, or MuJoCo's step, is the loosest at which the worst true error of an attitude
+is at most the mark, against double-double arithmetic; our order is the plan's. Costs are the least CPU times
+of runs in turn.
+`python -m examples.benchmarks.batches` prints all and exits with status 1 where a goal is missed.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from time import process_time
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+import rbfmu
+from examples.benchmarks.support.goals import Goal, status
+from rbfmu.ensembles.lanes import advance_lanes
+from rbfmu.extras import needed_of
+from rbfmu.planning.reference import reference_motion
+from rbfmu.runs.errors import attitude_error
+from rbfmu.runs.model_buffer import aligned_zeros, filled_buffer
+from rbfmu.runs.plan import Plan
+from rbfmu.scene.scene import Scene
+from rbfmu.studies.work_precision.cases import CASES, ROTATION, Case
+from rbfmu.studies.work_precision.heyoka_peer import equations
+from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, Body
+from rbfmu_kernels.models import loaded_taylor
+
+Array = NDArray[np.float64]
+MOTIONS, MARKS, BODIES, SPREAD, SEED = ("c", "c'", "d"), (1e-6, 1e-9), 64, 0.01, 15
+LOOSER = [10.0 ** (0.25 * k) for k in range(12, -12, -1)]
+"""Our tolerances over the plan's."""
+TOLERANCES = [10.0 ** (-0.25 * k) for k in range(12, 60)]
+FEW, MOST_STEPS = 4, 2**17
+"""The bodies that MuJoCo runs, each with its own model, and its steps, after each of which it keeps the state."""
+SECONDS, MOST_SECONDS = 2e-3, 5.0
+LANES, ALONE, FOUR, EIGHT, ROLLOUT = "lanes", "one by one", "heyoka.py, 4", "heyoka.py, 8", "MuJoCo rollout"
+GOAL = 0.8
+"""The largest cost over that of heyoka.py's batches of four, the number that it recommends."""
+
+Run = Callable[[], Array]
+"""Returns the attitudes at the end, (bodies, 4)."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """Worst errors (rad) and costs (us a body-second) of methods at a mark, of those that meet it."""
+
+    motion: str
+    mark: float
+    errors: dict[str, float]
+    costs: dict[str, float]
+
+    def ratio(self, other: str) -> float:
+        """Return our cost over the other's; NaN where it is not known."""
+        return self.costs[LANES] / self.costs.get(other, math.nan)
+
+
+class Batch:
+    """Bodies of a motion with numbers of their own, and their true attitudes at the end."""
+
+    def __init__(self, case: Case, bodies: int) -> None:
+        self.case = case
+        numbers = np.random.default_rng(SEED)
+        self.scenes = [_dispersed(case, numbers) for _ in range(bodies)]
+
+    @cached_property
+    def truth(self) -> Array:
+        """Return the attitudes at the end (bodies, 4)."""
+        span = [self.case.span]
+        return np.array([reference_motion(scene, span, 10**7)["quaternion"][-1] for scene in self.scenes])
+
+    def error(self, q: Array) -> float:
+        """Return the worst error of the attitudes (n, 4) of the first bodies, rad."""
+        worst = float(np.max(attitude_error(q / np.linalg.norm(q, axis=1, keepdims=True), self.truth[: len(q)])))
+        return worst if math.isfinite(worst) else math.inf
+
+
+def _dispersed(case: Case, numbers: np.random.Generator) -> Scene:
+    """Return the scene of a body; where a moment is above the sum of the others, it is drawn again."""
+    tables = case.asking(MARKS[0]).to_dict()
+    tables["run"]["step"] = case.span
+    for table, name in (("body", "inertia"), ("body", "mass"), ("initial", "omega_b"), ("loads", "torque_b")):
+        value = np.array(tables[table][name], dtype=float)
+        factor = 1.0 + SPREAD * numbers.normal(size=value.shape[-1:])
+        tables[table][name] = (value * factor).tolist()
+    try:
+        return Scene.from_dict(tables, case.key)
+    except rbfmu.SceneError:
+        return _dispersed(case, numbers)
+
+
+# Contestants: by their settings, the loosest first
+
+
+def _plan_of(batch: Batch, mark: float) -> Plan:
+    tables = batch.scenes[0].to_dict()
+    tables["run"]["accuracy"] = mark
+    plan = rbfmu.plan(Scene.from_dict(tables, batch.case.key))
+    assert plan.kernels is loaded_taylor
+    return plan
+
+
+def ours(batch: Batch, mark: float, run: Callable[..., Any]) -> Iterator[Run]:
+    """Yield runs of our series."""
+    plan = _plan_of(batch, mark)
+    blocks = loaded_taylor.BLOCKS
+    varied = [blocks[name] for name in ("inertia", "mass", "omega_b_0", "constant_torque_b")]
+    places = np.concatenate([np.arange(block.start, block.stop) for block in varied])
+    kept = np.arange(blocks["quaternion"].start, blocks["quaternion"].stop)
+    steps, count = np.array([batch.case.span]), len(batch.scenes)
+    rows, ends = np.empty((count, 1, 4)), np.empty((count, 2), dtype=np.int64)
+    for looser in LOOSER:
+        settings = replace(plan, tolerance=looser * plan.tolerance)
+        filled = [filled_buffer(scene, settings) for scene in batch.scenes]
+        values = np.array([z[places] for z in filled])
+
+        def once(base: Array = filled[0], values: Array = values) -> Array:
+            run(loaded_taylor, base, places, values, steps, kept, rows, ends)
+            return rows[:, 0] if np.all(ends == (0, 1)) else np.full((count, 4), np.nan)
+
+        yield once
+
+
+def one_by_one(
+    kernels: Any, base: Array, places: Any, values: Array, steps: Array, kept: Any, rows: Array, ends: Any
+) -> None:
+    """Run members one after the other, in compiled code."""
+    _loop(kernels.initialize, kernels.step, aligned_zeros(len(base)), base, places, values, steps, kept, rows, ends)
+
+
+@njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+def _loop(
+    initialize: Any, step: Any, z: Any, base: Any, places: Any, values: Any, steps: Any, kept: Any, rows: Any, ends: Any
+) -> None:
+    for i in range(len(values)):
+        z[:] = base
+        for j in range(len(places)):
+            z[places[j]] = values[i, j]
+        ends[i, 0], ends[i, 1] = initialize(z), 0
+        for k in range(len(steps)):
+            ends[i, 1] += 1 if step(z, steps[k]) == 0 else 0
+        for j in range(len(kept)):
+            rows[i, -1, j] = z[kept[j]]
+
+
+def heyokas(batch: Batch, size: int) -> Iterator[Run]:
+    """Yield runs of heyoka.py with so many bodies a vector: compiled once, and all numbers of a body parameters."""
+    with needed_of("bench"):
+        import heyoka
+    scenes, case = batch.scenes, batch.case
+    moments = [np.diag(_about_reference(scene)) for scene in scenes]
+    pivot = case.scene.body.pivot
+    loads = [[s.body.mass * s.loads.gravity_a[2]] if pivot else s.loads.torque_b for s in scenes]
+    numbers = np.hstack([moments, loads]).T
+    start = np.array([(*s.initial.quaternion, *s.initial.omega_b) for s in scenes]).T
+    bodies = [np.ascontiguousarray(numbers[:, k : k + size]) for k in range(0, len(scenes), size)]
+    states = [np.ascontiguousarray(start[:, k : k + size]) for k in range(0, len(scenes), size)]
+    system = equations(_with_parameters(case, heyoka.par), ROTATION)
+    for tolerance in TOLERANCES:
+        series = heyoka.taylor_adaptive_batch(system, states[0], tol=tolerance, pars=bodies[0])
+
+        def once(series: Any = series) -> Array:
+            found = []
+            for own, state in zip(bodies, states, strict=True):
+                series.set_time(0.0)
+                series.pars[:], series.state[:] = own, state
+                series.propagate_until(case.span)
+                found.append(series.state[:4].T.copy())
+            return np.concatenate(found)
+
+        yield once
+
+
+def _about_reference(scene: Scene) -> Array:
+    return np.array(scene.body.M_o if scene.body.pivot else scene.body.M_c)
+
+
+def _with_parameters(case: Case, par: Any) -> Any:
+    """Return what `equations` asks of a case, whose moments and torque_b or weight are parameters."""
+    moments = tuple(tuple(par[i] if i == j else 0.0 for j in range(3)) for i in range(3))
+    unit = tuple(tuple(float(i == j) for j in range(3)) for i in range(3))
+    body = Body(0.0, moments, unit, case.body.arm_b, case.body.damping_b, 0.0)
+    torque = (par[3], par[4], par[5]) if any(case.loads.torque_b) else (0.0, 0.0, 0.0)
+    force = (0.0, 0.0, par[3]) if any(case.loads.force_a) else (0.0, 0.0, 0.0)
+    return SimpleNamespace(body=body, loads=NO_LOADS._replace(torque_b=torque, force_a=force), start=case.start)
+
+
+_MUJOCO = """<mujoco><option timestep="{step!r}" integrator="RK4" gravity="{gravity}"><flag contact="disable"
+constraint="disable"/></option><worldbody><body>{joint}<inertial pos="{at}" mass="{mass!r}" diaginertia="{moments}"/>
+<site name="o"/></body></worldbody><actuator><motor site="o" gear="0 0 0 {torque}"/></actuator></mujoco>"""
+
+
+def rollouts(batch: Batch) -> Iterator[Run]:
+    """Yield runs of MuJoCo's rollout of a few of the bodies, from a radian a step on."""
+    with needed_of("bench"):
+        import mujoco
+        from mujoco.rollout import Rollout
+    mujoco.set_mju_user_warning(lambda text: None)  # else it writes a log to the working folder
+    scenes, count = batch.scenes[:FEW], max(round(batch.case.span * batch.case.rate), 1)
+    while (count := math.ceil(2.0**0.5 * count)) <= MOST_STEPS:
+        models = [mujoco.MjModel.from_xml_string(_mujoco(scene, batch.case.span / count)) for scene in scenes]
+        data, pivot = mujoco.MjData(models[0]), batch.case.scene.body.pivot
+        position, velocity = ((), ()) if pivot else ((0.0,) * 3, (0.0,) * 3)
+        start = [(0.0, *position, *s.initial.quaternion, *velocity, *s.initial.omega_b) for s in scenes]
+        states, steps = np.array(start), count
+        pool, control = Rollout(nthread=0), np.ones((1, 1, models[0].nu))
+        out = np.empty((len(models), count, states.shape[1]))
+        q = slice(1 + len(position), 5 + len(position))
+
+        def once(
+            models: Any = models, data: Any = data, states: Array = states, out: Array = out, steps: int = steps,
+            pool: Any = pool, control: Array = control, q: slice = q,
+        ) -> Array:  # fmt: skip
+            pool.rollout(models, data, states, control, nstep=steps, state=out)
+            return out[:, -1, q].copy()
+
+        yield once
+
+
+def _mujoco(scene: Scene, step: float) -> str:
+    def text(numbers: Iterable[float]) -> str:
+        return " ".join(map(repr, map(float, numbers)))
+
+    body = scene.body
+    return _MUJOCO.format(
+        step=step, gravity=text(scene.loads.gravity_a), at=text(body.r_oc_b), mass=body.mass,
+        moments=text(np.diag(np.array(body.M_c))), torque=text(scene.loads.torque_b),
+        joint='<joint type="ball"/>' if body.pivot else '<freejoint align="false"/>',
+    )  # fmt: skip
+
+
+# Measurement
+
+
+def within(batch: Batch, mark: float, runs: Iterable[Run]) -> tuple[Run, float] | None:
+    """Return the first run whose worst error is at most the mark, and that error."""
+    for run in runs:
+        error = batch.error(run())
+        if error <= mark:
+            return run, error
+    return None
+
+
+def _least(runs: Sequence[Run], rounds: int) -> list[float]:
+    """Return the least seconds of each, in turn, in blocks of `SECONDS`; of a long run no more than `MOST_SECONDS`."""
+    found, repeats, spent = [math.inf] * len(runs), [1] * len(runs), [0.0] * len(runs)
+    for _ in range(rounds):
+        for i, run in enumerate(runs):
+            if spent[i] > MOST_SECONDS:
+                continue
+            begin = process_time()
+            for _ in range(repeats[i]):
+                run()
+            seconds = process_time() - begin
+            spent[i] += seconds
+            found[i] = min(found[i], seconds / repeats[i])
+            repeats[i] = max(round(SECONDS * repeats[i] / seconds), 1)
+    return found
+
+
+def row_of(key: str, mark: float, bodies: int, rounds: int, others: Sequence[str]) -> Row:
+    """Measure a motion at a mark, ours and others."""
+    batch = Batch(CASES[key], bodies)
+    contestants: dict[str, Callable[[], Iterator[Run]]] = {
+        LANES: lambda: ours(batch, mark, advance_lanes),
+        ALONE: lambda: ours(batch, mark, one_by_one),
+        FOUR: lambda: heyokas(batch, 4),
+        EIGHT: lambda: heyokas(batch, 8),
+        ROLLOUT: lambda: rollouts(batch),
+    }
+    found = {name: within(batch, mark, contestants[name]()) for name in (LANES, *others)}
+    runs = {name: one for name, one in found.items() if one is not None}
+    seconds = _least([run for run, _ in runs.values()], rounds)
+    errors = {name: error for name, (_, error) in runs.items()}
+    counts = [len(run()) for run, _ in runs.values()]
+    costs = [1e6 * s / (n * batch.case.span) for s, n in zip(seconds, counts, strict=True)]
+    return Row(batch.case.title, mark, errors, dict(zip(runs, costs, strict=True)))
+
+
+def goals(rows: Sequence[Row]) -> list[Goal]:
+    """Of each row."""
+    return [Goal(f"{row.motion}, {row.mark:g}, ours / {FOUR}", row.ratio(FOUR), most=GOAL) for row in rows]
+
+
+def main(
+    motions: Sequence[str] = MOTIONS,
+    marks: Sequence[float] = MARKS,
+    bodies: int = BODIES,
+    rounds: int = 150,
+    others: Sequence[str] = (ALONE, FOUR, EIGHT, ROLLOUT),
+) -> list[Row]:
+    """Print and return the rows."""
+    found = []
+    for key in motions:
+        for mark in marks:
+            row = row_of(key, mark, bodies, rounds, others)
+            found.append(row)
+            print(f"{row.motion}, {mark:g}:")
+            for name, cost in row.costs.items():
+                ratio = f"ours / it {row.ratio(name):.2g}" if name != LANES else ""
+                print(f"  {name:16} error {row.errors[name]:.1e} {cost:9.3g} us a body-second  {ratio}", flush=True)
+    return found
+
+
+if __name__ == "__main__":
+    raise SystemExit(status(goals(main())))
