@@ -38,6 +38,7 @@ from rbfmu.cli_output import (
     write_new,
 )
 from rbfmu.exceptions import SceneWarning
+from rbfmu.extras import needed
 from rbfmu.kept_plans import KeptPlan
 from rbfmu.progress import progress_bar
 
@@ -200,6 +201,8 @@ def ensemble(
     if workers and scheduler:
         raise click.UsageError("--workers: expected no --scheduler with it, which has workers of its own")
     with _scene(scene, run) as loaded, usage_errors(), executor_of(workers, scheduler) as executor:
+        if plot:
+            needed("scipy.stats", "ensemble")  # known to be there before anything runs
         with planning_bar(loaded.name) as bar:
             planned = plan_ensemble(loaded, bar)
         found = run_ensemble(loaded, output, executor, runs, resume, planned=planned)

@@ -1,5 +1,7 @@
 """Run an ensemble: chunks on any executor, taken in their order, kept in a store from time to time."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -44,12 +46,24 @@ def run_ensemble(
     plans = planned or plan_ensemble(scene)
     work = Work(scene, plans, members_of_a_chunk(scene, plans))
     place = _store(work, store)
-    known = place.begin(resume)
-    if known is None or known.runs != work.runs:
-        failed = _run(work, place, known, executor, progress)
-    else:
-        failed = known.progress.failed
-    return EnsembleResult(scene, place.arrays(), failed)
+    with _named(store):
+        known = place.begin(resume)
+        if known is None or known.runs != work.runs:
+            failed = _run(work, place, known, executor, progress)
+        else:
+            failed = known.progress.failed
+        return EnsembleResult(scene, place.arrays(), failed)
+
+
+@contextmanager
+def _named(store: str | Path | None) -> Iterator[None]:
+    """Name the store in an error of the operating system that names no file, such as that of a full disk."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is None or error.filename is not None or store is None:
+            raise
+        raise OSError(error.errno, error.strerror, str(store)) from error
 
 
 def _store(work: Work, path: str | Path | None) -> Store:

@@ -71,6 +71,7 @@ def test_a_full_disk_is_said_and_what_is_there_goes_on(whole, tmp_path, monkeypa
     with pytest.raises(OSError, match="too large") as caught:
         run(satellite(), tmp_path / store, executor=2)
     assert caught.value.errno == errno.EFBIG
+    assert caught.value.filename.startswith(str(tmp_path / store))
     limited()
     assert_same(whole, run(satellite(), tmp_path / store, resume=True))
     assert list(tmp_path.rglob("*.partial")) == []

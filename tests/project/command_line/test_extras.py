@@ -10,6 +10,7 @@ from examples.benchmarks.support import array_tasks
 from examples.interop import importers
 from examples.interop import run as interop
 from rbfmu.extras import remedy
+from tests.support.ensembles.satellite import FILE as ENSEMBLE
 from tests.support.paths import ROOT, SCENES
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -109,3 +110,28 @@ def test_the_main_job_needs_no_extra(tmp_path):
     calls = "".join(f"main({command}, standalone_mode=False)\n" for command in commands)
     done = without(extras, f"from rbfmu.cli import main\nimport rbfmu_fmu.demo\n{calls}")
     assert done.returncode == 0, done.stderr
+
+
+OF_ENSEMBLES = ["scipy", "zarr", "xarray", "distributed"]
+
+
+def test_an_ensemble_needs_no_extra_in_memory_and_in_one_file(tmp_path):
+    arguments = ["rbfmu", "ensemble", str(ENSEMBLE), "-o", str(tmp_path / "store.npz")]
+    done = without(OF_ENSEMBLES, f"from rbfmu.cli import main; sys.argv = {arguments!r}; main()")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "store.npz").exists()
+
+
+@pytest.mark.parametrize(("options", "package", "extra"), [
+    (["-o", "store.zarr"], "zarr", "ensemble"),
+    (["--plot", "picture.png"], "scipy", "ensemble"),
+    (["--scheduler", "tcp://127.0.0.1:9"], "distributed", "cluster"),
+])  # fmt: skip
+def test_what_of_an_ensemble_needs_an_extra_says_so_before_it_runs(options, package, extra, tmp_path):
+    options = [str(tmp_path / text) if "." in text and ":" not in text else text for text in options]
+    arguments = ["rbfmu", "ensemble", str(ENSEMBLE), *options]
+    done = without(OF_ENSEMBLES, f"from rbfmu.cli import main; sys.argv = {arguments!r}; main()")
+    assert done.returncode == 2
+    assert done.stderr.endswith(f'Error: {package} is not installed: pip install "rbfmu[{extra}]"\n')
+    assert done.stdout == ""
+    assert list(tmp_path.iterdir()) == []
