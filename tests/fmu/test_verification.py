@@ -99,6 +99,25 @@ def test_missing_units_and_dependencies_are_found(fmu: Path, tmp_path: Path) -> 
     assert any("position[1] is not among the outputs with dependencies" in p for p in problems)
 
 
+@pytest.mark.parametrize(("scalars", "element"), [(False, ""), (True, "[1]")])
+def test_what_is_missing_is_found_in_fmi_3(scalars: bool, element: str, tmp_path: Path) -> None:
+    scene = rbfmu.Scene.from_dict(SCENE)
+    fmu = rbfmu_fmu.build(scene, tmp_path / "it.fmu", kind="native", fmi=3, scalars=scalars)
+
+    def poorer(name: str, content: bytes) -> bytes:
+        if name != "modelDescription.xml":
+            return content
+        content = content.replace(b' unit="m/s2"', b"").replace(b' dependencies=""', b"")
+        return content.replace(f'name="omega_b{element}"'.encode(), b'name="rate"')
+
+    assert verify(fmu).passed
+    found = verify(changed(fmu, tmp_path / "changed.fmu", poorer))
+    assert f"variable acceleration{element} has no unit" in found.problems
+    assert f"position{element} is not among the outputs with dependencies" in found.problems
+    assert f"variable omega_b{element} is missing" in found.problems
+    assert not found.passed
+
+
 def test_an_fmu_of_another_maker_is_refused(fmu: Path, tmp_path: Path) -> None:
     other = changed(fmu, tmp_path / "other.fmu", lambda name, content: None if "scene.json" in name else content)
     with pytest.raises(VerificationError, match="not an FMU that rbfmu built"):

@@ -1,15 +1,22 @@
 """Native FMUs of FMI 3.0 compute what those of FMI 2.0 do, to the bit, with arrays as variables and with scalars."""
 
+import zipfile
+
 import fmpy
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from fmpy.validation import validate_fmu
 
+import rbfmu_fmu
+from rbfmu.cli import main
 from rbfmu.simulation import simulate
 from rbfmu_fmu import verify
+from rbfmu_fmu.native import build as native_build
+from rbfmu_fmu.native.platforms import PLATFORMS
 from tests.fmu.python.test_python_fmu import LOADED, both_step
 from tests.support.fmu.fmu_importer import OK
-from tests.support.fmu.fmus import Kernels, built, native, opened, scene, signal
+from tests.support.fmu.fmus import BRICK, Kernels, built, native, opened, scene, signal
 
 OWN = ["brick", "driven", "pendulum", "prescribed"]
 KINDS = ["fmi3", "fmi3_scalars"]
@@ -76,3 +83,55 @@ def test_an_array_has_its_quantitys_shape():
     assert shapes["inertia"] == (3, 3)
     assert shapes["torque_b"] == shapes["omega_b"] == (3,)
     assert shapes["mass"] == shapes["kinetic_energy"] == shapes["time"] == shapes["status"] == ()
+
+
+def test_libraries_lie_in_the_folders_of_fmi_3(tmp_path, monkeypatch):
+    monkeypatch.setattr(native_build, "object_files", lambda kernels, platform: {})
+    monkeypatch.setattr(native_build, "linked", lambda sources, objects, platform, *rest: platform.name.encode())
+    path = rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", "native", PLATFORMS, fmi=3)
+    with zipfile.ZipFile(path) as archive:
+        libraries = {name: archive.read(name).decode() for name in archive.namelist() if "binaries/" in name}
+    assert libraries == {
+        "binaries/x86_64-linux/prescribed.so": "linux64",
+        "binaries/x86_64-windows/prescribed.dll": "win64",
+        "binaries/x86_64-darwin/prescribed.dylib": "darwin64",
+        "binaries/aarch64-linux/prescribed.so": "linux-aarch64",
+        "binaries/aarch64-darwin/prescribed.dylib": "darwin-aarch64",
+    }
+
+
+def test_builds_are_the_same_bytes(tmp_path):
+    again = rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", "native", fmi=3)
+    assert again.read_bytes() == built("prescribed", "fmi3").read_bytes() != built("prescribed", "native").read_bytes()
+
+
+@pytest.mark.parametrize(("options", "message"), [
+    ({"fmi": 3}, r'fmi = 3: expected kind = "native" with it'),
+    ({"fmi": 4, "kind": "native"}, "fmi = 4: expected 2 or 3"),
+    ({"scalars": True, "kind": "native"}, "scalars = True: expected fmi = 3 with it"),
+])  # fmt: skip
+def test_versions_that_there_are_not_are_refused(options, message, tmp_path):
+    with pytest.raises(ValueError, match=message):
+        rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", **options)
+    assert not (tmp_path / "it.fmu").exists()
+
+
+def test_the_command_builds_and_verifies_it(tmp_path):
+    fmu = tmp_path / "it.fmu"
+    done = CliRunner().invoke(main, ["build", str(BRICK), "--native", "--fmi", "3", "-o", str(fmu)])
+    assert done.exit_code == 0, done.output
+    assert fmpy.read_model_description(str(fmu)).fmiVersion == "3.0"
+    done = CliRunner().invoke(main, ["verify", str(fmu)])
+    assert done.exit_code == 0, done.output
+    assert done.output.endswith("passed\n")
+
+
+@pytest.mark.parametrize(("options", "message"), [
+    (["--fmi", "3"], "--fmi 3: expected --native with it"),
+    (["--native", "--scalars"], "--scalars: expected --fmi 3 with it"),
+    (["--native", "--fmi", "1"], "'1' is not one of '2', '3'"),
+])  # fmt: skip
+def test_the_command_refuses_what_does_not_go_together(options, message):
+    done = CliRunner().invoke(main, ["build", str(BRICK), *options])
+    assert done.exit_code == 2
+    assert message in done.output
