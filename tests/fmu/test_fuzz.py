@@ -13,7 +13,7 @@ SPOILT = {
     "use-after-free|SEGV|null pointer": ("return link ? *link : NULL;\n}\n\nStatus", "return state;\n}\n\nStatus"),
     "the importer's memory did not come back|LeakSanitizer": ("    while (m->saved) {", "    while (0) {"),
     "null pointer": ("is_given = m && (n == 0 || (references && values))", "is_given = m != NULL"),
-    "out of bounds": ("if (v[i] >= REFERENCES) return !refuse(m, call,", "if (0) return !refuse(m, call,"),
+    "out of bounds|SEGV": ("if (v[i] >= REFERENCES) return !refuse(m, call,", "if (0) return !refuse(m, call,"),
     "a buffer across cache lines": ("now.z)) % CACHE_LINE);", "now.z)) % 8);"),
     "a message's text": ("if (*text == '%') *end++ = '%';", ""),
 }

@@ -21,22 +21,19 @@ int allowed(Instance *m, const char *call, Call what) {
     return 0;
 }
 
-Causality causality_of(unsigned r) {
-    return r >= FIRST_OUTPUT ? OUTPUT : r >= FIRST_PARAMETER ? PARAMETER : INPUT;
-}
-
-Elements elements_of(unsigned v) {
-    Elements e = {ELEMENTS + FIRST_ELEMENT[v], (size_t)(FIRST_ELEMENT[v + 1] - FIRST_ELEMENT[v])};
-    return e;
-}
-
-/* Whether these value references are of Real variables, with as many elements together as there are values. */
-static int are_reals(Instance *m, const char *call, const unsigned v[], size_t n, size_t n_values) {
+/* Whether these value references are of Real variables, with as many elements together as there are values; any_output:
+   whether there are outputs among them. */
+static int are_reals(Instance *m, const char *call, const unsigned v[], size_t n, size_t n_values, int *any_output) {
     size_t expected = 0;
+    int found = 0;
     for (size_t i = 0; i < n; i++) {
+        unsigned r;
         if (v[i] >= REFERENCES) return !refuse(m, call, "value reference %u is no " REAL " variable", v[i]);
+        r = *elements_of(v[i]).r;
+        found |= r >= FIRST_OUTPUT && (!HAS_TIME || r != TIME);
         expected += elements_of(v[i]).n;
     }
+    *any_output = found;
     return n_values == expected || !refuse(m, call, "%zu values: expected %zu", n_values, expected);
 }
 
@@ -236,18 +233,14 @@ int fresh(Instance *m, const char *call) {
     return 1;
 }
 
-static double value_of(const Instance *m, unsigned r) { return r == TIME ? m->now.time : m->now.z[OFFSETS[r]]; }
-
-static int is_output(unsigned v) { return v != TIME_REFERENCE && causality_of(*elements_of(v).r) == OUTPUT; }
+static double value_of(const Instance *m, unsigned r) {
+    return HAS_TIME && r == TIME ? m->now.time : m->now.z[OFFSETS[r]];
+}
 
 Status get_reals(Instance *m, const char *call, const unsigned v[], size_t n, double values[], size_t n_values) {
-    int any_output = 0;
-    if (!given(m, call, n, v, values) || !are_reals(m, call, v, n, n_values)) return CALL_ERROR;
-    for (size_t i = 0; i < n; i++) {
-        if (!exchanged(m, call, v[i], CAN_GET)) return CALL_ERROR;
-        any_output |= is_output(v[i]);
-    }
-    if (any_output && !fresh(m, call)) return CALL_ERROR;
+    int any_output;
+    if (!given(m, call, n, v, values) || !are_reals(m, call, v, n, n_values, &any_output)) return CALL_ERROR;
+    if (!exchanged(m, call, v, n, CAN_GET) || (any_output && !fresh(m, call))) return CALL_ERROR;
     for (size_t i = 0; i < n; i++) {
         Elements e = elements_of(v[i]);
         for (size_t k = 0; k < e.n; k++) *values++ = value_of(m, e.r[k]);
@@ -269,9 +262,11 @@ static int all_settable(Instance *m, const char *call, Elements e, const double 
 
 Status set_reals(Instance *m, const char *call, const unsigned v[], size_t n, const double values[], size_t n_values) {
     const double *next = values;
-    if (!given(m, call, n, v, values) || !are_reals(m, call, v, n, n_values)) return CALL_ERROR;
+    int any_output;
+    if (!given(m, call, n, v, values) || !are_reals(m, call, v, n, n_values, &any_output)) return CALL_ERROR;
+    if (!exchanged(m, call, v, n, CAN_SET)) return CALL_ERROR;
     for (size_t i = 0; i < n; next += elements_of(v[i++]).n)
-        if (!exchanged(m, call, v[i], CAN_SET) || !all_settable(m, call, elements_of(v[i]), next)) return CALL_ERROR;
+        if (!all_settable(m, call, elements_of(v[i]), next)) return CALL_ERROR;
     for (size_t i = 0; i < n; i++) {
         Elements e = elements_of(v[i]);
         for (size_t k = 0; k < e.n; k++) m->now.z[OFFSETS[e.r[k]]] = *values++;

@@ -42,9 +42,8 @@ Status get_output_derivatives(Instance *m, const char *call, const unsigned v[],
     if (!given(m, call, n, v, values) || !given(m, call, n, order, order)) return CALL_ERROR;
     if (!are(OUTPUT, m, call, v, n, n_values)) return CALL_ERROR;
     for (size_t i = 0; i < n; i++)
-        if (!has_derivative(m, call, *elements_of(v[i]).r, order[i]) || !exchanged(m, call, v[i], CAN_GET))
-            return CALL_ERROR;
-    if (n && !fresh(m, call)) return CALL_ERROR;
+        if (!has_derivative(m, call, *elements_of(v[i]).r, order[i])) return CALL_ERROR;
+    if (!exchanged(m, call, v, n, CAN_GET) || (n && !fresh(m, call))) return CALL_ERROR;
 #ifdef OUTPUT_DERIVATIVES
     if (n) output_rates(m->now.z);
 #endif

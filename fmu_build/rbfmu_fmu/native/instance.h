@@ -43,16 +43,30 @@ typedef struct {
     size_t n;
 } Elements;
 
-Elements elements_of(unsigned v);
-Causality causality_of(unsigned r);
+static inline Elements elements_of(unsigned v) {
+#ifdef ONE_ELEMENT_EACH
+    Elements e = {ELEMENTS + v, 1}; /* FIRST_ELEMENT would say so, but cost time */
+#else
+    Elements e = {ELEMENTS + FIRST_ELEMENT[v], (size_t)(FIRST_ELEMENT[v + 1] - FIRST_ELEMENT[v])};
+#endif
+    return e;
+}
+
+static inline Causality causality_of(unsigned r) {
+    return r >= FIRST_OUTPUT ? OUTPUT : r >= FIRST_PARAMETER ? PARAMETER : INPUT;
+}
 
 /* Whether a call is allowed, a Real may have this value, the outputs can be as the inputs want them; if not, refuse. */
 int allowed(Instance *m, const char *call, Call what);
 int settable(Instance *m, const char *call, unsigned r, double value);
 int fresh(Instance *m, const char *call);
 
-/* Whether a variable may be read or set: in an intermediate update only some may; if not, refuse. */
-int exchanged(Instance *m, const char *call, unsigned v, Update how);
+/* Whether variables may be read or set: in an intermediate update only some may; if not, refuse. */
+int exchanged_in_update(Instance *m, const char *call, const unsigned v[], size_t n, Update how);
+
+static inline int exchanged(Instance *m, const char *call, const unsigned v[], size_t n, Update how) {
+    return m->update == NO_UPDATE || exchanged_in_update(m, call, v, n, how);
+}
 
 /* A step that is possible: as the inputs now are, or as the importer gives them in intermediate updates. */
 Status take_step(Instance *m, const char *call, double t, double h);

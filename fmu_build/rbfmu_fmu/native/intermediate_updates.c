@@ -14,10 +14,12 @@ typedef struct {
     double begin[ROOM], middle[ROOM], end[ROOM];
 } Course;
 
-int exchanged(Instance *m, const char *call, unsigned v, Update how) {
-    if (m->update == NO_UPDATE || (m->update == how && m->intermediate[v])) return 1;
-    return !refuse(m, call, "value reference %u cannot be %s in this intermediate update", v,
-                   how == CAN_SET ? "set" : "read");
+int exchanged_in_update(Instance *m, const char *call, const unsigned v[], size_t n, Update how) {
+    for (size_t i = 0; i < n; i++)
+        if (m->update != how || !m->intermediate[v[i]])
+            return !refuse(m, call, "value reference %u cannot be %s in this intermediate update", v[i],
+                           how == CAN_SET ? "set" : "read");
+    return 1;
 }
 
 int is_updating(Instance *m, const char *call) {
