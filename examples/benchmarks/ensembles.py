@@ -45,7 +45,7 @@ SHAPES = {
 LONG = _COMMON | {
     "initial": {"omega_b": [0.6, -1.0, 0.8]},
     "loads": {"gravity_a": [0.0, 0.0, 0.0], "damping_b": [1e-5, 1e-5, 1e-5]},
-    "run": {"stop": 1000.0, "step": 5.0},
+    "run": {"stop": 2000.0, "step": 10.0},
     "ensemble": {"vary": {"body.inertia": {"relative": 0.02}}},
 }
 """Runs of some milliseconds."""
@@ -104,7 +104,7 @@ def least(rounds: int, calls: dict[str, Callable[[], Any]]) -> dict[str, float]:
     return times
 
 
-def executors(rounds: int = 7, runs: int = 1024, overhead: int = 64) -> dict[str, float]:
+def executors(rounds: int = 5, runs: int = 4096, overhead: int = 64) -> dict[str, float]:
     """Return ratios of throughputs, and what a chunk costs besides, ms."""
     from distributed import Client, LocalCluster
 
