@@ -19,11 +19,13 @@ PYTHONS = ("3.11", "3.12", "3.13", "3.14")
 RESOLUTIONS = {"lowest": "lowest-direct", "newest": "highest"}
 TESTS = (
     "tests/kernels/compile",
+    "tests/kernels/models/test_loaded_taylor_lanes.py",
     "tests/kernels/rotations/test_quaternion.py",
     "tests/library/arrays/test_array_functions.py",
     "tests/library/scene/test_scene.py",
     "tests/library/runs/test_simulation.py",
     "tests/library/planning/test_smallest_model.py",
+    "tests/library/ensembles/test_chunks.py",
     "tests/fmu/python/test_python_fmu.py",
     "tests/fmu/python/test_fmu_traps.py",
     "tests/fmu/native/test_native_fmu.py",
