@@ -4,20 +4,20 @@ import json
 import shlex
 import tomllib
 import warnings
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
 
+from rbfmu.cli_ensemble import ensemble
 from rbfmu.cli_options import (
     PICTURES,
     SAVED,
-    STORES,
     driven_by,
     folder_option,
+    given_scene,
     input_options,
     model_option,
     run_options,
@@ -29,16 +29,14 @@ from rbfmu.cli_output import (
     plan_text,
     planning_bar,
     print_end,
-    print_ensemble,
     print_keys,
     print_verdict,
     print_verification,
     say_where_nothing_is_kept,
-    usage_errors,
     write_new,
 )
+from rbfmu.cli_view import view
 from rbfmu.exceptions import SceneWarning
-from rbfmu.extras import needed
 from rbfmu.kept_plans import KeptPlan
 from rbfmu.progress import progress_bar
 
@@ -104,7 +102,7 @@ def show_plan(
     kept = KeptPlan(scene, {"model": model, **run})
     known = kept.read() if inputs is None else None
     if known is None:
-        with _scene(scene, run) as loaded:
+        with given_scene(scene, run) as loaded:
             known = _planned(loaded, model, kept, driven_by(inputs, interpolate))
     for doubt in known["doubts"]:
         warnings.warn(doubt, SceneWarning, stacklevel=2)  # of a plan that was made now they are said already
@@ -154,7 +152,7 @@ def run(
     check_target(output, "--output", SAVED)
     check_target(plot, "--plot", PICTURES)
     driven, kept = driven_by(inputs, interpolate), KeptPlan(scene, {"model": model, **run})
-    with _scene(scene, run) as loaded:
+    with given_scene(scene, run) as loaded:
         known = kept.read() if inputs is None else None
         planned = Plan.from_dict((known or _planned(loaded, model, kept, driven))["plan"])
         result = simulate(loaded, planned=planned, progress=progress_bar(loaded.name), **driven)
@@ -165,83 +163,6 @@ def run(
 
         plot_result(result, plot, loaded.name)
     print_end(loaded, planned, result, bool(driven))
-
-
-@main.command()
-@click.argument("scene", metavar="SCENE", type=click.Path(path_type=Path))
-@click.option("-o", "--output", type=click.Path(path_type=Path), metavar="STORE", help="Keep in STORE (.npz or .zarr).")
-@click.option("--runs", type=click.IntRange(1), help="In place of the scene's ensemble.runs.")
-@click.option("--workers", type=click.IntRange(1), help="Threads.  [one for each processor]")
-@click.option("--scheduler", metavar="ADDRESS", help="Of Dask, in place of threads: tcp://HOST:PORT.")
-@click.option("--resume", is_flag=True, help="Go on with a STORE that is there.")
-@click.option("--plot", type=click.Path(dir_okay=False, path_type=Path), help="Draw to FILE (.png, .svg or .pdf).")
-@run_options
-def ensemble(
-    scene: Path,
-    output: Path | None,
-    runs: int | None,
-    workers: int | None,
-    scheduler: str | None,
-    resume: bool,
-    plot: Path | None,
-    **run: float | None,
-) -> None:
-    """Run a scene many times, with the numbers that its table [ensemble] varies.
-
-    A run has the same numbers on any number of workers, in one go or resumed.
-    """
-    from rbfmu.ensembles.executors import executor_of
-    from rbfmu.ensembles.planning import plan_ensemble
-    from rbfmu.ensembles.running import run_ensemble
-
-    check_target(output, "--output", STORES)
-    check_target(plot, "--plot", PICTURES)
-    if resume and output is None:
-        raise click.UsageError("--resume: expected --output with the store to go on with")
-    if workers and scheduler:
-        raise click.UsageError("--workers: expected no --scheduler with it, which has workers of its own")
-    with _scene(scene, run) as loaded, usage_errors(), executor_of(workers, scheduler) as executor:
-        if plot:
-            needed("scipy.stats", "ensemble")  # known to be there before anything runs
-        with planning_bar(loaded.name) as bar:
-            planned = plan_ensemble(loaded, bar)
-        found = run_ensemble(loaded, output, executor, runs, resume, planned=planned)
-        if plot:
-            found.plot(plot)
-    print_ensemble(planned, found)
-
-
-@main.command()
-@click.argument("source", metavar="SCENE|RESULT", type=click.Path(path_type=Path))
-@click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), default=Path("motion.html"),
-              show_default=True, help="Page to write.")  # fmt: skip
-@click.option("--scene", "body", type=click.Path(path_type=Path), help="Whose body a RESULT (.csv, .npz) moves.")
-@click.option("--stop", type=float, help="End of what is shown (s).")
-@click.option("--ghosts", type=click.IntRange(0), default=0, metavar="N",
-              help="Show N runs of the scene's ensemble as pale bodies.")  # fmt: skip
-@input_options
-def view(
-    source: Path,
-    output: Path,
-    body: Path | None,
-    stop: float | None,
-    ghosts: int,
-    inputs: Path | None,
-    interpolate: str,
-) -> None:
-    """Write a page that plays a motion in 3D, in any browser and without network.
-
-    A SCENE is simulated; a RESULT is shown as it is.
-    """
-    from rbfmu.viewer import view as write_page
-
-    check_target(output, "--output", (".html",))
-    say_where_nothing_is_kept()
-    with usage_errors(), planning_bar(source.stem) as bar:
-        driven = driven_by(inputs, interpolate)
-        motion = write_page(source, output, scene=body, stop=stop, progress=bar, ghosts=ghosts, **driven)
-    size = output.stat().st_size / 1e6
-    click.echo(f"{output}: {size:.1f} MB, {len(motion.result.time)} pictures, played in {motion.played:.3g} s")
 
 
 @main.command()
@@ -274,7 +195,7 @@ def build(
         raise click.UsageError("--scalars: expected --fmi 3 with it")
     kind = "native" if native else "python"
     try:
-        with _scene(scene, run) as loaded:
+        with given_scene(scene, run) as loaded:
             _say_what_takes_minutes(names)
             target = output or Path(file_name(loaded.name))
             click.echo(build_fmu(loaded, target, kind, names, model == "full", int(fmi), scalars))
@@ -336,20 +257,6 @@ def stability(folder: Path, quick: bool) -> None:
     click.get_current_context().exit(1 if wrong else 0)
 
 
-@contextmanager
-def _scene(path: Path, run: dict[str, float | None]) -> Iterator["Scene"]:
-    """Return the scene of a file with the options given; errors name the file, also from inside."""
-    from rbfmu.scene.argument import faults_of
-    from rbfmu.scene.scene import load_scene
-
-    say_where_nothing_is_kept()
-    given = {key: value for key, value in run.items() if value is not None}
-    options = " and ".join(f"--{key} {value!r}" for key, value in given.items())
-    loaded = load_scene(path)
-    with faults_of(f"{path} with {options}" if options else str(path)):
-        yield loaded.replace(run=given)
-
-
 def _say_what_takes_minutes(platforms: Sequence[str]) -> None:
     from rbfmu_fmu.native.linking import compiled_by_ziglang
     from rbfmu_fmu.native.platforms import platform_named, this_platform
@@ -359,6 +266,9 @@ def _say_what_takes_minutes(platforms: Sequence[str]) -> None:
         why = "the first time takes minutes, as ziglang builds the platform's C library"
         click.echo(f"Note: compiling for {', '.join(slow)}: {why}", err=True)
 
+
+main.add_command(ensemble)
+main.add_command(view)
 
 if __name__ == "__main__":
     main()

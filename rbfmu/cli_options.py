@@ -1,10 +1,16 @@
 """What several commands take: options of models, of inputs, of runs."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
+
+from rbfmu.cli_output import say_where_nothing_is_kept
+
+if TYPE_CHECKING:
+    from rbfmu.scene.scene import Scene
 
 SAVED = (".csv", ".npz")
 STORES = (".npz", ".zarr")
@@ -54,3 +60,17 @@ def folder_option(default: str, text: str) -> Callable[..., Any]:
 def driven_by(inputs: Path | None, interpolate: str) -> dict[str, Any]:
     """Return the arguments of a plan and of a run that are driven by a file."""
     return {} if inputs is None else {"inputs": inputs, "interpolate": interpolate}
+
+
+@contextmanager
+def given_scene(path: Path, run: dict[str, float | None]) -> Iterator["Scene"]:
+    """Return the scene of a file with the options given; errors name the file, also from inside."""
+    from rbfmu.scene.argument import faults_of
+    from rbfmu.scene.scene import load_scene
+
+    say_where_nothing_is_kept()
+    given = {key: value for key, value in run.items() if value is not None}
+    options = " and ".join(f"--{key} {value!r}" for key, value in given.items())
+    loaded = load_scene(path)
+    with faults_of(f"{path} with {options}" if options else str(path)):
+        yield loaded.replace(run=given)

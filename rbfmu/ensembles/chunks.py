@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rbfmu.ensembles.columns import KEYS, Columns
 from rbfmu.ensembles.lanes import advance_lanes
 from rbfmu.ensembles.loops import compiled, entries, run_members
-from rbfmu.ensembles.samples import Samples, draw, ensemble_of, member, refused
+from rbfmu.ensembles.members.samples import Samples, draw, ensemble_of, member, refused
 from rbfmu.ensembles.statistics import Summary, summary_of
 from rbfmu.exceptions import SceneError
 from rbfmu.runs.drive import drive_of

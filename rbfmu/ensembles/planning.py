@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rbfmu.ensembles import designs
-from rbfmu.ensembles.distributions import normal_scores, probabilities
-from rbfmu.ensembles.samples import Samples, at, ensemble_of, member, refused
+from rbfmu.ensembles.members import designs
+from rbfmu.ensembles.members.distributions import normal_scores, probabilities
+from rbfmu.ensembles.members.samples import Samples, at, ensemble_of, member, refused
 from rbfmu.models.integrated import PRESCRIBED_RATES
 from rbfmu.models.registry import MODELS
 from rbfmu.models.scene_needs import Needs

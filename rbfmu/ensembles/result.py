@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rbfmu.ensembles.checkpoint import Checkpoint
 from rbfmu.ensembles.columns import KEYS
 from rbfmu.ensembles.drivers import Drivers, drivers_of
-from rbfmu.ensembles.samples import ensemble_of
-from rbfmu.ensembles.variables import PROBABILITY, RANK_ERROR, REDRAWN, TIMES, coordinates, variables_by_name
+from rbfmu.ensembles.members.samples import ensemble_of
+from rbfmu.ensembles.storage.checkpoint import Checkpoint
+from rbfmu.ensembles.storage.variables import PROBABILITY, RANK_ERROR, REDRAWN, TIMES, coordinates, variables_by_name
 from rbfmu.extras import needed
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.quantities import OUTPUT

@@ -6,13 +6,13 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
-from rbfmu.ensembles.checkpoint import Checkpoint, Progress
 from rbfmu.ensembles.chunks import Chunk, Work, members_of_a_chunk
 from rbfmu.ensembles.executors import chunks_in_order
+from rbfmu.ensembles.members.samples import ensemble_of
 from rbfmu.ensembles.planning import EnsemblePlan, plan_ensemble
 from rbfmu.ensembles.result import EnsembleResult
-from rbfmu.ensembles.samples import ensemble_of
-from rbfmu.ensembles.store import MemoryStore, Store
+from rbfmu.ensembles.storage.checkpoint import Checkpoint, Progress
+from rbfmu.ensembles.storage.store import MemoryStore, Store
 from rbfmu.progress import members_bar
 from rbfmu.scene.argument import of_scene_or_path
 from rbfmu.scene.scene import Scene
@@ -71,7 +71,7 @@ def _store(work: Work, path: str | Path | None) -> Store:
         return MemoryStore(work, None if path is None else Path(path))
     if Path(path).suffix != ".zarr":
         raise ValueError(f"store = {str(path)!r}: expected a name that ends in .npz or .zarr")
-    from rbfmu.ensembles.zarr_store import ZarrStore
+    from rbfmu.ensembles.storage.zarr_store import ZarrStore
 
     return ZarrStore(work, Path(path))
 

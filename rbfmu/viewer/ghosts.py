@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rbfmu.ensembles.chunks import ALL, Work, run_chunk
+from rbfmu.ensembles.members.samples import ensemble_of
 from rbfmu.ensembles.planning import plan_ensemble
-from rbfmu.ensembles.samples import ensemble_of
 from rbfmu.results.result import Array
 from rbfmu.scene.scene import Scene
 

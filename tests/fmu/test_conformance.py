@@ -1,7 +1,7 @@
 """Any call of FMI 2.0 or 3.0 in any order with any argument: the right answer, the right motion, and never a crash.
 
-conformance_machine.py and conformance_states.py make the calls in a child process (conformance_process.py,
-conformance_child.py); conformance_model.py says what each must answer, and has the motion from direct calls of the
+conformance/machine.py and conformance/states.py make the calls in a child process (process.py there,
+child.py); conformance/model.py says what each must answer, and has the motion from direct calls of the
 kernels. Numbers of calls are printed (`make fuzz`, or -s).
 """
 
@@ -12,10 +12,10 @@ import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis.stateful import run_state_machine_as_test
 
-from tests.support.fmu.conformance_machine import CallMachine
-from tests.support.fmu.conformance_machine3 import CallMachine3
-from tests.support.fmu.conformance_model import Facts
-from tests.support.fmu.conformance_process import Process
+from tests.support.fmu.conformance.machine import CallMachine
+from tests.support.fmu.conformance.machine3 import CallMachine3
+from tests.support.fmu.conformance.model import Facts
+from tests.support.fmu.conformance.process import Process
 from tests.support.fmu.elsewhere import copy_modules
 from tests.support.fmu.fmu_importer import OK
 from tests.support.fmu.fmus import planned, scene, unzipped

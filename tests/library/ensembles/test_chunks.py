@@ -8,8 +8,8 @@ import pytest
 from rbfmu import SceneError, SimulationError, load_scene, simulate
 from rbfmu.ensembles import chunks, lanes
 from rbfmu.ensembles.chunks import Work, members_of_a_chunk, run_chunk
+from rbfmu.ensembles.members.samples import draw, member
 from rbfmu.ensembles.planning import EnsemblePlan, plan_ensemble
-from rbfmu.ensembles.samples import draw, member
 from rbfmu.models.registry import MODELS
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene

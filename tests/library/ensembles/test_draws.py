@@ -8,9 +8,9 @@ import pytest
 from scipy import stats
 
 import rbfmu
-from rbfmu.ensembles import applied, designs
-from rbfmu.ensembles.distributions import normal_scores
-from rbfmu.ensembles.samples import draw
+from rbfmu.ensembles.members import applied, designs
+from rbfmu.ensembles.members.distributions import normal_scores
+from rbfmu.ensembles.members.samples import draw
 from rbfmu.scene.fields import SceneError
 from rbfmu.scene.scene import Scene
 

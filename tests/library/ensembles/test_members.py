@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import rbfmu
+from rbfmu.ensembles.members.samples import draw, member, refused
 from rbfmu.ensembles.planning import plan_ensemble
-from rbfmu.ensembles.samples import draw, member, refused
 from rbfmu.scene.keys import scene_keys
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.quantities import LOADS

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import rbfmu
+from rbfmu.ensembles.members.samples import draw, member
 from rbfmu.ensembles.planning import plan_ensemble
-from rbfmu.ensembles.samples import draw, member
 from rbfmu.exceptions import SceneError
 from rbfmu.planning import plan
 from rbfmu.scene.scene import Scene

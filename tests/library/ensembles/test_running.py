@@ -194,7 +194,7 @@ def test_a_store_of_another_ensemble_is_refused(scene, tmp_path, store, change, 
 
 def test_a_store_of_other_kernels_is_refused(scene, tmp_path, monkeypatch):
     run(scene, tmp_path / "store.npz")
-    monkeypatch.setattr("rbfmu.ensembles.checkpoint.SOURCES", "other")
+    monkeypatch.setattr("rbfmu.ensembles.storage.checkpoint.SOURCES", "other")
     with pytest.raises(ValueError, match=r"sources.rbfmu_kernels = \"other\": expected"):
         run(scene, tmp_path / "store.npz", resume=True)
 

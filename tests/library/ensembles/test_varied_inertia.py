@@ -7,8 +7,8 @@ import pytest
 from scipy import stats
 
 import rbfmu
-from rbfmu.ensembles.inertia import impossible, thin
-from rbfmu.ensembles.samples import draw, member, refused
+from rbfmu.ensembles.members.inertia import impossible, thin
+from rbfmu.ensembles.members.samples import draw, member, refused
 from rbfmu.scene.scene import Scene
 from tests.library.ensembles.test_draws import BODY, LIKELY, MANY, ensemble
 

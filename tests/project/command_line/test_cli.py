@@ -39,7 +39,7 @@ def short(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize(
-    "command", ["", "demo", "keys", "new", "plan", "run", "build", "verify", "view", "chart", "stability"]
+    "command", ["", "demo", "keys", "new", "plan", "run", "build", "verify", "view", "chart", "stability", "ensemble"]
 )
 def test_help_everywhere(command: str) -> None:
     result = call(*filter(None, [command]), "--help")

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from rbfmu import EnsembleResult
-from rbfmu.ensembles.checkpoint import Checkpoint
+from rbfmu.ensembles.storage.checkpoint import Checkpoint
 from tests.support.command_line import call
 from tests.support.ensembles.satellite import FILE, assert_same
 from tests.support.paths import SCENES

@@ -10,9 +10,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from rbfmu.ensembles.checkpoint import Checkpoint, Progress, difference, identity_of
 from rbfmu.ensembles.chunks import Chunk, Work
-from rbfmu.ensembles.variables import arrays_of_chunk, results_of
+from rbfmu.ensembles.storage.checkpoint import Checkpoint, Progress, difference, identity_of
+from rbfmu.ensembles.storage.variables import arrays_of_chunk, results_of
 
 
 class Store(Protocol):

@@ -1,8 +1,8 @@
 """The stateful test for FMI 3.0, of FMUs without arrays: the same rules where both versions have a call."""
 
-from tests.support.fmu.conformance_child import Renamed
-from tests.support.fmu.conformance_machine import NO_INSTANCE, CallMachine
-from tests.support.fmu.conformance_model import Model
+from tests.support.fmu.conformance.child import Renamed
+from tests.support.fmu.conformance.machine import NO_INSTANCE, CallMachine
+from tests.support.fmu.conformance.model import Model
 from tests.support.fmu.fmu_importer import OK
 
 

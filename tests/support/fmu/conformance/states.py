@@ -3,7 +3,7 @@
 from hypothesis import strategies as st
 from hypothesis.stateful import precondition, rule
 
-from tests.support.fmu.conformance_calls import ComparedCalls, some, some_live
+from tests.support.fmu.conformance.calls import ComparedCalls, some, some_live
 from tests.support.fmu.fmu_importer import OK
 
 

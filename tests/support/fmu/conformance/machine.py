@@ -6,9 +6,9 @@ from hypothesis import strategies as st
 from hypothesis.stateful import initialize, precondition, rule
 
 from rbfmu_fmu.python.call_rules import INSTANTIATED, STEPPING
-from tests.support.fmu.conformance_calls import INQUIRIES, some, some_live
-from tests.support.fmu.conformance_model import Model
-from tests.support.fmu.conformance_states import SavedStates
+from tests.support.fmu.conformance.calls import INQUIRIES, some, some_live
+from tests.support.fmu.conformance.model import Model
+from tests.support.fmu.conformance.states import SavedStates
 from tests.support.fmu.fmu_importer import ERROR, OK
 
 OTHER_TYPES = [f"fmi2{verb}{kind}" for kind in ("Integer", "Boolean", "String") for verb in ("Get", "Set")]

@@ -1,4 +1,4 @@
-"""The child process that makes the calls of conformance_machine.py, and how many of them were refused."""
+"""The child process that makes the calls of machine.py, and how many of them were refused."""
 
 import pickle
 import select
@@ -12,7 +12,7 @@ from tests.support.fmu.fmus import workshop
 
 PATIENCE = 60.0
 """Seconds for one call."""
-MODULE = "tests.support.fmu.conformance_child"
+MODULE = "tests.support.fmu.conformance.child"
 
 
 class Process:
@@ -52,7 +52,7 @@ class Process:
     def _start(self):
         self.stderr = tempfile.TemporaryFile("w+", errors="replace")  # noqa: SIM115
         place = workshop() / "children"
-        copy_modules(place, "conformance_child", "fmu_importer", "fmu_importer3")
+        copy_modules(place, "conformance/__init__", "conformance/child", "fmu_importer", "fmu_importer3")
         command = [sys.executable, "-E", "-s", "-X", "faulthandler", "-m", MODULE, *map(str, self.folders)]
         self.process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self.stderr, cwd=place

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rbfmu.ensembles import correlation, designs
-from rbfmu.ensembles.applied import applied
-from rbfmu.ensembles.inertia import impossible, thin
+from rbfmu.ensembles.members import correlation, designs
+from rbfmu.ensembles.members.applied import applied
+from rbfmu.ensembles.members.inertia import impossible, thin
 from rbfmu.scene.body import SHAPES
 from rbfmu.scene.ensemble import GRID, Ensemble
 from rbfmu.scene.fields import Numbers

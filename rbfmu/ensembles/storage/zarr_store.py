@@ -7,11 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from rbfmu.ensembles.checkpoint import Checkpoint, Progress, identity_of
 from rbfmu.ensembles.chunks import ALL, Chunk, Work
 from rbfmu.ensembles.columns import KEYS
-from rbfmu.ensembles.store import checkpoint_of
-from rbfmu.ensembles.variables import Variable, arrays_of_chunk, attributes_of, coordinates, results_of, variables
+from rbfmu.ensembles.storage.checkpoint import Checkpoint, Progress, identity_of
+from rbfmu.ensembles.storage.store import checkpoint_of
+from rbfmu.ensembles.storage.variables import (
+    Variable,
+    arrays_of_chunk,
+    attributes_of,
+    coordinates,
+    results_of,
+    variables,
+)
 from rbfmu.extras import needed
 
 ROWS = 16384

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from rbfmu.ensembles.distributions import normal_scores, of_scores, values_of
+from rbfmu.ensembles.members.distributions import normal_scores, of_scores, values_of
 from rbfmu.scene.correlation import Correlation, lower_factor
 from rbfmu.scene.ensemble import Ensemble
 

@@ -1,0 +1,53 @@
+"""The command `rbfmu ensemble`."""
+
+from pathlib import Path
+
+import click
+
+from rbfmu.cli_options import PICTURES, STORES, given_scene, run_options
+from rbfmu.cli_output import check_target, planning_bar, print_ensemble, usage_errors
+from rbfmu.extras import needed
+
+
+@click.command()
+@click.argument("scene", metavar="SCENE", type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=click.Path(path_type=Path), metavar="STORE", help="Keep in STORE (.npz or .zarr).")
+@click.option("--runs", type=click.IntRange(1), help="In place of the scene's ensemble.runs.")
+@click.option("--workers", type=click.IntRange(1), help="Threads.  [one for each processor]")
+@click.option("--scheduler", metavar="ADDRESS", help="Of Dask, in place of threads: tcp://HOST:PORT.")
+@click.option("--resume", is_flag=True, help="Go on with a STORE that is there.")
+@click.option("--plot", type=click.Path(dir_okay=False, path_type=Path), help="Draw to FILE (.png, .svg or .pdf).")
+@run_options
+def ensemble(
+    scene: Path,
+    output: Path | None,
+    runs: int | None,
+    workers: int | None,
+    scheduler: str | None,
+    resume: bool,
+    plot: Path | None,
+    **run: float | None,
+) -> None:
+    """Run a scene many times, with the numbers that its table [ensemble] varies.
+
+    A run has the same numbers on any number of workers, in one go or resumed.
+    """
+    from rbfmu.ensembles.executors import executor_of
+    from rbfmu.ensembles.planning import plan_ensemble
+    from rbfmu.ensembles.running import run_ensemble
+
+    check_target(output, "--output", STORES)
+    check_target(plot, "--plot", PICTURES)
+    if resume and output is None:
+        raise click.UsageError("--resume: expected --output with the store to go on with")
+    if workers and scheduler:
+        raise click.UsageError("--workers: expected no --scheduler with it, which has workers of its own")
+    with given_scene(scene, run) as loaded, usage_errors(), executor_of(workers, scheduler) as executor:
+        if plot:
+            needed("scipy.stats", "ensemble")  # known to be there before anything runs
+        with planning_bar(loaded.name) as bar:
+            planned = plan_ensemble(loaded, bar)
+        found = run_ensemble(loaded, output, executor, runs, resume, planned=planned)
+        if plot:
+            found.plot(plot)
+    print_ensemble(planned, found)

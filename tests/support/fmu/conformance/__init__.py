@@ -1,0 +1,1 @@
+"""The FMU against a model of all its answers, by random calls."""
