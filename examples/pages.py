@@ -148,40 +148,48 @@ def native() -> str:
     return f"{markdown(titles, table)}\n{first} {machine(head)}\n"
 
 
-_PRELOADED = "`LD_PRELOAD=libpython3.x.so`"
 _NATIVE_KIND = "take the native kind"
+_OR_PRELOADED = "take the native kind, or `LD_PRELOAD=libpython3.x.so`"
 IMPORTERS = {
     "FMPy": ("FMPy", "`fmpy.simulate_fmu`, as below"),
     "fmpy simulate": ("FMPy, as a command", "`fmpy simulate native.fmu`"),
     "libcosimpy": ("libcosim (Open Simulation Platform)", "`pip install libcosimpy`, then as "
                    "[05_system.py](../examples/05_system.py): two FMUs and a controller in a system file"),
     "ecospy": ("Ecos in Python (ecospy)", "`pip install ecospy tbb`"),
-    "ecos": ("Ecos, the program", _NATIVE_KIND),
-    "ecos, libpython preloaded": ("Ecos, the program, with libpython", _PRELOADED),
-    "fmuCheck": ("fmuCheck, the FMU Compliance Checker", _NATIVE_KIND),
-    "fmuCheck, libpython preloaded": ("fmuCheck with libpython", _PRELOADED),
-    "fmusim": ("fmusim, of the Reference FMUs", _NATIVE_KIND),
-    "fmusim, libpython preloaded": ("fmusim with libpython", _PRELOADED),
-    "OMSimulator": ("OMSimulator, the program", _NATIVE_KIND),
-    "OMSimulator, libpython preloaded": ("OMSimulator with libpython", _PRELOADED),
+    "ecos": ("Ecos, the program", _OR_PRELOADED),
+    "fmuCheck": ("fmuCheck, the FMU Compliance Checker", _OR_PRELOADED),
+    "fmusim": ("fmusim, of the Reference FMUs", _OR_PRELOADED),
+    "OMSimulator": ("OMSimulator, the program", _OR_PRELOADED),
     "PyFMI": ("PyFMI", "`pyfmi.load_fmu`"),
-    "CoFMuPy": ("CoFMuPy", "it reads every output as a Real, and `status` is an Integer"),
+    "CoFMuPy": ("CoFMuPy", "it reads every output as a floating-point number, and `status` is an integer"),
     "CasADi": ("CasADi", "it imports model exchange alone"),
 }  # fmt: skip
 """By the name in the figures: the importer's name on the page, and how an FMU runs there."""
 NEVER_TRIED = ("Simulink", "Dymola")
+TRIED = {
+    "native": "FMI 2.0, native",
+    "python": "FMI 2.0, pythonfmu",
+    "fmi3": "FMI 3.0, arrays",
+    "fmi3_scalars": "FMI 3.0, scalars",
+}
+"""By the name of an FMU in the figures: its column on the page."""
 
 
 def importers() -> str:
-    """Return how an FMU runs in each importer, and what came of both kinds."""
+    """Return how an FMU runs in each importer, and what came of each FMU there."""
     _, rows = record.read("interop")
     table = []
-    for (name, version), group in groupby(rows, lambda row: (row["importer"], row["version"])):
-        results = {row["FMU"]: row["result"] if version else "not tried" for row in group}
-        title, how = IMPORTERS[name]
-        table.append([title, version, results["native"], results["python"], how])
-    table += [[name, "", "not tried", "not tried", _NATIVE_KIND] for name in NEVER_TRIED]
-    return markdown(["importer", "version", "native kind", "pythonfmu kind", "how"], table)
+    for name, (title, how) in IMPORTERS.items():
+        of = [row for row in rows if row["importer"].partition(",")[0] == name]
+        table.append([title, of[0]["version"], *(tried(of, fmu) for fmu in TRIED), how])
+    table += [[name, "", *["not tried"] * len(TRIED), _NATIVE_KIND] for name in NEVER_TRIED]
+    return markdown(["importer", "version", *TRIED.values(), "how"], table)
+
+
+def tried(rows: Sequence[dict[str, str]], fmu: str) -> str:
+    """Return what came of an FMU in an importer, and with libpython loaded into it, where that is something else."""
+    plain, *preloaded = (row["result"] if row["version"] else "not tried" for row in rows if row["FMU"] == fmu)
+    return "; ".join([plain.rstrip("."), *(f"with libpython: {result}" for result in preloaded if result != plain)])
 
 
 TABLES: dict[str, Callable[[], str]] = {

@@ -26,7 +26,8 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "kernels": (*KERNELS[:2], f"{_BENCH}/support/array_tasks.py:tasks,scipy_calls", f"{_BENCH}/kernels.py:measure"),
     "native": (*KERNELS, _NATIVE, f"{_BENCH}/native.c", f"{_BENCH}/native_by_hand.c",
                f"{_BENCH}/native.py:_scene,_costs,_numba_timer,Running"),
-    "interop": (_NATIVE, "examples/interop/importers.py", "examples/interop/run.py:by_kernels,try_importer,comparison"),
+    "interop": (_NATIVE, "examples/interop/importers.py",
+                "examples/interop/run.py:by_kernels,job_of,try_importer,comparison"),
 }  # fmt: skip
 """By the name of a file of figures: what it rests on, files or functions and classes in them."""
 _STAMP = "# sources "

@@ -1,8 +1,9 @@
 """Importers of FMUs, each made to run one FMU: `importers.py NAME FMU JOB` prints the outputs that it saw.
 
-JOB is JSON: values to set before initialisation, outputs wanted, communication step and number of steps. run.py runs
-each of these in a process of its own: a wrong FMU ends some of them with a segmentation fault. `importers.py NAME`
-prints a version, or nothing where the importer is not there. This file needs the importer alone.
+JOB is JSON: values to set before initialisation (lists where a variable is an array), outputs wanted, communication
+step and number of steps. run.py runs each of these in a process of its own: a wrong FMU ends some of them with a
+segmentation fault. `importers.py NAME` prints a version, or nothing where the importer is not there. This file needs
+the importer alone.
 """
 
 import importlib.metadata
@@ -20,13 +21,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 Rows = list[list[float]]
-"""The outputs wanted, after each communication step."""
+"""The outputs wanted, after each communication step; elements of arrays one by one."""
 
 
 class Importer(NamedTuple):
     """How to run an FMU; what the importer must find; whether it can set values; how many digits it writes.
 
-    decimals, digits: behind the point, or in all; without either, it shows full doubles.
+    decimals, digits: behind the point, or in all; array_digits: of arrays. Without them, it shows full doubles.
     """
 
     run: Callable[[str, dict[str, Any]], Rows]
@@ -35,20 +36,22 @@ class Importer(NamedTuple):
     sets_values: bool = True
     decimals: int | None = None
     digits: int | None = None
+    array_digits: int | None = None
 
 
 def fmpy_api(fmu: str, job: dict[str, Any]) -> Rows:
     """`fmpy.simulate_fmu`."""
     import fmpy
+    import numpy as np
 
     result = fmpy.simulate_fmu(fmu, start_values=job["values"], output=job["outputs"], output_interval=job["step"],
                                stop_time=job["step"] * job["steps"])  # fmt: skip
-    return [[float(x) for x in list(row)[1:]] for row in result[1:]]
+    return [np.hstack(list(row)[1:]).tolist() for row in result[1:]]
 
 
 def fmpy_command(fmu: str, job: dict[str, Any]) -> Rows:
     """`fmpy simulate`."""
-    values = [str(x) for pair in job["values"].items() for x in pair]
+    values = [text for pair in texts(job["values"]) for text in pair]
     run(Path(sys.executable).with_name("fmpy"), "simulate", fmu, "--output-interval", job["step"], "--stop-time",
         job["step"] * job["steps"], *(["--start-values", *values] if values else []), "--output-variables",
         *job["outputs"], "--output-file", "out.csv")  # fmt: skip
@@ -57,6 +60,7 @@ def fmpy_command(fmu: str, job: dict[str, Any]) -> Rows:
 
 def libcosim(fmu: str, job: dict[str, Any]) -> Rows:
     """Run the FMU in the Open Simulation Platform's library, through libcosimpy."""
+    from libcosimpy._internal import get_last_error_message
     from libcosimpy.CosimExecution import CosimExecution
     from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
     from libcosimpy.CosimObserver import CosimObserver
@@ -64,7 +68,10 @@ def libcosim(fmu: str, job: dict[str, Any]) -> Rows:
 
     log_output_level(CosimLogLevel.WARNING)
     execution = CosimExecution.from_step_size(round(job["step"] * 1e9))
-    one = execution.add_local_slave(CosimLocalSlave(fmu, "it"))
+    slave = CosimLocalSlave(fmu, "it")
+    if not slave.ptr():  # with which libcosimpy would end in a segmentation fault
+        raise RuntimeError(get_last_error_message())
+    one = execution.add_local_slave(slave)
     reference = {v.name.decode(): v.reference for v in execution.slave_variables(one)}
     for name, value in job["values"].items():
         execution.real_initial_value(one, reference[name], value)
@@ -130,7 +137,7 @@ def compliance_checker(fmu: str, job: dict[str, Any], **environment: str) -> Row
 
 def fmusim(fmu: str, job: dict[str, Any], **environment: str) -> Rows:
     """Fmusim of the Reference FMUs: a host without Python."""
-    values = [str(x) for pair in job["values"].items() for x in ("--start-value", *pair)]
+    values = [text for pair in texts(job["values"]) for text in ("--start-value", *pair)]
     run("fmusim", *values, "--output-interval", job["step"], "--stop-time", job["step"] * job["steps"],
         "--output-file", "out.csv", fmu, **environment)  # fmt: skip
     return table("out.csv", job["outputs"])
@@ -192,7 +199,7 @@ def casadi(fmu: str, job: dict[str, Any]) -> Rows:
 
 IMPORTERS = {
     "FMPy": Importer(fmpy_api, "fmpy"),
-    "fmpy simulate": Importer(fmpy_command, "fmpy"),
+    "fmpy simulate": Importer(fmpy_command, "fmpy", array_digits=16),
     "libcosimpy": Importer(libcosim, "libcosimpy"),
     "ecospy": Importer(ecos, "ecospy"),
     "ecos": Importer(ecos_command, "ecospy", sets_values=False, decimals=6),
@@ -228,11 +235,16 @@ def version(importer: Importer) -> str | None:
 
 
 def table(path: str | Path, names: list[str], separator: str = ",") -> Rows:
-    """Columns of a text file, without the row of the start."""
+    """Columns of a text file, without the row of the start; blanks stand between elements of an array."""
     head, _, *lines = Path(path).read_text().splitlines()
     heads = [text.strip('"') for text in head.split(separator)]
     places = [heads.index(name) for name in names]
-    return [[float(line.split(separator)[k]) for k in places] for line in lines]
+    return [[float(x) for k in places for x in line.split(separator)[k].split()] for line in lines]
+
+
+def texts(values: dict[str, Any]) -> list[tuple[str, str]]:
+    """Return names and values as programs take them; blanks stand between elements of an array."""
+    return [(name, " ".join(map(str, x)) if isinstance(x, list) else str(x)) for name, x in values.items()]
 
 
 def run(*command: object, **environment: str) -> str:

@@ -1,4 +1,6 @@
-"""Both kinds of FMU in every importer on this machine: `interop.py [FOLDER]` writes interop.csv and interop.md there.
+"""FMUs in every importer on this machine: `interop.py [FOLDER]` writes interop.csv and interop.md there.
+
+The FMUs are both kinds by FMI 2.0, and native ones by FMI 3.0 with arrays and without.
 
 Importers: FMPy; libcosimpy, ecospy and tbb from PyPI (`pip install .[interop]`); PyFMI, CoFMuPy and CasADi where they
 are installed; the programs fmuCheck.linux64, fmusim and OMSimulator where they are on the path. Values are set before
@@ -32,6 +34,12 @@ STEP, STEPS = 0.125, 100
 LISTED = ("omega_b_0",)
 """Parameters among them: only what a scene lists may be set."""
 KINDS = ("python", "native")
+FMUS: dict[str, dict[str, Any]] = {
+    **{kind: {"kind": kind} for kind in KINDS},
+    "fmi3": {"kind": "native", "fmi": 3},
+    "fmi3_scalars": {"kind": "native", "fmi": 3, "scalars": True},
+}
+"""Arguments of `rbfmu_fmu.build` for what is tried, by its name in the figures."""
 COLUMNS = ("importer", "version", "FMU", "result")
 PATIENCE = 60.0
 """Seconds that an importer gets."""
@@ -71,12 +79,25 @@ def version_of(name: str) -> str | None:
     return done.stdout.strip() or None
 
 
-def try_importer(name: str, fmu: Path, scene: rbfmu.Scene) -> str:
+def job_of(scene: rbfmu.Scene, values: dict[str, float], arrays: bool) -> dict[str, Any]:
+    """Return what an importer is to do; arrays: a vector is one variable, of which an element is set with the others.
+
+    Values must be those of vectors or scalars: a symmetric matrix has fewer variables than elements.
+    """
+    variables = describe(scene, rbfmu.plan(scene)).variables
+    outputs = [v.block if arrays else v.name for v in variables if v.causality == "output"]
+    given: dict[str, Any] = values
+    if arrays:
+        blocks = {v.block: [u for u in variables if u.block == v.block] for v in variables if v.name in values}
+        given = {block: [values.get(v.name, v.start) for v in of] for block, of in blocks.items()}
+    return {"values": given, "outputs": list(dict.fromkeys(outputs)), "step": STEP, "steps": STEPS}
+
+
+def try_importer(name: str, fmu: Path, scene: rbfmu.Scene, arrays: bool = False) -> str:
     """Return what came of it, in words."""
     importer = IMPORTERS[name]
     values = VALUES if importer.sets_values else {}
-    outputs = [v.name for v in describe(scene, rbfmu.plan(scene)).variables if v.causality == "output"]
-    job = {"values": values, "outputs": outputs, "step": STEP, "steps": STEPS}
+    job = job_of(scene, values, arrays)
     command = [python_of(name), "-X", "faulthandler", importers.__file__, name, str(fmu), json.dumps(job)]
     environment = {"LD_LIBRARY_PATH": f"{Path(python_of(name)).parents[1]}/lib"} | os.environ
     try:
@@ -85,13 +106,17 @@ def try_importer(name: str, fmu: Path, scene: rbfmu.Scene) -> str:
         return f"failed: nothing within {PATIENCE:.0f} s"
     if done.returncode:
         return "failed: " + importers.ending(done.returncode, done.stderr).removeprefix("exit status 1: error: ")
-    return comparison(importer, np.array(json.loads(done.stdout.splitlines()[-1])), by_kernels(scene, values))
+    digits = importer.array_digits or importer.digits if arrays else importer.digits
+    found = np.array(json.loads(done.stdout.splitlines()[-1]))
+    return comparison(importer._replace(digits=digits), found, by_kernels(scene, values))
 
 
 def comparison(importer: Importer, found: np.ndarray, expected: np.ndarray) -> str:
     """Return `same bits`, `same to the digits it writes`, or how far off."""
-    if found.shape != expected.shape:
+    if len(found) != len(expected):
         return f"failed: {len(found)} steps of {len(expected)}"
+    if found.shape != expected.shape:
+        return f"failed: {found.shape[1]} numbers a step of {expected.shape[1]}"
     difference = float(np.max(np.abs(found - expected)))
     if np.array_equal(found, expected):
         return "same bits"
@@ -110,21 +135,21 @@ def to_digits(numbers: np.ndarray, digits: int) -> np.ndarray:
 def build(scene: rbfmu.Scene, folder: Path, kind: str) -> Path | str:
     """Return the FMU, or why there is none."""
     try:
-        return rbfmu_fmu.build(scene, folder / f"{kind}.fmu", kind=kind)
+        return rbfmu_fmu.build(scene, folder / f"{kind}.fmu", **FMUS[kind])
     except (ValueError, RuntimeError, OSError) as error:
         return f"not built: {error}"
 
 
 def rows_of(scene: rbfmu.Scene, folder: Path) -> list[dict[str, str]]:
-    """Return a row for every importer and kind."""
-    fmus, rows = {kind: build(scene, folder, kind) for kind in KINDS}, []
+    """Return a row for every importer and FMU."""
+    fmus, rows = {kind: build(scene, folder, kind) for kind in FMUS}, []
     for name, importer in IMPORTERS.items():
         version = version_of(name)
         for kind, fmu in fmus.items():
             if version is None:
                 result = absent(importer)
             else:
-                result = fmu if isinstance(fmu, str) else try_importer(name, fmu, scene)
+                result = fmu if isinstance(fmu, str) else try_importer(name, fmu, scene, kind == "fmi3")
             rows.append(dict(zip(COLUMNS, (name, version or "", kind, result), strict=True)))
     return rows
 

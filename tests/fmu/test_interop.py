@@ -1,4 +1,4 @@
-"""Both kinds of FMU in every importer on this machine; a system of three units in libcosim."""
+"""FMUs of both kinds and versions in every importer on this machine; a system of three units in libcosim."""
 
 import importlib.util
 import re
@@ -17,8 +17,21 @@ from tests.support.paths import ROOT
 
 WITHOUT_PYTHON = {"ecos", "fmuCheck", "fmusim", "OMSimulator"}
 """Hosts in which a pythonfmu FMU cannot be loaded."""
-REFUSE = {"CoFMuPy": "fmi2GetReal failed", "CasADi": "must be of ModelExchange type"}
-"""Importers that take no FMU of ours: CoFMuPy reads each output as a Real, CasADi imports model exchange alone."""
+FMI3 = ("fmi3", "fmi3_scalars")
+REFUSE = {
+    "CoFMuPy": dict.fromkeys(interop.KINDS, "fmi2GetReal failed")
+    | {"fmi3": "Float64 not supported", "fmi3_scalars": "fmi3GetFloat64 failed"},
+    "CasADi": dict.fromkeys(interop.FMUS, "must be of ModelExchange type"),
+    "libcosimpy": dict.fromkeys(FMI3, "Unsupported FMI version"),
+    "fmuCheck": dict.fromkeys(FMI3, "version of FMI standard is not supported"),
+    "PyFMI": dict.fromkeys(FMI3, "FMI3 Co-Simulation FMUs is not yet supported"),
+    "ecospy": {"fmi3": "Illegal value type"},
+    "ecos": {"fmi3": "3 numbers a step of 10"},
+    "OMSimulator": {"fmi3": "1 values: expected 9"},
+}
+"""What importers say of FMUs that they do not run: CoFMuPy reads each output as a floating-point number, CasADi imports
+model exchange alone, others know no FMI 3.0, or no arrays.
+"""
 
 
 @cache
@@ -26,21 +39,41 @@ def built(kind):
     return interop.build(interop.scene_to_try(), workshop(), kind)
 
 
-@pytest.mark.parametrize("kind", interop.KINDS)
+@pytest.mark.parametrize("kind", interop.FMUS)
 @pytest.mark.parametrize("name", importers.IMPORTERS)
 def test_importer_gets_the_kernels_bits(name, kind):
     if interop.version_of(name) is None:
         pytest.skip(f"{name} is not on this machine")
-    result, importer = interop.try_importer(name, built(kind), interop.scene_to_try()), importers.IMPORTERS[name]
-    if name in REFUSE:
-        assert REFUSE[name] in result
+    importer, refusal = importers.IMPORTERS[name], REFUSE.get(name.partition(",")[0], {}).get(kind)
+    result = interop.try_importer(name, built(kind), interop.scene_to_try(), kind == "fmi3")
+    if refusal:
+        assert result.startswith("failed: ")
+        assert refusal in result
     elif kind == "python" and name in WITHOUT_PYTHON:
         assert result.startswith("failed: "), result
+    elif importer.array_digits and kind == "fmi3":
+        assert result == f"same to the {importer.array_digits} digits it writes"
     elif importer.decimals or importer.digits:
         written = f"{importer.decimals} decimals" if importer.decimals else f"{importer.digits} digits"
         assert result == f"same to the {written} it writes"
     else:
         assert result == "same bits"
+
+
+def test_with_arrays_an_importer_sets_and_reads_whole_vectors():
+    job = interop.job_of(interop.scene_to_try(), interop.VALUES, arrays=True)
+    assert job["values"] == {"torque_b": [0.01, -0.02, 0.03], "omega_b_0": [0.25, -0.2, 0.15]}
+    assert job["outputs"] == ["quaternion", "rpy", "omega_b"]
+    assert importers.texts(job["values"])[1] == ("omega_b_0", "0.25 -0.2 0.15")
+    plain = interop.job_of(interop.scene_to_try(), interop.VALUES, arrays=False)
+    assert plain["values"] == interop.VALUES
+    assert plain["outputs"][:5] == [*(f"quaternion[{k}]" for k in (1, 2, 3, 4)), "rpy[1]"]
+
+
+def test_an_array_in_a_file_is_as_many_columns(tmp_path):
+    file = tmp_path / "out.csv"
+    file.write_text('"time","v","status"\n0,1 2,0\n0.5,3.5 -4e-3,0\n')
+    assert importers.table(file, ["v", "time"]) == [[3.5, -4e-3, 0.5]]
 
 
 def test_an_importer_may_have_a_python_of_its_own(monkeypatch):
@@ -69,6 +102,7 @@ def test_a_wrong_value_is_seen(monkeypatch):
     assert interop.comparison(short, expected.round(6), expected) == "same to the 6 decimals it writes"
     assert interop.comparison(short, expected + 1e-6, expected) == "failed: off by 1.0e-06"
     assert interop.comparison(full, expected[:-1], expected) == "failed: 99 steps of 100"
+    assert interop.comparison(full, expected[:, :3], expected) == "failed: 3 numbers a step of 10"
     digits = importers.IMPORTERS["OMSimulator"]
     assert interop.comparison(digits, interop.to_digits(expected, 12), expected) == "same to the 12 digits it writes"
     assert interop.comparison(digits, interop.to_digits(wrong, 11), expected).startswith("failed: off by")

@@ -253,6 +253,31 @@ def test_one_command_takes_stale_figures_anew_and_writes_the_tables(
     assert page.read_text() == f"a\n<!-- made by examples.pages: importers -->\n{pages.importers()}<!-- end -->\nb\n"
 
 
+def test_what_came_of_every_fmu_stands_in_its_importer_s_row() -> None:
+    lines = pages.importers().splitlines()
+    assert len(lines) == 2 + len(pages.IMPORTERS) + len(pages.NEVER_TRIED)
+    titles = dict(zip((cell.strip() for cell in lines[0].split("|")), range(99), strict=False))
+    for row in record.read("interop")[1]:
+        title = pages.IMPORTERS[row["importer"].partition(",")[0]][0]
+        (line,) = (line for line in lines if line.startswith(f"| {title} | "))
+        cell = line.split(" | ")[titles[pages.TRIED[row["FMU"]]] - 1]
+        assert row["result"].rstrip(".") in cell
+
+
+def test_an_importer_s_cell_says_what_another_one_with_libpython_does() -> None:
+    rows = [
+        {"importer": name, "version": version, "FMU": fmu, "result": result}
+        for name, version, fmu, result in (
+            ("it", "1.0", "python", "failed: no Python."), ("it", "1.0", "native", "same bits"),
+            ("it, libpython preloaded", "1.0", "python", "same bits"),
+            ("it, libpython preloaded", "1.0", "native", "same bits"),
+        )
+    ]  # fmt: skip
+    assert pages.tried(rows, "python") == "failed: no Python; with libpython: same bits"
+    assert pages.tried(rows, "native") == "same bits"
+    assert pages.tried([row | {"version": ""} for row in rows], "python") == "not tried"
+
+
 def test_figures_are_kept_with_the_digest_of_their_sources(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(record, "place", lambda name: tmp_path / f"{name}.csv")
     monkeypatch.setitem(measure.MEASURED, "native", lambda: [{"scene": "one", "by hand": 0.5}])
