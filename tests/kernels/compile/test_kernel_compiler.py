@@ -16,6 +16,7 @@ from numba import config, njit, types
 from numba.core import event
 from numba.core.caching import NullCache
 from numba.core.registry import cpu_target
+from numba.cpython import builtins
 
 from rbfmu_kernels import free_rotation, free_rotation_at, free_rotation_setup, rotate
 from rbfmu_kernels.compile import compiler, stamp
@@ -199,6 +200,7 @@ print(*sorted(word for word in source.replace("(", " ").split() if "ol_min" in w
 """
 
 
+@pytest.mark.skipif(not hasattr(builtins, "ol_min"), reason="this Numba has no function for min, but makes it in place")
 def test_what_numba_defines_is_the_same_code_whichever_kernel_calls_it_first(tmp_path):
     """Its first caller's options would be its own, so that FMUs had bytes that hang on what was compiled before."""
     found = []
