@@ -126,9 +126,13 @@ class KernelCompiler(CompilerBase):  # type: ignore[misc]
         return [passes]
 
 
+_FROZEN_BY_PYTHON = 1000
+"""CPython 3.12 begins with some 400 frozen objects of its own; a user who freezes has many more."""
+
+
 def _count_as_old() -> None:
     """Put what lives now among what is looked through last: the next search would take a quarter of a second else."""
-    if gc.get_freeze_count() == 0:
+    if gc.get_freeze_count() < _FROZEN_BY_PYTHON:
         gc.freeze()
         gc.unfreeze()
 
