@@ -14,7 +14,7 @@ from rbfmu.simulation import simulate
 from rbfmu_fmu import verify
 from rbfmu_fmu.native import build as native_build
 from rbfmu_fmu.native.platforms import PLATFORMS
-from tests.fmu.python.test_python_fmu import LOADED, both_step
+from tests.support.fmu.beside_kernels import LOADED, assert_same_before_and_after_a_restore
 from tests.support.fmu.fmu_importer import OK
 from tests.support.fmu.fmus import BRICK, Kernels, built, native, opened, scene, signal
 
@@ -27,19 +27,12 @@ KINDS = ["fmi3", "fmi3_scalars"]
 def test_fmu_is_the_kernels_and_that_of_fmi_2_before_and_after_a_restore(name, kind):
     inputs, size = signal(name, 2000), scene(name).run.step
     instance, kernels, older = opened(name, kind).started(), Kernels(name), native(name).started()
-    assert instance.outputs() == kernels.outputs() == older.outputs()
-    assert both_step(instance, kernels, inputs, 0, 1200, size) == 0.0
-    state, z = instance.state(), kernels.z.copy()
-    assert both_step(instance, kernels, inputs, 1200, 800, size) == 0.0
-    end = instance.outputs()
-    assert instance.restore(state) == OK
-    kernels.z[:] = z
-    assert both_step(instance, kernels, inputs, 1200, 800, size) == 0.0
-    assert instance.outputs() == end
+    assert instance.outputs() == older.outputs()
+    assert_same_before_and_after_a_restore(instance, kernels, inputs, size, 1200)
     for k, values in enumerate(inputs):
         assert not values or older.set(values) == OK
         assert older.step(k * size, size) == OK
-    assert older.outputs() == end
+    assert older.outputs() == instance.outputs()
     instance.free()
 
 

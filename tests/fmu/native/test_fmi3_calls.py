@@ -12,7 +12,7 @@ from fmpy.fmi1 import FMICallException
 
 from rbfmu_fmu.native.linking import FMI_HEADERS
 from rbfmu_fmu.python.call_rules import CALLS, PHASES, SETTABLE
-from tests.fmu.python.test_python_fmu import LOADED
+from tests.support.fmu.beside_kernels import LOADED
 from tests.support.fmu.fmu_importer import DISCARD, ERROR, OK
 from tests.support.fmu.fmus import built, opened, unzipped
 

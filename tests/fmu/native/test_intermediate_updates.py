@@ -6,7 +6,7 @@ import fmpy
 import numpy as np
 import pytest
 
-from tests.fmu.python.test_python_fmu import LOADED
+from tests.support.fmu.beside_kernels import LOADED
 from tests.support.fmu.fmu_importer import DISCARD, ERROR, OK
 from tests.support.fmu.fmus import built, native, opened, started, unzipped
 

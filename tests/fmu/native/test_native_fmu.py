@@ -12,7 +12,7 @@ from rbfmu_fmu import verify
 from rbfmu_fmu.demo import ROUND_OFF
 from rbfmu_kernels.body import outputs as body_outputs
 from rbfmu_kernels.quantities import OUTPUT
-from tests.fmu.python.test_python_fmu import LOADED, both_step
+from tests.support.fmu.beside_kernels import LOADED, assert_same_before_and_after_a_restore
 from tests.support.fmu.fmu_importer import ERROR, OK, Memory
 from tests.support.fmu.fmus import SCENES, Kernels, built, native, run_case, scene, signal, started, unzipped
 
@@ -25,15 +25,7 @@ SHIPPED = sorted(path.stem for path in SCENES.glob("*.toml"))
 def test_fmu_is_the_kernels_over_10000_steps_before_and_after_a_restore(name):
     inputs, size = signal(name, 10_000), scene(name).run.step
     instance, kernels = native(name).started(), Kernels(name)
-    assert instance.outputs() == kernels.outputs()
-    assert both_step(instance, kernels, inputs, 0, 6000, size) == 0.0
-    state, z = instance.state(), kernels.z.copy()
-    assert both_step(instance, kernels, inputs, 6000, 4000, size) == 0.0
-    end = instance.outputs()
-    assert instance.restore(state) == OK
-    kernels.z[:] = z
-    assert both_step(instance, kernels, inputs, 6000, 4000, size) == 0.0
-    assert instance.outputs() == end
+    assert_same_before_and_after_a_restore(instance, kernels, inputs, size, 6000)
     instance.free()
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rbfmu_fmu.python.call_rules import CALLS, PHASES, SETTABLE
-from tests.fmu.python.test_python_fmu import LOADED
+from tests.support.fmu.beside_kernels import LOADED
 from tests.support.fmu.builds import NAMED
 from tests.support.fmu.fmu_cases import WRONGS
 from tests.support.fmu.fmu_importer import DISCARD, ERROR, FATAL, OK, Memory

@@ -3,7 +3,7 @@
 import pytest
 
 from tests.fmu.native.test_native_fmu_calls import ALLOWED, MADE, in_phase
-from tests.fmu.python.test_python_fmu import LOADED
+from tests.support.fmu.beside_kernels import LOADED
 from tests.support.fmu.fmu_importer import DISCARD, ERROR, OK
 from tests.support.fmu.fmus import each_version, native, started  # noqa: F401
 

@@ -17,6 +17,7 @@ from rbfmu.simulation import simulate
 from rbfmu_fmu import verify
 from rbfmu_fmu.archive import kernel_sources
 from rbfmu_fmu.demo import ROUND_OFF
+from tests.support.fmu.beside_kernels import LOADED, assert_same_before_and_after_a_restore
 from tests.support.fmu.fmu_importer import DISCARD, FATAL, OK
 from tests.support.fmu.fmus import ALL_PORTS, Kernels, built, opened, planned, scene, signal, unzipped
 
@@ -25,35 +26,13 @@ pytestmark = pytest.mark.filterwarnings(
     "ignore:Exception ignored on calling ctypes callback function:pytest.PytestUnraisableExceptionWarning"
 )
 H = 0.01
-LOADED = {"force_a[1]": 2.0, "force_b[2]": -1.0, "torque_a[3]": 0.5, "torque_b[1]": 0.7}
-
-
-def both_step(instance, kernels, inputs, first, steps, size):
-    """Largest difference of any output after any step."""
-    largest = 0.0
-    for k in range(first, first + steps):
-        if inputs[k]:
-            assert instance.set(inputs[k]) == OK
-            kernels.set(inputs[k])
-        assert instance.step(k * size, size) == OK
-        kernels.step(size)
-        largest = max(largest, *(abs(a - b) for a, b in zip(instance.outputs(), kernels.outputs(), strict=True)))
-    return largest
 
 
 @pytest.mark.parametrize("name", ["brick", "driven", "pendulum", "prescribed"])
 def test_fmu_is_the_kernels_over_10000_steps_before_and_after_a_restore(name):
     inputs, size = signal(name, 10_000), scene(name).run.step
     instance, kernels = opened(name).started(), Kernels(name)
-    assert instance.outputs() == kernels.outputs()
-    assert both_step(instance, kernels, inputs, 0, 6000, size) == 0.0
-    state, z = instance.state(), kernels.z.copy()
-    assert both_step(instance, kernels, inputs, 6000, 4000, size) == 0.0
-    end = instance.outputs()
-    assert instance.restore(state) == OK
-    kernels.z[:] = z
-    assert both_step(instance, kernels, inputs, 6000, 4000, size) == 0.0
-    assert instance.outputs() == end
+    state = assert_same_before_and_after_a_restore(instance, kernels, inputs, size, 6000)
     instance.free_state(state)
     instance.free()
 
