@@ -1,5 +1,6 @@
 """The rigid body near a state of its motion: x' = A x + B u, y = C x + D u, exact by the kernels themselves."""
 
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +12,7 @@ from rbfmu.linear.dual import jacobian, variables
 from rbfmu.runs.model_buffer import filled_buffer, initialize
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.argument import of_scene_or_path
+from rbfmu.scene.plausibility import SceneWarning
 from rbfmu.scene.scene import Scene
 from rbfmu.simulator import Simulator
 from rbfmu_kernels.body.memory import body_of, loads_of, motion_of
@@ -78,7 +80,9 @@ def linearize(scene: Scene, /, t: float | None = None, **ports: Any) -> Lineariz
 def _at(scene: Scene, t: float, ports: dict[str, Any]) -> Scene:
     """Return the scene that begins where this one is at time t."""
     wanted = ("quaternion",) if scene.body is None else ("position", "velocity", "quaternion", "omega_b")
-    simulator = Simulator(scene.replace({"outputs.quantities": wanted}))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SceneWarning)  # of quantities that nobody asked for; the scene's own are told
+        simulator = Simulator(scene.replace({"outputs.quantities": wanted}))
     if t > scene.run.start:
         simulator.step(t - scene.run.start, **ports)
     else:

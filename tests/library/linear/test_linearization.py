@@ -1,6 +1,7 @@
 """`linearize` against differences of the textbook's equations in 50 digits, and against the simulation."""
 
 import math
+import warnings
 
 import mpmath
 import numpy as np
@@ -213,6 +214,17 @@ def test_a_scene_file_will_do():
     A, B, C, D = rbfmu.linearize(SCENES / "controlled_satellite.toml")
     assert (A.shape, B.shape, C.shape, D.shape) == ((6, 6), (6, 3), (10, 6), (10, 3))
     assert np.array_equal(B[3:], np.diag(1.0 / np.array([1.0, 2.0, 3.0])))
+
+
+@pytest.mark.parametrize(("name", "told"), [("flywheel", []), ("earth", ["radius of gyration"])])
+def test_it_tells_the_doubts_of_the_scene_alone_and_once(name, told):
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        rbfmu.linearize(SCENES / f"{name}.toml")
+    assert len(found) == len(told), [str(doubt.message) for doubt in found]
+    for doubt, words in zip(found, told, strict=True):
+        assert issubclass(doubt.category, rbfmu.SceneWarning)
+        assert words in str(doubt.message)
 
 
 def test_rpy_has_no_derivative_at_its_pole():
