@@ -99,7 +99,8 @@ def capabilities(d: Description) -> dict[str, str]:
     return said | ({"maxOutputDerivativeOrder": "1"} if d.output_rates else {})
 
 
-_TYPES = "Real", "Integer", False
+_OWN = "guid", "fmi2.c", FOLDERS, capabilities
+_COURSE = "gives their derivatives with respect to time"
 FMI2 = FmiVersion(
-    "2.0", model_description, "guid", "fmi2.c", FOLDERS, capabilities, scalars, *_TYPES, SECOND_FOLDERS, "model.png"
+    "2.0", model_description, *_OWN, scalars, "Real", "Integer", False, _COURSE, SECOND_FOLDERS, "model.png"
 )

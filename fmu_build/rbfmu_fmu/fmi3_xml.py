@@ -145,6 +145,7 @@ FOLDERS = {"linux64": "x86_64-linux", "win64": "x86_64-windows", "linux-aarch64"
 FOLDERS |= {"darwin64": "x86_64-darwin", "darwin-aarch64": "aarch64-darwin"}
 
 _OWN = "instantiationToken", "fmi3.c", FOLDERS, capabilities
-FMI3 = FmiVersion("3.0", with_arrays, *_OWN, arrays, "Float64", "Int32", True)
-FMI3_SCALARS = FmiVersion("3.0 with scalars", with_scalars, *_OWN, scalars, "Float64", "Int32", True)
+_TYPES = "Float64", "Int32", True, "sets them in intermediate updates"
+FMI3 = FmiVersion("3.0", with_arrays, *_OWN, arrays, *_TYPES)
+FMI3_SCALARS = FmiVersion("3.0 with scalars", with_scalars, *_OWN, scalars, *_TYPES)
 """For importers that take no arrays."""

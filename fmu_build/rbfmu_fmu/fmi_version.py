@@ -34,6 +34,8 @@ class FmiVersion:
     """The same of `status`."""
     has_time: bool
     """Whether the time is a variable: the one after those that have a value reference."""
+    course_of_inputs: str
+    """How an importer gives inputs that change within a step."""
     second_folders: dict[str, str] = field(default_factory=dict)
     """A second folder for a platform, where no other platform of an FMU has it: importers there look into it."""
     icon: str = "terminalsAndIcons/icon.png"

@@ -132,6 +132,21 @@ def test_the_page_says_model_frames_variables_and_accuracy(name):
         assert (Path("documentation") / place).as_posix().replace("documentation/../", "") in files
 
 
+@pytest.mark.parametrize(
+    ("version", "python", "unless"),
+    [
+        (FMI2, True, ""),
+        (FMI2, False, ", unless the importer gives their derivatives with respect to time"),
+        (FMI3, False, ", unless the importer sets them in intermediate updates"),
+    ],
+)
+def test_the_page_says_how_inputs_can_change_within_a_step(version, python, unless):
+    assert described("driven").interpolates_inputs
+    made = shown_files(scene("driven"), planned("driven"), described("driven"), version, python)
+    said = Page(made["documentation/index.html"].decode()).text
+    assert f"Inputs are held over a communication step{unless}. " in said
+
+
 def test_a_scene_s_words_are_text_on_the_page():
     words = {"description": "<script>alert(1)</script> & more", "author": "A. <b>Nn", "version": "2", "license": "own"}
     told = Scene.from_dict(TABLES["default"] | {"name": "a<b>&c", "about": words})

@@ -29,15 +29,15 @@ table { border-collapse: collapse; } th, td { text-align: left; vertical-align: 
 th { border-bottom: 1px solid #888; } img { float: right; } code { font-size: 95%; }"""
 
 
-def page(scene: Scene, plan: Plan, d: Description, icon: str) -> str:
-    """Return the page; icon: the place of the FMU's picture."""
+def page(scene: Scene, plan: Plan, d: Description, icon: str, course: str = "") -> str:
+    """Return the page; icon: the place of the FMU's picture; course: how inputs change within a step, if they can."""
     said = [f"<p>{escape(text)}</p>" for text in (d.about["description"], _by_whom(d)) if text]
     parts = [
         f'<h1>{escape(d.name)}</h1>\n<img src="../{icon}" alt="the body and its axes">', *said,
         "<h2>Model</h2>", *_model(scene, plan),
         "<h2>Frames</h2>", f"<p>{escape(FRAMES)}</p>",
         "<h2>Variables</h2>", *_variables(d),
-        "<h2>Accuracy</h2>", *_accuracy(scene, plan, d),
+        "<h2>Accuracy</h2>", *_accuracy(scene, plan, d, course),
         f'<p>Made by rbfmu {rbfmu.__version__}. <a href="licenses/license.txt">Licences</a>.</p>',
     ]  # fmt: skip
     head = f'<meta charset="utf-8">\n<title>{escape(d.name)}</title>\n<style>\n{STYLE}\n</style>'
@@ -62,7 +62,7 @@ def _model(scene: Scene, plan: Plan) -> list[str]:
     ]
 
 
-def _accuracy(scene: Scene, plan: Plan, d: Description) -> list[str]:
+def _accuracy(scene: Scene, plan: Plan, d: Description, course: str) -> list[str]:
     run = scene.run
     lines = [
         f"<p>The accuracy asked is {run.accuracy:g} from t = {run.start:g} s to {run.stop:g} s: the largest error of "
@@ -71,9 +71,10 @@ def _accuracy(scene: Scene, plan: Plan, d: Description) -> list[str]:
         f"communication step is; the scene has {run.step:g} s.</p>"
     ]
     if any(v.causality == "input" for v in d.variables):
+        unless = f", unless the importer {course}" if course else ""
         lines.append(
-            "<p>Inputs are held over a communication step. What this loses against an input that changes meanwhile "
-            "comes on top, and is first order in the communication step.</p>"
+            f"<p>Inputs are held over a communication step{unless}. What is lost by holding an input that changes "
+            "meanwhile comes on top, and is first order in the communication step.</p>"
         )
     return [*lines, f"<p>The output <code>status</code> says how it went: {escape(STATUS_MEANING)}.</p>"]
 

@@ -15,10 +15,11 @@ from rbfmu_fmu.value_references import scalars
 
 def shown_files(scene: Scene, plan: Plan, d: Description, version: FmiVersion, needs_python: bool) -> dict[str, bytes]:
     """Return the files; needs_python: of the pythonfmu kind."""
+    course = version.course_of_inputs if d.interpolates_inputs and not needs_python else ""
     has_arrays = version.references is not scalars
     files = {
         version.icon: picture(scene),
-        "documentation/index.html": page(scene, plan, d, version.icon).encode(),
+        "documentation/index.html": page(scene, plan, d, version.icon, course).encode(),
         "terminalsAndIcons/terminalsAndIcons.xml": xml_bytes(terminals(d, has_arrays)),
         **licenses(needs_python),
     }
