@@ -22,7 +22,8 @@ from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.mechanics.equations_of_motion import state_rates
 from rbfmu_kernels.quantities import BY_NAME, OUTPUT, TRANSLATION, indices, needing
 from rbfmu_kernels.rotations.euler_angles import ZYX, euler_from_quaternion, euler_rate_b
-from rbfmu_kernels.rotations.quaternion import compose_quaternions, invert_quaternion, quaternion_rate_b, rotate
+from rbfmu_kernels.rotations.quaternion import compose_quaternions, rotate
+from rbfmu_kernels.rotations.vec3 import cross, subtract
 
 Array = NDArray[np.float64]
 FREE = ("r_c", "v_c", "rotvec_b", "omega_b")
@@ -108,12 +109,9 @@ class _Point:
         self.inputs = variables(inputs, 3 * len(self.states), self.count)
 
     def turning(self, omega_0: Any, omega: Any) -> list[Any]:
-        """Return the rate of rotvec_b: twice the vector part of d/dt (q_ab(t)* q_ab)."""
-        compose, rate = interpreted(compose_quaternions), interpreted(quaternion_rate_b)
-        invert = interpreted(invert_quaternion)
-        kept = compose(invert(rate(self.q0, omega_0)), self.q_ab)
-        moved = compose(invert(self.q0), rate(self.q_ab, omega))
-        return [2.0 * (a + b) for a, b in zip(kept[1:], moved[1:], strict=True)]
+        """Return the rate of rotvec_b to first order: omega - omega_0 - omega_0 x rotvec_b."""
+        less, carried = interpreted(subtract), interpreted(cross)(omega_0, tuple(self.turned))
+        return [*less(less(omega, omega_0), carried)]
 
     def roll_pitch_yaw(self) -> list[Any]:
         """Return what an error of the attitude makes of rpy; raise ValueError at its pole, as `euler_rate_b` warns."""
