@@ -1,7 +1,7 @@
 """A folder of zarr, which xarray and others read: rows of runs are written in whole chunks of zarr, and once only."""
 
 import errno
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -62,9 +62,9 @@ class ZarrStore:
         self._held = dict(known.rows)
         done = known.progress.chunks * self._work.size
         self._first = done - (len(next(iter(self._held.values()))) if self._held else 0)
-        if 0 < known.runs < self._work.runs:
-            for array in self._arrays_by_run():
-                array.resize((self._work.runs, *array.shape[1:]))
+        if known.runs != self._work.runs:
+            Checkpoint(self._identity, known.progress, known.rows).write(self._file)  # no result until all is done
+            self._give_each_run_a_row()
         return known
 
     def _refuse_others(self) -> None:
@@ -72,8 +72,11 @@ class ZarrStore:
         if self._path.exists() and not (self._path.is_dir() and all(map(_is_ours, self._path.iterdir()))):
             raise FileExistsError(errno.EEXIST, "is no store of an ensemble, and stays as it is", str(self._path))
 
-    def _arrays_by_run(self) -> Iterator[Any]:
-        return (array for _, array in self._group.arrays() if (array.metadata.dimension_names or ())[:1] == ("run",))
+    def _give_each_run_a_row(self) -> None:
+        """Resize arrays by their own length: zarr leaves out, without a word, what is written beyond it."""
+        for _, array in self._group.arrays():
+            if (array.metadata.dimension_names or ())[:1] == ("run",) and array.shape[0] != self._work.runs:
+                array.resize((self._work.runs, *array.shape[1:]))
 
     def put(self, chunk: Chunk) -> None:
         """Take the next chunk."""

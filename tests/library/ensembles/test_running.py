@@ -10,6 +10,7 @@ from rbfmu import EnsembleResult, SceneError, SimulationError, run_ensemble
 from rbfmu.ensembles import executors, running
 from rbfmu.ensembles.chunks import run_chunk
 from rbfmu.ensembles.planning import EnsemblePlan
+from rbfmu.ensembles.storage.zarr_store import ZarrStore
 from rbfmu.runs.plan import Plan
 from tests.support.ensembles.satellite import PLAN, PLANS, assert_same, run, satellite
 
@@ -158,6 +159,27 @@ def test_more_runs_may_follow(scene, tmp_path, store):
     assert_same(more, run(scene, tmp_path / store, runs=163, resume=True))
     with pytest.raises(ValueError, match=r"ensemble.runs = 100: expected 163"):
         run(scene, tmp_path / store, resume=True)
+
+
+@pytest.mark.parametrize("store", STORES)
+def test_more_runs_may_follow_what_was_stopped(scene, tmp_path, monkeypatch, store):
+    more = run(scene, runs=163)
+    with monkeypatch.context() as patch:
+        stopped_after(patch, 2)
+        with pytest.raises(StopError):
+            run(scene, tmp_path / store, executor=1)
+    assert_same(more, run(scene, tmp_path / store, runs=163, resume=True))
+    assert_same(more, EnsembleResult.load(tmp_path / store))
+
+
+def test_a_store_that_is_made_longer_is_no_result_until_it_is_done(scene, tmp_path):
+    """A program that is killed right after that leaves rows of runs that were not done."""
+    run(scene, tmp_path / "store.zarr")
+    longer = scene.replace({"ensemble.runs": 163})
+    ZarrStore(executors.Work(longer, PLANS, 8), tmp_path / "store.zarr").begin(resume=True)
+    with pytest.raises(ValueError, match="has 96 of 163 runs"):
+        EnsembleResult.load(tmp_path / "store.zarr")
+    assert_same(run(longer), run(longer, tmp_path / "store.zarr", resume=True))
 
 
 @pytest.mark.parametrize("store", STORES)
