@@ -111,12 +111,14 @@ class EnsembleResult:
         return drivers_of(self)
 
     def at_end(self, name: str) -> tuple[Array, Array]:
-        """Return mean and standard deviation (k,) of a quantity at the end of the runs that did not fail."""
+        """Return mean and standard deviation (k,) of a quantity at the end of the good runs, NaN of none."""
         if name in self.mean:
             mean, std = self.mean[name][-1], self.std[name][-1]
         else:
             ends = self.ends(name)[self.good]
-            mean, std = ends.mean(axis=0), ends.std(axis=0, ddof=1) if len(ends) > 1 else np.full_like(ends[0], np.nan)
+            unknown = np.full(ends.shape[1:], np.nan)
+            mean = ends.mean(axis=0) if len(ends) else unknown
+            std = ends.std(axis=0, ddof=1) if len(ends) > 1 else unknown
         return np.atleast_1d(mean), np.atleast_1d(std)
 
     def to_xarray(self) -> Any:

@@ -109,6 +109,10 @@ class Statistics:
             new = merged_points(there, new, most, self.chunks >> (level + 1))
         self.levels.append(new)
 
+    def means(self) -> Array:
+        """Return the means (n, K), NaN of no member."""
+        return self.mean if self.count else np.full_like(self.mean, np.nan)
+
     def covariance(self) -> Array:
         """Return the covariances (n, P) of the pairs, NaN of fewer than two members."""
         return self.products / (self.count - 1) if self.count > 1 else np.full_like(self.products, np.nan)

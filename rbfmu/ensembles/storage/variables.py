@@ -108,7 +108,7 @@ def results_of(work: Work, statistics: Statistics | None, rows: Mapping[str, Any
     found[RANK_ERROR] = np.array(0.0 if work.keeps(ALL) else statistics.rank_error)
     split, covariance = work.columns.split, work.columns.matrices(statistics.covariance())
     quantiles = {} if work.keeps(ALL) else split(statistics.quantiles(probabilities))
-    for name, mean in split(statistics.mean).items():
+    for name, mean in split(statistics.means()).items():
         matrix = covariance[name]
         variance = matrix if matrix.ndim == 1 else np.diagonal(matrix, axis1=1, axis2=2)
         found |= {f"{name}_mean": mean, f"{name}_std": np.sqrt(variance), f"{name}_covariance": matrix}

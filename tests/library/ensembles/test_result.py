@@ -42,6 +42,16 @@ def test_failed_runs_are_numbers_nowhere(found):
     assert found.mean["omega_b"][-1] == pytest.approx(found.final["omega_b"][found.good].mean(axis=0), rel=1e-12)
 
 
+@pytest.mark.parametrize("keep", [["final"], ["statistics"], ["statistics", "all"]])
+def test_where_all_runs_fail_nothing_is_a_number(keep):
+    vary = {"body.mass": {"normal": [1e-9, 1.0]}, "loads.damping_b": {"normal": [[0.0] * 3, [1.0] * 3]}}
+    none = run(satellite().replace({"ensemble.vary": vary, "ensemble.keep": keep}), runs=9)
+    assert len(none.failed) == none.runs
+    for name in ("omega_b", "kinetic_energy"):
+        assert np.isnan(none.at_end(name)).all()
+        assert all(np.isnan(kept[name]).all() for kept in (none.mean, none.std, none.quantiles) if name in kept)
+
+
 def test_what_is_not_kept_is_said(found):
     with pytest.raises(KeyError, match="omega_b: not all of the runs is kept; there is nothing"):
         found.all["omega_b"]
