@@ -127,7 +127,7 @@ class EnsembleResult:
         for name, variable in known.items():
             if name in self._arrays:
                 found[name] = (variable.dims, np.asarray(self._arrays[name]), variable.attributes)
-                row = OUTPUT.get(name.rpartition("_")[0])
+                row = OUTPUT.get(name) or OUTPUT.get(name.rpartition("_")[0])
                 if row is not None and row.size > 1:
                     axis = next(dim for dim in variable.dims if dim not in ("run", "time", "probability"))
                     named[axis] = list(row.components)

@@ -12,7 +12,7 @@ from rbfmu.ensembles.statistics import Statistics, exact_quantiles
 from rbfmu.results.tables import AXES
 from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.scene import Scene
-from rbfmu_kernels.quantities import OUTPUT, TIME, Quantity
+from rbfmu_kernels.quantities import OUTPUT, TIME, Load, Quantity
 
 Array = NDArray[np.float64]
 PROBABILITIES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
@@ -73,11 +73,16 @@ def _dims(row: Quantity) -> tuple[str, ...]:
 
 def _attributes(row: Quantity) -> dict[str, Any]:
     attributes = {"units": row.unit, "long_name": row.meaning}
-    frame = next((frame for words, frame in _FRAMES.items() if words in row.meaning), None)
+    frame = _AXES[row.frame] if isinstance(row, Load) else _frame_in(row.meaning)
     return attributes | ({"frame": frame} if frame else {})
 
 
-_FRAMES = {"inertial axes": "a (inertial)", "body axes": "b (body)", "q_ab": "ab (from body to inertial)"}
+def _frame_in(meaning: str) -> str:
+    return next((frame for words, frame in _FRAMES.items() if words in meaning), "")
+
+
+_AXES = {"a": "a (inertial)", "b": "b (body)"}
+_FRAMES = {"inertial axes": _AXES["a"], "body axes": _AXES["b"], "q_ab": "ab (from body to inertial)"}
 
 
 def coordinates(time: Array) -> dict[str, tuple[str, Any, dict[str, str]]]:

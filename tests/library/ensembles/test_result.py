@@ -84,6 +84,13 @@ def test_xarray_has_units_frames_and_names_of_components(found):
     assert data["omega_b_final"].sel(axis="y").values.tobytes() == found.final["omega_b"][:, 1].tobytes()
 
 
+@pytest.mark.parametrize("keep", ["final", "statistics", "all"])
+def test_xarray_names_components_whatever_is_kept(keep):
+    data = run(satellite().replace({"ensemble.keep": [keep]})).to_xarray()
+    assert data["axis"].values.tolist() == ["x", "y", "z"]
+    assert data["parameter"].values.tolist() == ["η", "ε₁", "ε₂", "ε₃"]
+
+
 @pytest.mark.filterwarnings("ignore::zarr.errors.ZarrUserWarning")
 def test_others_read_the_store(found, tmp_path):
     kept = run(satellite().replace({"ensemble.keep": ["final", "statistics", "all"]}), tmp_path / "store.zarr")
