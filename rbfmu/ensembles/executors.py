@@ -11,9 +11,9 @@ from functools import lru_cache
 from typing import Any
 
 from rbfmu.ensembles.chunks import Chunk, Work, run_chunk
+from rbfmu.ensembles.origin import origin
 from rbfmu.exceptions import SimulationError
 from rbfmu.extras import needed
-from rbfmu_kernels.compile.stamp import SOURCES
 
 AHEAD = 3
 """Chunks that are on their way or wait for an earlier one, for each worker: memory is bounded by that."""
@@ -136,19 +136,19 @@ def _losses() -> Iterator[None]:
 
 
 def packed(work: Work) -> bytes:
-    """Return work as bytes, with what tells the kernels that it is for."""
-    return pickle.dumps((SOURCES, work))
+    """Return work as bytes, with what its bits rest on here."""
+    return pickle.dumps((origin(), pickle.dumps(work)))
 
 
 def run_packed(given: bytes, index: int) -> Chunk:
-    """Run a chunk of packed work, which a worker unpacks once. Raises SimulationError where its kernels are others."""
-    sources, work = _unpacked(given)
-    if sources != SOURCES:
-        raise SimulationError("a worker has other kernels, whose bits may be others: expected one version of rbfmu")
-    return run_chunk(work, index)
+    """Run a chunk of packed work, which a worker unpacks once. Raises SimulationError where its bits may be others."""
+    there, work = pickle.loads(given)
+    if other := [name for name, value in there.items() if origin().get(name) != value]:
+        raise SimulationError(f"a worker has another {', '.join(other)}, whose bits may be others: expected the same")
+    return run_chunk(_unpacked(work), index)
 
 
 @lru_cache(maxsize=4)
-def _unpacked(given: bytes) -> tuple[str, Work]:
-    found: tuple[str, Work] = pickle.loads(given)
+def _unpacked(work: bytes) -> Work:
+    found: Work = pickle.loads(work)
     return found

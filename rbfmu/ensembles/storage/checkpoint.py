@@ -6,7 +6,6 @@ import os
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -14,17 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu.ensembles.chunks import STATISTICS, Chunk, Work
+from rbfmu.ensembles.origin import origin
 from rbfmu.ensembles.statistics import Statistics
 from rbfmu.runs.time_grid import communication_steps
-from rbfmu_kernels.compile.stamp import SOURCES, hash_of_sources
 
 Array = NDArray[np.float64]
 EXTENDABLE = ("random", "sobol")
 """Designs of which more members may be asked for later."""
 _HEAD, _KEPT = "resume/head", "resume/statistics/"
-_SOURCES_HERE = hash_of_sources(Path(__file__).parent)
-LIBRARIES = ("numpy", "scipy")
-"""Packages that drawn numbers rest on."""
 
 
 @dataclass
@@ -112,17 +108,8 @@ class Checkpoint:
 def identity_of(work: Work) -> dict[str, Any]:
     """Return what tells an ensemble's bits from those of others, for JSON."""
     plans = [{k: v for k, v in plan.to_dict().items() if k != "reasons"} for plan in work.plans.plans]
-    sources = {"rbfmu_kernels": SOURCES, "rbfmu.ensembles": _SOURCES_HERE}
-    libraries = {name: _version(name) for name in LIBRARIES}
-    found = {"scene": work.scene.to_dict(), "plans": plans, "members of a chunk": work.size}
-    return json.loads(json.dumps(found | {"sources": sources, "versions": libraries}))  # type: ignore[no-any-return]
-
-
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "absent"
+    found = {"scene": work.scene.to_dict(), "plans": plans, "members of a chunk": work.size, "origin": origin()}
+    return json.loads(json.dumps(found))  # type: ignore[no-any-return]
 
 
 def difference(there: Mapping[str, Any], asked: Mapping[str, Any]) -> str:
@@ -135,15 +122,18 @@ def difference(there: Mapping[str, Any], asked: Mapping[str, Any]) -> str:
         return ""
     runs = path == ("scene", "ensemble", "runs")
     if runs and asked["scene"]["ensemble"]["design"] in EXTENDABLE and new > old:
-        without = [_without_runs(identity) for identity in (there, asked)]
-        return difference(*without)
+        return difference(_without(there, "ensemble", "runs"), _without(asked, "ensemble", "runs"))
     name = ".".join(path[1:] if path[0] == "scene" else path)
     return f"{name} = {_short(new)}: expected {_short(old)}, with which the store was begun"
 
 
-def _without_runs(identity: Mapping[str, Any]) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(json.dumps(identity))
-    del found["scene"]["ensemble"]["runs"]
+def _without(identity: Mapping[str, Any], *path: str) -> dict[str, Any]:
+    """Return the identity without a key of its scene."""
+    found: dict[str, Any] = copy.deepcopy(dict(identity))
+    table = found["scene"]
+    for name in path[:-1]:
+        table = table[name]
+    table.pop(path[-1], None)
     return found
 
 

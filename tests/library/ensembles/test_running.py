@@ -9,7 +9,9 @@ import pytest
 from rbfmu import EnsembleResult, SceneError, SimulationError, run_ensemble
 from rbfmu.ensembles import executors, running
 from rbfmu.ensembles.chunks import run_chunk
+from rbfmu.ensembles.origin import origin
 from rbfmu.ensembles.planning import EnsemblePlan
+from rbfmu.ensembles.storage import checkpoint
 from rbfmu.ensembles.storage.zarr_store import ZarrStore
 from rbfmu.runs.plan import Plan
 from tests.support.ensembles.satellite import PLAN, PLANS, assert_same, run, satellite
@@ -94,10 +96,11 @@ def test_an_executor_that_breaks_is_named(scene, tmp_path, whole):
     assert_same(whole, run(scene, tmp_path / "store.npz", resume=True))
 
 
-def test_workers_of_other_sources_are_refused(scene, monkeypatch):
+@pytest.mark.parametrize("name", ["rbfmu_kernels", "rbfmu.ensembles", "rbfmu.scene", "numpy"])
+def test_workers_of_another_origin_are_refused(scene, monkeypatch, name):
     packed = executors.packed(executors.Work(scene, PLANS, 8))
-    monkeypatch.setattr(executors, "SOURCES", "other")
-    with pytest.raises(SimulationError, match="a worker has other kernels"):
+    monkeypatch.setattr(executors, "origin", lambda: origin() | {name: "other"})
+    with pytest.raises(SimulationError, match=f"a worker has another {name}, whose bits"):
         executors.run_packed(packed, 0)
 
 
@@ -214,10 +217,11 @@ def test_a_store_of_another_ensemble_is_refused(scene, tmp_path, store, change, 
     assert "\n" not in str(caught.value)
 
 
-def test_a_store_of_other_kernels_is_refused(scene, tmp_path, monkeypatch):
+@pytest.mark.parametrize("name", ["rbfmu_kernels", "rbfmu.ensembles", "rbfmu.scene", "numpy"])
+def test_a_store_of_another_origin_is_refused(scene, tmp_path, monkeypatch, name):
     run(scene, tmp_path / "store.npz")
-    monkeypatch.setattr("rbfmu.ensembles.storage.checkpoint.SOURCES", "other")
-    with pytest.raises(ValueError, match=r"sources.rbfmu_kernels = \"other\": expected"):
+    monkeypatch.setattr(checkpoint, "origin", lambda: origin() | {name: "other"})
+    with pytest.raises(ValueError, match=f'origin.{name} = "other": expected'):
         run(scene, tmp_path / "store.npz", resume=True)
 
 
