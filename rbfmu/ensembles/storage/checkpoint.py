@@ -115,9 +115,9 @@ def identity_of(work: Work) -> dict[str, Any]:
 def difference(there: Mapping[str, Any], asked: Mapping[str, Any]) -> str:
     """Return what differs first between the ensemble of a store and one that is asked for; empty where nothing does.
 
-    More runs are no difference where members do not depend on how many there are.
+    More runs are no difference where members do not depend on how many there are, nor is what is said about a scene.
     """
-    path, old, new = _first_difference(there, asked, ())
+    path, old, new = _first_difference(_without(there, "about"), _without(asked, "about"), ())
     if not path:
         return ""
     runs = path == ("scene", "ensemble", "runs")

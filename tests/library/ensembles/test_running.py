@@ -225,6 +225,14 @@ def test_a_store_of_another_origin_is_refused(scene, tmp_path, monkeypatch, name
         run(scene, tmp_path / "store.npz", resume=True)
 
 
+@pytest.mark.parametrize("store", STORES)
+def test_what_is_said_about_a_scene_may_change(scene, whole, tmp_path, store):
+    run(scene, tmp_path / store)
+    said = scene.replace({"about.description": "Other words."})
+    assert_same(whole, run(said, tmp_path / store, resume=True))
+    assert_same(whole, EnsembleResult.load(tmp_path / store))
+
+
 def test_a_store_of_another_plan_is_refused(scene, tmp_path):
     run(scene, tmp_path / "store.npz")
     other = EnsemblePlan((Plan(**{**vars(PLAN), "order": 14}),))
