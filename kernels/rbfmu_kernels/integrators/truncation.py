@@ -54,15 +54,15 @@ def truncation(
     power = power_of(h, order - 1)
     last = last_terms(s, RATE, order, h) * power
     rate = math.sqrt(square)
-    turned = last * span
-    last = choose(rate > 0.0, last / choose(rate > 0.0, rate, 1.0), 0.0)
+    turned, slow = last * span, choose(rate > 0.0, rate, 1.0)
+    last = choose(rate > 0.0, last / slow, 0.0)
     if n == RATE_ONLY:
         return last, square
     last = max(last, turned)
     if any_of(alpha_fixed > 0.0):
         off = _relative_end(s, FORCE, order, h, power) + _relative_end(s, TORQUE, order, h, power)
         span = kept * h
-        acting = off * alpha_fixed * span * max(0.5 * span, 1.0 / rate)
+        acting = off * alpha_fixed * span * max(0.5 * span, choose(rate > 0.0, 1.0 / slow, math.inf))
         last = choose(off > 0.0, max(last, acting), last)
     return last, square
 
