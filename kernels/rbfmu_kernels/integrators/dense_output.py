@@ -194,7 +194,7 @@ def _make(
     fixed = space_fixed_loads(body, loads)
     put_factors(s, RATE, state_omega(z, y))
     if fixed.lever_force or fixed.torque:
-        turned_loads(s, q, loads)
+        turned_loads(s, q, loads, fixed)
     motion_series(s, 0, order, 0, body, known_torques(loads, body), fixed)
     end_series(s, RATE, order)
     reach, speed, exact = z[i + _REACH], 1.0, again or n == WHOLE_STATE

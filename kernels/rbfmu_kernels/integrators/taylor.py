@@ -203,7 +203,7 @@ def taylor_advance(
     turned = fixed.lever_force or fixed.torque
     put_factors(s, RATE, state_omega(z, y))
     if turned:
-        turned_loads(s, state_attitude(z, y), now)
+        turned_loads(s, state_attitude(z, y), now, fixed)
     motion_series(s, 0, order, m, body, torques, fixed)
     if n == WHOLE_STATE:
         acceleration_series(s, m, body.inverse_mass, now)
@@ -250,6 +250,6 @@ def taylor_advance(
         if rest > 0.0:
             anew = turned and (fixed.changing or tried % KEPT == 0)
             if anew:
-                turned_loads(s, state_attitude(z, y), now)
+                turned_loads(s, state_attitude(z, y), now, fixed)
             motion_series(s, 0 if n == RATE_ONLY or anew else m, order, 0, body, torques, fixed)
     return OK

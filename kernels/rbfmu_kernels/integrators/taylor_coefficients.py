@@ -175,10 +175,13 @@ def _acceleration_term(s: Any, k: int) -> Vec3:
 
 
 @kernel
-def turned_loads(s: Any, q: Quaternion, loads: LoadPolynomial) -> None:
-    """Set row 0 of the loads that are fixed in a, and of their derivatives, as b sees them."""
+def turned_loads(s: Any, q: Quaternion, loads: LoadPolynomial, fixed: SpaceFixedLoads) -> None:
+    """Set row 0 of the loads that are fixed in a, and of their derivatives, as b sees them; a force without an arm: 0.
+
+    A load that is not 0 here has a series: `truncation` reads its last terms.
+    """
     q_ba = invert_quaternion(q)
-    put_factors(s, FORCE, rotate(q_ba, loads.value.force_a))
+    put_factors(s, FORCE, rotate(q_ba, loads.value.force_a) if fixed.lever_force else (0.0, 0.0, 0.0))
     put_factors(s, TORQUE, rotate(q_ba, loads.value.torque_a))
     put_factors(s, FORCE_RATE, rotate(q_ba, loads.rate.force_a))
     put_factors(s, TORQUE_RATE, rotate(q_ba, loads.rate.torque_a))

@@ -38,8 +38,9 @@ COLUMNS = STATE_BLOCKS | {
     "inertia": 9, "inverse": 9, "arm": 3, "damping": 3, "force_a": 3, "torque_a": 3, "torque_b": 3,
     "size": 1, "count": 1, "rest": 1, "low": 1, "tried": 1, "is_new": 1, "has_failed": 1, "member": 1,
 }  # fmt: skip
-"""State and constants of a lane's body; the step size and the substeps taken; what is left of the communication step,
-as a sum; the tries in it; whether it has just begun, and whether it cannot go on; the body's number, -1 for none."""
+"""State and constants of a lane's body, force_a 0 where it has no arm; the step size and the substeps taken; what is
+left of the communication step, as a sum; the tries in it; whether it has just begun, and whether it cannot go on; the
+body's number, -1 for none."""
 PLACES, COLUMNS_SIZE = places(COLUMNS)
 STATE = 0
 _INERTIA, _INVERSE, _ARM, _DAMPING, FORCE_A, TORQUE_A, TORQUE_B, SIZE, COUNT, REST, LOW, TRIED, IS_NEW, HAS_FAILED = (

@@ -221,7 +221,8 @@ def _load(z: Any, c: Any, lane: int, h: float, member: int) -> None:
     _put_rows(c, _INVERSE, lane, body.inertia_inverse)
     _put(c, _ARM, lane, body.arm_b)
     _put(c, _DAMPING, lane, body.damping_b)
-    _put(c, FORCE_A, lane, loads.value.force_a)
+    lever_force = space_fixed_loads(body, loads).lever_force
+    _put(c, FORCE_A, lane, loads.value.force_a if lever_force else (0.0, 0.0, 0.0))
     _put(c, TORQUE_A, lane, loads.value.torque_a)
     _put(c, TORQUE_B, lane, known_torques(loads, body)[0])
     put_lane_at(c, SIZE, lane, z[STEP_SIZE])

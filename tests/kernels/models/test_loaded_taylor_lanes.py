@@ -24,6 +24,8 @@ KINDS = {
     "a heavy top": {"body": TOP, "loads": {"gravity_a": [0.0, 0.0, -9.81]}},
     "off its axes": {"body": {"mass": 2.0, "inertia": OFF_AXES, "r_oc_b": [0.1, -0.2, 0.3]},
                      "loads": {"force_a": [0.3, 0.1, -0.4], "torque_a": [0.1, 0.0, 0.2]}},
+    "a force at c, and a torque": {"body": TRIAXIAL,
+                                   "loads": {"force_a": [0.3, 0.1, -0.4], "torque_a": [0.1, 0.0, 0.2]}},
     "a force in b": {"body": TRIAXIAL, "loads": {"force_b": [1.0, 0.5, 0.2], "torque_b": [0.1, 0.2, 0.1]}},
 }  # fmt: skip
 OUTPUTS = ["quaternion", "omega_b", "position"]
@@ -46,9 +48,10 @@ def buffers_of(kinds, count, omega=(1.0, 2.0, -1.5), outputs=OUTPUTS, order=12):
     return z
 
 
-def advanced(way, z, steps):
-    """Return buffers after steps in lanes, and the last statuses."""
+def advanced(way, z, steps, stale=0.0):
+    """Return buffers after steps in lanes, and the last statuses; stale: what the lanes' work space holds before."""
     z, scratch, statuses = z.copy(), aligned_zeros(loaded_taylor_lanes.SCRATCH), np.zeros(len(z), dtype=np.int64)
+    scratch[:] = stale
     for h in steps:
         WAYS[way](z, h, scratch, statuses)
     return z, statuses
@@ -93,6 +96,18 @@ def test_lanes_take_all_but_a_force_that_turns_with_the_body(kind):
 @pytest.mark.parametrize("way", WAYS)
 def test_bodies_of_all_kinds_may_come_together(way):
     assert_same(way, buffers_of([*KINDS], 23), [3.0, 5.0])
+
+
+@pytest.mark.parametrize("stale", [1e3, np.nan])
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_a_work_space_holds_from_before_changes_no_bit(kind, stale):
+    z, steps = buffers_of([kind], 5), [4.0, *[0.01] * 20, 5.0, 0.3]
+    z[1, BLOCKS["force_a_rate"]] = z[2, BLOCKS["torque_a_rate"]] = 0.05, 0.1, -0.2
+    z[3, BLOCKS["torque_b_rate_2"]] = 0.05, 0.1, -0.2
+    expected = shown(advanced_alone(z, steps)[0])
+    z[:, BLOCKS["work"]] = stale
+    np.testing.assert_array_equal(shown(advanced_alone(z, steps)[0]), expected)
+    np.testing.assert_array_equal(shown(advanced(8, z, steps, stale)[0]), expected)
 
 
 def test_short_steps_that_a_series_reaches_over_are_the_same_too():
