@@ -33,8 +33,9 @@ def ensemble(
     A run has the same numbers on any number of workers, in one go or resumed.
     """
     from rbfmu.ensembles.executors import executor_of
+    from rbfmu.ensembles.members.samples import with_runs
     from rbfmu.ensembles.planning import plan_ensemble
-    from rbfmu.ensembles.running import run_ensemble
+    from rbfmu.ensembles.running import check_store, run_ensemble
 
     check_target(output, "--output", STORES)
     check_target(plot, "--plot", PICTURES)
@@ -42,12 +43,15 @@ def ensemble(
         raise click.UsageError("--resume: expected --output with the store to go on with")
     if workers and scheduler:
         raise click.UsageError("--workers: expected no --scheduler with it, which has workers of its own")
-    with given_scene(scene, run) as loaded, usage_errors(), executor_of(workers, scheduler) as executor:
+    with given_scene(scene, run) as loaded, usage_errors():
+        check_store(output, resume)
         if plot:
             needed("scipy.stats", "ensemble")  # known to be there before anything runs
-        with planning_bar(loaded.name) as bar:
-            planned = plan_ensemble(loaded, bar)
-        found = run_ensemble(loaded, output, executor, runs, resume, planned=planned)
+        asked = with_runs(loaded, runs)
+        with executor_of(workers, scheduler) as executor:
+            with planning_bar(asked.name) as bar:
+                planned = plan_ensemble(asked, bar)
+            found = run_ensemble(asked, output, executor, resume=resume, planned=planned)
         if plot:
             found.plot(plot)
     print_ensemble(planned, found)

@@ -8,11 +8,12 @@ from typing import Any
 
 from rbfmu.ensembles.chunks import Chunk, Work, members_of_a_chunk
 from rbfmu.ensembles.executors import chunks_in_order
-from rbfmu.ensembles.members.samples import ensemble_of
+from rbfmu.ensembles.members.samples import with_runs
 from rbfmu.ensembles.planning import EnsemblePlan, plan_ensemble
 from rbfmu.ensembles.result import EnsembleResult
 from rbfmu.ensembles.storage.checkpoint import Checkpoint, Progress
-from rbfmu.ensembles.storage.store import MemoryStore, Store
+from rbfmu.ensembles.storage.store import MemoryStore, Store, refuse_existing
+from rbfmu.extras import needed
 from rbfmu.progress import members_bar
 from rbfmu.scene.argument import of_scene_or_path
 from rbfmu.scene.scene import Scene
@@ -40,10 +41,9 @@ def run_ensemble(
     planned: a plan, used as it is. Raises SceneError, SimulationError where the executor fails, FileExistsError and
     ValueError where the store is there already or is of another ensemble.
     """
-    ensemble_of(scene)
-    if runs is not None:
-        scene = scene.replace({"ensemble.runs": runs})
-    plans = planned or plan_ensemble(scene)
+    check_store(store, resume)
+    scene = with_runs(scene, runs)
+    plans = plan_ensemble(scene) if planned is None else planned
     work = Work(scene, plans, members_of_a_chunk(scene, plans))
     place = _store(work, store)
     with _named(store):
@@ -53,6 +53,20 @@ def run_ensemble(
         else:
             failed = known.progress.failed
         return EnsembleResult(scene, place.arrays(), failed)
+
+
+def check_store(store: str | Path | None, resume: bool) -> None:
+    """Refuse what cannot be a store, or is one already, before anything is planned.
+
+    Raises ValueError, ModuleNotFoundError without zarr, FileExistsError.
+    """
+    if store is None:
+        return
+    if Path(store).suffix not in (".npz", ".zarr"):
+        raise ValueError(f"store = {str(store)!r}: expected a name that ends in .npz or .zarr")
+    if Path(store).suffix == ".zarr":
+        needed("zarr", "ensemble")
+    refuse_existing(Path(store), resume)
 
 
 @contextmanager
@@ -67,10 +81,8 @@ def _named(store: str | Path | None) -> Iterator[None]:
 
 
 def _store(work: Work, path: str | Path | None) -> Store:
-    if path is None or Path(path).suffix == ".npz":
+    if path is None or Path(path).suffix != ".zarr":
         return MemoryStore(work, None if path is None else Path(path))
-    if Path(path).suffix != ".zarr":
-        raise ValueError(f"store = {str(path)!r}: expected a name that ends in .npz or .zarr")
     from rbfmu.ensembles.storage.zarr_store import ZarrStore
 
     return ZarrStore(work, Path(path))

@@ -47,6 +47,12 @@ def ensemble_of(scene: Scene) -> Ensemble:
     return scene.ensemble
 
 
+def with_runs(scene: Scene, runs: int | None) -> Scene:
+    """Return the scene with so many runs, if any are given. Raises SceneError without an ensemble, or of a grid."""
+    ensemble_of(scene)
+    return scene if runs is None else scene.replace({"ensemble.runs": runs})
+
+
 def draw(scene: Scene, first: int, count: int) -> Samples:
     """Return `count` >= 1 members from number `first` on; a member's row is the same whichever others are asked for.
 

@@ -87,11 +87,16 @@ class MemoryStore:
 
 def checkpoint_of(store: Path, file: Path, identity: Mapping[str, Any], resume: bool) -> Checkpoint | None:
     """Return the checkpoint of a store, None where there is none yet. Raises FileExistsError, ValueError."""
-    if not resume and store.exists():
-        raise FileExistsError(errno.EEXIST, "exists already, and stays as it is; --resume goes on with it", str(store))
+    refuse_existing(store, resume)
     if not file.exists():
         return None
     known = Checkpoint.read(file)
     if found := difference(known.identity, identity):
         raise ValueError(f"{store}: of another ensemble: {found}")
     return known
+
+
+def refuse_existing(store: Path, resume: bool) -> None:
+    """Raise FileExistsError for a store that is there and is not to be resumed."""
+    if not resume and store.exists():
+        raise FileExistsError(errno.EEXIST, "exists already, and stays as it is; --resume goes on with it", str(store))

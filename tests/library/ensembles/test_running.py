@@ -2,6 +2,7 @@
 
 import concurrent.futures as cf
 import multiprocessing
+import sys
 import threading
 
 import pytest
@@ -238,6 +239,27 @@ def test_a_store_of_another_plan_is_refused(scene, tmp_path):
     other = EnsemblePlan((Plan(**{**vars(PLAN), "order": 14}),))
     with pytest.raises(ValueError, match="plans"):
         run_ensemble(scene, tmp_path / "store.npz", resume=True, planned=other, progress=False)
+
+
+@pytest.fixture
+def unplanned(monkeypatch):
+    """Nothing may be planned."""
+
+    def planned(*_):
+        raise AssertionError
+
+    monkeypatch.setattr(running, "plan_ensemble", planned)
+
+
+def test_what_cannot_run_is_refused_before_it_is_planned(scene, tmp_path, monkeypatch, unplanned):
+    (tmp_path / "store.npz").touch()
+    with pytest.raises(FileExistsError, match="exists already"):
+        run_ensemble(scene, tmp_path / "store.npz")
+    with pytest.raises(ValueError, match=r"expected a name that ends in .npz or .zarr"):
+        run_ensemble(scene, tmp_path / "store.csv")
+    monkeypatch.setitem(sys.modules, "zarr", None)
+    with pytest.raises(ModuleNotFoundError, match="zarr is not installed"):
+        run_ensemble(scene, tmp_path / "store.zarr")
 
 
 @pytest.mark.parametrize("name", ["store", "store.csv"])

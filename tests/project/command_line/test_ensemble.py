@@ -12,6 +12,7 @@ def test_it_prints_what_was_planned_what_failed_and_how_the_runs_end(tmp_path):
     assert found.exit_code == 0, found.stderr
     result = EnsembleResult.load(tmp_path / "store.npz")
     assert found.stdout.startswith("body under loads, by series: Taylor series of order ")
+    assert "\none plan for all 400 members; " in found.stdout
     assert f"400 runs, {len(result.failed)} of them failed, 0 drawn again\n" in found.stdout
     index, message = next(iter(result.failed.items()))
     assert f"run {index}: {message}\n" in found.stdout
@@ -31,6 +32,28 @@ def test_a_store_goes_on_and_grows(tmp_path):
     other = call("ensemble", FILE, "-o", store, "--resume", "--runs", 150, "--stop", 3.0)
     assert other.exit_code == 2
     assert "run.stop = 3.0: expected 2.0, with which the store was begun" in other.stderr
+
+
+def test_advice_is_about_the_runs_that_are_asked_for(tmp_path):
+    scene = tmp_path / "sobol.toml"
+    scene.write_text(FILE.read_text().replace("[ensemble]", '[ensemble]\ndesign = "sobol"'))
+    found = call("ensemble", scene, "--runs", 20)
+    assert found.exit_code == 0, found.stderr
+    assert "runs is a power of 2: 16 or 32 in place of 20\n" in found.stdout
+
+
+def test_what_cannot_run_is_refused_before_anything_is_planned(tmp_path, monkeypatch):
+    monkeypatch.delattr("rbfmu.ensembles.planning.plan")
+    (tmp_path / "store.npz").touch()
+    found = call("ensemble", FILE, "-o", tmp_path / "store.npz")
+    assert (found.exit_code, type(found.exception)) == (2, SystemExit)
+    assert "exists already" in found.stderr
+    grid = tmp_path / "grid.toml"
+    vary = '[ensemble]\ndesign = "grid"\n[ensemble.vary]\n"body.mass" = { uniform = [40.0, 60.0], points = 4 }\n'
+    grid.write_text(FILE.read_text().partition("[ensemble]")[0] + vary)
+    found = call("ensemble", grid, "--runs", 5)
+    assert (found.exit_code, type(found.exception)) == (2, SystemExit)
+    assert "ensemble.runs = 5: expected no such key, or 4: the points of the grid" in found.stderr
 
 
 @pytest.mark.parametrize(("arguments", "said"), [
