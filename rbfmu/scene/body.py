@@ -68,6 +68,17 @@ def _principal_axes(M: Matrix) -> tuple[Vec3, Matrix]:
     return evaluated(_inertia.principal_axes, M)
 
 
+def _least_moment(M: Matrix) -> float:
+    """Return the moment up to which one counts as zero, kg m2."""
+    return _inertia.INERTIA_TOLERANCE * evaluated(_inertia.trace, M)
+
+
+def axis_without_moment(M: Matrix) -> Vec3 | None:
+    """Return the axis about which an inertia (kg m2) has no moment, if there is one."""
+    (low, _, _), R = _principal_axes(M)
+    return (R[0][0], R[1][0], R[2][0]) if low <= _least_moment(M) else None
+
+
 def _moments(M: Matrix) -> str:
     return ", ".join(f"{moment:.6g}" for moment in _principal_axes(M)[0])
 
@@ -192,17 +203,9 @@ class Body(Section):
         return self.M_o if self.pivot else self.M_c
 
     @property
-    def _least_moment(self) -> float:
-        """Return the moment up to which one counts as zero, kg m2."""
-        return _inertia.INERTIA_TOLERANCE * evaluated(_inertia.trace, self.M)
-
-    @property
     def axis_without_inertia(self) -> Vec3 | None:
         """Return the body axis about which `M` has no moment (a slender beam's own), if there is one."""
-        (low, _, _), R = _principal_axes(self.M)
-        if low > self._least_moment:
-            return None
-        return R[0][0], R[1][0], R[2][0]
+        return axis_without_moment(self.M)
 
     @classmethod
     def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
@@ -241,6 +244,6 @@ class Body(Section):
         """Yield a fault if `M` is not finite or two of its moments are zero: a free point mass has no attitude."""
         if not all(map(math.isfinite, flattened(self.M))):
             yield fault("body.r_oc_b", self.r_oc_b, f"a distance whose inertia about o is finite ({_UNIT})")
-        elif _principal_axes(self.M)[0][1] <= self._least_moment:
+        elif _principal_axes(self.M)[0][1] <= _least_moment(self.M):
             about = "o, the pivot" if self.pivot else "the centre of mass"
             yield fault("body.inertia", self.inertia, f"at most one zero moment about {about} (a slender beam has one)")

@@ -6,7 +6,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field, field_serializer
 
-from rbfmu.scene.body import SHAPES, Body
+from rbfmu.scene.body import SHAPES, Body, axis_without_moment
 from rbfmu.scene.correlation import Correlation
 from rbfmu.scene.fields import Names, OneOf, Rule, SceneError, fault, joined
 from rbfmu.scene.marginals import FIXED, NORMAL, RELATIVE, Marginal, components
@@ -21,8 +21,6 @@ from rbfmu.scene.variations import (
     Variation,
     read_variations,
 )
-from rbfmu_kernels.compile.tiered import evaluated
-from rbfmu_kernels.mechanics import inertia
 
 RANDOM, SOBOL, LATIN_HYPERCUBE, GRID = DESIGNS = ("random", "sobol", "latin_hypercube", "grid")
 CHOICE = " or ".join(f'"{name}"' for name in DESIGNS)
@@ -267,18 +265,13 @@ def _faults_of_relative(variation: Variation, path: str, good: Mapping[str, Any]
     if section is None:
         return
     if variation.key == INERTIA:
-        if _is_beam(good["body"]):
+        if axis_without_moment(good["body"].M_c) is not None:
             yield fault(path, variation.table, "body.mass, or the length of its shape: a beam's two moments are equal")
         return
     relative = zip(variation.marginals, nominal_value(variation.key, good), strict=True)
     if zero := next((m.name for m, x in relative if m.varies and x == 0.0), ""):
         expected = f"0 for {zero}, as it is 0 in the scene; or a distribution that is not relative"
         yield fault(f"{path}.{RELATIVE}", variation.table[RELATIVE], expected)
-
-
-def _is_beam(body: Body) -> bool:
-    (low, _, high), _ = evaluated(inertia.principal_axes, body.M_c)
-    return low <= inertia.INERTIA_TOLERANCE * high
 
 
 def nominal_value(key: str, sections: Mapping[str, Any]) -> list[float]:

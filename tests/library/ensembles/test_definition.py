@@ -130,6 +130,7 @@ def test_an_inertia_that_varies_outright_does_not_follow_the_shape():
 
 
 BEAM = {"mass": 1.0, "shape": {"kind": "beam", "length": 1.0}}
+ALMOST_BEAM = {"mass": 1.0, "inertia": [1.5e-12, 1.0, 1.0]}
 NORMAL = {"normal": [[0, 0, 0], 1]}
 FAULTS = [
     ({"vary": {}}, "ensemble.vary = {}: expected a table: keys of the scene"),
@@ -192,6 +193,7 @@ FAULTS = [
     ({"vary": {"body.inertia": {"normal": [np.eye(3).tolist(), 0.1], "axes_deg": 1}}}, "a matrix has its axes"),
     ({"vary": {"body.inertia": {"normal": [[[1, 1, 0], [0, 1, 0], [0, 0, 1]], 0.1]}}}, "a symmetric matrix"),
     ({"vary": {"body.inertia": {"relative": 0.1}}, "body": BEAM}, "a beam's two moments are equal"),
+    ({"vary": {"body.inertia": {"relative": 0.1}}, "body": ALMOST_BEAM}, "body.mass, or the length of its shape"),
     ({"vary": {"body.shape.radius": {"normal": [1, 0.1]}}}, "expected no such key without body.shape"),
     ({"vary": {"body.shape.sides": NORMAL}, "body": SPHERE}, "expected a sphere with radius"),
     (
