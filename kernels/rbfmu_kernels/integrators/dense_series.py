@@ -64,9 +64,15 @@ def end_series(s: Any, u: int, order: int) -> None:
 
 
 @kernel
+def turning_of(omega: Vec3, alpha: Vec3) -> float:
+    """Return how fast a motion of this rate and angular acceleration turns, rad/s."""
+    return norm(omega) + math.sqrt(norm(alpha))
+
+
+@kernel
 def likely_reach(s: Any, order: int, longest: float) -> float:
     """Return how far series of an order, of which omega's is there, reach at most if they turn; at most `longest`."""
-    turning = norm(vec3_at(s, RATE)) + math.sqrt(norm(vec3_at(s, term(RATE, 1))))
+    turning = turning_of(vec3_at(s, RATE), vec3_at(s, term(RATE, 1)))
     return min(longest, order / turning) if turning > 0.0 else longest
 
 

@@ -83,7 +83,7 @@ def _advance_by_new_series(z: Any, h: float) -> int:
     copy_numbers(z, _SERIES, _SERIES_BEFORE, KEPT_SIZE)
     body, loads = body_of(z), load_polynomial_of(z)
     n, order, rest = integrated(z, body, loads), int(z[_ORDER]), h
-    if _may_serve_others(z, h):
+    if is_series_tried(z, h):
         rest = follow_series(
             z, STATE_START, _WORK, _SERIES, STEP_SIZE, n, order, h, z[_TOLERANCE], z[_SPAN], body, loads
         )
@@ -103,11 +103,9 @@ def _advance_by_new_series(z: Any, h: float) -> int:
 
 
 @kernel
-def _may_serve_others(z: Any, h: float) -> bool:
-    """Return whether a series is likely to reach over further steps like this one."""
+def is_series_tried(z: Any, h: float) -> bool:
+    """Return whether a series that serves further steps like this one is likely enough for one to be made."""
     steady = holds_inputs(z, _HELD) and z[_TOLERANCE] < math.inf
-    if not steady:
-        z[_SERIES] = NONE
     return bool(steady and z[_SERIES + WAIT] <= 0.0 and h * LEAST_REACH <= z[STEP_SIZE])
 
 

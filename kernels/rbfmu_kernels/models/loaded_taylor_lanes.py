@@ -7,12 +7,13 @@ vector; those of a step that lanes do not know are taken alone.
 import math
 from typing import Any
 
-from ..body.driven import STEP_SIZE, finish_steadily, holds_inputs, integrated, keep, keep_inputs, load_polynomial_of
+from ..body.driven import STEP_SIZE, finish_steadily, integrated, keep, keep_inputs, load_polynomial_of
 from ..body.memory import STATE_START, body_of
 from ..buffer import OK
 from ..compile.decorator import kernel
 from ..compile.wide_arrays import eight_wide, four_wide, lane_at, put_lane_at, width_of
 from ..integrators.dense_output import LEAST_REACH, NONE, PATIENCE, WAIT
+from ..integrators.dense_series import turning_of
 from ..integrators.rigid_body_state import ROTATION, WHOLE_STATE, state_attitude, state_omega
 from ..integrators.taylor_coefficients import WORK, SpaceFixedLoads, known_torques, space_fixed_loads
 from ..integrators.taylor_lanes import (
@@ -34,9 +35,9 @@ from ..integrators.taylor_lanes import (
     take_substeps,
 )
 from ..mechanics.equations_of_motion import angular_acceleration
-from ..rotations.vec3 import is_nonzero, norm
+from ..rotations.vec3 import is_nonzero
 from ..types import Matrix, Vec3
-from .loaded_taylor import BLOCKS, initialize, step
+from .loaded_taylor import BLOCKS, initialize, is_series_tried, step
 
 _TOLERANCE, _SPAN, _ORDER, _WORK = (BLOCKS[n].start for n in ("tolerance", "span", "order", "work"))
 _SERIES, _HELD = BLOCKS["is_alive"].start, BLOCKS["held_inputs"].start
@@ -146,13 +147,11 @@ def _advance(buffers: Any, h: float, c: Any, s: Any, statuses: Any) -> None:
 def _kind(z: Any, h: float) -> Kind:
     body, loads = body_of(z), load_polynomial_of(z)
     n, order, fixed = integrated(z, body, loads), int(z[_ORDER]), space_fixed_loads(body, loads)
-    held = holds_inputs(z, _HELD)
-    served = z[_SERIES] != NONE or (held and z[_SERIES + WAIT] <= 0.0 and h * LEAST_REACH <= z[STEP_SIZE])
+    served = z[_SERIES] != NONE or is_series_tried(z, h)
     if served and z[_SERIES] == NONE:
         q, omega = state_attitude(z, STATE_START), state_omega(z, STATE_START)
         alpha = angular_acceleration(q, omega, body, loads.value)
-        turning = norm(omega) + math.sqrt(norm(alpha))
-        served = n != ROTATION or not order < _SURELY * LEAST_REACH * h * turning
+        served = n != ROTATION or not order < _SURELY * LEAST_REACH * h * turning_of(omega, alpha)
     if served or fixed.changing or n == WHOLE_STATE or not (h > 0.0 and z[_TOLERANCE] < math.inf):
         n = 0
     M = body.inertia
@@ -242,7 +241,7 @@ def _unload(z: Any, c: Any, lane: int, n: int, h: float) -> int:
         z[STATE_START + k] = lane_at(c, STATE + k, lane)
     if finish_steadily(z, n, h) != OK:
         return step(z, h)
-    if holds_inputs(z, _HELD) and z[_SERIES + WAIT] <= 0.0 and h * LEAST_REACH <= z[STEP_SIZE]:
+    if is_series_tried(z, h):
         z[_SERIES + WAIT] = PATIENCE
     z[_SERIES] = NONE
     z[_SERIES + WAIT] -= 1.0
