@@ -10,7 +10,7 @@ from typing import Any
 from ..buffer import MAX_SUBSTEPS, places
 from ..buffer_access import matrix_at, vec3_at
 from ..compile.decorator import kernel
-from ..compile.wide import all_of, any_of, choose
+from ..compile.wide import alike, all_of, any_of, choose
 from ..mechanics.equations_of_motion import Body
 from ..rotations.quaternion import compose_quaternions, invert_quaternion, rotate
 from ..types import Vec3
@@ -63,8 +63,7 @@ def _bodies(c: Any) -> Body:
 @kernel
 def _torques(c: Any) -> Torques:
     """Return coefficients of the torque that is known in b, of which only the first is not zero."""
-    x = c[REST]
-    zero = choose(x > 0.0, 0.0, 0.0)
+    zero = alike(c[REST], 0.0)
     return vec3_at(c, TORQUE_B), (zero, zero, zero), (zero, zero, zero)
 
 
@@ -108,7 +107,7 @@ def begin_substeps(c: Any, s: Any, n: int, order: int, fixed: SpaceFixedLoads) -
 def take_substeps(c: Any, s: Any, n: int, order: int, tolerance: float, span: float, fixed: SpaceFixedLoads) -> None:
     """Take a substep in each lane, whose size meets the tolerance there."""
     body, rest, low = _bodies(c), c[REST], c[LOW]
-    acceleration = 0.0 * rest
+    acceleration = alike(rest, 0.0)
     if fixed.lever_force or fixed.torque:
         acceleration = _space_fixed_acceleration(s, body, fixed)
     part, count, excess = _try_substeps(c, s, n, order, acceleration, tolerance, span)
