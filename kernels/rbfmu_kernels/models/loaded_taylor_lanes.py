@@ -54,21 +54,6 @@ torque fixed in a acts, whether the inertia is diagonal. The first is 0 where la
 
 
 @kernel(inline=False)
-def advance_in_four(buffers: Any, h: float, scratch: Any, statuses: Any) -> None:
-    """Advance models' buffers (n, SIZE) by h, four side by side.
-
-    statuses (n,): in, OK where a buffer is to be advanced; out, what `step` returns of those.
-    """
-    _advance(buffers, h, four_wide(scratch, 0), four_wide(scratch, 4 * COLUMNS_SIZE), statuses)
-
-
-@kernel(inline=False)
-def advance_in_eight(buffers: Any, h: float, scratch: Any, statuses: Any) -> None:
-    """Do the same, eight side by side."""
-    _advance(buffers, h, eight_wide(scratch, 0), eight_wide(scratch, 8 * COLUMNS_SIZE), statuses)
-
-
-@kernel(inline=False)
 def run_in_four(
     base: Any, places: Any, values: Any, steps: Any, kept: Any, rows: Any, ends: Any, buffers: Any, statuses: Any,
     scratch: Any,
@@ -107,7 +92,7 @@ def _run(
             if statuses[i] == OK:
                 _record(buffers[i], kept, rows[first + i, 0])
         for k in range(len(steps)):
-            _advance(buffers[:count], steps[k], c, s, statuses[:count])
+            advance(buffers[:count], steps[k], c, s, statuses[:count])
             for i in range(count):
                 if statuses[i] == OK:
                     ends[first + i, 1] = k + 1
@@ -130,7 +115,12 @@ def _record(z: Any, kept: Any, row: Any) -> None:
 
 
 @kernel
-def _advance(buffers: Any, h: float, c: Any, s: Any, statuses: Any) -> None:
+def advance(buffers: Any, h: float, c: Any, s: Any, statuses: Any) -> None:
+    """Advance models' buffers (n, SIZE) by h, as many side by side as are in c.
+
+    c, s: lanes of `COLUMNS_SIZE` and of `WORK` numbers. statuses (n,): in, OK where a buffer is to be advanced; out,
+    what `step` returns of those.
+    """
     for i in range(len(buffers)):
         if statuses[i] == OK:
             statuses[i] = _PENDING

@@ -8,12 +8,28 @@ from rbfmu.runs.model_buffer import aligned_zeros, filled_buffer
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.buffer import OK, STEP_REJECTED
-from rbfmu_kernels.models import loaded_taylor, loaded_taylor_lanes
+from rbfmu_kernels.compile.decorator import kernel
+from rbfmu_kernels.compile.wide_arrays import eight_wide, four_wide
+from rbfmu_kernels.integrators.taylor_lanes import COLUMNS_SIZE
+from rbfmu_kernels.models import loaded_taylor
+from rbfmu_kernels.models.loaded_taylor_lanes import SCRATCH, advance
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="lanes are compiled code")
 
 BLOCKS = loaded_taylor.BLOCKS
-WAYS = {4: loaded_taylor_lanes.advance_in_four, 8: loaded_taylor_lanes.advance_in_eight}
+
+
+@kernel
+def _in_four(buffers, h, scratch, statuses):
+    advance(buffers, h, four_wide(scratch, 0), four_wide(scratch, 4 * COLUMNS_SIZE), statuses)
+
+
+@kernel
+def _in_eight(buffers, h, scratch, statuses):
+    advance(buffers, h, eight_wide(scratch, 0), eight_wide(scratch, 8 * COLUMNS_SIZE), statuses)
+
+
+WAYS = {4: _in_four, 8: _in_eight}
 OFF_AXES = [[1.0, 0.1, 0.05], [0.1, 1.2, 0.02], [0.05, 0.02, 1.5]]
 TRIAXIAL = {"mass": 2.0, "inertia": [1.0, 1.5, 2.0]}
 TOP = {"mass": 1.0, "inertia": [1.0, 1.25, 0.3], "r_oc_b": [0.0, 0.0, 0.125], "pivot": True}
@@ -50,7 +66,7 @@ def buffers_of(kinds, count, omega=(1.0, 2.0, -1.5), outputs=OUTPUTS, order=12):
 
 def advanced(way, z, steps, stale=0.0):
     """Return buffers after steps in lanes, and the last statuses; stale: what the lanes' work space holds before."""
-    z, scratch, statuses = z.copy(), aligned_zeros(loaded_taylor_lanes.SCRATCH), np.zeros(len(z), dtype=np.int64)
+    z, scratch, statuses = z.copy(), aligned_zeros(SCRATCH), np.zeros(len(z), dtype=np.int64)
     scratch[:] = stale
     for h in steps:
         WAYS[way](z, h, scratch, statuses)
@@ -88,8 +104,8 @@ def test_a_body_in_a_lane_has_the_bits_that_it_has_alone(kind, way):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_lanes_take_all_but_a_force_that_turns_with_the_body(kind):
-    scratch, statuses = aligned_zeros(loaded_taylor_lanes.SCRATCH), np.zeros(11, dtype=np.int64)
-    loaded_taylor_lanes.advance_in_eight(buffers_of([kind], 11), 4.0, scratch, statuses)
+    scratch, statuses = aligned_zeros(SCRATCH), np.zeros(11, dtype=np.int64)
+    _in_eight(buffers_of([kind], 11), 4.0, scratch, statuses)
     assert scratch.any() == (kind != "a force in b")
 
 
@@ -146,6 +162,6 @@ def test_a_body_that_cannot_go_on_is_refused_and_the_others_go_on(way):
 def test_a_body_whose_status_is_not_ok_is_left_as_it_is():
     z = buffers_of(["a torque in b"], 5)
     after, statuses = z.copy(), np.array([OK, STEP_REJECTED, OK, OK, OK])
-    loaded_taylor_lanes.advance_in_four(after, 4.0, aligned_zeros(loaded_taylor_lanes.SCRATCH), statuses)
+    _in_four(after, 4.0, aligned_zeros(SCRATCH), statuses)
     np.testing.assert_array_equal(after[1], z[1])
     assert statuses.tolist() == [OK, STEP_REJECTED, OK, OK, OK]
