@@ -153,40 +153,26 @@ def _compared(sign: str) -> Callable[..., Any]:
     return lambda builder, a, b: (builder.fcmp_unordered if sign == "!=" else builder.fcmp_ordered)(sign, a, b)
 
 
-def _register_copysign() -> None:
-    def make(builder: Any, a: Any, b: Any) -> Any:
-        kind, module = a.type, builder.module
-        full = f"llvm.copysign.v{kind.count}f64"
-        known = module.globals.get(full) or ir.Function(module, ir.FunctionType(kind, [kind, kind]), full)
-        return builder.call(known, [a, b])
-
-    _register_binary(math.copysign, WideType, make)
-
-
 def _intrinsic(name: str) -> Callable[..., Any]:
-    def make(builder: Any, number: Any) -> Any:
-        kind, module = number.type, builder.module
+    def make(builder: Any, *numbers: Any) -> Any:
+        kind, module = numbers[0].type, builder.module
         full = f"{name}.v{kind.count}f64"
-        known = module.globals.get(full) or ir.Function(module, ir.FunctionType(kind, [kind]), full)
-        return builder.call(known, [number])
+        known = module.globals.get(full) or ir.Function(module, ir.FunctionType(kind, [kind] * len(numbers)), full)
+        return builder.call(known, numbers)
 
     return make
 
 
-for _function, _make in {
-    operator.add: lambda builder, a, b: builder.fadd(a, b),
-    operator.sub: lambda builder, a, b: builder.fsub(a, b),
-    operator.mul: lambda builder, a, b: builder.fmul(a, b),
-    operator.truediv: lambda builder, a, b: builder.fdiv(a, b),
-    max: lambda builder, a, b: builder.select(builder.fcmp_ordered(">", b, a), b, a),
+for _functions, _make in {
+    (operator.add, operator.iadd): lambda builder, a, b: builder.fadd(a, b),
+    (operator.sub, operator.isub): lambda builder, a, b: builder.fsub(a, b),
+    (operator.mul, operator.imul): lambda builder, a, b: builder.fmul(a, b),
+    (operator.truediv,): lambda builder, a, b: builder.fdiv(a, b),
+    (max,): lambda builder, a, b: builder.select(builder.fcmp_ordered(">", b, a), b, a),
+    (math.copysign,): _intrinsic("llvm.copysign"),
 }.items():
-    _register_binary(_function, WideType, _make)
-for _function, _in_place in {
-    operator.iadd: lambda builder, a, b: builder.fadd(a, b),
-    operator.isub: lambda builder, a, b: builder.fsub(a, b),
-    operator.imul: lambda builder, a, b: builder.fmul(a, b),
-}.items():
-    _register_binary(_function, WideType, _in_place)
+    for _function in _functions:
+        _register_binary(_function, WideType, _make)
 for _sign, _comparison in {
     "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq, "!=": operator.ne,
 }.items():  # fmt: skip
@@ -195,9 +181,6 @@ _register_unary(operator.neg, lambda builder, a: builder.fneg(a))
 _register_unary(abs, _intrinsic("llvm.fabs"))
 _register_unary(math.sqrt, _intrinsic("llvm.sqrt"))
 _register_unary(math.ceil, _intrinsic("llvm.ceil"))
-
-
-_register_copysign()
 
 
 # Conditions
@@ -215,12 +198,6 @@ def _register_logic(function: Callable[..., Any], make: Callable[..., Any]) -> N
 
 _register_logic(operator.and_, lambda builder, a, b: builder.and_(a, b))
 _register_logic(operator.or_, lambda builder, a, b: builder.or_(a, b))
-register(
-    operator.invert,
-    lambda a: a if _is_mask(a) else None,
-    lambda context, builder, signature, args: builder.not_(args[0]),
-    (MaskType,),
-)
 
 
 def _register_summary(function: Callable[..., Any], sign: str, bits_of: Callable[[int], int]) -> None:

@@ -30,7 +30,7 @@ def _arithmetic(s):
     s[10] = max(abs(x), 1.0)
     s[11] = math.sqrt(math.ceil(abs(x)))
     s[12] = -x - 1
-    s[13] = choose(~((x >= 0.0) & (s[1] < 0.0)) | (s[2] <= 0.0), 1.0, 0.0)
+    s[13] = choose(((x >= 0.0) & (s[1] < 0.0)) | (s[2] <= 0.0), 1.0, 0.0)
     s[14] = 3.0
     four = multiply_lanes(lanes_at(s, 0), lanes(s[3], 2.0, s[5], 0.5))
     put_lanes(s, 15, add_lanes(four, lanes(1.0, 2.0, 3.0, 4.0)))
@@ -63,7 +63,7 @@ def test_each_lane_is_plain_arithmetic(width, run):
     np.testing.assert_array_equal(found[10], np.maximum(abs(x), 1.0))
     np.testing.assert_array_equal(found[11], np.sqrt(np.ceil(abs(x))))
     np.testing.assert_array_equal(found[12], -x - 1.0)
-    np.testing.assert_array_equal(found[13], ~((x >= 0.0) & (s[1] < 0.0)) | (s[2] <= 0.0))
+    np.testing.assert_array_equal(found[13], ((x >= 0.0) & (s[1] < 0.0)) | (s[2] <= 0.0))
     np.testing.assert_array_equal(found[14], 3.0)
     four = np.array([s[0] * s[3], s[1] * 2.0, s[2] * s[5], s[3] * 0.5])
     np.testing.assert_array_equal(found[15:19], four + np.arange(1.0, 5.0)[:, None])
