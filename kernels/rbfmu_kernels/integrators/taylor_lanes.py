@@ -43,7 +43,7 @@ left of the communication step, as a sum; the tries in it; whether it has just b
 body's number, -1 for none."""
 PLACES, COLUMNS_SIZE = places(COLUMNS)
 STATE = 0
-_INERTIA, _INVERSE, _ARM, _DAMPING, FORCE_A, TORQUE_A, TORQUE_B, SIZE, COUNT, REST, LOW, TRIED, IS_NEW, HAS_FAILED = (
+INERTIA, INVERSE, ARM, DAMPING, FORCE_A, TORQUE_A, TORQUE_B, SIZE, COUNT, REST, LOW, TRIED, IS_NEW, HAS_FAILED = (
     PLACES[name].start
     for name in (
         "inertia", "inverse", "arm", "damping", "force_a", "torque_a", "torque_b",
@@ -57,7 +57,7 @@ _TRIES = 64
 
 @kernel
 def _bodies(c: Any) -> Body:
-    return Body(0.0, matrix_at(c, _INERTIA), matrix_at(c, _INVERSE), vec3_at(c, _ARM), vec3_at(c, _DAMPING), 0.0)
+    return Body(0.0, matrix_at(c, INERTIA), matrix_at(c, INVERSE), vec3_at(c, ARM), vec3_at(c, DAMPING), 0.0)
 
 
 @kernel

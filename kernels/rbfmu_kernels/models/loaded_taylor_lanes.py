@@ -17,14 +17,17 @@ from ..integrators.dense_series import turning_of
 from ..integrators.rigid_body_state import ROTATION, WHOLE_STATE, state_attitude, state_omega
 from ..integrators.taylor_coefficients import WORK, SpaceFixedLoads, known_torques, space_fixed_loads
 from ..integrators.taylor_lanes import (
+    ARM,
     COLUMNS_SIZE,
     COUNT,
+    DAMPING,
     FORCE_A,
     HAS_FAILED,
+    INERTIA,
+    INVERSE,
     IS_NEW,
     LOW,
     MEMBER,
-    PLACES,
     REST,
     SIZE,
     STATE,
@@ -41,7 +44,6 @@ from .loaded_taylor import BLOCKS, initialize, is_series_tried, step
 
 _TOLERANCE, _SPAN, _ORDER, _WORK = (BLOCKS[n].start for n in ("tolerance", "span", "order", "work"))
 _SERIES, _HELD = BLOCKS["is_alive"].start, BLOCKS["held_inputs"].start
-_INERTIA, _INVERSE, _ARM, _DAMPING = (PLACES[name].start for name in ("inertia", "inverse", "arm", "damping"))
 WIDEST = 8
 SCRATCH = WIDEST * (COLUMNS_SIZE + WORK)
 """The numbers of work space that lanes need, at a cache line."""
@@ -206,10 +208,10 @@ def _load(z: Any, c: Any, lane: int, h: float, member: int) -> None:
     body, loads = body_of(z), load_polynomial_of(z)
     for k in range(ROTATION):
         put_lane_at(c, STATE + k, lane, z[STATE_START + k])
-    _put_rows(c, _INERTIA, lane, body.inertia)
-    _put_rows(c, _INVERSE, lane, body.inertia_inverse)
-    _put(c, _ARM, lane, body.arm_b)
-    _put(c, _DAMPING, lane, body.damping_b)
+    _put_rows(c, INERTIA, lane, body.inertia)
+    _put_rows(c, INVERSE, lane, body.inertia_inverse)
+    _put(c, ARM, lane, body.arm_b)
+    _put(c, DAMPING, lane, body.damping_b)
     lever_force = space_fixed_loads(body, loads).lever_force
     _put(c, FORCE_A, lane, loads.value.force_a if lever_force else (0.0, 0.0, 0.0))
     _put(c, TORQUE_A, lane, loads.value.torque_a)
