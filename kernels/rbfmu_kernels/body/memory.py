@@ -45,7 +45,11 @@ COMMON = INPUTS | PARAMETERS | SETTINGS | OUTPUTS | OUTPUT_RATES | MEMORY
 BLOCKS, _ = places(COMMON)
 
 _AT = {name: block.start for name, block in BLOCKS.items()}
-_FORCE_A, _FORCE_B, _TORQUE_A, _TORQUE_B = (_AT[n] for n in ("force_a", "force_b", "torque_a", "torque_b"))
+_INPUTS = _AT[next(iter(INPUTS))]
+_AMONG_INPUTS, _ = places(INPUTS)
+_FORCE_A, _FORCE_B, _TORQUE_A, _TORQUE_B = (
+    _AMONG_INPUTS[n].start for n in ("force_a", "force_b", "torque_a", "torque_b")
+)
 _MASS, _INERTIA, _R_OC, _GRAVITY, _DAMPING = (_AT[n] for n in ("mass", "inertia", "r_oc_b", "gravity_a", "damping_b"))
 _CONSTANT_FORCE_A, _CONSTANT_FORCE_B, _CONSTANT_TORQUE_A, _CONSTANT_TORQUE_B = (
     _AT[f"constant_{n}"] for n in ("force_a", "force_b", "torque_a", "torque_b")
@@ -218,11 +222,12 @@ def loads_at(numbers: Any, i: int, pivot: bool) -> Loads:
 @kernel
 def loads_of(z: Any) -> Loads:
     """Return the sum of known and supplied loads; see `equations_of_motion.Loads`."""
-    gravity_a = vec3_at(z, _GRAVITY)
-    torque_a = add(vec3_at(z, _CONSTANT_TORQUE_A), vec3_at(z, _TORQUE_A))
-    torque_b = add(vec3_at(z, _CONSTANT_TORQUE_B), vec3_at(z, _TORQUE_B))
-    if z[_PIVOT] != 0.0:
+    pivot = has_pivot(z)
+    gravity_a, supplied = vec3_at(z, _GRAVITY), loads_at(z, _INPUTS, pivot)
+    torque_a = add(vec3_at(z, _CONSTANT_TORQUE_A), supplied.torque_a)
+    torque_b = add(vec3_at(z, _CONSTANT_TORQUE_B), supplied.torque_b)
+    if pivot:
         return Loads(gravity_a, scale(z[_MASS], gravity_a), (0.0, 0.0, 0.0), torque_a, torque_b)
-    force_a = add(vec3_at(z, _CONSTANT_FORCE_A), vec3_at(z, _FORCE_A))
-    force_b = add(vec3_at(z, _CONSTANT_FORCE_B), vec3_at(z, _FORCE_B))
+    force_a = add(vec3_at(z, _CONSTANT_FORCE_A), supplied.force_a)
+    force_b = add(vec3_at(z, _CONSTANT_FORCE_B), supplied.force_b)
     return Loads(gravity_a, force_a, force_b, torque_a, torque_b)
