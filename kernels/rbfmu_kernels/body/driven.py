@@ -73,7 +73,6 @@ def holds_inputs(z: Any, held: int) -> bool:
     same = True
     for i in range(NUMBER_OF_INPUTS):
         same &= bool(z[_INPUTS + i] == z[held + i])
-    for i in range(NUMBER_OF_INPUTS):
         same &= bool(z[_RATES + i] == 0.0) & bool(z[_RATES_2 + i] == 0.0)
     return same
 

@@ -82,7 +82,10 @@ def _motions(
 
 @kernel
 def _kind_of(moments: Vec3, omega: Vec3) -> float:
-    """Return the kind of a motion where plain doubles leave no doubt about it, or that it is to be taken alone."""
+    """Return the kind of a motion where plain doubles leave no doubt about it, or that it is to be taken alone.
+
+    A screen: d as of `polhode.polhode_axes`, kappa of `polhode.kappa_of`, kc^2 of `free_rotation_setup.tumbling_setup`.
+    """
     (a, b, c), (x, y, z) = moments, omega
     for moment in moments:
         if not _LEAST < moment < _LARGEST:
