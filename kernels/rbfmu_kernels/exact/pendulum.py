@@ -101,14 +101,13 @@ def pendulum_setup(x: DoubleDouble, y: DoubleDouble, z: DoubleDouble) -> Pendulu
 
 @kernel(inline=False)
 def half_angle_rates(a: DoubleDouble, b: DoubleDouble) -> tuple[DoubleDouble, DoubleDouble]:
-    """Return w_0 (sin, cos)(phi / 2), the second >= 0.
+    """Return w_0 (sin, cos)(phi / 2), the second >= 0; 0 where half of w_0^2 is 0.
 
     A turn by theta makes phi'' = a cos theta + b sin theta, 1/s2.
     """
-    w_02 = _length(a, b)
-    if w_02[0] == 0.0:
+    large = dd_sqrt(dd_scale(0.5, dd_add(_length(a, b), dd_scale(math.copysign(1.0, b[0]), b))))
+    if large[0] == 0.0:
         return (0.0, 0.0), (0.0, 0.0)
-    large = dd_sqrt(dd_scale(0.5, dd_add(w_02, dd_scale(math.copysign(1.0, b[0]), b))))
     small = dd_divide(dd_scale(-0.5, a), large)
     if b[0] > 0.0:
         side = math.copysign(1.0, small[0])

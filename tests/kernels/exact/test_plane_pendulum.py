@@ -6,6 +6,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
+from rbfmu_kernels.compile.interpreted import interpreted
 from rbfmu_kernels.exact.pendulum import half_angle_rates, pendulum_at, pendulum_setup, sincos_of_half_angle
 from rbfmu_kernels.numerics.elementary import sincos
 from rbfmu_kernels.numerics.jacobi_theta import NEAREST_KC, jacobi_from_theta, theta_series
@@ -125,6 +126,12 @@ def test_without_weight_the_rate_is_constant():
 def test_there_is_no_phase_left_after_1e28_turns():
     setup = pendulum_setup((1.0, 0.0), (0.5, 0.0), (2.0, 0.0))
     assert all(math.isnan(x) for x in pendulum_at(setup, (1e30, 0.0)))
+
+
+@pytest.mark.parametrize("way", [half_angle_rates, interpreted(half_angle_rates)])
+@pytest.mark.parametrize("a", [0.0, 5e-324, -5e-324])
+def test_a_load_of_which_no_half_is_left_is_none(way, a):
+    assert way((a, 0.0), (0.0, 0.0)) == ((0.0, 0.0), (0.0, 0.0))
 
 
 @pytest.mark.parametrize("size", [1e-200, 1.0, 1e150])
