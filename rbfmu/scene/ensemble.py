@@ -8,7 +8,7 @@ from pydantic import Field, field_serializer
 
 from rbfmu.scene.body import SHAPES, Body, axis_without_moment
 from rbfmu.scene.correlation import Correlation
-from rbfmu.scene.fields import Names, OneOf, Rule, SceneError, fault, joined
+from rbfmu.scene.fields import Names, OneOf, Rule, SceneError, fault, joined, shown
 from rbfmu.scene.marginals import FIXED, NORMAL, RELATIVE, Marginal, components
 from rbfmu.scene.section import Section
 from rbfmu.scene.variations import (
@@ -177,40 +177,49 @@ def _parameter(key: str) -> str:
 # The ensemble and the rest of its scene
 
 
-def as_written(value: Any, tables: Mapping[str, Any]) -> Any:
+def as_written(value: Any, tables: Mapping[str, Any], faults: list[str]) -> Any:
     """Return the ensemble's table with what the scene's own spelling says of it: a shape, a sequence of angles.
 
     A member's inertia follows from the shape where mass or sizes vary, as it would in the member's own scene file.
+    faults: those of keys that are written twice are added.
     """
     value = value.table() if isinstance(value, Ensemble) else value
     vary = value.get("vary") if isinstance(value, Mapping) else None
     if not isinstance(vary, Mapping):
         return value
-    vary = _with_shape(_dotted(vary), tables.get("body"))
+    vary = _with_shape(_dotted(vary, faults), tables.get("body"), faults)
     return {**value, "vary": _with_attitude(vary, tables.get("initial"))}
 
 
-def _dotted(vary: Mapping[str, Any]) -> dict[str, Any]:
+def _dotted(vary: Mapping[str, Any], faults: list[str]) -> dict[str, Any]:
     """Return the table with one dotted key a quantity, also where TOML's own dots made tables of them."""
     found: dict[str, Any] = {}
     for key, value in vary.items():
         inside = isinstance(value, Mapping) and (
             key in NESTED or (key == SHAPE and "kind" not in value) or (key == ATTITUDE and _lacks_sequence(value))
         )
-        found |= _dotted({f"{key}.{name}": item for name, item in value.items()}) if inside else {key: value}
+        items = _dotted({f"{key}.{name}": item for name, item in value.items()}, faults) if inside else {key: value}
+        faults += [_twice(name, item, found[name]) for name, item in items.items() if name in found]
+        found = found | items
     return found
+
+
+def _twice(key: str, value: Any, other: Any) -> str:
+    return fault(joined("ensemble.vary", key), value, f"this or {shown(other)}, not both")
 
 
 def _lacks_sequence(attitude: Mapping[str, Any]) -> bool:
     return len(attitude) == 1 and next(iter(attitude)) in ("angles", "angles_deg")
 
 
-def _with_shape(vary: dict[str, Any], body: Any) -> dict[str, Any]:
+def _with_shape(vary: dict[str, Any], body: Any, faults: list[str]) -> dict[str, Any]:
     shape = body.get("shape") if isinstance(body, Mapping) else None
     if not isinstance(shape, Mapping):
         return vary
     sizes = {key: vary[key] for key in vary if str(key).startswith(f"{SHAPE}.")}
     known = vary.get(SHAPE)
+    if known is not None:
+        faults += [_twice(key, size, known) for key, size in sizes.items()]
     is_fixed = isinstance(known, Mapping) and not any(isinstance(size, Mapping) for size in known.values())
     if sizes or is_fixed or (known is None and "body.mass" in vary and not _is_absolute(vary.get(INERTIA))):
         varied = {str(key).removeprefix(f"{SHAPE}."): size for key, size in sizes.items()}

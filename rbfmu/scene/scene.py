@@ -193,7 +193,7 @@ class Scene(Section):
     def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
         good: dict[str, Any] = {}
         rates = _rates_as_written(data.get("initial"))
-        data["ensemble"] = as_written(data.get("ensemble"), data)
+        data["ensemble"] = as_written(data.get("ensemble"), data, faults)
         for key, section in SECTIONS.items():
             if key in OPTIONAL and data.get(key) is None:
                 good[key] = data.pop(key, None)

@@ -131,6 +131,7 @@ def test_an_inertia_that_varies_outright_does_not_follow_the_shape():
 
 BEAM = {"mass": 1.0, "shape": {"kind": "beam", "length": 1.0}}
 ALMOST_BEAM = {"mass": 1.0, "inertia": [1.5e-12, 1.0, 1.0]}
+VARIED_SPHERE = {"kind": "sphere", "radius": {"normal": [1, 0.2]}}
 NORMAL = {"normal": [[0, 0, 0], 1]}
 FAULTS = [
     ({"vary": {}}, "ensemble.vary = {}: expected a table: keys of the scene"),
@@ -204,6 +205,14 @@ FAULTS = [
     (
         {"vary": {"initial.omega_b": NORMAL, "initial.omega_b_deg": NORMAL}},
         "expected initial.omega_b or this, not both",
+    ),
+    (
+        {"vary": MASS | {"body": {"mass": {"normal": [50, 1]}}}},
+        "= { normal = [50, 1] }: expected this or { normal = [50.0,",
+    ),
+    (
+        {"vary": {"body": {"shape": {"radius": {"normal": [1, 0.1]}}}, "body.shape": VARIED_SPHERE}, "body": SPHERE},
+        '"body.shape.radius" = { normal = [1, 0.1] }: expected this or { kind = "sphere"',
     ),
     ({"inputs": {"ports": ["omega_b"]}}, '"body.mass" = { normal = [50.0, 0.5] }: expected initial.attitude at most'),
     ({"ensemble": {"runs": 0}}, "ensemble.runs = 0: expected a whole number from 1 to 1000000000"),
