@@ -141,8 +141,7 @@ class Ensemble(Section):
                     yield fault(joined("ensemble.vary", variation.key), variation.table, expected)
                     break
                 if self.design == GRID and marginal.varies and not marginal.points:
-                    expected = "points = the number of values in the grid, at least 1"
-                    yield fault(joined("ensemble.vary", variation.key), variation.table, expected)
+                    yield _without_points(variation, marginal)
                     break
         if self.design == GRID:
             count = math.prod(m.points or 1 for m in self.varying)
@@ -167,6 +166,17 @@ class Ensemble(Section):
 
 def _varying(vary: tuple[Variation, ...]) -> Iterator[Marginal]:
     return (marginal for variation in vary for marginal in variation.marginals if marginal.varies)
+
+
+def _without_points(variation: Variation, marginal: Marginal) -> str:
+    """Return the fault of a number in a grid that has no points, and perhaps cannot have any."""
+    path = joined("ensemble.vary", variation.key)
+    if marginal.name.startswith(f"{INERTIA}.{AXES}["):
+        return fault(f"{path}.{AXES}", variation.table[AXES], "no such key in a grid")
+    if variation.key == ATTITUDE and variation.form not in VARYING_ANGLES:
+        expected = f"no such key in a grid; or {', '.join(VARYING_ANGLES)}, which may have points"
+        return fault(path, variation.table, expected)
+    return fault(path, variation.table, "points = the number of values in the grid, at least 1")
 
 
 def _parameter(key: str) -> str:

@@ -222,6 +222,22 @@ FAULTS = [
     ({"ensemble": {"keep": ["some"]}}, 'ensemble.keep = ["some"]: expected a list of distinct names out of final'),
     ({"ensemble": {"rums": 3}}, "ensemble.rums = 3: unknown key; did you mean runs?"),
     ({"ensemble": {"design": "grid"}}, "expected points = the number of values in the grid"),
+    (
+        {"ensemble": {"design": "grid"}, "vary": {"initial.attitude": {"rotvec_deg": 2.0}}},
+        '"initial.attitude" = { rotvec_deg = 2.0 }: expected no such key in a grid; or angles_deg, angles, rotvec',
+    ),
+    (
+        {"ensemble": {"design": "grid"}, "vary": {"initial.attitude": "uniform"}},
+        '"initial.attitude" = "uniform": expected no such key in a grid; or',
+    ),
+    (
+        {"ensemble": {"design": "grid"}, "vary": {"body.inertia": {"relative": 0.1, "points": 3, "axes_deg": 1}}},
+        '"body.inertia".axes_deg = 1: expected no such key in a grid',
+    ),
+    (
+        {"ensemble": {"design": "grid"}, "vary": {"initial.attitude": {"rotvec": NORMAL}}},
+        '"initial.attitude" = { rotvec = { normal = [[0, 0, 0], 1] } }: expected points = the number',
+    ),
     ({"vary": {"body.mass": {"normal": [50, 1], "points": 3}}}, 'expected points in a grid alone: design = "grid"'),
     (
         {"vary": {"body.mass": {"normal": [50, 1], "points": 2.5}}},
