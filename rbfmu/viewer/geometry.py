@@ -26,10 +26,14 @@ class Geometry:
     motion: Motion
 
     @cached_property
+    def paths(self) -> Array:
+        """Return where o comes to (n, 3), m, also those of the ghosts."""
+        return np.vstack([self.motion.position, *(ghost.position for ghost in self.motion.ghosts)])
+
+    @cached_property
     def reach(self) -> float:
-        """Return the half of the box round the path of o, diagonally (m)."""
-        path = self.motion.position
-        return float(np.linalg.norm(np.ptp(path, axis=0))) / 2.0
+        """Return the half of the box round all paths of o, diagonally (m)."""
+        return float(np.linalg.norm(np.ptp(self.paths, axis=0))) / 2.0
 
     @cached_property
     def body_radius(self) -> float:
@@ -38,12 +42,12 @@ class Geometry:
 
     @cached_property
     def enlarged(self) -> float:
-        """Return how many times too large the body is drawn beside its path."""
+        """Return how many times too large the body is drawn beside all paths."""
         return max(1.0, self.reach / (LONGEST * self.body_radius))
 
     @cached_property
     def unit(self) -> float:
-        """Return the metres of the path in one length of the drawing."""
+        """Return the metres of a path in one length of the drawing."""
         return self.body_radius * self.enlarged
 
     @cached_property
@@ -56,7 +60,7 @@ class Geometry:
     @cached_property
     def middle(self) -> Array:
         """Return the middle of what is drawn (m)."""
-        points = np.vstack([self.motion.position, self.origin_a[None]])
+        points = np.vstack([self.paths, self.origin_a[None]])
         return np.asarray((points.min(axis=0) + points.max(axis=0)) / 2.0)
 
     def place(self, points: Array) -> Array:
@@ -99,7 +103,7 @@ class Geometry:
     @cached_property
     def radius(self) -> float:
         """Return the radius of all that is drawn."""
-        points = np.vstack([self.path, *self.ghost_paths, self.place(self.origin_a[None])])
+        points = self.place(np.vstack([self.paths, self.origin_a[None]]))
         return float(np.max(np.linalg.norm(points, axis=1))) + MOMENTUM
 
     def arrows(self, vectors: Array, length: float) -> Array:

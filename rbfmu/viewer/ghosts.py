@@ -20,13 +20,16 @@ class Ghost(NamedTuple):
     position: Array
 
 
-def ghosts_of(scene: Scene, count: int) -> tuple[Ghost, ...]:
-    """Return the first members of the scene's ensemble at its communication points, without those that failed.
-
-    Raises SceneError without an ensemble, ValueError for more than `MOST`.
-    """
+def check_ghosts(scene: Scene, count: int) -> None:
+    """Raise ValueError for more ghosts than `MOST`, SceneError where the scene has no ensemble."""
     if not 0 <= count <= MOST:
         raise ValueError(f"ghosts = {count}: expected a number from 0 to {MOST}")
+    if count:
+        ensemble_of(scene)
+
+
+def ghosts_of(scene: Scene, count: int) -> tuple[Ghost, ...]:
+    """Return the first members of the scene's ensemble at its communication points, without those that failed."""
     if count == 0:
         return ()
     count = min(count, ensemble_of(scene).runs)

@@ -14,7 +14,7 @@ from rbfmu.scene.consistency import default_quantities
 from rbfmu.scene.plausibility import SceneWarning
 from rbfmu.scene.scene import QUANTITIES, Scene
 from rbfmu.simulation import plan, simulate
-from rbfmu.viewer.ghosts import Ghost, ghosts_of
+from rbfmu.viewer.ghosts import Ghost, check_ghosts, ghosts_of
 from rbfmu.viewer.pictures import Pictures, pictures
 from rbfmu.viewer.shape import Shape, shape_of
 from rbfmu_kernels.types import Vec3
@@ -91,8 +91,9 @@ def motion_of_scene(
 ) -> Motion:
     """Simulate a scene with its ports at zero at the instants of the pictures; written: its file's `body.shape`.
 
-    ghosts: how many members of its ensemble are shown beside it.
+    ghosts: how many members of its ensemble are shown beside it. Raises SceneError, and ValueError for too many ghosts.
     """
+    check_ghosts(scene, ghosts)
     wanted, span = scene.replace({"outputs.quantities": _shown(scene)}), scene.run.stop - scene.run.start
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SceneWarning)  # of steps that are not those of the pictures

@@ -144,7 +144,7 @@ class _Trace:
 
     def __init__(self, server: viser.ViserServer, geometry: Geometry) -> None:
         self.pieces: list[tuple[int, float, Any]] = []
-        if geometry.reach > 0.0:
+        if np.ptp(geometry.path, axis=0).any():
             _line(server, "/path", geometry.path, FIXED)
         tip = geometry.trace
         if geometry.traced is None:

@@ -100,6 +100,27 @@ def test_a_long_path_makes_the_body_larger_and_all_is_in_view() -> None:
     assert drawn.toward[2] > 0.0
 
 
+def test_paths_of_ghosts_count_as_well() -> None:
+    vary = {"initial.velocity": {"normal": [[5.0, 0.0, 0.0], [1.0, 1.0, 1.0]]}}
+    still = scene(loads={"gravity_a": [0, 0, 0]}, run={"stop": 100.0, "step": 1.0}, ensemble={"runs": 3, "vary": vary})
+    drawn = Geometry(motion_of_scene(still, ghosts=3))
+    points = np.vstack([drawn.path, *drawn.ghost_paths])
+    assert np.linalg.norm(np.ptp(points, axis=0)) / 2.0 == pytest.approx(LONGEST)
+    assert np.max(np.linalg.norm(points, axis=1)) + MOMENTUM == pytest.approx(drawn.radius)
+    assert drawn.radius <= LONGEST + MOMENTUM + 1e-9  # so near that a body of size 1 is seen
+
+
+@pytest.mark.parametrize(("ghosts", "error", "said"), [
+    (60, ValueError, "ghosts = 60: expected a number from 0 to 50"), (3, rbfmu.SceneError, "ensemble is missing"),
+])  # fmt: skip
+def test_ghosts_are_refused_before_anything_is_planned(
+    monkeypatch: pytest.MonkeyPatch, ghosts: int, error: type[Exception], said: str
+) -> None:
+    monkeypatch.delattr("rbfmu.viewer.motion.plan")
+    with pytest.raises(error, match=said):
+        motion_of_scene(scene(), ghosts=ghosts)
+
+
 def test_up_is_against_gravity() -> None:
     motion = motion_of_scene(scene(loads={"gravity_a": [0.0, 9.81, 0.0]}, outputs={"quantities": ["quaternion"]}))
     np.testing.assert_allclose(motion.up, [0.0, -1.0, 0.0])
