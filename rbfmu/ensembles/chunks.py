@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rbfmu.ensembles.columns import KEYS, Columns
+from rbfmu.ensembles.columns import KEYS, Columns, flat
 from rbfmu.ensembles.lanes import advance_lanes
 from rbfmu.ensembles.loops import compiled, entries, run_members
 from rbfmu.ensembles.members.samples import Samples, draw, ensemble_of, member, refused
@@ -28,10 +28,6 @@ SECONDS, MOST_MEMBERS, MOST_BYTES = 0.1, 16384, 8e6
 """What a chunk takes by its plan; the most members, and bytes of their outputs, that it has."""
 SET_UP, STATISTICS_OF_ONE = 1e-5, 2e-8
 """What a member takes besides its steps, and what statistics of one number take, s."""
-_TRIANGLE = ((0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2))
-"""Rows and columns of the numbers of an inertia in a buffer."""
-
-
 LANES_FROM, LANES_GAIN, WORTH_COMPILING = 300.0, 3.0, 4.0
 """The cost of a step, ns, from which on lanes take less time for it than one member does, how many times less; and the
 time of all members, s, from which on compiling lanes pays."""
@@ -146,13 +142,9 @@ def varied_numbers(applied: Mapping[str, Array], blocks: dict[str, slice]) -> tu
     names = {key: getattr(KEYS[key], "block", KEYS[key].name) for key in applied}
     known = {key: blocks[name] for key, name in names.items() if name in blocks}
     places = [np.arange(block.start, block.stop) for block in known.values()]
-    values = [_flat(applied[key], count) for key in known]
+    values = [flat(applied[key]) for key in known]
     both = np.concatenate([np.empty(0, dtype=np.int64), *places]), np.hstack([np.empty((count, 0)), *values])
     return both[0].astype(np.int64), np.ascontiguousarray(both[1])
-
-
-def _flat(values: Array, count: int) -> Array:
-    return values[:, *_TRIANGLE] if values.ndim == 3 else values.reshape(count, -1)
 
 
 def _message(scene: Scene, plan: Plan, samples: Samples, row: int, end: Indices) -> str:

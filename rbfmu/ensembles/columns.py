@@ -1,11 +1,11 @@
 """Where the numbers of each quantity stand in a row of a member's outputs, and which quantity a key sets."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rbfmu.scene.body import TRIANGLE
 from rbfmu.scene.variations import SHAPE
 from rbfmu_kernels.buffer import places
 from rbfmu_kernels.quantities import BY_NAME, INITIAL_VALUES, LOADS, OUTPUT, PARAMETERS, Parameter, Quantity
@@ -21,6 +21,22 @@ KEYS: dict[str, Quantity] = (
     | {f"{SHAPE}.{name}": Parameter(name, size, "m", "size of the body's shape") for name, size in SIZES.items()}
 )
 """The quantity that each key of a scene sets which may vary."""
+
+
+_ROWS, _COLUMNS = np.transpose(TRIANGLE)
+
+
+def flat(values: Array) -> Array:
+    """Return numbers (m, k) of values (m, ...): of matrices (m, 3, 3) the six of an inertia."""
+    chosen = values[:, _ROWS, _COLUMNS] if values.ndim == 3 else values
+    return chosen.reshape(len(values), -1)
+
+
+def symmetric(numbers: Array) -> Array:
+    """Return the matrices (m, 3, 3) of the six numbers of inertias (m, 6)."""
+    M = np.empty((len(numbers), 3, 3))
+    M[:, _ROWS, _COLUMNS] = M[:, _COLUMNS, _ROWS] = numbers
+    return M
 
 
 @dataclass(frozen=True)
@@ -65,11 +81,6 @@ class Columns:
     def places(self, blocks: dict[str, slice]) -> NDArray[np.int64]:
         """Return where the columns stand in a model's buffer."""
         return np.concatenate([np.arange(blocks[n].start, blocks[n].stop) for n in self.names]).astype(np.int64)
-
-    @classmethod
-    def of(cls, names: Sequence[str]) -> "Columns":
-        """Return the columns of these quantities in this order."""
-        return cls(tuple(names))
 
 
 def _is_number(columns: slice) -> bool:

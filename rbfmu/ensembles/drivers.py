@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rbfmu.ensembles.columns import KEYS
+from rbfmu.ensembles.columns import KEYS, flat
 from rbfmu.extras import needed
 from rbfmu_kernels.quantities import OUTPUT, indices
 
@@ -48,10 +48,7 @@ def _applied(result: "EnsembleResult", rows: Any) -> dict[str, Array]:
     """Return the numbers applied (n,); of an attitude the vector part of its quaternion."""
     found: dict[str, Array] = {}
     for key, values in result.samples.items():
-        chosen = values[rows]
-        if chosen.ndim == 3:
-            chosen = chosen[:, (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)]
-        columns = chosen.reshape(len(rows), -1)
+        columns = flat(values[rows])
         names = [f"{key}{index}" for index in indices(KEYS[key])]
         found |= {name: columns[:, k] for k, name in enumerate(names) if not (columns.shape[1] == 4 and k == 0)}
     return found
@@ -60,7 +57,7 @@ def _applied(result: "EnsembleResult", rows: Any) -> dict[str, Array]:
 def _ended(result: "EnsembleResult", rows: Any) -> dict[str, Array]:
     found: dict[str, Array] = {}
     for name in result.ended:
-        columns = result.ends(name)[rows].reshape(len(rows), -1)
+        columns = flat(result.ends(name)[rows])
         found |= {f"{name}{index}": columns[:, k] for k, index in enumerate(indices(OUTPUT[name]))}
     return found
 

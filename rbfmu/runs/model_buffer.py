@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from rbfmu.scene.body import six_numbers
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu_kernels.body.memory import INPUTS
 from rbfmu_kernels.buffer import FAULTS
@@ -102,10 +103,9 @@ def _numbers(scene: Scene) -> dict[str, Any]:
         "active": active_flags(scene.outputs.quantities),
     }
     if scene.body is not None:
-        M = scene.body.M_c
         numbers |= {
             "mass": scene.body.mass,
-            "inertia": (M[0][0], M[1][1], M[2][2], M[0][1], M[0][2], M[1][2]),
+            "inertia": six_numbers(scene.body.M_c),
             "r_oc_b": scene.body.r_oc_b,
             "pivot": float(scene.body.pivot),
         }

@@ -18,6 +18,8 @@ from rbfmu_kernels.types import Matrix, Vec3
 
 _UNIT = BY_NAME["inertia"].unit
 ZERO = (0.0, 0.0, 0.0)
+TRIANGLE = tuple((int(row) - 1, int(column) - 1) for row, column in (e.split(",") for e in BY_NAME["inertia"].elements))
+"""Row and column of each of the six numbers of an inertia, in their order."""
 
 
 class Inertia(Numbers):
@@ -56,6 +58,11 @@ def possible_inertia(M: Matrix) -> Matrix:
     if reason == _inertia.TRIANGLE:
         raise ValueError(f"each principal moment at most the sum of the other two ({_UNIT}), not {_moments(M)}")
     return M
+
+
+def six_numbers(M: Sequence[Sequence[float]]) -> list[float]:
+    """Return the numbers of a symmetric matrix in the order of `TRIANGLE`."""
+    return [M[i][j] for i, j in TRIANGLE]
 
 
 def _symmetric(M: Matrix) -> Matrix:

@@ -157,7 +157,7 @@ class Ensemble(Section):
             names = [name for name in known if ".uniform[" not in name]
             yield fault(path, unknown, f"numbers that vary, out of {', '.join(names)}")
         elif correlation.covariance is not None:
-            for name, row, k in zip(correlation.components, correlation.covariance, range(10**6), strict=False):
+            for k, (name, row) in enumerate(zip(correlation.components, correlation.covariance, strict=False)):
                 marginal = known[name]
                 if marginal.kind != NORMAL or not math.isclose(row[k], marginal.arguments[1] ** 2, rel_tol=1e-6):
                     expected = f"the square of the standard deviation of {name}, which is normal; or the key matrix"

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+from rbfmu.scene.body import TRIANGLE, six_numbers
 from rbfmu.scene.fields import flattened
 from rbfmu_kernels.quantities import BY_NAME, indices
 
@@ -52,7 +53,6 @@ def components(value: Any, shape: tuple[int, ...]) -> list[float]:
     if len(shape) < 2:
         return list(flattened(value))
     largest = max(map(abs, flattened(value)))
-    pairs = ((0, 1), (0, 2), (1, 2))
-    if any(not math.isclose(value[i][j], value[j][i], abs_tol=1e-12 * largest) for i, j in pairs):
+    if any(not math.isclose(value[i][j], value[j][i], abs_tol=1e-12 * largest) for i, j in TRIANGLE):
         raise ValueError("a symmetric matrix")
-    return [value[0][0], value[1][1], value[2][2], *(value[i][j] for i, j in pairs)]
+    return six_numbers(value)

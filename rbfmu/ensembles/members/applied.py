@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu import arrays
+from rbfmu.ensembles.columns import symmetric
 from rbfmu.scene.body import SHAPES, Body
 from rbfmu.scene.ensemble import nominal_value
 from rbfmu.scene.marginals import RELATIVE, Marginal
@@ -117,7 +118,7 @@ class _Appliance:
             return self._inertia_of_shape()
         own = self._columns(variation, f"{INERTIA}[") if variation.form else None
         if own is not None and own.shape[1] == 6:
-            return own[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
+            return symmetric(own)
         M = self._along_axes(own, variation)
         if any(m.name.startswith(f"{INERTIA}.{AXES}") for m in variation.marginals):
             u = self._columns(variation, f"{INERTIA}.{AXES}") * (np.pi / 180.0)
