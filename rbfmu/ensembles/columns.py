@@ -1,26 +1,24 @@
 """Where the numbers of each quantity stand in a row of a member's outputs, and which quantity a key sets."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu.scene.body import TRIANGLE
-from rbfmu.scene.variations import SHAPE
+from rbfmu.scene.variations import QUANTITY_OF, SHAPE
 from rbfmu_kernels.buffer import places
-from rbfmu_kernels.quantities import BY_NAME, INITIAL_VALUES, LOADS, OUTPUT, PARAMETERS, Parameter, Quantity
+from rbfmu_kernels.quantities import OUTPUT, Parameter, Quantity
 
 Array = NDArray[np.float64]
 SIZES = {"sides": 3, "length": 1, "radius": 1, "semiaxes": 3}
 """Sizes of a body's shape, and how many numbers they have."""
-KEYS: dict[str, Quantity] = (
-    {f"body.{row.name}": row for row in PARAMETERS}
-    | {f"loads.{load.name}": load for load in LOADS}
-    | {f"initial.{row.name.removesuffix('_0')}": row for row in INITIAL_VALUES}
-    | {"initial.attitude": BY_NAME["quaternion_0"]}
-    | {f"{SHAPE}.{name}": Parameter(name, size, "m", "size of the body's shape") for name, size in SIZES.items()}
-)
-"""The quantity that each key of a scene sets which may vary."""
+KEYS: Mapping[str, Quantity] = {
+    **QUANTITY_OF,
+    **{f"{SHAPE}.{name}": Parameter(name, size, "m", "size of the body's shape") for name, size in SIZES.items()},
+}
+"""The quantity that each key sets which may vary, and each size of a shape."""
 
 
 _ROWS, _COLUMNS = np.transpose(TRIANGLE)

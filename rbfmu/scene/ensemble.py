@@ -16,6 +16,7 @@ from rbfmu.scene.variations import (
     AXES,
     DEGREES,
     INERTIA,
+    QUANTITY_OF,
     SHAPE,
     VARYING_ANGLES,
     Variation,
@@ -27,8 +28,6 @@ CHOICE = " or ".join(f'"{name}"' for name in DESIGNS)
 KEPT = ("final", "statistics", "all")
 NESTED = ("body", "initial", "loads", "run")
 MOST_RUNS = 1_000_000_000
-PARAMETERS = {DEGREES: "omega_b_0", ATTITUDE: "quaternion_0", SHAPE: "inertia"}
-"""The parameters that keys set whose name does not say it."""
 
 
 class Whole(Rule):
@@ -105,8 +104,7 @@ class Ensemble(Section):
     @property
     def parameters(self) -> tuple[str, ...]:
         """Return the names of the parameters whose values vary, as `inputs.parameters` lists them."""
-        names = [_parameter(variation.key) for variation in self.vary]
-        return tuple(dict.fromkeys(names))
+        return tuple(dict.fromkeys(QUANTITY_OF[variation.key].name for variation in self.vary))
 
     def _set(self) -> dict[str, Any]:
         """Return the fields that are not as by default, tables as in the file."""
@@ -177,11 +175,6 @@ def _without_points(variation: Variation, marginal: Marginal) -> str:
         expected = f"no such key in a grid; or {', '.join(VARYING_ANGLES)}, which may have points"
         return fault(path, variation.table, expected)
     return fault(path, variation.table, "points = the number of values in the grid, at least 1")
-
-
-def _parameter(key: str) -> str:
-    table, _, name = key.partition(".")
-    return PARAMETERS.get(key) or (f"{name}_0" if table == "initial" else name)
 
 
 # The ensemble and the rest of its scene

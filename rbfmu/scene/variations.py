@@ -1,7 +1,7 @@
 """The keys of a scene that vary in an ensemble: the distributions of their numbers, read from `[ensemble.vary]`."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +20,7 @@ from rbfmu.scene.marginals import (
     component_names,
     components,
 )
-from rbfmu_kernels.quantities import INITIAL_VALUES, LOADS
+from rbfmu_kernels.quantities import BY_NAME, INITIAL_VALUES, LOADS, PARAMETERS, Quantity
 
 INERTIA, ATTITUDE, SHAPE, DEGREES = "body.inertia", "initial.attitude", "body.shape", "initial.omega_b_deg"
 AXES = "axes_deg"
@@ -46,18 +46,19 @@ class Variation:
         return json.loads(self.text)
 
 
-def _own_rules() -> Iterator[tuple[str, Numbers]]:
-    yield "body.mass", numbers("mass")
-    yield "body.r_oc_b", numbers("r_oc_b")
-    for row in INITIAL_VALUES:
-        if row.name != "quaternion_0":
-            yield f"initial.{row.name.removesuffix('_0')}", numbers(row.name)
-    yield DEGREES, Numbers((3,), "deg/s")
-    for load in LOADS:
-        yield f"loads.{load.name}", numbers(load.name)
-
-
-RULES: Mapping[str, Numbers] = dict(_own_rules())
+QUANTITY_OF: Mapping[str, Quantity] = (
+    {f"body.{row.name}": row for row in PARAMETERS}
+    | {f"initial.{row.name.removesuffix('_0')}": row for row in INITIAL_VALUES if row.name != "quaternion_0"}
+    | {DEGREES: BY_NAME["omega_b_0"]}
+    | {f"loads.{load.name}": load for load in LOADS}
+    | {ATTITUDE: BY_NAME["quaternion_0"], SHAPE: BY_NAME["inertia"]}
+)
+"""The quantity that each key sets which may vary."""
+RULES: Mapping[str, Numbers] = {
+    key: Numbers((3,), "deg/s") if key == DEGREES else numbers(row.name)
+    for key, row in QUANTITY_OF.items()
+    if key not in (INERTIA, ATTITUDE, SHAPE)
+}
 """The rule of each key whose numbers stand for themselves."""
 KEYS = (*RULES, INERTIA, ATTITUDE, SHAPE)
 
