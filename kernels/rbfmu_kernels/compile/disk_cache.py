@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import cached_property
+from os.path import exists
 from typing import Any
 
 from .compiler import CalleeCache
@@ -21,6 +22,8 @@ class DiskCache:
     def load_overload(self, signature: Any, context: Any) -> Any:
         """Return stored code, or None where there is none."""
         try:
+            if not exists(self._cache._cache_file._index_path):
+                return None  # before what follows, which takes 25 ms the first time
             rtsys.initialize(context)  # object code names its functions, and must find all that it names
             return self._cache._load_overload(signature, context)
         except Exception:  # Numba's internals behave otherwise than where they were tried
@@ -36,10 +39,5 @@ class DiskCache:
             name = cache._impl.filename_base + ("-callee" if self._kind is CalleeCache else "")
             cache._cache_file = IndexDataCacheFile(cache._cache_path, name, SOURCES)
         except (RuntimeError, AttributeError, TypeError):
-            return _NoCache()
+            return NullCache()
         return cache
-
-
-class _NoCache(NullCache):  # type: ignore[misc]
-    def _load_overload(self, signature: Any, context: Any) -> None:
-        return None

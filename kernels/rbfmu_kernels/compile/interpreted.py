@@ -52,9 +52,9 @@ def on_buffer(function: Callable[P, R]) -> Callable[P, R]:
     """
 
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
-        before = [(one, one.copy()) for one in args if _is_buffer(one)]
+        before = [(one, one.copy()) for one in args if is_buffer(one)]
         try:
-            return function(*(memoryview(one) if _is_buffer(one) else one for one in args), **kwargs)  # type: ignore
+            return function(*(memoryview(one) if is_buffer(one) else one for one in args), **kwargs)  # type: ignore
         except ZeroDivisionError:
             for one, numbers in before:
                 one[:] = numbers
@@ -63,7 +63,8 @@ def on_buffer(function: Callable[P, R]) -> Callable[P, R]:
     return call
 
 
-def _is_buffer(value: Any) -> TypeGuard[NDArray[np.float64]]:
+def is_buffer(value: Any) -> TypeGuard[NDArray[np.float64]]:
+    """Return whether an argument is an array with one axis, of doubles."""
     return isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype == np.float64
 
 
