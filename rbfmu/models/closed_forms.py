@@ -9,16 +9,6 @@ from rbfmu.models.conditioning import lost_by_symmetry, lost_near_separatrix
 from rbfmu.models.scene_needs import Needs, acting_loads, shape, torques, turning_loads
 from rbfmu.models.spec import Array, ModelSpec
 from rbfmu.scene.scene import Scene
-from rbfmu_kernels.models import (
-    angular_momentum,
-    constant_rate,
-    free_symmetric,
-    free_triaxial,
-    no_rotation,
-    one_axis,
-    pendulum,
-    spin_up,
-)
 from rbfmu_kernels.quantities import (
     DISSIPATIVE,
     FIXED_IN_SPACE,
@@ -71,7 +61,7 @@ def _standing(scene: Scene, needs: Needs) -> str:
 
 NO_ROTATION = closed_form(
     "no rotation",
-    no_rotation,
+    "no_rotation",
     "closed form",
     states=0,
     rate_states=0,
@@ -94,7 +84,7 @@ def _constant_rate_rests_on(scene: Scene, needs: Needs) -> set[str]:
 
 CONSTANT_RATE = closed_form(
     "constant rate",
-    constant_rate,
+    "constant_rate",
     "closed form",
     states=4,
     rate_states=0,
@@ -118,7 +108,7 @@ def _momentum_rests_on(scene: Scene, needs: Needs) -> set[str]:
 
 ANGULAR_MOMENTUM = closed_form(
     "angular momentum",
-    angular_momentum,
+    "angular_momentum",
     "closed form",
     states=3,
     rate_states=3,
@@ -133,7 +123,7 @@ ANGULAR_MOMENTUM = closed_form(
 
 ONE_AXIS = closed_form(
     "one axis",
-    one_axis,
+    "one_axis",
     "closed form",
     states=2,
     rate_states=1,
@@ -150,7 +140,7 @@ ONE_AXIS = closed_form(
 
 PENDULUM = closed_form(
     "undamped pendulum",
-    pendulum,
+    "pendulum",
     "elliptic functions",
     states=2,
     rate_states=2,
@@ -164,7 +154,7 @@ PENDULUM = closed_form(
 
 FREE_SYMMETRIC = closed_form(
     "torque-free symmetric body",
-    free_symmetric,
+    "free_symmetric",
     "elementary functions",
     rate_states=3,
     holds=lambda start: not start.is_driven and start.is_symmetric,
@@ -184,7 +174,7 @@ def _spins_up(start: BodyAtStart) -> bool:
 
 SPIN_UP = closed_form(
     "symmetric body spun up",
-    spin_up,
+    "spin_up",
     "closed form",
     rate_states=3,
     holds=_spins_up,
@@ -201,7 +191,7 @@ SPIN_UP = closed_form(
 
 FREE_TRIAXIAL = closed_form(
     "torque-free body",
-    free_triaxial,
+    "free_triaxial",
     "elliptic functions",
     rate_states=3,
     holds=lambda start: not start.is_driven,

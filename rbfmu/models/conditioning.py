@@ -7,7 +7,6 @@ from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.body.principal import Axes, exact_frame, rates_along
 from rbfmu_kernels.compile.interpreted import interpreted
-from rbfmu_kernels.exact.free_rotation import free_rotation_of
 from rbfmu_kernels.exact.polhode import polhode_axes
 from rbfmu_kernels.numerics.double_double import DoubleDouble, Vector
 from rbfmu_kernels.types import Vec3
@@ -33,6 +32,8 @@ def lost_near_separatrix(scene: Scene) -> float:
     """
     if not _is_full(scene):
         return 0.0
+    from rbfmu_kernels.exact.free_rotation import free_rotation_of  # large, and few scenes need it
+
     moments, axes = _frame(scene)
     rates = interpreted(rates_along)(axes, scene.initial.omega_b)
     motion = interpreted(free_rotation_of)(moments, (1.0, 0.0, 0.0, 0.0), rates)

@@ -5,18 +5,10 @@ from rbfmu.models.conditioning import lost_near_separatrix
 from rbfmu.models.scene_needs import Needs
 from rbfmu.models.spec import ModelSpec
 from rbfmu.scene.scene import Scene
-from rbfmu_kernels.models import (
-    free_body_force,
-    loaded_dop853,
-    loaded_splitting,
-    loaded_taylor,
-    one_axis_taylor,
-    prescribed_rates,
-)
 
 PRESCRIBED_RATES = ModelSpec(
     "prescribed rates",
-    prescribed_rates,
+    "prescribed_rates",
     "exact rotation",
     states=4,
     rate_states=4,
@@ -26,7 +18,7 @@ PRESCRIBED_RATES = ModelSpec(
 
 ONE_AXIS_TAYLOR = ModelSpec(
     "one swinging axis",
-    one_axis_taylor,
+    "one_axis_taylor",
     states=2,
     rate_states=2,
     holds=lambda start: not start.leaves_axis,
@@ -42,7 +34,7 @@ def _force_rests_on(scene: Scene, needs: Needs) -> set[str]:
 
 FREE_BODY_FORCE = ModelSpec(
     "torque-free body, body force",
-    free_body_force,
+    "free_body_force",
     rate_states=3,
     holds=lambda start: not start.has_torque,
     rests_on=_force_rests_on,
@@ -52,17 +44,17 @@ FREE_BODY_FORCE = ModelSpec(
 
 LOADED_SPLITTING = ModelSpec(
     "symmetric top",
-    loaded_splitting,
+    "loaded_splitting",
     holds=lambda start: start.is_symmetric and not start.is_damped and not start.has_unknown_load,
     costs={"": 72.0},
     integrates_path=True,
 )
 
-LOADED_DOP853 = ModelSpec("body under loads", loaded_dop853)
+LOADED_DOP853 = ModelSpec("body under loads", "loaded_dop853")
 
 LOADED_TAYLOR = ModelSpec(
     "body under loads, by series",
-    loaded_taylor,
+    "loaded_taylor",
     rate_states=3,
     costs={"": 60.0, "evaluated": 40.0, "loads that turn": 68.0},
     substep_without_attitude=0.72,

@@ -2,6 +2,8 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from importlib import import_module
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +21,10 @@ Names = set[str] | frozenset[str]
 class ModelSpec:
     """A model: the kernels that run it, what it serves, what it costs and why it is chosen.
 
-    Only `key` and `kernels` are needed for a model that a plan names; planning itself chooses those with `holds`.
+    Only `key` and `module` are needed for a model that a plan names; planning itself chooses those with `holds`.
 
     key: the public name, `Plan.model`.
-    kernels: a module of `rbfmu_kernels.models`.
+    module: that of its kernels in `rbfmu_kernels.models`, which is loaded when they are first asked for.
     method: how it is computed; empty where the plan's settings say it.
     states, rate_states: numbers that it keeps of the rotation, with and without the attitude.
     holds: whether it holds for the scene's values, ports at zero, as the kernels' `initialize` sees it.
@@ -43,7 +45,7 @@ class ModelSpec:
     """
 
     key: str
-    kernels: Model
+    module: str
     method: str = ""
     states: int = 7
     rate_states: int = 7
@@ -63,6 +65,11 @@ class ModelSpec:
     integrates_path: bool = False
     computes_all_outputs: bool = False
     reason: Callable[[Scene, Needs], str] = lambda scene, needs: ""
+
+    @property
+    def kernels(self) -> Model:
+        """Return the kernels that run it."""
+        return cast(Model, import_module(f"rbfmu_kernels.models.{self.module}"))
 
     def serves(self, scene: Scene, needs: Needs) -> bool:
         """Return whether the model is exact, whatever the ports supply and listed parameters become."""
