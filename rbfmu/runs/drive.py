@@ -54,7 +54,9 @@ def drive_of(scene: Scene, tables: InputTables, interpolate: str, parts: int = 1
 
 def _points(time: Array, tables: list[Array], near: float) -> Array:
     """Return all times at which a piece begins or ends; a row next to a communication point counts as at it."""
-    rows = np.unique(np.concatenate([time[:0], *tables]))
+    if not tables:
+        return time
+    rows = np.unique(np.concatenate(tables))
     rows = rows[(rows > time[0]) & (rows < time[-1])]
     after = np.searchsorted(time, rows)
     apart = np.minimum(time[after] - rows, rows - time[after - 1]) > near

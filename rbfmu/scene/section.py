@@ -11,7 +11,7 @@ from rbfmu.scene.fields import Rule, SceneError, closest, fault, joined, shown
 class Section(BaseModel):
     """A table of the scene: immutable, compared by value; an invalid one raises SceneError with all of its faults."""
 
-    model_config = ConfigDict(frozen=True)
+    model_config = ConfigDict(frozen=True, defer_build=True)
     _path: ClassVar[str] = ""
     _spellings: ClassVar[Mapping[str, tuple[str, ...]]] = {}
     _other_keys: ClassVar[Mapping[str, tuple[Rule | None, str]]] = {}
