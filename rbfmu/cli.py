@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from rich.console import Console
 
 from rbfmu.cli_ensemble import ensemble
 from rbfmu.cli_options import (
@@ -57,6 +56,8 @@ def main() -> None:
 @folder_option("rbfmu_demo", "Folder for the FMU, the results and the picture.")
 def demo(folder: Path) -> None:
     """Simulate NASA's tumbling brick in three ways, compare them with each other and with NASA, draw it."""
+    from rich.console import Console
+
     from rbfmu_fmu import VerificationError
     from rbfmu_fmu.demo import run_demo
 

@@ -1,4 +1,7 @@
-"""What the command line says beside its results: errors, doubts, notes, progress, tables."""
+"""What the command line says beside its results: errors, doubts, notes, progress, tables.
+
+Rich is loaded where it draws, as loading it takes a tenth of a short run.
+"""
 
 import sys
 import warnings
@@ -10,10 +13,6 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 import click
-from rich.console import Console
-from rich.markup import escape
-from rich.progress import Progress
-from rich.table import Table
 
 from rbfmu._interrupt import interruptible
 from rbfmu.exceptions import SceneError, SceneWarning, SimulationError
@@ -115,6 +114,9 @@ def planning_bar(name: str) -> Iterator[Callable[[float], Any] | None]:
     if not sys.stderr.isatty():
         yield None
         return
+    from rich.console import Console
+    from rich.progress import Progress
+
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(f"planning {name}", total=1.0, visible=False)
         begin = monotonic()
@@ -124,6 +126,9 @@ def planning_bar(name: str) -> Iterator[Callable[[float], Any] | None]:
 @contextmanager
 def counting_bar(name: str) -> Iterator[Callable[[int, int, str], None]]:
     """Show a bar for what is done of a number of things, on a terminal; it goes when done."""
+    from rich.console import Console
+    from rich.progress import Progress
+
     with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as bar:
         task = bar.add_task(name, total=None)
 
@@ -161,10 +166,10 @@ def print_end(scene: "Scene", planned: "Plan", result: Any, driven: bool) -> Non
     for reason in planned.reasons:
         click.echo(reason)
     click.echo(f"{expected_error(scene, planned, driven)}, accuracy asked {scene.run.accuracy:g}")
-    table = Table("at the end", "unit", f"t = {result.time[-1]:g} s", box=None)
+    rows = [("at the end", "unit", f"t = {result.time[-1]:g} s")]
     for name, values in result.quantities.items():
-        table.add_row(name, result.units[name], " ".join(f"{x: .8g}" for x in values[-1:].ravel()))
-    Console(highlight=False).print(table)
+        rows.append((name, result.units[name], " ".join(f"{x: .8g}" for x in values[-1:].ravel())))
+    _print_columns(rows)
 
 
 def print_ensemble(planned: Any, result: Any) -> None:
@@ -178,12 +183,19 @@ def print_ensemble(planned: Any, result: Any) -> None:
     click.echo(f"{result.runs:,} runs, {len(result.failed):,} of them failed, {_drawn_again(result)} drawn again")
     for index, text in [*result.failed.items()][:MOST_FAILED]:
         click.echo(f"run {index}: {text}")
-    table = Table(f"at t = {result.time[-1]:g} s", "unit", "mean", "standard deviation", box=None)
+    rows = [(f"at t = {result.time[-1]:g} s", "unit", "mean", "standard deviation")]
     for name in result.scene.outputs.quantities:
         mean, spread = result.at_end(name)
         numbers = (" ".join(f"{x: .6g}" for x in values) for values in (mean, spread))
-        table.add_row(name, OUTPUT[name].unit, *numbers)
-    Console(highlight=False).print(table)
+        rows.append((name, OUTPUT[name].unit, *numbers))
+    _print_columns(rows)
+
+
+def _print_columns(rows: Sequence[Sequence[str]]) -> None:
+    """Print rows of equal length below each other; no line is folded, so that no number is torn."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        click.echo("  ".join(map(str.ljust, row, widths)).rstrip())
 
 
 def _drawn_again(result: Any) -> str:
@@ -192,6 +204,10 @@ def _drawn_again(result: Any) -> str:
 
 def print_keys() -> None:
     """Print all keys of a scene, a table for each of its tables."""
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
     from rbfmu.scene.keys import scene_keys
 
     for name, group in groupby(scene_keys(), lambda key: key.table):
@@ -205,10 +221,10 @@ def print_verification(found: Any) -> None:
     """Print what `rbfmu_fmu.verify` found."""
     from rbfmu_kernels.quantities import OUTPUT
 
-    table = Table("output", "unit", "largest difference to the kernels", box=None)
+    rows = [("output", "unit", "largest difference to the kernels")]
     for name, difference in found.differences.items():
-        table.add_row(escape(name), OUTPUT[name.split("[")[0]].unit, repr(difference))
-    Console(highlight=False).print(table)
+        rows.append((name, OUTPUT[name.split("[")[0]].unit, repr(difference)))
+    _print_columns(rows)
     click.echo(f"{found.steps_done} of {found.steps_asked} steps done; inputs from seed {found.seed}")
     click.echo(f"planned and full model differ by {found.to_full:.1e}, accuracy asked {found.accuracy:g}")
     for problem in found.problems:

@@ -2,20 +2,43 @@
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from importlib.util import find_spec
+from time import monotonic
 from typing import Any
+
+SOON, OFTEN = 1.0, 0.1
+"""The times, s, after which a bar comes, and after which it moves."""
 
 
 def progress_bar(name: str) -> Callable[[Sequence[Any]], Any] | None:
-    """Return what wraps a sequence in a bar that goes when done; None where nobody would see it.
+    """Return what wraps a sequence in a bar that comes after a second; None where nobody would see it.
 
     For `progress` of `simulate`. A notebook needs ipywidgets for it (`pip install "rbfmu[notebook]"`).
     """
-    from rich.progress import track
+    return (lambda numbers: _bar_when_long(numbers, name)) if _is_seen() else None
 
-    console = _seen_console()
-    return None if console is None else lambda numbers: track(numbers, name, console=console, transient=True)
+
+def _bar_when_long(numbers: Sequence[Any], name: str) -> Iterator[Any]:
+    with ExitStack() as stack:
+        due, bar = monotonic() + SOON, None
+        for done, number in enumerate(numbers):
+            if monotonic() > due:
+                bar = bar or stack.enter_context(_bar(name, len(numbers)))
+                bar(done)
+                due = monotonic() + OFTEN
+            yield number
+
+
+@contextmanager
+def _bar(name: str, total: int) -> Iterator[Callable[[int], Any]]:
+    """Show a bar; yield what tells it how many are done. Rich is loaded here: that takes as long as many a run."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(name, total=total)
+        yield lambda done: bar.update(task, completed=done)
 
 
 @contextmanager
@@ -24,15 +47,15 @@ def members_bar(name: str, done: int, total: int, shown: bool = True) -> Iterato
 
     It goes when done, and is not there where nobody would see it. done: how many are at the start.
     """
-    console = _seen_console() if shown else None
-    if console is None:
+    if not (shown and _is_seen()):
         yield lambda count: None
         return
     from rich import progress as bars
+    from rich.console import Console
 
     columns = (bars.TextColumn("{task.description}"), bars.BarColumn(), bars.MofNCompleteColumn(),
                bars.TextColumn("{task.fields[rate]}"), bars.TimeRemainingColumn())  # fmt: skip
-    with bars.Progress(*columns, console=console, transient=True) as bar:
+    with bars.Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(name, total=total, completed=done, rate="")
 
         def advance(count: int) -> None:
@@ -43,10 +66,10 @@ def members_bar(name: str, done: int, total: int, shown: bool = True) -> Iterato
         yield advance
 
 
-def _seen_console() -> Any:
-    """Return a console that somebody sees, or None."""
+def _is_seen() -> bool:
+    """Return whether somebody sees a bar: on a terminal, or in a notebook that has ipywidgets."""
+    if sys.stderr.isatty() or "IPython" not in sys.modules:
+        return sys.stderr.isatty()
     from rich.console import Console
 
-    console = Console(stderr=True)
-    unseen = find_spec("ipywidgets") is None if console.is_jupyter else not sys.stderr.isatty()
-    return None if unseen else console
+    return Console(stderr=True).is_jupyter and find_spec("ipywidgets") is not None

@@ -161,7 +161,7 @@ def test_the_end_is_printed_with_units(short: Path) -> None:
 
 def test_a_run_says_its_model_and_the_error_to_expect(short: Path) -> None:
     planned = rbfmu.plan(short)
-    head = call("run", short).output.partition(" at the end")[0].splitlines()
+    head = call("run", short).output.partition("at the end")[0].splitlines()
     expected = f"expected: error {planned.error:.1e}, accuracy asked 1e-06"
     assert head == [f"{planned.model}: {planned.method}", *planned.reasons, expected]
 

@@ -2,10 +2,15 @@
 
 import atexit
 import gc
+import io
+import os
+import re
 import subprocess
 import sys
 
 import rbfmu.__main__
+from rbfmu import progress
+from tests.support.paths import SCENES
 
 
 def test_a_command_seldom_looks_for_garbage_and_leaves_it_at_the_end(monkeypatch):
@@ -17,6 +22,56 @@ def test_a_command_seldom_looks_for_garbage_and_leaves_it_at_the_end(monkeypatch
     rbfmu.__main__.main()
     assert thresholds == [rbfmu.__main__.YOUNG]
     assert gc.freeze in at_end
+
+
+def test_a_command_spares_what_libraries_do_at_import_unless_it_is_asked_for(monkeypatch):
+    monkeypatch.setattr("rbfmu.cli.main", lambda prog_name: None)
+    monkeypatch.setattr(gc, "set_threshold", lambda young: None)
+    monkeypatch.setattr(atexit, "register", lambda function: None)
+    monkeypatch.setattr(os, "environ", {"OPENBLAS_NUM_THREADS": "2"})
+    rbfmu.__main__.main()
+    assert os.environ == {"OPENBLAS_NUM_THREADS": "2", "PYDANTIC_DISABLE_PLUGINS": "__all__"}
+
+
+def test_a_run_by_a_kept_plan_loads_only_what_it_needs(monkeypatch, tmp_path):
+    """Models that are not taken, tables, bars and NumPy's masked arrays take a fifth of a short run."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    code = """
+import sys
+from rbfmu.cli import main
+
+main(["run", sys.argv[1]], standalone_mode=False)
+print([m for m in sys.modules if m.split(".")[0] == "rich" or m == "numpy.ma"])
+print([m for m in sys.modules if m.startswith("rbfmu_kernels.models.")])
+"""
+    command = [sys.executable, "-c", code, SCENES / "fixed_camera.toml"]
+    runs = [subprocess.run(command, capture_output=True, text=True, check=True) for _ in range(2)]
+    unneeded, models = runs[1].stdout.splitlines()[-2:]
+    assert unneeded == "[]"
+    assert "no_rotation" in models
+    assert not {"loaded_taylor", "pendulum", "free_triaxial"} & set(re.findall(r"models\.(\w+)", models))
+
+
+class Terminal(io.StringIO):
+    """Somebody sees what is written."""
+
+    def isatty(self):
+        return True
+
+
+def test_a_bar_comes_only_where_a_run_is_long(monkeypatch):
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    assert list(progress.progress_bar("short")(range(9))) == list(range(9))
+    assert sys.stderr.getvalue() == ""
+    monkeypatch.setattr(progress, "SOON", -1.0)
+    monkeypatch.setattr(progress, "OFTEN", 0.0)
+    assert list(progress.progress_bar("long")(range(9))) == list(range(9))
+    assert "long" in sys.stderr.getvalue()
+
+
+def test_no_bar_where_nobody_would_see_it(monkeypatch):
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    assert progress.progress_bar("unseen") is None
 
 
 def test_free_rotation_is_loaded_when_it_is_used():
