@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu.ensembles.columns import KEYS, Columns, flat
-from rbfmu.ensembles.lanes import advance_lanes
+from rbfmu.ensembles.lanes import advance_lanes, lanes_serve
 from rbfmu.ensembles.loops import compiled, entries, run_members
 from rbfmu.ensembles.members.samples import Samples, draw, ensemble_of, member, refused
 from rbfmu.ensembles.statistics import Summary, summary_of
@@ -87,7 +87,7 @@ def members_of_a_chunk(scene: Scene, plans: Any) -> int:
     steps = len(drive_of(scene, {}, HOLD).lengths)
     keep = ensemble_of(scene).keep
     numbers = Columns(scene.outputs.quantities).width * (steps + 1 if set(keep) - {FINAL} else 1)
-    costs = (plan.cost / (LANES_GAIN if plan.cost >= LANES_FROM else 1.0) for plan in plans.plans)
+    costs = (plan.cost / (LANES_GAIN if _has_lanes(plan) else 1.0) for plan in plans.plans)
     seconds = max(costs) * 1e-9 * steps + SET_UP
     seconds += STATISTICS_OF_ONE * numbers if STATISTICS in keep else 0.0
     most = max(1, int(min(SECONDS / seconds, MOST_BYTES / (8.0 * numbers), MOST_MEMBERS)))
@@ -133,7 +133,11 @@ def _outputs(
 
 def lanes_pay(work: Work, plan: Plan, steps: int) -> bool:
     """Return whether members side by side are sooner done, compiling included; the bits are the same."""
-    return plan.cost >= LANES_FROM and work.runs * steps * plan.cost * 1e-9 >= WORTH_COMPILING
+    return _has_lanes(plan) and work.runs * steps * plan.cost * 1e-9 >= WORTH_COMPILING
+
+
+def _has_lanes(plan: Plan) -> bool:
+    return plan.cost >= LANES_FROM and lanes_serve(plan.kernels)
 
 
 def varied_numbers(applied: Mapping[str, Array], blocks: dict[str, slice]) -> tuple[Indices, Array]:

@@ -202,14 +202,15 @@ def test_chunks_have_the_size_of_their_cost():
     body, initial, loads, vary = CASES["torque-free body"]
     scene = ensemble_scene(body, initial, loads, vary)
 
-    def size(cost, **changes):
-        plan = Plan("torque-free body", "", 7, cost=cost)
+    def size(cost, model="torque-free body", **changes):
+        plan = Plan(model, "", 7, cost=cost)
         return members_of_a_chunk(scene.replace({f"{key.replace('__', '.')}": v for key, v in changes.items()}),
                                   EnsemblePlan((plan,)))  # fmt: skip
 
     assert size(1e8) == 1
-    assert size(3e5) == 64  # of 2.4 ms each, 0.1 s together where three are done in the time of one
-    assert size(3e5, ensemble__runs=10**6) == 64
+    assert size(3e5) == 32  # of 2.4 ms each, 0.1 s together
+    assert size(3e5, ensemble__runs=10**6) == 32
+    assert size(3e5, "body under loads, by series") == 64  # of which three are done in the time of one
     assert size(1.0) == 8192  # at 9 points, of whose outputs statistics take some time
     assert size(1.0, ensemble__keep=["all"]) == 8192
     assert size(1.0, run__step=0.01, ensemble__keep=["all"]) == 256  # at 201 points 4 MB
