@@ -15,7 +15,8 @@ SPOILT = {
     "null pointer": ("is_given = m && (n == 0 || (references && values))", "is_given = m != NULL"),
     "out of bounds|SEGV": ("if (v[i] >= REFERENCES) return !refuse(m, call,", "if (0) return !refuse(m, call,"),
     "a buffer across cache lines": ("now.z)) % CACHE_LINE);", "now.z)) % 8);"),
-    "a message's text": ("if (*text == '%') *end++ = '%';", ""),
+    "a message's text": ('escape(escaped, text, "%#");', 'escape(escaped, text, "#");'),
+    "a single # in a message": ('escape(escaped, text, "%#");', 'escape(escaped, text, "%");'),
 }
 """What the sanitizers say of a C layer spoilt thus."""
 
@@ -28,7 +29,7 @@ USUAL = {
 """Calls of each version that are to be accepted often."""
 SPOILT_3 = {
     "heap-use-after-free|SEGV": ("    if (!is_updating(c, __func__)) free_instance(c);", "    free_instance(c);"),
-    "a single # in a message": ("if (*text == '#') *end++ = '#';", ""),
+    "a single # in a message": ('escape(escaped, text, "#");', 'escape(escaped, text, "");'),
     "a step's answers": ("m->returned_early = h < whole;", "m->returned_early = 0;"),
     "heap-buffer-overflow": ('return n_values == expected || !refuse(m, call, "%zu values: expected %zu", n_values, '
                              'expected);\n}\n\n/* Whether Real r', "return 1;\n}\n\n/* Whether Real r"),

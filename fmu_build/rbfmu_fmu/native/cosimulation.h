@@ -9,9 +9,9 @@
    - define the functions of that version, and export nothing else. Each calls the function below that does its work,
      passes `__func__` as `call`, with which every message begins, and casts the Status that comes back (it has the
      values of fmi2Status and of fmi3Status: assert that);
-   - fill a Host with what the importer offers: `log` hands one message to the version's logger (FMI 2 takes the text
-     for a format, FMI 3 does not); `allocate` and `release` stay null where the version has no functions for memory,
-     and `update` where it has no intermediate updates;
+   - fill a Host with what the importer offers: `log` hands one message to the version's logger, after `escape`;
+     `allocate` and `release` stay null where the version has no functions for memory, and `update` where it has no
+     intermediate updates;
    - refuse by `refuse`, in one line each, what no model here has: asynchronous steps, events, clocks;
    - be the `signatures` of the version in fmi_version.py.
 
@@ -130,5 +130,9 @@ Status deserialize_state(Instance *m, const char *call, const void *bytes, size_
 /* Log "call: message" and return CALL_ERROR, or CALL_DISCARD, which is logged only where the importer asked for it. */
 Status refuse(Instance *m, const char *call, const char *format, ...);
 Status discard(Instance *m, const char *call, const char *format, ...);
+
+/* Write a message twice as long as it may be: each of the special characters, which mean something to a version's
+   logger, is doubled, which stands for the character itself. */
+void escape(char *out, const char *text, const char *special);
 
 #endif

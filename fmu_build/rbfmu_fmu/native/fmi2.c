@@ -10,14 +10,10 @@ _Static_assert((int)fmi2Discard == (int)CALL_DISCARD && (int)fmi2Error == (int)C
 
 /* --- what the importer offers */
 
-/* FMI 2.0's logger takes the text for a format: no single '%' may be left in it. */
+/* FMI 2.0's logger takes the text for a format; '#' stands before and after a value reference. */
 static void log_message(const Host *host, const char *name, Status status, const char *category, const char *text) {
-    char escaped[2 * MESSAGE_SIZE], *end = escaped;
-    for (; *text; text++) {
-        *end++ = *text;
-        if (*text == '%') *end++ = '%';
-    }
-    *end = 0;
+    char escaped[2 * MESSAGE_SIZE];
+    escape(escaped, text, "%#");
     ((fmi2CallbackLogger)host->logger)(host->environment, name, (fmi2Status)status, category, escaped);
 }
 

@@ -14,15 +14,11 @@ _Static_assert((int)fmi3Discard == (int)CALL_DISCARD && (int)fmi3Error == (int)C
 
 /* --- what the importer offers */
 
-/* In FMI 3.0's messages '#' stands before and after a value reference; '##' is the character. */
+/* In FMI 3.0's messages '#' stands before and after a value reference. */
 static void log_message(const Host *host, const char *name, Status status, const char *category, const char *text) {
-    char escaped[2 * MESSAGE_SIZE], *end = escaped;
+    char escaped[2 * MESSAGE_SIZE];
     (void)name;
-    for (; *text; text++) {
-        *end++ = *text;
-        if (*text == '#') *end++ = '#';
-    }
-    *end = 0;
+    escape(escaped, text, "#");
     ((fmi3LogMessageCallback)host->logger)(host->environment, (fmi3Status)status, category, escaped);
 }
 

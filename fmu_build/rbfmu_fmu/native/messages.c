@@ -29,6 +29,14 @@ Number number(double x) {
     return out;
 }
 
+void escape(char *out, const char *text, const char *special) {
+    for (; *text; text++) {
+        *out++ = *text;
+        if (strchr(special, *text)) *out++ = *text;
+    }
+    *out = 0;
+}
+
 static void tell(const Host *host, const char *name, Status status, const char *text) {
     const char *category = status == CALL_DISCARD ? "logStatusDiscard" : "logStatusError";
     if (host->log) host->log(host, name, status, category, text);

@@ -298,9 +298,9 @@ def test_errors_are_always_logged_and_discards_on_demand():
         assert len(instance.log) == len(expected)
 
 
-def test_unknown_categories_are_an_error_and_no_message_is_a_format():
+def test_unknown_categories_are_an_error_and_no_message_is_a_format_or_names_a_variable():
     instance = started()
-    assert instance.set_debug_logging(1, "logAll", "%n%s") == ERROR
-    assert instance.log[-1][-1] == b"fmi2SetDebugLogging: there is no category %%n%%s"
+    assert instance.set_debug_logging(1, "logAll", "%n%s #r7#") == ERROR
+    assert instance.log[-1][-1] == b"fmi2SetDebugLogging: there is no category %%n%%s ##r7##"
     assert instance.set_debug_logging(1, "x" * 5000) == ERROR
     assert len(instance.log[-1][-1]) < 200

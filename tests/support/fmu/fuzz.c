@@ -31,13 +31,15 @@ static void their_logger(fmi2ComponentEnvironment environment, fmi2String name, 
                          fmi2String message, ...) {
     va_list none_given;
     char text[4096];
-    int length;
+    int length, hashes = 0;
     (void)environment;
     if (!name || !category || (status != fmi2Discard && status != fmi2Error)) wrong("a message");
     va_start(none_given, message);
     length = vsnprintf(text, sizeof text, message, none_given); /* reads none: no % in it is a conversion */
     va_end(none_given);
     if (length <= 0 || length >= (int)sizeof text) wrong("a message's text");
+    for (int i = 0; text[i]; i++) hashes += text[i] == '#';
+    if (hashes % 2) wrong("a single # in a message");
     messages++;
 }
 
@@ -138,7 +140,7 @@ static void categories(fmi2Component c) {
     char *unknown = malloc(2000);
     fmi2String wanted[3];
     size_t n = take(4);
-    memset(unknown, '%', 1999), unknown[take(2000)] = 0, unknown[1999] = 0;
+    memset(unknown, take(2) ? '%' : '#', 1999), unknown[take(2000)] = 0, unknown[1999] = 0;
     for (size_t i = 0; i < n; i++) {
         wanted[i] = known[take(sizeof known / sizeof *known)]; /* the last one is null */
         if (!take(4)) wanted[i] = unknown;
