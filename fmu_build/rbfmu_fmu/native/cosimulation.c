@@ -310,8 +310,8 @@ Status not_taken(Instance *m, const char *call, Status status, double t, double 
 
 Status do_step(Instance *m, const char *call, double t, double h) {
     const char *reason;
+    if (m) m->returned_early = 0;
     if (!allowed(m, call, DO_STEP)) return CALL_ERROR;
-    m->returned_early = 0;
     if ((reason = impossible(&m->now, t, h))) return not_taken(m, call, CALL_ERROR, t, h, reason);
     return m->host.update ? take_updated_step(m, call, t, h) : take_step(m, call, t, h);
 }

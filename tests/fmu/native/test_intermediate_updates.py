@@ -103,6 +103,16 @@ def test_a_step_ends_when_the_importer_wants(when, early):
     assert importer.instance.answer == (False, False, False, when + H)
 
 
+def test_a_step_that_is_refused_did_not_return_early():
+    importer = Importer("torqued", quadratic, early=True, when=0.5 * H)
+    importer.instance.start(quadratic(0.0))
+    assert importer.instance.step(0.0, H) == OK
+    assert importer.instance.answer == (False, False, True, 0.5 * H)
+    assert importer.instance.terminate() == OK
+    assert importer.instance.step(0.5 * H, H) == ERROR
+    assert importer.instance.answer == (False, False, False, 0.5 * H)
+
+
 def test_nobody_returns_early_who_did_not_say_so():
     importer = Importer("driven", constant, early=False, when=0.3 * H)
     importer.instance.start(LOADED)
