@@ -32,7 +32,7 @@ SPOILT_3 = {
     "a single # in a message": ('escape(escaped, text, "#");', 'escape(escaped, text, "");'),
     "a step's answers": ("m->returned_early = h < whole;", "m->returned_early = 0;"),
     "heap-buffer-overflow": ('return n_values == expected || !refuse(m, call, "%zu values: expected %zu", n_values, '
-                             'expected);\n}\n\n/* Whether Real r', "return 1;\n}\n\n/* Whether Real r"),
+                             'expected);', "return 1;"),
     "out of bounds": ("if (v[i] >= REFERENCES || v[i] == TIME_REFERENCE", "if (v[i] == TIME_REFERENCE"),
 }  # fmt: skip
 """The same of that of FMI 3.0."""

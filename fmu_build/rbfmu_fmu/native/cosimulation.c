@@ -21,20 +21,24 @@ int allowed(Instance *m, const char *call, Call what) {
     return 0;
 }
 
-/* Whether these value references are of Real variables, with as many elements together as there are values; any_output:
-   whether there are outputs among them. */
-static int are_reals(Instance *m, const char *call, const unsigned v[], size_t n, size_t n_values, int *any_output) {
+int fit(Instance *m, const char *call, const unsigned v[], size_t n, size_t n_values) {
     size_t expected = 0;
+    for (size_t i = 0; i < n; i++) expected += elements_of(v[i]).n;
+    return n_values == expected || !refuse(m, call, "%zu values: expected %zu", n_values, expected);
+}
+
+/* Whether these value references are of Real variables, and so many values fit; any_output: whether there are outputs
+   among them. */
+static int are_reals(Instance *m, const char *call, const unsigned v[], size_t n, size_t n_values, int *any_output) {
     int found = 0;
     for (size_t i = 0; i < n; i++) {
         unsigned r;
         if (v[i] >= REFERENCES) return !refuse(m, call, "value reference %u is no " REAL " variable", v[i]);
         r = *elements_of(v[i]).r;
         found |= r >= FIRST_OUTPUT && (!HAS_TIME || r != TIME);
-        expected += elements_of(v[i]).n;
     }
     *any_output = found;
-    return n_values == expected || !refuse(m, call, "%zu values: expected %zu", n_values, expected);
+    return fit(m, call, v, n, n_values);
 }
 
 /* Whether Real r may be set to this value now. */

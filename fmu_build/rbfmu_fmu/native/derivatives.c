@@ -10,16 +10,14 @@ static int has_derivative(Instance *m, const char *call, unsigned r, int order) 
     return 0;
 }
 
-/* Whether these value references are of inputs, or of outputs, with as many elements together as there are values. */
+/* Whether these value references are of inputs, or of outputs, and so many values fit. */
 static int are(Causality wanted, Instance *m, const char *call, const unsigned v[], size_t n, size_t n_values) {
-    size_t expected = 0;
     for (size_t i = 0; i < n; i++) {
         unsigned r = v[i] < REFERENCES ? *elements_of(v[i]).r : TIME;
         if (r == TIME || causality_of(r) != wanted)
             return !refuse(m, call, "value reference %u is no %s", v[i], CAUSALITIES[wanted].name);
-        expected += elements_of(v[i]).n;
     }
-    return n_values == expected || !refuse(m, call, "%zu values: expected %zu", n_values, expected);
+    return fit(m, call, v, n, n_values);
 }
 
 /* --- with respect to time */
@@ -63,14 +61,21 @@ static int are_finite(Instance *m, const char *call, const double seed[], size_t
     return 1;
 }
 
+/* Whether outputs have derivatives by inputs now, and the seed and the result fit them. */
+static int can_derive(Instance *m, const char *call, const Partial *of, int adjoint) {
+    const double *of_outputs = adjoint ? of->seed : of->result, *of_inputs = adjoint ? of->result : of->seed;
+    size_t n_of_outputs = adjoint ? of->n_seed : of->n_result, n_of_inputs = adjoint ? of->n_result : of->n_seed;
+    return given(m, call, of->n_outputs, of->outputs, of_outputs) &&
+           given(m, call, of->n_inputs, of->inputs, of_inputs) &&
+           are(OUTPUT, m, call, of->outputs, of->n_outputs, n_of_outputs) &&
+           are(INPUT, m, call, of->inputs, of->n_inputs, n_of_inputs) &&
+           are_finite(m, call, of->seed, of->n_seed) && fresh(m, call);
+}
+
 Status get_directional_derivative(Instance *m, const char *call, const Partial *of) {
     double change[CHANGES] = {0.0}, *result = of->result;
     const double *seed = of->seed;
-    if (!given(m, call, of->n_outputs, of->outputs, of->result)) return CALL_ERROR;
-    if (!given(m, call, of->n_inputs, of->inputs, of->seed)) return CALL_ERROR;
-    if (!are(OUTPUT, m, call, of->outputs, of->n_outputs, of->n_result)) return CALL_ERROR;
-    if (!are(INPUT, m, call, of->inputs, of->n_inputs, of->n_seed)) return CALL_ERROR;
-    if (!are_finite(m, call, of->seed, of->n_seed) || !fresh(m, call)) return CALL_ERROR;
+    if (!can_derive(m, call, of, 0)) return CALL_ERROR;
     for (size_t i = 0; i < of->n_inputs; i++) {
         Elements e = elements_of(of->inputs[i]);
         for (size_t k = 0; k < e.n; k++) change[OFFSETS[e.r[k]]] += *seed++;
@@ -98,11 +103,7 @@ static double weighted_change(const Instance *m, const Partial *of, unsigned inp
 
 Status get_adjoint_derivative(Instance *m, const char *call, const Partial *of) {
     double *result = of->result;
-    if (!given(m, call, of->n_outputs, of->outputs, of->seed)) return CALL_ERROR;
-    if (!given(m, call, of->n_inputs, of->inputs, of->result)) return CALL_ERROR;
-    if (!are(OUTPUT, m, call, of->outputs, of->n_outputs, of->n_seed)) return CALL_ERROR;
-    if (!are(INPUT, m, call, of->inputs, of->n_inputs, of->n_result)) return CALL_ERROR;
-    if (!are_finite(m, call, of->seed, of->n_seed) || !fresh(m, call)) return CALL_ERROR;
+    if (!can_derive(m, call, of, 1)) return CALL_ERROR;
     for (size_t i = 0; i < of->n_inputs; i++) {
         Elements e = elements_of(of->inputs[i]);
         for (size_t k = 0; k < e.n; k++) *result++ = weighted_change(m, of, e.r[k]);

@@ -61,6 +61,9 @@ int allowed(Instance *m, const char *call, Call what);
 int settable(Instance *m, const char *call, unsigned r, double value);
 int fresh(Instance *m, const char *call);
 
+/* Whether known value references stand for as many elements together as there are values; if not, refuse. */
+int fit(Instance *m, const char *call, const unsigned v[], size_t n, size_t n_values);
+
 /* Whether variables may be read or set: in an intermediate update only some may; if not, refuse. */
 int exchanged_in_update(Instance *m, const char *call, const unsigned v[], size_t n, Update how);
 
