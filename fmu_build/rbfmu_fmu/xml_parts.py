@@ -4,17 +4,10 @@ from xml.etree.ElementTree import Element, SubElement
 
 import rbfmu
 from rbfmu_fmu.description import Description, Variable
+from rbfmu_fmu.python.call_rules import LOG_CATEGORIES
 from rbfmu_fmu.variable_words import QUANTITIES
 from rbfmu_kernels.quantities import BY_NAME, OUTPUT, UNITS
 
-LOG_CATEGORIES = {
-    "logStatusWarning": "what may be less accurate than expected",
-    "logStatusDiscard": "why a step was not taken; nothing has changed",
-    "logStatusError": "why a call was refused; nothing has changed",
-    "logStatusFatal": "why a call was refused after which no other is allowed",
-    "logAll": "all messages",
-}
-"""By name, what a message of the category says."""
 LICENSE = "MIT; see documentation/licenses"
 """The terms of the code in an FMU, which a scene's own stand beside."""
 STATUS_MEANING = (

@@ -6,9 +6,8 @@ from itertools import accumulate
 
 from rbfmu_fmu.description import Description
 from rbfmu_fmu.fmi_version import FmiVersion
-from rbfmu_fmu.python.call_rules import CALLS, PHASES, SET_REFUSAL, SETTABLE
+from rbfmu_fmu.python.call_rules import CALLS, LOG_CATEGORIES, PHASES, SET_REFUSAL, SETTABLE
 from rbfmu_fmu.python.slave_access import HELD, TO_VARY
-from rbfmu_fmu.xml_parts import LOG_CATEGORIES
 from rbfmu_kernels.buffer import OK, PAST_STOP, STEP_REJECTED
 
 MAX_DERIVATIVE_ORDER = 2

@@ -1,4 +1,4 @@
-"""The rules of FMI calls: which call an instance allows in which phase of its life, and when a variable may be set.
+"""The rules of FMI calls: which call an instance allows when, when a variable may be set, and categories of messages.
 
 This is their only place. The C layer gets them as a generated header (native/headers.py), the pythonfmu slave has this
 file beside it, and so do the tests' model and the test that compares them with the standard's table. It needs nothing.
@@ -46,6 +46,15 @@ SETTABLE = {
 
 SET_REFUSAL = "%s %s cannot be set %s"
 """The message where a phase does not allow that: causality, name, the phase's text."""
+
+LOG_CATEGORIES = {
+    "logStatusWarning": "what may be less accurate than expected",
+    "logStatusDiscard": "why a step was not taken; nothing has changed",
+    "logStatusError": "why a call was refused; nothing has changed",
+    "logStatusFatal": "why a call was refused after which no other is allowed",
+    "logAll": "all messages",
+}
+"""By name, what a message of the category says."""
 
 
 def refusal(call: str, phase: int) -> str:

@@ -15,6 +15,8 @@ import threading
 from collections.abc import Iterable, Iterator
 from typing import Any
 
+from .call_rules import LOG_CATEGORIES
+
 BUILDERS_INSTANCE = "dummyInstance"
 """The builder makes an instance of this name to read the variables: it has no FMU's folder, and no logger."""
 
@@ -26,7 +28,7 @@ CRASHES_IN_PATH = re.compile(r"[^A-Za-z0-9_.~/ -]" if os.name == "posix" else r"
 """Characters of the folder of an unzipped FMU that a URI spells otherwise, all but the space: the library looks for the
 FMU where the URI points to as it is spelled, finds no class there, and calls it all the same. This ends the process."""
 
-CATEGORIES = ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal", "logAll", "cppfmu")
+CATEGORIES = (*LOG_CATEGORIES, "cppfmu")
 """The categories of all messages that have one; the last is the library's."""
 
 _increment = ctypes.pythonapi.Py_IncRef
