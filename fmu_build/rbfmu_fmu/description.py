@@ -61,11 +61,6 @@ class Description:
     """What stands for a fault's block where a model does not serve the parameters that were changed."""
 
     @property
-    def status_reference(self) -> int:
-        """Return the value reference of the Integer output `status`; the Real variables count from 0 up to it."""
-        return len(self.variables)
-
-    @property
     def last_time(self) -> float:
         """Return the time from which on `status` is 2."""
         return last_time(self.stop, self.step)

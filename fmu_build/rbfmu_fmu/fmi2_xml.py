@@ -34,7 +34,7 @@ def model_description(d: Description, guid: str, co_simulation: dict[str, str]) 
     variables = SubElement(root, "ModelVariables")
     for reference, v in enumerate(d.variables):
         variables.append(_scalar_variable(v, reference))
-    status = {"name": "status", "valueReference": str(d.status_reference), "causality": "output"}
+    status = {"name": "status", "valueReference": str(FMI2.status_reference(d)), "causality": "output"}
     status |= {"variability": "discrete", "initial": "calculated", "description": STATUS_MEANING}
     SubElement(SubElement(variables, "ScalarVariable", status), "Integer", min="0", max="2")
     root.append(_model_structure(d))
@@ -74,7 +74,7 @@ def _model_structure(d: Description) -> Element:
             SubElement(outputs, "Unknown", index=str(index), dependencies=_indices(depends_on(d, v)))
             SubElement(unknowns, "Unknown", index=str(index), dependencies=_indices(depends_initially_on(d, v)))
     for element in (outputs, unknowns):
-        SubElement(element, "Unknown", index=str(d.status_reference + 1), dependencies="")
+        SubElement(element, "Unknown", index=str(FMI2.status_reference(d) + 1), dependencies="")
     return structure
 
 

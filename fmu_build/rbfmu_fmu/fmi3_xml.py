@@ -28,15 +28,16 @@ _KINDS = {"input": ("continuous", None), "parameter": ("fixed", "exact"), "outpu
 
 def with_arrays(d: Description, token: str, co_simulation: dict[str, str]) -> Element:
     """Return modelDescription.xml with a variable for each quantity."""
-    return _model_description(d, arrays(d), token, co_simulation)
+    return _model_description(FMI3, d, token, co_simulation)
 
 
 def with_scalars(d: Description, token: str, co_simulation: dict[str, str]) -> Element:
     """Return modelDescription.xml with a variable for each number."""
-    return _model_description(d, scalars(d), token, co_simulation)
+    return _model_description(FMI3_SCALARS, d, token, co_simulation)
 
 
-def _model_description(d: Description, referenced: list[Referenced], token: str, co: dict[str, str]) -> Element:
+def _model_description(version: FmiVersion, d: Description, token: str, co: dict[str, str]) -> Element:
+    referenced = version.references(d)
     root = Element("fmiModelDescription", {
         "fmiVersion": "3.0", "modelName": d.name, "instantiationToken": token, **about(d),
         "variableNamingConvention": "structured",
@@ -54,10 +55,10 @@ def _model_description(d: Description, referenced: list[Referenced], token: str,
     SubElement(
         variables, "Float64", time | {"variability": "continuous", "unit": TIME.unit, "description": TIME.meaning}
     )
-    status = {"name": "status", "valueReference": str(len(referenced) + 1), "causality": "output"}
+    status = {"name": "status", "valueReference": str(version.status_reference(d)), "causality": "output"}
     status |= {"variability": "discrete", "initial": "calculated", "description": STATUS_MEANING}
     SubElement(variables, "Int32", status | {"min": "0", "max": "2"})
-    root.append(_model_structure(d, referenced))
+    root.append(_model_structure(version, d))
     return root
 
 
@@ -113,9 +114,9 @@ def _unit_and_limits(members: list[Variable]) -> dict[str, str]:
     return attributes
 
 
-def _model_structure(d: Description, referenced: list[Referenced]) -> Element:
+def _model_structure(version: FmiVersion, d: Description) -> Element:
     """Return outputs with what they depend on: without, an importer sees algebraic loops that are not there."""
-    structure, status = Element("ModelStructure"), str(len(referenced) + 1)
+    structure, referenced = Element("ModelStructure"), version.references(d)
     holder = {k: reference for reference, one in enumerate(referenced) for k in one.elements}
     for kind, depends in (("Output", depends_on), ("InitialUnknown", depends_initially_on)):
         for reference, one in enumerate(referenced):
@@ -123,7 +124,7 @@ def _model_structure(d: Description, referenced: list[Referenced]) -> Element:
             if first.causality == "output":
                 knowns = _listed({holder[k] for k in depends(d, first)})
                 SubElement(structure, kind, valueReference=str(reference), dependencies=knowns)
-        SubElement(structure, kind, valueReference=status, dependencies="")
+        SubElement(structure, kind, valueReference=str(version.status_reference(d)), dependencies="")
     structure[:] = sorted(structure, key=lambda element: element.tag != "Output")  # the schema's order
     return structure
 

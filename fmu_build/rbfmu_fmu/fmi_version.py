@@ -40,3 +40,7 @@ class FmiVersion:
     """A second folder for a platform, where no other platform of an FMU has it: importers there look into it."""
     icon: str = "terminalsAndIcons/icon.png"
     """The place of an FMU's picture."""
+
+    def status_reference(self, d: Description) -> int:
+        """Return the value reference of the integer output `status`, which is the last of all."""
+        return len(self.references(d)) + self.has_time

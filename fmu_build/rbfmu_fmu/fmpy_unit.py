@@ -31,7 +31,7 @@ class Unit:
             [k for k, _ in referenced if causality[k] == wanted] for wanted in ("input", "output")
         )
         self._count = sum(v.causality == "output" for v in description.variables)
-        self._status = len(referenced) + version.has_time
+        self._status = version.status_reference(description)
         self._old = not version.has_time
         self.messages: list[str] = []
         logger = self._log_2 if self._old else self._log_3

@@ -83,7 +83,7 @@ def _references(d: Description, version: FmiVersion) -> list[str]:
     single = "#define ONE_ELEMENT_EACH" if all(len(one) == 1 for one in elements) else "/* there are arrays */"
     return [
         single,
-        f"enum {{ TIME = REALS, REFERENCES = {len(elements)}, STATUS_REFERENCE = REFERENCES }};",
+        f"enum {{ TIME = REALS, REFERENCES = {len(elements)}, STATUS_REFERENCE = {version.status_reference(d)} }};",
         f"enum {{ HAS_TIME = {int(version.has_time)}, TIME_REFERENCE = {time} }};",
         f"static const unsigned short ELEMENTS[] = {_row(k for places in elements for k in places)};",
         f"static const unsigned short FIRST_ELEMENT[] = {_row(first)};",
