@@ -7,8 +7,10 @@ from rbfmu_fmu.fmi_version import FmiVersion
 from rbfmu_fmu.value_references import scalars
 from rbfmu_fmu.variable_words import meaning
 from rbfmu_fmu.xml_parts import (
-    STATUS_MEANING,
+    STATUS,
+    STATUS_RANGE,
     about,
+    attributes_of,
     declared_type,
     declared_types,
     default_experiment,
@@ -34,9 +36,8 @@ def model_description(d: Description, guid: str, co_simulation: dict[str, str]) 
     variables = SubElement(root, "ModelVariables")
     for reference, v in enumerate(d.variables):
         variables.append(_scalar_variable(v, reference))
-    status = {"name": "status", "valueReference": str(FMI2.status_reference(d)), "causality": "output"}
-    status |= {"variability": "discrete", "initial": "calculated", "description": STATUS_MEANING}
-    SubElement(SubElement(variables, "ScalarVariable", status), "Integer", min="0", max="2")
+    status = SubElement(variables, "ScalarVariable", STATUS, valueReference=str(FMI2.status_reference(d)))
+    SubElement(status, "Integer", STATUS_RANGE)
     root.append(_model_structure(d))
     return root
 
@@ -50,16 +51,8 @@ def _type_definitions(d: Description) -> list[Element]:
 
 
 def _scalar_variable(v: Variable, reference: int) -> Element:
-    variability, initial = {
-        "input": ("continuous", None),
-        "parameter": ("fixed", "exact"),
-        "output": ("continuous", "calculated"),
-    }[v.causality]
-    attributes = {"name": v.name, "valueReference": str(reference), "causality": v.causality}
-    attributes |= {"variability": variability, "description": meaning(v.block, v.component)}
-    if initial:
-        attributes["initial"] = initial
-    element = Element("ScalarVariable", attributes)
+    said = meaning(v.block, v.component)
+    element = Element("ScalarVariable", attributes_of(v.causality, v.name, reference, said))
     declared = {"declaredType": name} if (name := declared_type(v)) else {}
     SubElement(element, "Real", declared | unit_and_limits(v))
     return element

@@ -9,8 +9,10 @@ from rbfmu_fmu.fmi_version import FmiVersion
 from rbfmu_fmu.value_references import Referenced, arrays, scalars
 from rbfmu_fmu.variable_words import meaning
 from rbfmu_fmu.xml_parts import (
-    STATUS_MEANING,
+    STATUS,
+    STATUS_RANGE,
     about,
+    attributes_of,
     declared_type,
     declared_types,
     default_experiment,
@@ -20,10 +22,7 @@ from rbfmu_fmu.xml_parts import (
     unit_and_limits,
     unit_definitions,
 )
-from rbfmu_kernels.quantities import TIME, UNITS
-
-_KINDS = {"input": ("continuous", None), "parameter": ("fixed", "exact"), "output": ("continuous", "calculated")}
-"""By causality: variability and initial."""
+from rbfmu_kernels.quantities import TIME
 
 
 def with_arrays(d: Description, token: str, co_simulation: dict[str, str]) -> Element:
@@ -46,8 +45,7 @@ def _model_description(version: FmiVersion, d: Description, token: str, co: dict
         "modelIdentifier": d.identifier, "canHandleVariableCommunicationStepSize": "true",
         "canGetAndSetFMUState": "true", "canSerializeFMUState": "true", **co,
     })  # fmt: skip
-    root.extend((unit_definitions(d), *_type_definitions(d), log_categories(), default_experiment(d)))
-    _unit_of_time(root)
+    root.extend((unit_definitions(d, TIME.unit), *_type_definitions(d), log_categories(), default_experiment(d)))
     variables = SubElement(root, "ModelVariables")
     for reference, one in enumerate(referenced):
         variables.append(_variable(d, one, reference))
@@ -55,9 +53,7 @@ def _model_description(version: FmiVersion, d: Description, token: str, co: dict
     SubElement(
         variables, "Float64", time | {"variability": "continuous", "unit": TIME.unit, "description": TIME.meaning}
     )
-    status = {"name": "status", "valueReference": str(version.status_reference(d)), "causality": "output"}
-    status |= {"variability": "discrete", "initial": "calculated", "description": STATUS_MEANING}
-    SubElement(variables, "Int32", status | {"min": "0", "max": "2"})
+    SubElement(variables, "Int32", STATUS | STATUS_RANGE, valueReference=str(version.status_reference(d)))
     root.append(_model_structure(version, d))
     return root
 
@@ -70,22 +66,9 @@ def _type_definitions(d: Description) -> list[Element]:
     return [definitions] if len(definitions) else []
 
 
-def _unit_of_time(root: Element) -> None:
-    """Add the unit of the independent variable, which no other one need have."""
-    definitions = root.find("UnitDefinitions")
-    assert definitions is not None
-    if all(unit.get("name") != TIME.unit for unit in definitions):
-        unit = SubElement(definitions, "Unit", name=TIME.unit)
-        SubElement(unit, "BaseUnit", {base: str(exponent) for base, exponent in UNITS[TIME.unit].exponents.items()})
-
-
 def _variable(d: Description, one: Referenced, reference: int) -> Element:
     first = d.variables[one.elements[0]]
-    variability, initial = _KINDS[first.causality]
-    attributes = {"name": one.name, "valueReference": str(reference), "causality": first.causality}
-    attributes |= {"variability": variability, "description": _meaning(d, one)}
-    if initial:
-        attributes["initial"] = initial
+    attributes = attributes_of(first.causality, one.name, reference, _meaning(d, one))
     if d.interpolates_inputs and first.causality != "parameter":
         attributes["intermediateUpdate"] = "true"
     if name := declared_type(first):
@@ -125,7 +108,6 @@ def _model_structure(version: FmiVersion, d: Description) -> Element:
                 knowns = _listed({holder[k] for k in depends(d, first)})
                 SubElement(structure, kind, valueReference=str(reference), dependencies=knowns)
         SubElement(structure, kind, valueReference=str(version.status_reference(d)), dependencies="")
-    structure[:] = sorted(structure, key=lambda element: element.tag != "Output")  # the schema's order
     return structure
 
 

@@ -10,9 +10,14 @@ from rbfmu_kernels.quantities import BY_NAME, OUTPUT, UNITS
 
 LICENSE = "MIT; see documentation/licenses"
 """The terms of the code in an FMU, which a scene's own stand beside."""
+_KINDS = {"input": ("continuous", None), "parameter": ("fixed", "exact"), "output": ("continuous", "calculated")}
+"""By causality: variability and initial."""
 STATUS_MEANING = (
     "0: fine; 1: the last step was refused or missed the accuracy; 2: past the stop time, accuracy not promised"
 )
+STATUS = {"name": "status", "causality": "output", "variability": "discrete", "initial": "calculated"}
+STATUS |= {"description": STATUS_MEANING}
+STATUS_RANGE = {"min": "0", "max": "2"}
 
 
 def about(d: Description) -> dict[str, str]:
@@ -41,10 +46,10 @@ def _of_unit(unit: str) -> dict[str, str]:
     return attributes
 
 
-def unit_definitions(d: Description) -> Element:
-    """Return the units of all variables."""
+def unit_definitions(d: Description, *more: str) -> Element:
+    """Return the units of all variables, and more."""
     definitions = Element("UnitDefinitions")
-    for name in sorted({BY_NAME[v.block].unit for v in d.variables}):
+    for name in sorted({*more, *(BY_NAME[v.block].unit for v in d.variables)}):
         definitions.append(_unit(name))
     return definitions
 
@@ -74,6 +79,13 @@ def default_experiment(d: Description) -> Element:
     """Return the times and the accuracy of the scene's run."""
     times = {"startTime": d.start, "stopTime": d.stop, "tolerance": d.accuracy, "stepSize": d.step}
     return Element("DefaultExperiment", {name: repr(value) for name, value in times.items()})
+
+
+def attributes_of(causality: str, name: str, reference: int, description: str) -> dict[str, str]:
+    """Return what a variable of any version is said to be."""
+    variability, initial = _KINDS[causality]
+    said = {"name": name, "valueReference": str(reference), "causality": causality, "variability": variability}
+    return said | {"description": description} | ({"initial": initial} if initial else {})
 
 
 def unit_and_limits(v: Variable) -> dict[str, str]:
