@@ -81,6 +81,15 @@ class Description:
         return asdict(self) | {"last_time": self.last_time}
 
 
+def blocks(d: Description, *causalities: str) -> dict[str, list[Variable]]:
+    """Return the variables of these causalities by block, in their order."""
+    found: dict[str, list[Variable]] = {}
+    for v in d.variables:
+        if v.causality in causalities:
+            found.setdefault(v.block, []).append(v)
+    return found
+
+
 def describe(scene: Scene, plan: Plan) -> Description:
     """Return the FMU of a scene under its plan."""
     kernels, z = plan.kernels, filled_buffer(scene, plan)

@@ -1,9 +1,8 @@
 """What has a value reference in an FMU: each Real number by itself or, from FMI 3.0 on, all of a quantity together."""
 
 from dataclasses import dataclass
-from itertools import groupby
 
-from rbfmu_fmu.description import Description, Variable
+from rbfmu_fmu.description import Description, blocks
 from rbfmu_kernels.quantities import BY_NAME
 
 
@@ -26,16 +25,16 @@ def scalars(d: Description) -> list[Referenced]:
 
 def arrays(d: Description) -> list[Referenced]:
     """Return a variable for each quantity; a symmetric matrix has its lower triangle as well."""
-    numbered = enumerate(d.variables)
-    return [_array(block, list(members)) for block, members in groupby(numbered, lambda one: one[1].block)]
+    found = blocks(d, "input", "parameter", "output")
+    return [_array(name, d.variables.index(members[0]), len(members)) for name, members in found.items()]
 
 
-def _array(name: str, members: list[tuple[int, Variable]]) -> Referenced:
-    first, elements = members[0][0], BY_NAME[name].elements
-    if len(members) == 1:
+def _array(name: str, first: int, size: int) -> Referenced:
+    elements = BY_NAME[name].elements
+    if size == 1:
         return Referenced(name, (first,), ())
     if not elements:
-        return Referenced(name, tuple(k for k, _ in members), (len(members),))
+        return Referenced(name, tuple(range(first, first + size)), (size,))
     place = {frozenset(element.split(",")): first + k for k, element in enumerate(elements)}
     rows = sorted({row for pair in place for row in pair})
     return Referenced(name, tuple(place[frozenset((i, j))] for i in rows for j in rows), (len(rows), len(rows)))

@@ -27,7 +27,7 @@ QUANTITIES = {
 }
 """The quantity that a unit measures, by Modelica's names (Modelica.Units.SI); the unit 1 measures none."""
 
-_AXES = ("x", "y", "z")
+AXES = ("x", "y", "z")
 _EULER_PARAMETERS = ("scalar part", "vector part x", "vector part y", "vector part z")
 _INERTIA = {"inertia": 3}
 """Numbers of a block that say its size, where that is not all."""
@@ -36,10 +36,10 @@ _INERTIA = {"inertia": 3}
 def components(row: Quantity) -> tuple[str, ...]:
     """Return a word for each number of a quantity: an axis, an angle, a pair of axes; empty for a single number."""
     if row.elements:
-        return tuple("".join(_AXES[int(k) - 1] for k in pair.split(",")) for pair in row.elements)
+        return tuple("".join(AXES[int(k) - 1] for k in pair.split(",")) for pair in row.elements)
     if row.size == 3 and isinstance(row, Output):
         return row.components
-    return {1: ("",), 3: _AXES, 4: _EULER_PARAMETERS}[row.size]
+    return {1: ("",), 3: AXES, 4: _EULER_PARAMETERS}[row.size]
 
 
 def meaning(block: str, component: str) -> str:

@@ -6,7 +6,7 @@ from html import escape
 import rbfmu
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
-from rbfmu_fmu.description import Description, Variable
+from rbfmu_fmu.description import Description, Variable, blocks
 from rbfmu_fmu.xml_parts import STATUS_MEANING, unit_and_limits
 from rbfmu_kernels.quantities import BY_NAME
 
@@ -83,11 +83,7 @@ def _variables(d: Description) -> list[str]:
     """Return a table for each causality, with a row a block."""
     tables = []
     for causality in ("input", "output", "parameter"):
-        found: dict[str, list[Variable]] = {}
-        for v in d.variables:
-            if v.causality == causality:
-                found.setdefault(v.block, []).append(v)
-        if found:
+        if found := blocks(d, causality):
             tables.append(_table(causality, map(_row, found.values())))
     return tables
 

@@ -6,8 +6,8 @@ libcosim looks for it beside the FMU or the system file, not in the FMU, which h
 import re
 from xml.etree.ElementTree import Element, SubElement
 
-from rbfmu_fmu.description import Description, Variable
-from rbfmu_fmu.presentation.terminals import VECTOR, blocks_of
+from rbfmu_fmu.description import Description, Variable, blocks
+from rbfmu_fmu.variable_words import AXES
 from rbfmu_fmu.xml_parts import unit_and_limits
 
 NAMESPACE = "https://open-simulation-platform.com/OspModelDescription/1.0.1"
@@ -38,7 +38,7 @@ def osp_place(d: Description) -> str:
 def osp_description(d: Description) -> Element:
     """Return it, with the groups of all inputs and outputs. A group that is part of a port does not stand alone."""
     root = Element("OspModelDescription", xmlns=NAMESPACE, version="1.0")
-    groups, known = SubElement(root, "VariableGroups"), blocks_of(d)
+    groups, known = SubElement(root, "VariableGroups"), blocks(d, "input", "output")
     ports = {name: port for name, port in MECHANICAL_PORTS.items() if _is_port(known, port[1], port[2])}
     parts = {block for _, *both in ports.values() for block in both}
     groups.extend(_group(block, known[block]) for block in KINDS if block in known and block not in parts)
@@ -53,7 +53,7 @@ def _is_port(known: dict[str, list[Variable]], load: str, rate: str) -> bool:
 
 def _group(block: str, variables: list[Variable]) -> Element:
     group = Element(KINDS[block], name=block)
-    for v, axis in zip(variables, VECTOR if len(variables) == 3 else [None] * len(variables), strict=True):
+    for v, axis in zip(variables, AXES if len(variables) == 3 else [None] * len(variables), strict=True):
         named = {"axis": axis} if axis else {}
         SubElement(group, "Variable", {"ref": v.name, "unit": unit_and_limits(v)["unit"], **named})
     return group

@@ -2,7 +2,7 @@
 
 from xml.etree.ElementTree import Element, SubElement
 
-from rbfmu_fmu.description import Description, Variable
+from rbfmu_fmu.description import Description, Variable, blocks
 from rbfmu_kernels.quantities import PORTS
 
 GROUPS = {
@@ -13,7 +13,7 @@ GROUPS = {
     "conserved": ("angular momentum and kinetic energy", ("angular_momentum_a", "kinetic_energy")),
 }
 """By the name of a terminal: what it is, and the blocks that it has where an FMU has them."""
-VECTOR, QUATERNION = ("x", "y", "z"), ("eta", "epsilon_x", "epsilon_y", "epsilon_z")
+QUATERNION = ("eta", "epsilon_x", "epsilon_y", "epsilon_z")
 FMI_VERSION = "3.0"
 """The version of FMI that defines the file, also in an FMU of another version."""
 
@@ -21,28 +21,16 @@ FMI_VERSION = "3.0"
 def terminals(d: Description, arrays: bool = False) -> Element:
     """Return terminalsAndIcons.xml; arrays: a variable is a whole block, not one of its numbers."""
     root = Element("fmiTerminalsAndIcons", fmiVersion=FMI_VERSION)
-    groups = [
-        group for name, (meaning, blocks) in GROUPS.items() if (group := _group(d, name, meaning, blocks, arrays))
-    ]
+    known, groups = blocks(d, "input", "output"), []
+    for name, (meaning, members) in GROUPS.items():
+        if found := {block: known[block] for block in members if block in known}:
+            groups.append(_group(name, meaning, found, arrays))
     if groups:
         SubElement(root, "Terminals").extend(groups)
     return root
 
 
-def blocks_of(d: Description) -> dict[str, list[Variable]]:
-    """Return inputs and outputs by block."""
-    found: dict[str, list[Variable]] = {}
-    for v in d.variables:
-        if v.causality != "parameter":
-            found.setdefault(v.block, []).append(v)
-    return found
-
-
-def _group(d: Description, name: str, meaning: str, blocks: tuple[str, ...], arrays: bool) -> Element | None:
-    known = blocks_of(d)
-    found = {block: known[block] for block in blocks if block in known}
-    if not found:
-        return None
+def _group(name: str, meaning: str, found: dict[str, list[Variable]], arrays: bool) -> Element:
     terminal = Element("Terminal", name=name, matchingRule="bus", description=meaning)
     for block, variables in found.items():
         inner = SubElement(terminal, "Terminal", name=block, matchingRule="plug")
