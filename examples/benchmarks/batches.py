@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 import rbfmu
 from examples.benchmarks.support.goals import Goal, status
+from examples.benchmarks.support.least import least
 from rbfmu.ensembles.lanes import advance_lanes
 from rbfmu.extras import needed_of
 from rbfmu.planning.reference import reference_motion
@@ -249,23 +250,6 @@ def within(batch: Batch, mark: float, runs: Iterable[Run]) -> tuple[Run, float] 
     return None
 
 
-def _least(runs: Sequence[Run], rounds: int) -> list[float]:
-    """Return the least seconds of each, in turn, in blocks of `SECONDS`; of a long run no more than `MOST_SECONDS`."""
-    found, repeats, spent = [math.inf] * len(runs), [1] * len(runs), [0.0] * len(runs)
-    for _ in range(rounds):
-        for i, run in enumerate(runs):
-            if spent[i] > MOST_SECONDS:
-                continue
-            begin = process_time()
-            for _ in range(repeats[i]):
-                run()
-            seconds = process_time() - begin
-            spent[i] += seconds
-            found[i] = min(found[i], seconds / repeats[i])
-            repeats[i] = max(round(SECONDS * repeats[i] / seconds), 1)
-    return found
-
-
 def row_of(key: str, mark: float, bodies: int, rounds: int, others: Sequence[str]) -> Row:
     """Measure a motion at a mark, ours and others."""
     batch = Batch(CASES[key], bodies)
@@ -278,11 +262,10 @@ def row_of(key: str, mark: float, bodies: int, rounds: int, others: Sequence[str
     }
     found = {name: within(batch, mark, contestants[name]()) for name in (LANES, *others)}
     runs = {name: one for name, one in found.items() if one is not None}
-    seconds = _least([run for run, _ in runs.values()], rounds)
+    seconds = least(rounds, {name: run for name, (run, _) in runs.items()}, SECONDS, MOST_SECONDS, process_time)
     errors = {name: error for name, (_, error) in runs.items()}
-    counts = [len(run()) for run, _ in runs.values()]
-    costs = [1e6 * s / (n * batch.case.span) for s, n in zip(seconds, counts, strict=True)]
-    return Row(batch.case.title, mark, errors, dict(zip(runs, costs, strict=True)))
+    costs = {name: 1e6 * seconds[name] / (len(run()) * batch.case.span) for name, (run, _) in runs.items()}
+    return Row(batch.case.title, mark, errors, costs)
 
 
 def goals(rows: Sequence[Row]) -> list[Goal]:

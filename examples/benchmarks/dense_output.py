@@ -10,7 +10,6 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,7 @@ from numba import njit
 
 import rbfmu
 from examples.benchmarks.support.goals import Goal, status
+from examples.benchmarks.support.least import least
 from rbfmu.extras import needed_of
 from rbfmu.runs.model_buffer import aligned_zeros
 from rbfmu.runs.trajectory import start_run
@@ -113,26 +113,13 @@ def _peer_within(case: Case, error: float) -> tuple[float, float, Callable[[], A
     return math.nan, math.nan, None
 
 
-def _least(runs: Sequence[Callable[[], Any]], rounds: int) -> list[float]:
-    """Return the least seconds of each, in turn, in blocks of `SECONDS`."""
-    found, repeats = [math.inf] * len(runs), [1] * len(runs)
-    for _ in range(rounds):
-        for i, run in enumerate(runs):
-            begin = perf_counter()
-            for _ in range(repeats[i]):
-                run()
-            seconds = (perf_counter() - begin) / repeats[i]
-            found[i], repeats[i] = min(found[i], seconds), max(round(SECONDS / seconds), 1)
-    return found
-
-
 def rows_of(key: str, step: float, accuracies: Sequence[float], rounds: int) -> Iterator[Row]:
     """Yield a row for each accuracy."""
     case = replace(CASES[key], outputs=round(CASES[key].span / step))
     for accuracy in accuracies:
         method, error, run = planned(case, accuracy)
         tolerance, peer_error, peer = _peer_within(case, accuracy if case.torque_free else error)
-        own, other = _least([run, peer], rounds) if peer else (math.nan, math.nan)
+        own, other = least(rounds, {"plan": run, "peer": peer}, SECONDS).values() if peer else (math.nan, math.nan)
         ns = 1e9 / case.outputs
         yield Row(case.title, step, accuracy, method, error, ns * own, tolerance, peer_error, ns * other)
 

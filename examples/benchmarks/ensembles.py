@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 import rbfmu
 from examples.benchmarks.support.goals import Goal, status
+from examples.benchmarks.support.least import least
 from rbfmu.ensembles.planning import EnsemblePlan, plan_ensemble
 from rbfmu.plot import COLORS, Picture, open_frame
 
@@ -91,17 +92,6 @@ def costs(counts: tuple[int, ...] = RUNS) -> list[Cost]:
             each = 1e6 * seconds / runs
             print(f"{shape}: {runs:,} runs {seconds:.2f} s of CPU, {each:.1f} us a run, {megabytes:.0f} MB")
     return found
-
-
-def least(rounds: int, calls: dict[str, Callable[[], Any]]) -> dict[str, float]:
-    """Return the least time of each call, s, of rounds in turn."""
-    times: dict[str, float] = dict.fromkeys(calls, float("inf"))
-    for _ in range(rounds):
-        for name, call in calls.items():
-            begin = perf_counter()
-            call()
-            times[name] = min(times[name], perf_counter() - begin)
-    return times
 
 
 def executors(rounds: int = 5, runs: int = 4096, overhead: int = 64) -> dict[str, float]:

@@ -4,8 +4,7 @@ The least of many short, interleaved runs. `python -m examples.benchmarks.free_r
 with status 1 where a goal is missed.
 """
 
-import time
-from collections.abc import Callable
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from numba import njit
 
 import rbfmu
 from examples.benchmarks.support.goals import Goal, status
+from examples.benchmarks.support.least import least
 from rbfmu_kernels import free_rotation
 from rbfmu_kernels.exact.free_rotation import free_rotation_at, free_rotation_setup
 
@@ -74,25 +74,13 @@ def _with_setups(moments: Any, q: Any, omega: Any, h: float, n: int) -> Any:
     return q, omega
 
 
-def _least(runs: dict[str, Callable[[], Any]], rounds: int) -> dict[str, float]:
-    """Seconds of each, in turn; the first round compiles and is not counted."""
-    found = dict.fromkeys(runs, np.inf)
-    for done in range(rounds + 1):
-        for name, run in runs.items():
-            begin = time.perf_counter()
-            run()
-            if done:
-                found[name] = min(found[name], time.perf_counter() - begin)
-    return found
-
-
 def _in_rk4_steps(omega: Any, rounds: int, n: int) -> dict[str, float]:
     setup = free_rotation_setup(I_123, Q, omega)
-    seconds = _least({
+    seconds = least(rounds + 1, {
         "RK4": lambda: rk4_steps(I_123, Q, omega, 1e-3, n),
         AN_EVALUATION: lambda: _evaluations(setup, 0.1, n),
         WITH_SETUP: lambda: _with_setups(I_123, Q, omega, 0.1, n),
-    }, rounds)  # fmt: skip
+    })  # fmt: skip
     return {name: seconds[name] / seconds["RK4"] for name in (AN_EVALUATION, WITH_SETUP)}
 
 
@@ -100,10 +88,10 @@ def _many_times(rounds: int) -> float:
     """Return the cost of many times of one body, which is set up once, over that of many bodies."""
     omega = RATES["generic"]
     times, bodies = np.linspace(0.0, 10.0, MANY), np.broadcast_to(omega, (MANY, 3)).copy()
-    seconds = _least({
+    seconds = least(rounds + 1, {
         "times": lambda: rbfmu.free_rotation(I_123, Q, omega, times),
         "bodies": lambda: rbfmu.free_rotation(I_123, Q, bodies, 1.0),
-    }, rounds)  # fmt: skip
+    })  # fmt: skip
     return seconds["times"] / seconds["bodies"]
 
 
@@ -111,12 +99,9 @@ def _each_output(bodies: int, rounds: int = 7) -> float:
     """Return the least CPU time, ns, of bodies with moments and rates of their own, an output."""
     numbers = np.random.default_rng(1)
     moments = np.array([1.0, 2.0, 2.9]) * (1.0 + 0.01 * numbers.normal(size=(bodies, 1, 3)))
-    omega, times, found = numbers.normal(size=(bodies, 1, 3)), np.linspace(1.0, 10.0, 10), np.inf
-    for _ in range(rounds + 1):
-        begin = time.process_time()
-        rbfmu.free_rotation(moments, Q, omega, times)
-        found = min(found, time.process_time() - begin)
-    return 1e9 * found / (bodies * len(times))
+    omega, times = numbers.normal(size=(bodies, 1, 3)), np.linspace(1.0, 10.0, 10)
+    call = {EACH_OUTPUT: lambda: rbfmu.free_rotation(moments, Q, omega, times)}
+    return 1e9 * least(rounds + 1, call, clock=process_time)[EACH_OUTPUT] / (bodies * len(times))
 
 
 def main(rounds: int = 300, n: int = 300, bodies: int = 1_000_000) -> dict[str, dict[str, float]]:
