@@ -46,7 +46,11 @@ def aligned_zeros(size: int) -> Buffer:
 
 
 def filled_buffer(scene: Scene, plan: "Plan") -> Buffer:
-    """Return the buffer of the plan's model before `initialize`: parameters and settings of the scene, inputs zero."""
+    """Return the buffer of the plan's model before `initialize`: parameters and settings of the scene, inputs zero.
+
+    Raises ValueError where the plan cannot be run.
+    """
+    plan.check()
     kernels = plan.kernels
     z = aligned_zeros(kernels.SIZE)
     put_scene(scene, kernels.BLOCKS, z)

@@ -54,9 +54,25 @@ class Plan:
     @property
     def spec(self) -> ModelSpec:
         """Return what is known of the model."""
-        return MODELS[self.model]
+        try:
+            return MODELS[self.model]
+        except KeyError:
+            raise _refused("model", self.model, f"one of {', '.join(MODELS)}") from None
 
     @property
     def kernels(self) -> Model:
         """Return the module of `rbfmu_kernels.models` that runs it."""
         return self.spec.kernels
+
+    def check(self) -> None:
+        """Raise ValueError where a setting is none that the model can run with."""
+        orders = getattr(self.kernels, "ORDERS", (self.order,))
+        if self.order not in orders:
+            raise _refused("order", self.order, f"one of {', '.join(map(str, orders))} for {self.model!r}")
+        for name in ("substep", "tolerance", "span"):
+            if not (value := getattr(self, name)) >= 0.0:
+                raise _refused(name, value, "a number that is not negative")
+
+
+def _refused(name: str, value: object, expected: str) -> ValueError:
+    return ValueError(f"Plan.{name} = {value!r}: expected {expected}")

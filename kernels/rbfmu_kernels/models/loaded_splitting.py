@@ -16,6 +16,7 @@ from ..rotations.vec3 import is_nonzero
 
 __all__ = ["BLOCKS", "SIZE", "feedthrough", "initialize", "output_rates", "outputs", "step"]
 
+ORDERS = (2, 4, 6)
 BLOCKS, SIZE = places(COMMON | {"order": 1})
 
 _ORDER = BLOCKS["order"].start

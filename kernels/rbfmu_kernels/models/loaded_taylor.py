@@ -41,10 +41,11 @@ from ..integrators.dense_output import (
 )
 from ..integrators.dop853 import LONGEST_STEP
 from ..integrators.taylor import taylor_advance
-from ..integrators.taylor_coefficients import WORK
+from ..integrators.taylor_coefficients import MAX_ORDER, WORK
 
 __all__ = ["BLOCKS", "SIZE", "feedthrough", "initialize", "output_rates", "outputs", "step"]
 
+ORDERS = range(4, MAX_ORDER + 1, 2)
 _DENSE = KEPT | {"kept_before": KEPT_SIZE, "held_inputs": NUMBER_OF_INPUTS}
 _, _BEFORE = places(DRIVEN | {"order": 1} | _DENSE)
 BLOCKS, SIZE = places(DRIVEN | {"order": 1} | _DENSE | {"pad_3": -_BEFORE % 8, "work": WORK})

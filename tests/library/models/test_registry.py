@@ -23,9 +23,14 @@ LEANING = {"rotvec": [0.7, 0.0, 0.0]}
 """About x, so that what hangs beside x swings about it."""
 
 
+def plan_of(spec):
+    """Return a plan that runs, whatever it is good for."""
+    return Plan(spec.key, "", 0, order=max(getattr(spec.kernels, "ORDERS", (0,))))
+
+
 def differing(scene):
     """Names of the models that the kernels take and the registry does not, or the other way round."""
-    taken = {spec.key: spec.kernels.initialize(filled_buffer(scene, Plan(spec.key, "", 0))) for spec in OF_BODIES}
+    taken = {spec.key: spec.kernels.initialize(filled_buffer(scene, plan_of(spec))) for spec in OF_BODIES}
     return [spec.key for spec in OF_BODIES if spec.accepts(scene) != (taken[spec.key] == OK)]
 
 

@@ -3,6 +3,7 @@
 import copy
 import math
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import rbfmu
 from rbfmu.runs.errors import attitude_error
+from rbfmu.runs.plan import Plan
 from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.scene import Scene
 from rbfmu.simulation import SimulationError
@@ -210,3 +212,17 @@ def test_the_brick_is_where_nasa_s_simulations_have_it_for_30_s(simulation):
     assert np.max(error) <= 1e-4
     standing = Rotation.from_euler("ZYX", angles, degrees=True).as_quat(scalar_first=True)
     assert np.max(np.degrees(attitude_error(result.quaternion, standing))) > 0.1  # the earth's turn is 0.125 deg
+
+
+# Plans by hand
+
+
+@pytest.mark.parametrize(
+    ("setting", "value"),
+    [("model", "no such"), ("order", 0), ("order", 26), ("tolerance", math.nan), ("substep", -1.0), ("span", math.nan)],
+)
+def test_a_plan_that_cannot_be_run_is_refused_by_name_and_value(setting, value):
+    """A series of a higher order than its buffer has room for wrote beyond it."""
+    planned = replace(Plan("body under loads, by series", "", 7, tolerance=1e-9, order=12), **{setting: value})
+    with pytest.raises(ValueError, match=f"Plan.{setting} = {value!r}: expected "):
+        rbfmu.simulate(scene(), planned=planned)
