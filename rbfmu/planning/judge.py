@@ -55,11 +55,15 @@ def watched(scene: Scene) -> tuple[str, ...]:
 class Judge:
     """A scene's motion with its ports at zero, far more exact than what is judged by it.
 
-    progress: a function that is told which part of the motion is done.
+    progress: a function that is told which part of the motion is done; fewer: the same scene with fewer outputs, if it
+    is to be judged as well: what is not asked for is not integrated, so that substeps may be longer.
     """
 
-    def __init__(self, scene: Scene, progress: Callable[[float], Any] | None = None) -> None:
+    def __init__(
+        self, scene: Scene, progress: Callable[[float], Any] | None = None, fewer: Scene | None = None
+    ) -> None:
         self.scene, self.names = scene, watched(scene)
+        self._asked = (self.names,) if fewer is None else (self.names, watched(fewer))
         self.steps = thinned_steps(scene, MAX_STEPS)
         self._progress = progress
         self.doubt = 0.0  # how far the truth itself may be off
@@ -139,10 +143,13 @@ class Judge:
     def _error(
         self, plan: Plan, steps: list[float], truth: Motion, parts: int = 1, absolute: bool = False
     ) -> tuple[float, float]:
-        z = start_run(self.scene, plan, self.names)
-        found = record_trajectory(plan.kernels, z, steps, self.names, parts)
-        error = _error_between(found, truth, self.names, self.noise, absolute)
-        return error + self.doubt, substeps_counted(plan.kernels, z)
+        errors, substeps = [], []
+        for names in self._asked:
+            z = start_run(self.scene, plan, names)
+            found = record_trajectory(plan.kernels, z, steps, names, parts)
+            errors.append(_error_between(found, truth, names, self.noise, absolute))
+            substeps.append(substeps_counted(plan.kernels, z))
+        return max(errors) + self.doubt, max(substeps)
 
     def growth(self) -> float:
         """Return the factor, at least 1, by which an error of attitude and rate at the start grows over the run.
