@@ -63,7 +63,8 @@ class Judge:
         self, scene: Scene, progress: Callable[[float], Any] | None = None, fewer: Scene | None = None
     ) -> None:
         self.scene, self.names = scene, watched(scene)
-        self._asked = (self.names,) if fewer is None else (self.names, watched(fewer))
+        own = () if fewer is None else tuple(name for name in watched(fewer) if name in self.names)
+        self._asked = (self.names, own) if own else (self.names,)
         self.steps = thinned_steps(scene, MAX_STEPS)
         self._progress = progress
         self.doubt = 0.0  # how far the truth itself may be off

@@ -358,3 +358,10 @@ def test_a_full_plan_meets_the_accuracy_where_few_outputs_are_asked_for():
     })  # fmt: skip
     error, _ = Judge(scene).try_out(plan(scene, full=True))
     assert error <= scene.run.accuracy
+
+
+@pytest.mark.parametrize("quantities", [["position"], ["position", "alpha_b"]])
+def test_a_full_plan_may_be_asked_for_what_a_pivot_holds(quantities):
+    body = {"mass": 1.0, "inertia": [1.0, 2.0, 2.5], "r_oc_b": [0.0, 0.0, -0.3], "pivot": True}
+    scene = Scene(body=body, outputs={"quantities": quantities}, run={"stop": 1.0, "step": 0.1})
+    assert plan(scene, full=True).error <= scene.run.accuracy
