@@ -12,7 +12,7 @@ SOON, OFTEN = 1.0, 0.1
 
 
 def progress_bar(name: str) -> Callable[[Sequence[Any]], Any] | None:
-    """Return what wraps a sequence in a bar that comes after a second; None where nobody would see it.
+    """Return what wraps a sequence in a bar, on a terminal after a second; None where nobody would see it.
 
     For `progress` of `simulate`. A notebook needs ipywidgets for it (`pip install "rbfmu[notebook]"`).
     """
@@ -21,7 +21,7 @@ def progress_bar(name: str) -> Callable[[Sequence[Any]], Any] | None:
 
 def _bar_when_long(numbers: Sequence[Any], name: str) -> Iterator[Any]:
     with ExitStack() as stack:
-        due, bar = monotonic() + SOON, None
+        due, bar = monotonic() + (SOON if sys.stderr.isatty() else 0.0), None
         for done, number in enumerate(numbers):
             if monotonic() > due:
                 bar = bar or stack.enter_context(_bar(name, len(numbers)))
