@@ -176,8 +176,7 @@ def print_ensemble(planned: Any, result: Any) -> None:
     """Print the models, what failed, and mean and spread of the runs at their end."""
     from rbfmu_kernels.quantities import OUTPUT
 
-    for plan in planned.plans:
-        click.echo(f"{plan.model}: {plan.method}")
+    click.echo(f"{planned.model}: {planned.method}")
     for reason in planned.reasons:
         click.echo(reason)
     click.echo(f"{result.runs:,} runs, {len(result.failed):,} of them failed, {_drawn_again(result)} drawn again")

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import rbfmu
 from examples.benchmarks.support.goals import Goal, status
 from examples.benchmarks.support.least import least
-from rbfmu.ensembles.planning import EnsemblePlan, plan_ensemble
+from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.plot import COLORS, Picture, open_frame
 
 ROOT = Path(__file__).parents[2]
@@ -69,13 +69,13 @@ def scene_of(tables: dict[str, Any]) -> rbfmu.Scene:
 def cost_here(shape: str, runs: int) -> tuple[float, float]:
     """Return CPU time (s) and memory (MB) of runs in this process that are kept in a store."""
     scene = scene_of(SHAPES[shape])
-    plans = plan_ensemble(scene)
+    plan = plan_ensemble(scene)
     with tempfile.TemporaryDirectory() as folder:
         # more than 10,000 runs take other functions to draw: those of both are loaded
         for number in (100, 20_000):
-            rbfmu.run_ensemble(scene, Path(folder) / f"{number}.zarr", runs=number, planned=plans)
+            rbfmu.run_ensemble(scene, Path(folder) / f"{number}.zarr", runs=number, planned=plan)
         begin = process_time()
-        rbfmu.run_ensemble(scene, Path(folder) / "store.zarr", runs=runs, planned=plans)
+        rbfmu.run_ensemble(scene, Path(folder) / "store.zarr", runs=runs, planned=plan)
         taken = process_time() - begin
     return taken, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
 
@@ -99,12 +99,12 @@ def executors(rounds: int = 5, runs: int = 4096, overhead: int = 64) -> dict[str
     from distributed import Client, LocalCluster
 
     scene = scene_of(LONG).replace({"ensemble.runs": runs})
-    plans = plan_ensemble(scene)
+    plan = plan_ensemble(scene)
     short = scene.replace({"run.stop": 20.0, "ensemble.runs": overhead, "ensemble.keep": ["final"]})
-    alone = EnsemblePlan(tuple(replace(plan, cost=1e9) for plan in plans.plans))  # chunks of one run
+    alone = replace(plan, cost=1e9)  # chunks of one run
 
     def run(executor: Any) -> Callable[[], Any]:
-        return lambda: rbfmu.run_ensemble(scene, executor=executor, planned=plans)
+        return lambda: rbfmu.run_ensemble(scene, executor=executor, planned=plan)
 
     def run_alone(executor: Any) -> Callable[[], Any]:
         return lambda: rbfmu.run_ensemble(short, executor=executor, planned=alone)

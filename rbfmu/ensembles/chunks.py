@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,10 +35,10 @@ time of all members, s, from which on compiling lanes pays."""
 
 @dataclass(frozen=True)
 class Work:
-    """What all chunks of an ensemble have in common. plans: an EnsemblePlan; size: members of a chunk."""
+    """What all chunks of an ensemble have in common. size: members of a chunk."""
 
     scene: Scene
-    plans: Any
+    plan: Plan
     size: int
 
     @property
@@ -82,13 +82,13 @@ class Chunk(NamedTuple):
         return len(self.rows)
 
 
-def members_of_a_chunk(scene: Scene, plans: Any) -> int:
+def members_of_a_chunk(scene: Scene, plan: Plan) -> int:
     """Return how many members a chunk has, a power of 2 that depends on the ensemble alone, not on its runs."""
     steps = len(drive_of(scene, {}, HOLD).lengths)
     keep = ensemble_of(scene).keep
     numbers = Columns(scene.outputs.quantities).width * (steps + 1 if set(keep) - {FINAL} else 1)
-    costs = (plan.cost / (LANES_GAIN if _has_lanes(plan) else 1.0) for plan in plans.plans)
-    seconds = max(costs) * 1e-9 * steps + SET_UP
+    cost = plan.cost / (LANES_GAIN if _has_lanes(plan) else 1.0)
+    seconds = cost * 1e-9 * steps + SET_UP
     seconds += STATISTICS_OF_ONE * numbers if STATISTICS in keep else 0.0
     most = max(1, int(min(SECONDS / seconds, MOST_BYTES / (8.0 * numbers), MOST_MEMBERS)))
     return 1 << (most.bit_length() - 1)
@@ -102,12 +102,10 @@ def run_chunk(work: Work, index: int) -> Chunk:
     steps = drive_of(work.scene, {}, HOLD).lengths
     rows = np.full((count, len(steps) + 1 if work.keeps_time else 1, work.columns.width), np.nan)
     failed = refused(work.scene, samples)
-    chosen = work.plans.plan_of(samples)
-    for number, plan in enumerate(work.plans.plans):
-        which = np.array([i for i in np.flatnonzero(chosen == number) if i not in failed], dtype=np.int64)
-        if len(which):
-            rows[which], said = _outputs(work, plan, samples, which, steps, rows.shape[1])
-            failed |= said
+    which = np.array([i for i in range(count) if i not in failed], dtype=np.int64)
+    if len(which):
+        rows[which], said = _outputs(work, samples, which, steps, rows.shape[1])
+        failed |= said
     good = np.array([i for i in range(count) if i not in failed], dtype=np.int64)
     rows[list(failed)] = np.nan
     summary = summary_of(rows, good, work.columns.pairs, index) if work.keeps(STATISTICS) else None
@@ -116,24 +114,22 @@ def run_chunk(work: Work, index: int) -> Chunk:
     return Chunk(first, samples.applied, samples.redrawn, kept, messages, summary)
 
 
-def _outputs(
-    work: Work, plan: Plan, samples: Samples, which: Indices, steps: Array, points: int
-) -> tuple[Array, dict[int, str]]:
+def _outputs(work: Work, samples: Samples, which: Indices, steps: Array, points: int) -> tuple[Array, dict[int, str]]:
     """Return the outputs (m, n, K) of the members named, by row, and what is said of those that were refused."""
-    kernels = plan.kernels
+    plan, kernels = work.plan, work.plan.kernels
     places, values = varied_numbers(samples.applied, kernels.BLOCKS)
     rows = np.empty((len(which), points, work.columns.width))
     ends = np.empty((len(which), 2), dtype=np.int64)
     of_all = filled_buffer(work.scene, plan), places, values[which], steps, work.columns.places(kernels.BLOCKS)
-    if not (lanes_pay(work, plan, len(steps)) and advance_lanes(kernels, *of_all, rows, ends)):
+    if not (lanes_pay(work, len(steps)) and advance_lanes(kernels, *of_all, rows, ends)):
         compiled(run_members)(*entries(kernels), aligned_zeros(kernels.SIZE), *of_all, rows, ends)
     bad = np.flatnonzero((ends[:, 0] != 0) | (ends[:, 1] < len(steps)))
     return rows, {int(which[k]): _message(work.scene, plan, samples, int(which[k]), ends[k]) for k in bad}
 
 
-def lanes_pay(work: Work, plan: Plan, steps: int) -> bool:
+def lanes_pay(work: Work, steps: int) -> bool:
     """Return whether members side by side are sooner done, compiling included; the bits are the same."""
-    return _has_lanes(plan) and work.runs * steps * plan.cost * 1e-9 >= WORTH_COMPILING
+    return _has_lanes(work.plan) and work.runs * steps * work.plan.cost * 1e-9 >= WORTH_COMPILING
 
 
 def _has_lanes(plan: Plan) -> bool:

@@ -6,7 +6,7 @@ farthest. The tightest tolerance of all is taken, and every pilot's error under 
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -43,19 +43,7 @@ ENOUGH = 0.1
 """The part of the accuracy up to which a pilot's error is left as it is."""
 
 
-@dataclass(frozen=True)
-class EnsemblePlan:
-    """What simulates the members of an ensemble, and why; `plans` has one plan for all, or a few."""
-
-    plans: tuple[Plan, ...]
-    reasons: tuple[str, ...] = ()
-
-    def plan_of(self, samples: Samples) -> NDArray[np.int64]:
-        """Return for each member the place (count,) of its plan in `plans`."""
-        return np.zeros(len(samples), dtype=np.int64)
-
-
-def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) -> EnsemblePlan:
+def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) -> Plan:
     """Choose model, method and step for all members.
 
     progress: a function that is told from time to time which part of the work is done.
@@ -70,7 +58,7 @@ def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) 
     _tell(progress, 1.0)
     pilots = _of_members(scene, chosen, len(judges))
     reasons = (*_of_model(judges[0].scene, chosen), *pilots, *_of_growth(scene, growth))
-    return EnsemblePlan((replace(chosen, reasons=reasons),), reasons)
+    return replace(chosen, reasons=reasons)
 
 
 def _tell(progress: Callable[[float], Any] | None, part: float) -> None:

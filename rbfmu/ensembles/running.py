@@ -9,12 +9,13 @@ from typing import Any
 from rbfmu.ensembles.chunks import Chunk, Work, members_of_a_chunk
 from rbfmu.ensembles.executors import chunks_in_order
 from rbfmu.ensembles.members.samples import with_runs
-from rbfmu.ensembles.planning import EnsemblePlan, plan_ensemble
+from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.ensembles.result import EnsembleResult
 from rbfmu.ensembles.storage.checkpoint import Checkpoint, Progress
 from rbfmu.ensembles.storage.store import MemoryStore, Store, refuse_existing
 from rbfmu.extras import needed
 from rbfmu.progress import members_bar
+from rbfmu.runs.plan import Plan
 from rbfmu.scene.argument import of_scene_or_path
 from rbfmu.scene.scene import Scene
 
@@ -31,7 +32,7 @@ def run_ensemble(
     resume: bool = False,
     progress: bool = True,
     *,
-    planned: EnsemblePlan | None = None,
+    planned: Plan | None = None,
 ) -> EnsembleResult:
     """Run the ensemble of a scene, or of a scene file; run i has the same bits wherever and whenever it runs.
 
@@ -43,8 +44,8 @@ def run_ensemble(
     """
     check_store(store, resume)
     scene = with_runs(scene, runs)
-    plans = plan_ensemble(scene) if planned is None else planned
-    work = Work(scene, plans, members_of_a_chunk(scene, plans))
+    plan = plan_ensemble(scene) if planned is None else planned
+    work = Work(scene, plan, members_of_a_chunk(scene, plan))
     place = _store(work, store)
     with _named(store):
         known = place.begin(resume)

@@ -107,8 +107,8 @@ class Checkpoint:
 
 def identity_of(work: Work) -> dict[str, Any]:
     """Return what tells an ensemble's bits from those of others, for JSON."""
-    plans = [{k: v for k, v in plan.to_dict().items() if k != "reasons"} for plan in work.plans.plans]
-    found = {"scene": work.scene.to_dict(), "plans": plans, "members of a chunk": work.size, "origin": origin()}
+    plan = {k: v for k, v in work.plan.to_dict().items() if k != "reasons"}
+    found = {"scene": work.scene.to_dict(), "plan": plan, "members of a chunk": work.size, "origin": origin()}
     return json.loads(json.dumps(found))  # type: ignore[no-any-return]
 
 

@@ -133,6 +133,6 @@ def attributes_of(work: Work, failed: Mapping[int, str]) -> dict[str, Any]:
     return {
         "title": work.scene.name,
         "scene": work.scene.to_dict(),
-        "models": [f"{plan.model}: {plan.method}" for plan in work.plans.plans],
+        "model": f"{work.plan.model}: {work.plan.method}",
         "failed": {str(index): text for index, text in failed.items()},
     }

@@ -26,6 +26,7 @@ from tests.support.scenes.model_cases import (
     assert_refused,
     distance,
     made,
+    plan_by_hand,
 )
 
 
@@ -179,7 +180,7 @@ FAULTY += [
 
 @pytest.mark.parametrize(("model", "code", "values"), FAULTY)
 def test_initialize_refuses_what_its_model_cannot_be(model, code, values):
-    unit = Unit(scene_of(model), KICKS if model == "symmetric top" else Plan(model, "", 13))
+    unit = Unit(scene_of(model), KICKS if model == "symmetric top" else plan_by_hand(model))
     for name, value in values.items():
         unit[name] = value
     with np.errstate(all="ignore"):
@@ -200,9 +201,7 @@ WITH_ATTITUDE = MODELS.keys() - {"no rotation", "angular momentum", "symmetric b
 def test_the_quaternion_keeps_length_one(model):
     """To 4 eps at all times: scaled after each substep, or made anew from the start's at each step."""
     scene = AT_A_TURN[model]() if model in AT_A_TURN else scene_of(model)
-    fitted = Plan(
-        model, "", 13, substep=0.1, tolerance=1e-9, order=6 if model == "torque-free body, body force" else 12
-    )
+    fitted = plan_by_hand(model, substep=0.1, tolerance=1e-9)
     unit, random = Unit(scene, KICKS if model == "symmetric top" else fitted), np.random.default_rng(2)
     for k in range(300):
         if model == "prescribed rates":

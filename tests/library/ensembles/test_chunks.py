@@ -9,12 +9,12 @@ from rbfmu import SceneError, SimulationError, load_scene, simulate
 from rbfmu.ensembles import chunks, lanes
 from rbfmu.ensembles.chunks import Work, members_of_a_chunk, run_chunk
 from rbfmu.ensembles.members.samples import draw, member
-from rbfmu.ensembles.planning import EnsemblePlan, plan_ensemble
+from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.models.registry import MODELS
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from tests.support.paths import SCENES
-from tests.support.scenes.model_cases import GRAVITY, NO_GRAVITY, TOP, TRIAXIAL
+from tests.support.scenes.model_cases import GRAVITY, NO_GRAVITY, TOP, TRIAXIAL, plan_by_hand
 
 DISC = {"mass": 2.0, "inertia": [1.0, 1.0, 1.3]}
 SPIN, TUMBLE = {"omega_b": [0.0, 0.0, 2.0]}, {"omega_b": [0.3, -0.2, 1.0]}
@@ -59,10 +59,7 @@ def ensemble_scene(body, initial, loads, vary, shown=("position", "quaternion", 
 
 
 def given_plan(key):
-    spec = MODELS[key]
-    return Plan(
-        key, spec.method, spec.states, substep=0.02, tolerance=1e-9, order=4 if "top" in key or "force" in key else 12
-    )
+    return plan_by_hand(key, substep=0.02, tolerance=1e-9)
 
 
 def outcome(scene, samples, row, planned):
@@ -73,12 +70,11 @@ def outcome(scene, samples, row, planned):
         return str(error)
 
 
-def assert_like_single_runs(scene, plans):
-    work = Work(scene, plans, 64)
+def assert_like_single_runs(scene, plan):
+    work = Work(scene, plan, 64)
     chunk, samples = run_chunk(work, 0), draw(scene, 0, scene.ensemble.runs)
-    chosen = plans.plan_of(samples)
     for i in range(scene.ensemble.runs):
-        single = outcome(scene, samples, i, plans.plans[chosen[i]])
+        single = outcome(scene, samples, i, plan)
         if isinstance(single, str):
             assert chunk.failed[i] == single
             assert np.isnan(chunk.rows[i]).all()
@@ -93,7 +89,7 @@ def assert_like_single_runs(scene, plans):
 def test_members_have_the_bits_of_single_runs(model):
     body, initial, loads, vary = CASES[model]
     scene = ensemble_scene(body, initial, loads, vary, SHOWN.get(model, ("position", "quaternion", "omega_b")))
-    chunk = assert_like_single_runs(scene, EnsemblePlan((given_plan(model),)))
+    chunk = assert_like_single_runs(scene, given_plan(model))
     assert not chunk.failed
     ends = chunk.rows[:, -1]
     assert len(np.unique(ends, axis=0)) > 1 or model in SHOWN  # what varies acts
@@ -113,7 +109,7 @@ def test_attitudes_vary_where_rates_are_prescribed():
 def test_a_member_that_cannot_be_simulated_says_why_and_the_rest_goes_on():
     vary = {"body.mass": {"normal": [1.0, 1.0]}, "loads.damping_b": {"normal": [[0.1] * 3, [0.1] * 3]}}
     scene = ensemble_scene(TRIAXIAL, TUMBLE, EVERYTHING, vary, runs=40)
-    chunk = assert_like_single_runs(scene, EnsemblePlan((given_plan("body under loads, by series"),)))
+    chunk = assert_like_single_runs(scene, given_plan("body under loads, by series"))
     assert 0 < len(chunk.failed) < 40
     assert all("mass" in text or "damping_b" in text for text in chunk.failed.values())
     assert chunk.summary.members == 40 - len(chunk.failed)
@@ -122,7 +118,7 @@ def test_a_member_that_cannot_be_simulated_says_why_and_the_rest_goes_on():
 def test_a_step_that_is_refused_is_said_with_its_time():
     vary = {"loads.torque_b": {"lognormal": [[1e150] * 3, [40.0] * 3]}}
     scene = ensemble_scene(TRIAXIAL, TUMBLE, EVERYTHING, vary, runs=20)
-    chunk = assert_like_single_runs(scene, EnsemblePlan((given_plan("body under loads, by series"),)))
+    chunk = assert_like_single_runs(scene, given_plan("body under loads, by series"))
     assert any("was refused: not finite" in text for text in chunk.failed.values())
 
 
@@ -130,7 +126,7 @@ def test_sizes_that_no_shape_has_are_refused_though_their_inertia_is_possible():
     body = {"mass": 2.0, "shape": {"kind": "box", "sides": [1.0, 1.2, 1.4]}}
     vary = {"body.shape.sides": {"normal": [[1.0, 1.2, 1.4], [1.0] * 3]}}
     scene = ensemble_scene(body, TUMBLE, NO_GRAVITY, vary, runs=30)
-    chunk = assert_like_single_runs(scene, EnsemblePlan((given_plan("torque-free body"),)))
+    chunk = assert_like_single_runs(scene, given_plan("torque-free body"))
     assert 0 < len(chunk.failed) < 30
     assert all("body.shape.sides" in text for text in chunk.failed.values())
 
@@ -140,28 +136,17 @@ def test_torques_about_a_beams_own_axis_are_refused_as_in_its_scene():
     loads = {**NO_GRAVITY, "torque_b": [0.0, 0.1, 0.1]}
     vary = {"loads.torque_b": {"normal": [[0.0, 0.1, 0.1], [0.1, 0.0, 0.0]]}}
     scene = ensemble_scene(beam, {}, loads, vary)
-    chunk = run_chunk(Work(scene, EnsemblePlan((given_plan("body under loads, by series"),)), 16), 0)
+    chunk = run_chunk(Work(scene, given_plan("body under loads, by series"), 16), 0)
     assert len(chunk.failed) == 9
     assert "no torque about (1, 0, 0)" in chunk.failed[0]
-
-
-class TwoPlans(EnsemblePlan):
-    def plan_of(self, samples):
-        return (samples.first + np.arange(len(samples))) % 2
-
-
-def test_members_may_have_different_plans():
-    body, initial, loads, vary = CASES["body under loads, by series"]
-    plans = TwoPlans((given_plan("body under loads, by series"), given_plan("body under loads")))
-    assert_like_single_runs(ensemble_scene(body, initial, loads, vary), plans)
 
 
 def test_a_members_bits_do_not_hang_on_its_chunk():
     body, initial, loads, vary = CASES["body under loads, by series"]
     scene = ensemble_scene(body, initial, loads, vary)
-    plans = EnsemblePlan((given_plan("body under loads, by series"),))
-    whole = run_chunk(Work(scene, plans, 16), 0)
-    parts = [run_chunk(Work(scene, plans, 2), k) for k in range(5)]
+    plan = given_plan("body under loads, by series")
+    whole = run_chunk(Work(scene, plan, 16), 0)
+    parts = [run_chunk(Work(scene, plan, 2), k) for k in range(5)]
     assert np.concatenate([part.rows for part in parts]).tobytes() == whole.rows.tobytes()
     assert [part.first for part in parts] == [0, 2, 4, 6, 8]
 
@@ -177,7 +162,7 @@ def test_members_side_by_side_have_the_bits_of_single_runs(monkeypatch):
     monkeypatch.setattr(chunks, "WORTH_COMPILING", 0.0)
     body, initial, loads, vary = CASES["body under loads, by series"]
     scene = ensemble_scene(body, initial, loads, vary, runs=21)
-    assert_like_single_runs(scene, EnsemblePlan((replace(given_plan("body under loads, by series"), cost=1e4),)))
+    assert_like_single_runs(scene, replace(given_plan("body under loads, by series"), cost=1e4))
     assert taken == [True]
 
 
@@ -185,16 +170,16 @@ def test_members_side_by_side_have_the_bits_of_single_runs(monkeypatch):
 def test_side_by_side_pays_where_steps_are_long_and_runs_are_many(cost, runs, pay):
     body, initial, loads, vary = CASES["body under loads, by series"]
     plan = replace(given_plan("body under loads, by series"), cost=cost)
-    work = Work(ensemble_scene(body, initial, loads, vary, runs=runs), EnsemblePlan((plan,)), 16)
-    assert chunks.lanes_pay(work, plan, 100) == pay
+    work = Work(ensemble_scene(body, initial, loads, vary, runs=runs), plan, 16)
+    assert chunks.lanes_pay(work, 100) == pay
 
 
 def test_only_ends_are_kept_where_nothing_else_is_asked_for():
     body, initial, loads, vary = CASES["torque-free body"]
     scene = ensemble_scene(body, initial, loads, vary)
-    plans = EnsemblePlan((given_plan("torque-free body"),))
-    ends = run_chunk(Work(scene.replace({"ensemble.keep": ["final"]}), plans, 16), 0)
-    assert ends.rows.tobytes() == run_chunk(Work(scene, plans, 16), 0).rows[:, -1:].tobytes()
+    plan = given_plan("torque-free body")
+    ends = run_chunk(Work(scene.replace({"ensemble.keep": ["final"]}), plan, 16), 0)
+    assert ends.rows.tobytes() == run_chunk(Work(scene, plan, 16), 0).rows[:, -1:].tobytes()
     assert ends.summary is None
 
 
@@ -205,7 +190,7 @@ def test_chunks_have_the_size_of_their_cost():
     def size(cost, model="torque-free body", **changes):
         plan = Plan(model, "", 7, cost=cost)
         return members_of_a_chunk(scene.replace({f"{key.replace('__', '.')}": v for key, v in changes.items()}),
-                                  EnsemblePlan((plan,)))  # fmt: skip
+                                  plan)  # fmt: skip
 
     assert size(1e8) == 1
     assert size(3e5) == 32  # of 2.4 ms each, 0.1 s together

@@ -97,8 +97,8 @@ def test_members_meet_the_accuracy_by_40_digits(name):
     scene = scene_of(name)
     scene = scene.replace({"run.stop": scene.run.step})
     planned, samples = plan_ensemble(scene), draw(scene, 0, 3)
-    for row, which in enumerate(planned.plan_of(samples)):
-        assert error_of(member(scene, samples, row), planned.plans[which]) <= scene.run.accuracy
+    for row in range(len(samples)):
+        assert error_of(member(scene, samples, row), planned) <= scene.run.accuracy
 
 
 @pytest.mark.skipif(reference.library() is None, reason="no C compiler with quadruple precision")
@@ -107,9 +107,9 @@ def test_every_member_meets_the_accuracy_by_the_plan_for_all(name):
     """The reference is quadruple precision, which `test_quadruple` holds to 40 digits."""
     scene = scene_of(name)
     planned, samples = plan_ensemble(scene), draw(scene, 0, 12)
-    for row, which in enumerate(planned.plan_of(samples)):
-        found = outcome(member(scene, samples, row), planned.plans[which])
-        assert not set(planned.plans[which].pinned) & set(scene.ensemble.parameters)
+    assert not set(planned.pinned) & set(scene.ensemble.parameters)
+    for row in range(len(samples)):
+        found = outcome(member(scene, samples, row), planned)
         assert not found.refused
         assert found.error <= scene.run.accuracy, (row, found)
 
@@ -125,8 +125,7 @@ def test_every_member_meets_the_accuracy_by_the_plan_for_all(name):
 def test_a_model_that_holds_for_the_scene_alone_is_not_taken(name, single, together):
     scene = scene_of(name, 1e-4)
     assert plan(scene.replace({"ensemble": None})).model == single
-    (found,) = plan_ensemble(scene).plans
-    assert found.model == together
+    assert plan_ensemble(scene).model == together
 
 
 def test_a_plan_says_what_varies_and_how_far_its_pilots_are_off():
@@ -134,7 +133,7 @@ def test_a_plan_says_what_varies_and_how_far_its_pilots_are_off():
     said = "\n".join(found.reasons)
     assert "whatever body.mass, body.inertia, body.r_oc_b, initial.attitude may be" in said
     assert "pilot members" in said
-    assert 0.0 < found.plans[0].error <= 1e-7
+    assert 0.0 < found.error <= 1e-7
 
 
 def test_planning_asks_the_same_of_the_same_scene():
@@ -144,7 +143,7 @@ def test_planning_asks_the_same_of_the_same_scene():
 def test_a_plan_depends_on_neither_design_nor_runs():
     scene = scene_of("a torque that is zero in the scene", 1e-3)
     one, other = (
-        plan_ensemble(scene.replace({"ensemble.design": design, "ensemble.runs": runs})).plans[0]
+        plan_ensemble(scene.replace({"ensemble.design": design, "ensemble.runs": runs}))
         for design, runs in (("random", 1), ("latin_hypercube", 5000))
     )
     assert replace(one, reasons=()) == replace(other, reasons=())
@@ -163,7 +162,7 @@ def test_members_that_are_no_scenes_at_all_are_refused_with_the_first_fault():
 
 def test_prescribed_rates_are_planned_as_such():
     tables = {"inputs": {"ports": ["omega_b"]}, "ensemble": {"vary": {"initial.attitude": {"rotvec_deg": 3.0}}}}
-    assert [one.model for one in plan_ensemble(Scene.from_dict(tables)).plans] == ["prescribed rates"]
+    assert plan_ensemble(Scene.from_dict(tables)).model == "prescribed rates"
 
 
 def test_sobol_points_that_are_not_balanced_are_said():

@@ -11,11 +11,10 @@ from rbfmu import EnsembleResult, SceneError, SimulationError, run_ensemble
 from rbfmu.ensembles import executors, running
 from rbfmu.ensembles.chunks import run_chunk
 from rbfmu.ensembles.origin import origin
-from rbfmu.ensembles.planning import EnsemblePlan
 from rbfmu.ensembles.storage import checkpoint
 from rbfmu.ensembles.storage.zarr_store import ZarrStore
 from rbfmu.runs.plan import Plan
-from tests.support.ensembles.satellite import PLAN, PLANS, assert_same, run, satellite
+from tests.support.ensembles.satellite import PLAN, assert_same, run, satellite
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +28,7 @@ def whole(scene):
 
 
 def test_the_plan_makes_chunks_of_some_members(scene):
-    assert 5 < executors.Work(scene, PLANS, running.members_of_a_chunk(scene, PLANS)).chunks < 20
+    assert 5 < executors.Work(scene, PLAN, running.members_of_a_chunk(scene, PLAN)).chunks < 20
 
 
 @pytest.mark.parametrize("threads", [2, 7])
@@ -99,7 +98,7 @@ def test_an_executor_that_breaks_is_named(scene, tmp_path, whole):
 
 @pytest.mark.parametrize("name", ["rbfmu_kernels", "rbfmu.ensembles", "rbfmu.scene", "numpy"])
 def test_workers_of_another_origin_are_refused(scene, monkeypatch, name):
-    packed = executors.packed(executors.Work(scene, PLANS, 8))
+    packed = executors.packed(executors.Work(scene, PLAN, 8))
     monkeypatch.setattr(executors, "origin", lambda: origin() | {name: "other"})
     with pytest.raises(SimulationError, match=f"a worker has another {name}, whose bits"):
         executors.run_packed(packed, 0)
@@ -180,7 +179,7 @@ def test_a_store_that_is_made_longer_is_no_result_until_it_is_done(scene, tmp_pa
     """A program that is killed right after that leaves rows of runs that were not done."""
     run(scene, tmp_path / "store.zarr")
     longer = scene.replace({"ensemble.runs": 163})
-    ZarrStore(executors.Work(longer, PLANS, 8), tmp_path / "store.zarr").begin(resume=True)
+    ZarrStore(executors.Work(longer, PLAN, 8), tmp_path / "store.zarr").begin(resume=True)
     with pytest.raises(ValueError, match="has 96 of 163 runs"):
         EnsembleResult.load(tmp_path / "store.zarr")
     assert_same(run(longer), run(longer, tmp_path / "store.zarr", resume=True))
@@ -236,8 +235,8 @@ def test_what_is_said_about_a_scene_may_change(scene, whole, tmp_path, store):
 
 def test_a_store_of_another_plan_is_refused(scene, tmp_path):
     run(scene, tmp_path / "store.npz")
-    other = EnsemblePlan((Plan(**{**vars(PLAN), "order": 14}),))
-    with pytest.raises(ValueError, match="plans"):
+    other = Plan(**{**vars(PLAN), "order": 14})
+    with pytest.raises(ValueError, match="plan"):
         run_ensemble(scene, tmp_path / "store.npz", resume=True, planned=other, progress=False)
 
 

@@ -10,10 +10,10 @@ from rbfmu import load_scene
 from rbfmu.models.registry import MODELS
 from rbfmu.models.scene_needs import Needs
 from rbfmu.runs.model_buffer import filled_buffer
-from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.buffer import OK
 from tests.support.paths import SCENES
+from tests.support.scenes.model_cases import plan_by_hand
 from tests.support.scenes.random_scenes import scenes
 
 OF_BODIES = [spec for spec in MODELS.values() if "inertia" in spec.kernels.BLOCKS]
@@ -23,14 +23,9 @@ LEANING = {"rotvec": [0.7, 0.0, 0.0]}
 """About x, so that what hangs beside x swings about it."""
 
 
-def plan_of(spec):
-    """Return a plan that runs, whatever it is good for."""
-    return Plan(spec.key, "", 0, order=max(getattr(spec.kernels, "ORDERS", (0,))))
-
-
 def differing(scene):
     """Names of the models that the kernels take and the registry does not, or the other way round."""
-    taken = {spec.key: spec.kernels.initialize(filled_buffer(scene, plan_of(spec))) for spec in OF_BODIES}
+    taken = {spec.key: spec.kernels.initialize(filled_buffer(scene, plan_by_hand(spec.key))) for spec in OF_BODIES}
     return [spec.key for spec in OF_BODIES if spec.accepts(scene) != (taken[spec.key] == OK)]
 
 

@@ -3,13 +3,11 @@
 from pathlib import Path
 
 from rbfmu import EnsembleResult, Scene, load_scene
-from rbfmu.ensembles.planning import EnsemblePlan
 from rbfmu.ensembles.running import run_ensemble
 from rbfmu.runs.plan import Plan
 
 FILE = Path(__file__).with_name("satellite.toml")
 PLAN = Plan("body under loads, by series", "series", 7, tolerance=1e-9, order=12, cost=7.5e6)
-PLANS = EnsemblePlan((PLAN,))
 """A plan whose stated cost makes chunks of 8 members."""
 
 
@@ -20,7 +18,7 @@ def satellite() -> Scene:
 
 def run(scene, *arguments, **options) -> EnsembleResult:
     """Run its ensemble."""
-    return run_ensemble(scene, *arguments, planned=PLANS, progress=False, **options)
+    return run_ensemble(scene, *arguments, planned=PLAN, progress=False, **options)
 
 
 def assert_same(a: EnsembleResult, b: EnsembleResult) -> None:

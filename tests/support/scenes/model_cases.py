@@ -3,8 +3,10 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from rbfmu.models.registry import MODELS
 from rbfmu.planning.select import plan
 from rbfmu.runs.model_buffer import filled_buffer, initialize
+from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.buffer import OK, STEP_REJECTED
 
@@ -26,6 +28,13 @@ ALL_LOADS = {
     "loads": {name: values for name, values in LOADED.items() if name != "gravity_a"},
 }
 MOVING = {"position": [1.0, 2.0, 3.0], "velocity": [0.1, 0.2, 0.3], "omega_b": [1.0, 2.0, -1.0], "attitude": TURNED}
+
+
+def plan_by_hand(model, **settings):
+    """A plan that runs, whatever it is good for: of a middle order."""
+    spec = MODELS[model]
+    orders = getattr(spec.kernels, "ORDERS", (0,))
+    return Plan(model, spec.method, spec.states, **{"order": orders[len(orders) // 2]} | settings)
 
 
 def made(body, initial=None, loads=None, accuracy=1e-10, stop=10.0, **other):
