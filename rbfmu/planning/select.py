@@ -51,7 +51,8 @@ def plan(
     Raises SceneError where the accuracy asked cannot be met.
     """
     if full:
-        scene, judge = with_all_outputs(scene), Judge(with_all_outputs(scene), progress, fewer=scene)
+        own, scene = scene, with_all_outputs(scene)
+        judge = judge or Judge(scene, progress, fewer=own)
     found = _planned(scene, full, judge or Judge(scene, progress))
     return replace(found, reasons=(*found.reasons, *say.what_inputs_cost(scene, found)))
 
