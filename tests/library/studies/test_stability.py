@@ -2,6 +2,7 @@
 
 import csv
 import math
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from rbfmu.studies.stability.findings import AT_MOST, RECORDED, exponent
 from rbfmu.studies.stability.laws import LAWS
 from rbfmu.studies.stability.report import print_laws
 from rbfmu.studies.stability.top_laws import flip_rate, time_between_flips
+from rbfmu_kernels.integrators import dop853_tableau
 from rbfmu_kernels.models import free_body_force, one_axis_taylor
 from tests.support.command_line import call
 from tests.support.references import stability_references
@@ -41,6 +43,14 @@ def test_every_law_holds(name: str) -> None:
             assert f.measured <= f.predicted, (f.what, f.place)
         else:
             assert f.measured == pytest.approx(f.predicted, rel=f.tolerance, abs=0.0), f.what
+
+
+def test_a_tableau_s_polynomial_is_that_of_exact_fractions() -> None:
+    """A linear solver's answer is some 1e-12 off, otherwise on each processor."""
+    rows, stages = [[Fraction(a) for a in row] for row in dop853_tableau.A[: dop853_tableau.STAGES + 1].tolist()], []
+    for row in rows:
+        stages.append(1 - 3 * sum(a * stage for a, stage in zip(row, stages, strict=False)))
+    assert stability_polynomial("DOP853")(-3.0) == pytest.approx(float(stages[-1]), rel=2e-13, abs=0.0)
 
 
 def test_all_laws_are_measured_and_named() -> None:
@@ -198,6 +208,7 @@ def test_steps_of_a_map_divide_the_turn_at_its_check_points() -> None:
         assert {turn * (k + 1) / maps.CHECKS for k in range(maps.CHECKS)} <= set(maps.CHECK_TIMES)
 
 
+@pytest.mark.thorough
 def test_stability_leaves_tables_and_pictures(tmp_path: Path) -> None:
     seen: list[int] = []
 
