@@ -3,7 +3,7 @@ VENV ?= .venv
 PYTHON ?= python3
 BIN = $(VENV)/bin
 
-.PHONY: setup check test slow demo bench interop platforms fuzz ranges
+.PHONY: setup check test thorough slow demo bench interop platforms fuzz ranges
 setup:
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --editable ".[dev]"
@@ -17,11 +17,17 @@ check:
 # The core once more as plain Python: readable tracebacks, and no result may hang on the compiler.
 CORE = $(addprefix tests/kernels/,numerics rotations mechanics exact/test_plane_pendulum.py)
 
-test:
-	status=0; $(BIN)/pytest -n 2 --dist loadfile -m "not slow" || status=1; \
-	NUMBA_DISABLE_JIT=1 $(BIN)/pytest -n 2 --dist loadfile $(CORE) || status=1; exit $$status
+QUICK = -n 2 --dist loadfile -m "not slow and not thorough"
 
-slow:
+test:
+	@echo "The tests take some six minutes of a processor's time, half as long on two; the first run compiles."
+	status=0; $(BIN)/pytest $(QUICK) || status=1; NUMBA_DISABLE_JIT=1 $(BIN)/pytest $(QUICK) $(CORE) || status=1; exit $$status
+
+# What is one of many alike, or takes seconds: whole cross products, commands of the pages, examples. CI runs it as well.
+thorough:
+	$(BIN)/pytest -n 2 --dist loadfile -m "thorough and not slow"
+
+slow: thorough
 	$(BIN)/pytest -v -n 2 -m slow
 
 demo:

@@ -5,8 +5,10 @@ import os
 import tempfile
 from pathlib import Path
 
+import pytest
 from hypothesis import HealthCheck, settings
 
+from tests.support.covering import mark_what_a_covering_set_leaves
 from tests.support.paths import ROOT
 
 
@@ -23,3 +25,9 @@ os.environ.setdefault("RBFMU_QUIET", "1")  # what is said of slow compilations h
 
 settings.register_profile("unhurried", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("unhurried")
+
+
+@pytest.hookimpl(tryfirst=True)  # before those that are marked are left out
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Leave of cross products of parameters what covers each value."""
+    mark_what_a_covering_set_leaves(items)

@@ -48,6 +48,7 @@ def surroundings(**more):
     return os.environ | {"PYTHONPATH": roots} | more
 
 
+@pytest.mark.thorough
 @KINDS
 @pytest.mark.parametrize("option", REASONS)
 def test_a_disk_that_takes_nothing_is_one_message_and_status_2(option, kind, scene_file, tmp_path):
@@ -79,6 +80,7 @@ class FullDisk(zipfile.ZipFile):
         super().writestr(*arguments, **options)
 
 
+@pytest.mark.thorough
 @KINDS
 def test_a_disk_full_at_any_file_leaves_what_was_there(kind, scene_file, tmp_path, monkeypatch):
     target = tmp_path / "it.fmu"

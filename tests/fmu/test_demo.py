@@ -23,6 +23,7 @@ def test_demo_passes_and_leaves_a_picture(tmp_path: Path) -> None:
     assert (tmp_path / "out" / "tumbling_brick.png").stat().st_size > 20_000
 
 
+@pytest.mark.thorough
 def test_demo_fails_where_nasa_disagrees(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     wrong = {s: tuple((t, p + 2e-9, *rest) for t, p, *rest in rows) for s, rows in nasa_brick.NASA.items()}
     monkeypatch.setattr(nasa_brick, "NASA", wrong)

@@ -50,6 +50,7 @@ def folder(request):
     return place
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("fmi", fuzzing.FUZZERS)
 @pytest.mark.parametrize("name", fuzzing.NAMES)
 def test_sanitizers_are_silent(name, fmi, compiler, folder):

@@ -108,6 +108,7 @@ def test_a_wrong_value_is_seen(monkeypatch):
     assert interop.comparison(digits, interop.to_digits(wrong, 11), expected).startswith("failed: off by")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", interop.KINDS)
 def test_a_system_of_three_units_in_libcosim_is_the_loop_of_direct_calls(kind, capsys):
     pytest.importorskip("libcosimpy")
@@ -120,6 +121,7 @@ def test_a_system_of_three_units_in_libcosim_is_the_loop_of_direct_calls(kind, c
     assert 0.5 < float(last.split(": ")[1].split()[0]) < 1.5
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", interop.KINDS)
 def test_two_joined_satellites_in_libcosim_are_two_simulators(kind):
     pytest.importorskip("libcosimpy")
@@ -131,6 +133,7 @@ def test_two_joined_satellites_in_libcosim_are_two_simulators(kind):
     assert done.stdout.endswith("largest difference to libcosim: 0.0\n")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", interop.KINDS)
 def test_a_group_of_variables_connects_two_fmus_in_libcosim(kind):
     pytest.importorskip("libcosimpy")

@@ -46,6 +46,7 @@ def test_an_fmu_equals_its_kernels_to_the_bit(fmu: Path) -> None:
     assert len(found.differences) == 29
 
 
+@pytest.mark.thorough
 def test_few_steps_are_verified_without_compiling_them(fmu: Path, tmp_path: Path) -> None:
     """Compiling the step took five seconds, and twenty steps in plain Python take a hundredth of one."""
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}

@@ -174,6 +174,7 @@ def test_ensembles_whose_cost_or_memory_grows_are_found(many, missed):
     assert all(missed in name for name in found)
 
 
+@pytest.mark.thorough
 def test_ensembles_are_measured_and_drawn(tmp_path, capsys):
     ensembles = bench("ensembles")
     found = ensembles.costs((50, 100))
@@ -185,6 +186,7 @@ def test_ensembles_are_measured_and_drawn(tmp_path, capsys):
     assert "the example with its picture" in capsys.readouterr().out
 
 
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("default")  # of Dask's own
 def test_executors_of_ensembles_are_measured():
     pytest.importorskip("distributed")
@@ -193,6 +195,7 @@ def test_executors_of_ensembles_are_measured():
     assert all(figure > 0.0 for figure in figures.values())
 
 
+@pytest.mark.thorough
 def test_free_rotation_is_measured():
     figures = bench("free_rotation").main(2, 10, 100)
     assert [len(ratios) for ratios in figures.values()] == [4, 2]
@@ -237,6 +240,7 @@ def test_the_pythonfmu_fmu_is_measured(monkeypatch):
     assert len(one.goals(by_scene)) == 2
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(not shutil.which("cc"), reason="no C compiler")
 def test_the_native_fmu_is_measured_and_c_by_hand_moves_alike():
     one = bench("native")
@@ -259,11 +263,13 @@ def test_a_scene_costs_more_without_the_model_that_serves_it(model):
     assert COSTS.rbfmu.plan(scene) == found
 
 
+@pytest.mark.thorough
 def test_what_a_model_saves_is_measured(capsys):
     assert COSTS.worth("constant rate", rounds=1, k=1) > 0.0
     assert "without constant rate: one axis, closed form" in capsys.readouterr().out
 
 
+@pytest.mark.thorough
 def test_steps_are_measured_beside_what_plans_state():
     scene = COSTS.scene_of("free", ("quaternion",), 1e-9, 0.01)
     (figure,) = COSTS.measured([(scene, COSTS.rbfmu.plan(scene))], rounds=1, k=1)
@@ -273,6 +279,7 @@ def test_steps_are_measured_beside_what_plans_state():
     assert list(COSTS.table([figure])) == figure.terms
 
 
+@pytest.mark.thorough
 def test_parts_are_weighed_against_what_is_left_without_them(monkeypatch):
     weighed = bench("weighed")
     for name, value in {"ROUNDS": 1, "SECONDS": 1e-4, "ORDERS": (12,), "ACCURACIES": (1e-6,)}.items():

@@ -30,6 +30,7 @@ def test_every_example_is_tested() -> None:
     assert here | in_test_interop == set(NUMBERED)
 
 
+@pytest.mark.thorough
 def test_kernels_in_three_ways() -> None:
     text = printed("01_kernels.py")
     assert "[0. 1. 0.]" in text.replace("-0.", "0.")
@@ -37,12 +38,14 @@ def test_kernels_in_three_ways() -> None:
     assert change < 1e-15
 
 
+@pytest.mark.thorough
 def test_brick_agrees_with_nasa() -> None:
     text = printed("02_brick.py")
     assert "  rotation: no torque, moments " in text
     assert float(re.search(r"largest difference: (\S+) deg/s", text)[1]) < 1e-9  # type: ignore[index]
 
 
+@pytest.mark.thorough
 def test_beam_has_the_analytic_period() -> None:
     found = re.search(r"relative difference: (\S+) \(theory for this swing: (\S+)\)", printed("03_slender_beam.py"))
     assert found
@@ -50,6 +53,7 @@ def test_beam_has_the_analytic_period() -> None:
     assert float(found[1]) == pytest.approx(float(found[2]), abs=3e-8)
 
 
+@pytest.mark.thorough
 def test_controller_brings_the_satellite_home() -> None:
     text = printed("04_controlled.py")
     angles = [float(a) for a in re.findall(r": +(\S+) deg", text)]
@@ -59,6 +63,7 @@ def test_controller_brings_the_satellite_home() -> None:
     assert text.endswith("largest difference to the FMU: 0.0\n")
 
 
+@pytest.mark.thorough
 def test_an_lqr_holds_a_satellite_as_the_linear_system_promises() -> None:
     text = printed("08_lqr.py")
     small, large = (list(map(float, found)) for found in re.findall(r"deg: (\S+) deg after 10 s, (\S+) deg", text))
@@ -71,6 +76,7 @@ def test_an_lqr_holds_a_satellite_as_the_linear_system_promises() -> None:
     assert stays > 0.01
 
 
+@pytest.mark.thorough
 def test_the_dampers_drive_how_ten_thousand_releases_end(tmp_path) -> None:
     text = printed("09_detumbling.py", tmp_path)
     assert text.startswith("10000 runs, 0 failed\n")
@@ -79,6 +85,7 @@ def test_the_dampers_drive_how_ten_thousand_releases_end(tmp_path) -> None:
     assert (tmp_path / "detumbling.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(not shutil.which("cc"), reason="no C compiler")
 def test_held_inputs_are_of_first_order_half_a_step_earlier_of_second_and_with_slopes_exact() -> None:
     found = re.findall(r"(\S+) deg (?:held|from|with)", printed("benchmarks/held_inputs.py"))

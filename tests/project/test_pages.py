@@ -21,6 +21,7 @@ from rbfmu import arrays
 from rbfmu.cli import main
 from rbfmu.models.registry import MODELS
 from rbfmu.studies.work_precision.cases import CASES
+from tests.support.covering import some_of
 from tests.support.paths import ROOT
 
 NAMES = [path.relative_to(ROOT).as_posix() for path in pages.PAGES]
@@ -55,6 +56,9 @@ def blocks(name: str) -> list[Block]:
     return [Block(name, i, *found) for i, found in enumerate(FENCE.findall(text_of(name)))]
 
 
+PYTHON = [block for name in NAMES for block in blocks(name) if block.language == "python"]
+
+
 # --- the README
 
 
@@ -86,7 +90,7 @@ def test_the_readme_has_two_commands_to_install_and_an_example_of_each_way_in() 
 
 
 @needs_compiler
-@pytest.mark.parametrize("block", [b for name in NAMES for b in blocks(name) if b.language == "python"], ids=str)
+@pytest.mark.parametrize("block", some_of([pytest.param(b, id=str(b)) for b in PYTHON], 8))
 def test_python_can_be_pasted(block: Block, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each block by itself, in a folder that has the page's scene."""
     scenes_of(block.page, tmp_path)
@@ -94,6 +98,7 @@ def test_python_can_be_pasted(block: Block, tmp_path: Path, monkeypatch: pytest.
     exec(compile(block.code, str(block), "exec"), {"__name__": "__main__"})
 
 
+@pytest.mark.thorough
 @needs_compiler
 @pytest.mark.parametrize("name", [name for name in NAMES if any(b.language == "sh" for b in blocks(name))])
 def test_commands_run_one_after_the_other(name: str, tmp_path: Path) -> None:
@@ -104,6 +109,7 @@ def test_commands_run_one_after_the_other(name: str, tmp_path: Path) -> None:
             assert done.returncode == 0, f"{command}\n{done.stderr}"
 
 
+@pytest.mark.thorough
 @needs_compiler
 @pytest.mark.parametrize("block", [b for name in NAMES for b in blocks(name) if b.language == "console"], ids=str)
 def test_what_a_command_prints_is_what_the_page_says(block: Block, tmp_path: Path) -> None:
@@ -297,7 +303,7 @@ def test_measuring_without_a_peer_says_which(monkeypatch: pytest.MonkeyPatch) ->
         measure.measure("peers")
 
 
-@pytest.mark.parametrize("case", measure.PEERS_CASES)
+@pytest.mark.parametrize("case", some_of(measure.PEERS_CASES, 2))
 def test_plans_are_those_whose_cost_is_quoted(case: str) -> None:
     """What is planned has no digest: plans are made again."""
     for row in record.read("peers")[1]:

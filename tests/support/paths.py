@@ -1,5 +1,9 @@
 """Where things stand in the checkout."""
 
+import atexit
+import os
+import shutil
+import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -8,3 +12,8 @@ C_SOURCES = Path(__file__).parent / "fmu"
 SOURCE_ROOTS = [str(ROOT / part) for part in (".", "kernels", "fmu_build")]
 SHARED = ROOT.parent / "shared" / "reference"
 """Data that a clone does not have; tests of it skip."""
+if "RBFMU_TESTS" not in os.environ:
+    os.environ["RBFMU_TESTS"] = tempfile.mkdtemp(prefix="rbfmu-tests-")
+    atexit.register(shutil.rmtree, os.environ["RBFMU_TESTS"], ignore_errors=True)
+SHARED_BY_WORKERS = Path(os.environ["RBFMU_TESTS"])
+"""A folder for what one worker of a session makes and all use; who comes first, the session, makes and removes it."""

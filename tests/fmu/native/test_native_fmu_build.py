@@ -74,6 +74,7 @@ FUNCTIONS = [f"fmi2{name}" for name in (
 # --- builds
 
 
+@pytest.mark.thorough
 def test_builds_are_the_same_bytes_in_any_process_and_with_any_cache(tmp_path):
     here = hashlib.sha256(built("prescribed", "native").read_bytes()).hexdigest()
     warm = build_elsewhere(tmp_path / "a.fmu", kind="native", PYTHONHASHSEED="1")
@@ -81,6 +82,7 @@ def test_builds_are_the_same_bytes_in_any_process_and_with_any_cache(tmp_path):
     assert here == warm == cold
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("before", KILLED, ids=["before it is in place", "while it is written"])
 def test_a_killed_build_leaves_the_file_that_was_there(before, tmp_path):
     path = tmp_path / "it.fmu"

@@ -21,6 +21,7 @@ from rbfmu_fmu.python import build as python_fmu
 from rbfmu_fmu.python import pythonfmu_traps
 from rbfmu_fmu.python.build import build_python_fmu
 from rbfmu_fmu.python.slave import Slave
+from tests.support.covering import some_of
 from tests.support.fmu.builds import KILLED, NAMED, build_elsewhere
 from tests.support.fmu.c_host import rows_for_c_host, run_c_host
 from tests.support.fmu.fmu_cases import WRONGS
@@ -96,7 +97,7 @@ def test_shipped_code_needs_no_numba_and_no_numpy(name):
     assert not errors
 
 
-@pytest.mark.parametrize("name", ["brick", "driven"])
+@pytest.mark.parametrize("name", some_of(["brick", "driven"], 1))
 def test_built_without_a_linker_it_ships_an_object_file(name, tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr(linking, "find_spec", lambda module: None)
@@ -177,7 +178,7 @@ def other_kernels(tmp_path_factory):
     return unzipped_at(path, path.parent / "unzipped")
 
 
-@pytest.mark.parametrize("compile_anew", ["0", "1"])
+@pytest.mark.parametrize("compile_anew", ["0", pytest.param("1", marks=pytest.mark.thorough)])
 def test_two_fmus_of_one_name_each_compute_with_their_own_kernels(other_kernels, compile_anew):
     folder = unzipped("prescribed")
     found = run_case("rows", folder, other_kernels, folder, RBFMU_COMPILE=compile_anew)[0]
@@ -252,6 +253,7 @@ def test_a_host_without_python_ends_well_after_compiling(place):
     assert found == [rows_for_c_host("prescribed", 20)] * 4
 
 
+@pytest.mark.thorough
 def test_builds_are_the_same_bytes_in_any_process_and_with_any_cache(tmp_path):
     here = hashlib.sha256(built("prescribed").read_bytes()).hexdigest()
     again = rbfmu_fmu.build(scene("prescribed"), tmp_path / "another name.fmu")
@@ -268,6 +270,7 @@ def test_builds_of_a_loaded_body_are_the_same_bytes_with_any_cache(tmp_path):
     assert cold == hashlib.sha256(built("driven").read_bytes()).hexdigest()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("before", KILLED, ids=["before it is in place", "while it is written"])
 def test_a_killed_build_leaves_the_file_that_was_there(before, tmp_path):
     path = tmp_path / "it.fmu"

@@ -131,6 +131,7 @@ def test_what_the_user_froze_stays_frozen():
         gc.unfreeze()
 
 
+@pytest.mark.thorough
 def test_callees_are_found_in_the_cache(tmp_path, monkeypatch):
     """Another function that calls the same kernels compiles itself alone, and what is merged into it."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
@@ -200,6 +201,7 @@ print(*sorted(word for word in source.replace("(", " ").split() if "ol_min" in w
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(not hasattr(builtins, "ol_min"), reason="this Numba has no function for min, but makes it in place")
 def test_what_numba_defines_is_the_same_code_whichever_kernel_calls_it_first(tmp_path):
     """Its first caller's options would be its own, so that FMUs had bytes that hang on what was compiled before."""

@@ -85,6 +85,7 @@ def with_internals(tmp_path_factory):
     return run("all", tmp_path_factory.mktemp("all"))
 
 
+@pytest.mark.thorough
 def test_without_an_internal_all_bits_are_the_same(with_internals, tmp_path):
     found = run("numba.core.typed_passes:AnnotateTypes", tmp_path)
     assert found.keys() == with_internals.keys()
@@ -93,6 +94,7 @@ def test_without_an_internal_all_bits_are_the_same(with_internals, tmp_path):
     assert [name for name in found if found[name].tobytes() != with_internals[name].tobytes()] == []
 
 
+@pytest.mark.thorough
 def test_where_internals_behave_otherwise_numba_s_own_compiler_makes_the_same_bits(with_internals, tmp_path):
     """The folder of compiled code is a new one: what is stored was made by internals that serve."""
     found = run("broken", tmp_path, NUMBA_CACHE_DIR=str(tmp_path))

@@ -38,7 +38,7 @@ def in_lanes(way, moments, q_0, omega, t):
     return singular, q, rates
 
 
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("way", [4, pytest.param(8, marks=pytest.mark.thorough)])
 @pytest.mark.parametrize("count", [1, 11, 100])
 def test_a_body_in_a_lane_has_the_bits_that_it_has_alone(way, count):
     moments, q_0, omega = bodies(count)

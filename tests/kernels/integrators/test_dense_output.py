@@ -190,6 +190,7 @@ def test_a_motion_that_turns_fast_leaves_the_series():
     assert unit.series > 40.0
 
 
+@pytest.mark.thorough
 def test_a_tolerance_for_a_whole_run_is_kept():
     scene, span = SCENES["heavy body"], 5.0
     (truth,) = reference.motion(scene, (span,))
@@ -210,6 +211,7 @@ for name, scene in SCENES.items():
 """
 
 
+@pytest.mark.thorough
 def test_plain_python_has_the_same_bits():
     found = [
         subprocess.run([sys.executable, "-c", BITS], env=os.environ | {"NUMBA_DISABLE_JIT": flag}, cwd=ROOT, check=True,

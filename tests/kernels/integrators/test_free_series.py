@@ -145,6 +145,7 @@ for name in BODIES:
 """
 
 
+@pytest.mark.thorough
 def test_plain_python_has_the_same_bits():
     found = [
         subprocess.run([sys.executable, "-c", BITS], env=os.environ | {"NUMBA_DISABLE_JIT": flag}, cwd=ROOT, check=True,

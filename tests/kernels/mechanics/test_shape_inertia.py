@@ -81,6 +81,7 @@ def test_inertia_of_points_is_exact_far_from_the_origin():
     assert max(worst) <= 1 * EPS
 
 
+@pytest.mark.thorough
 def test_errors_of_inertia_of_points_do_not_grow_with_their_number():
     """Plain sums of 10,000 terms are off by some 30 eps."""
     rng = np.random.default_rng(12)

@@ -96,7 +96,7 @@ def assert_same(way, z, steps):
     assert not np.array_equal(shown(found), shown(z))
 
 
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("way", [4, pytest.param(8, marks=pytest.mark.thorough)])
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_body_in_a_lane_has_the_bits_that_it_has_alone(kind, way):
     assert_same(way, buffers_of([kind], 11), [4.0, 0.5, 7.0, 0.3])

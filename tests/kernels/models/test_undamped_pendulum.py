@@ -154,7 +154,7 @@ def test_damping_keeps_the_series_and_damping_too_weak_to_see_does_not():
     assert plan(scene_of(HUNG, about(1, 0.4, -2.0), weakly)).model == MODEL
 
 
-@pytest.mark.parametrize("kind", ["python", "native"])
+@pytest.mark.parametrize("kind", [pytest.param("python", marks=pytest.mark.thorough), "native"])
 def test_an_fmu_of_a_pendulum_takes_another_start_and_refuses_damping(kind, tmp_path):
     scene = scene_of(HUNG, about(1, 0.4, -2.0), outputs={"quantities": ["quaternion", "omega_b"]})
     path = rbfmu_fmu.build(scene, tmp_path / f"{kind}.fmu", kind)

@@ -75,7 +75,7 @@ def test_attitude_near_the_separatrix_is_two_theta_functions(sign):
     assert 0.5 < worst <= 4.0
 
 
-@pytest.mark.parametrize("least", [1.0, 20.0, 290.0])
+@pytest.mark.parametrize("least", [1.0, 20.0, pytest.param(290.0, marks=pytest.mark.thorough)])
 def test_jacobis_functions_near_the_separatrix(least):
     rng, worst = np.random.default_rng(3), 0.0
     for i in range(100):

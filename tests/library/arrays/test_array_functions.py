@@ -155,6 +155,7 @@ def test_interpreted_functions_have_the_same_bits(kernel):
         assert (a == b).all()
 
 
+@pytest.mark.thorough
 @compiled_only
 def test_cached_functions_load_without_the_compiler(tmp_path):
     """Some 0.2 s of a new process's first call; the module stands for all that Numba loads when it compiles."""

@@ -60,6 +60,7 @@ def test_workers_of_dask_give_the_same_bits(whole, cluster):
         assert_same(whole, run(satellite(), executor=client))
 
 
+@pytest.mark.thorough
 def test_a_worker_that_is_killed_is_replaced(whole, cluster, tmp_path):
     with distributed.Client(cluster) as client:
         before = set(client.run(os.getpid).values())
@@ -75,6 +76,7 @@ def test_the_command_line_takes_a_scheduler(cluster, tmp_path):
     assert_same(EnsembleResult.load(tmp_path / "dask.npz"), EnsembleResult.load(tmp_path / "threads.npz"))
 
 
+@pytest.mark.thorough
 def test_no_scheduler_is_said(monkeypatch):
     monkeypatch.setattr(executors, "PATIENCE", "1s")
     found = call("ensemble", FILE, "--scheduler", "tcp://127.0.0.1:9")
@@ -101,6 +103,7 @@ def scheduler():
         one.stderr.close()
 
 
+@pytest.mark.thorough
 def test_a_scheduler_that_is_killed_is_said_and_what_is_done_stays(whole, scheduler, tmp_path):
     found, address = scheduler
     store = tmp_path / "store.npz"

@@ -41,6 +41,7 @@ def assert_all_go_on(whole, store, moments):
     assert len({row[1] for row in rows}) == moments
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("store", STORES)
 def test_a_program_that_is_killed_goes_on(whole, tmp_path, store):
     assert_all_go_on(whole, tmp_path / store, 3)

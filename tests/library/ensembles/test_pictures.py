@@ -5,6 +5,7 @@ import pytest
 from matplotlib.image import imread
 from matplotlib.patches import Ellipse
 
+from tests.support.covering import some_of
 from tests.support.ensembles.satellite import run, satellite
 from tests.support.pictures import overlaps
 
@@ -45,7 +46,7 @@ def test_every_text_can_be_read(keep):
     assert overlaps(run(satellite().replace({"ensemble.keep": keep})).plot()) == []
 
 
-@pytest.mark.parametrize("ending", ["png", "svg", "pdf"])
+@pytest.mark.parametrize("ending", some_of(["png", "svg", "pdf"], 1))
 def test_a_picture_is_written(found, tmp_path, ending):
     found.plot(tmp_path / f"picture.{ending}")
     assert (tmp_path / f"picture.{ending}").stat().st_size > 10_000

@@ -308,6 +308,7 @@ def test_the_quadrature_holds_in_any_communication_step(factor):
     assert max(reference.errors(points, *ends(scene, plan(scene), steps)).values()) <= 1e-8
 
 
+@pytest.mark.thorough
 @compiled
 def test_a_pushed_path_gathers_no_round_off():
     """1e5 steps: plain sums lose 1e-12."""

@@ -103,6 +103,7 @@ def test_less_accuracy_costs_less(name):
 # What could fool a pilot run
 
 
+@pytest.mark.thorough
 @compiled
 def test_a_fast_spin_is_not_mistaken_for_a_slow_one():
     """1e6 rad/s, 16 thousand turns a communication step; damped: theta = w I / d (1 - exp(-d t / I))."""
@@ -156,6 +157,7 @@ def test_an_accuracy_out_of_reach_is_a_scene_error(scene):
         plan(scene)
 
 
+@pytest.mark.thorough
 @compiled
 def test_what_a_scene_reaches_is_an_accuracy_it_can_meet():
     def scene(accuracy):
@@ -167,6 +169,7 @@ def test_what_a_scene_reaches_is_an_accuracy_it_can_meet():
     assert max(errors_of(scene(3.0 * reached)).values()) <= 3.0 * reached
 
 
+@pytest.mark.thorough
 @compiled
 def test_a_chaotic_motion_is_not_promised_better_than_round_off_allows():
     """A heavy triaxial body magnifies round-off some 1e4 times."""

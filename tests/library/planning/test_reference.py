@@ -110,6 +110,7 @@ def test_what_is_but_round_off_of_the_loads_is_no_error():
     assert plan(scene).error <= 1e-6
 
 
+@pytest.mark.thorough
 @compiled
 def test_planning_that_takes_long_says_why():
     scene = scene_of("all loads", stop=0.5).replace({"loads.damping_b": [1e7, 1e7, 1e7], "outputs.quantities": ["rpy"]})

@@ -198,7 +198,7 @@ def test_a_force_whose_path_nobody_sees_shortens_no_pilot_run():
 
 
 @given(scenes())
-@settings(max_examples=40, **QUIET)
+@settings(max_examples=15, **QUIET)
 def test_the_plan_is_right_and_smallest(scene):
     check(scene)
 

@@ -103,6 +103,7 @@ def test_turned_brick_and_turned_rod(moments, omega, t):
     assert angle_to(q, truth(upper_of(scene.body.M), q_0, omega, t)[0]) <= 5 * EPS
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("accuracy", "model"), [(1e-9, "torque-free symmetric body"), (1e-12, "torque-free body")])
 def test_a_plan_promises_what_a_turned_symmetric_body_keeps(accuracy, model):
     """Its moments differ by round-off, and that times 1e5 rad is what the smaller model loses."""

@@ -32,6 +32,7 @@ def test_a_csv_has_every_row_in_full(n: int, tmp_path: Path) -> None:
     assert (tmp_path / "it.csv").read_text() == expected
 
 
+@pytest.mark.thorough
 def test_a_csv_is_written_piece_by_piece(tmp_path: Path) -> None:
     """However long: some 100 bytes a number of one piece, where the whole text took 2 kB a row."""
     result = result_of(30 * CHUNK)

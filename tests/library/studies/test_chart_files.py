@@ -110,6 +110,7 @@ def made_up() -> Collection:
     return Collection([p if kept[p.case] else replace(p, **nothing) for p in points], endings)
 
 
+@pytest.mark.thorough
 def test_tables_fit_the_terminal_and_no_label_lies_on_another(
     made_up: Collection, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -49,6 +49,7 @@ def test_many_outputs_are_of_the_same_motion() -> None:
         assert many.errors(method.run(many, 0.005).states()) == few  # the same steps
 
 
+@pytest.mark.thorough
 def test_a_plan_gives_the_same_motion_at_many_outputs() -> None:
     for key in ("a", "d"):
         many = CASES[key].with_many_outputs()

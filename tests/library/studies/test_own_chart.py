@@ -107,8 +107,10 @@ def _of_peers() -> list[methods.Method]:
     return [*peers.peers()[0], *methods.reference_integrators(), *library_methods.library_methods()]
 
 
-@pytest.mark.parametrize("name", ["SciPy DOP853", "SciPy odeint", "heyoka.py", "RK4, quaternion",
-                                  "Taylor, order 12", "MuJoCo RK4"])  # fmt: skip
+@pytest.mark.parametrize("name", [
+    "SciPy DOP853", "SciPy odeint", "heyoka.py", "RK4, quaternion", "MuJoCo RK4",
+    pytest.param("Taylor, order 12", marks=pytest.mark.thorough),
+])  # fmt: skip
 def test_all_follow_the_same_motion_in_their_own_ways(satellite: own.OwnCase, name: str) -> None:
     method = next((m for m in _of_peers() if m.name == name), None)
     if method is None:

@@ -77,6 +77,7 @@ def test_the_body_has_the_attitude_and_place_of_each_picture(thrown: tuple[Path,
     np.testing.assert_allclose(drawn * (steps[-1] @ steps[-1]) / (drawn[-1] @ steps[-1]), steps, rtol=1e-6, atol=1e-9)
 
 
+@pytest.mark.thorough
 def test_the_size_of_a_page_is_bounded(tmp_path: Path) -> None:
     """All quantities at as many pictures as there may be: some 2 MB."""
     scene = rbfmu.Scene.from_dict(THROWN | {"initial": {"omega_b": [500.0, 3.0, 0.1]}, "run": {"stop": 10.0}})

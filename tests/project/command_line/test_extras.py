@@ -40,6 +40,7 @@ def without(absent, then):
     return subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("program", "package"), NEEDED)
 def test_a_program_without_its_package_ends_with_the_extra_s_name(program, package):
     done = without([package], f"import importlib; importlib.import_module({program!r})")
@@ -81,6 +82,7 @@ def test_an_extra_that_is_named_exists(extra):
     assert EXTRAS[extra]
 
 
+@pytest.mark.thorough
 def test_the_main_job_needs_no_extra(tmp_path):
     """Scenes are run, planned, built into FMUs and verified, and the demonstration is loaded."""
     extras = (
@@ -115,6 +117,7 @@ def test_the_main_job_needs_no_extra(tmp_path):
 OF_ENSEMBLES = ["scipy", "zarr", "xarray", "distributed"]
 
 
+@pytest.mark.thorough
 def test_an_ensemble_needs_no_extra_in_memory_and_in_one_file(tmp_path):
     arguments = ["rbfmu", "ensemble", str(ENSEMBLE), "-o", str(tmp_path / "store.npz")]
     done = without(OF_ENSEMBLES, f"from rbfmu.cli import main; sys.argv = {arguments!r}; main()")
@@ -122,6 +125,7 @@ def test_an_ensemble_needs_no_extra_in_memory_and_in_one_file(tmp_path):
     assert (tmp_path / "store.npz").exists()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("options", "package", "extra"), [
     (["-o", "store.zarr"], "zarr", "ensemble"),
     (["--plot", "picture.png"], "scipy", "ensemble"),

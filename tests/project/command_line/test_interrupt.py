@@ -11,6 +11,7 @@ import pytest
 from rbfmu import EnsembleResult
 from rbfmu.ensembles.storage.checkpoint import Checkpoint
 from tests.support.command_line import call
+from tests.support.covering import some_of
 from tests.support.ensembles.satellite import FILE, assert_same
 from tests.support.paths import SCENES
 
@@ -104,7 +105,7 @@ def check_interrupted(process: subprocess.Popen[str]) -> None:
     assert said in ("", "\nAborted!\n")
 
 
-@pytest.mark.parametrize("stage", STAGES)
+@pytest.mark.parametrize("stage", some_of([*STAGES], 4))
 def test_an_interrupt_ends_with_status_130_and_no_traceback(stage: str, tmp_path: Path) -> None:
     planned_anew = stage in ("imports of a command", "an exec that lets it through", "planning", "compiling")
     environment = {"NUMBA_CACHE_DIR": str(tmp_path)} if planned_anew else {}
@@ -132,6 +133,7 @@ import rbfmu.simulation; rbfmu.simulation.drive_of = wait
     check_interrupted(process)
 
 
+@pytest.mark.thorough
 def test_an_interrupted_ensemble_is_kept_and_goes_on(tmp_path: Path) -> None:
     stage = """
 import rbfmu.ensembles.running as running

@@ -22,7 +22,7 @@ from rbfmu.scene.scene import Scene, load_scene
 from rbfmu_fmu.description import describe
 from tests.support.fmu.elsewhere import copy_modules
 from tests.support.fmu.fmu_importer3 import imported
-from tests.support.paths import SCENES
+from tests.support.paths import SCENES, SHARED_BY_WORKERS
 
 BRICK = SCENES / "tumbling_brick.toml"
 TRIAXIAL = [[1.0, 0.1, -0.05], [0.1, 2.0, 0.2], [-0.05, 0.2, 2.5]]
@@ -90,7 +90,7 @@ def workshop():
     folder = Path(tempfile.mkdtemp(prefix="rbfmu-tests-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     for kind in ("python", *NATIVE):
-        (folder / kind).mkdir()
+        (folder / kind / "new").mkdir(parents=True)
     return folder
 
 
@@ -135,9 +135,20 @@ def opened(name, kind="python"):
 
 @cache
 def _opened(name, kind):
-    path, options = workshop() / kind / f"{name}.fmu", NATIVE.get(kind, {})
-    rbfmu_fmu.build(scene(name), path, kind="native" if kind in NATIVE else kind, **options)
+    path = workshop() / kind / f"{name}.fmu"
+    path.write_bytes(_built_once(name, kind).read_bytes())
     return imported(unzipped_at(path, path.with_suffix("")))
+
+
+def _built_once(name, kind):
+    """The file, which all workers of a session share: whoever needs it first builds it."""
+    path = SHARED_BY_WORKERS / kind / f"{name}.fmu"
+    if not path.exists():
+        mine = workshop() / kind / "new" / path.name
+        rbfmu_fmu.build(scene(name), mine, kind="native" if kind in NATIVE else kind, **NATIVE.get(kind, {}))
+        path.parent.mkdir(parents=True, exist_ok=True)
+        mine.replace(path)
+    return path
 
 
 def native(name="driven"):
