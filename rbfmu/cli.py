@@ -259,11 +259,11 @@ def stability(folder: Path, quick: bool) -> None:
 
 
 def _say_what_takes_minutes(platforms: Sequence[str]) -> None:
-    from rbfmu_fmu.native.linking import compiled_by_ziglang
+    from rbfmu_fmu.native.linking import takes_minutes
     from rbfmu_fmu.native.platforms import platform_named, this_platform
 
     chosen = [platform_named(name) for name in platforms] or [this_platform()]
-    if slow := [platform.name for platform in chosen if compiled_by_ziglang(platform)]:
+    if slow := [platform.name for platform in chosen if takes_minutes(platform)]:
         why = "the first time takes minutes, as ziglang builds the platform's C library"
         click.echo(f"Note: compiling for {', '.join(slow)}: {why}", err=True)
 

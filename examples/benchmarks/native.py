@@ -133,7 +133,7 @@ def _compile(text: str, folder: Path, includes: dict[str, str], *flags: str) -> 
     (folder / "source.c").write_text(text)
     for name, content in includes.items():
         (folder / name).write_text(content)
-    command = [compiler(this_platform())[0], *FLAGS, "-O3", "-fPIC", *flags, "source.c", "-o", "result"]
+    command = [*compiler(this_platform()), *FLAGS, "-O3", "-fPIC", *flags, "source.c", "-o", "result"]
     if "-c" in flags:
         command.remove("-shared")
         command.remove("-s")

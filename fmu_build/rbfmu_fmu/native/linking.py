@@ -74,22 +74,25 @@ def source(name: str) -> bytes:
 
 
 def compiler(platform: Platform) -> list[str]:
-    """Return the command that compiles C for a platform. Raises NoLinkerError."""
+    """Return the command that compiles C for a platform. Raises NoLinkerError.
+
+    ziglang comes first: it is the same compiler and C library on every machine, so that the bytes are the same too.
+    """
+    if find_spec("ziglang"):
+        return [sys.executable, "-m", "ziglang", "cc", "-target", platform.zig]
     own = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
     if own and sys.platform != "win32" and is_this(platform):
         return [own, "-Wl,-z,noseparate-code"] if platform.suffix == ".so" else [own]  # 8 kB less
-    if find_spec("ziglang"):
-        return [sys.executable, "-m", "ziglang", "cc", "-target", platform.zig]
     own_remedy = ", or a C compiler on PATH (cc, gcc or clang)" if is_this(platform) else ""
     raise NoLinkerError(
         f"a native FMU for {platform.name} needs {remedy('native')} (ziglang, compiles for every platform){own_remedy}"
     )
 
 
-def compiled_by_ziglang(platform: Platform) -> bool:
-    """Return whether ziglang compiles for the platform, which takes minutes the first time: it builds a C library."""
+def takes_minutes(platform: Platform) -> bool:
+    """Return whether ziglang compiles a C library first, which takes minutes once: for Linux it takes seconds."""
     try:
-        return "ziglang" in compiler(platform)
+        return "ziglang" in compiler(platform) and platform.suffix != ".so"
     except NoLinkerError:  # linking says so
         return False
 

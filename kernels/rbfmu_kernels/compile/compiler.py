@@ -5,6 +5,8 @@ kernel calls is called by compiled code only, into which it is merged, so that L
 """
 
 import gc
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from typing import Any, ClassVar
 
@@ -80,13 +82,42 @@ class _Lower(Lower):  # type: ignore[misc]
         return context.cast(self.builder, found, signature.return_type, resty)
 
 
+@cache
+def _no_processor() -> Any:
+    target = binding.Target.from_triple(binding.get_process_triple())
+    return target.create_target_machine(cpu="", features="", opt=3)
+
+
+@contextmanager
+def _for_no_processor(codegen: Any) -> Iterator[None]:
+    """Keep this machine's processor from LLVM: what is called gets into FMUs too, whose bytes must not hang on it.
+
+    Nothing is lost: LLVM optimises what is called once more for this processor, in the caller that it is merged into.
+    """
+    own = codegen._tm
+    codegen._tm = _no_processor()
+    try:
+        yield
+    finally:
+        codegen._tm = own
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _TypeInference(NopythonTypeInference):  # type: ignore[misc]
+    """Finds types, for which it compiles all that is called, also functions of Numba's own."""
+
+    def run_pass(self, state: Any) -> Any:
+        with _for_no_processor(state.targetctx.codegen()):
+            return super().run_pass(state)
+
+
 @register_pass(mutates_CFG=True, analysis_only=False)
 class _Lowering(NativeLowering):  # type: ignore[misc]
     lowering_class = _Lower
 
 
 _PASSES = (
-    TranslateByteCode, FixupArgs, GenericRewrites, ReconstructSSA, NopythonTypeInference,
+    TranslateByteCode, FixupArgs, GenericRewrites, ReconstructSSA, _TypeInference,
     PreLowerStripPhis, AnnotateTypes, _Lowering, NoPythonBackend,
 )  # fmt: skip
 
@@ -142,6 +173,11 @@ class CalleeCompiler(KernelCompiler):
 
     def __init__(self, typingctx: Any, targetctx: Any, library: Any, *rest: Any) -> None:
         super().__init__(typingctx, targetctx, _IntermediateCode(targetctx.codegen(), "callee"), *rest)
+
+    def compile_extra(self, function: Any) -> Any:
+        """Compile for no processor."""
+        with _for_no_processor(self.state.targetctx.codegen()):
+            return super().compile_extra(function)
 
 
 @cache

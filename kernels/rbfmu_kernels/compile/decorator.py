@@ -7,9 +7,11 @@ from typing import Any, ParamSpec, TypeVar, overload
 from .numba_private import MISSING
 
 if MISSING:
+    from .plain import code_for_callers as code_for_callers
     from .plain import plain_kernel as _compile
 else:
     from .announcement import announce_compilation
+    from .reduced import code_for_callers as code_for_callers
     from .reduced import reduced_kernel as _compile
 
     announce_compilation()

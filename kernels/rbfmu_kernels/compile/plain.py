@@ -15,10 +15,18 @@ from ..types import Shape
 from .shapes import argument_shapes, core_shapes, python_function
 from .stamp import SOURCES
 
+CALLED_BY_CODE = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+"""Options of what is not called from Python."""
+
 
 def plain_kernel(function: Callable[..., Any], *, inline: bool) -> Any:
     """Return the kernel of a function."""
     return _cached(lambda cache: njit(error_model="numpy", nogil=True, forceinline=inline, cache=cache)(function))
+
+
+def code_for_callers(function: Callable[..., Any], signature: Any) -> Any:
+    """Return what Numba compiles of a function that is called by compiled code only."""
+    return njit(signature, **CALLED_BY_CODE)(function)
 
 
 def _cached(compiled: Callable[[bool], Any]) -> Any:

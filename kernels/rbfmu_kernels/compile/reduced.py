@@ -9,6 +9,7 @@ from numba import njit, types
 from .compiler import CalleeCache, CalleeCompiler, KernelCompiler
 from .disk_cache import DiskCache
 from .numba_private import Compiler
+from .plain import CALLED_BY_CODE
 
 
 def reduced_kernel(function: Callable[..., Any], *, inline: bool) -> Any:
@@ -53,7 +54,13 @@ def _compile_callees_bare(compiled: Any, inline: bool) -> None:
 
 
 def _bare(function: Callable[..., Any], inline: bool) -> Any:
-    return _njit(inline)(no_cpython_wrapper=True, no_cfunc_wrapper=True, pipeline_class=CalleeCompiler)(function)
+    return _njit(inline)(pipeline_class=CalleeCompiler, **CALLED_BY_CODE)(function)
+
+
+def code_for_callers(function: Callable[..., Any], signature: Any) -> Any:
+    """Return what Numba compiles of a function that is called by compiled code only: the same on every processor."""
+    compiler = CalleeCompiler if internals_serve() else Compiler
+    return njit(signature, pipeline_class=compiler, **CALLED_BY_CODE)(function)
 
 
 def pipeline(*state: Any) -> Any:

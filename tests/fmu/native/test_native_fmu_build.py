@@ -2,10 +2,12 @@
 
 import hashlib
 import importlib.util
-import re
+import os
 import struct
 import subprocess
+import sys
 import zipfile
+from pathlib import Path
 from xml.etree import ElementTree
 
 import fmpy
@@ -15,14 +17,15 @@ import rbfmu_fmu
 from rbfmu_fmu import VerificationError, archive, verify
 from rbfmu_fmu.fmi2_xml import FMI2
 from rbfmu_fmu.native import build as native_build
-from rbfmu_fmu.native import linking, object_code
+from rbfmu_fmu.native import kept_code, linking, object_code
 from rbfmu_fmu.native.linking import NoLinkerError, universal
 from rbfmu_fmu.native.platforms import PLATFORMS, BuildError, this_platform
 from tests.support.command_line import call
 from tests.support.fmu.builds import KILLED, build_elsewhere
+from tests.support.fmu.elf import elf
 from tests.support.fmu.fmu_importer import Fmu
-from tests.support.fmu.fmus import built, native, scene, unzipped, unzipped_at
-from tests.support.paths import SCENES
+from tests.support.fmu.fmus import built, native, planned, scene, unzipped, unzipped_at
+from tests.support.paths import ROOT, SCENES
 
 LARGEST = {"linux64": 112_000, "win64": 165_000, "darwin64": 145_000, "linux-aarch64": 175_000,
            "darwin-aarch64": 145_000}  # fmt: skip
@@ -47,18 +50,12 @@ def test_description_is_the_pythonfmu_fmus_but_for_the_kind(name):
 
 def test_there_is_no_writable_data_and_nothing_is_exported_but_fmi():
     (library,) = (unzipped("driven", "native") / "binaries" / "linux64").glob("*.so")
-    listed = subprocess.run(["nm", "-D", library], capture_output=True, text=True, check=True).stdout.splitlines()
-    symbols = [line.split() for line in listed]
-    assert {s[-1] for s in symbols if s[-2] == "T"} == set(FUNCTIONS)
-    assert {s[-2] for s in symbols} <= {"T", "U", "w"}
-    needed = {s[-1].split("@")[0] for s in symbols if s[-2] == "U"}
-    libc = {"malloc", "free", "memcpy", "memset", "strcmp", "memcmp", "strlen", "strchr", "strcpy", "strspn",
+    sections, exported, needed = elf(library.read_bytes())
+    assert exported == set(FUNCTIONS)
+    libc = {"malloc", "free", "memcpy", "memset", "strcmp", "memcmp", "bcmp", "strlen", "strchr", "strcpy", "strspn",
             "strcspn", "snprintf", "vsnprintf", "strtod", "strtol", "atoi"}  # fmt: skip
     assert needed <= libc | {f"__{name}_chk" for name in libc} | {"__stack_chk_fail", "floor", "ceil", "fmin", "fmax"}
-    sections = subprocess.run(["size", "-A", library], capture_output=True, text=True, check=True).stdout
-    sizes = dict(re.findall(r"^(\.\S+)\s+(\d+)", sections, re.MULTILINE))
-    assert int(sizes[".data"]) <= 8  # the linker's __dso_handle
-    assert int(sizes[".bss"]) <= 8
+    assert all(sections.get(name, 0) <= 8 for name in (".data", ".bss"))  # the linker's __dso_handle
 
 
 FUNCTIONS = [f"fmi2{name}" for name in (
@@ -80,6 +77,95 @@ def test_builds_are_the_same_bytes_in_any_process_and_with_any_cache(tmp_path):
     warm = build_elsewhere(tmp_path / "a.fmu", kind="native", PYTHONHASHSEED="1")
     cold = build_elsewhere(tmp_path / "b.fmu", kind="native", PYTHONHASHSEED="2", NUMBA_CACHE_DIR=str(tmp_path))
     assert here == warm == cold
+
+
+CPUS = {
+    "generic": "", "znver3": "+avx2,+fma", "skylake": "+avx2,+fma", "skylake-avx512": "+avx2,+fma,+avx512f,+avx512vl",
+    "nehalem": "+sse4.2",
+}  # fmt: skip
+"""Processors of two makers by LLVM's names, and what they have."""
+
+
+def for_processor(cpu, folder):
+    return {"NUMBA_CPU_NAME": cpu, "NUMBA_CPU_FEATURES": CPUS[cpu], "NUMBA_CACHE_DIR": str(folder / cpu)}
+
+
+def test_object_code_is_the_same_on_any_processor(tmp_path):
+    command = [sys.executable, "-m", "tests.support.fmu.compiled_for_any"]
+    found = [
+        subprocess.run(
+            command, capture_output=True, env=os.environ | for_processor(cpu, tmp_path), check=True, cwd=ROOT
+        )
+        for cpu in ("generic", "skylake-avx512")
+    ]
+    assert found[0].stdout == found[1].stdout
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "kind"), [("driven", "native"), ("prescribed", "python")])
+@needs_ziglang
+def test_five_processors_and_both_linkers_build_the_same_bytes(name, kind, tmp_path):
+    """Two compilers of C make two libraries of the same object code; all else is the same."""
+    found = {"gcc": set(), "ziglang": set()}
+    for cpu in CPUS:
+        for linker, before in (("gcc", WITHOUT_ZIGLANG), ("ziglang", "")):
+            path = tmp_path / f"{linker}_{cpu}.fmu"
+            found[linker].add(build_elsewhere(path, before, kind=kind, name=name, **for_processor(cpu, tmp_path)))
+    assert [len(hashes) for hashes in found.values()] == [1, 1]
+    if kind == "native":
+        guids = {fmpy.read_model_description(str(path)).guid for path in tmp_path.glob("*.fmu")}
+        assert len(guids) == 1  # a hash of the object code and of the C sources
+
+
+WITHOUT_ZIGLANG = "from rbfmu_fmu.native import linking; linking.find_spec = lambda name: None"
+
+
+# --- what is kept
+
+
+def test_object_code_is_compiled_once_and_anew_where_the_kept_file_is_damaged(tmp_path, monkeypatch):
+    monkeypatch.setattr(kept_code.numba.config, "CACHE_DIR", str(tmp_path))
+    codes = iter([b"first", b"second", b"third"])
+
+    def code(what="a model"):
+        return kept_code.kept(what, lambda: next(codes))
+
+    assert code() == code() == b"first"
+    (file,) = tmp_path.rglob("*.o")
+    for damaged in (file.read_bytes()[:-1], file.read_bytes()[:10], b"", b"x" + file.read_bytes()[1:]):
+        file.write_bytes(damaged)
+        codes = iter([b"first"])
+        assert code() == b"first"
+    codes = iter([b"of another"])
+    assert code("another model") == b"of another"
+    assert code() == b"first"
+    assert len(list(tmp_path.rglob("*"))) == 3  # their folder and two files: no part of one is left
+    monkeypatch.setattr(kept_code, "MOST", 1)
+    codes = iter([b"of a third", b"first anew"])
+    assert code("a third model") == b"of a third"
+    assert code() == b"first anew"
+
+
+@pytest.mark.parametrize("changed", ["SOURCES", "COMPILER"])
+def test_object_code_of_other_sources_is_not_taken(changed, tmp_path, monkeypatch):
+    monkeypatch.setattr(kept_code.numba.config, "CACHE_DIR", str(tmp_path))
+    assert kept_code.kept("a model", lambda: b"first") == b"first"
+    monkeypatch.setattr(kept_code, changed, Path(__file__) if changed == "COMPILER" else "others")
+    assert kept_code.kept("a model", lambda: b"second") == b"second"
+
+
+def test_where_nothing_can_be_kept_a_model_is_compiled_each_time(tmp_path, monkeypatch):
+    (tmp_path / "file").touch()
+    monkeypatch.setattr(kept_code.numba.config, "CACHE_DIR", str(tmp_path / "file"))
+    assert [kept_code.kept("a model", lambda code=code: code) for code in (b"1", b"2")] == [b"1", b"2"]
+
+
+def test_a_build_takes_what_is_kept(monkeypatch):
+    platform, model = this_platform(), planned("prescribed").kernels
+    expected = object_code.object_files(model, platform)
+    object_code._compiled.cache_clear()
+    monkeypatch.setattr(object_code, "_compiled_anew", None)
+    assert object_code.object_files(model, platform) == expected
 
 
 @pytest.mark.thorough
