@@ -1,10 +1,16 @@
-"""Compiled kernels are cached by a hash of all kernel sources: numba itself looks only at a function's own file."""
+"""Compiled kernels are cached by a hash of all kernel sources: numba itself looks only at a function's own file.
+
+What many tests use stands here too.
+"""
 
 import hashlib
 import os
+import resource
+import signal
 import tempfile
 from pathlib import Path
 
+import pytest
 from hypothesis import HealthCheck, settings
 
 from tests.support.paths import ROOT
@@ -23,3 +29,13 @@ os.environ.setdefault("RBFMU_QUIET", "1")  # what is said of slow compilations h
 
 settings.register_profile("unhurried", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("unhurried")
+
+
+@pytest.fixture
+def limited():
+    """A function that limits the size of files, as a full disk does: what is beyond is not written."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    yield lambda size=soft: resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    signal.signal(signal.SIGXFSZ, before)

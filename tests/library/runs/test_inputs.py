@@ -222,6 +222,11 @@ FILES = {
         "time,force_a[1],force_a[2],force_a[3]\n0,1,x,1\n",
         r'force_a\[2\] = "x" in row 1: expected a finite numb',
     ),
+    "underscore": ("time,force_a[1],force_a[2],force_a[3]\n0,1_0,1,1\n", r'force_a\[1\] = "1_0" in row 1: expected'),
+    "other digits": (
+        "time,force_a[1],force_a[2],force_a[3]\n0,\u0661,1,1\n",
+        r'force_a\[1\] = ".*" in row 1: expected',
+    ),
     "NaN": ("time,force_a[1],force_a[2],force_a[3]\n0,1,1,1\n3,1,nan,1\n", r'force_a\[2\] = "nan" in row 2: expected'),
     "short": ("time,force_a[1],force_a[2],force_a[3]\n0,1,1\n", "row 1 has 3 cells: expected 4, as many as the header"),
     "header": ("time,force_a[1],force_a[2],force_a[3]\n", "no rows: expected a header, and a row of numbers a time"),
