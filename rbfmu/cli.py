@@ -35,7 +35,7 @@ from rbfmu.cli_output import (
     write_new,
 )
 from rbfmu.cli_view import view
-from rbfmu.exceptions import SceneWarning
+from rbfmu.exceptions import SceneWarning, named
 from rbfmu.kept_plans import KeptPlan
 from rbfmu.progress import progress_bar
 
@@ -63,7 +63,8 @@ def demo(folder: Path) -> None:
 
     say_where_nothing_is_kept()
     try:
-        passed = run_demo(folder, Console(highlight=False))
+        with named(folder):
+            passed = run_demo(folder, Console(highlight=False))
     except VerificationError as error:
         raise click.UsageError(str(error)) from None
     click.get_current_context().exit(0 if passed else 1)
@@ -234,7 +235,7 @@ def chart(scene: Path | None, folder: Path, quick: bool) -> None:
     from rbfmu.studies.work_precision import run_charts
     from rbfmu_fmu.cosimulation_chart import run_cosimulation_chart
 
-    with counting_bar("chart") as progress:
+    with counting_bar("chart") as progress, named(folder):
         if scene is not None:
             paths = chart_of(scene, quick, progress).save(folder)
         else:
@@ -251,7 +252,8 @@ def stability(folder: Path, quick: bool) -> None:
     from rbfmu.studies.stability import failures, read_findings, run_stability
     from rbfmu.studies.stability.report import print_laws
 
-    paths = run_stability(folder, quick, progress_bar("stability"))
+    with named(folder):
+        paths = run_stability(folder, quick, progress_bar("stability"))
     findings, wrong = read_findings(folder), failures(folder)
     print_laws(findings)
     print_verdict(len(findings), wrong, f"{len(paths)} files in {folder}")

@@ -54,4 +54,4 @@ def ensemble(
             found = run_ensemble(asked, output, executor, resume=resume, planned=planned)
         if plot:
             found.plot(plot)
-    print_ensemble(planned, found)
+        print_ensemble(planned, found)  # which reads the store

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rbfmu._interrupt import interruptible
-from rbfmu.exceptions import SceneError, SceneWarning, SimulationError
+from rbfmu.exceptions import SceneError, SceneWarning, SimulationError, named
 
 if TYPE_CHECKING:
     from rbfmu.runs.plan import Plan
@@ -102,7 +102,7 @@ def check_target(path: Path | None, option: str, endings: Sequence[str]) -> None
 def write_new(path: Path, text: str) -> None:
     """Write a file that must not be there yet."""
     try:
-        with path.open("x", encoding="utf-8") as file:
+        with named(path), path.open("x", encoding="utf-8") as file:
             file.write(text)
     except FileExistsError:
         raise click.UsageError(f"{path}: exists already, and stays as it is") from None

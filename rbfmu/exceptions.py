@@ -1,6 +1,8 @@
-"""The errors and warnings of the library; nothing else is loaded with them."""
+"""The errors and warnings of the library, and what they name; nothing else is loaded with them."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 
 class SceneError(ValueError):
@@ -26,3 +28,14 @@ class SimulationError(RuntimeError):
 
 class PlanningWarning(RuntimeWarning):
     """A warning that a plan is made, but takes long."""
+
+
+@contextmanager
+def named(path: str | Path | None) -> Iterator[None]:
+    """Name what is written in an error of the operating system that names no file, such as that of a full disk."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is None or error.filename is not None or path is None:
+            raise
+        raise OSError(error.errno, error.strerror, str(path)) from error

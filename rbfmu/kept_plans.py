@@ -1,7 +1,7 @@
 """Plans of scene files that were planned before, kept on disk: the same file is planned once.
 
 A plan is known by the bytes of its scene file, the options, and the sources and versions that it was made with. Where
-nothing can be written, or what stands there cannot be read, the scene is planned anew.
+nothing can be written, or what stands there is not what was written (a checksum says so), the scene is planned anew.
 """
 
 import hashlib
@@ -33,11 +33,15 @@ class KeptPlan:
             self._file = _folder() / f"{digest.hexdigest()}.json"
 
     def read(self) -> dict[str, Any] | None:
-        """Return what was kept, or None."""
-        try:
-            return dict(json.loads(self._file.read_text(encoding="utf-8"))) if self._file else None
-        except (OSError, ValueError, TypeError):
+        """Return what was kept, or None where there is none or it is not what was written."""
+        if self._file is None:
             return None
+        try:
+            checksum, text = self._file.read_text(encoding="utf-8").split("\n", 1)
+        except (OSError, ValueError):
+            return None
+        known: dict[str, Any] | None = json.loads(text) if checksum == _checksum(self._file, text) else None
+        return known
 
     def keep(self, known: Mapping[str, Any]) -> None:
         """Keep what is known, where that can be written."""
@@ -47,10 +51,16 @@ class KeptPlan:
             self._file.parent.mkdir(parents=True, exist_ok=True)
             handle, temporary = tempfile.mkstemp(dir=self._file.parent, suffix=".part")
             with os.fdopen(handle, "w", encoding="utf-8") as file:
-                json.dump(dict(known), file)
+                text = json.dumps(dict(known))
+                file.write(f"{_checksum(self._file, text)}\n{text}")
             os.replace(temporary, self._file)
             for old in sorted(self._file.parent.glob("*.json"), key=lambda path: path.stat().st_mtime)[:-MOST]:
                 old.unlink()
+
+
+def _checksum(file: Path, text: str) -> str:
+    """Return what tells this text from others, and its place from that of another plan."""
+    return hashlib.sha256(f"{file.stem}\n{text}".encode()).hexdigest()
 
 
 def _folder() -> Path:

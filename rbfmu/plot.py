@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from rbfmu.exceptions import named
 from rbfmu.results.result import Result
 from rbfmu_kernels.quantities import OUTPUT
 
@@ -27,7 +28,8 @@ class Picture(Figure):
 def plot_result(result: Result, path: str | Path, title: str = "") -> Figure:
     """Draw one panel for each quantity over time; the file's ending (.png, .svg, .pdf) sets the format."""
     figure = drawn(result, title)
-    figure.savefig(path, dpi=130)
+    with named(path):
+        figure.savefig(path, dpi=130)
     return figure
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rbfmu.exceptions import SceneError, SimulationError
 from rbfmu.runs.model_buffer import Buffer, filled_buffer, initialize
 from rbfmu.runs.plan import Plan
-from rbfmu.runs.time_grid import last_time
+from rbfmu.runs.time_grid import last_time, steps_until
 from rbfmu.scene.argument import of_scene_or_path
 from rbfmu.scene.fields import fault, shown
 from rbfmu.scene.scene import PARAMETERS, Scene
@@ -25,7 +25,10 @@ from rbfmu_kernels.quantities import BY_NAME, IN_BUFFER_ORDER, INITIAL_VALUES, L
 
 Array = NDArray[np.float64]
 
-_CLOCK = struct.Struct("ddq")
+_CLOCK = struct.Struct("dq")
+"""The time, and how many communication steps of the scene led there."""
+_UNKNOWN = -1
+"""That number after a step of another length; counting costs half as much as a step."""
 _PORT = struct.Struct("3d")
 _KEYS = (
     {name: f"body.{name}" for name in PARAMETERS}
@@ -55,9 +58,8 @@ class Simulator:
         self._ports = {name: 8 * blocks[name].start for name in self.scene.inputs.ports}
         self._quantities = {name: self._z[blocks[name]] for name in self.scene.outputs.quantities}
         self._identity = _identity(self.scene, self.plan)
-        self._h, self._last_time = run.step, last_time(run.stop, run.step)
-        self.time = self._begin = run.start
-        self._count = 0
+        self._start, self._h, self._last_time = run.start, run.step, last_time(run.stop, run.step)
+        self.time, self._count = run.start, 0
 
     def __repr__(self) -> str:
         return f"Simulator({self.scene.name!r}: {self.plan.model}, t = {self.time!r} s)"
@@ -71,22 +73,24 @@ class Simulator:
         """Step by h, s (without one to the scene's next communication point), with inputs that are held over it.
 
         ports: three finite numbers each; what is not given keeps its last value. Raises ValueError for a wrong input,
-        SimulationError where the step is refused: then nothing has changed, and no input either.
+        TypeError where h is no number, SimulationError where the step is refused: then nothing has changed, and no
+        input either.
         """
-        before = self._put(ports) if ports else ()
         if h is None:
-            end = self._begin + (self._count + 1) * self._h
-            if self._step(self._z, end - self.time) == OK:
-                self.time, self._count = end, self._count + 1
-                return
-            h = end - self.time
-        elif h > 0.0 and math.isfinite(self.time + h) and self._step(self._z, float(h)) == OK:
-            self.time = self._begin = self.time + h
-            self._count = 0
+            count = 1 + (self._count if self._count >= 0 else steps_until(self._start, self._h, self.time))
+            end = self._start + count * self._h
+            length = end - self.time
+        else:
+            length = h if type(h) is float else _seconds(h)
+            count, end = _UNKNOWN, self.time + length
+        before = self._put(ports) if ports else ()
+        if length > 0.0 and math.isfinite(end) and self._step(self._z, length) == OK:
+            self.time, self._count = end, count
             return
         self._put_back(before)
-        why = "no finite motion, or none that the accuracy allows" if h > 0.0 else "the step size must be positive"
-        raise SimulationError(f"{self.scene.name}: the step from t = {self.time!r} s by {h!r} s was refused: {why}")
+        why = "no finite motion, or none that the accuracy allows" if length > 0.0 else "the step size must be positive"
+        step = f"the step from t = {self.time!r} s by {length!r} s"
+        raise SimulationError(f"{self.scene.name}: {step} was refused: {why}")
 
     def hold(self, **ports: Any) -> None:
         """Set inputs for the steps to come, without a step. Raises ValueError for a wrong one, and then sets none."""
@@ -104,7 +108,7 @@ class Simulator:
                 place = self._ports[name]
                 before.append((place, _PORT.unpack_from(data, place)))
                 _PORT.pack_into(data, place, x, y, z)
-        except (KeyError, TypeError, ValueError, struct.error):
+        except (KeyError, TypeError, ValueError, OverflowError, struct.error):
             self._put_back(before)
             raise self._wrong_input(ports) from None
         return before
@@ -122,7 +126,7 @@ class Simulator:
                     f"input {name!r}: expected {f'one of {known}' if known else 'none: there are no ports'}"
                 )
             numbers = np.asarray(value, dtype=object).ravel()
-            good = len(numbers) == 3 and all(isinstance(x, Real) and math.isfinite(x) for x in numbers)
+            good = len(numbers) == 3 and all(issubclass(type(x), Real) and abs(x) < math.inf for x in numbers)
             if not good:
                 return ValueError(f"{name} = {shown(value)}: expected 3 finite numbers ({BY_NAME[name].unit})")
         return ValueError(f"inputs {shown(ports)}: expected numbers whose sum is finite")
@@ -130,20 +134,27 @@ class Simulator:
     def reset(self, **parameters: Any) -> None:
         """Begin anew with the scene's values and the parameters given; inputs are zero. Raises SceneError."""
         self._z[:] = _started(self.scene, self.plan, parameters)
-        self.time = self._begin = self.scene.run.start
-        self._count = 0
+        self.time, self._count = self._start, 0
 
     def save(self) -> bytes:
         """Return the whole state, for `restore` of this or another simulator of the scene."""
-        return self._identity + _CLOCK.pack(self.time, self._begin, self._count) + self._bytes.tobytes()
+        return self._identity + _CLOCK.pack(self.time, self._count) + self._bytes.tobytes()
 
     def restore(self, state: bytes) -> None:
         """Go back to a saved state. Raises ValueError, with nothing changed, if it is no state of the scene."""
         head = len(self._identity)
         if len(state) != head + _CLOCK.size + self._bytes.nbytes or state[:head] != self._identity:
             raise ValueError(f"these {len(state)} bytes are no state of {self.scene.name} under its plan")
-        self.time, self._begin, self._count = _CLOCK.unpack_from(state, head)
+        self.time, self._count = _CLOCK.unpack_from(state, head)
         self._bytes[:] = state[head + _CLOCK.size :]
+
+
+def _seconds(h: Any) -> float:
+    """Return a step as Python's float: the clock would take on the precision of another."""
+    try:
+        return math.ldexp(h, 0)  # unlike float(), takes no text
+    except (TypeError, OverflowError):
+        raise TypeError(fault("h", h, "a number (s)")) from None
 
 
 def _reader(row: Output) -> property:

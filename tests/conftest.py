@@ -1,7 +1,12 @@
-"""Compiled kernels are cached by a hash of all kernel sources: numba itself looks only at a function's own file."""
+"""Compiled kernels are cached by a hash of all kernel sources: numba itself looks only at a function's own file.
+
+What many tests use stands here too.
+"""
 
 import hashlib
 import os
+import resource
+import signal
 import tempfile
 from pathlib import Path
 
@@ -31,3 +36,13 @@ settings.load_profile("unhurried")
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Leave of cross products of parameters what covers each value."""
     mark_what_a_covering_set_leaves(items)
+
+
+@pytest.fixture
+def limited():
+    """A function that limits the size of files, as a full disk does: what is beyond is not written."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    yield lambda size=soft: resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    signal.signal(signal.SIGXFSZ, before)

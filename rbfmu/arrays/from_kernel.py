@@ -1,5 +1,6 @@
 """Array functions from scalar kernels: NumPy broadcasting, `out=`, compiled at the first call, threads on request."""
 
+import itertools
 import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -32,8 +33,7 @@ def set_threads(n: int) -> None:
     global _threads, _pool
     if n < 1:
         raise ValueError(f"set_threads: n must be at least 1, got {n}")
-    if _pool is not None:
-        _pool.shutdown()
+    # The pool before is not shut down: calls that hold it end with it, and then its threads end with their pool.
     _threads, _pool = n, ThreadPoolExecutor(n - 1, "rbfmu") if n > 1 else None
 
 
@@ -55,12 +55,13 @@ def array_function(
             args, kwargs = in_order(kernel, args, kwargs)
             if loops and report and "axes" in kwargs:
                 kwargs["axes"] = [(), *kwargs["axes"]]  # the mark's
-        few = _pool is None or _are_few(args, limits)
+        pool = _pool  # another thread may set it meanwhile
+        few = pool is None or _are_few(args, limits)
         try:
             if report is None:
-                return loops[0](*args, **kwargs) if few else _in_threads(loops, kernel, args, kwargs)
+                return loops[0](*args, **kwargs) if few else _in_threads(pool, loops, kernel, args, kwargs)
             mark = np.zeros(())
-            result = loops[0](mark, *args, **kwargs) if few else _in_threads(loops, kernel, args, kwargs, mark)
+            result = loops[0](mark, *args, **kwargs) if few else _in_threads(pool, loops, kernel, args, kwargs, mark)
             if mark:
                 report()
             return result
@@ -112,9 +113,8 @@ def _are_few(args: Any, limits: list[tuple[int, int]]) -> bool:
     return True
 
 
-def _in_threads(loops: Any, kernel: Any, args: Any, kwargs: dict[str, Any], *mark: Any) -> Any:
+def _in_threads(pool: Any, loops: Any, kernel: Any, args: Any, kwargs: dict[str, Any], *mark: Any) -> Any:
     """Make the call in chunks along its longest leading axis; as a whole where it is small or unusual."""
-    assert _pool is not None
     whole, pieces = loops
     arguments, results = core_shapes(kernel)
     shapes = [*arguments.values()]
@@ -128,7 +128,7 @@ def _in_threads(loops: Any, kernel: Any, args: Any, kwargs: dict[str, Any], *mar
     out = kwargs.get("out")
     outs: tuple[Any, ...] = out if isinstance(out, tuple) else (out,) * len(results)
     outs = tuple(np.empty(leading + s) if o is None else o for o, s in zip(outs, results, strict=True))
-    if any(o.shape != leading + s for o, s in zip(outs, results, strict=True)):
+    if any(o.shape != leading + s for o, s in zip(outs, results, strict=True)) or _overlap(arrays, outs):
         return whole(*mark, *args, **kwargs)
     axis = int(np.argmax(leading)) - len(leading)  # counted from the last leading axis: -1 is the last
     items = math.prod(leading)
@@ -149,10 +149,24 @@ def _in_threads(loops: Any, kernel: Any, args: Any, kwargs: dict[str, Any], *mar
             inputs = [cut(a, s, piece) for a, s in zip(arrays, shapes, strict=True)]
             of_chunk(*mark, *inputs, out=tuple(cut(o, s, piece) for o, s in zip(outs, results, strict=True)))
 
-    others = [_pool.submit(copy_context().run, work) for _ in range(_threads - 1)]
+    others = [pool.submit(copy_context().run, work) for _ in range(_threads - 1)]
     try:
         work()
     finally:
         for other in others:
             other.result()
     return outs if len(outs) > 1 else outs[0]
+
+
+def _overlap(arrays: Any, outs: Any) -> bool:
+    """Return whether a chunk's results may be written over what another chunk reads or writes.
+
+    NumPy reads a copy where results overlap arguments, within one call; each chunk is a call of its own. An argument
+    that is the result itself is cut as that is, so that each chunk overlaps itself alone.
+    """
+    pairs = [*itertools.product(arrays, outs), *itertools.combinations(outs, 2)]
+    return any(np.may_share_memory(a, o, 1) and not _are_same(a, o) for a, o in pairs)  # type: ignore[arg-type]  # as hard as ufuncs try
+
+
+def _are_same(a: Any, b: Any) -> bool:
+    return bool(a.shape == b.shape and a.strides == b.strides and a.ctypes.data == b.ctypes.data)

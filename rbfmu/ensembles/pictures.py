@@ -9,6 +9,7 @@ from matplotlib.patches import Ellipse
 from numpy.typing import NDArray
 
 from rbfmu.ensembles.drivers import Drivers, drivers_of
+from rbfmu.exceptions import named
 from rbfmu.plot import COLORS, Picture, open_frame, quantity_label
 from rbfmu_kernels.quantities import OUTPUT, indices
 
@@ -44,7 +45,8 @@ def drawn(result: "EnsembleResult", path: str | Path | None = None) -> Picture:
     figure.suptitle(f"{result.scene.name}: {result.runs:,} runs{failed}", fontsize=12)
     figure.supxlabel(WORDS, fontsize=8, color="#444444")
     if path is not None:
-        figure.savefig(path, dpi=130)
+        with named(path):
+            figure.savefig(path, dpi=130)
     return figure
 
 

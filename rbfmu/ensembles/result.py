@@ -154,5 +154,6 @@ class EnsembleResult:
             raise ValueError(f"{path}: has {done} of {ensemble_of(scene).runs} runs: expected all, resume it")
         if is_file:
             return cls(scene, {**known.rows, **known.results}, known.progress.failed)
-        group = needed("zarr", "ensemble").open_group(path, mode="r")
-        return cls(scene, dict(group.arrays()), known.progress.failed)
+        from rbfmu.ensembles.storage.zarr_store import arrays_of_folder
+
+        return cls(scene, arrays_of_folder(path, known.results), known.progress.failed)

@@ -1,7 +1,6 @@
 """Run an ensemble: chunks on any executor, taken in their order, kept in a store from time to time."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import nullcontext
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -12,7 +11,9 @@ from rbfmu.ensembles.members.samples import with_runs
 from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.ensembles.result import EnsembleResult
 from rbfmu.ensembles.storage.checkpoint import Checkpoint, Progress
+from rbfmu.ensembles.storage.lock import held
 from rbfmu.ensembles.storage.store import MemoryStore, Store, refuse_existing
+from rbfmu.exceptions import named
 from rbfmu.extras import needed
 from rbfmu.progress import members_bar
 from rbfmu.runs.plan import Plan
@@ -40,14 +41,15 @@ def run_ensemble(
     memory. executor: a number of threads (by default one for each processor), an executor of concurrent.futures, or a
     client of Dask. runs: in place of the scene's. progress: whether to show a bar on a terminal or in a notebook.
     planned: a plan, used as it is. Raises SceneError, SimulationError where the executor fails, FileExistsError and
-    ValueError where the store is there already or is of another ensemble.
+    ValueError where the store is there already or is of another ensemble, BlockingIOError where another program is
+    writing to it.
     """
     check_store(store, resume)
     scene = with_runs(scene, runs)
     plan = plan_ensemble(scene) if planned is None else planned
     work = Work(scene, plan, members_of_a_chunk(scene, plan))
     place = _store(work, store)
-    with _named(store):
+    with named(store), held(Path(store)) if store else nullcontext():
         known = place.begin(resume)
         if known is None or known.runs != work.runs:
             failed = _run(work, place, known, executor, progress)
@@ -68,17 +70,6 @@ def check_store(store: str | Path | None, resume: bool) -> None:
     if Path(store).suffix == ".zarr":
         needed("zarr", "ensemble")
     refuse_existing(Path(store), resume)
-
-
-@contextmanager
-def _named(store: str | Path | None) -> Iterator[None]:
-    """Name the store in an error of the operating system that names no file, such as that of a full disk."""
-    try:
-        yield
-    except OSError as error:
-        if error.errno is None or error.filename is not None or store is None:
-            raise
-        raise OSError(error.errno, error.strerror, str(store)) from error
 
 
 def _store(work: Work, path: str | Path | None) -> Store:

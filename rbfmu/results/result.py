@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rbfmu.exceptions import named
 from rbfmu_kernels.quantities import OUTPUT, TIME
 
 Array = NDArray[np.float64]
@@ -98,7 +99,8 @@ class Result:
         """
         path = Path(path)
         if path.suffix == ".npz":
-            np.savez(path, time=self.time, **self.quantities)  # type: ignore[arg-type]
+            with named(path):
+                np.savez(path, time=self.time, **self.quantities)  # type: ignore[arg-type]
         elif path.suffix == ".csv":
             self._write_csv(path)
             self._write_units(path.with_suffix(".units.csv"))
@@ -107,7 +109,7 @@ class Result:
 
     def _write_csv(self, path: Path) -> None:
         columns = self.columns()
-        with path.open("w") as file:
+        with named(path), path.open("w") as file:
             file.write(",".join(f'"{name}"' for name in columns) + "\n")
             for first in range(0, len(self.time), CHUNK):
                 rows = zip(*(c[first : first + CHUNK].tolist() for c in columns.values()), strict=True)
@@ -115,7 +117,7 @@ class Result:
 
     def _write_units(self, path: Path) -> None:
         known = {"time": TIME} | OUTPUT
-        with path.open("w", newline="") as file:
+        with named(path), path.open("w", newline="") as file:
             table = csv.writer(file, quoting=csv.QUOTE_ALL, lineterminator="\n")
             table.writerow(("name", "unit", "meaning"))
             rows = ((name, known[name.split("[")[0]]) for name in self.columns())

@@ -71,9 +71,15 @@ def _held(table: InputTable, points: Array, near: float) -> PortPieces:
 
 
 def _linear(table: InputTable, points: Array, near: float) -> PortPieces:
-    values = np.column_stack([np.interp(points, table.times, column) for column in table.values.T])
-    slopes = np.diff(values, axis=0) / np.diff(points)[:, None]
-    return PortPieces(values[:-1], slopes)
+    begins = np.column_stack([np.interp(points, table.times, column) for column in table.values.T])
+    ends = begins.copy()
+    # Rows that lie at one point are a jump there: the piece before ends at the first, that after begins at the last.
+    first = np.searchsorted(table.times, points - near)
+    last = np.searchsorted(table.times, points + near, side="right") - 1
+    jumps = last > first
+    ends[jumps], begins[jumps] = table.values[first[jumps]], table.values[last[jumps]]
+    slopes = (ends[1:] - begins[:-1]) / np.diff(points)[:, None]
+    return PortPieces(begins[:-1], slopes)
 
 
 class Driven:

@@ -150,9 +150,9 @@ def _numbers(names: list[str], rows: list[list[str]], faults: list[str]) -> Arra
         if len(row) != len(names):
             faults.append(f"row {k + 1} has {len(row)} cells: expected {len(names)}, as many as the header")
             break
-        for i, cell in enumerate(row):
-            with suppress(ValueError):
-                table[k, i] = float(cell)
+        for i, cell in enumerate(map(str.strip, row)):
+            with suppress(ValueError):  # `float` takes 1_0 and other scripts' digits as well, which no importer does
+                table[k, i] = float(cell) if cell.isascii() and "_" not in cell else math.nan
             if not math.isfinite(table[k, i]) and names[i] not in said:
                 said.add(names[i])
                 faults.append(f"{names[i]} = {shown(cell)} in row {k + 1}: expected a finite number")

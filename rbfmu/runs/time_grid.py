@@ -27,6 +27,12 @@ def last_time(stop: float, step: float) -> float:
     return stop + min(1e-9 * max(step, abs(stop)), 0.1 * step)
 
 
+def steps_until(start: float, step: float, time: float) -> int:
+    """Return how many communication steps end by a time, which may be short of an end by an importer's round-off."""
+    slack = min(_round_off(start, time), 0.1 * step)
+    return math.floor(min((time - start + slack) / step, 2.0**62))
+
+
 def communication_steps(scene: Scene) -> int:
     """Return the number of communication steps of the run."""
     return _count(scene.run.start, scene.run.stop, scene.run.step)

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from rbfmu.exceptions import named
 from rbfmu.extras import needed
 from rbfmu.results.result import FORMATS, Result
 from rbfmu.scene.argument import faults_of
@@ -35,7 +36,8 @@ def view(
     from rbfmu.viewer.page import motion_page
 
     page = motion_page(motion := _motion(source, scene, stop, (inputs, interpolate), progress, ghosts))
-    Path(path).write_text(page, encoding="utf-8")
+    with named(path):
+        Path(path).write_text(page, encoding="utf-8")
     return motion
 
 

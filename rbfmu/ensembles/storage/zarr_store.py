@@ -1,6 +1,8 @@
 """A folder of zarr, which xarray and others read: rows of runs are written in whole chunks of zarr, and once only."""
 
 import errno
+import hashlib
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -29,10 +31,57 @@ RESUME = "resume"
 """The group of the checkpoint."""
 PART = ".partial"
 """The ending of files that zarr has not yet put in their place."""
+LAYOUT = f"{RESUME}/layout"
+"""In the checkpoint: the digest of what zarr keeps about the arrays beside their chunks, which have checksums."""
 
 
 def _is_ours(path: Path) -> bool:
     return path.name in (RESUME, "zarr.json") or path.suffix == PART
+
+
+class StoredArray:
+    """An array of a folder of zarr, which is read where it is looked at. Raises ValueError where it is damaged."""
+
+    def __init__(self, path: Path, array: Any) -> None:
+        self._path, self._array = path, array
+        self.shape, self.dtype, self.ndim, self.size = array.shape, array.dtype, array.ndim, array.size
+
+    def __getitem__(self, part: Any) -> Any:
+        try:
+            return self._array[part]
+        except Exception as error:  # of a checksum, of a codec
+            raise ValueError(_damaged(self._path, f"{self._array.basename}: {error}")) from None
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
+        return np.asarray(self[...], dtype)
+
+
+def arrays_of_folder(path: Path, known: Mapping[str, Any]) -> dict[str, StoredArray]:
+    """Return the arrays of a finished store by name. Raises ValueError where it is damaged.
+
+    known: what the checkpoint says of them; nothing of a store that was written without checksums.
+    """
+    try:
+        arrays = dict(needed("zarr", "ensemble").open_group(path, mode="r").arrays())
+        lost = [name for name, array in arrays.items() if array.nchunks_initialized != array.nchunks]
+    except ModuleNotFoundError:
+        raise
+    except Exception as error:  # anything that zarr makes of a zarr.json
+        raise ValueError(_damaged(path, str(error))) from None
+    if LAYOUT in known and (lost or known[LAYOUT] != _layout(arrays)):
+        why = f"{lost[0]}: chunks are missing" if lost else "the arrays are not those that were written"
+        raise ValueError(_damaged(path, why))
+    return {name: StoredArray(path, array) for name, array in arrays.items()}
+
+
+def _layout(arrays: Mapping[str, Any]) -> str:
+    """Return a digest of names, shapes and codecs; attributes may change."""
+    found = {name: array.metadata.to_dict() | {"attributes": None} for name, array in arrays.items()}
+    return hashlib.sha256(json.dumps(found, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def _damaged(path: Path, why: str) -> str:
+    return f"{path}: cannot be read ({why}): expected what `rbfmu ensemble` writes"
 
 
 class ZarrStore:
@@ -46,6 +95,7 @@ class ZarrStore:
         self._held: dict[str, Any] = {}
         self._first = 0
         self._group: Any = None
+        self._known: Mapping[str, Any] = {}
 
     def begin(self, resume: bool) -> Checkpoint | None:
         """Make the store ready, and return what it holds already. Raises FileExistsError, ValueError."""
@@ -59,7 +109,7 @@ class ZarrStore:
             self._group.require_group(RESUME)
             Checkpoint(self._identity, Progress.none(self._work)).write(self._file)
             return None
-        self._held = dict(known.rows)
+        self._held, self._known = dict(known.rows), known.results
         done = known.progress.chunks * self._work.size
         self._first = done - (len(next(iter(self._held.values()))) if self._held else 0)
         if known.runs != self._work.runs:
@@ -86,7 +136,7 @@ class ZarrStore:
         timed = set(self._work.columns.names) if self._work.keeps(ALL) else set()
         for name, values in arrays.items():
             if name in timed:
-                self._group[name][chunk.first : chunk.first + chunk.members] = values
+                self._write(name, np.s_[chunk.first : chunk.first + chunk.members], values)
             else:
                 there = self._held.get(name, values[:0])
                 self._held[name] = np.concatenate([there, values])
@@ -106,6 +156,7 @@ class ZarrStore:
             variable.name, shape=shape, chunks=self._chunks(variable, shape), dtype=dtype, overwrite=True,
             fill_value=np.nan if dtype.kind == "f" else 0, dimension_names=variable.dims,
             attributes=variable.attributes,
+            compressors=(self._zarr.codecs.ZstdCodec(level=0), self._zarr.codecs.Crc32cCodec()),
         )  # fmt: skip
 
     def _chunks(self, variable: Variable, shape: tuple[int, ...]) -> tuple[int, ...]:
@@ -114,9 +165,13 @@ class ZarrStore:
             return (self._work.size, min(times, shape[1]), *shape[2:])
         return (self._rows, *shape[1:]) if variable.dims[:1] == ("run",) else shape
 
+    def _write(self, name: str, part: Any, values: Any) -> None:
+        with self._zarr.config.set({"array.write_empty_chunks": True}):  # so that a chunk that is not there was lost
+            self._group[name][part] = values
+
     def _write_held(self) -> None:
         for name, values in self._held.items():
-            self._group[name][self._first : self._first + len(values)] = values
+            self._write(name, np.s_[self._first : self._first + len(values)], values)
         self._first += len(next(iter(self._held.values())))
         self._held = {}
 
@@ -132,17 +187,21 @@ class ZarrStore:
             first = self._first
             self._write_held()
             self._first = first
-        results = results_of(self._work, progress.statistics, self._group)
+        rows = {name: StoredArray(self._path, array) for name, array in self._group.arrays()}
+        results = results_of(self._work, progress.statistics, rows)
         for variable in variables(self._work.scene, {}):
             if variable.name in results:
                 values = results[variable.name]
-                self._array(variable, values.shape, values.dtype)[...] = values
+                self._array(variable, values.shape, values.dtype)
+                self._write(variable.name, ..., values)
         for name, (dimension, values, attributes) in coordinates(results["time"]).items():
-            self._array(Variable(name, (dimension,), attributes), values.shape, values.dtype)[...] = values
+            self._array(Variable(name, (dimension,), attributes), values.shape, values.dtype)
+            self._write(name, ..., values)
         self._group.attrs.update(attributes_of(self._work, progress.failed))
         progress = Progress(whole.chunks, whole.statistics, progress.failed)
-        Checkpoint(self._identity, progress, held, runs=self._work.runs).write(self._file)
+        self._known = {LAYOUT: np.array(_layout(dict(self._group.arrays())))}
+        Checkpoint(self._identity, progress, held, self._known, self._work.runs).write(self._file)
 
     def arrays(self) -> Mapping[str, Any]:
         """Return all variables by name; they are read when they are looked at."""
-        return dict(self._group.arrays())
+        return arrays_of_folder(self._path, self._known)

@@ -92,6 +92,30 @@ def test_threads_give_the_same_bits(number, two_threads):
     assert (threaded == alone).all()
 
 
+OVERLAPS = {"reversed": (np.s_[99::-1], np.s_[:100]), "one row on": (np.s_[:100], np.s_[1:]), "same": (np.s_[1:],) * 2}
+
+
+@pytest.mark.parametrize("name", OVERLAPS)
+def test_threads_write_over_an_argument_as_over_a_copy(name, two_threads):
+    """Chunk by chunk, rows would be made of rows that are results already."""
+    rows = np.random.default_rng(3).normal(size=(101, 3))
+    argument, out = (rows[part] for part in OVERLAPS[name])
+    expected = rbfmu.rotate(Q, argument.copy())
+    assert (rbfmu.rotate(Q, argument, out=out) == expected).all()
+
+
+def test_another_number_of_threads_during_a_call_changes_nothing(two_threads, monkeypatch):
+    """Otherwise the call has no threads any more: RuntimeError."""
+    expected, copied = rbfmu.rotate(Q, V), rbfmu.arrays.from_kernel.copy_context
+
+    def meanwhile():
+        rbfmu.set_threads(1)
+        return copied()
+
+    monkeypatch.setattr(rbfmu.arrays.from_kernel, "copy_context", meanwhile)
+    assert (rbfmu.rotate(Q, V) == expected).all()
+
+
 def test_threads_warn_and_raise_as_one_does(two_threads):
     angles = np.full((100, 3), math.pi / 2)
     with pytest.warns(RuntimeWarning, match="euler_rate_a") as record:

@@ -2,7 +2,6 @@
 
 import errno
 import os
-import resource
 import signal
 import subprocess
 import sys
@@ -51,16 +50,6 @@ def test_a_program_that_is_killed_goes_on(whole, tmp_path, store):
 @pytest.mark.parametrize("store", STORES)
 def test_a_program_that_is_killed_at_twenty_moments_goes_on(whole, tmp_path, store):
     assert_all_go_on(whole, tmp_path / store, 20)
-
-
-@pytest.fixture
-def limited():
-    """A function that limits the size of files, as a full disk does: what is beyond is not written."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    yield lambda size=soft: resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
-    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    signal.signal(signal.SIGXFSZ, before)
 
 
 @pytest.mark.parametrize("store", STORES)

@@ -2,6 +2,9 @@
 
 import concurrent.futures as cf
 import multiprocessing
+import os
+import shutil
+import subprocess
 import sys
 import threading
 
@@ -12,6 +15,7 @@ from rbfmu.ensembles import executors, running
 from rbfmu.ensembles.chunks import run_chunk
 from rbfmu.ensembles.origin import origin
 from rbfmu.ensembles.storage import checkpoint
+from rbfmu.ensembles.storage.lock import held
 from rbfmu.ensembles.storage.zarr_store import ZarrStore
 from rbfmu.runs.plan import Plan
 from tests.support.covering import some_of
@@ -278,6 +282,64 @@ def test_an_unfinished_store_is_no_result(scene, tmp_path, monkeypatch):
     (tmp_path / "text.npz").write_text("text")
     with pytest.raises(ValueError, match="cannot be read"):
         EnsembleResult.load(tmp_path / "text.npz")
+
+
+def damaged(data):
+    """Yield what may have become of a file: a byte differs, the rest was not copied, nothing was."""
+    middle = len(data) // 2
+    yield data[:middle] + bytes([data[middle] ^ 1]) + data[middle + 1 :]
+    yield data[:middle]
+    yield b""
+    yield None
+
+
+@pytest.mark.parametrize("name", ["body.mass/c/0", "quaternion_mean/c/0/0", "redrawn/c/0"])
+def test_damage_of_a_folder_s_numbers_is_said(scene, tmp_path, name):
+    run(scene, tmp_path / "store.zarr")
+    file = tmp_path / "store.zarr" / name
+    for data in damaged(file.read_bytes()):
+        file.unlink() if data is None else file.write_bytes(data)
+        with pytest.raises(ValueError, match=rf"store.zarr: cannot be read \({name.partition('/')[0]}: "):
+            EnsembleResult.load(tmp_path / "store.zarr")._arrays[name.partition("/")[0]][...]
+
+
+def test_damage_of_what_a_folder_says_of_its_numbers_is_said(scene, tmp_path):
+    run(scene, tmp_path / "store.zarr")
+    file = tmp_path / "store.zarr" / "redrawn" / "zarr.json"
+    text = file.read_bytes()
+    for data in (text.replace(b"100", b"10", 1), *damaged(text)):
+        shutil.rmtree(file.parent) if data is None else file.parent.mkdir(exist_ok=True)
+        if data is not None:
+            file.write_bytes(data)
+        with pytest.raises(ValueError, match=r"store.zarr: cannot be read"):
+            EnsembleResult.load(tmp_path / "store.zarr")
+
+
+HELD = """
+import sys
+from pathlib import Path
+from rbfmu.ensembles.storage.lock import held
+with held(Path(sys.argv[1])):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_a_store_that_another_program_writes_to_is_refused_with_who_it_is(scene, whole, tmp_path):
+    path, pipe = tmp_path / "store.npz", subprocess.PIPE
+    with subprocess.Popen([sys.executable, "-c", HELD, path], stdin=pipe, stdout=pipe, text=True) as other:
+        assert other.stdout.readline() == "held\n"
+        for resume in (False, True):
+            with pytest.raises(BlockingIOError, match=f"is being written by process {other.pid} on .*store.npz"):
+                run(scene, path, resume=resume)
+        other.kill()  # and so leaves its file
+    assert_same(whole, run(scene, path))
+    assert [file.name for file in tmp_path.iterdir()] == ["store.npz"]
+
+
+def test_a_store_that_another_thread_writes_to_is_refused(scene, tmp_path):
+    with held(tmp_path / "store.npz"), pytest.raises(BlockingIOError, match=f"by process {os.getpid()} on "):
+        run(scene, tmp_path / "store.npz")
 
 
 def test_an_interrupt_between_two_lines_keeps_nothing_that_is_half_done(scene, whole, tmp_path, monkeypatch):

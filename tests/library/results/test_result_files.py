@@ -3,6 +3,7 @@
 import csv
 import tracemalloc
 from pathlib import Path
+from typing import Any
 
 import fmpy.util
 import numpy as np
@@ -30,6 +31,14 @@ def test_a_csv_has_every_row_in_full(n: int, tmp_path: Path) -> None:
     rows = [",".join(repr(float(c[i])) for c in columns.values()) for i in range(n)]
     expected = "\n".join([",".join(f'"{name}"' for name in columns), *rows]) + "\n"
     assert (tmp_path / "it.csv").read_text() == expected
+
+
+@pytest.mark.parametrize("name", ["it.csv", "it.npz", "it.png"])
+def test_a_full_disk_is_said_with_the_file_s_name(name: str, tmp_path: Path, limited: Any) -> None:
+    result, path = result_of(2, ("quaternion",)), tmp_path / name
+    limited(100)
+    with pytest.raises(OSError, match=rf"File too large: '{path}'"):
+        charts.plot_result(result, path) if path.suffix == ".png" else result.save(path)
 
 
 @pytest.mark.thorough

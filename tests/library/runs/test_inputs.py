@@ -152,6 +152,23 @@ def test_prescribed_rates_take_inputs_as_well():
     np.testing.assert_allclose(angle, found.time**2 / 2, atol=1e-14)
 
 
+@pytest.mark.parametrize("at", [5.0, 5.2])
+def test_two_rows_at_one_time_are_a_jump_of_linear_inputs(at):
+    """omega = torque t / inertia from there on; a ramp up to the next point would lose half of a step."""
+    pushed = scene(
+        body={"mass": 1.0, "inertia": [1.0, 2.0, 3.0]},
+        initial={},
+        inputs={"ports": ["torque_b"]},
+        outputs={"quantities": ["omega_b"]},
+        run={"stop": 10.0, "step": 0.5},
+    )
+    times, torque = [0.0, at, math.nextafter(at, 6.0), 10.0], np.zeros((4, 3))
+    torque[2:] = [0.02, 0.0, 0.0]
+    driven = {"inputs": {"torque_b": (times, torque)}, "interpolate": "linear"}
+    found = rbfmu.simulate(pushed, planned=rbfmu.plan(pushed), **driven)
+    np.testing.assert_allclose(found.omega_b[:, 0], 0.02 * np.maximum(found.time - at, 0.0), atol=1e-15)
+
+
 def test_a_file_gives_the_same_as_its_numbers(tmp_path):
     t, rows = TIMES, VALUES["torque_b"]
     path = tmp_path / "inputs.csv"
@@ -204,6 +221,11 @@ FILES = {
     "text": (
         "time,force_a[1],force_a[2],force_a[3]\n0,1,x,1\n",
         r'force_a\[2\] = "x" in row 1: expected a finite numb',
+    ),
+    "underscore": ("time,force_a[1],force_a[2],force_a[3]\n0,1_0,1,1\n", r'force_a\[1\] = "1_0" in row 1: expected'),
+    "other digits": (
+        "time,force_a[1],force_a[2],force_a[3]\n0,\u0661,1,1\n",
+        r'force_a\[1\] = ".*" in row 1: expected',
     ),
     "NaN": ("time,force_a[1],force_a[2],force_a[3]\n0,1,1,1\n3,1,nan,1\n", r'force_a\[2\] = "nan" in row 2: expected'),
     "short": ("time,force_a[1],force_a[2],force_a[3]\n0,1,1\n", "row 1 has 3 cells: expected 4, as many as the header"),

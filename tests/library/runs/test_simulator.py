@@ -91,6 +91,7 @@ BAD = {
     "NaN": ({"torque_b": [1.0, math.nan, 2.0]}, r"torque_b = \[1.0, nan, 2.0\]: expected 3 finite numbers"),
     "text": ({"torque_b": "abc"}, 'torque_b = "abc": expected 3 finite numbers'),
     "number": ({"torque_b": 1.0}, r"torque_b = 1.0: expected 3 finite numbers"),
+    "no float": ({"torque_b": [10**400, 0, 0]}, "expected numbers whose sum is finite"),
     "no port": ({"force_a": [1.0, 2.0, 3.0]}, "input 'force_a': expected one of torque_b"),
     "second": ({"torque_b": [1.0, 2.0, 3.0], "force_a": [0.0, 0.0, 0.0]}, "input 'force_a': expected one of torque_b"),
 }
@@ -114,6 +115,35 @@ def test_a_step_of_no_size_is_refused_and_changes_nothing(h):
     with pytest.raises(rbfmu.SimulationError, match=r"controlled_satellite: the step from t = 0.0 s by .* was refused"):
         sim.step(h, torque_b=[1.0, 2.0, 3.0])
     assert sim.save() == before
+
+
+@pytest.mark.parametrize("h", ["0.1", [0.1], pytest.param(10**400, id="no float")])
+def test_a_step_of_what_is_no_number_is_refused_and_changes_nothing(h):
+    sim = rbfmu.Simulator(SATELLITE)
+    before = sim.save()
+    with pytest.raises(TypeError, match=r"h = .*"):
+        sim.step(h, torque_b=[1.0, 2.0, 3.0])
+    assert sim.save() == before
+
+
+def test_the_clock_is_a_double_whatever_the_step_is():
+    sim, h = rbfmu.Simulator(SATELLITE), np.float32(0.1)
+    for _ in range(3):
+        sim.step(h)
+    assert type(sim.time) is float
+    assert sim.time == float(h) + float(h) + float(h)
+
+
+@pytest.mark.parametrize("parts", [(0.05,), (0.05, 0.05), (0.13,), (0.1 - 1e-12,)])
+def test_a_step_of_no_given_size_goes_to_the_next_communication_point(parts):
+    sim, h = rbfmu.Simulator(SATELLITE), 0.1
+    for _ in range(3):
+        sim.step()
+    for part in parts:
+        sim.step(part)
+    for point in (5, 6) if sum(parts) > h - 1e-9 else (4, 5):
+        sim.step()
+        assert sim.time == point * h
 
 
 def test_a_step_that_leaves_the_range_of_numbers_is_refused_and_changes_nothing():

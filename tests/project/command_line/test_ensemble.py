@@ -34,6 +34,15 @@ def test_a_store_goes_on_and_grows(tmp_path):
     assert "run.stop = 3.0: expected 2.0, with which the store was begun" in other.stderr
 
 
+def test_a_damaged_store_is_one_message(tmp_path):
+    store = tmp_path / "store.zarr"
+    assert call("ensemble", FILE, "-o", store).exit_code == 0
+    (store / "quaternion_mean" / "c" / "0" / "0").write_bytes(b"")
+    found = call("ensemble", FILE, "-o", store, "--resume")
+    assert (found.exit_code, type(found.exception)) == (2, SystemExit)
+    assert f"Error: {store}: cannot be read (quaternion_mean: " in found.stderr
+
+
 def test_advice_is_about_the_runs_that_are_asked_for(tmp_path):
     scene = tmp_path / "sobol.toml"
     scene.write_text(FILE.read_text().replace("[ensemble]", '[ensemble]\ndesign = "sobol"'))

@@ -66,11 +66,33 @@ def test_another_scene_option_or_source_is_another_plan(scene, monkeypatch):
     assert len(kept(scene)) == 4
 
 
-@pytest.mark.parametrize("content", [b"", b"{", b"[1]", b"\xff\xfe", b"null"])
+@pytest.mark.parametrize("content", [b"", b"{", b"[1]", b"\xff\xfe", b"null", b"{}", b'a line\n{"doubts": []}'])
 def test_what_cannot_be_read_is_planned_anew(scene, content):
     first = said("plan", scene)
+    written = kept(scene)[0].read_bytes()
     kept(scene)[0].write_bytes(content)
     assert said("plan", scene) == first
+    assert kept(scene)[0].read_bytes() == written
+
+
+def test_a_plan_that_was_edited_is_planned_anew(scene):
+    first = said("plan", scene, "--json")
+    path = kept(scene)[0]
+    written = path.read_text()
+    path.write_text(written.replace('"cost": ', '"cost": 1'))
+    assert path.read_text() != written
+    assert said("plan", scene, "--json") == first
+    assert path.read_text() == written
+
+
+def test_a_plan_in_the_place_of_another_is_planned_anew(scene):
+    first, other = said("plan", scene, "--json"), said("plan", scene, "--json", "--model", "full")
+    one, two = kept(scene)
+    texts = one.read_text(), two.read_text()
+    one.write_text(texts[1])
+    two.write_text(texts[0])
+    assert [said("plan", scene, "--json"), said("plan", scene, "--json", "--model", "full")] == [first, other]
+    assert first != other
 
 
 def test_where_nothing_can_be_written_it_is_planned_each_time(scene):
