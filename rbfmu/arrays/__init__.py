@@ -3,8 +3,17 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from rbfmu.arrays.from_kernel import array_function, sequence_function, set_threads
+from rbfmu.arrays.from_kernel import array_function, checked_function, sequence_function, set_threads
 from rbfmu.arrays.inertia import check_inertia, inertia_of_points
+from rbfmu.arrays.singular import (
+    FULL_TURN,
+    NEGATIVE,
+    NO_DIRECTION,
+    REFLECTION,
+    at_pole,
+    at_pole_or_reflection,
+    gimbal_lock,
+)
 from rbfmu_kernels.mechanics import inertia as _inertia
 from rbfmu_kernels.mechanics import kinematics as _kinematics
 from rbfmu_kernels.mechanics import newton_euler as _rigid_body
@@ -34,7 +43,7 @@ omega_a_from_matrix_rate = array_function(_rotation.omega_a_from_matrix_rate)
 omega_b_from_matrix_rate = array_function(_rotation.omega_b_from_matrix_rate)
 matrix_from_quaternion = array_function(_rotation.matrix_from_quaternion)
 nearest_rotation = array_function(_rotation.nearest_rotation)
-quaternion_from_matrix = array_function(_rotation.quaternion_from_matrix)
+quaternion_from_matrix = checked_function(_rotation.quaternion_from_matrix, _rotation.is_no_rotation, REFLECTION)
 
 # Euler parameters
 compose_quaternions = array_function(_quaternion.compose_quaternions)
@@ -51,29 +60,28 @@ omega_b_from_quaternion_rate = array_function(_quaternion.omega_b_from_quaternio
 # Euler angles: the first argument is the sequence's name, such as "ZYX"
 matrix_from_euler = sequence_function(_euler.matrix_from_euler)
 quaternion_from_euler = sequence_function(_euler.quaternion_from_euler)
-euler_from_matrix = sequence_function(_euler.euler_from_matrix)
-euler_from_quaternion = sequence_function(_euler.euler_from_quaternion)
+euler_from_matrix = sequence_function(
+    _euler.euler_from_matrix, _euler.matrix_has_no_three_angles, at_pole_or_reflection
+)
+euler_from_quaternion = sequence_function(_euler.euler_from_quaternion, _euler.quaternion_is_at_pole, at_pole)
 euler_rate_matrix_a = sequence_function(_euler.euler_rate_matrix_a)
 euler_rate_matrix_b = sequence_function(_euler.euler_rate_matrix_b)
-euler_rate_a = sequence_function(_euler.euler_rate_a, singular=_euler.euler_rate_is_singular)
-euler_rate_b = sequence_function(_euler.euler_rate_b, singular=_euler.euler_rate_is_singular)
+euler_rate_a = sequence_function(_euler.euler_rate_a, _euler.euler_rate_is_singular, gimbal_lock)
+euler_rate_b = sequence_function(_euler.euler_rate_b, _euler.euler_rate_is_singular, gimbal_lock)
 
 # Rotation vectors, axis and angle
 quaternion_from_rotvec = array_function(_rotvec.quaternion_from_rotvec)
 rotvec_from_quaternion = array_function(_rotvec.rotvec_from_quaternion)
 matrix_from_rotvec = array_function(_rotvec.matrix_from_rotvec)
-rotvec_from_matrix = array_function(_rotvec.rotvec_from_matrix)
-quaternion_from_axis_angle = array_function(_rotvec.quaternion_from_axis_angle)
-matrix_from_axis_angle = array_function(_rotvec.matrix_from_axis_angle)
+rotvec_from_matrix = checked_function(_rotvec.rotvec_from_matrix, _rotation.is_no_rotation, REFLECTION)
+quaternion_from_axis_angle = checked_function(
+    _rotvec.quaternion_from_axis_angle, _rotvec.axis_is_singular, NO_DIRECTION
+)
+matrix_from_axis_angle = checked_function(_rotvec.matrix_from_axis_angle, _rotvec.axis_is_singular, NO_DIRECTION)
 axis_angle_from_quaternion = array_function(_rotvec.axis_angle_from_quaternion)
-axis_angle_from_matrix = array_function(_rotvec.axis_angle_from_matrix)
-_full_turn = "some of these rotation vectors are full turns (|u| = 2 pi n, n >= 1), where they have no rates"
-rotvec_rate_a = array_function(
-    _rotvec.rotvec_rate_a, singular=_rotvec.rotvec_rate_is_singular, warning=f"rotvec_rate_a: {_full_turn}"
-)
-rotvec_rate_b = array_function(
-    _rotvec.rotvec_rate_b, singular=_rotvec.rotvec_rate_is_singular, warning=f"rotvec_rate_b: {_full_turn}"
-)
+axis_angle_from_matrix = checked_function(_rotvec.axis_angle_from_matrix, _rotation.is_no_rotation, REFLECTION)
+rotvec_rate_a = checked_function(_rotvec.rotvec_rate_a, _rotvec.rotvec_rate_is_singular, FULL_TURN)
+rotvec_rate_b = checked_function(_rotvec.rotvec_rate_b, _rotvec.rotvec_rate_is_singular, FULL_TURN)
 
 # Velocities and accelerations
 compose_omega = array_function(_kinematics.compose_omega)
@@ -82,11 +90,11 @@ point_velocity = array_function(_kinematics.point_velocity)
 point_acceleration = array_function(_kinematics.point_acceleration)
 
 # Inertia
-beam_inertia = array_function(_shapes.beam_inertia)
-box_inertia = array_function(_shapes.box_inertia)
-cylinder_inertia = array_function(_shapes.cylinder_inertia)
-sphere_inertia = array_function(_shapes.sphere_inertia)
-ellipsoid_inertia = array_function(_shapes.ellipsoid_inertia)
+beam_inertia = checked_function(_shapes.beam_inertia, _shapes.is_negative, NEGATIVE)
+box_inertia = checked_function(_shapes.box_inertia, _shapes.one_is_negative, NEGATIVE)
+cylinder_inertia = checked_function(_shapes.cylinder_inertia, _shapes.cylinder_is_negative, NEGATIVE)
+sphere_inertia = checked_function(_shapes.sphere_inertia, _shapes.is_negative, NEGATIVE)
+ellipsoid_inertia = checked_function(_shapes.ellipsoid_inertia, _shapes.one_is_negative, NEGATIVE)
 parallel_axis = array_function(_inertia.parallel_axis)
 rotate_inertia = array_function(_inertia.rotate_inertia)
 principal_axes = array_function(_inertia.principal_axes)

@@ -14,7 +14,7 @@ from rbfmu.arrays.argument_names import documented_by, in_order
 from rbfmu.arrays.errors import clear_error
 from rbfmu.arrays.singular import Singular, warn_of_singular
 from rbfmu_kernels.compile.array_functions.gufunc import STREAMED, gufuncs
-from rbfmu_kernels.compile.shapes import core_shapes
+from rbfmu_kernels.compile.shapes import core_shapes, python_function
 from rbfmu_kernels.rotations.euler_angles import sequence
 
 CHUNK = 16384  # items that a thread takes at a time, at least
@@ -77,8 +77,18 @@ def array_function(
     return call
 
 
-def sequence_function(kernel: Callable[..., Any], singular: Singular | None = None) -> Callable[..., Any]:
-    """Return the array function of a kernel of Euler angles: it is compiled once for each sequence."""
+def checked_function(kernel: Callable[..., Any], singular: Singular, warning: str) -> Callable[..., Any]:
+    """Return the array function of a kernel, whose warning begins with its name."""
+    return array_function(kernel, singular=singular, warning=f"{python_function(kernel).__name__}: {warning}")
+
+
+def sequence_function(
+    kernel: Callable[..., Any], singular: Singular | None = None, warning: Callable[[str], str] = str
+) -> Callable[..., Any]:
+    """Return the array function of a kernel of Euler angles: it is compiled once for each sequence.
+
+    singular: as of `array_function`; warning: what is said then, by the sequence's name.
+    """
     functions: dict[str, Callable[..., Any]] = {}
 
     @documented_by(kernel)
@@ -87,19 +97,11 @@ def sequence_function(kernel: Callable[..., Any], singular: Singular | None = No
             function = functions[seq]
         except (KeyError, TypeError):
             number = sequence(seq)
-            warning = f"{call.__name__}: {_gimbal_lock(seq)}"
-            function = functions[seq] = array_function(kernel, number, singular=singular, warning=warning)
+            said = f"{call.__name__}: {warning(seq)}"
+            function = functions[seq] = array_function(kernel, number, singular=singular, warning=said)
         return function(*args, **kwargs)
 
     return call
-
-
-def _gimbal_lock(seq: str) -> str:
-    poles = "0 or 180" if seq[0] == seq[2] else "-90 or 90"
-    return (
-        f"some of these Euler angles {seq} are in gimbal lock (|det E| < 4 eps: the middle angle is {poles} deg), "
-        "where they have no rates"
-    )
 
 
 def _are_few(args: Any, limits: list[tuple[int, int]]) -> bool:

@@ -12,7 +12,7 @@ from ..buffer_access import put_vec3_at, vec3_at
 from ..compile.decorator import kernel
 from ..numerics.phi_functions import relaxed
 from ..rotations.quaternion import compose_quaternions
-from ..rotations.rotation_vector import quaternion_from_axis_angle
+from ..rotations.rotation_vector import quaternion_about
 from ..rotations.vec3 import dot, scale
 
 __all__ = ["BLOCKS", "SIZE", "feedthrough", "initialize", "output_rates", "outputs", "step"]
@@ -49,7 +49,7 @@ def _advance(z: Any, h: float) -> int:
     axis, q = vec3_at(z, _AXIS), first_attitude(z)
     angle, rate = relaxed(z[_RATE], z[_DRIVE], z[_DAMPING_RATE], t)
     if needs_attitude(z):
-        q = compose_quaternions(q, quaternion_from_axis_angle(axis, angle))
+        q = compose_quaternions(q, quaternion_about(axis, angle))
     return finish_step(z, h, q, scale(rate, axis))
 
 

@@ -15,7 +15,7 @@ from ..integrators.dop853 import LONGEST_STEP
 from ..integrators.substeps import substeps_in
 from ..numerics.elementary import sincos
 from ..rotations.quaternion import compose_quaternions
-from ..rotations.rotation_vector import quaternion_from_axis_angle
+from ..rotations.rotation_vector import quaternion_about
 from ..rotations.vec3 import dot, scale
 
 __all__ = ["BLOCKS", "SIZE", "feedthrough", "initialize", "output_rates", "outputs", "step"]
@@ -73,7 +73,7 @@ def _advance(z: Any, h: float) -> int:
         part = rest / count
         angle, rate = _angle_after(z, angle, part, order), _rate_after(z, part, order)
         rest = 0.0 if count == 1 else rest - part
-    q = compose_quaternions(first_attitude(z), quaternion_from_axis_angle(axis, angle))
+    q = compose_quaternions(first_attitude(z), quaternion_about(axis, angle))
     status = finish_step(z, h, q, scale(rate, axis))
     if status == OK:
         z[_ANGLE] = angle

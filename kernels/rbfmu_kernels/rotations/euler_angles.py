@@ -9,7 +9,7 @@ import math
 from ..compile.decorator import kernel
 from ..numerics.elementary import atan2, sincos
 from ..types import Matrix, Quaternion, Vec3
-from .matrix import matrix_from_quaternion, quaternion_from_matrix
+from .matrix import is_no_rotation, matrix_from_quaternion, quaternion_from_matrix
 
 NAMES = ["XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX", "XYX", "XZX", "YXY", "YZY", "ZXZ", "ZYZ"]
 NAMES += [name.lower() for name in NAMES]
@@ -116,14 +116,11 @@ def euler_from_quaternion(seq: int, q_ab: Quaternion) -> Vec3:
     Singular: within 3 eps of a pole the middle angle is the pole's and the third angle is 0.
     Source: Bernardes & Viollet 2022; E&G 6.5.
     """
-    i, j, k, n = _axes(seq)
+    i, j, k, _ = _axes(seq)
     p = _parity(i, j)
     proper = i == k
-    eps = (q_ab[1], q_ab[2], q_ab[3])
-    q0, qi, qj, qn = q_ab[0], _pick(eps, i), _pick(eps, j), p * _pick(eps, n)
-    # (c, d) = |c, d| (cos, sin)((angle 1 + p angle 3) / 2), (a, b) = |a, b| (cos, sin)((angle 1 - p angle 3) / 2)
-    c, d = (q0, qi) if proper else (q0 + qj, qi + qn)
-    a, b = (qj, qn) if proper else (q0 - qj, qi - qn)
+    q0, qi, qj, qn = _in_axes(seq, q_ab)
+    c, d, a, b = _sums(seq, q_ab)
     h_cd, h_ab = c * c + d * d, a * a + b * b
     at_ab, at_cd = h_ab <= _POLE * h_cd, h_cd <= _POLE * h_ab
     free = -1.0 if seq >= 64 else 1.0  # at a pole: which of the outer angles is zero
@@ -139,6 +136,39 @@ def euler_from_quaternion(seq: int, q_ab: Quaternion) -> Vec3:
 
 
 @kernel
+def _in_axes(seq: int, q_ab: Quaternion) -> Quaternion:
+    """Return eta and the components of eps along first, second and remaining axis, the last with the parity's sign."""
+    i, j, _, n = _axes(seq)
+    eps = (q_ab[1], q_ab[2], q_ab[3])
+    return (q_ab[0], _pick(eps, i), _pick(eps, j), _parity(i, j) * _pick(eps, n))
+
+
+@kernel
+def _sums(seq: int, q_ab: Quaternion) -> Quaternion:
+    """Return (c, d) and (a, b), the parity p.
+
+    (c, d) = |c, d| (cos, sin)((angle 1 + p angle 3) / 2), (a, b) = |a, b| (cos, sin)((angle 1 - p angle 3) / 2).
+    """
+    i, _, k, _ = _axes(seq)
+    q0, qi, qj, qn = _in_axes(seq, q_ab)
+    return (q0, qi, qj, qn) if i == k else (q0 + qj, qi + qn, q0 - qj, qi - qn)
+
+
+@kernel
+def quaternion_is_at_pole(seq: int, q_ab: Quaternion) -> bool:
+    """Return whether the Euler angles of q_ab are at a pole: only a sum or difference of the outer ones counts."""
+    c, d, a, b = _sums(seq, q_ab)
+    h_cd, h_ab = c * c + d * d, a * a + b * b
+    return h_ab <= _POLE * h_cd or h_cd <= _POLE * h_ab
+
+
+@kernel
+def matrix_has_no_three_angles(seq: int, R_ab: Matrix) -> bool:
+    """Return whether R_ab is at a pole of the Euler angles, or no rotation."""
+    return is_no_rotation(R_ab) or quaternion_is_at_pole(seq, quaternion_from_matrix(R_ab))
+
+
+@kernel
 def _outer(angle: float) -> float:
     """Return the angle, with half a turn as pi and not -pi."""
     return math.pi if angle <= -math.pi else angle
@@ -151,7 +181,8 @@ def euler_from_matrix(seq: int, R_ab: Matrix) -> Vec3:
     seq is a sequence's constant, for array functions its name.
     Units: angles in rad; R_ab is a rotation to round-off.  Frames: R_ab takes coordinates in b to a.
     Error <= 4 eps in the rotation, 2 eps in the middle angle.
-    Singular: within 3 eps of a pole the middle angle is the pole's and the third angle is 0.
+    Singular: within 3 eps of a pole the middle angle is the pole's and the third angle is 0; where det R_ab <= 0, as of
+    a reflection, NaN.
     Source: Bernardes & Viollet 2022; E&G 6.5.
     """
     return euler_from_quaternion(seq, quaternion_from_matrix(R_ab))

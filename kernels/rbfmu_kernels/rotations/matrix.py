@@ -155,7 +155,8 @@ def quaternion_from_matrix(R_ab: Matrix) -> Quaternion:
     """Return q_ab of R_ab with eta >= 0: the row of 4 q q^T with the largest diagonal element, normalised.
 
     Units: dimensionless; R_ab is a rotation to round-off.  Frames: R_ab and q_ab take coordinates in b to a.
-    Error <= 1.5 eps.  Singular: nowhere; at half a turn q_ab is one of two.  Source: Shepperd 1978, Markley 2008.
+    Error <= 1.5 eps.  Singular: at half a turn q_ab is one of two; where det R_ab <= 0, as of a reflection, NaN.
+    Source: Shepperd 1978, Markley 2008.
     """
     (a, b, c), (d, e, f), (g, h, i) = R_ab
     t0, t1, t2, t3 = 1.0 + a + e + i, 1.0 + a - e - i, 1.0 - a + e - i, 1.0 - a - e + i
@@ -169,7 +170,14 @@ def quaternion_from_matrix(R_ab: Matrix) -> Quaternion:
     q2 = (yz if z_second else t2) if second else (xy if x_first else wy)
     q3 = (t3 if z_second else yz) if second else (xz if x_first else wz)
     s = math.copysign(1.0 / math.sqrt(square_of((q0, q1, q2, q3))), q0)
+    s = math.nan if is_no_rotation(R_ab) else s
     return (s * q0, s * q1, s * q2, s * q3)
+
+
+@kernel
+def is_no_rotation(R_ab: Matrix) -> bool:
+    """Return whether det R_ab <= 0, as of a reflection, for which SciPy too refuses a quaternion."""
+    return vec3.dot(R_ab[0], vec3.cross(R_ab[1], R_ab[2])) <= 0.0
 
 
 @kernel(inline=False)
@@ -179,7 +187,7 @@ def nearest_rotation(R: Matrix) -> Matrix:
     It is the dominant eigenvector of Davenport's 4x4 matrix, found by squaring that, then corrected by Newton's method.
     Units: any; R may be any matrix.  Frames: those of R.
     Error <= 2 eps for R within 0.1 of a rotation; in general, eps over the gap between the two best ones.
-    Singular: where two rotations are equally near, one of them is returned; the zero matrix gives I.
+    Singular: where two rotations are equally near, as for some reflections, one of them is returned; zero gives I.
     Source: Davenport's q-method.
     """
     s = power_of_two_for(_largest(R))

@@ -55,29 +55,59 @@ def rotvec_from_matrix(R_ab: Matrix) -> Vec3:
     """Return the rotation vector u of R_ab, |u| <= pi, through the quaternion, so that no angle loses digits.
 
     Units: u in rad; R_ab is a rotation to round-off.  Frames: u is the same in a and b.
-    Error <= 2.5 eps |u|.  Singular: at half a turn u is one of two.  Source: E&G 6.6, 6.7.
+    Error <= 2.5 eps |u|.  Singular: at half a turn u is one of two; where det R_ab <= 0, as of a reflection, NaN.
+    Source: E&G 6.6, 6.7.
     """
     return rotvec_from_quaternion(quaternion_from_matrix(R_ab))
 
 
 @kernel
 def quaternion_from_axis_angle(k: Vec3, theta: float) -> Quaternion:
-    """Return q_ab = (cos(theta / 2), k sin(theta / 2)).
+    """Return q_ab = (cos(theta / 2), k sin(theta / 2) / |k|).
 
-    Units: theta in rad; k is unit.  Frames: k is the same in a and b; q_ab takes coordinates in b to a.
-    Error <= 1 eps.  Singular: nowhere.  Source: E&G 6.7.
+    Units: theta in rad; k has any length from 1e-150 to 1e150.  Frames: k is the same in a and b; q_ab takes
+    coordinates in b to a.
+    Error <= 1 eps for a unit k, else 2 eps.  Singular: a k of no such length, as zero, has no direction and gives NaN.
+    Source: E&G 6.7.
     """
+    square = vec3.dot(k, k)
+    per_length = math.nan if axis_is_singular(k) else 1.0 / math.sqrt(square)
+    return _turned(k, 1.0 if abs(square - 1.0) <= _UNIT else per_length, theta)
+
+
+_UNIT = 4.0 * 2.0**-52
+"""What round-off makes of the square of a unit vector: such a vector is taken as it is, to the bit."""
+
+
+@kernel
+def axis_is_singular(k: Vec3) -> bool:
+    """Return whether k has no direction: it is zero, or its square leaves the range of numbers."""
+    square = vec3.dot(k, k)
+    return square < 1e-300 or square > 1e300
+
+
+@kernel
+def quaternion_about(k: Vec3, theta: float) -> Quaternion:
+    """Return q_ab = (cos(theta / 2), k sin(theta / 2)) of a unit k, whose length is not looked at."""
+    return _turned(k, 1.0, theta)
+
+
+@kernel
+def _turned(k: Vec3, per_length: float, theta: float) -> Quaternion:
+    """Return (cos(theta / 2), k per_length sin(theta / 2))."""
     s, c = sincos(0.5 * theta)
-    x, y, z = vec3.scale(s, k)
+    x, y, z = vec3.scale(per_length * s, k)
     return (c, x, y, z)
 
 
 @kernel
 def matrix_from_axis_angle(k: Vec3, theta: float) -> Matrix:
-    """Return R_ab = cos(theta) I + sin(theta) skew(k) + (1 - cos(theta)) k k^T.
+    """Return R_ab = cos(theta) I + sin(theta) skew(k) + (1 - cos(theta)) k k^T, with k / |k| in place of k.
 
-    Units: theta in rad; k is unit to round-off.  Frames: k is the same in a and b; R_ab takes coordinates in b to a.
-    Error <= 2.5 eps.  Singular: nowhere.  Source: E&G 6.6.
+    Units: theta in rad; k has any length from 1e-150 to 1e150.  Frames: k is the same in a and b; R_ab takes
+    coordinates in b to a.
+    Error <= 2.5 eps for a unit k, else 4 eps.
+    Singular: a k of no such length, as zero, has no direction and gives NaN.  Source: E&G 6.6.
     """
     return matrix_from_quaternion(quaternion_from_axis_angle(k, theta))
 
@@ -105,7 +135,8 @@ def axis_angle_from_matrix(R_ab: Matrix) -> tuple[Vec3, float]:
 
     Units: theta in rad; R_ab is a rotation to round-off.  Frames: k is the same in a and b.
     Error <= 3 eps in k and relative in theta.
-    Singular: where nothing turns k is (1, 0, 0); at half a turn it is one of two.  Source: E&G 6.6.
+    Singular: where nothing turns k is (1, 0, 0); at half a turn it is one of two; where det R_ab <= 0, as of a
+    reflection, NaN.  Source: E&G 6.6.
     """
     return axis_angle_from_quaternion(quaternion_from_matrix(R_ab))
 

@@ -143,8 +143,9 @@ class _Appliance:
         assert self.scene.body is not None
         mass = self.ensemble.of("body.mass")
         masses = self._numbers(mass) if mass else np.full(self.count, self.scene.body.mass)
-        sizes = (value for _, value in self._sizes(variation))
-        return self.call(getattr(shape_inertia, f"{variation.form}_inertia"), masses, *sizes)
+        # A member with a negative number is refused for that, and not drawn again for its inertia.
+        sizes = (np.abs(value) for _, value in self._sizes(variation))
+        return self.call(getattr(shape_inertia, f"{variation.form}_inertia"), np.abs(masses), *sizes)
 
     def _all(self, value: Any) -> Array:
         return np.broadcast_to(np.array(value), (self.count, *np.shape(value)))

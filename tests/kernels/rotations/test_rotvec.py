@@ -113,6 +113,22 @@ def test_error_is_as_stated(law):
     law.check()
 
 
+@pytest.mark.parametrize(("kernel", "truth", "bound"), [
+    (rotation_vector.quaternion_from_axis_angle, quaternion_from_axis_angle, 2.0),
+    (rotation_vector.matrix_from_axis_angle, matrix_from_axis_angle, 4.0),
+])  # fmt: skip
+def test_an_axis_of_any_length_is_a_direction(kernel, truth, bound):
+    sizes = 10.0 ** rng(59).uniform(-140, 140, len(AXIS_AND_ANGLE))
+    cases = [(vec3.scale(float(size), k), a) for size, (k, a) in zip(sizes, AXIS_AND_ANGLE, strict=True)]
+    law = Law(kernel, lambda k, a: truth(exact.unit(k), a), lambda: cases, bound)
+    assert bound / 3.0 < law.worst()[0] <= bound
+
+
+def test_a_unit_axis_is_taken_as_it_is():
+    for k, angle in AXIS_AND_ANGLE:
+        assert rotation_vector.quaternion_from_axis_angle(k, angle) == rotation_vector.quaternion_about(k, angle)
+
+
 @pytest.mark.parametrize("size", [10.0, 1e3, 1e5])
 def test_long_rotation_vectors_are_within_their_own_rounding(size):
     for u in of_lengths(size * rng(57).uniform(1.0, 2.0, 50), 58):

@@ -116,12 +116,13 @@ def test_array_functions_are_documented():
 
 
 def arguments_of(name):
-    """Names and values: five items, the sequence by its name."""
+    """Names and values: five items, the sequence by its name; the determinants of matrices are positive."""
     kernel = ARRAY_FUNCTIONS[name].__wrapped__
     shapes = core_shapes(kernel)[0]
     random = rng(75)
     sequences = {} if shapes.keys() == inspect.signature(kernel).parameters.keys() else {"seq": "ZXZ"}
-    return sequences | {key: random.uniform(0.5, 1.5, (5, *shape)) for key, shape in shapes.items()}
+    values = {key: random.uniform(0.5, 1.5, (5, *shape)) for key, shape in shapes.items()}
+    return sequences | {key: value + 2.0 * np.eye(3) if value.ndim == 3 else value for key, value in values.items()}
 
 
 def numbers(results):

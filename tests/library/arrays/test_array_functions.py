@@ -42,7 +42,8 @@ def by_array_function(name, cases):
     columns = [np.array(column) for column in zip(*cases, strict=True)]
     if isinstance(cases[0][0], int):
         columns[0] = "ZYX"
-    results = ARRAY_FUNCTIONS[name](*columns)
+    with np.errstate(divide="ignore"):  # poles of Euler angles are among the cases, and would be warned of
+        results = ARRAY_FUNCTIONS[name](*columns)
     results = results if isinstance(results, tuple) else (results,)
     return np.concatenate([np.reshape(r, (len(cases), -1)) for r in results], axis=1).tolist()
 

@@ -62,6 +62,57 @@ def test_numpy_s_error_state_rules_the_warning():
         rbfmu.euler_rate_a("ZYX", [0.0, math.pi / 2, 0.0], V[0])
 
 
+MIRROR, ZEROS = np.diag([1.0, 1.0, -1.0]), np.zeros(3)
+AXES, M, SIZES = Q[:, 1:], np.linspace(1.0, 2.0, 100), np.abs(V)
+NOT_ROTATIONS, NEGATIVE = r"no rotations \(det <= 0, as of a reflection\), which gives NaN", "negative, which gives NaN"
+WITHOUT_ANSWER = [  # a function, its arguments, which of them is made impossible for one item, by what; what is said
+    *((name, (R,), 0, MIRROR, NOT_ROTATIONS) for name in ("quaternion_from_matrix", "rotvec_from_matrix")),
+    ("axis_angle_from_matrix", (R,), 0, -np.eye(3), NOT_ROTATIONS),
+    ("euler_from_matrix", ("ZYX", R), 1, MIRROR, NOT_ROTATIONS),
+    *((f"{name}_from_axis_angle", (AXES, M), 0, ZEROS, "no direction") for name in ("quaternion", "matrix")),
+    ("quaternion_from_axis_angle", (AXES, M), 0, np.full(3, 1e200), "no direction"),
+    *((f"{name}_inertia", (M, M), k, -1.0, NEGATIVE) for name in ("beam", "sphere") for k in (0, 1)),
+    *((f"{name}_inertia", (M, SIZES), 1, np.array([1.0, 1.0, -1.0]), NEGATIVE) for name in ("box", "ellipsoid")),
+    *((f"{name}_inertia", (M, SIZES), 0, -1.0, NEGATIVE) for name in ("box", "ellipsoid")),
+    *(("cylinder_inertia", (M, M, M), k, -1.0, NEGATIVE) for k in (0, 1, 2)),
+]
+
+
+def first_of(results):
+    return results[0] if isinstance(results, tuple) else results
+
+
+@pytest.mark.parametrize("row", WITHOUT_ANSWER, ids=lambda row: f"{row[0]}-{row[2]}")
+def test_what_has_no_answer_is_nan_and_warns(row):
+    name, arguments, k, impossible, said = row
+    function, spoiled = getattr(rbfmu, name), [np.array(a) if np.ndim(a) else a for a in arguments]
+    spoiled[k][60] = impossible
+    expected = first_of(function(*arguments))
+    with pytest.warns(RuntimeWarning, match=f"^{name}: .*{said}") as record:
+        found = first_of(function(*spoiled))
+    assert [w.filename for w in record] == [__file__]
+    assert np.isnan(found[60]).any()
+    assert (np.delete(found, 60, axis=0) == np.delete(expected, 60, axis=0)).all()
+    spoiled[k][60] = np.nan
+    function(*spoiled)  # without a warning, which would be an error here
+
+
+@pytest.mark.parametrize(("seq", "pole"), [("ZYX", [0.3, math.pi / 2, 0.2]), ("zxz", [0.3, 0.0, 0.2])])
+def test_euler_angles_of_a_pole_warn(seq, pole):
+    angles = np.tile([0.3, 1.0, 0.2], (100, 1))
+    for of, to in ((rbfmu.euler_from_quaternion, "quaternion"), (rbfmu.euler_from_matrix, "matrix")):
+        rotations = getattr(rbfmu, f"{to}_from_euler")(seq, angles)
+        expected = of(seq, rotations)
+        rotations[60] = getattr(rbfmu, f"{to}_from_euler")(seq, pole)
+        with pytest.warns(
+            RuntimeWarning, match=f"{of.__name__}: some of these rotations are at a pole of {seq}"
+        ) as record:
+            found = of(seq, rotations)
+        assert [w.filename for w in record] == [__file__]
+        assert found[60, 2] == 0.0
+        assert (np.delete(found, 60, axis=0) == np.delete(expected, 60, axis=0)).all()
+
+
 @pytest.fixture
 def two_threads(monkeypatch):
     monkeypatch.setattr(rbfmu.arrays.from_kernel, "CHUNK", 16)

@@ -54,8 +54,8 @@ def interpreted(kernel: Callable[..., Any], *constants: int, singular: Callable[
             raise ValueError("wrong trailing shape")
         leading = np.broadcast_shapes(*(a.shape[: a.ndim - len(s)] for a, s in zip(arrays, shapes, strict=True)))
         arrays = [np.broadcast_to(a, leading + s) for a, s in zip(arrays, shapes, strict=True)]
-        outs = out if isinstance(out, tuple) else (out,) * len(results)
-        outs = tuple(np.empty(leading + s) if o is None else o for o, s in zip(outs, results, strict=True))
+        given = out if isinstance(out, tuple) else (out,) * len(results)
+        outs = [np.empty(leading + s) for s in results]  # not over an argument that is still to be read
         for index in np.ndindex(*leading):
             items = [_as_tuple(a[index]) for a in arrays]
             if singular and singular(*constants, *items[:checked]):
@@ -63,7 +63,10 @@ def interpreted(kernel: Callable[..., Any], *constants: int, singular: Callable[
             value = kernel(*constants, *items)
             for target, part in zip(outs, value if len(results) > 1 else (value,), strict=True):
                 target[index] = part
-        values = tuple(o[()] if out is None else o for o in outs)
+        for target, found in zip(given, outs, strict=True):
+            if target is not None:
+                target[...] = found
+        values = tuple(o[()] if g is None else g for o, g in zip(outs, given, strict=True))
         return values if len(values) > 1 else values[0]
 
     return call
