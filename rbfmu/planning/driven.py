@@ -4,10 +4,12 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
+import numpy as np
+
 from rbfmu.models.integrated import LOADED_TAYLOR, PRESCRIBED_RATES
 from rbfmu.planning import reasons as say
 from rbfmu.planning.costs import stated
-from rbfmu.planning.judge import round_off, watched
+from rbfmu.planning.judge import MAX_SUBSTEPS, refuse_unfinished, round_off, watched
 from rbfmu.planning.methods import TIGHTEST, likely_order, load_shares, series, series_cost, work_of
 from rbfmu.runs.drive import Drive, drive_of
 from rbfmu.runs.errors import largest_error
@@ -15,8 +17,11 @@ from rbfmu.runs.input_tables import InputTables
 from rbfmu.runs.plan import Plan
 from rbfmu.runs.trajectory import record_driven
 from rbfmu.scene.scene import Scene, SceneError
+from rbfmu_kernels.compile.said import PATIENCE, said_after
 from rbfmu_kernels.integrators.taylor_coefficients import MAX_ORDER
 
+MAX_TRIED = 1e7
+"""The number of substeps of a trial."""
 ORDERS = (MAX_ORDER - 4, MAX_ORDER)
 """The orders of the two series, in half pieces and at the least tolerance, by which the others are judged."""
 
@@ -28,16 +33,23 @@ def plan_for_inputs(scene: Scene, tables: InputTables, interpolate: str, found: 
     """
     if found.model == PRESCRIBED_RATES.key:
         return found
+    with said_after(PATIENCE, lambda: f"rbfmu: planning {scene.name} takes long: methods are tried under its inputs"):
+        return _planned(scene, tables, interpolate, found)
+
+
+def _planned(scene: Scene, tables: InputTables, interpolate: str, found: Plan) -> Plan:
     names = watched(scene)
     with_rates = tuple(dict.fromkeys((*names, "omega_b")))  # by which round-off is judged
     drive, halves = drive_of(scene, tables, interpolate), drive_of(scene, tables, interpolate, parts=2)
     tight = [Plan(LOADED_TAYLOR.key, "", 0, tolerance=1e-18, order=order) for order in ORDERS]
-    (truth, _), (other, _) = (record_driven(scene, plan, halves, with_rates) for plan in tight)
+    (truth, taken), (other, more) = (record_driven(scene, plan, halves, with_rates, MAX_SUBSTEPS) for plan in tight)
+    for motion, substeps in ((truth, taken), (other, more)):
+        refuse_unfinished(scene, np.diff(halves.time).tolist(), motion["omega_b"], substeps)
     noise = round_off(scene, truth)
     doubt = largest_error(other, truth, names, noise)
     best = math.inf
     for plan in (found, *_tighter(scene, found)):
-        motion, substeps = record_driven(scene, plan, drive, names)
+        motion, substeps = record_driven(scene, plan, drive, names, MAX_TRIED)
         error = largest_error(motion, truth, names, noise) + doubt
         if error <= scene.run.accuracy:
             return _stated(scene, found, plan, error, substeps, drive)

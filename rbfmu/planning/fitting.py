@@ -127,7 +127,7 @@ class _Search:
         """Return the error that is raised where no method's error is smaller."""
         reached = error / REACHED
         expected = f"expected one that this scene can meet; the methods here reach {reached:.1e} here"
-        if reached > 1e-3:
+        if 1e-3 < reached < math.inf:
             expected += "; the motion magnifies round-off: see `rbfmu stability`, or ask for a shorter run"
         return SceneError(f"run.accuracy = {self.accuracy!r}: {expected}", self.scene.name)
 
@@ -136,7 +136,7 @@ class _Search:
         held = (
             f"{plan.method}: estimated errors of a run add up to at most {plan.tolerance:.1e}, whatever {what} may be"
         )
-        pilot = f"error {found.error:.1e} in a pilot run with inputs at zero, judged in double-double arithmetic"
+        pilot = f"error {found.error:.1e} in a pilot run with inputs at zero, judged in {self.judge.arithmetic}"
         reasons = (held, pilot, *more)
         return replace(plan, error=found.error, cost=found.cost / self.steps, reasons=reasons)
 
@@ -156,7 +156,7 @@ class _Search:
             raise self.out_of_reach(error)
         found = best.plan
         how = f"at tolerance {found.tolerance:.1e}" if found.tolerance else f"in steps of {found.substep:.3g} s"
-        reason = f"{found.method} {how}: error {error:.1e} in a pilot run, judged in double-double arithmetic"
+        reason = f"{found.method} {how}: error {error:.1e} in a pilot run, judged in {self.judge.arithmetic}"
         more = () if best.other <= self.accuracy else (say.only_in_own_steps(best.other),)
         return replace(found, error=error, cost=best.cost / self.steps, reasons=(reason, *more))
 
@@ -222,7 +222,7 @@ class _Search:
     def _cheapest_over(self, span: float, tolerance: float) -> _Fit:
         """Return the cheapest series at a tolerance for the whole run, among those that meet it if any do."""
         best: _Fit | None = None
-        for order in range(LEAST_ORDER_OF_INPUTS, MAX_ORDER + 1, 2):
+        for order in range(likely_order(tolerance) if self.judge.is_slow else LEAST_ORDER_OF_INPUTS, MAX_ORDER + 1, 2):
             method = series(self.general, order, self.shares)
             plan = replace(method.plan_of(tolerance), span=span)
             if best is None or best.error > self.bound or self._least_cost(method, plan) < best.cost:

@@ -2,7 +2,7 @@
 
 import math
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -15,11 +15,12 @@ from rbfmu.models.body_at_start import body_at_start
 from rbfmu.models.integrated import LOADED_TAYLOR
 from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
 from rbfmu.runs.errors import FLOORS, largest_error, largest_size
+from rbfmu.runs.model_buffer import Buffer
 from rbfmu.runs.plan import Plan
 from rbfmu.runs.time_grid import communication_steps, thinned_steps
 from rbfmu.runs.trajectory import Motion, record_trajectory, start_run, substeps_counted
 from rbfmu.scene.fields import flattened
-from rbfmu.scene.scene import Scene
+from rbfmu.scene.scene import Scene, SceneError
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE
 from rbfmu_kernels.quantities import DISSIPATIVE, FORCES, OUTPUT, OUTPUTS, TORQUES
@@ -41,6 +42,14 @@ NOISE = 64.0 * 2.0**-52
 
 MAX_REFERENCE_STEPS = 100_000
 """The number of the reference's steps in double-double arithmetic, some seconds of work."""
+MAX_SUBSTEPS = 3e6
+"""The number of substeps in doubles up to which a motion is followed that takes more steps of the reference."""
+MAX_TRIED = 5e7
+"""The number of substeps of all pilot runs of a plan, up to half a minute of work: a clock would not be the same
+everywhere."""
+MOMENTS = 2_000
+"""The least number of parts of a run after each of which that is asked."""
+TRYING = "methods are tried on its motion, in pilot runs"
 LONG = (
     "planning takes more than some seconds, for the motion turns fast, or damping is stiff: more than 1e5 steps of "
     "order 26; a shorter run is planned sooner"
@@ -68,6 +77,9 @@ class Judge:
         self.steps = thinned_steps(scene, MAX_STEPS)
         self._progress = progress
         self.doubt = 0.0  # how far the truth itself may be off
+        self.left = MAX_TRIED  # substeps of pilot runs to come
+        self.arithmetic = "double-double arithmetic"
+        self.doing = TRYING
 
     @property
     def cut_steps(self) -> list[float]:
@@ -76,34 +88,46 @@ class Judge:
 
     @cached_property
     def motion(self) -> Motion:
-        """Return the truth, at communication points and between them."""
-        try:
-            return self._reference()
-        except ReferenceTooLongError:
-            warnings.warn(f"{self.scene.name}: {LONG}", PlanningWarning, stacklevel=2)
-            one, other = (self._tight_motion(order) for order in (20, 24))
-            self.doubt = largest_error(one, other, self.names)
-            return one
+        """Return the truth, at communication points and between them; raise SceneError where it takes too long."""
+        if self._exact is not None:
+            return self._exact
+        warnings.warn(f"{self.scene.name}: {LONG}", PlanningWarning, stacklevel=2)
+        self.arithmetic = "double precision"
+        self.doing = "its motion is followed in small steps, for it turns fast, or damping is stiff"
+        one, other = (self._tight_motion(order) for order in (20, 24))
+        self.doubt = largest_error(one, other, self.names)
+        self.doing = TRYING
+        return one
 
     def _tight_motion(self, order: int) -> Motion:
-        """Return the motion in doubles, in half steps, for where double-double arithmetic takes too long."""
+        """Return the motion in doubles, in small steps, for where double-double arithmetic takes too long."""
         tight = Plan(LOADED_TAYLOR.key, "", 0, tolerance=1e-18, order=order)
         names = tuple(dict.fromkeys((*self.names, "omega_b")))
-        return record_trajectory(
-            tight.kernels, start_run(self.scene, tight, names), self.cut_steps, names, 2, self._progress
-        )
+        z, parts = start_run(self.scene, tight, names), max(2, MOMENTS // len(self.cut_steps))
+        steps = (np.repeat(self.cut_steps, parts) / parts).tolist()
+        found = record_trajectory(tight.kernels, z, steps, names, 1, self._progress, MAX_SUBSTEPS)
+        refuse_unfinished(self.scene, steps, found["omega_b"], substeps_counted(tight.kernels, z))
+        return {name: rows[::parts] for name, rows in found.items()}
 
     def error_if_soon(self, plan: Plan) -> float:
         """Return the plan's error where the truth takes no more than seconds, else 0."""
-        try:
-            if "motion" not in self.__dict__:
-                self.__dict__["motion"] = self._reference()
-        except ReferenceTooLongError:
-            return 0.0
-        return self.try_out(plan)[0]
+        return 0.0 if self._exact is None else self.try_out(plan)[0]
 
-    def _reference(self) -> Motion:
-        return reference_motion(self.scene, self.cut_steps, MAX_REFERENCE_STEPS, self._progress)
+    @cached_property
+    def _exact(self) -> Motion | None:
+        """Return the motion in double-double arithmetic; None where that takes too long."""
+        self.doing = f"its motion is followed in {self.arithmetic}"
+        try:
+            return reference_motion(self.scene, self.cut_steps, MAX_REFERENCE_STEPS, self._progress)
+        except ReferenceTooLongError:
+            return None
+        finally:
+            self.doing = TRYING
+
+    @property
+    def is_slow(self) -> bool:
+        """Return whether the motion takes very many substeps."""
+        return self._exact is None
 
     @cached_property
     def truth(self) -> Motion:
@@ -147,17 +171,25 @@ class Judge:
         errors, substeps = [], []
         for names in self._asked:
             z = start_run(self.scene, plan, names)
-            found = record_trajectory(plan.kernels, z, steps, names, parts)
+            found = self._recorded(plan, z, steps, names, parts)
             errors.append(_error_between(found, truth, names, self.noise, absolute))
             substeps.append(substeps_counted(plan.kernels, z))
         return max(errors) + self.doubt, max(substeps)
+
+    def _recorded(self, plan: Plan, z: Buffer, steps: list[float], names: tuple[str, ...], parts: int = 1) -> Motion:
+        """Return a pilot run from a buffer at its start; raise SceneError where all together take too long."""
+        found = record_trajectory(plan.kernels, z, steps, names, parts, most=self.left)
+        self.left -= substeps_counted(plan.kernels, z)
+        if self.left < 0.0:
+            raise too_long(self.scene, f"pilot runs take more than {MAX_TRIED:.0e} substeps")
+        return found
 
     def growth(self) -> float:
         """Return the factor, at least 1, by which an error of attitude and rate at the start grows over the run.
 
         It is infinite where so small an error changes the motion itself.
         """
-        span = self.scene.run.stop - self.scene.run.start
+        span, truth = self.scene.run.stop - self.scene.run.start, self.truth  # first: it ends where the motion does not
         tight, rows = Plan(LOADED_TAYLOR.key, "", 0, tolerance=1e-16, order=20), np.array(DIRECTIONS)
         worst = 0.0
         for turn, change in zip(rows, np.roll(rows, 1, axis=0), strict=True):
@@ -165,8 +197,8 @@ class Judge:
             q, omega = (z[tight.kernels.BLOCKS[name]] for name in ("q", "omega"))
             q += 0.5 * SMALL * np.array(evaluated(compose_quaternions, tuple(q.tolist()), (0.0, *turn.tolist())))
             omega += SMALL / span * self._turning(change)
-            found = record_trajectory(tight.kernels, z, self.steps, self.names)
-            worst = max(worst, largest_error(found, self.truth, self.names, self.noise))
+            found = self._recorded(tight, z, self.steps, self.names)
+            worst = max(worst, largest_error(found, truth, self.names, self.noise))
         return max(worst / SMALL, 1.0) if worst < LOST else math.inf
 
     def _turning(self, change: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -179,6 +211,21 @@ class Judge:
         """Return the error of a model that leaves something out, also between steps; absolute: as in `try_out`."""
         found = record_trajectory(smaller.kernels, start_run(self.scene, smaller, names), self.cut_steps, names)
         return _error_between(found, truth, names, round_off(self.scene, truth), absolute)
+
+
+def refuse_unfinished(scene: Scene, steps: Sequence[float], rates: NDArray[np.float64], substeps: float) -> None:
+    """Raise SceneError where a motion, of whose rates there is a row before and after each step, was given up."""
+    if np.isfinite(rates[-1]).all():
+        return
+    last = np.flatnonzero(np.isfinite(rates[:, 0]))[-1]
+    reached = scene.run.start + math.fsum(steps[:last])
+    why = f"where it turns by {np.linalg.norm(rates[last]):.2g} rad/s, or damping is stiff"
+    raise too_long(scene, f"{substeps:.1e} substeps reach {reached:.3g} s, {why}")
+
+
+def too_long(scene: Scene, why: str) -> SceneError:
+    """Return the error for a run that is too long to be planned."""
+    return SceneError(f"run.stop = {scene.run.stop!r}: expected a shorter run, as {why}", scene.name)
 
 
 def _error_between(

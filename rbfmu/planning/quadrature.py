@@ -7,6 +7,7 @@ from rbfmu.models.scene_needs import GROWING, varying_parameters
 from rbfmu.planning.judge import Judge
 from rbfmu.planning.reasons import why_quadrature
 from rbfmu.runs.plan import Plan
+from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.models.free_body_force import ORDERS
 
@@ -14,6 +15,8 @@ POINT_COST = 86.0
 """The cost of a point, ns, on `costs.MACHINE`."""
 EXACT = 1e-14
 MAX_TRIALS = 6
+MAX_PANELS, MAX_POINTS = 1e6, 2e7
+"""The most panels of a communication step, and points of a whole trial, some two seconds of work."""
 
 
 def cheapest_quadrature(scene: Scene, general: Plan, judge: Judge) -> Plan | None:
@@ -39,9 +42,11 @@ def cheapest_quadrature(scene: Scene, general: Plan, judge: Judge) -> Plan | Non
                 best = replace(trial, error=error + kept, cost=cost)
                 break
             ratio = (error / bound) ** (0.5 / order) if bound > 0.0 else math.inf
-            if not ratio * panels < 1e6:
+            if not ratio * panels < MAX_PANELS:
                 break
             panels = max(panels + 1, math.ceil(ratio * panels))
+            if panels * order * communication_steps(scene) > MAX_POINTS:
+                break
     return replace(best, reasons=why_quadrature(scene, best)) if best else None
 
 

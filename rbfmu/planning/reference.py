@@ -43,7 +43,7 @@ def reference_motion(
         chunk = slice(max(first - 1, 0), first + CHUNK)
         taken = series.reference_motion(constants, state, times[:, chunk], rows[chunk], most, work, scratch)
         most -= taken
-        if taken < 0 or most < 0:
+        if taken < 0 or most < 0 or not np.isfinite(rows[chunk, series.OUTPUTS["omega_b"]]).all():
             raise ReferenceTooLongError(scene.name)
         if progress is not None:
             progress(min((first + CHUNK) / times.shape[1], 1.0))

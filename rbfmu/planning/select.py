@@ -27,6 +27,7 @@ from rbfmu.runs.time_grid import thinned_steps
 from rbfmu.runs.trajectory import Motion, record_trajectory, start_run
 from rbfmu.scene.scene import PARAMETERS as SCENE_PARAMETERS
 from rbfmu.scene.scene import Scene, SceneError
+from rbfmu_kernels.compile.said import PATIENCE, said_after
 from rbfmu_kernels.quantities import OUTPUTS
 
 EXACT, ROUND_OFF = 1e-14, 2.0**-52
@@ -53,7 +54,9 @@ def plan(
     if full:
         own, scene = scene, with_all_outputs(scene)
         judge = judge or Judge(scene, progress, fewer=own)
-    found = _planned(scene, full, judge or Judge(scene, progress))
+    judge = judge or Judge(scene, progress)
+    with said_after(PATIENCE, lambda: f"rbfmu: planning {scene.name} takes long: {judge.doing}"):
+        found = _planned(scene, full, judge)
     return replace(found, reasons=(*found.reasons, *say.what_inputs_cost(scene, found)))
 
 

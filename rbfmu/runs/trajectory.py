@@ -1,5 +1,6 @@
 """Runs of a model, of which blocks of its buffer are kept."""
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -38,10 +39,11 @@ def record_trajectory(
     names: Sequence[str],
     parts: int = 1,
     progress: Callable[[float], Any] | None = None,
+    most: float = math.inf,
 ) -> Motion:
     """Return the blocks now and after each step (s), taken in equal parts; NaN from where the motion ends.
 
-    progress: a function that is told which part of the run is done.
+    progress: a function that is told which part of the run is done; most: the number of substeps after which it ends.
     """
     step = tiered(kernels.step, len(steps) * parts)
     return _recorded(
@@ -49,18 +51,29 @@ def record_trajectory(
         z,
         len(steps),
         names,
-        lambda k: all(step(z, steps[k - 1] / parts) == OK for _ in range(parts)),
+        lambda k: all(
+            step(z, steps[k - 1] / parts) == OK and substeps_counted(kernels, z) <= most for _ in range(parts)
+        ),
         progress,
     )
 
 
-def record_driven(scene: Scene, plan: Plan, drive: Drive, names: Sequence[str]) -> tuple[Motion, float]:
-    """Return the blocks at the communication points of a run under inputs, NaN from where it ends, and its substeps."""
+def record_driven(
+    scene: Scene, plan: Plan, drive: Drive, names: Sequence[str], most: float = math.inf
+) -> tuple[Motion, float]:
+    """Return the blocks at the communication points of a run under inputs, NaN from where it ends, and its substeps.
+
+    most: the number of substeps after which it ends.
+    """
     z = _filled(scene, plan, names)
     driven = Driven(drive, plan.kernels, z)
     driven.start()
     initialize(scene, plan.kernels, z)
-    motion = _recorded(plan.kernels, z, len(drive.time) - 1, names, driven.advance)
+
+    def advance(k: int) -> bool:
+        return driven.advance(k) and substeps_counted(plan.kernels, z) <= most
+
+    motion = _recorded(plan.kernels, z, len(drive.time) - 1, names, advance)
     return motion, substeps_counted(plan.kernels, z)
 
 

@@ -1,11 +1,10 @@
 """One line on stderr where compiling a kernel takes long: that it does, and that it happens once."""
 
-import os
-import sys
 from threading import Timer
 from typing import Any
 
 from .numba_private import Listener, register
+from .said import Compilations, say
 
 PATIENCE = 1.0
 """The time, s, after which the line is printed."""
@@ -26,17 +25,18 @@ class Announcer(Listener):  # type: ignore[misc]
             self._timer.daemon = True
             self._timer.start()
         self._depth += 1
+        Compilations.begun += 1
 
     def on_end(self, event: Any) -> None:
         """Wait no longer."""
         self._depth -= 1
+        Compilations.ended += 1
         if self._depth == 0:
             self._timer.cancel()
 
     def _say(self) -> None:
         self._spoken = True
-        if not os.environ.get("RBFMU_QUIET"):
-            print(TEXT, file=sys.stderr, flush=True)
+        say(TEXT)
 
 
 def _is_ours(compilation: Any) -> bool:

@@ -23,6 +23,10 @@ from ..quantities import RELATIVE
 
 ORDER, TOLERANCE = 26, 1e-22
 """Least work measured for errors far below double precision's."""
+ENOUGH, STEADY = 0.15, 2.1
+"""What a fifth of the steps must do of the times, and how much more than a tenth of them where they grow longer."""
+REST = 1e-250
+"""The rate, rad/s, below which a body rests: the last terms of smaller ones would leave the range of doubles."""
 _LENGTH = ORDER + 1
 
 STATE = {"R_ab": 9, "momentum_b": 3, "omega_b": 3, "v_c": 3, "r_c": 3}
@@ -151,23 +155,31 @@ def _expand(c: Any, s: Any, scratch: Any, unit: float) -> None:
 
 @kernel
 def _largest(s: Any, first: int, count: int) -> float:
+    """Return the largest size of some numbers, NaN where one is: `max` alone passes NaN over."""
     most = 0.0
     for i in range(first, first + count):
+        if math.isnan(s[0, i]):
+            return math.nan
         most = max(most, abs(s[0, i]))
     return most
 
 
 @kernel(inline=False)
 def _longest(s: Any) -> float:
-    """Return the step, in units of time, whose last two terms are within the tolerance, or infinity without any."""
+    """Return the step, in units of time, whose last two terms are within the tolerance, or infinity without any.
+
+    It is NaN where a term is not finite.
+    """
     rate, change = _largest(s, _coefficients(0) + _OMEGA, 3), _largest(s, _coefficients(1) + _OMEGA, 3)
     longest = math.inf
     for k in (ORDER - 1, ORDER):
         x, speed = _coefficients(k), _largest(s, _coefficients(0) + _VELOCITY, 3)
+        if not _largest(s, x, _STATE_SIZE) < math.inf:
+            return math.nan
         last = max(_largest(s, x + _R_AB, 9), _largest(s, x + _VELOCITY, 3) / max(speed, 1.0))
         turning = _largest(s, x + _OMEGA, 3)
         if turning > 0.0:
-            last = max(last, turning / max(rate, change))
+            last = max(last, turning / max(rate, change, REST))
         if last > 0.0:
             longest = min(longest, (TOLERANCE / last) ** (1.0 / k))
     return longest
@@ -186,11 +198,15 @@ def _evaluate(s: Any, t: float, low: float, state: Any) -> None:
 
 
 @kernel
-def _unit_of_time(c: Any, state: Any, scratch: Any) -> float:
-    """Return a power of two, s, in which the motion is of order 1, so that no coefficient overflows; 1 at rest."""
+def _unit_of_time(c: Any, state: Any, scratch: Any, span: float) -> float:
+    """Return a power of two, s, in which the motion is of order 1, so that no coefficient overflows.
+
+    It is at most twice the span, s, that is to be covered: towards rest the motion takes ever longer, but damping and
+    what loads pull back with are as fast as before.
+    """
     _put_alpha(c, state, scratch)
-    rate_scale = max(_largest(state, _OMEGA, 3), math.sqrt(_largest(scratch, _S_ALPHA, 3)))
-    return math.ldexp(1.0, -math.floor(math.log2(rate_scale))) if rate_scale > 1e-290 else 1.0
+    rate_scale = max(_largest(state, _OMEGA, 3), math.sqrt(_largest(scratch, _S_ALPHA, 3)), 1.0 / span)
+    return math.ldexp(1.0, -math.floor(math.log2(rate_scale)))
 
 
 @kernel(inline=False)
@@ -206,17 +222,24 @@ def _put_alpha(c: Any, state: Any, scratch: Any) -> None:
 def reference_motion(c: Any, state: Any, times: Any, rows: Any, most: int, s: Any, scratch: Any) -> int:
     """Set rows of outputs at increasing times (s, pairs) after the state; return the steps taken, -1 beyond `most`.
 
+    It is -1 as well after a fifth of them, where these did too little, and the later ones no more than those before.
     The state moves to the last time.  Rows stay as they are from where the motion cannot be followed.
     s, scratch: work space of (2, SERIES) and (2, SCRATCH) numbers.
     """
-    now, steps, k = (times[0, 0], times[1, 0]), 0, 0
+    now, steps, k, tenth = (times[0, 0], times[1, 0]), 0, 0, 0.0
+    span = times[0, -1] - times[0, 0]
     while k < times.shape[1]:
-        unit = _unit_of_time(c, state, scratch)
+        unit = _unit_of_time(c, state, scratch, span)
         for i in range(_STATE_SIZE):
             put_dd(s, _coefficients(0) + i, dd_at(state, i))
         _expand(c, s, scratch, unit)
         longest = _longest(s)
         steps += 1
+        done = now[0] - times[0, 0]
+        if steps == most // 10:
+            tenth = done
+        if steps == most // 5 and done < min(ENOUGH * span, STEADY * tenth):
+            return -1
         if steps > most or not longest > 0.0:
             return -1
         while k < times.shape[1]:

@@ -13,7 +13,7 @@ import pytest
 
 import rbfmu
 from rbfmu.runs.plan import Plan
-from rbfmu_kernels.compile import announcement, disk_cache, interpreted, tiered
+from rbfmu_kernels.compile import announcement, disk_cache, interpreted, said, tiered
 from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.mechanics.inertia import principal_axes
 from rbfmu_kernels.models import free_triaxial, loaded_taylor
@@ -165,3 +165,15 @@ def test_where_no_code_is_kept_the_compiler_is_not_set_up_to_load_it(monkeypatch
     monkeypatch.setattr(disk_cache.rtsys, "initialize", set_up.append)
     assert not tiered.is_kept(kernel(lambda x: x + 1.0), 1.0)
     assert set_up == []
+
+
+def test_other_work_is_announced_but_not_while_something_is_compiled(monkeypatch, capsys):
+    monkeypatch.delenv("RBFMU_QUIET", raising=False)
+    monkeypatch.setattr(said.Compilations, "begun", said.Compilations.begun + 1)
+    with said.said_after(0.0, lambda: "at work"):
+        threads = [thread for thread in threading.enumerate() if thread.name == said.NAME]
+        threads[-1].join(0.05)
+        assert capsys.readouterr().err == ""
+        monkeypatch.setattr(said.Compilations, "ended", said.Compilations.begun)
+        threads[-1].join()
+    assert capsys.readouterr().err == "at work\n"

@@ -7,6 +7,7 @@ import pytest
 
 from tests.support.quadruple import reference
 from tests.support.quadruple.campaign import FAILED, settings_from, table
+from tests.support.quadruple.plans import line, planned
 
 SETTINGS, BLOCKS = 100, 50
 
@@ -23,3 +24,11 @@ def test_none_is_silently_wrong_and_none_refused_without_need(seed):
     print(table(found))
     failures = [str(f) for f in found if f.verdict in FAILED]
     assert not failures, "\n\n".join(failures)
+
+
+@pytest.mark.parametrize("seed", [100 * block for block in range(20)])
+def test_every_plan_ends_and_what_is_refused_is_refused_with_a_key_and_truly(seed):
+    """By hand, with the CPU time of each: quadruple/plans.py."""
+    found = [one for number in range(seed, seed + 100) if (one := planned(number, number % 20 == 0))]
+    assert found
+    assert not [line(one) for one in found if one.verdict in FAILED]

@@ -7,10 +7,11 @@ import pytest
 
 from rbfmu.planning.select import plan
 from rbfmu.scene.scene import Scene
-from tests.support.quadruple import reference
+from tests.support.quadruple import plans, reference
 from tests.support.quadruple.campaign import HONEST, KEYLESS, REFUSED, RIGHT, SILENT, verdict_of, verdict_of_refusal
 from tests.support.quadruple.driving import Outcome, Setting, outcome, pasted, seen, true_motion
 from tests.support.quadruple.errors import errors
+from tests.support.quadruple.hard_scenes import KINDS, hard_scene
 from tests.support.quadruple.scenes import random_scene
 from tests.support.scenes.mended_scenes import LOADED, run, scene
 
@@ -52,3 +53,18 @@ def test_scenes_come_from_their_seeds_and_can_be_pasted(seed):
     kind, one = random_scene(seed)
     assert (kind, one) == random_scene(seed)
     assert Scene.from_dict({"name": one.name} | tomllib.loads(pasted(one, Setting()))) == one
+
+
+def test_refusals_of_plans_name_a_key_and_are_true(monkeypatch):
+    monkeypatch.setattr(plans, "MAX_SUBSTEPS", 1e4)
+    assert plans.verdict_on(SCENE, "the motion is too long") == KEYLESS
+    assert plans.verdict_on(SCENE, "run.stop = 10.0: expected a shorter run") == REFUSED
+    spun_up = Scene.from_dict(SCENE.to_dict() | {"loads": {"torque_b": [5e7, 0.0, 0.0]}, "run": run(1000.0, 1.0, 1e-6)})
+    assert plans.verdict_on(spun_up, "run.stop = 1000.0: expected a shorter run") == HONEST
+
+
+@pytest.mark.parametrize("seed", range(0, 6))
+def test_hard_scenes_come_from_their_seeds(seed):
+    kind, one = hard_scene(seed)
+    assert (kind, one) == hard_scene(seed)
+    assert kind == KINDS[seed]

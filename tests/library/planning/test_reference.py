@@ -1,17 +1,25 @@
 """The motion that plans are judged by, against quadruple precision; and what the judge makes of it."""
 
 import math
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
 from numba import config
 
 from rbfmu import Scene, SceneError
+from rbfmu.models.integrated import FREE_BODY_FORCE
+from rbfmu.planning import driven, quadrature, select
+from rbfmu.planning import judge as judge_module
 from rbfmu.planning.judge import Judge, PlanningWarning
 from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
 from rbfmu.planning.select import plan
 from rbfmu.runs.errors import attitude_error, relative_error
+from rbfmu.runs.input_tables import input_tables
 from rbfmu.runs.plan import Plan
+from rbfmu.runs.trajectory import record_trajectory
+from rbfmu_kernels.compile.interpreted import interpreted
+from rbfmu_kernels.integrators import reference_series
 from rbfmu_kernels.integrators.substeps import tolerance_of_substep
 from tests.support.quadruple import reference as quadruple
 
@@ -108,6 +116,93 @@ def test_what_is_but_round_off_of_the_loads_is_no_error():
     rates = np.linalg.norm(judge.motion["omega_b"], axis=1)
     assert 0.0 < np.max(rates) < judge.noise["omega_b"] < 1e-12
     assert plan(scene).error <= 1e-6
+
+
+@compiled
+@pytest.mark.parametrize("mass", [1.0, 1e18])
+@pytest.mark.parametrize(("decay", "left"), [(90.0, True), (9000.0, False)])
+def test_a_body_that_comes_to_rest_is_followed(mass, decay, left):
+    """omega_0 exp(-d t / I), until doubles have no number as small."""
+    loads, run = QUIET | {"damping_b": [mass * decay] * 3}, {"stop": 1.0, "step": 0.25, "accuracy": 1e-6}
+    body = {"mass": mass, "inertia": [2.0 * mass, mass, mass]}
+    scene = Scene(body=body, initial={"omega_b": [0.0, 0.3, 0.0]}, loads=loads, run=run)
+    rates = reference_motion(scene, [0.25] * 4, 50_000)["omega_b"][:, 1]
+    truth = 0.3 * np.exp(-decay * 0.25 * np.arange(5))
+    np.testing.assert_allclose(rates, truth, rtol=1e-12 if left else 0.0, atol=1e-250)
+
+
+@compiled
+def test_a_pendulum_that_has_come_to_rest_is_planned():
+    """It was said to reach inf, as it magnifies round-off: the unit of time had no bound, and NaN was passed over."""
+    body = {"mass": 0.16, "inertia": [1.0, 0.7, 0.6], "pivot": True, "r_oc_b": [-0.9, 0.0, 0.8]}
+    loads = {"gravity_a": [4.9, 0.0, -8.5], "damping_b": [0.0, 5.0, 0.0]}
+    scene = Scene(body=body, initial={"omega_b": [0.0, 2.9, 0.0]}, loads=loads, outputs={"quantities": ["omega_b"]},
+                  run={"stop": 300.0, "step": 7.5, "accuracy": 1e-2})  # fmt: skip
+    assert plan(scene).error <= 1e-2
+
+
+def test_nan_is_the_largest():
+    numbers = np.zeros((2, 5))
+    for place in range(5):
+        rows = np.where(np.arange(5) == place, np.nan, [[1.0, 2.0, 3.0, 4.0, 5.0]] * 2) + numbers
+        assert math.isnan(interpreted(reference_series._largest)(rows, 0, 5))
+    assert interpreted(reference_series._largest)(numbers - 2.0, 1, 3) == 2.0
+
+
+@compiled
+@pytest.mark.parametrize(
+    ("bound", "most", "words"),
+    [
+        ("MAX_SUBSTEPS", 20, r"[0-9.e+]+ substeps reach [0-9.]+ s, where it turns by [0-9.]+ rad/s, or damping is"),
+        ("MAX_TRIED", 20, r"pilot runs take more than 2e\+01 substeps"),
+    ],
+)
+def test_a_run_too_long_to_be_planned_is_refused(bound, most, words, monkeypatch):
+    monkeypatch.setattr(judge_module, "MAX_REFERENCE_STEPS", 5)
+    monkeypatch.setattr(judge_module, bound, most)
+    too_long = pytest.raises(SceneError, match=r"run\.stop = 8\.0: expected a shorter run, as " + words)
+    with pytest.warns(PlanningWarning), too_long:
+        plan(scene_of("all loads"))
+
+
+@compiled
+def test_a_run_too_long_to_be_planned_under_its_inputs_is_refused(monkeypatch):
+    scene = scene_of("all loads").replace({"inputs.ports": ["torque_b"]})
+    found, tables = plan(scene), input_tables(scene, {"torque_b": np.full((16, 3), 0.1)}, "hold")
+    monkeypatch.setattr(driven, "MAX_SUBSTEPS", 5)
+    with pytest.raises(SceneError, match=r"run\.stop = 8\.0: expected a shorter run, as [0-9.e+]+ substeps reach"):
+        driven.plan_for_inputs(scene, tables, "hold", found)
+
+
+@compiled
+def test_a_quadrature_of_too_many_points_is_not_tried(monkeypatch):
+    body, loads = {"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, QUIET | {"force_b": [0.1, 0.2, 0.3]}
+    scene = Scene(body=body, initial={"omega_b": [3.0, 1.0, 2.0]}, loads=loads, outputs={"quantities": ["position"]},
+                  run={"stop": 10.0, "step": 5.0, "accuracy": 1e-6})  # fmt: skip
+    general, points = Plan(FREE_BODY_FORCE.key, "", 13), []
+    judge = Judge(scene)
+    for most in (quadrature.MAX_POINTS, 20):
+        monkeypatch.setattr(quadrature, "MAX_POINTS", most)
+        monkeypatch.setattr(
+            judge, "try_out", lambda trial, **_: points.append(trial.order * 10.0 / trial.substep) or (1.0, 0.0)
+        )
+        quadrature.cheapest_quadrature(scene, general, judge)
+        assert (max(points) > 20) == (most > 20)
+        points.clear()
+
+
+@compiled
+def test_long_planning_says_what_it_does(monkeypatch):
+    texts, lines = [], []
+    monkeypatch.setattr(select, "said_after", lambda patience, text: texts.append(text) or nullcontext())
+    for function in (reference_motion, record_trajectory):
+        told = lambda *args, now=function, **named: lines.append(texts[0]()) or now(*args, **named)  # noqa: E731
+        monkeypatch.setattr(judge_module, function.__name__, told)
+    plan(scene_of("all loads"))
+    assert lines[:2] == [
+        "rbfmu: planning scene takes long: its motion is followed in double-double arithmetic",
+        "rbfmu: planning scene takes long: methods are tried on its motion, in pilot runs",
+    ]
 
 
 @pytest.mark.thorough
