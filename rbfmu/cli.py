@@ -172,14 +172,16 @@ def run(
 @click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), help="FMU to write.  [NAME.fmu]")
 @click.option("--native", is_flag=True, help="Compiled: the importer needs no Python.")
 @click.option("--platform", "platforms", default="", metavar="NAME,...",
-              help="Of a native FMU: linux64, win64, darwin64, linux-aarch64, darwin-aarch64.  [this one]")  # fmt: skip
+              help="Of a native FMU: linux64, win64, darwin64, linux-aarch64, darwin-aarch64; all.")  # fmt: skip
 @click.option("--fmi", type=click.Choice(["2", "3"]), default="2", show_default=True,
               help="Version of FMI: 2.0, or 3.0 with arrays as variables; 3 with --native.")  # fmt: skip
 @click.option("--scalars", is_flag=True, help="Of FMI 3.0: no arrays, as importers that cannot take them need it.")
+@click.option("--terminals", is_flag=True, help="Of FMI 2.0: list terminals, at which some importers fail; 3.0 does.")
 @model_option
 @run_options
 def build(
-    scene: Path, output: Path | None, native: bool, platforms: str, fmi: str, scalars: bool, model: str,
+    scene: Path, output: Path | None, native: bool, platforms: str, fmi: str, scalars: bool,
+    terminals: bool, model: str,
     **run: float | None,
 ) -> None:  # fmt: skip
     """Build a scene's FMU for co-simulation (FMI 2.0, pythonfmu or native; FMI 3.0, native)."""
@@ -200,7 +202,7 @@ def build(
         with given_scene(scene, run) as loaded:
             _say_what_takes_minutes(names)
             target = output or Path(file_name(loaded.name))
-            click.echo(build_fmu(loaded, target, kind, names, model == "full", int(fmi), scalars))
+            click.echo(build_fmu(loaded, target, kind, names, model == "full", int(fmi), scalars, terminals))
     except BuildError as error:
         raise click.UsageError(str(error)) from None
 
@@ -262,10 +264,9 @@ def stability(folder: Path, quick: bool) -> None:
 
 def _say_what_takes_minutes(platforms: Sequence[str]) -> None:
     from rbfmu_fmu.native.linking import takes_minutes
-    from rbfmu_fmu.native.platforms import platform_named, this_platform
+    from rbfmu_fmu.native.platforms import platforms_named
 
-    chosen = [platform_named(name) for name in platforms] or [this_platform()]
-    if slow := [platform.name for platform in chosen if takes_minutes(platform)]:
+    if slow := [platform.name for platform in platforms_named(platforms) if takes_minutes(platform)]:
         why = "the first time takes minutes, as ziglang builds the platform's C library"
         click.echo(f"Note: compiling for {', '.join(slow)}: {why}", err=True)
 

@@ -52,7 +52,7 @@ def _type_definitions(d: Description) -> list[Element]:
 
 def _scalar_variable(v: Variable, reference: int) -> Element:
     said = meaning(v.block, v.component)
-    element = Element("ScalarVariable", attributes_of(v.causality, v.name, reference, said))
+    element = Element("ScalarVariable", attributes_of(v, v.name, reference, said))
     declared = {"declaredType": name} if (name := declared_type(v)) else {}
     SubElement(element, "Real", declared | unit_and_limits(v))
     return element

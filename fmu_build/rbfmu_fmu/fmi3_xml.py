@@ -53,7 +53,8 @@ def _model_description(version: FmiVersion, d: Description, token: str, co: dict
     SubElement(
         variables, "Float64", time | {"variability": "continuous", "unit": TIME.unit, "description": TIME.meaning}
     )
-    SubElement(variables, "Int32", STATUS | STATUS_RANGE, valueReference=str(version.status_reference(d)))
+    updated = {"intermediateUpdate": "true"} if d.interpolates_inputs else {}
+    SubElement(variables, "Int32", STATUS | updated | STATUS_RANGE, valueReference=str(version.status_reference(d)))
     root.append(_model_structure(version, d))
     return root
 
@@ -68,7 +69,7 @@ def _type_definitions(d: Description) -> list[Element]:
 
 def _variable(d: Description, one: Referenced, reference: int) -> Element:
     first = d.variables[one.elements[0]]
-    attributes = attributes_of(first.causality, one.name, reference, _meaning(d, one))
+    attributes = attributes_of(first, one.name, reference, _meaning(d, one))
     if d.interpolates_inputs and first.causality != "parameter":
         attributes["intermediateUpdate"] = "true"
     if name := declared_type(first):

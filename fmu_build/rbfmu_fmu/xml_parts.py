@@ -5,6 +5,7 @@ from xml.etree.ElementTree import Element, SubElement
 import rbfmu
 from rbfmu_fmu.description import Description, Variable
 from rbfmu_fmu.python.call_rules import LOG_CATEGORIES
+from rbfmu_fmu.python.slave_access import TO_VARY
 from rbfmu_fmu.variable_words import QUANTITIES
 from rbfmu_kernels.quantities import BY_NAME, OUTPUT, UNITS
 
@@ -81,10 +82,12 @@ def default_experiment(d: Description) -> Element:
     return Element("DefaultExperiment", {name: repr(value) for name, value in times.items()})
 
 
-def attributes_of(causality: str, name: str, reference: int, description: str) -> dict[str, str]:
-    """Return what a variable of any version is said to be."""
-    variability, initial = _KINDS[causality]
-    said = {"name": name, "valueReference": str(reference), "causality": causality, "variability": variability}
+def attributes_of(v: Variable, name: str, reference: int, description: str) -> dict[str, str]:
+    """Return what a variable of any version is said to be; of a parameter that cannot be set, also that."""
+    variability, initial = _KINDS[v.causality]
+    if v.pinned:
+        description = f"{description}; cannot be changed here: {TO_VARY % v.block}"
+    said = {"name": name, "valueReference": str(reference), "causality": v.causality, "variability": variability}
     return said | {"description": description} | ({"initial": initial} if initial else {})
 
 

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib.image import imread
 from rich.console import Console
 
 import rbfmu
@@ -20,7 +21,8 @@ def test_demo_passes_and_leaves_a_picture(tmp_path: Path) -> None:
     assert "DIFFER" not in text.getvalue()
     names = {p.name for p in (tmp_path / "out").iterdir()}
     assert names == {"tumbling_brick.png", "tumbling_brick.fmu", "kernels.csv", "kernels.units.csv", "fmpy_command.csv"}
-    assert (tmp_path / "out" / "tumbling_brick.png").stat().st_size > 20_000
+    picture = imread(tmp_path / "out" / "tumbling_brick.png")
+    assert picture.min() < picture.max()  # something is drawn
 
 
 @pytest.mark.thorough

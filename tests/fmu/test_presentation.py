@@ -48,11 +48,21 @@ def test_an_fmu_has_them_all(kind):
         assert {name: archive.read(name) for name in expected} == expected
     licences = {"license.txt", "rbfmu.txt", "fmi.txt"} | ({"pythonfmu.txt"} if kind == "python" else set())
     assert set(expected) == {
-        "model.png", "documentation/index.html", "terminalsAndIcons/terminalsAndIcons.xml",
+        "model.png", "documentation/index.html",
         "extra/com.open-simulation-platform/prescribed_OspModelDescription.xml",
         *(f"documentation/licenses/{name}" for name in licences),
         *(["documentation/externalDependencies.txt"] if kind == "python" else []),
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ["python", "native"])
+def test_terminals_are_in_an_fmu_of_fmi_2_where_they_are_asked_for(kind, tmp_path):
+    """FMI Library 3 and FMU Container fail at them there; all else is the same, and so is the identity."""
+    path = rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", kind, terminals=True)
+    with zipfile.ZipFile(path) as archive, zipfile.ZipFile(built("prescribed", kind)) as usual:
+        contents = {name: archive.read(name) for name in archive.namelist()}
+        assert contents.pop("terminalsAndIcons/terminalsAndIcons.xml")
+        assert contents == {name: usual.read(name) for name in usual.namelist()}
 
 
 def test_they_are_the_same_bytes_each_time():

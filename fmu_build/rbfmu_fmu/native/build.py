@@ -13,7 +13,7 @@ from rbfmu_fmu.fmi_version import UNSET, FmiVersion
 from rbfmu_fmu.native.headers import headers
 from rbfmu_fmu.native.linking import ANY_VERSION, FLAGS, HEADERS, linked, source, universal
 from rbfmu_fmu.native.object_code import object_files
-from rbfmu_fmu.native.platforms import Platform, platform_named, this_platform
+from rbfmu_fmu.native.platforms import Platform, platforms_named
 from rbfmu_fmu.presentation.files import shown_files
 
 VERSIONS = {(2, False): FMI2, (3, False): FMI3, (3, True): FMI3_SCALARS}
@@ -30,13 +30,18 @@ def version_of(fmi: int, scalars: bool) -> FmiVersion:
 
 
 def build_native_fmu(
-    scene: Scene, plan: Plan, path: Path, platforms: Sequence[str] = (), version: FmiVersion = FMI2
+    scene: Scene,
+    plan: Plan,
+    path: Path,
+    platforms: Sequence[str] = (),
+    version: FmiVersion = FMI2,
+    terminals: bool = False,
 ) -> Path:
     """Write the FMU: the same bytes for the same scene; a file that stands at `path` is replaced when done.
 
-    platforms: names from `platforms.PLATFORMS`; none: this one.
+    platforms: names from `platforms.PLATFORMS`, or "all"; none: this one; terminals: list them in FMI 2.0 as well.
     """
-    chosen = [platform_named(name) for name in sorted(set(platforms))] or [this_platform()]
+    chosen = platforms_named(platforms)
     description = describe(scene, plan)
     objects = {p: object_files(plan.kernels, p) for p in chosen}
     contents = {"resources/scene.json": scene_inside(scene, plan)}
@@ -52,7 +57,8 @@ def build_native_fmu(
         ]
         for place in (folder, *_second_folders(version, members, chosen)):
             contents[f"binaries/{place}/{description.identifier}{members[0].suffix}"] = universal(libraries)
-    write_archive(contents | shown_files(scene, plan, description, version, needs_python=False), path)
+    shown = shown_files(scene, plan, description, version, needs_python=False, with_terminals=terminals)
+    write_archive(contents | shown, path)
     return path
 
 

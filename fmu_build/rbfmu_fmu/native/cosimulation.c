@@ -33,7 +33,7 @@ static int are_reals(Instance *m, const char *call, const unsigned v[], size_t n
     int found = 0;
     for (size_t i = 0; i < n; i++) {
         unsigned r;
-        if (v[i] >= REFERENCES) return !refuse(m, call, "value reference %u is no " REAL " variable", v[i]);
+        if (v[i] >= REFERENCES) return !refuse(m, call, "%s is no " REAL " variable", named(v[i]).text);
         r = *elements_of(v[i]).r;
         found |= r >= FIRST_OUTPUT && (!HAS_TIME || r != TIME);
     }
@@ -92,7 +92,7 @@ static void begin(State *s) {
     memcpy(s->z, START, sizeof START);
 }
 
-Instance *create_instance(const Host *host, const char *call, const char *name, const char *guid, int logs_discards) {
+Instance *create_instance(const Host *host, const char *call, const char *name, const char *guid) {
     Instance *m;
     if (!name) return refuse_instance(host, call, name, "the instance has no name");
     if (!guid || strcmp(guid, GUID))
@@ -101,7 +101,6 @@ Instance *create_instance(const Host *host, const char *call, const char *name, 
     if (!m) return refuse_instance(host, call, name, "no memory");
     m->host = *host;
     m->step = chosen_step();
-    m->logs_discards = logs_discards;
     strcpy(m->name, name);
     begin(&m->now);
     return m;
@@ -282,14 +281,15 @@ Status set_reals(Instance *m, const char *call, const unsigned v[], size_t n, co
 Status get_integers(Instance *m, const char *call, const unsigned r[], size_t n, int values[]) {
     if (!given(m, call, n, r, values)) return CALL_ERROR;
     for (size_t i = 0; i < n; i++)
-        if (r[i] != STATUS_REFERENCE) return refuse(m, call, "value reference %u is no " INTEGER " variable", r[i]);
+        if (r[i] != STATUS_REFERENCE) return refuse(m, call, "%s is no " INTEGER " variable", named(r[i]).text);
+    if (!exchanged(m, call, r, n, CAN_GET)) return CALL_ERROR;
     for (size_t i = 0; i < n; i++) values[i] = (int)m->now.status;
     return CALL_OK;
 }
 
 Status no_variables(Instance *m, const char *call, const unsigned r[], size_t n, const char *kind) {
     if (!given(m, call, n, r, r)) return CALL_ERROR;
-    return n ? refuse(m, call, "value reference %u is no %s", r[0], kind) : CALL_OK;
+    return n ? refuse(m, call, "%s is no %s", named(r[0]).text, kind) : CALL_OK;
 }
 
 /* --- steps */
@@ -305,10 +305,9 @@ static const char *impossible(const State *s, double t, double h) {
 }
 
 Status not_taken(Instance *m, const char *call, Status status, double t, double h, const char *reason) {
-    Status (*answer)(Instance *, const char *, const char *, ...) = status == CALL_DISCARD ? discard : refuse;
     m->now.status = STEP_REJECTED;
     m->now.discarded = status == CALL_DISCARD;
-    return answer(m, call, "step from t = %s by %s s refused: %s (it stands at t = %s)", number(t).text,
+    return answer(m, status, call, "step from t = %s by %s s refused: %s (it stands at t = %s)", number(t).text,
                   number(h).text, reason, number(m->now.time).text);
 }
 

@@ -53,15 +53,15 @@ typedef struct Host {
 /* --- the life of an instance */
 
 /* Return null, after a message, where there can be no instance. */
-Instance *create_instance(const Host *host, const char *call, const char *name, const char *guid, int logs_discards);
+Instance *create_instance(const Host *host, const char *call, const char *name, const char *guid);
 Instance *refuse_instance(const Host *host, const char *call, const char *name, const char *reason);
 void free_instance(Instance *m);
 
-/* Turn on the messages of some categories, and off those of all others; or off all, or the same for all with n = 0. */
-Status set_debug_logging(Instance *m, const char *call, int on, size_t n, const char *const categories[]);
+/* Refuse categories that there are not. Nothing is turned on or off: errors and discards are always logged. */
+Status set_debug_logging(Instance *m, const char *call, size_t n, const char *const categories[]);
 
-/* Turn on or off the messages of some categories, or of all with n = 0. */
-Status switch_debug_logging(Instance *m, const char *call, int on, size_t n, const char *const categories[]);
+/* Say that the importer's tolerance, where it gives one that is not the scene's accuracy, has no effect. */
+void say_of_tolerance(Instance *m, const char *call, int defined, double tolerance);
 
 Status set_up_experiment(Instance *m, const char *call, double start, int has_stop, double stop);
 Status enter_initialization(Instance *m, const char *call);
@@ -127,9 +127,10 @@ Status deserialize_state(Instance *m, const char *call, const void *bytes, size_
 
 /* --- answers */
 
-/* Log "call: message" and return CALL_ERROR, or CALL_DISCARD, which is logged only where the importer asked for it. */
-Status refuse(Instance *m, const char *call, const char *format, ...);
-Status discard(Instance *m, const char *call, const char *format, ...);
+/* Log "call: message" and return the status; CALL_ERROR where there is no instance. Whether the importer wants messages
+   to debug by makes no difference: without these none would know why a call was refused or a step not taken. */
+Status answer(Instance *m, Status status, const char *call, const char *format, ...);
+#define refuse(m, call, ...) answer(m, CALL_ERROR, call, __VA_ARGS__)
 
 /* Write a message twice as long as it may be: each of the special characters, which mean something to a version's
    logger, is doubled, which stands for the character itself. */

@@ -41,21 +41,21 @@ const char *fmi2GetVersion(void) { return fmi2Version; }
 fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
                               const fmi2CallbackFunctions *functions, fmi2Boolean visible, fmi2Boolean logging) {
     Host host = host_of(functions);
-    (void)resources, (void)visible;
+    (void)resources, (void)visible, (void)logging;
     if (type != fmi2CoSimulation) return refuse_instance(&host, __func__, name, "this FMU is for co-simulation");
-    return create_instance(&host, __func__, name, guid, logging != fmi2False);
+    return create_instance(&host, __func__, name, guid);
 }
 
 void fmi2FreeInstance(fmi2Component c) { free_instance(c); }
 
 fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t n, const fmi2String categories[]) {
-    return (fmi2Status)set_debug_logging(c, __func__, on, n, categories);
+    (void)on;
+    return (fmi2Status)set_debug_logging(c, __func__, n, categories);
 }
 
-/* The tolerance is the importer's wish; the accuracy is the scene's. */
 fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean tolerance_defined, fmi2Real tolerance, fmi2Real start,
                                fmi2Boolean stop_defined, fmi2Real stop) {
-    (void)tolerance_defined, (void)tolerance;
+    say_of_tolerance(c, __func__, tolerance_defined, tolerance);
     return (fmi2Status)set_up_experiment(c, __func__, start, stop_defined, stop);
 }
 
@@ -133,7 +133,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real h, fmi2Boolean never
 fmi2Status fmi2CancelStep(fmi2Component c) { return (fmi2Status)refuse(c, __func__, "no step is pending"); }
 
 static fmi2Status no_status(fmi2Component c, const char *call, fmi2StatusKind kind) {
-    return (fmi2Status)discard(c, call, "there is no status of kind %d", (int)kind);
+    return (fmi2Status)answer(c, CALL_DISCARD, call, "there is no status of kind %d", (int)kind);
 }
 
 fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Status *value) {

@@ -53,14 +53,14 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
                                          fmi3IntermediateUpdateCallback updater) {
     Host host = host_of(environment, log);
     Instance *m;
-    (void)resources, (void)visible;
+    (void)resources, (void)visible, (void)logging;
     if (events) return refuse_instance(&host, __func__, name, "this FMU has no event mode");
     host.takes_early_return = early_return;
     if (updater) {
         host.update = update;
         host.updater = (Function *)updater;
     }
-    m = create_instance(&host, __func__, name, token, logging);
+    m = create_instance(&host, __func__, name, token);
     if (!m || use_intermediate(m, __func__, intermediate, n) == CALL_OK) return m;
     free_instance(m);
     return NULL;
@@ -89,15 +89,15 @@ void fmi3FreeInstance(fmi3Instance c) {
 }
 
 fmi3Status fmi3SetDebugLogging(fmi3Instance c, fmi3Boolean on, size_t n, const fmi3String categories[]) {
+    (void)on;
     OUTSIDE_UPDATES(c);
-    return (fmi3Status)switch_debug_logging(c, __func__, on, n, categories);
+    return (fmi3Status)set_debug_logging(c, __func__, n, categories);
 }
 
-/* The tolerance is the importer's wish; the accuracy is the scene's. */
 fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean tolerance_defined, fmi3Float64 tolerance,
                                        fmi3Float64 start, fmi3Boolean stop_defined, fmi3Float64 stop) {
-    (void)tolerance_defined, (void)tolerance;
     OUTSIDE_UPDATES(c);
+    say_of_tolerance(c, __func__, tolerance_defined, tolerance);
     return (fmi3Status)set_up_and_enter(c, __func__, start, stop_defined, stop);
 }
 
@@ -129,7 +129,6 @@ fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference v[], size_t n
 }
 
 fmi3Status fmi3GetInt32(fmi3Instance c, const fmi3ValueReference v[], size_t n, fmi3Int32 values[], size_t n_values) {
-    OUTSIDE_UPDATES(c);
     if (c && n_values != n) return (fmi3Status)refuse(c, __func__, "%zu values: expected %zu", n_values, n);
     return (fmi3Status)get_integers(c, __func__, v, n, values);
 }

@@ -56,6 +56,7 @@ def scene_header(d: Description, version: FmiVersion, guid: str) -> str:
         f"#define CATEGORIES {_row([*map(_c, LOG_CATEGORIES), 'NULL'])}",
         f"#define START_TIME {d.start.hex()}",
         f"#define LAST_TIME {d.last_time.hex()}",
+        f"#define ACCURACY {d.accuracy.hex()}",
         "#define OUTPUT_DERIVATIVES" if d.output_rates else "/* no output has a derivative */",
         f"enum {{ STEP_OK = {OK}, STEP_REJECTED = {STEP_REJECTED}, PAST_STOP = {PAST_STOP} }}; /* of `status` */",
         f"enum {{ SIZE = {len(d.start_buffer)}, REALS = {len(d.variables)}, CHANGES = {d.outputs_end} }};",

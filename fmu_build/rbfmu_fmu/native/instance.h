@@ -29,7 +29,7 @@ struct Instance {
     void *memory; /* the block that the instance lies in */
     Host host;
     Step *step;
-    int logs_discards, returned_early;
+    int returned_early;
     Update update;
     unsigned char intermediate[REFERENCES + 1]; /* by value reference: may be set or read in intermediate updates */
     Saved *saved; /* the newest one first */
@@ -82,6 +82,9 @@ void release(const Host *host, void *memory);
 typedef struct {
     char text[40];
 } Number;
+
+/* What a value reference stands for, by its name if it has one. */
+Number named(unsigned v);
 
 /* The shortest digits that give back x, as Python writes them. */
 Number number(double x);

@@ -17,7 +17,7 @@ typedef struct {
 int exchanged_in_update(Instance *m, const char *call, const unsigned v[], size_t n, Update how) {
     for (size_t i = 0; i < n; i++)
         if (m->update != how || !m->intermediate[v[i]])
-            return !refuse(m, call, "value reference %u cannot be %s in this intermediate update", v[i],
+            return !refuse(m, call, "%s cannot be %s in this intermediate update", named(v[i]).text,
                            how == CAN_SET ? "set" : "read");
     return 1;
 }
@@ -31,8 +31,9 @@ int is_updating(Instance *m, const char *call) {
 Status use_intermediate(Instance *m, const char *call, const unsigned v[], size_t n) {
     if (!given(m, call, n, v, v)) return CALL_ERROR;
     for (size_t i = 0; i < n; i++) {
-        if (v[i] >= REFERENCES || v[i] == TIME_REFERENCE || causality_of(*elements_of(v[i]).r) == PARAMETER)
-            return refuse(m, call, "value reference %u is no input or output for intermediate updates", v[i]);
+        int is_real = v[i] < REFERENCES && v[i] != TIME_REFERENCE;
+        if (is_real ? causality_of(*elements_of(v[i]).r) == PARAMETER : v[i] != STATUS_REFERENCE)
+            return refuse(m, call, "%s is no input or output for intermediate updates", named(v[i]).text);
         m->intermediate[v[i]] = 1;
     }
     return CALL_OK;

@@ -29,6 +29,19 @@ Number number(double x) {
     return out;
 }
 
+Number named(unsigned v) {
+    Number out;
+    if (v == STATUS_REFERENCE || (HAS_TIME && v == TIME_REFERENCE))
+        strcpy(out.text, v == STATUS_REFERENCE ? "status" : "time");
+    else if (v < REFERENCES && elements_of(v).n > 1)
+        snprintf(out.text, sizeof out.text, "%s", VARIABLES[*elements_of(v).r].block);
+    else if (v < REFERENCES)
+        snprintf(out.text, sizeof out.text, "%s", VARIABLES[*elements_of(v).r].name);
+    else
+        snprintf(out.text, sizeof out.text, "value reference %u", v);
+    return out;
+}
+
 void escape(char *out, const char *text, const char *special) {
     for (; *text; text++) {
         *out++ = *text;
@@ -39,6 +52,7 @@ void escape(char *out, const char *text, const char *special) {
 
 static void tell(const Host *host, const char *name, Status status, const char *text) {
     const char *category = status == CALL_DISCARD ? "logStatusDiscard" : "logStatusError";
+    if (status == CALL_WARNING) category = "logStatusWarning";
     if (host->log) host->log(host, name, status, category, text);
 }
 
@@ -49,22 +63,19 @@ static void tell_of_call(Instance *m, Status status, const char *call, const cha
     tell(&m->host, m->name, status, text);
 }
 
-Status refuse(Instance *m, const char *call, const char *format, ...) {
+Status answer(Instance *m, Status status, const char *call, const char *format, ...) {
     va_list arguments;
     if (!m) return CALL_ERROR;
     va_start(arguments, format);
-    tell_of_call(m, CALL_ERROR, call, format, arguments);
+    tell_of_call(m, status, call, format, arguments);
     va_end(arguments);
-    return CALL_ERROR;
+    return status;
 }
 
-Status discard(Instance *m, const char *call, const char *format, ...) {
-    va_list arguments;
-    if (!m) return CALL_ERROR;
-    va_start(arguments, format);
-    if (m->logs_discards) tell_of_call(m, CALL_DISCARD, call, format, arguments);
-    va_end(arguments);
-    return CALL_DISCARD;
+void say_of_tolerance(Instance *m, const char *call, int defined, double tolerance) {
+    if (m && defined && tolerance != ACCURACY)
+        answer(m, CALL_WARNING, call, "tolerance = %s has no effect: the accuracy is the scene's, %s",
+               number(tolerance).text, number(ACCURACY).text);
 }
 
 Instance *refuse_instance(const Host *host, const char *call, const char *name, const char *reason) {
@@ -80,31 +91,15 @@ int given(Instance *m, const char *call, size_t n, const void *references, const
     return is_given;
 }
 
-/* Whether discards are among some categories, of which none stands for all; -1 after a message where one is wrong. */
-static int has_discards(Instance *m, const char *call, size_t n, const char *const categories[]) {
+/* Errors and discards are always logged, and there is no other message that could be turned off. */
+Status set_debug_logging(Instance *m, const char *call, size_t n, const char *const categories[]) {
     static const char *const known[] = CATEGORIES;
-    int discards = n == 0;
-    if (!given(m, call, n, categories, categories)) return -1;
+    if (!given(m, call, n, categories, categories)) return CALL_ERROR;
     for (size_t i = 0; i < n; i++) {
         size_t k = 0;
-        if (!categories[i]) return refuse(m, call, "null pointer"), -1;
+        if (!categories[i]) return refuse(m, call, "null pointer");
         while (known[k] && strcmp(categories[i], known[k])) k++;
-        if (!known[k]) return refuse(m, call, "there is no category %.64s", categories[i]), -1;
-        discards |= !strcmp(known[k], "logStatusDiscard") || !strcmp(known[k], "logAll");
+        if (!known[k]) return refuse(m, call, "there is no category %.64s", categories[i]);
     }
-    return discards;
-}
-
-Status set_debug_logging(Instance *m, const char *call, int on, size_t n, const char *const categories[]) {
-    int discards = has_discards(m, call, n, categories);
-    if (discards < 0) return CALL_ERROR;
-    m->logs_discards = on && discards;
-    return CALL_OK;
-}
-
-Status switch_debug_logging(Instance *m, const char *call, int on, size_t n, const char *const categories[]) {
-    int discards = has_discards(m, call, n, categories);
-    if (discards < 0) return CALL_ERROR;
-    if (discards) m->logs_discards = on != 0;
     return CALL_OK;
 }

@@ -2,6 +2,7 @@
 
 import platform
 import sys
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 
@@ -39,8 +40,14 @@ PLATFORMS = {
 def platform_named(name: str) -> Platform:
     """Return a platform by its name. Raises BuildError where there is none."""
     if name not in PLATFORMS:
-        raise BuildError(f"platform {name!r}: expected one of {', '.join(PLATFORMS)}")
+        raise BuildError(f"platform {name!r}: expected one of {', '.join(PLATFORMS)}, all")
     return PLATFORMS[name]
+
+
+def platforms_named(names: Iterable[str]) -> list[Platform]:
+    """Return platforms by their names, in an order; "all" names every one; without names this one."""
+    chosen = {name for given in names for name in (PLATFORMS if given == "all" else [given])}
+    return [platform_named(name) for name in sorted(chosen)] or [this_platform()]
 
 
 def this_platform() -> Platform:

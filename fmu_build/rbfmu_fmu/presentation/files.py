@@ -13,16 +13,22 @@ from rbfmu_fmu.presentation.terminals import terminals
 from rbfmu_fmu.value_references import scalars
 
 
-def shown_files(scene: Scene, plan: Plan, d: Description, version: FmiVersion, needs_python: bool) -> dict[str, bytes]:
-    """Return the files; needs_python: of the pythonfmu kind."""
+def shown_files(
+    scene: Scene, plan: Plan, d: Description, version: FmiVersion, needs_python: bool, with_terminals: bool = False
+) -> dict[str, bytes]:
+    """Return the files; needs_python: of the pythonfmu kind; with_terminals: list them in FMI 2.0 as well.
+
+    FMI 2.0.4 allows the file, but FMI Library 3 and FMU Container fail at it in an FMU of FMI 2.0.
+    """
     course = version.course_of_inputs if d.interpolates_inputs and not needs_python else ""
     has_arrays = version.references is not scalars
     files = {
         version.icon: picture(scene),
         "documentation/index.html": page(scene, plan, d, version.icon, course).encode(),
-        "terminalsAndIcons/terminalsAndIcons.xml": xml_bytes(terminals(d, has_arrays)),
         **licenses(needs_python),
     }
+    if with_terminals or version.name != "2.0":
+        files["terminalsAndIcons/terminalsAndIcons.xml"] = xml_bytes(terminals(d, has_arrays))
     if version.name == "2.0":  # the one that libcosim imports
         files[osp_place(d)] = xml_bytes(osp_description(d))
     if needs_python:

@@ -49,7 +49,7 @@ CAPABILITIES = {
 }  # fmt: skip
 
 
-def build_python_fmu(scene: Scene, plan: Plan, path: Path) -> Path:
+def build_python_fmu(scene: Scene, plan: Plan, path: Path, terminals: bool = False) -> Path:
     """Write the FMU: the same bytes for the same scene; a file that stands at `path` is replaced when done."""
     description = describe(scene, plan)
     files = _package_files(plan, description)
@@ -65,7 +65,7 @@ def build_python_fmu(scene: Scene, plan: Plan, path: Path) -> Path:
     contents["resources/scene.json"] = scene_inside(scene, plan)
     xml = FMI2.model_description(description, UNSET, CAPABILITIES)
     xml.set(FMI2.identity, guid_of(contents, xml))
-    contents |= shown_files(scene, plan, description, FMI2, needs_python=True)
+    contents |= shown_files(scene, plan, description, FMI2, needs_python=True, with_terminals=terminals)
     write_archive(contents | {"modelDescription.xml": xml_bytes(xml)}, path)
     return path
 

@@ -108,7 +108,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         try:
             for r in references:
                 if r != len(self.access.offsets):
-                    raise ValueError(f"value reference {r} is no Integer variable")
+                    raise ValueError(f"{self.access.named(traps.reference_given(r))} is no Integer variable")
             return [self._status] * len(references)
         except BaseException as error:
             raise self._survivable("fmi2GetInteger", error) from None
@@ -135,13 +135,14 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
 
     def _none_of(self, kind: str, call: str, references: list[int]) -> list[Any]:
         if references:
-            raise self._survivable(call, ValueError(f"value reference {references[0]} is no {kind}"))
+            name = self.access.named(traps.reference_given(references[0]))
+            raise self._survivable(call, ValueError(f"{name} is no {kind}"))
         return []
 
     def _known(self, references: list[int]) -> None:
         if references and not (min(references) >= 0 and max(references) < len(self.access.offsets)):
             wrong = next(r for r in references if not 0 <= r < len(self.access.offsets))
-            raise ValueError(f"value reference {traps.reference_given(wrong)} is no Real variable")
+            raise ValueError(f"{self.access.named(traps.reference_given(wrong))} is no Real variable")
 
     def _settable(self, reference: int) -> None:
         causality = self.access.causality[reference]
@@ -173,7 +174,10 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
     def setup_experiment(
         self, start_time: float, stop_time: float | None = None, tolerance: float | None = None
     ) -> None:
-        """Do nothing: the times are the importer's, and the accuracy is the scene's."""
+        """Do nothing but say so of a tolerance: the times are the importer's, and the accuracy is the scene's."""
+        if tolerance not in (None, self.access.accuracy):
+            text = f"tolerance = {tolerance!r} has no effect: the accuracy is the scene's, {self.access.accuracy!r}"
+            self._tell(f"fmi2SetupExperiment: {text}", Fmi2Status.warning)
 
     def enter_initialization_mode(self) -> None:
         """Begin initialisation, in which parameters and inputs can still be set."""

@@ -55,9 +55,14 @@ class Access:
         self.output_struct = _struct([self.offsets[r] for r in self.outputs])
         start = self.description["start_buffer"]
         self.start = struct.pack(f"{len(start)}d", *start)
-        self.last_time = self.description["last_time"]
+        self.last_time, self.accuracy = self.description["last_time"], self.description["accuracy"]
         self._folder = folder
         self._entries: Entries | None = None
+
+    def named(self, reference: int) -> str:
+        """Return what a value reference stands for, by its name if it has one."""
+        names = [*self.names, "status"]
+        return names[reference] if reference < len(names) else f"value reference {reference}"
 
     def entries(self) -> Entries:
         """Return the entries that were compiled ahead of time or, without those, let Numba compile them now."""

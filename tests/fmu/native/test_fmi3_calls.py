@@ -3,7 +3,6 @@
 import ctypes as c
 import math
 import re
-import subprocess
 
 import fmpy
 import numpy as np
@@ -13,6 +12,7 @@ from fmpy.fmi1 import FMICallException
 from rbfmu_fmu.native.linking import FMI_HEADERS
 from rbfmu_fmu.python.call_rules import CALLS, PHASES, SETTABLE
 from tests.support.fmu.beside_kernels import LOADED
+from tests.support.fmu.elf import elf
 from tests.support.fmu.fmu_importer import DISCARD, ERROR, OK
 from tests.support.fmu.fmus import built, opened, unzipped
 
@@ -86,8 +86,8 @@ def test_every_function_of_the_standard_is_there_and_nothing_else():
     header = (FMI_HEADERS / "fmi3Functions.h").read_text()
     functions = set(re.findall(r"FMI3_Export \w+\s+(fmi3\w+);", header))
     (library,) = unzipped("driven", "fmi3").glob("binaries/x86_64-linux/*.so")
-    found = subprocess.run(["nm", "-D", "--defined-only", library], capture_output=True, text=True, check=True).stdout
-    assert {line.split()[2] for line in found.splitlines()} == functions
+    _, found, _ = elf(library.read_bytes())
+    assert found == functions
     assert len(functions) > 70
 
 
@@ -145,7 +145,7 @@ def test_there_are_no_variables_of_other_types(kind):
         function = getattr(instance.lib, f"fmi3{verb}{kind}")
         assert function(instance.component, None, none, None, none) == OK
         assert function(instance.component, (c.c_uint * 1)(3), one, room, one) == ERROR
-        assert instance.log[-1][-1].decode() == f"fmi3{verb}{kind}: value reference 3 is no {kind} variable"
+        assert instance.log[-1][-1].decode() == f"fmi3{verb}{kind}: torque_b is no {kind} variable"
 
 
 @pytest.mark.parametrize("count", [0, 2, 4, 2**40])
@@ -210,22 +210,6 @@ def test_a_state_holds_pending_inputs_status_time_and_phase():
 def test_a_state_of_fmi_2_is_none_of_fmi_3():
     older = opened("driven", "native").started()
     assert started().deserialized(older.serialized(older.state()))[0] == ERROR
-
-
-def test_categories_are_turned_on_and_off_one_by_one():
-    for logging, switches, expected in (
-        (1, [], [DISCARD, ERROR]), (0, [], [ERROR]), (0, [(1,)], [DISCARD, ERROR]), (1, [(0,)], [ERROR]),
-        (1, [(0, "logStatusError")], [DISCARD, ERROR]), (1, [(0, "logStatusDiscard")], [ERROR]),
-        (0, [(1, "logStatusError")], [ERROR]), (1, [(0,), (1, "logStatusDiscard")], [DISCARD, ERROR]),
-        (0, [(1, "logAll")], [DISCARD, ERROR]), (1, [(1, "logStatusError")], [DISCARD, ERROR]),
-    ):  # fmt: skip
-        instance = fmi3().instance(logging=logging)
-        instance.start()
-        for on, *categories in switches:
-            assert instance.set_debug_logging(on, *categories) == OK
-        assert instance.step(0.0, 1e300) == DISCARD
-        assert instance.step(0.0, -1.0) == ERROR
-        assert [status for status, _, _ in instance.log] == expected
 
 
 def test_a_hash_in_a_message_names_no_variable():

@@ -184,11 +184,23 @@ def test_in_an_update_no_other_call_is_allowed(call):
     assert instance.outputs() == started(LOADED).steps(1)[0]
 
 
-@pytest.mark.parametrize("asked", ["mass", "time", "status", 99999])
+@pytest.mark.parametrize("asked", ["mass", "time", 99999])
 def test_what_takes_no_part_in_updates_cannot_be_named_for_them(asked):
     instance = opened("driven", "fmi3").instance(updates=lambda *arguments: None, intermediate=[asked])
     assert not instance.component.value
     assert b"is no input or output for intermediate updates" in instance.log[-1][-1]
+
+
+def test_the_status_can_be_read_after_the_step():
+    found = []
+
+    def update(environment, time, may_set, may_get, *rest):
+        found.append(instance.get_integer(instance.fmu.references["status"]) if may_get else may_set)
+
+    instance = opened("driven", "fmi3").instance(updates=update, intermediate=["status"])
+    instance.start(LOADED)
+    assert instance.step(0.0, H) == OK
+    assert found == [True, True, (OK, 0)]
 
 
 @pytest.mark.parametrize("kind", KINDS)

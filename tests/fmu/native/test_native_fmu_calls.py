@@ -280,22 +280,31 @@ def test_numbers_in_messages_are_pythons_own(value):
         assert f"= {value!r}:" in instance.log[-1][-1].decode()
 
 
-def test_errors_are_always_logged_and_discards_on_demand():
-    for logging, categories, expected in (
-        (0, None, [ERROR]), (1, None, [DISCARD, ERROR]), (0, (), [DISCARD, ERROR]),
-        (0, ("logAll",), [DISCARD, ERROR]), (1, ("logStatusError",), [ERROR]),
-        (0, ("logStatusError", "logStatusDiscard"), [DISCARD, ERROR]),
-    ):  # fmt: skip
-        instance = native().instance(logging=logging)
+@pytest.mark.parametrize("kind", ["native", "fmi3"])
+@pytest.mark.parametrize("logging", [0, 1])
+def test_errors_and_discards_are_logged_whatever_is_turned_on_or_off(kind, logging):
+    """FMPy, for one, turns debug logging on where it is asked to; else nobody would know why a run has ended."""
+    for switch in ((), (0,), (1,), (1, "logStatusError"), (0, "logStatusError", "logStatusDiscard")):
+        instance = opened("driven", kind).instance(logging=logging)
         instance.start()
-        if categories is not None:
-            assert instance.set_debug_logging(1, *categories) == OK
+        assert not switch or instance.set_debug_logging(*switch) == OK
         assert instance.step(0.0, 1e300) == DISCARD
         assert instance.step(0.0, -1.0) == ERROR
-        assert [status for status, _, _ in instance.log] == expected
-        assert instance.set_debug_logging(0) == OK
-        assert instance.step(0.0, 1e300) == DISCARD
-        assert len(instance.log) == len(expected)
+        assert [(status, category) for status, category, _ in instance.log] == [
+            (DISCARD, b"logStatusDiscard"), (ERROR, b"logStatusError"),
+        ]  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ["native", "fmi3"])
+def test_a_tolerance_that_is_not_the_scenes_accuracy_is_said_to_have_no_effect(kind):
+    for tolerance, said in (
+        (1e-3, []),
+        (1e-9, ["tolerance = 1e-09 has no effect: the accuracy is the scene's, 0.001"]),
+    ):
+        instance = opened("driven", kind).instance()
+        assert instance.setup(tolerance=tolerance) == instance.enter() == OK
+        assert [text.decode().split(": ", 1)[1] for _, _, text in instance.log] == said
+        assert all(category == b"logStatusWarning" for _, category, _ in instance.log)
 
 
 def test_unknown_categories_are_an_error_and_no_message_is_a_format_or_names_a_variable():

@@ -87,9 +87,11 @@ class Instance:
         arguments = (guid or fmu.guid).encode(), uri.encode(), c.byref(self._callbacks)
         self.component = c.c_void_p(self.lib.fmi2Instantiate(name and name.encode(), kind, *arguments, 0, logging))
 
-    def setup(self, start=0.0, stop=None):
+    def setup(self, start=0.0, stop=None, tolerance=None):
         times = c.c_double(start), int(stop is not None), c.c_double(stop or 0.0)
-        return self.lib.fmi2SetupExperiment(self.component, 0, c.c_double(0.0), *times)
+        return self.lib.fmi2SetupExperiment(
+            self.component, int(tolerance is not None), c.c_double(tolerance or 0.0), *times
+        )
 
     def enter(self):
         return self.lib.fmi2EnterInitializationMode(self.component)

@@ -63,7 +63,7 @@ class Instance3(Instance):
     """Calls return the FMI status; updates: called in intermediate updates, which are about `intermediate`."""
 
     def __init__(self, fmu, name, guid=None, kind=1, logging=1, updates=None, intermediate=(), early=False, events=0):
-        self.fmu, self.lib, self.log, self.times = fmu, fmu.lib, [], (0.0, 0, 0.0)
+        self.fmu, self.lib, self.log, self.times, self.tolerance = fmu, fmu.lib, [], (0.0, 0, 0.0), (0, 0.0)
         self._logger = LOGGER(lambda environment, *message: self.log.append(message))
         self._update = UPDATE(updates) if updates else UPDATE()
         first = name and name.encode(), (guid or fmu.guid).encode(), b"", c.c_bool(False), c.c_bool(logging)
@@ -76,15 +76,17 @@ class Instance3(Instance):
             made = self.lib.fmi3InstantiateModelExchange(*first, None, self._logger)
         self.component = c.c_void_p(made)
 
-    def setup(self, start=0.0, stop=None):
+    def setup(self, start=0.0, stop=None, tolerance=None):
         """Of FMI 2.0: here a part of `enter`."""
         self.times = start, stop is not None, stop or 0.0
+        self.tolerance = tolerance is not None, tolerance or 0.0
         return OK
 
     def enter(self):
         start, has_stop, stop = self.times
         times = c.c_double(start), c.c_bool(has_stop), c.c_double(stop)
-        return self.lib.fmi3EnterInitializationMode(self.component, c.c_bool(False), c.c_double(0.0), *times)
+        tolerance = c.c_bool(self.tolerance[0]), c.c_double(self.tolerance[1])
+        return self.lib.fmi3EnterInitializationMode(self.component, *tolerance, *times)
 
     def exit(self):
         return self.lib.fmi3ExitInitializationMode(self.component)
