@@ -155,7 +155,8 @@ IMPORTERS = {
     "fmpy simulate": ("FMPy, as a command", "`fmpy simulate native.fmu`"),
     "libcosimpy": ("libcosim (Open Simulation Platform)", "`pip install libcosimpy`, then as "
                    "[05_system.py](../examples/05_system.py): two FMUs and a controller in a system file"),
-    "ecospy": ("Ecos in Python (ecospy)", "`pip install ecospy tbb`"),
+    "ecospy": ("Ecos in Python (ecospy)", "`pip install ecospy tbb`, then "
+               "`export LD_LIBRARY_PATH=$(python -c 'import sys; print(sys.prefix)')/lib`, where Ecos finds tbb"),
     "ecos": ("Ecos, the program", _OR_PRELOADED),
     "fmuCheck": ("fmuCheck, the FMU Compliance Checker", _OR_PRELOADED),
     "fmusim": ("fmusim, of the Reference FMUs", _OR_PRELOADED),
