@@ -15,7 +15,7 @@ from rbfmu.runs.time_grid import last_time
 from rbfmu.scene.scene import Scene
 from rbfmu_fmu.variable_words import components, nominal_sizes
 from rbfmu_kernels.buffer import CHANGED, FAULTS
-from rbfmu_kernels.quantities import BY_NAME, IN_BUFFER_ORDER, OUTPUT, PORTS, indices
+from rbfmu_kernels.quantities import BY_NAME, FORCES, IN_BUFFER_ORDER, OUTPUT, PORTS, TORQUES, indices
 
 
 @dataclass(frozen=True)
@@ -59,6 +59,8 @@ class Description:
     faults: dict[int, tuple[str, str]]
     changed: str
     """What stands for a fault's block where a model does not serve the parameters that were changed."""
+    without_effect: dict[str, tuple[str, ...]]
+    """By output, inputs that it follows at once in other bodies, but not in this one."""
 
     @property
     def last_time(self) -> float:
@@ -108,7 +110,19 @@ def describe(scene: Scene, plan: Plan) -> Description:
         outputs_end=max(kernels.BLOCKS[name].stop for name in OUTPUT if name in kernels.BLOCKS),
         faults=FAULTS,
         changed=CHANGED,
+        without_effect=_without_effect(scene, plan),
     )
+
+
+def _without_effect(scene: Scene, plan: Plan) -> dict[str, tuple[str, ...]]:
+    """Return what nothing links: at the centre of mass, forces turn no body, torques shift none; pivots hold."""
+    body = scene.body
+    if body is None:
+        return {}
+    fixed = "r_oc_b" in plan.pinned or "r_oc_b" not in needed_parameters(scene, plan.model)
+    central = fixed and not any(body.r_oc_b)
+    turned_by_none = {"alpha_b": tuple(sorted(FORCES))} if central or body.pivot else {}
+    return turned_by_none | ({"acceleration": tuple(sorted(TORQUES))} if central else {})
 
 
 def sizes(scene: Scene, plan: Plan) -> tuple[int, tuple[int, int]]:

@@ -102,12 +102,16 @@ def unit_and_limits(v: Variable) -> dict[str, str]:
 
 def depends_on(d: Description, output: Variable) -> list[int]:
     """Return the inputs, by their number among the variables, that an output follows at once."""
-    feedthrough = OUTPUT[output.block].feedthrough
+    feedthrough = _feedthrough(d, output)
     return [k for k, v in enumerate(d.variables) if v.causality == "input" and v.block in feedthrough]
 
 
 def depends_initially_on(d: Description, output: Variable) -> list[int]:
     """Return the inputs and parameters, by their number, that an output depends on at the start."""
-    row = OUTPUT[output.block]
-    first = {*row.initially, *row.feedthrough}
+    first = {*OUTPUT[output.block].initially, *_feedthrough(d, output)}
     return [k for k, v in enumerate(d.variables) if v.causality != "output" and v.block in first]
+
+
+def _feedthrough(d: Description, output: Variable) -> set[str]:
+    """Return the inputs, by their blocks, that an output follows at once in this body."""
+    return {*OUTPUT[output.block].feedthrough}.difference(d.without_effect.get(output.block, ()))
