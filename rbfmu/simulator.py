@@ -73,6 +73,8 @@ class Simulator:
         ports: three finite numbers each; what is not given keeps its last value. Raises ValueError for a wrong input,
         SimulationError where the step is refused: then nothing has changed, and no input either.
         """
+        if h is not None and type(h) is not float and not isinstance(h, Real):
+            raise TypeError(f"h = {shown(h)}: expected a number (s); inputs are given by name")
         before = self._put(ports) if ports else ()
         if h is None:
             end = self._begin + (self._count + 1) * self._h
@@ -121,10 +123,11 @@ class Simulator:
                 return ValueError(
                     f"input {name!r}: expected {f'one of {known}' if known else 'none: there are no ports'}"
                 )
-            numbers = np.asarray(value, dtype=object).ravel()
-            good = len(numbers) == 3 and all(isinstance(x, Real) and math.isfinite(x) for x in numbers)
+            numbers = np.asarray(value, dtype=object)
+            good = numbers.shape == (3,) and all(isinstance(x, Real) and math.isfinite(x) for x in numbers)
             if not good:
-                return ValueError(f"{name} = {shown(value)}: expected 3 finite numbers ({BY_NAME[name].unit})")
+                shape = f", of shape (3,) and not {numbers.shape}" if numbers.ndim > 1 else ""
+                return ValueError(f"{name} = {shown(value)}: expected 3 finite numbers ({BY_NAME[name].unit}){shape}")
         return ValueError(f"inputs {shown(ports)}: expected numbers whose sum is finite")
 
     def reset(self, **parameters: Any) -> None:
@@ -132,6 +135,10 @@ class Simulator:
         self._z[:] = _started(self.scene, self.plan, parameters)
         self.time = self._begin = self.scene.run.start
         self._count = 0
+
+    def values(self) -> dict[str, Any]:
+        """Return time and all quantities at this time; `Result.of_rows` makes a result of a loop's."""
+        return {"time": self.time} | {name: getattr(self, name) for name in self._quantities}
 
     def save(self) -> bytes:
         """Return the whole state, for `restore` of this or another simulator of the scene."""
@@ -194,7 +201,10 @@ def _started(scene: Scene, planned: Plan, parameters: dict[str, Any]) -> Buffer:
 def _with_parameters(scene: Scene, planned: Plan, parameters: dict[str, Any]) -> Scene:
     for name in parameters:
         if name not in _KEYS or (scene.body is None and name != "quaternion_0"):
-            raise SceneError(f"parameter {name!r}: expected one of {', '.join(_KEYS)}", scene.name)
+            whole = name.partition("[")[0]
+            meant = next((key for key in (whole, f"{whole}_0") if key in _KEYS and key != name), "")
+            expected = f"{meant}, with all of its numbers" if meant else f"one of {', '.join(_KEYS)}"
+            raise SceneError(f"parameter {name!r}: expected {expected}", scene.name)
     changed = scene.replace({_KEYS[name]: _plain(value) for name, value in parameters.items()})
     blocks, old, new = planned.kernels.BLOCKS, filled_buffer(scene, planned), filled_buffer(changed, planned)
     for name in parameters:
