@@ -125,7 +125,7 @@ class Geometry:
         middle = (seen.min(axis=0) + seen.max(axis=0)) / 2.0
         aside = np.max(np.abs(seen - middle)[:, :2], axis=1) + LETTER
         distance = float(np.max(aside / np.tan(field_of_view / 2.0) + seen[:, 2] - middle[2]))
-        return middle @ self.screen, (middle + [0.0, 0.0, distance]) @ self.screen
+        return middle @ self.screen, (middle + np.array([0.0, 0.0, distance])) @ self.screen
 
     def arrows(self, vectors: Array, length: float) -> Array:
         """Return vectors (n, 3) as arrows, of which the longest of the run has this length."""

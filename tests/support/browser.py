@@ -72,6 +72,7 @@ def photographed(path: Path, picture: Path, part: float = 0.6) -> None:
     """Write what a page shows at a part of its motion to a file."""
     with open_page(path, 1000, 620) as page:
         page.seek(part)
+        page.page.add_style_tag(content=".mantine-Notifications-root, .mantine-Notification-root { display: none }")
         page.page.screenshot(path=picture)
 
 
