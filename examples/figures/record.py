@@ -106,7 +106,9 @@ def stamp_picture(name: str) -> None:
     """Note in a picture that was drawn just now which sources it rests on."""
     text = PngInfo()
     text.add_text(_KEY, digest(name))
-    Image.open(place(name)).save(place(name), pnginfo=text, optimize=True)
+    with Image.open(place(name)) as picture:
+        picture.load()
+        picture.save(place(name), pnginfo=text, optimize=True)
 
 
 def read(name: str) -> tuple[list[str], list[dict[str, str]]]:
@@ -119,5 +121,6 @@ def read(name: str) -> tuple[list[str], list[dict[str, str]]]:
 def is_up_to_date(name: str) -> bool:
     """Return whether figures were measured, or a picture drawn, with today's sources."""
     if name in PICTURES:
-        return Image.open(place(name)).info.get(_KEY) == digest(name)
+        with Image.open(place(name)) as picture:
+            return bool(picture.info.get(_KEY) == digest(name))
     return _STAMP + digest(name) in place(name).read_text(encoding="utf-8").splitlines()
