@@ -33,6 +33,10 @@ def markdown(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
 
 
+SURE = 2.0
+"""The factor up to which ratios of times hold, as the page says, that were measured on a machine with other work."""
+
+
 def two_digits(number: float) -> str:
     """Return a number to two digits, without an exponent."""
     return f"{float(f'{number:.2g}'):,.12g}"
@@ -47,17 +51,17 @@ def accuracy_and_cost() -> str:
         for (motion, outputs), group in groupby(rows, lambda row: (row["motion"], row["outputs"]))
     ]
     titles = ["motion", "outputs", *(f"error {short(float(accuracy))}" for accuracy in accuracies)]
-    noise = float(rows[0]["noise"])
-    measured = f"Where no name stands, the other is heyoka.py. Costs within a factor of {noise:.2f} are even."
+    measured = f"Where no name stands, the other is heyoka.py. Bold is less by a factor of more than {SURE:g}."
     return f"{markdown(titles, table)}\n{measured} {machine(head)}\n"
 
 
 def times(row: dict[str, str]) -> str:
-    """Return both times in microseconds, the lesser one bold; heyoka.py, the usual peer, is not named."""
+    """Return both times in microseconds, the lesser bold if that is sure; heyoka.py, the usual peer, is not named."""
     own, other = (two_digits(1e6 * float(row[who])) for who in ("seconds", "peer_seconds"))
-    if row["even"] == "False":
-        is_ahead = float(row["seconds"]) < float(row["peer_seconds"])
-        own, other = (f"**{own}**", other) if is_ahead else (own, f"**{other}**")
+    if (ratio := float(row["peer_seconds"]) / float(row["seconds"])) > SURE:
+        own = f"**{own}**"
+    elif ratio < 1.0 / SURE:
+        other = f"**{other}**"
     return f"{own} / {other}" + (f" {row['peer']}" if row["peer"] != "heyoka.py" else "")
 
 

@@ -31,6 +31,7 @@ from rbfmu.cli_output import (
     print_keys,
     print_verdict,
     print_verification,
+    print_written,
     say_where_nothing_is_kept,
     write_new,
 )
@@ -165,6 +166,8 @@ def run(
 
         plot_result(result, plot, loaded.name)
     print_end(loaded, planned, result, bool(driven))
+    units = output.with_suffix(".units.csv") if output and output.suffix == ".csv" else None
+    print_written(output, units, plot)
 
 
 @main.command()

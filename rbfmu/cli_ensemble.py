@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from rbfmu.cli_options import PICTURES, STORES, given_scene, run_options
-from rbfmu.cli_output import check_target, planning_bar, print_ensemble, usage_errors
+from rbfmu.cli_output import check_target, planning_bar, print_ensemble, print_written, usage_errors
 from rbfmu.extras import needed
 
 
@@ -51,7 +51,21 @@ def ensemble(
         with executor_of(workers, scheduler) as executor:
             with planning_bar(asked.name) as bar:
                 planned = plan_ensemble(asked, bar)
-            found = run_ensemble(asked, output, executor, resume=resume, planned=planned)
+            try:
+                found = run_ensemble(asked, output, executor, resume=resume, planned=planned)
+            except KeyboardInterrupt:
+                if output:
+                    _say_what_is_kept(output)
+                raise
         if plot:
             found.plot(plot)
         print_ensemble(planned, found)  # which reads the store
+    print_written(output, plot)
+
+
+def _say_what_is_kept(store: Path) -> None:
+    from rbfmu.ensembles.result import kept_runs
+
+    done, runs = kept_runs(store)
+    goes_on = "; --resume goes on with them" if done else ""
+    click.echo(f"\n{store}: {done:,}{f' of {runs:,}' if runs else ''} runs are kept{goes_on}", err=True)

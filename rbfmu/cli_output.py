@@ -152,24 +152,34 @@ def plan_text(scene: "Scene", chosen: "Plan", variables: int, full: tuple[int, i
     cost = f"about {float(f'{chosen.cost:.2g}'):,.0f} ns a step of {scene.run.step:g} s on {MACHINE}"
     lines = [
         f"{chosen.model}: {chosen.method}",
+        f"{expected_error(scene, chosen, driven)}, {cost}",
         *chosen.reasons,
         f"{chosen.states} state{'s' * (chosen.states != 1)} and {variables} FMU variables, "
         f"against {full[0]} and {full[1]} of the full model",
-        f"{expected_error(scene, chosen, driven)}, {cost}",
     ]
     return "\n".join(lines)
 
 
 def print_end(scene: "Scene", planned: "Plan", result: Any, driven: bool) -> None:
     """Print the model and its method, why they serve, the error to expect, and the last values."""
+    if scene.inputs.ports:  # their course is known, so that no loop is closed
+        from rbfmu.planning.driven import without_loops
+
+        planned = without_loops(scene, planned)
     click.echo(f"{planned.model}: {planned.method}")
+    click.echo(f"{expected_error(scene, planned, driven)}, accuracy asked {scene.run.accuracy:g}")
     for reason in planned.reasons:
         click.echo(reason)
-    click.echo(f"{expected_error(scene, planned, driven)}, accuracy asked {scene.run.accuracy:g}")
     rows = [("at the end", "unit", f"t = {result.time[-1]:g} s")]
     for name, values in result.quantities.items():
         rows.append((name, result.units[name], " ".join(f"{x: .8g}" for x in values[-1:].ravel())))
     _print_columns(rows)
+
+
+def print_written(*paths: Path | None) -> None:
+    """Print which files were written, if any."""
+    if written := ", ".join(str(path) for path in paths if path):
+        click.echo(f"written: {written}")
 
 
 def print_ensemble(planned: Any, result: Any) -> None:

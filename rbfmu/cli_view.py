@@ -10,8 +10,8 @@ from rbfmu.cli_output import check_target, planning_bar, say_where_nothing_is_ke
 
 @click.command()
 @click.argument("source", metavar="SCENE|RESULT", type=click.Path(path_type=Path))
-@click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), default=Path("motion.html"),
-              show_default=True, help="Page to write.")  # fmt: skip
+@click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path),
+              help="Page to write, also over one that is there.  [motion.html, if there is none]")  # fmt: skip
 @click.option("--scene", "body", type=click.Path(path_type=Path), help="Whose body a RESULT (.csv, .npz) moves.")
 @click.option("--stop", type=float, help="End of what is shown (s).")
 @click.option("--ghosts", type=click.IntRange(0), default=0, metavar="N",
@@ -19,7 +19,7 @@ from rbfmu.cli_output import check_target, planning_bar, say_where_nothing_is_ke
 @input_options
 def view(
     source: Path,
-    output: Path,
+    output: Path | None,
     body: Path | None,
     stop: float | None,
     ghosts: int,
@@ -33,9 +33,12 @@ def view(
     from rbfmu.viewer import view as write_page
 
     check_target(output, "--output", (".html",))
+    target = output or Path("motion.html")
+    if output is None and target.exists():
+        raise click.UsageError(f"{target}: exists already, and stays as it is; -o {target} writes over it")
     say_where_nothing_is_kept()
     with usage_errors(), planning_bar(source.stem) as bar:
         driven = driven_by(inputs, interpolate)
-        motion = write_page(source, output, scene=body, stop=stop, progress=bar, ghosts=ghosts, **driven)
-    size = output.stat().st_size / 1e6
-    click.echo(f"{output}: {size:.1f} MB, {len(motion.result.time)} pictures, played in {motion.played:.3g} s")
+        motion = write_page(source, target, scene=body, stop=stop, progress=bar, ghosts=ghosts, **driven)
+    size = target.stat().st_size / 1e6
+    click.echo(f"{target}: {size:.1f} MB, {len(motion.result.time)} pictures, played in {motion.played:.3g} s")

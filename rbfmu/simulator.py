@@ -125,16 +125,21 @@ class Simulator:
                 return ValueError(
                     f"input {name!r}: expected {f'one of {known}' if known else 'none: there are no ports'}"
                 )
-            numbers = np.asarray(value, dtype=object).ravel()
-            good = len(numbers) == 3 and all(issubclass(type(x), Real) and abs(x) < math.inf for x in numbers)
+            numbers = np.asarray(value, dtype=object)
+            good = numbers.shape == (3,) and all(issubclass(type(x), Real) and abs(x) < math.inf for x in numbers)
             if not good:
-                return ValueError(f"{name} = {shown(value)}: expected 3 finite numbers ({BY_NAME[name].unit})")
+                shape = f", of shape (3,) and not {numbers.shape}" if numbers.ndim > 1 else ""
+                return ValueError(f"{name} = {shown(value)}: expected 3 finite numbers ({BY_NAME[name].unit}){shape}")
         return ValueError(f"inputs {shown(ports)}: expected numbers whose sum is finite")
 
     def reset(self, **parameters: Any) -> None:
         """Begin anew with the scene's values and the parameters given; inputs are zero. Raises SceneError."""
         self._z[:] = _started(self.scene, self.plan, parameters)
         self.time, self._count = self._start, 0
+
+    def values(self) -> dict[str, Any]:
+        """Return time and all quantities at this time; `Result.of_rows` makes a result of a loop's."""
+        return {"time": self.time} | {name: getattr(self, name) for name in self._quantities}
 
     def save(self) -> bytes:
         """Return the whole state, for `restore` of this or another simulator of the scene."""
@@ -154,7 +159,7 @@ def _seconds(h: Any) -> float:
     try:
         return math.ldexp(h, 0)  # unlike float(), takes no text
     except (TypeError, OverflowError):
-        raise TypeError(fault("h", h, "a number (s)")) from None
+        raise TypeError(fault("h", h, "a number (s); inputs are given by name")) from None
 
 
 def _reader(row: Output) -> property:
@@ -205,7 +210,10 @@ def _started(scene: Scene, planned: Plan, parameters: dict[str, Any]) -> Buffer:
 def _with_parameters(scene: Scene, planned: Plan, parameters: dict[str, Any]) -> Scene:
     for name in parameters:
         if name not in _KEYS or (scene.body is None and name != "quaternion_0"):
-            raise SceneError(f"parameter {name!r}: expected one of {', '.join(_KEYS)}", scene.name)
+            whole = name.partition("[")[0]
+            meant = next((key for key in (whole, f"{whole}_0") if key in _KEYS and key != name), "")
+            expected = f"{meant}, with all of its numbers" if meant else f"one of {', '.join(_KEYS)}"
+            raise SceneError(f"parameter {name!r}: expected {expected}", scene.name)
     changed = scene.replace({_KEYS[name]: _plain(value) for name, value in parameters.items()})
     blocks, old, new = planned.kernels.BLOCKS, filled_buffer(scene, planned), filled_buffer(changed, planned)
     for name in parameters:

@@ -156,6 +156,7 @@ def draw(found: list[Cost], path: Path) -> None:
         axes.set_xlabel("runs")
         open_frame(axes, grid=True)
     panels[0].legend(frameon=False, fontsize=8)
+    figure.suptitle("Many runs cost at most in proportion to their number, and hardly more memory", fontsize=11)
     figure.savefig(path, dpi=130)
 
 

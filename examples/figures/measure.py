@@ -1,4 +1,4 @@
-"""How each file of figures is measured anew."""
+"""How each file of figures is measured anew, and each picture drawn."""
 
 import importlib.util
 import tempfile
@@ -14,6 +14,8 @@ NEEDED = {
     "gallery_cost": ("mujoco",),
     "kernels": ("scipy", "quaternion", "quaternionic"),
     "interop": ("libcosimpy", "ecospy"),
+    "own_chart": ("heyoka", "numbalsoda", "mujoco", "scipy"),
+    "view": ("viser", "playwright"),
 }
 """Packages without which figures would miss a peer."""
 PEERS_CASES = ("a", "c", "c'", "d", "f")
@@ -59,6 +61,51 @@ def interop() -> Rows:
     return run.main()
 
 
+def own_chart(path: Path) -> None:
+    """Draw the chart of a falling top."""
+    from examples.gallery.page import scene_file
+    from rbfmu import chart
+
+    chart(scene_file("top_falling")).figure().savefig(path)
+
+
+def ensembles(path: Path) -> None:
+    """Draw what ensembles cost by the number of runs."""
+    from examples.benchmarks import ensembles as bench
+
+    bench.draw(bench.costs(), path)
+
+
+def tumbling_brick(path: Path) -> None:
+    """Draw the picture of the demonstration."""
+    from rbfmu import simulate
+    from rbfmu_fmu.demo import draw, scene_file
+
+    draw(simulate(scene_file("tumbling_brick.toml")), path)
+
+
+def detumbling(path: Path) -> None:
+    """Draw ten thousand releases of a satellite."""
+    from rbfmu import run_ensemble
+
+    run_ensemble(record.ROOT / "examples" / "detumbling.toml", progress=False).plot(path)
+
+
+def view(path: Path) -> None:
+    """Photograph the page of a tumbling brick; needs a headless browser."""
+    from examples.gallery.page import scene_file
+    from rbfmu import view as view_of
+    from tests.support.browser import photographed
+
+    with tempfile.TemporaryDirectory() as folder:
+        view_of(scene_file("tumbling_brick"), page := Path(folder) / "motion.html")
+        photographed(page, path)
+
+
+DRAWN: dict[str, Callable[[Path], None]] = {
+    "own_chart": own_chart, "ensembles": ensembles, "tumbling_brick": tumbling_brick, "detumbling": detumbling,
+    "view": view,
+}  # fmt: skip
 MEASURED: dict[str, Callable[[], Rows]] = {
     "peers": peers, "gallery_cost": gallery_cost, "kernels": kernels, "native": native, "interop": interop,
 }  # fmt: skip
@@ -77,4 +124,8 @@ def measure(name: str) -> None:
     """Measure and keep these figures. Raises SystemExit where a peer is not installed."""
     if lacking := missing(name):
         raise SystemExit(f"{name}: measured only with {', '.join(lacking)} installed (extras bench, interop)")
-    record.write(name, MEASURED[name]())
+    if name in DRAWN:
+        DRAWN[name](record.place(name))
+        record.stamp_picture(name)
+    else:
+        record.write(name, MEASURED[name]())

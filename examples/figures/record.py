@@ -9,6 +9,9 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
+
 from rbfmu.studies.work_precision.collection import machine, write_rows
 
 ROOT = Path(__file__).parents[2]
@@ -28,13 +31,23 @@ SOURCES: dict[str, tuple[str, ...]] = {
                f"{_BENCH}/native.py:_scene,_costs,_numba_timer,Running"),
     "interop": (_NATIVE, "examples/interop/importers.py",
                 "examples/interop/run.py:by_kernels,job_of,try_importer,comparison"),
+    "own_chart": (*KERNELS, "rbfmu/studies/own_chart/*.py", f"{_STUDY}/*.py", "rbfmu/planning/*.py",
+                  "examples/scenes/top_falling.toml"),
+    "ensembles": (f"{_BENCH}/ensembles.py:scene_of,cost_here,costs,draw", "rbfmu/ensembles/*.py", "rbfmu/plot.py"),
+    "tumbling_brick": ("fmu_build/rbfmu_fmu/demo.py:draw", "fmu_build/rbfmu_fmu/nasa_brick.py", "rbfmu/plot.py"),
+    "detumbling": ("rbfmu/ensembles/pictures.py", "rbfmu/ensembles/drivers.py", "examples/detumbling.toml"),
+    "view": ("rbfmu/viewer/*.*", "tests/support/browser.py:photographed"),
 }  # fmt: skip
-"""By the name of a file of figures: what it rests on, files or functions and classes in them."""
-_STAMP = "# sources "
+"""By the name of a file of figures or of a picture: what it rests on, files or functions and classes in them."""
+PICTURES = ("own_chart", "ensembles", "tumbling_brick", "detumbling", "view")
+"""Pictures of the pages, which carry the digest in their file."""
+_STAMP, _KEY = "# sources ", "sources"
 
 
 def place(name: str) -> Path:
     """Return the file of these figures; the gallery's stand beside its pictures."""
+    if name in PICTURES:
+        return ROOT / "examples" / f"{name}.png"
     return ROOT / "examples" / "pictures" / f"{name}.csv" if name == "gallery_cost" else FOLDER / f"{name}.csv"
 
 
@@ -89,6 +102,15 @@ def write(name: str, rows: Iterable[dict[str, Any]]) -> None:
     write_rows(place(name), rows, [*machine(), stamp(name)])
 
 
+def stamp_picture(name: str) -> None:
+    """Note in a picture that was drawn just now which sources it rests on."""
+    text = PngInfo()
+    text.add_text(_KEY, digest(name))
+    with Image.open(place(name)) as picture:
+        picture.load()
+        picture.save(place(name), pnginfo=text, optimize=True)
+
+
 def read(name: str) -> tuple[list[str], list[dict[str, str]]]:
     """Return the lines on where figures were measured, and the figures."""
     lines = place(name).read_text(encoding="utf-8").splitlines()
@@ -97,5 +119,8 @@ def read(name: str) -> tuple[list[str], list[dict[str, str]]]:
 
 
 def is_up_to_date(name: str) -> bool:
-    """Return whether figures were measured with today's sources."""
+    """Return whether figures were measured, or a picture drawn, with today's sources."""
+    if name in PICTURES:
+        with Image.open(place(name)) as picture:
+            return bool(picture.info.get(_KEY) == digest(name))
     return _STAMP + digest(name) in place(name).read_text(encoding="utf-8").splitlines()

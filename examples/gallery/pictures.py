@@ -115,7 +115,7 @@ def spinning_satellite(scene: rbfmu.Scene) -> Figure:
 
 
 def gyro_attitude(scene: rbfmu.Scene) -> Figure:
-    """Draw the drift that coning leaves, with the classical formula."""
+    """Draw the cone, and the drift that it leaves, with the classical formula."""
     h = scene.run.step
     time, found = around.driven(scene, lambda t, _: {"omega_b": around.mean_rates(t, h)})
     truth = np.array([around.coning_attitude(t) for t in time])
@@ -127,12 +127,14 @@ def gyro_attitude(scene: rbfmu.Scene) -> Figure:
     path.plot(z[:, 0], z[:, 1], "o-", color=GREY, markersize=3, linewidth=1.0)
     path.set_aspect("equal")
     path.margins(0.1)
-    name_axes(path, "tilt of the axis (°)", "(°)")
+    path.annotate(f"one cone: {10 * h:g} s,\n10 steps", (0.0, 0.0), ha="center", va="center", color=GREY, fontsize=9)
+    name_axes(path, "tilt of the axis to x (°)", "tilt to y (°)")
     axes.plot(time, drift, color=BLUE)
     axes.plot(time[::100], predicted[::100], "o", color=VERMILION, markersize=4)
     axes.annotate("attitude from the rates", (4.6, 0.6 * drift[-1]), color=BLUE, fontsize=9, ha="right")
-    axes.annotate("½ Ω sin²β (1 - sin Ωh / Ωh) t", (5.4, 0.3 * drift[-1]), color=VERMILION, fontsize=9)
-    name_axes(axes, "time (s)", "drift (°)")
+    formula = "formula: ½ Ω sin²β (1 - sin Ωh / Ωh) t\nrate Ω and half angle β of the cone, step h"
+    axes.annotate(formula, (9.9, 0.2 * drift[-1]), color=VERMILION, fontsize=9, ha="right")
+    name_axes(axes, "time (s)", "drift of the attitude (°)")
     return figure
 
 

@@ -79,7 +79,7 @@ def run_demo(folder: Path, console: Console) -> bool:
     with doing("verifying the FMU against the kernels"):
         verified = verify(fmu)
     with doing("drawing"):
-        _draw(result, folder / "tumbling_brick.png")
+        draw(result, folder / "tumbling_brick.png")
     ways = [kernels, by_api, by_command]
     passed = _print(console, scene, planned, result, ways, verified)
     names = ("tumbling_brick.png", "tumbling_brick.fmu", "kernels.csv", "kernels.units.csv", "fmpy_command.csv")
@@ -160,7 +160,8 @@ def _print(
     return passed
 
 
-def _draw(result: Result, path: Path) -> None:
+def draw(result: Result, path: Path) -> None:
+    """Draw the brick's motion and its errors beside NASA's simulations; marks that coincide differ in size."""
     figure = Figure(figsize=(8.4, 7.2), layout="constrained")
     rates, angles, error = figure.subplots(3, 1, sharex=True, height_ratios=(1.1, 1.1, 1.0))
     draw_components(rates, result.time, np.degrees(result.omega_b), ("p", "q", "r"))
@@ -168,14 +169,14 @@ def _draw(result: Result, path: Path) -> None:
     draw_components(angles, result.time, turned, ("yaw", "pitch", "roll"), turn=360.0)
     nasa = np.array(nasa_brick.NASA["01"])
     for k in range(3):
-        rates.plot(nasa[:, 0], nasa[:, 1 + k], "o", color=COLORS[k], markersize=6, markerfacecolor="white")
-        angles.plot(nasa[:, 0], nasa[:, 4 + k], "o", color=COLORS[k], markersize=6, markerfacecolor="white")
-    for simulation, marker in (("01", "o"), ("04", "s")):
+        for axes, first in ((rates, 1), (angles, 4)):
+            axes.plot(nasa[:, 0], nasa[:, first + k], "o", color=COLORS[k], markersize=10 - 3 * k, fillstyle="none")
+    for simulation, mark in (("01", {"marker": "o", "markersize": 10, "fillstyle": "none"}),
+                             ("04", {"marker": "s", "markersize": 4})):  # fmt: skip
         found = np.array(nasa_brick.errors(simulation, result.time, result.quaternion, result.omega_b))
-        error.semilogy(found[:, 0], found[:, 1], marker, color=COLORS[0], label=f"rates against {simulation}, deg/s",
-                       markerfacecolor="white" if simulation == "01" else None)  # fmt: skip
-        error.semilogy(found[:, 0], found[:, 2], marker, color=COLORS[1], label=f"attitude against {simulation}, deg",
-                       markerfacecolor="white" if simulation == "01" else None)  # fmt: skip
+        for k, what in ((1, "rates against {}, deg/s"), (2, "attitude against {}, deg")):
+            error.semilogy(found[:, 0], found[:, k], linestyle="", color=COLORS[k - 1], label=what.format(simulation),
+                           **mark)  # fmt: skip
     for bound, k in ((RATE_BOUND, 0), (ATTITUDE_BOUND, 1)):
         error.axhline(bound, color=COLORS[k], linewidth=0.8, linestyle="--")
     error.set_ylim(1e-13, 1e-2)

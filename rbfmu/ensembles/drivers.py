@@ -19,6 +19,10 @@ SURE = 3.0
 """Standard deviations of a correlation of independent numbers, above which one is not chance."""
 
 
+ALIKE = 1e-12
+"""The part of a quantity's largest number by which round-off alone makes runs differ."""
+
+
 class Drivers(NamedTuple):
     """Rank correlations (p, q) of p numbers that vary with q numbers at the end; chance: what chance alone may make."""
 
@@ -26,6 +30,16 @@ class Drivers(NamedTuple):
     ends: tuple[str, ...]
     correlations: Array
     chance: float
+
+    def __repr__(self) -> str:
+        """Return what drives each number at the end most."""
+        lines = [
+            f"Drivers({len(self.varied)} numbers that vary, {len(self.ends)} at the end; the largest correlations:"
+        ]
+        for end, column in zip(self.ends, self.correlations.T, strict=True):
+            if len(column) and abs(column[k := int(np.argmax(np.abs(column)))]) > self.chance:
+                lines.append(f"{end}: {column[k]:.2f} with {self.varied[k]}")
+        return "\n  ".join(lines) + ")"
 
 
 def drivers_of(result: "EnsembleResult") -> Drivers:
@@ -37,6 +51,11 @@ def drivers_of(result: "EnsembleResult") -> Drivers:
     rank = needed("scipy.stats", "ensemble").rankdata
     a, b = (_centred(rank(np.column_stack([*columns.values()]), axis=0)) for columns in (varied, ends))
     return Drivers(tuple(varied), tuple(ends), a.T @ b, SURE / float(np.sqrt(len(rows) - 1)))
+
+
+def differ(values: Array) -> NDArray[np.bool_]:
+    """Return which components (k,) of a quantity's numbers (n, k) differ by more than round-off."""
+    return np.asarray(np.ptp(values, axis=0) > ALIKE * np.max(np.abs(values)))
 
 
 def _centred(ranks: Array) -> Array:
@@ -58,7 +77,8 @@ def _ended(result: "EnsembleResult", rows: Any) -> dict[str, Array]:
     found: dict[str, Array] = {}
     for name in result.ended:
         columns = flat(result.ends(name)[rows])
-        found |= {f"{name}{index}": columns[:, k] for k, index in enumerate(indices(OUTPUT[name]))}
+        apart = differ(columns)
+        found |= {f"{name}{index}": columns[:, k] for k, index in enumerate(indices(OUTPUT[name])) if apart[k]}
     return found
 
 

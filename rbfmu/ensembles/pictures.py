@@ -8,7 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.patches import Ellipse
 from numpy.typing import NDArray
 
-from rbfmu.ensembles.drivers import Drivers, drivers_of
+from rbfmu.ensembles.drivers import Drivers, differ, drivers_of
 from rbfmu.exceptions import named
 from rbfmu.plot import COLORS, Picture, open_frame, quantity_label
 from rbfmu_kernels.quantities import OUTPUT, indices
@@ -75,14 +75,20 @@ def _bands(axes: Any, result: "EnsembleResult", name: str, is_last: bool) -> Non
 def _ends(axes: Any, result: "EnsembleResult", name: str) -> None:
     """Draw the two components that spread most, or how often values of a single number occur."""
     ends = result.ends(name)[result.good].reshape(len(result.good), -1)
-    spread = np.argsort(-ends.std(axis=0), kind="stable")
+    apart = differ(ends)
+    if not apart.any():
+        _say(axes, "all runs end alike")
+        return
+    spread = np.argsort(-np.where(apart, ends.std(axis=0), -1.0), kind="stable")
     open_frame(axes)
     axes.tick_params(labelsize=8)
     axes.locator_params(nbins=5)
     axes.ticklabel_format(scilimits=(-2, 4))
-    if ends.shape[1] == 1:
-        axes.hist(ends[:, 0], bins=40, color=COLORS[0], alpha=0.6)
-        axes.set_xlabel(name, fontsize=8)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.get_offset_text().set_fontsize(8)  # as large as the numbers that it belongs to
+    if np.count_nonzero(apart) == 1:
+        axes.hist(ends[:, spread[0]], bins=40, color=COLORS[0], alpha=0.6)
+        axes.set_xlabel(f"{name}{indices(OUTPUT[name])[spread[0]]}", fontsize=8)
         axes.set_ylabel("runs", fontsize=8)
         return
     j, k = sorted(spread[:2].tolist())
@@ -95,6 +101,11 @@ def _ends(axes: Any, result: "EnsembleResult", name: str) -> None:
     axes.set_ylabel(f"{name}{indices(OUTPUT[name])[k]}", fontsize=8)
 
 
+def _say(axes: Any, text: str) -> None:
+    axes.set_axis_off()
+    axes.text(0.5, 0.5, text, ha="center", transform=axes.transAxes, color="#777777")
+
+
 def _ellipse(middle: Array, covariance: Array, sigma: float) -> Ellipse:
     variances, axes = np.linalg.eigh(covariance)
     width, height = 2.0 * sigma * np.sqrt(np.maximum(variances, 0.0))
@@ -104,7 +115,7 @@ def _ellipse(middle: Array, covariance: Array, sigma: float) -> Ellipse:
 
 def _drivers(figure: Any, axes: Any, drivers: Drivers) -> None:
     if not drivers.varied or not drivers.ends:
-        axes.set_axis_off()
+        _say(axes, "no correlations: no ends of runs that differ")
         return
     image = axes.imshow(drivers.correlations, cmap="RdBu_r", vmin=-1.0, vmax=1.0, aspect="auto")
     axes.set_yticks(range(len(drivers.varied)), drivers.varied, fontsize=8)

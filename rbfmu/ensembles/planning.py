@@ -5,13 +5,16 @@ all values of them. Order and tolerance come from pilot members: some as members
 farthest. The tightest tolerance of all is taken, and every pilot's error under it is measured.
 """
 
+import warnings
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rbfmu.ensembles.drivers import differ
 from rbfmu.ensembles.members import designs
 from rbfmu.ensembles.members.distributions import normal_scores, probabilities
 from rbfmu.ensembles.members.samples import Samples, at, ensemble_of, member, refused
@@ -25,7 +28,10 @@ from rbfmu.planning.methods import TIGHTEST
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.argument import faults_of
 from rbfmu.scene.ensemble import SOBOL
+from rbfmu.scene.plausibility import SceneWarning, warn
 from rbfmu.scene.scene import Scene, SceneError
+from rbfmu.scene.variations import SHAPE
+from rbfmu.simulation import SimulationError, simulate
 from rbfmu_kernels.integrators.substeps import ROUND_OFF
 
 Array = NDArray[np.float64]
@@ -33,6 +39,8 @@ USUAL, FAR = 3, 5
 """The numbers of pilots: drawn as members are, and at points beyond nearly all members."""
 APART = 1 << 32
 """The attempt by whose numbers pilots are drawn, which no member has."""
+FEW_POINTS = 8
+"""The number of points in time at which runs are compared that differ in one key."""
 BEYOND = 3.0
 """How far these lie from the centre beyond the usual distance, sqrt(n) of n normal scores."""
 PARTS = np.outer(0.7 ** np.arange(8), (1.0, -1.0)).ravel()
@@ -58,6 +66,7 @@ def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) 
     _tell(progress, 1.0)
     pilots = _of_members(scene, chosen, len(judges))
     reasons = (*_of_model(judges[0].scene, chosen), *pilots, *_of_growth(scene, growth))
+    warn(scene, _of_no_effect(scene, chosen), stacklevel=4)
     return replace(chosen, reasons=reasons)
 
 
@@ -100,6 +109,27 @@ def _of_growth(scene: Scene, growth: float) -> Iterator[str]:
         yield (
             f"a pilot member magnifies an error {growth:.1e} times, round-off beyond the accuracy: members may miss it"
         )
+
+
+def _of_no_effect(scene: Scene, chosen: Plan) -> Iterator[str]:
+    """Yield which keys do nothing: those that a member has of another one, while its outputs stay as they are."""
+    samples = at(scene, designs.again(ensemble_of(scene), 0, 2, APART))
+    step = {"run.step": (scene.run.stop - scene.run.start) / FEW_POINTS}
+    with suppress(SceneError, SimulationError):  # of no member that can be tried nothing is said
+        own = _quietly(member(scene, samples, 0).replace(step), chosen)
+        for key, values in samples.applied.items():
+            other = replace(samples, applied={**samples.applied, key: values[::-1]})
+            found = _quietly(member(scene, other, 0).replace(step), chosen)
+            if not key.startswith(f"{SHAPE}.") and not any(
+                differ(np.stack([own[name].ravel(), found[name].ravel()])).any() for name in own
+            ):
+                yield f"ensemble.vary: {key} varies without effect on any output"
+
+
+def _quietly(scene: Scene, chosen: Plan) -> dict[str, Array]:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SceneWarning)  # of steps that are not the scene's
+        return simulate(scene, planned=chosen).quantities
 
 
 # Pilots

@@ -20,6 +20,19 @@ from rbfmu_kernels.quantities import OUTPUT
 Array = NDArray[np.float64]
 
 
+def _checkpoint(store: Path) -> Path:
+    return store if store.suffix == ".npz" else store / "resume" / "checkpoint.npz"
+
+
+def kept_runs(store: Path) -> tuple[int, int]:
+    """Return how many runs a store has, and of how many; zeros where it was not begun."""
+    if not _checkpoint(store).exists():
+        return 0, 0
+    known = Checkpoint.read(_checkpoint(store))
+    runs = ensemble_of(Scene.from_dict(known.identity["scene"], str(store))).runs
+    return known.runs or known.progress.chunks * known.identity["members of a chunk"], runs
+
+
 class Arrays(Mapping[str, Any]):
     """Arrays by name, each of which is read when it is first asked for."""
 
@@ -147,11 +160,11 @@ class EnsembleResult:
         """Read a finished store, .npz or .zarr. Raises ValueError where it is none, or where runs are missing."""
         path = Path(path)
         is_file = path.suffix == ".npz"
-        known = Checkpoint.read(path if is_file else path / "resume" / "checkpoint.npz")
+        known = Checkpoint.read(_checkpoint(path))
         scene = Scene.from_dict(known.identity["scene"], str(path))
         if known.runs == 0:
-            done = known.progress.chunks * known.identity["members of a chunk"]
-            raise ValueError(f"{path}: has {done} of {ensemble_of(scene).runs} runs: expected all, resume it")
+            done, runs = kept_runs(path)
+            raise ValueError(f"{path}: has {done} of {runs} runs: expected all, resume it")
         if is_file:
             return cls(scene, {**known.rows, **known.results}, known.progress.failed)
         from rbfmu.ensembles.storage.zarr_store import arrays_of_folder

@@ -31,7 +31,7 @@ FREE = ("r_c", "v_c", "rotvec_b", "omega_b")
 that are prescribed."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Linearization:
     """What `linearize` gives: A (n, n), B (n, m), C (p, n), D (p, m), as which it also unpacks; SI units.
 
@@ -46,6 +46,15 @@ class Linearization:
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     time: float
+
+    def __repr__(self) -> str:
+        n, m, p = len(self.states), len(self.inputs), len(self.outputs)
+        shapes = f"A {(n, n)}, B {(n, m)}, C {(p, n)}, D {(p, m)}"
+        named = "; ".join(
+            f"{what} {', '.join(dict.fromkeys(name.partition('[')[0] for name in names)) or 'none'}"
+            for what, names in (("states", self.states), ("inputs", self.inputs), ("outputs", self.outputs))
+        )
+        return f"Linearization(t = {self.time:g} s: {shapes}; {named})"
 
     def __iter__(self) -> Iterator[Array]:
         return iter((self.A, self.B, self.C, self.D))

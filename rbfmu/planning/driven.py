@@ -32,7 +32,7 @@ def plan_for_inputs(scene: Scene, tables: InputTables, interpolate: str, found: 
     Raises SceneError where none meets the scene's accuracy.
     """
     if found.model == PRESCRIBED_RATES.key:
-        return found
+        return without_loops(scene, found)
     with said_after(PATIENCE, lambda: f"rbfmu: planning {scene.name} takes long: methods are tried under its inputs"):
         return _planned(scene, tables, interpolate, found)
 
@@ -58,6 +58,12 @@ def _planned(scene: Scene, tables: InputTables, interpolate: str, found: Plan) -
     raise SceneError(f"run.accuracy = {scene.run.accuracy!r}: expected {expected}", scene.name)
 
 
+def without_loops(scene: Scene, found: Plan) -> Plan:
+    """Return a plan without what it says of loops closed through inputs: inputs that are known close none."""
+    of_loops = say.what_inputs_cost(scene, found)
+    return replace(found, reasons=tuple(reason for reason in found.reasons if reason not in of_loops))
+
+
 def _tighter(scene: Scene, found: Plan) -> Iterator[Plan]:
     """Yield series of ever smaller tolerance, for the whole run."""
     general = replace(found, model=LOADED_TAYLOR.key, tolerance=scene.run.accuracy, substep=math.inf, order=0)
@@ -70,7 +76,7 @@ def _tighter(scene: Scene, found: Plan) -> Iterator[Plan]:
 
 
 def _stated(scene: Scene, found: Plan, plan: Plan, error: float, substeps: float, drive: Drive) -> Plan:
-    steps, reasons = len(drive.time) - 1, found.reasons
+    steps, reasons = len(drive.time) - 1, without_loops(scene, found).reasons
     cost = found.cost * len(drive.lengths) / steps
     if plan.model == LOADED_TAYLOR.key:
         ns = series_cost(plan.order, load_shares(scene)) * work_of(substeps, float(len(drive.lengths)))

@@ -98,6 +98,7 @@ def under_inputs(error: float) -> str:
 def what_inputs_cost(scene: Scene, plan: Plan) -> tuple[str, ...]:
     """Return what a zero-order hold of the inputs over a communication step does to a loop closed through them.
 
+    No loop can be closed where no output shows what the ports do; the energy alone tells of no direction.
     A spring's energy grows each step by k h^2 / (2 m) of it, or with first derivatives of the inputs by
     (k h^2 / m)^2 / 12. With a damper beside it the loop is stable where k h / 2 < d < 2 m / h, as the products of its
     eigenvalues show.
@@ -114,9 +115,15 @@ def what_inputs_cost(scene: Scene, plan: Plan) -> tuple[str, ...]:
     if "omega_b" in ports or body is None:
         return held, f"a feedback of the angle on omega_b is unstable where its gain is beyond {2.0 / h:.3g} 1/s"
     lines: tuple[str, ...] = ()
-    if any(port in FORCES for port in ports) and not body.pivot:
+    shown = set(scene.outputs.quantities) - {"kinetic_energy"}
+    moved = shown & {"position", "velocity", "acceleration"}
+    pushed, twisted = moved and set(ports) & set(FORCES), shown - moved and set(ports) & set(TORQUES)
+    has_arm = any(body.r_oc_b) or "r_oc_b" in scene.inputs.parameters
+    if not (pushed or twisted or (shown and has_arm)):
+        return ()
+    if pushed and not body.pivot:
         lines = _held_loop(h, "forces", body.mass, "kg", "N/m", "N s/m")
-    if any(port in TORQUES for port in ports):
+    if twisted:
         moments = body_at_start(scene).principal_axes[0].tolist()
         least = next(moment for moment in moments if moment > 1e-12 * sum(moments))  # a beam's first is 0
         lines += _held_loop(h, "torques", least, "kg m2", "N m/rad", "N m s/rad")

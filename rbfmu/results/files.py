@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from rbfmu.results.result import check_shape
 from rbfmu_kernels.quantities import OUTPUT, indices
 
 Array = NDArray[np.float64]
@@ -63,9 +64,9 @@ def _csv(path: Path) -> dict[str, Array]:
 
 
 def _check(path: Path, name: str, values: Array, points: int) -> None:
-    size = OUTPUT[name].size if name in OUTPUT else 1
-    shape = (points, size) if size > 1 else (points,)
-    if values.shape != shape:
-        raise ValueError(f"{path}: {name} has the shape {values.shape}: expected {shape}")
+    try:
+        check_shape(name, values, points)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
     if bad := np.argwhere(~np.isfinite(values)).tolist():
         raise ValueError(f"{path}: {name} = {float(values[tuple(bad[0])])!r} in row {bad[0][0] + 1}: expected numbers")

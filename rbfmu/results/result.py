@@ -1,6 +1,7 @@
 """The result of a run: its quantities over time, and the files that it is saved to."""
 
 import csv
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +17,29 @@ CHUNK = 1024
 """Rows that a CSV's writer holds as text."""
 
 
-class Result:
-    """A simulated scene: `.time` (n,) in s, and one (n,) or (n, k) array per quantity by attribute."""
+def check_shape(name: str, values: Array, points: int) -> None:
+    """Raise ValueError where a quantity's array, or that of the times, has not the shape of so many points in time."""
+    size = OUTPUT[name].size if name in OUTPUT else 1
+    shape = (points, size) if size > 1 else (points,)
+    if values.shape != shape:
+        raise ValueError(f"{name} has the shape {values.shape}: expected {shape}")
 
-    def __init__(self, time: Array, quantities: dict[str, Array]) -> None:
-        self.time = time
-        self.quantities = quantities
+
+class Result:
+    """A simulated scene: `.time` (n,) in s, and one (n,) or (n, k) array per quantity by attribute.
+
+    Raises ValueError for what is no quantity of a scene, and for arrays of another shape.
+    """
+
+    def __init__(self, time: Any, quantities: Mapping[str, Any]) -> None:
+        self.time: Array = np.asarray(time, dtype=np.float64)
+        self.quantities: dict[str, Array] = {
+            name: np.asarray(values, dtype=np.float64) for name, values in quantities.items()
+        }
+        for name, values in self.quantities.items():
+            if name not in OUTPUT:
+                raise ValueError(f"quantity {name!r}: expected some of {', '.join(OUTPUT)}")
+            check_shape(name, values, len(self.time))
 
     def __getattr__(self, name: str) -> Array:
         try:
@@ -80,6 +98,17 @@ class Result:
             return self
         n = int(np.searchsorted(self.time, stop, side="right"))
         return Result(self.time[:n], {name: values[:n] for name, values in self.quantities.items()})
+
+    @classmethod
+    def of_rows(cls, rows: Iterable[Mapping[str, Any]]) -> "Result":
+        """Return the result of a loop: a row for each time, as `Simulator.values` gives it.
+
+        Raises ValueError where there is none, and for what is no quantity.
+        """
+        if not (listed := list(rows)):
+            raise ValueError("rows = []: expected at least one, as Simulator.values gives them")
+        columns = {name: np.array([row[name] for row in listed]) for name in listed[0]}
+        return cls(columns.pop("time"), columns)
 
     @classmethod
     def load(cls, path: str | Path) -> "Result":

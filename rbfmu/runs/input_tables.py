@@ -45,7 +45,7 @@ def input_tables(scene: Scene, inputs: Any, interpolate: str = HOLD) -> InputTab
     faults: list[str] = []
     if not is_file and not isinstance(inputs, Mapping):
         expected = "a mapping from a port's name to its values, or the path of a CSV file"
-        raise SceneError(fault("inputs", type(inputs).__name__, expected), scene.name)
+        raise SceneError(fault("inputs", inputs if callable(inputs) else type(inputs).__name__, expected), scene.name)
     if not scene.inputs.ports:
         raise SceneError(f"{source}inputs are given: expected none, as the scene has no ports", scene.name)
     tables = _read(Path(inputs), scene, faults) if is_file else _from_mapping(inputs, scene, interpolate, faults)
@@ -76,7 +76,7 @@ def _from_mapping(inputs: Mapping[str, Any], scene: Scene, interpolate: str, fau
 
 
 def _timed(times: Any, values: Any) -> InputTable:
-    times, values = np.asarray(times, dtype=np.float64), np.asarray(values, dtype=np.float64)
+    times, values = _numbers_of(times), _numbers_of(values)
     if times.ndim != 1 or not len(times) or values.shape != (len(times), SIZE):
         shapes = f"shapes {times.shape} and {values.shape}"
         raise ValueError(f"{shapes}: expected times (m,) and values (m, {SIZE}), at least one row")
@@ -84,13 +84,19 @@ def _timed(times: Any, values: Any) -> InputTable:
 
 
 def _row_a_step(scene: Scene, given: Any, interpolate: str) -> InputTable:
-    values, grid = np.asarray(given, dtype=np.float64), time_grid(scene.run.start, scene.run.stop, scene.run.step)
+    values, grid = _numbers_of(given), time_grid(scene.run.start, scene.run.stop, scene.run.step)
     points, steps = len(grid), len(grid) - 1
     allowed = {points} if interpolate == LINEAR else {steps, points}
     if values.ndim != 2 or values.shape[1] != SIZE or len(values) not in allowed:
         rows = f"{points} rows, one a communication point" if interpolate == LINEAR else f"{steps} rows, one a step"
         raise ValueError(f"shape {values.shape}: expected (times, values), or {rows}, of {SIZE} numbers")
     return InputTable(grid[: len(values)], values)
+
+
+def _numbers_of(given: Any) -> Array:
+    if callable(given):
+        raise TypeError("a function: expected (times, values), such as its values at the communication points")
+    return np.asarray(given, dtype=np.float64)
 
 
 def _not_finite(name: str, values: Array) -> Iterator[str]:

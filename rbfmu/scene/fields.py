@@ -35,6 +35,8 @@ def shown(value: object, longest: int = LONGEST) -> str:
 def _spelled(value: object, depth: int) -> str:
     if hasattr(value, "tolist"):
         value = value.tolist()
+    if callable(value):
+        return "a function"
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):

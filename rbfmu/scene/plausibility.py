@@ -14,8 +14,15 @@ from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.mechanics import inertia
 from rbfmu_kernels.quantities import ANGLE, OUTPUTS
 
-LARGEST, SMALLEST = 100.0, 1e-4
-"""The largest and smallest plausible radius of gyration, in m."""
+THINNEST = 0.05
+"""The least plausible mass (kg) by the cube of the least radius of gyration (m3).
+
+A solid ball has 17 times its density, so this is a 400th of air. The least radius is taken, as beams and cables have a
+long one. Large solar sails have 0.02 to 5, frames in space 50, hulls of ships, asteroids and planets 1e4. An inertia in
+kg cm2 in place of kg m2 makes it 1e6 times less: of a compact satellite 0.02.
+"""
+SMALLEST = 1e-4
+"""The smallest plausible radius of gyration, in m."""
 PERIODIC = tuple(row.name for row in OUTPUTS if row.error == ANGLE or row.unit == "rad")
 """Quantities that do not show a turn between two points."""
 
@@ -41,10 +48,16 @@ def doubts_after(scene: Scene, motion: Mapping[str, NDArray[np.float64]]) -> Ite
 
 
 def _size(body: Body) -> Iterator[str]:
-    radius = math.sqrt(evaluated(inertia.principal_axes, body.M_c)[0][2] / body.mass)
-    if not SMALLEST <= radius <= LARGEST and radius > 0.0:
-        wrong = f"beyond {LARGEST:g} m" if radius > LARGEST else f"below {1e3 * SMALLEST:g} mm"
-        yield f"the body's radius of gyration is {radius:.3g} m, {wrong}; mass in kg, inertia in kg m2?"
+    moments = evaluated(inertia.principal_axes, body.M_c)[0]
+    least, radius = (math.sqrt(max(moment, 0.0) / body.mass) for moment in (moments[0], moments[2]))
+    largest = math.cbrt(body.mass / THINNEST)
+    if least > largest:
+        wrong = f"is at least {least:.3g} m, beyond {largest:.3g} m, where {body.mass:g} kg are thinner than air"
+    elif 0.0 < radius < SMALLEST:
+        wrong = f"is {radius:.3g} m, below {1e3 * SMALLEST:g} mm"
+    else:
+        return
+    yield f"the body's radius of gyration {wrong}; mass in kg, inertia in kg m2?"
 
 
 def _turns(scene: Scene, rate: float, when: str) -> Iterator[str]:

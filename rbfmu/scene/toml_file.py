@@ -6,7 +6,7 @@ from itertools import dropwhile, takewhile
 from pathlib import Path
 from typing import Any
 
-from rbfmu.scene.fields import SceneError, joined
+from rbfmu.scene.fields import SceneError, joined, shown
 
 LARGEST_FILE = 1_000_000
 """The largest size of a scene file in bytes; a typical file has a few hundred."""
@@ -16,6 +16,7 @@ MAX_LINES = 100
 """The largest number of lines of one statement."""
 _TWICE = re.compile(r"Cannot (overwrite|declare)|twice")
 _NOT_BOOLEAN = re.compile(r"=\s*(yes|no|on|off|true|false)\s*([#,}]|$)", re.IGNORECASE)
+_UNIT = re.compile(r"(.*=\s*(?:[-+]?\d[\d_.]*(?:[eE][-+]?\d+)?|\[[^\]]*\]))\s*([^\W\d][^#]*)")
 _TABLE = re.compile(r"\s*(\[\[?[^\]=]*\]\]?)\s*(#.*)?")
 
 
@@ -71,10 +72,16 @@ def _tables(text: str, path: Path) -> dict[str, Any]:
 
 
 def _hint(lines: list[str], message: str) -> str:
-    """Return what to write where a value is yes, True or the like."""
+    """Return the line that is wrong, and what to write where a value is yes, True or the like, or has a unit."""
     place = re.search(r"line (\d+)", message)
-    found = place and _NOT_BOOLEAN.search(lines[int(place[1]) - 1])
-    return f": expected true or false in place of {found[1]}" if found else ""
+    if not place or not (line := lines[int(place[1]) - 1].strip()):
+        return ""
+    quoted = f": {shown(line)}" if line.isprintable() else ""
+    if found := _NOT_BOOLEAN.search(line):
+        return f"{quoted}: expected true or false in place of {found[1]}"
+    if found := _UNIT.fullmatch(line.partition("#")[0].strip()):
+        return f"{quoted}: expected {found[1].strip()} without a unit (SI; `rbfmu keys` lists them)"
+    return quoted
 
 
 def _refuse_what_stands_twice(lines: list[str], message: str, path: Path) -> None:

@@ -15,7 +15,7 @@ from rbfmu.viewer.motion import Motion, motion_of_driven_scene, motion_of_result
 
 def view(
     source: Scene | Result | str | Path,
-    path: str | Path = "motion.html",
+    path: str | Path | None = None,
     *,
     scene: Scene | str | Path | None = None,
     stop: float | None = None,
@@ -24,7 +24,7 @@ def view(
     progress: Callable[[float], Any] | None = None,
     ghosts: int = 0,
 ) -> Motion:
-    """Write a page that plays a motion in 3D, and return what it shows.
+    """Return a motion that a notebook plays in 3D; with a path, write the page that plays it in any browser as well.
 
     source: a scene, a result, or a file of either (.toml, .csv, .npz); scene: whose body a result moves, else a plain
     body is drawn; stop: the end of what is shown, s, if it is not the run's; inputs, interpolate: what drives a scene's
@@ -33,11 +33,11 @@ def view(
     ModuleNotFoundError without viser, and ValueError where a result has no attitude.
     """
     needed("viser", "view")
-    from rbfmu.viewer.page import motion_page
-
-    page = motion_page(motion := _motion(source, scene, stop, (inputs, interpolate), progress, ghosts))
-    with named(path):
-        Path(path).write_text(page, encoding="utf-8")
+    motion = _motion(source, scene, stop, (inputs, interpolate), progress, ghosts)
+    if path is not None:
+        page = motion.page
+        with named(path):
+            Path(path).write_text(page, encoding="utf-8")
     return motion
 
 

@@ -13,6 +13,8 @@ LONGEST = 8.0
 """The reach of a path, in sizes of the body, up to which the body is drawn to the scale of its path."""
 AXIS_B, AXIS_A, MOMENTUM, RATE = 1.6, 2.1, 2.6, 2.0
 """Lengths of the axes of b, of a, of the longest angular momentum and of the longest rate."""
+LETTER = 0.25
+"""How far letters stand out beyond tips."""
 STILL = 0.05
 """The way of an axis' tip (rad) that is no trace."""
 STROBE = 1.0
@@ -101,10 +103,29 @@ class Geometry:
         return np.asarray(direction / np.linalg.norm(direction))
 
     @cached_property
-    def radius(self) -> float:
-        """Return the radius of all that is drawn."""
-        points = self.place(np.vstack([self.paths, self.origin_a[None]]))
-        return float(np.max(np.linalg.norm(points, axis=1))) + MOMENTUM
+    def points(self) -> Array:
+        """Return the outermost points of all that is drawn (n, 3): bodies, and tips of axes and arrows."""
+        h, omega = self.motion.angular_momentum, self.motion.rate
+        arrows = [self.base + self.arrows(v, length) for v, length in ((h, MOMENTUM), (omega, RATE)) if v is not None]
+        tips = [self.path + AXIS_B * self._tips(k) for k in range(3)]
+        paths = self.place(self.paths)
+        bodies = [paths + sign * side for sign in (-1.0, 1.0) for side in self.screen[:2]]
+        return np.vstack([self.place(self.origin_a) + AXIS_A * np.eye(3), *tips, *arrows, *bodies])
+
+    @cached_property
+    def screen(self) -> Array:
+        """Return the directions to the right, upwards and to whom looks, as rows."""
+        right = np.cross(self.motion.up, self.toward)
+        right /= np.linalg.norm(right)
+        return np.stack([right, np.cross(self.toward, right), self.toward])
+
+    def camera(self, field_of_view: float) -> tuple[Array, Array]:
+        """Return the point that is looked at, and where from, so that all that is drawn just fits, with its letters."""
+        seen = self.points @ self.screen.T
+        middle = (seen.min(axis=0) + seen.max(axis=0)) / 2.0
+        aside = np.max(np.abs(seen - middle)[:, :2], axis=1) + LETTER
+        distance = float(np.max(aside / np.tan(field_of_view / 2.0) + seen[:, 2] - middle[2]))
+        return middle @ self.screen, (middle + np.array([0.0, 0.0, distance])) @ self.screen
 
     def arrows(self, vectors: Array, length: float) -> Array:
         """Return vectors (n, 3) as arrows, of which the longest of the run has this length."""

@@ -4,6 +4,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -38,6 +39,16 @@ class Motion:
 
     def __repr__(self) -> str:
         return f"Motion({self.title}: {len(self.result.time)} pictures, played in {self.played:.3g} s)"
+
+    @cached_property
+    def page(self) -> str:
+        """Return the page of HTML that plays the motion."""
+        from rbfmu.viewer.page import motion_page
+
+        return motion_page(self)
+
+    def _repr_html_(self) -> str:
+        return f'<iframe srcdoc="{escape(self.page)}" width="100%" height="620" style="border:none"></iframe>'
 
     @cached_property
     def quaternion(self) -> Array:

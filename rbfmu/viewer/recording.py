@@ -54,11 +54,11 @@ def _server() -> Iterator[viser.ViserServer]:
 
 
 def _look(server: viser.ViserServer, geometry: Geometry) -> None:
-    distance = geometry.radius / np.sin(FIELD_OF_VIEW / 2.0)
+    target, place = geometry.camera(FIELD_OF_VIEW)
+    distance = float(np.linalg.norm(place - target))
     server.scene.set_up_direction(geometry.motion.up)
     camera = server.initial_camera
-    camera.look_at, camera.up = np.zeros(3), np.array(geometry.motion.up)
-    camera.position = geometry.toward * distance
+    camera.look_at, camera.position, camera.up = target, place, np.array(geometry.motion.up)
     camera.fov, camera.near, camera.far = FIELD_OF_VIEW, distance / 100.0, distance * 100.0
     _axes(server, "/a", AXIS_A, 0.012, "a", geometry.place(geometry.origin_a))
 
@@ -78,11 +78,19 @@ class _Body:
         self.axes = _axes(server, "/b", AXIS_B, 0.03, "b", geometry.path[0])
         _add_shape(scene, "/b/body", geometry, 0.85)
         if any(shape.centre):
-            rod = np.array([[[0.0, 0.0, 0.0], shape.centre]]) / geometry.body_radius
-            scene.add_line_segments("/b/rod", rod, FIXED, thickness=0.03)
+            centre = np.array(shape.centre) / geometry.body_radius  # thicker than an axis, which may lie in it
+            scene.add_cylinder("/b/stem", radius=0.06, height=float(np.linalg.norm(centre)), color=FIXED,
+                               wxyz=_turn_of_z(centre), position=centre / 2.0)  # fmt: skip
 
     def show(self, k: int) -> None:
         self.axes.wxyz, self.axes.position = self.geometry.motion.quaternion[k], self.geometry.path[k]
+
+
+def _turn_of_z(way: Array) -> Array:
+    """Return the unit quaternion of a turn that takes z to the direction of a vector."""
+    x, y, z = way / np.linalg.norm(way)
+    half = np.array([1.0 + z, -y, x, 0.0])
+    return half / np.linalg.norm(half) if z > -1.0 + 1e-9 else np.array([0.0, 1.0, 0.0, 0.0])
 
 
 def _add_shape(scene: Any, name: str, geometry: Geometry, opacity: float) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from PIL import Image
 
 import rbfmu
 import rbfmu_kernels
@@ -222,6 +223,22 @@ def test_figures_grow_old_with_code_but_not_with_words(monkeypatch: pytest.Monke
     assert seen[0] == seen[1] != seen[2]
 
 
+def test_a_picture_grows_old_with_its_sources(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(record, "place", lambda name: tmp_path / f"{name}.png")
+    monkeypatch.setitem(measure.NEEDED, "own_chart", ())
+    monkeypatch.setitem(measure.DRAWN, "own_chart", lambda path: Image.new("RGB", (2, 2)).save(path))
+    measure.measure("own_chart")
+    assert record.is_up_to_date("own_chart")
+    monkeypatch.setattr(record, "digest", lambda name: "other")
+    assert not record.is_up_to_date("own_chart")
+
+
+def test_pictures_that_pages_show_have_sources() -> None:
+    """Those that are made otherwise are of the gallery, whose tests draw them, or of laws, which a command tests."""
+    shown = {Path(path).stem for name in NAMES for path in re.findall(r"!\[[^\]]*\]\((\S+\.png)\)", text_of(name))}
+    assert shown - {"stability_maps"} == set(record.PICTURES)
+
+
 def test_of_some_sources_only_the_functions_named_count(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     source = tmp_path / "it.py"
     seen = []
@@ -242,7 +259,7 @@ def test_of_some_sources_only_the_functions_named_count(monkeypatch: pytest.Monk
 @pytest.mark.parametrize("name", record.SOURCES)
 def test_every_pattern_of_sources_finds_some(name: str) -> None:
     assert all(list(ROOT.glob(entry.partition(":")[0])) for entry in record.SOURCES[name])
-    assert name in measure.MEASURED
+    assert name in (measure.DRAWN if name in record.PICTURES else measure.MEASURED)
 
 
 def test_one_command_takes_stale_figures_anew_and_writes_the_tables(
@@ -319,11 +336,14 @@ def test_the_gallery_s_plans_are_those_whose_cost_is_quoted(name: str) -> None:
     assert f"{planned.model}: {planned.method}" == row["what"]
 
 
-def test_the_faster_one_is_bold_and_neither_within_the_noise() -> None:
+def test_the_faster_one_is_bold_where_ratios_hold_to_less() -> None:
     row = {"seconds": "1e-6", "peer_seconds": "3e-6", "even": "False", "peer": "heyoka.py"}
     assert pages.times(row) == "**1** / 3"
-    assert pages.times(row | {"peer_seconds": "0.5e-6", "peer": "other"}) == "1 / **0.5** other"
-    assert pages.times(row | {"even": "True"}) == "1 / 3"
+    assert pages.times(row | {"peer_seconds": "0.4e-6", "peer": "other"}) == "1 / **0.4** other"
+    assert pages.times(row | {"peer_seconds": "1.9e-6"}) == "1 / 1.9"
+    assert pages.times(row | {"peer_seconds": "0.6e-6"}) == "1 / 0.6"
+    assert pages.SURE == 2.0
+    assert "only ratios hold, and only to a factor of two" in joined(text_of("README.md"))
 
 
 def test_rows_of_peers_are_quoted_with_every_accuracy() -> None:
@@ -342,6 +362,9 @@ def test_who_is_ahead_where_is_what_the_readme_says() -> None:
     assert {row["peer"] for row in behind if float(row["accuracy"]) == 1e-3} == {"numbalsoda LSODA"}
     others = [row for row in behind if float(row["accuracy"]) != 1e-3]
     assert all(float(row["seconds"]) <= 1.1 * float(row["peer_seconds"]) for row in others)
+    many = [row for row in record.read("peers")[1] if int(row["outputs"]) > CASES[row["case"]].outputs]
+    sure = [row for row in many if "**" in pages.times(row)]
+    assert [(row["case"], float(row["accuracy"])) for row in sure] == [("c", 1e-12)]
 
 
 def test_round_off_limits_what_can_be_asked_as_the_readme_says() -> None:

@@ -68,14 +68,22 @@ class Page:
         return imread(io.BytesIO(self.page.screenshot(clip={"x": 0, "y": 160, "width": 400, "height": 300})))[..., :3]
 
 
+def photographed(path: Path, picture: Path, part: float = 0.6) -> None:
+    """Write what a page shows at a part of its motion to a file."""
+    with open_page(path, 1000, 620) as page:
+        page.seek(part)
+        page.page.add_style_tag(content=".mantine-Notifications-root, .mantine-Notification-root { display: none }")
+        page.page.screenshot(path=picture)
+
+
 @contextmanager
-def open_page(path: Path) -> Iterator[Page]:
+def open_page(path: Path, width: int = 720, height: int = 520) -> Iterator[Page]:
     """Open a page in a browser without network."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
         chromium = playwright.chromium.launch(executable_path=browser(), args=_SOFTWARE)
-        context = chromium.new_context(viewport={"width": 720, "height": 520}, offline=True)
+        context = chromium.new_context(viewport={"width": width, "height": height}, offline=True)
         context.set_default_timeout(PATIENCE)
         page = Page(context.new_page())
         page.open(path)

@@ -5,6 +5,8 @@ import pytest
 from matplotlib.image import imread
 from matplotlib.patches import Ellipse
 
+import rbfmu
+from rbfmu import run_ensemble
 from tests.support.covering import some_of
 from tests.support.ensembles.satellite import run, satellite
 from tests.support.pictures import overlaps
@@ -57,3 +59,27 @@ def test_a_picture_is_written(found, tmp_path, ending):
 def test_ends_that_are_not_kept_are_not_drawn():
     figure = run(satellite().replace({"ensemble.keep": ["statistics"]})).plot()
     assert panel(figure, "body rates (rad/s)").lines
+
+
+def test_round_off_is_not_drawn_and_offsets_are_as_large_as_numbers(found):
+    heavy = rbfmu.Scene.from_dict({
+        "body": {"mass": 50.0, "inertia": [1.0, 2.0, 3.0]}, "initial": {"omega_b": [0.1, 0.2, 0.3]},
+        "outputs": {"quantities": ["omega_b"]}, "run": {"stop": 2.0, "step": 1.0},
+        "ensemble": {"runs": 20, "vary": {"body.mass": {"normal": [50.0, 1.0]}}},
+    })  # fmt: skip
+    alike = run_ensemble(heavy, planned=rbfmu.plan(heavy), progress=False)
+    alike.final["omega_b"][0] += 3e-15
+    assert alike.drivers().ends == ()
+    assert {"all runs end alike", "no ends of runs that differ"} <= {
+        text.get_text().partition(": ")[2] or text.get_text() for axes in alike.plot().axes for text in axes.texts
+    }
+    axes = panel(found.plot(), "omega_b[1]")
+    assert axes.xaxis.get_offset_text().get_size() == axes.get_xticklabels()[0].get_size()
+
+
+def test_what_drives_most_is_said(found):
+    lines = repr(found.drivers()).splitlines()
+    assert lines[0].startswith("Drivers(")
+    k = found.drivers().ends.index("kinetic_energy")
+    column = found.drivers().correlations[:, k]
+    assert f"kinetic_energy: {column[np.argmax(np.abs(column))]:.2f} with " in lines[-1]

@@ -261,3 +261,12 @@ def test_duals_differentiate():
     assert y < x
     assert Dual(0.0, np.zeros(2)) == 0.0
     assert Dual(0.0, np.ones(2)) != 0.0  # it begins to change
+
+
+def test_a_linear_system_says_what_it_is():
+    body = {"body": {"mass": 1.0, "inertia": [1.0, 2.0, 3.0]}, "inputs": {"ports": ["torque_b"]}}
+    found = rbfmu.linearize(rbfmu.Scene.from_dict(body | {"outputs": {"quantities": ["omega_b"]}}))
+    shapes = "A (6, 6), B (6, 3), C (3, 6), D (3, 3)"
+    assert (
+        repr(found) == f"Linearization(t = 0 s: {shapes}; states rotvec_b, omega_b; inputs torque_b; outputs omega_b)"
+    )

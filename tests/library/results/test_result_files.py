@@ -98,3 +98,13 @@ def test_a_plot_names_units_and_draws_no_stroke(tmp_path: Path, monkeypatch: pyt
     with np.errstate(invalid="ignore"):
         steps = [np.nanmax(np.abs(np.diff(line.get_ydata()))) for line in lines]
     assert max(steps) < np.pi
+
+
+@pytest.mark.parametrize(("quantities", "said"), [
+    ({"foo": [0.0, 1.0]}, "quantity 'foo': expected some of position, "),
+    ({"omega_b": [[0.0], [1.0]]}, r"omega_b has the shape \(2, 1\): expected \(2, 3\)"),
+])  # fmt: skip
+def test_a_result_is_made_of_quantities_alone(quantities: dict, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        Result([0.0, 0.1], quantities)
+    assert Result([0.0, 0.1], {"omega_b": [[0, 0, 1]] * 2}).plot().axes

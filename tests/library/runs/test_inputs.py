@@ -246,6 +246,12 @@ def test_wrong_files_are_refused_with_their_name_and_row(name, tmp_path):
     assert str(path) in str(caught.value)
 
 
+def test_a_function_is_no_input():
+    for given in (lambda t: ZEROS, (T, lambda t: ZEROS)):
+        with pytest.raises(rbfmu.SceneError, match=r"'force_a': a function: expected \(times, values\)"):
+            input_tables(scene(), {"force_a": given})
+
+
 def test_a_file_that_is_not_there_and_a_scene_without_ports_are_refused(tmp_path):
     with pytest.raises(rbfmu.SceneError, match=r"none\.csv: cannot be read \(No such file"):
         rbfmu.simulate(scene(), inputs=tmp_path / "none.csv")

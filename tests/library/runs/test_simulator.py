@@ -226,3 +226,31 @@ def test_the_compiled_step_works_on_its_buffer():
     sim.step(torque_b=[0.1, 0.2, 0.3])
     assert step(z, sim.time) == OK
     np.testing.assert_array_equal(z[blocks["quaternion"]], sim.quaternion)
+
+
+@pytest.mark.parametrize(("call", "error", "said"), [
+    (lambda sim: sim.step("x"), TypeError, r'h = "x": expected a number \(s\)'),
+    (lambda sim: sim.step([0.0, 0.0, 1.0]), TypeError, r"h = \[0.0, 0.0, 1.0\]: expected a number \(s\); inputs are"),
+    (lambda sim: sim.step(torque_b=np.zeros((3, 1))), ValueError, r"of shape \(3,\) and not \(3, 1\)"),
+    (lambda sim: sim.step(torque_b=lambda t: t), ValueError, "torque_b = a function: expected 3 finite numbers"),
+    (lambda sim: sim.reset(**{"omega_b_0[1]": 1.0}), rbfmu.SceneError, "'omega_b_0.1.': expected omega_b_0, with all"),
+    (lambda sim: sim.reset(quaternion=[1, 0, 0, 0]), rbfmu.SceneError, "'quaternion': expected quaternion_0, with all"),
+    (lambda sim: sim.reset(size=1.0), rbfmu.SceneError, "parameter 'size': expected one of mass, inertia, "),
+])  # fmt: skip
+def test_what_is_given_wrongly_is_named_with_what_was_expected(call, error, said):
+    with pytest.raises(error, match=said):
+        call(rbfmu.Simulator(SATELLITE))
+
+
+def test_a_loop_becomes_a_result():
+    sim = rbfmu.Simulator(SATELLITE)
+    rows = [sim.values()]
+    for _ in range(3):
+        sim.step()
+        rows.append(sim.values())
+    looped = rbfmu.Result.of_rows(rows)
+    run = rbfmu.simulate(SATELLITE).until(sim.time)
+    assert_same(run.columns(), looped.columns())
+    assert looped.units == run.units
+    with pytest.raises(ValueError, match=r"rows = \[\]: expected at least one"):
+        rbfmu.Result.of_rows([])

@@ -192,3 +192,15 @@ def test_a_point_mass_is_a_pendulum_on_a_pivot_only():
 def test_round_off_in_the_inertia_is_no_fault():
     for M in ([[1, 0, 0], [0, 1, 5e-13], [0, 0, 1]], [-5e-13, 1, 1], [1, 2, 3 + 1e-12]):
         assert Body(mass=1, inertia=M)
+
+
+@pytest.mark.parametrize(("line", "said"), [
+    ("mass = 50.0 kg", "expected mass = 50.0 without a unit"), ("mass = 5e1kg", "expected mass = 5e1 without a unit"),
+    ("inertia = [1, 2, 3] kg m2  # big", "expected inertia = [1, 2, 3] without a unit"), ("mass = 5,0", "(at line 3"),
+])  # fmt: skip
+def test_a_line_that_is_no_toml_is_shown_and_units_are_told_of(tmp_path, line, said):
+    (tmp_path / "it.toml").write_text(f"# it\n[body]\n{line}\n")
+    with pytest.raises(SceneError) as caught:
+        load_scene(tmp_path / "it.toml")
+    assert f': "{line}"' in str(caught.value)
+    assert said in str(caught.value)

@@ -16,7 +16,12 @@ SLOW = {"stop": 1.0, "step": 0.1}
 
 @pytest.mark.parametrize(
     ("radius", "said"),
-    [(99.0, None), (101.0, "101 m, beyond 100 m"), (1.01e-4, None), (0.99e-4, "9.9e-05 m, below 0.1 mm")],
+    [
+        (3.9, None),
+        (3.93, "at least 3.93 m, beyond 3.91 m, where 3 kg"),
+        (1.01e-4, None),
+        (0.99e-4, "9.9e-05 m, below 0.1 mm"),
+    ],
 )
 def test_a_radius_of_gyration_out_of_the_common(radius: float, said: str | None) -> None:
     made = scene(body={"mass": 3.0, "inertia": [3.0 * radius**2] * 3})
@@ -29,6 +34,16 @@ def test_a_slender_beam_and_a_point_on_a_pivot_are_no_slip() -> None:
     for body in ({"mass": 1.0, "shape": {"kind": "beam", "length": 1.0}},
                  {"mass": 1.0, "inertia": [0, 0, 0], "r_oc_b": [1, 0, 0], "pivot": True}):  # fmt: skip
         assert list(doubts_before(scene(body=body))) == []
+
+
+def test_moments_in_kg_cm2_are_doubted_and_large_bodies_are_not() -> None:
+    """A satellite of 50 kg; ship, asteroid, the Earth; a mast of 50 m."""
+    sizes = {50.0: [1.0, 2.0, 3.0], 3e8: [6e10, 3e12, 3e12], 2e13: [2e19, 6e19, 6.5e19], 6e24: [8e37] * 3,
+             20.0: [0.01, 4000.0, 4000.0]}  # fmt: skip
+    for mass, inertia in sizes.items():
+        assert list(doubts_before(scene(body={"mass": mass, "inertia": inertia}))) == []
+    (doubt,) = doubts_before(scene(body={"mass": 50.0, "inertia": [1e4, 2e4, 3e4]}))
+    assert doubt.startswith("the body's radius of gyration is at least 14.1 m, beyond 10 m")
 
 
 @pytest.mark.parametrize("turns", [0.99, 1.01])
@@ -55,7 +70,9 @@ def test_python_is_warned_where_it_called(tmp_path: Path) -> None:
     path = tmp_path / "large.toml"
     path.write_text("[body]\nmass = 1\ninertia = [1e6, 1e6, 1e6]\n[run]\nstop = 0.1\n")
     for ask in (lambda: rbfmu.simulate(path), lambda: rbfmu.plan(rbfmu.load_scene(path))):
-        with pytest.warns(rbfmu.SceneWarning, match="large: the body's radius of gyration is 1e\\+03 m") as caught:
+        with pytest.warns(
+            rbfmu.SceneWarning, match="large: the body's radius of gyration is at least 1e\\+03 m"
+        ) as caught:
             ask()
         assert [w.filename for w in caught] == [__file__]
 

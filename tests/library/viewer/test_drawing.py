@@ -7,6 +7,7 @@ import rbfmu
 from rbfmu.viewer.geometry import AXIS_B, LONGEST, MOMENTUM, RATE, Geometry
 from rbfmu.viewer.motion import motion_of_scene
 from rbfmu.viewer.pictures import FPS, MAX_PICTURES, MAX_TURN, pictures
+from rbfmu.viewer.recording import _turn_of_z
 from rbfmu.viewer.shape import PLAIN, THINNEST, equivalent_box, shape_of
 
 MASS, SIDES = 3.0, (0.3, 0.2, 0.5)
@@ -89,13 +90,33 @@ def test_arrows_and_trace_are_those_of_the_motion() -> None:
     np.testing.assert_allclose(drawn.trace, drawn.path + AXIS_B * R_ab[:, :, 1], atol=1e-14)
 
 
+FIELD = 0.7
+
+
+def part_of_the_view(drawn: Geometry, points: np.ndarray) -> float:
+    """How far from its middle to its border, across or upwards, the outermost of these points is seen."""
+    target, place = drawn.camera(FIELD)
+    right, above, toward = drawn.screen
+    np.testing.assert_allclose((place - target) / np.linalg.norm(place - target), toward, atol=1e-12)
+    deep = (place - points) @ toward
+    aside = np.abs(np.stack([(points - target) @ right, (points - target) @ above]))
+    return float(np.max(aside / deep)) / np.tan(FIELD / 2.0)
+
+
+def test_the_stem_of_a_top_is_turned_to_its_centre() -> None:
+    for way in ([0.0, 0.0, 2.0], [0.3, -0.4, 1.2], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]):
+        turned = rbfmu.rotate(_turn_of_z(np.array(way)), [0.0, 0.0, 1.0])
+        np.testing.assert_allclose(turned, np.array(way) / np.linalg.norm(way), atol=1e-15)
+
+
 def test_a_long_path_makes_the_body_larger_and_all_is_in_view() -> None:
     thrown = scene(initial={"velocity": [30.0, 0.0, 9.81]}, outputs={"quantities": ["position"]})
     drawn = Geometry(motion_of_scene(thrown))
     reach = np.linalg.norm(np.ptp(drawn.motion.position, axis=0)) / 2.0
     assert drawn.enlarged == pytest.approx(reach / (LONGEST * drawn.body_radius))
     assert np.linalg.norm(np.ptp(drawn.path, axis=0)) / 2.0 == pytest.approx(LONGEST)
-    assert np.max(np.linalg.norm(drawn.path, axis=1)) < drawn.radius
+    assert part_of_the_view(drawn, drawn.path) < 1.0
+    assert part_of_the_view(drawn, drawn.points) == pytest.approx(0.93, abs=0.06)  # the rest is for letters
     assert abs(drawn.toward @ [1.0, 0.0, 0.0]) < 0.4  # from the side of the path
     assert drawn.toward[2] > 0.0
 
@@ -106,8 +127,9 @@ def test_paths_of_ghosts_count_as_well() -> None:
     drawn = Geometry(motion_of_scene(still, ghosts=3))
     points = np.vstack([drawn.path, *drawn.ghost_paths])
     assert np.linalg.norm(np.ptp(points, axis=0)) / 2.0 == pytest.approx(LONGEST)
-    assert np.max(np.linalg.norm(points, axis=1)) + MOMENTUM == pytest.approx(drawn.radius)
-    assert drawn.radius <= LONGEST + MOMENTUM + 1e-9  # so near that a body of size 1 is seen
+    assert part_of_the_view(drawn, points) < 1.0
+    target, place = drawn.camera(FIELD)
+    assert np.linalg.norm(place - target) < 2.0 * LONGEST / np.tan(FIELD / 2.0)  # so near that a body of size 1 is seen
 
 
 @pytest.mark.parametrize(("ghosts", "error", "said"), [

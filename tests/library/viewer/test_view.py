@@ -136,6 +136,21 @@ def test_the_command_says_what_it_wrote(tmp_path: Path) -> None:
     assert "cylinder, 0.06 × 0.06 × 0.01 m" in (tmp_path / "top.html").read_text(encoding="utf-8")
 
 
+def test_no_file_is_overwritten_unasked_and_a_notebook_shows_the_motion(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("rbfmu.viewer.page.motion_page", lambda motion: f"<p>{motion.title}</p>")
+    shown = rbfmu.view(rbfmu.Scene.from_dict(THROWN | {"outputs": {"quantities": ["quaternion"]}}))
+    assert list(tmp_path.iterdir()) == []
+    assert '<iframe srcdoc="&lt;p&gt;thrown &lt;brick&gt;&lt;/p&gt;"' in shown._repr_html_()
+    (tmp_path / "motion.html").write_text("mine")
+    done = call("view", SCENES / "fixed_camera.toml", "--stop", "0.2")
+    assert done.exit_code == 2
+    assert "motion.html: exists already, and stays as it is; -o motion.html writes over it" in done.stderr
+    assert (tmp_path / "motion.html").read_text() == "mine"
+    assert call("view", SCENES / "fixed_camera.toml", "--stop", "0.2", "-o", "motion.html").exit_code == 0
+    assert (tmp_path / "motion.html").read_text() == "<p>fixed_camera</p>"
+
+
 TUMBLING = {
     "body": {"mass": 2.0, "inertia": [1.0, 1.2, 1.4]},
     "initial": {"omega_b": [0.3, 0.2, 1.0], "velocity": [1.0, 0.0, 0.0]},

@@ -160,11 +160,31 @@ def test_the_end_is_printed_with_units(short: Path) -> None:
     assert units == {"position": ["m"], "omega_b": ["rad/s"], "alpha_b": ["rad/s2"]}
 
 
+def test_a_run_says_what_it_wrote(short: Path, tmp_path: Path) -> None:
+    csv, png = tmp_path / "it.csv", tmp_path / "it.png"
+    found = call("run", short, "-o", csv, "--plot", png).output
+    assert found.splitlines()[-1] == f"written: {csv}, {tmp_path / 'it.units.csv'}, {png}"
+    assert "written" not in call("run", short).output
+
+
+def test_what_held_inputs_cost_is_said_where_a_loop_can_be_closed(short: Path) -> None:
+    def said(command: str, quantities: str) -> bool:
+        ports = f'\n[inputs]\nports = ["torque_b"]\n[outputs]\nquantities = ["{quantities}"]\n'
+        short.write_text(f"{plain}{ports}")
+        return "inputs are held" in call(command, short).output
+
+    plain = short.read_text().partition("[outputs]")[0]
+    assert said("plan", "omega_b")
+    assert not said("run", "omega_b")  # its inputs are known
+    assert not said("plan", "velocity")  # a torque about the centre of mass does nothing to it
+    assert not said("plan", "kinetic_energy")
+
+
 def test_a_run_says_its_model_and_the_error_to_expect(short: Path) -> None:
     planned = rbfmu.plan(short)
     head = call("run", short).output.partition("at the end")[0].splitlines()
     expected = f"expected: error {planned.error:.1e}, accuracy asked 1e-06"
-    assert head == [f"{planned.model}: {planned.method}", *planned.reasons, expected]
+    assert head == [f"{planned.model}: {planned.method}", expected, *planned.reasons]
 
 
 @pytest.mark.parametrize(
@@ -179,7 +199,7 @@ def test_an_expected_error_says_of_which_run_it_is(short: Path, inputs: str, whi
     """Another unit may supply other inputs, of which the pilot run knows nothing."""
     short.write_text(f"{short.read_text()}\n[inputs]\n{inputs}\n")
     said = f"expected: error {rbfmu.plan(short).error:.1e}{which}, "
-    assert call("plan", short).output.splitlines()[-1].startswith(f"{said}about ")
+    assert call("plan", short).output.splitlines()[1].startswith(f"{said}about ")
     assert f"{said}accuracy asked 1e-06\n" in call("run", short).output
 
 

@@ -18,6 +18,7 @@ def test_it_prints_what_was_planned_what_failed_and_how_the_runs_end(tmp_path):
     assert f"run {index}: {message}\n" in found.stdout
     assert "damping_b" in message
     assert f"{result.final['kinetic_energy'][result.good].mean():.6g}"[:7] in found.stdout
+    assert found.stdout.endswith(f"\nwritten: {tmp_path / 'store.npz'}, {tmp_path / 'satellite.png'}\n")
     assert (tmp_path / "satellite.png").read_bytes().startswith(b"\x89PNG")
 
 

@@ -1,6 +1,7 @@
 """Ctrl-C on the command line: exit status 130 and no traceback, wherever it strikes."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -9,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from rbfmu import EnsembleResult
+from rbfmu.ensembles.result import kept_runs
 from rbfmu.ensembles.storage.checkpoint import Checkpoint
 from tests.support.command_line import call
 from tests.support.covering import some_of
@@ -95,14 +97,14 @@ def start(folder: Path, arguments: list[str], stage: str, **environment: str) ->
     )  # fmt: skip
 
 
-def check_interrupted(process: subprocess.Popen[str]) -> None:
+def check_interrupted(process: subprocess.Popen[str], before: str = "") -> None:
     try:
         _, said = process.communicate(timeout=120)
     finally:
         process.kill()
         process.communicate()
     assert process.returncode == 130, said
-    assert said in ("", "\nAborted!\n")
+    assert re.fullmatch(f"{before}(\nAborted!\n)?", said)
 
 
 @pytest.mark.parametrize("stage", some_of([*STAGES], 4))
@@ -145,8 +147,11 @@ def struck(self, chunk):
 running._Taken.add = struck
 """
     arguments = ["ensemble", str(FILE), "--runs", "40000", "-o"]
-    check_interrupted(start(tmp_path, [*arguments, str(tmp_path / "it.npz")], stage))
-    assert Checkpoint.read(tmp_path / "it.npz").progress.chunks == 3
+    process = start(tmp_path, [*arguments, str(tmp_path / "it.npz")], stage)
+    check_interrupted(process, r"\n\S*it\.npz: [\d,]+ of 40,000 runs are kept; --resume goes on with them\n")
+    known = Checkpoint.read(tmp_path / "it.npz")
+    assert kept_runs(tmp_path / "it.npz") == (3 * known.identity["members of a chunk"], 40_000)
+    assert known.progress.chunks == 3
     assert call(*arguments, tmp_path / "it.npz", "--resume").exit_code == 0
     assert call(*arguments, tmp_path / "whole.npz").exit_code == 0
     assert_same(EnsembleResult.load(tmp_path / "whole.npz"), EnsembleResult.load(tmp_path / "it.npz"))
