@@ -9,7 +9,7 @@ import numpy as np
 from rbfmu.models.integrated import LOADED_TAYLOR, PRESCRIBED_RATES
 from rbfmu.planning import reasons as say
 from rbfmu.planning.costs import stated
-from rbfmu.planning.judge import MAX_SUBSTEPS, refuse_unfinished, round_off, watched
+from rbfmu.planning.judge import MAX_SUBSTEPS, least_sizes, refuse_unfinished, watched
 from rbfmu.planning.methods import TIGHTEST, likely_order, load_shares, series, series_cost, work_of
 from rbfmu.runs.drive import Drive, drive_of
 from rbfmu.runs.errors import largest_error
@@ -39,18 +39,18 @@ def plan_for_inputs(scene: Scene, tables: InputTables, interpolate: str, found: 
 
 def _planned(scene: Scene, tables: InputTables, interpolate: str, found: Plan) -> Plan:
     names = watched(scene)
-    with_rates = tuple(dict.fromkeys((*names, "omega_b")))  # by which round-off is judged
+    with_rates = tuple(dict.fromkeys((*names, "omega_b")))  # by which rest is judged
     drive, halves = drive_of(scene, tables, interpolate), drive_of(scene, tables, interpolate, parts=2)
     tight = [Plan(LOADED_TAYLOR.key, "", 0, tolerance=1e-18, order=order) for order in ORDERS]
     (truth, taken), (other, more) = (record_driven(scene, plan, halves, with_rates, MAX_SUBSTEPS) for plan in tight)
     for motion, substeps in ((truth, taken), (other, more)):
         refuse_unfinished(scene, np.diff(halves.time).tolist(), motion["omega_b"], substeps)
-    noise = round_off(scene, truth)
-    doubt = largest_error(other, truth, names, noise)
+    floors = least_sizes(scene, truth)
+    doubt = largest_error(other, truth, names, floors)
     best = math.inf
     for plan in (found, *_tighter(scene, found)):
         motion, substeps = record_driven(scene, plan, drive, names, MAX_TRIED)
-        error = largest_error(motion, truth, names, noise) + doubt
+        error = largest_error(motion, truth, names, floors) + doubt
         if error <= scene.run.accuracy:
             return _stated(scene, found, plan, error, substeps, drive)
         best = min(best, error)

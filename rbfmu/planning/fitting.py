@@ -189,9 +189,9 @@ class _Search:
     def _try_tightest(self) -> None:
         """Find whether the accuracy can be met at all, and accept an error near it where none is much smaller."""
         reached = math.inf
-        for order in (MAX_ORDER - 8, MAX_ORDER):
+        for order, part in [(k, p) for p in (1.0, 1e-3) for k in (MAX_ORDER - 8, MAX_ORDER)]:  # 1e-3: small rates
             method = series(self.general, order, self.shares)
-            plan = method.plan_of(TIGHTEST)
+            plan = method.plan_of(part * TIGHTEST)
             error, substeps = self._tried(plan)
             self._note(_Fit(plan, error, substeps, method.cost * substeps, 1), REACHED * self.accuracy)
             reached = min(reached, error)

@@ -37,8 +37,7 @@ SMALL, LOST = 1e-11, 0.1
 DIRECTIONS = ((0.48, -0.6, 0.64), (0.8, 0.0, -0.6), (0.36, 0.8, 0.48))
 """Orthogonal directions, none along a body's axis."""
 NOISE = 64.0 * 2.0**-52
-"""The part of a quantity's largest term below which a difference is no error, whatever cancels in the quantity."""
-
+"""The part of a quantity's largest term below which it is that of a body at rest, whatever cancels in the quantity."""
 
 MAX_REFERENCE_STEPS = 100_000
 """The number of the reference's steps in double-double arithmetic, some seconds of work."""
@@ -109,9 +108,9 @@ class Judge:
         refuse_unfinished(self.scene, steps, found["omega_b"], substeps_counted(tight.kernels, z))
         return {name: rows[::parts] for name, rows in found.items()}
 
-    def error_if_soon(self, plan: Plan) -> float:
-        """Return the plan's error where the truth takes no more than seconds, else 0."""
-        return 0.0 if self._exact is None else self.try_out(plan)[0]
+    def error_if_soon(self, plan: Plan, otherwise: float = 0.0) -> float:
+        """Return the plan's error where the truth takes no more than seconds."""
+        return otherwise if self._exact is None else self.try_out(plan)[0]
 
     @cached_property
     def _exact(self) -> Motion | None:
@@ -135,9 +134,9 @@ class Judge:
         return {name: rows[::2] for name, rows in self.motion.items()}
 
     @cached_property
-    def noise(self) -> Mapping[str, float]:
-        """Return what counts as no error, by name."""
-        return round_off(self.scene, self.motion)
+    def floors(self) -> Mapping[str, float]:
+        """Return the least sizes that errors are relative to, by name."""
+        return least_sizes(self.scene, self.motion)
 
     def try_out(self, plan: Plan, at_once: int = 1, parts: int = 1, absolute: bool = False) -> tuple[float, float]:
         """Return the plan's error over the run, and the substeps it counted.
@@ -172,7 +171,7 @@ class Judge:
         for names in self._asked:
             z = start_run(self.scene, plan, names)
             found = self._recorded(plan, z, steps, names, parts)
-            errors.append(_error_between(found, truth, names, self.noise, absolute))
+            errors.append(_error_between(found, truth, names, self.floors, absolute))
             substeps.append(substeps_counted(plan.kernels, z))
         return max(errors) + self.doubt, max(substeps)
 
@@ -198,7 +197,7 @@ class Judge:
             q += 0.5 * SMALL * np.array(evaluated(compose_quaternions, tuple(q.tolist()), (0.0, *turn.tolist())))
             omega += SMALL / span * self._turning(change)
             found = self._recorded(tight, z, self.steps, self.names)
-            worst = max(worst, largest_error(found, truth, self.names, self.noise))
+            worst = max(worst, largest_error(found, truth, self.names, self.floors))
         return max(worst / SMALL, 1.0) if worst < LOST else math.inf
 
     def _turning(self, change: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -210,7 +209,7 @@ class Judge:
     def compare(self, smaller: Plan, truth: Motion, names: tuple[str, ...], absolute: bool) -> float:
         """Return the error of a model that leaves something out, also between steps; absolute: as in `try_out`."""
         found = record_trajectory(smaller.kernels, start_run(self.scene, smaller, names), self.cut_steps, names)
-        return _error_between(found, truth, names, round_off(self.scene, truth), absolute)
+        return _error_between(found, truth, names, least_sizes(self.scene, truth), absolute)
 
 
 def refuse_unfinished(scene: Scene, steps: Sequence[float], rates: NDArray[np.float64], substeps: float) -> None:
@@ -229,21 +228,38 @@ def too_long(scene: Scene, why: str) -> SceneError:
 
 
 def _error_between(
-    found: Motion, truth: Motion, names: tuple[str, ...], noise: Mapping[str, float], absolute: bool
+    found: Motion, truth: Motion, names: tuple[str, ...], floors: Mapping[str, float], absolute: bool
 ) -> float:
     if not absolute:
-        return largest_error(found, truth, names, noise)
+        return largest_error(found, truth, names, floors)
     moved = {name: largest_size(found[name] - truth[name]) for name in names if name in FLOORS}
-    rest = largest_error(found, truth, [name for name in names if name not in FLOORS], noise)
+    rest = largest_error(found, truth, [name for name in names if name not in FLOORS], floors)
     worst = max(rest, *moved.values(), 0.0)
     return worst if all(map(math.isfinite, moved.values())) else math.inf
 
 
-def round_off(scene: Scene, motion: Motion) -> dict[str, float]:
-    """Return 64 eps of each quantity's terms before anything cancels, where that exceeds a tenth of the accuracy."""
-    noise = {name: NOISE * size for name, size in natural_sizes(scene, motion).items() if name in motion}
-    resolved = {name: 0.1 * scene.run.accuracy * largest_size(motion[name]) for name in noise}
-    return {name: least for name, least in noise.items() if least > resolved[name]}
+def least_sizes(scene: Scene, motion: Motion) -> dict[str, float]:
+    """Return the least size that errors are relative to, by name.
+
+    A quantity that is zero but for round-off of its terms has no size of its own: errors are relative to these terms.
+    """
+    resting = {name: size for name, (size, part) in _parts(scene, motion).items() if part <= NOISE}
+    return {**FLOORS, **resting}
+
+
+def lost_to_cancellation(scene: Scene, motion: Motion) -> float:
+    """Return a bound of what round-off of terms that cancel makes of the motion's quantities, relative to these."""
+    return max((NOISE / part for _, part in _parts(scene, motion).values() if part > NOISE), default=0.0)
+
+
+def _parts(scene: Scene, motion: Motion) -> dict[str, tuple[float, float]]:
+    """Return each quantity's natural size, and its largest as a part of it; of an energy, the part of the rate."""
+    found = {}
+    for name, size in natural_sizes(scene, motion).items():
+        if name in motion and size > 0.0:
+            part = largest_size(motion[name]) / size
+            found[name] = size, math.sqrt(part) if OUTPUT[name].unit == "J" else part
+    return found
 
 
 def natural_sizes(scene: Scene, motion: Motion) -> dict[str, float]:
@@ -256,13 +272,16 @@ def natural_sizes(scene: Scene, motion: Motion) -> dict[str, float]:
     least = low if low > INERTIA_TOLERANCE * high else middle
     torque = sum(size[name] for name in sorted(TORQUES - DISSIPATIVE))
     angular = (torque + arm * force) / least
-    rate = math.sqrt(angular) + largest_size(motion["omega_b"])
-    angular += largest_size(motion["omega_b"]) ** 2
+    turning = largest_size(motion.get("omega_b", np.array(scene.initial.omega_b)))
+    rate = math.sqrt(angular) + turning
+    angular += turning**2
+    linear = size["gravity_a"] + force / body.mass
+    speed = 0.0 if body.pivot else linear * (scene.run.stop - scene.run.start)
     by_unit = {
         "rad/s": rate,
         "rad/s2": angular,
         "kg m2/s": high * rate,
-        "J": high * rate * rate,
-        "m/s2": arm * angular + size["gravity_a"] + force / body.mass,
+        "J": high * rate * rate + body.mass * speed * speed,
+        "m/s2": arm * angular + linear,
     }
     return {row.name: by_unit[row.unit] for row in OUTPUTS if row.unit in by_unit}

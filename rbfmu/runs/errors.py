@@ -14,7 +14,6 @@ from rbfmu_kernels.rotations.quaternion import angle_between
 __all__ = ["attitude_error", "largest_error", "relative_error"]
 
 Array = NDArray[np.float64]
-_NONE: Mapping[str, float] = {}
 FEW = 20_000
 """The number of rows up to which the array function is not worth its compilation."""
 FLOORS: Mapping[str, float] = {row.name: row.floor for row in OUTPUTS if row.floor}
@@ -29,11 +28,9 @@ def attitude_error(a: Array, b: Array) -> Array:
     return np.array([angle(tuple(p), tuple(q)) for p, q in zip(a, b, strict=True)])
 
 
-def relative_error(a: Array, b: Array, floor: float, noise: float = 0.0) -> Array:
-    """Return |a - b| over rows of (n, 3), relative to the largest |b| of the run, at least `floor`; 0 up to `noise`."""
-    largest = max(largest_size(b), floor) or 1.0
-    beyond = sizes(a - b, largest) - noise / largest
-    return np.where(beyond < 0.0, 0.0, beyond)  # what is not finite stays so
+def relative_error(a: Array, b: Array, floor: float) -> Array:
+    """Return |a - b| over rows of (n, 3), relative to the largest |b| of the run, at least `floor`."""
+    return sizes(a - b, max(largest_size(b), floor) or 1.0)
 
 
 def largest_size(rows: Array) -> float:
@@ -49,18 +46,18 @@ def sizes(rows: Array, unit: float) -> Array:
 
 
 def largest_error(
-    a: Mapping[str, Array], b: Mapping[str, Array], names: Iterable[str], noise: Mapping[str, float] = _NONE
+    a: Mapping[str, Array], b: Mapping[str, Array], names: Iterable[str], floors: Mapping[str, float] = FLOORS
 ) -> float:
     """Return the largest error of a run in the quantities named; infinite where one is not finite.
 
-    noise: the difference that counts as no error, by the quantity's name and in its unit.
+    floors: the least size that an error is relative to, by the quantity's name and in its unit.
     """
     worst = 0.0
     for name in names:
         if OUTPUT[name].error == ANGLE:
             errors = attitude_error(a[name], b[name])
         else:
-            errors = relative_error(a[name], b[name], FLOORS.get(name, 0.0), noise.get(name, 0.0))
+            errors = relative_error(a[name], b[name], floors.get(name, 0.0))
         largest = float(np.max(errors))
         worst = max(worst, largest) if math.isfinite(largest) else math.inf
     return worst

@@ -8,6 +8,7 @@ import shutil
 import pytest
 from numba import config
 
+from tests.support.covering import some_of
 from tests.support.fmu import c_host
 from tests.support.fmu.fmus import bench
 from tests.support.paths import ROOT
@@ -251,7 +252,7 @@ def test_the_native_fmu_is_measured_and_c_by_hand_moves_alike():
     assert by_scene[one.HAND]["difference"] < one.ROUND_OFF
 
 
-@pytest.mark.parametrize("model", COSTS.SERVED)
+@pytest.mark.parametrize("model", some_of([*COSTS.SERVED], 4))
 def test_a_scene_costs_more_without_the_model_that_serves_it(model):
     """By what plans state; the benchmark measures it."""
     scene = COSTS.served(model)

@@ -5,6 +5,7 @@ Series follow one another in steps of their own, whatever the communication step
 Works in a piece of a model's buffer, see `taylor_coefficients`; what is kept: `KEPT`; states: see `rigid_body_state`.
 """
 
+import math
 from typing import Any
 
 from ..buffer import MAX_SUBSTEPS, places
@@ -60,6 +61,12 @@ PATIENCE = 16.0
 """The steps after a series that did not until another is tried."""
 _CAUTION = 1.0 / 64.0
 """The part of a whole run's tolerance that series use up: no pilot run has seen how inputs magnify errors."""
+_SMALL_TURNS = 8.0
+"""Turns below the inverse of it, rad, of which an attitude keeps relative accuracy where loads turn in b.
+
+Their torque, which may cancel at rest, turns errors of the attitude into errors of the rate: near an equilibrium these
+count relative to a motion as small. Larger turns keep absolute accuracy, as attitudes are asked for.
+"""
 _TRIES = 256
 """From the longest step down to any."""
 _CLOCK = 1.0 + 1e-9
@@ -197,12 +204,15 @@ def _make(
         turned_loads(s, q, loads, fixed)
     motion_series(s, 0, order, 0, body, known_torques(loads, body), fixed)
     end_series(s, RATE, order)
+    least = 0.0 if fixed.lever_force or fixed.torque else 1.0
     reach, speed, exact = z[i + _REACH], 1.0, again or n == WHOLE_STATE
     if not again:
         reach = z[size] if n == RATE_ONLY else likely_reach(s, order, z[size])
-        reach, _ = reach_within(s, n, order, 0, speed, reach, tolerance, span)
+        reach, _ = reach_within(s, n, order, 0, speed, reach, tolerance, span, least)
     if n != RATE_ONLY:
-        bound = -1.0 if exact else 0.5 * tolerance_of_substep(tolerance, span, reach)
+        _, square = truncation(s, order, reach, 0.0, 1, n, span)
+        turn = _turn_counted(square, reach, least)
+        bound = -1.0 if exact else 0.5 * turn * tolerance_of_substep(tolerance, span, reach)
         m = attitude_series(s, FORCE_RATE, q, m, reach, bound)
     if n == WHOLE_STATE:
         acceleration_series(s, m, body.inverse_mass, loads)
@@ -211,36 +221,46 @@ def _make(
         z[i] = ALIVE
         return
     copy_numbers(z, y, i + _START, ROTATION)
-    reach, z[size] = reach_within(s, n, order, m, speed, reach, tolerance, span)
+    reach, z[size] = reach_within(s, n, order, m, speed, reach, tolerance, span, least)
     begin_clock(z, i, n, m, reach)
     for k in range(6):
         z[i + _PATH + k] = 0.0
 
 
+@kernel
+def _turn_counted(square: float, h: float, least: float) -> float:
+    """Return the turn that errors of the attitude are relative to, 1 at most; square: of the largest rate."""
+    return max(min(_SMALL_TURNS * math.sqrt(square) * h, 1.0), least)
+
+
 @kernel(inline=False)
 def reach_within(
-    s: Any, n: int, order: int, m: int, speed: float, reach: float, tolerance: float, span: float
+    s: Any, n: int, order: int, m: int, speed: float, reach: float, tolerance: float, span: float, least: float
 ) -> tuple[float, float]:
     """Return a reach, at most that given, at which the estimated error is within the tolerance's share, and the next.
 
-    m: the attitude's order, 0 while it is not known.
+    m: the attitude's order, 0 while it is not known; least: the turn, rad, of which it loses digits at most, 1 where no
+    load depends on the attitude, else 0.
     """
-    excess = _excess(s, n, order, m, speed, reach, tolerance, span)
+    excess = _excess(s, n, order, m, speed, reach, tolerance, span, least)
     for _ in range(_TRIES):
         if excess <= 1.0:
             break
         reach = nearer_size(reach, order, 1.4 * excess)
-        excess = _excess(s, n, order, m, speed, reach, tolerance, span)
+        excess = _excess(s, n, order, m, speed, reach, tolerance, span, least)
     return reach, nearer_size(reach, order, 1.4 * excess)
 
 
 @kernel(inline=False)
-def _excess(s: Any, n: int, order: int, m: int, speed: float, h: float, tolerance: float, span: float) -> float:
+def _excess(
+    s: Any, n: int, order: int, m: int, speed: float, h: float, tolerance: float, span: float, least: float
+) -> float:
     """Return the estimated error at h over that which is allowed."""
-    last, _ = truncation(s, order, h, 0.0, 1, n, span)
+    last, square = truncation(s, order, h, 0.0, 1, n, span)
     if m > 0 and n != RATE_ONLY:
-        power = power_of(h, m - 1)
-        last = max(last, 2.0 * power * last_terms_of_attitude(s, m, h))
+        power, turn = power_of(h, m - 1), _turn_counted(square, h, least)
+        if turn > 0.0:  # else the body is at rest, and all terms are zero
+            last = max(last, 2.0 * power * last_terms_of_attitude(s, m, h) / turn)
         if n == WHOLE_STATE:
             last = max(last, power * last_terms(s, ACCELERATION, m - 1, h) / speed)
     return last / tolerance_of_substep(tolerance, span, h)

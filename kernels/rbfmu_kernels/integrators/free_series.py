@@ -58,9 +58,9 @@ def begin_free_series(z: Any, w: int, i: int, h: float, q: Quaternion, omega: Ve
     motion_series(s, 0, MAX_ORDER, 0, body, _NO_TORQUES, SpaceFixedLoads(False, False, False))
     end_series(s, RATE, MAX_ORDER)
     reach = likely_reach(s, MAX_ORDER, z[i + _NEXT])
-    reach, _ = reach_within(s, ROTATION, MAX_ORDER, 0, 1.0, reach, _ROUND_OFF, 0.0)
+    reach, _ = reach_within(s, ROTATION, MAX_ORDER, 0, 1.0, reach, _ROUND_OFF, 0.0, 1.0)
     m = attitude_series(s, FORCE, q, MAX_ORDER, reach, 0.5 * _ROUND_OFF)
-    reach, z[i + _NEXT] = reach_within(s, ROTATION, MAX_ORDER, m, 1.0, reach, _ROUND_OFF, 0.0)
+    reach, z[i + _NEXT] = reach_within(s, ROTATION, MAX_ORDER, m, 1.0, reach, _ROUND_OFF, 0.0, 1.0)
     begin_clock(z, i, ROTATION, m, reach)
     if not LEAST_REACH * h <= reach:
         z[i] = NONE

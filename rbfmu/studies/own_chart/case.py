@@ -10,7 +10,7 @@ import numpy as np
 
 from rbfmu.models.body_at_start import body_at_start
 from rbfmu.models.scene_needs import Needs
-from rbfmu.planning.judge import MAX_REFERENCE_STEPS, round_off, watched
+from rbfmu.planning.judge import MAX_REFERENCE_STEPS, least_sizes, watched
 from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
 from rbfmu.runs.errors import largest_error
 from rbfmu.runs.time_grid import communication_steps
@@ -36,12 +36,12 @@ class OwnCase(Case):
     """A scene with its outputs at all communication points, and its ports at zero.
 
     names: the blocks that show what is asked for; truth: these (and omega_b) at the start and at the checkpoints;
-    noise: the difference that counts as no error, by name.
+    floors: the least sizes that errors are relative to, by name.
     """
 
     names: tuple[str, ...] = ()
     truth: Motion = field(default_factory=dict)
-    noise: Mapping[str, float] = field(default_factory=dict)
+    floors: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def span(self) -> float:
@@ -109,7 +109,7 @@ class OwnCase(Case):
             if not all(np.all(np.isfinite(found[name])) for name in self.names):
                 return _NOTHING | {"scene": math.inf}
             whole = {name: np.vstack((self.truth[name][:1], found[name])) for name in self.names}
-            return _NOTHING | {"scene": largest_error(whole, self.truth, self.names, self.noise)}
+            return _NOTHING | {"scene": largest_error(whole, self.truth, self.names, self.floors)}
 
     def _shown(self, states: Any) -> Motion:
         """Return the judged quantities of states."""
@@ -163,7 +163,7 @@ def _with_truth(case: OwnCase) -> OwnCase:
     body_at_start(case.scene).check()
     steps = [case.interval * n for n in case.outputs_between]
     truth = reference_motion(case.scene, steps, MAX_REFERENCE_STEPS)
-    return replace(case, truth=truth, noise=round_off(case.scene, truth))
+    return replace(case, truth=truth, floors=least_sizes(case.scene, truth))
 
 
 def _at_rest(case: OwnCase) -> Motion:

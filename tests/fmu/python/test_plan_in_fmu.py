@@ -48,6 +48,7 @@ def test_an_fmu_of_rates_alone_has_only_what_they_need(kind, tmp_path):
     assert rbfmu_fmu.verify(tmp_path / f"{kind}.fmu").passed
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["native", pytest.param("python", marks=pytest.mark.thorough)])
 def test_an_fmu_of_a_pushed_free_body_gives_the_kernels_bits(kind, tmp_path):
     tables = spinning((0.1, 0.2, 0.4), ["position"]).to_dict()

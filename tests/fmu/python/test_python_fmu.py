@@ -29,7 +29,7 @@ pytestmark = pytest.mark.filterwarnings(
 H = 0.01
 
 
-@pytest.mark.parametrize("name", ["brick", "driven", "pendulum", "prescribed"])
+@pytest.mark.parametrize("name", some_of(["brick", "driven", "pendulum", "prescribed"], 2))
 def test_fmu_is_the_kernels_over_10000_steps_before_and_after_a_restore(name):
     inputs, size = signal(name, 10_000), scene(name).run.step
     instance, kernels = opened(name).started(), Kernels(name)
@@ -38,7 +38,7 @@ def test_fmu_is_the_kernels_over_10000_steps_before_and_after_a_restore(name):
     instance.free()
 
 
-@pytest.mark.parametrize("name", ["brick", "driven", "pendulum", "prescribed"])
+@pytest.mark.parametrize("name", some_of(["brick", "driven", "pendulum", "prescribed"], 2))
 def test_verify_finds_no_difference(name):
     found = verify(built(name))
     assert found.passed, found

@@ -56,6 +56,7 @@ def test_the_bodies_are_of_all_kinds():
     assert min(found.count(kind) for kind in (0.0, 3.0, -1.0)) >= 8
 
 
+@pytest.mark.thorough
 def test_each_body_may_have_times_of_its_own():
     moments, q_0, omega = bodies(20)
     t = np.random.default_rng(5).normal(size=(20, 3))

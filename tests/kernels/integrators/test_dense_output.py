@@ -49,6 +49,20 @@ class Unit(model_cases.Unit):
         return reference.errors([truth], *([self[name]] for name in ("quaternion", "omega_b", "position", "velocity")))
 
 
+@pytest.mark.parametrize("size", [1e-12, 1e-8])
+def test_a_small_swing_keeps_its_digits(size):
+    """Two pendulums, one about each axis, as their angles are so small that sines are angles."""
+    body = {"mass": 6.6, "inertia": [10.0, 13.0, 14.0], "pivot": True, "r_oc_b": [0.0, 0.0, -1.46]}
+    loads, run = {"gravity_a": [0.0, 0.0, -9.81]}, {"stop": 2.0, "step": 0.02}
+    scene = Scene(body=body, initial={"omega_b": [size, 2.0 * size, 0.0]}, loads=loads, run=run)
+    unit, moments = Unit(scene, order=20, tolerance=1e-12), np.array([10.0, 13.0]) + 6.6 * 1.46**2
+    for k in range(1, 101):
+        unit.step(0.02, 1)
+        swung = size * np.array([1.0, 2.0]) * np.cos(np.sqrt(6.6 * 9.81 * 1.46 / moments) * 0.02 * k)
+        assert np.max(np.abs(unit["omega_b"][:2] - swung)) <= 1e-12 * 2.0 * size
+    assert unit.series < 20.0
+
+
 def natural_step(scene, order, tolerance, span):
     """Return the mean time between series."""
     unit = Unit(scene, order, tolerance).step(span / 3000.0, 3000)

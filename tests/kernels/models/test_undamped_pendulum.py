@@ -13,6 +13,7 @@ from rbfmu.runs.errors import attitude_error
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from tests.kernels.exact.test_plane_pendulum import truth
+from tests.support.covering import some_of
 from tests.support.fmu.fmu_importer import ERROR, OK, Fmu
 from tests.support.fmu.fmus import unzipped_at
 from tests.support.references import reference_mp as reference
@@ -52,7 +53,7 @@ CASES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", some_of([*CASES], 4))
 @pytest.mark.parametrize("steps", [1, 16])
 def test_a_pendulum_is_that_of_40_digits(name, steps):
     """However long the steps; rates relative to the largest, also of a tiny swing."""
@@ -154,6 +155,7 @@ def test_damping_keeps_the_series_and_damping_too_weak_to_see_does_not():
     assert plan(scene_of(HUNG, about(1, 0.4, -2.0), weakly)).model == MODEL
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", [pytest.param("python", marks=pytest.mark.thorough), "native"])
 def test_an_fmu_of_a_pendulum_takes_another_start_and_refuses_damping(kind, tmp_path):
     scene = scene_of(HUNG, about(1, 0.4, -2.0), outputs={"quantities": ["quaternion", "omega_b"]})

@@ -129,7 +129,7 @@ def numbers(results):
     return [r.tolist() for r in (results if isinstance(results, tuple) else (results,))]
 
 
-@pytest.mark.parametrize("name", some_of([*ARRAY_FUNCTIONS], 16))
+@pytest.mark.parametrize("name", some_of([*ARRAY_FUNCTIONS], 8))
 def test_arguments_may_be_given_by_name(name):
     """All of them, in any order, or the last ones only; `repr`, since a NaN equals none."""
     function, arguments = ARRAY_FUNCTIONS[name], arguments_of(name)

@@ -69,6 +69,7 @@ def test_a_worker_that_is_killed_is_replaced(whole, cluster, tmp_path):
         assert len(before & set(client.run(os.getpid).values())) == 1
 
 
+@pytest.mark.thorough
 def test_the_command_line_takes_a_scheduler(cluster, tmp_path):
     for store, options in (("dask.npz", ["--scheduler", cluster.scheduler_address]), ("threads.npz", ["--workers", 2])):
         found = call("ensemble", FILE, "-o", tmp_path / store, *options)

@@ -11,6 +11,7 @@ from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.exceptions import SceneError
 from rbfmu.planning import plan
 from rbfmu.scene.scene import Scene
+from tests.support.covering import some_of
 from tests.support.quadruple import reference
 from tests.support.quadruple.driving import outcome
 from tests.support.references import reference_mp
@@ -92,7 +93,7 @@ def error_of(scene, planned):
     return max(found)
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", some_of([*CASES], 2))
 def test_members_meet_the_accuracy_by_40_digits(name):
     scene = scene_of(name)
     scene = scene.replace({"run.stop": scene.run.step})
@@ -102,7 +103,7 @@ def test_members_meet_the_accuracy_by_40_digits(name):
 
 
 @pytest.mark.skipif(reference.library() is None, reason="no C compiler with quadruple precision")
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", some_of([*CASES], 3))
 def test_every_member_meets_the_accuracy_by_the_plan_for_all(name):
     """The reference is quadruple precision, which `test_quadruple` holds to 40 digits."""
     scene = scene_of(name)

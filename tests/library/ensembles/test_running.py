@@ -160,6 +160,7 @@ def test_a_finished_store_is_read(scene, whole, tmp_path, monkeypatch, store):
     assert_same(whole, run(scene, tmp_path / store, resume=True))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("store", some_of(STORES, 1))
 def test_more_runs_may_follow(scene, tmp_path, store):
     more = run(scene, runs=163)

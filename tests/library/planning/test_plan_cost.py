@@ -49,8 +49,8 @@ def test_a_force_in_b_costs_as_one_that_turns_only_where_its_path_is_asked():
 
 def test_the_command_says_cost_step_and_machine():
     name = str(SCENES / "tumbling_brick.toml")
-    last = call("plan", name, catch_exceptions=False).stdout.splitlines()[-1]
-    found = re.fullmatch(r"expected: error \S+, about ([\d,]+) ns a step of 0.1 s on (.+)", last)
+    _, said, *_ = call("plan", name, catch_exceptions=False).stdout.splitlines()
+    found = re.fullmatch(r"expected: error \S+, about ([\d,]+) ns a step of 0.1 s on (.+)", said)
     assert found[2] == MACHINE
     assert float(found[1].replace(",", "")) == pytest.approx(rbfmu.plan(name).cost, rel=0.05)
 

@@ -52,6 +52,7 @@ def pieces(interpolate):
     return cuts[1:], found
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("interpolate", [pytest.param("hold", marks=pytest.mark.thorough), "linear"])
 def test_a_driven_run_meets_its_accuracy_wherever_the_rows_lie(interpolate):
     result = rbfmu.simulate(scene(), inputs={p: (TIMES, v) for p, v in VALUES.items()}, interpolate=interpolate)

@@ -143,6 +143,7 @@ def test_options_take_the_place_of_the_file_s_keys(short: Path, tmp_path: Path) 
     assert "accuracy asked 0.001" in call("verify", tmp_path / "it.fmu").output
 
 
+@pytest.mark.thorough
 def test_python_takes_a_scene_or_its_file(short: Path) -> None:
     scene = rbfmu.load_scene(short)
     assert rbfmu.plan(str(short)) == rbfmu.plan(scene) == rbfmu.plan(scene=short)

@@ -4,7 +4,7 @@ import numpy as np
 
 FLOORS = {"position": 1.0, "velocity": 1.0}
 ROUND_OFF = 64 * 2.0**-52
-"""Of what a quantity is made of, whatever cancels in it: less than this is no error."""
+"""Of what a quantity is made of, whatever cancels in it: less than this is rest."""
 
 
 def attitude_errors(q, high, low):
@@ -26,16 +26,16 @@ def quaternion_of_rpy(rpy):
     ], axis=1)  # fmt: skip
 
 
-def round_off(name, truth):
-    """Of what a quantity is made of before anything cancels."""
+def least_size(name, truth):
+    """What errors are relative to at least: of a quantity at rest, all that it is made of, whatever cancels in it."""
     rate, angular, linear, trace, mass, span = truth.scales
-    sizes = {
+    turning = {
         "omega_b": rate, "omega_a": rate, "alpha_b": angular, "acceleration": linear,
-        "angular_momentum_a": trace * rate, "kinetic_energy": trace * rate * rate,
+        "angular_momentum_a": trace * rate, "kinetic_energy": trace * rate * rate + mass * (linear * span) ** 2,
     }  # fmt: skip
-    speed = ROUND_OFF * linear * span
-    of_speed = mass * speed * (truth.sizes["velocity"] + speed) if name == "kinetic_energy" else 0.0
-    return float(ROUND_OFF * sizes.get(name, 0.0) + of_speed)
+    size = turning.get(name, 0.0)
+    rests = truth.sizes[name] <= (ROUND_OFF**2 if name == "kinetic_energy" else ROUND_OFF) * size
+    return size if rests else FLOORS.get(name, 0.0)
 
 
 def quantity_error(name, values, truth):
@@ -47,9 +47,8 @@ def quantity_error(name, values, truth):
         q = quaternion_of_rpy(values) if name == "rpy" else values
         return float(np.max(attitude_errors(q, truth.high["quaternion"], truth.low["quaternion"])))
     difference = np.linalg.norm((values - truth.high[name]) - truth.low[name], axis=1)
-    size = max(truth.sizes[name], FLOORS.get(name, 0.0))
-    beyond = float(np.max(difference)) - round_off(name, truth)
-    return max(beyond, 0.0) / size if size > 0.0 else float(beyond > 0.0)
+    size, error = max(truth.sizes[name], least_size(name, truth)), float(np.max(difference))
+    return error / size if size > 0.0 else float(error > 0.0)
 
 
 def errors(values, truth):

@@ -258,8 +258,26 @@ def _in_shorter_steps():
     return [Case(0, "one step in tenths", Scene.from_dict(tables), Setting(step=0.084), said)]
 
 
+def _small_motions():
+    """Rates that are small beside what gravity would make of a body that is not in equilibrium."""
+    for name, start, arm, accuracy, said in (
+        ("hanging", [3e-5, -1e-4, 0.0], -1.46, 1e-12, "252 times the accuracy"),
+        ("hanging, 1e-8 rad/s", [1e-8, 2e-8, 0.0], -1.46, 1e-8, "46 times the accuracy"),
+        ("upright, 1e-9 rad/s", [1e-9, 2e-9, 0.0], 1.46, 1e-8, "60 times the accuracy, and error 0.0e+00"),
+    ):
+        wanted = ["quaternion", "omega_b", "alpha_b", "angular_momentum_a", "kinetic_energy"]
+        tables = {"body": pivoted([0.0, 0.0, arm]), "loads": DEFAULT_GRAVITY, "run": run(2.0, 0.02, accuracy)}
+        small = scene([10.0, 13.0, 14.0], 6.6, start, wanted, **tables)
+        yield Case(15, name, small, Setting(), f"on 22 Nov 2026: {said}")
+    R = Rotation.from_rotvec([0.3, -0.8, 0.5])
+    body, attitude = pivoted(R.inv().apply([0.0, 0.0, -1.0]).tolist()), R.as_quat(scalar_first=True).tolist()
+    tables = {"body": body, "initial": {"attitude": {"quaternion": attitude}}, "loads": DEFAULT_GRAVITY}
+    turned = scene(omega_b=[1e-9, 2e-9, 0.0], run=run(2.0, 0.02, 1e-12), **tables)
+    yield Case(15, "hanging turned, which doubles cannot keep", turned, Setting(), "silent", True, ("run.accuracy",))
+
+
 CASES = [
-    *_found_since(), *_in_shorter_steps(),
+    *_found_since(), *_in_shorter_steps(), *_small_motions(),
     *_ports(), *_equilibria(), *_starts(), *_listed(), *_unlisted(), *_never_judged(), *_other_steps(),
     *_full_matrices(), *_trials(), *_prescribed(), *_many_steps(), *_refused(), *_late_clocks(),
 ]  # fmt: skip
