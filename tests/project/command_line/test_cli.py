@@ -222,7 +222,7 @@ def test_where_nothing_can_be_kept_one_line_says_what_to_do(short: Path, tmp_pat
 
 @pytest.mark.parametrize(
     ("names", "slow"),
-    [("win64", "win64"), ("linux64,win64,darwin64", "win64, darwin64"), ("linux64", ""), ("", "")],
+    [("win64", "win64"), ("linux64,win64,darwin64", "darwin64, win64"), ("linux64", ""), ("", "")],
 )
 def test_what_may_take_minutes_is_said_beforehand(
     names: str, slow: str, short: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
