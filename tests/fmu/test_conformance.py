@@ -37,7 +37,7 @@ def drive(kind, examples, steps):
     return process
 
 
-@pytest.mark.parametrize("examples", [30, pytest.param(100, marks=pytest.mark.thorough)])
+@pytest.mark.parametrize("examples", [15, pytest.param(100, marks=pytest.mark.thorough)])
 @pytest.mark.parametrize("kind", ["python", "native", "fmi3_scalars"])
 def test_any_calls_are_answered_rightly(kind, examples):
     process = drive(kind, examples, 50)

@@ -55,6 +55,7 @@ def test_few_steps_are_verified_without_compiling_them(fmu: Path, tmp_path: Path
     assert not [*tmp_path.rglob("*.step-*.nbi")]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["python", "native"])
 def test_an_fmu_equals_its_kernels_at_a_unix_clocks_times(kind: str, tmp_path: Path) -> None:
     run = {"start": 1e9, "stop": 1e9 + 1.0, "step": 0.3}

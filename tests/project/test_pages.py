@@ -18,6 +18,7 @@ from examples import pages
 from examples.benchmarks import plans
 from examples.figures import measure, record
 from examples.gallery import page as gallery
+from examples.interop import run as interop
 from rbfmu import arrays
 from rbfmu.cli import main
 from rbfmu.models.registry import MODELS
@@ -91,7 +92,7 @@ def test_the_readme_has_two_commands_to_install_and_an_example_of_each_way_in() 
 
 
 @needs_compiler
-@pytest.mark.parametrize("block", some_of([pytest.param(b, id=str(b)) for b in PYTHON], 8))
+@pytest.mark.parametrize("block", some_of([pytest.param(b, id=str(b)) for b in PYTHON], 4))
 def test_python_can_be_pasted(block: Block, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each block by itself, in a folder that has the page's scene."""
     scenes_of(block.page, tmp_path)
@@ -301,6 +302,21 @@ def test_an_importer_s_cell_says_what_another_one_with_libpython_does() -> None:
     assert pages.tried([row | {"version": ""} for row in rows], "python") == "not tried"
 
 
+def test_an_importer_that_is_not_here_keeps_what_an_earlier_fmu_did(monkeypatch: pytest.MonkeyPatch) -> None:
+    def row(name: str, version: str, result: str) -> dict[str, str]:
+        return {"importer": name, "version": version, "FMU": "native", "result": result}
+
+    before = [row("here", "1", "failed"), row("elsewhere", "2", "same bits"), row("nowhere", "", "not on this machine")]
+    now = [row("here", "3", "same bits"), row("elsewhere", "", "none"), row("nowhere", "", "none")]
+    for _ in range(2):
+        monkeypatch.setattr(record, "read", lambda name, rows=before: ([], rows))
+        monkeypatch.setattr(interop, "main", lambda: now)
+        before = measure.interop()
+        kept = row("elsewhere", "2", "same bits (an earlier FMU)")
+        assert before[:2] == [now[0], kept]
+        assert not before[2]["version"]
+
+
 def test_figures_are_kept_with_the_digest_of_their_sources(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(record, "place", lambda name: tmp_path / f"{name}.csv")
     monkeypatch.setitem(measure.MEASURED, "native", lambda: [{"scene": "one", "by hand": 0.5}])
@@ -320,6 +336,7 @@ def test_measuring_without_a_peer_says_which(monkeypatch: pytest.MonkeyPatch) ->
         measure.measure("peers")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("case", some_of(measure.PEERS_CASES, 2))
 def test_plans_are_those_whose_cost_is_quoted(case: str) -> None:
     """What is planned has no digest: plans are made again."""

@@ -66,6 +66,7 @@ def test_each_body_may_have_times_of_its_own():
     np.testing.assert_array_equal(other[::-1], rates)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("shape", [(40, 1), (5, 8, 1)])
 def test_the_array_function_gives_the_same_bits_however_it_computes(shape):
     moments, q_0, omega = (a[:40] for a in bodies(60))

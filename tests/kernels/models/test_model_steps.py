@@ -31,6 +31,7 @@ from tests.support.scenes.model_cases import (
 )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("body", [OFFSET, OFFSET | {"pivot": True}], ids=["free", "pivot"])
 def test_chopping_time_changes_results_within_the_accuracy_only(body):
     initial = {"omega_b": [1.0, 2.0, -1.0], "attitude": TURNED}

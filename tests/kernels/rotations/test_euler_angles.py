@@ -144,6 +144,7 @@ def test_at_a_pole_the_third_angle_is_zero_and_nothing_warns(seq):
                 assert exact.error(exact_matrix(seq, angles), exact.matrix_from_quaternion(exact.exact(q))) <= 5.0
 
 
+@pytest.mark.thorough
 @given(st.sampled_from(list(NAME)), any_angles)
 def test_angles_come_back(seq, angles):
     """The same rotation, through the quaternion, through the matrix and through both."""

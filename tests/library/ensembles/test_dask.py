@@ -55,6 +55,7 @@ def killing(mark, victim, task, *args):
     return task(*args)
 
 
+@pytest.mark.thorough
 def test_workers_of_dask_give_the_same_bits(whole, cluster):
     with distributed.Client(cluster) as client:
         assert_same(whole, run(satellite(), executor=client))

@@ -36,7 +36,7 @@ def test_the_registry_takes_what_the_kernels_take_in_the_gallery(path):
 
 
 @given(scenes())
-@settings(max_examples=150, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(max_examples=50, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 def test_the_registry_takes_what_the_kernels_take_at_random(scene):
     assert differing(scene) == []
 

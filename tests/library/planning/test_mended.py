@@ -22,7 +22,7 @@ def item(case):
 
 
 @pytest.mark.skipif(reference.library() is None, reason="no C compiler with quadruple precision")
-@pytest.mark.parametrize("case", some_of([item(case) for case in CASES], 14))
+@pytest.mark.parametrize("case", some_of([item(case) for case in CASES], 10))
 def test_what_was_wrong(case):
     verdict = judged(case)
     assert verdict.right, f"{verdict.text} ({verdict.model}); 0.1.0: {case.said}"

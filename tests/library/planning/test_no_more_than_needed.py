@@ -279,6 +279,7 @@ def test_points_and_weights_are_gauss_s_rule(order):
     assert len(_POINTS) == len(_WEIGHTS) == sum(ORDERS)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("accuracy", [1e-3, 1e-6, 1e-9, 1e-12])
 def test_a_pushed_free_body_is_not_integrated(accuracy):
     scene = made(TRIAXIAL, SPUN, PUSH, accuracy=accuracy)

@@ -45,6 +45,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return {path.name: path for path in paths}
 
 
+@pytest.mark.thorough
 def test_quick_run_writes_figures_answers_and_pictures(files: dict[str, Path]) -> None:
     pictures = {"answers.png", *(f"case_{key}.png" for key in collection.QUICK_CASES), "kept_a.png", "kept_c.png"}
     assert set(files) == {"work_precision.csv", "endings.csv", "answers.csv", "answers.txt", *pictures}

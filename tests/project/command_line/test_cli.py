@@ -255,6 +255,7 @@ def test_the_full_model_is_there_on_request(short: Path, tmp_path: Path) -> None
     assert call("build", short, "-o", tmp_path / "full.fmu", "--model", "full").exit_code == 0
 
 
+@pytest.mark.thorough
 def test_verify_says_how_far_the_full_model_is(short: Path, tmp_path: Path) -> None:
     call("build", short, "-o", tmp_path / "it.fmu")
     text = call("verify", tmp_path / "it.fmu").output

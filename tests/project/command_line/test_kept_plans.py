@@ -101,7 +101,7 @@ def test_where_nothing_can_be_written_it_is_planned_each_time(scene):
 
 
 def test_a_doubt_is_said_each_time(scene):
-    scene.write_bytes(SCENE.with_stem("earth").read_bytes())
+    scene.write_text("[body]\nmass = 50.0\ninertia = [1e4, 2e4, 2.5e4]  # kg cm2\n[run]\nstop = 1.0\nstep = 0.1\n")
     results = [CliRunner().invoke(main, ["plan", str(scene)]) for _ in range(2)]
     assert results[0].stderr.count("Warning") == 1
     assert results[1].stderr == results[0].stderr
