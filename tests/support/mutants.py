@@ -179,6 +179,7 @@ NEAR = (
     ("rbfmu/", ("tests/project/command_line", "tests/library")),
 )
 """The tests of a line that no test was seen to reach, by the folder of the line, the nearest first."""
+FAILED = re.compile(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", re.MULTILINE)
 SEE_ANY_CHANGE = ("test_figures_are_not_older_than_their_sources", "test_text_to_be_changed_is_there_once")
 """Tests that compare sources with what was kept of them: they would find anything."""
 
@@ -221,8 +222,7 @@ class Slot:
         }
         listed = self.folder / "tests.txt"
         listed.write_text("\n".join(tests))
-        besides = [f"--deselect={name}" for name in _fail_anyway()]
-        command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-m", marks, *besides, *options]
+        command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-m", marks, *options]
         return subprocess.run(
             [*command, f"@{listed}"], cwd=self.folder, env=environment, capture_output=True, text=True,
             preexec_fn=_limit_cpu_time,
@@ -232,14 +232,15 @@ class Slot:
         """Plant a mutant, run its tests, or those of `make test` alone, and take it back."""
         path = self.folder / mutant.path
         right = path.read_text()
+        besides = [f"--deselect={name}" for name in _fail_anyway()]
         begin = _cpu()
         try:
             path.write_text(mutant.planted(right))
             for kind, marks in (("make test", QUICK), ("thorough", THOROUGH))[: 1 if quick else 2]:
                 for tests in _tests_of(mutant, kind):
-                    done = self.run(marks, tests, "-x", "--no-header", "--tb=no")
+                    done = self.run(marks, tests, *besides, "-x", "--no-header", "--tb=no")
                     if done.returncode not in (0, 5):  # 5: no test is left of these
-                        failed = re.findall(r"^(?:FAILED|ERROR) (\S+)", done.stdout, re.MULTILINE)
+                        failed = FAILED.findall(done.stdout)
                         said = failed[0] if failed else f"exit {done.returncode}"
                         return Found(kind, said, _cpu() - begin)
             return Found("-", "-", _cpu() - begin)
@@ -293,7 +294,7 @@ def reach() -> None:
     slot = Slot(0)
     done = slot.run("not slow", ["tests"], "-n", "2", "--dist", "loadfile", "-p", "tests.support.reach")
     print(done.stdout[-3000:])
-    failed = re.findall(r"^(?:FAILED|ERROR) (\S+)", done.stdout, re.MULTILINE)
+    failed = FAILED.findall(done.stdout)
     data = coverage.CoverageData(str(PLACE / "reach" / "data"))
     for part in (PLACE / "reach").glob("data.*"):
         other = coverage.CoverageData(str(part))
@@ -310,8 +311,12 @@ def reach() -> None:
 
 @cache
 def _reached() -> Any:
+    """Return what `reach` has found; else which tests of `make test` fail in a copy without a mutant, and no lines."""
     path = PLACE / "reach.json"
-    return json.loads(path.read_text()) if path.exists() else {"failed": [], "lines": {}}
+    if not path.exists():
+        done = Slot(0).run(QUICK, ["tests"], "-n", "2", "--dist", "loadfile")
+        return {"failed": FAILED.findall(done.stdout), "lines": {}}
+    return json.loads(path.read_text())
 
 
 def _fail_anyway() -> list[str]:
@@ -360,6 +365,7 @@ def main() -> None:
     if chosen.what == "draw":
         print(*mutants, sep="\n")
         return
+    print(f"fail without a mutant: {_reached()['failed']}", flush=True)
     slots: queue.Queue[Slot] = queue.Queue()
     for number in range(chosen.workers):
         slots.put(Slot(number))
