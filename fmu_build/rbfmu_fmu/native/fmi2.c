@@ -55,8 +55,9 @@ fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t n, const 
 
 fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean tolerance_defined, fmi2Real tolerance, fmi2Real start,
                                fmi2Boolean stop_defined, fmi2Real stop) {
-    say_of_tolerance(c, __func__, tolerance_defined, tolerance);
-    return (fmi2Status)set_up_experiment(c, __func__, start, stop_defined, stop);
+    Status status = set_up_experiment(c, __func__, start, stop_defined, stop);
+    if (status == CALL_OK) say_of_tolerance(c, __func__, tolerance_defined, tolerance);
+    return (fmi2Status)status;
 }
 
 fmi2Status fmi2EnterInitializationMode(fmi2Component c) { return (fmi2Status)enter_initialization(c, __func__); }

@@ -97,8 +97,9 @@ fmi3Status fmi3SetDebugLogging(fmi3Instance c, fmi3Boolean on, size_t n, const f
 fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean tolerance_defined, fmi3Float64 tolerance,
                                        fmi3Float64 start, fmi3Boolean stop_defined, fmi3Float64 stop) {
     OUTSIDE_UPDATES(c);
-    say_of_tolerance(c, __func__, tolerance_defined, tolerance);
-    return (fmi3Status)set_up_and_enter(c, __func__, start, stop_defined, stop);
+    Status status = set_up_and_enter(c, __func__, start, stop_defined, stop);
+    if (status == CALL_OK) say_of_tolerance(c, __func__, tolerance_defined, tolerance);
+    return (fmi3Status)status;
 }
 
 fmi3Status fmi3ExitInitializationMode(fmi3Instance c) {

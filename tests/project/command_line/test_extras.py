@@ -31,6 +31,7 @@ class Absent:
         if name.partition(".")[0] in {absent}:
             raise ModuleNotFoundError(f"no {{name}}", name=name)
 sys.meta_path.insert(0, Absent)
+sys.modules["ziglang"] = None  # it is not imported but looked for, which must find none
 {then}
 """
 

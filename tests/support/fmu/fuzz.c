@@ -33,7 +33,7 @@ static void their_logger(fmi2ComponentEnvironment environment, fmi2String name, 
     char text[4096];
     int length, hashes = 0;
     (void)environment;
-    if (!name || !category || (status != fmi2Discard && status != fmi2Error)) wrong("a message");
+    if (!name || !category || (status != fmi2Warning && status != fmi2Discard && status != fmi2Error)) wrong("a message");
     va_start(none_given, message);
     length = vsnprintf(text, sizeof text, message, none_given); /* reads none: no % in it is a conversion */
     va_end(none_given);
