@@ -16,16 +16,25 @@ SEED = 1
 """Another seed draws other sets; what each holds does not hang on which other tests there are."""
 
 
+DEAR, MOST = (
+    *(f"tests/kernels/{part}/" for part in ("exact", "integrators", "models")),
+    *(f"tests/library/{part}/" for part in ("ensembles", "models", "planning", "studies")),
+    "tests/fmu/", "tests/project/test_gallery",
+), 2  # fmt: skip
+"""Tests that build, simulate or plan, and how many cases of one that has a single axis are taken."""
+
+
 def mark_what_a_covering_set_leaves(items: Sequence[pytest.Item]) -> None:
-    """Mark all cases of each test as thorough but those of its covering set; slow ones stand apart."""
+    """Mark all cases of each test as thorough but those of its covering set; slow and thorough ones stand apart."""
     cases = defaultdict(list)
     for item in items:
-        if isinstance(item, pytest.Function) and hasattr(item, "callspec") and not item.get_closest_marker("slow"):
+        apart = item.get_closest_marker("slow") or item.get_closest_marker("thorough")
+        if isinstance(item, pytest.Function) and hasattr(item, "callspec") and not apart:
             cases[item.nodeid.partition("[")[0]].append(item)
     for name, of_one_test in cases.items():
         values = [_values(item) for item in of_one_test]
-        if len(values[0]) > 1:
-            kept = covering(values, name)
+        if len(values[0]) > 1 or name.startswith(DEAR):
+            kept = covering(values, name) if len(values[0]) > 1 else drawn(len(values), name)
             for k, item in enumerate(of_one_test):
                 if k not in kept:
                     item.add_marker(pytest.mark.thorough)
@@ -41,6 +50,11 @@ def _values(item: pytest.Function) -> tuple[tuple[int, ...], ...]:
 
 def _names(said: str | Sequence[str]) -> Sequence[str]:
     return said.replace(" ", "").split(",") if isinstance(said, str) else said
+
+
+def drawn(number: int, name: str) -> set[int]:
+    """Return which of a single axis' values to take."""
+    return set(random.Random(f"{SEED} {name}").sample(range(number), min(number, MOST)))
 
 
 def covering(cases: Sequence[tuple[Hashable, ...]], name: str) -> set[int]:

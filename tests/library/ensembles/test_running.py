@@ -170,6 +170,7 @@ def test_more_runs_may_follow(scene, tmp_path, store):
         run(scene, tmp_path / store, resume=True)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("store", some_of(STORES, 1))
 def test_more_runs_may_follow_what_was_stopped(scene, tmp_path, monkeypatch, store):
     more = run(scene, runs=163)

@@ -53,6 +53,7 @@ def test_quick_run_writes_figures_answers_and_pictures(files: dict[str, Path]) -
         assert files[name].read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.thorough
 def test_figures_tell_machine_and_versions_and_are_read_back_as_written(files: dict[str, Path], tmp_path: Path) -> None:
     text = files["work_precision.csv"].read_text()
     head = [line for line in text.splitlines() if line.startswith("#")]

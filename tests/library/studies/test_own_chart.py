@@ -219,6 +219,7 @@ def small_chart() -> Chart:
     return found
 
 
+@pytest.mark.thorough
 def test_a_chart_has_its_plan_and_its_methods(small_chart: Chart) -> None:
     assert {row.kind for row in small_chart.rows} == {"rbfmu's plan", "Taylor series", "SciPy odeint"}
     assert small_chart.plan.value == small_chart.accuracy == 1e-6

@@ -133,6 +133,7 @@ def test_implicit_midpoint_by_iteration_ends_at_the_damping_limit_of_explicit_eu
     assert not math.isfinite(body_laws.decay_factor("implicit midpoint", 2.1))
 
 
+@pytest.mark.thorough
 def test_long_runs_of_exact_steps_keep_their_energy() -> None:
     for f in STUDIES["energy_drift"](False).findings:  # 1e5 steps
         assert f.holds, f.what
