@@ -2,6 +2,8 @@
 VENV ?= .venv
 PYTHON ?= python3
 BIN = $(VENV)/bin
+# Tests start hundreds of processes: modules are compiled to bytecode once, also where the environment forbids it.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: setup check test thorough slow demo bench interop platforms fuzz ranges
 setup:

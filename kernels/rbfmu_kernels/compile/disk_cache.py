@@ -1,13 +1,20 @@
 """Numba's cache of compiled code on disk, stamped with all sources of the kernels."""
 
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import cached_property
 from os.path import exists
 from typing import Any
 
 from .compiler import CalleeCache
-from .numba_private import FunctionCache, IndexDataCacheFile, NullCache, rtsys
+from .numba_private import FunctionCache, IndexDataCacheFile, NullCache, global_compiler_lock, rtsys
 from .stamp import SOURCES
+
+try:
+    import fcntl
+except ImportError:  # Windows: each process compiles for itself
+    fcntl = None  # type: ignore[assignment]
 
 
 class DiskCache:
@@ -41,3 +48,25 @@ class DiskCache:
         except (RuntimeError, AttributeError, TypeError):
             return NullCache()
         return cache
+
+
+@contextmanager
+def made_once(kept: Any) -> Iterator[None]:
+    """Let one process at a time compile what a cache keeps, so that those which wait find what the first has made.
+
+    Where files cannot be locked, each compiles. Threads wait at Numba's own lock, which comes first: one that had the
+    file's lock and waited for Numba's would be waited for by the one that has Numba's and compiles a caller.
+    """
+    with global_compiler_lock:
+        handle, path = None, ""
+        with suppress(OSError, AttributeError):
+            path = f"{kept._cache_file._index_path}.lock"
+            handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+            fcntl.flock(handle, fcntl.LOCK_EX)
+        try:
+            yield
+        finally:
+            if handle is not None:
+                with suppress(OSError):
+                    os.unlink(path)  # who waits gets the lock still; who comes now makes a new file, and finds code
+                os.close(handle)

@@ -58,6 +58,7 @@ INTERNALS = {
     "numba.core.caching:FunctionCache._impl_class": _CACHE,
     "numba.core.caching:IndexDataCacheFile": _CACHE,
     "numba.core.caching:NullCache": _CACHE,
+    "numba.core.compiler_lock:global_compiler_lock": "One process at a time compiles a function that others need too.",
     "numba.core.event:Listener": _SAID,
     "numba.core.event:register": _SAID,
     "numba.core.event:trigger_event": _SAID,

@@ -7,7 +7,7 @@ from typing import Any
 from numba import njit, types
 
 from .compiler import CalleeCache, CalleeCompiler, KernelCompiler
-from .disk_cache import DiskCache
+from .disk_cache import DiskCache, made_once
 from .numba_private import Compiler
 from .plain import CALLED_BY_CODE
 
@@ -16,7 +16,7 @@ def reduced_kernel(function: Callable[..., Any], *, inline: bool) -> Any:
     """Return the kernel of a function."""
     compiled = _njit(inline)(pipeline_class=pipeline)(function)
     if hasattr(compiled, "_cache"):  # not where the JIT is disabled
-        compiled._cache = DiskCache(function)
+        _keep_on_disk(compiled, DiskCache(function))
         _compile_callees_bare(compiled, inline)
     return compiled
 
@@ -24,6 +24,16 @@ def reduced_kernel(function: Callable[..., Any], *, inline: bool) -> Any:
 def _njit(inline: bool) -> Any:
     # _nrt: kernels allocate nothing, and counting references to a buffer costs half of a small model's step
     return partial(njit, error_model="numpy", nogil=True, forceinline=inline, _nrt=False)
+
+
+def _keep_on_disk(dispatcher: Any, kept: DiskCache) -> None:
+    compiled = dispatcher.compile
+
+    def compile_once(signature: Any) -> Any:
+        with made_once(kept):
+            return compiled(signature)
+
+    dispatcher._cache, dispatcher.compile = kept, compile_once
 
 
 def _compile_callees_bare(compiled: Any, inline: bool) -> None:
@@ -34,7 +44,7 @@ def _compile_callees_bare(compiled: Any, inline: bool) -> None:
     def bare() -> Any:
         callee = _bare(compiled.py_func, inline)
         if not inline:  # what is merged into its caller is sooner compiled than stored
-            callee._cache = DiskCache(compiled.py_func, CalleeCache)
+            _keep_on_disk(callee, DiskCache(compiled.py_func, CalleeCache))
         return callee.get_call_template, callee.get_overload
 
     def template_and_overload() -> Any:

@@ -54,6 +54,7 @@ def test_a_tableau_s_polynomial_is_that_of_exact_fractions() -> None:
     assert stability_polynomial("DOP853")(-3.0) == pytest.approx(float(stages[-1]), rel=2e-13, abs=0.0)
 
 
+@pytest.mark.thorough  # it compiles all methods, 12 s
 def test_all_laws_are_measured_and_named() -> None:
     assert {f.law for name in STUDIES for f in _measure(name).findings} == set(range(1, 15))
     assert set(LAWS) == set(range(1, 16))  # the last is that of the maps

@@ -17,7 +17,7 @@ import numpy as np
 from numba import float64, intp, types
 
 from ...types import Shape
-from ..disk_cache import DiskCache
+from ..disk_cache import DiskCache, made_once
 from ..numba_private import CFunc, fromfunc, trigger_event
 from ..reduced import pipeline
 from ..shapes import argument_shapes, core_shapes, python_function
@@ -73,8 +73,8 @@ def tiled_gufuncs(
 def _compiled(loop: Callable[..., Any]) -> Any:
     signature = _LOOP_SIGNATURE.args, _LOOP_SIGNATURE.return_type
     compiled = CFunc(loop, signature, {}, {"error_model": "numpy"}, pipeline_class=pipeline)
-    compiled._cache = DiskCache(loop)
-    with trigger_event("numba:compile", data={"dispatcher": SimpleNamespace(py_func=loop)}):
+    compiled._cache = kept = DiskCache(loop)
+    with made_once(kept), trigger_event("numba:compile", data={"dispatcher": SimpleNamespace(py_func=loop)}):
         compiled.compile()
     return compiled
 
