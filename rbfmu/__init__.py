@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from rbfmu.arrays.from_kernel import set_threads as set_threads
     from rbfmu.ensembles.result import EnsembleResult as EnsembleResult
     from rbfmu.ensembles.running import run_ensemble as run_ensemble
-    from rbfmu.linear.linearization import Linearization as Linearization
-    from rbfmu.linear.linearization import linearize as linearize
+    from rbfmu.linearization import Linearization as Linearization
+    from rbfmu.linearization import linearize as linearize
     from rbfmu.progress import progress_bar as progress_bar
     from rbfmu.results.result import Result as Result
     from rbfmu.runs.plan import Plan as Plan
@@ -41,7 +41,7 @@ _MODULES = {
     "results.result": ("Result",),
     "ensembles.result": ("EnsembleResult",),
     "ensembles.running": ("run_ensemble",),
-    "linear.linearization": ("Linearization", "linearize"),
+    "linearization": ("Linearization", "linearize"),
     "progress": ("progress_bar",),
     "simulator": ("Simulator", "compiled_step"),
     "studies.own_chart": ("Chart", "chart"),

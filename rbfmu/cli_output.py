@@ -147,7 +147,7 @@ def expected_error(scene: "Scene", planned: "Plan", driven: bool) -> str:
 
 def plan_text(scene: "Scene", chosen: "Plan", variables: int, full: tuple[int, int], driven: bool) -> str:
     """Return what is said of a plan; variables: of its FMU; full: states and variables of the full model."""
-    from rbfmu.planning.costs import MACHINE
+    from rbfmu.planning.methods import MACHINE
 
     cost = f"about {float(f'{chosen.cost:.2g}'):,.0f} ns a step of {scene.run.step:g} s on {MACHINE}"
     lines = [
@@ -163,7 +163,7 @@ def plan_text(scene: "Scene", chosen: "Plan", variables: int, full: tuple[int, i
 def print_end(scene: "Scene", planned: "Plan", result: Any, driven: bool) -> None:
     """Print the model and its method, why they serve, the error to expect, and the last values."""
     if scene.inputs.ports:  # their course is known, so that no loop is closed
-        from rbfmu.planning.driven import without_loops
+        from rbfmu.planning.select import without_loops
 
         planned = without_loops(scene, planned)
     click.echo(f"{planned.model}: {planned.method}")

@@ -8,10 +8,8 @@ from numpy.typing import NDArray
 
 from rbfmu.exceptions import SimulationError as SimulationError
 from rbfmu.results.result import Result
-from rbfmu.runs.drive import Driven, drive_of
-from rbfmu.runs.input_tables import HOLD, InputTables, input_tables
-from rbfmu.runs.model_buffer import filled_buffer, initialize, output_block
-from rbfmu.runs.plan import Plan
+from rbfmu.runs.inputs import HOLD, Driven, InputTables, drive_of, input_tables
+from rbfmu.runs.plan import Plan, filled_buffer, initialize, output_block
 from rbfmu.scene.argument import of_scene_or_path
 from rbfmu.scene.plausibility import doubts_after, warn
 from rbfmu.scene.scene import Scene
@@ -46,7 +44,7 @@ def _planned(scene: Scene, full: bool = False, progress: Callable[[float], Any] 
 
 
 def _planned_for(scene: Scene, tables: InputTables, interpolate: str, found: Plan) -> Plan:
-    from rbfmu.planning.driven import plan_for_inputs
+    from rbfmu.planning.select import plan_for_inputs
 
     return plan_for_inputs(scene, tables, interpolate, found)
 

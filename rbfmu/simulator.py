@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu.exceptions import SceneError, SimulationError
-from rbfmu.runs.model_buffer import Buffer, filled_buffer, initialize
-from rbfmu.runs.plan import Plan
+from rbfmu.models.model_buffer import Buffer
+from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.runs.time_grid import last_time, steps_until
 from rbfmu.scene.argument import of_scene_or_path
 from rbfmu.scene.fields import fault, shown

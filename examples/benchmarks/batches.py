@@ -24,10 +24,10 @@ from examples.benchmarks.support.goals import Goal, status
 from examples.benchmarks.support.least import least
 from rbfmu.ensembles.lanes import advance_lanes
 from rbfmu.extras import needed_of
+from rbfmu.models.model_buffer import aligned_zeros
 from rbfmu.planning.reference import reference_motion
-from rbfmu.runs.errors import attitude_error
-from rbfmu.runs.model_buffer import aligned_zeros, filled_buffer
-from rbfmu.runs.plan import Plan
+from rbfmu.runs.motion import attitude_error
+from rbfmu.runs.plan import Plan, filled_buffer
 from rbfmu.scene.scene import Scene
 from rbfmu.studies.work_precision.cases import CASES, ROTATION, Case
 from rbfmu.studies.work_precision.heyoka_peer import equations

@@ -1,7 +1,7 @@
 """What communication steps cost beside what plans state, by model and by what is asked, all in one run, in turn.
 
-`python -m examples.benchmarks.costs` prints the figures, and `rbfmu.planning.costs.NS` as this run has it, at the speed
-that `rbfmu.planning.methods` has for a substep of series, so that a machine that is busy or slower counts alike in all.
+`python -m examples.benchmarks.costs` prints the figures, and `rbfmu.planning.methods.NS` as this run has it, at the
+speed that this module has for a substep of series, so that a machine that is busy or slower counts alike in all.
 Exits with status 1 where what is stated and what is measured are more than 1.5 times apart. Last comes what a
 scene would cost without its model, by the plan that there is then: the status is 1 as well where a model saves less
 than 5 %.
@@ -23,10 +23,8 @@ from examples.benchmarks.support.goals import Goal, status
 from rbfmu.extras import needed_of
 from rbfmu.models import registry
 from rbfmu.models.spec import ModelSpec
-from rbfmu.planning.costs import NS, stated, terms
-from rbfmu.planning.methods import SPLITTING_COSTS, series_cost
-from rbfmu.runs.model_buffer import filled_buffer, initialize
-from rbfmu.runs.plan import Plan
+from rbfmu.planning.methods import NS, SPLITTING_COSTS, series_cost, stated, terms
+from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import QUANTITIES, Scene
 
 with needed_of("bench"):
@@ -157,7 +155,7 @@ def measured(plans: Sequence[tuple[Scene, Plan]], rounds: int, k: int) -> list[F
 
 
 def table(figures: Sequence[Figure]) -> dict[str, float]:
-    """`rbfmu.planning.costs.NS` by these figures: least squares of relative errors."""
+    """`rbfmu.planning.methods.NS` by these figures: least squares of relative errors."""
     rest = np.array([f.measured - (f.stated - sum(NS[t] for t in f.terms)) for f in figures])
     use = np.array([[float(name in f.terms) for name in NS] for f in figures])
     weights = 1.0 / np.array([f.measured for f in figures])

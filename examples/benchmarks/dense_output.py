@@ -19,8 +19,8 @@ import rbfmu
 from examples.benchmarks.support.goals import Goal, status
 from examples.benchmarks.support.least import least
 from rbfmu.extras import needed_of
-from rbfmu.runs.model_buffer import aligned_zeros
-from rbfmu.runs.trajectory import start_run
+from rbfmu.models.model_buffer import aligned_zeros
+from rbfmu.runs.motion import start_run
 from rbfmu.studies.work_precision.cases import CASES, Case
 from rbfmu.studies.work_precision.heyoka_peer import equations
 from rbfmu.studies.work_precision.solvers import start_of, states_of, times_of

@@ -27,8 +27,8 @@ from examples.gallery.page import PICTURES, scene_file
 from examples.references.reference_motions import USUAL, Motion
 from rbfmu.extras import needed_of
 from rbfmu.planning.select import with_all_outputs
-from rbfmu.runs.errors import attitude_error, relative_error
-from rbfmu.runs.model_buffer import filled_buffer, initialize
+from rbfmu.runs.motion import attitude_error, relative_error
+from rbfmu.runs.plan import filled_buffer, initialize
 from rbfmu.studies.work_precision.cases import CHECKPOINTS, Case
 from rbfmu.studies.work_precision.collection import machine, write_rows
 from rbfmu.studies.work_precision.methods import NotFeasibleError

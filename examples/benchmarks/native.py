@@ -23,8 +23,7 @@ import rbfmu
 from examples.benchmarks.fmu import Fmu, _seconds_to_first_step
 from examples.benchmarks.support.goals import Goal, status
 from rbfmu.planning.select import plan
-from rbfmu.runs.model_buffer import filled_buffer, initialize
-from rbfmu.runs.plan import Plan
+from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu_fmu.description import describe
 from rbfmu_fmu.fmi2_xml import FMI2
 from rbfmu_fmu.native.build import build_native_fmu, c_sources

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from rbfmu.models.model_buffer import aligned_zeros
 from rbfmu.planning.methods import ORDERS_OF_SERIES, SERIES_COSTS
-from rbfmu.runs.model_buffer import aligned_zeros, filled_buffer, initialize
-from rbfmu.runs.plan import Plan
+from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.studies.work_precision.cases import CASES
 
 KINDS = {"torques known in b": "d", "loads that turn in b": "c'", "a force that turns with the body": "f"}

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 import rbfmu
-from rbfmu.runs.model_buffer import filled_buffer, initialize
+from rbfmu.runs.plan import filled_buffer, initialize
 from rbfmu.studies.work_precision.cases import CASES, Case
 from rbfmu.studies.work_precision.library_methods import Exact, Planned, Substeps
 from rbfmu.studies.work_precision.methods import Method, NotFeasibleError, Run

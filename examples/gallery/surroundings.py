@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 import rbfmu
-from rbfmu.runs.model_buffer import filled_buffer, initialize
+from rbfmu.runs.plan import filled_buffer, initialize
 
 DAY = 86400.0
 Law = Callable[[float, dict[str, Any]], dict[str, Any]]

@@ -24,7 +24,7 @@ import rbfmu_fmu
 from examples.interop import importers
 from examples.interop.importers import IMPORTERS, Importer
 from rbfmu.extras import remedy
-from rbfmu.runs.model_buffer import filled_buffer, initialize
+from rbfmu.runs.plan import filled_buffer, initialize
 from rbfmu_fmu.description import describe
 
 SCENE = Path(__file__).parents[1] / "scenes" / "controlled_satellite.toml"

@@ -7,10 +7,10 @@ from dataclasses import asdict, dataclass
 from keyword import iskeyword
 from typing import Any
 
+from rbfmu.models.model_buffer import Model
 from rbfmu.planning.candidates import needed_parameters
 from rbfmu.planning.select import with_all_outputs
-from rbfmu.runs.model_buffer import Model, filled_buffer
-from rbfmu.runs.plan import Plan
+from rbfmu.runs.plan import Plan, filled_buffer
 from rbfmu.runs.time_grid import last_time
 from rbfmu.scene.scene import Scene
 from rbfmu_fmu.variable_words import components, nominal_sizes

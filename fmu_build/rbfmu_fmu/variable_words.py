@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 
-from rbfmu.runs.model_buffer import Buffer, Model
+from rbfmu.models.model_buffer import Buffer, Model
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.compile.tiered import tiered

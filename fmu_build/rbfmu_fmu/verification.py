@@ -16,9 +16,9 @@ from fmpy.validation import validate_fmu
 from numpy.typing import NDArray
 
 from rbfmu import planning
-from rbfmu.runs.errors import largest_error
-from rbfmu.runs.model_buffer import Buffer, Model, filled_buffer, initialize
-from rbfmu.runs.plan import Plan
+from rbfmu.models.model_buffer import Buffer, Model
+from rbfmu.runs.motion import largest_error
+from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu_fmu.archive import kernel_hash

@@ -13,10 +13,9 @@ from rbfmu.ensembles.loops import compiled, entries, run_members
 from rbfmu.ensembles.members.samples import Samples, draw, ensemble_of, member, refused
 from rbfmu.ensembles.statistics import Summary, summary_of
 from rbfmu.exceptions import SceneError
-from rbfmu.runs.drive import drive_of
-from rbfmu.runs.input_tables import HOLD
-from rbfmu.runs.model_buffer import aligned_zeros, filled_buffer, refusal
-from rbfmu.runs.plan import Plan
+from rbfmu.models.model_buffer import aligned_zeros, refusal
+from rbfmu.runs.inputs import HOLD, drive_of
+from rbfmu.runs.plan import Plan, filled_buffer
 from rbfmu.scene.scene import Scene
 from rbfmu.simulation import refused_step
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numba import config
 
-from rbfmu.runs.model_buffer import aligned_zeros
+from rbfmu.models.model_buffer import aligned_zeros
 from rbfmu_kernels.compile.wide_arrays import widest
 from rbfmu_kernels.models import loaded_taylor, loaded_taylor_lanes
 

@@ -18,8 +18,7 @@ from rbfmu.ensembles.drivers import differ
 from rbfmu.ensembles.members import designs
 from rbfmu.ensembles.members.distributions import normal_scores, probabilities
 from rbfmu.ensembles.members.samples import Samples, at, ensemble_of, member, refused
-from rbfmu.models.integrated import PRESCRIBED_RATES
-from rbfmu.models.registry import MODELS
+from rbfmu.models.registry import MODELS, PRESCRIBED_RATES
 from rbfmu.models.scene_needs import Needs
 from rbfmu.planning import plan
 from rbfmu.planning import reasons as say

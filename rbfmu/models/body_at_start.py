@@ -8,7 +8,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from rbfmu.runs.model_buffer import Buffer, put_scene, refusal
+from rbfmu.models.model_buffer import Buffer, put_scene, refusal
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.body import closed_form, fixed_axis, memory, needs, outputs, principal, symmetry
 from rbfmu_kernels.buffer import places

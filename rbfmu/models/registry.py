@@ -1,10 +1,286 @@
-"""All models, by the name that plans and FMUs have for them: the rows of `closed_forms` and `integrated`."""
+"""All models, by the name that plans and FMUs have for them, from the smallest to the largest."""
 
 from collections.abc import Iterator
+from functools import partial
 
-from rbfmu.models.closed_forms import CLOSED_FORMS as CLOSED_FORMS
-from rbfmu.models.integrated import INTEGRATED
-from rbfmu.models.spec import ModelSpec
+import numpy as np
+
+from rbfmu.models.body_at_start import BodyAtStart, body_at_start
+from rbfmu.models.scene_needs import Needs, acting_loads, shape, torques, turning_loads
+from rbfmu.models.sensitivity import lost_by_symmetry, lost_near_separatrix
+from rbfmu.models.spec import Array, ModelSpec
+from rbfmu.scene.scene import Scene
+from rbfmu_kernels.quantities import (
+    DISSIPATIVE,
+    FIXED_IN_SPACE,
+    FORCES,
+    NOT_IN_CLOSED_FORMS,
+    SPHERE_RATE,
+    TORQUES,
+    WEIGHTS,
+    needing,
+)
+
+START = {"quaternion_0", "omega_b_0"}
+closed_form = partial(ModelSpec, closed_form=True, force_keeps_direction=True, drops=NOT_IN_CLOSED_FORMS)
+
+
+def moments_of(scene: Scene) -> str:
+    """Return the principal moments as text, kg m2."""
+    return ", ".join(f"{m:.6g}" for m in body_at_start(scene).principal_axes[0])
+
+
+def along_axis(scene: Scene, rates: Array) -> Array:
+    """Return the part of rates (n, 3), rad/s, about the one axis that the body is taken to turn about."""
+    axis = np.array(body_at_start(scene).axis)
+    return np.outer(rates @ axis, axis)
+
+
+def loads_start_and_shape(scene: Scene, needs: Needs) -> set[str]:
+    """Return the names of what a motion about one axis rests on."""
+    return turning_loads(scene, needs) | shape(scene) | START
+
+
+def _rate(scene: Scene) -> str:
+    return f"{float(np.linalg.norm(scene.initial.omega_b)):.6g} rad/s"
+
+
+def _acting(scene: Scene) -> str:
+    return " and ".join(sorted(torques(scene) & acting_loads(scene.loads))) or "no torque"
+
+
+def _no_rotation_rests_on(scene: Scene, needs: Needs) -> set[str]:
+    turning = {"r_oc_b", "force_b"} if needs.attitude and any(scene.initial.omega_b) else set()
+    return (torques(scene) | TORQUES | START | shape(scene) if needs.rotation else set()) | turning
+
+
+def _standing(scene: Scene, needs: Needs) -> str:
+    if needs.attitude or not any(scene.initial.omega_b):
+        return "rotation: 0 of 7 states, the body begins at 0 rad/s and nothing turns it"
+    return f"rotation: 0 of 7 states, the rates asked for stay as they begin ({_rate(scene)})"
+
+
+NO_ROTATION = closed_form(
+    "no rotation",
+    "no_rotation",
+    "closed form",
+    states=0,
+    rate_states=0,
+    holds=lambda start: not (start.needs_rate and start.begins_to_turn),
+    rests_on=_no_rotation_rests_on,
+    stands_still=True,
+    keeps_rate=True,
+    may_be_unstable=True,
+    costs={"": 10.0, "changing": 5.0},
+    reason=_standing,
+)
+
+
+def _constant_rate_rests_on(scene: Scene, needs: Needs) -> set[str]:
+    assert scene.body is not None
+    M = scene.body.M
+    sphere = M[0][0] == M[1][1] == M[2][2] and not any(M[i][j] for i, j in ((0, 1), (0, 2), (1, 2)))
+    return turning_loads(scene, needs) | shape(scene) | (set() if sphere else {"omega_b_0"})
+
+
+CONSTANT_RATE = closed_form(
+    "constant rate",
+    "constant_rate",
+    "closed form",
+    states=4,
+    rate_states=0,
+    holds=lambda start: start.keeps_its_rate and not start.has_torque and not start.turns_path,
+    rests_on=_constant_rate_rests_on,
+    keeps_rate=True,
+    may_be_unstable=True,
+    rates_from=lambda scene, rates: rates[0],
+    costs={"": 43.0},
+    reason=lambda scene, needs: (
+        f"rotation: constant rate {_rate(scene)}, about a principal axis (moments {moments_of(scene)} kg m2)"
+    ),
+)
+
+
+def _momentum_rests_on(scene: Scene, needs: Needs) -> set[str]:
+    turning = turning_loads(scene, needs) | ({"r_oc_b"} if needs.translation else set())
+    shown = shape(scene) if needing(SPHERE_RATE) & set(scene.outputs.quantities) else set()
+    return (turning - (TORQUES & FIXED_IN_SPACE)) | shown
+
+
+ANGULAR_MOMENTUM = closed_form(
+    "angular momentum",
+    "angular_momentum",
+    "closed form",
+    states=3,
+    rate_states=3,
+    holds=lambda start: not start.has_turning_torque and not start.shows_more_than_momentum,
+    rests_on=_momentum_rests_on,
+    drops=DISSIPATIVE | NOT_IN_CLOSED_FORMS,
+    costs={"": 35.0},
+    reason=lambda scene, needs: (
+        "rotation: 3 of 7 states, angular momentum h_0 + T t under torque_a, its attitude left out"
+    ),
+)
+
+ONE_AXIS = closed_form(
+    "one axis",
+    "one_axis",
+    "closed form",
+    states=2,
+    rate_states=1,
+    holds=lambda start: not start.is_swung and not start.leaves_axis,
+    rests_on=loads_start_and_shape,
+    may_be_unstable=True,
+    angle_round_off=True,
+    rates_from=along_axis,
+    costs={"": 57.0, "attitude": 40.0},
+    reason=lambda scene, needs: (
+        f"rotation: one angle, closed form from {_rate(scene)} about one axis under {_acting(scene)}"
+    ),
+)
+
+PENDULUM = closed_form(
+    "undamped pendulum",
+    "pendulum",
+    "elliptic functions",
+    states=2,
+    rate_states=2,
+    holds=lambda start: not start.leaves_axis and not start.is_driven_or_damped,
+    rests_on=loads_start_and_shape,
+    drops=TORQUES | NOT_IN_CLOSED_FORMS,
+    rates_from=along_axis,
+    costs={"": 57.0},
+    reason=lambda scene, needs: f"rotation: one angle from {_rate(scene)}, swung by forces fixed in space, undamped",
+)
+
+FREE_SYMMETRIC = closed_form(
+    "torque-free symmetric body",
+    "free_symmetric",
+    "elementary functions",
+    rate_states=3,
+    holds=lambda start: not start.is_driven and start.is_symmetric,
+    rests_on=lambda scene, needs: turning_loads(scene, needs) | shape(scene),
+    drops=TORQUES | FORCES | WEIGHTS,
+    conditioning=lost_by_symmetry,
+    costs={"": 46.0, "attitude": 14.0},
+    reason=lambda scene, needs: (
+        f"rotation: no torque, two equal moments ({moments_of(scene)} kg m2): elementary functions"
+    ),
+)
+
+
+def _spins_up(start: BodyAtStart) -> bool:
+    return not start.needs_attitude and not start.has_unknown_load and not start.leaves_third_axis
+
+
+SPIN_UP = closed_form(
+    "symmetric body spun up",
+    "spin_up",
+    "closed form",
+    rate_states=3,
+    holds=_spins_up,
+    rests_on=lambda scene, needs: (
+        turning_loads(scene, needs) | shape(scene) | ({"r_oc_b"} if needs.attitude else set())
+    ),
+    angle_round_off=True,
+    costs={"": 93.0},
+    reason=lambda scene, needs: (
+        f"rotation: rates in closed form from {_rate(scene)} under {_acting(scene)}, "
+        f"two equal moments ({moments_of(scene)} kg m2)"
+    ),
+)
+
+FREE_TRIAXIAL = closed_form(
+    "torque-free body",
+    "free_triaxial",
+    "elliptic functions",
+    rate_states=3,
+    holds=lambda start: not start.is_driven,
+    rests_on=turning_loads,
+    drops=TORQUES | FORCES | WEIGHTS,
+    conditioning=lost_near_separatrix,
+    costs={"": 90.0},
+    reason=lambda scene, needs: f"rotation: no torque, moments {moments_of(scene)} kg m2: elliptic functions",
+)
+
+CLOSED_FORMS = (
+    NO_ROTATION,
+    CONSTANT_RATE,
+    ANGULAR_MOMENTUM,
+    ONE_AXIS,
+    PENDULUM,
+    FREE_SYMMETRIC,
+    SPIN_UP,
+    FREE_TRIAXIAL,
+)
+"""From the smallest to the largest: of two that serve a scene, planning takes the first."""
+
+
+PRESCRIBED_RATES = ModelSpec(
+    "prescribed rates",
+    "prescribed_rates",
+    "exact rotation",
+    states=4,
+    rate_states=4,
+    computes_all_outputs=True,
+    costs={"": 96.0},
+)
+
+ONE_AXIS_TAYLOR = ModelSpec(
+    "one swinging axis",
+    "one_axis_taylor",
+    states=2,
+    rate_states=2,
+    holds=lambda start: not start.leaves_axis,
+    rests_on=loads_start_and_shape,
+    force_keeps_direction=True,
+    costs={"": 54.0},
+)
+
+
+def _force_rests_on(scene: Scene, needs: Needs) -> set[str]:
+    return loads_start_and_shape(scene, needs) | {"force_b", "mass"}
+
+
+FREE_BODY_FORCE = ModelSpec(
+    "torque-free body, body force",
+    "free_body_force",
+    rate_states=3,
+    holds=lambda start: not start.has_torque,
+    rests_on=_force_rests_on,
+    conditioning=lost_near_separatrix,
+    costs={"": 68.0},
+)
+
+LOADED_SPLITTING = ModelSpec(
+    "symmetric top",
+    "loaded_splitting",
+    holds=lambda start: start.is_symmetric and not start.is_damped and not start.has_unknown_load,
+    costs={"": 72.0},
+    integrates_path=True,
+)
+
+LOADED_DOP853 = ModelSpec("body under loads", "loaded_dop853")
+
+LOADED_TAYLOR = ModelSpec(
+    "body under loads, by series",
+    "loaded_taylor",
+    rate_states=3,
+    costs={"": 60.0, "evaluated": 40.0, "loads that turn": 68.0},
+    substep_without_attitude=0.72,
+    integrates_path=True,
+)
+
+INTEGRATED = (
+    ONE_AXIS_TAYLOR,
+    PRESCRIBED_RATES,
+    FREE_BODY_FORCE,
+    LOADED_SPLITTING,
+    LOADED_DOP853,
+    LOADED_TAYLOR,
+)
+"""From the smallest to the largest. Planning chooses those that `planning.select` names; a plan may name any."""
+
 
 MODELS: dict[str, ModelSpec] = {spec.key: spec for spec in (*CLOSED_FORMS, *INTEGRATED)}
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu.models.body_at_start import BodyAtStart, body_at_start
+from rbfmu.models.model_buffer import Model
 from rbfmu.models.scene_needs import Needs, varying_parameters
-from rbfmu.runs.model_buffer import Model
 from rbfmu.scene.scene import Scene
 
 Array = NDArray[np.float64]

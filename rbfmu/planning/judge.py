@@ -12,13 +12,20 @@ from numpy.typing import NDArray
 
 from rbfmu.exceptions import PlanningWarning as PlanningWarning
 from rbfmu.models.body_at_start import body_at_start
-from rbfmu.models.integrated import LOADED_TAYLOR
+from rbfmu.models.model_buffer import Buffer
+from rbfmu.models.registry import LOADED_TAYLOR
 from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
-from rbfmu.runs.errors import FLOORS, largest_error, largest_size
-from rbfmu.runs.model_buffer import Buffer
+from rbfmu.runs.motion import (
+    FLOORS,
+    Motion,
+    largest_error,
+    largest_size,
+    record_trajectory,
+    start_run,
+    substeps_counted,
+)
 from rbfmu.runs.plan import Plan
 from rbfmu.runs.time_grid import communication_steps, thinned_steps
-from rbfmu.runs.trajectory import Motion, record_trajectory, start_run, substeps_counted
 from rbfmu.scene.fields import flattened
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu_kernels.compile.tiered import evaluated

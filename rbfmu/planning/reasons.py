@@ -3,9 +3,9 @@
 import numpy as np
 
 from rbfmu.models.body_at_start import body_at_start
-from rbfmu.models.closed_forms import moments_of
-from rbfmu.models.instability import growth_rate
+from rbfmu.models.registry import moments_of
 from rbfmu.models.scene_needs import Needs
+from rbfmu.models.sensitivity import growth_rate
 from rbfmu.models.spec import ModelSpec
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene

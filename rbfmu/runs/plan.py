@@ -1,12 +1,14 @@
-"""The plan of a run: the model by its name, and the settings of its method."""
+"""The plan of a run: the model by its name, the settings of its method, and the buffer that it starts from."""
 
 import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from rbfmu.models.model_buffer import Buffer, Model, aligned_zeros, put_scene, refusal
 from rbfmu.models.registry import MODELS
 from rbfmu.models.spec import ModelSpec
-from rbfmu.runs.model_buffer import Model
+from rbfmu.scene.scene import Scene
+from rbfmu_kernels.compile.tiered import tiered
 
 
 @dataclass(frozen=True, repr=False)
@@ -64,6 +66,17 @@ class Plan:
         """Return the module of `rbfmu_kernels.models` that runs it."""
         return self.spec.kernels
 
+    @property
+    def settings(self) -> dict[str, float]:
+        """Return the numbers that the model's buffer has of the plan, by block."""
+        return {
+            "substep": self.substep if math.isfinite(self.substep) else 0.0,
+            "tolerance": self.tolerance,
+            "span": self.span,
+            "order": self.order,
+            "skip_model_checks": float(bool(self.pinned)),
+        }
+
     def check(self) -> None:
         """Raise ValueError where a setting is none that the model can run with."""
         orders = getattr(self.kernels, "ORDERS", (self.order,))
@@ -76,3 +89,30 @@ class Plan:
 
 def _refused(name: str, value: object, expected: str) -> ValueError:
     return ValueError(f"Plan.{name} = {value!r}: expected {expected}")
+
+
+# The buffer that it runs on
+
+
+def filled_buffer(scene: Scene, plan: Plan) -> Buffer:
+    """Return the buffer of the plan's model before `initialize`: parameters and settings of the scene, inputs zero.
+
+    Raises ValueError where the plan cannot be run.
+    """
+    plan.check()
+    kernels = plan.kernels
+    z = aligned_zeros(kernels.SIZE)
+    put_scene(scene, kernels.BLOCKS, z, plan.settings)
+    return z
+
+
+def initialize(scene: Scene, kernels: Model, z: Buffer) -> None:
+    """Set state and outputs from the parameters; raise SceneError where the model refuses them."""
+    if code := tiered(kernels.initialize)(z):
+        raise refusal(scene, code, kernels.BLOCKS, z)
+
+
+def output_block(scene: Scene, kernels: Model) -> slice:
+    """Return where the outputs that the scene asks for stand in the model's buffer, and what lies between them."""
+    blocks = [kernels.BLOCKS[name] for name in scene.outputs.quantities]
+    return slice(min(block.start for block in blocks), max(block.stop for block in blocks))

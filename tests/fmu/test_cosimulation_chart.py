@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from rbfmu.runs.errors import attitude_error
+from rbfmu.runs.motion import attitude_error
 from rbfmu.scene.scene import Scene
 from rbfmu_fmu import cosimulation_chart as chart
 

@@ -14,7 +14,7 @@ import llvmlite.binding as llvm
 import numba
 from numba import carray, types
 
-from rbfmu.runs.model_buffer import Model
+from rbfmu.models.model_buffer import Model
 from rbfmu_fmu.native.kept_code import kept
 from rbfmu_fmu.native.platforms import BuildError, Platform
 from rbfmu_kernels.compile.decorator import code_for_callers

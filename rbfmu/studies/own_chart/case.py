@@ -12,9 +12,8 @@ from rbfmu.models.body_at_start import body_at_start
 from rbfmu.models.scene_needs import Needs
 from rbfmu.planning.judge import MAX_REFERENCE_STEPS, least_sizes, watched
 from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
-from rbfmu.runs.errors import largest_error
+from rbfmu.runs.motion import Motion, largest_error
 from rbfmu.runs.time_grid import communication_steps
-from rbfmu.runs.trajectory import Motion
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.studies.work_precision.cases import ALL, PATH, RATES, ROTATION, Array, Case
 from rbfmu_kernels.compile.tiered import tiered

@@ -6,13 +6,11 @@ from time import process_time
 
 import numpy as np
 
-from rbfmu.models.closed_forms import ANGULAR_MOMENTUM, SPIN_UP
-from rbfmu.models.integrated import ONE_AXIS_TAYLOR
-from rbfmu.models.registry import CLOSED_FORMS, MODELS
+from rbfmu.models.registry import ANGULAR_MOMENTUM, CLOSED_FORMS, MODELS, ONE_AXIS_TAYLOR, SPIN_UP
 from rbfmu.models.scene_needs import Needs, varying_parameters
 from rbfmu.models.spec import ModelSpec
+from rbfmu.runs.motion import record_trajectory, start_run
 from rbfmu.runs.plan import Plan
-from rbfmu.runs.trajectory import record_trajectory, start_run
 from rbfmu.scene.scene import SceneError
 from rbfmu.studies.own_chart.case import FLOOR, OwnCase
 from rbfmu.studies.work_precision.cases import ROTATION, Case

@@ -6,9 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rbfmu.runs.model_buffer import filled_buffer, initialize
-from rbfmu.runs.plan import Plan
-from rbfmu.runs.trajectory import substeps_counted
+from rbfmu.runs.motion import substeps_counted
+from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import Scene
 from rbfmu.simulation import simulate
 from rbfmu.studies.stability.findings import AT_MOST, RECORDED, Finding, Study, exponent

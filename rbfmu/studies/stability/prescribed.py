@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from rbfmu.runs.model_buffer import filled_buffer, initialize
-from rbfmu.runs.plan import Plan
+from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import Scene
 from rbfmu.studies.stability.motions import Array, attitude_error, references
 

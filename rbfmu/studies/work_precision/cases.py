@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import rbfmu
-from rbfmu.runs.errors import relative_error
-from rbfmu.runs.model_buffer import filled_buffer, initialize
-from rbfmu.runs.plan import Plan
+from rbfmu.runs.motion import relative_error
+from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.body.memory import body_of, loads_of, motion_of
 from rbfmu_kernels.integrators.splitting import is_symmetric_top

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from rbfmu.models.model_buffer import aligned_zeros
 from rbfmu.planning.select import plan
-from rbfmu.runs.model_buffer import aligned_zeros, filled_buffer, initialize
-from rbfmu.runs.plan import Plan
-from rbfmu.runs.trajectory import substeps_counted
+from rbfmu.runs.motion import substeps_counted
+from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.studies.reference_methods import OneStepMethod
 from rbfmu.studies.work_precision.cases import Case

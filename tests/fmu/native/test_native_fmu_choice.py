@@ -9,8 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from rbfmu.runs.model_buffer import filled_buffer, initialize
-from rbfmu.runs.plan import Plan
+from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu_fmu.description import describe
 from rbfmu_fmu.native import linking
 from rbfmu_fmu.native.linking import linked

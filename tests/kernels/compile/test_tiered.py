@@ -35,7 +35,7 @@ def assert_same_bits(scene, plan, steps):
     """Assert that plain Python and machine code leave the same buffer after so many steps."""
     found = []
     for way in (in_python, lambda function: function):
-        z = rbfmu.runs.model_buffer.filled_buffer(scene, plan)
+        z = rbfmu.runs.plan.filled_buffer(scene, plan)
         assert way(plan.kernels.initialize)(z) == 0
         for _ in range(steps):
             assert way(plan.kernels.step)(z, scene.run.step) == 0

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from rbfmu.runs.errors import attitude_error
+from rbfmu.runs.motion import attitude_error
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu.studies.work_precision.cases import CASES

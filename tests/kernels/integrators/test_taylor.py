@@ -5,9 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from rbfmu.runs.errors import attitude_error
-from rbfmu.runs.model_buffer import filled_buffer, initialize
-from rbfmu.runs.plan import Plan
+from rbfmu.runs.motion import attitude_error
+from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import Scene
 from rbfmu.studies.work_precision.cases import CASES
 from rbfmu.studies.work_precision.cases import reference as motion_of_case

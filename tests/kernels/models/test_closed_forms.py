@@ -6,9 +6,8 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from rbfmu.runs.errors import attitude_error
-from rbfmu.runs.model_buffer import filled_buffer, initialize
-from rbfmu.runs.plan import Plan
+from rbfmu.runs.motion import attitude_error
+from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels import free_rotation
 from rbfmu_kernels.buffer import OK

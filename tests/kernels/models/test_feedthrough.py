@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from rbfmu.runs.model_buffer import filled_buffer, initialize
-from rbfmu.runs.plan import Plan
+from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.body import feedthrough, memory, outputs
 from rbfmu_kernels.models import loaded_dop853, prescribed_rates

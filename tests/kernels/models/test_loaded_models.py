@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rbfmu.runs.errors import attitude_error
+from rbfmu.runs.motion import attitude_error
 from rbfmu_kernels.quantities import OUTPUT
 from tests.support.references import reference_mp as reference
 from tests.support.scenes.model_cases import (

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numba import config
 
-from rbfmu.runs.model_buffer import aligned_zeros, filled_buffer
-from rbfmu.runs.plan import Plan
+from rbfmu.models.model_buffer import aligned_zeros
+from rbfmu.runs.plan import Plan, filled_buffer
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.buffer import OK, STEP_REJECTED
 from rbfmu_kernels.compile.decorator import kernel

@@ -10,8 +10,7 @@ import pytest
 from numba import config
 
 from rbfmu.models.registry import MODELS
-from rbfmu.runs.model_buffer import filled_buffer
-from rbfmu.runs.plan import Plan
+from rbfmu.runs.plan import Plan, filled_buffer
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.body import shell
 from rbfmu_kernels.buffer import STEP_REJECTED

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rbfmu.models.registry import MODELS
-from rbfmu.runs.errors import attitude_error
+from rbfmu.runs.motion import attitude_error
 from rbfmu.runs.plan import Plan
 from rbfmu_kernels.buffer import FAULTS, NEGATIVE
 from rbfmu_kernels.quantities import active_flags

@@ -6,8 +6,7 @@ from numba import config
 
 from rbfmu.planning.fitting import cheapest_fit
 from rbfmu.planning.judge import Judge
-from rbfmu.runs.model_buffer import filled_buffer, initialize
-from rbfmu.runs.plan import Plan
+from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import QUANTITIES, Scene
 from rbfmu_kernels.body import memory, outputs
 from rbfmu_kernels.buffer import OK

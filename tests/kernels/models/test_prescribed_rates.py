@@ -8,8 +8,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rbfmu import rotate
-from rbfmu.models.conditioning import prescribed_rates_error
-from rbfmu.runs.errors import attitude_error
+from rbfmu.models.sensitivity import prescribed_rates_error
+from rbfmu.runs.motion import attitude_error
 from rbfmu.scene.scene import Scene
 from tests.support.references.free_rotation_mp import angle_to, compose
 from tests.support.scenes.model_cases import EPS, TURNED, Unit, assert_refused, distance

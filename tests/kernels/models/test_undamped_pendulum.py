@@ -9,7 +9,7 @@ import pytest
 import rbfmu
 import rbfmu_fmu
 from rbfmu.planning.select import plan
-from rbfmu.runs.errors import attitude_error
+from rbfmu.runs.motion import attitude_error
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from tests.kernels.exact.test_plane_pendulum import truth

@@ -6,8 +6,8 @@ from numba import config
 
 from rbfmu.ensembles.lanes import AT_ONCE, advance_lanes
 from rbfmu.ensembles.loops import compiled, entries, run_members
-from rbfmu.runs.model_buffer import aligned_zeros, filled_buffer
-from rbfmu.runs.plan import Plan
+from rbfmu.models.model_buffer import aligned_zeros
+from rbfmu.runs.plan import Plan, filled_buffer
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.models import free_triaxial, loaded_taylor
 

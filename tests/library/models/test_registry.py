@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from rbfmu import load_scene
 from rbfmu.models.registry import MODELS
 from rbfmu.models.scene_needs import Needs
-from rbfmu.runs.model_buffer import filled_buffer
+from rbfmu.runs.plan import filled_buffer
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.buffer import OK
 from tests.support.paths import SCENES

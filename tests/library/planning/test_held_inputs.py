@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rbfmu import Scene, plan
-from rbfmu.runs.model_buffer import filled_buffer, initialize
+from rbfmu.runs.plan import filled_buffer, initialize
 from rbfmu_kernels.buffer import OK
 
 STEP, MASS, MOMENT = 0.1, 2.0, 1.0

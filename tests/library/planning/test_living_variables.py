@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from rbfmu.planning.candidates import needed_parameters
 from rbfmu.planning.select import plan
-from rbfmu.runs.model_buffer import filled_buffer
+from rbfmu.runs.plan import filled_buffer
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu_kernels.body.memory import OUTPUTS, PARAMETERS
 from rbfmu_kernels.buffer import OK

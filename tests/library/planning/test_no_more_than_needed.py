@@ -9,8 +9,7 @@ from numba import config
 
 import rbfmu
 from rbfmu.planning.select import plan
-from rbfmu.runs.model_buffer import filled_buffer, initialize
-from rbfmu.runs.plan import Plan
+from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.buffer import OK, STEP_REJECTED
 from rbfmu_kernels.models.free_body_force import _POINTS, _WEIGHTS, ORDERS

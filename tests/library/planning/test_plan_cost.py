@@ -5,7 +5,7 @@ import re
 import pytest
 
 import rbfmu
-from rbfmu.planning.costs import MACHINE, NS, stated, terms
+from rbfmu.planning.methods import MACHINE, NS, stated, terms
 from rbfmu.runs.plan import Plan
 from tests.support.command_line import call
 from tests.support.fmu.fmus import bench

@@ -11,9 +11,8 @@ from numba import config
 import rbfmu
 from rbfmu.planning.judge import Judge, PlanningWarning
 from rbfmu.planning.select import plan
-from rbfmu.runs.errors import attitude_error, largest_error, relative_error
-from rbfmu.runs.model_buffer import filled_buffer, initialize
-from rbfmu.runs.plan import Plan
+from rbfmu.runs.motion import attitude_error, largest_error, relative_error
+from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu_kernels.buffer import OK
 from tests.support.references import reference_mp as reference

@@ -8,16 +8,15 @@ import pytest
 from numba import config
 
 from rbfmu import Scene, SceneError
-from rbfmu.models.integrated import FREE_BODY_FORCE
-from rbfmu.planning import driven, quadrature, select
+from rbfmu.models.registry import FREE_BODY_FORCE
+from rbfmu.planning import fitting, select
 from rbfmu.planning import judge as judge_module
 from rbfmu.planning.judge import Judge, PlanningWarning
 from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
 from rbfmu.planning.select import plan
-from rbfmu.runs.errors import attitude_error, relative_error
-from rbfmu.runs.input_tables import input_tables
+from rbfmu.runs.inputs import input_tables
+from rbfmu.runs.motion import attitude_error, record_trajectory, relative_error
 from rbfmu.runs.plan import Plan
-from rbfmu.runs.trajectory import record_trajectory
 from rbfmu_kernels.compile.interpreted import interpreted
 from rbfmu_kernels.integrators import reference_series
 from rbfmu_kernels.integrators.substeps import tolerance_of_substep
@@ -169,9 +168,9 @@ def test_a_run_too_long_to_be_planned_is_refused(bound, most, words, monkeypatch
 def test_a_run_too_long_to_be_planned_under_its_inputs_is_refused(monkeypatch):
     scene = scene_of("all loads").replace({"inputs.ports": ["torque_b"]})
     found, tables = plan(scene), input_tables(scene, {"torque_b": np.full((16, 3), 0.1)}, "hold")
-    monkeypatch.setattr(driven, "MAX_SUBSTEPS", 5)
+    monkeypatch.setattr(select, "MAX_SUBSTEPS", 5)
     with pytest.raises(SceneError, match=r"run\.stop = 8\.0: expected a shorter run, as [0-9.e+]+ substeps reach"):
-        driven.plan_for_inputs(scene, tables, "hold", found)
+        select.plan_for_inputs(scene, tables, "hold", found)
 
 
 @compiled
@@ -181,12 +180,12 @@ def test_a_quadrature_of_too_many_points_is_not_tried(monkeypatch):
                   run={"stop": 10.0, "step": 5.0, "accuracy": 1e-6})  # fmt: skip
     general, points = Plan(FREE_BODY_FORCE.key, "", 13), []
     judge = Judge(scene)
-    for most in (quadrature.MAX_POINTS, 20):
-        monkeypatch.setattr(quadrature, "MAX_POINTS", most)
+    for most in (fitting.MAX_POINTS, 20):
+        monkeypatch.setattr(fitting, "MAX_POINTS", most)
         monkeypatch.setattr(
             judge, "try_out", lambda trial, **_: points.append(trial.order * 10.0 / trial.substep) or (1.0, 0.0)
         )
-        quadrature.cheapest_quadrature(scene, general, judge)
+        fitting.cheapest_quadrature(scene, general, judge)
         assert (max(points) > 20) == (most > 20)
         points.clear()
 

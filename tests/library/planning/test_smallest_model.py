@@ -10,13 +10,12 @@ from hypothesis import strategies as st
 from numba import config
 
 import rbfmu
-from rbfmu.models.instability import GROWTH, growth_rate
 from rbfmu.models.registry import CLOSED_FORMS, smaller_closed_forms
+from rbfmu.models.sensitivity import GROWTH, growth_rate
 from rbfmu.planning.judge import watched
 from rbfmu.planning.select import SHARE, plan
-from rbfmu.runs.errors import largest_error
-from rbfmu.runs.model_buffer import filled_buffer, initialize
-from rbfmu.runs.plan import Plan
+from rbfmu.runs.motion import largest_error
+from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.simulation import SimulationError

@@ -9,8 +9,7 @@ import pytest
 
 from rbfmu.models.registry import MODELS
 from rbfmu.planning.select import plan
-from rbfmu.runs.model_buffer import filled_buffer, initialize
-from rbfmu.runs.plan import Plan
+from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import Scene
 from rbfmu.simulation import simulate
 from rbfmu_kernels.body.principal import exact_frame, keeps_its_rate

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import rbfmu
-from rbfmu.models.integrated import LOADED_TAYLOR
-from rbfmu.runs.errors import attitude_error
-from rbfmu.runs.input_tables import input_tables
+from rbfmu.models.registry import LOADED_TAYLOR
+from rbfmu.runs.inputs import input_tables
+from rbfmu.runs.motion import attitude_error
 from tests.support.references.driven_motion_mp import true_motion
 
 OFFSET = {"mass": 2.0, "inertia": [[1.0, 0.1, 0.05], [0.1, 1.2, 0.02], [0.05, 0.02, 1.5]], "r_oc_b": [0.1, -0.2, 0.3]}

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import rbfmu
-from rbfmu.runs.errors import attitude_error
+from rbfmu.runs.motion import attitude_error
 from rbfmu.runs.plan import Plan
 from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.scene import Scene

@@ -17,7 +17,7 @@ import pytest
 
 import rbfmu_fmu
 from rbfmu.planning.select import plan
-from rbfmu.runs.model_buffer import filled_buffer, initialize
+from rbfmu.runs.plan import filled_buffer, initialize
 from rbfmu.scene.scene import Scene, load_scene
 from rbfmu_fmu.description import describe
 from tests.support.fmu.elsewhere import copy_modules

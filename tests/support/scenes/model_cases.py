@@ -5,8 +5,7 @@ from scipy.spatial.transform import Rotation
 
 from rbfmu.models.registry import MODELS
 from rbfmu.planning.select import plan
-from rbfmu.runs.model_buffer import filled_buffer, initialize
-from rbfmu.runs.plan import Plan
+from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.buffer import OK, STEP_REJECTED
 

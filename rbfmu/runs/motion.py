@@ -1,19 +1,21 @@
-"""Runs of a model, of which blocks of its buffer are kept."""
+"""Motions: what a model's buffer shows over a run, and errors between two of these."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rbfmu.runs.drive import Drive, Driven
-from rbfmu.runs.model_buffer import Buffer, filled_buffer, initialize
-from rbfmu.runs.plan import Plan
+from rbfmu import arrays
+from rbfmu.models.model_buffer import Buffer
+from rbfmu.runs.inputs import Drive, Driven
+from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.compile.tiered import tiered
-from rbfmu_kernels.quantities import active_flags
+from rbfmu_kernels.quantities import ANGLE, OUTPUT, OUTPUTS, active_flags
+from rbfmu_kernels.rotations.quaternion import angle_between
 
 Motion = dict[str, NDArray[np.float64]]
 
@@ -100,3 +102,55 @@ def _recorded(
 def substeps_counted(kernels: Any, z: Buffer) -> float:
     """Return the number of substeps since the start; 0 where the model counts none."""
     return float(z[kernels.BLOCKS["substeps"]][0]) if "substeps" in kernels.BLOCKS else 0.0
+
+
+__all__ = ["attitude_error", "largest_error", "relative_error"]
+
+Array = NDArray[np.float64]
+FEW = 20_000
+"""The number of rows up to which the array function is not worth its compilation."""
+FLOORS: Mapping[str, float] = {row.name: row.floor for row in OUTPUTS if row.floor}
+"""The least size, m or m/s, that an error is relative to, by the quantity's name."""
+
+
+def attitude_error(a: Array, b: Array) -> Array:
+    """Return the angles, rad, between attitudes: unit quaternions (..., 4)."""
+    if np.ndim(a) != 2 or np.shape(a) != np.shape(b) or len(a) > FEW:
+        return arrays.angle_between(a, b)  # type: ignore[no-any-return]
+    angle = tiered(angle_between)
+    return np.array([angle(tuple(p), tuple(q)) for p, q in zip(a, b, strict=True)])
+
+
+def relative_error(a: Array, b: Array, floor: float) -> Array:
+    """Return |a - b| over rows of (n, 3), relative to the largest |b| of the run, at least `floor`."""
+    return sizes(a - b, max(largest_size(b), floor) or 1.0)
+
+
+def largest_size(rows: Array) -> float:
+    """Return the largest length of a row, without overflow."""
+    unit = float(np.max(np.abs(rows), initial=0.0))
+    return unit * float(np.max(sizes(rows, unit))) if 0.0 < unit < math.inf else unit
+
+
+def sizes(rows: Array, unit: float) -> Array:
+    """Return the lengths of rows, in units of one."""
+    lengths: Array = np.linalg.norm(rows / unit, axis=-1)
+    return lengths
+
+
+def largest_error(
+    a: Mapping[str, Array], b: Mapping[str, Array], names: Iterable[str], floors: Mapping[str, float] = FLOORS
+) -> float:
+    """Return the largest error of a run in the quantities named; infinite where one is not finite.
+
+    floors: the least size that an error is relative to, by the quantity's name and in its unit.
+    """
+    worst = 0.0
+    for name in names:
+        if OUTPUT[name].error == ANGLE:
+            errors = attitude_error(a[name], b[name])
+        else:
+            errors = relative_error(a[name], b[name], floors.get(name, 0.0))
+        largest = float(np.max(errors))
+        worst = max(worst, largest) if math.isfinite(largest) else math.inf
+    return worst

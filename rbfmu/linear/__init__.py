@@ -1,1 +1,0 @@
-"""A body's motion near a state, as the linear system that controllers are designed for."""
