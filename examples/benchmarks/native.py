@@ -24,14 +24,13 @@ from examples.benchmarks.fmu import Fmu, _seconds_to_first_step
 from examples.benchmarks.support.goals import Goal, status
 from rbfmu.planning.select import plan
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
+from rbfmu_fmu.builder import build_native_fmu, build_python_fmu, c_sources
 from rbfmu_fmu.description import describe
-from rbfmu_fmu.fmi2_xml import FMI2
-from rbfmu_fmu.native.build import build_native_fmu, c_sources
+from rbfmu_fmu.fmi_version import FMI2
 from rbfmu_fmu.native.headers import headers
-from rbfmu_fmu.native.linking import FLAGS, compiler, linked, source
+from rbfmu_fmu.native.linking import FLAGS, compiler, link, source
 from rbfmu_fmu.native.object_code import ENTRIES, object_files
 from rbfmu_fmu.native.platforms import this_platform
-from rbfmu_fmu.python.build import build_python_fmu
 from rbfmu_kernels.integrators import dop853_tableau
 
 FOLDER = Path(__file__).parent
@@ -166,7 +165,7 @@ def _with_other_unit(fmu: Fmu, place: Path, generated: dict[str, str], objects: 
     library, guid, *others = fmu.arguments
     place.mkdir()
     other = place / Path(library).name
-    other.write_bytes(linked(c_sources(FMI2), objects, this_platform(), other.stem, generated))
+    other.write_bytes(link(c_sources(FMI2), objects, this_platform(), other.stem, generated))
     found = Fmu.__new__(Fmu)
     found.names, found.arguments = fmu.names, [str(other), guid, *others]
     return found

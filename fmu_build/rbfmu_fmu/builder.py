@@ -1,13 +1,61 @@
-"""Builds the FMU of a scene, of either kind."""
+"""Builds the FMU of a scene, of either kind: what it contains, what identifies it, and its one file.
 
+The pythonfmu kind bundles slave, kernels and object code in a Python package; the native kind has the model's object
+code behind a layer of C, one library for each platform.
+"""
+
+import importlib.resources
+import tempfile
+import zipfile
+import zlib
 from collections.abc import Sequence
 from pathlib import Path
+from xml.etree.ElementTree import Element
+
+from pythonfmu.builder import FmuBuilder
 
 from rbfmu.planning.select import plan
+from rbfmu.runs.plan import Plan
 from rbfmu.scene.argument import of_scene_or_path
 from rbfmu.scene.scene import Scene
-from rbfmu_fmu.native.build import build_native_fmu, version_of
-from rbfmu_fmu.python.build import build_python_fmu
+from rbfmu_fmu.archive import guid_of, hash_of, json_bytes, kernel_sources, scene_inside, write_archive, xml_bytes
+from rbfmu_fmu.description import Description, describe
+from rbfmu_fmu.fmi_version import FMI2, UNSET, FmiVersion, version_of
+from rbfmu_fmu.model_description import model_description
+from rbfmu_fmu.native.headers import headers
+from rbfmu_fmu.native.linking import ANY_VERSION, EXPORTS, FLAGS, HEADERS, NoLinkerError, link, source, universal
+from rbfmu_fmu.native.object_code import object_files
+from rbfmu_fmu.native.platforms import Platform, platforms_named, this_platform
+from rbfmu_fmu.presentation import presentation_files
+from rbfmu_fmu.python.pythonfmu_traps import LEFT_OUT, builder_imports_undone
+from rbfmu_fmu.python.slave_access import CODE, LIBRARY, OBJECT
+
+SCRIPT = '''"""Entry of the FMU: pythonfmu instantiates the class below."""
+from {package}.pythonfmu_traps import keep_script
+
+keep_script(globals())
+from {package} import ACCESS
+from {package}.slave import Slave as Fmi2Slave
+
+
+class {identifier}(Fmi2Slave):
+    access = ACCESS
+'''
+
+PACKAGE = '''"""A rigid body's model. The package's name holds a hash of everything in it, so that FMUs do not mix."""
+import os
+
+from .slave_access import Access
+
+ACCESS = Access(os.path.dirname(__file__), "{identity}")
+'''
+
+SHIPPED = ("slave.py", "slave_access.py", "call_rules.py", "pythonfmu_traps.py")
+"""The modules of a pythonfmu FMU beside the kernels."""
+
+PYTHON_ABILITIES = {
+    "needsExecutionTool": "false", "canInterpolateInputs": "false", "canNotUseMemoryManagementFunctions": "true",
+}  # fmt: skip
 
 
 @of_scene_or_path
@@ -36,3 +84,121 @@ def build(
     if fmi != 2:
         raise ValueError(f'fmi = {fmi}: expected kind = "native" with it, as pythonfmu makes FMUs of FMI 2')
     return build_python_fmu(scene, plan(scene, full), Path(path), terminals)
+
+
+def _identified(version: FmiVersion, d: Description, abilities: dict[str, str], parts: dict[str, bytes]) -> Element:
+    """Return modelDescription.xml with the FMU's identity: a hash of its parts and of the rest of the description."""
+    xml = model_description(version, d, UNSET, abilities)
+    xml.set(version.identity, guid_of(parts, xml))
+    return xml
+
+
+# --- the native kind
+
+
+def build_native_fmu(
+    scene: Scene,
+    plan: Plan,
+    path: Path,
+    platforms: Sequence[str] = (),
+    version: FmiVersion = FMI2,
+    terminals: bool = False,
+) -> Path:
+    """Write the FMU: the same bytes for the same scene; a file that stands at `path` is replaced when done.
+
+    platforms: names from `platforms.PLATFORMS`, or "all"; none: this one; terminals: list them in FMI 2.0 as well.
+    """
+    chosen = platforms_named(platforms)
+    description = describe(scene, plan)
+    objects = {p: object_files(plan.kernels, p) for p in chosen}
+    contents = {"resources/scene.json": scene_inside(scene, plan)}
+    parts = contents | _parts_of_libraries(description, version, objects)
+    xml = _identified(version, description, version.native_abilities(description), parts)
+    contents["modelDescription.xml"] = xml_bytes(xml)
+    generated = headers(description, version, xml.attrib[version.identity])
+    for folder in sorted({version.folders[p.name] for p in chosen}):
+        members = [p for p in chosen if version.folders[p.name] == folder]
+        libraries = [link(c_sources(version), objects[p], p, description.identifier, generated) for p in members]
+        for place in (folder, *_second_folders(version, members, chosen)):
+            contents[f"binaries/{place}/{description.identifier}{members[0].suffix}"] = universal(libraries)
+    shown = presentation_files(scene, plan, description, version, needs_python=False, with_terminals=terminals)
+    write_archive(contents | shown, path)
+    return path
+
+
+def _second_folders(version: FmiVersion, members: Sequence[Platform], chosen: Sequence[Platform]) -> list[str]:
+    """Return further folders of a library that serves `members`: such as no platform of the FMU has for its own."""
+    second = {version.second_folders[p.name] for p in members if p.name in version.second_folders}
+    return sorted(second - {version.folders[p.name] for p in chosen})
+
+
+def c_sources(version: FmiVersion) -> tuple[str, ...]:
+    """Return the C sources in `native/` of an FMU of a version of FMI."""
+    return (version.signatures, *ANY_VERSION)
+
+
+def _parts_of_libraries(
+    d: Description, version: FmiVersion, objects: dict[Platform, dict[str, bytes]]
+) -> dict[str, bytes]:
+    """Return what makes the libraries what they are, except for their guid."""
+    parts = {name: source(name) for name in (*c_sources(version), *HEADERS)}
+    parts |= {name: text.encode() for name, text in headers(d, version, "").items()}
+    parts |= {"flags": " ".join(FLAGS).encode()}
+    return parts | {f"{p.name}/{name}": code for p, files in objects.items() for name, code in files.items()}
+
+
+# --- the pythonfmu kind
+
+
+def build_python_fmu(scene: Scene, plan: Plan, path: Path, terminals: bool = False) -> Path:
+    """Write the FMU: the same bytes for the same scene; a file that stands at `path` is replaced when done."""
+    description = describe(scene, plan)
+    files = _package_files(plan, description)
+    identity = hash_of(files | {"templates": (SCRIPT + PACKAGE).encode()})
+    with tempfile.TemporaryDirectory(prefix="rbfmu_") as folder:
+        script = _write_sources(Path(folder), files, description, identity)
+        with builder_imports_undone():
+            raw = FmuBuilder.build_FMU(
+                script, dest=Path(folder) / "out", project_files=[Path(folder) / _package(identity)]
+            )
+        with zipfile.ZipFile(raw) as archive:
+            contents = {n: archive.read(n) for n in archive.namelist() if not LEFT_OUT.fullmatch(n)}
+    contents["resources/scene.json"] = scene_inside(scene, plan)
+    contents["modelDescription.xml"] = xml_bytes(_identified(FMI2, description, PYTHON_ABILITIES, dict(contents)))
+    shown = presentation_files(scene, plan, description, FMI2, needs_python=True, with_terminals=terminals)
+    write_archive(contents | shown, path)
+    return path
+
+
+def _package_files(plan: Plan, description: Description) -> dict[str, bytes]:
+    folder = importlib.resources.files("rbfmu_fmu.python")
+    files = {name: folder.joinpath(name).read_bytes() for name in SHIPPED}
+    name, code = _shipped_code(plan)
+    known = description.to_dict() | {"shipped_code": {name: zlib.crc32(code)}}
+    return kernel_sources() | files | {name: code, "description.json": json_bytes(known)}
+
+
+def _shipped_code(plan: Plan) -> tuple[str, bytes]:
+    """Return (name, content) of a shared library for this platform or, without a C compiler, of an object file."""
+    platform = this_platform()
+    objects = object_files(plan.kernels, platform)
+    try:
+        return CODE + LIBRARY, link(EXPORTS, objects, platform, "model")
+    except NoLinkerError:
+        return CODE + OBJECT, objects["model.o"]
+
+
+def _package(identity: str) -> str:
+    return f"rbfmu_{identity[:12]}"
+
+
+def _write_sources(folder: Path, files: dict[str, bytes], description: Description, identity: str) -> Path:
+    package = folder / _package(identity)
+    package.mkdir()
+    for name, content in files.items():
+        (package / name).parent.mkdir(parents=True, exist_ok=True)
+        (package / name).write_bytes(content)
+    (package / "__init__.py").write_text(PACKAGE.format(identity=identity[:12]))
+    script = folder / f"{description.identifier}_{identity[:12]}.py"
+    script.write_text(SCRIPT.format(package=package.name, identifier=description.identifier))
+    return script

@@ -27,7 +27,7 @@ from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene, load_scene
 from rbfmu.simulation import simulate
 from rbfmu_fmu import nasa_brick
-from rbfmu_fmu.python.build import build_python_fmu
+from rbfmu_fmu.builder import build_python_fmu
 from rbfmu_fmu.verification import Verification, check_plain, verify
 from rbfmu_kernels.compile.tiered import tiered
 

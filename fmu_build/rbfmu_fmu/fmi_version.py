@@ -1,31 +1,37 @@
-"""What FMUs of one version of FMI differ in: their XML, their C signatures, their variables, their folders."""
+"""The versions of FMI: in what their FMUs differ, one row of facts a version.
+
+`model_description` writes modelDescription.xml by such a row, and the C file `signatures` has the version's functions.
+"""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from xml.etree.ElementTree import Element
+from dataclasses import dataclass, field, replace
 
-from rbfmu_fmu.description import Description
-from rbfmu_fmu.value_references import Referenced
+from rbfmu_fmu.description import Description, Referenced, arrays, scalars
 
 UNSET = "{}"
 """Stands for an FMU's identity while that identity is being made."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FmiVersion:
-    """One version of FMI; `native.build.VERSIONS` lists all."""
+    """One version of FMI; `VERSIONS` lists all."""
 
     name: str
-    model_description: Callable[[Description, str, dict[str, str]], Element]
-    """Makes modelDescription.xml of a description, the FMU's identity, and attributes in which kinds of FMU differ."""
+    """The attribute fmiVersion of modelDescription.xml."""
     identity: str
     """The attribute of modelDescription.xml that identifies an FMU."""
     signatures: str
     """The C source of the version's functions, in `native/`."""
     folders: dict[str, str]
     """The folder of `binaries` for each of `native.platforms.PLATFORMS`."""
-    capabilities: Callable[[Description], dict[str, str]]
-    """What a native FMU can do, as attributes of modelDescription.xml."""
+    second_folders: dict[str, str] = field(default_factory=dict)
+    """A second folder for a platform, where no other platform of an FMU has it: importers there look into it."""
+    icon: str = "terminalsAndIcons/icon.png"
+    """The place of an FMU's picture."""
+    abilities: dict[str, str]
+    """What FMUs of either kind can do, as attributes of the element CoSimulation."""
+    native_abilities: Callable[[Description], dict[str, str]]
+    """What a native FMU can do besides."""
     references: Callable[[Description], list[Referenced]]
     """What has a value reference."""
     real: str
@@ -36,11 +42,75 @@ class FmiVersion:
     """Whether the time is a variable: the one after those that have a value reference."""
     course_of_inputs: str
     """How an importer gives inputs that change within a step."""
-    second_folders: dict[str, str] = field(default_factory=dict)
-    """A second folder for a platform, where no other platform of an FMU has it: importers there look into it."""
-    icon: str = "terminalsAndIcons/icon.png"
-    """The place of an FMU's picture."""
+    nested: bool
+    """Whether a variable is an element that holds another for its type, and knowns and unknowns stand in lists that
+    count variables from 1 (FMI 2), or an element of its type, and go by value references (FMI 3)."""
 
     def status_reference(self, d: Description) -> int:
         """Return the value reference of the integer output `status`, which is the last of all."""
         return len(self.references(d)) + self.has_time
+
+
+def _native_abilities_2(d: Description) -> dict[str, str]:
+    said = {"needsExecutionTool": "false", "canNotUseMemoryManagementFunctions": "false"}
+    said |= {"canInterpolateInputs": "true" if d.interpolates_inputs else "false"}
+    said |= {"providesDirectionalDerivative": "true"}
+    return said | ({"maxOutputDerivativeOrder": "1"} if d.output_rates else {})
+
+
+def _native_abilities_3(d: Description) -> dict[str, str]:
+    said = {"providesDirectionalDerivatives": "true", "providesAdjointDerivatives": "true"}
+    if d.interpolates_inputs:
+        said |= {"providesIntermediateUpdate": "true", "mightReturnEarlyFromDoStep": "true"}
+        said |= {"canReturnEarlyAfterIntermediateUpdate": "true"}
+    return said | ({"maxOutputDerivativeOrder": "1"} if d.output_rates else {})
+
+
+FMI2 = FmiVersion(
+    name="2.0",
+    identity="guid",
+    signatures="fmi2.c",
+    # One folder for macOS and none for Linux on aarch64: the first takes both processors in one file, the second has
+    # the name that FMI 3.0 gave it, as FMI 2.0.5 says.
+    folders={"linux64": "linux64", "win64": "win64", "linux-aarch64": "aarch64-linux", "darwin64": "darwin64",
+             "darwin-aarch64": "darwin64"},
+    second_folders={"linux-aarch64": "linux64"},  # FMPy, for one, looks into this folder on any Linux
+    icon="model.png",
+    abilities={"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true",
+               "canBeInstantiatedOnlyOncePerProcess": "false"},
+    native_abilities=_native_abilities_2,
+    references=scalars,
+    real="Real",
+    integer="Integer",
+    has_time=False,
+    course_of_inputs="gives their derivatives with respect to time",
+    nested=True,
+)  # fmt: skip
+FMI3 = FmiVersion(
+    name="3.0",
+    identity="instantiationToken",
+    signatures="fmi3.c",
+    folders={"linux64": "x86_64-linux", "win64": "x86_64-windows", "linux-aarch64": "aarch64-linux",
+             "darwin64": "x86_64-darwin", "darwin-aarch64": "aarch64-darwin"},
+    abilities={"canGetAndSetFMUState": "true", "canSerializeFMUState": "true"},
+    native_abilities=_native_abilities_3,
+    references=arrays,
+    real="Float64",
+    integer="Int32",
+    has_time=True,
+    course_of_inputs="sets them in intermediate updates",
+    nested=False,
+)  # fmt: skip
+FMI3_SCALARS = replace(FMI3, references=scalars)
+"""For importers that take no arrays."""
+VERSIONS = {(2, False): FMI2, (3, False): FMI3, (3, True): FMI3_SCALARS}
+"""What FMUs are built for: by the version of FMI, and by whether scalars are asked for in place of arrays."""
+
+
+def version_of(fmi: int, scalars: bool) -> FmiVersion:
+    """Return a version of FMI, with arrays as variables or without. Raises ValueError where there is none."""
+    if fmi not in (2, 3):
+        raise ValueError(f"fmi = {fmi!r}: expected 2 or 3")
+    if (fmi, scalars) not in VERSIONS:
+        raise ValueError("scalars = True: expected fmi = 3 with it, as FMI 2 has no arrays")
+    return VERSIONS[fmi, scalars]

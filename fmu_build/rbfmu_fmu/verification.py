@@ -4,6 +4,8 @@ import json
 import math
 import tempfile
 import zipfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +14,7 @@ from xml.etree import ElementTree
 import fmpy
 import numpy as np
 from fmpy.fmi1 import FMICallException
+from fmpy.simulation import instantiate_fmu
 from fmpy.validation import validate_fmu
 from numpy.typing import NDArray
 
@@ -22,10 +25,9 @@ from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu_fmu.archive import kernel_hash
-from rbfmu_fmu.description import Description, describe
-from rbfmu_fmu.fmpy_unit import Unit, unit_in, version_in
+from rbfmu_fmu.description import Description, describe, input_sizes
+from rbfmu_fmu.fmi_version import FmiVersion, version_of
 from rbfmu_fmu.python.pythonfmu_traps import CRASHES_IN_PATH
-from rbfmu_fmu.variable_words import input_sizes
 from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.compile.tiered import evaluated, tiered
 from rbfmu_kernels.rotations.euler_angles import ZYX, quaternion_from_euler
@@ -153,13 +155,86 @@ def _signal(scene: Scene, description: Description, steps: int, random: np.rando
     return np.repeat(levels, HELD_STEPS, axis=0)[:steps]
 
 
+def version_in(model: Any) -> FmiVersion:
+    """Return the version of FMI that FMPy's description of a model is of."""
+    fmi = 3 if model.fmiVersion.startswith("3") else 2
+    return version_of(fmi, scalars=fmi == 3 and not any(v.dimensions for v in model.modelVariables))
+
+
+class Unit:
+    """One instance of an FMU that lies unzipped in a folder; `messages` are those of refused calls."""
+
+    def __init__(self, folder: str | Path, description: Description):
+        model = fmpy.read_model_description(str(folder), validate=False)
+        version = version_in(model)
+        referenced = list(enumerate(version.references(description)))
+        causality = {k: description.variables[one.elements[0]].causality for k, one in referenced}
+        self._inputs, self._outputs = (
+            [k for k, _ in referenced if causality[k] == wanted] for wanted in ("input", "output")
+        )
+        self._count = sum(v.causality == "output" for v in description.variables)
+        self._status = version.status_reference(description)
+        self._old = not version.has_time
+        self.messages: list[str] = []
+        logger = self._log_2 if self._old else self._log_3
+        self._fmu = instantiate_fmu(str(folder), model, "CoSimulation", debug_logging=True, logger=logger)
+
+    def _log_2(self, component: Any, instance: bytes, status: int, category: bytes, message: bytes) -> None:
+        self._log_3(component, status, category, message)
+
+    def _log_3(self, environment: Any, status: int, category: bytes, message: bytes) -> None:
+        if status:
+            self.messages.append(message.decode())
+
+    def start(self, begin: float, end: float, inputs: Sequence[float]) -> None:
+        """Initialise with these inputs."""
+        if self._old:
+            self._fmu.setupExperiment(startTime=begin, stopTime=end)
+            self._fmu.enterInitializationMode()
+        else:
+            self._fmu.enterInitializationMode(startTime=begin, stopTime=end)
+        self.set_inputs(inputs)
+        self._fmu.exitInitializationMode()
+
+    def set_inputs(self, values: Sequence[float]) -> None:
+        """Set all inputs."""
+        if self._inputs:
+            (self._fmu.setReal if self._old else self._fmu.setFloat64)(self._inputs, list(values))
+
+    def outputs(self) -> list[float]:
+        """Return all outputs and, as the last one, `status`."""
+        if self._old:
+            return [*self._fmu.getReal(self._outputs), *self._fmu.getInteger([self._status])]
+        return [*self._fmu.getFloat64(self._outputs, self._count), *self._fmu.getInt32([self._status])]
+
+    def step(self, time: float, size: float) -> None:
+        """Take a step. Raises FMPy's exception where it is refused."""
+        self._fmu.doStep(time, size)
+
+    def terminate(self) -> None:
+        """End the simulation."""
+        self._fmu.terminate()
+
+    def free(self) -> None:
+        """Free the instance."""
+        self._fmu.freeInstance()
+
+
+@contextmanager
+def unit_in(folder: str | Path, description: Description) -> Iterator[Unit]:
+    """Yield an instance, and free it afterwards."""
+    unit = Unit(folder, description)
+    yield unit
+    unit.free()
+
+
 def _through_fmpy(
     path: Path, description: Description, time: NDArray[np.float64], inputs: NDArray[np.float64]
 ) -> tuple[Any, list[str]]:
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         fmpy.extract(str(path), folder)
         with unit_in(folder, description) as unit:
-            rows = _stepped(unit, time, inputs)
+            rows = _step_through(unit, time, inputs)
     outputs = [v.name for v in description.variables if v.causality == "output"]
     recorded = {name: rows[:, k] for k, name in enumerate(outputs)}
     bad = int(np.count_nonzero(rows[:, -1]))
@@ -167,7 +242,7 @@ def _through_fmpy(
     return recorded, unit.messages + ([f"status was not 0 at {bad} points"] if bad else [])
 
 
-def _stepped(unit: Unit, time: NDArray[np.float64], inputs: NDArray[np.float64]) -> NDArray[np.float64]:
+def _step_through(unit: Unit, time: NDArray[np.float64], inputs: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return outputs, the last of them an Integer, at each time up to a refused step.
 
     Not by `simulate_fmu`, which compares times by 1e-9 of their size.

@@ -17,13 +17,10 @@ from lxml import etree
 import rbfmu
 import rbfmu_fmu
 from rbfmu.scene.scene import Scene
+from rbfmu_fmu import builder, picture, variable_groups
 from rbfmu_fmu.description import describe
-from rbfmu_fmu.fmi2_xml import FMI2
-from rbfmu_fmu.fmi3_xml import FMI3, FMI3_SCALARS
-from rbfmu_fmu.native import build as native_build
-from rbfmu_fmu.presentation import osp, picture, terminals
-from rbfmu_fmu.presentation.documentation import page
-from rbfmu_fmu.presentation.files import shown_files
+from rbfmu_fmu.fmi_version import FMI2, FMI3, FMI3_SCALARS
+from rbfmu_fmu.presentation import page, presentation_files
 from tests.support.fmu.fmus import TABLES, built, planned, scene, unzipped
 from tests.support.paths import ROOT
 
@@ -38,7 +35,7 @@ def described(name):
 
 @cache
 def shown(name, python=False):
-    return shown_files(scene(name), planned(name), described(name), FMI2, python)
+    return presentation_files(scene(name), planned(name), described(name), FMI2, python)
 
 
 @pytest.mark.parametrize("kind", ["python", "native"])
@@ -66,20 +63,20 @@ def test_terminals_are_in_an_fmu_of_fmi_2_where_they_are_asked_for(kind, tmp_pat
 
 
 def test_they_are_the_same_bytes_each_time():
-    again = shown_files(scene("driven"), planned("driven"), described("driven"), FMI2, True)
+    again = presentation_files(scene("driven"), planned("driven"), described("driven"), FMI2, True)
     assert again == shown("driven", True)
 
 
 def test_an_fmu_s_identity_does_not_rest_on_them(tmp_path, monkeypatch):
     """A picture's bytes are those of one version of matplotlib."""
-    monkeypatch.setattr(native_build, "shown_files", lambda *args, **kwargs: {"model.png": b"another"})
+    monkeypatch.setattr(builder, "presentation_files", lambda *args, **kwargs: {"model.png": b"another"})
     path = rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", kind="native")
     found, usual = (fmpy.read_model_description(str(one)).guid for one in (path, built("prescribed", "native")))
     assert found == usual
 
 
 def test_matplotlib_is_loaded_for_the_picture_alone():
-    code = "import sys, rbfmu_fmu.presentation.files; print('matplotlib' in sys.modules)"
+    code = "import sys, rbfmu_fmu.presentation; print('matplotlib' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "False\n"
 
@@ -152,7 +149,7 @@ def test_the_page_says_model_frames_variables_and_accuracy(name):
 )
 def test_the_page_says_how_inputs_can_change_within_a_step(version, python, unless):
     assert described("driven").interpolates_inputs
-    made = shown_files(scene("driven"), planned("driven"), described("driven"), version, python)
+    made = presentation_files(scene("driven"), planned("driven"), described("driven"), version, python)
     said = Page(made["documentation/index.html"].decode()).text
     assert f"Inputs are held over a communication step{unless}. " in said
 
@@ -187,7 +184,7 @@ def test_licences_are_those_of_what_is_inside():
 @pytest.mark.parametrize("name", NAMES)
 def test_terminals_are_valid_and_hold_each_input_and_output_once(name, arrays):
     d = described(name)
-    root = etree.fromstring(ElementTree.tostring(terminals.terminals(d, arrays)))
+    root = etree.fromstring(ElementTree.tostring(variable_groups.terminals(d, arrays)))
     etree.XMLSchema(etree.parse(SCHEMA)).assertValid(root)
     members = [m.get("variableName") for m in root.iter("TerminalMemberVariable")]
     wanted = [v.block if arrays else v.name for v in d.variables if v.causality != "parameter"]
@@ -198,20 +195,20 @@ def test_terminals_are_valid_and_hold_each_input_and_output_once(name, arrays):
 
 
 def test_members_of_terminals_are_axes():
-    root = terminals.terminals(described("driven"))
+    root = variable_groups.terminals(described("driven"))
     found = {t.get("name"): [m.get("memberName") for m in t if "Member" in m.tag] for t in root.iter("Terminal")}
     assert found["torque_b"] == found["position"] == ["x", "y", "z"]
     assert found["quaternion"] == ["eta", "epsilon_x", "epsilon_y", "epsilon_z"]
     assert found["rpy"] == ["roll", "pitch", "yaw"]
     assert found["kinetic_energy"] == ["value"]
-    assert [t.get("name") for t in root.find("Terminals")] == list(terminals.GROUPS)
+    assert [t.get("name") for t in root.find("Terminals")] == list(variable_groups.GROUPS)
 
 
 # --- groups of libcosim's
 
 
 def groups(name):
-    return ElementTree.fromstring(ElementTree.tostring(osp.osp_description(described(name)))).find(
+    return ElementTree.fromstring(ElementTree.tostring(variable_groups.osp_description(described(name)))).find(
         f"{OSP}VariableGroups"
     )
 
@@ -223,7 +220,7 @@ def test_groups_hold_each_input_and_output_once_in_the_schema_s_order(name):
     assert sorted(refs) == sorted(v.name for v in described(name).variables if v.causality != "parameter")
     names = [g.get("name") for g in found.iter() if g.get("name")]
     assert len(set(names)) == len(names)
-    kinds = [*dict.fromkeys(osp.KINDS.values()), "LinearMechanicalPort", "AngularMechanicalPort"]
+    kinds = [*dict.fromkeys(variable_groups.KINDS.values()), "LinearMechanicalPort", "AngularMechanicalPort"]
     order = [kinds.index(group.tag.removeprefix(OSP)) for group in found]
     assert order == sorted(order)
 
@@ -241,12 +238,12 @@ def test_its_name_is_the_one_that_libcosim_looks_for():
     place = "extra/com.open-simulation-platform/driven_OspModelDescription.xml"
     assert (unzipped("driven") / place).exists()
     odd = rbfmu.Scene.from_dict(TABLES["default"] | {"name": "größe"})
-    assert osp.osp_place(describe(odd, planned("default"))).endswith("/OspModelDescription.xml")
+    assert variable_groups.osp_place(describe(odd, planned("default"))).endswith("/OspModelDescription.xml")
 
 
 @pytest.mark.parametrize(("version", "member"), [(FMI3, "quaternion"), (FMI3_SCALARS, "quaternion[1]")])
 def test_fmi_3_has_its_icon_and_its_own_variables_in_terminals(version, member):
-    files_of_it = shown_files(scene("driven"), planned("driven"), described("driven"), version, False)
+    files_of_it = presentation_files(scene("driven"), planned("driven"), described("driven"), version, False)
     assert files_of_it["terminalsAndIcons/icon.png"] == shown("driven")["model.png"]
     assert not any("Osp" in name or name == "model.png" for name in files_of_it)
     root = ElementTree.fromstring(files_of_it["terminalsAndIcons/terminalsAndIcons.xml"])

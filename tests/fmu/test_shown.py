@@ -8,9 +8,9 @@ import pytest
 
 import rbfmu
 from rbfmu.scene.scene import Scene
-from rbfmu_fmu.description import describe
-from rbfmu_fmu.fmi2_xml import model_description
-from rbfmu_fmu.variable_words import QUANTITIES
+from rbfmu_fmu.description import QUANTITIES, describe
+from rbfmu_fmu.fmi_version import FMI2
+from rbfmu_fmu.model_description import model_description
 from rbfmu_kernels.quantities import UNITS
 from tests.support.fmu.fmus import TABLES, built, planned, scene, unzipped
 
@@ -38,7 +38,7 @@ def test_a_scene_s_own_words_are_shown():
     assert root.get("author") is None
     about = {"description": "A <b> & c", "author": "Ann", "version": "1.2", "license": "mine"}
     made = describe(Scene.from_dict(TABLES["default"] | {"about": about}), planned("default"))
-    root = model_description(made, "{}", {})
+    root = model_description(FMI2, made, "{}", {})
     assert {key: root.get(key) for key in about} == about
 
 
@@ -127,4 +127,4 @@ def test_a_scene_whose_variables_have_no_quantity_declares_no_types():
     still = scene("fixed_camera").replace({"outputs.quantities": ["quaternion"]})
     d = describe(still, rbfmu.plan(still))
     assert {v.block for v in d.variables} == {"quaternion", "quaternion_0"}
-    assert model_description(d, "{}", {}).find("TypeDefinitions") is None
+    assert model_description(FMI2, d, "{}", {}).find("TypeDefinitions") is None

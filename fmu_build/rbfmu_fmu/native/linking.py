@@ -42,7 +42,7 @@ class LinkError(BuildError):
     """The compiler failed; the message is what it said."""
 
 
-def linked(
+def link(
     layer: Sequence[str],
     objects: dict[str, bytes],
     platform: Platform,

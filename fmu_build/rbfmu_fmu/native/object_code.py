@@ -3,22 +3,34 @@
 Numba compiles each entry; the inner function of the overload (not its Python or C wrapper) is kept, given a plain C
 signature, merged, optimised by LLVM for the plain instruction set of a platform, and checked to be self-contained. What
 Numba hands over is optimised for no processor, so that the bytes do not hang on the machine that compiles.
+
+Object code is kept on disk beside Numba's compiled code: a model is compiled for a platform once. It is known by all
+that it is made with: sources, versions, model, platform. A file begins with the hash of the rest, by which a damaged
+one is found. Where nothing can be written or read, the model is compiled anew.
 """
 
+import hashlib
+import os
 import re
+import sys
+import tempfile
 import threading
+from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
+from pathlib import Path
 from typing import Any
 
+import llvmlite
 import llvmlite.binding as llvm
 import numba
 from numba import carray, types
 
 from rbfmu.models.model_buffer import Model
-from rbfmu_fmu.native.kept_code import kept
 from rbfmu_fmu.native.platforms import BuildError, Platform
 from rbfmu_kernels.compile.decorator import code_for_callers
 from rbfmu_kernels.compile.numba_private import llvm_source
+from rbfmu_kernels.compile.stamp import SOURCES
 
 ENTRIES = ("initialize", "step", "outputs", "output_rates", "feedthrough")
 """The entry functions are `int64 NAME(double *buffer)`, but for SECOND; not every model has `output_rates`."""
@@ -28,6 +40,11 @@ SECOND = {"step": types.float64, "feedthrough": types.CPointer(types.float64)}
 
 LIBM = frozenset({"sqrt", "fabs", "copysign", "floor", "ceil", "memcpy", "memset", "memmove"})
 """An object may leave only these symbols to the platform: correctly rounded everywhere, or no arithmetic."""
+
+MOST = 100
+"""The number of object files that are kept, some 100 kB each; the oldest go."""
+COMPILER = Path(__file__)
+"""The source of what compiles, besides the kernels."""
 
 _LOCK = threading.Lock()  # LLVM modules of one Numba process are not made for concurrent use
 
@@ -43,18 +60,18 @@ def object_files(model: Model, platform: Platform) -> dict[str, bytes]:
     nothing but a `step_FEATURE` that gives the same bits.
     """
     with _LOCK:
-        objects = {"model.o": _compiled(model, platform, "")}  # type: ignore[arg-type]
-        return objects | {f"step_{f}.o": _compiled(model, platform, f) for f in platform.features}  # type: ignore[arg-type]
+        objects = {"model.o": _object_file(model, platform, "")}  # type: ignore[arg-type]
+        return objects | {f"step_{f}.o": _object_file(model, platform, f) for f in platform.features}  # type: ignore[arg-type]
 
 
 @cache
-def _compiled(model: Any, platform: Platform, feature: str) -> bytes:
+def _object_file(model: Any, platform: Platform, feature: str) -> bytes:
     if not hasattr(model, "__file__"):  # its source is not among those that tell what is kept from what is stale
-        return _compiled_anew(model, platform, feature)
-    return kept(f"{model.__name__} {platform} {feature}", lambda: _compiled_anew(model, platform, feature))
+        return _compile(model, platform, feature)
+    return kept_or_compiled(f"{model.__name__} {platform} {feature}", lambda: _compile(model, platform, feature))
 
 
-def _compiled_anew(model: Any, platform: Platform, feature: str) -> bytes:
+def _compile(model: Any, platform: Platform, feature: str) -> bytes:
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
     machine = llvm.Target.from_triple(platform.triple).create_target_machine(
@@ -64,7 +81,7 @@ def _compiled_anew(model: Any, platform: Platform, feature: str) -> bytes:
     module.triple, module.data_layout = platform.triple, str(machine.target_data)
     if feature:
         _keep_step(module, f"step_{feature}")
-    module = llvm.parse_assembly(_without_counters(_optimised(module, machine)))
+    module = llvm.parse_assembly(_without_counters(_optimise(module, machine)))
     _check_self_contained(module)
     return machine.emit_object(module)  # type: ignore[no-any-return]
 
@@ -130,7 +147,7 @@ def _c_signature(name: str, inner: str, typed: bool) -> str:
         }}"""
 
 
-def _optimised(module: Any, target: Any) -> str:
+def _optimise(module: Any, target: Any) -> str:
     """Optimise twice: the second time finds a tenth more speed in DOP853, whose loops the first has unrolled."""
     for _ in range(2):
         builder = llvm.create_pass_builder(target, llvm.create_pipeline_tuning_options(speed_level=3))
@@ -151,3 +168,40 @@ def _check_self_contained(module: Any) -> None:
         foreign.add("an address of this process")
     if foreign:
         raise NotSelfContainedError(f"the compiled model needs {', '.join(sorted(foreign))}")
+
+
+def kept_or_compiled(what: str, compile_anew: Callable[[], bytes]) -> bytes:
+    """Return object code from disk, or compile and keep it; what: the model and the platform."""
+    file = _cache_folder() / f"{_digest(_made_with() + what.encode()).hex()}.o"
+    with suppress(OSError):
+        content = file.read_bytes()
+        if _digest(content[32:]) == content[:32]:
+            return content[32:]
+    code = compile_anew()
+    with suppress(OSError):
+        _write_object(file, _digest(code) + code)
+    return code
+
+
+def _write_object(file: Path, content: bytes) -> None:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    handle, temporary = tempfile.mkstemp(dir=file.parent, suffix=".part")
+    with os.fdopen(handle, "wb") as part:
+        part.write(content)
+    os.replace(temporary, file)
+    for old in sorted(file.parent.glob("*.o"), key=lambda path: path.stat().st_mtime)[:-MOST]:
+        old.unlink()
+
+
+def _cache_folder() -> Path:
+    return Path(numba.config.CACHE_DIR or Path(__file__).parent / "__pycache__") / "rbfmu_objects"
+
+
+def _made_with() -> bytes:
+    """Return the sources and versions that object code is made with."""
+    versions = [numba.__version__, llvmlite.__version__, sys.version, llvm.get_process_triple()]
+    return "\n".join([SOURCES, *versions, COMPILER.read_text(encoding="utf-8")]).encode()
+
+
+def _digest(content: bytes) -> bytes:
+    return hashlib.sha256(content).digest()

@@ -11,8 +11,7 @@ from fmpy.validation import validate_fmu
 import rbfmu_fmu
 from rbfmu.cli import main
 from rbfmu.simulation import simulate
-from rbfmu_fmu import verify
-from rbfmu_fmu.native import build as native_build
+from rbfmu_fmu import builder, verify
 from rbfmu_fmu.native.platforms import PLATFORMS
 from tests.support.covering import some_of
 from tests.support.fmu.beside_kernels import LOADED, assert_same_before_and_after_a_restore
@@ -80,8 +79,8 @@ def test_an_array_has_its_quantitys_shape():
 
 
 def test_libraries_lie_in_the_folders_of_fmi_3(tmp_path, monkeypatch):
-    monkeypatch.setattr(native_build, "object_files", lambda kernels, platform: {})
-    monkeypatch.setattr(native_build, "linked", lambda sources, objects, platform, *rest: platform.name.encode())
+    monkeypatch.setattr(builder, "object_files", lambda kernels, platform: {})
+    monkeypatch.setattr(builder, "link", lambda sources, objects, platform, *rest: platform.name.encode())
     path = rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", "native", PLATFORMS, fmi=3)
     with zipfile.ZipFile(path) as archive:
         libraries = {name: archive.read(name).decode() for name in archive.namelist() if "binaries/" in name}

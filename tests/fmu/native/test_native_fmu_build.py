@@ -14,10 +14,9 @@ import fmpy
 import pytest
 
 import rbfmu_fmu
-from rbfmu_fmu import VerificationError, archive, verify
-from rbfmu_fmu.fmi2_xml import FMI2
-from rbfmu_fmu.native import build as native_build
-from rbfmu_fmu.native import kept_code, linking, object_code
+from rbfmu_fmu import VerificationError, archive, builder, verify
+from rbfmu_fmu.fmi_version import FMI2
+from rbfmu_fmu.native import linking, object_code
 from rbfmu_fmu.native.linking import NoLinkerError, universal
 from rbfmu_fmu.native.platforms import PLATFORMS, BuildError, platforms_named, this_platform
 from tests.support.command_line import call
@@ -139,11 +138,11 @@ WITHOUT_ZIGLANG = "from rbfmu_fmu.native import linking; linking.find_spec = lam
 
 
 def test_object_code_is_compiled_once_and_anew_where_the_kept_file_is_damaged(tmp_path, monkeypatch):
-    monkeypatch.setattr(kept_code.numba.config, "CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(object_code.numba.config, "CACHE_DIR", str(tmp_path))
     codes = iter([b"first", b"second", b"third"])
 
     def code(what="a model"):
-        return kept_code.kept(what, lambda: next(codes))
+        return object_code.kept_or_compiled(what, lambda: next(codes))
 
     assert code() == code() == b"first"
     (file,) = tmp_path.rglob("*.o")
@@ -155,7 +154,7 @@ def test_object_code_is_compiled_once_and_anew_where_the_kept_file_is_damaged(tm
     assert code("another model") == b"of another"
     assert code() == b"first"
     assert len(list(tmp_path.rglob("*"))) == 3  # their folder and two files: no part of one is left
-    monkeypatch.setattr(kept_code, "MOST", 1)
+    monkeypatch.setattr(object_code, "MOST", 1)
     codes = iter([b"of a third", b"first anew"])
     assert code("a third model") == b"of a third"
     assert code() == b"first anew"
@@ -163,23 +162,23 @@ def test_object_code_is_compiled_once_and_anew_where_the_kept_file_is_damaged(tm
 
 @pytest.mark.parametrize("changed", ["SOURCES", "COMPILER"])
 def test_object_code_of_other_sources_is_not_taken(changed, tmp_path, monkeypatch):
-    monkeypatch.setattr(kept_code.numba.config, "CACHE_DIR", str(tmp_path))
-    assert kept_code.kept("a model", lambda: b"first") == b"first"
-    monkeypatch.setattr(kept_code, changed, Path(__file__) if changed == "COMPILER" else "others")
-    assert kept_code.kept("a model", lambda: b"second") == b"second"
+    monkeypatch.setattr(object_code.numba.config, "CACHE_DIR", str(tmp_path))
+    assert object_code.kept_or_compiled("a model", lambda: b"first") == b"first"
+    monkeypatch.setattr(object_code, changed, Path(__file__) if changed == "COMPILER" else "others")
+    assert object_code.kept_or_compiled("a model", lambda: b"second") == b"second"
 
 
 def test_where_nothing_can_be_kept_a_model_is_compiled_each_time(tmp_path, monkeypatch):
     (tmp_path / "file").touch()
-    monkeypatch.setattr(kept_code.numba.config, "CACHE_DIR", str(tmp_path / "file"))
-    assert [kept_code.kept("a model", lambda code=code: code) for code in (b"1", b"2")] == [b"1", b"2"]
+    monkeypatch.setattr(object_code.numba.config, "CACHE_DIR", str(tmp_path / "file"))
+    assert [object_code.kept_or_compiled("a model", lambda code=code: code) for code in (b"1", b"2")] == [b"1", b"2"]
 
 
 def test_a_build_takes_what_is_kept(monkeypatch):
     platform, model = this_platform(), planned("prescribed").kernels
     expected = object_code.object_files(model, platform)
-    object_code._compiled.cache_clear()
-    monkeypatch.setattr(object_code, "_compiled_anew", None)
+    object_code._object_file.cache_clear()
+    monkeypatch.setattr(object_code, "_compile", None)
     assert object_code.object_files(model, platform) == expected
 
 
@@ -242,8 +241,8 @@ def test_what_the_c_compiler_says_is_in_the_message(tmp_path, monkeypatch):
 )
 def test_aarch64_lies_where_importers_look_unless_another_platform_does(platforms, folders, tmp_path, monkeypatch):
     """FMPy looks into binaries/linux64 on any Linux; FMI 2.0.5 has aarch64-linux."""
-    monkeypatch.setattr(native_build, "object_files", lambda kernels, platform: {})
-    monkeypatch.setattr(native_build, "linked", lambda sources, objects, platform, *rest: platform.name.encode())
+    monkeypatch.setattr(builder, "object_files", lambda kernels, platform: {})
+    monkeypatch.setattr(builder, "link", lambda sources, objects, platform, *rest: platform.name.encode())
     path = rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", "native", platforms)
     with zipfile.ZipFile(path) as archive:
         libraries = {name.split("/")[1]: archive.read(name) for name in archive.namelist() if "binaries/" in name}

@@ -12,7 +12,7 @@ import pytest
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu_fmu.description import describe
 from rbfmu_fmu.native import linking
-from rbfmu_fmu.native.linking import linked
+from rbfmu_fmu.native.linking import link
 from rbfmu_fmu.native.object_code import object_files
 from rbfmu_fmu.native.platforms import PLATFORMS, this_platform
 from tests.support.fmu.fmus import planned, scene, signal
@@ -32,7 +32,7 @@ def loaded(layer, objects, folder, monkeypatch, choice=None):
     with monkeypatch.context() as patch:
         own = linking.source
         patch.setattr(linking, "source", lambda name: layer if name == "layer.c" else own(name))
-        content = linked(["layer.c"], objects, this_platform(), "model", {"model.h": said + own("model.h").decode()})
+        content = link(["layer.c"], objects, this_platform(), "model", {"model.h": said + own("model.h").decode()})
     path = folder / f"model {len(list(folder.iterdir()))}.so"
     path.write_bytes(content)
     return ctypes.CDLL(str(path))

@@ -14,12 +14,11 @@ import fmpy
 import pytest
 
 import rbfmu_fmu
-from rbfmu_fmu import archive
+from rbfmu_fmu import archive, builder
+from rbfmu_fmu.builder import build_python_fmu
 from rbfmu_fmu.native import linking
 from rbfmu_fmu.native.object_code import object_files
-from rbfmu_fmu.python import build as python_fmu
 from rbfmu_fmu.python import pythonfmu_traps
-from rbfmu_fmu.python.build import build_python_fmu
 from rbfmu_fmu.python.slave import Slave
 from tests.support.covering import some_of
 from tests.support.fmu.builds import KILLED, NAMED, build_elsewhere
@@ -171,9 +170,9 @@ def other_kernels(tmp_path_factory):
     other.__package__, other.SIZE = "rbfmu_kernels.models", place[1].kernels.SIZE
     exec(compile(text, "<other unit>", "exec"), other.__dict__)
     with pytest.MonkeyPatch.context() as patch:
-        sources = python_fmu.kernel_sources() | {"models/prescribed_rates.py": text.encode()}
-        patch.setattr(python_fmu, "kernel_sources", lambda: sources)
-        patch.setattr(python_fmu, "object_files", lambda unit, platform: object_files(other, platform))
+        sources = builder.kernel_sources() | {"models/prescribed_rates.py": text.encode()}
+        patch.setattr(builder, "kernel_sources", lambda: sources)
+        patch.setattr(builder, "object_files", lambda unit, platform: object_files(other, platform))
         path = build_python_fmu(*place, tmp_path_factory.mktemp("other") / "prescribed.fmu")
     return unzipped_at(path, path.parent / "unzipped")
 
@@ -304,6 +303,6 @@ def test_what_rests_on_the_inside_of_pythonfmu_stands_in_one_module():
 
 
 def test_older_pythonfmu_finds_the_script_s_class_by_its_text_and_passes_the_start_time_alone():
-    script = python_fmu.SCRIPT.format(package="p", identifier="Body")
+    script = builder.SCRIPT.format(package="p", identifier="Body")
     assert re.search(r"^class (\w+)\(\s*Fmi2Slave\s*\)\s*:", script, re.MULTILINE)[1] == "Body"
     assert inspect.signature(Slave.setup_experiment).bind(None, 0.0)

@@ -12,12 +12,11 @@ import tempfile
 from itertools import product
 from pathlib import Path
 
+from rbfmu_fmu.builder import c_sources
 from rbfmu_fmu.description import describe
-from rbfmu_fmu.fmi2_xml import FMI2
-from rbfmu_fmu.fmi3_xml import FMI3
+from rbfmu_fmu.fmi_version import FMI2, FMI3
 from rbfmu_fmu.native import headers as native_headers
 from rbfmu_fmu.native import linking
-from rbfmu_fmu.native.build import c_sources
 from rbfmu_fmu.native.object_code import object_files
 from rbfmu_fmu.native.platforms import this_platform
 from tests.support.fmu.fmus import planned, scene

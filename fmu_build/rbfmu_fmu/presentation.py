@@ -1,13 +1,24 @@
-"""The page that an FMU has about itself: documentation/index.html."""
+"""What an FMU has only to be shown: picture, page, licences, terminals and groups of variables, by place in it.
 
+None of it changes what an FMU computes, and its identity does not rest on it.
+"""
+
+import importlib.metadata
+import re
 from collections.abc import Iterable, Sequence
 from html import escape
+from pathlib import Path
 
 import rbfmu
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
-from rbfmu_fmu.description import Description, Variable, blocks
-from rbfmu_fmu.xml_parts import STATUS_MEANING, unit_and_limits
+from rbfmu_fmu.archive import xml_bytes
+from rbfmu_fmu.description import Description, Variable, blocks, scalars
+from rbfmu_fmu.fmi_version import FmiVersion
+from rbfmu_fmu.model_description import STATUS_MEANING, unit_and_limits
+from rbfmu_fmu.native.linking import FMI_HEADERS
+from rbfmu_fmu.picture import picture
+from rbfmu_fmu.variable_groups import osp_description, osp_place, terminals
 from rbfmu_kernels.quantities import BY_NAME
 
 EXTERNAL = """This FMU runs Python in the importer's process.
@@ -27,6 +38,40 @@ Units are SI; angles are in radians, and have degrees as a display unit."""
 STYLE = """body { font: 15px/1.45 sans-serif; max-width: 52em; margin: 2em auto; padding: 0 1em; }
 table { border-collapse: collapse; } th, td { text-align: left; vertical-align: top; padding: 0.15em 0.8em 0.15em 0; }
 th { border-bottom: 1px solid #888; } img { float: right; } code { font-size: 95%; }"""
+
+LICENSES = "documentation/licenses"
+LICENSE_ENTRY = """This FMU contains
+
+- code of rbfmu, compiled or as it is: MIT licence, rbfmu.txt
+- names and types of functions from the headers of the FMI standard: 2-clause BSD licence, fmi.txt
+{pythonfmu}
+The numbers in it are those of a scene, whose author may have terms of their own: see the attribute license in
+modelDescription.xml.
+"""
+PYTHONFMU = "- the library of pythonfmu and its Python modules: MIT licence, pythonfmu.txt\n"
+
+
+def presentation_files(
+    scene: Scene, plan: Plan, d: Description, version: FmiVersion, needs_python: bool, with_terminals: bool = False
+) -> dict[str, bytes]:
+    """Return the files; needs_python: of the pythonfmu kind; with_terminals: list them in FMI 2.0 as well.
+
+    FMI 2.0.4 allows the file, but FMI Library 3 and FMU Container fail at it in an FMU of FMI 2.0.
+    """
+    course = version.course_of_inputs if d.interpolates_inputs and not needs_python else ""
+    has_arrays = version.references is not scalars
+    files = {
+        version.icon: picture(scene),
+        "documentation/index.html": page(scene, plan, d, version.icon, course).encode(),
+        **licenses(needs_python),
+    }
+    if with_terminals or version.name != "2.0":
+        files["terminalsAndIcons/terminalsAndIcons.xml"] = xml_bytes(terminals(d, has_arrays))
+    if version.name == "2.0":  # the one that libcosim imports
+        files[osp_place(d)] = xml_bytes(osp_description(d))
+    if needs_python:
+        files["documentation/externalDependencies.txt"] = EXTERNAL.encode()
+    return files
 
 
 def page(scene: Scene, plan: Plan, d: Description, icon: str, course: str = "") -> str:
@@ -101,3 +146,30 @@ def _row(variables: list[Variable]) -> tuple[str, ...]:
     start = ", ".join(repr(v.start) for v in variables if v.start is not None)
     held = " (cannot be changed)" if first.pinned else ""
     return first.block, unit_and_limits(first)["unit"], BY_NAME[first.block].meaning + held, components, start
+
+
+def licenses(with_pythonfmu: bool) -> dict[str, bytes]:
+    """Return the notices by their place in an FMU; with_pythonfmu: of the kind that contains pythonfmu."""
+    texts = {"license.txt": LICENSE_ENTRY.format(pythonfmu=PYTHONFMU if with_pythonfmu else "")}
+    texts |= {"rbfmu.txt": _own(), "fmi.txt": _of_headers()}
+    texts |= {"pythonfmu.txt": _of_package("pythonfmu")} if with_pythonfmu else {}
+    return {f"{LICENSES}/{name}": text.encode() for name, text in texts.items()}
+
+
+def _own() -> str:
+    """Return the licence of rbfmu, which lies in the package or, of a clone, above it."""
+    package = Path(rbfmu.__file__).parent
+    return next(path for path in (package / "LICENSE", package.parent / "LICENSE") if path.exists()).read_text("utf-8")
+
+
+def _of_package(name: str) -> str:
+    files = importlib.metadata.files(name) or []
+    return next(file for file in files if re.fullmatch(r"LICEN[CS]E(\.\w+)?", file.name)).read_text("utf-8")
+
+
+def _of_headers() -> str:
+    """Return the copyright and the terms that stand in the headers of FMI, as FMPy ships them."""
+    text = (FMI_HEADERS / "fmi2Functions.h").read_text("utf-8")
+    notice = re.search(r"Copyright.*?(?=\*/)", text, re.DOTALL)
+    assert notice, text[:3000]
+    return "\n".join(line.strip() for line in notice[0].splitlines()).strip("- \n") + "\n"

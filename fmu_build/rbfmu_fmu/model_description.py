@@ -1,0 +1,213 @@
+"""Writes modelDescription.xml of a description, for any version of FMI.
+
+Attributes stand in a fixed order, so that the same scene gives the same bytes.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from xml.etree.ElementTree import Element, SubElement
+
+import rbfmu
+from rbfmu_fmu.description import QUANTITIES, Description, Referenced, Variable, meaning
+from rbfmu_fmu.fmi_version import FmiVersion
+from rbfmu_fmu.python.call_rules import LOG_CATEGORIES
+from rbfmu_fmu.python.slave_access import TO_VARY
+from rbfmu_kernels.quantities import BY_NAME, OUTPUT, TIME, UNITS
+
+LICENSE = "MIT; see documentation/licenses"
+"""The terms of the code in an FMU, which a scene's own stand beside."""
+_KINDS = {"input": ("continuous", None), "parameter": ("fixed", "exact"), "output": ("continuous", "calculated")}
+"""By causality: variability and initial."""
+STATUS_MEANING = (
+    "0: fine; 1: the last step was refused or missed the accuracy; 2: past the stop time, accuracy not promised"
+)
+STATUS = {"name": "status", "causality": "output", "variability": "discrete", "initial": "calculated"}
+STATUS |= {"description": STATUS_MEANING}
+STATUS_RANGE = {"min": "0", "max": "2"}
+
+
+def model_description(version: FmiVersion, d: Description, identity: str, co_simulation: dict[str, str]) -> Element:
+    """Return modelDescription.xml; `co_simulation` holds the attributes in which kinds of FMU differ."""
+    root = Element("fmiModelDescription", {
+        "fmiVersion": version.name, "modelName": d.name, version.identity: identity, **about(d),
+        "variableNamingConvention": "structured",
+    })  # fmt: skip
+    SubElement(root, "CoSimulation", {
+        "modelIdentifier": d.identifier, "canHandleVariableCommunicationStepSize": "true", **version.abilities,
+        **co_simulation,
+    })  # fmt: skip
+    times = [TIME.unit] if version.has_time else []
+    root.extend((unit_definitions(d, *times), *_type_definitions(version, d), log_categories(), default_experiment(d)))
+    SubElement(root, "ModelVariables").extend(_variables(version, d))
+    root.append(_model_structure(version, d))
+    return root
+
+
+def _element(version: FmiVersion, outer: str, kind: str, said: dict[str, str], typed: dict[str, str]) -> Element:
+    """Return what is said of a thing and of its type: FMI 2 has an element in another for it, FMI 3 one of the kind."""
+    if not version.nested:
+        return Element(kind, said | typed)
+    element = Element(outer, said)
+    SubElement(element, kind, typed)
+    return element
+
+
+def _type_definitions(version: FmiVersion, d: Description) -> list[Element]:
+    """Return the declared types in one element, or none where no variable has a type."""
+    definitions, kind = Element("TypeDefinitions"), version.real if version.nested else f"{version.real}Type"
+    for name, attributes in declared_types(d).items():
+        definition = _element(version, "SimpleType", kind, {}, attributes)
+        definition.set("name", name)
+        definitions.append(definition)
+    return [definitions] if len(definitions) else []
+
+
+def _variables(version: FmiVersion, d: Description) -> Iterator[Element]:
+    """Yield all variables in the order of their value references."""
+    referenced = version.references(d)
+    updated = {"intermediateUpdate": "true"} if d.interpolates_inputs and not version.nested else {}
+    for reference, one in enumerate(referenced):
+        members = [d.variables[k] for k in one.elements]
+        first = members[0]
+        said = attributes_of(first, one.name, reference, _meaning_of(one, members))
+        said |= updated if first.causality != "parameter" else {}
+        name = QUANTITIES.get(BY_NAME[first.block].unit)
+        typed = ({"declaredType": name} if name else {}) | _limits_of_all(members)
+        element = _element(version, "ScalarVariable", version.real, said, typed)
+        element.extend(Element("Dimension", start=str(size)) for size in one.dimensions)
+        yield element
+    if version.has_time:
+        time = {"name": TIME.name, "valueReference": str(len(referenced)), "causality": "independent"}
+        time |= {"variability": "continuous", "unit": TIME.unit, "description": TIME.meaning}
+        yield Element(version.real, time)
+    status = _element(version, "ScalarVariable", version.integer, STATUS | updated, STATUS_RANGE)
+    status.set("valueReference", str(version.status_reference(d)))
+    yield status
+
+
+def _meaning_of(one: Referenced, members: list[Variable]) -> str:
+    """Return what a number is or, of an array, what the quantity is and what its elements are."""
+    words = "" if len(one.dimensions) == 2 else ", ".join(v.component for v in members)
+    return meaning(members[0].block, words)
+
+
+def _limits_of_all(members: list[Variable]) -> dict[str, str]:
+    """Return what all elements have in common, and their start values; bounds hold for every element alike."""
+    lows, highs = [v.minimum for v in members], [v.maximum for v in members]
+    low = None if None in lows else min(x for x in lows if x is not None)
+    high = None if None in highs else max(x for x in highs if x is not None)
+    attributes = unit_and_limits(replace(members[0], minimum=low, maximum=high))
+    if members[0].start is not None:
+        attributes["start"] = " ".join(repr(v.start) for v in members)
+    return attributes
+
+
+def _model_structure(version: FmiVersion, d: Description) -> Element:
+    """Return outputs with what they depend on: without, an importer sees algebraic loops that are not there."""
+    structure, referenced = Element("ModelStructure"), version.references(d)
+    holder = {k: reference for reference, one in enumerate(referenced) for k in one.elements}
+    key, first = ("index", 1) if version.nested else ("valueReference", 0)
+    for name, depends in (("Output", depends_on), ("InitialUnknown", depends_initially_on)):
+        known: dict[int, Iterable[int]] = {
+            reference: {holder[k] for k in depends(d, d.variables[one.elements[0]])}
+            for reference, one in enumerate(referenced)
+            if d.variables[one.elements[0]].causality == "output"
+        }
+        known[version.status_reference(d)] = ()
+        unknowns = SubElement(structure, f"{name}s") if version.nested else structure
+        for reference, others in known.items():
+            listed = " ".join(str(k + first) for k in sorted(others))
+            kind = "Unknown" if version.nested else name
+            SubElement(unknowns, kind, {key: str(reference + first), "dependencies": listed})
+    return structure
+
+
+def about(d: Description) -> dict[str, str]:
+    """Return the attributes that say what the FMU is, and by whom, as far as they are known."""
+    said = {"generationTool": f"rbfmu {rbfmu.__version__}", "description": "One rigid body", "license": LICENSE}
+    return said | {key: text for key, text in d.about.items() if text}
+
+
+def declared_types(d: Description) -> dict[str, dict[str, str]]:
+    """Return the types of the variables by name: quantity, unit and the unit in which it is usually shown."""
+    units = {BY_NAME[v.block].unit for v in d.variables}
+    return {QUANTITIES[unit]: _of_unit(unit) for unit in sorted(units, key=_fmi_name) if unit in QUANTITIES}
+
+
+def _of_unit(unit: str) -> dict[str, str]:
+    """Return the attributes quantity, unit and displayUnit, as far as there are any."""
+    attributes = {"quantity": QUANTITIES[unit]} if unit in QUANTITIES else {}
+    attributes["unit"] = _fmi_name(unit)
+    if UNITS[unit].display:
+        attributes["displayUnit"] = UNITS[unit].display[0][0]
+    return attributes
+
+
+def unit_definitions(d: Description, *more: str) -> Element:
+    """Return the units of all variables, and more."""
+    definitions = Element("UnitDefinitions")
+    for name in sorted({*more, *(BY_NAME[v.block].unit for v in d.variables)}):
+        definitions.append(_unit(name))
+    return definitions
+
+
+def _unit(name: str) -> Element:
+    """Return a unit with FMI's exponents of the base units, and the units in which a tool may show it."""
+    element, unit = Element("Unit", name=_fmi_name(name)), UNITS[name]
+    SubElement(element, "BaseUnit", {base: str(exponent) for base, exponent in unit.exponents.items()})
+    for display, factor in unit.display:
+        SubElement(element, "DisplayUnit", name=display, factor=repr(factor))
+    return element
+
+
+def _fmi_name(unit: str) -> str:
+    return unit.replace(" ", ".")
+
+
+def log_categories() -> Element:
+    """Return the categories of messages."""
+    categories = Element("LogCategories")
+    for category, says in LOG_CATEGORIES.items():
+        SubElement(categories, "Category", name=category, description=says)
+    return categories
+
+
+def default_experiment(d: Description) -> Element:
+    """Return the times and the accuracy of the scene's run."""
+    times = {"startTime": d.start, "stopTime": d.stop, "tolerance": d.accuracy, "stepSize": d.step}
+    return Element("DefaultExperiment", {name: repr(value) for name, value in times.items()})
+
+
+def attributes_of(v: Variable, name: str, reference: int, description: str) -> dict[str, str]:
+    """Return what a variable of any version is said to be; of a parameter that cannot be set, also that."""
+    variability, initial = _KINDS[v.causality]
+    if v.pinned:
+        description = f"{description}; cannot be changed here: {TO_VARY % v.block}"
+    said = {"name": name, "valueReference": str(reference), "causality": v.causality, "variability": variability}
+    return said | {"description": description} | ({"initial": initial} if initial else {})
+
+
+def unit_and_limits(v: Variable) -> dict[str, str]:
+    """Return the attributes quantity, unit, displayUnit, min, max, nominal and start, as far as a variable has them."""
+    attributes = _of_unit(BY_NAME[v.block].unit)
+    for key, value in (("min", v.minimum), ("max", v.maximum), ("nominal", v.nominal), ("start", v.start)):
+        if value is not None:
+            attributes[key] = repr(value)
+    return attributes
+
+
+def depends_on(d: Description, output: Variable) -> list[int]:
+    """Return the inputs, by their number among the variables, that an output follows at once."""
+    feedthrough = _feedthrough(d, output)
+    return [k for k, v in enumerate(d.variables) if v.causality == "input" and v.block in feedthrough]
+
+
+def depends_initially_on(d: Description, output: Variable) -> list[int]:
+    """Return the inputs and parameters, by their number, that an output depends on at the start."""
+    first = {*OUTPUT[output.block].initially, *_feedthrough(d, output)}
+    return [k for k, v in enumerate(d.variables) if v.causality != "output" and v.block in first]
+
+
+def _feedthrough(d: Description, output: Variable) -> set[str]:
+    """Return the inputs, by their blocks, that an output follows at once in this body."""
+    return {*OUTPUT[output.block].feedthrough}.difference(d.without_effect.get(output.block, ()))
