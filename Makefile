@@ -15,6 +15,7 @@ check:
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python -m tests.support.commit_subjects
 
 # The core once more as plain Python: readable tracebacks, and no result may hang on the compiler.
 CORE = $(addprefix tests/kernels/,numerics rotations mechanics exact/test_plane_pendulum.py)
