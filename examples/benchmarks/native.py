@@ -1,7 +1,7 @@
 """What a communication step of the native FMU costs: beside a Numba loop, C by hand, and the pythonfmu FMU.
 
 Per step: fmi2DoStep and reading all outputs, from C (native.c); in the Numba loop the unit's `step` and a copy
-of its outputs. By hand: the same method in plain C, -O3, behind the same C layer (native_by_hand.c), with AVX2
+of its outputs. By hand: the same series in plain C, -O3, behind the same C layer (native_by_hand.c), with AVX2
 and without, chosen as the native FMU's step is. All in turn in one process: medians of ratios. First step: from the
 start of a process to the end of its first step, beside an FMU that does nothing. `python -m examples.benchmarks.native`
 prints the tables and exits with status 1 where a goal is missed; it needs a C compiler.
@@ -31,7 +31,6 @@ from rbfmu_fmu.native.headers import headers
 from rbfmu_fmu.native.linking import FLAGS, compiler, link, source
 from rbfmu_fmu.native.object_code import ENTRIES, object_files
 from rbfmu_fmu.native.platforms import this_platform
-from rbfmu_kernels.integrators import dop853_tableau
 
 FOLDER = Path(__file__).parent
 GOALS = {"numba loop": 1.2, "by hand": 1.0, "pythonfmu": 1.0, "first step": 1.1}
@@ -39,7 +38,6 @@ GOALS = {"numba loop": 1.2, "by hand": 1.0, "pythonfmu": 1.0, "first step": 1.1}
 ROUND_OFF = 1e-11
 """Of C by hand and the native FMU, after 6e4 steps."""
 STEP = 0.01
-DOP853 = Plan("body under loads", "DOP853", 13, tolerance=1e-8)
 BODY = {"mass": 2.0, "inertia": [1.0, 2.0, 2.5]}
 RATES = {"omega_b": [0.1, 0.2, 0.3]}
 TABLES = {
@@ -47,7 +45,7 @@ TABLES = {
     "torque-free body": {"body": BODY, "initial": RATES},
     "body under loads": {"body": BODY, "initial": RATES, "inputs": {"ports": ["torque_b"]}},
 }
-HAND = "DOP853 and by hand"
+HAND = "series and by hand"
 NOTHING = "#include <stdint.h>\n" + "".join(
     f"int64_t {name} {{ return 0; }}\n" for name in ("initialize(double *z)", "step(double *z, double h)",
                                                      "outputs(double *z)", "output_rates(double *z)",
@@ -149,10 +147,10 @@ def _driver(folder: Path) -> Any:
 def _objects(text: str, folder: Path, planned: Plan) -> dict[str, bytes]:
     """Return a C source compiled as `object_files` compiles a model."""
     places = planned.kernels.BLOCKS
-    blocks = "".join(f"#define AT_{name.upper()} {b.start}\n" for name, b in places.items() if name != "q")
-    layout = blocks + f"#define AT_Q {places['q'].start}\n" if "q" in places else blocks
+    layout = "".join(f"#define AT_{name.upper()} {b.start}\n" for name, b in places.items())
+    layout += "".join(f"#define SIZE_{name.upper()} {b.stop - b.start}\n" for name, b in places.items())
     folder.mkdir()
-    includes = {"layout.h": layout, "tableau.h": _tableau()}
+    includes = {"layout.h": layout}
     objects = {"model.o": _compile(text, folder, includes, "-c")}
     for feature in this_platform().features:
         renamed = [f"-Dstep=step_{feature}", *(f"-D{name}=other_{name}" for name in ENTRIES if name != "step")]
@@ -169,15 +167,6 @@ def _with_other_unit(fmu: Fmu, place: Path, generated: dict[str, str], objects: 
     found = Fmu.__new__(Fmu)
     found.names, found.arguments = fmu.names, [str(other), guid, *others]
     return found
-
-
-def _tableau() -> str:
-    rows = {n: np.atleast_2d(getattr(dop853_tableau, n)) for n in ("A", "E5", "E3")}
-    text = {n: ",".join("{" + ",".join(float(x).hex() for x in row) + "}" for row in a) for n, a in rows.items()}
-    return (
-        f"static const double A[13][12] = {{{text['A']}}};\n"
-        f"static const double E5[12] = {text['E5']};\nstatic const double E3[12] = {text['E3']};\n"
-    )
 
 
 def _row(text: str, costs: dict[str, list[float]]) -> dict[str, float]:
@@ -208,7 +197,7 @@ def _costs(scene: rbfmu.Scene, planned: Plan, fmus: dict[str, Fmu], driver: Any,
 def _figures_of(text: str, folder: Path, driver: Any, repeats: int, steps: int, starts: int) -> dict[str, float]:
     folder.mkdir()
     scene = _scene(text)
-    planned = DOP853 if text == HAND else plan(scene)
+    planned = plan(scene)
     fmus = {
         "native": Fmu(build_native_fmu(scene, planned, folder / "native.fmu"), folder / "native"),
         "pythonfmu": Fmu(build_python_fmu(scene, planned, folder / "python.fmu"), folder / "python"),

@@ -1,107 +1,165 @@
-/* By hand, for comparison: what `loaded_dop853` does for a free body with a torque at its port, in plain C.
+/* By hand, for comparison: what `loaded_taylor` does for a free body with a torque at its port, in plain C.
 
-   DOP853 with error control inside a communication step, the centre of mass in closed form, quaternion, rpy and omega_b
-   as outputs. layout.h, generated, has the places in the unit's buffer, tableau.h the method's coefficients. Goes behind
-   the same C layer. Inertia: principal axes only (it is inverted when the unit is initialised, never later). */
+   Taylor series of the plan's order for the body rate and the attitude, each made once and evaluated for as many
+   communication steps as it reaches over while the torque is held; the reach is as long as the last two terms (Jorba &
+   Zou 2005) and the plan's tolerance allow. The centre of mass in closed form; quaternion, rpy and omega_b as outputs.
+   layout.h, generated, has the places in the unit's buffer. Goes behind the same C layer. Inertia: principal axes only
+   (it is inverted when the unit is initialised, never later); the torque is the only load that turns the body. */
 #include <math.h>
 #include <stdint.h>
 #include <string.h>
 
 #include "layout.h"
-#include "tableau.h"
 
-#define STAGES 12
-#define MAX_SUBSTEPS 1e9
+#define MOST 25           /* terms */
+#define CAUTION 0.015625  /* the part of a whole run's tolerance that series use up, as in the product */
+#define CLOCK (1.0 + 1e-9)
+#define TRIES 256
 
+typedef double Four[4]; /* of which vectors leave the last one 0 */
+
+/* In the unit's work space: both series, where they end, how far they serve and have served, and their torque. */
 typedef struct {
-    double M[3][3], M_inverse[3][3], damping[3], torque_b[3];
-} Body;
+    Four rate[MOST], turn[MOST];
+    double turn_order, reach, since, torque[3];
+} Series;
 
-static void cross(const double a[3], const double b[3], double c[3]) {
-    c[0] = a[1] * b[2] - a[2] * b[1];
-    c[1] = a[2] * b[0] - a[0] * b[2];
-    c[2] = a[0] * b[1] - a[1] * b[0];
+_Static_assert(sizeof(Series) <= SIZE_WORK * sizeof(double), "the unit has room for it");
+
+static double largest(const double *v, int n) {
+    double found = 0.0;
+    for (int i = 0; i < n; i++) found = fmax(found, fabs(v[i]));
+    return found;
 }
 
-static void transform(const double A[3][3], const double x[3], double y[3]) {
-    for (int i = 0; i < 3; i++) y[i] = A[i][0] * x[0] + A[i][1] * x[1] + A[i][2] * x[2];
+static double square_of(const double *v) { return v[0] * v[0] + v[1] * v[1] + v[2] * v[2]; }
+
+static double power_of(double x, int n) {
+    double total = 1.0;
+    for (int i = 0; i < n; i++) total *= x;
+    return total;
 }
 
-static void rates(const double y[8], double k[8], const Body *body) {
-    const double *q = y, *w = y + 4;
-    double momentum[3], gyroscopic[3], torque[3];
-    k[0] = 0.5 * (-q[1] * w[0] - q[2] * w[1] - q[3] * w[2]);
-    k[1] = 0.5 * (q[0] * w[0] + q[2] * w[2] - q[3] * w[1]);
-    k[2] = 0.5 * (q[0] * w[1] + q[3] * w[0] - q[1] * w[2]);
-    k[3] = 0.5 * (q[0] * w[2] + q[1] * w[1] - q[2] * w[0]);
-    transform(body->M, w, momentum);
-    cross(w, momentum, gyroscopic);
-    for (int i = 0; i < 3; i++) torque[i] = body->torque_b[i] - body->damping[i] * w[i] - gyroscopic[i];
-    transform(body->M_inverse, torque, k + 4);
-    k[7] = 0.0;
-}
-
-static double largest(const double v[3]) { return fmax(fabs(v[0]), fmax(fabs(v[1]), fabs(v[2]))); }
-
-/* One step from y to `trial`, not normalised; its estimated error. */
-static double dop853(const double y[8], double trial[8], double h, const Body *body) {
-    double k[STAGES][8], sums[2] = {0.0, 0.0}, rate;
-    rates(y, k[0], body);
-    for (int s = 1; s <= STAGES; s++) {
-        for (int j = 0; j < 8; j++) trial[j] = 0.0;
-        for (int l = 0; l < s; l++)
-            if (A[s][l] != 0.0)
-                for (int j = 0; j < 8; j++) trial[j] += A[s][l] * k[l][j];
-        for (int j = 0; j < 8; j++) trial[j] = y[j] + h * trial[j];
-        if (s < STAGES) rates(trial, k[s], body);
-    }
-    rate = fmax(fmax(largest(y + 4), largest(trial + 4)), 1e-300);
-    for (int j = 0; j < 8; j++) {
-        double e5 = 0.0, e3 = 0.0, size = j < 4 ? 0.5 : rate;
-        for (int l = 0; l < STAGES; l++) {
-            e5 += E5[l] * k[l][j];
-            e3 += E3[l] * k[l][j];
+static void rate_series(Series *s, const double *z, int order) {
+    const double *I = z + AT_INERTIA, *damping = z + AT_DAMPING_B;
+    for (int k = 0; k < order; k++) {
+        double product[3] = {0.0, 0.0, 0.0}, torque[3];
+        for (int j = 0; j <= k; j++) {
+            const double *a = s->rate[j], *b = s->rate[k - j];
+            product[0] += a[1] * b[2];
+            product[1] += a[2] * b[0];
+            product[2] += a[0] * b[1];
         }
-        sums[0] += (e5 / size) * (e5 / size);
-        sums[1] += (e3 / size) * (e3 / size);
+        for (int i = 0; i < 3; i++) torque[i] = (k == 0 ? s->torque[i] : 0.0) - damping[i] * s->rate[k][i];
+        s->rate[k + 1][0] = ((I[1] - I[2]) * product[0] + torque[0]) / (I[0] * (k + 1));
+        s->rate[k + 1][1] = ((I[2] - I[0]) * product[1] + torque[1]) / (I[1] * (k + 1));
+        s->rate[k + 1][2] = ((I[0] - I[1]) * product[2] + torque[2]) / (I[2] * (k + 1));
     }
-    return sums[0] == 0.0 ? 0.0 : h * sums[0] / sqrt((sums[0] + 0.01 * sums[1]) * 7.0);
 }
 
-static void accept(double y[8], const double trial[8]) {
-    double s = 1.0 / sqrt(trial[0] * trial[0] + trial[1] * trial[1] + trial[2] * trial[2] + trial[3] * trial[3]);
-    for (int i = 0; i < 4; i++) y[i] = s * trial[i];
-    for (int i = 4; i < 8; i++) y[i] = trial[i];
-}
-
-static int advance(double y[8], double h, double tolerance, double *size, const Body *body) {
-    double rest = h, low = 0.0, trial[8];
-    long steps = 0;
-    while (rest > 0.0) {
-        if (!(rest < MAX_SUBSTEPS * *size && ++steps < (long)MAX_SUBSTEPS)) return 1;
-        double count = ceil(rest / *size * (1.0 - 1e-9)), part = (rest + low) / count;
-        double error = dop853(y, trial, part, body) / tolerance;
-        if (error <= 1.0) {
-            double growth = error < 2.6e-7 ? 6.0 : 0.9 / sqrt(sqrt(sqrt(error)));
-            double left = count == 1.0 ? 0.0 : rest - part;
-            accept(y, trial);
-            low += (rest - left) - part;
-            rest = left;
-            *size = growth >= 1.0 ? fmax(*size, part * growth) : part * growth;
-        } else {
-            *size = part * fmax(0.2, isfinite(error) ? 0.9 / sqrt(sqrt(sqrt(error))) : 0.0);
+/* dq/dt = q o (0, omega) / 2, until two terms in turn are within `bound` at `reach`; the last one's order. */
+static int turn_series(Series *s, int order, double reach, double bound) {
+    double power = 1.0;
+    int were_small = 0;
+    for (int k = 0; k < order; k++) {
+        double half = 0.5 / (k + 1), *next = s->turn[k + 1];
+        for (int i = 0; i < 4; i++) next[i] = 0.0;
+        for (int j = 0; j <= k; j++) {
+            const double *q = s->turn[j], *w = s->rate[k - j];
+            next[0] += -q[1] * w[0] - q[2] * w[1] - q[3] * w[2];
+            next[1] += q[0] * w[0] + q[2] * w[2] - q[3] * w[1];
+            next[2] += q[0] * w[1] + q[3] * w[0] - q[1] * w[2];
+            next[3] += q[0] * w[2] + q[1] * w[1] - q[2] * w[0];
         }
+        for (int i = 0; i < 4; i++) next[i] *= half;
+        power *= reach;
+        int small = largest(next, 4) * power <= bound;
+        if (small && were_small && 2 * k >= order) return k + 1;
+        were_small = small;
     }
-    return 0;
+    return order;
 }
 
-static Body body_of(const double *z) {
-    Body body;
-    memcpy(body.M, z + AT_M, sizeof body.M);
-    memcpy(body.M_inverse, z + AT_M_INVERSE, sizeof body.M_inverse);
-    memcpy(body.damping, z + AT_DAMPING_B, sizeof body.damping);
-    for (int i = 0; i < 3; i++) body.torque_b[i] = z[AT_TORQUE_B + i] + z[AT_CONSTANT_TORQUE_B + i];
-    return body;
+static double allowed(const double *z, double h) {
+    double tolerance = z[AT_TOLERANCE], span = z[AT_SPAN];
+    return span == 0.0 ? tolerance : fmax(CAUTION * tolerance * h / span, 0x1p-52);
+}
+
+/* The estimated error at h over that which is allowed; m: the attitude's order, 0 where it is not known yet. */
+static double excess(const Series *s, const double *z, int order, int m, double h) {
+    double square = 0.0, power = 1.0, at_end[3] = {0.0, 0.0, 0.0}, part[3];
+    for (int k = 0; k < 4; k++) {
+        for (int i = 0; i < 3; i++) {
+            part[i] = power * s->rate[k][i];
+            at_end[i] += part[i];
+        }
+        square = fmax(square, fmax(square_of(part), square_of(at_end)));
+        power *= h;
+    }
+    double last = power_of(h, order - 1) * fmax(largest(s->rate[order - 1], 3), h * largest(s->rate[order], 3));
+    last = fmax(square > 0.0 ? last / sqrt(square) : 0.0, last * z[AT_SPAN]);
+    if (m > 0)
+        last = fmax(last, 2.0 * power_of(h, m - 1) * fmax(largest(s->turn[m - 1], 4), h * largest(s->turn[m], 4)));
+    return last / allowed(z, h);
+}
+
+/* The step whose error is that of h over `excess`, without a root. */
+static double nearer(double h, int order, double excess) {
+    if (!(excess < 1e4)) return 0.5 * h;
+    if (excess < 1e-4) return excess < 1e-8 ? 2.0 * h : 1.3 * h;
+    return h * ((order + 1) + (order - 1) * excess) / ((order - 1) + (order + 1) * excess);
+}
+
+static double reach_within(const Series *s, const double *z, int order, int m, double reach, double *next) {
+    double found = excess(s, z, order, m, reach);
+    for (int i = 0; i < TRIES && !(found <= 1.0); i++) {
+        reach = nearer(reach, order, 1.4 * found);
+        found = excess(s, z, order, m, reach);
+    }
+    *next = nearer(reach, order, 1.4 * found);
+    return reach;
+}
+
+static void make_series(Series *s, double *z) {
+    int order = (int)z[AT_ORDER];
+    double turning, reach, next;
+    memcpy(s->rate[0], z + AT_OMEGA, 3 * sizeof *z);
+    memcpy(s->turn[0], z + AT_Q, 4 * sizeof *z);
+    for (int i = 0; i < 3; i++) s->torque[i] = z[AT_TORQUE_B + i] + z[AT_CONSTANT_TORQUE_B + i];
+    rate_series(s, z, order);
+    turning = sqrt(square_of(s->rate[0])) + sqrt(sqrt(square_of(s->rate[1])));
+    reach = turning > 0.0 ? fmin(z[AT_STEP_SIZE], order / turning) : z[AT_STEP_SIZE];
+    reach = reach_within(s, z, order, 0, reach, &next);
+    s->turn_order = turn_series(s, order, reach, 0.5 * allowed(z, reach));
+    s->reach = reach_within(s, z, order, (int)s->turn_order, reach, &next);
+    s->since = 0.0;
+    z[AT_STEP_SIZE] = next;
+}
+
+/* A series at t: even and odd powers apart, of which neither waits for the other. */
+static void value(const Four *u, int order, double t, double *found) {
+    Four even, odd = {0.0, 0.0, 0.0, 0.0};
+    int k = order & ~1;
+    for (int i = 0; i < 4; i++) even[i] = u[k][i];
+    if (order & 1)
+        for (int i = 0; i < 4; i++) odd[i] = u[order][i];
+    for (k -= 2; k >= 0; k -= 2)
+        for (int i = 0; i < 4; i++) {
+            even[i] = u[k][i] + t * t * even[i];
+            odd[i] = u[k + 1][i] + t * t * odd[i];
+        }
+    for (int i = 0; i < 4; i++) found[i] = even[i] + t * odd[i];
+}
+
+static void follow(const Series *s, double *z, double t) {
+    Four q, w;
+    value(s->turn, (int)s->turn_order, t, q);
+    value(s->rate, (int)z[AT_ORDER], t, w);
+    /* Of unit length to round-off, but for the series' error: the root is linear there. */
+    double over = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3] - 1.0;
+    double r = fabs(over) < 1e-8 ? 1.0 - 0.5 * over : 1.0 / sqrt(1.0 + over);
+    for (int i = 0; i < 4; i++) z[AT_Q + i] = r * q[i];
+    memcpy(z + AT_OMEGA, w, 3 * sizeof *z);
 }
 
 int64_t outputs(double *z) {
@@ -115,36 +173,41 @@ int64_t outputs(double *z) {
 }
 
 int64_t initialize(double *z) {
-    double *q = z + AT_Q, length = 0.0, rate = 0.0, acceleration = 0.0, k[8];
-    Body body;
-    for (int i = 0; i < 3; i++) {
-        z[AT_M + 4 * i] = z[AT_INERTIA + i];
-        z[AT_M_INVERSE + 4 * i] = 1.0 / z[AT_INERTIA + i];
-    }
+    double length = 0.0;
     for (int i = 0; i < 4; i++) length += z[AT_QUATERNION_0 + i] * z[AT_QUATERNION_0 + i];
-    for (int i = 0; i < 4; i++) q[i] = z[AT_QUATERNION_0 + i] / sqrt(length);
+    for (int i = 0; i < 4; i++) z[AT_Q + i] = z[AT_QUATERNION_0 + i] / sqrt(length);
     memcpy(z + AT_OMEGA, z + AT_OMEGA_B_0, 3 * sizeof *z);
     memcpy(z + AT_R_C, z + AT_POSITION_0, 3 * sizeof *z);
     memcpy(z + AT_V_C, z + AT_VELOCITY_0, 3 * sizeof *z);
-    body = body_of(z);
-    rates(q, k, &body);
-    for (int i = 4; i < 7; i++) {
-        rate += q[i] * q[i];
-        acceleration += k[i] * k[i];
-    }
-    z[AT_STEP_SIZE] = 0.5 / (sqrt(rate) + sqrt(sqrt(acceleration)));
+    memset(z + AT_WORK, 0, sizeof(Series));
+    z[AT_STEP_SIZE] = 1e300; /* the series themselves say at once how much is too long */
     return outputs(z);
 }
 
 int64_t step(double *z, double h) {
-    double y[8], size = z[AT_STEP_SIZE], total = 0.0;
-    Body body = body_of(z);
-    memcpy(y, z + AT_Q, sizeof y);
-    if (!(h > 0.0) || advance(y, h, z[AT_TOLERANCE], &size, &body)) return 1;
-    for (int i = 0; i < 8; i++) total += 0.0 * y[i];
-    if (total != 0.0) return 1;
-    memcpy(z + AT_Q, y, sizeof y);
-    z[AT_STEP_SIZE] = size;
+    Series *s = (Series *)(z + AT_WORK);
+    double rest = h, before[8], size = z[AT_STEP_SIZE], since = s->since, total = 0.0;
+    int steady = s->reach > 0.0;
+    if (!(h > 0.0 && h < 1e9)) return 1;
+    memcpy(before, z + AT_Q, sizeof before);
+    for (int i = 0; i < 3; i++) steady &= s->torque[i] == z[AT_TORQUE_B + i] + z[AT_CONSTANT_TORQUE_B + i];
+    if (!steady) make_series(s, z);
+    while (s->since + rest > CLOCK * s->reach) {
+        rest -= s->reach - s->since;
+        follow(s, z, s->reach);
+        make_series(s, z);
+        if (!(rest < 1e9 * s->reach)) break;
+    }
+    s->since += rest;
+    follow(s, z, s->since);
+    for (int i = 0; i < 7; i++) total += 0.0 * z[AT_Q + i];
+    if (total != 0.0) { /* not finite: as before, with a new series next time */
+        memcpy(z + AT_Q, before, sizeof before);
+        z[AT_STEP_SIZE] = size;
+        s->since = since;
+        s->reach = 0.0;
+        return 1;
+    }
     for (int i = 0; i < 3; i++) {
         z[AT_R_C + i] += h * z[AT_V_C + i] + 0.5 * h * h * z[AT_GRAVITY_A + i];
         z[AT_V_C + i] += h * z[AT_GRAVITY_A + i];
