@@ -163,9 +163,10 @@ def plan_text(scene: "Scene", chosen: "Plan", variables: int, full: tuple[int, i
 def print_end(scene: "Scene", planned: "Plan", result: Any, driven: bool) -> None:
     """Print the model and its method, why they serve, the error to expect, and the last values."""
     if scene.inputs.ports:  # their course is known, so that no loop is closed
+        from rbfmu.models.question import Question
         from rbfmu.planning.select import without_loops
 
-        planned = without_loops(scene, planned)
+        planned = without_loops(Question(scene), planned)
     click.echo(f"{planned.model}: {planned.method}")
     click.echo(f"{expected_error(scene, planned, driven)}, accuracy asked {scene.run.accuracy:g}")
     for reason in planned.reasons:

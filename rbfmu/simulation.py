@@ -1,6 +1,7 @@
 """Run a scene by its plan."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 
 from rbfmu.exceptions import SimulationError as SimulationError
 from rbfmu.results.result import Result
-from rbfmu.runs.inputs import HOLD, Driven, InputTables, drive_of, input_tables
+from rbfmu.runs.inputs import HOLD, Drive, Driven, drive_of, input_tables
 from rbfmu.runs.plan import Plan, filled_buffer, initialize, output_block
 from rbfmu.scene.argument import of_scene_or_path
 from rbfmu.scene.plausibility import doubts_after, warn
@@ -33,20 +34,18 @@ def plan(
     where the accuracy asked cannot be met.
     """
     tables = None if inputs is None else input_tables(scene, inputs, interpolate)
-    found = _planned(scene, full, progress)
-    return found if tables is None else _planned_for(scene, tables, interpolate, found)
+    return _planned(scene, full, progress, None if tables is None else partial(drive_of, scene, tables, interpolate))
 
 
-def _planned(scene: Scene, full: bool = False, progress: Callable[[float], Any] | None = None) -> Plan:
+def _planned(
+    scene: Scene,
+    full: bool = False,
+    progress: Callable[[float], Any] | None = None,
+    driven: Callable[[int], Drive] | None = None,
+) -> Plan:
     from rbfmu.planning import plan as planned  # a run whose plan is known does without
 
-    return planned(scene, full, progress)
-
-
-def _planned_for(scene: Scene, tables: InputTables, interpolate: str, found: Plan) -> Plan:
-    from rbfmu.planning.select import plan_for_inputs
-
-    return plan_for_inputs(scene, tables, interpolate, found)
+    return planned(scene, full, progress, driven=driven)
 
 
 @of_scene_or_path
@@ -69,13 +68,12 @@ def simulate(
     progress: wraps the sequence of step numbers, e.g. a progress bar. Raises SceneError, SimulationError.
     """
     tables = {} if inputs is None else input_tables(scene, inputs, interpolate)
-    if planned is None:
-        planned = _planned(scene)
-        planned = _planned_for(scene, tables, interpolate, planned) if tables else planned
+    driven = partial(drive_of, scene, tables, interpolate)
+    planned = planned or _planned(scene, driven=driven if tables else None)
     kernels, z = planned.kernels, filled_buffer(scene, planned)
-    drive = drive_of(scene, tables, interpolate)
-    driven, time = Driven(drive, kernels, z), drive.time
-    driven.start()
+    drive = driven(1)
+    run, time = Driven(drive, kernels, z), drive.time
+    run.start()
     initialize(scene, kernels, z)
     block = output_block(scene, kernels)
     outputs = z[block]
@@ -83,7 +81,7 @@ def simulate(
     rows[0] = outputs
     numbers = range(1, len(time))
     for k in numbers if progress is None else progress(numbers):
-        if not driven.advance(k):
+        if not run.advance(k):
             raise refused_step(scene, time[k - 1])
         rows[k] = outputs
     result = Result(time, {n: _quantity(rows, kernels.BLOCKS[n], block.start) for n in scene.outputs.quantities})

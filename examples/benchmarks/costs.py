@@ -22,8 +22,9 @@ from examples.benchmarks.substeps import series, timed
 from examples.benchmarks.support.goals import Goal, status
 from rbfmu.extras import needed_of
 from rbfmu.models import registry
+from rbfmu.models.question import Question
 from rbfmu.models.spec import ModelSpec
-from rbfmu.planning.methods import NS, SPLITTING_COSTS, series_cost, stated, terms
+from rbfmu.planning.methods import NS, SPLITTING_COSTS, series_cost, terms, with_cost
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import QUANTITIES, Scene
 
@@ -133,7 +134,7 @@ def chosen_by_hand() -> list[tuple[Scene, Plan]]:
         top = scene_of("top", asked, 1e-6, 0.01)
         for order, ns in SPLITTING_COSTS.items():
             splitting = Plan("symmetric top", f"splitting of order {order}", 7, substep=0.01, order=order, cost=ns)
-            found.append((top, stated(top, splitting)))
+            found.append((top, with_cost(Question(top), splitting)))
     return found
 
 
@@ -144,7 +145,7 @@ def measured(plans: Sequence[tuple[Scene, Plan]], rounds: int, k: int) -> list[F
         wanted = scene.outputs.quantities
         what = ", ".join(wanted) if len(wanted) < len(QUANTITIES) else "all"
         about = f"{scene.name}, {scene.run.step:g} s, {scene.run.accuracy:g}"
-        found.append(Figure(about, what, planned, terms(scene, planned), planned.cost, 0.0))
+        found.append(Figure(about, what, planned, terms(Question(scene), planned), planned.cost, 0.0))
     timers = [timer(scene, planned, k) for scene, planned in plans]
     known = [timed("c'", series(order)) for order in orders]
     least = np.full(len(timers) + len(known), np.inf)

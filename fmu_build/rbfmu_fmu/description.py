@@ -13,7 +13,7 @@ from keyword import iskeyword
 from typing import Any
 
 from rbfmu.models.model_buffer import Buffer, Model
-from rbfmu.planning.candidates import needed_parameters
+from rbfmu.models.question import Question
 from rbfmu.planning.select import with_all_outputs
 from rbfmu.runs.plan import Plan, filled_buffer
 from rbfmu.runs.time_grid import last_time
@@ -158,7 +158,7 @@ def _without_effect(scene: Scene, plan: Plan) -> dict[str, tuple[str, ...]]:
     body = scene.body
     if body is None:
         return {}
-    fixed = "r_oc_b" in plan.pinned or "r_oc_b" not in needed_parameters(scene, plan.model)
+    fixed = "r_oc_b" in plan.pinned or "r_oc_b" not in plan.spec.needed_parameters(Question(scene))
     central = fixed and not any(body.r_oc_b)
     turned_by_none = {"alpha_b": tuple(sorted(FORCES))} if central or body.pivot else {}
     return turned_by_none | ({"acceleration": tuple(sorted(TORQUES))} if central else {})
@@ -188,7 +188,7 @@ def file_name(name: str) -> str:
 
 def _blocks(scene: Scene, plan: Plan) -> list[tuple[str, slice, str]]:
     """Yield (FMU name, place in the buffer, causality) of the blocks that the scene's model needs."""
-    kernels, ports, needed = plan.kernels, scene.inputs.ports, needed_parameters(scene, plan.model)
+    kernels, ports, needed = plan.kernels, scene.inputs.ports, plan.spec.needed_parameters(Question(scene))
     blocks = [(n, kernels.BLOCKS[n], "input") for n in PORTS if n in ports]
     for row in IN_BUFFER_ORDER:
         if row.name in needed and row.name not in ports:  # a port's name is taken: its known part stays inside

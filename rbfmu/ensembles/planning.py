@@ -18,8 +18,8 @@ from rbfmu.ensembles.drivers import differ
 from rbfmu.ensembles.members import designs
 from rbfmu.ensembles.members.distributions import normal_scores, probabilities
 from rbfmu.ensembles.members.samples import Samples, at, ensemble_of, member, refused
+from rbfmu.models.question import Question
 from rbfmu.models.registry import MODELS, PRESCRIBED_RATES
-from rbfmu.models.scene_needs import Needs
 from rbfmu.planning import plan
 from rbfmu.planning import reasons as say
 from rbfmu.planning.judge import Judge
@@ -56,7 +56,7 @@ def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) 
     progress: a function that is told from time to time which part of the work is done.
     Raises SceneError without an ensemble, and where a pilot cannot meet the accuracy asked.
     """
-    judges, found = [Judge(pilot) for pilot in _pilots(scene)], []
+    judges, found = [Judge(Question(pilot)) for pilot in _pilots(scene)], []
     for k, judge in enumerate(judges):
         with faults_of(f"{scene.name}, pilot member {k + 1}"):
             found.append(plan(judge.scene, judge=judge))
@@ -64,7 +64,7 @@ def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) 
     chosen, growth = _accurate(_for_all(found), judges)
     _tell(progress, 1.0)
     pilots = _of_members(scene, chosen, len(judges))
-    reasons = (*_of_model(judges[0].scene, chosen), *pilots, *_of_growth(scene, growth))
+    reasons = (*_of_model(judges[0].asked, chosen), *pilots, *_of_growth(scene, growth))
     warn(scene, _of_no_effect(scene, chosen), stacklevel=4)
     return replace(chosen, reasons=reasons)
 
@@ -77,15 +77,14 @@ def _tell(progress: Callable[[float], Any] | None, part: float) -> None:
 # Why
 
 
-def _of_model(pilot: Scene, chosen: Plan) -> Iterator[str]:
+def _of_model(pilot: Question, chosen: Plan) -> Iterator[str]:
     """Yield what the model leaves out, and why it is right, with a pilot's numbers."""
     if chosen.model == PRESCRIBED_RATES.key:
         yield say.PRESCRIBED
         return
-    needs = Needs.of(pilot)
-    yield from say.what_is_left_out(pilot, needs, chosen.spec.force_keeps_direction)
+    yield from say.what_is_left_out(pilot, chosen.spec.force_keeps_direction)
     if chosen.spec.closed_form:
-        yield from say.why_exact(pilot, chosen.spec, needs)
+        yield from say.why_exact(pilot, chosen.spec)
     elif chosen.tolerance > 0.0:
         yield f"{chosen.method}: estimated errors of a run add up to at most {chosen.tolerance:.1e} in every member"
 

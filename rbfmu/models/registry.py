@@ -5,11 +5,9 @@ from functools import partial
 
 import numpy as np
 
-from rbfmu.models.body_at_start import BodyAtStart, body_at_start
-from rbfmu.models.scene_needs import Needs, acting_loads, shape, torques, turning_loads
+from rbfmu.models.question import BodyAtStart, Question
 from rbfmu.models.sensitivity import lost_by_symmetry, lost_near_separatrix
 from rbfmu.models.spec import Array, ModelSpec
-from rbfmu.scene.scene import Scene
 from rbfmu_kernels.quantities import (
     DISSIPATIVE,
     FIXED_IN_SPACE,
@@ -25,39 +23,39 @@ START = {"quaternion_0", "omega_b_0"}
 closed_form = partial(ModelSpec, closed_form=True, force_keeps_direction=True, drops=NOT_IN_CLOSED_FORMS)
 
 
-def moments_of(scene: Scene) -> str:
+def moments_of(asked: Question) -> str:
     """Return the principal moments as text, kg m2."""
-    return ", ".join(f"{m:.6g}" for m in body_at_start(scene).principal_axes[0])
+    return ", ".join(f"{m:.6g}" for m in asked.start.principal_axes[0])
 
 
-def along_axis(scene: Scene, rates: Array) -> Array:
+def along_axis(asked: Question, rates: Array) -> Array:
     """Return the part of rates (n, 3), rad/s, about the one axis that the body is taken to turn about."""
-    axis = np.array(body_at_start(scene).axis)
+    axis = np.array(asked.start.axis)
     return np.outer(rates @ axis, axis)
 
 
-def loads_start_and_shape(scene: Scene, needs: Needs) -> set[str]:
+def loads_start_and_shape(asked: Question) -> set[str]:
     """Return the names of what a motion about one axis rests on."""
-    return turning_loads(scene, needs) | shape(scene) | START
+    return asked.would_turn | asked.shape | START
 
 
-def _rate(scene: Scene) -> str:
-    return f"{float(np.linalg.norm(scene.initial.omega_b)):.6g} rad/s"
+def _rate(asked: Question) -> str:
+    return f"{float(np.linalg.norm(asked.scene.initial.omega_b)):.6g} rad/s"
 
 
-def _acting(scene: Scene) -> str:
-    return " and ".join(sorted(torques(scene) & acting_loads(scene.loads))) or "no torque"
+def _acting(asked: Question) -> str:
+    return " and ".join(sorted(asked.turning & asked.acting)) or "no torque"
 
 
-def _no_rotation_rests_on(scene: Scene, needs: Needs) -> set[str]:
-    turning = {"r_oc_b", "force_b"} if needs.attitude and any(scene.initial.omega_b) else set()
-    return (torques(scene) | TORQUES | START | shape(scene) if needs.rotation else set()) | turning
+def _no_rotation_rests_on(asked: Question) -> set[str]:
+    turning = {"r_oc_b", "force_b"} if asked.attitude and any(asked.scene.initial.omega_b) else set()
+    return (asked.turning | TORQUES | START | asked.shape if asked.rotation else set()) | turning
 
 
-def _standing(scene: Scene, needs: Needs) -> str:
-    if needs.attitude or not any(scene.initial.omega_b):
+def _standing(asked: Question) -> str:
+    if asked.attitude or not any(asked.scene.initial.omega_b):
         return "rotation: 0 of 7 states, the body begins at 0 rad/s and nothing turns it"
-    return f"rotation: 0 of 7 states, the rates asked for stay as they begin ({_rate(scene)})"
+    return f"rotation: 0 of 7 states, the rates asked for stay as they begin ({_rate(asked)})"
 
 
 NO_ROTATION = closed_form(
@@ -76,11 +74,10 @@ NO_ROTATION = closed_form(
 )
 
 
-def _constant_rate_rests_on(scene: Scene, needs: Needs) -> set[str]:
-    assert scene.body is not None
-    M = scene.body.M
+def _constant_rate_rests_on(asked: Question) -> set[str]:
+    M = asked.body.M
     sphere = M[0][0] == M[1][1] == M[2][2] and not any(M[i][j] for i, j in ((0, 1), (0, 2), (1, 2)))
-    return turning_loads(scene, needs) | shape(scene) | (set() if sphere else {"omega_b_0"})
+    return asked.would_turn | asked.shape | (set() if sphere else {"omega_b_0"})
 
 
 CONSTANT_RATE = closed_form(
@@ -93,17 +90,17 @@ CONSTANT_RATE = closed_form(
     rests_on=_constant_rate_rests_on,
     keeps_rate=True,
     may_be_unstable=True,
-    rates_from=lambda scene, rates: rates[0],
+    rates_from=lambda asked, rates: rates[0],
     costs={"": 43.0},
-    reason=lambda scene, needs: (
-        f"rotation: constant rate {_rate(scene)}, about a principal axis (moments {moments_of(scene)} kg m2)"
+    reason=lambda asked: (
+        f"rotation: constant rate {_rate(asked)}, about a principal axis (moments {moments_of(asked)} kg m2)"
     ),
 )
 
 
-def _momentum_rests_on(scene: Scene, needs: Needs) -> set[str]:
-    turning = turning_loads(scene, needs) | ({"r_oc_b"} if needs.translation else set())
-    shown = shape(scene) if needing(SPHERE_RATE) & set(scene.outputs.quantities) else set()
+def _momentum_rests_on(asked: Question) -> set[str]:
+    turning = asked.would_turn | ({"r_oc_b"} if asked.translation else set())
+    shown = asked.shape if needing(SPHERE_RATE) & asked.quantities else set()
     return (turning - (TORQUES & FIXED_IN_SPACE)) | shown
 
 
@@ -117,9 +114,7 @@ ANGULAR_MOMENTUM = closed_form(
     rests_on=_momentum_rests_on,
     drops=DISSIPATIVE | NOT_IN_CLOSED_FORMS,
     costs={"": 35.0},
-    reason=lambda scene, needs: (
-        "rotation: 3 of 7 states, angular momentum h_0 + T t under torque_a, its attitude left out"
-    ),
+    reason=lambda asked: "rotation: 3 of 7 states, angular momentum h_0 + T t under torque_a, its attitude left out",
 )
 
 ONE_AXIS = closed_form(
@@ -134,9 +129,7 @@ ONE_AXIS = closed_form(
     angle_round_off=True,
     rates_from=along_axis,
     costs={"": 57.0, "attitude": 40.0},
-    reason=lambda scene, needs: (
-        f"rotation: one angle, closed form from {_rate(scene)} about one axis under {_acting(scene)}"
-    ),
+    reason=lambda asked: f"rotation: one angle, closed form from {_rate(asked)} about one axis under {_acting(asked)}",
 )
 
 PENDULUM = closed_form(
@@ -150,7 +143,7 @@ PENDULUM = closed_form(
     drops=TORQUES | NOT_IN_CLOSED_FORMS,
     rates_from=along_axis,
     costs={"": 57.0},
-    reason=lambda scene, needs: f"rotation: one angle from {_rate(scene)}, swung by forces fixed in space, undamped",
+    reason=lambda asked: f"rotation: one angle from {_rate(asked)}, swung by forces fixed in space, undamped",
 )
 
 FREE_SYMMETRIC = closed_form(
@@ -159,13 +152,11 @@ FREE_SYMMETRIC = closed_form(
     "elementary functions",
     rate_states=3,
     holds=lambda start: not start.is_driven and start.is_symmetric,
-    rests_on=lambda scene, needs: turning_loads(scene, needs) | shape(scene),
+    rests_on=lambda asked: asked.would_turn | asked.shape,
     drops=TORQUES | FORCES | WEIGHTS,
     conditioning=lost_by_symmetry,
     costs={"": 46.0, "attitude": 14.0},
-    reason=lambda scene, needs: (
-        f"rotation: no torque, two equal moments ({moments_of(scene)} kg m2): elementary functions"
-    ),
+    reason=lambda asked: f"rotation: no torque, two equal moments ({moments_of(asked)} kg m2): elementary functions",
 )
 
 
@@ -179,14 +170,12 @@ SPIN_UP = closed_form(
     "closed form",
     rate_states=3,
     holds=_spins_up,
-    rests_on=lambda scene, needs: (
-        turning_loads(scene, needs) | shape(scene) | ({"r_oc_b"} if needs.attitude else set())
-    ),
+    rests_on=lambda asked: asked.would_turn | asked.shape | ({"r_oc_b"} if asked.attitude else set()),
     angle_round_off=True,
     costs={"": 93.0},
-    reason=lambda scene, needs: (
-        f"rotation: rates in closed form from {_rate(scene)} under {_acting(scene)}, "
-        f"two equal moments ({moments_of(scene)} kg m2)"
+    reason=lambda asked: (
+        f"rotation: rates in closed form from {_rate(asked)} under {_acting(asked)}, "
+        f"two equal moments ({moments_of(asked)} kg m2)"
     ),
 )
 
@@ -196,11 +185,11 @@ FREE_TRIAXIAL = closed_form(
     "elliptic functions",
     rate_states=3,
     holds=lambda start: not start.is_driven,
-    rests_on=turning_loads,
+    rests_on=lambda asked: asked.would_turn,
     drops=TORQUES | FORCES | WEIGHTS,
     conditioning=lost_near_separatrix,
     costs={"": 90.0},
-    reason=lambda scene, needs: f"rotation: no torque, moments {moments_of(scene)} kg m2: elliptic functions",
+    reason=lambda asked: f"rotation: no torque, moments {moments_of(asked)} kg m2: elliptic functions",
 )
 
 CLOSED_FORMS = (
@@ -238,8 +227,8 @@ ONE_AXIS_TAYLOR = ModelSpec(
 )
 
 
-def _force_rests_on(scene: Scene, needs: Needs) -> set[str]:
-    return loads_start_and_shape(scene, needs) | {"force_b", "mass"}
+def _force_rests_on(asked: Question) -> set[str]:
+    return loads_start_and_shape(asked) | {"force_b", "mass"}
 
 
 FREE_BODY_FORCE = ModelSpec(

@@ -5,57 +5,50 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rbfmu.models.body_at_start import body_at_start
-from rbfmu.runs.time_grid import communication_steps
-from rbfmu.scene.scene import Scene
+from rbfmu.models.question import Question
 from rbfmu_kernels.body.principal import Axes, exact_frame, rates_along
 from rbfmu_kernels.compile.interpreted import interpreted
 from rbfmu_kernels.exact.polhode import polhode_axes
-from rbfmu_kernels.integrators.substeps import ROUND_OFF
 from rbfmu_kernels.numerics.double_double import DoubleDouble, Vector
 from rbfmu_kernels.rotations.quaternion import rotate
 from rbfmu_kernels.types import Vec3
 
+Array = NDArray[np.float64]
+GROWTH = 0.1
+"""The exponent of a disturbance's growth over the run from which on a spin counts as unstable."""
 TWICE = 2.0**-100
 """The relative error that double-double leaves, with room for what a flip makes of it."""
 
 
-def prescribed_rates_error(scene: Scene) -> float:
-    """Return what prescribed rates lose of the attitude, rad: up to 0.6 eps for each change of the rates.
-
-    It does not matter how far the body turns between them. Rates that change within a step, which the native FMU takes,
-    lose as much for each radian.
-    """
-    return ROUND_OFF * (1.0 + communication_steps(scene))
+# Round-off
 
 
-def lost_near_separatrix(scene: Scene) -> float:
+def lost_near_separatrix(asked: Question) -> float:
     """Return the error, rad, that double-double makes by the distance from the separatrix, added over all flips.
 
     It is 0 for a diagonal matrix.
     """
-    if not _is_full(scene):
+    if not _is_full(asked):
         return 0.0
     from rbfmu_kernels.exact.free_rotation import free_rotation_of  # large, and few scenes need it
 
-    moments, axes = _frame(scene)
-    rates = interpreted(rates_along)(axes, scene.initial.omega_b)
+    moments, axes = _frame(asked)
+    rates = interpreted(rates_along)(axes, asked.scene.initial.omega_b)
     motion = interpreted(free_rotation_of)(moments, (1.0, 0.0, 0.0, 0.0), rates)
-    half_turns = 2.0 * float(abs(motion.unit * motion.phase_rate[0])) * (scene.run.stop - scene.run.start)
-    return half_turns * _lost_distance(moments, rates, scene.initial.omega_b)
+    half_turns = 2.0 * float(abs(motion.unit * motion.phase_rate[0])) * asked.span
+    return half_turns * _lost_distance(moments, rates, asked.scene.initial.omega_b)
 
 
-def lost_by_symmetry(scene: Scene) -> float:
+def lost_by_symmetry(asked: Question) -> float:
     """Return the error, rad, of taking a body as symmetric whose two moments differ; 0 for a diagonal matrix.
 
     It is that difference over the least moment, times the angle, times 1 plus the angle before the rate across the axis
     has turned within the body: until then that rate turns the body about its axis, the faster the thinner it is.
     """
-    assert scene.body is not None
-    M, omega, span = scene.body.M, scene.initial.omega_b, scene.run.stop - scene.run.start
-    if not _is_full(scene) and len({M[0][0], M[1][1], M[2][2]}) < 3:
+    M, omega, span = asked.body.M, asked.scene.initial.omega_b, asked.span
+    if not _is_full(asked) and len({M[0][0], M[1][1], M[2][2]}) < 3:
         return 0.0
-    moments, axes = _frame(scene)
+    moments, axes = _frame(asked)
     low, middle, high = sorted(range(3), key=lambda k: moments[k])
     below, above = _difference(moments[middle], moments[low]), _difference(moments[high], moments[middle])
     gap, s = (below, high) if below <= above else (above, low)
@@ -84,34 +77,29 @@ def _difference(a: DoubleDouble, b: DoubleDouble) -> float:
     return (a[0] - b[0]) + (a[1] - b[1])
 
 
-def _is_full(scene: Scene) -> bool:
-    assert scene.body is not None
-    M = scene.body.M
-    return scene.body.pivot or any(M[i][j] for i, j in ((0, 1), (0, 2), (1, 2)))
+def _is_full(asked: Question) -> bool:
+    M = asked.body.M
+    return asked.body.pivot or any(M[i][j] for i, j in ((0, 1), (0, 2), (1, 2)))
 
 
-def _frame(scene: Scene) -> tuple[Vector, Axes]:
-    return interpreted(exact_frame)(body_at_start(scene).z)
+def _frame(asked: Question) -> tuple[Vector, Axes]:
+    return interpreted(exact_frame)(asked.start.z)
 
 
-Array = NDArray[np.float64]
-
-GROWTH = 0.1
-"""The exponent of a disturbance's growth over the run from which on a spin counts as unstable."""
+# Disturbances
 
 
-def growth_rate(scene: Scene) -> float:
+def growth_rate(asked: Question) -> float:
     """Return how fast a disturbance of the motion at the start grows, 1/s; 0 where it is stable.
 
     It is omega sqrt((I_k - I_i) (I_j - I_k) / (I_i I_j)) for a free spin about the middle axis, and
     sqrt(4 I_t m g l - (I_s omega_s)^2) / (2 I_t) for a body spinning at omega_s with its centre of mass above a pivot.
     """
-    body, omega, gravity = scene.body, np.array(scene.initial.omega_b), np.array(scene.loads.gravity_a)
-    assert body is not None
-    moments, R = body_at_start(scene).principal_axes
+    body, omega, gravity = asked.body, np.array(asked.scene.initial.omega_b), np.array(asked.scene.loads.gravity_a)
+    moments, R = asked.start.principal_axes
     arm = np.array(body.r_oc_b)
     if body.pivot and np.any(gravity) and np.any(arm):
-        return _growth_above_pivot(scene, moments, R)
+        return _growth_above_pivot(asked, moments, R)
     rates = np.abs(R.T @ omega)
     k = int(np.argmax(rates))
     if k != 1 or moments[0] == 0.0:
@@ -120,17 +108,16 @@ def growth_rate(scene: Scene) -> float:
     return float(rates[k] * math.sqrt((middle - low) * (high - middle) / (low * high)))
 
 
-def _growth_above_pivot(scene: Scene, moments: Array, R: Array) -> float:
-    body = scene.body
-    assert body is not None
+def _growth_above_pivot(asked: Question, moments: Array, R: Array) -> float:
+    body = asked.body
     arm = np.array(body.r_oc_b)
     length = float(np.linalg.norm(arm))
-    up = -np.array(scene.loads.gravity_a)
-    if float(np.dot(interpreted(rotate)(scene.initial.quaternion, body.r_oc_b), up)) <= 0.0:
+    up = -np.array(asked.scene.loads.gravity_a)
+    if float(np.dot(interpreted(rotate)(asked.scene.initial.quaternion, body.r_oc_b), up)) <= 0.0:
         return 0.0
     own = int(np.argmax(np.abs(R.T @ arm)))
     least = float(np.min(np.delete(moments, own)))
-    spin = float(moments[own] * (R.T @ np.array(scene.initial.omega_b))[own])
+    spin = float(moments[own] * (R.T @ np.array(asked.scene.initial.omega_b))[own])
     weight = body.mass * float(np.linalg.norm(up)) * length
     square = 4.0 * least * weight - spin * spin
     return math.sqrt(square) / (2.0 * least) if square > 0.0 else 0.0

@@ -4,9 +4,8 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from rbfmu.models.body_at_start import body_at_start
+from rbfmu.models.question import GROWING
 from rbfmu.models.registry import LOADED_TAYLOR
-from rbfmu.models.scene_needs import GROWING, varying_parameters
 from rbfmu.planning import reasons as say
 from rbfmu.planning.judge import Judge
 from rbfmu.planning.methods import (
@@ -14,17 +13,15 @@ from rbfmu.planning.methods import (
     TIGHTEST,
     Method,
     likely_order,
-    load_shares,
     one_axis_series,
     series,
     splittings,
     tightened,
     work_of,
 )
-from rbfmu.planning.reasons import why_quadrature
 from rbfmu.runs.plan import Plan
 from rbfmu.runs.time_grid import communication_steps
-from rbfmu.scene.scene import Scene, SceneError
+from rbfmu.scene.scene import SceneError
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.integrators.substeps import ROUND_OFF, substeps_in
 from rbfmu_kernels.integrators.taylor_coefficients import MAX_ORDER
@@ -60,40 +57,40 @@ class _Fit:
     """The error in other communication steps."""
 
 
-def cheapest_fit(scene: Scene, general: Plan, judge: Judge, splitting: bool = True) -> Plan:
+def cheapest_fit(judge: Judge, general: Plan, splitting: bool = True) -> Plan:
     """Return Taylor series of some order, or splitting for a symmetric top: the cheapest that meets the accuracy.
 
     general: the plan whose method and settings are to be found, with the scene's accuracy as its tolerance; splitting:
     whether it may be chosen.
     Raises SceneError where no method is accurate enough.
     """
-    search = _Search(scene, judge, general)
-    if scene.run.accuracy < SMALLEST:
+    search = _Search(judge, general)
+    if search.accuracy < SMALLEST:
         raise search.out_of_reach(REACHED * SMALLEST)
-    return search.plan_of_varying() if varying_parameters(scene) else search.plan(splitting)
+    return search.plan_of_varying() if judge.asked.varying else search.plan(splitting)
 
 
-def swinging_fit(scene: Scene, general: Plan, judge: Judge) -> Plan | None:
+def swinging_fit(judge: Judge, general: Plan) -> Plan | None:
     """Return series of one angle that meet the accuracy at the least cost; None where none does."""
-    search = _Search(scene, judge, general)
+    search = _Search(judge, general)
     for method in one_axis_series(general):
-        search.fit(method, 0.1 * scene.run.accuracy)
+        search.fit(method, 0.1 * search.accuracy)
     return search.settled(search.bound) if search.is_met() else None
 
 
 class _Search:
     """Pilot runs of one scene, and the best that they found."""
 
-    def __init__(self, scene: Scene, judge: Judge, general: Plan) -> None:
-        self.scene, self.judge, self.general = scene, judge, general
-        self.accuracy = scene.run.accuracy
+    def __init__(self, judge: Judge, general: Plan) -> None:
+        self.judge, self.general = judge, general
+        self.scene, self.asked, self.accuracy = judge.scene, judge.asked, judge.asked.accuracy
         self.bound = KEPT * self.accuracy
-        self.steps = communication_steps(scene)
+        self.steps = communication_steps(self.scene)
         self.best: _Fit | None = None
         self.met: list[_Fit] = []
         self.work = 0.0
-        body_at_start(scene).check()
-        self.shares = load_shares(scene)
+        self.asked.start.check()
+        self.shares = self.asked.load_shares
 
     def plan(self, splitting: bool) -> Plan:
         """Return the cheapest plan; raise SceneError where none is accurate enough."""
@@ -108,7 +105,7 @@ class _Search:
 
     def plan_of_varying(self) -> Plan:
         """Return the cheapest plan whose substeps' errors, magnified by the motion, make a quarter of the accuracy."""
-        span, growth = self.scene.run.stop - self.scene.run.start, self.judge.growth()
+        span, growth = self.asked.span, self.judge.growth()
         tolerance = max(0.25 * self.accuracy / growth, TIGHTEST)
         found = self._cheapest_over(span, tolerance)
         while found.error > REACHED * self.accuracy and tolerance > TIGHTEST:
@@ -134,7 +131,7 @@ class _Search:
         return SceneError(f"run.accuracy = {self.accuracy!r}: {expected}", self.scene.name)
 
     def _explained_varying(self, found: _Fit, *more: str) -> Plan:
-        plan, what = found.plan, " and ".join(sorted(varying_parameters(self.scene)))
+        plan, what = found.plan, " and ".join(sorted(self.asked.varying))
         held = (
             f"{plan.method}: estimated errors of a run add up to at most {plan.tolerance:.1e}, whatever {what} may be"
         )
@@ -236,7 +233,7 @@ class _Search:
 
     def _fit_splittings(self) -> None:
         """Fit from the longest step down, where splitting is cheapest."""
-        for method, longest in splittings(self.scene, self.general):
+        for method, longest in splittings(self.asked, self.general):
             self.fit(method, longest)
 
     # Values
@@ -303,23 +300,24 @@ def _better(a: _Fit, b: _Fit, bound: float) -> bool:
 
 
 POINT_COST = 86.0
-"""The cost of a point, ns, on `costs.MACHINE`."""
+"""The cost of a point, ns, on `methods.MACHINE`."""
 EXACT = 1e-14
 MAX_TRIALS = 6
 MAX_PANELS, MAX_POINTS = 1e6, 2e7
 """The most panels of a communication step, and points of a whole trial, some two seconds of work."""
 
 
-def cheapest_quadrature(scene: Scene, general: Plan, judge: Judge) -> Plan | None:
+def cheapest_quadrature(judge: Judge, general: Plan) -> Plan | None:
     """Return the cheapest points of Gauss's rule and panels a communication step; None where they miss the accuracy.
 
     Panels are no longer in other communication steps, so that their error is no larger either.
     """
-    grows = bool(varying_parameters(scene) & GROWING)
+    asked, scene = judge.asked, judge.scene
+    grows = bool(asked.varying & GROWING)
     if grows and "kinetic_energy" in judge.names:
         return None
-    kept = EXACT + general.spec.conditioning(scene)
-    bound = scene.run.accuracy / 3.0 - kept
+    kept = EXACT + general.spec.conditioning(asked)
+    bound = asked.accuracy / 3.0 - kept
     best: Plan | None = None
     for order in ORDERS:
         panels = 1
@@ -327,7 +325,7 @@ def cheapest_quadrature(scene: Scene, general: Plan, judge: Judge) -> Plan | Non
             cost = POINT_COST * order * panels
             if best and cost >= best.cost:
                 break
-            trial = _trial(scene, general, order, scene.run.step / panels)
+            trial = _trial(general, order, scene.run.step / panels)
             error, _ = judge.try_out(trial, absolute=grows)
             if error <= bound:
                 best = replace(trial, error=error + kept, cost=cost)
@@ -338,9 +336,9 @@ def cheapest_quadrature(scene: Scene, general: Plan, judge: Judge) -> Plan | Non
             panels = max(panels + 1, math.ceil(ratio * panels))
             if panels * order * communication_steps(scene) > MAX_POINTS:
                 break
-    return replace(best, reasons=why_quadrature(scene, best)) if best else None
+    return replace(best, reasons=say.why_quadrature(asked, best)) if best else None
 
 
-def _trial(scene: Scene, general: Plan, order: int, panel: float) -> Plan:
+def _trial(general: Plan, order: int, panel: float) -> Plan:
     method = f"elliptic functions, Gauss's rule of {order} point{'s' if order > 1 else ''}"
     return replace(general, method=method, order=order, substep=panel)

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu.exceptions import PlanningWarning as PlanningWarning
-from rbfmu.models.body_at_start import body_at_start
 from rbfmu.models.model_buffer import Buffer
+from rbfmu.models.question import Question
 from rbfmu.models.registry import LOADED_TAYLOR
 from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
 from rbfmu.runs.motion import (
@@ -62,11 +62,6 @@ LONG = (
 )
 
 
-def watched(scene: Scene) -> tuple[str, ...]:
-    """Return blocks that show every quantity asked for; roll, pitch and yaw count as the attitude they describe."""
-    return tuple(dict.fromkeys(OUTPUT[name].judged_by or name for name in scene.outputs.quantities))
-
-
 class Judge:
     """A scene's motion with its ports at zero, far more exact than what is judged by it.
 
@@ -75,12 +70,12 @@ class Judge:
     """
 
     def __init__(
-        self, scene: Scene, progress: Callable[[float], Any] | None = None, fewer: Scene | None = None
+        self, asked: Question, progress: Callable[[float], Any] | None = None, fewer: Question | None = None
     ) -> None:
-        self.scene, self.names = scene, watched(scene)
-        own = () if fewer is None else tuple(name for name in watched(fewer) if name in self.names)
+        self.asked, self.scene, self.names = asked, asked.scene, asked.judged
+        own = () if fewer is None else tuple(name for name in fewer.judged if name in self.names)
         self._asked = (self.names, own) if own else (self.names,)
-        self.steps = thinned_steps(scene, MAX_STEPS)
+        self.steps = thinned_steps(asked.scene, MAX_STEPS)
         self._progress = progress
         self.doubt = 0.0  # how far the truth itself may be off
         self.left = MAX_TRIED  # substeps of pilot runs to come
@@ -143,7 +138,7 @@ class Judge:
     @cached_property
     def floors(self) -> Mapping[str, float]:
         """Return the least sizes that errors are relative to, by name."""
-        return least_sizes(self.scene, self.motion)
+        return least_sizes(self.asked, self.motion)
 
     def try_out(self, plan: Plan, at_once: int = 1, parts: int = 1, absolute: bool = False) -> tuple[float, float]:
         """Return the plan's error over the run, and the substeps it counted.
@@ -195,7 +190,7 @@ class Judge:
 
         It is infinite where so small an error changes the motion itself.
         """
-        span, truth = self.scene.run.stop - self.scene.run.start, self.truth  # first: it ends where the motion does not
+        span, truth = self.asked.span, self.truth  # first: it ends where the motion does not
         tight, rows = Plan(LOADED_TAYLOR.key, "", 0, tolerance=1e-16, order=20), np.array(DIRECTIONS)
         worst = 0.0
         for turn, change in zip(rows, np.roll(rows, 1, axis=0), strict=True):
@@ -216,7 +211,7 @@ class Judge:
     def compare(self, smaller: Plan, truth: Motion, names: tuple[str, ...], absolute: bool) -> float:
         """Return the error of a model that leaves something out, also between steps; absolute: as in `try_out`."""
         found = record_trajectory(smaller.kernels, start_run(self.scene, smaller, names), self.cut_steps, names)
-        return _error_between(found, truth, names, least_sizes(self.scene, truth), absolute)
+        return _error_between(found, truth, names, least_sizes(self.asked, truth), absolute)
 
 
 def refuse_unfinished(scene: Scene, steps: Sequence[float], rates: NDArray[np.float64], substeps: float) -> None:
@@ -245,45 +240,44 @@ def _error_between(
     return worst if all(map(math.isfinite, moved.values())) else math.inf
 
 
-def least_sizes(scene: Scene, motion: Motion) -> dict[str, float]:
+def least_sizes(asked: Question, motion: Motion) -> dict[str, float]:
     """Return the least size that errors are relative to, by name.
 
     A quantity that is zero but for round-off of its terms has no size of its own: errors are relative to these terms.
     """
-    resting = {name: size for name, (size, part) in _parts(scene, motion).items() if part <= NOISE}
+    resting = {name: size for name, (size, part) in _parts(asked, motion).items() if part <= NOISE}
     return {**FLOORS, **resting}
 
 
-def lost_to_cancellation(scene: Scene, motion: Motion) -> float:
+def lost_to_cancellation(asked: Question, motion: Motion) -> float:
     """Return a bound of what round-off of terms that cancel makes of the motion's quantities, relative to these."""
-    return max((NOISE / part for _, part in _parts(scene, motion).values() if part > NOISE), default=0.0)
+    return max((NOISE / part for _, part in _parts(asked, motion).values() if part > NOISE), default=0.0)
 
 
-def _parts(scene: Scene, motion: Motion) -> dict[str, tuple[float, float]]:
+def _parts(asked: Question, motion: Motion) -> dict[str, tuple[float, float]]:
     """Return each quantity's natural size, and its largest as a part of it; of an energy, the part of the rate."""
     found = {}
-    for name, size in natural_sizes(scene, motion).items():
+    for name, size in natural_sizes(asked, motion).items():
         if name in motion and size > 0.0:
             part = largest_size(motion[name]) / size
             found[name] = size, math.sqrt(part) if OUTPUT[name].unit == "J" else part
     return found
 
 
-def natural_sizes(scene: Scene, motion: Motion) -> dict[str, float]:
+def natural_sizes(asked: Question, motion: Motion) -> dict[str, float]:
     """Return the size of each quantity that the scene's loads and rates make where they are not in balance."""
-    body, loads = scene.body, scene.loads
-    assert body is not None
+    body, loads = asked.body, asked.scene.loads
     size = {name: math.hypot(*flattened(getattr(loads, name))) for name in type(loads).model_fields}
     force = body.mass * size["gravity_a"] if body.pivot else sum(size[name] for name in sorted(FORCES))
-    arm, (low, middle, high) = math.hypot(*body.r_oc_b), body_at_start(scene).principal_axes[0].tolist()
+    arm, (low, middle, high) = math.hypot(*body.r_oc_b), asked.start.principal_axes[0].tolist()
     least = low if low > INERTIA_TOLERANCE * high else middle
     torque = sum(size[name] for name in sorted(TORQUES - DISSIPATIVE))
     angular = (torque + arm * force) / least
-    turning = largest_size(motion.get("omega_b", np.array(scene.initial.omega_b)))
+    turning = largest_size(motion.get("omega_b", np.array(asked.scene.initial.omega_b)))
     rate = math.sqrt(angular) + turning
     angular += turning**2
     linear = size["gravity_a"] + force / body.mass
-    speed = 0.0 if body.pivot else linear * (scene.run.stop - scene.run.start)
+    speed = 0.0 if body.pivot else linear * asked.span
     by_unit = {
         "rad/s": rate,
         "rad/s2": angular,

@@ -7,11 +7,9 @@ from functools import partial
 
 import numpy as np
 
-from rbfmu.models.body_at_start import BodyAtStart, body_at_start
+from rbfmu.models.question import BodyAtStart, Question
 from rbfmu.models.registry import LOADED_SPLITTING, LOADED_TAYLOR, MODELS
-from rbfmu.models.scene_needs import varying_parameters
 from rbfmu.runs.plan import Plan
-from rbfmu.scene.scene import Scene
 from rbfmu_kernels.compile.interpreted import interpreted
 from rbfmu_kernels.integrators.splitting import resonant_step, transverse_moment
 from rbfmu_kernels.integrators.taylor_coefficients import MAX_ORDER
@@ -28,7 +26,7 @@ Looser estimates say little of the errors in other communication steps: with 10,
 """
 ORDERS_OF_SERIES = range(6, MAX_ORDER + 1, 2)
 SERIES_COSTS = ((58.0, 14.3), (10.0, 24.0), (41.0, 23.1))
-"""(a, b) of a + b N ns a substep at order N, on `costs.MACHINE`; examples/benchmarks/substeps.py fits these lines.
+"""(a, b) of a + b N ns a substep at order N, on `methods.MACHINE`; examples/benchmarks/substeps.py fits these lines.
 
 The lines are for torques that are known in b alone, for loads that turn in b as well, and for a force that turns with
 the body.
@@ -64,7 +62,7 @@ class Method:
 
 
 def series(general: Plan, order: int, shares: tuple[float, float]) -> Method:
-    """Return the series of an order; shares: as from `load_shares`."""
+    """Return the series of an order; shares: `Question.load_shares`."""
     return Method(partial(series_plan, general, order), series_cost(order, shares), order)
 
 
@@ -87,18 +85,9 @@ def series_plan(general: Plan, order: int, tolerance: float) -> Plan:
 
 
 def series_cost(order: int, shares: tuple[float, float]) -> float:
-    """Return ns a substep; shares: as from `load_shares`."""
+    """Return ns a substep; shares: `Question.load_shares`."""
     plain, *more = (a + b * order for a, b in SERIES_COSTS)
     return plain + sum(share * (cost - plain) for share, cost in zip(shares, more, strict=True))
-
-
-def load_shares(scene: Scene) -> tuple[float, float]:
-    """Return, as 0 or 1, whether loads may turn in b, and a force with a body whose path is asked for."""
-    start, varying = body_at_start(scene), varying_parameters(scene)
-    levered = any(start.body.arm_b) and (any(start.loads.force_a) or "force_a" in varying)
-    turned = levered or any(start.loads.torque_a) or "torque_a" in varying
-    body_force = any(start.loads.force_b) or ("force_b" in varying and not start.has_pivot)
-    return float(turned), float(body_force and start.needs_translation)
 
 
 def work_of(substeps: float, steps: float) -> float:
@@ -114,15 +103,14 @@ def serves_many_steps(plan: Plan, shares: tuple[float, float]) -> bool:
 # Splitting
 
 
-def splittings(scene: Scene, general: Plan) -> Iterator[tuple[Method, float]]:
+def splittings(asked: Question, general: Plan) -> Iterator[tuple[Method, float]]:
     """Yield the splitting methods that serve the scene's body, and the longest step of each, s."""
-    start, run, omega = body_at_start(scene), scene.run, scene.initial.omega_b
-    if not LOADED_SPLITTING.accepts(scene):
+    if not LOADED_SPLITTING.accepts(asked):
         return
-    assert scene.body is not None
-    turn = math.inf if _spins_unseen(start) else 2.0 * math.pi / max(math.hypot(*omega), 1e-300)
-    resonant = interpreted(resonant_step)(scene.body.M, omega)
-    longest = min(RESONANCE * resonant, RESONANCE * turn, run.stop - run.start)
+    omega = asked.scene.initial.omega_b
+    turn = math.inf if _spins_unseen(asked.start) else 2.0 * math.pi / max(math.hypot(*omega), 1e-300)
+    resonant = interpreted(resonant_step)(asked.body.M, omega)
+    longest = min(RESONANCE * resonant, RESONANCE * turn, asked.span)
     for order, cost in SPLITTING_COSTS.items():
         yield Method(partial(_splitting_plan, general, order, longest), cost, order, True), longest
 
@@ -177,35 +165,31 @@ NS = {
 """The costs, ns, by term, as `python -m examples.benchmarks.costs` prints them."""
 
 
-def stated(scene: Scene, plan: Plan) -> Plan:
+def with_cost(asked: Question, plan: Plan) -> Plan:
     """Return the plan with its cost a communication step, ns; its cost before is that of a step's substeps alone."""
-    return replace(
-        plan, cost=_share_of_substeps(scene, plan) * plan.cost + sum(NS[name] for name in terms(scene, plan))
-    )
+    share = plan.spec.substep_without_attitude
+    if share != 1.0 and (asked.start.needs_attitude or any(asked.load_shares)):
+        share = 1.0
+    return replace(plan, cost=share * plan.cost + sum(NS[name] for name in terms(asked, plan)))
 
 
-def _share_of_substeps(scene: Scene, plan: Plan) -> float:
-    turns = plan.spec.substep_without_attitude == 1.0 or body_at_start(scene).needs_attitude
-    return 1.0 if turns or any(load_shares(scene)) else plan.spec.substep_without_attitude
-
-
-def terms(scene: Scene, plan: Plan) -> list[str]:
+def terms(asked: Question, plan: Plan) -> list[str]:
     """Return keys of NS: what a step of the plan does besides its substeps."""
     spec = plan.spec
     if spec.computes_all_outputs:
         return [spec.key]
-    start, wanted, shares = body_at_start(scene), set(scene.outputs.quantities), load_shares(scene)
-    evaluated = serves_many_steps(plan, shares)
+    start = asked.start
+    evaluated = serves_many_steps(plan, asked.load_shares)
     changing = start.needs_translation or start.shows_loads
     if CHANGING in spec.costs and not changing:
         return [spec.key]  # its outputs never change
     parts = {
         term(spec.key, CHANGING): changing,
         term(spec.key, ATTITUDE): start.needs_attitude,
-        term(spec.key, TURNING_LOADS): any(shares) and not evaluated,
+        term(spec.key, TURNING_LOADS): any(asked.load_shares) and not evaluated,
         "path": start.needs_translation and not start.has_pivot and not spec.integrates_path,
         "accelerations": start.shows_loads,
-        **{name: name in wanted for name in OUTPUT},
+        **{name: name in asked.quantities for name in OUTPUT},
     }
     own = term(spec.key, EVALUATED) if evaluated else spec.key
     return [own, *(name for name, asked in parts.items() if asked and name in NS)]

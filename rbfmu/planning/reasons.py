@@ -2,34 +2,33 @@
 
 import numpy as np
 
-from rbfmu.models.body_at_start import body_at_start
+from rbfmu.models.question import Question
 from rbfmu.models.registry import moments_of
-from rbfmu.models.scene_needs import Needs
 from rbfmu.models.sensitivity import growth_rate
 from rbfmu.models.spec import ModelSpec
 from rbfmu.runs.plan import Plan
-from rbfmu.scene.scene import Scene
 from rbfmu_kernels.compile.interpreted import interpreted
 from rbfmu_kernels.quantities import FORCES, TORQUES
 from rbfmu_kernels.rotations.quaternion import rotate
 
+SWINGING = "rotation: one angle, every load turns the body about one principal axis; 2 of 7 states"
 PRESCRIBED = "rotation: 4 states, port omega_b prescribes the rates; exact for rates held over a step"
 
 
-def what_is_left_out(scene: Scene, needs: Needs, steady: bool) -> tuple[str, ...]:
+def what_is_left_out(asked: Question, steady: bool) -> tuple[str, ...]:
     """Return what is not modelled, or is in closed form; steady: whether the model's force_b keeps its direction."""
-    lines = [_translation(scene, needs.translation, steady)]
-    if not needs.rotation:
+    lines = [_translation(asked, steady)]
+    if not asked.rotation:
         lines.append("rotation: 0 of 7 states, no output shows it and no force depends on it")
-    elif not needs.attitude:
+    elif not asked.attitude:
         lines.append("attitude: 0 of 4 states, no output shows it and no load depends on it")
     return tuple(lines)
 
 
-def _translation(scene: Scene, needed: bool, steady: bool) -> str:
-    body, loads, initial = scene.body, scene.loads, scene.initial
-    assert body is not None
-    if not needed:
+def _translation(asked: Question, steady: bool) -> str:
+    scene, body = asked.scene, asked.body
+    loads, initial = scene.loads, scene.initial
+    if not asked.translation:
         return "translation: 0 of 6 states, " + ("the pivot holds o" if body.pivot else "no output shows it")
     ports = [p for p in scene.inputs.ports if p in FORCES]
     if not steady and (any(loads.force_b) or "force_b" in ports):
@@ -44,32 +43,27 @@ def _translation(scene: Scene, needed: bool, steady: bool) -> str:
     return f"translation: 6 states in closed form, constant velocity {speed:.6g} m/s of the centre of mass"
 
 
-def why_exact(scene: Scene, spec: ModelSpec, needs: Needs) -> tuple[str, ...]:
+def why_exact(asked: Question, spec: ModelSpec) -> tuple[str, ...]:
     """Return what makes a closed form exact."""
-    if not needs.rotation:
+    if not asked.rotation:
         return ()
-    growth = growth_rate(scene) if spec.may_be_unstable else 0.0
+    growth = growth_rate(asked) if spec.may_be_unstable else 0.0
     unstable = (f"unstable: a disturbance would grow e-fold in {1.0 / growth:.3g} s",) if growth > 0.0 else ()
-    return (spec.reason(scene, needs), *unstable)
+    return (spec.reason(asked), *unstable)
 
 
-def why_swinging(scene: Scene, plan: Plan) -> tuple[str, ...]:
-    """Return why one angle is integrated."""
-    return ("rotation: one angle, every load turns the body about one principal axis; 2 of 7 states",)
-
-
-def why_quadrature(scene: Scene, plan: Plan) -> tuple[str, ...]:
+def why_quadrature(asked: Question, plan: Plan) -> tuple[str, ...]:
     """Return why the rotation is exact and the path is a quadrature."""
     rule = plan.method.rpartition(", ")[2]
     why = f"path: {rule} in panels of {plan.substep:.3g} s: error {plan.error:.1e}"
-    rotation = f"rotation: no torque, moments {moments_of(scene)} kg m2: elliptic functions"
-    return rotation, f"{why}, {scene.run.accuracy:g} asked"
+    rotation = f"rotation: no torque, moments {moments_of(asked)} kg m2: elliptic functions"
+    return rotation, f"{why}, {asked.accuracy:g} asked"
 
 
-def why_close(scene: Scene, model: str, found: Plan | None, error: float, points: int) -> str:
+def why_close(asked: Question, model: str, found: Plan | None, error: float, points: int) -> str:
     """Return what a model that is not exact leaves out."""
     larger = found.model if found else "the body under loads"
-    return f"{larger} dropped for {model}: {error:.1e} apart at {points} times, {scene.run.accuracy:g} asked"
+    return f"{larger} dropped for {model}: {error:.1e} apart at {points} times, {asked.accuracy:g} asked"
 
 
 def only_in_own_steps(error: float) -> str:
@@ -95,7 +89,7 @@ def under_inputs(error: float) -> str:
     return f"error {error:.1e} in a pilot run with the inputs given, judged by series of order 24 in half steps"
 
 
-def what_inputs_cost(scene: Scene, plan: Plan) -> tuple[str, ...]:
+def what_inputs_cost(asked: Question, plan: Plan) -> tuple[str, ...]:
     """Return what a zero-order hold of the inputs over a communication step does to a loop closed through them.
 
     No loop can be closed where no output shows what the ports do; the energy alone tells of no direction.
@@ -103,6 +97,7 @@ def what_inputs_cost(scene: Scene, plan: Plan) -> tuple[str, ...]:
     (k h^2 / m)^2 / 12. With a damper beside it the loop is stable where k h / 2 < d < 2 m / h, as the products of its
     eigenvalues show.
     """
+    scene, shown = asked.scene, asked.quantities - {"kinetic_energy"}
     ports, h, body = scene.inputs.ports, scene.run.step, scene.body
     if not ports:
         return ()
@@ -115,7 +110,6 @@ def what_inputs_cost(scene: Scene, plan: Plan) -> tuple[str, ...]:
     if "omega_b" in ports or body is None:
         return held, f"a feedback of the angle on omega_b is unstable where its gain is beyond {2.0 / h:.3g} 1/s"
     lines: tuple[str, ...] = ()
-    shown = set(scene.outputs.quantities) - {"kinetic_energy"}
     moved = shown & {"position", "velocity", "acceleration"}
     pushed, twisted = moved and set(ports) & set(FORCES), shown - moved and set(ports) & set(TORQUES)
     has_arm = any(body.r_oc_b) or "r_oc_b" in scene.inputs.parameters
@@ -124,7 +118,7 @@ def what_inputs_cost(scene: Scene, plan: Plan) -> tuple[str, ...]:
     if pushed and not body.pivot:
         lines = _held_loop(h, "forces", body.mass, "kg", "N/m", "N s/m")
     if twisted:
-        moments = body_at_start(scene).principal_axes[0].tolist()
+        moments = asked.start.principal_axes[0].tolist()
         least = next(moment for moment in moments if moment > 1e-12 * sum(moments))  # a beam's first is 0
         lines += _held_loop(h, "torques", least, "kg m2", "N m/rad", "N m s/rad")
     return held, *lines

@@ -19,7 +19,7 @@ class Plan:
     all substeps of a run of `span` s together where that is not 0; 0 where none is estimated; order: of the splitting
     or of the series, 0 where there is none; pinned: parameters by whose values the model was judged, so that an
     importer must not change them; error: the largest that is expected, as the scene's `accuracy` counts; cost: ns a
-    communication step in which the outputs asked for are computed, on `costs.MACHINE`.
+    communication step in which the outputs asked for are computed, on `methods.MACHINE`.
     """
 
     model: str

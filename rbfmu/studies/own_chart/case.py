@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from rbfmu.models.body_at_start import body_at_start
-from rbfmu.models.scene_needs import Needs
-from rbfmu.planning.judge import MAX_REFERENCE_STEPS, least_sizes, watched
+from rbfmu.models.question import Question
+from rbfmu.planning.judge import MAX_REFERENCE_STEPS, least_sizes
 from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
 from rbfmu.runs.motion import Motion, largest_error
 from rbfmu.runs.time_grid import communication_steps
@@ -53,9 +52,9 @@ class OwnCase(Case):
         return tuple(dict.fromkeys((*self.scene.outputs.quantities, *self.names)))
 
     @cached_property
-    def needs(self) -> Needs:
+    def needs(self) -> Question:
         """Return the degrees of freedom that the quantities depend on, which are those that solvers integrate."""
-        return Needs.of(self.scene.replace({"inputs.ports": [], "inputs.parameters": []}))
+        return Question(self.scene.replace({"inputs.ports": [], "inputs.parameters": []}))
 
     @property
     def numbers(self) -> int:
@@ -130,7 +129,7 @@ def own_case(scene: Scene) -> OwnCase:
     outputs = min(_whole_steps(scene), MAX_OUTPUTS)
     while True:
         shorter = _first_steps(scene, outputs)
-        case = OwnCase("own", scene.name, shorter, outputs=outputs, points=POINTS, names=watched(scene))
+        case = OwnCase("own", scene.name, shorter, outputs=outputs, points=POINTS, names=Question(scene).judged)
         try:
             return _with_truth(case)
         except ReferenceTooLongError:
@@ -159,10 +158,11 @@ def _first_steps(scene: Scene, outputs: int) -> Scene:
 def _with_truth(case: OwnCase) -> OwnCase:
     if case.scene.body is None:
         return replace(case, truth=_at_rest(case))
-    body_at_start(case.scene).check()
+    asked = Question(case.scene)
+    asked.start.check()
     steps = [case.interval * n for n in case.outputs_between]
     truth = reference_motion(case.scene, steps, MAX_REFERENCE_STEPS)
-    return replace(case, truth=truth, floors=least_sizes(case.scene, truth))
+    return replace(case, truth=truth, floors=least_sizes(asked, truth))
 
 
 def _at_rest(case: OwnCase) -> Motion:

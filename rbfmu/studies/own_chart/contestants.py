@@ -6,8 +6,8 @@ from time import process_time
 
 import numpy as np
 
+from rbfmu.models.question import Question
 from rbfmu.models.registry import ANGULAR_MOMENTUM, CLOSED_FORMS, MODELS, ONE_AXIS_TAYLOR, SPIN_UP
-from rbfmu.models.scene_needs import Needs, varying_parameters
 from rbfmu.models.spec import ModelSpec
 from rbfmu.runs.motion import record_trajectory, start_run
 from rbfmu.runs.plan import Plan
@@ -65,7 +65,7 @@ class ClosedForm:
 
     def suits(self, case: Case) -> bool:
         """Return whether the model is exact."""
-        return case.scene.body is not None and self.spec.serves(case.scene, Needs.of(case.scene))
+        return case.scene.body is not None and self.spec.serves(Question(case.scene))
 
     def settings(self, case: Case, quick: bool) -> Iterator[float]:
         """Return one setting: as many outputs as asked for."""
@@ -136,10 +136,10 @@ def _before(planned: Plan) -> Iterator[ModelSpec]:
 
 def _error_of(case: OwnCase, spec: ModelSpec) -> tuple[float, str]:
     """Return the error of a model that leaves something out, or why it has none."""
-    scene, needs = case.scene, Needs.of(case.scene)
-    hidden = {ANGULAR_MOMENTUM.key: needs.attitude or needs.rotation, SPIN_UP.key: needs.attitude}
-    if hidden.get(spec.key) and not spec.accepts(scene):
-        return np.inf, "shows no attitude" if needs.attitude else "shows no rates in b"
+    scene, asked = case.scene, Question(case.scene)
+    hidden = {ANGULAR_MOMENTUM.key: asked.attitude or asked.rotation, SPIN_UP.key: asked.attitude}
+    if hidden.get(spec.key) and not spec.accepts(asked):
+        return np.inf, "shows no attitude" if asked.attitude else "shows no rates in b"
     order = 0 if spec.closed_form else max(ORDERS)
     chosen = Plan(spec.key, spec.method, 0, tolerance=FLOOR if order else 0.0, order=order, pinned=("mass",))
     try:
@@ -149,7 +149,7 @@ def _error_of(case: OwnCase, spec: ModelSpec) -> tuple[float, str]:
     steps = [case.interval * n for n in case.outputs_between]
     motion = record_trajectory(chosen.kernels, z, steps, case.names)
     error = case.errors({name: rows[1:] for name, rows in motion.items()})["scene"]
-    varying = spec.rests_on(scene, needs) & varying_parameters(scene)
+    varying = spec.rests_on(asked) & asked.varying
     if error <= scene.run.accuracy and varying:
         return error, f"{TAKES_NO} {' or '.join(sorted(varying))}"
     return error, ""

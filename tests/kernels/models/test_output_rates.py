@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numba import config
 
+from rbfmu.models.question import Question
 from rbfmu.planning.fitting import cheapest_fit
 from rbfmu.planning.judge import Judge
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
@@ -57,7 +58,7 @@ def test_what_nobody_wants_is_not_computed():
     scene = Scene(body={"mass": 1.0, "inertia": [1.0, 2.0, 3.0]}, loads={"torque_b": [0.1, 0.0, 0.2]},
                   outputs={"quantities": ["omega_b"]})  # fmt: skip
     general = Plan("body under loads, by series", "", 13, tolerance=1e-6)
-    z = filled_buffer(scene, cheapest_fit(scene, general, Judge(scene)))
+    z = filled_buffer(scene, cheapest_fit(Judge(Question(scene)), general))
     initialize(scene, loaded_dop853, z)
     assert loaded_dop853.step(z, 0.1) == OK
     assert np.any(block(z, "omega_b") != 0.0)

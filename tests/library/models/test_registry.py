@@ -7,8 +7,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 
 from rbfmu import load_scene
+from rbfmu.models.question import Question
 from rbfmu.models.registry import MODELS
-from rbfmu.models.scene_needs import Needs
 from rbfmu.runs.plan import filled_buffer
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.buffer import OK
@@ -26,7 +26,7 @@ LEANING = {"rotvec": [0.7, 0.0, 0.0]}
 def differing(scene):
     """Names of the models that the kernels take and the registry does not, or the other way round."""
     taken = {spec.key: spec.kernels.initialize(filled_buffer(scene, plan_by_hand(spec.key))) for spec in OF_BODIES}
-    return [spec.key for spec in OF_BODIES if spec.accepts(scene) != (taken[spec.key] == OK)]
+    return [spec.key for spec in OF_BODIES if spec.accepts(Question(scene)) != (taken[spec.key] == OK)]
 
 
 @pytest.mark.parametrize("path", sorted(SCENES.glob("*.toml")), ids=lambda path: path.stem)
@@ -92,7 +92,7 @@ def test_the_registry_takes_what_the_kernels_take_at_borders(inertia, place):
 def test_an_energy_that_overflows_is_taken_by_neither():
     scene = border(BRICK, (1e200, 1e200, 1e200), asked=["kinetic_energy"])
     assert differing(scene) == []
-    assert not MODELS["torque-free body"].accepts(scene)
+    assert not MODELS["torque-free body"].accepts(Question(scene))
 
 
 def test_what_varies_is_not_served_by_what_rests_on_it():
@@ -101,9 +101,9 @@ def test_what_varies_is_not_served_by_what_rests_on_it():
         border(BRICK, (0.0, 0.0, 2.0)).replace(inputs={"parameters": ["omega_b_0"]}),
     )
     spinning, any_rate = MODELS["constant rate"], MODELS["torque-free body"]
-    assert spinning.serves(fixed, Needs.of(fixed))
-    assert not spinning.serves(scene, Needs.of(scene))
-    assert any_rate.serves(scene, Needs.of(scene))
+    assert spinning.serves(Question(fixed))
+    assert not spinning.serves(Question(scene))
+    assert any_rate.serves(Question(scene))
 
 
 def test_choosing_compiles_no_model():

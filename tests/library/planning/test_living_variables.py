@@ -5,7 +5,7 @@ import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from rbfmu.planning.candidates import needed_parameters
+from rbfmu.models.question import Question
 from rbfmu.planning.select import plan
 from rbfmu.runs.plan import filled_buffer
 from rbfmu.scene.scene import Scene, SceneError
@@ -67,7 +67,7 @@ def living(scene, planned):
 
 
 def check(scene, planned):
-    needed, alive = needed_parameters(scene, planned.model), living(scene, planned)
+    needed, alive = planned.spec.needed_parameters(Question(scene)), living(scene, planned)
     assert needed - alive <= set(scene.inputs.parameters), planned.model
     assert alive <= needed, planned.model
 
@@ -113,7 +113,7 @@ CASES = {
 def test_a_scene_s_parameters_are_those_that_change_its_outputs(name):
     scene, expected = CASES[name]
     planned = plan(scene)
-    assert needed_parameters(scene, planned.model) == expected
+    assert planned.spec.needed_parameters(Question(scene)) == expected
     check(scene, planned)
 
 

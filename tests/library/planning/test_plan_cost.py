@@ -5,7 +5,8 @@ import re
 import pytest
 
 import rbfmu
-from rbfmu.planning.methods import MACHINE, NS, stated, terms
+from rbfmu.models.question import Question
+from rbfmu.planning.methods import MACHINE, NS, terms, with_cost
 from rbfmu.runs.plan import Plan
 from tests.support.command_line import call
 from tests.support.fmu.fmus import bench
@@ -35,14 +36,18 @@ def test_a_path_costs_where_it_is_computed():
 def test_a_step_costs_its_substeps_and_its_own():
     scene = COSTS.scene_of("top", ("quaternion",), 1e-9, 0.01)
     series = Plan("body under loads, by series", "", 7, order=8, tolerance=1e-9, cost=1000.0)
-    assert terms(scene, series) == ["body under loads, by series", "body under loads, by series, loads that turn"]
-    assert stated(scene, series).cost == 1000.0 + sum(NS[term] for term in terms(scene, series))
+    assert terms(Question(scene), series) == [
+        "body under loads, by series",
+        "body under loads, by series, loads that turn",
+    ]
+    assert with_cost(Question(scene), series).cost == 1000.0 + sum(NS[term] for term in terms(Question(scene), series))
 
 
 def test_a_force_in_b_costs_as_one_that_turns_only_where_its_path_is_asked():
     beside = "under force_b beside c"
-    without, along = (terms(COSTS.scene_of(beside, asked, 1e-9, 0.01), Plan("body under loads, by series", "", 13))
-                      for asked in (("quaternion",), ("quaternion", "position")))  # fmt: skip
+    series = Plan("body under loads, by series", "", 13)
+    scenes = (COSTS.scene_of(beside, asked, 1e-9, 0.01) for asked in (("quaternion",), ("quaternion", "position")))
+    without, along = (terms(Question(scene), series) for scene in scenes)
     assert "body under loads, by series, loads that turn" not in without
     assert "body under loads, by series, loads that turn" in along
 
@@ -58,7 +63,7 @@ def test_the_command_says_cost_step_and_machine():
 def test_the_table_is_found_again_from_what_it_states():
     scenes = [COSTS.scene_of(body, asked, 1e-9, 0.01) for body in ("free", "spinning") for asked in COSTS.ASKED]
     plans = [rbfmu.plan(scene) for scene in scenes]
-    figures = [COSTS.Figure("", "", plan, terms(scene, plan), plan.cost, plan.cost)
+    figures = [COSTS.Figure("", "", plan, terms(Question(scene), plan), plan.cost, plan.cost)
                for scene, plan in zip(scenes, plans, strict=True)]  # fmt: skip
     found = COSTS.table(figures)
     assert "torque-free body" in found

@@ -9,6 +9,7 @@ import pytest
 from numba import config
 
 import rbfmu
+from rbfmu.models.question import Question
 from rbfmu.planning.judge import Judge, PlanningWarning
 from rbfmu.planning.select import plan
 from rbfmu.runs.motion import attitude_error, largest_error, relative_error
@@ -358,7 +359,7 @@ def test_a_full_plan_meets_the_accuracy_where_few_outputs_are_asked_for():
         "outputs": {"quantities": ["alpha_b"]},
         "run": {"stop": 0.98, "step": 3.3e-4, "accuracy": 2.4e-4},
     })  # fmt: skip
-    error, _ = Judge(scene).try_out(plan(scene, full=True))
+    error, _ = Judge(Question(scene)).try_out(plan(scene, full=True))
     assert error <= scene.run.accuracy
 
 

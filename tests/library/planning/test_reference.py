@@ -2,19 +2,21 @@
 
 import math
 from contextlib import nullcontext
+from functools import partial
 
 import numpy as np
 import pytest
 from numba import config
 
 from rbfmu import Scene, SceneError
+from rbfmu.models.question import Question
 from rbfmu.models.registry import FREE_BODY_FORCE
 from rbfmu.planning import fitting, select
 from rbfmu.planning import judge as judge_module
 from rbfmu.planning.judge import Judge, PlanningWarning
 from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
 from rbfmu.planning.select import plan
-from rbfmu.runs.inputs import input_tables
+from rbfmu.runs.inputs import drive_of, input_tables
 from rbfmu.runs.motion import attitude_error, record_trajectory, relative_error
 from rbfmu.runs.plan import Plan
 from rbfmu_kernels.compile.interpreted import interpreted
@@ -88,7 +90,7 @@ def test_the_judge_sees_an_error_in_every_quantity_and_none_in_a_tight_plan():
     scene = scene_of("all loads")
     tight = Plan("body under loads, by series", "", 13, tolerance=1e-16, order=20)
     for quantity in scene.outputs.quantities:
-        judge = Judge(scene.replace({"outputs.quantities": [quantity]}))
+        judge = Judge(Question(scene.replace({"outputs.quantities": [quantity]})))
         loose = Plan("body under loads, by series", "", 13, tolerance=1e-4, order=6)
         assert judge.try_out(tight)[0] <= 1e-13, quantity
         assert judge.try_out(loose, at_once=16)[0] >= 1e-10, quantity
@@ -100,7 +102,7 @@ def test_round_off_of_all_steps_is_counted_where_pilot_runs_take_several_at_once
     loads = QUIET | {"torque_b": [0.01, 0.02, -0.03]}
     scene = Scene(body=body, initial=start, loads=loads, outputs={"quantities": ["quaternion"]},
                   run={"stop": 10.0, "step": 1e-4, "accuracy": 1e-9})  # fmt: skip
-    judge, tight = Judge(scene), Plan("body under loads", "DOP853", 13, tolerance=1e-15)
+    judge, tight = Judge(Question(scene)), Plan("body under loads", "DOP853", 13, tolerance=1e-15)
     few, _ = judge.try_out(tight)
     assert judge.try_all_steps(tight, few) >= 2.0 * few
 
@@ -111,7 +113,7 @@ def test_what_is_but_round_off_of_the_loads_counts_relative_to_them():
     body = {"mass": 2.0, "inertia": [1.0, 2.0, 2.5], "r_oc_b": [0.0, 0.0, 1.0], "pivot": True}
     run = {"stop": 2.0, "step": 0.1, "accuracy": 1e-6}
     scene = Scene(body=body, initial=start, loads={"gravity_a": [0.0, 0.0, -9.81]}, run=run)
-    judge = Judge(scene)
+    judge = Judge(Question(scene))
     rates = np.linalg.norm(judge.motion["omega_b"], axis=1)
     assert 0.0 < np.max(rates) < 1e-12 < 1.0 < judge.floors["omega_b"]
     assert plan(scene).error <= 1e-6
@@ -170,7 +172,7 @@ def test_a_run_too_long_to_be_planned_under_its_inputs_is_refused(monkeypatch):
     found, tables = plan(scene), input_tables(scene, {"torque_b": np.full((16, 3), 0.1)}, "hold")
     monkeypatch.setattr(select, "MAX_SUBSTEPS", 5)
     with pytest.raises(SceneError, match=r"run\.stop = 8\.0: expected a shorter run, as [0-9.e+]+ substeps reach"):
-        select.plan_for_inputs(scene, tables, "hold", found)
+        select.plan_for_inputs(Question(scene), found, partial(drive_of, scene, tables, "hold"))
 
 
 @compiled
@@ -179,13 +181,13 @@ def test_a_quadrature_of_too_many_points_is_not_tried(monkeypatch):
     scene = Scene(body=body, initial={"omega_b": [3.0, 1.0, 2.0]}, loads=loads, outputs={"quantities": ["position"]},
                   run={"stop": 10.0, "step": 5.0, "accuracy": 1e-6})  # fmt: skip
     general, points = Plan(FREE_BODY_FORCE.key, "", 13), []
-    judge = Judge(scene)
+    judge = Judge(Question(scene))
     for most in (fitting.MAX_POINTS, 20):
         monkeypatch.setattr(fitting, "MAX_POINTS", most)
         monkeypatch.setattr(
             judge, "try_out", lambda trial, **_: points.append(trial.order * 10.0 / trial.substep) or (1.0, 0.0)
         )
-        fitting.cheapest_quadrature(scene, general, judge)
+        fitting.cheapest_quadrature(judge, general)
         assert (max(points) > 20) == (most > 20)
         points.clear()
 
@@ -230,7 +232,7 @@ def test_the_judge_knows_how_much_a_motion_magnifies_errors():
     for height, least, most in ((1.0, 0.2, 5.0), (-1.0, 0.0, 0.0)):
         scene = Scene(body=body | {"r_oc_b": [0.0, 0.0, height]}, loads=loads, inputs=inputs, run=run)
         scene = scene.replace({"outputs.quantities": ["quaternion"]})
-        growth, law = Judge(scene).growth(), math.exp(math.sqrt(10.0 / 2.0) * 4.0)
+        growth, law = Judge(Question(scene)).growth(), math.exp(math.sqrt(10.0 / 2.0) * 4.0)
         assert max(least * law, 1.0) <= growth <= max(most * law, 3.0)
         assert plan(scene).tolerance == pytest.approx(0.25e-6 / growth)
 

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from numba import config
 
 import rbfmu
+from rbfmu.models.question import Question
 from rbfmu.models.registry import CLOSED_FORMS, smaller_closed_forms
 from rbfmu.models.sensitivity import GROWTH, growth_rate
-from rbfmu.planning.judge import watched
 from rbfmu.planning.select import SHARE, plan
 from rbfmu.runs.motion import largest_error
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
@@ -76,7 +76,7 @@ def check(scene):
 
 def smaller_models(scene, found):
     """None is any better by rule beside an unstable motion."""
-    if growth_rate(scene) * scene.run.stop > GROWTH:
+    if growth_rate(Question(scene)) * scene.run.stop > GROWTH:
         return []
     return [spec.key for spec in smaller_closed_forms(found.model)]
 
@@ -106,8 +106,8 @@ def driven(scene, planned, full=True, perturbation=0.0, size=1.0):
     not STRONG.
     """
     unit, z, random = planned.kernels, filled_buffer(scene, planned), np.random.default_rng(1)
-    names = dict.fromkeys([*watched(scene), "omega_b"])
-    z[unit.BLOCKS["active"]] = active_flags(OUTPUTS if full else watched(scene))
+    names = dict.fromkeys([*Question(scene).judged, "omega_b"])
+    z[unit.BLOCKS["active"]] = active_flags(OUTPUTS if full else Question(scene).judged)
     z[unit.BLOCKS["omega_b_0"]] += perturbation
     initialize(scene, unit, z)
     rows = []
@@ -128,7 +128,7 @@ def check_driven(scene):
     """
     found = planned_or_assumed_away(scene)
     tight = Plan("body under loads, by series", "", 13, tolerance=1e-18, order=20)
-    names = watched(scene)
+    names = Question(scene).judged
     (motion, substeps), (truth, _) = driven(scene, found, full=False), driven(scene, tight)
     fastest = float(np.max(np.linalg.norm(truth["omega_b"], axis=1)))  # as errors of rates are relative
     growth = (

@@ -1,15 +1,18 @@
-"""A scene's body at the start of the run, asked in plain Python what the kernels' models ask in compiled code.
+"""The question that planning answers: what a scene asks, what varies, and the body at the start, each found once.
 
-Whether a model serves a scene is decided by these answers, so that no model is compiled that is not chosen.
+A question is made of a scene and passed on; who plans, judges or explains asks it and not the scene again.
 """
 
-from functools import cached_property, lru_cache
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu.models.model_buffer import Buffer, put_scene, refusal
-from rbfmu.scene.scene import Scene
+from rbfmu.scene.body import Body as SceneBody
+from rbfmu.scene.fields import flattened
+from rbfmu.scene.scene import PARAMETERS, Scene
 from rbfmu_kernels.body import closed_form, fixed_axis, memory, needs, outputs, principal, symmetry
 from rbfmu_kernels.buffer import places
 from rbfmu_kernels.compile.interpreted import interpreted
@@ -17,13 +20,132 @@ from rbfmu_kernels.integrators import splitting
 from rbfmu_kernels.mechanics import inertia
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads
 from rbfmu_kernels.models import no_rotation, spin_up
+from rbfmu_kernels.quantities import FIXED_IN_SPACE, FORCES, IN_BUFFER_ORDER, OUTPUT, TORQUES, WEIGHTS
+from rbfmu_kernels.rotations.vec3 import cross
 from rbfmu_kernels.types import Quaternion, Vec3
 
+GROWING = {row.name for row in IN_BUFFER_ORDER if row.grows}
+"""Loads and parameters with which positions, velocities, accelerations and energy grow."""
 BLOCKS, SIZE = places(memory.COMMON)
 
 
+@dataclass(frozen=True)
+class Question:
+    """What a scene asks of a model: quantities, an accuracy, and which inputs and parameters stay open."""
+
+    scene: Scene
+
+    @property
+    def body(self) -> SceneBody:
+        """Return the scene's body, which all have but those whose rates are prescribed."""
+        assert self.scene.body is not None
+        return self.scene.body
+
+    @cached_property
+    def start(self) -> "BodyAtStart":
+        """Return the answers of the kernels about the body at the start."""
+        return BodyAtStart(self.scene)
+
+    # What is asked
+
+    @property
+    def accuracy(self) -> float:
+        """Return the error that any quantity may have, rad or relative."""
+        return self.scene.run.accuracy
+
+    @property
+    def span(self) -> float:
+        """Return the length of the run, s."""
+        return self.scene.run.stop - self.scene.run.start
+
+    @cached_property
+    def quantities(self) -> frozenset[str]:
+        """Return the outputs asked for."""
+        return frozenset(self.scene.outputs.quantities)
+
+    @cached_property
+    def judged(self) -> tuple[str, ...]:
+        """Return blocks that show every quantity asked for; roll, pitch and yaw count as the attitude they describe."""
+        return tuple(dict.fromkeys(OUTPUT[name].judged_by or name for name in self.scene.outputs.quantities))
+
+    # What varies
+
+    @cached_property
+    def varying(self) -> frozenset[str]:
+        """Return the names of loads and parameters whose values are not known when the scene is planned."""
+        return frozenset((*self.scene.inputs.ports, *self.scene.inputs.parameters))
+
+    @property
+    def pinned(self) -> tuple[str, ...]:
+        """Return the parameters on whose values a pilot run or a comparison rests: all but those listed."""
+        return tuple(name for name in PARAMETERS if name not in self.scene.inputs.parameters)
+
+    # Degrees of freedom that the outputs depend on, by the kernels' own rules, and by what varies
+
+    @cached_property
+    def translation(self) -> bool:
+        """Return whether the path is needed."""
+        return self.start.needs_translation and not self.start.has_pivot
+
+    @cached_property
+    def rotation(self) -> bool:
+        """Return whether the rates are needed."""
+        return self.start.needs_rate or self._shows_attitude
+
+    @cached_property
+    def attitude(self) -> bool:
+        """Return whether the attitude is needed: an output shows it, or a load fixed in space turns the body."""
+        return self._shows_attitude or (self.rotation and bool(self.turning & FIXED_IN_SPACE))
+
+    @property
+    def _shows_attitude(self) -> bool:
+        moved = self.translation or (not self.start.has_pivot and "acceleration" in self.quantities)
+        return self.start.needs_attitude or (moved and bool(self.varying & {"r_oc_b", "force_b"}))
+
+    # What acts
+
+    @cached_property
+    def acting(self) -> frozenset[str]:
+        """Return the names of the known loads that are not zero."""
+        loads = self.scene.loads
+        return frozenset(name for name in type(loads).model_fields if any(flattened(getattr(loads, name))))
+
+    @cached_property
+    def turning(self) -> set[str]:
+        """Return the names of loads that act, or may come to act, and then turn the body, and of the arm of these."""
+        body, varying, acting = self.body, self.varying, self.acting | self.varying
+        levers = acting & (WEIGHTS if body.pivot else FORCES)
+        arm = any(body.r_oc_b) or "r_oc_b" in varying
+        force = self.scene.loads.force_b
+        if not varying & {"force_b", "r_oc_b"} and not any(interpreted(cross)(body.r_oc_b, force)):
+            levers -= {"force_b"}
+        return {*(acting & TORQUES), *(levers | {"r_oc_b"} if arm and levers else ())}
+
+    @property
+    def would_turn(self) -> set[str]:
+        """Return the names of what would turn the body, or a force with it, if it came to act."""
+        return self.turning | TORQUES | (FORCES - FIXED_IN_SPACE if self.translation else set())
+
+    @property
+    def shape(self) -> set[str]:
+        """Return the names of the parameters that the moments about the centre of mass, or the pivot, follow from."""
+        return {"inertia"} | ({"mass", "r_oc_b"} if self.body.pivot else set())
+
+    @cached_property
+    def load_shares(self) -> tuple[float, float]:
+        """Return, as 0 or 1, whether loads may turn in b, and a force with a body whose path is asked for."""
+        start, varying = self.start, self.varying
+        levered = any(start.body.arm_b) and (any(start.loads.force_a) or "force_a" in varying)
+        turned = levered or any(start.loads.torque_a) or "torque_a" in varying
+        body_force = any(start.loads.force_b) or ("force_b" in varying and not start.has_pivot)
+        return float(turned), float(body_force and start.needs_translation)
+
+
 class BodyAtStart:
-    """Answers about a scene with a body, its ports at zero."""
+    """A body at the start of the run, its ports at zero, asked in plain Python what models ask in compiled code.
+
+    Whether a model serves a scene is decided by these answers, so that no model is compiled that is not chosen.
+    """
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
@@ -170,9 +292,3 @@ class BodyAtStart:
     @property
     def _rotation(self) -> tuple[Quaternion, Vec3]:
         return interpreted(memory.rotation_of)(self.z)
-
-
-@lru_cache(maxsize=8)
-def body_at_start(scene: Scene) -> BodyAtStart:
-    """Return the answers about a scene, the same object as long as they are asked of one scene."""
-    return BodyAtStart(scene)
