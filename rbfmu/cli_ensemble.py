@@ -33,7 +33,7 @@ def ensemble(
     A run has the same numbers on any number of workers, in one go or resumed.
     """
     from rbfmu.ensembles.executors import executor_of
-    from rbfmu.ensembles.members.samples import with_runs
+    from rbfmu.ensembles.members import with_runs
     from rbfmu.ensembles.planning import plan_ensemble
     from rbfmu.ensembles.running import check_store, run_ensemble
 

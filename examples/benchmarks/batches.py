@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 import rbfmu
 from examples.benchmarks.support.goals import Goal, status
 from examples.benchmarks.support.least import least
-from rbfmu.ensembles.lanes import advance_lanes
+from rbfmu.ensembles.loops import advance_lanes
 from rbfmu.extras import needed_of
 from rbfmu.models.model_buffer import aligned_zeros
 from rbfmu.planning.reference import reference_motion

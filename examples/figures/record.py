@@ -35,7 +35,8 @@ SOURCES: dict[str, tuple[str, ...]] = {
                   "examples/scenes/top_falling.toml"),
     "ensembles": (f"{_BENCH}/ensembles.py:scene_of,cost_here,costs,draw", "rbfmu/ensembles/*.py", "rbfmu/plot.py"),
     "tumbling_brick": ("fmu_build/rbfmu_fmu/demo.py:draw", "fmu_build/rbfmu_fmu/nasa_brick.py", "rbfmu/plot.py"),
-    "detumbling": ("rbfmu/ensembles/pictures.py", "rbfmu/ensembles/drivers.py", "examples/detumbling.toml"),
+    "detumbling": ("rbfmu/ensembles/pictures.py", "rbfmu/ensembles/result.py:drivers_of,differ,_applied,_ended",
+                   "examples/detumbling.toml"),
     "view": ("rbfmu/viewer/*.*", "tests/support/browser.py:photographed"),
 }  # fmt: skip
 """By the name of a file of figures or of a picture: what it rests on, files or functions and classes in them."""

@@ -1,28 +1,30 @@
-"""A chunk of an ensemble: its members' numbers drawn, run in compiled code, and summed up."""
+"""A chunk of an ensemble: its members' numbers drawn, run in compiled code, and summed up; what its bits rest on."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rbfmu.ensembles.columns import KEYS, Columns, flat
-from rbfmu.ensembles.lanes import advance_lanes, lanes_serve
-from rbfmu.ensembles.loops import compiled, entries, run_members
-from rbfmu.ensembles.members.samples import Samples, draw, ensemble_of, member, refused
+from rbfmu.ensembles.loops import advance_lanes, compiled, entries, lanes_serve, run_members
+from rbfmu.ensembles.members import Samples, draw, ensemble_of, member, refusals
 from rbfmu.ensembles.statistics import Summary, summary_of
+from rbfmu.ensembles.variables import ALL, FINAL, KEYS, STATISTICS, Columns, flat
 from rbfmu.exceptions import SceneError
 from rbfmu.models.model_buffer import aligned_zeros, refusal
 from rbfmu.runs.inputs import HOLD, drive_of
 from rbfmu.runs.plan import Plan, filled_buffer
 from rbfmu.scene.scene import Scene
 from rbfmu.simulation import refused_step
+from rbfmu_kernels.compile.stamp import SOURCES, hash_of_sources
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-FINAL, STATISTICS, ALL = "final", "statistics", "all"
 SECONDS, MOST_MEMBERS, MOST_BYTES = 0.1, 16384, 8e6
 """What a chunk takes by its plan; the most members, and bytes of their outputs, that it has."""
 SET_UP, STATISTICS_OF_ONE = 1e-5, 2e-8
@@ -100,7 +102,7 @@ def run_chunk(work: Work, index: int) -> Chunk:
     count = len(samples.redrawn)
     steps = drive_of(work.scene, {}, HOLD).lengths
     rows = np.full((count, len(steps) + 1 if work.keeps_time else 1, work.columns.width), np.nan)
-    failed = refused(work.scene, samples)
+    failed = refusals(work.scene, samples)
     which = np.array([i for i in range(count) if i not in failed], dtype=np.int64)
     if len(which):
         rows[which], said = _outputs(work, samples, which, steps, rows.shape[1])
@@ -155,3 +157,24 @@ def _message(scene: Scene, plan: Plan, samples: Samples, row: int, end: Indices)
     if end[0]:
         return str(refusal(own, int(end[0]), plan.kernels.BLOCKS, filled_buffer(own, plan)))
     return str(refused_step(own, drive_of(own, {}, HOLD).time[int(end[1])]))
+
+
+PACKAGES = ("ensembles", "runs", "scene")
+"""Parts of this package by which members are drawn and run."""
+LIBRARIES = ("numpy", "scipy")
+"""Packages that drawn numbers rest on."""
+
+
+@cache
+def origin() -> dict[str, str]:
+    """Return hashes of sources and versions of libraries by their names: the same bits are made where all are equal."""
+    here = Path(__file__).parents[1]
+    sources = {f"rbfmu.{name}": hash_of_sources(here / name) for name in PACKAGES}
+    return {"rbfmu_kernels": SOURCES} | sources | {name: _version(name) for name in LIBRARIES}
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "absent"

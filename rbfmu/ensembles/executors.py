@@ -10,8 +10,7 @@ from contextlib import contextmanager
 from functools import lru_cache
 from typing import Any
 
-from rbfmu.ensembles.chunks import Chunk, Work, run_chunk
-from rbfmu.ensembles.origin import origin
+from rbfmu.ensembles.chunks import Chunk, Work, origin, run_chunk
 from rbfmu.exceptions import SimulationError
 from rbfmu.extras import needed
 

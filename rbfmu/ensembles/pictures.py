@@ -8,7 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.patches import Ellipse
 from numpy.typing import NDArray
 
-from rbfmu.ensembles.drivers import Drivers, differ, drivers_of
+from rbfmu.ensembles.result import Drivers, differ, drivers_of
 from rbfmu.exceptions import named
 from rbfmu.plot import COLORS, Picture, open_frame, quantity_label
 from rbfmu_kernels.quantities import OUTPUT, indices

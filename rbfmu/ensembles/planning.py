@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rbfmu.ensembles.drivers import differ
-from rbfmu.ensembles.members import designs
-from rbfmu.ensembles.members.distributions import normal_scores, probabilities
-from rbfmu.ensembles.members.samples import Samples, at, ensemble_of, member, refused
+from rbfmu.ensembles import draws
+from rbfmu.ensembles.draws import normal_scores, probabilities
+from rbfmu.ensembles.members import Samples, ensemble_of, member, refusals, samples_at
+from rbfmu.ensembles.result import differ
 from rbfmu.models.question import Question
 from rbfmu.models.registry import MODELS, PRESCRIBED_RATES
 from rbfmu.planning import plan
@@ -111,7 +111,7 @@ def _of_growth(scene: Scene, growth: float) -> Iterator[str]:
 
 def _of_no_effect(scene: Scene, chosen: Plan) -> Iterator[str]:
     """Yield which keys do nothing: those that a member has of another one, while its outputs stay as they are."""
-    samples = at(scene, designs.again(ensemble_of(scene), 0, 2, APART))
+    samples = samples_at(scene, draws.redraw(ensemble_of(scene), 0, 2, APART))
     step = {"run.step": (scene.run.stop - scene.run.start) / FEW_POINTS}
     with suppress(SceneError, SimulationError):  # of no member that can be tried nothing is said
         own = _quietly(member(scene, samples, 0).replace(step), chosen)
@@ -143,7 +143,7 @@ def _pilots(scene: Scene) -> Iterator[Scene]:
     """Yield scenes of members, with what varies listed. Raises SceneError where no member is a scene."""
     message, found = "", 0
     for samples in _pilot_samples(scene):
-        bad = refused(scene, samples)
+        bad = refusals(scene, samples)
         row = next((row for row in range(len(samples)) if row not in bad), None)
         if row is None:
             message = bad[0]
@@ -157,14 +157,14 @@ def _pilots(scene: Scene) -> Iterator[Scene]:
 def _pilot_samples(scene: Scene) -> Iterator[Samples]:
     """Yield rows of which the first that is a scene is a pilot; they do not depend on the design and the runs."""
     ensemble = ensemble_of(scene)
-    cube = designs.again(ensemble, 0, USUAL * len(PARTS) + FAR, APART)
+    cube = draws.redraw(ensemble, 0, USUAL * len(PARTS) + FAR, APART)
     for k in range(USUAL):
-        yield at(scene, cube[k : USUAL * len(PARTS) : USUAL])
+        yield samples_at(scene, cube[k : USUAL * len(PARTS) : USUAL])
     n = len(ensemble.varying)
     for point in cube[-FAR:]:
         direction = normal_scores(point)
         far = (np.sqrt(n) + BEYOND) * direction / np.linalg.norm(direction)
-        yield at(scene, probabilities(np.outer(PARTS, far).ravel()).reshape(-1, n))
+        yield samples_at(scene, probabilities(np.outer(PARTS, far).ravel()).reshape(-1, n))
 
 
 # One plan for all

@@ -7,12 +7,10 @@ from typing import Any
 
 from rbfmu.ensembles.chunks import Chunk, Work, members_of_a_chunk
 from rbfmu.ensembles.executors import chunks_in_order
-from rbfmu.ensembles.members.samples import with_runs
+from rbfmu.ensembles.members import with_runs
 from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.ensembles.result import EnsembleResult
-from rbfmu.ensembles.storage.checkpoint import Checkpoint, Progress
-from rbfmu.ensembles.storage.lock import held
-from rbfmu.ensembles.storage.store import MemoryStore, Store, refuse_existing
+from rbfmu.ensembles.store import Checkpoint, MemoryStore, Progress, Store, refuse_existing, store_lock
 from rbfmu.exceptions import named
 from rbfmu.extras import needed
 from rbfmu.progress import members_bar
@@ -49,7 +47,7 @@ def run_ensemble(
     plan = plan_ensemble(scene) if planned is None else planned
     work = Work(scene, plan, members_of_a_chunk(scene, plan))
     place = _store(work, store)
-    with named(store), held(Path(store)) if store else nullcontext():
+    with named(store), store_lock(Path(store)) if store else nullcontext():
         known = place.begin(resume)
         if known is None or known.runs != work.runs:
             failed = _run(work, place, known, executor, progress)
@@ -75,7 +73,7 @@ def check_store(store: str | Path | None, resume: bool) -> None:
 def _store(work: Work, path: str | Path | None) -> Store:
     if path is None or Path(path).suffix != ".zarr":
         return MemoryStore(work, None if path is None else Path(path))
-    from rbfmu.ensembles.storage.zarr_store import ZarrStore
+    from rbfmu.ensembles.zarr_store import ZarrStore
 
     return ZarrStore(work, Path(path))
 

@@ -4,9 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rbfmu.ensembles.chunks import ALL, Work, run_chunk
-from rbfmu.ensembles.members.samples import ensemble_of
+from rbfmu.ensembles.chunks import Work, run_chunk
+from rbfmu.ensembles.members import ensemble_of
 from rbfmu.ensembles.planning import plan_ensemble
+from rbfmu.ensembles.variables import ALL
 from rbfmu.results.result import Array
 from rbfmu.scene.scene import Scene
 

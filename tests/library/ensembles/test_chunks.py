@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from rbfmu import SceneError, SimulationError, load_scene, simulate
-from rbfmu.ensembles import chunks, lanes
+from rbfmu.ensembles import chunks, loops
 from rbfmu.ensembles.chunks import Work, members_of_a_chunk, run_chunk
-from rbfmu.ensembles.members.samples import draw, member
+from rbfmu.ensembles.members import draw, member
 from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.models.registry import MODELS
 from rbfmu.runs.plan import Plan
@@ -155,7 +155,7 @@ def test_members_side_by_side_have_the_bits_of_single_runs(monkeypatch):
     taken = []
 
     def noted(*arguments):
-        taken.append(lanes.advance_lanes(*arguments))
+        taken.append(loops.advance_lanes(*arguments))
         return taken[-1]
 
     monkeypatch.setattr(chunks, "advance_lanes", noted)

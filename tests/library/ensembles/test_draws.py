@@ -8,9 +8,9 @@ import pytest
 from scipy import stats
 
 import rbfmu
-from rbfmu.ensembles.members import applied, designs
-from rbfmu.ensembles.members.distributions import normal_scores
-from rbfmu.ensembles.members.samples import draw
+from rbfmu.ensembles import draws, members
+from rbfmu.ensembles.draws import normal_scores
+from rbfmu.ensembles.members import draw
 from rbfmu.scene.fields import SceneError
 from rbfmu.scene.scene import Scene
 
@@ -77,7 +77,7 @@ def test_seeds_give_other_members():
 
 def test_numbers_of_one_member_are_independent():
     names = [m.name for m in ensemble(EVERYTHING).ensemble.varying]
-    cube = np.column_stack([designs.uniform(0, name, 0, MANY) for name in names])
+    cube = np.column_stack([draws.uniform(0, name, 0, MANY) for name in names])
     worst = np.max(np.abs(np.corrcoef(cube.T) - np.eye(len(names))))
     assert worst < stats.norm.isf(LIKELY / len(names) ** 2) / math.sqrt(MANY)
     serial = np.corrcoef(cube[1:, 0], cube[:-1, 0])[0, 1]
@@ -87,7 +87,7 @@ def test_numbers_of_one_member_are_independent():
 def test_array_functions_and_single_calls_draw_the_same_bits(monkeypatch):
     scene = ensemble(EVERYTHING | {"initial.attitude": "uniform"}, runs=300)
     single = draw(scene, 0, 300)
-    monkeypatch.setattr(applied, "FEW", 0)
+    monkeypatch.setattr(members, "FEW", 0)
     equal(draw(scene, 0, 300), single)
 
 
@@ -127,7 +127,7 @@ def test_values_are_distributed_as_stated(distribution, expected, design):
 
 
 def test_normal_scores_are_those_of_scipy():
-    u = np.concatenate([designs.uniform(1, "x", 0, 5000), [2.0**-54, 1e-300, 0.5, 1.0 - 2.0**-53]])
+    u = np.concatenate([draws.uniform(1, "x", 0, 5000), [2.0**-54, 1e-300, 0.5, 1.0 - 2.0**-53]])
     expected = stats.norm.ppf(u)
     assert np.max(np.abs(normal_scores(u) - expected) / np.maximum(np.abs(expected), 1e-3)) < 4e-15
 
@@ -188,16 +188,16 @@ def test_a_grid_has_every_combination_the_last_changing_first():
 def test_sobol_points_fill_the_cube_evenly():
     scene = ensemble({"body.mass": {"uniform": [1.0, 2.0]}, "initial.position": {"uniform": [[0.0] * 3, [1.0] * 3]}},
                      runs=1024, design="sobol")  # fmt: skip
-    cube = designs.points(scene.ensemble, 0, 1024)
+    cube = draws.points(scene.ensemble, 0, 1024)
     assert all(sorted(np.floor(1024 * column)) == list(range(1024)) for column in cube.T)
-    assert np.all(np.ldexp(cube, designs.SOBOL_BITS + 1) % 2.0 == 1.0)  # in the middle of a cell, never 0
+    assert np.all(np.ldexp(cube, draws.SOBOL_BITS + 1) % 2.0 == 1.0)  # in the middle of a cell, never 0
 
 
 @pytest.mark.parametrize("design", ["sobol", "latin_hypercube"])
 def test_designs_say_what_to_install(design, monkeypatch):
     for name in ("scipy", "scipy.stats", "scipy.stats.qmc"):
         monkeypatch.setitem(sys.modules, name, None)
-    designs._hypercube.cache_clear()
+    draws._hypercube.cache_clear()
     with pytest.raises(ModuleNotFoundError, match=r'is not installed: pip install "rbfmu\[ensemble\]"'):
         draw(ensemble(EVERYTHING, runs=8, design=design), 0, 8)
     assert len(draw(ensemble(EVERYTHING, runs=8), 0, 8)) == 8

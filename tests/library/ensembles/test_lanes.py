@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from numba import config
 
-from rbfmu.ensembles.lanes import AT_ONCE, advance_lanes
-from rbfmu.ensembles.loops import compiled, entries, run_members
+from rbfmu.ensembles.loops import AT_ONCE, advance_lanes, compiled, entries, run_members
 from rbfmu.models.model_buffer import aligned_zeros
 from rbfmu.runs.plan import Plan, filled_buffer
 from rbfmu.scene.scene import Scene

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import rbfmu
-from rbfmu.ensembles.members.samples import draw, member, refused
+from rbfmu.ensembles.members import draw, member, refusals
 from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.scene.keys import scene_keys
 from rbfmu.scene.scene import Scene
@@ -91,7 +91,7 @@ def test_a_member_that_a_scene_refuses_is_told_with_the_message_of_its_check():
     scene = ensemble({"body.mass": {"normal": [50.0, 50.0]}})
     samples = draw(scene, 0, 50)
     negative = np.flatnonzero(samples.applied["body.mass"] <= 0.0)
-    found = refused(scene, samples)
+    found = refusals(scene, samples)
     assert len(negative)
     assert list(found) == negative.tolist()
     assert all("body.mass = -" in text and f"member {row}" in text for row, text in found.items())
@@ -111,7 +111,7 @@ def test_a_slender_beam_s_members_are_checked_one_by_one():
     along = {"initial.omega_b": {"normal": [[0.0, 0.0, 1.0], [0.1, 0.0, 0.1]]}}
     across = {"initial.omega_b": {"normal": [[0.0, 0.0, 1.0], [0.0, 0.1, 0.1]]}}
     turning, steady = (ensemble(vary, TABLES | {"body": beam, "initial": {}, "loads": {}}) for vary in (along, across))
-    found = refused(turning, draw(turning, 0, 5))
+    found = refusals(turning, draw(turning, 0, 5))
     assert sorted(found) == [0, 1, 2, 3, 4]
     assert all("initial.omega_b" in text and "no rate about (1, 0, 0)" in text for text in found.values())
-    assert not refused(steady, draw(steady, 0, 5))
+    assert not refusals(steady, draw(steady, 0, 5))

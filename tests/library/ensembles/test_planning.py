@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rbfmu
-from rbfmu.ensembles.members.samples import draw, member
+from rbfmu.ensembles.members import draw, member
 from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.exceptions import SceneError
 from rbfmu.planning import plan

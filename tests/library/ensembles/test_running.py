@@ -12,11 +12,10 @@ import pytest
 
 from rbfmu import EnsembleResult, SceneError, SimulationError, run_ensemble
 from rbfmu.ensembles import executors, running
-from rbfmu.ensembles.chunks import run_chunk
-from rbfmu.ensembles.origin import origin
-from rbfmu.ensembles.storage import checkpoint
-from rbfmu.ensembles.storage.lock import held
-from rbfmu.ensembles.storage.zarr_store import ZarrStore
+from rbfmu.ensembles import store as stores
+from rbfmu.ensembles.chunks import origin, run_chunk
+from rbfmu.ensembles.store import store_lock
+from rbfmu.ensembles.zarr_store import ZarrStore
 from rbfmu.runs.plan import Plan
 from tests.support.covering import some_of
 from tests.support.ensembles.satellite import PLAN, assert_same, run, satellite
@@ -227,7 +226,7 @@ def test_a_store_of_another_ensemble_is_refused(scene, tmp_path, store, change, 
 @pytest.mark.parametrize("name", ["rbfmu_kernels", "rbfmu.ensembles", "rbfmu.scene", "numpy"])
 def test_a_store_of_another_origin_is_refused(scene, tmp_path, monkeypatch, name):
     run(scene, tmp_path / "store.npz")
-    monkeypatch.setattr(checkpoint, "origin", lambda: origin() | {name: "other"})
+    monkeypatch.setattr(stores, "origin", lambda: origin() | {name: "other"})
     with pytest.raises(ValueError, match=f'origin.{name} = "other": expected'):
         run(scene, tmp_path / "store.npz", resume=True)
 
@@ -320,8 +319,8 @@ def test_damage_of_what_a_folder_says_of_its_numbers_is_said(scene, tmp_path):
 HELD = """
 import sys
 from pathlib import Path
-from rbfmu.ensembles.storage.lock import held
-with held(Path(sys.argv[1])):
+from rbfmu.ensembles.store import store_lock
+with store_lock(Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()
 """
@@ -340,7 +339,7 @@ def test_a_store_that_another_program_writes_to_is_refused_with_who_it_is(scene,
 
 
 def test_a_store_that_another_thread_writes_to_is_refused(scene, tmp_path):
-    with held(tmp_path / "store.npz"), pytest.raises(BlockingIOError, match=f"by process {os.getpid()} on "):
+    with store_lock(tmp_path / "store.npz"), pytest.raises(BlockingIOError, match=f"by process {os.getpid()} on "):
         run(scene, tmp_path / "store.npz")
 
 

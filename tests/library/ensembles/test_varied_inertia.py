@@ -7,8 +7,7 @@ import pytest
 from scipy import stats
 
 import rbfmu
-from rbfmu.ensembles.members.inertia import impossible, thin
-from rbfmu.ensembles.members.samples import draw, member, refused
+from rbfmu.ensembles.members import draw, impossible_rows, member, refusals, thin_rows
 from rbfmu.scene.scene import Scene
 from tests.library.ensembles.test_draws import BODY, LIKELY, MANY, ensemble
 
@@ -61,7 +60,7 @@ def test_what_breaks_the_triangle_inequality_is_drawn_again_and_counted(design):
     again = found.redrawn
     assert 0.4 < np.mean(again > 0) < 0.6  # half of the draws break it
     assert abs(np.mean(again) - 1.0) < 5.0 * math.sqrt(2.0 / 1000.0)  # geometric: mean 1, variance 2
-    assert not refused(scene, found)
+    assert not refusals(scene, found)
     kept = draw(scene.replace({"ensemble.vary": {"body.mass": {"normal": [50.0, 1.0]}}}), 0, 1000)
     same = kept.applied["body.mass"] == found.applied["body.mass"]
     assert design != "random" or np.array_equal(same, again == 0)
@@ -82,8 +81,8 @@ def test_an_impossible_inertia_in_a_grid_is_refused_and_not_drawn_again():
     scene = ensemble(vary, runs=3, design="grid")
     found = draw(scene, 0, 3)
     assert not found.redrawn.any()
-    assert list(refused(scene, found)) == [2]
-    assert "each principal moment at most the sum of the other two" in refused(scene, found)[2]
+    assert list(refusals(scene, found)) == [2]
+    assert "each principal moment at most the sum of the other two" in refusals(scene, found)[2]
 
 
 def test_an_inertia_that_is_never_possible_ends_as_a_refused_member():
@@ -91,7 +90,7 @@ def test_an_inertia_that_is_never_possible_ends_as_a_refused_member():
     scene = ensemble(vary, runs=5)
     found = draw(scene, 0, 5)
     assert found.redrawn.tolist() == [100] * 5
-    assert sorted(refused(scene, found)) == list(range(5))
+    assert sorted(refusals(scene, found)) == list(range(5))
 
 
 def test_an_inertia_at_the_border_is_possible_as_the_kernels_judge_it():
@@ -106,7 +105,7 @@ def test_a_mass_that_is_not_positive_is_refused_and_not_drawn_again():
     negative = np.flatnonzero(found.applied["body.mass"] <= 0.0)
     assert len(negative)
     assert not found.redrawn.any()
-    assert list(refused(scene, found)) == negative.tolist()
+    assert list(refusals(scene, found)) == negative.tolist()
 
 
 def test_sizes_of_a_shape_vary_and_inertia_follows():
@@ -128,7 +127,7 @@ def test_a_size_that_is_not_positive_is_a_refused_member():
     found = draw(scene, 0, 200)
     negative = np.flatnonzero(found.applied["body.shape.sides"][:, 0] <= 0.0)
     assert len(negative)
-    assert list(refused(scene, found)) == negative.tolist()
+    assert list(refusals(scene, found)) == negative.tolist()
 
 
 def test_many_matrices_are_judged_as_one_by_one():
@@ -137,10 +136,10 @@ def test_many_matrices_are_judged_as_one_by_one():
     R = rbfmu.matrix_from_quaternion(rbfmu.normalize(random.normal(size=(len(moments), 4))))
     M = R @ (moments[:, None, :] * np.eye(3)) @ R.transpose(0, 2, 1)
     M = np.concatenate([0.5 * (M + M.transpose(0, 2, 1)), [np.full((3, 3), np.nan), np.full((3, 3), 1e300)]])
-    refusals = [row for row in range(len(M)) if is_refused(M[row])]
-    assert impossible(M).tolist() == refusals
-    assert 60 < len(refusals) < 140
-    assert set(thin(M).tolist()) >= {201, 202, 203, 204}
+    wanted = [row for row in range(len(M)) if is_refused(M[row])]
+    assert impossible_rows(M).tolist() == wanted
+    assert 60 < len(wanted) < 140
+    assert set(thin_rows(M).tolist()) >= {201, 202, 203, 204}
 
 
 def is_refused(M):

@@ -10,7 +10,7 @@ import pytest
 import zstandard
 
 import rbfmu
-from rbfmu.ensembles.members.samples import draw, member
+from rbfmu.ensembles.members import draw, member
 from rbfmu.viewer.motion import Motion
 from rbfmu.viewer.pictures import MAX_PICTURES
 from tests.support.browser import browser, open_page

@@ -11,7 +11,7 @@ import pytest
 
 from rbfmu import EnsembleResult
 from rbfmu.ensembles.result import kept_runs
-from rbfmu.ensembles.storage.checkpoint import Checkpoint
+from rbfmu.ensembles.store import Checkpoint
 from tests.support.command_line import call
 from tests.support.covering import some_of
 from tests.support.ensembles.satellite import FILE, assert_same

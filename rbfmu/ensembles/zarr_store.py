@@ -9,18 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from rbfmu.ensembles.chunks import ALL, Chunk, Work
-from rbfmu.ensembles.columns import KEYS
-from rbfmu.ensembles.storage.checkpoint import Checkpoint, Progress, identity_of
-from rbfmu.ensembles.storage.store import checkpoint_of
-from rbfmu.ensembles.storage.variables import (
-    Variable,
+from rbfmu.ensembles.chunks import Chunk, Work
+from rbfmu.ensembles.store import (
+    Checkpoint,
+    Progress,
     arrays_of_chunk,
     attributes_of,
-    coordinates,
+    checkpoint_of,
+    identity_of,
     results_of,
-    variables,
 )
+from rbfmu.ensembles.variables import ALL, KEYS, Variable, coordinates, variables
 from rbfmu.extras import needed
 
 ROWS = 16384

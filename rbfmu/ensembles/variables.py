@@ -1,24 +1,97 @@
-"""What an ensemble's result consists of: arrays with the names of their dimensions, units and frames."""
+"""The variables of an ensemble: columns of a member's outputs; names, dimensions, units and frames of what is kept."""
 
 from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rbfmu.ensembles.chunks import ALL, FINAL, STATISTICS, Chunk, Work
-from rbfmu.ensembles.columns import KEYS
-from rbfmu.ensembles.statistics import Statistics, exact_quantiles
 from rbfmu.results.tables import AXES
-from rbfmu.runs.time_grid import time_grid
+from rbfmu.scene.body import TRIANGLE
 from rbfmu.scene.scene import Scene
-from rbfmu_kernels.quantities import OUTPUT, TIME, Load, Quantity
+from rbfmu.scene.variations import QUANTITY_OF, SHAPE
+from rbfmu_kernels.buffer import places
+from rbfmu_kernels.quantities import OUTPUT, TIME, Load, Parameter, Quantity
 
 Array = NDArray[np.float64]
+FINAL, STATISTICS, ALL = "final", "statistics", "all"
+"""What may be kept of the runs."""
+SIZES = {"sides": 3, "length": 1, "radius": 1, "semiaxes": 3}
+"""Sizes of a body's shape, and how many numbers they have."""
+KEYS: Mapping[str, Quantity] = {
+    **QUANTITY_OF,
+    **{f"{SHAPE}.{name}": Parameter(name, size, "m", "size of the body's shape") for name, size in SIZES.items()},
+}
+"""The quantity that each key sets which may vary, and each size of a shape."""
+
+
+_ROWS, _COLUMNS = np.transpose(TRIANGLE)
+
+
+def flat(values: Array) -> Array:
+    """Return numbers (m, k) of values (m, ...): of matrices (m, 3, 3) the six of an inertia."""
+    chosen = values[:, _ROWS, _COLUMNS] if values.ndim == 3 else values
+    return chosen.reshape(len(values), -1)
+
+
+def symmetric(numbers: Array) -> Array:
+    """Return the matrices (m, 3, 3) of the six numbers of inertias (m, 6)."""
+    M = np.empty((len(numbers), 3, 3))
+    M[:, _ROWS, _COLUMNS] = M[:, _COLUMNS, _ROWS] = numbers
+    return M
+
+
+@dataclass(frozen=True)
+class Columns:
+    """The columns of the quantities named."""
+
+    names: tuple[str, ...]
+
+    @property
+    def slices(self) -> dict[str, slice]:
+        """Return the columns of each quantity."""
+        return places({name: OUTPUT[name].size for name in self.names})[0]
+
+    @property
+    def width(self) -> int:
+        """Return the number of columns."""
+        return sum(OUTPUT[name].size for name in self.names)
+
+    @property
+    def pairs(self) -> NDArray[np.int64]:
+        """Return the pairs of columns (P, 2) whose covariance is taken: all of one quantity."""
+        found = [(a, b) for s in self.slices.values() for a in range(s.start, s.stop) for b in range(a, s.stop)]
+        return np.array(found, dtype=np.int64)
+
+    def split(self, rows: Array) -> dict[str, Array]:
+        """Return the quantities of rows (..., K): (...) or (..., k) each."""
+        return {name: rows[..., s.start] if _is_number(s) else rows[..., s] for name, s in self.slices.items()}
+
+    def matrices(self, products: Array) -> dict[str, Array]:
+        """Return the symmetric matrices of rows (..., P) of pairs: (...) or (..., k, k) each."""
+        found = {}
+        for name, s in self.slices.items():
+            chosen = [p for p, (a, _) in enumerate(self.pairs) if s.start <= a < s.stop]
+            size = s.stop - s.start
+            matrix = np.empty((*products.shape[:-1], size, size))
+            for p in chosen:
+                a, b = self.pairs[p] - s.start
+                matrix[..., a, b] = matrix[..., b, a] = products[..., p]
+            found[name] = matrix[..., 0, 0] if _is_number(s) else matrix
+        return found
+
+    def places(self, blocks: dict[str, slice]) -> NDArray[np.int64]:
+        """Return where the columns stand in a model's buffer."""
+        return np.concatenate([np.arange(blocks[n].start, blocks[n].stop) for n in self.names]).astype(np.int64)
+
+
+def _is_number(columns: slice) -> bool:
+    return bool(columns.stop - columns.start == 1)
+
+
 PROBABILITIES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
 RUN, TIMES, PROBABILITY = "run", "time", "probability"
-AT_ONCE = 2e7
-"""Numbers of all runs that are sorted at once."""
 RANK_ERROR = "quantile_rank_error"
 REDRAWN = "redrawn"
 
@@ -91,48 +164,4 @@ def coordinates(time: Array) -> dict[str, tuple[str, Any, dict[str, str]]]:
     return {
         TIMES: (TIMES, time, {"units": TIME.unit, "long_name": TIME.meaning}),
         PROBABILITY: (PROBABILITY, np.array(PROBABILITIES), parts),
-    }
-
-
-def arrays_of_chunk(work: Work, chunk: Chunk) -> dict[str, Any]:
-    """Return a chunk's part of all variables that have a row a run."""
-    arrays: dict[str, Any] = {**chunk.samples, REDRAWN: chunk.redrawn}
-    if work.keeps(FINAL):
-        arrays |= {f"{name}_final": values for name, values in work.columns.split(chunk.rows[:, -1]).items()}
-    if work.keeps(ALL):
-        arrays |= work.columns.split(chunk.rows)
-    return arrays
-
-
-def results_of(work: Work, statistics: Statistics | None, rows: Mapping[str, Any]) -> dict[str, Array]:
-    """Return the variables without a row a run: times, and statistics over time. rows: those with one."""
-    run, probabilities = work.scene.run, np.array(PROBABILITIES)
-    found = {TIMES: time_grid(run.start, run.stop, run.step), PROBABILITY: probabilities}
-    if statistics is None:
-        return found
-    found[RANK_ERROR] = np.array(0.0 if work.keeps(ALL) else statistics.rank_error)
-    split, covariance = work.columns.split, work.columns.matrices(statistics.covariance())
-    quantiles = {} if work.keeps(ALL) else split(statistics.quantiles(probabilities))
-    for name, mean in split(statistics.means()).items():
-        matrix = covariance[name]
-        variance = matrix if matrix.ndim == 1 else np.diagonal(matrix, axis1=1, axis2=2)
-        found |= {f"{name}_mean": mean, f"{name}_std": np.sqrt(variance), f"{name}_covariance": matrix}
-        found[f"{name}_quantiles"] = quantiles[name] if quantiles else _of_all(rows[name], probabilities)
-    return found
-
-
-def _of_all(values: Any, probabilities: Array) -> Array:
-    """Return the quantiles over all runs (runs, n, ...), some times after others: those are read at once."""
-    times = max(1, int(AT_ONCE // (values.size // values.shape[1] or 1)))
-    parts = [exact_quantiles(values[:, k : k + times], probabilities) for k in range(0, values.shape[1], times)]
-    return np.concatenate(parts, axis=1)
-
-
-def attributes_of(work: Work, failed: Mapping[int, str]) -> dict[str, Any]:
-    """Return what is said of the whole ensemble, for JSON."""
-    return {
-        "title": work.scene.name,
-        "scene": work.scene.to_dict(),
-        "model": f"{work.plan.model}: {work.plan.method}",
-        "failed": {str(index): text for index, text in failed.items()},
     }

@@ -1,0 +1,194 @@
+"""The numbers that are drawn for members: points of the unit cube, and their values by the distribution of each number.
+
+Points are random, of a low-discrepancy sequence, of a Latin hypercube, or of a grid. Numbers that depend on each other
+do so by the correlations of their normal scores (a Gaussian copula).
+
+Member i's row depends on the ensemble's definition and i alone, whichever members are asked for beside it.
+"""
+
+import hashlib
+import math
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+from statistics import NormalDist
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rbfmu.extras import needed
+from rbfmu.scene.correlation import Correlation, lower_factor
+from rbfmu.scene.ensemble import GRID, LATIN_HYPERCUBE, RANDOM, SOBOL, Ensemble
+from rbfmu.scene.marginals import LOGNORMAL, NORMAL, RELATIVE, TRIANGULAR, UNIFORM, Marginal
+
+Array = NDArray[np.float64]
+WORDS = 4
+"""The numbers that one count of Philox yields."""
+SOBOL_BITS = 30
+
+
+def points(ensemble: Ensemble, first: int, count: int) -> Array:
+    """Return points (count, n) inside the unit cube: those of the members from `first` on, n numbers that vary."""
+    return _DESIGNS[ensemble.design](ensemble, first, count)
+
+
+def redraw(ensemble: Ensemble, first: int, count: int, attempt: int) -> Array:
+    """Return the same members' points of another attempt, counted from 1, at random whatever the design."""
+    return _random(ensemble, first, count, attempt)
+
+
+def uniform(seed: int, name: str, first: int, count: int, attempt: int = 0) -> Array:
+    """Return numbers (count,) inside (0, 1), number i by Philox's count i under the key of seed and name.
+
+    A number's own stream has the name of the number in its key, so that what else varies does not change it.
+    """
+    digest = hashlib.blake2b(name.encode(), digest_size=8).digest()
+    key = np.array([seed, int.from_bytes(digest, "little")], dtype=np.uint64)
+    start = first // WORDS
+    stream = np.random.Philox(key=key, counter=np.array([start, attempt, 0, 0], dtype=np.uint64))
+    raw = stream.random_raw((first + count + WORDS - 1) // WORDS * WORDS - start * WORDS)
+    kept = raw[first - start * WORDS :][:count] >> np.uint64(11)
+    return (kept.astype(np.float64) + 0.5) * 2.0**-53
+
+
+def _random(ensemble: Ensemble, first: int, count: int, attempt: int = 0) -> Array:
+    columns = [uniform(ensemble.seed, marginal.name, first, count, attempt) for marginal in ensemble.varying]
+    return np.column_stack(columns)
+
+
+def _sobol(ensemble: Ensemble, first: int, count: int) -> Array:
+    qmc = needed("scipy.stats.qmc", "ensemble")
+    sequence = qmc.Sobol(len(ensemble.varying), scramble=True, bits=SOBOL_BITS, rng=_generator(ensemble.seed))
+    head = np.empty((0, sequence.d))
+    if first:
+        sequence.fast_forward(first)
+    else:
+        head = sequence.random(1)  # scipy warns of a first batch that is no power of 2
+    return np.concatenate([head, sequence.random(count - len(head))]) + 0.5 ** (SOBOL_BITS + 1)
+
+
+def _latin_hypercube(ensemble: Ensemble, first: int, count: int) -> Array:
+    return _hypercube(len(ensemble.varying), ensemble.runs, ensemble.seed)[first : first + count]
+
+
+@lru_cache(maxsize=2)
+def _hypercube(dimensions: int, runs: int, seed: int) -> Array:
+    """Return all rows, as each depends on how many there are: 8 bytes a number that varies, and a run."""
+    qmc = needed("scipy.stats.qmc", "ensemble")
+    cube: Array = qmc.LatinHypercube(dimensions, rng=_generator(seed)).random(runs)
+    np.clip(cube, 2.0**-54, 1.0 - 2.0**-53, out=cube)
+    cube.flags.writeable = False
+    return cube
+
+
+def _generator(seed: int) -> np.random.Generator:
+    return np.random.Generator(np.random.Philox(seed))
+
+
+def _grid(ensemble: Ensemble, first: int, count: int) -> Array:
+    """Return points of a grid, the last number changing first."""
+    axes = [_values(marginal) for marginal in ensemble.varying]
+    places = np.unravel_index(np.arange(first, first + count), [len(axis) for axis in axes])
+    return np.column_stack([axis[place] for axis, place in zip(axes, places, strict=True)])
+
+
+def _values(marginal: Marginal) -> Array:
+    """Return a number's places in the grid: from end to end where it is uniform, else the middles of equal shares."""
+    n = marginal.points
+    if marginal.kind == UNIFORM and n > 1:
+        return np.arange(n) / (n - 1)
+    return (np.arange(n) + 0.5) / n
+
+
+_DESIGNS: Mapping[str, Callable[[Ensemble, int, int], Array]] = {
+    RANDOM: _random,
+    SOBOL: _sobol,
+    LATIN_HYPERCUBE: _latin_hypercube,
+    GRID: _grid,
+}
+
+
+_STANDARD = NormalDist()
+SCORED = (NORMAL, RELATIVE, LOGNORMAL)
+"""Kinds whose values are made of normal scores."""
+
+
+def mapped(function: Callable[[float], float], numbers: Array) -> Array:
+    """Return a function of Python's floats of each number; unlike NumPy's, its bits do not depend on the array."""
+    return np.fromiter(map(function, numbers.tolist()), np.float64, len(numbers))
+
+
+def normal_scores(u: Array) -> Array:
+    """Return where the standard normal distribution function is u, 0 < u < 1; error <= 4 eps."""
+    return mapped(_STANDARD.inv_cdf, u)
+
+
+def probabilities(z: Array) -> Array:
+    """Return the standard normal distribution function inside (0, 1)."""
+    return np.clip(mapped(_STANDARD.cdf, z), 2.0**-1000, 1.0 - 2.0**-53)
+
+
+def values_of(marginal: Marginal, u: Array) -> Array:
+    """Return the values of a number at places u of its distribution function, 0 < u < 1 (0 and 1 if it is bounded).
+
+    Those of a number that is relative are factors of the scene's.
+    """
+    if marginal.kind in SCORED:
+        return of_scores(marginal, normal_scores(u))
+    return _BOUNDED[marginal.kind](*marginal.arguments, u)
+
+
+def of_scores(marginal: Marginal, z: Array) -> Array:
+    """Return the values of a number whose standard normal score is z."""
+    if marginal.kind == NORMAL:
+        mean, deviation = marginal.arguments
+        return mean + deviation * z
+    if marginal.kind == RELATIVE:
+        return 1.0 + marginal.arguments[0] * z
+    if marginal.kind == LOGNORMAL:
+        median, deviation = marginal.arguments
+        return median * mapped(math.exp, deviation * z)
+    return values_of(marginal, probabilities(z))
+
+
+def _uniform(low: float, high: float, u: Array) -> Array:
+    return np.clip((1.0 - u) * low + u * high, low, high)
+
+
+def _triangular(low: float, mode: float, high: float, u: Array) -> Array:
+    width, rise = high - low, mode - low
+    up = low + np.sqrt(u * width * rise)
+    down = high - np.sqrt((1.0 - u) * width * (high - mode))
+    return np.clip(np.where(u * width < rise, up, down), low, high)
+
+
+_BOUNDED: Mapping[str, Callable[..., Array]] = {UNIFORM: _uniform, TRIANGULAR: _triangular}
+
+
+def correlated_values(ensemble: Ensemble, cube: Array) -> dict[str, Array]:
+    """Return the values (count,) of all numbers that vary, by name, at points (count, n) of the unit cube."""
+    marginals = ensemble.varying
+    scores = _correlated(ensemble.correlation, {m.name: cube[:, k] for k, m in enumerate(marginals)})
+    return {
+        m.name: of_scores(m, scores[m.name]) if m.name in scores else values_of(m, cube[:, k])
+        for k, m in enumerate(marginals)
+    }
+
+
+def _correlated(correlation: Correlation | None, places: dict[str, Array]) -> dict[str, Array]:
+    """Return the normal scores of those numbers that depend on each other.
+
+    The sums are taken term by term: a product of matrices may round otherwise in a larger chunk.
+    """
+    if correlation is None:
+        return {}
+    factor = lower_factor(correlation.correlations)
+    assert factor is not None
+    independent = [normal_scores(places[name]) for name in correlation.components]
+    found = {}
+    for name, row in zip(correlation.components, factor, strict=True):
+        total = np.zeros(len(independent[0]))
+        for share, z in zip(row, independent, strict=True):
+            if share:
+                total = total + share * z
+        found[name] = total
+    return found

@@ -1,0 +1,369 @@
+"""The members of an ensemble: what is drawn for each, what is applied, which no body has, and the scene of one.
+
+What is applied: attitudes as quaternions, inertia as matrices, all else by its key.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rbfmu import arrays
+from rbfmu.ensembles import draws
+from rbfmu.ensembles.variables import symmetric
+from rbfmu.scene.body import SHAPES, Body
+from rbfmu.scene.ensemble import GRID, Ensemble, nominal_value
+from rbfmu.scene.fields import Numbers
+from rbfmu.scene.marginals import RELATIVE, Marginal
+from rbfmu.scene.scene import Scene, SceneError
+from rbfmu.scene.variations import ATTITUDE, AXES, DEGREES, INERTIA, RULES, SHAPE, UNIFORM_ROTATIONS, Variation
+from rbfmu_kernels.compile.tiered import evaluated, tiered
+from rbfmu_kernels.mechanics import inertia, shape_inertia
+from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE, check_inertia
+from rbfmu_kernels.rotations import euler_angles, quaternion, rotation_vector
+
+Array = NDArray[np.float64]
+ATTEMPTS = 100
+"""How often a member whose inertia no body has is drawn again; after that it stays, and is refused."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Members of an ensemble, one a row.
+
+    first: the number of the first member; applied: SI numbers (count, ...) by the key of the scene, attitudes q_ab as
+    quaternions, scalar first, inertia as matrices; drawn: the numbers behind these (count,), in the file's units, those
+    that are relative as factors; redrawn: how often each member was drawn again, as no body has its inertia.
+    """
+
+    first: int
+    applied: Mapping[str, Array]
+    drawn: Mapping[str, Array]
+    redrawn: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.redrawn)
+
+
+def ensemble_of(scene: Scene) -> Ensemble:
+    """Return the scene's ensemble. Raises SceneError where there is none."""
+    if scene.ensemble is None:
+        expected = 'a table [ensemble.vary] with keys that vary, such as "body.mass" = { normal = [50.0, 0.5] }'
+        raise SceneError(f"ensemble is missing: expected {expected}", scene.name)
+    return scene.ensemble
+
+
+def with_runs(scene: Scene, runs: int | None) -> Scene:
+    """Return the scene with so many runs, if any are given. Raises SceneError without an ensemble, or of a grid."""
+    ensemble_of(scene)
+    return scene if runs is None else scene.replace({"ensemble.runs": runs})
+
+
+def draw(scene: Scene, first: int, count: int) -> Samples:
+    """Return `count` >= 1 members from number `first` on; a member's row is the same whichever others are asked for.
+
+    Raises SceneError without an ensemble, ValueError for members that it does not have.
+    """
+    ensemble = ensemble_of(scene)
+    if not 0 <= first < first + count <= ensemble.runs:
+        raise ValueError(f"draw: first = {first}, count = {count}: expected members of the {ensemble.runs} runs")
+    found = _sampled(scene, first, draws.points(ensemble, first, count))
+    return found if ensemble.design == GRID else _possible(scene, found)
+
+
+def samples_at(scene: Scene, cube: Array) -> Samples:
+    """Return the members at points (count, n) of the unit cube, whether their inertia is possible or not."""
+    return _sampled(scene, 0, cube)
+
+
+def _sampled(scene: Scene, first: int, cube: Array) -> Samples:
+    drawn = draws.correlated_values(ensemble_of(scene), cube)
+    return Samples(first, applied_values(scene, drawn, len(cube)), drawn, np.zeros(len(cube), dtype=np.int64))
+
+
+def _possible(scene: Scene, found: Samples) -> Samples:
+    """Return the members, those whose inertia no body has drawn again: all numbers, by the member's own stream."""
+    if ensemble_of(scene).of(INERTIA) is None:
+        return found
+    rows = _to_draw_again(found)
+    for attempt in range(1, ATTEMPTS + 1):
+        if not len(rows):
+            break
+        cube = draws.redraw(ensemble_of(scene), found.first, len(found), attempt)[rows]
+        other = _sampled(scene, 0, cube)
+        for mine, theirs in ((found.applied, other.applied), (found.drawn, other.drawn)):
+            for key, values in mine.items():
+                values[rows] = theirs[key]
+        found.redrawn[rows] += 1
+        rows = rows[_to_draw_again(other)]
+    return found
+
+
+def _to_draw_again(samples: Samples) -> NDArray[np.int64]:
+    """Return the rows whose inertia is impossible, but for those that no positive mass has: they are refused."""
+    rows = impossible_rows(samples.applied[INERTIA])
+    mass = samples.applied.get("body.mass")
+    return rows if mass is None else rows[mass[rows] > 0.0]
+
+
+# Scenes of members
+
+
+def member(scene: Scene, samples: Samples, row: int) -> Scene:
+    """Return the scene of one member, as a user would have written it. Raises SceneError where it is refused."""
+    changes: dict[str, Any] = {"ensemble": None}
+    for key, values in samples.applied.items():
+        value = values[row].tolist()
+        if key == ATTITUDE:
+            changes[key] = {"quaternion": value}
+        elif not key.startswith(f"{SHAPE}."):
+            changes[key] = value
+    try:
+        _check_shape(scene, samples, row)
+        return scene.replace(changes)
+    except SceneError as error:
+        raise SceneError(error.faults, f"{scene.name}, member {samples.first + row}") from None
+
+
+def refusals(scene: Scene, samples: Samples) -> dict[int, str]:
+    """Return the rows of members that are no scenes, with what is wrong with each: the scene's own checks."""
+    messages = {}
+    for row in np.unique(np.concatenate(list(_doubtful(scene, samples)))).tolist():
+        try:
+            member(scene, samples, row)
+        except SceneError as error:
+            messages[row] = str(error)
+    return messages
+
+
+def _check_shape(scene: Scene, samples: Samples, row: int) -> None:
+    """Raise SceneError for a shape that a scene refuses; its inertia may not tell."""
+    shape = scene.ensemble.of(SHAPE) if scene.ensemble else None
+    if shape is not None:
+        sizes = {key.removeprefix(f"{SHAPE}."): value[row].tolist() for key, value in samples.applied.items()
+                 if key.startswith(f"{SHAPE}.")}  # fmt: skip
+        SHAPES[shape.form].read({"kind": shape.form, **sizes})
+
+
+def _doubtful(scene: Scene, samples: Samples) -> list[NDArray[np.int64]]:
+    """Return rows that a scene's checks may refuse; they are few, but for slender beams."""
+    found = [np.empty(0, dtype=np.int64)]
+    for key, values in samples.applied.items():
+        rows = values.reshape(len(samples), -1)
+        good = np.isfinite(rows).all(axis=1)
+        rule = _rule(scene, key)
+        if rule is not None and not rule.holds(float(rows.min())):
+            good &= np.array([rule.holds(least) for least in rows.min(axis=1).tolist()])
+        found.append(np.flatnonzero(~good))
+    M = samples.applied.get(INERTIA)
+    if M is not None:
+        found += [impossible_rows(M), thin_rows(M)]
+    elif scene.body is not None and len(thin_rows(np.array([scene.body.inertia]))):
+        found.append(np.arange(len(samples)))
+    return found
+
+
+def _rule(scene: Scene, key: str) -> Numbers | None:
+    """Return the rule of a key whose numbers have a lower bound, if any."""
+    rule = RULES.get(key)
+    if key.startswith(f"{SHAPE}.") and scene.ensemble is not None:
+        shape = scene.ensemble.of(SHAPE)
+        rule = SHAPES[shape.form]._rule(key.removeprefix(f"{SHAPE}.")) if shape else None  # type: ignore[assignment]
+    return rule if rule is not None and rule.bound else None
+
+
+Drawn = Mapping[str, Array]
+FEW = 2_000
+"""The runs up to which array functions are not worth their compilation."""
+
+
+def applied_values(scene: Scene, drawn: Drawn, count: int) -> dict[str, Array]:
+    """Return what is applied to `count` members, by the keys of the scene: SI numbers (count, ...)."""
+    return dict(_Appliance(scene, drawn, count).values())
+
+
+class _Appliance:
+    """What is known of some members: the scene, and the numbers drawn (count,)."""
+
+    def __init__(self, scene: Scene, drawn: Drawn, count: int) -> None:
+        assert scene.ensemble is not None
+        self.scene, self.ensemble, self.drawn, self.count = scene, scene.ensemble, drawn, count
+
+    def values(self) -> Iterator[tuple[str, Array]]:
+        """Yield the keys with what is applied."""
+        for variation in self.ensemble.vary:
+            if variation.key == ATTITUDE:
+                yield ATTITUDE, self._attitude(variation)
+            elif variation.key == SHAPE:
+                yield from self._sizes(variation)
+            elif variation.key != INERTIA:
+                yield variation.key.removesuffix("_deg"), self._numbers(variation)
+        if self.ensemble.of(INERTIA) or self.ensemble.of(SHAPE):
+            yield INERTIA, self._inertia()
+
+    def call(self, kernel: Any, *columns: Array, sequence: str = "") -> Array:
+        """Return a kernel's values for each member: by array functions where there are many, with the same bits."""
+        names = (sequence,) if sequence else ()
+        if self.ensemble.runs > FEW:
+            return np.asarray(getattr(arrays, kernel.__name__)(*names, *columns))
+        of_one = partial(tiered(kernel, self.count), *map(euler_angles.sequence, names))
+        rows = zip(*(map(_tuples, column.tolist()) for column in columns), strict=True)
+        return np.array([of_one(*row) for row in rows])
+
+    # Numbers that stand for themselves
+
+    def column(self, marginal: Marginal) -> Array:
+        """Return the values of one number, which may be the same for all."""
+        found = self.drawn.get(marginal.name)
+        return np.full(self.count, marginal.constant) if found is None else found
+
+    def _columns(self, variation: Variation, prefix: str = "") -> Array:
+        return np.column_stack([self.column(m) for m in variation.marginals if m.name.startswith(prefix)])
+
+    def _numbers(self, variation: Variation) -> Array:
+        rows = self._columns(variation)
+        if variation.form == RELATIVE:
+            rows *= np.array(nominal_value(variation.key.removesuffix("_deg"), vars(self.scene)))
+        elif variation.key == DEGREES:
+            rows *= np.pi / 180.0
+        return rows if _is_vector(variation) else rows[:, 0]
+
+    def _sizes(self, variation: Variation) -> Iterator[tuple[str, Array]]:
+        for name in _sizes_of(variation):
+            rows = self._columns(variation, f"{SHAPE}.{name}")
+            yield f"{SHAPE}.{name}", rows if rows.shape[1] > 1 else rows[:, 0]
+
+    # Attitudes
+
+    def _attitude(self, variation: Variation) -> Array:
+        rows, form = self._columns(variation), variation.form
+        if form.endswith("_deg"):
+            rows = rows * (np.pi / 180.0)
+        if form == UNIFORM_ROTATIONS:
+            q = self._any_rotation(rows)
+        elif form.startswith("angles"):
+            q = self.call(euler_angles.quaternion_from_euler, rows, sequence=variation.table["euler"])
+        else:
+            q = self.call(rotation_vector.quaternion_from_rotvec, rows)
+        if form.startswith("about"):
+            q = self.call(quaternion.compose_quaternions, self._all(self.scene.initial.quaternion), q)
+        return self.call(quaternion.normalize, q)
+
+    def _any_rotation(self, u: Array) -> Array:
+        """Return quaternions that are uniform on all rotations, from three numbers in [0, 1] each.
+
+        Source: Shoemake, Uniform random rotations, Graphics Gems III (1992).
+        """
+        first, second = (self._unit_circle(2.0 * np.pi * u[:, k]) for k in (1, 2))
+        return np.column_stack([np.sqrt(1.0 - u[:, :1]) * first, np.sqrt(u[:, :1]) * second])
+
+    def _unit_circle(self, angle: Array) -> Array:
+        """Return (cos, sin), by the kernels' own functions."""
+        zero = np.zeros(self.count)
+        return self.call(rotation_vector.quaternion_from_rotvec, np.column_stack([zero, zero, 2.0 * angle]))[:, [0, 3]]
+
+    # Inertia
+
+    def _inertia(self) -> Array:
+        """Return M_c, symmetric to the bit."""
+        variation = self.ensemble.of(INERTIA)
+        if variation is None:
+            return self._inertia_of_shape()
+        own = self._columns(variation, f"{INERTIA}[") if variation.form else None
+        if own is not None and own.shape[1] == 6:
+            return symmetric(own)
+        M = self._along_axes(own, variation)
+        if any(m.name.startswith(f"{INERTIA}.{AXES}") for m in variation.marginals):
+            u = self._columns(variation, f"{INERTIA}.{AXES}") * (np.pi / 180.0)
+            M = self.call(inertia.rotate_inertia, self.call(rotation_vector.matrix_from_rotvec, u), M)
+        return 0.5 * (M + M.transpose(0, 2, 1))
+
+    def _along_axes(self, own: Array | None, variation: Variation) -> Array:
+        """Return M_c with the scene's own axes, its principal moments varied; own: moments, or factors of them."""
+        if self.ensemble.of(SHAPE):
+            M = self._inertia_of_shape()
+            return M if own is None else M * (own[:, None, :] * np.eye(3))
+        assert self.scene.body is not None
+        if own is None:
+            return self._all(self.scene.body.inertia)
+        moments, R_bp = axes_of(self.scene.body)
+        M = (own * moments if variation.form == RELATIVE else own)[:, None, :] * np.eye(3)
+        return M if R_bp is None else self.call(inertia.rotate_inertia, self._all(R_bp), M)
+
+    def _inertia_of_shape(self) -> Array:
+        variation = self.ensemble.of(SHAPE)
+        assert variation is not None
+        assert self.scene.body is not None
+        mass = self.ensemble.of("body.mass")
+        masses = self._numbers(mass) if mass else np.full(self.count, self.scene.body.mass)
+        # A member with a negative number is refused for that, and not drawn again for its inertia.
+        sizes = (np.abs(value) for _, value in self._sizes(variation))
+        return self.call(getattr(shape_inertia, f"{variation.form}_inertia"), np.abs(masses), *sizes)
+
+    def _all(self, value: Any) -> Array:
+        return np.broadcast_to(np.array(value), (self.count, *np.shape(value)))
+
+
+def axes_of(body: Body) -> tuple[Array, Any]:
+    """Return the principal moments of M_c and R_bp; in the order of the body's axes, and None, where these serve."""
+    M = np.array(body.inertia)
+    if not np.any(M - np.diag(np.diag(M))):
+        return np.diag(M), None
+    moments, R_bp = evaluated(inertia.principal_axes, body.inertia)
+    return np.array(moments), R_bp
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(map(_tuples, value)) if isinstance(value, list) else value
+
+
+def _is_vector(variation: Variation) -> bool:
+    return variation.marginals[0].name.endswith("]")
+
+
+def _sizes_of(variation: Variation) -> list[str]:
+    return [key for key in SHAPES[variation.form]._keys() if key != "kind"]
+
+
+Rows = NDArray[np.int64]
+NEAR = 1e3 * INERTIA_TOLERANCE
+"""The part of the trace within which a border is left to the kernels' own judgement."""
+
+
+def impossible_rows(M: Array) -> Rows:
+    """Return the rows of symmetric matrices (n, 3, 3) that no body has, as the kernels' check judges."""
+    found = [row for row in _near_a_border(M) if _is_refused(M[row].tolist())]
+    return np.array(found, dtype=np.int64)
+
+
+def thin_rows(M: Array) -> Rows:
+    """Return the rows with a moment that may count as zero, or with a number that is not finite."""
+    rows: Rows = _near_a_border(M)
+    finite = np.all(np.isfinite(M[rows]), axis=(1, 2))
+    moments = np.linalg.eigvalsh(np.where(finite[:, None, None], M[rows], np.eye(3)))
+    found: Rows = rows[~finite | (moments[:, 0] <= NEAR * np.abs(moments).sum(axis=1))]
+    return found
+
+
+def _is_refused(rows: list[list[float]]) -> bool:
+    a, b, c = ((x, y, z) for x, y, z in rows)
+    return bool(evaluated(check_inertia, (a, b, c)))
+
+
+def _near_a_border(M: Array) -> Rows:
+    """Return the rows that are not plainly possible: E = t/2 - M is positive definite where M is, t the trace.
+
+    E's eigenvalues are half of what two moments have over the third. Each is at least det E / t^2, so a moment and a
+    triangle far from their borders are found without any eigenvalue.
+    """
+    with np.errstate(all="ignore"):
+        t = np.trace(M, axis1=1, axis2=2)
+        x, y, z = (0.5 * t - M[:, k, k] for k in range(3))
+        xy, xz, yz = M[:, 0, 1], M[:, 0, 2], M[:, 1, 2]
+        minor = x * y - xy * xy
+        determinant = x * (y * z - yz * yz) - xy * (xy * z + yz * xz) - xz * (xy * yz + y * xz)
+        plain = (x > 0.0) & (minor > 0.0) & (determinant > NEAR * t * t * t) & np.isfinite(determinant)
+    return np.flatnonzero(~plain)

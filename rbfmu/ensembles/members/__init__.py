@@ -1,1 +1,0 @@
-"""The members of an ensemble: what is drawn for each, and what is applied."""

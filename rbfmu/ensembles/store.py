@@ -1,0 +1,356 @@
+"""Where an ensemble's numbers are kept: in memory, or in one .npz. For zarr see `zarr_store`.
+
+A checkpoint, one file that is replaced whole, says how far an ensemble is; a lock lets one program at a time write.
+A store holds whole chunks from the first on. What stands beyond its checkpoint is written again, the same.
+"""
+
+import copy
+import errno
+import json
+import os
+import platform
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rbfmu.ensembles.chunks import Chunk, Work, origin
+from rbfmu.ensembles.statistics import Statistics, exact_quantiles
+from rbfmu.ensembles.variables import ALL, FINAL, PROBABILITIES, PROBABILITY, RANK_ERROR, REDRAWN, STATISTICS, TIMES
+from rbfmu.runs.time_grid import communication_steps, time_grid
+
+Array = NDArray[np.float64]
+EXTENDABLE = ("random", "sobol")
+"""Designs of which more members may be asked for later."""
+_HEAD, _KEPT = "resume/head", "resume/statistics/"
+
+
+@dataclass
+class Progress:
+    """What the chunks 0, 1, ... that were added have given."""
+
+    chunks: int
+    statistics: Statistics | None
+    failed: dict[int, str] = field(default_factory=dict)
+
+    @classmethod
+    def none(cls, work: Work) -> "Progress":
+        """Return the progress at the start."""
+        if not work.keeps(STATISTICS):
+            return cls(0, None)
+        points = communication_steps(work.scene) + 1
+        return cls(0, Statistics.none(points, work.columns.width, len(work.columns.pairs)))
+
+    def add(self, chunk: Chunk, work: Work) -> None:
+        """Add the next chunk."""
+        self.chunks += 1
+        self.failed |= chunk.failed
+        if self.statistics is not None and chunk.summary is not None:
+            self.statistics.add(chunk.summary, work.columns.pairs)
+
+    def copied(self) -> "Progress":
+        """Return a copy that does not change with this one."""
+        return copy.deepcopy(self)
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """What a file holds: whose ensemble it is of, its progress in whole chunks, and arrays by variable.
+
+    rows: arrays with a row a run, as far as they are not kept elsewhere; results: others, once all runs are done; runs:
+    how many are done then, 0 before.
+    """
+
+    identity: Mapping[str, Any]
+    progress: Progress
+    rows: Mapping[str, Any] = field(default_factory=dict)
+    results: Mapping[str, Any] = field(default_factory=dict)
+    runs: int = 0
+
+    def write(self, path: Path) -> None:
+        """Write to a file beside, and put that in place of the file: either all of it is there, or the old one."""
+        statistics = self.progress.statistics
+        kept: dict[str, Any] = {
+            f"{_KEPT}{name}": a for name, a in (statistics.to_arrays() if statistics else {}).items()
+        }
+        kept |= {_HEAD: np.array(self._head()), **self.rows, **self.results}
+        part = path.with_name(f"{path.name}.partial")
+        try:
+            with part.open("wb") as file:
+                np.savez(file, **kept)
+                file.flush()
+                os.fsync(file.fileno())
+            part.replace(path)
+        finally:
+            with suppress(OSError):
+                part.unlink(missing_ok=True)
+
+    def _head(self) -> str:
+        head = {"identity": self.identity, "chunks": self.progress.chunks, "runs": self.runs, "rows": [*self.rows]}
+        return json.dumps(head | {"failed": list(self.progress.failed.items())})
+
+    @classmethod
+    def read(cls, path: Path) -> "Checkpoint":
+        """Read a file. Raises ValueError where it is no checkpoint of an ensemble."""
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                arrays = {name: file[name] for name in file.files}
+            head = json.loads(str(arrays.pop(_HEAD)))
+            kept = {name.removeprefix(_KEPT): arrays.pop(name) for name in [*arrays] if name.startswith(_KEPT)}
+            statistics = Statistics.from_arrays(kept) if kept else None
+            progress = Progress(head["chunks"], statistics, dict(head["failed"]))
+            rows = {name: arrays.pop(name) for name in head["rows"]}
+            return cls(head["identity"], progress, rows, arrays, head["runs"])
+        except FileNotFoundError:
+            raise
+        except Exception as error:
+            raise ValueError(f"{path}: cannot be read ({error}): expected what `rbfmu ensemble` writes") from None
+
+
+def identity_of(work: Work) -> dict[str, Any]:
+    """Return what tells an ensemble's bits from those of others, for JSON."""
+    plan = {k: v for k, v in work.plan.to_dict().items() if k != "reasons"}
+    found = {"scene": work.scene.to_dict(), "plan": plan, "members of a chunk": work.size, "origin": origin()}
+    return json.loads(json.dumps(found))  # type: ignore[no-any-return]
+
+
+def difference(there: Mapping[str, Any], asked: Mapping[str, Any]) -> str:
+    """Return what differs first between the ensemble of a store and one that is asked for; empty where nothing does.
+
+    More runs are no difference where members do not depend on how many there are, nor is what is said about a scene.
+    """
+    path, old, new = _first_difference(_without(there, "about"), _without(asked, "about"), ())
+    if not path:
+        return ""
+    runs = path == ("scene", "ensemble", "runs")
+    if runs and asked["scene"]["ensemble"]["design"] in EXTENDABLE and new > old:
+        return difference(_without(there, "ensemble", "runs"), _without(asked, "ensemble", "runs"))
+    name = ".".join(path[1:] if path[0] == "scene" else path)
+    return f"{name} = {_short(new)}: expected {_short(old)}, with which the store was begun"
+
+
+def _without(identity: Mapping[str, Any], *path: str) -> dict[str, Any]:
+    """Return the identity without a key of its scene."""
+    found: dict[str, Any] = copy.deepcopy(dict(identity))
+    table = found["scene"]
+    for name in path[:-1]:
+        table = table[name]
+    table.pop(path[-1], None)
+    return found
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _first_difference(old: Any, new: Any, path: tuple[str, ...]) -> tuple[tuple[str, ...], Any, Any]:
+    if isinstance(old, Mapping) and isinstance(new, Mapping):
+        for key in dict.fromkeys([*old, *new]):
+            if (found := _first_difference(old.get(key), new.get(key), (*path, str(key))))[0]:
+                return found
+        return (), None, None
+    return (path, old, new) if old != new else ((), None, None)
+
+
+try:
+    import fcntl
+except ImportError:  # Windows: a store is not locked there
+    fcntl = None  # type: ignore[assignment]
+
+_HERE: dict[str, object] = {}
+"""The stores that this process writes to: the lock of a file is that of a process, not of a thread."""
+
+
+@contextmanager
+def store_lock(store: Path) -> Iterator[None]:
+    """Hold a store, by a lock on a file beside it; raise BlockingIOError that names who holds it.
+
+    The lock ends with its process, however that ends, and is not that of processes forked from it. Where files cannot
+    be locked nothing is held.
+    """
+    key, mine, beside = str(store.resolve()), object(), store.with_name(f"{store.name}.lock")
+    if _HERE.setdefault(key, mine) is not mine:
+        raise _refusal(store, _me())
+    try:
+        handle = _locked(store, beside) if fcntl else None
+        try:
+            yield
+        finally:
+            if handle is not None:
+                with suppress(OSError):
+                    beside.unlink()
+                os.close(handle)
+    finally:
+        del _HERE[key]
+
+
+def _locked(store: Path, beside: Path) -> int | None:
+    """Return the descriptor of the locked file, which says who we are; None where files cannot be locked."""
+    while True:
+        try:
+            handle = os.open(beside, os.O_RDWR | os.O_CREAT, 0o666)
+        except OSError:
+            return None
+        try:
+            fcntl.lockf(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if os.path.samestat(os.fstat(handle), os.stat(beside)):
+                os.ftruncate(handle, 0)
+                os.write(handle, _me().encode())
+                return handle
+        except FileNotFoundError:  # who held it has just removed it
+            pass
+        except OSError as error:
+            holder = os.read(handle, 200).decode(errors="replace")
+            os.close(handle)
+            if error.errno in (errno.EACCES, errno.EAGAIN):
+                raise _refusal(store, holder or "another process") from None
+            return None
+        os.close(handle)
+
+
+def _me() -> str:
+    return f"process {os.getpid()} on {platform.node()}"
+
+
+def _refusal(store: Path, holder: str) -> OSError:
+    return BlockingIOError(errno.EAGAIN, f"is being written by {holder}: expected one program at a time", str(store))
+
+
+AT_ONCE = 2e7
+"""Numbers of all runs that are sorted at once."""
+
+
+class Store(Protocol):
+    """A place for the numbers of an ensemble."""
+
+    def begin(self, resume: bool) -> Checkpoint | None:
+        """Make the store ready, and return what it holds already. Raises FileExistsError, ValueError."""
+
+    def put(self, chunk: Chunk) -> None:
+        """Take the next chunk."""
+
+    def commit(self, progress: Progress) -> None:
+        """Keep the chunks that were taken, all of them full, even if the program is killed after that."""
+
+    def finish(self, whole: Progress, progress: Progress) -> None:
+        """Keep everything. whole: the progress in full chunks, from which more runs may go on."""
+
+    def arrays(self) -> Mapping[str, Any]:
+        """Return all variables by name."""
+
+
+class MemoryStore:
+    """Arrays in memory; with a path also a file, which is written anew at each commit."""
+
+    def __init__(self, work: Work, path: Path | None = None) -> None:
+        self._work, self._path = work, path
+        self._identity = identity_of(work)
+        self._rows: dict[str, Any] = {}
+        self._results: Mapping[str, Any] = {}
+
+    def begin(self, resume: bool) -> Checkpoint | None:
+        """Make the store ready, and return what it holds already. Raises FileExistsError, ValueError."""
+        if self._path is None:
+            return None
+        known = checkpoint_of(self._path, self._path, self._identity, resume)
+        if known is None:
+            Checkpoint(self._identity, Progress.none(self._work)).write(self._path)
+            return None
+        for name, values in known.rows.items():
+            self._put(name, 0, values)
+        self._results = known.results
+        return known
+
+    def put(self, chunk: Chunk) -> None:
+        """Take the next chunk."""
+        for name, values in arrays_of_chunk(self._work, chunk).items():
+            self._put(name, chunk.first, values)
+
+    def _put(self, name: str, first: int, values: Any) -> None:
+        if name not in self._rows:
+            self._rows[name] = np.empty((self._work.runs, *values.shape[1:]), values.dtype)
+        self._rows[name][first : first + len(values)] = values
+
+    def commit(self, progress: Progress) -> None:
+        """Keep the chunks that were taken, all of them full, even if the program is killed after that."""
+        if self._path is not None:
+            members = progress.chunks * self._work.size
+            rows = {name: values[:members] for name, values in self._rows.items()}
+            Checkpoint(self._identity, progress, rows).write(self._path)
+
+    def finish(self, whole: Progress, progress: Progress) -> None:
+        """Keep everything. whole: the progress in full chunks, from which more runs may go on."""
+        self._results = results_of(self._work, progress.statistics, self._rows)
+        if self._path is not None:
+            progress = Progress(whole.chunks, whole.statistics, progress.failed)
+            Checkpoint(self._identity, progress, self._rows, self._results, self._work.runs).write(self._path)
+
+    def arrays(self) -> Mapping[str, Any]:
+        """Return all variables by name."""
+        return {**self._rows, **self._results}
+
+
+def checkpoint_of(store: Path, file: Path, identity: Mapping[str, Any], resume: bool) -> Checkpoint | None:
+    """Return the checkpoint of a store, None where there is none yet. Raises FileExistsError, ValueError."""
+    refuse_existing(store, resume)
+    if not file.exists():
+        return None
+    known = Checkpoint.read(file)
+    if found := difference(known.identity, identity):
+        raise ValueError(f"{store}: of another ensemble: {found}")
+    return known
+
+
+def refuse_existing(store: Path, resume: bool) -> None:
+    """Raise FileExistsError for a store that is there and is not to be resumed."""
+    if not resume and store.exists():
+        raise FileExistsError(errno.EEXIST, "exists already, and stays as it is; --resume goes on with it", str(store))
+
+
+def arrays_of_chunk(work: Work, chunk: Chunk) -> dict[str, Any]:
+    """Return a chunk's part of all variables that have a row a run."""
+    arrays: dict[str, Any] = {**chunk.samples, REDRAWN: chunk.redrawn}
+    if work.keeps(FINAL):
+        arrays |= {f"{name}_final": values for name, values in work.columns.split(chunk.rows[:, -1]).items()}
+    if work.keeps(ALL):
+        arrays |= work.columns.split(chunk.rows)
+    return arrays
+
+
+def results_of(work: Work, statistics: Statistics | None, rows: Mapping[str, Any]) -> dict[str, Array]:
+    """Return the variables without a row a run: times, and statistics over time. rows: those with one."""
+    run, probabilities = work.scene.run, np.array(PROBABILITIES)
+    found = {TIMES: time_grid(run.start, run.stop, run.step), PROBABILITY: probabilities}
+    if statistics is None:
+        return found
+    found[RANK_ERROR] = np.array(0.0 if work.keeps(ALL) else statistics.rank_error)
+    split, covariance = work.columns.split, work.columns.matrices(statistics.covariance())
+    quantiles = {} if work.keeps(ALL) else split(statistics.quantiles(probabilities))
+    for name, mean in split(statistics.means()).items():
+        matrix = covariance[name]
+        variance = matrix if matrix.ndim == 1 else np.diagonal(matrix, axis1=1, axis2=2)
+        found |= {f"{name}_mean": mean, f"{name}_std": np.sqrt(variance), f"{name}_covariance": matrix}
+        found[f"{name}_quantiles"] = quantiles[name] if quantiles else _of_all(rows[name], probabilities)
+    return found
+
+
+def _of_all(values: Any, probabilities: Array) -> Array:
+    """Return the quantiles over all runs (runs, n, ...), some times after others: those are read at once."""
+    times = max(1, int(AT_ONCE // (values.size // values.shape[1] or 1)))
+    parts = [exact_quantiles(values[:, k : k + times], probabilities) for k in range(0, values.shape[1], times)]
+    return np.concatenate(parts, axis=1)
+
+
+def attributes_of(work: Work, failed: Mapping[int, str]) -> dict[str, Any]:
+    """Return what is said of the whole ensemble, for JSON."""
+    return {
+        "title": work.scene.name,
+        "scene": work.scene.to_dict(),
+        "model": f"{work.plan.model}: {work.plan.method}",
+        "failed": {str(index): text for index, text in failed.items()},
+    }
