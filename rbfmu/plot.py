@@ -3,17 +3,24 @@
 import io
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from rbfmu.exceptions import named
-from rbfmu.results.result import Result
 from rbfmu_kernels.quantities import OUTPUT
 
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
 """Okabe and Ito's: told apart by everyone."""
+
+
+class Rows(Protocol):
+    """What is drawn: quantities at points in time, such as a `Result` has."""
+
+    time: NDArray[np.float64]
+    quantities: dict[str, NDArray[np.float64]]
 
 
 class Picture(Figure):
@@ -25,7 +32,7 @@ class Picture(Figure):
         return file.getvalue()
 
 
-def plot_result(result: Result, path: str | Path, title: str = "") -> Figure:
+def plot_result(result: Rows, path: str | Path, title: str = "") -> Figure:
     """Draw one panel for each quantity over time; the file's ending (.png, .svg, .pdf) sets the format."""
     figure = drawn(result, title)
     with named(path):
@@ -33,7 +40,7 @@ def plot_result(result: Result, path: str | Path, title: str = "") -> Figure:
     return figure
 
 
-def drawn(result: Result, title: str = "") -> Figure:
+def drawn(result: Rows, title: str = "") -> Figure:
     """Return a figure with one panel for each quantity over time."""
     figure = Picture(figsize=(8.0, 1.2 + 1.9 * len(result.quantities)), layout="constrained")
     panels = figure.subplots(len(result.quantities), 1, sharex=True, squeeze=False)[:, 0]

@@ -21,6 +21,7 @@ from rbfmu.ensembles.variables import (
     variables_by_name,
 )
 from rbfmu.extras import needed
+from rbfmu.notebook import numbers_text, table
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.quantities import OUTPUT, indices
 
@@ -123,9 +124,9 @@ class EnsembleResult:
         return f"EnsembleResult({self.scene.name!r}: {self.runs} runs{failed}, {shown})"
 
     def _repr_html_(self) -> str:
-        from rbfmu.notebook import ensemble_html
-
-        return ensemble_html(self)
+        caption = f"{self.scene.name}: {self.runs:,} runs, {len(self.failed):,} failed; at t = {self.time[-1]:g} s"
+        rows = ((name, OUTPUT[name].unit, *map(numbers_text, self.at_end(name))) for name in self.ended)
+        return table(caption, ("quantity", "unit", "mean", "standard deviation"), rows)
 
     @property
     def runs(self) -> int:

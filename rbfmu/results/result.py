@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu.exceptions import named
+from rbfmu.notebook import numbers_text, table
 from rbfmu_kernels.quantities import OUTPUT, TIME
 
 Array = NDArray[np.float64]
@@ -52,9 +53,12 @@ class Result:
         return f"Result({len(self.time)} points, {', '.join(self.quantities)})"
 
     def _repr_html_(self) -> str:
-        from rbfmu.notebook import result_html
-
-        return result_html(self)
+        header = ("quantity", "unit", *(f"t = {self.time[k]:g} s" for k in (0, -1)), "smallest", "largest")
+        rows = (
+            (name, OUTPUT[name].unit, *map(numbers_text, (v[0], v[-1], v.min(axis=0), v.max(axis=0))))
+            for name, v in self.quantities.items()
+        )
+        return table(f"{len(self.time)} points in time", header, rows)
 
     def plot(self, path: str | Path | None = None, title: str = "") -> Any:
         """Draw one panel for each quantity over time, and return the matplotlib.figure.Figure, which notebooks show.

@@ -7,6 +7,7 @@ from typing import Any
 from rbfmu.models.model_buffer import Buffer, Model, aligned_zeros, put_scene, refusal
 from rbfmu.models.registry import MODELS
 from rbfmu.models.spec import ModelSpec
+from rbfmu.notebook import table
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.compile.tiered import tiered
 
@@ -38,9 +39,8 @@ class Plan:
         return f"Plan({self.model}: {self.method}; {self.states} states, error {self.error:.1e})"
 
     def _repr_html_(self) -> str:
-        from rbfmu.notebook import plan_html
-
-        return plan_html(self)
+        said = {"method": self.method, "states": self.states, "error expected": f"{self.error:.1e}"}
+        return table(self.model, ("", ""), [*said.items(), *(("because", reason) for reason in self.reasons)])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the plan for JSON, where an infinite substep is None."""

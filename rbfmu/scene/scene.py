@@ -8,6 +8,7 @@ from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import Field
 
+from rbfmu.notebook import table
 from rbfmu.scene.attitude import read_attitude
 from rbfmu.scene.body import ZERO, Body
 from rbfmu.scene.consistency import default_quantities, faults_between
@@ -231,9 +232,7 @@ class Scene(Section):
                 yield f"{key}.{name}", shown(value), unit, field.description or ""
 
     def _repr_html_(self) -> str:
-        from rbfmu.notebook import scene_html
-
-        return scene_html(self)
+        return table(self.name, ("key", "value", "unit", "meaning"), self.rows())
 
     def replace(self, changes: Mapping[str, Any] = MappingProxyType({}), /, **tables: Any) -> Self:
         """Return a checked scene with other values: `replace({"run.stop": 5.0})` or `replace(run={"stop": 5.0})`.

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import rbfmu
+from rbfmu import arrays
 from rbfmu.runs.motion import relative_error
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import Scene
@@ -96,7 +96,7 @@ class Case:
         """Return the state of a row (q, omega, perhaps the position of o); without it the centre of mass stays."""
         q, omega, body = row[:4], row[4:7], self.scene.body
         assert body is not None
-        r = row[7:] + rbfmu.rotate(q, np.array(body.r_oc_b)) if len(row) > 7 else self.start.r_c
+        r = row[7:] + arrays.rotate(q, np.array(body.r_oc_b)) if len(row) > 7 else self.start.r_c
         return state_of(r, self.start.v_c, q, omega)
 
     def asking(self, accuracy: float) -> Scene:
@@ -181,10 +181,10 @@ class Case:
 
     def _kept(self, r: Array, q: Array, omega: Array) -> dict[str, Array]:
         """Return the energy (with that of the weight about a pivot) and the angular momentum of (n, ...) states."""
-        h_a = rbfmu.rotate(q, rbfmu.angular_momentum(np.array(self.body.inertia), omega))
-        energy = 0.5 * np.sum(omega * rbfmu.angular_momentum(np.array(self.body.inertia), omega), axis=-1)
+        h_a = arrays.rotate(q, arrays.angular_momentum(np.array(self.body.inertia), omega))
+        energy = 0.5 * np.sum(omega * arrays.angular_momentum(np.array(self.body.inertia), omega), axis=-1)
         if self.body.is_free == 0.0:
-            energy = energy - rbfmu.rotate(q, np.array(self.body.arm_b)) @ np.array(self.loads.force_a)
+            energy = energy - arrays.rotate(q, np.array(self.body.arm_b)) @ np.array(self.loads.force_a)
         return {"energy": energy, "momentum": h_a, "vertical momentum": h_a[:, 2]}
 
 

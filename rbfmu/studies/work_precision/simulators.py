@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-import rbfmu
+from rbfmu import arrays
 from rbfmu.studies.work_precision.cases import Case, state_of
 from rbfmu.studies.work_precision.methods import NotFeasibleError, Run, module, step_counts, timed, tolerances
 from rbfmu_kernels.mechanics.equations_of_motion import State
@@ -89,8 +89,8 @@ class MuJoCo:
             q, omega = np.array(data.qpos[-4:]), np.array(data.qvel[-3:])
             if ball:
                 return state_of(case.start.r_c, case.start.v_c, q, omega)
-            r = data.qpos[:3] + rbfmu.rotate(q, np.array(body.r_oc_b))
-            v = data.qvel[:3] + rbfmu.rotate(q, np.cross(omega, body.r_oc_b))
+            r = data.qpos[:3] + arrays.rotate(q, np.array(body.r_oc_b))
+            v = data.qvel[:3] + arrays.rotate(q, np.cross(omega, body.r_oc_b))
             return state_of(r, v, q, omega)
 
         def states() -> list[State]:
@@ -231,15 +231,15 @@ class Drake:
             integrator = analysis.ResetIntegratorFromFlags(made, self.scheme, case.interval)
             integrator.set_target_accuracy(value)
             context = made.get_mutable_context()
-            omega_a = rbfmu.rotate(np.array(initial.quaternion), np.array(initial.omega_b))
+            omega_a = arrays.rotate(np.array(initial.quaternion), np.array(initial.omega_b))
             if ball is None:
                 plant.SetPositions(context, (*initial.quaternion, *initial.position))
                 plant.SetVelocities(context, (*omega_a, *initial.velocity))
             else:
-                yaw, pitch, roll = rbfmu.euler_from_quaternion("ZYX", np.array(initial.quaternion))
+                yaw, pitch, roll = arrays.euler_from_quaternion("ZYX", np.array(initial.quaternion))
                 ball.set_angles(context, (roll, pitch, yaw))
                 ball.set_angular_velocity(
-                    context, rbfmu.rotate(np.array(initial.quaternion), np.array(initial.omega_b))
+                    context, arrays.rotate(np.array(initial.quaternion), np.array(initial.omega_b))
                 )
             made.Initialize()
             return made
@@ -254,7 +254,7 @@ class Drake:
                 context = made.get_context()
                 R = plant.EvalBodyPoseInWorld(context, body).rotation()
                 omega = R.matrix().T @ plant.EvalBodySpatialVelocityInWorld(context, body).rotational()
-                found.append(state_of(case.start.r_c, case.start.v_c, rbfmu.quaternion_from_matrix(R.matrix()), omega))
+                found.append(state_of(case.start.r_c, case.start.v_c, arrays.quaternion_from_matrix(R.matrix()), omega))
             evaluations.append(made.get_integrator().get_num_derivative_evaluations())
             return found
 
