@@ -34,7 +34,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "own_chart": (*KERNELS, "rbfmu/studies/own_chart/*.py", f"{_STUDY}/*.py", "rbfmu/planning/*.py",
                   "examples/scenes/top_falling.toml"),
     "ensembles": (f"{_BENCH}/ensembles.py:scene_of,cost_here,costs,draw", "rbfmu/ensembles/*.py", "rbfmu/plot.py"),
-    "tumbling_brick": ("fmu_build/rbfmu_fmu/demo.py:draw", "fmu_build/rbfmu_fmu/nasa_brick.py", "rbfmu/plot.py"),
+    "tumbling_brick": ("fmu_build/rbfmu_fmu/demo.py:draw", "fmu_build/rbfmu_fmu/nasa_brick.*", "rbfmu/plot.py"),
     "detumbling": ("rbfmu/ensembles/pictures.py", "rbfmu/ensembles/result.py:drivers_of,differ,_applied,_ended",
                    "examples/detumbling.toml"),
     "view": ("rbfmu/viewer/*.*", "tests/support/browser.py:photographed"),

@@ -13,8 +13,7 @@ from pathlib import Path
 from xml.etree.ElementTree import Element, indent, tostring
 
 import rbfmu_kernels
-from rbfmu.runs.plan import Plan
-from rbfmu.scene.scene import Scene
+from rbfmu import Plan, Scene
 
 
 def kernel_sources() -> dict[str, bytes]:

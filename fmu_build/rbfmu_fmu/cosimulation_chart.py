@@ -1,24 +1,24 @@
 """How a master passes inputs sets a control loop's accuracy: an attitude loop closed through the FMU's torque port."""
 
-import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import fmpy
 import numpy as np
-from fmpy.fmi2 import FMU2Slave
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import rbfmu
 from rbfmu.plot import COLORS, open_frame
-from rbfmu.scene.scene import Scene
 from rbfmu.studies.work_precision.collection import Progress, machine, write_rows
-from rbfmu_fmu import build
+from rbfmu_fmu.builder import build_python_fmu
+from rbfmu_fmu.description import describe
+from rbfmu_fmu.verification import Unit, unit_in
 from rbfmu_kernels.integrators.dop853_tableau import STAGES, A
 
 Array = NDArray[np.float64]
@@ -46,67 +46,57 @@ def controller(state: Array) -> Array:
 
 
 class Loop:
-    """The FMU, its state in and out; counts its steps."""
+    """The FMU, its state (q_ab, omega_b) in and out; counts its steps."""
 
-    def __init__(self, fmu: FMU2Slave, numbers: dict[str, int]) -> None:
-        self.fmu = fmu
-        self.outputs = [numbers[f"quaternion[{i}]"] for i in (1, 2, 3, 4)] + [
-            numbers[f"omega_b[{i}]"] for i in (1, 2, 3)
-        ]
-        self.inputs = [numbers[f"torque_b[{i}]"] for i in (1, 2, 3)]
-        self.calls = 0
+    def __init__(self, unit: Unit) -> None:
+        self.unit, self.calls = unit, 0
 
     def state(self) -> Array:
         """Return (q_ab, omega_b)."""
-        return np.array(self.fmu.getReal(self.outputs))
+        return np.array(self.unit.outputs()[:-1])
 
     def step(self, t: float, H: float, n: int, torque: Callable[[float], Array]) -> None:
         """Take a communication step in n parts, each with the torque of its middle, as a function of [0, 1]."""
         for i in range(n):
-            self.fmu.setReal(self.inputs, torque((i + 0.5) / n).tolist())
-            self.fmu.doStep(currentCommunicationPoint=t + i * H / n, communicationStepSize=H / n)
+            self.unit.set_inputs(torque((i + 0.5) / n).tolist())
+            self.unit.step(t + i * H / n, H / n)
             self.calls += 1
 
 
-def _held(before: Array, now: Array) -> Callable[[float], Array]:
-    return lambda part: now
+class Way(NamedTuple):
+    """How a torque is passed: over a part of a step from the controller's answers to the last two states.
+
+    torque: of (answer before, answer now, part of the step); None: iterated.
+    """
+
+    label: str
+    torque: Callable[[Array, Array, float], Array] | None
 
 
-def _delayed(before: Array, now: Array) -> Callable[[float], Array]:
-    return lambda part: before
-
-
-def _extrapolated(before: Array, now: Array) -> Callable[[float], Array]:
-    return lambda part: now + part * (now - before)
+def _on_line(start: Array, change: Array, part: float) -> Array:
+    return start + part * change
 
 
 WAYS = {
-    "one step late": _delayed,
-    "held": _held,
-    "extrapolated": _extrapolated,
-    "rolled back": None,
-}
-"""By name: the torque over a step from the controller's answers to the last two states; None: iterated."""
-LABELS = {
-    "one step late": "one step late (Jacobi)",
-    "held": "held (zero order)",
-    "extrapolated": "extrapolated",
-    "rolled back": "rolled back, iterated",
+    "one step late": Way("one step late (Jacobi)", lambda before, now, part: before),
+    "held": Way("held (zero order)", lambda before, now, part: now),
+    "extrapolated": Way("extrapolated", lambda before, now, part: _on_line(now, now - before, part)),
+    "rolled back": Way("rolled back, iterated", None),
 }
 
 
 def run_loop(loop: Loop, way: str, steps: int, n: int) -> Array:
     """Return the final (q_ab, omega_b) of the loop in equal communication steps."""
     H, loop.calls = FINAL_TIME / steps, 0
-    before = now = controller(loop.state())
+    before, rule = controller(loop.state()), WAYS[way].torque
+    now = before
     for k in range(steps):
-        rule = WAYS[way]
         if rule is None:
             after = _iterated(loop, k * H, H, n, now)
             if np.isnan(after[0]):
                 return np.full(7, np.nan)
         else:
-            loop.step(k * H, H, n, rule(before, now))
+            loop.step(k * H, H, n, partial(rule, before, now))
             after = controller(loop.state())
         before, now = now, after
     return loop.state()
@@ -114,22 +104,22 @@ def run_loop(loop: Loop, way: str, steps: int, n: int) -> Array:
 
 def _iterated(loop: Loop, t: float, H: float, n: int, now: Array) -> Array:
     """Repeat the step until its torque, linear between both ends', agrees with the state it leads to."""
-    saved, after, change = loop.fmu.getFMUState(), now, np.inf
+    saved, after, change = loop.unit.save(), now, np.inf
     for _ in range(MAX_ROUNDS):
-        loop.fmu.setFMUState(saved)
+        loop.unit.restore(saved)
         guess = after
-        loop.step(t, H, n, lambda part, guess=guess: now + part * (guess - now))  # type: ignore[misc]
+        loop.step(t, H, n, partial(_on_line, now, guess - now))
         after = controller(loop.state())
         change = float(np.max(np.abs(after - guess)))
         if change <= SETTLED or not change < LARGEST_CHANGE:
             break
-    loop.fmu.freeFMUState(saved)
+    loop.unit.forget(saved)
     return after if change <= SETTLED else np.full(3, np.nan)
 
 
 def reference(steps: int = 400) -> Array:
     """Return the continuous loop's final state, by DOP853's tableau at a fixed step."""
-    scene = Scene.from_dict(SCENE)
+    scene = rbfmu.Scene.from_dict(SCENE)
     moments = np.array([1.0, 2.0, 3.0])
 
     def rates(y: Array) -> Array:
@@ -149,25 +139,15 @@ def reference(steps: int = 400) -> Array:
 @contextmanager
 def attitude_loop() -> Iterator[Loop]:
     """Build and start the FMU of `SCENE` in a folder that goes at the end."""
-    folder = Path(tempfile.mkdtemp(prefix="rbfmu_"))
-    try:
-        path = build(Scene.from_dict(SCENE), folder / "attitude_loop.fmu")
-        model = fmpy.read_model_description(str(path))
-        fmu = FMU2Slave(
-            guid=model.guid,
-            unzipDirectory=fmpy.extract(str(path), str(folder / "unzipped")),
-            modelIdentifier=model.coSimulation.modelIdentifier,
-            instanceName="body",
-        )
-        fmu.instantiate()
-        fmu.setupExperiment(startTime=0.0)
-        fmu.enterInitializationMode()
-        fmu.exitInitializationMode()
-        yield Loop(fmu, {v.name: v.valueReference for v in model.modelVariables})
-        fmu.terminate()
-        fmu.freeInstance()
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
+    scene = rbfmu.Scene.from_dict(SCENE)
+    plan = rbfmu.plan(scene)
+    with tempfile.TemporaryDirectory(prefix="rbfmu_", ignore_cleanup_errors=True) as folder:
+        path = build_python_fmu(scene, plan, Path(folder) / "attitude_loop.fmu")
+        unzipped = fmpy.extract(str(path), str(Path(folder) / "unzipped"))
+        with unit_in(unzipped, describe(scene, plan)) as unit:
+            unit.start(0.0, FINAL_TIME, [0.0, 0.0, 0.0])
+            yield Loop(unit)
+            unit.terminate()
 
 
 @dataclass(frozen=True)
@@ -186,14 +166,14 @@ def collect(step_counts: Sequence[int], progress: Progress) -> list[Point]:
     truth, points = reference(), []
     settings = [(way, n, steps) for way in WAYS for n in SUBSTEPS for steps in step_counts]
     with attitude_loop() as loop:
-        start = loop.fmu.getFMUState()
+        start = loop.unit.save()
         for i, (way, n, steps) in enumerate(settings):
             progress(i, len(settings), f"attitude loop: {way}, {FINAL_TIME / steps:g} s")
-            loop.fmu.setFMUState(start)
+            loop.unit.restore(start)
             final = run_loop(loop, way, steps, n)
             error = float(rbfmu.angle_between(final[:4], truth[:4])) if np.all(np.isfinite(final)) else np.inf
             points.append(Point(way, n, FINAL_TIME / steps, error, loop.calls))
-        loop.fmu.freeFMUState(start)
+        loop.unit.forget(start)
     progress(len(settings), len(settings), "")
     return points
 
@@ -224,7 +204,7 @@ def draw(points: Sequence[Point], path: Path) -> Path:
             if n == 1:
                 by_step.loglog(steps, errors, "-", color=color, linewidth=1.8)
                 by_work.loglog(work, errors, "-", color=color, linewidth=1.8)
-                _label(by_step, LABELS[way], steps[-1], errors[-1], color)
+                _label(by_step, WAYS[way].label, steps[-1], errors[-1], color)
             else:
                 by_step.loglog(steps, errors, "x", color=color, markersize=6)
                 by_work.loglog(work, errors, ":", color=color, linewidth=1.2)

@@ -20,12 +20,8 @@ from rich.console import Console
 from rich.table import Table
 
 import rbfmu
-from rbfmu.planning.select import plan
+from rbfmu import Plan, Result, Scene
 from rbfmu.plot import COLORS, draw_components, open_frame
-from rbfmu.results.result import Result
-from rbfmu.runs.plan import Plan
-from rbfmu.scene.scene import Scene, load_scene
-from rbfmu.simulation import simulate
 from rbfmu_fmu import nasa_brick
 from rbfmu_fmu.builder import build_python_fmu
 from rbfmu_fmu.verification import Verification, check_plain, verify
@@ -65,8 +61,8 @@ def run_demo(folder: Path, console: Console) -> bool:
     folder.mkdir(parents=True, exist_ok=True)
     doing = _progress(console)
     with doing("planning"):
-        scene = load_scene(scene_file("tumbling_brick.toml"))
-        planned = plan(scene)
+        scene = rbfmu.load_scene(scene_file("tumbling_brick.toml"))
+        planned = rbfmu.plan(scene)
     with doing("simulating with the kernels"):
         result, kernels = _by_kernels(scene, planned)
         result.save(folder / "kernels.csv")
@@ -89,7 +85,7 @@ def run_demo(folder: Path, console: Console) -> bool:
 
 def _by_kernels(scene: Scene, planned: Plan) -> tuple[Result, Way]:
     start = perf_counter()
-    result = simulate(scene, planned=planned)
+    result = rbfmu.simulate(scene, planned=planned)
     seconds = perf_counter() - start
     compiled = getattr(tiered(planned.kernels.step), "is_compiled", False)  # so short a run is not worth compiling
     name = "compiled kernels" if compiled else "kernels, plain Python"

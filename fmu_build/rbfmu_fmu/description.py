@@ -12,12 +12,12 @@ from dataclasses import asdict, dataclass
 from keyword import iskeyword
 from typing import Any
 
+from rbfmu import Plan, Scene
 from rbfmu.models.model_buffer import Buffer, Model
 from rbfmu.models.question import Question
 from rbfmu.planning.select import with_all_outputs
-from rbfmu.runs.plan import Plan, filled_buffer
+from rbfmu.runs.plan import filled_buffer
 from rbfmu.runs.time_grid import last_time
-from rbfmu.scene.scene import Scene
 from rbfmu_kernels.buffer import CHANGED, FAULTS, OK
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.quantities import (

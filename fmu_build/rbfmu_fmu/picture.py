@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rbfmu.scene.scene import Scene
+from rbfmu import Scene
 from rbfmu.viewer.shape import Shape, shape_of
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.rotations.matrix import matrix_from_quaternion

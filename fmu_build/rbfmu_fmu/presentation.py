@@ -10,8 +10,7 @@ from html import escape
 from pathlib import Path
 
 import rbfmu
-from rbfmu.runs.plan import Plan
-from rbfmu.scene.scene import Scene
+from rbfmu import Plan, Scene
 from rbfmu_fmu.archive import xml_bytes
 from rbfmu_fmu.description import Description, Variable, blocks, scalars
 from rbfmu_fmu.fmi_version import FmiVersion

@@ -18,12 +18,11 @@ from fmpy.simulation import instantiate_fmu
 from fmpy.validation import validate_fmu
 from numpy.typing import NDArray
 
-from rbfmu import planning
+from rbfmu import Plan, Scene, SceneError, planning
 from rbfmu.models.model_buffer import Buffer, Model
 from rbfmu.runs.motion import largest_error
-from rbfmu.runs.plan import Plan, filled_buffer, initialize
+from rbfmu.runs.plan import filled_buffer, initialize
 from rbfmu.runs.time_grid import time_grid
-from rbfmu.scene.scene import Scene, SceneError
 from rbfmu_fmu.archive import kernel_hash
 from rbfmu_fmu.description import Description, describe, input_sizes
 from rbfmu_fmu.fmi_version import FmiVersion, version_of
@@ -210,6 +209,18 @@ class Unit:
     def step(self, time: float, size: float) -> None:
         """Take a step. Raises FMPy's exception where it is refused."""
         self._fmu.doStep(time, size)
+
+    def save(self) -> Any:
+        """Return the state, to which `restore` goes back until `forget` frees it."""
+        return self._fmu.getFMUState()
+
+    def restore(self, state: Any) -> None:
+        """Go back to a saved state."""
+        self._fmu.setFMUState(state)
+
+    def forget(self, state: Any) -> None:
+        """Free a saved state."""
+        self._fmu.freeFMUState(state)
 
     def terminate(self) -> None:
         """End the simulation."""
