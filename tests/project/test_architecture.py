@@ -44,3 +44,17 @@ def test_what_is_named_exists(name):
 def test_every_folder_of_the_kernels_is_named():
     folders = {path.parent.name for path in (ROOT / "kernels/rbfmu_kernels").glob("*/__init__.py")}
     assert all(f"`{folder}/`" in TEXT for folder in folders)
+
+
+GLOSSARY = [line.split(" | ") for line in (ROOT / "GLOSSARY.md").read_text(encoding="utf-8").splitlines()[6:]]
+
+
+def test_the_glossary_is_alphabetic():
+    words = [row[0].removeprefix("| ") for row in GLOSSARY]
+    assert len(words) > 40
+    assert words == sorted(words)
+
+
+@pytest.mark.parametrize("name", sorted({name for row in GLOSSARY for name in re.findall(r"`([^`]+)`", row[2])}))
+def test_places_in_the_glossary_exist(name):
+    assert exists(name), name

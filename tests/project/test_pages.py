@@ -27,7 +27,14 @@ from tests.support.covering import some_of
 from tests.support.paths import ROOT
 
 NAMES = [path.relative_to(ROOT).as_posix() for path in pages.PAGES]
-ELSEWHERE = {"examples/scenes/README.md", "NOTATION.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md"}
+ELSEWHERE = {
+    "examples/scenes/README.md",
+    "NOTATION.md",
+    "GLOSSARY.md",
+    "ARCHITECTURE.md",
+    "CONTRIBUTING.md",
+    "CHANGELOG.md",
+}
 MOST_WORDS = 900
 NOT_RUN = ("make ", "python3 -m venv ", "pip install ", "rbfmu chart", "rbfmu stability", "python 0")
 """Commands that install or take minutes, and examples (`test_examples` runs them); what they name is looked for."""
@@ -193,7 +200,14 @@ def anchors(text: str) -> set[str]:
 
 def test_every_page_is_linked_from_the_readme() -> None:
     linked = set(re.findall(r"\]\(([^)#\s]+)", text_of("README.md")))
-    assert {*NAMES[1:], "examples/scenes/README.md", "NOTATION.md", "ARCHITECTURE.md", "CONTRIBUTING.md"} <= linked
+    assert {
+        *NAMES[1:],
+        "examples/scenes/README.md",
+        "NOTATION.md",
+        "GLOSSARY.md",
+        "ARCHITECTURE.md",
+        "CONTRIBUTING.md",
+    } <= linked
 
 
 # --- tables and figures
