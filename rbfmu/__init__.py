@@ -9,20 +9,19 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rbfmu.arrays import *  # noqa: F403
-    from rbfmu.arrays.from_kernel import set_threads as set_threads
     from rbfmu.ensembles.result import EnsembleResult as EnsembleResult
     from rbfmu.ensembles.running import run_ensemble as run_ensemble
+    from rbfmu.exceptions import SceneWarning as SceneWarning
+    from rbfmu.exceptions import SimulationError as SimulationError
     from rbfmu.linearization import Linearization as Linearization
     from rbfmu.linearization import linearize as linearize
     from rbfmu.progress import progress_bar as progress_bar
-    from rbfmu.results.result import Result as Result
+    from rbfmu.result import Result as Result
     from rbfmu.runs.plan import Plan as Plan
     from rbfmu.scene import Body as Body
     from rbfmu.scene import Scene as Scene
     from rbfmu.scene import SceneError as SceneError
     from rbfmu.scene import load_scene as load_scene
-    from rbfmu.scene.plausibility import SceneWarning as SceneWarning
-    from rbfmu.simulation import SimulationError as SimulationError
     from rbfmu.simulation import plan as plan
     from rbfmu.simulation import simulate as simulate
     from rbfmu.simulator import Simulator as Simulator
@@ -36,16 +35,15 @@ __version__ = "0.1.0"
 _MODULES = {
     "scene": ("Body", "Scene", "SceneError", "load_scene"),
     "runs.plan": ("Plan",),
-    "scene.plausibility": ("SceneWarning",),
-    "arrays.from_kernel": ("set_threads",),
-    "results.result": ("Result",),
+    "exceptions": ("SceneWarning", "SimulationError"),
+    "result": ("Result",),
     "ensembles.result": ("EnsembleResult",),
     "ensembles.running": ("run_ensemble",),
     "linearization": ("Linearization", "linearize"),
     "progress": ("progress_bar",),
     "simulator": ("Simulator", "compiled_step"),
     "studies.own_chart": ("Chart", "chart"),
-    "simulation": ("SimulationError", "plan", "simulate"),
+    "simulation": ("plan", "simulate"),
     "viewer": ("view",),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}

@@ -10,35 +10,33 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from rbfmu.cli_ensemble import ensemble
-from rbfmu.cli_options import (
+from rbfmu.cli_output import (
     PICTURES,
     SAVED,
+    STORES,
+    Commands,
+    check_target,
     driven_by,
     folder_option,
     given_scene,
     input_options,
     model_option,
-    run_options,
-)
-from rbfmu.cli_output import (
-    Commands,
-    check_target,
-    counting_bar,
     plan_text,
-    planning_bar,
     print_end,
+    print_ensemble,
     print_keys,
     print_verdict,
     print_verification,
     print_written,
+    run_options,
     say_where_nothing_is_kept,
+    usage_errors,
     write_new,
 )
-from rbfmu.cli_view import view
 from rbfmu.exceptions import SceneWarning, named
+from rbfmu.extras import needed
 from rbfmu.kept_plans import KeptPlan
-from rbfmu.progress import progress_bar
+from rbfmu.progress import bar, progress_bar
 
 if TYPE_CHECKING:
     from rbfmu.scene.scene import Scene
@@ -118,8 +116,8 @@ def _planned(scene: "Scene", model: str, kept: KeptPlan, driven: dict[str, Any])
     from rbfmu.simulation import plan
     from rbfmu_fmu.description import sizes
 
-    with planning_bar(scene.name) as bar:
-        chosen = plan(scene, full=model == "full", progress=bar, **driven)
+    with bar(f"planning {scene.name}") as tell:
+        chosen = plan(scene, full=model == "full", progress=tell, **driven)
     variables, full = sizes(scene, chosen)
     text = plan_text(scene, chosen, variables, full, bool(driven))
     doubts = [f"{scene.name}: {doubt}" for doubt in doubts_before(scene)]
@@ -168,6 +166,96 @@ def run(
     print_end(loaded, planned, result, bool(driven))
     units = output.with_suffix(".units.csv") if output and output.suffix == ".csv" else None
     print_written(output, units, plot)
+
+
+@main.command()
+@click.argument("scene", metavar="SCENE", type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=click.Path(path_type=Path), metavar="STORE", help="Keep in STORE (.npz or .zarr).")
+@click.option("--runs", type=click.IntRange(1), help="In place of the scene's ensemble.runs.")
+@click.option("--workers", type=click.IntRange(1), help="Threads.  [one for each processor]")
+@click.option("--scheduler", metavar="ADDRESS", help="Of Dask, in place of threads: tcp://HOST:PORT.")
+@click.option("--resume", is_flag=True, help="Go on with a STORE that is there.")
+@click.option("--plot", type=click.Path(dir_okay=False, path_type=Path), help="Draw to FILE (.png, .svg or .pdf).")
+@run_options
+def ensemble(
+    scene: Path,
+    output: Path | None,
+    runs: int | None,
+    workers: int | None,
+    scheduler: str | None,
+    resume: bool,
+    plot: Path | None,
+    **run: float | None,
+) -> None:
+    """Run a scene many times, with the numbers that its table [ensemble] varies.
+
+    A run has the same numbers on any number of workers, in one go or resumed.
+    """
+    from rbfmu.ensembles.executors import executor_of
+    from rbfmu.ensembles.members import with_runs
+    from rbfmu.ensembles.planning import plan_ensemble
+    from rbfmu.ensembles.running import check_store, run_ensemble
+
+    check_target(output, "--output", STORES)
+    check_target(plot, "--plot", PICTURES)
+    if resume and output is None:
+        raise click.UsageError("--resume: expected --output with the store to go on with")
+    if workers and scheduler:
+        raise click.UsageError("--workers: expected no --scheduler with it, which has workers of its own")
+    with given_scene(scene, run) as loaded, usage_errors():
+        check_store(output, resume)
+        if plot:
+            needed("scipy.stats", "ensemble")  # known to be there before anything runs
+        asked = with_runs(loaded, runs)
+        with executor_of(workers, scheduler) as executor:
+            with bar(f"planning {asked.name}") as tell:
+                planned = plan_ensemble(asked, tell)
+            try:
+                found = run_ensemble(asked, output, executor, resume=resume, planned=planned)
+            except KeyboardInterrupt:
+                if output:
+                    _say_what_is_kept(output)
+                raise
+        if plot:
+            found.plot(plot)
+        print_ensemble(planned, found)  # which reads the store
+    print_written(output, plot)
+
+
+@main.command()
+@click.argument("source", metavar="SCENE|RESULT", type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path),
+              help="Page to write, also over one that is there.  [motion.html, if there is none]")  # fmt: skip
+@click.option("--scene", "body", type=click.Path(path_type=Path), help="Whose body a RESULT (.csv, .npz) moves.")
+@click.option("--stop", type=float, help="End of what is shown (s).")
+@click.option("--ghosts", type=click.IntRange(0), default=0, metavar="N",
+              help="Show N runs of the scene's ensemble as pale bodies.")  # fmt: skip
+@input_options
+def view(
+    source: Path,
+    output: Path | None,
+    body: Path | None,
+    stop: float | None,
+    ghosts: int,
+    inputs: Path | None,
+    interpolate: str,
+) -> None:
+    """Write a page that plays a motion in 3D, in any browser and without network.
+
+    A SCENE is simulated; a RESULT is shown as it is.
+    """
+    from rbfmu.viewer import view as write_page
+
+    check_target(output, "--output", (".html",))
+    target = output or Path("motion.html")
+    if output is None and target.exists():
+        raise click.UsageError(f"{target}: exists already, and stays as it is; -o {target} writes over it")
+    say_where_nothing_is_kept()
+    with usage_errors(), bar(f"planning {source.stem}") as tell:
+        driven = driven_by(inputs, interpolate)
+        motion = write_page(source, target, scene=body, stop=stop, progress=tell, ghosts=ghosts, **driven)
+    size = target.stat().st_size / 1e6
+    click.echo(f"{target}: {size:.1f} MB, {len(motion.result.time)} pictures, played in {motion.played:.3g} s")
 
 
 @main.command()
@@ -240,7 +328,7 @@ def chart(scene: Path | None, folder: Path, quick: bool) -> None:
     from rbfmu.studies.work_precision import run_charts
     from rbfmu_fmu.cosimulation_chart import run_cosimulation_chart
 
-    with counting_bar("chart") as progress, named(folder):
+    with bar("chart") as progress, named(folder):
         if scene is not None:
             paths = chart_of(scene, quick, progress).save(folder)
         else:
@@ -265,6 +353,14 @@ def stability(folder: Path, quick: bool) -> None:
     click.get_current_context().exit(1 if wrong else 0)
 
 
+def _say_what_is_kept(store: Path) -> None:
+    from rbfmu.ensembles.result import kept_runs
+
+    done, runs = kept_runs(store)
+    goes_on = "; --resume goes on with them" if done else ""
+    click.echo(f"\n{store}: {done:,}{f' of {runs:,}' if runs else ''} runs are kept{goes_on}", err=True)
+
+
 def _say_what_takes_minutes(platforms: Sequence[str]) -> None:
     from rbfmu_fmu.native.linking import takes_minutes
     from rbfmu_fmu.native.platforms import platforms_named
@@ -273,9 +369,6 @@ def _say_what_takes_minutes(platforms: Sequence[str]) -> None:
         why = "the first time takes minutes, as ziglang builds the platform's C library"
         click.echo(f"Note: compiling for {', '.join(slow)}: {why}", err=True)
 
-
-main.add_command(ensemble)
-main.add_command(view)
 
 if __name__ == "__main__":
     main()

@@ -1,15 +1,13 @@
-"""What the command line says beside its results: errors, doubts, notes, progress, tables.
+"""What several commands share: their options, and what they say: errors, doubts, notes, tables.
 
 Rich is loaded where it draws, as loading it takes a tenth of a short run.
 """
 
-import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import groupby
 from pathlib import Path
-from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -20,7 +18,6 @@ from rbfmu.exceptions import SceneError, SceneWarning, SimulationError, named
 if TYPE_CHECKING:
     from rbfmu.runs.plan import Plan
     from rbfmu.scene.scene import Scene
-
 
 MOST_FAILED = 5
 """Runs that failed whose messages are printed."""
@@ -106,36 +103,6 @@ def write_new(path: Path, text: str) -> None:
             file.write(text)
     except FileExistsError:
         raise click.UsageError(f"{path}: exists already, and stays as it is") from None
-
-
-@contextmanager
-def planning_bar(name: str) -> Iterator[Callable[[float], Any] | None]:
-    """Show a bar for what planning takes, on a terminal and after a second; it goes when done."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(f"planning {name}", total=1.0, visible=False)
-        begin = monotonic()
-        yield lambda part: bar.update(task, completed=part, visible=monotonic() > begin + 1.0)
-
-
-@contextmanager
-def counting_bar(name: str) -> Iterator[Callable[[int, int, str], None]]:
-    """Show a bar for what is done of a number of things, on a terminal; it goes when done."""
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as bar:
-        task = bar.add_task(name, total=None)
-
-        def progress(done: int, total: int, text: str) -> None:
-            bar.update(task, completed=done, total=total, description=text)
-
-        yield progress
 
 
 def expected_error(scene: "Scene", planned: "Plan", driven: bool) -> str:
@@ -247,3 +214,67 @@ def print_verdict(findings: int, wrong: Sequence[str], written: str) -> None:
     click.echo(f"\n{findings - len(wrong)} of {findings} findings hold; {written}")
     for text in wrong:
         click.echo(f"does not hold: {text}")
+
+
+SAVED = (".csv", ".npz")
+STORES = (".npz", ".zarr")
+PICTURES = (".png", ".svg", ".pdf")
+
+model_option = click.option(
+    "--model",
+    type=click.Choice(["planned", "full"]),
+    default="planned",
+    show_default=True,
+    help="The smallest that serves the scene, or all degrees of freedom.",
+)
+
+
+def input_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options of commands that drive the ports by a file."""
+    interpolate = click.option(
+        "--interpolate",
+        type=click.Choice(["hold", "linear"]),
+        default="hold",
+        show_default=True,
+        help="Between the rows of --inputs.",
+    )
+    inputs = click.option(
+        "--inputs",
+        type=click.Path(path_type=Path),
+        metavar="FILE.csv",
+        help="Drive the ports: columns time, torque_b[1], ...  [ports at zero]",
+    )
+    return inputs(interpolate(command))
+
+
+def run_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options of commands that plan a run: keys of the scene's table [run]."""
+    for key, unit in (("step", " (s)"), ("stop", " (s)"), ("accuracy", "")):
+        option = click.option(f"--{key}", type=float, help=f"In place of the scene's run.{key}{unit}.")
+        command = option(command)
+    return command
+
+
+def folder_option(default: str, text: str) -> Callable[..., Any]:
+    """Return the option of a command that writes a folder."""
+    kind = click.Path(file_okay=False, path_type=Path)
+    return click.option("-o", "--output", "folder", type=kind, default=Path(default), show_default=True, help=text)
+
+
+def driven_by(inputs: Path | None, interpolate: str) -> dict[str, Any]:
+    """Return the arguments of a plan and of a run that are driven by a file."""
+    return {} if inputs is None else {"inputs": inputs, "interpolate": interpolate}
+
+
+@contextmanager
+def given_scene(path: Path, run: dict[str, float | None]) -> Iterator["Scene"]:
+    """Return the scene of a file with the options given; errors name the file, also from inside."""
+    from rbfmu.scene.argument import faults_of
+    from rbfmu.scene.scene import load_scene
+
+    say_where_nothing_is_kept()
+    given = {key: value for key, value in run.items() if value is not None}
+    options = " and ".join(f"--{key} {value!r}" for key, value in given.items())
+    loaded = load_scene(path)
+    with faults_of(f"{path} with {options}" if options else str(path)):
+        yield loaded.replace(run=given)

@@ -32,16 +32,8 @@ class Picture(Figure):
         return file.getvalue()
 
 
-def plot_result(result: Rows, path: str | Path, title: str = "") -> Figure:
-    """Draw one panel for each quantity over time; the file's ending (.png, .svg, .pdf) sets the format."""
-    figure = drawn(result, title)
-    with named(path):
-        figure.savefig(path, dpi=130)
-    return figure
-
-
-def drawn(result: Rows, title: str = "") -> Figure:
-    """Return a figure with one panel for each quantity over time."""
+def plot_result(result: Rows, path: str | Path | None = None, title: str = "") -> Figure:
+    """Draw one panel for each quantity over time, to a file too where a path is given; return the figure."""
     figure = Picture(figsize=(8.0, 1.2 + 1.9 * len(result.quantities)), layout="constrained")
     panels = figure.subplots(len(result.quantities), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (name, values) in zip(panels, result.quantities.items(), strict=True):
@@ -50,6 +42,14 @@ def drawn(result: Rows, title: str = "") -> Figure:
         axes.set_ylabel(quantity_label(name), fontsize=9)
     panels[-1].set_xlabel("time (s)")
     figure.suptitle(title, fontsize=11)
+    return with_file(figure, path)
+
+
+def with_file(figure: Figure, path: str | Path | None) -> Figure:
+    """Return the figure, written to a file where a path is given; its ending (.png, .svg, .pdf) sets the format."""
+    if path is not None:
+        with named(path):
+            figure.savefig(path, dpi=130)
     return figure
 
 

@@ -1,4 +1,4 @@
-"""Bars of progress, on terminals and in notebooks."""
+"""The bar of progress, on terminals and in notebooks."""
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -8,7 +8,7 @@ from time import monotonic
 from typing import Any
 
 SOON, OFTEN = 1.0, 0.1
-"""The times, s, after which a bar comes, and after which it moves."""
+"""The times, s, after which a bar comes on a terminal, and after which it moves."""
 
 
 def progress_bar(name: str) -> Callable[[Sequence[Any]], Any] | None:
@@ -16,54 +16,47 @@ def progress_bar(name: str) -> Callable[[Sequence[Any]], Any] | None:
 
     For `progress` of `simulate`. A notebook needs ipywidgets for it (`pip install "rbfmu[notebook]"`).
     """
-    return (lambda numbers: _bar_when_long(numbers, name)) if _is_seen() else None
+    return (lambda numbers: _counted(numbers, name)) if _is_seen() else None
 
 
-def _bar_when_long(numbers: Sequence[Any], name: str) -> Iterator[Any]:
-    with ExitStack() as stack:
-        due, bar = monotonic() + (SOON if sys.stderr.isatty() else 0.0), None
+def _counted(numbers: Sequence[Any], name: str) -> Iterator[Any]:
+    with bar(name) as tell:
         for done, number in enumerate(numbers):
-            if monotonic() > due:
-                bar = bar or stack.enter_context(_bar(name, len(numbers)))
-                bar(done)
-                due = monotonic() + OFTEN
+            tell(done, len(numbers))
             yield number
 
 
 @contextmanager
-def _bar(name: str, total: int) -> Iterator[Callable[[int], Any]]:
-    """Show a bar; yield what tells it how many are done. Rich is loaded here: that takes as long as many a run."""
-    from rich.console import Console
-    from rich.progress import Progress
+def bar(name: str, shown: bool = True) -> Iterator[Callable[..., None]]:
+    """Yield what is told how far something is: what is done, of how much (1 if not said), and a text (the name).
 
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(name, total=total)
-        yield lambda done: bar.update(task, completed=done)
+    The bar goes when done, and is not there where nobody would see it. It comes late and moves seldom, so that telling
+    costs a look at the clock: Rich takes as long to load as many a run.
+    """
+    if not (shown and _is_seen()):
+        yield lambda done, total=1.0, text=name: None
+        return
+    with ExitStack() as stack:
+        due, update = monotonic() + (SOON if sys.stderr.isatty() else 0.0), None
+
+        def tell(done: float, total: float = 1.0, text: str = name) -> None:
+            nonlocal due, update
+            if monotonic() > due:
+                update = update or stack.enter_context(_drawn_bar())
+                update(description=text, completed=done, total=total)
+                due = monotonic() + OFTEN
+
+        yield tell
 
 
 @contextmanager
-def members_bar(name: str, done: int, total: int, shown: bool = True) -> Iterator[Callable[[int], Any]]:
-    """Show how many of a total are done, how many a second, and the time left; yield what counts on.
-
-    It goes when done, and is not there where nobody would see it. done: how many are at the start.
-    """
-    if not (shown and _is_seen()):
-        yield lambda count: None
-        return
-    from rich import progress as bars
+def _drawn_bar() -> Iterator[Callable[..., None]]:
     from rich.console import Console
+    from rich.progress import Progress
 
-    columns = (bars.TextColumn("{task.description}"), bars.BarColumn(), bars.MofNCompleteColumn(),
-               bars.TextColumn("{task.fields[rate]}"), bars.TimeRemainingColumn())  # fmt: skip
-    with bars.Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(name, total=total, completed=done, rate="")
-
-        def advance(count: int) -> None:
-            bar.advance(task, count)
-            speed = bar.tasks[0].speed
-            bar.update(task, rate=f"{speed:,.0f} runs/s" if speed else "")
-
-        yield advance
+    with Progress(console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("")
+        yield lambda **state: progress.update(task, **state)
 
 
 def _is_seen() -> bool:

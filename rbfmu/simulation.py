@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu.exceptions import SimulationError as SimulationError
-from rbfmu.results.result import Result
+from rbfmu.result import Result
 from rbfmu.runs.inputs import HOLD, Drive, Driven, drive_of, input_tables
 from rbfmu.runs.plan import Plan, filled_buffer, initialize, output_block
 from rbfmu.scene.argument import of_scene_or_path

@@ -5,15 +5,6 @@ from typing import TYPE_CHECKING, Any
 
 from rbfmu.arrays.from_kernel import array_function, checked_function, sequence_function, set_threads
 from rbfmu.arrays.inertia import check_inertia, inertia_of_points
-from rbfmu.arrays.singular import (
-    FULL_TURN,
-    NEGATIVE,
-    NO_DIRECTION,
-    REFLECTION,
-    at_pole,
-    at_pole_or_reflection,
-    gimbal_lock,
-)
 from rbfmu_kernels.mechanics import inertia as _inertia
 from rbfmu_kernels.mechanics import kinematics as _kinematics
 from rbfmu_kernels.mechanics import newton_euler as _rigid_body
@@ -26,6 +17,36 @@ from rbfmu_kernels.rotations import vec3 as _vec3
 
 if TYPE_CHECKING:
     from rbfmu.arrays.free_body import free_rotation as free_rotation
+
+REFLECTION = "some of these matrices are no rotations (det <= 0, as of a reflection), which gives NaN"
+NO_DIRECTION = "some of these axes have no direction (zero, or beyond 1e150), which gives NaN"
+NEGATIVE = "some of these masses or sizes are negative, which gives NaN"
+FULL_TURN = "some of these rotation vectors are full turns (|u| = 2 pi n, n >= 1), where they have no rates"
+
+
+def gimbal_lock(seq: str) -> str:
+    """Return what is said of rates of Euler angles."""
+    return (
+        f"some of these Euler angles {seq} are in gimbal lock (|det E| < 4 eps: the middle angle is {_poles(seq)} "
+        "deg), where they have no rates"
+    )
+
+
+def at_pole(seq: str) -> str:
+    """Return what is said of Euler angles of rotations."""
+    return (
+        f"some of these rotations are at a pole of {seq} (middle angle {_poles(seq)} deg): the third angle is set to 0"
+    )
+
+
+def at_pole_or_reflection(seq: str) -> str:
+    """Return what is said of Euler angles of matrices."""
+    return f"{at_pole(seq)}; or {REFLECTION}"
+
+
+def _poles(seq: str) -> str:
+    return "0 or 180" if seq[0] == seq[2] else "-90 or 90"
+
 
 # Vectors and rotation matrices
 cross = array_function(_vec3.cross)

@@ -9,10 +9,7 @@ from typing import Any
 import numpy as np
 from numba import config
 
-from rbfmu.arrays.argument_names import documented_by, in_order
-from rbfmu.arrays.errors import clear_error
-from rbfmu.arrays.from_kernel import array_function
-from rbfmu.arrays.singular import warn_of_singular
+from rbfmu.arrays.from_kernel import array_function, clear_error, documented_by, in_order, warn_of_singular
 from rbfmu_kernels.compile.wide_arrays import widest
 from rbfmu_kernels.exact.free_rotation import free_rotation as _kernel
 from rbfmu_kernels.exact.free_rotation import free_rotation_at, free_rotation_is_singular, free_rotation_setup

@@ -1,26 +1,28 @@
 """Array functions from scalar kernels: NumPy broadcasting, `out=`, compiled at the first call, threads on request."""
 
+import inspect
 import itertools
 import math
+import sys
+import warnings
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextvars import copy_context
-from functools import partial
+from functools import partial, wraps
 from typing import Any
 
 import numpy as np
 
-from rbfmu.arrays.argument_names import documented_by, in_order
-from rbfmu.arrays.errors import clear_error
-from rbfmu.arrays.singular import Singular, warn_of_singular
 from rbfmu_kernels.compile.array_functions.gufunc import STREAMED, gufuncs
 from rbfmu_kernels.compile.shapes import core_shapes, python_function
 from rbfmu_kernels.rotations.euler_angles import sequence
+from rbfmu_kernels.types import Shape
 
 CHUNK = 16384  # items that a thread takes at a time, at least
 CHUNKS = 4  # of a large call, for each thread: the cores are seldom equally free, and a chunk costs some microseconds
 THRESHOLD = 16 * CHUNK  # items from which on threads pay
 
+Singular = Callable[..., bool]
 _threads = 1
 _pool: ThreadPoolExecutor | None = None
 
@@ -172,3 +174,165 @@ def _overlap(arrays: Any, outs: Any) -> bool:
 
 def _are_same(a: Any, b: Any) -> bool:
     return bool(a.shape == b.shape and a.strides == b.strides and a.ctypes.data == b.ctypes.data)
+
+
+_NUMPY_KEYWORDS = {"out", "where", "axes", "order", "subok", "casting", "dtype"}
+_NAMED, _KEYWORD = inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY
+
+
+# Names and shapes of arguments: calls by keyword, and what `help` shows
+
+
+def documented_by(kernel: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Give an array function the name, the docstring with shapes and the arguments of its kernel, and `out`."""
+    function = python_function(kernel)
+    names = function.__code__.co_varnames[: function.__code__.co_argcount]
+    parameters = [inspect.Parameter(name, _NAMED) for name in names]
+    parameters.append(inspect.Parameter("out", _KEYWORD, default=None))
+
+    def decorate(call: Callable[..., Any]) -> Callable[..., Any]:
+        named: Any = wraps(function, assigned=("__module__", "__name__", "__qualname__"))(call)
+        named.__signature__ = inspect.Signature(parameters)
+        named.__doc__ = _with_shapes(inspect.getdoc(function) or "", kernel)
+        return named  # type: ignore[no-any-return]
+
+    return decorate
+
+
+def shapes_in_words(kernel: Callable[..., Any]) -> str:
+    """Return the shapes of one item, such as `q_ab (4), v_b (3) -> (3)`, from the kernel's annotations."""
+    arguments, results = core_shapes(kernel)
+    before = ", ".join(f"{name} {_in_brackets(shape)}" for name, shape in arguments.items())
+    return f"{before} -> {', '.join(map(_in_brackets, results))}"
+
+
+def _in_brackets(shape: Shape) -> str:
+    return f"({', '.join(map(str, shape))})"
+
+
+def _with_shapes(text: str, kernel: Callable[..., Any]) -> str:
+    """Return a docstring with a line about shapes before that about units."""
+    before, units, after = text.partition("\nUnits:")
+    return f"{before}\nShapes: {shapes_in_words(kernel)}; leading axes broadcast.{units}{after}"
+
+
+def in_order(
+    kernel: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any]
+) -> tuple[tuple[Any, ...], dict[str, Any]]:
+    """Put arguments given by name in their places. What is left of the keywords is NumPy's, such as `out`."""
+    if kwargs.keys() <= _NUMPY_KEYWORDS:
+        return args, kwargs
+    name, names = python_function(kernel).__name__, list(core_shapes(kernel)[0])
+    unknown = [key for key in kwargs if key not in names and key not in _NUMPY_KEYWORDS]
+    if unknown:
+        raise TypeError(f"{name}: unexpected keyword {unknown[0]!r}; arguments are {', '.join(names)}, out")
+    twice = [key for key in names[: len(args)] if key in kwargs]
+    if twice:
+        raise TypeError(f"{name}: {twice[0]} is given twice, by position and by name")
+    missing = [key for key in names[len(args) :] if key not in kwargs]
+    if missing:
+        raise TypeError(f"{name}: {' and '.join(missing)} missing; arguments are {', '.join(names)}, out")
+    by_name = [kwargs[key] for key in names[len(args) :]]
+    return (*args, *by_name), {key: value for key, value in kwargs.items() if key in _NUMPY_KEYWORDS}
+
+
+# What NumPy refused, in words that name the argument
+
+
+def clear_error(
+    kernel: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any], refused: Exception
+) -> Exception:
+    """Return the error to raise in place of NumPy's."""
+    shapes, results = core_shapes(kernel)
+    name = python_function(kernel).__name__
+    if not len(shapes) <= len(args) <= len(shapes) + len(results):
+        return TypeError(f"{name} takes {len(shapes)} arguments ({', '.join(shapes)}), got {len(args)}")
+    if error := _of_arguments(name, shapes, args) or _of_keywords(name, next(iter(shapes)), kwargs):
+        return error
+    leading = {n: np.shape(v)[: np.ndim(v) - len(s)] for (n, s), v in zip(shapes.items(), args, strict=False)}
+    try:
+        common = np.broadcast_shapes(*leading.values())
+    except ValueError:
+        return ValueError(f"{name}: leading shapes {leading} do not broadcast")
+    out = args[len(shapes) :] or kwargs.get("out")
+    if error := _of_out(name, results, common, out):
+        return error
+    return refused if str(refused).startswith(f"{name}: ") else type(refused)(f"{name}: {refused}")
+
+
+def _of_arguments(name: str, shapes: dict[str, Shape], args: tuple[Any, ...]) -> Exception | None:
+    for (argument, shape), value in zip(shapes.items(), args, strict=False):
+        try:
+            array = np.asarray(value)
+        except ValueError:
+            return ValueError(f"{name}: {argument} must be a regular array of numbers, got {value!r}")
+        if array.dtype.kind not in "biuf":
+            return ValueError(f"{name}: {argument} must be real numbers, got {value!r}")
+        if array.shape[array.ndim - len(shape) :] != shape or array.ndim < len(shape):
+            hint = "; of principal moments give np.diag(moments)" if _are_moments(argument, array) else ""
+            return ValueError(f"{name}: {argument} must have trailing shape {shape}, got {array.shape}{hint}")
+    return None
+
+
+def _are_moments(argument: str, array: Any) -> bool:
+    """Return whether three numbers are given for an inertia matrix, such as M_c."""
+    return argument.partition("_")[0] == "M" and array.shape == (3,)
+
+
+def _of_keywords(name: str, first: str, kwargs: dict[str, Any]) -> Exception | None:
+    if "where" in kwargs:
+        return TypeError(f"{name}: where is not supported; choose the items by an index, such as {first}[mask]")
+    dtype = kwargs.get("dtype")
+    if dtype is not None and dtype not in (float, np.float64, "d", "float64"):
+        given = getattr(dtype, "__name__", dtype)
+        return TypeError(f"{name}: dtype = {given}: all is computed in float64; use .astype on the result")
+    return None
+
+
+def _of_out(name: str, results: list[Shape], leading: tuple[int, ...], out: Any) -> Exception | None:
+    outs = out if isinstance(out, tuple) else () if out is None else (out,)
+    if outs and len(outs) != len(results):
+        wanted = f"a tuple of {len(results)} arrays" if len(results) > 1 else "one array"
+        return ValueError(f"{name}: out must be {wanted}, got {len(outs)}")
+    for k, (array, core) in enumerate(zip(outs, results, strict=False)):
+        label = f"{name}: out[{k}]" if len(results) > 1 else f"{name}: out"
+        if array is None:
+            continue
+        if not isinstance(array, np.ndarray):
+            return TypeError(f"{label} must be an array, got {array!r}")
+        if not _holds(array.shape, leading, core):
+            return ValueError(f"{label} must have shape {leading + core}, got {array.shape}")
+        if not np.can_cast(np.float64, array.dtype, "same_kind"):
+            return TypeError(f"{label} must hold floats, got {array.dtype}")
+        if not array.flags.writeable:
+            return ValueError(f"{label} must be an array that can be written")
+    return None
+
+
+def _holds(shape: tuple[int, ...], leading: tuple[int, ...], core: Shape) -> bool:
+    """Return whether results fit into an array: NumPy repeats them along further leading axes."""
+    axes = len(shape) - len(core)
+    if axes < len(leading) or shape[axes:] != core:
+        return False
+    last = shape[axes - len(leading) : axes]
+    return all(n in (1, m) for n, m in zip(leading, last, strict=True))
+
+
+# Warnings at singular arguments, in the functions' own words: NumPy would speak of a division by zero
+
+
+def warn_of_singular(message: str) -> None:
+    """Give a RuntimeWarning at the caller's line, unless NumPy's error state for divisions forbids it."""
+    mode = np.geterr()["divide"]
+    if mode == "raise":
+        raise FloatingPointError(message)
+    if mode != "ignore":
+        warnings.warn(message, RuntimeWarning, stacklevel=_frames_of_this_package())
+
+
+def _frames_of_this_package() -> int:
+    """Return how many frames up the stack the first one outside this package is."""
+    level, frame = 0, sys._getframe(1)
+    while frame is not None and frame.f_globals.get("__name__", "").startswith("rbfmu."):
+        level, frame = level + 1, frame.f_back  # type: ignore[assignment]
+    return level + 1

@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 from numpy.typing import NDArray
 
 from rbfmu.ensembles.result import Drivers, differ, drivers_of
-from rbfmu.exceptions import named
-from rbfmu.plot import COLORS, Picture, open_frame, quantity_label
+from rbfmu.plot import COLORS, Picture, open_frame, quantity_label, with_file
 from rbfmu_kernels.quantities import OUTPUT, indices
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ WORDS = (
 )
 
 
-def drawn(result: "EnsembleResult", path: str | Path | None = None) -> Picture:
+def plot_ensemble(result: "EnsembleResult", path: str | Path | None = None) -> Figure:
     """Draw an ensemble, to a file too where a path is given; return the figure."""
     names, drivers = result.scene.outputs.quantities, drivers_of(result)
     heights = [*[1.9] * len(names), 0.7 + 0.24 * len(drivers.varied)]
@@ -44,10 +44,7 @@ def drawn(result: "EnsembleResult", path: str | Path | None = None) -> Picture:
     failed = f", {len(result.failed):,} failed" if result.failed else ""
     figure.suptitle(f"{result.scene.name}: {result.runs:,} runs{failed}", fontsize=12)
     figure.supxlabel(WORDS, fontsize=8, color="#444444")
-    if path is not None:
-        with named(path):
-            figure.savefig(path, dpi=130)
-    return figure
+    return with_file(figure, path)
 
 
 def _bands(axes: Any, result: "EnsembleResult", name: str, is_last: bool) -> None:

@@ -184,9 +184,9 @@ class EnsembleResult:
 
         path: a file to draw to, whose ending (.png, .svg, .pdf) sets the format.
         """
-        from rbfmu.ensembles.pictures import drawn
+        from rbfmu.ensembles.pictures import plot_ensemble
 
-        return drawn(self, path)
+        return plot_ensemble(self, path)
 
     @classmethod
     def load(cls, path: str | Path) -> "EnsembleResult":

@@ -13,7 +13,7 @@ from rbfmu.ensembles.result import EnsembleResult
 from rbfmu.ensembles.store import Checkpoint, MemoryStore, Progress, Store, refuse_existing, store_lock
 from rbfmu.exceptions import named
 from rbfmu.extras import needed
-from rbfmu.progress import members_bar
+from rbfmu.progress import bar
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.argument import of_scene_or_path
 from rbfmu.scene.scene import Scene
@@ -82,11 +82,14 @@ def _run(work: Work, store: Store, known: Checkpoint | None, executor: Any, show
     """Run what is missing, and keep it; return what failed."""
     taken = _Taken(work, store, _begun(work, known))
     first = taken.progress.chunks
-    with members_bar(work.scene.name, first * work.size, work.runs, shown) as advance:
+    done, begin = first * work.size, monotonic()
+    with bar(work.scene.name, shown) as tell:
         try:
             for chunk in chunks_in_order(work, first, executor):
                 taken.add(chunk)
-                advance(chunk.members)
+                done += chunk.members
+                speed = (done - first * work.size) / max(monotonic() - begin, 1e-9)
+                tell(done, work.runs, f"{work.scene.name}: {done:,} of {work.runs:,} runs, {speed:,.0f} runs/s")
         except OSError:  # of the store, which stays as it was
             raise
         except BaseException:

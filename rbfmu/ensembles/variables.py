@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rbfmu.results.tables import AXES
+from rbfmu.result import AXES
 from rbfmu.scene.body import TRIANGLE
 from rbfmu.scene.scene import Scene
 from rbfmu.scene.variations import QUANTITY_OF, SHAPE

@@ -6,7 +6,7 @@ from typing import Any
 
 from rbfmu.exceptions import named
 from rbfmu.extras import needed
-from rbfmu.results.result import FORMATS, Result
+from rbfmu.result import FORMATS, Result
 from rbfmu.scene.argument import faults_of
 from rbfmu.scene.scene import Scene, load_scene
 from rbfmu.scene.toml_file import read_tables

@@ -1,24 +1,89 @@
-"""What is shown of a motion: its attitude, path, angular momentum and rate at the instants of the pictures."""
+"""What is shown of a motion: attitude, path, angular momentum, rate and ghosts, and at which instants.
 
+Ghosts are members of a scene's ensemble, shown beside the scene's own motion.
+"""
+
+import math
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from html import escape
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from rbfmu.arrays import angle_between, quaternion_from_euler, rotate
-from rbfmu.results.result import Array, Result
+from rbfmu.ensembles.chunks import Work, run_chunk
+from rbfmu.ensembles.members import ensemble_of
+from rbfmu.ensembles.planning import plan_ensemble
+from rbfmu.ensembles.variables import ALL
+from rbfmu.result import Array, Result
 from rbfmu.scene.consistency import default_quantities
 from rbfmu.scene.plausibility import SceneWarning
 from rbfmu.scene.scene import QUANTITIES, Scene
 from rbfmu.simulation import plan, simulate
-from rbfmu.viewer.ghosts import Ghost, check_ghosts, ghosts_of
-from rbfmu.viewer.pictures import Pictures, pictures
 from rbfmu.viewer.shape import Shape, shape_of
 from rbfmu_kernels.types import Vec3
+
+MOST_GHOSTS = 50
+
+
+class Ghost(NamedTuple):
+    """The attitude q_ab (n, 4) and the place of o in a (n, 3), m, of a member."""
+
+    quaternion: Array
+    position: Array
+
+
+def check_ghosts(scene: Scene, count: int) -> None:
+    """Raise ValueError for more ghosts than `MOST_GHOSTS`, SceneError where the scene has no ensemble."""
+    if not 0 <= count <= MOST_GHOSTS:
+        raise ValueError(f"ghosts = {count}: expected a number from 0 to {MOST_GHOSTS}")
+    if count:
+        ensemble_of(scene)
+
+
+def ghosts_of(scene: Scene, count: int) -> tuple[Ghost, ...]:
+    """Return the first members of the scene's ensemble at its communication points, without those that failed."""
+    if count == 0:
+        return ()
+    count = min(count, ensemble_of(scene).runs)
+    moving = [name for name in ("position", "quaternion") if name in scene.outputs.quantities]
+    shown = scene.replace({"outputs.quantities": moving, "ensemble.keep": [ALL]})
+    work = Work(shown, plan_ensemble(shown), count)
+    chunk = run_chunk(work, 0)
+    still = np.zeros((*chunk.rows.shape[:2], 3))
+    motion = work.columns.split(chunk.rows)
+    positions = motion.get("position", still)
+    return tuple(Ghost(motion["quaternion"][i], positions[i]) for i in range(count) if i not in chunk.failed)
+
+
+FPS = 30.0
+"""Pictures a second."""
+REAL_TIME = (4.0, 60.0)
+"""Spans (s) that are shown as they pass; others take `PLAYED` s."""
+PLAYED = 20.0
+MAX_PICTURES = 3000
+MAX_TURN = 0.25
+"""The largest angle (rad) from one picture to the next; a faster spin is played slower."""
+FEWEST = 5.0
+"""Pictures a second, where no more instants are known."""
+
+
+class Pictures(NamedTuple):
+    """How many pictures, and how long they are played (s)."""
+
+    number: int
+    played: float
+
+
+def pictures(span: float, largest_rate: float, rows: float = math.inf) -> Pictures:
+    """Return the pictures of a span (s) in which the body turns at most this fast (rad/s); rows: instants known."""
+    played = span if REAL_TIME[0] <= span <= REAL_TIME[1] else PLAYED
+    smooth = min(max(FPS * played, largest_rate * span / MAX_TURN), MAX_PICTURES - 1.0)
+    return Pictures(int(min(math.ceil(smooth) + 1, rows)), min(smooth / FPS, rows / FEWEST))
+
 
 NEEDED = ("quaternion", "omega_a", "angular_momentum_a")
 UP: Vec3 = (0.0, 0.0, 1.0)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from rbfmu.results.result import Result
+from rbfmu.result import Result
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu.simulation import simulate

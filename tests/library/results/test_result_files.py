@@ -11,7 +11,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from rbfmu import plot as charts
-from rbfmu.results.result import CHUNK, Result
+from rbfmu.result import CHUNK, Result
 from rbfmu_kernels.quantities import OUTPUT
 
 WIDTHS = {"quaternion": 4, "kinetic_energy": 0}

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rbfmu.results.result import Result
+from rbfmu.result import Result
 from rbfmu_kernels.quantities import OUTPUT
 
 GOOD = "time,omega_b[1],omega_b[2],omega_b[3]\n"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rbfmu
-from rbfmu.results.result import Result
+from rbfmu.result import Result
 from rbfmu.scene.scene import About, Body, Initial, Inputs, Loads, Outputs, Run, Scene
 from rbfmu_kernels.quantities import OUTPUT
 from tests.support.paths import SCENES

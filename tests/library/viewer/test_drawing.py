@@ -5,9 +5,8 @@ import pytest
 
 import rbfmu
 from rbfmu.viewer.geometry import AXIS_B, LONGEST, MOMENTUM, RATE, Geometry
-from rbfmu.viewer.motion import motion_of_scene
-from rbfmu.viewer.pictures import FPS, MAX_PICTURES, MAX_TURN, pictures
-from rbfmu.viewer.recording import _turn_of_z
+from rbfmu.viewer.motion import FPS, MAX_PICTURES, MAX_TURN, motion_of_scene, pictures
+from rbfmu.viewer.page import _turn_of_z
 from rbfmu.viewer.shape import PLAIN, THINNEST, equivalent_box, shape_of
 
 MASS, SIDES = 3.0, (0.3, 0.2, 0.5)

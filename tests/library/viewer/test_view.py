@@ -11,8 +11,7 @@ import zstandard
 
 import rbfmu
 from rbfmu.ensembles.members import draw, member
-from rbfmu.viewer.motion import Motion
-from rbfmu.viewer.pictures import MAX_PICTURES
+from rbfmu.viewer.motion import MAX_PICTURES, Motion
 from tests.support.browser import browser, open_page
 from tests.support.command_line import call
 from tests.support.paths import SCENES

@@ -74,6 +74,25 @@ def test_no_bar_where_nobody_would_see_it(monkeypatch):
     assert progress.progress_bar("unseen") is None
 
 
+def test_a_bar_says_what_it_is_told_and_goes(monkeypatch):
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    monkeypatch.setattr(progress, "SOON", -1.0)
+    with progress.bar("planning") as tell:
+        tell(0.5)
+        tell(1, 2, "half of the runs")  # too soon after the last
+    assert "planning" in sys.stderr.getvalue()
+    assert " 50%" in sys.stderr.getvalue()
+    assert "half" not in sys.stderr.getvalue()
+    monkeypatch.setattr(progress, "OFTEN", 0.0)
+    with progress.bar("runs") as tell:
+        tell(1, 4, "1 of 4 runs")
+    assert "1 of 4 runs" in sys.stderr.getvalue()
+    said = sys.stderr.getvalue()
+    with progress.bar("hidden", shown=False) as tell:
+        tell(1, 4)
+    assert sys.stderr.getvalue() == said
+
+
 def test_free_rotation_is_loaded_when_it_is_used():
     """Its modules take as long as those of all other array functions."""
     code = """

@@ -1,4 +1,7 @@
-"""The result of a run: its quantities over time, and the files that it is saved to."""
+"""The result of a run: its quantities over time, as tables of pandas and xarray, in files and read back from them.
+
+Files are also the CSV that importers of FMUs write.
+"""
 
 import csv
 from collections.abc import Iterable, Mapping
@@ -9,11 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu.exceptions import named
+from rbfmu.extras import needed
 from rbfmu.notebook import numbers_text, table
-from rbfmu_kernels.quantities import OUTPUT, TIME
+from rbfmu_kernels.quantities import OUTPUT, TIME, indices
 
 Array = NDArray[np.float64]
 FORMATS = (".csv", ".npz")
+AXES = {"quaternion": "parameter", "rpy": "angle"}
+"""What the components of a quantity are, if they are not along axes x, y, z."""
 CHUNK = 1024
 """Rows that a CSV's writer holds as text."""
 
@@ -65,21 +71,30 @@ class Result:
 
         path: a file to draw to, whose ending (.png, .svg, .pdf) sets the format.
         """
-        from rbfmu.plot import drawn, plot_result
+        from rbfmu.plot import plot_result
 
-        return drawn(self, title) if path is None else plot_result(self, path, title)
+        return plot_result(self, path, title)
 
     def to_dataframe(self) -> Any:
         """Return a pandas.DataFrame: time (s) as index, a column for each FMU variable, units in `.attrs["units"]`."""
-        from rbfmu.results.tables import dataframe
-
-        return dataframe(self)
+        columns = self.columns()
+        index = columns.pop("time")
+        table = needed("pandas", "tables").DataFrame(columns, index=index)
+        table.index.name = "time"
+        table.attrs["units"] = self.units
+        return table
 
     def to_xarray(self) -> Any:
         """Return a xarray.Dataset: a variable for each quantity, with the names of its components and its unit."""
-        from rbfmu.results.tables import dataset
-
-        return dataset(self)
+        variables: dict[str, Any] = {}
+        coordinates: dict[str, Any] = {"time": ("time", self.time, {"units": TIME.unit, "long_name": TIME.meaning})}
+        for name, values in self.quantities.items():
+            row, axis = OUTPUT[name], AXES.get(name, "axis")
+            attributes = {"units": row.unit, "long_name": row.meaning}
+            variables[name] = ("time" if values.ndim == 1 else ("time", axis), values, attributes)
+            if values.ndim == 2:
+                coordinates[axis] = list(row.components)
+        return needed("xarray", "tables").Dataset(variables, coordinates)
 
     def columns(self) -> dict[str, Array]:
         """Return flat columns by FMU variable name: time, quaternion[1], ..."""
@@ -120,8 +135,6 @@ class Result:
 
         Raises ValueError where the file has no time, an incomplete quantity or a number that is not finite.
         """
-        from rbfmu.results.files import read_result
-
         return cls(*read_result(Path(path)))
 
     def save(self, path: str | Path) -> None:
@@ -155,3 +168,63 @@ class Result:
             table.writerow(("name", "unit", "meaning"))
             rows = ((name, known[name.split("[")[0]]) for name in self.columns())
             table.writerows((name, row.unit, row.meaning) for name, row in rows)
+
+
+def read_result(path: Path) -> tuple[Array, dict[str, Array]]:
+    """Return time (n,) and the arrays by quantity of a .csv or .npz. Raises ValueError."""
+    if path.suffix == ".npz":
+        columns = _npz(path)
+    elif path.suffix == ".csv":
+        columns = _csv(path)
+    else:
+        raise ValueError(f"{str(path)!r}: expected a name that ends in .csv or .npz")
+    if "time" not in columns:
+        raise ValueError(f"{path}: time is missing: expected the result of a run")
+    quantities = {name: columns[name] for name in OUTPUT if name in columns}
+    for name, values in {"time": columns["time"], **quantities}.items():
+        _check(path, name, values, len(columns["time"]))
+    time = columns["time"]
+    if np.any(np.diff(time) <= 0.0):
+        row = int(np.argmax(np.diff(time) <= 0.0)) + 1
+        raise ValueError(f"{path}: time = {float(time[row])!r} in row {row + 1}: expected times that increase")
+    return time, quantities
+
+
+def _npz(path: Path) -> dict[str, Array]:
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            return {name: np.asarray(file[name], dtype=np.float64) for name in file.files}
+    except FileNotFoundError:
+        raise
+    except Exception as error:
+        raise ValueError(f"{path}: cannot be read as arrays of NumPy ({error}): expected the result of a run") from None
+
+
+def _csv(path: Path) -> dict[str, Array]:
+    with path.open(encoding="utf-8", newline="") as file:
+        names = next(csv.reader(file), [])
+        try:
+            rows = np.loadtxt(file, delimiter=",", ndmin=2, dtype=np.float64)
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}: expected numbers") from None
+    if rows.shape[1] != len(names):
+        raise ValueError(f"{path}: expected a row of {len(names)} numbers for each time, not {rows.shape[1]}")
+    flat = {name.strip(): rows[:, k] for k, name in enumerate(names)}
+    columns = {"time": flat["time"]} if "time" in flat else {}
+    for row in OUTPUT.values():
+        wanted = [row.name + index for index in indices(row)]
+        if missing := [name for name in wanted if name not in flat]:
+            if len(missing) < len(wanted):
+                raise ValueError(f"{path}: {missing[0]} is missing: expected all of {', '.join(wanted)}")
+            continue
+        columns[row.name] = np.stack([flat[name] for name in wanted], axis=1) if row.size > 1 else flat[row.name]
+    return columns
+
+
+def _check(path: Path, name: str, values: Array, points: int) -> None:
+    try:
+        check_shape(name, values, points)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    if bad := np.argwhere(~np.isfinite(values)).tolist():
+        raise ValueError(f"{path}: {name} = {float(values[tuple(bad[0])])!r} in row {bad[0][0] + 1}: expected numbers")

@@ -1,1 +1,0 @@
-"""What a run gave: its numbers, files, and tables of other libraries."""
