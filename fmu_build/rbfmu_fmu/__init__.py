@@ -1,4 +1,4 @@
-"""Co-simulation units (FMI 2.0) of rigid-body scenes: `build` and `verify`."""
+"""Co-simulation units (FMI 2.0, FMI 3.0) of rigid-body scenes: `build` and `verify`."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any

@@ -86,7 +86,11 @@ def build(
 
 
 def _identified(version: FmiVersion, d: Description, abilities: dict[str, str], parts: dict[str, bytes]) -> Element:
-    """Return modelDescription.xml with the FMU's identity: a hash of its parts and of the rest of the description."""
+    """Return modelDescription.xml with the FMU's identity: a hash of its parts and of the rest of the description.
+
+    A hash and no random number, so that the same scene gives the same file, and a saved state is refused by an FMU of
+    another scene, whose buffer it would fill with other numbers.
+    """
     xml = model_description(version, d, UNSET, abilities)
     xml.set(version.identity, guid_of(parts, xml))
     return xml

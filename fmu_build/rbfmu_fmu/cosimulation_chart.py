@@ -66,6 +66,11 @@ class Loop:
 class Way(NamedTuple):
     """How a torque is passed: over a part of a step from the controller's answers to the last two states.
 
+    A torque held over H is wrong by its change within H, so the loop is of order 1 in H however exact the body's motion
+    is; a line through the last two answers makes it order 2. The iteration (waveform relaxation) takes the line to the
+    answer at the step's end, which is of order 2 too, and diverges where H times the loop's gain is not small:
+    M. Arnold & M. Guenther, Preconditioned dynamic iteration for coupled differential-algebraic systems, BIT 41 (2001).
+
     torque: of (answer before, answer now, part of the step); None: iterated.
     """
 

@@ -154,7 +154,12 @@ def describe(scene: Scene, plan: Plan) -> Description:
 
 
 def _without_effect(scene: Scene, plan: Plan) -> dict[str, tuple[str, ...]]:
-    """Return what nothing links: at the centre of mass, forces turn no body, torques shift none; pivots hold."""
+    """Return what nothing links: at the centre of mass, forces turn no body, torques shift none; pivots hold.
+
+    By Newton-Euler about o, m (a_o + alpha x r_c + omega x (omega x r_c)) = F and the torque about c is T_o - r_c x F:
+    the two are coupled by r_c alone. Where r_c is zero and cannot be set, an importer that solves algebraic loops by
+    these lists is spared one that is not there.
+    """
     body = scene.body
     if body is None:
         return {}
@@ -254,6 +259,9 @@ def input_sizes(scene: Scene) -> dict[str, float]:
 
 def nominal_sizes(scene: Scene, kernels: Model, filled: Buffer) -> Mapping[str, float]:
     """Return usual sizes by block, to one digit: of inputs as above, of others at the start; none that is zero there.
+
+    Importers scale tolerances by them (FMI 2.0.4, 2.2.7). A digit is enough for that, and hides round-off, so that the
+    file stays the same.
 
     Outputs whose terms cancel, and unit quaternions and angles, have none.
     """

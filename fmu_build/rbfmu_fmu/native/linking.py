@@ -25,6 +25,10 @@ ANY_VERSION = ("cosimulation.c", "derivatives.c", "intermediate_updates.c", "mes
 EXPORTS = ("exports.c",)
 """The C source of the shared library in a pythonfmu FMU."""
 
+# The C layer rounds as the kernels do: without -ffp-contract=off a compiler may fuse a * b + c, which rounds once where
+# two operations round twice, and a processor with fused products would give other bits than one without (C11 6.5,
+# paragraph 8). Hidden symbols keep two FMUs in one process apart: only the functions of FMI are found by name, so that
+# neither calls the other's `step`. No unwind tables, as nothing here throws.
 FLAGS = ["-std=c11", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-fno-asynchronous-unwind-tables"]
 FLAGS += ["-shared", "-s"]
 FORMAT_FLAGS = {

@@ -38,6 +38,8 @@ ENTRIES = ("initialize", "step", "outputs", "output_rates", "feedthrough")
 SECOND = {"step": types.float64, "feedthrough": types.CPointer(types.float64)}
 """What an entry takes after the buffer."""
 
+# sin, cos, atan2 and their kin are not among them: C libraries differ in their last digit. The kernels have their own
+# (`numerics/`), which are the same instructions on every platform.
 LIBM = frozenset({"sqrt", "fabs", "copysign", "floor", "ceil", "memcpy", "memset", "memmove"})
 """An object may leave only these symbols to the platform: correctly rounded everywhere, or no arithmetic."""
 
@@ -148,7 +150,11 @@ def _c_signature(name: str, inner: str, typed: bool) -> str:
 
 
 def _optimise(module: Any, target: Any) -> str:
-    """Optimise twice: the second time finds a tenth more speed in DOP853, whose loops the first has unrolled."""
+    """Optimise twice: the second time finds a tenth more speed in DOP853, whose loops the first has unrolled.
+
+    No pass may reorder sums: Numba marks no operation as fast, so LLVM keeps IEEE 754's order and the bits are those of
+    the kernels that Numba compiles for this process.
+    """
     for _ in range(2):
         builder = llvm.create_pass_builder(target, llvm.create_pipeline_tuning_options(speed_level=3))
         builder.getModulePassManager().run(module, builder)
@@ -164,7 +170,7 @@ def _without_counters(source: str) -> str:
 def _check_self_contained(module: Any) -> None:
     values = [*module.functions, *module.global_variables]
     foreign = {v.name for v in values if v.is_declaration and not v.name.startswith("llvm.")} - LIBM
-    if "inttoptr" in str(module):
+    if "inttoptr" in str(module):  # how LLVM spells a call through an address that Numba wrote into the code
         foreign.add("an address of this process")
     if foreign:
         raise NotSelfContainedError(f"the compiled model needs {', '.join(sorted(foreign))}")
