@@ -343,7 +343,7 @@ def chart(scene: Path | None, folder: Path, quick: bool) -> None:
 def stability(folder: Path, quick: bool) -> None:
     """Measure where methods fail, against the laws that predict it; draw it."""
     from rbfmu.studies.stability import failures, read_findings, run_stability
-    from rbfmu.studies.stability.report import print_laws
+    from rbfmu.studies.stability.findings import print_laws
 
     with named(folder):
         paths = run_stability(folder, quick, progress_bar("stability"))

@@ -5,16 +5,23 @@
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 from warnings import catch_warnings, simplefilter
 
 from rbfmu.scene.plausibility import SceneWarning
-from rbfmu.studies.stability.attitude_laws import drift, gimbal_passage, growth_factors, small_angles
-from rbfmu.studies.stability.body_laws import damping_limits, energy_drift, gyroscopic_blow_up, moser_veselov_limits
 from rbfmu.studies.stability.findings import Finding, Study, failures, read_findings, write_columns, write_findings
 from rbfmu.studies.stability.maps import METHODS, QUICK_METHODS, Row, findings_of_maps, verdicts
+from rbfmu.studies.stability.method_laws import (
+    damping_limits,
+    drift,
+    energy_drift,
+    gimbal_passage,
+    growth_factors,
+    gyroscopic_blow_up,
+    moser_veselov_limits,
+    small_angles,
+)
 from rbfmu.studies.stability.model_laws import orders_and_error_control, product_models
 from rbfmu.studies.stability.top_laws import intermediate_axis, sleeping_top, splitting_resonance
 
@@ -34,7 +41,7 @@ def run_stability(
 
     progress: wraps the sequence of parts, for instance in a progress bar; a part takes a few seconds.
     """
-    from rbfmu.studies.stability.charts.stability_map import draw_maps
+    from rbfmu.studies.stability.pictures import draw, draw_maps
 
     folder.mkdir(parents=True, exist_ok=True)
     studies: list[Study] = []
@@ -42,30 +49,16 @@ def run_stability(
     pictures: list[Path] = []
     tables: list[Path] = []
     names = QUICK_METHODS if quick else tuple(METHODS)
-    parts: list[Callable[[], object]] = [partial(_study, studies, study, quick) for study in STUDIES]
-    parts += [partial(_map, rows, name, quick) for name in names]
+    parts: list[Callable[[], object]] = [lambda study=study: studies.append(study(quick)) for study in STUDIES]  # type: ignore[misc]
+    parts += [lambda name=name: rows.extend(verdicts(name, quick)) for name in names]  # type: ignore[misc]
     parts.append(lambda: tables.extend(_write(folder, studies, rows)))
-    parts += [partial(_picture, pictures, studies, k, folder) for k in range(len(STUDIES))]
+    parts += [lambda k=k: pictures.append(draw(studies[k], folder)) for k in range(len(STUDIES))]  # type: ignore[misc]
     parts.append(lambda: pictures.append(draw_maps(rows, folder / "maps.png")))
     with catch_warnings():
         simplefilter("ignore", SceneWarning)  # whole turns between points are intended here
         for part in parts if progress is None else progress(parts):
             part()
     return tables + pictures
-
-
-def _study(studies: list[Study], measure: Callable[[bool], Study], quick: bool) -> None:
-    studies.append(measure(quick))
-
-
-def _map(rows: list[Row], name: str, quick: bool) -> None:
-    rows += verdicts(name, quick)
-
-
-def _picture(pictures: list[Path], studies: Sequence[Study], k: int, folder: Path) -> None:
-    from rbfmu.studies.stability.charts.all_charts import draw
-
-    pictures.append(draw(studies[k], folder))
 
 
 def _write(folder: Path, studies: Sequence[Study], rows: list[Row]) -> list[Path]:

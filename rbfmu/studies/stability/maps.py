@@ -10,9 +10,8 @@ from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.simulation import SimulationError, simulate
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, TORQUE_FREE_INTEGRATORS, OneStepMethod
-from rbfmu.studies.stability.cases import NO_LOADS, at, free_body
 from rbfmu.studies.stability.findings import AT_MOST, Finding
-from rbfmu.studies.stability.motions import attitude_error, references
+from rbfmu.studies.stability.motions import NO_LOADS, at, attitude_error, free_body, references
 from rbfmu_kernels.types import Vec3
 
 RIGHT, WRONG, NOT_FINITE, REFUSED = 0, 1, 2, 3

@@ -11,8 +11,7 @@ from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import Scene
 from rbfmu.simulation import simulate
 from rbfmu.studies.stability.findings import AT_MOST, RECORDED, Finding, Study, exponent
-from rbfmu.studies.stability.motions import MOTIONS, error_of, error_of_model, truth
-from rbfmu.studies.stability.prescribed import prescribed_error
+from rbfmu.studies.stability.motions import MOTIONS, error_of, error_of_model, prescribed_error, truth
 
 SWING, LOADED, SERIES, TOP = "one swinging axis", "body under loads", "body under loads, by series", "symmetric top"
 MOMENTUM, BODY_FORCE = "angular momentum", "torque-free body, body force"

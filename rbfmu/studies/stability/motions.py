@@ -1,4 +1,4 @@
-"""Motions that are known to 40 digits, and the errors of models on them."""
+"""Bodies, states and motions that laws are measured on, references of 40 digits, and the errors of models on them."""
 
 import json
 import math
@@ -10,9 +10,133 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rbfmu.runs.plan import Plan
+from rbfmu.result import Result
+from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.simulation import SimulationError, simulate
+from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, OneStepMethod
+from rbfmu_kernels.integrators import dop853, splitting
+from rbfmu_kernels.integrators.rigid_body_state import (
+    ROTATION,
+    STATE_SIZE,
+    put_state_attitude,
+    put_state_omega,
+    state_attitude,
+    state_omega,
+)
+from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS as NO_LOADS
+from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State, constant_loads
+from rbfmu_kernels.mechanics.inertia import diagonal, inverse_inertia
+from rbfmu_kernels.mechanics.newton_euler import kinetic_energy
+from rbfmu_kernels.rotations.quaternion import angle_between
+from rbfmu_kernels.types import Quaternion, Vec3
+
+ZERO: Vec3 = (0.0, 0.0, 0.0)
+UPRIGHT: Quaternion = (1.0, 0.0, 0.0, 0.0)
+SPHERE: Vec3 = (1.0, 1.0, 1.0)
+BRICK: Vec3 = (1.0, 2.0, 3.0)
+TUMBLE = State(ZERO, ZERO, (0.5, 0.5, 0.5, 0.5), (0.3, 1.0, 0.2))
+"""With BRICK, this is case a of the work-precision diagrams."""
+TOP_MOMENTS: Vec3 = (1.0, 1.0, 0.3)
+"""Moments of inertia about the pivot; the centre of mass is on the z axis, and m g l = 1 N m."""
+WEIGHT = Loads(ZERO, (0.0, 0.0, -1.0), ZERO, ZERO, ZERO)
+
+SPLITTINGS = {
+    "Strang": OneStepMethod("Strang", splitting.strang_steps, 2, 1),
+    "RKN4": OneStepMethod("RKN4", splitting.rkn4_steps, 4, 6),
+    "RKN6": OneStepMethod("RKN6", splitting.rkn6_steps, 6, 11),
+}
+
+
+def free_body(moments: Vec3, damping_b: Vec3 = ZERO) -> Body:
+    """Return a free body in principal axes."""
+    M = diagonal(moments)
+    return Body(1.0, M, inverse_inertia(M), ZERO, damping_b, 1.0)
+
+
+def heavy_top() -> Body:
+    """Return a symmetric body on a pivot, its weight 1 acting at (0, 0, 1)."""
+    M = diagonal(TOP_MOMENTS)
+    return Body(0.0, M, inverse_inertia(M), (0.0, 0.0, 1.0), ZERO, 0.0)
+
+
+def at(q: Quaternion, omega_b: Vec3) -> State:
+    """Return a state of rotation."""
+    return State(ZERO, ZERO, q, omega_b)
+
+
+def spin(rate: float) -> State:
+    """Return the state of a body that turns about z."""
+    return at(UPRIGHT, (0.0, 0.0, rate))
+
+
+def angle(a: State, q: Quaternion) -> float:
+    """Return the attitude's error in rad; NaN where it is not finite."""
+    return angle_between(a.q_ab, q)
+
+
+def turned(state: State, t: float) -> Quaternion:
+    """Return the attitude of a sphere after the time t; its rate is constant."""
+    (e, x, y, z), omega = state.q_ab, state.omega_b
+    rate = math.hypot(*omega)
+    a, s = math.cos(0.5 * rate * t), math.sin(0.5 * rate * t) / rate
+    b, c, d = s * omega[0], s * omega[1], s * omega[2]
+    return (
+        e * a - x * b - y * c - z * d, e * b + x * a + y * d - z * c,
+        e * c - x * d + y * a + z * b, e * d + x * c - y * b + z * a,
+    )  # fmt: skip
+
+
+def free_motion(moments: Vec3, start: State, stop: float, step: float) -> Result:
+    """Return the torque-free motion by the product's model."""
+    scene = Scene.from_dict({
+        "body": {"mass": 1.0, "inertia": moments},
+        "initial": {"attitude": {"quaternion": start.q_ab}, "omega_b": start.omega_b},
+        "loads": {"gravity_a": ZERO},
+        "outputs": {"quantities": ["omega_b"]},
+        "run": {"stop": stop, "step": step},
+    })  # fmt: skip
+    return simulate(scene, planned=Plan("torque-free body", "", 3))
+
+
+def damped_rate(planned: Plan, x: float) -> float:
+    """Return the rate after one step of a product's model from a damped spin of 1 rad/s with h d / I = x."""
+    scene = Scene.from_dict({
+        "body": {"mass": 1.0, "inertia": SPHERE},
+        "initial": {"omega_b": (0.0, 0.0, 1.0)},
+        "loads": {"gravity_a": ZERO, "damping_b": (x, x, x)},
+        "outputs": {"quantities": ["omega_b"]},
+        "run": {"stop": 1.0, "step": 1.0},
+    })  # fmt: skip
+    return float(simulate(scene, planned=planned).omega_b[1, 2])
+
+
+def rotational_energy(moments: Vec3, state: State) -> float:
+    """Return omega . M omega / 2."""
+    return kinetic_energy(0.0, diagonal(moments), ZERO, state.omega_b)
+
+
+def top_energy(state: State) -> float:
+    """Return the kinetic and potential energy of the heavy top."""
+    q = state.q_ab
+    return rotational_energy(TOP_MOMENTS, state) + 1.0 - 2.0 * (q[1] * q[1] + q[2] * q[2])
+
+
+def one_step(method: str) -> Any:
+    """Return `step(state, h, body, loads)` of a reference integrator, or of DOP853 without normalisation."""
+    if method == "DOP853":
+        return _dop853_step
+    integrator = REFERENCE_INTEGRATORS[method]
+    return lambda state, h, body, loads: integrator.steps(state, h, 1, body, loads)
+
+
+def _dop853_step(state: State, h: float, body: Body, loads: Loads) -> State:
+    z = np.zeros(STATE_SIZE + dop853.WORK)
+    put_state_attitude(z, 0, state.q_ab)
+    put_state_omega(z, 0, state.omega_b)
+    dop853.dop853_step(z, 0, STATE_SIZE, ROTATION, 0.0, h, body, constant_loads(loads))
+    return at(state_attitude(z, STATE_SIZE), state_omega(z, STATE_SIZE))
+
 
 Array = NDArray[np.float64]
 
@@ -23,10 +147,9 @@ POINTS = 10
 STATE = ("quaternion", "omega_b", "position", "velocity")
 DERIVED = ("omega_a", "angular_momentum_a", "kinetic_energy")
 TURNED = (0.8, 0.4, -0.4, 0.2)
-UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 MOVING = {"position": [1.0, 2.0, 3.0], "velocity": [0.1, 0.2, -0.3]}
 NO_WEIGHT = {"gravity_a": [0.0, 0.0, 0.0]}
-BRICK = {"mass": 2.0, "inertia": [1.0, 2.0, 3.0]}
+HEAVY_BRICK = {"mass": 2.0, "inertia": [1.0, 2.0, 3.0]}
 OFF_CENTRE = {
     "mass": 2.0,
     "inertia": [[1.0, 0.1, 0.05], [0.1, 1.2, 0.02], [0.05, 0.02, 1.5]],
@@ -66,11 +189,12 @@ _OVER_THE_TOP = 2.0 * math.sqrt(2.0 * 9.81 * 0.5 / 1.5)
 """The initial rate in rad/s that just takes the pendulum to its upright position."""
 
 MOTIONS: dict[str, Scene] = {
-    "fall": _motion(BRICK, (0.0, 0.0, 0.0), 20.0, {"force_a": [0.3, 0.1, 0.7]}, ("position", "velocity")),
-    "spin": _motion(BRICK, (0.0, 0.0, 3.7), 100.0, NO_WEIGHT),
+    "fall": _motion(HEAVY_BRICK, (0.0, 0.0, 0.0), 20.0, {"force_a": [0.3, 0.1, 0.7]}, ("position", "velocity")),
+    "spin": _motion(HEAVY_BRICK, (0.0, 0.0, 3.7), 100.0, NO_WEIGHT),
     "sphere": _motion({"mass": 2.0, "inertia": [1.5, 1.5, 1.5]}, (1.0, -2.0, 3.0), 100.0, NO_WEIGHT),
-    "run-down": _motion(BRICK, (0.0, 0.0, 3.7), 60.0, NO_WEIGHT | {"torque_b": [0, 0, 0.6], "damping_b": [0, 0, 0.2]}),
-    "slow run-down": _motion(BRICK, (0.0, 3.7, 0.0), 20.0, NO_WEIGHT | {"damping_b": [0, 0.01, 0]}),
+    "run-down": _motion(HEAVY_BRICK, (0.0, 0.0, 3.7), 60.0,
+                        NO_WEIGHT | {"torque_b": [0, 0, 0.6], "damping_b": [0, 0, 0.2]}),
+    "slow run-down": _motion(HEAVY_BRICK, (0.0, 3.7, 0.0), 20.0, NO_WEIGHT | {"damping_b": [0, 0.01, 0]}),
     "swing": _swing(1.0),
     "nearly upright": _swing(_OVER_THE_TOP * (1.0 - 1e-7)),
     "turning over": _swing(9.0),
@@ -79,20 +203,20 @@ MOTIONS: dict[str, Scene] = {
     "spin-up": _motion({"mass": 2.0, "inertia": [1.0, 1.0, 0.6]}, (0.3, -0.2, 1.0), 40.0,
                        NO_WEIGHT | {"torque_b": [0, 0, 0.4], "damping_b": [0.02, 0.02, 0.1]},
                        ("omega_b", "kinetic_energy")),
-    "tumble": _motion(BRICK, (0.3, 1.0, 0.2), 200.0, NO_WEIGHT),
+    "tumble": _motion(HEAVY_BRICK, (0.3, 1.0, 0.2), 200.0, NO_WEIGHT),
     "flips": _motion({"mass": 2.0, "inertia": [3.0, 1.0, 2.0]}, (1e-4, 1e-4, 2.0), 60.0, NO_WEIGHT),
     "top": _motion(TOP, (0.0, 0.0, 50.0), 10.0, TOP_WEIGHT),
     "gentle top": _motion(TOP, (0.0, 0.0, 5.0), 10.0, TOP_WEIGHT),
-    "pulled": _motion(BRICK, (1.0, 2.0, -1.0), 20.0, NO_WEIGHT | {"torque_a": [0.1, 0.2, -0.1]},
+    "pulled": _motion(HEAVY_BRICK, (1.0, 2.0, -1.0), 20.0, NO_WEIGHT | {"torque_a": [0.1, 0.2, -0.1]},
                       ("angular_momentum_a",)),
     "pulled sphere": _motion({"mass": 2.0, "inertia": [1.5, 1.5, 1.5]}, (1.0, -2.0, 3.0), 20.0,
                              NO_WEIGHT | {"torque_a": [0.1, 0.2, -0.1]},
                              ("omega_a", "angular_momentum_a", "kinetic_energy")),
-    "body force": _motion(BRICK, (1.0, 2.0, -1.0), 20.0, NO_WEIGHT | {"force_b": [0.3, -0.2, 0.5]}),
+    "body force": _motion(HEAVY_BRICK, (1.0, 2.0, -1.0), 20.0, NO_WEIGHT | {"force_b": [0.3, -0.2, 0.5]}),
     "loaded": _motion(OFF_CENTRE, (1.0, 2.0, -1.0), 20.0, LOADED),
-    "damped rates": _motion(BRICK, (1.0, 2.0, -1.0), 20.0,
+    "damped rates": _motion(HEAVY_BRICK, (1.0, 2.0, -1.0), 20.0,
                             NO_WEIGHT | {"torque_b": [0.1, 0.2, -0.1], "damping_b": [0.1, 0.05, 0.02]}, ("omega_b",)),
-    "motor": _motion(BRICK, (0.1, 0.2, 0.3), 20.0, NO_WEIGHT | {"torque_b": [0.1, 0.05, -0.2]}),
+    "motor": _motion(HEAVY_BRICK, (0.1, 0.2, 0.3), 20.0, NO_WEIGHT | {"torque_b": [0.1, 0.05, -0.2]}),
 }  # fmt: skip
 
 
@@ -159,3 +283,30 @@ def error_of_model(key: str, planned: Plan) -> float:
     except (SceneError, SimulationError):
         return math.inf
     return error_of({name: values[1:] for name, values in result.quantities.items()}, truth(key))
+
+
+_Vector = tuple[float, float, float]
+_NONE: _Vector = (0.0, 0.0, 0.0)
+_HELD: tuple[float, _Vector, _Vector, _Vector] = (2.0, (3.0, -1.0, 2.0), _NONE, _NONE)
+PRESCRIBED = (
+    *(_HELD,) * 5,
+    (1.0, (1e-3, 2e-3, -1e-3), _NONE, _NONE),
+    (2.0, (1.0, 0.0, 0.5), (-0.5, 1.5, 0.25), (0.25, -1.0, 0.5)),
+    (2.0, (0.0, 2.0, -1.0), (1.0, -0.5, 0.75), _NONE),
+)
+"""For each step: its length in s, and omega_b with its first and second derivative at the start of the step."""
+
+
+def prescribed_error() -> float:
+    """Return the largest error after a step, rad."""
+    scene = Scene.from_dict({"inputs": {"ports": ["omega_b"]}, "outputs": {"quantities": ["quaternion"]}})
+    planned = Plan("prescribed rates", "", 4)
+    kernels, z = planned.kernels, filled_buffer(scene, planned)
+    initialize(scene, kernels, z)
+    found: list[Array] = []
+    for h, omega, rate, rate_2 in PRESCRIBED:
+        for name, value in (("omega_b", omega), ("omega_b_rate", rate), ("omega_b_rate_2", rate_2)):
+            z[kernels.BLOCKS[name]] = value
+        refused = kernels.step(z, h)
+        found.append(np.full(4, np.nan) if refused else z[kernels.BLOCKS["quaternion"]].copy())
+    return attitude_error(np.array(found), np.array(references()["prescribed"]))

@@ -10,12 +10,15 @@ from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.simulation import simulate
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS
-from rbfmu.studies.stability.attitude_laws import crossing
-from rbfmu.studies.stability.cases import (
+from rbfmu.studies.stability.findings import RECORDED, Finding, Study, exponent
+from rbfmu.studies.stability.method_laws import crossing
+from rbfmu.studies.stability.motions import (
     BRICK,
     NO_LOADS,
     SPLITTINGS,
+    TOP,
     TOP_MOMENTS,
+    TOP_WEIGHT,
     UPRIGHT,
     WEIGHT,
     at,
@@ -24,8 +27,6 @@ from rbfmu.studies.stability.cases import (
     heavy_top,
     top_energy,
 )
-from rbfmu.studies.stability.findings import RECORDED, Finding, Study, exponent
-from rbfmu.studies.stability.motions import TOP, TOP_WEIGHT
 from rbfmu_kernels.integrators.splitting import resonant_step
 from rbfmu_kernels.mechanics.equations_of_motion import State
 from rbfmu_kernels.types import Vec3

@@ -9,8 +9,7 @@ from typing import Any, Protocol
 
 from numba import njit
 
-from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, TORQUE_FREE_INTEGRATORS, OneStepMethod
-from rbfmu.studies.reference_methods.one_step import midpoint
+from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, TORQUE_FREE_INTEGRATORS, OneStepMethod, midpoint
 from rbfmu.studies.work_precision.cases import Case
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
 

@@ -10,7 +10,7 @@ import pytest
 from numba import config, njit
 
 from rbfmu.scene.scene import Scene, load_scene
-from rbfmu.studies.reference_methods.one_step import rk4_not_normalised_step, rk4_step
+from rbfmu.studies.reference_methods import rk4_not_normalised_step, rk4_step
 from rbfmu_kernels.mechanics import inertia
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, Body, Loads, State
 from rbfmu_kernels.mechanics.newton_euler import kinetic_energy

@@ -12,12 +12,9 @@ import pytest
 from rbfmu.models.registry import MODELS
 from rbfmu.studies import stability
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS
-from rbfmu.studies.stability import Finding, body_laws, maps, model_laws, motions
-from rbfmu.studies.stability.attitude_laws import crossing, quaternion_growth, stability_polynomial
-from rbfmu.studies.stability.charts import stability_map
-from rbfmu.studies.stability.findings import AT_MOST, RECORDED, exponent
-from rbfmu.studies.stability.laws import LAWS
-from rbfmu.studies.stability.report import print_laws
+from rbfmu.studies.stability import Finding, maps, method_laws, model_laws, motions, pictures
+from rbfmu.studies.stability.findings import AT_MOST, LAWS, RECORDED, exponent, print_laws
+from rbfmu.studies.stability.method_laws import crossing, quaternion_growth, stability_polynomial
 from rbfmu.studies.stability.top_laws import flip_rate, time_between_flips
 from rbfmu_kernels.integrators import dop853_tableau
 from rbfmu_kernels.models import free_body_force, one_axis_taylor
@@ -130,8 +127,8 @@ def test_rod_keeps_its_nutation_where_the_method_is_not_explicit_in_it() -> None
 
 
 def test_implicit_midpoint_by_iteration_ends_at_the_damping_limit_of_explicit_euler() -> None:
-    assert abs(body_laws.decay_factor("implicit midpoint", 1.3)) == pytest.approx(0.35 / 1.65, rel=1e-13)
-    assert not math.isfinite(body_laws.decay_factor("implicit midpoint", 2.1))
+    assert abs(method_laws.decay_factor("implicit midpoint", 1.3)) == pytest.approx(0.35 / 1.65, rel=1e-13)
+    assert not math.isfinite(method_laws.decay_factor("implicit midpoint", 2.1))
 
 
 @pytest.mark.thorough
@@ -299,9 +296,9 @@ def test_an_error_that_is_no_size_is_a_finding_that_does_not_hold(sizes: tuple[f
 def test_no_picture_says_a_smaller_error_than_was_found(error: float, said: str, monkeypatch, tmp_path: Path) -> None:
     """2026-11-22: 1.32e-10 rad were "within 1e-10 rad"."""
     drawn = []
-    monkeypatch.setattr(stability_map.Figure, "savefig", lambda figure, path, **more: drawn.append(figure))
+    monkeypatch.setattr(pictures.Figure, "savefig", lambda figure, path, **more: drawn.append(figure))
     rows = [("rbfmu planned", h, ratio, "right", error) for h in (0.1, 1.0) for ratio in (0.1, 1.0)]
-    stability_map.draw_maps(rows, tmp_path / "maps.png")
+    pictures.draw_maps(rows, tmp_path / "maps.png")
     (figure,) = drawn
     assert f"(bold) is {said} rad at any step" in figure.get_suptitle()
     assert figure.axes[0].get_title(loc="left") == f"rbfmu planned: within {said} rad"

@@ -8,8 +8,7 @@ import mpmath as mp
 from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.scene import Scene
 from rbfmu.studies.stability.maps import CHECK_TIMES, map_scene, ratios_of_moments
-from rbfmu.studies.stability.motions import MOTIONS, REFERENCES
-from rbfmu.studies.stability.prescribed import PRESCRIBED
+from rbfmu.studies.stability.motions import MOTIONS, PRESCRIBED, REFERENCES
 from tests.support.references import reference_mp
 
 

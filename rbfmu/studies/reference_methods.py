@@ -1,8 +1,19 @@
-"""The reference integrators' steps, `step(y, h, body, loads) -> y`."""
+"""One-step methods in common use, with which the charts and stability laws compare; they are no part of the product.
+
+Each integrates the right-hand sides of `rbfmu_kernels.mechanics.equations_of_motion` with its tuples `State`, `Body`
+and `Loads`, but may represent the attitude in another form. `OneStepMethod.start` converts a state to that form,
+`steps` advances it by any number of steps (so that drift accumulates as it does for users), and `state_of` converts it
+back, with a unit quaternion.
+"""
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
-from rbfmu.studies.reference_methods.attitude_forms import MatrixState, VectorState
+from numba import njit
+
+from rbfmu.studies.moser_veselov import moser_veselov
 from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.mechanics.equations_of_motion import (
     Body,
@@ -16,18 +27,82 @@ from rbfmu_kernels.mechanics.equations_of_motion import (
 from rbfmu_kernels.mechanics.inertia import add_scaled_matrix
 from rbfmu_kernels.rotations.euler_angles import (
     ZYX,
+    euler_from_quaternion,
     euler_rate_b,
     matrix_from_euler,
+    quaternion_from_euler,
 )
 from rbfmu_kernels.rotations.matrix import (
     invert_matrix,
+    matrix_from_quaternion,
     matrix_rate_b,
+    quaternion_from_matrix,
     transform,
 )
-from rbfmu_kernels.rotations.quaternion import add_scaled_quaternion, compose_quaternions, quaternion_rate_b
+from rbfmu_kernels.rotations.quaternion import add_scaled_quaternion, compose_quaternions, normalize, quaternion_rate_b
 from rbfmu_kernels.rotations.rotation_vector import quaternion_from_rotvec
 from rbfmu_kernels.rotations.vec3 import add, add_scaled, cross, scale, subtract
 from rbfmu_kernels.types import Matrix, Quaternion, Vec3
+
+
+class MatrixState(NamedTuple):
+    """A state whose attitude is R_ab, or its time derivative."""
+
+    r_c: Vec3
+    v_c: Vec3
+    R_ab: Matrix
+    omega_b: Vec3
+
+
+class VectorState(NamedTuple):
+    """A state whose attitude is three Euler angles or a rotation vector, or its time derivative."""
+
+    r_c: Vec3
+    v_c: Vec3
+    attitude: Vec3
+    omega_b: Vec3
+
+
+@kernel
+def as_it_is(state: State) -> State:
+    """Return the state itself."""
+    return state
+
+
+@kernel(inline=False)
+def with_unit_quaternion(state: State) -> State:
+    """Return the state, its quaternion scaled to length 1."""
+    r, v, q, omega = state
+    return State(r, v, normalize(q), omega)
+
+
+@kernel(inline=False)
+def with_matrix(state: State) -> MatrixState:
+    """Return the state with R_ab for q_ab."""
+    r, v, q, omega = state
+    return MatrixState(r, v, matrix_from_quaternion(q), omega)
+
+
+@kernel(inline=False)
+def from_matrix(state: MatrixState) -> State:
+    """Return the state with the unit quaternion nearest to R_ab."""
+    r, v, R_ab, omega = state
+    return State(r, v, quaternion_from_matrix(R_ab), omega)
+
+
+@kernel(inline=False)
+def with_angles(state: State) -> VectorState:
+    """Return the state with (yaw, pitch, roll) for q_ab."""
+    r, v, q, omega = state
+    return VectorState(r, v, euler_from_quaternion(ZYX, q), omega)
+
+
+@kernel(inline=False)
+def from_angles(state: VectorState) -> State:
+    """Return the state with q_ab for (yaw, pitch, roll)."""
+    r, v, angles, omega = state
+    return State(r, v, quaternion_from_euler(ZYX, angles), omega)
+
 
 NONE: Vec3 = (0.0, 0.0, 0.0)
 NO_TURN: Quaternion = (1.0, 0.0, 0.0, 0.0)
@@ -251,3 +326,57 @@ def cf4_step(state: State, h: float, body: Body, loads: Loads) -> State:
     lean = scale(h / 6.0, subtract(k1.attitude, k4.attitude))
     q = compose_quaternions(q, quaternion_from_rotvec(add(u, lean)))
     return State(r, v, compose_quaternions(q, quaternion_from_rotvec(subtract(u, lean))), omega)
+
+
+Steps = Callable[[Any, float, int, Body, Loads], Any]
+"""A function `steps(y, h, n, body, loads)` that takes n steps of size h; all numbers except n are floats."""
+
+
+@dataclass(frozen=True)
+class OneStepMethod:
+    """A one-step method, its order, and its evaluations of the right-hand side per step (0 if their number varies)."""
+
+    name: str
+    steps: Steps
+    order: int
+    evaluations: int
+    start: Callable[[State], Any] = field(default=as_it_is)
+    state_of: Callable[[Any], State] = field(default=with_unit_quaternion)
+
+    def run(self, state: State, h: float, n: int, body: Body, loads: Loads) -> State:
+        """Return the state after n steps of h."""
+        return self.state_of(self.steps(self.start(state), h, n, body, loads))
+
+
+def compiled_loop(step: Callable[[Any, float, Body, Loads], Any]) -> Steps:
+    """Return a loop of n steps of a one-step kernel, compiled at the first call."""
+
+    @njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+    def loop(y: Any, h: float, n: int, body: Body, loads: Loads) -> Any:
+        for _ in range(n):
+            y = step(y, h, body, loads)
+        return y
+
+    return loop  # type: ignore[no-any-return]
+
+
+_MATRIX, _ANGLES = (with_matrix, from_matrix), (with_angles, from_angles)
+_ALL = (
+    OneStepMethod("explicit Euler", compiled_loop(explicit_euler_step), 1, 1),
+    OneStepMethod("semi-implicit Euler", compiled_loop(semi_implicit_euler_step), 1, 1),
+    OneStepMethod("implicit midpoint", compiled_loop(implicit_midpoint_step), 2, 0),
+    OneStepMethod("RK4, quaternion", compiled_loop(rk4_step), 4, 4),
+    OneStepMethod("RK4, quaternion not normalised", compiled_loop(rk4_not_normalised_step), 4, 4),
+    OneStepMethod("RK4, matrix", compiled_loop(rk4_matrix_step), 4, 4, *_MATRIX),
+    OneStepMethod("RK4, Euler angles", compiled_loop(rk4_angles_step), 4, 4, *_ANGLES),
+    OneStepMethod("RKMK4", compiled_loop(rkmk4_step), 4, 4),
+    OneStepMethod("CF4", compiled_loop(cf4_step), 4, 4),
+)
+_FREE = (
+    OneStepMethod("Moser-Veselov", moser_veselov(2), 2, 0),
+    OneStepMethod("Moser-Veselov, order 10", moser_veselov(10), 10, 0),
+)
+REFERENCE_INTEGRATORS = {integrator.name: integrator for integrator in _ALL}
+"""The methods for any body and any loads, by name."""
+TORQUE_FREE_INTEGRATORS = {integrator.name: integrator for integrator in _FREE}
+"""The methods for bodies in principal axes without loads or damping, by name."""
