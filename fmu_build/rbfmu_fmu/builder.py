@@ -85,7 +85,7 @@ def build(
     return build_python_fmu(scene, plan(scene, full), Path(path), terminals)
 
 
-def _identified(version: FmiVersion, d: Description, abilities: dict[str, str], parts: dict[str, bytes]) -> Element:
+def _identify(version: FmiVersion, d: Description, abilities: dict[str, str], parts: dict[str, bytes]) -> Element:
     """Return modelDescription.xml with the FMU's identity: a hash of its parts and of the rest of the description.
 
     A hash and no random number, so that the same scene gives the same file, and a saved state is refused by an FMU of
@@ -116,7 +116,7 @@ def build_native_fmu(
     objects = {p: object_files(plan.kernels, p) for p in chosen}
     contents = {"resources/scene.json": scene_inside(scene, plan)}
     parts = contents | _parts_of_libraries(description, version, objects)
-    xml = _identified(version, description, version.native_abilities(description), parts)
+    xml = _identify(version, description, version.native_abilities(description), parts)
     contents["modelDescription.xml"] = xml_bytes(xml)
     generated = headers(description, version, xml.attrib[version.identity])
     for folder in sorted({version.folders[p.name] for p in chosen}):
@@ -167,7 +167,7 @@ def build_python_fmu(scene: Scene, plan: Plan, path: Path, terminals: bool = Fal
         with zipfile.ZipFile(raw) as archive:
             contents = {n: archive.read(n) for n in archive.namelist() if not LEFT_OUT.fullmatch(n)}
     contents["resources/scene.json"] = scene_inside(scene, plan)
-    contents["modelDescription.xml"] = xml_bytes(_identified(FMI2, description, PYTHON_ABILITIES, dict(contents)))
+    contents["modelDescription.xml"] = xml_bytes(_identify(FMI2, description, PYTHON_ABILITIES, dict(contents)))
     shown = presentation_files(scene, plan, description, FMI2, needs_python=True, with_terminals=terminals)
     write_archive(contents | shown, path)
     return path

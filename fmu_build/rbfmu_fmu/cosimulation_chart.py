@@ -97,7 +97,7 @@ def run_loop(loop: Loop, way: str, steps: int, n: int) -> Array:
     now = before
     for k in range(steps):
         if rule is None:
-            after = _iterated(loop, k * H, H, n, now)
+            after = _iterate(loop, k * H, H, n, now)
             if np.isnan(after[0]):
                 return np.full(7, np.nan)
         else:
@@ -107,7 +107,7 @@ def run_loop(loop: Loop, way: str, steps: int, n: int) -> Array:
     return loop.state()
 
 
-def _iterated(loop: Loop, t: float, H: float, n: int, now: Array) -> Array:
+def _iterate(loop: Loop, t: float, H: float, n: int, now: Array) -> Array:
     """Repeat the step until its torque, linear between both ends', agrees with the state it leads to."""
     saved, after, change = loop.unit.save(), now, np.inf
     for _ in range(MAX_ROUNDS):

@@ -282,7 +282,7 @@ def _has_size(row: Output) -> bool:
 
 
 @dataclass(frozen=True)
-class Referenced:
+class FmiVariable:
     """A variable of the model description; its value reference is its place among all of them.
 
     elements: numbers of `Description.variables`, row by row; dimensions: none of a scalar.
@@ -293,23 +293,23 @@ class Referenced:
     dimensions: tuple[int, ...]
 
 
-def scalars(d: Description) -> list[Referenced]:
+def scalars(d: Description) -> list[FmiVariable]:
     """Return a variable for each number."""
-    return [Referenced(v.name, (k,), ()) for k, v in enumerate(d.variables)]
+    return [FmiVariable(v.name, (k,), ()) for k, v in enumerate(d.variables)]
 
 
-def arrays(d: Description) -> list[Referenced]:
+def arrays(d: Description) -> list[FmiVariable]:
     """Return a variable for each quantity; a symmetric matrix has its lower triangle as well."""
     found = blocks(d, "input", "parameter", "output")
     return [_array(name, d.variables.index(members[0]), len(members)) for name, members in found.items()]
 
 
-def _array(name: str, first: int, size: int) -> Referenced:
+def _array(name: str, first: int, size: int) -> FmiVariable:
     elements = BY_NAME[name].elements
     if size == 1:
-        return Referenced(name, (first,), ())
+        return FmiVariable(name, (first,), ())
     if not elements:
-        return Referenced(name, tuple(range(first, first + size)), (size,))
+        return FmiVariable(name, tuple(range(first, first + size)), (size,))
     place = {frozenset(element.split(",")): first + k for k, element in enumerate(elements)}
     rows = sorted({row for pair in place for row in pair})
-    return Referenced(name, tuple(place[frozenset((i, j))] for i in rows for j in rows), (len(rows), len(rows)))
+    return FmiVariable(name, tuple(place[frozenset((i, j))] for i in rows for j in rows), (len(rows), len(rows)))

@@ -6,7 +6,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
-from rbfmu_fmu.description import Description, Referenced, arrays, scalars
+from rbfmu_fmu.description import Description, FmiVariable, arrays, scalars
 
 UNSET = "{}"
 """Stands for an FMU's identity while that identity is being made."""
@@ -32,7 +32,7 @@ class FmiVersion:
     """What FMUs of either kind can do, as attributes of the element CoSimulation."""
     native_abilities: Callable[[Description], dict[str, str]]
     """What a native FMU can do besides."""
-    references: Callable[[Description], list[Referenced]]
+    references: Callable[[Description], list[FmiVariable]]
     """What has a value reference."""
     real: str
     """What the version calls the type of floating-point variables."""

@@ -8,7 +8,7 @@ from dataclasses import replace
 from xml.etree.ElementTree import Element, SubElement
 
 import rbfmu
-from rbfmu_fmu.description import QUANTITIES, Description, Referenced, Variable, meaning
+from rbfmu_fmu.description import QUANTITIES, Description, FmiVariable, Variable, meaning
 from rbfmu_fmu.fmi_version import FmiVersion
 from rbfmu_fmu.python.call_rules import LOG_CATEGORIES
 from rbfmu_fmu.python.slave_access import TO_VARY
@@ -64,9 +64,9 @@ def _type_definitions(version: FmiVersion, d: Description) -> list[Element]:
 
 def _variables(version: FmiVersion, d: Description) -> Iterator[Element]:
     """Yield all variables in the order of their value references."""
-    referenced = version.references(d)
+    named = version.references(d)
     updated = {"intermediateUpdate": "true"} if d.interpolates_inputs and not version.nested else {}
-    for reference, one in enumerate(referenced):
+    for reference, one in enumerate(named):
         members = [d.variables[k] for k in one.elements]
         first = members[0]
         said = attributes_of(first, one.name, reference, _meaning_of(one, members))
@@ -77,7 +77,7 @@ def _variables(version: FmiVersion, d: Description) -> Iterator[Element]:
         element.extend(Element("Dimension", start=str(size)) for size in one.dimensions)
         yield element
     if version.has_time:
-        time = {"name": TIME.name, "valueReference": str(len(referenced)), "causality": "independent"}
+        time = {"name": TIME.name, "valueReference": str(len(named)), "causality": "independent"}
         time |= {"variability": "continuous", "unit": TIME.unit, "description": TIME.meaning}
         yield Element(version.real, time)
     status = _element(version, "ScalarVariable", version.integer, STATUS | updated, STATUS_RANGE)
@@ -85,7 +85,7 @@ def _variables(version: FmiVersion, d: Description) -> Iterator[Element]:
     yield status
 
 
-def _meaning_of(one: Referenced, members: list[Variable]) -> str:
+def _meaning_of(one: FmiVariable, members: list[Variable]) -> str:
     """Return what a number is or, of an array, what the quantity is and what its elements are."""
     words = "" if len(one.dimensions) == 2 else ", ".join(v.component for v in members)
     return meaning(members[0].block, words)
@@ -104,13 +104,13 @@ def _limits_of_all(members: list[Variable]) -> dict[str, str]:
 
 def _model_structure(version: FmiVersion, d: Description) -> Element:
     """Return outputs with what they depend on: without, an importer sees algebraic loops that are not there."""
-    structure, referenced = Element("ModelStructure"), version.references(d)
-    holder = {k: reference for reference, one in enumerate(referenced) for k in one.elements}
+    structure, named = Element("ModelStructure"), version.references(d)
+    holder = {k: reference for reference, one in enumerate(named) for k in one.elements}
     key, first = ("index", 1) if version.nested else ("valueReference", 0)
     for name, depends in (("Output", depends_on), ("InitialUnknown", depends_initially_on)):
         known: dict[int, Iterable[int]] = {
             reference: {holder[k] for k in depends(d, d.variables[one.elements[0]])}
-            for reference, one in enumerate(referenced)
+            for reference, one in enumerate(named)
             if d.variables[one.elements[0]].causality == "output"
         }
         known[version.status_reference(d)] = ()
