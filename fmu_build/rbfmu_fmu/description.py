@@ -20,18 +20,7 @@ from rbfmu.runs.plan import filled_buffer
 from rbfmu.runs.time_grid import last_time
 from rbfmu_kernels.buffer import CHANGED, FAULTS, OK
 from rbfmu_kernels.compile.tiered import tiered
-from rbfmu_kernels.quantities import (
-    BY_NAME,
-    FORCES,
-    IN_BUFFER_ORDER,
-    OUTPUT,
-    PORTS,
-    RELATIVE,
-    TORQUES,
-    Output,
-    Quantity,
-    indices,
-)
+from rbfmu_kernels.quantities import ANGLE, BY_NAME, FORCES, IN_BUFFER_ORDER, OUTPUT, PORTS, TORQUES, Quantity, indices
 
 QUANTITIES = {
     "s": "Time",
@@ -238,9 +227,8 @@ def components(row: Quantity) -> tuple[str, ...]:
     """Return a word for each number of a quantity: an axis, an angle, a pair of axes; empty for a single number."""
     if row.elements:
         return tuple("".join(AXES[int(k) - 1] for k in pair.split(",")) for pair in row.elements)
-    if row.size == 3 and isinstance(row, Output):
-        return row.components
-    return {1: ("",), 3: AXES, 4: _EULER_PARAMETERS}[row.size]
+    of_three: tuple[str, ...] = getattr(row, "components", AXES)  # an output may have words of its own, as roll has
+    return {1: ("",), 3: of_three, 4: _EULER_PARAMETERS}[row.size]
 
 
 def meaning(block: str, component: str) -> str:
@@ -268,17 +256,15 @@ def nominal_sizes(scene: Scene, kernels: Model, filled: Buffer) -> Mapping[str, 
     z = filled.copy()
     sizes: dict[str, float] = {}
     if int(tiered(kernels.initialize)(z)) == OK:
+        sized = {n for n, row in OUTPUT.items() if row.error != ANGLE and not row.judged_by}
+        sized -= {n for n, row in OUTPUT.items() if row.cancels and not row.conserved}
         for name, place in kernels.BLOCKS.items():
             row = BY_NAME.get(name.removeprefix("constant_"))
-            if row is not None and (name not in OUTPUT or _has_size(OUTPUT[name])):
+            if row is not None and (name not in OUTPUT or name in sized):
                 size = math.hypot(*z[place][: _INERTIA.get(name)].tolist())
                 sizes[name.removeprefix("constant_")] = max(size, getattr(row, "floor", 0.0))
     sizes |= {port: input_sizes(scene)[port] for port in scene.inputs.ports}
     return {name: float(f"{size:.0e}") for name, size in sizes.items() if 0.0 < size < math.inf}
-
-
-def _has_size(row: Output) -> bool:
-    return row.error == RELATIVE and not row.judged_by and (not row.cancels or row.conserved)
 
 
 @dataclass(frozen=True)
