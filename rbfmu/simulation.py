@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rbfmu.exceptions import SimulationError as SimulationError
 from rbfmu.result import Result
 from rbfmu.runs.inputs import HOLD, Drive, Driven, drive_of, input_tables
-from rbfmu.runs.plan import Plan, filled_buffer, initialize, output_block
+from rbfmu.runs.plan import Plan
 from rbfmu.scene.argument import of_scene_or_path
 from rbfmu.scene.plausibility import doubts_after, warn
 from rbfmu.scene.scene import Scene
@@ -70,13 +70,11 @@ def simulate(
     tables = {} if inputs is None else input_tables(scene, inputs, interpolate)
     driven = partial(drive_of, scene, tables, interpolate)
     planned = planned or _planned(scene, driven=driven if tables else None)
-    kernels, z = planned.kernels, filled_buffer(scene, planned)
     drive = driven(1)
-    run, time = Driven(drive, kernels, z), drive.time
-    run.start()
-    initialize(scene, kernels, z)
-    block = output_block(scene, kernels)
-    outputs = z[block]
+    run, time = Driven(scene, planned, drive), drive.time
+    blocks = {name: planned.kernels.BLOCKS[name] for name in scene.outputs.quantities}
+    first, end = min(block.start for block in blocks.values()), max(block.stop for block in blocks.values())
+    outputs = run.z[first:end]
     rows = np.empty((len(time), len(outputs)))
     rows[0] = outputs
     numbers = range(1, len(time))
@@ -84,7 +82,7 @@ def simulate(
         if not run.advance(k):
             raise refused_step(scene, time[k - 1])
         rows[k] = outputs
-    result = Result(time, {n: _quantity(rows, kernels.BLOCKS[n], block.start) for n in scene.outputs.quantities})
+    result = Result(time, {name: _quantity(rows, block, first) for name, block in blocks.items()})
     warn(scene, doubts_after(scene, result.quantities), stacklevel=4)
     return result
 

@@ -3,8 +3,10 @@
 A question is made of a scene and passed on; who plans, judges or explains asks it and not the scene again.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +20,12 @@ from rbfmu_kernels.buffer import places
 from rbfmu_kernels.compile.interpreted import interpreted
 from rbfmu_kernels.integrators import splitting
 from rbfmu_kernels.mechanics import inertia
-from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads
 from rbfmu_kernels.models import no_rotation, spin_up
 from rbfmu_kernels.quantities import FIXED_IN_SPACE, FORCES, IN_BUFFER_ORDER, OUTPUT, TORQUES, WEIGHTS
 from rbfmu_kernels.rotations.vec3 import cross
-from rbfmu_kernels.types import Quaternion, Vec3
+from rbfmu_kernels.types import Vec3
 
+T = TypeVar("T")
 GROWING = {row.name for row in IN_BUFFER_ORDER if row.grows}
 """Loads and parameters with which positions, velocities, accelerations and energy grow."""
 BLOCKS, SIZE = places(memory.COMMON)
@@ -141,6 +143,11 @@ class Question:
         return float(turned), float(body_force and start.needs_translation)
 
 
+def _answer(predicate: Callable[[Any], T]) -> cached_property[T]:
+    """Return what a kernel reads off the buffer of a `BodyAtStart`, run as plain Python."""
+    return cached_property(lambda start: interpreted(predicate)(start.z))
+
+
 class BodyAtStart:
     """A body at the start of the run, its ports at zero, asked in plain Python what models ask in compiled code.
 
@@ -161,30 +168,16 @@ class BodyAtStart:
 
     # What the outputs need
 
-    @property
-    def has_pivot(self) -> bool:
-        """Return whether o is fixed in space."""
-        return interpreted(memory.has_pivot)(self.z)
-
-    @property
-    def needs_translation(self) -> bool:
-        """Return whether an output needs the position or velocity."""
-        return interpreted(needs.needs_translation)(self.z)
-
-    @property
-    def needs_attitude(self) -> bool:
-        """Return whether an output needs the attitude."""
-        return interpreted(needs.needs_attitude)(self.z)
-
-    @property
-    def needs_rate(self) -> bool:
-        """Return whether an output needs the body's rate."""
-        return interpreted(needs.needs_rate)(self.z)
-
-    @property
-    def shows_loads(self) -> bool:
-        """Return whether an output changes at once when a load does."""
-        return interpreted(needs.shows_loads)(self.z)
+    has_pivot = _answer(memory.has_pivot)
+    """Whether o is fixed in space."""
+    needs_translation = _answer(needs.needs_translation)
+    """Whether an output needs the position or velocity."""
+    needs_attitude = _answer(needs.needs_attitude)
+    """Whether an output needs the attitude."""
+    needs_rate = _answer(needs.needs_rate)
+    """Whether an output needs the body's rate."""
+    shows_loads = _answer(needs.shows_loads)
+    """Whether an output changes at once when a load does."""
 
     @property
     def shows_more_than_momentum(self) -> bool:
@@ -194,35 +187,22 @@ class BodyAtStart:
 
     # What turns the body
 
-    @cached_property
-    def body(self) -> Body:
-        """Return the body's constants in the equations of motion."""
-        return interpreted(memory.body_of)(self.z)
-
-    @cached_property
-    def loads(self) -> Loads:
-        """Return the loads on the body."""
-        return interpreted(memory.loads_of)(self.z)
-
-    @property
-    def begins_to_turn(self) -> bool:
-        """Return whether an output that depends on the rotation would change."""
-        return interpreted(no_rotation.begins_to_turn)(self.z)
-
-    @property
-    def has_torque(self) -> bool:
-        """Return whether damping, a torque, or a force with an arm acts."""
-        return interpreted(closed_form.has_torque)(self.z)
-
-    @property
-    def has_turning_torque(self) -> bool:
-        """Return whether a torque acts that depends on the motion or turns with the body."""
-        return interpreted(closed_form.has_turning_torque)(self.z)
-
-    @property
-    def is_driven(self) -> bool:
-        """Return whether a torque acts, or a force that turns with the body on a path that an output shows."""
-        return interpreted(closed_form.is_driven)(self.z)
+    body = _answer(memory.body_of)
+    """The body's constants in the equations of motion."""
+    loads = _answer(memory.loads_of)
+    """The loads on the body."""
+    rotation = _answer(memory.rotation_of)
+    """Attitude and rate."""
+    begins_to_turn = _answer(no_rotation.begins_to_turn)
+    """Whether an output that depends on the rotation would change."""
+    has_torque = _answer(closed_form.has_torque)
+    """Whether damping, a torque, or a force with an arm acts."""
+    has_turning_torque = _answer(closed_form.has_turning_torque)
+    """Whether a torque acts that depends on the motion or turns with the body."""
+    is_driven = _answer(closed_form.is_driven)
+    """Whether a torque acts, or a force that turns with the body on a path that an output shows."""
+    has_unknown_load = _answer(needs.has_unknown_load)
+    """Whether a load acts that models with a closed form do not know."""
 
     @property
     def is_damped(self) -> bool:
@@ -232,12 +212,12 @@ class BodyAtStart:
     @property
     def keeps_its_rate(self) -> bool:
         """Return whether the rate stays as it is without a torque."""
-        return interpreted(principal.keeps_its_rate)(self.z, self._rotation[1])
+        return interpreted(principal.keeps_its_rate)(self.z, self.rotation[1])
 
     @property
     def turns_path(self) -> bool:
         """Return whether a force that turns about the rate with the body bends a path that an output shows."""
-        return interpreted(fixed_axis.turns_path)(self.z, self._rotation[1])
+        return interpreted(fixed_axis.turns_path)(self.z, self.rotation[1])
 
     @property
     def is_symmetric(self) -> bool:
@@ -245,14 +225,9 @@ class BodyAtStart:
         return interpreted(splitting.is_symmetric_top)(self.body.inertia)
 
     @property
-    def has_unknown_load(self) -> bool:
-        """Return whether a load acts that models with a closed form do not know."""
-        return interpreted(needs.has_unknown_load)(self.z)
-
-    @property
     def leaves_third_axis(self) -> bool:
         """Return whether the moments across an axis differ, or a torque or damping is not about that axis alone."""
-        (q, _), (_, _, axes) = self._rotation, interpreted(symmetry.symmetric_frame)(self.body.inertia)
+        (q, _), (_, _, axes) = self.rotation, interpreted(symmetry.symmetric_frame)(self.body.inertia)
         return interpreted(spin_up.leads_astray)(q, axes, self.body, self.loads)
 
     @cached_property
@@ -267,13 +242,13 @@ class BodyAtStart:
     @cached_property
     def axis(self) -> Vec3:
         """Return the principal axis of most of the rate, in b."""
-        q, omega = self._rotation
+        q, omega = self.rotation
         return interpreted(fixed_axis.main_axis)(q, omega, self.body, self.loads)
 
     @property
     def leaves_axis(self) -> bool:
         """Return whether anything turns the body about another axis."""
-        q, omega = self._rotation
+        q, omega = self.rotation
         return interpreted(fixed_axis.leaves_axis)(self.z, self.axis, q, omega, self.body, self.loads)
 
     @property
@@ -285,10 +260,6 @@ class BodyAtStart:
     @property
     def is_driven_or_damped(self) -> bool:
         """Return whether anything else acts about the axis."""
-        q, _ = self._rotation
+        q, _ = self.rotation
         drive, damping = interpreted(fixed_axis.drive_and_damping_rate)(self.z, self.axis, q, self.body, self.loads)
         return drive != 0.0 or damping != 0.0
-
-    @property
-    def _rotation(self) -> tuple[Quaternion, Vec3]:
-        return interpreted(memory.rotation_of)(self.z)

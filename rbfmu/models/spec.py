@@ -10,16 +10,7 @@ from numpy.typing import NDArray
 
 from rbfmu.models.model_buffer import Model
 from rbfmu.models.question import BodyAtStart, Question
-from rbfmu_kernels.quantities import (
-    ATTITUDE,
-    FIXED_IN_SPACE,
-    FORCES,
-    LOADS_NOW,
-    OUTPUTS,
-    RATE,
-    WEIGHTS,
-    needing,
-)
+from rbfmu_kernels.quantities import ATTITUDE, FIXED_IN_SPACE, FORCES, LOADS_NOW, OUTPUTS, RATE, WEIGHTS, needing
 
 Array = NDArray[np.float64]
 Names = set[str] | frozenset[str]

@@ -76,7 +76,7 @@ def plan(
     asked = judge.asked if judge else Question(scene)
     judge = judge or (Judge(Question(with_all_outputs(scene)), progress, asked) if full else Judge(asked, progress))
     with said_after(PATIENCE, lambda: f"rbfmu: planning {scene.name} takes long: {judge.doing}"):
-        found = _full(judge) if full else _smallest(judge)
+        found = _cheapest(judge, full)
     found = replace(found, reasons=(*found.reasons, *say.what_inputs_cost(judge.asked, found)))
     return plan_for_inputs(asked, found, driven) if driven else found
 
@@ -86,20 +86,23 @@ def with_all_outputs(scene: Scene) -> Scene:
     return Scene.from_dict({k: v for k, v in scene.to_dict().items() if k != "outputs"}, scene.name)
 
 
-def _full(judge: Judge) -> Plan:
-    return _integrated(judge, splitting=False) if judge.scene.body else _prescribed(judge.asked)
+def _cheapest(judge: Judge, full: bool) -> Plan:
+    asked = judge.asked
+    if asked.scene.body is None:
+        return with_cost(asked, _prescribed(asked))
+    found = replace(_integrated(judge, splitting=False), pinned=asked.pinned) if full else _smallest(judge)
+    return with_cost(asked, replace(found, states=found.spec.states_for(asked)))
 
 
 def _smallest(judge: Judge) -> Plan:
-    asked = judge.asked
-    if asked.scene.body is None:
-        return _prescribed(asked)
-    exact = _exact(judge)
+    """Return the plan of the smallest model that serves; of those that serve only nearly, with what that leaves out."""
+    asked, exact = judge.asked, _exact(judge)
     found = (
         _within_accuracy(judge, exact) or exact or _swinging(judge) or _under_body_force(judge) or _integrated(judge)
     )
     left_out = say.what_is_left_out(asked, found.spec.force_keeps_direction)
-    return replace(found, reasons=(*left_out, *found.reasons))
+    pinned = found.pinned if found is exact else asked.pinned  # a pilot run or a comparison rests on their values
+    return replace(found, pinned=pinned, reasons=(*left_out, *found.reasons))
 
 
 def _refuse_below(asked: Question, error: float) -> None:
@@ -123,7 +126,7 @@ def prescribed_rates_error(scene: Scene) -> float:
 def _prescribed(asked: Question) -> Plan:
     spec, error = PRESCRIBED_RATES, prescribed_rates_error(asked.scene)
     _refuse_below(asked, error)
-    return with_cost(asked, Plan(spec.key, spec.method, spec.states, error=error, reasons=(say.PRESCRIBED,)))
+    return Plan(spec.key, spec.method, spec.states, error=error, reasons=(say.PRESCRIBED,))
 
 
 # Closed forms that are exact
@@ -142,7 +145,7 @@ def _exact(judge: Judge) -> Plan | None:
     spec = exact_closed_form(asked)
     if spec is None:
         return None
-    found, delicate = _candidate(asked, spec), asked.accuracy < DERIVED and set(judge.names) & DIFFERENCES
+    found, delicate = Plan(spec.key, spec.method, 0), asked.accuracy < DERIVED and set(judge.names) & DIFFERENCES
     motion = _coarse_motion(judge, spec)
     error = EXACT + (ROUND_OFF * _angle(asked, motion) if spec.angle_round_off else 0.0)
     error += spec.conditioning(asked)
@@ -153,10 +156,6 @@ def _exact(judge: Judge) -> Plan | None:
         found = replace(found, pinned=asked.pinned)
     _refuse_below(asked, error)
     return replace(found, error=error, reasons=say.why_exact(asked, spec))
-
-
-def _candidate(asked: Question, spec: ModelSpec) -> Plan:
-    return with_cost(asked, Plan(spec.key, spec.method, spec.states_for(asked)))
 
 
 def _coarse_motion(judge: Judge, spec: ModelSpec) -> Motion:
@@ -193,7 +192,7 @@ def _within_accuracy(judge: Judge, exact: Plan | None) -> Plan | None:
     bound = (1.0 if exact else SHARE) * asked.accuracy - EXACT
     for spec in smaller:
         if _may_be_close(asked, spec, truth, names):
-            candidate = replace(_candidate(asked, spec), pinned=asked.pinned)
+            candidate = Plan(spec.key, spec.method, 0, pinned=asked.pinned)
             error = judge.compare(candidate, truth, names, bool(asked.varying & GROWING))
             if error <= bound:
                 why = say.why_close(asked, spec.key, exact, error, len(truth["omega_b"]) - 1)
@@ -251,12 +250,8 @@ def _stays(asked: Question, truth: Motion, names: tuple[str, ...]) -> bool:
 def _swinging(judge: Judge) -> Plan | None:
     """Return the plan of one angle under forces fixed in space, by the cheapest series that meets the accuracy."""
     asked, spec = judge.asked, ONE_AXIS_TAYLOR
-    if not spec.serves(asked):
-        return None
-    found = swinging_fit(judge, Plan(spec.key, "", spec.states_for(asked), tolerance=asked.accuracy))
-    if found is None:
-        return None
-    return with_cost(asked, replace(found, pinned=asked.pinned, reasons=(say.SWINGING, *found.reasons)))
+    found = swinging_fit(judge, Plan(spec.key, "", 0, tolerance=asked.accuracy)) if spec.serves(asked) else None
+    return replace(found, reasons=(say.SWINGING, *found.reasons)) if found else None
 
 
 def _under_body_force(judge: Judge) -> Plan | None:
@@ -264,22 +259,17 @@ def _under_body_force(judge: Judge) -> Plan | None:
     asked, spec = judge.asked, FREE_BODY_FORCE
     if not any(asked.scene.loads.force_b) or not asked.translation or not spec.serves(asked):
         return None
-    found = cheapest_quadrature(judge, Plan(spec.key, "", spec.states_for(asked), pinned=asked.pinned))
-    if found is None:
-        return None
-    found = with_cost(asked, found)
-    if not asked.start.is_symmetric:
+    found = cheapest_quadrature(judge, Plan(spec.key, "", 0, pinned=asked.pinned))
+    if found is None or not asked.start.is_symmetric:
         return found
     try:
-        return min(_integrated(judge), found, key=lambda plan: plan.cost)
+        return min(_integrated(judge), found, key=lambda plan: with_cost(asked, plan).cost)
     except SceneError:
         return found
 
 
 def _integrated(judge: Judge, splitting: bool = True) -> Plan:
-    asked = judge.asked
-    found = cheapest_fit(judge, Plan(LOADED_TAYLOR.key, "", 0, tolerance=asked.accuracy), splitting)
-    return with_cost(asked, replace(found, states=found.spec.states_for(asked), pinned=asked.pinned))
+    return cheapest_fit(judge, Plan(LOADED_TAYLOR.key, "", 0, tolerance=judge.asked.accuracy), splitting)
 
 
 # Inputs that are known

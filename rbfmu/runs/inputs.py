@@ -2,7 +2,7 @@
 
 import csv
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu.models.model_buffer import Buffer, Model
+from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.fields import SceneError, fault, shown
 from rbfmu.scene.scene import Scene
@@ -260,39 +261,37 @@ def _linear(table: InputTable, points: Array, near: float) -> PortPieces:
 
 
 class Driven:
-    """A model's buffer that is driven: `start` before `initialize`, then `advance` for each communication step.
+    """A run that inputs drive, at its start: its buffer `z`, and `advance` for each communication step.
 
     A model that takes no input derivatives gets the mean of each piece, and the last value at a communication point.
     """
 
-    def __init__(self, drive: Drive, kernels: Model, z: Buffer) -> None:
-        self._z, self._step, self._outputs = z, tiered(kernels.step, len(drive.lengths)), tiered(kernels.outputs)
+    def __init__(self, scene: Scene, plan: Plan, drive: Drive, names: Collection[str] | None = None) -> None:
+        kernels, self.z = plan.kernels, filled_buffer(scene, plan, names)
+        z, self._step, self._outputs = self.z, tiered(kernels.step, len(drive.lengths)), tiered(kernels.outputs)
         self._lengths, self._counts = drive.lengths, drive.counts
         takes_slopes = all(f"{port}_rate" in kernels.BLOCKS for port in drive.ports)
         follows = not drive.is_steady and not takes_slopes
         half = 0.5 * drive.lengths[:, None] if follows else 0.0
-        first = {port: pieces.values[:1] for port, pieces in drive.ports.items()}
         values = {port: pieces.values + half * pieces.slopes for port, pieces in drive.ports.items()}
         last = {port: values[port] + half * pieces.slopes for port, pieces in drive.ports.items() if follows}
         slopes = {f"{port}_rate": pieces.slopes for port, pieces in drive.ports.items() if takes_slopes}
-        self._first, self._values = _Rows(kernels, z, first), _Rows(kernels, z, values)
+        self._values, self._last = _Rows(kernels, z, values), _Rows(kernels, z, last)
         self._slopes = _Rows(kernels, z, {} if drive.is_steady else slopes)
-        self._last = _Rows(kernels, z, last)
-
-    def start(self) -> None:
-        """Set the inputs at the run's start."""
-        self._first.put(0)
+        for port, pieces in drive.ports.items():
+            z[kernels.BLOCKS[port]] = pieces.values[0]
+        initialize(scene, kernels, z)
 
     def advance(self, k: int) -> bool:
         """Take the pieces from communication point k - 1 to k; return whether none was refused."""
         for i in range(self._counts[k - 1], self._counts[k]):
             self._values.put(i)
             self._slopes.put(i)
-            if self._step(self._z, self._lengths[i]) != OK:
+            if self._step(self.z, self._lengths[i]) != OK:
                 return False
         if self._last.names:
             self._last.put(self._counts[k] - 1)
-            self._outputs(self._z)
+            self._outputs(self.z)
         return True
 
 

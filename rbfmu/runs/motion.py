@@ -14,7 +14,7 @@ from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.compile.tiered import tiered
-from rbfmu_kernels.quantities import ANGLE, OUTPUT, OUTPUTS, active_flags
+from rbfmu_kernels.quantities import ANGLE, OUTPUT, OUTPUTS
 from rbfmu_kernels.rotations.quaternion import angle_between
 
 Motion = dict[str, NDArray[np.float64]]
@@ -22,15 +22,8 @@ Motion = dict[str, NDArray[np.float64]]
 
 def start_run(scene: Scene, plan: Plan, names: Sequence[str]) -> Buffer:
     """Return the buffer of the plan's model at the start, of whose outputs only those named are computed."""
-    z = _filled(scene, plan, names)
+    z = filled_buffer(scene, plan, names)
     initialize(scene, plan.kernels, z)
-    return z
-
-
-def _filled(scene: Scene, plan: Plan, names: Sequence[str]) -> Buffer:
-    kernels, z = plan.kernels, filled_buffer(scene, plan)
-    if "active" in kernels.BLOCKS:
-        z[kernels.BLOCKS["active"]] = active_flags(names)
     return z
 
 
@@ -67,16 +60,13 @@ def record_driven(
 
     most: the number of substeps after which it ends.
     """
-    z = _filled(scene, plan, names)
-    driven = Driven(drive, plan.kernels, z)
-    driven.start()
-    initialize(scene, plan.kernels, z)
+    driven = Driven(scene, plan, drive, names)
 
     def advance(k: int) -> bool:
-        return driven.advance(k) and substeps_counted(plan.kernels, z) <= most
+        return driven.advance(k) and substeps_counted(plan.kernels, driven.z) <= most
 
-    motion = _recorded(plan.kernels, z, len(drive.time) - 1, names, advance)
-    return motion, substeps_counted(plan.kernels, z)
+    motion = _recorded(plan.kernels, driven.z, len(drive.time) - 1, names, advance)
+    return motion, substeps_counted(plan.kernels, driven.z)
 
 
 def _recorded(

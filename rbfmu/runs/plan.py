@@ -1,6 +1,7 @@
 """The plan of a run: the model by its name, the settings of its method, and the buffer that it starts from."""
 
 import math
+from collections.abc import Collection
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -10,6 +11,7 @@ from rbfmu.models.spec import ModelSpec
 from rbfmu.notebook import table
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.compile.tiered import tiered
+from rbfmu_kernels.quantities import active_flags
 
 
 @dataclass(frozen=True, repr=False)
@@ -94,15 +96,17 @@ def _refused(name: str, value: object, expected: str) -> ValueError:
 # The buffer that it runs on
 
 
-def filled_buffer(scene: Scene, plan: Plan) -> Buffer:
-    """Return the buffer of the plan's model before `initialize`: parameters and settings of the scene, inputs zero.
+def filled_buffer(scene: Scene, plan: Plan, names: Collection[str] | None = None) -> Buffer:
+    """Return the buffer of the plan's model before `initialize`: the scene's numbers, the plan's settings, no inputs.
 
-    Raises ValueError where the plan cannot be run.
+    names: the outputs that are computed, in place of the scene's. Raises ValueError where the plan cannot be run.
     """
     plan.check()
     kernels = plan.kernels
     z = aligned_zeros(kernels.SIZE)
     put_scene(scene, kernels.BLOCKS, z, plan.settings)
+    if names is not None and "active" in kernels.BLOCKS:
+        z[kernels.BLOCKS["active"]] = active_flags(names)
     return z
 
 
@@ -110,9 +114,3 @@ def initialize(scene: Scene, kernels: Model, z: Buffer) -> None:
     """Set state and outputs from the parameters; raise SceneError where the model refuses them."""
     if code := tiered(kernels.initialize)(z):
         raise refusal(scene, code, kernels.BLOCKS, z)
-
-
-def output_block(scene: Scene, kernels: Model) -> slice:
-    """Return where the outputs that the scene asks for stand in the model's buffer, and what lies between them."""
-    blocks = [kernels.BLOCKS[name] for name in scene.outputs.quantities]
-    return slice(min(block.start for block in blocks), max(block.stop for block in blocks))
