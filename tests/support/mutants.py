@@ -215,7 +215,8 @@ class Slot:
     def run(self, marks: str, tests: list[str], *options: str) -> subprocess.CompletedProcess[str]:
         """Run tests in the order given."""
         paths = [self.folder, self.folder / "kernels", self.folder / "fmu_build"]
-        environment = os.environ | {
+        environment = {name: value for name, value in os.environ.items() if name != "RBFMU_TESTS"}  # FMUs of its own
+        environment |= {
             "PYTHONPATH": os.pathsep.join(map(str, paths)),
             "NUMBA_CACHE_DIR": str(self.cache),
             "COVERAGE_FILE": str(PLACE / "reach" / "data"),
