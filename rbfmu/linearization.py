@@ -15,8 +15,7 @@ from rbfmu.scene.scene import Scene
 from rbfmu.simulator import Simulator
 from rbfmu_kernels.body.memory import body_of, loads_of, motion_of
 from rbfmu_kernels.body.outputs import outputs
-from rbfmu_kernels.compile.interpreted import interpreted
-from rbfmu_kernels.compile.tiered import evaluated
+from rbfmu_kernels.compile.tiered import evaluated, interpreted
 from rbfmu_kernels.mechanics.equations_of_motion import state_rates
 from rbfmu_kernels.quantities import BY_NAME, OUTPUT, TRANSLATION, indices, needing
 from rbfmu_kernels.rotations.euler_angles import ZYX, euler_from_quaternion, euler_rate_b
@@ -226,7 +225,7 @@ class _Loaded(_Point):
         shown = scene.replace(
             {"outputs.quantities": [n for n in scene.outputs.quantities if n != "rpy"] or ["omega_b"]}
         )
-        full = Plan("body under loads", "", 3 * len(self.states))
+        full = Plan("body under loads, by series", "", 3 * len(self.states), order=12)
         buffer, self.blocks = filled_buffer(shown, full), full.kernels.BLOCKS
         initialize(shown, full.kernels, buffer)
         self.z: list[Any] = buffer.tolist()

@@ -32,7 +32,7 @@ from rbfmu.scene.scene import Scene
 from rbfmu.studies.work_precision.cases import CASES, ROTATION, Case
 from rbfmu.studies.work_precision.heyoka_peer import equations
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, Body
-from rbfmu_kernels.models import loaded_taylor
+from rbfmu_kernels.models.loaded import LOADED_TAYLOR
 
 Array = NDArray[np.float64]
 MOTIONS, MARKS, BODIES, SPREAD, SEED = ("c", "c'", "d"), (1e-6, 1e-9), 64, 0.01, 15
@@ -105,14 +105,14 @@ def _plan_of(batch: Batch, mark: float) -> Plan:
     tables = batch.scenes[0].to_dict()
     tables["run"]["accuracy"] = mark
     plan = rbfmu.plan(Scene.from_dict(tables, batch.case.key))
-    assert plan.kernels is loaded_taylor
+    assert plan.kernels is LOADED_TAYLOR
     return plan
 
 
 def ours(batch: Batch, mark: float, run: Callable[..., Any]) -> Iterator[Run]:
     """Yield runs of our series."""
     plan = _plan_of(batch, mark)
-    blocks = loaded_taylor.BLOCKS
+    blocks = LOADED_TAYLOR.BLOCKS
     varied = [blocks[name] for name in ("inertia", "mass", "omega_b_0", "constant_torque_b")]
     places = np.concatenate([np.arange(block.start, block.stop) for block in varied])
     kept = np.arange(blocks["quaternion"].start, blocks["quaternion"].stop)
@@ -124,7 +124,7 @@ def ours(batch: Batch, mark: float, run: Callable[..., Any]) -> Iterator[Run]:
         values = np.array([z[places] for z in filled])
 
         def once(base: Array = filled[0], values: Array = values) -> Array:
-            run(loaded_taylor, base, places, values, steps, kept, rows, ends)
+            run(LOADED_TAYLOR, base, places, values, steps, kept, rows, ends)
             return rows[:, 0] if np.all(ends == (0, 1)) else np.full((count, 4), np.nan)
 
         yield once

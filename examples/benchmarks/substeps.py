@@ -15,6 +15,7 @@ from numba import njit
 from rbfmu.models.model_buffer import aligned_zeros
 from rbfmu.planning.methods import ORDERS_OF_SERIES, SERIES_COSTS
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
+from rbfmu.studies.dop853 import Dop853Plan
 from rbfmu.studies.work_precision.cases import CASES
 
 KINDS = {"torques known in b": "d", "loads that turn in b": "c'", "a force that turns with the body": "f"}
@@ -63,9 +64,9 @@ def jobs() -> dict[tuple[str, str], Callable[[], float]]:
     for kind, key in KINDS.items():
         for order in ORDERS_OF_SERIES:
             found[f"Taylor {order}", kind] = timed(key, series(order))
-        found["DOP853", kind] = timed(key, Plan("body under loads", "", 13, tolerance=1e-8))
+        found["DOP853", kind] = timed(key, Dop853Plan("body under loads", "", 13, tolerance=1e-8))
         found["DOP853, equal steps", kind] = timed(
-            key, Plan("body under loads", "", 13, substep=CASES[key].span / 500), 500
+            key, Dop853Plan("body under loads", "", 13, substep=CASES[key].span / 500), 500
         )
     for order in (2, 4, 6):
         plan = Plan("symmetric top", "", 13, substep=CASES["c"].span / 200, order=order)

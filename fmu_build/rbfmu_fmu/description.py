@@ -13,11 +13,12 @@ from keyword import iskeyword
 from typing import Any
 
 from rbfmu import Plan, Scene
-from rbfmu.models.model_buffer import Buffer, Model
+from rbfmu.models.model_buffer import Buffer
 from rbfmu.models.question import Question
 from rbfmu.planning.select import with_all_outputs
 from rbfmu.runs.plan import filled_buffer
 from rbfmu.runs.time_grid import last_time
+from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.buffer import CHANGED, FAULTS, OK
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.quantities import ANGLE, BY_NAME, FORCES, IN_BUFFER_ORDER, OUTPUT, PORTS, TORQUES, Quantity, indices
@@ -134,7 +135,7 @@ def describe(scene: Scene, plan: Plan) -> Description:
         stop=scene.run.stop,
         step=scene.run.step,
         accuracy=scene.run.accuracy,
-        model=kernels.__name__.removeprefix("rbfmu_kernels."),
+        model=kernels.name,
         outputs_end=max(kernels.BLOCKS[name].stop for name in OUTPUT if name in kernels.BLOCKS),
         faults=FAULTS,
         changed=CHANGED,
@@ -164,7 +165,7 @@ def sizes(scene: Scene, plan: Plan) -> tuple[int, tuple[int, int]]:
     if scene.body is None:
         return count, (plan.states, count)
     states = 7 if scene.body.pivot else 13
-    full = Plan("body under loads", "", states)
+    full = Plan("body under loads, by series", "", states, order=12)
     return count, (states, len(describe(with_all_outputs(scene), full).variables) + 1)
 
 

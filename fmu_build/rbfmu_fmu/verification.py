@@ -19,7 +19,7 @@ from fmpy.validation import validate_fmu
 from numpy.typing import NDArray
 
 from rbfmu import Plan, Scene, SceneError, planning
-from rbfmu.models.model_buffer import Buffer, Model
+from rbfmu.models.model_buffer import Buffer
 from rbfmu.runs.motion import largest_error
 from rbfmu.runs.plan import filled_buffer, initialize
 from rbfmu.runs.time_grid import time_grid
@@ -27,6 +27,7 @@ from rbfmu_fmu.archive import kernel_hash
 from rbfmu_fmu.description import Description, describe, input_sizes
 from rbfmu_fmu.fmi_version import FmiVersion, version_of
 from rbfmu_fmu.python.pythonfmu_traps import CRASHES_IN_PATH
+from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.compile.tiered import evaluated, tiered
 from rbfmu_kernels.rotations.euler_angles import ZYX, quaternion_from_euler

@@ -4,17 +4,30 @@ A model's whole memory is one float64 buffer, so a copy of its bytes is a snapsh
 serve Python, pythonfmu and native code. This module needs neither numba nor numpy.
 """
 
+from typing import NamedTuple
+
 from .quantities import BOUNDED
 
 
-def places(sizes: dict[str, int]) -> tuple[dict[str, slice], int]:
-    """Return consecutive places in a buffer for named blocks, and the total size."""
+class Layout(NamedTuple):
+    """The blocks of a buffer: the place of each by its name, and the size of all together."""
+
+    blocks: dict[str, slice]
+    size: int
+
+    def starts(self, *names: str) -> tuple[int, ...]:
+        """Return where the blocks named begin."""
+        return tuple(self.blocks[name].start for name in names)
+
+
+def places(sizes: dict[str, int]) -> Layout:
+    """Return consecutive places in a buffer for named blocks."""
     blocks: dict[str, slice] = {}
     total = 0
     for name, size in sizes.items():
         blocks[name] = slice(total, total + size)
         total += size
-    return blocks, total
+    return Layout(blocks, total)
 
 
 OK, STEP_REJECTED, PAST_STOP = 0, 1, 2

@@ -1,63 +1,134 @@
-"""Vectors, quaternions and matrices in a flat buffer."""
+"""Vectors, quaternions, matrices and named tuples of numbers in a flat buffer."""
 
-from typing import Any
+import sys
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeVar, get_args, get_type_hints
 
 from .compile.decorator import kernel
-from .types import Matrix, Quaternion, Vec3
+from .types import Buffer, Matrix, Quaternion, Vec3
 
 
 @kernel
-def copy_numbers(z: Any, source: int, target: int, n: int) -> None:
+def copy_numbers(z: Buffer, source: int, target: int, n: int) -> None:
     """Copy n numbers from z[source] on to z[target] on; the two do not overlap."""
     for i in range(n):
         z[target + i] = z[source + i]
 
 
 @kernel
-def pair_at(z: Any, i: int) -> tuple[float, float]:
+def pair_at(z: Buffer, i: int) -> tuple[float, float]:
     """Return the two numbers from z[i] on: a pair, or the high and low parts of one number."""
     return (z[i], z[i + 1])
 
 
 @kernel
-def put_pair_at(z: Any, i: int, a: tuple[float, float]) -> None:
+def put_pair_at(z: Buffer, i: int, a: tuple[float, float]) -> None:
     """Store two numbers from z[i] on."""
     z[i], z[i + 1] = a
 
 
 @kernel
-def vec3_at(z: Any, i: int) -> Vec3:
+def vec3_at(z: Buffer, i: int) -> Vec3:
     """Return the vector that begins at z[i]."""
     return (z[i], z[i + 1], z[i + 2])
 
 
 @kernel
-def quaternion_at(z: Any, i: int) -> Quaternion:
+def quaternion_at(z: Buffer, i: int) -> Quaternion:
     """Return the quaternion that begins at z[i]."""
     return (z[i], z[i + 1], z[i + 2], z[i + 3])
 
 
 @kernel
-def put_quaternion_at(z: Any, i: int, q: Quaternion) -> None:
+def put_quaternion_at(z: Buffer, i: int, q: Quaternion) -> None:
     """Store a quaternion from z[i] on."""
     z[i], z[i + 1], z[i + 2], z[i + 3] = q
 
 
 @kernel
-def matrix_at(z: Any, i: int) -> Matrix:
+def matrix_at(z: Buffer, i: int) -> Matrix:
     """Return the matrix that begins at z[i]."""
     return (vec3_at(z, i), vec3_at(z, i + 3), vec3_at(z, i + 6))
 
 
 @kernel
-def put_vec3_at(z: Any, i: int, v: Vec3) -> None:
+def put_vec3_at(z: Buffer, i: int, v: Vec3) -> None:
     """Store a vector from z[i] on."""
     z[i], z[i + 1], z[i + 2] = v
 
 
 @kernel
-def put_matrix_at(z: Any, i: int, A: Matrix) -> None:
+def put_matrix_at(z: Buffer, i: int, A: Matrix) -> None:
     """Store a matrix from z[i] on."""
     put_vec3_at(z, i, A[0])
     put_vec3_at(z, i + 3, A[1])
     put_vec3_at(z, i + 6, A[2])
+
+
+R = TypeVar("R")
+
+
+class Record(NamedTuple):
+    """The kernels of one kind of named tuple: `size, put, read, flatten = record(Kind)`."""
+
+    size: int
+    """How many numbers it holds."""
+    put: Any
+    """`put(z, i, value)` stores the value from z[i] on."""
+    read: Any
+    """`read(numbers)` returns the value whose numbers a buffer's slice or a flat tuple holds."""
+    flatten: Any
+    """`flatten(value)` returns its numbers as one flat tuple."""
+
+
+def record(kind: type[tuple[Any, ...]], size: int = 0) -> Record:
+    """Return the kernels that store and read a named tuple of floats, tuples of floats, and named tuples of these.
+
+    size: how many numbers `flatten` gives at least; it fills up with zeros.
+    """
+    name, paths = kind.__name__, _paths(kind, "value")
+    stores = [f"    z[i + {k}] = {path}" for k, path in enumerate(paths)]
+    names = {part.__name__: part for part in _named(kind)}
+    put = _kernel(kind, names, f"put_{name}", "(z, i, value):", *stores)
+    read = _kernel(
+        kind, names, f"read_{name}", "(numbers):", f"    return {_expression(kind, iter(range(len(paths))))}"
+    )
+    padded = [*paths, *["0.0"] * (size - len(paths))]
+    flatten = _kernel(kind, names, f"flatten_{name}", "(value):", f"    return ({', '.join(padded)},)")
+    return Record(len(paths), put, read, flatten)
+
+
+def _kernel(kind: Any, scope: dict[str, Any], name: str, *lines: str) -> Callable[..., Any]:
+    """Compile generated source as a kernel of the module that defines the named tuple, whose cache it shares."""
+    module = sys.modules[kind.__module__]
+    made = scope | {"__name__": kind.__module__}
+    exec(compile("\n".join([f"def {name}{lines[0]}", *lines[1:]]), str(module.__file__), "exec"), made)
+    return kernel(made[name])
+
+
+def _fields(kind: Any) -> dict[str, Any]:
+    """Return the types of a tuple's fields, by what follows the tuple in an expression."""
+    if hasattr(kind, "_fields"):
+        return {f".{name}": part for name, part in get_type_hints(kind).items()}
+    return {f"[{i}]": part for i, part in enumerate(get_args(kind))}
+
+
+def _paths(kind: Any, value: str) -> list[str]:
+    """Return the expressions of all numbers of a value, in order."""
+    if kind is float:
+        return [value]
+    return [path for step, part in _fields(kind).items() for path in _paths(part, value + step)]
+
+
+def _expression(kind: Any, places: Any) -> str:
+    """Return the expression that makes a value of numbers[0], numbers[1], ..."""
+    if kind is float:
+        return f"numbers[{next(places)}]"
+    parts = [_expression(part, places) for part in _fields(kind).values()]
+    return f"{kind.__name__}({', '.join(parts)})" if hasattr(kind, "_fields") else f"({', '.join(parts)},)"
+
+
+def _named(kind: Any) -> list[Any]:
+    """Return the named tuples that a value is made of."""
+    own = [kind] if hasattr(kind, "_fields") else []
+    return own + [named for part in _fields(kind).values() if part is not float for named in _named(part)]

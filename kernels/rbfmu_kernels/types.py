@@ -1,12 +1,23 @@
 """Core types of kernels. A kernel's annotations are its shapes; array functions are made from them."""
 
-from typing import get_args, get_origin
+from typing import Protocol, get_args, get_origin, overload
 
 Vec3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 """Euler parameters (eta, eps_1, eps_2, eps_3): scalar first."""
 Matrix = tuple[Vec3, Vec3, Vec3]
 """Rows: R[i][j] is row i, column j."""
+
+
+class Buffer(Protocol):
+    """Numbers in places from 0 on: an array of doubles, or of numbers of several bodies (`compile.simd`)."""
+
+    @overload
+    def __getitem__(self, i: int, /) -> float: ...
+    @overload
+    def __getitem__(self, i: slice, /) -> "Buffer": ...
+    def __setitem__(self, i: int, value: float, /) -> None: ...
+
 
 Shape = tuple[int, ...]
 _SHAPES: dict[object, Shape] = {float: (), Vec3: (3,), Quaternion: (4,), Matrix: (3, 3)}

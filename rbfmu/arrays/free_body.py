@@ -10,10 +10,16 @@ import numpy as np
 from numba import config
 
 from rbfmu.arrays.from_kernel import array_function, clear_error, documented_by, in_order, warn_of_singular
-from rbfmu_kernels.compile.wide_arrays import widest
+from rbfmu_kernels.compile.simd import widest
+from rbfmu_kernels.exact.free_rotation import (
+    SCRATCH,
+    free_rotation_at,
+    free_rotation_is_singular,
+    free_rotation_setup,
+    free_rotations_in_eight,
+    free_rotations_in_four,
+)
 from rbfmu_kernels.exact.free_rotation import free_rotation as _kernel
-from rbfmu_kernels.exact.free_rotation import free_rotation_at, free_rotation_is_singular, free_rotation_setup
-from rbfmu_kernels.exact.free_rotation_lanes import SCRATCH, free_rotations_in_eight, free_rotations_in_four
 
 _FEW = 8
 """Bodies from which on lanes pay."""

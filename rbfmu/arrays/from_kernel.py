@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rbfmu_kernels.compile.array_functions.gufunc import STREAMED, gufuncs
+from rbfmu_kernels.compile.gufunc import STREAMED, gufuncs
 from rbfmu_kernels.compile.shapes import core_shapes, python_function
 from rbfmu_kernels.rotations.euler_angles import sequence
 from rbfmu_kernels.types import Shape

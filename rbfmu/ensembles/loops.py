@@ -7,14 +7,14 @@ side by side, where their model knows how, with the same bits.
 
 from collections.abc import Callable
 from functools import cache
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 from numba import config, float64, int64, njit, types
 
 from rbfmu.models.model_buffer import aligned_zeros
-from rbfmu_kernels.compile.wide_arrays import widest
-from rbfmu_kernels.models import loaded_taylor, loaded_taylor_lanes
+from rbfmu_kernels.compile.simd import widest
 
 _NUMBERS, _TABLE, _BLOCK = float64[::1], float64[:, ::1], float64[:, :, ::1]
 _INDICES, _PAIRS = int64[::1], int64[:, ::1]
@@ -124,8 +124,8 @@ _CACHE_LINE = 8
 
 
 def lanes_serve(kernels: Any) -> bool:
-    """Return whether a model, given its module, knows how."""
-    return kernels is loaded_taylor
+    """Return whether a model knows how."""
+    return bool(kernels.lanes)
 
 
 def advance_lanes(
@@ -133,7 +133,7 @@ def advance_lanes(
 ) -> bool:
     """Do what `loops.run_members` does, with the same bits; return False, with nothing done, where lanes do not serve.
 
-    kernels: the model's module; base (size,): its filled buffer. places (p,), values (m, p): what a member has of its
+    kernels: the model; base (size,): its filled buffer. places (p,), values (m, p): what a member has of its
     own, and where. steps (n,): s. kept (K,): places of the outputs. rows (m, n + 1, K) or (m, 1, K): outputs at each
     point, or the last. ends (m, 2): what `initialize` returned, and the number of steps done.
     """
@@ -143,7 +143,8 @@ def advance_lanes(
     size = -(-len(base) // _CACHE_LINE) * _CACHE_LINE
     buffers = aligned_zeros(count * size).reshape(count, size)[:, : len(base)]
     statuses = np.zeros(count, dtype=np.int64)
-    run = loaded_taylor_lanes.run_in_eight if widest() == 8 else loaded_taylor_lanes.run_in_four
-    scratch = aligned_zeros(loaded_taylor_lanes.SCRATCH)
+    lanes = import_module(kernels.lanes)
+    run = lanes.run_in_eight if widest() == 8 else lanes.run_in_four
+    scratch = aligned_zeros(lanes.SCRATCH)
     run(base, places, values, steps, kept, rows, ends, buffers, statuses, scratch)
     return True

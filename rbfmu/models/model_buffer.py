@@ -1,7 +1,7 @@
 """A model's buffer, filled with a scene's numbers."""
 
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,23 +15,6 @@ from rbfmu_kernels.quantities import INITIAL_VALUES, LOADS, active_flags
 Buffer = NDArray[np.float64]
 _CACHE_LINE = 8
 """The numbers in a cache line."""
-
-
-class Model(Protocol):
-    """A model's module in `rbfmu_kernels`: the layout of its buffer and its three entry functions."""
-
-    __name__: str
-    BLOCKS: dict[str, slice]
-    SIZE: int
-
-    def initialize(self, z: Any) -> int:
-        """Return 0, or a key of `buffer.FAULTS`."""
-
-    def step(self, z: Any, h: float) -> int:
-        """Return `buffer.OK` or `buffer.STEP_REJECTED`."""
-
-    def outputs(self, z: Any) -> int:
-        """Refresh the outputs."""
 
 
 def aligned_zeros(size: int) -> Buffer:

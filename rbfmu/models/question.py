@@ -15,12 +15,12 @@ from rbfmu.models.model_buffer import Buffer, put_scene, refusal
 from rbfmu.scene.body import Body as SceneBody
 from rbfmu.scene.fields import flattened
 from rbfmu.scene.scene import PARAMETERS, Scene
-from rbfmu_kernels.body import closed_form, fixed_axis, memory, needs, outputs, principal, symmetry
+from rbfmu_kernels.body import closed_form, fixed_axis, memory, outputs, principal
 from rbfmu_kernels.buffer import places
-from rbfmu_kernels.compile.interpreted import interpreted
+from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.integrators import splitting
 from rbfmu_kernels.mechanics import inertia
-from rbfmu_kernels.models import no_rotation, spin_up
+from rbfmu_kernels.models import unturned
 from rbfmu_kernels.quantities import FIXED_IN_SPACE, FORCES, IN_BUFFER_ORDER, OUTPUT, TORQUES, WEIGHTS
 from rbfmu_kernels.rotations.vec3 import cross
 from rbfmu_kernels.types import Vec3
@@ -170,20 +170,20 @@ class BodyAtStart:
 
     has_pivot = _answer(memory.has_pivot)
     """Whether o is fixed in space."""
-    needs_translation = _answer(needs.needs_translation)
+    needs_translation = _answer(memory.needs_translation)
     """Whether an output needs the position or velocity."""
-    needs_attitude = _answer(needs.needs_attitude)
+    needs_attitude = _answer(memory.needs_attitude)
     """Whether an output needs the attitude."""
-    needs_rate = _answer(needs.needs_rate)
+    needs_rate = _answer(memory.needs_rate)
     """Whether an output needs the body's rate."""
-    shows_loads = _answer(needs.shows_loads)
+    shows_loads = _answer(memory.shows_loads)
     """Whether an output changes at once when a load does."""
 
     @property
     def shows_more_than_momentum(self) -> bool:
         """Return whether an output does not follow from the angular momentum in a alone."""
-        is_sphere = interpreted(symmetry.is_sphere)(self.body.inertia)
-        return interpreted(needs.shows_more_than_momentum)(self.z, is_sphere)
+        is_sphere = interpreted(principal.is_sphere)(self.body.inertia)
+        return interpreted(memory.shows_more_than_momentum)(self.z, is_sphere)
 
     # What turns the body
 
@@ -193,7 +193,7 @@ class BodyAtStart:
     """The loads on the body."""
     rotation = _answer(memory.rotation_of)
     """Attitude and rate."""
-    begins_to_turn = _answer(no_rotation.begins_to_turn)
+    begins_to_turn = _answer(unturned.begins_to_turn)
     """Whether an output that depends on the rotation would change."""
     has_torque = _answer(closed_form.has_torque)
     """Whether damping, a torque, or a force with an arm acts."""
@@ -201,7 +201,7 @@ class BodyAtStart:
     """Whether a torque acts that depends on the motion or turns with the body."""
     is_driven = _answer(closed_form.is_driven)
     """Whether a torque acts, or a force that turns with the body on a path that an output shows."""
-    has_unknown_load = _answer(needs.has_unknown_load)
+    has_unknown_load = _answer(memory.has_unknown_load)
     """Whether a load acts that models with a closed form do not know."""
 
     @property
@@ -227,8 +227,8 @@ class BodyAtStart:
     @property
     def leaves_third_axis(self) -> bool:
         """Return whether the moments across an axis differ, or a torque or damping is not about that axis alone."""
-        (q, _), (_, _, axes) = self.rotation, interpreted(symmetry.symmetric_frame)(self.body.inertia)
-        return interpreted(spin_up.leads_astray)(q, axes, self.body, self.loads)
+        (q, _), (_, _, axes) = self.rotation, interpreted(principal.symmetric_frame)(self.body.inertia)
+        return interpreted(unturned.leads_astray)(q, axes, self.body, self.loads)
 
     @cached_property
     def principal_axes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -60,7 +60,7 @@ def _standing(asked: Question) -> str:
 
 NO_ROTATION = closed_form(
     "no rotation",
-    "no_rotation",
+    "unturned.NO_ROTATION",
     "closed form",
     states=0,
     rate_states=0,
@@ -82,7 +82,7 @@ def _constant_rate_rests_on(asked: Question) -> set[str]:
 
 CONSTANT_RATE = closed_form(
     "constant rate",
-    "constant_rate",
+    "free.CONSTANT_RATE",
     "closed form",
     states=4,
     rate_states=0,
@@ -106,7 +106,7 @@ def _momentum_rests_on(asked: Question) -> set[str]:
 
 ANGULAR_MOMENTUM = closed_form(
     "angular momentum",
-    "angular_momentum",
+    "unturned.ANGULAR_MOMENTUM",
     "closed form",
     states=3,
     rate_states=3,
@@ -119,7 +119,7 @@ ANGULAR_MOMENTUM = closed_form(
 
 ONE_AXIS = closed_form(
     "one axis",
-    "one_axis",
+    "one_axis.ONE_AXIS",
     "closed form",
     states=2,
     rate_states=1,
@@ -134,7 +134,7 @@ ONE_AXIS = closed_form(
 
 PENDULUM = closed_form(
     "undamped pendulum",
-    "pendulum",
+    "one_axis.PENDULUM",
     "elliptic functions",
     states=2,
     rate_states=2,
@@ -148,7 +148,7 @@ PENDULUM = closed_form(
 
 FREE_SYMMETRIC = closed_form(
     "torque-free symmetric body",
-    "free_symmetric",
+    "free.FREE_SYMMETRIC",
     "elementary functions",
     rate_states=3,
     holds=lambda start: not start.is_driven and start.is_symmetric,
@@ -166,7 +166,7 @@ def _spins_up(start: BodyAtStart) -> bool:
 
 SPIN_UP = closed_form(
     "symmetric body spun up",
-    "spin_up",
+    "unturned.SPIN_UP",
     "closed form",
     rate_states=3,
     holds=_spins_up,
@@ -181,7 +181,7 @@ SPIN_UP = closed_form(
 
 FREE_TRIAXIAL = closed_form(
     "torque-free body",
-    "free_triaxial",
+    "free.FREE_TRIAXIAL",
     "elliptic functions",
     rate_states=3,
     holds=lambda start: not start.is_driven,
@@ -207,7 +207,7 @@ CLOSED_FORMS = (
 
 PRESCRIBED_RATES = ModelSpec(
     "prescribed rates",
-    "prescribed_rates",
+    "prescribed_rates.PRESCRIBED_RATES",
     "exact rotation",
     states=4,
     rate_states=4,
@@ -217,7 +217,7 @@ PRESCRIBED_RATES = ModelSpec(
 
 ONE_AXIS_TAYLOR = ModelSpec(
     "one swinging axis",
-    "one_axis_taylor",
+    "one_axis.ONE_AXIS_TAYLOR",
     states=2,
     rate_states=2,
     holds=lambda start: not start.leaves_axis,
@@ -233,7 +233,7 @@ def _force_rests_on(asked: Question) -> set[str]:
 
 FREE_BODY_FORCE = ModelSpec(
     "torque-free body, body force",
-    "free_body_force",
+    "free.FREE_BODY_FORCE",
     rate_states=3,
     holds=lambda start: not start.has_torque,
     rests_on=_force_rests_on,
@@ -243,17 +243,15 @@ FREE_BODY_FORCE = ModelSpec(
 
 LOADED_SPLITTING = ModelSpec(
     "symmetric top",
-    "loaded_splitting",
+    "loaded.LOADED_SPLITTING",
     holds=lambda start: start.is_symmetric and not start.is_damped and not start.has_unknown_load,
     costs={"": 72.0},
     integrates_path=True,
 )
 
-LOADED_DOP853 = ModelSpec("body under loads", "loaded_dop853")
-
 LOADED_TAYLOR = ModelSpec(
     "body under loads, by series",
-    "loaded_taylor",
+    "loaded.LOADED_TAYLOR",
     rate_states=3,
     costs={"": 60.0, "evaluated": 40.0, "loads that turn": 68.0},
     substep_without_attitude=0.72,
@@ -265,7 +263,6 @@ INTEGRATED = (
     PRESCRIBED_RATES,
     FREE_BODY_FORCE,
     LOADED_SPLITTING,
-    LOADED_DOP853,
     LOADED_TAYLOR,
 )
 """From the smallest to the largest. Planning chooses those that `planning.select` names; a plan may name any."""

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from rbfmu.models.question import Question
 from rbfmu_kernels.body.principal import Axes, exact_frame, rates_along
-from rbfmu_kernels.compile.interpreted import interpreted
-from rbfmu_kernels.exact.polhode import polhode_axes
+from rbfmu_kernels.compile.tiered import interpreted
+from rbfmu_kernels.exact.free_rotation_setup import polhode_axes
 from rbfmu_kernels.numerics.double_double import DoubleDouble, Vector
 from rbfmu_kernels.rotations.quaternion import rotate
 from rbfmu_kernels.types import Vec3

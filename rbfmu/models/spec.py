@@ -2,14 +2,13 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from importlib import import_module
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rbfmu.models.model_buffer import Model
 from rbfmu.models.question import BodyAtStart, Question
+from rbfmu_kernels.body.shell import Model
+from rbfmu_kernels.models import model_named
 from rbfmu_kernels.quantities import ATTITUDE, FIXED_IN_SPACE, FORCES, LOADS_NOW, OUTPUTS, RATE, WEIGHTS, needing
 
 Array = NDArray[np.float64]
@@ -26,7 +25,7 @@ class ModelSpec:
     Only `key` and `module` are needed for a model that a plan names; planning itself chooses those with `holds`.
 
     key: the public name, `Plan.model`.
-    module: that of its kernels in `rbfmu_kernels.models`, which is loaded when they are first asked for.
+    module: its kernels in `rbfmu_kernels.models`, as `models.model_named` takes them, which loads them at first use.
     method: how it is computed; empty where the plan's settings say it.
     states, rate_states: numbers that it keeps of the rotation, with and without the attitude.
     holds: whether it holds for the scene's values, ports at zero, as the kernels' `initialize` sees it.
@@ -71,7 +70,7 @@ class ModelSpec:
     @property
     def kernels(self) -> Model:
         """Return the kernels that run it."""
-        return cast(Model, import_module(f"rbfmu_kernels.models.{self.module}"))
+        return model_named(self.module)
 
     def serves(self, asked: Question) -> bool:
         """Return whether the model is exact, whatever the ports supply and listed parameters become."""

@@ -25,7 +25,7 @@ from rbfmu.scene.scene import SceneError
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.integrators.substeps import ROUND_OFF, substeps_in
 from rbfmu_kernels.integrators.taylor_coefficients import MAX_ORDER
-from rbfmu_kernels.models.free_body_force import ORDERS
+from rbfmu_kernels.models.free import ORDERS
 
 AT_REST = 0.01
 """The part of the accuracy up to which an error shows that whatever would grow has not begun to."""

@@ -10,10 +10,10 @@ import numpy as np
 from rbfmu.models.question import BodyAtStart, Question
 from rbfmu.models.registry import LOADED_SPLITTING, LOADED_TAYLOR, MODELS
 from rbfmu.runs.plan import Plan
-from rbfmu_kernels.compile.interpreted import interpreted
+from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.integrators.splitting import resonant_step, transverse_moment
 from rbfmu_kernels.integrators.taylor_coefficients import MAX_ORDER
-from rbfmu_kernels.models.one_axis_taylor import ORDERS
+from rbfmu_kernels.models.one_axis import ORDERS
 from rbfmu_kernels.quantities import OUTPUT
 
 TIGHTEST = 1e-15

@@ -7,7 +7,7 @@ from rbfmu.models.registry import moments_of
 from rbfmu.models.sensitivity import growth_rate
 from rbfmu.models.spec import ModelSpec
 from rbfmu.runs.plan import Plan
-from rbfmu_kernels.compile.interpreted import interpreted
+from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.quantities import FORCES, TORQUES
 from rbfmu_kernels.rotations.quaternion import rotate
 

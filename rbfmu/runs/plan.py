@@ -5,11 +5,12 @@ from collections.abc import Collection
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from rbfmu.models.model_buffer import Buffer, Model, aligned_zeros, put_scene, refusal
+from rbfmu.models.model_buffer import Buffer, aligned_zeros, put_scene, refusal
 from rbfmu.models.registry import MODELS
 from rbfmu.models.spec import ModelSpec
 from rbfmu.notebook import table
 from rbfmu.scene.scene import Scene
+from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.quantities import active_flags
 
@@ -65,7 +66,7 @@ class Plan:
 
     @property
     def kernels(self) -> Model:
-        """Return the module of `rbfmu_kernels.models` that runs it."""
+        """Return the model of `rbfmu_kernels.models` that runs it."""
         return self.spec.kernels
 
     @property
@@ -81,7 +82,7 @@ class Plan:
 
     def check(self) -> None:
         """Raise ValueError where a setting is none that the model can run with."""
-        orders = getattr(self.kernels, "ORDERS", (self.order,))
+        orders = self.kernels.ORDERS or (self.order,)
         if self.order not in orders:
             raise _refused("order", self.order, f"one of {', '.join(map(str, orders))} for {self.model!r}")
         for name in ("substep", "tolerance", "span"):

@@ -10,7 +10,7 @@ TEXT = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
 ROOTS = [ROOT / part for part in ("kernels", "rbfmu", "fmu_build", "tests", "examples")]
 ELSEWHERE = {
     "lint-imports",
-    "_advance",
+    "advance",
     "verify",
     "mass",
     "torque_b",

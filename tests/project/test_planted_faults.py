@@ -11,7 +11,7 @@ from tests.support.planted_faults import FAULTS, planted, stability
 @pytest.mark.parametrize("name", FAULTS)
 def test_text_to_be_changed_is_there_once(name: str) -> None:
     fault = FAULTS[name]
-    text = (ROOT / "kernels" / "rbfmu_kernels" / f"{fault.module}.py").read_text()
+    text = (ROOT / fault.path).read_text()
     assert text.count(fault.right) == 1
     compile(text.replace(fault.right, fault.wrong), name, "exec")
 
@@ -19,7 +19,7 @@ def test_text_to_be_changed_is_there_once(name: str) -> None:
 def test_a_fault_is_planted_in_the_copy_alone(tmp_path: Path) -> None:
     fault = FAULTS["damping"]
     planted(fault, tmp_path)
-    path = Path("kernels") / "rbfmu_kernels" / f"{fault.module}.py"
+    path = fault.path
     assert fault.wrong in (tmp_path / path).read_text()
     assert fault.wrong not in (ROOT / path).read_text()
 

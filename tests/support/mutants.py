@@ -205,10 +205,10 @@ class Slot:
     def _stamp_kernels_by_what_they_import(self) -> None:
         """Let compiled code be kept where a change cannot reach it; the product's stamp is one for all kernels."""
         compiled = self.folder / "kernels" / "rbfmu_kernels" / "compile"
-        text = (compiled / "disk_cache.py").read_text()
+        text = (compiled / "reduced.py").read_text()
         assert text.count("name, SOURCES)") == 1
         text = text.replace("name, SOURCES)", "name, stamp_of(self._function.__module__))")
-        (compiled / "disk_cache.py").write_text(text.replace("import SOURCES", "import stamp_of"))
+        (compiled / "reduced.py").write_text(text.replace("import SOURCES", "import stamp_of"))
         with (compiled / "stamp.py").open("a") as file:
             file.write(STAMP_OF_IMPORTS)
 

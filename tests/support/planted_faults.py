@@ -26,12 +26,20 @@ class Fault(NamedTuple):
     right: str
     wrong: str
 
+    @property
+    def path(self) -> Path:
+        """Return where the source is, from the project's folder on."""
+        return Path(f"{self.module if self.module == DOP853 else f'kernels/rbfmu_kernels/{self.module}'}.py")
+
+
+DOP853 = "rbfmu/studies/dop853"
+
 
 FAULTS = {
     "Taylor sum 1e-5 too large": Fault(
         "integrators/taylor",
-        "    return (x, y, z)\n\n\n@kernel\ndef _half_turn",
-        "    return (1.00001 * x, y, z)\n\n\n@kernel\ndef _half_turn",
+        "    return (x, y, z)\n\n\n@kernel\ndef half_turn",
+        "    return (1.00001 * x, y, z)\n\n\n@kernel\ndef half_turn",
     ),
     "Taylor coefficient of the gyroscopic term": Fault(
         "integrators/taylor_coefficients",
@@ -41,15 +49,15 @@ FAULTS = {
     "weight of the two-point formula": Fault(
         "integrators/taylor", "_WEIGHT[m, k] * power", "(_WEIGHT[m, k] if k < 3 else 1.00001 * _WEIGHT[m, k]) * power"
     ),
-    "DOP853 tableau, stage 9": Fault("integrators/dop853_tableau", "21.230051448181193", "21.230263748695675"),
+    "DOP853 tableau, stage 9": Fault(DOP853, "21.230051448181193", "21.230263748695675"),
     "DOP853 tableau, two digits swapped": Fault(
-        "integrators/dop853_tableau",
+        DOP853,
         "0.054293734116568765, 4.450312892752409",
         "0.054293734116568765, 4.450312892725409",
     ),
-    "DOP853 error estimate": Fault("integrators/dop853_tableau", "1.6643771824549864", "1.6643938262268109"),
+    "DOP853 error estimate": Fault(DOP853, "1.6643771824549864", "1.6643938262268109"),
     "DOP853 chooses steps by the 4th root": Fault(
-        "integrators/dop853",
+        DOP853,
         "growth = 6.0 if error < 2.6e-7 else 0.9 / math.sqrt(math.sqrt(math.sqrt(error)))",
         "growth = 6.0 if error < 2.6e-7 else 0.9 / math.sqrt(math.sqrt(error))",
     ),
@@ -60,12 +68,12 @@ FAULTS = {
         "rotations/quaternion", "a0 * b2 - a1 * b3 + a2 * b0 + a3 * b1", "a0 * b2 + a1 * b3 + a2 * b0 - a3 * b1"
     ),
     "phase of the free rotation": Fault(
-        "exact/polhode", "    lam = dd_multiply(rate_s,", "    lam = dd_multiply(dd_scale(1.00001, rate_s),"
+        "exact/free_rotation_setup", "    lam = dd.multiply(rate_s,", "    lam = dd.multiply(dd.scale(1.00001, rate_s),"
     ),
     "precession of a symmetric body": Fault(
         "exact/uniform_rotation",
-        "rate = dd_divide(dd_multiply(momentum, ONE_OVER_4PI), i_t)",
-        "rate = dd_divide(dd_multiply(momentum, ONE_OVER_4PI), dd_scale(1.00001, i_t))",
+        "rate = dd.divide(dd.multiply(momentum, ONE_OVER_4PI), i_t)",
+        "rate = dd.divide(dd.multiply(momentum, ONE_OVER_4PI), dd.scale(1.00001, i_t))",
     ),
     "coefficient of the splitting of order 4": Fault("integrators/splitting", "0.604872665711080", "0.604878714437737"),
     "splitting of order 6 in another order": Fault(
@@ -87,23 +95,23 @@ FAULTS = {
     ),
     "pendulum's phase": Fault(
         "exact/pendulum",
-        "rate = dd_scale(0.5, dd_multiply(dd_multiply(fastest, agm)",
-        "rate = dd_scale(0.500005, dd_multiply(dd_multiply(fastest, agm)",
+        "rate = dd.scale(0.5, dd.multiply(dd.multiply(fastest, agm)",
+        "rate = dd.scale(0.500005, dd.multiply(dd.multiply(fastest, agm)",
     ),
     "series of one angle": Fault(
-        "models/one_axis_taylor", "d_cosine -= _term(z, _RATE, j)", "d_cosine -= 1.00001 * _term(z, _RATE, j)"
+        "models/one_axis", "d_cosine -= _term(z, _RATE_SERIES, j)", "d_cosine -= 1.00001 * _term(z, _RATE_SERIES, j)"
     ),
     "relaxation at weak damping": Fault(
-        "numerics/phi_functions", "    while y > 0.5:", "    y *= 1.0 if y > 0.5 else 1.00001\n    while y > 0.5:"
+        "numerics/elementary", "    while y > 0.5:", "    y *= 1.0 if y > 0.5 else 1.00001\n    while y > 0.5:"
     ),
     "prescribed rates that change": Fault(
         "models/prescribed_rates",
         "add_scaled_quaternion(after, 1.0, compose_quaternions(before,",
         "add_scaled_quaternion(after, 0.99999, compose_quaternions(before,",
     ),
-    "weight of Gauss's rule": Fault("models/free_body_force", "    0.5, 0.5,\n", "    0.5, 0.500005,\n"),
+    "weight of Gauss's rule": Fault("models/free", "    0.5, 0.5,\n", "    0.5, 0.500005,\n"),
     "angular momentum under a torque": Fault(
-        "models/angular_momentum",
+        "models/unturned",
         "add_scaled(omega, since + low, alpha)",
         "add_scaled(omega, 1.00001 * (since + low), alpha)",
     ),
@@ -121,7 +129,7 @@ def planted(fault: Fault | None, folder: Path) -> None:
     for package in PACKAGES:
         shutil.copytree(ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
     if fault:
-        path = folder / "kernels" / "rbfmu_kernels" / f"{fault.module}.py"
+        path = folder / fault.path
         text = path.read_text()
         assert text.count(fault.right) == 1, f"{fault.module}: {text.count(fault.right)} times {fault.right!r}"
         path.write_text(text.replace(fault.right, fault.wrong))

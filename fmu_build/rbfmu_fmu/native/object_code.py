@@ -26,8 +26,8 @@ import llvmlite.binding as llvm
 import numba
 from numba import carray, types
 
-from rbfmu.models.model_buffer import Model
 from rbfmu_fmu.native.platforms import BuildError, Platform
+from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.compile.decorator import code_for_callers
 from rbfmu_kernels.compile.numba_private import llvm_source
 from rbfmu_kernels.compile.stamp import SOURCES
@@ -62,15 +62,16 @@ def object_files(model: Model, platform: Platform) -> dict[str, bytes]:
     nothing but a `step_FEATURE` that gives the same bits.
     """
     with _LOCK:
-        objects = {"model.o": _object_file(model, platform, "")}  # type: ignore[arg-type]
-        return objects | {f"step_{f}.o": _object_file(model, platform, f) for f in platform.features}  # type: ignore[arg-type]
+        objects = {"model.o": _object_file(model, platform, "")}
+        return objects | {f"step_{f}.o": _object_file(model, platform, f) for f in platform.features}
 
 
 @cache
 def _object_file(model: Any, platform: Platform, feature: str) -> bytes:
-    if not hasattr(model, "__file__"):  # its source is not among those that tell what is kept from what is stale
+    known = isinstance(model, Model) and model.step.__module__.startswith("rbfmu_kernels.")
+    if not known:  # its source is not among those that tell what is kept from what is stale
         return _compile(model, platform, feature)
-    return kept_or_compiled(f"{model.__name__} {platform} {feature}", lambda: _compile(model, platform, feature))
+    return kept_or_compiled(f"{model.name} {platform} {feature}", lambda: _compile(model, platform, feature))
 
 
 def _compile(model: Any, platform: Platform, feature: str) -> bytes:
@@ -150,7 +151,7 @@ def _c_signature(name: str, inner: str, typed: bool) -> str:
 
 
 def _optimise(module: Any, target: Any) -> str:
-    """Optimise twice: the second time finds a tenth more speed in DOP853, whose loops the first has unrolled.
+    """Optimise twice: the second time finds more in loops that the first has unrolled.
 
     No pass may reorder sums: Numba marks no operation as fast, so LLVM keeps IEEE 754's order and the bits are those of
     the kernels that Numba compiles for this process.

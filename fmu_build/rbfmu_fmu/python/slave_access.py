@@ -142,9 +142,9 @@ def _addresses_in_object(code: bytes) -> Callable[[str], int]:
 
 
 def _numba_entries(model: str) -> Entries:
-    module = importlib.import_module(f".{model}", __package__)
+    entries = importlib.import_module(".models", __package__).model_named(model)
     tiered = importlib.import_module(".compile.tiered", __package__).tiered
-    return Entries(tiered(module.initialize), tiered(module.step), tiered(module.outputs), True)
+    return Entries(tiered(entries.initialize), tiered(entries.step), tiered(entries.outputs), True)
 
 
 def tell(text: str) -> None:

@@ -1,20 +1,17 @@
 """What models with a closed form share: a clock in double-double, the path of the centre of mass, the commit."""
 
-from typing import Any
-
 from ..buffer import STEP_REJECTED, places
 from ..buffer_access import pair_at, put_pair_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..mechanics.equations_of_motion import linear_acceleration
 from ..numerics.double_double import DoubleDouble, two_sum
 from ..rotations.vec3 import add_scaled, cross, is_nonzero
-from ..types import Quaternion, Vec3
-from .memory import COMMON, body_of, centre_of, has_pivot, loads_of, put_centre, put_rotation, rotation_of
-from .needs import has_unknown_load, needs_translation
+from ..types import Buffer, Quaternion, Vec3
+from . import memory
 from .outputs import outputs
 
 _CLOCKS = {"elapsed": 2, "q_0": 4, "r_0": 3, "v_0": 3, "a_c": 3, "since_a_c": 2}
-CLOSED_FORM = COMMON | _CLOCKS
+CLOSED_FORM = memory.COMMON | _CLOCKS
 """The buffer of all bodies and, besides, the time since the start, the attitude then; position and velocity of the
 centre of mass when its acceleration last changed, that acceleration, and the time since then."""
 _BLOCKS, _ = places(CLOSED_FORM)
@@ -22,31 +19,31 @@ _ELAPSED, _Q_0, _R_0, _V_0, _A_C, _SINCE_A_C = (_BLOCKS[n].start for n in _CLOCK
 
 
 @kernel
-def start_clocks(z: Any) -> None:
+def start_clocks(z: Buffer) -> None:
     """Set the clocks at the start of a run."""
     put_pair_at(z, _ELAPSED, (0.0, 0.0))
     put_pair_at(z, _SINCE_A_C, (0.0, 0.0))
-    put_quaternion_at(z, _Q_0, rotation_of(z).q_ab)
-    r_c, v_c = centre_of(z)
+    put_quaternion_at(z, _Q_0, memory.rotation_of(z).q_ab)
+    r_c, v_c = memory.centre_of(z)
     put_vec3_at(z, _R_0, r_c)
     put_vec3_at(z, _V_0, v_c)
     put_vec3_at(z, _A_C, (0.0, 0.0, 0.0))
 
 
 @kernel
-def first_attitude(z: Any) -> Quaternion:
+def first_attitude(z: Buffer) -> Quaternion:
     """Return the unit quaternion q_ab at the start."""
     return quaternion_at(z, _Q_0)
 
 
 @kernel
-def time_after(z: Any, h: float) -> DoubleDouble:
+def time_after(z: Buffer, h: float) -> DoubleDouble:
     """Return the time since the start, s, after a step h."""
     return later(z, _ELAPSED, h)
 
 
 @kernel
-def later(z: Any, clock: int, h: float) -> DoubleDouble:
+def later(z: Buffer, clock: int, h: float) -> DoubleDouble:
     """Return what the clock that stands at z[clock], s, shows after a step h."""
     high, low = pair_at(z, clock)
     t, rest = two_sum(high, h)
@@ -54,30 +51,32 @@ def later(z: Any, clock: int, h: float) -> DoubleDouble:
 
 
 @kernel
-def has_turning_torque(z: Any) -> bool:
+def has_turning_torque(z: Buffer) -> bool:
     """Return whether a torque acts that depends on the motion or turns with b: damping, torque_b, or a force's."""
-    body, loads = body_of(z), loads_of(z)
+    body, loads = memory.body_of(z), memory.loads_of(z)
     lever = is_nonzero(body.arm_b) and is_nonzero(loads.force_a)
     lever = lever or is_nonzero(cross(body.arm_b, loads.force_b))
-    return lever or is_nonzero(loads.torque_b) or is_nonzero(body.damping_b) or has_unknown_load(z)
+    return lever or is_nonzero(loads.torque_b) or is_nonzero(body.damping_b) or memory.has_unknown_load(z)
 
 
 @kernel
-def has_torque(z: Any) -> bool:
+def has_torque(z: Buffer) -> bool:
     """Return whether damping, a torque, or a force with an arm acts."""
-    return has_turning_torque(z) or is_nonzero(loads_of(z).torque_a)
+    return has_turning_torque(z) or is_nonzero(memory.loads_of(z).torque_a)
 
 
 @kernel
-def is_driven(z: Any) -> bool:
+def is_driven(z: Buffer) -> bool:
     """Return whether a torque acts, or a force that turns with the body on a path that an output shows."""
-    return has_torque(z) or (is_nonzero(loads_of(z).force_b) and needs_translation(z))
+    return has_torque(z) or (is_nonzero(memory.loads_of(z).force_b) and memory.needs_translation(z))
 
 
 @kernel(inline=False)
-def finish_step(z: Any, h: float, q: Quaternion, omega: Vec3) -> int:
+def finish_step(z: Buffer, h: float, q: Quaternion, omega: Vec3) -> int:
     """Set attitude and rate, move the centre of mass, refresh outputs; or return STEP_REJECTED with all as it was."""
-    if not is_finite_rotation(q, omega) or (needs_translation(z) and not has_pivot(z) and not _moved(z, h)):
+    if not is_finite_rotation(q, omega) or (
+        memory.needs_translation(z) and not memory.has_pivot(z) and not _moved(z, h)
+    ):
         return STEP_REJECTED
     return commit_step(z, h, q, omega)
 
@@ -96,30 +95,30 @@ def is_finite_path(r: Vec3, v: Vec3) -> bool:
 
 
 @kernel
-def commit_step(z: Any, h: float, q: Quaternion, omega: Vec3) -> int:
+def commit_step(z: Buffer, h: float, q: Quaternion, omega: Vec3) -> int:
     """Set attitude and rate after a step h, and refresh the outputs."""
-    put_rotation(z, q, omega)
+    memory.put_rotation(z, q, omega)
     put_pair_at(z, _ELAPSED, time_after(z, h))
     return outputs(z)
 
 
 @kernel
-def _moved(z: Any, h: float) -> bool:
+def _moved(z: Buffer, h: float) -> bool:
     """Move the centre of mass if it stays finite; return whether it did.
 
     A force fixed in b keeps its first direction in a.
     """
     since, low, r_0, v_0 = 0.0, 0.0, vec3_at(z, _R_0), vec3_at(z, _V_0)
-    a = linear_acceleration(first_attitude(z), body_of(z), loads_of(z))
+    a = linear_acceleration(first_attitude(z), memory.body_of(z), memory.loads_of(z))
     if a == vec3_at(z, _A_C):
         since, low = later(z, _SINCE_A_C, h)
     else:
-        since, (r_0, v_0) = h, centre_of(z)
+        since, (r_0, v_0) = h, memory.centre_of(z)
     t = since + low
     r, v = add_scaled(add_scaled(r_0, t, v_0), 0.5 * t * t, a), add_scaled(v_0, t, a)
     if not is_finite_path(r, v):
         return False
-    put_centre(z, r, v)
+    memory.put_centre(z, r, v)
     put_pair_at(z, _SINCE_A_C, (since, low))
     put_vec3_at(z, _R_0, r_0)
     put_vec3_at(z, _V_0, v_0)

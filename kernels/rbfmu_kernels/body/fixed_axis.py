@@ -4,32 +4,22 @@ The swing by forces fixed in space is double-double, as an exact motion is as go
 """
 
 import math
-from typing import Any
 
 from ..buffer_access import quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..mechanics.equations_of_motion import Body, Loads, angular_acceleration
 from ..mechanics.newton_euler import damping_torque
-from ..numerics.double_double import (
-    DoubleDouble,
-    dd_add,
-    dd_divide,
-    dd_multiply,
-    dd_multiply_float,
-    dd_scale,
-    dd_subtract,
-    two_product,
-)
-from ..numerics.scaling import power_of_two_for
+from ..numerics import double_double as dd
+from ..numerics.double_double import DoubleDouble, two_product
+from ..numerics.elementary import power_of_two_for
 from ..rotations.matrix import transform
 from ..rotations.quaternion import invert_quaternion, rotate
 from ..rotations.vec3 import add, cross, dot, is_nonzero, norm, scale
-from ..types import Quaternion, Vec3
-from .memory import BLOCKS, body_of, has_pivot, inertia_of, loads_of, principal_frame
-from .needs import has_unknown_load, needs_translation
-from .symmetry import is_sphere
+from ..types import Buffer, Quaternion, Vec3
+from . import memory
+from .principal import is_sphere
 
-_Q_0, _MASS, _R_OC = (BLOCKS[n].start for n in ("quaternion_0", "mass", "r_oc_b"))
+_Q_0, _MASS, _R_OC = (memory.BLOCKS[n].start for n in ("quaternion_0", "mass", "r_oc_b"))
 _PARALLEL = 8.0 * 2.0**-52
 """The part of a vector's length that lies across an axis by round-off."""
 
@@ -43,7 +33,7 @@ def main_axis(q: Quaternion, omega: Vec3, body: Body, loads: Loads) -> Vec3:
     v = omega if is_nonzero(omega) else angular_acceleration(q, omega, body, loads)
     if _may_be_oblique(body, loads) and is_nonzero(v):
         return scale(1.0 / norm(v), v)
-    moments, R = principal_frame(body.inertia)
+    moments, R = memory.principal_frame(body.inertia)
     e = ((R[0][0], R[1][0], R[2][0]), (R[0][1], R[1][1], R[2][1]), (R[0][2], R[1][2], R[2][2]))
     x, y, w = abs(dot(e[0], v)), abs(dot(e[1], v)), abs(dot(e[2], v))
     if not is_nonzero(v):
@@ -66,7 +56,7 @@ def _clearance(moment: float, axis: Vec3, arm: Vec3) -> float:
 
 
 @kernel
-def leaves_axis(z: Any, axis: Vec3, q: Quaternion, omega: Vec3, body: Body, loads: Loads) -> bool:
+def leaves_axis(z: Buffer, axis: Vec3, q: Quaternion, omega: Vec3, body: Body, loads: Loads) -> bool:
     """Return whether anything, at any angle, turns the body about another axis, or a turning force bends its path.
 
     Loads that models with a closed form do not know count as well.
@@ -81,16 +71,16 @@ def leaves_axis(z: Any, axis: Vec3, q: Quaternion, omega: Vec3, body: Body, load
     across = across or _is_across(axis, rotate(q_ba, loads.torque_a), slack)
     across = across or (is_nonzero(cross(axis, arm)) and dot(axis, force) != 0.0)
     across = across or (is_nonzero(cross(axis, force)) and dot(axis, arm) != 0.0)
-    return across or turns_path(z, axis) or has_unknown_load(z)
+    return across or turns_path(z, axis) or memory.has_unknown_load(z)
 
 
 @kernel
-def turns_path(z: Any, axis: Vec3) -> bool:
+def turns_path(z: Buffer, axis: Vec3) -> bool:
     """Return whether a force that turns about an axis with the body bends its path, and an output shows it.
 
     The axis may have any length, and is zero where the body does not turn. A force along the axis does not turn.
     """
-    return needs_translation(z) and _is_across(axis, loads_of(z).force_b, _PARALLEL)
+    return memory.needs_translation(z) and _is_across(axis, memory.loads_of(z).force_b, _PARALLEL)
 
 
 @kernel
@@ -100,21 +90,21 @@ def _is_across(axis: Vec3, v: Vec3, slack: float) -> bool:
 
 
 @kernel(inline=False)
-def swing(z: Any, axis: Vec3) -> tuple[DoubleDouble, DoubleDouble]:
+def swing(z: Buffer, axis: Vec3) -> tuple[DoubleDouble, DoubleDouble]:
     """Return (A, B), rad/s2: forces fixed in space accelerate the angle from quaternion_0 by A cos + B sin of it."""
-    arm, loads = body_of(z).arm_b, loads_of(z)
+    arm, loads = memory.body_of(z).arm_b, memory.loads_of(z)
     q, moment = quaternion_at(z, _Q_0), _moment(z, axis)
     up = power_of_two_for(max(max(abs(q[0]), abs(q[1])), max(abs(q[2]), abs(q[3]))))
     q = (up * q[0], up * q[1], up * q[2], up * q[3])
-    force, mass = (loads.gravity_a, z[_MASS]) if has_pivot(z) else (loads.force_a, 1.0)
+    force, mass = (loads.gravity_a, z[_MASS]) if memory.has_pivot(z) else (loads.force_a, 1.0)
     lever = cross(axis, arm)
-    unit = dd_multiply(moment, dd_add(two_product(q[0], q[0]), _dot(q[1:], q[1:])))
+    unit = dd.multiply(moment, dd.add(two_product(q[0], q[0]), _dot(q[1:], q[1:])))
     a, b = _turned_dot(q, lever, force), _turned_dot(q, cross(axis, lever), force)
-    return dd_divide(dd_multiply_float(a, mass), unit), dd_divide(dd_multiply_float(b, mass), unit)
+    return dd.divide(dd.multiply_float(a, mass), unit), dd.divide(dd.multiply_float(b, mass), unit)
 
 
 @kernel
-def drive_and_damping_rate(z: Any, axis: Vec3, q: Quaternion, body: Body, loads: Loads) -> tuple[float, float]:
+def drive_and_damping_rate(z: Buffer, axis: Vec3, q: Quaternion, body: Body, loads: Loads) -> tuple[float, float]:
     """Return (P, d), rad/s2 and 1/s: torques, forces that turn with the body, and damping add P - d rate."""
     torque = add(rotate(invert_quaternion(q), loads.torque_a), add(loads.torque_b, cross(body.arm_b, loads.force_b)))
     moment = _moment(z, axis)[0]
@@ -122,34 +112,34 @@ def drive_and_damping_rate(z: Any, axis: Vec3, q: Quaternion, body: Body, loads:
 
 
 @kernel
-def _moment(z: Any, axis: Vec3) -> DoubleDouble:
+def _moment(z: Buffer, axis: Vec3) -> DoubleDouble:
     """Return the moment about the axis, through the centre of mass or the pivot."""
-    moment = _dot(axis, transform(inertia_of(z), axis))
-    if has_pivot(z):
+    moment = _dot(axis, transform(memory.inertia_of(z), axis))
+    if memory.has_pivot(z):
         lever = cross(axis, vec3_at(z, _R_OC))
-        moment = dd_add(moment, dd_multiply_float(_dot(lever, lever), z[_MASS]))
+        moment = dd.add(moment, dd.multiply_float(_dot(lever, lever), z[_MASS]))
     return moment
 
 
 @kernel
 def _dot(a: Vec3, b: Vec3) -> DoubleDouble:
-    return dd_add(dd_add(two_product(a[0], b[0]), two_product(a[1], b[1])), two_product(a[2], b[2]))
+    return dd.add(dd.add(two_product(a[0], b[0]), two_product(a[1], b[1])), two_product(a[2], b[2]))
 
 
 @kernel
 def _triple(a: Vec3, b: Vec3, c: Vec3) -> DoubleDouble:
     """Return the product a . (b x c)."""
-    x = dd_subtract(two_product(b[1], c[2]), two_product(b[2], c[1]))
-    y = dd_subtract(two_product(b[2], c[0]), two_product(b[0], c[2]))
-    w = dd_subtract(two_product(b[0], c[1]), two_product(b[1], c[0]))
-    return dd_add(dd_add(dd_multiply_float(x, a[0]), dd_multiply_float(y, a[1])), dd_multiply_float(w, a[2]))
+    x = dd.subtract(two_product(b[1], c[2]), two_product(b[2], c[1]))
+    y = dd.subtract(two_product(b[2], c[0]), two_product(b[0], c[2]))
+    w = dd.subtract(two_product(b[0], c[1]), two_product(b[1], c[0]))
+    return dd.add(dd.add(dd.multiply_float(x, a[0]), dd.multiply_float(y, a[1])), dd.multiply_float(w, a[2]))
 
 
 @kernel
 def _turned_dot(q_ab: Quaternion, v_b: Vec3, u_a: Vec3) -> DoubleDouble:
     """Return |q|^2 u . R(q) v."""
     e = q_ab[1:]
-    square = dd_subtract(two_product(q_ab[0], q_ab[0]), _dot(e, e))
-    along = dd_multiply(_dot(u_a, e), _dot(e, v_b))
-    about = dd_multiply_float(_triple(u_a, e, v_b), q_ab[0])
-    return dd_add(dd_multiply(square, _dot(u_a, v_b)), dd_scale(2.0, dd_add(along, about)))
+    square = dd.subtract(two_product(q_ab[0], q_ab[0]), _dot(e, e))
+    along = dd.multiply(_dot(u_a, e), _dot(e, v_b))
+    about = dd.multiply_float(_triple(u_a, e, v_b), q_ab[0])
+    return dd.add(dd.multiply(square, _dot(u_a, v_b)), dd.scale(2.0, dd.add(along, about)))

@@ -5,26 +5,17 @@ A model's buffer begins with these blocks; what its method needs besides follows
 """
 
 import math
-from typing import Any
 
 from .. import quantities
 from ..buffer import NEGATIVE, places
-from ..buffer_access import (
-    copy_numbers,
-    matrix_at,
-    put_matrix_at,
-    put_quaternion_at,
-    put_vec3_at,
-    quaternion_at,
-    vec3_at,
-)
+from ..buffer_access import matrix_at, put_matrix_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..integrators.rigid_body_state import STATE_BLOCKS, STATE_SIZE, Centre, Rotation
 from ..mechanics.equations_of_motion import Body, Loads, State
 from ..mechanics.inertia import check_inertia, inverse_inertia, parallel_axis, principal_axes, trace
 from ..rotations.quaternion import normalize, rotate
-from ..rotations.vec3 import add, cross, dot, scale
-from ..types import Matrix, Quaternion, Vec3
+from ..rotations.vec3 import add, cross, dot, is_nonzero, scale
+from ..types import Buffer, Matrix, Quaternion, Vec3
 
 INPUTS = {load.name: load.size for load in quantities.LOADS if load.port}
 PARAMETERS = {getattr(row, "block", row.name): row.size for row in quantities.IN_BUFFER_ORDER}
@@ -65,7 +56,7 @@ _INVERSE_MASS, _M, _M_INVERSE, _ARM = (_AT[n] for n in ("inverse_mass", "M", "M_
 
 
 @kernel(inline=False)
-def initialize_body(z: Any) -> int:
+def initialize_body(z: Buffer) -> int:
     """Check the parameters and set the state; return 0 or a key of `buffer.FAULTS`."""
     fault = _fault_of_parameters(z)
     if fault != 0:
@@ -94,7 +85,7 @@ def initialize_body(z: Any) -> int:
 
 
 @kernel(inline=False)
-def _fault_of_parameters(z: Any) -> int:
+def _fault_of_parameters(z: Buffer) -> int:
     finite = 0.0
     for i in range(_END):
         finite += 0.0 * z[i]
@@ -115,7 +106,7 @@ def _fault_of_parameters(z: Any) -> int:
 
 
 @kernel
-def inertia_of(z: Any) -> Matrix:
+def inertia_of(z: Buffer) -> Matrix:
     """Return the inertia as a symmetric matrix of the block's (11, 22, 33, 12, 13, 23), kg m^2."""
     xx, yy, zz = vec3_at(z, _INERTIA)
     xy, xz, yz = vec3_at(z, _INERTIA + 3)
@@ -123,64 +114,52 @@ def inertia_of(z: Any) -> Matrix:
 
 
 @kernel
-def rotation_of(z: Any) -> Rotation:
+def rotation_of(z: Buffer) -> Rotation:
     """Return the state's attitude and rate."""
     return Rotation(quaternion_at(z, STATE_START), vec3_at(z, _OMEGA))
 
 
 @kernel
-def put_rotation(z: Any, q: Quaternion, omega: Vec3) -> None:
+def put_rotation(z: Buffer, q: Quaternion, omega: Vec3) -> None:
     """Set attitude and body rate of the state."""
     put_quaternion_at(z, STATE_START, q)
     put_vec3_at(z, _OMEGA, omega)
 
 
 @kernel
-def centre_of(z: Any) -> Centre:
+def centre_of(z: Buffer) -> Centre:
     """Return the state's centre of mass."""
     return Centre(vec3_at(z, _R_C), vec3_at(z, _V_C))
 
 
 @kernel
-def put_centre(z: Any, r_c: Vec3, v_c: Vec3) -> None:
+def put_centre(z: Buffer, r_c: Vec3, v_c: Vec3) -> None:
     """Set position and velocity of the centre of mass."""
     put_vec3_at(z, _R_C, r_c)
     put_vec3_at(z, _V_C, v_c)
 
 
 @kernel
-def motion_of(z: Any) -> State:
+def motion_of(z: Buffer) -> State:
     """Return the state as `equations_of_motion.State`."""
     return State(vec3_at(z, _R_C), vec3_at(z, _V_C), quaternion_at(z, STATE_START), vec3_at(z, _OMEGA))
 
 
 @kernel
-def put_motion(z: Any, motion: State) -> None:
+def put_motion(z: Buffer, motion: State) -> None:
     """Set the state from `equations_of_motion.State`."""
     put_centre(z, motion.r_c, motion.v_c)
     put_rotation(z, motion.q_ab, motion.omega_b)
 
 
 @kernel
-def substep_of(z: Any) -> float:
+def substep_of(z: Buffer) -> float:
     """Return the largest substep of a method of fixed steps, s."""
     return z[_SUBSTEP]  # type: ignore[no-any-return]
 
 
 @kernel
-def keep_state(z: Any, before: int) -> None:
-    """Copy the state to z[before:], from where `restore_state` brings it back."""
-    copy_numbers(z, STATE_START, before, STATE_SIZE)
-
-
-@kernel
-def restore_state(z: Any, before: int) -> None:
-    """Bring back the state that `keep_state` kept."""
-    copy_numbers(z, before, STATE_START, STATE_SIZE)
-
-
-@kernel
-def is_finite(z: Any) -> bool:
+def is_finite(z: Buffer) -> bool:
     """Return whether every number of the state is finite."""
     total = 0.0
     for i in range(STATE_START, STATE_START + STATE_SIZE):
@@ -189,7 +168,7 @@ def is_finite(z: Any) -> bool:
 
 
 @kernel
-def has_pivot(z: Any) -> bool:
+def has_pivot(z: Buffer) -> bool:
     """Return whether o is fixed in space."""
     return bool(z[_PIVOT] != 0.0)
 
@@ -203,15 +182,18 @@ def principal_frame(M: Matrix) -> tuple[Vec3, Matrix]:
 
 
 @kernel
-def body_of(z: Any) -> Body:
+def body_of(z: Buffer) -> Body:
     """Return the constants of the equations of motion; see `equations_of_motion.Body`."""
     free = 1.0 if z[_PIVOT] == 0.0 else 0.0
     M, M_inverse = matrix_at(z, _M), matrix_at(z, _M_INVERSE)
-    return Body(z[_INVERSE_MASS], M, M_inverse, vec3_at(z, _ARM), vec3_at(z, _DAMPING), free)
+    return Body(
+        inverse_mass=z[_INVERSE_MASS], inertia=M, inertia_inverse=M_inverse, arm_b=vec3_at(z, _ARM),
+        damping_b=vec3_at(z, _DAMPING), is_free=free,
+    )  # fmt: skip
 
 
 @kernel
-def loads_at(numbers: Any, i: int, pivot: bool) -> Loads:
+def loads_at(numbers: Buffer, i: int, pivot: bool) -> Loads:
     """Return what stands at numbers[i] and after it, as a buffer's inputs stand, as loads; no forces with a pivot."""
     force_a, force_b = vec3_at(numbers, i + _FORCE_A), vec3_at(numbers, i + _FORCE_B)
     if pivot:
@@ -220,7 +202,7 @@ def loads_at(numbers: Any, i: int, pivot: bool) -> Loads:
 
 
 @kernel
-def loads_of(z: Any) -> Loads:
+def loads_of(z: Buffer) -> Loads:
     """Return the sum of known and supplied loads; see `equations_of_motion.Loads`."""
     pivot = has_pivot(z)
     gravity_a, supplied = vec3_at(z, _GRAVITY), loads_at(z, _INPUTS, pivot)
@@ -231,3 +213,90 @@ def loads_of(z: Any) -> Loads:
     force_a = add(vec3_at(z, _CONSTANT_FORCE_A), supplied.force_a)
     force_b = add(vec3_at(z, _CONSTANT_FORCE_B), supplied.force_b)
     return Loads(gravity_a, force_a, force_b, torque_a, torque_b)
+
+
+_INPUT_FORCE_B = _AT["force_b"]
+_SKIP_MODEL_CHECKS = _AT["skip_model_checks"]
+PORTS = {name: _AT["ports"] + i for i, name in enumerate(INPUTS)}
+"""The place of each port's flag in the buffer."""
+_PORT_FORCE_B = PORTS["force_b"]
+ACTIVE = {name: _AT["active"] + i for i, name in enumerate(OUTPUTS)}
+"""The place of each output's flag in the buffer."""
+_TRANSLATION, _PATH, _ATTITUDE, _RATE, _LEVER_RATE, _LOADS_NOW, _BODY_AXES, _SPHERE_RATE = (
+    _AT["active"] + len(OUTPUTS) + i for i in range(len(quantities.NEEDS))
+)
+_UNKNOWN = tuple(
+    (BLOCKS[name].start, BLOCKS[name].stop)
+    for load in quantities.LOADS
+    if not load.in_closed_forms
+    for name in ((load.block, load.name) if load.port else (load.block,))
+) or ((0, 0),)
+"""The places of the loads that models with a closed form do not know."""
+
+
+@kernel
+def is_set(z: Buffer, flag: int) -> bool:
+    """Return whether an input may come to act, or an output is computed; flag: one of PORTS or of ACTIVE."""
+    return bool(z[flag] != 0.0)
+
+
+@kernel
+def has_unknown_load(z: Buffer) -> bool:
+    """Return whether a load acts that models with a closed form do not know."""
+    for k in range(len(_UNKNOWN)):
+        first, end = _UNKNOWN[k]
+        for i in range(first, end):
+            if z[i] != 0.0:
+                return True
+    return False
+
+
+@kernel
+def skips_model_checks(z: Buffer) -> bool:
+    """Return whether a plan answers for the model; see `SETTINGS`."""
+    return bool(z[_SKIP_MODEL_CHECKS] != 0.0)
+
+
+@kernel
+def needs_translation(z: Buffer) -> bool:
+    """Return whether an output needs the position or velocity."""
+    return bool(z[_TRANSLATION] != 0.0)
+
+
+@kernel
+def shows_loads(z: Buffer) -> bool:
+    """Return whether an output changes at once when a load does."""
+    return bool(z[_LOADS_NOW] != 0.0)
+
+
+@kernel
+def shows_rates(z: Buffer) -> bool:
+    """Return whether an output is computed from the body's rate, be it only the velocity of a point."""
+    return bool(z[_RATE] != 0.0 or z[_LEVER_RATE] != 0.0)
+
+
+@kernel
+def needs_attitude(z: Buffer) -> bool:
+    """Return whether an output needs the attitude: itself, for a point off the centre of mass, or a turning force."""
+    return bool(z[_ATTITUDE] != 0.0 or _shows_turning_path(z))
+
+
+@kernel
+def _shows_turning_path(z: Buffer) -> bool:
+    body_force = (
+        is_nonzero(vec3_at(z, _CONSTANT_FORCE_B)) or is_nonzero(vec3_at(z, _INPUT_FORCE_B)) or is_set(z, _PORT_FORCE_B)
+    )
+    beside = body_force or is_nonzero(vec3_at(z, _R_OC))
+    return bool(beside and not has_pivot(z) and z[_PATH] != 0.0)
+
+
+@kernel
+def shows_more_than_momentum(z: Buffer, is_sphere: bool) -> bool:
+    """Return whether an output needs the attitude besides the angular momentum in a; a sphere's omega_a does not."""
+    return bool(z[_BODY_AXES] != 0.0 or (z[_SPHERE_RATE] != 0.0 and not is_sphere) or _shows_turning_path(z))
+
+
+@kernel
+def needs_rate(z: Buffer) -> bool:
+    """Return whether an output needs the body's rate."""
+    return bool(needs_attitude(z) or z[_RATE] != 0.0)

@@ -3,33 +3,16 @@
 Moments to eps of the trace, as doubles have them, would cost such a motion eps times its angle.
 """
 
-from typing import Any
-
 from ..buffer_access import vec3_at
 from ..compile.decorator import kernel
 from ..exact.uniform_rotation import power_for
 from ..mechanics.inertia import INERTIA_TOLERANCE, principal_axes
-from ..numerics.double_double import (
-    DoubleDouble,
-    Vector,
-    dd_add,
-    dd_add_float,
-    dd_divide,
-    dd_dot,
-    dd_multiply,
-    dd_multiply_float,
-    dd_scale,
-    dd_scale_vector,
-    dd_sqrt,
-    dd_subtract,
-    dd_vector,
-    two_product,
-    two_sum,
-)
-from ..numerics.scaling import power_of_two_for
+from ..numerics import double_double as dd
+from ..numerics.double_double import DoubleDouble, Vector, two_product, two_sum
+from ..numerics.elementary import power_of_two_for
 from ..rotations.vec3 import add_scaled, scale
-from ..types import Matrix, Vec3
-from .memory import BLOCKS, has_pivot, inertia_of
+from ..types import Buffer, Matrix, Vec3
+from .memory import BLOCKS, has_pivot, inertia_of, principal_frame
 
 Axes = tuple[Vector, Vector, Vector]
 """The three principal axes, each in b."""
@@ -44,7 +27,7 @@ _NEGLIGIBLE = 2.0**-106
 
 
 @kernel(inline=False)
-def exact_frame(z: Any) -> tuple[Vector, Axes]:
+def exact_frame(z: Buffer) -> tuple[Vector, Axes]:
     """Return (moments, axes) about the centre of mass or the pivot; the moments in some power of two of kg m^2.
 
     The axes are the body's own where these are principal. Else moments and axes belong to a matrix within 1e-31 of the
@@ -57,7 +40,7 @@ def exact_frame(z: Any) -> tuple[Vector, Axes]:
     (a, _), (b, _), (c, _), (d, _), (e, _), (f, _) = M
     moments, axes = _refined(M, _orthonormal(principal_axes(((a, d, e), (d, b, f), (e, f, c)))[1]))
     if moments[0][0] <= INERTIA_TOLERANCE * (a + b + c):
-        mean = dd_scale(0.5, dd_add(moments[1], moments[2]))
+        mean = dd.scale(0.5, dd.add(moments[1], moments[2]))
         moments = _ZERO, mean, mean
     return moments, axes
 
@@ -65,8 +48,8 @@ def exact_frame(z: Any) -> tuple[Vector, Axes]:
 @kernel(inline=False)
 def rates_along(axes: Axes, omega: Vec3) -> Vector:
     """Return the components of a rate along principal axes."""
-    w = dd_vector(omega)
-    return dd_dot(axes[0], w), dd_dot(axes[1], w), dd_dot(axes[2], w)
+    w = dd.vector(omega)
+    return dd.dot(axes[0], w), dd.dot(axes[1], w), dd.dot(axes[2], w)
 
 
 @kernel
@@ -77,23 +60,23 @@ def rounded(axes: Axes) -> Matrix:
 
 
 @kernel(inline=False)
-def keeps_its_rate(z: Any, omega: Vec3) -> bool:
+def keeps_its_rate(z: Buffer, omega: Vec3) -> bool:
     """Return whether omega x M omega is zero to twice the digits, so that without torque the rate stays."""
     a, b, c, d, e, f = _scaled(_about_reference(z))
-    rate = dd_vector(omega)
-    x, y, w = dd_scale_vector(power_for(rate), rate)
-    yw, wx, xy = dd_multiply(y, w), dd_multiply(w, x), dd_multiply(x, y)
-    xx, yy, ww = dd_multiply(x, x), dd_multiply(y, y), dd_multiply(w, w)
-    first = dd_dot((dd_subtract(c, b), f, e), (yw, dd_subtract(yy, ww), xy))
-    second = dd_dot((dd_subtract(a, c), e, d), (wx, dd_subtract(ww, xx), yw))
-    third = dd_dot((dd_subtract(b, a), d, f), (xy, dd_subtract(xx, yy), wx))
-    first, second = dd_subtract(first, dd_multiply(d, wx)), dd_subtract(second, dd_multiply(f, xy))
-    third = dd_subtract(third, dd_multiply(e, yw))
+    rate = dd.vector(omega)
+    x, y, w = dd.scale_vector(power_for(rate), rate)
+    yw, wx, xy = dd.multiply(y, w), dd.multiply(w, x), dd.multiply(x, y)
+    xx, yy, ww = dd.multiply(x, x), dd.multiply(y, y), dd.multiply(w, w)
+    first = dd.dot((dd.subtract(c, b), f, e), (yw, dd.subtract(yy, ww), xy))
+    second = dd.dot((dd.subtract(a, c), e, d), (wx, dd.subtract(ww, xx), yw))
+    third = dd.dot((dd.subtract(b, a), d, f), (xy, dd.subtract(xx, yy), wx))
+    first, second = dd.subtract(first, dd.multiply(d, wx)), dd.subtract(second, dd.multiply(f, xy))
+    third = dd.subtract(third, dd.multiply(e, yw))
     return first[0] == 0.0 and second[0] == 0.0 and third[0] == 0.0
 
 
 @kernel(inline=False)
-def _about_reference(z: Any) -> Inertia:
+def _about_reference(z: Buffer) -> Inertia:
     """Return M about the centre of mass or the pivot."""
     (a, d, e), (_, b, f), (_, _, c) = inertia_of(z)
     M: Inertia = ((a, 0.0), (b, 0.0), (c, 0.0), (d, 0.0), (e, 0.0), (f, 0.0))
@@ -102,21 +85,21 @@ def _about_reference(z: Any) -> Inertia:
     m, (x, y, w) = z[_MASS], vec3_at(z, _R_OC)
     xx, yy, ww = two_product(x, x), two_product(y, y), two_product(w, w)
     return (
-        _plus(M[0], m, dd_add(yy, ww)), _plus(M[1], m, dd_add(ww, xx)), _plus(M[2], m, dd_add(xx, yy)),
+        _plus(M[0], m, dd.add(yy, ww)), _plus(M[1], m, dd.add(ww, xx)), _plus(M[2], m, dd.add(xx, yy)),
         _plus(M[3], -m, two_product(x, y)), _plus(M[4], -m, two_product(x, w)), _plus(M[5], -m, two_product(y, w)),
     )  # fmt: skip
 
 
 @kernel
 def _plus(a: DoubleDouble, s: float, b: DoubleDouble) -> DoubleDouble:
-    return dd_add(a, dd_multiply_float(b, s))
+    return dd.add(a, dd.multiply_float(b, s))
 
 
 @kernel
 def _scaled(M: Inertia) -> Inertia:
     """Return M scaled by a power of two to a trace of about 1."""
     up = power_of_two_for(M[0][0] + M[1][0] + M[2][0])
-    (a, b, c), (d, e, f) = dd_scale_vector(up, M[0:3]), dd_scale_vector(up, M[3:6])
+    (a, b, c), (d, e, f) = dd.scale_vector(up, M[0:3]), dd.scale_vector(up, M[3:6])
     return a, b, c, d, e, f
 
 
@@ -130,14 +113,14 @@ def _orthonormal(R: Matrix) -> Axes:
 
 @kernel(inline=False)
 def _corrected(x: Vec3, half_xy: float, y: Vec3, half_xw: float, w: Vec3) -> Vector:
-    rest = dd_subtract((0.5, 0.0), _half_dot(x, x))[0]
+    rest = dd.subtract((0.5, 0.0), _half_dot(x, x))[0]
     a, b, c = add_scaled(add_scaled(scale(rest, x), -half_xy, y), -half_xw, w)
     return two_sum(x[0], a), two_sum(x[1], b), two_sum(x[2], c)
 
 
 @kernel
 def _half_dot(a: Vec3, b: Vec3) -> DoubleDouble:
-    return dd_scale(0.5, dd_dot(dd_vector(a), dd_vector(b)))
+    return dd.scale(0.5, dd.dot(dd.vector(a), dd.vector(b)))
 
 
 @kernel(inline=False)
@@ -145,19 +128,19 @@ def _refined(M: Inertia, axes: Axes) -> tuple[Vector, Axes]:
     """Return moments and axes of M by Jacobi's rotations, from axes that are principal to round-off."""
     x, y, w = axes
     m_x, m_y, m_w = _times(M, x), _times(M, y), _times(M, w)
-    a, b, c, d, e, f = dd_dot(x, m_x), dd_dot(y, m_y), dd_dot(w, m_w), dd_dot(x, m_y), dd_dot(x, m_w), dd_dot(y, m_w)
+    a, b, c, d, e, f = dd.dot(x, m_x), dd.dot(y, m_y), dd.dot(w, m_w), dd.dot(x, m_y), dd.dot(x, m_w), dd.dot(y, m_w)
     least = _NEGLIGIBLE * (a[0] + b[0] + c[0])
     for _ in range(8):
         if not abs(d[0]) + abs(e[0]) + abs(f[0]) > least:
             break
         cos, sin, change = _jacobi(a, b, d, least)
-        a, b, d, (e, f) = dd_subtract(a, change), dd_add(b, change), _ZERO, _turned(e, f, cos, sin)
+        a, b, d, (e, f) = dd.subtract(a, change), dd.add(b, change), _ZERO, _turned(e, f, cos, sin)
         x, y = _turned_axes(x, y, cos, sin)
         cos, sin, change = _jacobi(a, c, e, least)
-        a, c, e, (d, f) = dd_subtract(a, change), dd_add(c, change), _ZERO, _turned(d, f, cos, sin)
+        a, c, e, (d, f) = dd.subtract(a, change), dd.add(c, change), _ZERO, _turned(d, f, cos, sin)
         x, w = _turned_axes(x, w, cos, sin)
         cos, sin, change = _jacobi(b, c, f, least)
-        b, c, f, (d, e) = dd_subtract(b, change), dd_add(c, change), _ZERO, _turned(d, e, cos, sin)
+        b, c, f, (d, e) = dd.subtract(b, change), dd.add(c, change), _ZERO, _turned(d, e, cos, sin)
         y, w = _turned_axes(y, w, cos, sin)
     return (a, b, c), (x, y, w)
 
@@ -166,7 +149,7 @@ def _refined(M: Inertia, axes: Axes) -> tuple[Vector, Axes]:
 def _times(M: Inertia, v: Vector) -> Vector:
     """Return the product M v."""
     a, b, c, d, e, f = M
-    return dd_dot((a, d, e), v), dd_dot((d, b, f), v), dd_dot((e, f, c), v)
+    return dd.dot((a, d, e), v), dd.dot((d, b, f), v), dd.dot((e, f, c), v)
 
 
 @kernel(inline=False)
@@ -176,12 +159,12 @@ def _jacobi(
     """Return (cos, sin, tan times o) of the rotation that annihilates o of ((p, o), (o, q)); none below `least`."""
     if not abs(o[0]) > 2.0**-8 * least:
         return _ONE, _ZERO, _ZERO
-    x = dd_divide(dd_subtract(q, p), dd_scale(2.0, o))
+    x = dd.divide(dd.subtract(q, p), dd.scale(2.0, o))
     sign = -1.0 if x[0] < 0.0 else 1.0
-    root = dd_sqrt(dd_add_float(dd_multiply(x, x), 1.0))
-    tan = dd_divide((sign, 0.0), dd_add(dd_scale(sign, x), root))
-    cos = dd_divide(_ONE, dd_sqrt(dd_add_float(dd_multiply(tan, tan), 1.0)))
-    return cos, dd_multiply(tan, cos), dd_multiply(tan, o)
+    root = dd.root(dd.add_float(dd.multiply(x, x), 1.0))
+    tan = dd.divide((sign, 0.0), dd.add(dd.scale(sign, x), root))
+    cos = dd.divide(_ONE, dd.root(dd.add_float(dd.multiply(tan, tan), 1.0)))
+    return cos, dd.multiply(tan, cos), dd.multiply(tan, o)
 
 
 @kernel
@@ -189,8 +172,8 @@ def _turned(
     u: DoubleDouble, v: DoubleDouble, cos: DoubleDouble, sin: DoubleDouble
 ) -> tuple[DoubleDouble, DoubleDouble]:
     return (
-        dd_subtract(dd_multiply(cos, u), dd_multiply(sin, v)),
-        dd_add(dd_multiply(sin, u), dd_multiply(cos, v)),
+        dd.subtract(dd.multiply(cos, u), dd.multiply(sin, v)),
+        dd.add(dd.multiply(sin, u), dd.multiply(cos, v)),
     )
 
 
@@ -200,3 +183,47 @@ def _turned_axes(u: Vector, v: Vector, cos: DoubleDouble, sin: DoubleDouble) -> 
     b, e = _turned(u[1], v[1], cos, sin)
     c, f = _turned(u[2], v[2], cos, sin)
     return (a, b, c), (d, e, f)
+
+
+@kernel
+def symmetric_frame(M: Matrix) -> tuple[float, float, Matrix]:
+    """Return (I_t, I_s, axes) of a body with two equal moments.
+
+    I_t is the moment that two axes share, or their mean; I_s is that of the third axis; the axes t, u, s are rows in b.
+    M: symmetric, kg m^2.
+    """
+    moments, R_bp = principal_frame(M)
+    s = _odd_one(moments)
+    t, u = (s + 1) % 3, (s + 2) % 3
+    e_t = (R_bp[0][t], R_bp[1][t], R_bp[2][t])
+    e_u = (R_bp[0][u], R_bp[1][u], R_bp[2][u])
+    e_s = (R_bp[0][s], R_bp[1][s], R_bp[2][s])
+    mean = moments[t] if moments[t] == moments[u] else 0.5 * (moments[t] + moments[u])
+    return mean, moments[s], (e_t, e_u, e_s)
+
+
+@kernel
+def exact_symmetric_frame(z: Buffer) -> tuple[DoubleDouble, DoubleDouble, Axes]:
+    """Return `symmetric_frame` of the buffer's body to twice the digits; the moments in some power of two of kg m^2."""
+    moments, axes = exact_frame(z)
+    s = _odd_one((moments[0][0], moments[1][0], moments[2][0]))
+    t, u = (s + 1) % 3, (s + 2) % 3
+    return dd.scale(0.5, dd.add(moments[t], moments[u])), moments[s], (axes[t], axes[u], axes[s])
+
+
+@kernel
+def _odd_one(moments: Vec3) -> int:
+    """Return the index of the axis whose moment is farthest from the other two."""
+    a, b, c = moments
+    x, y, w = abs(b - c), abs(c - a), abs(a - b)
+    return 0 if x <= y and x <= w else (1 if y <= w else 2)
+
+
+@kernel
+def is_sphere(M: Matrix) -> bool:
+    """Return whether the three moments are equal to the bit, so that every axis is principal.
+
+    M: symmetric, kg m^2.
+    """
+    mixed = M[0][1] != 0.0 or M[0][2] != 0.0 or M[1][2] != 0.0
+    return M[0][0] == M[1][1] and M[1][1] == M[2][2] and not mixed

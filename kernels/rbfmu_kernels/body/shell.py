@@ -1,63 +1,89 @@
-"""The entry functions that all models share: `initialize` and `step` around a model's own `set_up` and `advance`.
-
-A model is a module with the layout of its buffer (BLOCKS, SIZE) and `initialize`, `step`, `outputs`, `output_rates`,
-`feedthrough` over that buffer, its whole memory: a copy of its bytes is a snapshot.
-"""
+"""A model, and the entry functions that all share: `initialize` and `step` around its own `set_up` and `advance`."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from types import FunctionType
 from typing import Any
 
-from ..buffer import STEP_REJECTED
+from ..buffer import STEP_REJECTED, Layout
 from ..compile.decorator import kernel
+from ..compile.shapes import python_function
 from ..mechanics.equations_of_motion import State
 from ..rotations.vec3 import dot
-from .feedthrough import feedthrough
+from ..types import Buffer
 from .memory import initialize_body, put_motion
-from .outputs import first_outputs, output_rates, outputs
+from .outputs import feedthrough, first_outputs, output_rates, outputs
 
-__all__ = ["commit_motion", "entry_functions", "feedthrough", "output_rates", "outputs"]
+Entry = Callable[[Any], int]
 
 
-def set_up(z: Any) -> int:
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A model: the layout of its buffer, and kernels over that buffer, its whole memory: a copy of it is a snapshot.
+
+    name: module and constant, as `models.model_named` takes it. BLOCKS, SIZE: the places of the buffer's blocks, and
+    its size. initialize: returns 0, or a key of `buffer.FAULTS`. step: takes the buffer and h, s; returns `buffer.OK`
+    or `buffer.STEP_REJECTED`. outputs, output_rates: refresh the outputs, or their time derivatives. feedthrough: see
+    `outputs.feedthrough`. ORDERS: those that a plan may set, if any. lanes: the module that steps many bodies at once,
+    where there is one.
+    """
+
+    name: str
+    BLOCKS: dict[str, slice]
+    SIZE: int
+    initialize: Entry
+    step: Callable[[Any, float], int]
+    outputs: Entry = outputs
+    output_rates: Entry = output_rates
+    feedthrough: Callable[[Any, Any], int] = feedthrough
+    ORDERS: Sequence[int] = ()
+    lanes: str = ""
+
+
+def set_up(z: Buffer) -> int:
     """Stand for a model's own function in the template `initialize`."""
     raise NotImplementedError
 
 
-def advance(z: Any, h: float) -> int:
+def advance(z: Buffer, h: float) -> int:
     """Stand for a model's own function in the template `step`."""
     raise NotImplementedError
 
 
-def initialize(z: Any) -> int:
+def initialize(z: Buffer) -> int:
     """Check the parameters, and set state and outputs; return 0 or a key of `buffer.FAULTS`."""
     return initialize_body(z) or set_up(z) or first_outputs(z)
 
 
-def step(z: Any, h: float) -> int:
+def step(z: Buffer, h: float) -> int:
     """Advance by h, s; return STEP_REJECTED, with nothing changed, where that cannot be done within the model."""
     return advance(z, h) if h > 0.0 else STEP_REJECTED
 
 
-def entry_functions(
-    model: str, own_set_up: Callable[[Any], int], own_advance: Callable[[Any, float], int]
-) -> tuple[Callable[[Any], int], Callable[[Any, float], int]]:
-    """Return `initialize` and `step` of a model.
+def make_model(
+    constant: str,
+    layout: Layout,
+    own_set_up: Entry,
+    own_advance: Callable[[Any, float], int],
+    **fields: Any,
+) -> Model:
+    """Return a model of a body.
 
-    model: its module's name; own_set_up: sets the model's own blocks, once the body has been taken, and returns 0 or a
-    key of `buffer.FAULTS`; own_advance: takes a step h > 0 and refreshes the outputs, or returns STEP_REJECTED.
+    constant: its name in the module that has it and its functions. own_set_up: sets the model's own blocks, once the
+    body has been taken, and returns 0 or a key of `buffer.FAULTS`. own_advance: takes a step h > 0 and refreshes the
+    outputs, or returns STEP_REJECTED. fields: further ones of `Model`.
     """
-    return _bound(initialize, model, set_up=own_set_up), step_function(model, own_advance)
-
-
-def step_function(model: str, own_advance: Callable[[Any, float], int]) -> Callable[[Any, float], int]:
-    """Return `step` of a model that has an `initialize` of its own."""
-    return _bound(step, model, advance=own_advance)  # type: ignore[no-any-return]
+    module = python_function(own_advance).__module__
+    entries = {
+        "initialize": bind(initialize, module, constant, set_up=own_set_up),
+        "step": bind(step, module, constant, advance=own_advance),
+    }
+    return Model(f"{module.rpartition('.')[2]}.{constant}", *layout, **entries | fields)
 
 
 @kernel
-def commit_motion(z: Any, motion: State) -> int:
+def commit_motion(z: Buffer, motion: State) -> int:
     """Set the state and refresh the outputs; return STEP_REJECTED, with nothing changed, where it is not finite."""
     r, v, q, w = motion
     if not math.isfinite(dot(r, r) + dot(v, v) + dot(w, w) + q[0] + q[1] + q[2] + q[3]):
@@ -66,13 +92,13 @@ def commit_motion(z: Any, motion: State) -> int:
     return outputs(z)
 
 
-def _bound(template: Any, model: str, **own: Any) -> Any:
-    """Compile a template with the model's functions as its globals.
+def bind(template: Any, module: str, constant: str, **own: Any) -> Any:
+    """Compile a template with a model's functions as its globals.
 
     The result is not a closure, as Numba's cache on disk would not know one again in another process. The cache tells
     functions of one file apart by their qualified names.
     """
     function = FunctionType(template.__code__, template.__globals__ | own, template.__name__)
     function.__doc__, function.__annotations__ = template.__doc__, template.__annotations__
-    function.__module__, function.__qualname__ = model, f"{model.rpartition('.')[2]}.{template.__name__}"
+    function.__module__, function.__qualname__ = module, f"{constant}.{template.__name__}"
     return kernel(inline=False)(function)

@@ -13,31 +13,10 @@ from typing import Any, ClassVar
 from llvmlite import binding
 from numba import types
 
-from .numba_private import (
-    AnnotateTypes,
-    CompilerBase,
-    CompileResultCacheImpl,
-    ConfigStack,
-    Context,
-    FixupArgs,
-    FunctionCache,
-    GenericRewrites,
-    JITCodeLibrary,
-    Lower,
-    NativeLowering,
-    NoPythonBackend,
-    NopythonTypeInference,
-    PassManager,
-    PreLowerStripPhis,
-    ReconstructSSA,
-    TranslateByteCode,
-    compile_result,
-    ir,
-    register_pass,
-)
+from . import numba_private as inside
 
 
-class _Remembering(Context):  # type: ignore[misc]
+class _Remembering(inside.Context):  # type: ignore[misc]
     """A typing context that remembers: Numba tries some ten templates at each sum of two numbers, this one once."""
 
     _answers: ClassVar[dict[Any, Any]] = {}
@@ -54,24 +33,24 @@ class _Remembering(Context):  # type: ignore[misc]
         if kws or not isinstance(func, types.Function) or not all(isinstance(a, self._numbers) for a in args):
             return super().resolve_function_type(func, args, kws)
         if (func, args) not in self._answers:
-            with ConfigStack().enter(_flags_for_all()):
+            with inside.ConfigStack().enter(_flags_for_all()):
                 self._answers[func, args] = super().resolve_function_type(func, args, kws)
         return self._answers[func, args]
 
 
 def _flags_for_all() -> Any:
     """Return flags under which Numba's own functions, such as min, are the same code whoever calls them first."""
-    flags = ConfigStack().top().copy()
+    flags = inside.ConfigStack().top().copy()
     flags.forceinline, flags.no_cpython_wrapper, flags.no_cfunc_wrapper = False, True, True
     return flags
 
 
-class _Lower(Lower):  # type: ignore[misc]
+class _Lower(inside.Lower):  # type: ignore[misc]
     def lower_binop(self, resty: Any, expr: Any, op: Any) -> Any:
         """Lower an operation by the signature that type inference has found; Numba would look for it anew."""
         signature, context = self.fndesc.calltypes[expr], self.context
         known = (context.typing_context.resolve_value_type(op), signature.args)
-        fixed = expr.static_lhs is not ir.UNDEFINED or expr.static_rhs is not ir.UNDEFINED
+        fixed = expr.static_lhs is not inside.ir.UNDEFINED or expr.static_rhs is not inside.ir.UNDEFINED
         if fixed or known not in _Remembering._answers:
             return super().lower_binop(resty, expr, op)
         operands = [
@@ -102,8 +81,8 @@ def _for_no_processor(codegen: Any) -> Iterator[None]:
         codegen._tm = own
 
 
-@register_pass(mutates_CFG=True, analysis_only=False)
-class _TypeInference(NopythonTypeInference):  # type: ignore[misc]
+@inside.register_pass(mutates_CFG=True, analysis_only=False)
+class _TypeInference(inside.NopythonTypeInference):  # type: ignore[misc]
     """Finds types, for which it compiles all that is called, also functions of Numba's own."""
 
     def run_pass(self, state: Any) -> Any:
@@ -111,18 +90,18 @@ class _TypeInference(NopythonTypeInference):  # type: ignore[misc]
             return super().run_pass(state)
 
 
-@register_pass(mutates_CFG=True, analysis_only=False)
-class _Lowering(NativeLowering):  # type: ignore[misc]
+@inside.register_pass(mutates_CFG=True, analysis_only=False)
+class _Lowering(inside.NativeLowering):  # type: ignore[misc]
     lowering_class = _Lower
 
 
 _PASSES = (
-    TranslateByteCode, FixupArgs, GenericRewrites, ReconstructSSA, _TypeInference,
-    PreLowerStripPhis, AnnotateTypes, _Lowering, NoPythonBackend,
+    inside.TranslateByteCode, inside.FixupArgs, inside.GenericRewrites, inside.ReconstructSSA, _TypeInference,
+    inside.PreLowerStripPhis, inside.AnnotateTypes, _Lowering, inside.NoPythonBackend,
 )  # fmt: skip
 
 
-class _Passes(PassManager):  # type: ignore[misc]
+class _Passes(inside.PassManager):  # type: ignore[misc]
     """Passes one after another, without Numba's timers, events and checks, which take as long as some passes."""
 
     def _runPass(self, index: int, stage: Any, state: Any) -> None:
@@ -130,7 +109,7 @@ class _Passes(PassManager):  # type: ignore[misc]
         stage.run_pass(state)
 
 
-class KernelCompiler(CompilerBase):  # type: ignore[misc]
+class KernelCompiler(inside.CompilerBase):  # type: ignore[misc]
     """A compiler without the passes for closures, `with`, `raise`, array expressions and literals."""
 
     def __init__(self, typingctx: Any, *rest: Any) -> None:
@@ -189,7 +168,7 @@ def _few_passes() -> Any:
     return passes
 
 
-class _IntermediateCode(JITCodeLibrary):  # type: ignore[misc]
+class _IntermediateCode(inside.JITCodeLibrary):  # type: ignore[misc]
     @property
     def codegen(self) -> Any:
         """Return itself, as Numba asks for `set_env` only."""
@@ -240,12 +219,12 @@ class _IntermediateCode(JITCodeLibrary):  # type: ignore[misc]
         return library
 
 
-class _CalleeCacheImplementation(CompileResultCacheImpl):  # type: ignore[misc]
+class _CalleeCacheImplementation(inside.CompileResultCacheImpl):  # type: ignore[misc]
     def rebuild(self, target_context: Any, payload: Any) -> Any:
         """Return what CalleeCompiler made, as if compiled now; making machine code of it would change it."""
         state, description, environment, signature, *_ = payload
         library = _IntermediateCode._unserialize(target_context.codegen(), state)
-        return compile_result(
+        return inside.compile_result(
             typing_context=target_context.typing_context,
             target_context=target_context,
             library=library,
@@ -257,7 +236,7 @@ class _CalleeCacheImplementation(CompileResultCacheImpl):  # type: ignore[misc]
         )
 
 
-class CalleeCache(FunctionCache):  # type: ignore[misc]
+class CalleeCache(inside.FunctionCache):  # type: ignore[misc]
     """A cache of what CalleeCompiler makes."""
 
     _impl_class = _CalleeCacheImplementation

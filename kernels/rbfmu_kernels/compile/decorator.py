@@ -1,23 +1,63 @@
-"""`@kernel`: compiles a scalar function on floats and tuples, callable from anyone's `@njit` code."""
+"""`@kernel`: compiles a scalar function on floats and tuples, callable from anyone's `@njit` code.
+
+Where Numba's internals do not serve, its documented `njit` does: the first call is slower, and the bits are the same.
+"""
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
+from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, overload
 
-from .numba_private import MISSING
+from numba import config, njit
 
-if MISSING:
-    from .plain import code_for_callers as code_for_callers
-    from .plain import plain_kernel as _compile
-else:
-    from .announcement import announce_compilation
-    from .reduced import code_for_callers as code_for_callers
-    from .reduced import reduced_kernel as _compile
-
-    announce_compilation()
+from .numba_private import CALLED_BY_CODE, MISSING
+from .stamp import SOURCES
 
 P = ParamSpec("P")
 R = TypeVar("R")
+
+
+def _plain_kernel(function: Callable[..., Any], *, inline: bool) -> Any:
+    """Return the kernel of a function.
+
+    Compiled callers have a twin without what Python needs to call it, and without counts of references to buffers: half
+    of the time of a first call. Where Numba has no such thing, they have the kernel itself.
+    """
+    compiled = kept_on_disk(
+        lambda cache: njit(error_model="numpy", nogil=True, forceinline=inline, cache=cache)(function)
+    )
+    with suppress(Exception):
+        twin = njit(nogil=True, forceinline=inline, _nrt=False, **CALLED_BY_CODE)(function)
+        compiled.get_call_template, compiled.get_overload = twin.get_call_template, twin.get_overload
+    return compiled
+
+
+def _plain_code_for_callers(function: Callable[..., Any], signature: Any) -> Any:
+    """Return what Numba compiles of a function that is called by compiled code only."""
+    return njit(signature, **CALLED_BY_CODE)(function)
+
+
+def kept_on_disk(compiled: Callable[[bool], Any]) -> Any:
+    """Compile with a cache in a folder of these sources, as Numba's stamp does not see what a function calls."""
+    folder = config.CACHE_DIR
+    config.CACHE_DIR = str(Path(folder or Path(__file__).parents[1] / "__pycache__") / SOURCES)
+    try:
+        return compiled(True)
+    except RuntimeError:  # no folder can be written
+        return compiled(False)
+    finally:
+        config.CACHE_DIR = folder
+
+
+if MISSING:
+    _compile, code_for_callers = _plain_kernel, _plain_code_for_callers
+else:
+    from .reduced import code_for_callers as code_for_callers
+    from .reduced import reduced_kernel as _compile
+    from .said import announce_compilation
+
+    announce_compilation()
 
 
 @overload

@@ -1,8 +1,8 @@
 """The one module that imports Numba's internals. All that is needed of them is listed here.
 
 Each row was tried with Numba 0.61.0, 0.62.1, 0.63.1, 0.64.0, 0.65.1, 0.66.0, 0.67.0 and 0.68.1. Where a row is missing,
-`MISSING` names it, and `plain` compiles instead by what Numba documents: the first call is slower, and the bits are the
-same. Where all are there but behave otherwise, `reduced.internals_serve` finds it.
+`MISSING` names it, and what Numba documents compiles instead (`decorator`, `gufunc`): the first call is slower, and the
+bits are the same. Where all are there but behave otherwise, `reduced.internals_serve` finds it.
 """
 
 import importlib
@@ -85,6 +85,9 @@ def _look_up() -> str:
             return row
     return ""
 
+
+CALLED_BY_CODE = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+"""Options of what is not called from Python."""
 
 MISSING = _look_up()
 """The first row that this version of Numba lacks; empty where it has all of them."""

@@ -1,10 +1,13 @@
-"""Lines on stderr for those who wait; `RBFMU_QUIET` silences them."""
+"""Lines on stderr for those who wait, as where compiling takes long; `RBFMU_QUIET` silences them."""
 
 import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from threading import Event, Thread
+from threading import Event, Thread, Timer
+from typing import Any
+
+from . import numba_private
 
 PATIENCE = 2.0
 """The time, s, after which work other than compiling says what it is."""
@@ -14,7 +17,7 @@ NAME = "rbfmu: a line for those who wait"
 
 
 class Compilations:
-    """How many compilations began and ended in this process, as far as `announcement` hears of them."""
+    """How many compilations began and ended in this process, as far as `Announcer` hears of them."""
 
     begun = ended = 0
 
@@ -44,3 +47,47 @@ def said_after(patience: float, text: Callable[[], str]) -> Iterator[None]:
         yield
     finally:
         done.set()
+
+
+COMPILING_PATIENCE = 1.0
+"""The time, s, after which compiling says so."""
+TEXT = "rbfmu: compiling for the first time takes some seconds; where the code can be kept, it happens once"
+_Listener: Any = getattr(numba_private, "Listener", object)  # where Numba has none, nothing is announced
+
+
+class Announcer(_Listener):  # type: ignore[misc]
+    """A listener that waits from the outermost start of a compilation of ours to its end, and speaks once."""
+
+    def __init__(self) -> None:
+        self._depth, self._spoken = 0, False
+        self._timer = Timer(COMPILING_PATIENCE, self._say)
+
+    def on_start(self, event: Any) -> None:
+        """Begin to wait."""
+        if self._depth == 0 and not self._spoken and _is_ours(event):
+            self._timer = Timer(COMPILING_PATIENCE, self._say)
+            self._timer.daemon = True
+            self._timer.start()
+        self._depth += 1
+        Compilations.begun += 1
+
+    def on_end(self, event: Any) -> None:
+        """Wait no longer."""
+        self._depth -= 1
+        Compilations.ended += 1
+        if self._depth == 0:
+            self._timer.cancel()
+
+    def _say(self) -> None:
+        self._spoken = True
+        say(TEXT)
+
+
+def _is_ours(compilation: Any) -> bool:
+    module = getattr(compilation.data["dispatcher"].py_func, "__module__", None) or ""
+    return str(module).partition(".")[0].partition("_")[0] == "rbfmu"
+
+
+def announce_compilation() -> None:
+    """Let long compilations be announced in this process."""
+    numba_private.register("numba:compile", Announcer())

@@ -4,14 +4,18 @@ A lane's arithmetic is that of plain numbers, so that no bit depends on how wide
 here is for Python; Numba puts instructions on vectors in its place.
 """
 
+import operator
 from collections.abc import Callable
+from functools import cache
 from inspect import signature
 from struct import Struct
 from typing import Any, cast
 
-from llvmlite import ir
+from llvmlite import binding, ir
 from numba import float64, intp, types
-from numba.extending import lower_builtin, models, register_model, type_callable
+from numba.extending import lower_builtin, lower_cast, type_callable
+
+from .wide import InLanes, WideType, register, register_value, splat, widened, width_among
 
 Lanes = tuple[float, float, float, float]
 _four_from = cast(Callable[[Any, int], Lanes], Struct("4d").unpack_from)
@@ -47,25 +51,19 @@ def multiply_lanes(a: Lanes, b: Lanes) -> Lanes:
     return (a[0] * b[0], a[1] * b[1], a[2] * b[2], a[3] * b[3])
 
 
-class LanesType(types.Type):  # type: ignore[misc]
+class LanesType(InLanes):
     """The type of four numbers side by side."""
-
-    def __init__(self) -> None:
-        super().__init__("Lanes")
 
     def unify(self, typingctx: Any, other: Any) -> Any:
         """Return the type of four wide numbers, see `wide`, for a variable that is sometimes four plain ones."""
         return other if isinstance(other, types.UniTuple) and len(other) == 4 else None
 
 
-_LANES = LanesType()
+_LANES = LanesType(4)
 _VECTOR, _INT = ir.VectorType(ir.DoubleType(), 4), ir.IntType(32)
 
 
-@register_model(LanesType)
-class _Model(models.PrimitiveModel):  # type: ignore[misc]
-    def __init__(self, manager: Any, kind: Any) -> None:
-        super().__init__(manager, kind, _VECTOR)
+register_value(LanesType, lambda width: _VECTOR)
 
 
 def _compiled(function: Callable[..., Any], kind: Callable[..., Any], *own: Any) -> Callable[[Any], Any]:
@@ -126,3 +124,198 @@ def _add_lanes(context: Any, builder: Any, signature: Any, args: Any) -> Any:
 @_compiled(multiply_lanes, lambda a, b: a(a, b), LanesType, LanesType)
 def _multiply_lanes(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     return builder.fmul(*args)
+
+
+@cache
+def widest() -> int:
+    """Return how many lanes serve best here, 8 or 4; no bit depends on it."""
+    return 8 if binding.get_host_cpu_features().get("avx512f", False) else 4
+
+
+def four_wide(z: Any, i: int) -> Any:
+    """Return the buffer of numbers of four lanes that stand from z[i] on, place by place."""
+    raise NotImplementedError
+
+
+def eight_wide(z: Any, i: int) -> Any:
+    """Return the same of eight lanes."""
+    raise NotImplementedError
+
+
+def width_of(z: Any) -> int:
+    """Return the number of lanes of a buffer of wide numbers."""
+    raise NotImplementedError
+
+
+def lane_at(z: Any, i: int, lane: int) -> float:
+    """Return one lane of the wide number z[i]."""
+    raise NotImplementedError
+
+
+def put_lane_at(z: Any, i: int, lane: int, value: float) -> None:
+    """Set one lane of the wide number z[i]."""
+    raise NotImplementedError
+
+
+class WideArrayType(InLanes):
+    """The type of a buffer with a number a lane in each place."""
+
+
+register_value(WideArrayType, lambda width: ir.DoubleType().as_pointer())
+
+
+def _is_array(kind: Any) -> bool:
+    return isinstance(kind, WideArrayType)
+
+
+_ALL = (types.VarArg(types.Any),)
+_int = types.intp
+
+
+def _register_array(function: Callable[..., Any], width: int) -> None:
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        data = context.make_array(signature.args[0])(context, builder, args[0]).data
+        return builder.gep(data, [args[1]])
+
+    register(function, lambda z, i: WideArrayType(width)(z, _int), generate, _ALL)
+
+
+_register_array(four_wide, 4)
+_register_array(eight_wide, 8)
+register(
+    width_of,
+    lambda z: _int if _is_array(z) else None,
+    lambda context, builder, signature, args: context.get_constant(_int, signature.args[0].width),
+    _ALL,
+)
+
+
+# Wide numbers in a buffer
+
+
+def _wide_place(builder: Any, array: Any, index: Any, width: int) -> Any:
+    row = builder.gep(array, [builder.mul(index, index.type(width))])
+    return builder.bitcast(row, ir.VectorType(ir.DoubleType(), width).as_pointer())
+
+
+def _load(builder: Any, array: Any, index: Any, width: int) -> Any:
+    number = builder.load(_wide_place(builder, array, index, width), typ=ir.VectorType(ir.DoubleType(), width))
+    number.align = 8
+    return number
+
+
+def _store(builder: Any, number: Any, array: Any, index: Any, width: int) -> None:
+    builder.store(number, _wide_place(builder, array, index, width)).align = 8
+
+
+def _type_getitem(z: Any, i: Any) -> Any:
+    return WideType(z.width)(z, _int) if _is_array(z) and isinstance(i, types.Integer) else None
+
+
+def _getitem(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    return _load(builder, args[0], args[1], signature.args[0].width)
+
+
+def _type_setitem(z: Any, i: Any, value: Any) -> Any:
+    known = _is_array(z) and isinstance(i, types.Integer) and isinstance(value, WideType | types.Number)
+    return types.none(z, _int, value) if known else None
+
+
+def _setitem(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    width = signature.args[0].width
+    _store(builder, widened(context, builder, args[2], signature.args[2], width), args[0], args[1], width)
+    return context.get_dummy_value()
+
+
+register(operator.getitem, _type_getitem, _getitem, (WideArrayType, types.Integer))
+register(operator.setitem, _type_setitem, _setitem, (WideArrayType, types.Integer, types.Any))
+
+
+def _lane(builder: Any, args: Any, width: int) -> Any:
+    return builder.gep(args[0], [builder.add(builder.mul(args[1], args[1].type(width)), args[2])])
+
+
+def _lane_at(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    return builder.load(_lane(builder, args, signature.args[0].width), typ=ir.DoubleType())
+
+
+def _put_lane_at(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    builder.store(args[3], _lane(builder, args, signature.args[0].width))
+    return context.get_dummy_value()
+
+
+register(lane_at, lambda z, i, lane: types.float64(z, _int, _int), _lane_at, _ALL)
+register(put_lane_at, lambda z, i, lane, value: types.none(z, _int, _int, types.float64), _put_lane_at, _ALL)
+
+
+# Four wide numbers
+
+
+def _are_four(kind: Any) -> bool:
+    return isinstance(kind, types.UniTuple) and isinstance(kind.dtype, WideType)
+
+
+def _type_lanes(a: Any, b: Any, c: Any, d: Any) -> Any:
+    width = width_among(a, b, c, d)
+    return types.UniTuple(WideType(width), 4) if width else None
+
+
+def _wide_lanes(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    kind = signature.return_type
+    wide = [context.cast(builder, a, k, kind.dtype) for a, k in zip(args, signature.args, strict=True)]
+    return context.make_tuple(builder, kind, wide)
+
+
+def _cast_lanes(context: Any, builder: Any, source: Any, target: Any, four: Any) -> Any:
+    numbers = [builder.extract_element(four, ir.Constant(ir.IntType(32), k)) for k in range(4)]
+    return context.make_tuple(builder, target, [splat(builder, n, target.dtype.width) for n in numbers])
+
+
+def _type_lanes_at(z: Any, i: Any) -> Any:
+    return types.UniTuple(WideType(z.width), 4)(z, _int) if _is_array(z) else None
+
+
+def _wide_lanes_at(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    z, i = args
+    wide = [_load(builder, z, builder.add(i, i.type(k)), signature.args[0].width) for k in range(4)]
+    return context.make_tuple(builder, signature.return_type, wide)
+
+
+def _type_put_lanes(z: Any, i: Any, a: Any) -> Any:
+    return types.none(z, _int, a) if _is_array(z) else None
+
+
+def _put_wide_lanes(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    z, i, four = args
+    for k in range(4):
+        _store(builder, builder.extract_value(four, k), z, builder.add(i, i.type(k)), signature.args[0].width)
+    return context.get_dummy_value()
+
+
+def _register_pairwise(function: Callable[..., Any], make: Callable[..., Any]) -> None:
+    def typer(a: Any, b: Any) -> Any:
+        wide = a if _are_four(a) else b
+        return wide if _are_four(wide) and all(x == wide or isinstance(x, LanesType) for x in (a, b)) else None
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        kind = signature.return_type
+        fours = [context.cast(builder, a, k, kind) for a, k in zip(args, signature.args, strict=True)]
+        parts = [[builder.extract_value(four, k) for four in fours] for k in range(4)]
+        return context.make_tuple(builder, kind, [make(builder, a, b) for a, b in parts])
+
+    four, plain = types.UniTuple, LanesType
+    register(function, typer, generate, (four, four), (four, plain), (plain, four))
+
+
+lower_cast(LanesType, types.UniTuple)(_cast_lanes)
+register(lanes, _type_lanes, _wide_lanes, (WideType, types.Any, types.Any, types.Any))
+register(
+    numbers,
+    lambda a: a if _are_four(a) else None,
+    lambda context, builder, signature, args: args[0],
+    (types.UniTuple,),
+)
+register(lanes_at, _type_lanes_at, _wide_lanes_at, (WideArrayType, types.Any))
+register(put_lanes, _type_put_lanes, _put_wide_lanes, (WideArrayType, types.Any, types.Any))
+_register_pairwise(add_lanes, lambda builder, a, b: builder.fadd(a, b))
+_register_pairwise(multiply_lanes, lambda builder, a, b: builder.fmul(a, b))

@@ -12,6 +12,7 @@ import operator
 from collections.abc import Callable
 from typing import Any, TypeVar
 
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.extending import lower_builtin, lower_cast, models, register_model, type_callable
@@ -44,40 +45,43 @@ def always(x: float) -> bool:
     return True
 
 
-class WideType(types.Type):  # type: ignore[misc]
-    """The type of a number in each of `width` lanes."""
+class InLanes(types.Type):  # type: ignore[misc]
+    """The type of what there is one of in each of `width` lanes."""
 
     def __init__(self, width: int) -> None:
         self.width = width
-        super().__init__(f"Wide({width})")
+        super().__init__(f"{type(self).__name__}({width})")
+
+
+def register_value(kind: type[types.Type], value: Callable[[int], Any]) -> None:
+    """Let Numba know what LLVM has for a type; value: from its width."""
+
+    @register_model(kind)
+    class Value(models.PrimitiveModel):  # type: ignore[misc]
+        def __init__(self, manager: Any, of: Any) -> None:
+            super().__init__(manager, of, value(of.width))
+
+
+class WideType(InLanes):
+    """The type of a number in each of `width` lanes."""
 
     def unify(self, typingctx: Any, other: Any) -> Any:
         """Return itself as the type of a variable that is sometimes one number for all lanes."""
         return self if isinstance(other, types.Number) else None
 
 
-class MaskType(types.Type):  # type: ignore[misc]
+class MaskType(InLanes):
     """The type of a condition in each of `width` lanes, on which no code can branch."""
-
-    def __init__(self, width: int) -> None:
-        self.width = width
-        super().__init__(f"Mask({width})")
 
     def unify(self, typingctx: Any, other: Any) -> Any:
         """Return itself as the type of a variable that is sometimes one condition for all lanes."""
         return self if isinstance(other, types.Boolean) else None
 
 
-@register_model(WideType)
-class _WideModel(models.PrimitiveModel):  # type: ignore[misc]
-    def __init__(self, manager: Any, kind: Any) -> None:
-        super().__init__(manager, kind, ir.VectorType(ir.DoubleType(), kind.width))
+register_value(WideType, lambda width: ir.VectorType(ir.DoubleType(), width))
 
 
-@register_model(MaskType)
-class _MaskModel(models.PrimitiveModel):  # type: ignore[misc]
-    def __init__(self, manager: Any, kind: Any) -> None:
-        super().__init__(manager, kind, ir.VectorType(ir.IntType(1), kind.width))
+register_value(MaskType, lambda width: ir.VectorType(ir.IntType(1), width))
 
 
 Generate = Callable[[Any, Any, Any, Any], Any]
@@ -255,3 +259,57 @@ def _choose(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     kind = signature.return_type
     a, b = (context.cast(builder, x, k, kind) for x, k in zip(args[1:], signature.args[1:], strict=True))
     return builder.select(args[0], a, b)
+
+
+def bits_of(x: float) -> np.int64:
+    """Return the bits of a number as an integer."""
+    return np.float64(x).view(np.int64)
+
+
+def number_of(bits: np.int64) -> float:
+    """Return the number that an integer has the bits of."""
+    return float(np.int64(bits).view(np.float64))
+
+
+class WideIntType(InLanes):
+    """The type of the bits of a number in each of `width` lanes."""
+
+
+register_value(WideIntType, lambda width: ir.VectorType(ir.IntType(64), width))
+
+
+def _bits_of(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    return builder.bitcast(args[0], context.get_value_type(signature.return_type))
+
+
+def _register_bits(function: Callable[..., Any], one: Any, other: Any, wide: Any, other_wide: Any) -> None:
+    def typer(a: Any) -> Any:
+        return other_wide(a.width) if isinstance(a, wide) else (other if isinstance(a, one) else None)
+
+    register(function, typer, _bits_of, (types.VarArg(types.Any),))
+
+
+_register_bits(bits_of, types.Float, types.int64, WideType, WideIntType)
+_register_bits(number_of, types.Integer, types.float64, WideIntType, WideType)
+
+
+def _register_on_bits(function: Any, make: Callable[..., Any], result: Any = WideIntType) -> None:
+    """Lower an operation on wide bits with an integer that is the same in all lanes, or with others."""
+
+    def typer(a: Any, b: Any) -> Any:
+        return result(a.width) if isinstance(a, WideIntType) and isinstance(b, WideIntType | types.Integer) else None
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        a, b = args
+        if not isinstance(signature.args[1], WideIntType):
+            b = splat(builder, context.cast(builder, b, signature.args[1], types.int64), signature.args[0].width)
+        return make(builder, a, b)
+
+    register(function, typer, generate, (WideIntType, WideIntType), (WideIntType, types.Integer))
+
+
+_register_on_bits(operator.and_, lambda builder, a, b: builder.and_(a, b))
+_register_on_bits(operator.xor, lambda builder, a, b: builder.xor(a, b))
+_register_on_bits(operator.lshift, lambda builder, a, b: builder.shl(a, b))
+_register_on_bits(operator.add, lambda builder, a, b: builder.add(a, b))
+_register_on_bits(operator.ne, lambda builder, a, b: builder.icmp_unsigned("!=", a, b), MaskType)

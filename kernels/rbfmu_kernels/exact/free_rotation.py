@@ -15,25 +15,19 @@ bounded: the error does not grow.
 """
 
 import math
+from typing import Any
 
+from ..buffer_access import put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
+from ..compile.simd import eight_wide, four_wide, lane_at, put_lane_at, width_of
 from ..compile.wide import choose
-from ..numerics.agm import jacobi_low_parts
-from ..numerics.double_double import (
-    DoubleDouble,
-    Vector,
-    dd_add,
-    dd_choose,
-    dd_scale,
-    dd_scale_vector,
-    dd_vector,
-    two_sum,
-)
-from ..numerics.elementary import sincos_half_turns
-from ..numerics.scaling import power_of_two_for
+from ..numerics import double_double as dd
+from ..numerics.double_double import DoubleDouble, Vector, two_sum
+from ..numerics.elementary import power_of_two_for, sincos_half_turns
+from ..numerics.elliptic import NEAREST_KC, jacobi_low_parts
 from ..rotations.quaternion import compose_quaternions, square_of
 from ..types import Quaternion, Vec3
-from .free_rotation_series import SEPARATRIX, STEADY, jacobi_of, place_of, read_steady, turn_of
+from .free_rotation_series import NEAR, SEPARATRIX, STEADY, TUMBLING, jacobi_of, place_of, read_steady, turn_of
 from .free_rotation_series import Place as Place
 from .free_rotation_setup import FREE_ROTATION_SIZE as FREE_ROTATION_SIZE
 from .free_rotation_setup import FreeRotation as FreeRotation
@@ -54,7 +48,7 @@ def free_rotation_setup(moments: Vec3, q_0: Quaternion, omega_b_0: Vec3) -> Free
     One zero moment (a slender beam, the others equal) is the limit of a thin rod: the rate about it stays constant.
     NaN where there is no motion: a negative moment, a zero moment beside unequal ones, a non-finite argument.
     """
-    return flatten_free_rotation(free_rotation_of(dd_vector(moments), q_0, dd_vector(omega_b_0)))
+    return flatten_free_rotation(free_rotation_of(dd.vector(moments), q_0, dd.vector(omega_b_0)))
 
 
 @kernel
@@ -64,7 +58,7 @@ def free_rotation_of(moments: Vector, q_0: Quaternion, omega_b_0: Vector) -> Fre
     valid = 0.0 <= i_1 < math.inf and 0.0 <= i_2 < math.inf and 0.0 <= i_3 < math.inf
     (j_1, j_2, j_3), q, omega, unit = scaled_for_setup(moments, q_0, omega_b_0)
     none = (math.nan, math.nan)
-    j_1, j_2, j_3 = dd_choose(valid, j_1, none), dd_choose(valid, j_2, none), dd_choose(valid, j_3, none)
+    j_1, j_2, j_3 = dd.choose(valid, j_1, none), dd.choose(valid, j_2, none), dd.choose(valid, j_3, none)
     unit = unit if valid else math.nan
     (w_1, _), (w_2, _), (w_3, _) = omega
     steady_1 = j_2 == j_3 or w_2 == 0.0 or w_3 == 0.0
@@ -81,7 +75,7 @@ def scaled_for_setup(moments: Vector, q_0: Quaternion, omega_b_0: Vector) -> tup
     scale = power_of_two_for(max(max(abs(q_0[0]), abs(q_0[1])), max(abs(q_0[2]), abs(q_0[3]))))
     q = (scale * q_0[0], scale * q_0[1], scale * q_0[2], scale * q_0[3])
     scale = power_for(omega_b_0)
-    return dd_scale_vector(power_for(moments), moments), q, dd_scale_vector(scale, omega_b_0), 1.0 / scale
+    return dd.scale_vector(power_for(moments), moments), q, dd.scale_vector(scale, omega_b_0), 1.0 / scale
 
 
 @kernel(inline=False)
@@ -127,27 +121,16 @@ def with_axes_turned(motion: FreeRotation, q: Quaternion) -> FreeRotation:
         compose_quaternions(a, q), compose_quaternions(b, q), compose_quaternions(c, q), compose_quaternions(d, q),
     )  # fmt: skip
     return FreeRotation(
-        kind=motion.kind,
-        unit=motion.unit,
-        precession=motion.precession,
-        phase_rate=motion.phase_rate,
-        phase=motion.phase,
-        rates=motion.rates,
-        rates_low=motion.rates_low,
-        kc_squared=motion.kc_squared,
-        width=motion.width,
-        shift=motion.shift,
-        columns=columns,
-        p=motion.p,
-        r=motion.r,
-        series=motion.series,
-    )
+        kind=motion.kind, unit=motion.unit, precession=motion.precession, phase_rate=motion.phase_rate,
+        phase=motion.phase, rates=motion.rates, rates_low=motion.rates_low, kc_squared=motion.kc_squared,
+        width=motion.width, shift=motion.shift, columns=columns, p=motion.p, r=motion.r, series=motion.series,
+    )  # fmt: skip
 
 
 @kernel
 def scaled_time(motion: FreeRotation, t: DoubleDouble) -> DoubleDouble:
     """Return t in the unit of the constants; NaN where no digit is left."""
-    high, low = dd_scale(motion.unit, t)
+    high, low = dd.scale(motion.unit, t)
     return (choose(abs(motion.precession[0] * high) < _LAST_TURN, high, math.nan), low)
 
 
@@ -157,11 +140,11 @@ def place_at(motion: FreeRotation, t: DoubleDouble) -> Place:
     if motion.kind == SEPARATRIX:
         rate, low_rate = motion.phase_rate
         phase = two_sum(2.0 * rate * t[0], 2.0 * (low_rate * t[0] + rate * t[1]))
-        high, low = dd_add(phase, motion.phase)
+        high, low = dd.add(phase, motion.phase)
         high = choose(abs(high) > _LAST_X, math.copysign(_LAST_X, high), high)
     else:
         high, low = without_turns(motion.phase_rate, t)
-        high, low = dd_add((2.0 * high, 2.0 * low), motion.phase)
+        high, low = dd.add((2.0 * high, 2.0 * low), motion.phase)
     return place_of(motion.kind, (high, low), motion.width)
 
 
@@ -204,3 +187,137 @@ def _polhode_rates(motion: FreeRotation, place: Place) -> Vec3:
         w_r * sn + (w_r * sn_2 + low_r * sn),
         w_s * dn + (w_s * dn_2 + low_s * dn),
     )
+
+
+_MOMENTS, _Q, _OMEGA, _TIME, _BODY, _RESULT = 0, 3, 7, 10, 11, 12
+_ROWS = 20
+SCRATCH = 2 * 8 * _ROWS
+"""The numbers of work space, at a cache line: of a vector of bodies of each kind."""
+_ALONE = -1.0
+_MARGIN = 1e-3
+_LEAST_KC_SQUARED = 1e-6
+_LEAST, _LARGEST = 1e-60, 1e60
+
+
+@kernel(inline=False)
+def free_rotations_in_four(moments: Any, q_0: Any, omega_b_0: Any, t: Any, scratch: Any, q: Any, omega: Any) -> bool:
+    """Set q (m, n, 4) and omega (m, n, 3) to the motions of m bodies at n times, four bodies at a time.
+
+    moments (m, 3), q_0 (m, 4), omega_b_0 (m, 3): see `free_rotation`. t (m, n), or (1, n) of all bodies. Returns
+    whether any of the moments are singular.
+    """
+    return _motions(moments, q_0, omega_b_0, t, q, omega, four_wide(scratch, 0), four_wide(scratch, 4 * _ROWS))
+
+
+@kernel(inline=False)
+def free_rotations_in_eight(moments: Any, q_0: Any, omega_b_0: Any, t: Any, scratch: Any, q: Any, omega: Any) -> bool:
+    """Do the same, eight at a time."""
+    return _motions(moments, q_0, omega_b_0, t, q, omega, eight_wide(scratch, 0), eight_wide(scratch, 8 * _ROWS))
+
+
+@kernel
+def _motions(
+    moments: Any, q_0: Any, omega_b_0: Any, t: Any, q: Any, omega: Any, tumbling: Any, near: Any
+) -> bool:  # fmt: skip
+    width, tumblers, nearers, singular = width_of(tumbling), 0, 0, False
+    for i in range(len(moments)):
+        kind = _kind_of(vec3_at(moments[i], 0), vec3_at(omega_b_0[i], 0))
+        if kind == TUMBLING:
+            _load(tumbling, tumblers, i, moments[i], q_0[i], omega_b_0[i])
+            tumblers += 1
+        elif kind == NEAR:
+            _load(near, nearers, i, moments[i], q_0[i], omega_b_0[i])
+            nearers += 1
+        else:
+            singular |= free_rotation_is_singular(vec3_at(moments[i], 0))
+            _alone(moments[i], q_0[i], omega_b_0[i], t[i % len(t)], q[i], omega[i])
+        if tumblers == width:
+            _together(tumbling, tumblers, moments, q_0, omega_b_0, t, q, omega)
+            tumblers = 0
+        if nearers == width:
+            _together(near, nearers, moments, q_0, omega_b_0, t, q, omega)
+            nearers = 0
+    if tumblers > 0:
+        _together(tumbling, tumblers, moments, q_0, omega_b_0, t, q, omega)
+    if nearers > 0:
+        _together(near, nearers, moments, q_0, omega_b_0, t, q, omega)
+    return singular
+
+
+@kernel
+def _kind_of(moments: Vec3, omega: Vec3) -> float:
+    """Return the kind of a motion where plain doubles leave no doubt about it, or that it is to be taken alone.
+
+    A screen: d, kappa and kc^2 as of `polhode_axes`, `kappa_of` and `tumbling_setup`.
+    """
+    (a, b, c), (x, y, z) = moments, omega
+    for moment in moments:
+        if not _LEAST < moment < _LARGEST:
+            return _ALONE
+    for rate in omega:
+        if not _LEAST < abs(rate) < _LARGEST:
+            return _ALONE
+    if a > b:
+        a, b, x, y = b, a, y, x
+    if b > c:
+        b, c, y, z = c, b, z, y
+    if a > b:
+        a, b, x, y = b, a, y, x
+    if a == b or b == c:
+        return _ALONE
+    d = z * z * c * (c - b) - x * x * a * (b - a)
+    if d < 0.0:
+        a, c, x, z, d = c, a, z, x, -d
+    kappa = c * (b - a) / (a * (c - b))
+    kc_squared = d * c / (abs(c - b) * (c * c * z * z + b * b * y * y * kappa / (1.0 + kappa)))
+    if kc_squared > NEAREST_KC * NEAREST_KC + _MARGIN:
+        return TUMBLING
+    return NEAR if _LEAST_KC_SQUARED < kc_squared < NEAREST_KC * NEAREST_KC - _MARGIN else _ALONE
+
+
+@kernel
+def _load(c: Any, lane: int, body: int, moments: Any, q_0: Any, omega: Any) -> None:
+    for k in range(3):
+        put_lane_at(c, _MOMENTS + k, lane, moments[k])
+        put_lane_at(c, _OMEGA + k, lane, omega[k])
+    for k in range(4):
+        put_lane_at(c, _Q + k, lane, q_0[k])
+    put_lane_at(c, _BODY, lane, float(body))
+
+
+@kernel(inline=False)
+def _alone(moments: Any, q_0: Any, omega_b_0: Any, t: Any, q: Any, omega: Any) -> None:
+    setup = free_rotation_setup(vec3_at(moments, 0), quaternion_at(q_0, 0), vec3_at(omega_b_0, 0))
+    for k in range(len(t)):
+        attitude, rate = free_rotation_at(setup, t[k])
+        put_quaternion_at(q[k], 0, attitude)
+        put_vec3_at(omega[k], 0, rate)
+
+
+@kernel(inline=False)
+def _together(c: Any, count: int, moments: Any, q_0: Any, omega_b_0: Any, t: Any, q: Any, omega: Any) -> None:
+    for lane in range(count, width_of(c)):
+        first = int(lane_at(c, _BODY, 0))
+        _load(c, lane, first, moments[first], q_0[first], omega_b_0[first])
+    _set_up_and_run(c, count, t, q, omega)
+
+
+@kernel
+def _set_up_and_run(c: Any, count: int, t: Any, q: Any, omega: Any) -> None:
+    attitude: Quaternion = quaternion_at(c, _Q)
+    start, rates = dd.vector(vec3_at(c, _MOMENTS)), dd.vector(vec3_at(c, _OMEGA))
+    scaled, attitude, rates, unit = scaled_for_setup(start, attitude, rates)
+    motion = tumbling_setup(scaled, attitude, rates, unit)
+    for k in range(t.shape[1]):
+        for lane in range(width_of(c)):
+            put_lane_at(c, _TIME, lane, t[int(lane_at(c, _BODY, lane)) % len(t), k])
+        time = scaled_time(motion, (c[_TIME], 0.0))
+        place = place_at(motion, time)
+        put_quaternion_at(c, _RESULT, free_attitude_at(motion, time, place))
+        put_vec3_at(c, _RESULT + 4, free_rate_at(motion, place))
+        for lane in range(count):
+            body = int(lane_at(c, _BODY, lane))
+            for j in range(4):
+                q[body, k, j] = lane_at(c, _RESULT + j, lane)
+            for j in range(3):
+                omega[body, k, j] = lane_at(c, _RESULT + 4 + j, lane)

@@ -3,41 +3,159 @@
 import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from ..buffer_access import record
 from ..compile.decorator import kernel
-from ..compile.wide import all_of, choose
-from ..numerics.double_double import (
-    DoubleDouble,
-    Vector,
-    dd_add,
-    dd_choose,
-    dd_divide,
-    dd_equal,
-    dd_less,
-    dd_multiply,
-    dd_scale,
-    dd_sqrt,
-)
-from ..numerics.jacobi_theta import NEAREST_KC
-from ..numerics.scaling import power_of_two_for
-from ..records import record
+from ..compile.wide import alike, all_of, any_of, choose
+from ..numerics import double_double as dd
+from ..numerics.double_double import DoubleDouble, Vector, two_product, two_sum
+from ..numerics.elementary import power_of_two_for
+from ..numerics.elliptic import NEAREST_KC, angle_in_half_turns, climb_scale
 from ..rotations.quaternion import compose_quaternions, invert_quaternion
 from ..types import _SHAPES, Quaternion, Vec3
-from .free_rotation_series import (
-    NEAR,
-    SEPARATRIX,
-    STEADY,
-    TUMBLING,
-    Series,
-    SteadyTurn,
-    flatten_near,
-    flatten_steady,
-    flatten_tumbling,
-    place_of,
-    turn_of,
-)
-from .free_rotation_series_setup import near_series_of, series_of
-from .polhode import dd_at, gap, kappa_of, polhode_axes, symmetric_polhode, triaxial_polhode
-from .uniform_rotation import turning_about
+from . import free_rotation_series
+from .free_rotation_series import NEAR, SEPARATRIX, STEADY, TUMBLING, Series, SteadyTurn
+from .uniform_rotation import ONE_OVER_4PI, turning_about
+
+_ONE_OVER_PI: DoubleDouble = (0.3183098861837907, -1.9678676675182486e-17)
+
+
+class Polhode(NamedTuple):
+    """What the moments and the state make of it.
+
+    a_s: A_s. g: G. rate_s: A_s / I_s. precession: the rate of psi / (4 pi). phase_rate and phase: rate and start of the
+    phase x / pi. half_turn: psi / (4 pi) besides in half a turn of the phase. k2: k^2. agm: AGM(1, kc).
+    """
+
+    a_s: DoubleDouble
+    g: float
+    rate_s: DoubleDouble
+    precession: DoubleDouble
+    phase_rate: DoubleDouble
+    phase: DoubleDouble
+    half_turn: DoubleDouble
+    k2: float
+    agm: DoubleDouble
+
+
+@kernel(inline=False)
+def symmetric_polhode(
+    i_r: DoubleDouble, i_s: DoubleDouble, w_s: DoubleDouble, m_s: DoubleDouble,
+    a_p2: DoubleDouble, am_s: DoubleDouble, am_c: DoubleDouble,
+) -> Polhode:  # fmt: skip
+    """Return the polhode of two equal moments: sn, cn, dn are sin, cos, 1; I_s may be 0."""
+    g = dd.root(dd.add(a_p2, dd.multiply(m_s, m_s)))
+    rate = dd.divide(dd.multiply(g, ONE_OVER_4PI), i_r)
+    lam = dd.divide(dd.multiply(gap(i_s, i_r), w_s), i_r)
+    x = angle_in_half_turns(am_s, am_c)
+    nu = dd.multiply(lam, _ONE_OVER_PI)
+    zero, one = alike(g[0], 0.0), alike(g[0], 1.0)
+    return Polhode(m_s, g[0], w_s, rate, nu, x, (alike(g[0], -0.25), zero), zero, (one, zero))
+
+
+@kernel(inline=False)
+def triaxial_polhode(
+    moments_prs: Vector, kappa: DoubleDouble, one_kappa: DoubleDouble, a_p2: DoubleDouble, a_s2: DoubleDouble,
+    kc: DoubleDouble, am_s: DoubleDouble, am_c: DoubleDouble,
+) -> Polhode:  # fmt: skip
+    """Return the polhode of three different moments."""
+    i_p, i_r, i_s = moments_prs
+    g2 = dd.add(a_p2, a_s2)
+    g, a_s = dd.root(g2), dd.root(a_s2)
+    rate_s = dd.divide(a_s, i_s)
+    lam = dd.multiply(gap(i_s, i_r), gap(i_s, i_p))
+    lam = dd.multiply(rate_s, dd.root(dd.divide(lam, dd.multiply(i_p, i_r))))
+    rho, one_rho = dd.divide(a_p2, a_s2), dd.divide(g2, a_s2)
+    middle = kappa[0] <= rho[0]
+    n, one_n = dd.choose(middle, kappa, rho), dd.choose(middle, one_kappa, one_rho)
+    one_other = dd.choose(middle, one_rho, one_kappa)
+    energy = dd.add(dd.multiply(a_p2, i_s), dd.multiply(a_s2, i_p))
+    over = dd.multiply(g, dd.multiply(i_p, i_s))
+    rate = dd.divide(dd.choose(middle, g, energy), dd.choose(middle, i_r, over))
+    y = dd.multiply(n, dd.root(dd.divide(one_other, one_n)))
+    agm, total, x = climb_scale(kc, n, am_s, am_c)
+    # T over a half turn is pi y (2 - total) / (2 AGM).
+    half_turn = dd.scale(0.125, dd.divide(dd.multiply(y, dd.add_float(dd.negate(total), 2.0)), agm))
+    half_turn = dd.choose(middle, dd.add_float(half_turn, -0.25), dd.negate(half_turn))
+    nu = dd.multiply(dd.multiply(lam, agm), _ONE_OVER_PI)
+    rate = dd.multiply(rate, ONE_OVER_4PI)
+    return Polhode(a_s, g[0], rate_s, rate, nu, x, half_turn, kappa[0] * rho[0], agm)
+
+
+@kernel
+def kappa_of(i_p: DoubleDouble, i_r: DoubleDouble, i_s: DoubleDouble) -> tuple[DoubleDouble, DoubleDouble]:
+    """Return (kappa, 1 + kappa), kappa = I_s (I_r - I_p) / (I_p (I_s - I_r))."""
+    if all_of(dd.equal(i_p, i_r)):
+        zero, one = alike(i_p[0], 0.0), alike(i_p[0], 1.0)
+        return ((zero, zero), (one, zero))
+    kappa = dd.divide(dd.multiply(gap(i_r, i_p), i_s), dd.multiply(gap(i_s, i_r), i_p))
+    return (kappa, dd.add_float(kappa, 1.0))
+
+
+@kernel
+def gap(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
+    """Return |a - b|, of floats exactly."""
+    below = dd.less(a, b)
+    return dd.subtract(dd.choose(below, b, a), dd.choose(below, a, b))
+
+
+@kernel
+def polhode_axes(moments: Vector, omega: Vector) -> tuple[float, float, float, DoubleDouble, float]:
+    """Return (p, r, s, d, unit), the axes by the numbers 0, 1, 2; d is 0 on the separatrix.
+
+    d unit^2 = |w_hi^2 I_hi (I_hi - I_r) - w_lo^2 I_lo (I_r - I_lo)|.
+    """
+    a, b, c = moments
+    lo = choose(_at_most(a, b) & _at_most(a, c), 0.0, choose(_at_most(b, c), 1.0, 2.0))
+    hi = choose(_at_most(a, c) & _at_most(b, c), 2.0, choose(_at_most(a, b), 1.0, 0.0))
+    r = 3.0 - lo - hi
+    w_lo, w_hi, i_lo, i_hi = component(omega, lo), component(omega, hi), component(moments, lo), component(moments, hi)
+    up = power_of_two_for(max(abs(w_lo[0]), abs(w_hi[0])))
+    w_lo, w_hi = dd.scale(up, w_lo), dd.scale(up, w_hi)
+    above, below = gap(i_hi, component(moments, r)), gap(component(moments, r), i_lo)
+    upper = dd.multiply(dd.multiply(dd.multiply(w_hi, w_hi), i_hi), above)
+    lower = dd.multiply(dd.multiply(dd.multiply(w_lo, w_lo), i_lo), below)
+    d = dd.subtract(upper, lower)
+    rest = abs(w_hi[1]) + abs(w_lo[1]) + abs(a[1]) + abs(b[1]) + abs(c[1])
+    too_few = (abs(d[0]) < 1e-8 * upper[0]) & (rest == 0.0)
+    if any_of(too_few):  # digits would be left, and floats have more
+        zero = alike(d[0], 0.0)
+        sums = _add_exactly((zero, zero, zero, zero), w_hi[0], i_hi[0], above)
+        sums = _add_exactly(sums, w_lo[0], -i_lo[0], below)
+        d = dd.choose(too_few, dd.add(two_sum(sums[0], sums[1]), (sums[2], sums[3])), d)
+    other = d[0] < 0.0
+    p, s, d = choose(other, hi, lo), choose(other, lo, hi), dd.choose(other, dd.negate(d), d)
+    other = dd.equal(component(moments, s), component(moments, r))
+    return (choose(other, s, p), r, choose(other, p, s), d, 1.0 / up)
+
+
+@kernel
+def component(v: Vector, k: float) -> DoubleDouble:
+    """Return the component of number k, 0, 1 or 2."""
+    return dd.choose(k == 0.0, v[0], dd.choose(k == 1.0, v[1], v[2]))
+
+
+@kernel
+def _at_most(a: DoubleDouble, b: DoubleDouble) -> bool:
+    return dd.less(a, b) | dd.equal(a, b)
+
+
+_Sums = tuple[float, float, float, float]
+
+
+@kernel(inline=False)
+def _add_exactly(sums: _Sums, w: float, moment: float, gap: DoubleDouble) -> _Sums:
+    """Return the running sum plus w^2 moment gap, to 212 bits: cascaded error-free sums of 16 exact products."""
+    s_1, s_2, s_3, s_4 = sums
+    for part in gap:
+        for lever in two_product(moment, part):
+            for square in two_product(w, w):
+                for term in two_product(square, lever):
+                    s_1, e = two_sum(s_1, term)
+                    s_2, e = two_sum(s_2, e)
+                    s_3, e = two_sum(s_3, e)
+                    s_4 += e
+    return (s_1, s_2, s_3, s_4)
+
 
 Columns = tuple[Quaternion, Quaternion, Quaternion, Quaternion]
 
@@ -85,21 +203,11 @@ def steady_setup(q_0: Quaternion, omega: Vector, unit: float) -> FreeRotation:
     (x, _), (y, _), (w, _) = omega
     axis, rate = turning_about(omega)
     return FreeRotation(
-        kind=STEADY,
-        unit=unit,
-        precession=rate,
-        phase_rate=_NONE,
-        phase=_NONE,
-        rates=(unit * x, unit * y, unit * w),
-        rates_low=(0.0, 0.0, 0.0),
-        kc_squared=(1.0, 0.0),
-        width=_NONE,
-        shift=0.0,
-        columns=_columns(q_0, (1.0, 1.0, 1.0), 1.0, 2.0),
-        p=1.0,
-        r=2.0,
-        series=flatten_steady(SteadyTurn(axis)),
-    )
+        kind=STEADY, unit=unit, precession=rate, phase_rate=_NONE, phase=_NONE, rates=(unit * x, unit * y, unit * w),
+        rates_low=(0.0, 0.0, 0.0), kc_squared=(1.0, 0.0), width=_NONE, shift=0.0,
+        columns=_columns(q_0, (1.0, 1.0, 1.0), 1.0, 2.0), p=1.0, r=2.0,
+        series=free_rotation_series.flatten_steady(SteadyTurn(axis)),
+    )  # fmt: skip
 
 
 @kernel(inline=False)
@@ -109,83 +217,77 @@ def tumbling_setup(moments: Vector, q_0: Quaternion, omega: Vector, unit: float)
     moments and omega are scaled to about 1; `unit` undoes the scaling of omega.
     """
     p, r, s, distance, distance_unit = polhode_axes(moments, omega)
-    i_p, i_r, i_s = dd_at(moments, p), dd_at(moments, r), dd_at(moments, s)
-    w_p, w_r, w_s = dd_at(omega, p), dd_at(omega, r), dd_at(omega, s)
-    exists = (i_p[0] > 0.0) & (i_r[0] > 0.0) & ((i_s[0] > 0.0) | dd_equal(i_p, i_r))
+    i_p, i_r, i_s = component(moments, p), component(moments, r), component(moments, s)
+    w_p, w_r, w_s = component(omega, p), component(omega, r), component(omega, s)
+    exists = (i_p[0] > 0.0) & (i_r[0] > 0.0) & ((i_s[0] > 0.0) | dd.equal(i_p, i_r))
     nothing = (math.nan, math.nan)
-    i_p, i_r = dd_choose(exists, i_p, nothing), dd_choose(exists, i_r, nothing)
-    i_s, unit = dd_choose(exists, i_s, nothing), choose(exists, unit, math.nan)
-    sign = choose(dd_less(i_p, i_s), 1.0, -1.0)
+    i_p, i_r = dd.choose(exists, i_p, nothing), dd.choose(exists, i_r, nothing)
+    i_s, unit = dd.choose(exists, i_s, nothing), choose(exists, unit, math.nan)
+    sign = choose(dd.less(i_p, i_s), 1.0, -1.0)
     sign_p = math.copysign(1.0, w_p[0])
     sign_s = math.copysign(1.0, w_s[0])
     sign_r = sign_p * sign_s * choose((r - p == 1.0) | (r - p == -2.0), 1.0, -1.0)
-    w_p, w_r, w_s = dd_scale(sign_p, w_p), dd_scale(sign_r, w_r), dd_scale(sign_s, w_s)
-    m_s = dd_multiply(i_s, w_s)
+    w_p, w_r, w_s = dd.scale(sign_p, w_p), dd.scale(sign_r, w_r), dd.scale(sign_s, w_s)
+    m_s = dd.multiply(i_s, w_s)
 
     kappa, one_kappa = kappa_of(i_p, i_r, i_s)
-    root_kappa = dd_sqrt(one_kappa)
+    root_kappa = dd.root(one_kappa)
     # m_p and m_r, which may both be tiny, scaled by a power of two.
     up = power_of_two_for(max(w_p[0], abs(w_r[0])))
-    m_p_up, m_r_up = dd_multiply(i_p, dd_scale(up, w_p)), dd_multiply(i_r, dd_scale(up, w_r))
-    m_r2_up = dd_divide(dd_multiply(m_r_up, m_r_up), one_kappa)
-    a_p2_up = dd_add(dd_multiply(m_p_up, m_p_up), m_r2_up)
-    a_p_up = dd_sqrt(a_p2_up)
-    am_s, am_c = dd_scale(math.copysign(1.0, m_r_up[0]), m_r_up), dd_multiply(root_kappa, m_p_up)
+    m_p_up, m_r_up = dd.multiply(i_p, dd.scale(up, w_p)), dd.multiply(i_r, dd.scale(up, w_r))
+    m_r2_up = dd.divide(dd.multiply(m_r_up, m_r_up), one_kappa)
+    a_p2_up = dd.add(dd.multiply(m_p_up, m_p_up), m_r2_up)
+    a_p_up = dd.root(a_p2_up)
+    am_s, am_c = dd.scale(math.copysign(1.0, m_r_up[0]), m_r_up), dd.multiply(root_kappa, m_p_up)
     down = 1.0 / up
-    a_p, a_p2 = dd_scale(down, a_p_up), dd_scale(down, dd_scale(down, a_p2_up))
-    a_r = dd_scale(sign, dd_multiply(root_kappa, a_p))
+    a_p, a_p2 = dd.scale(down, a_p_up), dd.scale(down, dd.scale(down, a_p2_up))
+    a_r = dd.scale(sign, dd.multiply(root_kappa, a_p))
 
-    if all_of(dd_equal(i_p, i_r)):
+    if all_of(dd.equal(i_p, i_r)):
         polhode = symmetric_polhode(i_r, i_s, w_s, m_s, a_p2, am_s, am_c)
         kc: DoubleDouble = (1.0, 0.0)
         kc2 = kc
     else:
-        a_s2 = dd_add(dd_multiply(m_s, m_s), dd_multiply(kappa, dd_scale(down, dd_scale(down, m_r2_up))))
-        kc2 = dd_divide(dd_multiply(distance, i_s), dd_multiply(gap(i_s, i_r), a_s2))
-        kc = dd_scale(distance_unit, dd_sqrt(kc2))
-        kc2 = dd_scale(distance_unit, dd_scale(distance_unit, kc2))
+        a_s2 = dd.add(dd.multiply(m_s, m_s), dd.multiply(kappa, dd.scale(down, dd.scale(down, m_r2_up))))
+        kc2 = dd.divide(dd.multiply(distance, i_s), dd.multiply(gap(i_s, i_r), a_s2))
+        kc = dd.scale(distance_unit, dd.root(kc2))
+        kc2 = dd.scale(distance_unit, dd.scale(distance_unit, kc2))
         above = kc[0] - 1.0 + kc[1] > 0.0
-        kc, kc2 = dd_choose(above, (1.0, 0.0), kc), dd_choose(above, (1.0, 0.0), kc2)
-        kc = dd_choose(kc[0] <= _LEAST_KC, (_LEAST_KC, 0.0), kc)
+        kc, kc2 = dd.choose(above, (1.0, 0.0), kc), dd.choose(above, (1.0, 0.0), kc2)
+        kc = dd.choose(kc[0] <= _LEAST_KC, (_LEAST_KC, 0.0), kc)
         polhode = triaxial_polhode((i_p, i_r, i_s), kappa, one_kappa, a_p2, a_s2, kc, am_s, am_c)
-    a_s, g, rate_s, rate, nu, x, half_turn, k2, agm = polhode
 
     kind, width, shift = TUMBLING, (0.0, 0.0), 0.0
-    half_turn = dd_scale(sign, half_turn)
+    precession, phase_rate = polhode.precession, polhode.phase_rate
+    besides = dd.scale(sign, polhode.half_turn)
     if all_of(kc[0] >= NEAREST_KC):
-        series = flatten_tumbling(series_of(kappa[0], a_p[0] / (a_s[0] + g), k2, kc[0], sign))
-        rate = dd_add(rate, dd_multiply(half_turn, nu))
+        series = free_rotation_series.flatten_tumbling(
+            free_rotation_series.series_of(kappa[0], a_p[0] / (polhode.a_s[0] + polhode.g), polhode.k2, kc[0], sign)
+        )
+        precession = dd.add(precession, dd.multiply(besides, phase_rate))
     else:
         kind = NEAR
-        near, width, shift = near_series_of(dd_sqrt(kappa), kc, agm, sign)
-        series = flatten_near(near)
+        near, width, shift = free_rotation_series.near_series_of(dd.root(kappa), kc, polhode.agm, sign)
+        series = free_rotation_series.flatten_near(near)
         if all_of(kc[0] > _LEAST_KC):
-            rate = dd_add(rate, dd_multiply(half_turn, nu))
+            precession = dd.add(precession, dd.multiply(besides, phase_rate))
         else:
             kind, shift = SEPARATRIX, 0.0
-    x = dd_scale(sign * math.copysign(1.0, m_r_up[0]), x)
-    rate_p = dd_divide(dd_scale(unit * sign_p, a_p), i_p)
-    rate_r = dd_divide(dd_scale(unit * sign_r, a_r), i_r)
-    rate_s = dd_scale(unit * sign_s, rate_s)
+    phase = dd.scale(sign * math.copysign(1.0, m_r_up[0]), polhode.phase)
+    rate_p = dd.divide(dd.scale(unit * sign_p, a_p), i_p)
+    rate_r = dd.divide(dd.scale(unit * sign_r, a_r), i_r)
+    rate_s = dd.scale(unit * sign_s, polhode.rate_s)
     q = (q_0[0], sign_p * _at(q_0, p), sign_r * _at(q_0, r), sign_s * _at(q_0, s))
-    start = turn_of(kind, place_of(kind, x, width), (0.0, 0.0), shift, series)
+    start = free_rotation_series.turn_of(
+        kind, free_rotation_series.place_of(kind, phase, width), (0.0, 0.0), shift, series
+    )
     q = compose_quaternions(q, invert_quaternion(start))
     return FreeRotation(
-        kind=kind,
-        unit=unit,
-        precession=rate,
-        phase_rate=(0.5 * nu[0], 0.5 * nu[1]),
-        phase=x,
-        rates=(rate_p[0], rate_r[0], rate_s[0]),
-        rates_low=(rate_p[1], rate_r[1], rate_s[1]),
-        kc_squared=kc2,
-        width=width,
-        shift=shift,
-        columns=_columns(q, (sign_p, sign_r, sign_s), p + 1.0, r + 1.0),
-        p=p + 1.0,
-        r=r + 1.0,
-        series=series,
-    )
+        kind=kind, unit=unit, precession=precession, phase_rate=(0.5 * phase_rate[0], 0.5 * phase_rate[1]), phase=phase,
+        rates=(rate_p[0], rate_r[0], rate_s[0]), rates_low=(rate_p[1], rate_r[1], rate_s[1]), kc_squared=kc2,
+        width=width, shift=shift, columns=_columns(q, (sign_p, sign_r, sign_s), p + 1.0, r + 1.0), p=p + 1.0,
+        r=r + 1.0, series=series,
+    )  # fmt: skip
 
 
 @kernel

@@ -9,33 +9,12 @@ What grows with time is double-double, so the error does not grow; tiny swings k
 import math
 from typing import NamedTuple
 
+from ..buffer_access import record
 from ..compile.decorator import kernel
-from ..numerics.agm import climb_scale
-from ..numerics.double_double import (
-    DoubleDouble,
-    dd_add,
-    dd_add_float,
-    dd_divide,
-    dd_multiply,
-    dd_negate,
-    dd_scale,
-    dd_sqrt,
-    dd_subtract,
-)
-from ..numerics.elementary import sincos_half_turns
-from ..numerics.jacobi_theta import (
-    NEAREST_KC,
-    Near,
-    Theta,
-    jacobi_from_theta,
-    jacobi_near,
-    near_scale,
-    near_series,
-    place_near,
-    theta_series,
-)
-from ..numerics.scaling import power_of_two_for
-from ..records import record
+from ..numerics import double_double as dd
+from ..numerics import elliptic
+from ..numerics.double_double import DoubleDouble
+from ..numerics.elementary import power_of_two_for, sincos_half_turns
 from .uniform_rotation import without_turns
 
 Series = tuple[float, float, float, float, float, float, float, float, float, float, float, float]
@@ -45,7 +24,7 @@ Series = tuple[float, float, float, float, float, float, float, float, float, fl
 class NearSeries(NamedTuple):
     """Jacobi's functions near the separatrix, and the width for `place_near`."""
 
-    jacobi: Near
+    jacobi: elliptic.Near
     width: DoubleDouble
 
 
@@ -67,7 +46,7 @@ class Pendulum(NamedTuple):
 
 
 PENDULUM_SIZE, put_pendulum, read_pendulum, _ = record(Pendulum)
-_SIZE, _, _read_theta, _flatten_theta = record(Theta)
+_SIZE, _, _read_theta, _flatten_theta = record(elliptic.Theta)
 _, _, _read_near, _flatten_near = record(NearSeries, _SIZE)
 ORDINARY, NEAR, SEPARATRIX = 0.0, 1.0, 2.0
 _ONE_OVER_PI: DoubleDouble = (0.3183098861837907, -1.9678676675182486e-17)
@@ -83,17 +62,17 @@ def pendulum_setup(x: DoubleDouble, y: DoubleDouble, z: DoubleDouble) -> Pendulu
     swings = gap[0] > 0.0
     w_0, w = _length(x, z), _length(x, y)
     fastest = w_0 if swings else w
-    kc = _complementary_modulus(gap, dd_add(dd_scale(sign, y), z), fastest)
-    kind = (ORDINARY if kc[0] >= NEAREST_KC else NEAR) if kc[0] >= _LEAST_KC else SEPARATRIX
+    kc = _complementary_modulus(gap, dd.add(dd.scale(sign, y), z), fastest)
+    kind = (ORDINARY if kc[0] >= elliptic.NEAREST_KC else NEAR) if kc[0] >= _LEAST_KC else SEPARATRIX
     kc = kc if kind != SEPARATRIX else (_LEAST_KC, 0.0)
-    agm, half_turns = _climb(kc, dd_scale(side, x), dd_scale(sign, y) if swings else z)
+    agm, half_turns = _climb(kc, dd.scale(side, x), dd.scale(sign, y) if swings else z)
     if swings and sign < 0.0:
-        half_turns = dd_add_float(dd_negate(half_turns), 1.0)
-    start = dd_scale(0.5 * side * (1.0 if swings else sign), half_turns)
-    rate = dd_scale(0.5, dd_multiply(dd_multiply(fastest, agm), _ONE_OVER_PI))
+        half_turns = dd.add_float(dd.negate(half_turns), 1.0)
+    start = dd.scale(0.5 * side * (1.0 if swings else sign), half_turns)
+    rate = dd.scale(0.5, dd.multiply(dd.multiply(fastest, agm), _ONE_OVER_PI))
     if y[0] == 0.0 and z[0] == 0.0:  # balanced at the top
         rate, w = (0.0, 0.0), (0.0, 0.0)
-    series = _flatten_theta(theta_series(kc)) if kind == ORDINARY else _flatten_near(_near_series(kc, agm))
+    series = _flatten_theta(elliptic.theta_series(kc)) if kind == ORDINARY else _flatten_near(_near_series(kc, agm))
     if swings:
         return Pendulum(kind, 1.0, w[0] / w_0[0], 2.0 * w[0], rate, start, series)
     return Pendulum(kind, 0.0, sign, sign * 2.0 * w[0], rate, start, series)
@@ -105,13 +84,13 @@ def half_angle_rates(a: DoubleDouble, b: DoubleDouble) -> tuple[DoubleDouble, Do
 
     A turn by theta makes phi'' = a cos theta + b sin theta, 1/s2.
     """
-    large = dd_sqrt(dd_scale(0.5, dd_add(_length(a, b), dd_scale(math.copysign(1.0, b[0]), b))))
+    large = dd.root(dd.scale(0.5, dd.add(_length(a, b), dd.scale(math.copysign(1.0, b[0]), b))))
     if large[0] == 0.0:
         return (0.0, 0.0), (0.0, 0.0)
-    small = dd_divide(dd_scale(-0.5, a), large)
+    small = dd.divide(dd.scale(-0.5, a), large)
     if b[0] > 0.0:
         side = math.copysign(1.0, small[0])
-        return dd_scale(side, large), dd_scale(side, small)
+        return dd.scale(side, large), dd.scale(side, small)
     return small, large
 
 
@@ -119,7 +98,7 @@ def half_angle_rates(a: DoubleDouble, b: DoubleDouble) -> tuple[DoubleDouble, Do
 def sincos_of_half_angle(x: DoubleDouble, z: DoubleDouble) -> tuple[float, float]:
     """Return (sin, cos)(phi / 2) from w_0 times them; (0, 1) where w_0 = 0."""
     w_0 = _length(x, z)
-    return (0.0, 1.0) if w_0[0] == 0.0 else (dd_divide(x, w_0)[0], dd_divide(z, w_0)[0])
+    return (0.0, 1.0) if w_0[0] == 0.0 else (dd.divide(x, w_0)[0], dd.divide(z, w_0)[0])
 
 
 @kernel
@@ -133,7 +112,7 @@ def pendulum_at(setup: Pendulum, t: DoubleDouble) -> tuple[float, float, float]:
     if kind == ORDINARY:
         high, low = _phase(rate, start, t)
         s, c = sincos_half_turns(high, low)
-        sn, cn, dn = jacobi_from_theta(s, c, _read_theta(series))
+        sn, cn, dn = elliptic.jacobi_from_theta(s, c, _read_theta(series))
     else:
         sn, cn, dn = _near(kind, rate, start, _read_near(series), t)
     if swings != 0.0:
@@ -146,7 +125,7 @@ def _phase(rate: DoubleDouble, start: DoubleDouble, t: DoubleDouble) -> DoubleDo
     """Return the phase in half turns."""
     high, low = t
     high = high if abs(rate[0] * high) < _MAX_TURNS else math.nan
-    return dd_scale(2.0, dd_add(without_turns(rate, (high, low)), start))
+    return dd.scale(2.0, dd.add(without_turns(rate, (high, low)), start))
 
 
 @kernel(inline=False)
@@ -158,29 +137,29 @@ def _near(
         x: DoubleDouble = (2.0 * min(max(rate[0] * t[0] + start[0], -_LAST_TURN), _LAST_TURN), 0.0)
     else:
         x = _phase(rate, start, t)
-    e, side, flip, _ = place_near(x, series.width)
-    sn, cn, dn = jacobi_near(e, side, series.jacobi)
+    e, side, flip, _ = elliptic.place_near(x, series.width)
+    sn, cn, dn = elliptic.jacobi_near(e, side, series.jacobi)
     return flip * sn, flip * cn, dn
 
 
 @kernel
 def _near_series(kc: DoubleDouble, agm: DoubleDouble) -> NearSeries:
-    width, _ = near_scale(kc, agm, (0.0, 0.0), (1.0, 0.0))
-    return NearSeries(near_series(kc[0]), width)
+    width, _ = elliptic.near_scale(kc, agm, (0.0, 0.0), (1.0, 0.0))
+    return NearSeries(elliptic.near_series(kc[0]), width)
 
 
 @kernel
 def _gap(y: DoubleDouble, z: DoubleDouble) -> DoubleDouble:
     """Return z - |y|."""
-    return dd_subtract(z, dd_scale(math.copysign(1.0, y[0]), y))
+    return dd.subtract(z, dd.scale(math.copysign(1.0, y[0]), y))
 
 
 @kernel
 def _length(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
     """Return sqrt(a^2 + b^2)."""
     up = power_of_two_for(max(abs(a[0]), abs(b[0])))
-    a, b = dd_scale(up, a), dd_scale(up, b)
-    return dd_scale(1.0 / up, dd_sqrt(dd_add(dd_multiply(a, a), dd_multiply(b, b))))
+    a, b = dd.scale(up, a), dd.scale(up, b)
+    return dd.scale(1.0 / up, dd.root(dd.add(dd.multiply(a, a), dd.multiply(b, b))))
 
 
 @kernel
@@ -188,8 +167,8 @@ def _complementary_modulus(gap: DoubleDouble, total: DoubleDouble, fastest: Doub
     """Return sqrt |gap total| / fastest, at most 1; 1 where nothing moves or acts."""
     if fastest[0] == 0.0:
         return 1.0, 0.0
-    root = dd_multiply(dd_sqrt(dd_scale(math.copysign(1.0, gap[0]), gap)), dd_sqrt(total))
-    kc = dd_divide(root, fastest)
+    root = dd.multiply(dd.root(dd.scale(math.copysign(1.0, gap[0]), gap)), dd.root(total))
+    kc = dd.divide(root, fastest)
     return kc if kc[0] - 1.0 + kc[1] < 0.0 else (1.0, 0.0)
 
 
@@ -197,6 +176,6 @@ def _complementary_modulus(gap: DoubleDouble, total: DoubleDouble, fastest: Doub
 def _climb(kc: DoubleDouble, s: DoubleDouble, c: DoubleDouble) -> tuple[DoubleDouble, DoubleDouble]:
     """Return AGM(1, kc), and the phase in half turns of tan am = s / c, s and c >= 0; 0 where both are."""
     up = power_of_two_for(max(s[0], c[0]))
-    c = dd_scale(up, c) if max(s[0], c[0]) > 0.0 else (1.0, 0.0)
-    agm, _, half_turns = climb_scale(kc, (0.0, 0.0), dd_scale(up, s), c)
+    c = dd.scale(up, c) if max(s[0], c[0]) > 0.0 else (1.0, 0.0)
+    agm, _, half_turns = elliptic.climb_scale(kc, (0.0, 0.0), dd.scale(up, s), c)
     return agm, half_turns

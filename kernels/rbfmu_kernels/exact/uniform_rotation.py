@@ -2,23 +2,11 @@
 
 from typing import NamedTuple
 
+from ..buffer_access import record
 from ..compile.decorator import kernel
-from ..numerics.double_double import (
-    DoubleDouble,
-    Vector,
-    dd_divide,
-    dd_dot,
-    dd_multiply,
-    dd_scale,
-    dd_scale_vector,
-    dd_sqrt,
-    dd_subtract,
-    two_product,
-    two_sum,
-)
-from ..numerics.elementary import sincos_half_turns
-from ..numerics.scaling import power_of_two_for, round_to_integer
-from ..records import record
+from ..numerics import double_double as dd
+from ..numerics.double_double import DoubleDouble, Vector, two_product, two_sum
+from ..numerics.elementary import power_of_two_for, round_to_integer, sincos_half_turns
 from ..types import Quaternion, Vec3
 
 ONE_OVER_4PI: DoubleDouble = (0.07957747154594767, -4.919669168795622e-18)
@@ -55,7 +43,7 @@ def turned(turning: Turning, t: DoubleDouble) -> Quaternion:
 @kernel
 def length_of(v: Vector) -> DoubleDouble:
     """Return |v|, for numbers of about 1 or less."""
-    return dd_sqrt(dd_dot(v, v))
+    return dd.root(dd.dot(v, v))
 
 
 @kernel
@@ -68,11 +56,11 @@ def power_for(v: Vector) -> float:
 def turning_about(omega: Vector) -> Turning:
     """Return the turning of a constant rate omega, rad/s, of any size."""
     up = power_for(omega)
-    v = dd_scale_vector(up, omega)
+    v = dd.scale_vector(up, omega)
     rate = length_of(v)
     inverse = 1.0 / rate[0] if rate[0] != 0.0 else 1.0
     axis = (inverse * v[0][0], inverse * v[1][0], inverse * v[2][0])
-    return Turning(axis, dd_scale(1.0 / up, dd_multiply(rate, ONE_OVER_4PI)))
+    return Turning(axis, dd.scale(1.0 / up, dd.multiply(rate, ONE_OVER_4PI)))
 
 
 @kernel
@@ -84,14 +72,14 @@ def symmetric_turnings(i_t: DoubleDouble, i_s: DoubleDouble, omega: Vector) -> t
     """
     up = power_for(omega)
     shrink = power_of_two_for(max(i_t[0], i_s[0]))
-    i_t, i_s = dd_scale(shrink, i_t), dd_scale(shrink, i_s)
-    w_1, w_2, w_3 = dd_scale_vector(up, omega)
-    m_1, m_2, m_3 = dd_multiply(i_t, w_1), dd_multiply(i_t, w_2), dd_multiply(i_s, w_3)
+    i_t, i_s = dd.scale(shrink, i_t), dd.scale(shrink, i_s)
+    w_1, w_2, w_3 = dd.scale_vector(up, omega)
+    m_1, m_2, m_3 = dd.multiply(i_t, w_1), dd.multiply(i_t, w_2), dd.multiply(i_s, w_3)
     momentum = length_of((m_1, m_2, m_3))
     inverse = 1.0 / momentum[0] if momentum[0] != 0.0 else 1.0
-    rate = dd_divide(dd_multiply(momentum, ONE_OVER_4PI), i_t)
-    own = dd_divide(dd_multiply(dd_subtract(i_t, i_s), w_3), i_t)
-    own = dd_multiply(own, ONE_OVER_4PI)
+    rate = dd.divide(dd.multiply(momentum, ONE_OVER_4PI), i_t)
+    own = dd.divide(dd.multiply(dd.subtract(i_t, i_s), w_3), i_t)
+    own = dd.multiply(own, ONE_OVER_4PI)
     down = 1.0 / up
-    about_momentum = Turning((inverse * m_1[0], inverse * m_2[0], inverse * m_3[0]), dd_scale(down, rate))
-    return about_momentum, Turning((0.0, 0.0, 1.0), dd_scale(down, own))
+    about_momentum = Turning((inverse * m_1[0], inverse * m_2[0], inverse * m_3[0]), dd.scale(down, rate))
+    return about_momentum, Turning((0.0, 0.0, 1.0), dd.scale(down, own))

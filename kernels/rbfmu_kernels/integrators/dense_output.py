@@ -1,63 +1,184 @@
 """A motion under steady loads whose series, once begun, serves as many communication steps as it reaches over.
 
-Series follow one another in steps of their own, whatever the communication steps are: an output is an evaluation.
+Series follow one another in steps of their own, whatever the communication steps are: an output is an evaluation. The
+body rate's series is that of `taylor_coefficients`. The attitude's begins at q_ab itself, as dq/dt = q o (0, omega) / 2
+is linear, and goes on until its terms are small. Both are evaluated up to their reach.
 
-Works in a piece of a model's buffer, see `taylor_coefficients`; what is kept: `KEPT`; states: see `rigid_body_state`.
+Works in a piece of a model's buffer, see `taylor_coefficients`; what is kept: `SERIES_BLOCKS`; states: see
+`rigid_body_state`.
 """
 
 import math
 from typing import Any
 
 from ..buffer import MAX_SUBSTEPS, places
-from ..buffer_access import copy_numbers, pair_at, put_pair_at, put_vec3_at, vec3_at
+from ..buffer_access import copy_numbers, pair_at, put_pair_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
+from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes
 from ..mechanics.equations_of_motion import Body, LoadPolynomial
-from ..numerics.double_double import DoubleDouble, dd_add_float
-from ..rotations.vec3 import add, add_scaled, largest_component, scale, subtract
-from .dense_series import attitude_at, attitude_series, end_series, last_terms_of_attitude, likely_reach, rate_at
-from .rigid_body_state import (
-    RATE_ONLY,
-    ROTATION,
-    WHOLE_STATE,
-    put_state_attitude,
-    put_state_omega,
-    put_state_position,
-    put_state_velocity,
-    state_attitude,
-    state_omega,
-    state_position,
-    state_velocity,
-)
-from .substeps import count_substep, nearer_size, tolerance_of_substep
-from .taylor_coefficients import (
-    ACCELERATION,
-    FORCE_RATE,
-    PER,
-    RATE,
-    WORK,
-    acceleration_series,
-    known_torques,
-    motion_series,
-    put_factors,
-    space_fixed_loads,
-    term,
-    turned_loads,
-)
-from .truncation import last_terms, power_of, truncation
+from ..numerics import double_double as dd
+from ..numerics.double_double import DoubleDouble
+from ..rotations.vec3 import add, add_scaled, largest_component, norm, scale, subtract
+from ..types import Buffer, Quaternion, Vec3
+from . import rigid_body_state as state
+from . import substeps
+from . import taylor_coefficients as series
+from .rigid_body_state import RATE_ONLY, ROTATION, WHOLE_STATE
+from .substeps import Method, Room
+from .taylor_coefficients import ACCELERATION, FORCE_RATE, PER, RATE, ROW, ROWS, TURN, WORK, term
 
-KEPT = {"is_alive": 1, "reach": 1, "since": 2, "extent": 1, "turn_order": 1, "wait": 1, "start": ROTATION, "path": 6}
-"""NONE, ALIVE, or BURIED; how far the series reaches, and how far it has served, s; how much of a state it serves; the
+_HALF, _THIRD = ROW // 2, ROW * 25
+_AT_ONCE = 4
+"""The terms that evaluation takes at once."""
+_NEAR = 1e-8
+"""How near to 1 the square of a length is whose root is linear to round-off."""
+
+
+@kernel
+def _put_turn(s: Buffer, products: int, k: int, q: Quaternion) -> None:
+    """Store the k-th coefficient of the attitude, and its products q o i, q o j, q o k."""
+    a, b, c, d = q
+    row = term(products, k)
+    put_lanes(s, term(TURN, k), lanes(a, b, c, d))
+    put_lanes(s, row, lanes(-b, a, d, -c))
+    put_lanes(s, row + _HALF, lanes(-c, -d, a, b))
+    put_lanes(s, row + _THIRD, lanes(-d, c, -b, a))
+
+
+@kernel
+def _turn_product(s: Buffer, products: int, j: int, i: int) -> Any:
+    """Return q_j o (0, omega_i) of coefficients."""
+    row = term(products, j)
+    x, y, z = vec3_at(s, term(RATE, i & ROWS))
+    along_i = multiply_lanes(lanes_at(s, row), lanes(x, x, x, x))
+    along_j = multiply_lanes(lanes_at(s, row + _HALF), lanes(y, y, y, y))
+    along_k = multiply_lanes(lanes_at(s, row + _THIRD), lanes(z, z, z, z))
+    return add_lanes(add_lanes(along_i, along_j), along_k)
+
+
+@kernel
+def _turn_rate(s: Buffer, products: int, k: int) -> Quaternion:
+    """Return the k-th coefficient of q o (0, omega), of which the newest term is waited for least."""
+    even = odd = lanes(0.0, 0.0, 0.0, 0.0)
+    for j in range(0, k - 1, 2):
+        even = add_lanes(even, _turn_product(s, products, j, k - j))
+        odd = add_lanes(odd, _turn_product(s, products, j + 1, k - j - 1))
+    if k & 1 == 1:
+        even = add_lanes(even, _turn_product(s, products, k - 1, 1))
+    a, b, c, d = numbers(add_lanes(add_lanes(even, odd), _turn_product(s, products, k, 0)))
+    return (a, b, c, d)
+
+
+@kernel
+def end_series(s: Buffer, u: int, order: int) -> None:
+    """Set the terms behind `order` to zero, to the next multiple of those that evaluation takes at once."""
+    for k in range(order + 1, (order + _AT_ONCE - 1) // _AT_ONCE * _AT_ONCE + 1):
+        put_lanes(s, term(u, k), lanes(0.0, 0.0, 0.0, 0.0))
+
+
+@kernel
+def turning_of(omega: Vec3, alpha: Vec3) -> float:
+    """Return how fast a motion of this rate and angular acceleration turns, rad/s."""
+    return norm(omega) + math.sqrt(norm(alpha))
+
+
+@kernel
+def likely_reach(s: Buffer, order: int, longest: float) -> float:
+    """Return how far series of an order, of which omega's is there, reach at most if they turn; at most `longest`."""
+    turning = turning_of(vec3_at(s, RATE), vec3_at(s, term(RATE, 1)))
+    return min(longest, order / turning) if turning > 0.0 else longest
+
+
+@kernel
+def _largest(q: Quaternion) -> float:
+    return max(abs(q[0]), largest_component((q[1], q[2], q[3])))
+
+
+@kernel
+def last_terms_of_attitude(s: Buffer, order: int, h: float) -> float:
+    """Return the larger of the last two terms at h, per h^(order - 1)."""
+    return max(_largest(quaternion_at(s, term(TURN, order - 1))), h * _largest(quaternion_at(s, term(TURN, order))))
+
+
+@kernel(inline=False)
+def attitude_series(s: Buffer, products: int, q: Quaternion, order: int, reach: float, bound: float) -> int:
+    """Set the attitude's coefficients from q on, to at most `order`, and return the last one's order.
+
+    They end where the last two are at most `bound` at `reach`. products: where in s there is room for two series.
+    """
+    _put_turn(s, products, 0, q)
+    power, were_small = 1.0, False
+    for k in range(order):
+        a, b, c, d = _turn_rate(s, products, k)
+        half = 0.5 * PER[k]
+        q = (half * a, half * b, half * c, half * d)
+        _put_turn(s, products, k + 1, q)
+        power *= reach
+        small = _largest(q) * power <= bound
+        if small and were_small and 2 * k >= order:
+            order = k + 1
+            break
+        were_small = small
+    end_series(s, TURN, order)
+    return order
+
+
+@kernel
+def _value(s: Buffer, u: int, order: int, t: float) -> tuple[float, float, float, float]:
+    """Return a series at t: four sums side by side, of which none waits for another."""
+    t_2 = t * t
+    t_4 = t_2 * t_2
+    once, twice, steps = lanes(t, t, t, t), lanes(t_2, t_2, t_2, t_2), lanes(t_4, t_4, t_4, t_4)
+    a = b = c = d = lanes(0.0, 0.0, 0.0, 0.0)
+    for i in range((order - 1) // _AT_ONCE, -1, -1):
+        k = term(u, _AT_ONCE * i)
+        a = add_lanes(multiply_lanes(a, steps), lanes_at(s, k + ROW))
+        b = add_lanes(multiply_lanes(b, steps), lanes_at(s, k + 2 * ROW))
+        c = add_lanes(multiply_lanes(c, steps), lanes_at(s, k + 3 * ROW))
+        d = add_lanes(multiply_lanes(d, steps), lanes_at(s, k + 4 * ROW))
+    a, c = add_lanes(a, multiply_lanes(b, once)), add_lanes(c, multiply_lanes(d, once))
+    a = add_lanes(a, multiply_lanes(c, twice))
+    x, y, z, v = numbers(add_lanes(lanes_at(s, u), multiply_lanes(a, once)))
+    return (x, y, z, v)
+
+
+@kernel
+def rate_at(s: Buffer, w: int, order: int, t: float) -> Vec3:
+    """Return omega_ab_b at t of the series that stand from s[w] on."""
+    x, y, z, _ = _value(s, w + RATE, order, t)
+    return (x, y, z)
+
+
+@kernel
+def attitude_at(s: Buffer, w: int, order: int, t: float) -> Quaternion:
+    """Return q_ab at t, of unit length, of the series that stand from s[w] on."""
+    a, b, c, d = _value(s, w + TURN, order, t)
+    over = (a * a + b * b) + (c * c + d * d) - 1.0
+    r = 1.0 - 0.5 * over if abs(over) < _NEAR else 1.0 / math.sqrt(1.0 + over)
+    return (r * a, r * b, r * c, r * d)
+
+
+SERIES_BLOCKS = {
+    "validity": 1,
+    "reach": 1,
+    "since": 2,
+    "extent": 1,
+    "turn_order": 1,
+    "cool_down": 1,
+    "start": ROTATION,
+    "path": 6,
+}
+"""NONE, VALID, or STALE; how far the series reaches, and how far it has served, s; how much of a state it serves; the
 order of the attitude; steps until a series is tried again; attitude and rate where it began; velocity and way that a
 force which turns with the body has added since then."""
-_PLACES, KEPT_SIZE = places(KEPT)
-_REACH, SINCE, _EXTENT, _TURN_ORDER, WAIT, _START, _PATH = (
-    _PLACES[n].start for n in ("reach", "since", "extent", "turn_order", "wait", "start", "path")
-)
-NONE, ALIVE, BURIED = 0.0, 1.0, 2.0
-"""A buried series has its work space overwritten, and is made again before it goes on."""
+_LAYOUT = places(SERIES_BLOCKS)
+SERIES_SIZE = _LAYOUT.size
+_VALIDITY, _REACH, SINCE, _EXTENT, _TURN_ORDER, COOL_DOWN, _START, _PATH = _LAYOUT.starts(*SERIES_BLOCKS)
+NONE, VALID, STALE = 0.0, 1.0, 2.0
+"""A stale series has its work space overwritten, and is made again before it goes on."""
 LEAST_REACH = 1.5
 """Communication steps that a series has to reach over at least: below, a substep a step costs less."""
-PATIENCE = 16.0
+COOL_DOWN_STEPS = 16.0
 """The steps after a series that did not until another is tried."""
 _CAUTION = 1.0 / 64.0
 """The part of a whole run's tolerance that series use up: no pilot run has seen how inputs magnify errors."""
@@ -73,57 +194,57 @@ _CLOCK = 1.0 + 1e-9
 
 
 @kernel
-def reaches_over(z: Any, i: int, h: float) -> bool:
+def reaches_over(z: Buffer, i: int, h: float) -> bool:
     """Return whether the series that is kept from z[i] on stands ready for a step h."""
-    return bool(z[i] == ALIVE and z[i + SINCE] + h <= _CLOCK * z[i + _REACH])
+    return bool(z[i] == VALID and z[i + SINCE] + h <= _CLOCK * z[i + _REACH])
 
 
 @kernel
-def turn_order_of(z: Any, i: int) -> int:
+def turn_order_of(z: Buffer, i: int) -> int:
     """Return the order of the attitude."""
     return int(z[i + _TURN_ORDER])
 
 
 @kernel
-def extent_of(z: Any, i: int) -> int:
+def extent_of(z: Buffer, i: int) -> int:
     """Return how much of a state the series serves."""
     return int(z[i + _EXTENT])
 
 
 @kernel
-def clock_after(z: Any, i: int, h: float) -> DoubleDouble:
+def clock_after(z: Buffer, i: int, h: float) -> DoubleDouble:
     """Return how far the series has served after a step h, s."""
-    return dd_add_float(pair_at(z, i + SINCE), h)
+    return dd.add_float(pair_at(z, i + SINCE), h)
 
 
 @kernel
-def begin_clock(z: Any, i: int, n: int, m: int, reach: float) -> None:
+def begin_clock(z: Buffer, i: int, n: int, m: int, reach: float) -> None:
     """Let a series begin now; n: how much of a state it serves, m: the order of the attitude."""
-    z[i], z[i + _REACH], z[i + _EXTENT], z[i + _TURN_ORDER] = ALIVE, reach, float(n), float(m)
+    z[i], z[i + _REACH], z[i + _EXTENT], z[i + _TURN_ORDER] = VALID, reach, float(n), float(m)
     put_pair_at(z, i + SINCE, (0.0, 0.0))
 
 
 @kernel
-def follow(z: Any, y: int, w: int, i: int, order: int, h: float) -> None:
-    """Advance the state z[y:] by h along the series in z[w:]."""
+def follow(z: Buffer, room: Room, i: int, order: int, h: float) -> None:
+    """Advance the state by h along the series in the work space."""
     since = clock_after(z, i, h)
     put_pair_at(z, i + SINCE, since)
-    _put_motion(z, y, w, i, order, h, since[0])
+    _put_motion(z, room, i, order, h, since[0])
 
 
 @kernel
-def _put_motion(z: Any, y: int, w: int, i: int, order: int, h: float, t: float) -> None:
-    """Set the state z[y:] to that at t of the series, h after the one before."""
-    n = extent_of(z, i)
-    put_state_omega(z, y, rate_at(z, w, order, t))
+def _put_motion(z: Buffer, room: Room, i: int, order: int, h: float, t: float) -> None:
+    """Set the state to that at t of the series, h after the one before."""
+    n, (y, w, _) = extent_of(z, i), room
+    state.put_omega(z, y, rate_at(z, w, order, t))
     if n != RATE_ONLY:
-        put_state_attitude(z, y, attitude_at(z, w, turn_order_of(z, i), t))
+        state.put_attitude(z, y, attitude_at(z, w, turn_order_of(z, i), t))
     if n == WHOLE_STATE:
         _put_path(z, y, w, i, h, t)
 
 
 @kernel(inline=False)
-def _put_path(z: Any, y: int, w: int, i: int, h: float, t: float) -> None:
+def _put_path(z: Buffer, y: int, w: int, i: int, h: float, t: float) -> None:
     """Add to velocity and position what the turning force has added to them since the last step, and h times v."""
     speed, path = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for k in range(turn_order_of(z, i) - 1, -1, -1):
@@ -131,97 +252,76 @@ def _put_path(z: Any, y: int, w: int, i: int, h: float, t: float) -> None:
         speed = add_scaled(gain, t, speed)
         path = add_scaled(scale(PER[k + 1], gain), t, path)
     speed, path = scale(t, speed), scale(t * t, path)
-    speed_0, path_0, v = vec3_at(z, i + _PATH), vec3_at(z, i + _PATH + 3), state_velocity(z, y)
+    speed_0, path_0, v = vec3_at(z, i + _PATH), vec3_at(z, i + _PATH + 3), state.velocity(z, y)
     put_vec3_at(z, i + _PATH, speed)
     put_vec3_at(z, i + _PATH + 3, path)
     way = subtract(subtract(path, path_0), scale(h, speed_0))
-    put_state_position(z, y, add(state_position(z, y), add_scaled(way, h, v)))
-    put_state_velocity(z, y, add(v, subtract(speed, speed_0)))
+    state.put_position(z, y, add(state.position(z, y), add_scaled(way, h, v)))
+    state.put_velocity(z, y, add(v, subtract(speed, speed_0)))
 
 
 @kernel
-def follow_series(
-    z: Any,
-    y: int,
-    w: int,
-    i: int,
-    size: int,
-    n: int,
-    order: int,
-    h: float,
-    tolerance: float,
-    span: float,
-    body: Body,
-    loads: LoadPolynomial,
-) -> float:
-    """Advance the state z[y:] by h along series; return what is left of h where the next one does not reach far enough.
+def follow_series(z: Buffer, room: Room, i: int, method: Method, h: float, body: Body, loads: LoadPolynomial) -> float:
+    """Advance the state by h along series; return what is left of h where the next one does not reach far enough.
 
-    As `taylor.taylor_advance`, but for i, where `KEPT` begins; the loads are steady, and those of the series, if any.
-    """  # fmt: skip
-    tolerance = tolerance if span == 0.0 else _CAUTION * tolerance
+    i: where `SERIES_BLOCKS` begin. The loads are steady, and those of the series, if any.
+    """
+    y, _, size = room
+    if method.span != 0.0:
+        method = Method(method.n, method.order, _CAUTION * method.tolerance, method.span)
     rest, longest = h, z[size]
-    again, stands = bool(z[i] == BURIED), bool(z[i] == ALIVE)
+    again, stands = bool(z[i] == STALE), bool(z[i] == VALID)
     for _ in range(int(MAX_SUBSTEPS)):
         if not stands:
-            _make(z, i + _START if again else y, w, i, size, n, order, tolerance, span, body, loads, again)
+            _make(z, room, i + _START if again else y, i, method, body, loads, again)
             if not again:
                 if not z[i + _REACH] >= LEAST_REACH * h:
                     break
                 longest = z[size]
-                count_substep(z, size)
+                substeps.count_substep(z, size)
         if reaches_over(z, i, rest):
-            follow(z, y, w, i, order, rest)
+            follow(z, room, i, method.order, rest)
             return 0.0
         (high, low), reach = pair_at(z, i + SINCE), z[i + _REACH]
         part = (reach - high) - low
-        _put_motion(z, y, w, i, order, part, reach)
+        _put_motion(z, room, i, method.order, part, reach)
         rest -= part
         again = stands = False
-    z[i], z[i + WAIT], z[size] = NONE, PATIENCE, longest
+    z[i], z[i + COOL_DOWN], z[size] = NONE, COOL_DOWN_STEPS, longest
     return rest
 
 
 @kernel
 def _make(
-    z: Any,
-    y: int,
-    w: int,
-    i: int,
-    size: int,
-    n: int,
-    order: int,
-    tolerance: float,
-    span: float,
-    body: Body,
-    loads: LoadPolynomial,
-    again: bool,
+    z: Buffer, room: Room, y: int, i: int, method: Method, body: Body, loads: LoadPolynomial, again: bool
 ) -> None:
     """Make the series of the motion from the state z[y:] on; again: to the order and reach that are kept."""
-    s, q, m = z[w : w + WORK], state_attitude(z, y), turn_order_of(z, i) if again else order
-    fixed = space_fixed_loads(body, loads)
-    put_factors(s, RATE, state_omega(z, y))
+    (n, order, tolerance, span), (_, w, size) = method, room
+    s, q, m = z[w : w + WORK], state.attitude(z, y), turn_order_of(z, i) if again else order
+    fixed = series.space_fixed_loads(body, loads)
+    series.put_factors(s, RATE, state.omega(z, y))
     if fixed.lever_force or fixed.torque:
-        turned_loads(s, q, loads, fixed)
-    motion_series(s, 0, order, 0, body, known_torques(loads, body), fixed)
+        series.turned_loads(s, q, loads, fixed)
+    series.motion_series(s, 0, order, 0, body, series.known_torques(loads, body), fixed)
     end_series(s, RATE, order)
     least = 0.0 if fixed.lever_force or fixed.torque else 1.0
     reach, speed, exact = z[i + _REACH], 1.0, again or n == WHOLE_STATE
     if not again:
         reach = z[size] if n == RATE_ONLY else likely_reach(s, order, z[size])
-        reach, _ = reach_within(s, n, order, 0, speed, reach, tolerance, span, least)
+        reach, _ = reach_within(s, method, 0, speed, reach, least)
     if n != RATE_ONLY:
-        _, square = truncation(s, order, reach, 0.0, 1, n, span)
+        _, square = substeps.truncation(s, method, reach, 0.0, 1)
         turn = _turn_counted(square, reach, least)
-        bound = -1.0 if exact else 0.5 * turn * tolerance_of_substep(tolerance, span, reach)
+        bound = -1.0 if exact else 0.5 * turn * substeps.tolerance_of_substep(tolerance, span, reach)
         m = attitude_series(s, FORCE_RATE, q, m, reach, bound)
     if n == WHOLE_STATE:
-        acceleration_series(s, m, body.inverse_mass, loads)
-        speed = max(largest_component(state_velocity(z, y)), 1.0)
+        series.acceleration_series(s, m, body.inverse_mass, loads)
+        speed = max(largest_component(state.velocity(z, y)), 1.0)
     if again:
-        z[i] = ALIVE
+        z[i] = VALID
         return
     copy_numbers(z, y, i + _START, ROTATION)
-    reach, z[size] = reach_within(s, n, order, m, speed, reach, tolerance, span, least)
+    reach, z[size] = reach_within(s, method, m, speed, reach, least)
     begin_clock(z, i, n, m, reach)
     for k in range(6):
         z[i + _PATH + k] = 0.0
@@ -234,33 +334,29 @@ def _turn_counted(square: float, h: float, least: float) -> float:
 
 
 @kernel(inline=False)
-def reach_within(
-    s: Any, n: int, order: int, m: int, speed: float, reach: float, tolerance: float, span: float, least: float
-) -> tuple[float, float]:
+def reach_within(s: Buffer, method: Method, m: int, speed: float, reach: float, least: float) -> tuple[float, float]:
     """Return a reach, at most that given, at which the estimated error is within the tolerance's share, and the next.
 
     m: the attitude's order, 0 while it is not known; least: the turn, rad, of which it loses digits at most, 1 where no
     load depends on the attitude, else 0.
     """
-    excess = _excess(s, n, order, m, speed, reach, tolerance, span, least)
+    excess = _excess(s, method, m, speed, reach, least)
     for _ in range(_TRIES):
         if excess <= 1.0:
             break
-        reach = nearer_size(reach, order, 1.4 * excess)
-        excess = _excess(s, n, order, m, speed, reach, tolerance, span, least)
-    return reach, nearer_size(reach, order, 1.4 * excess)
+        reach = substeps.nearer_size(reach, method.order, 1.4 * excess)
+        excess = _excess(s, method, m, speed, reach, least)
+    return reach, substeps.nearer_size(reach, method.order, 1.4 * excess)
 
 
 @kernel(inline=False)
-def _excess(
-    s: Any, n: int, order: int, m: int, speed: float, h: float, tolerance: float, span: float, least: float
-) -> float:
+def _excess(s: Buffer, method: Method, m: int, speed: float, h: float, least: float) -> float:
     """Return the estimated error at h over that which is allowed."""
-    last, square = truncation(s, order, h, 0.0, 1, n, span)
+    n, (last, square) = method.n, substeps.truncation(s, method, h, 0.0, 1)
     if m > 0 and n != RATE_ONLY:
-        power, turn = power_of(h, m - 1), _turn_counted(square, h, least)
+        power, turn = substeps.power_of(h, m - 1), _turn_counted(square, h, least)
         if turn > 0.0:  # else the body is at rest, and all terms are zero
             last = max(last, 2.0 * power * last_terms_of_attitude(s, m, h) / turn)
         if n == WHOLE_STATE:
-            last = max(last, power * last_terms(s, ACCELERATION, m - 1, h) / speed)
-    return last / tolerance_of_substep(tolerance, span, h)
+            last = max(last, power * substeps.last_terms(s, ACCELERATION, m - 1, h) / speed)
+    return last / substeps.tolerance_of_substep(method.tolerance, method.span, h)

@@ -4,33 +4,22 @@ Each begins at a state of the closed form, so that no error adds up, and reaches
 round-off.
 """
 
-from typing import Any
-
 from ..buffer_access import put_pair_at
 from ..compile.decorator import kernel
 from ..mechanics.equations_of_motion import Body
 from ..rotations.vec3 import norm
-from ..types import Quaternion, Vec3
-from .dense_output import KEPT, KEPT_SIZE, NONE, SINCE, begin_clock, clock_after, reach_within, turn_order_of
-from .dense_series import attitude_at, attitude_series, end_series, likely_reach, rate_at
-from .dop853 import LONGEST_STEP
+from ..types import Buffer, Quaternion, Vec3
+from . import dense_output as dense
 from .rigid_body_state import ROTATION, Rotation
-from .taylor_coefficients import (
-    FORCE,
-    FORCE_RATE,
-    MAX_ORDER,
-    RATE,
-    SpaceFixedLoads,
-    motion_series,
-    put_factors,
-)
+from .substeps import LONGEST_STEP, Method
+from .taylor_coefficients import FORCE, FORCE_RATE, MAX_ORDER, RATE, SpaceFixedLoads, motion_series, put_factors
 
-FREE_SERIES = KEPT | {"next_reach": 1}
+FREE_SERIES = dense.SERIES_BLOCKS | {"next_reach": 1}
 FREE_WORK = FORCE_RATE
 """The size of the work space: series of rate and attitude, and the latter's products where loads would stand."""
 LEAST_REACH = 16.0
 """Communication steps that a series has to reach over at least: below, the closed form costs less."""
-_NEXT = KEPT_SIZE
+_NEXT = dense.SERIES_SIZE
 _ROUND_OFF = 2.0**-50
 """The size of the last two terms: those that are left out are some 2^-54."""
 _FARTHEST = 8.0
@@ -39,41 +28,41 @@ _NO_TORQUES = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 @kernel
-def start_without_series(z: Any, i: int, ever: bool, omega: Vec3) -> None:
+def start_without_series(z: Buffer, i: int, ever: bool, omega: Vec3) -> None:
     """Set what is kept, from z[i] on; ever: whether there may ever be a series; omega: the rate at the start."""
-    z[i], z[i + _NEXT] = NONE, min(LONGEST_STEP, _FARTHEST / max(norm(omega), 1e-300)) if ever else 0.0
+    z[i], z[i + _NEXT] = dense.NONE, min(LONGEST_STEP, _FARTHEST / max(norm(omega), 1e-300)) if ever else 0.0
 
 
 @kernel
-def series_pays(z: Any, i: int, h: float) -> bool:
+def series_pays(z: Buffer, i: int, h: float) -> bool:
     """Return whether a series would reach over many steps of h."""
     return bool(LEAST_REACH * h <= z[i + _NEXT])
 
 
 @kernel(inline=False)
-def begin_free_series(z: Any, w: int, i: int, h: float, q: Quaternion, omega: Vec3, body: Body) -> None:
+def begin_free_series(z: Buffer, w: int, i: int, h: float, q: Quaternion, omega: Vec3, body: Body) -> None:
     """Make the series in z[w:] from attitude and rate on, and keep it if it reaches over many steps of h."""
-    s = z[w : w + FREE_WORK]
+    s, method = z[w : w + FREE_WORK], Method(ROTATION, MAX_ORDER, _ROUND_OFF, 0.0)
     put_factors(s, RATE, omega)
     motion_series(s, 0, MAX_ORDER, 0, body, _NO_TORQUES, SpaceFixedLoads(False, False, False))
-    end_series(s, RATE, MAX_ORDER)
-    reach = likely_reach(s, MAX_ORDER, z[i + _NEXT])
-    reach, _ = reach_within(s, ROTATION, MAX_ORDER, 0, 1.0, reach, _ROUND_OFF, 0.0, 1.0)
-    m = attitude_series(s, FORCE, q, MAX_ORDER, reach, 0.5 * _ROUND_OFF)
-    reach, z[i + _NEXT] = reach_within(s, ROTATION, MAX_ORDER, m, 1.0, reach, _ROUND_OFF, 0.0, 1.0)
-    begin_clock(z, i, ROTATION, m, reach)
+    dense.end_series(s, RATE, MAX_ORDER)
+    reach = dense.likely_reach(s, MAX_ORDER, z[i + _NEXT])
+    reach, _ = dense.reach_within(s, method, 0, 1.0, reach, 1.0)
+    m = dense.attitude_series(s, FORCE, q, MAX_ORDER, reach, 0.5 * _ROUND_OFF)
+    reach, z[i + _NEXT] = dense.reach_within(s, method, m, 1.0, reach, 1.0)
+    dense.begin_clock(z, i, ROTATION, m, reach)
     if not LEAST_REACH * h <= reach:
-        z[i] = NONE
+        z[i] = dense.NONE
 
 
 @kernel
-def motion_after(z: Any, w: int, i: int, h: float) -> Rotation:
+def motion_after(z: Buffer, w: int, i: int, h: float) -> Rotation:
     """Return the motion a step h further along the series in z[w:]."""
-    t, _ = clock_after(z, i, h)
-    return Rotation(attitude_at(z, w, turn_order_of(z, i), t), rate_at(z, w, MAX_ORDER, t))
+    t, _ = dense.clock_after(z, i, h)
+    return Rotation(dense.attitude_at(z, w, dense.turn_order_of(z, i), t), dense.rate_at(z, w, MAX_ORDER, t))
 
 
 @kernel
-def pass_time(z: Any, i: int, h: float) -> None:
+def pass_time(z: Buffer, i: int, h: float) -> None:
     """Count a step h along the series."""
-    put_pair_at(z, i + SINCE, clock_after(z, i, h))
+    put_pair_at(z, i + dense.SINCE, dense.clock_after(z, i, h))

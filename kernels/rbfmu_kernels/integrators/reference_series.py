@@ -17,8 +17,8 @@ import numpy as np
 from .. import quantities
 from ..buffer import places
 from ..compile.decorator import kernel
-from ..numerics.double_double import dd_add, dd_multiply, dd_multiply_float, dd_scale, dd_subtract
-from ..numerics.double_double_arrays import add_cross, add_product, add_transform, clear, dd_at, put_dd
+from ..numerics import double_double as dd
+from ..numerics.double_double import add_cross, add_product, add_transform, clear
 from ..quantities import RELATIVE
 
 ORDER, TOLERANCE = 26, 1e-22
@@ -30,8 +30,8 @@ REST = 1e-250
 _LENGTH = ORDER + 1
 
 STATE = {"R_ab": 9, "momentum_b": 3, "omega_b": 3, "v_c": 3, "r_c": 3}
-_STATE, _STATE_SIZE = places(STATE)
-_R_AB, _MOMENTUM, _OMEGA, _VELOCITY, _POSITION = (_STATE[name].start for name in STATE)
+_R_AB, _MOMENTUM, _OMEGA, _VELOCITY, _POSITION = places(STATE).starts(*STATE)
+_STATE_SIZE = sum(STATE.values())
 _CROSSED = _OMEGA
 """Numbers of the state that are crossed with the rate: the rows of R_ab and the momentum."""
 
@@ -41,39 +41,36 @@ CONSTANTS = {
 }  # fmt: skip
 """A body's constants: torque_b holds all that is known in b; a_turning_b is the acceleration by a force that turns with
 the body, a_steady_a that by what does not; mass is 0 with a pivot."""
-_CONSTANTS, _ = places(CONSTANTS)
 (
     _M, _M_INVERSE, _DAMPING, _TORQUE_B, _TORQUE_A, _FORCE_A, _ARM, _A_TURNING, _A_STEADY, _R_OC, _MASS,
-) = (_CONSTANTS[name].start for name in CONSTANTS)  # fmt: skip
+) = places(CONSTANTS).starts(*CONSTANTS)  # fmt: skip
 
-OUTPUTS, ROW = places(
+OUTPUTS, ROW = _LAYOUT_OF_OUTPUTS = places(
     {row.name: row.size for row in quantities.OUTPUTS if row.error == RELATIVE and not row.judged_by} | {"R_ab": 9}
 )
 """Where a row of outputs has what, and its size; the attitude is R_ab."""
 (
     _OUT_POSITION, _OUT_VELOCITY, _OUT_ACCELERATION, _OUT_OMEGA_B, _OUT_OMEGA_A, _OUT_ALPHA, _OUT_MOMENTUM,
     _OUT_ENERGY, _OUT_R_AB,
-) = (
-    OUTPUTS[name].start for name in (
-        "position", "velocity", "acceleration", "omega_b", "omega_a", "alpha_b", "angular_momentum_a", "kinetic_energy",
-        "R_ab",
-    )
+) = _LAYOUT_OF_OUTPUTS.starts(
+    "position", "velocity", "acceleration", "omega_b", "omega_a", "alpha_b", "angular_momentum_a", "kinetic_energy",
+    "R_ab",
 )  # fmt: skip
 
 _SCRATCH = {
     "torque_b": 3, "lever_force_b": 3, "alpha_b": 3, "v_oc_b": 3, "a_oc_b": 3, "r_oc_a": 3, "v_oc_a": 3, "a_oc_a": 3,
     "a_turning_a": 3, "omega_a": 3, "momentum_a": 3, "omega_dot_momentum": 1, "v_squared": 1,
 }  # fmt: skip
-_IN_SCRATCH, SCRATCH = places(_SCRATCH)
 (
     _S_TORQUE, _S_LEVER_FORCE, _S_ALPHA, _S_V_OC_B, _S_A_OC_B, _S_R_OC, _S_V_OC, _S_A_OC, _S_A_TURNING, _S_OMEGA_A,
     _S_MOMENTUM, _S_OMEGA_DOT_MOMENTUM, _S_V_SQUARED,
-) = (_IN_SCRATCH[name].start for name in _SCRATCH)  # fmt: skip
+) = places(_SCRATCH).starts(*_SCRATCH)  # fmt: skip
+SCRATCH = sum(_SCRATCH.values())
 
 _SERIES = dict.fromkeys(("first", "second", "rate_1", "rate_2"), _LENGTH * _CROSSED)
 _SERIES |= {"all": _LENGTH * _STATE_SIZE, "products": _CROSSED}
-_IN_SERIES, SERIES = places(_SERIES)
-_FIRST, _SECOND, _RATE_1, _RATE_2, _ALL, _PRODUCTS = (_IN_SERIES[name].start for name in _SERIES)
+_FIRST, _SECOND, _RATE_1, _RATE_2, _ALL, _PRODUCTS = places(_SERIES).starts(*_SERIES)
+SERIES = sum(_SERIES.values())
 """The series' work space: crossed vectors as (y, z, x) and (z, x, y), rates as (z, x, y) and (y, z, x), all
 coefficients, the newest cross products."""
 _REST = [float(Fraction(1, k + 1) - Fraction(1.0 / (k + 1))) for k in range(_LENGTH)]
@@ -83,7 +80,7 @@ _PER = np.array([[1.0 / (k + 1) for k in range(_LENGTH)], _REST])
 @kernel
 def _coefficients(k: int) -> int:
     """Return where the k-th coefficients of the whole state stand."""
-    return _ALL + k * _STATE_SIZE  # type: ignore[no-any-return]
+    return _ALL + k * _STATE_SIZE
 
 
 @kernel(inline=False)
@@ -93,9 +90,9 @@ def _put_torque(c: Any, x: Any, j: int, s: Any, known: bool) -> None:
     clear(s, _S_LEVER_FORCE, 3)
     for n in range(3):
         if known:
-            put_dd(s, _S_TORQUE + n, dd_at(c, _TORQUE_B + n))
-        damping = dd_multiply(dd_at(c, _DAMPING + n), dd_at(x, j + _OMEGA + n))
-        put_dd(s, _S_TORQUE + n, dd_subtract(dd_at(s, _S_TORQUE + n), damping))
+            dd.put(s, _S_TORQUE + n, dd.at(c, _TORQUE_B + n))
+        damping = dd.multiply(dd.at(c, _DAMPING + n), dd.at(x, j + _OMEGA + n))
+        dd.put(s, _S_TORQUE + n, dd.subtract(dd.at(s, _S_TORQUE + n), damping))
         for row in range(3):
             add_product(s, _S_TORQUE + n, c, _TORQUE_A + row, x, j + _R_AB + 3 * row + n)
             add_product(s, _S_LEVER_FORCE + n, c, _FORCE_A + row, x, j + _R_AB + 3 * row + n)
@@ -122,9 +119,9 @@ def _cross_terms(s: Any, k: int) -> None:
     for j in range(k + 1):
         a, b = j * _CROSSED, (k - j) * _CROSSED
         for i in range(_CROSSED):
-            one = dd_multiply(dd_at(s, _FIRST + a + i), dd_at(s, _RATE_1 + b + i))
-            other = dd_multiply(dd_at(s, _SECOND + a + i), dd_at(s, _RATE_2 + b + i))
-            put_dd(s, _PRODUCTS + i, dd_add(dd_at(s, _PRODUCTS + i), dd_subtract(one, other)))
+            one = dd.multiply(dd.at(s, _FIRST + a + i), dd.at(s, _RATE_1 + b + i))
+            other = dd.multiply(dd.at(s, _SECOND + a + i), dd.at(s, _RATE_2 + b + i))
+            dd.put(s, _PRODUCTS + i, dd.add(dd.at(s, _PRODUCTS + i), dd.subtract(one, other)))
 
 
 @kernel(inline=False)
@@ -136,19 +133,19 @@ def _expand(c: Any, s: Any, scratch: Any, unit: float) -> None:
         _cross_terms(s, k)
         _put_torque(c, s, x, scratch, k == 0)
         for n in range(3):
-            put_dd(scratch, _S_TORQUE + n, dd_add(dd_at(scratch, _S_TORQUE + n), dd_at(s, _PRODUCTS + _MOMENTUM + n)))
+            dd.put(scratch, _S_TORQUE + n, dd.add(dd.at(scratch, _S_TORQUE + n), dd.at(s, _PRODUCTS + _MOMENTUM + n)))
         clear(s, y, _STATE_SIZE)
         add_transform(s, y + _OMEGA, c, _M_INVERSE, scratch, _S_TORQUE)
         for i in range(_MOMENTUM):
-            put_dd(s, y + i, dd_at(s, _PRODUCTS + i))
+            dd.put(s, y + i, dd.at(s, _PRODUCTS + i))
         for n in range(3):
-            put_dd(s, y + _VELOCITY + n, dd_at(c, _A_STEADY + n) if k == 0 else (0.0, 0.0))
-            put_dd(s, y + _POSITION + n, dd_at(s, x + _VELOCITY + n))
+            dd.put(s, y + _VELOCITY + n, dd.at(c, _A_STEADY + n) if k == 0 else (0.0, 0.0))
+            dd.put(s, y + _POSITION + n, dd.at(s, x + _VELOCITY + n))
             for i in range(3):
                 add_product(s, y + _VELOCITY + n, c, _A_TURNING + i, s, x + _R_AB + 3 * n + i)
-        per = dd_scale(unit, (_PER[0, k], _PER[1, k]))
+        per = dd.scale(unit, (_PER[0, k], _PER[1, k]))
         for i in range(_STATE_SIZE):
-            put_dd(s, y + i, dd_multiply(per, dd_at(s, y + i)))
+            dd.put(s, y + i, dd.multiply(per, dd.at(s, y + i)))
         add_transform(s, y + _MOMENTUM, c, _M, s, y + _OMEGA)
         _keep_factors(s, k + 1)
 
@@ -190,11 +187,11 @@ def _evaluate(s: Any, t: float, low: float, state: Any) -> None:
     """Put the state at a time t + low (in units of time) after the series' beginning."""
     x = _coefficients(ORDER)
     for i in range(_STATE_SIZE):
-        put_dd(state, i, dd_at(s, x + i))
+        dd.put(state, i, dd.at(s, x + i))
     for k in range(ORDER - 1, -1, -1):
         x = _coefficients(k)
         for i in range(_STATE_SIZE):
-            put_dd(state, i, dd_add(dd_multiply((t, low), dd_at(state, i)), dd_at(s, x + i)))
+            dd.put(state, i, dd.add(dd.multiply((t, low), dd.at(state, i)), dd.at(s, x + i)))
 
 
 @kernel
@@ -231,7 +228,7 @@ def reference_motion(c: Any, state: Any, times: Any, rows: Any, most: int, s: An
     while k < times.shape[1]:
         unit = _unit_of_time(c, state, scratch, span)
         for i in range(_STATE_SIZE):
-            put_dd(s, _coefficients(0) + i, dd_at(state, i))
+            dd.put(s, _coefficients(0) + i, dd.at(state, i))
         _expand(c, s, scratch, unit)
         longest = _longest(s)
         steps += 1
@@ -243,7 +240,7 @@ def reference_motion(c: Any, state: Any, times: Any, rows: Any, most: int, s: An
         if steps > most or not longest > 0.0:
             return -1
         while k < times.shape[1]:
-            t = dd_scale(1.0 / unit, dd_subtract(dd_at(times, k), now))
+            t = dd.scale(1.0 / unit, dd.subtract(dd.at(times, k), now))
             if t[0] > longest:
                 break
             _evaluate(s, t[0], t[1], state)
@@ -251,7 +248,7 @@ def reference_motion(c: Any, state: Any, times: Any, rows: Any, most: int, s: An
             k += 1
         if k < times.shape[1]:
             _evaluate(s, longest, 0.0, state)
-            now = dd_add(now, dd_scale(unit, (longest, 0.0)))
+            now = dd.add(now, dd.scale(unit, (longest, 0.0)))
     return steps
 
 
@@ -271,17 +268,17 @@ def _put_outputs(c: Any, x: Any, s: Any, rows: Any, k: int) -> None:
     add_transform(s, _S_MOMENTUM, x, _R_AB, x, _MOMENTUM)
     free = c[0, _MASS] > 0.0
     for n in range(3):
-        here, speed = dd_at(x, _POSITION + n), dd_at(x, _VELOCITY + n)
+        here, speed = dd.at(x, _POSITION + n), dd.at(x, _VELOCITY + n)
         if free:
-            here, speed = dd_subtract(here, dd_at(s, _S_R_OC + n)), dd_subtract(speed, dd_at(s, _S_V_OC + n))
-        a_o = dd_subtract(dd_add(dd_at(c, _A_STEADY + n), dd_at(s, _S_A_TURNING + n)), dd_at(s, _S_A_OC + n))
+            here, speed = dd.subtract(here, dd.at(s, _S_R_OC + n)), dd.subtract(speed, dd.at(s, _S_V_OC + n))
+        a_o = dd.subtract(dd.add(dd.at(c, _A_STEADY + n), dd.at(s, _S_A_TURNING + n)), dd.at(s, _S_A_OC + n))
         rows[k, _OUT_POSITION + n], rows[k, _OUT_VELOCITY + n] = here[0], speed[0]
         rows[k, _OUT_ACCELERATION + n] = a_o[0] if free else 0.0
         rows[k, _OUT_OMEGA_B + n], rows[k, _OUT_OMEGA_A + n] = x[0, _OMEGA + n], s[0, _S_OMEGA_A + n]
         rows[k, _OUT_ALPHA + n], rows[k, _OUT_MOMENTUM + n] = s[0, _S_ALPHA + n], s[0, _S_MOMENTUM + n]
         add_product(s, _S_OMEGA_DOT_MOMENTUM, x, _OMEGA + n, x, _MOMENTUM + n)
         add_product(s, _S_V_SQUARED, x, _VELOCITY + n, x, _VELOCITY + n)
-    energy = dd_add(dd_at(s, _S_OMEGA_DOT_MOMENTUM), dd_multiply(dd_at(c, _MASS), dd_at(s, _S_V_SQUARED)))
-    rows[k, _OUT_ENERGY] = dd_multiply_float(energy, 0.5)[0]
+    energy = dd.add(dd.at(s, _S_OMEGA_DOT_MOMENTUM), dd.multiply(dd.at(c, _MASS), dd.at(s, _S_V_SQUARED)))
+    rows[k, _OUT_ENERGY] = dd.multiply_float(energy, 0.5)[0]
     for i in range(9):
         rows[k, _OUT_R_AB + i] = x[0, _R_AB + i]

@@ -13,7 +13,7 @@ import math
 from ..compile.decorator import kernel
 from ..mechanics.equations_of_motion import Body, Loads, State, angular_acceleration, linear_acceleration
 from ..mechanics.inertia import scale_matrix, trace
-from ..numerics.scaling import power_of_two_for
+from ..numerics.elementary import power_of_two_for
 from ..rotations.matrix import transform
 from ..rotations.quaternion import compose_quaternions, invert_quaternion, rotate
 from ..rotations.rotation_vector import quaternion_from_rotvec

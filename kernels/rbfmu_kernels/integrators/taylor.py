@@ -11,7 +11,7 @@ Works in a piece of a model's buffer, see `taylor_coefficients`; states: see `ri
 """
 
 import math
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,39 +23,13 @@ from ..mechanics.equations_of_motion import Body, LoadPolynomial, polynomial_aft
 from ..mechanics.inertia import trace
 from ..rotations.quaternion import add_scaled_quaternion, compose_quaternions, invert_quaternion, rotate
 from ..rotations.vec3 import add, add_scaled, dot, largest_component, scale
-from ..types import Quaternion, Vec3
-from .rigid_body_state import (
-    RATE_ONLY,
-    WHOLE_STATE,
-    put_state_omega,
-    put_state_position,
-    put_state_velocity,
-    put_unit_attitude,
-    state_attitude,
-    state_omega,
-    state_position,
-    state_velocity,
-)
-from .substeps import count_substep, nearer_size, substeps_in, tolerance_of_substep
-from .taylor_coefficients import (
-    ACCELERATION,
-    FORCE,
-    PER,
-    RATE,
-    TO_DERIVATIVE,
-    TORQUE,
-    TURN,
-    WORK,
-    SpaceFixedLoads,
-    acceleration_series,
-    known_torques,
-    motion_series,
-    put_factors,
-    space_fixed_loads,
-    term,
-    turned_loads,
-)
-from .truncation import power_of, size_of, truncation
+from ..types import Buffer, Quaternion, Vec3
+from . import rigid_body_state as state
+from . import substeps
+from . import taylor_coefficients as series
+from .rigid_body_state import RATE_ONLY, WHOLE_STATE
+from .substeps import Method, Room
+from .taylor_coefficients import ACCELERATION, FORCE, PER, RATE, TORQUE, TURN, WORK, SpaceFixedLoads, term
 
 _MAX_DERIVATIVES = 9
 _WEIGHT = np.array(
@@ -79,7 +53,7 @@ _RATE_PER_ACCELERATION = 4.0 / math.e * np.arange(_MAX_DERIVATIVES + 1)
 """Times an acceleration, the square of the rate whose turn has a (2m)-th derivative as large as a turn from rest."""
 _FOUR = 4.0 ** np.arange(_MAX_DERIVATIVES + 1)
 
-KEPT = 8
+STEPS_OF_LOADS = 8
 """Steps for which loads that turn in b are carried on by their series, before the attitude says anew how they stand."""
 
 
@@ -90,7 +64,7 @@ def derivatives_of_attitude(order: int) -> int:
 
 
 @kernel
-def _sum(s: Any, u: int, order: int, h: float) -> Vec3:
+def _sum(s: Buffer, u: int, order: int, h: float) -> Vec3:
     """Return the series at u, at h: even and odd powers apart, as half as many sums wait for each other."""
     steps = lanes(h * h, h * h, h * h, h * h)
     even = odd = lanes(0.0, 0.0, 0.0, 0.0)
@@ -103,7 +77,7 @@ def _sum(s: Any, u: int, order: int, h: float) -> Vec3:
 
 
 @kernel
-def _half_turn(s: Any, m: int, h: float) -> Quaternion:
+def half_turn(s: Buffer, m: int, h: float) -> Quaternion:
     """Return half of the two-point formula: the sum of c_k k! h^k D_k."""
     power, total = 1.0, (0.0, 0.0, 0.0, 0.0)
     for k in range(m + 1):
@@ -113,7 +87,7 @@ def _half_turn(s: Any, m: int, h: float) -> Quaternion:
 
 
 @kernel
-def _half_path(s: Any, m: int, h: float) -> tuple[Vec3, Vec3]:
+def _half_path(s: Buffer, m: int, h: float) -> tuple[Vec3, Vec3]:
     """Return the same of the velocity and of the position that an acceleration makes."""
     power, speed, path = h, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for k in range(m):
@@ -125,131 +99,156 @@ def _half_path(s: Any, m: int, h: float) -> tuple[Vec3, Vec3]:
 
 
 @kernel
-def _move(z: Any, y: int, q: Quaternion, m: int, s: Any, h: float) -> None:
+def _move(z: Buffer, y: int, q: Quaternion, m: int, s: Buffer, h: float) -> None:
     """Add half of the two-point formula to velocity and position of the state z[y:], h < 0 at a step's end."""
     speed, path = _half_path(s, m, h)
     sign = math.copysign(1.0, h)
     gain, path = scale(sign, rotate(q, speed)), scale(sign, rotate(q, path))
     none = (0.0, 0.0, 0.0)
-    v_c = add(state_velocity(z, y), gain if h < 0.0 else none)
-    put_state_position(z, y, add(state_position(z, y), add(scale(0.5 * abs(h), v_c), path)))
-    put_state_velocity(z, y, add(v_c, gain if h > 0.0 else none))
+    v_c = add(state.velocity(z, y), gain if h < 0.0 else none)
+    state.put_position(z, y, add(state.position(z, y), add(scale(0.5 * abs(h), v_c), path)))
+    state.put_velocity(z, y, add(v_c, gain if h > 0.0 else none))
 
 
 @kernel
-def _space_fixed_acceleration(s: Any, body: Body, fixed: SpaceFixedLoads) -> float:
+def space_fixed_acceleration(s: Buffer, body: Body, fixed: SpaceFixedLoads) -> float:
     """Return a bound of the angular acceleration by loads that turn in b."""
     torque = 0.0
     if fixed.lever_force:
-        torque += size_of(body.arm_b) * size_of(vec3_at(s, FORCE))
+        torque += substeps.size_of(body.arm_b) * substeps.size_of(vec3_at(s, FORCE))
     if fixed.torque:
-        torque += size_of(vec3_at(s, TORQUE))
+        torque += substeps.size_of(vec3_at(s, TORQUE))
     return torque * trace(body.inertia_inverse)
 
 
 @kernel(inline=False)
-def _error(
-    s: Any, order: int, h: float, acceleration: float, alpha_fixed: float, kept: float, n: int, span: float
+def estimated_error(
+    s: Buffer, method: Method, h: float, acceleration: float, alpha_fixed: float, steps: float
 ) -> float:
     """Estimate for a step of h: its truncation, and the two-point formula's remainder (rad).
 
     acceleration: that by a force that turns with the body, relative to the velocity, which counts as 1 m/s at least.
     """
-    m = derivatives_of_attitude(order)
-    last, square = truncation(s, order, h, alpha_fixed, kept, n, span)
-    if n == RATE_ONLY:
+    m = derivatives_of_attitude(method.order)
+    last, square = substeps.truncation(s, method, h, alpha_fixed, steps)
+    if method.n == RATE_ONLY:
         return last
     alpha = vec3_at(s, term(RATE, 1))
     square = h * h * (square + _RATE_PER_ACCELERATION[m] * math.sqrt(dot(alpha, alpha)))
-    remainder: float = _REMAINDER[m] * power_of(square, m) * max(math.sqrt(square), _FOUR[m] * h * acceleration)
+    remainder: float = (
+        _REMAINDER[m] * substeps.power_of(square, m) * max(math.sqrt(square), _FOUR[m] * h * acceleration)
+    )
     return max(last, remainder)
 
 
 @kernel
-def _sums(s: Any, order: int, h: float, fixed: SpaceFixedLoads) -> None:
+def put_sums(s: Buffer, order: int, h: float, fixed: SpaceFixedLoads) -> None:
     """Set row 0 of omega and of the loads that turn in b to their series' sum at h."""
-    put_factors(s, RATE, _sum(s, RATE, order, h))
+    series.put_factors(s, RATE, _sum(s, RATE, order, h))
     for level in range(3 if fixed.changing else 1):
-        force, torque = FORCE + TO_DERIVATIVE * level, TORQUE + TO_DERIVATIVE * level
+        force, torque = FORCE + series.TO_DERIVATIVE * level, TORQUE + series.TO_DERIVATIVE * level
         if fixed.lever_force:
-            put_factors(s, force, _sum(s, force, order, h))
+            series.put_factors(s, force, _sum(s, force, order, h))
         if fixed.torque:
-            put_factors(s, torque, _sum(s, torque, order, h))
+            series.put_factors(s, torque, _sum(s, torque, order, h))
 
 
 @kernel(inline=False)
-def taylor_advance(
-    z: Any,
-    y: int,
-    w: int,
-    size: int,
-    n: int,
-    order: int,
-    h: float,
-    tolerance: float,
-    span: float,
-    body: Body,
-    loads: LoadPolynomial,
-) -> int:
-    """Advance the state z[y:] by h, the estimated error of each step at most `tolerance` (`span`: see there).
+def taylor_advance(z: Buffer, room: Room, method: Method, h: float, body: Body, loads: LoadPolynomial) -> int:
+    """Advance the state by h, the estimated error of each step within the tolerance.
 
     An infinite tolerance leaves the steps as they are kept.
 
-    z[size] keeps the step size, and next to it stands their count.  Equal parts reach h, as in `dop853_advance`.
+    Equal parts reach h: each step is the rest divided by the number of steps that the kept size would need, so that
+    the last is not a small remainder, from which the next communication step would have to grow.
     STEP_REJECTED where the motion is not finite or needs too many steps; the caller then restores state and size.
     """
+    (y, w, size), (n, order, tolerance, _) = room, method
     s, m, now = z[w : w + WORK], derivatives_of_attitude(order), loads
-    fixed, torques = space_fixed_loads(body, loads), known_torques(loads, body)
+    fixed, torques = series.space_fixed_loads(body, loads), series.known_torques(loads, body)
     turned = fixed.lever_force or fixed.torque
-    put_factors(s, RATE, state_omega(z, y))
+    series.put_factors(s, RATE, state.omega(z, y))
     if turned:
-        turned_loads(s, state_attitude(z, y), now, fixed)
-    motion_series(s, 0, order, m, body, torques, fixed)
+        series.turned_loads(s, state.attitude(z, y), now, fixed)
+    series.motion_series(s, 0, order, m, body, torques, fixed)
     if n == WHOLE_STATE:
-        acceleration_series(s, m, body.inverse_mass, now)
-    rest, low, tried = h, 0.0, 0
+        series.acceleration_series(s, m, body.inverse_mass, now)
+    rest, low, tried = h, 0.0, 0  # rest + low: the time left, so that a thousand steps end where h does
     while rest > 0.0:
         tried += 1
-        count = substeps_in(rest, z[size])
+        count = substeps.substeps_in(rest, z[size])
         if count == 0 or tried >= MAX_SUBSTEPS:
             return STEP_REJECTED
         part = (rest + low) / count
-        acceleration = 0.0
-        if n == WHOLE_STATE:
-            speed = max(largest_component(state_velocity(z, y)), 1.0)
-            acceleration = largest_component(vec3_at(s, ACCELERATION)) / speed
-        alpha_fixed = _space_fixed_acceleration(s, body, fixed) if turned and count > 1 else 0.0
-        allowed = tolerance_of_substep(tolerance, span, part)
-        excess = _error(s, order, part, acceleration, alpha_fixed, min(count, KEPT), n, span) / allowed
+        excess = _excess(z, y, s, method, part, count, body, fixed)
         if not excess <= 1.0:
-            z[size] = nearer_size(part, order, 2.0 * excess)
+            z[size] = substeps.nearer_size(part, order, 2.0 * excess)
             continue
-        count_substep(z, size)
-        nearer = nearer_size(part, order, 1.4 * excess) if tolerance < math.inf else z[size]
+        substeps.count_substep(z, size)
+        nearer = substeps.nearer_size(part, order, 1.4 * excess) if tolerance < math.inf else z[size]
         z[size] = max(z[size], nearer) if count == 1 else nearer
         left = 0.0 if count == 1 else rest - part
         low += (rest - left) - part
         rest = left
-        q, half = state_attitude(z, y), (1.0, 0.0, 0.0, 0.0)
-        if n != RATE_ONLY:
-            half = _half_turn(s, m, part)
-        if n == WHOLE_STATE:
-            _move(z, y, q, m, s, part)
-        _sums(s, order, part, fixed)
+        half = _leave(z, y, s, method, part)
+        put_sums(s, order, part, fixed)
         if fixed.changing:
             now = polynomial_after(loads, h - rest)
-            torques = known_torques(now, body)
-        put_state_omega(z, y, vec3_at(s, RATE))
-        if n != RATE_ONLY:
-            motion_series(s, 0, m, m, body, torques, fixed)
-            q = compose_quaternions(compose_quaternions(q, half), invert_quaternion(_half_turn(s, m, -part)))
-            put_unit_attitude(z, y, q)
-        if n == WHOLE_STATE:
-            acceleration_series(s, m, body.inverse_mass, now)
-            _move(z, y, state_attitude(z, y), m, s, -part)
+            torques = series.known_torques(now, body)
+        _arrive(z, y, s, method, part, half, body, Acting(now, torques, fixed))
         if rest > 0.0:
-            anew = turned and (fixed.changing or tried % KEPT == 0)
+            anew = turned and (fixed.changing or tried % STEPS_OF_LOADS == 0)
             if anew:
-                turned_loads(s, state_attitude(z, y), now, fixed)
-            motion_series(s, 0 if n == RATE_ONLY or anew else m, order, 0, body, torques, fixed)
+                series.turned_loads(s, state.attitude(z, y), now, fixed)
+            series.motion_series(s, 0 if n == RATE_ONLY or anew else m, order, 0, body, torques, fixed)
     return OK
+
+
+@kernel
+def _excess(
+    z: Buffer, y: int, s: Buffer, method: Method, part: float, count: int, body: Body, fixed: SpaceFixedLoads
+) -> float:
+    """Return the estimated error of the first of `count` equal steps over that which is allowed."""
+    acceleration = 0.0
+    if method.n == WHOLE_STATE:
+        speed = max(largest_component(state.velocity(z, y)), 1.0)
+        acceleration = largest_component(vec3_at(s, ACCELERATION)) / speed
+    turned = fixed.lever_force or fixed.torque
+    alpha_fixed = space_fixed_acceleration(s, body, fixed) if turned and count > 1 else 0.0
+    allowed = substeps.tolerance_of_substep(method.tolerance, method.span, part)
+    return estimated_error(s, method, part, acceleration, alpha_fixed, min(count, STEPS_OF_LOADS)) / allowed
+
+
+@kernel
+def _leave(z: Buffer, y: int, s: Buffer, method: Method, part: float) -> Quaternion:
+    """Return the two-point formula's half at the step's beginning; add that of the path to the state."""
+    m, half = derivatives_of_attitude(method.order), (1.0, 0.0, 0.0, 0.0)
+    if method.n != RATE_ONLY:
+        half = half_turn(s, m, part)
+    if method.n == WHOLE_STATE:
+        _move(z, y, state.attitude(z, y), m, s, part)
+    return half
+
+
+class Acting(NamedTuple):
+    """The loads from a moment on, their torque that is known in b, and which of them are fixed in a."""
+
+    loads: LoadPolynomial
+    torques: series.Torques
+    fixed: SpaceFixedLoads
+
+
+@kernel
+def _arrive(
+    z: Buffer, y: int, s: Buffer, method: Method, part: float, half: Quaternion, body: Body, acting: Acting
+) -> None:
+    """Set the state to that at the step's end, by the halves of the two-point formula there and at its beginning."""
+    q, m = state.attitude(z, y), derivatives_of_attitude(method.order)
+    state.put_omega(z, y, vec3_at(s, RATE))
+    if method.n != RATE_ONLY:
+        series.motion_series(s, 0, m, m, body, acting.torques, acting.fixed)
+        q = compose_quaternions(compose_quaternions(q, half), invert_quaternion(half_turn(s, m, -part)))
+        state.put_unit_attitude(z, y, q)
+    if method.n == WHOLE_STATE:
+        series.acceleration_series(s, m, body.inverse_mass, acting.loads)
+        _move(z, y, state.attitude(z, y), m, s, -part)

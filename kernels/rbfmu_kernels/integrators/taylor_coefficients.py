@@ -4,7 +4,7 @@ There are series of the body rate and of those loads that turn in b to full orde
 attitude, and of the acceleration by a force that turns with the body, as far as `taylor` needs.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from ..mechanics.equations_of_motion import Body, LoadPolynomial, Loads, acting_
 from ..rotations.matrix import transform
 from ..rotations.quaternion import add_scaled_quaternion, compose_quaternions, invert_quaternion, rotate
 from ..rotations.vec3 import add, cross, is_nonzero, scale, subtract
-from ..types import Matrix, Quaternion, Vec3
+from ..types import Buffer, Matrix, Quaternion, Vec3
 
 MAX_ORDER = 24
 _IN_ROW, ROW = places({"first": 4, "second": 4})
@@ -27,13 +27,11 @@ _NAMES = (
     "rate", "turn", "force", "torque", "force_rate", "torque_rate", "force_rate_2", "torque_rate_2", "acceleration",
 )  # fmt: skip
 _SERIES = ROW * (MAX_ORDER + 1)
-_PLACES, WORK = places(dict.fromkeys(_NAMES, _SERIES))
+_, WORK = _LAYOUT = places(dict.fromkeys(_NAMES, _SERIES))
 """The series, and the size of the work space that holds them: the body rate; D, the attitude relative to that at the
 series' beginning; force_a and torque_a as b sees them, and their derivatives; D F_b D* / mass, the acceleration by a
 force that turns with the body."""
-RATE, TURN, FORCE, TORQUE, FORCE_RATE, TORQUE_RATE, FORCE_RATE_2, TORQUE_RATE_2, ACCELERATION = (
-    _PLACES[name].start for name in _NAMES
-)
+RATE, TURN, FORCE, TORQUE, FORCE_RATE, TORQUE_RATE, FORCE_RATE_2, TORQUE_RATE_2, ACCELERATION = _LAYOUT.starts(*_NAMES)
 TO_DERIVATIVE = FORCE_RATE - FORCE
 """From a load's series to that of its derivative."""
 ROWS = 31
@@ -68,14 +66,14 @@ def product(series: int, k: int) -> int:
 
 
 @kernel
-def put_factors(s: Any, i: int, v: Vec3) -> None:
+def put_factors(s: Buffer, i: int, v: Vec3) -> None:
     """Store a vector as both factors of a product, in lanes: what is read as it was written need not be waited for."""
     put_lanes(s, i, lanes(v[0], v[1], v[2], 0.0))
     put_lanes(s, product(i, 0), lanes(v[1], v[2], v[0], 0.0))
 
 
 @kernel
-def _inner_products(s: Any, u: int, v: int, k: int) -> Vec3:
+def _inner_products(s: Buffer, u: int, v: int, k: int) -> Vec3:
     """Return the sum of u_j v_(k-j), lane by lane, but for its two ends: the newest terms are waited for least."""
     low = high = lanes(0.0, 0.0, 0.0, 0.0)
     i, j = ROW * ((k + 1) >> 1), ROW * (k >> 1)
@@ -90,7 +88,7 @@ def _inner_products(s: Any, u: int, v: int, k: int) -> Vec3:
 
 
 @kernel
-def _products(s: Any, k: int, rate: Vec3, first: Vec3) -> Vec3:
+def _products(s: Buffer, k: int, rate: Vec3, first: Vec3) -> Vec3:
     """Return the k-th coefficients of w_2 w_3, w_3 w_1, w_1 w_2; of omega, the k-th and the first."""
     v, x, y = _inner_products(s, RATE, product(RATE, 0), k)
     a, b, c = first
@@ -101,7 +99,7 @@ def _products(s: Any, k: int, rate: Vec3, first: Vec3) -> Vec3:
 
 
 @kernel
-def _squares(s: Any, k: int) -> Vec3:
+def _squares(s: Buffer, k: int) -> Vec3:
     """Return the k-th coefficients of w_1^2, w_2^2, w_3^2."""
     x, y, v = 0.0, 0.0, 0.0
     for j in range(k + 1):
@@ -114,7 +112,7 @@ def _squares(s: Any, k: int) -> Vec3:
 
 
 @kernel
-def _gyroscopic_term(s: Any, k: int, M: Matrix, products: Vec3) -> Vec3:
+def _gyroscopic_term(s: Buffer, k: int, M: Matrix, products: Vec3) -> Vec3:
     """Return the k-th coefficient of -omega x M omega."""
     (a, d, e), (_, b, f), (_, _, c) = M
     x, y, v = products
@@ -128,7 +126,7 @@ def _gyroscopic_term(s: Any, k: int, M: Matrix, products: Vec3) -> Vec3:
 
 
 @kernel
-def _cross_term(s: Any, u: int, k: int, newest: Vec3, rate: Vec3) -> Vec3:
+def _cross_term(s: Buffer, u: int, k: int, newest: Vec3, rate: Vec3) -> Vec3:
     """Return the k-th coefficient of u x omega, whose k-th coefficients are given."""
     v, x, y = subtract(_inner_products(s, u, product(RATE, 0), k), _inner_products(s, product(u, 0), RATE, k))
     last = cross(vec3_at(s, u), rate)
@@ -136,7 +134,7 @@ def _cross_term(s: Any, u: int, k: int, newest: Vec3, rate: Vec3) -> Vec3:
 
 
 @kernel
-def _turn_term(s: Any, k: int, turn: Quaternion, rate: Vec3, start: Vec3) -> Quaternion:
+def _turn_term(s: Buffer, k: int, turn: Quaternion, rate: Vec3, start: Vec3) -> Quaternion:
     """Return the k-th coefficient of D o (0, omega); of both, the k-th, and omega's first."""
     e, x, y, v = 0.0, 0.0, 0.0, 0.0
     for j in range(1, k):
@@ -159,7 +157,7 @@ def _turn_term(s: Any, k: int, turn: Quaternion, rate: Vec3, start: Vec3) -> Qua
 
 
 @kernel
-def _acceleration_term(s: Any, k: int) -> Vec3:
+def _acceleration_term(s: Buffer, k: int) -> Vec3:
     """Return the k-th coefficient of (D o F_b) o D*."""
     x, y, v = 0.0, 0.0, 0.0
     for j in range(k + 1):
@@ -175,7 +173,7 @@ def _acceleration_term(s: Any, k: int) -> Vec3:
 
 
 @kernel
-def turned_loads(s: Any, q: Quaternion, loads: LoadPolynomial, fixed: SpaceFixedLoads) -> None:
+def turned_loads(s: Buffer, q: Quaternion, loads: LoadPolynomial, fixed: SpaceFixedLoads) -> None:
     """Set row 0 of the loads that are fixed in a, and of their derivatives, as b sees them; a force without an arm: 0.
 
     A load that is not 0 here has a series: `truncation` reads its last terms.
@@ -190,7 +188,7 @@ def turned_loads(s: Any, q: Quaternion, loads: LoadPolynomial, fixed: SpaceFixed
 
 
 @kernel
-def _next_load(s: Any, u: int, k: int, newest: Vec3, rate: Vec3, changes: bool) -> Vec3:
+def _next_load(s: Buffer, u: int, k: int, newest: Vec3, rate: Vec3, changes: bool) -> Vec3:
     """Set and return coefficient k + 1 at u of du/dt = u x omega + the derivative, if it changes."""
     change = _cross_term(s, u, k, newest, rate)
     if changes:
@@ -201,7 +199,7 @@ def _next_load(s: Any, u: int, k: int, newest: Vec3, rate: Vec3, changes: bool) 
 
 
 @kernel(inline=False)
-def _next_loads(s: Any, k: int, rate: Vec3) -> None:
+def _next_loads(s: Buffer, k: int, rate: Vec3) -> None:
     """Set the coefficients k + 1 of the loads' derivatives."""
     for u in range(FORCE_RATE, ACCELERATION, _SERIES):
         _next_load(s, u, k, vec3_at(s, term(u, k)), rate, u < FORCE_RATE_2)
@@ -226,7 +224,9 @@ def known_torques(loads: LoadPolynomial, body: Body) -> Torques:
 
 
 @kernel(inline=False)
-def motion_series(s: Any, first: int, last: int, m: int, body: Body, torques: Torques, fixed: SpaceFixedLoads) -> None:
+def motion_series(
+    s: Buffer, first: int, last: int, m: int, body: Body, torques: Torques, fixed: SpaceFixedLoads
+) -> None:
     """Set the coefficients from `first` to `last` of omega and of the loads that turn in b, and up to m of D."""
     damping = body.damping_b
     (a, d, e), (_, b, f), (_, _, c) = body.inertia
@@ -265,13 +265,13 @@ def motion_series(s: Any, first: int, last: int, m: int, body: Body, torques: To
 
 
 @kernel
-def _turned_force(s: Any, k: int, inverse_mass: float, force: Vec3) -> Quaternion:
+def _turned_force(s: Buffer, k: int, inverse_mass: float, force: Vec3) -> Quaternion:
     force = scale(inverse_mass, force)
     return compose_quaternions(quaternion_at(s, term(TURN, k)), (0.0, force[0], force[1], force[2]))
 
 
 @kernel(inline=False)
-def acceleration_series(s: Any, m: int, inverse_mass: float, loads: LoadPolynomial) -> None:
+def acceleration_series(s: Buffer, m: int, inverse_mass: float, loads: LoadPolynomial) -> None:
     """Set the coefficients below m of D F_b D* / mass, in the axes that b has at the series' beginning."""
     for k in range(m):
         total = _turned_force(s, k, inverse_mass, loads.value.force_b)

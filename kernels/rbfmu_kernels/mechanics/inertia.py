@@ -6,7 +6,7 @@ from typing import Any
 
 from ..compile.decorator import kernel
 from ..numerics.double_double import two_sum
-from ..numerics.scaling import power_of_two_for
+from ..numerics.elementary import power_of_two_for
 from ..rotations.matrix import compose_matrices
 from ..rotations.vec3 import add, add_scaled, dot, scale, subtract
 from ..types import Matrix, Vec3

@@ -1,1 +1,12 @@
-"""One module a model, be it of the whole body or of what a scene needs of it; see `body.shell`."""
+"""The models, be it of the whole body or of what a scene needs of it; see `body.shell.Model`."""
+
+from importlib import import_module
+
+from ..body.shell import Model
+
+
+def model_named(name: str) -> Model:
+    """Return a model by `Model.name`, such as "free.FREE_TRIAXIAL"; its module is loaded when it is first asked for."""
+    module, _, constant = name.partition(".")
+    found: Model = getattr(import_module(f".{module}", __name__), constant)
+    return found

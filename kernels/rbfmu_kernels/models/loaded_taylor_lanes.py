@@ -9,43 +9,26 @@ from typing import Any
 
 from ..body.driven import STEP_SIZE, finish_steadily, integrated, keep, keep_inputs, load_polynomial_of
 from ..body.memory import STATE_START, body_of
-from ..buffer import OK
+from ..buffer import OK, Layout
 from ..compile.decorator import kernel
-from ..compile.wide_arrays import eight_wide, four_wide, lane_at, put_lane_at, width_of
-from ..integrators.dense_output import LEAST_REACH, NONE, PATIENCE, WAIT
-from ..integrators.dense_series import turning_of
-from ..integrators.rigid_body_state import ROTATION, WHOLE_STATE, state_attitude, state_omega
+from ..compile.simd import eight_wide, four_wide, lane_at, put_lane_at, width_of
+from ..integrators import rigid_body_state as state
+from ..integrators import taylor_lanes as lanes
+from ..integrators.dense_output import COOL_DOWN, COOL_DOWN_STEPS, LEAST_REACH, NONE, turning_of
+from ..integrators.rigid_body_state import ROTATION, WHOLE_STATE
+from ..integrators.substeps import Method
 from ..integrators.taylor_coefficients import WORK, SpaceFixedLoads, known_torques, space_fixed_loads
-from ..integrators.taylor_lanes import (
-    ARM,
-    COLUMNS_SIZE,
-    COUNT,
-    DAMPING,
-    FORCE_A,
-    HAS_FAILED,
-    INERTIA,
-    INVERSE,
-    IS_NEW,
-    LOW,
-    MEMBER,
-    REST,
-    SIZE,
-    STATE,
-    TORQUE_A,
-    TORQUE_B,
-    TRIED,
-    begin_substeps,
-    take_substeps,
-)
 from ..mechanics.equations_of_motion import angular_acceleration
 from ..rotations.vec3 import is_nonzero
-from ..types import Matrix, Vec3
-from .loaded_taylor import BLOCKS, initialize, is_series_tried, step
+from ..types import Buffer, Matrix, Vec3
+from .loaded import LOADED_TAYLOR, is_series_tried
 
-_TOLERANCE, _SPAN, _ORDER, _WORK = (BLOCKS[n].start for n in ("tolerance", "span", "order", "work"))
-_SERIES, _HELD = BLOCKS["is_alive"].start, BLOCKS["held_inputs"].start
+_LAYOUT = Layout(LOADED_TAYLOR.BLOCKS, LOADED_TAYLOR.SIZE)
+_TOLERANCE, _SPAN, _ORDER, _WORK = _LAYOUT.starts("tolerance", "span", "order", "work")
+_SERIES, _HELD = _LAYOUT.starts("validity", "held_inputs")
+initialize, step = LOADED_TAYLOR.initialize, LOADED_TAYLOR.step
 WIDEST = 8
-SCRATCH = WIDEST * (COLUMNS_SIZE + WORK)
+SCRATCH = WIDEST * (lanes.COLUMNS_SIZE + WORK)
 """The numbers of work space that lanes need, at a cache line."""
 _PENDING = -1
 _SURELY = 0.95
@@ -67,7 +50,7 @@ def run_in_four(
     ends (m, 2): what `initialize` returned, and the number of steps done. buffers (b, SIZE): room for some members at a
     time; statuses (b,): of these.
     """
-    c, s = four_wide(scratch, 0), four_wide(scratch, 4 * COLUMNS_SIZE)
+    c, s = four_wide(scratch, 0), four_wide(scratch, 4 * lanes.COLUMNS_SIZE)
     _run(base, places, values, steps, kept, rows, ends, buffers, statuses, c, s)
 
 
@@ -77,14 +60,14 @@ def run_in_eight(
     scratch: Any,
 ) -> None:  # fmt: skip
     """Do the same, eight side by side."""
-    c, s = eight_wide(scratch, 0), eight_wide(scratch, 8 * COLUMNS_SIZE)
+    c, s = eight_wide(scratch, 0), eight_wide(scratch, 8 * lanes.COLUMNS_SIZE)
     _run(base, places, values, steps, kept, rows, ends, buffers, statuses, c, s)
 
 
 @kernel
 def _run(
     base: Any, places: Any, values: Any, steps: Any, kept: Any, rows: Any, ends: Any, buffers: Any, statuses: Any,
-    c: Any, s: Any,
+    c: Buffer, s: Buffer,
 ) -> None:  # fmt: skip
     for first in range(0, len(values), len(buffers)):
         count = min(len(buffers), len(values) - first)
@@ -102,7 +85,7 @@ def _run(
 
 
 @kernel
-def _begin(z: Any, base: Any, places: Any, values: Any) -> int:
+def _begin(z: Buffer, base: Any, places: Any, values: Any) -> int:
     for j in range(_WORK):  # the work space is written before it is read
         z[j] = base[j]
     for j in range(len(places)):
@@ -111,13 +94,13 @@ def _begin(z: Any, base: Any, places: Any, values: Any) -> int:
 
 
 @kernel
-def _record(z: Any, kept: Any, row: Any) -> None:
+def _record(z: Buffer, kept: Any, row: Any) -> None:
     for j in range(len(kept)):
         row[j] = z[kept[j]]
 
 
 @kernel
-def advance(buffers: Any, h: float, c: Any, s: Any, statuses: Any) -> None:
+def advance(buffers: Any, h: float, c: Buffer, s: Buffer, statuses: Any) -> None:
     """Advance models' buffers (n, SIZE) by h, as many side by side as are in c.
 
     c, s: lanes of `COLUMNS_SIZE` and of `WORK` numbers. statuses (n,): in, OK where a buffer is to be advanced; out,
@@ -136,12 +119,12 @@ def advance(buffers: Any, h: float, c: Any, s: Any, statuses: Any) -> None:
 
 
 @kernel(inline=False)
-def _kind(z: Any, h: float) -> Kind:
+def _kind(z: Buffer, h: float) -> Kind:
     body, loads = body_of(z), load_polynomial_of(z)
     n, order, fixed = integrated(z, body, loads), int(z[_ORDER]), space_fixed_loads(body, loads)
     served = z[_SERIES] != NONE or is_series_tried(z, h)
     if served and z[_SERIES] == NONE:
-        q, omega = state_attitude(z, STATE_START), state_omega(z, STATE_START)
+        q, omega = state.attitude(z, STATE_START), state.omega(z, STATE_START)
         alpha = angular_acceleration(q, omega, body, loads.value)
         served = n != ROTATION or not order < _SURELY * LEAST_REACH * h * turning_of(omega, alpha)
     if served or fixed.changing or n == WHOLE_STATE or not (h > 0.0 and z[_TOLERANCE] < math.inf):
@@ -152,22 +135,22 @@ def _kind(z: Any, h: float) -> Kind:
 
 
 @kernel(inline=False)
-def _advance_kind(buffers: Any, first: int, h: float, c: Any, s: Any, statuses: Any, kind: Kind) -> None:
+def _advance_kind(buffers: Any, first: int, h: float, c: Buffer, s: Buffer, statuses: Any, kind: Kind) -> None:
     """Advance all bodies of a kind from the first on."""
     n, order, tolerance, span, lever_force, torque, _ = kind
-    fixed = SpaceFixedLoads(lever_force, torque, False)
+    fixed, method = SpaceFixedLoads(lever_force, torque, False), Method(n, order, tolerance, span)
     following, busy = first, 0
     for lane in range(width_of(c)):
         following, found = _next(buffers, following, h, statuses, kind)
         _load(buffers[first if found < 0 else found], c, lane, h, found)  # a lane without a body has a copy
         busy += 1 if found >= 0 else 0
     while busy > 0:
-        begin_substeps(c, s, n, order, fixed)
-        take_substeps(c, s, n, order, tolerance, span, fixed)
+        lanes.begin_substeps(c, s, method, fixed)
+        lanes.take_substeps(c, s, method, fixed)
         for lane in range(width_of(c)):
-            member = int(lane_at(c, MEMBER, lane))
-            failed = lane_at(c, HAS_FAILED, lane) != 0.0
-            if member < 0 or (lane_at(c, REST, lane) > 0.0 and not failed):
+            member = int(lane_at(c, lanes.MEMBER, lane))
+            failed = lane_at(c, lanes.HAS_FAILED, lane) != 0.0
+            if member < 0 or (lane_at(c, lanes.REST, lane) > 0.0 and not failed):
                 continue
             z = buffers[member]
             statuses[member] = step(z, h) if failed else _unload(z, c, lane, n, h)
@@ -175,8 +158,8 @@ def _advance_kind(buffers: Any, first: int, h: float, c: Any, s: Any, statuses: 
             if found >= 0:
                 _load(buffers[found], c, lane, h, found)
             else:
-                put_lane_at(c, MEMBER, lane, -1.0)
-                put_lane_at(c, REST, lane, 0.0)
+                put_lane_at(c, lanes.MEMBER, lane, -1.0)
+                put_lane_at(c, lanes.REST, lane, 0.0)
                 busy -= 1
 
 
@@ -191,53 +174,53 @@ def _next(buffers: Any, i: int, h: float, statuses: Any, kind: Kind) -> tuple[in
 
 
 @kernel
-def _put(c: Any, i: int, lane: int, v: Vec3) -> None:
+def _put(c: Buffer, i: int, lane: int, v: Vec3) -> None:
     for k in range(3):
         put_lane_at(c, i + k, lane, v[k])
 
 
 @kernel
-def _put_rows(c: Any, i: int, lane: int, M: Matrix) -> None:
+def _put_rows(c: Buffer, i: int, lane: int, M: Matrix) -> None:
     for k in range(3):
         _put(c, i + 3 * k, lane, M[k])
 
 
 @kernel(inline=False)
-def _load(z: Any, c: Any, lane: int, h: float, member: int) -> None:
+def _load(z: Buffer, c: Buffer, lane: int, h: float, member: int) -> None:
     """Let a lane begin with a body."""
     body, loads = body_of(z), load_polynomial_of(z)
     for k in range(ROTATION):
-        put_lane_at(c, STATE + k, lane, z[STATE_START + k])
-    _put_rows(c, INERTIA, lane, body.inertia)
-    _put_rows(c, INVERSE, lane, body.inertia_inverse)
-    _put(c, ARM, lane, body.arm_b)
-    _put(c, DAMPING, lane, body.damping_b)
+        put_lane_at(c, lanes.STATE + k, lane, z[STATE_START + k])
+    _put_rows(c, lanes.INERTIA, lane, body.inertia)
+    _put_rows(c, lanes.INVERSE, lane, body.inertia_inverse)
+    _put(c, lanes.ARM, lane, body.arm_b)
+    _put(c, lanes.DAMPING, lane, body.damping_b)
     lever_force = space_fixed_loads(body, loads).lever_force
-    _put(c, FORCE_A, lane, loads.value.force_a if lever_force else (0.0, 0.0, 0.0))
-    _put(c, TORQUE_A, lane, loads.value.torque_a)
-    _put(c, TORQUE_B, lane, known_torques(loads, body)[0])
-    put_lane_at(c, SIZE, lane, z[STEP_SIZE])
-    put_lane_at(c, REST, lane, h)
-    put_lane_at(c, LOW, lane, 0.0)
-    put_lane_at(c, TRIED, lane, 0.0)
-    put_lane_at(c, COUNT, lane, 0.0)
-    put_lane_at(c, IS_NEW, lane, 1.0)
-    put_lane_at(c, MEMBER, lane, float(member))
+    _put(c, lanes.FORCE_A, lane, loads.value.force_a if lever_force else (0.0, 0.0, 0.0))
+    _put(c, lanes.TORQUE_A, lane, loads.value.torque_a)
+    _put(c, lanes.TORQUE_B, lane, known_torques(loads, body)[0])
+    put_lane_at(c, lanes.SIZE, lane, z[STEP_SIZE])
+    put_lane_at(c, lanes.REST, lane, h)
+    put_lane_at(c, lanes.LOW, lane, 0.0)
+    put_lane_at(c, lanes.TRIED, lane, 0.0)
+    put_lane_at(c, lanes.COUNT, lane, 0.0)
+    put_lane_at(c, lanes.IS_NEW, lane, 1.0)
+    put_lane_at(c, lanes.MEMBER, lane, float(member))
 
 
 @kernel(inline=False)
-def _unload(z: Any, c: Any, lane: int, n: int, h: float) -> int:
+def _unload(z: Buffer, c: Buffer, lane: int, n: int, h: float) -> int:
     """Commit what a lane has made of a body, as `step` does; it is taken alone where that is not finite."""
     keep(z)
     for k in range(ROTATION):
-        z[STATE_START + k] = lane_at(c, STATE + k, lane)
+        z[STATE_START + k] = lane_at(c, lanes.STATE + k, lane)
     if finish_steadily(z, n, h) != OK:
         return step(z, h)
     if is_series_tried(z, h):
-        z[_SERIES + WAIT] = PATIENCE
+        z[_SERIES + COOL_DOWN] = COOL_DOWN_STEPS
     z[_SERIES] = NONE
-    z[_SERIES + WAIT] -= 1.0
-    z[STEP_SIZE] = lane_at(c, SIZE, lane)
-    z[STEP_SIZE + 1] += lane_at(c, COUNT, lane)
+    z[_SERIES + COOL_DOWN] -= 1.0
+    z[STEP_SIZE] = lane_at(c, lanes.SIZE, lane)
+    z[STEP_SIZE + 1] += lane_at(c, lanes.COUNT, lane)
     keep_inputs(z, _HELD)
     return OK

@@ -1,35 +1,39 @@
-"""A body that turns about one principal axis, fixed in space, under constant torque and damping: a closed form."""
+"""Models of a body that turns about one principal axis, fixed in space.
 
-from typing import Any
+`one_axis`: under constant torque and damping, in closed form. `pendulum`: under forces fixed in space alone, exactly.
+`one_axis_taylor`: under such forces, torque and damping, by Taylor series.
+"""
 
+import math
+
+from ..body import memory
 from ..body.closed_form import CLOSED_FORM, finish_step, first_attitude, start_clocks, time_after
 from ..body.fixed_axis import drive_and_damping_rate, leaves_axis, main_axis, swing
-from ..body.memory import body_of, loads_of, rotation_of
-from ..body.needs import needs_attitude, skips_model_checks
-from ..body.shell import entry_functions, feedthrough, output_rates, outputs
-from ..buffer import places
-from ..buffer_access import put_vec3_at, vec3_at
+from ..body.shell import make_model
+from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED, places
+from ..buffer_access import pair_at, put_pair_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
-from ..numerics.phi_functions import relaxed
+from ..exact import pendulum as exact
+from ..integrators.substeps import LONGEST_STEP, substeps_in
+from ..numerics.elementary import relaxed, sincos
 from ..rotations.quaternion import compose_quaternions
 from ..rotations.rotation_vector import quaternion_about
 from ..rotations.vec3 import dot, scale
+from ..types import Buffer
 
-__all__ = ["BLOCKS", "SIZE", "feedthrough", "initialize", "output_rates", "outputs", "step"]
+_ONE_AXIS_LAYOUT = places(CLOSED_FORM | {"axis": 3, "rate": 1, "drive": 1, "damping_rate": 1})
 
-BLOCKS, SIZE = places(CLOSED_FORM | {"axis": 3, "rate": 1, "drive": 1, "damping_rate": 1})
-
-_AXIS, _RATE, _DRIVE, _DAMPING_RATE = (BLOCKS[n].start for n in ("axis", "rate", "drive", "damping_rate"))
+_AXIS, _RATE, _DRIVE, _DAMPING_RATE = _ONE_AXIS_LAYOUT.starts("axis", "rate", "drive", "damping_rate")
 _MORE_AXES = 17
 """The key in `buffer.FAULTS`."""
 
 
 @kernel
-def _set_up(z: Any) -> int:
-    (q, omega), body, loads = rotation_of(z), body_of(z), loads_of(z)
+def _set_up_one_axis(z: Buffer) -> int:
+    (q, omega), body, loads = memory.rotation_of(z), memory.body_of(z), memory.loads_of(z)
     axis = main_axis(q, omega, body, loads)
     cosine, sine = swing(z, axis)
-    if not skips_model_checks(z) and (
+    if not memory.skips_model_checks(z) and (
         cosine[0] != 0.0 or sine[0] != 0.0 or leaves_axis(z, axis, q, omega, body, loads)
     ):
         return _MORE_AXES
@@ -42,15 +46,191 @@ def _set_up(z: Any) -> int:
 
 
 @kernel
-def _advance(z: Any, h: float) -> int:
+def _advance_one_axis(z: Buffer, h: float) -> int:
     """Advance by h; reject the step and change nothing where the motion is not finite."""
     high, low = time_after(z, h)
     t = high + low
     axis, q = vec3_at(z, _AXIS), first_attitude(z)
     angle, rate = relaxed(z[_RATE], z[_DRIVE], z[_DAMPING_RATE], t)
-    if needs_attitude(z):
+    if memory.needs_attitude(z):
         q = compose_quaternions(q, quaternion_about(axis, angle))
     return finish_step(z, h, q, scale(rate, axis))
 
 
-initialize, step = entry_functions(__name__, _set_up, _advance)
+ONE_AXIS = make_model("ONE_AXIS", _ONE_AXIS_LAYOUT, _set_up_one_axis, _advance_one_axis)
+
+
+_PENDULUM_LAYOUT = places(CLOSED_FORM | {"q_hanging": 4, "axis": 3, "pendulum": exact.PENDULUM_SIZE})
+"""q_hanging: the attitude in stable equilibrium."""
+
+_Q_HANGING, _PENDULUM_AXIS, _PENDULUM = _PENDULUM_LAYOUT.starts("q_hanging", "axis", "pendulum")
+_MORE_AXES, _DRIVEN = 17, 18
+"""The keys in `buffer.FAULTS`."""
+
+
+@kernel
+def _set_up_pendulum(z: Buffer) -> int:
+    (q, omega), body, loads = memory.rotation_of(z), memory.body_of(z), memory.loads_of(z)
+    axis = main_axis(q, omega, body, loads)
+    if not memory.skips_model_checks(z):
+        if leaves_axis(z, axis, q, omega, body, loads):
+            return _MORE_AXES
+        drive, damping_rate = drive_and_damping_rate(z, axis, q, body, loads)
+        if drive != 0.0 or damping_rate != 0.0:
+            return _DRIVEN
+    sine, cosine = exact.half_angle_rates(*swing(z, axis))
+    s, c = exact.sincos_of_half_angle(sine, cosine)
+    put_quaternion_at(z, _Q_HANGING, compose_quaternions(q, (c, -s * axis[0], -s * axis[1], -s * axis[2])))
+    put_vec3_at(z, _PENDULUM_AXIS, axis)
+    exact.put_pendulum(z, _PENDULUM, exact.pendulum_setup(sine, (0.5 * dot(axis, omega), 0.0), cosine))
+    start_clocks(z)
+    return 0
+
+
+@kernel
+def _advance_pendulum(z: Buffer, h: float) -> int:
+    """Advance by h; reject the step and change nothing where the motion is not finite."""
+    axis = vec3_at(z, _PENDULUM_AXIS)
+    motion = exact.read_pendulum(z[_PENDULUM : _PENDULUM + exact.PENDULUM_SIZE])
+    s, c, rate = exact.pendulum_at(motion, time_after(z, h))
+    turn = (c, s * axis[0], s * axis[1], s * axis[2])
+    return finish_step(z, h, compose_quaternions(quaternion_at(z, _Q_HANGING), turn), scale(rate, axis))
+
+
+PENDULUM = make_model("PENDULUM", _PENDULUM_LAYOUT, _set_up_pendulum, _advance_pendulum)
+
+
+ORDERS = (4, 8, 16)
+"""The orders of the series: powers of two, as their roots are repeated square roots."""
+_TERMS = ORDERS[-1] + 1
+_ONE_AXIS_TAYLOR_LAYOUT = places(
+    CLOSED_FORM
+    | {"order": 1, "substeps": 1, "axis": 3, "angle": 1, "drive": 1, "damping_rate": 1, "swing": 2}
+    | {"rate_series": _TERMS, "sine_series": _TERMS, "cosine_series": _TERMS}
+)
+
+_SERIES_AXIS, _ANGLE, _SERIES_DRIVE, _SERIES_DAMPING_RATE, _SWING = _ONE_AXIS_TAYLOR_LAYOUT.starts(
+    "axis", "angle", "drive", "damping_rate", "swing"
+)
+_TOLERANCE, _ORDER, _SUBSTEPS = _ONE_AXIS_TAYLOR_LAYOUT.starts("tolerance", "order", "substeps")
+_RATE_SERIES, _SINE_SERIES, _COSINE_SERIES = _ONE_AXIS_TAYLOR_LAYOUT.starts(
+    "rate_series", "sine_series", "cosine_series"
+)
+_MORE_AXES = 17
+"""The key in `buffer.FAULTS`."""
+
+
+@kernel
+def _set_up_one_axis_taylor(z: Buffer) -> int:
+    (q, omega), body, loads = memory.rotation_of(z), memory.body_of(z), memory.loads_of(z)
+    axis = main_axis(q, omega, body, loads)
+    if not memory.skips_model_checks(z) and leaves_axis(z, axis, q, omega, body, loads):
+        return _MORE_AXES
+    cosine, sine = swing(z, axis)
+    put_vec3_at(z, _SERIES_AXIS, axis)
+    z[_ANGLE] = z[_SUBSTEPS] = 0.0
+    put_pair_at(z, _SWING, (cosine[0], sine[0]))
+    z[_SERIES_DRIVE], z[_SERIES_DAMPING_RATE] = drive_and_damping_rate(z, axis, q, body, loads)
+    start_clocks(z)
+    return 0
+
+
+@kernel
+def _advance_one_axis_taylor(z: Buffer, h: float) -> int:
+    """Advance by h; reject the step and change nothing where the motion is not finite or needs too many substeps."""
+    axis, angle = vec3_at(z, _SERIES_AXIS), z[_ANGLE]
+    rate = dot(axis, memory.rotation_of(z).omega_b)
+    rest, steps, order = h, 0, int(z[_ORDER])
+    while rest > 0.0:
+        steps += 1
+        if order == 4:
+            longest = _expand(z, angle, rate, 4)
+        elif order == 8:
+            longest = _expand(z, angle, rate, 8)
+        else:
+            longest = _expand(z, angle, rate, 16)
+        count = substeps_in(rest, longest)
+        if count == 0 or steps >= MAX_SUBSTEPS:
+            return STEP_REJECTED
+        part = rest / count
+        angle, rate = _angle_after(z, angle, part, order), _rate_after(z, part, order)
+        rest = 0.0 if count == 1 else rest - part
+    q = compose_quaternions(first_attitude(z), quaternion_about(axis, angle))
+    status = finish_step(z, h, q, scale(rate, axis))
+    if status == OK:
+        z[_ANGLE] = angle
+        z[_SUBSTEPS] += steps
+    return status
+
+
+@kernel
+def _term(z: Buffer, series: int, k: int) -> float:
+    """Return the k-th coefficient of a series."""
+    return z[series + k]
+
+
+@kernel
+def _put_term(z: Buffer, series: int, k: int, x: float) -> None:
+    """Set the k-th coefficient of a series."""
+    z[series + k] = x
+
+
+@kernel
+def _expand(z: Buffer, angle: float, rate: float, order: int) -> float:
+    """Set the series of the rate, and of sine and cosine of the angle; return the longest step.
+
+    They follow from sin' = rate cos and cos' = -rate sin. order: a literal, so that the loops unroll.
+    """
+    drive, damping_rate, (cosine, sine) = z[_SERIES_DRIVE], z[_SERIES_DAMPING_RATE], pair_at(z, _SWING)
+    s, c = sincos(angle)
+    _put_term(z, _RATE_SERIES, 0, rate)
+    _put_term(z, _SINE_SERIES, 0, s)
+    _put_term(z, _COSINE_SERIES, 0, c)
+    for k in range(order):
+        d_sine, d_cosine = 0.0, 0.0
+        for j in range(k + 1):
+            d_sine += _term(z, _RATE_SERIES, j) * _term(z, _COSINE_SERIES, k - j)
+            d_cosine -= _term(z, _RATE_SERIES, j) * _term(z, _SINE_SERIES, k - j)
+        d_rate = (
+            cosine * _term(z, _COSINE_SERIES, k)
+            + sine * _term(z, _SINE_SERIES, k)
+            - damping_rate * _term(z, _RATE_SERIES, k)
+        )
+        share = 1.0 / (k + 1.0)
+        _put_term(z, _RATE_SERIES, k + 1, share * (d_rate + (drive if k == 0 else 0.0)))
+        _put_term(z, _SINE_SERIES, k + 1, share * d_sine)
+        _put_term(z, _COSINE_SERIES, k + 1, share * d_cosine)
+    return _longest_step(z, rate, order)
+
+
+@kernel
+def _longest_step(z: Buffer, rate: float, order: int) -> float:
+    """Return the step whose last terms, of the angle (rad) and of the rate (relative), are within the tolerance."""
+    scale_of_rate = max(abs(rate), abs(_term(z, _RATE_SERIES, 1)), 1e-300)
+    last = max(abs(_term(z, _RATE_SERIES, order)) / scale_of_rate, abs(_term(z, _RATE_SERIES, order - 1)) / order)
+    if last == 0.0:
+        return LONGEST_STEP
+    root = math.sqrt(math.sqrt(z[_TOLERANCE] / last))
+    root = math.sqrt(root) if order > 4 else root
+    return math.sqrt(root) if order > 8 else root
+
+
+@kernel
+def _rate_after(z: Buffer, h: float, order: int) -> float:
+    total = 0.0
+    for k in range(order, -1, -1):
+        total = total * h + _term(z, _RATE_SERIES, k)
+    return total
+
+
+@kernel
+def _angle_after(z: Buffer, angle: float, h: float, order: int) -> float:
+    total = 0.0
+    for k in range(order - 1, -1, -1):
+        total = total * h + _term(z, _RATE_SERIES, k) / (k + 1.0)
+    return angle + total * h
+
+
+ONE_AXIS_TAYLOR = make_model(
+    "ONE_AXIS_TAYLOR", _ONE_AXIS_TAYLOR_LAYOUT, _set_up_one_axis_taylor, _advance_one_axis_taylor, ORDERS=ORDERS
+)

@@ -6,19 +6,19 @@ after the step they keep their last value.
 """
 
 import math
-from typing import Any
 
 from .. import quantities
-from ..body.shell import step_function
+from ..body.shell import Model, bind, step
 from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED, places
 from ..buffer_access import pair_at, put_pair_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..exact.uniform_rotation import TURNING_SIZE, Turning, put_turning, read_turning, turned, turning_about
-from ..numerics.double_double import DoubleDouble, dd_vector, two_sum
+from ..numerics import double_double as dd
+from ..numerics.double_double import DoubleDouble, two_sum
 from ..rotations.euler_angles import ZYX, euler_from_quaternion, euler_rate_b
 from ..rotations.quaternion import add_scaled_quaternion, compose_quaternions, normalize, quaternion_rate_b, rotate
 from ..rotations.vec3 import add_scaled, is_nonzero, norm, scale
-from ..types import Quaternion, Vec3
+from ..types import Buffer, Quaternion, Vec3
 
 INPUTS = {row.name: row.size for row in quantities.OUTPUTS if row.port}
 PARAMETERS = {"quaternion_0": 4}
@@ -27,36 +27,33 @@ OUTPUT_RATES = {f"d_{name}": size for name, size in OUTPUTS.items()}
 RATES = {f"{name}_{order}": size for order in ("rate", "rate_2") for name, size in INPUTS.items()}
 MEMORY = {"anchor": 4, "omega_anchor": 3, "elapsed": 2, "turning": TURNING_SIZE}
 """The attitude when the rates changed, those rates, the time since then, and the turning that they make."""
-BLOCKS, SIZE = places(INPUTS | PARAMETERS | OUTPUTS | OUTPUT_RATES | RATES | MEMORY)  # the quaternion is the state
+_LAYOUT = places(INPUTS | PARAMETERS | OUTPUTS | OUTPUT_RATES | RATES | MEMORY)  # the quaternion is the state
 
 LARGEST_TURN = 1e15
 """The angle, rad, from which on a double says nothing about the attitude."""
 
-_OMEGA, _Q_0, _Q, _RPY, _OMEGA_A = (
-    BLOCKS[n].start for n in ("omega_b", "quaternion_0", "quaternion", "rpy", "omega_a")
-)
-_D_Q, _D_RPY, _D_OMEGA_A = (BLOCKS[n].start for n in ("d_quaternion", "d_rpy", "d_omega_a"))
-_RATES, _RATES_2 = BLOCKS["omega_b_rate"].start, BLOCKS["omega_b_rate_2"].start
-_ANCHOR, _OMEGA_ANCHOR, _ELAPSED, _TURNING = (BLOCKS[n].start for n in MEMORY)
+_OMEGA, _Q_0, _Q, _RPY, _OMEGA_A = _LAYOUT.starts("omega_b", "quaternion_0", "quaternion", "rpy", "omega_a")
+_D_Q, _D_RPY, _D_OMEGA_A = _LAYOUT.starts("d_quaternion", "d_rpy", "d_omega_a")
+_RATES, _RATES_2, _ANCHOR, _OMEGA_ANCHOR, _ELAPSED, _TURNING = _LAYOUT.starts(*RATES, *MEMORY)
 _AT_REST = (0.0, 0.0, 0.0)
 _ORDER = 16
 """The order of the series, for turns of at most a radian: the remainder is 2^-17 / 17! = 2e-20."""
 
 
 @kernel(inline=False)
-def initialize(z: Any) -> int:
+def initialize(z: Buffer) -> int:
     """Check the parameters, and set state and outputs; return 0 or a key of `buffer.FAULTS`."""
     q = quaternion_at(z, _Q_0)
     total = abs(q[0]) + abs(q[1]) + abs(q[2]) + abs(q[3])
     if not (total > 0.0 and math.isfinite(total)):
         return 7
     put_quaternion_at(z, _Q, normalize(q))
-    _put_anchor(z, quaternion_at(z, _Q), _AT_REST, (0.0, 0.0), turning_about(dd_vector(_AT_REST)))
+    _put_anchor(z, quaternion_at(z, _Q), _AT_REST, (0.0, 0.0), turning_about(dd.vector(_AT_REST)))
     return outputs(z)
 
 
 @kernel
-def _advance(z: Any, h: float) -> int:
+def _advance(z: Buffer, h: float) -> int:
     """Turn by h omega_b; reject the step and change nothing where the result is not finite or an angle has no digits.
 
     While the rates stay as they are, the attitude follows from the time since they changed: no error adds up, and none
@@ -72,7 +69,7 @@ def _advance(z: Any, h: float) -> int:
     low += rest
     anchor = quaternion_at(z, _ANCHOR if steady else _Q)
     kept = read_turning(z[_TURNING : _TURNING + TURNING_SIZE])
-    turning = kept if steady else turning_about(dd_vector(omega))
+    turning = kept if steady else turning_about(dd.vector(omega))
     q = normalize(compose_quaternions(anchor, turned(turning, (t, low))))
     if not (norm(scale(t, omega)) < LARGEST_TURN and math.isfinite(q[0] + q[1] + q[2] + q[3])):
         return STEP_REJECTED
@@ -82,7 +79,7 @@ def _advance(z: Any, h: float) -> int:
 
 
 @kernel
-def _put_anchor(z: Any, anchor: Quaternion, omega: Vec3, elapsed: DoubleDouble, turning: Turning) -> None:
+def _put_anchor(z: Buffer, anchor: Quaternion, omega: Vec3, elapsed: DoubleDouble, turning: Turning) -> None:
     """Keep the attitude when the rates changed, those rates, the time since then, and their turning."""
     put_quaternion_at(z, _ANCHOR, anchor)
     put_vec3_at(z, _OMEGA_ANCHOR, omega)
@@ -91,7 +88,7 @@ def _put_anchor(z: Any, anchor: Quaternion, omega: Vec3, elapsed: DoubleDouble, 
 
 
 @kernel(inline=False)
-def _changing_step(z: Any, h: float, omega: Vec3, slope: Vec3, bend: Vec3) -> int:
+def _changing_step(z: Buffer, h: float, omega: Vec3, slope: Vec3, bend: Vec3) -> int:
     """Take a step with rates that change within it; their last value is then the input."""
     turn = h * (norm(omega) + h * (norm(slope) + h * norm(bend)))
     if not turn < MAX_SUBSTEPS:
@@ -110,7 +107,7 @@ def _changing_step(z: Any, h: float, omega: Vec3, slope: Vec3, bend: Vec3) -> in
     put_vec3_at(z, _RATES_2, _AT_REST)
     put_vec3_at(z, _OMEGA, omega)
     put_quaternion_at(z, _Q, q)
-    _put_anchor(z, q, omega, (0.0, 0.0), turning_about(dd_vector(omega)))
+    _put_anchor(z, q, omega, (0.0, 0.0), turning_about(dd.vector(omega)))
     return outputs(z)
 
 
@@ -136,7 +133,7 @@ def _turn(h: float, omega: Vec3, slope: Vec3, bend: Vec3) -> Quaternion:
 
 
 @kernel(inline=False)
-def outputs(z: Any) -> int:
+def outputs(z: Buffer) -> int:
     """Refresh the outputs from the state and the inputs now set."""
     q = quaternion_at(z, _Q)
     yaw, pitch, roll = euler_from_quaternion(ZYX, q)
@@ -146,7 +143,7 @@ def outputs(z: Any) -> int:
 
 
 @kernel(inline=False)
-def output_rates(z: Any) -> int:
+def output_rates(z: Buffer) -> int:
     """Set the outputs' time derivatives, blocks `d_<output>`, by the inputs now set; not finite at the pole of rpy."""
     q, omega = quaternion_at(z, _Q), vec3_at(z, _OMEGA)
     d_yaw, d_pitch, d_roll = euler_rate_b(ZYX, euler_from_quaternion(ZYX, q), omega)
@@ -158,10 +155,18 @@ def output_rates(z: Any) -> int:
 
 
 @kernel(inline=False)
-def feedthrough(z: Any, change: Any) -> int:
-    """Set how much omega_a changes at once when the rates do; see `body.feedthrough`."""
+def feedthrough(z: Buffer, change: Buffer) -> int:
+    """Set how much omega_a changes at once when the rates do; see `body.outputs.feedthrough`."""
     put_vec3_at(change, _OMEGA_A, rotate(quaternion_at(z, _Q), vec3_at(change, _OMEGA)))
     return OK
 
 
-step = step_function(__name__, _advance)
+PRESCRIBED_RATES = Model(
+    "prescribed_rates.PRESCRIBED_RATES",
+    *_LAYOUT,
+    initialize=initialize,
+    step=bind(step, __name__, "PRESCRIBED_RATES", advance=_advance),
+    outputs=outputs,
+    output_rates=output_rates,
+    feedthrough=feedthrough,
+)

@@ -6,9 +6,10 @@ Users scale their numbers: beyond 1e299 the splitting overflows, products below 
 """
 
 import math
+from typing import Any
 
 from ..compile.decorator import kernel
-from ..compile.wide import choose
+from ..compile.wide import choose as choose_part
 from ..types import Vec3
 
 DoubleDouble = tuple[float, float]
@@ -51,71 +52,71 @@ def two_product(a: float, b: float) -> DoubleDouble:
 
 
 @kernel
-def dd_negate(a: DoubleDouble) -> DoubleDouble:
+def negate(a: DoubleDouble) -> DoubleDouble:
     """Return -a."""
     return (-a[0], -a[1])
 
 
 @kernel
-def dd_scale(power: float, a: DoubleDouble) -> DoubleDouble:
+def scale(power: float, a: DoubleDouble) -> DoubleDouble:
     """Return power a, exact for a power of two (or a sign)."""
     return (power * a[0], power * a[1])
 
 
 @kernel
-def dd_add(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
+def add(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
     """Return a + b.  Error <= 3 u^2 (|a| + |b|): relative only as far as they do not cancel."""
     s, e = two_sum(a[0], b[0])
     return quick_two_sum(s, e + (a[1] + b[1]))
 
 
 @kernel
-def dd_subtract(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
+def subtract(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
     """Return a - b.  Error <= 3 u^2 (|a| + |b|)."""
-    return dd_add(a, dd_negate(b))
+    return add(a, negate(b))
 
 
 @kernel
-def dd_add_float(a: DoubleDouble, b: float) -> DoubleDouble:
+def add_float(a: DoubleDouble, b: float) -> DoubleDouble:
     """Return a + b.  Error <= 2 u^2 (|a| + |b|)."""
     s, e = two_sum(a[0], b)
     return quick_two_sum(s, e + a[1])
 
 
 @kernel
-def dd_multiply(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
+def multiply(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
     """Return a b.  Relative error <= 7 u^2."""
     p, e = two_product(a[0], b[0])
     return quick_two_sum(p, e + (a[0] * b[1] + a[1] * b[0]))
 
 
 @kernel
-def dd_multiply_float(a: DoubleDouble, b: float) -> DoubleDouble:
+def multiply_float(a: DoubleDouble, b: float) -> DoubleDouble:
     """Return a b.  Relative error <= 3 u^2."""
     p, e = two_product(a[0], b)
     return quick_two_sum(p, e + a[1] * b)
 
 
 @kernel
-def dd_vector(v: Vec3) -> Vector:
+def vector(v: Vec3) -> Vector:
     """Return floats as double-double numbers, exactly."""
     return ((v[0], 0.0), (v[1], 0.0), (v[2], 0.0))
 
 
 @kernel
-def dd_scale_vector(power: float, v: Vector) -> Vector:
+def scale_vector(power: float, v: Vector) -> Vector:
     """Return power v, exact for a power of two."""
-    return (dd_scale(power, v[0]), dd_scale(power, v[1]), dd_scale(power, v[2]))
+    return (scale(power, v[0]), scale(power, v[1]), scale(power, v[2]))
 
 
 @kernel
-def dd_dot(a: Vector, b: Vector) -> DoubleDouble:
+def dot(a: Vector, b: Vector) -> DoubleDouble:
     """Return a . b.  Error <= 20 u^2 |a| |b|."""
-    return dd_add(dd_add(dd_multiply(a[0], b[0]), dd_multiply(a[1], b[1])), dd_multiply(a[2], b[2]))
+    return add(add(multiply(a[0], b[0]), multiply(a[1], b[1])), multiply(a[2], b[2]))
 
 
 @kernel
-def dd_divide(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
+def divide(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
     """Return a / b, b != 0.  Relative error <= 15 u^2."""
     inverse = 1.0 / b[0]
     quotient = a[0] * inverse
@@ -125,29 +126,72 @@ def dd_divide(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
 
 
 @kernel
-def dd_sqrt(a: DoubleDouble) -> DoubleDouble:
+def root(a: DoubleDouble) -> DoubleDouble:
     """Return the square root; 0 for a <= 0.  Relative error <= 4 u^2 (one Newton step, Karp & Markstein 1997)."""
     none = a[0] <= 0.0  # NaN goes the same way as a number above
-    root = math.sqrt(choose(none, 1.0, a[0]))
-    half_inverse = 0.5 / root
-    p, e = two_product(root, root)
-    high, low = quick_two_sum(root, (((a[0] - p) - e) + a[1]) * half_inverse)
-    return (choose(none, 0.0, high), choose(none, 0.0, low))
+    first = math.sqrt(choose_part(none, 1.0, a[0]))
+    half_inverse = 0.5 / first
+    p, e = two_product(first, first)
+    high, low = quick_two_sum(first, (((a[0] - p) - e) + a[1]) * half_inverse)
+    return (choose_part(none, 0.0, high), choose_part(none, 0.0, low))
 
 
 @kernel
-def dd_choose(condition: bool, a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
+def choose(condition: bool, a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
     """Return a where the condition holds, else b."""
-    return (choose(condition, a[0], b[0]), choose(condition, a[1], b[1]))
+    return (choose_part(condition, a[0], b[0]), choose_part(condition, a[1], b[1]))
 
 
 @kernel
-def dd_equal(a: DoubleDouble, b: DoubleDouble) -> bool:
+def equal(a: DoubleDouble, b: DoubleDouble) -> bool:
     """Return whether a = b."""
     return (a[0] == b[0]) & (a[1] == b[1])
 
 
 @kernel
-def dd_less(a: DoubleDouble, b: DoubleDouble) -> bool:
+def less(a: DoubleDouble, b: DoubleDouble) -> bool:
     """Return whether a < b."""
     return (a[0] < b[0]) | ((a[0] == b[0]) & (a[1] < b[1]))
+
+
+@kernel
+def at(s: Any, i: int) -> DoubleDouble:
+    """Return the number s[:, i]."""
+    return (s[0, i], s[1, i])
+
+
+@kernel
+def put(s: Any, i: int, a: DoubleDouble) -> None:
+    """Set s[:, i]."""
+    s[0, i], s[1, i] = a
+
+
+@kernel(inline=False)
+def add_product(s: Any, out: int, c: Any, i: int, x: Any, j: int) -> None:
+    """Add c[i] x[j] to s[out]."""
+    put(s, out, add(at(s, out), multiply(at(c, i), at(x, j))))
+
+
+@kernel(inline=False)
+def add_cross(s: Any, out: int, a: Any, i: int, b: Any, j: int) -> None:
+    """Add a[i:] x b[j:] to s[out:]."""
+    for n in range(3):
+        y, z = (n + 1) % 3, (n + 2) % 3
+        add_product(s, out + n, a, i + y, b, j + z)
+        left = multiply(at(a, i + z), at(b, j + y))
+        put(s, out + n, subtract(at(s, out + n), left))
+
+
+@kernel(inline=False)
+def add_transform(s: Any, out: int, c: Any, i: int, x: Any, j: int) -> None:
+    """Add (matrix at c[i:]) x[j:] to s[out:]."""
+    for n in range(3):
+        for k in range(3):
+            add_product(s, out + n, c, i + 3 * n + k, x, j + k)
+
+
+@kernel(inline=False)
+def clear(s: Any, first: int, count: int) -> None:
+    """Set numbers to zero."""
+    for i in range(first, first + count):
+        s[0, i] = s[1, i] = 0.0

@@ -9,8 +9,7 @@ import math
 import numpy as np
 
 from ..compile.decorator import kernel
-from ..compile.wide import choose
-from ..compile.wide_bits import bits_of, number_of
+from ..compile.wide import bits_of, choose, number_of
 
 _ROUND = 1.5 * 2.0**52  # adding and subtracting it rounds to an integer
 _LARGEST = 1e15
@@ -162,3 +161,66 @@ def _atan_series(z: float) -> float:
     b = (0.09090900708337263 - z * 0.07692137205771797) + w * (0.06664401109265414 - z * 0.05861975487752309)
     c = (0.05137137829905682 - z * 0.04226037225301247) + w * (0.028028821654761716 - z * 0.010507511365742985)
     return (a + v * b) + (v * v) * c
+
+
+_STEPS = (2.0**512, 2.0**256, 2.0**128, 2.0**64)
+
+
+@kernel
+def power_of_two_for(x: float) -> float:
+    """Return a power of two with 2^-64 <= |power x| < 2^64.
+
+    It is 2^-114 for the least subnormal numbers, and 1 for 0 and NaN.
+    """
+    size, power = abs(x), 1.0
+    for step in _STEPS:
+        inverse = 1.0 / step
+        change = choose(size >= step, inverse, 1.0)
+        size, power = size * change, power * change
+        change = choose((size > 0.0) & (size < inverse), step, 1.0)
+        size, power = size * change, power * change
+    return power
+
+
+@kernel
+def round_to_integer(x: float) -> float:
+    """Return the nearest integer (ties to even)."""
+    shift = math.copysign(4503599627370496.0, x)  # 2^52
+    return choose(abs(x) < 4503599627370496.0, (x + shift) - shift, x)
+
+
+_SETTLED = 64.0  # exp(-64) is nothing beside 1
+_SERIES = tuple(float(n) for n in range(15, 2, -1))
+
+
+@kernel
+def relaxation(x: float) -> tuple[float, float]:
+    """Return ((1 - exp(-x)) / x, (exp(-x) - 1 + x) / x^2), which are 1 and 1/2 at x = 0.
+
+    x >= 0.  Relative error <= 4 eps.  Series below 1/2, then doublings of x, whose terms are all positive.
+    """
+    if x > _SETTLED:
+        first = 1.0 / x
+        return first, (1.0 - first) * first
+    y, doublings = x, 0
+    while y > 0.5:
+        y *= 0.5
+        doublings += 1
+    total = 1.0
+    for n in _SERIES:
+        total = 1.0 - total * y / n
+    second = 0.5 * total
+    first = 1.0 - y * second
+    for _ in range(doublings):
+        second = 0.5 * second + 0.25 * first * first
+        first = first * (1.0 - 0.5 * y * first)
+        y *= 2.0
+    return first, second
+
+
+@kernel
+def relaxed(rate: float, drive: float, damping_rate: float, t: float) -> tuple[float, float]:
+    """Return (angle turned, rate) after the time t, where rate' = drive - damping_rate rate, damping_rate >= 0."""
+    first, second = relaxation(damping_rate * t)
+    gained = drive * t
+    return (rate * first + gained * second) * t, rate + (gained - damping_rate * rate * t) * first

@@ -3,8 +3,7 @@
 import math
 
 from ..compile.decorator import kernel
-from ..numerics.elementary import sincos
-from ..numerics.scaling import power_of_two_for
+from ..numerics.elementary import power_of_two_for, sincos
 from ..types import Matrix, Quaternion, Vec3
 from . import vec3
 from .quaternion import compose_quaternions, normalize, square_of

@@ -17,7 +17,7 @@ from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.studies.work_precision.cases import ALL, PATH, RATES, ROTATION, Array, Case
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.mechanics.equations_of_motion import State
-from rbfmu_kernels.models import loaded_dop853
+from rbfmu_kernels.models.loaded import LOADED_TAYLOR
 from rbfmu_kernels.quantities import active_flags
 
 POINTS = 200
@@ -91,7 +91,7 @@ class OwnCase(Case):
         """Return the judged quantities at the checkpoints from rows of `quantities` at the outputs."""
         chosen, motion, first = rows[self.checkpoints], {}, 0
         for name in self.quantities:
-            size = loaded_dop853.BLOCKS[name].stop - loaded_dop853.BLOCKS[name].start
+            size = LOADED_TAYLOR.BLOCKS[name].stop - LOADED_TAYLOR.BLOCKS[name].start
             motion[name] = chosen[:, first : first + size]
             first += size
         return motion
@@ -111,7 +111,7 @@ class OwnCase(Case):
 
     def _shown(self, states: Any) -> Motion:
         """Return the judged quantities of states."""
-        z, blocks, outputs = self.buffer.copy(), loaded_dop853.BLOCKS, tiered(loaded_dop853.outputs)
+        z, blocks, outputs = self.buffer.copy(), LOADED_TAYLOR.BLOCKS, tiered(LOADED_TAYLOR.outputs)
         z[blocks["active"]] = active_flags(self.names)
         rows: dict[str, list[Array]] = {name: [] for name in self.names}
         for state in states:

@@ -19,7 +19,7 @@ from rbfmu.studies.work_precision.library_methods import Exact, Planned, library
 from rbfmu.studies.work_precision.methods import Method, NotFeasibleError, Run, reference_integrators
 from rbfmu.studies.work_precision.solvers import SolveIvp
 from rbfmu.studies.work_precision.tables import short
-from rbfmu_kernels.models.one_axis_taylor import ORDERS
+from rbfmu_kernels.models.one_axis import ORDERS
 
 TAKES_NO = "takes no"
 """How the reason begins why a model does not serve a scene with ports, or with parameters to be changed."""

@@ -9,6 +9,7 @@ import numpy as np
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.simulation import SimulationError, simulate
+from rbfmu.studies.dop853 import Dop853Plan
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, TORQUE_FREE_INTEGRATORS, OneStepMethod
 from rbfmu.studies.stability.findings import AT_MOST, Finding
 from rbfmu.studies.stability.motions import NO_LOADS, at, attitude_error, free_body, references
@@ -104,7 +105,7 @@ def _of_product(ports: tuple[str, ...] = (), planned: Plan | None = None) -> Cal
 
 
 _PORT = ("torque_b",)
-_DOP853 = Plan("body under loads", "", 7, tolerance=1e-14)
+_DOP853 = Dop853Plan("body under loads", "", 7, tolerance=1e-14)
 _SERIES = Plan("body under loads, by series", "", 7, tolerance=1e-14, order=16)
 OURS: dict[str, Callable[[float, float], Verdict]] = {
     "rbfmu planned": _of_product(),

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from rbfmu.runs.plan import Plan
+from rbfmu.studies.dop853 import STAGES, A, Dop853Plan
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, TORQUE_FREE_INTEGRATORS
 from rbfmu.studies.stability.findings import AT_MOST, RECORDED, Finding, Study, exponent
 from rbfmu.studies.stability.motions import (
@@ -26,7 +27,6 @@ from rbfmu.studies.stability.motions import (
     spin,
     turned,
 )
-from rbfmu_kernels.integrators.dop853_tableau import STAGES, A
 from rbfmu_kernels.mechanics.equations_of_motion import State, angular_acceleration
 from rbfmu_kernels.mechanics.newton_euler import angular_momentum, kinetic_energy
 from rbfmu_kernels.rotations.euler_angles import ZYX, euler_from_quaternion, euler_rate_b
@@ -294,7 +294,7 @@ _POLYNOMIAL = {"RK4, quaternion": "RK4"}
 _LIMITS = {"explicit Euler": 2.0, "semi-implicit Euler": 2.0, "RK4, quaternion": 2.785, "DOP853": 6.394}
 _TAYLOR = {"Taylor 8": 4.314, "Taylor 12": 5.823, "Taylor 16": 7.324}
 _MODELS = {
-    "DOP853": Plan("body under loads", "", 3, substep=1.0),
+    "DOP853": Dop853Plan("body under loads", "", 3, substep=1.0),
     **{f"Taylor {n}": Plan("body under loads, by series", "", 3, tolerance=math.inf, order=n) for n in (8, 12, 16)},
 }
 """Plans of the product's methods, with one substep per step."""

@@ -10,6 +10,7 @@ from rbfmu.runs.motion import substeps_counted
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import Scene
 from rbfmu.simulation import simulate
+from rbfmu.studies.dop853 import Dop853Plan
 from rbfmu.studies.stability.findings import AT_MOST, RECORDED, Finding, Study, exponent
 from rbfmu.studies.stability.motions import MOTIONS, error_of, error_of_model, prescribed_error, truth
 
@@ -30,7 +31,8 @@ class Case(NamedTuple):
     @property
     def planned(self) -> Plan:
         """Return the plan that `simulate` is given."""
-        return Plan(self.model, "", 0, self.substep, self.tolerance, self.order)
+        kind = Dop853Plan if self.model == LOADED else Plan
+        return kind(self.model, "", 0, self.substep, self.tolerance, self.order)
 
     @property
     def name(self) -> str:

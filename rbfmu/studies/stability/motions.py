@@ -14,18 +14,11 @@ from rbfmu.result import Result
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.simulation import SimulationError, simulate
+from rbfmu.studies.dop853 import dop853_step_of_state
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, OneStepMethod
-from rbfmu_kernels.integrators import dop853, splitting
-from rbfmu_kernels.integrators.rigid_body_state import (
-    ROTATION,
-    STATE_SIZE,
-    put_state_attitude,
-    put_state_omega,
-    state_attitude,
-    state_omega,
-)
+from rbfmu_kernels.integrators import splitting
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS as NO_LOADS
-from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State, constant_loads
+from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
 from rbfmu_kernels.mechanics.inertia import diagonal, inverse_inertia
 from rbfmu_kernels.mechanics.newton_euler import kinetic_energy
 from rbfmu_kernels.rotations.quaternion import angle_between
@@ -125,17 +118,9 @@ def top_energy(state: State) -> float:
 def one_step(method: str) -> Any:
     """Return `step(state, h, body, loads)` of a reference integrator, or of DOP853 without normalisation."""
     if method == "DOP853":
-        return _dop853_step
+        return dop853_step_of_state
     integrator = REFERENCE_INTEGRATORS[method]
     return lambda state, h, body, loads: integrator.steps(state, h, 1, body, loads)
-
-
-def _dop853_step(state: State, h: float, body: Body, loads: Loads) -> State:
-    z = np.zeros(STATE_SIZE + dop853.WORK)
-    put_state_attitude(z, 0, state.q_ab)
-    put_state_omega(z, 0, state.omega_b)
-    dop853.dop853_step(z, 0, STATE_SIZE, ROTATION, 0.0, h, body, constant_loads(loads))
-    return at(state_attitude(z, STATE_SIZE), state_omega(z, STATE_SIZE))
 
 
 Array = NDArray[np.float64]

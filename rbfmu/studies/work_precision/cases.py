@@ -19,7 +19,6 @@ from rbfmu.scene.scene import Scene
 from rbfmu_kernels.body.memory import body_of, loads_of, motion_of
 from rbfmu_kernels.integrators.splitting import is_symmetric_top
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
-from rbfmu_kernels.models import loaded_dop853
 
 Array = NDArray[np.float64]
 
@@ -31,7 +30,7 @@ OUTPUT_STEP = 0.01
 """The time in s between the outputs of a run with many outputs."""
 REFERENCES = Path(__file__).with_name("reference_motions.json")
 """The file is written by examples/references/reference_motions.py."""
-_GENERAL = Plan("body under loads", "", 13)
+_GENERAL = Plan("body under loads, by series", "", 13, order=12)
 _NOTHING = (0.0, 0.0, 0.0)
 
 
@@ -108,9 +107,9 @@ class Case:
 
     @cached_property
     def buffer(self) -> Array:
-        """Return the buffer of `loaded_dop853` at the start, which holds body and loads."""
+        """Return the buffer of a body under loads at the start, which holds body and loads."""
         z = filled_buffer(self.scene, _GENERAL)
-        initialize(self.scene, loaded_dop853, z)
+        initialize(self.scene, _GENERAL.kernels, z)
         return z
 
     @cached_property

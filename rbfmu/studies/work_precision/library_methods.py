@@ -14,6 +14,7 @@ from rbfmu.planning.select import plan
 from rbfmu.runs.motion import substeps_counted
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import Scene, SceneError
+from rbfmu.studies.dop853 import Dop853Plan
 from rbfmu.studies.reference_methods import OneStepMethod
 from rbfmu.studies.work_precision.cases import Case
 from rbfmu.studies.work_precision.methods import (
@@ -63,7 +64,7 @@ def run_of_unit(case: Case, scene: Scene, chosen: Plan, per_substep: float = mat
 
 @dataclass(frozen=True)
 class Substeps:
-    """The models of a body under loads, with error control, or with DOP853 in equal steps.
+    """The series of a body under loads, with error control, or DOP853, with it or in equal steps.
 
     order: the order of the Taylor series, 0 for DOP853.
     """
@@ -98,9 +99,11 @@ class Substeps:
 
     def run(self, case: Case, value: float) -> Run:
         """Return a run with a tolerance or step of `value`."""
-        model = "body under loads, by series" if self.order else "body under loads"
         substep, tolerance = (math.inf, value) if self.controlled else (value, 0.0)
-        chosen = Plan(model, self.name, 13, substep, tolerance, self.order)
+        if self.order:
+            chosen = Plan("body under loads, by series", self.name, 13, substep, tolerance, self.order)
+        else:
+            chosen = Dop853Plan("body under loads", self.name, 13, substep, tolerance)
         fixed = 0.0 if self.controlled else float(case.outputs * round(case.interval / value))
         return run_of_unit(case, case.asking(1.0), chosen, self.order or 12.0, fixed)
 

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from rbfmu_kernels.compile.disk_cache import made_once
+from rbfmu_kernels.compile.reduced import made_once
 
 
 def test_one_process_at_a_time_compiles_what_others_need_too(tmp_path: Path) -> None:

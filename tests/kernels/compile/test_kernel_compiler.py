@@ -19,8 +19,7 @@ from numba.core.registry import cpu_target
 from numba.cpython import builtins
 
 from rbfmu_kernels import free_rotation, free_rotation_at, free_rotation_setup, rotate
-from rbfmu_kernels.compile import compiler, stamp
-from rbfmu_kernels.compile.array_functions import tiled_gufunc
+from rbfmu_kernels.compile import compiler, stamp, tiled_gufunc
 from rbfmu_kernels.compile.compiler import _IntermediateCode
 from rbfmu_kernels.compile.decorator import kernel
 

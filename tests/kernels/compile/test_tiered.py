@@ -13,10 +13,11 @@ import pytest
 
 import rbfmu
 from rbfmu.runs.plan import Plan
-from rbfmu_kernels.compile import announcement, disk_cache, interpreted, said, tiered
+from rbfmu_kernels.compile import reduced, said, tiered
 from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.mechanics.inertia import principal_axes
-from rbfmu_kernels.models import free_triaxial, loaded_taylor
+from rbfmu_kernels.models.free import FREE_TRIAXIAL
+from rbfmu_kernels.models.loaded import LOADED_TAYLOR
 from rbfmu_kernels.rotations.euler_angles import quaternion_from_euler, zyx
 from tests.support.paths import ROOT
 
@@ -84,9 +85,9 @@ def test_a_kernel_is_compiled_once_python_takes_the_time_for_that(patience, call
 
 
 def test_a_long_kernel_is_waited_for_longer():
-    short, long = (interpreted.size_of_code(kernel) for kernel in (quaternion_from_euler, loaded_taylor.step))
+    short, long = (tiered.size_of_code(kernel) for kernel in (quaternion_from_euler, LOADED_TAYLOR.step))
     assert 0 < 5 * short < long
-    assert tiered.Tiered(loaded_taylor.step, lambda *_: 0)._patience > 0.3
+    assert tiered.Tiered(LOADED_TAYLOR.step, lambda *_: 0)._patience > 0.3
 
 
 @kernel
@@ -112,10 +113,10 @@ def test_what_others_have_compiled_meanwhile_is_used():
 
 
 def test_what_is_kept_is_not_interpreted():
-    z = np.zeros(free_triaxial.SIZE)
-    free_triaxial.step(z, 0.1)
-    assert tiered.is_kept(free_triaxial.step, z, 0.1)
-    assert not tiered.is_kept(free_triaxial.step, 1, 2, 3)
+    z = np.zeros(FREE_TRIAXIAL.SIZE)
+    FREE_TRIAXIAL.step(z, 0.1)
+    assert tiered.is_kept(FREE_TRIAXIAL.step, z, 0.1)
+    assert not tiered.is_kept(FREE_TRIAXIAL.step, 1, 2, 3)
 
 
 def test_a_run_of_a_closed_form_compiles_nothing(tmp_path):
@@ -130,15 +131,15 @@ def test_a_run_of_a_closed_form_compiles_nothing(tmp_path):
     "module", ["rbfmu_kernels.models.pendulum", "rbfmu_0123456789ab.models.pendulum", "rbfmu.studies"]
 )
 def test_a_long_compilation_is_announced_once(module, monkeypatch, capsys):
-    monkeypatch.setattr(announcement, "PATIENCE", 0.0)
+    monkeypatch.setattr(said, "COMPILING_PATIENCE", 0.0)
     monkeypatch.delenv("RBFMU_QUIET", raising=False)
     ours = SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=SimpleNamespace(__module__=module))})
-    listener = announcement.Announcer()
+    listener = said.Announcer()
     for _ in range(2):
         listener.on_start(ours)
         listener._timer.join()
         listener.on_end(ours)
-    assert capsys.readouterr().err == announcement.TEXT + "\n"
+    assert capsys.readouterr().err == said.TEXT + "\n"
 
 
 def test_short_ones_and_those_of_others_are_not_announced(monkeypatch, capsys):
@@ -146,12 +147,12 @@ def test_short_ones_and_those_of_others_are_not_announced(monkeypatch, capsys):
         SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=SimpleNamespace(__module__=m))})
         for m in ("rbfmu_kernels", "librosa")
     )
-    listener = announcement.Announcer()
-    monkeypatch.setattr(announcement, "PATIENCE", 1e6)
+    listener = said.Announcer()
+    monkeypatch.setattr(said, "COMPILING_PATIENCE", 1e6)
     monkeypatch.delenv("RBFMU_QUIET", raising=False)
     listener.on_start(ours)
     listener.on_end(ours)
-    monkeypatch.setattr(announcement, "PATIENCE", 0.0)
+    monkeypatch.setattr(said, "COMPILING_PATIENCE", 0.0)
     before = threading.active_count()
     listener.on_start(others)
     assert threading.active_count() <= before
@@ -162,7 +163,7 @@ def test_short_ones_and_those_of_others_are_not_announced(monkeypatch, capsys):
 def test_where_no_code_is_kept_the_compiler_is_not_set_up_to_load_it(monkeypatch):
     """That takes as long as a short run in plain Python, which compiles nothing."""
     set_up = []
-    monkeypatch.setattr(disk_cache.rtsys, "initialize", set_up.append)
+    monkeypatch.setattr(reduced.rtsys, "initialize", set_up.append)
     assert not tiered.is_kept(kernel(lambda x: x + 1.0), 1.0)
     assert set_up == []
 

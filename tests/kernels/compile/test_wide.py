@@ -9,10 +9,20 @@ from numba.core.errors import TypingError
 
 from rbfmu_kernels.buffer_access import put_vec3_at, vec3_at
 from rbfmu_kernels.compile.decorator import kernel
-from rbfmu_kernels.compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes
-from rbfmu_kernels.compile.wide import alike, all_of, always, any_of, choose
-from rbfmu_kernels.compile.wide_arrays import eight_wide, four_wide, lane_at, put_lane_at, width_of
-from rbfmu_kernels.compile.wide_bits import bits_of, number_of
+from rbfmu_kernels.compile.simd import (
+    add_lanes,
+    eight_wide,
+    four_wide,
+    lane_at,
+    lanes,
+    lanes_at,
+    multiply_lanes,
+    numbers,
+    put_lane_at,
+    put_lanes,
+    width_of,
+)
+from rbfmu_kernels.compile.wide import alike, all_of, always, any_of, bits_of, choose, number_of
 from rbfmu_kernels.rotations.vec3 import add, cross
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="wide numbers are compiled code")

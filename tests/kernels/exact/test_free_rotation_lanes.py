@@ -8,7 +8,7 @@ from numba import config
 
 import rbfmu
 from rbfmu_kernels import free_rotation as body_at
-from rbfmu_kernels.exact import free_rotation_lanes as lanes
+from rbfmu_kernels.exact import free_rotation as lanes
 from tests.support.references.free_rotation_mp import angle_to, closed_form, relative_distance
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="lanes are compiled code")

@@ -6,10 +6,10 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from rbfmu_kernels.compile.interpreted import interpreted
+from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.exact.pendulum import half_angle_rates, pendulum_at, pendulum_setup, sincos_of_half_angle
 from rbfmu_kernels.numerics.elementary import sincos
-from rbfmu_kernels.numerics.jacobi_theta import NEAREST_KC, jacobi_from_theta, theta_series
+from rbfmu_kernels.numerics.elliptic import NEAREST_KC, jacobi_from_theta, theta_series
 
 EPS = 2.0**-52
 

@@ -13,7 +13,7 @@ from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu.studies.work_precision.cases import CASES
 from rbfmu_kernels.buffer import STEP_REJECTED
-from rbfmu_kernels.models import loaded_taylor
+from rbfmu_kernels.models.loaded import LOADED_TAYLOR
 from tests.support.paths import ROOT
 from tests.support.references import reference_mp as reference
 from tests.support.scenes import model_cases
@@ -125,7 +125,7 @@ def test_a_copy_in_mid_series_goes_on_with_the_same_bits(name):
 def test_a_refused_step_leaves_a_series_as_it_was(name, h):
     unit, other = (Unit(SCENES[name]).step(0.002, 11) for _ in range(2))
     before = unit.outputs
-    assert loaded_taylor.step(unit.z, h) == STEP_REJECTED
+    assert LOADED_TAYLOR.step(unit.z, h) == STEP_REJECTED
     np.testing.assert_array_equal(unit.outputs, before)
     for _ in range(60):
         np.testing.assert_array_equal(unit.step(0.002).outputs, other.step(0.002).outputs)
@@ -139,7 +139,7 @@ def test_a_step_refused_for_its_inputs_leaves_a_series_as_it_was(name, change, v
     unit, other = (Unit(SCENES[name], ports=("torque_b", "force_a")).step(0.002, 11) for _ in range(2))
     kept = unit[change]
     unit[change] = [value, value, 0.0]
-    assert loaded_taylor.step(unit.z, 1.0) == STEP_REJECTED
+    assert LOADED_TAYLOR.step(unit.z, 1.0) == STEP_REJECTED
     unit[change] = kept
     for _ in range(60):
         np.testing.assert_array_equal(unit.step(0.002).outputs, other.step(0.002).outputs)

@@ -11,9 +11,9 @@ import pytest
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.buffer import OK, STEP_REJECTED
-from rbfmu_kernels.compile.interpreted import interpreted
-from rbfmu_kernels.integrators.dense_output import ALIVE
-from rbfmu_kernels.models import free_triaxial
+from rbfmu_kernels.compile.tiered import interpreted
+from rbfmu_kernels.integrators.dense_output import VALID
+from rbfmu_kernels.models.free import FREE_TRIAXIAL
 from tests.support.covering import some_of
 from tests.support.paths import ROOT
 from tests.support.references.free_rotation_mp import angle_to, closed_form, relative_distance
@@ -45,7 +45,7 @@ class Unit(model_cases.Unit):
 
     @property
     def is_on_series(self):
-        return self["is_alive"] == ALIVE and self["since"][0] > 0.0
+        return self["validity"] == VALID and self["since"][0] > 0.0
 
     @property
     def outputs(self):
@@ -109,7 +109,7 @@ def test_a_refused_step_leaves_a_series_as_it_was(change):
     unit, other = (Unit(wanted=wanted).step(0.01, 11) for _ in range(2))
     before = unit.z.copy()
     unit[change] = [math.inf, 0.0, 0.0]
-    assert free_triaxial.step(unit.z, 0.01) == STEP_REJECTED
+    assert FREE_TRIAXIAL.step(unit.z, 0.01) == STEP_REJECTED
     unit[change] = [0.0, 0.0, 0.0]
     np.testing.assert_array_equal(unit.z, before)
     for _ in range(100):
@@ -122,7 +122,7 @@ def test_derivatives_of_outputs_are_those_of_the_last_step():
     exact.step(20 * 0.0078125)
     assert unit.is_on_series
     for one in (unit, exact):
-        assert free_triaxial.output_rates(one.z) == 0
+        assert FREE_TRIAXIAL.output_rates(one.z) == 0
     for name in ("d_quaternion", "d_omega_b", "d_alpha_b"):
         np.testing.assert_allclose(unit[name], exact[name], rtol=0.0, atol=40 * EPS)
 
@@ -157,7 +157,7 @@ def test_plain_python_has_the_same_bits():
 
 
 def test_a_short_run_that_is_not_compiled_has_the_same_bits():
-    plain, unit = interpreted(free_triaxial.step), Unit()
+    plain, unit = interpreted(FREE_TRIAXIAL.step), Unit()
     z = unit.z.copy()
     for _ in range(100):
         assert plain(z, 0.01) == OK

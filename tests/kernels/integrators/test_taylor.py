@@ -12,15 +12,22 @@ from rbfmu.studies.work_precision.cases import CASES
 from rbfmu.studies.work_precision.cases import reference as motion_of_case
 from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.integrators.rigid_body_state import ROTATION, STATE_SIZE
+from rbfmu_kernels.integrators.substeps import Method, Room
 from rbfmu_kernels.integrators.taylor import derivatives_of_attitude, taylor_advance
 from rbfmu_kernels.integrators.taylor_coefficients import MAX_ORDER, WORK
 from rbfmu_kernels.mechanics.equations_of_motion import constant_loads
-from rbfmu_kernels.models import loaded_taylor
+from rbfmu_kernels.models.loaded import LOADED_TAYLOR
 from tests.support.references import reference_mp as reference
 from tests.support.scenes.model_cases import ALL_LOADS
 
 EPS = 2.0**-52
 SIZE = STATE_SIZE + WORK
+ROOM = Room(state=0, work=STATE_SIZE, size=SIZE)
+
+
+def open_loop(order):
+    """Steps of the size that is kept."""
+    return Method(ROTATION, order, math.inf, 0.0)
 
 
 def buffer_of(case, h):
@@ -34,12 +41,12 @@ def buffer_of(case, h):
 def unit_of(scene, order, tolerance):
     planned = Plan("body under loads, by series", "Taylor", 13, tolerance=tolerance, order=order)
     z = filled_buffer(scene, planned)
-    initialize(scene, loaded_taylor, z)
+    initialize(scene, LOADED_TAYLOR, z)
     return z
 
 
 def block(z, name):
-    return z[loaded_taylor.BLOCKS[name]]
+    return z[LOADED_TAYLOR.BLOCKS[name]]
 
 
 @pytest.mark.parametrize(("order", "steps"), [(4, 800), (6, 300), (8, 80), (10, 64)])
@@ -53,12 +60,7 @@ def test_rates_converge_at_the_series_order_and_attitude_at_the_two_point_formul
     errors = []
     for n in (steps, steps * 3 // 2):
         z = buffer_of(case, span / n)
-        assert (
-            taylor_advance(
-                z, 0, STATE_SIZE, SIZE, ROTATION, order, span, math.inf, 0.0, case.body, constant_loads(case.loads)
-            )
-            == OK
-        )
+        assert taylor_advance(z, ROOM, open_loop(order), span, case.body, constant_loads(case.loads)) == OK
         errors.append([reference.distance(z[4:7], truth.omega_b), reference.angle_to(z[0:4], truth.R_ab)])
     rates, attitude = np.log(np.divide(*errors)) / math.log(1.5)
     assert np.min(errors) > 100 * EPS
@@ -76,7 +78,7 @@ def test_position_and_velocity_converge_at_the_two_point_formula_s_order():
         for n in (steps, 2 * steps):
             z = unit_of(scene, order, math.inf)
             block(z, "step_size")[:] = 4.0 / n
-            assert loaded_taylor.step(z, 4.0) == OK
+            assert LOADED_TAYLOR.step(z, 4.0) == OK
             errors.append(
                 [reference.distance(block(z, "position"), truth.position),
                  reference.distance(block(z, "velocity"), truth.velocity),
@@ -93,7 +95,7 @@ def test_a_steady_spin_s_error_is_the_two_point_formula_s_remainder(m):
     z = buffer_of(case, 1.0)
     z[4:7] = 0.0, 0.0, turn
     loads = constant_loads(case.loads._replace(torque_b=(0.0, 0.0, 0.0)))
-    assert taylor_advance(z, 0, STATE_SIZE, SIZE, ROTATION, order, 1.0, math.inf, 0.0, case.body, loads) == OK
+    assert taylor_advance(z, ROOM, open_loop(order), 1.0, case.body, loads) == OK
     ratio = math.factorial(m) / math.factorial(2 * m)
     error = 2.0 * ratio**2 / (2 * m + 1) * (0.5 * turn) ** (2 * m + 1)
     assert turn - 2.0 * math.atan2(z[3], z[0]) == pytest.approx(error, rel=0.05, abs=2 * EPS)
@@ -106,7 +108,7 @@ def test_errors_stay_below_the_sum_of_tolerances(order, tolerance):
     scene = Scene(**ALL_LOADS, run={"stop": 5.0, "step": 0.5})
     z = unit_of(scene, order, tolerance)
     for _ in range(10):
-        assert loaded_taylor.step(z, 0.5) == OK
+        assert LOADED_TAYLOR.step(z, 0.5) == OK
     steps = float(block(z, "substeps")[0])
     errors = reference.errors(reference.motion(scene, (5.0,)), *([block(z, name)] for name in
                               ("quaternion", "omega_b", "position", "velocity")))  # fmt: skip
@@ -121,7 +123,7 @@ def test_loads_that_their_series_carry_on_stay_true(order, tolerance):
     for steps in (1, 5):
         z = unit_of(case.scene, order, tolerance)
         for _ in range(steps):
-            assert loaded_taylor.step(z, case.span / steps) == OK
+            assert LOADED_TAYLOR.step(z, case.span / steps) == OK
         error = attitude_error(block(z, "quaternion"), motion_of_case(case.key)["q"][-1])
         assert error <= 0.3 * tolerance * float(block(z, "substeps")[0])
 
@@ -138,7 +140,7 @@ def test_body_axes_are_a_matter_of_choice(inertia):
             loads={"torque_b": (Q @ [0.1, -0.2, 0.3]).tolist(), "gravity_a": [0.0, 0.0, 0.0]}, run={"stop": 5.0},
         )  # fmt: skip
         z = unit_of(scene, 16, 1e-15)
-        assert loaded_taylor.step(z, 5.0) == OK
+        assert LOADED_TAYLOR.step(z, 5.0) == OK
         ends.append(Q.T @ block(z, "omega_b"))
     np.testing.assert_allclose(ends[0], ends[1], atol=100 * EPS)
 
@@ -150,7 +152,7 @@ def test_the_first_step_is_as_long_as_the_series_allow():
         scene = Scene(body={"mass": 1.0, "inertia": [1.0, 2.0, 3.0]}, initial={"omega_b": [rate, rate, 0.5 * rate]},
                       loads={"torque_b": [0.01, 0.0, 0.0]}, run={"stop": 1.0})  # fmt: skip
         z = unit_of(scene, 12, 1e-9)
-        assert loaded_taylor.step(z, 1.0) == OK
+        assert LOADED_TAYLOR.step(z, 1.0) == OK
         counts.append(float(block(z, "substeps")[0]))
     assert counts[0] == 1.0
     assert counts[1] <= 4.0
@@ -167,7 +169,7 @@ def test_damping_is_stable_to_the_series_own_limit(order):
         z = unit_of(scene, order, math.inf)
         h = share * limit
         block(z, "step_size")[:] = h
-        assert loaded_taylor.step(z, h) == OK
+        assert LOADED_TAYLOR.step(z, h) == OK
         assert (abs(block(z, "omega_b")[2]) > 1e-3) == grows
 
 
@@ -175,6 +177,6 @@ def test_a_body_at_rest_without_loads_takes_one_series():
     scene = Scene(body={"mass": 1.0, "inertia": [1.0, 2.0, 3.0]}, loads={"gravity_a": [0.0, 0.0, 0.0]})
     z = unit_of(scene, 12, 1e-12)
     for h in (1e-3, 1.0, 1e6):
-        assert loaded_taylor.step(z, h) == OK
+        assert LOADED_TAYLOR.step(z, h) == OK
     assert float(block(z, "substeps")[0]) == 1.0
     np.testing.assert_array_equal(block(z, "quaternion"), [1.0, 0.0, 0.0, 0.0])

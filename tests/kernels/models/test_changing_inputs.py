@@ -9,8 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
+from rbfmu.studies.dop853 import Dop853Plan
 from rbfmu_kernels.buffer import OK, STEP_REJECTED
-from rbfmu_kernels.models import prescribed_rates
+from rbfmu_kernels.models.prescribed_rates import PRESCRIBED_RATES
 from tests.support.references.driven_motion_mp import gragg, true_motion
 from tests.support.scenes import model_cases
 
@@ -29,8 +30,8 @@ INPUTS = {
     "torque_b": ([0.1, 0.2, 0.1], [-0.1, 0.3, 0.2], [0.4, -0.1, -0.3]),
 }
 METHODS = {
-    "DOP853": Plan("body under loads", "DOP853", 13, tolerance=1e-14),
-    "DOP853 in equal steps": Plan("body under loads", "DOP853", 13, substep=0.02),
+    "DOP853": Dop853Plan("body under loads", "DOP853", 13, tolerance=1e-14),
+    "DOP853 in equal steps": Dop853Plan("body under loads", "DOP853", 13, substep=0.02),
     "Taylor series": Plan("body under loads, by series", "Taylor", 13, tolerance=1e-15, order=16),
 }
 
@@ -119,7 +120,7 @@ RATES = {"omega_b": ([0.8, -0.5, 0.3], [0.7, 1.1, -0.6], [-0.9, 0.4, 1.3])}
 
 def test_prescribed_rates_change_within_a_step_as_their_derivatives_say():
     unit = Unit(PRESCRIBED, inputs={"ports": ["omega_b"]}).drive(RATES)
-    assert prescribed_rates.step(unit.z, 2.0) == OK
+    assert PRESCRIBED_RATES.step(unit.z, 2.0) == OK
     np.testing.assert_allclose(unit["quaternion"], exact_turn(*RATES["omega_b"], 2.0), atol=8 * EPS)
     end = np.array(RATES["omega_b"][0]) + 2.0 * np.array(RATES["omega_b"][1]) + 2.0 * np.array(RATES["omega_b"][2])
     np.testing.assert_allclose(unit["omega_b"], end, rtol=8 * EPS)
@@ -128,10 +129,10 @@ def test_prescribed_rates_change_within_a_step_as_their_derivatives_say():
 
 def test_prescribed_rates_that_stop_changing_turn_on_exactly():
     unit = Unit(PRESCRIBED, inputs={"ports": ["omega_b"]}).drive(RATES)
-    assert prescribed_rates.step(unit.z, 0.5) == OK
+    assert PRESCRIBED_RATES.step(unit.z, 0.5) == OK
     start, omega = Rotation.from_quat(unit["quaternion"], scalar_first=True), unit["omega_b"]
     for _ in range(100):
-        assert prescribed_rates.step(unit.z, 0.01) == OK
+        assert PRESCRIBED_RATES.step(unit.z, 0.01) == OK
     end = (start * Rotation.from_rotvec(omega)).as_quat(scalar_first=True)
     np.testing.assert_allclose(unit["quaternion"] * np.sign(unit["quaternion"] @ end), end, atol=4 * EPS)
 
@@ -141,7 +142,7 @@ def test_prescribed_rates_that_lead_nowhere_are_refused(h):
     unit = Unit(PRESCRIBED, inputs={"ports": ["omega_b"]}).drive(RATES)
     before = unit.z.copy()
     with np.errstate(all="ignore"):
-        assert prescribed_rates.step(unit.z, h) == STEP_REJECTED
+        assert PRESCRIBED_RATES.step(unit.z, h) == STEP_REJECTED
     np.testing.assert_array_equal(unit.z, before)
 
 

@@ -11,7 +11,7 @@ from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels import free_rotation
 from rbfmu_kernels.buffer import OK
-from rbfmu_kernels.numerics.phi_functions import relaxation
+from rbfmu_kernels.numerics.elementary import relaxation
 from tests.support.references import reference_mp as reference
 
 EPS = 2.0**-52

@@ -5,8 +5,9 @@ import pytest
 
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import Scene
-from rbfmu_kernels.body import feedthrough, memory, outputs
-from rbfmu_kernels.models import loaded_dop853, prescribed_rates
+from rbfmu.studies.dop853 import LOADED_DOP853, Dop853Plan
+from rbfmu_kernels.body import memory, outputs
+from rbfmu_kernels.models.prescribed_rates import PRESCRIBED_RATES
 from rbfmu_kernels.quantities import OUTPUT
 from tests.kernels.models.test_output_rates import LOADS
 
@@ -19,17 +20,17 @@ def body(pivot, loads, omega):
     initial = {"omega_b": omega, "attitude": {"rotvec": [0.3, -0.8, 0.5]}}
     tables = {"mass": 2.0, "inertia": INERTIA, "r_oc_b": [0.1, -0.2, 0.3], "pivot": pivot}
     scene = Scene(body=tables, initial=initial, loads=loads)
-    z = filled_buffer(scene, Plan("body under loads", "DOP853", 13, tolerance=1e-9))
-    z[loaded_dop853.BLOCKS["active"]] = 1.0
-    initialize(scene, loaded_dop853, z)
+    z = filled_buffer(scene, Dop853Plan("body under loads", "DOP853", 13, tolerance=1e-9))
+    z[LOADED_DOP853.BLOCKS["active"]] = 1.0
+    initialize(scene, LOADED_DOP853, z)
     return z
 
 
 def followed(z, name, change):
     """(what feedthrough says, outputs before, outputs after) of a change of one input."""
-    said, blocks = np.zeros_like(z), loaded_dop853.BLOCKS
+    said, blocks = np.zeros_like(z), LOADED_DOP853.BLOCKS
     said[blocks[name]] = change
-    assert feedthrough.feedthrough(z, said) == 0
+    assert outputs.feedthrough(z, said) == 0
     outputs.outputs(z)
     before = z.copy()
     z[blocks[name]] += change
@@ -62,11 +63,11 @@ def test_at_rest_and_unloaded_feedthrough_is_the_outputs_to_the_bit(name, pivot)
 
 def test_of_prescribed_rates_it_is_their_part_of_omega_a():
     scene = Scene(inputs={"ports": ["omega_b"]}, initial={"attitude": {"rotvec": [0.3, -0.8, 0.5]}})
-    z, blocks = filled_buffer(scene, Plan("prescribed rates", "", 4)), prescribed_rates.BLOCKS
-    initialize(scene, prescribed_rates, z)
+    z, blocks = filled_buffer(scene, Plan("prescribed rates", "", 4)), PRESCRIBED_RATES.BLOCKS
+    initialize(scene, PRESCRIBED_RATES, z)
     said = np.zeros_like(z)
     said[blocks["omega_b"]] = z[blocks["omega_b"]] = [0.3, -1.2, 0.7]
-    assert prescribed_rates.feedthrough(z, said) == prescribed_rates.outputs(z) == 0
+    assert PRESCRIBED_RATES.feedthrough(z, said) == PRESCRIBED_RATES.outputs(z) == 0
     assert said[blocks["omega_a"]].tolist() == z[blocks["omega_a"]].tolist()
     assert not said[blocks["quaternion"]].any()
     assert not said[blocks["rpy"]].any()

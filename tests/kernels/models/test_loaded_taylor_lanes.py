@@ -9,14 +9,14 @@ from rbfmu.runs.plan import Plan, filled_buffer
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.buffer import OK, STEP_REJECTED
 from rbfmu_kernels.compile.decorator import kernel
-from rbfmu_kernels.compile.wide_arrays import eight_wide, four_wide
+from rbfmu_kernels.compile.simd import eight_wide, four_wide
 from rbfmu_kernels.integrators.taylor_lanes import COLUMNS_SIZE
-from rbfmu_kernels.models import loaded_taylor
+from rbfmu_kernels.models.loaded import LOADED_TAYLOR
 from rbfmu_kernels.models.loaded_taylor_lanes import SCRATCH, advance
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="lanes are compiled code")
 
-BLOCKS = loaded_taylor.BLOCKS
+BLOCKS = LOADED_TAYLOR.BLOCKS
 
 
 @kernel
@@ -51,7 +51,7 @@ KEPT = ("quaternion", "omega_b", "position", "q", "omega", "r_c", "v_c", "step_s
 def buffers_of(kinds, count, omega=(1.0, 2.0, -1.5), outputs=OUTPUTS, order=12):
     """Return buffers of bodies of these kinds, dispersed, one kind after the other."""
     numbers = np.random.default_rng(7)
-    z = aligned_zeros(count * loaded_taylor.SIZE).reshape(count, loaded_taylor.SIZE)
+    z = aligned_zeros(count * LOADED_TAYLOR.SIZE).reshape(count, LOADED_TAYLOR.SIZE)
     for i in range(count):
         tables = KINDS[kinds[i % len(kinds)]] | {
             "initial": {"omega_b": list(numbers.normal(1.0, 0.2, 3) * omega)},
@@ -60,7 +60,7 @@ def buffers_of(kinds, count, omega=(1.0, 2.0, -1.5), outputs=OUTPUTS, order=12):
         }
         plan = Plan("body under loads, by series", "Taylor", 13, tolerance=1e-9, order=order, span=10.0)
         z[i] = filled_buffer(Scene.from_dict(tables, "a body in a lane"), plan)
-        assert loaded_taylor.initialize(z[i]) == 0
+        assert LOADED_TAYLOR.initialize(z[i]) == 0
     return z
 
 
@@ -78,7 +78,7 @@ def advanced_alone(z, steps):
     z, statuses = z.copy(), np.zeros(len(z), dtype=np.int64)
     for h in steps:
         for i in range(len(z)):
-            statuses[i] = loaded_taylor.step(z[i], h) if statuses[i] == OK else statuses[i]
+            statuses[i] = LOADED_TAYLOR.step(z[i], h) if statuses[i] == OK else statuses[i]
     return z, statuses
 
 

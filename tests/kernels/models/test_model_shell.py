@@ -16,14 +16,14 @@ from rbfmu_kernels.body import shell
 from rbfmu_kernels.buffer import STEP_REJECTED
 from tests.support.scenes.scene_tables import SMALLEST
 
-TWO = ("no_rotation", "constant_rate")
+TWO = ("unturned.NO_ROTATION", "free.CONSTANT_RATE")
 STEPS = f"""
 import json
 import numpy as np
-from rbfmu_kernels.models import {", ".join(TWO)}
+from rbfmu_kernels.models import model_named
 from rbfmu_kernels.quantities import active_flags
 found = {{}}
-for model in ({", ".join(TWO)}):
+for model in map(model_named, {TWO}):
     z = np.zeros(model.SIZE)
     values = {{"mass": 1.0, "inertia": [2.0, 2.0, 2.0, 0.0, 0.0, 0.0], "quaternion_0": [1.0, 0.0, 0.0, 0.0]}}
     values |= {{"omega_b_0": [0.0, 0.0, 3.0], "skip_model_checks": 1.0, "active": active_flags(["quaternion"])}}
@@ -32,7 +32,7 @@ for model in ({", ".join(TWO)}):
     assert model.initialize(z) == 0 and model.step(z, 0.5) == 0
     stats = [getattr(model, entry).stats for entry in ("initialize", "step")]
     counts = [[sum(s.cache_hits.values()), sum(s.cache_misses.values())] for s in stats]
-    found[model.__name__] = [z[model.BLOCKS["quaternion"]].tolist(), counts]
+    found[model.name] = [z[model.BLOCKS["quaternion"]].tolist(), counts]
 print(json.dumps(found))
 """
 
@@ -47,7 +47,7 @@ def test_a_second_process_finds_each_models_own_functions_in_the_cache(
         json.loads(subprocess.run([sys.executable, "-c", STEPS], capture_output=True, text=True, check=True).stdout)
         for _ in range(2)
     )
-    rest, turned = (f"rbfmu_kernels.models.{name}" for name in TWO)
+    rest, turned = TWO
     for found, counts in ((first, [[0, 1]] * 2), (second, [[1, 0]] * 2)):
         assert found[rest] == [[1.0, 0.0, 0.0, 0.0], counts]
         np.testing.assert_allclose(found[turned][0], [np.cos(0.75), 0.0, 0.0, np.sin(0.75)], rtol=1e-15)
@@ -57,9 +57,10 @@ def test_a_second_process_finds_each_models_own_functions_in_the_cache(
 @pytest.mark.parametrize("name", MODELS)
 def test_entry_functions_bear_the_name_of_their_model(name: str) -> None:
     model = MODELS[name].kernels
-    own = model.__name__.rpartition(".")[2]
-    assert (model.step.__module__, model.step.__qualname__) == (model.__name__, f"{own}.step")
-    assert model.initialize.__module__ == model.__name__
+    module, _, constant = model.name.partition(".")
+    assert model.initialize.__module__ == model.step.__module__ == f"rbfmu_kernels.models.{module}"
+    assert model.step.__qualname__ == f"{constant}.step"
+    assert getattr(sys.modules[model.step.__module__], constant) is model
     assert model.step.__doc__ == shell.step.__doc__
 
 

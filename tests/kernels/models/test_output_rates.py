@@ -9,9 +9,11 @@ from rbfmu.planning.fitting import cheapest_fit
 from rbfmu.planning.judge import Judge
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import QUANTITIES, Scene
+from rbfmu.studies.dop853 import LOADED_DOP853, Dop853Plan
 from rbfmu_kernels.body import memory, outputs
 from rbfmu_kernels.buffer import OK
-from rbfmu_kernels.models import loaded_dop853, prescribed_rates
+from rbfmu_kernels.models.loaded import LOADED_TAYLOR
+from rbfmu_kernels.models.prescribed_rates import OUTPUTS, PRESCRIBED_RATES
 
 LOADS = {
     "gravity_a": [0.1, -0.3, -1.0], "force_b": [1.0, 0.5, 0.2], "force_a": [0.3, 0.1, -0.4],
@@ -26,14 +28,14 @@ def body_at(pivot):
     initial |= {} if pivot else {"position": [1.0, 2.0, 3.0], "velocity": [0.1, 0.2, 0.3]}
     run = {"stop": 4 * H, "step": H, "accuracy": 1e-13}
     scene = Scene(body=body | {"pivot": pivot}, initial=initial, loads=LOADS, run=run)
-    z = filled_buffer(scene, Plan("body under loads", "DOP853", 13, tolerance=1e-15))
-    z[loaded_dop853.BLOCKS["active"]] = 1.0
-    initialize(scene, loaded_dop853, z)
+    z = filled_buffer(scene, Dop853Plan("body under loads", "DOP853", 13, tolerance=1e-15))
+    z[LOADED_DOP853.BLOCKS["active"]] = 1.0
+    initialize(scene, LOADED_DOP853, z)
     return z
 
 
 def block(z, name):
-    return z[loaded_dop853.BLOCKS[name]].copy()
+    return z[LOADED_DOP853.BLOCKS[name]].copy()
 
 
 @pytest.mark.parametrize("pivot", [False, True])
@@ -43,7 +45,7 @@ def test_output_rates_are_the_outputs_differences(name, pivot):
     z = body_at(pivot)
     values = [block(z, name)]
     for k in range(4):
-        assert loaded_dop853.step(z, H) == OK
+        assert LOADED_DOP853.step(z, H) == OK
         values.append(block(z, name))
         if k == 1:
             assert outputs.output_rates(z) == 0
@@ -59,8 +61,8 @@ def test_what_nobody_wants_is_not_computed():
                   outputs={"quantities": ["omega_b"]})  # fmt: skip
     general = Plan("body under loads, by series", "", 13, tolerance=1e-6)
     z = filled_buffer(scene, cheapest_fit(Judge(Question(scene)), general))
-    initialize(scene, loaded_dop853, z)
-    assert loaded_dop853.step(z, 0.1) == OK
+    initialize(scene, LOADED_TAYLOR, z)
+    assert LOADED_TAYLOR.step(z, 0.1) == OK
     assert np.any(block(z, "omega_b") != 0.0)
     assert all(np.all(block(z, name) == 0.0) for name in memory.OUTPUTS if name != "omega_b")
 
@@ -69,19 +71,19 @@ def test_flags_of_unwanted_outputs_stand_in_the_order_of_the_quantities():
     assert tuple(memory.OUTPUTS) == QUANTITIES
 
 
-@pytest.mark.parametrize("name", prescribed_rates.OUTPUTS)
+@pytest.mark.parametrize("name", OUTPUTS)
 def test_output_rates_of_prescribed_rates_are_differences_too(name):
     scene = Scene(inputs={"ports": ["omega_b"]}, initial={"attitude": {"rotvec": [0.3, -0.8, 0.5]}})
     z = filled_buffer(scene, Plan("prescribed rates", "", 4))
-    initialize(scene, prescribed_rates, z)
+    initialize(scene, PRESCRIBED_RATES, z)
     values = []
     for k in range(5):
-        z[prescribed_rates.BLOCKS["omega_b"]] = [0.3, -1.2, 0.7]
-        prescribed_rates.outputs(z)
-        values.append(z[prescribed_rates.BLOCKS[name]].copy())
+        z[PRESCRIBED_RATES.BLOCKS["omega_b"]] = [0.3, -1.2, 0.7]
+        PRESCRIBED_RATES.outputs(z)
+        values.append(z[PRESCRIBED_RATES.BLOCKS[name]].copy())
         if k == 2:
-            assert prescribed_rates.output_rates(z) == OK
-            rate = z[prescribed_rates.BLOCKS[f"d_{name}"]].copy()
-        assert prescribed_rates.step(z, H) == OK
+            assert PRESCRIBED_RATES.output_rates(z) == OK
+            rate = z[PRESCRIBED_RATES.BLOCKS[f"d_{name}"]].copy()
+        assert PRESCRIBED_RATES.step(z, H) == OK
     difference = (values[0] - 8.0 * values[1] + 8.0 * values[3] - values[4]) / (12.0 * H)
     np.testing.assert_allclose(rate, difference, rtol=1e-9, atol=1e-9)

@@ -8,7 +8,7 @@ import pytest
 
 from rbfmu.scene.scene import PARAMETERS, Initial, Loads
 from rbfmu_kernels import quantities
-from rbfmu_kernels.body import memory, needs
+from rbfmu_kernels.body import memory
 from rbfmu_kernels.buffer import FAULTS, NEGATIVE
 from rbfmu_kernels.quantities import BY_NAME, NEEDS, OUTPUTS, UNITS, active_flags, indices, needing
 from tests.support.fmu.fmus import built
@@ -70,10 +70,10 @@ def test_the_table_needs_neither_numba_nor_numpy() -> None:
 def test_a_load_that_closed_forms_do_not_know_is_noticed_where_it_acts(monkeypatch: pytest.MonkeyPatch) -> None:
     """Such a load is a row without `in_closed_forms`; there is none yet, so that another load stands for it."""
     place, z = memory.BLOCKS["damping_b"], np.zeros(memory.BLOCKS["M"].stop)
-    has_unknown_load = getattr(needs.has_unknown_load, "py_func", needs.has_unknown_load)
+    has_unknown_load = getattr(memory.has_unknown_load, "py_func", memory.has_unknown_load)
     z[place] = 1.0
     assert not has_unknown_load(z)
-    monkeypatch.setattr(needs, "_UNKNOWN", ((0, 0), (place.start, place.stop)))
+    monkeypatch.setattr(memory, "_UNKNOWN", ((0, 0), (place.start, place.stop)))
     assert has_unknown_load(z)
     z[place] = 0.0
     assert not has_unknown_load(z)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from rbfmu_kernels.records import record
+from rbfmu_kernels.buffer_access import record
 from rbfmu_kernels.types import Vec3
 
 

@@ -5,7 +5,7 @@ import math
 import mpmath as mp
 import numpy as np
 
-from rbfmu_kernels.numerics.agm import angle_in_half_turns, climb_scale
+from rbfmu_kernels.numerics.elliptic import angle_in_half_turns, climb_scale
 
 EPS = 2.0**-52
 

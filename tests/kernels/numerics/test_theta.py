@@ -6,10 +6,17 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from rbfmu_kernels.exact.free_rotation_series import NEAR, TUMBLING, attitude, attitude_near, place_of
-from rbfmu_kernels.exact.free_rotation_series_setup import near_series_of, series_of
+from rbfmu_kernels.exact.free_rotation_series import (
+    NEAR,
+    TUMBLING,
+    attitude,
+    attitude_near,
+    near_series_of,
+    place_of,
+    series_of,
+)
 from rbfmu_kernels.numerics.elementary import sincos_half_turns
-from rbfmu_kernels.numerics.jacobi_theta import NEAREST_KC, jacobi_near, near_series, nome
+from rbfmu_kernels.numerics.elliptic import NEAREST_KC, jacobi_near, near_series, nome
 
 EPS = 2.0**-52
 

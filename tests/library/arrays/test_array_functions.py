@@ -11,7 +11,7 @@ import pytest
 from numba import njit
 
 import rbfmu
-from rbfmu_kernels.compile.array_functions.gufunc import gufuncs, interpreted
+from rbfmu_kernels.compile.gufunc import gufuncs, interpreted
 from rbfmu_kernels.compile.shapes import core_shapes
 from rbfmu_kernels.rotations import euler_angles, quaternion, rotation_vector
 from tests.kernels.mechanics import test_inverse_dynamics, test_kinematics

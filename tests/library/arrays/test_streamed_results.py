@@ -7,7 +7,7 @@ import pytest
 from numba import config
 
 import rbfmu
-from rbfmu_kernels.compile.array_functions import gufunc
+from rbfmu_kernels.compile import gufunc
 from tests.support.references.hard_cases import random_quaternions
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="needs the compiled functions")

@@ -8,7 +8,8 @@ from rbfmu.ensembles.loops import AT_ONCE, advance_lanes, compiled, entries, run
 from rbfmu.models.model_buffer import aligned_zeros
 from rbfmu.runs.plan import Plan, filled_buffer
 from rbfmu.scene.scene import Scene
-from rbfmu_kernels.models import free_triaxial, loaded_taylor
+from rbfmu_kernels.models.free import FREE_TRIAXIAL
+from rbfmu_kernels.models.loaded import LOADED_TAYLOR
 
 SCENE = Scene.from_dict(
     {
@@ -20,7 +21,7 @@ SCENE = Scene.from_dict(
     "members in lanes",
 )
 PLAN = Plan("body under loads, by series", "Taylor", 13, tolerance=1e-9, order=12, span=6.0)
-BLOCKS = loaded_taylor.BLOCKS
+BLOCKS = LOADED_TAYLOR.BLOCKS
 STEPS = np.array([2.0, 1.0, 3.0])
 KEPT = np.arange(BLOCKS["quaternion"].start, BLOCKS["quaternion"].stop)
 PLACES = np.array([*range(BLOCKS["inertia"].start, BLOCKS["inertia"].start + 3), BLOCKS["omega_b_0"].start])
@@ -43,9 +44,9 @@ def given(count, points):
 def test_lanes_give_what_the_loop_gives(points):
     base, count = filled_buffer(SCENE, PLAN), AT_ONCE + 13
     *others, rows, ends = given(count, points)
-    assert advance_lanes(loaded_taylor, base, *others, rows, ends)
+    assert advance_lanes(LOADED_TAYLOR, base, *others, rows, ends)
     *others, expected, expected_ends = given(count, points)
-    compiled(run_members)(*entries(loaded_taylor), aligned_zeros(len(base)), base, *others, expected, expected_ends)
+    compiled(run_members)(*entries(LOADED_TAYLOR), aligned_zeros(len(base)), base, *others, expected, expected_ends)
     np.testing.assert_array_equal(ends, expected_ends)
     assert ends[2, 0] != 0
     assert ends[5].tolist() == [0, 0]
@@ -53,7 +54,7 @@ def test_lanes_give_what_the_loop_gives(points):
     np.testing.assert_array_equal(rows, expected)
 
 
-@pytest.mark.parametrize(("model", "count"), [(free_triaxial, 10), (loaded_taylor, 1)])
+@pytest.mark.parametrize(("model", "count"), [(FREE_TRIAXIAL, 10), (LOADED_TAYLOR, 1)])
 def test_other_models_and_single_members_are_left_to_the_loop(model, count):
     arguments = [array[:count] if i in (1, 4, 5) else array for i, array in enumerate(given(10, 1))]
     assert not advance_lanes(model, filled_buffer(SCENE, PLAN), *arguments)

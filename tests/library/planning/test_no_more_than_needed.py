@@ -12,7 +12,7 @@ from rbfmu.planning.select import plan
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.buffer import OK, STEP_REJECTED
-from rbfmu_kernels.models.free_body_force import _POINTS, _WEIGHTS, ORDERS
+from rbfmu_kernels.models.free import _POINTS, _WEIGHTS, ORDERS
 from tests.library.planning.test_smallest_model import error_of
 from tests.support.covering import some_of
 from tests.support.references import reference_mp as reference

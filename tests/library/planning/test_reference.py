@@ -19,7 +19,8 @@ from rbfmu.planning.select import plan
 from rbfmu.runs.inputs import drive_of, input_tables
 from rbfmu.runs.motion import attitude_error, record_trajectory, relative_error
 from rbfmu.runs.plan import Plan
-from rbfmu_kernels.compile.interpreted import interpreted
+from rbfmu.studies.dop853 import Dop853Plan
+from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.integrators import reference_series
 from rbfmu_kernels.integrators.substeps import tolerance_of_substep
 from tests.support.quadruple import reference as quadruple
@@ -102,7 +103,7 @@ def test_round_off_of_all_steps_is_counted_where_pilot_runs_take_several_at_once
     loads = QUIET | {"torque_b": [0.01, 0.02, -0.03]}
     scene = Scene(body=body, initial=start, loads=loads, outputs={"quantities": ["quaternion"]},
                   run={"stop": 10.0, "step": 1e-4, "accuracy": 1e-9})  # fmt: skip
-    judge, tight = Judge(Question(scene)), Plan("body under loads", "DOP853", 13, tolerance=1e-15)
+    judge, tight = Judge(Question(scene)), Dop853Plan("body under loads", "DOP853", 13, tolerance=1e-15)
     few, _ = judge.try_out(tight)
     assert judge.try_all_steps(tight, few) >= 2.0 * few
 

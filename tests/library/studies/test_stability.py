@@ -10,14 +10,13 @@ import numpy as np
 import pytest
 
 from rbfmu.models.registry import MODELS
-from rbfmu.studies import stability
+from rbfmu.studies import dop853, stability
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS
 from rbfmu.studies.stability import Finding, maps, method_laws, model_laws, motions, pictures
 from rbfmu.studies.stability.findings import AT_MOST, LAWS, RECORDED, exponent, print_laws
 from rbfmu.studies.stability.method_laws import crossing, quaternion_growth, stability_polynomial
 from rbfmu.studies.stability.top_laws import flip_rate, time_between_flips
-from rbfmu_kernels.integrators import dop853_tableau
-from rbfmu_kernels.models import free_body_force, one_axis_taylor
+from rbfmu_kernels.models import free, one_axis
 from tests.support.command_line import call
 from tests.support.covering import some_of
 from tests.support.references import stability_references
@@ -45,7 +44,7 @@ def test_every_law_holds(name: str) -> None:
 
 def test_a_tableau_s_polynomial_is_that_of_exact_fractions() -> None:
     """A linear solver's answer is some 1e-12 off, otherwise on each processor."""
-    rows, stages = [[Fraction(a) for a in row] for row in dop853_tableau.A[: dop853_tableau.STAGES + 1].tolist()], []
+    rows, stages = [[Fraction(a) for a in row] for row in dop853.A[: dop853.STAGES + 1].tolist()], []
     for row in rows:
         stages.append(1 - 3 * sum(a * stage for a, stage in zip(row, stages, strict=False)))
     assert stability_polynomial("DOP853")(-3.0) == pytest.approx(float(stages[-1]), rel=2e-13, abs=0.0)
@@ -58,9 +57,9 @@ def test_all_laws_are_measured_and_named() -> None:
 
 
 def test_every_model_that_a_plan_may_choose_is_held_against_its_reference() -> None:
-    assert {case.model for case in model_laws.CASES} | {"prescribed rates"} == set(MODELS)
-    assert {case.order for case in model_laws.CASES if case.model == model_laws.SWING} == set(one_axis_taylor.ORDERS)
-    assert {1, 2, *model_laws.QUADRATURE_BOUNDS} == set(free_body_force.ORDERS)
+    assert {case.model for case in model_laws.CASES} | {"prescribed rates"} == {*MODELS, model_laws.LOADED}  # DOP853
+    assert {case.order for case in model_laws.CASES if case.model == model_laws.SWING} == set(one_axis.ORDERS)
+    assert {1, 2, *model_laws.QUADRATURE_BOUNDS} == set(free.ORDERS)
 
 
 @pytest.mark.parametrize("key", motions.MOTIONS)

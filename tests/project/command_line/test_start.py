@@ -48,8 +48,8 @@ print([m for m in sys.modules if m.startswith("rbfmu_kernels.models.")])
     runs = [subprocess.run(command, capture_output=True, text=True, check=True) for _ in range(2)]
     unneeded, models = runs[1].stdout.splitlines()[-2:]
     assert unneeded == "[]"
-    assert "no_rotation" in models
-    assert not {"loaded_taylor", "pendulum", "free_triaxial"} & set(re.findall(r"models\.(\w+)", models))
+    assert "unturned" in models
+    assert not {"loaded", "one_axis", "free"} & set(re.findall(r"models\.(\w+)", models))
 
 
 class Terminal(io.StringIO):

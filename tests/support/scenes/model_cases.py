@@ -32,7 +32,7 @@ MOVING = {"position": [1.0, 2.0, 3.0], "velocity": [0.1, 0.2, 0.3], "omega_b": [
 def plan_by_hand(model, **settings):
     """A plan that runs, whatever it is good for: of a middle order."""
     spec = MODELS[model]
-    orders = getattr(spec.kernels, "ORDERS", (0,))
+    orders = spec.kernels.ORDERS or (0,)
     return Plan(model, spec.method, spec.states, **{"order": orders[len(orders) // 2]} | settings)
 
 
@@ -75,7 +75,7 @@ def matrix(unit):
     return Rotation.from_quat(unit["quaternion"], scalar_first=True).as_matrix()
 
 
-SCRATCH = {"before", "step_size_before", "substeps", "is_alive", "kept_before", "work"}
+SCRATCH = {"before", "step_size_before", "substeps", "validity", "kept_before", "work"}
 """Blocks of a buffer that say nothing about the motion."""
 
 

@@ -16,33 +16,19 @@ from typing import Any
 import numpy as np
 from numba import float64, intp, types
 
-from ...types import Shape
-from ..disk_cache import DiskCache, made_once
-from ..numba_private import CFunc, fromfunc, trigger_event
-from ..reduced import pipeline
-from ..shapes import argument_shapes, core_shapes, python_function
+from ..types import Shape
+from . import tile
 from .gufunc import STREAMED
-from .tile import (
-    ITEMS,
-    address,
-    end_stream,
-    from_tile,
-    in_vectors,
-    item_from_tile,
-    item_to_tile,
-    read,
-    stream_tile,
-    tile_of,
-    to_tile,
-    write,
-)
+from .numba_private import CFunc, fromfunc, trigger_event
+from .reduced import DiskCache, made_once, pipeline
+from .shapes import argument_shapes, core_shapes, python_function
 
 _LOOP_SIGNATURE = types.void(types.CPointer(types.CPointer(float64)), types.CPointer(intp), types.CPointer(intp), intp)
 _clear_float_flags = types.ExternalFunction("feclearexcept", types.int32(types.int32))
 _X86 = platform.machine() in ("x86_64", "AMD64")
 _ALL_FLAGS = 0x3D  # FE_ALL_EXCEPT of x86; its bits contain those of the other platforms
-_MOVES = (to_tile, from_tile, item_to_tile, item_from_tile, stream_tile, end_stream)
-_NAMES = {f.__name__: f for f in (address, tile_of, read, write, in_vectors, *_MOVES)}
+_MOVES = (tile.to_tile, tile.from_tile, tile.item_to_tile, tile.item_from_tile, tile.stream_tile, tile.end_stream)
+_NAMES = {f.__name__: f for f in (tile.address, tile.tile_of, tile.read, tile.write, tile.in_vectors, *_MOVES)}
 _NAMES |= {"clear_float_flags": _clear_float_flags}
 
 
@@ -107,7 +93,7 @@ def _loop_source(
     lines += [f"clear_float_flags({_ALL_FLAGS})"]
     lines += ["if found > 0: write(p0, 0, (), 1.0)"] if checked else []
     header = f"def {_loop_name(name, constants)}(args, dims, steps, least):"
-    return "\n".join([header, *_indented(1, lines)]).replace("ITEMS", str(ITEMS)) + "\n"
+    return "\n".join([header, *_indented(1, lines)]).replace("ITEMS", str(tile.ITEMS)) + "\n"
 
 
 def _computation(fixed: list[str], inputs: list["_Operand"], outputs: list["_Operand"], checked: int) -> list[str]:

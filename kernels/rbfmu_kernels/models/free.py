@@ -1,0 +1,361 @@
+"""Models of a body on which no torque acts: its rotation is exact at any time, its position in closed form.
+
+`constant_rate`: a sphere, or a spin about a principal axis. `free_symmetric`: two equal moments make two steady turns,
+of elementary functions only. `free_triaxial`: any body; while steps are short, a series about an exact state serves
+many of them, see `integrators.free_series`.
+
+`free_body_force`: a force fixed in b moves the body along a path that is a quadrature of it. A step is cut into equal
+panels of at most `substep`, each with `order` points of Gauss's rule. What a panel of length s leaves out shrinks as
+(omega s)^(2 order), and nothing else is left out; steps add up in twice the digits.
+Source: Abramowitz and Stegun, 25.4.30.
+"""
+
+from ..body import closed_form, memory
+from ..body.fixed_axis import turns_path
+from ..body.outputs import output_rates
+from ..body.principal import exact_frame, exact_symmetric_frame, keeps_its_rate, rates_along, rounded
+from ..body.shell import make_model
+from ..buffer import OK, STEP_REJECTED, places
+from ..buffer_access import matrix_at, put_matrix_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
+from ..compile.decorator import kernel
+from ..exact import free_rotation as exact
+from ..exact import uniform_rotation
+from ..integrators import free_series
+from ..integrators.dense_output import NONE, reaches_over
+from ..integrators.splitting import is_symmetric_top
+from ..integrators.substeps import substeps_in
+from ..mechanics.equations_of_motion import steady_acceleration, turning_acceleration
+from ..numerics import double_double as dd
+from ..numerics.double_double import two_sum
+from ..rotations.matrix import invert_matrix, quaternion_from_matrix, transform
+from ..rotations.quaternion import compose_quaternions, invert_quaternion, rotate
+from ..rotations.vec3 import add_scaled
+from ..types import Buffer, Vec3
+
+_CONSTANT_RATE_LAYOUT = places(closed_form.CLOSED_FORM | {"turning": uniform_rotation.TURNING_SIZE})
+
+_TURNING = _CONSTANT_RATE_LAYOUT.blocks["turning"].start
+_UNSTEADY = 15
+"""The key in `buffer.FAULTS`."""
+
+
+@kernel
+def _set_up_constant_rate(z: Buffer) -> int:
+    omega = memory.rotation_of(z).omega_b
+    if not memory.skips_model_checks(z) and (not keeps_its_rate(z, omega) or _is_disturbed(z)):
+        return _UNSTEADY
+    uniform_rotation.put_turning(z, _TURNING, uniform_rotation.turning_about(dd.vector(omega)))
+    closed_form.start_clocks(z)
+    return 0
+
+
+@kernel
+def _advance_constant_rate(z: Buffer, h: float) -> int:
+    """Advance by h; reject the step and change nothing where the motion is not finite or an input makes a torque."""
+    if not memory.skips_model_checks(z) and _is_disturbed(z):
+        return STEP_REJECTED
+    t = closed_form.time_after(z, h)
+    q = compose_quaternions(
+        closed_form.first_attitude(z),
+        uniform_rotation.turned(
+            uniform_rotation.read_turning(z[_TURNING : _TURNING + uniform_rotation.TURNING_SIZE]), t
+        ),
+    )
+    return closed_form.finish_step(z, h, q, memory.rotation_of(z).omega_b)
+
+
+@kernel
+def _is_disturbed(z: Buffer) -> bool:
+    """Return whether a torque acts, or a turning force bends the body's path; one along the rate does not turn."""
+    return closed_form.has_torque(z) or turns_path(z, memory.rotation_of(z).omega_b)
+
+
+CONSTANT_RATE = make_model("CONSTANT_RATE", _CONSTANT_RATE_LAYOUT, _set_up_constant_rate, _advance_constant_rate)
+
+
+_FREE_SYMMETRIC_LAYOUT = places(
+    closed_form.CLOSED_FORM
+    | {"omega_0": 3, "about_momentum": uniform_rotation.TURNING_SIZE, "about_axis": uniform_rotation.TURNING_SIZE}
+)
+
+_OMEGA_0, _ABOUT_MOMENTUM, _ABOUT_AXIS = _FREE_SYMMETRIC_LAYOUT.starts("omega_0", "about_momentum", "about_axis")
+_TORQUE, _NOT_SYMMETRIC = 11, 16
+"""The keys in `buffer.FAULTS`."""
+
+
+@kernel
+def _set_up_free_symmetric(z: Buffer) -> int:
+    omega, body = memory.rotation_of(z).omega_b, memory.body_of(z)
+    if not memory.skips_model_checks(z):
+        if closed_form.is_driven(z):
+            return _TORQUE
+        if not is_symmetric_top(body.inertia):
+            return _NOT_SYMMETRIC
+    mean, moment, exact_axes = exact_symmetric_frame(z)
+    momentum, own = uniform_rotation.symmetric_turnings(mean, moment, rates_along(exact_axes, omega))
+    axes = rounded(exact_axes)
+    put_vec3_at(z, _OMEGA_0, omega)
+    uniform_rotation.put_turning(
+        z, _ABOUT_MOMENTUM, uniform_rotation.Turning(transform(invert_matrix(axes), momentum.axis), momentum.rate)
+    )
+    uniform_rotation.put_turning(z, _ABOUT_AXIS, uniform_rotation.Turning(axes[2], own.rate))
+    closed_form.start_clocks(z)
+    return 0
+
+
+@kernel
+def _advance_free_symmetric(z: Buffer, h: float) -> int:
+    """Advance by h; reject the step and change nothing where the motion is not finite or an input makes a torque."""
+    if not memory.skips_model_checks(z) and closed_form.is_driven(z):
+        return STEP_REJECTED
+    t = closed_form.time_after(z, h)
+    q, back = (
+        closed_form.first_attitude(z),
+        uniform_rotation.turned(
+            uniform_rotation.read_turning(z[_ABOUT_AXIS : _ABOUT_AXIS + uniform_rotation.TURNING_SIZE]), t
+        ),
+    )
+    if memory.needs_attitude(z):
+        about_momentum = uniform_rotation.read_turning(
+            z[_ABOUT_MOMENTUM : _ABOUT_MOMENTUM + uniform_rotation.TURNING_SIZE]
+        )
+        q = compose_quaternions(compose_quaternions(q, uniform_rotation.turned(about_momentum, t)), back)
+    return closed_form.finish_step(z, h, q, rotate(invert_quaternion(back), vec3_at(z, _OMEGA_0)))
+
+
+FREE_SYMMETRIC = make_model("FREE_SYMMETRIC", _FREE_SYMMETRIC_LAYOUT, _set_up_free_symmetric, _advance_free_symmetric)
+
+
+FREE = closed_form.CLOSED_FORM | {"axes": 9, "place": 4, "moved": 1, "constants": exact.FREE_ROTATION_SIZE}
+"""After CLOSED_FORM: principal axes, place on the polhode, 1 where the last step set it, constants of the motion."""
+_, _BEFORE = places(FREE | free_series.FREE_SERIES)
+_FREE_TRIAXIAL_LAYOUT = places(FREE | free_series.FREE_SERIES | {"pad_3": -_BEFORE % 8, "work": free_series.FREE_WORK})
+
+_M, _AXES, _PLACE, _MOVED, _CONSTANTS = _FREE_TRIAXIAL_LAYOUT.starts("M", "axes", "place", "moved", "constants")
+_SERIES, _WORK = _FREE_TRIAXIAL_LAYOUT.starts(next(iter(free_series.FREE_SERIES)), "work")
+_TORQUE = 11
+"""The key in `buffer.FAULTS`."""
+
+
+@kernel
+def _set_up_free_triaxial(z: Buffer) -> int:
+    if not memory.skips_model_checks(z) and closed_form.is_driven(z):
+        return _TORQUE
+    set_up_rotation(z)
+    free_series.start_without_series(
+        z, _SERIES, memory.needs_attitude(z) and _has_exact_moments(z), memory.rotation_of(z).omega_b
+    )
+    return 0
+
+
+@kernel
+def _has_exact_moments(z: Buffer) -> bool:
+    """Return whether the body's own axes are principal, with moments as given, so that doubles lose nothing."""
+    M = memory.body_of(z).inertia
+    return M[0][1] == 0.0 and M[0][2] == 0.0 and M[1][2] == 0.0 and not memory.has_pivot(z)
+
+
+@kernel(inline=False)
+def set_up_rotation(z: Buffer) -> None:
+    """Set the exact motion's constants and the clocks."""
+    moments, axes = exact_frame(z)
+    R_bp = invert_matrix(rounded(axes))
+    put_matrix_at(z, _AXES, R_bp)
+    q_ab, omega_b = memory.rotation_of(z)
+    q_bp = quaternion_from_matrix(R_bp)
+    q_ap = compose_quaternions(q_ab, q_bp)
+    motion = exact.free_rotation_of(moments, q_ap, rates_along(axes, omega_b))
+    exact.put_free_rotation(z, _CONSTANTS, exact.with_axes_turned(motion, invert_quaternion(q_bp)))
+    closed_form.start_clocks(z)
+    z[_MOVED] = 0.0
+
+
+@kernel
+def _advance_free_triaxial(z: Buffer, h: float) -> int:
+    """Advance by h; reject the step and change nothing where the motion is not finite or an input makes a torque."""
+    if not memory.skips_model_checks(z) and closed_form.is_driven(z):
+        return STEP_REJECTED
+    if not reaches_over(z, _SERIES, h):
+        return _advance_exactly(z, h)
+    q, omega = free_series.motion_after(z, _WORK, _SERIES, h)
+    status = closed_form.finish_step(z, h, q, omega)
+    if status == OK:
+        free_series.pass_time(z, _SERIES, h)
+        z[_MOVED] = 0.0
+    return status
+
+
+@kernel(inline=False)
+def _advance_exactly(z: Buffer, h: float) -> int:
+    """Advance by h in closed form, and begin a series there if that pays."""
+    motion = free_motion_of(z)
+    t = exact.scaled_time(motion, closed_form.time_after(z, h))
+    place = exact.place_at(motion, t)
+    q = exact.free_attitude_at(motion, t, place) if memory.needs_attitude(z) else memory.rotation_of(z).q_ab
+    status = closed_form.finish_step(z, h, q, shown_rates(z, place))
+    if status == OK:
+        keep_place(z, place)
+        if free_series.series_pays(z, _SERIES, h):
+            free_series.begin_free_series(z, _WORK, _SERIES, h, q, _rates(z, place), memory.body_of(z))
+        else:
+            z[_SERIES] = NONE
+    return status
+
+
+@kernel
+def shown_rates(z: Buffer, place: exact.Place) -> Vec3:
+    """Return omega_ab_b at a place on the polhode where an output needs it."""
+    return _rates(z, place) if memory.shows_rates(z) else memory.rotation_of(z).omega_b
+
+
+@kernel
+def keep_place(z: Buffer, place: exact.Place) -> None:
+    """Keep where on the polhode the body is after a step."""
+    put_quaternion_at(z, _PLACE, place)
+    z[_MOVED] = 1.0
+
+
+@kernel(inline=False)
+def free_output_rates(z: Buffer) -> int:
+    """Set the outputs' time derivatives at constant inputs, and first the rate, which may be an earlier step's."""
+    if z[_MOVED] != 0.0:
+        memory.put_rotation(z, memory.rotation_of(z).q_ab, _rates(z, quaternion_at(z, _PLACE)))
+    return output_rates(z)
+
+
+@kernel(inline=False)
+def _rates(z: Buffer, place: exact.Place) -> Vec3:
+    """Return omega_ab_b at a place on the polhode."""
+    return transform(matrix_at(z, _AXES), exact.free_rate_at(free_motion_of(z), place))
+
+
+@kernel
+def free_motion_of(z: Buffer) -> exact.FreeRotation:
+    """Return what `set_up_rotation` has set up."""
+    return exact.read_free_rotation(z[_CONSTANTS : _CONSTANTS + exact.FREE_ROTATION_SIZE])  # type: ignore[no-any-return]
+
+
+FREE_TRIAXIAL = make_model(
+    "FREE_TRIAXIAL",
+    _FREE_TRIAXIAL_LAYOUT,
+    _set_up_free_triaxial,
+    _advance_free_triaxial,
+    output_rates=free_output_rates,
+)
+
+
+ORDERS = (1, 2, 3, 4, 5, 6, 7, 8)
+"""The numbers of points a panel that may be chosen."""
+_POINTS = (
+    0.5,
+    0.2113248654051871, 0.7886751345948129,
+    0.11270166537925831, 0.5, 0.8872983346207417,
+    0.06943184420297371, 0.33000947820757187, 0.6699905217924281, 0.9305681557970263,
+    0.046910077030668004, 0.23076534494715845, 0.5, 0.7692346550528415,
+    0.953089922969332,
+    0.03376524289842399, 0.16939530676686773, 0.38069040695840156, 0.6193095930415985,
+    0.8306046932331322, 0.966234757101576,
+    0.025446043828620736, 0.12923440720030277, 0.2970774243113014, 0.5,
+    0.7029225756886985, 0.8707655927996972, 0.9745539561713793,
+    0.019855071751231884, 0.10166676129318664, 0.2372337950418355, 0.4082826787521751,
+    0.591717321247825, 0.7627662049581645, 0.8983332387068134, 0.9801449282487681,
+)  # fmt: skip
+_WEIGHTS = (
+    1.0,
+    0.5, 0.5,
+    0.2777777777777778, 0.4444444444444444, 0.2777777777777778,
+    0.17392742256872692, 0.32607257743127305, 0.32607257743127305, 0.17392742256872692,
+    0.11846344252809454, 0.23931433524968324, 0.28444444444444444, 0.23931433524968324,
+    0.11846344252809454,
+    0.08566224618958518, 0.1803807865240693, 0.23395696728634552, 0.23395696728634552,
+    0.1803807865240693, 0.08566224618958518,
+    0.06474248308443485, 0.13985269574463832, 0.19091502525255946, 0.2089795918367347,
+    0.19091502525255946, 0.13985269574463832, 0.06474248308443485,
+    0.05061426814518813, 0.11119051722668724, 0.15685332293894363, 0.181341891689181,
+    0.181341891689181, 0.15685332293894363, 0.11119051722668724, 0.05061426814518813,
+)  # fmt: skip
+"""Points or weights of Gauss's rule on [0, 1], by order: k of them from k (k - 1) / 2 on."""
+
+_FREE_BODY_FORCE_LAYOUT = places(FREE | {"order": 1, "low_r": 3, "low_v": 3})
+"""After FREE: order, and the low parts of position and velocity of the centre of mass."""
+
+_ORDER, _LOW_R, _LOW_V = _FREE_BODY_FORCE_LAYOUT.starts("order", "low_r", "low_v")
+_TORQUE = 11
+"""The key in `buffer.FAULTS`."""
+_NONE = (0.0, 0.0, 0.0)
+
+
+@kernel
+def _set_up_free_body_force(z: Buffer) -> int:
+    if not memory.skips_model_checks(z) and closed_form.has_torque(z):
+        return _TORQUE
+    set_up_rotation(z)
+    put_vec3_at(z, _LOW_R, _NONE)
+    put_vec3_at(z, _LOW_V, _NONE)
+    return 0
+
+
+@kernel
+def _advance_free_body_force(z: Buffer, h: float) -> int:
+    """Advance by h; reject the step and change nothing where the motion is not finite or an input makes a torque."""
+    count = substeps_in(h, memory.substep_of(z))
+    if count == 0 or (not memory.skips_model_checks(z) and closed_form.has_torque(z)):
+        return STEP_REJECTED
+    motion = free_motion_of(z)
+    t = exact.scaled_time(motion, closed_form.time_after(z, h))
+    place = exact.place_at(motion, t)
+    q, omega = exact.free_attitude_at(motion, t, place), shown_rates(z, place)
+    (r, low_r), (v, low_v) = _moved(z, h, count)
+    if not closed_form.is_finite_rotation(q, omega) or not closed_form.is_finite_path(r, v):
+        return STEP_REJECTED
+    memory.put_centre(z, r, v)
+    put_vec3_at(z, _LOW_R, low_r)
+    put_vec3_at(z, _LOW_V, low_v)
+    keep_place(z, place)
+    return closed_form.commit_step(z, h, q, omega)
+
+
+@kernel
+def _moved(z: Buffer, h: float, count: int) -> tuple[tuple[Vec3, Vec3], tuple[Vec3, Vec3]]:
+    """Return position and velocity of the centre of mass after h, each with its low part."""
+    body, loads = memory.body_of(z), memory.loads_of(z)
+    (r, v), a = memory.centre_of(z), steady_acceleration(body, loads)
+    gained_r, gained_v = _gained(z, h, count)
+    way = add_scaled(add_scaled(gained_r, 0.5 * h * h, a), h, v)
+    return _sum(r, vec3_at(z, _LOW_R), way), _sum(v, vec3_at(z, _LOW_V), add_scaled(gained_v, h, a))
+
+
+@kernel
+def _gained(z: Buffer, h: float, count: int) -> tuple[Vec3, Vec3]:
+    """Return what the turning force adds to position and velocity in h."""
+    body, loads, motion = memory.body_of(z), memory.loads_of(z), free_motion_of(z)
+    order, part = int(z[_ORDER]), h / count
+    first, r, v = order * (order - 1) // 2, _NONE, _NONE
+    for i in range(count):
+        r = add_scaled(r, part, v)
+        for j in range(first, first + order):
+            t = exact.scaled_time(motion, closed_form.time_after(z, (i + _POINTS[j]) * part))
+            a = turning_acceleration(exact.free_attitude_at(motion, t, exact.place_at(motion, t)), body, loads)
+            dv = part * _WEIGHTS[j]
+            r = add_scaled(r, part * (1.0 - _POINTS[j]) * dv, a)
+            v = add_scaled(v, dv, a)
+    return r, v
+
+
+@kernel
+def _sum(a: Vec3, low: Vec3, b: Vec3) -> tuple[Vec3, Vec3]:
+    """Return a + low + b, and its low part."""
+    x, low_x = two_sum(a[0], b[0] + low[0])
+    y, low_y = two_sum(a[1], b[1] + low[1])
+    w, low_w = two_sum(a[2], b[2] + low[2])
+    return (x, y, w), (low_x, low_y, low_w)
+
+
+FREE_BODY_FORCE = make_model(
+    "FREE_BODY_FORCE",
+    _FREE_BODY_FORCE_LAYOUT,
+    _set_up_free_body_force,
+    _advance_free_body_force,
+    ORDERS=ORDERS,
+    output_rates=free_output_rates,
+)

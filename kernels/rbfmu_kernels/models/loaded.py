@@ -1,0 +1,143 @@
+"""Models of a body under any of the scene's loads, and of one with two equal moments under those without damping.
+
+`loaded_taylor`: by Taylor series inside a communication step. `tolerance` is the largest estimated error of a substep,
+and `order` is that of the series; both come from the plan. Inputs may change within a step: see `body.driven`. While
+they hold, and steps are short, a series serves many of them: see `integrators.dense_output`.
+
+`loaded_splitting`: two equal moments under loads that depend on the attitude alone, such as those of heavy tops, by
+splitting: the loads' impulses between exact flows of the free body.
+"""
+
+import math
+
+from ..body import driven, memory
+from ..body.shell import commit_motion, make_model
+from ..buffer import OK, STEP_REJECTED, places
+from ..buffer_access import copy_numbers, pair_at, put_pair_at
+from ..compile.decorator import kernel
+from ..integrators import dense_output as dense
+from ..integrators.splitting import is_symmetric_top, resonant_step, rkn4_steps, rkn6_steps, strang_steps
+from ..integrators.substeps import LONGEST_STEP, Method, Room, substeps_in
+from ..integrators.taylor import taylor_advance
+from ..integrators.taylor_coefficients import MAX_ORDER, WORK
+from ..rotations.vec3 import is_nonzero
+from ..types import Buffer
+
+ORDERS = range(4, MAX_ORDER + 1, 2)
+_DENSE = dense.SERIES_BLOCKS | {"kept_before": dense.SERIES_SIZE, "held_inputs": driven.NUMBER_OF_INPUTS}
+_, _BEFORE = places(driven.DRIVEN | {"order": 1} | _DENSE)
+_LOADED_TAYLOR_LAYOUT = places(driven.DRIVEN | {"order": 1} | _DENSE | {"pad_3": -_BEFORE % 8, "work": WORK})
+"""The work space begins at a cache line if the buffer does."""
+
+_TOLERANCE, _SPAN, _ORDER, _WORK = _LOADED_TAYLOR_LAYOUT.starts("tolerance", "span", "order", "work")
+_SERIES, _SERIES_BEFORE, _HELD = _LOADED_TAYLOR_LAYOUT.starts(
+    next(iter(dense.SERIES_BLOCKS)), "kept_before", "held_inputs"
+)
+_ROOM = Room(state=memory.STATE_START, work=_WORK, size=driven.STEP_SIZE)
+
+
+@kernel
+def _set_up_loaded_taylor(z: Buffer) -> int:
+    z[driven.STEP_SIZE] = LONGEST_STEP  # the series themselves say at once how much is too long
+    z[_SERIES], z[_SERIES + dense.COOL_DOWN] = dense.NONE, 0.0
+    driven.keep_inputs(z, _HELD)
+    return 0
+
+
+@kernel
+def _advance_loaded_taylor(z: Buffer, h: float) -> int:
+    """Advance by h; reject the step and change nothing where the motion cannot be followed."""
+    if not (dense.reaches_over(z, _SERIES, h) and driven.holds_inputs(z, _HELD)):
+        return _advance_by_new_series(z, h)
+    driven.keep(z)
+    since = pair_at(z, _SERIES + dense.SINCE)
+    dense.follow(z, _ROOM, _SERIES, int(z[_ORDER]), h)
+    status = driven.finish_steadily(z, dense.extent_of(z, _SERIES), h)
+    if status != OK:
+        put_pair_at(z, _SERIES + dense.SINCE, since)
+    return status
+
+
+@kernel(inline=False)
+def _advance_by_new_series(z: Buffer, h: float) -> int:
+    """Advance by h where a new series has to be made."""
+    driven.keep(z)
+    copy_numbers(z, _SERIES, _SERIES_BEFORE, dense.SERIES_SIZE)
+    body, loads = memory.body_of(z), driven.load_polynomial_of(z)
+    method, rest = Method(driven.integrated(z, body, loads), int(z[_ORDER]), z[_TOLERANCE], z[_SPAN]), h
+    if is_series_tried(z, h):
+        rest = dense.follow_series(z, _ROOM, _SERIES, method, h, body, loads)
+    status = OK
+    if rest > 0.0:
+        z[_SERIES] = dense.NONE
+        z[_SERIES + dense.COOL_DOWN] -= 1.0
+        status = taylor_advance(z, _ROOM, method, rest, body, loads)
+    status = driven.finish(z, method.n, h, status, body, loads)
+    if status == OK:
+        driven.keep_inputs(z, _HELD)
+        return OK
+    copy_numbers(z, _SERIES_BEFORE, _SERIES, dense.SERIES_SIZE)
+    if z[_SERIES] == dense.VALID:
+        z[_SERIES] = dense.STALE
+    return status
+
+
+@kernel
+def is_series_tried(z: Buffer, h: float) -> bool:
+    """Return whether a series that serves further steps like this one is likely enough for one to be made."""
+    steady = driven.holds_inputs(z, _HELD) and z[_TOLERANCE] < math.inf
+    return bool(steady and z[_SERIES + dense.COOL_DOWN] <= 0.0 and h * dense.LEAST_REACH <= z[driven.STEP_SIZE])
+
+
+LOADED_TAYLOR = make_model(
+    "LOADED_TAYLOR",
+    _LOADED_TAYLOR_LAYOUT,
+    _set_up_loaded_taylor,
+    _advance_loaded_taylor,
+    ORDERS=ORDERS,
+    lanes=f"{__package__}.loaded_taylor_lanes",
+)
+
+
+SPLITTING_ORDERS = (2, 4, 6)
+_LOADED_SPLITTING_LAYOUT = places(memory.COMMON | {"order": 1})
+
+_SPLITTING_ORDER = _LOADED_SPLITTING_LAYOUT.blocks["order"].start
+_NO_TOP, _RESONANT = 12, 13
+"""The keys in `buffer.FAULTS`."""
+
+
+@kernel
+def _set_up_loaded_splitting(z: Buffer) -> int:
+    body = memory.body_of(z)
+    if not is_symmetric_top(body.inertia) or is_nonzero(body.damping_b) or memory.has_unknown_load(z):
+        return _NO_TOP
+    if memory.substep_of(z) > 0.5 * resonant_step(body.inertia, memory.motion_of(z).omega_b):
+        return _RESONANT
+    return 0
+
+
+@kernel
+def _advance_loaded_splitting(z: Buffer, h: float) -> int:
+    """Advance by h at constant inputs; reject the step and change nothing where the result is not finite."""
+    n = substeps_in(h, memory.substep_of(z))
+    if n == 0:
+        return STEP_REJECTED
+    part = h / n
+    body, loads, motion, order = memory.body_of(z), memory.loads_of(z), memory.motion_of(z), z[_SPLITTING_ORDER]
+    if order == 2.0:
+        motion = strang_steps(motion, part, n, body, loads)
+    elif order == 4.0:
+        motion = rkn4_steps(motion, part, n, body, loads)
+    else:
+        motion = rkn6_steps(motion, part, n, body, loads)
+    return commit_motion(z, motion)
+
+
+LOADED_SPLITTING = make_model(
+    "LOADED_SPLITTING",
+    _LOADED_SPLITTING_LAYOUT,
+    _set_up_loaded_splitting,
+    _advance_loaded_splitting,
+    ORDERS=SPLITTING_ORDERS,
+)

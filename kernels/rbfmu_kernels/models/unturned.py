@@ -1,0 +1,162 @@
+"""Models whose attitude stays or is left out: a body that does not turn, an angular momentum, rates that spin up.
+
+`no_rotation` has the position of a body that does not turn, or whose rotation no output needs. `angular_momentum` has
+that of a body that only a torque fixed in space changes, h = h_0 + T t; a sphere's rates in a follow from it, its
+attitude stays the first one, and its omega_ab_b is that of h in it. `spin_up` has the rates of a body with two equal
+moments under a steady torque about the third axis, and damping: about its axis the body speeds up or relaxes; the rate
+across turns in the body by (I_s - I_t) / I_t times that angle, and fades. The attitude has no such form.
+Source: Whittaker, Analytical Dynamics, 4th ed. 1937, 69 (without torque).
+"""
+
+from ..body import closed_form, memory
+from ..body.fixed_axis import drive_and_damping_rate
+from ..body.outputs import outputs
+from ..body.principal import is_sphere, symmetric_frame
+from ..body.shell import make_model
+from ..buffer import OK, STEP_REJECTED, places
+from ..buffer_access import matrix_at, put_matrix_at, put_pair_at, put_vec3_at, vec3_at
+from ..compile.decorator import kernel
+from ..integrators.splitting import is_symmetric_top
+from ..mechanics.equations_of_motion import Body, Loads, angular_acceleration
+from ..mechanics.newton_euler import damping_torque
+from ..numerics.elementary import relaxed, sincos
+from ..rotations.matrix import invert_matrix, transform
+from ..rotations.vec3 import add_scaled, cross, dot, is_nonzero
+from ..types import Buffer, Matrix, Quaternion
+
+_NO_ROTATION_LAYOUT = places(closed_form.CLOSED_FORM)
+
+_TURNS = 14
+"""The key in `buffer.FAULTS`."""
+
+
+@kernel
+def _set_up_no_rotation(z: Buffer) -> int:
+    if memory.needs_rate(z) and not memory.skips_model_checks(z) and begins_to_turn(z):
+        return _TURNS
+    closed_form.start_clocks(z)
+    return 0
+
+
+@kernel
+def _advance_no_rotation(z: Buffer, h: float) -> int:
+    """Advance by h at constant inputs; reject the step and change nothing where the result is not finite."""
+    if not memory.needs_translation(z):
+        return outputs(z) if memory.shows_loads(z) else OK
+    q, omega = memory.rotation_of(z)
+    return closed_form.finish_step(z, h, q, omega)
+
+
+@kernel
+def begins_to_turn(z: Buffer) -> bool:
+    """Return whether an output that depends on the rotation would change."""
+    (q, omega), body, loads = memory.rotation_of(z), memory.body_of(z), memory.loads_of(z)
+    changes = is_nonzero(angular_acceleration(q, omega, body, loads))
+    return changes or (is_nonzero(omega) and (memory.needs_attitude(z) or closed_form.has_torque(z)))
+
+
+NO_ROTATION = make_model("NO_ROTATION", _NO_ROTATION_LAYOUT, _set_up_no_rotation, _advance_no_rotation)
+
+
+_ANGULAR_MOMENTUM_LAYOUT = places(closed_form.CLOSED_FORM | {"omega_0": 3, "alpha": 3, "since_alpha": 2})
+"""After CLOSED_FORM: the rate when the torque last changed, what the torque adds to it in 1 s, and the time since."""
+
+_OMEGA_0, _ALPHA, _SINCE_ALPHA = _ANGULAR_MOMENTUM_LAYOUT.starts("omega_0", "alpha", "since_alpha")
+_AT_REST = (0.0, 0.0, 0.0)
+_MORE = 20
+"""The key in `buffer.FAULTS`."""
+
+
+@kernel
+def _set_up_angular_momentum(z: Buffer) -> int:
+    more = closed_form.has_turning_torque(z) or memory.shows_more_than_momentum(z, is_sphere(memory.body_of(z).inertia))
+    if more and not memory.skips_model_checks(z):
+        return _MORE
+    put_pair_at(z, _SINCE_ALPHA, (0.0, 0.0))
+    put_vec3_at(z, _OMEGA_0, memory.rotation_of(z).omega_b)
+    put_vec3_at(z, _ALPHA, _AT_REST)
+    closed_form.start_clocks(z)
+    return 0
+
+
+@kernel
+def _advance_angular_momentum(z: Buffer, h: float) -> int:
+    """Advance by h; reject the step and change nothing where the motion is not finite or an input turns in a."""
+    if not memory.skips_model_checks(z) and closed_form.has_turning_torque(z):
+        return STEP_REJECTED
+    since, low, omega, q = 0.0, 0.0, vec3_at(z, _OMEGA_0), closed_form.first_attitude(z)
+    alpha = angular_acceleration(q, _AT_REST, memory.body_of(z), memory.loads_of(z))
+    if alpha == vec3_at(z, _ALPHA):
+        since, low = closed_form.later(z, _SINCE_ALPHA, h)
+    else:
+        since, omega = h, memory.rotation_of(z).omega_b
+    status = closed_form.finish_step(z, h, q, add_scaled(omega, since + low, alpha))
+    if status == OK:
+        put_pair_at(z, _SINCE_ALPHA, (since, low))
+        put_vec3_at(z, _OMEGA_0, omega)
+        put_vec3_at(z, _ALPHA, alpha)
+    return status
+
+
+ANGULAR_MOMENTUM = make_model(
+    "ANGULAR_MOMENTUM", _ANGULAR_MOMENTUM_LAYOUT, _set_up_angular_momentum, _advance_angular_momentum
+)
+
+
+_SPIN_UP_LAYOUT = places(
+    closed_form.CLOSED_FORM
+    | {"axes": 9, "rates": 3, "drive": 1, "damping_rate": 1, "damping_rate_across": 1, "ratio": 1}
+)
+
+_AXES, _RATES, _DRIVE, _DAMPING_RATE, _DAMPING_RATE_ACROSS, _RATIO = _SPIN_UP_LAYOUT.starts(
+    "axes", "rates", "drive", "damping_rate", "damping_rate_across", "ratio"
+)
+_ASTRAY = 19
+"""The key in `buffer.FAULTS`."""
+
+
+@kernel
+def _set_up_spin_up(z: Buffer) -> int:
+    (q, omega), body, loads = memory.rotation_of(z), memory.body_of(z), memory.loads_of(z)
+    across, own, axes = symmetric_frame(body.inertia)
+    if not memory.skips_model_checks(z) and (
+        memory.needs_attitude(z) or memory.has_unknown_load(z) or leads_astray(q, axes, body, loads)
+    ):
+        return _ASTRAY
+    put_matrix_at(z, _AXES, axes)
+    put_vec3_at(z, _RATES, transform(axes, omega))
+    z[_DRIVE], z[_DAMPING_RATE] = drive_and_damping_rate(z, axes[2], q, body, loads)
+    _, z[_DAMPING_RATE_ACROSS] = drive_and_damping_rate(z, axes[0], q, body, loads)
+    z[_RATIO] = (own - across) / across
+    closed_form.start_clocks(z)
+    return 0
+
+
+@kernel
+def _advance_spin_up(z: Buffer, h: float) -> int:
+    """Advance by h; reject the step and change nothing where the motion is not finite."""
+    high, low = closed_form.time_after(z, h)
+    t = high + low
+    w_t, w_u, w_s = vec3_at(z, _RATES)
+    angle, rate = relaxed(w_s, z[_DRIVE], z[_DAMPING_RATE], t)
+    _, left = relaxed(1.0, 0.0, z[_DAMPING_RATE_ACROSS], t)
+    s, c = sincos(z[_RATIO] * angle)
+    rates = (left * (c * w_t - s * w_u), left * (s * w_t + c * w_u), rate)
+    return closed_form.finish_step(
+        z, h, memory.rotation_of(z).q_ab, transform(invert_matrix(matrix_at(z, _AXES)), rates)
+    )
+
+
+@kernel
+def leads_astray(q: Quaternion, axes: Matrix, body: Body, loads: Loads) -> bool:
+    """Return whether moments differ, a load depends on the attitude or acts across the axis, or damping is uneven."""
+    turning = is_nonzero(loads.torque_a) or (is_nonzero(body.arm_b) and is_nonzero(loads.force_a))
+    from_rest = angular_acceleration(q, (0.0, 0.0, 0.0), body, loads)
+    (t, u, s), damping_b = axes, body.damping_b
+    d_t, d_u, d_s = damping_torque(damping_b, t), damping_torque(damping_b, u), damping_torque(damping_b, s)
+    uneven = is_nonzero(cross(t, d_t)) or is_nonzero(cross(u, d_u)) or is_nonzero(cross(s, d_s))
+    uneven = uneven or dot(t, d_t) != dot(u, d_u)
+    return turning or uneven or is_nonzero(cross(s, from_rest)) or not is_symmetric_top(body.inertia)
+
+
+SPIN_UP = make_model("SPIN_UP", _SPIN_UP_LAYOUT, _set_up_spin_up, _advance_spin_up)
