@@ -176,17 +176,17 @@ class Unit:
         self._inputs, self._outputs = (
             [k for k, _ in referenced if causality[k] == wanted] for wanted in ("input", "output")
         )
-        self._count = sum(v.causality == "output" for v in description.variables)
-        self._status = version.status_reference(description)
         self._old = not version.has_time
+        self._counted = () if self._old else (sum(v.causality == "output" for v in description.variables),)
+        self._status = version.status_reference(description)
         self.messages: list[str] = []
-        logger = self._log_2 if self._old else self._log_3
-        self._fmu = instantiate_fmu(str(folder), model, "CoSimulation", debug_logging=True, logger=logger)
+        self._fmu = instantiate_fmu(str(folder), model, "CoSimulation", debug_logging=True, logger=self._log)
+        self._get, self._set = (getattr(self._fmu, f"{call}{version.real}") for call in ("get", "set"))
+        self._get_integers = getattr(self._fmu, f"get{version.integer}")
 
-    def _log_2(self, component: Any, instance: bytes, status: int, category: bytes, message: bytes) -> None:
-        self._log_3(component, status, category, message)
-
-    def _log_3(self, environment: Any, status: int, category: bytes, message: bytes) -> None:
+    def _log(self, *said: Any) -> None:
+        """Keep a message: FMI 2.0 gives the instance's name besides status, category and text."""
+        *_, status, _, message = said
         if status:
             self.messages.append(message.decode())
 
@@ -203,13 +203,11 @@ class Unit:
     def set_inputs(self, values: Sequence[float]) -> None:
         """Set all inputs."""
         if self._inputs:
-            (self._fmu.setReal if self._old else self._fmu.setFloat64)(self._inputs, list(values))
+            self._set(self._inputs, list(values))
 
     def outputs(self) -> list[float]:
         """Return all outputs and, as the last one, `status`."""
-        if self._old:
-            return [*self._fmu.getReal(self._outputs), *self._fmu.getInteger([self._status])]
-        return [*self._fmu.getFloat64(self._outputs, self._count), *self._fmu.getInt32([self._status])]
+        return [*self._get(self._outputs, *self._counted), *self._get_integers([self._status])]
 
     def step(self, time: float, size: float) -> None:
         """Take a step. Raises FMPy's exception where it is refused."""
