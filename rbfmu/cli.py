@@ -112,7 +112,7 @@ def show_plan(
 
 def _planned(scene: "Scene", model: str, kept: KeptPlan, driven: dict[str, Any]) -> dict[str, Any]:
     """Plan a scene; return what is said of the plan and of doubts; keep it where no inputs are given."""
-    from rbfmu.scene.plausibility import doubts_before
+    from rbfmu.scene.consistency import doubts_before
     from rbfmu.simulation import plan
     from rbfmu_fmu.description import sizes
 

@@ -269,8 +269,7 @@ def driven_by(inputs: Path | None, interpolate: str) -> dict[str, Any]:
 @contextmanager
 def given_scene(path: Path, run: dict[str, float | None]) -> Iterator["Scene"]:
     """Return the scene of a file with the options given; errors name the file, also from inside."""
-    from rbfmu.scene.argument import faults_of
-    from rbfmu.scene.scene import load_scene
+    from rbfmu.scene.scene import faults_of, load_scene
 
     say_where_nothing_is_kept()
     given = {key: value for key, value in run.items() if value is not None}

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rbfmu.exceptions import SceneWarning
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
-from rbfmu.scene.argument import of_scene_or_path
-from rbfmu.scene.plausibility import SceneWarning
-from rbfmu.scene.scene import Scene
+from rbfmu.scene.scene import Scene, of_scene_or_path
 from rbfmu.simulator import Simulator
 from rbfmu_kernels.body.memory import body_of, loads_of, motion_of
 from rbfmu_kernels.body.outputs import outputs

@@ -11,9 +11,8 @@ from rbfmu.exceptions import SimulationError as SimulationError
 from rbfmu.result import Result
 from rbfmu.runs.inputs import HOLD, Drive, Driven, drive_of, input_tables
 from rbfmu.runs.plan import Plan
-from rbfmu.scene.argument import of_scene_or_path
-from rbfmu.scene.plausibility import doubts_after, warn
-from rbfmu.scene.scene import Scene
+from rbfmu.scene.consistency import doubts_after, warn
+from rbfmu.scene.scene import Scene, of_scene_or_path
 
 Array = NDArray[np.float64]
 

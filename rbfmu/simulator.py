@@ -15,9 +15,8 @@ from rbfmu.exceptions import SceneError, SimulationError
 from rbfmu.models.model_buffer import Buffer
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.runs.time_grid import last_time, steps_until
-from rbfmu.scene.argument import of_scene_or_path
-from rbfmu.scene.fields import fault, shown
-from rbfmu.scene.scene import PARAMETERS, Scene
+from rbfmu.scene.scene import PARAMETERS, Scene, of_scene_or_path
+from rbfmu.scene.section import fault, shown
 from rbfmu.simulation import plan
 from rbfmu_kernels.buffer import OK, PAST_STOP
 from rbfmu_kernels.compile.tiered import tiered

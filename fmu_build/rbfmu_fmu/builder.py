@@ -16,7 +16,7 @@ from pythonfmu.builder import FmuBuilder
 
 from rbfmu import Plan, Scene
 from rbfmu.planning.select import plan
-from rbfmu.scene.argument import of_scene_or_path
+from rbfmu.scene.scene import of_scene_or_path
 from rbfmu_fmu.archive import guid_of, hash_of, json_bytes, kernel_sources, scene_inside, write_archive, xml_bytes
 from rbfmu_fmu.description import Description, describe
 from rbfmu_fmu.fmi_version import FMI2, UNSET, FmiVersion, version_of

@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu.extras import needed
-from rbfmu.scene.correlation import Correlation, lower_factor
-from rbfmu.scene.ensemble import GRID, LATIN_HYPERCUBE, RANDOM, SOBOL, Ensemble
-from rbfmu.scene.marginals import LOGNORMAL, NORMAL, RELATIVE, TRIANGULAR, UNIFORM, Marginal
+from rbfmu.scene.ensemble import GRID, LATIN_HYPERCUBE, RANDOM, SOBOL, Correlation, Ensemble, lower_factor
+from rbfmu.scene.variations import LOGNORMAL, NORMAL, RELATIVE, TRIANGULAR, UNIFORM, Marginal
 
 Array = NDArray[np.float64]
 WORDS = 4
@@ -108,8 +107,6 @@ _DESIGNS: Mapping[str, Callable[[Ensemble, int, int], Array]] = {
 
 
 _STANDARD = NormalDist()
-SCORED = (NORMAL, RELATIVE, LOGNORMAL)
-"""Kinds whose values are made of normal scores."""
 
 
 def mapped(function: Callable[[float], float], numbers: Array) -> Array:
@@ -132,21 +129,15 @@ def values_of(marginal: Marginal, u: Array) -> Array:
 
     Those of a number that is relative are factors of the scene's.
     """
-    if marginal.kind in SCORED:
-        return of_scores(marginal, normal_scores(u))
+    if marginal.kind in _SCORED:
+        return values_of_scores(marginal, normal_scores(u))
     return _BOUNDED[marginal.kind](*marginal.arguments, u)
 
 
-def of_scores(marginal: Marginal, z: Array) -> Array:
+def values_of_scores(marginal: Marginal, z: Array) -> Array:
     """Return the values of a number whose standard normal score is z."""
-    if marginal.kind == NORMAL:
-        mean, deviation = marginal.arguments
-        return mean + deviation * z
-    if marginal.kind == RELATIVE:
-        return 1.0 + marginal.arguments[0] * z
-    if marginal.kind == LOGNORMAL:
-        median, deviation = marginal.arguments
-        return median * mapped(math.exp, deviation * z)
+    if marginal.kind in _SCORED:
+        return _SCORED[marginal.kind](*marginal.arguments, z)
     return values_of(marginal, probabilities(z))
 
 
@@ -162,6 +153,13 @@ def _triangular(low: float, mode: float, high: float, u: Array) -> Array:
 
 
 _BOUNDED: Mapping[str, Callable[..., Array]] = {UNIFORM: _uniform, TRIANGULAR: _triangular}
+"""Values by the arguments of a distribution and by places of its distribution function."""
+_SCORED: Mapping[str, Callable[..., Array]] = {
+    NORMAL: lambda mean, deviation, z: mean + deviation * z,
+    RELATIVE: lambda deviation, z: 1.0 + deviation * z,
+    LOGNORMAL: lambda median, deviation, z: median * mapped(math.exp, deviation * z),
+}
+"""Values by the arguments and by normal scores."""
 
 
 def correlated_values(ensemble: Ensemble, cube: Array) -> dict[str, Array]:
@@ -169,7 +167,7 @@ def correlated_values(ensemble: Ensemble, cube: Array) -> dict[str, Array]:
     marginals = ensemble.varying
     scores = _correlated(ensemble.correlation, {m.name: cube[:, k] for k, m in enumerate(marginals)})
     return {
-        m.name: of_scores(m, scores[m.name]) if m.name in scores else values_of(m, cube[:, k])
+        m.name: values_of_scores(m, scores[m.name]) if m.name in scores else values_of(m, cube[:, k])
         for k, m in enumerate(marginals)
     }
 

@@ -16,10 +16,20 @@ from rbfmu.ensembles import draws
 from rbfmu.ensembles.variables import symmetric
 from rbfmu.scene.body import SHAPES, Body
 from rbfmu.scene.ensemble import GRID, Ensemble, nominal_value
-from rbfmu.scene.fields import Numbers
-from rbfmu.scene.marginals import RELATIVE, Marginal
 from rbfmu.scene.scene import Scene, SceneError
-from rbfmu.scene.variations import ATTITUDE, AXES, DEGREES, INERTIA, RULES, SHAPE, UNIFORM_ROTATIONS, Variation
+from rbfmu.scene.section import Numbers
+from rbfmu.scene.variations import (
+    ATTITUDE,
+    AXES,
+    DEGREES,
+    INERTIA,
+    RELATIVE,
+    RULES,
+    SHAPE,
+    UNIFORM_ROTATIONS,
+    Marginal,
+    Variation,
+)
 from rbfmu_kernels.compile.tiered import evaluated, tiered
 from rbfmu_kernels.mechanics import inertia, shape_inertia
 from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE, check_inertia

@@ -18,6 +18,7 @@ from rbfmu.ensembles import draws
 from rbfmu.ensembles.draws import normal_scores, probabilities
 from rbfmu.ensembles.members import Samples, ensemble_of, member, refusals, samples_at
 from rbfmu.ensembles.result import differ
+from rbfmu.exceptions import SceneWarning
 from rbfmu.models.question import Question
 from rbfmu.models.registry import MODELS, PRESCRIBED_RATES
 from rbfmu.planning import plan
@@ -25,10 +26,9 @@ from rbfmu.planning import reasons as say
 from rbfmu.planning.judge import Judge
 from rbfmu.planning.methods import TIGHTEST
 from rbfmu.runs.plan import Plan
-from rbfmu.scene.argument import faults_of
+from rbfmu.scene.consistency import warn
 from rbfmu.scene.ensemble import SOBOL
-from rbfmu.scene.plausibility import SceneWarning, warn
-from rbfmu.scene.scene import Scene, SceneError
+from rbfmu.scene.scene import Scene, SceneError, faults_of
 from rbfmu.scene.variations import SHAPE
 from rbfmu.simulation import SimulationError, simulate
 from rbfmu_kernels.integrators.substeps import ROUND_OFF

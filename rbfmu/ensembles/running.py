@@ -15,8 +15,7 @@ from rbfmu.exceptions import named
 from rbfmu.extras import needed
 from rbfmu.progress import bar
 from rbfmu.runs.plan import Plan
-from rbfmu.scene.argument import of_scene_or_path
-from rbfmu.scene.scene import Scene
+from rbfmu.scene.scene import Scene, of_scene_or_path
 
 OFTEN, SHARE = 1.0, 0.05
 """The least time between two commits, s, and the largest share of time that they take."""

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from rbfmu.models.model_buffer import Buffer, put_scene, refusal
 from rbfmu.scene.body import Body as SceneBody
-from rbfmu.scene.fields import flattened
 from rbfmu.scene.scene import PARAMETERS, Scene
+from rbfmu.scene.section import flattened
 from rbfmu_kernels.body import closed_form, fixed_axis, memory, outputs, principal
 from rbfmu_kernels.buffer import places
 from rbfmu_kernels.compile.tiered import interpreted

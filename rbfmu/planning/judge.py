@@ -26,8 +26,8 @@ from rbfmu.runs.motion import (
 )
 from rbfmu.runs.plan import Plan
 from rbfmu.runs.time_grid import communication_steps, thinned_steps
-from rbfmu.scene.fields import flattened
 from rbfmu.scene.scene import Scene, SceneError
+from rbfmu.scene.section import flattened
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE
 from rbfmu_kernels.quantities import DISSIPATIVE, FORCES, OUTPUT, OUTPUTS, TORQUES

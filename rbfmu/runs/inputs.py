@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from rbfmu.models.model_buffer import Buffer
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.runs.time_grid import time_grid
-from rbfmu.scene.fields import SceneError, fault, shown
 from rbfmu.scene.scene import Scene
+from rbfmu.scene.section import SceneError, fault, shown
 from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.compile.tiered import tiered

@@ -4,10 +4,8 @@ import math
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import Field
 
-from rbfmu.scene.fields import Numbers, OneOf, fault
-from rbfmu.scene.section import Section
+from rbfmu.scene.section import Numbers, Section, fault, one_word
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.rotations import euler_angles, quaternion
 from rbfmu_kernels.rotations import matrix as rotation
@@ -23,21 +21,14 @@ ROUND_OFF = 8 * 2.0**-52
 """A quaternion whose |q|^2 differs from 1 by no more than this is already normalised, and no bit of it changes."""
 
 
-class UnitQuaternion(Numbers):
-    """The rule of a unit quaternion: Euler parameters, scalar first."""
-
-    def __init__(self) -> None:
-        super().__init__((4,), "", ": eta, eps_1, eps_2, eps_3")
-
-    def __call__(self, value: Any) -> Quaternion:
-        """Return the quaternion, of unit length to round-off."""
-        q: Quaternion = super().__call__(value)
-        length = math.hypot(*q)
-        if length == 0.0:
-            raise ValueError("a unit quaternion, not zero")
-        if not abs(length - 1.0) <= UNIT_TOLERANCE:
-            raise ValueError(f"a unit quaternion to {UNIT_TOLERANCE:g}, not one of length {length:.9g}")
-        return normalized(q)
+def unit_quaternion(q: Quaternion) -> Quaternion:
+    """Return the quaternion, of unit length to round-off; raise ValueError with what was expected for any other."""
+    length = math.hypot(*q)
+    if length == 0.0:
+        raise ValueError("a unit quaternion, not zero")
+    if not abs(length - 1.0) <= UNIT_TOLERANCE:
+        raise ValueError(f"a unit quaternion to {UNIT_TOLERANCE:g}, not one of length {length:.9g}")
+    return normalized(q)
 
 
 def normalized(q: Quaternion) -> Quaternion:
@@ -46,26 +37,26 @@ def normalized(q: Quaternion) -> Quaternion:
     return q if abs(square - 1.0) <= ROUND_OFF else evaluated(quaternion.normalize, q)
 
 
-class RotationMatrix(Numbers):
-    """The rule of a rotation matrix: the rows of R_ab."""
-
-    def __init__(self) -> None:
-        super().__init__((3, 3), "")
-
-    def __call__(self, value: Any) -> Matrix:
-        """Return the matrix, which is orthogonal to 1e-6 and right-handed."""
-        R: Matrix = super().__call__(value)
-        with np.errstate(all="ignore"):
-            error = float(np.max(np.abs(np.array(R) @ np.array(R).T - np.eye(3))))
-        if not error <= UNIT_TOLERANCE:
-            raise ValueError(f"a rotation matrix: R R^T is off the identity by {error:.2g}, above {UNIT_TOLERANCE:g}")
-        if np.linalg.det(np.array(R)) < 0.0:
-            raise ValueError("a rotation matrix: the determinant is -1, a reflection")
-        return R
+def rotation_matrix(R: Matrix) -> Matrix:
+    """Return the rows of R_ab, orthogonal to 1e-6 and right-handed; raise ValueError for any other."""
+    with np.errstate(all="ignore"):
+        error = float(np.max(np.abs(np.array(R) @ np.array(R).T - np.eye(3))))
+    if not error <= UNIT_TOLERANCE:
+        raise ValueError(f"a rotation matrix: R R^T is off the identity by {error:.2g}, above {UNIT_TOLERANCE:g}")
+    if np.linalg.det(np.array(R)) < 0.0:
+        raise ValueError("a rotation matrix: the determinant is -1, a reflection")
+    return R
 
 
-def _angles(unit: str) -> Numbers:
-    return Numbers((3,), unit, " from -1e9 to 1e9", lambda angle: abs(angle) <= LARGEST_ANGLE)
+def _angles(unit: str, meaning: str) -> Numbers:
+    return Numbers((3,), unit, " from -1e9 to 1e9", lambda angle: abs(angle) <= LARGEST_ANGLE).means(meaning)
+
+
+_EULER = one_word(tuple(euler_angles.NAMES), 'an Euler sequence such as "ZYX" or "xyz"').means(
+    'Euler sequence such as "ZYX" (intrinsic) or "xyz" (extrinsic), with angles_deg or angles'
+)
+_QUATERNION = Numbers((4,), bound=": eta, eps_1, eps_2, eps_3", then=unit_quaternion)
+_IN_ORDER = "Euler angles in the sequence's order"
 
 
 class Attitude(Section):
@@ -73,21 +64,12 @@ class Attitude(Section):
 
     _path: ClassVar[str] = "initial.attitude"
 
-    euler: Annotated[
-        str,
-        OneOf(tuple(euler_angles.NAMES), 'an Euler sequence such as "ZYX" or "xyz"'),
-        Field(description='Euler sequence such as "ZYX" (intrinsic) or "xyz" (extrinsic), with angles_deg or angles'),
-    ] = "ZYX"
-    angles_deg: Annotated[Vec3, _angles("deg"), Field(description="Euler angles in the sequence's order")] = ZERO
-    angles: Annotated[Vec3, _angles("rad"), Field(description="Euler angles in the sequence's order")] = ZERO
-    quaternion: Annotated[Quaternion, UnitQuaternion(), Field(description="Euler parameters q_ab, scalar first")] = (
-        1.0,
-        0.0,
-        0.0,
-        0.0,
-    )
-    rotvec: Annotated[Vec3, _angles("rad"), Field(description="rotation vector: axis times angle")] = ZERO
-    matrix: Annotated[Matrix, RotationMatrix(), Field(description="rotation matrix R_ab, by rows")] = (
+    euler: Annotated[str, _EULER] = "ZYX"
+    angles_deg: Annotated[Vec3, _angles("deg", _IN_ORDER)] = ZERO
+    angles: Annotated[Vec3, _angles("rad", _IN_ORDER)] = ZERO
+    quaternion: Annotated[Quaternion, _QUATERNION.means("Euler parameters q_ab, scalar first")] = (1.0, 0.0, 0.0, 0.0)
+    rotvec: Annotated[Vec3, _angles("rad", "rotation vector: axis times angle")] = ZERO
+    matrix: Annotated[Matrix, Numbers((3, 3), then=rotation_matrix).means("rotation matrix R_ab, by rows")] = (
         (1.0, 0.0, 0.0),
         (0.0, 1.0, 0.0),
         (0.0, 0.0, 1.0),

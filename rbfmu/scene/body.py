@@ -6,10 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from pydantic import Field
-
-from rbfmu.scene.fields import Flag, Numbers, Rule, SceneError, fault, flattened, numbers, positive
-from rbfmu.scene.section import Section, one_of
+from rbfmu.scene.section import FLAG, Numbers, SceneError, Section, fault, flattened, numbers, one_of, plain, positive
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.mechanics import inertia as _inertia
 from rbfmu_kernels.mechanics import shape_inertia as _shapes
@@ -27,18 +24,11 @@ class Inertia(Numbers):
 
     def __init__(self) -> None:
         super().__init__((3, 3), _UNIT)
+        self.choice = "3 principal moments or a 3x3 matrix"
+        self.words = f"{self.choice} about the centre of mass ({_UNIT})"
 
-    def expected(self) -> str:
-        """Return a phrase that says which values are allowed."""
-        return f"{self.choice()} about the centre of mass ({_UNIT})"
-
-    def choice(self) -> str:
-        """Return a phrase that lists the choices."""
-        return "3 principal moments or a 3x3 matrix"
-
-    def __call__(self, value: Any) -> Matrix:
-        """Return the matrix."""
-        value = value.tolist() if hasattr(value, "tolist") else value
+    def _read(self, value: Any) -> Matrix:
+        value = plain(value)
         items = value if isinstance(value, list | tuple) else ()
         rows = any(isinstance(item, list | tuple) or getattr(item, "shape", ()) for item in items)
         floats = self.floats(value, (3, 3) if rows else (3,))
@@ -100,36 +90,36 @@ class _Shape(Section):
 
 
 class _Beam(_Shape):
-    length: Annotated[float, positive("m"), Field(description="beam along x: its length")]
+    length: Annotated[float, positive("m").means("beam along x: its length")]
 
     def inertia(self, mass: float) -> Matrix:
         return evaluated(_shapes.beam_inertia, mass, self.length)
 
 
 class _Box(_Shape):
-    sides: Annotated[Vec3, positive("m", 3), Field(description="box: its sides along x, y, z")]
+    sides: Annotated[Vec3, positive("m", 3).means("box: its sides along x, y, z")]
 
     def inertia(self, mass: float) -> Matrix:
         return evaluated(_shapes.box_inertia, mass, self.sides)
 
 
 class _Cylinder(_Shape):
-    radius: Annotated[float, positive("m"), Field(description="cylinder about z: its radius")]
-    length: Annotated[float, positive("m"), Field(description="cylinder about z: its length")]
+    radius: Annotated[float, positive("m").means("cylinder about z: its radius")]
+    length: Annotated[float, positive("m").means("cylinder about z: its length")]
 
     def inertia(self, mass: float) -> Matrix:
         return evaluated(_shapes.cylinder_inertia, mass, self.radius, self.length)
 
 
 class _Sphere(_Shape):
-    radius: Annotated[float, positive("m"), Field(description="sphere: its radius")]
+    radius: Annotated[float, positive("m").means("sphere: its radius")]
 
     def inertia(self, mass: float) -> Matrix:
         return evaluated(_shapes.sphere_inertia, mass, self.radius)
 
 
 class _Ellipsoid(_Shape):
-    semiaxes: Annotated[Vec3, positive("m", 3), Field(description="ellipsoid: its semiaxes along x, y, z")]
+    semiaxes: Annotated[Vec3, positive("m", 3).means("ellipsoid: its semiaxes along x, y, z")]
 
     def inertia(self, mass: float) -> Matrix:
         return evaluated(_shapes.ellipsoid_inertia, mass, self.semiaxes)
@@ -157,24 +147,20 @@ def _read_shape(value: Any) -> _Shape:
 _MASS = numbers("mass")
 
 
-def _meaning(name: str) -> Any:
-    return Field(description=BY_NAME[name].meaning)
-
-
 class Body(Section):
     """A rigid body; `inertia` is M_c, symmetric, from 3 principal moments, a 3x3 matrix or a `shape` table."""
 
     _path: ClassVar[str] = "body"
     _spellings: ClassVar[Mapping[str, tuple[str, ...]]] = {"inertia": ("inertia", "shape")}
 
-    _other_keys: ClassVar[Mapping[str, tuple[Rule | None, str]]] = {
-        "shape": (None, "a table in place of inertia: that of a homogeneous body")
+    _other_keys: ClassVar[Mapping[str, tuple[str, str]]] = {
+        "shape": ("", "a table in place of inertia: that of a homogeneous body")
     }
 
-    mass: Annotated[float, _MASS, _meaning("mass")]
-    inertia: Annotated[Matrix, Inertia(), _meaning("inertia")]
-    r_oc_b: Annotated[Vec3, numbers("r_oc_b"), _meaning("r_oc_b")] = ZERO
-    pivot: Annotated[bool, Flag(), Field(description="whether o is fixed in space")] = False
+    mass: Annotated[float, _MASS]
+    inertia: Annotated[Matrix, Inertia().means(BY_NAME["inertia"].meaning)]
+    r_oc_b: Annotated[Vec3, numbers("r_oc_b")] = ZERO
+    pivot: Annotated[bool, FLAG.means("whether o is fixed in space")] = False
 
     if TYPE_CHECKING:
 
@@ -221,7 +207,7 @@ class Body(Section):
         if given == "shape":
             data["inertia"] = cls._inertia_of_shape(shape, data.get("mass"), faults)
         elif "inertia" not in data:
-            faults.append(f"body.inertia is missing: expected {Inertia().expected()}, or a shape")
+            faults.append(f"body.inertia is missing: expected {Inertia().words}, or a shape")
             data["inertia"] = (1.0, 1.0, 1.0)
         return data
 

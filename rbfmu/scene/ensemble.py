@@ -1,27 +1,124 @@
-"""The table `[ensemble]` of a scene: how many runs, which of its numbers vary, and how."""
+"""The table `[ensemble]` of a scene: how many runs, which numbers vary and how, and how these depend on each other."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any, ClassVar
 
-from pydantic import Field, field_serializer
+from pydantic import field_serializer
 
 from rbfmu.scene.body import SHAPES, Body, axis_without_moment
-from rbfmu.scene.correlation import Correlation
-from rbfmu.scene.fields import Names, OneOf, Rule, SceneError, fault, joined, shown
-from rbfmu.scene.marginals import FIXED, NORMAL, RELATIVE, Marginal, components
-from rbfmu.scene.section import Section
+from rbfmu.scene.section import Numbers, Rule, SceneError, Section, fault, joined, names, one_word, plain, shown, whole
 from rbfmu.scene.variations import (
     ATTITUDE,
     AXES,
     DEGREES,
+    FIXED,
     INERTIA,
+    NORMAL,
     QUANTITY_OF,
+    RELATIVE,
     SHAPE,
     VARYING_ANGLES,
+    Marginal,
     Variation,
+    components,
     read_variations,
 )
+
+Rows = tuple[tuple[float, ...], ...]
+ROUND_OFF, NEGLIGIBLE = 1e-10, 1e-5
+"""Of a correlation matrix: how far below 0 an eigenvalue's share may lie, and what a component without one may add."""
+
+
+def _component_names(value: Any) -> tuple[str, ...] | None:
+    if not isinstance(value, list | tuple) or not all(isinstance(name, str) for name in value):
+        return None
+    return tuple(value) if 2 <= len(value) == len(set(value)) else None
+
+
+def _square(value: Any) -> Rows | None:
+    """Return the rows of a symmetric matrix."""
+    value = plain(value)
+    if not isinstance(value, list | tuple) or not value:
+        return None
+    rows: Rows = tuple(Numbers((len(value),))(row) for row in value)
+    sizes = [abs(x) for row in rows for x in row]
+    for i, j in _below(len(rows)):
+        if not math.isclose(rows[i][j], rows[j][i], abs_tol=1e-12 * max(sizes)):
+            raise ValueError(f"a symmetric matrix; rows {i + 1} and {j + 1} differ")
+    return rows
+
+
+_COMPONENTS = Rule(
+    'a list of at least two distinct numbers that vary, such as ["body.mass", "loads.torque_b[2]"]', _component_names
+)
+_SQUARE = Rule("a symmetric matrix: a list of rows of finite numbers", _square)
+
+
+class Correlation(Section):
+    """Which numbers depend on each other, by the correlation or the covariance of them."""
+
+    _path: ClassVar[str] = "ensemble.correlation"
+
+    components: Annotated[tuple[str, ...], _COMPONENTS.means("numbers that depend on each other")]
+    matrix: Annotated[
+        Rows | None, _SQUARE.means("their correlations, or of what is not normal those of its scores")
+    ] = None
+    covariance: Annotated[Rows | None, _SQUARE.means("in place of matrix: of normal numbers")] = None
+
+    def _contradictions(self) -> Iterator[str]:
+        given = [name for name in ("matrix", "covariance") if getattr(self, name) is not None]
+        if len(given) != 1:
+            yield fault(self._path, list(given), "either matrix (of correlations) or covariance")
+            return
+        rows, path, n = getattr(self, given[0]), f"{self._path}.{given[0]}", len(self.components)
+        if len(rows) != n:
+            yield fault(path, rows, f"{n} rows of {n} numbers, as components has")
+        elif any(rows[i][i] <= 0.0 for i in range(n)):
+            yield fault(path, rows, "numbers > 0 on the diagonal")
+        elif self.matrix is not None and any(rows[i][i] != 1.0 for i in range(n)):
+            yield fault(path, rows, "1 on the diagonal; or the key covariance")
+        elif lower_factor(self.correlations) is None:
+            yield fault(path, rows, "a positive semidefinite matrix; these correlations contradict each other")
+
+    @property
+    def correlations(self) -> Rows:
+        """Return the matrix of correlations."""
+        if self.matrix is not None:
+            return self.matrix
+        assert self.covariance is not None
+        spread = [math.sqrt(row[i]) for i, row in enumerate(self.covariance)]
+        return tuple(
+            tuple(1.0 if i == j else x / spread[i] / spread[j] for j, x in enumerate(row))
+            for i, row in enumerate(self.covariance)
+        )
+
+
+def _below(n: int) -> Iterator[tuple[int, int]]:
+    return ((i, j) for i in range(n) for j in range(i))
+
+
+def lower_factor(matrix: Sequence[Sequence[float]]) -> list[list[float]] | None:
+    """Return the lower triangular L with L L^T the matrix of correlations; None where it is not semidefinite.
+
+    Cholesky's factor, with a column of zeros where a component follows from those before it. It is computed in Python's
+    floats, so that its bits are the same on every machine.
+    """
+    n = len(matrix)
+    L = [[0.0] * n for _ in range(n)]
+    for j in range(n):
+        square = matrix[j][j] - math.fsum(x * x for x in L[j][:j])
+        if square < -ROUND_OFF:
+            return None
+        dependent = square <= ROUND_OFF
+        L[j][j] = 0.0 if dependent else math.sqrt(square)
+        for i in range(j + 1, n):
+            rest = matrix[i][j] - math.fsum(x * y for x, y in zip(L[i][:j], L[j][:j], strict=True))
+            if dependent and abs(rest) > NEGLIGIBLE:
+                return None
+            L[i][j] = 0.0 if dependent else rest / L[j][j]
+    return L
+
 
 RANDOM, SOBOL, LATIN_HYPERCUBE, GRID = DESIGNS = ("random", "sobol", "latin_hypercube", "grid")
 CHOICE = " or ".join(f'"{name}"' for name in DESIGNS)
@@ -30,30 +127,10 @@ NESTED = ("body", "initial", "loads", "run")
 MOST_RUNS = 1_000_000_000
 
 
-class Whole(Rule):
-    """The rule of a whole number from `least` to `most`."""
-
-    def __init__(self, least: int, most: int) -> None:
-        self.least, self.most = least, most
-
-    def expected(self) -> str:
-        """Return a phrase that says which values are allowed."""
-        return f"a whole number from {self.least} to {self.most}"
-
-    def __call__(self, value: Any) -> int:
-        """Return the number."""
-        value = value.item() if hasattr(value, "item") else value
-        if isinstance(value, bool) or not isinstance(value, int) or not self.least <= value <= self.most:
-            self.refuse()
-        return value
-
-
-class _Variations(Rule):
-    def expected(self) -> str:
-        return 'a table: keys of the scene, each with a distribution, such as "body.mass" = { normal = [50.0, 0.5] }'
-
-    def __call__(self, value: Any) -> tuple[Variation, ...]:
-        return tuple(value)
+_CORRELATION = Rule("a table", lambda value: value).means("which of these numbers depend on each other")
+_VARY = Rule(
+    'a table: keys of the scene, each with a distribution, such as "body.mass" = { normal = [50.0, 0.5] }', tuple
+)
 
 
 class Ensemble(Section):
@@ -61,29 +138,28 @@ class Ensemble(Section):
 
     _path: ClassVar[str] = "ensemble"
 
-    runs: Annotated[int, Whole(1, MOST_RUNS), Field(description="number of runs; of a grid: that of its points")] = 1000
-    seed: Annotated[int, Whole(0, 2**63 - 1), Field(description="run i depends on seed and i alone")] = 0
-    design: Annotated[str, OneOf(DESIGNS, CHOICE), Field(description="how values are drawn: " + CHOICE)] = RANDOM
+    runs: Annotated[int, whole(1, MOST_RUNS).means("number of runs; of a grid: that of its points")] = 1000
+    seed: Annotated[int, whole(0, 2**63 - 1).means("run i depends on seed and i alone")] = 0
+    design: Annotated[str, one_word(DESIGNS, CHOICE).means("how values are drawn: " + CHOICE)] = RANDOM
     keep: Annotated[
         tuple[str, ...],
-        Names(KEPT, least=1),
-        Field(description='what is kept: of each run its end ("final") or all of it, and statistics over time'),
+        names(KEPT, least=1).means(
+            'what is kept: of each run its end ("final") or all of it, and statistics over time'
+        ),
     ] = ("final", "statistics")
-    vary: Annotated[
-        tuple[Variation, ...], _Variations(), Field(description="what varies: keys of the scene, each a distribution")
-    ]
-    correlation: Annotated[Correlation | None, Field(description="which of these numbers depend on each other")] = None
+    vary: Annotated[tuple[Variation, ...], _VARY.means("what varies: keys of the scene, each a distribution")]
+    correlation: Annotated[Correlation | None, _CORRELATION] = None
 
     @classmethod
     def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
         if "vary" in data:
             data["vary"] = read_variations(data["vary"], faults)
-        if data.get("correlation") is not None:
+        correlation = data.pop("correlation", None)
+        if correlation is not None:
             try:
-                data["correlation"] = Correlation.read(data["correlation"])
+                data["correlation"] = Correlation.read(correlation)
             except SceneError as error:
                 faults += error.faults
-                del data["correlation"]
         if data.get("design") == GRID and "runs" not in data and isinstance(data.get("vary"), tuple):
             data["runs"] = min(math.prod(m.points or 1 for m in _varying(data["vary"])), MOST_RUNS)
         return data

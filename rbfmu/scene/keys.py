@@ -7,11 +7,9 @@ from typing import NamedTuple
 
 from rbfmu.scene.attitude import Attitude
 from rbfmu.scene.body import SHAPES, Body
-from rbfmu.scene.correlation import Correlation
-from rbfmu.scene.ensemble import Ensemble
-from rbfmu.scene.fields import Numbers, Rule, joined, shown
+from rbfmu.scene.ensemble import Correlation, Ensemble
 from rbfmu.scene.scene import QUANTITIES, SECTIONS, Initial, Scene
-from rbfmu.scene.section import Section
+from rbfmu.scene.section import Section, joined, shown
 
 REQUIRED = "required"
 OF_THE_MOTION = "all there are"
@@ -76,18 +74,14 @@ def _shape_keys() -> Iterator[Key]:
 def _key(section: type[Section], name: str) -> Key:
     field = section.model_fields.get(name)
     if field is None or name not in section._keys():
-        rule, meaning = section._other_keys[name]
-        return Key(section._path, name, _unit(rule), "", meaning)
-    rule, meaning = section._rule(name), field.description or ""
-    meaning += f": {rule.choice()}" if rule.choice() else ""
+        unit, meaning = section._other_keys[name]
+        return Key(section._path, name, unit, "", meaning)
+    rule = section._rule(name)
+    meaning = f"{rule.meaning}: {rule.choice}" if rule.choice else rule.meaning
     default = REQUIRED if field.is_required() else shown(_plain(field.default))
     if section is SECTIONS["outputs"]:
         default = OF_THE_MOTION
-    return Key(section._path, name, _unit(rule), default, meaning)
-
-
-def _unit(rule: Rule | None) -> str:
-    return rule.unit if isinstance(rule, Numbers) else ""
+    return Key(section._path, name, getattr(rule, "unit", ""), default, meaning)
 
 
 def _plain(value: object) -> object:

@@ -1,20 +1,19 @@
 """The scene: body, initial state, loads, inputs, outputs and run, given in a TOML file or in Python, and checked."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import wraps
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any, ClassVar, Self
-
-from pydantic import Field
+from typing import Annotated, Any, ClassVar, Concatenate, ParamSpec, Self, TypeVar
 
 from rbfmu.notebook import table
 from rbfmu.scene.attitude import read_attitude
 from rbfmu.scene.body import ZERO, Body
-from rbfmu.scene.consistency import default_quantities, faults_between
+from rbfmu.scene.consistency import default_quantities, doubts_before, faults_between, warn
 from rbfmu.scene.ensemble import Ensemble, as_written, faults_with, fitting
-from rbfmu.scene.fields import Name, Names, Numbers, Rule, SceneError, Text, fault, numbers, positive, shown
-from rbfmu.scene.section import Section, one_of
+from rbfmu.scene.section import Numbers, SceneError, Section, fault, line, names, numbers, one_of, positive, shown
 from rbfmu.scene.toml_file import read_file, with_description
 from rbfmu_kernels import quantities
 from rbfmu_kernels.types import Quaternion, Vec3
@@ -29,14 +28,8 @@ MAX_STEPS = 1e8
 """The largest number of communication steps of a run; their results take some 20 GB."""
 _IDENTITY = (1.0, 0.0, 0.0, 0.0)
 _DEGREES = Numbers((3,), "deg/s")
-
-
-def _means(text: str) -> Any:
-    return Field(description=text)
-
-
-def _meaning(name: str) -> Any:
-    return _means(quantities.BY_NAME[name].meaning)
+_NAME = line("1 to 200 printable characters without / and \\", 200, unwanted="/\\")
+_TEXT = line("at most 1000 printable characters", 1000)
 
 
 class Initial(Section):
@@ -47,15 +40,15 @@ class Initial(Section):
         "quaternion": ("attitude",),
         "omega_b": ("omega_b", "omega_b_deg"),
     }
-    _other_keys: ClassVar[Mapping[str, tuple[Rule | None, str]]] = {
-        "attitude": (None, "a table: initial attitude of the body (b) in space (a)"),
-        "omega_b_deg": (_DEGREES, "in place of omega_b"),
+    _other_keys: ClassVar[Mapping[str, tuple[str, str]]] = {
+        "attitude": ("", "a table: initial attitude of the body (b) in space (a)"),
+        "omega_b_deg": ("deg/s", "in place of omega_b"),
     }
 
-    position: Annotated[Vec3, numbers("position_0"), _meaning("position_0")] = ZERO
-    velocity: Annotated[Vec3, numbers("velocity_0"), _meaning("velocity_0")] = ZERO
-    quaternion: Annotated[Quaternion, numbers("quaternion_0"), _meaning("quaternion_0")] = _IDENTITY
-    omega_b: Annotated[Vec3, numbers("omega_b_0"), _meaning("omega_b_0")] = ZERO
+    position: Annotated[Vec3, numbers("position_0")] = ZERO
+    velocity: Annotated[Vec3, numbers("velocity_0")] = ZERO
+    quaternion: Annotated[Quaternion, numbers("quaternion_0")] = _IDENTITY
+    omega_b: Annotated[Vec3, numbers("omega_b_0")] = ZERO
 
     @classmethod
     def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
@@ -84,12 +77,12 @@ class Loads(Section):
 
     _path: ClassVar[str] = "loads"
 
-    gravity_a: Annotated[Vec3, numbers("gravity_a"), _meaning("gravity_a")] = (0.0, 0.0, -9.81)
-    force_a: Annotated[Vec3, numbers("force_a"), _meaning("force_a")] = ZERO
-    force_b: Annotated[Vec3, numbers("force_b"), _meaning("force_b")] = ZERO
-    torque_a: Annotated[Vec3, numbers("torque_a"), _meaning("torque_a")] = ZERO
-    torque_b: Annotated[Vec3, numbers("torque_b"), _meaning("torque_b")] = ZERO
-    damping_b: Annotated[Vec3, numbers("damping_b"), _meaning("damping_b")] = ZERO
+    gravity_a: Annotated[Vec3, numbers("gravity_a")] = (0.0, 0.0, -9.81)
+    force_a: Annotated[Vec3, numbers("force_a")] = ZERO
+    force_b: Annotated[Vec3, numbers("force_b")] = ZERO
+    torque_a: Annotated[Vec3, numbers("torque_a")] = ZERO
+    torque_b: Annotated[Vec3, numbers("torque_b")] = ZERO
+    damping_b: Annotated[Vec3, numbers("damping_b")] = ZERO
 
 
 class Inputs(Section):
@@ -99,13 +92,13 @@ class Inputs(Section):
 
     ports: Annotated[
         tuple[str, ...],
-        Names(PORTS),
-        _means("loads that another unit supplies, added to the known ones, or omega_b alone (prescribed rates)"),
+        names(PORTS).means(
+            "loads that another unit supplies, added to the known ones, or omega_b alone (prescribed rates)"
+        ),
     ] = ()
     parameters: Annotated[
         tuple[str, ...],
-        Names(PARAMETERS),
-        _means("FMU parameters that an importer will change, so that the plan holds for every value"),
+        names(PARAMETERS).means("FMU parameters that an importer will change, so that the plan holds for every value"),
     ] = ()
 
 
@@ -114,7 +107,7 @@ class Outputs(Section):
 
     _path: ClassVar[str] = "outputs"
 
-    quantities: Annotated[tuple[str, ...], Names(QUANTITIES, least=1), _means("what someone will look at")] = QUANTITIES
+    quantities: Annotated[tuple[str, ...], names(QUANTITIES, least=1).means("what someone will look at")] = QUANTITIES
 
 
 class Run(Section):
@@ -122,13 +115,12 @@ class Run(Section):
 
     _path: ClassVar[str] = "run"
 
-    start: Annotated[float, Numbers((), "s"), _means("time at the start")] = 0.0
-    stop: Annotated[float, Numbers((), "s"), _means("time at the end")] = 10.0
-    step: Annotated[float, positive("s"), _means("communication step")] = 0.01
+    start: Annotated[float, Numbers((), "s").means("time at the start")] = 0.0
+    stop: Annotated[float, Numbers((), "s").means("time at the end")] = 10.0
+    step: Annotated[float, positive("s").means("communication step")] = 0.01
     accuracy: Annotated[
         float,
-        Numbers((), "", " in (0, 1]", lambda x: 0.0 < x <= 1.0),
-        _means(
+        Numbers((), "", " in (0, 1]", lambda x: 0.0 < x <= 1.0).means(
             "largest error over the run: attitude in rad, rates relative to their largest, position and velocity "
             "relative to theirs, at least 1 m and 1 m/s"
         ),
@@ -157,10 +149,10 @@ class About(Section):
 
     _path: ClassVar[str] = "about"
 
-    description: Annotated[str, Text(), _means("what it is; by default the first paragraph of the file's comment")] = ""
-    author: Annotated[str, Text(), _means("who made the scene")] = ""
-    version: Annotated[str, Text(), _means("version of the scene")] = ""
-    license: Annotated[str, Text(), _means("terms under which the scene may be used")] = ""
+    description: Annotated[str, _TEXT.means("what it is; by default the first paragraph of the file's comment")] = ""
+    author: Annotated[str, _TEXT.means("who made the scene")] = ""
+    version: Annotated[str, _TEXT.means("version of the scene")] = ""
+    license: Annotated[str, _TEXT.means("terms under which the scene may be used")] = ""
 
 
 SECTIONS: Mapping[str, type[Section]] = {
@@ -180,7 +172,7 @@ OPTIONAL = ("body", "ensemble")
 class Scene(Section):
     """One rigid body and what is known about its run; immutable. An invalid scene raises SceneError with all faults."""
 
-    name: Annotated[str, Name(), _means("title, and the FMU's name; by default the file's")] = "scene"
+    name: Annotated[str, _NAME.means("title, and the FMU's name; by default the file's")] = "scene"
     body: Body | None = None
     initial: Initial = Initial()
     loads: Loads = Loads()
@@ -227,9 +219,8 @@ class Scene(Section):
         for key in SECTIONS:
             section = getattr(self, key)
             for name, value in section._set().items() if section is not None else ():
-                field = type(section).model_fields[name]
-                unit = next((rule.unit for rule in field.metadata if isinstance(rule, Numbers)), "")
-                yield f"{key}.{name}", shown(value), unit, field.description or ""
+                rule = type(section)._rule(name)
+                yield f"{key}.{name}", shown(value), getattr(rule, "unit", ""), rule.meaning
 
     def _repr_html_(self) -> str:
         return table(self.name, ("key", "value", "unit", "meaning"), self.rows())
@@ -290,3 +281,35 @@ def load_scene(path: str | Path) -> Scene:
     """Read a scene file (TOML). Raises SceneError with all that is wrong with it."""
     path = Path(path)
     return Scene.from_dict(with_description(*read_file(path), path.name), source=str(path))
+
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+@contextmanager
+def faults_of(source: str) -> Iterator[None]:
+    """Name this source in each SceneError that is raised inside."""
+    try:
+        yield
+    except SceneError as error:
+        raise SceneError(error.faults, source) from None
+
+
+def of_scene_or_path(function: Callable[Concatenate[Scene, P], R]) -> Callable[Concatenate[Scene | str | Path, P], R]:
+    """Make a function of a scene accept the path of a scene file as well; it raises TypeError for anything else."""
+
+    @wraps(function)
+    def call(scene: Scene | str | Path, *args: P.args, **kwargs: P.kwargs) -> R:
+        if isinstance(scene, Scene):
+            warn(scene, doubts_before(scene))
+            return function(scene, *args, **kwargs)
+        if not isinstance(scene, str | Path):
+            name = f"{function.__name__}: scene = {scene!r}"
+            raise TypeError(f"{name:.120}: expected a rbfmu.Scene or the path of a scene file")
+        with faults_of(str(scene)):
+            loaded = load_scene(scene)
+            warn(loaded, doubts_before(loaded))
+            return function(loaded, *args, **kwargs)
+
+    return call  # type: ignore[return-value]  # scene may also be a keyword

@@ -6,7 +6,7 @@ from itertools import dropwhile, takewhile
 from pathlib import Path
 from typing import Any
 
-from rbfmu.scene.fields import SceneError, joined, shown
+from rbfmu.scene.section import SceneError, joined, shown
 
 LARGEST_FILE = 1_000_000
 """The largest size of a scene file in bytes; a typical file has a few hundred."""

@@ -1,26 +1,96 @@
 """The keys of a scene that vary in an ensemble: the distributions of their numbers, read from `[ensemble.vary]`."""
 
 import json
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from rbfmu.scene.attitude import Attitude
-from rbfmu.scene.body import SHAPES
-from rbfmu.scene.fields import Numbers, Rule, closest, fault, joined, not_negative, numbers, shown
-from rbfmu.scene.marginals import (
-    EXPECTED,
-    FIXED,
-    LOGNORMAL,
-    NORMAL,
-    RELATIVE,
-    TRIANGULAR,
-    UNIFORM,
-    Marginal,
-    component_names,
-    components,
-)
-from rbfmu_kernels.quantities import BY_NAME, INITIAL_VALUES, LOADS, PARAMETERS, Quantity
+from rbfmu.scene.body import SHAPES, TRIANGLE, six_numbers
+from rbfmu.scene.section import Numbers, Rule, closest, fault, flattened, joined, not_negative, numbers, plain, shown
+from rbfmu_kernels.quantities import BY_NAME, INITIAL_VALUES, LOADS, PARAMETERS, Quantity, indices
+
+FIXED, NORMAL, UNIFORM, LOGNORMAL, TRIANGULAR, RELATIVE = (
+    "fixed", "normal", "uniform", "lognormal", "triangular", "relative",
+)  # fmt: skip
+
+
+class Distribution(NamedTuple):
+    """A kind of distribution: its arguments in words, and the rule of each, made of the rule of the key's numbers.
+
+    ascending: they are ordered, and bound the values.
+    """
+
+    expected: str
+    rules: tuple[Callable[[Numbers], Numbers], ...]
+    ascending: bool = False
+
+
+def _location(rule: Numbers) -> Numbers:
+    return rule
+
+
+def _median(rule: Numbers) -> Numbers:
+    return Numbers(rule.shape, rule.unit, " > 0", lambda x: x > 0.0)
+
+
+def _spread(rule: Numbers) -> Numbers:
+    return Numbers(rule.shape, rule.unit, " >= 0", not_negative)
+
+
+def _share(rule: Numbers) -> Numbers:
+    return Numbers(rule.shape, "", " >= 0", not_negative)
+
+
+DISTRIBUTIONS: Mapping[str, Distribution] = {
+    NORMAL: Distribution("[mean, standard deviation]", (_location, _spread)),
+    UNIFORM: Distribution("[low, high]", (_location,) * 2, ascending=True),
+    LOGNORMAL: Distribution("[median, standard deviation of the logarithm]", (_median, _share)),
+    TRIANGULAR: Distribution("[low, most likely, high]", (_location,) * 3, ascending=True),
+    RELATIVE: Distribution("the standard deviation over the scene's value", (_share,)),
+}
+"""What stands under a key that varies. `ensembles/draws` makes values of points of the unit cube by the same kinds."""
+
+
+class Marginal(NamedTuple):
+    """The distribution of one number; arguments as in `DISTRIBUTIONS`; points: in a grid."""
+
+    name: str
+    kind: str
+    arguments: tuple[float, ...]
+    points: int = 0
+
+    @property
+    def varies(self) -> bool:
+        """Return whether the number varies."""
+        if self.kind == FIXED:
+            return False
+        low = self.arguments[0] if DISTRIBUTIONS[self.kind].ascending else 0.0
+        return low < self.arguments[-1]
+
+    @property
+    def constant(self) -> float:
+        """Return the value where nothing varies: what is relative is then 1."""
+        return 1.0 if self.kind == RELATIVE else self.arguments[0]
+
+
+def component_names(name: str, shape: tuple[int, ...]) -> list[str]:
+    """Return the names of a key's numbers: of a matrix the six of one triangle."""
+    if len(shape) == 2:
+        return [f"{name}{index}" for index in indices(BY_NAME["inertia"])]
+    return [f"{name}[{k}]" for k in range(1, shape[0] + 1)] if shape else [name]
+
+
+def components(value: Any, shape: tuple[int, ...]) -> list[float]:
+    """Return a key's numbers one after another. Raises ValueError where a matrix is not symmetric."""
+    if len(shape) < 2:
+        return list(flattened(value))
+    largest = max(map(abs, flattened(value)))
+    if any(not math.isclose(value[i][j], value[j][i], abs_tol=1e-12 * largest) for i, j in TRIANGLE):
+        raise ValueError("a symmetric matrix")
+    return six_numbers(value)
+
 
 INERTIA, ATTITUDE, SHAPE, DEGREES = "body.inertia", "initial.attitude", "body.shape", "initial.omega_b_deg"
 AXES = "axes_deg"
@@ -76,15 +146,15 @@ def read_variations(vary: Any, faults: list[str]) -> tuple[Variation, ...]:
         if len(faults) == before and not any(m.varies for m in marginals) and key != SHAPE:
             reader.refuse(value, "a distribution in which something varies")
         if len(faults) == before:
-            found.append(Variation(str(key), form, marginals, json.dumps(_plain(value))))
+            found.append(Variation(str(key), form, marginals, json.dumps(_for_json(value))))
     return tuple(found)
 
 
-def _plain(value: Any) -> Any:
-    value = value.tolist() if hasattr(value, "tolist") else value
+def _for_json(value: Any) -> Any:
+    value = plain(value)
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
+        return {str(key): _for_json(item) for key, item in value.items()}
+    return [_for_json(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 class _Reader:
@@ -127,11 +197,11 @@ class _Reader:
         self, path: str, value: Any, name: str, rule: Numbers, beside: tuple[str, ...] = (), relative: bool = True
     ) -> tuple[tuple[Marginal, ...], str]:
         """Return the marginals of a number or a vector, and the kind. beside: other keys that the table may have."""
-        kinds = [kind for kind in EXPECTED if relative or kind != RELATIVE]
+        kinds = [kind for kind in DISTRIBUTIONS if relative or kind != RELATIVE]
         given = [key for key in value if key in kinds] if isinstance(value, Mapping) else []
         others = set(value) - {*kinds, "points", *beside} if isinstance(value, Mapping) else set()
         if len(given) != 1 or others:
-            ways = ", ".join(f"{kind} = {EXPECTED[kind]}" for kind in kinds)
+            ways = ", ".join(f"{kind} = {DISTRIBUTIONS[kind].expected}" for kind in kinds)
             self.refuse(value, f"a table with one of {ways}", path)
             return (), ""
         kind = given[0]
@@ -147,21 +217,21 @@ class _Reader:
 
     def _arguments(self, path: str, kind: str, value: Any, rule: Numbers) -> list[list[float]] | None:
         """Return the numbers of each argument, flattened to the key's components."""
-        spread = Numbers(rule.shape, "" if kind in (LOGNORMAL, RELATIVE) else rule.unit, " >= 0", not_negative)
-        location = Numbers(rule.shape, rule.unit, " > 0", lambda x: x > 0.0) if kind == LOGNORMAL else rule
-        rules = {NORMAL: (location, spread), LOGNORMAL: (location, spread), UNIFORM: (location,) * 2,
-                 TRIANGULAR: (location,) * 3, RELATIVE: (spread,)}[kind]  # fmt: skip
+        distribution = DISTRIBUTIONS[kind]
+        rules, expected = [make(rule) for make in distribution.rules], distribution.expected
         values = [value] if kind == RELATIVE else value
         if not isinstance(values, list | tuple) or len(values) != len(rules):
-            self.refuse(value, f"{EXPECTED[kind]}, each {rule.expected()}", path)
+            self.refuse(value, f"{expected}, each {rule.words}", path)
             return None
+        one_for_all = [make in (_spread, _share) for make in distribution.rules]
         try:
-            rows = [components(_read(r, v, r is spread), rule.shape) for r, v in zip(rules, values, strict=True)]
+            found = [_read(*each) for each in zip(rules, values, one_for_all, strict=True)]
+            rows = [components(one, rule.shape) for one in found]
         except ValueError as error:
-            self.refuse(value, f"{EXPECTED[kind]}: {error}", path)
+            self.refuse(value, f"{expected}: {error}", path)
             return None
-        if kind in (UNIFORM, TRIANGULAR) and any(list(c) != sorted(c) for c in zip(*rows, strict=True)):
-            self.refuse(value, f"{EXPECTED[kind]} in ascending order", path)
+        if distribution.ascending and any(list(c) != sorted(c) for c in zip(*rows, strict=True)):
+            self.refuse(value, f"{expected} in ascending order", path)
             return None
         return rows
 
@@ -183,7 +253,7 @@ class _Reader:
             return self._distribution(self.path, value, INERTIA, Numbers((3,), "kg m2"))
         found: tuple[tuple[Marginal, ...], str] = ((), "")
         if set(value) != {AXES}:
-            kind = next((kind for kind in EXPECTED if kind in value), "")
+            kind = next((kind for kind in DISTRIBUTIONS if kind in value), "")
             shape = (3, 3) if kind and _has_rows(value[kind]) else (3,)
             if len(shape) == 2 and AXES in value:
                 self.refuse(value, f"principal moments, or no {AXES}: a matrix has its axes")
@@ -262,7 +332,7 @@ class _Reader:
 
 def _read(rule: Numbers, value: Any, one_for_all: bool) -> Any:
     """Return the numbers; one number stands for a vector of equal ones where that is allowed."""
-    value = value.tolist() if hasattr(value, "tolist") else value
+    value = plain(value)
     if one_for_all and rule.shape and not isinstance(value, list | tuple):
         value = Numbers((), rule.unit, rule.bound, rule.holds)(value)
         return _filled(rule.shape, value)

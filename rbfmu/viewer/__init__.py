@@ -7,8 +7,7 @@ from typing import Any
 from rbfmu.exceptions import named
 from rbfmu.extras import needed
 from rbfmu.result import FORMATS, Result
-from rbfmu.scene.argument import faults_of
-from rbfmu.scene.scene import Scene, load_scene
+from rbfmu.scene.scene import Scene, faults_of, load_scene
 from rbfmu.scene.toml_file import read_tables
 from rbfmu.viewer.motion import Motion, motion_of_driven_scene, motion_of_result, motion_of_scene
 

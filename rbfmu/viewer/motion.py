@@ -18,9 +18,9 @@ from rbfmu.ensembles.chunks import Work, run_chunk
 from rbfmu.ensembles.members import ensemble_of
 from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.ensembles.variables import ALL
+from rbfmu.exceptions import SceneWarning
 from rbfmu.result import Array, Result
 from rbfmu.scene.consistency import default_quantities
-from rbfmu.scene.plausibility import SceneWarning
 from rbfmu.scene.scene import QUANTITIES, Scene
 from rbfmu.simulation import plan, simulate
 from rbfmu.viewer.shape import Shape, shape_of

@@ -7,8 +7,7 @@ double-double arithmetic.
 from collections.abc import Callable
 from typing import Any
 
-from rbfmu.scene.argument import of_scene_or_path
-from rbfmu.scene.scene import Scene
+from rbfmu.scene.scene import Scene, of_scene_or_path
 from rbfmu.studies.own_chart.result import Chart
 
 __all__ = ["Chart", "chart"]

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 from warnings import catch_warnings, simplefilter
 
-from rbfmu.scene.plausibility import SceneWarning
+from rbfmu.exceptions import SceneWarning
 from rbfmu.studies.stability.findings import Finding, Study, failures, read_findings, write_columns, write_findings
 from rbfmu.studies.stability.maps import METHODS, QUICK_METHODS, Row, findings_of_maps, verdicts
 from rbfmu.studies.stability.method_laws import (

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import rbfmu
-from rbfmu.scene.fields import SceneError
 from rbfmu.scene.scene import Scene
+from rbfmu.scene.section import SceneError
 
 BODY = {"mass": 50.0, "inertia": [10.0, 12.0, 15.0]}
 SPHERE = {"mass": 50.0, "shape": {"kind": "sphere", "radius": 1.0}}

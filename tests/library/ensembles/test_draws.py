@@ -11,8 +11,8 @@ import rbfmu
 from rbfmu.ensembles import draws, members
 from rbfmu.ensembles.draws import normal_scores
 from rbfmu.ensembles.members import draw
-from rbfmu.scene.fields import SceneError
 from rbfmu.scene.scene import Scene
+from rbfmu.scene.section import SceneError
 
 BODY = {"mass": 50.0, "inertia": [10.0, 12.0, 15.0]}
 EVERYTHING = {
