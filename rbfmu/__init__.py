@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from rbfmu.scene import Scene as Scene
     from rbfmu.scene import SceneError as SceneError
     from rbfmu.scene import load_scene as load_scene
+    from rbfmu.simulation import Simulator as Simulator
+    from rbfmu.simulation import compiled_step as compiled_step
     from rbfmu.simulation import plan as plan
     from rbfmu.simulation import simulate as simulate
-    from rbfmu.simulator import Simulator as Simulator
-    from rbfmu.simulator import compiled_step as compiled_step
     from rbfmu.studies.own_chart import Chart as Chart
     from rbfmu.studies.own_chart import chart as chart
     from rbfmu.viewer import view as view
@@ -41,9 +41,8 @@ _MODULES = {
     "ensembles.running": ("run_ensemble",),
     "linearization": ("Linearization", "linearize"),
     "progress": ("progress_bar",),
-    "simulator": ("Simulator", "compiled_step"),
     "studies.own_chart": ("Chart", "chart"),
-    "simulation": ("plan", "simulate"),
+    "simulation": ("Simulator", "compiled_step", "plan", "simulate"),
     "viewer": ("view",),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu.exceptions import SceneWarning
-from rbfmu.runs.plan import Plan, filled_buffer, initialize
+from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene, of_scene_or_path
-from rbfmu.simulator import Simulator
+from rbfmu.simulation import Simulator
 from rbfmu_kernels.body.memory import body_of, loads_of, motion_of
 from rbfmu_kernels.body.outputs import outputs
 from rbfmu_kernels.compile.tiered import evaluated, interpreted
@@ -225,9 +225,8 @@ class _Loaded(_Point):
             {"outputs.quantities": [n for n in scene.outputs.quantities if n != "rpy"] or ["omega_b"]}
         )
         full = Plan("body under loads, by series", "", 3 * len(self.states), order=12)
-        buffer, self.blocks = filled_buffer(shown, full), full.kernels.BLOCKS
-        initialize(shown, full.kernels, buffer)
-        self.z: list[Any] = buffer.tolist()
+        self.blocks = full.kernels.BLOCKS
+        self.z: list[Any] = start_run(shown, full).tolist()
         self.omega_0 = tuple(self.z[self.blocks["omega"]])
         self.z[self.blocks["q"]] = self.q_ab
         for k, name in enumerate(self.states):

@@ -1,18 +1,29 @@
-"""Run a scene by its plan."""
+"""Run a scene by its plan: `simulate` all of it, or step a `Simulator` by hand."""
 
-from collections.abc import Callable, Sequence
+import hashlib
+import json
+import math
+import struct
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
+from numbers import Real
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rbfmu.exceptions import SceneError
 from rbfmu.exceptions import SimulationError as SimulationError
 from rbfmu.result import Result
 from rbfmu.runs.inputs import HOLD, Drive, Driven, drive_of, input_tables
-from rbfmu.runs.plan import Plan
+from rbfmu.runs.plan import Plan, filled_buffer, start_run
+from rbfmu.runs.time_grid import last_time, steps_until
 from rbfmu.scene.consistency import doubts_after, warn
-from rbfmu.scene.scene import Scene, of_scene_or_path
+from rbfmu.scene.scene import PARAMETERS, Scene, of_scene_or_path
+from rbfmu.scene.section import fault, shown
+from rbfmu_kernels.buffer import OK, PAST_STOP
+from rbfmu_kernels.compile.tiered import tiered
+from rbfmu_kernels.quantities import BY_NAME, IN_BUFFER_ORDER, INITIAL_VALUES, LOADS, OUTPUTS, Output
 
 Array = NDArray[np.float64]
 
@@ -33,10 +44,10 @@ def plan(
     where the accuracy asked cannot be met.
     """
     tables = None if inputs is None else input_tables(scene, inputs, interpolate)
-    return _planned(scene, full, progress, None if tables is None else partial(drive_of, scene, tables, interpolate))
+    return _plan(scene, full, progress, None if tables is None else partial(drive_of, scene, tables, interpolate))
 
 
-def _planned(
+def _plan(
     scene: Scene,
     full: bool = False,
     progress: Callable[[float], Any] | None = None,
@@ -68,7 +79,7 @@ def simulate(
     """
     tables = {} if inputs is None else input_tables(scene, inputs, interpolate)
     driven = partial(drive_of, scene, tables, interpolate)
-    planned = planned or _planned(scene, driven=driven if tables else None)
+    planned = planned or _plan(scene, driven=driven if tables else None)
     drive = driven(1)
     run, time = Driven(scene, planned, drive), drive.time
     blocks = {name: planned.kernels.BLOCKS[name] for name in scene.outputs.quantities}
@@ -94,3 +105,208 @@ def refused_step(scene: Scene, begin: float) -> SimulationError:
 def _quantity(rows: Array, block: slice, first: int) -> Array:
     values = rows[:, block.start - first : block.stop - first].copy()
     return values[:, 0] if values.shape[1] == 1 else values
+
+
+_CLOCK = struct.Struct("dq")
+"""The time, and how many communication steps of the scene led there."""
+_UNKNOWN = -1
+"""That number after a step of another length; counting costs half as much as a step."""
+_PORT = struct.Struct("3d")
+_KEYS = (
+    {name: f"body.{name}" for name in PARAMETERS}
+    | {load.name: f"loads.{load.name}" for load in LOADS}
+    | {row.name: f"initial.{row.name.removesuffix('_0')}" for row in INITIAL_VALUES}
+    | {"quaternion_0": "initial.attitude.quaternion"}
+)
+"""The scene's keys by the names of parameters."""
+_BLOCK_OF = {row.name: getattr(row, "block", row.name) for row in IN_BUFFER_ORDER}
+
+
+class Simulator:
+    """One instance of a scene, as its FMU is one: `step`, read quantities by name, `save`, `restore`, `reset`.
+
+    scene: a rbfmu.Scene or the path of a scene file; parameters: values by the FMU's names (`mass=2.0`,
+    `omega_b_0=[0, 0, 1]`), of those on which the plan does not rest: list them in the scene's `inputs.parameters`.
+    Every quantity that the scene asks for is an attribute: a float, or a new array. An object serves one thread at a
+    time; several objects run side by side. Raises SceneError.
+    """
+
+    def __init__(self, scene: Any, /, **parameters: Any) -> None:
+        self.scene, self.plan = _planned(scene)
+        kernels, run = self.plan.kernels, self.scene.run
+        blocks = kernels.BLOCKS
+        self._z = start_run(_with_parameters(self.scene, self.plan, parameters), self.plan)
+        self._bytes, self._step = self._z.data.cast("B"), tiered(kernels.step)
+        self._ports = {name: 8 * blocks[name].start for name in self.scene.inputs.ports}
+        self._quantities = {name: self._z[blocks[name]] for name in self.scene.outputs.quantities}
+        self._identity = _identity(self.scene, self.plan)
+        self._start, self._h, self._last_time = run.start, run.step, last_time(run.stop, run.step)
+        self.time, self._count = run.start, 0
+
+    def __repr__(self) -> str:
+        return f"Simulator({self.scene.name!r}: {self.plan.model}, t = {self.time!r} s)"
+
+    @property
+    def status(self) -> int:
+        """Return 0, or 2 past the scene's `stop`, where its accuracy is no longer promised: the FMU's `status`."""
+        return PAST_STOP if self.time > self._last_time else OK
+
+    def step(self, h: float | None = None, **ports: Any) -> None:
+        """Step by h, s (without one to the scene's next communication point), with inputs that are held over it.
+
+        ports: three finite numbers each; what is not given keeps its last value. Raises ValueError for a wrong input,
+        TypeError where h is no number, SimulationError where the step is refused: then nothing has changed, and no
+        input either.
+        """
+        if h is None:
+            count = 1 + (self._count if self._count >= 0 else steps_until(self._start, self._h, self.time))
+            end = self._start + count * self._h
+            length = end - self.time
+        else:
+            length = h if type(h) is float else _seconds(h)
+            count, end = _UNKNOWN, self.time + length
+        before = self._put(ports) if ports else ()
+        if length > 0.0 and math.isfinite(end) and self._step(self._z, length) == OK:
+            self.time, self._count = end, count
+            return
+        self._put_back(before)
+        why = "no finite motion, or none that the accuracy allows" if length > 0.0 else "the step size must be positive"
+        step = f"the step from t = {self.time!r} s by {length!r} s"
+        raise SimulationError(f"{self.scene.name}: {step} was refused: {why}")
+
+    def hold(self, **ports: Any) -> None:
+        """Set inputs for the steps to come, without a step. Raises ValueError for a wrong one, and then sets none."""
+        self._put(ports)
+
+    def _put(self, ports: dict[str, Any]) -> list[tuple[int, tuple[float, ...]]]:
+        """Set inputs; return what they were, by their places."""
+        before: list[tuple[int, tuple[float, ...]]] = []
+        data = self._bytes
+        try:
+            for name, value in ports.items():
+                x, y, z = value.tolist() if type(value) is np.ndarray else value
+                if not math.isfinite(x + y + z):
+                    raise ValueError
+                place = self._ports[name]
+                before.append((place, _PORT.unpack_from(data, place)))
+                _PORT.pack_into(data, place, x, y, z)
+        except (KeyError, TypeError, ValueError, OverflowError, struct.error):
+            self._put_back(before)
+            raise self._wrong_input(ports) from None
+        return before
+
+    def _put_back(self, before: Iterable[tuple[int, tuple[float, ...]]]) -> None:
+        for place, values in before:
+            _PORT.pack_into(self._bytes, place, *values)
+
+    def _wrong_input(self, ports: dict[str, Any]) -> ValueError:
+        """Return the error that names the first wrong input."""
+        for name, value in ports.items():
+            if name not in self._ports:
+                known = ", ".join(self._ports)
+                return ValueError(
+                    f"input {name!r}: expected {f'one of {known}' if known else 'none: there are no ports'}"
+                )
+            numbers = np.asarray(value, dtype=object)
+            good = numbers.shape == (3,) and all(issubclass(type(x), Real) and abs(x) < math.inf for x in numbers)
+            if not good:
+                shape = f", of shape (3,) and not {numbers.shape}" if numbers.ndim > 1 else ""
+                return ValueError(f"{name} = {shown(value)}: expected 3 finite numbers ({BY_NAME[name].unit}){shape}")
+        return ValueError(f"inputs {shown(ports)}: expected numbers whose sum is finite")
+
+    def reset(self, **parameters: Any) -> None:
+        """Begin anew with the scene's values and the parameters given; inputs are zero. Raises SceneError."""
+        self._z[:] = start_run(_with_parameters(self.scene, self.plan, parameters), self.plan)
+        self.time, self._count = self._start, 0
+
+    def values(self) -> dict[str, Any]:
+        """Return time and all quantities at this time; `Result.of_rows` makes a result of a loop's."""
+        return {"time": self.time} | {name: getattr(self, name) for name in self._quantities}
+
+    def save(self) -> bytes:
+        """Return the whole state, for `restore` of this or another simulator of the scene."""
+        return self._identity + _CLOCK.pack(self.time, self._count) + self._bytes.tobytes()
+
+    def restore(self, state: bytes) -> None:
+        """Go back to a saved state. Raises ValueError, with nothing changed, if it is no state of the scene."""
+        head = len(self._identity)
+        if len(state) != head + _CLOCK.size + self._bytes.nbytes or state[:head] != self._identity:
+            raise ValueError(f"these {len(state)} bytes are no state of {self.scene.name} under its plan")
+        self.time, self._count = _CLOCK.unpack_from(state, head)
+        self._bytes[:] = state[head + _CLOCK.size :]
+
+
+def _seconds(h: Any) -> float:
+    """Return a step as Python's float: the clock would take on the precision of another."""
+    try:
+        return math.ldexp(h, 0)  # unlike float(), takes no text
+    except (TypeError, OverflowError):
+        raise TypeError(fault("h", h, "a number (s); inputs are given by name")) from None
+
+
+def _reader(row: Output) -> property:
+    """Return the attribute of a quantity."""
+    name = row.name
+
+    def read(self: Simulator) -> Any:
+        try:
+            return self._quantities[name].copy()
+        except KeyError:
+            known = ", ".join(self._quantities)
+            raise AttributeError(f"no quantity {name!r} is asked for by {self.scene.name}; it has {known}") from None
+
+    def read_number(self: Simulator) -> float:
+        return float(read(self)[0])
+
+    return property(read if row.size > 1 else read_number, doc=f"{row.meaning}, {row.unit}")
+
+
+for _row in OUTPUTS:
+    setattr(Simulator, _row.name, _reader(_row))
+
+
+@of_scene_or_path
+def compiled_step(scene: Scene, planned: Plan | None = None) -> tuple[Callable[[Array, float], int], Array]:
+    """Return the compiled `step(buffer, h) -> status` of a scene and a started buffer, for loops under `@njit`.
+
+    status is 0, or 1 for a step that was refused, with nothing changed. What stands where in the buffer say the slices
+    `planned.kernels.BLOCKS["torque_b"]` by name, of inputs and of quantities. Raises SceneError.
+    """
+    planned = planned or plan(scene)
+    return planned.kernels.step, start_run(scene, planned)
+
+
+@of_scene_or_path
+def _planned(scene: Scene) -> tuple[Scene, Plan]:
+    return scene, plan(scene)
+
+
+def _with_parameters(scene: Scene, planned: Plan, parameters: dict[str, Any]) -> Scene:
+    if not parameters:
+        return scene
+    for name in parameters:
+        if name not in _KEYS or (scene.body is None and name != "quaternion_0"):
+            whole = name.partition("[")[0]
+            meant = next((key for key in (whole, f"{whole}_0") if key in _KEYS and key != name), "")
+            expected = f"{meant}, with all of its numbers" if meant else f"one of {', '.join(_KEYS)}"
+            raise SceneError(f"parameter {name!r}: expected {expected}", scene.name)
+    changed = scene.replace({_KEYS[name]: _plain(value) for name, value in parameters.items()})
+    blocks, old, new = planned.kernels.BLOCKS, filled_buffer(scene, planned), filled_buffer(changed, planned)
+    for name in parameters:
+        values = old[blocks[_BLOCK_OF[name]]].tolist()
+        if name in planned.pinned and values != new[blocks[_BLOCK_OF[name]]].tolist():
+            made_for = f"{shown(values if len(values) > 1 else values[0])}, for which the model was planned"
+            expected = f"{made_for}; list {name!r} in inputs.parameters to vary it"
+            raise SceneError(fault(name, parameters[name], expected), scene.name)
+    return changed
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if hasattr(value, "tolist") else value
+
+
+def _identity(scene: Scene, planned: Plan) -> bytes:
+    """Return what tells the states of a scene under a plan from others."""
+    layout = {name: (block.start, block.stop) for name, block in planned.kernels.BLOCKS.items()}
+    text = json.dumps([scene.to_dict(), planned.to_dict(), layout], sort_keys=True)
+    return b"rbfmu" + hashlib.sha256(text.encode()).digest()

@@ -20,7 +20,7 @@ from examples.benchmarks.support.goals import Goal, status
 from examples.benchmarks.support.least import least
 from rbfmu.extras import needed_of
 from rbfmu.models.model_buffer import aligned_zeros
-from rbfmu.runs.motion import start_run
+from rbfmu.runs.plan import start_run
 from rbfmu.studies.work_precision.cases import CASES, Case
 from rbfmu.studies.work_precision.heyoka_peer import equations
 from rbfmu.studies.work_precision.solvers import start_of, states_of, times_of

@@ -11,19 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu.exceptions import PlanningWarning as PlanningWarning
-from rbfmu.models.model_buffer import Buffer
 from rbfmu.models.question import Question
 from rbfmu.models.registry import LOADED_TAYLOR
 from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
-from rbfmu.runs.motion import (
-    FLOORS,
-    Motion,
-    largest_error,
-    largest_size,
-    record_trajectory,
-    start_run,
-    substeps_counted,
-)
+from rbfmu.runs.motion import FLOORS, Motion, Steps, largest_error, largest_size, record, substeps_counted
 from rbfmu.runs.plan import Plan
 from rbfmu.runs.time_grid import communication_steps, thinned_steps
 from rbfmu.scene.scene import Scene, SceneError
@@ -104,10 +95,11 @@ class Judge:
         """Return the motion in doubles, in small steps, for where double-double arithmetic takes too long."""
         tight = Plan(LOADED_TAYLOR.key, "", 0, tolerance=1e-18, order=order)
         names = tuple(dict.fromkeys((*self.names, "omega_b")))
-        z, parts = start_run(self.scene, tight, names), max(2, MOMENTS // len(self.cut_steps))
+        parts = max(2, MOMENTS // len(self.cut_steps))
         steps = (np.repeat(self.cut_steps, parts) / parts).tolist()
-        found = record_trajectory(tight.kernels, z, steps, names, 1, self._progress, MAX_SUBSTEPS)
-        refuse_unfinished(self.scene, steps, found["omega_b"], substeps_counted(tight.kernels, z))
+        run = Steps(self.scene, tight, steps, names)
+        found = record(run, names, MAX_SUBSTEPS, self._progress)
+        refuse_unfinished(self.scene, steps, found["omega_b"], substeps_counted(run.kernels, run.z))
         return {name: rows[::parts] for name, rows in found.items()}
 
     def error_if_soon(self, plan: Plan, otherwise: float = 0.0) -> float:
@@ -171,16 +163,15 @@ class Judge:
     ) -> tuple[float, float]:
         errors, substeps = [], []
         for names in self._asked:
-            z = start_run(self.scene, plan, names)
-            found = self._recorded(plan, z, steps, names, parts)
-            errors.append(_error_between(found, truth, names, self.floors, absolute))
-            substeps.append(substeps_counted(plan.kernels, z))
+            run = Steps(self.scene, plan, steps, names, parts)
+            errors.append(_error_between(self._pilot(run, names), truth, names, self.floors, absolute))
+            substeps.append(substeps_counted(run.kernels, run.z))
         return max(errors) + self.doubt, max(substeps)
 
-    def _recorded(self, plan: Plan, z: Buffer, steps: list[float], names: tuple[str, ...], parts: int = 1) -> Motion:
-        """Return a pilot run from a buffer at its start; raise SceneError where all together take too long."""
-        found = record_trajectory(plan.kernels, z, steps, names, parts, most=self.left)
-        self.left -= substeps_counted(plan.kernels, z)
+    def _pilot(self, run: Steps, names: tuple[str, ...]) -> Motion:
+        """Return the motion of a pilot run; raise SceneError where all together take too long."""
+        found = record(run, names, self.left)
+        self.left -= substeps_counted(run.kernels, run.z)
         if self.left < 0.0:
             raise too_long(self.scene, f"pilot runs take more than {MAX_TRIED:.0e} substeps")
         return found
@@ -194,12 +185,11 @@ class Judge:
         tight, rows = Plan(LOADED_TAYLOR.key, "", 0, tolerance=1e-16, order=20), np.array(DIRECTIONS)
         worst = 0.0
         for turn, change in zip(rows, np.roll(rows, 1, axis=0), strict=True):
-            z = start_run(self.scene, tight, self.names)
-            q, omega = (z[tight.kernels.BLOCKS[name]] for name in ("q", "omega"))
+            run = Steps(self.scene, tight, self.steps, self.names)
+            q, omega = (run.z[run.kernels.BLOCKS[name]] for name in ("q", "omega"))
             q += 0.5 * SMALL * np.array(evaluated(compose_quaternions, tuple(q.tolist()), (0.0, *turn.tolist())))
             omega += SMALL / span * self._turning(change)
-            found = self._recorded(tight, z, self.steps, self.names)
-            worst = max(worst, largest_error(found, truth, self.names, self.floors))
+            worst = max(worst, largest_error(self._pilot(run, self.names), truth, self.names, self.floors))
         return max(worst / SMALL, 1.0) if worst < LOST else math.inf
 
     def _turning(self, change: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -210,7 +200,7 @@ class Judge:
 
     def compare(self, smaller: Plan, truth: Motion, names: tuple[str, ...], absolute: bool) -> float:
         """Return the error of a model that leaves something out, also between steps; absolute: as in `try_out`."""
-        found = record_trajectory(smaller.kernels, start_run(self.scene, smaller, names), self.cut_steps, names)
+        found = record(Steps(self.scene, smaller, self.cut_steps, names), names)
         return _error_between(found, truth, names, least_sizes(self.asked, truth), absolute)
 
 

@@ -29,8 +29,8 @@ from rbfmu.planning import reasons as say
 from rbfmu.planning.fitting import cheapest_fit, cheapest_quadrature, swinging_fit
 from rbfmu.planning.judge import MAX_SUBSTEPS, Judge, least_sizes, lost_to_cancellation, refuse_unfinished
 from rbfmu.planning.methods import TIGHTEST, likely_order, series, series_cost, with_cost, work_of
-from rbfmu.runs.inputs import Drive
-from rbfmu.runs.motion import Motion, largest_error, record_driven, record_trajectory, start_run
+from rbfmu.runs.inputs import Drive, Driven
+from rbfmu.runs.motion import Motion, Steps, largest_error, record, substeps_counted
 from rbfmu.runs.plan import Plan
 from rbfmu.runs.time_grid import communication_steps, thinned_steps
 from rbfmu.scene.scene import Scene, SceneError
@@ -164,8 +164,7 @@ def _coarse_motion(judge: Judge, spec: ModelSpec) -> Motion:
     names = tuple(dict.fromkeys((*cancelling, "omega_b"))) if spec.angle_round_off else cancelling
     if not names:
         return {}  # without running the model, which would be loaded or compiled
-    z = start_run(judge.scene, Plan(spec.key, "", 0), names)
-    return record_trajectory(spec.kernels, z, thinned_steps(judge.scene, 100), names)
+    return record(Steps(judge.scene, Plan(spec.key, "", 0), thinned_steps(judge.scene, 100), names), names)
 
 
 def _angle(asked: Question, motion: Motion) -> float:
@@ -216,8 +215,7 @@ def _may_be_compared(asked: Question) -> bool:
 def _motion_of(judge: Judge, found: Plan, names: tuple[str, ...]) -> Motion:
     """Return a closed form's motion at the judge's times; its rates only measure how much changes."""
     names = tuple(dict.fromkeys((*names, "omega_b")))
-    z = start_run(judge.scene, replace(found, pinned=judge.asked.pinned), names)
-    return record_trajectory(found.kernels, z, judge.cut_steps, names)
+    return record(Steps(judge.scene, replace(found, pinned=judge.asked.pinned), judge.cut_steps, names), names)
 
 
 def _may_be_close(asked: Question, spec: ModelSpec, truth: Motion, names: tuple[str, ...]) -> bool:
@@ -292,14 +290,14 @@ def _least_tight(asked: Question, found: Plan, drive: Drive, halves: Drive) -> P
     scene, names = asked.scene, asked.judged
     with_rates = tuple(dict.fromkeys((*names, "omega_b")))  # by which rest is judged
     tight = [Plan(LOADED_TAYLOR.key, "", 0, tolerance=1e-18, order=order) for order in ORDERS]
-    (truth, taken), (other, more) = (record_driven(scene, plan, halves, with_rates, MAX_SUBSTEPS) for plan in tight)
+    (truth, taken), (other, more) = (_run_under(halves, scene, plan, with_rates, MAX_SUBSTEPS) for plan in tight)
     for motion, substeps in ((truth, taken), (other, more)):
         refuse_unfinished(scene, np.diff(halves.time).tolist(), motion["omega_b"], substeps)
     floors = least_sizes(asked, truth)
     doubt = largest_error(other, truth, names, floors)
     best = math.inf
     for plan in (found, *_tighter(asked, found)):
-        motion, substeps = record_driven(scene, plan, drive, names, MAX_TRIED)
+        motion, substeps = _run_under(drive, scene, plan, names, MAX_TRIED)
         error = largest_error(motion, truth, names, floors) + doubt
         if error <= asked.accuracy:
             reasons = [*without_loops(asked, found).reasons]
@@ -310,6 +308,12 @@ def _least_tight(asked: Question, found: Plan, drive: Drive, halves: Drive) -> P
         best = min(best, error)
     expected = f"one that these inputs allow; the methods here reach {best:.1e} with them"
     raise SceneError(f"run.accuracy = {asked.accuracy!r}: expected {expected}", scene.name)
+
+
+def _run_under(drive: Drive, scene: Scene, plan: Plan, names: tuple[str, ...], most: float) -> tuple[Motion, float]:
+    """Return the motion under inputs, which ends after so many substeps, and how many it took."""
+    run = Driven(scene, plan, drive, names)
+    return record(run, names, most), substeps_counted(run.kernels, run.z)
 
 
 def without_loops(asked: Question, found: Plan) -> Plan:

@@ -268,7 +268,8 @@ class Driven:
     """
 
     def __init__(self, scene: Scene, plan: Plan, drive: Drive, names: Collection[str] | None = None) -> None:
-        kernels, self.z = plan.kernels, filled_buffer(scene, plan, names)
+        kernels, self.kernels = plan.kernels, plan.kernels
+        self.z, self.count = filled_buffer(scene, plan, names), len(drive.time) - 1
         z, self._step, self._outputs = self.z, tiered(kernels.step, len(drive.lengths)), tiered(kernels.outputs)
         self._lengths, self._counts = drive.lengths, drive.counts
         takes_slopes = all(f"{port}_rate" in kernels.BLOCKS for port in drive.ports)

@@ -1,7 +1,11 @@
-"""Motions: what a model's buffer shows over a run, and errors between two of these."""
+"""Motions: what a model's buffer shows over a run, and errors between two of these.
+
+Errors are counted as a scene's `accuracy` counts them: of the attitude as an angle, rad; of all else relative to the
+largest size in the run, as a quantity that passes through zero has no error relative to itself there.
+"""
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -9,98 +13,64 @@ from numpy.typing import NDArray
 
 from rbfmu import arrays
 from rbfmu.models.model_buffer import Buffer
-from rbfmu.runs.inputs import Drive, Driven
-from rbfmu.runs.plan import Plan, filled_buffer, initialize
+from rbfmu.runs.inputs import Driven
+from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene
+from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.quantities import ANGLE, OUTPUT, OUTPUTS
 from rbfmu_kernels.rotations.quaternion import angle_between
 
-Motion = dict[str, NDArray[np.float64]]
-
-
-def start_run(scene: Scene, plan: Plan, names: Sequence[str]) -> Buffer:
-    """Return the buffer of the plan's model at the start, of whose outputs only those named are computed."""
-    z = filled_buffer(scene, plan, names)
-    initialize(scene, plan.kernels, z)
-    return z
-
-
-def record_trajectory(
-    kernels: Any,
-    z: Buffer,
-    steps: Sequence[float],
-    names: Sequence[str],
-    parts: int = 1,
-    progress: Callable[[float], Any] | None = None,
-    most: float = math.inf,
-) -> Motion:
-    """Return the blocks now and after each step (s), taken in equal parts; NaN from where the motion ends.
-
-    progress: a function that is told which part of the run is done; most: the number of substeps after which it ends.
-    """
-    step = tiered(kernels.step, len(steps) * parts)
-    return _recorded(
-        kernels,
-        z,
-        len(steps),
-        names,
-        lambda k: all(
-            step(z, steps[k - 1] / parts) == OK and substeps_counted(kernels, z) <= most for _ in range(parts)
-        ),
-        progress,
-    )
-
-
-def record_driven(
-    scene: Scene, plan: Plan, drive: Drive, names: Sequence[str], most: float = math.inf
-) -> tuple[Motion, float]:
-    """Return the blocks at the communication points of a run under inputs, NaN from where it ends, and its substeps.
-
-    most: the number of substeps after which it ends.
-    """
-    driven = Driven(scene, plan, drive, names)
-
-    def advance(k: int) -> bool:
-        return driven.advance(k) and substeps_counted(plan.kernels, driven.z) <= most
-
-    motion = _recorded(plan.kernels, driven.z, len(drive.time) - 1, names, advance)
-    return motion, substeps_counted(plan.kernels, driven.z)
-
-
-def _recorded(
-    kernels: Any,
-    z: Buffer,
-    count: int,
-    names: Sequence[str],
-    advance: Callable[[int], bool],
-    progress: Callable[[float], Any] | None = None,
-) -> Motion:
-    blocks = {name: z[kernels.BLOCKS[name]] for name in names}
-    motion = {name: np.full((count + 1, len(block)), np.nan) for name, block in blocks.items()}
-    for k in range(count + 1):
-        if k and not advance(k):
-            break
-        for name, block in blocks.items():
-            motion[name][k] = block
-        if progress is not None:
-            progress(k / count)
-    return motion
-
-
-def substeps_counted(kernels: Any, z: Buffer) -> float:
-    """Return the number of substeps since the start; 0 where the model counts none."""
-    return float(z[kernels.BLOCKS["substeps"]][0]) if "substeps" in kernels.BLOCKS else 0.0
-
-
-__all__ = ["attitude_error", "largest_error", "relative_error"]
-
 Array = NDArray[np.float64]
+Motion = dict[str, Array]
+"""Rows of each quantity, by its name, at points in time."""
 FEW = 20_000
 """The number of rows up to which the array function is not worth its compilation."""
 FLOORS: Mapping[str, float] = {row.name: row.floor for row in OUTPUTS if row.floor}
 """The least size, m or m/s, that an error is relative to, by the quantity's name."""
+
+
+class Steps:
+    """A run without inputs, at its start: its buffer `z`, and `advance` by each of the steps (s), in equal parts."""
+
+    def __init__(
+        self, scene: Scene, plan: Plan, steps: Sequence[float], names: Collection[str], parts: int = 1
+    ) -> None:
+        self.kernels, self.z, self.count = plan.kernels, start_run(scene, plan, names), len(steps)
+        self._lengths, self._parts, self._step = steps, parts, tiered(plan.kernels.step, len(steps) * parts)
+
+    def advance(self, k: int) -> bool:
+        """Take step k, counted from 1; return whether none of its parts was refused."""
+        h = self._lengths[k - 1] / self._parts
+        return all(self._step(self.z, h) == OK for _ in range(self._parts))
+
+
+def record(
+    run: Steps | Driven, names: Sequence[str], most: float = math.inf, progress: Callable[[float], Any] | None = None
+) -> Motion:
+    """Return the blocks named now and after each step; NaN from where the motion ends.
+
+    most: the number of substeps after which it ends; progress: a function that is told which part of the run is done.
+    """
+    blocks = {name: run.z[run.kernels.BLOCKS[name]] for name in names}
+    motion = {name: np.full((run.count + 1, len(block)), np.nan) for name, block in blocks.items()}
+    for k in range(run.count + 1):
+        if k and not (run.advance(k) and substeps_counted(run.kernels, run.z) <= most):
+            break
+        for name, block in blocks.items():
+            motion[name][k] = block
+        if progress is not None:
+            progress(k / run.count)
+    return motion
+
+
+def substeps_counted(kernels: Model, z: Buffer) -> float:
+    """Return the number of substeps since the start; 0 where the model counts none."""
+    return float(z[kernels.BLOCKS["substeps"]][0]) if "substeps" in kernels.BLOCKS else 0.0
+
+
+# Errors between two motions
 
 
 def attitude_error(a: Array, b: Array) -> Array:

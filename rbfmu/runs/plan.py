@@ -115,3 +115,10 @@ def initialize(scene: Scene, kernels: Model, z: Buffer) -> None:
     """Set state and outputs from the parameters; raise SceneError where the model refuses them."""
     if code := tiered(kernels.initialize)(z):
         raise refusal(scene, code, kernels.BLOCKS, z)
+
+
+def start_run(scene: Scene, plan: Plan, names: Collection[str] | None = None) -> Buffer:
+    """Return the buffer of the plan's model at the start; names: as in `filled_buffer`."""
+    z = filled_buffer(scene, plan, names)
+    initialize(scene, plan.kernels, z)
+    return z

@@ -9,7 +9,7 @@ import numpy as np
 from rbfmu.models.question import Question
 from rbfmu.models.registry import ANGULAR_MOMENTUM, CLOSED_FORMS, MODELS, ONE_AXIS_TAYLOR, SPIN_UP
 from rbfmu.models.spec import ModelSpec
-from rbfmu.runs.motion import record_trajectory, start_run
+from rbfmu.runs.motion import Steps, record
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import SceneError
 from rbfmu.studies.own_chart.case import FLOOR, OwnCase
@@ -142,12 +142,11 @@ def _error_of(case: OwnCase, spec: ModelSpec) -> tuple[float, str]:
         return np.inf, "shows no attitude" if asked.attitude else "shows no rates in b"
     order = 0 if spec.closed_form else max(ORDERS)
     chosen = Plan(spec.key, spec.method, 0, tolerance=FLOOR if order else 0.0, order=order, pinned=("mass",))
+    steps = [case.interval * n for n in case.outputs_between]
     try:
-        z = start_run(scene, chosen, case.names)
+        motion = record(Steps(scene, chosen, steps, case.names), case.names)
     except SceneError as refusal:
         return np.inf, str(refusal)
-    steps = [case.interval * n for n in case.outputs_between]
-    motion = record_trajectory(chosen.kernels, z, steps, case.names)
     error = case.errors({name: rows[1:] for name, rows in motion.items()})["scene"]
     varying = spec.rests_on(asked) & asked.varying
     if error <= scene.run.accuracy and varying:

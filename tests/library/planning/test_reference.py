@@ -17,7 +17,7 @@ from rbfmu.planning.judge import Judge, PlanningWarning
 from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
 from rbfmu.planning.select import plan
 from rbfmu.runs.inputs import drive_of, input_tables
-from rbfmu.runs.motion import attitude_error, record_trajectory, relative_error
+from rbfmu.runs.motion import attitude_error, record, relative_error
 from rbfmu.runs.plan import Plan
 from rbfmu.studies.dop853 import Dop853Plan
 from rbfmu_kernels.compile.tiered import interpreted
@@ -197,7 +197,7 @@ def test_a_quadrature_of_too_many_points_is_not_tried(monkeypatch):
 def test_long_planning_says_what_it_does(monkeypatch):
     texts, lines = [], []
     monkeypatch.setattr(select, "said_after", lambda patience, text: texts.append(text) or nullcontext())
-    for function in (reference_motion, record_trajectory):
+    for function in (reference_motion, record):
         told = lambda *args, now=function, **named: lines.append(texts[0]()) or now(*args, **named)  # noqa: E731
         monkeypatch.setattr(judge_module, function.__name__, told)
     plan(scene_of("all loads"))
