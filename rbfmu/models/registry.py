@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from functools import partial
+from itertools import takewhile
 
 import numpy as np
 
@@ -272,8 +273,5 @@ MODELS: dict[str, ModelSpec] = {spec.key: spec for spec in (*CLOSED_FORMS, *INTE
 
 
 def smaller_closed_forms(key: str) -> Iterator[ModelSpec]:
-    """Yield the models with a closed form that stand before the one named, all of them where it is none."""
-    for spec in CLOSED_FORMS:
-        if spec.key == key:
-            return
-        yield spec
+    """Return the models with a closed form that stand before the one named, all of them where it is none."""
+    return takewhile(lambda spec: spec.key != key, CLOSED_FORMS)

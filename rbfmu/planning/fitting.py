@@ -1,4 +1,14 @@
-"""The method, and its step or tolerance, that meet a scene's accuracy at the least cost, found by pilot runs."""
+"""The method, and its step or tolerance, that meet a scene's accuracy at the least cost, found by pilot runs.
+
+The error of a run is neither its tolerance nor the error of a substep: errors of substeps add up, cancel, and grow with
+the motion. So a setting is tried, the judge measures the error, and the next setting follows from it, as the error goes
+with a power of the setting: of a step with the method's order, of a tolerance with the first (Hairer, Norsett, Wanner:
+Solving Ordinary Differential Equations I, II.3 and II.4). Costs are substeps counted times ns a substep and never a
+clock's, so that a scene has the same plan on every machine.
+
+An importer may take other communication steps than the scene's. These cut substeps short, or leave long ones uncut
+whose estimates hold less well, so that what was fitted in the scene's own steps is tried in others as well.
+"""
 
 import math
 from collections.abc import Iterator
@@ -6,19 +16,9 @@ from dataclasses import dataclass, replace
 
 from rbfmu.models.question import GROWING
 from rbfmu.models.registry import LOADED_TAYLOR
+from rbfmu.planning import methods
 from rbfmu.planning import reasons as say
 from rbfmu.planning.judge import Judge
-from rbfmu.planning.methods import (
-    ORDERS_OF_SERIES,
-    TIGHTEST,
-    Method,
-    likely_order,
-    one_axis_series,
-    series,
-    splittings,
-    tightened,
-    work_of,
-)
 from rbfmu.runs.plan import Plan
 from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.scene import SceneError
@@ -31,7 +31,7 @@ AT_REST = 0.01
 """The part of the accuracy up to which an error shows that whatever would grow has not begun to."""
 SMALLEST = 1e-14
 """The accuracy that any motion is promised at best: outputs have round-off of their own."""
-KEPT, REACHED = 1.0 / 3.0, 0.8
+AIM, REACHED = 1.0 / 3.0, 0.8
 """Parts of the accuracy: to which settings are fitted, and up to which an error is accepted where none is smaller."""
 MAX_WORK = 1e7
 """Substeps of all pilot runs (some five seconds), after which nothing cheaper is looked for."""
@@ -43,6 +43,13 @@ UNCUT = 20.0
 """The number of substeps in a communication step from which on longer steps change little."""
 LONGER, SHORTER = (2, 4, 10, 25, 50, 100), (2, 3, 4, 6, 10)
 """Numbers of communication steps that an importer may take as one, besides the whole run, and of parts of one."""
+POINT_COST = 86.0
+"""The cost of a point, ns, on `methods.MACHINE`."""
+EXACT = 1e-14
+"""What the exact rotation loses by round-off."""
+MAX_TRIALS = 6
+MAX_PANELS, MAX_POINTS = 1e6, 2e7
+"""The most panels of a communication step, and points of a whole trial, some two seconds of work."""
 
 
 @dataclass(frozen=True)
@@ -73,9 +80,9 @@ def cheapest_fit(judge: Judge, general: Plan, splitting: bool = True) -> Plan:
 def swinging_fit(judge: Judge, general: Plan) -> Plan | None:
     """Return series of one angle that meet the accuracy at the least cost; None where none does."""
     search = _Search(judge, general)
-    for method in one_axis_series(general):
+    for method in methods.one_axis_series(general):
         search.fit(method, 0.1 * search.accuracy)
-    return search.settled(search.bound) if search.is_met() else None
+    return search.whatever_the_step(search.bound) if search.met else None
 
 
 class _Search:
@@ -84,7 +91,7 @@ class _Search:
     def __init__(self, judge: Judge, general: Plan) -> None:
         self.judge, self.general = judge, general
         self.scene, self.asked, self.accuracy = judge.scene, judge.asked, judge.asked.accuracy
-        self.bound = KEPT * self.accuracy
+        self.bound = AIM * self.accuracy
         self.steps = communication_steps(self.scene)
         self.best: _Fit | None = None
         self.met: list[_Fit] = []
@@ -99,28 +106,30 @@ class _Search:
         if splitting:
             self._fit_splittings()
         assert self.best
-        if not self.is_met():
+        if not self.met:
             raise self.out_of_reach(self.best.error)
-        return self.settled(self.bound)
+        return self.whatever_the_step(self.bound)
 
     def plan_of_varying(self) -> Plan:
-        """Return the cheapest plan whose substeps' errors, magnified by the motion, make a quarter of the accuracy."""
-        span, growth = self.asked.span, self.judge.growth()
-        tolerance = max(0.25 * self.accuracy / growth, TIGHTEST)
-        found = self._cheapest_over(span, tolerance)
-        while found.error > REACHED * self.accuracy and tolerance > TIGHTEST:
-            tolerance = max(0.1 * tolerance, TIGHTEST)
-            found = self._cheapest_over(span, tolerance)
+        """Return the cheapest plan whose substeps' errors, magnified by the motion, make a quarter of the accuracy.
+
+        What ports supply, or parameters become, no pilot run has seen. The tolerance is therefore one of the whole run,
+        of which each substep may use its share in time: whatever the inputs, the estimates add up to it at most. The
+        rest of the accuracy is for what estimates miss, and for inputs under which errors grow faster than without.
+        Where the motion makes more than the accuracy of round-off, four units in the last place, no tolerance helps.
+        """
+        growth = self.judge.growth()
+        tolerance = max(0.25 * self.accuracy / growth, methods.TIGHTEST)
+        found = self._cheapest_over(tolerance)
+        while found.error > REACHED * self.accuracy and tolerance > methods.TIGHTEST:
+            tolerance = max(0.1 * tolerance, methods.TIGHTEST)
+            found = self._cheapest_over(tolerance)
         magnified = min(4.0 * ROUND_OFF * growth, 1.0)
         if magnified <= self.accuracy and found.error <= self.accuracy:
             return self._explained_varying(found)
         if magnified > self.accuracy and (self.scene.inputs.ports or found.error <= AT_REST * self.accuracy):
             return self._explained_varying(found, say.unstable_at_zero_inputs(growth))
         raise self.out_of_reach(max(found.error, magnified))
-
-    def is_met(self) -> bool:
-        """Return whether something is accurate enough."""
-        return bool(self.met)
 
     def out_of_reach(self, error: float) -> SceneError:
         """Return the error that is raised where no method's error is smaller."""
@@ -141,13 +150,13 @@ class _Search:
 
     # What is accurate enough whatever the communication step
 
-    def settled(self, bound: float) -> Plan:
+    def whatever_the_step(self, bound: float) -> Plan:
         """Return the cheapest of the plans that meet the accuracy whatever the communication step."""
         best: _Fit | None = None
         for fit in sorted(self.met, key=lambda fit: fit.cost):
             if best and fit.cost >= best.cost:
                 break
-            other = self._whatever_the_step(fit)
+            other = self._tighten_for_other_steps(fit)
             best = other if best is None or other.cost < best.cost else best
         assert best
         error = self.judge.try_all_steps(best.plan, best.error)
@@ -159,7 +168,7 @@ class _Search:
         more = () if best.other <= self.accuracy else (say.only_in_own_steps(best.other),)
         return replace(found, error=error, cost=best.cost / self.steps, reasons=(reason, *more))
 
-    def _whatever_the_step(self, fit: _Fit) -> _Fit:
+    def _tighten_for_other_steps(self, fit: _Fit) -> _Fit:
         """Return the fit, its tolerance or step such that other communication steps meet the accuracy as well."""
         while fit.substeps <= UNCUT * self.steps:
             worst = max(self._errors_in_other_steps(fit))
@@ -167,10 +176,10 @@ class _Search:
             if worst <= REACHED * self.accuracy:
                 return fit
             ratio = max(0.3 * self.accuracy / worst, 1e-3) if math.isfinite(worst) else 1e-3
-            tighter = tightened(fit.plan, ratio ** (1.0 / fit.order))
+            tighter = methods.tighter_plan(fit.plan, ratio ** (1.0 / fit.order))
             if tighter == fit.plan:
                 return fit
-            error, substeps = self._tried(tighter)
+            error, substeps = self._try_out(tighter)
             fit = replace(fit, plan=tighter, error=error, substeps=substeps, cost=fit.cost / fit.substeps * substeps)
         return fit
 
@@ -189,12 +198,11 @@ class _Search:
         """Find whether the accuracy can be met at all, and accept an error near it where none is much smaller."""
         reached = math.inf
         for order, part in [(k, p) for p in (1.0, 1e-3) for k in (MAX_ORDER - 8, MAX_ORDER)]:  # 1e-3: small rates
-            method = series(self.general, order, self.shares)
-            plan = method.plan_of(part * TIGHTEST)
-            error, substeps = self._tried(plan)
-            self._note(_Fit(plan, error, substeps, method.cost * substeps, 1), REACHED * self.accuracy)
-            reached = min(reached, error)
-            if error <= self.bound:
+            method = methods.series(self.general, order, self.shares)
+            found = self._try_method(method, method.plan_of(part * methods.TIGHTEST))
+            self._note(found, REACHED * self.accuracy)
+            reached = min(reached, found.error)
+            if found.error <= self.bound:
                 return
         if reached > REACHED * self.accuracy:
             raise self.out_of_reach(reached)
@@ -206,48 +214,52 @@ class _Search:
         Orders go up no further than HIGHER, as estimates for long steps of a high order do not hold in other steps,
         except while a series serves many steps.
         """
-        order = likely_order(self.accuracy)
-        first = self.fit(series(self.general, order, self.shares), self.accuracy / 8.0)
+        order = methods.likely_order(self.accuracy)
+        first = self.fit(methods.series(self.general, order, self.shares), self.accuracy / 8.0)
         for way in (2, -2):
             other, value, idle = order + way, first, 0
-            while other in ORDERS_OF_SERIES and idle < 2:
+            while other in methods.ORDERS_OF_SERIES and idle < 2:
                 before = self.best
                 if other > order + HIGHER and not (before and before.substeps < self.steps):
                     break
-                value = self.fit(series(self.general, other, self.shares), value)
+                value = self.fit(methods.series(self.general, other, self.shares), value)
                 idle = idle + 1 if self.best is before else 0
                 other += way
 
-    def _cheapest_over(self, span: float, tolerance: float) -> _Fit:
+    def _cheapest_over(self, tolerance: float) -> _Fit:
         """Return the cheapest series at a tolerance for the whole run, among those that meet it if any do."""
         best: _Fit | None = None
-        for order in range(likely_order(tolerance) if self.judge.is_slow else LEAST_ORDER_OF_INPUTS, MAX_ORDER + 1, 2):
-            method = series(self.general, order, self.shares)
-            plan = replace(method.plan_of(tolerance), span=span)
+        least = methods.likely_order(tolerance) if self.judge.is_slow else LEAST_ORDER_OF_INPUTS
+        for order in range(least, MAX_ORDER + 1, 2):
+            method = methods.series(self.general, order, self.shares)
+            plan = replace(method.plan_of(tolerance), span=self.asked.span)
             if best is None or best.error > self.bound or self._least_cost(method, plan) < best.cost:
-                error, substeps = self._tried(plan)
-                found = _Fit(plan, error, substeps, method.cost * substeps, 1)
+                found = self._try_method(method, plan)
                 best = found if best is None or _better(found, best, REACHED * self.accuracy) else best
         assert best
         return best
 
     def _fit_splittings(self) -> None:
         """Fit from the longest step down, where splitting is cheapest."""
-        for method, longest in splittings(self.asked, self.general):
+        for method, longest in methods.splittings(self.asked, self.general):
             self.fit(method, longest)
 
     # Values
 
-    def fit(self, method: Method, value: float) -> float:
-        """Fit a method's setting to cost at most 10 % more than it need, while it may be the best; return the last."""
+    def fit(self, method: methods.Method, value: float) -> float:
+        """Fit a method's setting to cost at most 10 % more than it need, while it may be the best; return the last.
+
+        The cost goes with 1 / step and the error with step^order: an error above bound / 1.1^order costs no more than
+        10 % too much. The next setting aims at the middle between the two on a logarithmic scale.
+        """
         bound, error = self.bound, math.inf
         least = bound * max(1.1**-method.order, 0.1)
         for _ in range(8):
             plan, last = method.plan_of(value), error
-            if self._is_dearer(self._least_cost(method, plan)) or (self.is_met() and self.work > MAX_WORK):
+            if self._is_dearer(self._least_cost(method, plan)) or (self.met and self.work > MAX_WORK):
                 break
-            error, substeps = self._tried(plan)
-            found = _Fit(plan, error, substeps, method.cost * substeps, method.exponent)
+            found = self._try_method(method, plan)
+            error = found.error
             self._note(found, bound)
             stuck = error == last  # each communication step is one substep, or the step is as short as may be
             enough = error <= bound and (stuck or error >= least)
@@ -258,7 +270,11 @@ class _Search:
             value *= min(max(ratio ** (1.0 / method.exponent), 1e-3), 1e3)
         return value
 
-    def _tried(self, plan: Plan) -> tuple[float, float]:
+    def _try_method(self, method: methods.Method, plan: Plan) -> _Fit:
+        error, substeps = self._try_out(plan)
+        return _Fit(plan, error, substeps, method.cost * substeps, method.exponent)
+
+    def _try_out(self, plan: Plan) -> tuple[float, float]:
         """Return error and number of substeps of a pilot run: less than steps where a series serves many of them."""
         error, counted = self.judge.try_out(plan)
         taken = counted
@@ -266,7 +282,7 @@ class _Search:
             taken = self.steps * (evaluated(substeps_in, self.scene.run.step, plan.substep) or math.inf)
         if counted < self.steps:
             kept = self._may_keep_series(plan)
-            taken = work_of(counted, float(self.steps)) if kept else max(taken, float(self.steps))
+            taken = methods.work_of(counted, float(self.steps)) if kept else max(taken, float(self.steps))
         self.work += min(max(taken, float(self.steps)), MAX_WORK)
         return error, taken
 
@@ -279,7 +295,7 @@ class _Search:
         if found.error <= bound:
             self.met.append(found)
 
-    def _least_cost(self, method: Method, plan: Plan) -> float:
+    def _least_cost(self, method: methods.Method, plan: Plan) -> float:
         """Return the cost as far as it is known before a pilot run."""
         if self._may_keep_series(plan):
             return 0.0
@@ -290,7 +306,7 @@ class _Search:
 
     def _is_dearer(self, cost: float) -> bool:
         """Return whether something that costs less meets the accuracy already."""
-        return self.is_met() and self.best is not None and cost >= self.best.cost
+        return bool(self.met) and self.best is not None and cost >= self.best.cost
 
 
 def _better(a: _Fit, b: _Fit, bound: float) -> bool:
@@ -299,18 +315,15 @@ def _better(a: _Fit, b: _Fit, bound: float) -> bool:
     return a.error < b.error
 
 
-POINT_COST = 86.0
-"""The cost of a point, ns, on `methods.MACHINE`."""
-EXACT = 1e-14
-MAX_TRIALS = 6
-MAX_PANELS, MAX_POINTS = 1e6, 2e7
-"""The most panels of a communication step, and points of a whole trial, some two seconds of work."""
+# Quadrature
 
 
 def cheapest_quadrature(judge: Judge, general: Plan) -> Plan | None:
     """Return the cheapest points of Gauss's rule and panels a communication step; None where they miss the accuracy.
 
-    Panels are no longer in other communication steps, so that their error is no larger either.
+    The rotation is exact, and the path an integral over time alone, of a smooth function: with n points a panel of
+    length h, Gauss's rule has an error that goes with h^(2 n). Panels are no longer in other communication steps, so
+    that their error is no larger either.
     """
     asked, scene = judge.asked, judge.scene
     grows = bool(asked.varying & GROWING)

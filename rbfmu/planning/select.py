@@ -13,16 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from rbfmu.models import registry
 from rbfmu.models.question import GROWING, Question
-from rbfmu.models.registry import (
-    CLOSED_FORMS,
-    FREE_BODY_FORCE,
-    LOADED_TAYLOR,
-    ONE_AXIS,
-    ONE_AXIS_TAYLOR,
-    PRESCRIBED_RATES,
-    smaller_closed_forms,
-)
 from rbfmu.models.sensitivity import GROWTH, growth_rate
 from rbfmu.models.spec import ModelSpec
 from rbfmu.planning import reasons as say
@@ -124,7 +116,7 @@ def prescribed_rates_error(scene: Scene) -> float:
 
 
 def _prescribed(asked: Question) -> Plan:
-    spec, error = PRESCRIBED_RATES, prescribed_rates_error(asked.scene)
+    spec, error = registry.PRESCRIBED_RATES, prescribed_rates_error(asked.scene)
     _refuse_below(asked, error)
     return Plan(spec.key, spec.method, spec.states, error=error, reasons=(say.PRESCRIBED,))
 
@@ -134,7 +126,7 @@ def _prescribed(asked: Question) -> Plan:
 
 def exact_closed_form(asked: Question) -> ModelSpec | None:
     """Return the smallest model with a closed form that is exact for this scene, and well conditioned if any is."""
-    exact = [spec for spec in CLOSED_FORMS if spec.serves(asked)]
+    exact = [spec for spec in registry.CLOSED_FORMS if spec.serves(asked)]
     good = (spec for spec in exact if spec.conditioning(asked) <= CONDITIONED * asked.accuracy)
     return next(good, exact[0] if exact else None)
 
@@ -182,7 +174,7 @@ def _within_accuracy(judge: Judge, exact: Plan | None) -> Plan | None:
     by the motion in double-double arithmetic.
     """
     asked, names = judge.asked, judge.names
-    smaller = [*smaller_closed_forms(exact.model if exact else "")]
+    smaller = [*registry.smaller_closed_forms(exact.model if exact else "")]
     if not smaller or not asked.rotation or not _may_be_compared(asked):
         return None
     if "force_b" in asked.varying and "acceleration" in names and "quaternion" not in names:
@@ -202,7 +194,7 @@ def _within_accuracy(judge: Judge, exact: Plan | None) -> Plan | None:
 def _may_be_compared(asked: Question) -> bool:
     """Return whether nothing varies on which the rotation or the size of the compared quantities depends."""
     names = set(asked.judged)
-    rests = {*ONE_AXIS.rests_on(asked)}
+    rests = {*registry.ONE_AXIS.rests_on(asked)}
     if asked.translation or "acceleration" in names:
         rests = rests | {"r_oc_b"}
         if any(asked.scene.loads.force_b):
@@ -247,14 +239,14 @@ def _stays(asked: Question, truth: Motion, names: tuple[str, ...]) -> bool:
 
 def _swinging(judge: Judge) -> Plan | None:
     """Return the plan of one angle under forces fixed in space, by the cheapest series that meets the accuracy."""
-    asked, spec = judge.asked, ONE_AXIS_TAYLOR
+    asked, spec = judge.asked, registry.ONE_AXIS_TAYLOR
     found = swinging_fit(judge, Plan(spec.key, "", 0, tolerance=asked.accuracy)) if spec.serves(asked) else None
     return replace(found, reasons=(say.SWINGING, *found.reasons)) if found else None
 
 
 def _under_body_force(judge: Judge) -> Plan | None:
     """Return exact rotation with a quadrature for the path; for a symmetric body, an integration if it costs less."""
-    asked, spec = judge.asked, FREE_BODY_FORCE
+    asked, spec = judge.asked, registry.FREE_BODY_FORCE
     if not any(asked.scene.loads.force_b) or not asked.translation or not spec.serves(asked):
         return None
     found = cheapest_quadrature(judge, Plan(spec.key, "", 0, pinned=asked.pinned))
@@ -267,7 +259,7 @@ def _under_body_force(judge: Judge) -> Plan | None:
 
 
 def _integrated(judge: Judge, splitting: bool = True) -> Plan:
-    return cheapest_fit(judge, Plan(LOADED_TAYLOR.key, "", 0, tolerance=judge.asked.accuracy), splitting)
+    return cheapest_fit(judge, Plan(registry.LOADED_TAYLOR.key, "", 0, tolerance=judge.asked.accuracy), splitting)
 
 
 # Inputs that are known
@@ -279,7 +271,7 @@ def plan_for_inputs(asked: Question, found: Plan, driven: Callable[[int], Drive]
     driven: the pieces of the run, each cut into so many parts.
     Raises SceneError where none meets the scene's accuracy.
     """
-    if found.model == PRESCRIBED_RATES.key:
+    if found.model == registry.PRESCRIBED_RATES.key:
         return without_loops(asked, found)
     what = f"rbfmu: planning {asked.scene.name} takes long: methods are tried under its inputs"
     with said_after(PATIENCE, lambda: what):
@@ -289,7 +281,7 @@ def plan_for_inputs(asked: Question, found: Plan, driven: Callable[[int], Drive]
 def _least_tight(asked: Question, found: Plan, drive: Drive, halves: Drive) -> Plan:
     scene, names = asked.scene, asked.judged
     with_rates = tuple(dict.fromkeys((*names, "omega_b")))  # by which rest is judged
-    tight = [Plan(LOADED_TAYLOR.key, "", 0, tolerance=1e-18, order=order) for order in ORDERS]
+    tight = [Plan(registry.LOADED_TAYLOR.key, "", 0, tolerance=1e-18, order=order) for order in ORDERS]
     (truth, taken), (other, more) = (_run_under(halves, scene, plan, with_rates, MAX_SUBSTEPS) for plan in tight)
     for motion, substeps in ((truth, taken), (other, more)):
         refuse_unfinished(scene, np.diff(halves.time).tolist(), motion["omega_b"], substeps)
@@ -324,8 +316,8 @@ def without_loops(asked: Question, found: Plan) -> Plan:
 
 def _tighter(asked: Question, found: Plan) -> Iterator[Plan]:
     """Yield series of ever smaller tolerance, for the whole run."""
-    general = replace(found, model=LOADED_TAYLOR.key, tolerance=asked.accuracy, substep=math.inf, order=0)
-    tolerance = found.tolerance if found.model == LOADED_TAYLOR.key else asked.accuracy
+    general = replace(found, model=registry.LOADED_TAYLOR.key, tolerance=asked.accuracy, substep=math.inf, order=0)
+    tolerance = found.tolerance if found.model == registry.LOADED_TAYLOR.key else asked.accuracy
     while tolerance > TIGHTEST:
         tolerance = max(0.1 * tolerance, TIGHTEST)
         order = max(found.order, likely_order(tolerance))
@@ -335,7 +327,7 @@ def _tighter(asked: Question, found: Plan) -> Iterator[Plan]:
 def _cost_under(asked: Question, plan: Plan, found: Plan, substeps: float, drive: Drive) -> float:
     """Return ns a communication step of a run whose pieces, and whose substeps, were counted."""
     steps, pieces = len(drive.time) - 1, len(drive.lengths)
-    if plan.model != LOADED_TAYLOR.key:
+    if plan.model != registry.LOADED_TAYLOR.key:
         return found.cost * pieces / steps
     ns = series_cost(plan.order, asked.load_shares) * work_of(substeps, float(pieces))
     return with_cost(asked, replace(plan, cost=ns / steps)).cost
