@@ -1,14 +1,18 @@
 """Members of an ensemble: each is the scene that a user would have written, and is run by one plan for all."""
 
+import math
+
 import numpy as np
 import pytest
+from scipy import stats
 
 import rbfmu
-from rbfmu.ensembles.members import draw, member, refusals
+from rbfmu.ensembles.members import draw, impossible_rows, member, refusals, thin_rows
 from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.scene.keys import scene_keys
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.quantities import LOADS
+from tests.library.ensembles.test_draws import BODY, LIKELY, MANY, ensemble
 
 TABLES = {
     "name": "dispersed",
@@ -27,12 +31,12 @@ VARY = {
 }
 
 
-def ensemble(vary=VARY, tables=TABLES, **more):
+def dispersed(vary=VARY, tables=TABLES, **more):
     return Scene.from_dict(tables | {"ensemble": {"runs": 50, "seed": 7, "vary": vary} | more})
 
 
 def test_a_member_has_what_was_applied_to_the_bit():
-    scene = ensemble()
+    scene = dispersed()
     samples = draw(scene, 10, 5)
     for row in range(5):
         one = member(scene, samples, row)
@@ -80,7 +84,7 @@ def test_quaternions_and_matrices_of_the_attitude_vary_by_rotation_vectors():
 
 
 def test_a_shape_s_inertia_follows_the_member_s_mass():
-    scene = ensemble({"body.mass": {"normal": [50.0, 5.0]}})
+    scene = dispersed({"body.mass": {"normal": [50.0, 5.0]}})
     samples = draw(scene, 0, 3)
     for row, mass in enumerate(samples.applied["body.mass"].tolist()):
         written = Scene.from_dict(TABLES | {"body": TABLES["body"] | {"mass": mass}})
@@ -88,7 +92,7 @@ def test_a_shape_s_inertia_follows_the_member_s_mass():
 
 
 def test_a_member_that_a_scene_refuses_is_told_with_the_message_of_its_check():
-    scene = ensemble({"body.mass": {"normal": [50.0, 50.0]}})
+    scene = dispersed({"body.mass": {"normal": [50.0, 50.0]}})
     samples = draw(scene, 0, 50)
     negative = np.flatnonzero(samples.applied["body.mass"] <= 0.0)
     found = refusals(scene, samples)
@@ -98,7 +102,7 @@ def test_a_member_that_a_scene_refuses_is_told_with_the_message_of_its_check():
 
 
 def test_one_plan_serves_all_members():
-    scene = ensemble()
+    scene = dispersed()
     planned, samples = plan_ensemble(scene), draw(scene, 0, 5)
     for row in range(5):
         result = rbfmu.simulate(member(scene, samples, row), planned=planned)
@@ -110,8 +114,147 @@ def test_a_slender_beam_s_members_are_checked_one_by_one():
     beam = {"mass": 2.0, "shape": {"kind": "beam", "length": 1.0}}
     along = {"initial.omega_b": {"normal": [[0.0, 0.0, 1.0], [0.1, 0.0, 0.1]]}}
     across = {"initial.omega_b": {"normal": [[0.0, 0.0, 1.0], [0.0, 0.1, 0.1]]}}
-    turning, steady = (ensemble(vary, TABLES | {"body": beam, "initial": {}, "loads": {}}) for vary in (along, across))
+    turning, steady = (dispersed(vary, TABLES | {"body": beam, "initial": {}, "loads": {}}) for vary in (along, across))
     found = refusals(turning, draw(turning, 0, 5))
     assert sorted(found) == [0, 1, 2, 3, 4]
     assert all("initial.omega_b" in text and "no rate about (1, 0, 0)" in text for text in found.values())
     assert not refusals(steady, draw(steady, 0, 5))
+
+
+FULL = [[10.0, 1.0, 0.5], [1.0, 12.0, -0.3], [0.5, -0.3, 15.0]]
+
+
+def test_relative_moments_keep_the_axes_of_a_full_matrix():
+    scene = ensemble({"body.inertia": {"relative": 0.03}}, body=BODY | {"inertia": FULL}, runs=500)
+    found = draw(scene, 0, 500)
+    moments, R_bp = rbfmu.principal_axes(np.array(FULL))
+    turned = R_bp.T @ found.applied["body.inertia"] @ R_bp
+    factors = np.column_stack([found.drawn[f"body.inertia[{k}]"] for k in (1, 2, 3)])
+    assert np.max(np.abs(turned - (factors * moments)[:, None, :] * np.eye(3))) < 1e-13
+    assert not found.redrawn.any()
+
+
+def test_axes_turn_and_leave_the_moments():
+    scene = ensemble({"body.inertia": {"axes_deg": [0.0, 0.0, 10.0]}}, runs=200)
+    found = draw(scene, 0, 200)
+    M, angle = found.applied["body.inertia"], np.radians(found.drawn["body.inertia.axes_deg[3]"])
+    assert np.max(np.abs(np.linalg.eigvalsh(M) - [10.0, 12.0, 15.0])) < 1e-13
+    assert np.allclose(M[:, 0, 1], (10.0 - 12.0) * np.sin(angle) * np.cos(angle), atol=1e-14)
+    assert np.array_equal(M, M.transpose(0, 2, 1))
+
+
+def test_elements_of_a_matrix_vary_one_by_one():
+    spread = [[0.1, 0.01, 0.0], [0.01, 0.1, 0.02], [0.0, 0.02, 0.2]]
+    scene = ensemble({"body.inertia": {"normal": [FULL, spread]}}, body=BODY | {"inertia": FULL})
+    M = draw(scene, 0, MANY).applied["body.inertia"]
+    assert stats.kstest(M[:, 1, 2], stats.norm(-0.3, 0.02).cdf).pvalue > LIKELY
+    assert stats.kstest(M[:, 2, 2], stats.norm(15.0, 0.2).cdf).pvalue > LIKELY
+    assert np.all(M[:, 0, 2] == 0.5)
+    assert np.array_equal(M, M.transpose(0, 2, 1))
+
+
+def test_moments_may_be_stated_outright():
+    scene = ensemble({"body.inertia": {"uniform": [[9.0, 11.0, 14.0], [11.0, 13.0, 16.0]]}}, runs=100)
+    M = draw(scene, 0, 100).applied["body.inertia"]
+    assert not (M - np.einsum("nii->ni", M)[:, :, None] * np.eye(3)).any()
+    assert stats.kstest(M[:, 0, 0], stats.uniform(9.0, 2.0).cdf).pvalue > LIKELY
+
+
+@pytest.mark.parametrize("design", ["random", "sobol", "latin_hypercube"])
+def test_what_breaks_the_triangle_inequality_is_drawn_again_and_counted(design):
+    flat = BODY | {"inertia": [1.0, 2.0, 3.0]}
+    scene = ensemble({"body.inertia": {"relative": 0.02}, "body.mass": {"normal": [50.0, 1.0]}}, body=flat, runs=1000,
+                     design=design)  # fmt: skip
+    found = draw(scene, 0, 1000)
+    rbfmu.check_inertia(found.applied["body.inertia"])
+    again = found.redrawn
+    assert 0.4 < np.mean(again > 0) < 0.6  # half of the draws break it
+    assert abs(np.mean(again) - 1.0) < 5.0 * math.sqrt(2.0 / 1000.0)  # geometric: mean 1, variance 2
+    assert not refusals(scene, found)
+    kept = draw(scene.replace({"ensemble.vary": {"body.mass": {"normal": [50.0, 1.0]}}}), 0, 1000)
+    same = kept.applied["body.mass"] == found.applied["body.mass"]
+    assert design != "random" or np.array_equal(same, again == 0)
+
+
+def test_draws_again_are_distributed_as_the_possible_ones():
+    """Moments (a, b, c) with c of the scene a + b: the sample kept is that of all draws with c <= a + b."""
+    scene = ensemble({"body.inertia": {"relative": 0.02}}, body=BODY | {"inertia": [1.0, 2.0, 3.0]})
+    found = draw(scene, 0, MANY)
+    c = found.drawn["body.inertia[3]"] * 3.0
+    random = np.random.default_rng(5)
+    a, b, other = (random.normal(m, 0.02 * m, MANY * 4) for m in (1.0, 2.0, 3.0))
+    assert stats.ks_2samp(c, other[other <= a + b]).pvalue > LIKELY
+
+
+def test_an_impossible_inertia_in_a_grid_is_refused_and_not_drawn_again():
+    vary = {"body.inertia": {"uniform": [[1.0, 1.0, 1.0], [1.0, 1.0, 3.0]], "points": [1, 1, 3]}}
+    scene = ensemble(vary, runs=3, design="grid")
+    found = draw(scene, 0, 3)
+    assert not found.redrawn.any()
+    assert list(refusals(scene, found)) == [2]
+    assert "each principal moment at most the sum of the other two" in refusals(scene, found)[2]
+
+
+def test_an_inertia_that_is_never_possible_ends_as_a_refused_member():
+    vary = {"body.inertia": {"uniform": [[1.0, 1.0, 9.0], [1.1, 1.1, 9.5]]}}
+    scene = ensemble(vary, runs=5)
+    found = draw(scene, 0, 5)
+    assert found.redrawn.tolist() == [100] * 5
+    assert sorted(refusals(scene, found)) == list(range(5))
+
+
+def test_an_inertia_at_the_border_is_possible_as_the_kernels_judge_it():
+    scene = ensemble({"body.inertia": {"axes_deg": 1.0}}, body=BODY | {"inertia": [1.0, 2.0, 3.0]}, runs=300)
+    assert not draw(scene, 0, 300).redrawn.any()
+
+
+def test_a_mass_that_is_not_positive_is_refused_and_not_drawn_again():
+    vary = {"body.mass": {"normal": [50.0, 50.0]}, "body.inertia": {"relative": 0.001}}
+    scene = ensemble(vary, body={"mass": 50.0, "shape": {"kind": "sphere", "radius": 1.0}}, runs=100)
+    found = draw(scene, 0, 100)
+    negative = np.flatnonzero(found.applied["body.mass"] <= 0.0)
+    assert len(negative)
+    assert not found.redrawn.any()
+    assert list(refusals(scene, found)) == negative.tolist()
+
+
+def test_sizes_of_a_shape_vary_and_inertia_follows():
+    shape = {"kind": "cylinder", "radius": 0.5, "length": 2.0}
+    vary = {"body.shape.radius": {"normal": [0.5, 0.01]}, "body.mass": {"normal": [50.0, 1.0]}}
+    scene = ensemble(vary, body={"mass": 50.0, "shape": shape}, runs=30)
+    found = draw(scene, 0, 30)
+    expected = rbfmu.cylinder_inertia(found.applied["body.mass"], found.applied["body.shape.radius"], 2.0)
+    assert np.array_equal(found.applied["body.inertia"], expected)
+    assert np.all(found.applied["body.shape.length"] == 2.0)
+    row = member(scene, found, 4)
+    sizes = shape | {"radius": float(found.applied["body.shape.radius"][4])}
+    assert row.body == Scene.from_dict({"body": {"mass": row.body.mass, "shape": sizes}}).body
+
+
+def test_a_size_that_is_not_positive_is_a_refused_member():
+    vary = {"body.shape.sides": {"normal": [[0.5, 0.5, 0.5], [0.4, 0.0, 0.0]]}}
+    scene = ensemble(vary, body={"mass": 50.0, "shape": {"kind": "box", "sides": [0.5, 0.5, 0.5]}}, runs=200)
+    found = draw(scene, 0, 200)
+    negative = np.flatnonzero(found.applied["body.shape.sides"][:, 0] <= 0.0)
+    assert len(negative)
+    assert list(refusals(scene, found)) == negative.tolist()
+
+
+def test_many_matrices_are_judged_as_one_by_one():
+    random = np.random.default_rng(8)
+    moments = np.concatenate([random.uniform(0.0, 1.0, (200, 3)), [[1, 2, 3], [0, 1, 1], [0, 1, 1.1], [-1e-3, 1, 1]]])
+    R = rbfmu.matrix_from_quaternion(rbfmu.normalize(random.normal(size=(len(moments), 4))))
+    M = R @ (moments[:, None, :] * np.eye(3)) @ R.transpose(0, 2, 1)
+    M = np.concatenate([0.5 * (M + M.transpose(0, 2, 1)), [np.full((3, 3), np.nan), np.full((3, 3), 1e300)]])
+    wanted = [row for row in range(len(M)) if is_refused(M[row])]
+    assert impossible_rows(M).tolist() == wanted
+    assert 60 < len(wanted) < 140
+    assert set(thin_rows(M).tolist()) >= {201, 202, 203, 204}
+
+
+def is_refused(M):
+    try:
+        rbfmu.check_inertia(M)
+    except ValueError:
+        return True
+    return False

@@ -1,0 +1,272 @@
+"""What a result writes and draws: streamed, with units, and lines of angles without strokes."""
+
+import csv
+import tracemalloc
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import fmpy.util
+import matplotlib.image
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import rbfmu
+from rbfmu import plot as charts
+from rbfmu.result import CHUNK, Result
+from rbfmu.scene.scene import About, Body, Initial, Inputs, Loads, Outputs, Run, Scene
+from rbfmu_kernels.quantities import OUTPUT
+from tests.support.paths import SCENES
+
+WIDTHS = {"quaternion": 4, "kinetic_energy": 0}
+
+
+def result_of(n: int, names: tuple[str, ...] = tuple(OUTPUT)) -> Result:
+    random = np.random.default_rng(1)
+    shapes = {name: (n, WIDTHS.get(name, 3)) if WIDTHS.get(name, 3) else (n,) for name in names}
+    return Result(0.01 * np.arange(n), {name: random.normal(size=shape) for name, shape in shapes.items()})
+
+
+@pytest.mark.parametrize("n", [1, CHUNK - 1, CHUNK, CHUNK + 1, 2 * CHUNK + 3])
+def test_a_csv_has_every_row_in_full(n: int, tmp_path: Path) -> None:
+    result = result_of(n)
+    result.save(tmp_path / "it.csv")
+    columns = result.columns()
+    rows = [",".join(repr(float(c[i])) for c in columns.values()) for i in range(n)]
+    expected = "\n".join([",".join(f'"{name}"' for name in columns), *rows]) + "\n"
+    assert (tmp_path / "it.csv").read_text() == expected
+
+
+@pytest.mark.parametrize("name", ["it.csv", "it.npz", "it.png"])
+def test_a_full_disk_is_said_with_the_file_s_name(name: str, tmp_path: Path, limited: Any) -> None:
+    result, path = result_of(2, ("quaternion",)), tmp_path / name
+    limited(100)
+    with pytest.raises(OSError, match=rf"File too large: '{path}'"):
+        charts.plot_result(result, path) if path.suffix == ".png" else result.save(path)
+
+
+@pytest.mark.thorough
+def test_a_csv_is_written_piece_by_piece(tmp_path: Path) -> None:
+    """However long: some 100 bytes a number of one piece, where the whole text took 2 kB a row."""
+    result = result_of(30 * CHUNK)
+    tracemalloc.start()
+    result.save(tmp_path / "it.csv")
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 100 * CHUNK * len(result.columns())
+
+
+def test_units_stand_in_a_file_beside_the_csv_and_fmpy_reads_the_csv(tmp_path: Path) -> None:
+    result = result_of(5)
+    result.save(tmp_path / "it.csv")
+    with (tmp_path / "it.units.csv").open(newline="") as file:
+        rows = list(csv.reader(file))
+    assert rows[0] == ["name", "unit", "meaning"]
+    assert [row[0] for row in rows[1:]] == list(result.columns())
+    units = {row[0]: row[1] for row in rows[1:]}
+    some = {"time": "s", "position[3]": "m", "quaternion[4]": "1", "omega_b[1]": "rad/s", "kinetic_energy": "J"}
+    assert {name: units[name] for name in some} == some
+    read = fmpy.util.read_csv(str(tmp_path / "it.csv"))
+    assert list(read.dtype.names) == list(result.columns())
+    assert (read["quaternion[4]"] == result.quaternion[:, 3]).all()
+
+
+def test_a_result_knows_its_units() -> None:
+    assert result_of(2, ("omega_b", "kinetic_energy")).units == {"time": "s", "omega_b": "rad/s", "kinetic_energy": "J"}
+
+
+def test_a_line_of_angles_has_a_gap_where_it_loses_a_turn() -> None:
+    time, angles = np.arange(6.0), np.array([3.0, 3.1, -3.1, -3.0, 3.0, 2.0])
+    t, y = charts.broken(time, angles, 2.0 * np.pi)
+    assert np.isnan(y).nonzero()[0].tolist() == [2, 5]
+    assert y[~np.isnan(y)].tolist() == angles.tolist()
+    assert t[~np.isnan(y)].tolist() == time.tolist()
+    assert charts.broken(time, angles, np.inf)[1].tolist() == angles.tolist()
+
+
+def test_a_plot_names_units_and_draws_no_stroke(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[Figure] = []
+    save = Figure.savefig
+    monkeypatch.setattr(Figure, "savefig", lambda self, *a, **k: (drawn.append(self), save(self, *a, **k)))
+    n = 200
+    yaw = np.angle(np.exp(1j * np.linspace(0.0, 20.0, n)))
+    result = result_of(n)
+    result.quantities["rpy"] = np.stack([0.0 * yaw, 0.0 * yaw, yaw], axis=1)
+    charts.plot_result(result, tmp_path / "it.png")
+    panels = drawn[0].axes
+    for quantity, axes in zip(OUTPUT.values(), panels, strict=True):
+        unit = quantity.unit.replace("m2", "m²").replace("s2", "s²")
+        assert axes.get_ylabel() == quantity.label + (f" ({unit})" if unit != "1" else "")
+    assert panels[-1].get_xlabel() == "time (s)"
+    lines = panels[list(OUTPUT).index("rpy")].lines
+    with np.errstate(invalid="ignore"):
+        steps = [np.nanmax(np.abs(np.diff(line.get_ydata()))) for line in lines]
+    assert max(steps) < np.pi
+
+
+@pytest.mark.parametrize(("quantities", "said"), [
+    ({"foo": [0.0, 1.0]}, "quantity 'foo': expected some of position, "),
+    ({"omega_b": [[0.0], [1.0]]}, r"omega_b has the shape \(2, 1\): expected \(2, 3\)"),
+])  # fmt: skip
+def test_a_result_is_made_of_quantities_alone(quantities: dict, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        Result([0.0, 0.1], quantities)
+    assert Result([0.0, 0.1], {"omega_b": [[0, 0, 1]] * 2}).plot().axes
+
+
+GOOD = "time,omega_b[1],omega_b[2],omega_b[3]\n"
+
+
+def random_result(points: int = 7) -> Result:
+    random = np.random.default_rng(1)
+    shapes = {row.name: (points, row.size) if row.size > 1 else (points,) for row in OUTPUT.values()}
+    return Result(0.5 * np.arange(points), {name: random.normal(size=shape) for name, shape in shapes.items()})
+
+
+@pytest.mark.parametrize("ending", [".csv", ".npz"])
+def test_what_is_saved_is_read_to_the_bit(ending: str, tmp_path: Path) -> None:
+    saved = random_result()
+    saved.save(tmp_path / f"it{ending}")
+    read = Result.load(tmp_path / f"it{ending}")
+    np.testing.assert_array_equal(read.time, saved.time)
+    assert list(read.quantities) == list(saved.quantities)
+    for name, values in saved.quantities.items():
+        np.testing.assert_array_equal(read.quantities[name], values)
+
+
+def test_columns_of_others_are_left_out(tmp_path: Path) -> None:
+    (tmp_path / "fmu.csv").write_text('"status",' + GOOD + "0,0.0,1,2,3\n0,0.5,4,5,6\n")
+    read = Result.load(tmp_path / "fmu.csv")
+    assert list(read.quantities) == ["omega_b"]
+    np.testing.assert_array_equal(read.omega_b, [[1, 2, 3], [4, 5, 6]])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("a,b\n1,2\n", "time is missing"),
+        ("time,omega_b[1],omega_b[3]\n0,1,2\n", r"omega_b\[2\] is missing"),
+        (GOOD + "0,1,2,3\n0,1,2,3\n", r"time = 0.0 in row 2: expected times that increase"),
+        (GOOD + "0,1,2,3\n1,1,nan,3\n", r"omega_b = nan in row 2: expected numbers"),
+        (GOOD + "0,1,2,3\n1,1,2\n", "expected numbers"),
+        (GOOD + "0,1,2\n", "expected a row of 4 numbers"),
+        (GOOD + "0,1,2,x\n", "expected numbers"),
+    ],
+)
+def test_what_is_no_result_is_refused(text: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / "it.csv").write_text(text)
+    with pytest.raises(ValueError, match=message):
+        Result.load(tmp_path / "it.csv")
+
+
+def test_arrays_that_are_no_result_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "it.npz"
+    np.savez(path, time=np.arange(3.0), omega_b=np.zeros((3, 2)))
+    with pytest.raises(ValueError, match=r"omega_b has the shape \(3, 2\): expected \(3, 3\)"):
+        Result.load(path)
+    path.write_text("no arrays")
+    with pytest.raises(ValueError, match="cannot be read as arrays"):
+        Result.load(path)
+    with pytest.raises(ValueError, match=r"expected a name that ends in \.csv or \.npz"):
+        Result.load(tmp_path / "it.txt")
+
+
+NAMES = {
+    "About": About,
+    "Scene": Scene,
+    "Body": Body,
+    "Initial": Initial,
+    "Inputs": Inputs,
+    "Loads": Loads,
+    "Outputs": Outputs,
+    "Run": Run,
+}
+
+
+class Cells(HTMLParser):
+    """The texts of a table's cells, and whether all that is opened is closed."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.texts: list[str] = []
+        self.feed(html)
+        assert not self.open
+
+    def handle_starttag(self, tag: str, attrs: object) -> None:
+        self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.texts.append(data)
+
+
+@pytest.fixture(scope="module")
+def result() -> Result:
+    return random_result(5)
+
+
+@pytest.mark.parametrize("path", sorted(SCENES.glob("*.toml")), ids=lambda path: path.stem)
+def test_a_scene_s_repr_is_short_and_makes_the_scene_again(path: Path) -> None:
+    scene = rbfmu.load_scene(path)
+    assert eval(repr(scene), NAMES) == scene
+    assert "Loads()" not in repr(scene)
+    assert len(repr(scene)) < 600
+
+
+def test_a_scene_in_html_has_what_is_set_with_units() -> None:
+    scene = Scene.from_dict({"name": "a<b", "body": {"mass": 2.0, "inertia": [1, 2, 3]}, "run": {"step": 0.5}})
+    cells = Cells(scene._repr_html_()).texts
+    assert cells[0] == "a<b"
+    assert cells[cells.index("body.inertia") :][:3] == ["body.inertia", "[1.0, 2.0, 3.0]", "kg m2"]
+    assert cells[cells.index("run.step") :][:3] == ["run.step", "0.5", "s"]
+    assert not any("loads" in cell for cell in cells)
+
+
+def test_a_plan_says_model_method_and_reasons() -> None:
+    plan = rbfmu.plan(SCENES / "tumbling_brick.toml")
+    assert repr(plan).startswith(f"Plan({plan.model}: {plan.method}; 7 states, error ")
+    cells = Cells(plan._repr_html_()).texts
+    assert {plan.model, plan.method, *plan.reasons} <= set(cells)
+
+
+def test_a_result_in_html_has_its_ends_and_bounds(result: Result) -> None:
+    cells = Cells(result._repr_html_()).texts
+    assert "t = 2 s" in cells
+    row = cells[cells.index("kinetic_energy") :][:6]
+    energy = result.kinetic_energy
+    assert row[1] == "J"
+    assert [float(x) for x in row[2:]] == pytest.approx([energy[0], energy[-1], energy.min(), energy.max()], rel=1e-4)
+
+
+def test_a_dataframe_has_a_column_for_each_variable_and_its_unit(result: Result) -> None:
+    frame = result.to_dataframe()
+    columns = result.columns()
+    assert ["time", *frame.columns] == list(columns)
+    np.testing.assert_array_equal(frame.index, result.time)
+    np.testing.assert_array_equal(frame["omega_b[2]"], result.omega_b[:, 1])
+    assert frame.attrs["units"]["omega_b"] == "rad/s"
+
+
+def test_a_dataset_names_components_and_units(result: Result) -> None:
+    data = result.to_xarray()
+    assert list(data.data_vars) == list(result.quantities)
+    np.testing.assert_array_equal(data.omega_b.sel(axis="y", time=1.0), result.omega_b[2, 1])
+    np.testing.assert_array_equal(data.rpy.sel(angle="yaw"), result.rpy[:, 2])
+    np.testing.assert_array_equal(data.quaternion.sel(parameter="η"), result.quaternion[:, 0])
+    np.testing.assert_array_equal(data.kinetic_energy, result.kinetic_energy)
+    assert data.omega_b.attrs["units"] == "rad/s"
+    assert data.time.attrs["units"] == "s"
+
+
+def test_a_plot_is_a_figure_that_a_notebook_shows(result: Result, tmp_path: Path) -> None:
+    figure = result.plot(title="it")
+    assert len(figure.axes) == len(result.quantities)
+    assert figure.axes[0].lines[1].get_ydata() == pytest.approx(result.position[:, 1])
+    (tmp_path / "shown.png").write_bytes(figure._repr_png_())
+    result.plot(tmp_path / "saved.png")
+    for name in ("shown.png", "saved.png"):
+        assert matplotlib.image.imread(tmp_path / name).std() > 0.0
