@@ -20,7 +20,7 @@ from rbfmu.runs.plan import Plan, filled_buffer, start_run
 from rbfmu.runs.time_grid import last_time, steps_until
 from rbfmu.scene.consistency import doubts_after, warn
 from rbfmu.scene.scene import PARAMETERS, Scene, of_scene_or_path
-from rbfmu.scene.section import fault, shown
+from rbfmu.scene.section import as_toml, fault
 from rbfmu_kernels.buffer import OK, PAST_STOP
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.quantities import BY_NAME, IN_BUFFER_ORDER, INITIAL_VALUES, LOADS, OUTPUTS, Output
@@ -211,8 +211,8 @@ class Simulator:
             good = numbers.shape == (3,) and all(issubclass(type(x), Real) and abs(x) < math.inf for x in numbers)
             if not good:
                 shape = f", of shape (3,) and not {numbers.shape}" if numbers.ndim > 1 else ""
-                return ValueError(f"{name} = {shown(value)}: expected 3 finite numbers ({BY_NAME[name].unit}){shape}")
-        return ValueError(f"inputs {shown(ports)}: expected numbers whose sum is finite")
+                return ValueError(f"{name} = {as_toml(value)}: expected 3 finite numbers ({BY_NAME[name].unit}){shape}")
+        return ValueError(f"inputs {as_toml(ports)}: expected numbers whose sum is finite")
 
     def reset(self, **parameters: Any) -> None:
         """Begin anew with the scene's values and the parameters given; inputs are zero. Raises SceneError."""
@@ -295,7 +295,7 @@ def _with_parameters(scene: Scene, planned: Plan, parameters: dict[str, Any]) ->
     for name in parameters:
         values = old[blocks[_BLOCK_OF[name]]].tolist()
         if name in planned.pinned and values != new[blocks[_BLOCK_OF[name]]].tolist():
-            made_for = f"{shown(values if len(values) > 1 else values[0])}, for which the model was planned"
+            made_for = f"{as_toml(values if len(values) > 1 else values[0])}, for which the model was planned"
             expected = f"{made_for}; list {name!r} in inputs.parameters to vary it"
             raise SceneError(fault(name, parameters[name], expected), scene.name)
     return changed

@@ -21,8 +21,13 @@ from rbfmu.scene.variations import LOGNORMAL, NORMAL, RELATIVE, TRIANGULAR, UNIF
 
 Array = NDArray[np.float64]
 WORDS = 4
-"""The numbers that one count of Philox yields."""
+"""The numbers that one count of Philox yields.
+
+Philox maps a count and a key to random words without any state (Salmon, Moraes, Dror and Shaw, Parallel random numbers:
+as easy as 1, 2, 3, SC11), so that a member's numbers are had without those of the members before it.
+"""
 SOBOL_BITS = 30
+"""The bits of a coordinate of Sobol's sequence: as many points differ, more than the most runs need."""
 
 
 def points(ensemble: Ensemble, first: int, count: int) -> Array:
@@ -46,6 +51,7 @@ def uniform(seed: int, name: str, first: int, count: int, attempt: int = 0) -> A
     stream = np.random.Philox(key=key, counter=np.array([start, attempt, 0, 0], dtype=np.uint64))
     raw = stream.random_raw((first + count + WORDS - 1) // WORDS * WORDS - start * WORDS)
     kept = raw[first - start * WORDS :][:count] >> np.uint64(11)
+    # 53 bits are what a float holds; the middles of their cells are neither 0 nor 1, where normal scores are infinite.
     return (kept.astype(np.float64) + 0.5) * 2.0**-53
 
 
@@ -55,6 +61,10 @@ def _random(ensemble: Ensemble, first: int, count: int, attempt: int = 0) -> Arr
 
 
 def _sobol(ensemble: Ensemble, first: int, count: int) -> Array:
+    """Return points of Sobol's sequence, scrambled by a random matrix and shift (Matousek 1998), as SciPy has it.
+
+    Half a cell is added: a point at 0, as any scrambled sequence may have, has no normal score.
+    """
     qmc = needed("scipy.stats.qmc", "ensemble")
     sequence = qmc.Sobol(len(ensemble.varying), scramble=True, bits=SOBOL_BITS, rng=_generator(ensemble.seed))
     head = np.empty((0, sequence.d))
@@ -71,7 +81,10 @@ def _latin_hypercube(ensemble: Ensemble, first: int, count: int) -> Array:
 
 @lru_cache(maxsize=2)
 def _hypercube(dimensions: int, runs: int, seed: int) -> Array:
-    """Return all rows, as each depends on how many there are: 8 bytes a number that varies, and a run."""
+    """Return all rows, as each depends on how many there are: 8 bytes a number that varies, and a run.
+
+    Each number has one value in each of `runs` equal parts (McKay, Beckman and Conover, Technometrics 21, 1979).
+    """
     qmc = needed("scipy.stats.qmc", "ensemble")
     cube: Array = qmc.LatinHypercube(dimensions, rng=_generator(seed)).random(runs)
     np.clip(cube, 2.0**-54, 1.0 - 2.0**-53, out=cube)

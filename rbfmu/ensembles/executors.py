@@ -15,7 +15,10 @@ from rbfmu.exceptions import SimulationError
 from rbfmu.extras import needed
 
 AHEAD = 3
-"""Chunks that are on their way or wait for an earlier one, for each worker: memory is bounded by that."""
+"""Chunks that are on their way or wait for an earlier one, for each worker: memory is bounded by that.
+
+One runs, one is ready when that ends, and one more so that a slow chunk, whose turn it is, does not stop the others.
+"""
 PATIENCE = "30s"
 """How long a scheduler is waited for."""
 

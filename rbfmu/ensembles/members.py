@@ -26,7 +26,7 @@ from rbfmu.scene.variations import (
     RELATIVE,
     RULES,
     SHAPE,
-    UNIFORM_ROTATIONS,
+    UNIFORM,
     Marginal,
     Variation,
 )
@@ -37,7 +37,10 @@ from rbfmu_kernels.rotations import euler_angles, quaternion, rotation_vector
 
 Array = NDArray[np.float64]
 ATTEMPTS = 100
-"""How often a member whose inertia no body has is drawn again; after that it stays, and is refused."""
+"""How often a member whose inertia no body has is drawn again; after that it stays, and is refused.
+
+Where half of the draws are possible one member in 1e30 stays; where none is, the scene is wrong and should say so soon.
+"""
 
 
 @dataclass(frozen=True)
@@ -96,7 +99,7 @@ def _sampled(scene: Scene, first: int, cube: Array) -> Samples:
 
 def _possible(scene: Scene, found: Samples) -> Samples:
     """Return the members, those whose inertia no body has drawn again: all numbers, by the member's own stream."""
-    if ensemble_of(scene).of(INERTIA) is None:
+    if ensemble_of(scene).variation_of(INERTIA) is None:
         return found
     rows = _to_draw_again(found)
     for attempt in range(1, ATTEMPTS + 1):
@@ -151,7 +154,7 @@ def refusals(scene: Scene, samples: Samples) -> dict[int, str]:
 
 def _check_shape(scene: Scene, samples: Samples, row: int) -> None:
     """Raise SceneError for a shape that a scene refuses; its inertia may not tell."""
-    shape = scene.ensemble.of(SHAPE) if scene.ensemble else None
+    shape = scene.ensemble.variation_of(SHAPE) if scene.ensemble else None
     if shape is not None:
         sizes = {key.removeprefix(f"{SHAPE}."): value[row].tolist() for key, value in samples.applied.items()
                  if key.startswith(f"{SHAPE}.")}  # fmt: skip
@@ -180,7 +183,7 @@ def _rule(scene: Scene, key: str) -> Numbers | None:
     """Return the rule of a key whose numbers have a lower bound, if any."""
     rule = RULES.get(key)
     if key.startswith(f"{SHAPE}.") and scene.ensemble is not None:
-        shape = scene.ensemble.of(SHAPE)
+        shape = scene.ensemble.variation_of(SHAPE)
         rule = SHAPES[shape.form]._rule(key.removeprefix(f"{SHAPE}.")) if shape else None  # type: ignore[assignment]
     return rule if rule is not None and rule.bound else None
 
@@ -211,7 +214,7 @@ class _Appliance:
                 yield from self._sizes(variation)
             elif variation.key != INERTIA:
                 yield variation.key.removesuffix("_deg"), self._numbers(variation)
-        if self.ensemble.of(INERTIA) or self.ensemble.of(SHAPE):
+        if self.ensemble.variation_of(INERTIA) or self.ensemble.variation_of(SHAPE):
             yield INERTIA, self._inertia()
 
     def call(self, kernel: Any, *columns: Array, sequence: str = "") -> Array:
@@ -252,7 +255,7 @@ class _Appliance:
         rows, form = self._columns(variation), variation.form
         if form.endswith("_deg"):
             rows = rows * (np.pi / 180.0)
-        if form == UNIFORM_ROTATIONS:
+        if form == UNIFORM:
             q = self._any_rotation(rows)
         elif form.startswith("angles"):
             q = self.call(euler_angles.quaternion_from_euler, rows, sequence=variation.table["euler"])
@@ -279,7 +282,7 @@ class _Appliance:
 
     def _inertia(self) -> Array:
         """Return M_c, symmetric to the bit."""
-        variation = self.ensemble.of(INERTIA)
+        variation = self.ensemble.variation_of(INERTIA)
         if variation is None:
             return self._inertia_of_shape()
         own = self._columns(variation, f"{INERTIA}[") if variation.form else None
@@ -293,7 +296,7 @@ class _Appliance:
 
     def _along_axes(self, own: Array | None, variation: Variation) -> Array:
         """Return M_c with the scene's own axes, its principal moments varied; own: moments, or factors of them."""
-        if self.ensemble.of(SHAPE):
+        if self.ensemble.variation_of(SHAPE):
             M = self._inertia_of_shape()
             return M if own is None else M * (own[:, None, :] * np.eye(3))
         assert self.scene.body is not None
@@ -304,10 +307,10 @@ class _Appliance:
         return M if R_bp is None else self.call(inertia.rotate_inertia, self._all(R_bp), M)
 
     def _inertia_of_shape(self) -> Array:
-        variation = self.ensemble.of(SHAPE)
+        variation = self.ensemble.variation_of(SHAPE)
         assert variation is not None
         assert self.scene.body is not None
-        mass = self.ensemble.of("body.mass")
+        mass = self.ensemble.variation_of("body.mass")
         masses = self._numbers(mass) if mass else np.full(self.count, self.scene.body.mass)
         # A member with a negative number is refused for that, and not drawn again for its inertia.
         sizes = (np.abs(value) for _, value in self._sizes(variation))

@@ -41,11 +41,15 @@ APART = 1 << 32
 FEW_POINTS = 8
 """The number of points in time at which runs are compared that differ in one key."""
 BEYOND = 3.0
-"""How far these lie from the centre beyond the usual distance, sqrt(n) of n normal scores."""
+"""How far these lie from the centre beyond the usual distance, sqrt(n) of n normal scores.
+
+The distance of n normal scores has the chi distribution, whose mean is close to sqrt(n) and whose standard deviation is
+about 1/sqrt(2) whatever n: 3 more is beyond four standard deviations, which one member of some 1e4 to 1e5 exceeds.
+"""
 PARTS = np.outer(0.7 ** np.arange(8), (1.0, -1.0)).ravel()
 """Parts of the distance at which a far pilot is tried, to both sides, until it is a scene."""
 MARGIN = 0.3
-"""The part of the pilots' least tolerance that is taken."""
+"""The part of the pilots' least tolerance that is taken: errors of members scatter about those of eight pilots."""
 ENOUGH = 0.1
 """The part of the accuracy up to which a pilot's error is left as it is."""
 

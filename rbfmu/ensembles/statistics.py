@@ -1,4 +1,11 @@
-"""Mean, covariance and quantiles over time, merged chunk by chunk: the same bits whatever ran where."""
+"""Mean, covariance and quantiles over time, merged chunk by chunk: the same bits whatever ran where.
+
+Sums are merged in the order of the chunks, as floating-point sums depend on their order. Quantiles come of a sketch:
+sorted points of equal weight stand for the values, those of 1, 2, 4, ... chunks, and two of a level are merged into one
+of the next (Munro and Paterson 1980; Manku, Rajagopalan and Lindsay 1998). Its memory grows with the logarithm of the
+runs, and the largest error of a rank is known. `loops.add_moments` is Welford's recurrence (Technometrics 4, 1962),
+which does not lose the digits that a sum of squares less the square of the sum loses.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -66,6 +73,7 @@ def merged_points(a: Points, b: Points | None, most: int, turn: int) -> Points:
     exact = p + q <= most and (q == 0 or p == 0 or a.weight == other.weight)
     count = p + q if exact else min(most, p + q)
     values = np.empty((len(a.values), count))
+    # A point at the phase 0.25 or 0.75 of its part is off by up to 0.75 of the part's weight, early or late in turn.
     phase = 0.5 if exact else (0.25, 0.75)[turn % 2]
     compiled(merge_points)(a.values, a.weight, other.values, other.weight, phase, values)
     weight = (a.members + other.members) / max(count, 1)
@@ -88,7 +96,11 @@ class Statistics:
         return cls(0, 0, np.zeros((points, width)), np.zeros((points, pairs)))
 
     def add(self, new: Summary, pairs: NDArray[np.int64]) -> None:
-        """Add the next chunk. Mean and products are merged as Chan, Golub and LeVeque merge them."""
+        """Add the next chunk.
+
+        Mean and products are merged as Chan, Golub and LeVeque do (The American Statistician 37, 1983): the deviation
+        of the means is what both groups add to the products besides their own.
+        """
         self.chunks += 1
         if new.members:
             both = self.count + new.members
@@ -173,7 +185,10 @@ def _interpolated(values: Array, ranks: Array, wanted: Array) -> Array:
 
 
 def exact_quantiles(values: Array, probabilities: Array) -> Array:
-    """Return the quantiles (q, ...) over the first axis, NaN left out: as those of the points of all members."""
+    """Return the quantiles (q, ...) over the first axis, NaN left out: as those of the points of all members.
+
+    Value i of n has the rank (i - 1/2) / n (Hazen), as a point in the middle of its weight has above.
+    """
     good = values[~np.isnan(values).reshape(len(values), -1).any(axis=1)]
     if not len(good):
         return np.full((len(probabilities), *values.shape[1:]), np.nan)

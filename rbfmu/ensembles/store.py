@@ -72,7 +72,10 @@ class Checkpoint:
     runs: int = 0
 
     def write(self, path: Path) -> None:
-        """Write to a file beside, and put that in place of the file: either all of it is there, or the old one."""
+        """Write to a file beside, and put that in place of the file: either all of it is there, or the old one.
+
+        A rename is atomic (POSIX), and `fsync` before it keeps a crash of the machine from leaving an empty file.
+        """
         statistics = self.progress.statistics
         kept: dict[str, Any] = {
             f"{_KEPT}{name}": a for name, a in (statistics.to_arrays() if statistics else {}).items()

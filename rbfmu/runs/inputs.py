@@ -14,7 +14,7 @@ from rbfmu.models.model_buffer import Buffer
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.scene import Scene
-from rbfmu.scene.section import SceneError, fault, shown
+from rbfmu.scene.section import SceneError, as_toml, fault
 from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.compile.tiered import tiered
@@ -143,7 +143,7 @@ def _columns(names: list[str], scene: Scene, faults: list[str]) -> dict[str, lis
     ]
     for name in names:
         if name != "time" and name not in known:
-            faults.append(f"column {shown(name)}: expected one of time, {', '.join(known)}")
+            faults.append(f"column {as_toml(name)}: expected one of time, {', '.join(known)}")
     ports = dict.fromkeys(known[name] for name in names if name in known)
     wanted = ["time", *(name for name, port in known.items() if port in ports)]
     faults += [
@@ -166,7 +166,7 @@ def _numbers(names: list[str], rows: list[list[str]], faults: list[str]) -> Arra
                 table[k, i] = float(cell) if cell.isascii() and "_" not in cell else math.nan
             if not math.isfinite(table[k, i]) and names[i] not in said:
                 said.add(names[i])
-                faults.append(f"{names[i]} = {shown(cell)} in row {k + 1}: expected a finite number")
+                faults.append(f"{names[i]} = {as_toml(cell)} in row {k + 1}: expected a finite number")
     return table
 
 

@@ -6,8 +6,9 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import field_serializer
 
+from rbfmu.exceptions import SceneError
 from rbfmu.scene.body import SHAPES, Body, axis_without_moment
-from rbfmu.scene.section import Numbers, Rule, SceneError, Section, fault, joined, names, one_word, plain, shown, whole
+from rbfmu.scene.section import Numbers, Rule, Section, as_toml, fault, joined, names, one_word, plain, whole
 from rbfmu.scene.variations import (
     ATTITUDE,
     AXES,
@@ -173,7 +174,7 @@ class Ensemble(Section):
         """Return the distributions of all numbers that vary."""
         return tuple(_varying(self.vary))
 
-    def of(self, key: str) -> Variation | None:
+    def variation_of(self, key: str) -> Variation | None:
         """Return how a key varies, or None."""
         return next((variation for variation in self.vary if variation.key == key), None)
 
@@ -198,13 +199,13 @@ class Ensemble(Section):
         keys = {variation.key for variation in self.vary}
         if {DEGREES, "initial.omega_b"} <= keys:
             yield fault(joined("ensemble.vary", DEGREES), self._written(DEGREES), "initial.omega_b or this, not both")
-        own = self.of(INERTIA)
+        own = self.variation_of(INERTIA)
         if SHAPE in keys and own and own.form not in ("", RELATIVE):
             expected = f"{RELATIVE} or {AXES}: the inertia follows from {SHAPE}"
             yield fault(joined("ensemble.vary", INERTIA), own.table, expected)
 
     def _written(self, key: str) -> Any:
-        found = self.of(key)
+        found = self.variation_of(key)
         return found.table if found else None
 
     def _faults_of_grid(self) -> Iterator[str]:
@@ -284,7 +285,7 @@ def _dotted(vary: Mapping[str, Any], faults: list[str]) -> dict[str, Any]:
 
 
 def _twice(key: str, value: Any, other: Any) -> str:
-    return fault(joined("ensemble.vary", key), value, f"this or {shown(other)}, not both")
+    return fault(joined("ensemble.vary", key), value, f"this or {as_toml(other)}, not both")
 
 
 def _lacks_sequence(attitude: Mapping[str, Any]) -> bool:
@@ -322,9 +323,9 @@ def _with_attitude(vary: dict[str, Any], initial: Any) -> dict[str, Any]:
     return vary
 
 
-def fitting(ensemble: Ensemble, body: Body | None) -> Ensemble:
+def without_idle_shape(ensemble: Ensemble, body: Body | None) -> Ensemble:
     """Return the ensemble without a shape of which nothing varies and which is not the body's any more."""
-    shape = ensemble.of(SHAPE)
+    shape = ensemble.variation_of(SHAPE)
     if shape is None or body is None or any(m.kind != FIXED for m in shape.marginals):
         return ensemble
     if SHAPES[shape.form].read(shape.table).inertia(body.mass) == body.inertia:

@@ -9,7 +9,7 @@ from rbfmu.scene.attitude import Attitude
 from rbfmu.scene.body import SHAPES, Body
 from rbfmu.scene.ensemble import Correlation, Ensemble
 from rbfmu.scene.scene import QUANTITIES, SECTIONS, Initial, Scene
-from rbfmu.scene.section import Section, joined, shown
+from rbfmu.scene.section import Section, as_toml, joined
 
 REQUIRED = "required"
 OF_THE_MOTION = "all there are"
@@ -78,7 +78,7 @@ def _key(section: type[Section], name: str) -> Key:
         return Key(section._path, name, unit, "", meaning)
     rule = section._rule(name)
     meaning = f"{rule.meaning}: {rule.choice}" if rule.choice else rule.meaning
-    default = REQUIRED if field.is_required() else shown(_plain(field.default))
+    default = REQUIRED if field.is_required() else as_toml(_plain(field.default))
     if section is SECTIONS["outputs"]:
         default = OF_THE_MOTION
     return Key(section._path, name, getattr(rule, "unit", ""), default, meaning)
@@ -110,5 +110,5 @@ def _lines(key: Key) -> Iterator[str]:
     yield from textwrap.wrap(text, 100, initial_indent="# ", subsequent_indent="#   ")
     value = WRITTEN.get(key.path) or SKETCHED.get(key.path) or key.default
     if value == OF_THE_MOTION:
-        value = f"[{', '.join(map(shown, QUANTITIES))}]"
+        value = f"[{', '.join(map(as_toml, QUANTITIES))}]"
     yield f"{key.name} = {value}" if key.path in WRITTEN else f"#{key.name} = {value}"

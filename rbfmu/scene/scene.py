@@ -12,8 +12,8 @@ from rbfmu.notebook import table
 from rbfmu.scene.attitude import read_attitude
 from rbfmu.scene.body import ZERO, Body
 from rbfmu.scene.consistency import default_quantities, doubts_before, faults_between, warn
-from rbfmu.scene.ensemble import Ensemble, as_written, faults_with, fitting
-from rbfmu.scene.section import Numbers, SceneError, Section, fault, line, names, numbers, one_of, positive, shown
+from rbfmu.scene.ensemble import Ensemble, as_written, faults_with, without_idle_shape
+from rbfmu.scene.section import Numbers, SceneError, Section, as_toml, fault, line, names, numbers, one_of, positive
 from rbfmu.scene.toml_file import read_file, with_description
 from rbfmu_kernels import quantities
 from rbfmu_kernels.types import Quaternion, Vec3
@@ -201,7 +201,7 @@ class Scene(Section):
         faults += faults_between(good, rates)
         if good.get("ensemble") is not None:
             faults += faults_with(good["ensemble"], good)
-            good["ensemble"] = fitting(good["ensemble"], good.get("body"))
+            good["ensemble"] = without_idle_shape(good["ensemble"], good.get("body"))
         return data | good
 
     @classmethod
@@ -220,7 +220,7 @@ class Scene(Section):
             section = getattr(self, key)
             for name, value in section._set().items() if section is not None else ():
                 rule = type(section)._rule(name)
-                yield f"{key}.{name}", shown(value), getattr(rule, "unit", ""), rule.meaning
+                yield f"{key}.{name}", as_toml(value), getattr(rule, "unit", ""), rule.meaning
 
     def _repr_html_(self) -> str:
         return table(self.name, ("key", "value", "unit", "meaning"), self.rows())

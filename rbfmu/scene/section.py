@@ -22,10 +22,10 @@ LONGEST = 72
 
 def fault(path: str, value: object, expected: str) -> str:
     """Return one line that names the key, its value, and what was expected."""
-    return f"{path} = {shown(value)}: expected {expected}"
+    return f"{path} = {as_toml(value)}: expected {expected}"
 
 
-def shown(value: object, longest: int = LONGEST) -> str:
+def as_toml(value: object, longest: int = LONGEST) -> str:
     """Return a value as TOML spells it, shortened."""
     text = _spelled(value, depth=0)
     return text if len(text) <= longest else text[: longest - 4].rstrip() + " ..."
@@ -215,8 +215,8 @@ def names(known: tuple[str, ...], least: int = 0) -> Rule:
         for name in value:
             if name not in known:
                 if near := closest(name, known):
-                    raise ValueError(f"{near} in place of {shown(name)}, or another {choice}")
-                raise ValueError(f"{words}, not {shown(name)}")
+                    raise ValueError(f"{near} in place of {as_toml(name)}, or another {choice}")
+                raise ValueError(f"{words}, not {as_toml(name)}")
         if twice := next((name for name in value if value.count(name) > 1), ""):
             raise ValueError(f"each name once, not {value.count(twice)} times {twice}")
         if len(value) < least:
@@ -305,7 +305,7 @@ class Section(BaseModel):
                 near = cls._homes.get(key, path)
                 near = closest(key, keys) if near == path else near
                 hint = f"did you mean {near}?" if near else f"expected one of {', '.join(keys)}"
-                yield f"{path} = {shown(value)}: unknown key; {hint}"
+                yield f"{path} = {as_toml(value)}: unknown key; {hint}"
 
     @classmethod
     def _in_words(cls, error: Mapping[str, Any]) -> str:

@@ -6,7 +6,7 @@ from itertools import dropwhile, takewhile
 from pathlib import Path
 from typing import Any
 
-from rbfmu.scene.section import SceneError, joined, shown
+from rbfmu.scene.section import SceneError, as_toml, joined
 
 LARGEST_FILE = 1_000_000
 """The largest size of a scene file in bytes; a typical file has a few hundred."""
@@ -76,7 +76,7 @@ def _hint(lines: list[str], message: str) -> str:
     place = re.search(r"line (\d+)", message)
     if not place or not (line := lines[int(place[1]) - 1].strip()):
         return ""
-    quoted = f": {shown(line)}" if line.isprintable() else ""
+    quoted = f": {as_toml(line)}" if line.isprintable() else ""
     if found := _NOT_BOOLEAN.search(line):
         return f"{quoted}: expected true or false in place of {found[1]}"
     if found := _UNIT.fullmatch(line.partition("#")[0].strip()):

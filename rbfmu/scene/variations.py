@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from rbfmu.scene.attitude import Attitude
 from rbfmu.scene.body import SHAPES, TRIANGLE, six_numbers
-from rbfmu.scene.section import Numbers, Rule, closest, fault, flattened, joined, not_negative, numbers, plain, shown
+from rbfmu.scene.section import Numbers, Rule, as_toml, closest, fault, flattened, joined, not_negative, numbers, plain
 from rbfmu_kernels.quantities import BY_NAME, INITIAL_VALUES, LOADS, PARAMETERS, Quantity, indices
 
 FIXED, NORMAL, UNIFORM, LOGNORMAL, TRIANGULAR, RELATIVE = (
@@ -94,7 +94,6 @@ def components(value: Any, shape: tuple[int, ...]) -> list[float]:
 
 INERTIA, ATTITUDE, SHAPE, DEGREES = "body.inertia", "initial.attitude", "body.shape", "initial.omega_b_deg"
 AXES = "axes_deg"
-UNIFORM_ROTATIONS = "uniform"
 ABOUT = {"rotvec_deg": "deg", "rotvec": "rad"}
 """Ways to give standard deviations of a rotation vector, by their unit."""
 VARYING_ANGLES = ("angles_deg", "angles", "rotvec")
@@ -187,7 +186,7 @@ class _Reader:
         else:
             near = closest(self.key, KEYS)
             expected = f"did you mean {near}?" if near else f"keys out of {', '.join(KEYS)}"
-            self.faults.append(f"{self.path} = {shown(self.value)}: unknown key; {expected}")
+            self.faults.append(f"{self.path} = {as_toml(self.value)}: unknown key; {expected}")
             return
         self.refuse(self.value, expected)
 
@@ -263,9 +262,9 @@ class _Reader:
 
     def _attitude(self) -> tuple[tuple[Marginal, ...], str]:
         value = self.value
-        if value == UNIFORM_ROTATIONS:
-            names = component_names(f"{ATTITUDE}.{UNIFORM_ROTATIONS}", (3,))
-            return tuple(Marginal(name, UNIFORM, (0.0, 1.0)) for name in names), UNIFORM_ROTATIONS
+        if value == UNIFORM:
+            names = component_names(f"{ATTITUDE}.{UNIFORM}", (3,))
+            return tuple(Marginal(name, UNIFORM, (0.0, 1.0)) for name in names), UNIFORM
         if isinstance(value, Mapping) and set(value) <= {*VARYING_ANGLES, *ABOUT, "euler"}:
             given = [key for key in value if key != "euler"]
             if len(given) == 1 and ("euler" in value) == given[0].startswith("angles"):

@@ -66,7 +66,7 @@ REAL_TIME = (4.0, 60.0)
 PLAYED = 20.0
 MAX_PICTURES = 3000
 MAX_TURN = 0.25
-"""The largest angle (rad) from one picture to the next; a faster spin is played slower."""
+"""The largest angle (rad) from one picture to the next, 25 pictures a turn; a faster spin is played slower."""
 FEWEST = 5.0
 """Pictures a second, where no more instants are known."""
 

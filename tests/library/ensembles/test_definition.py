@@ -120,13 +120,15 @@ def test_a_shape_stays_with_its_mass_until_another_inertia_is_stated():
     assert Scene.from_dict(made.to_dict(), made.name) == made
     assert made.replace({"body.inertia": [10.0, 12.0, 15.0]}).ensemble.parameters == ("mass",)
     box = made.replace({"body.shape": {"kind": "box", "sides": [1.0, 1.0, 2.0]}}).ensemble
-    assert box.of("body.shape").table == {"kind": "box", "sides": [1.0, 1.0, 2.0]}
+    assert box.variation_of("body.shape").table == {"kind": "box", "sides": [1.0, 1.0, 2.0]}
 
 
 def test_an_inertia_that_varies_outright_does_not_follow_the_shape():
     vary = MASS | {"body.inertia": {"normal": [[20.0, 20.0, 20.0], 0.1]}}
-    assert scene(vary, body=SPHERE).ensemble.of("body.shape") is None
-    assert scene(MASS | {"body.inertia": {"relative": 0.1}}, body=SPHERE).ensemble.of("body.shape") is not None
+    assert scene(vary, body=SPHERE).ensemble.variation_of("body.shape") is None
+    assert (
+        scene(MASS | {"body.inertia": {"relative": 0.1}}, body=SPHERE).ensemble.variation_of("body.shape") is not None
+    )
 
 
 BEAM = {"mass": 1.0, "shape": {"kind": "beam", "length": 1.0}}
