@@ -10,29 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from rbfmu.cli_output import (
-    PICTURES,
-    SAVED,
-    STORES,
-    Commands,
-    check_target,
-    driven_by,
-    folder_option,
-    given_scene,
-    input_options,
-    model_option,
-    plan_text,
-    print_end,
-    print_ensemble,
-    print_keys,
-    print_verdict,
-    print_verification,
-    print_written,
-    run_options,
-    say_where_nothing_is_kept,
-    usage_errors,
-    write_new,
-)
+from rbfmu.cli_output import (  # isort: skip
+    PICTURES, SAVED, STORES, Commands, check_target, driven_by, folder_option, given_scene, input_options,
+    model_option, plan_text, print_end, print_ensemble, print_keys, print_verdict, print_verification,
+    print_written, run_options, say_where_nothing_is_kept, usage_errors, write_new,
+)  # fmt: skip
 from rbfmu.exceptions import SceneWarning, named
 from rbfmu.extras import needed
 from rbfmu.kept_plans import KeptPlan

@@ -18,6 +18,10 @@ from rbfmu_kernels.compile.shapes import core_shapes, python_function
 from rbfmu_kernels.rotations.euler_angles import sequence
 from rbfmu_kernels.types import Shape
 
+Function = Callable[..., Any]
+Arguments = tuple[Any, ...]
+Keywords = dict[str, Any]
+
 CHUNK = 16384  # items that a thread takes at a time, at least
 CHUNKS = 4  # of a large call, for each thread: the cores are seldom equally free, and a chunk costs some microseconds
 THRESHOLD = 16 * CHUNK  # items from which on threads pay
@@ -39,9 +43,7 @@ def set_threads(n: int) -> None:
     _threads, _pool = n, ThreadPoolExecutor(n - 1, "rbfmu") if n > 1 else None
 
 
-def array_function(
-    kernel: Callable[..., Any], *constants: int, singular: Singular | None = None, warning: str = ""
-) -> Callable[..., Any]:
+def array_function(kernel: Function, *constants: int, singular: Singular | None = None, warning: str = "") -> Function:
     """Return the array function of a scalar kernel: same name, arguments and docstring, any leading axes.
 
     singular: a kernel of the first few arguments; where it is true for an item, the warning of that text is given.
@@ -79,19 +81,19 @@ def array_function(
     return call
 
 
-def checked_function(kernel: Callable[..., Any], singular: Singular, warning: str) -> Callable[..., Any]:
+def checked_function(kernel: Function, singular: Singular, warning: str) -> Function:
     """Return the array function of a kernel, whose warning begins with its name."""
     return array_function(kernel, singular=singular, warning=f"{python_function(kernel).__name__}: {warning}")
 
 
 def sequence_function(
-    kernel: Callable[..., Any], singular: Singular | None = None, warning: Callable[[str], str] = str
-) -> Callable[..., Any]:
+    kernel: Function, singular: Singular | None = None, warning: Callable[[str], str] = str
+) -> Function:
     """Return the array function of a kernel of Euler angles: it is compiled once for each sequence.
 
     singular: as of `array_function`; warning: what is said then, by the sequence's name.
     """
-    functions: dict[str, Callable[..., Any]] = {}
+    functions: dict[str, Function] = {}
 
     @documented_by(kernel)
     def call(seq: str, *args: Any, **kwargs: Any) -> Any:
@@ -117,7 +119,7 @@ def _are_few(args: Any, limits: list[tuple[int, int]]) -> bool:
     return True
 
 
-def _in_threads(pool: Any, loops: Any, kernel: Any, args: Any, kwargs: dict[str, Any], *mark: Any) -> Any:
+def _in_threads(pool: Any, loops: Any, kernel: Any, args: Arguments, kwargs: Keywords, *mark: Any) -> Any:
     """Make the call in chunks along its longest leading axis; as a whole where it is small or unusual."""
     whole, pieces = loops
     arguments, results = core_shapes(kernel)
@@ -183,14 +185,14 @@ _NAMED, _KEYWORD = inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KE
 # Names and shapes of arguments: calls by keyword, and what `help` shows
 
 
-def documented_by(kernel: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def documented_by(kernel: Function) -> Callable[[Function], Function]:
     """Give an array function the name, the docstring with shapes and the arguments of its kernel, and `out`."""
     function = python_function(kernel)
     names = function.__code__.co_varnames[: function.__code__.co_argcount]
     parameters = [inspect.Parameter(name, _NAMED) for name in names]
     parameters.append(inspect.Parameter("out", _KEYWORD, default=None))
 
-    def decorate(call: Callable[..., Any]) -> Callable[..., Any]:
+    def decorate(call: Function) -> Function:
         named: Any = wraps(function, assigned=("__module__", "__name__", "__qualname__"))(call)
         named.__signature__ = inspect.Signature(parameters)
         named.__doc__ = _with_shapes(inspect.getdoc(function) or "", kernel)
@@ -199,7 +201,7 @@ def documented_by(kernel: Callable[..., Any]) -> Callable[[Callable[..., Any]], 
     return decorate
 
 
-def shapes_in_words(kernel: Callable[..., Any]) -> str:
+def shapes_in_words(kernel: Function) -> str:
     """Return the shapes of one item, such as `q_ab (4), v_b (3) -> (3)`, from the kernel's annotations."""
     arguments, results = core_shapes(kernel)
     before = ", ".join(f"{name} {_in_brackets(shape)}" for name, shape in arguments.items())
@@ -210,15 +212,13 @@ def _in_brackets(shape: Shape) -> str:
     return f"({', '.join(map(str, shape))})"
 
 
-def _with_shapes(text: str, kernel: Callable[..., Any]) -> str:
+def _with_shapes(text: str, kernel: Function) -> str:
     """Return a docstring with a line about shapes before that about units."""
     before, units, after = text.partition("\nUnits:")
     return f"{before}\nShapes: {shapes_in_words(kernel)}; leading axes broadcast.{units}{after}"
 
 
-def in_order(
-    kernel: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any]
-) -> tuple[tuple[Any, ...], dict[str, Any]]:
+def in_order(kernel: Function, args: Arguments, kwargs: Keywords) -> tuple[Arguments, Keywords]:
     """Put arguments given by name in their places. What is left of the keywords is NumPy's, such as `out`."""
     if kwargs.keys() <= _NUMPY_KEYWORDS:
         return args, kwargs
@@ -239,9 +239,7 @@ def in_order(
 # What NumPy refused, in words that name the argument
 
 
-def clear_error(
-    kernel: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any], refused: Exception
-) -> Exception:
+def clear_error(kernel: Function, args: Arguments, kwargs: Keywords, refused: Exception) -> Exception:
     """Return the error to raise in place of NumPy's."""
     shapes, results = core_shapes(kernel)
     name = python_function(kernel).__name__
@@ -260,7 +258,7 @@ def clear_error(
     return refused if str(refused).startswith(f"{name}: ") else type(refused)(f"{name}: {refused}")
 
 
-def _of_arguments(name: str, shapes: dict[str, Shape], args: tuple[Any, ...]) -> Exception | None:
+def _of_arguments(name: str, shapes: dict[str, Shape], args: Arguments) -> Exception | None:
     for (argument, shape), value in zip(shapes.items(), args, strict=False):
         try:
             array = np.asarray(value)
@@ -279,7 +277,7 @@ def _are_moments(argument: str, array: Any) -> bool:
     return argument.partition("_")[0] == "M" and array.shape == (3,)
 
 
-def _of_keywords(name: str, first: str, kwargs: dict[str, Any]) -> Exception | None:
+def _of_keywords(name: str, first: str, kwargs: Keywords) -> Exception | None:
     if "where" in kwargs:
         return TypeError(f"{name}: where is not supported; choose the items by an index, such as {first}[mask]")
     dtype = kwargs.get("dtype")

@@ -18,18 +18,7 @@ from rbfmu.scene.body import SHAPES, Body
 from rbfmu.scene.ensemble import GRID, Ensemble, nominal_value
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.scene.section import Numbers
-from rbfmu.scene.variations import (
-    ATTITUDE,
-    AXES,
-    DEGREES,
-    INERTIA,
-    RELATIVE,
-    RULES,
-    SHAPE,
-    UNIFORM,
-    Marginal,
-    Variation,
-)
+from rbfmu.scene.variations import ATTITUDE, AXES, DEGREES, INERTIA, RULES, SHAPE, UNIFORM, Marginal, Variation
 from rbfmu_kernels.compile.tiered import evaluated, tiered
 from rbfmu_kernels.mechanics import inertia, shape_inertia
 from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE, check_inertia
@@ -238,7 +227,7 @@ class _Appliance:
 
     def _numbers(self, variation: Variation) -> Array:
         rows = self._columns(variation)
-        if variation.form == RELATIVE:
+        if variation.is_relative:
             rows *= np.array(nominal_value(variation.key.removesuffix("_deg"), vars(self.scene)))
         elif variation.key == DEGREES:
             rows *= np.pi / 180.0
@@ -303,7 +292,7 @@ class _Appliance:
         if own is None:
             return self._all(self.scene.body.inertia)
         moments, R_bp = axes_of(self.scene.body)
-        M = (own * moments if variation.form == RELATIVE else own)[:, None, :] * np.eye(3)
+        M = (own * moments if variation.is_relative else own)[:, None, :] * np.eye(3)
         return M if R_bp is None else self.call(inertia.rotate_inertia, self._all(R_bp), M)
 
     def _inertia_of_shape(self) -> Array:

@@ -10,16 +10,7 @@ from numpy.typing import NDArray
 
 from rbfmu.ensembles.members import ensemble_of
 from rbfmu.ensembles.store import Checkpoint
-from rbfmu.ensembles.variables import (
-    KEYS,
-    PROBABILITY,
-    RANK_ERROR,
-    REDRAWN,
-    TIMES,
-    coordinates,
-    flat,
-    variables_by_name,
-)
+from rbfmu.ensembles.variables import KEYS, PROBABILITY, RANK_ERROR, REDRAWN, TIMES, coordinates, flat, variables_of
 from rbfmu.extras import needed
 from rbfmu.notebook import numbers_text, table
 from rbfmu.scene.scene import Scene
@@ -169,7 +160,7 @@ class EnsembleResult:
 
     def to_xarray(self) -> Any:
         """Return a xarray.Dataset of all that is kept, with the names of components, units and frames."""
-        known, found, named = variables_by_name(self.scene, self._arrays), {}, {}
+        known, found, named = variables_of(self.scene, self._arrays), {}, {}
         for name, variable in known.items():
             if name in self._arrays:
                 found[name] = (variable.dims, np.asarray(self._arrays[name]), variable.attributes)

@@ -271,7 +271,7 @@ class MemoryStore:
 
     def put(self, chunk: Chunk) -> None:
         """Take the next chunk."""
-        for name, values in arrays_of_chunk(self._work, chunk).items():
+        for name, values in chunk_arrays(self._work, chunk).items():
             self._put(name, chunk.first, values)
 
     def _put(self, name: str, first: int, values: Any) -> None:
@@ -315,7 +315,7 @@ def refuse_existing(store: Path, resume: bool) -> None:
         raise FileExistsError(errno.EEXIST, "exists already, and stays as it is; --resume goes on with it", str(store))
 
 
-def arrays_of_chunk(work: Work, chunk: Chunk) -> dict[str, Any]:
+def chunk_arrays(work: Work, chunk: Chunk) -> dict[str, Any]:
     """Return a chunk's part of all variables that have a row a run."""
     arrays: dict[str, Any] = {**chunk.samples, REDRAWN: chunk.redrawn}
     if work.keeps(FINAL):
@@ -349,7 +349,7 @@ def _of_all(values: Any, probabilities: Array) -> Array:
     return np.concatenate(parts, axis=1)
 
 
-def attributes_of(work: Work, failed: Mapping[int, str]) -> dict[str, Any]:
+def attributes(work: Work, failed: Mapping[int, str]) -> dict[str, Any]:
     """Return what is said of the whole ensemble, for JSON."""
     return {
         "title": work.scene.name,

@@ -119,7 +119,7 @@ def variables(scene: Scene, sampled: Mapping[str, int]) -> Iterator[Variable]:
         yield from _of_output(keep, OUTPUT[name])
 
 
-def variables_by_name(scene: Scene, arrays: Mapping[str, Any]) -> dict[str, Variable]:
+def variables_of(scene: Scene, arrays: Mapping[str, Any]) -> dict[str, Variable]:
     """Return what is known of the arrays of an ensemble's result."""
     sampled = {name: len(array.shape) for name, array in arrays.items() if name in KEYS}
     return {variable.name: variable for variable in variables(scene, sampled)}

@@ -10,15 +10,7 @@ from typing import Any
 import numpy as np
 
 from rbfmu.ensembles.chunks import Chunk, Work
-from rbfmu.ensembles.store import (
-    Checkpoint,
-    Progress,
-    arrays_of_chunk,
-    attributes_of,
-    checkpoint_of,
-    identity_of,
-    results_of,
-)
+from rbfmu.ensembles.store import Checkpoint, Progress, attributes, checkpoint_of, chunk_arrays, identity_of, results_of
 from rbfmu.ensembles.variables import ALL, KEYS, Variable, coordinates, variables
 from rbfmu.extras import needed
 
@@ -129,7 +121,7 @@ class ZarrStore:
 
     def put(self, chunk: Chunk) -> None:
         """Take the next chunk."""
-        arrays = arrays_of_chunk(self._work, chunk)
+        arrays = chunk_arrays(self._work, chunk)
         if chunk.first == 0:
             self._create(arrays)
         timed = set(self._work.columns.names) if self._work.keeps(ALL) else set()
@@ -193,10 +185,10 @@ class ZarrStore:
                 values = results[variable.name]
                 self._array(variable, values.shape, values.dtype)
                 self._write(variable.name, ..., values)
-        for name, (dimension, values, attributes) in coordinates(results["time"]).items():
-            self._array(Variable(name, (dimension,), attributes), values.shape, values.dtype)
+        for name, (dimension, values, said) in coordinates(results["time"]).items():
+            self._array(Variable(name, (dimension,), said), values.shape, values.dtype)
             self._write(name, ..., values)
-        self._group.attrs.update(attributes_of(self._work, progress.failed))
+        self._group.attrs.update(attributes(self._work, progress.failed))
         progress = Progress(whole.chunks, whole.statistics, progress.failed)
         self._known = {LAYOUT: np.array(_layout(dict(self._group.arrays())))}
         Checkpoint(self._identity, progress, held, self._known, self._work.runs).write(self._file)

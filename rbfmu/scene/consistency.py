@@ -17,11 +17,11 @@ from rbfmu.scene.section import fault
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.mechanics import inertia
 from rbfmu_kernels.quantities import ANGLE, LOADS, OUTPUTS, TORQUES
-from rbfmu_kernels.types import Vec3
 
 if TYPE_CHECKING:
-    from rbfmu.scene.scene import Scene
+    from rbfmu.scene.scene import Inputs, Loads, Scene
 
+Array = NDArray[np.float64]
 PRESCRIBED = tuple(row.name for row in OUTPUTS if row.kinematic)
 """Quantities that follow from prescribed rates."""
 HELD = tuple(row.name for row in OUTPUTS if row.of_origin)
@@ -30,7 +30,7 @@ NEGLIGIBLE = 1e-12
 """The relative size up to which a part of a vector counts as round-off, as in the kernels."""
 
 
-def default_quantities(body: Body | None, inputs: Any, quantities: tuple[str, ...]) -> tuple[str, ...]:
+def default_quantities(body: Body | None, inputs: "Inputs | None", quantities: tuple[str, ...]) -> tuple[str, ...]:
     """Return the default outputs: all quantities that this motion has."""
     if inputs is not None and "omega_b" in inputs.ports:
         return PRESCRIBED
@@ -61,7 +61,7 @@ def faults_between(good: Mapping[str, Any], rates: tuple[str, Any] | None = None
         yield from _faults_of_beam(body, np.array(axis), good, rates)
 
 
-def _faults_of_parameters(inputs: Any) -> Iterator[str]:
+def _faults_of_parameters(inputs: "Inputs") -> Iterator[str]:
     for name in inputs.parameters:
         if name in inputs.ports:
             yield fault("inputs.parameters", inputs.parameters, f"no {name}: it is an input, by inputs.ports")
@@ -82,7 +82,7 @@ def _faults_of_prescribed_rates(good: Mapping[str, Any], rates: tuple[str, Any])
         yield fault(rates[0], rates[1], "zero, or no such key: the port omega_b prescribes the rates")
 
 
-def _faults_of_beam(body: Body, axis: Any, good: Mapping[str, Any], rates: tuple[str, Any]) -> Iterator[str]:
+def _faults_of_beam(body: Body, axis: Array, good: Mapping[str, Any], rates: tuple[str, Any]) -> Iterator[str]:
     """Yield the faults of a body without inertia about `axis`: a torque about that axis makes the rate unbounded."""
     initial, loads, inputs = (good.get(key) for key in ("initial", "loads", "inputs"))
     about = f"about {_direction(axis)}, where inertia is zero to {NEGLIGIBLE:g} of its trace"
@@ -100,7 +100,7 @@ def _faults_of_beam(body: Body, axis: Any, good: Mapping[str, Any], rates: tuple
                 yield fault("inputs.ports", inputs.ports, f"no {port}: it can act {about}")
 
 
-def _faults_of_loads(loads: Any, axis: Any, lever: Any, levered: bool, about: str) -> Iterator[str]:
+def _faults_of_loads(loads: "Loads", axis: Array, lever: Array, levered: bool, about: str) -> Iterator[str]:
     if not _small(axis @ np.array(loads.torque_b), np.array(loads.torque_b)):
         yield fault("loads.torque_b", loads.torque_b, f"no torque {about} (N m)")
     if any(loads.torque_a):
@@ -116,12 +116,12 @@ def _faults_of_loads(loads: Any, axis: Any, lever: Any, levered: bool, about: st
             yield fault(f"loads.{load.name}", coefficients, f"one that makes no torque {about} ({load.unit})")
 
 
-def _small(part: Any, whole: Any) -> bool:
+def _small(part: Array, whole: Array) -> bool:
     """Return whether a part of a vector is round-off."""
     return bool(np.linalg.norm(part) <= NEGLIGIBLE * np.linalg.norm(whole))
 
 
-def _direction(axis: Vec3) -> str:
+def _direction(axis: Array) -> str:
     return "(" + ", ".join(f"{x + 0.0:.4g}" for x in axis) + ")"
 
 
@@ -151,7 +151,7 @@ def doubts_before(scene: "Scene") -> Iterator[str]:
     yield from _turns(scene, math.hypot(*scene.initial.omega_b), "at the start")
 
 
-def doubts_after(scene: "Scene", motion: Mapping[str, NDArray[np.float64]]) -> Iterator[str]:
+def doubts_after(scene: "Scene", motion: Mapping[str, Array]) -> Iterator[str]:
     """Yield the doubts that only the results of a run raise; `motion` holds them by quantity."""
     found = next((motion[row.name] for row in OUTPUTS if row.unit == "rad/s" and row.name in motion), None)
     if found is not None and not any(_turns(scene, math.hypot(*scene.initial.omega_b), "")):

@@ -9,22 +9,11 @@ from pydantic import field_serializer
 from rbfmu.exceptions import SceneError
 from rbfmu.scene.body import SHAPES, Body, axis_without_moment
 from rbfmu.scene.section import Numbers, Rule, Section, as_toml, fault, joined, names, one_word, plain, whole
-from rbfmu.scene.variations import (
-    ATTITUDE,
-    AXES,
-    DEGREES,
-    FIXED,
-    INERTIA,
-    NORMAL,
-    QUANTITY_OF,
-    RELATIVE,
-    SHAPE,
-    VARYING_ANGLES,
-    Marginal,
-    Variation,
-    components,
-    read_variations,
-)
+
+from rbfmu.scene.variations import (  # isort: skip
+    ATTITUDE, AXES, DEGREES, FIXED, INERTIA, NORMAL, QUANTITY_OF, RELATIVE, SHAPE, VARYING_ANGLES, Marginal,
+    Variation, components, read_variations,
+)  # fmt: skip
 
 Rows = tuple[tuple[float, ...], ...]
 ROUND_OFF, NEGLIGIBLE = 1e-10, 1e-5

@@ -110,6 +110,11 @@ class Variation:
     text: str
 
     @property
+    def is_relative(self) -> bool:
+        """Return whether its numbers are factors of the scene's."""
+        return self.form == RELATIVE
+
+    @property
     def table(self) -> Any:
         """Return what the file says of the key."""
         return json.loads(self.text)
