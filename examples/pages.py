@@ -17,7 +17,7 @@ from examples.figures import record
 from examples.gallery import page as gallery
 from rbfmu import arrays
 from rbfmu.scene.keys import scene_keys
-from rbfmu.studies.work_precision.tables import short
+from rbfmu.studies.chart.contestants import short
 from rbfmu_kernels.compile.shapes import python_function
 
 PAGES = tuple(

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from rbfmu.simulation import compiled_step as compiled_step
     from rbfmu.simulation import plan as plan
     from rbfmu.simulation import simulate as simulate
-    from rbfmu.studies.own_chart import Chart as Chart
-    from rbfmu.studies.own_chart import chart as chart
+    from rbfmu.studies.chart import Chart as Chart
+    from rbfmu.studies.chart import chart as chart
     from rbfmu.viewer import view as view
 
 __version__ = "0.1.0"
@@ -41,7 +41,7 @@ _MODULES = {
     "ensembles.running": ("run_ensemble",),
     "linearization": ("Linearization", "linearize"),
     "progress": ("progress_bar",),
-    "studies.own_chart": ("Chart", "chart"),
+    "studies.chart": ("Chart", "chart"),
     "simulation": ("Simulator", "compiled_step", "plan", "simulate"),
     "viewer": ("view",),
 }

@@ -29,8 +29,8 @@ from rbfmu.planning.reference import reference_motion
 from rbfmu.runs.motion import attitude_error
 from rbfmu.runs.plan import Plan, filled_buffer
 from rbfmu.scene.scene import Scene
-from rbfmu.studies.work_precision.cases import CASES, ROTATION, Case
-from rbfmu.studies.work_precision.heyoka_peer import equations
+from rbfmu.studies.chart.cases import CASES, ROTATION, Case
+from rbfmu.studies.chart.solvers import equations
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, Body
 from rbfmu_kernels.models.loaded import LOADED_TAYLOR
 

@@ -21,9 +21,8 @@ from examples.benchmarks.support.least import least
 from rbfmu.extras import needed_of
 from rbfmu.models.model_buffer import aligned_zeros
 from rbfmu.runs.plan import start_run
-from rbfmu.studies.work_precision.cases import CASES, Case
-from rbfmu.studies.work_precision.heyoka_peer import equations
-from rbfmu.studies.work_precision.solvers import start_of, states_of, times_of
+from rbfmu.studies.chart.cases import CASES, Case
+from rbfmu.studies.chart.solvers import equations, start_of, states_of, times_of
 
 MOTIONS, STEPS, ACCURACIES = ("a", "d", "c'", "c"), (0.1, 0.01), (1e-6, 1e-9, 1e-12)
 TOLERANCES = [10.0 ** (-0.5 * k) for k in range(6, 32)]
@@ -81,7 +80,7 @@ def planned(case: Case, accuracy: float) -> tuple[str, float, Callable[[], None]
             raise ArithmeticError(f"{case.key}: a step was refused")
 
     run()
-    return plan.method, case.errors(states_of(case, rows))["attitude"], run
+    return plan.method, case.error(states_of(case, rows)), run
 
 
 @cache
@@ -101,7 +100,7 @@ def _peer(case: Case, tolerance: float) -> tuple[float, Callable[[], Any]]:
         series.state[:] = y
         return series.propagate_grid(grid)
 
-    return case.errors(states_of(case, run()[-1]))["attitude"], run
+    return case.error(states_of(case, run()[-1])), run
 
 
 def _peer_within(case: Case, error: float) -> tuple[float, float, Callable[[], Any] | None]:

@@ -29,11 +29,12 @@ from rbfmu.extras import needed_of
 from rbfmu.planning.select import with_all_outputs
 from rbfmu.runs.motion import attitude_error, relative_error
 from rbfmu.runs.plan import filled_buffer, initialize
-from rbfmu.studies.work_precision.cases import CHECKPOINTS, Case
-from rbfmu.studies.work_precision.collection import machine, write_rows
-from rbfmu.studies.work_precision.methods import NotFeasibleError
-from rbfmu.studies.work_precision.peers import ABSENT, MUJOCO_INTEGRATORS, peers
-from rbfmu.studies.work_precision.simulators import MuJoCo
+from rbfmu.studies.chart.cases import CHECKPOINTS, Case
+from rbfmu.studies.chart.measure import machine
+from rbfmu.studies.chart.methods import NotFeasibleError
+from rbfmu.studies.chart.peers import ABSENT, MUJOCO_INTEGRATORS, peers
+from rbfmu.studies.chart.result import write_rows
+from rbfmu.studies.chart.simulators import MuJoCo
 
 with needed_of("bench"):
     import mpmath as mp
@@ -185,7 +186,7 @@ def _refined(scene: rbfmu.Scene, integrator: str, true: list[Values]) -> Iterato
 def _mujoco(scene: rbfmu.Scene, integrator: str, h: float, true: list[Values]) -> Competitor:
     tables = scene.to_dict()
     tables["run"]["step"] = scene.run.stop / CHECKPOINTS
-    run = MuJoCo(integrator).run(Case("", "", rbfmu.Scene.from_dict(tables, scene.name)), h)
+    run = MuJoCo(integrator).run(Case(rbfmu.Scene.from_dict(tables, scene.name)), h)
     states = [(np.array(q), np.array(omega), np.array(r)) for r, _, q, omega in run.states()]
     error = largest_error([quantities(scene, *state) for state in states], true)
     return Competitor(scene.name, "MuJoCo", f"{integrator} in steps of {h:.3g} s", error, run.seconds)

@@ -15,8 +15,8 @@ from numba import njit
 from rbfmu.models.model_buffer import aligned_zeros
 from rbfmu.planning.methods import ORDERS_OF_SERIES, SERIES_COSTS
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
+from rbfmu.studies.chart.cases import CASES
 from rbfmu.studies.dop853 import Dop853Plan
-from rbfmu.studies.work_precision.cases import CASES
 
 KINDS = {"torques known in b": "d", "loads that turn in b": "c'", "a force that turns with the body": "f"}
 ROUNDS, SECONDS = 25, 2e-3

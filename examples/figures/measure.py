@@ -26,7 +26,7 @@ PEERS_CASES = ("a", "c", "c'", "d", "f")
 def peers() -> Rows:
     """Return plans beside the best peers."""
     from examples.benchmarks import plans
-    from rbfmu.studies.work_precision.plans import verdicts
+    from rbfmu.studies.chart.findings import verdicts
 
     return plans.rows(verdicts(plans.collected(PEERS_CASES, plans.FASTEST)))
 

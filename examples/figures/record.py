@@ -12,7 +12,8 @@ from typing import Any
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
-from rbfmu.studies.work_precision.collection import machine, write_rows
+from rbfmu.studies.chart.measure import machine
+from rbfmu.studies.chart.result import write_rows
 
 ROOT = Path(__file__).parents[2]
 FOLDER = Path(__file__).parent
@@ -20,10 +21,10 @@ _PARTS = ("rotations", "numerics", "mechanics", "exact", "integrators", "body", 
 KERNELS = tuple(f"kernels/rbfmu_kernels/{part}/**/*.py" for part in _PARTS)
 """What is computed. How it is compiled (`compile/`) and planned is left out: plans are compared one by one."""
 _NATIVE = "fmu_build/rbfmu_fmu/native/*.[ch]"
-_STUDY = "rbfmu/studies/work_precision"
+_STUDY = "rbfmu/studies/chart"
 _BENCH = "examples/benchmarks"
 SOURCES: dict[str, tuple[str, ...]] = {
-    "peers": (*KERNELS, f"{_STUDY}/cases.py", f"{_STUDY}/heyoka_peer.py", f"{_STUDY}/solvers.py",
+    "peers": (*KERNELS, f"{_STUDY}/cases.py", f"{_STUDY}/solvers.py",
               f"{_BENCH}/plans.py:collected"),
     "gallery_cost": (*KERNELS, f"{_BENCH}/gallery.py:competitors,measured"),
     "kernels": (*KERNELS[:2], f"{_BENCH}/support/array_tasks.py:tasks,scipy_calls", f"{_BENCH}/kernels.py:measure"),
@@ -31,7 +32,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
                f"{_BENCH}/native.py:_scene,_costs,_numba_timer,Running"),
     "interop": (_NATIVE, "examples/interop/importers.py",
                 "examples/interop/run.py:by_kernels,job_of,try_importer,comparison"),
-    "own_chart": (*KERNELS, "rbfmu/studies/own_chart/*.py", f"{_STUDY}/*.py", "rbfmu/planning/*.py",
+    "own_chart": (*KERNELS, f"{_STUDY}/*.py", "rbfmu/planning/*.py",
                   "examples/scenes/top_falling.toml"),
     "ensembles": (f"{_BENCH}/ensembles.py:scene_of,cost_here,costs,draw", "rbfmu/ensembles/*.py", "rbfmu/plot.py"),
     "tumbling_brick": ("fmu_build/rbfmu_fmu/demo.py:draw", "fmu_build/rbfmu_fmu/nasa_brick.*", "rbfmu/plot.py"),

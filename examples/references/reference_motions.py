@@ -1,4 +1,4 @@
-"""Writes the 40-digit references of `rbfmu chart` (rbfmu/work_precision/reference_motions.json).
+"""Writes the 40-digit references of `rbfmu chart` (rbfmu/studies/chart/reference_motions.json).
 
 Taylor series in fixed-point integers, of the quaternion, the body rates, and position and velocity of the centre of
 mass; nothing of it is shared with the library's kernels. A million turns of a free body are one period of its body
@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from rbfmu.extras import needed_of
 from rbfmu.scene.scene import Scene
-from rbfmu.studies.work_precision.cases import CASES, CHECKPOINTS, REFERENCES
+from rbfmu.studies.chart.cases import CASES, CHECKPOINTS, REFERENCES
 
 with needed_of("bench"):
     import mpmath as mp

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 import rbfmu
 from rbfmu.plot import COLORS, open_frame
+from rbfmu.studies.chart.measure import Progress, machine
+from rbfmu.studies.chart.result import write_rows
 from rbfmu.studies.dop853 import STAGES, A
-from rbfmu.studies.work_precision.collection import Progress, machine, write_rows
 from rbfmu_fmu.builder import build_python_fmu
 from rbfmu_fmu.description import describe
 from rbfmu_fmu.verification import Unit, unit_in

@@ -15,6 +15,7 @@ from numba import njit
 
 from rbfmu.studies.moser_veselov import moser_veselov
 from rbfmu_kernels.compile.decorator import kernel
+from rbfmu_kernels.integrators.splitting import rkn4_steps, rkn6_steps, strang_steps
 from rbfmu_kernels.mechanics.equations_of_motion import (
     Body,
     Loads,
@@ -380,3 +381,9 @@ REFERENCE_INTEGRATORS = {integrator.name: integrator for integrator in _ALL}
 """The methods for any body and any loads, by name."""
 TORQUE_FREE_INTEGRATORS = {integrator.name: integrator for integrator in _FREE}
 """The methods for bodies in principal axes without loads or damping, by name."""
+SPLITTINGS = {
+    "Strang": OneStepMethod("splitting, order 2 (Strang)", strang_steps, 2, 1),
+    "RKN4": OneStepMethod("splitting, order 4", rkn4_steps, 4, 6),
+    "RKN6": OneStepMethod("splitting, order 6", rkn6_steps, 6, 11),
+}
+"""The library's own splittings, for tops, by the name of the scheme."""

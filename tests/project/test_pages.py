@@ -22,7 +22,7 @@ from examples.interop import run as interop
 from rbfmu import arrays
 from rbfmu.cli import main
 from rbfmu.models.registry import MODELS
-from rbfmu.studies.work_precision.cases import CASES
+from rbfmu.studies.chart.cases import CASES
 from tests.support.covering import some_of
 from tests.support.paths import ROOT
 

@@ -1,14 +1,11 @@
-"""Points of charts, made up, and the true states of its motions."""
+"""Rows of charts, made up, and the true states of the eight motions."""
 
 import math
 from dataclasses import replace
 
-from rbfmu.studies.work_precision.cases import CASES, reference
-from rbfmu.studies.work_precision.collection import (
-    Collection,
-    Point,
-)  # fmt: skip
-from rbfmu.studies.work_precision.plans import verdicts
+from rbfmu.studies.chart.cases import CASES, reference
+from rbfmu.studies.chart.findings import verdicts
+from rbfmu.studies.chart.result import Chart, Row, kind_of
 from rbfmu_kernels.mechanics.equations_of_motion import State
 
 
@@ -24,23 +21,30 @@ def turned_by(q, angle: float):
     return (e * c - x * s, x * c + e * s, y * c + z * s, z * c - y * s)
 
 
-def made_point(method: str, family: str, error: float, seconds: float) -> Point:
-    drifts = (error, error, math.nan)
-    return Point("a", "free body", 5, method, "", family, "step (s)", 0.1, error, 0.0, *drifts, 1.0, seconds, 10.0, 0.0)
+def made_row(method: str, family: str, error: float, seconds: float, **more: object) -> Row:
+    row = Row(kind_of(method, family), method, "", family, "step (s)", 0.1, error, seconds, 10.0 * seconds, 1.0, 1.0)
+    return replace(row, **more)
 
 
-def at_rest(method: str, family: str, error: float, seconds: float) -> Point:
-    return replace(made_point(method, family, error, seconds), case="e", title="damped spin", value=1e-9)
+def made_plan(error: float, seconds: float, **more: object) -> Row:
+    how = {"detail": "closed form", "value": 1e-9} | more
+    return made_row("rbfmu, as planned", "planned", error, seconds, **how)
+
+
+def made_chart(*rows: Row, **more: object) -> Chart:
+    """A chart of the damped spin."""
+    chart = Chart("damped spin", "one axis", 1e-9, 10.0, 5, (), rows, (), (), (), "", ("a processor",), key="e")
+    return replace(chart, **more)
 
 
 def judged(error: float, others: float, peer: float, noise: float = 1.1):
     """A plan of 1 µs at 1e-9, whose rival costs so many µs, and a peer."""
-    points = [
-        replace(at_rest("rbfmu, as planned", "planned", error, 1e-6), detail="closed form"),
-        at_rest("exact", "exact", 1e-16, 2e-6),
-        at_rest("Taylor, order 16", "Taylor", 1e-11, others * 1e-6),
-        at_rest("heyoka.py", "peer", 1e-10, peer * 1e-6),
-        at_rest("RK4, matrix", "classic", 1e-8, 1e-9),
+    rows = [
+        made_plan(error, 1e-6),
+        made_row("one axis", "exact", 1e-16, 2e-6),
+        made_row("Taylor, order 16", "Taylor", 1e-11, others * 1e-6),
+        made_row("heyoka.py", "peer", 1e-10, peer * 1e-6),
+        made_row("RK4, matrix", "classic", 1e-8, 1e-9),
     ]
-    (found,) = verdicts(Collection([replace(p, spread=noise) for p in points], []))
+    (found,) = verdicts([made_chart(*(replace(row, spread=noise) for row in rows))])
     return found

@@ -15,8 +15,7 @@ from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.simulation import SimulationError, simulate
 from rbfmu.studies.dop853 import dop853_step_of_state
-from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, OneStepMethod
-from rbfmu_kernels.integrators import splitting
+from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS as NO_LOADS
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
 from rbfmu_kernels.mechanics.inertia import diagonal, inverse_inertia
@@ -33,12 +32,6 @@ TUMBLE = State(ZERO, ZERO, (0.5, 0.5, 0.5, 0.5), (0.3, 1.0, 0.2))
 TOP_MOMENTS: Vec3 = (1.0, 1.0, 0.3)
 """Moments of inertia about the pivot; the centre of mass is on the z axis, and m g l = 1 N m."""
 WEIGHT = Loads(ZERO, (0.0, 0.0, -1.0), ZERO, ZERO, ZERO)
-
-SPLITTINGS = {
-    "Strang": OneStepMethod("Strang", splitting.strang_steps, 2, 1),
-    "RKN4": OneStepMethod("RKN4", splitting.rkn4_steps, 4, 6),
-    "RKN6": OneStepMethod("RKN6", splitting.rkn6_steps, 6, 11),
-}
 
 
 def free_body(moments: Vec3, damping_b: Vec3 = ZERO) -> Body:

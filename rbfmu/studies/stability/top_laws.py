@@ -9,13 +9,12 @@ import numpy as np
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.simulation import simulate
-from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS
+from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, SPLITTINGS
 from rbfmu.studies.stability.findings import RECORDED, Finding, Study, exponent
 from rbfmu.studies.stability.method_laws import crossing
 from rbfmu.studies.stability.motions import (
     BRICK,
     NO_LOADS,
-    SPLITTINGS,
     TOP,
     TOP_MOMENTS,
     TOP_WEIGHT,

@@ -11,7 +11,7 @@ import pytest
 from rbfmu.runs.motion import attitude_error
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
-from rbfmu.studies.work_precision.cases import CASES
+from rbfmu.studies.chart.cases import CASES
 from rbfmu_kernels.buffer import STEP_REJECTED
 from rbfmu_kernels.models.loaded import LOADED_TAYLOR
 from tests.support.paths import ROOT

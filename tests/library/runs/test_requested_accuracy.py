@@ -8,7 +8,7 @@ import pytest
 import rbfmu
 from rbfmu import Plan, Scene
 from rbfmu.runs.motion import relative_error
-from rbfmu.studies.work_precision.cases import CASES, reference
+from rbfmu.studies.chart.cases import CASES, reference
 from rbfmu_kernels.integrators.splitting import resonant_step
 
 FORCED = ("c", "c'", "d", "e", "f")

@@ -5,44 +5,32 @@ from dataclasses import replace
 
 import pytest
 
-from rbfmu.studies.work_precision import (
-    cases,
-    collection,
-    drawing,
-    methods,
-    solvers,
-)  # fmt: skip
-from rbfmu.studies.work_precision.answers import Offer, answers, cost_of, front, text_of
-from rbfmu.studies.work_precision.cases import CASES
-from rbfmu.studies.work_precision.collection import (
-    STOPPED,
-    Collection,
-    Ending,
-    Extent,
-    Tried,
-    explored,
-)  # fmt: skip
-from rbfmu.studies.work_precision.methods import NotFeasibleError, Run
-from rbfmu.studies.work_precision.plans import verdicts
-from rbfmu.studies.work_precision.tables import dearness_table, plan_table, stopped_table
-from tests.support.chart_points import at_rest, judged, made_point, true_states, turned_by
+from rbfmu.studies.chart import drawing, methods, solvers
+from rbfmu.studies.chart.cases import CASES, Case
+from rbfmu.studies.chart.contestants import contestants, why_not
+from rbfmu.studies.chart.findings import cost_of, front, noise, verdicts
+from rbfmu.studies.chart.measure import Extent, Tried, explore
+from rbfmu.studies.chart.methods import NotFeasibleError, Run
+from rbfmu.studies.chart.motions import answers
+from rbfmu.studies.chart.result import STOPPED, End
+from rbfmu.studies.chart.tables import plans_text
+from tests.support.chart_points import judged, made_chart, made_plan, made_row, true_states, turned_by
+
+WHAT = Extent(0.3, 2, 1e-3)
 
 
-class _Made:
+class _Made(methods.Method):
     """A method whose errors and times are given."""
 
-    name, family, setting = "made", "peer", "step (s)"
+    name = "MuJoCo, made up"
 
     def __init__(self, errors: list[float], seconds: list[float]) -> None:
         self.given = list(zip(errors, seconds, strict=True))
 
-    def suits(self, case: cases.Case) -> bool:
-        return True
-
-    def settings(self, case: cases.Case, quick: bool):
+    def settings(self, case: Case, quick: bool):
         return map(float, range(len(self.given)))
 
-    def run(self, case: cases.Case, value: float) -> Run:
+    def run(self, case: Case, value: float) -> Run:
         error, seconds = self.given[int(value)]
         if error < 0.0:
             raise NotFeasibleError("not with me")
@@ -62,8 +50,7 @@ class _Made:
     ],
 )
 def test_why_a_method_ended_is_kept(errors, seconds, points: int, smallest: float, why: str) -> None:
-    what = Extent((), (), 0.3, 2, 1e-3, False)
-    found, ending = explored(what, CASES["a"], _Made(errors, seconds), {})
+    found, ending = explore(WHAT, CASES["a"], _Made(errors, seconds), {})
     assert len(found) == points
     assert ending.error == pytest.approx(smallest, rel=1e-6)
     assert (ending.why, ending.stopped) == (why, why == STOPPED)
@@ -71,50 +58,52 @@ def test_why_a_method_ended_is_kept(errors, seconds, points: int, smallest: floa
 
 def test_a_method_that_runs_at_no_step_size_is_given_up() -> None:
     class Refusing(_Made):
-        def settings(self, case: cases.Case, quick: bool):
+        def settings(self, case: Case, quick: bool):
             return methods.step_counts(case, quick)
 
-        def run(self, case: cases.Case, value: float) -> Run:
+        def run(self, case: Case, value: float) -> Run:
             raise NotFeasibleError("never")
 
-    what = Extent((), (), 0.3, 2, 1e-3, False)
-    found, ending = explored(what, CASES["a"], Refusing([], []), {})
+    found, ending = explore(WHAT, CASES["a"], Refusing([], []), {})
     assert found == []
     assert ending.why.endswith("never")
 
 
 def test_no_finer_setting_is_tried_below_round_off() -> None:
-    what = Extent((), (), 0.3, 2, 1e-3, False, 1e-5)
-    found, ending = explored(what, CASES["a"], _Made([1e-4, 1e-6, 1e-8], [0.01] * 3), {})
-    assert [tried.point.value for tried in found] == [0.0, 1.0]
+    made = _Made([1e-4, 0.0, 0.0], [0.01] * 3)
+    found, ending = explore(WHAT, replace(CASES["a"], accuracies=()), made, {})
+    assert [tried.value for tried in found] == [0.0, 1.0]
     assert ending.why == "no more digits"
+    assert len(explore(WHAT, CASES["a"], made, {})[0]) == 3  # plans of all accuracies that are named
 
 
 @pytest.mark.parametrize("key", ["a", "g"])
 def test_what_it_takes_to_get_ready_is_no_part_of_the_cost(key: str) -> None:
-    what = Extent((), (), 0.3, 2, 1e-3, False)
-    (tried,), _ = explored(what, CASES[key], _Made([1e-3], [1e-5]), {"made": 0.0})
-    assert tried.point.seconds == 1e-5
+    (tried,), _ = explore(WHAT, CASES[key], _Made([1e-3], [1e-5]), {_Made.name: 0.0})
+    assert tried.seconds == 1e-5
 
 
 def test_long_motions_are_said_to_be_beyond_the_peers_time() -> None:
-    what = Extent((CASES["g"],), (solvers.Odeint(),), 0.3, 1, 1e-3, True)
-    (ending,) = collection.collect(what, lambda *step: None).endings
-    assert ending == Ending("g", 5, "SciPy odeint", "peer", math.inf, STOPPED)
+    for peer in (solvers.Odeint(), solvers.Heyoka()):
+        assert why_not(peer, CASES["g"]) == "a turn by 7e+06 rad takes it too long"
+        assert peer not in contestants(CASES["g"], [peer])
+        assert peer in contestants(CASES["a"], [peer])
 
 
 def test_noise_is_how_far_halves_of_the_repeats_come_apart() -> None:
     times = iter([3.0, 2.2, 2.0, 2.5, 4.0, 2.4])
-    tried = Tried(made_point("made", "peer", 1e-6, 1.0), Run(list, lambda k: k * next(times), 1.0))
+    tried = Tried(_Made([], []), 0.1, Run(list, lambda k: k * next(times), 1.0), 1e-6, 5.0)
     for _ in range(6):
         tried.time(1e-9)
-    assert tried.point.seconds == 2.0
-    assert tried.point.spread == pytest.approx(1.1)
-    points = [replace(tried.point, spread=1.0 + 0.01 * k) for k in range(101)]
-    assert Collection(points, []).noise == pytest.approx(1.95)
+    assert tried.seconds == 2.0
+    assert tried.spread == pytest.approx(1.1)
+    row = tried.row(CASES["e"])
+    assert (row.run_seconds, row.seconds, row.spread) == (2.0, 0.2, tried.spread)
+    rows = [replace(row, spread=1.0 + 0.01 * k) for k in range(100)]
+    assert noise(made_chart(made_plan(1e-10, 1.0, spread=2.0), *rows)) == pytest.approx(1.95)
 
 
-POWER_LAW = [made_point("RK4, quaternion", "classic", n**-4.0, 1e-6 * n) for n in (10.0, 20.0, 40.0, 80.0)]
+POWER_LAW = [made_row("RK4, quaternion", "classic", n**-4.0, 1e-6 * n) for n in (10.0, 20.0, 40.0, 80.0)]
 
 
 def test_cost_follows_the_power_law_between_points() -> None:
@@ -133,19 +122,13 @@ def test_front_leaves_out_what_a_cheaper_point_beats() -> None:
 
 
 def test_answers_name_the_cheapest_of_each_kind() -> None:
-    exact, planned = made_point("exact", "exact", 1e-16, 1e-7), made_point("rbfmu, as planned", "planned", 1e-16, 2e-7)
-    (found,) = answers([*POWER_LAW, exact, planned, made_point("SciPy DOP853", "peer", 1e-7, 1e-2)], [1e-6])
-    assert found.library == Offer("exact", "exact", 1e-7)
-    assert found.planned == Offer("rbfmu, as planned", "planned", 2e-7)
-    assert found.integrator is not None
-    assert found.integrator.cost == pytest.approx(1e-6 * 10**1.5)
-    assert found.peer == Offer("SciPy DOP853", "peer", 1e-2)
-
-
-def test_costs_in_words() -> None:
-    assert [text_of(x) for x in (1.54e-8, 4.1e-7, 1.06e-6, 9.96e-6, 1.7e-4, 3e-3, 0.32, 1.5)] == [
-        "0.015 µs", "0.41 µs", "1.1 µs", "10 µs", "170 µs", "3.0 ms", "320 ms", "1.5 s",
-    ]  # fmt: skip
+    exact, planned = made_row("one axis", "exact", 1e-16, 1e-7), made_plan(1e-16, 2e-7)
+    chart = made_chart(*POWER_LAW, exact, planned, made_row("SciPy DOP853", "peer", 1e-7, 1e-2))
+    found = next(row for row in answers(chart) if row["accuracy"] == pytest.approx(1e-6))
+    assert (found["library"], found["library_cost"]) == ("one axis", pytest.approx(1e-6))  # of a run of 10 s
+    assert (found["planned"], found["planned_cost"]) == ("rbfmu, as planned", pytest.approx(2e-6))
+    assert found["integrator_cost"] == pytest.approx(1e-5 * 10**1.5)
+    assert (found["peer"], found["peer_cost"]) == ("SciPy DOP853", pytest.approx(1e-1))
 
 
 @pytest.mark.parametrize(
@@ -155,7 +138,7 @@ def test_plans_are_held_against_their_accuracy_and_the_best_rival(error: float, 
     found = judged(error, others, 1.0)
     assert found.dearness == pytest.approx(1.0 / others)
     assert found.kept == kept
-    assert ("Every plan" in dearness_table([found])) == kept
+    assert ("Every plan" in plans_text([found], ())) == kept
 
 
 @pytest.mark.parametrize(
@@ -166,26 +149,26 @@ def test_plans_are_held_against_their_accuracy_and_the_best_rival(error: float, 
 def test_what_is_within_noise_is_even_and_a_cheaper_peer_is_what_to_use(peer: float, words: str, use: str) -> None:
     found = judged(1e-10, 1.0, peer)
     assert found.kept
-    assert plan_table([found]).splitlines()[-1].endswith(f"heyoka.py            {words}")
+    assert f"heyoka.py            {words}\n" in plans_text([found], ())
     assert drawing.cell_of(found)[1] == use
 
 
 def test_a_peer_stopped_by_time_is_not_said_to_be_unable() -> None:
-    planned = replace(at_rest("rbfmu, as planned", "planned", 1e-10, 1e-6), detail="closed form")
-    slow = Ending("e", 5, "MuJoCo RK4", "peer", 1e-7, STOPPED)
-    for ending, words in ((slow, STOPPED), (replace(slow, why="no more digits"), "none reaches it")):
-        (found,) = verdicts(Collection([planned], [ending]))
-        assert plan_table([found]).endswith(words)
-        assert ("stopped" in drawing.cell_of(found)[3]) == ending.stopped
-    told = stopped_table(Collection([planned], [slow], limit=0.25))
-    assert "MuJoCo RK4: e 1e-7" in told
-    assert "250 ms" in told
-    assert stopped_table(Collection([planned], [replace(slow, why="no more digits")])) == ""
+    rows, slow = (
+        (made_plan(1e-10, 1e-6), made_row("MuJoCo RK4", "peer", 1e-7, 1e-3)),
+        End("MuJoCo", "MuJoCo RK4", 1e-7, ""),
+    )
+    for why, words in ((STOPPED, STOPPED), ("no more digits", "none reaches it")):
+        chart = made_chart(*rows, ends=(replace(slow, why=why),))
+        (found,) = verdicts([chart])
+        assert plans_text([found], ()).endswith(words)
+        assert ("stopped" in drawing.cell_of(found)[3]) == chart.ends[0].stopped
+        assert f"{'stopped' if why == STOPPED else 'misses it'}: 1e-7 by MuJoCo RK4" in chart.table
 
 
 def test_a_refused_plan_is_in_the_table_with_what_the_peer_costs() -> None:
-    refused = Collection([at_rest("heyoka.py", "peer", 1e-13, 2e-5), replace(
-        at_rest("rbfmu, as planned", "planned", 1e-10, 1e-6), outputs=1000)], [])  # fmt: skip
-    found = verdicts(refused)[0]
+    peer, few = made_row("heyoka.py", "peer", 1e-13, 2e-5), made_chart(made_plan(1e-10, 1e-6))
+    coarse = made_chart(peer, made_plan(1e-7, 1e-6, value=1e-6), many=True, accuracy=1e-6)
+    found = next(v for v in verdicts([few, coarse]) if v.chart.many and v.accuracy == 1e-9)
     assert found.method == "refused"
     assert drawing.cell_of(found)[1:] == ("heyoka.py", "20 µs", "plan refuses")

@@ -6,23 +6,14 @@ from itertools import islice
 
 import pytest
 
-from rbfmu.studies.work_precision import (
-    heyoka_peer,
-    library_methods,
-    methods,
-    peers,
-    simulators,
-    solvers,
-)  # fmt: skip
-from rbfmu.studies.work_precision.cases import CASES, CHECKPOINTS
-from rbfmu.studies.work_precision.collection import (
-    few_and_many,
-)  # fmt: skip
-from rbfmu.studies.work_precision.methods import NotFeasibleError
+from rbfmu.models.registry import CLOSED_FORMS
+from rbfmu.studies.chart import contestants, methods, peers, simulators
+from rbfmu.studies.chart.cases import CASES, CHECKPOINTS, few_and_many
+from rbfmu.studies.chart.methods import NotFeasibleError
 from tests.support.covering import some_of
 from tests.support.paths import ROOT
 
-OWN = {method.name: method for method in library_methods.library_methods()}
+OWN = {method.name: method for method in (*contestants.library_methods(), contestants.Planned())}
 
 
 def test_steps_divide_the_checkpoints_intervals() -> None:
@@ -34,48 +25,46 @@ def test_steps_divide_the_checkpoints_intervals() -> None:
 
 @pytest.mark.parametrize("key", ["a", "b", "g"])
 def test_exact_motion_is_exact(key: str) -> None:
-    assert CASES[key].errors(OWN["exact"].run(CASES[key], 5).states())["attitude"] < 1e-15
+    assert CASES[key].error(OWN["torque-free body"].run(CASES[key], 5).states()) < 1e-15
 
 
 def test_many_outputs_are_of_the_same_motion() -> None:
-    for case in few_and_many(CASES):
+    for case in few_and_many():
         assert case.interval * case.outputs == pytest.approx(case.span)
         assert len(range(case.outputs)[case.checkpoints]) == CHECKPOINTS
         assert range(case.outputs)[case.checkpoints][-1] == case.outputs - 1
     many = CASES["c"].with_many_outputs()
     assert many.outputs == 1000
     for name in ("RK4, quaternion", "splitting, order 4"):
-        method = {m.name: m for m in (*library_methods.library_methods(), *methods.reference_integrators())}[name]
-        few = CASES["c"].errors(method.run(CASES["c"], 0.005).states())
-        assert many.errors(method.run(many, 0.005).states()) == few  # the same steps
+        method = {m.name: m for m in (*contestants.library_methods(), *contestants.reference_integrators())}[name]
+        few = CASES["c"].error(method.run(CASES["c"], 0.005).states())
+        assert many.error(method.run(many, 0.005).states()) == few  # the same steps
 
 
 @pytest.mark.thorough
 def test_a_plan_gives_the_same_motion_at_many_outputs() -> None:
     for key in ("a", "d"):
         many = CASES[key].with_many_outputs()
-        assert many.errors(OWN["rbfmu, as planned"].run(many, 1e-6).states())["attitude"] <= 1e-6
+        assert many.error(OWN["rbfmu, as planned"].run(many, 1e-6).states()) <= 1e-6
 
 
 @pytest.mark.parametrize("name", some_of(["Taylor, order 12", "DOP853, error control"], 1))
 @pytest.mark.parametrize("key", ["d", "e", "f"])
 def test_substeps_meet_their_tolerance(key: str, name: str) -> None:
-    found = CASES[key].errors(OWN[name].run(CASES[key], 1e-12).states())
-    assert max(found["attitude"], found["position"]) < 1e-12 * 60  # steps
+    assert CASES[key].error(OWN[name].run(CASES[key], 1e-12).states()) < 1e-12 * 60  # steps
 
 
 @pytest.mark.parametrize("accuracy", [1e-3, 1e-6, 1e-9])
 def test_plans_keep_their_promise(accuracy: float) -> None:
     for key in ("c", "c'", "d", "f"):
-        found = CASES[key].errors(OWN["rbfmu, as planned"].run(CASES[key], accuracy).states())
-        assert max(found["attitude"], found["position"]) <= accuracy
+        assert CASES[key].error(OWN["rbfmu, as planned"].run(CASES[key], accuracy).states()) <= accuracy
 
 
 # Peers
 
 
 def _solvers() -> list[methods.Method]:
-    return [*solvers.scipy_methods(), *solvers.numbalsoda_methods(), heyoka_peer.Heyoka()]
+    return [method for name in ("SciPy", "numbalsoda", "heyoka.py") for method in peers._PEERS[name][2]()]
 
 
 @pytest.mark.parametrize("method", _solvers(), ids=lambda method: method.name)
@@ -85,8 +74,7 @@ def test_solvers_have_the_same_equations_at_few_and_at_many_outputs(method: meth
             pytest.importorskip(name)
     for key in ("c'", "e", "f"):
         for case in few_and_many([key]):
-            found = case.errors(method.run(case, 1e-8).states())
-            assert max(found["attitude"], found["position"]) < 1e-5
+            assert case.error(method.run(case, 1e-8).states()) < 1e-5
 
 
 @pytest.mark.parametrize("integrator", peers.MUJOCO_INTEGRATORS)
@@ -94,8 +82,8 @@ def test_mujoco_has_the_same_equations_at_few_and_at_many_outputs(integrator: st
     pytest.importorskip("mujoco")
     assert "implicitfast" in peers.MUJOCO_INTEGRATORS
     for case in few_and_many(["d", "f"]):
-        found = case.errors(simulators.MuJoCo(integrator).run(case, 0.0005).states())
-        assert found["attitude"] < 0.06  # first order: 0.05 at this step
+        found = case.error(simulators.MuJoCo(integrator).run(case, 0.0005).states())
+        assert found < 0.06  # first order: 0.05 at this step
 
 
 def test_absent_peers_are_named_and_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -120,7 +108,14 @@ def test_a_peer_that_does_not_load_is_not_feasible() -> None:
 
 def test_a_closed_form_under_torque_competes() -> None:
     """Damping about one axis."""
-    closed = OWN["closed form"]
-    assert [key for key, case in CASES.items() if closed.suits(case)] == ["e"]
+    closed = OWN["one axis"]
+    suited = {key: [s.key for s in CLOSED_FORMS if OWN[s.key].suits(case)] for key, case in CASES.items()}
+    free, none = {key: ["torque-free body"] for key in "abg"}, {key: [] for key in ("c", "c'", "d", "f")}
+    assert suited == free | none | {"e": ["one axis"]}
     run = closed.run(CASES["e"], *closed.settings(CASES["e"], False))
-    assert CASES["e"].errors(run.states())["attitude"] < 1e-13
+    assert CASES["e"].error(run.states()) < 1e-13
+
+
+def test_methods_for_free_bodies_compete_where_no_load_makes_a_torque() -> None:
+    assert [key for key, case in CASES.items() if contestants._turns_freely(case)] == ["a", "b", "g"]
+    assert [key for key, case in CASES.items() if contestants._is_top(case)] == ["c"]

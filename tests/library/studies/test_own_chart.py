@@ -8,14 +8,11 @@ import numpy as np
 import pytest
 
 import rbfmu
-from rbfmu.studies.own_chart import case as own
-from rbfmu.studies.own_chart import contestants, measure
-from rbfmu.studies.own_chart.result import Chart
-from rbfmu.studies.work_precision import library_methods, methods, peers, solvers
-from rbfmu.studies.work_precision.cases import ALL, PATH, RATES, ROTATION, state_of
-from rbfmu.studies.work_precision.methods import NotFeasibleError
-from rbfmu.studies.work_precision.simulators import MuJoCo
-from rbfmu.studies.work_precision.tables import WIDTH
+from rbfmu.studies.chart import Chart, cases, contestants, measure, methods, peers, solvers
+from rbfmu.studies.chart.cases import ALL, PATH, RATES, ROTATION, state_of
+from rbfmu.studies.chart.methods import NotFeasibleError
+from rbfmu.studies.chart.simulators import MuJoCo
+from rbfmu.studies.chart.tables import WIDTH
 from rbfmu_kernels.mechanics.equations_of_motion import State
 from tests.support.command_line import call
 from tests.support.paths import ROOT
@@ -39,20 +36,20 @@ def scene_of(tables: dict, **changes: object) -> rbfmu.Scene:
     return scene.replace(changes) if changes else scene
 
 
-def gallery(name: str) -> own.OwnCase:
-    return own.own_case(rbfmu.load_scene(ROOT / "examples" / "scenes" / f"{name}.toml"))
+def gallery(name: str) -> cases.Case:
+    return cases.case_of(rbfmu.load_scene(ROOT / "examples" / "scenes" / f"{name}.toml"))
 
 
 @pytest.fixture(scope="module")
-def satellite() -> own.OwnCase:
-    return own.own_case(scene_of(SATELLITE))
+def satellite() -> cases.Case:
+    return cases.case_of(scene_of(SATELLITE))
 
 
 # Errors
 
 
 @pytest.fixture(scope="module")
-def by_mpmath(satellite: own.OwnCase) -> list[State]:
+def by_mpmath(satellite: cases.Case) -> list[State]:
     """The centre of mass, attitude and rates at the checkpoints, rounded from 40 digits."""
     times = tuple(3.0 + satellite.interval * n for n in np.cumsum(satellite.outputs_between).tolist())
     found = []
@@ -65,9 +62,9 @@ def by_mpmath(satellite: own.OwnCase) -> list[State]:
     return found
 
 
-def test_the_true_motion_has_no_error(satellite: own.OwnCase, by_mpmath: list[State]) -> None:
+def test_the_true_motion_has_no_error(satellite: cases.Case, by_mpmath: list[State]) -> None:
     assert len(by_mpmath) == 20
-    assert satellite.judged(satellite.errors(by_mpmath)) < own.FLOOR
+    assert satellite.error(by_mpmath) < cases.FLOOR
 
 
 @pytest.mark.parametrize(
@@ -75,7 +72,7 @@ def test_the_true_motion_has_no_error(satellite: own.OwnCase, by_mpmath: list[St
     [(1e-5, 0.0, 0.0, 1e-5), (0.0, 1e-4, 0.0, "position"), (0.0, 0.0, 1e-4, "omega_a")],
 )
 def test_errors_are_those_that_the_accuracy_counts(
-    satellite: own.OwnCase, by_mpmath: list[State], turned: float, moved: float, faster: float, expected: object
+    satellite: cases.Case, by_mpmath: list[State], turned: float, moved: float, faster: float, expected: object
 ) -> None:
     states = list(by_mpmath)
     r, v, q, w = states[7]
@@ -86,7 +83,7 @@ def test_errors_are_those_that_the_accuracy_counts(
         rbfmu.compose_quaternions(np.array(q), turn),
         np.multiply(w, 1.0 + faster),
     )  # fmt: skip
-    found = satellite.judged(satellite.errors(states))
+    found = satellite.error(states)
     if expected == "position":
         expected = moved / max(1.0, np.max(np.linalg.norm(satellite.truth["position"], axis=1)))
     if expected == "omega_a":
@@ -97,26 +94,26 @@ def test_errors_are_those_that_the_accuracy_counts(
         assert found == pytest.approx(expected, rel=0.5 if turned else 1e-6)
 
 
-def test_what_is_not_finite_has_an_infinite_error(satellite: own.OwnCase, by_mpmath: list[State]) -> None:
+def test_what_is_not_finite_has_an_infinite_error(satellite: cases.Case, by_mpmath: list[State]) -> None:
     states = list(by_mpmath)
     states[3] = states[3]._replace(omega_b=(math.nan, 0.0, 0.0))
-    assert satellite.judged(satellite.errors(states)) == math.inf
+    assert satellite.error(states) == math.inf
 
 
 def _of_peers() -> list[methods.Method]:
-    return [*peers.peers()[0], *methods.reference_integrators(), *library_methods.library_methods()]
+    return [*peers.peers()[0], *contestants.reference_integrators(), *contestants.library_methods()]
 
 
 @pytest.mark.parametrize("name", [
     "SciPy DOP853", "SciPy odeint", "heyoka.py", "RK4, quaternion", "MuJoCo RK4",
     pytest.param("Taylor, order 12", marks=pytest.mark.thorough),
 ])  # fmt: skip
-def test_all_follow_the_same_motion_in_their_own_ways(satellite: own.OwnCase, name: str) -> None:
+def test_all_follow_the_same_motion_in_their_own_ways(satellite: cases.Case, name: str) -> None:
     method = next((m for m in _of_peers() if m.name == name), None)
     if method is None:
         pytest.skip(f"{name} is not installed")
     value = 0.001 if "RK4" in name else 1e-9
-    assert satellite.judged(satellite.errors(method.run(satellite, value).states())) < 1e-6
+    assert satellite.error(method.run(satellite, value).states()) < 1e-6
 
 
 # What is charted of a scene
@@ -129,12 +126,12 @@ def test_solvers_integrate_what_the_outputs_need_and_no_more(name: str, numbers:
     case = gallery(name)
     assert case.numbers == numbers == len(solvers.start_of(case))
     for method in (solvers.Odeint(), *(m for m in peers.peers()[0] if m.name == "heyoka.py")):
-        assert case.judged(case.errors(method.run(case, 1e-10).states())) < 1e-6
+        assert case.error(method.run(case, 1e-10).states()) < 1e-6
 
 
 def test_a_run_too_long_for_the_reference_is_charted_in_part(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(own, "MAX_REFERENCE_STEPS", 1)
-    case = own.own_case(scene_of(SATELLITE))
+    monkeypatch.setattr(cases, "MAX_REFERENCE_STEPS", 1)
+    case = cases.case_of(scene_of(SATELLITE))
     assert case.outputs == 5
     assert case.span == pytest.approx(0.5)
     assert case.scene.run.start == 3.0
@@ -148,17 +145,17 @@ def test_a_motion_too_stiff_for_a_reference_is_refused() -> None:
 
 @pytest.mark.parametrize(("step", "outputs", "span"), [(0.3, 6, 1.8), (0.1, 20, 2.0), (2.0, 1, 2.0)])
 def test_a_last_step_that_is_shorter_is_left_out(step: float, outputs: int, span: float) -> None:
-    case = own.own_case(scene_of(SATELLITE, **{"run.step": step}))
+    case = cases.case_of(scene_of(SATELLITE, **{"run.step": step}))
     assert (case.outputs, case.span) == (outputs, pytest.approx(span))
 
 
 def test_errors_are_measured_at_the_end_and_at_a_few_hundred_points_at_most() -> None:
-    case = own.own_case(scene_of(SATELLITE, **{"run.step": 0.002}))
+    case = cases.case_of(scene_of(SATELLITE, **{"run.step": 0.002}))
     at = list(range(case.outputs)[case.checkpoints])
-    assert len(at) == own.POINTS == len(case.outputs_between)
+    assert len(at) == cases.POINTS == len(case.outputs_between)
     assert at[-1] == case.outputs - 1
     assert sum(case.outputs_between) == case.outputs
-    assert len(case.truth["omega_b"]) == own.POINTS + 1
+    assert len(case.truth["omega_b"]) == cases.POINTS + 1
 
 
 def test_closed_forms_compete_only_where_ports_leave_them_exact() -> None:
@@ -186,14 +183,14 @@ def test_what_mujoco_cannot_model_is_said() -> None:
     with pytest.raises(NotFeasibleError, match="damping is the same"):
         MuJoCo("RK4").run(gallery("flywheel"), 0.1)
     with pytest.raises(NotFeasibleError, match="centre of mass"):
-        MuJoCo("RK4").run(own.own_case(scene_of(SATELLITE, **{"loads.force_a": [1.0, 0.0, 0.0]})), 0.01)
+        MuJoCo("RK4").run(cases.case_of(scene_of(SATELLITE, **{"loads.force_a": [1.0, 0.0, 0.0]})), 0.01)
 
 
 def test_mujoco_knows_loads_fixed_in_space() -> None:
     pytest.importorskip("mujoco")
     loads = {"loads.force_a": [1.0, 0.0, 0.5], "loads.torque_a": [0.2, -0.1, 0.1], "body.r_oc_b": [0.0, 0.0, 0.0]}
-    case = own.own_case(scene_of(SATELLITE, **loads))
-    assert case.judged(case.errors(MuJoCo("RK4").run(case, 0.001).states())) < 1e-6
+    case = cases.case_of(scene_of(SATELLITE, **loads))
+    assert case.error(MuJoCo("RK4").run(case, 0.001).states()) < 1e-6
 
 
 # Charts
@@ -201,9 +198,9 @@ def test_mujoco_knows_loads_fixed_in_space() -> None:
 
 def few(monkeypatch: pytest.MonkeyPatch, *names: str) -> None:
     """Let few methods compete, which need little compilation."""
-    chosen = contestants.own_methods
+    chosen = contestants.contestants
     monkeypatch.setattr(
-        "rbfmu.studies.own_chart.measure.own_methods",
+        "rbfmu.studies.chart.measure.contestants",
         lambda case, them: [m for m in chosen(case, them) if m.name in (*names, "rbfmu, as planned")],
     )
 
@@ -212,7 +209,7 @@ def few(monkeypatch: pytest.MonkeyPatch, *names: str) -> None:
 def small_chart() -> Chart:
     with pytest.MonkeyPatch.context() as patch:
         few(patch, "SciPy odeint", "Taylor, order 12")
-        patch.setattr(measure, "QUICK_LONGEST", 60.0)  # whatever the load
+        patch.setattr(measure, "QUICK", measure.Extent(60.0, 2, 2e-4, True))  # whatever the load
         seen: list[tuple[int, int, str]] = []
         found = rbfmu.chart(ROOT / "examples/scenes/top_falling.toml", True, lambda *step: seen.append(step))
     assert seen[-1][0] == seen[-1][1]
@@ -269,8 +266,7 @@ def test_prescribed_rates_are_charted_at_rest() -> None:
 def test_absent_peers_are_lines(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(peers, "_package", lambda name: None)
     none = peers.peers.__wrapped__()
-    for place in ("rbfmu.studies.own_chart.measure.peers", "rbfmu.studies.work_precision.collection.peers"):
-        monkeypatch.setattr(place, lambda: none)
+    monkeypatch.setattr("rbfmu.studies.chart.measure.peers", lambda: none)
     monkeypatch.setattr(peers, "peers", lambda: none)
     few(monkeypatch, "Taylor, order 12")
     found = rbfmu.chart(ROOT / "examples/scenes/thrown_ball.toml", quick=True)

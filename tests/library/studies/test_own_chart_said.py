@@ -6,11 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from rbfmu.studies.own_chart import contestants, findings, tables
-from rbfmu.studies.own_chart.result import Chart, End, Row
-from rbfmu.studies.work_precision.collection import STOPPED
-from rbfmu.studies.work_precision.drawing import GROUPS
-from rbfmu.studies.work_precision.tables import WIDTH
+from rbfmu.studies.chart import contestants, findings, tables
+from rbfmu.studies.chart.result import KINDS, STOPPED, Chart, End, Row
+from rbfmu.studies.chart.tables import WIDTH
 from tests.support.covering import some_of
 from tests.support.pictures import overlaps
 
@@ -32,7 +30,7 @@ def made_up(peer: float, scene: str = "it", **changes: object) -> Chart:
             ((peers_rows[-1], "all settings tried"), (slow[-1], STOPPED), (others[-1], STOPPED))]  # fmt: skip
     further = [replace(plan, value=1e-7, error=9e-9, seconds=1.5e-6), replace(plan, value=1e-8, seconds=4e-6)]
     chart = Chart(
-        scene, "torque-free body, body force", 1e-6, 2.0, 2.0, 400, ("torque_b",),
+        scene, "torque-free body, body force", 1e-6, 2.0, 400, ("torque_b",),
         (*others, *peers_rows, *slow, plan, *further), tuple(ends),
         (contestants.TooSmall("torque-free symmetric body", 0.37), contestants.TooSmall("angular momentum", math.inf,
          "shows no attitude")), ("Drake: not installed",), "1e-09: refused", ("a processor",),
@@ -108,7 +106,17 @@ def test_a_part_of_a_run_is_said_to_be_one() -> None:
 
 
 @pytest.mark.parametrize(
-    ("seconds", "text"), [(1.2e-15, "1.2 fs"), (3.4e-13, "340 fs"), (5e-12, "5.0 ps"), (0.25, "250 ms")]
+    ("seconds", "text"),
+    [
+        (1.2e-15, "1.2 fs"),
+        (3.4e-13, "340 fs"),
+        (5e-12, "5.0 ps"),
+        (1.54e-8, "15 ns"),
+        (9.96e-6, "10 µs"),
+        (1.06e-6, "1.1 µs"),
+        (0.25, "250 ms"),
+        (1.5, "1.5 s"),
+    ],
 )
 def test_costs_have_units_of_their_size(seconds: float, text: str) -> None:
     assert findings.cost_text(seconds) == text
@@ -117,7 +125,7 @@ def test_costs_have_units_of_their_size(seconds: float, text: str) -> None:
 def crowded(seed: int) -> Chart:
     """All kinds of methods, whose lines end anywhere."""
     draw, rows, ends = random.Random(seed), [], []
-    for kind in GROUPS:
+    for kind in KINDS:
         cost, best = 10.0 ** draw.uniform(-1.0, 4.0), draw.randint(4, 15)
         if kind != "rbfmu's plan":
             mine = [_row(kind, kind, "peer", 10.0**-k, cost * 1.3**k) for k in range(draw.randint(1, 3), best)]

@@ -5,10 +5,9 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 
 from rbfmu.extras import remedy
-from rbfmu.studies.work_precision.heyoka_peer import Heyoka
-from rbfmu.studies.work_precision.methods import Method
-from rbfmu.studies.work_precision.simulators import Basilisk, Drake, MuJoCo
-from rbfmu.studies.work_precision.solvers import numbalsoda_methods, scipy_methods
+from rbfmu.studies.chart.methods import Method
+from rbfmu.studies.chart.simulators import Basilisk, Drake, MuJoCo
+from rbfmu.studies.chart.solvers import Heyoka, Numbalsoda, Odeint, SolveIvp
 
 MUJOCO_INTEGRATORS = ("Euler", "implicit", "implicitfast", "RK4")
 
@@ -21,9 +20,13 @@ def _package(name: str) -> str | None:
         return None
 
 
+def _scipy_methods() -> list[Method]:
+    return [*map(SolveIvp, ("DOP853", "RK45", "LSODA")), SolveIvp("LSODA", compiled=False), Odeint()]
+
+
 _PEERS: dict[str, tuple[str, str, Callable[[], Sequence[Method]]]] = {
-    "SciPy": ("scipy", "bench", scipy_methods),
-    "numbalsoda": ("numbalsoda", "bench-fortran", numbalsoda_methods),
+    "SciPy": ("scipy", "bench", _scipy_methods),
+    "numbalsoda": ("numbalsoda", "bench-fortran", lambda: [Numbalsoda(m) for m in ("lsoda", "dop853")]),
     "heyoka.py": ("heyoka", "bench", lambda: [Heyoka()]),
     "MuJoCo": ("mujoco", "bench", lambda: [MuJoCo(m) for m in MUJOCO_INTEGRATORS]),
     "Basilisk": ("bsk", "bench-simulators", lambda: [Basilisk(m) for m in ("RK4", "RKF78")]),

@@ -2,15 +2,14 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cache
 from importlib import import_module
 from time import process_time
-from typing import Any, Protocol
+from typing import Any
 
 from numba import njit
 
-from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, TORQUE_FREE_INTEGRATORS, OneStepMethod, midpoint
-from rbfmu.studies.work_precision.cases import Case
+from rbfmu.studies.chart.cases import Case
+from rbfmu.studies.reference_methods import OneStepMethod, midpoint
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
 
 
@@ -22,7 +21,7 @@ class NotFeasibleError(Exception):
 class Run:
     """A method at a setting: its states at the checkpoints, and the time of k solutions with all outputs.
 
-    states: what the case's `errors` takes; seconds: of the processor; evaluations: those of the right-hand side in one
+    states: what the case's `error` takes; seconds: of the processor; evaluations: those of the right-hand side in one
     solution (0: none, NaN: not counted); detail: the method that a plan chose.
     """
 
@@ -32,29 +31,24 @@ class Run:
     detail: str = ""
 
 
-class Method(Protocol):
-    """A method that competes; its settings go from coarse to fine."""
+class Method:
+    """A method that competes; those of a family share a colour, `setting` is the name and unit of what is varied."""
 
-    @property
-    def name(self) -> str:
-        """Return the name of the method."""
-
-    @property
-    def family(self) -> str:
-        """Return the family, whose methods share a colour."""
-
-    @property
-    def setting(self) -> str:
-        """Return the name and unit of the setting that is varied."""
+    name = ""
+    family = "peer"
+    setting = "step (s)"
 
     def suits(self, case: Case) -> bool:
         """Return whether the method applies to the case."""
+        return True
 
     def settings(self, case: Case, quick: bool) -> Iterator[float]:
-        """Return the values to try until the error no longer falls or a run takes too long."""
+        """Return values from coarse to fine, to try until the error no longer falls or a run takes too long."""
+        return step_counts(case, quick)
 
     def run(self, case: Case, value: float) -> Run:
         """Return a run at a setting; raise NotFeasibleError."""
+        raise NotImplementedError
 
 
 def timed(repeat: Callable[[int], Any]) -> Callable[[int], float]:
@@ -68,12 +62,9 @@ def timed(repeat: Callable[[int], Any]) -> Callable[[int], float]:
     return seconds
 
 
-def step_counts(case: Case, quick: bool) -> Iterator[float]:
-    """Yield step sizes, from 16 rad per step downwards by factors of 2 (quick: 4); only two for a long motion."""
-    if case.long:
-        yield from (case.interval / round(case.interval * case.rate / radians) for radians in (0.25, 0.15))
-        return
-    n, last = max(1.0, case.interval * case.rate / 16.0), 0
+def step_counts(case: Case, quick: bool, largest: float = 16.0) -> Iterator[float]:
+    """Yield step sizes, from `largest` rad per step downwards by factors of 2 (quick: 4)."""
+    n, last = max(1.0, case.interval * case.rate / largest), 0
     while True:
         if round(n) > last:
             last = round(n)
@@ -119,27 +110,26 @@ def _midpoint_rounds(loop: Any, y: Any, h: float, n: int, body: Body, loads: Loa
     return total
 
 
-@dataclass(frozen=True)
-class FixedSteps:
-    """A one-step method in equal steps, such as those of `rbfmu.studies.reference_methods`."""
+class FixedSteps(Method):
+    """A one-step method in equal steps, such as those of `rbfmu.studies.reference_methods`.
 
-    method: OneStepMethod
-    family: str
-    applies: Callable[[Case], bool]
-    setting: str = "step (s)"
+    applies: whether it suits a case; largest: the step that is tried first, rad.
+    """
 
-    @property
-    def name(self) -> str:
-        """Return the integrator's name."""
-        return self.method.name
+    def __init__(
+        self, method: OneStepMethod, family: str, applies: Callable[[Case], bool] = lambda case: True,
+        largest: float = 16.0,
+    ) -> None:  # fmt: skip
+        self.method, self.name, self.family = method, method.name, family
+        self.applies, self.largest = applies, largest
 
     def suits(self, case: Case) -> bool:
-        """Return whether the method applies; to a long motion only methods of order 8 or higher do."""
-        return self.applies(case) and (self.method.order >= 8 or not case.long)
+        """Return whether the method applies."""
+        return self.applies(case)
 
     def settings(self, case: Case, quick: bool) -> Iterator[float]:
         """Return step sizes."""
-        return step_counts(case, quick)
+        return step_counts(case, quick, self.largest)
 
     def run(self, case: Case, value: float) -> Run:
         """Return a run with steps of `value`."""
@@ -162,19 +152,3 @@ class FixedSteps:
         if method.name == "implicit midpoint":
             evaluations = _midpoint_rounds(method.steps, start, value, outputs * n, body, loads)
         return Run(states, seconds, evaluations)
-
-
-@cache
-def reference_integrators() -> tuple[Method, ...]:
-    """Return one-step methods in common use, with the same right-hand sides."""
-    any_torque = [FixedSteps(method, "classic", _any_case) for method in REFERENCE_INTEGRATORS.values()]
-    free = [FixedSteps(method, "Moser-Veselov", _torque_free) for method in TORQUE_FREE_INTEGRATORS.values()]
-    return (*any_torque, *free)
-
-
-def _any_case(case: Case) -> bool:
-    return True
-
-
-def _torque_free(case: Case) -> bool:
-    return case.torque_free

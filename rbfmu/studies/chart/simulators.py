@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from rbfmu import arrays
-from rbfmu.studies.work_precision.cases import Case, state_of
-from rbfmu.studies.work_precision.methods import NotFeasibleError, Run, module, step_counts, timed, tolerances
+from rbfmu.studies.chart.cases import Case, state_of
+from rbfmu.studies.chart.methods import Method, NotFeasibleError, Run, module, step_counts, timed, tolerances
 from rbfmu_kernels.mechanics.equations_of_motion import State
 from rbfmu_kernels.types import Matrix
 
@@ -35,17 +35,11 @@ def _inertia(M: Matrix) -> str:
     return f'{kind}="{_text((M[0][0], M[1][1], M[2][2], *(mixed if any(mixed) else ())))}"'
 
 
-class MuJoCo:
+class MuJoCo(Method):
     """A single free body, or one on a ball joint, stepped in C."""
-
-    family, setting = "peer", "step (s)"
 
     def __init__(self, integrator: str) -> None:
         self.integrator, self.name = integrator, f"MuJoCo {integrator}"
-
-    def suits(self, case: Case) -> bool:
-        """Return whether the case suits: all do but a million turns, which take too long."""
-        return not case.long
 
     def settings(self, case: Case, quick: bool) -> Iterator[float]:
         """Return step sizes, without those that MuJoCo warns of."""
@@ -113,10 +107,8 @@ class MuJoCo:
 # Basilisk
 
 
-class Basilisk:
+class Basilisk(Method):
     """A spacecraft hub with a constant torque."""
-
-    family = "peer"
 
     def __init__(self, integrator: str) -> None:
         self.integrator, self.name = integrator, f"Basilisk {integrator}"
@@ -163,10 +155,7 @@ class Basilisk:
     def _simulation(self, case: Case, value: float, nanoseconds: int) -> tuple[Any, Any]:
         """Return a simulation for one run, since starting the same one again gives a warning."""
         base = module("Basilisk.utilities.SimulationBaseClass")
-        craft, forces = (
-            module("Basilisk.simulation.spacecraft"),
-            module("Basilisk.simulation.extForceTorque"),
-        )
+        craft, forces = module("Basilisk.simulation.spacecraft"), module("Basilisk.simulation.extForceTorque")
         integrators = module("Basilisk.simulation.svIntegrators")
         simulation = base.SimBaseClass()
         simulation.CreateNewProcess("process").addTask(simulation.CreateNewTask("task", nanoseconds))
@@ -201,10 +190,10 @@ def _quaternion_from_mrp(sigma: Any) -> Any:
 # Drake
 
 
-class Drake:
+class Drake(Method):
     """A multibody plant of one free body, or of one on a ball joint."""
 
-    family, setting = "peer", "target accuracy"
+    setting = "target accuracy"
 
     def __init__(self, scheme: str, label: str) -> None:
         self.scheme, self.name = scheme, f"Drake {label}"

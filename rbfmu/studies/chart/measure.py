@@ -1,0 +1,202 @@
+"""Measure a case: every method's settings from coarse to fine, then all of them timed in turns."""
+
+import math
+import os
+import platform
+import random
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+from rbfmu.planning.select import plan
+from rbfmu.studies.chart.cases import FLOOR, Case
+from rbfmu.studies.chart.contestants import Planned, contestants, too_small, why_not
+from rbfmu.studies.chart.methods import Method, NotFeasibleError, Run
+from rbfmu.studies.chart.peers import ABSENT, absent, peers
+from rbfmu.studies.chart.result import STOPPED, Chart, End, Row, kind_of
+
+Progress = Callable[[int, int, str], Any]
+LARGEST_ERROR = 1.0
+"""The largest error that is recorded; a larger one is no answer."""
+MAX_REFUSED = 30
+"""The number of settings in a row that a method does not run at, after which no more are tried."""
+MAX_IDLE = 5
+"""The number of finer settings in a row without a gain after which no more are tried."""
+QUICK_METHODS = (
+    "torque-free body", "DOP853, error control", "Taylor, order 12", "splitting, order 4", "RK4, quaternion",
+    "Moser-Veselov, order 10", "SciPy DOP853", "SciPy odeint", "rbfmu, as planned",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Extent:
+    """The limits of a measurement.
+
+    longest: the processor time of a run, s; a method whose finer settings would take more is stopped. Each run is timed
+    `repeats` times, each time for about `shortest` s; quick: few methods and settings; only: these methods alone.
+    """
+
+    longest: float = 0.1
+    repeats: int = 9
+    shortest: float = 1e-3
+    quick: bool = False
+    only: tuple[str, ...] = ()
+
+
+QUICK = Extent(0.02, 2, 2e-4, True, QUICK_METHODS)
+
+
+def measure(case: Case, what: Extent, progress: Progress, first_calls: dict[str, float] | None = None) -> Chart:
+    """Return the chart of a case; first_calls: what is known of the time that methods take to compile, s."""
+    name = case.title or case.scene.name
+    planned = plan(case.asked)
+    methods = [m for m in contestants(case, peers()[0]) if not what.only or m.name in what.only]
+    first_calls, total = {} if first_calls is None else first_calls, len(methods) + what.repeats
+    found: list[Tried] = []
+    ends: list[End] = []
+    for i, method in enumerate(methods):
+        progress(i, total, f"{name}, {case.outputs} outputs: {method.name}")
+        tried, end = explore(what, case, method, first_calls)
+        found += tried
+        ends.append(end)
+    order = random.Random(1)  # one that favours no method
+    for repeat in range(what.repeats):
+        progress(len(methods) + repeat, total, f"{name}: timing {repeat + 1}")
+        again = [t for t in found if t.seconds < what.longest * (3.0 if repeat < 2 else 0.1)]
+        order.shuffle(again)
+        for one in again:
+            one.time(what.shortest)
+    progress(total, total, "")
+    return Chart(
+        name, planned.model, case.scene.run.accuracy, case.span, case.outputs, tuple(case.scene.inputs.ports),
+        tuple(one.row(case) for one in found), tuple(ends), tuple(too_small(case, planned)),
+        tuple(_not_charted(case, ends)), next((m.refusal for m in methods if isinstance(m, Planned)), ""),
+        tuple(line for line in machine() if line not in absent()), key=case.key, many=case.many,
+    )  # fmt: skip
+
+
+@dataclass
+class Tried:
+    """A method at a setting, which can be timed again; seconds: the least time of a run so far."""
+
+    method: Method
+    value: float
+    run: Run
+    error: float
+    seconds: float
+    compiling: float = 0.0
+    drifts: dict[str, float] = field(default_factory=dict)
+    times: list[float] = field(default_factory=list)
+
+    def time(self, shortest: float) -> None:
+        """Time once more, for about `shortest` s."""
+        k = max(1, round(shortest / self.seconds))
+        self.times.append(self.run.seconds(k) / k)
+        self.seconds = min(self.times)
+
+    @property
+    def spread(self) -> float:
+        """Return the ratio between the least times of every other repeat and of the repeats between."""
+        halves = [min(half) for half in (self.times[::2], self.times[1::2]) if half]
+        return max(halves) / min(halves) if halves else 1.0
+
+    def row(self, case: Case) -> Row:
+        """Return what is charted of it."""
+        method = self.method
+        return Row(
+            kind_of(method.name, method.family), method.name, self.run.detail, method.family, method.setting,
+            self.value, self.error, self.seconds / case.span, self.seconds, self.spread, self.run.evaluations,
+            self.compiling, **self.drifts,
+        )  # fmt: skip
+
+
+def explore(what: Extent, case: Case, method: Method, first_calls: dict[str, float]) -> tuple[list[Tried], End]:
+    """Try settings from coarse to fine until time or digits end; `first_calls` (s, by method) is filled here.
+
+    Below round-off no finer setting is tried, but for plans of accuracies that the case names.
+    """
+    found: list[Tried] = []
+    least, last, idle, refused, why = math.inf, math.inf, 0, 0, "all settings tried"
+    finest = 0.0 if case.accuracies else FLOOR
+    for value in method.settings(case, what.quick):
+        try:
+            tried = _tried(case, method, value, first_calls)
+        except NotFeasibleError as fault:
+            why, refused = f"not run at {value:g}: {' '.join(str(fault).split())}"[:200], refused + 1
+            if refused == MAX_REFUSED:
+                break
+            continue
+        refused, why, error = 0, "all settings tried", tried.error
+        if error <= LARGEST_ERROR:
+            found.append(tried)
+        idle = 0 if error < 0.7 * least else idle + (error != last)
+        last = error  # errors are equal where both settings take one step to each output
+        least = min(least, error)
+        if 1.5 * tried.seconds > what.longest:
+            why = STOPPED
+            break
+        if (idle >= MAX_IDLE and least < 1e-2) or error < finest:
+            why = "no more digits"
+            break
+    best = min((tried.error for tried in found), default=math.inf)
+    return found, End(kind_of(method.name, method.family), method.name, best, why)
+
+
+def _tried(case: Case, method: Method, value: float, first_calls: dict[str, float]) -> Tried:
+    """Return a run that is ready to be timed, its error, and its time in s; the very first call compiles."""
+    start = process_time()
+    run = method.run(case, value)
+    states = run.states()
+    error, drifts = case.error(states), case.drifts(states)
+    if method.name not in first_calls:
+        run.seconds(1)
+        first = process_time() - start
+        first_calls[method.name] = max(0.0, first - 2.0 * run.seconds(1))
+    return Tried(method, value, run, error, run.seconds(1), first_calls[method.name], drifts)
+
+
+def _not_charted(case: Case, ends: Sequence[End]) -> Iterator[str]:
+    """Yield a line for each peer that is not charted."""
+    if case.scene.body is None:
+        yield "Peers: the scene has no body, and prescribed rates are theirs to supply"
+        return
+    told = {}
+    for method in peers()[0]:
+        if not method.suits(case):
+            told[_program(method.name)] = "set up for the motions of `rbfmu chart` alone"
+        elif why := why_not(method, case):
+            told[method.name] = why
+    programs = {method.name for method in peers()[0]}
+    for end in ends:
+        if end.method in programs and math.isinf(end.error) and end.why.startswith("not run"):
+            told[_program(end.method)] = end.why.split(": ", 1)[1]
+    yield from (f"{name}: {why}" for name, why in told.items())
+    yield from absent()
+
+
+def _program(method: str) -> str:
+    """Return the name of the program that a peer's method belongs to."""
+    return method.split()[0]
+
+
+def machine() -> list[str]:
+    """Return lines on the machine and the packages for a file's head."""
+    packages = ("numpy", "numba", "llvmlite")
+    theirs = ", ".join(f"{name} {found}" for name, found in peers()[1].items() if found != ABSENT)
+    return [
+        f"{_processor()}, {os.cpu_count()} processors, {platform.platform()}",
+        f"Python {platform.python_version()}, " + ", ".join(f"{name} {version(name)}" for name in packages),
+        *([theirs] if theirs else []),
+        *absent(),
+    ]
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), platform.machine())

@@ -1,0 +1,175 @@
+"""Charts as text, in at most 80 columns: one chart, and plans beside peers of many."""
+
+import math
+import textwrap
+from collections.abc import Iterable, Iterator, Sequence
+
+from rbfmu.studies.chart.cases import OUTPUT_STEP
+from rbfmu.studies.chart.contestants import short
+from rbfmu.studies.chart.findings import (
+    DEAREST,
+    REFUSED,
+    Reach,
+    Verdict,
+    cost_text,
+    exhausted,
+    headline,
+    noise,
+    reaches,
+    short_number,
+    times,
+)
+from rbfmu.studies.chart.result import STOPPED, Chart
+
+WIDTH = 80
+_NAMES = {"exact": "closed form"}
+_KIND = "{:22}{:29.28}{:>9}{:>9}{:>10}"
+_DIGIT = "{:10}{:41.40}{:>9}{:>9}{:>10}"
+_MODEL = "{:30}{:>10}{:>14}"
+_PLAN = "{:>6}  {:7}  {:19}  {:>7}  {:19}  {}"
+
+
+def wrapped(lines: Iterable[str]) -> list[str]:
+    """Return lines, none of which is beyond the width."""
+    return [part for line in lines for part in textwrap.wrap(line, WIDTH, subsequent_indent="  ")]
+
+
+def joined(parts: Iterable[Iterable[str]]) -> str:
+    """Return parts of lines as a text, with an empty line between those that have any."""
+    return "\n\n".join(filter(None, ("\n".join(line.rstrip() for line in part) for part in parts)))
+
+
+def chart_text(chart: Chart) -> str:
+    """Return all that a chart says."""
+    head = wrapped([*headline(chart), f"charted: {conditions(chart)}"])
+    ends = wrapped(chart.absent), wrapped(chart.machine)
+    return joined((head, _kinds(chart), _digits(chart), _models(chart), *ends))
+
+
+def conditions(chart: Chart) -> str:
+    """Return how the scene was run."""
+    whole = chart.whole or chart.span
+    part = f"the first {chart.span:,.8g} s of " if chart.span < 0.999 * whole else ""
+    said = f"{part}{whole:,.8g} s, an output every {chart.span / chart.outputs:,.8g} s"
+    if not chart.ports:
+        return said
+    return f"{said}; {' and '.join(chart.ports)} at zero all the time, so that others may step over outputs"
+
+
+def name_of(kind: str) -> str:
+    """Return how a kind of methods is called."""
+    return _NAMES.get(kind, kind)
+
+
+def _kinds(chart: Chart) -> Iterator[str]:
+    asked = short_number(chart.accuracy)
+    yield from textwrap.wrap(
+        f"What an error of at most {asked} costs: processor time, for a simulated second and for the run, of the "
+        f"cheapest method of each kind. Costs within a factor of {noise(chart):.2f} are even.",
+        WIDTH,
+    )
+    yield _KIND.format("kind", "cheapest method", "for 1 s", "the run", "of plan's")
+    for reach in reaches(chart):
+        yield from _kind(chart, reach)
+
+
+def _kind(chart: Chart, reach: Reach) -> Iterator[str]:
+    name = name_of(reach.kind)
+    if math.isfinite(reach.cost):
+        ratio = times(reach.cost / chart.plan.seconds)
+        yield _KIND.format(name, reach.method, cost_text(reach.cost), cost_text(reach.cost * chart.span), ratio)
+    else:
+        least = short_number(reach.least) if math.isfinite(reach.least) else "none below 1"
+        said = f"{name:22}{'stopped' if reach.stopped else 'misses it'}: {least} by {reach.best} ({reach.why})"
+        yield from textwrap.wrap(said, WIDTH, subsequent_indent=" " * 24)
+
+
+def _digits(chart: Chart) -> Iterator[str]:
+    yield "What each further digit costs, as rbfmu plans it:"
+    yield _DIGIT.format("accuracy", "method", "error", "for 1 s", "of plan's")
+    for row in chart.plans:
+        ratio = times(row.seconds / chart.plan.seconds)
+        yield _DIGIT.format(short_number(row.value), row.detail, short_number(row.error), cost_text(row.seconds), ratio)
+    yield from textwrap.wrap(exhausted(chart), WIDTH)
+
+
+def _models(chart: Chart) -> Iterator[str]:
+    if not chart.too_small:
+        return
+    yield "Smaller models than the plan's, which do not serve:"
+    yield _MODEL.format("model", "error", "of accuracy's")
+    for model in chart.too_small:
+        if model.why:
+            yield from textwrap.wrap(f"{model.model:30}{model.why}", WIDTH, subsequent_indent=" " * 32)
+        else:
+            ratio = f"{model.error / chart.accuracy:.1e} x" if math.isfinite(model.error) else ""
+            yield _MODEL.format(model.model, short_number(model.error), ratio)
+
+
+# Many charts
+
+
+def plans_text(found: Sequence[Verdict], machine: Iterable[str]) -> str:
+    """Return what plans and the best peers cost, chart by chart, and the plans that miss their goal."""
+    return joined((*_plans(found), _dearness(found), wrapped(machine)))
+
+
+def _plans(found: Sequence[Verdict]) -> Iterator[list[str]]:
+    largest = max(v.noise for v in found)
+    yield textwrap.wrap(
+        "Processor time for a simulated second with at most an error: as rbfmu plans it, and by the cheapest peer, at "
+        "the setting that just meets the error (known in hindsight; a plan has to find it). It costs: the peer's time "
+        f"over the plan's; below 1 the peer is ahead. Many outputs: one every {OUTPUT_STEP:g} s. Costs within a "
+        f"chart's noise, a factor of {largest:.2f} at most, are even.",
+        WIDTH,
+    )
+    for key in dict.fromkeys(v.chart.key for v in found):
+        mine = sorted((v for v in found if v.chart.key == key), key=lambda v: v.chart.outputs)
+        chart = mine[0].chart
+        head = f"{chart.scene} ({key}), {chart.span:,.0f} s; outputs: {' or '.join(_counts(mine))}"
+        yield [head, _PLAN.format("error", "outputs", "plan", "for 1 s", "best peer", "it costs"), *map(_plan, mine)]
+
+
+def _counts(found: Sequence[Verdict]) -> Iterator[str]:
+    yield from (f"{count:,}" for count in dict.fromkeys(v.chart.outputs for v in found))
+
+
+def _plan(v: Verdict) -> str:
+    cost = cost_text(v.cost) if v.plan else ""
+    peer = v.peer.method if v.peer else STOPPED if v.stopped else "none reaches it"
+    return _PLAN.format(short(v.accuracy), count_of(v), method_of(v), cost, peer, against(v))
+
+
+def count_of(v: Verdict) -> str:
+    """Return whether outputs are few or many."""
+    return "many" if v.chart.many else "few"
+
+
+def method_of(v: Verdict) -> str:
+    """Return a short name of a plan's method."""
+    return v.method.replace("series of order", "series").replace(" of order", "").replace(" in equal steps", " fixed")
+
+
+def against(v: Verdict) -> str:
+    """Return the best peer's cost relative to the plan's, in words."""
+    if v.peer is None:
+        return ""
+    if v.method == REFUSED:
+        return cost_text(v.peer.cost)
+    return "even" if v.even else times(v.lead)
+
+
+def _dearness(found: Sequence[Verdict]) -> list[str]:
+    """Return lines on plans that miss their accuracy, or cost more than the best other method at their error."""
+    if not any(v.rival for v in found):
+        return []
+    goal = f"keeps its accuracy and costs at most {DEAREST:g} times the cheapest method that is no peer"
+    missed = [_miss(v) for v in found if not v.kept]
+    if not missed:
+        return textwrap.wrap(f"Every plan {goal}, at the error of the plan.", WIDTH)
+    return [*textwrap.wrap(f"Plans that miss the goal (a plan {goal}, at the error of the plan):", WIDTH), *missed]
+
+
+def _miss(v: Verdict) -> str:
+    rival = f"{v.dearness:.2f} x {v.rival.method}" if v.rival else "no other method"
+    return f"  {v.chart.key}, {short(v.accuracy)}, {count_of(v)}: {method_of(v)}, error {v.error:.1e}, {rival}"
