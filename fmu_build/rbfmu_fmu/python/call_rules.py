@@ -60,3 +60,8 @@ LOG_CATEGORIES = {
 def refusal(call: str, phase: int) -> str:
     """Return the message where a phase does not allow a call."""
     return f"{CALLS[call].refusal} {PHASE_TEXTS[phase]}"
+
+
+def set_refusal(causality: str, name: str, phase: int) -> str:
+    """Return the message where a phase does not allow that a variable is set."""
+    return SET_REFUSAL % (causality, name, PHASE_TEXTS[phase])

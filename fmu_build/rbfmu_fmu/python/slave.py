@@ -12,17 +12,7 @@ from pythonfmu import Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
 from . import pythonfmu_traps as traps
-from .call_rules import (
-    CALLS,
-    INITIALIZING,
-    INSTANTIATED,
-    PHASE_TEXTS,
-    SET_REFUSAL,
-    SETTABLE,
-    STEPPING,
-    TERMINATED,
-    refusal,
-)
+from .call_rules import CALLS, INITIALIZING, INSTANTIATED, SETTABLE, STEPPING, TERMINATED, refusal, set_refusal
 from .slave_access import HELD, TO_VARY, Access, Entries, tell
 
 OK, STEP_REJECTED, PAST_STOP = range(3)
@@ -147,7 +137,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
     def _settable(self, reference: int) -> None:
         causality = self.access.causality[reference]
         if self._phase not in SETTABLE[causality]:
-            raise ValueError(SET_REFUSAL % (causality, self.access.names[reference], PHASE_TEXTS[self._phase]))
+            raise ValueError(set_refusal(causality, self.access.names[reference], self._phase))
 
     def _refuse_not_finite(self, references: list[int], values: list[float]) -> None:
         self._known(references)
