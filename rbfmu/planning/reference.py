@@ -1,7 +1,8 @@
 """The motion of a scene far more accurately than any plan's, in all quantities: what plans are judged by."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from decimal import Decimal, localcontext
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,12 @@ from rbfmu_kernels.quantities import LOADS
 from rbfmu_kernels.rotations.matrix import quaternion_from_matrix
 
 Array = NDArray[np.float64]
+Decimals = Any
+"""Arrays of `Decimal`, with which NumPy computes as with any objects, and of which its types know nothing."""
 Motion = dict[str, Array]
 DIGITS = 50
+"""More than the 32 of double-double, to which what is made of the scene's own numbers is rounded once."""
+ONE = np.array([[Decimal(int(i == j)) for j in range(3)] for i in range(3)])
 CHUNK = 500
 """The number of the scene's steps after which progress is told."""
 
@@ -36,7 +41,7 @@ def reference_motion(
     with localcontext() as context:
         context.prec = DIGITS
         constants, state = _pairs(_constants(scene)), _pairs(_start(scene))
-        times = _pairs(_times(steps))
+        times = _pairs(accumulate(map(Decimal, steps), initial=Decimal(0)))
     work, scratch = np.zeros((2, series.SERIES)), np.zeros((2, series.SCRATCH))
     rows = np.full((times.shape[1], series.ROW), np.nan)
     for first in range(0, times.shape[1], CHUNK):
@@ -57,108 +62,72 @@ def _named(rows: Array) -> Motion:
     return motion
 
 
-def _pairs(numbers: Sequence[Decimal]) -> Array:
-    high = [float(x) for x in numbers]
-    return np.array([high, [float(x - Decimal(h)) for x, h in zip(numbers, high, strict=True)]])
+def _pairs(numbers: Iterable[Decimal]) -> Array:
+    exact = [*numbers]
+    high = [float(x) for x in exact]
+    return np.array([high, [float(x - Decimal(h)) for x, h in zip(exact, high, strict=True)]])
 
 
-def _times(steps: Sequence[float]) -> list[Decimal]:
-    times = [Decimal(0)]
-    for h in steps:
-        times.append(times[-1] + Decimal(h))
-    return times
+def _decimals(values: Any) -> Decimals:
+    """Return the exact decimals of floats, with which NumPy computes as with any numbers."""
+    return np.vectorize(Decimal, otypes=[object])(values)
 
 
-Vector = list[Decimal]
-Rows = list[Vector]
-
-
-def _exact(values: Sequence[float]) -> Vector:
-    return [Decimal(x) for x in values]
-
-
-def _flat(A: Rows) -> Vector:
-    return [x for row in A for x in row]
-
-
-def _dot(a: Vector, b: Vector) -> Decimal:
-    return sum((x * y for x, y in zip(a, b, strict=True)), Decimal(0))
-
-
-def _cross(a: Vector, b: Vector) -> Vector:
-    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-
-
-def _applied(A: Rows, v: Vector) -> Vector:
-    return [_dot(row, v) for row in A]
-
-
-def _inertia(scene: Scene) -> Rows:
+def _inertia(scene: Scene) -> Decimals:
     """Return M about the centre of mass, or about o with a pivot."""
     body = scene.body
     assert body is not None
-    M, r = [_exact(row) for row in body.inertia], _exact(body.r_oc_b)
+    M, r = _decimals(body.inertia), _decimals(body.r_oc_b)
     if body.pivot:
-        mass, square = Decimal(body.mass), _dot(r, r)
-        M = [[M[i][j] + mass * ((square if i == j else 0) - r[i] * r[j]) for j in range(3)] for i in range(3)]
+        M = M + Decimal(body.mass) * (r @ r * ONE - np.outer(r, r))
     return M
 
 
-def _inverse(M: Rows) -> Rows:
+def _inverse(M: Decimals) -> Decimals:
     """Return the inverse of M; for a slender beam (one zero moment) of what remains about the other axes."""
-    cofactors = [_cross(M[1], M[2]), _cross(M[2], M[0]), _cross(M[0], M[1])]
-    determinant, trace = _dot(M[0], cofactors[0]), M[0][0] + M[1][1] + M[2][2]
-    minors = cofactors[0][0] + cofactors[1][1] + cofactors[2][2]
-    if determinant > Decimal(INERTIA_TOLERANCE) * trace * minors:
-        return [[cofactors[j][i] / determinant for j in range(3)] for i in range(3)]
-    axis = max(cofactors, key=lambda column: _dot(column, column))
-    square = _dot(axis, axis)
-    own = [[trace * a * b / square for b in axis] for a in axis]
-    filled = _inverse([[M[i][j] + own[i][j] for j in range(3)] for i in range(3)])
-    return [[filled[i][j] - own[i][j] / trace**2 for j in range(3)] for i in range(3)]
+    cofactors = np.array([np.cross(M[k - 2], M[k - 1]) for k in range(3)])
+    determinant, trace = M[0] @ cofactors[0], np.trace(M)
+    if determinant > Decimal(INERTIA_TOLERANCE) * trace * np.trace(cofactors):
+        return cofactors.T / determinant
+    axis = max(cofactors, key=lambda column: column @ column)
+    own = np.outer(axis, axis) * trace / (axis @ axis)
+    return _inverse(M + own) - own / trace**2
 
 
-def _constants(scene: Scene) -> Vector:
+def _constants(scene: Scene) -> list[Decimal]:
     body, loads = scene.body, scene.loads
     assert body is not None
-    mass, zero, r_oc = Decimal(body.mass), [Decimal(0)] * 3, _exact(body.r_oc_b)
-    gravity, torque_b = _exact(loads.gravity_a), _exact(loads.torque_b)
+    mass, zero, r_oc, M = Decimal(body.mass), 0 * ONE[0], _decimals(body.r_oc_b), _inertia(scene)
+    found = {load.name: _decimals(getattr(loads, load.name)) for load in LOADS}
     if body.pivot:
-        arm, force_a, force_b = r_oc, [mass * g for g in gravity], zero
+        arm, force_a, force_b = r_oc, mass * found["gravity_a"], zero
         turning, steady, mass = zero, zero, Decimal(0)
     else:
-        arm, force_a, force_b = [-r for r in r_oc], _exact(loads.force_a), _exact(loads.force_b)
-        turning = [f / mass for f in force_b]
-        steady = [g + f / mass for g, f in zip(gravity, force_a, strict=True)]
-    torque_b = [t + u for t, u in zip(torque_b, _cross(arm, force_b), strict=True)]
-    M = _inertia(scene)
-    found = {load.name: _exact(getattr(loads, load.name)) for load in LOADS} | {
-        "M": _flat(M), "M_inverse": _flat(_inverse(M)), "torque_b": torque_b, "force_a": force_a, "arm_b": arm,
-        "a_turning_b": turning, "a_steady_a": steady, "r_oc_b": r_oc, "mass": [mass],
+        arm, force_a, force_b = -r_oc, found["force_a"], found["force_b"]
+        turning, steady = force_b / mass, found["gravity_a"] + force_a / mass
+    found |= {
+        "M": M, "M_inverse": _inverse(M), "torque_b": found["torque_b"] + np.cross(arm, force_b), "force_a": force_a,
+        "arm_b": arm, "a_turning_b": turning, "a_steady_a": steady, "r_oc_b": r_oc, "mass": np.array(mass),
     }  # fmt: skip
-    return [x for name in series.CONSTANTS for x in found[name]]
+    return [x for name in series.CONSTANTS for x in found[name].flat]
 
 
-def _start(scene: Scene) -> Vector:
+def _start(scene: Scene) -> list[Decimal]:
     """Return the state of `reference_series`; velocity and position are those of o with a pivot."""
     body, initial = scene.body, scene.initial
     assert body is not None
-    R, omega, r_oc = _matrix(_exact(initial.quaternion)), _exact(initial.omega_b), _exact(body.r_oc_b)
-    position, velocity = _exact(initial.position), [Decimal(0)] * 3
+    R, omega, r_oc = _matrix(_decimals(initial.quaternion)), _decimals(initial.omega_b), _decimals(body.r_oc_b)
+    position, velocity = _decimals(initial.position), 0 * ONE[0]
     if not body.pivot:
-        velocity = [v + u for v, u in zip(_exact(initial.velocity), _applied(R, _cross(omega, r_oc)), strict=True)]
-        position = [r + u for r, u in zip(position, _applied(R, r_oc), strict=True)]
-    momentum = _applied(_inertia(scene), omega)
-    found = {"R_ab": _flat(R), "momentum_b": momentum, "omega_b": omega, "v_c": velocity, "r_c": position}
-    return [x for name in series.STATE for x in found[name]]
+        velocity = _decimals(initial.velocity) + R @ np.cross(omega, r_oc)
+        position = position + R @ r_oc
+    momentum = _inertia(scene) @ omega
+    found = {"R_ab": R, "momentum_b": momentum, "omega_b": omega, "v_c": velocity, "r_c": position}
+    return [x for name in series.STATE for x in found[name].flat]
 
 
-def _matrix(q: Vector) -> Rows:
+def _matrix(q: Decimals) -> Decimals:
     """Return R of a quaternion of any length."""
-    w, x, y, z = q
-    n = _dot(q, q)
-    return [
-        [(w * w + x * x - y * y - z * z) / n, 2 * (x * y - w * z) / n, 2 * (x * z + w * y) / n],
-        [2 * (x * y + w * z) / n, (w * w - x * x + y * y - z * z) / n, 2 * (y * z - w * x) / n],
-        [2 * (x * z - w * y) / n, 2 * (y * z + w * x) / n, (w * w - x * x - y * y + z * z) / n],
-    ]
+    w, v = q[0], q[1:]
+    turn = np.array([np.cross(v, unit) for unit in ONE]).T  # v x
+    return ((w * w - v @ v) * ONE + 2 * np.outer(v, v) + 2 * w * turn) / (q @ q)
