@@ -9,6 +9,7 @@ import pytest
 from numba import config
 
 import rbfmu
+from rbfmu.models import question
 from rbfmu.models.question import Question
 from rbfmu.planning.judge import Judge, PlanningWarning
 from rbfmu.planning.select import plan
@@ -269,6 +270,15 @@ def test_the_same_scene_gets_the_same_plan():
 
 
 # How errors are measured
+
+
+@pytest.mark.parametrize("full", [False, True])
+def test_planning_asks_a_scene_once_for_its_body_at_the_start(full, monkeypatch):
+    asked = []
+    answer = question.BodyAtStart
+    monkeypatch.setattr(question, "BodyAtStart", lambda scene: asked.append(scene) or answer(scene))
+    plan(made(*SCENES["slow top"]), full=full)
+    assert len(asked) == 1
 
 
 def test_errors_are_relative_to_the_largest_of_the_run_with_a_floor():
