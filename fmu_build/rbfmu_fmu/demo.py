@@ -77,7 +77,7 @@ def run_demo(folder: Path, console: Console) -> bool:
     with doing("drawing"):
         draw(result, folder / "tumbling_brick.png")
     ways = [kernels, by_api, by_command]
-    passed = _print(console, scene, planned, result, ways, verified)
+    passed = _report(console, scene, planned, result, ways, verified)
     names = ("tumbling_brick.png", "tumbling_brick.fmu", "kernels.csv", "kernels.units.csv", "fmpy_command.csv")
     console.print(f"written to {folder}/: {', '.join(names)}")
     return passed
@@ -125,9 +125,10 @@ def _largest_difference(a: Columns, b: Columns) -> float:
     return max(float(np.max(np.abs(a[n] - b[n]))) for n in a)
 
 
-def _print(
+def _report(
     console: Console, scene: Scene, planned: Plan, result: Result, ways: list[Way], verified: Verification
 ) -> bool:
+    """Print the tables of errors and of costs, and the verdict; return whether all agree."""
     console.print(f"\nNASA's tumbling brick, {scene.run.stop:g} s: {planned.method}, {planned.reasons[-1]}")
     heads = [f"{what}\nagainst {s}" for s in nasa_brick.NASA for what in ("rates, deg/s", "attitude, deg")]
     against = Table("t (s)", *heads)

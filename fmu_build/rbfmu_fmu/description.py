@@ -97,15 +97,24 @@ class Description:
         return last_time(self.stop, self.step)
 
     @property
+    def inputs(self) -> tuple[Variable, ...]:
+        """Return the inputs, in their order."""
+        return tuple(v for v in self.variables if v.causality == "input")
+
+    @property
+    def outputs(self) -> tuple[Variable, ...]:
+        """Return the outputs, in their order; `status` is none of them."""
+        return tuple(v for v in self.variables if v.causality == "output")
+
+    @property
     def interpolates_inputs(self) -> bool:
         """Return whether every input (and there are some) takes derivatives."""
-        rates = [v.rates for v in self.variables if v.causality == "input"]
-        return bool(rates) and all(rates)
+        return bool(self.inputs) and all(v.rates for v in self.inputs)
 
     @property
     def output_rates(self) -> bool:
         """Return whether every output has a derivative."""
-        return all(v.rates for v in self.variables if v.causality == "output")
+        return all(v.rates for v in self.outputs)
 
     def to_dict(self) -> dict[str, Any]:
         """Return a dict for JSON."""

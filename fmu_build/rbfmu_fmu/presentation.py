@@ -114,7 +114,7 @@ def _accuracy(scene: Scene, plan: Plan, d: Description, course: str) -> list[str
         f"least 1 m and 1 m/s. Expected is {plan.error:.1e}. Substeps inside the FMU keep it, whatever the "
         f"communication step is; the scene has {run.step:g} s.</p>"
     ]
-    if any(v.causality == "input" for v in d.variables):
+    if d.inputs:
         unless = f", unless the importer {course}" if course else ""
         lines.append(
             f"<p>Inputs are held over a communication step{unless}. What is lost by holding an input that changes "

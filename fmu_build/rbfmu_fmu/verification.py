@@ -83,7 +83,7 @@ def verify(path: str | Path, seed: int = 1) -> Verification:
     inputs = _signal(scene, description, len(time) - 1, np.random.default_rng(seed))
     recorded, log = _through_fmpy(path, description, time, inputs)
     expected = _through_kernels(scene, plan, recorded["time"], inputs)
-    names = [v.name for v in description.variables if v.causality == "output"]
+    names = [v.name for v in description.outputs]
     differences = {n: _largest(recorded[n], expected[:, k]) for k, n in enumerate(names)}
     done = len(recorded["time"]) - 1
     to_full = _distance_to_full(scene, description, time, inputs, expected)
@@ -154,7 +154,7 @@ def _with_dependencies(path: Path, model: Any) -> dict[str, set[str]]:
 def _signal(scene: Scene, description: Description, steps: int, random: np.random.Generator) -> NDArray[np.float64]:
     """Return piecewise-constant inputs (steps, n): about 1 m/s2 for forces, 1 rad/s2 for torques, 1 rad/s for rates."""
     scale = input_sizes(scene)
-    blocks = [v.block for v in description.variables if v.causality == "input"]
+    blocks = [v.block for v in description.inputs]
     levels = random.normal(size=(steps // HELD_STEPS + 1, len(blocks))) * [scale[b] for b in blocks]
     return np.repeat(levels, HELD_STEPS, axis=0)[:steps]
 
@@ -177,7 +177,7 @@ class Unit:
             [k for k, _ in referenced if causality[k] == wanted] for wanted in ("input", "output")
         )
         self._old = not version.has_time
-        self._counted = () if self._old else (sum(v.causality == "output" for v in description.variables),)
+        self._counted = () if self._old else (len(description.outputs),)
         self._status = version.status_reference(description)
         self.messages: list[str] = []
         self._fmu = instantiate_fmu(str(folder), model, "CoSimulation", debug_logging=True, logger=self._log)
@@ -249,7 +249,7 @@ def _through_fmpy(
         fmpy.extract(str(path), folder)
         with unit_in(folder, description) as unit:
             rows = _step_through(unit, time, inputs)
-    outputs = [v.name for v in description.variables if v.causality == "output"]
+    outputs = [v.name for v in description.outputs]
     recorded = {name: rows[:, k] for k, name in enumerate(outputs)}
     bad = int(np.count_nonzero(rows[:, -1]))
     recorded["time"] = time[: len(rows)]
@@ -278,8 +278,8 @@ def _through_kernels(
     scene: Scene, plan: Plan, time: NDArray[np.float64], inputs: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     kernels, z, description = plan.kernels, filled_buffer(scene, plan), describe(scene, plan)
-    places = [v.offset for v in description.variables if v.causality == "input"]
-    wanted = [v.offset for v in description.variables if v.causality == "output"]
+    places = [v.offset for v in description.inputs]
+    wanted = [v.offset for v in description.outputs]
     rows = np.full((len(time), len(wanted)), np.nan)
     for k in range(len(time)):
         z[places] = inputs[max(k - 1, 0)]
@@ -299,7 +299,7 @@ def _distance_to_full(
     except SceneError:
         return math.nan
     rows = _through_kernels(scene, full, time, inputs)
-    blocks = [v.block for v in description.variables if v.causality == "output"]
+    blocks = [v.block for v in description.outputs]
     columns = {name: [k for k, block in enumerate(blocks) if block == name] for name in blocks}
     a, b = ({n: m[: len(planned), c] for n, c in columns.items()} for m in (planned, rows))
     for motion in (a, b):
