@@ -206,10 +206,13 @@ class Judge:
         axis = body.axis_without_inertia if body else None
         return change if axis is None else change - np.dot(change, axis) * np.array(axis)
 
+    def motion_by(self, plan: Plan, names: tuple[str, ...], steps: list[float] | None = None) -> Motion:
+        """Return the motion that a plan makes in these steps, s, by default in `cut_steps`."""
+        return record(Steps(self.scene, plan, steps or self.cut_steps, names), names)
+
     def compare(self, smaller: Plan, truth: Motion, names: tuple[str, ...], absolute: bool) -> float:
         """Return the error of a model that leaves something out, also between steps; absolute: as in `try_out`."""
-        found = record(Steps(self.scene, smaller, self.cut_steps, names), names)
-        return _error_between(found, truth, names, least_sizes(self.asked, truth), absolute)
+        return _error_between(self.motion_by(smaller, names), truth, names, least_sizes(self.asked, truth), absolute)
 
 
 def refuse_unfinished(scene: Scene, steps: Sequence[float], rates: NDArray[np.float64], substeps: float) -> None:

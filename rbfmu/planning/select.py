@@ -22,7 +22,7 @@ from rbfmu.planning.fitting import cheapest_fit, cheapest_quadrature, swinging_f
 from rbfmu.planning.judge import MAX_SUBSTEPS, Judge, least_sizes, lost_to_cancellation, refuse_unfinished
 from rbfmu.planning.methods import TIGHTEST, likely_order, series, series_cost, with_cost, work_of
 from rbfmu.runs.inputs import Drive, Driven
-from rbfmu.runs.motion import Motion, Steps, largest_error, record, substeps_counted
+from rbfmu.runs.motion import Motion, largest_error, record, substeps_counted
 from rbfmu.runs.plan import Plan
 from rbfmu.runs.time_grid import communication_steps, thinned_steps
 from rbfmu.scene.scene import Scene, SceneError
@@ -156,7 +156,7 @@ def _coarse_motion(judge: Judge, spec: ModelSpec) -> Motion:
     names = tuple(dict.fromkeys((*cancelling, "omega_b"))) if spec.angle_round_off else cancelling
     if not names:
         return {}  # without running the model, which would be loaded or compiled
-    return record(Steps(judge.scene, Plan(spec.key, "", 0), thinned_steps(judge.scene, 100), names), names)
+    return judge.motion_by(Plan(spec.key, "", 0), names, thinned_steps(judge.scene, 100))
 
 
 def _angle(asked: Question, motion: Motion) -> float:
@@ -179,7 +179,8 @@ def _within_accuracy(judge: Judge, exact: Plan | None) -> Plan | None:
         return None
     if "force_b" in asked.varying and "acceleration" in names and "quaternion" not in names:
         names = (*names, "quaternion")  # ports are at zero here: what they bring is as wrong as the attitude
-    truth = _motion_of(judge, exact, names) if exact else judge.motion
+    shown = tuple(dict.fromkeys((*names, "omega_b")))  # of the rates only how much they change is measured
+    truth = judge.motion_by(replace(exact, pinned=asked.pinned), shown) if exact else judge.motion
     bound = (1.0 if exact else SHARE) * asked.accuracy - EXACT
     for spec in smaller:
         if _may_be_close(asked, spec, truth, names):
@@ -202,12 +203,6 @@ def _may_be_compared(asked: Question) -> bool:
     if names & {"acceleration", "kinetic_energy"}:
         rests = rests | GROWING
     return not rests & asked.varying
-
-
-def _motion_of(judge: Judge, found: Plan, names: tuple[str, ...]) -> Motion:
-    """Return a closed form's motion at the judge's times; its rates only measure how much changes."""
-    names = tuple(dict.fromkeys((*names, "omega_b")))
-    return record(Steps(judge.scene, replace(found, pinned=judge.asked.pinned), judge.cut_steps, names), names)
 
 
 def _may_be_close(asked: Question, spec: ModelSpec, truth: Motion, names: tuple[str, ...]) -> bool:
