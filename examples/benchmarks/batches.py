@@ -187,8 +187,8 @@ def _about_reference(scene: Scene) -> Array:
 def _with_parameters(case: Case, par: Any) -> Any:
     """Return what `equations` asks of a case, whose moments and torque_b or weight are parameters."""
     moments = tuple(tuple(par[i] if i == j else 0.0 for j in range(3)) for i in range(3))
-    unit = tuple(tuple(float(i == j) for j in range(3)) for i in range(3))
-    body = Body(0.0, moments, unit, case.body.arm_b, case.body.damping_b, 0.0)
+    inverse = tuple(tuple(1.0 / par[i] if i == j else 0.0 for j in range(3)) for i in range(3))
+    body = Body(0.0, moments, inverse, case.body.arm_b, case.body.damping_b, 0.0)
     torque = (par[3], par[4], par[5]) if any(case.loads.torque_b) else (0.0, 0.0, 0.0)
     force = (0.0, 0.0, par[3]) if any(case.loads.force_a) else (0.0, 0.0, 0.0)
     return SimpleNamespace(body=body, loads=NO_LOADS._replace(torque_b=torque, force_a=force), start=case.start)

@@ -16,22 +16,9 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from rbfmu.plot import open_frame
 from rbfmu.studies.chart.cases import CHECKPOINTS, DRIFTS, FLOOR, OUTPUT_STEP
 from rbfmu.studies.chart.contestants import TAKES_NO, short
-from rbfmu.studies.chart.findings import (
-    REFUSED,
-    Reach,
-    Verdict,
-    clipped,
-    cost_text,
-    error_of,
-    exhausted,
-    front,
-    headline,
-    reaches,
-    short_number,
-    times,
-)
-from rbfmu.studies.chart.result import KINDS, OWN_KINDS, STOPPED, Chart, Row
-from rbfmu.studies.chart.tables import conditions, method_of, name_of
+from rbfmu.studies.chart.findings import REFUSED, Reach, Verdict, clipped, error_of, front, reaches
+from rbfmu.studies.chart.result import KINDS, OWN_KINDS, STOPPED, Chart, Row, name_of
+from rbfmu.studies.chart.tables import conditions, cost_text, exhausted, headline, method_of, short_number, times
 
 DPI = 120
 GAIN = 0.8

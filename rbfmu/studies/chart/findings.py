@@ -1,17 +1,15 @@
 """What charts say: the cost of an accuracy, by kind of method; plans beside the best of the others."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from rbfmu.studies.chart.cases import FLOOR
-from rbfmu.studies.chart.contestants import short
 from rbfmu.studies.chart.result import KINDS, Chart, Row
 
-UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"), (1e-12, "ps"), (1e-15, "fs"))
 SIDES = {
     "library": ("exact", "DOP853", "Taylor", "splitting"),
     "planned": ("planned",),
@@ -129,34 +127,6 @@ def _reach(chart: Chart, kind: str, rows: Sequence[Row]) -> Reach | None:
     return Reach(kind, offer.method if offer else "", offer.cost if offer else math.inf, least, best, why, stopped)
 
 
-def headline(chart: Chart) -> Iterator[str]:
-    """Yield two lines: which method costs least at the accuracy asked, and what is beside it."""
-    plan, first = chart.plan, reaches(chart)[0]
-    asked = f"{chart.scene} at {short_number(chart.accuracy)}{', ports at zero' if chart.ports else ''}"
-    ratio, planned = plan.seconds / first.cost, f"{chart.model}: {plan.detail}"
-    if ratio <= noise(chart):
-        yield f"{asked}: use rbfmu's plan, {cost_text(plan.seconds)} per simulated second"
-        yield f"{planned}; {_beside(chart)}"
-    else:
-        yield f"{asked}: cheapest is {first.method}, {cost_text(first.cost)} per simulated second"
-        yield f"rbfmu's plan costs {times(ratio)} that ({planned})"
-
-
-def _beside(chart: Chart) -> str:
-    peer = cheapest(clipped(chart), SIDES["peer"], max(chart.accuracy, FLOOR))
-    if peer is None:
-        return "no peer meets that" if any(row.family == "peer" for row in chart.rows) else "no peer is charted"
-    ratio = peer.cost / chart.plan.seconds
-    return f"{peer.method} is even" if ratio <= noise(chart) else f"best peer {peer.method}, {times(ratio)} that"
-
-
-def exhausted(chart: Chart) -> str:
-    """Return why there are no plans for further digits than the chart has."""
-    if chart.refusal:
-        return chart.refusal
-    return "the error is round-off, so further digits cost nothing" if chart.plans[-1].error < FLOOR else ""
-
-
 # Each plan beside the best of the others
 
 
@@ -225,30 +195,3 @@ def _verdict(chart: Chart, accuracy: float) -> Verdict:
     rival = cheapest(rows, others, max(error, FLOOR))
     stopped = tuple(e.method for e in chart.ends if e.stopped and e.method in peers and e.error > accuracy)
     return Verdict(chart, accuracy, plan, rival, cheapest(rows, SIDES["peer"], accuracy), stopped, noise(chart))
-
-
-# Numbers in words
-
-
-def cost_text(seconds: float) -> str:
-    """Return two digits and a unit: 0.41 fs, 8.1 ps, 170 ns, 1.4 ms."""
-    size, unit = next(((size, unit) for size, unit in UNITS if seconds >= 0.9995 * size), UNITS[-1])
-    return f"{rounded(seconds / size)} {unit}"
-
-
-def times(ratio: float) -> str:
-    """Return a ratio of costs with two digits: 0.41 x, 3.0 x, 1,200 x; beyond 1e5 with one."""
-    return f"{rounded(ratio) if ratio < 1e5 else short(ratio)} x"
-
-
-def short_number(number: float) -> str:
-    """Return an error or accuracy in its shortest form: 1e-6, 2e-16, 3."""
-    if number == 0.0:
-        return "0"
-    return short(number) if number < 0.095 else rounded(number).removesuffix(".0")
-
-
-def rounded(number: float) -> str:
-    """Return a number rounded to two significant digits, without an exponent."""
-    number = float(f"{number:.1e}")
-    return f"{number:,.{max(0, 1 - math.floor(math.log10(number)))}f}"

@@ -3,7 +3,7 @@
 import csv
 import math
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
@@ -40,6 +40,11 @@ def kind_of(method: str, family: str) -> str:
     if method.startswith("SciPy") and method != "SciPy odeint":
         return "SciPy solve_ivp"
     return next(name for name in KINDS if method.startswith(name))
+
+
+def name_of(kind: str) -> str:
+    """Return how a kind of methods is called."""
+    return "closed form" if kind == "exact" else kind
 
 
 @dataclass(frozen=True)
@@ -151,12 +156,11 @@ class Chart:
         return self.table
 
     def __repr__(self) -> str:
-        return f"Chart of {self.scene}: {len(self.rows)} points; print it, or save(folder)\n" + "\n".join(self._head())
+        from rbfmu.studies.chart.tables import headline
 
-    def _head(self) -> Iterator[str]:
-        from rbfmu.studies.chart.findings import headline
-
-        yield from headline(self)
+        return "\n".join(
+            (f"Chart of {self.scene}: {len(self.rows)} points; print it, or save(folder)", *headline(self))
+        )
 
     def _repr_html_(self) -> str:
         """Return picture and table for a notebook."""

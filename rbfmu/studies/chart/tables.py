@@ -4,25 +4,13 @@ import math
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 
-from rbfmu.studies.chart.cases import OUTPUT_STEP
+from rbfmu.studies.chart.cases import FLOOR, OUTPUT_STEP
 from rbfmu.studies.chart.contestants import short
-from rbfmu.studies.chart.findings import (
-    DEAREST,
-    REFUSED,
-    Reach,
-    Verdict,
-    cost_text,
-    exhausted,
-    headline,
-    noise,
-    reaches,
-    short_number,
-    times,
-)
-from rbfmu.studies.chart.result import STOPPED, Chart
+from rbfmu.studies.chart.findings import DEAREST, REFUSED, SIDES, Reach, Verdict, cheapest, clipped, noise, reaches
+from rbfmu.studies.chart.result import STOPPED, Chart, name_of
 
 WIDTH = 80
-_NAMES = {"exact": "closed form"}
+UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"), (1e-12, "ps"), (1e-15, "fs"))
 _KIND = "{:22}{:29.28}{:>9}{:>9}{:>10}"
 _DIGIT = "{:10}{:41.40}{:>9}{:>9}{:>10}"
 _MODEL = "{:30}{:>10}{:>14}"
@@ -54,11 +42,6 @@ def conditions(chart: Chart) -> str:
     if not chart.ports:
         return said
     return f"{said}; {' and '.join(chart.ports)} at zero all the time, so that others may step over outputs"
-
-
-def name_of(kind: str) -> str:
-    """Return how a kind of methods is called."""
-    return _NAMES.get(kind, kind)
 
 
 def _kinds(chart: Chart) -> Iterator[str]:
@@ -104,6 +87,34 @@ def _models(chart: Chart) -> Iterator[str]:
         else:
             ratio = f"{model.error / chart.accuracy:.1e} x" if math.isfinite(model.error) else ""
             yield _MODEL.format(model.model, short_number(model.error), ratio)
+
+
+def headline(chart: Chart) -> Iterator[str]:
+    """Yield two lines: which method costs least at the accuracy asked, and what is beside it."""
+    plan, first = chart.plan, reaches(chart)[0]
+    asked = f"{chart.scene} at {short_number(chart.accuracy)}{', ports at zero' if chart.ports else ''}"
+    ratio, planned = plan.seconds / first.cost, f"{chart.model}: {plan.detail}"
+    if ratio <= noise(chart):
+        yield f"{asked}: use rbfmu's plan, {cost_text(plan.seconds)} per simulated second"
+        yield f"{planned}; {_beside(chart)}"
+    else:
+        yield f"{asked}: cheapest is {first.method}, {cost_text(first.cost)} per simulated second"
+        yield f"rbfmu's plan costs {times(ratio)} that ({planned})"
+
+
+def _beside(chart: Chart) -> str:
+    peer = cheapest(clipped(chart), SIDES["peer"], max(chart.accuracy, FLOOR))
+    if peer is None:
+        return "no peer meets that" if any(row.family == "peer" for row in chart.rows) else "no peer is charted"
+    ratio = peer.cost / chart.plan.seconds
+    return f"{peer.method} is even" if ratio <= noise(chart) else f"best peer {peer.method}, {times(ratio)} that"
+
+
+def exhausted(chart: Chart) -> str:
+    """Return why there are no plans for further digits than the chart has."""
+    if chart.refusal:
+        return chart.refusal
+    return "the error is round-off, so further digits cost nothing" if chart.plans[-1].error < FLOOR else ""
 
 
 # Many charts
@@ -173,3 +184,30 @@ def _dearness(found: Sequence[Verdict]) -> list[str]:
 def _miss(v: Verdict) -> str:
     rival = f"{v.dearness:.2f} x {v.rival.method}" if v.rival else "no other method"
     return f"  {v.chart.key}, {short(v.accuracy)}, {count_of(v)}: {method_of(v)}, error {v.error:.1e}, {rival}"
+
+
+# Numbers in words
+
+
+def cost_text(seconds: float) -> str:
+    """Return two digits and a unit: 0.41 fs, 8.1 ps, 170 ns, 1.4 ms."""
+    size, unit = next(((size, unit) for size, unit in UNITS if seconds >= 0.9995 * size), UNITS[-1])
+    return f"{rounded(seconds / size)} {unit}"
+
+
+def times(ratio: float) -> str:
+    """Return a ratio of costs with two digits: 0.41 x, 3.0 x, 1,200 x; beyond 1e5 with one."""
+    return f"{rounded(ratio) if ratio < 1e5 else short(ratio)} x"
+
+
+def short_number(number: float) -> str:
+    """Return an error or accuracy in its shortest form: 1e-6, 2e-16, 3."""
+    if number == 0.0:
+        return "0"
+    return short(number) if number < 0.095 else rounded(number).removesuffix(".0")
+
+
+def rounded(number: float) -> str:
+    """Return a number rounded to two significant digits, without an exponent."""
+    number = float(f"{number:.1e}")
+    return f"{number:,.{max(0, 1 - math.floor(math.log10(number)))}f}"

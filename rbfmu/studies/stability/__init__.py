@@ -10,26 +10,17 @@ from typing import Any
 from warnings import catch_warnings, simplefilter
 
 from rbfmu.exceptions import SceneWarning
+from rbfmu.studies.stability import method_laws, model_laws, top_laws
 from rbfmu.studies.stability.findings import Finding, Study, failures, read_findings, write_columns, write_findings
 from rbfmu.studies.stability.maps import METHODS, QUICK_METHODS, Row, findings_of_maps, verdicts
-from rbfmu.studies.stability.method_laws import (
-    damping_limits,
-    drift,
-    energy_drift,
-    gimbal_passage,
-    growth_factors,
-    gyroscopic_blow_up,
-    moser_veselov_limits,
-    small_angles,
-)
-from rbfmu.studies.stability.model_laws import orders_and_error_control, product_models
-from rbfmu.studies.stability.top_laws import intermediate_axis, sleeping_top, splitting_resonance
 
 __all__ = ["STUDIES", "Finding", "Study", "failures", "read_findings", "run_stability", "write_findings"]
 
 STUDIES: tuple[Callable[[bool], Study], ...] = (
-    growth_factors, drift, gimbal_passage, gyroscopic_blow_up, damping_limits, moser_veselov_limits, energy_drift,
-    small_angles, intermediate_axis, sleeping_top, splitting_resonance, product_models, orders_and_error_control,
+    method_laws.growth_factors, method_laws.drift, method_laws.gimbal_passage, method_laws.gyroscopic_blow_up,
+    method_laws.damping_limits, method_laws.moser_veselov_limits, method_laws.energy_drift, method_laws.small_angles,
+    top_laws.intermediate_axis, top_laws.sleeping_top, top_laws.splitting_resonance,
+    model_laws.product_models, model_laws.orders_and_error_control,
 )  # fmt: skip
 """Each measures one or more laws; the argument asks for a quick, coarse run."""
 

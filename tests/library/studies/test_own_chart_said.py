@@ -48,7 +48,7 @@ def made_up(peer: float, scene: str = "it", **changes: object) -> Chart:
     ],
 )
 def test_the_headline_names_what_to_use(peer: float, first: str, second: str) -> None:
-    lines = list(findings.headline(made_up(peer)))
+    lines = list(tables.headline(made_up(peer)))
     assert first in lines[0]
     assert second in lines[1]
 
@@ -119,7 +119,7 @@ def test_a_part_of_a_run_is_said_to_be_one() -> None:
     ],
 )
 def test_costs_have_units_of_their_size(seconds: float, text: str) -> None:
-    assert findings.cost_text(seconds) == text
+    assert tables.cost_text(seconds) == text
 
 
 def crowded(seed: int) -> Chart:
