@@ -40,6 +40,10 @@ MAX_SUBSTEPS = 1e7
 CHANGED = "*"
 """As the block of a fault: whatever was changed from what the model was planned for."""
 
+(
+    TORQUE_ACTS, NO_TOP, RESONANT, TURNS, UNSTEADY, UNSYMMETRIC, MORE_AXES, NO_PENDULUM, NO_SPIN_UP, MORE_THAN_MOMENTUM,
+) = range(11, 21)  # fmt: skip
+"""The faults of bodies that are not a model's."""
 FAULTS: dict[int, tuple[str, str]] = {
     1: ("mass", "expected a positive number (kg)"),
     2: ("inertia", "expected finite numbers (kg m2)"),
@@ -50,17 +54,18 @@ FAULTS: dict[int, tuple[str, str]] = {
     7: ("quaternion_0", "expected finite numbers, not all zero"),
     8: ("", "expected finite numbers in all parameters and initial values"),
     9: ("omega_b_0", "expected no rate about a slender beam's own axis, where it has no inertia"),
-    11: (CHANGED, "expected loads without torque: this model is torque-free"),
-    12: (CHANGED, "expected two equal moments, no damping: this model is a symmetric top"),
-    13: (CHANGED, "expected a rate at which the planned substep is below half the resonance of a top's splitting"),
-    14: (CHANGED, "expected no rate and no torque: this model does not turn"),
-    15: (CHANGED, "expected a rate about a principal axis: this model's rate is constant"),
-    16: (CHANGED, "expected two equal moments: this model is a symmetric body's"),
-    17: (CHANGED, "expected rate and torque about one principal axis: this model turns about a single one"),
-    18: (CHANGED, "expected no damping or torque but that of weight: this model is an undamped pendulum"),
-    19: (CHANGED, "expected two equal moments, torque and damping about the third axis alone, no attitude to show: "
-         "this model is a symmetric body spun up"),
-    20: (CHANGED, "expected no torque but torque_a, which alone changes this model's angular momentum"),
+    TORQUE_ACTS: (CHANGED, "expected loads without torque: this model is torque-free"),
+    NO_TOP: (CHANGED, "expected two equal moments, no damping: this model is a symmetric top"),
+    RESONANT: (CHANGED, "expected a rate at which the planned substep is below half the resonance of a top's "
+               "splitting"),
+    TURNS: (CHANGED, "expected no rate and no torque: this model does not turn"),
+    UNSTEADY: (CHANGED, "expected a rate about a principal axis: this model's rate is constant"),
+    UNSYMMETRIC: (CHANGED, "expected two equal moments: this model is a symmetric body's"),
+    MORE_AXES: (CHANGED, "expected rate and torque about one principal axis: this model turns about a single one"),
+    NO_PENDULUM: (CHANGED, "expected no damping or torque but that of weight: this model is an undamped pendulum"),
+    NO_SPIN_UP: (CHANGED, "expected two equal moments, torque and damping about the third axis alone, no attitude to "
+                 "show: this model is a symmetric body spun up"),
+    MORE_THAN_MOMENTUM: (CHANGED, "expected no torque but torque_a, which alone changes this model's angular momentum"),
 }  # fmt: skip
 NEGATIVE = max(FAULTS) + 1
 """The fault of a first load that must not be negative; those of others follow."""

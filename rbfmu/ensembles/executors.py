@@ -102,12 +102,12 @@ def _submit_to_dask(client: Any) -> Submit:
 
 def chunks_in_order(work: Work, first: int, executor: Any) -> Iterator[Chunk]:
     """Yield the chunks from the number `first` on in their order, of which few are on their way at a time."""
-    given = work_bytes(work)
+    given = packed(work)
     with workers_of(executor) as (submit, workers):
         waiting: deque[Any] = deque()
         try:
             for number in range(first, work.chunks):
-                with _executor_errors():
+                with _losses():
                     waiting.append(submit(run_packed, given, number))
                 if len(waiting) >= AHEAD * workers:
                     yield _result(waiting)
@@ -120,13 +120,13 @@ def chunks_in_order(work: Work, first: int, executor: Any) -> Iterator[Chunk]:
 
 def _result(waiting: "deque[Any]") -> Chunk:
     """Return the chunk that comes next, and forget it."""
-    with _executor_errors():
+    with _losses():
         chunk: Chunk = waiting.popleft().result()
     return chunk
 
 
 @contextmanager
-def _executor_errors() -> Iterator[None]:
+def _losses() -> Iterator[None]:
     """Turn an error of an executor or of a connection, not of what it runs, into one that says so."""
     try:
         yield
@@ -137,7 +137,7 @@ def _executor_errors() -> Iterator[None]:
         raise SimulationError(f"the executor lost a chunk of the ensemble: {text}") from error
 
 
-def work_bytes(work: Work) -> bytes:
+def packed(work: Work) -> bytes:
     """Return work as bytes, with what its bits rest on here."""
     return pickle.dumps((origin(), pickle.dumps(work)))
 

@@ -184,10 +184,10 @@ FEW = 2_000
 
 def applied_values(scene: Scene, drawn: Drawn, count: int) -> dict[str, Array]:
     """Return what is applied to `count` members, by the keys of the scene: SI numbers (count, ...)."""
-    return dict(_MemberValues(scene, drawn, count).values())
+    return dict(_Appliance(scene, drawn, count).values())
 
 
-class _MemberValues:
+class _Appliance:
     """What is known of some members: the scene, and the numbers drawn (count,)."""
 
     def __init__(self, scene: Scene, drawn: Drawn, count: int) -> None:
@@ -234,7 +234,7 @@ class _MemberValues:
         return rows if _is_vector(variation) else rows[:, 0]
 
     def _sizes(self, variation: Variation) -> Iterator[tuple[str, Array]]:
-        for name in SHAPES[variation.form].sizes():
+        for name in _sizes_of(variation):
             rows = self._columns(variation, f"{SHAPE}.{name}")
             yield f"{SHAPE}.{name}", rows if rows.shape[1] > 1 else rows[:, 0]
 
@@ -324,6 +324,10 @@ def _tuples(value: Any) -> Any:
 
 def _is_vector(variation: Variation) -> bool:
     return variation.marginals[0].name.endswith("]")
+
+
+def _sizes_of(variation: Variation) -> list[str]:
+    return [key for key in SHAPES[variation.form]._keys() if key != "kind"]
 
 
 Rows = NDArray[np.int64]

@@ -1,4 +1,4 @@
-"""Run an ensemble: chunks on any executor, keeper in their order, kept in a store from time to time."""
+"""Run an ensemble: chunks on any executor, taken in their order, kept in a store from time to time."""
 
 from contextlib import nullcontext
 from pathlib import Path
@@ -79,26 +79,26 @@ def _store(work: Work, path: str | Path | None) -> Store:
 
 def _run(work: Work, store: Store, known: Checkpoint | None, executor: Any, shown: bool) -> dict[int, str]:
     """Run what is missing, and keep it; return what failed."""
-    keeper = _Keeper(work, store, _progress_so_far(work, known))
-    first = keeper.progress.chunks
+    taken = _Taken(work, store, _begun(work, known))
+    first = taken.progress.chunks
     done, begin = first * work.size, monotonic()
     with bar(work.scene.name, shown) as tell:
         try:
             for chunk in chunks_in_order(work, first, executor):
-                keeper.add(chunk)
+                taken.add(chunk)
                 done += chunk.members
                 speed = (done - first * work.size) / max(monotonic() - begin, 1e-9)
                 tell(done, work.runs, f"{work.scene.name}: {done:,} of {work.runs:,} runs, {speed:,.0f} runs/s")
         except OSError:  # of the store, which stays as it was
             raise
         except BaseException:
-            keeper.commit()
+            taken.commit()
             raise
-        store.finish(keeper.whole, keeper.progress)
-    return keeper.progress.failed
+        store.finish(taken.whole, taken.progress)
+    return taken.progress.failed
 
 
-def _progress_so_far(work: Work, known: Checkpoint | None) -> Progress:
+def _begun(work: Work, known: Checkpoint | None) -> Progress:
     """Return the progress in full chunks of what is there already."""
     if known is None:
         return Progress.none(work)
@@ -107,7 +107,7 @@ def _progress_so_far(work: Work, known: Checkpoint | None) -> Progress:
     return Progress(known.progress.chunks, known.progress.statistics, failed)
 
 
-class _Keeper:
+class _Taken:
     """The chunks that are done, in their order, and the store that they are kept in from time to time."""
 
     def __init__(self, work: Work, store: Store, progress: Progress) -> None:

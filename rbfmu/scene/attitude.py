@@ -76,7 +76,7 @@ class Attitude(Section):
     )
 
     @classmethod
-    def _from_keys(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
+    def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
         given = set(data) - {"angles_deg", "angles"}
         ways = "euler (with angles_deg or angles), quaternion, rotvec or matrix"
         if len(given) != 1 and not faults:
@@ -87,7 +87,7 @@ class Attitude(Section):
             faults.append(fault(cls._path, data, f"{given.pop()} alone; angles belong to euler"))
         return data
 
-    def as_quaternion(self) -> Quaternion:
+    def resolved(self) -> Quaternion:
         """Return q_ab."""
         given = self.model_fields_set
         if "euler" in given:
@@ -103,4 +103,4 @@ class Attitude(Section):
 
 def read_attitude(value: Any) -> Quaternion:
     """Return q_ab of an attitude table or of an `Attitude`. Raises SceneError."""
-    return Attitude.read(value).as_quaternion()
+    return Attitude.read(value).resolved()

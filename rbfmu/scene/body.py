@@ -1,6 +1,7 @@
 """The body of a scene: its mass, its inertia about the centre of mass, and its pivot."""
 
 import math
+from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
@@ -83,37 +84,45 @@ class _Shape(Section):
     _path: ClassVar[str] = "body.shape"
     kind: str
 
-    @classmethod
-    def sizes(cls) -> list[str]:
-        """Return the keys of the sizes, in the order in which the kernel of the shape's inertia takes them."""
-        return [key for key in cls._keys() if key != "kind"]
-
+    @abstractmethod
     def inertia(self, mass: float) -> Matrix:
         """Return M_c."""
-        kernel = getattr(_shapes, f"{self.kind}_inertia")
-        M: Matrix = evaluated(kernel, mass, *(getattr(self, size) for size in self.sizes()))
-        return M
 
 
 class _Beam(_Shape):
     length: Annotated[float, positive("m").means("beam along x: its length")]
 
+    def inertia(self, mass: float) -> Matrix:
+        return evaluated(_shapes.beam_inertia, mass, self.length)
+
 
 class _Box(_Shape):
     sides: Annotated[Vec3, positive("m", 3).means("box: its sides along x, y, z")]
+
+    def inertia(self, mass: float) -> Matrix:
+        return evaluated(_shapes.box_inertia, mass, self.sides)
 
 
 class _Cylinder(_Shape):
     radius: Annotated[float, positive("m").means("cylinder about z: its radius")]
     length: Annotated[float, positive("m").means("cylinder about z: its length")]
 
+    def inertia(self, mass: float) -> Matrix:
+        return evaluated(_shapes.cylinder_inertia, mass, self.radius, self.length)
+
 
 class _Sphere(_Shape):
     radius: Annotated[float, positive("m").means("sphere: its radius")]
 
+    def inertia(self, mass: float) -> Matrix:
+        return evaluated(_shapes.sphere_inertia, mass, self.radius)
+
 
 class _Ellipsoid(_Shape):
     semiaxes: Annotated[Vec3, positive("m", 3).means("ellipsoid: its semiaxes along x, y, z")]
+
+    def inertia(self, mass: float) -> Matrix:
+        return evaluated(_shapes.ellipsoid_inertia, mass, self.semiaxes)
 
 
 SHAPES: Mapping[str, type[_Shape]] = {
@@ -165,11 +174,11 @@ class Body(Section):
             pivot: bool = False,
         ) -> None: ...
 
-    def _not_default(self) -> dict[str, Any]:
+    def _set(self) -> dict[str, Any]:
         """Return the fields that are not as by default; an inertia along the axes is its three moments."""
         M = self.inertia
         moments = (M[0][0], M[1][1], M[2][2])
-        return super()._not_default() | ({"inertia": moments} if evaluated(_inertia.diagonal, moments) == M else {})
+        return super()._set() | ({"inertia": moments} if evaluated(_inertia.diagonal, moments) == M else {})
 
     @property
     def M_c(self) -> Matrix:
@@ -192,7 +201,7 @@ class Body(Section):
         return axis_without_moment(self.M)
 
     @classmethod
-    def _from_keys(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
+    def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
         given = one_of(cls, data, ("inertia", "shape"), faults)
         shape = data.pop("shape", None)
         if given == "shape":

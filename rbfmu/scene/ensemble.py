@@ -8,7 +8,7 @@ from pydantic import field_serializer
 
 from rbfmu.exceptions import SceneError
 from rbfmu.scene.body import SHAPES, Body, axis_without_moment
-from rbfmu.scene.section import Numbers, Rule, Section, as_toml, dotted, fault, names, one_word, plain, whole
+from rbfmu.scene.section import Numbers, Rule, Section, as_toml, fault, joined, names, one_word, plain, whole
 
 from rbfmu.scene.variations import (  # isort: skip
     ATTITUDE, AXES, DEGREES, FIXED, INERTIA, NORMAL, QUANTITY_OF, RELATIVE, SHAPE, VARYING_ANGLES, Marginal,
@@ -141,7 +141,7 @@ class Ensemble(Section):
     correlation: Annotated[Correlation | None, _CORRELATION] = None
 
     @classmethod
-    def _from_keys(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
+    def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
         if "vary" in data:
             data["vary"] = read_variations(data["vary"], faults)
         correlation = data.pop("correlation", None)
@@ -172,10 +172,10 @@ class Ensemble(Section):
         """Return the names of the parameters whose values vary, as `inputs.parameters` lists them."""
         return tuple(dict.fromkeys(QUANTITY_OF[variation.key].name for variation in self.vary))
 
-    def _not_default(self) -> dict[str, Any]:
+    def _set(self) -> dict[str, Any]:
         """Return the fields that are not as by default, tables as in the file."""
         tables = self.table()
-        return {name: tables.get(name, value) for name, value in super()._not_default().items()}
+        return {name: tables.get(name, value) for name, value in super()._set().items()}
 
     def table(self) -> dict[str, Any]:
         """Return the table from which the ensemble is made again."""
@@ -187,11 +187,11 @@ class Ensemble(Section):
             yield from self._faults_of_correlation(self.correlation)
         keys = {variation.key for variation in self.vary}
         if {DEGREES, "initial.omega_b"} <= keys:
-            yield fault(dotted("ensemble.vary", DEGREES), self._written(DEGREES), "initial.omega_b or this, not both")
+            yield fault(joined("ensemble.vary", DEGREES), self._written(DEGREES), "initial.omega_b or this, not both")
         own = self.variation_of(INERTIA)
         if SHAPE in keys and own and own.form not in ("", RELATIVE):
             expected = f"{RELATIVE} or {AXES}: the inertia follows from {SHAPE}"
-            yield fault(dotted("ensemble.vary", INERTIA), own.table, expected)
+            yield fault(joined("ensemble.vary", INERTIA), own.table, expected)
 
     def _written(self, key: str) -> Any:
         found = self.variation_of(key)
@@ -202,7 +202,7 @@ class Ensemble(Section):
             for marginal in variation.marginals:
                 if self.design != GRID and marginal.points:
                     expected = 'points in a grid alone: design = "grid"'
-                    yield fault(dotted("ensemble.vary", variation.key), variation.table, expected)
+                    yield fault(joined("ensemble.vary", variation.key), variation.table, expected)
                     break
                 if self.design == GRID and marginal.varies and not marginal.points:
                     yield _without_points(variation, marginal)
@@ -234,7 +234,7 @@ def _varying(vary: tuple[Variation, ...]) -> Iterator[Marginal]:
 
 def _without_points(variation: Variation, marginal: Marginal) -> str:
     """Return the fault of a number in a grid that has no points, and perhaps cannot have any."""
-    path = dotted("ensemble.vary", variation.key)
+    path = joined("ensemble.vary", variation.key)
     if marginal.name.startswith(f"{INERTIA}.{AXES}["):
         return fault(f"{path}.{AXES}", variation.table[AXES], "no such key in a grid")
     if variation.key == ATTITUDE and variation.form not in VARYING_ANGLES:
@@ -246,7 +246,7 @@ def _without_points(variation: Variation, marginal: Marginal) -> str:
 # The ensemble and the rest of its scene
 
 
-def ensemble_table(value: Any, tables: Mapping[str, Any], faults: list[str]) -> Any:
+def as_written(value: Any, tables: Mapping[str, Any], faults: list[str]) -> Any:
     """Return the ensemble's table with what the scene's own spelling says of it: a shape, a sequence of angles.
 
     A member's inertia follows from the shape where mass or sizes vary, as it would in the member's own scene file.
@@ -256,27 +256,25 @@ def ensemble_table(value: Any, tables: Mapping[str, Any], faults: list[str]) -> 
     vary = value.get("vary") if isinstance(value, Mapping) else None
     if not isinstance(vary, Mapping):
         return value
-    vary = _with_shape(_dotted_keys(vary, faults), tables.get("body"), faults)
+    vary = _with_shape(_dotted(vary, faults), tables.get("body"), faults)
     return {**value, "vary": _with_attitude(vary, tables.get("initial"))}
 
 
-def _dotted_keys(vary: Mapping[str, Any], faults: list[str]) -> dict[str, Any]:
+def _dotted(vary: Mapping[str, Any], faults: list[str]) -> dict[str, Any]:
     """Return the table with one dotted key a quantity, also where TOML's own dots made tables of them."""
     found: dict[str, Any] = {}
     for key, value in vary.items():
         inside = isinstance(value, Mapping) and (
             key in NESTED or (key == SHAPE and "kind" not in value) or (key == ATTITUDE and _lacks_sequence(value))
         )
-        items = (
-            _dotted_keys({f"{key}.{name}": item for name, item in value.items()}, faults) if inside else {key: value}
-        )
+        items = _dotted({f"{key}.{name}": item for name, item in value.items()}, faults) if inside else {key: value}
         faults += [_twice(name, item, found[name]) for name, item in items.items() if name in found]
         found = found | items
     return found
 
 
 def _twice(key: str, value: Any, other: Any) -> str:
-    return fault(dotted("ensemble.vary", key), value, f"this or {as_toml(other)}, not both")
+    return fault(joined("ensemble.vary", key), value, f"this or {as_toml(other)}, not both")
 
 
 def _lacks_sequence(attitude: Mapping[str, Any]) -> bool:
@@ -330,7 +328,7 @@ def faults_with(ensemble: Ensemble, good: Mapping[str, Any]) -> Iterator[str]:
     body, inputs = good.get("body"), good.get("inputs")
     prescribed = inputs is not None and "omega_b" in inputs.ports
     for variation in ensemble.vary:
-        path = dotted("ensemble.vary", variation.key)
+        path = joined("ensemble.vary", variation.key)
         if prescribed and variation.key != ATTITUDE:
             yield fault(path, variation.table, f"{ATTITUDE} at most: the port omega_b prescribes the rates")
         elif variation.key == "initial.velocity" and body is not None and body.pivot:

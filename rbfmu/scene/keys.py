@@ -9,7 +9,7 @@ from rbfmu.scene.attitude import Attitude
 from rbfmu.scene.body import SHAPES, Body
 from rbfmu.scene.ensemble import Correlation, Ensemble
 from rbfmu.scene.scene import QUANTITIES, SECTIONS, Initial, Scene
-from rbfmu.scene.section import Section, as_toml, dotted
+from rbfmu.scene.section import Section, as_toml, joined
 
 REQUIRED = "required"
 OF_THE_MOTION = "all there are"
@@ -48,7 +48,7 @@ class Key(NamedTuple):
     @property
     def path(self) -> str:
         """Return the dotted path of the key."""
-        return dotted(self.table, self.name)
+        return joined(self.table, self.name)
 
 
 def scene_keys() -> Iterator[Key]:
@@ -68,7 +68,7 @@ def _shape_keys() -> Iterator[Key]:
     kinds = " or ".join(f'"{kind}"' for kind in SHAPES)
     yield Key("body.shape", "kind", "", REQUIRED, kinds)
     for shape in SHAPES.values():
-        yield from (_key(shape, key) for key in shape.sizes())
+        yield from (_key(shape, key) for key in shape._keys() if key != "kind")
 
 
 def _key(section: type[Section], name: str) -> Key:

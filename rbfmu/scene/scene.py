@@ -12,7 +12,7 @@ from rbfmu.notebook import table
 from rbfmu.scene.attitude import read_attitude
 from rbfmu.scene.body import ZERO, Body
 from rbfmu.scene.consistency import default_quantities, doubts_before, faults_between, warn
-from rbfmu.scene.ensemble import Ensemble, ensemble_table, faults_with, without_idle_shape
+from rbfmu.scene.ensemble import Ensemble, as_written, faults_with, without_idle_shape
 from rbfmu.scene.section import Numbers, SceneError, Section, as_toml, fault, line, names, numbers, one_of, positive
 from rbfmu.scene.toml_file import read_file, with_description
 from rbfmu_kernels import quantities
@@ -51,7 +51,7 @@ class Initial(Section):
     omega_b: Annotated[Vec3, numbers("omega_b_0")] = ZERO
 
     @classmethod
-    def _from_keys(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
+    def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
         if "attitude" in data:
             try:
                 data["quaternion"] = read_attitude(data.pop("attitude"))
@@ -68,7 +68,7 @@ class Initial(Section):
 
     def __repr_args__(self) -> Iterable[tuple[str | None, Any]]:
         """Return what makes the section again."""
-        for name, value in self._not_default().items():
+        for name, value in self._set().items():
             yield ("attitude", {name: value}) if name == "quaternion" else (name, value)
 
 
@@ -183,10 +183,10 @@ class Scene(Section):
     ensemble: Ensemble | None = None
 
     @classmethod
-    def _from_keys(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
+    def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
         good: dict[str, Any] = {}
         rates = _rates_as_written(data.get("initial"))
-        data["ensemble"] = ensemble_table(data.get("ensemble"), data, faults)
+        data["ensemble"] = as_written(data.get("ensemble"), data, faults)
         for key, section in SECTIONS.items():
             if key in OPTIONAL and data.get(key) is None:
                 good[key] = data.pop(key, None)
@@ -218,7 +218,7 @@ class Scene(Section):
         """Return key, value, unit and meaning of what is not as by default."""
         for key in SECTIONS:
             section = getattr(self, key)
-            for name, value in section._not_default().items() if section is not None else ():
+            for name, value in section._set().items() if section is not None else ():
                 rule = type(section)._rule(name)
                 yield f"{key}.{name}", as_toml(value), getattr(rule, "unit", ""), rule.meaning
 

@@ -42,7 +42,7 @@ def _spelled(value: object, depth: int) -> str:
     if isinstance(value, Mapping | list | tuple) and depth > 4:
         return "..."
     if isinstance(value, Mapping):
-        pairs = (f"{dotted('', str(key))} = {_spelled(item, depth + 1)}" for key, item in _first(value.items()))
+        pairs = (f"{joined('', str(key))} = {_spelled(item, depth + 1)}" for key, item in _first(value.items()))
         return "{ " + ", ".join(pairs) + " }" if value else "{}"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(_spelled(item, depth + 1) for item in _first(value)) + "]"
@@ -56,7 +56,7 @@ def _first(items: Collection[Any]) -> Iterator[Any]:
     return (item for item, _ in zip(items, range(LONGEST), strict=False))
 
 
-def dotted(path: str, key: str) -> str:
+def joined(path: str, key: str) -> str:
     """Return a dotted key, quoted where TOML requires it."""
     key = key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else json.dumps(key)
     return f"{path}.{key}" if path else key
@@ -245,7 +245,7 @@ class Section(BaseModel):
 
     def __init__(self, /, **data: Any) -> None:
         faults = list(self._unknown_keys(data))
-        values = self._from_keys({key: value for key, value in data.items() if key in self._keys()}, faults)
+        values = self._resolved({key: value for key, value in data.items() if key in self._keys()}, faults)
         try:
             super().__init__(**values)
         except ValidationError as error:
@@ -259,15 +259,15 @@ class Section(BaseModel):
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
         """Record the table of each key, so that an error can name it where the key is misplaced."""
         for key in cls._keys() if cls._path else ():
-            cls._homes.setdefault(key, dotted(cls._path, key))
+            cls._homes.setdefault(key, joined(cls._path, key))
 
-    def _not_default(self) -> dict[str, Any]:
+    def _set(self) -> dict[str, Any]:
         """Return the fields that are not as by default."""
         fields = type(self).model_fields
         return {name: getattr(self, name) for name in fields if getattr(self, name) != fields[name].default}
 
     def __repr_args__(self) -> Iterable[tuple[str | None, Any]]:
-        return self._not_default().items()
+        return self._set().items()
 
     @classmethod
     def read(cls, value: Any) -> Self:
@@ -288,7 +288,7 @@ class Section(BaseModel):
         return next(rule for rule in cls.model_fields[name].metadata if isinstance(rule, Rule))
 
     @classmethod
-    def _from_keys(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
+    def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
         """Return the fields, made from the keys that stand for them."""
         return data
 
@@ -301,7 +301,7 @@ class Section(BaseModel):
         keys = cls._keys()
         for key, value in data.items():
             if key not in keys:
-                path = dotted(cls._path, key)
+                path = joined(cls._path, key)
                 near = cls._homes.get(key, path)
                 near = closest(key, keys) if near == path else near
                 hint = f"did you mean {near}?" if near else f"expected one of {', '.join(keys)}"
@@ -310,7 +310,7 @@ class Section(BaseModel):
     @classmethod
     def _in_words(cls, error: Mapping[str, Any]) -> str:
         name = str(error["loc"][0])
-        path = dotted(cls._path, name)
+        path = joined(cls._path, name)
         if error["type"] == "missing":
             return f"{path} is missing: expected {cls._rule(name).words}"
         return fault(path, error["input"], str(error["ctx"]["error"]))
@@ -320,6 +320,6 @@ def one_of(section: type[Section], data: dict[str, Any], keys: tuple[str, ...], 
     """Return the exclusive key that is given, or an empty string; several keys add a fault."""
     given = [key for key in keys if key in data]
     if len(given) > 1:
-        path = dotted(section._path, given[1])
+        path = joined(section._path, given[1])
         faults.append(fault(path, data[given[1]], f"{' or '.join(given)}, not {'both' if len(given) == 2 else 'all'}"))
     return given[0] if len(given) == 1 else ""

@@ -6,7 +6,7 @@ from itertools import dropwhile, takewhile
 from pathlib import Path
 from typing import Any
 
-from rbfmu.scene.section import SceneError, as_toml, dotted
+from rbfmu.scene.section import SceneError, as_toml, joined
 
 LARGEST_FILE = 1_000_000
 """The largest size of a scene file in bytes; a typical file has a few hundred."""
@@ -105,7 +105,7 @@ def _path(*nested: Any) -> str:
     for tables in nested:
         while isinstance(tables, dict) and len(tables) == 1:
             key, tables = next(iter(tables.items()))
-            path = dotted(path, key)
+            path = joined(path, key)
             tables = tables[0] if isinstance(tables, list) and tables == [{}] else tables
     return path
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from rbfmu.scene.attitude import Attitude
 from rbfmu.scene.body import SHAPES, TRIANGLE, six_numbers
-from rbfmu.scene.section import Numbers, Rule, as_toml, closest, dotted, fault, flattened, not_negative, numbers, plain
+from rbfmu.scene.section import Numbers, Rule, as_toml, closest, fault, flattened, joined, not_negative, numbers, plain
 from rbfmu_kernels.quantities import BY_NAME, INITIAL_VALUES, LOADS, PARAMETERS, Quantity, indices
 
 FIXED, NORMAL, UNIFORM, LOGNORMAL, TRIANGULAR, RELATIVE = (
@@ -166,7 +166,7 @@ class _Reader:
 
     def __init__(self, key: str, value: Any, faults: list[str]) -> None:
         self.key, self.value, self.faults = key, value, faults
-        self.path = dotted("ensemble.vary", key)
+        self.path = joined("ensemble.vary", key)
 
     def refuse(self, value: Any, expected: str, path: str = "") -> None:
         self.faults.append(fault(path or self.path, value, expected))
@@ -312,7 +312,7 @@ class _Reader:
             self.refuse(value, f"a table with kind out of {', '.join(SHAPES)}, and its sizes")
             return (), ""
         section = SHAPES[kind]
-        keys = section.sizes()
+        keys = [key for key in section._keys() if key != "kind"]
         if set(value) != {"kind", *keys}:
             self.refuse(value, f"a {kind} with {' and '.join(keys)}")
             return (), ""

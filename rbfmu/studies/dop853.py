@@ -13,7 +13,7 @@ import numpy as np
 
 from rbfmu.models.spec import ModelSpec
 from rbfmu.runs.plan import Plan
-from rbfmu_kernels.body.driven import DRIVEN, STEP_SIZE, finish, integrated, keep, load_polynomial_of
+from rbfmu_kernels.body.driven import DRIVEN, STEP_SIZE, finish, keep, load_polynomial_of, part_to_integrate
 from rbfmu_kernels.body.memory import STATE_START, body_of, loads_of
 from rbfmu_kernels.body.shell import Model, make_model
 from rbfmu_kernels.buffer import MAX_SUBSTEPS, OK, STEP_REJECTED, places
@@ -279,7 +279,7 @@ def _advance(z: Buffer, h: float) -> int:
     """Advance by h; reject the step and change nothing where the motion cannot be followed."""
     keep(z)
     body, loads = body_of(z), load_polynomial_of(z)
-    n = max(ROTATION, integrated(z, body, loads))
+    n = max(ROTATION, part_to_integrate(z, body, loads))
     if z[_TOLERANCE] > 0.0:
         status = dop853_advance(z, STATE_START, _WORK, STEP_SIZE, n, h, z[_TOLERANCE], z[_SPAN], body, loads)
     else:

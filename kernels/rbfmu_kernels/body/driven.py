@@ -36,7 +36,7 @@ def load_polynomial_of(z: Buffer) -> LoadPolynomial:
 
 
 @kernel
-def integrated(z: Buffer, body: Body, loads: LoadPolynomial) -> int:
+def part_to_integrate(z: Buffer, body: Body, loads: LoadPolynomial) -> int:
     """Return how many numbers of the state need integration: see `rigid_body_state`."""
     acting = acting_loads(loads)
     if acting.force_b and memory.needs_translation(z) and not memory.has_pivot(z):

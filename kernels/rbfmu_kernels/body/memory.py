@@ -12,7 +12,7 @@ from ..buffer_access import matrix_at, put_matrix_at, put_quaternion_at, put_vec
 from ..compile.decorator import kernel
 from ..integrators.rigid_body_state import STATE_BLOCKS, STATE_SIZE, Centre, Rotation
 from ..mechanics.equations_of_motion import Body, Loads, State
-from ..mechanics.inertia import check_inertia, inverse_inertia, parallel_axis, principal_axes, trace
+from ..mechanics.inertia import INERTIA_TOLERANCE, check_inertia, inverse_inertia, parallel_axis, principal_axes, trace
 from ..rotations.quaternion import normalize, rotate
 from ..rotations.vec3 import add, cross, dot, is_nonzero, scale
 from ..types import Buffer, Matrix, Quaternion, Vec3
@@ -67,10 +67,10 @@ def initialize_body(z: Buffer) -> int:
     q = normalize(quaternion_at(z, _Q_0))
     omega = vec3_at(z, _OMEGA_0)
     (low, middle, _), axes = principal_axes(M)
-    if middle <= 1e-12 * trace(M):
+    if middle <= INERTIA_TOLERANCE * trace(M):
         return 6
     beam_rate = axes[0][0] * omega[0] + axes[1][0] * omega[1] + axes[2][0] * omega[2]
-    if low <= 1e-12 * trace(M) and abs(beam_rate) > 1e-12 * math.sqrt(dot(omega, omega)):
+    if low <= INERTIA_TOLERANCE * trace(M) and abs(beam_rate) > INERTIA_TOLERANCE * math.sqrt(dot(omega, omega)):
         return 9
     put_matrix_at(z, _M, M)
     put_matrix_at(z, _M_INVERSE, inverse_inertia(M))
@@ -160,7 +160,7 @@ def substep_of(z: Buffer) -> float:
 
 @kernel
 def is_finite(z: Buffer) -> bool:
-    """Return whether every number of the state is finite."""
+    """Return whether every number of the state is finite: 0 x is 0 then, else NaN, and one sum asks all at once."""
     total = 0.0
     for i in range(STATE_START, STATE_START + STATE_SIZE):
         total += 0.0 * z[i]

@@ -23,7 +23,7 @@ _MASS, _R_OC = BLOCKS["mass"].start, BLOCKS["r_oc_b"].start
 _ZERO: DoubleDouble = (0.0, 0.0)
 _ONE: DoubleDouble = (1.0, 0.0)
 _NEGLIGIBLE = 2.0**-106
-"""The part of the trace up to which an element off the diagonal counts as zero."""
+"""The part of the trace up to which an element off the diagonal counts as zero: an ulp of double-double arithmetic."""
 
 
 @kernel(inline=False)
@@ -53,7 +53,7 @@ def rates_along(axes: Axes, omega: Vec3) -> Vector:
 
 
 @kernel
-def rounded(axes: Axes) -> Matrix:
+def axes_as_floats(axes: Axes) -> Matrix:
     """Return the axes as floats, each a row."""
     (a, b, c), (d, e, f), (g, h, i) = axes
     return (a[0], b[0], c[0]), (d[0], e[0], f[0]), (g[0], h[0], i[0])
@@ -125,7 +125,11 @@ def _half_dot(a: Vec3, b: Vec3) -> DoubleDouble:
 
 @kernel(inline=False)
 def _refined(M: Inertia, axes: Axes) -> tuple[Vector, Axes]:
-    """Return moments and axes of M by Jacobi's rotations, from axes that are principal to round-off."""
+    """Return moments and axes of M by Jacobi's rotations, from axes that are principal to round-off.
+
+    A sweep squares what is off the diagonal, once that is small beside the gaps between the moments (Golub & Van Loan,
+    Matrix Computations, 8.5): from round-off of doubles it gets to that of double-double at once.
+    """
     x, y, w = axes
     m_x, m_y, m_w = _times(M, x), _times(M, y), _times(M, w)
     a, b, c, d, e, f = dd.dot(x, m_x), dd.dot(y, m_y), dd.dot(w, m_w), dd.dot(x, m_y), dd.dot(x, m_w), dd.dot(y, m_w)

@@ -17,6 +17,7 @@ from numba.extending import intrinsic
 
 LANES = 8  # items that are transposed at a time
 ITEMS = 16
+"""Two vectors of the widest machines, whose chains of dependent operations then overlap (see `in_vectors`)."""
 _AHEAD = 2048  # bytes: how far ahead of the tile memory is asked for
 _POINTER = types.CPointer(float64)
 _double, _int32, _int64 = ir.DoubleType(), ir.IntType(32), ir.IntType(64)

@@ -195,7 +195,9 @@ SCRATCH = 2 * 8 * _ROWS
 """The numbers of work space, at a cache line: of a vector of bodies of each kind."""
 _ALONE = -1.0
 _MARGIN = 1e-3
+"""Of kc^2: far above what plain doubles lose of it, so that no body shares a vector with those of another kind."""
 _LEAST_KC_SQUARED = 1e-6
+"""So near to the separatrix plain doubles have too few digits of kc^2 to tell one kind from the other."""
 _LEAST, _LARGEST = 1e-60, 1e60
 
 

@@ -194,6 +194,7 @@ else:
 _SHAPES[FreeRotationNumbers] = (FREE_ROTATION_SIZE,)
 
 _LEAST_KC = 1e-300
+"""Below, a motion is on the separatrix: K(k) = ln(4 / kc), so that a turn takes 690 of its time scales or more."""
 _NONE: DoubleDouble = (0.0, 0.0)
 
 

@@ -51,6 +51,7 @@ _, _, _read_near, _flatten_near = record(NearSeries, _SIZE)
 ORDINARY, NEAR, SEPARATRIX = 0.0, 1.0, 2.0
 _ONE_OVER_PI: DoubleDouble = (0.3183098861837907, -1.9678676675182486e-17)
 _LEAST_KC = 1e-300
+"""Below, a motion is on the separatrix: K(k) = ln(4 / kc), so that a turn takes 690 of its time scales or more."""
 _MAX_TURNS = 1e28  # of the phase: double-double has no digit left there
 _LAST_TURN = 0.2167123282101497  # u = 600 on the separatrix: from there on the body rests at the top, to 1e-260
 

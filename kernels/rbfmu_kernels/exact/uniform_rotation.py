@@ -32,7 +32,7 @@ def without_turns(a: DoubleDouble, t: DoubleDouble) -> DoubleDouble:
 
 
 @kernel
-def turned(turning: Turning, t: DoubleDouble) -> Quaternion:
+def rotation_after(turning: Turning, t: DoubleDouble) -> Quaternion:
     """Return the rotation of a turning after a time t, s."""
     axis, rate = turning
     high, low = without_turns(rate, t)

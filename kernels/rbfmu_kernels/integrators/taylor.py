@@ -32,6 +32,7 @@ from .substeps import Method, Room
 from .taylor_coefficients import ACCELERATION, FORCE, PER, RATE, TORQUE, TURN, WORK, SpaceFixedLoads, term
 
 _MAX_DERIVATIVES = 9
+"""Of the attitude, beside rates of `MAX_ORDER`: see `derivatives_of_attitude`."""
 _WEIGHT = np.array(
     [
         [
@@ -50,11 +51,21 @@ _REMAINDER = np.array(
 )
 """Its error: this times (2 h)^(2m+1) / 2 and the (2m+1)-th derivative."""
 _RATE_PER_ACCELERATION = 4.0 / math.e * np.arange(_MAX_DERIVATIVES + 1)
-"""Times an acceleration, the square of the rate whose turn has a (2m)-th derivative as large as a turn from rest."""
+"""Times an angular acceleration alpha, the square of the steady rate that counts as much in the remainder.
+
+A turn from rest is q = exp(alpha t^2 / 4), whose (2m)-th derivative is (2m)! / m! (alpha / 4)^m at rest; that of a
+steady turn is (omega / 2)^(2m). They are equal at omega^2 = ((2m)! / m!)^(1/m) alpha, by Stirling's formula some
+4 m / e alpha. Without this a body that starts from rest would be thought not to turn at all.
+"""
 _FOUR = 4.0 ** np.arange(_MAX_DERIVATIVES + 1)
+"""Against the 0.25^m of `_REMAINDER`, which is of half angles: a path turns by whole ones."""
 
 STEPS_OF_LOADS = 8
-"""Steps for which loads that turn in b are carried on by their series, before the attitude says anew how they stand."""
+"""Steps for which loads that turn in b are carried on by their series, before the attitude says anew how they stand.
+
+What a series leaves out of a load adds up from step to step; to turn the loads anew at each would cost a rotation and
+the first terms of all series again.
+"""
 
 
 @kernel

@@ -13,9 +13,9 @@ Source: Abramowitz and Stegun, 25.4.30.
 from ..body import closed_form, memory
 from ..body.fixed_axis import turns_path
 from ..body.outputs import output_rates
-from ..body.principal import exact_frame, exact_symmetric_frame, keeps_its_rate, rates_along, rounded
+from ..body.principal import axes_as_floats, exact_frame, exact_symmetric_frame, keeps_its_rate, rates_along
 from ..body.shell import make_model
-from ..buffer import OK, STEP_REJECTED, places
+from ..buffer import OK, STEP_REJECTED, TORQUE_ACTS, UNSTEADY, UNSYMMETRIC, places
 from ..buffer_access import matrix_at, put_matrix_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..exact import free_rotation as exact
@@ -35,15 +35,13 @@ from ..types import Buffer, Vec3
 _CONSTANT_RATE_LAYOUT = places(closed_form.CLOSED_FORM | {"turning": uniform_rotation.TURNING_SIZE})
 
 _TURNING = _CONSTANT_RATE_LAYOUT.blocks["turning"].start
-_UNSTEADY = 15
-"""The key in `buffer.FAULTS`."""
 
 
 @kernel
 def _set_up_constant_rate(z: Buffer) -> int:
     omega = memory.rotation_of(z).omega_b
     if not memory.skips_model_checks(z) and (not keeps_its_rate(z, omega) or _is_disturbed(z)):
-        return _UNSTEADY
+        return UNSTEADY
     uniform_rotation.put_turning(z, _TURNING, uniform_rotation.turning_about(dd.vector(omega)))
     closed_form.start_clocks(z)
     return 0
@@ -57,7 +55,7 @@ def _advance_constant_rate(z: Buffer, h: float) -> int:
     t = closed_form.time_after(z, h)
     q = compose_quaternions(
         closed_form.first_attitude(z),
-        uniform_rotation.turned(
+        uniform_rotation.rotation_after(
             uniform_rotation.read_turning(z[_TURNING : _TURNING + uniform_rotation.TURNING_SIZE]), t
         ),
     )
@@ -79,8 +77,6 @@ _FREE_SYMMETRIC_LAYOUT = places(
 )
 
 _OMEGA_0, _ABOUT_MOMENTUM, _ABOUT_AXIS = _FREE_SYMMETRIC_LAYOUT.starts("omega_0", "about_momentum", "about_axis")
-_TORQUE, _NOT_SYMMETRIC = 11, 16
-"""The keys in `buffer.FAULTS`."""
 
 
 @kernel
@@ -88,12 +84,12 @@ def _set_up_free_symmetric(z: Buffer) -> int:
     omega, body = memory.rotation_of(z).omega_b, memory.body_of(z)
     if not memory.skips_model_checks(z):
         if closed_form.is_driven(z):
-            return _TORQUE
+            return TORQUE_ACTS
         if not is_symmetric_top(body.inertia):
-            return _NOT_SYMMETRIC
+            return UNSYMMETRIC
     mean, moment, exact_axes = exact_symmetric_frame(z)
     momentum, own = uniform_rotation.symmetric_turnings(mean, moment, rates_along(exact_axes, omega))
-    axes = rounded(exact_axes)
+    axes = axes_as_floats(exact_axes)
     put_vec3_at(z, _OMEGA_0, omega)
     uniform_rotation.put_turning(
         z, _ABOUT_MOMENTUM, uniform_rotation.Turning(transform(invert_matrix(axes), momentum.axis), momentum.rate)
@@ -111,7 +107,7 @@ def _advance_free_symmetric(z: Buffer, h: float) -> int:
     t = closed_form.time_after(z, h)
     q, back = (
         closed_form.first_attitude(z),
-        uniform_rotation.turned(
+        uniform_rotation.rotation_after(
             uniform_rotation.read_turning(z[_ABOUT_AXIS : _ABOUT_AXIS + uniform_rotation.TURNING_SIZE]), t
         ),
     )
@@ -119,7 +115,7 @@ def _advance_free_symmetric(z: Buffer, h: float) -> int:
         about_momentum = uniform_rotation.read_turning(
             z[_ABOUT_MOMENTUM : _ABOUT_MOMENTUM + uniform_rotation.TURNING_SIZE]
         )
-        q = compose_quaternions(compose_quaternions(q, uniform_rotation.turned(about_momentum, t)), back)
+        q = compose_quaternions(compose_quaternions(q, uniform_rotation.rotation_after(about_momentum, t)), back)
     return closed_form.finish_step(z, h, q, rotate(invert_quaternion(back), vec3_at(z, _OMEGA_0)))
 
 
@@ -133,14 +129,12 @@ _FREE_TRIAXIAL_LAYOUT = places(FREE | free_series.FREE_SERIES | {"pad_3": -_BEFO
 
 _M, _AXES, _PLACE, _MOVED, _CONSTANTS = _FREE_TRIAXIAL_LAYOUT.starts("M", "axes", "place", "moved", "constants")
 _SERIES, _WORK = _FREE_TRIAXIAL_LAYOUT.starts(next(iter(free_series.FREE_SERIES)), "work")
-_TORQUE = 11
-"""The key in `buffer.FAULTS`."""
 
 
 @kernel
 def _set_up_free_triaxial(z: Buffer) -> int:
     if not memory.skips_model_checks(z) and closed_form.is_driven(z):
-        return _TORQUE
+        return TORQUE_ACTS
     set_up_rotation(z)
     free_series.start_without_series(
         z, _SERIES, memory.needs_attitude(z) and _has_exact_moments(z), memory.rotation_of(z).omega_b
@@ -159,7 +153,7 @@ def _has_exact_moments(z: Buffer) -> bool:
 def set_up_rotation(z: Buffer) -> None:
     """Set the exact motion's constants and the clocks."""
     moments, axes = exact_frame(z)
-    R_bp = invert_matrix(rounded(axes))
+    R_bp = invert_matrix(axes_as_floats(axes))
     put_matrix_at(z, _AXES, R_bp)
     q_ab, omega_b = memory.rotation_of(z)
     q_bp = quaternion_from_matrix(R_bp)
@@ -280,15 +274,13 @@ _FREE_BODY_FORCE_LAYOUT = places(FREE | {"order": 1, "low_r": 3, "low_v": 3})
 """After FREE: order, and the low parts of position and velocity of the centre of mass."""
 
 _ORDER, _LOW_R, _LOW_V = _FREE_BODY_FORCE_LAYOUT.starts("order", "low_r", "low_v")
-_TORQUE = 11
-"""The key in `buffer.FAULTS`."""
 _NONE = (0.0, 0.0, 0.0)
 
 
 @kernel
 def _set_up_free_body_force(z: Buffer) -> int:
     if not memory.skips_model_checks(z) and closed_form.has_torque(z):
-        return _TORQUE
+        return TORQUE_ACTS
     set_up_rotation(z)
     put_vec3_at(z, _LOW_R, _NONE)
     put_vec3_at(z, _LOW_V, _NONE)

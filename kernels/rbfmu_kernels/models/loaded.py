@@ -12,7 +12,7 @@ import math
 
 from ..body import driven, memory
 from ..body.shell import commit_motion, make_model
-from ..buffer import OK, STEP_REJECTED, places
+from ..buffer import NO_TOP, OK, RESONANT, STEP_REJECTED, places
 from ..buffer_access import copy_numbers, pair_at, put_pair_at
 from ..compile.decorator import kernel
 from ..integrators import dense_output as dense
@@ -64,7 +64,7 @@ def _advance_by_new_series(z: Buffer, h: float) -> int:
     driven.keep(z)
     copy_numbers(z, _SERIES, _SERIES_BEFORE, dense.SERIES_SIZE)
     body, loads = memory.body_of(z), driven.load_polynomial_of(z)
-    method, rest = Method(driven.integrated(z, body, loads), int(z[_ORDER]), z[_TOLERANCE], z[_SPAN]), h
+    method, rest = Method(driven.part_to_integrate(z, body, loads), int(z[_ORDER]), z[_TOLERANCE], z[_SPAN]), h
     if is_series_tried(z, h):
         rest = dense.follow_series(z, _ROOM, _SERIES, method, h, body, loads)
     status = OK
@@ -103,17 +103,15 @@ SPLITTING_ORDERS = (2, 4, 6)
 _LOADED_SPLITTING_LAYOUT = places(memory.COMMON | {"order": 1})
 
 _SPLITTING_ORDER = _LOADED_SPLITTING_LAYOUT.blocks["order"].start
-_NO_TOP, _RESONANT = 12, 13
-"""The keys in `buffer.FAULTS`."""
 
 
 @kernel
 def _set_up_loaded_splitting(z: Buffer) -> int:
     body = memory.body_of(z)
     if not is_symmetric_top(body.inertia) or is_nonzero(body.damping_b) or memory.has_unknown_load(z):
-        return _NO_TOP
+        return NO_TOP
     if memory.substep_of(z) > 0.5 * resonant_step(body.inertia, memory.motion_of(z).omega_b):
-        return _RESONANT
+        return RESONANT
     return 0
 
 

@@ -7,7 +7,7 @@ vector; those of a step that lanes do not know are taken alone.
 import math
 from typing import Any
 
-from ..body.driven import STEP_SIZE, finish_steadily, integrated, keep, keep_inputs, load_polynomial_of
+from ..body.driven import STEP_SIZE, finish_steadily, keep, keep_inputs, load_polynomial_of, part_to_integrate
 from ..body.memory import STATE_START, body_of
 from ..buffer import OK, Layout
 from ..compile.decorator import kernel
@@ -31,7 +31,9 @@ WIDEST = 8
 SCRATCH = WIDEST * (lanes.COLUMNS_SIZE + WORK)
 """The numbers of work space that lanes need, at a cache line."""
 _PENDING = -1
+"""The status of a body that is still to be advanced."""
 _SURELY = 0.95
+"""The part of the least reach that pays: where a series is likely to fall short of it, none is tried, lanes serve."""
 
 Kind = tuple[int, int, float, float, bool, bool, bool]
 """How much of the state is integrated, the order, tolerance and span, whether a force fixed in a acts on an arm and a
@@ -121,7 +123,7 @@ def advance(buffers: Any, h: float, c: Buffer, s: Buffer, statuses: Any) -> None
 @kernel(inline=False)
 def _kind(z: Buffer, h: float) -> Kind:
     body, loads = body_of(z), load_polynomial_of(z)
-    n, order, fixed = integrated(z, body, loads), int(z[_ORDER]), space_fixed_loads(body, loads)
+    n, order, fixed = part_to_integrate(z, body, loads), int(z[_ORDER]), space_fixed_loads(body, loads)
     served = z[_SERIES] != NONE or is_series_tried(z, h)
     if served and z[_SERIES] == NONE:
         q, omega = state.attitude(z, STATE_START), state.omega(z, STATE_START)

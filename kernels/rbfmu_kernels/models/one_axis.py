@@ -10,7 +10,7 @@ from ..body import memory
 from ..body.closed_form import CLOSED_FORM, finish_step, first_attitude, start_clocks, time_after
 from ..body.fixed_axis import drive_and_damping_rate, leaves_axis, main_axis, swing
 from ..body.shell import make_model
-from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED, places
+from ..buffer import MAX_SUBSTEPS, MORE_AXES, NO_PENDULUM, OK, STEP_REJECTED, places
 from ..buffer_access import pair_at, put_pair_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..exact import pendulum as exact
@@ -24,8 +24,6 @@ from ..types import Buffer
 _ONE_AXIS_LAYOUT = places(CLOSED_FORM | {"axis": 3, "rate": 1, "drive": 1, "damping_rate": 1})
 
 _AXIS, _RATE, _DRIVE, _DAMPING_RATE = _ONE_AXIS_LAYOUT.starts("axis", "rate", "drive", "damping_rate")
-_MORE_AXES = 17
-"""The key in `buffer.FAULTS`."""
 
 
 @kernel
@@ -36,7 +34,7 @@ def _set_up_one_axis(z: Buffer) -> int:
     if not memory.skips_model_checks(z) and (
         cosine[0] != 0.0 or sine[0] != 0.0 or leaves_axis(z, axis, q, omega, body, loads)
     ):
-        return _MORE_AXES
+        return MORE_AXES
     put_vec3_at(z, _AXIS, axis)
     z[_RATE] = dot(axis, omega)
     drive, z[_DAMPING_RATE] = drive_and_damping_rate(z, axis, q, body, loads)
@@ -64,8 +62,6 @@ _PENDULUM_LAYOUT = places(CLOSED_FORM | {"q_hanging": 4, "axis": 3, "pendulum": 
 """q_hanging: the attitude in stable equilibrium."""
 
 _Q_HANGING, _PENDULUM_AXIS, _PENDULUM = _PENDULUM_LAYOUT.starts("q_hanging", "axis", "pendulum")
-_MORE_AXES, _DRIVEN = 17, 18
-"""The keys in `buffer.FAULTS`."""
 
 
 @kernel
@@ -74,10 +70,10 @@ def _set_up_pendulum(z: Buffer) -> int:
     axis = main_axis(q, omega, body, loads)
     if not memory.skips_model_checks(z):
         if leaves_axis(z, axis, q, omega, body, loads):
-            return _MORE_AXES
+            return MORE_AXES
         drive, damping_rate = drive_and_damping_rate(z, axis, q, body, loads)
         if drive != 0.0 or damping_rate != 0.0:
-            return _DRIVEN
+            return NO_PENDULUM
     sine, cosine = exact.half_angle_rates(*swing(z, axis))
     s, c = exact.sincos_of_half_angle(sine, cosine)
     put_quaternion_at(z, _Q_HANGING, compose_quaternions(q, (c, -s * axis[0], -s * axis[1], -s * axis[2])))
@@ -116,8 +112,6 @@ _TOLERANCE, _ORDER, _SUBSTEPS = _ONE_AXIS_TAYLOR_LAYOUT.starts("tolerance", "ord
 _RATE_SERIES, _SINE_SERIES, _COSINE_SERIES = _ONE_AXIS_TAYLOR_LAYOUT.starts(
     "rate_series", "sine_series", "cosine_series"
 )
-_MORE_AXES = 17
-"""The key in `buffer.FAULTS`."""
 
 
 @kernel
@@ -125,7 +119,7 @@ def _set_up_one_axis_taylor(z: Buffer) -> int:
     (q, omega), body, loads = memory.rotation_of(z), memory.body_of(z), memory.loads_of(z)
     axis = main_axis(q, omega, body, loads)
     if not memory.skips_model_checks(z) and leaves_axis(z, axis, q, omega, body, loads):
-        return _MORE_AXES
+        return MORE_AXES
     cosine, sine = swing(z, axis)
     put_vec3_at(z, _SERIES_AXIS, axis)
     z[_ANGLE] = z[_SUBSTEPS] = 0.0

@@ -13,7 +13,7 @@ from ..body.fixed_axis import drive_and_damping_rate
 from ..body.outputs import outputs
 from ..body.principal import is_sphere, symmetric_frame
 from ..body.shell import make_model
-from ..buffer import OK, STEP_REJECTED, places
+from ..buffer import MORE_THAN_MOMENTUM, NO_SPIN_UP, OK, STEP_REJECTED, TURNS, places
 from ..buffer_access import matrix_at, put_matrix_at, put_pair_at, put_vec3_at, vec3_at
 from ..compile.decorator import kernel
 from ..integrators.splitting import is_symmetric_top
@@ -26,14 +26,11 @@ from ..types import Buffer, Matrix, Quaternion
 
 _NO_ROTATION_LAYOUT = places(closed_form.CLOSED_FORM)
 
-_TURNS = 14
-"""The key in `buffer.FAULTS`."""
-
 
 @kernel
 def _set_up_no_rotation(z: Buffer) -> int:
     if memory.needs_rate(z) and not memory.skips_model_checks(z) and begins_to_turn(z):
-        return _TURNS
+        return TURNS
     closed_form.start_clocks(z)
     return 0
 
@@ -63,15 +60,13 @@ _ANGULAR_MOMENTUM_LAYOUT = places(closed_form.CLOSED_FORM | {"omega_0": 3, "alph
 
 _OMEGA_0, _ALPHA, _SINCE_ALPHA = _ANGULAR_MOMENTUM_LAYOUT.starts("omega_0", "alpha", "since_alpha")
 _AT_REST = (0.0, 0.0, 0.0)
-_MORE = 20
-"""The key in `buffer.FAULTS`."""
 
 
 @kernel
 def _set_up_angular_momentum(z: Buffer) -> int:
     more = closed_form.has_turning_torque(z) or memory.shows_more_than_momentum(z, is_sphere(memory.body_of(z).inertia))
     if more and not memory.skips_model_checks(z):
-        return _MORE
+        return MORE_THAN_MOMENTUM
     put_pair_at(z, _SINCE_ALPHA, (0.0, 0.0))
     put_vec3_at(z, _OMEGA_0, memory.rotation_of(z).omega_b)
     put_vec3_at(z, _ALPHA, _AT_REST)
@@ -111,8 +106,6 @@ _SPIN_UP_LAYOUT = places(
 _AXES, _RATES, _DRIVE, _DAMPING_RATE, _DAMPING_RATE_ACROSS, _RATIO = _SPIN_UP_LAYOUT.starts(
     "axes", "rates", "drive", "damping_rate", "damping_rate_across", "ratio"
 )
-_ASTRAY = 19
-"""The key in `buffer.FAULTS`."""
 
 
 @kernel
@@ -122,7 +115,7 @@ def _set_up_spin_up(z: Buffer) -> int:
     if not memory.skips_model_checks(z) and (
         memory.needs_attitude(z) or memory.has_unknown_load(z) or leads_astray(q, axes, body, loads)
     ):
-        return _ASTRAY
+        return NO_SPIN_UP
     put_matrix_at(z, _AXES, axes)
     put_vec3_at(z, _RATES, transform(axes, omega))
     z[_DRIVE], z[_DAMPING_RATE] = drive_and_damping_rate(z, axes[2], q, body, loads)

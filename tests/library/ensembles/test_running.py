@@ -102,7 +102,7 @@ def test_an_executor_that_breaks_is_named(scene, tmp_path, whole):
 
 @pytest.mark.parametrize("name", ["rbfmu_kernels", "rbfmu.ensembles", "rbfmu.scene", "numpy"])
 def test_workers_of_another_origin_are_refused(scene, monkeypatch, name):
-    packed = executors.work_bytes(executors.Work(scene, PLAN, 8))
+    packed = executors.packed(executors.Work(scene, PLAN, 8))
     monkeypatch.setattr(executors, "origin", lambda: origin() | {name: "other"})
     with pytest.raises(SimulationError, match=f"a worker has another {name}, whose bits"):
         executors.run_packed(packed, 0)

@@ -139,12 +139,12 @@ import rbfmu.simulation; rbfmu.simulation.drive_of = wait
 def test_an_interrupted_ensemble_is_kept_and_goes_on(tmp_path: Path) -> None:
     stage = """
 import rbfmu.ensembles.running as running
-add = running._Keeper.add
+add = running._Taken.add
 def struck(self, chunk):
     add(self, chunk)
     if self.progress.chunks == 3:
         strike()
-running._Keeper.add = struck
+running._Taken.add = struck
 """
     arguments = ["ensemble", str(FILE), "--runs", "40000", "-o"]
     process = start(tmp_path, [*arguments, str(tmp_path / "it.npz")], stage)
