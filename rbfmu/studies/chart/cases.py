@@ -202,7 +202,7 @@ class Case:
     def error(self, states: Any) -> float:
         """Return the largest error of states, or of quantities, at the checkpoints as the scene's accuracy counts."""
         with np.errstate(all="ignore"):
-            found = self._shown(states)
+            found = self._judged_quantities(states)
             if not all(np.all(np.isfinite(found[name])) for name in self.names):
                 return math.inf
             whole = {name: np.vstack((self.truth[name][:1], found[name])) for name in self.names}
@@ -213,7 +213,7 @@ class Case:
         if not self.keeps:
             return {}
         with np.errstate(all="ignore"):
-            now = self._conserved(self._shown(states))
+            now = self._conserved(self._judged_quantities(states))
             before = self._conserved({name: rows[:1] for name, rows in self.truth.items()})
             sizes = {name: np.linalg.norm(before["momentum" if "momentum" in name else name]) for name in DRIFTS}
             found = {name: np.linalg.norm(now[name] - before[name], axis=1) / sizes[name] for name in self.keeps}
@@ -228,7 +228,7 @@ class Case:
             energy = energy - (arrays.rotate(q, np.array(self.body.arm_b)) @ np.array(self.loads.force_a))[:, None]
         return {"energy": energy, "momentum": h_a, "vertical momentum": h_a[:, 2:]}
 
-    def _shown(self, states: Any) -> Motion:
+    def _judged_quantities(self, states: Any) -> Motion:
         """Return the judged quantities of states; what is one already, as it is."""
         if isinstance(states, dict):
             return states

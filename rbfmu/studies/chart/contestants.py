@@ -19,7 +19,7 @@ from rbfmu.runs.motion import Steps, record, substeps_counted
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.studies.chart.cases import FLOOR, RATES, ROTATION, Case
-from rbfmu.studies.chart.methods import FixedSteps, Method, NotFeasibleError, Run, step_counts, timed, tolerances
+from rbfmu.studies.chart.methods import FixedSteps, Method, NotFeasibleError, Run, step_counts, timer, tolerances
 from rbfmu.studies.chart.solvers import SolveIvp
 from rbfmu.studies.dop853 import Dop853Plan
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, SPLITTINGS, TORQUE_FREE_INTEGRATORS
@@ -60,7 +60,7 @@ def run_of_unit(case: Case, scene: Scene, chosen: Plan, per_substep: float = mat
         out[:] = math.nan
     found = case.states_of(out)
     evaluations = per_substep * (fixed or substeps_counted(kernels, z))
-    seconds = timed(lambda k: _steps_repeated(kernels.step, z, start, case.interval, at, out, k))
+    seconds = timer(lambda k: _steps_repeated(kernels.step, z, start, case.interval, at, out, k))
     return Run(lambda: found, seconds, evaluations, chosen.method)
 
 

@@ -16,9 +16,9 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from rbfmu.plot import open_frame
 from rbfmu.studies.chart.cases import CHECKPOINTS, DRIFTS, FLOOR, OUTPUT_STEP
 from rbfmu.studies.chart.contestants import TAKES_NO, short
-from rbfmu.studies.chart.findings import REFUSED, Reach, Verdict, clipped, error_of, front, reaches
+from rbfmu.studies.chart.findings import REFUSED, Reach, Verdict, above_round_off, error_of, front, reaches
 from rbfmu.studies.chart.result import KINDS, OWN_KINDS, STOPPED, Chart, Row, name_of
-from rbfmu.studies.chart.tables import conditions, cost_text, exhausted, headline, method_of, short_number, times
+from rbfmu.studies.chart.tables import conditions, cost_text, headline, method_of, short_number, times, why_no_further
 
 DPI = 120
 GAIN = 0.8
@@ -42,7 +42,7 @@ def figure_of(chart: Chart) -> Figure:
     _accuracy_asked(axes, chart)
     axes.plot([max(chart.plan.error, FLOOR)], [chart.plan.seconds], marker="*", markersize=24, color="#000000",
               markeredgecolor="white", markeredgewidth=1.2, zorder=6, clip_on=False)  # fmt: skip
-    ends = lines | {"rbfmu's plan": [row for row in clipped(chart) if row.kind == "rbfmu's plan" and
+    ends = lines | {"rbfmu's plan": [row for row in above_round_off(chart) if row.kind == "rbfmu's plan" and
                                      row.value == chart.plan.value]}  # fmt: skip
     labels = {reach.kind: _label(reach) for reach in reaches(chart)}
     name_lines(axes, ends, error_of, labels.__getitem__, 0.062)
@@ -58,7 +58,7 @@ def _figure(width: float, height: float) -> Figure:
 
 def _lines(chart: Chart) -> dict[str, list[Row]]:
     """Return the front of each kind; that of closed forms only where it is not the plan itself."""
-    lines = lines_of(clipped(chart), error_of)
+    lines = lines_of(above_round_off(chart), error_of)
     if chart.model in (row.method for row in lines.get("exact", ())):
         del lines["exact"]
     return lines
@@ -111,7 +111,7 @@ def _words(figure: Figure, chart: Chart) -> None:
 
 def _further(chart: Chart) -> str:
     more = [(times(row.seconds / chart.plan.seconds), short_number(row.value)) for row in chart.plans[1:]]
-    why = exhausted(chart)
+    why = why_no_further(chart)
     if not more:
         return f"Further digits: {why}" if why else ""
     spans = [(ratio, [value for _, value in group]) for ratio, group in groupby(more, lambda one: one[0])]

@@ -73,7 +73,7 @@ def cheapest(rows: Sequence[Row], families: Sequence[str], accuracy: float) -> O
     return min(offers, key=lambda offer: offer.cost, default=None)
 
 
-def clipped(chart: Chart) -> list[Row]:
+def above_round_off(chart: Chart) -> list[Row]:
     """Return the measurements with errors of at least `FLOOR`."""
     return [replace(row, error=max(row.error, FLOOR)) for row in chart.rows]
 
@@ -108,7 +108,7 @@ class Reach:
 
 def reaches(chart: Chart) -> list[Reach]:
     """Return what each kind of method costs at the accuracy asked, the cheapest first."""
-    rows = clipped(chart)
+    rows = above_round_off(chart)
     found = [_reach(chart, kind, [row for row in rows if row.kind == kind]) for kind in KINDS]
     return sorted((reach for reach in found if reach), key=lambda reach: (reach.cost, reach.least))
 
@@ -190,7 +190,7 @@ def verdicts(charts: Sequence[Chart]) -> list[Verdict]:
 
 def _verdict(chart: Chart, accuracy: float) -> Verdict:
     plan = next((row for row in chart.rows if row.family == "planned" and row.value == accuracy), None)
-    rows, peers = clipped(chart), {row.method for row in chart.rows if row.family == "peer"}
+    rows, peers = above_round_off(chart), {row.method for row in chart.rows if row.family == "peer"}
     others, error = SIDES["library"] + SIDES["integrator"], min(plan.error if plan else math.inf, accuracy)
     rival = cheapest(rows, others, max(error, FLOOR))
     stopped = tuple(e.method for e in chart.ends if e.stopped and e.method in peers and e.error > accuracy)

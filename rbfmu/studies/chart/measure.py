@@ -123,7 +123,7 @@ def explore(what: Extent, case: Case, method: Method, first_calls: dict[str, flo
     finest = 0.0 if case.accuracies else FLOOR
     for value in method.settings(case, what.quick):
         try:
-            tried = _tried(case, method, value, first_calls)
+            tried = _first_run(case, method, value, first_calls)
         except NotFeasibleError as fault:
             why, refused = f"not run at {value:g}: {' '.join(str(fault).split())}"[:200], refused + 1
             if refused == MAX_REFUSED:
@@ -145,7 +145,7 @@ def explore(what: Extent, case: Case, method: Method, first_calls: dict[str, flo
     return found, End(kind_of(method.name, method.family), method.name, best, why)
 
 
-def _tried(case: Case, method: Method, value: float, first_calls: dict[str, float]) -> Tried:
+def _first_run(case: Case, method: Method, value: float, first_calls: dict[str, float]) -> Tried:
     """Return a run that is ready to be timed, its error, and its time in s; the very first call compiles."""
     start = process_time()
     run = method.run(case, value)

@@ -51,7 +51,7 @@ class Method:
         raise NotImplementedError
 
 
-def timed(repeat: Callable[[int], Any]) -> Callable[[int], float]:
+def timer(repeat: Callable[[int], Any]) -> Callable[[int], float]:
     """Return a function that measures the processor time of `repeat(k)` in s; waiting does not count."""
 
     def seconds(k: int) -> float:
@@ -145,9 +145,9 @@ class FixedSteps(Method):
             return found
 
         if hasattr(method.steps, "py_func"):
-            seconds = timed(lambda k: _repeated(method.steps, start, value, n, outputs, body, loads, k))
+            seconds = timer(lambda k: _repeated(method.steps, start, value, n, outputs, body, loads, k))
         else:  # the loop is not compiled: one long run, of which the calls are a small part
-            seconds = timed(lambda k: method.steps(start, value, outputs * n * k, body, loads))
+            seconds = timer(lambda k: method.steps(start, value, outputs * n * k, body, loads))
         evaluations = float(method.evaluations * outputs * n)
         if method.name == "implicit midpoint":
             evaluations = _midpoint_rounds(method.steps, start, value, outputs * n, body, loads)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rbfmu.studies.chart.cases import few_and_many
 from rbfmu.studies.chart.drawing import draw_answers, draw_kept
-from rbfmu.studies.chart.findings import SIDES, cheapest, clipped, verdicts
+from rbfmu.studies.chart.findings import SIDES, above_round_off, cheapest, verdicts
 from rbfmu.studies.chart.measure import Extent, Progress, measure
 from rbfmu.studies.chart.result import Chart, write_rows
 from rbfmu.studies.chart.tables import plans_text
@@ -55,7 +55,7 @@ def answers(chart: Chart) -> Iterator[dict[str, object]]:
     for accuracy in DECADES:
         found = _of(chart) | {"accuracy": accuracy}
         for side, families in SIDES.items():
-            offer = cheapest(clipped(chart), families, accuracy)
+            offer = cheapest(above_round_off(chart), families, accuracy)
             cost = offer.cost * chart.span if offer else math.nan
             found |= {side: offer.method if offer else "", f"{side}_cost": cost}
         yield found

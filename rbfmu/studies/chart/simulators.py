@@ -10,7 +10,7 @@ import numpy as np
 
 from rbfmu import arrays
 from rbfmu.studies.chart.cases import Case, state_of
-from rbfmu.studies.chart.methods import Method, NotFeasibleError, Run, module, step_counts, timed, tolerances
+from rbfmu.studies.chart.methods import Method, NotFeasibleError, Run, module, step_counts, timer, tolerances
 from rbfmu_kernels.mechanics.equations_of_motion import State
 from rbfmu_kernels.types import Matrix
 
@@ -101,7 +101,7 @@ class MuJoCo(Method):
                     step(model, data, n)
                     row[:] = qpos
 
-        return Run(states, timed(repeat), float((4 if self.integrator == "RK4" else 1) * case.outputs * n))
+        return Run(states, timer(repeat), float((4 if self.integrator == "RK4" else 1) * case.outputs * n))
 
 
 # Basilisk

@@ -13,7 +13,7 @@ from numba import carray, cfunc, njit
 
 from rbfmu.scene.scene import Scene
 from rbfmu.studies.chart.cases import ALL, PATH, RATES, ROTATION, Case, state_of
-from rbfmu.studies.chart.methods import Method, NotFeasibleError, Run, module, timed, tolerances
+from rbfmu.studies.chart.methods import Method, NotFeasibleError, Run, module, timer, tolerances
 from rbfmu_kernels.body.memory import body_of, loads_of, motion_of
 from rbfmu_kernels.mechanics.equations_of_motion import State, state_rates
 
@@ -126,7 +126,7 @@ class SolveIvp(_Solver):
         if not first.success:
             raise NotFeasibleError(first.message)
         found = states_of(case, first.y.T)
-        return Run(lambda: found, timed(lambda k: [once() for _ in range(k)]), float(first.nfev))
+        return Run(lambda: found, timer(lambda k: [once() for _ in range(k)]), float(first.nfev))
 
 
 class Odeint(_Solver):
@@ -147,7 +147,7 @@ class Odeint(_Solver):
         if told["message"] != "Integration successful.":
             raise NotFeasibleError(told["message"])
         found = states_of(case, rows)
-        return Run(lambda: found, timed(lambda k: [once() for _ in range(k)]), float(told["nfe"][-1]))
+        return Run(lambda: found, timer(lambda k: [once() for _ in range(k)]), float(told["nfe"][-1]))
 
 
 @cache
@@ -189,7 +189,7 @@ class Numbalsoda(_Solver):
         if not success:
             raise NotFeasibleError("numbalsoda gave up")
         found = states_of(case, rows)
-        return Run(lambda: found, timed(lambda k: solved(address, y, times, z, value, k)), float("nan"))
+        return Run(lambda: found, timer(lambda k: solved(address, y, times, z, value, k)), float("nan"))
 
 
 # heyoka.py: Taylor series that LLVM compiles, with dense output, for the equations of one body
@@ -219,7 +219,7 @@ class Heyoka(Method):
         if outcome != success:
             raise NotFeasibleError(str(outcome))
         found = states_of(case, rows)
-        return Run(lambda: found, timed(lambda k: [once() for _ in range(k)]), float("nan"))
+        return Run(lambda: found, timer(lambda k: [once() for _ in range(k)]), float("nan"))
 
 
 @cache

@@ -6,7 +6,17 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from rbfmu.studies.chart.cases import FLOOR, OUTPUT_STEP
 from rbfmu.studies.chart.contestants import short
-from rbfmu.studies.chart.findings import DEAREST, REFUSED, SIDES, Reach, Verdict, cheapest, clipped, noise, reaches
+from rbfmu.studies.chart.findings import (
+    DEAREST,
+    REFUSED,
+    SIDES,
+    Reach,
+    Verdict,
+    above_round_off,
+    cheapest,
+    noise,
+    reaches,
+)
 from rbfmu.studies.chart.result import STOPPED, Chart, name_of
 
 WIDTH = 80
@@ -17,21 +27,21 @@ _MODEL = "{:30}{:>10}{:>14}"
 _PLAN = "{:>6}  {:7}  {:19}  {:>7}  {:19}  {}"
 
 
-def wrapped(lines: Iterable[str]) -> list[str]:
+def wrap_lines(lines: Iterable[str]) -> list[str]:
     """Return lines, none of which is beyond the width."""
     return [part for line in lines for part in textwrap.wrap(line, WIDTH, subsequent_indent="  ")]
 
 
-def joined(parts: Iterable[Iterable[str]]) -> str:
+def join_parts(parts: Iterable[Iterable[str]]) -> str:
     """Return parts of lines as a text, with an empty line between those that have any."""
     return "\n\n".join(filter(None, ("\n".join(line.rstrip() for line in part) for part in parts)))
 
 
 def chart_text(chart: Chart) -> str:
     """Return all that a chart says."""
-    head = wrapped([*headline(chart), f"charted: {conditions(chart)}"])
-    ends = wrapped(chart.absent), wrapped(chart.machine)
-    return joined((head, _kinds(chart), _digits(chart), _models(chart), *ends))
+    head = wrap_lines([*headline(chart), f"charted: {conditions(chart)}"])
+    ends = wrap_lines(chart.absent), wrap_lines(chart.machine)
+    return join_parts((head, _kinds(chart), _digits(chart), _models(chart), *ends))
 
 
 def conditions(chart: Chart) -> str:
@@ -73,7 +83,7 @@ def _digits(chart: Chart) -> Iterator[str]:
     for row in chart.plans:
         ratio = times(row.seconds / chart.plan.seconds)
         yield _DIGIT.format(short_number(row.value), row.detail, short_number(row.error), cost_text(row.seconds), ratio)
-    yield from textwrap.wrap(exhausted(chart), WIDTH)
+    yield from textwrap.wrap(why_no_further(chart), WIDTH)
 
 
 def _models(chart: Chart) -> Iterator[str]:
@@ -103,14 +113,14 @@ def headline(chart: Chart) -> Iterator[str]:
 
 
 def _beside(chart: Chart) -> str:
-    peer = cheapest(clipped(chart), SIDES["peer"], max(chart.accuracy, FLOOR))
+    peer = cheapest(above_round_off(chart), SIDES["peer"], max(chart.accuracy, FLOOR))
     if peer is None:
         return "no peer meets that" if any(row.family == "peer" for row in chart.rows) else "no peer is charted"
     ratio = peer.cost / chart.plan.seconds
     return f"{peer.method} is even" if ratio <= noise(chart) else f"best peer {peer.method}, {times(ratio)} that"
 
 
-def exhausted(chart: Chart) -> str:
+def why_no_further(chart: Chart) -> str:
     """Return why there are no plans for further digits than the chart has."""
     if chart.refusal:
         return chart.refusal
@@ -122,7 +132,7 @@ def exhausted(chart: Chart) -> str:
 
 def plans_text(found: Sequence[Verdict], machine: Iterable[str]) -> str:
     """Return what plans and the best peers cost, chart by chart, and the plans that miss their goal."""
-    return joined((*_plans(found), _dearness(found), wrapped(machine)))
+    return join_parts((*_plans(found), _dearness(found), wrap_lines(machine)))
 
 
 def _plans(found: Sequence[Verdict]) -> Iterator[list[str]]:
@@ -192,22 +202,22 @@ def _miss(v: Verdict) -> str:
 def cost_text(seconds: float) -> str:
     """Return two digits and a unit: 0.41 fs, 8.1 ps, 170 ns, 1.4 ms."""
     size, unit = next(((size, unit) for size, unit in UNITS if seconds >= 0.9995 * size), UNITS[-1])
-    return f"{rounded(seconds / size)} {unit}"
+    return f"{two_digits(seconds / size)} {unit}"
 
 
 def times(ratio: float) -> str:
     """Return a ratio of costs with two digits: 0.41 x, 3.0 x, 1,200 x; beyond 1e5 with one."""
-    return f"{rounded(ratio) if ratio < 1e5 else short(ratio)} x"
+    return f"{two_digits(ratio) if ratio < 1e5 else short(ratio)} x"
 
 
 def short_number(number: float) -> str:
     """Return an error or accuracy in its shortest form: 1e-6, 2e-16, 3."""
     if number == 0.0:
         return "0"
-    return short(number) if number < 0.095 else rounded(number).removesuffix(".0")
+    return short(number) if number < 0.095 else two_digits(number).removesuffix(".0")
 
 
-def rounded(number: float) -> str:
+def two_digits(number: float) -> str:
     """Return a number rounded to two significant digits, without an exponent."""
     number = float(f"{number:.1e}")
     return f"{number:,.{max(0, 1 - math.floor(math.log10(number)))}f}"

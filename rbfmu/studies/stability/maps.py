@@ -12,7 +12,7 @@ from rbfmu.simulation import SimulationError, simulate
 from rbfmu.studies.dop853 import Dop853Plan
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, TORQUE_FREE_INTEGRATORS, OneStepMethod
 from rbfmu.studies.stability.findings import AT_MOST, Finding
-from rbfmu.studies.stability.motions import NO_LOADS, at, attitude_error, free_body, references
+from rbfmu.studies.stability.motions import NO_LOADS, at, attitude_error, free_body, references, scene_of
 from rbfmu_kernels.types import Vec3
 
 RIGHT, WRONG, NOT_FINITE, REFUSED = 0, 1, 2, 3
@@ -57,14 +57,9 @@ def grid(quick: bool) -> tuple[list[float], list[float]]:
 
 def map_scene(ratio: float, turn: float = TURN, n: int = CHECKS, ports: tuple[str, ...] = ()) -> Scene:
     """Return the free body of a map; a port rules out the exact models."""
-    return Scene.from_dict({
-        "body": {"mass": 1.0, "inertia": moments(ratio)},
-        "initial": {"attitude": {"quaternion": _Q_0}, "omega_b": _OMEGA_0},
-        "loads": {"gravity_a": (0.0, 0.0, 0.0)},
-        "inputs": {"ports": ports},
-        "outputs": {"quantities": ["quaternion"]},
-        "run": {"stop": turn, "step": turn / n, "accuracy": ACCURACY},
-    })  # fmt: skip
+    body, start = {"inertia": moments(ratio)}, at(_Q_0, _OMEGA_0)
+    scene = scene_of(body, start, ["quaternion"], turn, turn / n, accuracy=ACCURACY)
+    return scene.replace({"inputs.ports": list(ports)})
 
 
 def _verdict(ratio: float, turn: float, attitudes: Any) -> Verdict:

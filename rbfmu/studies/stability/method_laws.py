@@ -19,13 +19,13 @@ from rbfmu.studies.stability.motions import (
     ZERO,
     angle,
     at,
+    attitude_after,
     damped_rate,
     free_body,
     free_motion,
     one_step,
     rotational_energy,
     spin,
-    turned,
 )
 from rbfmu_kernels.mechanics.equations_of_motion import State, angular_acceleration
 from rbfmu_kernels.mechanics.newton_euler import angular_momentum, kinetic_energy
@@ -131,7 +131,7 @@ def drift(quick: bool) -> Study:
     n = 10_000
     k = counts.index(n)
     after = REFERENCE_INTEGRATORS["RK4, quaternion"].run(spin(1.0), x, n, _BODY, NO_LOADS)
-    lag = angle(after, turned(spin(1.0), x * n))
+    lag = angle(after, attitude_after(spin(1.0), x * n))
     findings = [
         Finding(2, "RK4 on q, decay of |q| in 1e4 steps, h omega = 0.1", columns["q, predicted"][k], columns["q"][k],
                 5e-4),
@@ -156,7 +156,7 @@ def _passage_error(method: str, ratio: float) -> float:
     """Return the attitude's error after half a turn with h omega / delta = ratio."""
     n = round(math.pi / (ratio * _MISS))
     after = REFERENCE_INTEGRATORS[method].run(_passage(), math.pi / n, n, _BODY, NO_LOADS)
-    return angle(after, turned(_passage(), math.pi))
+    return angle(after, attitude_after(_passage(), math.pi))
 
 
 def gimbal_passage(quick: bool) -> Study:
@@ -166,7 +166,7 @@ def gimbal_passage(quick: bool) -> Study:
     columns |= {name: [_passage_error(name, r) for r in ratios] for name in ("RK4, Euler angles", "RK4, quaternion")}
     yaw_rates = []
     for t in np.linspace(0.45 * math.pi, 0.55 * math.pi, 2001).tolist():
-        q_ab = turned(_passage(), t)
+        q_ab = attitude_after(_passage(), t)
         yaw_rates.append(abs(euler_rate_b(ZYX, euler_from_quaternion(ZYX, q_ab), _passage()[3])[0]))
     findings = [
         Finding(4, "largest yaw rate over omega / delta, delta = 0.01", 1.0, max(yaw_rates) * _MISS, 1e-4),
@@ -332,7 +332,7 @@ def damping_limits(quick: bool) -> Study:
 def _moser_veselov_error(method: str, x: float) -> float:
     """Return the error in rad of one step of a sphere that turns by x; NaN where there is no solution."""
     after = TORQUE_FREE_INTEGRATORS[method].run(spin(1.0), x, 1, free_body(SPHERE), NO_LOADS)
-    return angle(after, turned(spin(1.0), x))
+    return angle(after, attitude_after(spin(1.0), x))
 
 
 def _last_use(method: str, error: float) -> float:

@@ -2,9 +2,10 @@
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -61,7 +62,7 @@ def angle(a: State, q: Quaternion) -> float:
     return angle_between(a.q_ab, q)
 
 
-def turned(state: State, t: float) -> Quaternion:
+def attitude_after(state: State, t: float) -> Quaternion:
     """Return the attitude of a sphere after the time t; its rate is constant."""
     (e, x, y, z), omega = state.q_ab, state.omega_b
     rate = math.hypot(*omega)
@@ -73,27 +74,30 @@ def turned(state: State, t: float) -> Quaternion:
     )  # fmt: skip
 
 
+def scene_of(
+    body: Mapping[str, Any], start: State, asked: Sequence[str], stop: float, step: float,
+    loads: Mapping[str, Any] = MappingProxyType({"gravity_a": ZERO}), accuracy: float = 1e-6, **initial: Any,
+) -> Scene:  # fmt: skip
+    """Return the scene of a body of 1 kg, unless another mass is given, without loads, unless there are some."""
+    return Scene.from_dict({
+        "body": {"mass": 1.0, **body},
+        "initial": {"attitude": {"quaternion": list(start.q_ab)}, "omega_b": list(start.omega_b), **initial},
+        "loads": dict(loads),
+        "outputs": {"quantities": list(asked)},
+        "run": {"stop": stop, "step": step, "accuracy": accuracy},
+    })  # fmt: skip
+
+
 def free_motion(moments: Vec3, start: State, stop: float, step: float) -> Result:
     """Return the torque-free motion by the product's model."""
-    scene = Scene.from_dict({
-        "body": {"mass": 1.0, "inertia": moments},
-        "initial": {"attitude": {"quaternion": start.q_ab}, "omega_b": start.omega_b},
-        "loads": {"gravity_a": ZERO},
-        "outputs": {"quantities": ["omega_b"]},
-        "run": {"stop": stop, "step": step},
-    })  # fmt: skip
+    scene = scene_of({"inertia": moments}, start, ["omega_b"], stop, step)
     return simulate(scene, planned=Plan("torque-free body", "", 3))
 
 
 def damped_rate(planned: Plan, x: float) -> float:
     """Return the rate after one step of a product's model from a damped spin of 1 rad/s with h d / I = x."""
-    scene = Scene.from_dict({
-        "body": {"mass": 1.0, "inertia": SPHERE},
-        "initial": {"omega_b": (0.0, 0.0, 1.0)},
-        "loads": {"gravity_a": ZERO, "damping_b": (x, x, x)},
-        "outputs": {"quantities": ["omega_b"]},
-        "run": {"stop": 1.0, "step": 1.0},
-    })  # fmt: skip
+    loads = {"gravity_a": ZERO, "damping_b": (x, x, x)}
+    scene = scene_of({"inertia": SPHERE}, spin(1.0), ["omega_b"], 1.0, 1.0, loads)
     return float(simulate(scene, planned=planned).omega_b[1, 2])
 
 
@@ -124,7 +128,7 @@ POINTS = 10
 """The number of points at which a motion is compared."""
 STATE = ("quaternion", "omega_b", "position", "velocity")
 DERIVED = ("omega_a", "angular_momentum_a", "kinetic_energy")
-TURNED = (0.8, 0.4, -0.4, 0.2)
+TURNED: Quaternion = (0.8, 0.4, -0.4, 0.2)
 MOVING = {"position": [1.0, 2.0, 3.0], "velocity": [0.1, 0.2, -0.3]}
 NO_WEIGHT = {"gravity_a": [0.0, 0.0, 0.0]}
 HEAVY_BRICK = {"mass": 2.0, "inertia": [1.0, 2.0, 3.0]}
@@ -145,16 +149,10 @@ LOADED = {
 
 def _motion(
     body: Mapping[str, Any], omega_b: tuple[float, float, float], stop: float, loads: Mapping[str, Any],
-    quantities: tuple[str, ...] = (*STATE, *DERIVED), quaternion: tuple[float, ...] = TURNED,
+    quantities: tuple[str, ...] = (*STATE, *DERIVED), quaternion: Quaternion = TURNED,
 ) -> Scene:  # fmt: skip
-    start = {"attitude": {"quaternion": list(quaternion)}, "omega_b": list(omega_b)}
-    return Scene.from_dict({
-        "body": dict(body),
-        "initial": start if "pivot" in body else start | MOVING,
-        "loads": dict(loads),
-        "outputs": {"quantities": list(quantities)},
-        "run": {"stop": stop, "step": stop / POINTS, "accuracy": 1e-9},
-    })  # fmt: skip
+    moving = {} if "pivot" in body else MOVING
+    return scene_of(body, at(quaternion, omega_b), quantities, stop, stop / POINTS, loads, 1e-9, **moving)
 
 
 def _swing(rate: float, **loads: Any) -> Scene:

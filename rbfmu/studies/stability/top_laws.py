@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from rbfmu.runs.plan import Plan
-from rbfmu.scene.scene import Scene, SceneError
+from rbfmu.scene.scene import SceneError
 from rbfmu.simulation import simulate
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, SPLITTINGS
 from rbfmu.studies.stability.findings import RECORDED, Finding, Study, exponent
@@ -24,6 +24,7 @@ from rbfmu.studies.stability.motions import (
     free_body,
     free_motion,
     heavy_top,
+    scene_of,
     top_energy,
 )
 from rbfmu_kernels.integrators.splitting import resonant_step
@@ -66,14 +67,8 @@ def _exact_flips(moments: Vec3, stop: float) -> float:
 
 def _flips_about_a_pivot() -> tuple[float, float]:
     """Return the predicted and measured time between flips of a weightless brick on a pivot 0.5 m from its centre."""
-    scene = Scene.from_dict({
-        "body": {"mass": 1.0, "inertia": BRICK, "r_oc_b": (0.0, 0.0, 0.5), "pivot": True},
-        "initial": {"omega_b": _DISTURBED},
-        "loads": {"gravity_a": (0.0, 0.0, 0.0)},
-        "outputs": {"quantities": ["omega_b"]},
-        "run": {"stop": 40.0, "step": 1e-3, "accuracy": 1e-6},
-    })  # fmt: skip
-    result = simulate(scene)
+    body = {"inertia": BRICK, "r_oc_b": (0.0, 0.0, 0.5), "pivot": True}
+    result = simulate(scene_of(body, at(UPRIGHT, _DISTURBED), ["omega_b"], 40.0, 1e-3))
     first, second = _crossings(result.time, result.omega_b[:, 1])[:2]
     return time_between_flips((1.25, 2.25, 3.0), _DISTURBED), second - first
 
@@ -113,14 +108,7 @@ def _tilted(tilt: float, rate: float) -> State:
 
 def _tilts(tilt: float, rate: float, stop: float) -> Any:
     """Return the top's tilt every 0.1 s."""
-    start = _tilted(tilt, rate)
-    scene = Scene.from_dict({
-        "body": TOP,
-        "initial": {"attitude": {"quaternion": start.q_ab}, "omega_b": start.omega_b},
-        "loads": TOP_WEIGHT,
-        "outputs": {"quantities": ["quaternion"]},
-        "run": {"stop": 0.1 * round(10.0 * stop), "step": 0.1},
-    })  # fmt: skip
+    scene = scene_of(TOP, _tilted(tilt, rate), ["quaternion"], 0.1 * round(10.0 * stop), 0.1, TOP_WEIGHT)
     q = simulate(scene, planned=Plan("symmetric top", "", 7, substep=0.02, order=4)).quaternion[1:]
     return 2.0 * np.arctan2(np.hypot(q[:, 1], q[:, 2]), np.hypot(q[:, 0], q[:, 3]))
 
@@ -188,9 +176,7 @@ def _largest_substep() -> float:
     """Return the substep in s beyond which the product's model of a symmetric top refuses the fast top."""
 
     def refused(h: float) -> float:
-        scene = Scene.from_dict({
-            "body": TOP, "loads": TOP_WEIGHT, "initial": {"omega_b": _FAST[3]}, "run": {"stop": 0.1, "step": 0.1},
-        })  # fmt: skip
+        scene = scene_of(TOP, at(UPRIGHT, _FAST.omega_b), ["quaternion", "omega_b"], 0.1, 0.1, TOP_WEIGHT)
         try:
             simulate(scene, planned=Plan("symmetric top", "", 7, substep=h, order=2))
         except SceneError:
