@@ -132,7 +132,9 @@ def crowded(seed: int) -> Chart:
             rows += mine
             ends.append(End(kind, kind, mine[-1].error, STOPPED))
     one = made_up(1.0, draw.choice(("it", "a_satellite_with_a_long_name_that_somebody_gave_it")))
-    return replace(one, rows=(*rows, *one.plans), ends=tuple(ends), accuracy=10.0 ** -draw.randint(1, 13))
+    accuracy = 10.0 ** -draw.randint(1, 13)
+    plans = [replace(row, value=accuracy * 0.1**k) for k, row in enumerate(one.plans)]
+    return replace(one, rows=(*rows, *plans), ends=tuple(ends), accuracy=accuracy)
 
 
 @pytest.mark.parametrize("seed", some_of(range(12), 3))
