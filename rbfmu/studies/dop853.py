@@ -20,18 +20,7 @@ from rbfmu_kernels.buffer import MAX_SUBSTEPS, OK, STEP_REJECTED, places
 from rbfmu_kernels.buffer_access import copy_numbers
 from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.integrators import rigid_body_state as state
-from rbfmu_kernels.integrators.rigid_body_state import (
-    OMEGA,
-    R_C,
-    ROTATION,
-    STATE_SIZE,
-    V_C,
-    WHOLE_STATE,
-    attitude,
-    omega,
-    put_attitude,
-    put_omega,
-)
+from rbfmu_kernels.integrators.rigid_body_state import OMEGA, R_C, ROTATION, STATE_SIZE, V_C, WHOLE_STATE
 from rbfmu_kernels.integrators.substeps import LONGEST_STEP, count_substep, substeps_in, tolerance_of_substep
 from rbfmu_kernels.mechanics.equations_of_motion import (
     Body,
@@ -305,10 +294,10 @@ class Dop853Plan(Plan):
         return LOADED_DOP853
 
 
-def dop853_step_of_state(state: State, h: float, body: Body, loads: Loads) -> State:
+def dop853_step_of_state(start: State, h: float, body: Body, loads: Loads) -> State:
     """Return the state of a body after one step without error control, its quaternion not normalised."""
     z = np.zeros(STATE_SIZE + WORK)
-    put_attitude(z, 0, state.q_ab)
-    put_omega(z, 0, state.omega_b)
+    state.put_attitude(z, 0, start.q_ab)
+    state.put_omega(z, 0, start.omega_b)
     dop853_step(z, 0, STATE_SIZE, ROTATION, 0.0, h, body, constant_loads(loads))
-    return State(state.r_c, state.v_c, attitude(z, STATE_SIZE), omega(z, STATE_SIZE))
+    return State(start.r_c, start.v_c, state.attitude(z, STATE_SIZE), state.omega(z, STATE_SIZE))
