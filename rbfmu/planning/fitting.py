@@ -126,9 +126,9 @@ class _Search:
             found = self._cheapest_over(tolerance)
         magnified = min(4.0 * ROUND_OFF * growth, 1.0)
         if magnified <= self.accuracy and found.error <= self.accuracy:
-            return self._explained_varying(found)
+            return self._with_reasons(found)
         if magnified > self.accuracy and (self.scene.inputs.ports or found.error <= AT_REST * self.accuracy):
-            return self._explained_varying(found, say.unstable_at_zero_inputs(growth))
+            return self._with_reasons(found, say.unstable_at_zero_inputs(growth))
         raise self.out_of_reach(max(found.error, magnified))
 
     def out_of_reach(self, error: float) -> SceneError:
@@ -139,7 +139,7 @@ class _Search:
             expected += "; the motion magnifies round-off: see `rbfmu stability`, or ask for a shorter run"
         return SceneError(f"run.accuracy = {self.accuracy!r}: {expected}", self.scene.name)
 
-    def _explained_varying(self, found: _Fit, *more: str) -> Plan:
+    def _with_reasons(self, found: _Fit, *more: str) -> Plan:
         plan, what = found.plan, " and ".join(sorted(self.asked.varying))
         held = (
             f"{plan.method}: estimated errors of a run add up to at most {plan.tolerance:.1e}, whatever {what} may be"
