@@ -19,7 +19,16 @@ from rbfmu.runs.motion import Steps, record, substeps_counted
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.studies.chart.cases import FLOOR, RATES, ROTATION, Case
-from rbfmu.studies.chart.methods import FixedSteps, Method, NotFeasibleError, Run, step_counts, timer, tolerances
+from rbfmu.studies.chart.methods import (
+    MOST_RADIANS,
+    FixedSteps,
+    Method,
+    NotFeasibleError,
+    Run,
+    step_counts,
+    timer,
+    tolerances,
+)
 from rbfmu.studies.chart.solvers import SolveIvp
 from rbfmu.studies.dop853 import Dop853Plan
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, SPLITTINGS, TORQUE_FREE_INTEGRATORS
@@ -29,8 +38,8 @@ TAKES_NO = "takes no"
 """How the reason begins why a model does not serve a scene with ports, or with parameters to be changed."""
 PLANNING = 30.0
 """The processor time, s, after which no tighter plans are made."""
-MANY_RADIANS, MOST_RADIANS = 1e4, 1e6
-"""The angle that a body may turn by for programs that are called from Python at each step, and for all peers."""
+MANY_RADIANS = 1e4
+"""The angle that a body may turn by for programs that are called from Python at each step."""
 
 
 # The product's models, stepped from output to output

@@ -12,6 +12,9 @@ from rbfmu.studies.chart.cases import Case
 from rbfmu.studies.reference_methods import OneStepMethod, midpoint
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
 
+MOST_RADIANS = 1e6
+"""The angle beyond which a motion is one of many turns, which takes peers too long."""
+
 
 class NotFeasibleError(Exception):
     """The error of a method that cannot do a case at a setting; the message says why."""
@@ -128,8 +131,13 @@ class FixedSteps(Method):
         return self.applies(case)
 
     def settings(self, case: Case, quick: bool) -> Iterator[float]:
-        """Return step sizes."""
-        return step_counts(case, quick, self.largest)
+        """Return step sizes, which begin finer in a run of very many turns.
+
+        The equation of Moser and Veselov has no solution for steps of more than 1 rad; near there each of millions of
+        steps would take thousands of rounds.
+        """
+        many = case.rate * case.span > MOST_RADIANS
+        return step_counts(case, quick, 0.25 * self.largest if many else self.largest)
 
     def run(self, case: Case, value: float) -> Run:
         """Return a run with steps of `value`."""
