@@ -18,17 +18,8 @@ from rbfmu.planning.select import plan
 from rbfmu.runs.motion import Steps, record, substeps_counted
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import Scene, SceneError
-from rbfmu.studies.chart.cases import FLOOR, RATES, ROTATION, Case
-from rbfmu.studies.chart.methods import (
-    MOST_RADIANS,
-    FixedSteps,
-    Method,
-    NotFeasibleError,
-    Run,
-    step_counts,
-    timer,
-    tolerances,
-)
+from rbfmu.studies.chart.cases import FLOOR, MOST_RADIANS, RATES, ROTATION, Case
+from rbfmu.studies.chart.methods import FixedSteps, Method, NotFeasibleError, Run, step_counts, timer, tolerances
 from rbfmu.studies.chart.solvers import SolveIvp
 from rbfmu.studies.dop853 import Dop853Plan
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, SPLITTINGS, TORQUE_FREE_INTEGRATORS

@@ -8,12 +8,9 @@ from typing import Any
 
 from numba import njit
 
-from rbfmu.studies.chart.cases import Case
+from rbfmu.studies.chart.cases import MOST_RADIANS, Case
 from rbfmu.studies.reference_methods import OneStepMethod, midpoint
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
-
-MOST_RADIANS = 1e6
-"""The angle beyond which a motion is one of many turns, which takes peers too long."""
 
 
 class NotFeasibleError(Exception):
