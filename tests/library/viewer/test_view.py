@@ -93,6 +93,7 @@ def test_a_page_names_frames_units_and_scales(thrown: tuple[Path, Motion]) -> No
     for part in ("<h1>thrown &lt;brick&gt;</h1>", "fixed in space", "fixed in the body", rate, "kg m2/s"):
         assert part in text
     assert "box with the body&#x27;s mass and inertia" in text
+    assert "inputs are zero" not in text  # there are none
 
 
 def test_a_result_is_shown_with_or_without_its_body(tmp_path: Path) -> None:
