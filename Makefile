@@ -23,7 +23,7 @@ CORE = $(addprefix tests/kernels/,numerics rotations mechanics exact/test_plane_
 QUICK = -n 2 --dist loadfile -m "not slow and not thorough"
 
 test:
-	@echo "The tests take some eight minutes of a processor's time, half as long on two; the first run compiles."
+	@echo "The tests take some six minutes of a processor's time, half as long on two; the first run compiles."
 	status=0; $(BIN)/pytest $(QUICK) || status=1; NUMBA_DISABLE_JIT=1 $(BIN)/pytest $(QUICK) $(CORE) || status=1; exit $$status
 
 # What is one of many alike, or takes seconds: whole cross products, commands of the pages, examples. CI runs it as well.

@@ -231,6 +231,7 @@ def test_many_bodies_are_measured_beside_peers_as_accurate(capsys):
     assert "constant body torque" in capsys.readouterr().out
 
 
+@pytest.mark.thorough
 def test_the_pythonfmu_fmu_is_measured(monkeypatch):
     one = bench("fmu")
     monkeypatch.setattr(one, "SCENES", {"with inputs": one.SCENES["triaxial body, 6 inputs"]})

@@ -94,6 +94,7 @@ def test_errors_count_every_digit_and_every_quantity() -> None:
     assert motions.attitude_error([1.00001, 0.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0]) == pytest.approx(2e-5, rel=1e-4)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", STUDIES)
 def test_curves_have_columns_of_one_length(name: str) -> None:
     columns = _measure(name).columns
@@ -136,6 +137,7 @@ def test_long_runs_of_exact_steps_keep_their_energy() -> None:
         assert f.holds, f.what
 
 
+@pytest.mark.thorough
 def test_flips_about_a_pivot_take_the_moments_about_the_pivot() -> None:
     findings = STUDIES["intermediate_axis"](False).findings
     assert [f.holds for f in findings if "pivot" in f.what] == [True]
