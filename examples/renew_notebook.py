@@ -7,26 +7,15 @@ from typing import Any
 
 import nbformat
 from nbclient import NotebookClient
-from nbclient.exceptions import CellTimeoutError
 
 NOTEBOOK = Path(__file__).with_name("notebook.ipynb")
-LONGEST_CELL = 200
-"""The time, s, after which a cell is given up; on a busy machine ipykernel 7 was seen to lose the answer of a cell that
-had taken a second, after which both sides wait."""
 
 
 def executed(folder: Path) -> Any:
     """Return the notebook with what it shows when it runs in a folder."""
     os.environ["RBFMU_QUIET"] = "1"
-    try:
-        return _executed_once(folder)
-    except CellTimeoutError:
-        return _executed_once(folder)
-
-
-def _executed_once(folder: Path) -> Any:
     notebook = nbformat.read(NOTEBOOK, 4)
-    NotebookClient(notebook, timeout=LONGEST_CELL, resources={"metadata": {"path": str(folder)}}).execute()
+    NotebookClient(notebook, timeout=600, resources={"metadata": {"path": str(folder)}}).execute()
     return notebook
 
 

@@ -54,9 +54,10 @@ def _drawn_bar() -> Iterator[Callable[..., None]]:
     from rich.console import Console
     from rich.progress import Progress
 
-    with Progress(console=Console(stderr=True), transient=True) as progress:
+    # drawn when told: a thread of Rich's sends to a notebook while the cell does, whose end may get lost
+    with Progress(console=Console(stderr=True), transient=True, auto_refresh=False) as progress:
         task = progress.add_task("")
-        yield lambda **state: progress.update(task, **state)
+        yield lambda **state: progress.update(task, refresh=True, **state)
 
 
 def _is_seen() -> bool:
