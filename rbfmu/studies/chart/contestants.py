@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
-from time import process_time
+from time import thread_time
 from typing import Any
 
 import numpy as np
@@ -127,11 +127,11 @@ class Planned(Method):
         if case.accuracies:
             yield from case.accuracies[: 2 if quick else None]
             return
-        begin, accuracy = process_time(), case.scene.run.accuracy
+        begin, accuracy = thread_time(), case.scene.run.accuracy
         while not self.refusal:
             yield accuracy
             accuracy = float(f"{0.1 * accuracy:.12g}")
-            if process_time() > begin + (0.0 if quick else PLANNING):
+            if thread_time() > begin + (0.0 if quick else PLANNING):
                 self.refusal = f"{short(accuracy)}: not tried{'' if quick else ', as planning takes long'}"
 
     def run(self, case: Case, value: float) -> Run:

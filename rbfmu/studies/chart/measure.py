@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
-from time import process_time
+from time import thread_time
 from typing import Any
 
 from rbfmu.planning.select import plan
@@ -147,13 +147,13 @@ def explore(what: Extent, case: Case, method: Method, first_calls: dict[str, flo
 
 def _first_run(case: Case, method: Method, value: float, first_calls: dict[str, float]) -> Tried:
     """Return a run that is ready to be timed, its error, and its time in s; the very first call compiles."""
-    start = process_time()
+    start = thread_time()
     run = method.run(case, value)
     states = run.states()
     error, drifts = case.error(states), case.drifts(states)
     if method.name not in first_calls:
         run.seconds(1)
-        first = process_time() - start
+        first = thread_time() - start
         first_calls[method.name] = max(0.0, first - 2.0 * run.seconds(1))
     return Tried(method, value, run, error, run.seconds(1), first_calls[method.name], drifts)
 

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable, Iterator
 from itertools import islice
-from time import process_time
+from time import thread_time
 from typing import Any
 
 import numpy as np
@@ -139,9 +139,9 @@ class Basilisk(Method):
             simulation, recorder = self._simulation(case, value, nanoseconds)
             simulation.InitializeSimulation()
             simulation.ConfigureStopTime(case.outputs * n * nanoseconds)
-            start = process_time()
+            start = thread_time()
             simulation.ExecuteSimulation()
-            return process_time() - start
+            return thread_time() - start
 
         def states() -> list[State]:
             execute()
@@ -251,10 +251,10 @@ class Drake(Method):
             total = 0.0
             for _ in range(k):
                 made = simulator()
-                start = process_time()
+                start = thread_time()
                 for i in range(1, case.outputs + 1):
                     made.AdvanceTo(i * case.interval)
-                total += process_time() - start
+                total += thread_time() - start
             return total
 
         evaluations: list[int] = []

@@ -1,6 +1,8 @@
 """`rbfmu chart`: its methods and peers compute the motions that it says."""
 
 import re
+import subprocess
+import sys
 import tomllib
 from itertools import islice
 
@@ -21,6 +23,17 @@ def test_steps_divide_the_checkpoints_intervals() -> None:
         counts = [case.interval / h for h in islice(methods.step_counts(case, False), 12)]
         assert counts == pytest.approx([round(n) for n in counts], rel=1e-12)
         assert counts == sorted(set(counts))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits of processor time are set as on Linux")
+def test_a_short_run_takes_time_also_under_a_limit_of_processor_time() -> None:
+    code = """
+import resource
+resource.setrlimit(resource.RLIMIT_CPU, (1000, 1000))
+from rbfmu.studies.chart.methods import timer
+print(min(timer(lambda k: sum(range(1000)))(1) for _ in range(100)) > 0.0)
+"""
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "True\n"
 
 
 @pytest.mark.parametrize("key", ["a", "b", "g"])
