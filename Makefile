@@ -17,18 +17,19 @@ check:
 	$(BIN)/lint-imports
 	$(BIN)/python -m tests.support.commit_subjects
 
+SHARED = -n 2 --dist loadfile
+
+test:
+	@echo "The tests take some five minutes of a processor's time, half as long on two; the first run compiles."
+	$(BIN)/pytest $(SHARED) -m "not slow and not thorough"
+
 # The core once more as plain Python: readable tracebacks, and no result may hang on the compiler.
 CORE = $(addprefix tests/kernels/,numerics rotations mechanics exact/test_plane_pendulum.py)
 
-QUICK = -n 2 --dist loadfile -m "not slow and not thorough"
-
-test:
-	@echo "The tests take some six minutes of a processor's time, half as long on two; the first run compiles."
-	status=0; $(BIN)/pytest $(QUICK) || status=1; NUMBA_DISABLE_JIT=1 $(BIN)/pytest $(QUICK) $(CORE) || status=1; exit $$status
-
 # What is one of many alike, or takes seconds: whole cross products, commands of the pages, examples. CI runs it as well.
 thorough:
-	$(BIN)/pytest -n 2 --dist loadfile -m "thorough and not slow"
+	status=0; $(BIN)/pytest $(SHARED) -m "thorough and not slow" || status=1; \
+	NUMBA_DISABLE_JIT=1 $(BIN)/pytest $(SHARED) -m "not slow" $(CORE) || status=1; exit $$status
 
 slow: thorough
 	$(BIN)/pytest -v -n 2 -m slow

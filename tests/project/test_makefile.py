@@ -1,4 +1,4 @@
-"""`make test` and `make bench` run all their parts; they fail where any part does."""
+"""`make thorough` and `make bench` run all their parts; they fail where any part does."""
 
 import os
 import re
@@ -30,7 +30,7 @@ def made(target, program, fails, folder):
 
 @pytest.mark.parametrize(("fails", "well"), [("none", True), ("jit -n", False), ("1 -n", False)])
 def test_the_tests_without_jit_run_whatever_became_of_the_others(fails, well, tmp_path):
-    found, parts = made("test", "pytest", fails, tmp_path)
+    found, parts = made("thorough", "pytest", fails, tmp_path)
     assert found == well
     assert [part.split()[0] for part in parts] == ["jit", "1"]
 

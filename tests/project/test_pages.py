@@ -360,6 +360,7 @@ def test_plans_are_those_whose_cost_is_quoted(case: str) -> None:
             assert rbfmu.plan(asked.asking(float(row["accuracy"]))).method == row["plan"]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", gallery.PICTURES)
 def test_the_gallery_s_plans_are_those_whose_cost_is_quoted(name: str) -> None:
     (row,) = (r for r in record.read("gallery_cost")[1] if (r["scene"], r["who"]) == (name, "planned"))
@@ -401,6 +402,7 @@ def test_who_is_ahead_where_is_what_the_readme_says() -> None:
     assert [(row["case"], float(row["accuracy"])) for row in sure] == [("c", 1e-12)]
 
 
+@pytest.mark.thorough
 def test_round_off_limits_what_can_be_asked_as_the_readme_says() -> None:
     assert "1e-13 of a fast top that turns by 500 rad; if you ask for 1e-15" in joined(text_of("README.md"))
     fast = rbfmu.load_scene(gallery.scene_file("top_sleeping")).replace({"run.stop": 2.5})

@@ -80,6 +80,7 @@ def test_the_array_function_gives_the_same_bits_however_it_computes(shape):
         np.testing.assert_array_equal(rates.reshape(40, -1, 3)[:, k], rate)
 
 
+@pytest.mark.thorough
 def test_moments_of_no_body_are_told_of_once():
     moments, q_0, omega = bodies(30)
     with pytest.warns(RuntimeWarning, match="of no body"):

@@ -102,6 +102,7 @@ def test_a_body_in_a_lane_has_the_bits_that_it_has_alone(kind, way):
     assert_same(way, buffers_of([kind], 11), [4.0, 0.5, 7.0, 0.3])
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", KINDS)
 def test_lanes_take_all_but_a_force_that_turns_with_the_body(kind):
     scratch, statuses = aligned_zeros(SCRATCH), np.zeros(11, dtype=np.int64)

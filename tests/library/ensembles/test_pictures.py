@@ -43,6 +43,7 @@ def test_ellipses_hold_what_normals_hold(found):
     assert len(axes.lines[0].get_xdata()) == len(found.good)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("keep", some_of([["final", "statistics"], ["final"], ["all"], ["statistics", "all"]], 2))
 def test_every_text_can_be_read(keep):
     assert overlaps(run(satellite().replace({"ensemble.keep": keep})).plot()) == []

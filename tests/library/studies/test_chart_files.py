@@ -54,6 +54,7 @@ def test_figures_tell_machine_and_versions(files: dict[str, Path]) -> None:
     assert all(name in named for name in peers._PEERS)
 
 
+@pytest.mark.thorough
 def test_quick_figures_are_sound(files: dict[str, Path]) -> None:
     lines = [line for line in files["work_precision.csv"].read_text().splitlines() if not line.startswith("#")]
     rows = list(csv.DictReader(lines))
@@ -69,6 +70,7 @@ def test_quick_figures_are_sound(files: dict[str, Path]) -> None:
     assert {row["outputs"] for row in rows if row["case"] == "d"} == {"5", "2000"}
 
 
+@pytest.mark.thorough
 def test_answers_on_the_terminal_name_every_motion_and_fit_it(files: dict[str, Path]) -> None:
     text = files["answers.txt"].read_text()
     assert max(map(len, text.splitlines())) <= WIDTH

@@ -101,6 +101,7 @@ def test_curves_have_columns_of_one_length(name: str) -> None:
     assert len({len(values) for values in columns.values()}) == 1
 
 
+@pytest.mark.thorough
 def test_measured_factors_are_the_stability_polynomials() -> None:
     columns = _measure("growth_factors").columns
     for method in ("explicit Euler", "RK4, quaternion not normalised", "DOP853", "RK4, matrix"):
