@@ -1,20 +1,16 @@
 """Faults of 1e-5 or of a plausible slip, planted one by one in a copy of the sources: `rbfmu stability` must find each.
 
-`python tests/planted_faults.py` prints the table fault -> finding that failed; `... NAME` plants one.
+`python -m tests.support.planted_faults` prints the table fault -> finding that failed; `... NAME` plants one.
 """
 
-import os
 import re
-import shutil
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
-from tests.support.paths import ROOT
+from tests.support.sources import copy_sources, run_copy
 
-PACKAGES = ("rbfmu", "kernels", "fmu_build")
 FAILED = re.compile(r"does not hold: (.*): predicted")
 ERROR = re.compile(r"^(Error: .*)$", re.MULTILINE)
 
@@ -126,8 +122,7 @@ FAULTS = {
 
 def planted(fault: Fault | None, folder: Path) -> None:
     """Copy the sources, and plant the fault in the copy."""
-    for package in PACKAGES:
-        shutil.copytree(ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
+    copy_sources(folder)
     if fault:
         path = folder / fault.path
         text = path.read_text()
@@ -143,13 +138,7 @@ def stability(fault: Fault | None, *options: str) -> tuple[int, list[str]]:
     with tempfile.TemporaryDirectory(prefix="rbfmu-fault-") as name:
         folder = Path(name)
         planted(fault, folder)
-        environment = os.environ | {
-            "PYTHONPATH": os.pathsep.join(str(folder / part) for part in ("", "kernels", "fmu_build")),
-            "NUMBA_CACHE_DIR": str(folder / "cache"),
-        }
-        code = f"import rbfmu.cli, rbfmu_kernels as k; assert k.__file__.startswith({name!r}); rbfmu.cli.main()"
-        command = [sys.executable, "-c", code, "stability", "-o", str(folder / "out"), *options]
-        run = subprocess.run(command, env=environment, capture_output=True, text=True, cwd=folder)
+        run = run_copy(folder, "import rbfmu.cli; rbfmu.cli.main()", "stability", "-o", folder / "out", *options)
     if run.returncode not in (0, 1, 2):
         raise RuntimeError(run.stderr)
     return run.returncode, FAILED.findall(run.stdout) + ERROR.findall(run.stderr)
