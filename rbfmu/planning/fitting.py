@@ -2,8 +2,8 @@
 
 The error of a run is neither its tolerance nor the error of a substep: errors of substeps add up, cancel, and grow with
 the motion. So a setting is tried, the judge measures the error, and the next setting follows from it, as the error goes
-with a power of the setting: of a step with the method's order, of a tolerance with the first (Hairer, Norsett, Wanner:
-Solving Ordinary Differential Equations I, II.3 and II.4). Costs are substeps counted times ns a substep and never a
+with a power of the setting: of a step with the method's order (Hairer, Norsett, Wanner: Solving Ordinary Differential
+Equations I, II.3), of a tolerance about with the first. Costs are substeps counted times ns a substep and never a
 clock's, so that a scene has the same plan on every machine.
 
 An importer may take other communication steps than the scene's. These cut substeps short, or leave long ones uncut

@@ -185,7 +185,7 @@ class Judge:
         """Return the factor, at least 1, by which an error of attitude and rate at the start grows over the run.
 
         Errors so small grow linearly, and whatever their direction they soon point where they grow most (so Lyapunov
-        exponents are measured: Benettin et al., Meccanica 15 (1980) 9-20); three orthogonal directions all but exclude
+        exponents are measured: Benettin et al., Meccanica 15 (1980) 9-30); three orthogonal directions all but exclude
         that one begins where nothing grows. They are well above round-off and end well below the motion itself.
         It is infinite where so small an error changes the motion itself.
         """

@@ -59,9 +59,9 @@ def parts_in(h: float, longest: float) -> int:
 def tolerance_of_substep(tolerance: float, span: float, part: float) -> float:
     """Return the largest error of a substep `part`: its share of a run of `span` s, or all of it where that is 0.
 
-    Errors of substeps add up at worst, so that shares in proportion to time keep the run's: an error per unit step
-    (Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, II.4). No share is below 2^-52: a substep in
-    double precision loses about that, and shorter ones would only be more.
+    Errors of substeps add up at worst, so that shares in proportion to time keep the run's: what codes call an error
+    per unit step. No share is below 2^-52: a substep in double precision loses about that, and shorter ones would only
+    be more.
     """
     return tolerance if span == 0.0 else max(tolerance * part / span, ROUND_OFF)
 

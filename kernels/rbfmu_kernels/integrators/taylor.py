@@ -4,8 +4,8 @@ Only the body rate, and those loads that turn in b, are series of full order: fe
 the rate by the two-point formula of Hermite and Obreshkov, exact to order 2 m from m derivatives at either end:
 sum_k c_k h^k q^(k)(0) = sum_k c_k (-h)^k q^(k)(h), c_k = (2m - k)! m! / ((2m)! k! (m - k)!), which q = q_0 o D makes
 explicit. Where a force turns with the body, velocity and position follow in the same way.
-Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed. 1993, I.8 and III.3; the step is chosen by
-the last two terms: A. Jorba & M. Zou, Experimental Mathematics 14 (2005).
+Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed. 1993, I.8 (series) and II.13 (Obreshkov's
+methods); the step is chosen by the last two terms: A. Jorba & M. Zou, Experimental Mathematics 14 (2005).
 
 Works in a piece of a model's buffer, see `taylor_coefficients`; states: see `rigid_body_state`.
 """

@@ -126,7 +126,8 @@ def angle_between(q0: Quaternion, q1: Quaternion) -> float:
     """Return the angle of the rotation from q0 to q1, in [0, pi]: 4 atan2(|q1 - q0|, |q1 + q0|), signs aside.
 
     Units: rad; q0 and q1 are unit, of any signs.  Frames: q0 and q1 are between the same two frames.
-    Error <= 2.5 eps relative, from 1e-7 on.  Singular: nowhere.  Source: Kahan.
+    Error <= 2.5 eps relative, from 1e-7 on.  Singular: nowhere.  Source: W. Kahan, How Futile are Mindless Assessments
+    of Roundoff in Floating-Point Computation?, 12, "Mangled Angles".
     """
     _, difference, total = _sum_and_difference(q0, q1)
     swap = difference > total
