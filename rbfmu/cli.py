@@ -5,6 +5,7 @@ import shlex
 import tomllib
 import warnings
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -173,7 +174,7 @@ def ensemble(
 
     A run has the same numbers on any number of workers, in one go or resumed.
     """
-    from rbfmu.ensembles.executors import executor_of
+    from rbfmu.ensembles.executors import dask_client
     from rbfmu.ensembles.members import with_runs
     from rbfmu.ensembles.planning import plan_ensemble
     from rbfmu.ensembles.running import check_store, run_ensemble
@@ -189,7 +190,7 @@ def ensemble(
         if plot:
             needed("scipy.stats", "ensemble")  # known to be there before anything runs
         asked = with_runs(loaded, runs)
-        with executor_of(workers, scheduler) as executor:
+        with dask_client(scheduler) if scheduler else nullcontext(workers) as executor:
             with bar(f"planning {asked.name}") as tell:
                 planned = plan_ensemble(asked, tell)
             try:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rbfmu.ensembles.loops import advance_lanes, compiled, entries, lanes_serve, run_members
+from rbfmu.ensembles.loops import advance_lanes, compiled, entries, run_members
 from rbfmu.ensembles.members import Samples, draw, ensemble_of, member, refusals
 from rbfmu.ensembles.statistics import Summary, summary_of
 from rbfmu.ensembles.variables import ALL, FINAL, KEYS, STATISTICS, Columns, flat
@@ -106,7 +106,7 @@ def run_chunk(work: Work, index: int) -> Chunk:
     """Draw and run the members of a chunk. Their bits are those of `simulate(member(scene, samples, row), plan)`."""
     first = index * work.size
     samples = draw(work.scene, first, min(work.size, work.runs - first))
-    count = len(samples.redrawn)
+    count = len(samples)
     steps = drive_of(work.scene, {}, HOLD).lengths
     rows = np.full((count, len(steps) + 1 if work.keeps_time else 1, work.columns.width), np.nan)
     failed = refusals(work.scene, samples)
@@ -141,7 +141,7 @@ def lanes_pay(work: Work, steps: int) -> bool:
 
 
 def _has_lanes(plan: Plan) -> bool:
-    return plan.cost >= LANES_FROM and lanes_serve(plan.kernels)
+    return plan.cost >= LANES_FROM and bool(plan.kernels.lanes)
 
 
 def varied_numbers(applied: Mapping[str, Array], blocks: dict[str, slice]) -> tuple[Indices, Array]:
@@ -149,10 +149,9 @@ def varied_numbers(applied: Mapping[str, Array], blocks: dict[str, slice]) -> tu
     count = len(next(iter(applied.values())))
     names = {key: getattr(KEYS[key], "block", KEYS[key].name) for key in applied}
     known = {key: blocks[name] for key, name in names.items() if name in blocks}
-    places = [np.arange(block.start, block.stop) for block in known.values()]
-    values = [flat(applied[key]) for key in known]
-    both = np.concatenate([np.empty(0, dtype=np.int64), *places]), np.hstack([np.empty((count, 0)), *values])
-    return both[0].astype(np.int64), np.ascontiguousarray(both[1])
+    places = [place for block in known.values() for place in range(block.start, block.stop)]
+    values = np.hstack([np.empty((count, 0)), *(flat(applied[key]) for key in known)])
+    return np.array(places, dtype=np.int64), np.ascontiguousarray(values)
 
 
 def _message(scene: Scene, plan: Plan, samples: Samples, row: int, end: Indices) -> str:

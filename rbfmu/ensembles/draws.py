@@ -35,11 +35,6 @@ def points(ensemble: Ensemble, first: int, count: int) -> Array:
     return _DESIGNS[ensemble.design](ensemble, first, count)
 
 
-def redraw(ensemble: Ensemble, first: int, count: int, attempt: int) -> Array:
-    """Return the same members' points of another attempt, counted from 1, at random whatever the design."""
-    return _random(ensemble, first, count, attempt)
-
-
 def uniform(seed: int, name: str, first: int, count: int, attempt: int = 0) -> Array:
     """Return numbers (count,) inside (0, 1), number i by Philox's count i under the key of seed and name.
 
@@ -55,7 +50,8 @@ def uniform(seed: int, name: str, first: int, count: int, attempt: int = 0) -> A
     return (kept.astype(np.float64) + 0.5) * 2.0**-53
 
 
-def _random(ensemble: Ensemble, first: int, count: int, attempt: int = 0) -> Array:
+def at_random(ensemble: Ensemble, first: int, count: int, attempt: int = 0) -> Array:
+    """Return members' points at random; of attempts from 1 on others than the first, whatever the design."""
     columns = [uniform(ensemble.seed, marginal.name, first, count, attempt) for marginal in ensemble.varying]
     return np.column_stack(columns)
 
@@ -98,12 +94,12 @@ def _generator(seed: int) -> np.random.Generator:
 
 def _grid(ensemble: Ensemble, first: int, count: int) -> Array:
     """Return points of a grid, the last number changing first."""
-    axes = [_values(marginal) for marginal in ensemble.varying]
+    axes = [_places(marginal) for marginal in ensemble.varying]
     places = np.unravel_index(np.arange(first, first + count), [len(axis) for axis in axes])
     return np.column_stack([axis[place] for axis, place in zip(axes, places, strict=True)])
 
 
-def _values(marginal: Marginal) -> Array:
+def _places(marginal: Marginal) -> Array:
     """Return a number's places in the grid: from end to end where it is uniform, else the middles of equal shares."""
     n = marginal.points
     if marginal.kind == UNIFORM and n > 1:
@@ -112,7 +108,7 @@ def _values(marginal: Marginal) -> Array:
 
 
 _DESIGNS: Mapping[str, Callable[[Ensemble, int, int], Array]] = {
-    RANDOM: _random,
+    RANDOM: at_random,
     SOBOL: _sobol,
     LATIN_HYPERCUBE: _latin_hypercube,
     GRID: _grid,

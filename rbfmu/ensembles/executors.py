@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 from rbfmu.ensembles.chunks import Chunk, Work, origin, run_chunk
@@ -29,27 +29,18 @@ Submit = Callable[..., Any]
 def workers_of(executor: Any) -> Iterator[tuple[Submit, int]]:
     """Yield `submit` and the number of workers of an executor; of None or a number of threads: threads of our own."""
     if executor is None or (isinstance(executor, int) and not isinstance(executor, bool)):
-        with _threads(executor) as (submit, number):
-            yield submit, number
-    elif hasattr(executor, "scheduler_info"):  # a client of Dask
-        yield _submit_to_dask(executor), max(1, sum(executor.nthreads().values()))
+        number = processors() if executor is None else executor
+        if number < 1:
+            raise ValueError(f"executor = {number!r}: expected at least one thread")
+        with ThreadPoolExecutor(number, "rbfmu") as pool:
+            yield pool.submit, number
+    elif hasattr(executor, "scheduler_info"):  # a client of Dask, which runs the chunk of a worker that dies on another
+        yield partial(executor.submit, pure=False), max(1, sum(executor.nthreads().values()))
     elif hasattr(executor, "submit"):
         yield executor.submit, int(getattr(executor, "_max_workers", 0)) or processors()
     else:
         expected = "a number of threads, an executor of concurrent.futures or a client of Dask"
         raise ValueError(f"executor = {executor!r}: expected {expected}")
-
-
-@contextmanager
-def _threads(asked: int | None) -> Iterator[tuple[Submit, int]]:
-    if asked is not None and asked < 1:
-        raise ValueError(f"executor = {asked!r}: expected at least one thread")
-    number = asked or processors()
-    pool = ThreadPoolExecutor(number, "rbfmu")
-    try:
-        yield pool.submit, number
-    finally:
-        pool.shutdown(cancel_futures=True)
 
 
 def processors() -> int:
@@ -58,46 +49,24 @@ def processors() -> int:
 
 
 @contextmanager
-def executor_of(threads: int | None, scheduler: str | None) -> Iterator[Any]:
-    """Yield what `run_ensemble` takes: a number of threads, or a client of the scheduler at an address."""
-    if scheduler is None:
-        yield threads
-    else:
-        with dask_client(scheduler) as client:
-            yield client
-
-
-@contextmanager
 def dask_client(address: str) -> Iterator[Any]:
-    """Yield a client of the scheduler at an address such as tcp://host:8786."""
+    """Yield a client of the scheduler at an address such as tcp://host:8786.
+
+    Dask is kept from writing tracebacks of lost connections, of which an error says enough.
+    """
     distributed = needed("distributed", "cluster")
     try:
         client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:
         raise ValueError(f"no scheduler of Dask at {address!r}: {error}") from None
-    with _quiet(), client:
-        yield client
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep Dask from writing tracebacks of lost connections, of which an error says enough."""
     log = logging.getLogger("distributed.client")
     level = log.level
     log.setLevel(logging.CRITICAL)
     try:
-        yield
+        with client:
+            yield client
     finally:
         log.setLevel(level)
-
-
-def _submit_to_dask(client: Any) -> Submit:
-    """Return `submit` of a client. Dask runs the chunk of a worker that dies on another one."""
-
-    def submit(task: Callable[..., Any], *args: Any) -> Any:
-        return client.submit(task, *args, pure=False)
-
-    return submit
 
 
 def chunks_in_order(work: Work, first: int, executor: Any) -> Iterator[Chunk]:
@@ -142,15 +111,12 @@ def packed(work: Work) -> bytes:
     return pickle.dumps((origin(), pickle.dumps(work)))
 
 
+_unpacked = lru_cache(maxsize=4)(pickle.loads)
+
+
 def run_packed(given: bytes, index: int) -> Chunk:
     """Run a chunk of packed work, which a worker unpacks once. Raises SimulationError where its bits may be others."""
     there, work = pickle.loads(given)
     if other := [name for name, value in there.items() if origin().get(name) != value]:
         raise SimulationError(f"a worker has another {', '.join(other)}, whose bits may be others: expected the same")
     return run_chunk(_unpacked(work), index)
-
-
-@lru_cache(maxsize=4)
-def _unpacked(work: bytes) -> Work:
-    found: Work = pickle.loads(work)
-    return found

@@ -123,11 +123,6 @@ _CACHE_LINE = 8
 """The numbers in a cache line."""
 
 
-def lanes_serve(kernels: Any) -> bool:
-    """Return whether a model knows how."""
-    return bool(kernels.lanes)
-
-
 def advance_lanes(
     kernels: Any, base: Any, places: Any, values: Any, steps: Any, kept: Any, rows: Any, ends: Any
 ) -> bool:
@@ -137,7 +132,7 @@ def advance_lanes(
     own, and where. steps (n,): s. kept (K,): places of the outputs. rows (m, n + 1, K) or (m, 1, K): outputs at each
     point, or the last. ends (m, 2): what `initialize` returned, and the number of steps done.
     """
-    if not lanes_serve(kernels) or config.DISABLE_JIT or len(values) < 2:
+    if not kernels.lanes or config.DISABLE_JIT or len(values) < 2:
         return False
     count = min(AT_ONCE, len(values))
     size = -(-len(base) // _CACHE_LINE) * _CACHE_LINE

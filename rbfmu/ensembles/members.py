@@ -72,18 +72,15 @@ def draw(scene: Scene, first: int, count: int) -> Samples:
     ensemble = ensemble_of(scene)
     if not 0 <= first < first + count <= ensemble.runs:
         raise ValueError(f"draw: first = {first}, count = {count}: expected members of the {ensemble.runs} runs")
-    found = _sampled(scene, first, draws.points(ensemble, first, count))
+    found = samples_at(scene, draws.points(ensemble, first, count), first)
     return found if ensemble.design == GRID else _possible(scene, found)
 
 
-def samples_at(scene: Scene, cube: Array) -> Samples:
+def samples_at(scene: Scene, cube: Array, first: int = 0) -> Samples:
     """Return the members at points (count, n) of the unit cube, whether their inertia is possible or not."""
-    return _sampled(scene, 0, cube)
-
-
-def _sampled(scene: Scene, first: int, cube: Array) -> Samples:
     drawn = draws.correlated_values(ensemble_of(scene), cube)
-    return Samples(first, applied_values(scene, drawn, len(cube)), drawn, np.zeros(len(cube), dtype=np.int64))
+    applied = dict(_Appliance(scene, drawn, len(cube)).values())
+    return Samples(first, applied, drawn, np.zeros(len(cube), dtype=np.int64))
 
 
 def _possible(scene: Scene, found: Samples) -> Samples:
@@ -94,8 +91,8 @@ def _possible(scene: Scene, found: Samples) -> Samples:
     for attempt in range(1, ATTEMPTS + 1):
         if not len(rows):
             break
-        cube = draws.redraw(ensemble_of(scene), found.first, len(found), attempt)[rows]
-        other = _sampled(scene, 0, cube)
+        cube = draws.at_random(ensemble_of(scene), found.first, len(found), attempt)[rows]
+        other = samples_at(scene, cube)
         for mine, theirs in ((found.applied, other.applied), (found.drawn, other.drawn)):
             for key, values in mine.items():
                 values[rows] = theirs[key]
@@ -177,20 +174,14 @@ def _rule(scene: Scene, key: str) -> Numbers | None:
     return rule if rule is not None and rule.bound else None
 
 
-Drawn = Mapping[str, Array]
 FEW = 2_000
 """The runs up to which array functions are not worth their compilation."""
 
 
-def applied_values(scene: Scene, drawn: Drawn, count: int) -> dict[str, Array]:
-    """Return what is applied to `count` members, by the keys of the scene: SI numbers (count, ...)."""
-    return dict(_Appliance(scene, drawn, count).values())
-
-
 class _Appliance:
-    """What is known of some members: the scene, and the numbers drawn (count,)."""
+    """What is applied to some members, by the keys of the scene: SI numbers (count, ...), of numbers drawn (count,)."""
 
-    def __init__(self, scene: Scene, drawn: Drawn, count: int) -> None:
+    def __init__(self, scene: Scene, drawn: Mapping[str, Array], count: int) -> None:
         assert scene.ensemble is not None
         self.scene, self.ensemble, self.drawn, self.count = scene, scene.ensemble, drawn, count
 
@@ -231,10 +222,10 @@ class _Appliance:
             rows *= np.array(nominal_value(variation.key.removesuffix("_deg"), vars(self.scene)))
         elif variation.key == DEGREES:
             rows *= np.pi / 180.0
-        return rows if _is_vector(variation) else rows[:, 0]
+        return rows if variation.marginals[0].name.endswith("]") else rows[:, 0]
 
     def _sizes(self, variation: Variation) -> Iterator[tuple[str, Array]]:
-        for name in _sizes_of(variation):
+        for name in SHAPES[variation.form].sizes():
             rows = self._columns(variation, f"{SHAPE}.{name}")
             yield f"{SHAPE}.{name}", rows if rows.shape[1] > 1 else rows[:, 0]
 
@@ -322,14 +313,6 @@ def _tuples(value: Any) -> Any:
     return tuple(map(_tuples, value)) if isinstance(value, list) else value
 
 
-def _is_vector(variation: Variation) -> bool:
-    return variation.marginals[0].name.endswith("]")
-
-
-def _sizes_of(variation: Variation) -> list[str]:
-    return [key for key in SHAPES[variation.form]._keys() if key != "kind"]
-
-
 Rows = NDArray[np.int64]
 NEAR = 1e3 * INERTIA_TOLERANCE
 """The part of the trace within which a border is left to the kernels' own judgement."""
@@ -337,7 +320,7 @@ NEAR = 1e3 * INERTIA_TOLERANCE
 
 def impossible_rows(M: Array) -> Rows:
     """Return the rows of symmetric matrices (n, 3, 3) that no body has, as the kernels' check judges."""
-    found = [row for row in _near_a_border(M) if _is_refused(M[row].tolist())]
+    found = [row for row in _near_a_border(M) if evaluated(check_inertia, _tuples(M[row].tolist()))]
     return np.array(found, dtype=np.int64)
 
 
@@ -348,11 +331,6 @@ def thin_rows(M: Array) -> Rows:
     moments = np.linalg.eigvalsh(np.where(finite[:, None, None], M[rows], np.eye(3)))
     found: Rows = rows[~finite | (moments[:, 0] <= NEAR * np.abs(moments).sum(axis=1))]
     return found
-
-
-def _is_refused(rows: list[list[float]]) -> bool:
-    a, b, c = ((x, y, z) for x, y, z in rows)
-    return bool(evaluated(check_inertia, (a, b, c)))
 
 
 def _near_a_border(M: Array) -> Rows:

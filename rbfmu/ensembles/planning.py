@@ -60,22 +60,18 @@ def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) 
     progress: a function that is told from time to time which part of the work is done.
     Raises SceneError without an ensemble, and where a pilot cannot meet the accuracy asked.
     """
+    tell = progress or (lambda part: None)
     judges, found = [Judge(Question(pilot)) for pilot in _pilots(scene)], []
     for k, judge in enumerate(judges):
         with faults_of(f"{scene.name}, pilot member {k + 1}"):
             found.append(plan(judge.scene, judge=judge))
-        _tell(progress, 0.9 * (k + 1) / len(judges))
+        tell(0.9 * (k + 1) / len(judges))
     chosen, growth = _accurate(_for_all(found), judges)
-    _tell(progress, 1.0)
+    tell(1.0)
     pilots = _of_members(scene, chosen, len(judges))
     reasons = (*_of_model(judges[0].asked, chosen), *pilots, *_of_growth(scene, growth))
     warn(scene, _of_no_effect(scene, chosen), stacklevel=4)
     return replace(chosen, reasons=reasons)
-
-
-def _tell(progress: Callable[[float], Any] | None, part: float) -> None:
-    if progress is not None:
-        progress(part)
 
 
 # Why
@@ -115,7 +111,7 @@ def _of_growth(scene: Scene, growth: float) -> Iterator[str]:
 
 def _of_no_effect(scene: Scene, chosen: Plan) -> Iterator[str]:
     """Yield which keys do nothing: those that a member has of another one, while its outputs stay as they are."""
-    samples = samples_at(scene, draws.redraw(ensemble_of(scene), 0, 2, APART))
+    samples = samples_at(scene, draws.at_random(ensemble_of(scene), 0, 2, APART))
     step = {"run.step": (scene.run.stop - scene.run.start) / FEW_POINTS}
     with suppress(SceneError, SimulationError):  # of no member that can be tried nothing is said
         own = _quietly(member(scene, samples, 0).replace(step), chosen)
@@ -161,7 +157,7 @@ def _pilots(scene: Scene) -> Iterator[Scene]:
 def _pilot_samples(scene: Scene) -> Iterator[Samples]:
     """Yield rows of which the first that is a scene is a pilot; they do not depend on the design and the runs."""
     ensemble = ensemble_of(scene)
-    cube = draws.redraw(ensemble, 0, USUAL * len(PARTS) + FAR, APART)
+    cube = draws.at_random(ensemble, 0, USUAL * len(PARTS) + FAR, APART)
     for k in range(USUAL):
         yield samples_at(scene, cube[k : USUAL * len(PARTS) : USUAL])
     n = len(ensemble.varying)

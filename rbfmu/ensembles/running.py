@@ -1,6 +1,7 @@
 """Run an ensemble: chunks on any executor, taken in their order, kept in a store from time to time."""
 
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -10,7 +11,7 @@ from rbfmu.ensembles.executors import chunks_in_order
 from rbfmu.ensembles.members import with_runs
 from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.ensembles.result import EnsembleResult
-from rbfmu.ensembles.store import Checkpoint, MemoryStore, Progress, Store, refuse_existing, store_lock
+from rbfmu.ensembles.store import Checkpoint, Progress, Store, refuse_existing, store_lock
 from rbfmu.exceptions import named
 from rbfmu.extras import needed
 from rbfmu.progress import bar
@@ -71,7 +72,7 @@ def check_store(store: str | Path | None, resume: bool) -> None:
 
 def _store(work: Work, path: str | Path | None) -> Store:
     if path is None or Path(path).suffix != ".zarr":
-        return MemoryStore(work, None if path is None else Path(path))
+        return Store(work, None if path is None else Path(path))
     from rbfmu.ensembles.zarr_store import ZarrStore
 
     return ZarrStore(work, Path(path))
@@ -94,7 +95,7 @@ def _run(work: Work, store: Store, known: Checkpoint | None, executor: Any, show
         except BaseException:
             taken.commit()
             raise
-        store.finish(taken.whole, taken.progress)
+        store.finish(replace(taken.whole, failed=taken.progress.failed), taken.progress.statistics)
     return taken.progress.failed
 
 

@@ -13,7 +13,8 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,7 @@ Array = NDArray[np.float64]
 EXTENDABLE = ("random", "sobol")
 """Designs of which more members may be asked for later."""
 _HEAD, _KEPT = "resume/head", "resume/statistics/"
+_NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 @dataclass
@@ -228,46 +230,45 @@ AT_ONCE = 2e7
 """Numbers of all runs that are sorted at once."""
 
 
-class Store(Protocol):
-    """A place for the numbers of an ensemble."""
+class Store:
+    """The place of an ensemble's numbers: arrays in memory; with a path also a file, written anew at each commit.
 
-    def begin(self, resume: bool) -> Checkpoint | None:
-        """Make the store ready, and return what it holds already. Raises FileExistsError, ValueError."""
+    Other places hold rows elsewhere than in memory (`zarr_store`). file: that of the checkpoint, if it is not the path.
+    """
 
-    def put(self, chunk: Chunk) -> None:
-        """Take the next chunk."""
-
-    def commit(self, progress: Progress) -> None:
-        """Keep the chunks that were taken, all of them full, even if the program is killed after that."""
-
-    def finish(self, whole: Progress, progress: Progress) -> None:
-        """Keep everything. whole: the progress in full chunks, from which more runs may go on."""
-
-    def arrays(self) -> Mapping[str, Any]:
-        """Return all variables by name."""
-
-
-class MemoryStore:
-    """Arrays in memory; with a path also a file, which is written anew at each commit."""
-
-    def __init__(self, work: Work, path: Path | None = None) -> None:
-        self._work, self._path = work, path
+    def __init__(self, work: Work, path: Path | None = None, file: Path | None = None) -> None:
+        self._work, self._path, self._file = work, path, file or path
         self._identity = identity_of(work)
         self._rows: dict[str, Any] = {}
         self._results: Mapping[str, Any] = {}
 
     def begin(self, resume: bool) -> Checkpoint | None:
         """Make the store ready, and return what it holds already. Raises FileExistsError, ValueError."""
-        if self._path is None:
-            return None
-        known = checkpoint_of(self._path, self._path, self._identity, resume)
+        known = self._checkpoint(resume)
         if known is None:
-            Checkpoint(self._identity, Progress.none(self._work)).write(self._path)
+            self._write(Progress.none(self._work))
             return None
         for name, values in known.rows.items():
             self._put(name, 0, values)
         self._results = known.results
         return known
+
+    def _checkpoint(self, resume: bool) -> Checkpoint | None:
+        """Return the checkpoint, None where there is none yet. Raises FileExistsError, ValueError."""
+        if self._path is None or self._file is None:
+            return None
+        refuse_existing(self._path, resume)
+        if not self._file.exists():
+            return None
+        known = Checkpoint.read(self._file)
+        if found := difference(known.identity, self._identity):
+            raise ValueError(f"{self._path}: of another ensemble: {found}")
+        return known
+
+    def _write(self, progress: Progress, rows: Mapping[str, Any] = _NOTHING, runs: int = 0) -> None:
+        if self._file is not None:
+            results = self._results if runs else {}
+            Checkpoint(self._identity, progress, rows, results, runs).write(self._file)
 
     def put(self, chunk: Chunk) -> None:
         """Take the next chunk."""
@@ -281,32 +282,17 @@ class MemoryStore:
 
     def commit(self, progress: Progress) -> None:
         """Keep the chunks that were taken, all of them full, even if the program is killed after that."""
-        if self._path is not None:
-            members = progress.chunks * self._work.size
-            rows = {name: values[:members] for name, values in self._rows.items()}
-            Checkpoint(self._identity, progress, rows).write(self._path)
+        members = progress.chunks * self._work.size
+        self._write(progress, {name: values[:members] for name, values in self._rows.items()})
 
-    def finish(self, whole: Progress, progress: Progress) -> None:
-        """Keep everything. whole: the progress in full chunks, from which more runs may go on."""
-        self._results = results_of(self._work, progress.statistics, self._rows)
-        if self._path is not None:
-            progress = Progress(whole.chunks, whole.statistics, progress.failed)
-            Checkpoint(self._identity, progress, self._rows, self._results, self._work.runs).write(self._path)
+    def finish(self, whole: Progress, statistics: Statistics | None) -> None:
+        """Keep everything. whole: the progress in full chunks, from which more runs may go on; statistics: of all."""
+        self._results = results_of(self._work, statistics, self._rows)
+        self._write(whole, self._rows, self._work.runs)
 
     def arrays(self) -> Mapping[str, Any]:
         """Return all variables by name."""
         return {**self._rows, **self._results}
-
-
-def checkpoint_of(store: Path, file: Path, identity: Mapping[str, Any], resume: bool) -> Checkpoint | None:
-    """Return the checkpoint of a store, None where there is none yet. Raises FileExistsError, ValueError."""
-    refuse_existing(store, resume)
-    if not file.exists():
-        return None
-    known = Checkpoint.read(file)
-    if found := difference(known.identity, identity):
-        raise ValueError(f"{store}: of another ensemble: {found}")
-    return known
 
 
 def refuse_existing(store: Path, resume: bool) -> None:
@@ -347,13 +333,3 @@ def _of_all(values: Any, probabilities: Array) -> Array:
     times = max(1, int(AT_ONCE // (values.size // values.shape[1] or 1)))
     parts = [exact_quantiles(values[:, k : k + times], probabilities) for k in range(0, values.shape[1], times)]
     return np.concatenate(parts, axis=1)
-
-
-def attributes(work: Work, failed: Mapping[int, str]) -> dict[str, Any]:
-    """Return what is said of the whole ensemble, for JSON."""
-    return {
-        "title": work.scene.name,
-        "scene": work.scene.to_dict(),
-        "model": f"{work.plan.model}: {work.plan.method}",
-        "failed": {str(index): text for index, text in failed.items()},
-    }

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from rbfmu.ensembles.chunks import Chunk, Work
-from rbfmu.ensembles.store import Checkpoint, Progress, attributes, checkpoint_of, chunk_arrays, identity_of, results_of
-from rbfmu.ensembles.variables import ALL, KEYS, Variable, coordinates, variables
+from rbfmu.ensembles.statistics import Statistics
+from rbfmu.ensembles.store import Checkpoint, Progress, Store, chunk_arrays, results_of
+from rbfmu.ensembles.variables import KEYS, REDRAWN, TIMES, Variable, coordinates, variables
 from rbfmu.extras import needed
 
 ROWS = 16384
@@ -75,43 +76,39 @@ def _damaged(path: Path, why: str) -> str:
     return f"{path}: cannot be read ({why}): expected what `rbfmu ensemble` writes"
 
 
-class ZarrStore:
-    """A folder of zarr, version 3 of the format."""
+class ZarrStore(Store):
+    """A folder of zarr, version 3 of the format; rows that do not yet fill chunks of zarr are in the checkpoint."""
 
     def __init__(self, work: Work, path: Path) -> None:
-        self._zarr = needed("zarr", "ensemble")
-        self._work, self._path, self._file = work, path, path / RESUME / "checkpoint.npz"
-        self._identity = identity_of(work)
-        self._rows = work.size * max(1, ROWS // work.size)
-        self._held: dict[str, Any] = {}
+        super().__init__(work, path, path / RESUME / "checkpoint.npz")
+        self._zarr, self._folder = needed("zarr", "ensemble"), path
+        self._length = work.size * max(1, ROWS // work.size)
         self._first = 0
         self._group: Any = None
-        self._known: Mapping[str, Any] = {}
 
     def begin(self, resume: bool) -> Checkpoint | None:
         """Make the store ready, and return what it holds already. Raises FileExistsError, ValueError."""
-        known = checkpoint_of(self._path, self._file, self._identity, resume)
+        known = self._checkpoint(resume)
         if known is None:
             self._refuse_others()
-        for part in self._path.rglob(f"*{PART}"):  # of a program that was killed
+        for part in self._folder.rglob(f"*{PART}"):  # of a program that was killed
             part.unlink()
-        self._group = self._zarr.open_group(self._path, mode="a", zarr_format=3)
+        self._group = self._zarr.open_group(self._folder, mode="a", zarr_format=3)
         if known is None:
             self._group.require_group(RESUME)
-            Checkpoint(self._identity, Progress.none(self._work)).write(self._file)
+            self._write(Progress.none(self._work))
             return None
-        self._held, self._known = dict(known.rows), known.results
-        done = known.progress.chunks * self._work.size
-        self._first = done - (len(next(iter(self._held.values()))) if self._held else 0)
+        self._rows, self._results = dict(known.rows), known.results
+        self._first = known.progress.chunks * self._work.size - len(self._rows.get(REDRAWN, ()))
         if known.runs != self._work.runs:
-            Checkpoint(self._identity, known.progress, known.rows).write(self._file)  # no result until all is done
+            self._write(known.progress, known.rows)  # no result until all is done
             self._give_each_run_a_row()
         return known
 
     def _refuse_others(self) -> None:
         """Refuse a folder of something else; one that was begun and killed before its first checkpoint has little."""
-        if self._path.exists() and not (self._path.is_dir() and all(map(_is_ours, self._path.iterdir()))):
-            raise FileExistsError(errno.EEXIST, "is no store of an ensemble, and stays as it is", str(self._path))
+        if self._folder.exists() and not (self._folder.is_dir() and all(map(_is_ours, self._folder.iterdir()))):
+            raise FileExistsError(errno.EEXIST, "is no store of an ensemble, and stays as it is", str(self._folder))
 
     def _give_each_run_a_row(self) -> None:
         """Resize arrays by their own length: zarr leaves out, without a word, what is written beyond it."""
@@ -124,15 +121,13 @@ class ZarrStore:
         arrays = chunk_arrays(self._work, chunk)
         if chunk.first == 0:
             self._create(arrays)
-        timed = set(self._work.columns.names) if self._work.keeps(ALL) else set()
         for name, values in arrays.items():
-            if name in timed:
-                self._write(name, np.s_[chunk.first : chunk.first + chunk.members], values)
+            if name in self._work.columns.names:  # with all times
+                self._set(name, np.s_[chunk.first : chunk.first + chunk.members], values)
             else:
-                there = self._held.get(name, values[:0])
-                self._held[name] = np.concatenate([there, values])
-        if len(self._held["redrawn"]) >= self._rows:
-            self._write_held()
+                self._rows[name] = np.concatenate([self._rows.get(name, values[:0]), values])
+        if len(self._rows[REDRAWN]) >= self._length:
+            self._write_rows()
 
     def _create(self, arrays: Mapping[str, Any]) -> None:
         """Create the arrays with a row a run, by the first chunk."""
@@ -142,8 +137,8 @@ class ZarrStore:
                 values = arrays[variable.name]
                 self._array(variable, (self._work.runs, *values.shape[1:]), values.dtype)
 
-    def _array(self, variable: Variable, shape: tuple[int, ...], dtype: Any) -> Any:
-        return self._group.create_array(
+    def _array(self, variable: Variable, shape: tuple[int, ...], dtype: Any) -> None:
+        self._group.create_array(
             variable.name, shape=shape, chunks=self._chunks(variable, shape), dtype=dtype, overwrite=True,
             fill_value=np.nan if dtype.kind == "f" else 0, dimension_names=variable.dims,
             attributes=variable.attributes,
@@ -154,45 +149,45 @@ class ZarrStore:
         if variable.dims[:2] == ("run", "time"):
             times = max(1, NUMBERS // (self._work.size * int(np.prod(shape[2:]))))
             return (self._work.size, min(times, shape[1]), *shape[2:])
-        return (self._rows, *shape[1:]) if variable.dims[:1] == ("run",) else shape
+        return (self._length, *shape[1:]) if variable.dims[:1] == ("run",) else shape
 
-    def _write(self, name: str, part: Any, values: Any) -> None:
+    def _set(self, name: str, part: Any, values: Any) -> None:
         with self._zarr.config.set({"array.write_empty_chunks": True}):  # so that a chunk that is not there was lost
             self._group[name][part] = values
 
-    def _write_held(self) -> None:
-        for name, values in self._held.items():
-            self._write(name, np.s_[self._first : self._first + len(values)], values)
-        self._first += len(next(iter(self._held.values())))
-        self._held = {}
+    def _write_rows(self) -> None:
+        for name, values in self._rows.items():
+            self._set(name, np.s_[self._first : self._first + len(values)], values)
+        self._first += len(self._rows.get(REDRAWN, ()))
+        self._rows = {}
 
     def commit(self, progress: Progress) -> None:
         """Keep the chunks that were taken, all of them full, even if the program is killed after that."""
-        Checkpoint(self._identity, progress, self._held).write(self._file)
+        self._write(progress, self._rows)
 
-    def finish(self, whole: Progress, progress: Progress) -> None:
-        """Keep everything. whole: the progress in full chunks, from which more runs may go on."""
-        full = whole.chunks * self._work.size - self._first
-        held = {name: values[:full] for name, values in self._held.items()} if full > 0 else {}
-        if self._held:
-            first = self._first
-            self._write_held()
-            self._first = first
-        rows = {name: StoredArray(self._path, array) for name, array in self._group.arrays()}
-        results = results_of(self._work, progress.statistics, rows)
-        for variable in variables(self._work.scene, {}):
-            if variable.name in results:
-                values = results[variable.name]
+    def finish(self, whole: Progress, statistics: Statistics | None) -> None:
+        """Keep everything. whole: the progress in full chunks, from which more runs may go on; statistics: of all."""
+        full = max(whole.chunks * self._work.size - self._first, 0)
+        last = {name: values[:full] for name, values in self._rows.items() if full}
+        self._write_rows()
+        rows = {name: StoredArray(self._folder, array) for name, array in self._group.arrays()}
+        results = results_of(self._work, statistics, rows)
+        known = [(variable, results.get(variable.name)) for variable in variables(self._work.scene, {})]
+        for name, (dimension, values, said) in coordinates(results[TIMES]).items():
+            known.append((Variable(name, (dimension,), said), values))
+        for variable, values in known:
+            if values is not None:
                 self._array(variable, values.shape, values.dtype)
-                self._write(variable.name, ..., values)
-        for name, (dimension, values, said) in coordinates(results["time"]).items():
-            self._array(Variable(name, (dimension,), said), values.shape, values.dtype)
-            self._write(name, ..., values)
-        self._group.attrs.update(attributes(self._work, progress.failed))
-        progress = Progress(whole.chunks, whole.statistics, progress.failed)
-        self._known = {LAYOUT: np.array(_layout(dict(self._group.arrays())))}
-        Checkpoint(self._identity, progress, held, self._known, self._work.runs).write(self._file)
+                self._set(variable.name, ..., values)
+        self._group.attrs.update({
+            "title": self._work.scene.name,
+            "scene": self._work.scene.to_dict(),
+            "model": f"{self._work.plan.model}: {self._work.plan.method}",
+            "failed": {str(index): text for index, text in whole.failed.items()},
+        })  # fmt: skip
+        self._results = {LAYOUT: np.array(_layout(dict(self._group.arrays())))}
+        self._write(whole, last, self._work.runs)
 
     def arrays(self) -> Mapping[str, Any]:
         """Return all variables by name; they are read when they are looked at."""
-        return arrays_of_folder(self._path, self._known)
+        return arrays_of_folder(self._folder, self._results)

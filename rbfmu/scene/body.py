@@ -1,8 +1,7 @@
 """The body of a scene: its mass, its inertia about the centre of mass, and its pivot."""
 
 import math
-from abc import abstractmethod
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
@@ -80,52 +79,46 @@ def _moments(M: Matrix) -> str:
     return ", ".join(f"{moment:.6g}" for moment in _principal_axes(M)[0])
 
 
-class _Shape(Section):
+class Shape(Section):
+    """The table of a homogeneous body's shape: its kind, and sizes in the order in which the kernel takes them."""
+
     _path: ClassVar[str] = "body.shape"
     kind: str
 
-    @abstractmethod
+    @classmethod
+    def sizes(cls) -> list[str]:
+        """Return the keys of the sizes."""
+        return [key for key in cls._keys() if key != "kind"]
+
     def inertia(self, mass: float) -> Matrix:
         """Return M_c."""
+        kernel: Any = getattr(_shapes, f"{self.kind}_inertia")
+        found: Matrix = evaluated(kernel, mass, *(getattr(self, key) for key in self.sizes()))
+        return found
 
 
-class _Beam(_Shape):
+class _Beam(Shape):
     length: Annotated[float, positive("m").means("beam along x: its length")]
 
-    def inertia(self, mass: float) -> Matrix:
-        return evaluated(_shapes.beam_inertia, mass, self.length)
 
-
-class _Box(_Shape):
+class _Box(Shape):
     sides: Annotated[Vec3, positive("m", 3).means("box: its sides along x, y, z")]
 
-    def inertia(self, mass: float) -> Matrix:
-        return evaluated(_shapes.box_inertia, mass, self.sides)
 
-
-class _Cylinder(_Shape):
+class _Cylinder(Shape):
     radius: Annotated[float, positive("m").means("cylinder about z: its radius")]
     length: Annotated[float, positive("m").means("cylinder about z: its length")]
 
-    def inertia(self, mass: float) -> Matrix:
-        return evaluated(_shapes.cylinder_inertia, mass, self.radius, self.length)
 
-
-class _Sphere(_Shape):
+class _Sphere(Shape):
     radius: Annotated[float, positive("m").means("sphere: its radius")]
 
-    def inertia(self, mass: float) -> Matrix:
-        return evaluated(_shapes.sphere_inertia, mass, self.radius)
 
-
-class _Ellipsoid(_Shape):
+class _Ellipsoid(Shape):
     semiaxes: Annotated[Vec3, positive("m", 3).means("ellipsoid: its semiaxes along x, y, z")]
 
-    def inertia(self, mass: float) -> Matrix:
-        return evaluated(_shapes.ellipsoid_inertia, mass, self.semiaxes)
 
-
-SHAPES: Mapping[str, type[_Shape]] = {
+SHAPES: Mapping[str, type[Shape]] = {
     "box": _Box,
     "beam": _Beam,
     "cylinder": _Cylinder,
@@ -134,7 +127,7 @@ SHAPES: Mapping[str, type[_Shape]] = {
 }
 
 
-def _read_shape(value: Any) -> _Shape:
+def _read_shape(value: Any) -> Shape:
     kinds = " or ".join(f'"{kind}"' for kind in SHAPES)
     if not isinstance(value, Mapping) or "kind" not in value:
         raise SceneError(fault("body.shape", value, f"a table with kind = {kinds}"))
@@ -215,25 +208,17 @@ class Body(Section):
     def _inertia_of_shape(cls, shape: Any, mass: Any, faults: list[str]) -> Any:
         """Return M_c, or unit moments as a placeholder if there are faults."""
         try:
-            body = _read_shape(shape)
+            M = _read_shape(shape).inertia(_MASS(mass))
+            if all(map(math.isfinite, flattened(M))) and evaluated(_inertia.trace, M) > 0.0:
+                return M
+            faults.append(fault("body.shape", shape, f"a size whose inertia is a normal number ({_UNIT})"))
         except SceneError as error:
             faults += error.faults
-        else:
-            try:
-                mass = _MASS(mass)
-            except ValueError:
-                pass  # this fault is reported at body.mass
-            else:
-                M = body.inertia(mass)
-                if all(map(math.isfinite, flattened(M))) and evaluated(_inertia.trace, M) > 0.0:
-                    return M
-                faults.append(fault("body.shape", shape, f"a size whose inertia is a normal number ({_UNIT})"))
+        except ValueError:
+            pass  # this fault is reported at body.mass
         return (1.0, 1.0, 1.0)
 
-    def _contradictions(self) -> Iterable[str]:
-        return self._without_two_moments()
-
-    def _without_two_moments(self) -> Iterator[str]:
+    def _contradictions(self) -> Iterator[str]:
         """Yield a fault if `M` is not finite or two of its moments are zero: a free point mass has no attitude."""
         if not all(map(math.isfinite, flattened(self.M))):
             yield fault("body.r_oc_b", self.r_oc_b, f"a distance whose inertia about o is finite ({_UNIT})")

@@ -68,7 +68,7 @@ def _shape_keys() -> Iterator[Key]:
     kinds = " or ".join(f'"{kind}"' for kind in SHAPES)
     yield Key("body.shape", "kind", "", REQUIRED, kinds)
     for shape in SHAPES.values():
-        yield from (_key(shape, key) for key in shape._keys() if key != "kind")
+        yield from (_key(shape, key) for key in shape.sizes())
 
 
 def _key(section: type[Section], name: str) -> Key:

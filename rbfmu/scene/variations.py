@@ -312,7 +312,7 @@ class _Reader:
             self.refuse(value, f"a table with kind out of {', '.join(SHAPES)}, and its sizes")
             return (), ""
         section = SHAPES[kind]
-        keys = [key for key in section._keys() if key != "kind"]
+        keys = section.sizes()
         if set(value) != {"kind", *keys}:
             self.refuse(value, f"a {kind} with {' and '.join(keys)}")
             return (), ""
