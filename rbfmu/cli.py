@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rbfmu.cli_output import (  # isort: skip
-    PICTURES, SAVED, STORES, Commands, check_target, driven_by, folder_option, given_scene, input_options,
-    model_option, plan_text, print_end, print_ensemble, print_keys, print_verdict, print_verification,
-    print_written, run_options, say_where_nothing_is_kept, usage_errors, write_new,
+    PICTURES, SAVED, STORES, Commands, check_target, choice_option, file_option, folder_option,
+    given_scene, input_options, model_option, plan_text, print_end, print_ensemble, print_keys, print_verdict,
+    print_verification, print_written, run_options, say_where_nothing_is_kept, usage_errors, write_new,
 )  # fmt: skip
 from rbfmu.exceptions import SceneWarning, named
 from rbfmu.extras import needed
@@ -44,11 +44,8 @@ def demo(folder: Path) -> None:
     from rbfmu_fmu.demo import run_demo
 
     say_where_nothing_is_kept()
-    try:
-        with named(folder):
-            passed = run_demo(folder, Console(highlight=False))
-    except VerificationError as error:
-        raise click.UsageError(str(error)) from None
+    with usage_errors(VerificationError), named(folder):
+        passed = run_demo(folder, Console(highlight=False))
     click.get_current_context().exit(0 if passed else 1)
 
 
@@ -79,15 +76,13 @@ def new(name: str) -> None:
 @input_options
 @model_option
 @run_options
-def show_plan(
-    scene: Path, as_json: bool, inputs: Path | None, interpolate: str, model: str, **run: float | None
-) -> None:
+def show_plan(scene: Path, as_json: bool, driven: dict[str, Any], model: str, **run: float | None) -> None:
     """Say which model and method a scene gets, and why."""
     kept = KeptPlan(scene, {"model": model, **run})
-    known = kept.read() if inputs is None else None
+    known = None if driven else kept.read()
     if known is None:
         with given_scene(scene, run) as loaded:
-            known = _planned(loaded, model, kept, driven_by(inputs, interpolate))
+            known = _planned(loaded, model, kept, driven)
     for doubt in known["doubts"]:
         warnings.warn(doubt, SceneWarning, stacklevel=2)  # of a plan that was made now they are said already
     click.echo(json.dumps(known["plan"] | {"variables": known["variables"]}, indent=1) if as_json else known["text"])
@@ -112,19 +107,13 @@ def _planned(scene: "Scene", model: str, kept: KeptPlan, driven: dict[str, Any])
 
 @main.command()
 @click.argument("scene", metavar="SCENE", type=click.Path(path_type=Path))
-@click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), help="Save to FILE (.csv or .npz).")
-@click.option("--plot", type=click.Path(dir_okay=False, path_type=Path), help="Draw to FILE (.png, .svg or .pdf).")
+@file_option("Save to FILE (.csv or .npz).", "-o", "--output")
+@file_option("Draw to FILE (.png, .svg or .pdf).", "--plot")
 @input_options
 @model_option
 @run_options
 def run(
-    scene: Path,
-    output: Path | None,
-    plot: Path | None,
-    inputs: Path | None,
-    interpolate: str,
-    model: str,
-    **run: float | None,
+    scene: Path, output: Path | None, plot: Path | None, driven: dict[str, Any], model: str, **run: float | None
 ) -> None:
     """Simulate a scene, its ports at zero or driven by a file.
 
@@ -135,9 +124,9 @@ def run(
 
     check_target(output, "--output", SAVED)
     check_target(plot, "--plot", PICTURES)
-    driven, kept = driven_by(inputs, interpolate), KeptPlan(scene, {"model": model, **run})
+    kept = KeptPlan(scene, {"model": model, **run})
     with given_scene(scene, run) as loaded:
-        known = kept.read() if inputs is None else None
+        known = None if driven else kept.read()
         planned = Plan.from_dict((known or _planned(loaded, model, kept, driven))["plan"])
         result = simulate(loaded, planned=planned, progress=progress_bar(loaded.name), **driven)
     if output:
@@ -158,7 +147,7 @@ def run(
 @click.option("--workers", type=click.IntRange(1), help="Threads.  [one for each processor]")
 @click.option("--scheduler", metavar="ADDRESS", help="Of Dask, in place of threads: tcp://HOST:PORT.")
 @click.option("--resume", is_flag=True, help="Go on with a STORE that is there.")
-@click.option("--plot", type=click.Path(dir_okay=False, path_type=Path), help="Draw to FILE (.png, .svg or .pdf).")
+@file_option("Draw to FILE (.png, .svg or .pdf).", "--plot")
 @run_options
 def ensemble(
     scene: Path,
@@ -174,10 +163,9 @@ def ensemble(
 
     A run has the same numbers on any number of workers, in one go or resumed.
     """
-    from rbfmu.ensembles.executors import dask_client
     from rbfmu.ensembles.members import with_runs
     from rbfmu.ensembles.planning import plan_ensemble
-    from rbfmu.ensembles.running import check_store, run_ensemble
+    from rbfmu.ensembles.running import check_store, dask_client, run_ensemble
 
     check_target(output, "--output", STORES)
     check_target(plot, "--plot", PICTURES)
@@ -207,21 +195,14 @@ def ensemble(
 
 @main.command()
 @click.argument("source", metavar="SCENE|RESULT", type=click.Path(path_type=Path))
-@click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path),
-              help="Page to write, also over one that is there.  [motion.html, if there is none]")  # fmt: skip
+@file_option("Page to write, also over one that is there.  [motion.html, if there is none]", "-o", "--output")
 @click.option("--scene", "body", type=click.Path(path_type=Path), help="Whose body a RESULT (.csv, .npz) moves.")
 @click.option("--stop", type=float, help="End of what is shown (s).")
 @click.option("--ghosts", type=click.IntRange(0), default=0, metavar="N",
               help="Show N runs of the scene's ensemble as pale bodies.")  # fmt: skip
 @input_options
 def view(
-    source: Path,
-    output: Path | None,
-    body: Path | None,
-    stop: float | None,
-    ghosts: int,
-    inputs: Path | None,
-    interpolate: str,
+    source: Path, output: Path | None, body: Path | None, stop: float | None, ghosts: int, driven: dict[str, Any]
 ) -> None:
     """Write a page that plays a motion in 3D, in any browser and without network.
 
@@ -235,7 +216,6 @@ def view(
         raise click.UsageError(f"{target}: exists already, and stays as it is; -o {target} writes over it")
     say_where_nothing_is_kept()
     with usage_errors(), bar(f"planning {source.stem}") as tell:
-        driven = driven_by(inputs, interpolate)
         motion = write_page(source, target, scene=body, stop=stop, progress=tell, ghosts=ghosts, **driven)
     size = target.stat().st_size / 1e6
     click.echo(f"{target}: {size:.1f} MB, {len(motion.result.time)} pictures, played in {motion.played:.3g} s")
@@ -243,12 +223,11 @@ def view(
 
 @main.command()
 @click.argument("scene", metavar="SCENE", type=click.Path(path_type=Path))
-@click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), help="FMU to write.  [NAME.fmu]")
+@file_option("FMU to write.  [NAME.fmu]", "-o", "--output")
 @click.option("--native", is_flag=True, help="Compiled: the importer needs no Python.")
 @click.option("--platform", "platforms", default="", metavar="NAME,...",
               help="Of a native FMU: linux64, win64, darwin64, linux-aarch64, darwin-aarch64; all.")  # fmt: skip
-@click.option("--fmi", type=click.Choice(["2", "3"]), default="2", show_default=True,
-              help="Version of FMI: 2.0, or 3.0 with arrays as variables; 3 with --native.")  # fmt: skip
+@choice_option("--fmi", ["2", "3"], "Version of FMI: 2.0, or 3.0 with arrays as variables; 3 with --native.")
 @click.option("--scalars", is_flag=True, help="Of FMI 3.0: no arrays, as importers that cannot take them need it.")
 @click.option("--terminals", is_flag=True, help="Of FMI 2.0: list terminals, at which some importers fail; 3.0 does.")
 @model_option
@@ -272,13 +251,10 @@ def build(
     if scalars and fmi != "3":
         raise click.UsageError("--scalars: expected --fmi 3 with it")
     kind = "native" if native else "python"
-    try:
-        with given_scene(scene, run) as loaded:
-            _say_what_takes_minutes(names)
-            target = output or Path(file_name(loaded.name))
-            click.echo(build_fmu(loaded, target, kind, names, model == "full", int(fmi), scalars, terminals))
-    except BuildError as error:
-        raise click.UsageError(str(error)) from None
+    with usage_errors(BuildError), given_scene(scene, run) as loaded:
+        _say_what_takes_minutes(names)
+        target = output or Path(file_name(loaded.name))
+        click.echo(build_fmu(loaded, target, kind, names, model == "full", int(fmi), scalars, terminals))
 
 
 @main.command()
@@ -290,10 +266,8 @@ def verify(fmu: Path, seed: int) -> None:
     from rbfmu_fmu import verify as verify_fmu
 
     say_where_nothing_is_kept()
-    try:
+    with usage_errors(VerificationError):
         found = verify_fmu(fmu, seed)
-    except VerificationError as error:
-        raise click.UsageError(str(error)) from None
     print_verification(found)
     click.get_current_context().exit(0 if found.passed else 1)
 

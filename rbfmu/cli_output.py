@@ -6,6 +6,7 @@ Rich is loaded where it draws, as loading it takes a tenth of a short run.
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import wraps
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -67,13 +68,14 @@ def doubts_in_lines() -> Iterator[None]:
 
 
 @contextmanager
-def usage_errors() -> Iterator[None]:
-    """Turn what is wrong with a file that was given, or a package that is absent, into a message."""
+def usage_errors(*kinds: type[Exception]) -> Iterator[None]:
+    """Turn these errors into a message; by default what is wrong with a file given, or a package that is absent."""
+    refused = kinds or (ValueError, ModuleNotFoundError)
     try:
         yield
     except SceneError:
         raise
-    except (ValueError, ModuleNotFoundError) as error:
+    except refused as error:
         raise click.UsageError(str(error)) from None
 
 
@@ -157,7 +159,8 @@ def print_ensemble(planned: Any, result: Any) -> None:
     click.echo(f"{planned.model}: {planned.method}")
     for reason in planned.reasons:
         click.echo(reason)
-    click.echo(f"{result.runs:,} runs, {len(result.failed):,} of them failed, {_drawn_again(result)} drawn again")
+    redrawn = int((result.redrawn > 0).sum())
+    click.echo(f"{result.runs:,} runs, {len(result.failed):,} of them failed, {redrawn:,} drawn again")
     for index, text in [*result.failed.items()][:MOST_FAILED]:
         click.echo(f"run {index}: {text}")
     rows = [(f"at t = {result.time[-1]:g} s", "unit", "mean", "standard deviation")]
@@ -173,10 +176,6 @@ def _print_columns(rows: Sequence[Sequence[str]]) -> None:
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         click.echo("  ".join(map(str.ljust, row, widths)).rstrip())
-
-
-def _drawn_again(result: Any) -> str:
-    return f"{int((result.redrawn > 0).sum()):,}"
 
 
 def print_keys() -> None:
@@ -220,31 +219,29 @@ SAVED = (".csv", ".npz")
 STORES = (".npz", ".zarr")
 PICTURES = (".png", ".svg", ".pdf")
 
-model_option = click.option(
-    "--model",
-    type=click.Choice(["planned", "full"]),
-    default="planned",
-    show_default=True,
-    help="The smallest that serves the scene, or all degrees of freedom.",
+
+def choice_option(name: str, known: Sequence[str], text: str) -> Callable[[Any], Any]:
+    """Return the option of a choice, by default the first."""
+    return click.option(name, type=click.Choice(known), default=known[0], show_default=True, help=text)
+
+
+model_option = choice_option(
+    "--model", ["planned", "full"], "The smallest that serves the scene, or all degrees of freedom."
 )
 
 
-def input_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options of commands that drive the ports by a file."""
-    interpolate = click.option(
-        "--interpolate",
-        type=click.Choice(["hold", "linear"]),
-        default="hold",
-        show_default=True,
-        help="Between the rows of --inputs.",
-    )
-    inputs = click.option(
-        "--inputs",
-        type=click.Path(path_type=Path),
-        metavar="FILE.csv",
-        help="Drive the ports: columns time, torque_b[1], ...  [ports at zero]",
-    )
-    return inputs(interpolate(command))
+def input_options(command: Callable[..., Any]) -> Any:
+    """Add the options of commands that drive the ports by a file; they get the arguments of plans and runs for it."""
+
+    @wraps(command)
+    def call(*args: Any, inputs: Path | None, interpolate: str, **others: Any) -> Any:
+        driven = {} if inputs is None else {"inputs": inputs, "interpolate": interpolate}
+        return command(*args, driven=driven, **others)
+
+    interpolate = choice_option("--interpolate", ["hold", "linear"], "Between the rows of --inputs.")
+    text = "Drive the ports: columns time, torque_b[1], ...  [ports at zero]"
+    inputs = click.option("--inputs", type=click.Path(path_type=Path), metavar="FILE.csv", help=text)
+    return inputs(interpolate(call))
 
 
 def run_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -255,15 +252,15 @@ def run_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
+def file_option(text: str, *names: str) -> Callable[..., Any]:
+    """Return the option of a file to write."""
+    return click.option(*names, type=click.Path(dir_okay=False, path_type=Path), help=text)
+
+
 def folder_option(default: str, text: str) -> Callable[..., Any]:
     """Return the option of a command that writes a folder."""
     kind = click.Path(file_okay=False, path_type=Path)
     return click.option("-o", "--output", "folder", type=kind, default=Path(default), show_default=True, help=text)
-
-
-def driven_by(inputs: Path | None, interpolate: str) -> dict[str, Any]:
-    """Return the arguments of a plan and of a run that are driven by a file."""
-    return {} if inputs is None else {"inputs": inputs, "interpolate": interpolate}
 
 
 @contextmanager

@@ -135,7 +135,19 @@ class Result:
 
         Raises ValueError where the file has no time, an incomplete quantity or a number that is not finite.
         """
-        return cls(*read_result(Path(path)))
+        path = Path(path)
+        if path.suffix not in FORMATS:
+            raise ValueError(f"{str(path)!r}: expected a name that ends in .csv or .npz")
+        columns = _npz(path) if path.suffix == ".npz" else _csv(path)
+        if "time" not in columns:
+            raise ValueError(f"{path}: time is missing: expected the result of a run")
+        time, quantities = columns["time"], {name: columns[name] for name in OUTPUT if name in columns}
+        for name, values in {"time": time, **quantities}.items():
+            _check(path, name, values, len(time))
+        if np.any(np.diff(time) <= 0.0):
+            row = int(np.argmax(np.diff(time) <= 0.0)) + 1
+            raise ValueError(f"{path}: time = {float(time[row])!r} in row {row + 1}: expected times that increase")
+        return cls(time, quantities)
 
     def save(self, path: str | Path) -> None:
         """Write `.csv` (FMU variable names, every digit) or `.npz` (arrays by quantity).
@@ -168,26 +180,6 @@ class Result:
             table.writerow(("name", "unit", "meaning"))
             rows = ((name, known[name.split("[")[0]]) for name in self.columns())
             table.writerows((name, row.unit, row.meaning) for name, row in rows)
-
-
-def read_result(path: Path) -> tuple[Array, dict[str, Array]]:
-    """Return time (n,) and the arrays by quantity of a .csv or .npz. Raises ValueError."""
-    if path.suffix == ".npz":
-        columns = _npz(path)
-    elif path.suffix == ".csv":
-        columns = _csv(path)
-    else:
-        raise ValueError(f"{str(path)!r}: expected a name that ends in .csv or .npz")
-    if "time" not in columns:
-        raise ValueError(f"{path}: time is missing: expected the result of a run")
-    quantities = {name: columns[name] for name in OUTPUT if name in columns}
-    for name, values in {"time": columns["time"], **quantities}.items():
-        _check(path, name, values, len(columns["time"]))
-    time = columns["time"]
-    if np.any(np.diff(time) <= 0.0):
-        row = int(np.argmax(np.diff(time) <= 0.0)) + 1
-        raise ValueError(f"{path}: time = {float(time[row])!r} in row {row + 1}: expected times that increase")
-    return time, quantities
 
 
 def _npz(path: Path) -> dict[str, Array]:

@@ -201,21 +201,17 @@ def documented_by(kernel: Function) -> Callable[[Function], Function]:
     return decorate
 
 
-def shapes_in_words(kernel: Function) -> str:
-    """Return the shapes of one item, such as `q_ab (4), v_b (3) -> (3)`, from the kernel's annotations."""
+def _with_shapes(text: str, kernel: Function) -> str:
+    """Return a docstring with a line about shapes before that about units: `q_ab (4), v_b (3) -> (3)`."""
     arguments, results = core_shapes(kernel)
-    before = ", ".join(f"{name} {_in_brackets(shape)}" for name, shape in arguments.items())
-    return f"{before} -> {', '.join(map(_in_brackets, results))}"
+    taken = ", ".join(f"{name} {_in_brackets(shape)}" for name, shape in arguments.items())
+    given = ", ".join(map(_in_brackets, results))
+    before, units, after = text.partition("\nUnits:")
+    return f"{before}\nShapes: {taken} -> {given}; leading axes broadcast.{units}{after}"
 
 
 def _in_brackets(shape: Shape) -> str:
     return f"({', '.join(map(str, shape))})"
-
-
-def _with_shapes(text: str, kernel: Function) -> str:
-    """Return a docstring with a line about shapes before that about units."""
-    before, units, after = text.partition("\nUnits:")
-    return f"{before}\nShapes: {shapes_in_words(kernel)}; leading axes broadcast.{units}{after}"
 
 
 def in_order(kernel: Function, args: Arguments, kwargs: Keywords) -> tuple[Arguments, Keywords]:
@@ -267,14 +263,10 @@ def _of_arguments(name: str, shapes: dict[str, Shape], args: Arguments) -> Excep
         if array.dtype.kind not in "biuf":
             return ValueError(f"{name}: {argument} must be real numbers, got {value!r}")
         if array.shape[array.ndim - len(shape) :] != shape or array.ndim < len(shape):
-            hint = "; of principal moments give np.diag(moments)" if _are_moments(argument, array) else ""
+            are_moments = argument.partition("_")[0] == "M" and array.shape == (3,)  # of an inertia such as M_c
+            hint = "; of principal moments give np.diag(moments)" if are_moments else ""
             return ValueError(f"{name}: {argument} must have trailing shape {shape}, got {array.shape}{hint}")
     return None
-
-
-def _are_moments(argument: str, array: Any) -> bool:
-    """Return whether three numbers are given for an inertia matrix, such as M_c."""
-    return argument.partition("_")[0] == "M" and array.shape == (3,)
 
 
 def _of_keywords(name: str, first: str, kwargs: Keywords) -> Exception | None:

@@ -65,11 +65,6 @@ class Work:
         """Return whether this is kept of the runs."""
         return what in ensemble_of(self.scene).keep
 
-    @property
-    def keeps_time(self) -> bool:
-        """Return whether more than the end of a run is looked at."""
-        return self.keeps(STATISTICS) or self.keeps(ALL)
-
 
 class Chunk(NamedTuple):
     """What a chunk of members gave. rows (m, n, K): outputs at all points or the last, NaN of members that failed."""
@@ -108,11 +103,12 @@ def run_chunk(work: Work, index: int) -> Chunk:
     samples = draw(work.scene, first, min(work.size, work.runs - first))
     count = len(samples)
     steps = drive_of(work.scene, {}, HOLD).lengths
-    rows = np.full((count, len(steps) + 1 if work.keeps_time else 1, work.columns.width), np.nan)
+    points = len(steps) + 1 if work.keeps(STATISTICS) or work.keeps(ALL) else 1
+    rows = np.full((count, points, work.columns.width), np.nan)
     failed = refusals(work.scene, samples)
     which = np.array([i for i in range(count) if i not in failed], dtype=np.int64)
     if len(which):
-        rows[which], said = _outputs(work, samples, which, steps, rows.shape[1])
+        rows[which], said = _outputs(work, samples, which, steps, points)
         failed |= said
     good = np.array([i for i in range(count) if i not in failed], dtype=np.int64)
     rows[list(failed)] = np.nan

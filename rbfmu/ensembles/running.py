@@ -1,25 +1,37 @@
-"""Run an ensemble: chunks on any executor, taken in their order, kept in a store from time to time."""
+"""Run an ensemble: chunks on threads, any executor or Dask, taken in their order and kept in a store."""
 
-from contextlib import nullcontext
-from dataclasses import replace
+import logging
+import os
+import pickle
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, nullcontext
+from functools import lru_cache, partial
 from pathlib import Path
 from time import monotonic
 from typing import Any
 
-from rbfmu.ensembles.chunks import Chunk, Work, members_of_a_chunk
-from rbfmu.ensembles.executors import chunks_in_order
+from rbfmu.ensembles.chunks import Chunk, Work, members_of_a_chunk, origin, run_chunk
 from rbfmu.ensembles.members import with_runs
 from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.ensembles.result import EnsembleResult
-from rbfmu.ensembles.store import Checkpoint, Progress, Store, refuse_existing, store_lock
-from rbfmu.exceptions import named
+from rbfmu.ensembles.store import Store, refuse_existing, store_lock
+from rbfmu.exceptions import SimulationError, named
 from rbfmu.extras import needed
 from rbfmu.progress import bar
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene, of_scene_or_path
 
-OFTEN, SHARE = 1.0, 0.05
-"""The least time between two commits, s, and the largest share of time that they take."""
+AHEAD = 3
+"""Chunks that are on their way or wait for an earlier one, for each worker: memory is bounded by that.
+
+One runs, one is ready when that ends, and one more so that a slow chunk, whose turn it is, does not stop the others.
+"""
+PATIENCE = "30s"
+"""How long a scheduler is waited for."""
+
+Submit = Callable[..., Any]
 
 
 @of_scene_or_path
@@ -48,12 +60,9 @@ def run_ensemble(
     work = Work(scene, plan, members_of_a_chunk(scene, plan))
     place = _store(work, store)
     with named(store), store_lock(Path(store)) if store else nullcontext():
-        known = place.begin(resume)
-        if known is None or known.runs != work.runs:
-            failed = _run(work, place, known, executor, progress)
-        else:
-            failed = known.progress.failed
-        return EnsembleResult(scene, place.arrays(), failed)
+        if place.begin(resume) != work.runs:
+            _run(work, place, executor, progress)
+        return EnsembleResult(scene, place.arrays(), place.progress.failed)
 
 
 def check_store(store: str | Path | None, resume: bool) -> None:
@@ -78,61 +87,120 @@ def _store(work: Work, path: str | Path | None) -> Store:
     return ZarrStore(work, Path(path))
 
 
-def _run(work: Work, store: Store, known: Checkpoint | None, executor: Any, shown: bool) -> dict[int, str]:
-    """Run what is missing, and keep it; return what failed."""
-    taken = _Taken(work, store, _begun(work, known))
-    first = taken.progress.chunks
+def _run(work: Work, store: Store, executor: Any, shown: bool) -> None:
+    """Run what is missing, and keep it."""
+    first = store.progress.chunks
     done, begin = first * work.size, monotonic()
     with bar(work.scene.name, shown) as tell:
         try:
             for chunk in chunks_in_order(work, first, executor):
-                taken.add(chunk)
+                store.add(chunk)
                 done += chunk.members
                 speed = (done - first * work.size) / max(monotonic() - begin, 1e-9)
                 tell(done, work.runs, f"{work.scene.name}: {done:,} of {work.runs:,} runs, {speed:,.0f} runs/s")
         except OSError:  # of the store, which stays as it was
             raise
         except BaseException:
-            taken.commit()
+            store.commit()
             raise
-        store.finish(replace(taken.whole, failed=taken.progress.failed), taken.progress.statistics)
-    return taken.progress.failed
+        store.finish()
 
 
-def _begun(work: Work, known: Checkpoint | None) -> Progress:
-    """Return the progress in full chunks of what is there already."""
-    if known is None:
-        return Progress.none(work)
-    members = known.progress.chunks * work.size
-    failed = {index: text for index, text in known.progress.failed.items() if index < members}
-    return Progress(known.progress.chunks, known.progress.statistics, failed)
+# Where chunks run
 
 
-class _Taken:
-    """The chunks that are done, in their order, and the store that they are kept in from time to time."""
+@contextmanager
+def workers_of(executor: Any) -> Iterator[tuple[Submit, int]]:
+    """Yield `submit` and the number of workers of an executor; of None or a number of threads: threads of our own."""
+    if executor is None or (isinstance(executor, int) and not isinstance(executor, bool)):
+        number = processors() if executor is None else executor
+        if number < 1:
+            raise ValueError(f"executor = {number!r}: expected at least one thread")
+        with ThreadPoolExecutor(number, "rbfmu") as pool:
+            yield pool.submit, number
+    elif hasattr(executor, "scheduler_info"):  # a client of Dask, which runs the chunk of a worker that dies on another
+        yield partial(executor.submit, pure=False), max(1, sum(executor.nthreads().values()))
+    elif hasattr(executor, "submit"):
+        yield executor.submit, int(getattr(executor, "_max_workers", 0)) or processors()
+    else:
+        expected = "a number of threads, an executor of concurrent.futures or a client of Dask"
+        raise ValueError(f"executor = {executor!r}: expected {expected}")
 
-    def __init__(self, work: Work, store: Store, progress: Progress) -> None:
-        self._work, self._store = work, store
-        self.progress = self.whole = progress
-        self._is_clean = True
-        self._cost, self._last = 0.0, monotonic()
 
-    def add(self, chunk: Chunk) -> None:
-        """Take the next chunk."""
-        self._is_clean = False  # an interrupt may come between any two lines
-        if chunk.members < self._work.size:
-            self.whole = self.progress.copied()
-        self._store.put(chunk)
-        self.progress.add(chunk, self._work)
-        self._is_clean = chunk.members == self._work.size
-        if monotonic() - self._last > max(OFTEN, self._cost / SHARE):
-            self.commit()
+def processors() -> int:
+    """Return the number of processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
-    def commit(self) -> None:
-        """Keep what was taken, if that is full chunks."""
-        if not self._is_clean:
-            return
-        begin = monotonic()
-        self._store.commit(self.progress)
-        self._last = monotonic()
-        self._cost = self._last - begin
+
+@contextmanager
+def dask_client(address: str) -> Iterator[Any]:
+    """Yield a client of the scheduler at an address such as tcp://host:8786.
+
+    Dask is kept from writing tracebacks of lost connections, of which an error says enough.
+    """
+    distributed = needed("distributed", "cluster")
+    try:
+        client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise ValueError(f"no scheduler of Dask at {address!r}: {error}") from None
+    log = logging.getLogger("distributed.client")
+    level = log.level
+    log.setLevel(logging.CRITICAL)
+    try:
+        with client:
+            yield client
+    finally:
+        log.setLevel(level)
+
+
+def chunks_in_order(work: Work, first: int, executor: Any) -> Iterator[Chunk]:
+    """Yield the chunks from the number `first` on in their order, of which few are on their way at a time."""
+    given = packed(work)
+    with workers_of(executor) as (submit, workers):
+        waiting: deque[Any] = deque()
+        try:
+            for number in range(first, work.chunks):
+                with _losses():
+                    waiting.append(submit(run_packed, given, number))
+                if len(waiting) >= AHEAD * workers:
+                    yield _result(waiting)
+            while waiting:
+                yield _result(waiting)
+        finally:
+            for future in waiting:
+                future.cancel()
+
+
+def _result(waiting: "deque[Any]") -> Chunk:
+    """Return the chunk that comes next, and forget it."""
+    with _losses():
+        chunk: Chunk = waiting.popleft().result()
+    return chunk
+
+
+@contextmanager
+def _losses() -> Iterator[None]:
+    """Turn an error of an executor or of a connection, not of what it runs, into one that says so."""
+    try:
+        yield
+    except Exception as error:
+        if type(error).__module__.partition(".")[0] not in ("concurrent", "distributed", "asyncio"):
+            raise
+        text = " ".join(f"{type(error).__name__}: {error}".split())
+        raise SimulationError(f"the executor lost a chunk of the ensemble: {text}") from error
+
+
+def packed(work: Work) -> bytes:
+    """Return work as bytes, with what its bits rest on here."""
+    return pickle.dumps((origin(), pickle.dumps(work)))
+
+
+_unpacked = lru_cache(maxsize=4)(pickle.loads)
+
+
+def run_packed(given: bytes, index: int) -> Chunk:
+    """Run a chunk of packed work, which a worker unpacks once. Raises SimulationError where its bits may be others."""
+    there, work = pickle.loads(given)
+    if other := [name for name, value in there.items() if origin().get(name) != value]:
+        raise SimulationError(f"a worker has another {', '.join(other)}, whose bits may be others: expected the same")
+    return run_chunk(_unpacked(work), index)

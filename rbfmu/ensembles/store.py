@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from time import monotonic
 from types import MappingProxyType
 from typing import Any
 
@@ -53,10 +54,6 @@ class Progress:
         self.failed |= chunk.failed
         if self.statistics is not None and chunk.summary is not None:
             self.statistics.add(chunk.summary, work.columns.pairs)
-
-    def copied(self) -> "Progress":
-        """Return a copy that does not change with this one."""
-        return copy.deepcopy(self)
 
 
 @dataclass(frozen=True)
@@ -128,38 +125,27 @@ def difference(there: Mapping[str, Any], asked: Mapping[str, Any]) -> str:
 
     More runs are no difference where members do not depend on how many there are, nor is what is said about a scene.
     """
-    path, old, new = _first_difference(_without(there, "about"), _without(asked, "about"), ())
-    if not path:
-        return ""
-    runs = path == ("scene", "ensemble", "runs")
-    if runs and asked["scene"]["ensemble"]["design"] in EXTENDABLE and new > old:
-        return difference(_without(there, "ensemble", "runs"), _without(asked, "ensemble", "runs"))
-    name = ".".join(path[1:] if path[0] == "scene" else path)
-    return f"{name} = {_short(new)}: expected {_short(old)}, with which the store was begun"
+    is_extendable = asked["scene"]["ensemble"]["design"] in EXTENDABLE
+    for path, old, new in _differences(there, asked, ""):
+        is_more = path == ".scene.ensemble.runs" and is_extendable and new > old
+        if not is_more and not path.startswith(".scene.about"):
+            name = path.removeprefix(".scene").removeprefix(".")
+            return f"{name} = {_short(new)}: expected {_short(old)}, with which the store was begun"
+    return ""
 
 
-def _without(identity: Mapping[str, Any], *path: str) -> dict[str, Any]:
-    """Return the identity without a key of its scene."""
-    found: dict[str, Any] = copy.deepcopy(dict(identity))
-    table = found["scene"]
-    for name in path[:-1]:
-        table = table[name]
-    table.pop(path[-1], None)
-    return found
+def _differences(old: Any, new: Any, path: str) -> Iterator[tuple[str, Any, Any]]:
+    """Yield the path and both values of what differs between two tables."""
+    if isinstance(old, Mapping) and isinstance(new, Mapping):
+        for key in dict.fromkeys([*old, *new]):
+            yield from _differences(old.get(key), new.get(key), f"{path}.{key}")
+    elif old != new:
+        yield path, old, new
 
 
 def _short(value: Any) -> str:
     text = json.dumps(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
-
-
-def _first_difference(old: Any, new: Any, path: tuple[str, ...]) -> tuple[tuple[str, ...], Any, Any]:
-    if isinstance(old, Mapping) and isinstance(new, Mapping):
-        for key in dict.fromkeys([*old, *new]):
-            if (found := _first_difference(old.get(key), new.get(key), (*path, str(key))))[0]:
-                return found
-        return (), None, None
-    return (path, old, new) if old != new else ((), None, None)
 
 
 try:
@@ -226,6 +212,8 @@ def _refusal(store: Path, holder: str) -> OSError:
     return BlockingIOError(errno.EAGAIN, f"is being written by {holder}: expected one program at a time", str(store))
 
 
+OFTEN, SHARE = 1.0, 0.05
+"""The least time between two commits, s, and the largest share of time that they take."""
 AT_ONCE = 2e7
 """Numbers of all runs that are sorted at once."""
 
@@ -233,25 +221,36 @@ AT_ONCE = 2e7
 class Store:
     """The place of an ensemble's numbers: arrays in memory; with a path also a file, written anew at each commit.
 
-    Other places hold rows elsewhere than in memory (`zarr_store`). file: that of the checkpoint, if it is not the path.
+    Chunks are added in their order, and those that are full are kept from time to time. Other stores hold rows
+    elsewhere than in memory (`zarr_store`). file: that of the checkpoint, if it is not the path.
     """
 
     def __init__(self, work: Work, path: Path | None = None, file: Path | None = None) -> None:
         self._work, self._path, self._file = work, path, file or path
         self._identity = identity_of(work)
+        self.progress = self._whole = Progress.none(work)
         self._rows: dict[str, Any] = {}
+        self._first = 0  # the run of the first of these rows
         self._results: Mapping[str, Any] = {}
+        self._is_clean = True
+        self._cost, self._last = 0.0, monotonic()
 
-    def begin(self, resume: bool) -> Checkpoint | None:
-        """Make the store ready, and return what it holds already. Raises FileExistsError, ValueError."""
+    def begin(self, resume: bool) -> int:
+        """Make the store ready; return how many runs a finished one has, else 0. Raises FileExistsError, ValueError.
+
+        `progress` is then that of full chunks, or of all runs where none is missing.
+        """
         known = self._checkpoint(resume)
+        self._open(known)
         if known is None:
-            self._write(Progress.none(self._work))
-            return None
-        for name, values in known.rows.items():
-            self._put(name, 0, values)
-        self._results = known.results
-        return known
+            self._write(self.progress)
+            return 0
+        done, self.progress = known.runs, known.progress
+        if done != self._work.runs:
+            members = self.progress.chunks * self._work.size
+            self.progress.failed = {run: text for run, text in self.progress.failed.items() if run < members}
+        self._whole = self.progress
+        return done
 
     def _checkpoint(self, resume: bool) -> Checkpoint | None:
         """Return the checkpoint, None where there is none yet. Raises FileExistsError, ValueError."""
@@ -265,14 +264,31 @@ class Store:
             raise ValueError(f"{self._path}: of another ensemble: {found}")
         return known
 
+    def _open(self, known: Checkpoint | None) -> None:
+        """Take over what is there."""
+        if known is not None:
+            self._results = known.results
+            for name, values in known.rows.items():
+                self._put(name, 0, values)
+
     def _write(self, progress: Progress, rows: Mapping[str, Any] = _NOTHING, runs: int = 0) -> None:
         if self._file is not None:
             results = self._results if runs else {}
             Checkpoint(self._identity, progress, rows, results, runs).write(self._file)
 
-    def put(self, chunk: Chunk) -> None:
+    def add(self, chunk: Chunk) -> None:
         """Take the next chunk."""
-        for name, values in chunk_arrays(self._work, chunk).items():
+        self._is_clean = False  # an interrupt may come between any two lines
+        if chunk.members < self._work.size:
+            self._whole = copy.deepcopy(self.progress)
+        self._keep(chunk, chunk_arrays(self._work, chunk))
+        self.progress.add(chunk, self._work)
+        self._is_clean = chunk.members == self._work.size
+        if monotonic() - self._last > max(OFTEN, self._cost / SHARE):
+            self.commit()
+
+    def _keep(self, chunk: Chunk, arrays: Mapping[str, Any]) -> None:
+        for name, values in arrays.items():
             self._put(name, chunk.first, values)
 
     def _put(self, name: str, first: int, values: Any) -> None:
@@ -280,15 +296,24 @@ class Store:
             self._rows[name] = np.empty((self._work.runs, *values.shape[1:]), values.dtype)
         self._rows[name][first : first + len(values)] = values
 
-    def commit(self, progress: Progress) -> None:
-        """Keep the chunks that were taken, all of them full, even if the program is killed after that."""
-        members = progress.chunks * self._work.size
-        self._write(progress, {name: values[:members] for name, values in self._rows.items()})
+    def commit(self) -> None:
+        """Keep the chunks that were taken, if they are full, even if the program is killed after that."""
+        if self._is_clean:
+            begin = monotonic()
+            self._write(self.progress, self._rows_of(self.progress))
+            self._last = monotonic()
+            self._cost = self._last - begin
 
-    def finish(self, whole: Progress, statistics: Statistics | None) -> None:
-        """Keep everything. whole: the progress in full chunks, from which more runs may go on; statistics: of all."""
-        self._results = results_of(self._work, statistics, self._rows)
-        self._write(whole, self._rows, self._work.runs)
+    def _rows_of(self, progress: Progress) -> dict[str, Any]:
+        """Return the rows of full chunks."""
+        count = progress.chunks * self._work.size - self._first
+        return {name: values[:count] for name, values in self._rows.items() if count > 0}
+
+    def finish(self) -> None:
+        """Keep everything, also the progress in full chunks, from which more runs may go on."""
+        self._whole.failed = self.progress.failed
+        self._results = results_of(self._work, self.progress.statistics, self._rows)
+        self._write(self._whole, self._rows, self._work.runs)
 
     def arrays(self) -> Mapping[str, Any]:
         """Return all variables by name."""

@@ -66,28 +66,22 @@ class Columns:
 
     def split(self, rows: Array) -> dict[str, Array]:
         """Return the quantities of rows (..., K): (...) or (..., k) each."""
-        return {name: rows[..., s.start] if _is_number(s) else rows[..., s] for name, s in self.slices.items()}
+        return {n: rows[..., s.start if OUTPUT[n].size == 1 else s] for n, s in self.slices.items()}
 
     def matrices(self, products: Array) -> dict[str, Array]:
         """Return the symmetric matrices of rows (..., P) of pairs: (...) or (..., k, k) each."""
         found = {}
         for name, s in self.slices.items():
-            chosen = [p for p, (a, _) in enumerate(self.pairs) if s.start <= a < s.stop]
-            size = s.stop - s.start
-            matrix = np.empty((*products.shape[:-1], size, size))
-            for p in chosen:
-                a, b = self.pairs[p] - s.start
-                matrix[..., a, b] = matrix[..., b, a] = products[..., p]
-            found[name] = matrix[..., 0, 0] if _is_number(s) else matrix
-        return found
+            size = OUTPUT[name].size
+            found[name] = np.empty((*products.shape[:-1], size, size))
+            for p, (a, b) in enumerate(self.pairs - s.start):
+                if 0 <= a < size:
+                    found[name][..., a, b] = found[name][..., b, a] = products[..., p]
+        return {name: matrix[..., 0, 0] if matrix.shape[-1] == 1 else matrix for name, matrix in found.items()}
 
     def places(self, blocks: dict[str, slice]) -> NDArray[np.int64]:
         """Return where the columns stand in a model's buffer."""
         return np.concatenate([np.arange(blocks[n].start, blocks[n].stop) for n in self.names]).astype(np.int64)
-
-
-def _is_number(columns: slice) -> bool:
-    return bool(columns.stop - columns.start == 1)
 
 
 PROBABILITIES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)

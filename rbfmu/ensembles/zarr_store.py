@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from rbfmu.ensembles.chunks import Chunk, Work
-from rbfmu.ensembles.statistics import Statistics
-from rbfmu.ensembles.store import Checkpoint, Progress, Store, chunk_arrays, results_of
+from rbfmu.ensembles.store import Checkpoint, Store, results_of
 from rbfmu.ensembles.variables import KEYS, REDRAWN, TIMES, Variable, coordinates, variables
 from rbfmu.extras import needed
 
@@ -83,12 +82,10 @@ class ZarrStore(Store):
         super().__init__(work, path, path / RESUME / "checkpoint.npz")
         self._zarr, self._folder = needed("zarr", "ensemble"), path
         self._length = work.size * max(1, ROWS // work.size)
-        self._first = 0
         self._group: Any = None
 
-    def begin(self, resume: bool) -> Checkpoint | None:
-        """Make the store ready, and return what it holds already. Raises FileExistsError, ValueError."""
-        known = self._checkpoint(resume)
+    def _open(self, known: Checkpoint | None) -> None:
+        """Take over what is there. Raises FileExistsError for a folder of something else."""
         if known is None:
             self._refuse_others()
         for part in self._folder.rglob(f"*{PART}"):  # of a program that was killed
@@ -96,14 +93,12 @@ class ZarrStore(Store):
         self._group = self._zarr.open_group(self._folder, mode="a", zarr_format=3)
         if known is None:
             self._group.require_group(RESUME)
-            self._write(Progress.none(self._work))
-            return None
+            return
         self._rows, self._results = dict(known.rows), known.results
         self._first = known.progress.chunks * self._work.size - len(self._rows.get(REDRAWN, ()))
         if known.runs != self._work.runs:
             self._write(known.progress, known.rows)  # no result until all is done
             self._give_each_run_a_row()
-        return known
 
     def _refuse_others(self) -> None:
         """Refuse a folder of something else; one that was begun and killed before its first checkpoint has little."""
@@ -116,9 +111,7 @@ class ZarrStore(Store):
             if (array.metadata.dimension_names or ())[:1] == ("run",) and array.shape[0] != self._work.runs:
                 array.resize((self._work.runs, *array.shape[1:]))
 
-    def put(self, chunk: Chunk) -> None:
-        """Take the next chunk."""
-        arrays = chunk_arrays(self._work, chunk)
+    def _keep(self, chunk: Chunk, arrays: Mapping[str, Any]) -> None:
         if chunk.first == 0:
             self._create(arrays)
         for name, values in arrays.items():
@@ -161,17 +154,13 @@ class ZarrStore(Store):
         self._first += len(self._rows.get(REDRAWN, ()))
         self._rows = {}
 
-    def commit(self, progress: Progress) -> None:
-        """Keep the chunks that were taken, all of them full, even if the program is killed after that."""
-        self._write(progress, self._rows)
-
-    def finish(self, whole: Progress, statistics: Statistics | None) -> None:
-        """Keep everything. whole: the progress in full chunks, from which more runs may go on; statistics: of all."""
-        full = max(whole.chunks * self._work.size - self._first, 0)
-        last = {name: values[:full] for name, values in self._rows.items() if full}
+    def finish(self) -> None:
+        """Keep everything, also the progress in full chunks, from which more runs may go on."""
+        self._whole.failed = self.progress.failed
+        last = self._rows_of(self._whole)
         self._write_rows()
         rows = {name: StoredArray(self._folder, array) for name, array in self._group.arrays()}
-        results = results_of(self._work, statistics, rows)
+        results = results_of(self._work, self.progress.statistics, rows)
         known = [(variable, results.get(variable.name)) for variable in variables(self._work.scene, {})]
         for name, (dimension, values, said) in coordinates(results[TIMES]).items():
             known.append((Variable(name, (dimension,), said), values))
@@ -183,10 +172,10 @@ class ZarrStore(Store):
             "title": self._work.scene.name,
             "scene": self._work.scene.to_dict(),
             "model": f"{self._work.plan.model}: {self._work.plan.method}",
-            "failed": {str(index): text for index, text in whole.failed.items()},
+            "failed": {str(index): text for index, text in self.progress.failed.items()},
         })  # fmt: skip
         self._results = {LAYOUT: np.array(_layout(dict(self._group.arrays())))}
-        self._write(whole, last, self._work.runs)
+        self._write(self._whole, last, self._work.runs)
 
     def arrays(self) -> Mapping[str, Any]:
         """Return all variables by name; they are read when they are looked at."""

@@ -24,17 +24,15 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 PRESCRIBED = tuple(row.name for row in OUTPUTS if row.kinematic)
 """Quantities that follow from prescribed rates."""
-HELD = tuple(row.name for row in OUTPUTS if row.of_origin)
-"""Quantities of o, which a pivot keeps fixed."""
 NEGLIGIBLE = 1e-12
 """The relative size up to which a part of a vector counts as round-off, as in the kernels."""
 
 
-def default_quantities(body: Body | None, inputs: "Inputs | None", quantities: tuple[str, ...]) -> tuple[str, ...]:
+def default_quantities(body: Body | None, inputs: "Inputs | None") -> tuple[str, ...]:
     """Return the default outputs: all quantities that this motion has."""
     if inputs is not None and "omega_b" in inputs.ports:
         return PRESCRIBED
-    return tuple(q for q in quantities if not (body is not None and body.pivot and q in HELD))
+    return tuple(row.name for row in OUTPUTS if not (body is not None and body.pivot and row.of_origin))
 
 
 def faults_between(good: Mapping[str, Any], rates: tuple[str, Any] | None = None) -> Iterator[str]:
@@ -48,7 +46,9 @@ def faults_between(good: Mapping[str, Any], rates: tuple[str, Any] | None = None
         prescribed = "omega_b" in inputs.ports
         if "body" in good and body is None and not prescribed:
             yield 'body is missing: expected a table [body] with mass and inertia (or shape), or ports = ["omega_b"]'
-        yield from _faults_of_parameters(inputs)
+        for name in inputs.parameters:
+            if name in inputs.ports:
+                yield fault("inputs.parameters", inputs.parameters, f"no {name}: it is an input, by inputs.ports")
         if prescribed:
             yield from _faults_of_prescribed_rates(good, rates)
             return
@@ -59,12 +59,6 @@ def faults_between(good: Mapping[str, Any], rates: tuple[str, Any] | None = None
             yield fault("inputs.parameters", inputs.parameters, "no velocity_0: the pivot holds o")
     if body is not None and (axis := body.axis_without_inertia) is not None:
         yield from _faults_of_beam(body, np.array(axis), good, rates)
-
-
-def _faults_of_parameters(inputs: "Inputs") -> Iterator[str]:
-    for name in inputs.parameters:
-        if name in inputs.ports:
-            yield fault("inputs.parameters", inputs.parameters, f"no {name}: it is an input, by inputs.ports")
 
 
 def _faults_of_prescribed_rates(good: Mapping[str, Any], rates: tuple[str, Any]) -> Iterator[str]:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any, ClassVar
 
+import numpy as np
 from pydantic import field_serializer
 
 from rbfmu.exceptions import SceneError
@@ -33,7 +34,7 @@ def _square(value: Any) -> Rows | None:
         return None
     rows: Rows = tuple(Numbers((len(value),))(row) for row in value)
     sizes = [abs(x) for row in rows for x in row]
-    for i, j in _below(len(rows)):
+    for i, j in np.argwhere(np.tri(len(rows), k=-1)).tolist():
         if not math.isclose(rows[i][j], rows[j][i], abs_tol=1e-12 * max(sizes)):
             raise ValueError(f"a symmetric matrix; rows {i + 1} and {j + 1} differ")
     return rows
@@ -82,10 +83,6 @@ class Correlation(Section):
             tuple(1.0 if i == j else x / spread[i] / spread[j] for j, x in enumerate(row))
             for i, row in enumerate(self.covariance)
         )
-
-
-def _below(n: int) -> Iterator[tuple[int, int]]:
-    return ((i, j) for i in range(n) for j in range(i))
 
 
 def lower_factor(matrix: Sequence[Sequence[float]]) -> list[list[float]] | None:
@@ -185,17 +182,13 @@ class Ensemble(Section):
         yield from self._faults_of_grid()
         if self.correlation is not None:
             yield from self._faults_of_correlation(self.correlation)
-        keys = {variation.key for variation in self.vary}
-        if {DEGREES, "initial.omega_b"} <= keys:
-            yield fault(joined("ensemble.vary", DEGREES), self._written(DEGREES), "initial.omega_b or this, not both")
+        keys = {variation.key: variation.table for variation in self.vary}
+        if {DEGREES, "initial.omega_b"} <= keys.keys():
+            yield fault(joined("ensemble.vary", DEGREES), keys[DEGREES], "initial.omega_b or this, not both")
         own = self.variation_of(INERTIA)
         if SHAPE in keys and own and own.form not in ("", RELATIVE):
             expected = f"{RELATIVE} or {AXES}: the inertia follows from {SHAPE}"
             yield fault(joined("ensemble.vary", INERTIA), own.table, expected)
-
-    def _written(self, key: str) -> Any:
-        found = self.variation_of(key)
-        return found.table if found else None
 
     def _faults_of_grid(self) -> Iterator[str]:
         for variation in self.vary:

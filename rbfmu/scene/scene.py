@@ -155,16 +155,8 @@ class About(Section):
     license: Annotated[str, _TEXT.means("terms under which the scene may be used")] = ""
 
 
-SECTIONS: Mapping[str, type[Section]] = {
-    "body": Body,
-    "initial": Initial,
-    "loads": Loads,
-    "inputs": Inputs,
-    "outputs": Outputs,
-    "run": Run,
-    "about": About,
-    "ensemble": Ensemble,
-}
+_SECTIONS: tuple[type[Section], ...] = (Body, Initial, Loads, Inputs, Outputs, Run, About, Ensemble)
+SECTIONS: Mapping[str, type[Section]] = {section._path: section for section in _SECTIONS}
 OPTIONAL = ("body", "ensemble")
 """The tables that a scene may do without."""
 
@@ -196,7 +188,7 @@ class Scene(Section):
             except SceneError as error:
                 faults += error.faults
         if "outputs" in good and "quantities" not in good["outputs"].model_fields_set:
-            default = default_quantities(good.get("body"), good.get("inputs"), QUANTITIES)
+            default = default_quantities(good.get("body"), good.get("inputs"))
             good["outputs"] = Outputs.model_construct(set(), quantities=default)
         faults += faults_between(good, rates)
         if good.get("ensemble") is not None:

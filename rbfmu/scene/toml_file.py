@@ -20,11 +20,6 @@ _UNIT = re.compile(r"(.*=\s*(?:[-+]?\d[\d_.]*(?:[eE][-+]?\d+)?|\[[^\]]*\]))\s*([
 _TABLE = re.compile(r"\s*(\[\[?[^\]=]*\]\]?)\s*(#.*)?")
 
 
-def read_tables(path: Path) -> dict[str, Any]:
-    """Return the file's tables. Raises SceneError."""
-    return read_file(path)[0]
-
-
 def read_file(path: Path) -> tuple[dict[str, Any], str]:
     """Return the file's tables, and its text. Raises SceneError."""
     try:

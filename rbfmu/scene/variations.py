@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from rbfmu.scene.attitude import Attitude
 from rbfmu.scene.body import SHAPES, TRIANGLE, six_numbers
 from rbfmu.scene.section import Numbers, Rule, as_toml, closest, fault, flattened, joined, not_negative, numbers, plain
@@ -150,15 +152,17 @@ def read_variations(vary: Any, faults: list[str]) -> tuple[Variation, ...]:
         if len(faults) == before and not any(m.varies for m in marginals) and key != SHAPE:
             reader.refuse(value, "a distribution in which something varies")
         if len(faults) == before:
-            found.append(Variation(str(key), form, marginals, json.dumps(_for_json(value))))
+            found.append(Variation(str(key), form, marginals, json.dumps(value, default=_for_json)))
     return tuple(found)
 
 
 def _for_json(value: Any) -> Any:
-    value = plain(value)
-    if isinstance(value, Mapping):
-        return {str(key): _for_json(item) for key, item in value.items()}
-    return [_for_json(item) for item in value] if isinstance(value, list | tuple) else value
+    """Return what JSON does not know as what it knows."""
+    return dict(value) if isinstance(value, Mapping) else plain(value)
+
+
+Found = tuple[tuple[Marginal, ...], str]
+"""The marginals of a key, and the form in which they are given."""
 
 
 class _Reader:
@@ -168,20 +172,20 @@ class _Reader:
         self.key, self.value, self.faults = key, value, faults
         self.path = joined("ensemble.vary", key)
 
-    def refuse(self, value: Any, expected: str, path: str = "") -> None:
+    def refuse(self, value: Any, expected: str, path: str = "") -> Found:
         self.faults.append(fault(path or self.path, value, expected))
+        return (), ""
 
-    def read(self) -> tuple[tuple[Marginal, ...], str]:
+    def read(self) -> Found:
         """Return the marginals and the form."""
         readers = {INERTIA: self._inertia, ATTITUDE: self._attitude, SHAPE: self._shape}
         if self.key in readers:
             return readers[self.key]()
         if self.key not in RULES:
-            self._refuse_key()
-            return (), ""
+            return self._refuse_key()
         return self._distribution(self.path, self.value, self.key, RULES[self.key])
 
-    def _refuse_key(self) -> None:
+    def _refuse_key(self) -> Found:
         if self.key.startswith(f"{SHAPE}."):
             expected = f'no such key without body.shape; or "{SHAPE}" = {{ kind = ..., sides = {{ normal = ... }} }}'
         elif self.key.startswith(f"{ATTITUDE}."):
@@ -192,22 +196,21 @@ class _Reader:
             near = closest(self.key, KEYS)
             expected = f"did you mean {near}?" if near else f"keys out of {', '.join(KEYS)}"
             self.faults.append(f"{self.path} = {as_toml(self.value)}: unknown key; {expected}")
-            return
-        self.refuse(self.value, expected)
+            return (), ""
+        return self.refuse(self.value, expected)
 
     # Numbers
 
     def _distribution(
         self, path: str, value: Any, name: str, rule: Numbers, beside: tuple[str, ...] = (), relative: bool = True
-    ) -> tuple[tuple[Marginal, ...], str]:
+    ) -> Found:
         """Return the marginals of a number or a vector, and the kind. beside: other keys that the table may have."""
         kinds = [kind for kind in DISTRIBUTIONS if relative or kind != RELATIVE]
         given = [key for key in value if key in kinds] if isinstance(value, Mapping) else []
         others = set(value) - {*kinds, "points", *beside} if isinstance(value, Mapping) else set()
         if len(given) != 1 or others:
             ways = ", ".join(f"{kind} = {DISTRIBUTIONS[kind].expected}" for kind in kinds)
-            self.refuse(value, f"a table with one of {ways}", path)
-            return (), ""
+            return self.refuse(value, f"a table with one of {ways}", path)
         kind = given[0]
         rows = self._arguments(f"{path}.{kind}", kind, value[kind], rule)
         points = self._points(f"{path}.points", value.get("points", 0), rule.shape)
@@ -251,11 +254,11 @@ class _Reader:
 
     # Inertia, attitude, shape
 
-    def _inertia(self) -> tuple[tuple[Marginal, ...], str]:
+    def _inertia(self) -> Found:
         value = self.value
         if not isinstance(value, Mapping) or not value:
             return self._distribution(self.path, value, INERTIA, Numbers((3,), "kg m2"))
-        found: tuple[tuple[Marginal, ...], str] = ((), "")
+        found: Found = (), ""
         if set(value) != {AXES}:
             kind = next((kind for kind in DISTRIBUTIONS if kind in value), "")
             shape = (3, 3) if kind and _has_rows(value[kind]) else (3,)
@@ -265,7 +268,7 @@ class _Reader:
         axes = self._normal_about_zero(AXES, value[AXES], "deg") if AXES in value else ()
         return (*found[0], *axes), found[1]
 
-    def _attitude(self) -> tuple[tuple[Marginal, ...], str]:
+    def _attitude(self) -> Found:
         value = self.value
         if value == UNIFORM:
             names = component_names(f"{ATTITUDE}.{UNIFORM}", (3,))
@@ -275,18 +278,16 @@ class _Reader:
             if len(given) == 1 and ("euler" in value) == given[0].startswith("angles"):
                 return self._angles(given[0], value)
         ways = '"uniform", { rotvec_deg = 2.0 } about the scene\'s, or { euler = "ZYX", angles_deg = { normal = ... } }'
-        self.refuse(value, f"{ways}, or {{ rotvec = {{ normal = ... }} }}")
-        return (), ""
+        return self.refuse(value, f"{ways}, or {{ rotvec = {{ normal = ... }} }}")
 
-    def _angles(self, name: str, value: Mapping[str, Any]) -> tuple[tuple[Marginal, ...], str]:
+    def _angles(self, name: str, value: Mapping[str, Any]) -> Found:
         if name in ABOUT and not isinstance(value[name], Mapping):
             return self._normal_about_zero(name, value[name], ABOUT[name]), f"about {name}"
         if "euler" in value:
             try:
                 Attitude._rule("euler")(value["euler"])
             except ValueError as error:
-                self.refuse(value["euler"], str(error), f"{self.path}.euler")
-                return (), ""
+                return self.refuse(value["euler"], str(error), f"{self.path}.euler")
         rule = Attitude._rule(name if name in VARYING_ANGLES else "rotvec")
         assert isinstance(rule, Numbers)
         path = f"{self.path}.{name}"
@@ -300,22 +301,19 @@ class _Reader:
         try:
             spread = components(_read(rule, value, True), (3,))
         except ValueError as error:
-            self.refuse(value, str(error), path)
-            return ()
+            return self.refuse(value, str(error), path)[0]
         names = component_names(f"{self.key}.{name}", (3,))
         return tuple(Marginal(n, NORMAL, (0.0, s)) for n, s in zip(names, spread, strict=True))
 
-    def _shape(self) -> tuple[tuple[Marginal, ...], str]:
+    def _shape(self) -> Found:
         value = self.value
         kind = value.get("kind") if isinstance(value, Mapping) else None
         if not isinstance(kind, str) or kind not in SHAPES:
-            self.refuse(value, f"a table with kind out of {', '.join(SHAPES)}, and its sizes")
-            return (), ""
+            return self.refuse(value, f"a table with kind out of {', '.join(SHAPES)}, and its sizes")
         section = SHAPES[kind]
         keys = section.sizes()
         if set(value) != {"kind", *keys}:
-            self.refuse(value, f"a {kind} with {' and '.join(keys)}")
-            return (), ""
+            return self.refuse(value, f"a {kind} with {' and '.join(keys)}")
         found: tuple[Marginal, ...] = ()
         for key in keys:
             found += self._size(key, value[key], section._rule(key))
@@ -329,8 +327,7 @@ class _Reader:
         try:
             row = components(rule(value), rule.shape)
         except ValueError as error:
-            self.refuse(value, str(error), path)
-            return ()
+            return self.refuse(value, str(error), path)[0]
         return tuple(Marginal(n, FIXED, (x,)) for n, x in zip(component_names(name, rule.shape), row, strict=True))
 
 
@@ -338,13 +335,8 @@ def _read(rule: Numbers, value: Any, one_for_all: bool) -> Any:
     """Return the numbers; one number stands for a vector of equal ones where that is allowed."""
     value = plain(value)
     if one_for_all and rule.shape and not isinstance(value, list | tuple):
-        value = Numbers((), rule.unit, rule.bound, rule.holds)(value)
-        return _filled(rule.shape, value)
+        value = np.full(rule.shape, Numbers((), rule.unit, rule.bound, rule.holds)(value))
     return rule(value)
-
-
-def _filled(shape: tuple[int, ...], value: float) -> Any:
-    return tuple(_filled(shape[1:], value) for _ in range(shape[0])) if shape else value
 
 
 def _has_rows(value: Any) -> bool:

@@ -8,7 +8,7 @@ from rbfmu.exceptions import named
 from rbfmu.extras import needed
 from rbfmu.result import FORMATS, Result
 from rbfmu.scene.scene import Scene, faults_of, load_scene
-from rbfmu.scene.toml_file import read_tables
+from rbfmu.scene.toml_file import read_file
 from rbfmu.viewer.motion import Motion, motion_of_driven_scene, motion_of_result, motion_of_scene
 
 
@@ -63,4 +63,4 @@ def _loaded(scene: Scene | str | Path | None) -> tuple[Any, dict[str, Any] | Non
     """Return a scene, and the shape that its file gives to the body."""
     if scene is None or isinstance(scene, Scene):
         return scene, None
-    return load_scene(scene), read_tables(Path(scene)).get("body", {}).get("shape")
+    return load_scene(scene), read_file(Path(scene))[0].get("body", {}).get("shape")

@@ -82,12 +82,8 @@ class Geometry:
     @cached_property
     def base(self) -> Array:
         """Return where arrows begin (n, 3): at the centre of mass, with a pivot at o."""
-        return self.path if self.motion.pivot else self.path + self.lever
-
-    @cached_property
-    def lever(self) -> Array:
-        """Return the way from o to the centre of mass (n, 3)."""
-        return np.asarray(rotate(self.motion.quaternion, np.array(self.motion.shape.centre) / self.body_radius))
+        lever = rotate(self.motion.quaternion, np.array(self.motion.shape.centre) / self.body_radius)
+        return self.path if self.motion.pivot else self.path + lever
 
     @cached_property
     def toward(self) -> Array:

@@ -213,7 +213,7 @@ def _motion(
 
 
 def _shown(scene: Scene) -> tuple[str, ...]:
-    possible = default_quantities(scene.body, scene.inputs, QUANTITIES)
+    possible = default_quantities(scene.body, scene.inputs)
     needed = {name for name in NEEDED if name in possible}
     return tuple(name for name in QUANTITIES if name in needed | set(scene.outputs.quantities))
 

@@ -34,15 +34,12 @@ SEEN = {MOMENTUM: "#dca640", RATE: "#15a092", TRACE: "#c95fa6"}
 def motion_page(motion: Motion) -> str:
     """Return the page that plays a motion."""
     geometry = Geometry(motion)
-    return _with_panel(recorded_page(geometry), geometry)
-
-
-def _with_panel(page: str, geometry: Geometry) -> str:
     panel = files("rbfmu.viewer").joinpath("panel.html").read_text(encoding="utf-8")
     data = json.dumps(_data(geometry)).replace("<", "\\u003c")
     filled = {"TITLE": escape(geometry.motion.title), "LEGEND": _legend(geometry), "DATA": data}
     panel = re.sub(r"\$([A-Z]+)", lambda found: filled[found[1]], panel)
-    page = re.sub("<title>.*?</title>", lambda _: f"<title>{filled['TITLE']}</title>", page, count=1)
+    titled = f"<title>{filled['TITLE']}</title>"
+    page = re.sub("<title>.*?</title>", lambda _: titled, recorded_page(geometry), count=1)
     before, end, after = page.rpartition("</body>")
     return f"{before}{panel}{end}{after}"
 
@@ -50,20 +47,13 @@ def _with_panel(page: str, geometry: Geometry) -> str:
 def _data(geometry: Geometry) -> dict[str, Any]:
     result = geometry.motion.result
     span = float(result.time[-1] - result.time[0])
-    return {
-        "time": _packed(result.time),
-        "played": _packed((result.time - result.time[0]) * (geometry.motion.played / span)),
-        "quantities": [
-            {
-                "name": name,
-                "unit": OUTPUT[name].unit,
-                "meaning": OUTPUT[name].meaning,
-                "components": OUTPUT[name].components,
-                "values": _packed(values),
-            }
-            for name, values in result.quantities.items()
-        ],
-    }
+    played = (result.time - result.time[0]) * (geometry.motion.played / span)
+    quantities = [
+        {key: getattr(OUTPUT[name], key) for key in ("name", "unit", "meaning", "components")}
+        | {"values": _packed(values)}
+        for name, values in result.quantities.items()
+    ]
+    return {"time": _packed(result.time), "played": _packed(played), "quantities": quantities}
 
 
 def _packed(values: Any) -> str:

@@ -1,5 +1,6 @@
 """The body that is drawn: a scene's shape, or the box with the same mass and inertia."""
 
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,7 +20,7 @@ UNTURNED: Quaternion = (1.0, 0.0, 0.0, 0.0)
 class Shape(NamedTuple):
     """What is drawn of a body: sides along its own axes p (m), its centre in b (m), and q_bp.
 
-    kind: box, cylinder (about z) or ellipsoid; to_scale: the sides are the body's.
+    kind: box, cylinder (about z) or ellipsoid.
     """
 
     kind: str
@@ -27,7 +28,6 @@ class Shape(NamedTuple):
     text: str
     centre: Vec3 = ORIGIN
     q_bp: Quaternion = UNTURNED
-    to_scale: bool = True
 
     @property
     def radius(self) -> float:
@@ -35,7 +35,16 @@ class Shape(NamedTuple):
         return float(np.linalg.norm(self.sides)) / 2.0
 
 
-PLAIN = Shape("box", (3.0, 2.0, 1.0), "the inertia is not known: any body", to_scale=False)
+PLAIN = Shape("box", (3.0, 2.0, 1.0), "the inertia is not known: any body")
+
+DRAWN: Mapping[str, tuple[str, Callable[[Any], Any]]] = {
+    "box": ("box", lambda shape: shape["sides"]),
+    "beam": ("box", lambda shape: (shape["length"], 0.0, 0.0)),
+    "cylinder": ("cylinder", lambda shape: (2.0 * shape["radius"], 2.0 * shape["radius"], shape["length"])),
+    "sphere": ("ellipsoid", lambda shape: (2.0 * shape["radius"],) * 3),
+    "ellipsoid": ("ellipsoid", lambda shape: [2.0 * semiaxis for semiaxis in shape["semiaxes"]]),
+}
+"""By the kind of a scene's table `body.shape`: what is drawn, and its sides."""
 
 
 def shape_of(scene: Scene | None, written: dict[str, Any] | None = None) -> Shape:
@@ -44,7 +53,9 @@ def shape_of(scene: Scene | None, written: dict[str, Any] | None = None) -> Shap
         return PLAIN
     centre = scene.body.r_oc_b
     if written:
-        kind, sides = _sides(written)
+        kind, sides_of = DRAWN[written["kind"]]
+        x, y, z = map(float, sides_of(written))
+        sides = (x, y, z)
         return Shape(kind, _seen(sides), f"{written['kind']}, {_metres(sides)}", centre)
     moments, axes = evaluated(principal_axes, scene.body.inertia)
     sides = equivalent_box(scene.body.mass, moments)
@@ -57,23 +68,6 @@ def equivalent_box(mass: float, moments: Any) -> Vec3:
     squares = 6.0 * (np.sum(moments) - 2.0 * np.asarray(moments)) / mass
     x, y, z = np.sqrt(np.maximum(squares, 0.0)).tolist()
     return x, y, z
-
-
-def _sides(written: dict[str, Any]) -> tuple[str, Vec3]:
-    match written["kind"]:
-        case "beam":
-            return "box", (float(written["length"]), 0.0, 0.0)
-        case "cylinder":
-            across = 2.0 * written["radius"]
-            return "cylinder", (across, across, float(written["length"]))
-        case "sphere":
-            return "ellipsoid", (2.0 * written["radius"],) * 3
-        case "ellipsoid":
-            x, y, z = (2.0 * semiaxis for semiaxis in written["semiaxes"])
-            return "ellipsoid", (x, y, z)
-        case _:
-            x, y, z = map(float, written["sides"])
-            return "box", (x, y, z)
 
 
 def _seen(sides: Vec3) -> Vec3:

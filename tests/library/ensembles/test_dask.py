@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from rbfmu import SimulationError
-from rbfmu.ensembles import executors
+from rbfmu.ensembles import running
 from rbfmu.ensembles.result import EnsembleResult
 from tests.support.command_line import call
 from tests.support.ensembles.satellite import FILE, assert_same, run, satellite
@@ -80,7 +80,7 @@ def test_the_command_line_takes_a_scheduler(cluster, tmp_path):
 
 @pytest.mark.thorough
 def test_no_scheduler_is_said(monkeypatch):
-    monkeypatch.setattr(executors, "PATIENCE", "1s")
+    monkeypatch.setattr(running, "PATIENCE", "1s")
     found = call("ensemble", FILE, "--scheduler", "tcp://127.0.0.1:9")
     assert found.exit_code == 2
     assert "Error: no scheduler of Dask at 'tcp://127.0.0.1:9': " in found.stderr
@@ -109,7 +109,7 @@ def scheduler():
 def test_a_scheduler_that_is_killed_is_said_and_what_is_done_stays(whole, scheduler, tmp_path):
     found, address = scheduler
     store = tmp_path / "store.npz"
-    with executors.dask_client(address) as client:
+    with running.dask_client(address) as client:
         client.wait_for_workers(1, timeout=60)
         with pytest.raises(SimulationError, match="the executor lost a chunk of the ensemble: ") as caught:
             run(satellite(), store, executor=Fatal(client, tmp_path / "killed", found.pid))

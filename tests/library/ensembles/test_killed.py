@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from rbfmu import EnsembleResult
-from rbfmu.ensembles import running
+from rbfmu.ensembles import store as stores
 from tests.support.ensembles.satellite import assert_same, run, satellite
 from tests.support.paths import ROOT
 
@@ -55,8 +55,8 @@ def test_a_program_that_is_killed_at_twenty_moments_goes_on(whole, tmp_path, sto
 @pytest.mark.parametrize("store", STORES)
 @pytest.mark.parametrize("size", [100, 6_000, 9_000, 12_000])
 def test_a_full_disk_is_said_and_what_is_there_goes_on(whole, tmp_path, monkeypatch, limited, store, size):
-    monkeypatch.setattr(running, "OFTEN", 0.0)
-    monkeypatch.setattr(running, "SHARE", 1e9)
+    monkeypatch.setattr(stores, "OFTEN", 0.0)
+    monkeypatch.setattr(stores, "SHARE", 1e9)
     limited(size)
     with pytest.raises(OSError, match="too large") as caught:
         run(satellite(), tmp_path / store, executor=2)

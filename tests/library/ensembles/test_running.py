@@ -11,7 +11,7 @@ import threading
 import pytest
 
 from rbfmu import EnsembleResult, SceneError, SimulationError, run_ensemble
-from rbfmu.ensembles import executors, running
+from rbfmu.ensembles import running
 from rbfmu.ensembles import store as stores
 from rbfmu.ensembles.chunks import origin, run_chunk
 from rbfmu.ensembles.store import store_lock
@@ -32,7 +32,7 @@ def whole(scene):
 
 
 def test_the_plan_makes_chunks_of_some_members(scene):
-    assert 5 < executors.Work(scene, PLAN, running.members_of_a_chunk(scene, PLAN)).chunks < 20
+    assert 5 < running.Work(scene, PLAN, running.members_of_a_chunk(scene, PLAN)).chunks < 20
 
 
 @pytest.mark.parametrize("threads", [2, 7])
@@ -76,7 +76,7 @@ class Waited(cf.Future):
 def test_the_order_in_which_chunks_are_done_changes_nothing_and_few_wait(scene, whole):
     pool = Reversed()
     assert_same(whole, run(scene, executor=pool))
-    assert pool.most == 3 * executors.AHEAD
+    assert pool.most == 3 * running.AHEAD
 
 
 @pytest.mark.parametrize("wrong", [0, -1, "two", True, 2.5])
@@ -102,10 +102,10 @@ def test_an_executor_that_breaks_is_named(scene, tmp_path, whole):
 
 @pytest.mark.parametrize("name", ["rbfmu_kernels", "rbfmu.ensembles", "rbfmu.scene", "numpy"])
 def test_workers_of_another_origin_are_refused(scene, monkeypatch, name):
-    packed = executors.packed(executors.Work(scene, PLAN, 8))
-    monkeypatch.setattr(executors, "origin", lambda: origin() | {name: "other"})
+    packed = running.packed(running.Work(scene, PLAN, 8))
+    monkeypatch.setattr(running, "origin", lambda: origin() | {name: "other"})
     with pytest.raises(SimulationError, match=f"a worker has another {name}, whose bits"):
-        executors.run_packed(packed, 0)
+        running.run_packed(packed, 0)
 
 
 # Resumed
@@ -126,9 +126,9 @@ def stopped_after(monkeypatch, count, error=StopError):
             raise error
         return run_chunk(work, index)
 
-    monkeypatch.setattr(executors, "run_chunk", run_some)
-    monkeypatch.setattr(running, "OFTEN", 0.0)
-    monkeypatch.setattr(running, "SHARE", 1e9)
+    monkeypatch.setattr(running, "run_chunk", run_some)
+    monkeypatch.setattr(stores, "OFTEN", 0.0)
+    monkeypatch.setattr(stores, "SHARE", 1e9)
 
 
 @pytest.mark.parametrize("store", STORES)
@@ -145,7 +145,7 @@ def test_what_was_stopped_goes_on_with_the_same_bits(scene, whole, tmp_path, mon
         done.append(index)
         return run_chunk(work, index)
 
-    monkeypatch.setattr(executors, "run_chunk", counted)
+    monkeypatch.setattr(running, "run_chunk", counted)
     found = run(scene, tmp_path / store, executor=2, resume=True)
     assert sorted(done) == [12]  # nothing that is in the store is run again
     assert_same(whole, found)
@@ -155,7 +155,7 @@ def test_what_was_stopped_goes_on_with_the_same_bits(scene, whole, tmp_path, mon
 @pytest.mark.parametrize("store", STORES)
 def test_a_finished_store_is_read(scene, whole, tmp_path, monkeypatch, store):
     run(scene, tmp_path / store)
-    monkeypatch.delattr(executors, "run_chunk")
+    monkeypatch.delattr(running, "run_chunk")
     assert_same(whole, run(scene, tmp_path / store, resume=True))
 
 
@@ -185,7 +185,7 @@ def test_a_store_that_is_made_longer_is_no_result_until_it_is_done(scene, tmp_pa
     """A program that is killed right after that leaves rows of runs that were not done."""
     run(scene, tmp_path / "store.zarr")
     longer = scene.replace({"ensemble.runs": 163})
-    ZarrStore(executors.Work(longer, PLAN, 8), tmp_path / "store.zarr").begin(resume=True)
+    ZarrStore(running.Work(longer, PLAN, 8), tmp_path / "store.zarr").begin(resume=True)
     with pytest.raises(ValueError, match="has 96 of 163 runs"):
         EnsembleResult.load(tmp_path / "store.zarr")
     assert_same(run(longer), run(longer, tmp_path / "store.zarr", resume=True))
@@ -345,8 +345,8 @@ def test_a_store_that_another_thread_writes_to_is_refused(scene, tmp_path):
 
 def test_an_interrupt_between_two_lines_keeps_nothing_that_is_half_done(scene, whole, tmp_path, monkeypatch):
     """A chunk is counted, but its statistics are not in yet: such a state is not kept."""
-    monkeypatch.setattr(running, "OFTEN", 0.0)
-    original, count = running.Progress.add, [0]
+    monkeypatch.setattr(stores, "OFTEN", 0.0)
+    original, count = stores.Progress.add, [0]
 
     def struck(self, chunk, work):
         count[0] += 1
@@ -356,7 +356,7 @@ def test_an_interrupt_between_two_lines_keeps_nothing_that_is_half_done(scene, w
         original(self, chunk, work)
 
     with monkeypatch.context() as patch:
-        patch.setattr(running.Progress, "add", struck)
+        patch.setattr(stores.Progress, "add", struck)
         with pytest.raises(KeyboardInterrupt):
             run(scene, tmp_path / "store.npz", executor=1)
     assert_same(whole, run(scene, tmp_path / "store.npz", resume=True))

@@ -52,7 +52,7 @@ def test_a_shape_of_a_scene_is_drawn_as_it_is(written: dict, kind: str, sides: t
 
 def test_a_body_of_unknown_inertia_is_said_to_be_any() -> None:
     assert shape_of(None) is PLAIN
-    assert not PLAIN.to_scale
+    assert PLAIN.text == "the inertia is not known: any body"
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ import zstandard
 import rbfmu
 from rbfmu.ensembles.members import draw, member
 from rbfmu.viewer.motion import MAX_PICTURES, Motion
+from rbfmu.viewer.shape import PLAIN, shape_of
 from tests.support.browser import browser, open_page
 from tests.support.command_line import call
 from tests.support.paths import SCENES
@@ -102,9 +103,9 @@ def test_a_result_is_shown_with_or_without_its_body(tmp_path: Path) -> None:
     rbfmu.simulate(scene).save(tmp_path / "it.npz")
     plain = rbfmu.view(tmp_path / "it.npz", tmp_path / "plain.html")
     assert "the inertia is not known" in (tmp_path / "plain.html").read_text(encoding="utf-8")
-    assert (plain.title, plain.shape.to_scale) == ("it", False)
+    assert (plain.title, plain.shape) == ("it", PLAIN)
     own = rbfmu.view(tmp_path / "it.npz", tmp_path / "own.html", scene=scene, stop=0.305)
-    assert own.shape.to_scale
+    assert own.shape == shape_of(scene)
     assert own.result.time[-1] == pytest.approx(0.3)
 
 

@@ -138,13 +138,13 @@ import rbfmu.simulation; rbfmu.simulation.drive_of = wait
 @pytest.mark.thorough
 def test_an_interrupted_ensemble_is_kept_and_goes_on(tmp_path: Path) -> None:
     stage = """
-import rbfmu.ensembles.running as running
-add = running._Taken.add
+from rbfmu.ensembles.store import Store
+add = Store.add
 def struck(self, chunk):
     add(self, chunk)
     if self.progress.chunks == 3:
         strike()
-running._Taken.add = struck
+Store.add = struck
 """
     arguments = ["ensemble", str(FILE), "--runs", "40000", "-o"]
     process = start(tmp_path, [*arguments, str(tmp_path / "it.npz")], stage)

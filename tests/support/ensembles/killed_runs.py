@@ -12,7 +12,7 @@ import signal
 import sys
 from pathlib import Path
 
-from rbfmu.ensembles import running
+from rbfmu.ensembles import store as stores
 from tests.support.ensembles.satellite import run, satellite
 
 EVENTS = ("open", "os.rename", "os.mkdir", "os.remove")
@@ -53,7 +53,7 @@ def _counted(store: Path, kill_at: int) -> list[int]:
 
 def main(store: Path, moments: int) -> None:
     """Kill runs at so many moments, each on a store of its own and once more while it is resumed."""
-    running.OFTEN, running.SHARE = 0.0, 1e9
+    stores.OFTEN, stores.SHARE = 0.0, 1e9
     run(satellite(), executor=1)  # compiled before the forks
     whole = store.with_name(f"whole{store.suffix}")
     status, total = in_child(whole)
