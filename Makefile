@@ -59,4 +59,4 @@ ranges:
 # Wrong calls of both kinds of FMU, millions of them, counted; the C layer under sanitizers.
 fuzz:
 	$(BIN)/python tests/support/fmu/fuzzing.py 1 10000
-	$(BIN)/pytest -s -m "slow or not slow" tests/fmu/test_fuzz.py tests/fmu/test_conformance.py
+	$(BIN)/pytest -s -m "slow or not slow" tests/fmu/test_conformance.py

@@ -1,4 +1,4 @@
-"""A driven FMU is a driven simulation: FMPy with the same table and steps gives the same bits, from both kinds."""
+"""A driven FMU is a driven simulation: by the same table and steps, and in the campaign, the same bits."""
 
 import fmpy
 import numpy as np
@@ -7,7 +7,18 @@ from fmpy.fmi2 import FMU2Slave
 
 import rbfmu
 import rbfmu_fmu
+from rbfmu.planning.select import plan
+from rbfmu.scene.scene import SceneError
+from tests.support.fmu.fmu_importer import Fmu
+from tests.support.fmu.fmus import unzipped_at
 from tests.support.paths import SCENES
+from tests.support.quadruple import reference
+from tests.support.quadruple.campaign import FAILED, offered_by, verdict_of
+from tests.support.quadruple.driving import Outcome, seen, true_motion
+from tests.support.quadruple.errors import errors
+from tests.support.quadruple.importing import seen_by_importer
+from tests.support.quadruple.scenes import random_scene
+from tests.support.quadruple.settings import random_settings
 
 STEP, STOP = 0.125, 10.0
 ROWS = 81
@@ -75,3 +86,28 @@ def opened(path, folder):
     fmu.enterInitializationMode()
     fmu.exitInitializationMode()
     return fmu
+
+
+# The campaign's settings
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(reference.library() is None, reason="no C compiler with quadruple precision")
+@pytest.mark.parametrize("kind", ["python", "native"])
+@pytest.mark.parametrize("seed", range(700_000, 700_018))
+def test_an_fmu_answers_as_the_unit_and_rightly(kind, seed, tmp_path):
+    try:
+        _, scene = random_scene(seed)
+        planned = plan(scene)
+    except SceneError as error:
+        pytest.skip(f"no plan: {error}")
+    fmu = Fmu(unzipped_at(rbfmu_fmu.build(scene, tmp_path / "it.fmu", kind), tmp_path / "it"))
+    offered = offered_by(scene, planned)
+    for label, setting in random_settings(seed, scene, offered):
+        refused, rows = seen(scene, planned, setting)
+        said, got = seen_by_importer(fmu, scene, setting)
+        assert bool(refused) == bool(said), (label, setting, refused, said)
+        assert all(np.array_equal(got[name], values) for name, values in rows.items()), (label, setting)
+        found = Outcome(said) if said else Outcome("", errors(got, true_motion(scene, setting)))
+        verdict, _, text = verdict_of(scene, setting, found)
+        assert verdict not in FAILED, (label, setting, text)

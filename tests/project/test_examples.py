@@ -1,15 +1,18 @@
-"""Every example runs as a user runs it, and shows what it says."""
+"""Every example and the notebook run as a user runs them, and show what they say."""
 
 import re
 import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
+import nbformat
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from examples.renew_notebook import NOTEBOOK, executed
 from tests.support.paths import ROOT
 
 EXAMPLES = ROOT / "examples"
@@ -93,3 +96,33 @@ def test_held_inputs_are_of_first_order_half_a_step_earlier_of_second_and_with_s
     assert held / held_in_half == pytest.approx(2.0, rel=0.05)
     assert earlier / earlier_in_half == pytest.approx(4.0, rel=0.1)
     assert given < 1e-6
+
+
+# The notebook
+
+
+OWN = ("text/html", "<table><caption>")
+"""What is ours among the outputs; others' tables look different in each of their versions."""
+
+
+def outputs(notebook: Any) -> list[Any]:
+    return [output for cell in notebook.cells if cell.cell_type == "code" for output in cell.outputs]
+
+
+def own_tables(notebook: Any) -> list[str]:
+    texts = [output.get("data", {}).get(OWN[0], "") for output in outputs(notebook)]
+    return [text for text in texts if text.startswith(OWN[1])]
+
+
+@pytest.mark.thorough
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # of sockets that Jupyter leaves
+def test_the_notebook_runs_and_shows_what_is_stored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RBFMU_QUIET", "1")
+    stored, fresh = nbformat.read(NOTEBOOK, 4), executed(tmp_path)
+    assert own_tables(fresh) == own_tables(stored), "renew by: python -m examples.renew_notebook"
+    assert len(own_tables(fresh)) == 3
+    kinds = {kind for output in outputs(fresh) for kind in output.get("data", {})}
+    assert {"image/png", "application/vnd.jupyter.widget-view+json"} <= kinds, "a plot and a bar of progress"
+    assert not [output for output in outputs(fresh) if output.output_type in ("error", "stream")]
+    assert (tmp_path / "motion.html").stat().st_size > 500_000

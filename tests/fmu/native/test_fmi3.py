@@ -1,22 +1,29 @@
-"""Native FMUs of FMI 3.0 compute what those of FMI 2.0 do, to the bit, with arrays as variables and with scalars."""
+"""FMI 3.0 has the bits of 2.0, with arrays and with scalars; what is refused says why and changes nothing."""
 
+import ctypes as c
+import math
+import re
 import zipfile
 
 import fmpy
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from fmpy.fmi1 import FMICallException
 from fmpy.validation import validate_fmu
 
 import rbfmu_fmu
 from rbfmu.cli import main
 from rbfmu.simulation import simulate
 from rbfmu_fmu import builder, verify
+from rbfmu_fmu.native.linking import FMI_HEADERS
 from rbfmu_fmu.native.platforms import PLATFORMS
+from rbfmu_fmu.python.call_rules import CALLS, PHASES, SETTABLE
 from tests.support.covering import some_of
 from tests.support.fmu.beside_kernels import LOADED, assert_same_before_and_after_a_restore
-from tests.support.fmu.fmu_importer import OK
-from tests.support.fmu.fmus import BRICK, Kernels, built, native, opened, scene, signal
+from tests.support.fmu.elf import elf
+from tests.support.fmu.fmu_importer import DISCARD, ERROR, OK
+from tests.support.fmu.fmus import BRICK, Kernels, built, native, opened, scene, signal, unzipped
 
 OWN = ["brick", "driven", "pendulum", "prescribed"]
 KINDS = ["fmi3", "fmi3_scalars"]
@@ -128,3 +135,216 @@ def test_the_command_refuses_what_does_not_go_together(options, message):
     done = CliRunner().invoke(main, ["build", str(BRICK), *options])
     assert done.exit_code == 2
     assert message in done.output
+
+
+# Calls
+
+
+H = 0.01
+TYPES = ["Float32", "Int8", "UInt8", "Int16", "UInt16", "UInt32", "Int64", "UInt64", "Boolean", "String"]
+
+
+def fmi3(name="driven"):
+    return opened(name, "fmi3")
+
+
+def started(values=()):
+    return fmi3().started(values)
+
+
+def references(instance, name):
+    return instance.fmu.references[name]
+
+
+MADE = {
+    "enter": lambda i: i.enter(),
+    "exit": lambda i: i.exit(),
+    "set input": lambda i: i.set({"torque_b[1]": 0.5}),
+    "set parameter": lambda i: i.set({"mass": 3.0}),
+    "set output": lambda i: i.set({"rpy[1]": 3.0}),
+    "set time": lambda i: i.set({"time": 3.0}),
+    "get parameter": lambda i: i.get_references([references(i, "mass")])[0],
+    "get output": lambda i: i.get_references([references(i, "rpy[1]")])[0],
+    "get time": lambda i: i.get_references([references(i, "time")])[0],
+    "get derivative": lambda i: i.get_rates("rpy[1]")[0],
+    "get status": lambda i: i.get_integer(references(i, "status"))[0],
+    "directional": lambda i: i.derivative([references(i, "alpha_b[1]")], [], [])[0],
+    "adjoint": lambda i: i.derivative([references(i, "alpha_b[1]")], [], [0.0] * 3, adjoint=True)[0],
+    "step": lambda i: i.step(0.0, H),
+    "terminate": lambda i: i.terminate(),
+    "state": lambda i: i.restore(i.state()),
+    "reset": lambda i: i.reset(),
+    "event mode": lambda i: i.lib.fmi3EnterEventMode(i.component),
+    "step mode": lambda i: i.lib.fmi3EnterStepMode(i.component),
+    "configuration mode": lambda i: i.lib.fmi3EnterConfigurationMode(i.component),
+}
+RULES = {
+    "enter": CALLS["enter_initialization"].phases,
+    "exit": CALLS["exit_initialization"].phases,
+    "set input": SETTABLE["input"],
+    "set parameter": SETTABLE["parameter"],
+    "set output": SETTABLE["output"],
+    "get output": CALLS["get_outputs"].phases,
+    "get derivative": CALLS["get_outputs"].phases,
+    "directional": CALLS["get_outputs"].phases,
+    "adjoint": CALLS["get_outputs"].phases,
+    "step": CALLS["do_step"].phases,
+    "terminate": CALLS["terminate"].phases,
+} | dict.fromkeys(["set time", "event mode", "step mode", "configuration mode"], ())
+"""The phases in which a call is allowed; any other call is in all."""
+ALLOWED = {phase: {name for name in MADE if k in RULES.get(name, range(4))} for k, phase in enumerate(PHASES)}
+
+
+@pytest.mark.parametrize("call", MADE)
+@pytest.mark.parametrize("phase", ALLOWED)
+def test_calls_are_allowed_in_their_phase_and_else_an_error(phase, call):
+    instance = fmi3().instance()
+    for name in ("enter", "exit", "terminate")[: [*ALLOWED].index(phase)]:
+        assert MADE[name](instance) == OK
+    allowed = call in ALLOWED[phase]
+    assert MADE[call](instance) == (OK if allowed else ERROR)
+    assert len(instance.log) == (not allowed)
+
+
+def test_every_function_of_the_standard_is_there_and_nothing_else():
+    header = (FMI_HEADERS / "fmi3Functions.h").read_text()
+    functions = set(re.findall(r"FMI3_Export \w+\s+(fmi3\w+);", header))
+    (library,) = unzipped("driven", "fmi3").glob("binaries/x86_64-linux/*.so")
+    _, found, _ = elf(library.read_bytes())
+    assert found == functions
+    assert len(functions) > 70
+
+
+@pytest.mark.parametrize(("arguments", "reason"), [
+    ({"guid": "{0}"}, "fmi3InstantiateCoSimulation: the instantiation token is not that of this FMU"),
+    ({"kind": 0}, "fmi3InstantiateModelExchange: this FMU is for co-simulation"),
+    ({"name": None}, "no name"),
+    ({"events": 1}, "this FMU has no event mode"),
+])  # fmt: skip
+def test_an_instance_that_cannot_be_made_is_none_and_says_why(arguments, reason):
+    instance = fmi3().instance(**{"name": "it"} | arguments)
+    assert not instance.component.value
+    ((status, category, message),) = instance.log
+    assert (status, category) == (ERROR, b"logStatusError")
+    assert reason in message.decode()
+
+
+def test_an_instance_needs_no_logger():
+    instance = fmi3().instance()
+    lib, text = fmi3().lib, [b"it", fmi3().guid.encode(), None]
+    flags = [c.c_bool(False)] * 4
+    silent = c.c_void_p(lib.fmi3InstantiateCoSimulation(*text, *flags, None, c.c_size_t(0), None, None, None))
+    assert lib.fmi3Terminate(silent) == ERROR
+    lib.fmi3FreeInstance(silent)
+    lib.fmi3FreeInstance(None)
+    assert instance.log == []
+
+
+def test_null_pointers_are_errors():
+    instance, state, lib = started(), started().state(), fmi3().lib
+    one, real = c.c_size_t(1), c.c_double(0.0)
+    for name, *arguments in (
+        ("GetFloat64", None, one, None, one), ("SetFloat64", None, one, None, one), ("GetInt32", None, one, None, one),
+        ("GetString", None, one, None, one), ("SetBoolean", None, one, None, one),
+        ("GetBinary", None, one, None, None, one),
+        ("SetDebugLogging", c.c_bool(True), one, None), ("GetOutputDerivatives", None, one, None, None, one),
+        ("GetDirectionalDerivative", None, one, None, one, None, one, None, one),
+        ("GetAdjointDerivative", None, one, None, one, None, one, None, one),
+        ("DoStep", real, c.c_double(H), c.c_bool(True), None, None, None, None),
+        ("GetFMUState", None), ("SetFMUState", None), ("SerializedFMUStateSize", state, None),
+        ("SerializeFMUState", state, None, c.c_size_t(0)), ("DeserializeFMUState", None, c.c_size_t(0), None),
+        ("EnterEventMode",), ("UpdateDiscreteStates", *[None] * 6), ("SetTime", real), ("GetClock", None, one, None),
+    ):  # fmt: skip
+        for component in (None, instance.component):
+            instance.log.clear()
+            assert getattr(lib, f"fmi3{name}")(component, *arguments) == ERROR, name
+            assert len(instance.log) == (component is not None), name
+    assert instance.steps(5) == started().steps(5)
+
+
+@pytest.mark.parametrize("kind", TYPES)
+def test_there_are_no_variables_of_other_types(kind):
+    instance, none, one, room = started(), c.c_size_t(0), c.c_size_t(1), c.create_string_buffer(8)
+    for verb in ("Get", "Set"):
+        function = getattr(instance.lib, f"fmi3{verb}{kind}")
+        assert function(instance.component, None, none, None, none) == OK
+        assert function(instance.component, (c.c_uint * 1)(3), one, room, one) == ERROR
+        assert instance.log[-1][-1].decode() == f"fmi3{verb}{kind}: torque_b is no {kind} variable"
+
+
+@pytest.mark.parametrize("count", [0, 2, 4, 2**40])
+def test_the_number_of_values_must_be_that_of_the_elements(count):
+    instance, one, room = started(LOADED), c.c_size_t(1), (c.c_double * 4)(9.0, 9.0, 9.0, 9.0)
+    which = (c.c_uint * 1)(references(instance, "torque_b[1]"))
+    for verb in ("Get", "Set"):
+        function = getattr(instance.lib, f"fmi3{verb}Float64")
+        assert function(instance.component, which, one, room, c.c_size_t(count)) == ERROR
+        assert instance.log[-1][-1].decode() == f"fmi3{verb}Float64: {count} values: expected 3"
+    assert instance.get(*LOADED) == list(LOADED.values())
+
+
+def test_an_inertia_matrix_must_be_symmetric():
+    instance = fmi3().instance()
+    which = [references(instance, "inertia[1,1]")]
+    wrong, right = [1.0, 0.1, 0.0, 0.2, 2.0, 0.0, 0.0, 0.0, 2.5], [1.0, 0.1, 0.0, 0.1, 2.0, 0.0, 0.0, 0.0, 2.5]
+    before = instance.get_references(which)
+    assert instance.set_references(which, wrong) == ERROR
+    assert instance.log[-1][-1] == b"fmi3SetFloat64: inertia[1,2] = 0.1 and 0.2: expected a symmetric matrix"
+    assert instance.get_references(which) == before
+    assert instance.set_references(which, right) == OK
+    assert instance.get_references(which) == (OK, right)
+
+
+@pytest.mark.parametrize(("start", "stop"), [(math.nan, None), (math.inf, None), (1.0, 0.9), (0.0, math.nan)])
+def test_an_experiment_without_sense_is_an_error(start, stop):
+    instance = fmi3().instance()
+    instance.setup(start, stop)
+    assert instance.enter() == ERROR
+    instance.setup()
+    assert instance.enter() == OK
+
+
+def test_a_steps_answers():
+    """Time reached, and whether to end the simulation; the time is a variable as well."""
+    instance = started(LOADED)
+    assert (instance.step(0.0, H), instance.answer) == (OK, (False, False, False, H))
+    assert (instance.step(H, 1e300), instance.answer) == (DISCARD, (False, True, False, H))
+    assert (instance.step(H, -H), instance.answer) == (ERROR, (False, False, False, H))
+    assert instance.get("time") == [H]
+    assert (instance.step(H, 2 * H), instance.answer) == (OK, (False, False, False, 3 * H))
+    assert instance.get("time", "mass") == [3 * H, 2.0]
+
+
+def test_a_state_holds_pending_inputs_status_time_and_phase():
+    instance = started(LOADED)
+    instance.steps(3)
+    assert instance.step(0.03, 1e300) == DISCARD
+    assert instance.set({"torque_b[1]": 5.0}) == OK  # not yet in the outputs
+    saved = instance.serialized(instance.state())
+    expected = [instance.status(), instance.last_time(), instance.outputs(), instance.steps(10, first=3)]
+    assert expected[:2] == [1, 0.03]
+    for other in (fmi3().instance(), started(), instance):
+        code, state = other.deserialized(saved)
+        assert code == other.restore(state) == OK
+        assert other.serialized(other.state()) == saved
+        assert [other.status(), other.last_time(), other.outputs(), other.steps(10, first=3)] == expected
+        assert other.free_state(state) == OK
+
+
+def test_a_state_of_fmi_2_is_none_of_fmi_3():
+    older = opened("driven", "native").started()
+    assert started().deserialized(older.serialized(older.state()))[0] == ERROR
+
+
+def test_a_hash_in_a_message_names_no_variable():
+    instance = started()
+    assert instance.set_debug_logging(1, "#7# %n") == ERROR
+    assert instance.log[-1][-1] == b"fmi3SetDebugLogging: there is no category ##7## %n"
+    assert instance.set_debug_logging(1, "#" * 5000) == ERROR
+
+
+def test_a_discarded_step_ends_a_run_in_fmpy():
+    signals = np.array([(0.0, [0.0] * 3), (0.5, [0.0] * 3), (0.5, [1e300] * 3), (1.0, [1e300] * 3)],
+                       dtype=[("time", "f8"), ("force_b", "f8", (3,))])  # fmt: skip
+    with pytest.raises(FMICallException, match=r"fmi3DoStep failed with status 2 \(discard\)"):
+        fmpy.simulate_fmu(str(built("driven", "fmi3")), stop_time=1.0, output_interval=0.1, input=signals)

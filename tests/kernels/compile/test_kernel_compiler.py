@@ -1,4 +1,4 @@
-"""How kernels are compiled: for Python only what Python calls."""
+"""How kernels are compiled: for Python only what Python calls, and once for all processes."""
 
 import gc
 import os
@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+import threading
 from pathlib import Path
 from types import SimpleNamespace
 from unittest.mock import Mock, call
@@ -22,6 +23,7 @@ from rbfmu_kernels import free_rotation, free_rotation_at, free_rotation_setup, 
 from rbfmu_kernels.compile import compiler, stamp, tiled_gufunc
 from rbfmu_kernels.compile.compiler import _IntermediateCode
 from rbfmu_kernels.compile.decorator import kernel
+from rbfmu_kernels.compile.reduced import made_once
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="needs the compiler")
 
@@ -213,3 +215,30 @@ def test_what_numba_defines_is_the_same_code_whichever_kernel_calls_it_first(tmp
         found.append(subprocess.check_output([sys.executable, script, *order], text=True, env=elsewhere))
     assert "ol_min" in found[0]
     assert re.sub(r"B\d+v\d+", "", found[0]) == re.sub(r"B\d+v\d+", "", found[1])
+
+
+# The cache on disk
+
+
+def test_one_process_at_a_time_compiles_what_others_need_too(tmp_path: Path) -> None:
+    fcntl = pytest.importorskip("fcntl")
+    kept = SimpleNamespace(_cache_file=SimpleNamespace(_index_path=str(tmp_path / "kernel.nbi")))
+    beside, entered = tmp_path / "kernel.nbi.lock", threading.Event()
+
+    def compile_here() -> None:
+        with made_once(kept):
+            entered.set()
+
+    with beside.open("w") as held_by_another:
+        fcntl.flock(held_by_another, fcntl.LOCK_EX)
+        thread = threading.Thread(target=compile_here, daemon=True)
+        thread.start()
+        assert not entered.wait(0.05)
+    thread.join(60.0)
+    assert entered.is_set()
+    assert not beside.exists()
+
+
+def test_where_nothing_is_kept_each_compiles() -> None:
+    with made_once(None):
+        pass

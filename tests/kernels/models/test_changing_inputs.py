@@ -14,15 +14,9 @@ from rbfmu_kernels.buffer import OK, STEP_REJECTED
 from rbfmu_kernels.models.prescribed_rates import PRESCRIBED_RATES
 from tests.support.references.driven_motion_mp import gragg, true_motion
 from tests.support.scenes import model_cases
+from tests.support.scenes.model_cases import MOVING, OFFSET
 
 EPS = 2.0**-52
-OFFSET = {"mass": 2.0, "inertia": [[1.0, 0.1, 0.05], [0.1, 1.2, 0.02], [0.05, 0.02, 1.5]], "r_oc_b": [0.1, -0.2, 0.3]}
-MOVING = {
-    "position": [1.0, 2.0, 3.0],
-    "velocity": [0.1, 0.2, 0.3],
-    "omega_b": [1.0, 2.0, -1.0],
-    "attitude": {"rotvec": [0.3, -0.8, 0.5]},
-}
 INPUTS = {
     "force_a": ([0.3, 0.1, -0.4], [0.5, -0.2, 0.1], [0.3, 0.6, -0.2]),
     "force_b": ([1.0, 0.5, 0.2], [-0.3, 0.4, 0.2], [0.1, -0.5, 0.4]),

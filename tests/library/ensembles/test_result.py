@@ -1,13 +1,18 @@
-"""What an ensemble gave: by name, with units and frames, in other programs' hands."""
+"""What an ensemble gave: by name, with units and frames, in other programs' hands, and as a picture."""
 
 import json
 
 import numpy as np
 import pytest
+from matplotlib.image import imread
+from matplotlib.patches import Ellipse
 from scipy import stats
 
+import rbfmu
 from rbfmu import EnsembleResult, run_ensemble
+from tests.support.covering import some_of
 from tests.support.ensembles.satellite import FILE, run, satellite
+from tests.support.pictures import overlaps
 
 xarray = pytest.importorskip("xarray")
 
@@ -135,3 +140,80 @@ def test_nothing_drives_runs_that_all_failed():
     assert len(found.failed) == 100
     assert found.drivers().correlations.size == 0
     assert EnsembleResult.plot(found).axes
+
+
+# Pictures
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    return run(satellite(), runs=300)
+
+
+def panel(figure, label):
+    return next(axes for axes in figure.axes if label in (axes.get_ylabel(), axes.get_xlabel()))
+
+
+def test_bands_and_medians_are_the_quantiles(drawn):
+    axes = panel(drawn.plot(), "body rates (rad/s)")
+    assert [line.get_label() for line in axes.lines] == ["x", "y", "z"]
+    for k, line in enumerate(axes.lines):
+        assert np.array_equal(line.get_ydata(), drawn.quantiles["omega_b"][3][:, k])
+    outer = axes.collections[0].get_paths()[0].vertices[:, 1]
+    assert outer.min() == drawn.quantiles["omega_b"][1][:, 0].min()
+    assert outer.max() == drawn.quantiles["omega_b"][5][:, 0].max()
+
+
+def test_ellipses_hold_what_normals_hold(drawn):
+    axes = panel(drawn.plot(), "omega_b[1]")
+    j, k = (int(label[-2]) - 1 for label in (axes.get_xlabel(), axes.get_ylabel()))
+    ends = drawn.final["omega_b"][drawn.good][:, [j, k]]
+    ellipses = [patch for patch in axes.patches if isinstance(patch, Ellipse)]
+    # of two normals, a part 1 - exp(-s^2 / 2) lies inside s standard deviations
+    for sigma, ellipse in zip((1.0, 2.0, 3.0), ellipses, strict=True):
+        inside = ellipse.get_patch_transform().inverted().transform(ends)
+        assert np.mean(np.sum(inside**2, axis=1) < 1.0) == pytest.approx(1.0 - np.exp(-(sigma**2) / 2.0), abs=0.06)
+    assert len(axes.lines[0].get_xdata()) == len(drawn.good)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("keep", some_of([["final", "statistics"], ["final"], ["all"], ["statistics", "all"]], 2))
+def test_every_text_can_be_read(keep):
+    assert overlaps(run(satellite().replace({"ensemble.keep": keep})).plot()) == []
+
+
+@pytest.mark.parametrize("ending", some_of(["png", "svg", "pdf"], 1))
+def test_a_picture_is_written(drawn, tmp_path, ending):
+    drawn.plot(tmp_path / f"picture.{ending}")
+    assert (tmp_path / f"picture.{ending}").stat().st_size > 10_000
+    if ending == "png":
+        assert imread(tmp_path / "picture.png").shape[1] == 1300
+
+
+def test_ends_that_are_not_kept_are_not_drawn():
+    figure = run(satellite().replace({"ensemble.keep": ["statistics"]})).plot()
+    assert panel(figure, "body rates (rad/s)").lines
+
+
+def test_round_off_is_not_drawn_and_offsets_are_as_large_as_numbers(drawn):
+    heavy = rbfmu.Scene.from_dict({
+        "body": {"mass": 50.0, "inertia": [1.0, 2.0, 3.0]}, "initial": {"omega_b": [0.1, 0.2, 0.3]},
+        "outputs": {"quantities": ["omega_b"]}, "run": {"stop": 2.0, "step": 1.0},
+        "ensemble": {"runs": 20, "vary": {"body.mass": {"normal": [50.0, 1.0]}}},
+    })  # fmt: skip
+    alike = run_ensemble(heavy, planned=rbfmu.plan(heavy), progress=False)
+    alike.final["omega_b"][0] += 3e-15
+    assert alike.drivers().ends == ()
+    assert {"all runs end alike", "no ends of runs that differ"} <= {
+        text.get_text().partition(": ")[2] or text.get_text() for axes in alike.plot().axes for text in axes.texts
+    }
+    axes = panel(drawn.plot(), "omega_b[1]")
+    assert axes.xaxis.get_offset_text().get_size() == axes.get_xticklabels()[0].get_size()
+
+
+def test_what_drives_most_is_said(drawn):
+    lines = repr(drawn.drivers()).splitlines()
+    assert lines[0].startswith("Drivers(")
+    k = drawn.drivers().ends.index("kinetic_energy")
+    column = drawn.drivers().correlations[:, k]
+    assert f"kinetic_energy: {column[np.argmax(np.abs(column))]:.2f} with " in lines[-1]

@@ -1,23 +1,98 @@
-"""Random scenes, planned and driven as by an importer: none silently wrong, none refused that plain series meet.
+"""Random scenes, planned and driven: none silently wrong, none refused without need; planted faults are found.
 
-Each test's name says its first seed; a failure prints scenes that can be pasted. By hand: quadruple/campaign.py.
+Each slow test says its first seed; a failure prints scenes that can be pasted. By hand: quadruple/campaign.py.
 """
+
+import tomllib
+from dataclasses import replace
 
 import pytest
 
-from tests.support.quadruple import reference
-from tests.support.quadruple.campaign import FAILED, settings_from, table
+from rbfmu.planning.select import plan
+from rbfmu.scene.scene import Scene
+from tests.support.quadruple import plans, reference
+from tests.support.quadruple.campaign import (
+    FAILED,
+    HONEST,
+    KEYLESS,
+    REFUSED,
+    RIGHT,
+    SILENT,
+    settings_from,
+    table,
+    verdict_of,
+    verdict_of_refusal,
+)
+from tests.support.quadruple.driving import Outcome, Setting, outcome, pasted, seen, true_motion
+from tests.support.quadruple.errors import errors
+from tests.support.quadruple.hard_scenes import KINDS, hard_scene
 from tests.support.quadruple.plans import line, planned
+from tests.support.quadruple.scenes import random_scene
+from tests.support.scenes.mended_scenes import LOADED, run, scene
+
+pytestmark = pytest.mark.skipif(reference.library() is None, reason="no C compiler with quadruple precision")
+SCENE = scene(**LOADED | {"run": run(10.0, 1.0, 1e-6)})
+
+
+def verdict(planned, setting=Setting()):  # noqa: B008
+    return verdict_of(SCENE, setting, outcome(SCENE, planned, setting))[0]
+
+
+def test_a_plan_is_right_and_a_looser_one_is_found():
+    planned = plan(SCENE)
+    assert verdict(planned) == RIGHT
+    assert verdict(replace(planned, order=6, tolerance=0.1), Setting(step=10.0)) == SILENT
+
+
+def test_a_torque_off_by_a_thousandth_is_found():
+    torque = {"torque_b": [0.01001, 0.02, 0.0], "torque_a": [0.0, 0.01, 0.0], "gravity_a": [0.0, 0.0, 0.0]}
+    other = Scene.from_dict(SCENE.to_dict() | {"loads": torque})
+    _, rows = seen(other, plan(other), Setting())
+    assert verdict_of(other, Setting(), Outcome("", errors(rows, true_motion(other, Setting()))))[0] == RIGHT
+    assert verdict_of(SCENE, Setting(), Outcome("", errors(rows, true_motion(SCENE, Setting()))))[0] == SILENT
+
+
+def test_refusals_are_weighed():
+    too_much = "run.accuracy = 1e-06: expected one that this scene can meet"
+    assert verdict_of_refusal(SCENE, too_much)[0] == REFUSED
+    exacting = Scene.from_dict(SCENE.to_dict() | {"run": run(10.0, 1.0, 1e-17)})
+    assert verdict_of_refusal(exacting, too_much)[0] == HONEST
+    changed = Setting(changes={"torque_b": [1.0, 0.0, 0.0]})
+    assert verdict_of(SCENE, changed, Outcome('list "torque_b" under parameters'))[0] == HONEST
+    assert verdict_of(SCENE, changed, Outcome("status 1 at step 1 of 10"))[0] == KEYLESS
+    assert verdict_of(SCENE, Setting(), Outcome("status 1 at step 1 of 10"))[0] == REFUSED
+
+
+@pytest.mark.parametrize("seed", range(0, 21))
+def test_scenes_come_from_their_seeds_and_can_be_pasted(seed):
+    kind, one = random_scene(seed)
+    assert (kind, one) == random_scene(seed)
+    assert Scene.from_dict({"name": one.name} | tomllib.loads(pasted(one, Setting()))) == one
+
+
+def test_refusals_of_plans_name_a_key_and_are_true(monkeypatch):
+    monkeypatch.setattr(plans, "MAX_SUBSTEPS", 1e4)
+    assert plans.verdict_on(SCENE, "the motion is too long") == KEYLESS
+    assert plans.verdict_on(SCENE, "run.stop = 10.0: expected a shorter run") == REFUSED
+    spun_up = Scene.from_dict(SCENE.to_dict() | {"loads": {"torque_b": [5e7, 0.0, 0.0]}, "run": run(1000.0, 1.0, 1e-6)})
+    assert plans.verdict_on(spun_up, "run.stop = 1000.0: expected a shorter run") == HONEST
+
+
+@pytest.mark.parametrize("seed", range(0, 6))
+def test_hard_scenes_come_from_their_seeds(seed):
+    kind, one = hard_scene(seed)
+    assert (kind, one) == hard_scene(seed)
+    assert kind == KINDS[seed]
+
+
+# The campaign itself
+
 
 SETTINGS, BLOCKS = 100, 50
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(reference.library() is None, reason="no C compiler with quadruple precision"),
-    pytest.mark.filterwarnings("ignore::rbfmu.planning.judge.PlanningWarning"),  # said, and no verdict on the answer
-]
 
-
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::rbfmu.planning.judge.PlanningWarning")  # said, and no verdict on the answer
 @pytest.mark.parametrize("seed", [1000 * block for block in range(BLOCKS)])
 def test_none_is_silently_wrong_and_none_refused_without_need(seed):
     found = [finding for finding, _ in settings_from(seed, SETTINGS)]
@@ -26,6 +101,8 @@ def test_none_is_silently_wrong_and_none_refused_without_need(seed):
     assert not failures, "\n\n".join(failures)
 
 
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::rbfmu.planning.judge.PlanningWarning")  # said, and no verdict on the answer
 @pytest.mark.parametrize("seed", [100 * block for block in range(20)])
 def test_every_plan_ends_and_what_is_refused_is_refused_with_a_key_and_truly(seed):
     """By hand, with the CPU time of each: quadruple/plans.py."""

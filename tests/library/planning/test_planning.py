@@ -18,24 +18,13 @@ from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu_kernels.buffer import OK
 from tests.support.references import reference_mp as reference
+from tests.support.scenes.model_cases import LOADED, MOVING, OFFSET, TOP
 
 EPS = 2.0**-52
 STATE = ("quaternion", "omega_b", "position", "velocity")
 GRAVITY, NO_GRAVITY = {"gravity_a": [0.0, 0.0, -9.81]}, {"gravity_a": [0.0, 0.0, 0.0]}
 TRIAXIAL = {"mass": 1.0, "inertia": [1.0, 2.0, 3.0]}
-OFFSET = {"mass": 2.0, "inertia": [[1.0, 0.1, 0.05], [0.1, 1.2, 0.02], [0.05, 0.02, 1.5]], "r_oc_b": [0.1, -0.2, 0.3]}
-TOP = {"mass": 1.0, "inertia": [0.5, 0.5, 0.3], "r_oc_b": [0.0, 0.0, 0.5], "pivot": True}
 BEAM = {"mass": 3.0, "shape": {"kind": "beam", "length": 2.0}, "r_oc_b": [1.0, 0.0, 0.0], "pivot": True}
-MOVING = {
-    "position": [1.0, 2.0, 3.0],
-    "velocity": [0.1, 0.2, 0.3],
-    "omega_b": [1.0, 2.0, -1.0],
-    "attitude": {"rotvec": [0.3, -0.8, 0.5]},
-}
-LOADS = {
-    "gravity_a": [0.0, 0.0, -1.0], "force_b": [1.0, 0.5, 0.2], "force_a": [0.3, 0.1, -0.4], "torque_b": [0.1, 0.2, 0.1],
-    "torque_a": [0.05, 0.0, 0.02], "damping_b": [0.1, 0.05, 0.02],
-}  # fmt: skip
 
 
 def leaning(*omega_b):
@@ -54,7 +43,7 @@ SCENES = {
     "free, offset": (OFFSET, MOVING, GRAVITY, 5.0),
     "constant torque": (TRIAXIAL, {"omega_b": [0.1, 0.2, 0.3]}, NO_GRAVITY | {"torque_b": [0.1, 0.05, -0.2]}, 10.0),
     "from rest": (TRIAXIAL, {}, NO_GRAVITY | {"torque_b": [1.0, 0.0, 0.0]}, 5.0),
-    "all loads": (OFFSET, MOVING, LOADS, 5.0),
+    "all loads": (OFFSET, MOVING, LOADED, 5.0),
     "force that turns": (OFFSET, MOVING, NO_GRAVITY | {"force_b": [1.0, 0.5, 0.2]}, 5.0),
     "damped": (TRIAXIAL, {"omega_b": [0.0, 0.0, 10.0]}, NO_GRAVITY | {"damping_b": [0.5, 0.5, 0.5]}, 5.0),
     "stiff": ({"mass": 1.0, "inertia": [1e-3, 2e-3, 2.5e-3]}, {"omega_b": [1.0, 2.0, 3.0]},
@@ -147,7 +136,7 @@ def test_a_free_body_far_from_its_start_is_exact():
 @pytest.mark.parametrize(
     "scene",
     [
-        made(OFFSET, MOVING, LOADS, accuracy=1e-15),
+        made(OFFSET, MOVING, LOADED, accuracy=1e-15),
         made(TRIAXIAL, {"omega_b": [1.0, 2.0, 3.0]}, accuracy=1e-15),
         pytest.param(CHAOTIC, marks=compiled),
     ],

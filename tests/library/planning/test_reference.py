@@ -24,13 +24,9 @@ from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.integrators import reference_series
 from rbfmu_kernels.integrators.substeps import tolerance_of_substep
 from tests.support.quadruple import reference as quadruple
+from tests.support.scenes.model_cases import MOVING, OFFSET
 
 EPS = 2.0**-52
-BODY = {"mass": 2.0, "inertia": [[1.0, 0.1, 0.05], [0.1, 1.2, 0.02], [0.05, 0.02, 1.5]], "r_oc_b": [0.1, -0.2, 0.3]}
-MOVING = {
-    "position": [1.0, 2.0, 3.0], "velocity": [0.1, 0.2, 0.3], "omega_b": [1.0, 2.0, -1.0],
-    "attitude": {"rotvec": [0.3, -0.8, 0.5]},
-}  # fmt: skip
 HELD = {"omega_b": MOVING["omega_b"], "attitude": MOVING["attitude"]}
 LOADS = {
     "gravity_a": [0.3, -0.1, -9.81], "force_a": [0.2, 0.1, -0.3], "force_b": [0.1, -0.4, 0.2],
@@ -40,9 +36,9 @@ QUIET = {"gravity_a": [0.0, 0.0, 0.0]}
 SLENDER = 2.0 * (np.eye(3) - np.outer([2.0, 3.0, 6.0], [2.0, 3.0, 6.0]) / 49.0)
 ALONG = np.cross([2.0, 3.0, 6.0], [1.0, 0.5, -2.0])
 CASES = {
-    "all loads": (BODY, MOVING, LOADS),
-    "all loads on a pivot": (BODY | {"pivot": True}, HELD, LOADS),
-    "free of torque": (BODY, MOVING, QUIET),
+    "all loads": (OFFSET, MOVING, LOADS),
+    "all loads on a pivot": (OFFSET | {"pivot": True}, HELD, LOADS),
+    "free of torque": (OFFSET, MOVING, QUIET),
     "beam": ({"mass": 1.0, "inertia": SLENDER.tolist()}, {"omega_b": ALONG.tolist()}, QUIET),
     "from rest": ({"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, {}, QUIET | {"torque_b": [0.1, 0.0, 0.3]}),
     "small and fast": ({"mass": 1e-9, "inertia": [1e-18, 2e-18, 2.5e-18]}, {"omega_b": [3e5, 1e5, 2e5]}, QUIET),

@@ -11,14 +11,8 @@ from rbfmu.models.registry import LOADED_TAYLOR
 from rbfmu.runs.inputs import input_tables
 from rbfmu.runs.motion import attitude_error
 from tests.support.references.driven_motion_mp import true_motion
+from tests.support.scenes.model_cases import MOVING, OFFSET
 
-OFFSET = {"mass": 2.0, "inertia": [[1.0, 0.1, 0.05], [0.1, 1.2, 0.02], [0.05, 0.02, 1.5]], "r_oc_b": [0.1, -0.2, 0.3]}
-MOVING = {
-    "position": [1.0, 2.0, 3.0],
-    "velocity": [0.1, 0.2, 0.3],
-    "omega_b": [1.0, 2.0, -1.0],
-    "attitude": {"rotvec": [0.3, -0.8, 0.5]},
-}
 PORTS = ("force_a", "force_b", "torque_a", "torque_b")
 TIMES = np.array([0.0, 0.375, 0.8, 1.5])
 """One row lies at a communication point of STEP, one inside a step."""
