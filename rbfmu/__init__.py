@@ -18,10 +18,7 @@ if TYPE_CHECKING:
     from rbfmu.progress import progress_bar as progress_bar
     from rbfmu.result import Result as Result
     from rbfmu.runs.plan import Plan as Plan
-    from rbfmu.scene import Body as Body
-    from rbfmu.scene import Scene as Scene
-    from rbfmu.scene import SceneError as SceneError
-    from rbfmu.scene import load_scene as load_scene
+    from rbfmu.scene import *  # noqa: F403
     from rbfmu.simulation import Simulator as Simulator
     from rbfmu.simulation import compiled_step as compiled_step
     from rbfmu.simulation import plan as plan

@@ -325,7 +325,3 @@ def _say_what_takes_minutes(platforms: Sequence[str]) -> None:
     if slow := [platform.name for platform in platforms_named(platforms) if takes_minutes(platform)]:
         why = "the first time takes minutes, as ziglang builds the platform's C library"
         click.echo(f"Note: compiling for {', '.join(slow)}: {why}", err=True)
-
-
-if __name__ == "__main__":
-    main()

@@ -136,10 +136,8 @@ def print_end(scene: "Scene", planned: "Plan", result: Any, driven: bool) -> Non
         from rbfmu.planning.select import without_loops
 
         planned = without_loops(Question(scene), planned)
-    click.echo(f"{planned.model}: {planned.method}")
-    click.echo(f"{expected_error(scene, planned, driven)}, accuracy asked {scene.run.accuracy:g}")
-    for reason in planned.reasons:
-        click.echo(reason)
+    error = f"{expected_error(scene, planned, driven)}, accuracy asked {scene.run.accuracy:g}"
+    click.echo("\n".join([f"{planned.model}: {planned.method}", error, *planned.reasons]))
     rows = [("at the end", "unit", f"t = {result.time[-1]:g} s")]
     for name, values in result.quantities.items():
         rows.append((name, result.units[name], " ".join(f"{x: .8g}" for x in values[-1:].ravel())))
@@ -156,9 +154,7 @@ def print_ensemble(planned: Any, result: Any) -> None:
     """Print the models, what failed, and mean and spread of the runs at their end."""
     from rbfmu_kernels.quantities import OUTPUT
 
-    click.echo(f"{planned.model}: {planned.method}")
-    for reason in planned.reasons:
-        click.echo(reason)
+    click.echo("\n".join([f"{planned.model}: {planned.method}", *planned.reasons]))
     redrawn = int((result.redrawn > 0).sum())
     click.echo(f"{result.runs:,} runs, {len(result.failed):,} of them failed, {redrawn:,} drawn again")
     for index, text in [*result.failed.items()][:MOST_FAILED]:

@@ -100,10 +100,8 @@ class Result:
         """Return flat columns by FMU variable name: time, quaternion[1], ..."""
         columns = {"time": self.time}
         for name, values in self.quantities.items():
-            if values.ndim == 1:
-                columns[name] = values
-            else:
-                columns |= {f"{name}[{i + 1}]": values[:, i] for i in range(values.shape[1])}
+            components = values.T if values.ndim > 1 else [values]
+            columns |= {name + index: x for index, x in zip(indices(OUTPUT[name]), components, strict=True)}
         return columns
 
     @property

@@ -140,7 +140,9 @@ class Statistics:
             order = np.argsort(values[block], axis=1, kind="stable")
             sorted_values = np.take_along_axis(values[block], order, axis=1)
             ranks = np.cumsum(weights[order], axis=1) - 0.5 * weights[order]
-            found.reshape(len(found), -1)[:, block] = _interpolated(sorted_values, ranks, probabilities * weights.sum())
+            wanted = probabilities * weights.sum()
+            interpolated = [np.interp(wanted, r, v) for v, r in zip(sorted_values, ranks, strict=True)]
+            found.reshape(len(found), -1)[:, block] = np.array(interpolated).T
         return found
 
     def _weighted(self) -> tuple[Array, Array]:
@@ -177,11 +179,6 @@ def _points(arrays: Mapping[str, Any], level: int) -> Points | None:
         return None
     weight, error = arrays[f"weight_{level}"].tolist()
     return Points(np.ascontiguousarray(arrays[f"points_{level}"]), weight, error)
-
-
-def _interpolated(values: Array, ranks: Array, wanted: Array) -> Array:
-    """Return values (c, p) interpolated between their ranks (c, p), (q, c)."""
-    return np.array([np.interp(wanted, r, v) for v, r in zip(values, ranks, strict=True)]).T
 
 
 def exact_quantiles(values: Array, probabilities: Array) -> Array:

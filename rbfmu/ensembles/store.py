@@ -32,6 +32,17 @@ _HEAD, _KEPT = "resume/head", "resume/statistics/"
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
+@contextmanager
+def damage_of(store: Path, what: str = "", but: type[Exception] = ModuleNotFoundError) -> Iterator[None]:
+    """Turn any error, of a checksum, a codec or JSON, into a ValueError that says that the store cannot be read."""
+    try:
+        yield
+    except but:
+        raise
+    except Exception as error:
+        raise ValueError(f"{store}: cannot be read ({what}{error}): expected what `rbfmu ensemble` writes") from None
+
+
 @dataclass
 class Progress:
     """What the chunks 0, 1, ... that were added have given."""
@@ -75,11 +86,11 @@ class Checkpoint:
 
         A rename is atomic (POSIX), and `fsync` before it keeps a crash of the machine from leaving an empty file.
         """
-        statistics = self.progress.statistics
-        kept: dict[str, Any] = {
-            f"{_KEPT}{name}": a for name, a in (statistics.to_arrays() if statistics else {}).items()
-        }
-        kept |= {_HEAD: np.array(self._head()), **self.rows, **self.results}
+        statistics = self.progress.statistics.to_arrays() if self.progress.statistics else {}
+        kept = {f"{_KEPT}{name}": array for name, array in statistics.items()}
+        head = {"identity": self.identity, "chunks": self.progress.chunks, "runs": self.runs, "rows": [*self.rows]}
+        head["failed"] = list(self.progress.failed.items())
+        kept |= {_HEAD: np.array(json.dumps(head)), **self.rows, **self.results}
         part = path.with_name(f"{path.name}.partial")
         try:
             with part.open("wb") as file:
@@ -91,14 +102,10 @@ class Checkpoint:
             with suppress(OSError):
                 part.unlink(missing_ok=True)
 
-    def _head(self) -> str:
-        head = {"identity": self.identity, "chunks": self.progress.chunks, "runs": self.runs, "rows": [*self.rows]}
-        return json.dumps(head | {"failed": list(self.progress.failed.items())})
-
     @classmethod
     def read(cls, path: Path) -> "Checkpoint":
         """Read a file. Raises ValueError where it is no checkpoint of an ensemble."""
-        try:
+        with damage_of(path, but=FileNotFoundError):
             with np.load(path, allow_pickle=False) as file:
                 arrays = {name: file[name] for name in file.files}
             head = json.loads(str(arrays.pop(_HEAD)))
@@ -107,10 +114,6 @@ class Checkpoint:
             progress = Progress(head["chunks"], statistics, dict(head["failed"]))
             rows = {name: arrays.pop(name) for name in head["rows"]}
             return cls(head["identity"], progress, rows, arrays, head["runs"])
-        except FileNotFoundError:
-            raise
-        except Exception as error:
-            raise ValueError(f"{path}: cannot be read ({error}): expected what `rbfmu ensemble` writes") from None
 
 
 def identity_of(work: Work) -> dict[str, Any]:

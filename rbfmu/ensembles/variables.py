@@ -140,12 +140,9 @@ def _dims(row: Quantity) -> tuple[str, ...]:
 
 def _attributes(row: Quantity) -> dict[str, Any]:
     attributes = {"units": row.unit, "long_name": row.meaning}
-    frame = _AXES[row.frame] if isinstance(row, Load) else _frame_in(row.meaning)
+    said = (frame for words, frame in _FRAMES.items() if words in row.meaning)
+    frame = _AXES[row.frame] if isinstance(row, Load) else next(said, "")
     return attributes | ({"frame": frame} if frame else {})
-
-
-def _frame_in(meaning: str) -> str:
-    return next((frame for words, frame in _FRAMES.items() if words in meaning), "")
 
 
 _AXES = {"a": "a (inertial)", "b": "b (body)"}

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from rbfmu.ensembles.chunks import Chunk, Work
-from rbfmu.ensembles.store import Checkpoint, Store, results_of
+from rbfmu.ensembles.store import Checkpoint, Store, damage_of, results_of
 from rbfmu.ensembles.variables import KEYS, REDRAWN, TIMES, Variable, coordinates, variables
 from rbfmu.extras import needed
 
@@ -38,10 +38,8 @@ class StoredArray:
         self.shape, self.dtype, self.ndim, self.size = array.shape, array.dtype, array.ndim, array.size
 
     def __getitem__(self, part: Any) -> Any:
-        try:
+        with damage_of(self._path, f"{self._array.basename}: "):
             return self._array[part]
-        except Exception as error:  # of a checksum, of a codec
-            raise ValueError(_damaged(self._path, f"{self._array.basename}: {error}")) from None
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
         return np.asarray(self[...], dtype)
@@ -52,16 +50,11 @@ def arrays_of_folder(path: Path, known: Mapping[str, Any]) -> dict[str, StoredAr
 
     known: what the checkpoint says of them; nothing of a store that was written without checksums.
     """
-    try:
+    with damage_of(path):
         arrays = dict(needed("zarr", "ensemble").open_group(path, mode="r").arrays())
         lost = [name for name, array in arrays.items() if array.nchunks_initialized != array.nchunks]
-    except ModuleNotFoundError:
-        raise
-    except Exception as error:  # anything that zarr makes of a zarr.json
-        raise ValueError(_damaged(path, str(error))) from None
-    if LAYOUT in known and (lost or known[LAYOUT] != _layout(arrays)):
-        why = f"{lost[0]}: chunks are missing" if lost else "the arrays are not those that were written"
-        raise ValueError(_damaged(path, why))
+        if LAYOUT in known and (lost or known[LAYOUT] != _layout(arrays)):
+            raise ValueError(f"{lost[0]}: chunks are missing" if lost else "the arrays are not those that were written")
     return {name: StoredArray(path, array) for name, array in arrays.items()}
 
 
@@ -69,10 +62,6 @@ def _layout(arrays: Mapping[str, Any]) -> str:
     """Return a digest of names, shapes and codecs; attributes may change."""
     found = {name: array.metadata.to_dict() | {"attributes": None} for name, array in arrays.items()}
     return hashlib.sha256(json.dumps(found, sort_keys=True, default=str).encode()).hexdigest()
-
-
-def _damaged(path: Path, why: str) -> str:
-    return f"{path}: cannot be read ({why}): expected what `rbfmu ensemble` writes"
 
 
 class ZarrStore(Store):

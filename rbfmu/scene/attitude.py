@@ -56,6 +56,7 @@ _EULER = one_word(tuple(euler_angles.NAMES), 'an Euler sequence such as "ZYX" or
     'Euler sequence such as "ZYX" (intrinsic) or "xyz" (extrinsic), with angles_deg or angles'
 )
 _QUATERNION = Numbers((4,), bound=": eta, eps_1, eps_2, eps_3", then=unit_quaternion)
+_MATRIX, _UNTURNED = Numbers((3, 3), then=rotation_matrix), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 _IN_ORDER = "Euler angles in the sequence's order"
 
 
@@ -69,11 +70,7 @@ class Attitude(Section):
     angles: Annotated[Vec3, _angles("rad", _IN_ORDER)] = ZERO
     quaternion: Annotated[Quaternion, _QUATERNION.means("Euler parameters q_ab, scalar first")] = (1.0, 0.0, 0.0, 0.0)
     rotvec: Annotated[Vec3, _angles("rad", "rotation vector: axis times angle")] = ZERO
-    matrix: Annotated[Matrix, Numbers((3, 3), then=rotation_matrix).means("rotation matrix R_ab, by rows")] = (
-        (1.0, 0.0, 0.0),
-        (0.0, 1.0, 0.0),
-        (0.0, 0.0, 1.0),
-    )
+    matrix: Annotated[Matrix, _MATRIX.means("rotation matrix R_ab, by rows")] = _UNTURNED
 
     @classmethod
     def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:

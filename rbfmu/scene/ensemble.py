@@ -115,6 +115,7 @@ MOST_RUNS = 1_000_000_000
 
 
 _CORRELATION = Rule("a table", lambda value: value).means("which of these numbers depend on each other")
+_KEEP = names(KEPT, least=1).means('what is kept: of each run its end ("final") or all of it, and statistics over time')
 _VARY = Rule(
     'a table: keys of the scene, each with a distribution, such as "body.mass" = { normal = [50.0, 0.5] }', tuple
 )
@@ -128,12 +129,7 @@ class Ensemble(Section):
     runs: Annotated[int, whole(1, MOST_RUNS).means("number of runs; of a grid: that of its points")] = 1000
     seed: Annotated[int, whole(0, 2**63 - 1).means("run i depends on seed and i alone")] = 0
     design: Annotated[str, one_word(DESIGNS, CHOICE).means("how values are drawn: " + CHOICE)] = RANDOM
-    keep: Annotated[
-        tuple[str, ...],
-        names(KEPT, least=1).means(
-            'what is kept: of each run its end ("final") or all of it, and statistics over time'
-        ),
-    ] = ("final", "statistics")
+    keep: Annotated[tuple[str, ...], _KEEP] = ("final", "statistics")
     vary: Annotated[tuple[Variation, ...], _VARY.means("what varies: keys of the scene, each a distribution")]
     correlation: Annotated[Correlation | None, _CORRELATION] = None
 
@@ -191,28 +187,24 @@ class Ensemble(Section):
             yield fault(joined("ensemble.vary", INERTIA), own.table, expected)
 
     def _faults_of_grid(self) -> Iterator[str]:
+        is_grid = self.design == GRID
         for variation in self.vary:
-            for marginal in variation.marginals:
-                if self.design != GRID and marginal.points:
-                    expected = 'points in a grid alone: design = "grid"'
-                    yield fault(joined("ensemble.vary", variation.key), variation.table, expected)
-                    break
-                if self.design == GRID and marginal.varies and not marginal.points:
-                    yield _without_points(variation, marginal)
-                    break
-        if self.design == GRID:
-            count = math.prod(m.points or 1 for m in self.varying)
-            if count != self.runs:
-                yield fault("ensemble.runs", self.runs, f"no such key, or {count}: the points of the grid")
+            wrong = [m for m in variation.marginals if (m.varies and not m.points if is_grid else m.points)]
+            if wrong and is_grid:
+                yield _without_points(variation, wrong[0])
+            elif wrong:
+                expected = 'points in a grid alone: design = "grid"'
+                yield fault(joined("ensemble.vary", variation.key), variation.table, expected)
+        if is_grid and (count := math.prod(m.points or 1 for m in self.varying)) != self.runs:
+            yield fault("ensemble.runs", self.runs, f"no such key, or {count}: the points of the grid")
 
     def _faults_of_correlation(self, correlation: Correlation) -> Iterator[str]:
-        path, known = "ensemble.correlation.components", {m.name: m for m in self.varying}
+        known = {m.name: m for m in self.varying if ".uniform[" not in m.name}
         if self.design == GRID:
             yield fault("ensemble.correlation", correlation.components, "none: the points of a grid are independent")
-        unknown = [name for name in correlation.components if name not in known or ".uniform[" in name]
-        if unknown:
-            names = [name for name in known if ".uniform[" not in name]
-            yield fault(path, unknown, f"numbers that vary, out of {', '.join(names)}")
+        if unknown := [name for name in correlation.components if name not in known]:
+            expected = f"numbers that vary, out of {', '.join(known)}"
+            yield fault("ensemble.correlation.components", unknown, expected)
         elif correlation.covariance is not None:
             for k, (name, row) in enumerate(zip(correlation.components, correlation.covariance, strict=False)):
                 marginal = known[name]

@@ -29,6 +29,16 @@ MAX_STEPS = 1e8
 _IDENTITY = (1.0, 0.0, 0.0, 0.0)
 _DEGREES = Numbers((3,), "deg/s")
 _NAME = line("1 to 200 printable characters without / and \\", 200, unwanted="/\\")
+_PORTS = names(PORTS).means(
+    "loads that another unit supplies, added to the known ones, or omega_b alone (prescribed rates)"
+)
+_PARAMETERS = names(PARAMETERS).means(
+    "FMU parameters that an importer will change, so that the plan holds for every value"
+)
+_ACCURACY = Numbers((), "", " in (0, 1]", lambda x: 0.0 < x <= 1.0).means(
+    "largest error over the run: attitude in rad, rates relative to their largest, position and velocity relative to "
+    "theirs, at least 1 m and 1 m/s"
+)
 _TEXT = line("at most 1000 printable characters", 1000)
 
 
@@ -90,16 +100,8 @@ class Inputs(Section):
 
     _path: ClassVar[str] = "inputs"
 
-    ports: Annotated[
-        tuple[str, ...],
-        names(PORTS).means(
-            "loads that another unit supplies, added to the known ones, or omega_b alone (prescribed rates)"
-        ),
-    ] = ()
-    parameters: Annotated[
-        tuple[str, ...],
-        names(PARAMETERS).means("FMU parameters that an importer will change, so that the plan holds for every value"),
-    ] = ()
+    ports: Annotated[tuple[str, ...], _PORTS] = ()
+    parameters: Annotated[tuple[str, ...], _PARAMETERS] = ()
 
 
 class Outputs(Section):
@@ -118,28 +120,18 @@ class Run(Section):
     start: Annotated[float, Numbers((), "s").means("time at the start")] = 0.0
     stop: Annotated[float, Numbers((), "s").means("time at the end")] = 10.0
     step: Annotated[float, positive("s").means("communication step")] = 0.01
-    accuracy: Annotated[
-        float,
-        Numbers((), "", " in (0, 1]", lambda x: 0.0 < x <= 1.0).means(
-            "largest error over the run: attitude in rad, rates relative to their largest, position and velocity "
-            "relative to theirs, at least 1 m and 1 m/s"
-        ),
-    ] = 1e-6
+    accuracy: Annotated[float, _ACCURACY] = 1e-6
 
     def _contradictions(self) -> Iterator[str]:
-        resolution = 4.0 * max(math.ulp(self.start), math.ulp(self.stop))
+        span, resolution = self.stop - self.start, 4.0 * max(math.ulp(self.start), math.ulp(self.stop))
         if not self.stop > self.start:
             yield fault("run.stop", self.stop, f"a time after run.start = {self.start!r} (s)")
-        elif not math.isfinite(self.stop - self.start):
+        elif not math.isfinite(span):
             yield fault("run.stop", self.stop, "a span from run.start that is a number (s)")
-        elif self.step > self.stop - self.start:
-            yield fault("run.step", self.step, f"at most stop - start = {self.stop - self.start!r} (s)")
-        elif self.stop - self.start > MAX_STEPS * self.step:
-            yield fault(
-                "run.step",
-                self.step,
-                f"at least {(self.stop - self.start) / MAX_STEPS:.2g}: a run has at most 1e8 steps",
-            )
+        elif self.step > span:
+            yield fault("run.step", self.step, f"at most stop - start = {span!r} (s)")
+        elif span > MAX_STEPS * self.step:
+            yield fault("run.step", self.step, f"at least {span / MAX_STEPS:.2g}: a run has at most 1e8 steps")
         elif self.step < resolution:
             yield fault("run.step", self.step, f"at least {resolution:.2g}, what the clock resolves there (s)")
 
