@@ -82,13 +82,13 @@ def show_plan(scene: Path, as_json: bool, driven: dict[str, Any], model: str, **
     known = None if driven else kept.read()
     if known is None:
         with given_scene(scene, run) as loaded:
-            known = _planned(loaded, model, kept, driven)
+            known = _plan_of(loaded, model, kept, driven)
     for doubt in known["doubts"]:
         warnings.warn(doubt, SceneWarning, stacklevel=2)  # of a plan that was made now they are said already
     click.echo(json.dumps(known["plan"] | {"variables": known["variables"]}, indent=1) if as_json else known["text"])
 
 
-def _planned(scene: "Scene", model: str, kept: KeptPlan, driven: dict[str, Any]) -> dict[str, Any]:
+def _plan_of(scene: "Scene", model: str, kept: KeptPlan, driven: dict[str, Any]) -> dict[str, Any]:
     """Plan a scene; return what is said of the plan and of doubts; keep it where no inputs are given."""
     from rbfmu.scene.consistency import doubts_before
     from rbfmu.simulation import plan
@@ -127,7 +127,7 @@ def run(
     kept = KeptPlan(scene, {"model": model, **run})
     with given_scene(scene, run) as loaded:
         known = None if driven else kept.read()
-        planned = Plan.from_dict((known or _planned(loaded, model, kept, driven))["plan"])
+        planned = Plan.from_dict((known or _plan_of(loaded, model, kept, driven))["plan"])
         result = simulate(loaded, planned=planned, progress=progress_bar(loaded.name), **driven)
     if output:
         result.save(output)

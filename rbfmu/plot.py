@@ -54,17 +54,17 @@ def with_file(figure: Figure, path: str | Path | None) -> Figure:
 
 
 def draw_components(axes: Any, time: Any, values: Any, names: tuple[str, ...], turn: float = math.inf) -> None:
-    """Draw values (n,) or (n, k) as named lines; those of angles are broken where they lose a turn."""
+    """Draw values (n,) or (n, k) as named lines; those of angles are with_gaps where they lose a turn."""
     columns = values[:, None] if values.ndim == 1 else values
     for k, name in enumerate(names):
-        axes.plot(*broken(time, columns[:, k], turn), color=COLORS[k], linewidth=1.2, label=name)
+        axes.plot(*with_gaps(time, columns[:, k], turn), color=COLORS[k], linewidth=1.2, label=name)
     if len(names) > 1:
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=9)
     open_frame(axes)
     axes.margins(x=0.0)
 
 
-def broken(time: Any, angles: Any, turn: float) -> tuple[Any, Any]:
+def with_gaps(time: Any, angles: Any, turn: float) -> tuple[Any, Any]:
     """Return the points (n,) of a line with a gap between those that are more than half a turn apart."""
     jumps = np.flatnonzero(np.abs(np.diff(angles)) > 0.5 * turn) + 1
     return np.insert(time, jumps, time[jumps]), np.insert(angles, jumps, np.nan)

@@ -16,10 +16,10 @@ def progress_bar(name: str) -> Callable[[Sequence[Any]], Any] | None:
 
     For `progress` of `simulate`. A notebook needs ipywidgets for it (`pip install "rbfmu[notebook]"`).
     """
-    return (lambda numbers: _counted(numbers, name)) if _is_seen() else None
+    return (lambda numbers: _with_bar(numbers, name)) if _is_seen() else None
 
 
-def _counted(numbers: Sequence[Any], name: str) -> Iterator[Any]:
+def _with_bar(numbers: Sequence[Any], name: str) -> Iterator[Any]:
     with bar(name) as tell:
         for done, number in enumerate(numbers):
             tell(done, len(numbers))
@@ -42,7 +42,7 @@ def bar(name: str, shown: bool = True) -> Iterator[Callable[..., None]]:
         def tell(done: float, total: float = 1.0, text: str = name) -> None:
             nonlocal due, update
             if monotonic() > due:
-                update = update or stack.enter_context(_drawn_bar())
+                update = update or stack.enter_context(_rich_bar())
                 update(description=text, completed=done, total=total)
                 due = monotonic() + OFTEN
 
@@ -50,7 +50,7 @@ def bar(name: str, shown: bool = True) -> Iterator[Callable[..., None]]:
 
 
 @contextmanager
-def _drawn_bar() -> Iterator[Callable[..., None]]:
+def _rich_bar() -> Iterator[Callable[..., None]]:
     from rich.console import Console
     from rich.progress import Progress
 

@@ -133,21 +133,14 @@ def probabilities(z: Array) -> Array:
     return np.clip(mapped(_STANDARD.cdf, z), 2.0**-1000, 1.0 - 2.0**-53)
 
 
-def values_of(marginal: Marginal, u: Array) -> Array:
+def values_of(marginal: Marginal, u: Array, z: Array | None = None) -> Array:
     """Return the values of a number at places u of its distribution function, 0 < u < 1 (0 and 1 if it is bounded).
 
-    Those of a number that is relative are factors of the scene's.
+    z: its normal scores, in place of these. Values of a number that is relative are factors of the scene's.
     """
     if marginal.kind in _SCORED:
-        return values_of_scores(marginal, normal_scores(u))
-    return _BOUNDED[marginal.kind](*marginal.arguments, u)
-
-
-def values_of_scores(marginal: Marginal, z: Array) -> Array:
-    """Return the values of a number whose standard normal score is z."""
-    if marginal.kind in _SCORED:
-        return _SCORED[marginal.kind](*marginal.arguments, z)
-    return values_of(marginal, probabilities(z))
+        return _SCORED[marginal.kind](*marginal.arguments, normal_scores(u) if z is None else z)
+    return _BOUNDED[marginal.kind](*marginal.arguments, u if z is None else probabilities(z))
 
 
 def _uniform(low: float, high: float, u: Array) -> Array:
@@ -174,14 +167,11 @@ _SCORED: Mapping[str, Callable[..., Array]] = {
 def correlated_values(ensemble: Ensemble, cube: Array) -> dict[str, Array]:
     """Return the values (count,) of all numbers that vary, by name, at points (count, n) of the unit cube."""
     marginals = ensemble.varying
-    scores = _correlated(ensemble.correlation, {m.name: cube[:, k] for k, m in enumerate(marginals)})
-    return {
-        m.name: values_of_scores(m, scores[m.name]) if m.name in scores else values_of(m, cube[:, k])
-        for k, m in enumerate(marginals)
-    }
+    scores = _scores_by_correlation(ensemble.correlation, {m.name: cube[:, k] for k, m in enumerate(marginals)})
+    return {m.name: values_of(m, cube[:, k], scores.get(m.name)) for k, m in enumerate(marginals)}
 
 
-def _correlated(correlation: Correlation | None, places: dict[str, Array]) -> dict[str, Array]:
+def _scores_by_correlation(correlation: Correlation | None, places: dict[str, Array]) -> dict[str, Array]:
     """Return the normal scores of those numbers that depend on each other.
 
     The sums are taken term by term: a product of matrices may round otherwise in a larger chunk.

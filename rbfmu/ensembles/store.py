@@ -171,7 +171,7 @@ def store_lock(store: Path) -> Iterator[None]:
     if _HERE.setdefault(key, mine) is not mine:
         raise _refusal(store, _me())
     try:
-        handle = _locked(store, beside) if fcntl else None
+        handle = _lock_file(store, beside) if fcntl else None
         try:
             yield
         finally:
@@ -183,7 +183,7 @@ def store_lock(store: Path) -> Iterator[None]:
         del _HERE[key]
 
 
-def _locked(store: Path, beside: Path) -> int | None:
+def _lock_file(store: Path, beside: Path) -> int | None:
     """Return the descriptor of the locked file, which says who we are; None where files cannot be locked."""
     while True:
         try:

@@ -241,18 +241,20 @@ def as_written(value: Any, tables: Mapping[str, Any], faults: list[str]) -> Any:
     vary = value.get("vary") if isinstance(value, Mapping) else None
     if not isinstance(vary, Mapping):
         return value
-    vary = _with_shape(_dotted(vary, faults), tables.get("body"), faults)
+    vary = _with_shape(_by_dotted_key(vary, faults), tables.get("body"), faults)
     return {**value, "vary": _with_attitude(vary, tables.get("initial"))}
 
 
-def _dotted(vary: Mapping[str, Any], faults: list[str]) -> dict[str, Any]:
+def _by_dotted_key(vary: Mapping[str, Any], faults: list[str]) -> dict[str, Any]:
     """Return the table with one dotted key a quantity, also where TOML's own dots made tables of them."""
     found: dict[str, Any] = {}
     for key, value in vary.items():
         inside = isinstance(value, Mapping) and (
             key in NESTED or (key == SHAPE and "kind" not in value) or (key == ATTITUDE and _lacks_sequence(value))
         )
-        items = _dotted({f"{key}.{name}": item for name, item in value.items()}, faults) if inside else {key: value}
+        items = (
+            _by_dotted_key({f"{key}.{name}": item for name, item in value.items()}, faults) if inside else {key: value}
+        )
         faults += [_twice(name, item, found[name]) for name, item in items.items() if name in found]
         found = found | items
     return found

@@ -220,8 +220,8 @@ class Scene(Section):
         new = self.to_dict()
         if "quantities" not in self.outputs.model_fields_set:
             del new["outputs"]
-        for name, value in _nested({**changes, **tables}).items():
-            new[name] = _changed(new.get(name), value, SECTIONS.get(name))
+        for name, value in _as_tables({**changes, **tables}).items():
+            new[name] = _with_changes(new.get(name), value, SECTIONS.get(name))
         return type(self).from_dict(new, self.name)
 
     def to_dict(self) -> dict[str, Any]:
@@ -238,7 +238,7 @@ def _rates_as_written(initial: Any) -> tuple[str, Any] | None:
     return ("initial.omega_b_deg", initial["omega_b_deg"]) if given else None
 
 
-def _changed(table: Any, value: Any, section: type[Section] | None) -> Any:
+def _with_changes(table: Any, value: Any, section: type[Section] | None) -> Any:
     """Return the table with the new keys, and without the keys that these exclude."""
     if section is None or not isinstance(value, Mapping) or not isinstance(table, Mapping):
         return value
@@ -246,7 +246,7 @@ def _changed(table: Any, value: Any, section: type[Section] | None) -> Any:
     return {key: item for key, item in table.items() if key not in excluded} | dict(value)
 
 
-def _nested(changes: Mapping[str, Any]) -> dict[str, Any]:
+def _as_tables(changes: Mapping[str, Any]) -> dict[str, Any]:
     """Return tables made from dotted keys."""
     tables: dict[str, Any] = {}
     for key, value in changes.items():

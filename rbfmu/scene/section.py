@@ -27,11 +27,11 @@ def fault(path: str, value: object, expected: str) -> str:
 
 def as_toml(value: object, longest: int = LONGEST) -> str:
     """Return a value as TOML spells it, shortened."""
-    text = _spelled(value, depth=0)
+    text = _spelling(value, depth=0)
     return text if len(text) <= longest else text[: longest - 4].rstrip() + " ..."
 
 
-def _spelled(value: object, depth: int) -> str:
+def _spelling(value: object, depth: int) -> str:
     value = plain(value)
     if callable(value):
         return "a function"
@@ -42,10 +42,10 @@ def _spelled(value: object, depth: int) -> str:
     if isinstance(value, Mapping | list | tuple) and depth > 4:
         return "..."
     if isinstance(value, Mapping):
-        pairs = (f"{joined('', str(key))} = {_spelled(item, depth + 1)}" for key, item in _first(value.items()))
+        pairs = (f"{joined('', str(key))} = {_spelling(item, depth + 1)}" for key, item in _first(value.items()))
         return "{ " + ", ".join(pairs) + " }" if value else "{}"
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(_spelled(item, depth + 1) for item in _first(value)) + "]"
+        return "[" + ", ".join(_spelling(item, depth + 1) for item in _first(value)) + "]"
     try:
         return str(value) if isinstance(value, Real | date | time) else repr(value)
     except ValueError:  # str() refuses an integer of thousands of digits

@@ -50,8 +50,8 @@ def _motion(source: Any, scene: Any, stop: float | None, driven: tuple[Any, str]
         if driven[0] is not None:
             raise ValueError("inputs: expected a scene with them, as a result is shown as it is")
         title = "motion" if result is source else Path(source).stem
-        return motion_of_result(result.until(stop), title, *_loaded(scene))
-    loaded, shape = _loaded(source)
+        return motion_of_result(result.until(stop), title, *_scene_and_shape(scene))
+    loaded, shape = _scene_and_shape(source)
     with faults_of(str(source) if stop is None else f"{source} with stop {stop!r}"):
         shown = loaded if stop is None else loaded.replace(run={"stop": stop})
         if driven[0] is None:
@@ -59,7 +59,7 @@ def _motion(source: Any, scene: Any, stop: float | None, driven: tuple[Any, str]
         return motion_of_driven_scene(shown, *driven, shape)
 
 
-def _loaded(scene: Scene | str | Path | None) -> tuple[Any, dict[str, Any] | None]:
+def _scene_and_shape(scene: Scene | str | Path | None) -> tuple[Any, dict[str, Any] | None]:
     """Return a scene, and the shape that its file gives to the body."""
     if scene is None or isinstance(scene, Scene):
         return scene, None

@@ -170,23 +170,23 @@ def motion_of_scene(
     ghosts: how many members of its ensemble are shown beside it. Raises SceneError, and ValueError for too many ghosts.
     """
     check_ghosts(scene, ghosts)
-    wanted, span = scene.replace({"outputs.quantities": _shown(scene)}), scene.run.stop - scene.run.start
+    wanted, span = scene.replace({"outputs.quantities": _quantities_to_show(scene)}), scene.run.stop - scene.run.start
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SceneWarning)  # of steps that are not those of the pictures
         chosen = plan(wanted, progress=progress)
-        result = simulate(_stepped(wanted, pictures(span, 0.0)), planned=chosen)
+        result = simulate(_with_step_of(wanted, pictures(span, 0.0)), planned=chosen)
     fine = pictures(span, _largest(rate_of(result)))
-    result = simulate(_stepped(wanted, fine), planned=chosen)
+    result = simulate(_with_step_of(wanted, fine), planned=chosen)
     notes = ("inputs are zero",) if scene.inputs.ports else ()
     shown = _motion(scene.name, result, fine.played, scene, written, notes)
-    return replace(shown, ghosts=ghosts_of(_stepped(wanted, fine), ghosts))
+    return replace(shown, ghosts=ghosts_of(_with_step_of(wanted, fine), ghosts))
 
 
 def motion_of_driven_scene(
     scene: Scene, inputs: Any, interpolate: str, written: dict[str, Any] | None = None
 ) -> Motion:
     """Simulate a scene under these inputs, with its own communication step, and show what can be shown of that."""
-    wanted = scene.replace({"outputs.quantities": _shown(scene)})
+    wanted = scene.replace({"outputs.quantities": _quantities_to_show(scene)})
     return motion_of_result(simulate(wanted, inputs=inputs, interpolate=interpolate), scene.name, scene, written)
 
 
@@ -212,13 +212,13 @@ def _motion(
     return Motion(title, result, shape_of(scene, written), played, pivot, tuple(up.tolist()), notes)
 
 
-def _shown(scene: Scene) -> tuple[str, ...]:
+def _quantities_to_show(scene: Scene) -> tuple[str, ...]:
     possible = default_quantities(scene.body, scene.inputs)
     needed = {name for name in NEEDED if name in possible}
     return tuple(name for name in QUANTITIES if name in needed | set(scene.outputs.quantities))
 
 
-def _stepped(scene: Scene, shown: Pictures) -> Scene:
+def _with_step_of(scene: Scene, shown: Pictures) -> Scene:
     return scene.replace({"run.step": (scene.run.stop - scene.run.start) / (shown.number - 1)})
 
 

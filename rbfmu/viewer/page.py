@@ -50,13 +50,13 @@ def _data(geometry: Geometry) -> dict[str, Any]:
     played = (result.time - result.time[0]) * (geometry.motion.played / span)
     quantities = [
         {key: getattr(OUTPUT[name], key) for key in ("name", "unit", "meaning", "components")}
-        | {"values": _packed(values)}
+        | {"values": _as_base64(values)}
         for name, values in result.quantities.items()
     ]
-    return {"time": _packed(result.time), "played": _packed(played), "quantities": quantities}
+    return {"time": _as_base64(result.time), "played": _as_base64(played), "quantities": quantities}
 
 
-def _packed(values: Any) -> str:
+def _as_base64(values: Any) -> str:
     return base64.b64encode(np.ascontiguousarray(values, dtype="<f8").tobytes()).decode("ascii")
 
 

@@ -56,11 +56,11 @@ def shape_of(scene: Scene | None, written: dict[str, Any] | None = None) -> Shap
         kind, sides_of = DRAWN[written["kind"]]
         x, y, z = map(float, sides_of(written))
         sides = (x, y, z)
-        return Shape(kind, _seen(sides), f"{written['kind']}, {_metres(sides)}", centre)
+        return Shape(kind, _visible_sides(sides), f"{written['kind']}, {_metres(sides)}", centre)
     moments, axes = evaluated(principal_axes, scene.body.inertia)
     sides = equivalent_box(scene.body.mass, moments)
     q_bp = evaluated(quaternion_from_matrix, axes)
-    return Shape("box", _seen(sides), f"box with the body's mass and inertia, {_metres(sides)}", centre, q_bp)
+    return Shape("box", _visible_sides(sides), f"box with the body's mass and inertia, {_metres(sides)}", centre, q_bp)
 
 
 def equivalent_box(mass: float, moments: Any) -> Vec3:
@@ -70,7 +70,7 @@ def equivalent_box(mass: float, moments: Any) -> Vec3:
     return x, y, z
 
 
-def _seen(sides: Vec3) -> Vec3:
+def _visible_sides(sides: Vec3) -> Vec3:
     x, y, z = (max(side, THINNEST * max(sides)) for side in sides)
     return x, y, z
 

@@ -78,11 +78,11 @@ def test_a_result_knows_its_units() -> None:
 
 def test_a_line_of_angles_has_a_gap_where_it_loses_a_turn() -> None:
     time, angles = np.arange(6.0), np.array([3.0, 3.1, -3.1, -3.0, 3.0, 2.0])
-    t, y = charts.broken(time, angles, 2.0 * np.pi)
+    t, y = charts.with_gaps(time, angles, 2.0 * np.pi)
     assert np.isnan(y).nonzero()[0].tolist() == [2, 5]
     assert y[~np.isnan(y)].tolist() == angles.tolist()
     assert t[~np.isnan(y)].tolist() == time.tolist()
-    assert charts.broken(time, angles, np.inf)[1].tolist() == angles.tolist()
+    assert charts.with_gaps(time, angles, np.inf)[1].tolist() == angles.tolist()
 
 
 def test_a_plot_names_units_and_draws_no_stroke(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
