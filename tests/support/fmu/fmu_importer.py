@@ -78,6 +78,8 @@ class Instance:
     guid, kind (1: co-simulation), logging: arguments of fmi2Instantiate; memory: a `Memory`, else none is offered.
     """
 
+    PREFIX, STATE, DESERIALIZE = "fmi2", "FMUstate", "DeSerializeFMUstate"
+
     def __init__(self, fmu, name, guid=None, kind=1, logging=1, memory=None):
         self.fmu, self.lib, self.log = fmu, fmu.lib, []
         self._logger = _LOGGER(lambda environment, who, *message: self.log.append(message))
@@ -86,6 +88,10 @@ class Instance:
         uri = (fmu.folder / "resources").as_uri()
         arguments = (guid or fmu.guid).encode(), uri.encode(), c.byref(self._callbacks)
         self.component = c.c_void_p(self.lib.fmi2Instantiate(name and name.encode(), kind, *arguments, 0, logging))
+
+    def function(self, name):
+        """The library's function, in the version's spelling."""
+        return getattr(self.lib, f"{self.PREFIX}{name}")
 
     def setup(self, start=0.0, stop=None, tolerance=None):
         times = c.c_double(start), int(stop is not None), c.c_double(stop or 0.0)
@@ -97,7 +103,7 @@ class Instance:
         return self.lib.fmi2EnterInitializationMode(self.component)
 
     def exit(self):
-        return self.lib.fmi2ExitInitializationMode(self.component)
+        return self.function("ExitInitializationMode")(self.component)
 
     def start(self, values=()):
         assert self.component.value
@@ -107,13 +113,13 @@ class Instance:
         assert self.exit() == OK, self.log
 
     def terminate(self):
-        return self.lib.fmi2Terminate(self.component)
+        return self.function("Terminate")(self.component)
 
     def reset(self):
-        return self.lib.fmi2Reset(self.component)
+        return self.function("Reset")(self.component)
 
     def free(self):
-        self.lib.fmi2FreeInstance(self.component)
+        self.function("FreeInstance")(self.component)
 
     def step(self, time, size):
         return self.lib.fmi2DoStep(self.component, c.c_double(time), c.c_double(size), 1)
@@ -209,33 +215,33 @@ class Instance:
     def new_state(self):
         """(status, state)."""
         state = c.c_void_p()
-        return self.lib.fmi2GetFMUstate(self.component, c.byref(state)), state
+        return self.function(f"Get{self.STATE}")(self.component, c.byref(state)), state
 
     def state_into(self, state):
         """What becomes of a state's pointer where the state is to be overwritten."""
         given = c.c_void_p(state.value)
-        assert self.lib.fmi2GetFMUstate(self.component, c.byref(given)) == OK
+        assert self.function(f"Get{self.STATE}")(self.component, c.byref(given)) == OK
         return given
 
     def restore(self, state):
-        return self.lib.fmi2SetFMUstate(self.component, state)
+        return self.function(f"Set{self.STATE}")(self.component, state)
 
     def free_state(self, state):
-        return self.lib.fmi2FreeFMUstate(self.component, c.byref(c.c_void_p(state.value)))
+        return self.function(f"Free{self.STATE}")(self.component, c.byref(c.c_void_p(state.value)))
 
     def serialized(self, state):
         """The state's bytes."""
         size = c.c_size_t()
-        assert self.lib.fmi2SerializedFMUstateSize(self.component, state, c.byref(size)) == OK
+        assert self.function(f"Serialized{self.STATE}Size")(self.component, state, c.byref(size)) == OK
         content = c.create_string_buffer(size.value)
-        assert self.lib.fmi2SerializeFMUstate(self.component, state, content, size) == OK
+        assert self.function(f"Serialize{self.STATE}")(self.component, state, content, size) == OK
         return content.raw
 
     def deserialized(self, content):
         """(status, state)."""
         state = c.c_void_p()
         size = c.c_size_t(len(content))
-        status = self.lib.fmi2DeSerializeFMUstate(self.component, content, size, c.byref(state))
+        status = self.function(self.DESERIALIZE)(self.component, content, size, c.byref(state))
         return status, state
 
 

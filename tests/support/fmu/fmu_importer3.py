@@ -62,6 +62,8 @@ def element_names(name, dimensions):
 class Instance3(Instance):
     """Calls return the FMI status; updates: called in intermediate updates, which are about `intermediate`."""
 
+    PREFIX, STATE, DESERIALIZE = "fmi3", "FMUState", "DeserializeFMUState"
+
     def __init__(self, fmu, name, guid=None, kind=1, logging=1, updates=None, intermediate=(), early=False, events=0):
         self.fmu, self.lib, self.log, self.times, self.tolerance = fmu, fmu.lib, [], (0.0, 0, 0.0), (0, 0.0)
         self._logger = LOGGER(lambda environment, *message: self.log.append(message))
@@ -87,18 +89,6 @@ class Instance3(Instance):
         times = c.c_double(start), c.c_bool(has_stop), c.c_double(stop)
         tolerance = c.c_bool(self.tolerance[0]), c.c_double(self.tolerance[1])
         return self.lib.fmi3EnterInitializationMode(self.component, *tolerance, *times)
-
-    def exit(self):
-        return self.lib.fmi3ExitInitializationMode(self.component)
-
-    def terminate(self):
-        return self.lib.fmi3Terminate(self.component)
-
-    def reset(self):
-        return self.lib.fmi3Reset(self.component)
-
-    def free(self):
-        self.lib.fmi3FreeInstance(self.component)
 
     def step(self, time, size):
         """The status; `answer` is what else is said: event, terminate, early return, time reached."""
@@ -197,31 +187,3 @@ class Instance3(Instance):
     def terminated(self):
         """What the last step said."""
         return self.answer[1]
-
-    def new_state(self):
-        state = c.c_void_p()
-        return self.lib.fmi3GetFMUState(self.component, c.byref(state)), state
-
-    def state_into(self, state):
-        given = c.c_void_p(state.value)
-        assert self.lib.fmi3GetFMUState(self.component, c.byref(given)) == OK
-        return given
-
-    def restore(self, state):
-        return self.lib.fmi3SetFMUState(self.component, state)
-
-    def free_state(self, state):
-        return self.lib.fmi3FreeFMUState(self.component, c.byref(c.c_void_p(state.value)))
-
-    def serialized(self, state):
-        size = c.c_size_t()
-        assert self.lib.fmi3SerializedFMUStateSize(self.component, state, c.byref(size)) == OK
-        content = c.create_string_buffer(size.value)
-        assert self.lib.fmi3SerializeFMUState(self.component, state, content, size) == OK
-        return content.raw
-
-    def deserialized(self, content):
-        state = c.c_void_p()
-        size = c.c_size_t(len(content))
-        status = self.lib.fmi3DeserializeFMUState(self.component, content, size, c.byref(state))
-        return status, state
