@@ -205,7 +205,7 @@ def test_the_plan_is_right_and_smallest(scene):
 @pytest.mark.slow
 def test_the_plan_is_right_and_smallest_on_hundreds_of_scenes_that_reach_every_model():
     SEEN.clear()
-    for kind in sorted(set(KINDS)):
+    for kind in sorted({*KINDS, "top"}):  # one that other tests need not draw, for splitting
         settings(max_examples=60, **QUIET)(given(scenes((kind,)))(check))()
     assert set(SEEN) >= {
         *(spec.key for spec in CLOSED_FORMS),

@@ -124,12 +124,6 @@ def plainly_met(scene: Scene, setting: Setting = AS_PLANNED, most=reference.MAX_
     return max(errors(rows, true_motion(scene, setting, most=most)).values())
 
 
-def with_run(scene: Scene, **changes) -> Scene:
-    """The scene with other numbers of its run, checked anew."""
-    tables = scene.to_dict()
-    return Scene.from_dict(tables | {"run": tables["run"] | changes})
-
-
 def pasted(scene: Scene, setting: Setting, note: str = "") -> str:
     """The scene in TOML with its setting in comments."""
     lines = [f"# {note}"] if note else []

@@ -93,6 +93,19 @@ def balls(draw):
 
 
 @st.composite
+def tops(draw):
+    """A heavy top on its pivot, as fast as splitting likes it."""
+    body = {
+        "mass": 1.0,
+        "inertia": [0.5, 0.5, 0.3],
+        "pivot": True,
+        "r_oc_b": [0.0, 0.0, draw(st.sampled_from([0.5, -0.2]))],
+    }
+    omega_b = [draw(st.sampled_from([0.0, 0.3])), 0.0, draw(st.sampled_from([50.0, 200.0])) * draw(SIGNS)]
+    return body, omega_b, [draw(st.sampled_from([0.1, 0.4, 1.5])), 0.0, 0.0], {"gravity_a": [0.0, 0.0, -9.81]}
+
+
+@st.composite
 def scenes(draw, kinds=KINDS):
     """Scenes that are good; whether their accuracy can be met is for the plan to say."""
     body, moments, R = draw(bodies())
@@ -121,6 +134,8 @@ def scenes(draw, kinds=KINDS):
     turn = list(draw(vectors(draw(st.sampled_from([0.0, 1.0])))))
     if kind == "swing":
         body, omega_b, turn, loads = draw(swings())
+    if kind == "top":
+        body, omega_b, turn, loads = draw(tops())
     if kind == "spun":
         body, omega_b, loads = draw(spun())
     if kind == "ball":
@@ -132,6 +147,6 @@ def scenes(draw, kinds=KINDS):
     initial = {"omega_b": omega_b, "attitude": {"rotvec": turn}}
     if not body.get("pivot"):
         initial |= {"velocity": list(draw(vectors(draw(st.sampled_from([0.0, 2.0])))))}
-    stop, steps = draw(st.sampled_from([0.5, 5.0, 20.0])), draw(st.sampled_from([2, 10, 40]))
+    stop, steps = 0.5 if kind == "top" else draw(st.sampled_from([0.5, 5.0, 20.0])), draw(st.sampled_from([2, 10, 40]))
     run = {"stop": stop, "step": stop / steps, "accuracy": 10.0 ** -draw(st.integers(2, 11))}
     return Scene(body=body, initial=initial, loads=loads, outputs={"quantities": wanted}, run=run)
