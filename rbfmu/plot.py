@@ -72,12 +72,8 @@ def with_gaps(time: Any, angles: Any, turn: float) -> tuple[Any, Any]:
 
 def quantity_label(name: str) -> str:
     """Return what an axis says of a quantity."""
-    return f"{OUTPUT[name].label}{_unit(name)}"
-
-
-def _unit(name: str) -> str:
-    unit = OUTPUT[name].unit
-    return "" if unit == "1" else f" ({unit.replace('m2', 'm²').replace('s2', 's²')})"
+    row = OUTPUT[name]
+    return row.label if row.unit == "1" else f"{row.label} ({row.unit.replace('m2', 'm²').replace('s2', 's²')})"
 
 
 def open_frame(axes: Any, grid: bool = False) -> None:

@@ -84,7 +84,7 @@ class Attitude(Section):
             faults.append(fault(cls._path, data, f"{given.pop()} alone; angles belong to euler"))
         return data
 
-    def resolved(self) -> Quaternion:
+    def q_ab(self) -> Quaternion:
         """Return q_ab."""
         given = self.model_fields_set
         if "euler" in given:
@@ -96,8 +96,3 @@ class Attitude(Section):
         if "matrix" in given:
             return normalized(evaluated(rotation.quaternion_from_matrix, self.matrix))
         return self.quaternion
-
-
-def read_attitude(value: Any) -> Quaternion:
-    """Return q_ab of an attitude table or of an `Attitude`. Raises SceneError."""
-    return Attitude.read(value).resolved()

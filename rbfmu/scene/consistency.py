@@ -66,10 +66,8 @@ def _faults_of_prescribed_rates(good: Mapping[str, Any], rates: tuple[str, Any])
     if len(inputs.ports) > 1:
         yield fault("inputs.ports", inputs.ports, "omega_b alone: it prescribes the rates, so loads have no effect")
     why = "the port omega_b prescribes the rates, and nothing else is modelled"
-    for name in inputs.parameters:
-        if name not in ("quaternion_0", "omega_b"):
-            yield fault("inputs.parameters", inputs.parameters, f"quaternion_0 at most: {why}")
-            break
+    if set(inputs.parameters) - {"quaternion_0", "omega_b"}:
+        yield fault("inputs.parameters", inputs.parameters, f"quaternion_0 at most: {why}")
     if outputs is not None and set(outputs.quantities) - set(PRESCRIBED):
         yield fault("outputs.quantities", outputs.quantities, f"names out of {', '.join(PRESCRIBED)}: {why}")
     if initial is not None and any(initial.omega_b):

@@ -2,7 +2,7 @@
 
 import json
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from rbfmu.scene.attitude import Attitude
@@ -11,6 +11,8 @@ from rbfmu.scene.ensemble import Correlation, Ensemble
 from rbfmu.scene.scene import QUANTITIES, SECTIONS, Initial, Scene
 from rbfmu.scene.section import Section, as_toml, joined
 
+INSIDE: Mapping[type[Section], type[Section]] = {Initial: Attitude, Ensemble: Correlation}
+"""The tables that stand inside others."""
 REQUIRED = "required"
 OF_THE_MOTION = "all there are"
 WRITTEN = {
@@ -58,10 +60,8 @@ def scene_keys() -> Iterator[Key]:
         yield from (_key(section, key) for key in section._keys() if (section, key) != (Ensemble, "correlation"))
         if section is Body:
             yield from _shape_keys()
-        if section is Initial:
-            yield from (_key(Attitude, key)._replace(default="") for key in Attitude._keys())
-        if section is Ensemble:
-            yield from (_key(Correlation, key)._replace(default="") for key in Correlation._keys())
+        if inside := INSIDE.get(section):
+            yield from (_key(inside, key)._replace(default="") for key in inside._keys())
 
 
 def _shape_keys() -> Iterator[Key]:

@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Concatenate, ParamSpec, Self, TypeVar
 
 from rbfmu.notebook import table
-from rbfmu.scene.attitude import read_attitude
+from rbfmu.scene.attitude import Attitude
 from rbfmu.scene.body import ZERO, Body
 from rbfmu.scene.consistency import default_quantities, doubts_before, faults_between, warn
 from rbfmu.scene.ensemble import Ensemble, as_written, faults_with, without_idle_shape
@@ -64,7 +64,7 @@ class Initial(Section):
     def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
         if "attitude" in data:
             try:
-                data["quaternion"] = read_attitude(data.pop("attitude"))
+                data["quaternion"] = Attitude.read(data.pop("attitude")).q_ab()
             except SceneError as error:
                 faults += error.faults
         given = one_of(cls, data, ("omega_b", "omega_b_deg"), faults)
