@@ -5,7 +5,7 @@ At u, phase v = pi u / 2K, and with a' = pi a / 2K, sn(a, k') = 1 / sqrt(1 + kap
 are, but for signs and their common length, e + i z and x + i y of the quaternion that turns the angular momentum's axes
 to the body's, less its steady turn about the momentum.  For by the addition theorem |alpha|^2 +- |beta|^2 are
 (theta_4^2 +- theta_1^2)(v), each times a constant, by Landen's transformation dn is the quotient of these, and so
-(|alpha|^2 - |beta|^2) / (|alpha|^2 + |beta|^2) = A_s dn / G.  Jacobi (1849) has direction cosines as such quotients.
+(|alpha|^2 - |beta|^2) / (|alpha|^2 + |beta|^2) = A_s dn / G.  Direction cosines as such quotients are Jacobi's.
 Sources: Whittaker & Watson, ch. 21; DLMF 20.2, 20.7, 22.7.
 
 `NEAR` the separatrix by Jacobi's imaginary transformation: theta_2 and i theta_1 of b - i y, b = pi a / 4K',
