@@ -28,7 +28,7 @@ from rbfmu.runs.time_grid import communication_steps, time_grid
 Array = NDArray[np.float64]
 EXTENDABLE = ("random", "sobol")
 """Designs of which more members may be asked for later."""
-_HEAD, _KEPT = "resume/head", "resume/statistics/"
+_HEAD, _STATISTICS = "resume/head", "resume/statistics/"
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
@@ -87,7 +87,7 @@ class Checkpoint:
         A rename is atomic (POSIX), and `fsync` before it keeps a crash of the machine from leaving an empty file.
         """
         statistics = self.progress.statistics.to_arrays() if self.progress.statistics else {}
-        kept = {f"{_KEPT}{name}": array for name, array in statistics.items()}
+        kept = {f"{_STATISTICS}{name}": array for name, array in statistics.items()}
         head = {"identity": self.identity, "chunks": self.progress.chunks, "runs": self.runs, "rows": [*self.rows]}
         head["failed"] = list(self.progress.failed.items())
         kept |= {_HEAD: np.array(json.dumps(head)), **self.rows, **self.results}
@@ -109,7 +109,9 @@ class Checkpoint:
             with np.load(path, allow_pickle=False) as file:
                 arrays = {name: file[name] for name in file.files}
             head = json.loads(str(arrays.pop(_HEAD)))
-            kept = {name.removeprefix(_KEPT): arrays.pop(name) for name in [*arrays] if name.startswith(_KEPT)}
+            kept = {
+                name.removeprefix(_STATISTICS): arrays.pop(name) for name in [*arrays] if name.startswith(_STATISTICS)
+            }
             statistics = Statistics.from_arrays(kept) if kept else None
             progress = Progress(head["chunks"], statistics, dict(head["failed"]))
             rows = {name: arrays.pop(name) for name in head["rows"]}
@@ -217,7 +219,7 @@ def _refusal(store: Path, holder: str) -> OSError:
 
 OFTEN, SHARE = 1.0, 0.05
 """The least time between two commits, s, and the largest share of time that they take."""
-AT_ONCE = 2e7
+SORTED_AT_ONCE = 2e7
 """Numbers of all runs that are sorted at once."""
 
 
@@ -358,6 +360,6 @@ def results_of(work: Work, statistics: Statistics | None, rows: Mapping[str, Any
 
 def _of_all(values: Any, probabilities: Array) -> Array:
     """Return the quantiles over all runs (runs, n, ...), some times after others: those are read at once."""
-    times = max(1, int(AT_ONCE // (values.size // values.shape[1] or 1)))
+    times = max(1, int(SORTED_AT_ONCE // (values.size // values.shape[1] or 1)))
     parts = [exact_quantiles(values[:, k : k + times], probabilities) for k in range(0, values.shape[1], times)]
     return np.concatenate(parts, axis=1)

@@ -17,7 +17,7 @@ UNIT_TOLERANCE = 1e-6
 LARGEST_ANGLE = 1e9
 """A float resolves a larger angle no finer than 1e-7, so a larger angle must be a mistake."""
 ZERO = (0.0, 0.0, 0.0)
-ROUND_OFF = 8 * 2.0**-52
+NORMALIZED = 8 * 2.0**-52
 """A quaternion whose |q|^2 differs from 1 by no more than this is already normalised, and no bit of it changes."""
 
 
@@ -34,7 +34,7 @@ def unit_quaternion(q: Quaternion) -> Quaternion:
 def normalized(q: Quaternion) -> Quaternion:
     """Return q / |q|; one that is unit to round-off stays as it is, so that reading what was written changes no bit."""
     square = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
-    return q if abs(square - 1.0) <= ROUND_OFF else evaluated(quaternion.normalize, q)
+    return q if abs(square - 1.0) <= NORMALIZED else evaluated(quaternion.normalize, q)
 
 
 def rotation_matrix(R: Matrix) -> Matrix:

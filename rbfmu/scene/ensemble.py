@@ -17,8 +17,14 @@ from rbfmu.scene.variations import (  # isort: skip
 )  # fmt: skip
 
 Rows = tuple[tuple[float, ...], ...]
-ROUND_OFF, NEGLIGIBLE = 1e-10, 1e-5
-"""Of a correlation matrix: how far below 0 an eigenvalue's share may lie, and what a component without one may add."""
+NO_VARIANCE, NO_COVARIANCE = 1e-10, 1e-5
+"""What counts as zero where correlations are factored by Cholesky: of the variance, 1, that earlier components leave to
+one, and of what such a component may still share with others.
+
+Correlations are written to some digits, so that a component that follows from others does so nearly. What is left of a
+semidefinite matrix is semidefinite, whose entries are at most the root of the product of two variances: the second
+number is the root of the first.
+"""
 
 
 def _component_names(value: Any) -> tuple[str, ...] | None:
@@ -95,13 +101,13 @@ def lower_factor(matrix: Sequence[Sequence[float]]) -> list[list[float]] | None:
     L = [[0.0] * n for _ in range(n)]
     for j in range(n):
         square = matrix[j][j] - math.fsum(x * x for x in L[j][:j])
-        if square < -ROUND_OFF:
+        if square < -NO_VARIANCE:
             return None
-        dependent = square <= ROUND_OFF
+        dependent = square <= NO_VARIANCE
         L[j][j] = 0.0 if dependent else math.sqrt(square)
         for i in range(j + 1, n):
             rest = matrix[i][j] - math.fsum(x * y for x, y in zip(L[i][:j], L[j][:j], strict=True))
-            if dependent and abs(rest) > NEGLIGIBLE:
+            if dependent and abs(rest) > NO_COVARIANCE:
                 return None
             L[i][j] = 0.0 if dependent else rest / L[j][j]
     return L
@@ -109,13 +115,15 @@ def lower_factor(matrix: Sequence[Sequence[float]]) -> list[list[float]] | None:
 
 RANDOM, SOBOL, LATIN_HYPERCUBE, GRID = DESIGNS = ("random", "sobol", "latin_hypercube", "grid")
 CHOICE = " or ".join(f'"{name}"' for name in DESIGNS)
-KEPT = ("final", "statistics", "all")
 NESTED = ("body", "initial", "loads", "run")
 MOST_RUNS = 1_000_000_000
 
 
 _CORRELATION = Rule("a table", lambda value: value).means("which of these numbers depend on each other")
-_KEEP = names(KEPT, least=1).means('what is kept: of each run its end ("final") or all of it, and statistics over time')
+_PARTS = ("final", "statistics", "all")
+_KEEP = names(_PARTS, least=1).means(
+    'what is kept: of each run its end ("final") or all of it, and statistics over time'
+)
 _VARY = Rule(
     'a table: keys of the scene, each with a distribution, such as "body.mass" = { normal = [50.0, 0.5] }', tuple
 )
