@@ -71,14 +71,10 @@ def _folder() -> Path:
 
 def _stamp() -> bytes:
     """Return what tells these sources and libraries from others; nothing is loaded for it."""
-    lines = [f"{path} {path.stat().st_mtime_ns} {path.stat().st_size}" for path in _sources()]
+    sources = [path for package in PACKAGES for path in sorted(_modules(package, "**/*.py"))]
+    lines = [f"{path} {path.stat().st_mtime_ns} {path.stat().st_size}" for path in sources]
     versions = [file.read_bytes() for name, file_name in VERSIONS.items() for file in _modules(name, file_name)]
     return b"".join([*versions, "\n".join(lines).encode()])
-
-
-def _sources() -> Iterator[Path]:
-    for package in PACKAGES:
-        yield from sorted(_modules(package, "**/*.py"))
 
 
 def _modules(package: str, pattern: str) -> Iterator[Path]:

@@ -21,7 +21,7 @@ from rbfmu_kernels.rotations.euler_angles import ZYX, euler_from_quaternion, eul
 from rbfmu_kernels.rotations.quaternion import compose_quaternions, rotate
 from rbfmu_kernels.rotations.vec3 import cross, subtract
 
-Gradient = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 
 class Dual:
@@ -29,7 +29,7 @@ class Dual:
 
     __slots__ = ("gradient", "value")
 
-    def __init__(self, value: float, gradient: Gradient) -> None:
+    def __init__(self, value: float, gradient: Array) -> None:
         self.value, self.gradient = value, gradient
 
     def __add__(self, other: Any) -> "Dual":
@@ -82,12 +82,11 @@ def variables(values: Sequence[float], first: int, count: int) -> list[Any]:
     return [Dual(float(x), np.eye(1, count, first + k)[0]) for k, x in enumerate(values)]
 
 
-def jacobian(numbers: Sequence[Any], count: int) -> NDArray[np.float64]:
+def jacobian(numbers: Sequence[Any], count: int) -> Array:
     """Return the derivatives of numbers, a row each; those of a plain number are zero."""
     return np.array([x.gradient if isinstance(x, Dual) else np.zeros(count) for x in numbers]).reshape(-1, count)
 
 
-Array = NDArray[np.float64]
 FREE = ("r_c", "v_c", "rotvec_b", "omega_b")
 """Errors of a body's state, three numbers each: the last two where no output shows the path, the third alone of rates
 that are prescribed."""
