@@ -1,6 +1,7 @@
 """How each file of figures is measured anew, and each picture drawn."""
 
 import importlib.util
+import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -137,3 +138,7 @@ def measure(name: str) -> None:
         record.stamp_picture(name)
     else:
         record.write(name, MEASURED[name]())
+
+
+if __name__ == "__main__":
+    measure(*sys.argv[1:])

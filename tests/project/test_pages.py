@@ -284,7 +284,7 @@ def test_one_command_takes_stale_figures_anew_and_writes_the_tables(
     page = tmp_path / "README.md"
     page.write_text("a\n<!-- made by examples.pages: importers -->\nold\n<!-- end -->\nb\n")
     monkeypatch.setattr(pages, "PAGES", [page])
-    monkeypatch.setattr(measure, "measure", taken.append)
+    monkeypatch.setattr(pages.subprocess, "run", lambda command, check: taken.append(command[-1]))
     monkeypatch.setattr(record, "is_up_to_date", lambda name: name != "interop")
     pages.main(["--measure", "stale"])
     assert taken == ["interop"]

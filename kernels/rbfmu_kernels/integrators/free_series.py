@@ -44,7 +44,7 @@ def begin_free_series(z: Buffer, w: int, i: int, h: float, q: Quaternion, omega:
     """Make the series in z[w:] from attitude and rate on, and keep it if it reaches over many steps of h."""
     s, method = z[w : w + FREE_WORK], Method(ROTATION, MAX_ORDER, _ROUND_OFF, 0.0)
     put_factors(s, RATE, omega)
-    motion_series(s, 0, MAX_ORDER, 0, body, _NO_TORQUES, SpaceFixedLoads(False, False, False))
+    motion_series(s, 0, MAX_ORDER, 0, _undamped(body), _NO_TORQUES, SpaceFixedLoads(False, False, False))
     dense.end_series(s, RATE, MAX_ORDER)
     reach = dense.likely_reach(s, MAX_ORDER, z[i + _NEXT])
     reach, _ = dense.reach_within(s, method, 0, 1.0, reach, 1.0)
@@ -53,6 +53,18 @@ def begin_free_series(z: Buffer, w: int, i: int, h: float, q: Quaternion, omega:
     dense.begin_clock(z, i, ROTATION, m, reach)
     if not LEAST_REACH * h <= reach:
         z[i] = dense.NONE
+
+
+@kernel
+def _undamped(body: Body) -> Body:
+    """Return the body as the closed form has it, which a plan may have taken although a little damping acts.
+
+    With the damping the rate would drift over each series and jump back at its end.
+    """
+    return Body(
+        inverse_mass=body.inverse_mass, inertia=body.inertia, inertia_inverse=body.inertia_inverse, arm_b=body.arm_b,
+        damping_b=(0.0, 0.0, 0.0), is_free=body.is_free,
+    )  # fmt: skip
 
 
 @kernel

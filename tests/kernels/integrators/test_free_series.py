@@ -94,6 +94,14 @@ def test_steps_may_change_size():
             assert relative_distance(unit["omega_b"], omega) <= 10 * EPS
 
 
+def test_damping_that_a_plan_has_left_out_makes_no_steps_in_the_rate():
+    unit = Unit()
+    unit["damping_b"], unit["skip_model_checks"] = [1e-5, 1e-5, 1e-5], 1.0
+    h = np.array([np.linalg.norm(unit.step(0.01)["omega_b"] * BODIES["generic"][0]) for _ in range(400)])
+    assert unit.is_on_series
+    np.testing.assert_allclose(h, h[0], rtol=10 * EPS)
+
+
 def test_a_copy_in_mid_series_goes_on_with_the_same_bits():
     unit = Unit().step(0.01, 17)
     assert unit.is_on_series

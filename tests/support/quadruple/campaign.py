@@ -9,7 +9,7 @@ import sys
 import time
 from typing import NamedTuple
 
-from rbfmu.planning.select import plan
+from rbfmu.planning.select import plan, with_all_outputs
 from rbfmu.scene.scene import SceneError
 from rbfmu_fmu.description import describe
 from tests.support.quadruple import reference
@@ -79,8 +79,9 @@ def findings(seed):
         return
     make = lambda *what: Finding(seed, kind, *what)  # noqa: E731
     accuracy = scene.run.accuracy
+    full = scene.body is not None and seed % 10 == 0
     try:
-        planned, seconds = within_patience(plan, scene, scene.body is not None and seed % 10 == 0)
+        planned, seconds = within_patience(plan, scene, full)
     except TooLongError:
         yield (
             make("none", "plan", UNPLANNED, 0.0, accuracy, f"more than {PATIENCE} s of CPU", scene, Setting()),
@@ -88,7 +89,8 @@ def findings(seed):
         )
         return
     except SceneError as error:
-        yield make("none", "plan", *verdict_of_refusal(scene, str(error)), scene, Setting()), 0.0
+        judged = with_all_outputs(scene) if full else scene
+        yield make("none", "plan", *verdict_of_refusal(judged, str(error)), scene, Setting()), 0.0
         return
     offered = offered_by(scene, planned)
     for label, setting in random_settings(seed, scene, offered):
