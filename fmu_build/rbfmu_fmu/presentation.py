@@ -4,50 +4,34 @@ None of it changes what an FMU computes, and its identity does not rest on it.
 """
 
 import importlib.metadata
+import io
+import math
 import re
-from collections.abc import Iterable, Sequence
 from html import escape
+from itertools import product
 from pathlib import Path
+from string import Template
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 import rbfmu
 from rbfmu import Plan, Scene
+from rbfmu.viewer.shape import Shape, shape_of
 from rbfmu_fmu.archive import xml_bytes
 from rbfmu_fmu.description import Description, Variable, blocks, scalars
 from rbfmu_fmu.fmi_version import FmiVersion
-from rbfmu_fmu.model_description import STATUS_MEANING, unit_and_limits
+from rbfmu_fmu.model_description import STATUS_MEANING, osp_description, osp_place, terminals, unit_and_limits
 from rbfmu_fmu.native.linking import FMI_HEADERS
-from rbfmu_fmu.picture import picture
-from rbfmu_fmu.variable_groups import osp_description, osp_place, terminals
+from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.quantities import BY_NAME
-
-EXTERNAL = """This FMU runs Python in the importer's process.
-
-It needs CPython 3.11 or later as a shared library in that process. An importer that is itself a Python program has it.
-Others on Linux need LD_PRELOAD=libpython3.x.so. The code of the model is compiled for the platform on which the FMU was
-built; on others it needs the Python packages numba and numpy.
-"""
-"""documentation/externalDependencies.txt of the pythonfmu kind."""
-
-FRAMES = """Frame a is inertial, frame b is fixed in the body. The body's origin is o; its centre of mass is at r_oc_b
-from o. The picture has the axes of b at o, and a circle at the centre of mass. A name that ends in _a or _b says in
-which frame a vector is decomposed. The quaternion q_ab (Euler parameters, scalar first) turns coordinates in b to
-coordinates in a, v_a = R(q_ab) v_b. Roll, pitch and yaw make the same rotation, R_ab = R_z(yaw) R_y(pitch) R_x(roll).
-Units are SI; angles are in radians, and have degrees as a display unit."""
-
-STYLE = """body { font: 15px/1.45 sans-serif; max-width: 52em; margin: 2em auto; padding: 0 1em; }
-table { border-collapse: collapse; } th, td { text-align: left; vertical-align: top; padding: 0.15em 0.8em 0.15em 0; }
-th { border-bottom: 1px solid #888; } img { float: right; } code { font-size: 95%; }"""
+from rbfmu_kernels.rotations.matrix import matrix_from_quaternion
 
 LICENSES = "documentation/licenses"
-LICENSE_ENTRY = """This FMU contains
-
-- code of rbfmu, compiled or as it is: MIT licence, rbfmu.txt
-- names and types of functions from the headers of the FMI standard: 2-clause BSD licence, fmi.txt
-{pythonfmu}
-The numbers in it are those of a scene, whose author may have terms of their own: see the attribute license in
-modelDescription.xml.
-"""
 PYTHONFMU = "- the library of pythonfmu and its Python modules: MIT licence, pythonfmu.txt\n"
+HEADS = ("name", "unit", "meaning", "components", "start")
+"""Of the page's tables."""
 
 
 def presentation_files(
@@ -69,25 +53,33 @@ def presentation_files(
     if version.name == "2.0":  # the one that libcosim imports
         files[osp_place(d)] = xml_bytes(osp_description(d))
     if needs_python:
-        files["documentation/externalDependencies.txt"] = EXTERNAL.encode()
+        files["documentation/externalDependencies.txt"] = _text("external_dependencies.txt").template.encode()
     return files
+
+
+def _text(name: str) -> Template:
+    return Template(Path(__file__).with_name(name).read_text("utf-8"))
 
 
 def page(scene: Scene, plan: Plan, d: Description, icon: str, course: str = "") -> str:
     """Return the page; icon: the place of the FMU's picture; course: how inputs change within a step, if they can."""
-    said = [f"<p>{escape(text)}</p>" for text in (d.about["description"], _by_whom(d)) if text]
-    parts = [
-        f'<h1>{escape(d.name)}</h1>\n<img src="../{icon}" alt="the body and its axes">', *said,
-        "<h2>Model</h2>", *_model(scene, plan),
-        "<h2>Frames</h2>", f"<p>{escape(FRAMES)}</p>",
-        "<h2>Variables</h2>", *_variables(d),
-        "<h2>Accuracy</h2>", *_accuracy(scene, plan, d, course),
-        f'<p>Made by rbfmu {rbfmu.__version__}. <a href="licenses/license.txt">Licences</a>.</p>',
-    ]  # fmt: skip
-    head = f'<meta charset="utf-8">\n<title>{escape(d.name)}</title>\n<style>\n{STYLE}\n</style>'
-    return (
-        f'<!DOCTYPE html>\n<html lang="en">\n<head>\n{head}\n</head>\n<body>\n{chr(10).join(parts)}\n</body>\n</html>\n'
+    run, pivot = scene.run, scene.body is not None and scene.body.pivot
+    said = {"name": d.name, "icon": icon, "status": STATUS_MEANING, "version": rbfmu.__version__}
+    said |= {"model": plan.model, "states": str(plan.states), "method": plan.method, "error": f"{plan.error:.1e}"}
+    said |= {key: f"{getattr(run, key):g}" for key in ("accuracy", "start", "stop", "step")}
+    unless = f", unless the importer {course}" if course else ""
+    held = (
+        f"<p>Inputs are held over a communication step{unless}. What is lost by holding an input that changes "
+        "meanwhile comes on top, and is first order in the communication step.</p>\n"
     )
+    made = {
+        "about": "".join(f"<p>{escape(text)}</p>\n" for text in (d.about["description"], _by_whom(d)) if text),
+        "reasons": "".join(f"<li>{escape(reason)}</li>\n" for reason in plan.reasons),
+        "tables": "".join(_table(d, causality) for causality in ("input", "output", "parameter")),
+        "pivot": " The body's origin o is a pivot, fixed in space." if pivot else "",
+        "inputs": held if d.inputs else "",
+    }
+    return _text("page.html").substitute({key: escape(text) for key, text in said.items()} | made)
 
 
 def _by_whom(d: Description) -> str:
@@ -95,48 +87,11 @@ def _by_whom(d: Description) -> str:
     return "; ".join(f"{word}: {d.about[key]}" for key, word in words.items() if d.about[key])
 
 
-def _model(scene: Scene, plan: Plan) -> list[str]:
-    """Return model and method, what was left out and why, and what is not modelled at all."""
-    reasons = "".join(f"<li>{escape(reason)}</li>\n" for reason in plan.reasons)
-    pivot = " The body's origin o is a pivot, fixed in space." if scene.body is not None and scene.body.pivot else ""
-    return [
-        f"<p>One rigid body: {escape(plan.model)}, {plan.states} states; method: {escape(plan.method)}.{pivot}</p>",
-        f"<p>Why this model, and what was left out because nothing asked for depends on it:</p>\n<ul>\n{reasons}</ul>",
-        "<p>There are no joints, no contacts and no flexible parts, and no load depends on the position.</p>",
-    ]
-
-
-def _accuracy(scene: Scene, plan: Plan, d: Description, course: str) -> list[str]:
-    run = scene.run
-    lines = [
-        f"<p>The accuracy asked is {run.accuracy:g} from t = {run.start:g} s to {run.stop:g} s: the largest error of "
-        "the attitude in rad, of rates relative to their largest, of positions and velocities relative to theirs, at "
-        f"least 1 m and 1 m/s. Expected is {plan.error:.1e}. Substeps inside the FMU keep it, whatever the "
-        f"communication step is; the scene has {run.step:g} s.</p>"
-    ]
-    if d.inputs:
-        unless = f", unless the importer {course}" if course else ""
-        lines.append(
-            f"<p>Inputs are held over a communication step{unless}. What is lost by holding an input that changes "
-            "meanwhile comes on top, and is first order in the communication step.</p>"
-        )
-    return [*lines, f"<p>The output <code>status</code> says how it went: {escape(STATUS_MEANING)}.</p>"]
-
-
-def _variables(d: Description) -> list[str]:
-    """Return a table for each causality, with a row a block."""
-    tables = []
-    for causality in ("input", "output", "parameter"):
-        if found := blocks(d, causality):
-            tables.append(_table(causality, map(_row, found.values())))
-    return tables
-
-
-def _table(causality: str, rows: Iterable[Sequence[str]]) -> str:
-    heads = ("name", "unit", "meaning", "components", "start")
-    lines = [f"<tr>{''.join(f'<{tag}>{escape(cell)}</{tag}>' for cell in row)}</tr>"
-             for tag, row in (("th", heads), *(("td", row) for row in rows))]  # fmt: skip
-    return f"<h3>{causality.capitalize()}s</h3>\n<table>\n{chr(10).join(lines)}\n</table>"
+def _table(d: Description, causality: str) -> str:
+    """Return a table with a row a block, or nothing where there are none."""
+    rows = [("th", HEADS), *(("td", _row(variables)) for variables in blocks(d, causality).values())]
+    lines = [f"<tr>{''.join(f'<{tag}>{escape(cell)}</{tag}>' for cell in row)}</tr>\n" for tag, row in rows]
+    return f"<h3>{causality.capitalize()}s</h3>\n<table>\n{''.join(lines)}</table>\n" if len(rows) > 1 else ""
 
 
 def _row(variables: list[Variable]) -> tuple[str, ...]:
@@ -149,7 +104,7 @@ def _row(variables: list[Variable]) -> tuple[str, ...]:
 
 def licenses(with_pythonfmu: bool) -> dict[str, bytes]:
     """Return the notices by their place in an FMU; with_pythonfmu: of the kind that contains pythonfmu."""
-    texts = {"license.txt": LICENSE_ENTRY.format(pythonfmu=PYTHONFMU if with_pythonfmu else "")}
+    texts = {"license.txt": _text("licenses.txt").substitute(pythonfmu=PYTHONFMU if with_pythonfmu else "")}
     texts |= {"rbfmu.txt": _own(), "fmi.txt": _of_headers()}
     texts |= {"pythonfmu.txt": _of_package("pythonfmu")} if with_pythonfmu else {}
     return {f"{LICENSES}/{name}": text.encode() for name, text in texts.items()}
@@ -172,3 +127,69 @@ def _of_headers() -> str:
     notice = re.search(r"Copyright.*?(?=\*/)", text, re.DOTALL)
     assert notice, text[:3000]
     return "\n".join(line.strip() for line in notice[0].splitlines()).strip("- \n") + "\n"
+
+
+# --- the picture
+
+Array = NDArray[np.float64]
+INCHES, DPI = 2.0, 100
+AZIMUTH, ELEVATION = math.radians(30.0), math.radians(28.0)
+"""From where it is looked at: beside axis x towards y, from above; z is upwards."""
+RIGHT = (-math.sin(AZIMUTH), math.cos(AZIMUTH), 0.0)
+EYE = (math.cos(ELEVATION) * math.cos(AZIMUTH), math.cos(ELEVATION) * math.sin(AZIMUTH), math.sin(ELEVATION))
+VIEW: Array = np.array([RIGHT, np.cross(EYE, RIGHT), EYE])
+"""Rows: the directions right, up and towards the eye, in b."""
+COLOURS = {"x": "#c8372d", "y": "#2d8a3e", "z": "#2a5db0"}
+SHADES = {"x": "#b9c4d6", "y": "#94a3bb", "z": "#dbe2ee"}
+"""Of the faces across the body's own axes."""
+EDGE = "#4a5568"
+AXIS = 0.8
+"""The length of an axis beyond the box, in halves of its diagonal."""
+
+
+def picture(scene: Scene) -> bytes:
+    """Return a PNG of 200 by 200 points, the same bytes for the same scene and the same matplotlib."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(INCHES, INCHES), dpi=DPI)
+    FigureCanvasAgg(figure)
+    axes = figure.add_axes((0.02, 0.02, 0.96, 0.96))
+    axes.set_axis_off()
+    axes.set_aspect("equal")
+    shape = shape_of(scene)
+    _draw_box(axes, shape)
+    _draw_axes(axes, shape)
+    axes.margins(0.06)
+    file = io.BytesIO()
+    figure.savefig(file, format="png", dpi=DPI, metadata={"Software": None})
+    return file.getvalue()
+
+
+def _draw_box(axes: Any, shape: Shape) -> None:
+    """Draw the three faces that are seen; a box hides none of them by another."""
+    R_bp = np.array(evaluated(matrix_from_quaternion, shape.q_bp))
+    for k, name in enumerate(SHADES):
+        normal = R_bp[:, k] if R_bp[:, k] @ VIEW[2] > 0.0 else -R_bp[:, k]
+        across = [R_bp[:, j] * shape.sides[j] / 2.0 for j in range(3) if j != k]
+        middle = np.array(shape.centre) + normal * shape.sides[k] / 2.0
+        corners = [middle + a * across[0] + b * across[1] for a, b in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
+        seen = (np.array(corners) @ VIEW.T)[:, :2]
+        axes.fill(seen[:, 0], seen[:, 1], facecolor=SHADES[name], edgecolor=EDGE, linewidth=0.8, joinstyle="round")
+
+
+def _draw_axes(axes: Any, shape: Shape) -> None:
+    """Draw the axes of b from o, beyond the box, and the centre of mass."""
+    R_bp = np.array(evaluated(matrix_from_quaternion, shape.q_bp))
+    corners = [np.array(shape.centre) + R_bp @ (np.array(s) * shape.sides / 2.0) for s in product((-1, 1), repeat=3)]
+    for k, name in enumerate(COLOURS):
+        length = max(0.0, *(corner[k] for corner in corners)) + AXIS * shape.radius
+        x, y, _ = VIEW[:, k] * length
+        arrow = {"arrowstyle": "-|>", "color": COLOURS[name], "linewidth": 1.4, "shrinkA": 0, "shrinkB": 0}
+        axes.annotate("", (x, y), (0.0, 0.0), arrowprops=arrow)
+        axes.annotate(name, (1.08 * x, 1.08 * y), color=COLOURS[name], fontsize=9, ha="center", va="center")
+        axes.plot([0.0, 1.12 * x], [0.0, 1.12 * y], alpha=0.0)  # what the view must have in it
+    x, y, _ = VIEW @ np.array(shape.centre)
+    axes.plot(
+        [x], [y], marker="o", markersize=4.5, markerfacecolor="white", markeredgecolor="black", markeredgewidth=1.0
+    )
