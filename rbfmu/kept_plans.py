@@ -48,14 +48,19 @@ class KeptPlan:
         if self._file is None:
             return
         with suppress(OSError):
-            self._file.parent.mkdir(parents=True, exist_ok=True)
-            handle, temporary = tempfile.mkstemp(dir=self._file.parent, suffix=".part")
-            with os.fdopen(handle, "w", encoding="utf-8") as file:
-                text = json.dumps(dict(known))
-                file.write(f"{_checksum(self._file, text)}\n{text}")
-            os.replace(temporary, self._file)
-            for old in sorted(self._file.parent.glob("*.json"), key=lambda path: path.stat().st_mtime)[:-MOST]:
-                old.unlink()
+            text = json.dumps(dict(known))
+            keep_file(self._file, f"{_checksum(self._file, text)}\n{text}".encode(), MOST)
+
+
+def keep_file(file: Path, content: bytes, most: int) -> None:
+    """Write a file, whole or not at all, and remove the oldest of its kind in its folder beyond `most`."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    handle, temporary = tempfile.mkstemp(dir=file.parent, suffix=".part")
+    with os.fdopen(handle, "wb") as part:
+        part.write(content)
+    os.replace(temporary, file)
+    for old in sorted(file.parent.glob(f"*{file.suffix}"), key=lambda path: path.stat().st_mtime)[:-most]:
+        old.unlink()
 
 
 def _checksum(file: Path, text: str) -> str:

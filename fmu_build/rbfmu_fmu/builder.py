@@ -116,7 +116,7 @@ def build_native_fmu(
     objects = {p: object_files(plan.kernels, p) for p in chosen}
     contents = {"resources/scene.json": scene_inside(scene, plan)}
     parts = contents | _parts_of_libraries(description, version, objects)
-    xml = _identify(version, description, version.native_abilities(description), parts)
+    xml = _identify(version, description, version.abilities_of(description), parts)
     contents["modelDescription.xml"] = xml_bytes(xml)
     generated = headers(description, version, xml.attrib[version.identity])
     for folder in sorted({version.folders[p.name] for p in chosen}):

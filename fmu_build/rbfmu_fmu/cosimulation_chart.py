@@ -60,7 +60,7 @@ class Loop:
         """Take a communication step in n parts, each with the torque of its middle, as a function of [0, 1]."""
         for i in range(n):
             self.unit.set_inputs(torque((i + 0.5) / n).tolist())
-            self.unit.step(t + i * H / n, H / n)
+            self.unit.fmu.doStep(t + i * H / n, H / n)
             self.calls += 1
 
 
@@ -110,16 +110,16 @@ def run_loop(loop: Loop, way: str, steps: int, n: int) -> Array:
 
 def _iterate(loop: Loop, t: float, H: float, n: int, now: Array) -> Array:
     """Repeat the step until its torque, linear between both ends', agrees with the state it leads to."""
-    saved, after, change = loop.unit.save(), now, np.inf
+    saved, after, change = loop.unit.fmu.getFMUState(), now, np.inf
     for _ in range(MAX_ROUNDS):
-        loop.unit.restore(saved)
+        loop.unit.fmu.setFMUState(saved)
         guess = after
         loop.step(t, H, n, partial(_on_line, now, guess - now))
         after = controller(loop.state())
         change = float(np.max(np.abs(after - guess)))
         if change <= SETTLED or not change < LARGEST_CHANGE:
             break
-    loop.unit.forget(saved)
+    loop.unit.fmu.freeFMUState(saved)
     return after if change <= SETTLED else np.full(3, np.nan)
 
 
@@ -153,7 +153,7 @@ def attitude_loop() -> Iterator[Loop]:
         with unit_in(unzipped, describe(scene, plan)) as unit:
             unit.start(0.0, FINAL_TIME, [0.0, 0.0, 0.0])
             yield Loop(unit)
-            unit.terminate()
+            unit.fmu.terminate()
 
 
 @dataclass(frozen=True)
@@ -172,14 +172,14 @@ def collect(step_counts: Sequence[int], progress: Progress) -> list[Point]:
     truth, points = reference(), []
     settings = [(way, n, steps) for way in WAYS for n in SUBSTEPS for steps in step_counts]
     with attitude_loop() as loop:
-        start = loop.unit.save()
+        start = loop.unit.fmu.getFMUState()
         for i, (way, n, steps) in enumerate(settings):
             progress(i, len(settings), f"attitude loop: {way}, {FINAL_TIME / steps:g} s")
-            loop.unit.restore(start)
+            loop.unit.fmu.setFMUState(start)
             final = run_loop(loop, way, steps, n)
             error = float(rbfmu.angle_between(final[:4], truth[:4])) if np.all(np.isfinite(final)) else np.inf
             points.append(Point(way, n, FINAL_TIME / steps, error, loop.calls))
-        loop.unit.forget(start)
+        loop.unit.fmu.freeFMUState(start)
     progress(len(settings), len(settings), "")
     return points
 

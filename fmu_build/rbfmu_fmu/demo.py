@@ -1,19 +1,20 @@
 """The demonstration: NASA's tumbling brick by kernels, by FMPy's API, by the `fmpy` command; compared and drawn."""
 
-import csv
 import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import fmpy
 import numpy as np
+from fmpy.util import read_csv
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from rich.console import Console
@@ -59,7 +60,7 @@ def run_demo(folder: Path, console: Console) -> bool:
     """Run all, write FMU, results and picture to `folder`, print a short table; False if anything disagrees."""
     check_plain(tempfile.gettempdir())
     folder.mkdir(parents=True, exist_ok=True)
-    doing = _progress(console)
+    doing = partial(_stage, console)
     with doing("planning"):
         scene = rbfmu.load_scene(scene_file("tumbling_brick.toml"))
         planned = rbfmu.plan(scene)
@@ -101,8 +102,7 @@ def _by_api(fmu: Path, outputs: list[str]) -> Way:
             seconds = perf_counter() - start
     finally:
         shutil.rmtree(unzipped, ignore_errors=True)
-    columns = {n: recorded[n] for n in recorded.dtype.names}
-    return Way("FMU, FMPy's API", columns, seconds / (len(recorded) - 1))
+    return _way("FMU, FMPy's API", recorded, seconds)
 
 
 def _by_command(fmu: Path, target: Path, outputs: list[str]) -> Way:
@@ -112,10 +112,11 @@ def _by_command(fmu: Path, target: Path, outputs: list[str]) -> Way:
     seconds = perf_counter() - start
     if done.returncode:
         raise RuntimeError(f"{' '.join(command)} failed:\n{done.stdout}{done.stderr}")
-    with target.open(newline="") as file:
-        rows = list(csv.reader(file))
-    values = np.array([[float(x) for x in row] for row in rows[1:]])
-    return Way("FMU, fmpy command", dict(zip(rows[0], values.T, strict=True)), seconds / (len(values) - 1))
+    return _way("FMU, fmpy command", read_csv(target), seconds)
+
+
+def _way(name: str, recorded: Any, seconds: float) -> Way:
+    return Way(name, {n: recorded[n] for n in recorded.dtype.names}, seconds / (len(recorded) - 1))
 
 
 def _largest_difference(a: Columns, b: Columns) -> float:
@@ -187,17 +188,10 @@ def draw(result: Result, path: Path) -> None:
     figure.savefig(path, dpi=130)
 
 
-def _progress(console: Console) -> Callable[[str], Any]:
-    """Show a spinner on a terminal; print one line for each stage elsewhere."""
-
-    @contextmanager
-    def stage(text: str) -> Iterator[None]:
-        start = perf_counter()
-        if console.is_terminal:
-            with console.status(text + " ..."):
-                yield
-        else:
-            yield
-        console.print(f"{text}: {perf_counter() - start:.1f} s")
-
-    return stage
+@contextmanager
+def _stage(console: Console, text: str) -> Iterator[None]:
+    """Show a spinner, where that is a terminal, and print how long it took."""
+    start = perf_counter()
+    with console.status(text + " ..."):
+        yield
+    console.print(f"{text}: {perf_counter() - start:.1f} s")

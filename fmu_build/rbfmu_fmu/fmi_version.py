@@ -30,8 +30,10 @@ class FmiVersion:
     """The place of an FMU's picture."""
     abilities: dict[str, str]
     """What FMUs of either kind can do, as attributes of the element CoSimulation."""
-    native_abilities: Callable[[Description], dict[str, str]]
+    native_abilities: dict[str, str]
     """What a native FMU can do besides."""
+    with_input_rates: dict[str, str]
+    """And where all of its inputs may change within a step."""
     references: Callable[[Description], list[FmiVariable]]
     """What has a value reference."""
     real: str
@@ -46,24 +48,14 @@ class FmiVersion:
     """Whether a variable is an element that holds another for its type, and knowns and unknowns stand in lists that
     count variables from 1 (FMI 2), or an element of its type, and go by value references (FMI 3)."""
 
+    def abilities_of(self, d: Description) -> dict[str, str]:
+        """Return what a native FMU can do besides that of either kind."""
+        said = self.native_abilities | (self.with_input_rates if d.interpolates_inputs else {})
+        return said | ({"maxOutputDerivativeOrder": "1"} if d.output_rates else {})
+
     def status_reference(self, d: Description) -> int:
         """Return the value reference of the integer output `status`, which is the last of all."""
         return len(self.references(d)) + self.has_time
-
-
-def _native_abilities_2(d: Description) -> dict[str, str]:
-    said = {"needsExecutionTool": "false", "canNotUseMemoryManagementFunctions": "false"}
-    said |= {"canInterpolateInputs": "true" if d.interpolates_inputs else "false"}
-    said |= {"providesDirectionalDerivative": "true"}
-    return said | ({"maxOutputDerivativeOrder": "1"} if d.output_rates else {})
-
-
-def _native_abilities_3(d: Description) -> dict[str, str]:
-    said = {"providesDirectionalDerivatives": "true", "providesAdjointDerivatives": "true"}
-    if d.interpolates_inputs:
-        said |= {"providesIntermediateUpdate": "true", "mightReturnEarlyFromDoStep": "true"}
-        said |= {"canReturnEarlyAfterIntermediateUpdate": "true"}
-    return said | ({"maxOutputDerivativeOrder": "1"} if d.output_rates else {})
 
 
 FMI2 = FmiVersion(
@@ -78,7 +70,9 @@ FMI2 = FmiVersion(
     icon="model.png",
     abilities={"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true",
                "canBeInstantiatedOnlyOncePerProcess": "false"},
-    native_abilities=_native_abilities_2,
+    native_abilities={"needsExecutionTool": "false", "canNotUseMemoryManagementFunctions": "false",
+                      "canInterpolateInputs": "false", "providesDirectionalDerivative": "true"},
+    with_input_rates={"canInterpolateInputs": "true"},
     references=scalars,
     real="Real",
     integer="Integer",
@@ -93,7 +87,9 @@ FMI3 = FmiVersion(
     folders={"linux64": "x86_64-linux", "win64": "x86_64-windows", "linux-aarch64": "aarch64-linux",
              "darwin64": "x86_64-darwin", "darwin-aarch64": "aarch64-darwin"},
     abilities={"canGetAndSetFMUState": "true", "canSerializeFMUState": "true"},
-    native_abilities=_native_abilities_3,
+    native_abilities={"providesDirectionalDerivatives": "true", "providesAdjointDerivatives": "true"},
+    with_input_rates={"providesIntermediateUpdate": "true", "mightReturnEarlyFromDoStep": "true",
+                      "canReturnEarlyAfterIntermediateUpdate": "true"},
     references=arrays,
     real="Float64",
     integer="Int32",

@@ -5,7 +5,7 @@ import math
 import tempfile
 import zipfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,6 @@ from fmpy.validation import validate_fmu
 from numpy.typing import NDArray
 
 from rbfmu import Plan, Scene, SceneError, planning
-from rbfmu.models.model_buffer import Buffer
 from rbfmu.runs.motion import largest_error
 from rbfmu.runs.plan import filled_buffer, initialize
 from rbfmu.runs.time_grid import time_grid
@@ -27,10 +26,11 @@ from rbfmu_fmu.archive import kernel_hash
 from rbfmu_fmu.description import Description, describe, input_sizes
 from rbfmu_fmu.fmi_version import FmiVersion, version_of
 from rbfmu_fmu.python.pythonfmu_traps import CRASHES_IN_PATH
-from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.compile.tiered import evaluated, tiered
 from rbfmu_kernels.rotations.euler_angles import ZYX, quaternion_from_euler
+
+Array = NDArray[np.float64]
 
 MAX_STEPS = 10_000
 HELD_STEPS = 10
@@ -140,18 +140,16 @@ def _with_dependencies(path: Path, model: Any) -> dict[str, set[str]]:
     """Return names of variables whose dependencies are said; older FMPy reads silence as no dependency."""
     with zipfile.ZipFile(path) as archive:
         root = ElementTree.fromstring(archive.read("modelDescription.xml"))
-    names = {str(index): v.name for index, v in enumerate(model.modelVariables, start=1)}
-    places, key = ("Outputs/Unknown", "InitialUnknowns/Unknown"), "index"
-    if model.fmiVersion.startswith("3"):
-        names = {str(v.valueReference): v.name for v in model.modelVariables}
-        places, key = ("Output", "InitialUnknown"), "valueReference"
+    nested = version_in(model).nested
+    key, within = ("index", "s/Unknown") if nested else ("valueReference", "")
+    names = {str(k if nested else v.valueReference): v.name for k, v in enumerate(model.modelVariables, start=1)}
     return {
-        kind: {names[u.attrib[key]] for u in root.iterfind(f"ModelStructure/{place}[@dependencies]")}
-        for kind, place in zip(("outputs", "initial unknowns"), places, strict=True)
+        kind: {names[u.attrib[key]] for u in root.iterfind(f"ModelStructure/{place}{within}[@dependencies]")}
+        for kind, place in (("outputs", "Output"), ("initial unknowns", "InitialUnknown"))
     }
 
 
-def _signal(scene: Scene, description: Description, steps: int, random: np.random.Generator) -> NDArray[np.float64]:
+def _signal(scene: Scene, description: Description, steps: int, random: np.random.Generator) -> Array:
     """Return piecewise-constant inputs (steps, n): about 1 m/s2 for forces, 1 rad/s2 for torques, 1 rad/s for rates."""
     scale = input_sizes(scene)
     blocks = [v.block for v in description.inputs]
@@ -166,7 +164,10 @@ def version_in(model: Any) -> FmiVersion:
 
 
 class Unit:
-    """One instance of an FMU that lies unzipped in a folder; `messages` are those of refused calls."""
+    """One instance of an FMU that lies unzipped in a folder, of either version.
+
+    fmu: FMPy's, for calls that both versions have alike; messages: those of refused calls.
+    """
 
     def __init__(self, folder: str | Path, description: Description):
         model = fmpy.read_model_description(str(folder), validate=False)
@@ -180,9 +181,9 @@ class Unit:
         self._counted = () if self._old else (len(description.outputs),)
         self._status = version.status_reference(description)
         self.messages: list[str] = []
-        self._fmu = instantiate_fmu(str(folder), model, "CoSimulation", debug_logging=True, logger=self._log)
-        self._get, self._set = (getattr(self._fmu, f"{call}{version.real}") for call in ("get", "set"))
-        self._get_integers = getattr(self._fmu, f"get{version.integer}")
+        self.fmu = instantiate_fmu(str(folder), model, "CoSimulation", debug_logging=True, logger=self._log)
+        self._get, self._set = (getattr(self.fmu, f"{call}{version.real}") for call in ("get", "set"))
+        self._get_integers = getattr(self.fmu, f"get{version.integer}")
 
     def _log(self, *said: Any) -> None:
         """Keep a message: FMI 2.0 gives the instance's name besides status, category and text."""
@@ -193,12 +194,12 @@ class Unit:
     def start(self, begin: float, end: float, inputs: Sequence[float]) -> None:
         """Initialise with these inputs."""
         if self._old:
-            self._fmu.setupExperiment(startTime=begin, stopTime=end)
-            self._fmu.enterInitializationMode()
+            self.fmu.setupExperiment(startTime=begin, stopTime=end)
+            self.fmu.enterInitializationMode()
         else:
-            self._fmu.enterInitializationMode(startTime=begin, stopTime=end)
+            self.fmu.enterInitializationMode(startTime=begin, stopTime=end)
         self.set_inputs(inputs)
-        self._fmu.exitInitializationMode()
+        self.fmu.exitInitializationMode()
 
     def set_inputs(self, values: Sequence[float]) -> None:
         """Set all inputs."""
@@ -209,88 +210,56 @@ class Unit:
         """Return all outputs and, as the last one, `status`."""
         return [*self._get(self._outputs, *self._counted), *self._get_integers([self._status])]
 
-    def step(self, time: float, size: float) -> None:
-        """Take a step. Raises FMPy's exception where it is refused."""
-        self._fmu.doStep(time, size)
-
-    def save(self) -> Any:
-        """Return the state, to which `restore` goes back until `forget` frees it."""
-        return self._fmu.getFMUState()
-
-    def restore(self, state: Any) -> None:
-        """Go back to a saved state."""
-        self._fmu.setFMUState(state)
-
-    def forget(self, state: Any) -> None:
-        """Free a saved state."""
-        self._fmu.freeFMUState(state)
-
-    def terminate(self) -> None:
-        """End the simulation."""
-        self._fmu.terminate()
-
-    def free(self) -> None:
-        """Free the instance."""
-        self._fmu.freeInstance()
-
 
 @contextmanager
 def unit_in(folder: str | Path, description: Description) -> Iterator[Unit]:
     """Yield an instance, and free it afterwards."""
     unit = Unit(folder, description)
     yield unit
-    unit.free()
+    unit.fmu.freeInstance()
 
 
 def _through_fmpy(
-    path: Path, description: Description, time: NDArray[np.float64], inputs: NDArray[np.float64]
-) -> tuple[Any, list[str]]:
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        fmpy.extract(str(path), folder)
-        with unit_in(folder, description) as unit:
-            rows = _step_through(unit, time, inputs)
-    outputs = [v.name for v in description.outputs]
-    recorded = {name: rows[:, k] for k, name in enumerate(outputs)}
-    bad = int(np.count_nonzero(rows[:, -1]))
-    recorded["time"] = time[: len(rows)]
-    return recorded, unit.messages + ([f"status was not 0 at {bad} points"] if bad else [])
-
-
-def _step_through(unit: Unit, time: NDArray[np.float64], inputs: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return outputs, the last of them an Integer, at each time up to a refused step.
+    path: Path, description: Description, time: Array, inputs: Array
+) -> tuple[dict[str, Array], list[str]]:
+    """Return outputs by name at each time up to a refused step, with these times, and what was said.
 
     Not by `simulate_fmu`, which compares times by 1e-9 of their size.
     """
-    unit.start(time[0], time[-1], inputs[0].tolist())
-    rows = [unit.outputs()]
-    for k in range(1, len(time)):
-        unit.set_inputs(inputs[k - 1].tolist())
-        try:
-            unit.step(time[k - 1], time[k] - time[k - 1])
-        except FMICallException:
-            return np.array(rows)
-        rows.append(unit.outputs())
-    unit.terminate()
-    return np.array(rows)
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        fmpy.extract(str(path), folder)
+        with unit_in(folder, description) as unit:
+            unit.start(time[0], time[-1], inputs[0].tolist())
+            points = [unit.outputs()]
+            with suppress(FMICallException):
+                for t, h, now in zip(time.tolist(), np.diff(time).tolist(), inputs.tolist(), strict=False):
+                    unit.set_inputs(now)
+                    unit.fmu.doStep(t, h)
+                    points.append(unit.outputs())
+                unit.fmu.terminate()
+    rows = np.array(points)
+    recorded = {v.name: rows[:, k] for k, v in enumerate(description.outputs)} | {"time": time[: len(rows)]}
+    bad = int(np.count_nonzero(rows[:, -1]))
+    return recorded, unit.messages + ([f"status was not 0 at {bad} points"] if bad else [])
 
 
-def _through_kernels(
-    scene: Scene, plan: Plan, time: NDArray[np.float64], inputs: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _through_kernels(scene: Scene, plan: Plan, time: Array, inputs: Array) -> Array:
+    """Return the outputs, a column each, at the same times; NaN from a refused step on."""
     kernels, z, description = plan.kernels, filled_buffer(scene, plan), describe(scene, plan)
     places = [v.offset for v in description.inputs]
     wanted = [v.offset for v in description.outputs]
     rows = np.full((len(time), len(wanted)), np.nan)
     for k in range(len(time)):
         z[places] = inputs[max(k - 1, 0)]
-        _advance(scene, kernels, z, k, time)
+        if k == 0:
+            initialize(scene, kernels, z)
+        elif tiered(kernels.step, len(time) - k)(z, time[k] - time[k - 1]) != OK:
+            z[:] = np.nan
         rows[k] = z[wanted]
     return rows
 
 
-def _distance_to_full(
-    scene: Scene, description: Description, time: NDArray[np.float64], inputs: NDArray[np.float64], planned: Any
-) -> float:
+def _distance_to_full(scene: Scene, description: Description, time: Array, inputs: Array, planned: Array) -> float:
     """Return the distance between the planned and the full model under the same inputs."""
     tighter = scene.to_dict()
     tighter["run"] |= {"stop": float(time[-1]), "accuracy": max(scene.run.accuracy / 10.0, 1e-12)}
@@ -309,14 +278,7 @@ def _distance_to_full(
     return largest_error(a, b, tuple(a))
 
 
-def _advance(scene: Scene, kernels: Model, z: Buffer, k: int, time: NDArray[np.float64]) -> None:
-    if k == 0:
-        initialize(scene, kernels, z)
-    elif tiered(kernels.step, len(time) - k)(z, time[k] - time[k - 1]) != OK:
-        z[:] = np.nan
-
-
-def _largest(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+def _largest(a: Array, b: Array) -> float:
     """Return the largest difference; a NaN on either side counts as infinite."""
     difference = np.abs(a - b)
     return float(np.max(difference)) if np.all(np.isfinite(difference)) else np.inf

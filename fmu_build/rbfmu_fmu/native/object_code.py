@@ -10,10 +10,8 @@ one is found. Where nothing can be written or read, the model is compiled anew.
 """
 
 import hashlib
-import os
 import re
 import sys
-import tempfile
 import threading
 from collections.abc import Callable
 from contextlib import suppress
@@ -26,6 +24,7 @@ import llvmlite.binding as llvm
 import numba
 from numba import carray, types
 
+from rbfmu.kept_plans import keep_file
 from rbfmu_fmu.native.platforms import BuildError, Platform
 from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.compile.decorator import code_for_callers
@@ -186,18 +185,8 @@ def kept_or_compiled(what: str, compile_anew: Callable[[], bytes]) -> bytes:
             return content[32:]
     code = compile_anew()
     with suppress(OSError):
-        _write_object(file, _digest(code) + code)
+        keep_file(file, _digest(code) + code, MOST)
     return code
-
-
-def _write_object(file: Path, content: bytes) -> None:
-    file.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=file.parent, suffix=".part")
-    with os.fdopen(handle, "wb") as part:
-        part.write(content)
-    os.replace(temporary, file)
-    for old in sorted(file.parent.glob("*.o"), key=lambda path: path.stat().st_mtime)[:-MOST]:
-        old.unlink()
 
 
 def _cache_folder() -> Path:
