@@ -1,14 +1,11 @@
 """An FMU's file: one zip archive, the same bytes for the same contents, put in place only when whole."""
 
 import hashlib
-import importlib.resources
 import json
 import os
 import tempfile
 import uuid
 import zipfile
-from collections.abc import Iterator
-from importlib.resources.abc import Traversable
 from pathlib import Path
 from xml.etree.ElementTree import Element, indent, tostring
 
@@ -18,17 +15,10 @@ from rbfmu import Plan, Scene
 
 def kernel_sources() -> dict[str, bytes]:
     """Return the modules of `rbfmu_kernels` by their path in it, without `__init__.py`: an FMU has another."""
-    sources = dict(_modules_in(importlib.resources.files(rbfmu_kernels)))
+    folder = Path(rbfmu_kernels.__file__).parent
+    sources = {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*.py")}
     del sources["__init__.py"]
     return sources
-
-
-def _modules_in(folder: Traversable, path: str = "") -> Iterator[tuple[str, bytes]]:
-    for entry in folder.iterdir():
-        if entry.is_dir():
-            yield from _modules_in(entry, f"{path}{entry.name}/")
-        elif entry.name.endswith(".py"):
-            yield path + entry.name, entry.read_bytes()
 
 
 def kernel_hash() -> str:

@@ -207,13 +207,11 @@ def draw(points: Sequence[Point], path: Path) -> Path:
             errors = [p.attitude_error for p in chosen]
             steps = [p.communication_step for p in chosen]
             work = [p.steps_of_the_fmu / FINAL_TIME for p in chosen]
-            if n == 1:
-                by_step.loglog(steps, errors, "-", color=color, linewidth=1.8)
-                by_work.loglog(work, errors, "-", color=color, linewidth=1.8)
+            once = n == 1
+            by_step.loglog(steps, errors, "-" if once else "x", color=color, linewidth=1.8, markersize=6)
+            by_work.loglog(work, errors, "-" if once else ":", color=color, linewidth=1.8 if once else 1.2)
+            if once:
                 _label(by_step, WAYS[way].label, steps[-1], errors[-1], color)
-            else:
-                by_step.loglog(steps, errors, "x", color=color, markersize=6)
-                by_work.loglog(work, errors, ":", color=color, linewidth=1.2)
     by_step.invert_xaxis()
     by_step.set_xlabel("communication step (s), finer to the right")
     by_step.set_ylabel(f"attitude error at {FINAL_TIME:g} s (rad)")

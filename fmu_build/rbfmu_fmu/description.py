@@ -1,7 +1,7 @@
 """What an FMU shows of a model, whatever the version of FMI: its variables, and what C and slave must know.
 
 A variable's name, unit, bounds and meaning come from its row of `rbfmu_kernels.quantities`; what tools show besides
-(kind of quantity, names of components, usual sizes) and what has a value reference stand here.
+(names of components, usual sizes) and what has a value reference stand here.
 """
 
 import math
@@ -22,24 +22,6 @@ from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.buffer import CHANGED, FAULTS, OK
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.quantities import ANGLE, BY_NAME, FORCES, IN_BUFFER_ORDER, OUTPUT, PORTS, TORQUES, Quantity, indices
-
-QUANTITIES = {
-    "s": "Time",
-    "kg": "Mass",
-    "kg m2": "MomentOfInertia",
-    "m": "Length",
-    "m/s": "Velocity",
-    "m/s2": "Acceleration",
-    "rad": "Angle",
-    "rad/s": "AngularVelocity",
-    "rad/s2": "AngularAcceleration",
-    "N": "Force",
-    "N m": "Torque",
-    "N m s/rad": "RotationalDampingConstant",
-    "kg m2/s": "AngularMomentum",
-    "J": "Energy",
-}
-"""The quantity that a unit measures, by Modelica's names (Modelica.Units.SI); the unit 1 measures none."""
 
 AXES = ("x", "y", "z")
 _EULER_PARAMETERS = ("scalar part", "vector part x", "vector part y", "vector part z")

@@ -7,11 +7,10 @@ beside the FMU or the system file, not in the FMU, which has it to be taken out.
 
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 from xml.etree.ElementTree import Element, SubElement
 
 import rbfmu
-from rbfmu_fmu.description import AXES, QUANTITIES, Description, FmiVariable, Variable, blocks, meaning
+from rbfmu_fmu.description import AXES, Description, FmiVariable, Variable, blocks, meaning
 from rbfmu_fmu.fmi_version import FmiVersion
 from rbfmu_fmu.python.call_rules import LOG_CATEGORIES
 from rbfmu_fmu.python.slave_access import TO_VARY
@@ -72,9 +71,14 @@ def _variables(version: FmiVersion, d: Description) -> Iterator[Element]:
     for reference, one in enumerate(named):
         members = [d.variables[k] for k in one.elements]
         first = members[0]
-        said = attributes_of(first, one.name, reference, _meaning_of(one, members))
+        variability, initial = _KINDS[first.causality]
+        about_it = _meaning_of(one, members)
+        if first.pinned:
+            about_it += f"; cannot be changed here: {TO_VARY % first.block}"
+        said = {"name": one.name, "valueReference": str(reference), "causality": first.causality}
+        said |= {"variability": variability, "description": about_it} | ({"initial": initial} if initial else {})
         said |= updated if first.causality != "parameter" else {}
-        name = QUANTITIES.get(BY_NAME[first.block].unit)
+        name = UNITS[BY_NAME[first.block].unit].quantity
         typed = ({"declaredType": name} if name else {}) | _limits_of_all(members)
         element = _element(version, "ScalarVariable", version.real, said, typed)
         element.extend(Element("Dimension", start=str(size)) for size in one.dimensions)
@@ -95,14 +99,13 @@ def _meaning_of(one: FmiVariable, members: list[Variable]) -> str:
 
 
 def _limits_of_all(members: list[Variable]) -> dict[str, str]:
-    """Return what all elements have in common, and their start values; bounds hold for every element alike."""
-    lows, highs = [v.minimum for v in members], [v.maximum for v in members]
-    low = None if None in lows else min(x for x in lows if x is not None)
-    high = None if None in highs else max(x for x in highs if x is not None)
-    attributes = unit_and_limits(replace(members[0], minimum=low, maximum=high))
-    if members[0].start is not None:
-        attributes["start"] = " ".join(repr(v.start) for v in members)
-    return attributes
+    """Return unit, bounds, size and start, as far as there are any; bounds hold for every element alike."""
+    first = members[0]
+    lows, highs = ([getattr(v, key) for v in members] for key in ("minimum", "maximum"))
+    limits = {"min": None if None in lows else min(lows), "max": None if None in highs else max(highs)}
+    limits["nominal"] = first.nominal
+    said = _of_unit(BY_NAME[first.block].unit) | {key: repr(x) for key, x in limits.items() if x is not None}
+    return said | ({"start": " ".join(repr(v.start) for v in members)} if first.start is not None else {})
 
 
 def _model_structure(version: FmiVersion, d: Description) -> Element:
@@ -134,12 +137,12 @@ def about(d: Description) -> dict[str, str]:
 def declared_types(d: Description) -> dict[str, dict[str, str]]:
     """Return the types of the variables by name: quantity, unit and the unit in which it is usually shown."""
     units = {BY_NAME[v.block].unit for v in d.variables}
-    return {QUANTITIES[unit]: _of_unit(unit) for unit in sorted(units, key=_fmi_name) if unit in QUANTITIES}
+    return {UNITS[unit].quantity: _of_unit(unit) for unit in sorted(units, key=_fmi_name) if UNITS[unit].quantity}
 
 
 def _of_unit(unit: str) -> dict[str, str]:
     """Return the attributes quantity, unit and displayUnit, as far as there are any."""
-    attributes = {"quantity": QUANTITIES[unit]} if unit in QUANTITIES else {}
+    attributes = {"quantity": UNITS[unit].quantity} if UNITS[unit].quantity else {}
     attributes["unit"] = _fmi_name(unit)
     if UNITS[unit].display:
         attributes["displayUnit"] = UNITS[unit].display[0][0]
@@ -167,6 +170,11 @@ def _fmi_name(unit: str) -> str:
     return unit.replace(" ", ".")
 
 
+def unit_of(block: str) -> str:
+    """Return the unit of a block's numbers, by its name in FMI."""
+    return _fmi_name(BY_NAME[block].unit)
+
+
 def log_categories() -> Element:
     """Return the categories of messages."""
     categories = Element("LogCategories")
@@ -179,24 +187,6 @@ def default_experiment(d: Description) -> Element:
     """Return the times and the accuracy of the scene's run."""
     times = {"startTime": d.start, "stopTime": d.stop, "tolerance": d.accuracy, "stepSize": d.step}
     return Element("DefaultExperiment", {name: repr(value) for name, value in times.items()})
-
-
-def attributes_of(v: Variable, name: str, reference: int, description: str) -> dict[str, str]:
-    """Return what a variable of any version is said to be; of a parameter that cannot be set, also that."""
-    variability, initial = _KINDS[v.causality]
-    if v.pinned:
-        description = f"{description}; cannot be changed here: {TO_VARY % v.block}"
-    said = {"name": name, "valueReference": str(reference), "causality": v.causality, "variability": variability}
-    return said | {"description": description} | ({"initial": initial} if initial else {})
-
-
-def unit_and_limits(v: Variable) -> dict[str, str]:
-    """Return the attributes quantity, unit, displayUnit, min, max, nominal and start, as far as a variable has them."""
-    attributes = _of_unit(BY_NAME[v.block].unit)
-    for key, value in (("min", v.minimum), ("max", v.maximum), ("nominal", v.nominal), ("start", v.start)):
-        if value is not None:
-            attributes[key] = repr(value)
-    return attributes
 
 
 def depends_on(d: Description, output: Variable) -> list[int]:
@@ -303,5 +293,5 @@ def _osp_group(block: str, variables: list[Variable]) -> Element:
     group = Element(KINDS[block], name=block)
     for v, axis in zip(variables, AXES if len(variables) == 3 else [None] * len(variables), strict=True):
         named = {"axis": axis} if axis else {}
-        SubElement(group, "Variable", {"ref": v.name, "unit": unit_and_limits(v)["unit"], **named})
+        SubElement(group, "Variable", {"ref": v.name, "unit": unit_of(v.block), **named})
     return group

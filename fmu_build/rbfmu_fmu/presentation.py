@@ -22,7 +22,7 @@ from rbfmu.viewer.shape import Shape, shape_of
 from rbfmu_fmu.archive import xml_bytes
 from rbfmu_fmu.description import Description, Variable, blocks, scalars
 from rbfmu_fmu.fmi_version import FmiVersion
-from rbfmu_fmu.model_description import STATUS_MEANING, osp_description, osp_place, terminals, unit_and_limits
+from rbfmu_fmu.model_description import STATUS_MEANING, osp_description, osp_place, terminals, unit_of
 from rbfmu_fmu.native.linking import FMI_HEADERS
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.quantities import BY_NAME
@@ -99,7 +99,7 @@ def _row(variables: list[Variable]) -> tuple[str, ...]:
     components = ", ".join(f"{v.name.removeprefix(v.block)} {v.component}" for v in variables if v.component)
     start = ", ".join(repr(v.start) for v in variables if v.start is not None)
     held = " (cannot be changed)" if first.pinned else ""
-    return first.block, unit_and_limits(first)["unit"], BY_NAME[first.block].meaning + held, components, start
+    return first.block, unit_of(first.block), BY_NAME[first.block].meaning + held, components, start
 
 
 def licenses(with_pythonfmu: bool) -> dict[str, bytes]:

@@ -20,29 +20,33 @@ _MATRIX: Bounds = NOT_NEGATIVE * 3 + ANY * 3
 
 
 class Unit(NamedTuple):
-    """Exponents of the SI base units, and units in which tools may show a number: (name, factor), usual one first."""
+    """What a unit measures, its exponents of the SI base units, and units in which tools may show a number.
 
+    quantity: by Modelica's names (Modelica.Units.SI), empty of the unit 1; display: (name, factor), usual one first.
+    """
+
+    quantity: str
     exponents: dict[str, int]
     display: tuple[tuple[str, float], ...] = ()
 
 
 DEGREES = 180.0 / math.pi
 UNITS: dict[str, Unit] = {
-    "1": Unit({}),
-    "s": Unit({"s": 1}),
-    "kg": Unit({"kg": 1}),
-    "kg m2": Unit({"kg": 1, "m": 2}),
-    "m": Unit({"m": 1}),
-    "m/s": Unit({"m": 1, "s": -1}),
-    "m/s2": Unit({"m": 1, "s": -2}),
-    "rad": Unit({"rad": 1}, (("deg", DEGREES),)),
-    "rad/s": Unit({"rad": 1, "s": -1}, (("deg/s", DEGREES), ("rpm", 30.0 / math.pi))),
-    "rad/s2": Unit({"rad": 1, "s": -2}, (("deg/s2", DEGREES),)),
-    "N": Unit({"kg": 1, "m": 1, "s": -2}),
-    "N m": Unit({"kg": 1, "m": 2, "s": -2}),
-    "N m s/rad": Unit({"kg": 1, "m": 2, "s": -1, "rad": -1}),
-    "kg m2/s": Unit({"kg": 1, "m": 2, "s": -1}),
-    "J": Unit({"kg": 1, "m": 2, "s": -2}),
+    "1": Unit("", {}),
+    "s": Unit("Time", {"s": 1}),
+    "kg": Unit("Mass", {"kg": 1}),
+    "kg m2": Unit("MomentOfInertia", {"kg": 1, "m": 2}),
+    "m": Unit("Length", {"m": 1}),
+    "m/s": Unit("Velocity", {"m": 1, "s": -1}),
+    "m/s2": Unit("Acceleration", {"m": 1, "s": -2}),
+    "rad": Unit("Angle", {"rad": 1}, (("deg", DEGREES),)),
+    "rad/s": Unit("AngularVelocity", {"rad": 1, "s": -1}, (("deg/s", DEGREES), ("rpm", 30.0 / math.pi))),
+    "rad/s2": Unit("AngularAcceleration", {"rad": 1, "s": -2}, (("deg/s2", DEGREES),)),
+    "N": Unit("Force", {"kg": 1, "m": 1, "s": -2}),
+    "N m": Unit("Torque", {"kg": 1, "m": 2, "s": -2}),
+    "N m s/rad": Unit("RotationalDampingConstant", {"kg": 1, "m": 2, "s": -1, "rad": -1}),
+    "kg m2/s": Unit("AngularMomentum", {"kg": 1, "m": 2, "s": -1}),
+    "J": Unit("Energy", {"kg": 1, "m": 2, "s": -2}),
 }
 
 

@@ -157,7 +157,7 @@ def test_units_are_the_quantities_own_in_si_base_units(name):
 
 def test_every_unit_name_reads_as_its_exponents():
     known = {"N": {"kg": 1, "m": 1, "s": -2}, "J": {"kg": 1, "m": 2, "s": -2}}
-    for name, (exponents, _) in UNITS.items():
+    for name, (_, exponents, _) in UNITS.items():
         above, _, below = name.partition("/")
         total = dict.fromkeys(("kg", "m", "s", "rad"), 0)
         for sign, product in ((1, above), (-1, below)):

@@ -37,36 +37,31 @@ PLATFORMS = {
 """Processors are the oldest of their kind. No code has fused products, so that all give the same bits."""
 
 
-def platform_named(name: str) -> Platform:
-    """Return a platform by its name. Raises BuildError where there is none."""
-    if name not in PLATFORMS:
-        raise BuildError(f"platform {name!r}: expected one of {', '.join(PLATFORMS)}, all")
-    return PLATFORMS[name]
-
-
 def platforms_named(names: Iterable[str]) -> list[Platform]:
-    """Return platforms by their names, in an order; "all" names every one; without names this one."""
+    """Return platforms by their names, in an order; "all" names every one; without names this one.
+
+    Raises BuildError where there is none of a name.
+    """
     chosen = {name for given in names for name in (PLATFORMS if given == "all" else [given])}
-    return [platform_named(name) for name in sorted(chosen)] or [this_platform()]
+    if unknown := sorted(chosen.difference(PLATFORMS)):
+        raise BuildError(f"platform {unknown[0]!r}: expected one of {', '.join(PLATFORMS)}, all")
+    return [PLATFORMS[name] for name in sorted(chosen)] or [this_platform()]
 
 
 def this_platform() -> Platform:
     """Return the platform that Python runs on. Raises BuildError where it is none of the above."""
-    for one in PLATFORMS.values():
-        if is_this(one):
-            return one
-    raise BuildError(f"{_processor()}-{_system()} is no platform for FMUs: name one of {', '.join(PLATFORMS)}")
+    if found := next(filter(is_this, PLATFORMS.values()), None):
+        return found
+    raise BuildError(f"{_here()} is no platform for FMUs: name one of {', '.join(PLATFORMS)}")
 
 
 def is_this(one: Platform) -> bool:
     """Return whether Python runs on this platform."""
-    return one.zig.startswith(f"{_processor()}-{_system()}")
+    return one.zig.startswith(_here())
 
 
-def _processor() -> str:
+def _here() -> str:
+    """Return processor and system, as ziglang names them."""
     machine = platform.machine().lower()
-    return {"amd64": "x86_64", "arm64": "aarch64"}.get(machine, machine)
-
-
-def _system() -> str:
-    return {"darwin": "macos", "win32": "windows"}.get(sys.platform, sys.platform)
+    processor = {"amd64": "x86_64", "arm64": "aarch64"}.get(machine, machine)
+    return f"{processor}-{ {'darwin': 'macos', 'win32': 'windows'}.get(sys.platform, sys.platform) }"

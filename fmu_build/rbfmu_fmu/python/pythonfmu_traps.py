@@ -12,7 +12,7 @@ import os
 import re
 import sys
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 from .call_rules import LOG_CATEGORIES
@@ -56,19 +56,14 @@ def keep_script(names: dict[str, Any]) -> None:
     _increment(names)
 
 
-def keep_after_exception(instance: Any) -> None:
-    """Keep alive what is released twice, once after the exception and once when freed: the process would end."""
-    _increment(type(instance))
-    _increment(instance)
-    _increment(instance.log_queue)
+def keep_after_exception(slave: type, *instances: Any) -> None:
+    """Keep alive what is released twice, once after the exception and once when freed: the process would end.
 
-
-def keep_after_refused_bytes(slave: type, instances: Iterable[Any]) -> None:
-    """Keep alive all instances: bytes are made a state by a call of the class, and who is released is not named."""
-    for instance in instances:
-        _increment(instance)
-        _increment(instance.log_queue)
-    _increment(slave)
+    Where bytes are refused, that is all instances: they are made a state by a call of the class, and who is released is
+    not named.
+    """
+    for one in (slave, *instances, *(instance.log_queue for instance in instances)):
+        _increment(one)
 
 
 def forget_resources(folder: str) -> None:
@@ -81,11 +76,6 @@ def forget_resources(folder: str) -> None:
 def reference_given(reference: int) -> int:
     """Return the value reference that the importer gave: those from 2^31 on arrive as negative numbers."""
     return reference % 2**32
-
-
-def log(instance: Any, text: str, status: Any) -> None:
-    """Log with a status, and so with a category: without one NULL is passed for it, which ends some importers."""
-    instance.log(text, status)
 
 
 class _Logger(ctypes.Structure):

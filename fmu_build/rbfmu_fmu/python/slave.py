@@ -6,6 +6,7 @@ It relies on pythonfmu's interface; what rests on its inside is in `pythonfmu_tr
 import ctypes
 import math
 import weakref
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from pythonfmu import Fmi2Slave
@@ -102,32 +103,6 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
             return [self._status] * len(references)
         except BaseException as error:
             raise self._survivable("fmi2GetInteger", error) from None
-
-    def set_integer(self, references: list[int], values: list[int]) -> None:
-        """Refuse: there is no Integer variable that can be set."""
-        self._none_of("Integer variable that can be set", "fmi2SetInteger", references)
-
-    def get_boolean(self, references: list[int]) -> list[bool]:
-        """Refuse: there is no Boolean variable."""
-        return self._none_of("Boolean variable", "fmi2GetBoolean", references)
-
-    def set_boolean(self, references: list[int], values: list[bool]) -> None:
-        """Refuse: there is no Boolean variable."""
-        self._none_of("Boolean variable", "fmi2SetBoolean", references)
-
-    def get_string(self, references: list[int]) -> list[str]:
-        """Refuse: there is no String variable."""
-        return self._none_of("String variable", "fmi2GetString", references)
-
-    def set_string(self, references: list[int], values: list[str]) -> None:
-        """Refuse: there is no String variable."""
-        self._none_of("String variable", "fmi2SetString", references)
-
-    def _none_of(self, kind: str, call: str, references: list[int]) -> list[Any]:
-        if references:
-            name = self.access.named(traps.reference_given(references[0]))
-            raise self._survivable(call, ValueError(f"{name} is no {kind}"))
-        return []
 
     def _known(self, references: list[int]) -> None:
         if references and not (min(references) >= 0 and max(references) < len(self.access.offsets)):
@@ -237,13 +212,13 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
 
     def _survivable(self, call: str, error: BaseException) -> BaseException:
         """Log an error that is about to be raised, and return it."""
-        traps.keep_after_exception(self)
+        traps.keep_after_exception(type(self), self)
         traps.drop_messages_without_category(self._logger, self.instance_name)
         self._tell(f"{call}: {error}", Fmi2Status.fatal)
         return error
 
     def _tell(self, text: str, status: Fmi2Status) -> None:
-        traps.log(self, text, status)
+        self.log(text, status)  # and so with a category: without a status NULL is passed, which ends some importers
         tell(f"[{self.instance_name}] {text}")  # FMPy shows logs when debugging only
 
     def __del__(self) -> None:
@@ -269,19 +244,31 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         try:
             cls.access.state_content(data)
         except ValueError as error:
-            traps.keep_after_refused_bytes(cls, _LIVE)
-            cls._tell_all(f"fmi2DeSerializeFMUstate, of this or another unit: {error}")
+            traps.keep_after_exception(cls, *_LIVE)
+            for instance in _LIVE:  # the class is called, and nobody knows for which of them
+                traps.drop_messages_without_category(instance._logger, instance.instance_name)
+                instance.log(f"fmi2DeSerializeFMUstate, of this or another unit: {error}", Fmi2Status.fatal)
             tell(f"rbfmu: fmi2DeSerializeFMUstate: {error}")
             raise
         return data
 
     @staticmethod
-    def _tell_all(text: str) -> None:
-        """Log where the class is called, and nobody knows for which instance."""
-        for instance in _LIVE:
-            traps.drop_messages_without_category(instance._logger, instance.instance_name)
-            traps.log(instance, text, Fmi2Status.fatal)
-
-    @staticmethod
     def _fmu_state_to_bytes(state: bytes) -> bytes:
         return state
+
+
+def _refusing(call: str, kind: str) -> Callable[..., list[Any]]:
+    def refuse(self: Slave, references: list[int], values: Sequence[Any] = ()) -> list[Any]:
+        """Refuse any value reference: no variable has this type, or none of it can be set."""
+        if references:
+            name = self.access.named(traps.reference_given(references[0]))
+            raise self._survivable(call, ValueError(f"{name} is no {kind}"))
+        return []
+
+    return refuse
+
+
+Slave.set_integer = _refusing("fmi2SetInteger", "Integer variable that can be set")
+for _kind in ("Boolean", "String"):
+    for _way in ("Get", "Set"):
+        setattr(Slave, f"{_way}_{_kind}".lower(), _refusing(f"fmi2{_way}{_kind}", f"{_kind} variable"))
