@@ -18,6 +18,8 @@ import rbfmu_kernels
 from examples.figures import record
 from examples.gallery import page as gallery
 from rbfmu import arrays
+from rbfmu.formulas.check import given_to, unit_numbers
+from rbfmu.formulas.motion import Motion
 from rbfmu.scene.keys import scene_keys
 from rbfmu.studies.chart.contestants import short
 from rbfmu_kernels.compile.shapes import python_function
@@ -126,6 +128,14 @@ def functions() -> str:
     return "\n".join(f"**{title}**\n\n{markdown(head, rows[part])}" for part, title in PARTS.items())
 
 
+def formulas() -> str:
+    """Return the functions that formulas know."""
+    scene = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 1.0, 1.0]})
+    known = Motion(given_to(scene, unit_numbers(), pivot=False)).functions
+    rows = [[f"`{name}({function.takes})`", function.meaning] for name, function in known.items()]
+    return markdown(["function", "what it gives"], rows)
+
+
 def kernels() -> str:
     """Return ns an item of array functions, and of others as multiples."""
     head, rows = record.read("kernels")
@@ -204,6 +214,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "scene-keys": keys,
     "errors": errors,
     "functions": functions,
+    "formulas": formulas,
     "kernels": kernels,
     "native": native,
     "importers": importers,

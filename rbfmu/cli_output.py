@@ -123,9 +123,12 @@ def plan_text(scene: "Scene", chosen: "Plan", variables: int, full: tuple[int, i
         f"{chosen.model}: {chosen.method}",
         f"{expected_error(scene, chosen, driven)}, {cost}",
         *chosen.reasons,
-        f"{chosen.states} state{'s' * (chosen.states != 1)} and {variables} FMU variables, "
-        f"against {full[0]} and {full[1]} of the full model",
     ]
+    states = f"{chosen.states} state{'s' * (chosen.states != 1)}"
+    if scene.has_formulas:
+        lines.append(f"{states}, of which the whole body has {full[0]}")
+    else:
+        lines.append(f"{states} and {variables} FMU variables, against {full[0]} and {full[1]} of the full model")
     return "\n".join(lines)
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rbfmu.exceptions import SceneWarning
 from rbfmu.runs.plan import Plan, start_run
-from rbfmu.scene.scene import Scene, of_scene_or_path
+from rbfmu.scene.scene import Scene, of_scene_or_path, refuse_formulas
 from rbfmu.simulation import Simulator
 from rbfmu_kernels.body.memory import body_of, loads_of, motion_of
 from rbfmu_kernels.body.outputs import outputs
@@ -133,6 +133,7 @@ def linearize(scene: Scene, /, t: float | None = None, **ports: Any) -> Lineariz
     are derivatives of the kernels' own formulas, to round-off; the state at t is as accurate as the scene asks.
     Raises SceneError, SimulationError, ValueError for a time outside the run, a wrong input, or rpy at pitch 90 deg.
     """
+    refuse_formulas(scene, "rbfmu.linearize")
     run = scene.run
     t = run.start if t is None else float(t)
     if not run.start <= t <= run.stop:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from rbfmu.exceptions import named
-from rbfmu_kernels.quantities import OUTPUT
+from rbfmu_kernels.quantities import Output
 
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
 """Okabe and Ito's: told apart by everyone."""
@@ -21,6 +21,7 @@ class Rows(Protocol):
 
     time: NDArray[np.float64]
     quantities: dict[str, NDArray[np.float64]]
+    rows: dict[str, Output]
 
 
 class Picture(Figure):
@@ -37,9 +38,10 @@ def plot_result(result: Rows, path: str | Path | None = None, title: str = "") -
     figure = Picture(figsize=(8.0, 1.2 + 1.9 * len(result.quantities)), layout="constrained")
     panels = figure.subplots(len(result.quantities), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (name, values) in zip(panels, result.quantities.items(), strict=True):
-        turn = 2.0 * math.pi if OUTPUT[name].unit == "rad" else math.inf
-        draw_components(axes, result.time, values, OUTPUT[name].components, turn)
-        axes.set_ylabel(quantity_label(name), fontsize=9)
+        row = result.rows[name]
+        turn = 2.0 * math.pi if row.unit == "rad" else math.inf
+        draw_components(axes, result.time, values, row.components, turn)
+        axes.set_ylabel(quantity_label(row), fontsize=9)
     panels[-1].set_xlabel("time (s)")
     figure.suptitle(title, fontsize=11)
     return with_file(figure, path)
@@ -70,9 +72,8 @@ def with_gaps(time: Any, angles: Any, turn: float) -> tuple[Any, Any]:
     return np.insert(time, jumps, time[jumps]), np.insert(angles, jumps, np.nan)
 
 
-def quantity_label(name: str) -> str:
+def quantity_label(row: Output) -> str:
     """Return what an axis says of a quantity."""
-    row = OUTPUT[name]
     return row.label if row.unit == "1" else f"{row.label} ({row.unit.replace('m2', 'm²').replace('s2', 's²')})"
 
 

@@ -6,6 +6,7 @@ Files are also the CSV that importers of FMUs write.
 import csv
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -14,22 +15,22 @@ from numpy.typing import NDArray
 from rbfmu.exceptions import named
 from rbfmu.extras import needed
 from rbfmu.notebook import numbers_text, table
-from rbfmu_kernels.quantities import OUTPUT, TIME, indices
+from rbfmu_kernels.quantities import OUTPUT, TIME, Output, indices
 
 Array = NDArray[np.float64]
 FORMATS = (".csv", ".npz")
 AXES = {"quaternion": "parameter", "rpy": "angle"}
 """What the components of a quantity are, if they are not along axes x, y, z."""
+NONE: Mapping[str, Output] = MappingProxyType({})
 CHUNK = 1024
 """Rows that a CSV's writer holds as text."""
 
 
-def check_shape(name: str, values: Array, points: int) -> None:
+def check_shape(row: Any, values: Array, points: int) -> None:
     """Raise ValueError where a quantity's array, or that of the times, has not the shape of so many points in time."""
-    size = OUTPUT[name].size if name in OUTPUT else 1
-    shape = (points, size) if size > 1 else (points,)
+    shape = (points, row.size) if row.size > 1 else (points,)
     if values.shape != shape:
-        raise ValueError(f"{name} has the shape {values.shape}: expected {shape}")
+        raise ValueError(f"{row.name} has the shape {values.shape}: expected {shape}")
 
 
 class Result:
@@ -38,15 +39,18 @@ class Result:
     Raises ValueError for what is no quantity of a scene, and for arrays of another shape.
     """
 
-    def __init__(self, time: Any, quantities: Mapping[str, Any]) -> None:
+    def __init__(self, time: Any, quantities: Mapping[str, Any], own: Mapping[str, Output] = NONE) -> None:
+        """own: the rows of quantities of one's own, by name."""
         self.time: Array = np.asarray(time, dtype=np.float64)
         self.quantities: dict[str, Array] = {
             name: np.asarray(values, dtype=np.float64) for name, values in quantities.items()
         }
+        known = {**OUTPUT, **own}
+        if unknown := [name for name in self.quantities if name not in known]:
+            raise ValueError(f"quantity {unknown[0]!r}: expected some of {', '.join(known)}")
+        self.rows = {name: known[name] for name in self.quantities}
         for name, values in self.quantities.items():
-            if name not in OUTPUT:
-                raise ValueError(f"quantity {name!r}: expected some of {', '.join(OUTPUT)}")
-            check_shape(name, values, len(self.time))
+            check_shape(self.rows[name], values, len(self.time))
 
     def __getattr__(self, name: str) -> Array:
         try:
@@ -61,7 +65,7 @@ class Result:
     def _repr_html_(self) -> str:
         header = ("quantity", "unit", *(f"t = {self.time[k]:g} s" for k in (0, -1)), "smallest", "largest")
         rows = (
-            (name, OUTPUT[name].unit, *map(numbers_text, (v[0], v[-1], v.min(axis=0), v.max(axis=0))))
+            (name, self.rows[name].unit, *map(numbers_text, (v[0], v[-1], v.min(axis=0), v.max(axis=0))))
             for name, v in self.quantities.items()
         )
         return table(f"{len(self.time)} points in time", header, rows)
@@ -89,7 +93,7 @@ class Result:
         variables: dict[str, Any] = {}
         coordinates: dict[str, Any] = {"time": ("time", self.time, {"units": TIME.unit, "long_name": TIME.meaning})}
         for name, values in self.quantities.items():
-            row, axis = OUTPUT[name], AXES.get(name, "axis")
+            row, axis = self.rows[name], AXES.get(name, "axis")
             attributes = {"units": row.unit, "long_name": row.meaning}
             variables[name] = ("time" if values.ndim == 1 else ("time", axis), values, attributes)
             if values.ndim == 2:
@@ -101,20 +105,20 @@ class Result:
         columns = {"time": self.time}
         for name, values in self.quantities.items():
             components = values.T if values.ndim > 1 else [values]
-            columns |= {name + index: x for index, x in zip(indices(OUTPUT[name]), components, strict=True)}
+            columns |= {name + index: x for index, x in zip(indices(self.rows[name]), components, strict=True)}
         return columns
 
     @property
     def units(self) -> dict[str, str]:
         """Return the SI units of time and of each quantity."""
-        return {"time": TIME.unit} | {name: OUTPUT[name].unit for name in self.quantities}
+        return {"time": TIME.unit} | {name: self.rows[name].unit for name in self.quantities}
 
     def until(self, stop: float | None) -> "Result":
         """Return the part up to this time (s), all where it is None."""
         if stop is None:
             return self
         n = int(np.searchsorted(self.time, stop, side="right"))
-        return Result(self.time[:n], {name: values[:n] for name, values in self.quantities.items()})
+        return Result(self.time[:n], {name: values[:n] for name, values in self.quantities.items()}, self.rows)
 
     @classmethod
     def of_rows(cls, rows: Iterable[Mapping[str, Any]]) -> "Result":
@@ -172,7 +176,7 @@ class Result:
                 file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
 
     def _write_units(self, path: Path) -> None:
-        known = {"time": TIME} | OUTPUT
+        known = {"time": TIME} | self.rows
         with named(path), path.open("w", newline="") as file:
             table = csv.writer(file, quoting=csv.QUOTE_ALL, lineterminator="\n")
             table.writerow(("name", "unit", "meaning"))
@@ -213,7 +217,7 @@ def _csv(path: Path) -> dict[str, Array]:
 
 def _check(path: Path, name: str, values: Array, points: int) -> None:
     try:
-        check_shape(name, values, points)
+        check_shape(OUTPUT.get(name, TIME), values, points)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     if bad := np.argwhere(~np.isfinite(values)).tolist():

@@ -4,7 +4,7 @@ import hashlib
 import json
 import math
 import struct
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial
 from numbers import Real
 from typing import Any
@@ -23,7 +23,7 @@ from rbfmu.scene.scene import PARAMETERS, Scene, of_scene_or_path
 from rbfmu.scene.section import as_toml, fault
 from rbfmu_kernels.buffer import OK, PAST_STOP
 from rbfmu_kernels.compile.tiered import tiered
-from rbfmu_kernels.quantities import BY_NAME, IN_BUFFER_ORDER, INITIAL_VALUES, LOADS, OUTPUTS, Output
+from rbfmu_kernels.quantities import BY_NAME, IN_BUFFER_ORDER, INITIAL_VALUES, LOADS, OUTPUTS, Output, own_output
 
 Array = NDArray[np.float64]
 
@@ -79,20 +79,21 @@ def simulate(
     """
     tables = {} if inputs is None else input_tables(scene, inputs, interpolate)
     driven = partial(drive_of, scene, tables, interpolate)
-    planned = planned or _plan(scene, driven=driven if tables else None)
+    planned = (planned or _plan(scene, driven=driven if tables else None)).of_scene(scene)
     drive = driven(1)
     run, time = Driven(scene, planned, drive), drive.time
-    blocks = {name: planned.kernels.BLOCKS[name] for name in scene.outputs.quantities}
-    first, end = min(block.start for block in blocks.values()), max(block.stop for block in blocks.values())
-    outputs = run.z[first:end]
-    rows = np.empty((len(time), len(outputs)))
-    rows[0] = outputs
+    own = _Rows(run.z, planned.kernels.BLOCKS, scene.outputs.own, len(time)) if scene.outputs.own else None
+    shown = _Rows(run.z, planned.kernels.BLOCKS, scene.outputs.quantities, len(time))
+    rows, outputs = shown.rows, shown.numbers
     numbers = range(1, len(time))
     for k in numbers if progress is None else progress(numbers):
         if not run.advance(k):
             raise refused_step(scene, time[k - 1])
         rows[k] = outputs
-    result = Result(time, {name: _quantity(rows, block, first) for name, block in blocks.items()})
+        if own is not None:
+            own.rows[k] = own.numbers
+    quantities = shown.quantities() | (own.quantities() if own else {})
+    result = Result(time, quantities, own_rows(scene, planned))
     warn(scene, doubts_after(scene, result.quantities), stacklevel=4)
     return result
 
@@ -102,9 +103,30 @@ def refused_step(scene: Scene, begin: float) -> SimulationError:
     return SimulationError(f"{scene.name}: the step from t = {float(begin)!r} s was refused: not finite")
 
 
-def _quantity(rows: Array, block: slice, first: int) -> Array:
-    values = rows[:, block.start - first : block.stop - first].copy()
-    return values[:, 0] if values.shape[1] == 1 else values
+def own_rows(scene: Scene, planned: Plan) -> dict[str, Output]:
+    """Return the rows of the outputs of one's own, by name."""
+    sizes = planned.formulas.own_outputs if planned.formulas else {}
+    own = scene.outputs.own
+    return {name: own_output(name, size, own[name].unit, own[name].about) for name, size in sizes.items()}
+
+
+class _Rows:
+    """Rows of numbers that stand side by side in a buffer, the first of them filled."""
+
+    def __init__(self, z: Array, blocks: Mapping[str, slice], names: Collection[str], count: int) -> None:
+        self._blocks = {name: blocks[name] for name in names}
+        self._first = min((block.start for block in self._blocks.values()), default=0)
+        self.numbers = z[self._first : max((block.stop for block in self._blocks.values()), default=0)]
+        self.rows = np.empty((count, len(self.numbers)))
+        self.rows[0] = self.numbers
+
+    def quantities(self) -> dict[str, Array]:
+        """Return a copy of the rows of each quantity."""
+        return {name: self._quantity(block) for name, block in self._blocks.items()}
+
+    def _quantity(self, block: slice) -> Array:
+        values = self.rows[:, block.start - self._first : block.stop - self._first].copy()
+        return values[:, 0] if values.shape[1] == 1 else values
 
 
 _CLOCK = struct.Struct("dq")
@@ -138,10 +160,19 @@ class Simulator:
         self._z = start_run(_with_parameters(self.scene, self.plan, parameters), self.plan)
         self._bytes, self._step = self._z.data.cast("B"), tiered(kernels.step)
         self._ports = {name: 8 * blocks[name].start for name in self.scene.inputs.ports}
-        self._quantities = {name: self._z[blocks[name]] for name in self.scene.outputs.quantities}
+        self._quantities = {name: self._z[blocks[name]] for name in self.scene.outputs.names}
         self._identity = _identity(self.scene, self.plan)
         self._start, self._h, self._last_time = run.start, run.step, last_time(run.stop, run.step)
         self.time, self._count = run.start, 0
+
+    def __getattr__(self, name: str) -> Any:
+        """Return an output of one's own."""
+        known = self.__dict__.get("_quantities", {})
+        if name not in known:
+            whose = f"{self.scene.name}; it has {', '.join(known)}" if known else "it"
+            raise AttributeError(f"no quantity {name!r} is asked for by {whose}")
+        values = known[name]
+        return values.copy() if len(values) > 1 else float(values[0])
 
     def __repr__(self) -> str:
         return f"Simulator({self.scene.name!r}: {self.plan.model}, t = {self.time!r} s)"

@@ -18,6 +18,7 @@ from rbfmu.models.question import Question
 from rbfmu.planning.select import with_all_outputs
 from rbfmu.runs.plan import filled_buffer
 from rbfmu.runs.time_grid import last_time
+from rbfmu.scene.scene import refuse_formulas
 from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.buffer import CHANGED, FAULTS, OK
 from rbfmu_kernels.compile.tiered import tiered
@@ -114,6 +115,7 @@ def blocks(d: Description, *causalities: str) -> dict[str, list[Variable]]:
 
 def describe(scene: Scene, plan: Plan) -> Description:
     """Return the FMU of a scene under its plan."""
+    refuse_formulas(scene, "an FMU")
     kernels, z = plan.kernels, filled_buffer(scene, plan)
     sizes = nominal_sizes(scene, kernels, z)
     return Description(
@@ -152,10 +154,12 @@ def _without_effect(scene: Scene, plan: Plan) -> dict[str, tuple[str, ...]]:
 
 def sizes(scene: Scene, plan: Plan) -> tuple[int, tuple[int, int]]:
     """Return the FMU's number of variables, and those of a full model's states and variables with all outputs."""
+    states = 7 if scene.body is not None and scene.body.pivot else 13
+    if scene.has_formulas:
+        return 0, (states, 0)
     count = len(describe(scene, plan).variables) + 1
     if scene.body is None:
         return count, (plan.states, count)
-    states = 7 if scene.body.pivot else 13
     full = Plan("body under loads, by series", "", states, order=12)
     return count, (states, len(describe(with_all_outputs(scene), full).variables) + 1)
 

@@ -37,6 +37,8 @@ MAX_SUBSTEPS = 1e7
 """Substeps in one communication step (seconds of work) above which a step is refused rather than hang the host."""
 
 
+NOT_FINITE = 8
+"""The fault of numbers that are not finite."""
 CHANGED = "*"
 """As the block of a fault: whatever was changed from what the model was planned for."""
 
@@ -52,7 +54,7 @@ FAULTS: dict[int, tuple[str, str]] = {
     5: ("inertia", "expected no principal moment above the sum of the other two"),
     6: ("inertia", "expected at most one zero principal moment (a slender beam)"),
     7: ("quaternion_0", "expected finite numbers, not all zero"),
-    8: ("", "expected finite numbers in all parameters and initial values"),
+    NOT_FINITE: ("", "expected finite numbers in all parameters and initial values"),
     9: ("omega_b_0", "expected no rate about a slender beam's own axis, where it has no inertia"),
     TORQUE_ACTS: (CHANGED, "expected loads without torque: this model is torque-free"),
     NO_TOP: (CHANGED, "expected two equal moments, no damping: this model is a symmetric top"),

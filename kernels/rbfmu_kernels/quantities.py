@@ -233,6 +233,12 @@ _RATE_PORTS = tuple(row.name for row in OUTPUTS if row.port)
 PORTS = (*_LOAD_PORTS, *_RATE_PORTS)
 
 
+def own_output(name: str, size: int, unit: str, meaning: str) -> Output:
+    """Return the row of an output of one's own."""
+    components = ("x", "y", "z") if size > 1 else ("",)
+    return Output(name, size, unit or "1", meaning or name, name, (), (), components=components)
+
+
 def indices(row: Quantity) -> tuple[str, ...]:
     """Return what follows the name for each number of a quantity, by FMI's structured naming."""
     if row.size == 1:

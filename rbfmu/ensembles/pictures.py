@@ -61,7 +61,7 @@ def _bands(axes: Any, result: "EnsembleResult", name: str, is_last: bool) -> Non
             axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=9)
     else:
         axes.text(0.5, 0.5, "statistics over time are not kept", ha="center", transform=axes.transAxes, color="#777777")
-    axes.set_ylabel(quantity_label(name), fontsize=9)
+    axes.set_ylabel(quantity_label(OUTPUT[name]), fontsize=9)
     axes.tick_params(labelsize=8, labelbottom=is_last)
     axes.margins(x=0.0)
     open_frame(axes, grid=True)

@@ -21,7 +21,7 @@ from rbfmu.exceptions import SimulationError, named
 from rbfmu.extras import needed
 from rbfmu.progress import bar
 from rbfmu.runs.plan import Plan
-from rbfmu.scene.scene import Scene, of_scene_or_path
+from rbfmu.scene.scene import Scene, of_scene_or_path, refuse_formulas
 
 AHEAD = 3
 """Chunks that are on their way or wait for an earlier one, for each worker: memory is bounded by that.
@@ -55,6 +55,7 @@ def run_ensemble(
     writing to it.
     """
     check_store(store, resume)
+    refuse_formulas(scene, "rbfmu.run_ensemble")
     scene = with_runs(scene, runs)
     plan = plan_ensemble(scene) if planned is None else planned
     work = Work(scene, plan, members_of_a_chunk(scene, plan))

@@ -46,6 +46,10 @@ def _numbers(scene: Scene) -> dict[str, Any]:
         "ports": [float(name in scene.inputs.ports) for name in INPUTS],
         "active": active_flags(scene.outputs.quantities),
     }
+    if scene.has_formulas:
+        numbers |= {f"constants.{name}": row.value for name, row in scene.constants.items()}
+        numbers |= {f"states.{name}_0": row.start for name, row in scene.states.items()}
+        numbers |= {"start_time": scene.run.start, "longest": scene.run.stop - scene.run.start}
     if scene.body is not None:
         numbers |= {
             "mass": scene.body.mass,

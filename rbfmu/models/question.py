@@ -68,7 +68,8 @@ class Question:
     @cached_property
     def judged(self) -> tuple[str, ...]:
         """Return blocks that show every quantity asked for; roll, pitch and yaw count as the attitude they describe."""
-        return tuple(dict.fromkeys(OUTPUT[name].judged_by or name for name in self.scene.outputs.quantities))
+        shown = self.scene.outputs
+        return (*dict.fromkeys(OUTPUT[name].judged_by or name for name in shown.quantities), *shown.own)
 
     # What varies
 

@@ -259,6 +259,9 @@ LOADED_TAYLOR = ModelSpec(
     integrates_path=True,
 )
 
+FORMULAS = ModelSpec("formulas", "", integrates_path=True)
+"""What a scene with formulas has for a model: its kernels are its own, see `models.formulas`."""
+
 INTEGRATED = (
     ONE_AXIS_TAYLOR,
     PRESCRIBED_RATES,

@@ -14,7 +14,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from rbfmu.models.question import GROWING
+from rbfmu.models.question import GROWING, Question
 from rbfmu.models.registry import LOADED_TAYLOR
 from rbfmu.planning import methods
 from rbfmu.planning import reasons as say
@@ -85,6 +85,15 @@ def swinging_fit(judge: Judge, general: Plan) -> Plan | None:
     return search.whatever_the_step(search.bound) if search.met else None
 
 
+def refuse_accuracy(asked: Question, error: float) -> SceneError:
+    """Return the error for an accuracy below what methods reach."""
+    reached = error / REACHED
+    expected = f"expected one that this scene can meet; the methods here reach {reached:.1e} here"
+    if 1e-3 < reached < math.inf:
+        expected += "; the motion magnifies round-off: see `rbfmu stability`, or ask for a shorter run"
+    return SceneError(f"run.accuracy = {asked.accuracy!r}: {expected}", asked.scene.name)
+
+
 class _Search:
     """Pilot runs of one scene, and the best that they found."""
 
@@ -133,11 +142,7 @@ class _Search:
 
     def out_of_reach(self, error: float) -> SceneError:
         """Return the error that is raised where no method's error is smaller."""
-        reached = error / REACHED
-        expected = f"expected one that this scene can meet; the methods here reach {reached:.1e} here"
-        if 1e-3 < reached < math.inf:
-            expected += "; the motion magnifies round-off: see `rbfmu stability`, or ask for a shorter run"
-        return SceneError(f"run.accuracy = {self.accuracy!r}: {expected}", self.scene.name)
+        return refuse_accuracy(self.asked, error)
 
     def _with_reasons(self, found: _Fit, *more: str) -> Plan:
         plan, what = found.plan, " and ".join(sorted(self.asked.varying))

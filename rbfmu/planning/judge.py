@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rbfmu.exceptions import PlanningWarning as PlanningWarning
 from rbfmu.models.question import Question
-from rbfmu.models.registry import LOADED_TAYLOR
+from rbfmu.planning.methods import whole_series
 from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
 from rbfmu.runs.motion import FLOORS, Motion, Steps, largest_error, largest_size, record, substeps_counted
 from rbfmu.runs.plan import Plan
@@ -98,7 +98,7 @@ class Judge:
 
     def _tight_motion(self, order: int) -> Motion:
         """Return the motion in doubles, in small steps, for where double-double arithmetic takes too long."""
-        tight = Plan(LOADED_TAYLOR.key, "", 0, tolerance=1e-18, order=order)
+        tight = whole_series(self.scene, order, 1e-18)
         names = tuple(dict.fromkeys((*self.names, "omega_b")))
         parts = max(2, MOMENTS // len(self.cut_steps))
         steps = (np.repeat(self.cut_steps, parts) / parts).tolist()
@@ -116,11 +116,18 @@ class Judge:
         """Return the motion in double-double arithmetic; None where that takes too long."""
         self.doing = f"its motion is followed in {self.arithmetic}"
         try:
-            return reference_motion(self.scene, self.cut_steps, MAX_REFERENCE_STEPS, self._progress)
+            return self._reference()(self.scene, self.cut_steps, MAX_REFERENCE_STEPS, self._progress)
         except ReferenceTooLongError:
             return None
         finally:
             self.doing = TRYING
+
+    def _reference(self) -> Callable[..., Motion]:
+        if not self.scene.has_formulas:
+            return reference_motion
+        from rbfmu.planning.formula_reference import formula_motion  # what has none starts sooner
+
+        return formula_motion
 
     @property
     def is_slow(self) -> bool:
@@ -190,7 +197,7 @@ class Judge:
         It is infinite where so small an error changes the motion itself.
         """
         span, truth = self.asked.span, self.truth  # first: it ends where the motion does not
-        tight, rows = Plan(LOADED_TAYLOR.key, "", 0, tolerance=1e-16, order=20), np.array(DIRECTIONS)
+        tight, rows = whole_series(self.scene, 20, 1e-16), np.array(DIRECTIONS)
         worst = 0.0
         for turn, change in zip(rows, np.roll(rows, 1, axis=0), strict=True):
             run = Steps(self.scene, tight, self.steps, self.names)
@@ -257,7 +264,7 @@ def lost_to_cancellation(asked: Question, motion: Motion) -> float:
 
 def _parts(asked: Question, motion: Motion) -> dict[str, tuple[float, float]]:
     """Return each quantity's natural size, and its largest as a part of it; of an energy, the part of the rate."""
-    found = {}
+    found: dict[str, tuple[float, float]] = {}
     for name, size in natural_sizes(asked, motion).items():
         if name in motion and size > 0.0:
             part = largest_size(motion[name]) / size

@@ -8,8 +8,9 @@ from functools import partial
 import numpy as np
 
 from rbfmu.models.question import BodyAtStart, Question
-from rbfmu.models.registry import LOADED_SPLITTING, LOADED_TAYLOR, MODELS
+from rbfmu.models.registry import FORMULAS, LOADED_SPLITTING, LOADED_TAYLOR, MODELS
 from rbfmu.runs.plan import Plan
+from rbfmu.scene.scene import Scene
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.integrators.splitting import resonant_step, transverse_moment
 from rbfmu_kernels.integrators.taylor_coefficients import MAX_ORDER
@@ -70,6 +71,12 @@ def one_axis_series(general: Plan) -> Iterator[Method]:
     """Yield the series of one angle, from the highest order."""
     for order in reversed(ORDERS):
         yield Method(partial(series_plan, general, order), ONE_AXIS_COSTS[order], order)
+
+
+def whole_series(scene: Scene, order: int, tolerance: float) -> Plan:
+    """Return the plan of the series that serves whatever acts."""
+    model = FORMULAS if scene.has_formulas else LOADED_TAYLOR
+    return Plan(model.key, "", 0, tolerance=tolerance, order=order).of_scene(scene)
 
 
 def likely_order(accuracy: float) -> int:

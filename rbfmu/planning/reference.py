@@ -40,8 +40,8 @@ def reference_motion(
     """
     with localcontext() as context:
         context.prec = DIGITS
-        constants, state = _pairs(_constants(scene)), _pairs(_start(scene))
-        times = _pairs(accumulate(map(Decimal, steps), initial=Decimal(0)))
+        constants, state = pairs_of(_constants(scene)), pairs_of(_start(scene))
+        times = pairs_of(accumulate(map(Decimal, steps), initial=Decimal(0)))
     work, scratch = np.zeros((2, series.SERIES)), np.zeros((2, series.SCRATCH))
     rows = np.full((times.shape[1], series.ROW), np.nan)
     for first in range(0, times.shape[1], CHUNK):
@@ -62,13 +62,14 @@ def _named(rows: Array) -> Motion:
     return motion
 
 
-def _pairs(numbers: Iterable[Decimal]) -> Array:
+def pairs_of(numbers: Iterable[Decimal]) -> Array:
+    """Return numbers as double-double ones: rows of their high and low parts."""
     exact = [*numbers]
     high = [float(x) for x in exact]
     return np.array([high, [float(x - Decimal(h)) for x, h in zip(exact, high, strict=True)]])
 
 
-def _decimals(values: Any) -> Decimals:
+def decimals_of(values: Any) -> Decimals:
     """Return the exact decimals of floats, with which NumPy computes as with any numbers."""
     return np.vectorize(Decimal, otypes=[object])(values)
 
@@ -77,7 +78,7 @@ def _inertia(scene: Scene) -> Decimals:
     """Return M about the centre of mass, or about o with a pivot."""
     body = scene.body
     assert body is not None
-    M, r = _decimals(body.inertia), _decimals(body.r_oc_b)
+    M, r = decimals_of(body.inertia), decimals_of(body.r_oc_b)
     if body.pivot:
         M = M + Decimal(body.mass) * (r @ r * ONE - np.outer(r, r))
     return M
@@ -95,10 +96,16 @@ def _inverse(M: Decimals) -> Decimals:
 
 
 def _constants(scene: Scene) -> list[Decimal]:
+    found = exact_constants(scene)
+    return [x for name in series.CONSTANTS for x in found[name].flat]
+
+
+def exact_constants(scene: Scene) -> dict[str, Decimals]:
+    """Return what stays as it is, by name: see `reference_series.CONSTANTS`."""
     body, loads = scene.body, scene.loads
     assert body is not None
-    mass, zero, r_oc, M = Decimal(body.mass), 0 * ONE[0], _decimals(body.r_oc_b), _inertia(scene)
-    found = {load.name: _decimals(getattr(loads, load.name)) for load in LOADS}
+    mass, zero, r_oc, M = Decimal(body.mass), 0 * ONE[0], decimals_of(body.r_oc_b), _inertia(scene)
+    found = {load.name: decimals_of(getattr(loads, load.name)) for load in LOADS}
     if body.pivot:
         arm, force_a, force_b = r_oc, mass * found["gravity_a"], zero
         turning, steady, mass = zero, zero, Decimal(0)
@@ -109,21 +116,25 @@ def _constants(scene: Scene) -> list[Decimal]:
         "M": M, "M_inverse": _inverse(M), "torque_b": found["torque_b"] + np.cross(arm, force_b), "force_a": force_a,
         "arm_b": arm, "a_turning_b": turning, "a_steady_a": steady, "r_oc_b": r_oc, "mass": np.array(mass),
     }  # fmt: skip
-    return [x for name in series.CONSTANTS for x in found[name].flat]
+    return found
 
 
 def _start(scene: Scene) -> list[Decimal]:
-    """Return the state of `reference_series`; velocity and position are those of o with a pivot."""
+    found = exact_start(scene)
+    return [x for name in series.STATE for x in found[name].flat]
+
+
+def exact_start(scene: Scene) -> dict[str, Decimals]:
+    """Return the state at the start, by name: see `reference_series.STATE`; with a pivot the path is that of o."""
     body, initial = scene.body, scene.initial
     assert body is not None
-    R, omega, r_oc = _matrix(_decimals(initial.quaternion)), _decimals(initial.omega_b), _decimals(body.r_oc_b)
-    position, velocity = _decimals(initial.position), 0 * ONE[0]
+    R, omega, r_oc = _matrix(decimals_of(initial.quaternion)), decimals_of(initial.omega_b), decimals_of(body.r_oc_b)
+    position, velocity = decimals_of(initial.position), 0 * ONE[0]
     if not body.pivot:
-        velocity = _decimals(initial.velocity) + R @ np.cross(omega, r_oc)
+        velocity = decimals_of(initial.velocity) + R @ np.cross(omega, r_oc)
         position = position + R @ r_oc
     momentum = _inertia(scene) @ omega
-    found = {"R_ab": R, "momentum_b": momentum, "omega_b": omega, "v_c": velocity, "r_c": position}
-    return [x for name in series.STATE for x in found[name].flat]
+    return {"R_ab": R, "momentum_b": momentum, "omega_b": omega, "v_c": velocity, "r_c": position}
 
 
 def _matrix(q: Decimals) -> Decimals:

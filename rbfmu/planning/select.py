@@ -20,7 +20,7 @@ from rbfmu.models.spec import ModelSpec
 from rbfmu.planning import reasons as say
 from rbfmu.planning.fitting import cheapest_fit, cheapest_quadrature, swinging_fit
 from rbfmu.planning.judge import MAX_SUBSTEPS, Judge, least_sizes, lost_to_cancellation, refuse_unfinished
-from rbfmu.planning.methods import TIGHTEST, likely_order, series, series_cost, with_cost, work_of
+from rbfmu.planning.methods import TIGHTEST, likely_order, series, series_cost, whole_series, with_cost, work_of
 from rbfmu.runs.inputs import Drive, Driven
 from rbfmu.runs.motion import Motion, largest_error, record, substeps_counted
 from rbfmu.runs.plan import Plan
@@ -80,6 +80,10 @@ def with_all_outputs(scene: Scene) -> Scene:
 
 def _cheapest(judge: Judge, full: bool) -> Plan:
     asked = judge.asked
+    if asked.scene.has_formulas:
+        from rbfmu.planning.formulas import formula_plan  # what has none starts sooner
+
+        return formula_plan(judge)
     if asked.scene.body is None:
         return with_cost(asked, _prescribed(asked))
     found = replace(_integrated(judge, splitting=False), pinned=asked.pinned) if full else _smallest(judge)
@@ -276,7 +280,7 @@ def plan_for_inputs(asked: Question, found: Plan, driven: Callable[[int], Drive]
 def _least_tight(asked: Question, found: Plan, drive: Drive, halves: Drive) -> Plan:
     scene, names = asked.scene, asked.judged
     with_rates = tuple(dict.fromkeys((*names, "omega_b")))  # by which rest is judged
-    tight = [Plan(registry.LOADED_TAYLOR.key, "", 0, tolerance=1e-18, order=order) for order in ORDERS]
+    tight = [whole_series(scene, order, 1e-18) for order in ORDERS]
     (truth, taken), (other, more) = (_run_under(halves, scene, plan, with_rates, MAX_SUBSTEPS) for plan in tight)
     for motion, substeps in ((truth, taken), (other, more)):
         refuse_unfinished(scene, np.diff(halves.time).tolist(), motion["omega_b"], substeps)
@@ -311,8 +315,9 @@ def without_loops(asked: Question, found: Plan) -> Plan:
 
 def _tighter(asked: Question, found: Plan) -> Iterator[Plan]:
     """Yield series of ever smaller tolerance, for the whole run."""
-    general = replace(found, model=registry.LOADED_TAYLOR.key, tolerance=asked.accuracy, substep=math.inf, order=0)
-    tolerance = found.tolerance if found.model == registry.LOADED_TAYLOR.key else asked.accuracy
+    model = whole_series(asked.scene, 0, 0.0).model
+    general = replace(found, model=model, tolerance=asked.accuracy, substep=math.inf, order=0)
+    tolerance = found.tolerance if found.model == model else asked.accuracy
     while tolerance > TIGHTEST:
         tolerance = max(0.1 * tolerance, TIGHTEST)
         order = max(found.order, likely_order(tolerance))

@@ -107,7 +107,7 @@ def largest_error(
     """
     worst = 0.0
     for name in names:
-        if OUTPUT[name].error == ANGLE:
+        if name in OUTPUT and OUTPUT[name].error == ANGLE:
             errors = attitude_error(a[name], b[name])
         else:
             errors = relative_error(a[name], b[name], floors.get(name, 0.0))

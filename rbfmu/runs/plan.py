@@ -2,17 +2,20 @@
 
 import math
 from collections.abc import Collection
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass, field, fields, replace
+from typing import TYPE_CHECKING, Any
 
 from rbfmu.models.model_buffer import Buffer, aligned_zeros, put_scene, refusal
-from rbfmu.models.registry import MODELS
+from rbfmu.models.registry import FORMULAS, MODELS
 from rbfmu.models.spec import ModelSpec
 from rbfmu.notebook import table
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.quantities import active_flags
+
+if TYPE_CHECKING:
+    from rbfmu.models.formulas import FormulaModel
 
 
 @dataclass(frozen=True, repr=False)
@@ -21,9 +24,10 @@ class Plan:
 
     substep: s, infinite where the method chooses or needs none; tolerance: largest estimated error of a substep, or of
     all substeps of a run of `span` s together where that is not 0; 0 where none is estimated; order: of the splitting
-    or of the series, 0 where there is none; pinned: parameters by whose values the model was judged, so that an
-    importer must not change them; error: the largest that is expected, as the scene's `accuracy` counts; cost: ns a
-    communication step in which the outputs asked for are computed, on `methods.MACHINE`.
+    or of the series, 0 where there is none; formulas: those of the scene, if it has any; pinned: parameters by whose
+    values the model was judged, so that an importer must not change them; error: the largest that is expected, as the
+    scene's `accuracy` counts; cost: ns a communication step in which the outputs asked for are computed, on
+    `methods.MACHINE`.
     """
 
     model: str
@@ -37,6 +41,7 @@ class Plan:
     cost: float = 0.0
     span: float = 0.0
     reasons: tuple[str, ...] = ()
+    formulas: "FormulaModel | None" = field(default=None, compare=False)
 
     def __repr__(self) -> str:
         return f"Plan({self.model}: {self.method}; {self.states} states, error {self.error:.1e})"
@@ -47,7 +52,8 @@ class Plan:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the plan for JSON, where an infinite substep is None."""
-        return asdict(self) | {"substep": self.substep if math.isfinite(self.substep) else None}
+        known = {one.name: getattr(self, one.name) for one in fields(self) if one.name != "formulas"}
+        return known | {"substep": self.substep if math.isfinite(self.substep) else None}
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> "Plan":
@@ -59,6 +65,8 @@ class Plan:
     @property
     def spec(self) -> ModelSpec:
         """Return what is known of the model."""
+        if self.model == FORMULAS.key:
+            return FORMULAS
         try:
             return MODELS[self.model]
         except KeyError:
@@ -66,8 +74,16 @@ class Plan:
 
     @property
     def kernels(self) -> Model:
-        """Return the model of `rbfmu_kernels.models` that runs it."""
-        return self.spec.kernels
+        """Return the model of `rbfmu_kernels.models` that runs it, or that of the scene's formulas."""
+        return self.formulas.model if self.formulas else self.spec.kernels
+
+    def of_scene(self, scene: Scene) -> "Plan":
+        """Return the plan with the kernels of the scene's formulas, if it has any: a file of a plan holds none."""
+        if self.formulas is not None or not scene.has_formulas:
+            return self
+        from rbfmu.models.formulas import formulas_of  # what has none starts sooner
+
+        return replace(self, formulas=formulas_of(scene))
 
     @property
     def settings(self) -> dict[str, float]:

@@ -13,6 +13,8 @@ from rbfmu.scene.section import Section, as_toml, joined
 
 INSIDE: Mapping[type[Section], type[Section]] = {Initial: Attitude, Ensemble: Correlation}
 """The tables that stand inside others."""
+OWN = ("constants", "tables", "formulas", "states")
+"""The tables whose keys are names of one's own."""
 REQUIRED = "required"
 OF_THE_MOTION = "all there are"
 WRITTEN = {
@@ -38,6 +40,9 @@ INTRODUCTION = """\
 # of an ensemble of runs."""
 
 
+HIDDEN = (("ensemble", "correlation"), ("outputs", "own"))
+
+
 class Key(NamedTuple):
     """A key: the dotted path of its table, its name, unit, default (as TOML spells it, or in words) and meaning."""
 
@@ -53,15 +58,24 @@ class Key(NamedTuple):
         return joined(self.table, self.name)
 
 
+OF_FORMULAS = (
+    Key("loads", "potential", "J", "", "a formula of position and attitude: a force and a torque follow from it"),
+    Key("outputs", "NAME", "", "", "an output of one's own: a formula, or { value, unit, about }"),
+)
+"""Keys that are no fields of a table; in place of numbers, force_a, force_b, torque_a and torque_b may be formulas."""
+
+
 def scene_keys() -> Iterator[Key]:
     """Return all keys, table by table."""
     yield _key(Scene, "name")
     for section in SECTIONS.values():
-        yield from (_key(section, key) for key in section._keys() if (section, key) != (Ensemble, "correlation"))
+        yield from (_key(section, key) for key in section._keys() if (section._path, key) not in HIDDEN)
+        yield from (key for key in OF_FORMULAS if key.table == section._path)
         if section is Body:
             yield from _shape_keys()
         if inside := INSIDE.get(section):
             yield from (_key(inside, key)._replace(default="") for key in inside._keys())
+    yield from (Key(table, "NAME", "", "", Scene._rule(table).meaning) for table in OWN)
 
 
 def _shape_keys() -> Iterator[Key]:
@@ -96,7 +110,9 @@ def new_scene(name: str) -> str:
     lines = [INTRODUCTION.format(name=name), f"name = {json.dumps(name, ensure_ascii=False)}"]
     table = ""
     for key in scene_keys():
-        if key.table in ("", "body.shape", "initial.attitude") or key.table.startswith("ensemble"):
+        if key.table in ("", "body.shape", "initial.attitude", *OWN) or key.table.startswith("ensemble"):
+            continue
+        if key in OF_FORMULAS:
             continue
         if key.table != table:
             table = key.table

@@ -9,10 +9,12 @@ from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Concatenate, ParamSpec, Self, TypeVar
 
 from rbfmu.notebook import table
+from rbfmu.scene import own as named
 from rbfmu.scene.attitude import Attitude
 from rbfmu.scene.body import ZERO, Body
 from rbfmu.scene.consistency import default_quantities, doubts_before, faults_between, warn
 from rbfmu.scene.ensemble import Ensemble, as_written, faults_with, without_idle_shape
+from rbfmu.scene.own import Constant, Named, Shown, State, Table
 from rbfmu.scene.section import Numbers, SceneError, Section, as_toml, fault, line, names, numbers, one_of, positive
 from rbfmu.scene.toml_file import read_file, with_description
 from rbfmu_kernels import quantities
@@ -26,6 +28,7 @@ PARAMETERS = tuple(row.name for row in quantities.IN_BUFFER_ORDER)
 QUANTITIES = tuple(quantities.OUTPUT)
 MAX_STEPS = 1e8
 """The largest number of communication steps of a run; their results take some 20 GB."""
+NOTHING: Mapping[str, Any] = Named()
 _IDENTITY = (1.0, 0.0, 0.0, 0.0)
 _DEGREES = Numbers((3,), "deg/s")
 _NAME = line("1 to 200 printable characters without / and \\", 200, unwanted="/\\")
@@ -83,7 +86,7 @@ class Initial(Section):
 
 
 class Loads(Section):
-    """The known loads."""
+    """The known loads; those that are formulas stand in `Scene.load_formulas`, and are zero here."""
 
     _path: ClassVar[str] = "loads"
 
@@ -105,11 +108,43 @@ class Inputs(Section):
 
 
 class Outputs(Section):
-    """The requested output quantities."""
+    """The requested output quantities, and those of one's own, which are always shown."""
 
     _path: ClassVar[str] = "outputs"
 
-    quantities: Annotated[tuple[str, ...], names(QUANTITIES, least=1).means("what someone will look at")] = QUANTITIES
+    quantities: Annotated[tuple[str, ...], names(QUANTITIES).means("what someone will look at")] = QUANTITIES
+    own: Annotated[Mapping[str, Shown], named.OUTPUTS] = NOTHING
+
+    @classmethod
+    def read(cls, value: Any) -> Self:
+        """Return the section of a table, in which whatever is a table or a text is an output of one's own."""
+        if not isinstance(value, Mapping):
+            return super().read(value)
+        keys = cls._keys()
+        shown = {name: item for name, item in value.items() if isinstance(item, Mapping | str) and name not in keys}
+        found = {name: item for name, item in value.items() if name not in shown}
+        asked = value.get("quantities")
+        energies = [name for name in named.ENERGIES if isinstance(asked, list | tuple) and name in asked]
+        shown |= {name: {"value": name, "unit": "J", "about": named.ENERGIES[name]} for name in energies}
+        if shown:
+            found["own"] = {**found.get("own", {}), **shown}
+            if isinstance(asked := found.get("quantities"), list | tuple):
+                found["quantities"] = [name for name in asked if name not in shown]
+        return super().read(found)
+
+    def _contradictions(self) -> Iterator[str]:
+        if not self.names:
+            yield fault("outputs.quantities", self.quantities, f"{self._rule('quantities').words}, at least one")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Return the names of all that is shown."""
+        return (*self.quantities, *self.own)
+
+    def as_written(self) -> dict[str, Any]:
+        """Return the table as a file has it."""
+        shown = named.as_written(self.own)
+        return {"quantities": [*self.quantities, *shown]} | shown
 
 
 class Run(Section):
@@ -156,6 +191,8 @@ OPTIONAL = ("body", "ensemble")
 class Scene(Section):
     """One rigid body and what is known about its run; immutable. An invalid scene raises SceneError with all faults."""
 
+    _spellings: ClassVar[Mapping[str, tuple[str, ...]]] = {"load_formulas": ()}
+
     name: Annotated[str, _NAME.means("title, and the FMU's name; by default the file's")] = "scene"
     body: Body | None = None
     initial: Initial = Initial()
@@ -165,11 +202,29 @@ class Scene(Section):
     run: Run = Run()
     about: About = About()
     ensemble: Ensemble | None = None
+    constants: Annotated[Mapping[str, Constant], named.CONSTANTS] = NOTHING
+    formulas: Annotated[Mapping[str, str], named.FORMULAS] = NOTHING
+    states: Annotated[Mapping[str, State], named.STATES] = NOTHING
+    tables: Annotated[Mapping[str, Table], named.TABLES] = NOTHING
+    load_formulas: Annotated[Mapping[str, str], named.FORMULAS] = NOTHING
+
+    @property
+    def has_formulas(self) -> bool:
+        """Return whether loads, states or outputs of one's own are given as formulas."""
+        return bool(self.load_formulas or self.states or self.outputs.own)
+
+    def _contradictions(self) -> Iterator[str]:
+        if self.has_formulas or self.formulas or self.tables:
+            from rbfmu.formulas.check import faults_of_texts  # what has none starts sooner
+
+            yield from faults_of_texts(self)
 
     @classmethod
     def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
         good: dict[str, Any] = {}
         rates = _rates_as_written(data.get("initial"))
+        if isinstance(loads := data.get("loads"), Mapping):
+            data["loads"], data["load_formulas"] = named.apart(loads)
         data["ensemble"] = as_written(data.get("ensemble"), data, faults)
         for key, section in SECTIONS.items():
             if key in OPTIONAL and data.get(key) is None:
@@ -227,7 +282,12 @@ class Scene(Section):
     def to_dict(self) -> dict[str, Any]:
         """Return nested tables from which `from_dict` makes an equal scene; vectors are lists."""
         untold = {"about"} if self.about == About() else set()
+        untold |= {name for name in ("constants", "formulas", "states", "tables") if not getattr(self, name)}
         tables: dict[str, Any] = self.model_dump(mode="json", exclude_none=True, exclude=untold)
+        tables["loads"] |= tables.pop("load_formulas")
+        tables |= {"outputs": self.outputs.as_written()}
+        own: dict[str, Mapping[str, Any]] = {"constants": self.constants, "states": self.states, "tables": self.tables}
+        tables |= {name: named.as_written(rows) for name, rows in own.items() if rows}
         tables["initial"]["attitude"] = {"quaternion": tables["initial"].pop("quaternion")}
         return tables
 
@@ -259,6 +319,12 @@ def _as_tables(changes: Mapping[str, Any]) -> dict[str, Any]:
         both = isinstance(value, Mapping) and isinstance(table.get(last), dict)
         table[last] = table[last] | dict(value) if both else dict(value) if isinstance(value, Mapping) else value
     return tables
+
+
+def refuse_formulas(scene: Scene, what: str) -> None:
+    """Raise SceneError where a scene has formulas, with which something cannot be done."""
+    if scene.has_formulas:
+        raise SceneError(f"{what}: expected a scene without formulas in loads, states and outputs", scene.name)
 
 
 def load_scene(path: str | Path) -> Scene:

@@ -23,7 +23,9 @@ BLOCKS, _ = places(DRIVEN)
 STEP_SIZE = BLOCKS["step_size"].start
 """The place of the step size; the count of substeps stands next to it."""
 _BEFORE, _SIZE_BEFORE = BLOCKS["before"].start, BLOCKS["step_size_before"].start
-_INPUTS, _RATES, _RATES_2 = (BLOCKS[next(iter(names))].start for names in (memory.INPUTS, RATES, RATES_2))
+INPUTS_START, RATES_START, RATES_2_START = (
+    BLOCKS[next(iter(names))].start for names in (memory.INPUTS, RATES, RATES_2)
+)
 NUMBER_OF_INPUTS = sum(memory.INPUTS.values())
 _PORT_FORCE_A, _PORT_TORQUE_A = memory.PORTS["force_a"], memory.PORTS["torque_a"]
 
@@ -32,7 +34,9 @@ _PORT_FORCE_A, _PORT_TORQUE_A = memory.PORTS["force_a"], memory.PORTS["torque_a"
 def load_polynomial_of(z: Buffer) -> LoadPolynomial:
     """Return the sum of known and supplied loads, and the derivatives of the supplied ones."""
     pivot = memory.has_pivot(z)
-    return LoadPolynomial(memory.loads_of(z), memory.loads_at(z, _RATES, pivot), memory.loads_at(z, _RATES_2, pivot))
+    return LoadPolynomial(
+        memory.loads_of(z), memory.loads_at(z, RATES_START, pivot), memory.loads_at(z, RATES_2_START, pivot)
+    )
 
 
 @kernel
@@ -51,15 +55,15 @@ def holds_inputs(z: Buffer, held: int) -> bool:
     """Return whether the inputs are those that were kept from z[held] on, and do not change within the step."""
     same = True
     for i in range(NUMBER_OF_INPUTS):
-        same &= bool(z[_INPUTS + i] == z[held + i])
-        same &= bool(z[_RATES + i] == 0.0) & bool(z[_RATES_2 + i] == 0.0)
+        same &= bool(z[INPUTS_START + i] == z[held + i])
+        same &= bool(z[RATES_START + i] == 0.0) & bool(z[RATES_2_START + i] == 0.0)
     return same
 
 
 @kernel
 def keep_inputs(z: Buffer, held: int) -> None:
     """Copy the inputs to z[held:], for `holds_inputs`."""
-    copy_numbers(z, _INPUTS, held, NUMBER_OF_INPUTS)
+    copy_numbers(z, INPUTS_START, held, NUMBER_OF_INPUTS)
 
 
 @kernel
@@ -81,7 +85,7 @@ def finish(z: Buffer, n: int, h: float, status: int, body: Body, loads: LoadPoly
         z[STEP_SIZE] = z[_SIZE_BEFORE]
         return STEP_REJECTED
     if changing:
-        _hold_last_inputs(z, h)
+        hold_last_inputs(z, h)
     return outputs(z)
 
 
@@ -114,7 +118,8 @@ def _translate_further(z: Buffer, h: float, body: Body, loads: LoadPolynomial) -
 
 
 @kernel
-def _hold_last_inputs(z: Buffer, h: float) -> None:
+def hold_last_inputs(z: Buffer, h: float) -> None:
+    """Set the inputs to what they have become a time h after the step's beginning; they change no more."""
     for i in range(NUMBER_OF_INPUTS):
-        z[_INPUTS + i] += h * z[_RATES + i] + 0.5 * h * h * z[_RATES_2 + i]
-        z[_RATES + i] = z[_RATES_2 + i] = 0.0
+        z[INPUTS_START + i] += h * z[RATES_START + i] + 0.5 * h * h * z[RATES_2_START + i]
+        z[RATES_START + i] = z[RATES_2_START + i] = 0.0

@@ -224,3 +224,45 @@ def relaxed(rate: float, drive: float, damping_rate: float, t: float) -> tuple[f
     first, second = relaxation(damping_rate * t)
     gained = drive * t
     return (rate * first + gained * second) * t, rate + (gained - damping_rate * rate * t) * first
+
+
+_LOG2_E, _LOG2_E_LOW = 1.4426950408889634, 2.0355273740931033e-17
+_LN_2, _LN_2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
+
+
+@kernel
+def exponential(x: float) -> float:
+    """Return e^x; 0 below -708 and infinity above 709, near where doubles end.  Error <= 1 ulp."""
+    product = x * _LOG2_E
+    split = _SPLIT * x
+    a = split - (split - x)
+    split = _SPLIT * _LOG2_E
+    b = split - (split - _LOG2_E)
+    e = ((a * b - product) + a * (_LOG2_E - b) + (x - a) * b) + (x - a) * (_LOG2_E - b)
+    inside = abs(x) <= 708.0
+    found = exp2(product if inside else 0.0, e + x * _LOG2_E_LOW if inside else 0.0)
+    return found if inside else (x if x != x else (math.inf if x > 0.0 else 0.0))
+
+
+@kernel
+def logarithm(x: float) -> float:
+    """Return ln x; -infinity at 0, NaN below.  Error <= 1 ulp (the algorithm and coefficients of FDLIBM's log)."""
+    if not 0.0 < x < math.inf:
+        return -math.inf if x == 0.0 else (x if x > 0.0 else math.nan)
+    small = x < 2.0**-1022
+    x = x * 2.0**54 if small else x
+    bits = bits_of(x)
+    # so many halvings that what is left is between the roots of 1/2 and 2
+    k = (bits - bits_of(0.7071067811865476)) >> 52
+    f = number_of(bits - (k << 52)) - 1.0
+    s = f / (2.0 + f)
+    z = s * s
+    w = z * z
+    even = w * (3.999999999940941908e-01 + w * (2.222219843214978396e-01 + w * 1.531383769920937332e-01))
+    odd = z * (
+        6.666666666666735130e-01
+        + w * (2.857142874366239149e-01 + w * (1.818357216161805012e-01 + w * 1.479819860511658591e-01))
+    )
+    half = 0.5 * f * f
+    n = float(k) - (54.0 if small else 0.0)
+    return n * _LN_2 - ((half - (s * (half + (odd + even)) + n * _LN_2_LOW)) - f)

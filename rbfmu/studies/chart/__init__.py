@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from rbfmu.scene.scene import Scene, of_scene_or_path
+from rbfmu.scene.scene import Scene, of_scene_or_path, refuse_formulas
 from rbfmu.studies.chart.result import Chart
 
 __all__ = ["Chart", "chart", "run_charts"]
@@ -27,6 +27,7 @@ def chart(scene: Scene, quick: bool = False, progress: Progress | None = None) -
     from rbfmu.studies.chart.cases import case_of
     from rbfmu.studies.chart.measure import QUICK, Extent, measure
 
+    refuse_formulas(scene, "rbfmu.chart")
     progress = progress or (lambda done, total, text: None)
     progress(0, 1, f"{scene.name}: the true motion")
     found = measure(case_of(scene), QUICK if quick else Extent(), progress)

@@ -35,8 +35,8 @@ def test_any_tables_are_a_scene_or_a_scene_error(tables, good):
 
 
 def check_message(error, source):
-    """One line for each fault: file, key, value, and what was expected; no jargon."""
-    lines = str(error).split("\n")
+    """One line for each fault: file, key, value, and what was expected; no jargon. A formula with its caret follows."""
+    lines = [line for line in str(error).split("\n") if not line.startswith("    ")]
     assert len(lines) == len(error.faults) == len(set(lines))
     for line in lines:
         assert line.startswith(f"{source}: ")

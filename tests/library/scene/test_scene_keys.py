@@ -28,7 +28,8 @@ def test_every_key_that_a_scene_takes_is_listed() -> None:
     ensemble = {f"ensemble.{key}" for key in ("runs", "seed", "design", "keep", "vary")}
     ensemble |= {f"ensemble.correlation.{key}" for key in ("components", "matrix", "covariance")}
     about = {f"about.{key}" for key in ("description", "author", "version", "license")}
-    assert set(KEYS) == attitude | shape | others | written | ensemble | about
+    own = {"constants.NAME", "tables.NAME", "formulas.NAME", "states.NAME", "outputs.NAME", "loads.potential"}
+    assert set(KEYS) == attitude | shape | others | written | ensemble | about | own
     assert set(KEYS) >= {f"{table}.{key}" for table, keys in GOOD.items() for key in keys}
 
 
@@ -83,7 +84,8 @@ def test_a_new_scene_runs_and_has_every_key(tmp_path: Path, monkeypatch: pytest.
     text = Path("first.toml").read_text(encoding="utf-8")
     assert text == new_scene("first")
     for key in KEYS.values():
-        if key.table not in ("body.shape", "initial.attitude") and not key.path.startswith("ensemble"):
+        of_formulas = key.name in ("NAME", "potential")
+        if key.table not in ("body.shape", "initial.attitude") and not key.path.startswith("ensemble") | of_formulas:
             assert re.search(rf"^#?{key.name} = ", text, re.MULTILINE), key
     assert call("run", "first.toml", "--stop", 0.1).exit_code == 0
     assert rbfmu.load_scene("first.toml").name == "first"

@@ -1,0 +1,270 @@
+"""The motion of formulas by Taylor series in double-double arithmetic, by which their plans are judged.
+
+It walks a list of operations for each order, so that one compiled function serves every scene. The recurrences are
+those of `rbfmu.formulas.program`; a number of the work space has its coefficients side by side, high parts in s[0],
+low ones in s[1].
+"""
+
+import math
+from typing import Any
+
+from ..compile.decorator import kernel
+from ..numerics import double_double as dd
+from ..numerics.double_double import DoubleDouble
+from ..numerics.double_double_functions import angle_of, exponential, natural_logarithm, sine_and_cosine
+from ..types import Buffer
+from .polynomials import first_root
+
+ORDER, TOLERANCE, AT_CORNER = 26, 1e-22, 1e-13
+LENGTH = ORDER + 1
+NOWHERE = -2
+KINDS = (
+    "number", "place", "input", "state", "add", "subtract", "multiply", "divide", "sqrt", "exp", "log", "sin", "cos",
+    "atan2", "power", "side", "select",
+)  # fmt: skip
+(
+    _NUMBER, _PLACE, _INPUT, _STATE, _ADD, _SUBTRACT, _MULTIPLY, _DIVIDE, _SQRT, _EXP, _LOG, _SIN, _COS, _ATAN2, _POWER,
+    _SIDE, _SELECT,
+) = range(len(KINDS))  # fmt: skip
+
+
+@kernel
+def _sum(s: Any, a: int, b: int, k: int, first: int, last: int) -> DoubleDouble:
+    """Return the sum of a[j] b[k - j] for j from first to last."""
+    total = (0.0, 0.0)
+    for j in range(first, last + 1):
+        total = dd.add(total, dd.multiply(dd.at(s, a + j), dd.at(s, b + k - j)))
+    return total
+
+
+@kernel
+def _sum_of_slopes(s: Any, a: int, b: int, k: int, first: int, last: int) -> DoubleDouble:
+    """Return the sum of j a[j] b[k - j] for j from first to last."""
+    total = (0.0, 0.0)
+    for j in range(first, last + 1):
+        total = dd.add(total, dd.multiply_float(dd.multiply(dd.at(s, a + j), dd.at(s, b + k - j)), float(j)))
+    return total
+
+
+@kernel(inline=False)
+def _value(kind: int, i: int, a: int, b: int, c: int, s: Any) -> DoubleDouble:
+    """Return an operation's value; a, b, c: where the numbers begin that it is of."""
+    x, y = dd.at(s, a), dd.at(s, b)
+    if kind == _ADD:
+        return dd.add(x, y)
+    if kind == _SUBTRACT:
+        return dd.subtract(x, y)
+    if kind == _MULTIPLY:
+        return dd.multiply(x, y)
+    if kind == _DIVIDE:
+        return dd.divide(x, y) if y[0] != 0.0 else (math.nan, 0.0)
+    if kind == _SQRT:
+        return dd.root(x) if x[0] >= 0.0 else (math.nan, 0.0)
+    if kind == _EXP:
+        return exponential(x)
+    if kind == _LOG:
+        return natural_logarithm(x)
+    if kind == _SIN:
+        return sine_and_cosine(x)[0]
+    if kind == _COS:
+        return sine_and_cosine(x)[1]
+    if kind == _ATAN2:
+        return angle_of(x, y)
+    if kind == _POWER:
+        return exponential(dd.multiply(y, natural_logarithm(x)))
+    if kind == _SIDE:
+        return (math.copysign(1.0, x[0]), 0.0)
+    if kind == _SELECT:
+        return dd.at(s, b) if x[0] > 0.0 else dd.at(s, c)
+    return dd.at(s, i)
+
+
+@kernel(inline=False)
+def _coefficient(kind: int, i: int, a: int, b: int, c: int, s: Any, k: int) -> DoubleDouble:
+    """Return an operation's k-th coefficient, k > 0."""
+    n = float(k)
+    if kind == _ADD:
+        return dd.add(dd.at(s, a + k), dd.at(s, b + k))
+    if kind == _SUBTRACT:
+        return dd.subtract(dd.at(s, a + k), dd.at(s, b + k))
+    if kind == _MULTIPLY:
+        return _sum(s, a, b, k, 0, k)
+    if kind == _DIVIDE:
+        return dd.divide(dd.subtract(dd.at(s, a + k), _sum(s, b, i, k, 1, k)), dd.at(s, b))
+    if kind == _SQRT:
+        rest = dd.subtract(dd.at(s, a + k), _sum(s, i, i, k, 1, k - 1))
+        return dd.divide(rest, dd.scale(2.0, dd.at(s, i)))
+    if kind == _EXP:
+        return dd.divide(_sum_of_slopes(s, a, i, k, 1, k), (n, 0.0))
+    if kind == _LOG:
+        rest = dd.subtract(dd.multiply_float(dd.at(s, a + k), n), _sum_of_slopes(s, i, a, k, 1, k - 1))
+        return dd.divide(rest, dd.multiply_float(dd.at(s, a), n))
+    if kind == _SIN:
+        return dd.divide(_sum_of_slopes(s, a, b, k, 1, k), (n, 0.0))
+    if kind == _COS:
+        return dd.divide(dd.negate(_sum_of_slopes(s, a, b, k, 1, k)), (n, 0.0))
+    if kind == _ATAN2:
+        turned = dd.subtract(_sum_of_slopes(s, a, b, k, 1, k), _sum_of_slopes(s, b, a, k, 1, k))
+        rest = dd.subtract(turned, _sum_of_slopes(s, i, c, k, 1, k - 1))
+        return dd.divide(rest, dd.multiply_float(dd.at(s, c), n))
+    if kind == _POWER:
+        rest = dd.multiply(dd.at(s, b), _sum_of_slopes(s, a, i, k, 1, k))
+        return dd.divide(dd.subtract(rest, _sum_of_slopes(s, i, a, k, 1, k - 1)), dd.multiply_float(dd.at(s, a), n))
+    if kind == _SELECT:
+        return dd.at(s, b + k) if s[0, a] > 0.0 else dd.at(s, c + k)
+    return (0.0, 0.0)
+
+
+@kernel(inline=False)
+def evaluate(operations: Any, s: Any, stride: int, with_sides: bool) -> None:
+    """Set the values of all operations but numbers and leaves, which stand there; stride: from one to the next.
+
+    with_sides: whether those are set as well.
+    """
+    for n in range(operations.shape[0]):
+        kind, a, b, c = operations[n, 0], operations[n, 1], operations[n, 2], operations[n, 3]
+        if kind > _STATE and (with_sides or kind != _SIDE):
+            dd.put(s, n * stride, _value(kind, n * stride, a * stride, b * stride, c * stride, s))
+
+
+@kernel(inline=False)
+def _expand(operations: Any, states: Any, s: Any) -> None:
+    """Set the coefficients of all operations from the states' first; states: where each stands, and its rate."""
+    evaluate(operations, s, LENGTH, False)
+    for k in range(ORDER):
+        for n in range(operations.shape[0] if k > 0 else 0):
+            kind, a, b, c = operations[n, 0], operations[n, 1], operations[n, 2], operations[n, 3]
+            if kind > _STATE and kind != _SIDE:
+                found = _coefficient(kind, n * LENGTH, a * LENGTH, b * LENGTH, c * LENGTH, s, k)
+                dd.put(s, n * LENGTH + k, found)
+        for m in range(states.shape[0]):
+            rate = dd.divide(dd.at(s, states[m, 1] * LENGTH + k), (k + 1.0, 0.0))
+            dd.put(s, states[m, 0] * LENGTH + k + 1, rate)
+
+
+@kernel(inline=False)
+def _longest(states: Any, least: Any, sizes: Any, s: Any) -> float:
+    """Return the step, s, whose last two terms are within the tolerance; NaN where a term is not finite.
+
+    least: of each group of states, the least size that its errors are relative to, negative where that alone counts;
+    sizes: the largest that it has been.
+    """
+    longest = math.inf
+    for g in range(least.shape[0]):
+        slope, bend, before, last = 0.0, 0.0, 0.0, 0.0
+        for m in range(states.shape[0]):
+            if states[m, 2] == g:
+                i = states[m, 0] * LENGTH
+                for k in range(LENGTH):
+                    if not abs(s[0, i + k]) < math.inf:
+                        return math.nan
+                sizes[g] = max(sizes[g], abs(s[0, i]))
+                slope, bend = max(slope, abs(s[0, i + 1])), max(bend, abs(s[0, i + 2]))
+                before, last = max(before, abs(s[0, i + ORDER - 1])), max(last, abs(s[0, i + ORDER]))
+        size = max(abs(least[g]), sizes[g] if least[g] >= 0.0 else 0.0)
+        for k, term in ((ORDER - 1, before), (ORDER, last)):
+            if term > 0.0:
+                reach = (TOLERANCE * size / term) ** (1.0 / k)
+                if least[g] >= 0.0:  # a state that begins at zero is soon as large as its first terms make it
+                    reach = max(reach, (TOLERANCE * slope / term) ** (1.0 / (k - 1)))
+                    reach = max(reach, (TOLERANCE * bend / term) ** (1.0 / (k - 2)))
+                longest = min(longest, reach)
+    return longest
+
+
+@kernel(inline=False)
+def _settled(operations: Any, states: Any, sides: Any, s: Any) -> bool:
+    """Expand until all sides are those to which the series lead; return whether there are any such."""
+    for i in range(sides.shape[0]):
+        sides[i, 1], sides[i, 2] = sides[i, 2], 0.0
+    for _ in range(3 * sides.shape[0] + 1):
+        _expand(operations, states, s)
+        changed = False
+        for i in range(sides.shape[0]):
+            n, side = int(sides[i, 0]), 0.0
+            at = operations[n, 1] * LENGTH
+            for k in range(1 if sides[i, 1] != 0.0 else 0, LENGTH):
+                if s[0, at + k] != 0.0:
+                    side = math.copysign(1.0, s[0, at + k])
+                    break
+            side = 1.0 if side == 0.0 and s[0, n * LENGTH] == 0.0 else side
+            if side != 0.0 and side != s[0, n * LENGTH]:
+                s[0, n * LENGTH] = side
+                changed = True
+                break
+        if not changed:
+            return True
+    return False
+
+
+@kernel(inline=False)
+def _to_corner(operations: Any, sides: Any, s: Any, longest: float) -> float:
+    """Return how far the series reach, at most `longest`, and note at whose corner they end."""
+    reach = longest
+    for i in range(sides.shape[0]):
+        at, skipped = operations[int(sides[i, 0]), 1] * LENGTH, 1 if sides[i, 1] != 0.0 else 0
+        reach = min(reach, first_root(s[0], at + skipped, 1, ORDER - skipped, longest))
+    for i in range(sides.shape[0]):
+        at, size, power, total = operations[int(sides[i, 0]), 1] * LENGTH, 0.0, 1.0, 0.0
+        for k in range(LENGTH):
+            total += s[0, at + k] * power
+            size += abs(s[0, at + k]) * power
+            power *= reach
+        sides[i, 2] = 1.0 if reach < longest and abs(total) <= AT_CORNER * size else 0.0
+    return reach
+
+
+@kernel(inline=False)
+def _put_states(states: Any, s: Any, at: DoubleDouble, found: Any, stride: int) -> None:
+    """Set the states at a time after the series' beginning, in the places of the operations."""
+    for m in range(states.shape[0]):
+        i = states[m, 0] * LENGTH
+        total = dd.at(s, i + ORDER)
+        for k in range(ORDER - 1, -1, -1):
+            total = dd.add(dd.multiply(at, total), dd.at(s, i + k))
+        dd.put(found, states[m, 0] * stride, total)
+
+
+@kernel(inline=False)
+def formula_motion(
+    operations: Any, states: Any, least: Any, sides: Any, wanted: Any, times: Any, rows: Any, most: int, s: Any,
+    here: Any, sizes: Buffer,
+) -> int:  # fmt: skip
+    """Set rows of what is wanted at increasing times (s, pairs) after the start; return the steps.
+
+    It is -1 beyond `most`, and NOWHERE where numbers are not finite or slide along a corner.
+
+    operations: (n, 4), kind and what it is of; states: (m, 3), which operation it is and that of its rate, and its
+    group; least: see `_longest`; sides: (n, 3), operation, whether a series began and ends at its corner; wanted:
+    operations. here: (2, n) values at the start, of numbers and leaves; s: room
+    for their series, (2, n LENGTH); sizes: one for each group.
+    """
+    now, steps, k, end = (times[0, 0], times[1, 0]), 0, 0, times.shape[1]
+    sides[:, 1] = 0.0
+    for n in range(operations.shape[0]):
+        dd.put(s, n * LENGTH, dd.at(here, n))
+    while k < end:
+        if not _settled(operations, states, sides, s):
+            return NOWHERE
+        longest = min(_longest(states, least, sizes, s), 2.0 * (times[0, end - 1] - times[0, 0]))
+        longest = _to_corner(operations, sides, s, longest)
+        steps += 1
+        if not longest > 0.0:
+            return NOWHERE
+        if steps > most:
+            return -1
+        while k < end:
+            at = dd.subtract(dd.at(times, k), now)
+            if at[0] > longest:
+                break
+            _put_states(states, s, at, here, 1)
+            evaluate(operations, here, 1, True)
+            for m in range(wanted.shape[0]):
+                rows[k, m] = here[0, wanted[m]]
+            k += 1
+        if k < end:
+            _put_states(states, s, (longest, 0.0), here, 1)
+            now = dd.add(now, (longest, 0.0))
+            for m in range(states.shape[0]):
+                dd.put(s, states[m, 0] * LENGTH, dd.at(here, states[m, 0]))
+    return steps

@@ -1,0 +1,46 @@
+"""Polynomials in a buffer: values, and first roots, where series end at corners."""
+
+from ..compile.decorator import kernel
+from ..types import Buffer
+
+
+@kernel
+def polynomial(z: Buffer, i: int, row: int, n: int, t: float) -> float:
+    """Return the polynomial z[i], z[i + row], ... of degree n at t."""
+    total = z[i + n * row]
+    for k in range(n - 1, -1, -1):
+        total = total * t + z[i + k * row]
+    return total
+
+
+@kernel(inline=False)
+def first_root(z: Buffer, i: int, row: int, n: int, h: float) -> float:
+    """Return the least t in (0, h] where the polynomial z[i], z[i + row], ... of degree n is zero, or 2 h.
+
+    It goes on by what the largest slope in [0, h] takes to come to zero, so that no root is passed over but two that
+    are nearer to each other than 1e-9 h.
+    """
+    slope, power = 0.0, 1.0
+    for k in range(1, n + 1):
+        slope += k * abs(z[i + k * row]) * power
+        power *= h
+    if not slope > 0.0:
+        return 2.0 * h
+    t, least = 0.0, 1e-9 * h
+    value = polynomial(z, i, row, n, t)
+    for _ in range(100_000):
+        if t >= h:
+            return 2.0 * h
+        after = min(t + max(abs(value) / slope, least), h)
+        there = polynomial(z, i, row, n, after)
+        if there == 0.0 or (there > 0.0) != (value > 0.0):
+            break
+        t, value = after, there
+    low, high = t, after
+    for _ in range(64):
+        middle = 0.5 * (low + high)
+        if (polynomial(z, i, row, n, middle) > 0.0) == (value > 0.0):
+            low = middle
+        else:
+            high = middle
+    return high

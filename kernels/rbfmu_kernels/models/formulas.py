@@ -1,0 +1,259 @@
+"""Models of formulas for loads, states and outputs: Taylor series of all that outputs depend on, in steps of their own.
+
+What stands here are templates: `make_formulas` binds them to one scene's generated kernels (`constants`, `first`,
+`further`, `values`) and to the places of its numbers. A series serves as many communication steps as it reaches over
+while inputs hold, so that an output is an evaluation. Its reach is where its last two terms are within the tolerance
+(A. Jorba & M. Zou, Experimental Mathematics 14, 2005): of the attitude in rad, of other states relative to the largest
+that they have been, or to what their first terms make of them by then, as a state may begin at zero.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from ..body import driven, memory
+from ..body.outputs import outputs
+from ..body.shell import Model, bind, initialize, step
+from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED, Layout
+from ..buffer_access import copy_numbers, pair_at, put_pair_at, put_quaternion_at, quaternion_at
+from ..compile.decorator import kernel
+from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, put_lanes
+from ..integrators.polynomials import first_root, polynomial
+from ..integrators.substeps import count_substep, power_of, tolerance_of_substep
+from ..numerics import double_double as dd
+from ..numerics.elementary import exponential, logarithm
+from ..rotations.quaternion import normalize
+from ..types import Buffer
+
+ORDERS = range(6, 31, 2)
+SERIES = {"stands": 1, "reach": 1, "since": 2, "begun": 2}
+"""Whether a series stands; how far it reaches, and how far it has served, s; the time at which it began."""
+CORNERS = ("sides", "on", "next_on", "flips")
+"""Of what has sides: on which it is, whether the series began at its corner, and ends there, and how often it changed.
+
+A series ends where a number comes to zero whose side its coefficients rest on (abs, min, max, where, a table's rows).
+The side after a corner is that to which the first derivative that is not zero leads. Where either side leads back to
+the corner, what slides along it is refused.
+"""
+ROUND_OFF = 1e-13
+"""The size, relative to its terms, below which a number at a series' end is at its corner."""
+NEAR = 0.2
+"""How far from the size that it was estimated for, as a part of it, a step is not estimated once more."""
+
+INPUTS, RATES, RATES_2 = driven.INPUTS_START, driven.RATES_START, driven.RATES_2_START
+
+# What templates are bound to. Of a group of states: where it stands in a row, the least size that its errors are
+# relative to, and whether they are relative to the largest that it has been.
+_missing: Any = None
+constants = first = further = values = begin = put_states = excess_at = settle = cut = _missing
+STATES: tuple[int, ...] = ()
+FIRSTS: tuple[int, ...] = ()
+ENDS: tuple[int, ...] = ()
+LEASTS: tuple[float, ...] = ()
+RELATIVE: tuple[bool, ...] = ()
+ORDER = TOLERANCE = SPAN = TIME = STARTS = LONGEST = SIZES = HELD = STANDS = REACH = SINCE = BEGUN = 0
+NUMBER_OF_SIDES = WATCHED = SIDES = ON = NEXT = FLIPS = 0
+KEPT = MEMORY = MEMORY_SIZE = LAST = LAST_SIZE = WORK = ROWS = ROW = OWN = OWN_STARTS = OWN_SIZE = ATTITUDE = 0
+
+
+def set_up_formulas(z: Buffer) -> int:
+    """Set states, time and outputs of one's own."""
+    copy_numbers(z, OWN_STARTS, OWN, OWN_SIZE)
+    put_pair_at(z, TIME, (z[STARTS], 0.0))
+    z[STANDS], z[REACH], z[driven.STEP_SIZE] = 0.0, 0.0, z[LONGEST]
+    put_pair_at(z, SINCE, (0.0, 0.0))
+    for g in range(len(FIRSTS)):
+        z[SIZES + g] = 0.0
+    for i in range(NUMBER_OF_SIDES):
+        z[SIDES + i] = z[NEXT + i] = 0.0
+    return values(z)  # type: ignore[no-any-return]
+
+
+def excess_of(z: Buffer, h: float) -> float:
+    """Return the estimated error of a step h over that which is allowed."""
+    n = int(z[ORDER])
+    power, worst = power_of(h, n - 1), 0.0
+    for g in range(len(FIRSTS)):
+        size, before, last = z[SIZES + g], 0.0, 0.0
+        slope, bend = 0.0, 0.0
+        for i in range(FIRSTS[g], ENDS[g]):
+            before = max(before, abs(z[ROWS + (n - 1) * ROW + i]))
+            last = max(last, abs(z[ROWS + n * ROW + i]))
+            slope = max(slope, abs(z[ROWS + ROW + i]))
+            bend = max(bend, abs(z[ROWS + 2 * ROW + i]))
+        error = max(before, last * h) * power
+        size = max(max(size, LEASTS[g]), max(slope * h, bend * h * h) if RELATIVE[g] else 0.0)
+        if error > 0.0:
+            worst = max(worst, error / size if size > 0.0 else math.inf)
+        elif math.isnan(error):
+            return math.inf
+    return worst / tolerance_of_substep(z[TOLERANCE], z[SPAN], h)
+
+
+def settle_sides(z: Buffer) -> bool:
+    """Return whether all sides are those to which the series lead; else change one, for which they are made again."""
+    for i in range(NUMBER_OF_SIDES):
+        side = 0.0
+        for k in range(1 if z[ON + i] != 0.0 else 0, int(z[ORDER]) + 1):
+            term = z[WATCHED + k * ROW + i]
+            if term != 0.0:
+                side = math.copysign(1.0, term)
+                break
+        side = 1.0 if side == 0.0 and z[SIDES + i] == 0.0 else side
+        if side not in (0.0, z[SIDES + i]):
+            z[SIDES + i] = side
+            z[FLIPS + i] += 1.0
+            return False
+    return True
+
+
+def reach_to_corner(z: Buffer, h: float) -> float:
+    """Return how far the series reach, at most h, and keep of what they end at the corner."""
+    n, reach = int(z[ORDER]), h
+    for i in range(NUMBER_OF_SIDES):
+        at = WATCHED + i
+        if z[ON + i] != 0.0:  # the root at the beginning is left out
+            reach = min(reach, first_root(z, at + ROW, ROW, n - 1, h))
+        else:
+            reach = min(reach, first_root(z, at, ROW, n, h))
+    for i in range(NUMBER_OF_SIDES):
+        size, power = 0.0, 1.0
+        for k in range(n + 1):
+            size += abs(z[WATCHED + k * ROW + i]) * power
+            power *= reach
+        off = abs(polynomial(z, WATCHED + i, ROW, n, reach))
+        z[NEXT + i] = 1.0 if reach < h and off <= ROUND_OFF * size else 0.0
+    return reach
+
+
+def begin_series(z: Buffer) -> bool:
+    """Make the series from the states now, and their reach; return whether they lead anywhere."""
+    n, ended = int(z[ORDER]), z[SINCE] >= z[REACH]
+    for i in range(len(STATES)):
+        z[ROWS + i] = z[STATES[i]]
+    for g in range(len(FIRSTS)):
+        if RELATIVE[g]:
+            for i in range(FIRSTS[g], ENDS[g]):
+                z[SIZES + g] = max(z[SIZES + g], abs(z[ROWS + i]))
+    for i in range(NUMBER_OF_SIDES):
+        z[ON + i], z[FLIPS + i] = z[NEXT + i] if ended else 0.0, 0.0
+    settled = False
+    for _ in range(3 * NUMBER_OF_SIDES + 1):
+        constants(z, WORK)
+        first(z, WORK)
+        for k in range(1, n):
+            further(z, WORK, k)
+        settled = settle(z)
+        if settled:
+            break
+    h, longest = z[driven.STEP_SIZE], z[LONGEST]
+    for _ in range(200):
+        excess = excess_at(z, h)
+        ratio = 0.1
+        if excess > 0.0:
+            ratio = exponential(-logarithm(excess) / n) if excess < math.inf else 1e-3
+        elif excess == 0.0:
+            ratio = longest / h
+        h = min(h * ratio, longest)
+        if abs(ratio - 1.0) <= NEAR or h == longest:
+            break
+    z[driven.STEP_SIZE], z[REACH], z[STANDS] = h, cut(z, h), 1.0
+    put_pair_at(z, SINCE, (0.0, 0.0))
+    put_pair_at(z, BEGUN, pair_at(z, TIME))
+    count_substep(z, driven.STEP_SIZE)
+    return settled and z[REACH] > 0.0
+
+
+def put_states_at(z: Buffer, t: float) -> None:
+    """Set the states to those at t of the series."""
+    n, steps = int(z[ORDER]), lanes(t, t, t, t)
+    for i in range(0, len(STATES), 4):
+        total = lanes_at(z, ROWS + n * ROW + i)
+        for k in range(n - 1, -1, -1):
+            total = add_lanes(multiply_lanes(total, steps), lanes_at(z, ROWS + k * ROW + i))
+        put_lanes(z, LAST, total)
+        for j in range(i, min(i + 4, len(STATES))):
+            z[STATES[j]] = z[LAST + j - i]
+    if ATTITUDE:
+        put_quaternion_at(z, memory.STATE_START, normalize(quaternion_at(z, memory.STATE_START)))
+
+
+@kernel
+def change_inputs(z: Buffer, h: float) -> None:
+    """Set the inputs to what they have become a time h after the step's beginning, from where they change on."""
+    for i in range(driven.NUMBER_OF_INPUTS):
+        z[INPUTS + i] += h * z[RATES + i] + 0.5 * h * h * z[RATES_2 + i]
+        z[RATES + i] += h * z[RATES_2 + i]
+
+
+def advance_formulas(z: Buffer, h: float) -> int:
+    """Advance by h; reject the step and change nothing where the motion cannot be followed."""
+    copy_numbers(z, MEMORY, KEPT, MEMORY_SIZE)
+    end = dd.add_float(pair_at(z, TIME), h)
+    if not driven.holds_inputs(z, HELD):
+        z[STANDS] = 0.0
+        driven.keep_inputs(z, HELD)
+    rest, status = h, STEP_REJECTED
+    for _ in range(int(MAX_SUBSTEPS)):
+        if z[STANDS] == 0.0 and not begin(z):
+            break
+        since = pair_at(z, SINCE)
+        left = (z[REACH] - since[0]) - since[1]
+        if not left > 0.0 and not rest <= left:
+            break
+        if rest <= left * (1.0 + 1e-9):
+            put_pair_at(z, SINCE, dd.add_float(since, rest))
+            put_states(z, z[SINCE])
+            status = OK
+            break
+        put_states(z, z[REACH])
+        put_pair_at(z, SINCE, (z[REACH], 0.0))
+        change_inputs(z, left)
+        put_pair_at(z, TIME, dd.add_float(pair_at(z, BEGUN), z[REACH]))
+        rest -= left
+        z[STANDS] = 0.0
+        if not z[driven.STEP_SIZE] > 1e-12 * h:
+            break
+    put_pair_at(z, TIME, end)
+    if status == OK:
+        driven.hold_last_inputs(z, rest)
+        if memory.is_finite(z) and values(z) == 0:
+            return outputs(z)
+    copy_numbers(z, KEPT, MEMORY, MEMORY_SIZE)
+    copy_numbers(z, HELD, INPUTS, driven.NUMBER_OF_INPUTS)
+    z[STANDS] = 0.0
+    return STEP_REJECTED
+
+
+_TEMPLATES: Mapping[str, Callable[..., Any]] = {
+    "excess_at": excess_of,
+    "put_states": put_states_at,
+    "settle": settle_sides,
+    "cut": reach_to_corner,
+    "begin": begin_series,
+}
+"""In an order in which each is bound before those that call it."""
+
+
+def make_formulas(
+    constant: str, layout: Layout, generated: Mapping[str, Callable[..., Any]], places: Mapping[str, Any]
+) -> Model:
+    """Return the model of one scene's formulas.
+
+    constant: a name that no other scene's formulas have; generated: its kernels, by name; places: what the templates'
+    globals are.
+    """
+    own = {**places, **generated}
+    for name, template in _TEMPLATES.items():
+        own[name] = bind(template, __name__, constant, **own)
+    entries = {
+        "set_up": bind(set_up_formulas, __name__, constant, **own),
+        "advance": bind(advance_formulas, __name__, constant, **own),
+    }
+    return Model(
+        f"formulas.{constant}",
+        *layout,
+        initialize=bind(initialize, __name__, constant, set_up=entries["set_up"]),
+        step=bind(step, __name__, constant, advance=entries["advance"]),
+        ORDERS=ORDERS,
+    )

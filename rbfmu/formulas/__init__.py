@@ -1,0 +1,1 @@
+"""Formulas as text: read, checked, and turned into a graph of operations."""

@@ -1,0 +1,161 @@
+"""A scene's formulas together: their graph, and what is wrong with them, in words with a caret."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+from rbfmu.formulas.meaning import CONSTANTS, FUNCTIONS, Array, Table, shape_of
+from rbfmu.formulas.motion import LOADS, Given, Motion
+from rbfmu.formulas.text import FormulaError, names_in
+from rbfmu_kernels.body.memory import BLOCKS
+from rbfmu_kernels.quantities import OUTPUT
+
+ENERGIES = ("potential_energy", "total_energy")
+TAKEN = ("time", "status", "step", "save", "restore", "reset", "hold", "values", "plot", "scene", "plan", "events")
+"""Names of results, simulators and FMUs."""
+
+
+class Texts:
+    """The values of a scene's formulas on a graph; faults: what is wrong, by key."""
+
+    def __init__(self, scene: Any, given: Given) -> None:
+        self.motion = Motion(given)
+        self.faults: list[str] = []
+        self._scene = scene
+        self._check_names(scene)
+        for name, row in scene.tables.items():
+            self.motion.names[name] = Table.through(row.x, row.y, row.method == "cubic")
+        if not self.faults:
+            self._read_formulas(scene.formulas)
+        texts = {name: text for name, text in scene.load_formulas.items() if name != "potential"}
+        self.loads = {name: self._shaped(f"loads.{name}", text, (3,)) for name, text in texts.items()}
+        self._take_potential(scene.load_formulas.get("potential"))
+        self.states = {
+            name: self._shaped(f"states.{name}", row.rate, () if len(row.start) == 1 else (3,))
+            for name, row in scene.states.items()
+        }
+        self.own = {name: self._shaped(f"outputs.{name}", row.value, None) for name, row in scene.outputs.own.items()}
+
+    def _take_potential(self, text: str | None) -> None:
+        """Add the force and the torque of a potential, and let outputs read energies."""
+        potential: Any = 0.0
+        if self.faults:
+            return
+        if text is not None:
+            potential = self._shaped("loads.potential", text, ())
+            if potential is None:
+                return
+            if not self._reads_place_alone(potential):
+                self.faults.append(f"loads.potential: expected a formula of position and attitude: {text}")
+                return
+            for name, force in self.motion.forces_of(potential).items():
+                known = self.loads.get(name)
+                self.loads[name] = force + (self.motion.constant_load(name) if known is None else known)
+        if asked := [name for name in ENERGIES if name in self._scene.outputs.own]:
+            self.faults += self._without_potential(asked[0])
+        rates = self.motion.rates(self.loads)
+        kinetic, energy = self.motion.outputs(rates)["kinetic_energy"][0], self.motion.potential_energy(potential)
+        energies = {"kinetic_energy": kinetic, "potential_energy": energy, "total_energy": kinetic + energy}
+        self.motion.names |= energies
+
+    def _without_potential(self, asked: str) -> Iterator[str]:
+        """Yield what is wrong where loads act that have no potential."""
+        loads, inputs = self._scene.loads, self._scene.inputs
+        acting = [name for name in ("force_b", "torque_a", "torque_b") if any(getattr(loads, name))]
+        acting += [*(name for name in self._scene.load_formulas if name != "potential"), *inputs.ports]
+        if acting or any(loads.damping_b):
+            name = acting[0] if acting else "damping_b"
+            yield f"outputs.quantities: expected no {asked}: {name} has no potential"
+
+    def _reads_place_alone(self, potential: Any) -> bool:
+        """Return whether a potential changes with the path and the attitude alone."""
+        graph = self.motion.graph
+        reached = [graph.operations[i] for i in graph.reached([potential])]
+        changing = {str(x.value).partition("[")[0] for x in reached if x.kind in ("state", "input")}
+        return changing <= {"q", "r_c"}
+
+    def _check_names(self, scene: Any) -> None:
+        taken = {*self.motion.given_names, *FUNCTIONS, *CONSTANTS, "to_a", "to_b", *OUTPUT, *TAKEN, *LOADS}
+        tables = {name: getattr(scene, name) for name in ("constants", "tables", "formulas", "states")}
+        tables["outputs"] = scene.outputs.own
+        seen: dict[str, str] = {}
+        for table, names in tables.items():
+            for name in names:
+                if name in taken and not (table == "outputs" and names[name].value == name and name in ENERGIES):
+                    self.faults.append(f"{table}.{name}: expected another name: {name} means something else here")
+                elif name in seen:
+                    self.faults.append(f"{table}.{name}: expected another name: there is {seen[name]}.{name}")
+                seen.setdefault(name, table)
+
+    def _read_formulas(self, texts: Mapping[str, str]) -> None:
+        """Take formulas in an order in which each comes after those that it names."""
+        left = dict(texts)
+        while left:
+            ready = [name for name, text in left.items() if not self._names_in(name, text) & {*left}]
+            if not ready:
+                circle = " -> ".join(_circle({n: self._names_in(n, t) & {*left} for n, t in left.items()}))
+                self.faults.append(f"formulas.{next(iter(left))}: expected formulas without a circle, not {circle}")
+                return
+            for name in ready:
+                found = self._shaped(f"formulas.{name}", left.pop(name), None)
+                if found is not None:
+                    self.motion.names[name] = found
+
+    def _names_in(self, name: str, text: str) -> set[str]:
+        try:
+            return names_in(text)
+        except FormulaError:
+            return set()
+
+    def _shaped(self, key: str, text: str, shape: tuple[int, ...] | None) -> Array | None:
+        if self.faults and not key.startswith("formulas"):  # whose names may be missing
+            return None
+        try:
+            found = self.motion.value(text)
+            if shape is not None and shape_of(found) != shape:
+                raise FormulaError(text, 0, "a scalar" if shape == () else "a vector of 3 numbers")
+            if shape is None and not key.startswith("formulas") and shape_of(found) not in ((), (3,)):
+                raise FormulaError(text, 0, "a scalar or a vector of 3 numbers")
+        except FormulaError as error:
+            self.faults.append(f"{key}: {error}")
+            return None
+        return found
+
+
+def _circle(reads: Mapping[str, set[str]]) -> list[str]:
+    """Return names of which each reads the next, and the last the first."""
+    path = [next(iter(reads))]
+    while path[-1] not in path[:-1]:
+        path.append(sorted(reads[path[-1]])[0])
+    return path[path.index(path[-1]) :]
+
+
+def given_to(scene: Any, numbers: Mapping[str, Sequence[float]], pivot: bool) -> Given:
+    """Return what a scene gives its formulas; numbers: of the body's blocks of a buffer, by name."""
+    numbers = {**numbers, **{name: row.value for name, row in scene.constants.items()}}
+    constants = {name: len(row.value) for name, row in scene.constants.items()}
+    states = {name: len(row.start) for name, row in scene.states.items()}
+    ports = dict.fromkeys(scene.inputs.ports, 3)
+    symbolic = frozenset({*constants, *_blocks_of(scene.inputs.parameters)})
+    return Given(numbers, symbolic, ports, states, constants, pivot)
+
+
+def _blocks_of(parameters: Iterable[str]) -> Iterator[str]:
+    """Yield the blocks whose zeros may become other numbers where parameters are listed."""
+    for name in parameters:
+        yield name
+        yield f"constant_{name}"
+        if name in ("inertia", "mass", "r_oc_b"):
+            yield from ("M", "M_inverse", "arm")
+
+
+def unit_numbers() -> dict[str, list[float]]:
+    """Return numbers for a body's blocks that stand for any, where only names and shapes matter."""
+    return {name: [1.0] * (block.stop - block.start) for name, block in BLOCKS.items()}
+
+
+def faults_of_texts(scene: Any) -> list[str]:
+    """Return what is wrong with a scene's formulas."""
+    if scene.body is None:
+        return ["loads: expected no formulas: the port omega_b prescribes the rates, and nothing else is modelled"]
+    numbers = unit_numbers()
+    return Texts(scene, given_to(scene, numbers, scene.body.pivot)).faults

@@ -1,0 +1,244 @@
+"""The motion of a scene with formulas, as a graph: what its states' rates and what is asked for come of.
+
+The equations of motion are the kernels' own, run in plain Python on numbers of the graph. Numbers of the scene that are
+zero are zero in the graph as well, so that what they multiply is left out; others are places of the buffer.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rbfmu.formulas.graph import Graph, Number, gradient
+from rbfmu.formulas.meaning import FUNCTIONS, Array, Function, value_of
+from rbfmu_kernels.compile.tiered import interpreted
+from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, angular_acceleration, steady_acceleration
+from rbfmu_kernels.mechanics.newton_euler import relative_acceleration
+from rbfmu_kernels.rotations.quaternion import quaternion_rate_b
+from rbfmu_kernels.rotations.vec3 import skew
+
+LOADS = ("force_a", "force_b", "torque_a", "torque_b")
+_ZERO = (0.0, 0.0, 0.0)
+
+
+def elements(name: str, size: int) -> list[str]:
+    """Return the names of a vector's numbers, counted from 1; that of a scalar is its own."""
+    return [name] if size == 1 else [f"{name}[{i + 1}]" for i in range(size)]
+
+
+def by_element(values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Yield the numbers of scalars, vectors and matrices, by their elements' names."""
+    for name, value in values.items():
+        yield from zip(elements(name, np.size(value)), np.ravel(value), strict=True)
+
+
+@dataclass(frozen=True)
+class Given:
+    """What a scene gives its formulas.
+
+    numbers: the values of the body's blocks in the buffer and of constants, by name; symbolic: the names of those whose
+    zeros may become other numbers; ports: sizes by name; pivot: whether o is fixed.
+    """
+
+    numbers: Mapping[str, Sequence[float]]
+    symbolic: frozenset[str]
+    ports: Mapping[str, int]
+    states: Mapping[str, int]
+    constants: Mapping[str, int]
+    pivot: bool
+
+
+class Motion:
+    """A body under formulas: `names` for formulas to read, and the rates of its states once loads are known."""
+
+    def __init__(self, given: Given) -> None:
+        known = {
+            e: x for name, row in given.numbers.items() for e, x in zip(elements(name, len(row)), row, strict=True)
+        }
+        self.graph, self._given = Graph(known), given
+        q = self.q = self._leaves("state", "q", 4)
+        self.omega = self._leaves("state", "omega", 3)
+        self.t = self.graph.leaf("state", "t")
+        S = np.array(interpreted(skew)(tuple(q[1:])), object)
+        SS = _product(S, S)
+        # R of a unit quaternion: I + 2 eta S + 2 S S (E&G 6.163)
+        self.R = _matrix(lambda i, j: float(i == j) + 2.0 * (q[0] * S[i, j] + SS[i, j]))
+        r_oc = self._places("r_oc_b", 3)
+        self.v_c = self._leaves("state", "v_c", 3)
+        if given.pivot:
+            self.position, self.velocity = self._places("position_0", 3), np.array(_ZERO, object)
+        else:
+            self._r_c, lever = self._leaves("state", "r_c", 3), _cross(self.omega, r_oc)
+            self.position = _add(self._r_c, -1.0, self.to_a(r_oc))
+            self.velocity = _add(self.v_c, -1.0, self.to_a(lever))
+        self._M, self._arm = self._places("M", 9).reshape(3, 3), self._places("arm", 3)
+        self.names = self._names(r_oc)
+
+    def _names(self, r_oc: Array) -> dict[str, Array]:
+        given = self._given
+        inertia = self._places("inertia", 6)
+        M_c = np.array([[inertia[i] for i in row] for row in ((0, 3, 4), (3, 1, 5), (4, 5, 2))], object)
+        known = {
+            "t": self.t, "q_ab": self.q, "R_ab": self.R, "position": self.position, "velocity": self.velocity,
+            "omega_b": self.omega, "omega_a": self.to_a(self.omega), "mass": self._places("mass", 1)[0], "M_c": M_c,
+            "r_oc_b": r_oc, "gravity_a": self._places("gravity_a", 3),
+        }  # fmt: skip
+        self.given_names = frozenset(known)
+        for kind, sizes in (("place", given.constants), ("state", given.states), ("input", given.ports)):
+            for name, size in sizes.items():
+                x = self._places(name, size) if kind == "place" else self._leaves(kind, name, size)
+                known[name] = x[0] if size == 1 else x
+        return known
+
+    @property
+    def functions(self) -> Mapping[str, Function]:
+        """Return what formulas of this scene know."""
+        turning = {
+            "to_a": Function("v", "a vector of b in a: R_ab @ v", self.to_a),
+            "to_b": Function("v", "a vector of a in b: R_ab transposed @ v", self.to_b),
+        }
+        return {**FUNCTIONS, **turning}
+
+    def value(self, text: str) -> Array:
+        """Return what a formula gives."""
+        return value_of(text, self.names, self.functions)
+
+    def to_a(self, v: Array) -> Array:
+        """Return a vector of b in a."""
+        return _product(self.R, v)
+
+    def to_b(self, v: Array) -> Array:
+        """Return a vector of a in b."""
+        return _product(self.R.T, v)
+
+    def forces_of(self, potential: Number) -> dict[str, Array]:
+        """Return the force at o, in a, and the torque, in b, that follow from a potential.
+
+        The work in a small displacement is -dV: the force is minus the slope over the path, and the torque about c
+        (about o with a pivot) minus that over a small turn about each axis of b, by which q changes as by a rate.
+        """
+        slopes = gradient(potential, [*self.q, *([] if self._given.pivot else self._r_c)])
+        turns = (
+            interpreted(quaternion_rate_b)(tuple(self.q), (axis[0], axis[1], axis[2])) for axis in np.eye(3).tolist()
+        )
+        torque = np.array([-1.0 * _dot(np.array(slopes[:4], object), np.array(turn, object)) for turn in turns], object)
+        if self._given.pivot:
+            return {"torque_b": torque}
+        force = _each_times(-1.0, np.array(slopes[4:], object))
+        return {"force_a": force, "torque_b": _add(torque, -1.0, _cross(self._arm, self.to_b(force)))}
+
+    def constant_load(self, name: str) -> Array:
+        """Return what a scene gives as numbers for a load, to which a formula is added."""
+        return np.array(self._given.numbers[f"constant_{name}"], object)
+
+    def potential_energy(self, potential: Number) -> Number:
+        """Return the potential of gravity, of a constant force_a and of a load's own."""
+        gravity, mass = self._places("gravity_a", 3), self._places("mass", 1)[0]
+        r_oc = self._places("r_oc_b", 3)
+        total: Number = potential
+        centre = _add(self.position, 1.0, self.to_a(r_oc)) if self._given.pivot else self._r_c
+        total = total - mass * _dot(gravity, centre)
+        return total if self._given.pivot else total - _dot(self._places("constant_force_a", 3), self.position)
+
+    def rates(self, loads: Mapping[str, Array]) -> Mapping[str, Number]:
+        """Return the rates of the body's states by their elements' names; loads: those given by formulas."""
+        given = self._given
+        known = {name: loads[name] if name in loads else self._places(f"constant_{name}", 3) for name in LOADS}
+        for name in LOADS:
+            if name in given.ports:
+                known[name] = _add(known[name], 1.0, self._leaves("input", name, 3))
+        gravity = self._places("gravity_a", 3)
+        weight = _each_times(self._places("mass", 1)[0], gravity) if given.pivot else np.array(_ZERO, object)
+        force_a = weight if given.pivot else _add(known["force_a"], 1.0, self.to_a(known["force_b"]))
+        force_b = self.to_b(weight) if given.pivot else _add(known["force_b"], 1.0, self.to_b(known["force_a"]))
+        torque_b = _add(known["torque_b"], 1.0, self.to_b(known["torque_a"]))
+        body = Body(
+            inverse_mass=0.0 if given.pivot else self._places("inverse_mass", 1)[0],
+            inertia=_tuples(self._M), inertia_inverse=_tuples(self._places("M_inverse", 9).reshape(3, 3)),
+            arm_b=tuple(self._arm), damping_b=tuple(self._places("damping_b", 3)), is_free=float(not given.pivot),
+        )  # fmt: skip
+        turning = Loads(_ZERO, _ZERO, tuple(force_b), _ZERO, tuple(torque_b))
+        q, omega = tuple(self.q), tuple(self.omega)
+        found = {
+            "q": interpreted(quaternion_rate_b)(q, omega),
+            "omega": interpreted(angular_acceleration)(q, omega, body, turning),
+        }
+        if not given.pivot:
+            moving = Loads(tuple(gravity), tuple(force_a), _ZERO, _ZERO, _ZERO)
+            found |= {"r_c": tuple(self.v_c), "v_c": interpreted(steady_acceleration)(body, moving)}
+        return {"t": 1.0} | {
+            element: x
+            for name, rate in found.items()
+            for element, x in zip(elements(name, len(rate)), rate, strict=True)
+        }
+
+    def outputs(self, rates: Mapping[str, Number]) -> dict[str, Array]:
+        """Return the quantities that a body shows, by name; rates: those of `rates`."""
+        omega, R, mass = self.omega, self.R, self._places("mass", 1)[0]
+        alpha = np.array([rates[name] for name in elements("omega", 3)], object)
+        momentum = _product(self._M, omega)
+        energy = _dot(omega, momentum)
+        acceleration = np.array(_ZERO, object)
+        if not self._given.pivot:
+            relative = interpreted(relative_acceleration)(tuple(omega), tuple(alpha), tuple(self._places("r_oc_b", 3)))
+            acceleration = np.array([rates[name] for name in elements("v_c", 3)], object)
+            acceleration = _add(acceleration, -1.0, _product(R, np.array(relative, object)))
+            energy += mass * _dot(self.v_c, self.v_c)
+        return {
+            "position": self.position, "velocity": self.velocity, "acceleration": acceleration, "quaternion": self.q,
+            "omega_b": omega, "omega_a": self.to_a(omega), "alpha_b": alpha,
+            "angular_momentum_a": _product(R, momentum), "kinetic_energy": np.array([0.5 * energy], object),
+        }  # fmt: skip
+
+    def _leaves(self, kind: str, name: str, size: int) -> Array:
+        return np.array([self.graph.leaf(kind, element) for element in elements(name, size)], object)
+
+    def _places(self, name: str, size: int) -> Array:
+        """Return numbers of the buffer; those that are zero and stay so are 0."""
+        values, stays = self._given.numbers[name], name not in self._given.symbolic
+        leaf = (self.graph.leaf("place", element) for element in elements(name, size))
+        return np.array(
+            [0.0 if stays and value == 0.0 else one for value, one in zip(values, leaf, strict=True)], object
+        )
+
+
+def closure(rates: Mapping[str, Number], wanted: Sequence[Number], graph: Graph) -> list[str]:
+    """Return the names of the states that what is wanted comes of, directly or through other states' rates."""
+    found: set[str] = set()
+    left = list(wanted)
+    while left:
+        new = {str(graph.operations[i].value) for i in graph.reached(left) if graph.operations[i].kind == "state"}
+        left = [rates[name] for name in new - found]
+        found |= new
+    return [name for name in rates if name in found]
+
+
+def _matrix(of: Any) -> Array:
+    return np.array([[of(i, j) for j in range(3)] for i in range(3)], object)
+
+
+def _product(a: Array, b: Array) -> Array:
+    if np.ndim(b) == 1:
+        return np.array([sum((x * y for x, y in zip(row, b, strict=True)), 0.0) for row in a], object)
+    return np.array([_product(a, column) for column in b.T], object).T
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return FUNCTIONS["cross"].make(a, b)
+
+
+def _dot(a: Array, b: Array) -> Number:
+    return FUNCTIONS["dot"].make(a, b)  # type: ignore[no-any-return]
+
+
+def _add(a: Array, factor: float, b: Array) -> Array:
+    return np.array([x + factor * y for x, y in zip(a, b, strict=True)], object)
+
+
+def _each_times(factor: Number, v: Array) -> Array:
+    return np.array([factor * x for x in v], object)
+
+
+def _tuples(matrix: Array) -> Any:
+    return tuple(map(tuple, matrix))

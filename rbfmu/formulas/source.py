@@ -1,0 +1,299 @@
+"""A program written out as kernels, which a reader can print: `rbfmu plan SCENE --code`.
+
+`constants` sets what stays as it is over a series, `first` the values at its begin, `further` the k-th coefficients.
+Four sums of products are made at once, so that what the sums of a level need stands side by side: a row of the work
+space has the k-th coefficients of the states and of all factors of the next orders' sums.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import NamedTuple
+
+from rbfmu.formulas.graph import Symbol
+from rbfmu.formulas.program import Factor, Program
+
+WIDTH = 4
+"""How many sums are made at once."""
+HEAD = '''\
+"""Formulas of a scene as Taylor series, written by rbfmu.formulas.source; places are those of the model's buffer."""
+
+import math
+
+from rbfmu_kernels.buffer import NOT_FINITE
+from rbfmu_kernels.compile.decorator import kernel
+from rbfmu_kernels.compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers
+from rbfmu_kernels.numerics.elementary import atan2, exponential, logarithm, sincos
+from rbfmu_kernels.types import Buffer
+
+'''
+
+
+class Layout(NamedTuple):
+    """Where what stands: leaves by name in the buffer, and in a row of the work space states and factors.
+
+    leaves: the place of each parameter and each state; of each input that of its value, its rate and its second rate.
+    targets: where what is wanted goes; sides: where they are kept; states: the column of each in a row, after which
+    that which has sides stands; row: its length.
+    """
+
+    leaves: Mapping[str, tuple[int, ...]]
+    targets: Mapping[str, int]
+    sides: Mapping[int, int]
+    states: Mapping[str, int]
+    constants: Mapping[int, int]
+    groups: tuple[tuple[tuple[int, int], ...], ...]
+    row: int
+
+    @property
+    def start(self) -> int:
+        """Return where the first row begins in the work space, after the constants."""
+        return -(-len(self.constants) // WIDTH) * WIDTH
+
+
+def layout_of(program: Program) -> Layout:
+    """Return the places of a program's numbers in a row; those of the buffer are still missing.
+
+    Each group of slots, (operation, which of its), is of one level.
+    """
+    groups: list[tuple[tuple[int, int], ...]] = []
+    for n in range(len(program.levels)):
+        here = [(i, s) for i, slots in program.slots.items() for s in range(len(slots)) if _level(program, i, s) == n]
+        groups += [tuple(here[j : j + WIDTH]) for j in range(0, len(here), WIDTH)]
+    states = {name: i for i, name in enumerate(program.states)}
+    head = -(-(len(states) + len(program.sides)) // WIDTH) * WIDTH
+    constants = {i: n for n, i in enumerate(program.constants)}
+    return Layout({}, {}, {}, states, constants, tuple(groups), head + 2 * WIDTH * len(groups))
+
+
+def _level(program: Program, i: int, slot: int) -> int:
+    """Return the level that makes a sum: of an angle's three the first two make the third's numerator."""
+    level = next(n for n, level in enumerate(program.levels) if i in level)
+    return level - 1 if program.graph.operations[i].kind == "atan2" and slot < 2 else level
+
+
+def source_of(program: Program, layout: Layout) -> str:
+    """Return the text of a module with the kernels `constants`, `first`, `further` and `values`."""
+    writer = _Writer(program, layout)
+    return HEAD + "\n\n".join(["", *map(writer.function, ("constants", "first", "further")), writer.values()])[1:]
+
+
+class _Writer:
+    def __init__(self, program: Program, layout: Layout) -> None:
+        self._program, self._layout, self._graph = program, layout, program.graph
+        self._head = layout.row - 2 * WIDTH * len(layout.groups)
+        self._level_of = {i: n for n, level in enumerate(program.levels) for i in level}
+
+    def function(self, name: str) -> str:
+        """Return the text of one kernel."""
+        takes, lines = "z: Buffer, w: int", []
+        match name:
+            case "constants":
+                lines = [*self._read_sides(self._layout.constants)]
+                lines += [f"{self._name(i)} = {self._value(i)}" for i in self._layout.constants]
+                lines += [f"z[w + {at}] = {self._name(i)}" for i, at in self._layout.constants.items()]
+            case "first":
+                lines = [*self._read_constants(), f"r = w + {self._layout.start}"]
+                lines += [f"{self._name(i)} = {self._value(i)}" for i in self._program.varying]
+                lines += [f"z[r + {at}] = {text}" for at, text in self._first_factors()]
+                lines += [f"z[r + {at}] = {self._name(i)}" for at, i in self._watched()]
+                lines += self._put_rates("")
+            case "further":
+                takes += ", k: int"
+                lines = [*self._read_constants(), f"r = w + {self._layout.start} + k * {self._layout.row}"]
+                lines += ["inverse = 1.0 / k", *self._orders(), *self._put_rates(" / (k + 1)")]
+        body = "\n".join(f"    {line}" for line in lines or ["pass"])
+        return f"@kernel(inline=False)\ndef {name}({takes}) -> None:\n{body}\n"
+
+    def values(self) -> str:
+        """Return the text of the kernel that sets what is wanted, from the states in the buffer."""
+        wanted = self._program.wanted
+        reached = self._graph.reached(wanted.values())
+        lines = [f"{self._name(i)} = {self._value(i, in_row=False)}" for i in reached if self._is_variable(i)]
+        texts = {name: self._name(x.index) if isinstance(x, Symbol) else repr(float(x)) for name, x in wanted.items()}
+        lines += [f"z[{self._layout.targets[name]}] = {text}" for name, text in texts.items()]
+        sums = " + ".join(["0.0", *(f"0.0 * z[{self._layout.targets[name]}]" for name in wanted)])
+        body = "\n".join(f"    {line}" for line in [*lines, f"return 0 if {sums} == 0.0 else NOT_FINITE"])
+        return f"@kernel(inline=False)\ndef values(z: Buffer) -> int:\n{body}\n"
+
+    def _is_variable(self, i: int) -> bool:
+        return self._graph.operations[i].kind != "number"
+
+    def _read_sides(self, readers: Iterable[int]) -> Iterator[str]:
+        used = {j for i in readers for j in self._graph.operations[i].of}
+        yield from (f"{self._name(i)} = {self._value(i)}" for i in self._program.sides if i in used)
+
+    def _read_constants(self) -> list[str]:
+        used = {j for i in self._program.varying for j in self._graph.operations[i].of}
+        used |= {x.index for x in self._program.rates.values() if isinstance(x, Symbol)}
+        known = [f"{self._name(i)} = z[w + {at}]" for i, at in self._layout.constants.items() if i in used]
+        return [*self._read_sides(self._program.varying), *known]
+
+    def _name(self, i: int) -> str:
+        """Return the variable of an operation's value or k-th coefficient; a number is itself."""
+        operation = self._graph.operations[i]
+        return repr(operation.value) if operation.kind == "number" else f"v{i}"
+
+    def _value(self, i: int, in_row: bool = True) -> str:
+        """Return the text of an operation's value; in_row: whether states stand in a row of the work space."""
+        kind, of, value = self._graph.operations[i]
+        a, b, c = (*map(self._name, of), "", "", "")[:3]
+        match kind:
+            case "side" if in_row and i in self._layout.sides:
+                return f"z[{self._layout.sides[i]}]"
+            case "state" if in_row:
+                return f"z[r + {self._layout.states[str(value)]}]"
+            case "place" | "input" | "state":
+                return f"z[{self._layout.leaves[str(value)][0]}]"
+            case "select":
+                return f"{b} if {a} > 0.0 else {c}"
+            case "side":
+                return f"math.copysign(1.0, {a})"
+        return _VALUES[kind].format(a, b)
+
+    # Coefficients beyond the first
+
+    def _orders(self) -> Iterator[str]:
+        for n, level in enumerate(self._program.levels):
+            groups = [g for g, group in enumerate(self._layout.groups) if self._level_of_group(group) == n]
+            yield from self._sums(groups)
+            for i in level:
+                yield f"{self._name(i)} = {self._coefficient(i)}"
+        yield from (f"z[r + {at}] = {text}" for at, text in self._factors_left)
+        yield from (f"z[r + {at}] = {self._name(i)}" for at, i in self._watched())
+
+    def _watched(self) -> Iterator[tuple[int, int]]:
+        """Yield what has sides, and its column in a row."""
+        for n, i in enumerate(self._program.sides):
+            yield len(self._layout.states) + n, self._graph.operations[i].of[0]
+
+    def _level_of_group(self, group: tuple[tuple[int, int], ...]) -> int:
+        return _level(self._program, *group[0])
+
+    def _sums(self, groups: list[int]) -> Iterator[str]:
+        """Yield the lines that store the factors which are known by now, and sum the products of groups."""
+        if not groups:
+            return
+        for g in groups:
+            for at, factor in self._places(g):
+                known = self._level_of.get(factor.of, -1) < self._level_of_group(self._layout.groups[g])
+                yield f"z[r + {at}] = {self._factor(factor) if known else '0.0'}"
+        for g in groups:
+            yield f"s{g} = lanes(0.0, 0.0, 0.0, 0.0)"
+        yield "for j in range(k + 1):"
+        yield f"    a, b = r - (k - j) * {self._layout.row}, r - j * {self._layout.row}"
+        for g in groups:
+            at = self._head + 2 * WIDTH * g
+            product = f"multiply_lanes(lanes_at(z, a + {at}), lanes_at(z, b + {at + WIDTH}))"
+            yield f"    s{g} = add_lanes(s{g}, {product})"
+        for g in groups:
+            names = [self._sum(*slot) for slot in self._layout.groups[g]]
+            yield f"{', '.join((names + ['_'] * WIDTH)[:WIDTH])} = numbers(s{g})"
+
+    def _sum(self, i: int, slot: int) -> str:
+        return f"p{i}" if slot == 0 else f"p{i}_{slot}"
+
+    def _places(self, g: int) -> Iterator[tuple[int, Factor]]:
+        """Yield the places in a row of a group's factors."""
+        at = self._head + 2 * WIDTH * g
+        for lane, (i, s) in enumerate(self._layout.groups[g]):
+            slot = self._program.slots[i][s]
+            yield at + lane, slot.first
+            yield at + WIDTH + lane, slot.last
+
+    def _first_factors(self) -> Iterator[tuple[int, str]]:
+        for g in range(len(self._layout.groups)):
+            for at, factor in self._places(g):
+                yield at, "0.0" if factor.slope else self._name(factor.of)
+
+    @property
+    def _factors_left(self) -> Iterator[tuple[int, str]]:
+        """Yield the factors that were not known when their group's products were summed."""
+        for g, group in enumerate(self._layout.groups):
+            for at, factor in self._places(g):
+                if self._level_of.get(factor.of, -1) >= self._level_of_group(group):
+                    yield at, self._factor(factor)
+
+    def _factor(self, factor: Factor) -> str:
+        """Return the k-th coefficient of a factor, k > 0."""
+        if factor.of not in self._level_of:
+            return "0.0"
+        return f"k * {self._name(factor.of)}" if factor.slope else self._name(factor.of)
+
+    def _coefficient(self, i: int) -> str:
+        """Return the text of an operation's k-th coefficient, k > 0."""
+        kind, of, value = self._graph.operations[i]
+        a, b, c = (*map(self._part, of), "", "", "")[:3]
+        if kind == "state":
+            return f"z[r + {self._layout.states[str(value)]}]"
+        if kind == "input":
+            _, rate, rate_2 = self._layout.leaves[str(value)]
+            return f"z[{rate}] if k == 1 else 0.5 * z[{rate_2}] if k == 2 else 0.0"
+        if kind == "select":
+            return f"{b} if {self._name(of[0])} > 0.0 else {c}"
+        if i not in self._program.slots:
+            return self._linear(kind, of, a, b)
+        x = self._first(of[0]) if kind in ("log", "power") else self._first(of[1]) if kind == "divide" else ""
+        p = self._sum(i, 0)
+        match kind:
+            case "multiply":
+                return p
+            case "divide":
+                return f"({a} - {p}) / {x}"
+            case "sqrt":
+                return f"0.5 * ({a} - {p}) / {self._first(i)}"
+            case "exp" | "sin":
+                return f"{p} * inverse"
+            case "cos":
+                return f"-{p} * inverse"
+            case "log":
+                return f"({a} - {p} * inverse) / {x}"
+            case "power":
+                return f"({self._name(of[1])} * {p} - {self._sum(i, 1)}) / {x} * inverse"
+        products = f"{p} - {self._sum(i, 1)} - {self._sum(i, 2)}"  # of atan2
+        return f"({products}) / {self._first(of[2])} * inverse"
+
+    def _linear(self, kind: str, of: tuple[int, ...], a: str, b: str) -> str:
+        """Return the text of a sum, a difference, or a product or quotient with a constant."""
+        if kind == "multiply":
+            return f"{self._name(of[0])} * {self._name(of[1])}"
+        if kind == "divide":
+            return f"{a} / {self._name(of[1])}"
+        if kind == "add":
+            return f"{a} + {b}" if a != "0.0" and b != "0.0" else a if b == "0.0" else b
+        return f"{a} - {b}" if a != "0.0" and b != "0.0" else a if b == "0.0" else f"-{b}"
+
+    def _part(self, i: int) -> str:
+        """Return the k-th coefficient of an operand: none of a constant."""
+        return self._name(i) if i in self._level_of else "0.0"
+
+    def _first(self, i: int) -> str:
+        """Return the text of an operation's first coefficient: where it is a factor, it stands in the first row."""
+        for g in range(len(self._layout.groups)):
+            for at, factor in self._places(g):
+                if factor == Factor(i):
+                    return f"z[w + {self._layout.start + at}]"
+        raise AssertionError("what divides is a factor of what is solved for")
+
+    def _put_rates(self, divided: str) -> Iterator[str]:
+        """Yield the lines that set the states' next coefficients."""
+        for name, rate in self._program.rates.items():
+            at = self._layout.states[name] + self._layout.row
+            if isinstance(rate, Symbol) and rate.index in self._level_of:
+                yield f"z[r + {at}] = {self._name(rate.index)}{divided}"
+            else:
+                known = self._name(rate.index) if isinstance(rate, Symbol) else repr(float(rate))
+                yield f"z[r + {at}] = {'0.0' if divided else known}"
+
+
+_VALUES = {
+    "add": "{} + {}",
+    "subtract": "{} - {}",
+    "multiply": "{} * {}",
+    "divide": "{} / {}",
+    "sqrt": "math.sqrt({})",
+    "sin": "sincos({})[0]",
+    "cos": "sincos({})[1]",
+    "exp": "exponential({})",
+    "log": "logarithm({})",
+    "atan2": "atan2({}, {})",
+    "power": "exponential({1} * logarithm({0}))",
+}

@@ -1,0 +1,201 @@
+"""A scene's formulas as a model: kernels made from their graph, bound to the places of a buffer."""
+
+import hashlib
+import json
+import linecache
+import math
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+
+from rbfmu.formulas.check import Texts, given_to
+from rbfmu.formulas.motion import Given, Motion, by_element, closure
+from rbfmu.formulas.program import program
+from rbfmu.formulas.source import Layout, layout_of, source_of
+from rbfmu.models.question import BLOCKS, BodyAtStart
+from rbfmu.scene.scene import Scene
+from rbfmu_kernels import buffer
+from rbfmu_kernels.body import driven, memory
+from rbfmu_kernels.body.shell import Model
+from rbfmu_kernels.models import formulas as templates
+from rbfmu_kernels.quantities import OUTPUT
+
+_LANES = 4
+_MADE: dict[str, Model] = {}
+"""Models by what tells their kernels from others, so that no process compiles one twice."""
+
+
+@dataclass(frozen=True)
+class Group:
+    """States whose errors are counted together; least: the least size that they are relative to.
+
+    relative: whether to the largest that they have been, if that is more.
+    """
+
+    states: tuple[str, ...]
+    least: float
+    relative: bool
+
+
+class FormulaModel:
+    """The model of formulas: `model` runs it, `source` is what a reader can print, `program` what the judge walks."""
+
+    def __init__(
+        self, motion: Motion, given: Given, loads: Mapping[str, Any], states: Mapping[str, Any], own: Mapping[str, Any],
+        asked: Collection[str],
+    ) -> None:  # fmt: skip
+        """Take what formulas give for loads, for the rates of states and for own outputs.
+
+        asked: the names of quantities and own outputs.
+        """
+        self.motion, self.given = motion, given
+        self.all_rates = {**motion.rates(loads), **dict(by_element(states))}
+        known = {**motion.outputs(self.all_rates), **own}
+        self.shown = {name: known[name] for name in asked}
+        self.own_outputs = {name: int(np.size(value)) for name, value in own.items()}
+        needed = closure(self.all_rates, [x for value in self.shown.values() for x in np.ravel(value)], motion.graph)
+        self.groups = self.groups_of(needed)
+        self.rates = {name: self.all_rates[name] for group in self.groups for name in group.states}
+        seen = {name: value for name, value in loads.items() if self._is_known(np.ravel(value))}
+        put = {f"constant_{name}": value for name, value in seen.items()} | dict(own)
+        self.program = program(motion.graph, self.rates, dict(by_element(put)))
+
+    def _is_known(self, numbers: Iterable[Any]) -> bool:
+        """Return whether numbers come of integrated states alone; a load that does not matters to no output."""
+        return set(closure(self.all_rates, [*numbers], self.motion.graph)) <= set(self.rates)
+
+    @staticmethod
+    def groups_of(names: Sequence[str]) -> list[Group]:
+        """Return states in groups: vectors, the time last."""
+        found: dict[str, list[str]] = {}
+        for name in names:
+            found.setdefault(name.partition("[")[0], []).append(name)
+        least = {"q": (1.0, False), "r_c": (1.0, True), "v_c": (1.0, True), "t": (math.inf, False)}
+        order = sorted(found, key=lambda name: name == "t")
+        return [Group(tuple(found[name]), *least.get(name, (0.0, True))) for name in order]
+
+    @cached_property
+    def blocks(self) -> buffer.Layout:
+        """Return the places of the buffer's blocks."""
+        given = self.given
+        own = {
+            "order": 1, "start_time": 1, "longest": 1, "time": 2,
+            **{f"constants.{n}": s for n, s in given.constants.items()},
+            **{f"states.{n}_0": s for n, s in given.states.items()},
+            **{f"states.{n}": s for n, s in given.states.items()},
+            **templates.SERIES, **dict.fromkeys(templates.CORNERS, len(self.program.sides)),
+            "sizes": max(len(self.groups), 1), "held_inputs": driven.NUMBER_OF_INPUTS,
+            **self.own_outputs,
+        }  # fmt: skip
+        _, before = buffer.places(driven.DRIVEN | own)
+        work = self.layout.start + self.layout.row * (max(templates.ORDERS) + 1)
+        own |= {"pad_3": -before % 8, "work": work, "last": _LANES}
+        kept = before - memory.STATE_START
+        return buffer.places(driven.DRIVEN | own | {"kept": kept})
+
+    @cached_property
+    def layout(self) -> Layout:
+        """Return where the generated kernels find their numbers, without the places of the buffer, which need it."""
+        return layout_of(self.program)
+
+    def _place(self, element: str) -> int:
+        name, _, index = element.partition("[")
+        blocks = self.blocks.blocks
+        block = next(b for b in (name, f"constants.{name}", f"states.{name}") if b in blocks)
+        return int(blocks[block].start) + (int(index[:-1]) - 1 if index else 0)
+
+    @cached_property
+    def source(self) -> str:
+        """Return the text of the generated kernels."""
+        leaves: dict[str, tuple[int, ...]] = {}
+        for kind, _, value in self.program.graph.operations:
+            if kind == "input":
+                name, _, index = str(value).partition("[")
+                rest = f"[{index}" if index else ""
+                leaves[str(value)] = tuple(self._place(f"{name}{end}{rest}") for end in ("", "_rate", "_rate_2"))
+            elif kind in ("place", "state"):
+                at = self._place("time") if value == "t" else self._place(str(value))
+                leaves[str(value)] = (at,)
+        targets = {name: self._place(name) for name in self.program.wanted}
+        first = self._place("sides") if self.program.sides else 0
+        sides = {i: first + n for n, i in enumerate(self.program.sides)}
+        return source_of(self.program, self.layout._replace(leaves=leaves, targets=targets, sides=sides))
+
+    @cached_property
+    def model(self) -> Model:
+        """Return the kernels."""
+        blocks, groups, layout = self.blocks.blocks, self.groups, self.layout
+        key = hashlib.sha256(repr((self.source, blocks, groups)).encode()).hexdigest()[:16]
+        starts, ends, at = [], [], 0
+        for group in groups:
+            starts.append(at)
+            at += len(group.states)
+            ends.append(at)
+        own = [f"states.{n}" for n in self.given.states]
+        where = {name: block.start for name, block in blocks.items()}
+        work = where["work"]
+        places = {
+            "STATES": tuple(where["time"] if s == "t" else self._place(s) for s in self.rates),
+            "FIRSTS": tuple(starts), "ENDS": tuple(ends), "LEASTS": tuple(g.least for g in groups),
+            "RELATIVE": tuple(g.relative for g in groups), "ATTITUDE": int("q[1]" in self.rates),
+            "ORDER": where["order"], "TOLERANCE": where["tolerance"], "SPAN": where["span"], "TIME": where["time"],
+            "STARTS": where["start_time"], "LONGEST": where["longest"], "SIZES": where["sizes"],
+            "HELD": where["held_inputs"],
+            "STANDS": where["stands"], "REACH": where["reach"], "SINCE": where["since"], "BEGUN": where["begun"],
+            "NUMBER_OF_SIDES": len(self.program.sides), "WATCHED": work + layout.start + len(self.rates),
+            "SIDES": where["sides"], "ON": where["on"], "NEXT": where["next_on"], "FLIPS": where["flips"],
+            "KEPT": where["kept"], "MEMORY": memory.STATE_START, "MEMORY_SIZE": _size(blocks["kept"]),
+            "LAST": where["last"], "WORK": work, "ROWS": work + layout.start, "ROW": layout.row,
+            "OWN": where[own[0]] if own else 0, "OWN_STARTS": where[f"{own[0]}_0"] if own else 0,
+            "OWN_SIZE": sum(self.given.states.values()),
+        }  # fmt: skip
+        if key not in _MADE:
+            _MADE[key] = templates.make_formulas(f"FORMULAS_{key}", self.blocks, self._generated(key), places)
+        return _MADE[key]
+
+    def _generated(self, key: str) -> dict[str, Any]:
+        """Return the generated kernels; their text stands where tracebacks look for it."""
+        file = f"<formulas {key}>"
+        linecache.cache[file] = (len(self.source), None, self.source.splitlines(keepends=True), file)
+        names: dict[str, Any] = {"__name__": f"{__name__}.formulas_{key}"}
+        exec(compile(self.source, file, "exec"), names)  # our own text, of numbers and places alone
+        return {name: names[name] for name in ("constants", "first", "further", "values")}
+
+
+def _size(block: slice) -> int:
+    return int(block.stop - block.start)
+
+
+@lru_cache(maxsize=16)
+def _of_tables(text: str, scene: "_ByText") -> FormulaModel:
+    start = BodyAtStart(scene.scene)
+    start.check()
+    numbers = {name: start.z[block].tolist() for name, block in BLOCKS.items()}
+    given = given_to(scene.scene, numbers, bool(start.has_pivot))
+    texts = Texts(scene.scene, given)
+    asked = [*dict.fromkeys(OUTPUT[name].judged_by or name for name in scene.scene.outputs.quantities), *texts.own]
+    return FormulaModel(texts.motion, given, texts.loads, texts.states, texts.own, asked)
+
+
+class _ByText:
+    """A scene, of which the text of its tables tells all that matters here."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+
+    def __hash__(self) -> int:
+        return 0
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _ByText)
+
+
+def formulas_of(scene: Scene) -> FormulaModel | None:
+    """Return the model of a scene's formulas, None where it has none. Raises SceneError where the body is refused."""
+    if not scene.has_formulas:
+        return None
+    tables = {key: table for key, table in scene.to_dict().items() if key not in ("name", "run", "about", "ensemble")}
+    return _of_tables(json.dumps(tables, sort_keys=True), _ByText(scene))

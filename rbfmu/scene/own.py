@@ -1,0 +1,185 @@
+"""What a scene names itself: constants, formulas, states and outputs, and loads given as text.
+
+Texts are checked where all of them are together, see `rbfmu.formulas.check`.
+"""
+
+import keyword
+from collections.abc import Callable, Collection, Mapping
+from itertools import pairwise
+from typing import Any, NamedTuple, TypeVar
+
+from rbfmu.scene.section import Numbers, Rule, as_toml, joined, line, one_word, plain
+
+T = TypeVar("T")
+LOADS = ("force_a", "force_b", "torque_a", "torque_b", "potential")
+"""The loads that may be given as formulas; of the potential, J, follow a force and a torque."""
+ENERGIES = {
+    "potential_energy": "potential energy of gravity, constant force_a and loads.potential",
+    "total_energy": "kinetic and potential energy",
+}
+"""Outputs that are made as those of one's own are, by name."""
+_UNIT, _ABOUT = line("a unit, such as N m", 40), line("at most 200 printable characters", 200)
+_BESIDE = {"unit": _UNIT, "about": _ABOUT}
+_TEXT = "a formula, such as 2*k*sin(t)"
+_METHOD = one_word(("linear", "cubic"), "linear or cubic")
+_SCALAR, _VECTOR = Numbers(()), Numbers((3,))
+
+
+class Named(dict[str, T]):
+    """A table with names of one's own, which nobody changes."""
+
+    def __hash__(self) -> int:  # type: ignore[override]
+        return hash(tuple(self.items()))
+
+
+class Constant(NamedTuple):
+    """A number or a vector of one's own."""
+
+    value: tuple[float, ...]
+    unit: str = ""
+    about: str = ""
+
+
+class State(NamedTuple):
+    """A state of one's own: its start, and its rate as a formula."""
+
+    start: tuple[float, ...]
+    rate: str
+    unit: str = ""
+    about: str = ""
+
+
+class Shown(NamedTuple):
+    """An output of one's own: its value as a formula."""
+
+    value: str
+    unit: str = ""
+    about: str = ""
+
+
+def as_written(rows: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a table of constants, states or outputs as a file has it."""
+    return {
+        name: {key: _plain(value) for key, value in row._asdict().items() if value != ""} for name, row in rows.items()
+    }
+
+
+def _plain(value: Any) -> Any:
+    return value if isinstance(value, str) else value[0] if len(value) == 1 else list(value)
+
+
+class Table(NamedTuple):
+    """A table of one's own: y over x, by straight lines or a natural cubic spline."""
+
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+    method: str = "linear"
+    about: str = ""
+
+
+MOST_ROWS = 64
+
+
+def table(value: Any) -> Table:
+    """Return a table of numbers."""
+    found = _entry(Table, {"x": _row, "y": _row, "method": _METHOD, "about": _ABOUT}, value, ("method", "about"))
+    if len(found.x) != len(found.y) or not 2 <= len(found.x) <= MOST_ROWS:
+        raise ValueError(f"as many y as x, 2 to {MOST_ROWS}, not {len(found.y)} and {len(found.x)}")
+    if any(b <= a for a, b in pairwise(found.x)):
+        raise ValueError("x that increases")
+    return found
+
+
+def _row(value: Any) -> tuple[float, ...]:
+    rows = plain(value)
+    if not isinstance(rows, list | tuple):
+        raise ValueError("a list of numbers")
+    return tuple(map(_SCALAR, rows))
+
+
+def apart(loads: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the loads that are numbers, and those that are formulas, or several that add up."""
+    texts = {name: value for name, value in loads.items() if name in LOADS and _is_text(value)}
+    return {name: value for name, value in loads.items() if name not in texts}, texts
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str) or (
+        isinstance(value, list | tuple) and bool(value) and all(isinstance(x, str) for x in value)
+    )
+
+
+def text(value: Any) -> str:
+    """Return a formula; of a list of them the sum."""
+    if isinstance(value, list | tuple) and value and all(isinstance(item, str) for item in value):
+        return " + ".join(f"({item})" for item in value)
+    if not isinstance(value, str) or not value.strip():
+        raise ValueError(_TEXT)
+    return value
+
+
+def one_or_three(value: Any) -> tuple[float, ...]:
+    """Return a number, or the numbers of a vector."""
+    if isinstance(plain(value), list | tuple):
+        return _VECTOR(value)  # type: ignore[no-any-return]
+    try:
+        return (_SCALAR(value),)
+    except ValueError:
+        raise ValueError("a number, or 3 numbers") from None
+
+
+def _entry(
+    kind: Callable[..., T],
+    rules: Mapping[str, Callable[[Any], Any]],
+    value: Any,
+    optional: Collection[str] = ("unit", "about"),
+) -> T:
+    """Return an entry of a table, given as such or, where nothing else is said, by its first key's value."""
+    if not isinstance(value, Mapping):
+        value = {next(iter(rules)): value}
+    if unknown := [key for key in value if key not in rules]:
+        raise ValueError(f"keys out of {', '.join(rules)}, not {unknown[0]}")
+    found = {}
+    for key, rule in rules.items():
+        if key in value:
+            try:
+                found[key] = rule(value[key])
+            except ValueError as error:
+                raise ValueError(f"{key} to be {error}, not {as_toml(value[key])}") from None
+    if missing := [key for key in rules if key not in found and key not in optional]:
+        raise ValueError(f"a table with {', '.join(missing)} as well")
+    return kind(**found)
+
+
+def _table(words: str, entry: Callable[[Any], T]) -> Rule:
+    """Return the rule of a table with names of one's own."""
+
+    def read(value: Any) -> Named[T] | None:
+        if not isinstance(value, Mapping):
+            return None
+        found = Named[T]()
+        for name, item in value.items():
+            if not (isinstance(name, str) and name.isidentifier() and name.isascii() and not keyword.iskeyword(name)):
+                raise ValueError(f"names of letters, digits and _, not {as_toml(name)}")
+            try:
+                found[name] = entry(item)
+            except ValueError as error:
+                raise ValueError(f"{joined('', name)} to be {error}") from None
+        return found
+
+    return Rule(words, read)
+
+
+CONSTANTS = _table("a table of numbers", lambda x: _entry(Constant, {"value": one_or_three, **_BESIDE}, x)).means(
+    "numbers of one's own: NAME = value, or { value, unit, about }"
+)
+TABLES = _table("a table of tables", table).means(
+    "tables of one's own: NAME = { x, y, method, about }, with method linear or cubic; constant outside"
+)
+FORMULAS = _table("a table of formulas", text).means("names for parts of formulas: NAME = text")
+STATES = _table(
+    "a table of states", lambda x: _entry(State, {"start": one_or_three, "rate": text, **_BESIDE}, x)
+).means("states of one's own: NAME = { start, rate, unit, about }, the rate as a formula")
+OUTPUTS = _table("a table of formulas", lambda x: _entry(Shown, {"value": text, **_BESIDE}, x)).means(
+    "outputs of one's own, which may also stand beside `quantities`: NAME = text, or { value, unit, about }"
+)

@@ -1,0 +1,180 @@
+"""The series of every operation, in doubles by generated kernels and in double-double ones, against 40 digits."""
+
+import mpmath
+import numpy as np
+import pytest
+
+from rbfmu.formulas.graph import Graph, Symbol, gradient
+from rbfmu.formulas.meaning import Table, value_of
+from rbfmu.formulas.program import program
+from rbfmu.formulas.source import layout_of, source_of
+from rbfmu_kernels.compile.tiered import interpreted
+from rbfmu_kernels.integrators import formula_reference as reference
+
+TABLE = Table.through((0.0, 1.0, 2.0), (1.0, 3.0, 2.0), cubic=True)
+CASES = {
+    "add": ("sin(t) + t", lambda t: mpmath.sin(t) + t),
+    "subtract": ("1 - cos(t)", lambda t: 1 - mpmath.cos(t)),
+    "multiply": ("t*sin(t)", lambda t: t * mpmath.sin(t)),
+    "square": ("sin(t)**2", lambda t: mpmath.sin(t) ** 2),
+    "divide": ("sin(t)/(2 + cos(t))", lambda t: mpmath.sin(t) / (2 + mpmath.cos(t))),
+    "divide a constant": ("c/(1 + t)", lambda t: 0.7 / (1 + t)),
+    "divide by a constant": ("t*t/c", lambda t: t * t / mpmath.mpf(0.7)),
+    "sqrt": ("sqrt(2 + sin(t))", lambda t: mpmath.sqrt(2 + mpmath.sin(t))),
+    "exp": ("exp(-t*t)", lambda t: mpmath.exp(-t * t)),
+    "log": ("log(2 + t*t)", lambda t: mpmath.log(2 + t * t)),
+    "sin and cos of one angle": ("sin(t*t)*cos(t*t)", lambda t: mpmath.sin(t * t) * mpmath.cos(t * t)),
+    "tan": ("tan(0.3*t)", lambda t: mpmath.tan(mpmath.mpf(0.3) * t)),
+    "asin": ("asin(0.5*sin(t))", lambda t: mpmath.asin(mpmath.sin(t) / 2)),
+    "acos": ("acos(0.5*sin(t))", lambda t: mpmath.acos(mpmath.sin(t) / 2)),
+    "atan2": ("atan2(sin(t), 2 + t)", lambda t: mpmath.atan2(mpmath.sin(t), 2 + t)),
+    "atan2 of a constant": ("atan2(t, 2)", lambda t: mpmath.atan2(t, 2)),
+    "power": ("(2 + sin(t))**1.3", lambda t: (2 + mpmath.sin(t)) ** mpmath.mpf(1.3)),
+    "power of a constant": ("(2 + sin(t))**c", lambda t: (2 + mpmath.sin(t)) ** mpmath.mpf(0.7)),
+    "power that changes": ("(2 + t)**sin(t)", lambda t: (2 + t) ** mpmath.sin(t)),
+    "whole power": ("(2 + t)**-7", lambda t: (2 + t) ** -7),
+    "half power": ("(2 + t)**2.5", lambda t: (2 + t) ** mpmath.mpf(2.5)),
+    "norm": ("norm([t, 1, sin(t)])", lambda t: mpmath.sqrt(t * t + 1 + mpmath.sin(t) ** 2)),
+    "abs": ("abs(sin(t) - 2)", lambda t: 2 - mpmath.sin(t)),
+    "where": ("where(t > 0.1, exp(t), cos(t))", lambda t: mpmath.exp(t) if t > 0.1 else mpmath.cos(t)),
+    "min, max, clip": ("min(t, 5) + max(t, -1) + clip(2*t, -9, 9)", lambda t: 4 * t),
+    "table": ("table(ramp, t)", lambda t: 1 + mpmath.mpf(2.75) * t - mpmath.mpf(0.75) * t**3),
+}
+POINTS = (0.4, 0.9)
+N = 12
+
+
+def graph_of(text):
+    graph = Graph({"c": 0.7})
+    names = {"t": graph.leaf("state", "t"), "y": graph.leaf("state", "y"), "c": graph.leaf("place", "c"), "ramp": TABLE}
+    return graph, value_of(text, names)
+
+
+def truth(function, t, n=N):
+    with mpmath.workdps(40):
+        return [mpmath.mpf(x) for x in mpmath.taylor(function, mpmath.mpf(t), n)]
+
+
+def doubles(text, t, n=N):
+    """Coefficients of a function of t, as those of the rate of y."""
+    graph, y = graph_of(text)
+    made = program(graph, {"y": y, "t": 1.0}, {})
+    sides = {i: 4 + k for k, i in enumerate(made.sides)}
+    layout = layout_of(made)._replace(leaves={"c": (0,), "t": (1,), "y": (2,)}, sides=sides)
+    kernels = {}
+    exec(source_of(made, layout), kernels)
+    work = 40
+    z = np.zeros(work + layout.start + (n + 3) * layout.row)
+    z[0] = 0.7
+    rows = z[work + layout.start :].reshape(-1, layout.row)[:, : len(layout.states)]
+    rows[0, layout.states["t"]] = t
+    for i, at in sides.items():
+        z[at] = float(truth_of(graph, Symbol(graph, i), t))
+    interpreted(kernels["constants"])(z, work)
+    interpreted(kernels["first"])(z, work)
+    for k in range(1, n + 1):
+        interpreted(kernels["further"])(z, work, k)
+    return [(k + 1) * rows[k + 1, layout.states["y"]] for k in range(n + 1)]
+
+
+def truth_of(graph, x, t):
+    """The value of a number that comes of t by sums, products and functions, in Python's own arithmetic."""
+    kind, of, value = x.operation
+    parts = [truth_of(graph, Symbol(graph, i), t) for i in of]
+    simple = {"add": lambda a, b: a + b, "subtract": lambda a, b: a - b, "multiply": lambda a, b: a * b,
+              "sin": mpmath.sin, "cos": mpmath.cos, "side": mpmath.sign,
+              "select": lambda side, a, b: a if side > 0 else b}  # fmt: skip
+    return t if kind == "state" else value if kind == "number" else 0.7 if kind == "place" else simple[kind](*parts)
+
+
+def double_doubles(text, t, n=N):
+    graph, y = graph_of(text)
+    angles = [
+        Symbol(graph, graph.operations[i].of[0])
+        for i in graph.reached([y])
+        if graph.operations[i].kind in ("sin", "cos")
+    ]
+    pairs = [Symbol(graph, graph.add(kind, x).index) for x in angles for kind in ("sin", "cos")]
+    one = Symbol(graph, graph.index_of(1.0))
+    found = graph.reached([y, one, graph.leaf("state", "t"), *pairs])
+    place = {i: k for k, i in enumerate(found)}
+    operations = np.zeros((len(found), 4), np.int64)
+    s = np.zeros((2, len(found) * reference.LENGTH))
+    for k, i in enumerate(found):
+        kind, of, value = graph.operations[i]
+        if kind in ("sin", "cos"):
+            of = (*of, graph.add("cos" if kind == "sin" else "sin", Symbol(graph, of[0])).index)
+        operations[k] = [reference.KINDS.index(kind), *(place[j] for j in of), *[0] * (3 - len(of))]
+        s[0, k * reference.LENGTH] = {"number": value, "state": t, "place": 0.7}.get(kind, 0.0)
+    states = np.array([[place[graph.leaf("state", "t").index], place[one.index], 0]])
+    for k, i in enumerate(found):
+        if graph.operations[i].kind == "side":
+            s[0, k * reference.LENGTH] = float(truth_of(graph, Symbol(graph, i), t))
+    interpreted(reference._expand)(operations, states, s)
+    at = place[y.index] * reference.LENGTH
+    return [mpmath.mpf(s[0, at + k]) + mpmath.mpf(s[1, at + k]) for k in range(n + 1)]
+
+
+def errors(found, expected):
+    """Of coefficients, relative to the size of the series where it is no longer than its reach."""
+    radius = max(float(abs(x)) ** (1.0 / k) for k, x in enumerate(expected) if k) or 1.0
+    size = max(float(abs(x)) / radius**k for k, x in enumerate(expected))
+    return (
+        max(float(abs(mpmath.mpf(a) - b)) / radius**k for k, (a, b) in enumerate(zip(found, expected, strict=True)))
+        / size
+    )
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_series_of_doubles_are_those_of_40_digits(name):
+    text, function = CASES[name]
+    for t in POINTS:
+        with mpmath.workdps(40):
+            assert errors(doubles(text, t), truth(function, t)) <= 3e-13
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_series_of_double_double_numbers_are_those_of_40_digits(name):
+    text, function = CASES[name]
+    for t in POINTS:
+        with mpmath.workdps(40):
+            assert errors(double_doubles(text, t), truth(function, t)) <= 1e-26
+
+
+@pytest.mark.parametrize("name", [n for n in CASES if n not in ("power that changes",)])
+def test_gradients_are_first_coefficients(name):
+    """By one sweep backwards; of what the other tests have by series."""
+    text, function = CASES[name]
+    graph, y = graph_of(text)
+    (slope,) = gradient(y, [graph.leaf("state", "t")])
+    made = program(graph, {"y": slope, "t": 1.0}, {})
+    layout = layout_of(made)
+    leaves = {"c": (0,), "t": (1,), "y": (2,)}
+    kernels = {}
+    exec(
+        source_of(made._replace(wanted={"slope": slope}), layout._replace(leaves=leaves, targets={"slope": 3})), kernels
+    )
+    for t in POINTS:
+        z = np.array([0.7, t, 0.0, 0.0])
+        assert interpreted(kernels["values"])(z) == 0
+        assert z[3] == pytest.approx(float(truth(function, t, 1)[1]), rel=1e-13, abs=1e-14)
+
+
+@pytest.mark.parametrize("text", ["sqrt(t)", "norm([t, 0, t*t])", "log(t)", "1/t", "t**0.5", "t**1.3", "atan2(t, t)"])
+def test_beside_singular_points_numbers_are_exact_or_not_finite(text):
+    """At zero the series of a root or a quotient is not finite, which the step refuses; none is finite and wrong."""
+    exact = {"norm([t, 0, t*t])": None, "atan2(t, t)": None}
+    with np.errstate(all="ignore"):
+        found = [float(x) for x in doubles(text, np.float64(0.0), 4)]
+    assert text in exact or not np.isfinite(found).all()
+    for t in (1e-8, 1e-3):
+        function = {
+            "sqrt(t)": mpmath.sqrt, "log(t)": mpmath.log, "1/t": lambda t: 1 / t, "t**0.5": mpmath.sqrt,
+            "t**1.3": lambda t: t ** mpmath.mpf(1.3), "norm([t, 0, t*t])": lambda t: t * mpmath.sqrt(1 + t * t),
+            "atan2(t, t)": lambda t: mpmath.pi / 4 + 0 * t,
+        }[text]  # fmt: skip
+        with mpmath.workdps(60):
+            true = [function(mpmath.mpf(t)), mpmath.diff(function, mpmath.mpf(t))]
+            found = doubles(text, t, 1)
+            assert float(abs(found[0] - true[0])) <= 1e-14 * max(float(abs(true[0])), 1e-300)
+            assert float(abs(found[1] - true[1])) <= 1e-13 * max(float(abs(true[1])), 1.0)

@@ -1,0 +1,150 @@
+"""What formulas may say, what they mean, and what is said where they are wrong."""
+
+import random
+import string
+
+import numpy as np
+import pytest
+
+from rbfmu.formulas.graph import Graph
+from rbfmu.formulas.meaning import FUNCTIONS, Table, shape_of, value_of
+from rbfmu.formulas.text import DEEPEST, LONGEST, FormulaError, read
+
+V, M = np.array([1.0, 2.0, 4.0], object), np.array([[1.0, 2.0, 3.0], [0.0, 1.0, 4.0], [5.0, 6.0, 0.0]], object)
+NAMES = {"v": V, "M": M, "x": 0.5, "ramp": Table.through((0.0, 1.0, 3.0), (1.0, 2.0, 0.0), cubic=False)}
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("2*x + 1", 2.0),
+        ("-x**2", -0.25),
+        ("2**-2", 0.25),
+        ("4**0.5", 2.0),
+        ("v[3]/v[1]", 4.0),
+        ("M[3,1]", 5.0),
+        ("dot(v, v)", 21.0),
+        ("norm(3*v - [0, 2, 12])", 5.0),
+        ("cross([1,0,0], [0,1,0])", [0.0, 0.0, 1.0]),
+        ("M @ v", [17.0, 18.0, 17.0]),
+        ("(M @ M)[1,3]", 11.0),
+        ("[x, 2*x, 3*x] + v", [1.5, 3.0, 5.5]),
+        ("abs(-3) + min(1, 2) + max(1, 2) + clip(5, 0, 1)", 7.0),
+        ("where(x > 1 or not x < 0.2, 1, 2)", 1.0),
+        ("where(0 < x < 1 and x >= 0.5, v, 2*v)", [1.0, 2.0, 4.0]),
+        ("180*deg/pi + 60*rpm/(2*pi)", 2.0),
+        ("acos(0) + asin(1) + atan2(1, 0) - 1.5*pi", 0.0),
+        ("tan(pi/4) + log(exp(2)) + sqrt(9)", 6.0),
+        ("table(ramp, -1) + table(ramp, 0.5) + table(ramp, 2) + table(ramp, 9)", 3.5),
+        ("\n  x\n  + 1\n", 1.5),
+    ],
+)
+def test_formulas_mean_what_they_say(text, expected):
+    np.testing.assert_allclose(np.array(value_of(text, NAMES), float), expected, rtol=1e-15, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "column", "said"),
+    [
+        ("1 + (2*u)", 7, "in place of u"),
+        ("v + x", 0, "equal shapes"),
+        ("v*v", 0, "dot(a, b)"),
+        ("M @ x", 0, "a matrix"),
+        ("v[4]", 2, "1 to 3"),
+        ("v[0]", 2, "1 to 3"),
+        ("x[1]", 0, "no index"),
+        ("sin(v)", 0, "a scalar"),
+        ("cross(v, x)", 0, "a vector of 3 numbers"),
+        ("dot(v)", 0, "dot(a, b)"),
+        ("sine(x)", 0, "in place of sine()"),
+        ("sin", 0, "sin(...)"),
+        ("where(x, 1, 2)", 0, "a condition"),
+        ("x > 1", 0, "where(condition, 1, 0)"),
+        ("ramp + 1", 0, "numbers on both sides"),
+        ("table(x, 1)", 0, "the name of a table"),
+        ("[v, 1]", 0, "rows of one length"),
+        ("1, 2, 3", 0, "[ and ]"),
+        ("x ^ 2", 0, "** for a power"),
+        ("x // 2", 0, "/"),
+        ("1 if x > 0 else 2", 0, "where(condition, a, b)"),
+        ("x == 1", 0, "<"),
+        ("v.x", 0, "a name or a number"),
+        ("'a'", 0, "a number or a name"),
+        ("True", 0, "a number or a name"),
+        ("(lambda: 1)()", 1, "numbers, names"),
+        ("__import__('os')", 0, "__import__()"),
+        ("x +", 3, "a formula"),
+        ("1/0", 0, "a finite number"),
+        ("sqrt(-1)", 0, "a finite number"),
+        ("10.0**400", 0, "a finite number"),
+        ("x" * (LONGEST + 1), LONGEST, f"at most {LONGEST} characters"),
+        ("(" * 50 + "x" + ")" * 50, DEEPEST, f"at most {DEEPEST} levels"),
+        ("-" * 500 + "x", None, "operations inside each other"),
+        ("x" + "+x" * 300, None, "operations inside each other"),
+    ],
+)
+def test_mistakes_are_shown_with_a_caret(text, column, said):
+    with pytest.raises(FormulaError) as caught:
+        value_of(text, NAMES)
+    first, shown, caret = str(caught.value).split("\n")
+    assert said in first
+    assert len(shown) <= 104
+    if column is not None and len(text) < 100:
+        assert caret.index("^") == 4 + column
+
+
+def mutated(text, r):
+    """A text with some characters changed, doubled, taken out or moved."""
+    known = string.ascii_letters + string.digits + "+-*/@()[]{},.<>=!&|~:;#'\"\\ \t\n\x00µ√"
+    letters = list(text)
+    for _ in range(r.randint(1, 4)):
+        k = r.randrange(len(letters) + 1)
+        letters[k : k + r.randint(0, 2)] = r.choice([[r.choice(known)], [], letters[max(k - 5, 0) : k]])
+    return "".join(letters)
+
+
+TEXTS = (
+    "3*n**2 * cross(u_b, M_c @ u_b) + cross(m_b, B_b) - wheel",
+    "where(position[3] < 0, -k*position[3]**1.5, 0) * [0, 0, 1]",
+    "table(thrust, clip(t, 0, 4)) * to_a([cos(n*t), sin(n*t), 0])",
+    "acos(R_ab[3,3]) + atan2(q_ab[1], sqrt(1 - q_ab[1]**2))",
+)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_500_mutated_texts_give_a_value_or_one_message(seed):
+    r, names = random.Random(seed), set("".join(c if c.isidentifier() else " " for c in TEXTS[seed]).split())
+    graph = Graph()
+    leaf = lambda name: graph.leaf("state", name)  # noqa: E731
+    vector = lambda name: np.array([leaf(f"{name}[{k}]") for k in (1, 2, 3)], object)  # noqa: E731
+    matrix = lambda name: np.array([vector(f"{name}{k}") for k in (1, 2, 3)], object)  # noqa: E731
+    known = {
+        n: matrix(n) if n[0] in "MR" else vector(n) if "_b" in n or n in ("position", "wheel") else leaf(n)
+        for n in names
+    }
+    known["thrust"] = NAMES["ramp"]
+    lines = set()
+    for _ in range(500):
+        text = mutated(TEXTS[seed], r)
+        try:
+            assert len(shape_of(value_of(text, known))) <= 2
+        except FormulaError as error:
+            lines.add(str(error).count("\n"))
+    assert lines == {2}
+
+
+def test_nothing_is_evaluated():
+    for text in ("exit()", "open('x')", "[x for x in v]", "print(x)", "v.tolist()", "f'{x}'", "x := 1", "await x"):
+        with pytest.raises(FormulaError):
+            value_of(text, NAMES)
+
+
+def test_reading_ends_soon_on_anything():
+    for text in ("(" * 2000, "[" * 1999 + "]", "-" * 2000, "a" * 2000, "9" * 2000, "\x00" * 10, "'" * 2000, ""):
+        with pytest.raises(FormulaError):
+            value_of(text, NAMES)
+    assert read("1")
+
+
+def test_every_function_says_what_it_takes():
+    assert all(function.takes and function.meaning for function in FUNCTIONS.values())
