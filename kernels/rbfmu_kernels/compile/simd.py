@@ -7,15 +7,14 @@ here is for Python; Numba puts instructions on vectors in its place.
 import operator
 from collections.abc import Callable
 from functools import cache
-from inspect import signature
 from struct import Struct
 from typing import Any, cast
 
 from llvmlite import binding, ir
 from numba import float64, intp, types
-from numba.extending import lower_builtin, lower_cast, type_callable
+from numba.extending import lower_cast
 
-from .wide import InLanes, WideType, register, register_value, splat, widened, width_among
+from .wide import InLanes, WideType, register, register_value, splat, width_among
 
 Lanes = tuple[float, float, float, float]
 _four_from = cast(Callable[[Any, int], Lanes], Struct("4d").unpack_from)
@@ -66,25 +65,11 @@ _VECTOR, _INT = ir.VectorType(ir.DoubleType(), 4), ir.IntType(32)
 register_value(LanesType, lambda width: _VECTOR)
 
 
-def _compiled(function: Callable[..., Any], kind: Callable[..., Any], *own: Any) -> Callable[[Any], Any]:
-    """Return a decorator: what is decorated makes machine code.
-
-    kind: the signature from the arguments' types; own: the classes of these, as others may register more.
-    """
-
-    def register(generate: Any) -> Any:
-        def typer(*args: Any) -> Any:
-            return kind(*args) if all(map(isinstance, args, own)) else None
-
-        typer.pysig = signature(kind)  # type: ignore[attr-defined]
-        type_callable(function)(lambda context: typer)
-        lower_builtin(function, types.VarArg(types.Any))(generate)
-        return generate
-
-    return register
+def _are(kind: Any, *args: Any) -> bool:
+    return all(isinstance(one, kind) for one in args)
 
 
-@_compiled(lanes, lambda a, b, c, d: _LANES(float64, float64, float64, float64), *[types.Number] * 4)
+@register(lanes, lambda a, b, c, d: _LANES(*[float64] * 4) if _are(types.Number, a, b, c, d) else None)
 def _lanes(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     vector = ir.Constant(_VECTOR, ir.Undefined)
     for k, number in enumerate(args):
@@ -92,20 +77,20 @@ def _lanes(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     return vector
 
 
-@_compiled(numbers, lambda a: types.UniTuple(float64, 4)(a), LanesType)
+@register(numbers, lambda a: types.UniTuple(float64, 4) if _are(LanesType, a) else None)
 def _numbers(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     parts = [builder.extract_element(args[0], _INT(k)) for k in range(4)]
     return context.make_tuple(builder, signature.return_type, parts)
 
 
-@_compiled(lanes_at, lambda z, i: _LANES(z, intp), types.Array)
+@register(lanes_at, lambda z, i: _LANES(z, intp) if _are(types.Array, z) else None)
 def _lanes_at(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     vector = builder.load(_place(context, builder, signature, args), typ=_VECTOR)
     vector.align = 8
     return vector
 
 
-@_compiled(put_lanes, lambda z, i, a: types.none(z, intp, a), types.Array)
+@register(put_lanes, lambda z, i, a: types.none(z, intp, a) if _are(types.Array, z) else None)
 def _put_lanes(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     builder.store(args[2], _place(context, builder, signature, args)).align = 8
     return context.get_dummy_value()
@@ -116,12 +101,12 @@ def _place(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     return builder.bitcast(builder.gep(data, [args[1]]), _VECTOR.as_pointer())
 
 
-@_compiled(add_lanes, lambda a, b: a(a, b), LanesType, LanesType)
+@register(add_lanes, lambda a, b: a if _are(LanesType, a, b) else None)
 def _add_lanes(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     return builder.fadd(*args)
 
 
-@_compiled(multiply_lanes, lambda a, b: a(a, b), LanesType, LanesType)
+@register(multiply_lanes, lambda a, b: a if _are(LanesType, a, b) else None)
 def _multiply_lanes(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     return builder.fmul(*args)
 
@@ -164,30 +149,20 @@ class WideArrayType(InLanes):
 register_value(WideArrayType, lambda width: ir.DoubleType().as_pointer())
 
 
-def _is_array(kind: Any) -> bool:
-    return isinstance(kind, WideArrayType)
-
-
-_ALL = (types.VarArg(types.Any),)
-_int = types.intp
-
-
 def _register_array(function: Callable[..., Any], width: int) -> None:
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    @register(function, lambda z, i: WideArrayType(width)(z, intp))
+    def _(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         data = context.make_array(signature.args[0])(context, builder, args[0]).data
         return builder.gep(data, [args[1]])
-
-    register(function, lambda z, i: WideArrayType(width)(z, _int), generate, _ALL)
 
 
 _register_array(four_wide, 4)
 _register_array(eight_wide, 8)
-register(
-    width_of,
-    lambda z: _int if _is_array(z) else None,
-    lambda context, builder, signature, args: context.get_constant(_int, signature.args[0].width),
-    _ALL,
-)
+
+
+@register(width_of, lambda z: intp if _are(WideArrayType, z) else None)
+def _width_of(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    return context.get_constant(intp, signature.args[0].width)
 
 
 # Wide numbers in a buffer
@@ -208,44 +183,41 @@ def _store(builder: Any, number: Any, array: Any, index: Any, width: int) -> Non
     builder.store(number, _wide_place(builder, array, index, width)).align = 8
 
 
-def _type_getitem(z: Any, i: Any) -> Any:
-    return WideType(z.width)(z, _int) if _is_array(z) and isinstance(i, types.Integer) else None
-
-
+@register(
+    operator.getitem,
+    lambda z, i: WideType(z.width)(z, intp) if _are(WideArrayType, z) and _are(types.Integer, i) else None,
+    (WideArrayType, types.Integer),
+)
 def _getitem(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     return _load(builder, args[0], args[1], signature.args[0].width)
 
 
 def _type_setitem(z: Any, i: Any, value: Any) -> Any:
-    known = _is_array(z) and isinstance(i, types.Integer) and isinstance(value, WideType | types.Number)
-    return types.none(z, _int, value) if known else None
+    known = _are(WideArrayType, z) and _are(types.Integer, i) and _are(WideType | types.Number, value)
+    return types.none(z, intp, value) if known else None
 
 
+@register(operator.setitem, _type_setitem, (WideArrayType, types.Integer, types.Any))
 def _setitem(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     width = signature.args[0].width
-    _store(builder, widened(context, builder, args[2], signature.args[2], width), args[0], args[1], width)
+    number = context.cast(builder, args[2], signature.args[2], WideType(width))
+    _store(builder, number, args[0], args[1], width)
     return context.get_dummy_value()
-
-
-register(operator.getitem, _type_getitem, _getitem, (WideArrayType, types.Integer))
-register(operator.setitem, _type_setitem, _setitem, (WideArrayType, types.Integer, types.Any))
 
 
 def _lane(builder: Any, args: Any, width: int) -> Any:
     return builder.gep(args[0], [builder.add(builder.mul(args[1], args[1].type(width)), args[2])])
 
 
+@register(lane_at, lambda z, i, lane: float64(z, intp, intp))
 def _lane_at(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     return builder.load(_lane(builder, args, signature.args[0].width), typ=ir.DoubleType())
 
 
+@register(put_lane_at, lambda z, i, lane, value: types.none(z, intp, intp, float64))
 def _put_lane_at(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     builder.store(args[3], _lane(builder, args, signature.args[0].width))
     return context.get_dummy_value()
-
-
-register(lane_at, lambda z, i, lane: types.float64(z, _int, _int), _lane_at, _ALL)
-register(put_lane_at, lambda z, i, lane, value: types.none(z, _int, _int, types.float64), _put_lane_at, _ALL)
 
 
 # Four wide numbers
@@ -256,35 +228,44 @@ def _are_four(kind: Any) -> bool:
 
 
 def _type_lanes(a: Any, b: Any, c: Any, d: Any) -> Any:
-    width = width_among(a, b, c, d)
+    width = width_among(WideType, a, b, c, d)
     return types.UniTuple(WideType(width), 4) if width else None
 
 
+@register(lanes, _type_lanes, (WideType, types.Any, types.Any, types.Any))
 def _wide_lanes(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     kind = signature.return_type
     wide = [context.cast(builder, a, k, kind.dtype) for a, k in zip(args, signature.args, strict=True)]
     return context.make_tuple(builder, kind, wide)
 
 
+@lower_cast(LanesType, types.UniTuple)  # type: ignore[untyped-decorator]
 def _cast_lanes(context: Any, builder: Any, source: Any, target: Any, four: Any) -> Any:
-    numbers = [builder.extract_element(four, ir.Constant(ir.IntType(32), k)) for k in range(4)]
-    return context.make_tuple(builder, target, [splat(builder, n, target.dtype.width) for n in numbers])
+    parts = [builder.extract_element(four, _INT(k)) for k in range(4)]
+    return context.make_tuple(builder, target, [splat(builder, n, target.dtype.width) for n in parts])
 
 
-def _type_lanes_at(z: Any, i: Any) -> Any:
-    return types.UniTuple(WideType(z.width), 4)(z, _int) if _is_array(z) else None
+@register(numbers, lambda a: a if _are_four(a) else None, (types.UniTuple,))
+def _wide_numbers(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    return args[0]
 
 
+@register(
+    lanes_at,
+    lambda z, i: types.UniTuple(WideType(z.width), 4)(z, intp) if _are(WideArrayType, z) else None,
+    (WideArrayType, types.Any),
+)
 def _wide_lanes_at(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     z, i = args
     wide = [_load(builder, z, builder.add(i, i.type(k)), signature.args[0].width) for k in range(4)]
     return context.make_tuple(builder, signature.return_type, wide)
 
 
-def _type_put_lanes(z: Any, i: Any, a: Any) -> Any:
-    return types.none(z, _int, a) if _is_array(z) else None
-
-
+@register(
+    put_lanes,
+    lambda z, i, a: types.none(z, intp, a) if _are(WideArrayType, z) else None,
+    (WideArrayType, types.Any, types.Any),
+)
 def _put_wide_lanes(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     z, i, four = args
     for k in range(4):
@@ -295,27 +276,17 @@ def _put_wide_lanes(context: Any, builder: Any, signature: Any, args: Any) -> An
 def _register_pairwise(function: Callable[..., Any], make: Callable[..., Any]) -> None:
     def typer(a: Any, b: Any) -> Any:
         wide = a if _are_four(a) else b
-        return wide if _are_four(wide) and all(x == wide or isinstance(x, LanesType) for x in (a, b)) else None
+        return wide if _are_four(wide) and all(x == wide or _are(LanesType, x) for x in (a, b)) else None
 
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    four, plain = types.UniTuple, LanesType
+
+    @register(function, typer, (four, four), (four, plain), (plain, four))
+    def _(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         kind = signature.return_type
         fours = [context.cast(builder, a, k, kind) for a, k in zip(args, signature.args, strict=True)]
         parts = [[builder.extract_value(four, k) for four in fours] for k in range(4)]
         return context.make_tuple(builder, kind, [make(builder, a, b) for a, b in parts])
 
-    four, plain = types.UniTuple, LanesType
-    register(function, typer, generate, (four, four), (four, plain), (plain, four))
 
-
-lower_cast(LanesType, types.UniTuple)(_cast_lanes)
-register(lanes, _type_lanes, _wide_lanes, (WideType, types.Any, types.Any, types.Any))
-register(
-    numbers,
-    lambda a: a if _are_four(a) else None,
-    lambda context, builder, signature, args: args[0],
-    (types.UniTuple,),
-)
-register(lanes_at, _type_lanes_at, _wide_lanes_at, (WideArrayType, types.Any))
-register(put_lanes, _type_put_lanes, _put_wide_lanes, (WideArrayType, types.Any, types.Any))
 _register_pairwise(add_lanes, lambda builder, a, b: builder.fadd(a, b))
 _register_pairwise(multiply_lanes, lambda builder, a, b: builder.fmul(a, b))

@@ -88,22 +88,25 @@ Generate = Callable[[Any, Any, Any, Any], Any]
 """What makes machine code: of Numba's context, LLVM's builder, the signature, the arguments."""
 
 
-def register(
-    function: Callable[..., Any], typer: Callable[..., Any], generate: Generate, *kinds: tuple[Any, ...]
-) -> None:
-    """Let Numba know a function; typer: the type of its result from those of its arguments; kinds: tuples of these."""
+def register(function: Any, typer: Callable[..., Any], *kinds: tuple[Any, ...]) -> Callable[[Generate], Generate]:
+    """Let Numba know a function: return a decorator of what makes its machine code.
+
+    typer: the type of its result, or its signature, from the types of its arguments, None where others know them;
+    kinds: tuples of types of arguments; any, if there are none.
+    """
     type_callable(function)(lambda context: typer)
-    for arguments in kinds:
-        lower_builtin(function, *arguments)(generate)
+
+    def let_lower(generate: Generate) -> Generate:
+        for arguments in kinds or ((types.VarArg(types.Any),),):
+            lower_builtin(function, *arguments)(generate)
+        return generate
+
+    return let_lower
 
 
-def _is_mask(*kinds: Any) -> bool:
-    return all(isinstance(kind, MaskType) for kind in kinds)
-
-
-def width_among(*kinds: Any) -> int:
-    """Return the width of the wide numbers among types, 0 where there is none."""
-    return max((kind.width for kind in kinds if isinstance(kind, WideType)), default=0)
+def width_among(kind: type[InLanes], *args: Any) -> int:
+    """Return the width of the types of a kind among those of arguments, 0 where there is none."""
+    return max((one.width for one in args if isinstance(one, kind)), default=0)
 
 
 # One number for all lanes
@@ -116,41 +119,35 @@ def splat(builder: Any, number: Any, width: int) -> Any:
     return builder.shuffle_vector(one, one, ir.Constant(ir.VectorType(ir.IntType(32), width), [0] * width))
 
 
-def widened(context: Any, builder: Any, number: Any, kind: Any, width: int) -> Any:
-    """Return a number of any kind as a wide one."""
-    if isinstance(kind, WideType):
-        return number
-    return splat(builder, context.cast(builder, number, kind, types.float64), width)
+@lower_cast(types.Number, WideType)  # type: ignore[untyped-decorator]
+def _wide_number(context: Any, builder: Any, source: Any, target: Any, number: Any) -> Any:
+    return splat(builder, context.cast(builder, number, source, types.float64), target.width)
 
 
-lower_cast(types.Number, WideType)(
-    lambda context, builder, source, target, number: widened(context, builder, number, source, target.width)
-)
 lower_cast(types.Boolean, MaskType)(
     lambda context, builder, source, target, condition: splat(builder, condition, target.width)
 )
 
 
-# Arithmetic: one of two operands may be a number, which is that of all lanes
+# Operations on two: one of them may be plain, which is that of all lanes
 
 
-def _register_binary(function: Any, result: Any, make: Callable[..., Any]) -> None:
+def _register_binary(function: Any, kind: type[InLanes], plain: Any, result: type[InLanes], make: Any) -> None:
     def typer(a: Any, b: Any) -> Any:
-        width = width_among(a, b)
-        return result(width) if width and all(isinstance(x, WideType | types.Number) for x in (a, b)) else None
+        width = width_among(kind, a, b)
+        return result(width) if width and all(isinstance(x, kind | plain) for x in (a, b)) else None
 
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        kinds, width = signature.args, width_among(*signature.args)
-        return make(builder, *(widened(context, builder, a, kind, width) for a, kind in zip(args, kinds, strict=True)))
-
-    register(function, typer, generate, (WideType, WideType), (WideType, types.Number), (types.Number, WideType))
+    @register(function, typer, (kind, kind), (kind, plain), (plain, kind))
+    def _(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        wide = kind(width_among(kind, *signature.args))
+        return make(
+            builder, *(context.cast(builder, a, own, wide) for a, own in zip(args, signature.args, strict=True))
+        )
 
 
 def _register_unary(function: Callable[..., Any], make: Callable[..., Any]) -> None:
-    def typer(a: Any) -> Any:
-        return a if isinstance(a, WideType) else None
-
-    register(function, typer, lambda context, builder, signature, args: make(builder, args[0]), (WideType,))
+    lower = register(function, lambda a: a if isinstance(a, WideType) else None, (WideType,))
+    lower(lambda context, builder, signature, args: make(builder, args[0]))
 
 
 def _compared(sign: str) -> Callable[..., Any]:
@@ -176,11 +173,11 @@ for _functions, _make in {
     (math.copysign,): _intrinsic("llvm.copysign"),
 }.items():
     for _function in _functions:
-        _register_binary(_function, WideType, _make)
+        _register_binary(_function, WideType, types.Number, WideType, _make)
 for _sign, _comparison in {
     "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq, "!=": operator.ne,
 }.items():  # fmt: skip
-    _register_binary(_comparison, MaskType, _compared(_sign))
+    _register_binary(_comparison, WideType, types.Number, MaskType, _compared(_sign))
 _register_unary(operator.neg, lambda builder, a: builder.fneg(a))
 _register_unary(abs, _intrinsic("llvm.fabs"))
 _register_unary(math.sqrt, _intrinsic("llvm.sqrt"))
@@ -190,64 +187,40 @@ _register_unary(math.ceil, _intrinsic("llvm.ceil"))
 # Conditions
 
 
-def _register_logic(function: Callable[..., Any], make: Callable[..., Any]) -> None:
-    def typer(a: Any, b: Any) -> Any:
-        return a if _is_mask(a, b) else None
-
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return make(builder, *args)
-
-    register(function, typer, generate, (MaskType, MaskType))
-
-
-_register_logic(operator.and_, lambda builder, a, b: builder.and_(a, b))
-_register_logic(operator.or_, lambda builder, a, b: builder.or_(a, b))
+_register_binary(operator.and_, MaskType, types.Boolean, MaskType, lambda builder, a, b: builder.and_(a, b))
+_register_binary(operator.or_, MaskType, types.Boolean, MaskType, lambda builder, a, b: builder.or_(a, b))
 
 
 def _register_summary(function: Callable[..., Any], sign: str, bits_of: Callable[[int], int]) -> None:
     """Let a function compare a mask's bits with a number; a condition that is one for all lanes is itself."""
 
-    def typer(a: Any) -> Any:
-        return types.boolean if isinstance(a, MaskType | types.Boolean) else None
-
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        if not _is_mask(*signature.args):
+    @register(function, lambda a: types.boolean if isinstance(a, MaskType | types.Boolean) else None, (types.Any,))
+    def _(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        if not isinstance(signature.args[0], MaskType):
             return args[0]
         bits = builder.bitcast(args[0], ir.IntType(args[0].type.count))
         return builder.icmp_unsigned(sign, bits, bits.type(bits_of(bits.type.width)))
-
-    register(function, typer, generate, (types.Any,))
 
 
 _register_summary(any_of, "!=", lambda width: 0)
 _register_summary(all_of, "==", lambda width: (1 << width) - 1)
 
 
+@register(alike, lambda x, value: x if isinstance(x, WideType | types.Float) else None)
 def _alike(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     return context.cast(builder, args[1], signature.args[1], signature.return_type)
 
 
+@register(always, lambda x: MaskType(x.width) if isinstance(x, WideType) else types.boolean)
 def _always(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     true = context.get_constant(types.boolean, True)
     return context.cast(builder, true, types.boolean, signature.return_type)
 
 
-def _type_alike(x: Any, value: Any) -> Any:
-    return x if isinstance(x, WideType | types.Float) else None
-
-
-def _type_always(x: Any) -> Any:
-    return MaskType(x.width) if isinstance(x, WideType) else types.boolean
-
-
-register(alike, _type_alike, _alike, (types.VarArg(types.Any),))
-register(always, _type_always, _always, (types.VarArg(types.Any),))
-
-
 @type_callable(choose)  # type: ignore[untyped-decorator]
 def _type_choose(context: Any) -> Any:
     def typer(condition: Any, a: Any, b: Any) -> Any:
-        if _is_mask(condition):
+        if isinstance(condition, MaskType):
             return WideType(condition.width)
         return context.unify_pairs(a, b) if isinstance(condition, types.Boolean) else None
 
@@ -278,38 +251,27 @@ class WideIntType(InLanes):
 register_value(WideIntType, lambda width: ir.VectorType(ir.IntType(64), width))
 
 
-def _bits_of(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-    return builder.bitcast(args[0], context.get_value_type(signature.return_type))
+@lower_cast(types.Integer, WideIntType)  # type: ignore[untyped-decorator]
+def _wide_integer(context: Any, builder: Any, source: Any, target: Any, number: Any) -> Any:
+    return splat(builder, context.cast(builder, number, source, types.int64), target.width)
 
 
 def _register_bits(function: Callable[..., Any], one: Any, other: Any, wide: Any, other_wide: Any) -> None:
     def typer(a: Any) -> Any:
         return other_wide(a.width) if isinstance(a, wide) else (other if isinstance(a, one) else None)
 
-    register(function, typer, _bits_of, (types.VarArg(types.Any),))
+    @register(function, typer)
+    def _(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.bitcast(args[0], context.get_value_type(signature.return_type))
 
 
 _register_bits(bits_of, types.Float, types.int64, WideType, WideIntType)
 _register_bits(number_of, types.Integer, types.float64, WideIntType, WideType)
-
-
-def _register_on_bits(function: Any, make: Callable[..., Any], result: Any = WideIntType) -> None:
-    """Lower an operation on wide bits with an integer that is the same in all lanes, or with others."""
-
-    def typer(a: Any, b: Any) -> Any:
-        return result(a.width) if isinstance(a, WideIntType) and isinstance(b, WideIntType | types.Integer) else None
-
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        a, b = args
-        if not isinstance(signature.args[1], WideIntType):
-            b = splat(builder, context.cast(builder, b, signature.args[1], types.int64), signature.args[0].width)
-        return make(builder, a, b)
-
-    register(function, typer, generate, (WideIntType, WideIntType), (WideIntType, types.Integer))
-
-
-_register_on_bits(operator.and_, lambda builder, a, b: builder.and_(a, b))
-_register_on_bits(operator.xor, lambda builder, a, b: builder.xor(a, b))
-_register_on_bits(operator.lshift, lambda builder, a, b: builder.shl(a, b))
-_register_on_bits(operator.add, lambda builder, a, b: builder.add(a, b))
-_register_on_bits(operator.ne, lambda builder, a, b: builder.icmp_unsigned("!=", a, b), MaskType)
+for _function, _result, _make in (
+    (operator.and_, WideIntType, lambda builder, a, b: builder.and_(a, b)),
+    (operator.xor, WideIntType, lambda builder, a, b: builder.xor(a, b)),
+    (operator.lshift, WideIntType, lambda builder, a, b: builder.shl(a, b)),
+    (operator.add, WideIntType, lambda builder, a, b: builder.add(a, b)),
+    (operator.ne, MaskType, lambda builder, a, b: builder.icmp_unsigned("!=", a, b)),
+):
+    _register_binary(_function, WideIntType, types.Integer, _result, _make)
