@@ -34,38 +34,43 @@ class KeptPlan:
 
     def read(self) -> dict[str, Any] | None:
         """Return what was kept, or None where there is none or it is not what was written."""
-        if self._file is None:
-            return None
-        try:
-            checksum, text = self._file.read_text(encoding="utf-8").split("\n", 1)
-        except (OSError, ValueError):
-            return None
-        known: dict[str, Any] | None = json.loads(text) if checksum == _checksum(self._file, text) else None
+        content = read_kept(self._file) if self._file else None
+        known: dict[str, Any] | None = json.loads(content) if content is not None else None
         return known
 
     def keep(self, known: Mapping[str, Any]) -> None:
         """Keep what is known, where that can be written."""
-        if self._file is None:
-            return
-        with suppress(OSError):
-            text = json.dumps(dict(known))
-            keep_file(self._file, f"{_checksum(self._file, text)}\n{text}".encode(), MOST)
+        if self._file:
+            with suppress(OSError):
+                keep_file(self._file, json.dumps(dict(known)).encode(), MOST)
+
+
+def read_kept(file: Path) -> bytes | None:
+    """Return what `keep_file` was given, or None where there is no such file, or it is not what was written there."""
+    with suppress(OSError):
+        checksum, _, content = file.read_bytes().partition(b"\n")
+        if checksum == _checksum(file, content):
+            return content
+    return None
 
 
 def keep_file(file: Path, content: bytes, most: int) -> None:
-    """Write a file, whole or not at all, and remove the oldest of its kind in its folder beyond `most`."""
+    """Write a file, whole or not at all, and remove the oldest of its kind in its folder beyond `most`.
+
+    It begins with a checksum, by which `read_kept` tells a damaged one.
+    """
     file.parent.mkdir(parents=True, exist_ok=True)
     handle, temporary = tempfile.mkstemp(dir=file.parent, suffix=".part")
     with os.fdopen(handle, "wb") as part:
-        part.write(content)
+        part.write(_checksum(file, content) + b"\n" + content)
     os.replace(temporary, file)
     for old in sorted(file.parent.glob(f"*{file.suffix}"), key=lambda path: path.stat().st_mtime)[:-most]:
         old.unlink()
 
 
-def _checksum(file: Path, text: str) -> str:
-    """Return what tells this text from others, and its place from that of another plan."""
-    return hashlib.sha256(f"{file.stem}\n{text}".encode()).hexdigest()
+def _checksum(file: Path, content: bytes) -> bytes:
+    """Return what tells this content from others, and its place from that of another file."""
+    return hashlib.sha256(file.stem.encode() + b"\n" + content).hexdigest().encode()
 
 
 def _folder() -> Path:

@@ -4,23 +4,27 @@ The pythonfmu kind bundles slave, kernels and object code in a Python package; t
 code behind a layer of C, one library for each platform.
 """
 
+import hashlib
 import importlib.resources
+import json
+import os
 import tempfile
+import uuid
 import zipfile
 import zlib
 from collections.abc import Sequence
 from pathlib import Path
-from xml.etree.ElementTree import Element
+from xml.etree.ElementTree import Element, tostring
 
 from pythonfmu.builder import FmuBuilder
 
+import rbfmu_kernels
 from rbfmu import Plan, Scene
 from rbfmu.planning.select import plan
 from rbfmu.scene.scene import of_scene_or_path
-from rbfmu_fmu.archive import guid_of, hash_of, json_bytes, kernel_sources, scene_inside, write_archive, xml_bytes
 from rbfmu_fmu.description import Description, describe
 from rbfmu_fmu.fmi_version import FMI2, UNSET, FmiVersion, version_of
-from rbfmu_fmu.model_description import model_description
+from rbfmu_fmu.model_description import model_description, xml_bytes
 from rbfmu_fmu.native.headers import headers
 from rbfmu_fmu.native.linking import ANY_VERSION, EXPORTS, FLAGS, HEADERS, NoLinkerError, link, source, universal
 from rbfmu_fmu.native.object_code import object_files
@@ -205,3 +209,60 @@ def _write_sources(folder: Path, files: dict[str, bytes], description: Descripti
     script = folder / f"{description.identifier}_{identity[:12]}.py"
     script.write_text(SCRIPT.format(package=package.name, identifier=description.identifier))
     return script
+
+
+# --- what is in an FMU, and its file
+
+
+def kernel_sources() -> dict[str, bytes]:
+    """Return the modules of `rbfmu_kernels` by their path in it, without `__init__.py`: an FMU has another."""
+    folder = Path(rbfmu_kernels.__file__).parent
+    sources = {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*.py")}
+    del sources["__init__.py"]
+    return sources
+
+
+def kernel_hash() -> str:
+    """Return a hash that identifies the kernels that an FMU was made from."""
+    return hash_of(kernel_sources())
+
+
+def scene_inside(scene: Scene, plan: Plan) -> bytes:
+    """Return what `verify` reads in an FMU: resources/scene.json."""
+    return json_bytes({"scene": scene.to_dict(), "plan": plan.to_dict(), "kernels": kernel_hash()})
+
+
+def json_bytes(data: object) -> bytes:
+    """Return JSON, sorted and without what JSON does not know."""
+    return json.dumps(data, indent=1, sort_keys=True, allow_nan=False).encode()
+
+
+def hash_of(files: dict[str, bytes]) -> str:
+    """Return the SHA-256 of names and contents."""
+    digest = hashlib.sha256()
+    for name in sorted(files):
+        digest.update(f"{name}\0{len(files[name])}\0".encode() + files[name])
+    return digest.hexdigest()
+
+
+def guid_of(contents: dict[str, bytes], xml: Element) -> str:
+    """Return a guid made from an FMU's contents and its description, whose own guid must not be set yet."""
+    return f"{{{uuid.UUID(hash_of(contents | {'': tostring(xml)})[:32])}}}"
+
+
+def write_archive(contents: dict[str, bytes], path: Path) -> None:
+    """Write files sorted and without times; a file that stands at `path` is replaced when all is written."""
+    handle, temporary = tempfile.mkstemp(prefix=path.name, suffix=".part", dir=path.parent)
+    try:
+        with os.fdopen(handle, "wb") as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name in sorted(contents, key=lambda n: (n != "modelDescription.xml", n)):
+                entry = zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0))
+                entry.compress_type, entry.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
+                archive.writestr(entry, contents[name], compresslevel=9)
+        os.chmod(temporary, 0o644)
+        os.replace(temporary, path)
+    except BaseException as error:
+        os.unlink(temporary)
+        if isinstance(error, OSError):
+            error.filename = str(path)  # else a full disk names no file
+        raise

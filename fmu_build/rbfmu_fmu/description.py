@@ -9,6 +9,7 @@ import re
 import unicodedata
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from itertools import groupby
 from keyword import iskeyword
 from typing import Any
 
@@ -68,9 +69,6 @@ class Description:
     model: str
     outputs_end: int
     """One past the last of a model's outputs in its buffer."""
-    faults: dict[int, tuple[str, str]]
-    changed: str
-    """What stands for a fault's block where a model does not serve the parameters that were changed."""
     without_effect: dict[str, tuple[str, ...]]
     """By output, inputs that it follows at once in other bodies, but not in this one."""
 
@@ -100,17 +98,14 @@ class Description:
         return all(v.rates for v in self.outputs)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return a dict for JSON."""
-        return asdict(self) | {"last_time": self.last_time}
+        """Return a dict for JSON: this, and what is said of parameters that a model does not serve."""
+        return asdict(self) | {"last_time": self.last_time, "faults": FAULTS, "changed": CHANGED}
 
 
 def blocks(d: Description, *causalities: str) -> dict[str, list[Variable]]:
     """Return the variables of these causalities by block, in their order."""
-    found: dict[str, list[Variable]] = {}
-    for v in d.variables:
-        if v.causality in causalities:
-            found.setdefault(v.block, []).append(v)
-    return found
+    of_these = (v for v in d.variables if v.causality in causalities)
+    return {block: [*members] for block, members in groupby(of_these, lambda v: v.block)}
 
 
 def describe(scene: Scene, plan: Plan) -> Description:
@@ -130,8 +125,6 @@ def describe(scene: Scene, plan: Plan) -> Description:
         accuracy=scene.run.accuracy,
         model=kernels.name,
         outputs_end=max(kernels.BLOCKS[name].stop for name in OUTPUT if name in kernels.BLOCKS),
-        faults=FAULTS,
-        changed=CHANGED,
         without_effect=_without_effect(scene, plan),
     )
 

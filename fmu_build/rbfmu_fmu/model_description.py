@@ -7,7 +7,7 @@ beside the FMU or the system file, not in the FMU, which has it to be taken out.
 
 import re
 from collections.abc import Iterable, Iterator
-from xml.etree.ElementTree import Element, SubElement
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import rbfmu
 from rbfmu_fmu.description import AXES, Description, FmiVariable, Variable, blocks, meaning
@@ -204,6 +204,12 @@ def depends_initially_on(d: Description, output: Variable) -> list[int]:
 def _feedthrough(d: Description, output: Variable) -> set[str]:
     """Return the inputs, by their blocks, that an output follows at once in this body."""
     return {*OUTPUT[output.block].feedthrough}.difference(d.without_effect.get(output.block, ()))
+
+
+def xml_bytes(xml: Element) -> bytes:
+    """Return XML as the bytes of a file."""
+    indent(xml)
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{tostring(xml, "unicode")}\n'.encode()
 
 
 # --- files that group variables which belong and connect together

@@ -19,10 +19,9 @@ from numpy.typing import NDArray
 import rbfmu
 from rbfmu import Plan, Scene
 from rbfmu.viewer.shape import Shape, shape_of
-from rbfmu_fmu.archive import xml_bytes
 from rbfmu_fmu.description import Description, Variable, blocks, scalars
 from rbfmu_fmu.fmi_version import FmiVersion
-from rbfmu_fmu.model_description import STATUS_MEANING, osp_description, osp_place, terminals, unit_of
+from rbfmu_fmu.model_description import STATUS_MEANING, osp_description, osp_place, terminals, unit_of, xml_bytes
 from rbfmu_fmu.native.linking import FMI_HEADERS
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.quantities import BY_NAME

@@ -22,7 +22,7 @@ from rbfmu import Plan, Scene, SceneError, planning
 from rbfmu.runs.motion import largest_error
 from rbfmu.runs.plan import filled_buffer, initialize
 from rbfmu.runs.time_grid import time_grid
-from rbfmu_fmu.archive import kernel_hash
+from rbfmu_fmu.builder import kernel_hash
 from rbfmu_fmu.description import Description, describe, input_sizes
 from rbfmu_fmu.fmi_version import FmiVersion, version_of
 from rbfmu_fmu.python.pythonfmu_traps import CRASHES_IN_PATH

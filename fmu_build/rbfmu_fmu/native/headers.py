@@ -8,7 +8,7 @@ from rbfmu_fmu.description import Description
 from rbfmu_fmu.fmi_version import FmiVersion
 from rbfmu_fmu.python.call_rules import CALLS, LOG_CATEGORIES, PHASES, SET_REFUSAL, SETTABLE
 from rbfmu_fmu.python.slave_access import HELD, TO_VARY
-from rbfmu_kernels.buffer import OK, PAST_STOP, STEP_REJECTED
+from rbfmu_kernels.buffer import CHANGED, FAULTS, OK, PAST_STOP, STEP_REJECTED
 
 MAX_DERIVATIVE_ORDER = 2
 """The highest order of a derivative with respect to time that the C layer's table has room for."""
@@ -64,7 +64,7 @@ def scene_header(d: Description, version: FmiVersion, guid: str) -> str:
         *_references(d, version),
         f"static const double START[SIZE] = {_row(x.hex() for x in d.start_buffer)};",
         *_variables(d),
-        *_refusals(d),
+        *_refusals(),
         "#endif",
     ]
     return "\n".join(lines) + "\n"
@@ -105,14 +105,14 @@ def _variables(d: Description) -> list[str]:
     return [*lines, "};"]
 
 
-def _refusals(d: Description) -> list[str]:
+def _refusals() -> list[str]:
     """Return what is said of parameters that cannot be served."""
-    unknown = max(d.faults) + 1
-    faults = d.faults | {unknown: ("", "initialisation failed")}
+    unknown = max(FAULTS) + 1
+    faults = FAULTS | {unknown: ("", "initialisation failed")}
     return [
         f"#define PINNED {_c(HELD)}",
         f"#define TO_VARY {_c(TO_VARY)}",
-        f"#define CHANGED {_c(d.changed)} /* as a fault's block: all parameters that were changed */",
+        f"#define CHANGED {_c(CHANGED)} /* as a fault's block: all parameters that were changed */",
         f"enum {{ NO_FAULT = 0, UNKNOWN_FAULT = {unknown} }};",
         "typedef struct { const char *block, *expected; } Fault;",
         "static const Fault FAULTS[] = {",

@@ -5,8 +5,8 @@ signature, merged, optimised by LLVM for the plain instruction set of a platform
 Numba hands over is optimised for no processor, so that the bytes do not hang on the machine that compiles.
 
 Object code is kept on disk beside Numba's compiled code: a model is compiled for a platform once. It is known by all
-that it is made with: sources, versions, model, platform. A file begins with the hash of the rest, by which a damaged
-one is found. Where nothing can be written or read, the model is compiled anew.
+that it is made with: sources, versions, model, platform. Where nothing can be written or read, or a file is damaged,
+the model is compiled anew.
 """
 
 import hashlib
@@ -24,7 +24,7 @@ import llvmlite.binding as llvm
 import numba
 from numba import carray, types
 
-from rbfmu.kept_plans import keep_file
+from rbfmu.kept_plans import keep_file, read_kept
 from rbfmu_fmu.native.platforms import BuildError, Platform
 from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.compile.decorator import code_for_callers
@@ -178,14 +178,12 @@ def _check_self_contained(module: Any) -> None:
 
 def kept_or_compiled(what: str, compile_anew: Callable[[], bytes]) -> bytes:
     """Return object code from disk, or compile and keep it; what: the model and the platform."""
-    file = _cache_folder() / f"{_digest(_made_with() + what.encode()).hex()}.o"
-    with suppress(OSError):
-        content = file.read_bytes()
-        if _digest(content[32:]) == content[:32]:
-            return content[32:]
-    code = compile_anew()
-    with suppress(OSError):
-        keep_file(file, _digest(code) + code, MOST)
+    file = _cache_folder() / f"{hashlib.sha256(_made_with() + what.encode()).hexdigest()}.o"
+    code = read_kept(file)
+    if code is None:
+        code = compile_anew()
+        with suppress(OSError):
+            keep_file(file, code, MOST)
     return code
 
 
@@ -197,7 +195,3 @@ def _made_with() -> bytes:
     """Return the sources and versions that object code is made with."""
     versions = [numba.__version__, llvmlite.__version__, sys.version, llvm.get_process_triple()]
     return "\n".join([SOURCES, *versions, COMPILER.read_text(encoding="utf-8")]).encode()
-
-
-def _digest(content: bytes) -> bytes:
-    return hashlib.sha256(content).digest()

@@ -14,7 +14,7 @@ import fmpy
 import pytest
 
 import rbfmu_fmu
-from rbfmu_fmu import VerificationError, archive, builder, verify
+from rbfmu_fmu import VerificationError, builder, verify
 from rbfmu_fmu.fmi_version import FMI2
 from rbfmu_fmu.native import linking, object_code
 from rbfmu_fmu.native.linking import NoLinkerError, universal
@@ -192,7 +192,7 @@ def test_a_killed_build_leaves_the_file_that_was_there(before, tmp_path):
 
 
 def test_a_build_that_fails_leaves_nothing(tmp_path, monkeypatch):
-    monkeypatch.setattr(archive.os, "replace", lambda *paths: (_ for _ in ()).throw(OSError(28, "disk full")))
+    monkeypatch.setattr(builder.os, "replace", lambda *paths: (_ for _ in ()).throw(OSError(28, "disk full")))
     with pytest.raises(OSError, match="disk full"):
         rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", kind="native")
     assert list(tmp_path.iterdir()) == []

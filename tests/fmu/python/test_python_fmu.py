@@ -15,7 +15,7 @@ from fmpy.validation import validate_fmu
 import rbfmu_kernels
 from rbfmu.simulation import simulate
 from rbfmu_fmu import verify
-from rbfmu_fmu.archive import kernel_sources
+from rbfmu_fmu.builder import kernel_sources
 from rbfmu_fmu.demo import ROUND_OFF
 from tests.support.covering import some_of
 from tests.support.fmu.beside_kernels import LOADED, assert_same_before_and_after_a_restore

@@ -9,7 +9,7 @@ from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.scene import Scene
 from rbfmu_fmu.description import describe
 from rbfmu_fmu.python.slave_access import HELD
-from rbfmu_kernels.buffer import CHANGED, OK
+from rbfmu_kernels.buffer import CHANGED, FAULTS, OK
 from tests.support.quadruple import reference
 from tests.support.quadruple.errors import errors
 
@@ -57,7 +57,7 @@ def seen(scene: Scene, plan: Plan, setting: Setting):
         if v.pinned and z[v.offset] != v.start:
             return HELD % (v.name, z[v.offset], v.start, v.block), {}
     if fault := unit.initialize(z):
-        block, expected = description.faults[fault]
+        block, expected = FAULTS[fault]
         changed = [v.block for v in description.variables if v.causality == "parameter" and z[v.offset] != v.start]
         return f"{sorted(set(changed)) if block == CHANGED else block}: {expected}", {}
     lengths, rows_of, stride = course(scene, setting)
