@@ -79,14 +79,10 @@ class Way(NamedTuple):
     torque: Callable[[Array, Array, float], Array] | None
 
 
-def _on_line(start: Array, change: Array, part: float) -> Array:
-    return start + part * change
-
-
 WAYS = {
     "one step late": Way("one step late (Jacobi)", lambda before, now, part: before),
     "held": Way("held (zero order)", lambda before, now, part: now),
-    "extrapolated": Way("extrapolated", lambda before, now, part: _on_line(now, now - before, part)),
+    "extrapolated": Way("extrapolated", lambda before, now, part: now + part * (now - before)),
     "rolled back": Way("rolled back, iterated", None),
 }
 
@@ -111,11 +107,14 @@ def run_loop(loop: Loop, way: str, steps: int, n: int) -> Array:
 def _iterate(loop: Loop, t: float, H: float, n: int, now: Array) -> Array:
     """Repeat the step until its torque, linear between both ends', agrees with the state it leads to."""
     saved, after, change = loop.unit.fmu.getFMUState(), now, np.inf
+
+    def line(part: float) -> Array:
+        return now + part * (after - now)
+
     for _ in range(MAX_ROUNDS):
         loop.unit.fmu.setFMUState(saved)
-        guess = after
-        loop.step(t, H, n, partial(_on_line, now, guess - now))
-        after = controller(loop.state())
+        loop.step(t, H, n, line)
+        guess, after = after, controller(loop.state())
         change = float(np.max(np.abs(after - guess)))
         if change <= SETTLED or not change < LARGEST_CHANGE:
             break
@@ -189,11 +188,8 @@ def run_cosimulation_chart(folder: Path, quick: bool, progress: Progress) -> lis
     counts = (8, 16, 32) if quick else (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 256, 512, 1024)
     points = collect(counts, progress)
     folder.mkdir(parents=True, exist_ok=True)
-    head = [
-        *machine(),
-        f"torque = -{STIFFNESS:g} * 2 eps sign(eta) - {DAMPING:g} omega, inertia 1, 2, 3, t = {FINAL_TIME:g} s",
-    ]
-    figures = write_rows(folder / "cosimulation.csv", map(asdict, points), head)
+    loop = f"torque = -{STIFFNESS:g} * 2 eps sign(eta) - {DAMPING:g} omega, inertia 1, 2, 3, t = {FINAL_TIME:g} s"
+    figures = write_rows(folder / "cosimulation.csv", map(asdict, points), [*machine(), loop])
     return [figures, draw(points, folder / "cosimulation.png")]
 
 
@@ -211,10 +207,11 @@ def draw(points: Sequence[Point], path: Path) -> Path:
             by_step.loglog(steps, errors, "-" if once else "x", color=color, linewidth=1.8, markersize=6)
             by_work.loglog(work, errors, "-" if once else ":", color=color, linewidth=1.8 if once else 1.2)
             if once:
-                _label(by_step, WAYS[way].label, steps[-1], errors[-1], color)
+                white = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
+                by_step.annotate(WAYS[way].label, (steps[-1], errors[-1]), (6, 0), color=color, fontsize=10, bbox=white,
+                                 textcoords="offset points", va="center")  # fmt: skip
     by_step.invert_xaxis()
-    by_step.set_xlabel("communication step (s), finer to the right")
-    by_step.set_ylabel(f"attitude error at {FINAL_TIME:g} s (rad)")
+    by_step.set(xlabel="communication step (s), finer to the right", ylabel=f"attitude error at {FINAL_TIME:g} s (rad)")
     by_step.set_title("Lines: one step of the FMU per communication step; crosses: eight", fontsize=10)
     by_work.set_xlabel("steps of the FMU per simulated second")
     by_work.set_title("The same lines and colours by work; dotted: eight steps", fontsize=10)
@@ -229,9 +226,3 @@ def draw(points: Sequence[Point], path: Path) -> Path:
     )
     figure.savefig(path, dpi=130)
     return path
-
-
-def _label(axes: Any, text: str, x: float, y: float, color: str) -> None:
-    white = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
-    place = {"textcoords": "offset points", "va": "center"}
-    axes.annotate(text, (x, y), (6, 0), color=color, fontsize=10, bbox=white, **place)
