@@ -31,8 +31,9 @@ class Program(NamedTuple):
 
     constants: those that stay as they are over a series, in order; levels: the others, so that each level needs sums
     that the level before has completed; slots: the sums of an operation, by its place; sides: of what changes, on which
-    side of zero it is, which stays over a series, that ends where it changes; wanted: what is asked for, by name;
-    rates: the derivatives of the states, by name.
+    side of zero it is, which stays over a series, that ends where it changes; touching: what a root is of, or an
+    angle's x^2 + y^2: where it comes down to zero, the series would go on with the wrong sign, and ends; wanted: what
+    is asked for, by name; rates: the derivatives of the states, by name.
     """
 
     graph: Graph
@@ -40,6 +41,7 @@ class Program(NamedTuple):
     levels: tuple[tuple[int, ...], ...]
     slots: Mapping[int, tuple[Slot, ...]]
     sides: tuple[int, ...]
+    touching: tuple[int, ...]
     rates: Mapping[str, Number]
     wanted: Mapping[str, Number]
 
@@ -74,8 +76,11 @@ def program(graph: Graph, rates: Mapping[str, Number], wanted: Mapping[str, Numb
             level[i] = before + (2 if kind == "atan2" else 1 if slots[i] else 0)
     levels = [tuple(i for i in reached if level.get(i) == n) for n in range(max(level.values(), default=0) + 1)]
     sides = tuple(i for i in reached if graph.operations[i].kind == "side" and graph.operations[i].of[0] in changing)
+    roots = [i for i in reached if i in changing and graph.operations[i].kind in ("sqrt", "atan2")]
+    touching = dict.fromkeys(graph.operations[i].of[-1] for i in roots if graph.operations[i].of[-1] in changing)
     constants = (i for i in reached if i not in {*changing, *sides} and graph.operations[i].kind != "number")
-    return Program(graph, tuple(constants), tuple(levels), {i: s for i, s in slots.items() if s}, sides, rates, wanted)
+    used = {i: s for i, s in slots.items() if s}
+    return Program(graph, tuple(constants), tuple(levels), used, sides, tuple(touching), rates, wanted)
 
 
 def _changing(graph: Graph, reached: Sequence[int]) -> set[int]:

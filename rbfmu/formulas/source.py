@@ -59,7 +59,7 @@ def layout_of(program: Program) -> Layout:
         here = [(i, s) for i, slots in program.slots.items() for s in range(len(slots)) if _level(program, i, s) == n]
         groups += [tuple(here[j : j + WIDTH]) for j in range(0, len(here), WIDTH)]
     states = {name: i for i, name in enumerate(program.states)}
-    head = -(-(len(states) + len(program.sides)) // WIDTH) * WIDTH
+    head = -(-(len(states) + len(program.sides) + len(program.touching)) // WIDTH) * WIDTH
     constants = {i: n for n, i in enumerate(program.constants)}
     return Layout({}, {}, {}, states, constants, tuple(groups), head + 2 * WIDTH * len(groups))
 
@@ -161,9 +161,9 @@ class _Writer:
         yield from (f"z[r + {at}] = {self._name(i)}" for at, i in self._watched())
 
     def _watched(self) -> Iterator[tuple[int, int]]:
-        """Yield what has sides, and its column in a row."""
-        for n, i in enumerate(self._program.sides):
-            yield len(self._layout.states) + n, self._graph.operations[i].of[0]
+        """Yield the columns in a row of what has sides, and of what may touch zero, and these."""
+        watched = [self._graph.operations[i].of[0] for i in self._program.sides]
+        yield from enumerate((*watched, *self._program.touching), len(self._layout.states))
 
     def _level_of_group(self, group: tuple[tuple[int, int], ...]) -> int:
         return _level(self._program, *group[0])
@@ -239,7 +239,7 @@ class _Writer:
             case "divide":
                 return f"({a} - {p}) / {x}"
             case "sqrt":
-                return f"0.5 * ({a} - {p}) / {self._first(i)}"
+                return f"0.5 * ({a} - {p}) / {self._first(i)} if {self._first(i)} != 0.0 else 0.0"
             case "exp" | "sin":
                 return f"{p} * inverse"
             case "cos":

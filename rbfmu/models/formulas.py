@@ -146,6 +146,7 @@ class FormulaModel:
             "HELD": where["held_inputs"],
             "STANDS": where["stands"], "REACH": where["reach"], "SINCE": where["since"], "BEGUN": where["begun"],
             "NUMBER_OF_SIDES": len(self.program.sides), "WATCHED": work + layout.start + len(self.rates),
+            "NUMBER_TOUCHING": len(self.program.touching),
             "SIDES": where["sides"], "ON": where["on"], "NEXT": where["next_on"], "FLIPS": where["flips"],
             "KEPT": where["kept"], "MEMORY": memory.STATE_START, "MEMORY_SIZE": _size(blocks["kept"]),
             "LAST": where["last"], "WORK": work, "ROWS": work + layout.start, "ROW": layout.row,

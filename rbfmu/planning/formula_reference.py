@@ -70,6 +70,12 @@ class Listed:
         return [n for n, i in enumerate(self.found) if self.graph.operations[i].kind == "side"]
 
     @property
+    def touching(self) -> Integers:
+        """Return the operations that roots and angles of points may find at zero."""
+        operations = (self.graph.operations[i] for i in self.found)
+        return np.array([*{self._place[o.of[-1]] for o in operations if o.kind in ("sqrt", "atan2")}], np.int64)
+
+    @property
     def places_of_wanted(self) -> Integers:
         """Return the operations that are asked for."""
         return np.array([self._place[i] for i in self.wanted], np.int64)
@@ -102,7 +108,18 @@ def formula_motion(
     for first in range(0, times.shape[1], CHUNK):
         chunk = slice(max(first - 1, 0), first + CHUNK)
         taken = kernels.formula_motion(
-            listed.operations, states, least, sides, wanted, times[:, chunk], rows[chunk], most, work, here, sizes
+            listed.operations,
+            states,
+            least,
+            sides,
+            listed.touching,
+            wanted,
+            times[:, chunk],
+            rows[chunk],
+            most,
+            work,
+            here,
+            sizes,
         )
         if taken == kernels.NOWHERE:
             raise _leads_nowhere(scene, steps, rows)

@@ -13,9 +13,9 @@ from ..numerics import double_double as dd
 from ..numerics.double_double import DoubleDouble
 from ..numerics.double_double_functions import angle_of, exponential, natural_logarithm, sine_and_cosine
 from ..types import Buffer
-from .polynomials import first_root
+from .polynomials import bound_of, first_root, first_touch, polynomial
 
-ORDER, TOLERANCE, AT_CORNER = 26, 1e-22, 1e-13
+ORDER, TOLERANCE, AT_CORNER, BEYOND, AT_REST = 26, 1e-22, 1e-13, 1e-9, 1e-10
 LENGTH = ORDER + 1
 NOWHERE = -2
 KINDS = (
@@ -93,7 +93,7 @@ def _coefficient(kind: int, i: int, a: int, b: int, c: int, s: Any, k: int) -> D
         return dd.divide(dd.subtract(dd.at(s, a + k), _sum(s, b, i, k, 1, k)), dd.at(s, b))
     if kind == _SQRT:
         rest = dd.subtract(dd.at(s, a + k), _sum(s, i, i, k, 1, k - 1))
-        return dd.divide(rest, dd.scale(2.0, dd.at(s, i)))
+        return dd.divide(rest, dd.scale(2.0, dd.at(s, i))) if s[0, i] != 0.0 else (0.0, 0.0)
     if kind == _EXP:
         return dd.divide(_sum_of_slopes(s, a, i, k, 1, k), (n, 0.0))
     if kind == _LOG:
@@ -198,19 +198,24 @@ def _settled(operations: Any, states: Any, sides: Any, s: Any) -> bool:
 
 
 @kernel(inline=False)
-def _to_corner(operations: Any, sides: Any, s: Any, longest: float) -> float:
+def _to_corner(operations: Any, sides: Any, touching: Any, s: Any, longest: float) -> float:
     """Return how far the series reach, at most `longest`, and note at whose corner they end."""
     reach = longest
     for i in range(sides.shape[0]):
         at, skipped = operations[int(sides[i, 0]), 1] * LENGTH, 1 if sides[i, 1] != 0.0 else 0
         reach = min(reach, first_root(s[0], at + skipped, 1, ORDER - skipped, longest))
+    for m in range(touching.shape[0]):
+        at = touching[m] * LENGTH
+        if s[0, at] == 0.0:
+            reach = min(reach, AT_REST * longest)
+        else:
+            touch = first_touch(s[0], at, 1, ORDER, longest)
+            reach = min(reach, touch + BEYOND * longest) if touch < longest else reach
     for i in range(sides.shape[0]):
-        at, size, power, total = operations[int(sides[i, 0]), 1] * LENGTH, 0.0, 1.0, 0.0
-        for k in range(LENGTH):
-            total += s[0, at + k] * power
-            size += abs(s[0, at + k]) * power
-            power *= reach
-        sides[i, 2] = 1.0 if reach < longest and abs(total) <= AT_CORNER * size else 0.0
+        at = operations[int(sides[i, 0]), 1] * LENGTH
+        size, _ = bound_of(s[0], at, 1, ORDER, reach)
+        off = abs(polynomial(s[0], at, 1, ORDER, reach))
+        sides[i, 2] = 1.0 if reach < longest and off <= AT_CORNER * size else 0.0
     return reach
 
 
@@ -227,16 +232,16 @@ def _put_states(states: Any, s: Any, at: DoubleDouble, found: Any, stride: int) 
 
 @kernel(inline=False)
 def formula_motion(
-    operations: Any, states: Any, least: Any, sides: Any, wanted: Any, times: Any, rows: Any, most: int, s: Any,
-    here: Any, sizes: Buffer,
+    operations: Any, states: Any, least: Any, sides: Any, touching: Any, wanted: Any, times: Any, rows: Any, most: int,
+    s: Any, here: Any, sizes: Buffer,
 ) -> int:  # fmt: skip
     """Set rows of what is wanted at increasing times (s, pairs) after the start; return the steps.
 
     It is -1 beyond `most`, and NOWHERE where numbers are not finite or slide along a corner.
 
     operations: (n, 4), kind and what it is of; states: (m, 3), which operation it is and that of its rate, and its
-    group; least: see `_longest`; sides: (n, 3), operation, whether a series began and ends at its corner; wanted:
-    operations. here: (2, n) values at the start, of numbers and leaves; s: room
+    group; least: see `_longest`; sides: (n, 3), operation, whether a series began and ends at its corner; touching,
+    wanted: operations. here: (2, n) values at the start, of numbers and leaves; s: room
     for their series, (2, n LENGTH); sizes: one for each group.
     """
     now, steps, k, end = (times[0, 0], times[1, 0]), 0, 0, times.shape[1]
@@ -247,7 +252,7 @@ def formula_motion(
         if not _settled(operations, states, sides, s):
             return NOWHERE
         longest = min(_longest(states, least, sizes, s), 2.0 * (times[0, end - 1] - times[0, 0]))
-        longest = _to_corner(operations, sides, s, longest)
+        longest = _to_corner(operations, sides, touching, s, longest)
         steps += 1
         if not longest > 0.0:
             return NOWHERE

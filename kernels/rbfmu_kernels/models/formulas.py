@@ -18,7 +18,7 @@ from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED, Layout
 from ..buffer_access import copy_numbers, pair_at, put_pair_at, put_quaternion_at, quaternion_at
 from ..compile.decorator import kernel
 from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, put_lanes
-from ..integrators.polynomials import first_root, polynomial
+from ..integrators.polynomials import bound_of, first_root, first_touch, polynomial
 from ..integrators.substeps import count_substep, power_of, tolerance_of_substep
 from ..numerics import double_double as dd
 from ..numerics.elementary import exponential, logarithm
@@ -34,6 +34,13 @@ CORNERS = ("sides", "on", "next_on", "flips")
 A series ends where a number comes to zero whose side its coefficients rest on (abs, min, max, where, a table's rows).
 The side after a corner is that to which the first derivative that is not zero leads. Where either side leads back to
 the corner, what slides along it is refused.
+"""
+BEYOND, AT_REST = 1e-7, 1e-8
+"""How far beyond a touch a series goes on, and how far one goes that begins at it, as parts of its reach.
+
+The root of what touches zero is smooth there but for its sign: the series has it negative beyond, and the next one,
+which begins beyond, positive. A root that begins at zero counts as zero for the first of its series. What either
+misses is the square of these parts.
 """
 ROUND_OFF = 1e-13
 """The size, relative to its terms, below which a number at a series' end is at its corner."""
@@ -52,7 +59,7 @@ ENDS: tuple[int, ...] = ()
 LEASTS: tuple[float, ...] = ()
 RELATIVE: tuple[bool, ...] = ()
 ORDER = TOLERANCE = SPAN = TIME = STARTS = LONGEST = SIZES = HELD = STANDS = REACH = SINCE = BEGUN = 0
-NUMBER_OF_SIDES = WATCHED = SIDES = ON = NEXT = FLIPS = 0
+NUMBER_TOUCHING = NUMBER_OF_SIDES = WATCHED = SIDES = ON = NEXT = FLIPS = 0
 KEPT = MEMORY = MEMORY_SIZE = LAST = LAST_SIZE = WORK = ROWS = ROW = OWN = OWN_STARTS = OWN_SIZE = ATTITUDE = 0
 
 
@@ -116,11 +123,14 @@ def reach_to_corner(z: Buffer, h: float) -> float:
             reach = min(reach, first_root(z, at + ROW, ROW, n - 1, h))
         else:
             reach = min(reach, first_root(z, at, ROW, n, h))
+    for i in range(WATCHED + NUMBER_OF_SIDES, WATCHED + NUMBER_OF_SIDES + NUMBER_TOUCHING):
+        if z[i] == 0.0:
+            reach = min(reach, AT_REST * h)
+        else:
+            touch = first_touch(z, i, ROW, n, h)
+            reach = min(reach, touch + BEYOND * h) if touch < h else reach
     for i in range(NUMBER_OF_SIDES):
-        size, power = 0.0, 1.0
-        for k in range(n + 1):
-            size += abs(z[WATCHED + k * ROW + i]) * power
-            power *= reach
+        size, _ = bound_of(z, WATCHED + i, ROW, n, reach)
         off = abs(polynomial(z, WATCHED + i, ROW, n, reach))
         z[NEXT + i] = 1.0 if reach < h and off <= ROUND_OFF * size else 0.0
     return reach

@@ -109,8 +109,11 @@ def matrix(q):
                      [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])  # fmt: skip
 
 
-def by_scipy(tables, loads, times, own_rates=None, own=(), ports=lambda t: {}):
-    """Quaternion, omega_b, position and own states at times: nothing of this package."""
+def by_scipy(tables, loads, times, own_rates=None, own=(), ports=lambda t: {}, whole=False):
+    """Quaternion, omega_b, position and own states at times: nothing of this package.
+
+    whole: whether right-hand sides take all, with the quaternion after the own states.
+    """
     body, initial, pivot = tables["body"], tables["initial"], tables["body"].get("pivot", False)
     m, rc, g = body["mass"], np.array(body["r_oc_b"]), np.array(tables["loads"]["gravity_a"])
     M = np.array(body["inertia"]) + (m * (rc @ rc * np.eye(3) - np.outer(rc, rc)) if pivot else 0.0)
@@ -123,13 +126,13 @@ def by_scipy(tables, loads, times, own_rates=None, own=(), ports=lambda t: {}):
         R = matrix(q)
         p, v = (o, np.zeros(3)) if pivot else (r_c - R @ rc, v_c - R @ np.cross(w, rc))
         acting = {"force_a": np.zeros(3), "force_b": np.zeros(3), "torque_a": np.zeros(3), "torque_b": np.zeros(3)}
-        acting |= loads(t, R, w, p, v, own)
+        acting |= loads(t, R, w, p, v, [*own, *q] if whole else own)
         torque = acting["torque_b"] + R.T @ acting["torque_a"] - damping * w + ports(t).get("torque_b", 0.0)
         force = acting["force_b"] + R.T @ acting["force_a"]
         torque = torque + (np.cross(rc, R.T @ (m * g)) if pivot else np.cross(-rc, force))
         path = [np.zeros(3), np.zeros(3)] if pivot else [v_c, g + R @ force / m]
         turn = 0.5 * np.array([-q[1:] @ w, *(q[0] * w + np.cross(q[1:], w))])
-        more = own_rates(t, own) if own_rates else []
+        more = [] if not own_rates else own_rates(t, R, w, p, v, [*own, *q]) if whole else own_rates(t, own)
         return np.concatenate([turn, inverse @ (torque - np.cross(w, M @ w)), *path, more])
 
     start = [q0, w0, o + R0 @ rc, np.array(initial.get("velocity", [0.0] * 3)) + R0 @ np.cross(w0, rc), own]
@@ -290,8 +293,20 @@ def test_what_leads_nowhere_is_refused():
     with pytest.raises(rbfmu.SceneError, match=r"run\.stop = 5\.0: expected one before t = .*slides along a corner"):
         rbfmu.plan(rbfmu.Scene.from_dict(relay))
     singular = scene(loads={"force_a": "-position/norm(position)**3"}, initial=A, quantities=("position",))
+    singular["body"] = B | {"r_oc_b": [0.0, 0.0, 0.0]}
     with pytest.raises(rbfmu.SceneError, match="finite"):
         rbfmu.plan(rbfmu.Scene.from_dict(singular))
+
+
+def test_a_body_that_starts_at_rest_and_one_that_turns_back_have_drag():
+    """Where norm(v) is zero its root has no series: it begins there, or touches zero as the body turns back."""
+    drag = lambda t, R, w, p, v, own: {"force_a": -0.5 * np.linalg.norm(v) * v}  # noqa: E731
+    for velocity in ([0.0, 0.0, 0.0], [0.0, 0.0, 9.0]):
+        initial = MOVING | {"velocity": velocity, "omega_b": [0.0, 0.0, 0.0]}
+        tables = scene(initial=initial, gravity=(0.0, 0.0, -9.81), loads={"force_a": "-0.5*norm(velocity)*velocity"},
+                       quantities=("position",), accuracy=1e-10)  # fmt: skip
+        result = rbfmu.simulate(rbfmu.Scene.from_dict(tables))
+        assert worst(result, by_scipy(tables, drag, result.time), ("position",)) <= 1e-10
 
 
 @pytest.mark.parametrize("what", [rbfmu.linearize, rbfmu.chart, rbfmu.run_ensemble])
