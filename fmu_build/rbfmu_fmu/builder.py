@@ -5,7 +5,6 @@ code behind a layer of C, one library for each platform.
 """
 
 import hashlib
-import importlib.resources
 import json
 import os
 import tempfile
@@ -33,25 +32,9 @@ from rbfmu_fmu.presentation import presentation_files
 from rbfmu_fmu.python.pythonfmu_traps import LEFT_OUT, builder_imports_undone
 from rbfmu_fmu.python.slave_access import CODE, LIBRARY, OBJECT
 
-SCRIPT = '''"""Entry of the FMU: pythonfmu instantiates the class below."""
-from {package}.pythonfmu_traps import keep_script
-
-keep_script(globals())
-from {package} import ACCESS
-from {package}.slave import Slave as Fmi2Slave
-
-
-class {identifier}(Fmi2Slave):
-    access = ACCESS
-'''
-
-PACKAGE = '''"""A rigid body's model. The package's name holds a hash of everything in it, so that FMUs do not mix."""
-import os
-
-from .slave_access import Access
-
-ACCESS = Access(os.path.dirname(__file__), "{identity}")
-'''
+PYTHON = Path(__file__).parent / "python"
+SCRIPT, PACKAGE = ((PYTHON / name).read_text(encoding="utf-8") for name in ("entry.txt", "package.txt"))
+"""The FMU's entry, which pythonfmu loads, and the beginning of the package that has all else."""
 
 SHIPPED = ("slave.py", "slave_access.py", "call_rules.py", "pythonfmu_traps.py")
 """The modules of a pythonfmu FMU beside the kernels."""
@@ -178,8 +161,7 @@ def build_python_fmu(scene: Scene, plan: Plan, path: Path, terminals: bool = Fal
 
 
 def _package_files(plan: Plan, description: Description) -> dict[str, bytes]:
-    folder = importlib.resources.files("rbfmu_fmu.python")
-    files = {name: folder.joinpath(name).read_bytes() for name in SHIPPED}
+    files = {name: (PYTHON / name).read_bytes() for name in SHIPPED}
     name, code = _shipped_code(plan)
     known = description.to_dict() | {"shipped_code": {name: zlib.crc32(code)}}
     return kernel_sources() | files | {name: code, "description.json": json_bytes(known)}

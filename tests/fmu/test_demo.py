@@ -10,7 +10,7 @@ from matplotlib.image import imread
 from rich.console import Console
 
 import rbfmu
-from rbfmu_fmu import demo, nasa_brick
+from rbfmu_fmu import demo
 from tests.support.paths import SHARED
 
 
@@ -27,8 +27,8 @@ def test_demo_passes_and_leaves_a_picture(tmp_path: Path) -> None:
 
 @pytest.mark.thorough
 def test_demo_fails_where_nasa_disagrees(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    wrong = {s: tuple((t, p + 2e-9, *rest) for t, p, *rest in rows) for s, rows in nasa_brick.NASA.items()}
-    monkeypatch.setattr(nasa_brick, "NASA", wrong)
+    wrong = {s: tuple((t, p + 2e-9, *rest) for t, p, *rest in rows) for s, rows in demo.NASA.items()}
+    monkeypatch.setattr(demo, "NASA", wrong)
     assert not demo.run_demo(tmp_path, Console(file=io.StringIO()))
 
 
@@ -45,7 +45,7 @@ def test_the_kernels_time_says_whether_it_is_that_of_compiled_code(
 @pytest.mark.parametrize("simulation", ["01", "04"])
 def test_brick_is_where_nasa_has_it(simulation: str) -> None:
     result = rbfmu.simulate(rbfmu.load_scene(demo.scene_file("tumbling_brick.toml")))
-    found = nasa_brick.errors(simulation, result.time, result.quaternion, result.omega_b)
+    found = demo.errors_against_nasa(simulation, result.time, result.quaternion, result.omega_b)
     assert len(found) == 7
     assert max(rate for _, rate, _ in found) < 4e-10  # deg/s: NASA's printed digits
     assert max(attitude for _, _, attitude in found) < 6e-5  # deg: the drift in longitude of NASA's brick
@@ -56,7 +56,7 @@ def test_quoted_figures_are_those_of_the_data() -> None:
     if not data.exists():
         pytest.skip("NASA's data are not here")
     table = np.genfromtxt(data, delimiter=",", names=True)
-    for simulation, rows in nasa_brick.NASA.items():
+    for simulation, rows in demo.NASA.items():
         columns = [table[f"sim{simulation}_{c}"] for c in ("p", "q", "r", "yaw", "pitch", "roll")]
         for row in rows:
             k = int(np.argmin(np.abs(table["time_s"] - row[0])))
