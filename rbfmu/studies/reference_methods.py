@@ -8,7 +8,7 @@ back, with a unit quaternion.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from numba import njit
@@ -46,65 +46,21 @@ from rbfmu_kernels.rotations.vec3 import add, add_scaled, cross, scale, subtract
 from rbfmu_kernels.types import Matrix, Quaternion, Vec3
 
 
-class MatrixState(NamedTuple):
-    """A state whose attitude is R_ab, or its time derivative."""
+class OtherState(NamedTuple):
+    """A state whose attitude is R_ab, three Euler angles or a rotation vector; or its time derivative."""
 
     r_c: Vec3
     v_c: Vec3
-    R_ab: Matrix
+    attitude: Any
     omega_b: Vec3
 
 
-class VectorState(NamedTuple):
-    """A state whose attitude is three Euler angles or a rotation vector, or its time derivative."""
-
-    r_c: Vec3
-    v_c: Vec3
-    attitude: Vec3
-    omega_b: Vec3
+def convert(kind: Any, attitude: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Return a function that makes a state of another kind, whose attitude is a function of the state's."""
+    return lambda state: kind(state[0], state[1], attitude(state[2]), state[3])
 
 
-@kernel
-def as_it_is(state: State) -> State:
-    """Return the state itself."""
-    return state
-
-
-@kernel(inline=False)
-def with_unit_quaternion(state: State) -> State:
-    """Return the state, its quaternion scaled to length 1."""
-    r, v, q, omega = state
-    return State(r, v, normalize(q), omega)
-
-
-@kernel(inline=False)
-def with_matrix(state: State) -> MatrixState:
-    """Return the state with R_ab for q_ab."""
-    r, v, q, omega = state
-    return MatrixState(r, v, matrix_from_quaternion(q), omega)
-
-
-@kernel(inline=False)
-def from_matrix(state: MatrixState) -> State:
-    """Return the state with the unit quaternion nearest to R_ab."""
-    r, v, R_ab, omega = state
-    return State(r, v, quaternion_from_matrix(R_ab), omega)
-
-
-@kernel(inline=False)
-def with_angles(state: State) -> VectorState:
-    """Return the state with (yaw, pitch, roll) for q_ab."""
-    r, v, q, omega = state
-    return VectorState(r, v, euler_from_quaternion(ZYX, q), omega)
-
-
-@kernel(inline=False)
-def from_angles(state: VectorState) -> State:
-    """Return the state with q_ab for (yaw, pitch, roll)."""
-    r, v, angles, omega = state
-    return State(r, v, quaternion_from_euler(ZYX, angles), omega)
-
-
+_with_unit_quaternion = convert(State, normalize)
 NONE: Vec3 = (0.0, 0.0, 0.0)
 NO_TURN: Quaternion = (1.0, 0.0, 0.0, 0.0)
 MAX_ROUNDS = 100
@@ -216,113 +172,109 @@ def _accelerations(R_ab: Matrix, omega_b: Vec3, body: Body, loads: Loads) -> tup
 
 
 @kernel(inline=False)
-def _matrix_rates(state: MatrixState, body: Body, loads: Loads) -> MatrixState:
+def _matrix_rates(state: OtherState, body: Body, loads: Loads) -> OtherState:
     _, v, R_ab, omega = state
     a_c, alpha = _accelerations(R_ab, omega, body, loads)
-    return MatrixState(v, a_c, matrix_rate_b(R_ab, omega), alpha)
-
-
-@kernel
-def _advance_matrix(state: MatrixState, s: float, k: MatrixState) -> MatrixState:
-    return MatrixState(
-        add_scaled(state.r_c, s, k.r_c),
-        add_scaled(state.v_c, s, k.v_c),
-        add_scaled_matrix(state.R_ab, s, k.R_ab),
-        add_scaled(state.omega_b, s, k.omega_b),
-    )
+    return OtherState(v, a_c, matrix_rate_b(R_ab, omega), alpha)
 
 
 @kernel(inline=False)
-def rk4_matrix_step(state: MatrixState, h: float, body: Body, loads: Loads) -> MatrixState:
-    """Take a step of classical Runge-Kutta on the nine numbers of R: |R^T R - I| = n (h omega)^6 / 72 after n steps."""
-    k1 = _matrix_rates(state, body, loads)
-    k2 = _matrix_rates(_advance_matrix(state, 0.5 * h, k1), body, loads)
-    k3 = _matrix_rates(_advance_matrix(state, 0.5 * h, k2), body, loads)
-    k4 = _matrix_rates(_advance_matrix(state, h, k3), body, loads)
-    after = _advance_matrix(_advance_matrix(state, h / 6.0, k1), h / 3.0, k2)
-    return _advance_matrix(_advance_matrix(after, h / 3.0, k3), h / 6.0, k4)
-
-
-@kernel(inline=False)
-def _angle_rates(state: VectorState, body: Body, loads: Loads) -> VectorState:
+def _angle_rates(state: OtherState, body: Body, loads: Loads) -> OtherState:
     _, v, angles, omega = state
     a_c, alpha = _accelerations(matrix_from_euler(ZYX, angles), omega, body, loads)
-    return VectorState(v, a_c, euler_rate_b(ZYX, angles, omega), alpha)
+    return OtherState(v, a_c, euler_rate_b(ZYX, angles, omega), alpha)
 
 
-@kernel
-def _advance_vector(state: VectorState, s: float, k: VectorState) -> VectorState:
-    return VectorState(
-        add_scaled(state.r_c, s, k.r_c),
-        add_scaled(state.v_c, s, k.v_c),
-        add_scaled(state.attitude, s, k.attitude),
-        add_scaled(state.omega_b, s, k.omega_b),
-    )
+def _advance_by(add: Callable[[Any, float, Any], Any]) -> Any:
+    """Return a function that gives state + s k, where `add` does so for attitudes."""
+
+    @njit(error_model="numpy", forceinline=True)  # type: ignore[untyped-decorator]
+    def advance(state: OtherState, s: float, k: OtherState) -> OtherState:
+        r, v, omega = (
+            add_scaled(state.r_c, s, k.r_c),
+            add_scaled(state.v_c, s, k.v_c),
+            add_scaled(state.omega_b, s, k.omega_b),
+        )
+        return OtherState(r, v, add(state.attitude, s, k.attitude), omega)
+
+    return advance
 
 
-@kernel
-def _rk4_sum(
-    state: VectorState, h: float, k1: VectorState, k2: VectorState, k3: VectorState, k4: VectorState
-) -> VectorState:
-    after = _advance_vector(_advance_vector(state, h / 6.0, k1), h / 3.0, k2)
-    return _advance_vector(_advance_vector(after, h / 3.0, k3), h / 6.0, k4)
+_advance_vector, _advance_matrix = _advance_by(add_scaled), _advance_by(add_scaled_matrix)
 
 
-@kernel(inline=False)
-def rk4_angles_step(state: VectorState, h: float, body: Body, loads: Loads) -> VectorState:
-    """Take a step of classical Runge-Kutta on yaw, pitch, roll (ZYX): singular where cos(pitch) = 0."""
-    k1 = _angle_rates(state, body, loads)
-    k2 = _angle_rates(_advance_vector(state, 0.5 * h, k1), body, loads)
-    k3 = _angle_rates(_advance_vector(state, 0.5 * h, k2), body, loads)
-    k4 = _angle_rates(_advance_vector(state, h, k3), body, loads)
-    return _rk4_sum(state, h, k1, k2, k3, k4)
+def _weighted_sum(advance: Any) -> Any:
+    """Return a function that advances a state by four rates with the weights 1/6, 1/3, 1/3, 1/6."""
+
+    @njit(error_model="numpy", forceinline=True)  # type: ignore[untyped-decorator]
+    def weighted_sum(y: Any, h: float, k1: Any, k2: Any, k3: Any, k4: Any) -> Any:
+        after = advance(advance(y, h / 6.0, k1), h / 3.0, k2)
+        return advance(advance(after, h / 3.0, k3), h / 6.0, k4)
+
+    return weighted_sum
+
+
+def rk4(rates: Any, advance: Any) -> Any:
+    """Return a step of the classical method of Runge and Kutta; `more` is passed to the rates.
+
+    On the nine numbers of R, |R^T R - I| = n (h omega)^6 / 72 after n steps; on yaw, pitch and roll (ZYX) it is
+    singular where cos(pitch) = 0.
+    """
+    weighted_sum = _weighted_sum(advance)
+
+    @njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+    def step(y: Any, h: float, *more: Any) -> Any:
+        k1 = rates(y, *more)
+        k2 = rates(advance(y, 0.5 * h, k1), *more)
+        k3 = rates(advance(y, 0.5 * h, k2), *more)
+        return weighted_sum(y, h, k1, k2, k3, rates(advance(y, h, k3), *more))
+
+    return step
 
 
 # Lie group methods: within a step, the attitude is q exp(u)
 
 
 @kernel
-def _local_state(local: VectorState, q: Quaternion) -> State:
+def _local_state(local: OtherState, q: Quaternion) -> State:
     r, v, u, omega = local
     return State(r, v, compose_quaternions(q, quaternion_from_rotvec(u)), omega)
 
 
 @kernel(inline=False)
-def _local_rates(local: VectorState, q: Quaternion, correction: float, body: Body, loads: Loads) -> VectorState:
+def _local_rates(local: OtherState, q: Quaternion, correction: float, body: Body, loads: Loads) -> OtherState:
     """Return rates with du/dt = omega + u x omega / 2 + u x (u x omega) / 12 (order 4); omega if correction = 0."""
     v, a_c, _, alpha = state_rates(_local_state(local, q), body, loads)
     u, omega = local.attitude, local.omega_b
     turned = cross(u, omega)
     du = add_scaled(add_scaled(omega, 0.5 * correction, turned), correction / 12.0, cross(u, turned))
-    return VectorState(v, a_c, du, alpha)
+    return OtherState(v, a_c, du, alpha)
 
 
-@kernel(inline=False)
+_local_rk4, _add_rates = rk4(_local_rates, _advance_vector), _weighted_sum(_advance_vector)
+
+
+@njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
 def rkmk4_step(state: State, h: float, body: Body, loads: Loads) -> State:
     """Take a step of classical Runge-Kutta on the rotation vector of the step (Munthe-Kaas 1998)."""
     r, v, q, omega = state
-    local = VectorState(r, v, NONE, omega)
-    k1 = _local_rates(local, q, 1.0, body, loads)
-    k2 = _local_rates(_advance_vector(local, 0.5 * h, k1), q, 1.0, body, loads)
-    k3 = _local_rates(_advance_vector(local, 0.5 * h, k2), q, 1.0, body, loads)
-    k4 = _local_rates(_advance_vector(local, h, k3), q, 1.0, body, loads)
-    return _local_state(_rk4_sum(local, h, k1, k2, k3, k4), q)
+    return _local_state(_local_rk4(OtherState(r, v, NONE, omega), h, q, 1.0, body, loads), q)
 
 
-@kernel(inline=False)
+@njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
 def cf4_step(state: State, h: float, body: Body, loads: Loads) -> State:
     """Take a step of the commutator-free Lie group method of order 4 (Celledoni, Marthinsen & Owren 2003)."""
     r, v, q, omega = state
-    local = VectorState(r, v, NONE, omega)
+    local = OtherState(r, v, NONE, omega)
     k1 = _local_rates(local, q, 0.0, body, loads)
     y2 = _advance_vector(local, 0.5 * h, k1)
     k2 = _local_rates(y2, q, 0.0, body, loads)
     k3 = _local_rates(_advance_vector(local, 0.5 * h, k2), q, 0.0, body, loads)
     y4 = _advance_vector(local, h, k3)
     q2 = compose_quaternions(q, quaternion_from_rotvec(y2.attitude))
-    last = VectorState(y4.r_c, y4.v_c, subtract(y4.attitude, y2.attitude), y4.omega_b)
+    last = OtherState(y4.r_c, y4.v_c, subtract(y4.attitude, y2.attitude), y4.omega_b)
     k4 = _local_rates(last, q2, 0.0, body, loads)
-    r, v, u, omega = _rk4_sum(local, h, k1, k2, k3, k4)
+    r, v, u, omega = _add_rates(local, h, k1, k2, k3, k4)
     u = scale(0.5, u)
     lean = scale(h / 6.0, subtract(k1.attitude, k4.attitude))
     q = compose_quaternions(q, quaternion_from_rotvec(add(u, lean)))
@@ -341,8 +293,8 @@ class OneStepMethod:
     steps: Steps
     order: int
     evaluations: int
-    start: Callable[[State], Any] = field(default=as_it_is)
-    state_of: Callable[[Any], State] = field(default=with_unit_quaternion)
+    start: Callable[[State], Any] = lambda state: state
+    state_of: Callable[[Any], State] = _with_unit_quaternion
 
     def run(self, state: State, h: float, n: int, body: Body, loads: Loads) -> State:
         """Return the state after n steps of h."""
@@ -361,15 +313,19 @@ def compiled_loop(step: Callable[[Any, float, Body, Loads], Any]) -> Steps:
     return loop  # type: ignore[no-any-return]
 
 
-_MATRIX, _ANGLES = (with_matrix, from_matrix), (with_angles, from_angles)
+_MATRIX = convert(OtherState, matrix_from_quaternion), convert(State, quaternion_from_matrix)
+_ANGLES = (
+    convert(OtherState, lambda q: euler_from_quaternion(ZYX, q)),
+    convert(State, lambda angles: quaternion_from_euler(ZYX, angles)),
+)
 _ALL = (
     OneStepMethod("explicit Euler", compiled_loop(explicit_euler_step), 1, 1),
     OneStepMethod("semi-implicit Euler", compiled_loop(semi_implicit_euler_step), 1, 1),
     OneStepMethod("implicit midpoint", compiled_loop(implicit_midpoint_step), 2, 0),
     OneStepMethod("RK4, quaternion", compiled_loop(rk4_step), 4, 4),
     OneStepMethod("RK4, quaternion not normalised", compiled_loop(rk4_not_normalised_step), 4, 4),
-    OneStepMethod("RK4, matrix", compiled_loop(rk4_matrix_step), 4, 4, *_MATRIX),
-    OneStepMethod("RK4, Euler angles", compiled_loop(rk4_angles_step), 4, 4, *_ANGLES),
+    OneStepMethod("RK4, matrix", compiled_loop(rk4(_matrix_rates, _advance_matrix)), 4, 4, *_MATRIX),
+    OneStepMethod("RK4, Euler angles", compiled_loop(rk4(_angle_rates, _advance_vector)), 4, 4, *_ANGLES),
     OneStepMethod("RKMK4", compiled_loop(rkmk4_step), 4, 4),
     OneStepMethod("CF4", compiled_loop(cf4_step), 4, 4),
 )

@@ -70,7 +70,7 @@ def quaternion_growth(method: str, h_omega: float) -> float:
 def matrix_growth(h_omega: float) -> float:
     """Return the length of R's first column after one step of RK4 on R."""
     method = REFERENCE_INTEGRATORS["RK4, matrix"]
-    R_ab = method.steps(method.start(spin(h_omega)), 1.0, 1, _BODY, NO_LOADS).R_ab
+    R_ab = method.steps(method.start(spin(h_omega)), 1.0, 1, _BODY, NO_LOADS).attitude
     return math.hypot(R_ab[0][0], R_ab[1][0], R_ab[2][0])
 
 
@@ -123,7 +123,7 @@ def drift(quick: bool) -> Study:
         for name, column in names.items():
             states[name] = REFERENCE_INTEGRATORS[name].steps(states[name], x, count - done, _BODY, NO_LOADS)
             state = states[name]
-            drift = _matrix_drift(state.R_ab) if column == "R" else abs(math.hypot(*state.q_ab) - 1.0)
+            drift = _matrix_drift(state.attitude) if column == "R" else abs(math.hypot(*state.q_ab) - 1.0)
             columns[column].append(drift)
         done = count
     columns["q, predicted"] = [-math.expm1(n * math.log1p(-(x**6) / 9216.0)) for n in counts]
