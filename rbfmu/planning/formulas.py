@@ -17,7 +17,7 @@ from rbfmu.runs.plan import Plan
 from rbfmu.runs.time_grid import communication_steps
 from rbfmu_kernels.integrators.substeps import ROUND_OFF
 
-ORDERS = range(8, 25, 4)
+ORDERS = range(8, 25, 2)
 TRIES = 5
 """Tolerances that are tried of an order."""
 NS_A_TERM, NS_AN_OPERATION, NS_A_STATE = 0.6, 0.5, 0.4

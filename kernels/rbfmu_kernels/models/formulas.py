@@ -52,7 +52,7 @@ INPUTS, RATES, RATES_2 = driven.INPUTS_START, driven.RATES_START, driven.RATES_2
 # What templates are bound to. Of a group of states: where it stands in a row, the least size that its errors are
 # relative to, and whether they are relative to the largest that it has been.
 _missing: Any = None
-constants = first = further = values = begin = put_states = excess_at = settle = cut = _missing
+constants = first = further = values = begin = put_states = excess_at = settle = cut = advance_anew = _missing
 STATES: tuple[int, ...] = ()
 FIRSTS: tuple[int, ...] = ()
 ENDS: tuple[int, ...] = ()
@@ -175,13 +175,16 @@ def begin_series(z: Buffer) -> bool:
 
 
 def put_states_at(z: Buffer, t: float) -> None:
-    """Set the states to those at t of the series."""
-    n, steps = int(z[ORDER]), lanes(t, t, t, t)
+    """Set the states to those at t of the series, whose even and odd powers are summed apart: neither waits."""
+    square = t * t
+    n, once, twice = int(z[ORDER]), lanes(t, t, t, t), lanes(square, square, square, square)
     for i in range(0, len(STATES), 4):
-        total = lanes_at(z, ROWS + n * ROW + i)
-        for k in range(n - 1, -1, -1):
-            total = add_lanes(multiply_lanes(total, steps), lanes_at(z, ROWS + k * ROW + i))
-        put_lanes(z, LAST, total)
+        even, odd = lanes_at(z, ROWS + n * ROW + i), lanes_at(z, ROWS + (n - 1) * ROW + i)
+        for k in range(n - 2, 0, -2):
+            even = add_lanes(multiply_lanes(even, twice), lanes_at(z, ROWS + k * ROW + i))
+            odd = add_lanes(multiply_lanes(odd, twice), lanes_at(z, ROWS + (k - 1) * ROW + i))
+        even = add_lanes(multiply_lanes(even, twice), lanes_at(z, ROWS + i))
+        put_lanes(z, LAST, add_lanes(even, multiply_lanes(odd, once)))
         for j in range(i, min(i + 4, len(STATES))):
             z[STATES[j]] = z[LAST + j - i]
     if ATTITUDE:
@@ -198,6 +201,22 @@ def change_inputs(z: Buffer, h: float) -> None:
 
 def advance_formulas(z: Buffer, h: float) -> int:
     """Advance by h; reject the step and change nothing where the motion cannot be followed."""
+    if not (z[STANDS] != 0.0 and z[SINCE] + h <= z[REACH] and driven.holds_inputs(z, HELD)):
+        return advance_anew(z, h)  # type: ignore[no-any-return]
+    since, time = pair_at(z, SINCE), pair_at(z, TIME)
+    put_pair_at(z, SINCE, dd.add_float(since, h))
+    put_pair_at(z, TIME, dd.add_float(time, h))
+    put_states(z, z[SINCE])
+    if memory.is_finite(z) and values(z) == 0:
+        return outputs(z)
+    put_pair_at(z, SINCE, since)
+    put_pair_at(z, TIME, time)
+    put_states(z, since[0])
+    return STEP_REJECTED
+
+
+def advance_by_series(z: Buffer, h: float) -> int:
+    """Advance by h where a new series has to be made."""
     copy_numbers(z, MEMORY, KEPT, MEMORY_SIZE)
     end = dd.add_float(pair_at(z, TIME), h)
     if not driven.holds_inputs(z, HELD):
@@ -241,6 +260,7 @@ _TEMPLATES: Mapping[str, Callable[..., Any]] = {
     "settle": settle_sides,
     "cut": reach_to_corner,
     "begin": begin_series,
+    "advance_anew": advance_by_series,
 }
 """In an order in which each is bound before those that call it."""
 
