@@ -7,7 +7,7 @@ back, with a unit quaternion.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -17,6 +17,7 @@ from rbfmu.studies.moser_veselov import moser_veselov
 from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.integrators.splitting import rkn4_steps, rkn6_steps, strang_steps
 from rbfmu_kernels.mechanics.equations_of_motion import (
+    NO_LOADS,
     Body,
     Loads,
     Rates,
@@ -298,7 +299,12 @@ class OneStepMethod:
 
     def run(self, state: State, h: float, n: int, body: Body, loads: Loads) -> State:
         """Return the state after n steps of h."""
-        return self.state_of(self.steps(self.start(state), h, n, body, loads))
+        return self.state_of(self.path(state, h, [n], body, loads)[0])
+
+    def path(self, state: State, h: float, counts: Iterable[int], body: Body, loads: Loads = NO_LOADS) -> list[Any]:
+        """Return the states in the method's own form after so many steps of h each, one after the other."""
+        y = self.start(state)
+        return [y := self.steps(y, h, n, body, loads) for n in counts]
 
 
 def compiled_loop(step: Callable[[Any, float, Body, Loads], Any]) -> Steps:
@@ -337,6 +343,7 @@ REFERENCE_INTEGRATORS = {integrator.name: integrator for integrator in _ALL}
 """The methods for any body and any loads, by name."""
 TORQUE_FREE_INTEGRATORS = {integrator.name: integrator for integrator in _FREE}
 """The methods for bodies in principal axes without loads or damping, by name."""
+ALL_INTEGRATORS = REFERENCE_INTEGRATORS | TORQUE_FREE_INTEGRATORS
 SPLITTINGS = {
     "Strang": OneStepMethod("splitting, order 2 (Strang)", strang_steps, 2, 1),
     "RKN4": OneStepMethod("splitting, order 4", rkn4_steps, 4, 6),

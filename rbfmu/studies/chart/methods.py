@@ -147,11 +147,8 @@ class FixedSteps(Method):
         start = method.start(case.start)
 
         def states() -> list[State]:
-            found, y = [], start
-            for some in case.outputs_between:
-                y = method.steps(y, value, n * some, body, loads)
-                found.append(method.state_of(y))
-            return found
+            counts = [n * some for some in case.outputs_between]
+            return [method.state_of(y) for y in method.path(case.start, value, counts, body, loads)]
 
         if hasattr(method.steps, "py_func"):
             seconds = timer(lambda k: _repeated(method.steps, start, value, n, outputs, body, loads, k))

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,13 +11,12 @@ from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.simulation import SimulationError, simulate
 from rbfmu.studies.dop853 import Dop853Plan
-from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, TORQUE_FREE_INTEGRATORS, OneStepMethod
+from rbfmu.studies.reference_methods import ALL_INTEGRATORS, OneStepMethod
 from rbfmu.studies.stability.findings import AT_MOST, Finding
-from rbfmu.studies.stability.motions import NO_LOADS, at, attitude_error, free_body, references, scene_of
+from rbfmu.studies.stability.motions import at, attitude_error, free_body, references, scene_of
 from rbfmu_kernels.types import Vec3
 
-RIGHT, WRONG, NOT_FINITE, REFUSED = 0, 1, 2, 3
-VERDICTS = ("right", "wrong", "not finite", "refused with a message")
+VERDICTS = RIGHT, WRONG, NOT_FINITE, REFUSED = "right", "wrong", "not finite", "refused with a message"
 LARGEST_ERROR = 0.1
 """The largest error in rad over a run with which a motion still counts as right."""
 TURN, LONG_TURN, CHECKS = 100.0, 1000.0, 20
@@ -27,8 +27,8 @@ _Q_0, _OMEGA_0 = (0.8, 0.4, -0.4, 0.2), (0.1, 0.2, 0.96875)
 ACCURACY = 1e-9
 """The accuracy in rad that is asked of the product, which bounds its error in each cell of a map."""
 
-Verdict = tuple[int, float]
-"""An index into VERDICTS, and the largest error in rad."""
+Verdict = tuple[str, float]
+"""One of VERDICTS, and the largest error in rad."""
 Row = tuple[str, float, float, str, float]
 """The method, h omega, the ratio of moments, the verdict, and the largest error in rad."""
 
@@ -74,11 +74,8 @@ def _verdict(ratio: float, turn: float, attitudes: Any) -> Verdict:
 def verdict_of_steps(method: OneStepMethod, h: float, ratio: float) -> Verdict:
     """Return the verdict on a one-step method with a fixed step."""
     turn, n = steps_of_a_turn(h)
-    y, attitudes, body = method.start(at(_Q_0, _OMEGA_0)), [], free_body(moments(ratio))
-    for _ in range(CHECKS):
-        y = method.steps(y, turn / n, n // CHECKS, body, NO_LOADS)
-        attitudes.append(method.state_of(y)[2])
-    return _verdict(ratio, turn, np.array(attitudes))
+    path = method.path(at(_Q_0, _OMEGA_0), turn / n, [n // CHECKS] * CHECKS, free_body(moments(ratio)))
+    return _verdict(ratio, turn, np.array([method.state_of(y).q_ab for y in path]))
 
 
 def verdict_of_product(ports: tuple[str, ...], planned: Plan | None, h: float, ratio: float) -> Verdict:
@@ -91,24 +88,16 @@ def verdict_of_product(ports: tuple[str, ...], planned: Plan | None, h: float, r
     return _verdict(ratio, turn, result.quaternion[n // CHECKS :: n // CHECKS])
 
 
-def _of_steps(method: OneStepMethod) -> Callable[[float, float], Verdict]:
-    return lambda h, ratio: verdict_of_steps(method, h, ratio)
-
-
-def _of_product(ports: tuple[str, ...] = (), planned: Plan | None = None) -> Callable[[float, float], Verdict]:
-    return lambda h, ratio: verdict_of_product(ports, planned, h, ratio)
-
-
 _PORT = ("torque_b",)
 _DOP853 = Dop853Plan("body under loads", "", 7, tolerance=1e-14)
 _SERIES = Plan("body under loads, by series", "", 7, tolerance=1e-14, order=16)
 OURS: dict[str, Callable[[float, float], Verdict]] = {
-    "rbfmu planned": _of_product(),
-    "rbfmu, a port": _of_product(_PORT),
-    "rbfmu DOP853": _of_product(_PORT, _DOP853),
-    "rbfmu Taylor 16": _of_product(_PORT, _SERIES),
+    "rbfmu planned": partial(verdict_of_product, (), None),
+    "rbfmu, a port": partial(verdict_of_product, _PORT, None),
+    "rbfmu DOP853": partial(verdict_of_product, _PORT, _DOP853),
+    "rbfmu Taylor 16": partial(verdict_of_product, _PORT, _SERIES),
 }
-METHODS = {name: _of_steps(method) for name, method in (REFERENCE_INTEGRATORS | TORQUE_FREE_INTEGRATORS).items()} | OURS
+METHODS = {name: partial(verdict_of_steps, method) for name, method in ALL_INTEGRATORS.items()} | OURS
 """The functions that return a verdict for (h, ratio), by the method's name."""
 QUICK_METHODS = ("semi-implicit Euler", "RK4, quaternion", *OURS)
 
@@ -116,16 +105,13 @@ QUICK_METHODS = ("semi-implicit Euler", "RK4, quaternion", *OURS)
 def verdicts(name: str, quick: bool) -> list[Row]:
     """Return the rows of one map."""
     steps, ratios = grid(quick)
-    tiles = [(h, ratio, *METHODS[name](h, ratio)) for ratio in ratios for h in steps]
-    return [(name, h, ratio, VERDICTS[verdict], error) for h, ratio, verdict, error in tiles]
+    return [(name, h, ratio, *METHODS[name](h, ratio)) for ratio in ratios for h in steps]
 
 
 def findings_of_maps(rows: list[Row]) -> list[Finding]:
     """Return the findings: in each cell the product reaches the accuracy asked and refuses nothing."""
+    where = "h omega {:.3g}, moments {:g}".format
     return [
-        Finding(
-            15, f"{name}: attitude error, rad", ACCURACY, error, 0.0, AT_MOST, f"h omega {h:.3g}, moments {ratio:g}"
-        )
-        for name, h, ratio, _, error in rows
-        if name in OURS
-    ]
+        Finding(15, f"{name}: attitude error, rad", ACCURACY, error, 0.0, AT_MOST, where(h, ratio))
+        for name, h, ratio, _, error in rows if name in OURS
+    ]  # fmt: skip

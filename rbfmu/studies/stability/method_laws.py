@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from rbfmu.runs.plan import Plan
 from rbfmu.studies.dop853 import STAGES, A, Dop853Plan
-from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, TORQUE_FREE_INTEGRATORS
+from rbfmu.studies.reference_methods import ALL_INTEGRATORS, REFERENCE_INTEGRATORS, TORQUE_FREE_INTEGRATORS
 from rbfmu.studies.stability.findings import AT_MOST, RECORDED, Finding, Study, exponent
 from rbfmu.studies.stability.motions import (
     BRICK,
@@ -104,6 +105,11 @@ def growth_factors(quick: bool) -> Study:
     return Study("growth_factors", findings, columns)
 
 
+def _between(counts: list[int]) -> list[int]:
+    """Return the numbers of steps from each count to the next, the first from 0."""
+    return [b - a for a, b in pairwise([0, *counts])]
+
+
 def _matrix_drift(R_ab: Any) -> float:
     """Return |R^T R - I| in the 2-norm."""
     R = np.array(R_ab)
@@ -115,17 +121,9 @@ def drift(quick: bool) -> Study:
     x, counts = 0.1, [10**k for k in range(0, 5 if quick else 7)]
     names = {"RK4, quaternion not normalised": "q", "RK4, matrix": "R", "RK4, quaternion": "q normalised"}
     columns: dict[str, Any] = {"steps": counts}
-    states = {name: REFERENCE_INTEGRATORS[name].start(spin(1.0)) for name in names}
-    done = 0
-    for column in names.values():
-        columns[column] = []
-    for count in counts:
-        for name, column in names.items():
-            states[name] = REFERENCE_INTEGRATORS[name].steps(states[name], x, count - done, _BODY, NO_LOADS)
-            state = states[name]
-            drift = _matrix_drift(state.attitude) if column == "R" else abs(math.hypot(*state.q_ab) - 1.0)
-            columns[column].append(drift)
-        done = count
+    for name, column in names.items():
+        states = REFERENCE_INTEGRATORS[name].path(spin(1.0), x, _between(counts), _BODY)
+        columns[column] = [_matrix_drift(y[2]) if column == "R" else abs(math.hypot(*y[2]) - 1.0) for y in states]
     columns["q, predicted"] = [-math.expm1(n * math.log1p(-(x**6) / 9216.0)) for n in counts]
     columns["R, predicted"] = [-math.expm1(n * math.log1p(-(x**6) / 72.0)) for n in counts]
     n = 10_000
@@ -234,31 +232,20 @@ _RATE, _STEP = 30.0, 1.0 / 60.0
 _NUTATION = _RATE * (1.0 - _ROD[2] / _ROD[0])
 
 
-def _transverse(state: State) -> float:
-    return math.hypot(state.omega_b[0], state.omega_b[1])
-
-
 def _gains(method: str) -> tuple[float, float, float, float]:
     """Return the gains of energy and |h|^2 over theory's in 1000 steps of 0.05 s of BRICK, and the least gains."""
-    y, h, body = TUMBLE, 0.05, free_body(BRICK)
-    step = one_step(method)
+    h, body = 0.05, free_body(BRICK)
     M = body.inertia
-    gained, predicted, least = [0.0, 0.0], [0.0, 0.0], [math.inf, math.inf]
-    for _ in range(1000):
-        after = step(y, h, body, NO_LOADS)
-        alpha = angular_acceleration(y.q_ab, y.omega_b, body, NO_LOADS)
-        square = norm(angular_momentum(M, y.omega_b)) ** 2
-        gain = (
-            rotational_energy(BRICK, after) - rotational_energy(BRICK, y),
-            norm(angular_momentum(M, after.omega_b)) ** 2 - square,
-        )
-        theory = (h * h * kinetic_energy(0.0, M, ZERO, alpha), (h * norm(angular_momentum(M, alpha))) ** 2)
-        for i in range(2):
-            gained[i] += gain[i]
-            predicted[i] += theory[i]
-            least[i] = min(least[i], gain[i])
-        y = after
-    return gained[0] / predicted[0], gained[1] / predicted[1], least[0], least[1]
+
+    def sizes(omega_b: Any) -> tuple[float, float]:
+        return kinetic_energy(0.0, M, ZERO, omega_b), norm(angular_momentum(M, omega_b)) ** 2
+
+    states = [TUMBLE, *REFERENCE_INTEGRATORS[method].path(TUMBLE, h, [1] * 1000, body)]
+    gains = np.diff([sizes(y.omega_b) for y in states], axis=0)
+    alphas = [angular_acceleration(y.q_ab, y.omega_b, body, NO_LOADS) for y in states[:-1]]
+    predicted = [(h * h * kinetic_energy(0.0, M, ZERO, a), (h * norm(angular_momentum(M, a))) ** 2) for a in alphas]
+    energy, momentum = np.sum(gains, axis=0) / np.sum(predicted, axis=0)
+    return energy, momentum, *np.min(gains, axis=0)
 
 
 def gyroscopic_blow_up(quick: bool) -> Study:
@@ -268,10 +255,8 @@ def gyroscopic_blow_up(quick: bool) -> Study:
     names = ("explicit Euler", "semi-implicit Euler", "RK4, quaternion", "implicit midpoint")
     columns: dict[str, Any] = {"time": [k * _STEP for k in range(61)], "predicted": [factor**k for k in range(61)]}
     for name in names:
-        states = [start]
-        for _ in range(60):
-            states.append(one_step(name)(states[-1], _STEP, body, NO_LOADS))
-        columns[name] = [_transverse(s) / 1e-3 for s in states]
+        states = [start, *REFERENCE_INTEGRATORS[name].path(start, _STEP, [1] * 60, body)]
+        columns[name] = [math.hypot(*y.omega_b[:2]) / 1e-3 for y in states]
     findings = [
         Finding(5, f"{name}, growth of a rod's transverse rate in 1 s, 30 rad/s at 60 Hz", factor**60,
                 columns[name][-1], 1e-12)
@@ -356,7 +341,6 @@ def moser_veselov_limits(quick: bool) -> Study:
     return Study("moser_veselov_limits", findings, columns)
 
 
-_FREE = REFERENCE_INTEGRATORS | TORQUE_FREE_INTEGRATORS
 _H = 0.1
 
 
@@ -367,10 +351,7 @@ def _energies(name: str, h: float, counts: list[int]) -> list[float]:
         rates = free_motion(BRICK, TUMBLE, h * counts[-1], h).omega_b[counts]
         states = [at(UPRIGHT, tuple(row)) for row in rates.tolist()]
     else:
-        y, done, states = TUMBLE, 0, []
-        for count in counts:
-            y, done = _FREE[name].steps(y, h, count - done, free_body(BRICK), NO_LOADS), count
-            states.append(y)
+        states = ALL_INTEGRATORS[name].path(TUMBLE, h, _between(counts), free_body(BRICK))
     return [rotational_energy(BRICK, y) / start - 1.0 for y in states]
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from rbfmu.result import Result
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import SceneError
 from rbfmu.simulation import simulate
@@ -14,7 +15,6 @@ from rbfmu.studies.stability.findings import RECORDED, Finding, Study, exponent
 from rbfmu.studies.stability.method_laws import crossing
 from rbfmu.studies.stability.motions import (
     BRICK,
-    NO_LOADS,
     TOP,
     TOP_MOMENTS,
     TOP_WEIGHT,
@@ -58,9 +58,8 @@ def _crossings(time: Any, values: Any) -> list[float]:
     return found
 
 
-def _exact_flips(moments: Vec3, stop: float) -> float:
-    """Return the time between the first two flips of the exact motion."""
-    result = free_motion(moments, at(UPRIGHT, _DISTURBED), stop, 1e-3)
+def _time_between_flips(result: Result) -> float:
+    """Return the time between the first two flips of a motion."""
     first, second = _crossings(result.time, result.omega_b[:, 1])[:2]
     return second - first
 
@@ -69,8 +68,7 @@ def _flips_about_a_pivot() -> tuple[float, float]:
     """Return the predicted and measured time between flips of a weightless brick on a pivot 0.5 m from its centre."""
     body = {"inertia": BRICK, "r_oc_b": (0.0, 0.0, 0.5), "pivot": True}
     result = simulate(scene_of(body, at(UPRIGHT, _DISTURBED), ["omega_b"], 40.0, 1e-3))
-    first, second = _crossings(result.time, result.omega_b[:, 1])[:2]
-    return time_between_flips((1.25, 2.25, 3.0), _DISTURBED), second - first
+    return time_between_flips((1.25, 2.25, 3.0), _DISTURBED), _time_between_flips(result)
 
 
 def intermediate_axis(quick: bool) -> Study:
@@ -80,14 +78,12 @@ def intermediate_axis(quick: bool) -> Study:
     exact = free_motion(BRICK, start, float(time[-1]), 0.25).omega_b[:, 1].tolist()
     columns: dict[str, Any] = {"time": time.tolist(), "exact": exact}
     for name, h in (("RK4, quaternion", 0.25), ("semi-implicit Euler", 0.05)):
-        states = [start]
-        for _ in time[1:]:
-            states.append(REFERENCE_INTEGRATORS[name].steps(states[-1], h, round(0.25 / h), body, NO_LOADS))
-        columns[f"{name}, h = {h:g} s"] = [y.omega_b[1] for y in states]
+        states = REFERENCE_INTEGRATORS[name].path(start, h, [round(0.25 / h)] * (len(time) - 1), body)
+        columns[f"{name}, h = {h:g} s"] = [y.omega_b[1] for y in (start, *states)]
     tiny = free_motion(BRICK, at(UPRIGHT, (1e-8, 2.0, 1e-8)), 8.0, 1.0).omega_b[:, 0]
     growth = exponent(tiny[8], tiny[5], math.e) / 3.0
     predicted = time_between_flips(BRICK, _DISTURBED)
-    measured = _exact_flips(BRICK, 32.0)
+    measured = _time_between_flips(free_motion(BRICK, start, 32.0, 1e-3))
     findings = [
         Finding(10, "growth of a disturbance of the middle axis, 1/s", flip_rate(BRICK, 2.0), growth, 2e-5),
         Finding(10, "time between flips, s", predicted, measured, 1e-8),
@@ -156,11 +152,8 @@ _FAST = _tilted(0.6, 50.0)
 
 def _energy_error(method: str, h: float) -> float:
     """Return the largest energy error of the fast heavy top (case c) over 10 s, in m g l."""
-    y, worst, start = _FAST, 0.0, top_energy(_FAST)
-    for _ in range(round(10.0 / h)):
-        y = SPLITTINGS[method].steps(y, h, 1, heavy_top(), WEIGHT)
-        worst = max(worst, abs(top_energy(y) - start))
-    return worst
+    states = SPLITTINGS[method].path(_FAST, h, [1] * round(10.0 / h), heavy_top(), WEIGHT)
+    return max(abs(top_energy(y) - top_energy(_FAST)) for y in states)
 
 
 def _peak(function: Callable[[float], float], low: float, high: float) -> float:
