@@ -17,6 +17,8 @@ from rbfmu.planning.reference import CHUNK, DIGITS, Motion, ReferenceTooLongErro
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu_kernels.integrators import formula_reference as kernels
 
+MOST_WORK = 20_000_000
+"""Operations in all steps of a reference, each with its coefficients: some 20 s."""
 Integers = NDArray[np.int64]
 
 
@@ -97,6 +99,7 @@ def formula_motion(
     formulas = formulas_of(scene)
     assert formulas is not None
     listed = Listed(formulas)
+    most = min(most, MOST_WORK // len(listed.found))
     sides = np.array([[n, 0.0, 0.0] for n in listed.sides]).reshape(-1, 3)
     (states, least), wanted = listed.states_with_rates, listed.places_of_wanted
     with localcontext() as context:

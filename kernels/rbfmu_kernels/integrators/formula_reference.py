@@ -13,7 +13,7 @@ from ..numerics import double_double as dd
 from ..numerics.double_double import DoubleDouble
 from ..numerics.double_double_functions import angle_of, exponential, natural_logarithm, sine_and_cosine
 from ..types import Buffer
-from .polynomials import bound_of, first_root, first_touch, polynomial
+from .polynomials import begins_at_zero, bound_of, first_root, first_touch, polynomial
 
 ORDER, TOLERANCE, AT_CORNER, BEYOND, AT_REST = 26, 1e-22, 1e-13, 1e-9, 1e-10
 LENGTH = ORDER + 1
@@ -206,7 +206,7 @@ def _to_corner(operations: Any, sides: Any, touching: Any, s: Any, longest: floa
         reach = min(reach, first_root(s[0], at + skipped, 1, ORDER - skipped, longest))
     for m in range(touching.shape[0]):
         at = touching[m] * LENGTH
-        if s[0, at] == 0.0:
+        if begins_at_zero(s[0], at, 1, ORDER):
             reach = min(reach, AT_REST * longest)
         else:
             touch = first_touch(s[0], at, 1, ORDER, longest)

@@ -33,6 +33,15 @@ def bound_of(z: Buffer, i: int, row: int, n: int, h: float) -> tuple[float, floa
     return size, slope
 
 
+@kernel
+def begins_at_zero(z: Buffer, i: int, row: int, n: int) -> bool:
+    """Return whether a polynomial is zero at 0, but not everywhere."""
+    size = 0.0
+    for k in range(1, n + 1):
+        size += abs(z[i + k * row])
+    return bool(z[i] == 0.0 and size > 0.0)
+
+
 CLOSE, TOUCHING = 1e-4, 1e-10
 """The parts of its bound below which a polynomial's least value is looked for, and counts as zero."""
 

@@ -18,7 +18,7 @@ from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED, Layout
 from ..buffer_access import copy_numbers, pair_at, put_pair_at, put_quaternion_at, quaternion_at
 from ..compile.decorator import kernel
 from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, put_lanes
-from ..integrators.polynomials import bound_of, first_root, first_touch, polynomial
+from ..integrators.polynomials import begins_at_zero, bound_of, first_root, first_touch, polynomial
 from ..integrators.substeps import count_substep, power_of, tolerance_of_substep
 from ..numerics import double_double as dd
 from ..numerics.elementary import exponential, logarithm
@@ -42,6 +42,8 @@ The root of what touches zero is smooth there but for its sign: the series has i
 which begins beyond, positive. A root that begins at zero counts as zero for the first of its series. What either
 misses is the square of these parts.
 """
+CREEPING, MOST_CREPT = 1e-7, 20_000
+"""Series that reach over so small a part of a communication step, and how many: what creeps on comes to no end."""
 ROUND_OFF = 1e-13
 """The size, relative to its terms, below which a number at a series' end is at its corner."""
 NEAR = 0.2
@@ -124,7 +126,7 @@ def reach_to_corner(z: Buffer, h: float) -> float:
         else:
             reach = min(reach, first_root(z, at, ROW, n, h))
     for i in range(WATCHED + NUMBER_OF_SIDES, WATCHED + NUMBER_OF_SIDES + NUMBER_TOUCHING):
-        if z[i] == 0.0:
+        if begins_at_zero(z, i, ROW, n):
             reach = min(reach, AT_REST * h)
         else:
             touch = first_touch(z, i, ROW, n, h)
@@ -222,7 +224,7 @@ def advance_by_series(z: Buffer, h: float) -> int:
     if not driven.holds_inputs(z, HELD):
         z[STANDS] = 0.0
         driven.keep_inputs(z, HELD)
-    rest, status = h, STEP_REJECTED
+    rest, status, crept = h, STEP_REJECTED, 0
     for _ in range(int(MAX_SUBSTEPS)):
         if z[STANDS] == 0.0 and not begin(z):
             break
@@ -241,7 +243,8 @@ def advance_by_series(z: Buffer, h: float) -> int:
         put_pair_at(z, TIME, dd.add_float(pair_at(z, BEGUN), z[REACH]))
         rest -= left
         z[STANDS] = 0.0
-        if not z[driven.STEP_SIZE] > 1e-12 * h:
+        crept += 1 if z[REACH] < CREEPING * h else 0
+        if crept > MOST_CREPT:
             break
     put_pair_at(z, TIME, end)
     if status == OK:

@@ -309,6 +309,24 @@ def test_a_body_that_starts_at_rest_and_one_that_turns_back_have_drag():
         assert worst(result, by_scipy(tables, drag, result.time), ("position",)) <= 1e-10
 
 
+@pytest.mark.parametrize(("loads", "texts"), [
+    ({"torque_b": [0.1, 0.2, 0.3]}, {"torque_b": "[0.1, 0.2, 0.3]"}),
+    ({"torque_a": [0.1, 0.2, 0.3]}, {"torque_b": "to_b([0.1, 0.2, 0.3])"}),
+    ({"force_b": [1.0, 0.2, 0.3]}, {"force_a": "to_a([1, 0.2, 0.3])"}),
+    ({"force_a": [1.0, 0.2, 0.3]}, {"potential": "-dot([1, 0.2, 0.3], position)"}),
+    ({"damping_b": [0.1, 0.2, 0.3]}, {"torque_b": "-[0.1*omega_b[1], 0.2*omega_b[2], 0.3*omega_b[3]]"}),
+    ({"gravity_a": [0.0, 0.0, -9.81]}, {"potential": "9.81*mass*(position + to_a(r_oc_b))[3]"}),
+])  # fmt: skip
+def test_a_load_of_the_scene_and_the_same_as_a_formula_make_one_motion(loads, texts):
+    """Judged to 1e-12, so that both are within that of it."""
+    found = [
+        rbfmu.simulate(rbfmu.Scene.from_dict(scene(loads=one, quantities=("quaternion", "position"), accuracy=1e-12)))
+        for one in (loads, texts)
+    ]
+    assert attitude_error(found[0].quaternion, found[1].quaternion).max() <= 2e-12
+    np.testing.assert_allclose(found[0].position, found[1].position, atol=2e-12 * np.abs(found[0].position).max())
+
+
 @pytest.mark.parametrize("what", [rbfmu.linearize, rbfmu.chart, rbfmu.run_ensemble])
 def test_what_does_not_know_formulas_says_so(what):
     one = rbfmu.Scene.from_dict(CASES["gravity gradient"][0])
