@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import rbfmu
-from rbfmu_fmu.description import AXES, Description, FmiVariable, Variable, blocks, meaning
+from rbfmu_fmu.description import AXES, Description, Variable, blocks, meaning
 from rbfmu_fmu.fmi_version import FmiVersion
 from rbfmu_fmu.python.call_rules import LOG_CATEGORIES
 from rbfmu_fmu.python.slave_access import TO_VARY
@@ -30,16 +30,22 @@ STATUS_RANGE = {"min": "0", "max": "2"}
 
 def model_description(version: FmiVersion, d: Description, identity: str, co_simulation: dict[str, str]) -> Element:
     """Return modelDescription.xml; `co_simulation` holds the attributes in which kinds of FMU differ."""
+    about = {"generationTool": f"rbfmu {rbfmu.__version__}", "description": "One rigid body", "license": LICENSE}
+    about |= {key: text for key, text in d.about.items() if text}
     root = Element("fmiModelDescription", {
-        "fmiVersion": version.name, "modelName": d.name, version.identity: identity, **about(d),
+        "fmiVersion": version.name, "modelName": d.name, version.identity: identity, **about,
         "variableNamingConvention": "structured",
     })  # fmt: skip
     SubElement(root, "CoSimulation", {
         "modelIdentifier": d.identifier, "canHandleVariableCommunicationStepSize": "true", **version.abilities,
         **co_simulation,
     })  # fmt: skip
-    times = [TIME.unit] if version.has_time else []
-    root.extend((unit_definitions(d, *times), *_type_definitions(version, d), log_categories(), default_experiment(d)))
+    root.append(_unit_definitions(_units(d) | ({TIME.unit} if version.has_time else set())))
+    root.extend(_type_definitions(version, d))
+    categories = (Element("Category", name=name, description=says) for name, says in LOG_CATEGORIES.items())
+    SubElement(root, "LogCategories").extend(categories)
+    run = {"startTime": d.start, "stopTime": d.stop, "tolerance": d.accuracy, "stepSize": d.step}
+    SubElement(root, "DefaultExperiment", {name: repr(value) for name, value in run.items()})
     SubElement(root, "ModelVariables").extend(_variables(version, d))
     root.append(_model_structure(version, d))
     return root
@@ -57,10 +63,11 @@ def _element(version: FmiVersion, outer: str, kind: str, said: dict[str, str], t
 def _type_definitions(version: FmiVersion, d: Description) -> list[Element]:
     """Return the declared types in one element, or none where no variable has a type."""
     definitions, kind = Element("TypeDefinitions"), version.real if version.nested else f"{version.real}Type"
-    for name, attributes in declared_types(d).items():
-        definition = _element(version, "SimpleType", kind, {}, attributes)
-        definition.set("name", name)
-        definitions.append(definition)
+    for unit in sorted(_units(d), key=_fmi_name):
+        if name := UNITS[unit].quantity:
+            definition = _element(version, "SimpleType", kind, {}, _of_unit(unit))
+            definition.set("name", name)
+            definitions.append(definition)
     return [definitions] if len(definitions) else []
 
 
@@ -72,7 +79,8 @@ def _variables(version: FmiVersion, d: Description) -> Iterator[Element]:
         members = [d.variables[k] for k in one.elements]
         first = members[0]
         variability, initial = _KINDS[first.causality]
-        about_it = _meaning_of(one, members)
+        words = "" if len(one.dimensions) == 2 else ", ".join(v.component for v in members)
+        about_it = meaning(first.block, words)
         if first.pinned:
             about_it += f"; cannot be changed here: {TO_VARY % first.block}"
         said = {"name": one.name, "valueReference": str(reference), "causality": first.causality}
@@ -90,12 +98,6 @@ def _variables(version: FmiVersion, d: Description) -> Iterator[Element]:
     status = _element(version, "ScalarVariable", version.integer, STATUS | updated, STATUS_RANGE)
     status.set("valueReference", str(version.status_reference(d)))
     yield status
-
-
-def _meaning_of(one: FmiVariable, members: list[Variable]) -> str:
-    """Return what a number is or, of an array, what the quantity is and what its elements are."""
-    words = "" if len(one.dimensions) == 2 else ", ".join(v.component for v in members)
-    return meaning(members[0].block, words)
 
 
 def _limits_of_all(members: list[Variable]) -> dict[str, str]:
@@ -128,16 +130,19 @@ def _model_structure(version: FmiVersion, d: Description) -> Element:
     return structure
 
 
-def about(d: Description) -> dict[str, str]:
-    """Return the attributes that say what the FMU is, and by whom, as far as they are known."""
-    said = {"generationTool": f"rbfmu {rbfmu.__version__}", "description": "One rigid body", "license": LICENSE}
-    return said | {key: text for key, text in d.about.items() if text}
+def _units(d: Description) -> set[str]:
+    return {BY_NAME[v.block].unit for v in d.variables}
 
 
-def declared_types(d: Description) -> dict[str, dict[str, str]]:
-    """Return the types of the variables by name: quantity, unit and the unit in which it is usually shown."""
-    units = {BY_NAME[v.block].unit for v in d.variables}
-    return {UNITS[unit].quantity: _of_unit(unit) for unit in sorted(units, key=_fmi_name) if UNITS[unit].quantity}
+def _unit_definitions(names: set[str]) -> Element:
+    """Return units with FMI's exponents of the base units, and the units in which a tool may show them."""
+    definitions = Element("UnitDefinitions")
+    for name in sorted(names):
+        element, unit = SubElement(definitions, "Unit", name=_fmi_name(name)), UNITS[name]
+        SubElement(element, "BaseUnit", {base: str(exponent) for base, exponent in unit.exponents.items()})
+        for display, factor in unit.display:
+            SubElement(element, "DisplayUnit", name=display, factor=repr(factor))
+    return definitions
 
 
 def _of_unit(unit: str) -> dict[str, str]:
@@ -149,23 +154,6 @@ def _of_unit(unit: str) -> dict[str, str]:
     return attributes
 
 
-def unit_definitions(d: Description, *more: str) -> Element:
-    """Return the units of all variables, and more."""
-    definitions = Element("UnitDefinitions")
-    for name in sorted({*more, *(BY_NAME[v.block].unit for v in d.variables)}):
-        definitions.append(_unit(name))
-    return definitions
-
-
-def _unit(name: str) -> Element:
-    """Return a unit with FMI's exponents of the base units, and the units in which a tool may show it."""
-    element, unit = Element("Unit", name=_fmi_name(name)), UNITS[name]
-    SubElement(element, "BaseUnit", {base: str(exponent) for base, exponent in unit.exponents.items()})
-    for display, factor in unit.display:
-        SubElement(element, "DisplayUnit", name=display, factor=repr(factor))
-    return element
-
-
 def _fmi_name(unit: str) -> str:
     return unit.replace(" ", ".")
 
@@ -173,20 +161,6 @@ def _fmi_name(unit: str) -> str:
 def unit_of(block: str) -> str:
     """Return the unit of a block's numbers, by its name in FMI."""
     return _fmi_name(BY_NAME[block].unit)
-
-
-def log_categories() -> Element:
-    """Return the categories of messages."""
-    categories = Element("LogCategories")
-    for category, says in LOG_CATEGORIES.items():
-        SubElement(categories, "Category", name=category, description=says)
-    return categories
-
-
-def default_experiment(d: Description) -> Element:
-    """Return the times and the accuracy of the scene's run."""
-    times = {"startTime": d.start, "stopTime": d.stop, "tolerance": d.accuracy, "stepSize": d.step}
-    return Element("DefaultExperiment", {name: repr(value) for name, value in times.items()})
 
 
 def depends_on(d: Description, output: Variable) -> list[int]:

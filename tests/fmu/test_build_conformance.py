@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rbfmu_fmu import archive
+from rbfmu_fmu import builder
 from tests.support.command_line import call
 from tests.support.fmu.fmus import built
 from tests.support.paths import ROOT
@@ -86,7 +86,7 @@ def test_a_disk_full_at_any_file_leaves_what_was_there(kind, scene_file, tmp_pat
     target = tmp_path / "it.fmu"
     with zipfile.ZipFile(built("prescribed", kind)) as whole:
         files = len(whole.namelist())
-    monkeypatch.setattr(archive, "zipfile", SimpleNamespace(**vars(zipfile) | {"ZipFile": FullDisk}))
+    monkeypatch.setattr(builder, "zipfile", SimpleNamespace(**vars(zipfile) | {"ZipFile": FullDisk}))
     target.write_bytes(b"what was there")
     for FullDisk.room in (0, 1, files - 1):
         result = call(*command(scene_file, target, kind)[3:])
