@@ -71,10 +71,18 @@ def _numpy_rates(case: Case) -> Callable[[float, Any], Any]:
     return rates
 
 
+_PLACES = {RATES: slice(4, 7), PATH: slice(7, 13), ROTATION: slice(0, 7), ALL: slice(0, 13)}
+"""Where the numbers that are integrated stand among q_ab, omega_b, r_c and v_c."""
+
+
+def _whole_start(case: Case) -> Any:
+    r, v, q, omega = case.start
+    return np.array((*q, *omega, *r, *v))
+
+
 def start_of(case: Case) -> Any:
     """Return the numbers that are integrated, at the start."""
-    r, v, q, omega = case.start
-    return np.array({RATES: omega, PATH: (*r, *v), ROTATION: (*q, *omega), ALL: (*q, *omega, *r, *v)}[case.numbers])
+    return _whole_start(case)[_PLACES[case.numbers]]
 
 
 def times_of(case: Case) -> Any:
@@ -84,16 +92,10 @@ def times_of(case: Case) -> Any:
 
 def states_of(case: Case, rows: Any) -> list[State]:
     """Return the states at the checkpoints from the rows at the start and at all outputs."""
-    (r, v, q, omega), n, found = case.start, case.numbers, []
-    for x in rows[1:][case.checkpoints]:
-        if n == RATES:
-            omega = x
-        if n >= ROTATION:
-            q, omega = x[:4], x[4:7]
-        if n in (PATH, ALL):
-            r, v = x[n - 6 : n - 3], x[n - 3 :]
-        found.append(state_of(r, v, q, omega))
-    return found
+    chosen = rows[1:][case.checkpoints]
+    whole = np.tile(_whole_start(case), (len(chosen), 1))
+    whole[:, _PLACES[case.numbers]] = chosen
+    return [state_of(x[7:10], x[10:], x[:4], x[4:7]) for x in whole]
 
 
 class _Solver(Method):
@@ -247,9 +249,6 @@ def equations(case: Case, numbers: int) -> list[tuple[Any, Any]]:
     turning = torque - np.cross(w, np.array(body.inertia) @ w) - np.array(body.damping_b) * w
     dq = [-0.5 * (u @ w), *(0.5 * (e * w + np.cross(u, w)))]
     dv = body.is_free * np.array(loads.gravity_a) + body.inverse_mass * (loads.force_a + R @ loads.force_b)
-    found = [*zip(q, dq, strict=True)] if numbers >= ROTATION else []
-    if numbers != PATH:
-        found += zip(w, np.array(body.inertia_inverse) @ turning, strict=True)
-    if numbers in (PATH, ALL):
-        found += [*zip(r, v, strict=True), *zip(v, dv + 0.0 * v, strict=True)]  # no number alone is a right-hand side
-    return found
+    dw = np.array(body.inertia_inverse) @ turning
+    rates = (*dq, *dw, *v, *(dv + 0.0 * v))  # no number alone is a right-hand side
+    return list(zip((*q, *w, *r, *v), rates, strict=True))[_PLACES[numbers]]
