@@ -55,6 +55,10 @@ class Graph:
         """Return the place of the operation that gives a number."""
         return x.index if isinstance(x, Symbol) else self.add("number", value=float(x)).index
 
+    def symbol_of(self, x: "Number") -> "Symbol":
+        """Return a number as one of the graph."""
+        return Symbol(self, self.index_of(x))
+
     def leaf(self, kind: str, name: str) -> "Symbol":
         """Return a number that is known by its name alone; kind: one of LEAVES."""
         return self.add(kind, value=name)

@@ -52,6 +52,8 @@ class FormulaModel:
         asked: the names of quantities and own outputs.
         """
         self.motion, self.given = motion, given
+        tables = {"loads": loads, "states": states, "outputs": own}
+        self.by_key = {f"{table}.{name}": value for table, rows in tables.items() for name, value in rows.items()}
         self.all_rates = {**motion.rates(loads), **dict(by_element(states))}
         known = {**motion.outputs(self.all_rates), **own}
         self.shown = {name: known[name] for name in asked}
@@ -62,6 +64,11 @@ class FormulaModel:
         seen = {name: value for name, value in loads.items() if self._is_known(np.ravel(value))}
         put = {f"constant_{name}": value for name, value in seen.items()} | dict(own)
         self.program = program(motion.graph, self.rates, dict(by_element(put)))
+
+    def keys_of(self, operation: int) -> list[str]:
+        """Return the keys of the formulas that an operation is part of."""
+        found = {key: map(self.motion.graph.symbol_of, np.ravel(value)) for key, value in self.by_key.items()}
+        return [key for key, numbers in found.items() if operation in self.motion.graph.reached(numbers)]
 
     def _is_known(self, numbers: Iterable[Any]) -> bool:
         """Return whether numbers come of integrated states alone; a load that does not matters to no output."""

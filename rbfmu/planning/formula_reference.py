@@ -42,7 +42,7 @@ class Listed:
             operation = self.graph.operations[i]
             if operation.kind in ("sin", "cos"):
                 angle = Symbol(self.graph, operation.of[0])
-                symbols += [Symbol(self.graph, self.graph.index_of(f(angle))) for f in (sine, cosine)]
+                symbols += [self.graph.symbol_of(f(angle)) for f in (sine, cosine)]
         return self.graph.reached(symbols)
 
     @cached_property
@@ -81,6 +81,17 @@ class Listed:
     def places_of_wanted(self) -> Integers:
         """Return the operations that are asked for."""
         return np.array([self._place[i] for i in self.wanted], np.int64)
+
+    def keys_at_fault(self, work: NDArray[np.float64], sides: NDArray[np.float64]) -> str:
+        """Return what is wrong where a motion ends; work, sides: of `kernels.formula_motion` there."""
+        finite = np.isfinite(work[0].reshape(-1, kernels.LENGTH)).all(axis=1)
+        lost = [i for n, i in enumerate(self.found) if not finite[n] and self.graph.operations[i].kind != "state"]
+        if lost:
+            named = " or ".join(self.formulas.keys_of(lost[0])) or "the motion"
+            return f"{named} is not finite"
+        sliding = [int(n) for n, begun, _ in sides if begun == kernels.SLIDES]
+        named = " or ".join(key for n in sliding for key in self.formulas.keys_of(self.found[n]))
+        return f"{named or 'the motion'} slides along a corner of abs, min, max, clip, where or a table"
 
     def at_start(self, values: Mapping[str, Decimal]) -> list[Decimal]:
         """Return the numbers, and the values of parameters and states at the start; ports are at zero."""
@@ -125,7 +136,7 @@ def formula_motion(
             sizes,
         )
         if taken == kernels.NOWHERE:
-            raise _leads_nowhere(scene, steps, rows)
+            raise _leads_nowhere(scene, steps, rows, listed.keys_at_fault(work, sides))
         most -= taken
         if taken < 0 or most < 0 or not np.isfinite(rows[chunk]).all():
             raise ReferenceTooLongError(scene.name)
@@ -135,13 +146,12 @@ def formula_motion(
     return dict(zip(formulas.shown, np.split(rows, ends, axis=1), strict=True))
 
 
-def _leads_nowhere(scene: Scene, steps: Sequence[float], rows: NDArray[np.float64]) -> SceneError:
-    """Return the error for a motion that ends; rows: of its outputs before, not finite from then on."""
+def _leads_nowhere(scene: Scene, steps: Sequence[float], rows: NDArray[np.float64], said: str) -> SceneError:
+    """Return the error for a motion that ends; rows: of its outputs, not finite from then on; said: what fails."""
     done = int(np.isfinite(rows).all(axis=1).sum()) - 1
     reached = scene.run.start + sum(steps[: max(done, 0)])
-    why = "what formulas give is not finite, or slides along a corner of abs, min, max, clip, where or a table"
     return SceneError(
-        f"run.stop = {scene.run.stop!r}: expected one before t = {reached:.6g} s, where {why}", scene.name
+        f"run.stop = {scene.run.stop!r}: expected one before t = {reached:.6g} s, where {said}", scene.name
     )
 
 

@@ -17,7 +17,7 @@ from .polynomials import begins_at_zero, bound_of, first_root, first_touch, poly
 
 ORDER, TOLERANCE, AT_CORNER, BEYOND, AT_REST = 26, 1e-22, 1e-13, 1e-9, 1e-10
 LENGTH = ORDER + 1
-NOWHERE = -2
+NOWHERE, SLIDES = -2, -1.0
 KINDS = (
     "number", "place", "input", "state", "add", "subtract", "multiply", "divide", "sqrt", "exp", "log", "sin", "cos",
     "atan2", "power", "side", "select",
@@ -177,6 +177,7 @@ def _settled(operations: Any, states: Any, sides: Any, s: Any) -> bool:
     """Expand until all sides are those to which the series lead; return whether there are any such."""
     for i in range(sides.shape[0]):
         sides[i, 1], sides[i, 2] = sides[i, 2], 0.0
+    last = 0
     for _ in range(3 * sides.shape[0] + 1):
         _expand(operations, states, s)
         changed = False
@@ -190,10 +191,11 @@ def _settled(operations: Any, states: Any, sides: Any, s: Any) -> bool:
             side = 1.0 if side == 0.0 and s[0, n * LENGTH] == 0.0 else side
             if side != 0.0 and side != s[0, n * LENGTH]:
                 s[0, n * LENGTH] = side
-                changed = True
+                changed, last = True, i
                 break
         if not changed:
             return True
+    sides[last, 1] = SLIDES
     return False
 
 

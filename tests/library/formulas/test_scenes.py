@@ -290,11 +290,11 @@ def test_mistakes_raise_with_key_and_place(changes, said):
 
 def test_what_leads_nowhere_is_refused():
     relay = scene(loads={"torque_b": "[0, 0, where(omega_b[3] > 0, -1, 1)]"}, body=B | {"r_oc_b": [0.0, 0.0, 0.0]})
-    with pytest.raises(rbfmu.SceneError, match=r"run\.stop = 5\.0: expected one before t = .*slides along a corner"):
+    with pytest.raises(rbfmu.SceneError, match=r"before t = .*, where loads\.torque_b slides along a corner"):
         rbfmu.plan(rbfmu.Scene.from_dict(relay))
     singular = scene(loads={"force_a": "-position/norm(position)**3"}, initial=A, quantities=("position",))
     singular["body"] = B | {"r_oc_b": [0.0, 0.0, 0.0]}
-    with pytest.raises(rbfmu.SceneError, match="finite"):
+    with pytest.raises(rbfmu.SceneError, match=r"before t = 0 s, where loads\.force_a is not finite"):
         rbfmu.plan(rbfmu.Scene.from_dict(singular))
 
 
