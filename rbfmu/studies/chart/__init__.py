@@ -5,20 +5,16 @@ All methods and installed peers are run on a scene as it is, with its ports at z
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from rbfmu.scene.scene import Scene, of_scene_or_path, refuse_formulas
 from rbfmu.studies.chart.result import Chart
 
-__all__ = ["Chart", "chart", "run_charts"]
-
-Progress = Callable[[int, int, str], Any]
-QUICK_MOTIONS = ("a", "c", "d")
+__all__ = ["Chart", "chart"]
 
 
 @of_scene_or_path
-def chart(scene: Scene, quick: bool = False, progress: Progress | None = None) -> Chart:
+def chart(scene: Scene, quick: bool = False, progress: Callable[[int, int, str], Any] | None = None) -> Chart:
     """Chart accuracy against cost of every method and installed peer on a scene, or that of a scene file.
 
     quick: few methods and settings, to see that it runs; progress: called with (done, total, text).
@@ -32,16 +28,3 @@ def chart(scene: Scene, quick: bool = False, progress: Progress | None = None) -
     progress(0, 1, f"{scene.name}: the true motion")
     found = measure(case_of(scene), QUICK if quick else Extent(), progress)
     return replace(found, whole=scene.run.stop - scene.run.start)
-
-
-def run_charts(folder: Path, quick: bool, progress: Progress) -> list[Path]:
-    """Chart the eight motions (quick: three of them, by few methods); return the files, `answers.txt` first of texts.
-
-    progress: called with (done, total, text).
-    """
-    from rbfmu.studies.chart.cases import CASES
-    from rbfmu.studies.chart.measure import QUICK, Extent
-    from rbfmu.studies.chart.motions import charts_of, write_charts
-
-    keys = QUICK_MOTIONS if quick else tuple(CASES)
-    return write_charts(folder, charts_of(keys, QUICK if quick else Extent(), progress))

@@ -21,7 +21,7 @@ from rbfmu.models.question import Question
 from rbfmu.planning.judge import MAX_REFERENCE_STEPS, least_sizes
 from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
 from rbfmu.runs.motion import Motion, largest_error
-from rbfmu.runs.plan import Plan, filled_buffer, initialize
+from rbfmu.runs.plan import Plan, start_run
 from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu_kernels.body.memory import body_of, loads_of, motion_of
@@ -131,9 +131,7 @@ class Case:
     @cached_property
     def buffer(self) -> Array:
         """Return the buffer of a body under loads at the start, which holds body and loads."""
-        z = filled_buffer(self.scene, _GENERAL)
-        initialize(self.scene, LOADED_TAYLOR, z)
-        return z
+        return start_run(self.scene, _GENERAL)
 
     @cached_property
     def body(self) -> Body:

@@ -16,7 +16,7 @@ from rbfmu.models.registry import ANGULAR_MOMENTUM, CLOSED_FORMS, MODELS, ONE_AX
 from rbfmu.models.spec import ModelSpec
 from rbfmu.planning.select import plan
 from rbfmu.runs.motion import Steps, record, substeps_counted
-from rbfmu.runs.plan import Plan, filled_buffer, initialize
+from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.studies.chart.cases import FLOOR, MOST_RADIANS, RATES, ROTATION, Case
 from rbfmu.studies.chart.methods import FixedSteps, Method, NotFeasibleError, Run, step_counts, timer, tolerances
@@ -51,8 +51,7 @@ def _steps_repeated(step: Any, z: Any, start: Any, interval: float, at: Any, out
 
 def run_of_unit(case: Case, scene: Scene, chosen: Plan, per_substep: float = math.nan, fixed: float = 0.0) -> Run:
     """Return a run of a plan's model; per_substep: right-hand sides; fixed: substeps if it counts none."""
-    kernels, start = chosen.kernels, filled_buffer(scene, chosen)
-    initialize(scene, kernels, start)
+    kernels, start = chosen.kernels, start_run(scene, chosen)
     z, start = aligned_zeros(len(start)), start[: kernels.BLOCKS["work"].start if "work" in kernels.BLOCKS else None]
     at = np.concatenate([np.arange(len(z))[kernels.BLOCKS[name]] for name in case.quantities])
     out = np.zeros((case.outputs, len(at)))

@@ -5,14 +5,24 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from rbfmu.studies.chart.cases import few_and_many
+from rbfmu.studies.chart.cases import CASES, few_and_many
 from rbfmu.studies.chart.drawing import draw_answers, draw_kept
 from rbfmu.studies.chart.findings import SIDES, above_round_off, cheapest, verdicts
-from rbfmu.studies.chart.measure import Extent, Progress, measure
+from rbfmu.studies.chart.measure import QUICK, Extent, Progress, measure
 from rbfmu.studies.chart.result import Chart, write_rows
 from rbfmu.studies.chart.tables import plans_text
 
+QUICK_MOTIONS = ("a", "c", "d")
 DECADES = tuple(10.0**-k for k in range(2, 15))
+
+
+def run_charts(folder: Path, quick: bool, progress: Progress) -> list[Path]:
+    """Chart the eight motions (quick: three of them, by few methods); return the files, `answers.txt` first of texts.
+
+    progress: called with (done, total, text).
+    """
+    what = QUICK if quick else Extent()
+    return write_charts(folder, charts_of(QUICK_MOTIONS if quick else tuple(CASES), what, progress))
 
 
 def charts_of(keys: Sequence[str], what: Extent, progress: Progress) -> list[Chart]:

@@ -43,8 +43,8 @@ def stability_polynomial(method: str) -> Callable[[complex], complex]:
     """Return the stability polynomial R(z): a step multiplies y by R(h lambda) if dy/dt = lambda y."""
     if method == "DOP853":
         return _polynomial_of_the_tableau
-    terms = {"explicit Euler": 1, "semi-implicit Euler": 1, "RK4": 4, "Taylor 8": 8, "Taylor 12": 12, "Taylor 16": 16}
-    return lambda z: sum(z**k / math.factorial(k) for k in range(terms[method] + 1))
+    terms = {"explicit Euler": 1, "RK4": 4, "Taylor 8": 8, "Taylor 12": 12, "Taylor 16": 16}[method.split(",")[0]]
+    return lambda z: sum(z**k / math.factorial(k) for k in range(terms + 1))
 
 
 def _polynomial_of_the_tableau(z: complex) -> complex:
@@ -63,44 +63,34 @@ def crossing(growth: Callable[[float], float], low: float, high: float) -> float
     return low
 
 
-def quaternion_growth(method: str, h_omega: float) -> float:
-    """Return |q| after one step of a body that turns by h omega."""
-    return math.hypot(*one_step(method)(spin(h_omega), 1.0, _BODY, NO_LOADS).q_ab)
-
-
-def matrix_growth(h_omega: float) -> float:
-    """Return the length of R's first column after one step of RK4 on R."""
-    method = REFERENCE_INTEGRATORS["RK4, matrix"]
-    R_ab = method.steps(method.start(spin(h_omega)), 1.0, 1, _BODY, NO_LOADS).attitude
-    return math.hypot(R_ab[0][0], R_ab[1][0], R_ab[2][0])
+def growth(method: str, h_omega: float) -> float:
+    """Return |q|, or the length of R's first column, after one step of a body that turns by h omega."""
+    attitude = one_step(method)(spin(h_omega), 1.0, _BODY, NO_LOADS)[2]
+    return math.hypot(*(row[0] for row in attitude) if method == "RK4, matrix" else attitude)
 
 
 def growth_factors(quick: bool) -> Study:
     """Measure laws 1 to 3: the factor by which a step scales an attitude, against h omega."""
     x = np.linspace(0.1, 13.0, 26 if quick else 130)
     columns: dict[str, Any] = {"h_omega": x.tolist()}
-    named = {"explicit Euler": "explicit Euler", "RK4, quaternion not normalised": "RK4", "DOP853": "DOP853"}
-    for method, polynomial in named.items():
-        R = stability_polynomial(polynomial)
-        columns[f"{method}, predicted"] = [abs(R(0.5j * value)) for value in x]
-        columns[f"{method}, measured"] = [quaternion_growth(method, value) for value in x]
-    R = stability_polynomial("RK4")
-    columns["RK4, matrix, predicted"] = [abs(R(1j * value)) for value in x]
-    columns["RK4, matrix, measured"] = [matrix_growth(value) for value in x]
+    for method in ("explicit Euler", "RK4, quaternion not normalised", "DOP853", "RK4, matrix"):
+        R, eigenvalue = stability_polynomial(method), 1j if method == "RK4, matrix" else 0.5j
+        columns[f"{method}, predicted"] = [abs(R(eigenvalue * value)) for value in x]
+        columns[f"{method}, measured"] = [growth(method, value) for value in x]
 
     def limit(method: str, low: float, high: float) -> float:
-        return crossing(lambda x: quaternion_growth(method, x), low, high)
+        return crossing(lambda x: growth(method, x), low, high)
 
     findings = [
         Finding(1, f"explicit Euler, growth of |q| a step, h omega = {x:g}", math.sqrt(1.0 + 0.25 * x * x),
-                quaternion_growth("explicit Euler", x), 1e-15)
+                growth("explicit Euler", x), 1e-15)
         for x in (0.1, 1.0, 10.0)
     ]  # fmt: skip
     findings += [
         Finding(2, "RK4 on q, largest stable h omega", 4.0 * math.sqrt(2.0),
                 limit("RK4, quaternion not normalised", 5.0, 7.0), 1e-12),
         Finding(2, "DOP853 on q, largest stable h omega", 11.92, limit("DOP853", 11.0, 13.0), 1e-4),
-        Finding(3, "RK4 on R, largest stable h omega", 2.0 * math.sqrt(2.0), crossing(matrix_growth, 2.0, 4.0), 1e-12),
+        Finding(3, "RK4 on R, largest stable h omega", 2.0 * math.sqrt(2.0), limit("RK4, matrix", 2.0, 4.0), 1e-12),
     ]  # fmt: skip
     return Study("growth_factors", findings, columns)
 
@@ -275,7 +265,6 @@ def gyroscopic_blow_up(quick: bool) -> Study:
 
 
 _DAMPED = ("explicit Euler", "RK4, quaternion", "DOP853")
-_POLYNOMIAL = {"RK4, quaternion": "RK4"}
 _LIMITS = {"explicit Euler": 2.0, "semi-implicit Euler": 2.0, "RK4, quaternion": 2.785, "DOP853": 6.394}
 _TAYLOR = {"Taylor 8": 4.314, "Taylor 12": 5.823, "Taylor 16": 7.324}
 _MODELS = {
@@ -299,7 +288,7 @@ def damping_limits(quick: bool) -> Study:
     for method in (*_DAMPED, "implicit midpoint"):
         columns[method] = [abs(decay_factor(method, value)) for value in x]
     for method in _DAMPED:
-        R = stability_polynomial(_POLYNOMIAL.get(method, method))
+        R = stability_polynomial(method)
         columns[f"{method}, predicted"] = [abs(R(-value)) for value in x]
     findings = [
         Finding(6, f"{method}, largest h d / I", limit,

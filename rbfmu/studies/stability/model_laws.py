@@ -6,13 +6,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rbfmu.runs.motion import substeps_counted
-from rbfmu.runs.plan import Plan, filled_buffer, initialize
+from rbfmu.runs.motion import Steps, substeps_counted
+from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene
 from rbfmu.simulation import simulate
 from rbfmu.studies.dop853 import Dop853Plan
 from rbfmu.studies.stability.findings import AT_MOST, RECORDED, Finding, Study, exponent
-from rbfmu.studies.stability.motions import MOTIONS, error_of, error_of_model, prescribed_error, truth
+from rbfmu.studies.stability.motions import MOTIONS, POINTS, error_of, error_of_model, prescribed_error, truth
 
 SWING, LOADED, SERIES, TOP = "one swinging axis", "body under loads", "body under loads, by series", "symmetric top"
 MOMENTUM, BODY_FORCE = "angular momentum", "torque-free body, body force"
@@ -99,8 +99,7 @@ def _driven(case: Case) -> dict[str, Any]:
     """Return the state of the loaded body after five steps with changing loads, or nothing if a step is refused."""
     tables = MOTIONS["loaded"].to_dict() | {"inputs": {"ports": list(_CHANGING)}}
     scene, kernels = Scene.from_dict(tables), case.planned.kernels
-    z = filled_buffer(scene, case.planned)
-    initialize(scene, kernels, z)
+    z = start_run(scene, case.planned)
     for _ in range(5):
         for name, value in _CHANGING.items():
             for block, part in ((name, 1.0), (f"{name}_rate", 1.0), (f"{name}_rate_2", 0.5)):
@@ -156,13 +155,10 @@ _CONTROLLED = (
 
 def _substeps(case: Case) -> float:
     """Return the number of substeps; NaN if a step is refused."""
-    scene, planned = MOTIONS[case.motion], case.planned
-    z = filled_buffer(scene, planned)
-    initialize(scene, planned.kernels, z)
-    for _ in truth(case.motion)["omega_b"]:
-        if planned.kernels.step(z, scene.run.step):
-            return math.nan
-    return substeps_counted(planned.kernels, z)
+    scene = MOTIONS[case.motion]
+    run = Steps(scene, case.planned, [scene.run.step] * POINTS, ())
+    done = all(run.advance(k + 1) for k in range(POINTS))
+    return substeps_counted(run.kernels, run.z) if done else math.nan
 
 
 def orders_and_error_control(quick: bool) -> Study:

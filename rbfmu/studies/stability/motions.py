@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu.result import Result
-from rbfmu.runs.plan import Plan, filled_buffer, initialize
+from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.simulation import SimulationError, simulate
 from rbfmu.studies.dop853 import dop853_step_of_state
@@ -113,11 +113,11 @@ def top_energy(state: State) -> float:
 
 
 def one_step(method: str) -> Any:
-    """Return `step(state, h, body, loads)` of a reference integrator, or of DOP853 without normalisation."""
+    """Return `step(state, h, body, loads)` to an integrator's own form, or of DOP853 without normalisation."""
     if method == "DOP853":
         return dop853_step_of_state
     integrator = REFERENCE_INTEGRATORS[method]
-    return lambda state, h, body, loads: integrator.steps(state, h, 1, body, loads)
+    return lambda state, h, body, loads: integrator.path(state, h, [1], body, loads)[0]
 
 
 Array = NDArray[np.float64]
@@ -277,8 +277,7 @@ def prescribed_error() -> float:
     """Return the largest error after a step, rad."""
     scene = Scene.from_dict({"inputs": {"ports": ["omega_b"]}, "outputs": {"quantities": ["quaternion"]}})
     planned = Plan("prescribed rates", "", 4)
-    kernels, z = planned.kernels, filled_buffer(scene, planned)
-    initialize(scene, kernels, z)
+    kernels, z = planned.kernels, start_run(scene, planned)
     found: list[Array] = []
     for h, omega, rate, rate_2 in PRESCRIBED:
         for name, value in (("omega_b", omega), ("omega_b_rate", rate), ("omega_b_rate_2", rate_2)):

@@ -10,10 +10,10 @@ import numba
 import pytest
 
 from examples.benchmarks import plans
-from rbfmu.studies.chart import QUICK_MOTIONS, Chart, contestants, drawing, measure, peers, run_charts
+from rbfmu.studies.chart import Chart, contestants, drawing, measure, peers
 from rbfmu.studies.chart.cases import CASES, CHECKPOINTS, few_and_many
 from rbfmu.studies.chart.findings import verdicts
-from rbfmu.studies.chart.motions import write_charts
+from rbfmu.studies.chart.motions import QUICK_MOTIONS, run_charts, write_charts
 from rbfmu.studies.chart.result import KINDS, STOPPED, End, kind_of
 from rbfmu.studies.chart.tables import WIDTH, plans_text
 from tests.support.chart_points import judged, made_chart, made_plan, made_row

@@ -14,7 +14,7 @@ from rbfmu.studies import dop853, stability
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS
 from rbfmu.studies.stability import Finding, maps, method_laws, model_laws, motions, pictures
 from rbfmu.studies.stability.findings import AT_MOST, LAWS, RECORDED, exponent, print_laws
-from rbfmu.studies.stability.method_laws import crossing, quaternion_growth, stability_polynomial
+from rbfmu.studies.stability.method_laws import crossing, growth, stability_polynomial
 from rbfmu.studies.stability.top_laws import flip_rate, time_between_flips
 from rbfmu_kernels.models import free, one_axis
 from tests.support.command_line import call
@@ -165,8 +165,8 @@ def test_polynomials_are_exp_to_their_order() -> None:
 
 def test_crossing_finds_the_end_of_stability() -> None:
     assert crossing(lambda x: x * x, 0.5, 3.0) == pytest.approx(1.0, rel=1e-15)
-    assert quaternion_growth("RK4, quaternion not normalised", 5.6) < 1.0
-    assert quaternion_growth("RK4, quaternion not normalised", 5.7) > 1.0
+    assert growth("RK4, quaternion not normalised", 5.6) < 1.0
+    assert growth("RK4, quaternion not normalised", 5.7) > 1.0
 
 
 @pytest.mark.parametrize(
