@@ -146,11 +146,9 @@ def build_python_fmu(scene: Scene, plan: Plan, path: Path, terminals: bool = Fal
     files = _package_files(plan, description)
     identity = hash_of(files | {"templates": (SCRIPT + PACKAGE).encode()})
     with tempfile.TemporaryDirectory(prefix="rbfmu_") as folder:
-        script = _write_sources(Path(folder), files, description, identity)
+        script, package = _write_sources(Path(folder), files, description, identity)
         with builder_imports_undone():
-            raw = FmuBuilder.build_FMU(
-                script, dest=Path(folder) / "out", project_files=[Path(folder) / _package(identity)]
-            )
+            raw = FmuBuilder.build_FMU(script, dest=Path(folder) / "out", project_files=[package])
         with zipfile.ZipFile(raw) as archive:
             contents = {n: archive.read(n) for n in archive.namelist() if not LEFT_OUT.fullmatch(n)}
     contents["resources/scene.json"] = scene_inside(scene, plan)
@@ -177,12 +175,9 @@ def _shipped_code(plan: Plan) -> tuple[str, bytes]:
         return CODE + OBJECT, objects["model.o"]
 
 
-def _package(identity: str) -> str:
-    return f"rbfmu_{identity[:12]}"
-
-
-def _write_sources(folder: Path, files: dict[str, bytes], description: Description, identity: str) -> Path:
-    package = folder / _package(identity)
+def _write_sources(folder: Path, files: dict[str, bytes], description: Description, identity: str) -> tuple[Path, Path]:
+    """Write the FMU's entry, and the package that has all else; return both."""
+    package = folder / f"rbfmu_{identity[:12]}"
     package.mkdir()
     for name, content in files.items():
         (package / name).parent.mkdir(parents=True, exist_ok=True)
@@ -190,7 +185,7 @@ def _write_sources(folder: Path, files: dict[str, bytes], description: Descripti
     (package / "__init__.py").write_text(PACKAGE.format(identity=identity[:12]))
     script = folder / f"{description.identifier}_{identity[:12]}.py"
     script.write_text(SCRIPT.format(package=package.name, identifier=description.identifier))
-    return script
+    return script, package
 
 
 # --- what is in an FMU, and its file

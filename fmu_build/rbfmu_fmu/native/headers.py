@@ -21,12 +21,9 @@ def headers(d: Description, version: FmiVersion, guid: str) -> dict[str, str]:
 
 def call_rules() -> str:
     """Return C source of call_rules.py."""
-    phases = list(PHASES)
-    lines = [
-        "/* The rules of FMI calls, made from call_rules.py. A set of phases has a bit for each. */",
-        "#ifndef CALL_RULES_H",
-        "#define CALL_RULES_H",
-        f"typedef enum {_row([*phases, 'PHASES'])} Phase;",
+    about = "The rules of FMI calls, made from call_rules.py. A set of phases has a bit for each."
+    return _header("CALL_RULES_H", about, [
+        f"typedef enum {_row([*PHASES, 'PHASES'])} Phase;",
         f"typedef enum {_row(map(str.upper, CALLS))} Call;",
         f"typedef enum {_row(map(str.upper, SETTABLE))} Causality;",
         f"static const char *const PHASE_NAMES[] = {_row(map(_c, PHASES.values()))};",
@@ -37,18 +34,17 @@ def call_rules() -> str:
         "static const struct { const char *name; unsigned settable_in; } CAUSALITIES[] = {",
         *[f"    [{name.upper()}] = {{{_c(name)}, {_bits(allowed)}}}," for name, allowed in SETTABLE.items()],
         "};",
-        "#endif",
-    ]
-    return "\n".join(lines) + "\n"
+    ])  # fmt: skip
+
+
+def _header(name: str, about: str, lines: Iterable[str]) -> str:
+    return "\n".join([f"/* {about} */", f"#ifndef {name}", f"#define {name}", *lines, "#endif", ""])
 
 
 def scene_header(d: Description, version: FmiVersion, guid: str) -> str:
     """Return C source of the scene's numbers and names."""
     inputs, parameters = (sum(v.causality == c for v in d.variables) for c in ("input", "parameter"))
-    lines = [
-        "/* The numbers and names of one scene; places are those in the model's buffer. */",
-        "#ifndef SCENE_H",
-        "#define SCENE_H",
+    return _header("SCENE_H", "The numbers and names of one scene; places are those in the model's buffer.", [
         f"#define GUID {_c(guid)}",
         f"#define IDENTITY {_c(_IDENTITIES[version.identity])}",
         f"#define REAL {_c(version.real)}",
@@ -65,9 +61,7 @@ def scene_header(d: Description, version: FmiVersion, guid: str) -> str:
         f"static const double START[SIZE] = {_row(x.hex() for x in d.start_buffer)};",
         *_variables(d),
         *_refusals(),
-        "#endif",
-    ]
-    return "\n".join(lines) + "\n"
+    ])  # fmt: skip
 
 
 _IDENTITIES = {"guid": "guid", "instantiationToken": "instantiation token"}
