@@ -121,7 +121,7 @@ def reach_to_corner(z: Buffer, h: float) -> float:
     n, reach = int(z[ORDER]), h
     for i in range(NUMBER_OF_SIDES):
         at = WATCHED + i
-        if z[ON + i] != 0.0:  # the root at the beginning is left out
+        if z[ON + i] != 0.0 or z[at] == 0.0:  # the root at the beginning is left out
             reach = min(reach, first_root(z, at + ROW, ROW, n - 1, h))
         else:
             reach = min(reach, first_root(z, at, ROW, n, h))
@@ -226,12 +226,10 @@ def advance_by_series(z: Buffer, h: float) -> int:
         driven.keep_inputs(z, HELD)
     rest, status, crept = h, STEP_REJECTED, 0
     for _ in range(int(MAX_SUBSTEPS)):
-        if z[STANDS] == 0.0 and not begin(z):
+        if not (z[STANDS] != 0.0 and z[SINCE] < z[REACH]) and not begin(z):
             break
         since = pair_at(z, SINCE)
         left = (z[REACH] - since[0]) - since[1]
-        if not left > 0.0 and not rest <= left:
-            break
         if rest <= left * (1.0 + 1e-9):
             put_pair_at(z, SINCE, dd.add_float(since, rest))
             put_states(z, z[SINCE])

@@ -98,6 +98,14 @@ CASES = {
         scene(tables={"c": {"x": X, "y": Y, "method": "cubic"}}, loads={"torque_b": "[table(c, omega_b[1]), 0, 0]"}),
         lambda t, R, w, p, v, own: {"torque_b": np.array([float(CUBIC(min(max(w[0], -1), 1))), 0.0, 0.0])},
     ),
+    "corners where communication steps end": (
+        scene(loads={"torque_b": "[0, 0, clip(t, -0.6, 0.7)]"}, accuracy=1e-10, run={"stop": 3.0, "step": 0.1}),
+        lambda t, R, w, p, v, own: {"torque_b": np.array([0.0, 0.0, min(t, 0.7)])},
+    ),
+    "a corner at the start": (
+        scene(loads={"torque_b": "[0, 0, abs(t + omega_b[1] - 0.3)]"}),
+        lambda t, R, w, p, v, own: {"torque_b": np.array([0.0, 0.0, abs(t + w[0] - 0.3)])},
+    ),
 }  # fmt: skip
 OWN_RATES = {"spring, thrust and a lag": (lambda t, own: [(math.cos(t) - own[0]) / 0.7], [0.1])}
 
