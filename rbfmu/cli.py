@@ -73,11 +73,18 @@ def new(name: str) -> None:
 @main.command("plan")
 @click.argument("scene", metavar="SCENE", type=click.Path(path_type=Path))
 @click.option("--json", "as_json", is_flag=True, help="Print model, method, substep, states and reasons as JSON.")
+@click.option("--code", is_flag=True, help="Print the kernels that are made from the scene's formulas.")
 @input_options
 @model_option
 @run_options
-def show_plan(scene: Path, as_json: bool, driven: dict[str, Any], model: str, **run: float | None) -> None:
+def show_plan(scene: Path, as_json: bool, code: bool, driven: dict[str, Any], model: str, **run: float | None) -> None:
     """Say which model and method a scene gets, and why."""
+    if code:
+        from rbfmu.models.formulas import text_of
+
+        with given_scene(scene, run) as loaded:
+            click.echo(text_of(loaded))
+        return
     kept = KeptPlan(scene, {"model": model, **run})
     known = None if driven else kept.read()
     if known is None:

@@ -126,7 +126,7 @@ def plan_text(scene: "Scene", chosen: "Plan", variables: int, full: tuple[int, i
     ]
     states = f"{chosen.states} state{'s' * (chosen.states != 1)}"
     if scene.has_formulas:
-        lines.append(f"{states}, of which the whole body has {full[0]}")
+        lines.append(f"{states} and {variables} FMU variables; the whole body has {full[0]} states")
     else:
         lines.append(f"{states} and {variables} FMU variables, against {full[0]} and {full[1]} of the full model")
     return "\n".join(lines)
@@ -194,11 +194,9 @@ def print_keys() -> None:
 
 def print_verification(found: Any) -> None:
     """Print what `rbfmu_fmu.verify` found."""
-    from rbfmu_kernels.quantities import OUTPUT
-
     rows = [("output", "unit", "largest difference to the kernels")]
     for name, difference in found.differences.items():
-        rows.append((name, OUTPUT[name.split("[")[0]].unit, repr(difference)))
+        rows.append((name, found.units[name], repr(difference)))
     _print_columns(rows)
     click.echo(f"{found.steps_done} of {found.steps_asked} steps done; inputs from seed {found.seed}")
     click.echo(f"planned and full model differ by {found.to_full:.1e}, accuracy asked {found.accuracy:g}")

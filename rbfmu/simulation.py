@@ -315,21 +315,28 @@ def _planned(scene: Scene) -> tuple[Scene, Plan]:
 def _with_parameters(scene: Scene, planned: Plan, parameters: dict[str, Any]) -> Scene:
     if not parameters:
         return scene
+    keys = _KEYS | {name: f"constants.{name}" for name in scene.constants}
+    keys |= {f"{name}_0": f"states.{name}" for name in scene.states}
     for name in parameters:
-        if name not in _KEYS or (scene.body is None and name != "quaternion_0"):
+        if name not in keys or (scene.body is None and name != "quaternion_0"):
             whole = name.partition("[")[0]
-            meant = next((key for key in (whole, f"{whole}_0") if key in _KEYS and key != name), "")
-            expected = f"{meant}, with all of its numbers" if meant else f"one of {', '.join(_KEYS)}"
+            meant = next((key for key in (whole, f"{whole}_0") if key in keys and key != name), "")
+            expected = f"{meant}, with all of its numbers" if meant else f"one of {', '.join(keys)}"
             raise SceneError(f"parameter {name!r}: expected {expected}", scene.name)
-    changed = scene.replace({_KEYS[name]: _plain(value) for name, value in parameters.items()})
+    changed = scene.replace({keys[name]: _plain(value) for name, value in parameters.items()})
     blocks, old, new = planned.kernels.BLOCKS, filled_buffer(scene, planned), filled_buffer(changed, planned)
     for name in parameters:
-        values = old[blocks[_BLOCK_OF[name]]].tolist()
-        if name in planned.pinned and values != new[blocks[_BLOCK_OF[name]]].tolist():
+        place = blocks[_BLOCK_OF[name] if name in _BLOCK_OF else _own_block(keys[name])]
+        values = old[place].tolist()
+        if name in planned.pinned and values != new[place].tolist():
             made_for = f"{as_toml(values if len(values) > 1 else values[0])}, for which the model was planned"
             expected = f"{made_for}; list {name!r} in inputs.parameters to vary it"
             raise SceneError(fault(name, parameters[name], expected), scene.name)
     return changed
+
+
+def _own_block(key: str) -> str:
+    return f"{key}_0" if key.startswith("states.") else key
 
 
 def _plain(value: Any) -> Any:

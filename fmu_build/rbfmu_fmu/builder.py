@@ -98,7 +98,7 @@ def build_native_fmu(
 
     platforms: names from `platforms.PLATFORMS`, or "all"; none: this one; terminals: list them in FMI 2.0 as well.
     """
-    chosen = platforms_named(platforms)
+    chosen, plan = platforms_named(platforms), plan.of_scene(scene)
     description = describe(scene, plan)
     objects = {p: object_files(plan.kernels, p) for p in chosen}
     contents = {"resources/scene.json": scene_inside(scene, plan)}
@@ -142,6 +142,7 @@ def _parts_of_libraries(
 
 def build_python_fmu(scene: Scene, plan: Plan, path: Path, terminals: bool = False) -> Path:
     """Write the FMU: the same bytes for the same scene; a file that stands at `path` is replaced when done."""
+    plan = plan.of_scene(scene)
     description = describe(scene, plan)
     files = _package_files(plan, description)
     identity = hash_of(files | {"templates": (SCRIPT + PACKAGE).encode()})
@@ -162,6 +163,8 @@ def _package_files(plan: Plan, description: Description) -> dict[str, bytes]:
     files = {name: (PYTHON / name).read_bytes() for name in SHIPPED}
     name, code = _shipped_code(plan)
     known = description.to_dict() | {"shipped_code": {name: zlib.crc32(code)}}
+    if plan.formulas:  # which name the kernels as those who make an FMU do
+        files["formulas.py"] = plan.formulas.text.replace(f"from {rbfmu_kernels.__name__}.", "from .").encode()
     return kernel_sources() | files | {name: code, "description.json": json_bytes(known)}
 
 
@@ -206,12 +209,13 @@ def kernel_hash() -> str:
 
 def scene_inside(scene: Scene, plan: Plan) -> bytes:
     """Return what `verify` reads in an FMU: resources/scene.json."""
-    return json_bytes({"scene": scene.to_dict(), "plan": plan.to_dict(), "kernels": kernel_hash()})
+    data = {"kernels": kernel_hash(), "plan": plan.to_dict(), "scene": scene.to_dict()}
+    return json_bytes(data, sort_keys=False)  # outputs of one's own follow each other as in the scene
 
 
-def json_bytes(data: object) -> bytes:
-    """Return JSON, sorted and without what JSON does not know."""
-    return json.dumps(data, indent=1, sort_keys=True, allow_nan=False).encode()
+def json_bytes(data: object, sort_keys: bool = True) -> bytes:
+    """Return JSON without what JSON does not know."""
+    return json.dumps(data, indent=1, sort_keys=sort_keys, allow_nan=False).encode()
 
 
 def hash_of(files: dict[str, bytes]) -> str:

@@ -7,11 +7,11 @@ A variable's name, unit, bounds and meaning come from its row of `rbfmu_kernels.
 import math
 import re
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from itertools import groupby
 from keyword import iskeyword
-from typing import Any
+from typing import Any, NamedTuple
 
 from rbfmu import Plan, Scene
 from rbfmu.models.model_buffer import Buffer
@@ -19,11 +19,23 @@ from rbfmu.models.question import Question
 from rbfmu.planning.select import with_all_outputs
 from rbfmu.runs.plan import filled_buffer
 from rbfmu.runs.time_grid import last_time
-from rbfmu.scene.scene import refuse_formulas
 from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.buffer import CHANGED, FAULTS, OK
 from rbfmu_kernels.compile.tiered import tiered
-from rbfmu_kernels.quantities import ANGLE, BY_NAME, FORCES, IN_BUFFER_ORDER, OUTPUT, PORTS, TORQUES, Quantity, indices
+from rbfmu_kernels.quantities import (
+    ANGLE,
+    BY_NAME,
+    FORCES,
+    IN_BUFFER_ORDER,
+    OUTPUT,
+    PORTS,
+    TORQUES,
+    Output,
+    Parameter,
+    Quantity,
+    indices,
+    own_output,
+)
 
 AXES = ("x", "y", "z")
 _EULER_PARAMETERS = ("scalar part", "vector part x", "vector part y", "vector part z")
@@ -35,13 +47,17 @@ _INERTIA = {"inertia": 3}
 class Variable:
     """One Real variable: its name, its block in the model's buffer, its component of it, and its place there.
 
-    nominal: its usual size, where one is known; pinned: the plan holds for the start value only; rates: places of the
-    time derivatives, from the first order on, that an importer may give of an input, or take of an output.
+    meaning: what its block is; nominal: its usual size, where one is known; pinned: the plan holds for the start value
+    only; rates: places of the time derivatives, from the first order on, that an importer may give of an input, or take
+    of an output. follows, begins_with: of an output the blocks of the inputs that it follows at once, and of the inputs
+    and parameters that it depends on at the start.
     """
 
     name: str
     block: str
     component: str
+    unit: str
+    meaning: str
     offset: int
     causality: str
     start: float | None
@@ -50,11 +66,16 @@ class Variable:
     nominal: float | None
     pinned: bool
     rates: tuple[int, ...]
+    follows: frozenset[str]
+    begins_with: frozenset[str]
 
 
 @dataclass(frozen=True)
 class Description:
-    """A scene's FMU: everything that a slave or a C layer must know of the model, and nothing of its formulas."""
+    """A scene's FMU: everything that a slave or a C layer must know of the model, and nothing of its formulas.
+
+    start_place: that of the time at the start in the buffer, or -1 of a model that has no time.
+    """
 
     name: str
     identifier: str
@@ -69,8 +90,7 @@ class Description:
     model: str
     outputs_end: int
     """One past the last of a model's outputs in its buffer."""
-    without_effect: dict[str, tuple[str, ...]]
-    """By output, inputs that it follows at once in other bodies, but not in this one."""
+    start_place: int
 
     @property
     def last_time(self) -> float:
@@ -99,7 +119,12 @@ class Description:
 
     def to_dict(self) -> dict[str, Any]:
         """Return a dict for JSON: this, and what is said of parameters that a model does not serve."""
-        return asdict(self) | {"last_time": self.last_time, "faults": FAULTS, "changed": CHANGED}
+        variables = [
+            {key: value for key, value in asdict(v).items() if key not in ("follows", "begins_with")}
+            for v in self.variables
+        ]
+        known = {"variables": variables, "last_time": self.last_time, "faults": FAULTS, "changed": CHANGED}
+        return asdict(self) | known
 
 
 def blocks(d: Description, *causalities: str) -> dict[str, list[Variable]]:
@@ -110,26 +135,26 @@ def blocks(d: Description, *causalities: str) -> dict[str, list[Variable]]:
 
 def describe(scene: Scene, plan: Plan) -> Description:
     """Return the FMU of a scene under its plan."""
-    refuse_formulas(scene, "an FMU")
+    plan = plan.of_scene(scene)
     kernels, z = plan.kernels, filled_buffer(scene, plan)
     sizes = nominal_sizes(scene, kernels, z)
     return Description(
         name=scene.name,
         identifier=identifier(scene.name),
         about=scene.about.model_dump(),
-        variables=tuple(v for block in _blocks(scene, plan) for v in _variables(*block, plan, z, sizes)),
+        variables=tuple(v for block in _blocks(scene, plan) for v in _variables(block, plan, z, sizes)),
         start_buffer=tuple(z.tolist()),
         start=scene.run.start,
         stop=scene.run.stop,
         step=scene.run.step,
         accuracy=scene.run.accuracy,
         model=kernels.name,
-        outputs_end=max(kernels.BLOCKS[name].stop for name in OUTPUT if name in kernels.BLOCKS),
-        without_effect=_without_effect(scene, plan),
+        outputs_end=max(kernels.BLOCKS[n].stop for n in (*OUTPUT, *scene.outputs.own) if n in kernels.BLOCKS),
+        start_place=kernels.BLOCKS["start_time"].start if "start_time" in kernels.BLOCKS else -1,
     )
 
 
-def _without_effect(scene: Scene, plan: Plan) -> dict[str, tuple[str, ...]]:
+def _without_effect(scene: Scene, plan: Plan) -> dict[str, frozenset[str]]:
     """Return what nothing links: at the centre of mass, forces turn no body, torques shift none; pivots hold.
 
     By Newton-Euler about o, m (a_o + alpha x r_c + omega x (omega x r_c)) = F and the torque about c is T_o - r_c x F:
@@ -139,20 +164,29 @@ def _without_effect(scene: Scene, plan: Plan) -> dict[str, tuple[str, ...]]:
     body = scene.body
     if body is None:
         return {}
-    fixed = "r_oc_b" in plan.pinned or "r_oc_b" not in plan.spec.needed_parameters(Question(scene))
+    fixed = "r_oc_b" in plan.pinned or "r_oc_b" not in _needed_parameters(scene, plan)
     central = fixed and not any(body.r_oc_b)
-    turned_by_none = {"alpha_b": tuple(sorted(FORCES))} if central or body.pivot else {}
-    return turned_by_none | ({"acceleration": tuple(sorted(TORQUES))} if central else {})
+    turned_by_none = {"alpha_b": FORCES} if central or body.pivot else {}
+    return turned_by_none | ({"acceleration": TORQUES} if central else {})
+
+
+def _needed_parameters(scene: Scene, plan: Plan) -> set[str]:
+    if plan.formulas:
+        return plan.formulas.parameters | set(scene.inputs.parameters)
+    return plan.spec.needed_parameters(Question(scene))
 
 
 def sizes(scene: Scene, plan: Plan) -> tuple[int, tuple[int, int]]:
-    """Return the FMU's number of variables, and those of a full model's states and variables with all outputs."""
+    """Return the FMU's number of variables, and those of a full model's states and variables with all outputs.
+
+    Where formulas act these are the whole body's states, and no variables.
+    """
     states = 7 if scene.body is not None and scene.body.pivot else 13
-    if scene.has_formulas:
-        return 0, (states, 0)
     count = len(describe(scene, plan).variables) + 1
     if scene.body is None:
         return count, (plan.states, count)
+    if scene.has_formulas:
+        return count, (states, 0)
     full = Plan("body under loads, by series", "", states, order=12)
     return count, (states, len(describe(with_all_outputs(scene), full).variables) + 1)
 
@@ -169,27 +203,62 @@ def file_name(name: str) -> str:
     return re.sub(r"[^\w.-]", "_", name) + ".fmu"
 
 
-def _blocks(scene: Scene, plan: Plan) -> list[tuple[str, slice, str]]:
-    """Yield (FMU name, place in the buffer, causality) of the blocks that the scene's model needs."""
-    kernels, ports, needed = plan.kernels, scene.inputs.ports, plan.spec.needed_parameters(Question(scene))
-    blocks = [(n, kernels.BLOCKS[n], "input") for n in PORTS if n in ports]
+class _Block(NamedTuple):
+    row: Quantity
+    place: slice
+    causality: str
+    follows: frozenset[str] = frozenset()
+    begins_with: frozenset[str] = frozenset()
+
+
+def _blocks(scene: Scene, plan: Plan) -> list[_Block]:
+    """Return the blocks that the scene's model needs, as FMUs have them."""
+    places, ports, needed = plan.kernels.BLOCKS, scene.inputs.ports, _needed_parameters(scene, plan)
+    found = [_Block(BY_NAME[n], places[n], "input") for n in PORTS if n in ports]
     for row in IN_BUFFER_ORDER:
         if row.name in needed and row.name not in ports:  # a port's name is taken: its known part stays inside
-            blocks.append((row.name, kernels.BLOCKS[getattr(row, "block", row.name)], "parameter"))
-    return blocks + [(n, kernels.BLOCKS[n], "output") for n in OUTPUT if n in scene.outputs.quantities]
+            found.append(_Block(row, places[getattr(row, "block", row.name)], "parameter"))
+    for name, one in scene.constants.items():
+        if name in needed:
+            row = Parameter(name, len(one.value), one.unit or "1", one.about or "constant")
+            found.append(_Block(row, places[f"constants.{name}"], "parameter"))
+    for name, state in scene.states.items():
+        if f"{name}_0" in needed:
+            row = Parameter(f"{name}_0", len(state.start), state.unit or "1", f"{state.about or 'state'}, at the start")
+            found.append(_Block(row, places[f"states.{name}_0"], "parameter"))
+    return found + [_output(row, scene, plan) for row in _output_rows(scene, plan)]
 
 
-def _variables(
-    name: str, place: slice, causality: str, plan: Plan, z: Any, sizes: Mapping[str, float]
-) -> list[Variable]:
-    rates = _rate_blocks(plan.kernels, name, causality)
-    row = BY_NAME[name]
-    bounds = row.bounds if len(row.bounds) == row.size else row.bounds * row.size
+def _output_rows(scene: Scene, plan: Plan) -> Iterator[Output]:
+    yield from (row for name, row in OUTPUT.items() if name in scene.outputs.quantities)
+    for name, one in scene.outputs.own.items():
+        assert plan.formulas is not None
+        meaning = " = ".join(filter(None, (one.about, one.value)))
+        yield own_output(name, plan.formulas.own_outputs[name], one.unit, meaning)
+
+
+def _output(row: Output, scene: Scene, plan: Plan) -> _Block:
+    """Return an output with what it depends on: without that, an importer sees algebraic loops that are not there."""
+    if plan.formulas:
+        judged = row.judged_by or row.name
+        follows, first = plan.formulas.follows(judged), plan.formulas.begins_with(judged)
+    else:
+        follows = {*OUTPUT[row.name].feedthrough} - _without_effect(scene, plan).get(row.name, frozenset())
+        first = {*OUTPUT[row.name].initially}
+    return _Block(row, plan.kernels.BLOCKS[row.name], "output", frozenset(follows), frozenset(follows | first))
+
+
+def _variables(block: _Block, plan: Plan, z: Any, sizes: Mapping[str, float]) -> list[Variable]:
+    row, place, causality, follows, begins_with = block
+    name, bounds = row.name, row.bounds if len(row.bounds) == row.size else row.bounds * row.size
+    rates = _rate_blocks(plan, name, causality)
     return [
         Variable(
             name=f"{name}{index}",
             block=name,
             component=component,
+            unit=row.unit,
+            meaning=row.meaning,
             offset=place.start + i,
             causality=causality,
             start=None if causality == "output" else float(z[place.start + i]),
@@ -198,15 +267,21 @@ def _variables(
             nominal=sizes.get(name),
             pinned=causality == "parameter" and name in plan.pinned,
             rates=tuple(block.start + i for block in rates),
+            follows=follows,
+            begins_with=begins_with,
         )
         for i, (index, component) in enumerate(zip(indices(row), components(row), strict=True))
     ]
 
 
-def _rate_blocks(kernels: Model, name: str, causality: str) -> list[slice]:
-    """Return blocks of an input's derivatives, which `step` uses, or of an output's, which `output_rates` fills."""
+def _rate_blocks(plan: Plan, name: str, causality: str) -> list[slice]:
+    """Return blocks of an input's derivatives, which `step` uses, or of an output's, which `output_rates` fills.
+
+    That knows loads that stay as they are, and no formulas.
+    """
+    kernels = plan.kernels
     if causality == "output":
-        names = [f"d_{name}"] if hasattr(kernels, "output_rates") else []
+        names = [f"d_{name}"] if hasattr(kernels, "output_rates") and not plan.formulas else []
     else:
         names = [f"{name}_rate", f"{name}_rate_2"] if causality == "input" else []
     return [kernels.BLOCKS[n] for n in names if n in kernels.BLOCKS]
@@ -218,11 +293,6 @@ def components(row: Quantity) -> tuple[str, ...]:
         return tuple("".join(AXES[int(k) - 1] for k in pair.split(",")) for pair in row.elements)
     of_three: tuple[str, ...] = getattr(row, "components", AXES)  # an output may have words of its own, as roll has
     return {1: ("",), 3: of_three, 4: _EULER_PARAMETERS}[row.size]
-
-
-def meaning(block: str, component: str) -> str:
-    """Return the description of a variable."""
-    return f"{BY_NAME[block].meaning}: {component}" if component else BY_NAME[block].meaning
 
 
 def input_sizes(scene: Scene) -> dict[str, float]:
@@ -280,7 +350,7 @@ def arrays(d: Description) -> list[FmiVariable]:
 
 
 def _array(name: str, first: int, size: int) -> FmiVariable:
-    elements = BY_NAME[name].elements
+    elements = BY_NAME[name].elements if name in BY_NAME else ()
     if size == 1:
         return FmiVariable(name, (first,), ())
     if not elements:

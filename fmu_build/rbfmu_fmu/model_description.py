@@ -10,11 +10,11 @@ from collections.abc import Iterable, Iterator
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import rbfmu
-from rbfmu_fmu.description import AXES, Description, Variable, blocks, meaning
+from rbfmu_fmu.description import AXES, Description, Variable, blocks
 from rbfmu_fmu.fmi_version import FmiVersion
 from rbfmu_fmu.python.call_rules import LOG_CATEGORIES
 from rbfmu_fmu.python.slave_access import TO_VARY
-from rbfmu_kernels.quantities import BY_NAME, OUTPUT, PORTS, TIME, UNITS
+from rbfmu_kernels.quantities import PORTS, TIME, UNITS, Unit
 
 LICENSE = "MIT; see documentation/licenses"
 """The terms of the code in an FMU, which a scene's own stand beside."""
@@ -64,7 +64,7 @@ def _type_definitions(version: FmiVersion, d: Description) -> list[Element]:
     """Return the declared types in one element, or none where no variable has a type."""
     definitions, kind = Element("TypeDefinitions"), version.real if version.nested else f"{version.real}Type"
     for unit in sorted(_units(d), key=_fmi_name):
-        if name := UNITS[unit].quantity:
+        if name := _unit(unit).quantity:
             definition = _element(version, "SimpleType", kind, {}, _of_unit(unit))
             definition.set("name", name)
             definitions.append(definition)
@@ -80,13 +80,13 @@ def _variables(version: FmiVersion, d: Description) -> Iterator[Element]:
         first = members[0]
         variability, initial = _KINDS[first.causality]
         words = "" if len(one.dimensions) == 2 else ", ".join(v.component for v in members)
-        about_it = meaning(first.block, words)
+        about_it = f"{first.meaning}: {words}" if words else first.meaning
         if first.pinned:
             about_it += f"; cannot be changed here: {TO_VARY % first.block}"
         said = {"name": one.name, "valueReference": str(reference), "causality": first.causality}
         said |= {"variability": variability, "description": about_it} | ({"initial": initial} if initial else {})
         said |= updated if first.causality != "parameter" else {}
-        name = UNITS[BY_NAME[first.block].unit].quantity
+        name = _unit(first.unit).quantity
         typed = ({"declaredType": name} if name else {}) | _limits_of_all(members)
         element = _element(version, "ScalarVariable", version.real, said, typed)
         element.extend(Element("Dimension", start=str(size)) for size in one.dimensions)
@@ -106,12 +106,12 @@ def _limits_of_all(members: list[Variable]) -> dict[str, str]:
     lows, highs = ([getattr(v, key) for v in members] for key in ("minimum", "maximum"))
     limits = {"min": None if None in lows else min(lows), "max": None if None in highs else max(highs)}
     limits["nominal"] = first.nominal
-    said = _of_unit(BY_NAME[first.block].unit) | {key: repr(x) for key, x in limits.items() if x is not None}
+    said = _of_unit(first.unit) | {key: repr(x) for key, x in limits.items() if x is not None}
     return said | ({"start": " ".join(repr(v.start) for v in members)} if first.start is not None else {})
 
 
 def _model_structure(version: FmiVersion, d: Description) -> Element:
-    """Return outputs with what they depend on: without, an importer sees algebraic loops that are not there."""
+    """Return outputs with what they depend on."""
     structure, named = Element("ModelStructure"), version.references(d)
     holder = {k: reference for reference, one in enumerate(named) for k in one.elements}
     key, first = ("index", 1) if version.nested else ("valueReference", 0)
@@ -131,26 +131,33 @@ def _model_structure(version: FmiVersion, d: Description) -> Element:
 
 
 def _units(d: Description) -> set[str]:
-    return {BY_NAME[v.block].unit for v in d.variables}
+    return {v.unit for v in d.variables}
+
+
+def _unit(name: str) -> Unit:
+    """Return what is known of a unit: of one that a scene names itself, nothing but its name."""
+    return UNITS.get(name, Unit("", {}))
 
 
 def _unit_definitions(names: set[str]) -> Element:
     """Return units with FMI's exponents of the base units, and the units in which a tool may show them."""
     definitions = Element("UnitDefinitions")
     for name in sorted(names):
-        element, unit = SubElement(definitions, "Unit", name=_fmi_name(name)), UNITS[name]
-        SubElement(element, "BaseUnit", {base: str(exponent) for base, exponent in unit.exponents.items()})
+        element, unit = SubElement(definitions, "Unit", name=_fmi_name(name)), _unit(name)
+        if name in UNITS:
+            SubElement(element, "BaseUnit", {base: str(exponent) for base, exponent in unit.exponents.items()})
         for display, factor in unit.display:
             SubElement(element, "DisplayUnit", name=display, factor=repr(factor))
     return definitions
 
 
-def _of_unit(unit: str) -> dict[str, str]:
+def _of_unit(name: str) -> dict[str, str]:
     """Return the attributes quantity, unit and displayUnit, as far as there are any."""
-    attributes = {"quantity": UNITS[unit].quantity} if UNITS[unit].quantity else {}
-    attributes["unit"] = _fmi_name(unit)
-    if UNITS[unit].display:
-        attributes["displayUnit"] = UNITS[unit].display[0][0]
+    unit = _unit(name)
+    attributes = {"quantity": unit.quantity} if unit.quantity else {}
+    attributes["unit"] = _fmi_name(name)
+    if unit.display:
+        attributes["displayUnit"] = unit.display[0][0]
     return attributes
 
 
@@ -158,26 +165,19 @@ def _fmi_name(unit: str) -> str:
     return unit.replace(" ", ".")
 
 
-def unit_of(block: str) -> str:
-    """Return the unit of a block's numbers, by its name in FMI."""
-    return _fmi_name(BY_NAME[block].unit)
+def unit_of(v: Variable) -> str:
+    """Return a variable's unit, by its name in FMI."""
+    return _fmi_name(v.unit)
 
 
 def depends_on(d: Description, output: Variable) -> list[int]:
     """Return the inputs, by their number among the variables, that an output follows at once."""
-    feedthrough = _feedthrough(d, output)
-    return [k for k, v in enumerate(d.variables) if v.causality == "input" and v.block in feedthrough]
+    return [k for k, v in enumerate(d.variables) if v.causality == "input" and v.block in output.follows]
 
 
 def depends_initially_on(d: Description, output: Variable) -> list[int]:
     """Return the inputs and parameters, by their number, that an output depends on at the start."""
-    first = {*OUTPUT[output.block].initially, *_feedthrough(d, output)}
-    return [k for k, v in enumerate(d.variables) if v.causality != "output" and v.block in first]
-
-
-def _feedthrough(d: Description, output: Variable) -> set[str]:
-    """Return the inputs, by their blocks, that an output follows at once in this body."""
-    return {*OUTPUT[output.block].feedthrough}.difference(d.without_effect.get(output.block, ()))
+    return [k for k, v in enumerate(d.variables) if v.causality != "output" and v.block in output.begins_with]
 
 
 def xml_bytes(xml: Element) -> bytes:
@@ -273,5 +273,5 @@ def _osp_group(block: str, variables: list[Variable]) -> Element:
     group = Element(KINDS[block], name=block)
     for v, axis in zip(variables, AXES if len(variables) == 3 else [None] * len(variables), strict=True):
         named = {"axis": axis} if axis else {}
-        SubElement(group, "Variable", {"ref": v.name, "unit": unit_of(v.block), **named})
+        SubElement(group, "Variable", {"ref": v.name, "unit": unit_of(v), **named})
     return group

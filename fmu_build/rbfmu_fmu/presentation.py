@@ -24,7 +24,6 @@ from rbfmu_fmu.fmi_version import FmiVersion
 from rbfmu_fmu.model_description import STATUS_MEANING, osp_description, osp_place, terminals, unit_of, xml_bytes
 from rbfmu_fmu.native.linking import FMI_HEADERS
 from rbfmu_kernels.compile.tiered import evaluated
-from rbfmu_kernels.quantities import BY_NAME
 from rbfmu_kernels.rotations.matrix import matrix_from_quaternion
 
 LICENSES = "documentation/licenses"
@@ -77,8 +76,23 @@ def page(scene: Scene, plan: Plan, d: Description, icon: str, course: str = "") 
         "tables": "".join(_table(d, causality) for causality in ("input", "output", "parameter")),
         "pivot": " The body's origin o is a pivot, fixed in space." if pivot else "",
         "inputs": held if d.inputs else "",
+        "formulas": _formulas(scene),
     }
     return _text("page.html").substitute({key: escape(text) for key, text in said.items()} | made)
+
+
+def _formulas(scene: Scene) -> str:
+    """Return the scene's formulas as they stand in it, or that no load depends on the position."""
+    named = {"loads": scene.load_formulas, "formulas": scene.formulas}
+    named["rates of states"] = {name: row.rate for name, row in scene.states.items()}
+    rows = [
+        f"<tr><td>{escape(table)}</td><td>{escape(name)}</td><td><code>{escape(text)}</code></td></tr>\n"
+        for table, texts in named.items()
+        for name, text in texts.items()
+    ]
+    if not scene.load_formulas:
+        return "<p>No load depends on the position.</p>\n"
+    return f"<table>\n<tr><th>formulas of</th><th>name</th><th>text</th></tr>\n{''.join(rows)}</table>\n"
 
 
 def _by_whom(d: Description) -> str:
@@ -98,7 +112,7 @@ def _row(variables: list[Variable]) -> tuple[str, ...]:
     components = ", ".join(f"{v.name.removeprefix(v.block)} {v.component}" for v in variables if v.component)
     start = ", ".join(repr(v.start) for v in variables if v.start is not None)
     held = " (cannot be changed)" if first.pinned else ""
-    return first.block, unit_of(first.block), BY_NAME[first.block].meaning + held, components, start
+    return first.block, unit_of(first), first.meaning + held, components, start
 
 
 def licenses(with_pythonfmu: bool) -> dict[str, bytes]:

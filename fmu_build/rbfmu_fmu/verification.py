@@ -43,7 +43,7 @@ class VerificationError(ValueError):
 
 @dataclass(frozen=True)
 class Verification:
-    """What was found: problems in words, and the largest difference of each output to the kernels.
+    """What was found: problems in words, and the largest difference of each output to the kernels, in its unit.
 
     to_full: how far the planned model lies from the full one under the same inputs, as the scene's accuracy counts; NaN
     where the full one cannot meet the accuracy.
@@ -53,6 +53,7 @@ class Verification:
     steps_asked: int
     steps_done: int
     differences: dict[str, float]
+    units: dict[str, str]
     problems: tuple[str, ...]
     to_full: float
     accuracy: float
@@ -89,7 +90,9 @@ def verify(path: str | Path, seed: int = 1) -> Verification:
     to_full = _distance_to_full(scene, description, time, inputs, expected)
     if to_full > scene.run.accuracy:
         problems += [f"the planned model is {to_full:.2g} from the full one: accuracy asked {scene.run.accuracy:g}"]
-    return Verification(seed, len(time) - 1, done, differences, tuple(problems + log), to_full, scene.run.accuracy)
+    units = {v.name: v.unit for v in description.outputs}
+    said = tuple(problems + log)
+    return Verification(seed, len(time) - 1, done, differences, units, said, to_full, scene.run.accuracy)
 
 
 def _check_runs_here(path: Path) -> None:
@@ -120,7 +123,8 @@ def _scene_inside(path: Path) -> tuple[Scene, Plan, list[str]]:
         raise VerificationError(f"{path}: not an FMU that rbfmu built (no resources/scene.json in it)") from None
     old = data.get("kernels") != kernel_hash()
     problems = ["built from other kernels than those installed: build it anew"] if old else []
-    return Scene.from_dict(data["scene"], source=str(path)), Plan.from_dict(data["plan"]), problems
+    scene = Scene.from_dict(data["scene"], source=str(path))
+    return scene, Plan.from_dict(data["plan"]).of_scene(scene), problems
 
 
 def _missing(path: Path, description: Description) -> list[str]:

@@ -1,6 +1,7 @@
 """A program written out as kernels, which a reader can print: `rbfmu plan SCENE --code`.
 
-`constants` sets what stays as it is over a series, `first` the values at its begin, `further` the k-th coefficients.
+`constants` sets what stays as it is over a series, `first` the values at its begin, `further` the k-th coefficients,
+`values` what is wanted of the states now, and `feedthrough` how that changes at once with inputs.
 Four sums of products are made at once, so that what the sums of a level need stands side by side: a row of the work
 space has the k-th coefficients of the states and of all factors of the next orders' sums.
 """
@@ -8,11 +9,12 @@ space has the k-th coefficients of the states and of all factors of the next ord
 from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
-from rbfmu.formulas.graph import Symbol
+from rbfmu.formulas.graph import Number, Symbol
 from rbfmu.formulas.program import Factor, Program
 
 WIDTH = 4
 """How many sums are made at once."""
+KERNELS = ("constants", "first", "further", "values", "feedthrough")
 HEAD = '''\
 """Formulas of a scene as Taylor series, written by rbfmu.formulas.source; places are those of the model's buffer."""
 
@@ -21,10 +23,14 @@ import math
 from rbfmu_kernels.buffer import NOT_FINITE
 from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers
+from rbfmu_kernels.models.formulas import make_formulas
 from rbfmu_kernels.numerics.elementary import atan2, exponential, logarithm, sincos
 from rbfmu_kernels.types import Buffer
 
 '''
+
+
+Changes = Mapping[int, Mapping[int, Number]]
 
 
 class Layout(NamedTuple):
@@ -70,10 +76,24 @@ def _level(program: Program, i: int, slot: int) -> int:
     return level - 1 if program.graph.operations[i].kind == "atan2" and slot < 2 else level
 
 
-def source_of(program: Program, layout: Layout) -> str:
-    """Return the text of a module with the kernels `constants`, `first`, `further` and `values`."""
+def source_of(program: Program, layout: Layout, changes: Changes) -> str:
+    """Return the text of a module with KERNELS; changes: see `_Writer.feedthrough`."""
     writer = _Writer(program, layout)
-    return HEAD + "\n\n".join(["", *map(writer.function, ("constants", "first", "further")), writer.values()])[1:]
+    series = map(writer.function, ("constants", "first", "further"))
+    return HEAD + "\n\n".join(["", *series, writer.values(), writer.feedthrough(changes)])[1:]
+
+
+def module_of(source: str, constant: str, layout: tuple[Mapping[str, slice], int], places: Mapping[str, object]) -> str:
+    """Return the text of a module that makes the model besides, its attribute MODEL."""
+    blocks, size = layout
+    return f"""{source}
+
+inf = math.inf
+BLOCKS = {blocks!r}
+PLACES = {places!r}
+KERNELS = {{{", ".join(f"{name!r}: {name}" for name in KERNELS)}}}
+MODEL = make_formulas({constant!r}, (BLOCKS, {size}), KERNELS, PLACES)
+"""
 
 
 class _Writer:
@@ -108,11 +128,26 @@ class _Writer:
         wanted = self._program.wanted
         reached = self._graph.reached(wanted.values())
         lines = [f"{self._name(i)} = {self._value(i, in_row=False)}" for i in reached if self._is_variable(i)]
-        texts = {name: self._name(x.index) if isinstance(x, Symbol) else repr(float(x)) for name, x in wanted.items()}
-        lines += [f"z[{self._layout.targets[name]}] = {text}" for name, text in texts.items()]
+        lines += [f"z[{self._layout.targets[name]}] = {self._text(x)}" for name, x in wanted.items()]
         sums = " + ".join(["0.0", *(f"0.0 * z[{self._layout.targets[name]}]" for name in wanted)])
         body = "\n".join(f"    {line}" for line in [*lines, f"return 0 if {sums} == 0.0 else NOT_FINITE"])
         return f"@kernel(inline=False)\ndef values(z: Buffer) -> int:\n{body}\n"
+
+    def feedthrough(self, changes: Changes) -> str:
+        """Return the text of the kernel that, given by how much inputs change, sets by how much outputs do at once.
+
+        changes: by the place of an output's number, its derivatives by the place of the input's number.
+        """
+        reached = self._graph.reached(x for slopes in changes.values() for x in slopes.values())
+        lines = [f"{self._name(i)} = {self._value(i, in_row=False)}" for i in reached if self._is_variable(i)]
+        for at, slopes in changes.items():
+            terms = (f"{self._text(x)} * change[{place}]" for place, x in slopes.items())
+            lines.append(f"change[{at}] = {' + '.join(terms) or 0.0}")
+        body = "\n".join(f"    {line}" for line in [*lines, "return 0"])
+        return f"@kernel(inline=False)\ndef feedthrough(z: Buffer, change: Buffer) -> int:\n{body}\n"
+
+    def _text(self, x: Number) -> str:
+        return self._name(x.index) if isinstance(x, Symbol) else repr(float(x))
 
     def _is_variable(self, i: int) -> bool:
         return self._graph.operations[i].kind != "number"

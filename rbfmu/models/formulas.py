@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 
 from rbfmu.formulas.check import Texts, given_to
+from rbfmu.formulas.graph import Symbol, gradient
 from rbfmu.formulas.motion import Given, Motion, by_element, closure
 from rbfmu.formulas.program import program
-from rbfmu.formulas.source import Layout, layout_of, source_of
+from rbfmu.formulas.source import Layout, layout_of, module_of, source_of
 from rbfmu.models.question import BLOCKS, BodyAtStart
-from rbfmu.scene.scene import Scene
+from rbfmu.scene.scene import Scene, SceneError
 from rbfmu_kernels import buffer
 from rbfmu_kernels.body import driven, memory
 from rbfmu_kernels.body.shell import Model
@@ -24,6 +25,8 @@ from rbfmu_kernels.models import formulas as templates
 from rbfmu_kernels.quantities import OUTPUT
 
 _LANES = 4
+_STARTS = {"q": ("quaternion_0",), "omega": ("omega_b_0",), "r_c": ("position_0",), "v_c": ("velocity_0",), "t": ()}
+"""Parameters in which states begin; those of the centre of mass beside o with attitude and rate besides."""
 _MADE: dict[str, Model] = {}
 """Models by what tells their kernels from others, so that no process compiles one twice."""
 
@@ -73,6 +76,55 @@ class FormulaModel:
     def _is_known(self, numbers: Iterable[Any]) -> bool:
         """Return whether numbers come of integrated states alone; a load that does not matters to no output."""
         return set(closure(self.all_rates, [*numbers], self.motion.graph)) <= set(self.rates)
+
+    # What depends on what, over both branches of a select
+
+    @cached_property
+    def parameters(self) -> set[str]:
+        """Return the names of the parameters that rates, outputs and starts come of."""
+        return self._parameters([*self.rates.values(), *self._numbers(*self.shown)], [*self.rates])
+
+    def follows(self, name: str) -> set[str]:
+        """Return the names of the inputs that an output follows at once."""
+        return {str(value).partition("[")[0] for value in self._leaves("input", self._numbers(name))}
+
+    def begins_with(self, name: str) -> set[str]:
+        """Return the names of the parameters on which an output depends at the start."""
+        numbers = self._numbers(name)
+        return self._parameters(numbers, self._leaves("state", numbers))
+
+    def _numbers(self, *names: str) -> list[Any]:
+        return [x for name in names for x in np.ravel(self.shown[name])]
+
+    def _leaves(self, kind: str, numbers: Iterable[Any]) -> list[str]:
+        graph = self.motion.graph
+        return [str(graph.operations[i].value) for i in graph.reached(numbers) if graph.operations[i].kind == kind]
+
+    def _parameters(self, numbers: Iterable[Any], states: Iterable[str]) -> set[str]:
+        places = {value.partition("[")[0] for value in self._leaves("place", numbers)}
+        kept = {name.partition("[")[0] for name in states}
+        found = {name for state in kept for name in _STARTS.get(state, (f"{state}_0",))}
+        beside = any(self.given.numbers["r_oc_b"]) or "r_oc_b" in self.given.symbolic
+        if kept & {"r_c", "v_c"} and beside:
+            found |= {"r_oc_b", "quaternion_0"} | ({"omega_b_0"} if "v_c" in kept else set())
+        of_body = {"M": {"inertia"}, "M_inverse": {"inertia"}, "arm": {"r_oc_b"}, "inverse_mass": {"mass"}}
+        for place in places:
+            found |= of_body.get(place, {place.removeprefix("constant_")})
+        about_pivot = self.given.pivot and beside and places & {"M", "M_inverse"}
+        return found | ({"mass", "r_oc_b"} if about_pivot else set())
+
+    @cached_property
+    def _changes(self) -> dict[int, dict[int, Any]]:
+        """Return the derivatives of what is shown by the inputs that it follows at once, by their places."""
+        inputs = sorted(set(self._leaves("input", self._numbers(*self.shown))))
+        leaves = [self.motion.graph.leaf("input", name) for name in inputs]
+        found: dict[int, dict[int, Any]] = {}
+        for element, x in by_element({name: value for name, value in self.shown.items() if self.follows(name)}):
+            slopes = zip(inputs, gradient(x, leaves), strict=True)
+            found[self._place(element)] = {
+                self._place(name): dx for name, dx in slopes if isinstance(dx, Symbol) or dx != 0.0
+            }
+        return found
 
     @staticmethod
     def groups_of(names: Sequence[str]) -> list[Group]:
@@ -129,13 +181,23 @@ class FormulaModel:
         targets = {name: self._place(name) for name in self.program.wanted}
         first = self._place("sides") if self.program.sides else 0
         sides = {i: first + n for n, i in enumerate(self.program.sides)}
-        return source_of(self.program, self.layout._replace(leaves=leaves, targets=targets, sides=sides))
+        layout = self.layout._replace(leaves=leaves, targets=targets, sides=sides)
+        return source_of(self.program, layout, self._changes)
 
     @cached_property
-    def model(self) -> Model:
-        """Return the kernels."""
+    def text(self) -> str:
+        """Return the module that makes the model, MODEL: what a reader can print, and an FMU takes along."""
+        return module_of(self.source, f"FORMULAS_{self.key}", self.blocks, self._places)
+
+    @cached_property
+    def key(self) -> str:
+        """Return what tells the model from others."""
+        return hashlib.sha256(repr((self.source, self.blocks.blocks, self.groups)).encode()).hexdigest()[:16]
+
+    @property
+    def _places(self) -> dict[str, Any]:
+        """Return what the templates' globals are."""
         blocks, groups, layout = self.blocks.blocks, self.groups, self.layout
-        key = hashlib.sha256(repr((self.source, blocks, groups)).encode()).hexdigest()[:16]
         starts, ends, at = [], [], 0
         for group in groups:
             starts.append(at)
@@ -144,7 +206,7 @@ class FormulaModel:
         own = [f"states.{n}" for n in self.given.states]
         where = {name: block.start for name, block in blocks.items()}
         work = where["work"]
-        places = {
+        return {
             "STATES": tuple(where["time"] if s == "t" else self._place(s) for s in self.rates),
             "FIRSTS": tuple(starts), "ENDS": tuple(ends), "LEASTS": tuple(g.least for g in groups),
             "RELATIVE": tuple(g.relative for g in groups), "ATTITUDE": int("q[1]" in self.rates),
@@ -160,17 +222,17 @@ class FormulaModel:
             "OWN": where[own[0]] if own else 0, "OWN_STARTS": where[f"{own[0]}_0"] if own else 0,
             "OWN_SIZE": sum(self.given.states.values()),
         }  # fmt: skip
-        if key not in _MADE:
-            _MADE[key] = templates.make_formulas(f"FORMULAS_{key}", self.blocks, self._generated(key), places)
-        return _MADE[key]
 
-    def _generated(self, key: str) -> dict[str, Any]:
-        """Return the generated kernels; their text stands where tracebacks look for it."""
-        file = f"<formulas {key}>"
-        linecache.cache[file] = (len(self.source), None, self.source.splitlines(keepends=True), file)
-        names: dict[str, Any] = {"__name__": f"{__name__}.formulas_{key}"}
-        exec(compile(self.source, file, "exec"), names)  # our own text, of numbers and places alone
-        return {name: names[name] for name in ("constants", "first", "further", "values")}
+    @property
+    def model(self) -> Model:
+        """Return the kernels; their text stands where tracebacks look for it."""
+        if self.key not in _MADE:
+            file = f"<formulas {self.key}>"
+            linecache.cache[file] = (len(self.text), None, self.text.splitlines(keepends=True), file)
+            names: dict[str, Any] = {"__name__": f"{__name__}.formulas_{self.key}"}
+            exec(compile(self.text, file, "exec"), names)  # our own text, of numbers and places alone
+            _MADE[self.key] = names["MODEL"]
+        return _MADE[self.key]
 
 
 def _size(block: slice) -> int:
@@ -206,4 +268,12 @@ def formulas_of(scene: Scene) -> FormulaModel | None:
     if not scene.has_formulas:
         return None
     tables = {key: table for key, table in scene.to_dict().items() if key not in ("name", "run", "about", "ensemble")}
-    return _of_tables(json.dumps(tables, sort_keys=True), _ByText(scene))
+    return _of_tables(json.dumps(tables), _ByText(scene))
+
+
+def text_of(scene: Scene) -> str:
+    """Return the module that is made from a scene's formulas. Raises SceneError where there are none."""
+    found = formulas_of(scene)
+    if found is None:
+        raise SceneError("--code: expected a scene with formulas in loads, states or outputs", scene.name)
+    return found.text

@@ -81,7 +81,8 @@ class Question:
     @property
     def pinned(self) -> tuple[str, ...]:
         """Return the parameters on whose values a pilot run or a comparison rests: all but those listed."""
-        return tuple(name for name in PARAMETERS if name not in self.scene.inputs.parameters)
+        own = (*self.scene.constants, *(f"{name}_0" for name in self.scene.states))
+        return tuple(name for name in (*PARAMETERS, *own) if name not in self.scene.inputs.parameters)
 
     # Degrees of freedom that the outputs depend on, by the kernels' own rules, and by what varies
 

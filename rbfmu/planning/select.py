@@ -74,8 +74,10 @@ def plan(
 
 
 def with_all_outputs(scene: Scene) -> Scene:
-    """Return the scene with every quantity asked for."""
-    return Scene.from_dict({k: v for k, v in scene.to_dict().items() if k != "outputs"}, scene.name)
+    """Return the scene with every quantity asked for, and with its own outputs."""
+    tables = scene.to_dict()
+    del tables["outputs"]["quantities"]
+    return Scene.from_dict(tables, scene.name)
 
 
 def _cheapest(judge: Judge, full: bool) -> Plan:

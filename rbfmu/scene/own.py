@@ -103,6 +103,17 @@ def apart(loads: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     return {name: value for name, value in loads.items() if name not in texts}, texts
 
 
+def listed_apart(inputs: Any, tables: Mapping[str, Any]) -> tuple[Any, tuple[str, ...]]:
+    """Return the table of inputs without the constants and starts of states that its parameters list, and these."""
+    constants, states = (tables.get(key) or {} for key in ("constants", "states"))
+    known = {*constants, *(f"{name}_0" for name in states)}
+    listed = inputs.get("parameters") if isinstance(inputs, Mapping) else None
+    if not isinstance(listed, list | tuple):
+        return inputs, ()
+    own = tuple(name for name in dict.fromkeys(x for x in listed if isinstance(x, str)) if name in known)
+    return {**inputs, "parameters": [x for x in listed if x not in own]}, own
+
+
 def _is_text(value: Any) -> bool:
     return isinstance(value, str) or (
         isinstance(value, list | tuple) and bool(value) and all(isinstance(x, str) for x in value)

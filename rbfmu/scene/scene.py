@@ -226,6 +226,7 @@ class Scene(Section):
         if isinstance(loads := data.get("loads"), Mapping):
             data["loads"], data["load_formulas"] = named.apart(loads)
         data["ensemble"] = as_written(data.get("ensemble"), data, faults)
+        data["inputs"], listed = named.listed_apart(data.get("inputs", {}), data)
         for key, section in SECTIONS.items():
             if key in OPTIONAL and data.get(key) is None:
                 good[key] = data.pop(key, None)
@@ -234,9 +235,12 @@ class Scene(Section):
                 good[key] = section.read(data.pop(key, {}))
             except SceneError as error:
                 faults += error.faults
+        if listed and "inputs" in good:
+            good["inputs"] = good["inputs"].model_copy(update={"parameters": (*good["inputs"].parameters, *listed)})
         if "outputs" in good and "quantities" not in good["outputs"].model_fields_set:
             default = default_quantities(good.get("body"), good.get("inputs"))
-            good["outputs"] = Outputs.model_construct(set(), quantities=default)
+            own = good["outputs"].own
+            good["outputs"] = Outputs.model_construct({"own"} if own else set(), quantities=default, own=own)
         faults += faults_between(good, rates)
         if good.get("ensemble") is not None:
             faults += faults_with(good["ensemble"], good)
@@ -274,7 +278,7 @@ class Scene(Section):
         """
         new = self.to_dict()
         if "quantities" not in self.outputs.model_fields_set:
-            del new["outputs"]
+            del new["outputs"]["quantities"]
         for name, value in _as_tables({**changes, **tables}).items():
             new[name] = _with_changes(new.get(name), value, SECTIONS.get(name))
         return type(self).from_dict(new, self.name)
@@ -300,10 +304,17 @@ def _rates_as_written(initial: Any) -> tuple[str, Any] | None:
 
 def _with_changes(table: Any, value: Any, section: type[Section] | None) -> Any:
     """Return the table with the new keys, and without the keys that these exclude."""
-    if section is None or not isinstance(value, Mapping) or not isinstance(table, Mapping):
+    if not isinstance(value, Mapping) or not isinstance(table, Mapping):
         return value
+    if section is None:  # a table with names of one's own, of which a new value keeps unit and meaning
+        return {**table, **{key: _in_row(table.get(key), item) for key, item in value.items()}}
     excluded = {key for keys in section._spellings.values() if set(keys) & set(value) for key in keys}
     return {key: item for key, item in table.items() if key not in excluded} | dict(value)
+
+
+def _in_row(row: Any, item: Any) -> Any:
+    """Return what replaces a constant's, an output's or a state's row: of a value or a start alone the rest stays."""
+    return {**row, next(iter(row)): item} if isinstance(row, Mapping) and not isinstance(item, Mapping) else item
 
 
 def _as_tables(changes: Mapping[str, Any]) -> dict[str, Any]:

@@ -125,6 +125,7 @@ Status set_up_experiment(Instance *m, const char *call, double start, int has_st
         return refuse(m, call, "stop time = %s: expected none before the start, %s", number(stop).text,
                       number(start).text);
     m->now.time = start;
+    if (START_PLACE >= 0) m->now.z[START_PLACE] = start;
     m->now.stop = has_stop ? stop : INFINITY;
     return CALL_OK;
 }
@@ -231,7 +232,7 @@ int fresh(Instance *m, const char *call) {
     if (!allowed(m, call, GET_OUTPUTS)) return 0;
     if (!m->now.stale) return 1;
     if (m->now.phase == INITIALIZING) return initialized(m, call);
-    outputs(m->now.z);
+    if (outputs(m->now.z)) return !refuse(m, call, "with these inputs an output is not finite");
     m->now.stale = 0;
     return 1;
 }

@@ -72,6 +72,13 @@ static int can_derive(Instance *m, const char *call, const Partial *of, int adjo
            are_finite(m, call, of->seed, of->n_seed) && fresh(m, call);
 }
 
+/* A function of one's own may have no derivative where it stands, as a root at zero. */
+static Status result_of(Instance *m, const char *call, const Partial *of) {
+    for (size_t k = 0; k < of->n_result; k++)
+        if (!isfinite(of->result[k])) return refuse(m, call, "no finite derivative here");
+    return CALL_OK;
+}
+
 Status get_directional_derivative(Instance *m, const char *call, const Partial *of) {
     double change[CHANGES] = {0.0}, *result = of->result;
     const double *seed = of->seed;
@@ -85,7 +92,7 @@ Status get_directional_derivative(Instance *m, const char *call, const Partial *
         Elements e = elements_of(of->outputs[i]);
         for (size_t k = 0; k < e.n; k++) *result++ = change[OFFSETS[e.r[k]]];
     }
-    return CALL_OK;
+    return result_of(m, call, of);
 }
 
 /* How much the outputs, weighted by the seed, change at once with one input. */
@@ -108,5 +115,5 @@ Status get_adjoint_derivative(Instance *m, const char *call, const Partial *of) 
         Elements e = elements_of(of->inputs[i]);
         for (size_t k = 0; k < e.n; k++) *result++ = weighted_change(m, of, e.r[k]);
     }
-    return CALL_OK;
+    return result_of(m, call, of);
 }

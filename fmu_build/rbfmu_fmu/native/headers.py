@@ -52,6 +52,7 @@ def scene_header(d: Description, version: FmiVersion, guid: str) -> str:
         f"#define CATEGORIES {_row([*map(_c, LOG_CATEGORIES), 'NULL'])}",
         f"#define START_TIME {d.start.hex()}",
         f"#define LAST_TIME {d.last_time.hex()}",
+        f"enum {{ START_PLACE = {d.start_place} }}; /* of the start time in the buffer, if it is there */",
         f"#define ACCURACY {d.accuracy.hex()}",
         "#define OUTPUT_DERIVATIVES" if d.output_rates else "/* no output has a derivative */",
         f"enum {{ STEP_OK = {OK}, STEP_REJECTED = {STEP_REJECTED}, PAST_STOP = {PAST_STOP} }}; /* of `status` */",

@@ -126,8 +126,8 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
             self._initialize_or_refuse()
         elif self._phase == TERMINATED:
             raise RuntimeError("outputs have no values: initialisation has not ended")
-        else:
-            self._outputs_of(self._where)
+        elif self._outputs_of(self._where):
+            raise ValueError("with these inputs an output is not finite")
         self._stale = False
 
     # --- life: `setup_experiment` and `terminate` do no harm in any phase, and refusing them would be fmi2Fatal
@@ -139,7 +139,9 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
     def setup_experiment(
         self, start_time: float, stop_time: float | None = None, tolerance: float | None = None
     ) -> None:
-        """Do nothing but say so of a tolerance: the times are the importer's, and the accuracy is the scene's."""
+        """Tell the time to a model that has it. A tolerance does nothing but be named: the accuracy is the scene's."""
+        if (place := self.access.description["start_place"]) >= 0:
+            self._z[place] = start_time
         if tolerance not in (None, self.access.accuracy):
             text = f"tolerance = {tolerance!r} has no effect: the accuracy is the scene's, {self.access.accuracy!r}"
             self._tell(f"fmi2SetupExperiment: {text}", Fmi2Status.warning)

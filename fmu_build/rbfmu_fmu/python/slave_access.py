@@ -24,6 +24,9 @@ CODE = f"model-{sys.platform}-{os.uname().machine if hasattr(os, 'uname') else '
 LIBRARY, OBJECT = ".so", ".o"
 """The suffixes of shipped code: a shared library on every platform, or an object file that llvmlite loads."""
 
+FORMULAS = ".formulas"
+"""The module of a scene's own formulas."""
+
 _OWNERS: list[Any] = []  # of loaded code
 
 
@@ -142,7 +145,10 @@ def _addresses_in_object(code: bytes) -> Callable[[str], int]:
 
 
 def _numba_entries(model: str) -> Entries:
-    entries = importlib.import_module(".models", __package__).model_named(model)
+    if model.startswith("formulas."):
+        entries = importlib.import_module(FORMULAS, __package__).MODEL
+    else:
+        entries = importlib.import_module(".models", __package__).model_named(model)
     tiered = importlib.import_module(".compile.tiered", __package__).tiered
     return Entries(tiered(entries.initialize), tiered(entries.step), tiered(entries.outputs), True)
 

@@ -14,7 +14,7 @@ from typing import Any
 from ..body import driven, memory
 from ..body.outputs import outputs
 from ..body.shell import Model, bind, initialize, step
-from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED, Layout
+from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED
 from ..buffer_access import copy_numbers, pair_at, put_pair_at, put_quaternion_at, quaternion_at
 from ..compile.decorator import kernel
 from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, put_lanes
@@ -255,6 +255,11 @@ def advance_by_series(z: Buffer, h: float) -> int:
     return STEP_REJECTED
 
 
+def outputs_now(z: Buffer) -> int:
+    """Refresh the outputs, as inputs were set since the step."""
+    return values(z) or outputs(z)
+
+
 _TEMPLATES: Mapping[str, Callable[..., Any]] = {
     "excess_at": excess_of,
     "put_states": put_states_at,
@@ -267,7 +272,10 @@ _TEMPLATES: Mapping[str, Callable[..., Any]] = {
 
 
 def make_formulas(
-    constant: str, layout: Layout, generated: Mapping[str, Callable[..., Any]], places: Mapping[str, Any]
+    constant: str,
+    layout: tuple[dict[str, slice], int],
+    generated: Mapping[str, Callable[..., Any]],
+    places: Mapping[str, Any],
 ) -> Model:
     """Return the model of one scene's formulas.
 
@@ -286,5 +294,7 @@ def make_formulas(
         *layout,
         initialize=bind(initialize, __name__, constant, set_up=entries["set_up"]),
         step=bind(step, __name__, constant, advance=entries["advance"]),
+        outputs=bind(outputs_now, __name__, constant, **own),
+        feedthrough=generated["feedthrough"],
         ORDERS=ORDERS,
     )

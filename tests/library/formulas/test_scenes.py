@@ -11,6 +11,7 @@ import rbfmu
 from rbfmu.planning.formula_reference import formula_motion
 from rbfmu.runs.motion import attitude_error
 from rbfmu_kernels.compile.tiered import interpreted
+from tests.support.command_line import call
 from tests.support.covering import some_of
 
 B = {"mass": 2.0, "inertia": [[1.0, 0.1, 0.05], [0.1, 1.2, 0.02], [0.05, 0.02, 1.5]], "r_oc_b": [0.1, -0.2, 0.3]}
@@ -340,3 +341,42 @@ def test_what_does_not_know_formulas_says_so(what):
     one = rbfmu.Scene.from_dict(CASES["gravity gradient"][0])
     with pytest.raises(rbfmu.SceneError, match="expected a scene without formulas"):
         what(one)
+
+
+def test_own_outputs_stand_without_quantities_and_rows_keep_their_neighbours():
+    tables = CASES["gravity gradient"][0]
+    tables = tables | {"outputs": {"turned": {"value": "omega_b[1]", "unit": "rad/s"}}}
+    tables = tables | {"constants": tables["constants"] | {"spare": 2.0}}
+    one = rbfmu.Scene.from_dict(tables)
+    assert one.outputs.names[-1] == "turned"
+    assert "omega_b" in one.outputs.quantities
+    other = one.replace({"constants.n": 0.4, "run.stop": 3.0})
+    assert other.constants["n"] == ((0.4,), "rad/s", "")
+    assert other.constants["spare"] == one.constants["spare"]
+    assert other.outputs.names[-1] == "turned"
+
+
+def test_constants_and_starts_are_parameters_where_they_are_listed():
+    tables = CASES["spring, thrust and a lag"][0] | {"inputs": {"parameters": ["k", "u_0"]}}
+    one = rbfmu.Scene.from_dict(tables)
+    assert rbfmu.Scene.from_dict(one.to_dict()) == one
+    planned = rbfmu.plan(one)
+    assert {"k", "u_0"}.isdisjoint(planned.pinned)
+    assert {"c", "mass"} <= {*planned.pinned}
+    with pytest.raises(rbfmu.SceneError, match="parameters"):
+        rbfmu.Scene.from_dict(tables | {"inputs": {"parameters": ["kk"]}})
+    simulator = rbfmu.Simulator(one, k=6.0, u_0=0.3)
+    simulator.step()
+    other = rbfmu.simulate(one.replace({"constants.k": 6.0, "states.u": 0.3}), planned=planned)
+    np.testing.assert_array_equal(simulator.position, other.position[1])
+    with pytest.raises(rbfmu.SceneError, match=r"list 'c' in inputs\.parameters"):
+        rbfmu.Simulator(one, c=6.0)
+
+
+def test_the_text_of_the_kernels_can_be_printed(tmp_path):
+    (tmp_path / "scene.toml").write_text(
+        '[body]\nmass = 1.0\ninertia = [1.0, 2.0, 3.0]\n[loads]\ntorque_b = "-0.1*omega_b"\n'
+    )
+    printed = call("plan", tmp_path / "scene.toml", "--code").stdout
+    compile(printed, "formulas", "exec")
+    assert "def further(z: Buffer, w: int, k: int)" in printed

@@ -62,7 +62,7 @@ def doubles(text, t, n=N):
     sides = {i: 4 + k for k, i in enumerate(made.sides)}
     layout = layout_of(made)._replace(leaves={"c": (0,), "t": (1,), "y": (2,)}, sides=sides)
     kernels = {}
-    exec(source_of(made, layout), kernels)
+    exec(source_of(made, layout, {}), kernels)
     work = 40
     z = np.zeros(work + layout.start + (n + 3) * layout.row)
     z[0] = 0.7
@@ -152,7 +152,8 @@ def test_gradients_are_first_coefficients(name):
     leaves = {"c": (0,), "t": (1,), "y": (2,)}
     kernels = {}
     exec(
-        source_of(made._replace(wanted={"slope": slope}), layout._replace(leaves=leaves, targets={"slope": 3})), kernels
+        source_of(made._replace(wanted={"slope": slope}), layout._replace(leaves=leaves, targets={"slope": 3}), {}),
+        kernels,
     )
     for t in POINTS:
         z = np.array([0.7, t, 0.0, 0.0])
