@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rbfmu.exceptions import SceneError
 from rbfmu.exceptions import SimulationError as SimulationError
 from rbfmu.result import Result
-from rbfmu.runs.inputs import HOLD, Drive, Driven, drive_of, input_tables
+from rbfmu.runs.inputs import HOLD, Drive, Driven, drive_of, input_tables, size_of
 from rbfmu.runs.plan import Plan, filled_buffer, start_run
 from rbfmu.runs.time_grid import last_time, steps_until
 from rbfmu.scene.consistency import doubts_after, warn
@@ -133,7 +133,10 @@ _CLOCK = struct.Struct("dq")
 """The time, and how many communication steps of the scene led there."""
 _UNKNOWN = -1
 """That number after a step of another length; counting costs half as much as a step."""
-_PORT = struct.Struct("3d")
+_PORT, _NUMBER = struct.Struct("3d"), struct.Struct("d")
+_Input = tuple[struct.Struct, int, tuple[float, ...]]
+_Before = list[_Input]
+"""What inputs were: how, where and which numbers."""
 _KEYS = (
     {name: f"body.{name}" for name in PARAMETERS}
     | {load.name: f"loads.{load.name}" for load in LOADS}
@@ -160,6 +163,7 @@ class Simulator:
         self._z = start_run(_with_parameters(self.scene, self.plan, parameters), self.plan)
         self._bytes, self._step = self._z.data.cast("B"), tiered(kernels.step)
         self._ports = {name: 8 * blocks[name].start for name in self.scene.inputs.ports}
+        self._scalars = {name for name, port in self.scene.inputs.own.items() if port.size == 1}
         self._quantities = {name: self._z[blocks[name]] for name in self.scene.outputs.names}
         self._identity = _identity(self.scene, self.plan)
         self._start, self._h, self._last_time = run.start, run.step, last_time(run.stop, run.step)
@@ -185,9 +189,9 @@ class Simulator:
     def step(self, h: float | None = None, **ports: Any) -> None:
         """Step by h, s (without one to the scene's next communication point), with inputs that are held over it.
 
-        ports: three finite numbers each; what is not given keeps its last value. Raises ValueError for a wrong input,
-        TypeError where h is no number, SimulationError where the step is refused: then nothing has changed, and no
-        input either.
+        ports: three finite numbers each, one for a scalar of one's own; what is not given keeps its last value. Raises
+        ValueError for a wrong input, TypeError where h is no number, SimulationError where the step is refused: then
+        nothing has changed, and no input either.
         """
         if h is None:
             count = 1 + (self._count if self._count >= 0 else steps_until(self._start, self._h, self.time))
@@ -209,26 +213,36 @@ class Simulator:
         """Set inputs for the steps to come, without a step. Raises ValueError for a wrong one, and then sets none."""
         self._put(ports)
 
-    def _put(self, ports: dict[str, Any]) -> list[tuple[int, tuple[float, ...]]]:
+    def _put(self, ports: dict[str, Any]) -> _Before:
         """Set inputs; return what they were, by their places."""
-        before: list[tuple[int, tuple[float, ...]]] = []
+        before: _Before = []
         data = self._bytes
         try:
             for name, value in ports.items():
+                if name in self._scalars:
+                    self._put_scalar(before, self._ports[name], value)
+                    continue
                 x, y, z = value.tolist() if type(value) is np.ndarray else value
                 if not math.isfinite(x + y + z):
                     raise ValueError
                 place = self._ports[name]
-                before.append((place, _PORT.unpack_from(data, place)))
+                before.append((_PORT, place, _PORT.unpack_from(data, place)))
                 _PORT.pack_into(data, place, x, y, z)
         except (KeyError, TypeError, ValueError, OverflowError, struct.error):
             self._put_back(before)
             raise self._wrong_input(ports) from None
         return before
 
-    def _put_back(self, before: Iterable[tuple[int, tuple[float, ...]]]) -> None:
-        for place, values in before:
-            _PORT.pack_into(self._bytes, place, *values)
+    def _put_scalar(self, before: _Before, place: int, value: Any) -> None:
+        x = _seconds(value)
+        if not math.isfinite(x):
+            raise ValueError
+        before.append((_NUMBER, place, _NUMBER.unpack_from(self._bytes, place)))
+        _NUMBER.pack_into(self._bytes, place, x)
+
+    def _put_back(self, before: Iterable[_Input]) -> None:
+        for form, place, values in before:
+            form.pack_into(self._bytes, place, *values)
 
     def _wrong_input(self, ports: dict[str, Any]) -> ValueError:
         """Return the error that names the first wrong input."""
@@ -238,11 +252,14 @@ class Simulator:
                 return ValueError(
                     f"input {name!r}: expected {f'one of {known}' if known else 'none: there are no ports'}"
                 )
-            numbers = np.asarray(value, dtype=object)
+            numbers, own = np.asarray(value, dtype=object), self.scene.inputs.own
+            unit = own[name].unit or "1" if name in own else BY_NAME[name].unit
+            if size_of(self.scene, name) == 1:
+                return ValueError(fault(name, value, f"a finite number ({unit})"))
             good = numbers.shape == (3,) and all(issubclass(type(x), Real) and abs(x) < math.inf for x in numbers)
             if not good:
                 shape = f", of shape (3,) and not {numbers.shape}" if numbers.ndim > 1 else ""
-                return ValueError(f"{name} = {as_toml(value)}: expected 3 finite numbers ({BY_NAME[name].unit}){shape}")
+                return ValueError(f"{name} = {as_toml(value)}: expected 3 finite numbers ({unit}){shape}")
         return ValueError(f"inputs {as_toml(ports)}: expected numbers whose sum is finite")
 
     def reset(self, **parameters: Any) -> None:

@@ -150,7 +150,7 @@ def describe(scene: Scene, plan: Plan) -> Description:
         accuracy=scene.run.accuracy,
         model=kernels.name,
         outputs_end=max(kernels.BLOCKS[n].stop for n in (*OUTPUT, *scene.outputs.own) if n in kernels.BLOCKS),
-        start_place=kernels.BLOCKS["start_time"].start if "start_time" in kernels.BLOCKS else -1,
+        start_place=kernels.BLOCKS["series.start_time"].start if plan.formulas else -1,
     )
 
 
@@ -215,17 +215,20 @@ def _blocks(scene: Scene, plan: Plan) -> list[_Block]:
     """Return the blocks that the scene's model needs, as FMUs have them."""
     places, ports, needed = plan.kernels.BLOCKS, scene.inputs.ports, _needed_parameters(scene, plan)
     found = [_Block(BY_NAME[n], places[n], "input") for n in PORTS if n in ports]
+    for name, port in scene.inputs.own.items():
+        own = Parameter(name, port.size, port.unit or "1", port.about or "input")
+        found.append(_Block(own, places[name], "input"))
     for row in IN_BUFFER_ORDER:
         if row.name in needed and row.name not in ports:  # a port's name is taken: its known part stays inside
             found.append(_Block(row, places[getattr(row, "block", row.name)], "parameter"))
     for name, one in scene.constants.items():
         if name in needed:
-            row = Parameter(name, len(one.value), one.unit or "1", one.about or "constant")
-            found.append(_Block(row, places[f"constants.{name}"], "parameter"))
+            own = Parameter(name, len(one.value), one.unit or "1", one.about or "constant")
+            found.append(_Block(own, places[f"constants.{name}"], "parameter"))
     for name, state in scene.states.items():
         if f"{name}_0" in needed:
-            row = Parameter(f"{name}_0", len(state.start), state.unit or "1", f"{state.about or 'state'}, at the start")
-            found.append(_Block(row, places[f"states.{name}_0"], "parameter"))
+            own = Parameter(f"{name}_0", len(state.start), state.unit or "1", f"{state.about or 'state'}, at the start")
+            found.append(_Block(own, places[f"states.{name}_0"], "parameter"))
     return found + [_output(row, scene, plan) for row in _output_rows(scene, plan)]
 
 
@@ -296,12 +299,15 @@ def components(row: Quantity) -> tuple[str, ...]:
 
 
 def input_sizes(scene: Scene) -> dict[str, float]:
-    """Return by port what moves the body well: 1 m/s2 by a force, 1 rad/s2 by a torque; 1 rad/s of prescribed rates."""
+    """Return by port what moves the body well: 1 m/s2 by a force, 1 rad/s2 by a torque; 1 rad/s of prescribed rates.
+
+    Of ports of one's own nothing is known: 1.
+    """
     sizes = {"omega_b": 1.0}
     if scene.body is not None:
         moment = max(scene.body.M_c[i][i] for i in range(3))
         sizes |= dict.fromkeys(FORCES, scene.body.mass) | dict.fromkeys(TORQUES, moment)
-    return sizes
+    return sizes | dict.fromkeys(scene.inputs.own, 1.0)
 
 
 def nominal_sizes(scene: Scene, kernels: Model, filled: Buffer) -> Mapping[str, float]:
@@ -322,7 +328,7 @@ def nominal_sizes(scene: Scene, kernels: Model, filled: Buffer) -> Mapping[str, 
             if row is not None and (name not in OUTPUT or name in sized):
                 size = math.hypot(*z[place][: _INERTIA.get(name)].tolist())
                 sizes[name.removeprefix("constant_")] = max(size, getattr(row, "floor", 0.0))
-    sizes |= {port: input_sizes(scene)[port] for port in scene.inputs.ports}
+    sizes |= {port: input_sizes(scene)[port] for port in scene.inputs.ports if port not in scene.inputs.own}
     return {name: float(f"{size:.0e}") for name, size in sizes.items() if 0.0 < size < math.inf}
 
 

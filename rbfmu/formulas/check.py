@@ -4,13 +4,28 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from rbfmu.formulas.meaning import CONSTANTS, FUNCTIONS, Array, Table, shape_of
-from rbfmu.formulas.motion import LOADS, Given, Motion
+from rbfmu.formulas.motion import Given, Motion
 from rbfmu.formulas.text import FormulaError, names_in
+from rbfmu_kernels.body.driven import DRIVEN
 from rbfmu_kernels.body.memory import BLOCKS
 from rbfmu_kernels.quantities import OUTPUT
 
 ENERGIES = ("potential_energy", "total_energy")
-TAKEN = ("time", "status", "step", "save", "restore", "reset", "hold", "values", "plot", "scene", "plan", "events")
+TAKEN = (
+    "order",
+    "time",
+    "status",
+    "step",
+    "save",
+    "restore",
+    "reset",
+    "hold",
+    "values",
+    "plot",
+    "scene",
+    "plan",
+    "events",
+)
 """Names of results, simulators and FMUs."""
 
 
@@ -74,13 +89,16 @@ class Texts:
         return changing <= {"q", "r_c"}
 
     def _check_names(self, scene: Any) -> None:
-        taken = {*self.motion.given_names, *FUNCTIONS, *CONSTANTS, "to_a", "to_b", *OUTPUT, *TAKEN, *LOADS}
+        taken = {*self.motion.given_names, *FUNCTIONS, *CONSTANTS, "to_a", "to_b", *OUTPUT, *TAKEN, *DRIVEN}
+        taken |= {f"{name}{end}" for name in scene.inputs.own for end in ("_rate", "_rate_2")}
         tables = {name: getattr(scene, name) for name in ("constants", "tables", "formulas", "states")}
-        tables["outputs"] = scene.outputs.own
+        tables |= {"outputs": scene.outputs.own, "inputs": scene.inputs.own}
         seen: dict[str, str] = {}
         for table, names in tables.items():
             for name in names:
-                if name in taken and not (table == "outputs" and names[name].value == name and name in ENERGIES):
+                if table == "inputs" and name == "h":
+                    self.faults.append("inputs.ports: expected another name: h is a simulator's step")
+                elif name in taken and not (table == "outputs" and names[name].value == name and name in ENERGIES):
                     self.faults.append(f"{table}.{name}: expected another name: {name} means something else here")
                 elif name in seen:
                     self.faults.append(f"{table}.{name}: expected another name: there is {seen[name]}.{name}")
@@ -134,7 +152,8 @@ def given_to(scene: Any, numbers: Mapping[str, Sequence[float]], pivot: bool) ->
     numbers = {**numbers, **{name: row.value for name, row in scene.constants.items()}}
     constants = {name: len(row.value) for name, row in scene.constants.items()}
     states = {name: len(row.start) for name, row in scene.states.items()}
-    ports = dict.fromkeys(scene.inputs.ports, 3)
+    own = scene.inputs.own
+    ports = {name: own[name].size if name in own else 3 for name in scene.inputs.ports}
     symbolic = frozenset({*constants, *_blocks_of(scene.inputs.parameters)})
     return Given(numbers, symbolic, ports, states, constants, pivot)
 

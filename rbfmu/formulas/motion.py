@@ -12,6 +12,7 @@ import numpy as np
 
 from rbfmu.formulas.graph import Graph, Number, gradient
 from rbfmu.formulas.meaning import FUNCTIONS, Array, Function, value_of
+from rbfmu.scene.own import elements
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, angular_acceleration, steady_acceleration
 from rbfmu_kernels.mechanics.newton_euler import relative_acceleration
@@ -20,11 +21,6 @@ from rbfmu_kernels.rotations.vec3 import skew
 
 LOADS = ("force_a", "force_b", "torque_a", "torque_b")
 _ZERO = (0.0, 0.0, 0.0)
-
-
-def elements(name: str, size: int) -> list[str]:
-    """Return the names of a vector's numbers, counted from 1; that of a scalar is its own."""
-    return [name] if size == 1 else [f"{name}[{i + 1}]" for i in range(size)]
 
 
 def by_element(values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:

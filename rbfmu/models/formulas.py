@@ -25,6 +25,8 @@ from rbfmu_kernels.models import formulas as templates
 from rbfmu_kernels.quantities import OUTPUT
 
 _LANES = 4
+_ENDS = ("", "_rate", "_rate_2")
+"""Of the names of an input's blocks: its value and its derivatives."""
 _STARTS = {"q": ("quaternion_0",), "omega": ("omega_b_0",), "r_c": ("position_0",), "v_c": ("velocity_0",), "t": ()}
 """Parameters in which states begin; those of the centre of mass beside o with attitude and rate besides."""
 _MADE: dict[str, Model] = {}
@@ -141,19 +143,20 @@ class FormulaModel:
         """Return the places of the buffer's blocks."""
         given = self.given
         own = {
-            "order": 1, "start_time": 1, "longest": 1, "time": 2,
+            "order": 1, "series.start_time": 1, "series.longest": 1, "series.time": 2,
+            **{f"{n}{end}": given.ports[n] for end in _ENDS for n in given.ports if n not in memory.INPUTS},
             **{f"constants.{n}": s for n, s in given.constants.items()},
             **{f"states.{n}_0": s for n, s in given.states.items()},
             **{f"states.{n}": s for n, s in given.states.items()},
             **templates.SERIES, **dict.fromkeys(templates.CORNERS, len(self.program.sides)),
-            "sizes": max(len(self.groups), 1), "held_inputs": driven.NUMBER_OF_INPUTS,
+            "series.sizes": max(len(self.groups), 1), "series.held_inputs": max(sum(given.ports.values()), 1),
             **self.own_outputs,
         }  # fmt: skip
         _, before = buffer.places(driven.DRIVEN | own)
         work = self.layout.start + self.layout.row * (max(templates.ORDERS) + 1)
-        own |= {"pad_3": -before % 8, "work": work, "last": _LANES}
+        own |= {"pad_3": -before % 8, "series.work": work, "series.last": _LANES}
         kept = before - memory.STATE_START
-        return buffer.places(driven.DRIVEN | own | {"kept": kept})
+        return buffer.places(driven.DRIVEN | own | {"series.kept": kept})
 
     @cached_property
     def layout(self) -> Layout:
@@ -163,7 +166,7 @@ class FormulaModel:
     def _place(self, element: str) -> int:
         name, _, index = element.partition("[")
         blocks = self.blocks.blocks
-        block = next(b for b in (name, f"constants.{name}", f"states.{name}") if b in blocks)
+        block = next(b for b in (name, f"constants.{name}", f"states.{name}", f"series.{name}") if b in blocks)
         return int(blocks[block].start) + (int(index[:-1]) - 1 if index else 0)
 
     @cached_property
@@ -174,10 +177,9 @@ class FormulaModel:
             if kind == "input":
                 name, _, index = str(value).partition("[")
                 rest = f"[{index}" if index else ""
-                leaves[str(value)] = tuple(self._place(f"{name}{end}{rest}") for end in ("", "_rate", "_rate_2"))
+                leaves[str(value)] = tuple(self._place(f"{name}{end}{rest}") for end in _ENDS)
             elif kind in ("place", "state"):
-                at = self._place("time") if value == "t" else self._place(str(value))
-                leaves[str(value)] = (at,)
+                leaves[str(value)] = (self._place("time" if value == "t" else str(value)),)
         targets = {name: self._place(name) for name in self.program.wanted}
         first = self._place("sides") if self.program.sides else 0
         sides = {i: first + n for n, i in enumerate(self.program.sides)}
@@ -204,21 +206,24 @@ class FormulaModel:
             at += len(group.states)
             ends.append(at)
         own = [f"states.{n}" for n in self.given.states]
-        where = {name: block.start for name, block in blocks.items()}
+        where = {name.removeprefix("series."): block.start for name, block in blocks.items()}
         work = where["work"]
-        return {
-            "STATES": tuple(where["time"] if s == "t" else self._place(s) for s in self.rates),
+        ports = {end: {f"{n}{end}": np.zeros(size) for n, size in self.given.ports.items()} for end in _ENDS}
+        inputs = [tuple(self._place(element) for element, _ in by_element(ports[end])) for end in _ENDS]
+        numbers = (
+            *("order", "tolerance", "span", "time", "longest", "sizes", "stands", "reach", "since", "begun"),
+            *("sides", "on", "flips", "kept", "last", "work"),
+        )
+        return {name.upper(): where[name] for name in numbers} | {
+            "STATES": tuple(self._place("time" if s == "t" else s) for s in self.rates),
             "FIRSTS": tuple(starts), "ENDS": tuple(ends), "LEASTS": tuple(g.least for g in groups),
             "RELATIVE": tuple(g.relative for g in groups), "ATTITUDE": int("q[1]" in self.rates),
-            "ORDER": where["order"], "TOLERANCE": where["tolerance"], "SPAN": where["span"], "TIME": where["time"],
-            "STARTS": where["start_time"], "LONGEST": where["longest"], "SIZES": where["sizes"],
-            "HELD": where["held_inputs"],
-            "STANDS": where["stands"], "REACH": where["reach"], "SINCE": where["since"], "BEGUN": where["begun"],
+            "INPUTS": inputs[0] or (0,), "RATES": inputs[1] or (0,), "RATES_2": inputs[2] or (0,),
+            "NUMBER_OF_INPUTS": len(inputs[0]), "HELD": where["held_inputs"], "STARTS": where["start_time"],
             "NUMBER_OF_SIDES": len(self.program.sides), "WATCHED": work + layout.start + len(self.rates),
-            "NUMBER_TOUCHING": len(self.program.touching),
-            "SIDES": where["sides"], "ON": where["on"], "NEXT": where["next_on"], "FLIPS": where["flips"],
-            "KEPT": where["kept"], "MEMORY": memory.STATE_START, "MEMORY_SIZE": _size(blocks["kept"]),
-            "LAST": where["last"], "WORK": work, "ROWS": work + layout.start, "ROW": layout.row,
+            "NUMBER_TOUCHING": len(self.program.touching), "NEXT": where["next_on"],
+            "MEMORY": memory.STATE_START, "MEMORY_SIZE": _size(blocks["series.kept"]),
+            "ROWS": work + layout.start, "ROW": layout.row,
             "OWN": where[own[0]] if own else 0, "OWN_STARTS": where[f"{own[0]}_0"] if own else 0,
             "OWN_SIZE": sum(self.given.states.values()),
         }  # fmt: skip

@@ -49,7 +49,8 @@ def _numbers(scene: Scene) -> dict[str, Any]:
     if scene.has_formulas:
         numbers |= {f"constants.{name}": row.value for name, row in scene.constants.items()}
         numbers |= {f"states.{name}_0": row.start for name, row in scene.states.items()}
-        numbers |= {"start_time": scene.run.start, "longest": scene.run.stop - scene.run.start}
+        numbers |= {name: port.start for name, port in scene.inputs.own.items()}
+        numbers |= {"series.start_time": scene.run.start, "series.longest": scene.run.stop - scene.run.start}
     if scene.body is not None:
         numbers |= {
             "mass": scene.body.mass,

@@ -94,19 +94,18 @@ class Listed:
         return f"{named or 'the motion'} slides along a corner of abs, min, max, clip, where or a table"
 
     def at_start(self, values: Mapping[str, Decimal]) -> list[Decimal]:
-        """Return the numbers, and the values of parameters and states at the start; ports are at zero."""
-        found = []
-        for i in self.found:
-            kind, _, value = self.graph.operations[i]
-            known = Decimal(value) if kind == "number" else values.get(str(value), Decimal(0))
-            found.append(known if kind in ("number", "place", "state") else Decimal(0))
-        return found
+        """Return the numbers, and the values of parameters, states and inputs at the start."""
+        rows = (self.graph.operations[i] for i in self.found)
+        return [Decimal(x) if kind == "number" else values.get(str(x), Decimal(0)) for kind, _, x in rows]
 
 
 def formula_motion(
     scene: Scene, steps: Sequence[float], most: int, progress: Callable[[float], Any] | None = None
 ) -> Motion:
-    """Return all that is asked for at the start and after each step (s), ports at zero; as `reference_motion` does."""
+    """Return all that is asked for at the start and after each step (s), as `reference_motion` does.
+
+    Ports are as at first.
+    """
     formulas = formulas_of(scene)
     assert formulas is not None
     listed = Listed(formulas)
@@ -162,6 +161,7 @@ def _exact_values(formulas: FormulaModel, scene: Scene) -> dict[str, Decimal]:
     q = exact.decimals_of(scene.initial.quaternion)
     given = {name: exact.decimals_of(values) for name, values in formulas.given.numbers.items()}
     own = {name: exact.decimals_of(row.start) for name, row in scene.states.items()}
+    own |= {name: exact.decimals_of(port.start) for name, port in scene.inputs.own.items()}
     body = {
         "M": found["M"], "M_inverse": found["M_inverse"], "arm": found["arm_b"],
         "inverse_mass": np.array([1 / Decimal(scene.body.mass)]), "q": q / (q @ q).sqrt(),

@@ -113,7 +113,7 @@ def what_inputs_cost(asked: Question, plan: Plan) -> tuple[str, ...]:
     moved = shown & {"position", "velocity", "acceleration"}
     pushed, twisted = moved and set(ports) & set(FORCES), shown - moved and set(ports) & set(TORQUES)
     has_arm = any(body.r_oc_b) or "r_oc_b" in scene.inputs.parameters
-    if not (pushed or twisted or (shown and has_arm)):
+    if not (pushed or twisted or (shown and has_arm) or scene.inputs.own):
         return ()
     if pushed and not body.pivot:
         lines = _held_loop(h, "forces", body.mass, "kg", "N/m", "N s/m")

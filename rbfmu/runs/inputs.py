@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from rbfmu.models.model_buffer import Buffer
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.runs.time_grid import time_grid
+from rbfmu.scene.own import elements
 from rbfmu.scene.scene import Scene
 from rbfmu.scene.section import SceneError, as_toml, fault
 from rbfmu_kernels.body.shell import Model
@@ -21,20 +22,23 @@ from rbfmu_kernels.compile.tiered import tiered
 
 Array = NDArray[np.float64]
 HOLD, LINEAR = "hold", "linear"
-SIZE = 3
-"""The number of components of every input."""
 NEAR = 1e-9
 """The part of a communication step by which times may differ and still be the same."""
 
 
 class InputTable(NamedTuple):
-    """A port's values (m, 3) at times (m,), s, that increase."""
+    """A port's values (m, n) at times (m,), s, that increase; n: 3, or 1 of a scalar of one's own."""
 
     times: Array
     values: Array
 
 
 InputTables = dict[str, InputTable]
+
+
+def size_of(scene: Scene, port: str) -> int:
+    """Return how many numbers a port has."""
+    return scene.inputs.own[port].size if port in scene.inputs.own else 3
 
 
 def input_tables(scene: Scene, inputs: Any, interpolate: str = HOLD) -> InputTables:
@@ -71,8 +75,11 @@ def _from_mapping(inputs: Mapping[str, Any], scene: Scene, interpolate: str, fau
             faults.append(f"inputs {port!r}: expected one of the scene's ports, {', '.join(scene.inputs.ports)}")
             continue
         try:
-            timed = isinstance(given, tuple) and len(given) == 2
-            tables[port] = _timed(*given) if timed else _row_a_step(scene, given, interpolate)
+            size = size_of(scene, port)
+            if isinstance(given, tuple) and len(given) == 2:
+                tables[port] = _timed(given[0], given[1], size)
+            else:
+                tables[port] = _row_a_step(scene, given, interpolate, size)
         except (TypeError, ValueError) as error:
             faults.append(f"inputs {port!r}: {error}")
             continue
@@ -80,22 +87,28 @@ def _from_mapping(inputs: Mapping[str, Any], scene: Scene, interpolate: str, fau
     return tables
 
 
-def _timed(times: Any, values: Any) -> InputTable:
-    times, values = _numbers_of(times), _numbers_of(values)
-    if times.ndim != 1 or not len(times) or values.shape != (len(times), SIZE):
+def _timed(times: Any, values: Any, size: int) -> InputTable:
+    times, values = _numbers_of(times), _rows_of(values, size)
+    if times.ndim != 1 or not len(times) or values.shape != (len(times), size):
         shapes = f"shapes {times.shape} and {values.shape}"
-        raise ValueError(f"{shapes}: expected times (m,) and values (m, {SIZE}), at least one row")
+        raise ValueError(f"{shapes}: expected times (m,) and values (m, {size}), at least one row")
     return InputTable(times, values)
 
 
-def _row_a_step(scene: Scene, given: Any, interpolate: str) -> InputTable:
-    values, grid = _numbers_of(given), time_grid(scene.run.start, scene.run.stop, scene.run.step)
+def _row_a_step(scene: Scene, given: Any, interpolate: str, size: int) -> InputTable:
+    values, grid = _rows_of(given, size), time_grid(scene.run.start, scene.run.stop, scene.run.step)
     points, steps = len(grid), len(grid) - 1
     allowed = {points} if interpolate == LINEAR else {steps, points}
-    if values.ndim != 2 or values.shape[1] != SIZE or len(values) not in allowed:
+    if values.ndim != 2 or values.shape[1] != size or len(values) not in allowed:
         rows = f"{points} rows, one a communication point" if interpolate == LINEAR else f"{steps} rows, one a step"
-        raise ValueError(f"shape {values.shape}: expected (times, values), or {rows}, of {SIZE} numbers")
+        raise ValueError(f"shape {values.shape}: expected (times, values), or {rows}, of {size} numbers")
     return InputTable(grid[: len(values)], values)
+
+
+def _rows_of(given: Any, size: int) -> Array:
+    """Return a row for each time, also of a scalar's numbers."""
+    values = _numbers_of(given)
+    return values[:, None] if size == 1 and values.ndim == 1 else values
 
 
 def _numbers_of(given: Any) -> Array:
@@ -137,7 +150,7 @@ def _read(path: Path, scene: Scene, faults: list[str]) -> InputTables:
 
 def _columns(names: list[str], scene: Scene, faults: list[str]) -> dict[str, list[int]]:
     """Return where each port's components stand; note what is missing, unknown or twice."""
-    known = {f"{port}[{i + 1}]": port for port in scene.inputs.ports for i in range(SIZE)}
+    known = {name: port for port in scene.inputs.ports for name in elements(port, size_of(scene, port))}
     faults += [
         f"column {name!r} stands twice: expected it once" for name in dict.fromkeys(names) if names.count(name) > 1
     ]
@@ -246,7 +259,7 @@ def _points(time: Array, tables: list[Array], near: float) -> Array:
 
 def _held(table: InputTable, points: Array, near: float) -> PortPieces:
     begun = np.maximum(np.searchsorted(table.times, points[:-1] + near, side="right") - 1, 0)
-    return PortPieces(table.values[begun], np.zeros((len(begun), SIZE)))
+    return PortPieces(table.values[begun], np.zeros((len(begun), table.values.shape[1])))
 
 
 def _linear(table: InputTable, points: Array, near: float) -> PortPieces:
@@ -298,18 +311,17 @@ class Driven:
 
 
 class _Rows:
-    """A row of numbers for each piece, and the stretch of the buffer that it goes to; between blocks it is zero."""
+    """A row of numbers for each piece, and the places of the buffer that it goes to."""
 
     def __init__(self, kernels: Model, z: Buffer, blocks: dict[str, Array]) -> None:
-        self.names = tuple(blocks)
-        places = [kernels.BLOCKS[name] for name in blocks]
-        first, end = min((p.start for p in places), default=0), max((p.stop for p in places), default=0)
-        self._rows = np.zeros((max(map(len, blocks.values()), default=0), end - first))
-        for place, values in zip(places, blocks.values(), strict=True):
-            self._rows[:, place.start - first : place.stop - first] = values
-        self._stretch = z[first:end]
+        self.names, self._z = tuple(blocks), z
+        places = [np.arange(p.start, p.stop) for p in map(kernels.BLOCKS.__getitem__, blocks)]
+        at = np.concatenate([*places, np.zeros(0, np.intp)])
+        together = len(at) and bool((np.diff(at) == 1).all())
+        self._places: Any = slice(at[0], at[-1] + 1) if together else at
+        self._rows = np.hstack([*blocks.values()]) if blocks else np.zeros((0, 0))
 
     def put(self, i: int) -> None:
         """Set the inputs of piece i."""
         if self.names:
-            self._stretch[:] = self._rows[i]
+            self._z[self._places] = self._rows[i]

@@ -57,6 +57,21 @@ class Shown(NamedTuple):
     about: str = ""
 
 
+class Port(NamedTuple):
+    """An input of one's own, that formulas read."""
+
+    name: str
+    start: tuple[float, ...] = ()
+    size: int = 3
+    unit: str = ""
+    about: str = ""
+
+
+def elements(name: str, size: int) -> list[str]:
+    """Return the names of a vector's numbers, counted from 1; that of a scalar is its own."""
+    return [name] if size == 1 else [f"{name}[{i + 1}]" for i in range(size)]
+
+
 def as_written(rows: Mapping[str, Any]) -> dict[str, Any]:
     """Return a table of constants, states or outputs as a file has it."""
     return {
@@ -65,7 +80,7 @@ def as_written(rows: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    return value if isinstance(value, str) else value[0] if len(value) == 1 else list(value)
+    return value if isinstance(value, str | int) else value[0] if len(value) == 1 else list(value)
 
 
 class Table(NamedTuple):
@@ -75,6 +90,28 @@ class Table(NamedTuple):
     y: tuple[float, ...]
     method: str = "linear"
     about: str = ""
+
+
+def port(value: Any) -> Port:
+    """Return an input of one's own; its size is that of its start, if that is given."""
+    rules: dict[str, Callable[[Any], Any]] = {"name": _identifier, "start": one_or_three, "size": _size, **_BESIDE}
+    found = _entry(Port, rules, value, ("start", "size", *_BESIDE))
+    size = len(found.start) if found.start and "size" not in value else found.size
+    if found.start and len(found.start) != size:
+        raise ValueError(f"as many numbers in start as size says, not {len(found.start)} and {size}")
+    return found._replace(start=found.start or (0.0,) * size, size=size)
+
+
+def _size(value: Any) -> int:
+    if value not in (1, 3) or isinstance(value, bool):
+        raise ValueError("1 or 3")
+    return int(value)
+
+
+def _identifier(name: Any) -> str:
+    if not (isinstance(name, str) and name.isidentifier() and name.isascii() and not keyword.iskeyword(name)):
+        raise ValueError("letters, digits and _")
+    return name
 
 
 MOST_ROWS = 64
@@ -170,8 +207,10 @@ def _table(words: str, entry: Callable[[Any], T]) -> Rule:
             return None
         found = Named[T]()
         for name, item in value.items():
-            if not (isinstance(name, str) and name.isidentifier() and name.isascii() and not keyword.iskeyword(name)):
-                raise ValueError(f"names of letters, digits and _, not {as_toml(name)}")
+            try:
+                _identifier(name)
+            except ValueError as error:
+                raise ValueError(f"names of {error}, not {as_toml(name)}") from None
             try:
                 found[name] = entry(item)
             except ValueError as error:
@@ -194,3 +233,4 @@ STATES = _table(
 OUTPUTS = _table("a table of formulas", lambda x: _entry(Shown, {"value": text, **_BESIDE}, x)).means(
     "outputs of one's own, which may also stand beside `quantities`: NAME = text, or { value, unit, about }"
 )
+PORTS = _table("a table of inputs", port).means("inputs of one's own, as they stand in `ports`")

@@ -14,7 +14,7 @@ from rbfmu.scene.attitude import Attitude
 from rbfmu.scene.body import ZERO, Body
 from rbfmu.scene.consistency import default_quantities, doubts_before, faults_between, warn
 from rbfmu.scene.ensemble import Ensemble, as_written, faults_with, without_idle_shape
-from rbfmu.scene.own import Constant, Named, Shown, State, Table
+from rbfmu.scene.own import Constant, Named, Port, Shown, State, Table
 from rbfmu.scene.section import Numbers, SceneError, Section, as_toml, fault, line, names, numbers, one_of, positive
 from rbfmu.scene.toml_file import read_file, with_description
 from rbfmu_kernels import quantities
@@ -33,7 +33,8 @@ _IDENTITY = (1.0, 0.0, 0.0, 0.0)
 _DEGREES = Numbers((3,), "deg/s")
 _NAME = line("1 to 200 printable characters without / and \\", 200, unwanted="/\\")
 _PORTS = names(PORTS).means(
-    "loads that another unit supplies, added to the known ones, or omega_b alone (prescribed rates)"
+    "loads that another unit supplies, added to the known ones; omega_b alone (prescribed rates); inputs of one's own "
+    "that formulas read, { name, size, unit, start }"
 )
 _PARAMETERS = names(PARAMETERS).means(
     "FMU parameters that an importer will change, so that the plan holds for every value"
@@ -103,8 +104,33 @@ class Inputs(Section):
 
     _path: ClassVar[str] = "inputs"
 
+    _spellings: ClassVar[Mapping[str, tuple[str, ...]]] = {"own": ()}
+
     ports: Annotated[tuple[str, ...], _PORTS] = ()
     parameters: Annotated[tuple[str, ...], _PARAMETERS] = ()
+    own: Annotated[Mapping[str, Port], named.PORTS] = NOTHING
+
+    @classmethod
+    def read(cls, value: Any) -> Self:
+        """Return the section of a table, of whose ports those that are tables are inputs of one's own."""
+        ports = value.get("ports") if isinstance(value, Mapping) else None
+        if not isinstance(ports, list | tuple) or not any(isinstance(x, Mapping) for x in ports):
+            return super().read(value)
+        try:
+            own = [named.port(x) for x in ports if isinstance(x, Mapping)]
+        except ValueError as error:
+            raise SceneError(f"inputs.ports: expected {error}") from None
+        found = super().read({**value, "ports": [x for x in ports if not isinstance(x, Mapping)]})
+        rows = Named({one.name: one for one in own})
+        if twice := [one.name for one in own if one is not rows[one.name]]:
+            raise SceneError(f"inputs.ports: expected each name once, not twice {twice[0]}")
+        return found.model_copy(update={"ports": (*found.ports, *rows), "own": rows})
+
+    def as_written(self) -> dict[str, Any]:
+        """Return the table as a file has it."""
+        known = [name for name in self.ports if name not in self.own]
+        ports = [*known, *named.as_written(self.own).values()]
+        return {"ports": ports, "parameters": list(self.parameters)}
 
 
 class Outputs(Section):
@@ -289,7 +315,7 @@ class Scene(Section):
         untold |= {name for name in ("constants", "formulas", "states", "tables") if not getattr(self, name)}
         tables: dict[str, Any] = self.model_dump(mode="json", exclude_none=True, exclude=untold)
         tables["loads"] |= tables.pop("load_formulas")
-        tables |= {"outputs": self.outputs.as_written()}
+        tables |= {"inputs": self.inputs.as_written(), "outputs": self.outputs.as_written()}
         own: dict[str, Mapping[str, Any]] = {"constants": self.constants, "states": self.states, "tables": self.tables}
         tables |= {name: named.as_written(rows) for name, rows in own.items() if rows}
         tables["initial"]["attitude"] = {"quaternion": tables["initial"].pop("quaternion")}

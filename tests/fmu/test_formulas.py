@@ -22,14 +22,17 @@ SCENE = {
     "initial": {"omega_b": [0.01, 0.02, 0.0]},
     "constants": {"n": {"value": 0.3, "unit": "rad/s", "about": "orbital rate"}, "c": {"value": 0.1, "unit": "1/s"}},
     "formulas": {"u_b": "to_b([cos(n*t), sin(n*t), 0])"},
-    "loads": {"gravity_a": [0.0, 0.0, 0.0], "torque_b": "3*n**2 * cross(u_b, M_c @ u_b) - c*h"},
+    "loads": {"gravity_a": [0.0, 0.0, 0.0], "torque_b": "3*n**2 * cross(u_b, M_c @ u_b) - c*h + wheel"},
     "states": {"h": {"start": [0.1, 0.0, 0.0], "rate": "torque_b + omega_b - 0.2*h", "unit": "N m s"}},
-    "inputs": {"ports": ["torque_b"], "parameters": ["n", "h_0"]},
+    "inputs": {
+        "ports": ["torque_b", {"name": "wheel", "unit": "N m", "start": [0.01, 0.0, 0.0]}, {"name": "gain", "size": 1}],
+        "parameters": ["n", "h_0"],
+    },
     "outputs": {
         "quantities": ["quaternion", "omega_b", "alpha_b"],
         "tilt": {"value": "acos(clip(R_ab[3,3], -1, 1))", "unit": "rad", "about": "angle between z_b and z_a"},
         "pull": {"value": "norm(torque_b + [3, 0, 0])", "unit": "N m"},
-        "root": "sqrt(2 + torque_b[3])",
+        "root": "sqrt(2 + torque_b[3]) + gain**2",
     },
     "run": {"stop": 4.0, "step": 0.25, "accuracy": 1e-9},
 }
@@ -89,8 +92,11 @@ def test_variables_say_what_they_are_and_depend_on(fmus: dict[str, Path]) -> Non
         for kind in ("Outputs", "InitialUnknowns")
     }  # fmt: skip
     ports = {f"torque_b[{k}]" for k in (1, 2, 3)}
-    assert depends["Outputs"]["alpha_b[1]"] == depends["Outputs"]["pull"] == ports
+    assert depends["Outputs"]["alpha_b[1]"] == ports | {f"wheel[{k}]" for k in (1, 2, 3)}
+    assert depends["Outputs"]["pull"] == ports
     assert depends["Outputs"]["tilt"] == depends["Outputs"]["omega_b[1]"] == set()
+    assert about["wheel[1]"].attrib["causality"] == about["gain"].attrib["causality"] == "input"
+    assert about["wheel[1]"].find("Real").attrib["start"] == "0.01"
     assert {"n", "c", "h_0[1]", "inertia[1,1]"} <= depends["InitialUnknowns"]["alpha_b[1]"]
     assert depends["InitialUnknowns"]["tilt"] == {f"quaternion_0[{k}]" for k in (1, 2, 3, 4)}
     assert "3*n**2 * cross(u_b, M_c @ u_b) - c*h" in page
@@ -112,11 +118,16 @@ def test_derivatives_refusals_and_what_is_not_finite(fmus: dict[str, Path], tmp_
     assert 'list "c" under parameters' in said[-1]
     one.setReal([reference["c"]], [0.1])
     one.exitInitializationMode()
-    one.setReal(ports, [0.1, 4.0, -1.0])
+    one.setReal([*ports, reference["gain"]], [0.1, 4.0, -1.0, 3.0])
     shown = [reference[name] for name in ("alpha_b[1]", "tilt", "pull", "root")]
-    found = [one.getDirectionalDerivative(shown, [port], [1.0]) for port in ports]
+    found = [one.getDirectionalDerivative(shown, [port], [1.0]) for port in (*ports, reference["gain"])]
     total = np.hypot(np.hypot(3.1, 4.0), -1.0)
-    expected = [[1.0 / 0.9, 0.0, 3.1 / total, 0.0], [0.0, 0.0, 4.0 / total, 0.0], [0.0, 0.0, -1.0 / total, 0.5]]
+    expected = [
+        [1.0 / 0.9, 0.0, 3.1 / total, 0.0],
+        [0.0, 0.0, 4.0 / total, 0.0],
+        [0.0, 0.0, -1.0 / total, 0.5],
+        [0.0, 0.0, 0.0, 6.0],
+    ]
     np.testing.assert_allclose(found, expected, rtol=1e-14, atol=1e-16)
     one.setReal(ports, [-3.0, 0.0, 0.0])
     with pytest.raises(FMICallException):

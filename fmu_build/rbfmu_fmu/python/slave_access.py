@@ -27,6 +27,9 @@ LIBRARY, OBJECT = ".so", ".o"
 FORMULAS = ".formulas"
 """The module of a scene's own formulas."""
 
+INPUTS_TOGETHER = 12
+"""Numbers of the loads that may be inputs: between them is nothing else, so that all are set at once."""
+
 _OWNERS: list[Any] = []  # of loaded code
 
 
@@ -50,7 +53,9 @@ class Access:
         self.names: list[str] = [v["name"] for v in variables]
         self.offsets: list[int] = [v["offset"] for v in variables]
         self.causality: list[str] = [v["causality"] for v in variables]
-        self.inputs = [r for r, c in enumerate(self.causality) if c == "input"]
+        places = [o for o, c in zip(self.offsets, self.causality, strict=True) if c == "input"]
+        packed = not places or places[-1] - places[0] < INPUTS_TOGETHER
+        self.inputs = [r for r, c in enumerate(self.causality) if c == "input" and packed]
         self.outputs = [r for r, c in enumerate(self.causality) if c == "output"]
         self.settable = {r for r, c in enumerate(self.causality) if c != "output"}
         self.pinned = [(v["name"], v["offset"], v["start"], v["block"]) for v in variables if v["pinned"]]

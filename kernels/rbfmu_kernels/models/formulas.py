@@ -16,7 +16,6 @@ from ..body.outputs import outputs
 from ..body.shell import Model, bind, initialize, step
 from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED
 from ..buffer_access import copy_numbers, pair_at, put_pair_at, put_quaternion_at, quaternion_at
-from ..compile.decorator import kernel
 from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, put_lanes
 from ..integrators.polynomials import begins_at_zero, bound_of, first_root, first_touch, polynomial
 from ..integrators.substeps import count_substep, power_of, tolerance_of_substep
@@ -26,9 +25,9 @@ from ..rotations.quaternion import normalize
 from ..types import Buffer
 
 ORDERS = range(6, 31, 2)
-SERIES = {"stands": 1, "reach": 1, "since": 2, "begun": 2}
+SERIES = {"series.stands": 1, "series.reach": 1, "series.since": 2, "series.begun": 2}
 """Whether a series stands; how far it reaches, and how far it has served, s; the time at which it began."""
-CORNERS = ("sides", "on", "next_on", "flips")
+CORNERS = ("series.sides", "series.on", "series.next_on", "series.flips")
 """Of what has sides: on which it is, whether the series began at its corner, and ends there, and how often it changed.
 
 A series ends where a number comes to zero whose side its coefficients rest on (abs, min, max, where, a table's rows).
@@ -49,19 +48,22 @@ ROUND_OFF = 1e-13
 NEAR = 0.2
 """How far from the size that it was estimated for, as a part of it, a step is not estimated once more."""
 
-INPUTS, RATES, RATES_2 = driven.INPUTS_START, driven.RATES_START, driven.RATES_2_START
-
 # What templates are bound to. Of a group of states: where it stands in a row, the least size that its errors are
-# relative to, and whether they are relative to the largest that it has been.
+# relative to, and whether they are relative to the largest that it has been. Of inputs: the places of their numbers and
+# of the rates of these, at least one each, as an empty tuple has no type.
 _missing: Any = None
 constants = first = further = values = begin = put_states = excess_at = settle = cut = advance_anew = _missing
+holds = change = _missing
+INPUTS: tuple[int, ...] = ()
+RATES: tuple[int, ...] = ()
+RATES_2: tuple[int, ...] = ()
 STATES: tuple[int, ...] = ()
 FIRSTS: tuple[int, ...] = ()
 ENDS: tuple[int, ...] = ()
 LEASTS: tuple[float, ...] = ()
 RELATIVE: tuple[bool, ...] = ()
 ORDER = TOLERANCE = SPAN = TIME = STARTS = LONGEST = SIZES = HELD = STANDS = REACH = SINCE = BEGUN = 0
-NUMBER_TOUCHING = NUMBER_OF_SIDES = WATCHED = SIDES = ON = NEXT = FLIPS = 0
+NUMBER_OF_INPUTS = NUMBER_TOUCHING = NUMBER_OF_SIDES = WATCHED = SIDES = ON = NEXT = FLIPS = 0
 KEPT = MEMORY = MEMORY_SIZE = LAST = LAST_SIZE = WORK = ROWS = ROW = OWN = OWN_STARTS = OWN_SIZE = ATTITUDE = 0
 
 
@@ -193,17 +195,24 @@ def put_states_at(z: Buffer, t: float) -> None:
         put_quaternion_at(z, memory.STATE_START, normalize(quaternion_at(z, memory.STATE_START)))
 
 
-@kernel
+def holds_inputs(z: Buffer) -> bool:
+    """Return whether the inputs are those that the series was made with, and do not change within the step."""
+    same = True
+    for i in range(NUMBER_OF_INPUTS):
+        same &= bool(z[INPUTS[i]] == z[HELD + i]) & bool(z[RATES[i]] == 0.0) & bool(z[RATES_2[i]] == 0.0)
+    return same
+
+
 def change_inputs(z: Buffer, h: float) -> None:
     """Set the inputs to what they have become a time h after the step's beginning, from where they change on."""
-    for i in range(driven.NUMBER_OF_INPUTS):
-        z[INPUTS + i] += h * z[RATES + i] + 0.5 * h * h * z[RATES_2 + i]
-        z[RATES + i] += h * z[RATES_2 + i]
+    for i in range(NUMBER_OF_INPUTS):
+        z[INPUTS[i]] += h * z[RATES[i]] + 0.5 * h * h * z[RATES_2[i]]
+        z[RATES[i]] += h * z[RATES_2[i]]
 
 
 def advance_formulas(z: Buffer, h: float) -> int:
     """Advance by h; reject the step and change nothing where the motion cannot be followed."""
-    if not (z[STANDS] != 0.0 and z[SINCE] + h <= z[REACH] and driven.holds_inputs(z, HELD)):
+    if not (z[STANDS] != 0.0 and z[SINCE] + h <= z[REACH] and holds(z)):
         return advance_anew(z, h)  # type: ignore[no-any-return]
     since, time = pair_at(z, SINCE), pair_at(z, TIME)
     put_pair_at(z, SINCE, dd.add_float(since, h))
@@ -221,9 +230,10 @@ def advance_by_series(z: Buffer, h: float) -> int:
     """Advance by h where a new series has to be made."""
     copy_numbers(z, MEMORY, KEPT, MEMORY_SIZE)
     end = dd.add_float(pair_at(z, TIME), h)
-    if not driven.holds_inputs(z, HELD):
+    if not holds(z):
         z[STANDS] = 0.0
-        driven.keep_inputs(z, HELD)
+        for i in range(NUMBER_OF_INPUTS):
+            z[HELD + i] = z[INPUTS[i]]
     rest, status, crept = h, STEP_REJECTED, 0
     for _ in range(int(MAX_SUBSTEPS)):
         if not (z[STANDS] != 0.0 and z[SINCE] < z[REACH]) and not begin(z):
@@ -237,7 +247,7 @@ def advance_by_series(z: Buffer, h: float) -> int:
             break
         put_states(z, z[REACH])
         put_pair_at(z, SINCE, (z[REACH], 0.0))
-        change_inputs(z, left)
+        change(z, left)
         put_pair_at(z, TIME, dd.add_float(pair_at(z, BEGUN), z[REACH]))
         rest -= left
         z[STANDS] = 0.0
@@ -246,11 +256,14 @@ def advance_by_series(z: Buffer, h: float) -> int:
             break
     put_pair_at(z, TIME, end)
     if status == OK:
-        driven.hold_last_inputs(z, rest)
+        change(z, rest)
+        for i in range(NUMBER_OF_INPUTS):
+            z[RATES[i]] = z[RATES_2[i]] = 0.0
         if memory.is_finite(z) and values(z) == 0:
             return outputs(z)
     copy_numbers(z, KEPT, MEMORY, MEMORY_SIZE)
-    copy_numbers(z, HELD, INPUTS, driven.NUMBER_OF_INPUTS)
+    for i in range(NUMBER_OF_INPUTS):
+        z[INPUTS[i]] = z[HELD + i]
     z[STANDS] = 0.0
     return STEP_REJECTED
 
@@ -265,6 +278,8 @@ _TEMPLATES: Mapping[str, Callable[..., Any]] = {
     "put_states": put_states_at,
     "settle": settle_sides,
     "cut": reach_to_corner,
+    "holds": holds_inputs,
+    "change": change_inputs,
     "begin": begin_series,
     "advance_anew": advance_by_series,
 }

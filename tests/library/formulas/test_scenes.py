@@ -380,3 +380,40 @@ def test_the_text_of_the_kernels_can_be_printed(tmp_path):
     printed = call("plan", tmp_path / "scene.toml", "--code").stdout
     compile(printed, "formulas", "exec")
     assert "def further(z: Buffer, w: int, k: int)" in printed
+
+
+def test_ports_of_ones_own_enter_formulas():
+    ports = ["torque_b", {"name": "wheel", "unit": "N m", "start": [0.01, 0, 0]}, {"name": "u", "size": 1}]
+    loads = {"torque_b": "-wheel - cross(omega_b, h) + [0, 0, u]"}
+    states = {"h": {"start": [0, 0, 0], "rate": "wheel"}}
+    driven = scene(inputs={"ports": ports}, loads=loads, states=states, outputs={"shown": "h"})
+    one = rbfmu.Scene.from_dict(driven)
+    assert rbfmu.Scene.from_dict(one.to_dict()) == one
+    planned = rbfmu.plan(one)
+    t = np.linspace(0.0, 5.0, 101)
+    given = {"wheel": np.outer(t, [0.1, 0.2, -0.1]), "u": 0.3 * t}
+    found = rbfmu.simulate(one, planned=planned, inputs=given, interpolate="linear")
+    loads = {"torque_b": loads["torque_b"].replace("wheel", "w").replace("[0, 0, u]", "[0, 0, 0.3*t]")}
+    states = {"h": {"start": [0, 0, 0], "rate": "w"}}
+    formulas = {"w": "t*[0.1, 0.2, -0.1]"}
+    same = rbfmu.simulate(rbfmu.Scene.from_dict(scene(loads=loads, states=states, formulas=formulas)))
+    np.testing.assert_allclose(found.omega_b, same.omega_b, rtol=0, atol=1e-8)
+    held = rbfmu.simulate(one, planned=planned)
+    np.testing.assert_allclose(held.shown[-1], [0.05, 0.0, 0.0], rtol=1e-13, atol=1e-15)
+    simulator = rbfmu.Simulator(one)
+    simulator.step(u=0.3, wheel=[0.1, 0.0, 0.0])
+    before = simulator.save()
+    for wrong in ({"u": [1.0, 2.0]}, {"u": math.nan}, {"wheel": 1.0}, {"v": 1.0}):
+        with pytest.raises(ValueError, match=next(iter(wrong))):
+            simulator.step(**{"torque_b": [0.5, 0.0, 0.0], **wrong})
+    assert simulator.save() == before
+
+
+@pytest.mark.parametrize(("port", "said"), [
+    ({"size": 3}, "a table with name as well"), ({"name": "u", "size": 2}, "1 or 3"),
+    ({"name": "u", "size": 1, "start": [1, 2, 3]}, "as many numbers"), ({"name": "t"}, "another name"),
+    ({"name": "mass"}, "another name"), ({"name": "h"}, "another name"), ({"name": "2u"}, "letters, digits"),
+])  # fmt: skip
+def test_wrong_ports_are_refused(port, said):
+    with pytest.raises(rbfmu.SceneError, match=said):
+        rbfmu.Scene.from_dict(scene(inputs={"ports": [port]}, loads={"torque_b": "-omega_b"}))
