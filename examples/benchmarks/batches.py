@@ -22,7 +22,10 @@ from numpy.typing import NDArray
 import rbfmu
 from examples.benchmarks.support.goals import Goal, status
 from examples.benchmarks.support.least import least
-from rbfmu.ensembles.loops import advance_lanes
+from rbfmu.ensembles.loops import advance_lanes, compile_lanes
+from rbfmu.ensembles.members import draw, member
+from rbfmu.ensembles.planning import plan_ensemble
+from rbfmu.ensembles.running import run_ensemble
 from rbfmu.extras import needed_of
 from rbfmu.models.model_buffer import aligned_zeros
 from rbfmu.planning.reference import reference_motion
@@ -45,6 +48,8 @@ SECONDS, MOST_SECONDS = 2e-3, 5.0
 LANES, ALONE, FOUR, EIGHT, ROLLOUT = "lanes", "one by one", "heyoka.py, 4", "heyoka.py, 8", "MuJoCo rollout"
 GOAL = 0.8
 """The largest cost over that of heyoka.py's batches of four, the number that it recommends."""
+WHOLE = 0.6
+"""The same of `run_ensemble` with many members, planning and drawing included."""
 
 Run = Callable[[], Array]
 """Returns the attitudes at the end, (bodies, 4)."""
@@ -268,9 +273,77 @@ def row_of(key: str, mark: float, bodies: int, rounds: int, others: Sequence[str
     return Row(batch.case.title, mark, errors, costs)
 
 
-def goals(rows: Sequence[Row]) -> list[Goal]:
-    """Of each row."""
-    return [Goal(f"{row.motion}, {row.mark:g}, ours / {FOUR}", row.ratio(FOUR), most=GOAL) for row in rows]
+# Whole calls
+
+
+@dataclass(frozen=True)
+class Call:
+    """`run_ensemble` as users call it, on one thread with what is kept on disk, beside heyoka.py in batches of four.
+
+    Costs are CPU times, us a body-second, heyoka.py's at the loosest tolerance with a third of the accuracy; planning
+    and drawing are in ours; planned: ms before the first member. error: the worst of some members, over the accuracy.
+    """
+
+    motion: str
+    mark: float
+    runs: int
+    error: float
+    cost: float
+    heyoka: float
+    planned: float
+
+
+def call_of(key: str, mark: float, runs: int, rounds: int) -> Call:
+    """Measure a motion whose rates vary by 0.02 rad/s."""
+    case = CASES[key]
+    tables, rates = case.asking(mark).to_dict(), case.scene.initial.omega_b
+    tables["run"]["step"] = case.span
+    vary = {"initial.omega_b": {"normal": [list(rates), [0.02] * 3]}}
+    scene = Scene.from_dict(tables | {"ensemble": {"runs": runs, "keep": ["final"], "vary": vary}}, key)
+    if compiling := compile_lanes(plan_ensemble(scene).kernels):
+        compiling.join()  # as it is where an ensemble ran before
+    result = run_ensemble(scene, executor=1, progress=False)
+    batch = Batch(case, 0)
+    samples = draw(scene, 0, runs)
+    batch.scenes = [member(scene, samples, k) for k in range(BODIES)]
+    chosen = within(batch, mark / 3.0, heyokas(batch, 4))
+    if chosen is None:
+        raise RuntimeError(f"heyoka.py does not reach {mark / 3.0:g} on {key}")
+    contestants = {
+        "ours": lambda: run_ensemble(scene, executor=1, progress=False),
+        "planned": lambda: plan_ensemble(scene),
+        "theirs": chosen[0],
+    }
+    seconds = least(rounds, contestants, SECONDS, MOST_SECONDS, process_time)
+    error = batch.error(result.final["quaternion"][:BODIES]) / mark
+    cost, theirs = (1e6 * seconds[name] / n / case.span for name, n in (("ours", runs), ("theirs", BODIES)))
+    return Call(case.title, mark, runs, error, cost, theirs, 1e3 * seconds["planned"])
+
+
+def calls(motions: Sequence[str] = ("c", "d"), marks: Sequence[float] = MARKS, rounds: int = 9) -> list[Call]:
+    """Print and return whole calls, few and many members."""
+    found = []
+    for key in motions:
+        for mark in marks:
+            for runs in (4_096, 100_000):
+                one = call_of(key, mark, runs, rounds)
+                found.append(one)
+                print(f"{one.motion}, {mark:g}, {runs} runs: {one.cost:.3g} us a body-second, error {one.error:.2g} of "
+                      f"the accuracy; heyoka.py {one.heyoka:.3g}; ours / it {one.cost / one.heyoka:.2g}; "
+                      f"{one.planned:.0f} ms before the first member", flush=True)  # fmt: skip
+    return found
+
+
+def goals(rows: Sequence[Row], whole: Sequence[Call] = ()) -> list[Goal]:
+    """Of each row, and of calls with many members."""
+    found = [Goal(f"{row.motion}, {row.mark:g}, ours / {FOUR}", row.ratio(FOUR), most=GOAL) for row in rows]
+    many = (call for call in whole if call.runs > 10_000)
+    return found + [
+        Goal(
+            f"{call.motion}, {call.mark:g}, {call.runs} runs, whole call / {FOUR}", call.cost / call.heyoka, most=WHOLE
+        )
+        for call in many
+    ]
 
 
 def main(
@@ -294,4 +367,4 @@ def main(
 
 
 if __name__ == "__main__":
-    raise SystemExit(status(goals(main())))
+    raise SystemExit(status(goals(main(), calls())))

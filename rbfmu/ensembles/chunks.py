@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rbfmu.ensembles.loops import advance_lanes, compiled, entries, run_members
+from rbfmu.ensembles.loops import advance_lanes, compile_lanes, compiled, entries, run_members
 from rbfmu.ensembles.members import Samples, draw, ensemble_of, member, refusals
 from rbfmu.ensembles.statistics import Summary, summary_of
 from rbfmu.ensembles.variables import ALL, FINAL, KEYS, STATISTICS, Columns, flat
@@ -33,9 +33,10 @@ outputs stay in a processor's last cache until they are summed up.
 """
 SET_UP, STATISTICS_OF_ONE = 1e-5, 2e-8
 """What a member takes besides its steps, and what statistics of one number take, s."""
-LANES_FROM, LANES_GAIN, WORTH_COMPILING = 300.0, 3.0, 4.0
+LANES_FROM, LANES_GAIN, WORTH_COMPILING = 300.0, 3.0, 2.0
 """The cost of a step, ns, from which on lanes take less time for it than one member does, how many times less; and the
-time of all members, s, from which on compiling lanes pays."""
+time of all members one by one, s, from which on lanes are compiled, once, beside the first of them: ten seconds of a
+processor, which pay at the next call if not at this one."""
 
 
 @dataclass(frozen=True)
@@ -102,20 +103,29 @@ def run_chunk(work: Work, index: int) -> Chunk:
     first = index * work.size
     samples = draw(work.scene, first, min(work.size, work.runs - first))
     count = len(samples)
-    steps = drive_of(work.scene, {}, HOLD).lengths
-    points = len(steps) + 1 if work.keeps(STATISTICS) or work.keeps(ALL) else 1
+    rows, failed = run_samples(work, samples, ends_alone=not (work.keeps(STATISTICS) or work.keeps(ALL)))
+    good = np.array([i for i in range(count) if i not in failed], dtype=np.int64)
+    summary = summary_of(rows, good, work.columns.pairs, index) if work.keeps(STATISTICS) else None
+    kept = rows if work.keeps(ALL) else np.ascontiguousarray(rows[:, -1:])
+    messages = {first + i: text for i, text in sorted(failed.items())}
+    return Chunk(first, samples.applied, samples.redrawn, kept, messages, summary)
+
+
+def run_samples(work: Work, samples: Samples, ends_alone: bool) -> tuple[Array, dict[int, str]]:
+    """Return outputs (m, n, K) of members, at all points or at the end alone, and what is said of those that failed.
+
+    Their rows are NaN.
+    """
+    steps, count = drive_of(work.scene, {}, HOLD).lengths, len(samples)
+    points = 1 if ends_alone else len(steps) + 1
     rows = np.full((count, points, work.columns.width), np.nan)
     failed = refusals(work.scene, samples)
     which = np.array([i for i in range(count) if i not in failed], dtype=np.int64)
     if len(which):
         rows[which], said = _outputs(work, samples, which, steps, points)
         failed |= said
-    good = np.array([i for i in range(count) if i not in failed], dtype=np.int64)
     rows[list(failed)] = np.nan
-    summary = summary_of(rows, good, work.columns.pairs, index) if work.keeps(STATISTICS) else None
-    kept = rows if work.keeps(ALL) else np.ascontiguousarray(rows[:, -1:])
-    messages = {first + i: text for i, text in sorted(failed.items())}
-    return Chunk(first, samples.applied, samples.redrawn, kept, messages, summary)
+    return rows, failed
 
 
 def _outputs(work: Work, samples: Samples, which: Indices, steps: Array, points: int) -> tuple[Array, dict[int, str]]:
@@ -125,14 +135,16 @@ def _outputs(work: Work, samples: Samples, which: Indices, steps: Array, points:
     rows = np.empty((len(which), points, work.columns.width))
     ends = np.empty((len(which), 2), dtype=np.int64)
     of_all = filled_buffer(work.scene, plan), places, values[which], steps, work.columns.places(kernels.BLOCKS)
-    if not (lanes_pay(work, len(steps)) and advance_lanes(kernels, *of_all, rows, ends)):
+    if not (_has_lanes(plan) and advance_lanes(kernels, *of_all, rows, ends, compile_now=False)):
         compiled(run_members)(*entries(kernels), aligned_zeros(kernels.SIZE), *of_all, rows, ends)
+        if compiling_pays(work, len(steps)):  # beside the members to come, of which each has the same bits either way
+            compile_lanes(kernels)
     bad = np.flatnonzero((ends[:, 0] != 0) | (ends[:, 1] < len(steps)))
     return rows, {int(which[k]): _message(work.scene, plan, samples, int(which[k]), ends[k]) for k in bad}
 
 
-def lanes_pay(work: Work, steps: int) -> bool:
-    """Return whether members side by side are sooner done, compiling included; the bits are the same."""
+def compiling_pays(work: Work, steps: int) -> bool:
+    """Return whether members side by side are sooner done, compiling that included."""
     return _has_lanes(work.plan) and work.runs * steps * work.plan.cost * 1e-9 >= WORTH_COMPILING
 
 

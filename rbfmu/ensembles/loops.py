@@ -8,13 +8,15 @@ side by side, where their model knows how, with the same bits.
 from collections.abc import Callable
 from functools import cache
 from importlib import import_module
+from threading import Thread
 from typing import Any
 
 import numpy as np
-from numba import config, float64, int64, njit, types
+from numba import config, float64, int64, njit, typeof, types
 
 from rbfmu.models.model_buffer import aligned_zeros
 from rbfmu_kernels.compile.simd import widest
+from rbfmu_kernels.compile.tiered import is_kept
 
 _NUMBERS, _TABLE, _BLOCK = float64[::1], float64[:, ::1], float64[:, :, ::1]
 _INDICES, _PAIRS = int64[::1], int64[:, ::1]
@@ -124,22 +126,51 @@ _CACHE_LINE = 8
 
 
 def advance_lanes(
-    kernels: Any, base: Any, places: Any, values: Any, steps: Any, kept: Any, rows: Any, ends: Any
-) -> bool:
+    kernels: Any, base: Any, places: Any, values: Any, steps: Any, kept: Any, rows: Any, ends: Any,
+    compile_now: bool = True,
+) -> bool:  # fmt: skip
     """Do what `loops.run_members` does, with the same bits; return False, with nothing done, where lanes do not serve.
 
     kernels: the model; base (size,): its filled buffer. places (p,), values (m, p): what a member has of its
     own, and where. steps (n,): s. kept (K,): places of the outputs. rows (m, n + 1, K) or (m, 1, K): outputs at each
-    point, or the last. ends (m, 2): what `initialize` returned, and the number of steps done.
+    point, or the last. ends (m, 2): what `initialize` returned, and the number of steps done. compile_now: else lanes
+    serve where their code is there already, or kept on disk.
     """
     if not kernels.lanes or config.DISABLE_JIT or len(values) < 2:
         return False
-    count = min(AT_ONCE, len(values))
-    size = -(-len(base) // _CACHE_LINE) * _CACHE_LINE
-    buffers = aligned_zeros(count * size).reshape(count, size)[:, : len(base)]
-    statuses = np.zeros(count, dtype=np.int64)
-    lanes = import_module(kernels.lanes)
-    run = lanes.run_in_eight if widest() == 8 else lanes.run_in_four
-    scratch = aligned_zeros(lanes.SCRATCH)
-    run(base, places, values, steps, kept, rows, ends, buffers, statuses, scratch)
+    (run, scratch), count = _lanes_of(kernels), min(AT_ONCE, len(values))
+    given = base, places, values, steps, kept, rows, ends, _buffers(count, kernels), np.zeros(count, np.int64), scratch
+    if not (compile_now or is_kept(run, *given)):
+        return False
+    run(*given)
     return True
+
+
+def _lanes_of(kernels: Any) -> tuple[Any, Any]:
+    """Return the function that runs members side by side, and its scratch space."""
+    lanes = import_module(kernels.lanes)
+    return lanes.run_in_eight if widest() == 8 else lanes.run_in_four, aligned_zeros(lanes.SCRATCH)
+
+
+def _buffers(count: int, kernels: Any) -> Any:
+    size = -(-kernels.SIZE // _CACHE_LINE) * _CACHE_LINE
+    return aligned_zeros(count * size).reshape(count, size)[:, : kernels.SIZE]
+
+
+_COMPILING: dict[Any, Thread] = {}
+
+
+def compile_lanes(kernels: Any) -> Thread | None:
+    """Compile lanes beside what else is done, once in a process; return the thread that does, None without lanes.
+
+    A process that ends sooner waits for it: the code is kept for all that come.
+    """
+    if not kernels.lanes or config.DISABLE_JIT:
+        return None
+    run, _ = _lanes_of(kernels)
+    if run not in _COMPILING:
+        buffers = typeof(_buffers(2, kernels))
+        signature = (_NUMBERS, _INDICES, _TABLE, _NUMBERS, _INDICES, _BLOCK, int64[:, ::1], buffers, _INDICES, _NUMBERS)
+        _COMPILING[run] = Thread(target=run.compile, args=(signature,))
+        _COMPILING[run].start()
+    return _COMPILING[run]

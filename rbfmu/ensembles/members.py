@@ -6,6 +6,7 @@ What is applied: attitudes as quaternions, inertia as matrices, all else by its 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -111,9 +112,12 @@ def _to_draw_again(samples: Samples) -> NDArray[np.int64]:
 # Scenes of members
 
 
-def member(scene: Scene, samples: Samples, row: int) -> Scene:
-    """Return the scene of one member, as a user would have written it. Raises SceneError where it is refused."""
-    changes: dict[str, Any] = {"ensemble": None}
+def member(scene: Scene, samples: Samples, row: int, more: Mapping[str, Any] = MappingProxyType({})) -> Scene:
+    """Return the scene of one member, as a user would have written it, with more changes.
+
+    Raises SceneError where it is refused.
+    """
+    changes: dict[str, Any] = {"ensemble": None, **more}
     for key, values in samples.applied.items():
         value = values[row].tolist()
         if key == ATTITUDE:

@@ -11,8 +11,9 @@ whose estimates hold less well, so that what was fitted in the scene's own steps
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from operator import itemgetter
 
 from rbfmu.models.question import GROWING, Question
 from rbfmu.models.registry import LOADED_TAYLOR
@@ -27,6 +28,11 @@ from rbfmu_kernels.integrators.substeps import ROUND_OFF, substeps_in
 from rbfmu_kernels.integrators.taylor_coefficients import MAX_ORDER
 from rbfmu_kernels.models.free import ORDERS
 
+OF_MEMBERS, LOOSER = 0.1, 30.0
+"""Of an ensemble: the part of the accuracy up to which pilots' errors go, as those of other members scatter; and the
+loosest tolerance over the accuracy, as no member takes other communication steps than pilots do."""
+TIGHT, LITTLE = 1e-16, 1e-3
+"""The tolerance of series by which other pilots are judged, where its error in the first is so small a part."""
 AT_REST = 0.01
 """The part of the accuracy up to which an error shows that whatever would grow has not begun to."""
 SMALLEST = 1e-14
@@ -83,6 +89,63 @@ def swinging_fit(judge: Judge, general: Plan) -> Plan | None:
     for method in methods.one_axis_series(general):
         search.fit(method, 0.1 * search.accuracy)
     return search.whatever_the_step(search.bound) if search.met else None
+
+
+def fit_of_members(judges: Sequence[Judge], general: Plan, highest: int) -> Plan | None:
+    """Return the cheapest series, of an order up to the highest, whose errors in some members stay within OF_MEMBERS.
+
+    Orders are compared on the member of the largest error and on that which takes most substeps; then all are tried.
+    None where no tolerance is tight enough.
+    """
+    asked = judges[0].asked
+    tight = methods.whole_series(asked.scene, MAX_ORDER - 4, TIGHT)
+    if judges[0].try_out(tight)[0] <= LITTLE * asked.accuracy:  # else all are followed in double-double arithmetic
+        for judge in judges[1:]:
+            judge.follow_by(methods.whole_series(judge.scene, tight.order, TIGHT))
+    looser = replace(general, tolerance=LOOSER * asked.accuracy)
+
+    def worst(plan: Plan, of: Sequence[Judge]) -> tuple[float, float]:
+        found = [judge.try_out(plan) for judge in of]
+        return max(error for error, _ in found), max(substeps for _, substeps in found)
+
+    likely = methods.series_plan(looser, min(methods.likely_order(asked.accuracy), highest), asked.accuracy)
+    tried = [judge.try_out(likely) for judge in judges]
+    hard = [judges[tried.index(max(tried, key=itemgetter(k)))] for k in (0, 1)]
+    bound = OF_MEMBERS * asked.accuracy
+    best, least = None, math.inf
+    for way in (2, -2):
+        order, idle, tolerance = likely.order + min(way, 0), 0, likely.tolerance
+        while 6 <= order <= highest and idle < 2:
+            found, tolerance, substeps = _loosest(lambda plan: worst(plan, hard), looser, order, tolerance, bound)
+            cost = methods.series_cost(order, asked.load_shares) * substeps
+            idle = idle + 1 if found is None or cost >= least else 0
+            if found is not None and cost < least:
+                best, least = found, cost
+            order += way
+    if best is None:
+        return None
+    found, _, substeps = _loosest(lambda plan: worst(plan, judges), looser, best.order, best.tolerance, bound)
+    if found is None:
+        return None
+    steps = communication_steps(asked.scene)
+    return replace(found, cost=methods.series_cost(found.order, asked.load_shares) * substeps / steps)
+
+
+def _loosest(
+    worst: Callable[[Plan], tuple[float, float]], general: Plan, order: int, tolerance: float, bound: float
+) -> tuple[Plan | None, float, float]:
+    """Return the plan of an order whose error is near a bound and not beyond, its tolerance, and its substeps."""
+    kept, substeps = None, math.inf
+    for _ in range(4):
+        plan = methods.series_plan(general, order, tolerance)
+        error, taken = worst(plan)
+        if error <= bound and (kept is None or taken <= substeps):
+            kept, substeps = replace(plan, error=error), taken
+        if 0.1 * bound <= error <= bound or (error <= bound and plan.tolerance >= general.tolerance):
+            break
+        ratio = 0.4 * bound / error if 0.0 < error < math.inf else (1e2 if error == 0.0 else 1e-3)
+        tolerance = min(max(ratio, 1e-4), 1e2) * plan.tolerance
+    return kept, kept.tolerance if kept else tolerance, substeps
 
 
 def refuse_accuracy(asked: Question, error: float) -> SceneError:

@@ -107,6 +107,11 @@ class Judge:
         refuse_unfinished(self.scene, steps, found["omega_b"], substeps_counted(run.kernels, run.z))
         return {name: rows[::parts] for name, rows in found.items()}
 
+    def follow_by(self, plan: Plan) -> None:
+        """Take the motion that a plan makes for the truth, where it is known how exact that is of motions alike."""
+        names = tuple(dict.fromkeys((*self.names, "omega_b")))
+        self.__dict__["motion"] = self.motion_by(plan, names)
+
     def error_if_soon(self, plan: Plan, otherwise: float = 0.0) -> float:
         """Return the plan's error where the truth takes no more than seconds."""
         return otherwise if self._exact is None else self.try_out(plan)[0]

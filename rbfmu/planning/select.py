@@ -92,12 +92,22 @@ def _cheapest(judge: Judge, full: bool) -> Plan:
     return with_cost(asked, replace(found, states=found.spec.states_for(asked)))
 
 
+def series_serve_alone(judge: Judge) -> bool:
+    """Return whether no smaller model serves than series that integrate whatever acts."""
+    asked = judge.asked
+    return not (asked.scene.has_formulas or asked.scene.body is None) and _smaller(judge)[1] is None
+
+
+def _smaller(judge: Judge) -> tuple[Plan | None, Plan | None]:
+    """Return the plan of an exact closed form, and that of the smallest model that serves, where series need not."""
+    exact = _exact(judge)
+    return exact, _within_accuracy(judge, exact) or exact or _swinging(judge) or _under_body_force(judge)
+
+
 def _smallest(judge: Judge) -> Plan:
     """Return the plan of the smallest model that serves; of those that serve only nearly, with what that leaves out."""
-    asked, exact = judge.asked, _exact(judge)
-    found = (
-        _within_accuracy(judge, exact) or exact or _swinging(judge) or _under_body_force(judge) or _integrated(judge)
-    )
+    asked, (exact, smaller) = judge.asked, _smaller(judge)
+    found = smaller or _integrated(judge)
     left_out = say.what_is_left_out(asked, found.spec.force_keeps_direction)
     pinned = found.pinned if found is exact else asked.pinned  # a pilot run or a comparison rests on their values
     return replace(found, pinned=pinned, reasons=(*left_out, *found.reasons))

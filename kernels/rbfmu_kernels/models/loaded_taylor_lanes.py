@@ -137,6 +137,12 @@ def _kind(z: Buffer, h: float) -> Kind:
 
 
 @kernel(inline=False)
+def goes_in_lanes(z: Buffer, h: float) -> bool:
+    """Return whether a step of a started buffer goes in lanes; else one series may serve it, as `step` finds out."""
+    return _kind(z, h)[0] != 0
+
+
+@kernel(inline=False)
 def _advance_kind(buffers: Any, first: int, h: float, c: Buffer, s: Buffer, statuses: Any, kind: Kind) -> None:
     """Advance all bodies of a kind from the first on."""
     n, order, tolerance, span, lever_force, torque, _ = kind

@@ -1,5 +1,6 @@
 """A chunk's members have the bits of single runs, whatever the model, and say what a single run says."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -158,24 +159,39 @@ def test_a_members_bits_do_not_hang_on_its_chunk():
 def test_members_side_by_side_have_the_bits_of_single_runs(monkeypatch):
     taken = []
 
-    def noted(*arguments):
-        taken.append(loops.advance_lanes(*arguments))
+    def noted(*arguments, **options):
+        taken.append(loops.advance_lanes(*arguments, **options))
         return taken[-1]
 
     monkeypatch.setattr(chunks, "advance_lanes", noted)
-    monkeypatch.setattr(chunks, "WORTH_COMPILING", 0.0)
+    loops.compile_lanes(LOADED_TAYLOR).join()
     body, initial, loads, vary = CASES["body under loads, by series"]
     scene = ensemble_scene(body, initial, loads, vary, runs=21)
     assert_like_single_runs(scene, replace(given_plan("body under loads, by series"), cost=1e4))
     assert taken == [True]
 
 
+@pytest.mark.skipif(bool(config.DISABLE_JIT), reason="lanes are compiled code")
+@pytest.mark.parametrize("worth", [0.0, math.inf])
+def test_lanes_are_compiled_beside_the_first_members_where_that_pays(monkeypatch, worth):
+    begun = []
+    monkeypatch.setattr(loops, "is_kept", lambda *given: False)
+    monkeypatch.setattr(chunks, "compile_lanes", begun.append)
+    monkeypatch.setattr(chunks, "WORTH_COMPILING", worth)
+    body, initial, loads, vary = CASES["body under loads, by series"]
+    scene = ensemble_scene(body, initial, loads, vary, runs=21)
+    plan = replace(given_plan("body under loads, by series"), cost=1e4)
+    chunk = run_chunk(Work(scene, plan, 32), 0)
+    assert np.isfinite(chunk.rows).all()
+    assert begun == ([] if worth else [LOADED_TAYLOR])
+
+
 @pytest.mark.parametrize(("cost", "runs", "pay"), [(1e4, 10**6, True), (1e4, 1000, False), (100.0, 10**6, False)])
-def test_side_by_side_pays_where_steps_are_long_and_runs_are_many(cost, runs, pay):
+def test_compiling_lanes_pays_where_steps_are_long_and_runs_are_many(cost, runs, pay):
     body, initial, loads, vary = CASES["body under loads, by series"]
     plan = replace(given_plan("body under loads, by series"), cost=cost)
     work = Work(ensemble_scene(body, initial, loads, vary, runs=runs), plan, 16)
-    assert chunks.lanes_pay(work, 100) == pay
+    assert chunks.compiling_pays(work, 100) == pay
 
 
 def test_only_ends_are_kept_where_nothing_else_is_asked_for():
