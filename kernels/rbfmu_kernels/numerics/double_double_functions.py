@@ -7,12 +7,10 @@ from . import double_double as dd
 from .double_double import PI, DoubleDouble
 from .elementary import atan2, logarithm
 
-_PI_3 = -2.994769809718339665e-33
-"""What pi is beyond a double-double number."""
 _LN_2 = (0.6931471805599453, 2.3190468138462996e-17)
 _HALVINGS, _TERMS_OF_EXP, _TERMS_OF_SINE = 9, 10, 17
 """|x| <= ln 2 / 2^10 to the 11th power is below 1e-39, and (pi / 4)^35 / 35! below 1e-43."""
-_LARGEST = 700.0
+_LARGEST, _LARGEST_LOGARITHM = 700.0, 665.5
 
 
 @kernel(inline=False)
@@ -36,7 +34,6 @@ def sine_and_cosine(x: DoubleDouble) -> tuple[DoubleDouble, DoubleDouble]:
     """Return (sin x, cos x); an error of 1e-31 |x| beyond a turn. NaN where x is not finite."""
     k = math.floor(x[0] / (0.5 * PI[0]) + 0.5) if abs(x[0]) < 2.0**52 else math.nan
     r = dd.subtract(x, dd.multiply_float(dd.scale(0.5, PI), k))
-    r = dd.add_float(r, -0.5 * _PI_3 * k)
     square = dd.multiply(r, r)
     s, c = (1.0, 0.0), (1.0, 0.0)
     for n in range(_TERMS_OF_SINE, 0, -1):
@@ -51,10 +48,13 @@ def sine_and_cosine(x: DoubleDouble) -> tuple[DoubleDouble, DoubleDouble]:
 
 @kernel(inline=False)
 def natural_logarithm(x: DoubleDouble) -> DoubleDouble:
-    """Return ln x, from that in doubles by one step of Halley's method, whose error is the cube of its."""
+    """Return ln x, from that in doubles by one step of Halley's method, whose error is the cube of its.
+
+    NaN where x or 1/x is beyond 1e289, where low parts of products are out of range.
+    """
     first = logarithm(x[0])
-    if not abs(first) < math.inf:
-        return (first, 0.0)
+    if not abs(first) <= _LARGEST_LOGARITHM:
+        return (first if abs(first) == math.inf else math.nan, 0.0)
     power = exponential((first, 0.0))
     change = dd.divide(dd.subtract(x, power), dd.add(x, power))
     return dd.add_float(dd.scale(2.0, change), first)

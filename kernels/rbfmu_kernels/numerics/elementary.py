@@ -232,7 +232,7 @@ _LN_2, _LN_2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 
 @kernel
 def exponential(x: float) -> float:
-    """Return e^x; 0 below -708 and infinity above 709, near where doubles end.  Error <= 1 ulp."""
+    """Return e^x; 0 below -708 and infinity above 708, near where doubles end.  Error <= 1 ulp."""
     product = x * _LOG2_E
     split = _SPLIT * x
     a = split - (split - x)

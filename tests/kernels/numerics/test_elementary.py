@@ -1,4 +1,4 @@
-"""Portable sine, cosine, arctangent and powers of two against 50 digits."""
+"""Portable sine, cosine, arctangent, exponential, logarithm and powers of two against 50 digits."""
 
 import math
 
@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from rbfmu_kernels.numerics.elementary import atan2, exp2, scale_for_squares, sincos, sincos_half_turns
+from rbfmu_kernels.numerics.elementary import (
+    atan2,
+    exp2,
+    exponential,
+    logarithm,
+    scale_for_squares,
+    sincos,
+    sincos_half_turns,
+)
 from rbfmu_kernels.rotations.vec3 import norm
 from tests.support.references import exact
 from tests.support.references.exact import EPS, mp
@@ -50,6 +58,27 @@ def exponents():
     return [(float(x), float(0.5 * math.ulp(x) * r.uniform(-1, 1))) for x in values]
 
 
+def powers_of_e():
+    r = rng(17)
+    values = [
+        *r.uniform(-708, 708, 1000),
+        *r.uniform(-1, 1, 1000),
+        *(2.0 ** r.uniform(-1000, 0, 100)),
+        0.0,
+        708.0,
+        -708.0,
+    ]
+    return [(float(x),) for x in values]
+
+
+def positive_numbers():
+    """All sizes, also those with fewer digits, and many near 1, where the logarithm has a root."""
+    r = rng(18)
+    near_one = 1.0 + r.uniform(-1, 1, 500) * 10.0 ** r.uniform(-15.5, -1, 500)
+    values = [*(2.0 ** r.uniform(-1074, 1024, 1000)), *r.uniform(0.5, 2, 1000), *near_one, 5e-324, 1.7e308]
+    return [(float(x),) for x in values if x != 1.0]
+
+
 def points():
     """All octants, all ratios, and sizes from 1e-150 to 1e150."""
     r = rng(12)
@@ -64,6 +93,8 @@ LAWS = [
     Law(sincos_half_turns, lambda x, y: [mp.sinpi(x + y), mp.cospi(x + y)], half_turns, 0.8, measure=ulps),
     Law(exp2, lambda x, y: mp.mpf(2) ** (x + y), exponents, 0.9, measure=ulps),
     Law(atan2, lambda y, x: mp.atan2(y, x), points, 1.4, measure=ulps),
+    Law(exponential, mp.exp, powers_of_e, 1.0, measure=ulps),
+    Law(logarithm, mp.log, positive_numbers, 1.0, measure=ulps),
     Law(norm, exact.norm, lambda: [((s, -2.0 * s, 0.3 * s),) for s in 10.0 ** rng(13).uniform(-300, 300, 300)], 1.0,
         scale=exact.norm),
 ]  # fmt: skip
@@ -122,6 +153,24 @@ def test_arctangent_of_what_is_not_finite():
     assert math.isnan(atan2(math.inf, math.inf))
     assert atan2(math.inf, 1.0) == math.pi / 2
     assert atan2(-1.0, -math.inf) == -math.pi
+
+
+@pytest.mark.parametrize(
+    ("x", "power"),
+    [(0.0, 1.0), (-0.0, 1.0), (5e-324, 1.0), (708.1, math.inf), (1e300, math.inf), (math.inf, math.inf),
+     (-708.1, 0.0), (-1e300, 0.0), (-math.inf, 0.0), (math.nan, math.nan)],
+)  # fmt: skip
+def test_exponential_ends_in_zero_and_infinity_near_where_doubles_end(x, power):
+    assert exponential(x) == pytest.approx(power, abs=0.0, rel=0.0, nan_ok=True)
+
+
+@pytest.mark.parametrize(
+    ("x", "found"),
+    [(1.0, 0.0), (0.0, -math.inf), (-0.0, -math.inf), (math.inf, math.inf), (-5e-324, math.nan), (-1.0, math.nan),
+     (-math.inf, math.nan), (math.nan, math.nan)],
+)  # fmt: skip
+def test_logarithm_of_nothing_is_infinite_and_of_less_is_not_a_number(x, found):
+    assert logarithm(x) == pytest.approx(found, abs=0.0, rel=0.0, nan_ok=True)
 
 
 @pytest.mark.parametrize("largest", [5e-324, 1e-160, 1.0, 1e160, 1.7e308])
