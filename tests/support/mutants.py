@@ -205,12 +205,9 @@ class Slot:
 
     def _stamp_kernels_by_what_they_import(self) -> None:
         """Let compiled code be kept where a change cannot reach it; the product's stamp is one for all kernels."""
-        compiled = self.folder / "kernels" / "rbfmu_kernels" / "compile"
-        text = (compiled / "reduced.py").read_text()
-        assert text.count("name, SOURCES)") == 1
-        text = text.replace("name, SOURCES)", "name, stamp_of(self._function.__module__))")
-        (compiled / "reduced.py").write_text(text.replace("import SOURCES", "import stamp_of"))
-        with (compiled / "stamp.py").open("a") as file:
+        stamp = self.folder / "kernels" / "rbfmu_kernels" / "compile" / "stamp.py"
+        assert "def stamp_of(function" in stamp.read_text()
+        with stamp.open("a") as file:
             file.write(STAMP_OF_IMPORTS)
 
     def run(self, marks: str, tests: list[str], *options: str) -> subprocess.CompletedProcess[str]:
@@ -255,10 +252,16 @@ class Slot:
 
 STAMP_OF_IMPORTS = '''
 
-def stamp_of(module):
-    """Return a hash of a module and of all that it imports."""
+_of_all_kernels = stamp_of
+
+
+def stamp_of(function):
+    """Return a hash of a kernel's module and of all that it imports; of other functions the product's stamp."""
     import ast
 
+    module = function.__module__
+    if not module.startswith("rbfmu_kernels"):
+        return _of_all_kernels(function)
     package, seen, left = Path(__file__).parents[1], {}, [module]
     while left:
         name = left.pop()

@@ -19,7 +19,7 @@ from .numba_private import (
     global_compiler_lock,
     rtsys,
 )
-from .stamp import SOURCES
+from .stamp import stamp_of
 
 try:
     import fcntl
@@ -54,7 +54,7 @@ class DiskCache:
         try:
             cache = self._kind(self._function)
             name = cache._impl.filename_base + ("-callee" if self._kind is CalleeCache else "")
-            cache._cache_file = IndexDataCacheFile(cache._cache_path, name, SOURCES)
+            cache._cache_file = IndexDataCacheFile(cache._cache_path, name, stamp_of(self._function))
         except (RuntimeError, AttributeError, TypeError):
             return NullCache()
         return cache

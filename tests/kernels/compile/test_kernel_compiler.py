@@ -3,6 +3,7 @@
 import gc
 import os
 import re
+import runpy
 import shutil
 import subprocess
 import sys
@@ -160,6 +161,17 @@ def test_a_change_of_any_module_makes_cached_code_stale(tmp_path):
         path.write_bytes(content + b"#")
         assert stamp.hash_of_sources(copy) != stamp.SOURCES, path
         path.write_bytes(content)
+
+
+def test_a_kernel_of_ones_own_that_was_edited_is_compiled_anew(tmp_path):
+    file, found = tmp_path / "mine.py", []
+    for factor in (2.0, 3.0):
+        file.write_text(
+            "from rbfmu_kernels.compile.decorator import kernel\n"
+            f"@kernel\ndef product(x: float) -> float:\n    return {factor} * x\n"
+        )
+        found.append(runpy.run_path(str(file))["product"](1.0))
+    assert found == [2.0, 3.0]
 
 
 def test_loops_over_tiles_are_vectorised_over_items(monkeypatch):
