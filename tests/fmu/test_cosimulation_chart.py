@@ -55,6 +55,21 @@ def test_files_are_figures_and_a_picture(files: list[Path]) -> None:
     assert files[1].read_bytes().startswith(b"\x89PNG")
 
 
+def test_picture_shows_one_step_as_lines_and_eight_as_crosses_in_the_steps_colours(monkeypatch, tmp_path) -> None:
+    drawn = []
+    monkeypatch.setattr(chart.Figure, "savefig", lambda figure, path, **more: drawn.append(figure))
+    points = [
+        chart.Point(way, n, h, 0.1 * h * n, 100) for way in chart.WAYS for n in chart.SUBSTEPS for h in (0.2, 0.1)
+    ]
+    chart.draw(points, tmp_path / "it.png")
+    by_step, by_work = drawn[0].axes
+    for axes, many in ((by_step, ("x", "None")), (by_work, ("None", ":"))):
+        styles = {round(line.get_ydata()[0] / 0.02): (line.get_marker(), line.get_linestyle()) for line in axes.lines}
+        assert styles == {1: ("None", "-"), 8: many}
+        assert len({line.get_color() for line in axes.lines}) == len(chart.WAYS)
+    assert [text.get_text() for text in by_step.texts] == [way.label for way in chart.WAYS.values()]
+
+
 @pytest.mark.parametrize(("way", "order"), [("one step late", 1), ("held", 1), ("extrapolated", 2), ("rolled back", 2)])
 @pytest.mark.parametrize("substeps", chart.SUBSTEPS)
 def test_order_in_the_communication_step_whatever_the_substeps(errors, way, order, substeps) -> None:

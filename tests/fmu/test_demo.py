@@ -11,6 +11,7 @@ from rich.console import Console
 
 import rbfmu
 from rbfmu_fmu import demo
+from tests.support.command_line import call
 from tests.support.paths import SHARED
 
 
@@ -30,6 +31,12 @@ def test_demo_fails_where_nasa_disagrees(tmp_path: Path, monkeypatch: pytest.Mon
     wrong = {s: tuple((t, p + 2e-9, *rest) for t, p, *rest in rows) for s, rows in demo.NASA.items()}
     monkeypatch.setattr(demo, "NASA", wrong)
     assert not demo.run_demo(tmp_path, Console(file=io.StringIO()))
+
+
+@pytest.mark.parametrize(("passes", "status"), [(True, 0), (False, 1)])
+def test_command_fails_where_the_demonstration_does(passes: bool, status: int, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr(demo, "run_demo", lambda folder, console: passes)
+    assert call("demo", "--output", tmp_path / "out").exit_code == status
 
 
 @pytest.mark.parametrize(("compiled", "name"), [(False, "kernels, plain Python"), (True, "compiled kernels")])

@@ -63,15 +63,11 @@ def angle(a: State, q: Quaternion) -> float:
 
 
 def attitude_after(state: State, t: float) -> Quaternion:
-    """Return the attitude of a sphere after the time t; its rate is constant."""
-    (e, x, y, z), omega = state.q_ab, state.omega_b
+    """Return the attitude of a sphere, upright at first, after the time t; its rate is constant."""
+    omega = state.omega_b
     rate = math.hypot(*omega)
-    a, s = math.cos(0.5 * rate * t), math.sin(0.5 * rate * t) / rate
-    b, c, d = s * omega[0], s * omega[1], s * omega[2]
-    return (
-        e * a - x * b - y * c - z * d, e * b + x * a + y * d - z * c,
-        e * c - x * d + y * a + z * b, e * d + x * c - y * b + z * a,
-    )  # fmt: skip
+    s = math.sin(0.5 * rate * t) / rate
+    return math.cos(0.5 * rate * t), s * omega[0], s * omega[1], s * omega[2]
 
 
 def scene_of(

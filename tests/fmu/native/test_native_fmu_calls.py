@@ -1,17 +1,32 @@
 """The native FMU's calls obey FMI 2.0: what is refused answers fmi2Error or fmi2Discard, says why, changes nothing."""
 
+import ctypes
 import math
 
 import fmpy
 import numpy as np
 import pytest
 
+from rbfmu_fmu.description import describe
+from rbfmu_fmu.fmi_version import FMI2
+from rbfmu_fmu.native import headers, linking
+from rbfmu_fmu.native.platforms import this_platform
 from rbfmu_fmu.python.call_rules import CALLS, PHASES, SETTABLE
 from tests.support.fmu.beside_kernels import LOADED
 from tests.support.fmu.builds import NAMED
 from tests.support.fmu.fmu_cases import WRONGS
 from tests.support.fmu.fmu_importer import DISCARD, ERROR, FATAL, OK, Memory
-from tests.support.fmu.fmus import ALL_PORTS, built, each_version, native, opened, run_case, scene, started, unzipped  # noqa: F401
+from tests.support.fmu.fmus import (
+    ALL_PORTS,
+    built,
+    native,
+    opened,
+    planned,
+    run_case,
+    scene,
+    started,
+    unzipped,
+)
 
 H = 0.01
 
@@ -320,3 +335,34 @@ def test_unknown_categories_are_an_error_and_no_message_is_a_format_or_names_a_v
     assert instance.log[-1][-1] == b"fmi2SetDebugLogging: there is no category %%n%%s ##r7##"
     assert instance.set_debug_logging(1, "x" * 5000) == ERROR
     assert len(instance.log[-1][-1]) < 200
+
+
+# Messages
+
+PROBE = """
+static unsigned char told[4 * MESSAGE_SIZE];
+
+static void keep(const Host *host, const char *name, Status status, const char *category, const char *text) {
+    (void)host, (void)name, (void)status, (void)category;
+    snprintf((char *)told, sizeof told, "%s", text);
+}
+
+__attribute__((visibility("default"))) const unsigned char *told_of(const char *text) {
+    static Instance m;
+    m.host.log = keep;
+    refuse(&m, "call", "%s", text);
+    return told;
+}
+"""
+"""An importer that keeps what it is told; compiled into messages.c."""
+
+
+def test_a_message_that_is_too_long_ends_with_its_buffer(tmp_path):
+    probed = headers.headers(describe(scene("driven"), planned("driven")), FMI2, "{}")
+    probed["instance.h"] = f"#include <stdio.h>\n{linking.source('instance.h').decode()}{PROBE}"
+    library = tmp_path / "messages.so"
+    library.write_bytes(linking.link(["messages.c"], {}, this_platform(), "messages", probed))
+    told_of = ctypes.CDLL(str(library)).told_of
+    told_of.restype = ctypes.c_char_p
+    for size in (0, 1, 1017, 1018, 3000):
+        assert told_of(b"x" * size) == (b"call: " + b"x" * size)[:1023]

@@ -1,12 +1,15 @@
 """The cost that a plan states: of what is asked, on the machine that it names; no time is taken here."""
 
+import math
 import re
+from types import SimpleNamespace
 
 import pytest
 
 import rbfmu
 from rbfmu.models.question import Question
-from rbfmu.planning.methods import MACHINE, NS, terms, with_cost
+from rbfmu.planning import fitting
+from rbfmu.planning.methods import MACHINE, NS, ORDERS_OF_SERIES, likely_order, terms, with_cost
 from rbfmu.runs.plan import Plan
 from tests.support.command_line import call
 from tests.support.fmu.fmus import bench
@@ -74,3 +77,24 @@ def test_the_table_is_found_again_from_what_it_states():
 def test_a_sphere_under_a_torque_fixed_in_space_is_planned_whatever_is_asked(asked):
     """2026-11-21: refused ("expected no torque but torque_a"), as smaller models were compared by its rates in b."""
     assert rbfmu.plan(COSTS.scene_of("ball under torque_a", (asked,), 1e-9, 0.01)).model == "angular momentum"
+
+
+@pytest.mark.parametrize("beyond", [-4, -2, 0, 2, 6])
+def test_orders_of_series_are_tried_until_two_in_a_row_are_no_cheaper(beyond, monkeypatch):
+    likely, tried = likely_order(1e-9), []
+    cheapest = likely + beyond
+    monkeypatch.setattr(fitting.methods, "series", lambda general, order, shares: order)
+    search = object.__new__(fitting._Search)
+    search.accuracy, search.general, search.shares, search.steps, search.best = 1e-9, None, None, math.inf, None
+
+    def fit(order, value):
+        tried.append(order)
+        cost = abs(order - cheapest)
+        if search.best is None or cost < search.best.cost:
+            search.best = SimpleNamespace(cost=cost, substeps=1.0)
+        return value
+
+    search.fit = fit
+    search._fit_series()
+    assert sorted(tried) == list(range(min(likely, cheapest) - 4, max(likely, cheapest) + 5, 2))
+    assert set(tried) < set(ORDERS_OF_SERIES)

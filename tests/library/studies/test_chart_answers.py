@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from rbfmu.studies.chart import drawing, findings, methods, solvers, tables
+from rbfmu.studies.chart import drawing, findings, measure, methods, solvers, tables
 from rbfmu.studies.chart.cases import CASES, Case
 from rbfmu.studies.chart.contestants import TooSmall, contestants, why_not
 from rbfmu.studies.chart.findings import cost_of, front, noise, verdicts
@@ -39,6 +39,23 @@ class _Made(methods.Method):
             raise NotFeasibleError("not with me")
         turned = [(r, v, turned_by(q, error), w) for r, v, q, w in true_states(case.key)]
         return Run(lambda: turned, lambda k: k * seconds, 1.0)
+
+
+def test_time_to_compile_is_that_of_the_first_run_beyond_what_two_runs_take(monkeypatch) -> None:
+    """With a clock that only work moves on: the first run takes 5 s more than the others, which take 3."""
+    clock = [0.0]
+
+    def work(seconds: float) -> float:
+        clock[0] += seconds
+        return seconds
+
+    run = Run(lambda: [work(5.0 + 3.0)] and true_states("a"), lambda k: work(3.0 * k), 1.0)
+    method = _Made([0.0], [0.0])
+    monkeypatch.setattr(method, "run", lambda case, value: run)
+    monkeypatch.setattr(measure, "thread_time", lambda: clock[0])
+    first_calls: dict[str, float] = {}
+    explore(WHAT, CASES["a"], method, first_calls)
+    assert first_calls == {method.name: 5.0}
 
 
 @pytest.mark.parametrize(

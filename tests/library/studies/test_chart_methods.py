@@ -8,15 +8,29 @@ import sys
 import tomllib
 from itertools import islice
 from types import ModuleType
+from unittest.mock import MagicMock, Mock
 
 import mpmath as mp
+import numpy as np
 import pytest
 
 from examples.references import reference_motions
+from rbfmu import quaternion_from_euler, rotate
 from rbfmu.models.registry import CLOSED_FORMS
-from rbfmu.studies.chart import contestants, methods, peers, simulators
-from rbfmu.studies.chart.cases import CASES, CHECKPOINTS, DRIFTS, REFERENCES, few_and_many
+from rbfmu.studies.chart import contestants, methods, peers, simulators, solvers
+from rbfmu.studies.chart.cases import (
+    ALL,
+    CASES,
+    CHECKPOINTS,
+    DRIFTS,
+    PATH,
+    RATES,
+    REFERENCES,
+    ROTATION,
+    few_and_many,
+)  # fmt: skip
 from rbfmu.studies.chart.methods import NotFeasibleError
+from rbfmu_kernels.mechanics.equations_of_motion import State, state_rates
 from tests.support.chart_points import true_states
 from tests.support.covering import some_of
 from tests.support.paths import ROOT
@@ -219,3 +233,43 @@ def test_what_is_not_finite_has_an_infinite_error() -> None:
     states = true_states("a")
     states[1] = (*states[1][:3], (math.nan, 0.0, 0.0))
     assert CASES["a"].error(states) == math.inf
+
+
+# Peers' motions, where the peers are not installed: what they are given
+
+
+@pytest.mark.parametrize("numbers", [RATES, PATH, ROTATION, ALL])
+@pytest.mark.parametrize("key", ["a", "c", "e"])
+def test_heyoka_is_given_the_kernels_equations_of_motion(key: str, numbers: int, monkeypatch) -> None:
+    case = CASES[key]
+    q, w, r, v = case.start.q_ab, (0.3, -0.2, 0.5), (1.0, 2.0, 3.0), (-1.0, 0.5, 0.25)
+    at = {"q": q, "w": w, "r": r, "v": v}
+    heyoka = Mock(make_vars=lambda *names: [at[name[0]][int(name[1])] for name in names])
+    monkeypatch.setattr(solvers, "module", lambda name: heyoka)
+    rates = state_rates(State(r, v, q, w), case.body, case.loads)
+    places = {RATES: slice(4, 7), PATH: slice(7, 13), ROTATION: slice(0, 7), ALL: slice(0, 13)}[numbers]
+    expected = [*rates.q_ab, *rates.omega_b, *rates.r_c, *rates.v_c][places]
+    found = solvers.equations(case, numbers)
+    assert [variable for variable, _ in found] == [*q, *w, *r, *v][places]
+    assert [rate for _, rate in found] == pytest.approx(expected, rel=1e-14, abs=1e-14)
+
+
+@pytest.mark.parametrize("on_a_joint", [False, True])
+def test_drake_starts_where_the_scene_does(on_a_joint: bool, monkeypatch) -> None:
+    case, plant, joint = CASES["a"], MagicMock(), MagicMock()
+    initial = case.scene.initial
+    monkeypatch.setattr(simulators, "module", MagicMock())
+    monkeypatch.setattr(simulators.Drake, "_plant", lambda self, of: (plant, "body", joint if on_a_joint else None))
+    plant.EvalBodyPoseInWorld().rotation().matrix.return_value = np.eye(3)
+    plant.EvalBodySpatialVelocityInWorld().rotational.return_value = np.zeros(3)
+    simulators.Drake("runge_kutta3", "RK3").run(case, 1e-6).states()
+    omega_a = rotate(np.array(initial.quaternion), np.array(initial.omega_b))
+    if on_a_joint:
+        (_, (roll, pitch, yaw)), (_, rates) = joint.set_angles.call_args.args, joint.set_angular_velocity.call_args.args
+        turned = quaternion_from_euler("ZYX", np.array((yaw, pitch, roll)))
+        assert abs(turned @ np.array(initial.quaternion)) == pytest.approx(1.0, rel=1e-14)
+        assert rates == pytest.approx(omega_a)
+        assert not plant.SetPositions.called
+    else:
+        assert plant.SetPositions.call_args.args[1] == (*initial.quaternion, *initial.position)
+        assert plant.SetVelocities.call_args.args[1] == pytest.approx((*omega_a, *initial.velocity))

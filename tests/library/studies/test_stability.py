@@ -2,6 +2,7 @@
 
 import csv
 import math
+import re
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import pytest
 from rbfmu.models.registry import MODELS
 from rbfmu.studies import dop853, stability
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS
-from rbfmu.studies.stability import Finding, maps, method_laws, model_laws, motions, pictures
+from rbfmu.studies.stability import Finding, Study, maps, method_laws, model_laws, motions, pictures
 from rbfmu.studies.stability.findings import AT_MOST, LAWS, RECORDED, exponent, print_laws
 from rbfmu.studies.stability.method_laws import crossing, growth, stability_polynomial
 from rbfmu.studies.stability.top_laws import flip_rate, time_between_flips
@@ -31,10 +32,17 @@ def _measure(name: str) -> Any:
     return _MEASURED[name]
 
 
+def _laws_said_to_be_measured(name: str) -> set[int]:
+    """By the docstring, such as "Measure laws 1 to 3: ...", as the laws of a table stand under their own words."""
+    said = re.match(r"Measure laws? (\d+)(?: (?:to|and) (\d+))?:", STUDIES[name].__doc__ or "")
+    assert said
+    return set(range(int(said[1]), int(said[2] or said[1]) + 1))
+
+
 @pytest.mark.parametrize("name", some_of([*STUDIES], 8))
 def test_every_law_holds(name: str) -> None:
     findings = _measure(name).findings
-    assert findings
+    assert {f.law for f in findings} == _laws_said_to_be_measured(name)
     for f in findings:
         if f.kind == AT_MOST:
             assert f.measured <= f.predicted, (f.what, f.place)
@@ -292,6 +300,14 @@ def test_an_error_that_is_no_size_is_a_finding_that_does_not_hold(sizes: tuple[f
     """2026-11-22: a sign in the composition of quaternions ended the study with a traceback."""
     assert exponent(8.0, 1.0) == pytest.approx(3.0, rel=1e-15)
     assert not Finding(12, "order", 2.0, exponent(*sizes), 0.03).holds
+
+
+def test_a_pictures_ticks_stand_on_their_axes(monkeypatch: pytest.MonkeyPatch) -> None:
+    row = pictures.Picture(("title", "x", "y"), ticks={"x": {0.5: "a half"}, "y": {2.0: "two"}})
+    monkeypatch.setitem(pictures.PICTURES, "made", row)
+    (axes,) = pictures.figure_of(Study("made", [], {"x": [0.0, 1.0]})).axes
+    assert [text.get_text() for text in axes.get_xticklabels()] == ["a half"]
+    assert [text.get_text() for text in axes.get_yticklabels()] == ["two"]
 
 
 @pytest.mark.parametrize(("error", "said"), [(1.32e-10, "2e-10"), (2e-10, "2e-10"), (9.1e-10, "1e-09"), (0.0, "0e+00")])

@@ -47,6 +47,11 @@ def test_help_everywhere(command: str) -> None:
     assert "Usage:" in result.output
 
 
+@pytest.mark.parametrize(("command", "default"), [("run", "planned"), ("run", "hold"), ("build", "2")])
+def test_help_says_what_is_chosen_by_default(command: str, default: str) -> None:
+    assert f"[default: {default}]" in " ".join(call(command, "--help").output.split())
+
+
 @pytest.mark.parametrize("command", ["run", "build"])
 @pytest.mark.parametrize("bad", BAD_SCENES, ids=lambda bad: bad.name)
 def test_bad_scene_is_one_message_and_status_2(command: str, bad: BadScene, tmp_path: Path) -> None:
