@@ -81,7 +81,8 @@ def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) 
     """
     tell = progress or (lambda part: None)
     judges, growth = [Judge(Question(pilot)) for pilot in _pilots(scene)], 1.0
-    chosen = _by_series(scene, judges)
+    fitted = _by_series(scene, judges)
+    chosen = fitted and _for_the_worst(scene, fitted, judges[0].names)
     if chosen is None:
         found = []
         for k, judge in enumerate(judges):
@@ -92,7 +93,11 @@ def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) 
         chosen = _with_likely_error(scene, chosen, judges[0].names)
     tell(1.0)
     pilots = _of_members(scene, chosen, len(judges))
-    reasons = (*_of_model(judges[0].asked, chosen), *pilots, *_of_growth(scene, chosen, growth))
+    reasons = (
+        *_of_model(judges[0].asked, chosen),
+        *pilots,
+        *_of_growth(scene, growth, wild=bool(fitted) and chosen.span > 0.0),
+    )
     warn(scene, _of_no_effect(scene, chosen), stacklevel=4)
     return replace(chosen, reasons=reasons)
 
@@ -105,10 +110,7 @@ def _by_series(scene: Scene, judges: list[Judge]) -> Plan | None:
         asked = judges[0].asked
         general = Plan(LOADED_TAYLOR.key, "", 0, tolerance=scene.run.accuracy, pinned=asked.pinned)
         found = fit_of_members(judges, general, _highest_in_lanes(judges, general))
-    if found is None:
-        return None
-    found = with_cost(asked, replace(found, states=found.spec.states_for(asked)))
-    return _for_the_worst(scene, found, judges[0].names)
+    return found and with_cost(asked, replace(found, states=found.spec.states_for(asked)))
 
 
 def _highest_in_lanes(judges: list[Judge], general: Plan) -> int:
@@ -237,13 +239,14 @@ def _of_members(scene: Scene, chosen: Plan, pilots: int) -> Iterator[str]:
         yield f"Sobol's points are balanced where runs is a power of 2: {low} or {2 * low} in place of {ensemble.runs}"
 
 
-def _of_growth(scene: Scene, chosen: Plan, growth: float) -> Iterator[str]:
+def _of_growth(scene: Scene, growth: float, wild: bool) -> Iterator[str]:
+    """Yield that members may miss the accuracy; wild: whether no tolerance holds for the worst of them."""
     if 4.0 * ROUND_OFF * growth > scene.run.accuracy:
         yield (
             f"a pilot member magnifies an error {growth:.1e} times, round-off beyond the accuracy: members may miss it"
         )
-    elif chosen.error > scene.run.accuracy:
-        yield "the worst members are likely to miss the accuracy: round-off grows where nearly equal starts lead apart"
+    elif wild:
+        yield "nearly equal starts lead apart here: round-off grows beyond the accuracy in the worst members"
 
 
 def _of_no_effect(scene: Scene, chosen: Plan) -> Iterator[str]:

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from rbfmu.formulas.meaning import CONSTANTS, FUNCTIONS, Array, Table, shape_of
-from rbfmu.formulas.motion import Given, Motion
+from rbfmu.formulas.motion import CONSTANT, LOADS, Given, Motion
 from rbfmu.formulas.text import FormulaError, names_in
 from rbfmu_kernels.body.driven import DRIVEN
 from rbfmu_kernels.body.memory import BLOCKS
@@ -89,8 +89,8 @@ class Texts:
         return changing <= {"q", "r_c"}
 
     def _check_names(self, scene: Any) -> None:
-        taken = {*self.motion.given_names, *FUNCTIONS, *CONSTANTS, "to_a", "to_b", *OUTPUT, *TAKEN, *DRIVEN}
-        taken |= {f"{name}{end}" for name in scene.inputs.own for end in ("_rate", "_rate_2")}
+        taken = {*self.motion.given_names, *FUNCTIONS, *CONSTANTS, "to_a", "to_b", *OUTPUT, *TAKEN, *LOADS}
+        blocks = {*DRIVEN, *(f"{name}{end}" for name in scene.inputs.own for end in ("_rate", "_rate_2"))}
         tables = {name: getattr(scene, name) for name in ("constants", "tables", "formulas", "states")}
         tables |= {"outputs": scene.outputs.own, "inputs": scene.inputs.own}
         seen: dict[str, str] = {}
@@ -98,7 +98,9 @@ class Texts:
             for name in names:
                 if table == "inputs" and name == "h":
                     self.faults.append("inputs.ports: expected another name: h is a simulator's step")
-                elif name in taken and not (table == "outputs" and names[name].value == name and name in ENERGIES):
+                elif (name in taken or (name in blocks and table in ("outputs", "inputs"))) and not (
+                    table == "outputs" and names[name].value == name and name in ENERGIES
+                ):
                     self.faults.append(f"{table}.{name}: expected another name: {name} means something else here")
                 elif name in seen:
                     self.faults.append(f"{table}.{name}: expected another name: there is {seen[name]}.{name}")
@@ -149,12 +151,12 @@ def _circle(reads: Mapping[str, set[str]]) -> list[str]:
 
 def given_to(scene: Any, numbers: Mapping[str, Sequence[float]], pivot: bool) -> Given:
     """Return what a scene gives its formulas; numbers: of the body's blocks of a buffer, by name."""
-    numbers = {**numbers, **{name: row.value for name, row in scene.constants.items()}}
+    numbers = {**numbers, **{f"{CONSTANT}{name}": row.value for name, row in scene.constants.items()}}
     constants = {name: len(row.value) for name, row in scene.constants.items()}
     states = {name: len(row.start) for name, row in scene.states.items()}
     own = scene.inputs.own
     ports = {name: own[name].size if name in own else 3 for name in scene.inputs.ports}
-    symbolic = frozenset({*constants, *_blocks_of(scene.inputs.parameters)})
+    symbolic = frozenset({*(f"{CONSTANT}{name}" for name in constants), *_blocks_of(scene.inputs.parameters)})
     return Given(numbers, symbolic, ports, states, constants, pivot)
 
 

@@ -20,6 +20,8 @@ from rbfmu_kernels.rotations.quaternion import quaternion_rate_b
 from rbfmu_kernels.rotations.vec3 import skew
 
 LOADS = ("force_a", "force_b", "torque_a", "torque_b")
+CONSTANT, STATE = "constants.", "states."
+"""What the names of constants and states of one's own begin with on the graph, where bodies have names as well."""
 _ZERO = (0.0, 0.0, 0.0)
 
 
@@ -81,11 +83,10 @@ class Motion:
             "r_oc_b": r_oc, "gravity_a": self._places("gravity_a", 3),
         }  # fmt: skip
         self.given_names = frozenset(known)
-        for kind, sizes in (("place", given.constants), ("state", given.states), ("input", given.ports)):
-            for name, size in sizes.items():
-                x = self._places(name, size) if kind == "place" else self._leaves(kind, name, size)
-                known[name] = x[0] if size == 1 else x
-        return known
+        own = {name: self._places(f"{CONSTANT}{name}", size) for name, size in given.constants.items()}
+        own |= {name: self._leaves("state", f"{STATE}{name}", size) for name, size in given.states.items()}
+        own |= {name: self._leaves("input", name, size) for name, size in given.ports.items()}
+        return known | {name: x[0] if len(x) == 1 else x for name, x in own.items()}
 
     @property
     def functions(self) -> Mapping[str, Function]:

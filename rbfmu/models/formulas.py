@@ -13,7 +13,7 @@ import numpy as np
 
 from rbfmu.formulas.check import Texts, given_to
 from rbfmu.formulas.graph import Symbol, gradient
-from rbfmu.formulas.motion import Given, Motion, by_element, closure
+from rbfmu.formulas.motion import CONSTANT, STATE, Given, Motion, by_element, closure
 from rbfmu.formulas.program import program
 from rbfmu.formulas.source import Layout, layout_of, module_of, source_of
 from rbfmu.models.question import BLOCKS, BodyAtStart
@@ -59,7 +59,7 @@ class FormulaModel:
         self.motion, self.given = motion, given
         tables = {"loads": loads, "states": states, "outputs": own}
         self.by_key = {f"{table}.{name}": value for table, rows in tables.items() for name, value in rows.items()}
-        self.all_rates = {**motion.rates(loads), **dict(by_element(states))}
+        self.all_rates = {**motion.rates(loads), **dict(by_element({f"{STATE}{n}": x for n, x in states.items()}))}
         known = {**motion.outputs(self.all_rates), **own}
         self.shown = {name: known[name] for name in asked}
         self.own_outputs = {name: int(np.size(value)) for name, value in own.items()}
@@ -105,13 +105,13 @@ class FormulaModel:
     def _parameters(self, numbers: Iterable[Any], states: Iterable[str]) -> set[str]:
         places = {value.partition("[")[0] for value in self._leaves("place", numbers)}
         kept = {name.partition("[")[0] for name in states}
-        found = {name for state in kept for name in _STARTS.get(state, (f"{state}_0",))}
+        found = {name for state in kept for name in _STARTS.get(state, (f"{state.removeprefix(STATE)}_0",))}
         beside = any(self.given.numbers["r_oc_b"]) or "r_oc_b" in self.given.symbolic
         if kept & {"r_c", "v_c"} and beside:
             found |= {"r_oc_b", "quaternion_0"} | ({"omega_b_0"} if "v_c" in kept else set())
         of_body = {"M": {"inertia"}, "M_inverse": {"inertia"}, "arm": {"r_oc_b"}, "inverse_mass": {"mass"}}
         for place in places:
-            found |= of_body.get(place, {place.removeprefix("constant_")})
+            found |= of_body.get(place, {place.removeprefix("constant_").removeprefix(CONSTANT)})
         about_pivot = self.given.pivot and beside and places & {"M", "M_inverse"}
         return found | ({"mass", "r_oc_b"} if about_pivot else set())
 
@@ -145,9 +145,9 @@ class FormulaModel:
         own = {
             "order": 1, "series.start_time": 1, "series.longest": 1, "series.time": 2,
             **{f"{n}{end}": given.ports[n] for end in _ENDS for n in given.ports if n not in memory.INPUTS},
-            **{f"constants.{n}": s for n, s in given.constants.items()},
-            **{f"states.{n}_0": s for n, s in given.states.items()},
-            **{f"states.{n}": s for n, s in given.states.items()},
+            **{f"{CONSTANT}{n}": s for n, s in given.constants.items()},
+            **{f"{STATE}{n}_0": s for n, s in given.states.items()},
+            **{f"{STATE}{n}": s for n, s in given.states.items()},
             **templates.SERIES, **dict.fromkeys(templates.CORNERS, len(self.program.sides)),
             "series.sizes": max(len(self.groups), 1), "series.held_inputs": max(sum(given.ports.values()), 1),
             **self.own_outputs,
@@ -166,7 +166,7 @@ class FormulaModel:
     def _place(self, element: str) -> int:
         name, _, index = element.partition("[")
         blocks = self.blocks.blocks
-        block = next(b for b in (name, f"constants.{name}", f"states.{name}", f"series.{name}") if b in blocks)
+        block = name if name in blocks else f"series.{name}"
         return int(blocks[block].start) + (int(index[:-1]) - 1 if index else 0)
 
     @cached_property
@@ -205,7 +205,7 @@ class FormulaModel:
             starts.append(at)
             at += len(group.states)
             ends.append(at)
-        own = [f"states.{n}" for n in self.given.states]
+        own = [f"{STATE}{n}" for n in self.given.states]
         where = {name.removeprefix("series."): block.start for name, block in blocks.items()}
         work = where["work"]
         ports = {end: {f"{n}{end}": np.zeros(size) for n, size in self.given.ports.items()} for end in _ENDS}

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu.formulas.graph import Symbol, cosine, sine
-from rbfmu.formulas.motion import by_element, closure
+from rbfmu.formulas.motion import STATE, by_element, closure
 from rbfmu.models.formulas import FormulaModel, formulas_of
 from rbfmu.planning import reference as exact
 from rbfmu.planning.reference import CHUNK, DIGITS, Motion, ReferenceTooLongError
@@ -160,7 +160,7 @@ def _exact_values(formulas: FormulaModel, scene: Scene) -> dict[str, Decimal]:
     found, start = exact.exact_constants(scene), exact.exact_start(scene)
     q = exact.decimals_of(scene.initial.quaternion)
     given = {name: exact.decimals_of(values) for name, values in formulas.given.numbers.items()}
-    own = {name: exact.decimals_of(row.start) for name, row in scene.states.items()}
+    own = {f"{STATE}{name}": exact.decimals_of(row.start) for name, row in scene.states.items()}
     own |= {name: exact.decimals_of(port.start) for name, port in scene.inputs.own.items()}
     body = {
         "M": found["M"], "M_inverse": found["M_inverse"], "arm": found["arm_b"],

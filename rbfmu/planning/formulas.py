@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
+from rbfmu.formulas.motion import STATE
 from rbfmu.models import registry
 from rbfmu.models.formulas import formulas_of
 from rbfmu.models.question import Question
@@ -105,7 +106,7 @@ def what_formulas_read(asked: Question) -> tuple[str, ...]:
     kept = {name.partition("[")[0] for name in formulas.rates}
     parts = {"attitude": ("q", 4), "rates": ("omega", 3), "path": ("r_c", 3), "velocity": ("v_c", 3)}
     sizes = [f"{what} {size}" for what, (name, size) in parts.items() if name in kept]
-    sizes += [f"{name} {len(row.start)}" for name, row in asked.scene.states.items() if name in kept]
+    sizes += [f"{name} {len(row.start)}" for name, row in asked.scene.states.items() if f"{STATE}{name}" in kept]
     left = [what for what, (name, _) in parts.items() if name not in kept]
     lines = [f"states: {', '.join(sizes) or 'none'}"]
     if left:

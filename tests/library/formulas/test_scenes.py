@@ -382,6 +382,22 @@ def test_the_text_of_the_kernels_can_be_printed(tmp_path):
     assert "def further(z: Buffer, w: int, k: int)" in printed
 
 
+def test_names_of_ones_own_are_not_mistaken_for_those_of_a_body():
+    names = {"constants": {"M": 2.0, "arm": 0.5}, "states": {"q": {"start": 0.1, "rate": "-M*q"},
+             "omega": {"start": [0.1, 0.2, 0.3], "rate": "-arm*omega"}}}  # fmt: skip
+    loads = {"torque_b": "[M*q, arm*q, 0] - omega"}
+    plain = {"constants": {"a": 2.0, "b": 0.5}, "states": {"x": {"start": 0.1, "rate": "-a*x"},
+             "y": {"start": [0.1, 0.2, 0.3], "rate": "-b*y"}}}  # fmt: skip
+    one = rbfmu.simulate(rbfmu.Scene.from_dict(scene(loads=loads, outputs={"shown": "q"}, **names)))
+    loads = {"torque_b": "[a*x, b*x, 0] - y"}
+    other = rbfmu.simulate(rbfmu.Scene.from_dict(scene(loads=loads, outputs={"shown": "x"}, **plain)))
+    np.testing.assert_array_equal(one.omega_b, other.omega_b)
+    np.testing.assert_array_equal(one.shown, other.shown)
+    np.testing.assert_allclose(one.shown, 0.1 * np.exp(-2.0 * one.time), rtol=1e-8)
+    with pytest.raises(rbfmu.SceneError, match="another name"):
+        rbfmu.Scene.from_dict(scene(loads={"torque_b": "-omega_b"}, outputs={"arm": "t"}))
+
+
 def test_ports_of_ones_own_enter_formulas():
     ports = ["torque_b", {"name": "wheel", "unit": "N m", "start": [0.01, 0, 0]}, {"name": "u", "size": 1}]
     loads = {"torque_b": "-wheel - cross(omega_b, h) + [0, 0, u]"}
