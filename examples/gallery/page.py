@@ -5,6 +5,7 @@ scenes cost stands there as `python -m examples.pages --measure gallery_cost` ha
 """
 
 import argparse
+from collections.abc import Iterable
 from pathlib import Path
 from statistics import median
 
@@ -13,17 +14,28 @@ from click.testing import CliRunner
 
 import rbfmu
 from examples.figures import record
+from examples.gallery import formulas
 from examples.gallery.axes import save
 from examples.gallery.pictures import PICTURES
 from rbfmu.cli import main as command_line
 
 SCENES = Path(__file__).parents[1] / "scenes"
 FOLDER = Path(__file__).parents[1] / "pictures"
-PAGE = SCENES / "README.md"
+PAGE, FORMULAS_PAGE = SCENES / "README.md", SCENES / "formulas" / "README.md"
+DRAWN = {**PICTURES, **formulas.PICTURES}
 HEAD = """# Gallery
 
 Scenes from the smallest model to the largest. Each says what one sees and why its model is the smallest that serves;
 then stands what `rbfmu plan` says. This page and its pictures are written by `python -m examples.gallery.page`.
+
+| scene | model | size |
+|---|---|---|
+"""
+FORMULAS_HEAD = """# Gallery of formulas
+
+Scenes whose loads, states and outputs are [formulas](../../../rbfmu/README.md#formulas), as text in the scene. Each
+says what one sees and what is integrated for it; then stands what `rbfmu plan` says. This page and its pictures are
+written by `python -m examples.gallery.page`.
 
 | scene | model | size |
 |---|---|---|
@@ -47,7 +59,7 @@ Measured by `python -m examples.benchmarks.gallery`: {machine}."""
 
 def scene_file(name: str) -> Path:
     """Return the scene's file."""
-    return SCENES / f"{name}.toml"
+    return (FORMULAS_PAGE.parent if name in formulas.PICTURES else SCENES) / f"{name}.toml"
 
 
 def paragraphs(name: str) -> list[str]:
@@ -83,23 +95,32 @@ def costs() -> str:
 
 def page() -> str:
     """Return the page's text, in Markdown."""
+    return HEAD + _scenes(PICTURES, "..") + "\n\n" + costs() + "\n"
+
+
+def formulas_page() -> str:
+    """Return the text of the page of scenes with formulas."""
+    return FORMULAS_HEAD + _scenes(formulas.PICTURES, "../..") + "\n"
+
+
+def _scenes(names: Iterable[str], above: str) -> str:
     table, sections = [], []
-    for name in PICTURES:
+    for name in names:
         (title, *texts), plan = paragraphs(name), plan_text(name)
         model, *reasons = plan.splitlines()
         size = next(line for line in reasons if "FMU variables" in line)
         table.append(f"| [{title}](#{name}) | {model} | {size} |")
-        picture = f"![{title}](../pictures/{name}.png)"
+        picture = f"![{title}]({above}/pictures/{name}.png)"
         told = f"```\n$ rbfmu plan {name}.toml\n{plan}\n```"
         sections.append("\n\n".join((f'<a id="{name}"></a>\n## {title}', picture, *texts, told)))
-    return HEAD + "\n".join(table) + "\n\n" + "\n\n".join(sections) + "\n\n" + costs() + "\n"
+    return "\n".join(table) + "\n\n" + "\n\n".join(sections)
 
 
 def draw(name: str) -> Path:
     """Return the scene's picture."""
     FOLDER.mkdir(exist_ok=True)
     path = FOLDER / f"{name}.png"
-    save(PICTURES[name](rbfmu.load_scene(scene_file(name))), path)
+    save(DRAWN[name](rbfmu.load_scene(scene_file(name))), path)
     return path
 
 
@@ -108,14 +129,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Draw the gallery's pictures and write its page.")
     parser.add_argument("names", nargs="*", metavar="name", help="scenes to draw; default all")
     names = parser.parse_args().names
-    if unknown := set(names) - set(PICTURES):
-        parser.error(f"names = {sorted(unknown)}: expected of {', '.join(PICTURES)}")
+    if unknown := set(names) - set(DRAWN):
+        parser.error(f"names = {sorted(unknown)}: expected of {', '.join(DRAWN)}")
     mpl.use("agg")
-    for name in names or PICTURES:
+    for name in names or DRAWN:
         path = draw(name)
         print(f"{path}: {path.stat().st_size / 1024:.0f} kB")
-    PAGE.write_text(page(), encoding="utf-8")
-    print(PAGE)
+    for path, text in ((PAGE, page()), (FORMULAS_PAGE, formulas_page())):
+        path.write_text(text, encoding="utf-8")
+        print(path)
 
 
 if __name__ == "__main__":

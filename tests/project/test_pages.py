@@ -404,7 +404,7 @@ def test_who_is_ahead_where_is_what_the_readme_says() -> None:
 
 @pytest.mark.thorough
 def test_round_off_limits_what_can_be_asked_as_the_readme_says() -> None:
-    assert "1e-13 of a fast top that turns by 500 rad; if you ask for 1e-15" in joined(text_of("README.md"))
+    assert "1e-13 of a fast top that turns by 500 rad; 1e-15 is refused" in joined(text_of("README.md"))
     fast = rbfmu.load_scene(gallery.scene_file("top_sleeping")).replace({"run.stop": 2.5})
     assert fast.initial.omega_b[2] * fast.run.stop == pytest.approx(500.0)
     assert rbfmu.plan(fast.replace({"run.accuracy": 1e-13})).error < 1e-13
