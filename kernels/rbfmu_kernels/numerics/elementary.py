@@ -10,6 +10,7 @@ import numpy as np
 
 from ..compile.decorator import kernel
 from ..compile.wide import bits_of, choose, number_of
+from .double_double import two_product
 
 _ROUND = 1.5 * 2.0**52  # adding and subtracting it rounds to an integer
 _LARGEST = 1e15
@@ -233,12 +234,7 @@ _LN_2, _LN_2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 @kernel
 def exponential(x: float) -> float:
     """Return e^x; 0 below -708 and infinity above 708, near where doubles end.  Error <= 1 ulp."""
-    product = x * _LOG2_E
-    split = _SPLIT * x
-    a = split - (split - x)
-    split = _SPLIT * _LOG2_E
-    b = split - (split - _LOG2_E)
-    e = ((a * b - product) + a * (_LOG2_E - b) + (x - a) * b) + (x - a) * (_LOG2_E - b)
+    product, e = two_product(x, _LOG2_E)
     inside = abs(x) <= 708.0
     found = exp2(product if inside else 0.0, e + x * _LOG2_E_LOW if inside else 0.0)
     return found if inside else (x if x != x else (math.inf if x > 0.0 else 0.0))
