@@ -1,8 +1,11 @@
 """The series of every operation, in doubles by generated kernels and in double-double ones, against 40 digits."""
 
+import math
+
 import mpmath
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from rbfmu.formulas.graph import Graph, Symbol, gradient
 from rbfmu.formulas.meaning import Table, value_of
@@ -181,3 +184,41 @@ def test_beside_singular_points_numbers_are_exact_or_not_finite(text):
             found = doubles(text, t, 1)
             assert float(abs(found[0] - true[0])) <= 1e-14 * max(float(abs(true[0])), 1e-300)
             assert float(abs(found[1] - true[1])) <= 1e-13 * max(float(abs(true[1])), 1.0)
+
+
+@pytest.mark.parametrize(
+    ("least", "largest", "size"),
+    [(0.0, 0.0, 3.0), (2.0, 0.0, 3.0), (7.0, 0.0, 7.0), (0.0, 5.0, 5.0), (-2.0, 5.0, 2.0), (-7.0, 0.0, 7.0)],
+)
+def test_steps_of_the_reference_keep_the_last_terms_small_beside_the_size_of_a_state(least, largest, size):
+    """The state is 3 now and has been `largest`; the size is negative where it alone counts, and not the state."""
+    s, order, sizes = np.zeros((2, reference.LENGTH)), reference.ORDER, np.array([largest])
+    s[0, 0], s[0, order] = 3.0, 0.5
+    longest = interpreted(reference._longest)(np.array([[0, 0, 0]]), np.array([least]), sizes, s)
+    assert longest == pytest.approx((reference.TOLERANCE * size / 0.5) ** (1.0 / order), rel=1e-14)
+    s[0, order - 1] = 40.0  # the last term but one counts as well
+    longest = interpreted(reference._longest)(np.array([[0, 0, 0]]), np.array([least]), sizes, s)
+    assert longest == pytest.approx((reference.TOLERANCE * size / 40.0) ** (1.0 / (order - 1)), rel=1e-14)
+    s[0, 4] = math.nan
+    assert math.isnan(interpreted(reference._longest)(np.array([[0, 0, 0]]), np.array([least]), sizes, s))
+
+
+@pytest.mark.parametrize("first", [1, 2])
+def test_a_state_that_begins_at_zero_has_the_size_that_its_first_terms_make(first):
+    s, order, states = np.zeros((2, reference.LENGTH)), reference.ORDER, np.array([[0, 0, 0]])
+    s[0, first], s[0, order] = 0.5, 0.25
+    longest = interpreted(reference._longest)(states, np.zeros(1), np.zeros(1), s)
+    assert longest == pytest.approx((reference.TOLERANCE * 0.5 / 0.25) ** (1.0 / (order - first)), rel=1e-14)
+
+
+X, Y = (-1.0, 0.5, 2.0, 2.25, 4.0), (3.0, -1.0, 0.5, 0.25, 7.0)
+AROUND = [*np.linspace(-3.0, 6.0, 46), *X]
+
+
+@pytest.mark.parametrize("points", [2, 3, 5])
+def test_tables_are_lines_or_a_natural_spline_and_stay_at_their_ends_beyond_them(points):
+    x, y = X[:points], Y[:points]
+    lines, spline = Table.through(x, y, cubic=False), Table.through(x, y, cubic=True)
+    assert [lines.at(t) for t in AROUND] == pytest.approx(np.interp(AROUND, x, y), rel=1e-14, abs=1e-14)
+    expected = CubicSpline(x, y, bc_type="natural")(np.clip(AROUND, x[0], x[-1]))
+    assert [spline.at(t) for t in AROUND] == pytest.approx(expected, rel=1e-13, abs=1e-13)
