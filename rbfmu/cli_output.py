@@ -155,18 +155,16 @@ def print_written(*paths: Path | None) -> None:
 
 def print_ensemble(planned: Any, result: Any) -> None:
     """Print the models, what failed, and mean and spread of the runs at their end."""
-    from rbfmu_kernels.quantities import OUTPUT
-
     click.echo("\n".join([f"{planned.model}: {planned.method}", *planned.reasons]))
     redrawn = int((result.redrawn > 0).sum())
     click.echo(f"{result.runs:,} runs, {len(result.failed):,} of them failed, {redrawn:,} drawn again")
     for index, text in [*result.failed.items()][:MOST_FAILED]:
         click.echo(f"run {index}: {text}")
     rows = [(f"at t = {result.time[-1]:g} s", "unit", "mean", "standard deviation")]
-    for name in result.scene.outputs.quantities:
+    for name, row in result.rows.items():
         mean, spread = result.at_end(name)
         numbers = (" ".join(f"{x: .6g}" for x in values) for values in (mean, spread))
-        rows.append((name, OUTPUT[name].unit, *numbers))
+        rows.append((name, row.unit, *numbers))
     _print_columns(rows)
 
 

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from rbfmu.ensembles.loops import advance_lanes, compile_lanes, compiled, entries, run_members
 from rbfmu.ensembles.members import Samples, draw, ensemble_of, member, refusals
 from rbfmu.ensembles.statistics import Summary, summary_of
-from rbfmu.ensembles.variables import ALL, FINAL, KEYS, STATISTICS, Columns, flat
+from rbfmu.ensembles.variables import ALL, FINAL, KEYS, STATISTICS, Columns, flat, output_rows
 from rbfmu.exceptions import SceneError
 from rbfmu.models.model_buffer import aligned_zeros, refusal
 from rbfmu.runs.inputs import HOLD, drive_of
 from rbfmu.runs.plan import Plan, filled_buffer
 from rbfmu.scene.scene import Scene
+from rbfmu.scene.variations import CONSTANTS, STATES
 from rbfmu.simulation import refused_step
 from rbfmu_kernels.compile.stamp import SOURCES, hash_of_sources
 
@@ -50,7 +51,7 @@ class Work:
     @property
     def columns(self) -> Columns:
         """Return the columns of the outputs."""
-        return Columns(self.scene.outputs.quantities)
+        return Columns((*output_rows(self.scene).values(),))
 
     @property
     def runs(self) -> int:
@@ -90,7 +91,7 @@ def members_of_a_chunk(scene: Scene, plan: Plan) -> int:
     """
     steps = len(drive_of(scene, {}, HOLD).lengths)
     keep = ensemble_of(scene).keep
-    numbers = Columns(scene.outputs.quantities).width * (steps + 1 if set(keep) - {FINAL} else 1)
+    numbers = Columns((*output_rows(scene).values(),)).width * (steps + 1 if set(keep) - {FINAL} else 1)
     cost = plan.cost / (LANES_GAIN if _has_lanes(plan) else 1.0)
     seconds = cost * 1e-9 * steps + SET_UP
     seconds += STATISTICS_OF_ONE * numbers if STATISTICS in keep else 0.0
@@ -155,11 +156,17 @@ def _has_lanes(plan: Plan) -> bool:
 def varied_numbers(applied: Mapping[str, Array], blocks: dict[str, slice]) -> tuple[Indices, Array]:
     """Return places (p,) in a model's buffer and the members' values (m, p) there; what it has no block for is left."""
     count = len(next(iter(applied.values())))
-    names = {key: getattr(KEYS[key], "block", KEYS[key].name) for key in applied}
+    names = {key: _block_of(key) for key in applied}
     known = {key: blocks[name] for key, name in names.items() if name in blocks}
     places = [place for block in known.values() for place in range(block.start, block.stop)]
     values = np.hstack([np.empty((count, 0)), *(flat(applied[key]) for key in known)])
     return np.array(places, dtype=np.int64), np.ascontiguousarray(values)
+
+
+def _block_of(key: str) -> str:
+    if key.startswith((f"{CONSTANTS}.", f"{STATES}.")):
+        return key if key.startswith(CONSTANTS) else f"{key}_0"
+    return getattr(KEYS[key], "block", KEYS[key].name)
 
 
 def _message(scene: Scene, plan: Plan, samples: Samples, row: int, end: Indices) -> str:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rbfmu.ensembles.result import Drivers, differ, drivers_of
 from rbfmu.plot import COLORS, Picture, open_frame, quantity_label, with_file
-from rbfmu_kernels.quantities import OUTPUT, indices
+from rbfmu_kernels.quantities import indices
 
 if TYPE_CHECKING:
     from rbfmu.ensembles.result import EnsembleResult
@@ -29,7 +29,7 @@ WORDS = (
 
 def plot_ensemble(result: "EnsembleResult", path: str | Path | None = None) -> Figure:
     """Draw an ensemble, to a file too where a path is given; return the figure."""
-    names, drivers = result.scene.outputs.quantities, drivers_of(result)
+    names, drivers = tuple(result.rows), drivers_of(result)
     heights = [*[1.9] * len(names), 0.7 + 0.24 * len(drivers.varied)]
     figure = Picture(figsize=(10.0, 1.3 + sum(heights)), layout="constrained")
     FigureCanvasAgg(figure)
@@ -48,7 +48,7 @@ def plot_ensemble(result: "EnsembleResult", path: str | Path | None = None) -> F
 
 
 def _bands(axes: Any, result: "EnsembleResult", name: str, is_last: bool) -> None:
-    row = OUTPUT[name]
+    row = result.rows[name]
     if name in result.quantiles:
         quantiles = result.quantiles[name].reshape(len(result.probabilities), len(result.time), -1)
         at = {p: quantiles[k] for k, p in enumerate(result.probabilities.tolist())}
@@ -61,7 +61,7 @@ def _bands(axes: Any, result: "EnsembleResult", name: str, is_last: bool) -> Non
             axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=9)
     else:
         axes.text(0.5, 0.5, "statistics over time are not kept", ha="center", transform=axes.transAxes, color="#777777")
-    axes.set_ylabel(quantity_label(OUTPUT[name]), fontsize=9)
+    axes.set_ylabel(quantity_label(row), fontsize=9)
     axes.tick_params(labelsize=8, labelbottom=is_last)
     axes.margins(x=0.0)
     open_frame(axes, grid=True)
@@ -85,7 +85,7 @@ def _ends(axes: Any, result: "EnsembleResult", name: str) -> None:
         axis.get_offset_text().set_fontsize(8)  # as large as the numbers that it belongs to
     if np.count_nonzero(apart) == 1:
         axes.hist(ends[:, spread[0]], bins=40, color=COLORS[0], alpha=0.6)
-        axes.set_xlabel(f"{name}{indices(OUTPUT[name])[spread[0]]}", fontsize=8)
+        axes.set_xlabel(f"{name}{indices(result.rows[name])[spread[0]]}", fontsize=8)
         axes.set_ylabel("runs", fontsize=8)
         return
     j, k = sorted(spread[:2].tolist())
@@ -94,8 +94,8 @@ def _ends(axes: Any, result: "EnsembleResult", name: str) -> None:
     pair = ends[:, [j, k]]
     for sigma in SIGMAS:
         axes.add_patch(_ellipse(pair.mean(axis=0), np.cov(pair.T), sigma))
-    axes.set_xlabel(f"{name}{indices(OUTPUT[name])[j]}", fontsize=8)
-    axes.set_ylabel(f"{name}{indices(OUTPUT[name])[k]}", fontsize=8)
+    axes.set_xlabel(f"{name}{indices(result.rows[name])[j]}", fontsize=8)
+    axes.set_ylabel(f"{name}{indices(result.rows[name])[k]}", fontsize=8)
 
 
 def _say(axes: Any, text: str) -> None:

@@ -22,7 +22,7 @@ from rbfmu.ensembles.result import differ
 from rbfmu.ensembles.variables import Columns
 from rbfmu.exceptions import SceneWarning
 from rbfmu.models.question import Question
-from rbfmu.models.registry import LOADED_TAYLOR, MODELS, PRESCRIBED_RATES
+from rbfmu.models.registry import FORMULAS, LOADED_TAYLOR, MODELS, PRESCRIBED_RATES
 from rbfmu.planning import plan
 from rbfmu.planning import reasons as say
 from rbfmu.planning.fitting import REACHED, fit_of_members
@@ -89,7 +89,7 @@ def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) 
             with faults_of(f"{scene.name}, pilot member {k + 1}"):
                 found.append(plan(judge.scene, judge=judge))
             tell(0.9 * (k + 1) / len(judges))
-        chosen, growth = _accurate(_for_all(found), judges)
+        chosen, growth = _accurate(_for_all(found).of_scene(scene), judges)
         chosen = _with_likely_error(scene, chosen, judges[0].names)
     tell(1.0)
     pilots = _of_members(scene, chosen, len(judges))
@@ -137,7 +137,10 @@ class _Scouts:
     """
 
     def __init__(self, scene: Scene, plan: Plan, names: tuple[str, ...]) -> None:
-        self.scene, self.columns = scene.replace({"outputs.quantities": names}), Columns(names)
+        self.scene, self.columns = (
+            scene.replace({"outputs.quantities": names}),
+            Columns(tuple(OUTPUT[n] for n in names)),
+        )
         steps = communication_steps(scene)
         most = min(int(MOST_BYTES / (8.0 * self.columns.width * (steps + 1))), int(1e9 * SECONDS / (plan.cost * steps)))
         cube = draws.at_random(ensemble_of(scene), 0, max(min(most, SCOUTS), FEWEST), APART + 1)
@@ -194,7 +197,7 @@ def _errors(columns: Columns, rows: Array, truth: Array) -> Array:
     """Return each member's largest error, as an accuracy counts it; NaN of those that fail."""
     found, true = columns.split(rows), columns.split(truth)
     worst = np.zeros(len(rows))
-    for name in columns.names:
+    for name in found:
         a, b = found[name].reshape(*rows.shape[:2], -1), true[name].reshape(*rows.shape[:2], -1)
         if OUTPUT[name].error == ANGLE:
             apart = attitude_error(a.reshape(-1, 4), b.reshape(-1, 4)).reshape(rows.shape[:2]).max(axis=1)
@@ -212,6 +215,12 @@ def _of_model(pilot: Question, chosen: Plan) -> Iterator[str]:
     """Yield what the model leaves out, and why it is right, with a pilot's numbers."""
     if chosen.model == PRESCRIBED_RATES.key:
         yield say.PRESCRIBED
+        return
+    if chosen.formulas:
+        from rbfmu.planning.formulas import what_formulas_read  # what has none starts sooner
+
+        yield from what_formulas_read(pilot, chosen)
+        yield f"{chosen.method}: estimated errors of a run add up to at most {chosen.tolerance:.1e} in every member"
         return
     yield from say.what_is_left_out(pilot, chosen.spec.force_keeps_direction)
     if chosen.spec.closed_form:
@@ -312,7 +321,7 @@ def _pilot_samples(scene: Scene) -> Iterator[Samples]:
 
 def _for_all(found: list[Plan]) -> Plan:
     """Return the plan of the largest model, with the shortest step and the least tolerance of all."""
-    order = list(MODELS)
+    order = [*MODELS, FORMULAS.key]
     largest = max(order.index(one.model) for one in found)
     same = [one for one in found if order.index(one.model) == largest]
     dearest = max(same, key=lambda one: one.cost)
@@ -320,7 +329,7 @@ def _for_all(found: list[Plan]) -> Plan:
     if tolerance > 0.0:
         tolerance = max(MARGIN * tolerance, TIGHTEST)
     substep, error = min(one.substep for one in same), max(one.error for one in same)
-    return replace(dearest, tolerance=tolerance, substep=substep, error=error)
+    return replace(dearest, tolerance=tolerance, substep=substep, error=error, formulas=None)
 
 
 def _accurate(found: Plan, judges: list[Judge]) -> tuple[Plan, float]:

@@ -10,11 +10,21 @@ from numpy.typing import NDArray
 
 from rbfmu.ensembles.members import ensemble_of
 from rbfmu.ensembles.store import Checkpoint
-from rbfmu.ensembles.variables import KEYS, PROBABILITY, RANK_ERROR, REDRAWN, TIMES, coordinates, flat, variables_of
+from rbfmu.ensembles.variables import (
+    PROBABILITY,
+    RANK_ERROR,
+    REDRAWN,
+    TIMES,
+    coordinates,
+    flat,
+    output_rows,
+    variables_of,
+    varied_rows,
+)
 from rbfmu.extras import needed
 from rbfmu.notebook import numbers_text, table
 from rbfmu.scene.scene import Scene
-from rbfmu_kernels.quantities import OUTPUT, indices
+from rbfmu_kernels.quantities import indices
 
 Array = NDArray[np.float64]
 MOST_RANKED = 20_000
@@ -98,8 +108,8 @@ class EnsembleResult:
         self.time: Array = np.asarray(arrays[TIMES])
         self.probabilities: Array = np.asarray(arrays[PROBABILITY])
         self.rank_error = float(np.asarray(arrays[RANK_ERROR])) if RANK_ERROR in arrays else 0.0
-        names = scene.outputs.quantities
-        self.samples = Arrays({name: a for name, a in arrays.items() if name in KEYS}, "no key that varies")
+        self.rows, names = output_rows(scene), scene.outputs.names
+        self.samples = Arrays({n: a for n, a in arrays.items() if n in varied_rows(scene)}, "no key that varies")
         self.final = self._of(names, "_final", "the end of the runs is not kept")
         self.all = self._of(names, "", "not all of the runs is kept")
         self.mean, self.std, self.covariance, self.quantiles = (
@@ -111,12 +121,12 @@ class EnsembleResult:
 
     def __repr__(self) -> str:
         failed = f", {len(self.failed)} failed" if self.failed else ""
-        shown = ", ".join(self.scene.outputs.quantities)
+        shown = ", ".join(self.rows)
         return f"EnsembleResult({self.scene.name!r}: {self.runs} runs{failed}, {shown})"
 
     def _repr_html_(self) -> str:
         caption = f"{self.scene.name}: {self.runs:,} runs, {len(self.failed):,} failed; at t = {self.time[-1]:g} s"
-        rows = ((name, OUTPUT[name].unit, *map(numbers_text, self.at_end(name))) for name in self.ended)
+        rows = ((name, self.rows[name].unit, *map(numbers_text, self.at_end(name))) for name in self.ended)
         return table(caption, ("quantity", "unit", "mean", "standard deviation"), rows)
 
     @property
@@ -137,7 +147,7 @@ class EnsembleResult:
     @property
     def ended(self) -> tuple[str, ...]:
         """Return the quantities whose values at the end of all runs are kept."""
-        return tuple(name for name in self.scene.outputs.quantities if name in self.all or name in self.final)
+        return tuple(name for name in self.rows if name in self.all or name in self.final)
 
     def ends(self, name: str) -> Array:
         """Return a quantity at the end of all runs (runs, k), NaN of those that failed. Raises KeyError if not kept."""
@@ -164,7 +174,7 @@ class EnsembleResult:
         for name, variable in known.items():
             if name in self._arrays:
                 found[name] = (variable.dims, np.asarray(self._arrays[name]), variable.attributes)
-                row = OUTPUT.get(name) or OUTPUT.get(name.rpartition("_")[0])
+                row = self.rows.get(name) or self.rows.get(name.rpartition("_")[0])
                 if row is not None and row.size > 1:
                     axis = next(dim for dim in variable.dims if dim not in ("run", "time", "probability"))
                     named[axis] = list(row.components)
@@ -222,7 +232,7 @@ def _applied(result: "EnsembleResult", rows: Any) -> dict[str, Array]:
     found: dict[str, Array] = {}
     for key, values in result.samples.items():
         columns = flat(values[rows])
-        names = [f"{key}{index}" for index in indices(KEYS[key])]
+        names = [f"{key}{index}" for index in indices(varied_rows(result.scene)[key])]
         found |= {name: columns[:, k] for k, name in enumerate(names) if not (columns.shape[1] == 4 and k == 0)}
     return found
 
@@ -232,7 +242,7 @@ def _ended(result: "EnsembleResult", rows: Any) -> dict[str, Array]:
     for name in result.ended:
         columns = flat(result.ends(name)[rows])
         apart = differ(columns)
-        found |= {f"{name}{index}": columns[:, k] for k, index in enumerate(indices(OUTPUT[name])) if apart[k]}
+        found |= {f"{name}{index}": columns[:, k] for k, index in enumerate(indices(result.rows[name])) if apart[k]}
     return found
 
 

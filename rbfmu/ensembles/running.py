@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
+from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
 from time import monotonic
@@ -21,7 +22,7 @@ from rbfmu.exceptions import SimulationError, named
 from rbfmu.extras import needed
 from rbfmu.progress import bar
 from rbfmu.runs.plan import Plan
-from rbfmu.scene.scene import Scene, of_scene_or_path, refuse_formulas
+from rbfmu.scene.scene import Scene, of_scene_or_path
 
 AHEAD = 3
 """Chunks that are on their way or wait for an earlier one, for each worker: memory is bounded by that.
@@ -55,7 +56,6 @@ def run_ensemble(
     writing to it.
     """
     check_store(store, resume)
-    refuse_formulas(scene, "rbfmu.run_ensemble")
     scene = with_runs(scene, runs)
     plan = plan_ensemble(scene) if planned is None else planned
     work = Work(scene, plan, members_of_a_chunk(scene, plan))
@@ -192,11 +192,15 @@ def _losses() -> Iterator[None]:
 
 
 def packed(work: Work) -> bytes:
-    """Return work as bytes, with what its bits rest on here."""
-    return pickle.dumps((origin(), pickle.dumps(work)))
+    """Return work as bytes, with what its bits rest on here; kernels of formulas are made again of the scene."""
+    bare = replace(work, plan=replace(work.plan, formulas=None))
+    return pickle.dumps((origin(), pickle.dumps(bare)))
 
 
-_unpacked = lru_cache(maxsize=4)(pickle.loads)
+@lru_cache(maxsize=4)
+def _unpacked(given: bytes) -> Work:
+    work: Work = pickle.loads(given)
+    return replace(work, plan=work.plan.of_scene(work.scene))
 
 
 def run_packed(given: bytes, index: int) -> Chunk:

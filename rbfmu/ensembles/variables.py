@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from rbfmu.result import AXES
 from rbfmu.scene.body import TRIANGLE
 from rbfmu.scene.scene import Scene
-from rbfmu.scene.variations import QUANTITY_OF, SHAPE
+from rbfmu.scene.variations import CONSTANTS, QUANTITY_OF, SHAPE, STATES
 from rbfmu_kernels.buffer import places
-from rbfmu_kernels.quantities import OUTPUT, TIME, Load, Parameter, Quantity
+from rbfmu_kernels.quantities import OUTPUT, TIME, Load, Output, Parameter, Quantity, own_output
 
 Array = NDArray[np.float64]
 FINAL, STATISTICS, ALL = "final", "statistics", "all"
@@ -42,21 +42,48 @@ def symmetric(numbers: Array) -> Array:
     return M
 
 
+def output_rows(scene: Scene) -> dict[str, Output]:
+    """Return the rows of a scene's outputs by name, its own among them."""
+    known = {name: OUTPUT[name] for name in scene.outputs.quantities}
+    if not scene.outputs.own:
+        return known
+    from rbfmu.models.formulas import formulas_of  # what has none starts sooner
+
+    formulas = formulas_of(scene)
+    assert formulas is not None
+    own, sizes = scene.outputs.own.items(), formulas.own_outputs
+    return known | {name: own_output(name, sizes[name], one.unit, one.about or one.value) for name, one in own}
+
+
+def varied_rows(scene: Scene) -> Mapping[str, Quantity]:
+    """Return the quantity that each key sets which may vary in a scene, its own constants and states among them."""
+    found = dict(KEYS)
+    for name, one in scene.constants.items():
+        found[f"{CONSTANTS}.{name}"] = Parameter(name, len(one.value), one.unit or "1", one.about or name)
+    for name, state in scene.states.items():
+        found[f"{STATES}.{name}"] = Parameter(f"{name}_0", len(state.start), state.unit or "1", state.about or name)
+    return found
+
+
 @dataclass(frozen=True)
 class Columns:
-    """The columns of the quantities named."""
+    """The columns of quantities, given their rows."""
 
-    names: tuple[str, ...]
+    rows: tuple[Output, ...]
+
+    @property
+    def _sizes(self) -> dict[str, int]:
+        return {row.name: row.size for row in self.rows}
 
     @property
     def slices(self) -> dict[str, slice]:
         """Return the columns of each quantity."""
-        return places({name: OUTPUT[name].size for name in self.names})[0]
+        return places(self._sizes)[0]
 
     @property
     def width(self) -> int:
         """Return the number of columns."""
-        return sum(OUTPUT[name].size for name in self.names)
+        return sum(self._sizes.values())
 
     @property
     def pairs(self) -> NDArray[np.int64]:
@@ -66,13 +93,13 @@ class Columns:
 
     def split(self, rows: Array) -> dict[str, Array]:
         """Return the quantities of rows (..., K): (...) or (..., k) each."""
-        return {n: rows[..., s.start if OUTPUT[n].size == 1 else s] for n, s in self.slices.items()}
+        return {n: rows[..., s.start if self._sizes[n] == 1 else s] for n, s in self.slices.items()}
 
     def matrices(self, products: Array) -> dict[str, Array]:
         """Return the symmetric matrices of rows (..., P) of pairs: (...) or (..., k, k) each."""
         found = {}
         for name, s in self.slices.items():
-            size = OUTPUT[name].size
+            size = self._sizes[name]
             found[name] = np.empty((*products.shape[:-1], size, size))
             for p, (a, b) in enumerate(self.pairs - s.start):
                 if 0 <= a < size:
@@ -81,7 +108,7 @@ class Columns:
 
     def places(self, blocks: dict[str, slice]) -> NDArray[np.int64]:
         """Return where the columns stand in a model's buffer."""
-        return np.concatenate([np.arange(blocks[n].start, blocks[n].stop) for n in self.names]).astype(np.int64)
+        return np.concatenate([np.arange(blocks[n].start, blocks[n].stop) for n in self._sizes]).astype(np.int64)
 
 
 PROBABILITIES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
@@ -102,20 +129,20 @@ def variables(scene: Scene, sampled: Mapping[str, int]) -> Iterator[Variable]:
     """Yield all variables of a scene's ensemble; sampled: the number of dimensions of each key that varies."""
     keep = scene.ensemble.keep if scene.ensemble else ()
     for key, ndim in sampled.items():
-        row = KEYS[key]
+        row = varied_rows(scene)[key]
         yield Variable(key, (RUN, *_dims(row)[: ndim - 1], *("axis_2",) * (ndim - 2)), _attributes(row))
     redrawn = {"units": "1", "long_name": "how often the member was drawn again, as no body has its inertia"}
     yield Variable(REDRAWN, (RUN,), redrawn)
     if STATISTICS in keep:
         error = {"units": "1", "long_name": "by which part of the members quantiles are displaced, at most"}
         yield Variable(RANK_ERROR, (), error)
-    for name in scene.outputs.quantities:
-        yield from _of_output(keep, OUTPUT[name])
+    for row in output_rows(scene).values():
+        yield from _of_output(keep, row)
 
 
 def variables_of(scene: Scene, arrays: Mapping[str, Any]) -> dict[str, Variable]:
     """Return what is known of the arrays of an ensemble's result."""
-    sampled = {name: len(array.shape) for name, array in arrays.items() if name in KEYS}
+    sampled = {name: len(array.shape) for name, array in arrays.items() if name in varied_rows(scene)}
     return {variable.name: variable for variable in variables(scene, sampled)}
 
 

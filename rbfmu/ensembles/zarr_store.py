@@ -104,7 +104,7 @@ class ZarrStore(Store):
         if chunk.first == 0:
             self._create(arrays)
         for name, values in arrays.items():
-            if name in self._work.columns.names:  # with all times
+            if name in self._work.columns.slices:  # with all times
                 self._set(name, np.s_[chunk.first : chunk.first + chunk.members], values)
             else:
                 self._rows[name] = np.concatenate([self._rows.get(name, values[:0]), values])

@@ -156,7 +156,8 @@ def given_to(scene: Any, numbers: Mapping[str, Sequence[float]], pivot: bool) ->
     states = {name: len(row.start) for name, row in scene.states.items()}
     own = scene.inputs.own
     ports = {name: own[name].size if name in own else 3 for name in scene.inputs.ports}
-    symbolic = frozenset({*(f"{CONSTANT}{name}" for name in constants), *_blocks_of(scene.inputs.parameters)})
+    listed = (*scene.inputs.parameters, *(scene.ensemble.parameters if scene.ensemble else ()))
+    symbolic = frozenset({*(f"{CONSTANT}{name}" for name in constants), *_blocks_of(listed)})
     return Given(numbers, symbolic, ports, states, constants, pivot)
 
 

@@ -273,7 +273,8 @@ def formulas_of(scene: Scene) -> FormulaModel | None:
     if not scene.has_formulas:
         return None
     tables = {key: table for key, table in scene.to_dict().items() if key not in ("name", "run", "about", "ensemble")}
-    return _of_tables(json.dumps(tables), _ByText(scene))
+    varied = scene.ensemble.parameters if scene.ensemble else ()
+    return _of_tables(json.dumps([tables, varied]), _ByText(scene))
 
 
 def text_of(scene: Scene) -> str:

@@ -49,7 +49,7 @@ def formula_plan(judge: Judge) -> Plan:
         raise refuse_accuracy(asked, least)
     how = f"{best.method} at tolerance {best.tolerance:.1e}: error {best.error:.1e}"
     reason = f"{how} in a pilot run, judged in {judge.arithmetic}"
-    return replace(best, pinned=asked.pinned, reasons=(*what_formulas_read(asked), reason))
+    return replace(best, pinned=asked.pinned, reasons=(*what_formulas_read(asked, general), reason))
 
 
 def _tried(judge: Judge, general: Plan, order: int) -> Iterator[Plan]:
@@ -95,13 +95,13 @@ def _plan_of_varying(judge: Judge, general: Plan) -> Plan:
     what = " and ".join(sorted(asked.varying))
     held = f"{plan.method}: estimated errors of a run add up to at most {tolerance:.1e}, whatever {what} may be"
     pilot = f"error {error:.1e} in a pilot run with inputs at zero, judged in {judge.arithmetic}"
-    reasons = (*what_formulas_read(asked), held, pilot)
+    reasons = (*what_formulas_read(asked, general), held, pilot)
     return replace(plan, error=error, cost=_cost(judge, plan, substeps), reasons=reasons)
 
 
-def what_formulas_read(asked: Question) -> tuple[str, ...]:
+def what_formulas_read(asked: Question, plan: Plan) -> tuple[str, ...]:
     """Return what is integrated for the formulas and outputs of a scene, and what is not."""
-    formulas = formulas_of(asked.scene)
+    formulas = plan.formulas
     assert formulas is not None
     kept = {name.partition("[")[0] for name in formulas.rates}
     parts = {"attitude": ("q", 4), "rates": ("omega", 3), "path": ("r_c", 3), "velocity": ("v_c", 3)}

@@ -13,7 +13,7 @@ from rbfmu.scene import own as named
 from rbfmu.scene.attitude import Attitude
 from rbfmu.scene.body import ZERO, Body
 from rbfmu.scene.consistency import default_quantities, doubts_before, faults_between, warn
-from rbfmu.scene.ensemble import Ensemble, as_written, faults_with, without_idle_shape
+from rbfmu.scene.ensemble import Ensemble, as_written, faults_of_own, faults_with, without_idle_shape
 from rbfmu.scene.own import Constant, Named, Port, Shown, State, Table
 from rbfmu.scene.section import Numbers, SceneError, Section, as_toml, fault, line, names, numbers, one_of, positive
 from rbfmu.scene.toml_file import read_file, with_description
@@ -240,6 +240,8 @@ class Scene(Section):
         return bool(self.load_formulas or self.states or self.outputs.own)
 
     def _contradictions(self) -> Iterator[str]:
+        if self.ensemble is not None:
+            yield from faults_of_own(self.ensemble, {"constants": self.constants, "states": self.states})
         if self.has_formulas or self.formulas or self.tables:
             from rbfmu.formulas.check import faults_of_texts  # what has none starts sooner
 

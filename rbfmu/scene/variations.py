@@ -137,6 +137,8 @@ RULES: Mapping[str, Numbers] = {
 }
 """The rule of each key whose numbers stand for themselves."""
 KEYS = (*RULES, INERTIA, ATTITUDE, SHAPE)
+CONSTANTS, STATES = "constants", "states"
+"""The tables whose names, a scene's own, are keys as well: of the start of a state."""
 
 
 def read_variations(vary: Any, faults: list[str]) -> tuple[Variation, ...]:
@@ -181,6 +183,8 @@ class _Reader:
         readers = {INERTIA: self._inertia, ATTITUDE: self._attitude, SHAPE: self._shape}
         if self.key in readers:
             return readers[self.key]()
+        if self.key.partition(".")[0] in (CONSTANTS, STATES):
+            return self._distribution(self.path, self.value, self.key, Numbers((3,) if _has_lists(self.value) else ()))
         if self.key not in RULES:
             return self._refuse_key()
         return self._distribution(self.path, self.value, self.key, RULES[self.key])
@@ -337,6 +341,15 @@ def _read(rule: Numbers, value: Any, one_for_all: bool) -> Any:
     if one_for_all and rule.shape and not isinstance(value, list | tuple):
         value = np.full(rule.shape, Numbers((), rule.unit, rule.bound, rule.holds)(value))
     return rule(value)
+
+
+def _has_lists(value: Any) -> bool:
+    """Return whether a distribution's arguments are vectors; of a relative one its only argument."""
+    given = value.values() if isinstance(value, Mapping) else ()
+    return any(
+        isinstance(x, list | tuple) and (key == RELATIVE or any(isinstance(item, list | tuple) for item in x))
+        for key, x in zip(value, given, strict=False)
+    )
 
 
 def _has_rows(value: Any) -> bool:

@@ -9,7 +9,6 @@ from scipy.interpolate import CubicSpline
 
 import rbfmu
 from rbfmu.planning.formula_reference import formula_motion
-from rbfmu.planning.methods import whole_series
 from rbfmu.runs.motion import attitude_error
 from rbfmu_kernels.compile.tiered import interpreted
 from tests.support.command_line import call
@@ -337,7 +336,7 @@ def test_a_load_of_the_scene_and_the_same_as_a_formula_make_one_motion(loads, te
     np.testing.assert_allclose(found[0].position, found[1].position, atol=2e-12 * np.abs(found[0].position).max())
 
 
-@pytest.mark.parametrize("what", [rbfmu.linearize, rbfmu.chart, rbfmu.run_ensemble])
+@pytest.mark.parametrize("what", [rbfmu.linearize, rbfmu.chart])
 def test_what_does_not_know_formulas_says_so(what):
     one = rbfmu.Scene.from_dict(CASES["gravity gradient"][0])
     with pytest.raises(rbfmu.SceneError, match="expected a scene without formulas"):
@@ -434,28 +433,3 @@ def test_ports_of_ones_own_enter_formulas():
 def test_wrong_ports_are_refused(port, said):
     with pytest.raises(rbfmu.SceneError, match=said):
         rbfmu.Scene.from_dict(scene(inputs={"ports": [port]}, loads={"torque_b": "-omega_b"}))
-
-
-SAME = {
-    "gravity_a": ({"gravity_a": [0.3, 0.1, -9.81]}, {"gravity_a": [0, 0, 0], "force_a": "mass*[0.3, 0.1, -9.81]",
-                  "torque_b": "cross(r_oc_b, to_b(mass*[0.3, 0.1, -9.81]))"}),
-    "damping_b": ({"damping_b": [0.3, 0.2, 0.1]},
-                  {"torque_b": "-[0.3*omega_b[1], 0.2*omega_b[2], 0.1*omega_b[3]]"}),
-    **{name: ({name: [0.4, -0.2, 0.3]}, {name: "[0.4, -0.2, 0.3]"})
-       for name in ("force_a", "force_b", "torque_a", "torque_b")},
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("load", SAME)
-def test_a_load_and_its_formula_make_the_same_motion(load):
-    built_in, written = SAME[load]
-    found = [
-        rbfmu.simulate(one, planned=whole_series(one, 20, 1e-15))
-        for one in (
-            rbfmu.Scene.from_dict(scene(quantities=("quaternion", "omega_b", "position"), loads=loads))
-            for loads in (built_in, written)
-        )
-    ]
-    for name in ("quaternion", "omega_b", "position"):
-        a, b = (result.quantities[name] for result in found)
-        np.testing.assert_allclose(a, b, rtol=0, atol=2e-13 * max(1.0, np.abs(a).max()))

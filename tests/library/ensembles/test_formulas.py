@@ -1,0 +1,93 @@
+"""Ensembles of scenes with formulas: constants, starts of states and a body's numbers vary, own outputs are kept."""
+
+from concurrent.futures import ProcessPoolExecutor
+
+import numpy as np
+import pytest
+
+import rbfmu
+from rbfmu.ensembles.members import draw, member
+from rbfmu.ensembles.planning import plan_ensemble
+from tests.support.command_line import call
+
+TABLES = {
+    "body": {"mass": 12.0, "inertia": [0.9, 1.1, 1.4]},
+    "initial": {"omega_b": [0.02, -0.01, 0.03]},
+    "constants": {"d": {"value": 0.02, "unit": "N m s"}, "m": [0.0, 0.0, 0.35]},
+    "loads": {"gravity_a": [0.0] * 3, "torque_b": "cross(m, to_b([0, 0, 3e-3])) - d*omega_b - 0.1*w"},
+    "states": {"w": {"start": [0.1, 0.0, 0.0], "rate": "omega_b - 0.2*w"}},
+    "outputs": {"quantities": ["omega_b"], "tilt": {"value": "acos(clip(R_ab[3,3], -1, 1))", "unit": "rad"}},
+    "run": {"stop": 10.0, "step": 1.0, "accuracy": 1e-8},
+    "ensemble": {
+        "runs": 12,
+        "vary": {
+            "constants.d": {"normal": [0.02, 0.005]},
+            "constants.m": {"relative": [0.0, 0.0, 0.1]},
+            "states.w": {"uniform": [[0.0, -0.1, -0.1], [0.2, 0.1, 0.1]]},
+            "loads.torque_a": {"normal": [[0.0] * 3, [1e-3] * 3]},
+        },
+    },
+}
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return rbfmu.Scene.from_dict(TABLES, "magnets")
+
+
+@pytest.fixture(scope="module")
+def planned(scene):
+    return plan_ensemble(scene)
+
+
+def test_members_have_the_bits_of_single_runs(scene, planned):
+    found = rbfmu.run_ensemble(scene, executor=1, planned=planned, progress=False)
+    samples = draw(scene, 0, 12)
+    assert found.samples["constants.d"].shape == (12,)
+    assert found.samples["states.w"].shape == (12, 3)
+    assert np.ptp(found.samples["constants.m"][:, 0]) == 0.0 < np.ptp(found.samples["constants.m"][:, 2])
+    for row in (0, 7):
+        one = member(scene, samples, row)
+        assert one.constants["d"].value == (found.samples["constants.d"][row],)
+        alone = rbfmu.simulate(one, planned=planned)
+        np.testing.assert_array_equal(found.final["omega_b"][row], alone.omega_b[-1])
+        np.testing.assert_array_equal(found.final["tilt"][row], alone.tilt[-1])
+        own = rbfmu.simulate(one.replace({"run.accuracy": 1e-12}))
+        np.testing.assert_allclose(alone.omega_b, own.omega_b, rtol=0, atol=1e-8 * np.abs(own.omega_b).max())
+    assert found.mean["tilt"].shape == (11,)
+    assert "constants.d" in found.drivers().varied
+
+
+def test_other_processes_give_the_same_bits_and_a_store_is_read_again(scene, planned, tmp_path):
+    here = rbfmu.run_ensemble(scene, executor=1, planned=planned, progress=False)
+    with ProcessPoolExecutor(1) as pool:
+        there = rbfmu.run_ensemble(scene, tmp_path / "it.npz", executor=pool, planned=planned, progress=False)
+    kept = rbfmu.EnsembleResult.load(tmp_path / "it.npz")
+    for name in ("omega_b", "tilt"):
+        np.testing.assert_array_equal(here.final[name], there.final[name])
+        np.testing.assert_array_equal(here.final[name], kept.final[name])
+    assert "tilt" in kept._repr_html_()
+
+
+@pytest.mark.parametrize(("vary", "said"), [
+    ({"constants.k": {"normal": [1.0, 0.1]}}, r"constants\.k.*: expected a key out of constants\.d, constants\.m"),
+    ({"states.v": {"normal": [1.0, 0.1]}}, r"states\.v.*: expected a key out of states\.w"),
+    ({"constants.m": {"normal": [1.0, 0.1]}}, "distributions of 3 numbers"),
+    ({"constants.m": {"relative": [0.1] * 3}}, "relative to numbers that are not 0"),
+    ({"constants.d": {"normal": 3.0}}, "mean, standard deviation"),
+])  # fmt: skip
+def test_wrong_keys_of_ones_own_are_refused(vary, said):
+    with pytest.raises(rbfmu.SceneError, match=said):
+        rbfmu.Scene.from_dict({**TABLES, "ensemble": {"runs": 3, "vary": vary}})
+
+
+def test_the_command_prints_own_outputs(tmp_path):
+    text = (
+        "[body]\nmass = 1.0\ninertia = [1.0, 2.0, 3.0]\n[constants]\nd = 0.1\n[loads]\ntorque_b = '-d*omega_b'\n"
+        "[initial]\nomega_b = [1, 2, 3]\n[outputs]\nquantities = ['omega_b']\nspeed = 'norm(omega_b)'\n"
+        "[run]\nstop = 1.0\nstep = 0.5\n[ensemble]\nruns = 3\n[ensemble.vary]\n'constants.d' = { relative = 0.1 }\n"
+    )
+    (tmp_path / "it.toml").write_text(text)
+    done = call("ensemble", tmp_path / "it.toml")
+    assert done.exit_code == 0, done.output
+    assert "speed" in done.stdout
