@@ -246,6 +246,11 @@ def indices(row: Quantity) -> tuple[str, ...]:
     return tuple(f"[{element}]" for element in row.elements or range(1, row.size + 1))
 
 
+def elements(name: str, size: int) -> list[str]:
+    """Return the names of a vector's numbers, counted from 1; that of a scalar is its own."""
+    return [name] if size == 1 else [f"{name}[{i + 1}]" for i in range(size)]
+
+
 def needing(*needs: str) -> frozenset[str]:
     """Return the names of the outputs with one of the needs."""
     return frozenset(row.name for row in OUTPUTS if set(needs) & set(row.needs))

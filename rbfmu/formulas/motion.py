@@ -12,10 +12,10 @@ import numpy as np
 
 from rbfmu.formulas.graph import Graph, Number, gradient
 from rbfmu.formulas.meaning import FUNCTIONS, Array, Function, value_of
-from rbfmu.scene.own import elements
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, angular_acceleration, steady_acceleration
 from rbfmu_kernels.mechanics.newton_euler import relative_acceleration
+from rbfmu_kernels.quantities import elements
 from rbfmu_kernels.rotations.quaternion import quaternion_rate_b
 from rbfmu_kernels.rotations.vec3 import skew
 

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from rbfmu.models.model_buffer import Buffer
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.runs.time_grid import time_grid
-from rbfmu.scene.own import elements
 from rbfmu.scene.scene import Scene
 from rbfmu.scene.section import SceneError, as_toml, fault
 from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.compile.tiered import tiered
+from rbfmu_kernels.quantities import elements
 
 Array = NDArray[np.float64]
 HOLD, LINEAR = "hold", "linear"

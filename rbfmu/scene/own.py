@@ -67,11 +67,6 @@ class Port(NamedTuple):
     about: str = ""
 
 
-def elements(name: str, size: int) -> list[str]:
-    """Return the names of a vector's numbers, counted from 1; that of a scalar is its own."""
-    return [name] if size == 1 else [f"{name}[{i + 1}]" for i in range(size)]
-
-
 def as_written(rows: Mapping[str, Any]) -> dict[str, Any]:
     """Return a table of constants, states or outputs as a file has it."""
     return {
