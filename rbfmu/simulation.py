@@ -178,6 +178,11 @@ class Simulator:
         values = known[name]
         return values.copy() if len(values) > 1 else float(values[0])
 
+    @property
+    def numbers(self) -> Array:
+        """Return a copy of all numbers of the model's memory, whose places are `plan.kernels.BLOCKS`."""
+        return self._z.copy()
+
     def __repr__(self) -> str:
         return f"Simulator({self.scene.name!r}: {self.plan.model}, t = {self.time!r} s)"
 

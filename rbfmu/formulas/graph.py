@@ -5,6 +5,7 @@ the graph without being written again.
 """
 
 import math
+import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -24,8 +25,6 @@ class Operation(NamedTuple):
 
 LEAVES = ("place", "state", "input")
 """What operations begin with: a parameter, constant through a run; what is integrated; a port, which may change."""
-FROZEN = ("side", "lookup")
-"""What keeps its value until the step ends at a corner: on which side of zero a number is, a row of a table."""
 
 
 class TooLargeError(ValueError):
@@ -96,7 +95,7 @@ class Symbol:
 
     def __repr__(self) -> str:
         kind, of, value = self.operation
-        inner = [repr(Symbol(self.graph, i)) for i in of] + [f"{value}"] * (kind in (*LEAVES, "number", "lookup"))
+        inner = [repr(Symbol(self.graph, i)) for i in of] + [f"{value}"] * (kind in (*LEAVES, "number"))
         return inner[0] if kind in (*LEAVES, "number") else f"{kind}({', '.join(inner)})"
 
     def __eq__(self, other: object) -> bool:
@@ -213,6 +212,26 @@ def _whole_power(x: Number, n: int) -> Number:
         return x if n else 1.0
     half = _whole_power(x, n // 2)
     return half * half * x if n % 2 else half * half
+
+
+_KNOWN: dict[str, Callable[..., float]] = {
+    "add": operator.add, "subtract": operator.sub, "multiply": operator.mul, "divide": operator.truediv,
+    "sqrt": math.sqrt, "sin": math.sin, "cos": math.cos, "exp": math.exp, "log": math.log, "power": math.pow,
+    "atan2": lambda y, x, _: math.atan2(y, x), "side": lambda x: math.copysign(1.0, x),
+    "select": lambda side, a, b: a if side > 0.0 else b,
+}  # fmt: skip
+
+
+def numbers_of(graph: Graph, ends: Sequence[Number], leaves: Mapping[str, float]) -> list[float]:
+    """Return what numbers come to; leaves: by their names. Raises ArithmeticError or ValueError where one is none."""
+    found: dict[int, float] = {}
+    for i in graph.reached(ends):
+        kind, of, value = graph.operations[i]
+        if kind == "number":
+            found[i] = float(value)
+        else:
+            found[i] = leaves[str(value)] if kind in LEAVES else _KNOWN[kind](*(found[j] for j in of))
+    return [found[x.index] if isinstance(x, Symbol) else float(x) for x in ends]
 
 
 # Derivatives

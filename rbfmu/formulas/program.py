@@ -88,7 +88,7 @@ def _changing(graph: Graph, reached: Sequence[int]) -> set[int]:
     found: set[int] = set()
     for i in reached:
         kind, of, _ = graph.operations[i]
-        if kind in ("state", "input") or (kind not in ("side", "lookup") and any(j in found for j in of)):
+        if kind in ("state", "input") or (kind != "side" and any(j in found for j in of)):
             found.add(i)
     return found
 

@@ -270,3 +270,66 @@ def test_a_linear_system_says_what_it_is():
     assert (
         repr(found) == f"Linearization(t = 0 s: {shapes}; states rotvec_b, omega_b; inputs torque_b; outputs omega_b)"
     )
+
+
+FREE_BODY = {
+    "body": {
+        "mass": 2.0,
+        "inertia": [[1.0, 0.1, 0.05], [0.1, 1.2, 0.02], [0.05, 0.02, 1.5]],
+        "r_oc_b": [0.1, -0.2, 0.3],
+    },
+    "initial": {
+        "omega_b": [0.3, -0.5, 0.9],
+        "velocity": [0.1, 0.2, 0.3],
+        "attitude": {"quaternion": [0.8, 0, -0.6, 0]},
+    },
+    "inputs": {"ports": ["torque_b", "force_a"]},
+    "run": {"stop": 3.0, "step": 0.1, "accuracy": 1e-11},
+}
+
+
+@pytest.mark.parametrize("pivot", [False, True])
+def test_loads_as_formulas_have_the_same_matrices(pivot):
+    tables = FREE_BODY | {"body": FREE_BODY["body"] | {"pivot": pivot}}
+    if pivot:
+        tables |= {"initial": {k: v for k, v in tables["initial"].items() if k != "velocity"}}
+    loads = {"torque_b": [0.1, 0.2, 0.3], "torque_a": [0.3, 0.1, -0.2], "damping_b": [0.1, 0.2, 0.3]}
+    texts = loads | {"damping_b": [0, 0, 0], "torque_b": "[.1, .2, .3] - [.1*omega_b[1], .2*omega_b[2], .3*omega_b[3]]"}
+    known, written = (
+        rbfmu.linearize(rbfmu.Scene.from_dict(tables | {"loads": one}), 1.5, force_a=[0.1, 0.0, 0.2])
+        for one in (loads, texts)
+    )
+    assert (known.states, known.inputs, known.outputs) == (written.states, written.inputs, written.outputs)
+    for a, b in zip(known, written, strict=True):
+        np.testing.assert_allclose(a, b, rtol=0, atol=1e-9)
+
+
+def test_states_inputs_and_outputs_of_ones_own_are_in_the_system():
+    own = {
+        "inputs": {"ports": [{"name": "wheel"}, {"name": "gain", "size": 1, "start": 2.0}]},
+        "loads": {"gravity_a": [0, 0, 0], "torque_b": "-wheel - 0.1*h"},
+        "states": {"h": {"start": [0.2, 0, 0], "rate": "gain*wheel - 0.3*h"}, "x": {"start": 0.5, "rate": "-x**2 + t"}},
+        "outputs": {"quantities": ["omega_b"], "size": "dot(h, h) + x", "kept": "clip(x, 0, 0.1)"},
+    }
+    near = rbfmu.linearize(rbfmu.Scene.from_dict(FREE_BODY | own), 0.0, wheel=[0.1, 0.2, 0.3])
+    assert near.states == (*tuple(f"{name}[{k}]" for name in ("rotvec_b", "omega_b", "h") for k in (1, 2, 3)), "x")
+    assert near.inputs == ("wheel[1]", "wheel[2]", "wheel[3]", "gain")
+    assert near.outputs == ("omega_b[1]", "omega_b[2]", "omega_b[3]", "size", "kept")
+    inverse = np.linalg.inv(FREE_BODY["body"]["inertia"])
+    np.testing.assert_allclose(near.A[3:6, 6:9], -0.1 * inverse, rtol=1e-13, atol=1e-16)
+    np.testing.assert_allclose(near.B[3:6, :3], -inverse, rtol=1e-13, atol=1e-16)
+    np.testing.assert_array_equal(near.A[6:9, 6:9], -0.3 * np.eye(3))
+    np.testing.assert_array_equal(near.B[6:9, :3], 2.0 * np.eye(3))
+    np.testing.assert_array_equal(near.B[6:9, 3], [0.1, 0.2, 0.3])
+    assert near.A[9, 9] == -1.0
+    np.testing.assert_allclose(near.C[3], [0, 0, 0, 0, 0, 0, 0.4, 0, 0, 1.0], rtol=1e-15)
+    assert not near.C[4].any()  # it is at its limit
+
+
+def test_a_formula_without_a_derivative_is_refused():
+    tables = FREE_BODY | {
+        "loads": {"torque_b": "-0.1*omega_b"},
+        "outputs": {"size": "norm(velocity - [0.1, 0.2, 0.3])"},
+    }
+    with pytest.raises(ValueError, match="no finite derivative at t = 0"):
+        rbfmu.linearize(rbfmu.Scene.from_dict(tables | {"body": {"mass": 2.0, "inertia": [1, 2, 2.5]}}))
