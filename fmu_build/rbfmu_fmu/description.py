@@ -137,19 +137,20 @@ def describe(scene: Scene, plan: Plan) -> Description:
     """Return the FMU of a scene under its plan."""
     plan = plan.of_scene(scene)
     kernels, z = plan.kernels, filled_buffer(scene, plan)
-    sizes = nominal_sizes(scene, kernels, z)
+    sizes, shown = nominal_sizes(scene, kernels, z), _blocks(scene, plan)
+    outputs = [place for name, place in kernels.BLOCKS.items() if name in OUTPUT]
     return Description(
         name=scene.name,
         identifier=identifier(scene.name),
         about=scene.about.model_dump(),
-        variables=tuple(v for block in _blocks(scene, plan) for v in _variables(block, plan, z, sizes)),
+        variables=tuple(v for block in shown for v in _variables(block, plan, z, sizes)),
         start_buffer=tuple(z.tolist()),
         start=scene.run.start,
         stop=scene.run.stop,
         step=scene.run.step,
         accuracy=scene.run.accuracy,
         model=kernels.name,
-        outputs_end=max(kernels.BLOCKS[n].stop for n in (*OUTPUT, *scene.outputs.own) if n in kernels.BLOCKS),
+        outputs_end=max(place.stop for place in (*outputs, *(block.place for block in shown))),
         start_place=kernels.BLOCKS["series.start_time"].start if plan.formulas else -1,
     )
 
@@ -234,6 +235,9 @@ def _blocks(scene: Scene, plan: Plan) -> list[_Block]:
 
 def _output_rows(scene: Scene, plan: Plan) -> Iterator[Output]:
     yield from (row for name, row in OUTPUT.items() if name in scene.outputs.quantities)
+    for name, size in plan.formulas.own_states.items() if plan.formulas else ():
+        state = scene.states[name]
+        yield own_output(name, size, state.unit, state.about or f"state with the rate {state.rate}")
     for name, one in scene.outputs.own.items():
         assert plan.formulas is not None
         meaning = " = ".join(filter(None, (one.about, one.value)))
@@ -242,13 +246,15 @@ def _output_rows(scene: Scene, plan: Plan) -> Iterator[Output]:
 
 def _output(row: Output, scene: Scene, plan: Plan) -> _Block:
     """Return an output with what it depends on: without that, an importer sees algebraic loops that are not there."""
+    name = row.name
     if plan.formulas:
-        judged = row.judged_by or row.name
+        name = f"states.{name}" if name in plan.formulas.own_states else name
+        judged = row.judged_by or name
         follows, first = plan.formulas.follows(judged), plan.formulas.begins_with(judged)
     else:
         follows = {*OUTPUT[row.name].feedthrough} - _without_effect(scene, plan).get(row.name, frozenset())
         first = {*OUTPUT[row.name].initially}
-    return _Block(row, plan.kernels.BLOCKS[row.name], "output", frozenset(follows), frozenset(follows | first))
+    return _Block(row, plan.kernels.BLOCKS[name], "output", frozenset(follows), frozenset(follows | first))
 
 
 def _variables(block: _Block, plan: Plan, z: Any, sizes: Mapping[str, float]) -> list[Variable]:

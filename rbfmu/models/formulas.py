@@ -22,7 +22,7 @@ from rbfmu_kernels import buffer
 from rbfmu_kernels.body import driven, memory
 from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.models import formulas as templates
-from rbfmu_kernels.quantities import OUTPUT
+from rbfmu_kernels.quantities import OUTPUT, elements
 
 _LANES = 4
 _ENDS = ("", "_rate", "_rate_2")
@@ -63,12 +63,22 @@ class FormulaModel:
         known = {**motion.outputs(self.all_rates), **own}
         self.shown = {name: known[name] for name in asked}
         self.own_outputs = {name: int(np.size(value)) for name, value in own.items()}
-        needed = closure(self.all_rates, [x for value in self.shown.values() for x in np.ravel(value)], motion.graph)
+        read = {name.partition("[")[0] for name in self._needed()}
+        self.own_states = {name: np.size(x) for name, x in states.items() if f"{STATE}{name}" in read}
+        for name, size in self.own_states.items():  # which are judged, and shown by FMUs
+            leaves = [motion.graph.leaf("state", element) for element in elements(f"{STATE}{name}", size)]
+            self.shown[f"{STATE}{name}"] = np.array(leaves, object)
+        needed = self._needed()
         self.groups = self.groups_of(needed)
         self.rates = {name: self.all_rates[name] for group in self.groups for name in group.states}
         seen = {name: value for name, value in loads.items() if self._is_known(np.ravel(value))}
         put = {f"constant_{name}": value for name, value in seen.items()} | dict(own)
         self.program = program(motion.graph, self.rates, dict(by_element(put)))
+
+    def _needed(self) -> list[str]:
+        """Return the names of the states' numbers that what is shown comes of."""
+        numbers = [x for value in self.shown.values() for x in np.ravel(value)]
+        return closure(self.all_rates, numbers, self.motion.graph)
 
     def keys_of(self, operation: int) -> list[str]:
         """Return the keys of the formulas that an operation is part of."""

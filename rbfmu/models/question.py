@@ -67,9 +67,18 @@ class Question:
 
     @cached_property
     def judged(self) -> tuple[str, ...]:
-        """Return blocks that show every quantity asked for; roll, pitch and yaw count as the attitude they describe."""
+        """Return blocks that show every quantity asked for, and what states of one's own these come of.
+
+        Roll, pitch and yaw count as the attitude that they describe.
+        """
         shown = self.scene.outputs
-        return (*dict.fromkeys(OUTPUT[name].judged_by or name for name in shown.quantities), *shown.own)
+        known = dict.fromkeys(OUTPUT[name].judged_by or name for name in shown.quantities)
+        if not self.scene.states:
+            return (*known, *shown.own)
+        from rbfmu.models.formulas import formulas_of  # which asks this module
+
+        formulas = formulas_of(self.scene)
+        return (*known, *shown.own, *(f"states.{name}" for name in (formulas.own_states if formulas else ())))
 
     # What varies
 

@@ -57,6 +57,7 @@ def test_bits_are_those_of_simulate_with_other_parameters_and_start(fmus: dict[s
         str(fmus[kind]), start_time=3.0, stop_time=7.0, step_size=0.25, output_interval=0.25, start_values=start
     )
     np.testing.assert_array_equal(np.array([found[f"omega_b[{k}]"] for k in (1, 2, 3)]).T, expected.omega_b)
+    assert [found[f"h[{k}]"][0] for k in (1, 2, 3)] == [0.2, 0.1, 0.3]
     for name in ("tilt", "pull", "root"):
         np.testing.assert_array_equal(found[name], expected.quantities[name].ravel())
 
@@ -85,7 +86,8 @@ def test_variables_say_what_they_are_and_depend_on(fmus: dict[str, Path]) -> Non
     assert about["n"].attrib["description"] == "orbital rate"
     assert "cannot be changed here" in about["c"].attrib["description"]
     assert about["tilt"].attrib["description"] == "angle between z_b and z_a = acos(clip(R_ab[3,3], -1, 1))"
-    assert about["h_0[2]"].find("Real").attrib["unit"] == "N.m.s"
+    assert about["h_0[2]"].find("Real").attrib["unit"] == about["h[2]"].find("Real").attrib["unit"] == "N.m.s"
+    assert about["h[2]"].attrib["causality"] == "output"
     depends = {
         kind: {names[int(u.attrib["index"]) - 1]: {names[int(k) - 1] for k in u.attrib["dependencies"].split()}
                for u in root.find(f"ModelStructure/{kind}")}
@@ -98,6 +100,7 @@ def test_variables_say_what_they_are_and_depend_on(fmus: dict[str, Path]) -> Non
     assert about["wheel[1]"].attrib["causality"] == about["gain"].attrib["causality"] == "input"
     assert about["wheel[1]"].find("Real").attrib["start"] == "0.01"
     assert {"n", "c", "h_0[1]", "inertia[1,1]"} <= depends["InitialUnknowns"]["alpha_b[1]"]
+    assert depends["InitialUnknowns"]["h[1]"] == {f"h_0[{k}]" for k in (1, 2, 3)}
     assert depends["InitialUnknowns"]["tilt"] == {f"quaternion_0[{k}]" for k in (1, 2, 3, 4)}
     assert "3*n**2 * cross(u_b, M_c @ u_b) - c*h" in page
 

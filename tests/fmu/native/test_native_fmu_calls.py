@@ -19,6 +19,7 @@ from tests.support.fmu.fmu_importer import DISCARD, ERROR, FATAL, OK, Memory
 from tests.support.fmu.fmus import (
     ALL_PORTS,
     built,
+    each_version,  # noqa: F401
     native,
     opened,
     planned,
