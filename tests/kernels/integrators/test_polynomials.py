@@ -58,11 +58,12 @@ def test_what_is_zero_everywhere_does_not_begin_there(coefficients, begins):
     "roots",
     [(0.3,), (2.0,), (1e-7,), (0.3, 0.9), (1.5, 1.6), (-0.5, 0.7, 1.1), (0.2, 0.21, 1.9), (1.9, 2.1, 5.0)],
 )
-def test_the_first_root_in_reach_is_found(roots, factor):
-    found = first_root(*arguments(from_roots(*roots, factor=factor)), 2.0)
+def test_the_first_root_in_reach_is_found_in_any_units(roots, factor):
+    unit = abs(factor) ** 0.05
+    found = first_root(*arguments(from_roots(*(unit * root for root in roots), factor=factor)), 2.0 * unit) / unit
     first = min(root for root in roots if root > 0.0)
     assert found == pytest.approx(first, rel=1e-9)
-    assert found <= 2.0
+    assert found <= 2.0 * (1.0 + 1e-15)
 
 
 @pytest.mark.parametrize("roots", [(1.5, 1.5 + 1e-6), (0.2, 0.20001, 1.9)])
@@ -80,7 +81,7 @@ def test_a_root_out_of_reach_is_twice_as_far(p):
     assert first_root(*arguments(p), 2.0) == 4.0
 
 
-@pytest.mark.parametrize("factor", [1.0, 1e-200])
+@pytest.mark.parametrize("factor", [1.0, 1e-200, 1e200])
 @pytest.mark.parametrize("places", [(0.3,), (1.999,), (0.4, 1.2), (-0.5, 0.8), (1e-2, 3.0)])
 def test_the_first_place_where_zero_is_touched_is_found(places, factor):
     squares = from_roots(*(place for place in places for _ in range(2)), factor=factor)
@@ -101,7 +102,8 @@ def test_the_first_place_where_zero_is_touched_is_found(places, factor):
     ],
 )
 def test_where_nothing_is_touched_the_answer_is_twice_as_far(p):
-    assert first_touch(*arguments(p), 2.0) == 4.0
+    for factor in (1.0, 1e-200, 1e200):
+        assert first_touch(*arguments(factor * p), 2.0) == 4.0
 
 
 def test_a_touch_comes_before_one_that_passes_by_nearer():
