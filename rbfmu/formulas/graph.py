@@ -95,8 +95,7 @@ class Symbol:
 
     def __repr__(self) -> str:
         kind, of, value = self.operation
-        inner = [repr(Symbol(self.graph, i)) for i in of] + [f"{value}"] * (kind in (*LEAVES, "number"))
-        return inner[0] if kind in (*LEAVES, "number") else f"{kind}({', '.join(inner)})"
+        return f"{kind}({', '.join(repr(Symbol(self.graph, i)) for i in of)})" if of else f"{value}"
 
     def __eq__(self, other: object) -> bool:
         """Return whether it is that number for certain: a kernel must keep what may not be zero."""

@@ -211,6 +211,11 @@ def test_a_state_that_begins_at_zero_has_the_size_that_its_first_terms_make(firs
     assert longest == pytest.approx((reference.TOLERANCE * 0.5 / 0.25) ** (1.0 / (order - first)), rel=1e-14)
 
 
+def test_a_number_of_a_graph_shows_how_it_comes_about():
+    _, y = graph_of("c*sin(t) + t**0.3")
+    assert repr(y) == "add(multiply(c, sin(t)), power(t, 0.3))"
+
+
 X, Y = (-1.0, 0.5, 2.0, 2.25, 4.0), (3.0, -1.0, 0.5, 0.25, 7.0)
 AROUND = [*np.linspace(-3.0, 6.0, 46), *X]
 
