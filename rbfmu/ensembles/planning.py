@@ -27,7 +27,7 @@ from rbfmu.planning import plan
 from rbfmu.planning import reasons as say
 from rbfmu.planning.fitting import REACHED, fit_of_members
 from rbfmu.planning.judge import Judge
-from rbfmu.planning.methods import TIGHTEST, with_cost
+from rbfmu.planning.methods import TIGHTEST, whole_series, with_cost
 from rbfmu.planning.select import series_serve_alone
 from rbfmu.runs.motion import FLOORS, attitude_error
 from rbfmu.runs.plan import Plan, start_run
@@ -108,7 +108,7 @@ def _by_series(scene: Scene, judges: list[Judge]) -> Plan | None:
         if not series_serve_alone(judges[0]):
             return None
         asked = judges[0].asked
-        general = Plan(LOADED_TAYLOR.key, "", 0, tolerance=scene.run.accuracy, pinned=asked.pinned)
+        general = replace(whole_series(scene, 0, scene.run.accuracy), pinned=asked.pinned)
         found = fit_of_members(judges, general, _highest_in_lanes(judges, general))
     return found and with_cost(asked, replace(found, states=found.spec.states_for(asked)))
 

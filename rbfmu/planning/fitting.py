@@ -52,7 +52,7 @@ LONGER, SHORTER = (2, 4, 10, 25, 50, 100), (2, 3, 4, 6, 10)
 POINT_COST = 86.0
 """The cost of a point, ns, on `methods.MACHINE`."""
 EXACT = 1e-14
-"""What the exact rotation loses by round-off."""
+"""What closed forms lose by round-off, the exact rotation among them."""
 MAX_TRIALS = 6
 MAX_PANELS, MAX_POINTS = 1e6, 2e7
 """The most panels of a communication step, and points of a whole trial, some two seconds of work."""

@@ -74,7 +74,7 @@ def one_axis_series(general: Plan) -> Iterator[Method]:
 
 
 def whole_series(scene: Scene, order: int, tolerance: float) -> Plan:
-    """Return the plan of the series that serves whatever acts."""
+    """Return the plan of the series that serves whatever acts; order: 0 where it is still to be found."""
     model = FORMULAS if scene.has_formulas else LOADED_TAYLOR
     return Plan(model.key, "", 0, tolerance=tolerance, order=order).of_scene(scene)
 

@@ -18,7 +18,7 @@ from rbfmu.models.question import GROWING, Question
 from rbfmu.models.sensitivity import GROWTH, growth_rate
 from rbfmu.models.spec import ModelSpec
 from rbfmu.planning import reasons as say
-from rbfmu.planning.fitting import cheapest_fit, cheapest_quadrature, swinging_fit
+from rbfmu.planning.fitting import EXACT, cheapest_fit, cheapest_quadrature, swinging_fit
 from rbfmu.planning.judge import MAX_SUBSTEPS, Judge, least_sizes, lost_to_cancellation, refuse_unfinished
 from rbfmu.planning.methods import TIGHTEST, likely_order, series, series_cost, whole_series, with_cost, work_of
 from rbfmu.runs.inputs import Drive, Driven
@@ -31,8 +31,6 @@ from rbfmu_kernels.integrators.substeps import ROUND_OFF
 from rbfmu_kernels.integrators.taylor_coefficients import MAX_ORDER
 from rbfmu_kernels.quantities import OUTPUTS
 
-EXACT = 1e-14
-"""The accuracy that closed forms keep."""
 CONDITIONED = 0.1
 """The part of the accuracy that a model may lose by its conditioning where another one serves as well."""
 TRANSLATION = {row.name for row in OUTPUTS if row.of_origin}
@@ -45,7 +43,7 @@ DERIVED = 1e-9
 """The accuracy below which these are compared even where the state is exact."""
 SHARE = 0.8
 """The part of the accuracy that the error of a model that leaves something out may be, if no closed form judges it."""
-MAX_TRIED = 1e7
+MOST_UNDER_INPUTS = 1e7
 """The number of substeps of a trial under known inputs."""
 ORDERS = (MAX_ORDER - 4, MAX_ORDER)
 """The orders of two series, in half pieces and at the least tolerance, that judge plans for known inputs."""
@@ -270,7 +268,7 @@ def _under_body_force(judge: Judge) -> Plan | None:
 
 
 def _integrated(judge: Judge, splitting: bool = True) -> Plan:
-    return cheapest_fit(judge, Plan(registry.LOADED_TAYLOR.key, "", 0, tolerance=judge.asked.accuracy), splitting)
+    return cheapest_fit(judge, whole_series(judge.asked.scene, 0, judge.asked.accuracy), splitting)
 
 
 # Inputs that are known
@@ -300,7 +298,7 @@ def _least_tight(asked: Question, found: Plan, drive: Drive, halves: Drive) -> P
     doubt = largest_error(other, truth, names, floors)
     best = math.inf
     for plan in (found, *_tighter(asked, found)):
-        motion, substeps = _run_under(drive, scene, plan, names, MAX_TRIED)
+        motion, substeps = _run_under(drive, scene, plan, names, MOST_UNDER_INPUTS)
         error = largest_error(motion, truth, names, floors) + doubt
         if error <= asked.accuracy:
             reasons = [*without_loops(asked, found).reasons]
