@@ -110,7 +110,7 @@ def _by_series(scene: Scene, judges: list[Judge]) -> Plan | None:
         asked = judges[0].asked
         general = replace(whole_series(scene, 0, scene.run.accuracy), pinned=asked.pinned)
         found = fit_of_members(judges, general, _highest_in_lanes(judges, general))
-    return found and with_cost(asked, replace(found, states=found.spec.states_for(asked)))
+    return found and with_cost(asked, found)
 
 
 def _highest_in_lanes(judges: list[Judge], general: Plan) -> int:

@@ -177,11 +177,15 @@ NS = {
 
 
 def with_cost(asked: Question, plan: Plan) -> Plan:
-    """Return the plan with its cost a communication step, ns; its cost before is that of a step's substeps alone."""
+    """Return the plan with its states, if these are still open (0), and its cost a communication step, ns.
+
+    Its cost before is that of a step's substeps alone.
+    """
     share = plan.spec.substep_without_attitude
     if share != 1.0 and (asked.start.needs_attitude or any(asked.load_shares)):
         share = 1.0
-    return replace(plan, cost=share * plan.cost + sum(NS[name] for name in terms(asked, plan)))
+    cost = share * plan.cost + sum(NS[name] for name in terms(asked, plan))
+    return replace(plan, states=plan.states or plan.spec.states_for(asked), cost=cost)
 
 
 def terms(asked: Question, plan: Plan) -> list[str]:

@@ -85,9 +85,12 @@ def _cheapest(judge: Judge, full: bool) -> Plan:
 
         return formula_plan(judge)
     if asked.scene.body is None:
-        return with_cost(asked, _prescribed(asked))
-    found = replace(_integrated(judge, splitting=False), pinned=asked.pinned) if full else _smallest(judge)
-    return with_cost(asked, replace(found, states=found.spec.states_for(asked)))
+        found = _prescribed(asked)
+    elif full:
+        found = replace(_integrated(judge, splitting=False), pinned=asked.pinned)
+    else:
+        found = _smallest(judge)
+    return with_cost(asked, found)
 
 
 def series_serve_alone(judge: Judge) -> bool:
