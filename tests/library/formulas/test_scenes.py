@@ -1,6 +1,7 @@
 """Scenes with formulas against SciPy's DOP853 on right-hand sides written by hand, and what they promise besides."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from scipy.interpolate import CubicSpline
 import rbfmu
 from rbfmu.planning.formula_reference import formula_motion
 from rbfmu.runs.motion import attitude_error
+from rbfmu.runs.plan import start_run
 from rbfmu_kernels.compile.tiered import interpreted
 from tests.support.command_line import call
 from tests.support.covering import some_of
@@ -432,3 +434,14 @@ def test_ports_of_ones_own_enter_formulas():
 def test_wrong_ports_are_refused(port, said):
     with pytest.raises(rbfmu.SceneError, match=said):
         rbfmu.Scene.from_dict(scene(inputs={"ports": [port]}, loads={"torque_b": "-omega_b"}))
+
+
+def test_many_series_in_a_step_are_not_taken_for_creeping():
+    one = rbfmu.Scene.from_dict(scene(loads={"torque_b": "-0.5*norm(omega_b)*omega_b"}))
+    planned = rbfmu.plan(one)
+    patient = planned.formulas.text.replace("PLACES = {", "PLACES = {'MOST_CREPT': 1, ", 1)
+    names = {"__name__": "patient"}
+    exec(patient, names)
+    z = start_run(one, replace(planned, tolerance=1e-13, order=8))
+    assert interpreted(names["MODEL"].step)(z, 5.0) == 0
+    assert z[planned.kernels.BLOCKS["substeps"]] > 10.0
