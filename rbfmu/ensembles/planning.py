@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,7 @@ from rbfmu.planning.fitting import REACHED, fit_of_members
 from rbfmu.planning.judge import Judge
 from rbfmu.planning.methods import TIGHTEST, whole_series, with_cost
 from rbfmu.planning.select import series_serve_alone
-from rbfmu.runs.motion import FLOORS, attitude_error
+from rbfmu.runs.motion import FLOORS
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.consistency import warn
@@ -44,8 +45,9 @@ from rbfmu_kernels.models.loaded_taylor_lanes import goes_in_lanes
 from rbfmu_kernels.quantities import ANGLE, OUTPUT
 
 Array = NDArray[np.float64]
-USUAL, FAR = 3, 5
-"""The numbers of pilots: drawn as members are, and at points beyond nearly all members."""
+USUAL, FAR, OF_SERIES = 3, 5, 4
+"""The numbers of pilots: drawn as members are, and at points beyond nearly all members; and of those that series are
+fitted to, which scouts try besides."""
 APART = 1 << 32
 """The attempt by whose numbers pilots are drawn, which no member has."""
 FEW_POINTS = 8
@@ -80,10 +82,12 @@ def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) 
     Raises SceneError without an ensemble, and where a pilot cannot meet the accuracy asked.
     """
     tell = progress or (lambda part: None)
-    judges, growth = [Judge(Question(pilot)) for pilot in _pilots(scene)], 1.0
+    pilots, growth = _pilots(scene), 1.0
+    judges = [Judge(Question(pilot)) for pilot in islice(pilots, OF_SERIES)]
     fitted = _by_series(scene, judges)
     chosen = fitted and _for_the_worst(scene, fitted, judges[0].names)
     if chosen is None:
+        judges += [Judge(Question(pilot)) for pilot in pilots]
         found = []
         for k, judge in enumerate(judges):
             with faults_of(f"{scene.name}, pilot member {k + 1}"):
@@ -92,10 +96,9 @@ def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) 
         chosen, growth = _accurate(_for_all(found).of_scene(scene), judges)
         chosen = _with_likely_error(scene, chosen, judges[0].names)
     tell(1.0)
-    pilots = _of_members(scene, chosen, len(judges))
     reasons = (
         *_of_model(judges[0].asked, chosen),
-        *pilots,
+        *_of_members(scene, chosen, len(judges)),
         *_of_growth(scene, growth, wild=bool(fitted) and chosen.span > 0.0),
     )
     warn(scene, _of_no_effect(scene, chosen), stacklevel=4)
@@ -200,7 +203,10 @@ def _errors(columns: Columns, rows: Array, truth: Array) -> Array:
     for name in found:
         a, b = found[name].reshape(*rows.shape[:2], -1), true[name].reshape(*rows.shape[:2], -1)
         if OUTPUT[name].error == ANGLE:
-            apart = attitude_error(a.reshape(-1, 4), b.reshape(-1, 4)).reshape(rows.shape[:2]).max(axis=1)
+            chord = np.minimum(np.linalg.norm(a - b, axis=2), np.linalg.norm(a + b, axis=2))
+            apart = 4.0 * np.arcsin(np.minimum(0.5 * chord, 1.0)).max(
+                axis=1
+            )  # of the turn, whose half is on q's sphere
         else:
             size = np.maximum(np.linalg.norm(b, axis=2).max(axis=1), FLOORS.get(name, TINY))
             apart = np.linalg.norm(a - b, axis=2).max(axis=1) / size
@@ -304,16 +310,20 @@ def _pilots(scene: Scene) -> Iterator[Scene]:
 
 
 def _pilot_samples(scene: Scene) -> Iterator[Samples]:
-    """Yield rows of which the first that is a scene is a pilot; they do not depend on the design and the runs."""
+    """Yield rows of which the first that is a scene is a pilot; they do not depend on the design and the runs.
+
+    Usual ones and far ones take turns, as series are fitted to the first.
+    """
     ensemble = ensemble_of(scene)
     cube = draws.at_random(ensemble, 0, USUAL * len(PARTS) + FAR, APART)
-    for k in range(USUAL):
-        yield samples_at(scene, cube[k : USUAL * len(PARTS) : USUAL])
     n = len(ensemble.varying)
-    for point in cube[-FAR:]:
-        direction = normal_scores(point)
-        far = (np.sqrt(n) + BEYOND) * direction / np.linalg.norm(direction)
-        yield samples_at(scene, probabilities(np.outer(PARTS, far).ravel()).reshape(-1, n))
+    for k in range(max(USUAL, FAR)):
+        if k < USUAL:
+            yield samples_at(scene, cube[k : USUAL * len(PARTS) : USUAL])
+        if k < FAR:
+            direction = normal_scores(cube[USUAL * len(PARTS) + k])
+            far = (np.sqrt(n) + BEYOND) * direction / np.linalg.norm(direction)
+            yield samples_at(scene, probabilities(np.outer(PARTS, far).ravel()).reshape(-1, n))
 
 
 # One plan for all
