@@ -7,13 +7,16 @@ import pytest
 
 import rbfmu
 from rbfmu.ensembles.members import draw, member
-from rbfmu.ensembles.planning import likely_worst, plan_ensemble
+from rbfmu.ensembles.planning import _errors, likely_worst, plan_ensemble
+from rbfmu.ensembles.variables import Columns
 from rbfmu.exceptions import SceneError
 from rbfmu.planning import plan
+from rbfmu.runs.motion import attitude_error
 from rbfmu.runs.plan import start_run
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.models.loaded_taylor_lanes import goes_in_lanes
+from rbfmu_kernels.quantities import OUTPUT
 from tests.support.covering import some_of
 from tests.support.ensembles.accuracy import drawn, errors
 from tests.support.quadruple import reference
@@ -233,3 +236,18 @@ def test_orders_at_which_members_go_side_by_side_are_taken():
     assert all(serves(start_run(member(scene, samples, k), found), 20.0) for k in range(50))
     higher = replace(found, order=24)
     assert not all(serves(start_run(member(scene, samples, k), higher), 20.0) for k in range(50))
+
+
+def test_members_errors_are_those_that_an_accuracy_counts():
+    random = np.random.default_rng(1)
+    q = random.normal(size=(50, 3, 4))
+    q /= np.linalg.norm(q, axis=2, keepdims=True)
+    near = q + 1e-9 * random.normal(size=q.shape)
+    near /= np.linalg.norm(near, axis=2, keepdims=True)
+    near[::2] *= -1.0  # the same attitudes
+    for other in (near, q[::-1].copy()):
+        expected = attitude_error(other.reshape(-1, 4), q.reshape(-1, 4)).reshape(50, 3).max(axis=1)
+        np.testing.assert_allclose(_errors(Columns((OUTPUT["quaternion"],)), other, q), expected, rtol=1e-12)
+    rates = random.normal(size=(5, 3, 3))
+    found = _errors(Columns((OUTPUT["omega_b"],)), rates + [0.0, 0.0, 1e-3], rates)
+    np.testing.assert_allclose(found, 1e-3 / np.linalg.norm(rates, axis=2).max(axis=1), rtol=1e-12)
