@@ -249,5 +249,5 @@ def test_members_errors_are_those_that_an_accuracy_counts():
         expected = attitude_error(other.reshape(-1, 4), q.reshape(-1, 4)).reshape(50, 3).max(axis=1)
         np.testing.assert_allclose(_errors(Columns((OUTPUT["quaternion"],)), other, q), expected, rtol=1e-12)
     rates = random.normal(size=(5, 3, 3))
-    found = _errors(Columns((OUTPUT["omega_b"],)), rates + [0.0, 0.0, 1e-3], rates)
+    found = _errors(Columns((OUTPUT["omega_b"],)), rates + np.array([0.0, 0.0, 1e-3]), rates)
     np.testing.assert_allclose(found, 1e-3 / np.linalg.norm(rates, axis=2).max(axis=1), rtol=1e-12)
