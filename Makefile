@@ -5,7 +5,7 @@ BIN = $(VENV)/bin
 # Tests start hundreds of processes: modules are compiled to bytecode once, also where the environment forbids it.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup check test thorough slow demo bench interop platforms fuzz ranges
+.PHONY: setup check test thorough slow demo bench interop platforms fuzz ranges release
 setup:
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --editable ".[dev]"
@@ -55,6 +55,11 @@ platforms:
 ranges:
 	$(BIN)/pip install --quiet "uv>=0.5"
 	$(BIN)/python -m tests.support.ranges
+
+# Wheel and source archive in dist, each tried in bare environments of the lowest and the newest Python found here.
+release:
+	$(BIN)/pip install --quiet build twine "uv>=0.5"
+	$(BIN)/python -m tests.support.release
 
 # Wrong calls of both kinds of FMU, millions of them, counted; the C layer under sanitizers.
 fuzz:

@@ -9,16 +9,22 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rbfmu.arrays import *  # noqa: F403
+    from rbfmu.arrays.spline import attitude_spline as attitude_spline
+    from rbfmu.ensembles.control import Controller as Controller
     from rbfmu.ensembles.result import EnsembleResult as EnsembleResult
     from rbfmu.ensembles.running import run_ensemble as run_ensemble
     from rbfmu.exceptions import SceneWarning as SceneWarning
     from rbfmu.exceptions import SimulationError as SimulationError
+    from rbfmu.identification.fit import Fit as Fit
+    from rbfmu.identification.fit import fit as fit
     from rbfmu.linearization import Linearization as Linearization
     from rbfmu.linearization import linearize as linearize
     from rbfmu.progress import progress_bar as progress_bar
     from rbfmu.result import Result as Result
     from rbfmu.runs.plan import Plan as Plan
     from rbfmu.scene import *  # noqa: F403
+    from rbfmu.sensitivities import Sensitivity as Sensitivity
+    from rbfmu.sensitivities import sensitivity as sensitivity
     from rbfmu.simulation import Simulator as Simulator
     from rbfmu.simulation import compiled_step as compiled_step
     from rbfmu.simulation import plan as plan
@@ -27,17 +33,21 @@ if TYPE_CHECKING:
     from rbfmu.studies.chart import chart as chart
     from rbfmu.viewer import view as view
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _MODULES = {
+    "arrays.spline": ("attitude_spline",),
     "scene": ("Body", "Scene", "SceneError", "load_scene"),
     "runs.plan": ("Plan",),
     "exceptions": ("SceneWarning", "SimulationError"),
     "result": ("Result",),
+    "ensembles.control": ("Controller",),
     "ensembles.result": ("EnsembleResult",),
     "ensembles.running": ("run_ensemble",),
+    "identification.fit": ("Fit", "fit"),
     "linearization": ("Linearization", "linearize"),
     "progress": ("progress_bar",),
+    "sensitivities": ("Sensitivity", "sensitivity"),
     "studies.chart": ("Chart", "chart"),
     "simulation": ("Simulator", "compiled_step", "plan", "simulate"),
     "viewer": ("view",),

@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rbfmu.cli_output import (  # isort: skip
-    PICTURES, SAVED, STORES, Commands, check_target, choice_option, file_option, folder_option,
-    given_scene, input_options, model_option, plan_text, print_end, print_ensemble, print_keys, print_verdict,
-    print_verification, print_written, run_options, say_where_nothing_is_kept, usage_errors, write_new,
+    PICTURES, SAVED, STORES, Commands, check_target, choice_option, file_option, folder_option, given_scene,
+    input_options, keys_option, method_option, model_option, plan_text, print_changes, print_end, print_ensemble,
+    print_fit, print_keys, print_verdict, print_verification, print_written, run_options, say_what_is_kept,
+    say_where_nothing_is_kept, usage_errors, write_new,
 )  # fmt: skip
 from rbfmu.exceptions import SceneWarning, named
 from rbfmu.extras import needed
@@ -80,10 +81,10 @@ def new(name: str) -> None:
 def show_plan(scene: Path, as_json: bool, code: bool, driven: dict[str, Any], model: str, **run: float | None) -> None:
     """Say which model and method a scene gets, and why."""
     if code:
-        from rbfmu.models.formulas import text_of
+        from rbfmu.planning.formulas import code_of
 
         with given_scene(scene, run) as loaded:
-            click.echo(text_of(loaded))
+            click.echo(code_of(loaded))
         return
     kept = KeptPlan(scene, {"model": model, **run})
     known = None if driven else kept.read()
@@ -114,7 +115,7 @@ def _plan_of(scene: "Scene", model: str, kept: KeptPlan, driven: dict[str, Any])
 
 @main.command()
 @click.argument("scene", metavar="SCENE", type=click.Path(path_type=Path))
-@file_option("Save to FILE (.csv or .npz).", "-o", "--output")
+@file_option("Save to FILE (.csv, .npz or .aem).", "-o", "--output")
 @file_option("Draw to FILE (.png, .svg or .pdf).", "--plot")
 @input_options
 @model_option
@@ -126,6 +127,7 @@ def run(
 
     The units of the columns of FILE.csv are written to FILE.units.csv.
     """
+    from rbfmu.result import check_attitude
     from rbfmu.runs.plan import Plan
     from rbfmu.simulation import simulate
 
@@ -133,8 +135,10 @@ def run(
     check_target(plot, "--plot", PICTURES)
     kept = KeptPlan(scene, {"model": model, **run})
     with given_scene(scene, run) as loaded:
+        with usage_errors():
+            check_attitude(output, loaded.outputs.quantities)
         known = None if driven else kept.read()
-        planned = Plan.from_dict((known or _plan_of(loaded, model, kept, driven))["plan"])
+        planned = Plan.from_dict((known or _plan_of(loaded, model, kept, driven))["plan"]).of_scene(loaded)
         result = simulate(loaded, planned=planned, progress=progress_bar(loaded.name), **driven)
     if output:
         result.save(output)
@@ -148,6 +152,19 @@ def run(
 
 
 @main.command()
+@click.argument("scenes", metavar="SCENE...", nargs=-1, required=True, type=click.Path(path_type=Path))
+def warm(scenes: tuple[Path, ...]) -> None:
+    """Keep plans and compiled code of scenes, so that processes that share the cache plan and compile nothing."""
+    from rbfmu.ensembles.running import warm as warm_scene
+    from rbfmu.runs.plan import Plan
+
+    for scene in scenes:
+        kept = KeptPlan(scene, {"model": "planned", "step": None, "stop": None, "accuracy": None})
+        with given_scene(scene, {}) as loaded, usage_errors():
+            warm_scene(loaded, Plan.from_dict((kept.read() or _plan_of(loaded, "planned", kept, {}))["plan"]))
+
+
+@main.command()
 @click.argument("scene", metavar="SCENE", type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(path_type=Path), metavar="STORE", help="Keep in STORE (.npz or .zarr).")
 @click.option("--runs", type=click.IntRange(1), help="In place of the scene's ensemble.runs.")
@@ -157,15 +174,9 @@ def run(
 @file_option("Draw to FILE (.png, .svg or .pdf).", "--plot")
 @run_options
 def ensemble(
-    scene: Path,
-    output: Path | None,
-    runs: int | None,
-    workers: int | None,
-    scheduler: str | None,
-    resume: bool,
-    plot: Path | None,
-    **run: float | None,
-) -> None:
+    scene: Path, output: Path | None, runs: int | None, workers: int | None, scheduler: str | None, resume: bool,
+    plot: Path | None, **run: float | None,
+) -> None:  # fmt: skip
     """Run a scene many times, with the numbers that its table [ensemble] varies.
 
     A run has the same numbers on any number of workers, in one go or resumed.
@@ -192,7 +203,7 @@ def ensemble(
                 found = run_ensemble(asked, output, executor, resume=resume, planned=planned)
             except KeyboardInterrupt:
                 if output:
-                    _say_what_is_kept(output)
+                    say_what_is_kept(output)
                 raise
         if plot:
             found.plot(plot)
@@ -200,10 +211,69 @@ def ensemble(
     print_written(output, plot)
 
 
+@main.command("sensitivity")
+@click.argument("scene", metavar="SCENE", type=click.Path(path_type=Path))
+@keys_option("--by", "by", "Such as initial.omega_b; several stand one after another.")
+@file_option("Save to FILE (.csv or .npz).", "-o", "--output")
+@file_option("Draw what matters when to FILE (.png, .svg or .pdf).", "--plot")
+@input_options
+@run_options
+def show_sensitivity(
+    scene: Path, by: tuple[str, ...], output: Path | None, plot: Path | None, driven: dict[str, Any],
+    **run: float | None,
+) -> None:  # fmt: skip
+    """Print, save or draw how a scene's outputs hang on its numbers: derivatives along the motion."""
+    from rbfmu.sensitivities import ENDINGS, sensitivity
+
+    check_target(output, "--output", ENDINGS)
+    check_target(plot, "--plot", PICTURES)
+    with given_scene(scene, run) as loaded, usage_errors():
+        found = sensitivity(loaded, by, **driven)
+        if output:
+            found.save(output)
+        if plot:
+            found.plot(plot, loaded.name)
+    print_changes(found)
+    print_written(output, plot)
+
+
+@main.command("fit")
+@click.argument("scene", metavar="SCENE", type=click.Path(path_type=Path))
+@click.argument("data", metavar="DATA", type=click.Path(path_type=Path))
+@keys_option("--free", "free", "What is fitted, such as body.inertia; several stand one after another.")
+@click.option("--sigma", metavar="NUMBER|FILE", help="Noise: a number, or a CSV file with a column an output.")
+@choice_option("--loss", ["linear", "soft_l1", "huber", "cauchy"], "Other than linear: where data may be far off.")
+@file_option("Write the fitted scene to FILE.toml.", "-o", "--output")
+@file_option("Draw residuals to FILE (.png, .svg or .pdf).", "--plot")
+@input_options
+def fit_scene(
+    scene: Path, data: Path, free: tuple[str, ...], sigma: str | None, loss: str, output: Path | None,
+    plot: Path | None, driven: dict[str, Any],
+) -> None:  # fmt: skip
+    """Fit numbers of a scene to measured motion: rates, attitudes or any outputs, with gaps.
+
+    Exit status 1 where residuals do not look like noise.
+    """
+    from rbfmu.identification.fit import fit
+    from rbfmu.identification.measured import sigma_of
+
+    check_target(output, "--output", (".toml",))
+    check_target(plot, "--plot", PICTURES)
+    with given_scene(scene, {}) as loaded, usage_errors():
+        found = fit(loaded, data, free, None if sigma is None else sigma_of(sigma), loss, **driven)
+        if output:
+            found.save(output, scene)
+        if plot:
+            found.plot(plot)
+    print_fit(found)
+    print_written(output, plot)
+    click.get_current_context().exit(1 if found.doubts else 0)
+
+
 @main.command()
 @click.argument("source", metavar="SCENE|RESULT", type=click.Path(path_type=Path))
 @file_option("Page to write, also over one that is there.  [motion.html, if there is none]", "-o", "--output")
-@click.option("--scene", "body", type=click.Path(path_type=Path), help="Whose body a RESULT (.csv, .npz) moves.")
+@click.option("--scene", "body", type=click.Path(path_type=Path), help="Whose body a RESULT (.csv, .npz, .aem) moves.")
 @click.option("--stop", type=float, help="End of what is shown (s).")
 @click.option("--ghosts", type=click.IntRange(0), default=0, metavar="N",
               help="Show N runs of the scene's ensemble as pale bodies.")  # fmt: skip
@@ -283,7 +353,8 @@ def verify(fmu: Path, seed: int) -> None:
 @click.argument("scene", metavar="[SCENE]", required=False, type=click.Path(path_type=Path))
 @folder_option("rbfmu_chart", "Folder for the tables and pictures.")
 @click.option("--quick", is_flag=True, help="Few cases and methods: to see that it runs.")
-def chart(scene: Path | None, folder: Path, quick: bool) -> None:
+@method_option
+def chart(scene: Path | None, folder: Path, quick: bool, method: Path | None) -> None:
     """Chart accuracy against cost: which method to use, here and with the peers that are installed.
 
     Of SCENE, with its ports at zero; or, if none is given, of eight motions and a loop closed through an FMU.
@@ -292,11 +363,11 @@ def chart(scene: Path | None, folder: Path, quick: bool) -> None:
     from rbfmu.studies.chart.motions import run_charts
     from rbfmu_fmu.cosimulation_chart import run_cosimulation_chart
 
-    with bar("chart") as progress, named(folder):
+    with usage_errors(), bar("chart") as progress, named(folder):
         if scene is not None:
-            paths = chart_of(scene, quick, progress).save(folder)
+            paths = chart_of(scene, quick, progress, method).save(folder)
         else:
-            paths = run_charts(folder, quick, progress) + run_cosimulation_chart(folder, quick, progress)
+            paths = run_charts(folder, quick, progress, method) + run_cosimulation_chart(folder, quick, progress)
     click.echo("\n".join(map(str, paths)))
     click.echo(next(path for path in paths if path.suffix == ".txt").read_text(encoding="utf-8"))
 
@@ -304,25 +375,18 @@ def chart(scene: Path | None, folder: Path, quick: bool) -> None:
 @main.command()
 @folder_option("rbfmu_stability", "Folder for the tables and pictures.")
 @click.option("--quick", is_flag=True, help="Coarse and fast: to see that it runs.")
-def stability(folder: Path, quick: bool) -> None:
+@method_option
+def stability(folder: Path, quick: bool, method: Path | None) -> None:
     """Measure where methods fail, against the laws that predict it; draw it."""
     from rbfmu.studies.stability import failures, read_findings, run_stability
-    from rbfmu.studies.stability.findings import print_laws
+    from rbfmu.studies.stability.findings import OWN, print_laws
 
-    with named(folder):
-        paths = run_stability(folder, quick, progress_bar("stability"))
+    with usage_errors(), named(folder):
+        paths = run_stability(folder, quick, progress_bar("stability"), method)
     findings, wrong = read_findings(folder), failures(folder)
     print_laws(findings)
-    print_verdict(len(findings), wrong, f"{len(paths)} files in {folder}")
+    print_verdict(sum(f.kind != OWN for f in findings), wrong, f"{len(paths)} files in {folder}")
     click.get_current_context().exit(1 if wrong else 0)
-
-
-def _say_what_is_kept(store: Path) -> None:
-    from rbfmu.ensembles.result import kept_runs
-
-    done, runs = kept_runs(store)
-    goes_on = "; --resume goes on with them" if done else ""
-    click.echo(f"\n{store}: {done:,}{f' of {runs:,}' if runs else ''} runs are kept{goes_on}", err=True)
 
 
 def _say_what_takes_minutes(platforms: Sequence[str]) -> None:

@@ -3,6 +3,7 @@
 Rich is loaded where it draws, as loading it takes a tenth of a short run.
 """
 
+import math
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     from rbfmu.runs.plan import Plan
     from rbfmu.scene.scene import Scene
 
+MOST_TIMES = 5
+"""The times of an event that are printed."""
 MOST_FAILED = 5
 """Runs that failed whose messages are printed."""
 
@@ -88,6 +91,15 @@ def say_where_nothing_is_kept() -> None:
         click.echo(f"Note: compiled code cannot be kept here, so every start compiles for seconds: {remedy}", err=True)
 
 
+def say_what_is_kept(store: Path) -> None:
+    """Print how far a store is."""
+    from rbfmu.ensembles.result import kept_runs
+
+    done, runs = kept_runs(store)
+    goes_on = "; --resume goes on with them" if done else ""
+    click.echo(f"\n{store}: {done:,}{f' of {runs:,}' if runs else ''} runs are kept{goes_on}", err=True)
+
+
 def check_target(path: Path | None, option: str, endings: Sequence[str]) -> None:
     """Refuse a file that cannot be written before anything runs."""
     if path is None:
@@ -145,6 +157,45 @@ def print_end(scene: "Scene", planned: "Plan", result: Any, driven: bool) -> Non
     for name, values in result.quantities.items():
         rows.append((name, result.units[name], " ".join(f"{x: .8g}" for x in values[-1:].ravel())))
     _print_columns(rows)
+    if result.events:
+        _print_columns([("event", "times", "at t (s)"), *_events(result)])
+
+
+def print_changes(found: Any) -> None:
+    """Print how far each output moves at most where each key's numbers change by 1 %."""
+    keys = found.keys
+    rows = [("1 % of", *found.of)]
+    largest = {name: {key: x.max() for key, x in found.changes(name).items()} for name in found.of}
+    rows += [(key, *(f"{largest[name][key]:.3g}" for name in found.of)) for key in keys]
+    _print_columns(rows)
+
+
+def print_fit(found: Any) -> None:
+    """Print the numbers with their standard errors, what the data do not tell, and how residuals look."""
+    rows = [("number", "value", "standard error")]
+    for name, value, error in zip(found.names, found.values, found.standard_errors, strict=True):
+        told = error < math.inf
+        rows.append((name, f"{value: .8g}" if told else " not told", f"{error:.2g}" if told else ""))
+    _print_columns(rows)
+    noise = (f"{'attitude' if name == 'quaternion' else name} {size:.3g}" for name, size in found.sigma.items())
+    click.echo(f"noise: {', '.join(noise)}")
+    click.echo("\n".join([*found.unknown, *(found.doubts or ("residuals look like noise",))]))
+
+
+def _events(result: Any) -> Iterator[tuple[str, str, str]]:
+    """Yield a row for each event, and for each that touched zero without one, with the first of its times."""
+    kinds = {"": result.events, ", touches": {name: times for name, times in result.touches.items() if len(times)}}
+    for kind, events in kinds.items():
+        for name, times in events.items():
+            shown = " ".join(f"{t:.9g}" for t in times[:MOST_TIMES])
+            yield f"{name}{kind}", f"{len(times)}", shown + (" ..." if len(times) > MOST_TIMES else "")
+
+
+def _first_times(times: Any) -> str:
+    """Return what is said of first times (n,), s."""
+    if not len(times):
+        return ""
+    return f", first at {times.mean():.6g} s, standard deviation {times.std():.3g} s"
 
 
 def print_written(*paths: Path | None) -> None:
@@ -166,6 +217,9 @@ def print_ensemble(planned: Any, result: Any) -> None:
         numbers = (" ".join(f"{x: .6g}" for x in values) for values in (mean, spread))
         rows.append((name, row.unit, *numbers))
     _print_columns(rows)
+    for name in result.counts:
+        times = result.first_of(name)
+        click.echo(f"{name}: in {len(times):,} of {len(result.good):,} runs{_first_times(times)}")
 
 
 def _print_columns(rows: Sequence[Sequence[str]]) -> None:
@@ -210,7 +264,7 @@ def print_verdict(findings: int, wrong: Sequence[str], written: str) -> None:
         click.echo(f"does not hold: {text}")
 
 
-SAVED = (".csv", ".npz")
+SAVED = (".csv", ".npz", ".aem")
 STORES = (".npz", ".zarr")
 PICTURES = (".png", ".svg", ".pdf")
 
@@ -223,6 +277,12 @@ def choice_option(name: str, known: Sequence[str], text: str) -> Callable[[Any],
 model_option = choice_option(
     "--model", ["planned", "full"], "The smallest that serves the scene, or all degrees of freedom."
 )
+
+
+method_option = click.option(
+    "--method", type=click.Path(path_type=Path), metavar="FILE.py",
+    help="Besides, a method of your own: step(q, omega, h, body, loads) in FILE.",
+)  # fmt: skip
 
 
 def input_options(command: Callable[..., Any]) -> Any:
@@ -245,6 +305,20 @@ def run_options(command: Callable[..., Any]) -> Callable[..., Any]:
         option = click.option(f"--{key}", type=float, help=f"In place of the scene's run.{key}{unit}.")
         command = option(command)
     return command
+
+
+def keys_option(option: str, name: str, text: str) -> Callable[..., Any]:
+    """Return the option of keys: given with it, once or more often, and behind it."""
+
+    def add(command: Callable[..., Any]) -> Any:
+        @wraps(command)
+        def call(*args: Any, more: tuple[str, ...], **others: Any) -> Any:
+            return command(*args, **{**others, name: (*others[name], *more)})
+
+        add_more = click.argument("more", metavar="[KEY]...", nargs=-1)
+        return click.option(option, name, multiple=True, required=True, metavar="KEY", help=text)(add_more(call))
+
+    return add
 
 
 def file_option(text: str, *names: str) -> Callable[..., Any]:

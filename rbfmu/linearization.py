@@ -2,100 +2,35 @@
 
 import math
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rbfmu.exceptions import SceneWarning
+from rbfmu.formulas.dual import Dual, jacobian, variables
 from rbfmu.formulas.graph import gradient, numbers_of
 from rbfmu.formulas.motion import STATE, by_element
 from rbfmu.planning.select import with_all_outputs
+from rbfmu.runs.inputs import size_of
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene, of_scene_or_path
 from rbfmu.simulation import Simulator
+from rbfmu.types import Array
 from rbfmu_kernels.body.memory import body_of, loads_of, motion_of
 from rbfmu_kernels.body.outputs import outputs
 from rbfmu_kernels.buffer_access import quaternion_at
 from rbfmu_kernels.compile.tiered import evaluated, interpreted
 from rbfmu_kernels.mechanics.equations_of_motion import state_rates
-from rbfmu_kernels.quantities import BY_NAME, OUTPUT, TRANSLATION, elements, indices, needing
+from rbfmu_kernels.quantities import TRANSLATION, elements, needing
 from rbfmu_kernels.rotations.euler_angles import ZYX, euler_from_quaternion, euler_rate_b
 from rbfmu_kernels.rotations.quaternion import compose_quaternions, rotate
-from rbfmu_kernels.rotations.vec3 import cross, skew, subtract
+from rbfmu_kernels.rotations.vec3 import cross, subtract
 from rbfmu_kernels.types import Quaternion
 
-Array = NDArray[np.float64]
-
-
-class Dual:
-    """A number, and its derivatives with respect to some variables; what is added and multiplied has them as well."""
-
-    __slots__ = ("gradient", "value")
-
-    def __init__(self, value: float, gradient: Array) -> None:
-        self.value, self.gradient = value, gradient
-
-    def __add__(self, other: Any) -> "Dual":
-        if isinstance(other, Dual):
-            return Dual(self.value + other.value, self.gradient + other.gradient)
-        return Dual(self.value + other, self.gradient)
-
-    __radd__ = __add__
-
-    def __neg__(self) -> "Dual":
-        return Dual(-self.value, -self.gradient)
-
-    def __sub__(self, other: Any) -> "Dual":
-        return self.__add__(-other)
-
-    def __rsub__(self, other: Any) -> "Dual":
-        return self.__neg__().__add__(other)
-
-    def __mul__(self, other: Any) -> "Dual":
-        if isinstance(other, Dual):
-            return Dual(self.value * other.value, self.value * other.gradient + other.value * self.gradient)
-        return Dual(self.value * other, other * self.gradient)
-
-    __rmul__ = __mul__
-
-    def __truediv__(self, other: Any) -> "Dual":
-        if isinstance(other, Dual):
-            return self * other.__rtruediv__(1.0)
-        return Dual(self.value / other, self.gradient / other)
-
-    def __rtruediv__(self, other: float) -> "Dual":
-        quotient = other / self.value
-        return Dual(quotient, self.gradient * (-quotient / self.value))
-
-    def __gt__(self, other: Any) -> bool:
-        return self.value > (other.value if isinstance(other, Dual) else other)
-
-    def __lt__(self, other: Any) -> bool:
-        return self.value < (other.value if isinstance(other, Dual) else other)
-
-    def __eq__(self, other: object) -> bool:
-        """Return whether it is that number and stays so: what a kernel leaves out as zero must not begin to change."""
-        return self.value == other and not self.gradient.any()
-
-    __hash__ = None  # type: ignore[assignment]
-
-
-def variables(values: Sequence[float], first: int, count: int) -> list[Any]:
-    """Return numbers that are variables themselves, from number `first` of `count` on."""
-    return [Dual(float(x), np.eye(1, count, first + k)[0]) for k, x in enumerate(values)]
-
-
-def jacobian(numbers: Sequence[Any], count: int) -> Array:
-    """Return the derivatives of numbers, a row each; those of a plain number are zero."""
-    return np.array([x.gradient if isinstance(x, Dual) else np.zeros(count) for x in numbers]).reshape(-1, count)
-
-
 FREE = ("r_c", "v_c", "rotvec_b", "omega_b")
-"""Errors of a body's state, three numbers each: the last two where no output shows the path, the third alone of rates
-that are prescribed."""
+"""Errors of a body's state, three numbers each: the last two where no output shows the path."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -146,17 +81,15 @@ def linearize(scene: Scene, /, t: float | None = None, **ports: Any) -> Lineariz
     t = run.start if t is None else float(t)
     if not run.start <= t <= run.stop:
         raise ValueError(f"t = {t!r}: expected a time from run.start = {run.start!r} to run.stop = {run.stop!r} (s)")
-    if scene.has_formulas:
-        return _of_formulas(scene, t, ports)
-    now = _at(scene, t, ports)
-    inputs = [x for name in scene.inputs.ports for x in ports.get(name, (0.0, 0.0, 0.0))]
-    point = _Prescribed(now, inputs) if scene.body is None else _Loaded(now, inputs)
-    names = tuple(f"{name}[{k}]" for name in point.states for k in (1, 2, 3))
-    n, rates = len(names), jacobian(point.rates(), point.count)
-    shown = np.vstack([jacobian(point.output(name), point.count) for name in scene.outputs.quantities])
-    inputs_of = tuple(f"{name}{index}" for name in scene.inputs.ports for index in indices(BY_NAME[name]))
-    outputs_of = tuple(f"{name}{index}" for name in scene.outputs.quantities for index in indices(OUTPUT[name]))
-    return Linearization(rates[:, :n], rates[:, n:], shown[:, :n], shown[:, n:], names, inputs_of, outputs_of, t)
+    point = _OfFormulas(scene, t, ports) if scene.has_formulas else _of_loads(_at(scene, t, ports), ports)
+    n, rates = len(point.names), jacobian(point.rates(), point.count)
+    shown = {name: jacobian(point.output(name), point.count) for name in scene.outputs.names}
+    inputs_of = [e for name in scene.inputs.ports for e in elements(name, size_of(scene, name))]
+    outputs_of = [e for name, rows in shown.items() for e in elements(name, len(rows))]
+    C = np.vstack([*shown.values()])
+    return Linearization(
+        rates[:, :n], rates[:, n:], C[:, :n], C[:, n:], point.names, tuple(inputs_of), tuple(outputs_of), t
+    )
 
 
 def _simulator_at(scene: Scene, t: float, ports: dict[str, Any]) -> Simulator:
@@ -181,83 +114,27 @@ def _at(scene: Scene, t: float, ports: dict[str, Any]) -> Scene:
     return scene.replace({f"initial.{name}": value for name, value in (initial | attitude).items()})
 
 
-def _of_formulas(scene: Scene, t: float, ports: dict[str, Any]) -> Linearization:
-    """Return what `linearize` does, of a scene with formulas: derivatives on their graph, by its leaves."""
-    from rbfmu.models.formulas import formulas_of  # what has none starts sooner
-
-    simulator, small = _simulator_at(with_all_outputs(scene), t, ports), formulas_of(scene)
-    formulas, z, blocks = simulator.plan.formulas, simulator.numbers, simulator.plan.kernels.BLOCKS
-    assert formulas is not None
-    assert small is not None
-    kept = [name for name, _ in by_element({"r_c": [0] * 3, "v_c": [0] * 3}) if name in small.rates]
-    own = [name for name in formulas.all_rates if name.startswith(STATE) and name in small.rates]
-    inputs = [e for name in scene.inputs.ports for e in elements(name, formulas.given.ports[name])]
-    q, omega = elements("q", 4), elements("omega", 3)
-    leaves = [*kept, *q, *omega, *own, *inputs]
-    before = len(kept)  # errors before that of the attitude, which has three for the four numbers of q
-    count, point = len(leaves) - 1, interpreted(quaternion_at)(z, blocks["q"].start)
-    turned = variables((0.0, 0.0, 0.0), before, count)
-    by_error = np.zeros((len(leaves), count))
-    half = (1.0, *(0.5 * u for u in turned))
-    by_error[before : before + 4] = jacobian(interpreted(compose_quaternions)(point, half), count)
-    others = [k for k in range(len(leaves)) if not before <= k < before + 4]
-    by_error[others, [k if k < before else k - 1 for k in others]] = 1.0
-    known = {element: float(x) for name, block in blocks.items() for element, x in by_element({name: z[block]})}
-    known["t"] = t
-    graph = formulas.motion.graph
-    symbols = [graph.leaf("input" if name in inputs else "state", name) for name in leaves]
-
-    def slopes(numbers: Sequence[Any]) -> Array:
-        rows = [gradient(x, symbols) for x in numbers]
-        try:
-            found = numbers_of(graph, [x for row in rows for x in row], known)
-        except (ArithmeticError, ValueError):
-            found = [math.nan]
-        if not np.isfinite(found).all():
-            raise ValueError(f"{scene.name}: a formula has no finite derivative at t = {t!r} s")
-        return np.reshape(found, (len(rows), len(leaves))) @ by_error
-
-    spin = tuple(z[blocks["omega"]].tolist())
-    turning = np.zeros((3, count))  # omega - omega_0 - omega_0 x rotvec_b
-    turning[:, before + 3 : before + 6] = np.eye(3)
-    turning[:, before : before + 3] = -np.array(interpreted(skew)(spin))
-    rates = formulas.all_rates
-    A = np.vstack([slopes([rates[n] for n in kept]), turning, slopes([rates[n] for n in (*omega, *own)])])
-    shown = [_shown(formulas, name, slopes, point, by_error[before : before + 4]) for name in scene.outputs.names]
-    n = count - len(inputs)
-    own_names = [name.removeprefix(STATE) for name in own]
-    states = (*kept, *elements("rotvec_b", 3), *elements("omega_b", 3), *own_names)
-    outputs_of = [e for name, rows in zip(scene.outputs.names, shown, strict=True) for e in elements(name, len(rows))]
-    C = np.vstack(shown)
-    return Linearization(A[:, :n], A[:, n:], C[:, :n], C[:, n:], states, tuple(inputs), tuple(outputs_of), t)
-
-
-def _shown(formulas: Any, name: str, slopes: Any, q: Quaternion, turns: Array) -> Array:
-    """Return the derivatives of an output; of roll, pitch and yaw by way of the turn."""
-    if name != "rpy":
-        return slopes(np.ravel(formulas.shown[name]))  # type: ignore[no-any-return]
-    angles = evaluated(euler_from_quaternion, ZYX, q)
-    by_turn = [jacobian(interpreted(euler_rate_b)(ZYX, angles, tuple(variables((0.0,) * 3, 0, 3)))[::-1], 3)]
-    if not np.all(np.abs(by_turn[0]) < 0.25 / np.finfo(float).eps):
-        raise ValueError("rpy has no derivative at pitch 90 deg: expected outputs without rpy")
-    place = np.flatnonzero(turns.any(axis=0))
-    found = np.zeros((3, turns.shape[1]))
-    found[:, place] = by_turn[0]
-    return found
-
-
 class _Point:
-    """A state and inputs as variables: errors first, then inputs."""
+    """A state and inputs as variables: errors first, then inputs. names: of the errors, that of the attitude too."""
 
-    states: tuple[str, ...] = FREE
-
-    def __init__(self, scene: Scene, inputs: list[float]) -> None:
-        self.count = 3 * len(self.states) + len(inputs)
-        self.q0 = scene.initial.quaternion
-        self.turned = variables((0.0, 0.0, 0.0), 3 * self.states.index("rotvec_b"), self.count)
+    def __init__(self, names: Sequence[str], q0: Quaternion, inputs: Sequence[float]) -> None:
+        self.names, self.q0, self.count = tuple(names), q0, len(names) + len(inputs)
+        self.turned = variables((0.0, 0.0, 0.0), self.names.index("rotvec_b[1]"), self.count)
         half = [0.5 * u for u in self.turned]
-        self.q_ab = interpreted(compose_quaternions)(self.q0, (1.0, *half))
-        self.inputs = variables(inputs, 3 * len(self.states), self.count)
+        self.q_ab = interpreted(compose_quaternions)(q0, (1.0, *half))
+        self.inputs = variables(inputs, len(names), self.count)
+
+    def rates(self) -> list[Any]:
+        """Return the rates of the errors."""
+        raise NotImplementedError
+
+    def output(self, name: str) -> Any:
+        """Return a quantity's numbers."""
+        return self.roll_pitch_yaw() if name == "rpy" else self.shown(name)
+
+    def shown(self, name: str) -> Any:
+        """Return the numbers of a quantity other than rpy."""
+        raise NotImplementedError
 
     def turning(self, omega_0: Any, omega: Any) -> list[Any]:
         """Return the rate of rotvec_b to first order: omega - omega_0 - omega_0 x rotvec_b."""
@@ -273,23 +150,27 @@ class _Point:
         return [roll, pitch, yaw]
 
 
+def _of_loads(scene: Scene, ports: dict[str, Any]) -> _Point:
+    """Return the start of a scene without formulas."""
+    inputs = [x for name in scene.inputs.ports for x in ports.get(name, (0.0, 0.0, 0.0))]
+    return _Prescribed(scene, inputs) if scene.body is None else _Loaded(scene, inputs)
+
+
+def _names(blocks: Iterable[str]) -> list[str]:
+    return [element for name in blocks for element in elements(name, 3)]
+
+
 class _Prescribed(_Point):
     """An attitude under prescribed rates."""
 
-    states = ("rotvec_b",)
-
     def __init__(self, scene: Scene, inputs: list[float]) -> None:
-        super().__init__(scene, inputs)
+        super().__init__(_names(["rotvec_b"]), scene.initial.quaternion, inputs)
         self.rates_now = tuple(inputs)
 
     def rates(self) -> list[Any]:
-        """Return the rates of the errors."""
         return self.turning(self.rates_now, tuple(self.inputs))
 
-    def output(self, name: str) -> Any:
-        """Return a quantity's numbers."""
-        if name == "rpy":
-            return self.roll_pitch_yaw()
+    def shown(self, name: str) -> Any:
         return self.q_ab if name == "quaternion" else interpreted(rotate)(self.q_ab, tuple(self.inputs))
 
 
@@ -298,18 +179,16 @@ class _Loaded(_Point):
 
     def __init__(self, scene: Scene, inputs: list[float]) -> None:
         assert scene.body is not None
-        moves = not scene.body.pivot and needing(TRANSLATION) & set(scene.outputs.quantities)
-        self.states = FREE if moves else FREE[2:]
-        super().__init__(scene, inputs)
-        shown = scene.replace(
-            {"outputs.quantities": [n for n in scene.outputs.quantities if n != "rpy"] or ["omega_b"]}
-        )
-        full = Plan("body under loads, by series", "", 3 * len(self.states), order=12)
+        self.moves = not scene.body.pivot and bool(needing(TRANSLATION) & set(scene.outputs.quantities))
+        states = FREE if self.moves else FREE[2:]
+        super().__init__(_names(states), scene.initial.quaternion, inputs)
+        asked = [n for n in scene.outputs.quantities if n != "rpy"] or ["omega_b"]
+        full = Plan("body under loads, by series", "", 3 * len(states), order=12)
         self.blocks = full.kernels.BLOCKS
-        self.z: list[Any] = start_run(shown, full).tolist()
+        self.z: list[Any] = start_run(scene.replace({"outputs.quantities": asked}), full).tolist()
         self.omega_0 = tuple(self.z[self.blocks["omega"]])
         self.z[self.blocks["q"]] = self.q_ab
-        for k, name in enumerate(self.states):
+        for k, name in enumerate(states):
             if name != "rotvec_b":
                 block = self.blocks["omega" if name == "omega_b" else name]
                 self.z[block] = variables(self.z[block], 3 * k, self.count)
@@ -318,12 +197,60 @@ class _Loaded(_Point):
         interpreted(outputs)(self.z)
 
     def rates(self) -> list[Any]:
-        """Return the rates of the errors."""
         z, motion = self.z, interpreted(motion_of)(self.z)
         rates = interpreted(state_rates)(motion, interpreted(body_of)(z), interpreted(loads_of)(z))
-        of_centre = [] if "r_c" not in self.states else [*rates.r_c, *rates.v_c]
+        of_centre = [*rates.r_c, *rates.v_c] if self.moves else []
         return [*of_centre, *self.turning(self.omega_0, motion.omega_b), *rates.omega_b]
 
-    def output(self, name: str) -> Any:
-        """Return a quantity's numbers."""
-        return self.roll_pitch_yaw() if name == "rpy" else self.z[self.blocks[name]]
+    def shown(self, name: str) -> Any:
+        return self.z[self.blocks[name]]
+
+
+class _OfFormulas(_Point):
+    """A body with formulas at a time: derivatives on their graph, by its leaves, of which errors change the numbers."""
+
+    def __init__(self, scene: Scene, t: float, ports: dict[str, Any]) -> None:
+        from rbfmu.models.formulas import formulas_of  # what has none starts sooner
+
+        simulator, shown = _simulator_at(with_all_outputs(scene), t, ports), formulas_of(scene)
+        z, blocks = simulator.buffer(), simulator.plan.kernels.BLOCKS
+        assert simulator.plan.formulas is not None
+        assert shown is not None
+        self.name, self.formulas = scene.name, simulator.plan.formulas
+        held = by_element({name: z[block] for name, block in blocks.items()})
+        self.known = {element: float(x) for element, x in held} | {"t": t}
+        sizes, rates = self.formulas.given.ports, self.formulas.all_rates
+        moved = [name for name in _names(["r_c", "v_c"]) if name in shown.rates]
+        own = [name for name in rates if name.startswith(STATE) and name in shown.rates]
+        inputs = [e for name in scene.inputs.ports for e in elements(name, sizes[name])]
+        names = [*moved, *_names(["rotvec_b", "omega_b"]), *(name.removeprefix(STATE) for name in own)]
+        super().__init__(names, interpreted(quaternion_at)(z, blocks["q"].start), [self.known[e] for e in inputs])
+        self.omega_0 = tuple(z[blocks["omega"]].tolist())
+        self.omega = variables(self.omega_0, len(moved) + 3, self.count)
+        self.in_space = [rates[name] for name in moved]
+        self.turned_by = [rates[name] for name in (*elements("omega", 3), *own)]
+        graph = self.formulas.motion.graph
+        leaves = [*moved, *elements("q", 4), *elements("omega", 3), *own, *inputs]
+        self.leaves = [graph.leaf("input" if name in inputs else "state", name) for name in leaves]
+        before = variables([0.0] * len(moved), 0, self.count)
+        of_own = variables([0.0] * len(own), len(moved) + 6, self.count)
+        self.by_error = jacobian([*before, *self.q_ab, *self.omega, *of_own, *self.inputs], self.count)
+
+    def rates(self) -> list[Any]:
+        turning = self.turning(self.omega_0, tuple(self.omega))
+        return [*self._of(self.in_space), *turning, *self._of(self.turned_by)]
+
+    def shown(self, name: str) -> Any:
+        return self._of([*np.ravel(self.formulas.shown[name])])
+
+    def _of(self, numbers: Sequence[Any]) -> list[Any]:
+        """Return what errors make of numbers of the graph; their values are not asked for."""
+        rows = [gradient(x, self.leaves) for x in numbers]
+        try:
+            found = numbers_of(self.formulas.motion.graph, [x for row in rows for x in row], self.known)
+        except (ArithmeticError, ValueError):
+            found = [math.nan]
+        if not np.isfinite(found).all():
+            raise ValueError(f"{self.name}: a formula has no finite derivative at t = {self.known['t']!r} s")
+        slopes = np.reshape(found, (len(rows), len(self.leaves))) @ self.by_error
+        return [Dual(math.nan, row) for row in slopes]

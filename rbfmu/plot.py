@@ -2,25 +2,28 @@
 
 import io
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from rbfmu.exceptions import named
-from rbfmu_kernels.quantities import Output
+from rbfmu.types import Array
+from rbfmu_kernels.quantities import OUTPUT, Output
 
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
 """Okabe and Ito's: told apart by everyone."""
+MARKS, MOST_MARKS = ("#555555", "#e69f00", "#56b4e9"), 200
+"""The colours of events, and the most of one that a picture can show."""
 
 
 class Rows(Protocol):
     """What is drawn: quantities at points in time, such as a `Result` has."""
 
-    time: NDArray[np.float64]
-    quantities: dict[str, NDArray[np.float64]]
+    time: Array
+    quantities: dict[str, Array]
     rows: dict[str, Output]
 
 
@@ -42,9 +45,65 @@ def plot_result(result: Rows, path: str | Path | None = None, title: str = "") -
         turn = 2.0 * math.pi if row.unit == "rad" else math.inf
         draw_components(axes, result.time, values, row.components, turn)
         axes.set_ylabel(quantity_label(row), fontsize=9)
+    _mark_events(panels, getattr(result, "events", {}))
     panels[-1].set_xlabel("time (s)")
     figure.suptitle(title, fontsize=11)
     return with_file(figure, path)
+
+
+def plot_changes(
+    time: Array,
+    changes: Mapping[str, Mapping[str, Array]],
+    path: str | Path | None = None,
+    title: str = "",
+) -> Figure:
+    """Draw a panel for each output: how far it moves (times,) as each key's numbers change by 1 %, on a log scale."""
+    figure = Picture(figsize=(8.0, 1.2 + 2.2 * len(changes)), layout="constrained")
+    panels = figure.subplots(len(changes), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, (name, lines) in zip(panels, changes.items(), strict=True):
+        for k, (key, sizes) in enumerate(lines.items()):
+            style = ("-", "--", ":")[k // len(COLORS) % 3]
+            axes.plot(time, np.where(sizes > 0.0, sizes, np.nan), style, color=COLORS[k % len(COLORS)], linewidth=1.3,
+                      label=key)  # fmt: skip
+        axes.set_yscale("log")
+        row = OUTPUT.get(name)
+        axes.set_ylabel("attitude (rad)" if name == "attitude" else quantity_label(row) if row else name, fontsize=9)
+        open_frame(axes, grid=True)
+        axes.margins(x=0.0)
+    panels[0].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=9)
+    panels[-1].set_xlabel("time (s)")
+    figure.suptitle(f"{title}: change by 1 % of each key's numbers (0.01 of what is zero)".lstrip(": "), fontsize=10)
+    return with_file(figure, path)
+
+
+def plot_residuals(time: Array, rows: Mapping[str, Array], path: str | Path | None = None, title: str = "") -> Figure:
+    """Draw a panel for each output: what was measured less what was fitted (times, k), over its noise."""
+    figure = Picture(figsize=(8.0, 1.2 + 2.0 * len(rows)), layout="constrained")
+    panels = figure.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, (name, values) in zip(panels, rows.items(), strict=True):
+        far = 6.0
+        for k, column in enumerate(values.T):
+            axes.plot(time, np.clip(column, -far, far), ".", markersize=3, color=COLORS[k % len(COLORS)],
+                      label="xyz"[k] if values.shape[1] == 3 else name)  # fmt: skip
+        axes.axhspan(-2.0, 2.0, color="#eeeeee", zorder=0)
+        axes.set_ylim(-far - 0.5, far + 0.5)
+        axes.set_ylabel("attitude" if name == "quaternion" else name, fontsize=9)
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=9)
+        open_frame(axes)
+    panels[-1].set_xlabel("time (s)")
+    figure.suptitle(f"{title}: measured less fitted, in standard deviations; beyond 6 at the edge", fontsize=10)
+    return with_file(figure, path)
+
+
+def _mark_events(panels: Any, events: Mapping[str, Any]) -> None:
+    """Draw a vertical line at each event, named at its first; those of more than MOST_MARKS are left out."""
+    shown = [(name, times) for name, times in events.items() if 0 < len(times) <= MOST_MARKS]
+    for k, (name, times) in enumerate(shown):
+        for axes in panels:
+            axes.vlines(times, 0, 1, transform=axes.get_xaxis_transform(), color=MARKS[k % len(MARKS)],
+                        linewidth=0.8, linestyle=":")  # fmt: skip
+        panels[0].annotate(name, (times[0], 1.0), xycoords=("data", "axes fraction"), xytext=(0, 2 + 9 * (k % 2)),
+                           textcoords="offset points", fontsize=8, color=MARKS[k % len(MARKS)])  # fmt: skip
 
 
 def with_file(figure: Figure, path: str | Path | None) -> Figure:

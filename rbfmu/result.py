@@ -10,18 +10,21 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rbfmu.exceptions import named
 from rbfmu.extras import needed
 from rbfmu.notebook import numbers_text, table
+from rbfmu.types import Array
 from rbfmu_kernels.quantities import OUTPUT, TIME, Output, indices
 
-Array = NDArray[np.float64]
-FORMATS = (".csv", ".npz")
+FORMATS = (".csv", ".npz", ".aem")
+ENDINGS = f"{', '.join(FORMATS[:-1])} or {FORMATS[-1]}"
+EVENTS, TOUCHES = "events.", "touches."
+"""Before the names of events in an .npz."""
 AXES = {"quaternion": "parameter", "rpy": "angle"}
 """What the components of a quantity are, if they are not along axes x, y, z."""
 NONE: Mapping[str, Output] = MappingProxyType({})
+NO_EVENTS: Mapping[str, Any] = MappingProxyType({})
 CHUNK = 1024
 """Rows that a CSV's writer holds as text."""
 
@@ -33,14 +36,32 @@ def check_shape(row: Any, values: Array, points: int) -> None:
         raise ValueError(f"{row.name} has the shape {values.shape}: expected {shape}")
 
 
+def check_attitude(path: Path | None, quantities: Iterable[str]) -> None:
+    """Raise ValueError where an AEM is to be written of quantities without the attitude."""
+    if path is not None and path.suffix == ".aem" and "quaternion" not in quantities:
+        raise ValueError(f"cannot save to {str(path)!r}: expected the quantity quaternion, which an AEM is of")
+
+
 class Result:
     """A simulated scene: `.time` (n,) in s, and one (n,) or (n, k) array per quantity by attribute.
 
     Raises ValueError for what is no quantity of a scene, and for arrays of another shape.
     """
 
-    def __init__(self, time: Any, quantities: Mapping[str, Any], own: Mapping[str, Output] = NONE) -> None:
-        """own: the rows of quantities of one's own, by name."""
+    def __init__(
+        self,
+        time: Any,
+        quantities: Mapping[str, Any],
+        own: Mapping[str, Output] = NONE,
+        events: Mapping[str, Any] = NO_EVENTS,
+        touches: Mapping[str, Any] = NO_EVENTS,
+    ) -> None:
+        """own: the rows of quantities of one's own, by name; events, touches: their times (n,) by name, s.
+
+        An event is where a formula came to zero and went on; where it went back, that is a touch.
+        """
+        self.events = {name: np.asarray(times, dtype=np.float64) for name, times in events.items()}
+        self.touches = {name: np.asarray(times, dtype=np.float64) for name, times in touches.items()}
         self.time: Array = np.asarray(time, dtype=np.float64)
         self.quantities: dict[str, Array] = {
             name: np.asarray(values, dtype=np.float64) for name, values in quantities.items()
@@ -118,7 +139,11 @@ class Result:
         if stop is None:
             return self
         n = int(np.searchsorted(self.time, stop, side="right"))
-        return Result(self.time[:n], {name: values[:n] for name, values in self.quantities.items()}, self.rows)
+        events, touches = (
+            {name: times[times <= stop] for name, times in of.items()} for of in (self.events, self.touches)
+        )
+        quantities = {name: values[:n] for name, values in self.quantities.items()}
+        return Result(self.time[:n], quantities, self.rows, events, touches)
 
     @classmethod
     def of_rows(cls, rows: Iterable[Mapping[str, Any]]) -> "Result":
@@ -133,14 +158,19 @@ class Result:
 
     @classmethod
     def load(cls, path: str | Path) -> "Result":
-        """Read what `save` wrote, or a CSV that an FMU's importer wrote; columns that are no quantity are left out.
+        """Read what `save` wrote, a CSV that an FMU's importer wrote, or an AEM; what is no quantity is left out.
 
         Raises ValueError where the file has no time, an incomplete quantity or a number that is not finite.
         """
         path = Path(path)
         if path.suffix not in FORMATS:
-            raise ValueError(f"{str(path)!r}: expected a name that ends in .csv or .npz")
-        columns = _npz(path) if path.suffix == ".npz" else _csv(path)
+            raise ValueError(f"{str(path)!r}: expected a name that ends in {ENDINGS}")
+        if path.suffix == ".aem":
+            from rbfmu.aem import read_aem
+
+            columns = read_aem(path)
+        else:
+            columns = _npz(path) if path.suffix == ".npz" else _csv(path)
         if "time" not in columns:
             raise ValueError(f"{path}: time is missing: expected the result of a run")
         time, quantities = columns["time"], {name: columns[name] for name in OUTPUT if name in columns}
@@ -149,27 +179,51 @@ class Result:
         if np.any(np.diff(time) <= 0.0):
             row = int(np.argmax(np.diff(time) <= 0.0)) + 1
             raise ValueError(f"{path}: time = {float(time[row])!r} in row {row + 1}: expected times that increase")
-        return cls(time, quantities)
+        events, touches = (
+            {name.removeprefix(kind): times for name, times in columns.items() if name.startswith(kind)}
+            for kind in (EVENTS, TOUCHES)
+        )
+        return cls(time, quantities, NONE, events, touches)
 
     def save(self, path: str | Path) -> None:
-        """Write `.csv` (FMU variable names, every digit) or `.npz` (arrays by quantity).
+        """Write `.csv` (FMU variable names, every digit), `.npz` (arrays by quantity) or `.aem` (CCSDS, the attitude).
 
         A CSV's units stand in a second file beside it: those of `run.csv` in `run.units.csv`, a line a column with
-        name, unit and meaning, so that the first keeps one header and serves as an FMU's input in FMPy.
+        name, unit and meaning, so that the first keeps one header and serves as an FMU's input in FMPy. Events, if the
+        scene has some, stand in a third, `run.events.csv`, a line each in the order of time.
         """
         path = Path(path)
         if path.suffix == ".npz":
             with named(path):
-                np.savez(path, time=self.time, **self.quantities)  # type: ignore[arg-type]
+                np.savez(path, time=self.time, **self.quantities, **self._event_arrays())  # type: ignore[arg-type]
         elif path.suffix == ".csv":
             self._write_csv(path)
             self._write_units(path.with_suffix(".units.csv"))
+            if self.events:
+                self._write_events(path.with_suffix(".events.csv"))
+        elif path.suffix == ".aem":
+            from rbfmu.aem import write_aem
+
+            check_attitude(path, self.quantities)
+            write_aem(path, self.time, self.quaternion, self.quantities.get("omega_b"))
         else:
-            raise ValueError(f"cannot save to {str(path)!r}: the name must end in .csv or .npz")
+            raise ValueError(f"cannot save to {str(path)!r}: the name must end in {ENDINGS}")
+
+    def _event_arrays(self) -> dict[str, Array]:
+        of = {EVENTS: self.events, TOUCHES: self.touches}
+        return {f"{kind}{name}": times for kind, found in of.items() for name, times in found.items()}
+
+    def _write_events(self, path: Path) -> None:
+        listed = [(float(t), name, "event") for name, times in self.events.items() for t in times]
+        listed += [(float(t), name, "touch") for name, times in self.touches.items() for t in times]
+        with named(path), path.open("w", encoding="utf-8", newline="") as file:
+            table = csv.writer(file, lineterminator="\n")
+            table.writerow(("time", "name", "kind"))
+            table.writerows((repr(t), name, kind) for t, name, kind in sorted(listed))
 
     def _write_csv(self, path: Path) -> None:
         columns = self.columns()
-        with named(path), path.open("w") as file:
+        with named(path), path.open("w", encoding="utf-8", newline="") as file:
             file.write(",".join(f'"{name}"' for name in columns) + "\n")
             for first in range(0, len(self.time), CHUNK):
                 rows = zip(*(c[first : first + CHUNK].tolist() for c in columns.values()), strict=True)
@@ -177,7 +231,7 @@ class Result:
 
     def _write_units(self, path: Path) -> None:
         known = {"time": TIME} | self.rows
-        with named(path), path.open("w", newline="") as file:
+        with named(path), path.open("w", encoding="utf-8", newline="") as file:
             table = csv.writer(file, quoting=csv.QUOTE_ALL, lineterminator="\n")
             table.writerow(("name", "unit", "meaning"))
             rows = ((name, known[name.split("[")[0]]) for name in self.columns())

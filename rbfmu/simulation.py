@@ -10,22 +10,20 @@ from numbers import Real
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rbfmu.exceptions import SceneError
 from rbfmu.exceptions import SimulationError as SimulationError
 from rbfmu.result import Result
-from rbfmu.runs.inputs import HOLD, Drive, Driven, drive_of, input_tables, size_of
-from rbfmu.runs.plan import Plan, filled_buffer, start_run
+from rbfmu.runs.inputs import HOLD, Drive, Driven, drive_of, events_of, input_tables, size_of
+from rbfmu.runs.parameters import with_parameters
+from rbfmu.runs.plan import Plan, start_run
 from rbfmu.runs.time_grid import last_time, steps_until
 from rbfmu.scene.consistency import doubts_after, warn
-from rbfmu.scene.scene import PARAMETERS, Scene, of_scene_or_path
+from rbfmu.scene.scene import Scene, of_scene_or_path
 from rbfmu.scene.section import as_toml, fault
+from rbfmu.types import Array
 from rbfmu_kernels.buffer import OK, PAST_STOP
 from rbfmu_kernels.compile.tiered import tiered
-from rbfmu_kernels.quantities import BY_NAME, IN_BUFFER_ORDER, INITIAL_VALUES, LOADS, OUTPUTS, Output, own_output
-
-Array = NDArray[np.float64]
+from rbfmu_kernels.quantities import BY_NAME, OUTPUTS, Output
 
 
 @of_scene_or_path
@@ -92,10 +90,19 @@ def simulate(
         rows[k] = outputs
         if own is not None:
             own.rows[k] = own.numbers
-    quantities = shown.quantities() | (own.quantities() if own else {})
-    result = Result(time, quantities, own_rows(scene, planned))
+        if run.ended is not None:
+            time = _ended(time, k, run.ended)
+            break
+    quantities = shown.quantities(len(time)) | (own.quantities(len(time)) if own else {})
+    events = (run.events.times(), run.events.times(touched=True)) if run.events else ()
+    result = Result(time, quantities, _own_rows(scene), *events)
     warn(scene, doubts_after(scene, result.quantities), stacklevel=4)
     return result
+
+
+def _ended(time: Array, k: int, end: float) -> Array:
+    """Return the times of a run whose row k is an event, which may be at the communication point before."""
+    return time[:k] if end <= time[k - 1] else np.append(time[:k], end)
 
 
 def refused_step(scene: Scene, begin: float) -> SimulationError:
@@ -103,11 +110,12 @@ def refused_step(scene: Scene, begin: float) -> SimulationError:
     return SimulationError(f"{scene.name}: the step from t = {float(begin)!r} s was refused: not finite")
 
 
-def own_rows(scene: Scene, planned: Plan) -> dict[str, Output]:
-    """Return the rows of the outputs of one's own, by name."""
-    sizes = planned.formulas.own_outputs if planned.formulas else {}
-    own = scene.outputs.own
-    return {name: own_output(name, size, own[name].unit, own[name].about) for name, size in sizes.items()}
+def _own_rows(scene: Scene) -> dict[str, Output]:
+    if not scene.outputs.own:
+        return {}
+    from rbfmu.models.formulas import own_rows  # what has none starts sooner
+
+    return own_rows(scene)
 
 
 class _Rows:
@@ -120,12 +128,12 @@ class _Rows:
         self.rows = np.empty((count, len(self.numbers)))
         self.rows[0] = self.numbers
 
-    def quantities(self) -> dict[str, Array]:
-        """Return a copy of the rows of each quantity."""
-        return {name: self._quantity(block) for name, block in self._blocks.items()}
+    def quantities(self, count: int) -> dict[str, Array]:
+        """Return a copy of the first rows of each quantity."""
+        return {name: self._quantity(block, count) for name, block in self._blocks.items()}
 
-    def _quantity(self, block: slice) -> Array:
-        values = self.rows[:, block.start - self._first : block.stop - self._first].copy()
+    def _quantity(self, block: slice, count: int) -> Array:
+        values = self.rows[:count, block.start - self._first : block.stop - self._first].copy()
         return values[:, 0] if values.shape[1] == 1 else values
 
 
@@ -137,14 +145,6 @@ _PORT, _NUMBER = struct.Struct("3d"), struct.Struct("d")
 _Input = tuple[struct.Struct, int, tuple[float, ...]]
 _Before = list[_Input]
 """What inputs were: how, where and which numbers."""
-_KEYS = (
-    {name: f"body.{name}" for name in PARAMETERS}
-    | {load.name: f"loads.{load.name}" for load in LOADS}
-    | {row.name: f"initial.{row.name.removesuffix('_0')}" for row in INITIAL_VALUES}
-    | {"quaternion_0": "initial.attitude.quaternion"}
-)
-"""The scene's keys by the names of parameters."""
-_BLOCK_OF = {row.name: getattr(row, "block", row.name) for row in IN_BUFFER_ORDER}
 
 
 class Simulator:
@@ -160,7 +160,7 @@ class Simulator:
         self.scene, self.plan = _planned(scene)
         kernels, run = self.plan.kernels, self.scene.run
         blocks = kernels.BLOCKS
-        self._z = start_run(_with_parameters(self.scene, self.plan, parameters), self.plan)
+        self._z = start_run(with_parameters(self.scene, self.plan, parameters), self.plan)
         self._bytes, self._step = self._z.data.cast("B"), tiered(kernels.step)
         self._ports = {name: 8 * blocks[name].start for name in self.scene.inputs.ports}
         self._scalars = {name for name, port in self.scene.inputs.own.items() if port.size == 1}
@@ -168,9 +168,34 @@ class Simulator:
         self._identity = _identity(self.scene, self.plan)
         self._start, self._h, self._last_time = run.start, run.step, last_time(run.stop, run.step)
         self.time, self._count = run.start, 0
+        self._events = events_of(self.scene, self.plan, self._z) if self.scene.events else None
+        self._told: tuple[str, ...] = ()
+
+    @property
+    def events(self) -> dict[str, Array]:
+        """Return the times of the last step's events by name, s; an event at its end counts for the step after."""
+        return self._events.times_of_last_step() if self._events else {}
+
+    def step_to_event(self, h: float | None = None, **ports: Any) -> tuple[str, ...]:
+        """Step as `step` does, but no further than to the first event; return the names of those that happen there."""
+        before, time, count = self._z.copy(), self.time, self._count
+        self.step(h, **ports)
+        listed = [one for one in self._events.of_last_step() if not one.touched] if self._events else []
+        near = time + 1e-9 * (self.time - time)  # up to which an event is the one that the last step ended at
+        happened = [one for one in listed if one.time > near or one.name not in self._told]
+        self._told = ()
+        if not happened:
+            return ()
+        first = happened[0].time
+        self._z[:] = before
+        self.time, self._count = time, count
+        if first > time:
+            self.step(first - time, **ports)
+        self._told = tuple(one.name for one in happened if one.time == first)
+        return self._told
 
     def __getattr__(self, name: str) -> Any:
-        """Return an output of one's own."""
+        """Return an output of one's own; raise AttributeError for what is none, and for quantities not asked for."""
         known = self.__dict__.get("_quantities", {})
         if name not in known:
             whose = f"{self.scene.name}; it has {', '.join(known)}" if known else "it"
@@ -178,9 +203,8 @@ class Simulator:
         values = known[name]
         return values.copy() if len(values) > 1 else float(values[0])
 
-    @property
-    def numbers(self) -> Array:
-        """Return a copy of all numbers of the model's memory, whose places are `plan.kernels.BLOCKS`."""
+    def buffer(self) -> Array:
+        """Return a copy of the model's buffer: what stands where say the slices `plan.kernels.BLOCKS`, by name."""
         return self._z.copy()
 
     def __repr__(self) -> str:
@@ -269,7 +293,7 @@ class Simulator:
 
     def reset(self, **parameters: Any) -> None:
         """Begin anew with the scene's values and the parameters given; inputs are zero. Raises SceneError."""
-        self._z[:] = start_run(_with_parameters(self.scene, self.plan, parameters), self.plan)
+        self._z[:] = start_run(with_parameters(self.scene, self.plan, parameters), self.plan)
         self.time, self._count = self._start, 0
 
     def values(self) -> dict[str, Any]:
@@ -299,19 +323,16 @@ def _seconds(h: Any) -> float:
 
 def _reader(row: Output) -> property:
     """Return the attribute of a quantity."""
-    name = row.name
+    name, is_number = row.name, row.size == 1
 
     def read(self: Simulator) -> Any:
         try:
-            return self._quantities[name].copy()
+            values = self._quantities[name]
         except KeyError:
-            known = ", ".join(self._quantities)
-            raise AttributeError(f"no quantity {name!r} is asked for by {self.scene.name}; it has {known}") from None
+            raise AttributeError(name) from None  # Python asks `__getattr__` then, which says it in words
+        return float(values[0]) if is_number else values.copy()
 
-    def read_number(self: Simulator) -> float:
-        return float(read(self)[0])
-
-    return property(read if row.size > 1 else read_number, doc=f"{row.meaning}, {row.unit}")
+    return property(read, doc=f"{row.meaning}, {row.unit}")
 
 
 for _row in OUTPUTS:
@@ -332,37 +353,6 @@ def compiled_step(scene: Scene, planned: Plan | None = None) -> tuple[Callable[[
 @of_scene_or_path
 def _planned(scene: Scene) -> tuple[Scene, Plan]:
     return scene, plan(scene)
-
-
-def _with_parameters(scene: Scene, planned: Plan, parameters: dict[str, Any]) -> Scene:
-    if not parameters:
-        return scene
-    keys = _KEYS | {name: f"constants.{name}" for name in scene.constants}
-    keys |= {f"{name}_0": f"states.{name}" for name in scene.states}
-    for name in parameters:
-        if name not in keys or (scene.body is None and name != "quaternion_0"):
-            whole = name.partition("[")[0]
-            meant = next((key for key in (whole, f"{whole}_0") if key in keys and key != name), "")
-            expected = f"{meant}, with all of its numbers" if meant else f"one of {', '.join(keys)}"
-            raise SceneError(f"parameter {name!r}: expected {expected}", scene.name)
-    changed = scene.replace({keys[name]: _plain(value) for name, value in parameters.items()})
-    blocks, old, new = planned.kernels.BLOCKS, filled_buffer(scene, planned), filled_buffer(changed, planned)
-    for name in parameters:
-        place = blocks[_BLOCK_OF[name] if name in _BLOCK_OF else _own_block(keys[name])]
-        values = old[place].tolist()
-        if name in planned.pinned and values != new[place].tolist():
-            made_for = f"{as_toml(values if len(values) > 1 else values[0])}, for which the model was planned"
-            expected = f"{made_for}; list {name!r} in inputs.parameters to vary it"
-            raise SceneError(fault(name, parameters[name], expected), scene.name)
-    return changed
-
-
-def _own_block(key: str) -> str:
-    return f"{key}_0" if key.startswith("states.") else key
-
-
-def _plain(value: Any) -> Any:
-    return value.tolist() if hasattr(value, "tolist") else value
 
 
 def _identity(scene: Scene, planned: Plan) -> bytes:

@@ -31,6 +31,7 @@ from rbfmu_fmu.native.headers import headers
 from rbfmu_fmu.native.linking import FLAGS, compiler, link, source
 from rbfmu_fmu.native.object_code import ENTRIES, object_files
 from rbfmu_fmu.native.platforms import this_platform
+from rbfmu_fmu.native.slopes import slopes_header
 
 FOLDER = Path(__file__).parent
 GOALS = {"numba loop": 1.2, "by hand": 1.0, "pythonfmu": 1.0, "first step": 1.1}
@@ -202,7 +203,9 @@ def _figures_of(text: str, folder: Path, driver: Any, repeats: int, steps: int, 
         "native": Fmu(build_native_fmu(scene, planned, folder / "native.fmu"), folder / "native"),
         "pythonfmu": Fmu(build_python_fmu(scene, planned, folder / "python.fmu"), folder / "python"),
     }
-    generated = headers(describe(scene, planned), FMI2, fmus["native"].arguments[1])
+    described = describe(scene, planned)
+    slopes = slopes_header(scene, planned, described)
+    generated = headers(described, FMI2, fmus["native"].arguments[1], slopes)
     if text == HAND:
         fmus |= _others(fmus["native"], folder, generated, planned)
     costs, values = _costs(scene, planned, fmus, driver, repeats, steps)

@@ -1,6 +1,7 @@
 """How each file of figures is measured anew, and each picture drawn."""
 
 import importlib.util
+import runpy
 import sys
 import tempfile
 from collections.abc import Callable
@@ -100,6 +101,14 @@ def detumbling(path: Path) -> None:
     run_ensemble(record.ROOT / "examples" / "detumbling.toml", progress=False).plot(path)
 
 
+def b_dot(path: Path) -> None:
+    """Draw ten thousand releases of a satellite that brakes its spin by coils."""
+    from rbfmu import run_ensemble
+
+    example = runpy.run_path(str(record.ROOT / "examples" / "09_detumbling.py"))
+    run_ensemble(example["SCENE"], controller=example["CONTROLLER"], progress=False).plot(path)
+
+
 def view(path: Path) -> None:
     """Photograph the page of a tumbling brick; needs a headless browser."""
     from examples.gallery.page import scene_file
@@ -113,7 +122,7 @@ def view(path: Path) -> None:
 
 DRAWN: dict[str, Callable[[Path], None]] = {
     "own_chart": own_chart, "ensembles": ensembles, "tumbling_brick": tumbling_brick, "detumbling": detumbling,
-    "view": view,
+    "b_dot": b_dot, "view": view,
 }  # fmt: skip
 MEASURED: dict[str, Callable[[], Rows]] = {
     "peers": peers, "gallery_cost": gallery_cost, "kernels": kernels, "native": native, "interop": interop,

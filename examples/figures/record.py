@@ -39,10 +39,12 @@ SOURCES: dict[str, tuple[str, ...]] = {
                        "fmu_build/rbfmu_fmu/nasa_brick.csv", "rbfmu/plot.py"),
     "detumbling": ("rbfmu/ensembles/pictures.py", "rbfmu/ensembles/result.py:drivers_of,differ,_applied,_ended",
                    "examples/detumbling.toml"),
+    "b_dot": ("rbfmu/ensembles/pictures.py", "rbfmu/ensembles/result.py:drivers_of,differ,_applied,_ended",
+              "examples/b_dot.toml", "examples/09_detumbling.py:b_dot"),
     "view": ("rbfmu/viewer/*.*", "tests/support/browser.py:photographed"),
 }  # fmt: skip
 """By the name of a file of figures or of a picture: what it rests on, files or functions and classes in them."""
-PICTURES = ("own_chart", "ensembles", "tumbling_brick", "detumbling", "view")
+PICTURES = ("own_chart", "ensembles", "tumbling_brick", "detumbling", "b_dot", "view")
 """Pictures of the pages, which carry the digest in their file."""
 _STAMP, _KEY = "# sources ", "sources"
 

@@ -28,6 +28,7 @@ from rbfmu_fmu.native.headers import headers
 from rbfmu_fmu.native.linking import ANY_VERSION, EXPORTS, FLAGS, HEADERS, NoLinkerError, link, source, universal
 from rbfmu_fmu.native.object_code import object_files
 from rbfmu_fmu.native.platforms import Platform, platforms_named, this_platform
+from rbfmu_fmu.native.slopes import slopes_header
 from rbfmu_fmu.presentation import presentation_files
 from rbfmu_fmu.python.pythonfmu_traps import LEFT_OUT, builder_imports_undone
 from rbfmu_fmu.python.slave_access import CODE, LIBRARY, OBJECT
@@ -102,10 +103,11 @@ def build_native_fmu(
     description = describe(scene, plan)
     objects = {p: object_files(plan.kernels, p) for p in chosen}
     contents = {"resources/scene.json": scene_inside(scene, plan)}
-    parts = contents | _parts_of_libraries(description, version, objects)
+    slopes = slopes_header(scene, plan, description)
+    parts = contents | _parts_of_libraries(description, version, slopes, objects)
     xml = _identify(version, description, version.abilities_of(description), parts)
     contents["modelDescription.xml"] = xml_bytes(xml)
-    generated = headers(description, version, xml.attrib[version.identity])
+    generated = headers(description, version, xml.attrib[version.identity], slopes)
     for folder in sorted({version.folders[p.name] for p in chosen}):
         members = [p for p in chosen if version.folders[p.name] == folder]
         libraries = [link(c_sources(version), objects[p], p, description.identifier, generated) for p in members]
@@ -128,11 +130,11 @@ def c_sources(version: FmiVersion) -> tuple[str, ...]:
 
 
 def _parts_of_libraries(
-    d: Description, version: FmiVersion, objects: dict[Platform, dict[str, bytes]]
+    d: Description, version: FmiVersion, slopes: str, objects: dict[Platform, dict[str, bytes]]
 ) -> dict[str, bytes]:
     """Return what makes the libraries what they are, except for their guid."""
     parts = {name: source(name) for name in (*c_sources(version), *HEADERS)}
-    parts |= {name: text.encode() for name, text in headers(d, version, "").items()}
+    parts |= {name: text.encode() for name, text in headers(d, version, "", slopes).items()}
     parts |= {"flags": " ".join(FLAGS).encode()}
     return parts | {f"{p.name}/{name}": code for p, files in objects.items() for name, code in files.items()}
 
@@ -185,9 +187,11 @@ def _write_sources(folder: Path, files: dict[str, bytes], description: Descripti
     for name, content in files.items():
         (package / name).parent.mkdir(parents=True, exist_ok=True)
         (package / name).write_bytes(content)
-    (package / "__init__.py").write_text(PACKAGE.format(identity=identity[:12]))
+    (package / "__init__.py").write_text(PACKAGE.format(identity=identity[:12]), encoding="utf-8", newline="\n")
     script = folder / f"{description.identifier}_{identity[:12]}.py"
-    script.write_text(SCRIPT.format(package=package.name, identifier=description.identifier))
+    script.write_text(
+        SCRIPT.format(package=package.name, identifier=description.identifier), encoding="utf-8", newline="\n"
+    )
     return script, package
 
 

@@ -11,18 +11,16 @@ from typing import Any, NamedTuple
 import fmpy
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 import rbfmu
 from rbfmu.plot import COLORS, open_frame
 from rbfmu.studies.chart.measure import Progress, machine
 from rbfmu.studies.chart.result import write_rows
 from rbfmu.studies.dop853 import STAGES, A
+from rbfmu.types import Array
 from rbfmu_fmu.builder import build_python_fmu
 from rbfmu_fmu.description import describe
 from rbfmu_fmu.verification import Unit, unit_in
-
-Array = NDArray[np.float64]
 
 STIFFNESS, DAMPING = 2.0, 3.0
 """N m per unit of 2 eps, N m s/rad."""

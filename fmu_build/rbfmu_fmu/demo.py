@@ -22,13 +22,13 @@ import fmpy
 import numpy as np
 from fmpy.util import read_csv
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
 import rbfmu
 from rbfmu import Plan, Result, Scene
 from rbfmu.plot import COLORS, draw_components, open_frame
+from rbfmu.types import Array
 from rbfmu_fmu.builder import build_python_fmu
 from rbfmu_fmu.verification import Verification, check_plain, verify
 from rbfmu_kernels.compile.tiered import evaluated, tiered
@@ -43,7 +43,6 @@ FMPY_ROUNDS = tuple(map(int, fmpy.__version__.split(".")[:3])) < (0, 3, 22)
 """Older FMPy takes differences of rounded times for steps, so that its runs differ from the kernels' by round-off."""
 ROUND_OFF = 1e-13 if FMPY_ROUNDS else 0.0
 
-Array = NDArray[np.float64]
 Columns = dict[str, Array]
 
 
@@ -117,7 +116,9 @@ def _by_api(fmu: Path, outputs: list[str]) -> Way:
 def _by_command(fmu: Path, target: Path, outputs: list[str]) -> Way:
     command = [sys.executable, "-m", "fmpy", "simulate", str(fmu), "--output-file", str(target)]
     start = perf_counter()
-    done = subprocess.run([*command, "--output-variables", *outputs], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [*command, "--output-variables", *outputs], capture_output=True, check=False, encoding="utf-8", errors="replace"
+    )
     seconds = perf_counter() - start
     if done.returncode:
         raise RuntimeError(f"{' '.join(command)} failed:\n{done.stdout}{done.stderr}")

@@ -14,11 +14,11 @@ from keyword import iskeyword
 from typing import Any, NamedTuple
 
 from rbfmu import Plan, Scene
-from rbfmu.models.model_buffer import Buffer
 from rbfmu.models.question import Question
 from rbfmu.planning.select import with_all_outputs
 from rbfmu.runs.plan import filled_buffer
 from rbfmu.runs.time_grid import last_time
+from rbfmu.types import Buffer
 from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.buffer import CHANGED, FAULTS, OK
 from rbfmu_kernels.compile.tiered import tiered
@@ -70,10 +70,19 @@ class Variable:
     begins_with: frozenset[str]
 
 
+class Count(NamedTuple):
+    """An Integer output beside `status`: how often an event happened; offset: its place in the model's buffer."""
+
+    name: str
+    offset: int
+    meaning: str
+
+
 @dataclass(frozen=True)
 class Description:
     """A scene's FMU: everything that a slave or a C layer must know of the model, and nothing of its formulas.
 
+    counts: those of events, whose value references follow that of `status`.
     start_place: that of the time at the start in the buffer, or -1 of a model that has no time.
     """
 
@@ -82,6 +91,7 @@ class Description:
     about: dict[str, str]
     """What tools show of it: the keys of a scene's table `about`."""
     variables: tuple[Variable, ...]
+    counts: tuple[Count, ...]
     start_buffer: tuple[float, ...]
     start: float
     stop: float
@@ -144,6 +154,7 @@ def describe(scene: Scene, plan: Plan) -> Description:
         identifier=identifier(scene.name),
         about=scene.about.model_dump(),
         variables=tuple(v for block in shown for v in _variables(block, plan, z, sizes)),
+        counts=tuple(_counts(scene, plan)),
         start_buffer=tuple(z.tolist()),
         start=scene.run.start,
         stop=scene.run.stop,
@@ -183,7 +194,8 @@ def sizes(scene: Scene, plan: Plan) -> tuple[int, tuple[int, int]]:
     Where formulas act these are the whole body's states, and no variables.
     """
     states = 7 if scene.body is not None and scene.body.pivot else 13
-    count = len(describe(scene, plan).variables) + 1
+    described = describe(scene, plan)
+    count = len(described.variables) + len(described.counts) + 1
     if scene.body is None:
         return count, (plan.states, count)
     if scene.has_formulas:
@@ -221,16 +233,25 @@ def _blocks(scene: Scene, plan: Plan) -> list[_Block]:
         found.append(_Block(own, places[name], "input"))
     for row in IN_BUFFER_ORDER:
         if row.name in needed and row.name not in ports:  # a port's name is taken: its known part stays inside
-            found.append(_Block(row, places[getattr(row, "block", row.name)], "parameter"))
-    for name, one in scene.constants.items():
-        if name in needed:
-            own = Parameter(name, len(one.value), one.unit or "1", one.about or "constant")
-            found.append(_Block(own, places[f"constants.{name}"], "parameter"))
-    for name, state in scene.states.items():
-        if f"{name}_0" in needed:
-            own = Parameter(f"{name}_0", len(state.start), state.unit or "1", f"{state.about or 'state'}, at the start")
-            found.append(_Block(own, places[f"states.{name}_0"], "parameter"))
-    return found + [_output(row, scene, plan) for row in _output_rows(scene, plan)]
+            found.append(_Block(row, places[row.block], "parameter"))
+    of_own = scene.own_parameters.values()
+    found += [_Block(row, places[row.block], "parameter") for row in of_own if row.name in needed]
+    found += [_output(row, scene, plan) for row in _output_rows(scene, plan)]
+    return [*found, *_times_of_events(scene, plan)]
+
+
+def _times_of_events(scene: Scene, plan: Plan) -> Iterator[_Block]:
+    """Yield when each event happened last, at first the start; a time of its own follows no input."""
+    for e, (name, event) in enumerate(scene.events.items()):
+        place = plan.kernels.BLOCKS["events.times"].start + e
+        row = own_output(f"{name}_time", 1, "s", f"last time of {event.about or event.when}")
+        yield _Block(row, slice(place, place + 1), "output")
+
+
+def _counts(scene: Scene, plan: Plan) -> Iterator[Count]:
+    for e, (name, event) in enumerate(scene.events.items()):
+        place = plan.kernels.BLOCKS["events.counts"].start + e
+        yield Count(f"{name}_count", place, f"how often {event.about or event.when} came to zero, {event.direction}")
 
 
 def _output_rows(scene: Scene, plan: Plan) -> Iterator[Output]:
@@ -238,10 +259,10 @@ def _output_rows(scene: Scene, plan: Plan) -> Iterator[Output]:
     for name, size in plan.formulas.own_states.items() if plan.formulas else ():
         state = scene.states[name]
         yield own_output(name, size, state.unit, state.about or f"state with the rate {state.rate}")
-    for name, one in scene.outputs.own.items():
-        assert plan.formulas is not None
-        meaning = " = ".join(filter(None, (one.about, one.value)))
-        yield own_output(name, plan.formulas.own_outputs[name], one.unit, meaning)
+    if scene.outputs.own:
+        from rbfmu.models.formulas import own_rows  # what has none starts sooner
+
+        yield from own_rows(scene).values()
 
 
 def _output(row: Output, scene: Scene, plan: Plan) -> _Block:

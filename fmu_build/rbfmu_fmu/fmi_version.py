@@ -6,7 +6,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
-from rbfmu_fmu.description import Description, FmiVariable, arrays, scalars
+from rbfmu_fmu.description import Count, Description, FmiVariable, arrays, scalars
 
 UNSET = "{}"
 """Stands for an FMU's identity while that identity is being made."""
@@ -54,8 +54,12 @@ class FmiVersion:
         return said | ({"maxOutputDerivativeOrder": "1"} if d.output_rates else {})
 
     def status_reference(self, d: Description) -> int:
-        """Return the value reference of the integer output `status`, which is the last of all."""
+        """Return the value reference of the integer output `status`, which all Reals come before."""
         return len(self.references(d)) + self.has_time
+
+    def counted(self, d: Description) -> list[tuple[int, Count]]:
+        """Return the counts of events with their value references, which are the last of all."""
+        return [*enumerate(d.counts, self.status_reference(d) + 1)]
 
 
 FMI2 = FmiVersion(

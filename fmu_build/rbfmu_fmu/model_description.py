@@ -98,6 +98,11 @@ def _variables(version: FmiVersion, d: Description) -> Iterator[Element]:
     status = _element(version, "ScalarVariable", version.integer, STATUS | updated, STATUS_RANGE)
     status.set("valueReference", str(version.status_reference(d)))
     yield status
+    for reference, count in version.counted(d):
+        said = STATUS | updated | {"name": count.name, "description": count.meaning}
+        element = _element(version, "ScalarVariable", version.integer, said, {"min": "0"})
+        element.set("valueReference", str(reference))
+        yield element
 
 
 def _limits_of_all(members: list[Variable]) -> dict[str, str]:
@@ -121,7 +126,7 @@ def _model_structure(version: FmiVersion, d: Description) -> Element:
             for reference, one in enumerate(named)
             if d.variables[one.elements[0]].causality == "output"
         }
-        known[version.status_reference(d)] = ()
+        known |= dict.fromkeys((version.status_reference(d), *(reference for reference, _ in version.counted(d))), ())
         unknowns = SubElement(structure, f"{name}s") if version.nested else structure
         for reference, others in known.items():
             listed = " ".join(str(k + first) for k in sorted(others))

@@ -14,10 +14,10 @@ from string import Template
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import rbfmu
 from rbfmu import Plan, Scene
+from rbfmu.types import Array
 from rbfmu.viewer.shape import Shape, shape_of
 from rbfmu_fmu.description import Description, Variable, blocks, scalars
 from rbfmu_fmu.fmi_version import FmiVersion
@@ -144,7 +144,6 @@ def _of_headers() -> str:
 
 # --- the picture
 
-Array = NDArray[np.float64]
 INCHES, DPI = 2.0, 100
 AZIMUTH, ELEVATION = math.radians(30.0), math.radians(28.0)
 """From where it is looked at: beside axis x towards y, from above; z is upwards."""

@@ -16,12 +16,12 @@ import numpy as np
 from fmpy.fmi1 import FMICallException
 from fmpy.simulation import instantiate_fmu
 from fmpy.validation import validate_fmu
-from numpy.typing import NDArray
 
 from rbfmu import Plan, Scene, SceneError, planning
 from rbfmu.runs.motion import largest_error
 from rbfmu.runs.plan import filled_buffer, initialize
 from rbfmu.runs.time_grid import time_grid
+from rbfmu.types import Array
 from rbfmu_fmu.builder import kernel_hash
 from rbfmu_fmu.description import Description, describe, input_sizes
 from rbfmu_fmu.fmi_version import FmiVersion, version_of
@@ -29,8 +29,6 @@ from rbfmu_fmu.python.pythonfmu_traps import CRASHES_IN_PATH
 from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.compile.tiered import evaluated, tiered
 from rbfmu_kernels.rotations.euler_angles import ZYX, quaternion_from_euler
-
-Array = NDArray[np.float64]
 
 MAX_STEPS = 10_000
 HELD_STEPS = 10
@@ -85,12 +83,12 @@ def verify(path: str | Path, seed: int = 1) -> Verification:
     recorded, log = _through_fmpy(path, description, time, inputs)
     expected = _through_kernels(scene, plan, time[: len(recorded)], inputs)
     apart = np.nan_to_num(np.abs(recorded - expected), nan=np.inf, posinf=np.inf).max(axis=0).tolist()
-    differences = {v.name: one for v, one in zip(description.outputs, apart, strict=True)}
+    units = {v.name: v.unit for v in description.outputs} | {count.name: "1" for count in description.counts}
+    differences = dict(zip(units, apart, strict=True))
     done = len(recorded) - 1
     to_full = _distance_to_full(scene, description, time, inputs, expected)
     if to_full > scene.run.accuracy:
         problems += [f"the planned model is {to_full:.2g} from the full one: accuracy asked {scene.run.accuracy:g}"]
-    units = {v.name: v.unit for v in description.outputs}
     said = tuple(problems + log)
     return Verification(seed, len(time) - 1, done, differences, units, said, to_full, scene.run.accuracy)
 
@@ -183,7 +181,8 @@ class Unit:
         )
         self._old = not version.has_time
         self._counted = () if self._old else (len(description.outputs),)
-        self._status = version.status_reference(description)
+        counts = (reference for reference, _ in version.counted(description))
+        self._integers = [*counts, version.status_reference(description)]
         self.messages: list[str] = []
         self.fmu = instantiate_fmu(str(folder), model, "CoSimulation", debug_logging=True, logger=self._log)
         self._get, self._set = (getattr(self.fmu, f"{call}{version.real}") for call in ("get", "set"))
@@ -211,8 +210,8 @@ class Unit:
             self._set(self._inputs, list(values))
 
     def outputs(self) -> list[float]:
-        """Return all outputs and, as the last one, `status`."""
-        return [*self._get(self._outputs, *self._counted), *self._get_integers([self._status])]
+        """Return all outputs, the counts of events and, as the last one, `status`."""
+        return [*self._get(self._outputs, *self._counted), *self._get_integers(self._integers)]
 
 
 @contextmanager
@@ -248,7 +247,7 @@ def _through_kernels(scene: Scene, plan: Plan, time: Array, inputs: Array) -> Ar
     """Return the outputs, a column each, at the same times; NaN from a refused step on."""
     kernels, z, description = plan.kernels, filled_buffer(scene, plan), describe(scene, plan)
     places = [v.offset for v in description.inputs]
-    wanted = [v.offset for v in description.outputs]
+    wanted = [*(v.offset for v in description.outputs), *(count.offset for count in description.counts)]
     rows = np.full((len(time), len(wanted)), np.nan)
     for k in range(len(time)):
         z[places] = inputs[max(k - 1, 0)]
@@ -269,7 +268,8 @@ def _distance_to_full(scene: Scene, description: Description, time: Array, input
     except SceneError:
         return math.nan
     rows = _through_kernels(scene, full, time, inputs)
-    blocks = [v.block for v in description.outputs]
+    of_events = {f"{name}_time" for name in scene.events}  # which a little change moves by a whole spin
+    blocks = [v.block for v in description.outputs if v.block not in of_events]
     columns = {name: [k for k, block in enumerate(blocks) if block == name] for name in blocks}
     a, b = ({n: m[: len(planned), c] for n, c in columns.items()} for m in (planned, rows))
     for motion in (a, b):

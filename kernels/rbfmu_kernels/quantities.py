@@ -54,7 +54,7 @@ class Parameter(NamedTuple):
     """A constant of the body, or its state at the start.
 
     positive: zero is refused; grows: positions, velocities, accelerations and energy grow with it; elements: names of
-    the numbers where they are not counted from 1.
+    the numbers where they are not counted from 1; own_block: its block in a buffer, where that has another name.
     """
 
     name: str
@@ -65,6 +65,12 @@ class Parameter(NamedTuple):
     positive: bool = False
     grows: bool = False
     elements: tuple[str, ...] = ()
+    own_block: str = ""
+
+    @property
+    def block(self) -> str:
+        """Return the name of its block in a buffer."""
+        return self.own_block or self.name
 
 
 WEIGHT, FORCE, TORQUE = "weight", "force", "torque"

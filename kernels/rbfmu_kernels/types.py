@@ -7,6 +7,10 @@ Quaternion = tuple[float, float, float, float]
 """Euler parameters (eta, eps_1, eps_2, eps_3): scalar first."""
 Matrix = tuple[Vec3, Vec3, Vec3]
 """Rows: R[i][j] is row i, column j."""
+Transform = tuple[Quaternion, Quaternion, Quaternion, Quaternion]
+"""Rows of a homogeneous transform, of four numbers each: they are no quaternions, but Numba sees no difference."""
+Vec6 = tuple[float, float, float, float, float, float]
+Matrix6 = tuple[Vec6, Vec6, Vec6, Vec6, Vec6, Vec6]
 
 
 class Buffer(Protocol):
@@ -20,7 +24,9 @@ class Buffer(Protocol):
 
 
 Shape = tuple[int, ...]
-_SHAPES: dict[object, Shape] = {float: (), Vec3: (3,), Quaternion: (4,), Matrix: (3, 3)}
+_SHAPES: dict[object, Shape] = {
+    float: (), Vec3: (3,), Quaternion: (4,), Vec6: (6,), Matrix: (3, 3), Transform: (4, 4), Matrix6: (6, 6)
+}  # fmt: skip
 
 
 def shape_of(annotation: object) -> Shape:

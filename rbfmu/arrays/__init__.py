@@ -17,6 +17,7 @@ from rbfmu_kernels.rotations import vec3 as _vec3
 
 if TYPE_CHECKING:
     from rbfmu.arrays.free_body import free_rotation as free_rotation
+    from rbfmu.arrays.on_demand import *  # noqa: F403
 
 REFLECTION = "some of these matrices are no rotations (det <= 0, as of a reflection), which gives NaN"
 NO_DIRECTION = "some of these axes have no direction (zero, or beyond 1e150), which gives NaN"
@@ -131,13 +132,25 @@ angular_momentum = array_function(_rigid_body.angular_momentum)
 angular_momentum_o = array_function(_rigid_body.angular_momentum_o)
 kinetic_energy = array_function(_rigid_body.kinetic_energy)
 
-__all__ = ["check_inertia", "free_rotation", "inertia_of_points", "set_threads"]
+_LATER = {
+    "free_body": ("free_rotation",),
+    "on_demand": (
+        "attitude_error", "attitude_error_rate", "gibbs_from_quaternion", "gibbs_rate_a", "gibbs_rate_b",
+        "mrp_from_quaternion", "mrp_rate_a", "mrp_rate_b", "mrp_shadow", "quaternion_from_gibbs", "quaternion_from_mrp",
+        "spatial_inertia", "transform_compose", "transform_from_matrix", "transform_invert", "transform_point",
+        "twist_at", "wrench_at",
+    ),
+}  # fmt: skip
+_HOMES = {name: module for module, names in _LATER.items() for name in names}
+
+__all__ = ["check_inertia", "inertia_of_points", "set_threads"]
 __all__ += [name for name, value in globals().items() if hasattr(value, "__wrapped__")]
+__all__ += _HOMES
 
 
 def __getattr__(name: str) -> Any:
-    """Load free rotation when it is first used: its modules take as long as all others."""
-    if name != "free_rotation":
+    """Load what is seldom needed when it is first used: free rotation alone takes as long as all others."""
+    if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = globals()[name] = import_module("rbfmu.arrays.free_body").free_rotation
+    value = globals()[name] = getattr(import_module(f"rbfmu.arrays.{_HOMES[name]}"), name)
     return value

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from rbfmu.types import Array
 from rbfmu_kernels.compile.gufunc import STREAMED, gufuncs
 from rbfmu_kernels.compile.shapes import core_shapes, python_function
 from rbfmu_kernels.rotations.euler_angles import sequence
@@ -306,6 +307,14 @@ def _holds(shape: tuple[int, ...], leading: tuple[int, ...], core: Shape) -> boo
         return False
     last = shape[axes - len(leading) : axes]
     return all(n in (1, m) for n, m in zip(leading, last, strict=True))
+
+
+def as_floats(function: str, argument: str, value: Any) -> Array:
+    """Return an argument as an array of floats. Raises ValueError."""
+    try:
+        return np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"{function}: {argument} must be numbers, got {value!r}") from None
 
 
 # Warnings at singular arguments, in the functions' own words: NumPy would speak of a division by zero

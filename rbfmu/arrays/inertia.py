@@ -1,15 +1,13 @@
 """Array functions about inertia that are more than a kernel over leading axes."""
 
 import math
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from rbfmu.arrays.from_kernel import array_function
+from rbfmu.arrays.from_kernel import array_function, as_floats
+from rbfmu.types import Array
 from rbfmu_kernels.mechanics import inertia as _inertia
-
-Array = NDArray[np.float64]
 
 _reasons = array_function(_inertia.check_inertia)
 _principal_axes = array_function(_inertia.principal_axes)
@@ -24,7 +22,7 @@ def inertia_of_points(masses: ArrayLike, positions: ArrayLike) -> tuple[Array, A
     far away loses no digits but those of its positions.
     Singular: where the masses' sum is not above 0, a ValueError.  Source: E&G (7.30); lecture, "Inertia dyadic".
     """
-    m, r = _floats("inertia_of_points", "masses", masses), _floats("inertia_of_points", "positions", positions)
+    m, r = as_floats("inertia_of_points", "masses", masses), as_floats("inertia_of_points", "positions", positions)
     if r.ndim < 2 or r.shape[-1] != 3:
         raise ValueError(f"inertia_of_points: positions must have trailing shape (n, 3), got {r.shape}")
     if m.ndim < 1 or m.shape[-1] != r.shape[-2]:
@@ -49,7 +47,7 @@ def check_inertia(M: ArrayLike) -> None:
     Units: any, commonly kg m^2.  Frames: any.
     Error: each condition may be broken by 1e-12 of the trace.  Singular: nowhere.  Source: lecture, "Inertia dyadic".
     """
-    M = _floats("check_inertia", "M", M)
+    M = as_floats("check_inertia", "M", M)
     reasons = np.asarray(_reasons(M))
     if not reasons.any():
         return
@@ -67,10 +65,3 @@ def _said(reason: int, M: Array) -> str:
     if reason == _inertia.NEGATIVE:
         return f"has a negative principal moment: {low:.6g}, {middle:.6g}, {high:.6g} kg m2"
     return f"breaks the triangle inequality: {high:.6g} kg m2 is above {low:.6g} + {middle:.6g}"
-
-
-def _floats(function: str, argument: str, value: Any) -> Array:
-    try:
-        return np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ValueError(f"{function}: {argument} must be numbers, got {value!r}") from None

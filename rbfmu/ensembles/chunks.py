@@ -5,34 +5,33 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rbfmu.ensembles.loops import advance_lanes, compile_lanes, compiled, entries, run_members
+from rbfmu.ensembles.control import Control, driven_members, wrong_input
+from rbfmu.ensembles.loops import advance_lanes, compile_lanes, compiled, entries, run_driven, run_members
 from rbfmu.ensembles.members import Samples, draw, ensemble_of, member, refusals
-from rbfmu.ensembles.statistics import Summary, summary_of
-from rbfmu.ensembles.variables import ALL, FINAL, KEYS, STATISTICS, Columns, flat, output_rows
+from rbfmu.ensembles.statistics import MOST_NUMBERS, MOST_SAMPLED, Summary, most_points, sample_of, summary_of
+from rbfmu.ensembles.variables import ALL, COUNT, FINAL, FIRST, STATISTICS, Columns, columns_of, flat, varied_rows
 from rbfmu.exceptions import SceneError
 from rbfmu.models.model_buffer import aligned_zeros, refusal
 from rbfmu.runs.inputs import HOLD, drive_of
 from rbfmu.runs.plan import Plan, filled_buffer
+from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.scene import Scene
-from rbfmu.scene.variations import CONSTANTS, STATES
 from rbfmu.simulation import refused_step
+from rbfmu.types import Array, Indices
 from rbfmu_kernels.compile.stamp import SOURCES, hash_of_sources
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+SECONDS, MOST_MEMBERS, MOST_BYTES, SUMMED_BYTES = 0.1, 16384, 8e6, 64e6
+"""What a chunk takes by its plan; the most members, and bytes of their outputs, that it has, where all are handed back
+or summed up first.
 
-SECONDS, MOST_MEMBERS, MOST_BYTES = 0.1, 16384, 8e6
-"""What a chunk takes by its plan; the most members, and bytes of their outputs, that it has.
-
-A tenth of a second is a thousand times what handing a chunk to a worker takes, and little to lose by a stop; 8 MB of
-outputs stay in a processor's last cache until they are summed up.
+A tenth of a second is a thousand times what handing a chunk to a worker takes, and little to lose by a stop. The more
+members are summed up together, the less is left to merge.
 """
-SET_UP, STATISTICS_OF_ONE = 1e-5, 2e-8
+SET_UP, STATISTICS_OF_ONE = 1e-5, 5e-9
 """What a member takes besides its steps, and what statistics of one number take, s."""
 LANES_FROM, LANES_GAIN, WORTH_COMPILING = 300.0, 3.0, 2.0
 """The cost of a step, ns, from which on lanes take less time for it than one member does, how many times less; and the
@@ -42,16 +41,17 @@ processor, which pay at the next call if not at this one."""
 
 @dataclass(frozen=True)
 class Work:
-    """What all chunks of an ensemble have in common. size: members of a chunk."""
+    """What all chunks of an ensemble have in common. size: members of a chunk; control: what drives their ports."""
 
     scene: Scene
     plan: Plan
     size: int
+    control: Control | None = None
 
     @property
     def columns(self) -> Columns:
         """Return the columns of the outputs."""
-        return Columns((*output_rows(self.scene).values(),))
+        return columns_of(self.scene)
 
     @property
     def runs(self) -> int:
@@ -63,18 +63,33 @@ class Work:
         """Return the number of chunks."""
         return -(-self.runs // self.size)
 
+    @property
+    def most_points(self) -> int:
+        """Return how many points stand for the members at each time; none where all members are kept."""
+        return 0 if self.keeps(ALL) else most_points((communication_steps(self.scene) + 1) * self.columns.width)
+
+    @property
+    def share(self) -> float:
+        """Return of which part of the members attitudes are kept as they are; of none where all is kept."""
+        points = communication_steps(self.scene) + 1
+        return 0.0 if self.keeps(ALL) else min(MOST_SAMPLED, MOST_NUMBERS // (4 * points)) / self.runs
+
     def keeps(self, what: str) -> bool:
         """Return whether this is kept of the runs."""
         return what in ensemble_of(self.scene).keep
 
 
 class Chunk(NamedTuple):
-    """What a chunk of members gave. rows (m, n, K): outputs at all points or the last, NaN of members that failed."""
+    """What a chunk of members gave. rows (m, n, K): outputs at all points or the last, NaN of members that failed.
+
+    events: by the variable of an event, what was noted of each member.
+    """
 
     first: int
     samples: Mapping[str, Array]
     redrawn: Indices
     rows: Array
+    events: Mapping[str, Any]
     failed: dict[int, str]
     summary: Summary | None
 
@@ -84,64 +99,96 @@ class Chunk(NamedTuple):
         return len(self.rows)
 
 
-def members_of_a_chunk(scene: Scene, plan: Plan) -> int:
+def members_of_a_chunk(scene: Scene, plan: Plan, control: Control | None = None) -> int:
     """Return how many members a chunk has, a power of 2 that depends on the ensemble alone, not on its runs.
 
     Sums are merged chunk by chunk: with other chunks their bits would be others. A store can so be extended by runs.
     """
     steps = len(drive_of(scene, {}, HOLD).lengths)
     keep = ensemble_of(scene).keep
-    numbers = Columns((*output_rows(scene).values(),)).width * (steps + 1 if set(keep) - {FINAL} else 1)
-    cost = plan.cost / (LANES_GAIN if _has_lanes(plan) else 1.0)
+    numbers = columns_of(scene).width * (steps + 1 if set(keep) - {FINAL} else 1)
+    numbers += steps * (control.numbers(scene) if control else 0)
+    cost = plan.cost / (LANES_GAIN if _has_lanes(plan) and not control else 1.0)
     seconds = cost * 1e-9 * steps + SET_UP
     seconds += STATISTICS_OF_ONE * numbers if STATISTICS in keep else 0.0
-    most = max(1, int(min(SECONDS / seconds, MOST_BYTES / (8.0 * numbers), MOST_MEMBERS)))
+    bytes_of_outputs = MOST_BYTES if ALL in keep else SUMMED_BYTES
+    most = max(1, int(min(SECONDS / seconds, bytes_of_outputs / (8.0 * numbers), MOST_MEMBERS)))
     return 1 << (most.bit_length() - 1)
 
 
 def run_chunk(work: Work, index: int) -> Chunk:
-    """Draw and run the members of a chunk. Their bits are those of `simulate(member(scene, samples, row), plan)`."""
+    """Draw and run the members of a chunk. Their bits are those of `simulate(member(scene, samples, row), plan)`.
+
+    Where a controller drives them, they are those of a `Simulator` that it is called beside.
+    """
     first = index * work.size
     samples = draw(work.scene, first, min(work.size, work.runs - first))
     count = len(samples)
-    rows, failed = run_samples(work, samples, ends_alone=not (work.keeps(STATISTICS) or work.keeps(ALL)))
+    rows, events, failed = run_samples(work, samples, ends_alone=not (work.keeps(STATISTICS) or work.keeps(ALL)))
     good = np.array([i for i in range(count) if i not in failed], dtype=np.int64)
-    summary = summary_of(rows, good, work.columns.pairs, index) if work.keeps(STATISTICS) else None
+    summary = None
+    if work.keeps(STATISTICS):
+        sample = sample_of(rows, good, first, work.columns, work.share)
+        summary = summary_of(rows, good, work.columns, work.most_points, index)._replace(sample=sample)
     kept = rows if work.keeps(ALL) else np.ascontiguousarray(rows[:, -1:])
     messages = {first + i: text for i, text in sorted(failed.items())}
-    return Chunk(first, samples.applied, samples.redrawn, kept, messages, summary)
+    return Chunk(first, samples.applied, samples.redrawn, kept, events, messages, summary)
 
 
-def run_samples(work: Work, samples: Samples, ends_alone: bool) -> tuple[Array, dict[int, str]]:
-    """Return outputs (m, n, K) of members, at all points or at the end alone, and what is said of those that failed.
+def run_samples(work: Work, samples: Samples, ends_alone: bool) -> tuple[Array, dict[str, Any], dict[int, str]]:
+    """Return outputs (m, n, K) of members, at all points or at the end alone, events, and what is said of failures.
 
-    Their rows are NaN.
+    Of members that failed rows are NaN, and nothing happened. Of events the first time is NaN where there is none.
     """
     steps, count = drive_of(work.scene, {}, HOLD).lengths, len(samples)
     points = 1 if ends_alone else len(steps) + 1
-    rows = np.full((count, points, work.columns.width), np.nan)
     failed = refusals(work.scene, samples)
     which = np.array([i for i in range(count) if i not in failed], dtype=np.int64)
+    noted, said = np.zeros((count, 2 * len(work.scene.events))), dict[int, str]()
+    rows = np.empty((0, points, work.columns.width))
     if len(which):
-        rows[which], said = _outputs(work, samples, which, steps, points)
-        failed |= said
-    rows[list(failed)] = np.nan
-    return rows, failed
+        rows, noted[which], said = _outputs(work, samples, which, steps, points)
+    if failed:
+        ran, rows = rows, np.empty((count, *rows.shape[1:]))
+        rows[which] = ran
+    failed |= said
+    rows[list(failed)], noted[list(failed)] = np.nan, 0.0
+    return rows, _events(work.scene, noted), failed
 
 
-def _outputs(work: Work, samples: Samples, which: Indices, steps: Array, points: int) -> tuple[Array, dict[int, str]]:
-    """Return the outputs (m, n, K) of the members named, by row, and what is said of those that were refused."""
+def _events(scene: Scene, noted: Array) -> dict[str, Any]:
+    """Return the variables of events, of counts and first times (m, 2 E)."""
+    counts, firsts = np.hsplit(noted, 2)
+    found = {}
+    for e, name in enumerate(scene.events):
+        found[f"{name}{COUNT}"] = counts[:, e].astype(np.int64)
+        found[f"{name}{FIRST}"] = np.where(counts[:, e] > 0.0, firsts[:, e], np.nan)
+    return found
+
+
+def _outputs(
+    work: Work, samples: Samples, which: Indices, steps: Array, points: int
+) -> tuple[Array, Array, dict[int, str]]:
+    """Return the outputs (m, n, K) of the members named, by row, how often and when first events happened (m, 2 E),
+    and what is said of those that were refused."""
     plan, kernels = work.plan, work.plan.kernels
-    places, values = varied_numbers(samples.applied, kernels.BLOCKS)
+    places, values = varied_numbers(work.scene, samples.applied, kernels.BLOCKS)
     rows = np.empty((len(which), points, work.columns.width))
     ends = np.empty((len(which), 2), dtype=np.int64)
+    of_events = [kernels.BLOCKS[name] for name in ("events.counts", "events.earliest") if work.scene.events]
+    after = np.array([place for block in of_events for place in range(block.start, block.stop)], dtype=np.int64)
+    noted = np.zeros((len(which), len(after)))
     of_all = filled_buffer(work.scene, plan), places, values[which], steps, work.columns.places(kernels.BLOCKS)
-    if not (_has_lanes(plan) and advance_lanes(kernels, *of_all, rows, ends, compile_now=False)):
-        compiled(run_members)(*entries(kernels), aligned_zeros(kernels.SIZE), *of_all, rows, ends)
+    if work.control:
+        function, *driven = driven_members(work.control, work.scene, kernels, (samples.first + which).tolist())
+        z, (base, *own, _, kept) = aligned_zeros(kernels.SIZE), of_all
+        compiled(run_driven)(*entries(kernels), function, z, base, *own, kept, rows, ends, after, noted, *driven)
+    elif not (_has_lanes(plan) and advance_lanes(kernels, *of_all, rows, ends, compile_now=False)):
+        compiled(run_members)(*entries(kernels), aligned_zeros(kernels.SIZE), *of_all, rows, ends, after, noted)
         if compiling_pays(work, len(steps)):  # beside the members to come, of which each has the same bits either way
             compile_lanes(kernels)
     bad = np.flatnonzero((ends[:, 0] != 0) | (ends[:, 1] < len(steps)))
-    return rows, {int(which[k]): _message(work.scene, plan, samples, int(which[k]), ends[k]) for k in bad}
+    return rows, noted, {int(which[k]): _message(work.scene, plan, samples, int(which[k]), ends[k]) for k in bad}
 
 
 def compiling_pays(work: Work, steps: int) -> bool:
@@ -153,20 +200,14 @@ def _has_lanes(plan: Plan) -> bool:
     return plan.cost >= LANES_FROM and bool(plan.kernels.lanes)
 
 
-def varied_numbers(applied: Mapping[str, Array], blocks: dict[str, slice]) -> tuple[Indices, Array]:
+def varied_numbers(scene: Scene, applied: Mapping[str, Array], blocks: dict[str, slice]) -> tuple[Indices, Array]:
     """Return places (p,) in a model's buffer and the members' values (m, p) there; what it has no block for is left."""
-    count = len(next(iter(applied.values())))
-    names = {key: _block_of(key) for key in applied}
+    count, rows = len(next(iter(applied.values()))), varied_rows(scene)
+    names = {key: rows[key].block for key in applied}
     known = {key: blocks[name] for key, name in names.items() if name in blocks}
     places = [place for block in known.values() for place in range(block.start, block.stop)]
     values = np.hstack([np.empty((count, 0)), *(flat(applied[key]) for key in known)])
     return np.array(places, dtype=np.int64), np.ascontiguousarray(values)
-
-
-def _block_of(key: str) -> str:
-    if key.startswith((f"{CONSTANTS}.", f"{STATES}.")):
-        return key if key.startswith(CONSTANTS) else f"{key}_0"
-    return getattr(KEYS[key], "block", KEYS[key].name)
 
 
 def _message(scene: Scene, plan: Plan, samples: Samples, row: int, end: Indices) -> str:
@@ -175,6 +216,8 @@ def _message(scene: Scene, plan: Plan, samples: Samples, row: int, end: Indices)
         own = member(scene, samples, row)
     except SceneError as error:
         return str(error)
+    if end[0] < 0:
+        return wrong_input(own, end.tolist())
     if end[0]:
         return str(refusal(own, int(end[0]), plan.kernels.BLOCKS, filled_buffer(own, plan)))
     return str(refused_step(own, drive_of(own, {}, HOLD).time[int(end[1])]))

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from rbfmu.extras import needed
 from rbfmu.scene.ensemble import GRID, LATIN_HYPERCUBE, RANDOM, SOBOL, Correlation, Ensemble, lower_factor
 from rbfmu.scene.variations import LOGNORMAL, NORMAL, RELATIVE, TRIANGULAR, UNIFORM, Marginal
+from rbfmu.types import Array
 
-Array = NDArray[np.float64]
 WORDS = 4
 """The numbers that one count of Philox yields.
 
@@ -35,15 +35,19 @@ def points(ensemble: Ensemble, first: int, count: int) -> Array:
     return _DESIGNS[ensemble.design](ensemble, first, count)
 
 
+def key_of(seed: int, name: str) -> NDArray[np.uint64]:
+    """Return the key of the stream of a name."""
+    digest = hashlib.blake2b(name.encode(), digest_size=8).digest()
+    return np.array([seed, int.from_bytes(digest, "little")], dtype=np.uint64)
+
+
 def uniform(seed: int, name: str, first: int, count: int, attempt: int = 0) -> Array:
     """Return numbers (count,) inside (0, 1), number i by Philox's count i under the key of seed and name.
 
     A number's own stream has the name of the number in its key, so that what else varies does not change it.
     """
-    digest = hashlib.blake2b(name.encode(), digest_size=8).digest()
-    key = np.array([seed, int.from_bytes(digest, "little")], dtype=np.uint64)
     start = first // WORDS
-    stream = np.random.Philox(key=key, counter=np.array([start, attempt, 0, 0], dtype=np.uint64))
+    stream = np.random.Philox(key=key_of(seed, name), counter=np.array([start, attempt, 0, 0], dtype=np.uint64))
     raw = stream.random_raw((first + count + WORDS - 1) // WORDS * WORDS - start * WORDS)
     kept = raw[first - start * WORDS :][:count] >> np.uint64(11)
     # 53 bits are what a float holds; the middles of their cells are neither 0 nor 1, where normal scores are infinite.

@@ -1,10 +1,11 @@
-"""The compiled loops of ensembles: members one after the other or in lanes, moments of what they gave, merged points.
+"""The compiled loops of ensembles: members one after the other or in lanes, and moments of what they gave.
 
 They let go of the GIL, so that threads run side by side. A model's `initialize` and `step` are called by their
 addresses: one loop serves all models, with the code that `simulate` calls. Lanes are those of a vector: some members
 side by side, where their model knows how, with the same bits.
 """
 
+import math
 from collections.abc import Callable
 from functools import cache
 from importlib import import_module
@@ -17,9 +18,12 @@ from numba import config, float64, int64, njit, typeof, types
 from rbfmu.models.model_buffer import aligned_zeros
 from rbfmu_kernels.compile.simd import widest
 from rbfmu_kernels.compile.tiered import is_kept
+from rbfmu_kernels.numerics.elementary import sincos
 
 _NUMBERS, _TABLE, _BLOCK = float64[::1], float64[:, ::1], float64[:, :, ::1]
 _INDICES, _PAIRS = int64[::1], int64[:, ::1]
+CONTROLLED = (float64, _NUMBERS, _NUMBERS, _NUMBERS, _NUMBERS)
+"""The types of a controller's arguments."""
 _INITIALIZE, _STEP = types.FunctionType(int64(_NUMBERS)), types.FunctionType(int64(_NUMBERS, float64))
 
 
@@ -42,13 +46,15 @@ def entries(model: Any) -> tuple[Any, Any]:
 
 
 def run_members(
-    initialize: Any, step: Any, z: Any, base: Any, places: Any, values: Any, steps: Any, kept: Any, rows: Any, ends: Any
-) -> int:
+    initialize: Any, step: Any, z: Any, base: Any, places: Any, values: Any, steps: Any, kept: Any, rows: Any,
+    ends: Any, after: Any, noted: Any,
+) -> int:  # fmt: skip
     """Run members by a model's `initialize` and `step`, one after the other.
 
     z, base (size,): the buffer to run in, and what it holds before a member's values (m, p) are put to places (p,).
     steps (n,): s. kept (K,): places of the outputs. rows (m, n + 1, K): outputs at each point; (m, 1, K): the last.
-    ends (m, 2): what `initialize` returned, and the number of steps done.
+    ends (m, 2): what `initialize` returned, and the number of steps done. noted (m, E): what stands at the places after
+    (E,) when a member's run is over.
     """
     size, points, width = len(base), rows.shape[1], len(kept)
     for i in range(len(values)):
@@ -68,54 +74,158 @@ def run_members(
                 point = k + 1 if points > 1 else 0
                 for j in range(width):
                     rows[i, point, j] = z[kept[j]]
+        for j in range(len(after)):
+            noted[i, j] = z[after[j]]
     return 0
 
 
-def add_moments(rows: Any, good: Any, pairs: Any, mean: Any, products: Any, before: int) -> int:
-    """Add members (m, n, K) to mean (n, K) and to sums (n, P) of products of two deviations, by Welford's recurrence.
+def hold(t: float, outputs: Any, state: Any, inputs: Any, noise: Any) -> None:
+    """Leave the inputs of members that no controller has as they are."""
 
-    good (g,): which of the rows; pairs (P, 2): columns of the products; before: how many members are in already.
+
+def run_driven(
+    initialize: Any, step: Any, control: Any, z: Any, base: Any, places: Any, values: Any, kept: Any, rows: Any,
+    ends: Any, after: Any, noted: Any, ports: Any, time: Any, lengths: Any, counts: Any, given: Any, start: Any,
+    noise: Any,
+) -> int:  # fmt: skip
+    """Run members as `run_members` does, their ports driven by tables, and by a controller after these.
+
+    ports (P,): their places. time (n + 1,): the communication points, s. lengths (L,): s, of pieces of the run in which
+    inputs are held, given (L, P) those of tables, NaN where there are none. counts (1 or m, n + 1): how many pieces lie
+    before each point. start (k,): state of the controller. noise (m, n, q). Where an input is not finite, ends[i, 0] is
+    -1 - its place among the ports.
     """
-    count, width = before, rows.shape[2]
-    for i in good:
-        count += 1
-        for t in range(rows.shape[1]):
-            for p in range(len(pairs)):
-                a, b = pairs[p, 0], pairs[p, 1]
-                after = mean[t, b] + (rows[i, t, b] - mean[t, b]) / count
-                products[t, p] += (rows[i, t, a] - mean[t, a]) * (rows[i, t, b] - after)
-            for j in range(width):
-                mean[t, j] += (rows[i, t, j] - mean[t, j]) / count
-    return count
+    steps, points, width = len(time) - 1, rows.shape[1], len(kept)
+    outputs, inputs, state = np.empty(width), np.empty(len(ports)), np.empty(len(start))
+    for i in range(len(values)):
+        pieces, k = counts[min(i, len(counts) - 1)], 0
+        z[:] = base
+        for j in range(len(places)):
+            z[places[j]] = values[i, j]
+        for j in range(len(ports)):
+            if not math.isnan(given[pieces[0], j]):
+                z[ports[j]] = given[pieces[0], j]
+        state[:] = start
+        ends[i, 0] = initialize(z)
+        fine = ends[i, 0] == 0
+        while fine:
+            if points > 1 or k == steps:
+                for j in range(width):
+                    rows[i, k if points > 1 else 0, j] = z[kept[j]]
+            ends[i, 1] = k
+            if k == steps:
+                break
+            for piece in range(pieces[k], pieces[k + 1]):
+                for j in range(len(ports)):
+                    inputs[j] = z[ports[j]] if math.isnan(given[piece, j]) else given[piece, j]
+                if piece == pieces[k]:
+                    for j in range(width):
+                        outputs[j] = z[kept[j]]
+                    control(time[k], outputs, state, inputs, noise[i, k])
+                for j in range(len(ports)):
+                    z[ports[j]] = inputs[j]
+                    if fine and not math.isfinite(inputs[j]):
+                        ends[i, 0], fine = -1 - j, False
+                fine = fine and step(z, lengths[piece]) == 0
+            k += 1
+        for j in range(len(after)):
+            noted[i, j] = z[after[j]]
+    return 0
 
 
-def merge_points(a: Any, weight_a: float, b: Any, weight_b: float, phase: float, out: Any) -> int:
-    """Merge two tables of points, sorted along their rows, into fewer of equal weight.
+LANES, ROWS = 16, 8
+"""Sums that are added up side by side, in an order that no processor changes; members that are read side by side."""
 
-    a (c, p), b (c, q): each point weighs weight_a or weight_b. Point r of out (c, o) is that at which the weight of all
-    before it passes r + phase of o equal parts.
+
+def moments(rows: Any, good: Any, first: int, angles: Any, pairs: Any, mean: Any, products: Any, x: Any) -> int:
+    """Set the means (t, W) of members at t times and the sums (t, P) of products of two deviations from them.
+
+    rows (m, n, K); good (g,): which of them; first: of the times. angles (a,): columns of which sine and cosine are
+    taken as well; W = K + 2 a. pairs (P, 2): columns of the products. x (t W, more than g): the numbers of the good
+    members, each column a row.
     """
-    p, q, o = a.shape[1], b.shape[1], out.shape[1]
-    part = (p * weight_a + q * weight_b) / o
-    for c in range(out.shape[0]):
-        i, j, passed, r = 0, 0, 0.0, 0
-        while r < o and i + j < p + q:
-            if j == q or (i < p and a[c, i] <= b[c, j]):
-                value, passed, i = a[c, i], passed + weight_a, i + 1
-            else:
-                value, passed, j = b[c, j], passed + weight_b, j + 1
-            while r < o and (passed > (r + phase) * part or i + j == p + q):
-                out[c, r] = value
-                r += 1
+    count, own, width = len(good), rows.shape[2], mean.shape[1]
+    whole = count - count % LANES
+    sums, starts = np.empty(LANES), np.empty(ROWS, np.uint64)
+    flat, size = rows.reshape(rows.size), rows.shape[1] * own
+    for begin in range(0, count, ROWS):  # so many rows at a time: what is read and written lies side by side
+        for i in range(ROWS):  # beyond the last member it is once more that one
+            starts[i] = np.uint64(good[min(begin + i, count - 1)] * size + first * own)
+        for t in range(len(mean)):
+            for j in range(own):
+                row, place = x[t * width + j], np.uint64(t * own + j)
+                for i in range(ROWS):
+                    row[begin + i] = flat[starts[i] + place] + 0.0  # sorting leaves no order to -0 and 0
+    for t in range(len(mean)):
+        for j in range(len(angles)):
+            for i in range(count):
+                sine, cosine = sincos(x[t * width + angles[j], i])
+                x[t * width + own + 2 * j, i], x[t * width + own + 2 * j + 1, i] = sine, cosine
+        for j in range(width):
+            row = x[t * width + j]
+            sums[:] = 0.0
+            for i in range(0, whole, LANES):
+                for k in range(LANES):
+                    sums[k] += row[i + k]
+            total = 0.0
+            for k in range(LANES):
+                total += sums[k]
+            for i in range(whole, count):
+                total += row[i]
+            mean[t, j] = total / max(count, 1)
+        for p in range(len(pairs)):
+            a, b = x[t * width + pairs[p, 0]], x[t * width + pairs[p, 1]]
+            mean_a, mean_b = mean[t, pairs[p, 0]], mean[t, pairs[p, 1]]
+            sums[:] = 0.0
+            for i in range(0, whole, LANES):
+                for k in range(LANES):
+                    sums[k] += (a[i + k] - mean_a) * (b[i + k] - mean_b)
+            total = 0.0
+            for k in range(LANES):
+                total += sums[k]
+            for i in range(whole, count):
+                total += (a[i] - mean_a) * (b[i] - mean_b)
+            products[t, p] = total
     return 0
 
 
 _SIGNATURES: dict[Callable[..., Any], Any] = {
     run_members: int64(
-        _INITIALIZE, _STEP, _NUMBERS, _NUMBERS, _INDICES, _TABLE, _NUMBERS, _INDICES, _BLOCK, int64[:, ::1]
+        _INITIALIZE,
+        _STEP,
+        _NUMBERS,
+        _NUMBERS,
+        _INDICES,
+        _TABLE,
+        _NUMBERS,
+        _INDICES,
+        _BLOCK,
+        int64[:, ::1],
+        _INDICES,
+        _TABLE,
     ),
-    add_moments: int64(_BLOCK, _INDICES, _PAIRS, _TABLE, _TABLE, int64),
-    merge_points: int64(_TABLE, float64, _TABLE, float64, float64, _TABLE),
+    run_driven: int64(
+        _INITIALIZE,
+        _STEP,
+        types.FunctionType(types.void(*CONTROLLED)),
+        _NUMBERS,
+        _NUMBERS,
+        _INDICES,
+        _TABLE,
+        _INDICES,
+        _BLOCK,
+        int64[:, ::1],
+        _INDICES,
+        _TABLE,
+        _INDICES,
+        _NUMBERS,
+        _NUMBERS,
+        int64[:, ::1],
+        _TABLE,
+        _NUMBERS,
+        _BLOCK,
+    ),
+    moments: int64(_BLOCK, _INDICES, int64, _INDICES, _PAIRS, _TABLE, _TABLE, _TABLE),
 }
 
 

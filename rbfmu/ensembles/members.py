@@ -10,7 +10,6 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rbfmu import arrays
 from rbfmu.ensembles import draws
@@ -20,12 +19,12 @@ from rbfmu.scene.ensemble import GRID, Ensemble, nominal_value
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.scene.section import Numbers
 from rbfmu.scene.variations import ATTITUDE, AXES, DEGREES, INERTIA, RULES, SHAPE, UNIFORM, Marginal, Variation
+from rbfmu.types import Array, Indices
 from rbfmu_kernels.compile.tiered import evaluated, tiered
 from rbfmu_kernels.mechanics import inertia, shape_inertia
 from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE, check_inertia
 from rbfmu_kernels.rotations import euler_angles, quaternion, rotation_vector
 
-Array = NDArray[np.float64]
 ATTEMPTS = 100
 """How often a member whose inertia no body has is drawn again; after that it stays, and is refused.
 
@@ -45,7 +44,7 @@ class Samples:
     first: int
     applied: Mapping[str, Array]
     drawn: Mapping[str, Array]
-    redrawn: NDArray[np.int64]
+    redrawn: Indices
 
     def __len__(self) -> int:
         return len(self.redrawn)
@@ -102,7 +101,7 @@ def _possible(scene: Scene, found: Samples) -> Samples:
     return found
 
 
-def _to_draw_again(samples: Samples) -> NDArray[np.int64]:
+def _to_draw_again(samples: Samples) -> Indices:
     """Return the rows whose inertia is impossible, but for those that no positive mass has: they are refused."""
     rows = impossible_rows(samples.applied[INERTIA])
     mass = samples.applied.get("body.mass")
@@ -113,11 +112,13 @@ def _to_draw_again(samples: Samples) -> NDArray[np.int64]:
 
 
 def member(scene: Scene, samples: Samples, row: int, more: Mapping[str, Any] = MappingProxyType({})) -> Scene:
-    """Return the scene of one member, as a user would have written it, with more changes.
+    """Return the scene of one member, as a user would have written it, with more changes; no event ends its run.
 
     Raises SceneError where it is refused.
     """
     changes: dict[str, Any] = {"ensemble": None, **more}
+    if any(event.stop for event in scene.events.values()):
+        changes["events"] = {name: row | {"stop": False} for name, row in scene.to_dict()["events"].items()}
     for key, values in samples.applied.items():
         value = values[row].tolist()
         if key == ATTITUDE:
@@ -151,7 +152,7 @@ def _check_shape(scene: Scene, samples: Samples, row: int) -> None:
         SHAPES[shape.form].read({"kind": shape.form, **sizes})
 
 
-def _doubtful(scene: Scene, samples: Samples) -> list[NDArray[np.int64]]:
+def _doubtful(scene: Scene, samples: Samples) -> list[Indices]:
     """Return rows that a scene's checks may refuse; they are few, but for slender beams."""
     found = [np.empty(0, dtype=np.int64)]
     for key, values in samples.applied.items():
@@ -317,27 +318,26 @@ def _tuples(value: Any) -> Any:
     return tuple(map(_tuples, value)) if isinstance(value, list) else value
 
 
-Rows = NDArray[np.int64]
 NEAR = 1e3 * INERTIA_TOLERANCE
 """The part of the trace within which a border is left to the kernels' own judgement."""
 
 
-def impossible_rows(M: Array) -> Rows:
+def impossible_rows(M: Array) -> Indices:
     """Return the rows of symmetric matrices (n, 3, 3) that no body has, as the kernels' check judges."""
     found = [row for row in _near_a_border(M) if evaluated(check_inertia, _tuples(M[row].tolist()))]
     return np.array(found, dtype=np.int64)
 
 
-def thin_rows(M: Array) -> Rows:
+def thin_rows(M: Array) -> Indices:
     """Return the rows with a moment that may count as zero, or with a number that is not finite."""
-    rows: Rows = _near_a_border(M)
+    rows: Indices = _near_a_border(M)
     finite = np.all(np.isfinite(M[rows]), axis=(1, 2))
     moments = np.linalg.eigvalsh(np.where(finite[:, None, None], M[rows], np.eye(3)))
-    found: Rows = rows[~finite | (moments[:, 0] <= NEAR * np.abs(moments).sum(axis=1))]
+    found: Indices = rows[~finite | (moments[:, 0] <= NEAR * np.abs(moments).sum(axis=1))]
     return found
 
 
-def _near_a_border(M: Array) -> Rows:
+def _near_a_border(M: Array) -> Indices:
     """Return the rows that are not plainly possible: E = t/2 - M is positive definite where M is, t the trace.
 
     E's eigenvalues are half of what two moments have over the third. Each is at least det E / t^2, so a moment and a

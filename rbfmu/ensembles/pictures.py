@@ -7,16 +7,16 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
-from numpy.typing import NDArray
 
+from rbfmu.ensembles.attitudes import ATTITUDE
 from rbfmu.ensembles.result import Drivers, differ, drivers_of
 from rbfmu.plot import COLORS, Picture, open_frame, quantity_label, with_file
+from rbfmu.types import Array
 from rbfmu_kernels.quantities import indices
 
 if TYPE_CHECKING:
     from rbfmu.ensembles.result import EnsembleResult
 
-Array = NDArray[np.float64]
 BANDS = ((0.05, 0.95, 0.16), (0.25, 0.75, 0.3))
 """Between which parts of the runs a band lies, and how opaque it is."""
 MOST_DOTS = 3000
@@ -30,7 +30,8 @@ WORDS = (
 def plot_ensemble(result: "EnsembleResult", path: str | Path | None = None) -> Figure:
     """Draw an ensemble, to a file too where a path is given; return the figure."""
     names, drivers = tuple(result.rows), drivers_of(result)
-    heights = [*[1.9] * len(names), 0.7 + 0.24 * len(drivers.varied)]
+    events = tuple(result.counts)
+    heights = [*[1.9] * len(names), *[1.5] * len(events), 0.7 + 0.24 * len(drivers.varied)]
     figure = Picture(figsize=(10.0, 1.3 + sum(heights)), layout="constrained")
     FigureCanvasAgg(figure)
     grid = figure.add_gridspec(len(heights), 2, height_ratios=heights, width_ratios=(2.2, 1.0))
@@ -40,6 +41,8 @@ def plot_ensemble(result: "EnsembleResult", path: str | Path | None = None) -> F
         _bands(first, result, name, row == len(names) - 1)
         if name in result.ended and len(result.good) > 1:
             _ends(figure.add_subplot(grid[row, 1]), result, name)
+    for row, name in enumerate(events, len(names)):
+        _event(figure.add_subplot(grid[row, 0], sharex=first), figure.add_subplot(grid[row, 1]), result, name)
     _drivers(figure, figure.add_subplot(grid[-1, :]), drivers)
     failed = f", {len(result.failed):,} failed" if result.failed else ""
     figure.suptitle(f"{result.scene.name}: {result.runs:,} runs{failed}", fontsize=12)
@@ -52,16 +55,18 @@ def _bands(axes: Any, result: "EnsembleResult", name: str, is_last: bool) -> Non
     if name in result.quantiles:
         quantiles = result.quantiles[name].reshape(len(result.probabilities), len(result.time), -1)
         at = {p: quantiles[k] for k, p in enumerate(result.probabilities.tolist())}
-        for j, component in enumerate(row.components):
+        components = ("angle from the mean",) if name == ATTITUDE else row.components
+        for j, component in enumerate(components):
             for low, high, opacity in BANDS:
                 ends = at[low][:, j], at[high][:, j]
                 axes.fill_between(result.time, *ends, color=COLORS[j], alpha=opacity, linewidth=0.0)
             axes.plot(result.time, at[0.5][:, j], color=COLORS[j], linewidth=1.2, label=component)
-        if len(row.components) > 1:
+        if len(components) > 1:
             axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=9)
     else:
         axes.text(0.5, 0.5, "statistics over time are not kept", ha="center", transform=axes.transAxes, color="#777777")
-    axes.set_ylabel(quantity_label(row), fontsize=9)
+    turned = name == ATTITUDE and name in result.quantiles
+    axes.set_ylabel("angle from the mean\nattitude (rad)" if turned else quantity_label(row), fontsize=9)
     axes.tick_params(labelsize=8, labelbottom=is_last)
     axes.margins(x=0.0)
     open_frame(axes, grid=True)
@@ -96,6 +101,25 @@ def _ends(axes: Any, result: "EnsembleResult", name: str) -> None:
         axes.add_patch(_ellipse(pair.mean(axis=0), np.cov(pair.T), sigma))
     axes.set_xlabel(f"{name}{indices(result.rows[name])[j]}", fontsize=8)
     axes.set_ylabel(f"{name}{indices(result.rows[name])[k]}", fontsize=8)
+
+
+def _event(axes: Any, beside: Any, result: "EnsembleResult", name: str) -> None:
+    """Draw in which share of the runs an event has happened by a time, and beside how often it happened in a run."""
+    times, counts = np.sort(result.first_of(name)), result.counts[name][result.good]
+    share = np.arange(len(times) + 1) / max(len(counts), 1)
+    ends = np.concatenate([result.time[:1], times, result.time[-1:]])
+    axes.step(ends, [*share, share[-1]], where="post", color=COLORS[0], linewidth=1.2)
+    axes.set_ylim(-0.03, 1.03)
+    axes.set_ylabel(f"{name}\nhas happened\n(share of runs)", fontsize=9)
+    axes.set_xlabel("time (s)", fontsize=9)
+    often, runs = np.unique(counts, return_counts=True)
+    beside.bar(often, runs, color=COLORS[0], alpha=0.6)
+    beside.xaxis.get_major_locator().set_params(integer=True, nbins=5)
+    beside.set_xlabel(f"how often {name} happens", fontsize=8)
+    beside.set_ylabel("runs", fontsize=8)
+    for one in (axes, beside):
+        one.tick_params(labelsize=8)
+        open_frame(one, grid=one is axes)
 
 
 def _say(axes: Any, text: str) -> None:

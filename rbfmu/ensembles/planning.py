@@ -2,7 +2,8 @@
 
 The parameters that vary are listed, as where an importer may change them, so that only models are taken that hold for
 all values of them. Order and tolerance come from pilot members: some as members are, and some as far out as the
-farthest. The tightest tolerance of all is taken, and every pilot's error under it is measured.
+farthest. Series are fitted to them together; of other models each pilot has a plan, of which the largest, with the
+tightest setting, serves all, and every pilot's error under it is measured.
 """
 
 import warnings
@@ -13,38 +14,29 @@ from itertools import islice
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rbfmu.ensembles import draws
-from rbfmu.ensembles.chunks import MOST_BYTES, Work, run_samples
 from rbfmu.ensembles.draws import normal_scores, probabilities
+from rbfmu.ensembles.fitting import MEMBERS, fit_of_members, for_the_worst, highest_in_lanes, with_likely_error
 from rbfmu.ensembles.members import Samples, ensemble_of, member, refusals, samples_at
 from rbfmu.ensembles.result import differ
-from rbfmu.ensembles.variables import Columns
 from rbfmu.exceptions import SceneWarning
 from rbfmu.models.question import Question
 from rbfmu.models.registry import FORMULAS, LOADED_TAYLOR, MODELS, PRESCRIBED_RATES
 from rbfmu.planning import plan
 from rbfmu.planning import reasons as say
-from rbfmu.planning.fitting import REACHED, fit_of_members
 from rbfmu.planning.judge import Judge
-from rbfmu.planning.methods import TIGHTEST, whole_series, with_cost
+from rbfmu.planning.methods import TIGHTEST, ever_tighter, whole_series, with_cost
 from rbfmu.planning.select import series_serve_alone
-from rbfmu.runs.motion import FLOORS
-from rbfmu.runs.plan import Plan, start_run
-from rbfmu.runs.time_grid import communication_steps
+from rbfmu.runs.plan import Plan
 from rbfmu.scene.consistency import warn
 from rbfmu.scene.ensemble import SOBOL
 from rbfmu.scene.scene import Scene, SceneError, faults_of
 from rbfmu.scene.variations import SHAPE
 from rbfmu.simulation import SimulationError, simulate
-from rbfmu_kernels.compile.tiered import interpreted
+from rbfmu.types import Array
 from rbfmu_kernels.integrators.substeps import ROUND_OFF
-from rbfmu_kernels.integrators.taylor_coefficients import MAX_ORDER
-from rbfmu_kernels.models.loaded_taylor_lanes import goes_in_lanes
-from rbfmu_kernels.quantities import ANGLE, OUTPUT
 
-Array = NDArray[np.float64]
 USUAL, FAR, OF_SERIES = 3, 5, 4
 """The numbers of pilots: drawn as members are, and at points beyond nearly all members; and of those that series are
 fitted to, which scouts try besides."""
@@ -60,15 +52,6 @@ about 1/sqrt(2) whatever n: 3 more is beyond four standard deviations, which one
 """
 PARTS = np.outer(0.7 ** np.arange(8), (1.0, -1.0)).ravel()
 """Parts of the distance at which a far pilot is tried, to both sides, until it is a scene."""
-SCOUTS, FEWEST, TAIL = 1024, 64, 32
-"""The most and the fewest members whose errors tell of those of others, and of how many the tail is taken."""
-SCATTER = 1.15
-HIGHEST, LEAST_IN_LANES = 20, 10
-"""The highest order of series for ensembles, and that below which lanes do not pay for more substeps."""
-OF_MEMBERS = 10_000
-"""The members whose worst error is estimated: a plan does not depend on the number of runs, which may be extended."""
-SECONDS, TIGHTER, TINY = 0.03, 1e-4, 1e-300
-"""The time that they may take one by one; the tolerance that they are compared with, over the plan's."""
 MARGIN = 0.3
 """The part of the pilots' least tolerance that is taken: errors of members scatter about those of eight pilots."""
 ENOUGH = 0.1
@@ -85,7 +68,7 @@ def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) 
     pilots, growth = _pilots(scene), 1.0
     judges = [Judge(Question(pilot)) for pilot in islice(pilots, OF_SERIES)]
     fitted = _by_series(scene, judges)
-    chosen = fitted and _for_the_worst(scene, fitted, judges[0].names)
+    chosen = fitted and for_the_worst(scene, fitted, judges[0].names)
     if chosen is None:
         judges += [Judge(Question(pilot)) for pilot in pilots]
         found = []
@@ -94,124 +77,27 @@ def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) 
                 found.append(plan(judge.scene, judge=judge))
             tell(0.9 * (k + 1) / len(judges))
         chosen, growth = _accurate(_for_all(found).of_scene(scene), judges)
-        chosen = _with_likely_error(scene, chosen, judges[0].names)
+        chosen = with_likely_error(scene, chosen, judges[0].names)
     tell(1.0)
     reasons = (
         *_of_model(judges[0].asked, chosen),
         *_of_members(scene, chosen, len(judges)),
         *_of_growth(scene, growth, wild=bool(fitted) and chosen.span > 0.0),
     )
-    warn(scene, _of_no_effect(scene, chosen), stacklevel=4)
+    if not scene.inputs.ports:  # through which anything may act
+        warn(scene, _of_no_effect(scene, chosen), stacklevel=4)
     return replace(chosen, reasons=reasons)
 
 
 def _by_series(scene: Scene, judges: list[Judge]) -> Plan | None:
     """Return series that are fitted to all pilots together; None where they must be planned for one by one."""
     with faults_of(f"{scene.name}, pilot member 1"):
-        if not series_serve_alone(judges[0]):
+        if scene.inputs.ports or not series_serve_alone(judges[0]):  # what ports will supply no pilot has seen
             return None
         asked = judges[0].asked
         general = replace(whole_series(scene, 0, scene.run.accuracy), pinned=asked.pinned)
-        found = fit_of_members(judges, general, _highest_in_lanes(judges, general))
+        found = fit_of_members(judges, general, highest_in_lanes(judges, general))
     return found and with_cost(asked, found)
-
-
-def _highest_in_lanes(judges: list[Judge], general: Plan) -> int:
-    """Return the highest order at which members go side by side, or that of members that do at none.
-
-    A higher one may reach over a whole communication step, which members find out one by one.
-    """
-    serves = interpreted(goes_in_lanes)
-    for order in range(HIGHEST, LEAST_IN_LANES - 1, -2):
-        series = replace(general, order=order)
-        if all(serves(start_run(judge.scene, series), judge.scene.run.step) for judge in judges):
-            return order
-    return HIGHEST
-
-
-# Scouts
-
-
-class _Scouts:
-    """Many more members than pilots, whose errors tell of those of all: runs beside a far tighter tolerance.
-
-    Errors of a few pilots say little of the worst of many members, which may come near to where nearly equal starts
-    lead apart. Scouts run in lanes, at a cost of some members each.
-    """
-
-    def __init__(self, scene: Scene, plan: Plan, names: tuple[str, ...]) -> None:
-        self.scene, self.columns = (
-            scene.replace({"outputs.quantities": names}),
-            Columns(tuple(OUTPUT[n] for n in names)),
-        )
-        steps = communication_steps(scene)
-        most = min(int(MOST_BYTES / (8.0 * self.columns.width * (steps + 1))), int(1e9 * SECONDS / (plan.cost * steps)))
-        cube = draws.at_random(ensemble_of(scene), 0, max(min(most, SCOUTS), FEWEST), APART + 1)
-        self.samples = samples_at(self.scene, cube)
-        self.truth = self._run(replace(plan, tolerance=TIGHTER * plan.tolerance, order=min(plan.order + 2, MAX_ORDER)))
-
-    def _run(self, plan: Plan) -> Array:
-        return run_samples(Work(self.scene, plan, len(self.samples)), self.samples, ends_alone=False)[0]
-
-    def likely_worst(self, plan: Plan) -> float:
-        """Return what the errors of OF_MEMBERS members are likely not to exceed."""
-        return likely_worst(_errors(self.columns, self._run(plan), self.truth), OF_MEMBERS)
-
-
-def _for_the_worst(scene: Scene, found: Plan, names: tuple[str, ...]) -> Plan | None:
-    """Return the plan with its likely error, its tolerance such that the worst of all members meets the accuracy.
-
-    None where none is likely to.
-    """
-    scouts, loosest = _Scouts(scene, found, names), found.tolerance
-    while found.tolerance >= max(1e-3 * loosest, TIGHTEST):
-        worst = scouts.likely_worst(found)
-        if worst <= REACHED * scene.run.accuracy:
-            return replace(found, error=max(found.error, worst))
-        found = replace(found, tolerance=found.tolerance * max(0.3 * scene.run.accuracy / worst, 1e-3))
-    return None
-
-
-def _with_likely_error(scene: Scene, found: Plan, names: tuple[str, ...]) -> Plan:
-    """Return the plan of series with the error that the worst of all members is likely to have."""
-    if found.model != LOADED_TAYLOR.key:
-        return found
-    return replace(found, error=max(found.error, _Scouts(scene, found, names).likely_worst(found)))
-
-
-def likely_worst(errors: Array, runs: int) -> float:
-    """Return what the largest of so many more errors will not exceed in 99 of 100 ensembles.
-
-    The tail of errors is taken for a power law, whose exponent is Hill's estimate from the largest of them (B. M. Hill,
-    Annals of Statistics 3, 1975; the quantile beyond all data is I. Weissman's, J. Am. Stat. Assoc. 73, 1978): errors
-    grow as 1/d where members come to a distance d from a separatrix, and this is the heaviest tail met. The estimate
-    scatters by 1/sqrt(TAIL), and is taken so much larger that 99 of 100 hold.
-    """
-    known = np.sort(errors[np.isfinite(errors)])[::-1]
-    if not len(known) or known[0] == 0.0:
-        return 0.0
-    k = max(1, min(TAIL, len(known) - 1))
-    base = max(known[min(k, len(known) - 1)], 1e-3 * known[0])
-    exponent = SCATTER * float(np.mean(np.log(np.maximum(known[:k], base) / base)))
-    return float(max(known[0], base * (100.0 * k * runs / len(known)) ** exponent))
-
-
-def _errors(columns: Columns, rows: Array, truth: Array) -> Array:
-    """Return each member's largest error, as an accuracy counts it; NaN of those that fail."""
-    found, true = columns.split(rows), columns.split(truth)
-    worst = np.zeros(len(rows))
-    for name in found:
-        a, b = found[name].reshape(*rows.shape[:2], -1), true[name].reshape(*rows.shape[:2], -1)
-        if OUTPUT[name].error == ANGLE:
-            chord = np.minimum(np.linalg.norm(a - b, axis=2), np.linalg.norm(a + b, axis=2))
-            apart = 4.0 * np.arcsin(np.minimum(0.5 * chord, 1.0)).max(
-                axis=1
-            )  # of the turn, whose half is on q's sphere
-        else:
-            size = np.maximum(np.linalg.norm(b, axis=2).max(axis=1), FLOORS.get(name, TINY))
-            apart = np.linalg.norm(a - b, axis=2).max(axis=1) / size
-        worst = np.maximum(worst, apart)
-    return worst
 
 
 # Why
@@ -222,11 +108,14 @@ def _of_model(pilot: Question, chosen: Plan) -> Iterator[str]:
     if chosen.model == PRESCRIBED_RATES.key:
         yield say.PRESCRIBED
         return
+    if chosen.formulas and chosen.spec.closed_form:
+        yield from chosen.reasons
+        return
     if chosen.formulas:
         from rbfmu.planning.formulas import what_formulas_read  # what has none starts sooner
 
         yield from what_formulas_read(pilot, chosen)
-        yield f"{chosen.method}: estimated errors of a run add up to at most {chosen.tolerance:.1e} in every member"
+        yield f"{say.held_over_a_run(chosen)} in every member"
         return
     yield from say.what_is_left_out(pilot, chosen.spec.force_keeps_direction)
     if chosen.spec.closed_form:
@@ -234,7 +123,7 @@ def _of_model(pilot: Question, chosen: Plan) -> Iterator[str]:
     elif chosen.tolerance > 0.0 and not chosen.span:
         yield f"{chosen.method} at tolerance {chosen.tolerance:.1e}: the cheapest of those that serve all pilot members"
     elif chosen.tolerance > 0.0:
-        yield f"{chosen.method}: estimated errors of a run add up to at most {chosen.tolerance:.1e} in every member"
+        yield f"{say.held_over_a_run(chosen)} in every member"
 
 
 def _of_members(scene: Scene, chosen: Plan, pilots: int) -> Iterator[str]:
@@ -244,7 +133,7 @@ def _of_members(scene: Scene, chosen: Plan, pilots: int) -> Iterator[str]:
     yield f"one plan for all {ensemble.runs} members; the numbers above are of one, {whatever}"
     if chosen.model == LOADED_TAYLOR.key:
         said = f"by {pilots} pilot members, as far out as the farthest, and by up to a thousand others"
-        likely = f"error at most {chosen.error:.1e} in {OF_MEMBERS:,} members, with 99 in 100"
+        likely = f"error at most {chosen.error:.1e} in {MEMBERS:,} members, with 99 in 100"
         yield f"{likely}, {said}; {scene.run.accuracy:g} asked"
     elif chosen.model != PRESCRIBED_RATES.key:
         far = f"as far out as the farthest; {scene.run.accuracy:g} asked"
@@ -347,8 +236,10 @@ def _accurate(found: Plan, judges: list[Judge]) -> tuple[Plan, float]:
     worst, growth = found.error if found.spec.closed_form else 0.0, 1.0
     for judge in judges if found.model != PRESCRIBED_RATES.key else ():
         error, accuracy = _error(judge, found), judge.scene.run.accuracy
-        while error > ENOUGH * accuracy and found.tolerance > TIGHTEST:
-            found = replace(found, tolerance=max(0.1 * found.tolerance, TIGHTEST))
+        for tolerance in ever_tighter(found.tolerance):
+            if error <= ENOUGH * accuracy:
+                break
+            found = replace(found, tolerance=tolerance)
             error = _error(judge, found)
         if not error <= accuracy:
             expected = f"one that all members can meet; the methods here reach {error:.1e}"

@@ -8,9 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rbfmu.ensembles.attitudes import ANGLES, ATTITUDE, moments_of
 from rbfmu.ensembles.members import ensemble_of
 from rbfmu.ensembles.store import Checkpoint
 from rbfmu.ensembles.variables import (
+    COUNT,
+    FIRST,
     PROBABILITY,
     RANK_ERROR,
     REDRAWN,
@@ -24,9 +27,9 @@ from rbfmu.ensembles.variables import (
 from rbfmu.extras import needed
 from rbfmu.notebook import numbers_text, table
 from rbfmu.scene.scene import Scene
+from rbfmu.types import Array, Indices
 from rbfmu_kernels.quantities import indices
 
-Array = NDArray[np.float64]
 MOST_RANKED = 20_000
 """Runs that are ranked; the first ones."""
 SURE = 3.0
@@ -98,9 +101,15 @@ class EnsembleResult:
     time (n,): s. samples: key of the scene -> (runs, ...) what was applied, SI; attitudes as quaternions, inertia as
     matrices. final: quantity -> (runs, k). mean, std: quantity -> (n, k); covariance -> (n, k, k); quantiles -> (q, n,
     k) at the q parts `probabilities` of the runs. all: quantity -> (runs, n, k). What the scene's `ensemble.keep` does
-    not name is empty. A quantity of one number has no last axis. Statistics are those of the numbers of the runs that
-    did not fail; failed: index of a run -> message, its numbers are NaN. redrawn (runs,): how often its numbers were
-    drawn again. rank_error: by which part of the runs a quantile is displaced at most.
+    not name is empty. A quantity of one number has no last axis. Runs that failed are in no statistics; failed: index
+    of a run -> message, its numbers are NaN. redrawn (runs,): how often its numbers were drawn again. rank_error: by
+    which part of the runs a quantile is displaced at most. counts, first (runs,): event -> how often it happened, and
+    when first, s, NaN where it did not; an event with `stop` ends no run here.
+
+    Of attitudes q_i mean is the q (n, 4) to which sum (q q_i)^2 is largest; covariance (n, 3, 3) and std (n, 3) are of
+    twice the vector part of q* q_i, body axes, which is the rotation vector of small turns; quantiles (q, n) are of the
+    angle from the mean, rad, of at most some thousand runs where not all are kept. Of roll, pitch, yaw mean is the
+    direction of the sum of unit vectors, covariance of the sines of what is beside it, and quantiles are around it.
     """
 
     def __init__(self, scene: Scene, arrays: Mapping[str, Any], failed: Mapping[int, str]) -> None:
@@ -115,6 +124,7 @@ class EnsembleResult:
         self.mean, self.std, self.covariance, self.quantiles = (
             self._of(names, end, "statistics are not kept") for end in ("_mean", "_std", "_covariance", "_quantiles")
         )
+        self.counts, self.first = (self._of((*scene.events,), end, "no event of that name") for end in (COUNT, FIRST))
 
     def _of(self, names: tuple[str, ...], end: str, missing: str) -> Arrays:
         return Arrays({n: self._arrays[n + end] for n in names if n + end in self._arrays}, missing)
@@ -135,7 +145,7 @@ class EnsembleResult:
         return int(self._arrays[REDRAWN].shape[0])
 
     @cached_property
-    def redrawn(self) -> NDArray[np.int64]:
+    def redrawn(self) -> Indices:
         """Return how often each run's numbers were drawn again, as no body has their inertia."""
         return np.asarray(self._arrays[REDRAWN])
 
@@ -153,20 +163,29 @@ class EnsembleResult:
         """Return a quantity at the end of all runs (runs, k), NaN of those that failed. Raises KeyError if not kept."""
         return np.asarray(self.all[name][:, -1] if name in self.all else self.final[name])
 
+    def first_of(self, name: str) -> Array:
+        """Return when an event happened first, s, in those of the good runs in which it did (n,)."""
+        times = self.first[name][self.good]
+        return np.asarray(times[np.isfinite(times)])
+
     def drivers(self) -> Drivers:
         """Return the rank correlations of what varies with how the runs end."""
         return drivers_of(self)
 
     def at_end(self, name: str) -> tuple[Array, Array]:
-        """Return mean and standard deviation (k,) of a quantity at the end of the good runs, NaN of none."""
+        """Return mean and standard deviation (k,) of a quantity at the end of the good runs, NaN of none.
+
+        The latter of an attitude is that of the turn from the mean, rad, body axes (3,).
+        """
         if name in self.mean:
-            mean, std = self.mean[name][-1], self.std[name][-1]
-        else:
-            ends = self.ends(name)[self.good]
-            unknown = np.full(ends.shape[1:], np.nan)
-            mean = ends.mean(axis=0) if len(ends) else unknown
-            std = ends.std(axis=0, ddof=1) if len(ends) > 1 else unknown
-        return np.atleast_1d(mean), np.atleast_1d(std)
+            return np.atleast_1d(self.mean[name][-1]), np.atleast_1d(self.std[name][-1])
+        ends = self.ends(name)[self.good].reshape(-1, self.rows[name].size)
+        if name == ANGLES:
+            ends = np.stack([np.sin(ends), np.cos(ends)], axis=2).reshape(-1, 6)
+        middle = ends.mean(axis=0) if len(ends) else np.full(ends.shape[1], np.nan)
+        apart = ends - middle
+        mean, covariance = moments_of(name, len(ends), middle[None], (apart.T @ apart)[None])
+        return mean[0], np.sqrt(np.diagonal(covariance[0]))
 
     def to_xarray(self) -> Any:
         """Return a xarray.Dataset of all that is kept, with the names of components, units and frames."""
@@ -175,9 +194,9 @@ class EnsembleResult:
             if name in self._arrays:
                 found[name] = (variable.dims, np.asarray(self._arrays[name]), variable.attributes)
                 row = self.rows.get(name) or self.rows.get(name.rpartition("_")[0])
-                if row is not None and row.size > 1:
-                    axis = next(dim for dim in variable.dims if dim not in ("run", "time", "probability"))
-                    named[axis] = list(row.components)
+                if row is not None and (axis := {"parameter", "angle", "axis"} & {*variable.dims}):
+                    is_turn = name in (f"{ATTITUDE}_std", f"{ATTITUDE}_covariance")
+                    named[axis.pop()] = [*"xyz"] if is_turn else list(row.components)
         return needed("xarray", "ensemble").Dataset(found, coordinates(self.time) | named)
 
     def plot(self, path: str | Path | None = None) -> Any:

@@ -6,7 +6,7 @@ import pickle
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
@@ -14,6 +14,7 @@ from time import monotonic
 from typing import Any
 
 from rbfmu.ensembles.chunks import Chunk, Work, members_of_a_chunk, origin, run_chunk
+from rbfmu.ensembles.control import control_of
 from rbfmu.ensembles.members import with_runs
 from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.ensembles.result import EnsembleResult
@@ -23,12 +24,15 @@ from rbfmu.extras import needed
 from rbfmu.progress import bar
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene, of_scene_or_path
+from rbfmu.simulation import simulate
 
 AHEAD = 3
 """Chunks that are on their way or wait for an earlier one, for each worker: memory is bounded by that.
 
 One runs, one is ready when that ends, and one more so that a slow chunk, whose turn it is, does not stop the others.
 """
+WARMING = 64
+"""Runs that compile what an ensemble needs."""
 PATIENCE = "30s"
 """How long a scheduler is waited for."""
 
@@ -45,20 +49,25 @@ def run_ensemble(
     progress: bool = True,
     *,
     planned: Plan | None = None,
+    inputs: Any = None,
+    controller: Any = None,
 ) -> EnsembleResult:
     """Run the ensemble of a scene, or of a scene file; run i has the same bits wherever and whenever it runs.
 
     store: a file .npz or a folder .zarr to keep it in, from which `resume` goes on after a stop of any kind; by default
     memory. executor: a number of threads (by default one for each processor), an executor of concurrent.futures, or a
     client of Dask. runs: in place of the scene's. progress: whether to show a bar on a terminal or in a notebook.
-    planned: a plan, used as it is. Raises SceneError, SimulationError where the executor fails, FileExistsError and
-    ValueError where the store is there already or is of another ensemble, BlockingIOError where another program is
-    writing to it.
+    planned: a plan, used as it is. inputs: what drives the ports, held from each time on: for all members as in
+    `simulate`, or a function of a member's number that returns that. controller: a `Controller`, or its function alone,
+    which is called at each communication point, after the inputs. Raises SceneError, SimulationError where the executor
+    fails, FileExistsError and ValueError where the store is there already or is of another ensemble, BlockingIOError
+    where another program is writing to it.
     """
     check_store(store, resume)
     scene = with_runs(scene, runs)
-    plan = plan_ensemble(scene) if planned is None else planned
-    work = Work(scene, plan, members_of_a_chunk(scene, plan))
+    plan = (plan_ensemble(scene) if planned is None else planned).of_scene(scene)
+    control = control_of(scene, plan, inputs, controller)
+    work = Work(scene, plan, members_of_a_chunk(scene, plan, control), control)
     place = _store(work, store)
     with named(store), store_lock(Path(store)) if store else nullcontext():
         if place.begin(resume) != work.runs:
@@ -156,13 +165,14 @@ def dask_client(address: str) -> Iterator[Any]:
 
 def chunks_in_order(work: Work, first: int, executor: Any) -> Iterator[Chunk]:
     """Yield the chunks from the number `first` on in their order, of which few are on their way at a time."""
-    given = packed(work)
+    here = executor is None or isinstance(executor, int | ThreadPoolExecutor)  # functions of any kind need no packing
+    task, given = (run_chunk, work) if here else (run_packed, packed(work))
     with workers_of(executor) as (submit, workers):
         waiting: deque[Any] = deque()
         try:
             for number in range(first, work.chunks):
                 with _losses():
-                    waiting.append(submit(run_packed, given, number))
+                    waiting.append(submit(task, given, number))
                 if len(waiting) >= AHEAD * workers:
                     yield _result(waiting)
             while waiting:
@@ -194,6 +204,10 @@ def _losses() -> Iterator[None]:
 def packed(work: Work) -> bytes:
     """Return work as bytes, with what its bits rest on here; kernels of formulas are made again of the scene."""
     bare = replace(work, plan=replace(work.plan, formulas=None))
+    with suppress(ImportError):  # Dask brings it; it also packs functions that stand in no module
+        from cloudpickle import dumps
+
+        return pickle.dumps((origin(), dumps(bare)))
     return pickle.dumps((origin(), pickle.dumps(bare)))
 
 
@@ -209,3 +223,10 @@ def run_packed(given: bytes, index: int) -> Chunk:
     if other := [name for name, value in there.items() if origin().get(name) != value]:
         raise SimulationError(f"a worker has another {', '.join(other)}, whose bits may be others: expected the same")
     return run_chunk(_unpacked(work), index)
+
+
+def warm(scene: Scene, planned: Plan) -> None:
+    """Compile what a run of a scene needs, and some runs of its ensemble, where that pays."""
+    simulate(scene, planned=planned)
+    if scene.ensemble:
+        run_ensemble(with_runs(scene, WARMING), progress=False)

@@ -18,14 +18,15 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rbfmu.ensembles.attitudes import ANGLES, ATTITUDE, around, moments_of
 from rbfmu.ensembles.chunks import Chunk, Work, origin
 from rbfmu.ensembles.statistics import Statistics, exact_quantiles
 from rbfmu.ensembles.variables import ALL, FINAL, PROBABILITIES, PROBABILITY, RANK_ERROR, REDRAWN, STATISTICS, TIMES
+from rbfmu.runs.motion import attitude_error
 from rbfmu.runs.time_grid import communication_steps, time_grid
+from rbfmu.types import Array
 
-Array = NDArray[np.float64]
 EXTENDABLE = ("random", "sobol")
 """Designs of which more members may be asked for later."""
 _HEAD, _STATISTICS = "resume/head", "resume/statistics/"
@@ -57,7 +58,7 @@ class Progress:
         if not work.keeps(STATISTICS):
             return cls(0, None)
         points = communication_steps(work.scene) + 1
-        return cls(0, Statistics.none(points, work.columns.width, len(work.columns.pairs)))
+        return cls(0, Statistics.none(points, work.columns, work.most_points))
 
     def add(self, chunk: Chunk, work: Work) -> None:
         """Add the next chunk."""
@@ -122,6 +123,7 @@ def identity_of(work: Work) -> dict[str, Any]:
     """Return what tells an ensemble's bits from those of others, for JSON."""
     plan = {k: v for k, v in work.plan.to_dict().items() if k != "reasons"}
     found = {"scene": work.scene.to_dict(), "plan": plan, "members of a chunk": work.size, "origin": origin()}
+    found |= work.control.identity if work.control else {}
     return json.loads(json.dumps(found))  # type: ignore[no-any-return]
 
 
@@ -333,7 +335,7 @@ def refuse_existing(store: Path, resume: bool) -> None:
 
 def chunk_arrays(work: Work, chunk: Chunk) -> dict[str, Any]:
     """Return a chunk's part of all variables that have a row a run."""
-    arrays: dict[str, Any] = {**chunk.samples, REDRAWN: chunk.redrawn}
+    arrays: dict[str, Any] = {**chunk.samples, REDRAWN: chunk.redrawn, **chunk.events}
     if work.keeps(FINAL):
         arrays |= {f"{name}_final": values for name, values in work.columns.split(chunk.rows[:, -1]).items()}
     if work.keeps(ALL):
@@ -347,19 +349,40 @@ def results_of(work: Work, statistics: Statistics | None, rows: Mapping[str, Any
     found = {TIMES: time_grid(run.start, run.stop, run.step), PROBABILITY: probabilities}
     if statistics is None:
         return found
-    found[RANK_ERROR] = np.array(0.0 if work.keeps(ALL) else statistics.rank_error)
-    split, covariance = work.columns.split, work.columns.matrices(statistics.covariance())
-    quantiles = {} if work.keeps(ALL) else split(statistics.quantiles(probabilities))
-    for name, mean in split(statistics.means()).items():
-        matrix = covariance[name]
-        variance = matrix if matrix.ndim == 1 else np.diagonal(matrix, axis1=1, axis2=2)
-        found |= {f"{name}_mean": mean, f"{name}_std": np.sqrt(variance), f"{name}_covariance": matrix}
-        found[f"{name}_quantiles"] = quantiles[name] if quantiles else _of_all(rows[name], probabilities)
+    columns, matrices = work.columns, work.columns.matrices(statistics.products)
+    moments = {
+        name: moments_of(name, statistics.count, statistics.mean[:, own], matrices[name])
+        for name, own in columns.summed.items()
+    }
+    middle = np.full((len(statistics.mean), columns.width), np.nan)
+    if ANGLES in moments:
+        middle[:, columns.angles] = moments[ANGLES][0]
+    ranked, rank_error = statistics.quantiles(probabilities, middle[:, columns.ranked])
+    quantiles = np.empty((len(probabilities), *middle.shape))
+    quantiles[:, :, columns.ranked] = ranked
+    found[RANK_ERROR] = np.array(rank_error)
+    kept = {} if work.keeps(ALL) else columns.split(quantiles)
+    for name, (mean, covariance) in moments.items():
+        std = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+        if mean.shape[1] == 1:
+            mean, std, covariance = mean[:, 0], std[:, 0], covariance[:, 0, 0]
+        found |= {f"{name}_mean": mean, f"{name}_std": std, f"{name}_covariance": covariance}
+        if name == ATTITUDE and kept:
+            kept[name] = exact_quantiles(attitude_error(mean, statistics.sample(work.share)), probabilities)
+        found[f"{name}_quantiles"] = kept[name] if kept else _of_all(name, mean, rows[name], probabilities)
     return found
 
 
-def _of_all(values: Any, probabilities: Array) -> Array:
+def _of_all(name: str, mean: Array, values: Any, probabilities: Array) -> Array:
     """Return the quantiles over all runs (runs, n, ...), some times after others: those are read at once."""
     times = max(1, int(SORTED_AT_ONCE // (values.size // values.shape[1] or 1)))
-    parts = [exact_quantiles(values[:, k : k + times], probabilities) for k in range(0, values.shape[1], times)]
+    parts = []
+    for first in range(0, values.shape[1], times):
+        some = slice(first, first + times)
+        part = values[:, some]
+        if name == ATTITUDE:
+            part = attitude_error(mean[some], part)
+        elif name == ANGLES:
+            part = around(mean[some], part)
+        parts.append(exact_quantiles(part, probabilities))
     return np.concatenate(parts, axis=1)

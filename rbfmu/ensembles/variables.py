@@ -5,21 +5,21 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rbfmu.ensembles.attitudes import ANGLES, ATTITUDE
 from rbfmu.result import AXES
 from rbfmu.scene.body import TRIANGLE
 from rbfmu.scene.scene import Scene
-from rbfmu.scene.variations import CONSTANTS, QUANTITY_OF, SHAPE, STATES
+from rbfmu.scene.variations import QUANTITY_OF, SHAPE
+from rbfmu.types import Array, Indices
 from rbfmu_kernels.buffer import places
-from rbfmu_kernels.quantities import OUTPUT, TIME, Load, Output, Parameter, Quantity, own_output
+from rbfmu_kernels.quantities import OUTPUT, TIME, Load, Output, Parameter, Quantity
 
-Array = NDArray[np.float64]
 FINAL, STATISTICS, ALL = "final", "statistics", "all"
 """What may be kept of the runs."""
 SIZES = {"sides": 3, "length": 1, "radius": 1, "semiaxes": 3}
 """Sizes of a body's shape, and how many numbers they have."""
-KEYS: Mapping[str, Quantity] = {
+KEYS: Mapping[str, Parameter | Load] = {
     **QUANTITY_OF,
     **{f"{SHAPE}.{name}": Parameter(name, size, "m", "size of the body's shape") for name, size in SIZES.items()},
 }
@@ -47,22 +47,19 @@ def output_rows(scene: Scene) -> dict[str, Output]:
     known = {name: OUTPUT[name] for name in scene.outputs.quantities}
     if not scene.outputs.own:
         return known
-    from rbfmu.models.formulas import formulas_of  # what has none starts sooner
+    from rbfmu.models.formulas import own_rows  # what has none starts sooner
 
-    formulas = formulas_of(scene)
-    assert formulas is not None
-    own, sizes = scene.outputs.own.items(), formulas.own_outputs
-    return known | {name: own_output(name, sizes[name], one.unit, one.about or one.value) for name, one in own}
+    return known | own_rows(scene)
 
 
-def varied_rows(scene: Scene) -> Mapping[str, Quantity]:
+def varied_rows(scene: Scene) -> Mapping[str, Parameter | Load]:
     """Return the quantity that each key sets which may vary in a scene, its own constants and states among them."""
-    found = dict(KEYS)
-    for name, one in scene.constants.items():
-        found[f"{CONSTANTS}.{name}"] = Parameter(name, len(one.value), one.unit or "1", one.about or name)
-    for name, state in scene.states.items():
-        found[f"{STATES}.{name}"] = Parameter(f"{name}_0", len(state.start), state.unit or "1", state.about or name)
-    return found
+    return {**KEYS, **scene.own_parameters}
+
+
+def columns_of(scene: Scene) -> "Columns":
+    """Return the columns of a scene's outputs."""
+    return Columns((*output_rows(scene).values(),))
 
 
 @dataclass(frozen=True)
@@ -86,9 +83,25 @@ class Columns:
         return sum(self._sizes.values())
 
     @property
-    def pairs(self) -> NDArray[np.int64]:
+    def angles(self) -> Indices:
+        """Return the columns of angles, of which sine and cosine are summed up, in columns after all others."""
+        return np.arange(self.width, dtype=np.int64)[self.slices.get(ANGLES, slice(0))]
+
+    @property
+    def ranked(self) -> Indices:
+        """Return the columns whose quantiles are taken: all but those of attitudes."""
+        return np.delete(np.arange(self.width), self.slices.get(ATTITUDE, slice(0)))
+
+    @property
+    def summed(self) -> dict[str, Indices]:
+        """Return the columns of each quantity whose means and covariances are taken."""
+        every = np.arange(self.width + 2 * len(self.angles))
+        return {name: every[self.width :] if name == ANGLES else every[s] for name, s in self.slices.items()}
+
+    @property
+    def pairs(self) -> Indices:
         """Return the pairs of columns (P, 2) whose covariance is taken: all of one quantity."""
-        found = [(a, b) for s in self.slices.values() for a in range(s.start, s.stop) for b in range(a, s.stop)]
+        found = [(a, b) for columns in self.summed.values() for k, a in enumerate(columns) for b in columns[k:]]
         return np.array(found, dtype=np.int64)
 
     def split(self, rows: Array) -> dict[str, Array]:
@@ -96,17 +109,17 @@ class Columns:
         return {n: rows[..., s.start if self._sizes[n] == 1 else s] for n, s in self.slices.items()}
 
     def matrices(self, products: Array) -> dict[str, Array]:
-        """Return the symmetric matrices of rows (..., P) of pairs: (...) or (..., k, k) each."""
-        found = {}
-        for name, s in self.slices.items():
-            size = self._sizes[name]
-            found[name] = np.empty((*products.shape[:-1], size, size))
-            for p, (a, b) in enumerate(self.pairs - s.start):
-                if 0 <= a < size:
-                    found[name][..., a, b] = found[name][..., b, a] = products[..., p]
-        return {name: matrix[..., 0, 0] if matrix.shape[-1] == 1 else matrix for name, matrix in found.items()}
+        """Return the symmetric matrices (..., k, k) of rows (..., P) of pairs."""
+        found, first = {}, 0
+        for name, columns in self.summed.items():
+            row, column = np.triu_indices(len(columns))
+            part = products[..., first : first + len(row)]
+            found[name] = np.empty((*products.shape[:-1], len(columns), len(columns)))
+            found[name][..., row, column] = found[name][..., column, row] = part
+            first += len(row)
+        return found
 
-    def places(self, blocks: dict[str, slice]) -> NDArray[np.int64]:
+    def places(self, blocks: dict[str, slice]) -> Indices:
         """Return where the columns stand in a model's buffer."""
         return np.concatenate([np.arange(blocks[n].start, blocks[n].stop) for n in self._sizes]).astype(np.int64)
 
@@ -115,6 +128,8 @@ PROBABILITIES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
 RUN, TIMES, PROBABILITY = "run", "time", "probability"
 RANK_ERROR = "quantile_rank_error"
 REDRAWN = "redrawn"
+COUNT, FIRST = ".count", ".first"
+"""After the name of an event: how often it happened in each run, and when first."""
 
 
 class Variable(NamedTuple):
@@ -129,10 +144,14 @@ def variables(scene: Scene, sampled: Mapping[str, int]) -> Iterator[Variable]:
     """Yield all variables of a scene's ensemble; sampled: the number of dimensions of each key that varies."""
     keep = scene.ensemble.keep if scene.ensemble else ()
     for key, ndim in sampled.items():
-        row = varied_rows(scene)[key]
-        yield Variable(key, (RUN, *_dims(row)[: ndim - 1], *("axis_2",) * (ndim - 2)), _attributes(row))
+        varied = varied_rows(scene)[key]
+        yield Variable(key, (RUN, *_dims(varied)[: ndim - 1], *("axis_2",) * (ndim - 2)), _attributes(varied))
     redrawn = {"units": "1", "long_name": "how often the member was drawn again, as no body has its inertia"}
     yield Variable(REDRAWN, (RUN,), redrawn)
+    for name, event in scene.events.items():
+        of_it = event.about or event.when
+        yield Variable(f"{name}{COUNT}", (RUN,), {"units": "1", "long_name": f"how often {of_it} came to zero"})
+        yield Variable(f"{name}{FIRST}", (RUN,), {"units": "s", "long_name": f"when {of_it} first came to zero"})
     if STATISTICS in keep:
         error = {"units": "1", "long_name": "by which part of the members quantiles are displaced, at most"}
         yield Variable(RANK_ERROR, (), error)
@@ -148,17 +167,22 @@ def variables_of(scene: Scene, arrays: Mapping[str, Any]) -> dict[str, Variable]
 
 def _of_output(keep: Collection[str], row: Any) -> Iterator[Variable]:
     dims, attributes, name = _dims(row), _attributes(row), row.name
-    twice = (*dims, *(f"{dim}_2" for dim in dims))
     if FINAL in keep:
         yield Variable(f"{name}_final", (RUN, *dims), attributes)
     if ALL in keep:
         yield Variable(name, (RUN, TIMES, *dims), attributes)
     if STATISTICS in keep:
         yield Variable(f"{name}_mean", (TIMES, *dims), attributes)
+        if name == ATTITUDE:  # how far members are turned from the mean
+            dims, attributes = ("axis",), {"units": "rad", "long_name": "turn from the mean attitude, body axes"}
+            attributes["frame"] = _AXES["b"]
+        twice = (*dims, *(f"{dim}_2" for dim in dims))
         yield Variable(f"{name}_std", (TIMES, *dims), attributes)
-        square = attributes | {"units": "1" if row.unit == "1" else f"({row.unit})2"}
-        yield Variable(f"{name}_covariance", (TIMES, *twice), square)
-        yield Variable(f"{name}_quantiles", (PROBABILITY, TIMES, *dims), attributes)
+        unit = attributes["units"]
+        yield Variable(
+            f"{name}_covariance", (TIMES, *twice), attributes | {"units": "1" if unit == "1" else f"({unit})2"}
+        )
+        yield Variable(f"{name}_quantiles", (PROBABILITY, TIMES, *(() if name == ATTITUDE else dims)), attributes)
 
 
 def _dims(row: Quantity) -> tuple[str, ...]:

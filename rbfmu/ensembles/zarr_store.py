@@ -11,7 +11,7 @@ import numpy as np
 
 from rbfmu.ensembles.chunks import Chunk, Work
 from rbfmu.ensembles.store import Checkpoint, Store, damage_of, results_of
-from rbfmu.ensembles.variables import KEYS, REDRAWN, TIMES, Variable, coordinates, variables
+from rbfmu.ensembles.variables import REDRAWN, TIMES, Variable, coordinates, variables, variables_of
 from rbfmu.extras import needed
 
 ROWS = 16384
@@ -113,8 +113,7 @@ class ZarrStore(Store):
 
     def _create(self, arrays: Mapping[str, Any]) -> None:
         """Create the arrays with a row a run, by the first chunk."""
-        sampled = {name: values.ndim for name, values in arrays.items() if name in KEYS}
-        for variable in variables(self._work.scene, sampled):
+        for variable in variables_of(self._work.scene, arrays).values():
             if variable.dims[:1] == ("run",):
                 values = arrays[variable.name]
                 self._array(variable, (self._work.runs, *values.shape[1:]), values.dtype)

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
+from rbfmu.formulas.graph import Number, Symbol
 from rbfmu.formulas.meaning import CONSTANTS, FUNCTIONS, Array, Table, shape_of
 from rbfmu.formulas.motion import CONSTANT, LOADS, Given, Motion
 from rbfmu.formulas.text import FormulaError, names_in
@@ -12,21 +13,14 @@ from rbfmu_kernels.quantities import OUTPUT
 
 ENERGIES = ("potential_energy", "total_energy")
 TAKEN = (
-    "order",
-    "time",
-    "status",
-    "step",
-    "save",
-    "restore",
-    "reset",
-    "hold",
-    "values",
-    "plot",
-    "scene",
-    "plan",
-    "events",
-)
+    "order", "time", "status", "step", "save", "restore", "reset", "hold", "values", "plot", "scene", "plan", "events",
+)  # fmt: skip
 """Names of results, simulators and FMUs."""
+ATTRIBUTES = (
+    "buffer", "columns", "load", "of_rows", "quantities", "rows", "step_to_event",
+    "to_dataframe", "to_xarray", "touches", "units", "until",
+)  # fmt: skip
+"""More names of results and simulators, which no output can have."""
 
 
 class Texts:
@@ -48,7 +42,16 @@ class Texts:
             name: self._shaped(f"states.{name}", row.rate, () if len(row.start) == 1 else (3,))
             for name, row in scene.states.items()
         }
+        self.events = {name: self._changing(f"events.{name}", row.when) for name, row in scene.events.items()}
         self.own = {name: self._shaped(f"outputs.{name}", row.value, None) for name, row in scene.outputs.own.items()}
+
+    def _changing(self, key: str, text: str) -> Number | None:
+        """Return the value of a scalar formula that changes with the motion, the time or an input."""
+        found = self._shaped(key, text, ())
+        if found is None or (isinstance(found, Symbol) and not found.is_constant):
+            return found
+        self.faults.append(f"{key}: expected a formula that changes with the motion, the time or an input: {text}")
+        return None
 
     def _take_potential(self, text: str | None) -> None:
         """Add the force and the torque of a potential, and let outputs read energies."""
@@ -91,20 +94,27 @@ class Texts:
     def _check_names(self, scene: Any) -> None:
         taken = {*self.motion.given_names, *FUNCTIONS, *CONSTANTS, "to_a", "to_b", *OUTPUT, *TAKEN, *LOADS}
         blocks = {*DRIVEN, *(f"{name}{end}" for name in scene.inputs.own for end in ("_rate", "_rate_2"))}
-        tables = {name: getattr(scene, name) for name in ("constants", "tables", "formulas", "states")}
+        beside = {"inputs": blocks, "outputs": {*blocks, *ATTRIBUTES}}
+        tables = {name: getattr(scene, name) for name in ("constants", "tables", "formulas", "states", "events")}
         tables |= {"outputs": scene.outputs.own, "inputs": scene.inputs.own}
         seen: dict[str, str] = {}
         for table, names in tables.items():
             for name in names:
                 if table == "inputs" and name == "h":
                     self.faults.append("inputs.ports: expected another name: h is a simulator's step")
-                elif (name in taken or (name in blocks and table in ("outputs", "inputs"))) and not (
+                elif (name in taken or name in beside.get(table, ())) and not (
                     table == "outputs" and names[name].value == name and name in ENERGIES
                 ):
                     self.faults.append(f"{table}.{name}: expected another name: {name} means something else here")
                 elif name in seen:
                     self.faults.append(f"{table}.{name}: expected another name: there is {seen[name]}.{name}")
                 seen.setdefault(name, table)
+        for name in scene.events:
+            for other in (f"{name}_count", f"{name}_time"):
+                if other in seen:
+                    self.faults.append(
+                        f"{seen[other]}.{other}: expected another name: that is an FMU's of events.{name}"
+                    )
 
     def _read_formulas(self, texts: Mapping[str, str]) -> None:
         """Take formulas in an order in which each comes after those that it names."""

@@ -7,7 +7,7 @@ the graph without being written again.
 import math
 import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from rbfmu_kernels.numerics.elementary import sincos
 
@@ -38,6 +38,8 @@ class Graph:
         """numbers: what places hold now, by which kernels choose between forms that are equal but for round-off."""
         self.numbers = numbers or {}
         self.operations: list[Operation] = []
+        self.varies: list[bool] = []
+        """Of each operation whether it comes of states or inputs."""
         self._at: dict[Operation, int] = {}
 
     def add(self, kind: str, *of: "Number", value: float | str = 0.0) -> "Symbol":
@@ -48,6 +50,7 @@ class Graph:
                 raise TooLargeError(f"at most {MOST_OPERATIONS} operations")
             self._at[operation] = len(self.operations)
             self.operations.append(operation)
+            self.varies.append(kind in ("state", "input") or any(self.varies[i] for i in operation.of))
         return Symbol(self, self._at[operation])
 
     def index_of(self, x: "Number") -> int:
@@ -91,7 +94,17 @@ class Symbol:
     @property
     def is_constant(self) -> bool:
         """Whether it stays as it is through a run."""
-        return not any(self.graph.operations[i].kind in ("state", "input") for i in self.graph.reached([self]))
+        return not self.graph.varies[self.index]
+
+    @property
+    def scaled(self) -> "tuple[Number, Symbol]":
+        """A constant and a number whose product it is: 1 and itself where it was not made so."""
+        kind, of, _ = self.operation
+        if kind != "multiply" or self.graph.varies[of[0]] or not self.graph.varies[of[1]]:
+            return 1.0, self
+        first = self.graph.operations[of[0]]
+        constant = float(first.value) if first.kind == "number" else Symbol(self.graph, of[0])
+        return constant, Symbol(self.graph, of[1])
 
     def __repr__(self) -> str:
         kind, of, value = self.operation
@@ -120,8 +133,12 @@ class Symbol:
     def __add__(self, other: "Number") -> "Number":
         if not isinstance(other, Symbol):
             return self if other == 0.0 else self.graph.add("add", self, other)
-        first, last = sorted((self, other), key=hash)
-        return 2.0 * self if self == other else self.graph.add("add", first, last)
+        (a, x), (b, y) = self.scaled, other.scaled
+        if x == y:
+            return (a + b) * x
+        if b == -1.0 or a == -1.0:
+            return self - y if b == -1.0 else other - x
+        return self.graph.add("add", *sorted((self, other), key=hash))
 
     __radd__ = __add__
 
@@ -129,22 +146,34 @@ class Symbol:
         return -1.0 * self
 
     def __sub__(self, other: "Number") -> "Number":
-        if self == other:
-            return 0.0
-        return self if other == 0.0 else self.graph.add("subtract", self, other)
+        if not isinstance(other, Symbol):
+            return self if other == 0.0 else self.graph.add("subtract", self, other)
+        (a, x), (b, y) = self.scaled, other.scaled
+        if x == y:
+            return (a - b) * x
+        return self + y if b == -1.0 else self.graph.add("subtract", self, other)
 
     def __rsub__(self, other: "Number") -> "Number":
         return -self if other == 0.0 else self.graph.add("subtract", other, self)
 
     def __mul__(self, other: "Number") -> "Number":
+        """Return the product: a x times b y, with constants a and b, is a b times x y, which is made once for all."""
         if not isinstance(other, Symbol):
             if other == 0.0:
                 return 0.0
-            kind, of, _ = self.operation
-            if kind == "multiply" and (known := self.graph.operations[of[0]]).kind == "number" and other == -1.0:
-                return -float(known.value) * Symbol(self.graph, of[1])
+            a, x = self.scaled
+            if x != self:
+                return (other * a) * x
             return self if other == 1.0 else self.graph.add("multiply", other, self)
-        return self.graph.add("multiply", *sorted((self, other), key=hash))
+        if other.is_constant and not self.is_constant:
+            return other * self
+        (a, x), (b, y) = self.scaled, other.scaled
+        if self.is_constant and y != other:
+            return (self * b) * y
+        if x != self or y != other:
+            return (a * b) * (x * y)
+        of = (self, other) if self.is_constant else sorted((self, other), key=hash)
+        return self.graph.add("multiply", *of)
 
     __rmul__ = __mul__
 
@@ -163,33 +192,37 @@ Number = float | Symbol
 # Functions of one number or two, of floats or of symbols
 
 
-def _of(kind: str, known: Callable[..., float]) -> Callable[..., Number]:
+KNOWN: Mapping[str, Callable[..., float]] = {
+    "add": operator.add, "subtract": operator.sub, "multiply": operator.mul, "divide": operator.truediv,
+    "sqrt": math.sqrt, "sin": lambda x: sincos(x)[0], "cos": lambda x: sincos(x)[1], "exp": math.exp, "log": math.log,
+    "power": math.pow, "atan2": lambda y, x, _: math.atan2(y, x), "side": lambda x: math.copysign(1.0, x),
+    "select": lambda condition, a, b: a if condition > 0.0 else b,
+}  # fmt: skip
+"""What each operation is of floats."""
+
+
+def _of(kind: str) -> Callable[..., Number]:
     def function(*numbers: Number) -> Number:
         for x in numbers:
             if isinstance(x, Symbol):
                 return x.graph.add(kind, *numbers)
-        return known(*numbers)
+        return KNOWN[kind](*numbers)
 
     return function
 
 
-square_root: Callable[[Number], Number] = _of("sqrt", math.sqrt)
-sine: Callable[[Number], Number] = _of("sin", lambda x: sincos(x)[0])
-cosine: Callable[[Number], Number] = _of("cos", lambda x: sincos(x)[1])
-exponential: Callable[[Number], Number] = _of("exp", math.exp)
-logarithm: Callable[[Number], Number] = _of("log", math.log)
-side: Callable[[Number], Number] = _of("side", lambda x: math.copysign(1.0, x))
+square_root, sine, cosine, exponential, logarithm, side = map(_of, ("sqrt", "sin", "cos", "exp", "log", "side"))
 
 
 def arctangent(y: Number, x: Number) -> Number:
     """Return the angle of (x, y), rad."""
-    return _of("atan2", lambda b, a, _: math.atan2(b, a))(y, x, x * x + y * y)
+    return _of("atan2")(y, x, x * x + y * y)
 
 
 def select(condition: Number, a: Number, b: Number) -> Number:
     """Return a where the condition is 1, b where it is -1."""
     if not isinstance(condition, Symbol):
-        return a if condition > 0.0 else b
+        return KNOWN["select"](condition, a, b)
     return a if a == b else condition.graph.add("select", condition, a, b)
 
 
@@ -203,7 +236,7 @@ def power(x: Number, exponent: Number) -> Number:
             return power(square_root(x), 2.0 * exponent)
     if isinstance(exponent, Symbol) and not exponent.is_constant:
         return exponential(exponent * logarithm(x))
-    return _of("power", math.pow)(x, exponent)
+    return _of("power")(x, exponent)
 
 
 def _whole_power(x: Number, n: int) -> Number:
@@ -213,23 +246,27 @@ def _whole_power(x: Number, n: int) -> Number:
     return half * half * x if n % 2 else half * half
 
 
-_KNOWN: dict[str, Callable[..., float]] = {
-    "add": operator.add, "subtract": operator.sub, "multiply": operator.mul, "divide": operator.truediv,
-    "sqrt": math.sqrt, "sin": math.sin, "cos": math.cos, "exp": math.exp, "log": math.log, "power": math.pow,
-    "atan2": lambda y, x, _: math.atan2(y, x), "side": lambda x: math.copysign(1.0, x),
-    "select": lambda side, a, b: a if side > 0.0 else b,
+SYMBOLIC: Mapping[str, Callable[..., Number]] = {
+    **KNOWN, "sqrt": square_root, "sin": sine, "cos": cosine, "exp": exponential, "log": logarithm, "power": power,
+    "atan2": lambda y, x, _: arctangent(y, x), "side": side, "select": select,
 }  # fmt: skip
+"""What each operation is of numbers that may be symbols."""
 
 
-def numbers_of(graph: Graph, ends: Sequence[Number], leaves: Mapping[str, float]) -> list[float]:
-    """Return what numbers come to; leaves: by their names. Raises ArithmeticError or ValueError where one is none."""
-    found: dict[int, float] = {}
+def numbers_of(
+    graph: Graph, ends: Sequence[Number], leaves: Mapping[str, Any], functions: Mapping[str, Callable[..., Any]] = KNOWN
+) -> list[Any]:
+    """Return what numbers come to; leaves: by their names. Raises ArithmeticError or ValueError where one is none.
+
+    functions: the operations, by which what leaves are may be no numbers, but another's expressions or text.
+    """
+    found: dict[int, Any] = {}
     for i in graph.reached(ends):
         kind, of, value = graph.operations[i]
         if kind == "number":
             found[i] = float(value)
         else:
-            found[i] = leaves[str(value)] if kind in LEAVES else _KNOWN[kind](*(found[j] for j in of))
+            found[i] = leaves[str(value)] if kind in LEAVES else functions[kind](*(found[j] for j in of))
     return [found[x.index] if isinstance(x, Symbol) else float(x) for x in ends]
 
 
@@ -252,6 +289,18 @@ def gradient(y: Number, variables: Sequence[Symbol]) -> list[Number]:
             for of, partial in zip(here.operation.of, _partials(here), strict=True):
                 slopes[of] = slopes.get(of, 0.0) + slope * partial
     return [slopes.get(x.index, 0.0) for x in variables]
+
+
+def changes_of(numbers: Sequence[Number], of_leaves: Mapping[Symbol, Number]) -> list[Number]:
+    """Return how much numbers change at once as leaves do, by one sweep from these to them (forward accumulation)."""
+    changes = {leaf.index: change for leaf, change in of_leaves.items()}
+    for x in (x for x in numbers if isinstance(x, Symbol)):
+        for i in x.graph.reached([x]):
+            if i not in changes:
+                here = Symbol(x.graph, i)
+                parts = (changes[j] * slope for j, slope in zip(here.operation.of, _partials(here), strict=True))
+                changes[i] = sum(parts, 0.0)
+    return [changes[x.index] if isinstance(x, Symbol) else 0.0 for x in numbers]
 
 
 def _partials(y: Symbol) -> Sequence[Number]:

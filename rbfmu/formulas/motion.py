@@ -58,10 +58,7 @@ class Motion:
         q = self.q = self._leaves("state", "q", 4)
         self.omega = self._leaves("state", "omega", 3)
         self.t = self.graph.leaf("state", "t")
-        S = np.array(interpreted(skew)(tuple(q[1:])), object)
-        SS = _product(S, S)
-        # R of a unit quaternion: I + 2 eta S + 2 S S (E&G 6.163)
-        self.R = _matrix(lambda i, j: float(i == j) + 2.0 * (q[0] * S[i, j] + SS[i, j]))
+        self.R = rotation_of(q)
         r_oc = self._places("r_oc_b", 3)
         self.v_c = self._leaves("state", "v_c", 3)
         if given.pivot:
@@ -103,11 +100,11 @@ class Motion:
 
     def to_a(self, v: Array) -> Array:
         """Return a vector of b in a."""
-        return _product(self.R, v)
+        return product(self.R, v)
 
     def to_b(self, v: Array) -> Array:
         """Return a vector of a in b."""
-        return _product(self.R.T, v)
+        return product(self.R.T, v)
 
     def forces_of(self, potential: Number) -> dict[str, Array]:
         """Return the force at o, in a, and the torque, in b, that follow from a potential.
@@ -174,18 +171,18 @@ class Motion:
         """Return the quantities that a body shows, by name; rates: those of `rates`."""
         omega, R, mass = self.omega, self.R, self._places("mass", 1)[0]
         alpha = np.array([rates[name] for name in elements("omega", 3)], object)
-        momentum = _product(self._M, omega)
+        momentum = product(self._M, omega)
         energy = _dot(omega, momentum)
         acceleration = np.array(_ZERO, object)
         if not self._given.pivot:
             relative = interpreted(relative_acceleration)(tuple(omega), tuple(alpha), tuple(self._places("r_oc_b", 3)))
             acceleration = np.array([rates[name] for name in elements("v_c", 3)], object)
-            acceleration = _add(acceleration, -1.0, _product(R, np.array(relative, object)))
+            acceleration = _add(acceleration, -1.0, product(R, np.array(relative, object)))
             energy += mass * _dot(self.v_c, self.v_c)
         return {
             "position": self.position, "velocity": self.velocity, "acceleration": acceleration, "quaternion": self.q,
             "omega_b": omega, "omega_a": self.to_a(omega), "alpha_b": alpha,
-            "angular_momentum_a": _product(R, momentum), "kinetic_energy": np.array([0.5 * energy], object),
+            "angular_momentum_a": product(R, momentum), "kinetic_energy": np.array([0.5 * energy], object),
         }  # fmt: skip
 
     def _leaves(self, kind: str, name: str, size: int) -> Array:
@@ -211,14 +208,22 @@ def closure(rates: Mapping[str, Number], wanted: Sequence[Number], graph: Graph)
     return [name for name in rates if name in found]
 
 
+def rotation_of(q: Array) -> Array:
+    """Return R of a unit quaternion: I + 2 eta S + 2 S S (E&G 6.163)."""
+    S = np.array(interpreted(skew)(tuple(q[1:])), object)
+    SS = product(S, S)
+    return _matrix(lambda i, j: float(i == j) + 2.0 * (q[0] * S[i, j] + SS[i, j]))
+
+
 def _matrix(of: Any) -> Array:
     return np.array([[of(i, j) for j in range(3)] for i in range(3)], object)
 
 
-def _product(a: Array, b: Array) -> Array:
+def product(a: Array, b: Array) -> Array:
+    """Return a matrix times a vector or a matrix."""
     if np.ndim(b) == 1:
         return np.array([sum((x * y for x, y in zip(row, b, strict=True)), 0.0) for row in a], object)
-    return np.array([_product(a, column) for column in b.T], object).T
+    return np.array([product(a, column) for column in b.T], object).T
 
 
 def _cross(a: Array, b: Array) -> Array:

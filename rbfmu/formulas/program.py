@@ -6,7 +6,7 @@ Equations I, 2nd ed. 1993, I.8; Griewank & Walther, Evaluating Derivatives, 2nd 
 f' = g x', such as exp with g = f, gives k f[k] as the sum of g[k - j] times the slopes j x[j].
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from rbfmu.formulas.graph import LEAVES, Graph, Number, Operation, Symbol, cosine, sine
@@ -31,9 +31,10 @@ class Program(NamedTuple):
 
     constants: those that stay as they are over a series, in order; levels: the others, so that each level needs sums
     that the level before has completed; slots: the sums of an operation, by its place; sides: of what changes, on which
-    side of zero it is, which stays over a series, that ends where it changes; touching: what a root is of, or an
-    angle's x^2 + y^2: where it comes down to zero, the series would go on with the wrong sign, and ends; wanted: what
-    is asked for, by name; rates: the derivatives of the states, by name.
+    side of zero it is, which stays over a series, that ends where it changes; touching: roots, and
+    angles of points (x, y): where that which a root is of, or x^2 + y^2, comes down to zero, the series would go on
+    with the wrong sign, and ends; wanted: what is asked for, by name; rates: the derivatives of the states, by name;
+    beside: numbers whose series are kept for others to read.
     """
 
     graph: Graph
@@ -44,6 +45,7 @@ class Program(NamedTuple):
     touching: tuple[int, ...]
     rates: Mapping[str, Number]
     wanted: Mapping[str, Number]
+    beside: tuple[Number, ...] = ()
 
     @property
     def varying(self) -> list[int]:
@@ -56,9 +58,18 @@ class Program(NamedTuple):
         return list(self.rates)
 
 
-def program(graph: Graph, rates: Mapping[str, Number], wanted: Mapping[str, Number]) -> Program:
-    """Return the program of states' rates, with what else is wanted, of which values serve and no series are made."""
-    numbers = [*rates.values()]
+def program(
+    graph: Graph,
+    rates: Mapping[str, Number],
+    wanted: Mapping[str, Number],
+    watched: Iterable[Number] = (),
+    beside: Sequence[Number] = (),
+) -> Program:
+    """Return the program of states' rates, with what else is wanted, of which values serve and no series are made.
+
+    watched: sides that no rate rests on, of which series are made as well; beside: see `Program`.
+    """
+    numbers = [*rates.values(), *watched, *beside]
     for i in graph.reached(numbers):  # each of the two is the other's derivative
         operation = graph.operations[i]
         if operation.kind in ("sin", "cos"):
@@ -77,10 +88,10 @@ def program(graph: Graph, rates: Mapping[str, Number], wanted: Mapping[str, Numb
     levels = [tuple(i for i in reached if level.get(i) == n) for n in range(max(level.values(), default=0) + 1)]
     sides = tuple(i for i in reached if graph.operations[i].kind == "side" and graph.operations[i].of[0] in changing)
     roots = [i for i in reached if i in changing and graph.operations[i].kind in ("sqrt", "atan2")]
-    touching = dict.fromkeys(graph.operations[i].of[-1] for i in roots if graph.operations[i].of[-1] in changing)
+    touching = tuple(i for i in roots if graph.operations[i].of[-1] in changing)
     constants = (i for i in reached if i not in {*changing, *sides} and graph.operations[i].kind != "number")
     used = {i: s for i, s in slots.items() if s}
-    return Program(graph, tuple(constants), tuple(levels), used, sides, tuple(touching), rates, wanted)
+    return Program(graph, tuple(constants), tuple(levels), used, sides, touching, rates, wanted, tuple(beside))
 
 
 def _changing(graph: Graph, reached: Sequence[int]) -> set[int]:

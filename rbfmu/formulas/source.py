@@ -6,24 +6,27 @@ Four sums of products are made at once, so that what the sums of a level need st
 space has the k-th coefficients of the states and of all factors of the next orders' sums.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
 
-from rbfmu.formulas.graph import Number, Symbol
+from rbfmu.formulas.graph import Graph, Number, Symbol, numbers_of
 from rbfmu.formulas.program import Factor, Program
 
 WIDTH = 4
 """How many sums are made at once."""
 KERNELS = ("constants", "first", "further", "values", "feedthrough")
+KERNELS_OVER = ("values", "feedthrough", "loads")
+_NEEDED = "import math\n\nfrom rbfmu_kernels.numerics.elementary import atan2, exponential, logarithm, sincos\n"
 HEAD = '''\
-"""Formulas of a scene as Taylor series, written by rbfmu.formulas.source; places are those of the model's buffer."""
+"""Formulas of a scene as kernels, written by rbfmu.formulas.source; places are those of the model's buffer."""
 
 import math
 
 from rbfmu_kernels.buffer import NOT_FINITE
 from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers
-from rbfmu_kernels.models.formulas import make_formulas
+from rbfmu_kernels.models import model_named
+from rbfmu_kernels.models.formulas import make_formulas, make_over
 from rbfmu_kernels.numerics.elementary import atan2, exponential, logarithm, sincos
 from rbfmu_kernels.types import Buffer
 
@@ -47,6 +50,8 @@ class Layout(NamedTuple):
     states: Mapping[str, int]
     constants: Mapping[int, int]
     groups: tuple[tuple[tuple[int, int], ...], ...]
+    head: int
+    beside: int
     row: int
 
     @property
@@ -55,19 +60,22 @@ class Layout(NamedTuple):
         return -(-len(self.constants) // WIDTH) * WIDTH
 
 
-def layout_of(program: Program) -> Layout:
+def layout_of(program: Program, more: int = 0) -> Layout:
     """Return the places of a program's numbers in a row; those of the buffer are still missing.
 
-    Each group of slots, (operation, which of its), is of one level.
+    more: columns at its end for series that templates make. Each group of slots, (operation, which of its), is of one
+    level.
     """
     groups: list[tuple[tuple[int, int], ...]] = []
     for n in range(len(program.levels)):
         here = [(i, s) for i, slots in program.slots.items() for s in range(len(slots)) if _level(program, i, s) == n]
         groups += [tuple(here[j : j + WIDTH]) for j in range(0, len(here), WIDTH)]
     states = {name: i for i, name in enumerate(program.states)}
-    head = -(-(len(states) + len(program.sides) + len(program.touching)) // WIDTH) * WIDTH
+    head = -(-(len(states) + len(program.sides) + 2 * len(program.touching)) // WIDTH) * WIDTH
     constants = {i: n for n, i in enumerate(program.constants)}
-    return Layout({}, {}, {}, states, constants, tuple(groups), head + 2 * WIDTH * len(groups))
+    beside = head + 2 * WIDTH * len(groups)
+    row = beside + -(-len(program.beside) // WIDTH) * WIDTH + more
+    return Layout({}, {}, {}, states, constants, tuple(groups), head, beside, row)
 
 
 def _level(program: Program, i: int, slot: int) -> int:
@@ -83,23 +91,36 @@ def source_of(program: Program, layout: Layout, changes: Changes) -> str:
     return HEAD + "\n\n".join(["", *series, writer.values(), writer.feedthrough(changes)])[1:]
 
 
-def module_of(source: str, constant: str, layout: tuple[Mapping[str, slice], int], places: Mapping[str, object]) -> str:
-    """Return the text of a module that makes the model besides, its attribute MODEL."""
+def source_over(program: Program, layout: Layout, changes: Changes, loads: Mapping[str, Number]) -> str:
+    """Return the text of a module with KERNELS_OVER; loads: those that are set at the start, by the block's number."""
+    writer = _Writer(program, layout)
+    return HEAD + "\n\n".join(["", writer.values(), writer.feedthrough(changes), writer.values("loads", loads)])[1:]
+
+
+def module_of(
+    source: str, constant: str, layout: tuple[Mapping[str, slice], int], places: Mapping[str, object], base: str = ""
+) -> str:
+    """Return the text of a module that makes the model besides, its attribute MODEL.
+
+    base: the closed form that it is over, as `models.model_named` takes it, if any.
+    """
+    kernels = KERNELS_OVER if base else KERNELS
+    maker = f"make_over({constant!r}, model_named({base!r})," if base else f"make_formulas({constant!r},"
     blocks, size = layout
     return f"""{source}
 
 inf = math.inf
 BLOCKS = {blocks!r}
 PLACES = {places!r}
-KERNELS = {{{", ".join(f"{name!r}: {name}" for name in KERNELS)}}}
-MODEL = make_formulas({constant!r}, (BLOCKS, {size}), KERNELS, PLACES)
+KERNELS = {{{", ".join(f"{name!r}: {name}" for name in kernels)}}}
+MODEL = {maker} (BLOCKS, {size}), KERNELS, PLACES)
 """
 
 
 class _Writer:
     def __init__(self, program: Program, layout: Layout) -> None:
         self._program, self._layout, self._graph = program, layout, program.graph
-        self._head = layout.row - 2 * WIDTH * len(layout.groups)
+        self._head = layout.head
         self._level_of = {i: n for n, level in enumerate(program.levels) for i in level}
 
     def function(self, name: str) -> str:
@@ -115,6 +136,7 @@ class _Writer:
                 lines += [f"{self._name(i)} = {self._value(i)}" for i in self._program.varying]
                 lines += [f"z[r + {at}] = {text}" for at, text in self._first_factors()]
                 lines += [f"z[r + {at}] = {self._name(i)}" for at, i in self._watched()]
+                lines += [f"z[r + {at}] = {self._text(x)}" for at, x in self._beside()]
                 lines += self._put_rates("")
             case "further":
                 takes += ", k: int"
@@ -123,15 +145,15 @@ class _Writer:
         body = "\n".join(f"    {line}" for line in lines or ["pass"])
         return f"@kernel(inline=False)\ndef {name}({takes}) -> None:\n{body}\n"
 
-    def values(self) -> str:
+    def values(self, name: str = "values", wanted: Mapping[str, Number] | None = None) -> str:
         """Return the text of the kernel that sets what is wanted, from the states in the buffer."""
-        wanted = self._program.wanted
+        wanted = self._program.wanted if wanted is None else wanted
         reached = self._graph.reached(wanted.values())
         lines = [f"{self._name(i)} = {self._value(i, in_row=False)}" for i in reached if self._is_variable(i)]
-        lines += [f"z[{self._layout.targets[name]}] = {self._text(x)}" for name, x in wanted.items()]
-        sums = " + ".join(["0.0", *(f"0.0 * z[{self._layout.targets[name]}]" for name in wanted)])
+        lines += [f"z[{self._layout.targets[element]}] = {self._text(x)}" for element, x in wanted.items()]
+        sums = " + ".join(["0.0", *(f"0.0 * z[{self._layout.targets[element]}]" for element in wanted)])
         body = "\n".join(f"    {line}" for line in [*lines, f"return 0 if {sums} == 0.0 else NOT_FINITE"])
-        return f"@kernel(inline=False)\ndef values(z: Buffer) -> int:\n{body}\n"
+        return f"@kernel(inline=False)\ndef {name}(z: Buffer) -> int:\n{body}\n"
 
     def feedthrough(self, changes: Changes) -> str:
         """Return the text of the kernel that, given by how much inputs change, sets by how much outputs do at once.
@@ -158,7 +180,8 @@ class _Writer:
 
     def _read_constants(self) -> list[str]:
         used = {j for i in self._program.varying for j in self._graph.operations[i].of}
-        used |= {x.index for x in self._program.rates.values() if isinstance(x, Symbol)}
+        shown = (*self._program.rates.values(), *self._program.beside)
+        used |= {x.index for x in shown if isinstance(x, Symbol)}
         known = [f"{self._name(i)} = z[w + {at}]" for i, at in self._layout.constants.items() if i in used]
         return [*self._read_sides(self._program.varying), *known]
 
@@ -178,11 +201,7 @@ class _Writer:
                 return f"z[r + {self._layout.states[str(value)]}]"
             case "place" | "input" | "state":
                 return f"z[{self._layout.leaves[str(value)][0]}]"
-            case "select":
-                return f"{b} if {a} > 0.0 else {c}"
-            case "side":
-                return f"math.copysign(1.0, {a})"
-        return _VALUES[kind].format(a, b)
+        return VALUES[kind].format(a, b, c)
 
     # Coefficients beyond the first
 
@@ -194,10 +213,16 @@ class _Writer:
                 yield f"{self._name(i)} = {self._coefficient(i)}"
         yield from (f"z[r + {at}] = {text}" for at, text in self._factors_left)
         yield from (f"z[r + {at}] = {self._name(i)}" for at, i in self._watched())
+        for at, x in self._beside():
+            yield f"z[r + {at}] = {self._part(x.index) if isinstance(x, Symbol) else '0.0'}"
+
+    def _beside(self) -> Iterator[tuple[int, Number]]:
+        yield from enumerate(self._program.beside, self._layout.beside)
 
     def _watched(self) -> Iterator[tuple[int, int]]:
-        """Yield the columns in a row of what has sides, and of what may touch zero, and these."""
+        """Yield the columns in a row of what has sides, of what may touch zero and its roots, and these."""
         watched = [self._graph.operations[i].of[0] for i in self._program.sides]
+        watched += [self._graph.operations[i].of[-1] for i in self._program.touching]
         yield from enumerate((*watched, *self._program.touching), len(self._layout.states))
 
     def _level_of_group(self, group: tuple[tuple[int, int], ...]) -> int:
@@ -319,7 +344,7 @@ class _Writer:
                 yield f"z[r + {at}] = {'0.0' if divided else known}"
 
 
-_VALUES = {
+VALUES = {
     "add": "{} + {}",
     "subtract": "{} - {}",
     "multiply": "{} * {}",
@@ -331,4 +356,33 @@ _VALUES = {
     "log": "logarithm({})",
     "atan2": "atan2({}, {})",
     "power": "exponential({1} * logarithm({0}))",
+    "side": "math.copysign(1.0, {})",
+    "select": "{1} if {0} > 0.0 else {2}",
 }
+
+
+def lines_of(
+    graph: Graph, ends: Sequence[Number], leaves: Mapping[str, str], texts: Mapping[str, str]
+) -> tuple[list[str], list[Any]]:
+    """Return assignments in another's language, and what numbers come to by them; texts: of each operation."""
+    lines: list[str] = []
+
+    def line(text: str) -> Callable[..., str]:
+        def add(*of: object) -> str:
+            lines.append(f"v{len(lines)} = {text.format(*of)}")
+            return f"v{len(lines) - 1}"
+
+        return add
+
+    found = numbers_of(graph, ends, leaves, {kind: line(text) for kind, text in texts.items()})
+    return lines, found
+
+
+def function_of(name: str, graph: Graph, ends: Sequence[Number], leaves: Mapping[str, str]) -> str:
+    """Return the text of a function of t and y, as solvers of others take it, that puts numbers into f.
+
+    leaves: the texts of parameters, states and inputs, by name.
+    """
+    lines, found = lines_of(graph, ends, leaves, VALUES)
+    lines += [f"f[{i}] = {x}" for i, x in enumerate(found)]
+    return f"{_NEEDED}\n\ndef {name}(t, f, y, z):\n" + "".join(f"    {one}\n" for one in lines or ["pass"])

@@ -4,31 +4,42 @@ import hashlib
 import json
 import linecache
 import math
+import sys
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from types import MappingProxyType, ModuleType
 from typing import Any
 
 import numpy as np
 
 from rbfmu.formulas.check import Texts, given_to
-from rbfmu.formulas.graph import Symbol, gradient
+from rbfmu.formulas.graph import SYMBOLIC, Symbol, gradient, numbers_of, side
 from rbfmu.formulas.motion import CONSTANT, STATE, Given, Motion, by_element, closure
 from rbfmu.formulas.program import program
 from rbfmu.formulas.source import Layout, layout_of, module_of, source_of
 from rbfmu.models.question import BLOCKS, BodyAtStart
-from rbfmu.scene.scene import Scene, SceneError
+from rbfmu.scene.own import DIRECTIONS
+from rbfmu.scene.scene import Scene
 from rbfmu_kernels import buffer
 from rbfmu_kernels.body import driven, memory
 from rbfmu_kernels.body.shell import Model
+from rbfmu_kernels.models import formula_events as events_of_model
 from rbfmu_kernels.models import formulas as templates
-from rbfmu_kernels.quantities import OUTPUT, elements
+from rbfmu_kernels.quantities import OUTPUT, Output, elements, own_output
 
 _LANES = 4
+NO_EVENTS: Mapping[str, tuple[Any, str]] = MappingProxyType({})
+EVENT = "when."
+"""Before the name of an event, that of the block with the value that it watches."""
 _ENDS = ("", "_rate", "_rate_2")
 """Of the names of an input's blocks: its value and its derivatives."""
 _STARTS = {"q": ("quaternion_0",), "omega": ("omega_b_0",), "r_c": ("position_0",), "v_c": ("velocity_0",), "t": ()}
 """Parameters in which states begin; those of the centre of mass beside o with attitude and rate besides."""
+_OF_BODY = {"M": {"inertia"}, "M_inverse": {"inertia"}, "arm": {"r_oc_b"}, "inverse_mass": {"mass"}}
+"""The parameters of blocks that `initialize` sets."""
+_READ = {"q": "quaternion", "omega": "omega_b", "r_c": "position", "v_c": "velocity"}
+"""The quantities for which models keep these states."""
 _MADE: dict[str, Model] = {}
 """Models by what tells their kernels from others, so that no process compiles one twice."""
 
@@ -50,18 +61,20 @@ class FormulaModel:
 
     def __init__(
         self, motion: Motion, given: Given, loads: Mapping[str, Any], states: Mapping[str, Any], own: Mapping[str, Any],
-        asked: Collection[str],
+        asked: Collection[str], events: Mapping[str, tuple[Any, str]] = NO_EVENTS,
     ) -> None:  # fmt: skip
-        """Take what formulas give for loads, for the rates of states and for own outputs.
+        """Take what formulas give for loads, for the rates of states and for own outputs, and events with directions.
 
         asked: the names of quantities and own outputs.
         """
         self.motion, self.given = motion, given
-        tables = {"loads": loads, "states": states, "outputs": own}
+        self.events = {name: (when, DIRECTIONS[direction]) for name, (when, direction) in events.items()}
+        whens = {f"{EVENT}{name}": np.array(when, object) for name, (when, _) in events.items()}
+        tables = {"loads": loads, "states": states, "outputs": own, "events": {n: x for n, (x, _) in events.items()}}
         self.by_key = {f"{table}.{name}": value for table, rows in tables.items() for name, value in rows.items()}
         self.all_rates = {**motion.rates(loads), **dict(by_element({f"{STATE}{n}": x for n, x in states.items()}))}
         known = {**motion.outputs(self.all_rates), **own}
-        self.shown = {name: known[name] for name in asked}
+        self.shown = {name: known[name] for name in asked} | whens
         self.own_outputs = {name: int(np.size(value)) for name, value in own.items()}
         read = {name.partition("[")[0] for name in self._needed()}
         self.own_states = {name: np.size(x) for name, x in states.items() if f"{STATE}{name}" in read}
@@ -72,8 +85,10 @@ class FormulaModel:
         self.groups = self.groups_of(needed)
         self.rates = {name: self.all_rates[name] for group in self.groups for name in group.states}
         seen = {name: value for name, value in loads.items() if self._is_known(np.ravel(value))}
-        put = {f"constant_{name}": value for name, value in seen.items()} | dict(own)
-        self.program = program(motion.graph, self.rates, dict(by_element(put)))
+        put = {f"constant_{name}": value for name, value in seen.items()} | dict(own) | whens
+        self._sides = [motion.graph.index_of(side(when)) for when, _ in self.events.values()]
+        watched = [Symbol(motion.graph, i) for i in self._sides]
+        self.program = program(motion.graph, self.rates, dict(by_element(put)), watched)
 
     def _needed(self) -> list[str]:
         """Return the names of the states' numbers that what is shown comes of."""
@@ -119,9 +134,8 @@ class FormulaModel:
         beside = any(self.given.numbers["r_oc_b"]) or "r_oc_b" in self.given.symbolic
         if kept & {"r_c", "v_c"} and beside:
             found |= {"r_oc_b", "quaternion_0"} | ({"omega_b_0"} if "v_c" in kept else set())
-        of_body = {"M": {"inertia"}, "M_inverse": {"inertia"}, "arm": {"r_oc_b"}, "inverse_mass": {"mass"}}
         for place in places:
-            found |= of_body.get(place, {place.removeprefix("constant_").removeprefix(CONSTANT)})
+            found |= _OF_BODY.get(place, {place.removeprefix("constant_").removeprefix(CONSTANT)})
         about_pivot = self.given.pivot and beside and places & {"M", "M_inverse"}
         return found | ({"mass", "r_oc_b"} if about_pivot else set())
 
@@ -133,8 +147,8 @@ class FormulaModel:
         found: dict[int, dict[int, Any]] = {}
         for element, x in by_element({name: value for name, value in self.shown.items() if self.follows(name)}):
             slopes = zip(inputs, gradient(x, leaves), strict=True)
-            found[self._place(element)] = {
-                self._place(name): dx for name, dx in slopes if isinstance(dx, Symbol) or dx != 0.0
+            found[self.place(element)] = {
+                self.place(name): dx for name, dx in slopes if isinstance(dx, Symbol) or dx != 0.0
             }
         return found
 
@@ -160,20 +174,28 @@ class FormulaModel:
             **{f"{STATE}{n}": s for n, s in given.states.items()},
             **templates.SERIES, **dict.fromkeys(templates.CORNERS, len(self.program.sides)),
             "series.sizes": max(len(self.groups), 1), "series.held_inputs": max(sum(given.ports.values()), 1),
-            **self.own_outputs,
+            **self.own_outputs, **{f"{EVENT}{n}": 1 for n in self.events}, **self.more_blocks,
+            **(dict.fromkeys(events_of_model.EVENTS, len(self.events)) | {"events.listed": 1} if self.events else {}),
         }  # fmt: skip
         _, before = buffer.places(driven.DRIVEN | own)
         work = self.layout.start + self.layout.row * (max(templates.ORDERS) + 1)
         own |= {"pad_3": -before % 8, "series.work": work, "series.last": _LANES}
+        own |= {"events.list": 3 * events_of_model.MOST_LISTED} if self.events else {}
         kept = before - memory.STATE_START
         return buffer.places(driven.DRIVEN | own | {"series.kept": kept})
+
+    @property
+    def more_blocks(self) -> dict[str, int]:
+        """Return the sizes of further blocks of the buffer."""
+        return {}
 
     @cached_property
     def layout(self) -> Layout:
         """Return where the generated kernels find their numbers, without the places of the buffer, which need it."""
         return layout_of(self.program)
 
-    def _place(self, element: str) -> int:
+    def place(self, element: str) -> int:
+        """Return where the buffer has an element of a block."""
         name, _, index = element.partition("[")
         blocks = self.blocks.blocks
         block = name if name in blocks else f"series.{name}"
@@ -182,29 +204,76 @@ class FormulaModel:
     @cached_property
     def source(self) -> str:
         """Return the text of the generated kernels."""
+        return source_of(self.program, self._placed, self._changes)
+
+    @property
+    def _placed(self) -> Layout:
+        """Return the layout with the places of the buffer."""
         leaves: dict[str, tuple[int, ...]] = {}
         for kind, _, value in self.program.graph.operations:
             if kind == "input":
                 name, _, index = str(value).partition("[")
                 rest = f"[{index}" if index else ""
-                leaves[str(value)] = tuple(self._place(f"{name}{end}{rest}") for end in _ENDS)
+                leaves[str(value)] = tuple(self.place(f"{name}{end}{rest}") for end in _ENDS)
             elif kind in ("place", "state"):
-                leaves[str(value)] = (self._place("time" if value == "t" else str(value)),)
-        targets = {name: self._place(name) for name in self.program.wanted}
-        first = self._place("sides") if self.program.sides else 0
+                leaves[str(value)] = (self.place("time" if value == "t" else str(value)),)
+        targets = {name: self.place(name) for name in self.program.wanted}
+        first = self.place("sides") if self.program.sides else 0
         sides = {i: first + n for n, i in enumerate(self.program.sides)}
-        layout = self.layout._replace(leaves=leaves, targets=targets, sides=sides)
-        return source_of(self.program, layout, self._changes)
+        return self.layout._replace(leaves=leaves, targets=targets, sides=sides)
 
     @cached_property
     def text(self) -> str:
         """Return the module that makes the model, MODEL: what a reader can print, and an FMU takes along."""
-        return module_of(self.source, f"FORMULAS_{self.key}", self.blocks, self._places)
+        return module_of(self.source, f"FORMULAS_{self.key}", self.blocks, self._places, self._base)
 
     @cached_property
     def key(self) -> str:
         """Return what tells the model from others."""
         return hashlib.sha256(repr((self.source, self.blocks.blocks, self.groups)).encode()).hexdigest()[:16]
+
+    @cached_property
+    def plain_loads(self) -> dict[str, list[Any]] | None:
+        """Return the scene's loads that formulas come to, by name; None where they are more than these.
+
+        Constant ones, and a torque in b that is constant but for what each rate times a constant takes: its damping.
+        """
+        graph, rates, found = self.motion.graph, elements("omega", 3), dict[str, list[Any]]()
+        places = self._leaves("place", [x for numbers in self._loads.values() for x in numbers])
+        at_rest = {name: graph.leaf("place", name) for name in places} | dict.fromkeys(rates, 0.0)
+        for name, numbers in self._loads.items():
+            slopes = [gradient(x, [graph.leaf("state", rate) for rate in rates]) for x in numbers]
+            across = [row[k] for i, row in enumerate(slopes) for k in range(3) if k != i]
+            along = [slopes[k][k] for k in range(3)]
+            read = {*self._leaves("state", numbers), *self._leaves("input", numbers)}
+            sides = [i for i in graph.reached(numbers) if graph.operations[i].kind == "side" and graph.varies[i]]
+            derived = {name.partition("[")[0] for name in self._leaves("place", numbers)} & {*_OF_BODY}
+            if sides or derived or not read <= {*rates} or any(isinstance(x, Symbol) or x for x in across):
+                return None
+            if not all(x.is_constant for x in along if isinstance(x, Symbol)):
+                return None
+            if any(isinstance(x, Symbol) or x for x in along):
+                if name != "torque_b" or any(self.given.numbers["damping_b"]) or "damping_b" in self.given.symbolic:
+                    return None
+                found["damping_b"] = [-1.0 * x for x in along]
+            found[name] = numbers_of(graph, numbers, at_rest, SYMBOLIC)
+        return found
+
+    @property
+    def read_by_loads(self) -> set[str]:
+        """Return the names of the parameters that formulas of loads read."""
+        return self._parameters([x for numbers in self._loads.values() for x in numbers], [])
+
+    @property
+    def _loads(self) -> dict[str, list[Any]]:
+        found = {key: value for key, value in self.by_key.items() if key.startswith("loads.")}
+        return {key.removeprefix("loads."): [*np.ravel(value)] for key, value in found.items()}
+
+    @property
+    def quantities_read(self) -> set[str]:
+        """Return the names of the quantities of the motion that own outputs read."""
+        read = self._leaves("state", self._numbers(*self.own_outputs))
+        return {_READ[name] for name in (element.partition("[")[0] for element in read) if name in _READ}
 
     @property
     def _places(self) -> dict[str, Any]:
@@ -219,24 +288,51 @@ class FormulaModel:
         where = {name.removeprefix("series."): block.start for name, block in blocks.items()}
         work = where["work"]
         ports = {end: {f"{n}{end}": np.zeros(size) for n, size in self.given.ports.items()} for end in _ENDS}
-        inputs = [tuple(self._place(element) for element, _ in by_element(ports[end])) for end in _ENDS]
+        inputs = [tuple(self.place(element) for element, _ in by_element(ports[end])) for end in _ENDS]
         numbers = (
             *("order", "tolerance", "span", "time", "longest", "sizes", "stands", "reach", "since", "begun"),
             *("sides", "on", "flips", "kept", "last", "work"),
         )
         return {name.upper(): where[name] for name in numbers} | {
-            "STATES": tuple(self._place("time" if s == "t" else s) for s in self.rates),
+            "STATES": tuple(self.place("time" if s == "t" else s) for s in self.rates),
             "FIRSTS": tuple(starts), "ENDS": tuple(ends), "LEASTS": tuple(g.least for g in groups),
             "RELATIVE": tuple(g.relative for g in groups), "ATTITUDE": int("q[1]" in self.rates),
             "INPUTS": inputs[0] or (0,), "RATES": inputs[1] or (0,), "RATES_2": inputs[2] or (0,),
             "NUMBER_OF_INPUTS": len(inputs[0]), "HELD": where["held_inputs"], "STARTS": where["start_time"],
-            "NUMBER_OF_SIDES": len(self.program.sides), "WATCHED": work + layout.start + len(self.rates),
+            "OF_EVENT": self._event_of_side, "NUMBER_OF_SIDES": len(self.program.sides),
+            "WATCHED": work + layout.start + len(self.rates),
             "NUMBER_TOUCHING": len(self.program.touching), "NEXT": where["next_on"],
-            "MEMORY": memory.STATE_START, "MEMORY_SIZE": _size(blocks["series.kept"]),
+            "MEMORY": memory.STATE_START, "MEMORY_SIZE": size_of_block(blocks["series.kept"]),
             "ROWS": work + layout.start, "ROW": layout.row,
+            **self._event_places,
             "OWN": where[own[0]] if own else 0, "OWN_STARTS": where[f"{own[0]}_0"] if own else 0,
             "OWN_SIZE": sum(self.given.states.values()),
         }  # fmt: skip
+
+    _base = ""
+
+    def over(self, base: str) -> "FormulaModel":
+        """Return the model of own outputs over a closed form, as `models.model_named` takes it."""
+        from rbfmu.models.over_closed_form import OverClosedForm  # which is made of this
+
+        return OverClosedForm(self, base)
+
+    @property
+    def _event_of_side(self) -> tuple[int, ...]:
+        """Return for each side the event that alone watches it, or -1 where more rests on it."""
+        others = [*self.rates.values(), *(when for when, _ in self.events.values())]
+        corners = {*self.motion.graph.reached(others)}
+        return tuple(-1 if i in corners else self._sides.index(i) for i in self.program.sides) or (-1,)
+
+    @property
+    def _event_places(self) -> dict[str, Any]:
+        if not self.events:
+            return {}
+        known = (*events_of_model.EVENTS, "events.listed", "events.list")
+        places = {name.removeprefix("events.").upper(): self.blocks.blocks[name].start for name in known}
+        sides = tuple(self.program.sides.index(i) for i in self._sides)
+        directions = tuple(direction for _, direction in self.events.values())
+        return places | {"NUMBER_OF_EVENTS": len(sides), "EVENT_SIDES": sides, "DIRECTIONS": directions}
 
     @property
     def model(self) -> Model:
@@ -244,13 +340,15 @@ class FormulaModel:
         if self.key not in _MADE:
             file = f"<formulas {self.key}>"
             linecache.cache[file] = (len(self.text), None, self.text.splitlines(keepends=True), file)
-            names: dict[str, Any] = {"__name__": f"{__name__}.formulas_{self.key}"}
-            exec(compile(self.text, file, "exec"), names)  # our own text, of numbers and places alone
-            _MADE[self.key] = names["MODEL"]
+            made = ModuleType(f"{__name__}.formulas_{self.key}")
+            sys.modules[made.__name__] = made  # where kept code looks for what it was compiled of
+            exec(compile(self.text, file, "exec"), vars(made))  # our own text, of numbers and places alone
+            _MADE[self.key] = made.MODEL
         return _MADE[self.key]
 
 
-def _size(block: slice) -> int:
+def size_of_block(block: slice) -> int:
+    """Return how many numbers a block has."""
     return int(block.stop - block.start)
 
 
@@ -262,7 +360,8 @@ def _of_tables(text: str, scene: "_ByText") -> FormulaModel:
     given = given_to(scene.scene, numbers, bool(start.has_pivot))
     texts = Texts(scene.scene, given)
     asked = [*dict.fromkeys(OUTPUT[name].judged_by or name for name in scene.scene.outputs.quantities), *texts.own]
-    return FormulaModel(texts.motion, given, texts.loads, texts.states, texts.own, asked)
+    events = {name: (texts.events[name], row.direction) for name, row in scene.scene.events.items()}
+    return FormulaModel(texts.motion, given, texts.loads, texts.states, texts.own, asked, events)
 
 
 class _ByText:
@@ -280,16 +379,23 @@ class _ByText:
 
 def formulas_of(scene: Scene) -> FormulaModel | None:
     """Return the model of a scene's formulas, None where it has none. Raises SceneError where the body is refused."""
-    if not scene.has_formulas:
-        return None
+    return equations_of(scene) if scene.has_formulas else None
+
+
+def equations_of(scene: Scene) -> FormulaModel:
+    """Return the equations of a scene's motion, with formulas or without. Raises SceneError as `formulas_of`."""
     tables = {key: table for key, table in scene.to_dict().items() if key not in ("name", "run", "about", "ensemble")}
     varied = scene.ensemble.parameters if scene.ensemble else ()
     return _of_tables(json.dumps([tables, varied]), _ByText(scene))
 
 
-def text_of(scene: Scene) -> str:
-    """Return the module that is made from a scene's formulas. Raises SceneError where there are none."""
-    found = formulas_of(scene)
-    if found is None:
-        raise SceneError("--code: expected a scene with formulas in loads, states or outputs", scene.name)
-    return found.text
+def own_rows(scene: Scene) -> dict[str, Output]:
+    """Return the rows of the outputs of one's own by name, each with its formula in its meaning."""
+    formulas = formulas_of(scene)
+    if formulas is None:
+        return {}
+    sizes = formulas.own_outputs
+    return {
+        name: own_output(name, sizes[name], one.unit, " = ".join(filter(None, (one.about, one.value))))
+        for name, one in scene.outputs.own.items()
+    }

@@ -4,15 +4,14 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rbfmu.scene.body import six_numbers
 from rbfmu.scene.scene import Scene, SceneError
+from rbfmu.types import Buffer
 from rbfmu_kernels.body.memory import INPUTS
 from rbfmu_kernels.buffer import FAULTS
 from rbfmu_kernels.quantities import INITIAL_VALUES, LOADS, active_flags
 
-Buffer = NDArray[np.float64]
 _CACHE_LINE = 8
 """The numbers in a cache line."""
 
@@ -46,11 +45,10 @@ def _numbers(scene: Scene) -> dict[str, Any]:
         "ports": [float(name in scene.inputs.ports) for name in INPUTS],
         "active": active_flags(scene.outputs.quantities),
     }
-    if scene.has_formulas:
-        numbers |= {f"constants.{name}": row.value for name, row in scene.constants.items()}
-        numbers |= {f"states.{name}_0": row.start for name, row in scene.states.items()}
-        numbers |= {name: port.start for name, port in scene.inputs.own.items()}
-        numbers |= {"series.start_time": scene.run.start, "series.longest": scene.run.stop - scene.run.start}
+    numbers |= {f"constants.{name}": row.value for name, row in scene.constants.items()}
+    numbers |= {f"states.{name}_0": row.start for name, row in scene.states.items()}
+    numbers |= {name: port.start for name, port in scene.inputs.own.items()}
+    numbers |= {"series.start_time": scene.run.start, "series.longest": scene.run.stop - scene.run.start}
     if scene.body is not None:
         numbers |= {
             "mass": scene.body.mass,

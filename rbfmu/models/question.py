@@ -9,12 +9,12 @@ from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rbfmu.models.model_buffer import Buffer, put_scene, refusal
+from rbfmu.models.model_buffer import put_scene, refusal
 from rbfmu.scene.body import Body as SceneBody
 from rbfmu.scene.scene import PARAMETERS, Scene
 from rbfmu.scene.section import flattened
+from rbfmu.types import Array, Buffer
 from rbfmu_kernels.body import closed_form, fixed_axis, memory, outputs, principal
 from rbfmu_kernels.buffer import places
 from rbfmu_kernels.compile.tiered import interpreted
@@ -33,9 +33,13 @@ BLOCKS, SIZE = places(memory.COMMON)
 
 @dataclass(frozen=True)
 class Question:
-    """What a scene asks of a model: quantities, an accuracy, and which inputs and parameters stay open."""
+    """What a scene asks of a model: quantities, an accuracy, and which inputs and parameters stay open.
+
+    full: whether all degrees of freedom are to be integrated, whatever the outputs depend on.
+    """
 
     scene: Scene
+    full: bool = False
 
     @property
     def body(self) -> SceneBody:
@@ -73,12 +77,13 @@ class Question:
         """
         shown = self.scene.outputs
         known = dict.fromkeys(OUTPUT[name].judged_by or name for name in shown.quantities)
+        known |= dict.fromkeys((*shown.own, *(f"when.{name}" for name in self.scene.events)))
         if not self.scene.states:
-            return (*known, *shown.own)
+            return (*known,)
         from rbfmu.models.formulas import formulas_of  # which asks this module
 
         formulas = formulas_of(self.scene)
-        return (*known, *shown.own, *(f"states.{name}" for name in (formulas.own_states if formulas else ())))
+        return (*known, *(f"states.{name}" for name in (formulas.own_states if formulas else ())))
 
     # What varies
 
@@ -242,7 +247,7 @@ class BodyAtStart:
         return interpreted(unturned.leads_astray)(q, axes, self.body, self.loads)
 
     @cached_property
-    def principal_axes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def principal_axes(self) -> tuple[Array, Array]:
         """Return moments (3,), kg m2, about o with a pivot, else about the centre of mass, and R_bp (3, 3)."""
         assert self.scene.body is not None
         moments, R_bp = interpreted(inertia.principal_axes)(np.array(self.scene.body.M))  # type: ignore[arg-type]

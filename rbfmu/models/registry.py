@@ -6,9 +6,10 @@ from itertools import takewhile
 
 import numpy as np
 
+from rbfmu.models.disturbances import lost_by_symmetry, lost_near_separatrix
 from rbfmu.models.question import BodyAtStart, Question
-from rbfmu.models.sensitivity import lost_by_symmetry, lost_near_separatrix
-from rbfmu.models.spec import Array, ModelSpec
+from rbfmu.models.spec import ModelSpec
+from rbfmu.types import Array
 from rbfmu_kernels.quantities import (
     DISSIPATIVE,
     FIXED_IN_SPACE,

@@ -3,15 +3,12 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
-
 from rbfmu.models.question import BodyAtStart, Question
+from rbfmu.types import Array
 from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.models import model_named
 from rbfmu_kernels.quantities import ATTITUDE, FIXED_IN_SPACE, FORCES, LOADS_NOW, OUTPUTS, RATE, WEIGHTS, needing
 
-Array = NDArray[np.float64]
 Names = set[str] | frozenset[str]
 OF_RATES, OF_ATTITUDE = needing(RATE), needing(ATTITUDE)
 OF_INERTIA = {row.name for row in OUTPUTS if "inertia" in row.initially} - needing(LOADS_NOW)

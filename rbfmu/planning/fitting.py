@@ -11,9 +11,8 @@ whose estimates hold less well, so that what was fitted in the scene's own steps
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from operator import itemgetter
 
 from rbfmu.models.question import GROWING, Question
 from rbfmu.models.registry import LOADED_TAYLOR
@@ -28,11 +27,6 @@ from rbfmu_kernels.integrators.substeps import ROUND_OFF, substeps_in
 from rbfmu_kernels.integrators.taylor_coefficients import MAX_ORDER
 from rbfmu_kernels.models.free import ORDERS
 
-OF_MEMBERS, LOOSER = 0.1, 30.0
-"""Of an ensemble: the part of the accuracy up to which pilots' errors go, as those of other members scatter; and the
-loosest tolerance over the accuracy, as no member takes other communication steps than pilots do."""
-TIGHT, LITTLE = 1e-16, 1e-3
-"""The tolerance of series by which other pilots are judged, where its error in the first is so small a part."""
 AT_REST = 0.01
 """The part of the accuracy up to which an error shows that whatever would grow has not begun to."""
 SMALLEST = 1e-14
@@ -70,17 +64,16 @@ class _Fit:
     """The error in other communication steps."""
 
 
-def cheapest_fit(judge: Judge, general: Plan, splitting: bool = True) -> Plan:
+def cheapest_fit(judge: Judge, general: Plan) -> Plan:
     """Return Taylor series of some order, or splitting for a symmetric top: the cheapest that meets the accuracy.
 
-    general: the plan whose method and settings are to be found, with the scene's accuracy as its tolerance; splitting:
-    whether it may be chosen.
+    general: the plan whose method and settings are to be found, with the scene's accuracy as its tolerance.
     Raises SceneError where no method is accurate enough.
     """
     search = _Search(judge, general)
     if search.accuracy < SMALLEST:
         raise search.out_of_reach(REACHED * SMALLEST)
-    return search.plan_of_varying() if judge.asked.varying else search.plan(splitting)
+    return search.plan_of_varying() if judge.asked.varying else search.plan()
 
 
 def swinging_fit(judge: Judge, general: Plan) -> Plan | None:
@@ -91,63 +84,6 @@ def swinging_fit(judge: Judge, general: Plan) -> Plan | None:
     return search.whatever_the_step(search.bound) if search.met else None
 
 
-def fit_of_members(judges: Sequence[Judge], general: Plan, highest: int) -> Plan | None:
-    """Return the cheapest series, of an order up to the highest, whose errors in some members stay within OF_MEMBERS.
-
-    Orders are compared on the member of the largest error and on that which takes most substeps; then all are tried.
-    None where no tolerance is tight enough.
-    """
-    asked = judges[0].asked
-    tight = methods.whole_series(asked.scene, MAX_ORDER - 4, TIGHT)
-    if judges[0].try_out(tight)[0] <= LITTLE * asked.accuracy:  # else all are followed in double-double arithmetic
-        for judge in judges[1:]:
-            judge.follow_by(methods.whole_series(judge.scene, tight.order, TIGHT))
-    looser = replace(general, tolerance=LOOSER * asked.accuracy)
-
-    def worst(plan: Plan, of: Sequence[Judge]) -> tuple[float, float]:
-        found = [judge.try_out(plan) for judge in of]
-        return max(error for error, _ in found), max(substeps for _, substeps in found)
-
-    likely = methods.series_plan(looser, min(methods.likely_order(asked.accuracy), highest), asked.accuracy)
-    tried = [judge.try_out(likely) for judge in judges]
-    hard = [judges[tried.index(max(tried, key=itemgetter(k)))] for k in (0, 1)]
-    bound = OF_MEMBERS * asked.accuracy
-    best, least = None, math.inf
-    for way in (2, -2):
-        order, idle, tolerance = likely.order + min(way, 0), 0, likely.tolerance
-        while 6 <= order <= highest and idle < 2:
-            found, tolerance, substeps = _loosest(lambda plan: worst(plan, hard), looser, order, tolerance, bound)
-            cost = methods.series_cost(order, asked.load_shares) * substeps
-            idle = idle + 1 if found is None or cost >= least else 0
-            if found is not None and cost < least:
-                best, least = found, cost
-            order += way
-    if best is None:
-        return None
-    found, _, substeps = _loosest(lambda plan: worst(plan, judges), looser, best.order, best.tolerance, bound)
-    if found is None:
-        return None
-    steps = communication_steps(asked.scene)
-    return replace(found, cost=methods.series_cost(found.order, asked.load_shares) * substeps / steps)
-
-
-def _loosest(
-    worst: Callable[[Plan], tuple[float, float]], general: Plan, order: int, tolerance: float, bound: float
-) -> tuple[Plan | None, float, float]:
-    """Return the plan of an order whose error is near a bound and not beyond, its tolerance, and its substeps."""
-    kept, substeps = None, math.inf
-    for _ in range(4):
-        plan = methods.series_plan(general, order, tolerance)
-        error, taken = worst(plan)
-        if error <= bound and (kept is None or taken <= substeps):
-            kept, substeps = replace(plan, error=error), taken
-        if 0.1 * bound <= error <= bound or (error <= bound and plan.tolerance >= general.tolerance):
-            break
-        ratio = 0.4 * bound / error if 0.0 < error < math.inf else (1e2 if error == 0.0 else 1e-3)
-        tolerance = min(max(ratio, 1e-4), 1e2) * plan.tolerance
-    return kept, kept.tolerance if kept else tolerance, substeps
-
-
 def refuse_accuracy(asked: Question, error: float) -> SceneError:
     """Return the error for an accuracy below what methods reach."""
     reached = error / REACHED
@@ -155,6 +91,16 @@ def refuse_accuracy(asked: Question, error: float) -> SceneError:
     if 1e-3 < reached < math.inf:
         expected += "; the motion magnifies round-off: see `rbfmu stability`, or ask for a shorter run"
     return SceneError(f"run.accuracy = {asked.accuracy!r}: {expected}", asked.scene.name)
+
+
+def tolerance_of_varying(asked: Question, growth: float) -> float:
+    """Return the tolerance of a whole run whose errors, so magnified, make a quarter of the accuracy."""
+    return max(0.25 * asked.accuracy / growth, methods.TIGHTEST)
+
+
+def magnified_round_off(growth: float) -> float:
+    """Return what a motion makes of four units in the last place."""
+    return min(4.0 * ROUND_OFF * growth, 1.0)
 
 
 class _Search:
@@ -171,11 +117,11 @@ class _Search:
         self.asked.start.check()
         self.shares = self.asked.load_shares
 
-    def plan(self, splitting: bool) -> Plan:
+    def plan(self) -> Plan:
         """Return the cheapest plan; raise SceneError where none is accurate enough."""
         self._try_tightest()
         self._fit_series()
-        if splitting:
+        if not self.asked.full:
             self._fit_splittings()
         assert self.best
         if not self.met:
@@ -191,12 +137,12 @@ class _Search:
         Where the motion makes more than the accuracy of round-off, four units in the last place, no tolerance helps.
         """
         growth = self.judge.growth()
-        tolerance = max(0.25 * self.accuracy / growth, methods.TIGHTEST)
-        found = self._cheapest_over(tolerance)
-        while found.error > REACHED * self.accuracy and tolerance > methods.TIGHTEST:
-            tolerance = max(0.1 * tolerance, methods.TIGHTEST)
+        loosest = tolerance_of_varying(self.asked, growth)
+        for tolerance in (loosest, *methods.ever_tighter(loosest)):
             found = self._cheapest_over(tolerance)
-        magnified = min(4.0 * ROUND_OFF * growth, 1.0)
+            if found.error <= REACHED * self.accuracy:
+                break
+        magnified = magnified_round_off(growth)
         if magnified <= self.accuracy and found.error <= self.accuracy:
             return self._with_reasons(found)
         if magnified > self.accuracy and (self.scene.inputs.ports or found.error <= AT_REST * self.accuracy):
@@ -208,13 +154,8 @@ class _Search:
         return refuse_accuracy(self.asked, error)
 
     def _with_reasons(self, found: _Fit, *more: str) -> Plan:
-        plan, what = found.plan, " and ".join(sorted(self.asked.varying))
-        held = (
-            f"{plan.method}: estimated errors of a run add up to at most {plan.tolerance:.1e}, whatever {what} may be"
-        )
-        pilot = f"error {found.error:.1e} in a pilot run with inputs at zero, judged in {self.judge.arithmetic}"
-        reasons = (held, pilot, *more)
-        return replace(plan, error=found.error, cost=found.cost / self.steps, reasons=reasons)
+        why = say.why_held_whatever(self.asked, found.plan, found.error, self.judge.arithmetic)
+        return replace(found.plan, error=found.error, cost=found.cost / self.steps, reasons=(*why, *more))
 
     # What is accurate enough whatever the communication step
 
@@ -230,11 +171,9 @@ class _Search:
         error = self.judge.try_all_steps(best.plan, best.error)
         if error > self.accuracy:
             raise self.out_of_reach(error)
-        found = best.plan
-        how = f"at tolerance {found.tolerance:.1e}" if found.tolerance else f"in steps of {found.substep:.3g} s"
-        reason = f"{found.method} {how}: error {error:.1e} in a pilot run, judged in {self.judge.arithmetic}"
+        reason = say.why_fitted(best.plan, error, self.judge.arithmetic)
         more = () if best.other <= self.accuracy else (say.only_in_own_steps(best.other),)
-        return replace(found, error=error, cost=best.cost / self.steps, reasons=(reason, *more))
+        return replace(best.plan, error=error, cost=best.cost / self.steps, reasons=(reason, *more))
 
     def _tighten_for_other_steps(self, fit: _Fit) -> _Fit:
         """Return the fit, its tolerance or step such that other communication steps meet the accuracy as well."""
@@ -333,7 +272,7 @@ class _Search:
             enough = error <= bound and (stuck or error >= least)
             if enough or (error > bound and self._is_dearer(found.cost)):
                 break
-            ratio = math.sqrt(least * bound) / error if 0.0 < error < math.inf else (1e3 if error == 0.0 else 1e-3)
+            ratio = methods.ratio_to(math.sqrt(least * bound), error)
             ratio = min(ratio, 0.03) if stuck else ratio
             value *= min(max(ratio ** (1.0 / method.exponent), 1e-3), 1e3)
         return value

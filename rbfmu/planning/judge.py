@@ -13,17 +13,16 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rbfmu.exceptions import PlanningWarning as PlanningWarning
 from rbfmu.models.question import Question
 from rbfmu.planning.methods import whole_series
-from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
-from rbfmu.runs.motion import FLOORS, Motion, Steps, largest_error, largest_size, record, substeps_counted
+from rbfmu.runs.motion import FLOORS, Steps, largest_error, largest_size, record, substeps_counted
 from rbfmu.runs.plan import Plan
 from rbfmu.runs.time_grid import communication_steps, thinned_steps
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.scene.section import flattened
+from rbfmu.types import Array, Motion
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE
 from rbfmu_kernels.quantities import DISSIPATIVE, FORCES, OUTPUT, OUTPUTS, TORQUES
@@ -119,20 +118,15 @@ class Judge:
     @cached_property
     def _exact(self) -> Motion | None:
         """Return the motion in double-double arithmetic; None where that takes too long."""
+        from rbfmu.planning.reference import ReferenceTooLongError, reference_motion  # a closed form starts sooner
+
         self.doing = f"its motion is followed in {self.arithmetic}"
         try:
-            return self._reference()(self.scene, self.cut_steps, MAX_REFERENCE_STEPS, self._progress)
+            return reference_motion(self.scene, self.cut_steps, MAX_REFERENCE_STEPS, self._progress)
         except ReferenceTooLongError:
             return None
         finally:
             self.doing = TRYING
-
-    def _reference(self) -> Callable[..., Motion]:
-        if not self.scene.has_formulas:
-            return reference_motion
-        from rbfmu.planning.formula_reference import formula_motion  # what has none starts sooner
-
-        return formula_motion
 
     @property
     def is_slow(self) -> bool:
@@ -148,6 +142,12 @@ class Judge:
     def floors(self) -> Mapping[str, float]:
         """Return the least sizes that errors are relative to, by name."""
         return least_sizes(self.asked, self.motion)
+
+    def _floors_of(self, run: Steps) -> Mapping[str, float]:
+        """Return the least sizes; of what an event watches its size over the run: it may be zero at every row."""
+        place = run.kernels.BLOCKS.get("events.largest")
+        watched = zip(self.scene.events, run.z[place].tolist(), strict=True) if place else ()
+        return {**self.floors, **{f"when.{name}": size for name, size in watched}}
 
     def try_out(self, plan: Plan, at_once: int = 1, parts: int = 1, absolute: bool = False) -> tuple[float, float]:
         """Return the plan's error over the run, and the substeps it counted.
@@ -181,7 +181,8 @@ class Judge:
         errors, substeps = [], []
         for names in self._asked:
             run = Steps(self.scene, plan, steps, names, parts)
-            errors.append(_error_between(self._pilot(run, names), truth, names, self.floors, absolute))
+            found = self._pilot(run, names)
+            errors.append(_error_between(found, truth, names, self._floors_of(run), absolute))
             substeps.append(substeps_counted(run.kernels, run.z))
         return max(errors) + self.doubt, max(substeps)
 
@@ -209,10 +210,11 @@ class Judge:
             q, omega = (run.z[run.kernels.BLOCKS[name]] for name in ("q", "omega"))
             q += 0.5 * SMALL * np.array(evaluated(compose_quaternions, tuple(q.tolist()), (0.0, *turn.tolist())))
             omega += SMALL / span * self._turning(change)
-            worst = max(worst, largest_error(self._pilot(run, self.names), truth, self.names, self.floors))
+            found = self._pilot(run, self.names)
+            worst = max(worst, largest_error(found, truth, self.names, self._floors_of(run)))
         return max(worst / SMALL, 1.0) if worst < LOST else math.inf
 
-    def _turning(self, change: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _turning(self, change: Array) -> Array:
         """Return the part of a change of the rate that is about axes with inertia."""
         body = self.scene.body
         axis = body.axis_without_inertia if body else None
@@ -227,7 +229,7 @@ class Judge:
         return _error_between(self.motion_by(smaller, names), truth, names, least_sizes(self.asked, truth), absolute)
 
 
-def refuse_unfinished(scene: Scene, steps: Sequence[float], rates: NDArray[np.float64], substeps: float) -> None:
+def refuse_unfinished(scene: Scene, steps: Sequence[float], rates: Array, substeps: float) -> None:
     """Raise SceneError where a motion, of whose rates there is a row before and after each step, was given up."""
     if np.isfinite(rates[-1]).all():
         return

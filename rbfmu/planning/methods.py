@@ -95,6 +95,18 @@ def series_plan(general: Plan, order: int, tolerance: float) -> Plan:
     return replace(general, method=f"Taylor series of order {order}", order=order, tolerance=value)
 
 
+def ever_tighter(tolerance: float) -> Iterator[float]:
+    """Yield tolerances, each a tenth of the one before, down to the tightest."""
+    while tolerance > TIGHTEST:
+        tolerance = max(0.1 * tolerance, TIGHTEST)
+        yield tolerance
+
+
+def ratio_to(aim: float, error: float) -> float:
+    """Return what an error is to be multiplied by; a thousand, or a thousandth, where it is none or not finite."""
+    return aim / error if 0.0 < error < math.inf else (1e3 if error == 0.0 else 1e-3)
+
+
 def series_cost(order: int, shares: tuple[float, float]) -> float:
     """Return ns a substep; shares: `Question.load_shares`."""
     plain, *more = (a + b * order for a, b in SERIES_COSTS)

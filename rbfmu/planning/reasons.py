@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from rbfmu.models.disturbances import growth_rate
 from rbfmu.models.question import Question
 from rbfmu.models.registry import moments_of
-from rbfmu.models.sensitivity import growth_rate
 from rbfmu.models.spec import ModelSpec
 from rbfmu.runs.plan import Plan
 from rbfmu_kernels.compile.tiered import interpreted
@@ -64,6 +64,23 @@ def why_close(asked: Question, model: str, found: Plan | None, error: float, poi
     """Return what a model that is not exact leaves out."""
     larger = found.model if found else "the body under loads"
     return f"{larger} dropped for {model}: {error:.1e} apart at {points} times, {asked.accuracy:g} asked"
+
+
+def why_fitted(plan: Plan, error: float, arithmetic: str) -> str:
+    """Return what a plan's setting came to in a pilot run; arithmetic: of the judge."""
+    how = f"at tolerance {plan.tolerance:.1e}" if plan.tolerance else f"in steps of {plan.substep:.3g} s"
+    return f"{plan.method} {how}: error {error:.1e} in a pilot run, judged in {arithmetic}"
+
+
+def held_over_a_run(plan: Plan) -> str:
+    """Return what a tolerance of the whole run means."""
+    return f"{plan.method}: estimated errors of a run add up to at most {plan.tolerance:.1e}"
+
+
+def why_held_whatever(asked: Question, plan: Plan, error: float, arithmetic: str) -> tuple[str, ...]:
+    """Return how a plan serves inputs and parameters that no pilot run has seen."""
+    held = f"{held_over_a_run(plan)}, whatever {' and '.join(sorted(asked.varying))} may be"
+    return held, f"error {error:.1e} in a pilot run with inputs at zero, judged in {arithmetic}"
 
 
 def only_in_own_steps(error: float) -> str:

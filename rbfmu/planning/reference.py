@@ -1,29 +1,39 @@
-"""The motion of a scene far more accurately than any plan's, in all quantities: what plans are judged by."""
+"""The motion of a scene far more accurately than any plan's, in all that is judged: what plans are judged by.
 
-from collections.abc import Callable, Iterable, Sequence
+The equations of motion, with a scene's formulas among them, are a list of operations, which one compiled function walks
+in double-double arithmetic.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from decimal import Decimal, localcontext
+from functools import cached_property
 from itertools import accumulate
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rbfmu.scene.scene import Scene
+from rbfmu.formulas.graph import Symbol, cosine, sine
+from rbfmu.formulas.motion import STATE, by_element, closure
+from rbfmu.models.formulas import FormulaModel, equations_of
+from rbfmu.models.question import Question
+from rbfmu.scene.scene import Scene, SceneError
+from rbfmu.types import Array, Indices, Motion
 from rbfmu_kernels.compile.tiered import tiered
-from rbfmu_kernels.integrators import reference_series as series
+from rbfmu_kernels.integrators import formula_reference as kernels
 from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE
-from rbfmu_kernels.quantities import LOADS
 from rbfmu_kernels.rotations.matrix import quaternion_from_matrix
 
-Array = NDArray[np.float64]
 Decimals = Any
 """Arrays of `Decimal`, with which NumPy computes as with any objects, and of which its types know nothing."""
-Motion = dict[str, Array]
 DIGITS = 50
 """More than the 32 of double-double, to which what is made of the scene's own numbers is rounded once."""
 ONE = np.array([[Decimal(int(i == j)) for j in range(3)] for i in range(3)])
 CHUNK = 500
 """The number of the scene's steps after which progress is told."""
+MOST_WORK = 20_000_000
+"""Operations in all steps of a reference, each with its coefficients: some 20 s."""
+MOST_SERIES = 3e5
+"""The number of its steps up to which a longer motion of formulas is followed in doubles: some 20 s."""
 
 
 class ReferenceTooLongError(ArithmeticError):
@@ -33,33 +43,171 @@ class ReferenceTooLongError(ArithmeticError):
 def reference_motion(
     scene: Scene, steps: Sequence[float], most: int, progress: Callable[[float], Any] | None = None
 ) -> Motion:
-    """Return all quantities of the scene (but rpy) at its start and after each step (s), its ports at zero.
+    """Return what is judged of a scene, attitude and rate besides, at its start and after each step (s).
 
+    Ports are as at first. Of a scene with formulas it is what these and the outputs show.
     progress: a function that is told which part of the run is done.
-    Raises ReferenceTooLongError beyond `most` steps of the reference.
+    Raises ReferenceTooLongError beyond `most` steps of the reference, and SceneError where formulas lead nowhere.
     """
+    listed = Listed(scene)
+    most = min(most, MOST_WORK // len(listed.found))
+    sides = np.array([[n, 0.0, 0.0] for n in listed.sides]).reshape(-1, 3)
+    (states, least), wanted = listed.states_with_rates, listed.places_of_wanted
     with localcontext() as context:
         context.prec = DIGITS
-        constants, state = pairs_of(_constants(scene)), pairs_of(_start(scene))
+        here = pairs_of(listed.at_start(_exact_values(listed.formulas, scene)))
         times = pairs_of(accumulate(map(Decimal, steps), initial=Decimal(0)))
-    work, scratch = np.zeros((2, series.SERIES)), np.zeros((2, series.SCRATCH))
-    rows = np.full((times.shape[1], series.ROW), np.nan)
+    work, sizes = np.zeros((2, len(listed.found) * kernels.LENGTH)), np.zeros(len(least))
+    rows = np.full((times.shape[1], len(wanted)), np.nan)
+    equations = listed.operations, states, least, sides, listed.touching, wanted
     for first in range(0, times.shape[1], CHUNK):
         chunk = slice(max(first - 1, 0), first + CHUNK)
-        taken = series.reference_motion(constants, state, times[:, chunk], rows[chunk], most, work, scratch)
-        most -= taken
-        if taken < 0 or most < 0 or not np.isfinite(rows[chunk, series.OUTPUTS["omega_b"]]).all():
+        taken, lately = kernels.formula_motion(
+            *equations, times[:, chunk], rows[chunk], most, work, here, sizes, not scene.has_formulas
+        )
+        if taken == kernels.NOWHERE and scene.has_formulas:
+            raise _leads_nowhere(scene, steps, rows, listed.keys_at_fault(work, sides))
+        if taken < 0 or not np.isfinite(rows[chunk]).all():
+            left = times[0, -1] - times[0, int(np.isfinite(rows).all(axis=1).sum()) - 1]
+            if scene.has_formulas and left * most > 2.0 * lately * MOST_SERIES:
+                why = f"{most // 2} steps of order {kernels.ORDER} take it on by {lately:.2g} s"
+                raise SceneError(f"run.stop = {scene.run.stop!r}: expected a shorter run, as {why}", scene.name)
             raise ReferenceTooLongError(scene.name)
+        most -= taken
         if progress is not None:
             progress(min((first + CHUNK) / times.shape[1], 1.0))
-    return _named(rows)
+    return listed.named(rows)
 
 
-def _named(rows: Array) -> Motion:
-    motion = {name: rows[:, place] for name, place in series.OUTPUTS.items()}
-    attitude, to_quaternion = motion.pop("R_ab").tolist(), tiered(quaternion_from_matrix)
-    motion["quaternion"] = np.array([to_quaternion((tuple(R[:3]), tuple(R[3:6]), tuple(R[6:]))) for R in attitude])
-    return motion
+class Listed:
+    """What is asked for, as a list of operations that `kernels.formula_motion` walks."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._is_plain = not scene.has_formulas
+        if self._is_plain:
+            names = dict.fromkeys((*Question(scene).judged, "quaternion", "omega_b"))
+            scene = scene.replace({"outputs.quantities": [*names]})
+        self.formulas = formulas = equations_of(scene)
+        self.graph, self._shown = formulas.motion.graph, {**formulas.shown}
+        if self._is_plain:  # whose attitudes are made of the matrix rounded, as they always were
+            self._shown["quaternion"] = formulas.motion.R
+        self.wanted = [self.graph.index_of(x) for _, x in by_element(self._shown)]
+        symbols = [Symbol(self.graph, i) for i in self.wanted]
+        self.states = closure(formulas.all_rates, symbols, self.graph)
+        self.leaves = {name: self.graph.leaf("state", name).index for name in self.states}
+        self.rates = {name: self.graph.index_of(formulas.all_rates[name]) for name in self.states}
+        self.found = self._with_pairs([*self.wanted, *self.leaves.values(), *self.rates.values()])
+        self._place = {i: n for n, i in enumerate(self.found)}
+
+    def _with_pairs(self, ends: Sequence[int]) -> list[int]:
+        """Return all operations that some come of, and of each sine the cosine: the recurrences need both."""
+        symbols = [Symbol(self.graph, i) for i in ends]
+        for i in self.graph.reached(symbols):
+            operation = self.graph.operations[i]
+            if operation.kind in ("sin", "cos"):
+                angle = Symbol(self.graph, operation.of[0])
+                symbols += [self.graph.symbol_of(f(angle)) for f in (sine, cosine)]
+        return self.graph.reached(symbols)
+
+    @cached_property
+    def operations(self) -> Indices:
+        """Return a row for each operation: its kind, what it is of (of a sine the cosine is second), if it changes."""
+        rows, changing = np.zeros((len(self.found), 5), np.int64), set[int]()
+        for n, i in enumerate(self.found):
+            kind, of, _ = self.graph.operations[i]
+            if kind in ("sin", "cos"):
+                angle = Symbol(self.graph, of[0])
+                of = (of[0], self.graph.index_of(cosine(angle) if kind == "sin" else sine(angle)))
+            if kind == "state" or not changing.isdisjoint(of):
+                changing.add(i)
+            if kind == "multiply" and changing.isdisjoint(of[:1]):  # what stays as it is comes second
+                of = of[::-1]
+            if kind == "multiply" and changing.isdisjoint(of[1:]):
+                kind = "scale"
+            places = [self._place[j] for j in of]
+            rows[n] = [kernels.KINDS.index(kind), *places, *[0] * (3 - len(of)), i in changing]
+        return rows
+
+    @cached_property
+    def states_with_rates(self) -> tuple[Indices, Array]:
+        """Return a row for each state: its operation, that of its rate, its group; and the least size of each group."""
+        groups = self.formulas.groups_of(self.states)
+        group_of = {name: g for g, group in enumerate(groups) for name in group.states}
+        rows = [(self._place[self.leaves[n]], self._place[self.rates[n]], group_of[n]) for n in self.states]
+        least = [group.least if group.relative else -group.least for group in groups]
+        return np.array(rows, np.int64).reshape(-1, 3), np.array(least)
+
+    @property
+    def sides(self) -> list[int]:
+        """Return the operations that tell on which side of zero something is."""
+        return [n for n, i in enumerate(self.found) if self.graph.operations[i].kind == "side"]
+
+    @property
+    def touching(self) -> Indices:
+        """Return the operations that roots and angles of points may find at zero, and these."""
+        operations = [(n, self.graph.operations[i]) for n, i in enumerate(self.found)]
+        rows = [(self._place[o.of[-1]], n) for n, o in operations if o.kind in ("sqrt", "atan2")]
+        return np.array(rows, np.int64).reshape(-1, 2)
+
+    @property
+    def places_of_wanted(self) -> Indices:
+        """Return the operations that are asked for."""
+        return np.array([self._place[i] for i in self.wanted], np.int64)
+
+    def named(self, rows: Array) -> Motion:
+        """Return the rows of each quantity."""
+        ends = np.cumsum([np.size(value) for value in self._shown.values()])[:-1]
+        motion = dict(zip(self._shown, np.split(rows, ends, axis=1), strict=True))
+        if self._is_plain:
+            to_quaternion, matrices = tiered(quaternion_from_matrix), motion["quaternion"].reshape(-1, 3, 3).tolist()
+            motion["quaternion"] = np.array([to_quaternion(tuple(map(tuple, R))) for R in matrices])
+        return motion
+
+    def keys_at_fault(self, work: Array, sides: Array) -> str:
+        """Return what is wrong where a motion ends; work, sides: of `kernels.formula_motion` there."""
+        finite = np.isfinite(work[0].reshape(-1, kernels.LENGTH)).all(axis=1)
+        lost = [i for n, i in enumerate(self.found) if not finite[n] and self.graph.operations[i].kind != "state"]
+        if lost:
+            named = " or ".join(self.formulas.keys_of(lost[0])) or "the motion"
+            return f"{named} is not finite"
+        sliding = [int(n) for n, begun, _ in sides if begun == kernels.SLIDES]
+        named = " or ".join(key for n in sliding for key in self.formulas.keys_of(self.found[n]))
+        return f"{named or 'the motion'} slides along a corner of abs, min, max, clip, where or a table"
+
+    def at_start(self, values: Mapping[str, Decimal]) -> list[Decimal]:
+        """Return the numbers, and the values of parameters, states and inputs at the start."""
+        rows = (self.graph.operations[i] for i in self.found)
+        return [Decimal(x) if kind == "number" else values.get(str(x), Decimal(0)) for kind, _, x in rows]
+
+
+def _leads_nowhere(scene: Scene, steps: Sequence[float], rows: Array, said: str) -> SceneError:
+    """Return the error for a motion that ends; rows: of its outputs, not finite from then on; said: what fails."""
+    done = int(np.isfinite(rows).all(axis=1).sum()) - 1
+    reached = scene.run.start + sum(steps[: max(done, 0)])
+    return SceneError(
+        f"run.stop = {scene.run.stop!r}: expected one before t = {reached:.6g} s, where {said}", scene.name
+    )
+
+
+def _exact_values(formulas: FormulaModel, scene: Scene) -> dict[str, Decimal]:
+    """Return the values of places and, at the start, of states, by their elements' names."""
+    body, initial = scene.body, scene.initial
+    assert body is not None
+    q, omega, r_oc, M = *map(decimals_of, (initial.quaternion, initial.omega_b, body.r_oc_b)), _inertia(scene)
+    position, velocity = decimals_of(initial.position), 0 * ONE[0]  # of the centre of mass; with a pivot of o
+    if not body.pivot:
+        R = _matrix(q)
+        velocity = decimals_of(initial.velocity) + R @ np.cross(omega, r_oc)
+        position = position + R @ r_oc
+    given = {name: decimals_of(values) for name, values in formulas.given.numbers.items()}
+    own = {f"{STATE}{name}": decimals_of(row.start) for name, row in scene.states.items()}
+    own |= {name: decimals_of(port.start) for name, port in scene.inputs.own.items()}
+    of_body = {
+        "M": M, "M_inverse": _inverse(M), "arm": r_oc if body.pivot else -r_oc,
+        "inverse_mass": np.array([1 / Decimal(body.mass)]), "q": q / (q @ q).sqrt(), "omega": omega,
+        "r_c": position, "v_c": velocity, "t": np.array([Decimal(scene.run.start)]),
+    }  # fmt: skip
+    return dict(by_element({**given, **own, **of_body}))
 
 
 def pairs_of(numbers: Iterable[Decimal]) -> Array:
@@ -93,48 +241,6 @@ def _inverse(M: Decimals) -> Decimals:
     axis = max(cofactors, key=lambda column: column @ column)
     own = np.outer(axis, axis) * trace / (axis @ axis)
     return _inverse(M + own) - own / trace**2
-
-
-def _constants(scene: Scene) -> list[Decimal]:
-    found = exact_constants(scene)
-    return [x for name in series.CONSTANTS for x in found[name].flat]
-
-
-def exact_constants(scene: Scene) -> dict[str, Decimals]:
-    """Return what stays as it is, by name: see `reference_series.CONSTANTS`."""
-    body, loads = scene.body, scene.loads
-    assert body is not None
-    mass, zero, r_oc, M = Decimal(body.mass), 0 * ONE[0], decimals_of(body.r_oc_b), _inertia(scene)
-    found = {load.name: decimals_of(getattr(loads, load.name)) for load in LOADS}
-    if body.pivot:
-        arm, force_a, force_b = r_oc, mass * found["gravity_a"], zero
-        turning, steady, mass = zero, zero, Decimal(0)
-    else:
-        arm, force_a, force_b = -r_oc, found["force_a"], found["force_b"]
-        turning, steady = force_b / mass, found["gravity_a"] + force_a / mass
-    found |= {
-        "M": M, "M_inverse": _inverse(M), "torque_b": found["torque_b"] + np.cross(arm, force_b), "force_a": force_a,
-        "arm_b": arm, "a_turning_b": turning, "a_steady_a": steady, "r_oc_b": r_oc, "mass": np.array(mass),
-    }  # fmt: skip
-    return found
-
-
-def _start(scene: Scene) -> list[Decimal]:
-    found = exact_start(scene)
-    return [x for name in series.STATE for x in found[name].flat]
-
-
-def exact_start(scene: Scene) -> dict[str, Decimals]:
-    """Return the state at the start, by name: see `reference_series.STATE`; with a pivot the path is that of o."""
-    body, initial = scene.body, scene.initial
-    assert body is not None
-    R, omega, r_oc = _matrix(decimals_of(initial.quaternion)), decimals_of(initial.omega_b), decimals_of(body.r_oc_b)
-    position, velocity = decimals_of(initial.position), 0 * ONE[0]
-    if not body.pivot:
-        velocity = decimals_of(initial.velocity) + R @ np.cross(omega, r_oc)
-        position = position + R @ r_oc
-    momentum = _inertia(scene) @ omega
-    return {"R_ab": R, "momentum_b": momentum, "omega_b": omega, "v_c": velocity, "r_c": position}
 
 
 def _matrix(q: Decimals) -> Decimals:

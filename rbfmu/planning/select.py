@@ -14,18 +14,19 @@ from typing import Any
 import numpy as np
 
 from rbfmu.models import registry
+from rbfmu.models.disturbances import GROWTH, growth_rate
 from rbfmu.models.question import GROWING, Question
-from rbfmu.models.sensitivity import GROWTH, growth_rate
 from rbfmu.models.spec import ModelSpec
 from rbfmu.planning import reasons as say
 from rbfmu.planning.fitting import EXACT, cheapest_fit, cheapest_quadrature, swinging_fit
 from rbfmu.planning.judge import MAX_SUBSTEPS, Judge, least_sizes, lost_to_cancellation, refuse_unfinished
-from rbfmu.planning.methods import TIGHTEST, likely_order, series, series_cost, whole_series, with_cost, work_of
+from rbfmu.planning.methods import ever_tighter, likely_order, series, series_cost, whole_series, with_cost, work_of
 from rbfmu.runs.inputs import Drive, Driven
-from rbfmu.runs.motion import Motion, largest_error, record, substeps_counted
+from rbfmu.runs.motion import largest_error, record, substeps_counted
 from rbfmu.runs.plan import Plan
 from rbfmu.runs.time_grid import communication_steps, thinned_steps
 from rbfmu.scene.scene import Scene, SceneError
+from rbfmu.types import Motion
 from rbfmu_kernels.compile.said import PATIENCE, said_after
 from rbfmu_kernels.integrators.substeps import ROUND_OFF
 from rbfmu_kernels.integrators.taylor_coefficients import MAX_ORDER
@@ -64,9 +65,11 @@ def plan(
     Raises SceneError where the accuracy asked cannot be met.
     """
     asked = judge.asked if judge else Question(scene)
-    judge = judge or (Judge(Question(with_all_outputs(scene)), progress, asked) if full else Judge(asked, progress))
+    judge = judge or (
+        Judge(Question(with_all_outputs(scene), full), progress, asked) if full else Judge(asked, progress)
+    )
     with said_after(PATIENCE, lambda: f"rbfmu: planning {scene.name} takes long: {judge.doing}"):
-        found = _cheapest(judge, full)
+        found = _cheapest(judge)
     found = replace(found, reasons=(*found.reasons, *say.what_inputs_cost(judge.asked, found)))
     return plan_for_inputs(asked, found, driven) if driven else found
 
@@ -78,16 +81,16 @@ def with_all_outputs(scene: Scene) -> Scene:
     return Scene.from_dict(tables, scene.name)
 
 
-def _cheapest(judge: Judge, full: bool) -> Plan:
+def _cheapest(judge: Judge) -> Plan:
     asked = judge.asked
     if asked.scene.has_formulas:
-        from rbfmu.planning.formulas import formula_plan  # what has none starts sooner
+        from rbfmu.planning.formulas import closed_plan, formula_plan  # what has none starts sooner
 
-        return formula_plan(judge)
+        return (None if asked.full else closed_plan(judge)) or formula_plan(judge)
     if asked.scene.body is None:
         found = _prescribed(asked)
-    elif full:
-        found = replace(_integrated(judge, splitting=False), pinned=asked.pinned)
+    elif asked.full:
+        found = replace(_integrated(judge), pinned=asked.pinned)
     else:
         found = _smallest(judge)
     return with_cost(asked, found)
@@ -101,7 +104,7 @@ def series_serve_alone(judge: Judge) -> bool:
 
 def _smaller(judge: Judge) -> tuple[Plan | None, Plan | None]:
     """Return the plan of an exact closed form, and that of the smallest model that serves, where series need not."""
-    exact = _exact(judge)
+    exact = exact_plan(judge)
     return exact, _within_accuracy(judge, exact) or exact or _swinging(judge) or _under_body_force(judge)
 
 
@@ -148,7 +151,7 @@ def exact_closed_form(asked: Question) -> ModelSpec | None:
     return next(good, exact[0] if exact else None)
 
 
-def _exact(judge: Judge) -> Plan | None:
+def exact_plan(judge: Judge) -> Plan | None:
     """Return the plan of a closed form that is exact, with its round-off; raise SceneError where that is too large."""
     asked = judge.asked
     spec = exact_closed_form(asked)
@@ -270,8 +273,8 @@ def _under_body_force(judge: Judge) -> Plan | None:
         return found
 
 
-def _integrated(judge: Judge, splitting: bool = True) -> Plan:
-    return cheapest_fit(judge, whole_series(judge.asked.scene, 0, judge.asked.accuracy), splitting)
+def _integrated(judge: Judge) -> Plan:
+    return cheapest_fit(judge, whole_series(judge.asked.scene, 0, judge.asked.accuracy))
 
 
 # Inputs that are known
@@ -330,9 +333,7 @@ def _tighter(asked: Question, found: Plan) -> Iterator[Plan]:
     """Yield series of ever smaller tolerance, for the whole run."""
     model = whole_series(asked.scene, 0, 0.0).model
     general = replace(found, model=model, tolerance=asked.accuracy, substep=math.inf, order=0)
-    tolerance = found.tolerance if found.model == model else asked.accuracy
-    while tolerance > TIGHTEST:
-        tolerance = max(0.1 * tolerance, TIGHTEST)
+    for tolerance in ever_tighter(found.tolerance if found.model == model else asked.accuracy):
         order = max(found.order, likely_order(tolerance))
         yield replace(series(general, order, asked.load_shares).plan_of(tolerance), span=asked.span)
 

@@ -10,17 +10,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rbfmu.models.model_buffer import Buffer
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.scene import Scene
 from rbfmu.scene.section import SceneError, as_toml, fault
+from rbfmu.types import Array, Buffer
 from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.quantities import elements
 
-Array = NDArray[np.float64]
 HOLD, LINEAR = "hold", "linear"
 NEAR = 1e-9
 """The part of a communication step by which times may differ and still be the same."""
@@ -231,9 +230,10 @@ class Drive(NamedTuple):
         return not any(port.slopes.any() for port in self.ports.values())
 
 
-def drive_of(scene: Scene, tables: InputTables, interpolate: str, parts: int = 1) -> Drive:
-    """Return the pieces of a scene's run under its inputs, each cut into equal parts."""
-    time, linear = time_grid(scene.run.start, scene.run.stop, scene.run.step), interpolate == LINEAR
+def drive_of(scene: Scene, tables: InputTables, interpolate: str, parts: int = 1, time: Array | None = None) -> Drive:
+    """Return the pieces of a scene's run under its inputs, each cut into equal parts; time: in place of its grid."""
+    time = time_grid(scene.run.start, scene.run.stop, scene.run.step) if time is None else time
+    linear = interpolate == LINEAR
     near = NEAR * scene.run.step
     points = _points(time, [table.times for table in tables.values()], near)
     if parts > 1:
@@ -296,18 +296,39 @@ class Driven:
         for port, pieces in drive.ports.items():
             z[kernels.BLOCKS[port]] = pieces.values[0]
         initialize(scene, kernels, z)
+        self.events = events_of(scene, plan, z) if scene.events else None
+        self.ended: float | None = None
+        """The time of the event that ended the run, s."""
 
     def advance(self, k: int) -> bool:
         """Take the pieces from communication point k - 1 to k; return whether none was refused."""
         for i in range(self._counts[k - 1], self._counts[k]):
             self._values.put(i)
             self._slopes.put(i)
+            before = self.z.copy() if self.events and self.events.may_end else None
             if self._step(self.z, self._lengths[i]) != OK:
                 return False
+            self.ended = self.events.take() if self.events else None
+            if self.ended is not None and before is not None:
+                return self._go_back(before, self.ended)
         if self._last.names:
             self._last.put(self._counts[k] - 1)
             self._outputs(self.z)
         return True
+
+    def _go_back(self, before: Buffer, end: float) -> bool:
+        """Take the last piece anew, up to an event."""
+        self.z[:] = before
+        since, rest = before[self.kernels.BLOCKS["series.time"]]
+        length = (end - since) - rest
+        return length <= 0.0 or bool(self._step(self.z, length) == OK)
+
+
+def events_of(scene: Scene, plan: Plan, z: Buffer) -> Any:
+    """Return the events of a run with this buffer."""
+    from rbfmu.runs.events import Events  # what has none starts sooner
+
+    return Events(scene, plan, z)
 
 
 class _Rows:

@@ -9,22 +9,18 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rbfmu import arrays
-from rbfmu.models.model_buffer import Buffer
 from rbfmu.runs.inputs import Driven
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene
+from rbfmu.types import Array, Buffer, Motion
 from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.quantities import ANGLE, OUTPUT, OUTPUTS
 from rbfmu_kernels.rotations.quaternion import angle_between
 
-Array = NDArray[np.float64]
-Motion = dict[str, Array]
-"""Rows of each quantity, by its name, at points in time."""
 FEW = 20_000
 """The number of rows up to which the array function is not worth its compilation."""
 FLOORS: Mapping[str, float] = {row.name: row.floor for row in OUTPUTS if row.floor}

@@ -5,11 +5,12 @@ from collections.abc import Collection
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
-from rbfmu.models.model_buffer import Buffer, aligned_zeros, put_scene, refusal
+from rbfmu.models.model_buffer import aligned_zeros, put_scene, refusal
 from rbfmu.models.registry import FORMULAS, MODELS
 from rbfmu.models.spec import ModelSpec
 from rbfmu.notebook import table
 from rbfmu.scene.scene import Scene
+from rbfmu.types import Buffer
 from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.quantities import active_flags
@@ -83,7 +84,10 @@ class Plan:
             return self
         from rbfmu.models.formulas import formulas_of  # what has none starts sooner
 
-        return replace(self, formulas=formulas_of(scene))
+        formulas = formulas_of(scene)
+        if formulas is not None and self.model != FORMULAS.key:  # own outputs over a closed form
+            formulas = formulas.over(self.spec.module)
+        return replace(self, formulas=formulas)
 
     @property
     def settings(self) -> dict[str, float]:

@@ -3,11 +3,9 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rbfmu.scene.scene import Scene
-
-Array = NDArray[np.float64]
+from rbfmu.types import Array
 
 
 def time_grid(start: float, stop: float, step: float) -> Array:

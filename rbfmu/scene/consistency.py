@@ -9,11 +9,11 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rbfmu.exceptions import SceneWarning as SceneWarning
 from rbfmu.scene.body import Body
 from rbfmu.scene.section import fault
+from rbfmu.types import Array
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.mechanics import inertia
 from rbfmu_kernels.quantities import ANGLE, LOADS, OUTPUTS, TORQUES
@@ -21,7 +21,6 @@ from rbfmu_kernels.quantities import ANGLE, LOADS, OUTPUTS, TORQUES
 if TYPE_CHECKING:
     from rbfmu.scene.scene import Inputs, Loads, Scene
 
-Array = NDArray[np.float64]
 PRESCRIBED = tuple(row.name for row in OUTPUTS if row.kinematic)
 """Quantities that follow from prescribed rates."""
 NEGLIGIBLE = 1e-12

@@ -9,10 +9,11 @@ from pydantic import field_serializer
 
 from rbfmu.exceptions import SceneError
 from rbfmu.scene.body import SHAPES, Body, axis_without_moment
+from rbfmu.scene.own import PARAMETER_END, is_own, parameter_of
 from rbfmu.scene.section import Numbers, Rule, Section, as_toml, fault, joined, names, one_word, plain, whole
 
 from rbfmu.scene.variations import (  # isort: skip
-    ATTITUDE, AXES, CONSTANTS, DEGREES, FIXED, INERTIA, NORMAL, QUANTITY_OF, RELATIVE, SHAPE, STATES, VARYING_ANGLES,
+    ATTITUDE, AXES, DEGREES, FIXED, INERTIA, NORMAL, QUANTITY_OF, RELATIVE, SHAPE, VARYING_ANGLES,
     Marginal, Variation, components, read_variations,
 )  # fmt: skip
 
@@ -115,7 +116,7 @@ def lower_factor(matrix: Sequence[Sequence[float]]) -> list[list[float]] | None:
 
 RANDOM, SOBOL, LATIN_HYPERCUBE, GRID = DESIGNS = ("random", "sobol", "latin_hypercube", "grid")
 CHOICE = " or ".join(f'"{name}"' for name in DESIGNS)
-NESTED = ("body", "initial", "loads", "run", CONSTANTS, STATES)
+NESTED = ("body", "initial", "loads", "run", *PARAMETER_END)
 MOST_RUNS = 1_000_000_000
 
 
@@ -171,7 +172,9 @@ class Ensemble(Section):
     @property
     def parameters(self) -> tuple[str, ...]:
         """Return the names of the parameters whose values vary, as `inputs.parameters` lists them."""
-        return tuple(dict.fromkeys(_parameter_of(variation.key) for variation in self.vary))
+        return tuple(
+            dict.fromkeys(parameter_of(v.key) if is_own(v.key) else QUANTITY_OF[v.key].name for v in self.vary)
+        )
 
     def _set(self) -> dict[str, Any]:
         """Return the fields that are not as by default, tables as in the file."""
@@ -219,13 +222,6 @@ class Ensemble(Section):
                 if marginal.kind != NORMAL or not math.isclose(row[k], marginal.arguments[1] ** 2, rel_tol=1e-6):
                     expected = f"the square of the standard deviation of {name}, which is normal; or the key matrix"
                     yield fault("ensemble.correlation.covariance", row[k], expected)
-
-
-def _parameter_of(key: str) -> str:
-    table, _, name = key.partition(".")
-    if table in (CONSTANTS, STATES):
-        return name if table == CONSTANTS else f"{name}_0"
-    return QUANTITY_OF[key].name
 
 
 def _varying(vary: tuple[Variation, ...]) -> Iterator[Marginal]:
@@ -343,15 +339,17 @@ def faults_of_own(ensemble: Ensemble, tables: Mapping[str, Mapping[str, Any]]) -
     """Yield what is wrong with keys of a scene's own; tables: its constants and states by name."""
     for variation in ensemble.vary:
         table, _, name = variation.key.partition(".")
-        if table not in (CONSTANTS, STATES):
+        if not is_own(variation.key):
             continue
-        path, row = joined("ensemble.vary", variation.key), tables[table].get(name)
-        if row is None:
+        path, one = joined("ensemble.vary", variation.key), tables[table].get(name)
+        if one is None:
             known = ", ".join(f"{table}.{name}" for name in tables[table]) or f"none: the scene has no {table}"
             yield fault(path, variation.table, f"a key out of {known}")
-        elif len(row[0]) != len(variation.marginals):
-            yield fault(path, variation.table, f"distributions of {len(row[0])} numbers")
-        elif variation.is_relative and not all(x for x, m in zip(row[0], variation.marginals, strict=True) if m.varies):
+        elif len(one.numbers) != len(variation.marginals):
+            yield fault(path, variation.table, f"distributions of {len(one.numbers)} numbers")
+        elif variation.is_relative and any(
+            m.varies and x == 0.0 for x, m in zip(one.numbers, variation.marginals, strict=True)
+        ):
             yield fault(path, variation.table, f"{RELATIVE} to numbers that are not 0 in the scene")
 
 
@@ -373,8 +371,8 @@ def _faults_of_relative(variation: Variation, path: str, good: Mapping[str, Any]
 def nominal_value(key: str, sections: Mapping[str, Any]) -> list[float]:
     """Return the scene's own numbers of a key, deg/s for `initial.omega_b_deg`."""
     table, _, name = key.partition(".")
-    if table in (CONSTANTS, STATES):
-        return [*sections[table][name][0]]  # its value, or its start
+    if is_own(key):
+        return [*sections[table][name].numbers]
     value = getattr(sections[table], name.removesuffix("_deg"))
     found = components(value, (3,) if isinstance(value, tuple) else ())
     return [math.degrees(x) for x in found] if key == DEGREES else found

@@ -13,7 +13,7 @@ from rbfmu.scene.section import Section, as_toml, joined
 
 INSIDE: Mapping[type[Section], type[Section]] = {Initial: Attitude, Ensemble: Correlation}
 """The tables that stand inside others."""
-OWN = ("constants", "tables", "formulas", "states")
+OWN = ("constants", "tables", "formulas", "states", "events")
 """The tables whose keys are names of one's own."""
 REQUIRED = "required"
 OF_THE_MOTION = "all there are"

@@ -4,11 +4,12 @@ Texts are checked where all of them are together, see `rbfmu.formulas.check`.
 """
 
 import keyword
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from itertools import pairwise
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeGuard, TypeVar
 
-from rbfmu.scene.section import Numbers, Rule, as_toml, joined, line, one_word, plain
+from rbfmu.scene.section import FLAG, Numbers, Rule, as_toml, joined, line, one_word, plain
+from rbfmu_kernels.quantities import Parameter
 
 T = TypeVar("T")
 LOADS = ("force_a", "force_b", "torque_a", "torque_b", "potential")
@@ -18,10 +19,14 @@ ENERGIES = {
     "total_energy": "kinetic and potential energy",
 }
 """Outputs that are made as those of one's own are, by name."""
+PARAMETER_END = {"constants": "", "states": "_0"}
+"""The tables whose names are parameters, by what follows the name: of a state that is its start."""
 _UNIT, _ABOUT = line("a unit, such as N m", 40), line("at most 200 printable characters", 200)
 _BESIDE = {"unit": _UNIT, "about": _ABOUT}
 _TEXT = "a formula, such as 2*k*sin(t)"
 _METHOD = one_word(("linear", "cubic"), "linear or cubic")
+DIRECTIONS = {"rising": 1.0, "falling": -1.0, "any": 0.0}
+_DIRECTION = one_word(tuple(DIRECTIONS), "rising, falling or any")
 _SCALAR, _VECTOR = Numbers(()), Numbers((3,))
 
 
@@ -39,6 +44,11 @@ class Constant(NamedTuple):
     unit: str = ""
     about: str = ""
 
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """Return the parameter's numbers."""
+        return self.value
+
 
 class State(NamedTuple):
     """A state of one's own: its start, and its rate as a formula."""
@@ -48,12 +58,26 @@ class State(NamedTuple):
     unit: str = ""
     about: str = ""
 
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """Return the parameter's numbers."""
+        return self.start
+
 
 class Shown(NamedTuple):
     """An output of one's own: its value as a formula."""
 
     value: str
     unit: str = ""
+    about: str = ""
+
+
+class Event(NamedTuple):
+    """An event: when a formula comes to zero, in which direction, and whether the run ends there."""
+
+    when: str
+    direction: str = "any"
+    stop: bool = False
     about: str = ""
 
 
@@ -65,6 +89,29 @@ class Port(NamedTuple):
     size: int = 3
     unit: str = ""
     about: str = ""
+
+
+def is_own(key: str) -> bool:
+    """Return whether a key such as constants.k names a parameter of a scene's own."""
+    return key.partition(".")[0] in PARAMETER_END
+
+
+def parameter_of(key: str) -> str:
+    """Return the name of the parameter that a key of a scene's own sets."""
+    table, _, name = key.partition(".")
+    return f"{name}{PARAMETER_END[table]}"
+
+
+def parameters(tables: Mapping[str, Mapping[str, Constant | State]]) -> dict[str, Parameter]:
+    """Return the parameters of a scene's own by the keys that set them."""
+    found = {}
+    for table, end in PARAMETER_END.items():
+        for name, one in tables[table].items():
+            meaning = (one.about or table.removesuffix("s")) + (", at the start" if end else "")
+            block = f"{table}.{name}{end}"
+            own = Parameter(f"{name}{end}", len(one.numbers), one.unit or "1", meaning, own_block=block)
+            found[f"{table}.{name}"] = own
+    return found
 
 
 def as_written(rows: Mapping[str, Any]) -> dict[str, Any]:
@@ -131,14 +178,15 @@ def _row(value: Any) -> tuple[float, ...]:
 
 def apart(loads: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the loads that are numbers, and those that are formulas, or several that add up."""
-    texts = {name: value for name, value in loads.items() if name in LOADS and _is_text(value)}
+    texts = {
+        name: value for name, value in loads.items() if name in LOADS and (isinstance(value, str) or _is_sum(value))
+    }
     return {name: value for name, value in loads.items() if name not in texts}, texts
 
 
 def listed_apart(inputs: Any, tables: Mapping[str, Any]) -> tuple[Any, tuple[str, ...]]:
     """Return the table of inputs without the constants and starts of states that its parameters list, and these."""
-    constants, states = (tables.get(key) or {} for key in ("constants", "states"))
-    known = {*constants, *(f"{name}_0" for name in states)}
+    known = {parameter_of(f"{table}.{name}") for table in PARAMETER_END for name in tables.get(table) or {}}
     listed = inputs.get("parameters") if isinstance(inputs, Mapping) else None
     if not isinstance(listed, list | tuple):
         return inputs, ()
@@ -146,15 +194,14 @@ def listed_apart(inputs: Any, tables: Mapping[str, Any]) -> tuple[Any, tuple[str
     return {**inputs, "parameters": [x for x in listed if x not in own]}, own
 
 
-def _is_text(value: Any) -> bool:
-    return isinstance(value, str) or (
-        isinstance(value, list | tuple) and bool(value) and all(isinstance(x, str) for x in value)
-    )
+def _is_sum(value: Any) -> TypeGuard[Sequence[str]]:
+    """Return whether a value is several texts, which add up."""
+    return isinstance(value, list | tuple) and bool(value) and all(isinstance(x, str) for x in value)
 
 
 def text(value: Any) -> str:
     """Return a formula; of a list of them the sum."""
-    if isinstance(value, list | tuple) and value and all(isinstance(item, str) for item in value):
+    if _is_sum(value):
         return " + ".join(f"({item})" for item in value)
     if not isinstance(value, str) or not value.strip():
         raise ValueError(_TEXT)
@@ -227,5 +274,10 @@ STATES = _table(
 ).means("states of one's own: NAME = { start, rate, unit, about }, the rate as a formula")
 OUTPUTS = _table("a table of formulas", lambda x: _entry(Shown, {"value": text, **_BESIDE}, x)).means(
     "outputs of one's own, which may also stand beside `quantities`: NAME = text, or { value, unit, about }"
+)
+_OF_AN_EVENT: dict[str, Callable[[Any], Any]] = {"when": text, "direction": _DIRECTION, "stop": FLAG, "about": _ABOUT}
+EVENTS = _table("a table of events", lambda x: _entry(Event, _OF_AN_EVENT, x, ("direction", "stop", "about"))).means(
+    "when a formula comes to zero: NAME = { when, direction, stop, about }, with direction rising, falling or any; "
+    "stop = true ends the run there"
 )
 PORTS = _table("a table of inputs", port).means("inputs of one's own, as they stand in `ports`")

@@ -12,9 +12,10 @@ from rbfmu.notebook import table
 from rbfmu.scene import own as named
 from rbfmu.scene.attitude import Attitude
 from rbfmu.scene.body import ZERO, Body
+from rbfmu.scene.changes import as_tables, with_changes
 from rbfmu.scene.consistency import default_quantities, doubts_before, faults_between, warn
 from rbfmu.scene.ensemble import Ensemble, as_written, faults_of_own, faults_with, without_idle_shape
-from rbfmu.scene.own import Constant, Named, Port, Shown, State, Table
+from rbfmu.scene.own import Constant, Event, Named, Port, Shown, State, Table
 from rbfmu.scene.section import Numbers, SceneError, Section, as_toml, fault, line, names, numbers, one_of, positive
 from rbfmu.scene.toml_file import read_file, with_description
 from rbfmu_kernels import quantities
@@ -232,16 +233,26 @@ class Scene(Section):
     formulas: Annotated[Mapping[str, str], named.FORMULAS] = NOTHING
     states: Annotated[Mapping[str, State], named.STATES] = NOTHING
     tables: Annotated[Mapping[str, Table], named.TABLES] = NOTHING
+    events: Annotated[Mapping[str, Event], named.EVENTS] = NOTHING
     load_formulas: Annotated[Mapping[str, str], named.FORMULAS] = NOTHING
 
     @property
     def has_formulas(self) -> bool:
-        """Return whether loads, states or outputs of one's own are given as formulas."""
-        return bool(self.load_formulas or self.states or self.outputs.own)
+        """Return whether loads, states, outputs or events are given as formulas."""
+        return bool(self.load_formulas or self.states or self.outputs.own or self.events)
+
+    @property
+    def _own_tables(self) -> dict[str, Mapping[str, Constant | State]]:
+        return {"constants": self.constants, "states": self.states}
+
+    @property
+    def own_parameters(self) -> dict[str, quantities.Parameter]:
+        """Return the parameters of one's own, constants and starts of states, by the keys that set them."""
+        return named.parameters(self._own_tables)
 
     def _contradictions(self) -> Iterator[str]:
         if self.ensemble is not None:
-            yield from faults_of_own(self.ensemble, {"constants": self.constants, "states": self.states})
+            yield from faults_of_own(self.ensemble, self._own_tables)
         if self.has_formulas or self.formulas or self.tables:
             from rbfmu.formulas.check import faults_of_texts  # what has none starts sooner
 
@@ -307,18 +318,18 @@ class Scene(Section):
         new = self.to_dict()
         if "quantities" not in self.outputs.model_fields_set:
             del new["outputs"]["quantities"]
-        for name, value in _as_tables({**changes, **tables}).items():
-            new[name] = _with_changes(new.get(name), value, SECTIONS.get(name))
+        for name, value in as_tables({**changes, **tables}).items():
+            new[name] = with_changes(new.get(name), value, SECTIONS.get(name))
         return type(self).from_dict(new, self.name)
 
     def to_dict(self) -> dict[str, Any]:
         """Return nested tables from which `from_dict` makes an equal scene; vectors are lists."""
         untold = {"about"} if self.about == About() else set()
-        untold |= {name for name in ("constants", "formulas", "states", "tables") if not getattr(self, name)}
+        untold |= {name for name in ("constants", "formulas", "states", "tables", "events") if not getattr(self, name)}
         tables: dict[str, Any] = self.model_dump(mode="json", exclude_none=True, exclude=untold)
         tables["loads"] |= tables.pop("load_formulas")
         tables |= {"inputs": self.inputs.as_written(), "outputs": self.outputs.as_written()}
-        own: dict[str, Mapping[str, Any]] = {"constants": self.constants, "states": self.states, "tables": self.tables}
+        own = {**self._own_tables, "tables": self.tables, "events": self.events}
         tables |= {name: named.as_written(rows) for name, rows in own.items() if rows}
         tables["initial"]["attitude"] = {"quaternion": tables["initial"].pop("quaternion")}
         return tables
@@ -328,42 +339,6 @@ def _rates_as_written(initial: Any) -> tuple[str, Any] | None:
     """Return the key and value of initial rates that are given in degrees, or None."""
     given = isinstance(initial, Mapping) and "omega_b_deg" in initial and "omega_b" not in initial
     return ("initial.omega_b_deg", initial["omega_b_deg"]) if given else None
-
-
-def _with_changes(table: Any, value: Any, section: type[Section] | None) -> Any:
-    """Return the table with the new keys, and without the keys that these exclude."""
-    if not isinstance(value, Mapping) or not isinstance(table, Mapping):
-        return value
-    if section is None:  # a table with names of one's own, of which a new value keeps unit and meaning
-        return {**table, **{key: _in_row(table.get(key), item) for key, item in value.items()}}
-    excluded = {key for keys in section._spellings.values() if set(keys) & set(value) for key in keys}
-    return {key: item for key, item in table.items() if key not in excluded} | dict(value)
-
-
-def _in_row(row: Any, item: Any) -> Any:
-    """Return what replaces a constant's, an output's or a state's row: of a value or a start alone the rest stays."""
-    return {**row, next(iter(row)): item} if isinstance(row, Mapping) and not isinstance(item, Mapping) else item
-
-
-def _as_tables(changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return tables made from dotted keys."""
-    tables: dict[str, Any] = {}
-    for key, value in changes.items():
-        *path, last = str(key).split(".")
-        table = tables
-        for name in path:
-            if not isinstance(table.get(name), dict):
-                table[name] = {}
-            table = table[name]
-        both = isinstance(value, Mapping) and isinstance(table.get(last), dict)
-        table[last] = table[last] | dict(value) if both else dict(value) if isinstance(value, Mapping) else value
-    return tables
-
-
-def refuse_formulas(scene: Scene, what: str) -> None:
-    """Raise SceneError where a scene has formulas, with which something cannot be done."""
-    if scene.has_formulas:
-        raise SceneError(f"{what}: expected a scene without formulas in loads, states and outputs", scene.name)
 
 
 def load_scene(path: str | Path) -> Scene:

@@ -25,10 +25,10 @@ def fault(path: str, value: object, expected: str) -> str:
     return f"{path} = {as_toml(value)}: expected {expected}"
 
 
-def as_toml(value: object, longest: int = LONGEST) -> str:
+def as_toml(value: object) -> str:
     """Return a value as TOML spells it, shortened."""
     text = _spelling(value, depth=0)
-    return text if len(text) <= longest else text[: longest - 4].rstrip() + " ..."
+    return text if len(text) <= LONGEST else text[: LONGEST - 4].rstrip() + " ..."
 
 
 def _spelling(value: object, depth: int) -> str:

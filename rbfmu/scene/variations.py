@@ -10,9 +10,11 @@ import numpy as np
 
 from rbfmu.scene.attitude import Attitude
 from rbfmu.scene.body import SHAPES, TRIANGLE, six_numbers
+from rbfmu.scene.own import is_own
 from rbfmu.scene.section import Numbers, Rule, as_toml, closest, fault, flattened, joined, not_negative, numbers, plain
-from rbfmu_kernels.quantities import BY_NAME, INITIAL_VALUES, LOADS, PARAMETERS, Quantity, indices
+from rbfmu_kernels.quantities import IN_BUFFER_ORDER, INITIAL_VALUES, LOADS, PARAMETERS, Load, Parameter, indices
 
+_BY_NAME = {row.name: row for row in IN_BUFFER_ORDER}
 FIXED, NORMAL, UNIFORM, LOGNORMAL, TRIANGULAR, RELATIVE = (
     "fixed", "normal", "uniform", "lognormal", "triangular", "relative",
 )  # fmt: skip
@@ -80,7 +82,7 @@ class Marginal(NamedTuple):
 def component_names(name: str, shape: tuple[int, ...]) -> list[str]:
     """Return the names of a key's numbers: of a matrix the six of one triangle."""
     if len(shape) == 2:
-        return [f"{name}{index}" for index in indices(BY_NAME["inertia"])]
+        return [f"{name}{index}" for index in indices(_BY_NAME["inertia"])]
     return [f"{name}[{k}]" for k in range(1, shape[0] + 1)] if shape else [name]
 
 
@@ -122,12 +124,12 @@ class Variation:
         return json.loads(self.text)
 
 
-QUANTITY_OF: Mapping[str, Quantity] = (
+QUANTITY_OF: Mapping[str, Parameter | Load] = (
     {f"body.{row.name}": row for row in PARAMETERS}
     | {f"initial.{row.name.removesuffix('_0')}": row for row in INITIAL_VALUES if row.name != "quaternion_0"}
-    | {DEGREES: BY_NAME["omega_b_0"]}
+    | {DEGREES: _BY_NAME["omega_b_0"]}
     | {f"loads.{load.name}": load for load in LOADS}
-    | {ATTITUDE: BY_NAME["quaternion_0"], SHAPE: BY_NAME["inertia"]}
+    | {ATTITUDE: _BY_NAME["quaternion_0"], SHAPE: _BY_NAME["inertia"]}
 )
 """The quantity that each key sets which may vary."""
 RULES: Mapping[str, Numbers] = {
@@ -137,8 +139,6 @@ RULES: Mapping[str, Numbers] = {
 }
 """The rule of each key whose numbers stand for themselves."""
 KEYS = (*RULES, INERTIA, ATTITUDE, SHAPE)
-CONSTANTS, STATES = "constants", "states"
-"""The tables whose names, a scene's own, are keys as well: of the start of a state."""
 
 
 def read_variations(vary: Any, faults: list[str]) -> tuple[Variation, ...]:
@@ -183,7 +183,7 @@ class _Reader:
         readers = {INERTIA: self._inertia, ATTITUDE: self._attitude, SHAPE: self._shape}
         if self.key in readers:
             return readers[self.key]()
-        if self.key.partition(".")[0] in (CONSTANTS, STATES):
+        if is_own(self.key):
             return self._distribution(self.path, self.value, self.key, Numbers((3,) if _has_lists(self.value) else ()))
         if self.key not in RULES:
             return self._refuse_key()

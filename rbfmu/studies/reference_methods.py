@@ -288,12 +288,15 @@ Steps = Callable[[Any, float, int, Body, Loads], Any]
 
 @dataclass(frozen=True)
 class OneStepMethod:
-    """A one-step method, its order, and its evaluations of the right-hand side per step (0 if their number varies)."""
+    """A one-step method, its order, and its evaluations of the right-hand side per step.
+
+    Where the number varies that is 0, where it is not known NaN.
+    """
 
     name: str
     steps: Steps
     order: int
-    evaluations: int
+    evaluations: float
     start: Callable[[State], Any] = lambda state: state
     state_of: Callable[[Any], State] = _with_unit_quaternion
 
@@ -344,6 +347,13 @@ REFERENCE_INTEGRATORS = {integrator.name: integrator for integrator in _ALL}
 TORQUE_FREE_INTEGRATORS = {integrator.name: integrator for integrator in _FREE}
 """The methods for bodies in principal axes without loads or damping, by name."""
 ALL_INTEGRATORS = REFERENCE_INTEGRATORS | TORQUE_FREE_INTEGRATORS
+
+
+def integrator(method: str | OneStepMethod) -> OneStepMethod:
+    """Return a method as it is, or one of those above by its name."""
+    return ALL_INTEGRATORS[method] if isinstance(method, str) else method
+
+
 SPLITTINGS = {
     "Strang": OneStepMethod("splitting, order 2 (Strang)", strang_steps, 2, 1),
     "RKN4": OneStepMethod("splitting, order 4", rkn4_steps, 4, 6),

@@ -25,10 +25,10 @@ def view(
 ) -> Motion:
     """Return a motion that a notebook plays in 3D; with a path, write the page that plays it in any browser as well.
 
-    source: a scene, a result, or a file of either (.toml, .csv, .npz); scene: whose body a result moves, else a plain
-    body is drawn; stop: the end of what is shown, s, if it is not the run's; inputs, interpolate: what drives a scene's
-    ports, as for `simulate`; progress: is told which part of planning is done; ghosts: how many runs of the scene's
-    ensemble, up to 50, are shown as pale bodies beside its own motion. Raises SceneError, SimulationError,
+    source: a scene, a result, or a file of either (.toml, .csv, .npz, .aem); scene: whose body a result moves, else a
+    plain body is drawn; stop: the end of what is shown, s, if it is not the run's; inputs, interpolate: what drives a
+    scene's ports, as for `simulate`; progress: is told which part of planning is done; ghosts: how many runs of the
+    scene's ensemble, up to 50, are shown as pale bodies beside its own motion. Raises SceneError, SimulationError,
     ModuleNotFoundError without viser, and ValueError where a result has no attitude.
     """
     needed("viser", "view")

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from rbfmu.arrays import rotate
-from rbfmu.result import Array
+from rbfmu.types import Array
 from rbfmu.viewer.motion import Motion
 
 LONGEST = 8.0

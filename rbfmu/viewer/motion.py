@@ -19,10 +19,11 @@ from rbfmu.ensembles.members import ensemble_of
 from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.ensembles.variables import ALL
 from rbfmu.exceptions import SceneWarning
-from rbfmu.result import Array, Result
+from rbfmu.result import Result
 from rbfmu.scene.consistency import default_quantities
 from rbfmu.scene.scene import QUANTITIES, Scene
 from rbfmu.simulation import plan, simulate
+from rbfmu.types import Array
 from rbfmu.viewer.shape import Shape, shape_of
 from rbfmu_kernels.types import Vec3
 

@@ -8,13 +8,13 @@ from contextlib import contextmanager
 from html import escape
 from importlib.resources import files
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import rich
 import viser
 
-from rbfmu.result import Array
+from rbfmu.types import Array
 from rbfmu.viewer import geometry as lengths
 from rbfmu.viewer.geometry import AXIS_A, AXIS_B, STROBE, Geometry
 from rbfmu.viewer.motion import Motion
@@ -106,8 +106,8 @@ def recorded_page(geometry: Geometry) -> str:
     """Return the page that plays the motion."""
     with _server() as server:
         _look(server, geometry)
-        parts: list[Any] = [_Body(server, geometry), _Trace(server, geometry), *_arrows(server, geometry)]
-        parts += [_Ghost(server, geometry, number) for number in range(len(geometry.ghost_paths))]
+        parts: list[Any] = [_body(server, geometry), _Trace(server, geometry), *_arrows(server, geometry)]
+        parts += _ghosts(server, geometry)
         recording = server.get_scene_serializer()
         pauses = np.diff(geometry.motion.result.time)
         pauses *= geometry.motion.played / pauses.sum()
@@ -150,20 +150,27 @@ def _axes(server: viser.ViserServer, name: str, length: float, radius: float, fr
     return axes
 
 
-class _Body:
-    """The body and the axes of b, which move with it."""
+class _Moving(NamedTuple):
+    """A frame with what is drawn in it, and where it comes to: q_ab (n, 4), o (n, 3) in the drawing."""
 
-    def __init__(self, server: viser.ViserServer, geometry: Geometry) -> None:
-        self.geometry, shape, scene = geometry, geometry.motion.shape, server.scene
-        self.axes = _axes(server, "/b", AXIS_B, 0.03, "b", geometry.path[0])
-        _add_shape(scene, "/b/body", geometry, 0.85)
-        if any(shape.centre):
-            centre = np.array(shape.centre) / geometry.body_radius  # thicker than an axis, which may lie in it
-            scene.add_cylinder("/b/stem", radius=0.06, height=float(np.linalg.norm(centre)), color=FIXED,
-                               wxyz=_turn_of_z(centre), position=centre / 2.0)  # fmt: skip
+    frame: Any
+    quaternion: Array
+    path: Array
 
     def show(self, k: int) -> None:
-        self.axes.wxyz, self.axes.position = self.geometry.motion.quaternion[k], self.geometry.path[k]
+        self.frame.wxyz, self.frame.position = self.quaternion[k], self.path[k]
+
+
+def _body(server: viser.ViserServer, geometry: Geometry) -> _Moving:
+    """Draw the body and the axes of b, which move with it."""
+    shape, scene = geometry.motion.shape, server.scene
+    axes = _axes(server, "/b", AXIS_B, 0.03, "b", geometry.path[0])
+    _add_shape(scene, "/b/body", geometry, 0.85)
+    if any(shape.centre):
+        centre = np.array(shape.centre) / geometry.body_radius  # thicker than an axis, which may lie in it
+        scene.add_cylinder("/b/stem", radius=0.06, height=float(np.linalg.norm(centre)), color=FIXED,
+                           wxyz=_turn_of_z(centre), position=centre / 2.0)  # fmt: skip
+    return _Moving(axes, geometry.motion.quaternion, geometry.path)
 
 
 def _turn_of_z(way: Array) -> Array:
@@ -187,17 +194,13 @@ def _add_shape(scene: Any, name: str, geometry: Geometry, opacity: float) -> Non
         scene.add_icosphere(name, radius=0.5, scale=tuple(sides), flat_shading=True, **place)
 
 
-class _Ghost:
-    """A member of the ensemble: a pale body."""
-
-    def __init__(self, server: viser.ViserServer, geometry: Geometry, number: int) -> None:
-        self.path, self.quaternion = geometry.ghost_paths[number], geometry.motion.ghosts[number].quaternion
-        self.frame = server.scene.add_frame(f"/ghost_{number}", show_axes=False)
-        opacity = max(0.1, min(0.3, 3.0 / len(geometry.ghost_paths)))
-        _add_shape(server.scene, f"/ghost_{number}/body", geometry, opacity)
-
-    def show(self, k: int) -> None:
-        self.frame.wxyz, self.frame.position = self.quaternion[k], self.path[k]
+def _ghosts(server: viser.ViserServer, geometry: Geometry) -> Iterator[_Moving]:
+    """Draw members of the ensemble: pale bodies."""
+    paths = geometry.ghost_paths
+    for number, (ghost, path) in enumerate(zip(geometry.motion.ghosts, paths, strict=True)):
+        frame = server.scene.add_frame(f"/ghost_{number}", show_axes=False)
+        _add_shape(server.scene, f"/ghost_{number}/body", geometry, max(0.1, min(0.3, 3.0 / len(paths))))
+        yield _Moving(frame, ghost.quaternion, path)
 
 
 class _Arrow:

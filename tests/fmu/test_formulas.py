@@ -34,6 +34,7 @@ SCENE = {
         "pull": {"value": "norm(torque_b + [3, 0, 0])", "unit": "N m"},
         "root": "sqrt(2 + torque_b[3]) + gain**2",
     },
+    "events": {"wave": {"when": "sin(2*t)", "about": "a wave"}, "late": {"when": "t - 6.1", "direction": "falling"}},
     "run": {"stop": 4.0, "step": 0.25, "accuracy": 1e-9},
 }
 KINDS = {"native": {"kind": "native"}, "fmi3": {"kind": "native", "fmi": 3, "scalars": True}, "python": {}}
@@ -60,6 +61,56 @@ def test_bits_are_those_of_simulate_with_other_parameters_and_start(fmus: dict[s
     assert [found[f"h[{k}]"][0] for k in (1, 2, 3)] == [0.2, 0.1, 0.3]
     for name in ("tilt", "pull", "root"):
         np.testing.assert_array_equal(found[name], expected.quantities[name].ravel())
+    happened = expected.events["wave"]
+    np.testing.assert_array_equal(found["wave_count"], [np.sum(happened <= t) for t in found["time"]])
+    last = [max(happened[happened <= t], default=3.0) for t in found["time"]]
+    np.testing.assert_array_equal(found["wave_time"], last)
+    assert found["late_count"][-1] == 0  # it rises through zero
+    assert found["late_time"][-1] == 3.0  # the start
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_counts_are_integers_that_a_saved_state_has(fmus: dict[str, Path], kind: str, tmp_path: Path) -> None:
+    fmpy.extract(str(fmus[kind]), str(tmp_path))
+    model = fmpy.read_model_description(str(tmp_path))
+    at = {v.name: v.valueReference for v in model.modelVariables}
+    types = {v.type for v in model.modelVariables if v.name.endswith("_count")}
+    assert types == {"Int32" if kind == "fmi3" else "Integer"}
+    log = lambda *_: None  # noqa: E731 - kept while the unit is there: FMPy calls that of an earlier one where none is
+    unit = instantiate_fmu(str(tmp_path), model, "CoSimulation", logger=log)
+    if kind == "fmi3":
+        unit.enterInitializationMode(startTime=0.0)
+    else:
+        unit.setupExperiment(startTime=0.0)
+        unit.enterInitializationMode()
+    unit.exitInitializationMode()
+    counts = unit.getInt32 if kind == "fmi3" else unit.getInteger
+    save, restore = (getattr(unit, f"{name}FMU{'State' if kind == 'fmi3' else 'state'}") for name in ("get", "set"))
+    unit.doStep(0.0, 1.0)
+    saved = save()
+    unit.doStep(1.0, 1.0)
+    assert counts([at["wave_count"], at["status"], at["late_count"]]) == [2, 0, 0]  # at the start and at pi / 2
+    restore(saved)
+    assert counts([at["wave_count"]]) == [1]
+    with pytest.raises(FMICallException):
+        counts([at["wave_time"]])
+    with pytest.raises(FMICallException):
+        counts([max(at.values()) + 1])
+    unit.terminate()
+    unit.freeInstance()
+
+
+@pytest.mark.thorough
+def test_an_event_that_ends_a_run_shortens_no_step_of_an_fmu(tmp_path: Path) -> None:
+    events = {"turned": {"when": "omega_b[1] - 0.25", "stop": True}}
+    tables = {"body": {"mass": 2.0, "inertia": [1.0, 2.0, 2.5]}, "initial": {"omega_b": [0.3, 1.0, 0.2]},
+              "outputs": {"quantities": ["omega_b"]}, "run": {"stop": 10.0, "step": 0.5}}  # fmt: skip
+    scene = rbfmu.Scene.from_dict(tables | {"events": events}, "turning")
+    end = rbfmu.simulate(scene).time[-1]
+    assert end < 10.0
+    rows = fmpy.simulate_fmu(str(rbfmu_fmu.build(scene, tmp_path / "turning.fmu")), output_interval=0.5)
+    assert rows["time"][-1] == 10.0
+    assert rows["turned_time"][np.argmax(rows["turned_count"] == 1)] == pytest.approx(end, abs=1e-12)
 
 
 @pytest.mark.parametrize("kind", ["native", "python"])
@@ -67,6 +118,25 @@ def test_it_verifies_with_random_inputs(fmus: dict[str, Path], kind: str) -> Non
     found = rbfmu_fmu.verify(fmus[kind])
     assert found.passed, found.problems
     assert found.units["pull"] == "N m"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_own_outputs_over_a_closed_form_have_the_bits_of_simulate(kind: str, tmp_path: Path) -> None:
+    tables = {
+        name: table for name, table in SCENE.items() if name not in ("states", "inputs", "formulas", "loads", "events")
+    }
+    own = {"wave": "n*sin(t)*R_ab[1,1]", "far": "position + velocity"}
+    scene = rbfmu.Scene.from_dict(tables | {"outputs": {"quantities": ["omega_b"], **own}}, "free")
+    planned = rbfmu.plan(scene)
+    assert planned.model == "torque-free body"
+    path = rbfmu_fmu.build(scene, tmp_path / "free.fmu", **KINDS[kind])
+    found = rbfmu_fmu.verify(path)
+    assert found.passed, found.problems
+    other = rbfmu.simulate(scene.replace({"constants.n": 0.7, "initial.omega_b": [0.2, 0.1, 0.3]}), planned=planned)
+    start = {"n": 0.7, "omega_b_0[1]": 0.2, "omega_b_0[2]": 0.1, "omega_b_0[3]": 0.3}
+    rows = fmpy.simulate_fmu(str(path), stop_time=4.0, step_size=0.25, output_interval=0.25, start_values=start)
+    np.testing.assert_array_equal(rows["wave"], other.wave.ravel())
+    np.testing.assert_array_equal([rows[f"far[{k}]"] for k in (1, 2, 3)], other.far.T)
 
 
 @pytest.mark.thorough

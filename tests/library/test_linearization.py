@@ -10,7 +10,7 @@ from mpmath import mp, mpf
 from scipy.linalg import expm
 
 import rbfmu
-from rbfmu.linearization import Dual, jacobian, variables
+from rbfmu.formulas.dual import Dual, jacobian, variables
 from rbfmu_kernels.quantities import OUTPUT
 from tests.support.paths import SCENES
 

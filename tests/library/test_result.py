@@ -168,7 +168,7 @@ def test_arrays_that_are_no_result_are_refused(tmp_path: Path) -> None:
     path.write_text("no arrays")
     with pytest.raises(ValueError, match="cannot be read as arrays"):
         Result.load(path)
-    with pytest.raises(ValueError, match=r"expected a name that ends in \.csv or \.npz"):
+    with pytest.raises(ValueError, match=r"expected a name that ends in \.csv, \.npz or \.aem"):
         Result.load(tmp_path / "it.txt")
 
 

@@ -63,7 +63,7 @@ def test_a_word_that_is_not_known_is_refused(capsys):
 def test_what_is_asked_for_is_tested_and_the_status_says_how_it_went(capsys, monkeypatch):
     seen = []
 
-    def tested(python, tests):
+    def tested(python, tests, folder):
         seen.append((python.parents[1].name, tests))
         return len(seen) == 1
 

@@ -13,7 +13,7 @@ import rbfmu_kernels
 from rbfmu import arrays
 from rbfmu_kernels.compile.shapes import python_function
 from rbfmu_kernels.rotations import matrix
-from rbfmu_kernels.types import Matrix, Quaternion, Vec3
+from rbfmu_kernels.types import Matrix, Matrix6, Quaternion, Transform, Vec3, Vec6
 from tests.support.paths import ROOT
 
 TEXT = (ROOT / "NOTATION.md").read_text(encoding="utf-8")
@@ -112,7 +112,9 @@ def test_the_output_rpy_is_of_that_order():
 
 
 DOCUMENTED = sorted({*arrays.__all__} - {"set_threads"})
-SHAPE = {float: "()", Vec3: "(3)", Quaternion: "(4)", Matrix: "(3, 3)"}
+SHAPE = {
+    float: "()", Vec3: "(3)", Quaternion: "(4)", Vec6: "(6)", Matrix: "(3, 3)", Transform: "(4, 4)", Matrix6: "(6, 6)"
+}  # fmt: skip
 NOT_FROM_A_KERNEL = {
     "check_inertia": "M (3, 3), with any leading axes",
     "inertia_of_points": "masses (n), positions (n, 3) -> (), (3), (3, 3); leading axes broadcast",

@@ -21,7 +21,8 @@ from tests.support.paths import ROOT
 from tests.support.sources import copy_sources, run_copy
 
 RECIPES = ROOT / "tests" / "support" / "recipes"
-NAMES = {"output": "Add an output", "integrator": "Add an integrator", "model": "Add a model"}
+NAMES = {"output": "Add an output", "load": "Make a load built in"}
+NAMES |= {"integrator": "Add an integrator", "model": "Add a model"}
 COMMAND = "from rbfmu.cli import main; main()"
 
 INERTIA, R_OC = np.array([[2.0, 0.1, 0.0], [0.1, 3.0, -0.2], [0.0, -0.2, 4.0]]), np.array([0.1, -0.05, 0.2])
@@ -70,12 +71,13 @@ accuracy = 1e-8
 """
 
 
-def loaded(times):
+def loaded(times, drag=np.zeros(3)):  # noqa: B008
     """Body rates, angular accelerations and positions of o of the scene LOADED by SciPy."""
 
     def rates(t, y):
         R, omega = Rotation.from_quat(y[6:10]).as_matrix(), y[10:13]
         torque = TORQUE_B + R.T @ TORQUE_A + np.cross(-R_OC, FORCE_B + R.T @ FORCE_A) - DAMPING * omega
+        torque = torque - drag * np.linalg.norm(omega) * omega
         alpha = np.linalg.solve(INERTIA, torque - np.cross(omega, INERTIA @ omega))
         v, e = y[6:9], y[9]
         turn = 0.5 * np.concatenate([e * omega + np.cross(v, omega), [-v @ omega]])
@@ -144,6 +146,27 @@ def test_an_output_is_shown_by_a_run_and_an_fmu_with_its_time_derivative(carried
     status, rates = instance.get_rates(*names)
     assert status == OK
     assert rates == pytest.approx(INERTIA @ alpha[-1], abs=1e-9)
+    instance.free()
+
+
+@pytest.mark.slow
+def test_a_load_acts_in_runs_and_in_an_fmu_whose_parameter_it_is(carried_out):
+    folder, drag = carried_out("load"), np.array([0.3, 0.2, 0.5])
+    text = LOADED.replace("QUANTITIES", '["position", "omega_b"]').replace("1e-10", "1e-9")
+    listed = f"drag_b = {drag.tolist()}\n[inputs]\nparameters = ['drag_b']\n[outputs]"
+    (folder / "loaded.toml").write_text(text.replace("[outputs]", listed))
+    run(folder, "run", "loaded.toml", "-o", "loaded.csv")
+    omega, _, position = loaded(np.linspace(0.0, STOP, 61), drag)
+    assert np.abs(columns(folder / "loaded.csv", "omega_b") - omega).max() < 1e-9
+    assert np.abs(columns(folder / "loaded.csv", "position") - position).max() < 1e-8
+    run(folder, "build", "--native", "loaded.toml", "-o", "loaded.fmu")
+    run(folder, "verify", "loaded.fmu")
+    doubled = {f"drag_b[{k}]": 2.0 * drag[k - 1] for k in (1, 2, 3)}
+    instance = Fmu(unzipped_at(folder / "loaded.fmu", folder / "unzipped")).started(doubled)
+    for k in range(60):
+        assert instance.step(0.05 * k, 0.05) == OK
+    omega = loaded(np.linspace(0.0, STOP, 61), 2.0 * drag)[0]
+    assert instance.get(*(f"omega_b[{k}]" for k in (1, 2, 3))) == pytest.approx(omega[-1], abs=1e-9)
     instance.free()
 
 

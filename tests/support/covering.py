@@ -21,7 +21,7 @@ DEAR, MOST = (
     *(f"tests/library/{part}/" for part in ("ensembles", "models", "planning", "studies")),
     "tests/fmu/", "tests/kernels/compile/test_tiered", "tests/project/test_gallery",
     "tests/kernels/rotations/test_euler_angles.py::test_error",
-    "tests/project/test_pages.py::test_the_gallery_s_plans",
+    "tests/project/test_figures.py::test_the_gallery_s_plans",
 ), 2  # fmt: skip
 """Tests that build, simulate or plan, and how many cases of one that has a single axis are taken."""
 

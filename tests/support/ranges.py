@@ -67,12 +67,12 @@ def versions(python: Path) -> str:
     return ", ".join(f"{name} {found[name]}" for name in SHOWN)
 
 
-def tested(python: Path, tests: Sequence[str]) -> bool:
-    """Return whether these tests pass; older packages may use what newer ones warn of."""
+def tested(python: Path, tests: Sequence[str], folder: Path) -> bool:
+    """Return whether these tests of a checkout pass; older packages may use what newer ones warn of."""
     command = [str(python), "-m", "pytest", "-q", "-n", "2", "--dist", "loadfile", "-m", "not slow"]
     command += ["-W", "ignore::DeprecationWarning", *tests]
     environment = os.environ | {"NUMBA_CACHE_DIR": str(python.parents[1] / "compiled")}
-    return subprocess.run(command, cwd=ROOT, env=environment).returncode == 0
+    return subprocess.run(command, cwd=folder, env=environment).returncode == 0
 
 
 def unknown(wanted: Sequence[str]) -> list[str]:
@@ -97,7 +97,7 @@ def results(wanted: Sequence[str]) -> Iterator[tuple[str, bool]]:
         for resolution in resolutions:
             with tempfile.TemporaryDirectory(prefix="rbfmu_ranges_") as folder:
                 python = install(path, resolution, Path(folder) / "venv")
-                well = tested(python, tests)
+                well = tested(python, tests, ROOT)
                 verdict = "passed" if well else "FAILED"
                 yield f"Python {version}, {resolution}: {verdict} with {versions(python)}", well
 

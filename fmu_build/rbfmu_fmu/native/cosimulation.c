@@ -282,9 +282,11 @@ Status set_reals(Instance *m, const char *call, const unsigned v[], size_t n, co
 Status get_integers(Instance *m, const char *call, const unsigned r[], size_t n, int values[]) {
     if (!given(m, call, n, r, values)) return CALL_ERROR;
     for (size_t i = 0; i < n; i++)
-        if (r[i] != STATUS_REFERENCE) return refuse(m, call, "%s is no " INTEGER " variable", named(r[i]).text);
+        if (r[i] < STATUS_REFERENCE || r[i] > STATUS_REFERENCE + COUNTS)
+            return refuse(m, call, "%s is no " INTEGER " variable", named(r[i]).text);
     if (!exchanged(m, call, r, n, CAN_GET)) return CALL_ERROR;
-    for (size_t i = 0; i < n; i++) values[i] = (int)m->now.status;
+    for (size_t i = 0; i < n; i++)
+        values[i] = (int)(r[i] == STATUS_REFERENCE ? m->now.status : m->now.z[COUNT_OFFSETS[r[i] - STATUS_REFERENCE - 1]]);
     return CALL_OK;
 }
 

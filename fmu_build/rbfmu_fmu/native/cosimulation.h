@@ -82,8 +82,9 @@ Status set_input_derivatives(Instance *m, const char *call, const unsigned v[], 
 Status get_output_derivatives(Instance *m, const char *call, const unsigned v[], size_t n, const int order[],
                               double values[], size_t n_values);
 
-/* Derivatives of outputs by inputs: J seed, where the seed is a change of the inputs and the result that of the
-   outputs, or seed^T J, where the seed has weights of the outputs and the result is a number for each input. */
+/* Derivatives of outputs by inputs, in Initialization Mode by parameters too: J seed, where the seed is a change of
+   these and the result that of the outputs, or seed^T J, where the seed has weights of the outputs and the result is a
+   number for each input or parameter. */
 typedef struct {
     const unsigned *outputs;
     size_t n_outputs;

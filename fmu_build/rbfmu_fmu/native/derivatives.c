@@ -1,8 +1,9 @@
-/* Derivatives: of inputs and outputs with respect to time, and of outputs by inputs. */
+/* Derivatives: of inputs and outputs with respect to time, of outputs by inputs, and at the start by parameters. */
 
 #include <math.h>
 
 #include "instance.h"
+#include "slopes.h"
 
 static int has_derivative(Instance *m, const char *call, unsigned r, int order) {
     if (order >= 1 && order <= MAX_DERIVATIVE_ORDER && DERIVATIVES[r][order - 1] != NOT_PROVIDED) return 1;
@@ -52,7 +53,19 @@ Status get_output_derivatives(Instance *m, const char *call, const unsigned v[],
     return CALL_OK;
 }
 
-/* --- of outputs by inputs */
+/* --- of outputs by inputs, and by parameters while these can be set */
+
+/* Whether these value references are of inputs, or of parameters in Initialization Mode, and so many values fit. */
+static int are_known(Instance *m, const char *call, const unsigned v[], size_t n, size_t n_values) {
+    for (size_t i = 0; i < n; i++) {
+        unsigned r = v[i] < REFERENCES ? *elements_of(v[i]).r : TIME;
+        if (r != TIME && causality_of(r) == PARAMETER && m->now.phase != INITIALIZING)
+            return !refuse(m, call, "%s is a parameter, which is known in Initialization Mode alone", named(v[i]).text);
+        if (r == TIME || causality_of(r) == OUTPUT)
+            return !refuse(m, call, "%s is no input or parameter", named(v[i]).text);
+    }
+    return fit(m, call, v, n, n_values);
+}
 
 /* Whether the values of a direction are finite numbers. */
 static int are_finite(Instance *m, const char *call, const double seed[], size_t n) {
@@ -61,15 +74,28 @@ static int are_finite(Instance *m, const char *call, const double seed[], size_t
     return 1;
 }
 
-/* Whether outputs have derivatives by inputs now, and the seed and the result fit them. */
+/* Whether outputs have derivatives by these knowns now, and the seed and the result fit them. */
 static int can_derive(Instance *m, const char *call, const Partial *of, int adjoint) {
     const double *of_outputs = adjoint ? of->seed : of->result, *of_inputs = adjoint ? of->result : of->seed;
     size_t n_of_outputs = adjoint ? of->n_seed : of->n_result, n_of_inputs = adjoint ? of->n_result : of->n_seed;
     return given(m, call, of->n_outputs, of->outputs, of_outputs) &&
            given(m, call, of->n_inputs, of->inputs, of_inputs) &&
            are(OUTPUT, m, call, of->outputs, of->n_outputs, n_of_outputs) &&
-           are(INPUT, m, call, of->inputs, of->n_inputs, n_of_inputs) &&
+           are_known(m, call, of->inputs, of->n_inputs, n_of_inputs) &&
            are_finite(m, call, of->seed, of->n_seed) && fresh(m, call);
+}
+
+/* What an element counts: a number off the diagonal of an inertia stands twice in the matrix, each half of it. */
+static double share(Elements e, size_t k) {
+    int times = 0;
+    for (size_t i = 0; i < e.n; i++) times += e.r[i] == e.r[k];
+    return 1.0 / times;
+}
+
+/* Set how much outputs change at once with inputs, and at the start with parameters. */
+static void change_outputs(const Instance *m, double *change) {
+    feedthrough((double *)m->now.z, change);
+    if (m->now.phase == INITIALIZING) add_changes(m->now.z, change);
 }
 
 /* A function of one's own may have no derivative where it stands, as a root at zero. */
@@ -85,9 +111,9 @@ Status get_directional_derivative(Instance *m, const char *call, const Partial *
     if (!can_derive(m, call, of, 0)) return CALL_ERROR;
     for (size_t i = 0; i < of->n_inputs; i++) {
         Elements e = elements_of(of->inputs[i]);
-        for (size_t k = 0; k < e.n; k++) change[OFFSETS[e.r[k]]] += *seed++;
+        for (size_t k = 0; k < e.n; k++) change[OFFSETS[e.r[k]]] += share(e, k) * *seed++;
     }
-    feedthrough(m->now.z, change);
+    change_outputs(m, change);
     for (size_t i = 0; i < of->n_outputs; i++) {
         Elements e = elements_of(of->outputs[i]);
         for (size_t k = 0; k < e.n; k++) *result++ = change[OFFSETS[e.r[k]]];
@@ -95,12 +121,12 @@ Status get_directional_derivative(Instance *m, const char *call, const Partial *
     return result_of(m, call, of);
 }
 
-/* How much the outputs, weighted by the seed, change at once with one input. */
+/* How much the outputs, weighted by the seed, change at once with one input or parameter. */
 static double weighted_change(const Instance *m, const Partial *of, unsigned input) {
     double change[CHANGES] = {0.0}, sum = 0.0;
     const double *seed = of->seed;
     change[OFFSETS[input]] = 1.0;
-    feedthrough((double *)m->now.z, change);
+    change_outputs(m, change);
     for (size_t i = 0; i < of->n_outputs; i++) {
         Elements e = elements_of(of->outputs[i]);
         for (size_t k = 0; k < e.n; k++) sum += *seed++ * change[OFFSETS[e.r[k]]];
@@ -113,7 +139,7 @@ Status get_adjoint_derivative(Instance *m, const char *call, const Partial *of) 
     if (!can_derive(m, call, of, 1)) return CALL_ERROR;
     for (size_t i = 0; i < of->n_inputs; i++) {
         Elements e = elements_of(of->inputs[i]);
-        for (size_t k = 0; k < e.n; k++) *result++ = weighted_change(m, of, e.r[k]);
+        for (size_t k = 0; k < e.n; k++) *result++ = share(e, k) * weighted_change(m, of, e.r[k]);
     }
     return result_of(m, call, of);
 }

@@ -14,9 +14,9 @@ MAX_DERIVATIVE_ORDER = 2
 """The highest order of a derivative with respect to time that the C layer's table has room for."""
 
 
-def headers(d: Description, version: FmiVersion, guid: str) -> dict[str, str]:
-    """Return C sources by file name."""
-    return {"call_rules.h": call_rules(), "scene.h": scene_header(d, version, guid)}
+def headers(d: Description, version: FmiVersion, guid: str, slopes: str) -> dict[str, str]:
+    """Return C sources by file name; slopes: of `slopes_header`."""
+    return {"call_rules.h": call_rules(), "scene.h": scene_header(d, version, guid), "slopes.h": slopes}
 
 
 def call_rules() -> str:
@@ -80,7 +80,9 @@ def _references(d: Description, version: FmiVersion) -> list[str]:
     return [
         single,
         f"enum {{ TIME = REALS, REFERENCES = {len(elements)}, STATUS_REFERENCE = {version.status_reference(d)} }};",
-        f"enum {{ HAS_TIME = {int(version.has_time)}, TIME_REFERENCE = {time} }};",
+        f"enum {{ HAS_TIME = {int(version.has_time)}, TIME_REFERENCE = {time}, COUNTS = {len(d.counts)} }};",
+        f"static const short COUNT_OFFSETS[COUNTS + 1] = {_row([*(count.offset for count in d.counts), 0])};",
+        f"static const char *const COUNT_NAMES[COUNTS + 1] = {_row([*(_c(count.name) for count in d.counts), '0'])};",
         f"static const unsigned short ELEMENTS[] = {_row(k for places in elements for k in places)};",
         f"static const unsigned short FIRST_ELEMENT[] = {_row(first)};",
     ]

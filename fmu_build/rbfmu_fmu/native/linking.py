@@ -66,7 +66,7 @@ def link(
             (folder / include).write_text(text, encoding="ascii")
         command = [*compiler(platform), *FLAGS, *FORMAT_FLAGS[platform.suffix], f"-I{FMI_HEADERS}"]
         command += [*layer, *objects, "-lm", "-o", library]
-        done = subprocess.run(command, capture_output=True, text=True, cwd=folder, check=False)
+        done = subprocess.run(command, capture_output=True, cwd=folder, check=False, encoding="utf-8", errors="replace")
         if done.returncode:
             raise LinkError(f"{platform.name}: {command[0]} failed:\n{done.stderr.strip()}")
         return (folder / library).read_bytes()

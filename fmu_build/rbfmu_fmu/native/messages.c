@@ -33,6 +33,8 @@ Number named(unsigned v) {
     Number out;
     if (v == STATUS_REFERENCE || (HAS_TIME && v == TIME_REFERENCE))
         strcpy(out.text, v == STATUS_REFERENCE ? "status" : "time");
+    else if (v > STATUS_REFERENCE && v <= STATUS_REFERENCE + COUNTS)
+        snprintf(out.text, sizeof out.text, "%s", COUNT_NAMES[v - STATUS_REFERENCE - 1]);
     else if (v < REFERENCES && elements_of(v).n > 1)
         snprintf(out.text, sizeof out.text, "%s", VARIABLES[*elements_of(v).r].block);
     else if (v < REFERENCES)

@@ -95,12 +95,13 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
             raise self._survivable("fmi2SetReal", error) from None
 
     def get_integer(self, references: list[int]) -> list[int]:
-        """Return values of the one Integer variable, `status`."""
+        """Return values of the Integer variables: `status`, and the counts of events after it."""
         try:
+            status, counts = len(self.access.offsets), self.access.counts
             for r in references:
-                if r != len(self.access.offsets):
+                if not status <= r <= status + len(counts):
                     raise ValueError(f"{self.access.named(traps.reference_given(r))} is no Integer variable")
-            return [self._status] * len(references)
+            return [self._status if r == status else int(self._z[counts[r - status - 1]]) for r in references]
         except BaseException as error:
             raise self._survivable("fmi2GetInteger", error) from None
 

@@ -53,6 +53,7 @@ class Access:
         self.names: list[str] = [v["name"] for v in variables]
         self.offsets: list[int] = [v["offset"] for v in variables]
         self.causality: list[str] = [v["causality"] for v in variables]
+        self.counts: list[int] = [offset for _, offset, _ in self.description["counts"]]
         places = [o for o, c in zip(self.offsets, self.causality, strict=True) if c == "input"]
         packed = not places or places[-1] - places[0] < INPUTS_TOGETHER
         self.inputs = [r for r, c in enumerate(self.causality) if c == "input" and packed]
@@ -69,7 +70,7 @@ class Access:
 
     def named(self, reference: int) -> str:
         """Return what a value reference stands for, by its name if it has one."""
-        names = [*self.names, "status"]
+        names = [*self.names, "status", *(name for name, *_ in self.description["counts"])]
         return names[reference] if reference < len(names) else f"value reference {reference}"
 
     def entries(self) -> Entries:

@@ -69,10 +69,11 @@ def made_once(kept: Any) -> Iterator[None]:
     """
     with global_compiler_lock:
         handle, path = None, ""
-        with suppress(OSError, AttributeError):
+        with suppress(OSError, AttributeError):  # the latter also without fcntl: then no file is left behind
+            locked = fcntl.flock
             path = f"{kept._cache_file._index_path}.lock"
             handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
-            fcntl.flock(handle, fcntl.LOCK_EX)
+            locked(handle, fcntl.LOCK_EX)
         try:
             yield
         finally:

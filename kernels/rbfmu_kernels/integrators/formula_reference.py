@@ -1,8 +1,10 @@
-"""The motion of formulas by Taylor series in double-double arithmetic, by which their plans are judged.
+"""The motion of a scene by Taylor series in double-double arithmetic, by which plans are judged.
 
-It walks a list of operations for each order, so that one compiled function serves every scene. The recurrences are
-those of `rbfmu.formulas.program`; a number of the work space has its coefficients side by side, high parts in s[0],
-low ones in s[1].
+Far more accurate than what it judges and independent of the communication step: steps of its own, the series evaluated
+wherever an output is asked for. The step is chosen by the last two terms: A. Jorba & M. Zou, Experimental Mathematics
+14 (2005). It walks a list of operations for each order, so that one compiled function serves every scene. The
+recurrences are those of `rbfmu.formulas.program`; a number of the work space has its coefficients side by side, high
+parts in s[0], low ones in s[1].
 """
 
 import math
@@ -13,18 +15,34 @@ from ..numerics import double_double as dd
 from ..numerics.double_double import DoubleDouble
 from ..numerics.double_double_functions import angle_of, exponential, natural_logarithm, sine_and_cosine
 from ..types import Buffer
-from .polynomials import begins_at_zero, bound_of, first_root, first_touch, polynomial
+from .polynomials import (
+    OF_ROOTS,
+    ROUGHLY,
+    begins_at_zero,
+    bound_of,
+    first_root,
+    first_touch,
+    known_until,
+    polynomial,
+)
 
 ORDER, TOLERANCE, AT_CORNER, BEYOND, AT_REST = 26, 1e-22, 1e-13, 1e-9, 1e-10
 LENGTH = ORDER + 1
+ENOUGH, STEADY = 0.15, 2.1
+"""What a fifth of the steps must do of the times, and how much more than a tenth of them where they grow longer."""
+SHORTER, MOST_SHORTENED = 2.0**-40, 10
+"""By how much, and how often, the unit of time is made shorter where coefficients leave the range of doubles."""
+CORNER_KNOWN = 1e-17
+"""The part of its size to which what has a corner is known there."""
 NOWHERE, SLIDES = -2, -1.0
 KINDS = (
     "number", "place", "input", "state", "add", "subtract", "multiply", "divide", "sqrt", "exp", "log", "sin", "cos",
-    "atan2", "power", "side", "select",
+    "atan2", "power", "side", "select", "scale",
 )  # fmt: skip
+"""The last is a product with what stays as it is, its second factor: of that a coefficient needs the first alone."""
 (
     _NUMBER, _PLACE, _INPUT, _STATE, _ADD, _SUBTRACT, _MULTIPLY, _DIVIDE, _SQRT, _EXP, _LOG, _SIN, _COS, _ATAN2, _POWER,
-    _SIDE, _SELECT,
+    _SIDE, _SELECT, _SCALE,
 ) = range(len(KINDS))  # fmt: skip
 
 
@@ -54,7 +72,7 @@ def _value(kind: int, i: int, a: int, b: int, c: int, s: Any) -> DoubleDouble:
         return dd.add(x, y)
     if kind == _SUBTRACT:
         return dd.subtract(x, y)
-    if kind == _MULTIPLY:
+    if kind in (_MULTIPLY, _SCALE):
         return dd.multiply(x, y)
     if kind == _DIVIDE:
         return dd.divide(x, y) if y[0] != 0.0 else (math.nan, 0.0)
@@ -89,6 +107,8 @@ def _coefficient(kind: int, i: int, a: int, b: int, c: int, s: Any, k: int) -> D
         return dd.subtract(dd.at(s, a + k), dd.at(s, b + k))
     if kind == _MULTIPLY:
         return _sum(s, a, b, k, 0, k)
+    if kind == _SCALE:
+        return dd.multiply(dd.at(s, a + k), dd.at(s, b))
     if kind == _DIVIDE:
         return dd.divide(dd.subtract(dd.at(s, a + k), _sum(s, b, i, k, 1, k)), dd.at(s, b))
     if kind == _SQRT:
@@ -128,23 +148,26 @@ def evaluate(operations: Any, s: Any, stride: int, with_sides: bool) -> None:
 
 
 @kernel(inline=False)
-def _expand(operations: Any, states: Any, s: Any) -> None:
-    """Set the coefficients of all operations from the states' first; states: where each stands, and its rate."""
+def _expand(operations: Any, states: Any, s: Any, unit: float) -> None:
+    """Set the coefficients of all operations from the states' first; states: where each stands, and its rate.
+
+    unit: that of time, s, a power of two.
+    """
     evaluate(operations, s, LENGTH, False)
     for k in range(ORDER):
         for n in range(operations.shape[0] if k > 0 else 0):
             kind, a, b, c = operations[n, 0], operations[n, 1], operations[n, 2], operations[n, 3]
-            if kind > _STATE and kind != _SIDE:
+            if kind > _STATE and kind != _SIDE and operations[n, 4] != 0:
                 found = _coefficient(kind, n * LENGTH, a * LENGTH, b * LENGTH, c * LENGTH, s, k)
                 dd.put(s, n * LENGTH + k, found)
         for m in range(states.shape[0]):
             rate = dd.divide(dd.at(s, states[m, 1] * LENGTH + k), (k + 1.0, 0.0))
-            dd.put(s, states[m, 0] * LENGTH + k + 1, rate)
+            dd.put(s, states[m, 0] * LENGTH + k + 1, dd.scale(unit, rate))
 
 
 @kernel(inline=False)
 def _longest(states: Any, least: Any, sizes: Any, s: Any) -> float:
-    """Return the step, s, whose last two terms are within the tolerance; NaN where a term is not finite.
+    """Return the step, in units of time, whose last two terms are within the tolerance; NaN where one is not finite.
 
     least: of each group of states, the least size that its errors are relative to, negative where that alone counts;
     sizes: the largest that it has been.
@@ -173,13 +196,13 @@ def _longest(states: Any, least: Any, sizes: Any, s: Any) -> float:
 
 
 @kernel(inline=False)
-def _settled(operations: Any, states: Any, sides: Any, s: Any) -> bool:
+def _settled(operations: Any, states: Any, sides: Any, s: Any, unit: float) -> bool:
     """Expand until all sides are those to which the series lead; return whether there are any such."""
     for i in range(sides.shape[0]):
         sides[i, 1], sides[i, 2] = sides[i, 2], 0.0
     last = 0
     for _ in range(3 * sides.shape[0] + 1):
-        _expand(operations, states, s)
+        _expand(operations, states, s, unit)
         changed = False
         for i in range(sides.shape[0]):
             n, side = int(sides[i, 0]), 0.0
@@ -202,17 +225,28 @@ def _settled(operations: Any, states: Any, sides: Any, s: Any) -> bool:
 @kernel(inline=False)
 def _to_corner(operations: Any, sides: Any, touching: Any, s: Any, longest: float) -> float:
     """Return how far the series reach, at most `longest`, and note at whose corner they end."""
+    corner = -1
+    for i in range(sides.shape[0]):
+        longest = known_until(s[0], operations[int(sides[i, 0]), 1] * LENGTH, 1, ORDER, longest, ROUGHLY)
+    for m in range(touching.shape[0]):
+        for of in range(2):
+            longest = known_until(s[0], touching[m, of] * LENGTH, 1, ORDER, longest, ROUGHLY)
     reach = longest
     for i in range(sides.shape[0]):
         at, skipped = operations[int(sides[i, 0]), 1] * LENGTH, 1 if sides[i, 1] != 0.0 else 0
-        reach = min(reach, first_root(s[0], at + skipped, 1, ORDER - skipped, longest))
+        root = first_root(s[0], at + skipped, 1, ORDER - skipped, 0.0, longest)
+        if root < reach:
+            reach, corner = root, at
     for m in range(touching.shape[0]):
-        at = touching[m] * LENGTH
+        at = touching[m, 0] * LENGTH
         if begins_at_zero(s[0], at, 1, ORDER):
-            reach = min(reach, AT_REST * longest)
+            reach, corner = min(reach, AT_REST * longest), -1
         else:
-            touch = first_touch(s[0], at, 1, ORDER, longest)
-            reach = min(reach, touch + BEYOND * longest) if touch < longest else reach
+            touch = first_touch(s[0], at, 1, ORDER, 0.0, longest, 1.0, OF_ROOTS)
+            if touch < longest and touch + BEYOND * longest < reach:
+                reach, corner = touch + BEYOND * longest, at
+    if corner >= 0:
+        reach = known_until(s[0], corner, 1, ORDER, reach, CORNER_KNOWN)
     for i in range(sides.shape[0]):
         at = operations[int(sides[i, 0]), 1] * LENGTH
         size, _ = bound_of(s[0], at, 1, ORDER, reach)
@@ -235,33 +269,43 @@ def _put_states(states: Any, s: Any, at: DoubleDouble, found: Any, stride: int) 
 @kernel(inline=False)
 def formula_motion(
     operations: Any, states: Any, least: Any, sides: Any, touching: Any, wanted: Any, times: Any, rows: Any, most: int,
-    s: Any, here: Any, sizes: Buffer,
-) -> int:  # fmt: skip
-    """Set rows of what is wanted at increasing times (s, pairs) after the start; return the steps.
+    s: Any, here: Any, sizes: Buffer, in_a_hurry: bool,
+) -> tuple[int, float]:  # fmt: skip
+    """Set rows of what is wanted at increasing times (s, pairs) after the start; return the steps, and how far the
+    last of them went: those after half of `most`.
 
-    It is -1 beyond `most`, and NOWHERE where numbers are not finite or slide along a corner.
+    The steps are -1 beyond `most`, and NOWHERE where numbers are not finite or slide along a corner; in a hurry -1
+    after a fifth of them as well, where these did too little, and the later ones no more than those before.
 
-    operations: (n, 4), kind and what it is of; states: (m, 3), which operation it is and that of its rate, and its
-    group; least: see `_longest`; sides: (n, 3), operation, whether a series began and ends at its corner; touching,
-    wanted: operations. here: (2, n) values at the start, of numbers and leaves; s: room
-    for their series, (2, n LENGTH); sizes: one for each group.
+    operations: (n, 5), kind, what it is of, and whether it changes; states: (m, 3), which operation it is and that of
+    its rate, and its group; least: see `_longest`; sides: (n, 3), operation, whether a series began and ends at its
+    corner; touching: (n, 2), what may come down to zero, and the root or angle of it; wanted: operations. here: (2, n)
+    values at the start, of numbers and leaves; s: room for their series, (2, n LENGTH); sizes: one for each group.
     """
     now, steps, k, end = (times[0, 0], times[1, 0]), 0, 0, times.shape[1]
+    half, span, tenth, shortened = now[0], times[0, end - 1] - times[0, 0], 0.0, 0
+    unit = 2.0 ** math.floor(math.log2(span)) if span > 0.0 else 1.0  # in which the motion's terms are no denormals
     sides[:, 1] = 0.0
     for n in range(operations.shape[0]):
         dd.put(s, n * LENGTH, dd.at(here, n))
     while k < end:
-        if not _settled(operations, states, sides, s):
-            return NOWHERE
-        longest = min(_longest(states, least, sizes, s), 2.0 * (times[0, end - 1] - times[0, 0]))
+        if not _settled(operations, states, sides, s, unit):
+            return NOWHERE, 0.0
+        longest = min(_longest(states, least, sizes, s), 2.0 * span / unit)
+        if math.isnan(longest) and sides.shape[0] == 0 and shortened < MOST_SHORTENED:
+            unit, shortened = SHORTER * unit, shortened + 1
+            continue
         longest = _to_corner(operations, sides, touching, s, longest)
         steps += 1
+        done = now[0] - times[0, 0]
         if not longest > 0.0:
-            return NOWHERE
-        if steps > most:
-            return -1
+            return NOWHERE, 0.0
+        half = now[0] if steps == most // 2 else half
+        tenth = done if steps == most // 10 else tenth
+        if steps > most or (in_a_hurry and steps == most // 5 and done < min(ENOUGH * span, STEADY * tenth)):
+            return -1, now[0] - half
         while k < end:
-            at = dd.subtract(dd.at(times, k), now)
+            at = dd.scale(1.0 / unit, dd.subtract(dd.at(times, k), now))
             if at[0] > longest:
                 break
             _put_states(states, s, at, here, 1)
@@ -271,7 +315,7 @@ def formula_motion(
             k += 1
         if k < end:
             _put_states(states, s, (longest, 0.0), here, 1)
-            now = dd.add(now, (longest, 0.0))
+            now = dd.add(now, dd.scale(unit, (longest, 0.0)))
             for m in range(states.shape[0]):
                 dd.put(s, states[m, 0] * LENGTH, dd.at(here, states[m, 0]))
-    return steps
+    return steps, now[0] - half

@@ -1,7 +1,10 @@
 """Polynomials in a buffer: values, first roots and least values near zero, where series end at corners."""
 
+import math
+
 from ..compile.decorator import kernel
 from ..types import Buffer
+from .substeps import power_of
 
 
 @kernel
@@ -34,6 +37,45 @@ def bound_of(z: Buffer, i: int, row: int, n: int, h: float) -> tuple[float, floa
 
 
 @kernel
+def bend_of(z: Buffer, i: int, row: int, n: int, h: float) -> float:
+    """Return the largest that the polynomial's second derivative can be in [0, h]."""
+    bend, power = 0.0, 1.0
+    for k in range(2, n + 1):
+        bend += k * (k - 1) * abs(z[i + k * row]) * power
+        power *= h
+    return bend
+
+
+@kernel
+def away(value: float, slope: float, bend: float) -> float:
+    """Return how far what has this value > 0 and slope stays above zero, as its second derivative is at most `bend`.
+
+    The root of value + slope d - bend d^2 / 2, without cancellation: beside a double root steps shrink with the
+    distance, and beside a simple one they are Newton's.
+    """
+    root = math.sqrt(slope * slope + 2.0 * bend * value)
+    if slope >= 0.0:
+        return (slope + root) / bend if bend > 0.0 else math.inf
+    return 2.0 * value / (root - slope)
+
+
+ROUGHLY = 1e-4
+"""The part of its size to which what has corners must be known, so that none is passed over."""
+
+
+@kernel(inline=False)
+def known_until(z: Buffer, i: int, row: int, n: int, h: float, part: float) -> float:
+    """Return how far, at most h, a series cut at degree n leaves out no more than a part of its size."""
+    for _ in range(100):
+        size, _ = bound_of(z, i, row, n, h)
+        last = power_of(h, n - 1) * max(abs(z[i + (n - 1) * row]), abs(z[i + n * row]) * h)
+        if not last > part * size:
+            break
+        h *= 0.8
+    return h
+
+
+@kernel
 def begins_at_zero(z: Buffer, i: int, row: int, n: int) -> bool:
     """Return whether a polynomial is zero at 0, but not everywhere."""
     size = 0.0
@@ -42,57 +84,88 @@ def begins_at_zero(z: Buffer, i: int, row: int, n: int) -> bool:
     return bool(z[i] == 0.0 and size > 0.0)
 
 
-CLOSE, TOUCHING = 1e-4, 1e-10
-"""The parts of its bound below which a polynomial's least value is looked for, and counts as zero."""
+CLOSE, TOUCHING, OF_ROOTS = 1e-4, 1e-10, 1e-7
+"""The parts of its bound below which a polynomial's least value is looked for, and counts as zero; and that of roots.
+
+Where a root is taken of it, digits that the root has lost are lost by what comes of it, and by the polynomial in turn.
+"""
+LEFT_OUT = 100.0
+"""How much more than its last two terms what a polynomial leaves out may be: a least value below is zero as well.
+
+What passes zero a little above loses nothing by it: a series ends there, and the next one goes on.
+"""
 
 
 @kernel(inline=False)
-def first_touch(z: Buffer, i: int, row: int, n: int, h: float) -> float:
-    """Return the least t in (0, h] where what is not negative comes down to zero and rises again, or 2 h."""
+def leaves_band(z: Buffer, i: int, row: int, n: int, h: float, band: float) -> float:
+    """Return about the least t in [0, h] where a polynomial is further from zero than a band, or 2 h."""
+    t = 0.0
+    while abs(polynomial(z, i, row, n, t)) <= band:
+        if t >= h:
+            return 2.0 * h
+        t = min(max(1.3 * t, 1e-12 * h), h)
+    return t
+
+
+LEAST, MOST_STEPS = 1e-9, 100_000
+"""The part of [0, h] that a search goes on by at least, and how often it does."""
+
+
+@kernel(inline=False)
+def first_touch(z: Buffer, i: int, row: int, n: int, start: float, h: float, side: float, near: float) -> float:
+    """Return the least t in (start, h] where what has this sign (1, -1) comes to zero and goes back, or 2 h.
+
+    near: the part of its bound that counts as zero.
+    """
     size, slope = bound_of(z, i, row, n, h)
     if not slope > 0.0:
         return 2.0 * h
-    t, part = 0.0, 1e-3 * h
-    for _ in range(100_000):
+    t, part, bend, side = start, 1e-3 * h, bend_of(z, i, row, n, h) / size, side / size
+    for _ in range(MOST_STEPS):
         if t >= h:
             break
-        value = polynomial(z, i, row, n, t)
-        if value > CLOSE * size or slope_of(z, i, row, n, t) >= 0.0:
-            t += max((value - 0.5 * CLOSE * size) / slope, part * 1e-3)
+        value, slope = side * polynomial(z, i, row, n, t), side * slope_of(z, i, row, n, t)
+        if value > CLOSE:
+            t += max(away(value - 0.5 * CLOSE, slope, bend), LEAST * h)
             continue
-        after = t + part
-        if slope_of(z, i, row, n, after) < 0.0:
-            t = after
+        if slope >= 0.0:  # it does not fall before its slope can have come to zero
+            t += max(slope / bend if bend > 0.0 else h, 1e-3 * part)
             continue
-        low, high = t, after
+        low, high = t, t + part
+        if side * slope_of(z, i, row, n, high) < 0.0:
+            t = high
+            continue
         for _ in range(50):
             middle = 0.5 * (low + high)
-            if slope_of(z, i, row, n, middle) < 0.0:
+            if side * slope_of(z, i, row, n, middle) < 0.0:
                 low = middle
             else:
                 high = middle
-        if high <= h and abs(polynomial(z, i, row, n, high)) <= TOUCHING * size:
+        left_out = power_of(high, n - 1) * (abs(z[i + (n - 1) * row]) + abs(z[i + n * row]) * high) / size
+        if high <= h and abs(side * polynomial(z, i, row, n, high)) <= max(near, LEFT_OUT * left_out):
             return high
-        t = after
+        t += part
     return 2.0 * h
 
 
 @kernel(inline=False)
-def first_root(z: Buffer, i: int, row: int, n: int, h: float) -> float:
-    """Return the least t in (0, h] where the polynomial z[i], z[i + row], ... of degree n is zero, or 2 h.
+def first_root(z: Buffer, i: int, row: int, n: int, start: float, h: float) -> float:
+    """Return the least t in (start, h] where the polynomial z[i], z[i + row], ... of degree n is zero, or 2 h.
 
-    It goes on by what the largest slope in [0, h] takes to come to zero, so that no root is passed over but two that
-    are nearer to each other than 1e-9 h.
+    It goes on by what the largest second derivative in [0, h] takes to come to zero, so that no root is passed over but
+    two that are nearer to each other than 1e-9 h.
     """
-    _, slope = bound_of(z, i, row, n, h)
+    size, slope = bound_of(z, i, row, n, h)
     if not slope > 0.0:
         return 2.0 * h
-    t, least = 0.0, 1e-9 * h
+    t, bend = start, bend_of(z, i, row, n, h) / size
     value = polynomial(z, i, row, n, t)
-    for _ in range(100_000):
+    for _ in range(MOST_STEPS):
         if t >= h:
             return 2.0 * h
-        after = min(t + max(abs(value) / slope, least), h)
+        side = (1.0 if value > 0.0 else -1.0) / size
+        step = away(side * value, side * slope_of(z, i, row, n, t), bend)
+        after = min(t + max(step, LEAST * h), h)
         there = polynomial(z, i, row, n, after)
         if there == 0.0 or (there > 0.0) != (value > 0.0):
             break

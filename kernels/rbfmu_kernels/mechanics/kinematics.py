@@ -11,7 +11,7 @@ def compose_omega(omega_ab_a: Vec3, R_ab: Matrix, omega_bc_b: Vec3) -> Vec3:
     """Return omega_ac_a = omega_ab_a + R_ab omega_bc_b.
 
     Units: rad/s.  Frames: omega_ab_a and the result in a, omega_bc_b in b.
-    Error <= 1.3 eps (|omega_ab| + |omega_bc|).  Singular: nowhere.  Source: E&G 6.8.
+    Error <= 2 eps (|omega_ab| + |omega_bc|).  Singular: nowhere.  Source: E&G 6.8.
     """
     return vec3.add(omega_ab_a, transform(R_ab, omega_bc_b))
 
@@ -33,7 +33,7 @@ def point_velocity(v_o: Vec3, omega: Vec3, r: Vec3, dr: Vec3) -> Vec3:
 
     Units: v_o and dr in m/s, omega in rad/s, r in m; the result in m/s.
     Frames: all in one frame; dr is as seen from the body, 0 for a point fixed in it.
-    Error <= 1 eps of the sum of the terms' sizes.  Singular: nowhere.  Source: E&G 6.12.
+    Error <= 1.5 eps of the sum of the terms' sizes.  Singular: nowhere.  Source: E&G 6.12.
     """
     return vec3.add(vec3.add(v_o, dr), vec3.cross(omega, r))
 
@@ -45,7 +45,7 @@ def point_acceleration(a_o: Vec3, omega: Vec3, alpha: Vec3, r: Vec3, dr: Vec3, d
     The terms are the transport, relative, Coriolis, Euler and centripetal acceleration.
     Units: a_o and ddr in m/s^2, omega in rad/s, alpha in rad/s^2, r in m, dr in m/s; the result in m/s^2.
     Frames: all in one frame; dr and ddr are as seen from the body.
-    Error <= 1.5 eps of the sum of the terms' sizes.  Singular: nowhere.  Source: E&G 6.12.
+    Error <= 3 eps of the sum of the terms' sizes.  Singular: nowhere.  Source: E&G 6.12.
     """
     coriolis_and_centripetal = vec3.cross(omega, vec3.add_scaled(vec3.cross(omega, r), 2.0, dr))
     return vec3.add(vec3.add(vec3.add(a_o, ddr), vec3.cross(alpha, r)), coriolis_and_centripetal)

@@ -17,12 +17,23 @@ from ..body.shell import Model, bind, initialize, step
 from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED
 from ..buffer_access import copy_numbers, pair_at, put_pair_at, put_quaternion_at, quaternion_at
 from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, put_lanes
-from ..integrators.polynomials import begins_at_zero, bound_of, first_root, first_touch, polynomial
+from ..integrators.polynomials import (
+    OF_ROOTS,
+    ROUGHLY,
+    begins_at_zero,
+    bound_of,
+    first_root,
+    first_touch,
+    known_until,
+    polynomial,
+)
 from ..integrators.substeps import count_substep, power_of, tolerance_of_substep
 from ..numerics import double_double as dd
 from ..numerics.elementary import exponential, logarithm
 from ..rotations.quaternion import normalize
 from ..types import Buffer
+from . import formula_events as events
+from . import formula_variations as variations
 
 ORDERS = range(6, 31, 2)
 SERIES = {"series.stands": 1, "series.reach": 1, "series.since": 2, "series.begun": 2}
@@ -44,7 +55,7 @@ misses is the square of these parts.
 CREEPING, MOST_CREPT = 1e-7, 20_000
 """Series that reach over so small a part of a communication step, and how many: what creeps on comes to no end."""
 ROUND_OFF = 1e-13
-"""The size, relative to its terms, below which a number at a series' end is at its corner."""
+"""The size, relative to its terms, below which a number at a series' end is at its corner, whose side rates rest on."""
 NEAR = 0.2
 """How far from the size that it was estimated for, as a part of it, a step is not estimated once more."""
 
@@ -53,7 +64,9 @@ NEAR = 0.2
 # of the rates of these, at least one each, as an empty tuple has no type.
 _missing: Any = None
 constants = first = further = values = begin = put_states = excess_at = settle = cut = advance_anew = _missing
-holds = change = _missing
+set_up_events = event_excess = reach_to_touch = clear_list = _missing
+holds = change = loads = advance = refresh = note = side_of_event = event_root = _missing
+shift_corner = vary = put_errors = _missing
 INPUTS: tuple[int, ...] = ()
 RATES: tuple[int, ...] = ()
 RATES_2: tuple[int, ...] = ()
@@ -64,7 +77,10 @@ LEASTS: tuple[float, ...] = ()
 RELATIVE: tuple[bool, ...] = ()
 ORDER = TOLERANCE = SPAN = TIME = STARTS = LONGEST = SIZES = HELD = STANDS = REACH = SINCE = BEGUN = 0
 NUMBER_OF_INPUTS = NUMBER_TOUCHING = NUMBER_OF_SIDES = WATCHED = SIDES = ON = NEXT = FLIPS = 0
-KEPT = MEMORY = MEMORY_SIZE = LAST = LAST_SIZE = WORK = ROWS = ROW = OWN = OWN_STARTS = OWN_SIZE = ATTITUDE = 0
+SHOWN: tuple[float, ...] = ()
+OF_EVENT: tuple[int, ...] = ()
+NUMBER_OF_EVENTS = LISTED = NUMBER_OF_ERRORS = 0
+ACTIVE = KEPT = MEMORY = MEMORY_SIZE = LAST = LAST_SIZE = WORK = ROWS = ROW = OWN = OWN_STARTS = OWN_SIZE = ATTITUDE = 0
 
 
 def set_up_formulas(z: Buffer) -> int:
@@ -77,6 +93,8 @@ def set_up_formulas(z: Buffer) -> int:
         z[SIZES + g] = 0.0
     for i in range(NUMBER_OF_SIDES):
         z[SIDES + i] = z[NEXT + i] = 0.0
+    if NUMBER_OF_EVENTS:
+        set_up_events(z)
     return values(z)  # type: ignore[no-any-return]
 
 
@@ -98,14 +116,16 @@ def excess_of(z: Buffer, h: float) -> float:
             worst = max(worst, error / size if size > 0.0 else math.inf)
         elif math.isnan(error):
             return math.inf
+    if NUMBER_OF_EVENTS:
+        worst = max(worst, event_excess(z, h))
     return worst / tolerance_of_substep(z[TOLERANCE], z[SPAN], h)
 
 
 def settle_sides(z: Buffer) -> bool:
     """Return whether all sides are those to which the series lead; else change one, for which they are made again."""
     for i in range(NUMBER_OF_SIDES):
-        side = 0.0
-        for k in range(1 if z[ON + i] != 0.0 else 0, int(z[ORDER]) + 1):
+        side = side_of_event(z, i) if OF_EVENT[i] >= 0 else 0.0
+        for k in range(int(z[ORDER]) + 1 if OF_EVENT[i] >= 0 else 1 if z[ON + i] != 0.0 else 0, int(z[ORDER]) + 1):
             term = z[WATCHED + k * ROW + i]
             if term != 0.0:
                 side = math.copysign(1.0, term)
@@ -119,20 +139,36 @@ def settle_sides(z: Buffer) -> bool:
 
 
 def reach_to_corner(z: Buffer, h: float) -> float:
-    """Return how far the series reach, at most h, and keep of what they end at the corner."""
-    n, reach = int(z[ORDER]), h
+    """Return how far the series reach, at most h, and keep of what they end at the corner.
+
+    What has corners is no state: its own series must be known there, or a series ends before. So must that of a root
+    beside its zero, whose coefficients lose more digits with each: sums of them may lose all, and no state shows it.
+    """
+    n, corner = int(z[ORDER]), -1
+    for i in range(WATCHED, WATCHED + NUMBER_OF_SIDES + 2 * NUMBER_TOUCHING):
+        h = known_until(z, i, ROW, n, h, ROUGHLY)
+    reach = h
     for i in range(NUMBER_OF_SIDES):
         at = WATCHED + i
-        if z[ON + i] != 0.0 or z[at] == 0.0:  # the root at the beginning is left out
-            reach = min(reach, first_root(z, at + ROW, ROW, n - 1, h))
+        if OF_EVENT[i] >= 0:
+            root = event_root(z, i, h)
+        elif z[ON + i] != 0.0 or z[at] == 0.0:  # the root at the beginning is left out
+            root = first_root(z, at + ROW, ROW, n - 1, 0.0, h)
         else:
-            reach = min(reach, first_root(z, at, ROW, n, h))
+            root = first_root(z, at, ROW, n, 0.0, h)
+        if root < reach:
+            reach, corner = root, at
     for i in range(WATCHED + NUMBER_OF_SIDES, WATCHED + NUMBER_OF_SIDES + NUMBER_TOUCHING):
         if begins_at_zero(z, i, ROW, n):
-            reach = min(reach, AT_REST * h)
+            reach, corner = min(reach, AT_REST * h), -1
         else:
-            touch = first_touch(z, i, ROW, n, h)
-            reach = min(reach, touch + BEYOND * h) if touch < h else reach
+            touch = first_touch(z, i, ROW, n, 0.0, h, 1.0, OF_ROOTS)
+            if touch < h and touch + BEYOND * h < reach:
+                reach, corner = touch + BEYOND * h, i
+    if corner >= 0:  # known well enough, or reached for by the next series
+        reach = known_until(z, corner, ROW, n, reach, tolerance_of_substep(z[TOLERANCE], z[SPAN], h))
+    if NUMBER_OF_EVENTS:
+        reach = reach_to_touch(z, h, reach)
     for i in range(NUMBER_OF_SIDES):
         size, _ = bound_of(z, WATCHED + i, ROW, n, reach)
         off = abs(polynomial(z, WATCHED + i, ROW, n, reach))
@@ -143,6 +179,8 @@ def reach_to_corner(z: Buffer, h: float) -> float:
 def begin_series(z: Buffer) -> bool:
     """Make the series from the states now, and their reach; return whether they lead anywhere."""
     n, ended = int(z[ORDER]), z[SINCE] >= z[REACH]
+    if NUMBER_OF_ERRORS and ended:
+        shift_corner(z)
     for i in range(len(STATES)):
         z[ROWS + i] = z[STATES[i]]
     for g in range(len(FIRSTS)):
@@ -175,6 +213,10 @@ def begin_series(z: Buffer) -> bool:
     put_pair_at(z, SINCE, (0.0, 0.0))
     put_pair_at(z, BEGUN, pair_at(z, TIME))
     count_substep(z, driven.STEP_SIZE)
+    if settled and NUMBER_OF_EVENTS:
+        note(z, ended)
+    if settled and NUMBER_OF_ERRORS:
+        vary(z, ended)
     return settled and z[REACH] > 0.0
 
 
@@ -191,6 +233,8 @@ def put_states_at(z: Buffer, t: float) -> None:
         put_lanes(z, LAST, add_lanes(even, multiply_lanes(odd, once)))
         for j in range(i, min(i + 4, len(STATES))):
             z[STATES[j]] = z[LAST + j - i]
+    if NUMBER_OF_ERRORS:
+        put_errors(z, t)
     if ATTITUDE:
         put_quaternion_at(z, memory.STATE_START, normalize(quaternion_at(z, memory.STATE_START)))
 
@@ -212,6 +256,8 @@ def change_inputs(z: Buffer, h: float) -> None:
 
 def advance_formulas(z: Buffer, h: float) -> int:
     """Advance by h; reject the step and change nothing where the motion cannot be followed."""
+    if NUMBER_OF_EVENTS:
+        clear_list(z)
     if not (z[STANDS] != 0.0 and z[SINCE] + h <= z[REACH] and holds(z)):
         return advance_anew(z, h)  # type: ignore[no-any-return]
     since, time = pair_at(z, SINCE), pair_at(z, TIME)
@@ -252,7 +298,7 @@ def advance_by_series(z: Buffer, h: float) -> int:
         rest -= left
         z[STANDS] = 0.0
         crept += 1 if z[REACH] < CREEPING * h else 0
-        if crept > MOST_CREPT:
+        if crept > MOST_CREPT or (NUMBER_OF_EVENTS and z[LISTED] > events.MOST_LISTED):
             break
     put_pair_at(z, TIME, end)
     if status == OK:
@@ -273,7 +319,57 @@ def outputs_now(z: Buffer) -> int:
     return values(z) or outputs(z)
 
 
+# Over a closed form: own outputs are functions of its motion and of the time
+
+
+def initialize_over(z: Buffer) -> int:
+    """Set up the closed form, which also shows what own outputs read, then these."""
+    loads(z)
+    for i in range(len(SHOWN)):
+        z[ACTIVE + i] = max(z[ACTIVE + i], SHOWN[i])
+    put_pair_at(z, TIME, (z[STARTS], 0.0))
+    return begin(z) or values(z)  # type: ignore[no-any-return]
+
+
+def step_over(z: Buffer, h: float) -> int:
+    """Advance the closed form by h; reject the step and change nothing where an output is not finite."""
+    copy_numbers(z, MEMORY, KEPT, MEMORY_SIZE)
+    if advance(z, h) == OK:
+        put_pair_at(z, TIME, dd.add_float(pair_at(z, TIME), h))
+        if values(z) == 0:
+            return OK
+    copy_numbers(z, KEPT, MEMORY, MEMORY_SIZE)
+    return STEP_REJECTED
+
+
+def outputs_over(z: Buffer) -> int:
+    """Refresh the outputs."""
+    return refresh(z) or values(z)  # type: ignore[no-any-return]
+
+
+def make_over(
+    constant: str,
+    base: Model,
+    layout: tuple[dict[str, slice], int],
+    generated: Mapping[str, Callable[..., Any]],
+    places: Mapping[str, Any],
+) -> Model:
+    """Return the model of own outputs over a closed form, whose blocks the layout begins with; else as below."""
+    own = {**places, **generated, "begin": base.initialize, "advance": base.step, "refresh": base.outputs}
+    return Model(
+        f"formulas.{constant}",
+        *layout,
+        initialize=bind(initialize_over, __name__, constant, **own),
+        step=bind(step_over, __name__, constant, **own),
+        outputs=bind(outputs_over, __name__, constant, **own),
+        output_rates=base.output_rates,
+        feedthrough=generated["feedthrough"],
+    )
+
+
 _TEMPLATES: Mapping[str, Callable[..., Any]] = {
+    **events.TEMPLATES,
+    **variations.TEMPLATES,
     "excess_at": excess_of,
     "put_states": put_states_at,
     "settle": settle_sides,

@@ -164,34 +164,3 @@ def at(s: Any, i: int) -> DoubleDouble:
 def put(s: Any, i: int, a: DoubleDouble) -> None:
     """Set s[:, i]."""
     s[0, i], s[1, i] = a
-
-
-@kernel(inline=False)
-def add_product(s: Any, out: int, c: Any, i: int, x: Any, j: int) -> None:
-    """Add c[i] x[j] to s[out]."""
-    put(s, out, add(at(s, out), multiply(at(c, i), at(x, j))))
-
-
-@kernel(inline=False)
-def add_cross(s: Any, out: int, a: Any, i: int, b: Any, j: int) -> None:
-    """Add a[i:] x b[j:] to s[out:]."""
-    for n in range(3):
-        y, z = (n + 1) % 3, (n + 2) % 3
-        add_product(s, out + n, a, i + y, b, j + z)
-        left = multiply(at(a, i + z), at(b, j + y))
-        put(s, out + n, subtract(at(s, out + n), left))
-
-
-@kernel(inline=False)
-def add_transform(s: Any, out: int, c: Any, i: int, x: Any, j: int) -> None:
-    """Add (matrix at c[i:]) x[j:] to s[out:]."""
-    for n in range(3):
-        for k in range(3):
-            add_product(s, out + n, c, i + 3 * n + k, x, j + k)
-
-
-@kernel(inline=False)
-def clear(s: Any, first: int, count: int) -> None:
-    """Set numbers to zero."""
-    for i in range(first, first + count):
-        s[0, i] = s[1, i] = 0.0

@@ -14,24 +14,22 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rbfmu import arrays
 from rbfmu.models.question import Question
 from rbfmu.planning.judge import MAX_REFERENCE_STEPS, least_sizes
 from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
-from rbfmu.runs.motion import Motion, largest_error
+from rbfmu.runs.motion import largest_error
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.scene import Scene, SceneError
+from rbfmu.types import Array, Motion
 from rbfmu_kernels.body.memory import body_of, loads_of, motion_of
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.integrators.splitting import is_symmetric_top
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
 from rbfmu_kernels.models.loaded import LOADED_TAYLOR
-from rbfmu_kernels.quantities import active_flags
-
-Array = NDArray[np.float64]
+from rbfmu_kernels.quantities import OUTPUT, active_flags
 
 RATES, PATH, ROTATION, ALL = 3, 6, 7, 13
 """How many numbers solvers integrate: omega_b; r_c and v_c; q_ab and omega_b; q_ab, omega_b, r_c and v_c."""
@@ -104,8 +102,8 @@ class Case:
 
     def asking(self, accuracy: float) -> Scene:
         """Return the scene with this accuracy, and with the quantities and output times of all methods."""
-        asked = {"run.accuracy": accuracy, "run.step": self.interval, "outputs.quantities": list(self.quantities)}
-        return self.scene.replace(asked)
+        shown = [name for name in self.quantities if name in OUTPUT]
+        return self.scene.replace({"run.accuracy": accuracy, "run.step": self.interval, "outputs.quantities": shown})
 
     @cached_property
     def asked(self) -> Scene:
@@ -127,6 +125,11 @@ class Case:
         return ROTATION if self.needs.attitude else RATES
 
     # The equations of motion
+
+    @property
+    def blocks(self) -> Mapping[str, slice]:
+        """Return the places of a model's quantities in its buffer."""
+        return LOADED_TAYLOR.BLOCKS
 
     @cached_property
     def buffer(self) -> Array:
@@ -194,7 +197,7 @@ class Case:
         """Return the quantities at the checkpoints from a model's rows of `quantities` at the outputs."""
         chosen, motion, first = rows[self.checkpoints], {}, 0
         for name in self.quantities:
-            size = LOADED_TAYLOR.BLOCKS[name].stop - LOADED_TAYLOR.BLOCKS[name].start
+            size = self.blocks[name].stop - self.blocks[name].start
             motion[name] = chosen[:, first : first + size]
             first += size
         return motion
@@ -251,7 +254,9 @@ def state_of(r: Any, v: Any, q: Any, omega: Any) -> State:
 
 def case_of(scene: Scene) -> Case:
     """Return the case of a scene, of whose run so much is charted as the reference follows in some seconds."""
-    question = Question(scene)
+    from rbfmu.studies.chart.formulas import kind_of_case  # of which one is a case of those here
+
+    question, kind = Question(scene), kind_of_case(scene)
     names = question.judged
     quantities = tuple(dict.fromkeys((*scene.outputs.quantities, *names)))
     if scene.body is not None:
@@ -260,7 +265,7 @@ def case_of(scene: Scene) -> Case:
     whole = steps * scene.run.step <= (scene.run.stop - scene.run.start) * (1.0 + 1e-9)
     outputs = min(max(steps if whole else steps - 1, 1), MAX_OUTPUTS)
     while True:
-        case = Case(_first_steps(scene, outputs), outputs, names, quantities, POINTS)
+        case = kind(_first_steps(scene, outputs), outputs, names, quantities, POINTS)
         try:
             assert case.truth
             return case
@@ -283,7 +288,7 @@ def _first_steps(scene: Scene, outputs: int) -> Scene:
 @cache
 def reference(key: str) -> dict[str, Array]:
     """Return the true motion of one of the eight at its checkpoints: q (5, 4), omega_b and r_c (5, 3)."""
-    motion = json.loads(REFERENCES.read_text())["motions"][key]
+    motion = json.loads(REFERENCES.read_text(encoding="utf-8"))["motions"][key]
     names = {"quaternion": "q", "omega_b": "omega_b", "r_c": "r_c"}
     return {short: np.array(motion[name], dtype=float) for name, short in names.items()}
 

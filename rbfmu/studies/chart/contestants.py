@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from time import thread_time
 from typing import Any
@@ -14,13 +14,15 @@ from rbfmu.models.model_buffer import aligned_zeros
 from rbfmu.models.question import Question
 from rbfmu.models.registry import ANGULAR_MOMENTUM, CLOSED_FORMS, MODELS, ONE_AXIS_TAYLOR, SPIN_UP
 from rbfmu.models.spec import ModelSpec
+from rbfmu.planning.methods import whole_series
 from rbfmu.planning.select import plan
 from rbfmu.runs.motion import Steps, record, substeps_counted
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.studies.chart.cases import FLOOR, MOST_RADIANS, RATES, ROTATION, Case
+from rbfmu.studies.chart.formulas import FormulaCase
 from rbfmu.studies.chart.methods import FixedSteps, Method, NotFeasibleError, Run, step_counts, timer, tolerances
-from rbfmu.studies.chart.solvers import SolveIvp
+from rbfmu.studies.chart.solvers import Heyoka, SolveIvp, Solver
 from rbfmu.studies.dop853 import Dop853Plan
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, SPLITTINGS, TORQUE_FREE_INTEGRATORS
 from rbfmu_kernels.models.one_axis import ORDERS
@@ -38,21 +40,25 @@ MANY_RADIANS = 1e4
 
 @njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
 def _steps_repeated(step: Any, z: Any, start: Any, interval: float, at: Any, out: Any, k: int) -> int:
-    """Make k runs, and store the buffer's elements `at` in `out` at every output; start: what a run begins with."""
-    fault = 0
+    """Make k runs, and store the buffer's elements `at` in `out` at every output; start: what a run begins with.
+
+    Return 1 where a fault ends them: each further step could take as long to fail.
+    """
     for _ in range(k):
         z[: len(start)] = start
         for i in range(len(out)):
-            fault += step(z, interval)
+            if step(z, interval):
+                return 1
             for j in range(len(at)):
                 out[i, j] = z[at[j]]
-    return fault
+    return 0
 
 
 def run_of_unit(case: Case, scene: Scene, chosen: Plan, per_substep: float = math.nan, fixed: float = 0.0) -> Run:
     """Return a run of a plan's model; per_substep: right-hand sides; fixed: substeps if it counts none."""
     kernels, start = chosen.kernels, start_run(scene, chosen)
-    z, start = aligned_zeros(len(start)), start[: kernels.BLOCKS["work"].start if "work" in kernels.BLOCKS else None]
+    scratch = next((kernels.BLOCKS[name].start for name in ("work", "series.work") if name in kernels.BLOCKS), None)
+    z, start = aligned_zeros(len(start)), start[:scratch]
     at = np.concatenate([np.arange(len(z))[kernels.BLOCKS[name]] for name in case.quantities])
     out = np.zeros((case.outputs, len(at)))
     if _steps_repeated(kernels.step, z, start, case.interval, at, out, 1):
@@ -78,13 +84,15 @@ class Substeps(Method):
 
     def settings(self, case: Case, quick: bool) -> Iterator[float]:
         """Return tolerances or step sizes."""
-        return tolerances(0, -16 if self.order else -15, quick) if self.controlled else step_counts(case, quick)
+        largest = -3 if isinstance(case, FormulaCase) else 0  # what is rougher may run away, in many substeps
+        return tolerances(largest, -16 if self.order else -15, quick) if self.controlled else step_counts(case, quick)
 
     def run(self, case: Case, value: float) -> Run:
         """Return a run with a tolerance or step of `value`."""
         substep, tolerance = (math.inf, value) if self.controlled else (value, 0.0)
-        kind, model = (Plan, "body under loads, by series") if self.order else (Dop853Plan, "body under loads")
-        chosen = kind(model, self.name, 13, substep, tolerance, self.order)
+        chosen: Plan = Dop853Plan("body under loads", self.name, 13, substep, tolerance)
+        if self.order:
+            chosen = replace(whole_series(case.asked, self.order, value), method=self.name)
         fixed = 0.0 if self.controlled else float(case.outputs * round(case.interval / value))
         return run_of_unit(case, case.asking(1.0), chosen, self.order or 12.0, fixed)
 
@@ -153,11 +161,15 @@ def short(number: float) -> str:
 
 
 @cache
+def _series() -> tuple[Method, ...]:
+    return tuple(Substeps(order) for order in (6, 8, 12, 16, 20, 24))
+
+
+@cache
 def library_methods() -> tuple[Method, ...]:
     """Return the library's methods but the plan."""
-    series = [Substeps(order) for order in (6, 8, 12, 16, 20, 24)]
     split = [FixedSteps(method, "splitting", _is_top) for method in SPLITTINGS.values()]
-    return *map(ClosedForm, CLOSED_FORMS), Substeps(0), Substeps(0, False), *series, *split
+    return *map(ClosedForm, CLOSED_FORMS), Substeps(0), Substeps(0, False), *_series(), *split
 
 
 def _is_top(case: Case) -> bool:
@@ -182,17 +194,32 @@ def contestants(case: Case, peers: Sequence[Method]) -> list[Method]:
     """Return all methods that suit a case, the plan last."""
     if case.scene.body is None:
         return [Planned()]
-    found = (*library_methods(), *reference_integrators(), *peers)
+    own = _series() if isinstance(case, FormulaCase) else (*library_methods(), *reference_integrators())
+    found = (*own, *peers)
     return [*(method for method in found if method.suits(case) and not why_not(method, case)), Planned()]
 
 
 def why_not(method: Method, case: Case) -> str:
     """Return why a method that may suit the case is not tried on it, else nothing."""
+    if isinstance(case, FormulaCase) and method.family == "peer" and (why := _why_no_formulas(method, case)):
+        return why
     if isinstance(method, SolveIvp) and not method.compiled and case.numbers < ROTATION:
         return "written for attitude and rates"
     turned, interpreted = case.rate * case.span, method.name.startswith(("SciPy", "MuJoCo"))
     if method.family == "peer" and turned > (MANY_RADIANS if interpreted else MOST_RADIANS):
         return f"a turn by {turned:.1g} rad takes it too long"
+    return ""
+
+
+def _why_no_formulas(method: Method, case: FormulaCase) -> str:
+    if not isinstance(method, Solver):
+        return "takes no formulas"
+    if not case.numbers:
+        return "nothing is to be integrated"
+    if isinstance(method, SolveIvp) and not method.compiled:
+        return "formulas are compiled"
+    if isinstance(method, Heyoka) and case.has_corners:
+        return "formulas have corners or tables, over which its series would go on"
     return ""
 
 
@@ -213,7 +240,7 @@ class TooSmall:
 
 def too_small(case: Case, planned: Plan) -> list[TooSmall]:
     """Return the models that stand before the plan's and miss the accuracy, from the smallest."""
-    if case.scene.body is None:
+    if case.scene.body is None or isinstance(case, FormulaCase):
         return []
     found = [TooSmall(spec.key, *_error_of(case, spec)) for spec in _before(planned)]
     return [model for model in found if model.why or not model.error <= case.scene.run.accuracy]

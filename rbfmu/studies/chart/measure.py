@@ -5,18 +5,22 @@ import os
 import platform
 import random
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
 from time import thread_time
 from typing import Any
 
 from rbfmu.planning.select import plan
-from rbfmu.studies.chart.cases import FLOOR, Case
+from rbfmu.studies.chart.cases import FLOOR, RATES, ROTATION, Case
 from rbfmu.studies.chart.contestants import Planned, contestants, too_small, why_not
-from rbfmu.studies.chart.methods import Method, NotFeasibleError, Run
+from rbfmu.studies.chart.formulas import FormulaCase
+from rbfmu.studies.chart.methods import FixedSteps, Method, NotFeasibleError, Run
 from rbfmu.studies.chart.peers import ABSENT, absent, peers
-from rbfmu.studies.chart.result import STOPPED, Chart, End, Row, kind_of
+from rbfmu.studies.chart.result import STOPPED, YOURS, Chart, End, Row, kind_of
+from rbfmu.studies.chart.solvers import Solver
+from rbfmu.studies.own_method import method_of_file
+from rbfmu.studies.reference_methods import OneStepMethod
 
 Progress = Callable[[int, int, str], Any]
 LARGEST_ERROR = 1.0
@@ -31,12 +35,21 @@ QUICK_METHODS = (
 )  # fmt: skip
 
 
+_NOT_OWN = "{}: it has attitude and rates, and the scene asks for more, or has formulas"
+
+
+def _takes_step(case: Case) -> bool:
+    """Return whether a step of attitude and rates is all that a case needs."""
+    return case.scene.body is not None and not isinstance(case, FormulaCase) and case.numbers in (RATES, ROTATION)
+
+
 @dataclass(frozen=True)
 class Extent:
     """The limits of a measurement.
 
     longest: the processor time of a run, s; a method whose finer settings would take more is stopped. Each run is timed
-    `repeats` times, each time for about `shortest` s; quick: few methods and settings; only: these methods alone.
+    `repeats` times, each time for about `shortest` s; quick: few methods and settings; only: these methods alone, but
+    for `own`, a method of the reader's.
     """
 
     longest: float = 0.1
@@ -44,9 +57,16 @@ class Extent:
     shortest: float = 1e-3
     quick: bool = False
     only: tuple[str, ...] = ()
+    own: OneStepMethod | None = None
 
 
 QUICK = Extent(0.02, 2, 2e-4, True, QUICK_METHODS)
+
+
+def extent(quick: bool, method: str | Path | None) -> Extent:
+    """Return what is measured, with the method of a file, if one is given; ValueError says what is wrong with that."""
+    own = None if method is None else method_of_file(method)
+    return replace(QUICK if quick else Extent(), own=own)
 
 
 def measure(case: Case, what: Extent, progress: Progress, first_calls: dict[str, float] | None = None) -> Chart:
@@ -54,6 +74,8 @@ def measure(case: Case, what: Extent, progress: Progress, first_calls: dict[str,
     name = case.title or case.scene.name
     planned = plan(case.asked)
     methods = [m for m in contestants(case, peers()[0]) if not what.only or m.name in what.only]
+    own = [] if what.own is None else [FixedSteps(what.own, YOURS, _takes_step)]
+    methods += [method for method in own if method.suits(case)]
     first_calls, total = {} if first_calls is None else first_calls, len(methods) + what.repeats
     found: list[Tried] = []
     ends: list[End] = []
@@ -73,7 +95,8 @@ def measure(case: Case, what: Extent, progress: Progress, first_calls: dict[str,
     return Chart(
         name, planned.model, case.scene.run.accuracy, case.span, case.outputs, tuple(case.scene.inputs.ports),
         tuple(one.row(case) for one in found), tuple(ends), tuple(too_small(case, planned)),
-        tuple(_not_charted(case, ends)), next((m.refusal for m in methods if isinstance(m, Planned)), ""),
+        (*_not_charted(case, ends), *(_NOT_OWN.format(m.name) for m in own if m not in methods)),
+        next((m.refusal for m in methods if isinstance(m, Planned)), ""),
         tuple(line for line in machine() if line not in absent()), key=case.key, many=case.many,
     )  # fmt: skip
 
@@ -168,7 +191,7 @@ def _not_charted(case: Case, ends: Sequence[End]) -> Iterator[str]:
         if not method.suits(case):
             told[_program(method.name)] = "set up for the motions of `rbfmu chart` alone"
         elif why := why_not(method, case):
-            told[method.name] = why
+            told[method.name if isinstance(method, Solver) else _program(method.name)] = why
     programs = {method.name for method in peers()[0]}
     for end in ends:
         if end.method in programs and math.isinf(end.error) and end.why.startswith("not run"):
@@ -196,7 +219,7 @@ def machine() -> list[str]:
 
 def _processor() -> str:
     try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
         return platform.processor() or platform.machine()
     return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), platform.machine())

@@ -8,7 +8,7 @@ from pathlib import Path
 from rbfmu.studies.chart.cases import CASES, few_and_many
 from rbfmu.studies.chart.drawing import draw_answers, draw_kept
 from rbfmu.studies.chart.findings import SIDES, above_round_off, cheapest, verdicts
-from rbfmu.studies.chart.measure import QUICK, Extent, Progress, measure
+from rbfmu.studies.chart.measure import Extent, Progress, extent, measure
 from rbfmu.studies.chart.result import Chart, write_rows
 from rbfmu.studies.chart.tables import plans_text
 
@@ -16,12 +16,12 @@ QUICK_MOTIONS = ("a", "c", "d")
 DECADES = tuple(10.0**-k for k in range(2, 15))
 
 
-def run_charts(folder: Path, quick: bool, progress: Progress) -> list[Path]:
+def run_charts(folder: Path, quick: bool, progress: Progress, method: Path | None = None) -> list[Path]:
     """Chart the eight motions (quick: three of them, by few methods); return the files, `answers.txt` first of texts.
 
-    progress: called with (done, total, text).
+    progress: called with (done, total, text); method: a file with a method of one's own.
     """
-    what = QUICK if quick else Extent()
+    what = extent(quick, method)
     return write_charts(folder, charts_of(QUICK_MOTIONS if quick else tuple(CASES), what, progress))
 
 

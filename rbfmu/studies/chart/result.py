@@ -12,6 +12,7 @@ from typing import Any
 from rbfmu.studies.chart.contestants import TooSmall
 
 STOPPED = "stopped: time limit"
+YOURS = "your method"
 KINDS = {
     "rbfmu's plan": "#000000",
     "exact": "#009e73",
@@ -27,6 +28,7 @@ KINDS = {
     "Basilisk": "#b58ac2",
     "Drake": "#5e3c99",
     "RK4, Euler and others": "#8c8c8c",
+    YOURS: "#e7298a",
 }
 """The kinds of methods, the library's own first, and the colour of the line that is the best of each."""
 OWN_KINDS = tuple(KINDS)[:5]

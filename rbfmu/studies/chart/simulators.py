@@ -147,7 +147,8 @@ class Basilisk(Method):
             execute()
             sigma, omega = np.array(recorder.sigma_BN), np.array(recorder.omega_BN_B)
             rows = range(n, case.outputs * n + 1, n)[case.checkpoints]
-            return [state_of(case.start.r_c, case.start.v_c, _quaternion_from_mrp(sigma[i]), omega[i]) for i in rows]
+            q_ab = arrays.quaternion_from_mrp(sigma)
+            return [state_of(case.start.r_c, case.start.v_c, q_ab[i], omega[i]) for i in rows]
 
         evaluations = math.nan if self.controlled else 4.0 * case.outputs * n
         return Run(states, lambda k: sum(execute() for _ in range(k)), evaluations)
@@ -180,11 +181,6 @@ class Basilisk(Method):
         simulation.AddModelToTask("task", recorder)
         simulation.kept = (integrator, torque, hub)
         return simulation, recorder
-
-
-def _quaternion_from_mrp(sigma: Any) -> Any:
-    square = float(sigma @ sigma)
-    return np.array((1.0 - square, *(2.0 * sigma))) / (1.0 + square)
 
 
 # Drake

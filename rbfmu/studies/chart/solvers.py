@@ -13,6 +13,7 @@ from numba import carray, cfunc, njit
 
 from rbfmu.scene.scene import Scene
 from rbfmu.studies.chart.cases import ALL, PATH, RATES, ROTATION, Case, state_of
+from rbfmu.studies.chart.formulas import FormulaCase, kind_of_case
 from rbfmu.studies.chart.methods import Method, NotFeasibleError, Run, module, timer, tolerances
 from rbfmu_kernels.body.memory import body_of, loads_of, motion_of
 from rbfmu_kernels.mechanics.equations_of_motion import State, state_rates
@@ -22,7 +23,7 @@ MAX_STEPS = 10**6
 
 
 @njit(error_model="numpy")  # type: ignore[untyped-decorator]
-def put_rates(f: Any, y: Any, z: Any) -> None:
+def put_rates(t: float, f: Any, y: Any, z: Any) -> None:
     """Put d/dt of the numbers y into f, for the body of a model's buffer z, from where the rest of the state is taken.
 
     The numbers are those of `cases.RATES`, `PATH`, `ROTATION` or `ALL`.
@@ -46,11 +47,22 @@ def put_rates(f: Any, y: Any, z: Any) -> None:
         f[n - 3], f[n - 2], f[n - 1] = dv
 
 
-@njit(error_model="numpy")  # type: ignore[untyped-decorator]
-def _rates(t: float, y: Any, z: Any) -> Any:
-    f = np.empty(len(y))
-    put_rates(f, y, z)
-    return f
+def _put_rates_of(case: Case) -> Any:
+    """Return what puts the rates of the case's numbers: that above, or one that is made from its formulas."""
+    return case.put_rates if isinstance(case, FormulaCase) else put_rates
+
+
+@cache
+def _rates(put: Any) -> Any:
+    """Return the same rates as a new array."""
+
+    @njit(error_model="numpy")  # type: ignore[untyped-decorator]
+    def rates(t: float, y: Any, z: Any) -> Any:
+        f = np.empty(len(y))
+        put(t, f, y, z)
+        return f
+
+    return rates
 
 
 def _numpy_rates(case: Case) -> Callable[[float, Any], Any]:
@@ -82,6 +94,8 @@ def _whole_start(case: Case) -> Any:
 
 def start_of(case: Case) -> Any:
     """Return the numbers that are integrated, at the start."""
+    if isinstance(case, FormulaCase):
+        return case.buffer[case.places]
     return _whole_start(case)[_PLACES[case.numbers]]
 
 
@@ -90,16 +104,18 @@ def times_of(case: Case) -> Any:
     return np.arange(case.outputs + 1) * case.interval
 
 
-def states_of(case: Case, rows: Any) -> list[State]:
-    """Return the states at the checkpoints from the rows at the start and at all outputs."""
+def states_of(case: Case, rows: Any) -> Any:
+    """Return the states at the checkpoints, or what is judged, from the rows at the start and at all outputs."""
     chosen = rows[1:][case.checkpoints]
+    if isinstance(case, FormulaCase):
+        return case.motion_of(chosen)
     whole = np.tile(_whole_start(case), (len(chosen), 1))
     whole[:, _PLACES[case.numbers]] = chosen
     return [state_of(x[7:10], x[10:], x[:4], x[4:7]) for x in whole]
 
 
-class _Solver(Method):
-    """A solver whose tolerance is varied."""
+class Solver(Method):
+    """A solver whose tolerance is varied, of any equations: also of those that formulas give."""
 
     setting = "rtol = atol"
 
@@ -108,7 +124,7 @@ class _Solver(Method):
         return tolerances(-2, -13, quick)
 
 
-class SolveIvp(_Solver):
+class SolveIvp(Solver):
     """`scipy.integrate.solve_ivp` with right-hand sides that are compiled with Numba or written in NumPy."""
 
     def __init__(self, method: str, compiled: bool = True) -> None:
@@ -119,7 +135,8 @@ class SolveIvp(_Solver):
         """Return a run at a tolerance."""
         solve = module("scipy.integrate").solve_ivp
         y, times, z = start_of(case), times_of(case), case.buffer
-        rates = (lambda t, y: _rates(t, y, z)) if self.compiled else _numpy_rates(case)
+        compiled = _rates(_put_rates_of(case))
+        rates = (lambda t, y: compiled(t, y, z)) if self.compiled else _numpy_rates(case)
 
         def once() -> Any:
             return solve(rates, (0.0, times[-1]), y, self.method, times, rtol=value, atol=value)
@@ -131,7 +148,7 @@ class SolveIvp(_Solver):
         return Run(lambda: found, timer(lambda k: [once() for _ in range(k)]), float(first.nfev))
 
 
-class Odeint(_Solver):
+class Odeint(Solver):
     """`scipy.integrate.odeint`: LSODA, called once for all outputs with a right-hand side compiled with Numba."""
 
     name = "SciPy odeint"
@@ -139,11 +156,11 @@ class Odeint(_Solver):
     def run(self, case: Case, value: float) -> Run:
         """Return a run at a tolerance."""
         odeint = module("scipy.integrate").odeint
-        y, times, more = start_of(case), times_of(case), (case.buffer,)
+        y, times, more, rates = start_of(case), times_of(case), (case.buffer,), _rates(_put_rates_of(case))
 
         def once(full: bool = False) -> Any:
             limits = {"rtol": value, "atol": value, "mxstep": MAX_STEPS}
-            return odeint(_rates, y, times, more, full_output=full, tfirst=True, **limits)
+            return odeint(rates, y, times, more, full_output=full, tfirst=True, **limits)
 
         rows, told = once(True)
         if told["message"] != "Integration successful.":
@@ -153,12 +170,12 @@ class Odeint(_Solver):
 
 
 @cache
-def _callback(n: int, size: int) -> Any:
+def _callback(put: Any, n: int, size: int) -> Any:
     """Return numbalsoda's right-hand side for n states and a buffer of a size."""
 
     @cfunc(module("numbalsoda").lsoda_sig)  # type: ignore[untyped-decorator]
     def rates(t: float, y: Any, f: Any, z: Any) -> None:
-        put_rates(carray(f, (n,)), carray(y, (n,)), carray(z, (size,)))
+        put(t, carray(f, (n,)), carray(y, (n,)), carray(z, (size,)))
 
     return rates
 
@@ -177,7 +194,7 @@ def _solved(method: str) -> Any:
     return solved
 
 
-class Numbalsoda(_Solver):
+class Numbalsoda(Solver):
     """numbalsoda's LSODA or DOP853, called from a compiled loop."""
 
     def __init__(self, method: str) -> None:
@@ -186,7 +203,7 @@ class Numbalsoda(_Solver):
     def run(self, case: Case, value: float) -> Run:
         """Return a run at a tolerance."""
         y, times, z = start_of(case), times_of(case), case.buffer
-        solved, address = _solved(self.method), _callback(len(y), len(z)).address
+        solved, address = _solved(self.method), _callback(_put_rates_of(case), len(y), len(z)).address
         rows, success = solved(address, y, times, z, value, 1)
         if not success:
             raise NotFeasibleError("numbalsoda gave up")
@@ -197,7 +214,7 @@ class Numbalsoda(_Solver):
 # heyoka.py: Taylor series that LLVM compiles, with dense output, for the equations of one body
 
 
-class Heyoka(Method):
+class Heyoka(Solver):
     """`taylor_adaptive`, compiled once for a motion and tolerance; `propagate_grid` evaluates its series at outputs."""
 
     setting, name = "tol", "heyoka.py"
@@ -227,7 +244,9 @@ class Heyoka(Method):
 @cache
 def _integrator(scene: Scene, numbers: int, tolerance: float) -> Any:
     """Return an integrator, whose state is still to be set."""
-    return module("heyoka").taylor_adaptive(equations(Case(scene), numbers), [0.0] * numbers, tol=tolerance)
+    return module("heyoka").taylor_adaptive(
+        equations(kind_of_case(scene)(scene), numbers), [0.0] * numbers, tol=tolerance
+    )
 
 
 def equations(case: Case, numbers: int) -> list[tuple[Any, Any]]:
@@ -235,6 +254,8 @@ def equations(case: Case, numbers: int) -> list[tuple[Any, Any]]:
 
     Zeros cost nothing: heyoka.py drops terms and factors that are zero before it compiles.
     """
+    if isinstance(case, FormulaCase):
+        return case.in_heyoka(module("heyoka"))
     sizes = {"q": 4, "w": 3, "r": 3, "v": 3}
     q, w, r, v = (np.array(module("heyoka").make_vars(*(f"{x}{i}" for i in range(n)))) for x, n in sizes.items())
     (e, x, y, z) = q = q if numbers >= ROTATION else np.array(case.start.q_ab)

@@ -102,10 +102,13 @@ METHODS = {name: partial(verdict_of_steps, method) for name, method in ALL_INTEG
 QUICK_METHODS = ("semi-implicit Euler", "RK4, quaternion", *OURS)
 
 
-def verdicts(name: str, quick: bool) -> list[Row]:
-    """Return the rows of one map."""
+def verdicts(method: str | OneStepMethod, quick: bool) -> list[Row]:
+    """Return the rows of one map, of a method by name or as it is."""
     steps, ratios = grid(quick)
-    return [(name, h, ratio, *METHODS[name](h, ratio)) for ratio in ratios for h in steps]
+    name, judge = (
+        (method, METHODS[method]) if isinstance(method, str) else (method.name, partial(verdict_of_steps, method))
+    )
+    return [(name, h, ratio, *judge(h, ratio)) for ratio in ratios for h in steps]
 
 
 def findings_of_maps(rows: list[Row]) -> list[Finding]:

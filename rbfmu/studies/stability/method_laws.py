@@ -9,7 +9,12 @@ import numpy as np
 
 from rbfmu.runs.plan import Plan
 from rbfmu.studies.dop853 import STAGES, A, Dop853Plan
-from rbfmu.studies.reference_methods import ALL_INTEGRATORS, REFERENCE_INTEGRATORS, TORQUE_FREE_INTEGRATORS
+from rbfmu.studies.reference_methods import (
+    REFERENCE_INTEGRATORS,
+    TORQUE_FREE_INTEGRATORS,
+    OneStepMethod,
+    integrator,
+)
 from rbfmu.studies.stability.findings import AT_MOST, RECORDED, Finding, Study, exponent
 from rbfmu.studies.stability.motions import (
     BRICK,
@@ -63,7 +68,7 @@ def crossing(growth: Callable[[float], float], low: float, high: float) -> float
     return low
 
 
-def growth(method: str, h_omega: float) -> float:
+def growth(method: str | OneStepMethod, h_omega: float) -> float:
     """Return |q|, or the length of R's first column, after one step of a body that turns by h omega."""
     attitude = one_step(method)(spin(h_omega), 1.0, _BODY, NO_LOADS)[2]
     return math.hypot(*(row[0] for row in attitude) if method == "RK4, matrix" else attitude)
@@ -140,10 +145,10 @@ def _passage() -> State:
     return at(UPRIGHT, (0.0, math.cos(_MISS), math.sin(_MISS)))
 
 
-def _passage_error(method: str, ratio: float) -> float:
+def passage_error(method: str | OneStepMethod, ratio: float) -> float:
     """Return the attitude's error after half a turn with h omega / delta = ratio."""
     n = round(math.pi / (ratio * _MISS))
-    after = REFERENCE_INTEGRATORS[method].run(_passage(), math.pi / n, n, _BODY, NO_LOADS)
+    after = integrator(method).run(_passage(), math.pi / n, n, _BODY, NO_LOADS)
     return angle(after, attitude_after(_passage(), math.pi))
 
 
@@ -151,7 +156,7 @@ def gimbal_passage(quick: bool) -> Study:
     """Measure law 4: roll, pitch and yaw of a body whose nose passes close to the vertical."""
     ratios = np.geomspace(0.1, 30.0, 9 if quick else 41).tolist()
     columns = {"h_omega_over_delta": ratios}
-    columns |= {name: [_passage_error(name, r) for r in ratios] for name in ("RK4, Euler angles", "RK4, quaternion")}
+    columns |= {name: [passage_error(name, r) for r in ratios] for name in ("RK4, Euler angles", "RK4, quaternion")}
     yaw_rates = []
     for t in np.linspace(0.45 * math.pi, 0.55 * math.pi, 2001).tolist():
         q_ab = attitude_after(_passage(), t)
@@ -160,13 +165,13 @@ def gimbal_passage(quick: bool) -> Study:
         Finding(4, "largest yaw rate over omega / delta, delta = 0.01", 1.0, max(yaw_rates) * _MISS, 1e-4),
         *(
             Finding(4, f"RK4 on angles, error in rad at h omega / delta = {ratio:g}", recorded,
-                    _passage_error("RK4, Euler angles", ratio), 0.04, RECORDED)
+                    passage_error("RK4, Euler angles", ratio), 0.04, RECORDED)
             for ratio, recorded in ((10.0, 8e-2), (1.0, 3.6e-5), (0.1, 3e-9))
         ),
         Finding(4, "RK4 on angles, order from h omega / delta = 0.2 to 0.1", 4.0,
-                exponent(_passage_error("RK4, Euler angles", 0.2), _passage_error("RK4, Euler angles", 0.1)), 0.02),
+                exponent(passage_error("RK4, Euler angles", 0.2), passage_error("RK4, Euler angles", 0.1)), 0.02),
         Finding(4, "RK4 on q, lag in rad over half a turn with h = pi / 31", math.pi * (math.pi / 31) ** 4 / 1920,
-                _passage_error("RK4, quaternion", 10.0), 1e-2),
+                passage_error("RK4, quaternion", 10.0), 1e-2),
     ]  # fmt: skip
     return Study("gimbal_passage", findings, columns)
 
@@ -238,15 +243,20 @@ def _gains(method: str) -> tuple[float, float, float, float]:
     return energy, momentum, *np.min(gains, axis=0)
 
 
+def rod_growth(method: str | OneStepMethod) -> list[float]:
+    """Return a rod's transverse rate over its start after 0 to 60 steps, in one second."""
+    start = at(UPRIGHT, (1e-3, 0.0, _RATE))
+    states = [start, *integrator(method).path(start, _STEP, [1] * 60, free_body(_ROD))]
+    return [math.hypot(*y.omega_b[:2]) / 1e-3 for y in states]
+
+
 def gyroscopic_blow_up(quick: bool) -> Study:
     """Measure law 5: an explicit gyroscopic term adds energy."""
-    start, body = at(UPRIGHT, (1e-3, 0.0, _RATE)), free_body(_ROD)
     factor = math.sqrt(1.0 + (_STEP * _NUTATION) ** 2)
     names = ("explicit Euler", "semi-implicit Euler", "RK4, quaternion", "implicit midpoint")
     columns: dict[str, Any] = {"time": [k * _STEP for k in range(61)], "predicted": [factor**k for k in range(61)]}
     for name in names:
-        states = [start, *REFERENCE_INTEGRATORS[name].path(start, _STEP, [1] * 60, body)]
-        columns[name] = [math.hypot(*y.omega_b[:2]) / 1e-3 for y in states]
+        columns[name] = rod_growth(name)
     findings = [
         Finding(5, f"{name}, growth of a rod's transverse rate in 1 s, 30 rad/s at 60 Hz", factor**60,
                 columns[name][-1], 1e-12)
@@ -274,7 +284,7 @@ _MODELS = {
 """Plans of the product's methods, with one substep per step."""
 
 
-def decay_factor(method: str, x: float) -> float:
+def decay_factor(method: str | OneStepMethod, x: float) -> float:
     """Return the rate after one step of a damped spin of 1 rad/s with h d / I = x; NaN if there is no step."""
     if method in _MODELS:
         return damped_rate(_MODELS[method], x)
@@ -333,14 +343,14 @@ def moser_veselov_limits(quick: bool) -> Study:
 _H = 0.1
 
 
-def _energies(name: str, h: float, counts: list[int]) -> list[float]:
+def energies(name: str | OneStepMethod, h: float, counts: list[int]) -> list[float]:
     """Return the relative energy errors of the tumbling brick after each of these numbers of steps."""
     start = rotational_energy(BRICK, TUMBLE)
     if name == "exact steps":
         rates = free_motion(BRICK, TUMBLE, h * counts[-1], h).omega_b[counts]
         states = [at(UPRIGHT, tuple(row)) for row in rates.tolist()]
     else:
-        states = ALL_INTEGRATORS[name].path(TUMBLE, h, _between(counts), free_body(BRICK))
+        states = integrator(name).path(TUMBLE, h, _between(counts), free_body(BRICK))
     return [rotational_energy(BRICK, y) / start - 1.0 for y in states]
 
 
@@ -349,10 +359,10 @@ def energy_drift(quick: bool) -> Study:
     counts = [10**k for k in range(0, 4 if quick else 6)]
     n, round_off = counts[-1], 2.0**-52 * math.sqrt(counts[-1])
     names = ("semi-implicit Euler", "RK4, quaternion", "implicit midpoint", "Moser-Veselov, order 10", "exact steps")
-    signed = {name: _energies(name, _H, counts) for name in names}
+    signed = {name: energies(name, _H, counts) for name in names}
     columns: dict[str, Any] = {"steps": counts} | {name: [abs(e) for e in signed[name]] for name in names}
-    coarse, longer = _energies("RK4, quaternion", _H, [1000, 10_000])
-    finer = _energies("RK4, quaternion", 0.5 * _H, [20_000])[0]
+    coarse, longer = energies("RK4, quaternion", _H, [1000, 10_000])
+    finer = energies("RK4, quaternion", 0.5 * _H, [20_000])[0]
     findings = [
         Finding(8, "RK4, power of h in the energy error after 1000 s", 5.0, exponent(longer, finer), 0.02),
         Finding(8, "RK4, relative energy error over h^5 per 100 s", -0.0277, coarse / _H**5, 0.01, RECORDED),

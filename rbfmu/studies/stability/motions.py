@@ -9,14 +9,15 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
 from rbfmu.result import Result
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.simulation import SimulationError, simulate
 from rbfmu.studies.dop853 import dop853_step_of_state
-from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS
+from rbfmu.studies.reference_methods import OneStepMethod, integrator
+from rbfmu.types import Array
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS as NO_LOADS
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
 from rbfmu_kernels.mechanics.inertia import diagonal, inverse_inertia
@@ -108,15 +109,13 @@ def top_energy(state: State) -> float:
     return rotational_energy(TOP_MOMENTS, state) + 1.0 - 2.0 * (q[1] * q[1] + q[2] * q[2])
 
 
-def one_step(method: str) -> Any:
+def one_step(method: str | OneStepMethod) -> Any:
     """Return `step(state, h, body, loads)` to an integrator's own form, or of DOP853 without normalisation."""
     if method == "DOP853":
         return dop853_step_of_state
-    integrator = REFERENCE_INTEGRATORS[method]
-    return lambda state, h, body, loads: integrator.path(state, h, [1], body, loads)[0]
+    taken = integrator(method)
+    return lambda state, h, body, loads: taken.path(state, h, [1], body, loads)[0]
 
-
-Array = NDArray[np.float64]
 
 REFERENCES = Path(__file__).with_name("reference_motions.json")
 """The file is written by tests/support/references/stability_references.py."""
@@ -195,7 +194,7 @@ MOTIONS: dict[str, Scene] = {
 @cache
 def references() -> dict[str, Any]:
     """Return the contents of the file of references."""
-    return json.loads(REFERENCES.read_text())  # type: ignore[no-any-return]
+    return json.loads(REFERENCES.read_text(encoding="utf-8"))  # type: ignore[no-any-return]
 
 
 def truth(key: str) -> dict[str, Array]:
@@ -216,7 +215,8 @@ def truth(key: str) -> dict[str, Array]:
     return found
 
 
-def _matrix(q: Any) -> Array:
+def _matrix(q: Array) -> Array:
+    """Return R_ab, by another formula than that of the kernels which are measured."""
     e, x, y, z = q
     E = np.array([[-x, e, -z, y], [-y, z, e, -x], [-z, -y, x, e]])
     G = np.array([[-x, e, z, -y], [-y, -z, e, x], [-z, y, -x, e]])
@@ -224,7 +224,7 @@ def _matrix(q: Any) -> Array:
     return product
 
 
-def attitude_error(q: Any, true_q: Any) -> float:
+def attitude_error(q: ArrayLike, true_q: ArrayLike) -> float:
     """Return the largest attitude error in rad; a deviation of the quaternion's norm from 1 counts as an error."""
     q, true_q = np.asarray(q), np.asarray(true_q)
     sign = np.where(np.sum(q * true_q, axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
@@ -257,14 +257,12 @@ def error_of_model(key: str, planned: Plan) -> float:
     return error_of({name: values[1:] for name, values in result.quantities.items()}, truth(key))
 
 
-_Vector = tuple[float, float, float]
-_NONE: _Vector = (0.0, 0.0, 0.0)
-_HELD: tuple[float, _Vector, _Vector, _Vector] = (2.0, (3.0, -1.0, 2.0), _NONE, _NONE)
+_HELD: tuple[float, Vec3, Vec3, Vec3] = (2.0, (3.0, -1.0, 2.0), ZERO, ZERO)
 PRESCRIBED = (
     *(_HELD,) * 5,
-    (1.0, (1e-3, 2e-3, -1e-3), _NONE, _NONE),
+    (1.0, (1e-3, 2e-3, -1e-3), ZERO, ZERO),
     (2.0, (1.0, 0.0, 0.5), (-0.5, 1.5, 0.25), (0.25, -1.0, 0.5)),
-    (2.0, (0.0, 2.0, -1.0), (1.0, -0.5, 0.75), _NONE),
+    (2.0, (0.0, 2.0, -1.0), (1.0, -0.5, 0.75), ZERO),
 )
 """For each step: its length in s, and omega_b with its first and second derivative at the start of the step."""
 

@@ -14,6 +14,7 @@ from matplotlib.patches import Patch
 from rbfmu.plot import COLORS, open_frame
 from rbfmu.studies.stability.findings import Study
 from rbfmu.studies.stability.maps import ACCURACY, LARGEST_ERROR, LONG_TURN, OURS, TURN, VERDICTS, Row
+from rbfmu.studies.stability.own_laws import CURVE
 
 BLUE, VERMILION, GREEN, PURPLE = COLORS
 ORANGE, SKY, BLACK, GREY = "#e69f00", "#56b4e9", "#000000", "#777777"
@@ -94,6 +95,9 @@ def figure_of(study: Study) -> Figure:
             else study.columns[curve.column]
         )
         axes.plot(x[::every], y[::every], curve.style, color=curve.color, **{"linewidth": 1.0} | size)
+    if CURVE in study.columns:
+        axes.plot(x, study.columns[CURVE], "--", color=GREY, linewidth=2.0, label=CURVE)
+        axes.figure.legend(loc="lower left", frameon=False, fontsize=9)
     for at_x, at_y, text, color, *align in row.notes:
         axes.text(at_x, at_y, text, color=_INK.get(color, color), fontsize=9.5, ha=align[0] if align else "left")
     for mark in row.marks:

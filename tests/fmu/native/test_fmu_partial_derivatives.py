@@ -1,4 +1,4 @@
-"""Directional and adjoint derivatives of outputs by inputs, of native FMUs of both versions of FMI."""
+"""Directional and adjoint derivatives of outputs by inputs and, at the start, by parameters, of native FMUs."""
 
 import math
 from xml.etree import ElementTree
@@ -6,9 +6,12 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from rbfmu.planning.select import plan
+from rbfmu_fmu.description import describe
+from rbfmu_fmu.model_description import depends_initially_on
 from tests.support.fmu.beside_kernels import LOADED
 from tests.support.fmu.fmu_importer import ERROR, OK
-from tests.support.fmu.fmus import NATIVE, opened, unzipped
+from tests.support.fmu.fmus import NATIVE, opened, scene, unzipped
 
 FMI3 = ["fmi3", "fmi3_scalars"]
 
@@ -99,6 +102,67 @@ def test_adjoint_derivatives_are_those_of_the_same_jacobian(name, kind):
         assert instance.derivative(unknowns, knowns, np.eye(len(J))[k].tolist(), adjoint=True) == (OK, row.tolist())
 
 
+OTHER_STARTS = {"quaternion_0[2]": -1.7, "omega_b_0[3]": 2.5}
+
+
+def by_parameters(instance, size=1e-5):
+    """(names of parameters, derivatives, differences of outputs of instances that begin with them)."""
+    names, found, expected = instance.fmu.by_causality["parameter"], [], []
+    unknowns = variables(instance, "output")
+    for name in names:
+        status, column = instance.derivative(unknowns, [instance.fmu.references[name]], [1.0])
+        assert status == OK
+        found.append(column)
+        after, before = (begun(instance.fmu, {name: instance.get(name)[0] + x}).outputs() for x in (size, -size))
+        expected.append((np.array(after) - before) / (2.0 * size))
+    return names, np.array(found).T, np.array(expected).T
+
+
+def begun(fmu, starts=None):
+    """An instance in Initialization Mode, at other starts."""
+    instance = fmu.instance()
+    assert instance.setup() == instance.enter() == OK
+    known = {n: x for n, x in OTHER_STARTS.items() if n in fmu.references} | (starts or {})
+    assert instance.set(known) == OK
+    return instance
+
+
+@pytest.mark.parametrize("name", ["driven", "pendulum", "prescribed"])
+def test_at_the_start_there_are_derivatives_by_parameters(name):
+    """Also by an attitude that is normalised, an inertia, and what stands beside the centre of mass."""
+    instance = begun(opened(name, "native"))
+    names, found, expected = by_parameters(instance)
+    np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-8)
+    assert np.any(found != 0.0, axis=0).all() or name != "driven"
+    described = describe(scene(name), plan(scene(name)))
+    for output, row in zip(described.outputs, found, strict=True):
+        listed = {described.variables[k].name for k in depends_initially_on(described, output)}
+        assert {n for n, x in zip(names, row, strict=True) if x != 0.0} <= listed
+
+
+@pytest.mark.parametrize("kind", FMI3)
+def test_fmi_3_gives_the_same_by_parameters_an_inertia_as_a_matrix(kind):
+    known = [begun(opened("driven", one)) for one in ("native", kind)]
+    seeds = {"inertia[1,1]": 0.3, "inertia[1,2]": -0.7, "inertia[2,3]": 0.2}
+    other = ["mass", "quaternion_0[1]", "quaternion_0[4]"]
+    columns = []
+    for instance in known:
+        parts = {n: instance.fmu.references[n] for n in (*seeds, *other)}
+        if kind == "fmi3" and instance is known[1]:
+            which = [parts["inertia[1,1]"], parts["mass"], parts["quaternion_0[1]"]]
+            seed = [0.3, -0.7, 0.0, -0.7, 0.0, 0.2, 0.0, 0.2, 0.0, 1.0, 0.5, 0.0, 0.0, 2.0]
+        else:
+            which, seed = [*parts.values()], [*seeds.values(), 1.0, 0.5, 2.0]
+        status, column = instance.derivative(variables(instance, "output"), which, seed)
+        assert status == OK
+        columns.append(column)
+    assert columns[0] == columns[1]
+    weights = [math.cos(k) for k in range(len(columns[1]))]
+    status, row = known[1].derivative(variables(known[1], "output"), which, weights, adjoint=True)
+    assert status == OK
+    assert np.dot(row, seed) == pytest.approx(np.dot(weights, columns[1]), rel=1e-13)
+
+
 @pytest.mark.parametrize("kind", NATIVE)
 def test_derivatives_that_there_are_not_are_errors(kind):
     instance = opened("driven", kind).instance()
@@ -115,6 +179,8 @@ def test_derivatives_that_there_are_not_are_errors(kind):
         said = len(instance.log)
         assert instance.derivative(unknowns, knowns, seed)[0] == ERROR
         assert len(instance.log) == said + 1
+    assert instance.derivative([output], [parameter], [1.0])[0] == ERROR
+    assert b"mass is a parameter, which is known in Initialization Mode alone" in instance.log[-1][-1]
     if kind == "fmi3":
         assert instance.derivative([output], [known], [1.0])[0] == ERROR
         assert instance.log[-1][-1] == b"fmi3GetDirectionalDerivative: 1 values: expected 3"

@@ -122,7 +122,8 @@ def arguments_of(name):
     random = rng(75)
     sequences = {} if shapes.keys() == inspect.signature(kernel).parameters.keys() else {"seq": "ZXZ"}
     values = {key: random.uniform(0.5, 1.5, (5, *shape)) for key, shape in shapes.items()}
-    return sequences | {key: value + 2.0 * np.eye(3) if value.ndim == 3 else value for key, value in values.items()}
+    matrices = {key: value + 2.0 * np.eye(value.shape[-1]) for key, value in values.items() if value.ndim == 3}
+    return sequences | values | matrices
 
 
 def numbers(results):

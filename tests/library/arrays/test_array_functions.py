@@ -16,8 +16,15 @@ from rbfmu_kernels.compile.gufunc import gufuncs, interpreted
 from rbfmu_kernels.compile.shapes import core_shapes
 from rbfmu_kernels.exact.free_rotation import FREE_ROTATION_SIZE, free_rotation_at, free_rotation_setup
 from rbfmu_kernels.rotations import euler_angles, quaternion, rotation_vector
-from tests.kernels.mechanics import test_inverse_dynamics, test_kinematics
-from tests.kernels.rotations import test_euler_angles, test_quaternion, test_rotation, test_rotvec
+from tests.kernels.mechanics import test_inverse_dynamics, test_kinematics, test_spatial
+from tests.kernels.rotations import (
+    test_attitude_error,
+    test_euler_angles,
+    test_quaternion,
+    test_rodrigues,
+    test_rotation,
+    test_rotvec,
+)
 from tests.support.array_arguments import ARRAY_FUNCTIONS, Q, R, V, compiled_only
 from tests.support.covering import some_of
 from tests.support.fmu.fmus import bench
@@ -26,7 +33,10 @@ from tests.support.references import exact
 from tests.support.references.free_rotation_mp import angle_to, random_case
 from tests.support.references.hard_cases import random_quaternions, rng
 
-TABLES = [test_rotation, test_quaternion, test_euler_angles, test_rotvec, test_kinematics, test_inverse_dynamics]
+TABLES = [
+    test_rotation, test_quaternion, test_euler_angles, test_rotvec, test_rodrigues, test_attitude_error,
+    test_kinematics, test_inverse_dynamics, test_spatial,
+]  # fmt: skip
 LAWS = {law.name: law for module in TABLES for law in module.LAWS}
 
 

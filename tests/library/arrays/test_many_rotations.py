@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 import rbfmu
-from tests.kernels.rotations import test_quaternion, test_rotation
+from tests.kernels.rotations import test_attitude_error, test_quaternion, test_rodrigues, test_rotation
 from tests.support.references.exact import EPS
 from tests.support.references.hard_cases import rng
 
 Long = np.longdouble
-LAWS = {law.name: law for module in (test_quaternion, test_rotation) for law in module.LAWS}
+TABLES = (test_quaternion, test_rotation, test_rodrigues, test_attitude_error)
+LAWS = {law.name: law for module in TABLES for law in module.LAWS}
 pytestmark = pytest.mark.skipif(np.finfo(Long).eps > 1e-18, reason="long double has no more digits than double here")
 
 
@@ -53,7 +54,22 @@ def with_eta_above_zero(q):
     return q * np.where(q[:, :1] < 0, -1, 1)
 
 
-LENGTHS = np.sqrt((V.astype(Long) ** 2).sum(axis=1))
+def length(v):
+    return np.sqrt((v.astype(Long) ** 2).sum(axis=1))
+
+
+def mrp(q):
+    q = with_eta_above_zero(unit(q))
+    return q[:, 1:] / (1 + q[:, :1])
+
+
+def quaternion_of(sigma):
+    s = sigma.astype(Long)
+    square = (s * s).sum(axis=1, keepdims=True)
+    return np.column_stack([1 - square, 2 * s]) / (1 + square)
+
+
+LENGTHS = length(V)
 R = matrix(Q).astype(float)
 S = matrix(P).astype(float)
 CASES = {
@@ -64,6 +80,12 @@ CASES = {
     "normalize": ((7.3 * Q,), lambda: unit(7.3 * Q), 1.0),
     "matrix_from_quaternion": ((Q,), lambda: matrix(Q), 1.0),
     "quaternion_from_matrix": ((R,), lambda: with_eta_above_zero(unit(Q)), 1.0),
+    "gibbs_from_quaternion": ((Q,), lambda: Q[:, 1:].astype(Long) / Q[:, :1], length(Q[:, 1:] / Q[:, :1])),
+    "quaternion_from_gibbs": ((V,), lambda: unit(np.column_stack([np.ones(N), V])), 1.0),
+    "mrp_from_quaternion": ((Q,), lambda: mrp(Q), length(mrp(Q))),
+    "quaternion_from_mrp": ((V,), lambda: quaternion_of(V), 1.0),
+    "mrp_shadow": ((V,), lambda: -V.astype(Long) / LENGTHS[:, np.newaxis] ** 2, 1 / LENGTHS),
+    "attitude_error": ((P, Q), lambda: with_eta_above_zero(product(P * [1, -1, -1, -1], Q)), 1.0),
 }
 
 

@@ -216,7 +216,8 @@ def test_chunks_have_the_size_of_their_cost():
     assert size(3e5) == 32  # of 2.4 ms each, 0.1 s together
     assert size(3e5, ensemble__runs=10**6) == 32
     assert size(3e5, "body under loads, by series") == 64  # of which three are done in the time of one
-    assert size(1.0) == 8192  # at 9 points, of whose outputs statistics take some time
+    assert size(1.0) == 8192
+    assert size(1.0, run__step=0.01, ensemble__keep=["statistics"]) == 2048  # at 201 points 32 MB, summed up in place
     assert size(1.0, ensemble__keep=["all"]) == 8192
     assert size(1.0, run__step=0.01, ensemble__keep=["all"]) == 256  # at 201 points 4 MB
     assert size(1.0, run__step=0.01, ensemble__keep=["final"]) == 8192
@@ -245,6 +246,9 @@ def members(count):
     return values
 
 
+NONE_NOTED = np.empty(0, dtype=np.int64), np.empty((0, 0))
+
+
 def given(count, points):
     rows = np.full((count, points, 4), -1.0)
     return PLACES, members(count), STEPS, KEPT, rows, np.empty((count, 2), dtype=np.int64)
@@ -257,7 +261,9 @@ def test_lanes_give_what_the_loop_gives(points):
     *others, rows, ends = given(count, points)
     assert advance_lanes(LOADED_TAYLOR, base, *others, rows, ends)
     *others, expected, expected_ends = given(count, points)
-    compiled(run_members)(*entries(LOADED_TAYLOR), aligned_zeros(len(base)), base, *others, expected, expected_ends)
+    compiled(run_members)(
+        *entries(LOADED_TAYLOR), aligned_zeros(len(base)), base, *others, expected, expected_ends, *NONE_NOTED
+    )
     np.testing.assert_array_equal(ends, expected_ends)
     assert ends[2, 0] != 0
     assert ends[5].tolist() == [0, 0]

@@ -58,14 +58,18 @@ def test_members_have_the_bits_of_single_runs(scene, planned):
     assert "constants.d" in found.drivers().varied
 
 
-def test_other_processes_give_the_same_bits_and_a_store_is_read_again(scene, planned, tmp_path):
+@pytest.mark.parametrize("kind", ["npz", "zarr"])
+def test_other_processes_give_the_same_bits_and_a_store_is_read_again(kind, scene, planned, tmp_path):
+    if kind == "zarr":
+        pytest.importorskip("zarr")
     here = rbfmu.run_ensemble(scene, executor=1, planned=planned, progress=False)
     with ProcessPoolExecutor(1) as pool:
-        there = rbfmu.run_ensemble(scene, tmp_path / "it.npz", executor=pool, planned=planned, progress=False)
-    kept = rbfmu.EnsembleResult.load(tmp_path / "it.npz")
+        there = rbfmu.run_ensemble(scene, tmp_path / f"it.{kind}", executor=pool, planned=planned, progress=False)
+    kept = rbfmu.EnsembleResult.load(tmp_path / f"it.{kind}")
     for name in ("omega_b", "tilt"):
         np.testing.assert_array_equal(here.final[name], there.final[name])
         np.testing.assert_array_equal(here.final[name], kept.final[name])
+    np.testing.assert_array_equal(here.samples["constants.m"], kept.samples["constants.m"])
     assert "tilt" in kept._repr_html_()
 
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import rbfmu
+from rbfmu.ensembles.fitting import _errors, likely_worst
 from rbfmu.ensembles.members import draw, member
-from rbfmu.ensembles.planning import _errors, likely_worst, plan_ensemble
+from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.ensembles.variables import Columns
 from rbfmu.exceptions import SceneError
 from rbfmu.planning import plan

@@ -30,7 +30,10 @@ def test_a_result_says_what_it_has(found):
     assert set(found.samples) == {
         "body.mass", "body.inertia", "initial.attitude", "initial.omega_b", "loads.damping_b"
     }  # fmt: skip
-    assert found.mean["quaternion"].shape == found.std["quaternion"].shape == (5, 4)
+    assert found.mean["quaternion"].shape == (5, 4)
+    assert found.std["quaternion"].shape == (5, 3)
+    assert found.covariance["quaternion"].shape == (5, 3, 3)
+    assert found.quantiles["quaternion"].shape == (7, 5)
     assert found.covariance["omega_b"].shape == (5, 3, 3)
     assert found.quantiles["kinetic_energy"].shape == (7, 5)
     assert found.runs == 100
@@ -65,9 +68,10 @@ def test_what_is_not_kept_is_said(found):
         ends.mean["omega_b"]
     with pytest.raises(KeyError, match="position: the end of the runs is not kept; there is quaternion, omega_b"):
         ends.final["position"]
-    mean, std = ends.at_end("omega_b")
-    assert mean == pytest.approx(found.mean["omega_b"][-1], rel=1e-12)
-    assert std == pytest.approx(found.std["omega_b"][-1], rel=1e-10)
+    for name in ("omega_b", "quaternion"):
+        mean, std = ends.at_end(name)
+        assert mean == pytest.approx(found.mean[name][-1], rel=1e-12)
+        assert std == pytest.approx(found.std[name][-1], rel=1e-10)
 
 
 def test_xarray_has_units_frames_and_names_of_components(found):
@@ -78,6 +82,9 @@ def test_xarray_has_units_frames_and_names_of_components(found):
     assert data["omega_b_covariance"].attrs["units"] == "(rad/s)2"
     assert data["omega_b_covariance"].dims == ("time", "axis", "axis_2")
     assert data["quaternion_mean"].attrs["frame"] == "ab (from body to inertial)"
+    assert data["quaternion_covariance"].attrs["units"] == "(rad)2"
+    assert data["quaternion_covariance"].dims == ("time", "axis", "axis_2")
+    assert data["quaternion_quantiles"].dims == ("probability", "time")
     assert data["initial.attitude"].attrs["units"] == "1"
     assert data["body.inertia"].dims == ("run", "axis", "axis_2")
     assert data["body.inertia"].attrs == {

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 
+import numpy as np
 import pytest
 
 from rbfmu import EnsembleResult, SceneError, SimulationError, run_ensemble
@@ -271,6 +272,17 @@ def test_what_cannot_run_is_refused_before_it_is_planned(scene, tmp_path, monkey
 def test_other_stores_are_refused(scene, tmp_path, name):
     with pytest.raises(ValueError, match=r"expected a name that ends in .npz or .zarr"):
         run(scene, tmp_path / name)
+
+
+@pytest.mark.parametrize("read", [EnsembleResult.load, lambda path: run(satellite(), path, resume=True)])
+def test_a_store_with_statistics_of_before_is_refused(tmp_path, read):
+    path = tmp_path / "store.npz"
+    run(satellite(), path)
+    with np.load(path) as file:
+        arrays = {name.replace("/counted", "/counts"): file[name] for name in file.files}
+    np.savez(path, **arrays)
+    with pytest.raises(ValueError, match=r"store.npz: cannot be read \(an older rbfmu made its statistics"):
+        read(path)
 
 
 def test_an_unfinished_store_is_no_result(scene, tmp_path, monkeypatch):

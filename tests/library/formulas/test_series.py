@@ -101,19 +101,19 @@ def double_doubles(text, t, n=N):
     one = Symbol(graph, graph.index_of(1.0))
     found = graph.reached([y, one, graph.leaf("state", "t"), *pairs])
     place = {i: k for k, i in enumerate(found)}
-    operations = np.zeros((len(found), 4), np.int64)
+    operations = np.zeros((len(found), 5), np.int64)
     s = np.zeros((2, len(found) * reference.LENGTH))
     for k, i in enumerate(found):
         kind, of, value = graph.operations[i]
         if kind in ("sin", "cos"):
             of = (*of, graph.add("cos" if kind == "sin" else "sin", Symbol(graph, of[0])).index)
-        operations[k] = [reference.KINDS.index(kind), *(place[j] for j in of), *[0] * (3 - len(of))]
+        operations[k] = [reference.KINDS.index(kind), *(place[j] for j in of), *[0] * (3 - len(of)), 1]
         s[0, k * reference.LENGTH] = {"number": value, "state": t, "place": 0.7}.get(kind, 0.0)
     states = np.array([[place[graph.leaf("state", "t").index], place[one.index], 0]])
     for k, i in enumerate(found):
         if graph.operations[i].kind == "side":
             s[0, k * reference.LENGTH] = float(truth_of(graph, Symbol(graph, i), t))
-    interpreted(reference._expand)(operations, states, s)
+    interpreted(reference._expand)(operations, states, s, 1.0)
     at = place[y.index] * reference.LENGTH
     return [mpmath.mpf(s[0, at + k]) + mpmath.mpf(s[1, at + k]) for k in range(n + 1)]
 
@@ -128,20 +128,13 @@ def errors(found, expected):
     )
 
 
+@pytest.mark.parametrize(("series", "enough"), [(doubles, 3e-13), (double_doubles, 1e-26)])
 @pytest.mark.parametrize("name", CASES)
-def test_series_of_doubles_are_those_of_40_digits(name):
+def test_series_are_those_of_40_digits(name, series, enough):
     text, function = CASES[name]
     for t in POINTS:
         with mpmath.workdps(40):
-            assert errors(doubles(text, t), truth(function, t)) <= 3e-13
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_series_of_double_double_numbers_are_those_of_40_digits(name):
-    text, function = CASES[name]
-    for t in POINTS:
-        with mpmath.workdps(40):
-            assert errors(double_doubles(text, t), truth(function, t)) <= 1e-26
+            assert errors(series(text, t), truth(function, t)) <= enough
 
 
 @pytest.mark.parametrize("name", [n for n in CASES if n not in ("power that changes",)])
@@ -214,6 +207,20 @@ def test_a_state_that_begins_at_zero_has_the_size_that_its_first_terms_make(firs
 def test_a_number_of_a_graph_shows_how_it_comes_about():
     _, y = graph_of("c*sin(t) + t**0.3")
     assert repr(y) == "add(multiply(c, sin(t)), power(t, 0.3))"
+
+
+@pytest.mark.parametrize(("text", "made"), [
+    ("(2*t)*(3*y)", "multiply(6.0, multiply(t, y))"),
+    ("(c*t)*y", "multiply(c, multiply(t, y))"),
+    ("t*(c*y)", "multiply(c, multiply(t, y))"),
+    ("2*(c*t)", "multiply(multiply(2.0, c), t)"),
+    ("c*(c*t)", "multiply(multiply(c, c), t)"),
+    ("t*(-y) + t*y", "0.0"),
+    ("2*t*y - c*y*t", "multiply(subtract(2.0, c), multiply(t, y))"),
+    ("t - (-y)", "add(t, y)"), ("t + (-y)", "subtract(t, y)"), ("-t + y", "subtract(y, t)"),
+])  # fmt: skip
+def test_products_that_differ_by_a_constant_are_made_once(text, made):
+    assert repr(graph_of(text)[1]) == made
 
 
 X, Y = (-1.0, 0.5, 2.0, 2.25, 4.0), (3.0, -1.0, 0.5, 0.25, 7.0)

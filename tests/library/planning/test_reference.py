@@ -13,6 +13,7 @@ from rbfmu.models.question import Question
 from rbfmu.models.registry import FREE_BODY_FORCE
 from rbfmu.planning import fitting, select
 from rbfmu.planning import judge as judge_module
+from rbfmu.planning import reference as reference_module
 from rbfmu.planning.judge import Judge, PlanningWarning
 from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
 from rbfmu.planning.select import plan
@@ -21,7 +22,7 @@ from rbfmu.runs.motion import attitude_error, record, relative_error
 from rbfmu.runs.plan import Plan
 from rbfmu.studies.dop853 import Dop853Plan
 from rbfmu_kernels.compile.tiered import interpreted
-from rbfmu_kernels.integrators import reference_series
+from rbfmu_kernels.integrators import formula_reference as kernels
 from rbfmu_kernels.integrators.substeps import tolerance_of_substep
 from tests.support.quadruple import reference as quadruple
 from tests.support.scenes.model_cases import MOVING, OFFSET
@@ -62,8 +63,8 @@ def test_the_reference_is_exact_to_the_last_digit_of_a_double(name):
     for quantity, rows in found.items():
         if quantity != "quaternion":
             exact = np.array(truth.high[quantity]).reshape(rows.shape)
-            # 3.6 eps of a beam's acceleration, which is round-off of its inertia; else below 1
-            assert np.max(relative_error(rows, exact, 0.0)) <= 4 * EPS, quantity
+            # 5.5 eps of a beam's acceleration, which is round-off of its inertia; else below 1
+            assert np.max(relative_error(rows, exact, 0.0)) <= 6 * EPS, quantity
 
 
 @compiled
@@ -118,15 +119,15 @@ def test_what_is_but_round_off_of_the_loads_counts_relative_to_them():
 
 @compiled
 @pytest.mark.parametrize("mass", [1.0, 1e18])
-@pytest.mark.parametrize(("decay", "left"), [(90.0, True), (9000.0, False)])
-def test_a_body_that_comes_to_rest_is_followed(mass, decay, left):
-    """omega_0 exp(-d t / I), until doubles have no number as small."""
+@pytest.mark.parametrize("decay", [90.0, 9000.0])
+def test_a_body_that_comes_to_rest_is_followed(mass, decay):
+    """omega_0 exp(-d t / I), until doubles have no number as small; errors count relative to the largest rate."""
     loads, run = QUIET | {"damping_b": [mass * decay] * 3}, {"stop": 1.0, "step": 0.25, "accuracy": 1e-6}
     body = {"mass": mass, "inertia": [2.0 * mass, mass, mass]}
     scene = Scene(body=body, initial={"omega_b": [0.0, 0.3, 0.0]}, loads=loads, run=run)
     rates = reference_motion(scene, [0.25] * 4, 50_000)["omega_b"][:, 1]
     truth = 0.3 * np.exp(-decay * 0.25 * np.arange(5))
-    np.testing.assert_allclose(rates, truth, rtol=1e-12 if left else 0.0, atol=1e-250)
+    np.testing.assert_allclose(rates, truth, rtol=1e-12, atol=1e-22 * 0.3)
 
 
 @compiled
@@ -139,12 +140,12 @@ def test_a_pendulum_that_has_come_to_rest_is_planned():
     assert plan(scene).error <= 1e-2
 
 
-def test_nan_is_the_largest():
-    numbers = np.zeros((2, 5))
-    for place in range(5):
-        rows = np.where(np.arange(5) == place, np.nan, [[1.0, 2.0, 3.0, 4.0, 5.0]] * 2) + numbers
-        assert math.isnan(interpreted(reference_series._largest)(rows, 0, 5))
-    assert interpreted(reference_series._largest)(numbers - 2.0, 1, 3) == 2.0
+@pytest.mark.parametrize("place", [0, 1, kernels.ORDER])
+def test_a_term_that_is_no_number_gives_no_step(place):
+    s, states, sizes = np.ones((2, kernels.LENGTH)), np.array([[0, 0, 0]]), np.zeros(1)
+    assert interpreted(kernels._longest)(states, np.ones(1), sizes, s) > 0.0
+    s[0, place] = np.nan
+    assert math.isnan(interpreted(kernels._longest)(states, np.ones(1), sizes, s))
 
 
 @compiled
@@ -193,9 +194,9 @@ def test_a_quadrature_of_too_many_points_is_not_tried(monkeypatch):
 def test_long_planning_says_what_it_does(monkeypatch):
     texts, lines = [], []
     monkeypatch.setattr(select, "said_after", lambda patience, text: texts.append(text) or nullcontext())
-    for function in (reference_motion, record):
+    for module, function in ((reference_module, reference_motion), (judge_module, record)):
         told = lambda *args, now=function, **named: lines.append(texts[0]()) or now(*args, **named)  # noqa: E731
-        monkeypatch.setattr(judge_module, function.__name__, told)
+        monkeypatch.setattr(module, function.__name__, told)
     plan(scene_of("all loads"))
     assert lines[:2] == [
         "rbfmu: planning scene takes long: its motion is followed in double-double arithmetic",

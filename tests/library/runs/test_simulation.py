@@ -187,7 +187,7 @@ def test_npz_keeps_every_bit(result, tmp_path):
 
 @pytest.mark.parametrize("name", ["run.txt", "run", "run.csv.gz", ".csv"])
 def test_another_suffix_is_refused_and_nothing_written(result, tmp_path, name):
-    with pytest.raises(ValueError, match=r"the name must end in \.csv or \.npz"):
+    with pytest.raises(ValueError, match=r"the name must end in \.csv, \.npz or \.aem"):
         result.save(tmp_path / name)
     assert list(tmp_path.iterdir()) == []
 

@@ -28,7 +28,15 @@ def test_every_key_that_a_scene_takes_is_listed() -> None:
     ensemble = {f"ensemble.{key}" for key in ("runs", "seed", "design", "keep", "vary")}
     ensemble |= {f"ensemble.correlation.{key}" for key in ("components", "matrix", "covariance")}
     about = {f"about.{key}" for key in ("description", "author", "version", "license")}
-    own = {"constants.NAME", "tables.NAME", "formulas.NAME", "states.NAME", "outputs.NAME", "loads.potential"}
+    own = {
+        "constants.NAME",
+        "tables.NAME",
+        "formulas.NAME",
+        "states.NAME",
+        "events.NAME",
+        "outputs.NAME",
+        "loads.potential",
+    }
     assert set(KEYS) == attitude | shape | others | written | ensemble | about | own
     assert set(KEYS) >= {f"{table}.{key}" for table, keys in GOOD.items() for key in keys}
 

@@ -274,7 +274,7 @@ def test_the_table_names_law_source_prediction_measurement_and_verdict(capsys: p
 def test_command_prints_the_table_and_fails_with_a_finding(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, measured: float, status: int
 ) -> None:
-    def run(folder: Path, quick: bool, progress: Any) -> list[Path]:
+    def run(folder: Path, quick: bool, progress: Any, method: Path | None) -> list[Path]:
         folder.mkdir()
         return [stability.write_findings(folder / "laws.csv", [Finding(15, "tile", 1e-9, measured, 0.0, AT_MOST)])]
 

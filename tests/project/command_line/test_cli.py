@@ -39,8 +39,10 @@ def short(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize(
-    "command", ["", "demo", "keys", "new", "plan", "run", "build", "verify", "view", "chart", "stability", "ensemble"]
-)
+    "command",
+    ["", "demo", "keys", "new", "plan", "run", "sensitivity", "fit", "build", "verify", "view", "chart", "stability",
+     "ensemble"],
+)  # fmt: skip
 def test_help_everywhere(command: str) -> None:
     result = call(*filter(None, [command]), "--help")
     assert result.exit_code == 0

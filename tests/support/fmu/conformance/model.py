@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rbfmu_fmu.description import describe
+from rbfmu_fmu.native.slopes import slopes_header
 from rbfmu_fmu.python.call_rules import CALLS, INITIALIZING, INSTANTIATED, SETTABLE, STEPPING, TERMINATED
 from rbfmu_kernels.buffer import OK as STEP_OK
 from rbfmu_kernels.buffer import PAST_STOP, STEP_REJECTED
@@ -36,6 +37,9 @@ class Facts:
             [r for r, c in enumerate(self.causality) if c == wanted] for wanted in ("input", "parameter", "output")
         )
         self.start = np.array(self.description.start_buffer)
+        lines = slopes_header(scene, plan, self.description).splitlines()
+        made = (line.split("double ")[-1].strip() for line in lines if line.startswith("    ") and "=" in line)
+        self.changes = "\n".join(made)
 
 
 @dataclass
@@ -175,13 +179,16 @@ class Model:
     def directional(self, unknowns, knowns, seed):
         if not self.native:
             return ERROR, None
-        among = all(r in self.facts.outputs for r in unknowns) and all(r in self.facts.inputs for r in knowns)
+        sources = [*self.facts.inputs, *(self.facts.parameters if self.now.phase == INITIALIZING else ())]
+        among = all(r in self.facts.outputs for r in unknowns) and all(r in sources for r in knowns)
         if not among or not np.isfinite(seed).all() or not self._fresh():
             return self.refused
         change = np.zeros_like(self.now.z)
         for r, x in zip(knowns, seed, strict=True):
             change[self.facts.offsets[r]] += x
         self.facts.unit.feedthrough(self.now.z, change)
+        if self.now.phase == INITIALIZING:
+            exec(self.facts.changes, {"sqrt": math.sqrt, "z": self.now.z, "change": change})
         return OK, [float(change[self.facts.offsets[r]]) for r in unknowns]
 
     def _rates(self, references, orders, among):

@@ -3,9 +3,9 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rbfmu.models.question import Question
+from rbfmu.types import Array
 from rbfmu_kernels.body.principal import Axes, exact_frame, rates_along
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.exact.free_rotation_setup import polhode_axes
@@ -13,7 +13,6 @@ from rbfmu_kernels.numerics.double_double import DoubleDouble, Vector
 from rbfmu_kernels.rotations.quaternion import rotate
 from rbfmu_kernels.types import Vec3
 
-Array = NDArray[np.float64]
 GROWTH = 0.1
 """The exponent of a disturbance's growth over the run from which on a spin counts as unstable."""
 TWICE = 2.0**-100

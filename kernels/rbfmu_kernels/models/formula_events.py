@@ -1,0 +1,165 @@
+"""Events of formulas: when what they watch comes to zero, in templates that `formulas.make_formulas` binds to a scene.
+
+A series of the motion has the numbers that events watch beside its states, and ends where one of them comes to zero, so
+that it changes side where the next series begins.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from ..body import driven
+from ..integrators.polynomials import TOUCHING, first_root, first_touch, leaves_band, polynomial
+from ..integrators.substeps import power_of
+from ..types import Buffer
+
+EVENTS = (
+    "events.noted", "events.counts", "events.times", "events.times_before", "events.earliest", "events.touches",
+    "events.last_touches", "events.largest", "events.away", "events.origins", "events.entries", "events.counted",
+)  # fmt: skip
+"""Of each event: the side that was noted last; how often it happened, when at last, before that, and first; how long
+after a series' begin it touches zero, and when it did in the last series; the largest that it has been, how far it went
+since it came to zero, from which side that was, where this stands on the list and whether it counted."""
+TOUCH, NOT_ASKED = 0.0, 2.0
+"""What is watched comes to zero and goes back, or goes on in a direction that is not asked for; else 1 or -1."""
+FAR = 1e300
+"""How far what has not come to zero yet counts as away: finite, as all numbers of a saved state are."""
+BEYOND = 1e-7
+"""How far beyond a touch a series goes on, as a part of its reach."""
+TOUCHED = 1e-15
+"""The part which round-off makes of what touches zero, over the largest that it has been and what it is by the time."""
+MOST_LISTED = 4096
+"""Events of a communication step that are listed, beyond which a step is refused: what chatters comes to no end."""
+
+# What templates are bound to, see `formulas`.
+band_of: Any = None
+put_event: Any = None
+OF_EVENT: tuple[int, ...] = ()
+EVENT_SIDES: tuple[int, ...] = (0,)
+DIRECTIONS: tuple[float, ...] = (0.0,)
+NUMBER_OF_EVENTS = NOTED = COUNTS = TIMES = TIMES_BEFORE = EARLIEST = TOUCHES = LAST_TOUCHES = LARGEST = 0
+AWAY = ORIGINS = ENTRIES = COUNTED = LISTED = LIST = 0
+ORDER = TIME = STARTS = BEGUN = REACH = WATCHED = SIDES = ROW = 0
+
+
+def set_up(z: Buffer) -> None:
+    """Set what is known of events before the run."""
+    for e in range(NUMBER_OF_EVENTS):
+        z[LISTED] = z[NOTED + e] = z[COUNTS + e] = z[LAST_TOUCHES + e] = z[LARGEST + e] = 0.0
+        z[TIMES + e] = z[EARLIEST + e] = z[STARTS]
+        z[AWAY + e] = FAR
+
+
+def clear(z: Buffer) -> None:
+    """Begin the list of another step."""
+    for e in range(NUMBER_OF_EVENTS):
+        z[LISTED], z[ENTRIES + e] = 0.0, -1.0
+
+
+def excess_of_events(z: Buffer, h: float) -> float:
+    """Return the estimated error of what events watch over its size, so that it comes to zero when its series does."""
+    n, worst = int(z[ORDER]), 0.0
+    power = power_of(h, n - 1)
+    for e in range(NUMBER_OF_EVENTS):
+        at = WATCHED + EVENT_SIDES[e]
+        before, last = abs(z[at + (n - 1) * ROW]), abs(z[at + n * ROW])
+        size = max(z[LARGEST + e], max(abs(z[at]), max(abs(z[at + ROW]) * h, abs(z[at + 2 * ROW]) * h * h)))
+        if size > 0.0:
+            worst = max(worst, max(before, last * h) * power / size)
+    return worst
+
+
+def round_off_of(z: Buffer, e: int) -> float:
+    """Return how far from zero round-off may take what an event watches where it is zero."""
+    at = WATCHED + EVENT_SIDES[e]
+    return TOUCHED * (max(z[LARGEST + e], abs(z[at])) + abs(z[TIME] * z[at + ROW]))
+
+
+def side_that_counts(z: Buffer, i: int) -> float:
+    """Return the side of zero to which what an event watches goes, further than round-off; 0 where it stays."""
+    n, at = int(z[ORDER]), WATCHED + i
+    t = leaves_band(z, at, ROW, n, z[driven.STEP_SIZE], band_of(z, OF_EVENT[i]))
+    return math.copysign(1.0, polynomial(z, at, ROW, n, t)) if t <= z[driven.STEP_SIZE] else 0.0
+
+
+def root_of_event(z: Buffer, i: int, h: float) -> float:
+    """Return the first root in (0, h] of what an event watches, beyond where round-off may have it at zero; or 2 h."""
+    n, at = int(z[ORDER]), WATCHED + i
+    return first_root(z, at, ROW, n, leaves_band(z, at, ROW, n, h, band_of(z, OF_EVENT[i])), h)
+
+
+def reach_to_touches(z: Buffer, h: float, reach: float) -> float:
+    """Return how far series reach, a little beyond the first touch, and keep when that is."""
+    n = int(z[ORDER])
+    for e in range(NUMBER_OF_EVENTS):
+        i = EVENT_SIDES[e]
+        begin_at = leaves_band(z, WATCHED + i, ROW, n, reach, band_of(z, e))
+        touch = first_touch(z, WATCHED + i, ROW, n, begin_at, reach, z[SIDES + i], TOUCHING)
+        z[TOUCHES + e] = touch
+        reach = min(reach, touch + BEYOND * h)
+    return reach
+
+
+def list_event(z: Buffer, e: int, t: float, kind: float, anew: bool) -> None:
+    """Put an event on the step's list and count it; anew: or else the last one of e turns out to be of this kind.
+
+    Its number on the list may be beyond the end, which refuses the step.
+    """
+    entry, was, counts = int(z[ENTRIES + e]), z[COUNTED + e] != 0.0 and not anew, abs(kind) == 1.0
+    if anew or (entry < 0 and counts and not was):  # else it stands on an earlier step's list
+        entry = int(z[LISTED])
+        z[LISTED] += 1.0
+        z[ENTRIES + e] = entry
+    if counts and not was:
+        if z[COUNTS + e] == 0.0:
+            z[EARLIEST + e] = t
+        z[COUNTS + e] += 1.0
+        z[TIMES_BEFORE + e], z[TIMES + e] = z[TIMES + e], t
+    elif was and not counts:
+        z[COUNTS + e] -= 1.0
+        z[TIMES + e] = z[TIMES_BEFORE + e]
+    z[COUNTED + e] = 1.0 if counts else 0.0
+    if 0 <= entry < MOST_LISTED:
+        at = LIST + 3 * entry
+        z[at], z[at + 1], z[at + 2] = e, t, kind
+
+
+def note_events(z: Buffer, ended: bool) -> None:
+    """Note on which side of zero the series leads what each event watches, and list what is new.
+
+    A series ends where that comes to zero, so that it changes side where the next one begins; ended: whether the last
+    one did not end before. Round-off may take what touches zero, or crosses it slowly, to and fro: as long as it is no
+    further away than that, all this is one event, of which the sides before and after tell the kind.
+    """
+    n, begun, reach = int(z[ORDER]), z[BEGUN], z[REACH]
+    for e in range(NUMBER_OF_EVENTS):
+        at = WATCHED + EVENT_SIDES[e]
+        side, before, slope = z[SIDES + EVENT_SIDES[e]], z[NOTED + e], z[at + ROW]
+        least = band_of(z, e)
+        middle, near, touch = abs(polynomial(z, at, ROW, n, 0.5 * reach)), z[AWAY + e] < least, z[LAST_TOUCHES + e]
+        if before == 0.0:
+            happens, origin = z[at] == 0.0, side if slope == 0.0 else -side
+        else:
+            happens = side != before or (ended and (touch > 0.0 or abs(z[at]) <= least))
+            origin = z[ORIGINS + e] if near else before
+        if happens:
+            t = touch if side == before and touch > 0.0 else begun
+            kind = TOUCH if side == origin else side if DIRECTIONS[e] in (0.0, side) else NOT_ASKED
+            put_event(z, e, t, kind, not near)
+        z[AWAY + e] = middle if happens else max(z[AWAY + e], middle)
+        z[NOTED + e], z[ORIGINS + e], z[LARGEST + e] = side, origin, max(z[LARGEST + e], max(abs(z[at]), middle))
+        z[LAST_TOUCHES + e] = begun + z[TOUCHES + e] if z[TOUCHES + e] < reach else 0.0
+
+
+TEMPLATES: Mapping[str, Callable[..., Any]] = {
+    "set_up_events": set_up,
+    "clear_list": clear,
+    "event_excess": excess_of_events,
+    "band_of": round_off_of,
+    "side_of_event": side_that_counts,
+    "event_root": root_of_event,
+    "reach_to_touch": reach_to_touches,
+    "put_event": list_event,
+    "note": note_events,
+}
+"""In an order in which each is bound before those that call it."""

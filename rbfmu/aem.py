@@ -1,0 +1,140 @@
+"""Attitude Ephemeris Messages (AEM) of CCSDS 504.0-B-2 in keyword-value notation; those of B-1 are read as well.
+
+The standard's quaternion "from A to B" turns the axes of A into those of B, as q_ab does those of a into those of b;
+its scalar part stands last. Angular velocities are in deg/s.
+"""
+
+import math
+import re
+from datetime import UTC, date, datetime, timedelta
+from decimal import Decimal
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rbfmu.exceptions import named
+from rbfmu.types import Array
+
+DAY, NOON, SECONDS = date(2000, 1, 1), 43200, 86400
+EPOCH = f"{DAY}T12:00:00"
+"""What stands for a scene's time 0, as scenes have no date."""
+WIDTHS = {"QUATERNION": 4, "QUATERNION/DERIVATIVE": 8, "QUATERNION/ANGVEL": 7, "QUATERNION/RATE": 7}
+"""Numbers in a line, by ATTITUDE_TYPE. Derivatives, and the rates of B-1, which are none of the body, are left out."""
+TOLERANCE = 1e-3
+"""By which the square of a quaternion's length may differ from 1, as of numbers with few digits."""
+_TIME = re.compile(r"(\d{4})-(?:(\d\d)-(\d\d)|(\d{3}))T(\d\d):(\d\d):(\d\d(?:\.\d*)?)Z?")
+_ORIGIN = re.compile(rf"COMMENT .*time 0 of the scene is ({_TIME.pattern})")
+
+
+def write_aem(path: Path, time: Array, quaternion: Array, omega_b: Array | None) -> None:
+    """Write q_ab (n, 4) at times (n), s, and omega_ab_b (n, 3), rad/s, where it is known, with every digit.
+
+    That are up to 17 digits of a number, as others write too; the standard counts 16.
+    """
+    epochs = [_epoch(t) for t in time.tolist()]
+    columns = np.roll(quaternion, -1, axis=1)
+    kind = ["ATTITUDE_TYPE = QUATERNION"]
+    if omega_b is not None:
+        columns = np.hstack([columns, np.degrees(omega_b)])
+        kind = ["ATTITUDE_TYPE = QUATERNION/ANGVEL", "ANGVEL_FRAME = SC_BODY_1"]
+    head = [
+        "CCSDS_AEM_VERS = 2.0", f"CREATION_DATE = {datetime.now(UTC):%Y-%m-%dT%H:%M:%S}", "ORIGINATOR = RBFMU", "",
+        "META_START", f"COMMENT rbfmu: time 0 of the scene is {EPOCH}",
+        "COMMENT EME2000 stands for the scene's inertial frame a, SC_BODY_1 for the body's frame b",
+        f"OBJECT_NAME = {path.stem.upper()}", "OBJECT_ID = UNKNOWN", "REF_FRAME_A = EME2000", "REF_FRAME_B = SC_BODY_1",
+        "TIME_SYSTEM = UTC", f"START_TIME = {epochs[0]}", f"STOP_TIME = {epochs[-1]}", *kind, "META_STOP", "",
+    ]  # fmt: skip
+    with named(path), path.open("w", encoding="ascii", errors="replace") as file:
+        file.writelines(f"{line}\n" for line in [*head, "DATA_START"])
+        rows = zip(epochs, (columns + 0.0).tolist(), strict=True)  # the standard has no -0
+        file.writelines(f"{epoch} {' '.join(map(_number, row))}\n" for epoch, row in rows)
+        file.write("DATA_STOP\n")
+
+
+def read_aem(path: Path) -> dict[str, Array]:
+    """Return time (n), s, quaternion q_ab (n, 4), and omega_a or omega_b (n, 3), rad/s, where all lines have it.
+
+    Frame b is REF_FRAME_B, or REF_FRAME_A where that is the spacecraft's and the other is not; a is the other one. Time
+    0 is that of the first line, in files of `write_aem` that of the scene. Segments follow each other; a leap second
+    counts as none. Raises ValueError with file, line, and what was expected.
+    """
+    origin: Decimal | None = None
+    meta: dict[str, str] = {}
+    rows: list[tuple[Decimal, list[float], str, list[float]]] = []
+    lines = [line.strip() for line in path.read_text(encoding="utf-8", errors="replace").splitlines()]
+    number, first = next(((n, line) for n, line in enumerate(lines, 1) if line), (1, ""))
+    try:
+        if not re.match(r"CCSDS_AEM_VERS\s*=\s*[0-2]\.", first):
+            raise ValueError(f"{first[:60]!r}: expected CCSDS_AEM_VERS = 2.0 or 1.0, in keyword-value notation")
+        for number, line in enumerate(lines, 1):  # noqa: B007 - an error names it
+            key, equals, value = map(str.strip, line.partition("="))
+            if found := _ORIGIN.match(line):
+                origin = _seconds(found[1])
+            elif line == "META_START":
+                meta = {}
+            elif equals and not line.startswith("COMMENT"):
+                meta[key] = value.upper()
+            elif line and line.split()[0] not in ("COMMENT", "META_STOP", "DATA_START", "DATA_STOP"):
+                rows.append(_row(line.split(), meta))
+        if not rows:
+            raise ValueError("expected lines of attitudes")
+    except ValueError as error:
+        raise ValueError(f"{path}: line {number}: {error}") from None
+    start = rows[0][0] if origin is None else origin
+    columns = {"time": np.array([float(row[0] - start) for row in rows])}
+    columns["quaternion"] = np.array([row[1] for row in rows])
+    rates = {row[2] for row in rows}
+    if len(rates) == 1 and (name := rates.pop()):
+        columns[name] = np.radians([row[3] for row in rows])
+    return columns
+
+
+def _row(words: list[str], meta: dict[str, str]) -> tuple[Decimal, list[float], str, list[float]]:
+    """Return time, q_ab, the name of the angular velocity (empty: none) and it in deg/s."""
+    if missing := [key for key in ("REF_FRAME_A", "REF_FRAME_B", "ATTITUDE_TYPE") if key not in meta]:
+        raise ValueError(f"{missing[0]} is missing before the first attitude")
+    kind, a, b = (meta[key] for key in ("ATTITUDE_TYPE", "REF_FRAME_A", "REF_FRAME_B"))
+    if kind not in WIDTHS:
+        raise ValueError(f"ATTITUDE_TYPE = {kind}: expected one of {', '.join(WIDTHS)}")
+    if len(words) != 1 + WIDTHS[kind]:
+        raise ValueError(f"expected a time and {WIDTHS[kind]} numbers, as ATTITUDE_TYPE = {kind} has")
+    numbers = [float(word) for word in words[1:]]
+    q = numbers[:4] if meta.get("QUATERNION_TYPE") == "FIRST" else [numbers[3], *numbers[:3]]
+    if not abs(math.fsum(x * x for x in q) - 1.0) <= TOLERANCE:
+        raise ValueError(f"quaternion {' '.join(words[1:5])}: expected one of length 1")
+    from_body = a.startswith("SC_BODY") and not b.startswith(("SC_BODY", "INSTRUMENT"))
+    if from_body != (meta.get("ATTITUDE_DIR") == "B2A"):
+        q[1:] = [-x for x in q[1:]]
+    frame = {"REF_FRAME_A": a, "REF_FRAME_B": b}.get(meta.get("ANGVEL_FRAME", ""), meta.get("ANGVEL_FRAME"))
+    if kind != "QUATERNION/ANGVEL" or frame not in (a, b):
+        return _seconds(words[0]), q, "", []
+    rate = [-x for x in numbers[4:]] if from_body else numbers[4:]
+    return _seconds(words[0]), q, "omega_b" if (frame == b) != from_body else "omega_a", rate
+
+
+def _seconds(text: str) -> Decimal:
+    """Return the seconds from `EPOCH` to a time such as 2000-01-01T12:00:00.5 or 2000-001T12:00:00.5."""
+    if not (found := _TIME.fullmatch(text)):
+        raise ValueError(f"{text!r}: expected a time such as {EPOCH}.25")
+    year, month, day, of_year, hour, minute, second = found.groups()
+    days = date(int(year), int(month or 1), int(day or 1)) + timedelta(int(of_year or 1) - 1) - DAY
+    return Decimal(SECONDS * days.days + 3600 * int(hour) + 60 * int(minute) - NOON) + Decimal(second)
+
+
+def _epoch(t: float) -> str:
+    """Return the time so many seconds after `EPOCH`, in decimals that give t again."""
+    after = Decimal(repr(t)) + NOON
+    days = math.floor(after / SECONDS)
+    minutes, second = divmod(after - SECONDS * days, 60)
+    try:
+        day = DAY + timedelta(days)
+    except OverflowError:
+        raise ValueError(f"time = {t!r} s: expected one within some thousand years of {EPOCH}") from None
+    return f"{day}T{int(minutes) // 60:02d}:{int(minutes) % 60:02d}:{'0' * (second < 10)}{second:f}"
+
+
+def _number(x: Any) -> str:
+    """Return every digit, with a point also before an exponent."""
+    text = repr(x)
+    return text if "." in text else text.replace("e", ".0e")

@@ -1,0 +1,202 @@
+"""What drives the ports of an ensemble's members: tables of inputs, and a compiled controller with its noise."""
+
+import hashlib
+import pickle
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from numbers import Integral
+from types import CodeType, FunctionType, ModuleType
+from typing import Any
+
+import numpy as np
+from numba import NumbaError, njit
+
+from rbfmu.ensembles.draws import key_of
+from rbfmu.ensembles.loops import CONTROLLED, hold
+from rbfmu.ensembles.members import ensemble_of
+from rbfmu.ensembles.variables import columns_of
+from rbfmu.exceptions import SceneError
+from rbfmu.runs.inputs import HOLD, Drive, InputTables, drive_of, input_tables, size_of
+from rbfmu.runs.plan import Plan, start_run
+from rbfmu.scene.scene import Scene
+from rbfmu.types import Array, Indices
+from rbfmu_kernels.body.shell import Model
+from rbfmu_kernels.compile.shapes import python_function
+from rbfmu_kernels.quantities import elements
+
+STREAM = "controller"
+"""The name of the stream of noise, which no number that varies has."""
+
+
+@dataclass(frozen=True)
+class Controller:
+    """A function that sets the ports of each member at each communication point: f(t, outputs, state, inputs, noise).
+
+    function: by `@njit`, or one that Numba compiles. t: s. outputs: the numbers of the scene's quantities, then
+    of its own outputs, in their order there. state: the member's own numbers, which it may change; they begin as given
+    here. inputs: the numbers of the scene's ports, in their order, as they are; what it writes there is held until the
+    next point. noise: so many numbers of the standard normal distribution, others at each point.
+    """
+
+    function: Callable[..., None]
+    state: Sequence[float] = ()
+    noise: int = 0
+
+    def __post_init__(self) -> None:
+        if not callable(self.function):
+            raise ValueError(f"controller = {self.function!r}: expected a function {EXPECTED}")
+        start = np.array(self.state, dtype=np.float64)
+        if start.ndim != 1 or not np.isfinite(start).all():
+            raise ValueError(f"controller: state = {self.state!r}: expected finite numbers in one row")
+        if not isinstance(self.noise, Integral) or self.noise < 0:
+            raise ValueError(f"controller: noise = {self.noise!r}: expected how many numbers it takes at a time")
+        if not hasattr(self.function, "py_func"):
+            object.__setattr__(self, "function", njit(self.function))
+        object.__setattr__(self, "state", tuple(start.tolist()))
+
+    def noise_of(self, seed: int, number: int, steps: int) -> Array:
+        """Return the noise (steps, n) of a member, a row for each communication step, by seed and number alone."""
+        stream = np.random.Philox(key=key_of(seed, STREAM), counter=np.array([0, number, 0, 0], dtype=np.uint64))
+        return np.random.Generator(stream).standard_normal((steps, self.noise))
+
+    def compiled(self) -> Any:
+        """Return the function, compiled for `loops.run_driven`. Raises an error of Numba's where it cannot be."""
+        if hasattr(self.function, "compile"):  # not where the JIT is disabled
+            self.function.compile(CONTROLLED)
+        return self.function
+
+
+NONE = Controller(hold)
+EXPECTED = "f(t, outputs, state, inputs, noise) that writes to inputs and returns nothing"
+
+
+@dataclass(frozen=True)
+class Control:
+    """What drives all members. inputs: tables for all, or a function of a member's number that returns its own."""
+
+    inputs: InputTables | Callable[[int], Any]
+    controller: Controller | None
+
+    @property
+    def identity(self) -> dict[str, str | None]:
+        """Return digests of all that the members' bits rest on here."""
+        one = self.controller
+        said = (one.function, one.state, one.noise) if one else None
+        return {"inputs": digest(self.inputs) if self.inputs else None, "controller": digest(said) if said else None}
+
+    def numbers(self, scene: Scene) -> int:
+        """Return how many numbers a member has of its own at a communication step."""
+        tables = sum(size_of(scene, port) for port in scene.inputs.ports) if callable(self.inputs) else 0
+        return tables + (self.controller.noise if self.controller else 0)
+
+    def tables_of(self, scene: Scene, number: int) -> InputTables:
+        """Return a member's tables. Raises SceneError that names it where they are wrong."""
+        if not callable(self.inputs):
+            return self.inputs
+        try:
+            return input_tables(scene, self.inputs(number))
+        except SceneError as error:
+            raise SceneError(error.faults, f"{scene.name}, member {number}") from None
+
+
+def control_of(scene: Scene, plan: Plan, inputs: Any, controller: Any) -> Control | None:
+    """Return what drives an ensemble, None where nothing does. Raises SceneError and ValueError where it cannot."""
+    if inputs is None and controller is None:
+        return None
+    tables = {} if inputs is None else inputs if callable(inputs) else input_tables(scene, inputs)
+    given = controller if controller is None or isinstance(controller, Controller) else Controller(controller)
+    found = Control(tables, given)
+    found.tables_of(scene, 0)
+    if given is not None:
+        _try_out(scene, plan, given)
+    return found
+
+
+def _try_out(scene: Scene, plan: Plan, controller: Controller) -> None:
+    """Call a controller once in plain Python, where a wrong index is an error, and compile it. Raises SceneError."""
+    blocks, z = plan.kernels.BLOCKS, start_run(scene, plan)
+    outputs, inputs = z[columns_of(scene).places(blocks)], z[_places(scene, blocks)]
+    noise, state = controller.noise_of(ensemble_of(scene).seed, 0, 1)[0], np.array(controller.state)
+    sizes = f"{len(outputs)} outputs, {len(state)} of state, {len(inputs)} inputs and {len(noise)} of noise"
+    if not scene.inputs.ports:
+        raise SceneError("a controller is given: expected none, as the scene has no ports", scene.name)
+    try:
+        with np.errstate(all="ignore"):
+            given = python_function(controller.function)(scene.run.start, outputs, state, inputs, noise)
+        if given is not None:
+            raise TypeError(f"it returned {given!r}")
+        controller.compiled()
+    except (ArithmeticError, IndexError, NumbaError, TypeError, ValueError) as error:
+        text = f"controller: {type(error).__name__}: {str(error).strip()}: expected {EXPECTED}, of {sizes}"
+        raise SceneError(text, scene.name) from error
+
+
+def _places(scene: Scene, blocks: dict[str, slice]) -> Indices:
+    places = [np.arange(blocks[port].start, blocks[port].stop) for port in scene.inputs.ports]
+    return np.concatenate([*places, np.empty(0)]).astype(np.int64)
+
+
+def driven_members(control: Control, scene: Scene, kernels: Model, numbers: Sequence[int]) -> tuple[Any, ...]:
+    """Return the compiled controller, and what else `loops.run_driven` takes from `ports` on, of the members named.
+
+    Raises SceneError where the table of one is wrong.
+    """
+    each = numbers if callable(control.inputs) else numbers[:1]
+    drives = [drive_of(scene, control.tables_of(scene, number), HOLD) for number in each]
+    before = np.cumsum([0, *(len(drive.lengths) for drive in drives[:-1])])
+    counts = np.array([first + drive.counts for first, drive in zip(before, drives, strict=True)])
+    lengths, given = np.concatenate([d.lengths for d in drives]), np.concatenate([_rows(scene, d) for d in drives])
+    one, time = control.controller or NONE, drives[0].time
+    noise = np.empty((len(numbers), len(time) - 1, one.noise))
+    for i, number in enumerate(numbers if one.noise else ()):
+        noise[i] = one.noise_of(ensemble_of(scene).seed, number, len(time) - 1)
+    state, ports = np.array(one.state), _places(scene, kernels.BLOCKS)
+    return one.compiled(), ports, time, lengths, counts, given, state, noise
+
+
+def _rows(scene: Scene, drive: Drive) -> Array:
+    """Return the numbers of all ports in each piece; NaN of those that no table gives."""
+    none = {port: np.full((len(drive.lengths), size_of(scene, port)), np.nan) for port in scene.inputs.ports}
+    return np.hstack([drive.ports[port].values if port in drive.ports else none[port] for port in none])
+
+
+def wrong_input(scene: Scene, end: Sequence[int]) -> str:
+    """Return what is said of a member whose controller gave a number that is not finite; end: see `run_driven`."""
+    names = [name for port in scene.inputs.ports for name in elements(port, size_of(scene, port))]
+    time = drive_of(scene, {}, HOLD).time[end[1]]
+    return f"{scene.name}: the controller gave {names[-1 - end[0]]} at t = {float(time)!r} s: expected a finite number"
+
+
+def digest(value: Any) -> str:
+    """Return a digest of numbers, or of all that a function computes by: code, and what this names, in turn."""
+    found = hashlib.blake2b(digest_size=8)
+    for part in _parts(value, set()):
+        found.update(part)
+    return found.hexdigest()
+
+
+def _parts(value: Any, seen: set[Any]) -> Iterator[bytes]:
+    function = python_function(value)
+    if isinstance(function, FunctionType):
+        if function in seen:
+            return
+        seen.add(function)
+        yield from _parts((function.__code__, function.__defaults__, function.__kwdefaults__), seen)
+        known = function.__globals__
+        for name in sorted(_names(function.__code__) & known.keys()):
+            yield from _parts((name, known[name]), seen)
+        for cell in function.__closure__ or ():
+            yield from _parts(cell.cell_contents, seen)
+    elif isinstance(value, CodeType):
+        yield value.co_code
+        yield from _parts((value.co_consts, value.co_names), seen)
+    elif isinstance(value, dict | frozenset | list | set | tuple):
+        parts = value.items() if isinstance(value, dict) else value
+        for part in sorted(parts, key=repr) if isinstance(value, frozenset | set) else parts:
+            yield from _parts(part, seen)
+    else:
+        yield value.__name__.encode() if isinstance(value, ModuleType) else pickle.dumps(value)
+
+
+def _names(code: CodeType) -> set[str]:
+    return {*code.co_names}.union(*(_names(one) for one in code.co_consts if isinstance(one, CodeType)))

@@ -1,0 +1,200 @@
+"""Series for an ensemble: the cheapest whose worst member is likely to meet the accuracy.
+
+Orders and tolerances are fitted to a few pilots, followed to the end. Of the worst of many members these tell little:
+scouts, up to a thousand members beside a far tighter tolerance, give the tail of the errors.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from operator import itemgetter
+
+import numpy as np
+
+from rbfmu.ensembles import draws
+from rbfmu.ensembles.chunks import MOST_BYTES, Work, run_samples
+from rbfmu.ensembles.members import ensemble_of, samples_at
+from rbfmu.ensembles.variables import Columns
+from rbfmu.models.registry import LOADED_TAYLOR
+from rbfmu.planning.fitting import REACHED
+from rbfmu.planning.judge import Judge
+from rbfmu.planning.methods import TIGHTEST, likely_order, ratio_to, series_cost, series_plan, whole_series
+from rbfmu.runs.motion import FLOORS
+from rbfmu.runs.plan import Plan, start_run
+from rbfmu.runs.time_grid import communication_steps
+from rbfmu.scene.scene import Scene
+from rbfmu.types import Array
+from rbfmu_kernels.compile.tiered import interpreted
+from rbfmu_kernels.integrators.taylor_coefficients import MAX_ORDER
+from rbfmu_kernels.models.loaded_taylor_lanes import goes_in_lanes
+from rbfmu_kernels.quantities import ANGLE, OUTPUT
+
+PART, LOOSER = 0.1, 30.0
+"""The part of the accuracy up to which pilots' errors go, as those of other members scatter; and the loosest tolerance
+over the accuracy, as no member takes other communication steps than pilots do."""
+TIGHT, LITTLE = 1e-16, 1e-3
+"""The tolerance of series by which other pilots are judged, where its error in the first is so small a part."""
+HIGHEST, LEAST_IN_LANES = 20, 10
+"""The highest order of series, and that below which lanes do not pay for more substeps."""
+SCOUTS, FEWEST, TAIL = 1024, 64, 32
+"""The most and the fewest members whose errors tell of those of others, and of how many the tail is taken."""
+MEMBERS = 10_000
+"""The members whose worst error is estimated: a plan does not depend on the number of runs, which may be extended."""
+SCATTER = 1.15
+"""How much larger than estimated the exponent of the tail is taken, see `likely_worst`."""
+SECONDS, TIGHTER, TINY = 0.03, 1e-4, 1e-300
+"""The time that scouts may take one by one; the tolerance that they are compared with, over the plan's; and what a
+quantity is relative to where it is zero."""
+APART = (1 << 32) + 1
+"""The attempt by whose numbers scouts are drawn, which no member and no pilot has."""
+
+
+def fit_of_members(judges: Sequence[Judge], general: Plan, highest: int) -> Plan | None:
+    """Return the cheapest series, of an order up to the highest, whose errors in some members stay within PART.
+
+    Orders are compared on the member of the largest error and on that which takes most substeps; then all are tried.
+    None where no tolerance is tight enough.
+    """
+    asked = judges[0].asked
+    tight = whole_series(asked.scene, MAX_ORDER - 4, TIGHT)
+    if judges[0].try_out(tight)[0] <= LITTLE * asked.accuracy:  # else all are followed in double-double arithmetic
+        for judge in judges[1:]:
+            judge.follow_by(whole_series(judge.scene, tight.order, TIGHT))
+    looser = replace(general, tolerance=LOOSER * asked.accuracy)
+
+    def worst(plan: Plan, of: Sequence[Judge]) -> tuple[float, float]:
+        found = [judge.try_out(plan) for judge in of]
+        return max(error for error, _ in found), max(substeps for _, substeps in found)
+
+    likely = series_plan(looser, min(likely_order(asked.accuracy), highest), asked.accuracy)
+    tried = [judge.try_out(likely) for judge in judges]
+    hard = [judges[tried.index(max(tried, key=itemgetter(k)))] for k in (0, 1)]
+    bound = PART * asked.accuracy
+    best, least = None, math.inf
+    for way in (2, -2):
+        order, idle, tolerance = likely.order + min(way, 0), 0, likely.tolerance
+        while 6 <= order <= highest and idle < 2:
+            found, tolerance, substeps = _loosest(lambda plan: worst(plan, hard), looser, order, tolerance, bound)
+            cost = series_cost(order, asked.load_shares) * substeps
+            idle = idle + 1 if found is None or cost >= least else 0
+            if found is not None and cost < least:
+                best, least = found, cost
+            order += way
+    if best is None:
+        return None
+    found, _, substeps = _loosest(lambda plan: worst(plan, judges), looser, best.order, best.tolerance, bound)
+    if found is None:
+        return None
+    steps = communication_steps(asked.scene)
+    return replace(found, cost=series_cost(found.order, asked.load_shares) * substeps / steps)
+
+
+def _loosest(
+    worst: Callable[[Plan], tuple[float, float]], general: Plan, order: int, tolerance: float, bound: float
+) -> tuple[Plan | None, float, float]:
+    """Return the plan of an order whose error is near a bound and not beyond, its tolerance, and its substeps."""
+    kept, substeps = None, math.inf
+    for _ in range(4):
+        plan = series_plan(general, order, tolerance)
+        error, taken = worst(plan)
+        if error <= bound and (kept is None or taken <= substeps):
+            kept, substeps = replace(plan, error=error), taken
+        if 0.1 * bound <= error <= bound or (error <= bound and plan.tolerance >= general.tolerance):
+            break
+        tolerance = min(max(ratio_to(0.4 * bound, error), 1e-4), 1e2) * plan.tolerance
+    return kept, kept.tolerance if kept else tolerance, substeps
+
+
+def highest_in_lanes(judges: list[Judge], general: Plan) -> int:
+    """Return the highest order at which members go side by side, or that of members that do at none.
+
+    A higher one may reach over a whole communication step, which members find out one by one.
+    """
+    serves = interpreted(goes_in_lanes)
+    for order in range(HIGHEST, LEAST_IN_LANES - 1, -2):
+        series = replace(general, order=order)
+        if all(serves(start_run(judge.scene, series), judge.scene.run.step) for judge in judges):
+            return order
+    return HIGHEST
+
+
+class _Scouts:
+    """Many more members than pilots, whose errors tell of those of all: runs beside a far tighter tolerance.
+
+    Errors of a few pilots say little of the worst of many members, which may come near to where nearly equal starts
+    lead apart. Scouts run in lanes, at a cost of some members each.
+    """
+
+    def __init__(self, scene: Scene, plan: Plan, names: tuple[str, ...]) -> None:
+        self.scene = scene.replace({"outputs.quantities": names})
+        self.columns = Columns(tuple(OUTPUT[n] for n in names))
+        steps = communication_steps(scene)
+        most = min(int(MOST_BYTES / (8.0 * self.columns.width * (steps + 1))), int(1e9 * SECONDS / (plan.cost * steps)))
+        cube = draws.at_random(ensemble_of(scene), 0, max(min(most, SCOUTS), FEWEST), APART)
+        self.samples = samples_at(self.scene, cube)
+        self.truth = self._run(replace(plan, tolerance=TIGHTER * plan.tolerance, order=min(plan.order + 2, MAX_ORDER)))
+
+    def _run(self, plan: Plan) -> Array:
+        return run_samples(Work(self.scene, plan, len(self.samples)), self.samples, ends_alone=False)[0]
+
+    def likely_worst(self, plan: Plan) -> float:
+        """Return what the errors of MEMBERS members are likely not to exceed."""
+        return likely_worst(_errors(self.columns, self._run(plan), self.truth), MEMBERS)
+
+
+def for_the_worst(scene: Scene, found: Plan, names: tuple[str, ...]) -> Plan | None:
+    """Return the plan with its likely error, its tolerance such that the worst of all members meets the accuracy.
+
+    None where none is likely to.
+    """
+    scouts, loosest = _Scouts(scene, found, names), found.tolerance
+    while found.tolerance >= max(1e-3 * loosest, TIGHTEST):
+        worst = scouts.likely_worst(found)
+        if worst <= REACHED * scene.run.accuracy:
+            return replace(found, error=max(found.error, worst))
+        found = replace(found, tolerance=found.tolerance * max(0.3 * scene.run.accuracy / worst, 1e-3))
+    return None
+
+
+def with_likely_error(scene: Scene, found: Plan, names: tuple[str, ...]) -> Plan:
+    """Return the plan of series with the error that the worst of all members is likely to have."""
+    if found.model != LOADED_TAYLOR.key:
+        return found
+    return replace(found, error=max(found.error, _Scouts(scene, found, names).likely_worst(found)))
+
+
+def likely_worst(errors: Array, runs: int) -> float:
+    """Return what the largest of so many more errors will not exceed in 99 of 100 ensembles.
+
+    The tail of errors is taken for a power law, whose exponent is Hill's estimate from the largest of them (B. M. Hill,
+    Annals of Statistics 3, 1975; the quantile beyond all data is I. Weissman's, J. Am. Stat. Assoc. 73, 1978): errors
+    grow as 1/d where members come to a distance d from a separatrix, and this is the heaviest tail met. The estimate
+    scatters by 1/sqrt(TAIL), and is taken so much larger that 99 of 100 hold.
+    """
+    known = np.sort(errors[np.isfinite(errors)])[::-1]
+    if not len(known) or known[0] == 0.0:
+        return 0.0
+    k = max(1, min(TAIL, len(known) - 1))
+    base = max(known[min(k, len(known) - 1)], 1e-3 * known[0])
+    exponent = SCATTER * float(np.mean(np.log(np.maximum(known[:k], base) / base)))
+    return float(max(known[0], base * (100.0 * k * runs / len(known)) ** exponent))
+
+
+def _errors(columns: Columns, rows: Array, truth: Array) -> Array:
+    """Return each member's largest error, as an accuracy counts it; NaN of those that fail.
+
+    The judge's own errors are made a row at a time, which would take as long here as all scouts' motions.
+    """
+    found, true = columns.split(rows), columns.split(truth)
+    worst = np.zeros(len(rows))
+    for name in found:
+        a, b = found[name].reshape(*rows.shape[:2], -1), true[name].reshape(*rows.shape[:2], -1)
+        if OUTPUT[name].error == ANGLE:
+            chord = np.minimum(np.linalg.norm(a - b, axis=2), np.linalg.norm(a + b, axis=2))
+            half_turn = 2.0 * np.arcsin(np.minimum(0.5 * chord, 1.0))  # on the sphere of q, whose radius is 1
+            apart = 2.0 * half_turn.max(axis=1)
+        else:
+            size = np.maximum(np.linalg.norm(b, axis=2).max(axis=1), FLOORS.get(name, TINY))
+            apart = np.linalg.norm(a - b, axis=2).max(axis=1) / size
+        worst = np.maximum(worst, apart)
+    return worst

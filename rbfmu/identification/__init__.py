@@ -1,0 +1,1 @@
+"""The numbers behind measured motion: a scene fitted to data."""

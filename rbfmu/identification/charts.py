@@ -1,0 +1,171 @@
+"""How numbers of a scene vary freely: each key by coordinates that any value is possible of, zero at its start.
+
+A mass is its start times exp(p). Of an inertia, the sums of m x_i x_j about c, E = tr(M) / 2 - M, are those of a
+distribution of mass if E is positive definite (P. M. Wensing, S. Kim & J.-J. E. Slotine, IEEE Robotics and Automation
+Letters 3, 2018): E = L L^T, with the logarithms of L's diagonal as coordinates. An attitude is turned by a rotation
+vector in b. What else there is has its size for a unit.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from rbfmu import arrays
+from rbfmu.scene.scene import Scene
+from rbfmu.sensitivities import ATTITUDE, columns_of
+from rbfmu.types import Array
+from rbfmu_kernels.quantities import BOUNDED
+
+INERTIA, MASS = "body.inertia", "body.mass"
+THINNEST = 1e-9
+"""The least E over its trace that a coordinate begins with: a plate has none across."""
+FARTHEST = 15.0
+"""How far a logarithm may go: three million times as much, or as little."""
+PLACES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+_BOUNDED = {f"loads.{load.name}" for load in BOUNDED}
+
+
+class Chart:
+    """One key's coordinates: `value(p)` for the scene, and `slopes(p)`, of its numbers by coordinates."""
+
+    lowest = -math.inf
+
+    def __init__(self, scene: Scene, key: str) -> None:
+        self.key, self.columns = key, columns_of(scene, key)
+        self.start = np.array(_value(scene, key), dtype=np.float64).ravel()
+        self.size = float(np.max(np.abs(self.start), initial=0.0)) or 1.0
+        self.chosen = [column.at for column in self.columns]
+        if key in _BOUNDED:
+            self.lowest = 0.0
+        self.count = len(self.columns)
+
+    def value(self, p: Array) -> Any:
+        """Return what the scene has for the key (without an index)."""
+        found = self.start.copy()
+        found[self.chosen] = self.numbers(p)
+        return found.tolist() if len(found) > 1 else float(found[0])
+
+    def numbers(self, p: Array) -> Array:
+        """Return the numbers that vary."""
+        return np.asarray(self.start[self.chosen] + self.size * p)
+
+    def slopes(self, p: Array) -> Array:
+        """Return the derivatives of the numbers by coordinates."""
+        return self.size * np.eye(len(p))
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Return the least and the largest that each coordinate may be."""
+        low = np.asarray((self.lowest - self.start[self.chosen]) / self.size)
+        return low, np.full(len(low), math.inf)
+
+
+class _Logarithmic(Chart):
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        return np.full(self.count, -FARTHEST), np.full(self.count, FARTHEST)
+
+
+class _Mass(_Logarithmic):
+    def numbers(self, p: Array) -> Array:
+        return np.asarray(self.start * np.exp(p))
+
+    def slopes(self, p: Array) -> Array:
+        return np.diag(self.numbers(p))
+
+
+class _Attitude(Chart):
+    def value(self, p: Array) -> Any:
+        q = arrays.compose_quaternions(self.start, arrays.quaternion_from_rotvec(p))
+        return {"quaternion": np.asarray(q).tolist()}
+
+    def numbers(self, p: Array) -> Array:
+        return p
+
+    def slopes(self, p: Array) -> Array:
+        return np.linalg.inv(arrays.rotvec_rate_b(p, np.eye(3)).T)
+
+
+class _Inertia(_Logarithmic):
+    def __init__(self, scene: Scene, key: str) -> None:
+        super().__init__(scene, key)
+        M = self.start.reshape(3, 3)
+        E = 0.5 * np.trace(M) * np.eye(3) - M
+        least = THINNEST * np.trace(E)
+        values, axes = np.linalg.eigh(E)
+        self._L = np.linalg.cholesky((axes * np.maximum(values, least)) @ axes.T)
+
+    def _factor(self, p: Array) -> Array:
+        full = np.concatenate([p, np.zeros(6 - len(p))])
+        L = self._L.copy()
+        for n, (j, i) in enumerate(PLACES):
+            L[i, j] = L[i, j] * math.exp(full[n]) if i == j else L[i, j] + full[n] * self._L[i, i]
+        return L
+
+    def value(self, p: Array) -> Any:
+        return self._matrix(p).tolist()
+
+    def _matrix(self, p: Array) -> Array:
+        L = self._factor(p)
+        E = L @ L.T
+        return np.asarray(np.trace(E) * np.eye(3) - E)
+
+    def numbers(self, p: Array) -> Array:
+        M = self._matrix(p)
+        return np.array([M[PLACES[n]] for n in self.chosen])
+
+    def slopes(self, p: Array) -> Array:
+        L, rows = self._factor(p), []
+        for j, i in PLACES[: len(p)]:
+            dL = np.zeros((3, 3))
+            dL[i, j] = L[i, i] if i == j else self._L[i, i]
+            dE = dL @ L.T + L @ dL.T
+            dM = np.trace(dE) * np.eye(3) - dE
+            rows.append([dM[PLACES[n]] for n in self.chosen])
+        return np.array(rows).T
+
+
+def chart_of(scene: Scene, key: str) -> Chart:
+    """Return the coordinates of a key. Raises ValueError for one of an inertia's numbers alone."""
+    if key == ATTITUDE:
+        return _Attitude(scene, key)
+    if key == INERTIA:
+        return _Inertia(scene, key)
+    if key.startswith(INERTIA):
+        raise ValueError(f"free = {key!r}: expected {INERTIA} as a whole, so that it stays one that a body can have")
+    return _Mass(scene, key) if key == MASS else Chart(scene, key)
+
+
+def _value(scene: Scene, key: str) -> Any:
+    columns_of(scene, key)  # raises ValueError for an unknown one
+    table, _, name = key.partition("[")[0].partition(".")
+    if key == ATTITUDE:
+        return scene.initial.quaternion
+    if table == "constants":
+        return scene.constants[name].value
+    if table == "states":
+        return scene.states[name].start
+    if key == INERTIA:
+        assert scene.body is not None
+        return scene.body.M_c
+    return getattr(getattr(scene, table), name)
+
+
+def changes(charts: Sequence[Chart], p: Array) -> dict[str, Any]:
+    """Return what `Scene.replace` takes for coordinates."""
+    found: dict[str, Any] = {}
+    for chart, row in zip(charts, split(charts, p), strict=True):
+        whole = chart.key.partition("[")[0]
+        if whole in found:  # another number of the same key
+            found[whole] = [n if i in chart.chosen else o for i, (n, o) in
+                            enumerate(zip(chart.value(row), found[whole], strict=True))]  # fmt: skip
+        else:
+            found[whole] = chart.value(row)
+    return found
+
+
+def split(charts: Sequence[Chart], p: Array) -> list[Array]:
+    """Return the coordinates of each chart."""
+    return np.split(p, np.cumsum([chart.count for chart in charts])[:-1])

@@ -1,0 +1,176 @@
+"""Measured motion: outputs of a scene at any times, with gaps, and how far they are from a run."""
+
+import csv
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rbfmu import arrays
+from rbfmu.exceptions import named
+from rbfmu.result import Result
+from rbfmu.scene.scene import Scene
+from rbfmu.types import Array
+from rbfmu_kernels.quantities import OUTPUT, elements
+
+GAPS = ("", "nan", "na", "-")
+QUATERNION = "quaternion"
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Outputs (times, k) by name at times that increase, s; NaN where nothing was measured, a row of a quaternion
+    whole."""
+
+    time: Array
+    values: Mapping[str, Array]
+
+    @property
+    def count(self) -> int:
+        """Return how many numbers there are; a quaternion has three."""
+        return sum(int(np.isfinite(rows[:, :3]).sum()) for rows in self.values.values())
+
+    def until(self, end: float) -> "Measured":
+        """Return what was measured up to a time."""
+        n = int(np.searchsorted(self.time, end, side="right"))
+        return Measured(self.time[:n], {name: rows[:n] for name, rows in self.values.items()})
+
+
+def measured(scene: Scene, data: Any) -> Measured:
+    """Return data as measured outputs of a scene.
+
+    data: the path of a CSV file with a column `time` and columns by the FMU's names, empty where there is a gap; of an
+    `.npz` or `.aem` that `Result.load` reads; a `Result`; or a mapping from `time` and names of outputs to arrays.
+    Roll, pitch and yaw count as the attitude that they describe.
+    Raises ValueError.
+    """
+    if isinstance(data, str | Path):
+        path = Path(data)
+        if path.suffix == ".csv":
+            return _checked(scene, _read(scene, path), str(path))
+        data, where = Result.load(path), str(path)
+    else:
+        where = "data"
+    known = {"time": data.time, **data.quantities} if isinstance(data, Result) else data
+    if not isinstance(known, Mapping) or "time" not in known:
+        raise ValueError(f"{where}: expected a file, a Result, or a mapping with time and outputs by name")
+    return _checked(scene, known, where)
+
+
+def _checked(scene: Scene, known: Mapping[str, Any], where: str) -> Measured:
+    sizes = {name: row.size for name, row in OUTPUT.items()}
+    try:
+        columns = {name: np.array(value, dtype=np.float64) for name, value in known.items()}
+    except (TypeError, ValueError):
+        raise ValueError(f"{where}: expected arrays of numbers") from None
+    time, values = columns.pop("time"), dict[str, Array]()
+    if "rpy" in columns:
+        if QUATERNION in columns:
+            raise ValueError(f"{where}: expected quaternion or rpy, not both")
+        columns[QUATERNION] = arrays.quaternion_from_euler("ZYX", columns.pop("rpy")[..., ::-1])
+    if time.ndim != 1 or len(time) < 2 or not np.isfinite(time).all() or np.any(np.diff(time) <= 0.0):
+        raise ValueError(f"{where}: time: expected at least two finite times (s) that increase")
+    if time[0] < scene.run.start:
+        raise ValueError(
+            f"{where}: time = {float(time[0])!r} in row 1: expected at least run.start = {scene.run.start!r}"
+        )
+    for name, value in columns.items():
+        if name not in sizes and name not in scene.outputs.own:
+            shown = ", ".join((*sizes, *scene.outputs.own))
+            raise ValueError(f"{where}: {name!r}: expected outputs among {shown}")
+        rows = value.reshape(len(value), -1) if value.ndim else value.reshape(1, 1)
+        if rows.shape[0] != len(time) or rows.shape[1] != sizes.get(name, rows.shape[1]):
+            raise ValueError(f"{where}: {name} has shape {value.shape}: expected ({len(time)}, {sizes.get(name, 1)})")
+        if np.isinf(rows).any():
+            raise ValueError(f"{where}: {name}: expected finite numbers, or NaN for a gap")
+        values[name] = _unit(rows, where) if name == QUATERNION else rows
+    found = Measured(time, values)
+    if not found.count:
+        raise ValueError(f"{where}: expected at least one measured output")
+    return found
+
+
+def _unit(rows: Array, where: str) -> Array:
+    """Return quaternions of length 1; a row with a gap counts as one."""
+    rows[~np.isfinite(rows).all(axis=1)] = np.nan
+    lengths = np.linalg.norm(rows, axis=1)
+    if np.any(np.abs(lengths - 1.0) > 0.1):
+        row = int(np.nanargmax(np.abs(lengths - 1.0))) + 1
+        raise ValueError(
+            f"{where}: quaternion in row {row} has length {lengths[row - 1]:.3g}: expected 1, scalar first"
+        )
+    return np.asarray(rows / lengths[:, None])
+
+
+def _read(scene: Scene, path: Path) -> dict[str, Array]:
+    with named(path), path.open(newline="", encoding="utf-8-sig") as file:
+        try:
+            header, *rows = [row for row in csv.reader(file, skipinitialspace=True) if row] or [[]]
+        except (UnicodeDecodeError, csv.Error) as error:
+            raise ValueError(f"{path}: not a CSV file: {error}") from None
+    names = [name.strip() for name in header]
+    if "time" not in names or len({*names}) < len(names):
+        raise ValueError(f"{path}: expected a column time, and each column once, not {', '.join(names) or 'nothing'}")
+    table = np.array([_numbers(path, k, row, names) for k, row in enumerate(rows, 1)]).reshape(len(rows), len(names))
+    flat = dict(zip(names, table.T, strict=True))
+    known: dict[str, Array] = {"time": flat.pop("time")}
+    while flat:
+        name = next(iter(flat)).partition("[")[0]
+        size = OUTPUT[name].size if name in OUTPUT else sum(n.partition("[")[0] == name for n in flat)
+        wanted = elements(name, size)
+        if missing := [one for one in wanted if one not in flat]:
+            raise ValueError(f"{path}: column {next(iter(flat))!r}: expected outputs; {missing[0]!r} is missing")
+        known[name] = np.stack([flat.pop(one) for one in wanted], axis=1)
+    return known
+
+
+def _numbers(path: Path, k: int, row: list[str], names: list[str]) -> list[float]:
+    if len(row) != len(names):
+        raise ValueError(f"{path}: row {k} has {len(row)} cells: expected {len(names)}, as many as the header")
+    found = []
+    for name, cell in zip(names, map(str.strip, row), strict=True):
+        try:
+            found.append(math.nan if cell.lower() in GAPS else float(cell))
+        except ValueError:
+            raise ValueError(f"{path}: {name} = {cell!r} in row {k}: expected a number, or nothing for a gap") from None
+    return found
+
+
+def sigma_of(text: str) -> float | dict[str, float]:
+    """Return a number, or those of a CSV file by output, in one row under their names. Raises ValueError."""
+    try:
+        return float(text)
+    except ValueError:
+        path = Path(text)
+    with named(path), path.open(newline="", encoding="utf-8-sig") as file:
+        rows = [row for row in csv.reader(file, skipinitialspace=True) if row]
+    if len(rows) != 2:
+        raise ValueError(f"{path}: expected a row of outputs' names and a row of their standard deviations")
+    return dict(zip(rows[0], _numbers(path, 1, rows[1], rows[0]), strict=True))
+
+
+# How far a run is from it
+
+
+def residuals(name: str, run: Array, data: Array) -> Array:
+    """Return what was measured less what a run has, (times, k); of an attitude as a turn in b, rad, either sign."""
+    if name == QUATERNION:
+        turn = arrays.compose_quaternions(run * (1.0, -1.0, -1.0, -1.0), data)
+        return np.asarray(2.0 * _sign(turn[:, :1]) * turn[:, 1:])
+    return data - run
+
+
+def slopes_of_residuals(name: str, run: Array, data: Array, slopes: Array) -> Array:
+    """Return the derivatives of `residuals`; slopes: those of the run, of an attitude as rotation vectors in b."""
+    if name != QUATERNION:
+        return -slopes
+    turn = arrays.compose_quaternions(run * (1.0, -1.0, -1.0, -1.0), data)
+    across = arrays.skew(turn[:, 1:])
+    return np.asarray(-_sign(turn[:, :1, None]) * (turn[:, 0, None, None] * np.eye(3) - across) @ slopes)
+
+
+def _sign(x: Array) -> Array:
+    return np.where(x < 0.0, -1.0, 1.0)

@@ -1,0 +1,259 @@
+"""The model of a scene whose motion is varied: beside its states, their errors by numbers of the start and the body.
+
+Any scene of a body has a graph, with formulas or without: what its loads are, closed form or not, is in the same
+equations of motion. Errors are those of `linearization.linearize`: of the attitude a rotation vector u in b, with
+q_ab = q_ab(t) exp(u / 2), of all other states their own.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rbfmu.formulas.check import Texts, given_to
+from rbfmu.formulas.dual import jacobian, variables
+from rbfmu.formulas.graph import Number, Symbol, gradient
+from rbfmu.formulas.motion import CONSTANT, STATE, Given, Motion, by_element
+from rbfmu.formulas.program import program
+from rbfmu.formulas.source import WIDTH, layout_of
+from rbfmu.models.formulas import FormulaModel
+from rbfmu.models.question import BLOCKS, SIZE, BodyAtStart
+from rbfmu.scene.scene import Scene
+from rbfmu.types import Array
+from rbfmu_kernels.body.memory import inertia_of
+from rbfmu_kernels.compile.tiered import interpreted
+from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE, parallel_axis
+from rbfmu_kernels.quantities import OUTPUT, elements
+from rbfmu_kernels.rotations.quaternion import compose_quaternions, quaternion_rate_b, rotate
+from rbfmu_kernels.rotations.vec3 import cross, skew
+
+TURN = elements("rotvec_b", 3)
+AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+class Column(NamedTuple):
+    """A number by which a motion is varied: its name, the block that has it, and its place in this."""
+
+    name: str
+    block: str
+    at: int
+
+
+class Variation(NamedTuple):
+    """What a small change of each column makes of the numbers that a motion begins with and hangs on, (n columns,)."""
+
+    start: Mapping[str, Array]
+    seeds: Mapping[str, Array]
+
+
+def variation_of(scene: Scene, columns: Sequence[Column], z: Array) -> Variation:
+    """Return what columns make of the start of all errors, by their names, and of the places of the graph.
+
+    z: the numbers of the body's blocks, once the body is set.
+    """
+    count, numbers = len(columns), z[:SIZE].tolist()
+    turned: list[Any] = [0.0, 0.0, 0.0]
+    own: dict[str, Any] = {}
+    for n, column in enumerate(columns):
+        one = variables((0.0,), n, count)[0]
+        if column.block == "rotvec_b":
+            turned[column.at] = one
+        elif column.block in BLOCKS:
+            numbers[BLOCKS[column.block].start + column.at] += one
+        else:
+            own[elements(column.block, _size(scene, column.block))[column.at]] = one.gradient
+    body = {name: tuple(numbers[block]) for name, block in BLOCKS.items()}
+    q = interpreted(compose_quaternions)(body["q"], (1.0, *(0.5 * u for u in turned)))
+    mass, arm, omega, pivot = body["mass"][0], body["r_oc_b"], body["omega_b_0"], bool(numbers[BLOCKS["pivot"].start])
+    M = interpreted(inertia_of)(numbers)
+    M = interpreted(parallel_axis)(M, mass, arm) if pivot else M
+    values = [float(getattr(x, "value", x)) for x in np.ravel(np.array(M, object))]
+    inverse = np.linalg.pinv(np.reshape(values, (3, 3)), rcond=INERTIA_TOLERANCE)
+    by_M = jacobian([x for row in M for x in row], count)
+    lever = interpreted(rotate)(q, interpreted(cross)(omega, arm))
+    moved = [x + dx for x, dx in zip(body["position_0"], interpreted(rotate)(q, arm), strict=True)]
+    start = {"rotvec_b": turned, "omega": omega, "r_c": moved}
+    start["v_c"] = [x + dx for x, dx in zip(body["velocity_0"], lever, strict=True)]
+    derived = {
+        "M": by_M,
+        "M_inverse": -np.einsum("ij,jkn,kl->iln", inverse, by_M.reshape(3, 3, count), inverse).reshape(9, count),
+        "inverse_mass": jacobian([0.0 if pivot else 1.0 / mass], count),
+        "arm": jacobian(arm if pivot else [-1.0 * x for x in arm], count),
+    }
+    given = {name: jacobian(row, count) for name, row in body.items() if name not in derived}
+    rows = {name: jacobian(x, count) for name, x in start.items()}
+    return Variation(
+        dict(by_row(rows)) | {n: x for n, x in own.items() if n.startswith(STATE)},
+        {element: row for element, row in by_row(given | derived) if row.any()}
+        | {n: x for n, x in own.items() if n.startswith(CONSTANT)},
+    )
+
+
+def _size(scene: Scene, block: str) -> int:
+    name = block.partition(".")[2]
+    return len(scene.constants[name].value if block.startswith(CONSTANT) else scene.states[name].start)
+
+
+def by_row(values: Mapping[str, Array]) -> list[tuple[str, Array]]:
+    """Return the rows of matrices, by their elements' names."""
+    return [one for name, rows in values.items() for one in zip(elements(name, len(rows)), rows, strict=True)]
+
+
+class Slopes(NamedTuple):
+    """The derivatives of a number, by the row of errors and by columns; those that are zero are left out."""
+
+    by_error: Mapping[int, Number]
+    by_column: Mapping[int, Number]
+
+
+class VariedModel(FormulaModel):
+    """The model of a motion and its errors."""
+
+    def __init__(
+        self, motion: Motion, given: Given, texts: Texts, asked: Sequence[str], events: Mapping[str, Any],
+        columns: int, seeded: Mapping[str, Sequence[int]], ends: bool,
+    ) -> None:  # fmt: skip
+        """columns: how many there are; seeded: by the names of places, in which columns they vary; ends: whether an
+        event ends the run."""
+        super().__init__(motion, given, texts.loads, texts.states, texts.own, asked, events)
+        graph, plain = motion.graph, [name for name in self.rates if name != "t" and not name.startswith("q[")]
+        self.columns = -(-columns // WIDTH) * WIDTH
+        self.errors = (*(TURN if "q[1]" in self.rates else ()), *plain)
+        self._plain = [graph.leaf("state", name) for name in plain]
+        self._q = [graph.leaf("state", name) for name in elements("q", 4)] if "q[1]" in self.rates else []
+        self._turns = [interpreted(quaternion_rate_b)(tuple(motion.q), axis) for axis in AXES]
+        known = {str(x.value) for x in graph.operations if x.kind == "place"}
+        self.seeded = [(name, d) for name, row in seeded.items() for d in row if name in known]
+        self._places_seeded = {name: graph.leaf("place", name) for name, _ in self.seeded}
+        names = elements("seeds", len(self.seeded))
+        self._seeds = {one: graph.leaf("place", name) for one, name in zip(self.seeded, names, strict=True)}
+        rows = {i: self._slopes_of(self.rates[name]) for i, name in enumerate(self.errors) if name not in TURN}
+        rows |= {i: self._turning(i) for i, name in enumerate(self.errors) if name in TURN}
+        corners = [i for n, i in enumerate(self.program.sides) if self._event_of_side[n] < 0]
+        for n, i in enumerate(self.program.sides):
+            if i in corners:
+                rows[len(self.errors) + n] = self._slopes_of(Symbol(graph, graph.operations[i].of[0]))
+        self.shown_slopes = {e: self._slopes_of(x) for e, x in by_element(self.shown)}
+        self._finish(rows, ends)
+
+    def _finish(self, rows: Mapping[int, Slopes], ends: bool) -> None:
+        """Make the program again, with the series of the rows' slopes beside and those of outputs as values."""
+        beside: dict[Number, int] = {}
+        self.pattern: list[float] = []
+        for i, slopes in rows.items():
+            entries = [*slopes.by_error.items(), *((-1 - d, x) for d, x in slopes.by_column.items())]
+            for of, x in entries:
+                constant = not isinstance(x, Symbol) or x.is_constant
+                self.pattern += [i, of, beside.setdefault(x, len(beside)), float(constant)]
+        values = {x: None for s in self.shown_slopes.values() for x in (*s.by_error.values(), *s.by_column.values())}
+        if ends:
+            values |= {x: None for _, x in by_element(self.rates_shown)}
+        self.wanted = {x: n for n, x in enumerate(values)}
+        wanted = {**self.program.wanted, **dict(zip(elements("slopes", len(values)), values, strict=True))}
+        watched = [Symbol(self.motion.graph, i) for i in self._sides]
+        self.program = program(self.motion.graph, self.rates, wanted, watched, tuple(beside))
+
+    def _turning(self, i: int) -> Slopes:
+        """Return the slopes of a rate of the rotation vector: u' = the error of omega_b - omega_b x u."""
+        carried = interpreted(skew)(tuple(self.motion.omega))[i]
+        slopes = {n: -carried[n] for n in range(3) if isinstance(carried[n], Symbol) or carried[n] != 0.0}
+        return Slopes(slopes | {self.errors.index(f"omega[{i + 1}]"): 1.0}, {})
+
+    def _slopes_of(self, x: Number) -> Slopes:
+        found = gradient(x, [*self._plain, *self._q, *self._places_seeded.values()])
+        n = len(self._plain)
+        by_error: dict[int, Number] = {}
+        for name, slope in zip((leaf.operation.value for leaf in self._plain), found, strict=False):
+            by_error[self.errors.index(str(name))] = slope
+        for k, turn in enumerate(self._turns if self._q else ()):
+            by_error[k] = sum((g * dq for g, dq in zip(found[n : n + 4], turn, strict=True)), 0.0)
+        by_column: dict[int, Number] = {}
+        for name, slope in zip(self._places_seeded, found[n + len(self._q) :], strict=True):
+            for one, d in self.seeded:
+                if one == name:
+                    by_column[d] = by_column.get(d, 0.0) + self._seeds[one, d] * slope
+        return Slopes(_left(by_error), _left(by_column))
+
+    @cached_property
+    def rates_shown(self) -> dict[str, Any]:
+        """Return the time derivatives of what is shown, by its name; of an attitude its rate in b."""
+        leaves = [self.motion.graph.leaf("state", name) for name in self.rates]
+        found = {}
+        for name, value in self.shown.items():
+            rows = (gradient(x, leaves) for x in np.ravel(value))
+            slopes = [sum((g * r for g, r in zip(row, self.rates.values(), strict=True)), 0.0) for row in rows]
+            found[name] = np.array(self.motion.omega if name == "quaternion" else slopes, object)
+        return found
+
+    def rates_at(self, name: str, values: Array) -> Array:
+        """Return the time derivatives of what is shown; values: those of the block "slopes", (n,)."""
+        return np.array([values[self.wanted[x]] for x in np.ravel(self.rates_shown[name])])
+
+    @property
+    def more_blocks(self) -> dict[str, int]:
+        """Return the sizes of the blocks of errors."""
+        size = len(self.errors) * self.columns
+        blocks = {"errors": size, "seeds": len(self.seeded), "slopes": len(self.wanted), "pattern": len(self.pattern)}
+        return blocks | {"shifts": self.columns, "rates_before": len(self.errors)}
+
+    @cached_property
+    def layout(self) -> Any:
+        """Return where the generated kernels find their numbers, and templates the series of errors after them."""
+        return layout_of(self.program, len(self.errors) * self.columns)
+
+    @property
+    def _places(self) -> dict[str, Any]:
+        blocks, rows = self.blocks.blocks, self.blocks.blocks["series.work"].start + self.layout.start
+        size, states = len(self.errors) * self.columns, [*self.rates]
+        return super()._places | {
+            "NUMBER_OF_ERRORS": len(self.errors), "COLUMNS": self.columns, "ENTRIES": len(self.pattern) // 4,
+            "STATE_OF": tuple(-1 if n in TURN else states.index(n) for n in self.errors) or (-1,),
+            "OF_ENTRIES": rows + self.layout.beside, "OF_ERRORS": rows + self.layout.row - size,
+            **{n.upper(): blocks[n].start for n in ("errors", "pattern", "shifts", "rates_before")},
+        }  # fmt: skip
+
+    def numbers(self, variation: Variation) -> dict[str, list[float]]:
+        """Return what the buffer's blocks of errors begin with."""
+        errors = np.zeros((len(self.errors), self.columns))
+        for i, name in enumerate(self.errors):
+            row = variation.start.get(name, ())
+            errors[i, : len(row)] = row
+        zero = np.zeros(self.columns)
+        seeds = [float(variation.seeds.get(name, zero)[d]) for name, d in self.seeded]
+        return {"errors": errors.ravel().tolist(), "seeds": seeds, "pattern": self.pattern}
+
+    def slopes_at(self, name: str, errors: Array, values: Array, columns: int) -> Array:
+        """Return the derivatives of what is shown, (times, numbers, columns).
+
+        errors: (times, rows, columns); values: those of the block "slopes", (times, n).
+        """
+        found = []
+        for element in elements(name, int(np.size(self.shown[name]))):
+            by_error, by_column = self.shown_slopes[element]
+            total = np.zeros((len(errors), columns))
+            for i, x in by_error.items():
+                total += values[:, self.wanted[x], None] * errors[:, i, :columns]
+            for d, x in by_column.items():
+                total[:, d] += values[:, self.wanted[x]]
+            found.append(total)
+        return np.stack(found, axis=1)
+
+
+def _left(slopes: Mapping[int, Number]) -> dict[int, Number]:
+    return {n: x for n, x in slopes.items() if isinstance(x, Symbol) or x != 0.0}
+
+
+def varied_model(scene: Scene, columns: Sequence[Column], seeded: Mapping[str, Sequence[int]]) -> VariedModel:
+    """Return the model of a scene varied by columns."""
+    start = BodyAtStart(scene)
+    start.check()
+    numbers = {name: start.z[block].tolist() for name, block in BLOCKS.items()}
+    given = given_to(scene, numbers, bool(start.has_pivot))
+    given = replace(given, symbolic=given.symbolic | {name.partition("[")[0] for name in seeded})
+    texts = Texts(scene, given)
+    asked = [*dict.fromkeys(OUTPUT[name].judged_by or name for name in scene.outputs.quantities), *texts.own]
+    events = {name: (texts.events[name], row.direction) for name, row in scene.events.items()}
+    ends = any(event.stop for event in scene.events.values())
+    return VariedModel(texts.motion, given, texts, asked, events, len(columns), seeded, ends)

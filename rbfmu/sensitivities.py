@@ -1,0 +1,303 @@
+"""How a motion hangs on each number of its scene: derivatives along it, by the variational equations."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rbfmu import arrays
+from rbfmu.exceptions import named
+from rbfmu.formulas.motion import STATE
+from rbfmu.models.formulas import EVENT
+from rbfmu.models.question import BLOCKS, BodyAtStart, Question
+from rbfmu.models.registry import FORMULAS
+from rbfmu.models.varied import TURN, Column, variation_of, varied_model
+from rbfmu.planning import methods
+from rbfmu.runs.inputs import HOLD, Drive, Driven, drive_of, input_tables
+from rbfmu.runs.parameters import BLOCK_OF, KEYS
+from rbfmu.runs.plan import Plan
+from rbfmu.scene.scene import Scene, of_scene_or_path
+from rbfmu.simulation import refused_step
+from rbfmu.types import Array
+from rbfmu_kernels.compile.tiered import tiered
+from rbfmu_kernels.quantities import BY_NAME, OUTPUT, elements
+
+TIGHTER = 0.01
+"""The tolerance of the run over the scene's accuracy: an error of the motion is one of where slopes are taken."""
+ATTITUDE = "initial.attitude"
+PERCENT, ENDINGS = 0.01, (".csv", ".npz")
+_BLOCKS = {key: (BLOCK_OF[name], name) for name, key in KEYS.items() if name != "quaternion_0"}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sensitivity:
+    """What `sensitivity` gives; SI units.
+
+    time: s, (times,); numbers: names of the numbers that vary, and sizes: how large they are, (numbers,), 0 of an
+    attitude; of: by the name of each output, its derivatives (times, k, numbers), k numbers of the output;
+    `of["attitude"]` (times, 3, numbers) is the rotation vector in b by which the attitude turns, in place of the
+    quaternion; values: what the outputs are, (times, k); covariance: of each output (times, k, k), where one of the
+    numbers was given.
+    """
+
+    time: Array
+    numbers: tuple[str, ...]
+    sizes: Array
+    of: Mapping[str, Array]
+    values: Mapping[str, Array]
+    covariance: Mapping[str, Array]
+
+    def __repr__(self) -> str:
+        return f"Sensitivity(of {', '.join(self.of)} by {', '.join(self.numbers)}; {len(self.time)} times)"
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Return the keys that have the numbers."""
+        return tuple(dict.fromkeys(name.partition("[")[0] for name in self.numbers))
+
+    def changes(self, name: str) -> dict[str, Array]:
+        """Return how far an output moves (times,), in its unit, where a key's numbers change together by 1 %.
+
+        Each number of a key changes by 0.01 of the largest of them, or by 0.01 where all are zero or it is an attitude.
+        The sizes of what they make are added as those of independent errors are.
+        """
+        found = {}
+        for key in self.keys:
+            at = [n for n, number in enumerate(self.numbers) if number.partition("[")[0] == key]
+            scale = PERCENT * (float(np.max(self.sizes[at])) or 1.0)
+            found[key] = scale * np.linalg.norm(self.of[name][:, :, at], axis=(1, 2))
+        return found
+
+    def save(self, path: str | Path) -> None:
+        """Write `.npz` (time, and derivatives by output) or `.csv` (a column `omega_b[1] by constants.k` each)."""
+        path = Path(path)
+        if path.suffix not in ENDINGS:
+            raise ValueError(f"cannot save to {str(path)!r}: the name must end in {' or '.join(ENDINGS)}")
+        with named(path):
+            if path.suffix == ".npz":
+                carried = {f"covariance {name}": rows for name, rows in self.covariance.items()}
+                np.savez(path, time=self.time, numbers=np.array(self.numbers), **self.of, **carried)  # type: ignore[arg-type]
+                return
+            columns = {"time": self.time}
+            for name, rows in self.of.items():
+                for k, element in enumerate(elements(name, rows.shape[1])):
+                    columns |= {f"{element} by {n}": rows[:, k, i] for i, n in enumerate(self.numbers)}
+            header = ",".join(f'"{name}"' for name in columns)
+            table = np.column_stack([*columns.values()])
+            np.savetxt(path, table, fmt="%.17g", delimiter=",", header=header, comments="")
+
+    def plot(self, path: str | Path | None = None, title: str = "") -> Any:
+        """Draw what matters when: `changes` of each output over time; return the matplotlib.figure.Figure.
+
+        path: a file to draw to, whose ending (.png, .svg, .pdf) sets the format.
+        """
+        from rbfmu.plot import plot_changes
+
+        return plot_changes(self.time, {name: self.changes(name) for name in self.of}, path, title)
+
+
+@of_scene_or_path
+def sensitivity(
+    scene: Scene,
+    /,
+    by: Sequence[str],
+    planned: Plan | None = None,
+    covariance: ArrayLike | None = None,
+    *,
+    inputs: Any = None,
+    interpolate: str = HOLD,
+) -> Sensitivity:
+    """Return how a scene's outputs change over time with numbers of its start, its body, its loads and constants.
+
+    by: keys such as "initial.omega_b", "initial.attitude" (a small rotation in b, rad), "body.inertia" (three moments
+    where its products are zero, else all six), "body.inertia[1,2]", "constants.k", "states.charge".
+    planned: a plan by series, whose order and tolerance are used; covariance: of the numbers, (numbers, numbers),
+    carried along by the derivatives; inputs, interpolate: see `simulate`.
+
+    The derivatives obey the variational equations of the motion and are as accurate as it is: they are integrated with
+    it by the same series, whatever model a plan would choose. At corners of formulas they jump as the motion after them
+    shifts in time, and the last row of a run that an event stops is that at the event, which shifts as well.
+    Raises SceneError, SimulationError, ValueError for a key without a number or where a corner is grazed.
+    """
+    return Varied(scene, by).along(scene, planned, covariance, inputs, interpolate)
+
+
+class Varied:
+    """A scene and the numbers that vary: `along` gives the derivatives along it, also for other values of these."""
+
+    def __init__(self, scene: Scene, by: Sequence[str]) -> None:
+        if scene.body is None:
+            raise ValueError(f"{scene.name}: expected a scene with a body, not prescribed rates, for derivatives")
+        self.columns = [column for key in by for column in columns_of(scene, key)]
+        if not self.columns:
+            raise ValueError("by: expected at least one key")
+        seeds = variation_of(scene, self.columns, _generic(scene, self.columns)).seeds
+        rows = {name: np.flatnonzero(row).tolist() for name, row in seeds.items()}
+        self.model = varied_model(scene, self.columns, rows)
+        self.numbers = tuple(column.name for column in self.columns)
+
+    def along(
+        self, scene: Scene, planned: Plan | None = None, covariance: Any = None, inputs: Any = None,
+        interpolate: str = HOLD,
+    ) -> Sensitivity:  # fmt: skip
+        """Return the derivatives along the run of a scene that differs from the first in the numbers alone."""
+        tables = {} if inputs is None else input_tables(scene, inputs, interpolate)
+        return self.along_drive(scene, drive_of(scene, tables, interpolate), planned, covariance)
+
+    def along_drive(
+        self, scene: Scene, drive: Drive, planned: Plan | None = None, covariance: Any = None
+    ) -> Sensitivity:
+        """Return the derivatives at the communication points of a drive."""
+        try:
+            run = _Run(self, scene, self._plan(scene, planned), drive)
+        except ZeroDivisionError:  # of kernels that run as plain Python; where compiled, the number is not finite
+            expected = "expected no norm, root or angle, in an output or a load, of what is zero at the start"
+            raise ValueError(f"{scene.name}: a formula has no derivative: {expected}") from None
+        of = run.slopes()
+        for name, rows in of.items():
+            known = np.isfinite(rows).all(axis=(1, 2))
+            if not known.all():
+                where = f"{scene.name}: {name} at t = {float(run.time[int(np.argmin(known))])!r} s"
+                raise ValueError(f"{where}: expected a motion with finite derivatives, that grazes no corner")
+        spread = {} if covariance is None else self._carried(of, np.asarray(covariance, dtype=np.float64))
+        return Sensitivity(run.time, self.numbers, run.sizes, of, run.values, spread)
+
+    def _carried(self, of: Mapping[str, Array], covariance: Array) -> dict[str, Array]:
+        n = len(self.columns)
+        if covariance.shape != (n, n):
+            raise ValueError(f"covariance: expected a matrix {(n, n)} for {', '.join(self.numbers)}")
+        return {name: np.einsum("tkn,nm,tlm->tkl", S, covariance, S) for name, S in of.items()}
+
+    def _plan(self, scene: Scene, planned: Plan | None) -> Plan:
+        if planned is not None and planned.order in self.model.model.ORDERS:
+            return replace(planned, model=FORMULAS.key, formulas=self.model)
+        asked, states = Question(scene), len(self.model.rates)
+        tolerance = max(TIGHTER * asked.accuracy, methods.TIGHTEST)
+        order = max(methods.likely_order(tolerance), 12)
+        return Plan(FORMULAS.key, "", states, tolerance=tolerance, order=order, span=asked.span, formulas=self.model)
+
+
+def columns_of(scene: Scene, key: str) -> list[Column]:
+    """Return the numbers that a key names. Raises ValueError."""
+    whole, bracket, _ = key.partition("[")
+    table, _, name = whole.partition(".")
+    if whole == ATTITUDE:
+        block, size, names = "rotvec_b", 3, elements(ATTITUDE, 3)
+    elif whole in _BLOCKS:
+        block, parameter = _BLOCKS[whole]
+        row = BY_NAME[parameter]
+        size = row.size
+        names = [f"{whole}[{e}]" for e in getattr(row, "elements", ())] or elements(whole, size)
+    elif (table == "constants" and name in scene.constants) or (table == "states" and name in scene.states):
+        size = len(scene.constants[name].value if table == "constants" else scene.states[name].start)
+        block, names = whole, elements(whole, size)
+    else:
+        known = [
+            ATTITUDE,
+            *_BLOCKS,
+            *(f"constants.{n}" for n in scene.constants),
+            *(f"states.{n}" for n in scene.states),
+        ]
+        raise ValueError(f"by = {key!r}: expected one of {', '.join(known)}")
+    found = [Column(n, block, i) for i, n in enumerate(names)]
+    if bracket:
+        found = [column for column in found if column.name == key]
+        if not found:
+            raise ValueError(f"by = {key!r}: expected one of {', '.join(names)}")
+    elif whole == "body.inertia" and scene.body is not None:
+        M = scene.body.M_c
+        found = found[:3] if not any(M[i][j] for i, j in ((0, 1), (0, 2), (1, 2))) else found
+    load = whole.removeprefix("loads.")
+    if table == "loads" and load in scene.load_formulas:
+        raise ValueError(f"by = {key!r}: expected a load of numbers; this one is a formula, whose constants may vary")
+    if block in ("inertia", "r_oc_b") and BodyAtStart(scene).principal_axes[0][0] <= 0.0:
+        raise ValueError(f"by = {key!r}: expected another; a slender beam has no inertia about its axis to begin with")
+    return found
+
+
+def block_of(column: Column) -> str:
+    """Return the block of a buffer that has a number; an attitude has none."""
+    return f"{column.block}_0" if column.block.startswith(STATE) else column.block
+
+
+def _generic(scene: Scene, columns: Sequence[Column]) -> Array:
+    """Return the body's numbers with those that vary changed a little: what is zero there, is so whatever they are."""
+    z = BodyAtStart(scene).z.copy()
+    for n, column in enumerate(columns):
+        if column.block in BLOCKS:
+            at = BLOCKS[column.block].start + column.at
+            z[at] += 1e-3 * math.sqrt(n + 2.0) * (abs(z[at]) or 1.0)
+    return z
+
+
+class _Run:
+    """A run of a motion with its errors, recorded."""
+
+    def __init__(self, varied: Varied, scene: Scene, plan: Plan, drive: Drive) -> None:
+        self._model, self._scene, self._count = varied.model, scene, len(varied.columns)
+        run = Driven(scene, plan, drive, [name for name in self._model.shown if name in OUTPUT])
+        blocks, z, self.time, self._event = plan.kernels.BLOCKS, run.z, drive.time, ""
+        for name, row in self._model.numbers(variation_of(scene, varied.columns, z)).items():
+            z[blocks[name]] = row
+        tiered(plan.kernels.outputs)(z)
+        at = [-1 if c.block == "rotvec_b" else blocks[block_of(c)].start + c.at for c in varied.columns]
+        self.sizes = np.array([abs(z[i]) if i >= 0 else 0.0 for i in at])
+        views = [z[blocks[name]] for name in (*self._model.shown, "errors", "slopes")]
+        recorded = [np.empty((len(drive.time), len(view))) for view in views]
+        for k in range(len(drive.time)):
+            if k and not run.advance(k):
+                raise refused_step(scene, drive.time[k - 1])
+            for rows, view in zip(recorded, views, strict=True):
+                rows[k] = view
+            if run.ended is not None and run.events is not None:
+                self.time, self._event = np.append(drive.time[:k], run.ended), run.events.last
+                break
+        *shown, errors, self._slopes = (rows[: len(self.time)] for rows in recorded)
+        self._errors = errors.reshape(len(self.time), -1, self._model.columns)
+        self.values = dict(zip(self._model.shown, shown, strict=True))
+
+    def slopes(self) -> dict[str, Array]:
+        """Return the derivatives of each output."""
+        found = {}
+        for name in self._scene.outputs.names:
+            if name == "quaternion":
+                found["attitude"] = self._attitude()
+            elif name == "rpy":
+                found["rpy"] = self._roll_pitch_yaw()
+            else:
+                found[name] = self._model.slopes_at(name, self._errors, self._slopes, self._count)
+        return self._at_event(found) if self._event else found
+
+    def _at_event(self, found: dict[str, Array]) -> dict[str, Array]:
+        """Return the derivatives, in the last row those at the event that ended the run, whose time shifts as well."""
+        when, last = f"{EVENT}{self._event}", slice(len(self.time) - 1, None)
+        of_event = self._model.slopes_at(when, self._errors[last], self._slopes[last], self._count)[0, 0]
+        shift = -of_event / self._model.rates_at(when, self._slopes[-1])[0]
+        for name, rows in found.items():
+            rates = self._rates_of(name)
+            rows[-1] += rates[:, None] * shift
+        return found
+
+    def _rates_of(self, name: str) -> Array:
+        """Return the time derivatives of an output in the last row."""
+        rates = self._model.rates_at("quaternion" if name in ("attitude", "rpy") else name, self._slopes[-1])
+        if name != "rpy":
+            return rates
+        angles = arrays.euler_from_quaternion("ZYX", self.values["quaternion"][-1])
+        of_angles: Array = arrays.euler_rate_b("ZYX", angles, rates)
+        return of_angles[::-1]
+
+    def _attitude(self) -> Array:
+        at = [self._model.errors.index(name) for name in TURN]
+        turns: Array = self._errors[:, at, : self._count]
+        return turns
+
+    def _roll_pitch_yaw(self) -> Array:
+        angles = arrays.euler_from_quaternion("ZYX", self.values["quaternion"])
+        turns = np.moveaxis(self._attitude(), 1, 2)
+        rates: Array = arrays.euler_rate_b("ZYX", angles[:, None, :], turns)
+        return np.moveaxis(rates[..., ::-1], 1, 2)

@@ -1,0 +1,73 @@
+"""A one-step method of the reader's own, from a file: as Numba compiles it, or else as Python."""
+
+import inspect
+import math
+import runpy
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from numba import NumbaError, njit
+
+from rbfmu.studies.reference_methods import OneStepMethod, Steps, compiled_loop
+from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, Body, Loads, State
+
+EXPECTED = "expected a function step(q, omega, h, body, loads) that returns (q, omega): 4 and 3 finite numbers"
+_I = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+_TRIED = (1.0, 0.0, 0.0, 0.0), (0.3, 1.0, 0.2)
+
+
+def method_of_file(path: str | Path) -> OneStepMethod:
+    """Return the method of a file, named as the file is; ValueError says what is wrong with it."""
+    path = Path(path)
+    try:
+        step = runpy.run_path(str(path)).get("step")
+        step = getattr(step, "py_func", step)  # compiled as all others are
+        if not callable(step) or len(inspect.signature(step).parameters) != 5:
+            raise ValueError(f"{EXPECTED}, got {'none' if step is None else step}")
+        _check(step(*_TRIED, 0.01, Body(1.0, _I, _I, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1.0), NO_LOADS))
+    except Exception as error:  # whatever a reader's file raises
+        kind = "" if type(error) is ValueError else f"{type(error).__name__}: "
+        raise ValueError(f"{path}: {kind}{error}") from error
+    name, loop = path.stem, compiled_loop(_step_of(njit(error_model="numpy", nogil=True)(step)))
+    try:
+        loop(State((0.0,) * 3, (0.0,) * 3, *_TRIED), 0.01, 1, Body(1.0, _I, _I, (0.0,) * 3, (0.0,) * 3, 1.0), NO_LOADS)
+    except NumbaError:
+        name, loop = f"{path.stem} (as Python)", _interpreted(step)
+    return OneStepMethod(name, loop, 0, math.nan)
+
+
+def _check(found: Any) -> None:
+    try:
+        q, omega = ([float(x) for x in part] for part in found)
+        well = (len(q), len(omega)) == (4, 3) and all(map(math.isfinite, q + omega))
+    except (TypeError, ValueError):
+        well = False
+    if not well:
+        raise ValueError(f"{EXPECTED}, got {found!r}")
+
+
+def _step_of(step: Any) -> Any:
+    """Return the step of a state: arrays and tuples serve for attitude and rates, and the centre of mass stays."""
+
+    @njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+    def step_of_state(state: State, h: float, body: Body, loads: Loads) -> State:
+        q, w = step(state.q_ab, state.omega_b, h, body, loads)
+        attitude = (float(q[0]), float(q[1]), float(q[2]), float(q[3]))
+        return State(state.r_c, state.v_c, attitude, (float(w[0]), float(w[1]), float(w[2])))
+
+    return step_of_state
+
+
+def _interpreted(step: Callable[..., Any]) -> Steps:
+    def loop(state: State, h: float, n: int, body: Body, loads: Loads) -> State:
+        q: Any = state.q_ab
+        omega: Any = state.omega_b
+        try:
+            for _ in range(n):
+                q, omega = (tuple(map(float, part)) for part in step(q, omega, h, body, loads))
+        except ArithmeticError:  # where compiled code gives NaN
+            q, omega = (math.nan,) * 4, (math.nan,) * 3
+        return State(state.r_c, state.v_c, q, omega)
+
+    return loop

@@ -1,0 +1,182 @@
+"""Events: counts and times against exact ones, in any communication steps; what runs, files and commands show."""
+
+import math
+import re
+
+import numpy as np
+import pytest
+
+import rbfmu
+from examples.benchmarks import events
+from tests.support.command_line import call
+from tests.support.paths import ROOT
+from tests.support.references.events_mp import judged, right
+
+TABLES = {
+    "body": {"mass": 1.0, "inertia": [1.0, 1.5, 2.2]},
+    "initial": {"omega_b": [0.4, 2.0, 0.3]},
+    "loads": {"gravity_a": [0.0, 0.0, 0.0]},
+    "outputs": {"quantities": ["quaternion", "omega_b"]},
+    "run": {"stop": 50.0, "step": 0.5, "accuracy": 1e-9},
+}
+
+
+def scene(step=0.5, stop=50.0, **events):
+    return rbfmu.Scene.from_dict(TABLES | {"events": events, "run": TABLES["run"] | {"step": step, "stop": stop}})
+
+
+KNOWN = {
+    "sin(3*t)": [k * math.pi / 3.0 for k in range(48)],
+    "cos(t)": [(k + 0.5) * math.pi for k in range(16)],
+    "(t - 7)*(t - 7.000001)": [7.0, 7.000001],
+    "(t - 20)*(t - 20.01)*(t - 20.02)": [20.0, 20.01, 20.02],
+    "t": [0.0],
+    "t - 0.5": [0.5],
+    "(t - 10)**3": [10.0],
+    "exp(-0.1*t) - 0.5": [10.0 * math.log(2.0)],
+    "abs(t - 25) - 5": [20.0, 30.0],
+    "where(t < 30, -1, 1)*(t - 10)": [10.0, 30.0],
+}
+
+
+@pytest.mark.parametrize("step", [0.5, pytest.param(7.0 / 3.0, marks=pytest.mark.thorough), 50.0])
+def test_no_root_is_missed_whatever_the_communication_step(step):
+    """Roots at the start, at communication points, at corners, and next to each other, each once."""
+    events = {f"e{k}": {"when": text} for k, text in enumerate(KNOWN)}
+    found = rbfmu.simulate(scene(step, **events))
+    for name, (text, expected) in zip(events, KNOWN.items(), strict=True):
+        assert len(found.events[name]) == len(expected), text
+        near = 1e-4 if "**3" in text else 1e-9  # where round-off of 1e-16 is a time of 1e-5 s
+        np.testing.assert_allclose(found.events[name], expected, rtol=0, atol=near, err_msg=text)
+        assert not len(found.touches[name]), text
+
+
+@pytest.mark.parametrize("step", [pytest.param(0.05, marks=pytest.mark.thorough), 50.0])
+def test_a_root_at_each_of_a_thousand_communication_points_counts_once(step):
+    """In planning too, where what is watched is zero at every row."""
+    found = rbfmu.simulate(scene(step, tick=f"sin({20.0 * math.pi!r}*t)")).events["tick"]
+    np.testing.assert_allclose(found, 0.05 * np.arange(1000), rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("step", [pytest.param(0.5, marks=pytest.mark.thorough), 50.0])
+def test_what_touches_zero_is_said_to_touch_it(step):
+    """Also where another event's root is at the same time, where round-off decides on which side it is."""
+    found = rbfmu.simulate(
+        scene(step, touch="1 - cos(t)", below="-(t - 11)**2", other="sin(3*t)", beside="1.000001 - cos(t)")
+    )
+    assert not len(found.events["touch"])
+    np.testing.assert_allclose(found.touches["touch"], [2.0 * math.pi * k for k in range(8)], atol=1e-6)
+    np.testing.assert_allclose(found.touches["below"], [11.0], atol=1e-6)
+    assert len(found.events["other"]) == 48
+    assert not len(found.touches["other"])
+    assert not len(found.events["beside"])
+    assert not len(found.touches["beside"])
+
+
+def test_events_of_the_motion_are_where_it_comes_to_zero():
+    one = scene(a="omega_b[1]", up={"when": "omega_b[1]", "direction": "rising"},
+                down={"when": "omega_b[1]", "direction": "falling"})  # fmt: skip
+    found, whole = rbfmu.simulate(one), rbfmu.simulate(one.replace({"run.step": 50.0}))
+    times = np.sort(np.concatenate([found.events["up"], found.events["down"]]))
+    np.testing.assert_array_equal(times, found.events["a"])
+    np.testing.assert_allclose(whole.events["a"], times, rtol=0, atol=1e-8)
+    assert np.count_nonzero(np.diff(np.sign(found.omega_b[:, 0]))) == len(times)
+    for t in times[:3]:
+        there = rbfmu.simulate(one.replace({"run.stop": float(t), "run.step": float(t)}))
+        assert abs(there.omega_b[-1, 0]) <= 1e-9 * np.abs(found.omega_b).max()
+
+
+def test_an_event_ends_the_run_and_is_its_last_row():
+    one = scene(end={"when": "omega_b[1]", "stop": True, "direction": "rising"}, before="sin(3*t)")
+    found, free = rbfmu.simulate(one), rbfmu.simulate(scene(end={"when": "omega_b[1]", "direction": "rising"}))
+    (t,) = found.events["end"]
+    assert t == pytest.approx(free.events["end"][0], abs=1e-9)
+    assert found.time[-1] == t
+    assert np.all(np.diff(found.time) > 0.0)
+    assert abs(found.omega_b[-1, 0]) <= 1e-9
+    assert found.events["before"].max() < t
+    at_point = rbfmu.simulate(scene(end={"when": "t - 1.5", "stop": True}))
+    assert at_point.time[-1] == pytest.approx(1.5, abs=1e-12)
+    assert len(at_point.time) == 4
+
+
+def test_a_simulator_tells_events_of_its_last_step_and_stops_at_one():
+    simulator = rbfmu.Simulator(scene(tick="sin(3*t)", a="omega_b[1]"))
+    told = []
+    while simulator.time < 4.0:
+        if names := simulator.step_to_event(0.5):
+            told.append((names, simulator.time))
+    expected = rbfmu.simulate(scene(tick="sin(3*t)", a="omega_b[1]", stop=4.0)).events
+    for name, times in expected.items():
+        np.testing.assert_allclose([t for names, t in told if name in names], times, rtol=0, atol=1e-9)
+    simulator.reset()
+    state = simulator.save()
+    simulator.step(2.2)
+    assert len(simulator.events["tick"]) == 3
+    simulator.restore(state)
+    simulator.step(2.2)
+    assert len(simulator.events["tick"]) == 3
+    simulator.step(0.01)
+    assert not len(simulator.events["tick"])
+
+
+def test_files_commands_and_pictures_show_events(tmp_path):
+    one = scene(tick="sin(3*t)", touch="1 - cos(t)", stop=5.0)
+    found = rbfmu.simulate(one)
+    found.save(tmp_path / "it.npz")
+    kept = rbfmu.Result.load(tmp_path / "it.npz")
+    np.testing.assert_array_equal(kept.events["tick"], found.events["tick"])
+    np.testing.assert_array_equal(kept.touches["touch"], found.touches["touch"])
+    assert len(kept.until(2.0).events["tick"]) == 2
+    (tmp_path / "it.toml").write_text(
+        "[body]\nmass = 1.0\ninertia = [1.0, 1.5, 2.2]\n[run]\nstop = 5.0\nstep = 0.5\n"
+        '[events]\ntick = "sin(3*t)"\ntouch = "1 - cos(t)"\n[outputs]\nquantities = ["omega_b"]\n'
+    )
+    printed = call("run", tmp_path / "it.toml", "-o", tmp_path / "it.csv", "--plot", tmp_path / "it.png").stdout
+    assert "tick            5      0 1.047197" in printed
+    assert "touch, touches  1      0" in printed
+    lines = (tmp_path / "it.events.csv").read_text().splitlines()
+    assert lines[0] == "time,name,kind"
+    assert len(lines) == 7
+
+
+def test_events_read_loads_states_ports_and_corners():
+    tables = TABLES | {
+        "states": {"x": {"start": 0.0, "rate": "u"}},
+        "inputs": {"ports": [{"name": "u", "size": 1}]},
+        "events": {"full": "x - 1", "sign": "u - 0.25"},
+        "run": {"stop": 10.0, "step": 0.5, "accuracy": 1e-9},
+    }
+    one = rbfmu.Scene.from_dict(tables)
+    assert rbfmu.Scene.from_dict(one.to_dict()) == one
+    found = rbfmu.simulate(one, inputs={"u": ([0.0, 4.0, 10.0], [[0.0], [0.5], [0.5]])})
+    np.testing.assert_allclose(found.events["full"], [6.0], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(found.events["sign"], [4.0], rtol=0, atol=1e-9)
+
+
+@pytest.mark.thorough
+def test_events_of_motions_are_as_many_as_to_40_digits_and_as_pages_say():
+    *counts, size = judged(3)
+    assert counts[3]
+    assert right(*counts)
+    assert size <= 1.0
+    shown = [re.split(r" {2,}", line.strip()) for line in (ROOT / "rbfmu" / "README.md").read_text().splitlines()]
+    for what, formula, watched, true in events.CASES[:-1]:
+        counts = true, events.of_rbfmu(formula), events.or_error(events.of_scipy, watched)
+        assert [what, formula, *map(str, counts)] in [columns[:5] for columns in shown]
+
+
+@pytest.mark.parametrize(("event", "said"), [
+    ("2*3", "expected a formula that changes"), ("omega_b", "a scalar"), ({"direction": "rising"}, "a table with when"),
+    ({"when": "t", "direction": "up"}, "rising, falling or any"), ({"when": "t", "stop": 1}, "true or false"),
+    ("nothing", "nothing"),
+])  # fmt: skip
+def test_wrong_events_are_refused(event, said):
+    with pytest.raises(rbfmu.SceneError, match=said):
+        scene(one=event)
+
+
+@pytest.mark.thorough
+def test_chattering_ends_with_a_message():
+    with pytest.raises(rbfmu.SceneError, match="events: expected at most 4,096 in a communication step of 50 s"):
+        rbfmu.plan(scene(50.0, fast="sin(300*t)"))

@@ -1,0 +1,102 @@
+"""Names of one's own: constants and starts as parameters, outputs, ports, and what they may not be called."""
+
+import math
+
+import numpy as np
+import pytest
+
+import rbfmu
+from tests.library.formulas.test_scenes import CASES, scene
+
+
+def test_own_outputs_stand_without_quantities_and_rows_keep_their_neighbours():
+    tables = CASES["gravity gradient"][0]
+    tables = tables | {"outputs": {"turned": {"value": "omega_b[1]", "unit": "rad/s"}}}
+    tables = tables | {"constants": tables["constants"] | {"spare": 2.0}}
+    one = rbfmu.Scene.from_dict(tables)
+    assert one.outputs.names[-1] == "turned"
+    assert "omega_b" in one.outputs.quantities
+    other = one.replace({"constants.n": 0.4, "run.stop": 3.0})
+    assert other.constants["n"] == ((0.4,), "rad/s", "")
+    assert other.constants["spare"] == one.constants["spare"]
+    assert other.outputs.names[-1] == "turned"
+
+
+def test_constants_and_starts_are_parameters_where_they_are_listed():
+    tables = CASES["spring, thrust and a lag"][0] | {"inputs": {"parameters": ["k", "u_0"]}}
+    one = rbfmu.Scene.from_dict(tables)
+    assert rbfmu.Scene.from_dict(one.to_dict()) == one
+    planned = rbfmu.plan(one)
+    assert {"k", "u_0"}.isdisjoint(planned.pinned)
+    assert {"c", "mass"} <= {*planned.pinned}
+    with pytest.raises(rbfmu.SceneError, match="parameters"):
+        rbfmu.Scene.from_dict(tables | {"inputs": {"parameters": ["kk"]}})
+    simulator = rbfmu.Simulator(one, k=6.0, u_0=0.3)
+    simulator.step()
+    other = rbfmu.simulate(one.replace({"constants.k": 6.0, "states.u": 0.3}), planned=planned)
+    np.testing.assert_array_equal(simulator.position, other.position[1])
+    with pytest.raises(rbfmu.SceneError, match=r"list 'c' in inputs\.parameters"):
+        rbfmu.Simulator(one, c=6.0)
+
+
+def test_names_of_ones_own_are_not_mistaken_for_those_of_a_body():
+    names = {"constants": {"M": 2.0, "arm": 0.5}, "states": {"q": {"start": 0.1, "rate": "-M*q"},
+             "omega": {"start": [0.1, 0.2, 0.3], "rate": "-arm*omega"}}}  # fmt: skip
+    loads = {"torque_b": "[M*q, arm*q, 0] - omega"}
+    plain = {"constants": {"a": 2.0, "b": 0.5}, "states": {"x": {"start": 0.1, "rate": "-a*x"},
+             "y": {"start": [0.1, 0.2, 0.3], "rate": "-b*y"}}}  # fmt: skip
+    one = rbfmu.simulate(rbfmu.Scene.from_dict(scene(loads=loads, outputs={"shown": "q"}, **names)))
+    loads = {"torque_b": "[a*x, b*x, 0] - y"}
+    other = rbfmu.simulate(rbfmu.Scene.from_dict(scene(loads=loads, outputs={"shown": "x"}, **plain)))
+    np.testing.assert_array_equal(one.omega_b, other.omega_b)
+    np.testing.assert_array_equal(one.shown, other.shown)
+    np.testing.assert_allclose(one.shown, 0.1 * np.exp(-2.0 * one.time), rtol=0, atol=1e-10)
+    with pytest.raises(rbfmu.SceneError, match="another name"):
+        rbfmu.Scene.from_dict(scene(loads={"torque_b": "-omega_b"}, outputs={"arm": "t"}))
+
+
+def test_ports_of_ones_own_enter_formulas():
+    ports = ["torque_b", {"name": "wheel", "unit": "N m", "start": [0.01, 0, 0]}, {"name": "u", "size": 1}]
+    loads = {"torque_b": "-wheel - cross(omega_b, h) + [0, 0, u]"}
+    states = {"h": {"start": [0, 0, 0], "rate": "wheel"}}
+    driven = scene(inputs={"ports": ports}, loads=loads, states=states, outputs={"shown": "h"})
+    one = rbfmu.Scene.from_dict(driven)
+    assert rbfmu.Scene.from_dict(one.to_dict()) == one
+    planned = rbfmu.plan(one)
+    t = np.linspace(0.0, 5.0, 101)
+    given = {"wheel": np.outer(t, [0.1, 0.2, -0.1]), "u": 0.3 * t}
+    found = rbfmu.simulate(one, planned=planned, inputs=given, interpolate="linear")
+    loads = {"torque_b": loads["torque_b"].replace("wheel", "w").replace("[0, 0, u]", "[0, 0, 0.3*t]")}
+    states = {"h": {"start": [0, 0, 0], "rate": "w"}}
+    formulas = {"w": "t*[0.1, 0.2, -0.1]"}
+    same = rbfmu.simulate(rbfmu.Scene.from_dict(scene(loads=loads, states=states, formulas=formulas)))
+    np.testing.assert_allclose(found.omega_b, same.omega_b, rtol=0, atol=1e-8)
+    held = rbfmu.simulate(one, planned=planned)
+    np.testing.assert_allclose(held.shown[-1], [0.05, 0.0, 0.0], rtol=1e-13, atol=1e-15)
+    simulator = rbfmu.Simulator(one)
+    simulator.step(u=0.3, wheel=[0.1, 0.0, 0.0])
+    before = simulator.save()
+    for wrong in ({"u": [1.0, 2.0]}, {"u": math.nan}, {"wheel": 1.0}, {"v": 1.0}):
+        with pytest.raises(ValueError, match=next(iter(wrong))):
+            simulator.step(**{"torque_b": [0.5, 0.0, 0.0], **wrong})
+    assert simulator.save() == before
+
+
+@pytest.mark.parametrize(("port", "said"), [
+    ({"size": 3}, "a table with name as well"), ({"name": "u", "size": 2}, "1 or 3"),
+    ({"name": "u", "size": 1, "start": [1, 2, 3]}, "as many numbers"), ({"name": "t"}, "another name"),
+    ({"name": "mass"}, "another name"), ({"name": "h"}, "another name"), ({"name": "2u"}, "letters, digits"),
+])  # fmt: skip
+def test_wrong_ports_are_refused(port, said):
+    with pytest.raises(rbfmu.SceneError, match=said):
+        rbfmu.Scene.from_dict(scene(inputs={"ports": [port]}, loads={"torque_b": "-omega_b"}))
+
+
+def test_outputs_of_ones_own_hide_no_attribute_of_results_and_simulators():
+    one = rbfmu.Scene.from_dict(scene(loads={"torque_b": "-omega_b"}))
+    both = rbfmu.simulate(one), rbfmu.Simulator(one)
+    names = {name for found in both for name in (*dir(found), *vars(found)) if not name.startswith("_")}
+    assert {"time", "rows", "until", "buffer"} <= names
+    for name in names - {"quantities"}:  # which is a key
+        with pytest.raises(rbfmu.SceneError, match=rf"outputs\.{name}: expected another name"):
+            rbfmu.Scene.from_dict(scene(loads={"torque_b": "-omega_b"}, outputs={name: "t"}))

@@ -1,0 +1,88 @@
+"""A reader's own method, from a file: as theory says of Heun's, as Python, on the chart, and with messages."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+import rbfmu
+from rbfmu.studies.own_method import method_of_file
+from rbfmu.studies.stability import method_laws
+from rbfmu.studies.stability.own_laws import CURVE, largest_stable, order, own_laws
+from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS
+from tests.support.command_line import call
+from tests.support.paths import ROOT
+
+HEUN = ROOT / "examples" / "own_method.py"
+FREE = {
+    "body": {"mass": 1.0, "inertia": [1.0, 2.0, 3.0]},
+    "initial": {"omega_b": [0.1, 1.0, 0.1]},
+    "outputs": {"quantities": ["quaternion"]},
+    "run": {"stop": 2.0, "step": 1.0, "accuracy": 1e-4},
+}
+
+
+@pytest.fixture
+def heun():
+    return method_of_file(HEUN)
+
+
+def test_heuns_method_has_its_order_and_its_limits(heun):
+    assert order(heun) == pytest.approx(2.0, abs=0.1)
+    assert largest_stable(lambda x: abs(method_laws.decay_factor(heun, x))) == pytest.approx(2.0, abs=1e-9)
+    x = 0.4
+    assert method_laws.growth(heun, x) == pytest.approx(abs(1 + 0.5j * x - x**2 / 8), rel=1e-15)
+
+
+def test_code_that_numba_does_not_compile_gives_the_same_and_says_so(heun, tmp_path):
+    path = tmp_path / "slow.py"
+    lists = "def step(q, w, h, b, f): return [{*()} or list(part) for part in fast(q, w, h, b, f)]"
+    path.write_text(f"{HEUN.read_text()}\nfast = step\n{lists}\n")
+    slow = method_of_file(path)
+    assert slow.name == "slow (as Python)"
+    start, body = method_laws.TUMBLE, method_laws.free_body(method_laws.BRICK)
+    assert slow.run(start, 0.1, 5, body, NO_LOADS).omega_b == pytest.approx(heun.run(start, 0.1, 5, body, NO_LOADS)[3])
+
+
+@pytest.mark.thorough
+def test_curves_stand_beside_those_of_the_laws(heun):
+    studies = [method_laws.gimbal_passage(True), method_laws.energy_drift(True)]
+    found = own_laws(heun, studies)
+    assert {f.law for f in found.findings} >= {4, 5, 6, 8, 14}
+    assert all(f.holds and math.isfinite(f.measured) for f in found.findings)
+    for study in studies:
+        assert len(study.columns[CURVE]) == len(next(iter(study.columns.values())))
+
+
+@pytest.mark.thorough
+def test_it_competes_on_a_chart_that_asks_for_attitude_or_rates_alone():
+    rows = rbfmu.chart(rbfmu.Scene.from_dict(FREE), quick=True, method=HEUN).rows
+    assert min(row.error for row in rows if row.kind == "your method" and row.method == "own_method") < 1e-4
+
+
+FAULTY = {
+    "x = 1": "expected a function step(q, omega, h, body, loads)",
+    "def step(q, omega): return q, omega": "expected a function step",
+    "def step(q, omega, h, body, loads): return q": "got (1.0, 0.0, 0.0, 0.0)",
+    "def step(q, omega, h, body, loads): return q, [0, 0, float('nan')]": "4 and 3 finite numbers",
+    "def step(q, omega, h, body, loads): return momega": "NameError: name 'momega' is not defined",
+    "def step(q, omega, h, body, loads: return q": "SyntaxError",
+    None: "No such file",
+}
+
+
+@pytest.mark.parametrize("text", FAULTY)
+def test_a_bad_file_is_refused_with_what_was_expected(text, tmp_path: Path):
+    path = tmp_path / "bad.py"
+    if text is not None:
+        path.write_text(text)
+    with pytest.raises(ValueError, match=r"bad\.py") as refused:
+        method_of_file(path)
+    assert FAULTY[text] in str(refused.value)
+
+
+def test_a_command_refuses_a_bad_file_before_it_writes(tmp_path: Path):
+    done = call("stability", "--quick", "--method", tmp_path / "absent.py", "-o", tmp_path / "found")
+    assert done.exit_code == 2
+    assert "absent.py" in done.stderr
+    assert not (tmp_path / "found").exists()

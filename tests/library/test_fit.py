@@ -1,0 +1,236 @@
+"""Numbers of a scene from measured motion: found with their errors, or named where the data do not tell them."""
+
+import numpy as np
+import pytest
+
+import rbfmu
+from rbfmu.ensembles.members import draw
+from rbfmu.identification.charts import chart_of
+from rbfmu.identification.measured import sigma_of
+from rbfmu_fmu.demo import NASA
+from tests.support import fits
+from tests.support.paths import ROOT
+
+RNG_SEED = 20261123
+
+
+@pytest.fixture(scope="module")
+def case():
+    """(truth, start, data) with gaps."""
+    rng = np.random.default_rng(RNG_SEED)
+    scene = fits.truth(rng)
+    data = fits.measured(rng, scene)
+    data["omega_b"][3:30] = np.nan
+    data["quaternion"][50:60] = np.nan
+    return scene, fits.start(rng, scene), data
+
+
+@pytest.fixture(scope="module")
+def found(case):
+    _, begun, data = case
+    return rbfmu.fit(begun, data, fits.FREE)
+
+
+def test_numbers_are_found_within_their_errors(case, found):
+    scene, begun, _ = case
+    assert np.max(np.abs(fits.errors(found, scene, begun))) < 4.0
+    assert found.unknown == () == found.doubts
+    assert found.sigma == pytest.approx({"omega_b": 0.01, "quaternion": 0.01}, rel=0.2)
+    np.testing.assert_allclose(np.diag(found.correlation), 1.0)
+    assert rbfmu.simulate(found.scene).omega_b[-1] == pytest.approx(rbfmu.simulate(scene).omega_b[-1], abs=0.02)
+
+
+def test_outliers_are_left_aside_by_a_robust_loss():
+    rng = np.random.default_rng(RNG_SEED + 1)
+    scene = fits.truth(rng)
+    begun, data = fits.start(rng, scene), fits.measured(rng, scene, outliers=0.1)
+    robust = rbfmu.fit(begun, data, fits.FREE, sigma=0.01, loss="cauchy")
+    assert np.max(np.abs(fits.errors(robust, scene, begun))) < 4.0
+
+
+def test_torque_free_motion_tells_ratios_of_moments_alone():
+    rng = np.random.default_rng(RNG_SEED + 2)
+    scene = fits.truth(rng).replace({"loads.torque_b": [0.0, 0.0, 0.0]})
+    data = {name: rows for name, rows in fits.measured(rng, scene).items() if name != "quaternion"}
+    one = rbfmu.fit(fits.start(rng, scene), data, ["body.inertia", "initial.omega_b", "body.mass"])
+    assert np.isnan(one.values).tolist() == [True, True, True, False, False, False, True]
+    assert one.unknown[0] == "body.mass: nothing in these data tells it"
+    assert one.unknown[1].startswith("body.inertia[1,1], body.inertia[2,2], body.inertia[3,3]: nothing tells a common")
+    fitted, true = np.diag(one.scene.body.inertia), np.diag(scene.body.inertia)
+    np.testing.assert_allclose(fitted / fitted[0], true / true[0], rtol=0.1)
+    assert one.scene.body.mass == scene.body.mass
+    with pytest.raises(ValueError, match="expected data that tell all numbers"):
+        one.posterior()
+
+
+def test_a_model_that_lacks_a_load_leaves_residuals_that_are_no_noise():
+    rng = np.random.default_rng(RNG_SEED + 3)
+    scene = fits.truth(rng)
+    one = rbfmu.fit(scene.replace({"loads.torque_b": [0.0, 0.0, 0.0]}), fits.measured(rng, scene), ["initial.omega_b"],
+                    sigma=0.01)  # fmt: skip
+    assert any("follow each other" in doubt for doubt in one.doubts)
+    assert any("times the noise that was given" in doubt for doubt in one.doubts)
+
+
+def test_constants_and_inputs_and_angles_take_part():
+    def scene(k):
+        return rbfmu.Scene.from_dict({
+            "body": {"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, "initial": {"omega_b": [0.5, 0.2, -0.3]},
+            "constants": {"k": k}, "inputs": {"ports": ["torque_b"]}, "loads": {"torque_b": "-k*omega_b"},
+            "outputs": {"quantities": ["rpy"], "spin": "norm(omega_b)"}, "run": {"stop": 5.0, "step": 0.25},
+        })  # fmt: skip
+
+    table = {"torque_b": ([0.0, 2.0, 5.0], [[0.1, 0.0, 0.0], [0.0, 0.2, 0.0], [0.0, 0.0, 0.0]])}
+    run = rbfmu.simulate(scene(0.3), inputs=table)
+    data = {"time": run.time[1:], "rpy": run.rpy[1:], "spin": run.spin[1:]}
+    one = rbfmu.fit(scene(0.1), data, "constants.k", inputs=table)
+    assert one.values == pytest.approx([0.3], abs=1e-7)
+
+
+@pytest.mark.parametrize("inertia", [[1.0, 2.0, 2.5], [[1.0, 0.1, 0.2], [0.1, 1.5, -0.3], [0.2, -0.3, 2.0]]])
+def test_an_inertia_stays_one_that_a_body_can_have(inertia):
+    scene = rbfmu.Scene(body={"mass": 1.0, "inertia": inertia})
+    chart = chart_of(scene, "body.inertia")
+    rng = np.random.default_rng(1)
+    for p in rng.normal(size=(50, chart.count)) * 2.0:
+        rbfmu.check_inertia(np.array(chart.value(p)))
+    p, step = 0.1 * rng.normal(size=chart.count), 1e-6 * np.eye(chart.count)
+    slopes = np.array([(chart.numbers(p + dp) - chart.numbers(p - dp)) / 2e-6 for dp in step]).T
+    np.testing.assert_allclose(chart.slopes(p), slopes, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(chart.value(0.0 * p), scene.body.M_c, rtol=1e-14, atol=1e-14)
+
+
+def test_an_attitude_varies_by_turns_of_any_size():
+    scene = rbfmu.Scene(
+        body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, initial={"attitude": {"rotvec": [1.0, 2.0, 0.3]}}
+    )
+    chart, p = chart_of(scene, "initial.attitude"), np.array([0.8, -0.5, 1.1])
+
+    def q_ab(x):
+        return np.array(chart.value(x)["quaternion"])
+
+    for k in range(3):
+        dp = 1e-6 * np.eye(3)[k]
+        turn = rbfmu.compose_quaternions(q_ab(p - dp) * [1, -1, -1, -1], q_ab(p + dp))
+        np.testing.assert_allclose(chart.slopes(p)[:, k], turn[1:] / 1e-6, rtol=0, atol=1e-9)
+
+
+def test_a_fit_is_written_with_comments_and_read_again(tmp_path, found):
+    file = tmp_path / "start.toml"
+    file.write_text('# mine\n[body]\nmass = 1.0 # weighed\nshape = { kind = "box", sides = [1.0, 2.0, 3.0] }\n'
+                    "[initial]\nomega_b_deg = [1, 2, 3]\n[loads]\ntorque_b = [0.1, 0, 0]\n")  # fmt: skip
+    found.save(tmp_path / "fitted.toml", file)
+    text = (tmp_path / "fitted.toml").read_text()
+    assert "# weighed" in text
+    assert "shape" not in text
+    assert "omega_b_deg" not in text
+    assert text.count("# fitted; standard error") == 3
+    written = rbfmu.load_scene(tmp_path / "fitted.toml")
+    assert written.body.inertia == found.scene.body.inertia
+    assert written.initial.quaternion == pytest.approx(found.scene.initial.quaternion, abs=1e-15)
+    found.save(tmp_path / "alone.toml")
+    assert rbfmu.load_scene(tmp_path / "alone.toml").initial.omega_b == found.scene.initial.omega_b
+
+
+def test_the_posterior_is_an_ensemble(found):
+    drawn = draw(found.posterior(400), 0, 400).applied["initial.omega_b"]
+    np.testing.assert_allclose(drawn.std(axis=0), found.standard_errors[3:6], rtol=0.2)
+    between = np.corrcoef(drawn.T)[0, 1]
+    assert between == pytest.approx(found.correlation[3, 4], abs=0.2)
+
+
+def test_residuals_are_drawn(found):
+    assert [axes.get_ylabel() for axes in found.plot().axes] == ["omega_b", "attitude"]
+    assert "initial.omega_b[1]" in repr(found)
+
+
+@pytest.mark.thorough
+def test_nasas_tumbling_brick_is_found_from_a_simulation_of_nasas():
+    """Simulation 01 of NASA/TM-2015-218675, case 2, to its printed digits: ratios of moments, rates at the start."""
+    brick = rbfmu.load_scene(ROOT / "examples" / "scenes" / "tumbling_brick.toml")
+    rows = np.array(NASA["01"])
+    guess = brick.replace({"body.inertia": [0.0027, 0.0080, 0.0093], "initial.omega_b": [0.18, 0.34, 0.5]})
+    data = {"time": rows[:, 0], "omega_b": np.radians(rows[:, 1:4])}
+    one = rbfmu.fit(guess, data, ["body.inertia", "initial.omega_b"])
+    fitted, true = np.diag(one.scene.body.inertia), np.diag(brick.body.inertia)
+    np.testing.assert_allclose(fitted / fitted[0], true / true[0], rtol=1e-8)
+    np.testing.assert_allclose(np.degrees(one.scene.initial.omega_b), [10.0, 20.0, 30.0], rtol=1e-8)
+
+
+def csv_of(tmp_path, text):
+    (tmp_path / "data.csv").write_text(text)
+    return tmp_path / "data.csv"
+
+
+W = "time,omega_b[1],omega_b[2],omega_b[3]\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "expected a column time"),
+        ("a,b\n1,2\n", "expected a column time"),
+        ("time,time\n1,2\n", "each column once"),
+        (W, "expected at least two finite times"),
+        (W + "0,1,2,3\n", "at least two finite times"),
+        (W + "0,1,2,3\n0,1,2,3\n", "that increase"),
+        (W + "1,1,2,3\n0,1,2,3\n", "that increase"),
+        (W + ",1,2,3\n0,1,2,3\n", "finite times"),
+        (W + "-1,1,2,3\n0,1,2,3\n", r"time = -1\.0 in row 1: expected at least run\.start"),
+        (W + "0,1,2\n1,1,2,3\n", "row 1 has 3 cells: expected 4"),
+        (W + "0,1,x,3\n1,1,2,3\n", r"omega_b\[2\] = 'x' in row 1: expected a number"),
+        (W + "0,1,inf,3\n1,1,2,3\n", "omega_b: expected finite numbers"),
+        (W + "0,,,\n1,,,\n", "expected at least one measured output"),
+        ("time,omega_b[1]\n0,1\n1,1\n", r"'omega_b\[2\]' is missing"),
+        ("time,speed\n0,1\n1,1\n", "'speed': expected outputs among position"),
+        ("time,quaternion[1],quaternion[2],quaternion[3],quaternion[4]\n0,2,0,0,0\n1,1,0,0,0\n", "has length 2"),
+        (W + "0,nan,2,3\nnan,1,2,3\n", "finite times"),
+        ("time;omega_b[1]\n0;1\n1;1\n", "expected a column time"),
+        (W + "0,1,2,3\n1,1,,\n", "data: 4 numbers: expected at least 6"),
+    ],
+)
+def test_bad_tables_are_refused_by_one_message(tmp_path, text, said):
+    scene = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, initial={"omega_b": [1.0, 0.1, 0.2]})
+    with pytest.raises(ValueError, match=said):
+        rbfmu.fit(scene, csv_of(tmp_path, text), ["body.inertia", "initial.omega_b"])
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ({"free": []}, "free: expected at least one key"),
+        ({"free": ["body.colour"]}, r"'body\.colour': expected one of"),
+        ({"free": ["body.inertia[1,1]"]}, r"expected body\.inertia as a whole"),
+        ({"free": ["initial.omega_b", "initial.omega_b[1]"]}, "expected each number once"),
+        ({"loss": "square"}, "loss = 'square': expected one of linear"),
+        ({"sigma": 0.0}, r"sigma: omega_b = 0\.0: expected a number above 0"),
+        ({"sigma": {"rpy": 1.0}}, "sigma: 'rpy': expected some of omega_b"),
+        ({"data": 3.0}, "expected a file, a Result, or a mapping"),
+        ({"data": {"time": [0, 1], "omega_b": [[1, 2], [1, 2]]}}, r"omega_b has shape \(2, 2\): expected \(2, 3\)"),
+        ({"data": {"time": [0, 1], "omega_b": "x"}}, "expected arrays of numbers"),
+        ({"data": {"time": [0, 1], "rpy": np.zeros((2, 3)), "quaternion": np.zeros((2, 4))}}, "not both"),
+    ],
+)
+def test_what_cannot_be_fitted_is_refused_by_one_message(asked, said):
+    scene = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, initial={"omega_b": [1.0, 0.1, 0.2]})
+    data = {"time": [0.0, 1.0, 2.0], "omega_b": np.ones((3, 3))}
+    with pytest.raises(ValueError, match=said):
+        rbfmu.fit(scene, **{"data": data, "free": ["initial.omega_b"], **asked})
+
+
+def test_noise_is_a_number_or_a_file(tmp_path):
+    assert sigma_of("0.01") == 0.01
+    (tmp_path / "s.csv").write_text("omega_b,quaternion\n0.01,0.002\n")
+    assert sigma_of(str(tmp_path / "s.csv")) == {"omega_b": 0.01, "quaternion": 0.002}
+    (tmp_path / "s.csv").write_text("omega_b\n")
+    with pytest.raises(ValueError, match="a row of outputs' names and a row"):
+        sigma_of(str(tmp_path / "s.csv"))
+
+
+def test_a_hopeless_start_comes_to_an_end():
+    rng = np.random.default_rng(RNG_SEED + 4)
+    scene = fits.truth(rng)
+    data = fits.measured(rng, scene)
+    far = scene.replace({"initial.omega_b": [8.0, -9.0, 2.0]})
+    one = rbfmu.fit(far, {name: rows[20:27] for name, rows in data.items()}, ["initial.omega_b"], sigma=0.01)
+    assert one.doubts

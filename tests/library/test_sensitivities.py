@@ -1,0 +1,146 @@
+"""Derivatives of motions by numbers of their scenes: against differences in quadruple precision, and known ones."""
+
+import csv
+
+import numpy as np
+import pytest
+
+import rbfmu
+from tests.support.quadruple import reference, slopes
+from tests.support.quadruple.scenes import random_scene
+
+BODY = {"mass": 2.0, "inertia": [1.0, 2.0, 3.0]}
+
+
+def scene(loads=None, **tables):
+    known = {"body": BODY, "initial": {"omega_b": [0.0, 0.0, 1.0]}, "loads": loads or {},
+             "outputs": {"quantities": ["quaternion", "omega_b"]}, "run": {"stop": 2.0, "step": 0.25}}  # fmt: skip
+    return rbfmu.Scene.from_dict(known | tables)
+
+
+@pytest.mark.skipif(reference.library() is None, reason="needs a C compiler with quadruple precision")
+@pytest.mark.parametrize("seed", [9001, 9009, 9013, 9021])
+def test_derivatives_are_those_of_quadruple_precision(seed):
+    """Of a swing, a body under loads, a weight off centre and a thrust that turns with the body."""
+    _, one = random_scene(seed)
+    one = one.replace({"run.accuracy": 1e-9, "inputs": {}})
+    error, output, number = slopes.worst(one, slopes.chosen(one))
+    assert error < 1e-6, (output, number)
+
+
+def test_the_motion_is_that_of_a_run():
+    one = scene({"torque_b": "-k*norm(omega_b)*omega_b + [0.1, 0, 0]*sin(3*t)"}, constants={"k": 0.1})
+    planned = rbfmu.plan(one)
+    found, run = rbfmu.sensitivity(one, ["constants.k"], planned), rbfmu.simulate(one, planned=planned)
+    np.testing.assert_array_equal(found.time, run.time)
+    np.testing.assert_array_equal(found.values["omega_b"], run.omega_b)
+    np.testing.assert_array_equal(found.values["quaternion"], run.quaternion)
+
+
+def test_a_switch_moves_in_time():
+    """omega_3 = 1 + 2 t / 3 up to t = k, then - t / 3: its derivative by k jumps from 0 to 1 / 3 + 2 / 3."""
+    one = scene({"torque_b": "where(t > k, -1, 2)*[0, 0, 1]"}, constants={"k": 0.9})
+    found = rbfmu.sensitivity(one, ["constants.k"])
+    expected = np.where(found.time > 0.9, 1.0, 0.0)
+    np.testing.assert_allclose(found.of["omega_b"][:, 2, 0], expected, rtol=0, atol=1e-13)
+    turned = np.maximum(found.time - 0.9, 0.0)
+    np.testing.assert_allclose(found.of["attitude"][:, 2, 0], turned, rtol=0, atol=1e-13)
+
+
+def test_a_corner_without_a_jump_leaves_derivatives_as_they_are():
+    one = scene({"torque_b": "abs(t - k)*[0, 0, 3]"}, constants={"k": 0.9})
+    found = rbfmu.sensitivity(one, ["constants.k"])
+    expected = np.minimum(found.time, 1.8 - found.time)
+    np.testing.assert_allclose(found.of["omega_b"][:, 2, 0], expected, rtol=0, atol=1e-13)
+
+
+def test_the_last_row_is_that_at_the_event_which_moves():
+    """At its end the rate is the level, whatever it began with, and the angle is 3 (omega_0 - level) / c."""
+    events = {"slow": {"when": "omega_b[3] - level", "stop": True}}
+    one = scene({"torque_b": "-c*omega_b"}, constants={"level": 0.5, "c": 1.5}, events=events)
+    found = rbfmu.sensitivity(one, ["initial.omega_b[3]", "constants.level", "constants.c"])
+    assert found.time[-1] == pytest.approx(2.0 * np.log(2.0), abs=1e-12)
+    np.testing.assert_allclose(found.of["omega_b"][-1, 2], [0.0, 1.0, 0.0], rtol=0, atol=1e-10)
+    np.testing.assert_allclose(found.of["attitude"][-1, 2], [2.0, -2.0, -1.0 / 1.5], rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("interpolate", ["hold", "linear"])
+def test_inputs_drive_the_motion_along_which_derivatives_are_taken(interpolate):
+    one = scene(inputs={"ports": ["torque_b"]}, initial={"omega_b": [0.1, 0.5, 1.0]})
+    table = {"torque_b": ([0.0, 0.6, 2.0], [[0.1, 0.0, 0.0], [0.0, 0.3, 0.0], [0.0, 0.0, 0.5]])}
+
+    def omega_b(change):
+        moved = one.replace({"initial.omega_b": [0.1 + change, 0.5, 1.0]})
+        return rbfmu.simulate(moved, inputs=table, interpolate=interpolate).omega_b
+
+    found = rbfmu.sensitivity(one, ["initial.omega_b[1]"], inputs=table, interpolate=interpolate)
+    difference = (omega_b(1e-4) - omega_b(-1e-4)) / 2e-4
+    np.testing.assert_allclose(found.of["omega_b"][:, :, 0], difference, rtol=0, atol=1e-7)
+
+
+def test_roll_pitch_and_yaw_have_derivatives():
+    one = scene(initial={"omega_b": [0.1, 0.5, 1.0]}, outputs={"quantities": ["rpy"]})
+    found = rbfmu.sensitivity(one, ["initial.omega_b[2]"])
+    rpy = [rbfmu.simulate(one.replace({"initial.omega_b": [0.1, 0.5 + d, 1.0]})).rpy for d in (1e-4, -1e-4)]
+    np.testing.assert_allclose(found.of["rpy"][:, :, 0], (rpy[0] - rpy[1]) / 2e-4, rtol=0, atol=1e-7)
+
+
+def test_a_covariance_is_carried_along():
+    one = scene(initial={"omega_b": [0.1, 0.5, 1.0]})
+    covariance = np.diag([1e-4, 2e-4, 3e-4])
+    found = rbfmu.sensitivity(one, ["initial.omega_b"], covariance=covariance)
+    S = found.of["omega_b"][5]
+    np.testing.assert_allclose(found.covariance["omega_b"][5], S @ covariance @ S.T, rtol=1e-12)
+    with pytest.raises(ValueError, match=r"covariance: expected a matrix \(3, 3\) for initial.omega_b\[1\]"):
+        rbfmu.sensitivity(one, ["initial.omega_b"], covariance=[1.0])
+
+
+def test_an_inertia_has_the_numbers_that_are_not_zero():
+    along_axes, full = scene(), scene(body={"mass": 2.0, "inertia": [[1.0, 0.1, 0.0], [0.1, 2.0, 0.0], [0, 0, 2.5]]})
+    assert rbfmu.sensitivity(along_axes, ["body.inertia"]).numbers == tuple(f"body.inertia[{k},{k}]" for k in (1, 2, 3))
+    assert len(rbfmu.sensitivity(full, ["body.inertia"]).numbers) == 6
+    assert rbfmu.sensitivity(along_axes, ["body.inertia[1,3]"]).numbers == ("body.inertia[1,3]",)
+
+
+@pytest.mark.parametrize(
+    ("by", "tables", "said"),
+    [
+        ([], {}, "by: expected at least one key"),
+        (["body.shape"], {}, "by = 'body.shape': expected one of initial.attitude, body.mass"),
+        (["initial.omega_b[4]"], {}, r"by = 'initial.omega_b\[4\]': expected one of initial.omega_b\[1\]"),
+        (["loads.torque_b"], {"loads": {"torque_b": "[t, 0, 0]"}}, "this one is a formula"),
+        (["body.inertia"], {"body": {"mass": 1.0, "inertia": [1, 1, 0]}, "initial": {}}, "a slender beam"),
+        (["initial.omega_b"], {"outputs": {"off": "norm(to_b([0, 0, 1]) - [0, 0, 1])"}}, "no derivative"),
+        (["initial.attitude"], {"body": None, "inputs": {"ports": ["omega_b"]}, "outputs": {}, "initial": {}},
+         "expected a scene with a body"),
+    ],
+)  # fmt: skip
+def test_what_cannot_vary_is_said(by, tables, said):
+    tables = {name: table for name, table in tables.items() if table is not None}
+    one = scene(**tables) if "inputs" not in tables else rbfmu.Scene.from_dict(tables)
+    with pytest.raises(ValueError, match=said):
+        rbfmu.sensitivity(one, by)
+
+
+def test_they_are_saved_and_drawn(tmp_path):
+    found = rbfmu.sensitivity(scene(), ["initial.omega_b", "initial.attitude"])
+    found.save(tmp_path / "s.npz")
+    with np.load(tmp_path / "s.npz") as saved:
+        np.testing.assert_array_equal(saved["omega_b"], found.of["omega_b"])
+    found.save(tmp_path / "s.csv")
+    with (tmp_path / "s.csv").open() as file:
+        rows = [*csv.DictReader(file)]
+    column = [float(row["omega_b[3] by initial.omega_b[3]"]) for row in rows]
+    assert column == found.of["omega_b"][:, 2, 2].tolist()
+    with pytest.raises(ValueError, match=r"must end in \.csv or \.npz"):
+        found.save(tmp_path / "s.txt")
+    axes = found.plot().axes
+    assert [line.get_label() for line in axes[0].lines] == ["initial.omega_b", "initial.attitude"]
+
+
+def test_a_change_is_one_percent_of_the_largest_number_of_a_key():
+    found = rbfmu.sensitivity(scene(initial={"omega_b": [0.0, 0.0, 3.0]}), ["initial.omega_b", "initial.attitude"])
+    change = found.changes("omega_b")
+    assert change["initial.omega_b"][0] == pytest.approx(0.03 * np.sqrt(3.0))
+    assert change["initial.attitude"][0] == 0.0
+    assert found.changes("attitude")["initial.attitude"][0] == pytest.approx(0.01 * np.sqrt(3.0))

@@ -1,0 +1,66 @@
+"""The product without what Python has on POSIX alone, and without an encoding of files that is as on Linux."""
+
+import os
+import shlex
+import subprocess
+import sys
+
+import pytest
+
+from tests.support.paths import ROOT
+
+SCENE = """
+name = "Kreisel, größer"
+[body]
+mass = 1.0
+inertia = [1.0, 2.0, 3.0]
+[initial]
+omega_b = [0.1, 1.0, 0.1]
+[outputs]
+speed = { value = "norm(omega_b)", unit = "rad/s", about = "wie schnell er sich dreht, größer als null" }
+[run]
+stop = 2.0
+step = 0.5
+[ensemble]
+runs = 20
+seed = 1
+[ensemble.vary]
+"body.mass" = { uniform = [0.9, 1.1] }
+"""
+
+
+def without_posix(folder, *lines):
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "PYTHONWARNDEFAULTENCODING": "1"}
+    command = [sys.executable, "-m", "tests.support.without_posix", *lines]
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
+
+
+@pytest.mark.thorough
+def test_commands_need_nothing_of_posix(tmp_path):
+    (tmp_path / "scene.toml").write_text(SCENE, encoding="utf-8")
+    done = without_posix(
+        tmp_path, "new fresh", "plan scene.toml", "run scene.toml -o motion.csv --plot motion.png",
+        "ensemble scene.toml -o runs.npz --workers 2", "view motion.csv --scene scene.toml -o motion.html",
+        "build scene.toml -o scene.fmu", "verify scene.fmu", "demo",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert not list(tmp_path.rglob("*.lock"))
+
+
+FORGOTTEN = """
+from pathlib import Path
+exec("Path('x').write_text('')", {"Path": Path, "__name__": "rbfmu.forgotten"})
+"""
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    ("code", "error"),
+    [
+        ("import os; os.fork()", "AttributeError"),
+        ("import fcntl", "ModuleNotFoundError"),
+        (FORGOTTEN, "EncodingWarning"),
+    ],
+)
+def test_what_of_posix_is_used_is_found(tmp_path, code, error):
+    assert error in without_posix(tmp_path, shlex.join(("-c", code))).stderr
