@@ -5,7 +5,7 @@ BIN = $(VENV)/bin
 # Tests start hundreds of processes: modules are compiled to bytecode once, also where the environment forbids it.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup check test thorough slow demo bench interop platforms fuzz ranges release
+.PHONY: setup check test thorough slow demo bench interop platforms fuzz ranges release site
 setup:
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --editable ".[dev]"
@@ -55,6 +55,11 @@ platforms:
 ranges:
 	$(BIN)/pip install --quiet "uv>=0.5"
 	$(BIN)/python -m tests.support.ranges
+
+# Pages, gallery and a reference with search as files: open build/site/index.html.
+site:
+	$(BIN)/pip install --quiet --editable ".[site,view,fit,ensemble]"
+	$(BIN)/python -m sphinx -q -W -c examples/site -d build/trees . build/site
 
 # Wheel and source archive in dist, each tried in bare environments of the lowest and the newest Python found here.
 release:

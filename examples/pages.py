@@ -26,8 +26,11 @@ from rbfmu_kernels.compile.shapes import python_function
 
 PAGES = tuple(
     record.ROOT / name
-    for name in ("README.md", "kernels/README.md", "rbfmu/README.md", "fmu_build/README.md", "examples/README.md")
-)
+    for name in (
+        "README.md", "kernels/README.md", "rbfmu/README.md", "fmu_build/README.md", "examples/README.md",
+        "examples/site/choosing.md", *(f"examples/site/tours/{name}.md" for name in ("couple", "fly", "teach")),
+    )
+)  # fmt: skip
 PLACE = re.compile(r"(<!-- made by examples\.pages: (\S+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 

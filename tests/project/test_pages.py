@@ -85,8 +85,8 @@ def test_the_readme_is_short() -> None:
 
 def test_the_readme_has_two_commands_to_install_and_an_example_of_each_way_in() -> None:
     languages = [block.language for block in blocks("README.md")]
-    assert languages == ["sh", "python", "toml", "sh", "sh"]
-    install, check = blocks("README.md")[0].code.splitlines()
+    assert languages == ["toml", "console", "sh", "python", "toml", "sh", "sh"]
+    install, check = blocks("README.md")[2].code.splitlines()
     assert install == "python3 -m venv .venv && .venv/bin/pip install --quiet . && .venv/bin/rbfmu demo"
     assert check == "make setup check test"
 

@@ -1,0 +1,1 @@
+"""The site: tours, the reference, and what Sphinx is told."""
