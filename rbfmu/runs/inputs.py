@@ -200,10 +200,13 @@ def _faults_of_times(scene: Scene, times: Array, name: str, interpolate: str) ->
     if times[0] > start + near:
         yield f"{name} = {float(times[0])!r} in row 1: expected at most {start!r} s, where the run starts"
     last, held = float(times[-1]), interpolate == HOLD
-    holds_to = math.inf if len(times) == 1 else last + float(times[-1] - times[-2])
-    if (holds_to if held else last) < stop - near:
-        until = f"a row that holds to {stop!r} s" if held else f"at least {stop!r} s"
-        yield f"{name} = {last!r} in row {len(times)}, the last: expected {until}, where the run stops"
+    gap = (math.inf if len(times) == 1 else float(times[-1] - times[-2])) if held else 0.0
+    if last + gap < stop - near:
+        why = f", as a last row is held as long as the one before it, {gap:.6g} s, and" if held else ", as"
+        yield (
+            f"{name} = {last!r} in row {len(times)}, the last: "
+            f"expected at least {stop - gap:.6g} s{why} the run stops at {stop!r} s"
+        )
 
 
 class PortPieces(NamedTuple):

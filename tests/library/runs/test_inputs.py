@@ -186,7 +186,7 @@ BAD = {
     "NaN time": ({"force_a": ([0.0, math.nan, 2.0], ZEROS)}, "times of force_a = nan in row 2: expected a finite"),
     "order": ({"force_a": ([0.0, 2.0, 2.0], ZEROS)}, "times of force_a = 2.0 in row 3: expected a time after 2.0 s"),
     "begin": ({"force_a": ([0.1, 1.0, 2.0], ZEROS)}, "times of force_a = 0.1 in row 1: expected at most 0.0 s"),
-    "end": ({"force_a": ([0.0, 0.1, 0.2], ZEROS)}, "0.2 in row 3, the last: expected a row that holds to 1.5 s"),
+    "end": ({"force_a": ([0.0, 0.1, 0.2], ZEROS)}, "0.2 in row 3, the last: expected at least 1.4 s, as a last row"),
     "kind": (3, 'inputs = "int": expected a mapping'),
 }
 
