@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from examples.renew_notebook import NOTEBOOK, executed
+from examples.renew_notebook import CHAPTERS, NOTEBOOK, executed
 from tests.support.paths import ROOT
 
 EXAMPLES = ROOT / "examples"
@@ -141,10 +141,25 @@ def own_tables(notebook: Any) -> list[str]:
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # of sockets that Jupyter leaves
 def test_the_notebook_runs_and_shows_what_is_stored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("RBFMU_QUIET", "1")
-    stored, fresh = nbformat.read(NOTEBOOK, 4), executed(tmp_path)
+    stored, fresh = nbformat.read(NOTEBOOK, 4), executed(NOTEBOOK, tmp_path)
     assert own_tables(fresh) == own_tables(stored), "renew by: python -m examples.renew_notebook"
     assert len(own_tables(fresh)) == 3
     kinds = {kind for output in outputs(fresh) for kind in output.get("data", {})}
     assert {"image/png", "application/vnd.jupyter.widget-view+json"} <= kinds, "a plot and a bar of progress"
     assert not [output for output in outputs(fresh) if output.output_type in ("error", "stream")]
     assert (tmp_path / "motion.html").stat().st_size > 500_000
+
+
+@pytest.mark.thorough
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("chapter", CHAPTERS, ids=lambda path: path.stem)
+def test_a_chapter_of_the_lecture_runs_and_its_assertions_hold(chapter: Path, tmp_path: Path) -> None:
+    fresh, stored = outputs(executed(chapter, tmp_path)), outputs(nbformat.read(chapter, 4))
+    kinds = [output.output_type for output in fresh]
+    assert kinds == [output.output_type for output in stored], "renew by: python -m examples.renew_notebook"
+    assert set(kinds) <= {"execute_result", "display_data"}
+
+
+def test_there_is_a_notebook_a_chapter() -> None:
+    assert [path.stem for path in CHAPTERS] == ["1_rotations", "2_kinematics", "3_newton_euler", "4_top"]
