@@ -65,6 +65,8 @@ def _faults_of_prescribed_rates(good: Mapping[str, Any], rates: tuple[str, Any])
     if len(inputs.ports) > 1:
         yield fault("inputs.ports", inputs.ports, "omega_b alone: it prescribes the rates, so loads have no effect")
     why = "the port omega_b prescribes the rates, and nothing else is modelled"
+    if good.get("body") is not None:
+        yield f"a table [body] is given: expected none, as {why}"
     if set(inputs.parameters) - {"quaternion_0", "omega_b"}:
         yield fault("inputs.parameters", inputs.parameters, f"quaternion_0 at most: {why}")
     if outputs is not None and set(outputs.quantities) - set(PRESCRIBED):

@@ -156,7 +156,7 @@ class Outputs(Section):
         if shown:
             found["own"] = {**found.get("own", {}), **shown}
             if isinstance(asked := found.get("quantities"), list | tuple):
-                found["quantities"] = [name for name in asked if name not in shown]
+                found["quantities"] = [name for name in asked if not isinstance(name, str) or name not in shown]
         return super().read(found)
 
     def _contradictions(self) -> Iterator[str]:

@@ -159,7 +159,6 @@ def faults_of(**changes):
             "inputs": {"ports": ["torque_a"]},
             "initial": {"omega_b": [1, 2, 3]},
         },
-        {"inputs": {"ports": ["omega_b"]}},
     ],
 )
 def test_a_beam_may_do_what_does_not_turn_it_about_its_axis(changes):

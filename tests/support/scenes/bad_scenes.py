@@ -170,6 +170,8 @@ CONTRADICTIONS = {
     "port and parameter": ({"inputs": {"parameters": '["torque_b"]'}}, "inputs.parameters"),
     "rates and torque": ({"inputs": {"ports": '["omega_b", "torque_b"]'}}, "omega_b alone"),
     "rates and omega_b": ({"inputs": {"ports": '["omega_b"]', "parameters": "[]"}}, "outputs.quantities"),
+    "rates and a body": ({"inputs": {"ports": '["omega_b"]', "parameters": "[]"}}, "a table [body] is given"),
+    "a list among quantities": ({"outputs": {"quantities": "[[]]"}}, "outputs.quantities"),
     "rates and mass": ({"inputs": {"ports": '["omega_b"]', "parameters": '["mass"]'}}, "inputs.parameters"),
     "rates and a rate": ({"inputs": {"ports": '["omega_b"]'}, "initial": {"omega_b": "[1, 2, 3]"}}, "initial.omega_b"),
     "rates and a rate in degrees": (
