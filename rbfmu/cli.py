@@ -172,10 +172,11 @@ def warm(scenes: tuple[Path, ...]) -> None:
 @click.option("--scheduler", metavar="ADDRESS", help="Of Dask, in place of threads: tcp://HOST:PORT.")
 @click.option("--resume", is_flag=True, help="Go on with a STORE that is there.")
 @file_option("Draw to FILE (.png, .svg or .pdf).", "--plot")
+@input_options
 @run_options
 def ensemble(
     scene: Path, output: Path | None, runs: int | None, workers: int | None, scheduler: str | None, resume: bool,
-    plot: Path | None, **run: float | None,
+    plot: Path | None, driven: dict[str, Any], **run: float | None,
 ) -> None:  # fmt: skip
     """Run a scene many times, with the numbers that its table [ensemble] varies.
 
@@ -200,7 +201,7 @@ def ensemble(
             with bar(f"planning {asked.name}") as tell:
                 planned = plan_ensemble(asked, tell)
             try:
-                found = run_ensemble(asked, output, executor, resume=resume, planned=planned)
+                found = run_ensemble(asked, output, executor, resume=resume, planned=planned, **driven)
             except KeyboardInterrupt:
                 if output:
                     say_what_is_kept(output)

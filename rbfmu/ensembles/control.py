@@ -72,17 +72,22 @@ EXPECTED = "f(t, outputs, state, inputs, noise) that writes to inputs and return
 
 @dataclass(frozen=True)
 class Control:
-    """What drives all members. inputs: tables for all, or a function of a member's number that returns its own."""
+    """What drives all members. inputs: tables for all, or a function of a member's number that returns its own.
+
+    interpolate: between the times of the tables, "hold" or "linear".
+    """
 
     inputs: InputTables | Callable[[int], Any]
     controller: Controller | None
+    interpolate: str = HOLD
 
     @property
     def identity(self) -> dict[str, str | None]:
         """Return digests of all that the members' bits rest on here."""
         one = self.controller
         said = (one.function, one.state, one.noise) if one else None
-        return {"inputs": digest(self.inputs) if self.inputs else None, "controller": digest(said) if said else None}
+        given = digest((self.inputs, self.interpolate)) if self.inputs else None
+        return {"inputs": given, "controller": digest(said) if said else None}
 
     def numbers(self, scene: Scene) -> int:
         """Return how many numbers a member has of its own at a communication step."""
@@ -94,18 +99,23 @@ class Control:
         if not callable(self.inputs):
             return self.inputs
         try:
-            return input_tables(scene, self.inputs(number))
+            return input_tables(scene, self.inputs(number), self.interpolate)
         except SceneError as error:
             raise SceneError(error.faults, f"{scene.name}, member {number}") from None
 
 
-def control_of(scene: Scene, plan: Plan, inputs: Any, controller: Any) -> Control | None:
+def control_of(scene: Scene, plan: Plan, inputs: Any, controller: Any, interpolate: str = HOLD) -> Control | None:
     """Return what drives an ensemble, None where nothing does. Raises SceneError and ValueError where it cannot."""
     if inputs is None and controller is None:
         return None
-    tables = {} if inputs is None else inputs if callable(inputs) else input_tables(scene, inputs)
+    tables = {} if inputs is None else inputs if callable(inputs) else input_tables(scene, inputs, interpolate)
+    if interpolate != HOLD and not all(f"{port}_rate" in plan.kernels.BLOCKS for port in scene.inputs.ports):
+        text = (
+            f"interpolate = {interpolate!r}: expected {HOLD!r}, as the model {plan.model!r} takes no input derivatives"
+        )
+        raise SceneError(text, scene.name)
     given = controller if controller is None or isinstance(controller, Controller) else Controller(controller)
-    found = Control(tables, given)
+    found = Control(tables, given, interpolate)
     found.tables_of(scene, 0)
     if given is not None:
         _try_out(scene, plan, given)
@@ -131,9 +141,9 @@ def _try_out(scene: Scene, plan: Plan, controller: Controller) -> None:
         raise SceneError(text, scene.name) from error
 
 
-def _places(scene: Scene, blocks: dict[str, slice]) -> Indices:
-    places = [np.arange(blocks[port].start, blocks[port].stop) for port in scene.inputs.ports]
-    return np.concatenate([*places, np.empty(0)]).astype(np.int64)
+def _places(scene: Scene, blocks: dict[str, slice], ending: str = "") -> Indices:
+    of_ports = [blocks[f"{port}{ending}"].start + np.arange(size_of(scene, port)) for port in scene.inputs.ports]
+    return np.concatenate([*of_ports, np.empty(0)]).astype(np.int64)
 
 
 def driven_members(control: Control, scene: Scene, kernels: Model, numbers: Sequence[int]) -> tuple[Any, ...]:
@@ -142,22 +152,25 @@ def driven_members(control: Control, scene: Scene, kernels: Model, numbers: Sequ
     Raises SceneError where the table of one is wrong.
     """
     each = numbers if callable(control.inputs) else numbers[:1]
-    drives = [drive_of(scene, control.tables_of(scene, number), HOLD) for number in each]
+    drives = [drive_of(scene, control.tables_of(scene, number), control.interpolate) for number in each]
     before = np.cumsum([0, *(len(drive.lengths) for drive in drives[:-1])])
     counts = np.array([first + drive.counts for first, drive in zip(before, drives, strict=True)])
-    lengths, given = np.concatenate([d.lengths for d in drives]), np.concatenate([_rows(scene, d) for d in drives])
+    lengths = np.concatenate([drive.lengths for drive in drives])
+    given, slopes = (np.concatenate([_rows(scene, drive, part) for drive in drives]) for part in ("values", "slopes"))
     one, time = control.controller or NONE, drives[0].time
     noise = np.empty((len(numbers), len(time) - 1, one.noise))
     for i, number in enumerate(numbers if one.noise else ()):
         noise[i] = one.noise_of(ensemble_of(scene).seed, number, len(time) - 1)
     state, ports = np.array(one.state), _places(scene, kernels.BLOCKS)
-    return one.compiled(), ports, time, lengths, counts, given, state, noise
+    rates = _places(scene, kernels.BLOCKS, "_rate") if slopes.any() else np.empty(0, dtype=np.int64)
+    return one.compiled(), ports, rates, time, lengths, counts, given, slopes, state, noise
 
 
-def _rows(scene: Scene, drive: Drive) -> Array:
-    """Return the numbers of all ports in each piece; NaN of those that no table gives."""
-    none = {port: np.full((len(drive.lengths), size_of(scene, port)), np.nan) for port in scene.inputs.ports}
-    return np.hstack([drive.ports[port].values if port in drive.ports else none[port] for port in none])
+def _rows(scene: Scene, drive: Drive, part: str) -> Array:
+    """Return the values, or the slopes, of all ports in each piece; where no table gives any, NaN and 0."""
+    fill = np.nan if part == "values" else 0.0
+    none = {port: np.full((len(drive.lengths), size_of(scene, port)), fill) for port in scene.inputs.ports}
+    return np.hstack([getattr(drive.ports[port], part) if port in drive.ports else none[port] for port in none])
 
 
 def wrong_input(scene: Scene, end: Sequence[int]) -> str:

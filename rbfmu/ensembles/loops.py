@@ -85,15 +85,15 @@ def hold(t: float, outputs: Any, state: Any, inputs: Any, noise: Any) -> None:
 
 def run_driven(
     initialize: Any, step: Any, control: Any, z: Any, base: Any, places: Any, values: Any, kept: Any, rows: Any,
-    ends: Any, after: Any, noted: Any, ports: Any, time: Any, lengths: Any, counts: Any, given: Any, start: Any,
-    noise: Any,
+    ends: Any, after: Any, noted: Any, ports: Any, rates: Any, time: Any, lengths: Any, counts: Any, given: Any,
+    slopes: Any, start: Any, noise: Any,
 ) -> int:  # fmt: skip
     """Run members as `run_members` does, their ports driven by tables, and by a controller after these.
 
-    ports (P,): their places. time (n + 1,): the communication points, s. lengths (L,): s, of pieces of the run in which
-    inputs are held, given (L, P) those of tables, NaN where there are none. counts (1 or m, n + 1): how many pieces lie
-    before each point. start (k,): state of the controller. noise (m, n, q). Where an input is not finite, ends[i, 0] is
-    -1 - its place among the ports.
+    ports (P,): their places. rates (P or 0,): those of their derivatives. time (n + 1,): the communication points, s.
+    lengths (L,): s, of pieces of the run in which inputs are held, or linear with slopes (L, P); given (L, P): those of
+    tables, NaN where there are none. counts (1 or m, n + 1): how many pieces lie before each point. start (k,): state
+    of the controller. noise (m, n, q). Where an input is not finite, ends[i, 0] is -1 - its place among the ports.
     """
     steps, points, width = len(time) - 1, rows.shape[1], len(kept)
     outputs, inputs, state = np.empty(width), np.empty(len(ports)), np.empty(len(start))
@@ -124,6 +124,8 @@ def run_driven(
                     control(time[k], outputs, state, inputs, noise[i, k])
                 for j in range(len(ports)):
                     z[ports[j]] = inputs[j]
+                    if len(rates):
+                        z[rates[j]] = slopes[piece, j]
                     if fine and not math.isfinite(inputs[j]):
                         ends[i, 0], fine = -1 - j, False
                 fine = fine and step(z, lengths[piece]) == 0
@@ -218,9 +220,11 @@ _SIGNATURES: dict[Callable[..., Any], Any] = {
         _INDICES,
         _TABLE,
         _INDICES,
+        _INDICES,
         _NUMBERS,
         _NUMBERS,
         int64[:, ::1],
+        _TABLE,
         _TABLE,
         _NUMBERS,
         _BLOCK,

@@ -50,6 +50,7 @@ def run_ensemble(
     *,
     planned: Plan | None = None,
     inputs: Any = None,
+    interpolate: str = "hold",
     controller: Any = None,
 ) -> EnsembleResult:
     """Run the ensemble of a scene, or of a scene file; run i has the same bits wherever and whenever it runs.
@@ -57,16 +58,16 @@ def run_ensemble(
     store: a file .npz or a folder .zarr to keep it in, from which `resume` goes on after a stop of any kind; by default
     memory. executor: a number of threads (by default one for each processor), an executor of concurrent.futures, or a
     client of Dask. runs: in place of the scene's. progress: whether to show a bar on a terminal or in a notebook.
-    planned: a plan, used as it is. inputs: what drives the ports, held from each time on: for all members as in
-    `simulate`, or a function of a member's number that returns that. controller: a `Controller`, or its function alone,
-    which is called at each communication point, after the inputs. Raises SceneError, SimulationError where the executor
-    fails, FileExistsError and ValueError where the store is there already or is of another ensemble, BlockingIOError
-    where another program is writing to it.
+    planned: a plan, used as it is. inputs: what drives the ports: for all members as in `simulate`, or a function of a
+    member's number that returns that; interpolate: "hold", or "linear" between their times. controller: a
+    `Controller`, or its function alone, which is called at each communication point, after the inputs. Raises
+    SceneError, SimulationError where the executor fails, FileExistsError and ValueError where the store is there
+    already or is of another ensemble, BlockingIOError where another program is writing to it.
     """
     check_store(store, resume)
     scene = with_runs(scene, runs)
     plan = (plan_ensemble(scene) if planned is None else planned).of_scene(scene)
-    control = control_of(scene, plan, inputs, controller)
+    control = control_of(scene, plan, inputs, controller, interpolate)
     work = Work(scene, plan, members_of_a_chunk(scene, plan, control), control)
     place = _store(work, store)
     with named(store), store_lock(Path(store)) if store else nullcontext():

@@ -50,6 +50,15 @@ def damp(t, outputs, state, inputs, noise):
 DAMPED = Controller(damp, state=[0.0, 0.0, 0.1], noise=3)
 
 
+TO_THE_END = {"torque_b": (np.append(TIMED["torque_b"][0], 5.9), np.vstack([TIMED["torque_b"][1], [0.0, 0.1, 0.0]]))}
+
+
+def until_the_end(i):
+    """Drive each member by a table of its own that has a row where the run ends."""
+    rows = [[0.1 * i, 0, 0], [0, 1, 0], [0, 0, 0.1]]
+    return {"force_a": (np.array([-9.0, 1.0 + 0.1 * i, 5.9]), np.array(rows))} if i % 3 else {}
+
+
 def number_of(i):
     """Drive each member by a table of its own, with rows at other times; some have none."""
     return {"force_a": (np.array([-9.0, 1.0 + 0.3 * i]), np.array([[0.1 * i, 0, 0], [0, 1, 0]]))} if i % 3 else {}
@@ -99,6 +108,38 @@ def looped(monkeypatch, scene, planned, controller, i, table=()):
 
 
 # The bits of single runs
+
+
+@pytest.mark.parametrize("inputs", [TO_THE_END, until_the_end], ids=["one table", "a table each"])
+def test_members_under_linear_tables_have_the_bits_of_single_runs(scene, planned, inputs):
+    found = run(scene, planned, inputs=inputs, interpolate="linear")
+    for i in (1, 2, 17):
+        table = inputs(i) if callable(inputs) else inputs
+        alone = rbfmu.simulate(
+            member(scene, draw(scene, 0, RUNS), i), inputs=table, interpolate="linear", planned=planned
+        )
+        assert_row(found, i, {name: getattr(alone, name) for name in scene.outputs.names})
+    held, driven = run(scene, planned, inputs=inputs), "velocity" if callable(inputs) else "omega_b"
+    assert not np.array_equal(found.all[driven], held.all[driven])
+
+
+def test_linear_tables_are_followed_where_rates_are_prescribed_too():
+    tables = {
+        "inputs": {"ports": ["omega_b"]},
+        "run": {"stop": 2.0, "step": 0.5},
+        "ensemble": {"runs": 3, "vary": {"initial.attitude": {"rotvec_deg": 1.0}}},
+    }
+    steered = rbfmu.Scene.from_dict(tables, "steered")
+    table = {"omega_b": ([0.0, 2.0], [[0.1, 0.2, 0.3], [0.5, -0.1, 0.0]])}
+    planned = plan_ensemble(steered)
+    found = run(steered, planned, inputs=table, interpolate="linear")
+    alone = rbfmu.simulate(member(steered, draw(steered, 0, 3), 2), inputs=table, interpolate="linear", planned=planned)
+    assert found.final["quaternion"][2].tobytes() == alone.quaternion[-1].tobytes()
+
+
+def test_other_words_than_hold_and_linear_are_refused(scene, planned):
+    with pytest.raises(SceneError, match=r"interpolate.*cubic.*expected 'hold' or 'linear'"):
+        run(scene, planned, inputs=TIMED, interpolate="cubic")
 
 
 def test_members_under_a_controller_have_the_bits_of_a_plain_loop(scene, planned, monkeypatch):
