@@ -216,7 +216,10 @@ FAULTS = [
         {"vary": {"body": {"shape": {"radius": {"normal": [1, 0.1]}}}, "body.shape": VARIED_SPHERE}, "body": SPHERE},
         '"body.shape.radius" = { normal = [1, 0.1] }: expected this or { kind = "sphere"',
     ),
-    ({"inputs": {"ports": ["omega_b"]}}, '"body.mass" = { normal = [50.0, 0.5] }: expected initial.attitude at most'),
+    (
+        {"inputs": {"ports": ["omega_b"]}, "body": None},
+        '"body.mass" = { normal = [50.0, 0.5] }: expected initial.attitude at most',
+    ),
     ({"ensemble": {"runs": 0}}, "ensemble.runs = 0: expected a whole number from 1 to 1000000000"),
     ({"ensemble": {"runs": 1.5}}, "ensemble.runs = 1.5: expected a whole number"),
     ({"ensemble": {"seed": -1}}, "ensemble.seed = -1: expected a whole number from 0"),
