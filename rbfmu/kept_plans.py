@@ -63,7 +63,11 @@ def keep_file(file: Path, content: bytes, most: int) -> None:
     handle, temporary = tempfile.mkstemp(dir=file.parent, suffix=".part")
     with os.fdopen(handle, "wb") as part:
         part.write(_checksum(file, content) + b"\n" + content)
-    os.replace(temporary, file)
+    try:
+        os.replace(temporary, file)
+    except OSError:  # on Windows where another process reads the file
+        os.unlink(temporary)
+        raise
     for old in sorted(file.parent.glob(f"*{file.suffix}"), key=lambda path: path.stat().st_mtime)[:-most]:
         old.unlink()
 

@@ -6,6 +6,7 @@ A store holds whole chunks from the first on. What stands beyond its checkpoint 
 
 import copy
 import errno
+import importlib
 import json
 import os
 import platform
@@ -157,9 +158,15 @@ def _short(value: Any) -> str:
 
 try:
     import fcntl
-except ImportError:  # Windows: a store is not locked there
+except ImportError:
     fcntl = None  # type: ignore[assignment]
+try:
+    msvcrt: Any = importlib.import_module("msvcrt")  # Windows; a type checker knows it nowhere else
+except ImportError:
+    msvcrt = None
 
+FAR = 1 << 30
+"""The byte that is locked on Windows: nobody else can read one that is, and the first ones say who holds the file."""
 _HERE: dict[str, object] = {}
 """The stores that this process writes to: the lock of a file is that of a process, not of a thread."""
 
@@ -175,14 +182,12 @@ def store_lock(store: Path) -> Iterator[None]:
     if _HERE.setdefault(key, mine) is not mine:
         raise _refusal(store, _me())
     try:
-        handle = _lock_file(store, beside) if fcntl else None
+        handle = _lock_file(store, beside) if fcntl or msvcrt else None
         try:
             yield
         finally:
             if handle is not None:
-                with suppress(OSError):
-                    beside.unlink()
-                os.close(handle)
+                _remove(beside, handle)
     finally:
         del _HERE[key]
 
@@ -195,8 +200,8 @@ def _lock_file(store: Path, beside: Path) -> int | None:
         except OSError:
             return None
         try:
-            fcntl.lockf(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if os.path.samestat(os.fstat(handle), os.stat(beside)):
+            _try_lock(handle)
+            if fcntl is None or os.path.samestat(os.fstat(handle), os.stat(beside)):
                 os.ftruncate(handle, 0)
                 os.write(handle, _me().encode())
                 return handle
@@ -208,6 +213,28 @@ def _lock_file(store: Path, beside: Path) -> int | None:
             if error.errno in (errno.EACCES, errno.EAGAIN):
                 raise _refusal(store, holder or "another process") from None
             return None
+        os.close(handle)
+
+
+def _try_lock(handle: int) -> None:
+    """Lock an open file. Raises OSError where another process holds it."""
+    if fcntl:
+        fcntl.lockf(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return
+    try:
+        os.lseek(handle, FAR, os.SEEK_SET)
+        msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
+    finally:
+        os.lseek(handle, 0, os.SEEK_SET)
+
+
+def _remove(beside: Path, handle: int) -> None:
+    """Remove a locked file: on POSIX before others can lock it, on Windows once it is closed, unless others have it."""
+    if fcntl is None:
+        os.close(handle)
+    with suppress(OSError):
+        beside.unlink()
+    if fcntl:
         os.close(handle)
 
 

@@ -1,6 +1,7 @@
 """The product without what Python has on POSIX alone, and without an encoding of files that is as on Linux."""
 
 import os
+import re
 import shlex
 import subprocess
 import sys
@@ -47,6 +48,31 @@ def test_commands_need_nothing_of_posix(tmp_path):
     assert not list(tmp_path.rglob("*.lock"))
 
 
+LOCK = """
+from pathlib import Path
+from rbfmu.ensembles.store import store_lock
+with store_lock(Path("runs.npz")):
+    print("mine")
+    {}
+"""
+OTHER = """
+    import shlex, subprocess, sys
+    line = shlex.join(("-c", Path("other.py").read_text(encoding="utf-8")))
+    command = [sys.executable, "-m", "tests.support.without_posix", line]
+    print(subprocess.run(command, capture_output=True, text=True, encoding="utf-8").stderr)
+"""
+
+
+@pytest.mark.thorough
+def test_a_store_is_locked_on_windows(tmp_path):
+    (tmp_path / "other.py").write_text(LOCK.format("pass"), encoding="utf-8")
+    first, second = LOCK.format(OTHER.strip()), LOCK.format("pass")
+    told = without_posix(tmp_path, shlex.join(("-c", first)), shlex.join(("-c", second)))
+    assert re.search("BlockingIOError.* is being written by process", told.stdout), told.stderr
+    assert told.stdout.count("mine") == 2, told.stderr
+    assert not (tmp_path / "runs.npz.lock").exists()
+
+
 FORGOTTEN = """
 from pathlib import Path
 exec("Path('x').write_text('')", {"Path": Path, "__name__": "rbfmu.forgotten"})
@@ -60,6 +86,11 @@ exec("Path('x').write_text('')", {"Path": Path, "__name__": "rbfmu.forgotten"})
         ("import os; os.fork()", "AttributeError"),
         ("import fcntl", "ModuleNotFoundError"),
         (FORGOTTEN, "EncodingWarning"),
+        ("open('aux.txt', 'w', encoding='utf-8')", "no name of a file on Windows"),
+        ("open('a:b', 'w', encoding='utf-8')", "no name of a file on Windows"),
+        ("import os; os.mkdir('x'); os.mkdir('X')", "the same file as one that is there"),
+        ("import os; f = open('x', 'w', encoding='utf-8'); os.remove('x')", "is open, and Windows neither removes"),
+        ("import os; f = open('x', 'w', encoding='utf-8'); os.replace('x', 'y')", "is open, and Windows neither"),
     ],
 )
 def test_what_of_posix_is_used_is_found(tmp_path, code, error):
