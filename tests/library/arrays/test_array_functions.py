@@ -30,6 +30,7 @@ from tests.support.covering import some_of
 from tests.support.fmu.fmus import bench
 from tests.support.paths import ROOT
 from tests.support.references import exact
+from tests.support.references import by_ellipj
 from tests.support.references.free_rotation_mp import angle_to, random_case
 from tests.support.references.hard_cases import random_quaternions, rng
 
@@ -260,3 +261,13 @@ def test_array_function_names_the_wrong_argument(arguments, message):
 def test_rk4_of_the_cost_unit_is_right():
     y = bench("free_rotation").rk4_steps(I_123, Q_0, OMEGA, 1e-3, 1000)
     assert angle_to(y[:4], body_at(I_123, Q_0, OMEGA, 1.0)[0]) < 1e-12
+
+
+@pytest.mark.parametrize("rates", [(0.3, -1.0, 0.2), (1.0, 0.2, 0.1), (0.1, 0.2, -1.0)])
+def test_the_textbook_with_elliptic_functions_of_scipy_tells_the_same(rates):
+    times = np.linspace(0.0, 40.0, 50)
+    theirs = by_ellipj.motion(by_ellipj.MOMENTS, np.array(rates), times)
+    ours = rbfmu.free_rotation(by_ellipj.MOMENTS, by_ellipj.Q_0, rates, times)
+    signs = np.sign(np.sum(theirs[0] * ours[0], axis=1))[:, None]
+    np.testing.assert_allclose(signs * theirs[0], ours[0], atol=1e-12)
+    np.testing.assert_allclose(theirs[1], ours[1], atol=1e-12)
