@@ -234,7 +234,7 @@ def python_function_of(name: str) -> object:
 
 
 def test_the_page_on_plans_names_every_model_in_its_order() -> None:
-    table = text_of("rbfmu/README.md").partition("## Models")[2].partition("\n## ")[0]
+    table = text_of("rbfmu/README.md").partition("## Models")[2].partition("\n##")[0]
     named = re.findall(r"^\| ([^|`]+?) \|", table, re.MULTILINE)[1:]
     assert [name for name in named if name in MODELS] == [name for name in MODELS if name in named]
     assert set(named) - {"---"} == set(MODELS)

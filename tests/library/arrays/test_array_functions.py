@@ -29,8 +29,7 @@ from tests.support.array_arguments import ARRAY_FUNCTIONS, Q, R, V, compiled_onl
 from tests.support.covering import some_of
 from tests.support.fmu.fmus import bench
 from tests.support.paths import ROOT
-from tests.support.references import exact
-from tests.support.references import by_ellipj
+from tests.support.references import by_ellipj, exact
 from tests.support.references.free_rotation_mp import angle_to, random_case
 from tests.support.references.hard_cases import random_quaternions, rng
 
