@@ -225,12 +225,15 @@ class FormulaModel:
     @cached_property
     def text(self) -> str:
         """Return the module that makes the model, MODEL: what a reader can print, and an FMU takes along."""
-        return module_of(self.source, f"FORMULAS_{self.key}", self.blocks, self._places, self._base)
+        return self._named(f"FORMULAS_{self.key}")
 
     @cached_property
     def key(self) -> str:
-        """Return what tells the model from others."""
-        return hashlib.sha256(repr((self.source, self.blocks.blocks, self.groups)).encode()).hexdigest()[:16]
+        """Return what tells the model from others: all of its text, as code is kept by it."""
+        return hashlib.sha256(self._named("").encode()).hexdigest()[:16]
+
+    def _named(self, name: str) -> str:
+        return module_of(self.source, name, self.blocks, self._places, self._base)
 
     @cached_property
     def plain_loads(self) -> dict[str, list[Any]] | None:

@@ -86,6 +86,17 @@ def test_events_of_the_motion_are_where_it_comes_to_zero():
         assert abs(there.omega_b[-1, 0]) <= 1e-9 * np.abs(found.omega_b).max()
 
 
+def test_scenes_that_differ_in_a_direction_alone_have_kernels_of_their_own():
+    """Code is kept by what tells models apart: with an older scene's direction it counted other events, silently."""
+    found = {
+        direction: rbfmu.simulate(scene(stop=20.0, x={"when": "omega_b[1] - 0.1", "direction": direction})).events["x"]
+        for direction in ("rising", "falling", "any")
+    }
+    assert 0 < len(found["rising"]) < len(found["any"])
+    both = np.sort(np.concatenate([found["rising"], found["falling"]]))
+    np.testing.assert_array_equal(found["any"], both)
+
+
 def test_an_event_ends_the_run_and_is_its_last_row():
     one = scene(end={"when": "omega_b[1]", "stop": True, "direction": "rising"}, before="sin(3*t)")
     found, free = rbfmu.simulate(one), rbfmu.simulate(scene(end={"when": "omega_b[1]", "direction": "rising"}))
