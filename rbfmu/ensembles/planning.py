@@ -107,16 +107,16 @@ def _by_series(scene: Scene, judges: list[Judge]) -> tuple[bool, Plan | None]:
             return False, None
         asked = judges[0].asked
         general = replace(whole_series(scene, 0, scene.run.accuracy), pinned=asked.pinned)
-        highest, part = highest_in_lanes(judges, general), PART
+        highest, part, found = highest_in_lanes(judges, general), PART, None
         while fitted := fit_of_members(judges, general, highest, part):
             found = for_the_worst(scene, fitted, judges[0])
             if found is None:
                 return True, None
-            found = dearest(judges, found)
-            if found.cost <= DEARER * fitted.cost or part < PART:
-                return True, with_cost(asked, found)
+            found = with_cost(asked, cheap := dearest(judges, found))
+            if cheap.cost <= DEARER * fitted.cost or part < PART:
+                break
             part *= found.tolerance / fitted.tolerance
-    return True, None
+    return found is not None, found
 
 
 # Why
