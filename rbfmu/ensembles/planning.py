@@ -17,7 +17,16 @@ import numpy as np
 
 from rbfmu.ensembles import draws
 from rbfmu.ensembles.draws import normal_scores, probabilities
-from rbfmu.ensembles.fitting import MEMBERS, fit_of_members, for_the_worst, highest_in_lanes, with_likely_error
+from rbfmu.ensembles.fitting import (
+    DEARER,
+    MEMBERS,
+    PART,
+    dearest,
+    fit_of_members,
+    for_the_worst,
+    highest_in_lanes,
+    with_likely_error,
+)
 from rbfmu.ensembles.members import Samples, ensemble_of, member, refusals, samples_at
 from rbfmu.ensembles.result import differ
 from rbfmu.exceptions import SceneWarning
@@ -67,8 +76,7 @@ def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) 
     tell = progress or (lambda part: None)
     pilots, growth = _pilots(scene), 1.0
     judges = [Judge(Question(pilot)) for pilot in islice(pilots, OF_SERIES)]
-    fitted = _by_series(scene, judges)
-    chosen = fitted and for_the_worst(scene, fitted, judges[0].names)
+    by_series, chosen = _by_series(scene, judges)
     if chosen is None:
         judges += [Judge(Question(pilot)) for pilot in pilots]
         found = []
@@ -82,22 +90,33 @@ def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) 
     reasons = (
         *_of_model(judges[0].asked, chosen),
         *_of_members(scene, chosen, len(judges)),
-        *_of_growth(scene, growth, wild=bool(fitted) and chosen.span > 0.0),
+        *_of_growth(scene, growth, wild=by_series and chosen.span > 0.0),
     )
     if not scene.inputs.ports:  # through which anything may act
         warn(scene, _of_no_effect(scene, chosen), stacklevel=4)
     return replace(chosen, reasons=reasons)
 
 
-def _by_series(scene: Scene, judges: list[Judge]) -> Plan | None:
-    """Return series that are fitted to all pilots together; None where they must be planned for one by one."""
+def _by_series(scene: Scene, judges: list[Judge]) -> tuple[bool, Plan | None]:
+    """Return whether series serve alone, and those that are fitted to all members together, if any are tight enough.
+
+    Where the worst member asks for a far tighter tolerance than pilots do, another order is the cheapest.
+    """
     with faults_of(f"{scene.name}, pilot member 1"):
         if scene.inputs.ports or not series_serve_alone(judges[0]):  # what ports will supply no pilot has seen
-            return None
+            return False, None
         asked = judges[0].asked
         general = replace(whole_series(scene, 0, scene.run.accuracy), pinned=asked.pinned)
-        found = fit_of_members(judges, general, highest_in_lanes(judges, general))
-    return found and with_cost(asked, found)
+        highest, part, found = highest_in_lanes(judges, general), PART, None
+        while fitted := fit_of_members(judges, general, highest, part):
+            found = for_the_worst(scene, fitted, judges[0])
+            if found is None:
+                return True, None
+            found = with_cost(asked, cheap := dearest(judges, found))
+            if cheap.cost <= DEARER * fitted.cost or part < PART:
+                break
+            part *= found.tolerance / fitted.tolerance
+    return found is not None, found
 
 
 # Why

@@ -219,7 +219,7 @@ class _Search:
         """Fit from a likely order up and down, until two in a row are no cheaper.
 
         Orders go up no further than HIGHER, as estimates for long steps of a high order do not hold in other steps,
-        except while a series serves many steps.
+        except where no step is cut: of a higher order a series may come to serve many steps.
         """
         order = methods.likely_order(self.accuracy)
         first = self.fit(methods.series(self.general, order, self.shares), self.accuracy / 8.0)
@@ -227,7 +227,7 @@ class _Search:
             other, value, idle = order + way, first, 0
             while other in methods.ORDERS_OF_SERIES and idle < 2:
                 before = self.best
-                if other > order + HIGHER and not (before and before.substeps < self.steps):
+                if other > order + HIGHER and not (before and before.substeps <= self.steps):
                     break
                 value = self.fit(methods.series(self.general, other, self.shares), value)
                 idle = idle + 1 if self.best is before else 0
