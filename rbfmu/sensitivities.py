@@ -13,9 +13,10 @@ from rbfmu import arrays
 from rbfmu.exceptions import named
 from rbfmu.formulas.motion import STATE
 from rbfmu.models.formulas import EVENT
-from rbfmu.models.question import BLOCKS, BodyAtStart, Question
+from rbfmu.models.model_buffer import BLOCKS, BodyAtStart
+from rbfmu.models.question import Question
 from rbfmu.models.registry import FORMULAS
-from rbfmu.models.varied import TURN, Column, variation_of, varied_model
+from rbfmu.models.varied import TURN, Column, VariedModel, variation_of
 from rbfmu.planning import methods
 from rbfmu.runs.inputs import HOLD, Drive, Driven, drive_of, input_tables
 from rbfmu.runs.parameters import BLOCK_OF, KEYS
@@ -137,7 +138,7 @@ class Varied:
             raise ValueError("by: expected at least one key")
         seeds = variation_of(scene, self.columns, _generic(scene, self.columns)).seeds
         rows = {name: np.flatnonzero(row).tolist() for name, row in seeds.items()}
-        self.model = varied_model(scene, self.columns, rows)
+        self.model = VariedModel(scene, self.columns, rows)
         self.numbers = tuple(column.name for column in self.columns)
 
     def along(

@@ -11,7 +11,7 @@ whose estimates hold less well, so that what was fitted in the scene's own steps
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from rbfmu.models.question import GROWING, Question
@@ -45,8 +45,6 @@ LONGER, SHORTER = (2, 4, 10, 25, 50, 100), (2, 3, 4, 6, 10)
 """Numbers of communication steps that an importer may take as one, besides the whole run, and of parts of one."""
 POINT_COST = 86.0
 """The cost of a point, ns, on `methods.MACHINE`."""
-EXACT = 1e-14
-"""What closed forms lose by round-off, the exact rotation among them."""
 MAX_TRIALS = 6
 MAX_PANELS, MAX_POINTS = 1e6, 2e7
 """The most panels of a communication step, and points of a whole trial, some two seconds of work."""
@@ -64,16 +62,16 @@ class _Fit:
     """The error in other communication steps."""
 
 
-def cheapest_fit(judge: Judge, general: Plan) -> Plan:
-    """Return Taylor series of some order, or splitting for a symmetric top: the cheapest that meets the accuracy.
+def cheapest_fit(judge: Judge, general: Plan, others: Iterable[tuple[methods.Method, float]] = ()) -> Plan:
+    """Return Taylor series of some order, or another method: the cheapest that meets the accuracy.
 
     general: the plan whose method and settings are to be found, with the scene's accuracy as its tolerance.
-    Raises SceneError where no method is accurate enough.
+    others: methods besides series, with the longest step of each, s. Raises SceneError where none is accurate enough.
     """
+    if judge.asked.accuracy < SMALLEST:
+        raise refuse_accuracy(judge.asked, REACHED * SMALLEST)
     search = _Search(judge, general)
-    if search.accuracy < SMALLEST:
-        raise search.out_of_reach(REACHED * SMALLEST)
-    return search.plan_of_varying() if judge.asked.varying else search.plan()
+    return search.plan_of_varying() if judge.asked.varying else search.plan(others)
 
 
 def swinging_fit(judge: Judge, general: Plan) -> Plan | None:
@@ -117,15 +115,15 @@ class _Search:
         self.asked.start.check()
         self.shares = self.asked.load_shares
 
-    def plan(self) -> Plan:
+    def plan(self, others: Iterable[tuple[methods.Method, float]]) -> Plan:
         """Return the cheapest plan; raise SceneError where none is accurate enough."""
         self._try_tightest()
         self._fit_series()
-        if not self.asked.full:
-            self._fit_splittings()
+        for method, longest in others:  # from the longest step down, where they are cheapest
+            self.fit(method, longest)
         assert self.best
         if not self.met:
-            raise self.out_of_reach(self.best.error)
+            raise refuse_accuracy(self.asked, self.best.error)
         return self.whatever_the_step(self.bound)
 
     def plan_of_varying(self) -> Plan:
@@ -147,11 +145,7 @@ class _Search:
             return self._with_reasons(found)
         if magnified > self.accuracy and (self.scene.inputs.ports or found.error <= AT_REST * self.accuracy):
             return self._with_reasons(found, say.unstable_at_zero_inputs(growth))
-        raise self.out_of_reach(max(found.error, magnified))
-
-    def out_of_reach(self, error: float) -> SceneError:
-        """Return the error that is raised where no method's error is smaller."""
-        return refuse_accuracy(self.asked, error)
+        raise refuse_accuracy(self.asked, max(found.error, magnified))
 
     def _with_reasons(self, found: _Fit, *more: str) -> Plan:
         why = say.why_held_whatever(self.asked, found.plan, found.error, self.judge.arithmetic)
@@ -170,7 +164,7 @@ class _Search:
         assert best
         error = self.judge.try_all_steps(best.plan, best.error)
         if error > self.accuracy:
-            raise self.out_of_reach(error)
+            raise refuse_accuracy(self.asked, error)
         reason = say.why_fitted(best.plan, error, self.judge.arithmetic)
         more = () if best.other <= self.accuracy else (say.only_in_own_steps(best.other),)
         return replace(best.plan, error=error, cost=best.cost / self.steps, reasons=(reason, *more))
@@ -212,7 +206,7 @@ class _Search:
             if found.error <= self.bound:
                 return
         if reached > REACHED * self.accuracy:
-            raise self.out_of_reach(reached)
+            raise refuse_accuracy(self.asked, reached)
         self.bound = REACHED * self.accuracy
 
     def _fit_series(self) -> None:
@@ -245,11 +239,6 @@ class _Search:
                 best = found if best is None or _better(found, best, REACHED * self.accuracy) else best
         assert best
         return best
-
-    def _fit_splittings(self) -> None:
-        """Fit from the longest step down, where splitting is cheapest."""
-        for method, longest in methods.splittings(self.asked, self.general):
-            self.fit(method, longest)
 
     # Values
 
@@ -336,7 +325,7 @@ def cheapest_quadrature(judge: Judge, general: Plan) -> Plan | None:
     grows = bool(asked.varying & GROWING)
     if grows and "kinetic_energy" in judge.names:
         return None
-    kept = EXACT + general.spec.conditioning(asked)
+    kept = methods.EXACT + general.spec.conditioning(asked)
     bound = asked.accuracy / 3.0 - kept
     best: Plan | None = None
     for order in ORDERS:

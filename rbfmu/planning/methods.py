@@ -7,7 +7,8 @@ from functools import partial
 
 import numpy as np
 
-from rbfmu.models.question import BodyAtStart, Question
+from rbfmu.models.model_buffer import BodyAtStart
+from rbfmu.models.question import Question
 from rbfmu.models.registry import FORMULAS, LOADED_SPLITTING, LOADED_TAYLOR, MODELS
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
@@ -17,6 +18,8 @@ from rbfmu_kernels.integrators.taylor_coefficients import MAX_ORDER
 from rbfmu_kernels.models.one_axis import ORDERS
 from rbfmu_kernels.quantities import OUTPUT
 
+EXACT = 1e-14
+"""What closed forms lose by round-off, the exact rotation among them."""
 TIGHTEST = 1e-15
 """The smallest tolerance that double precision serves."""
 LOOSEST = 1.0

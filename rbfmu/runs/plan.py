@@ -82,12 +82,12 @@ class Plan:
         """Return the plan with the kernels of the scene's formulas, if it has any: a file of a plan holds none."""
         if self.formulas is not None or not scene.has_formulas:
             return self
-        from rbfmu.models.formulas import formulas_of  # what has none starts sooner
+        from rbfmu.models.formulas import equations_of  # what has none starts sooner
+        from rbfmu.models.over_closed_form import OverClosedForm
 
-        formulas = formulas_of(scene)
-        if formulas is not None and self.model != FORMULAS.key:  # own outputs over a closed form
-            formulas = formulas.over(self.spec.module)
-        return replace(self, formulas=formulas)
+        formulas = equations_of(scene)
+        own_outputs_alone = self.model != FORMULAS.key
+        return replace(self, formulas=OverClosedForm(formulas, self.spec.module) if own_outputs_alone else formulas)
 
     @property
     def settings(self) -> dict[str, float]:
