@@ -13,9 +13,9 @@ import numpy as np
 
 from rbfmu.exceptions import SimulationError as SimulationError
 from rbfmu.result import Result
-from rbfmu.runs.inputs import HOLD, Drive, Driven, drive_of, events_of, input_tables, size_of
-from rbfmu.runs.parameters import with_parameters
-from rbfmu.runs.plan import Plan, start_run
+from rbfmu.runs.inputs import HOLD, Drive, drive_of, input_tables, size_of
+from rbfmu.runs.motion import Driven, Events
+from rbfmu.runs.plan import Plan, start_run, with_parameters
 from rbfmu.runs.time_grid import last_time, steps_until
 from rbfmu.scene.consistency import doubts_after, warn
 from rbfmu.scene.scene import Scene, of_scene_or_path
@@ -94,8 +94,8 @@ def simulate(
             time = _ended(time, k, run.ended)
             break
     quantities = shown.quantities(len(time)) | (own.quantities(len(time)) if own else {})
-    events = (run.events.times(), run.events.times(touched=True)) if run.events else ()
-    result = Result(time, quantities, _own_rows(scene), *events)
+    happened = [run.events.times(run.events.taken, touched) for touched in (False, True)] if run.events else ()
+    result = Result(time, quantities, _own_rows(scene), *happened)
     warn(scene, doubts_after(scene, result.quantities), stacklevel=4)
     return result
 
@@ -168,13 +168,13 @@ class Simulator:
         self._identity = _identity(self.scene, self.plan)
         self._start, self._h, self._last_time = run.start, run.step, last_time(run.stop, run.step)
         self.time, self._count = run.start, 0
-        self._events = events_of(self.scene, self.plan, self._z) if self.scene.events else None
+        self._events = Events(self.scene, self.plan, self._z) if self.scene.events else None
         self._told: tuple[str, ...] = ()
 
     @property
     def events(self) -> dict[str, Array]:
         """Return the times of the last step's events by name, s; an event at its end counts for the step after."""
-        return self._events.times_of_last_step() if self._events else {}
+        return self._events.times(self._events.of_last_step()) if self._events else {}
 
     def step_to_event(self, h: float | None = None, **ports: Any) -> tuple[str, ...]:
         """Step as `step` does, but no further than to the first event; return the names of those that happen there."""
