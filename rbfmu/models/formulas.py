@@ -94,6 +94,14 @@ class FormulaModel:
         numbers = [x for value in self.shown.values() for x in np.ravel(value)]
         return closure(self.all_rates, numbers, self.motion.graph)
 
+    @property
+    def own_rows(self) -> dict[str, Output]:
+        """Return the rows of the outputs of one's own by name, each with its formula in its meaning."""
+        return {
+            name: own_output(name, self.own_outputs[name], one.unit, " = ".join(filter(None, (one.about, one.value))))
+            for name, one in self.scene.outputs.own.items()
+        }
+
     def keys_of(self, operation: int) -> list[str]:
         """Return the keys of the formulas that an operation is part of."""
         found = {key: map(self.motion.graph.symbol_of, np.ravel(value)) for key, value in self.by_key.items()}
@@ -379,12 +387,6 @@ def equations_of(scene: Scene) -> FormulaModel:
 
 
 def own_rows(scene: Scene) -> dict[str, Output]:
-    """Return the rows of the outputs of one's own by name, each with its formula in its meaning."""
+    """Return the rows of the outputs of one's own by name."""
     formulas = formulas_of(scene)
-    if formulas is None:
-        return {}
-    sizes = formulas.own_outputs
-    return {
-        name: own_output(name, sizes[name], one.unit, " = ".join(filter(None, (one.about, one.value))))
-        for name, one in scene.outputs.own.items()
-    }
+    return formulas.own_rows if formulas else {}

@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from rbfmu.models.question import GROWING, Question
-from rbfmu.models.registry import LOADED_TAYLOR
+from rbfmu.models.registry import LOADED_TAYLOR, moments_of
 from rbfmu.planning import methods
 from rbfmu.planning import reasons as say
 from rbfmu.planning.judge import Judge
@@ -144,7 +144,10 @@ class _Search:
         if magnified <= self.accuracy and found.error <= self.accuracy:
             return self._with_reasons(found)
         if magnified > self.accuracy and (self.scene.inputs.ports or found.error <= AT_REST * self.accuracy):
-            return self._with_reasons(found, say.unstable_at_zero_inputs(growth))
+            larger = (
+                f"with inputs at zero the motion magnifies an error {growth:.1e} times, round-off beyond the accuracy"
+            )
+            return self._with_reasons(found, f"{larger}: only the errors of substeps are held to it")
         raise refuse_accuracy(self.asked, max(found.error, magnified))
 
     def _with_reasons(self, found: _Fit, *more: str) -> Plan:
@@ -165,9 +168,10 @@ class _Search:
         error = self.judge.try_all_steps(best.plan, best.error)
         if error > self.accuracy:
             raise refuse_accuracy(self.asked, error)
-        reason = say.why_fitted(best.plan, error, self.judge.arithmetic)
-        more = () if best.other <= self.accuracy else (say.only_in_own_steps(best.other),)
-        return replace(best.plan, error=error, cost=best.cost / self.steps, reasons=(reason, *more))
+        reasons = [say.why_fitted(best.plan, error, self.judge.arithmetic)]
+        if best.other > self.accuracy:
+            reasons.append(f"in other communication steps than the scene's the error is up to {best.other:.1e}")
+        return replace(best.plan, error=error, cost=best.cost / self.steps, reasons=tuple(reasons))
 
     def _tighten_for_other_steps(self, fit: _Fit) -> _Fit:
         """Return the fit, its tolerance or step such that other communication steps meet the accuracy as well."""
@@ -262,8 +266,7 @@ class _Search:
             if enough or (error > bound and self._is_dearer(found.cost)):
                 break
             ratio = methods.ratio_to(math.sqrt(least * bound), error)
-            ratio = min(ratio, 0.03) if stuck else ratio
-            value *= min(max(ratio ** (1.0 / method.exponent), 1e-3), 1e3)
+            value = methods.nearer(value, min(ratio, 0.03) if stuck else ratio, 1e3, method.exponent)
         return value
 
     def _try_method(self, method: methods.Method, plan: Plan) -> _Fit:
@@ -334,7 +337,8 @@ def cheapest_quadrature(judge: Judge, general: Plan) -> Plan | None:
             cost = POINT_COST * order * panels
             if best and cost >= best.cost:
                 break
-            trial = _trial(general, order, scene.run.step / panels)
+            method = f"elliptic functions, {_rule(order)}"
+            trial = replace(general, method=method, order=order, substep=scene.run.step / panels)
             error, _ = judge.try_out(trial, absolute=grows)
             if error <= bound:
                 best = replace(trial, error=error + kept, cost=cost)
@@ -345,9 +349,12 @@ def cheapest_quadrature(judge: Judge, general: Plan) -> Plan | None:
             panels = max(panels + 1, math.ceil(ratio * panels))
             if panels * order * communication_steps(scene) > MAX_POINTS:
                 break
-    return replace(best, reasons=say.why_quadrature(asked, best)) if best else None
+    if best is None:
+        return None
+    rotation = f"rotation: no torque, moments {moments_of(asked)} kg m2: elliptic functions"
+    path = f"path: {_rule(best.order)} in panels of {best.substep:.3g} s: error {best.error:.1e}"
+    return replace(best, reasons=(rotation, f"{path}, {asked.accuracy:g} asked"))
 
 
-def _trial(general: Plan, order: int, panel: float) -> Plan:
-    method = f"elliptic functions, Gauss's rule of {order} point{'s' if order > 1 else ''}"
-    return replace(general, method=method, order=order, substep=panel)
+def _rule(order: int) -> str:
+    return f"Gauss's rule of {order} point{'s' if order > 1 else ''}"

@@ -132,7 +132,7 @@ def _tried(judge: Judge, general: Plan, order: int) -> Iterator[Plan]:
         yield replace(plan, error=error, cost=_cost(judge, plan, substeps))
         if 0.1 * AIM * accuracy <= error <= AIM * accuracy or plan.tolerance != tolerance:
             return
-        tolerance *= min(max(methods.ratio_to(AIM * accuracy, 3.0 * error), 1e-4), 1e4)
+        tolerance = methods.nearer(tolerance, methods.ratio_to(AIM * accuracy, 3.0 * error), 1e4)
 
 
 def _cost(judge: Judge, plan: Plan, substeps: float) -> float:

@@ -53,8 +53,9 @@ def plan(
         judge = Judge(Question(with_all_outputs(scene)), progress, asked) if full else Judge(asked, progress)
     with said_after(PATIENCE, lambda: f"rbfmu: planning {scene.name} takes long: {judge.doing}"):
         found = _cheapest(judge, full)
-    found = replace(found, reasons=(*found.reasons, *say.what_inputs_cost(judge.asked, found)))
-    return plan_for_inputs(asked, found, driven) if driven else found
+    if driven:  # which close no loop
+        return plan_for_inputs(asked, found, driven)
+    return replace(found, reasons=(*found.reasons, *say.what_inputs_cost(judge.asked, found)))
 
 
 def with_all_outputs(scene: Scene) -> Scene:
@@ -80,46 +81,42 @@ def _cheapest(judge: Judge, full: bool) -> Plan:
 
         return (None if full else closed_plan(judge)) or formula_plan(judge)
     if asked.scene.body is None:
-        found = prescribed_plan(asked)
-    elif full:
-        found = replace(cheapest_fit(judge, _whole(asked)), pinned=asked.pinned)
-    else:
-        found = _smallest(judge)
-    return methods.with_cost(asked, found)
+        return methods.with_cost(asked, prescribed_plan(asked))
+    if full:
+        return replace(methods.with_cost(asked, cheapest_fit(judge, _whole(asked))), pinned=asked.pinned)
+    found = next(filter(None, _smaller(judge)), None) or _of_all_that_moves(judge)
+    left_out = say.what_is_left_out(asked, found.spec.force_keeps_direction)
+    pinned = found.pinned if found.spec.closed_form else asked.pinned  # a pilot run rests on their values
+    return methods.with_cost(asked, replace(found, pinned=pinned, reasons=(*left_out, *found.reasons)))
+
+
+def _smaller(judge: Judge) -> Iterator[Plan | None]:
+    """Yield the plans of models that integrate less than all, from the smallest; None for one that does not serve."""
+    exact = exact_plan(judge)
+    yield plan_within_accuracy(judge, exact)
+    yield exact
+    yield _of_one_angle(judge)
+    yield _of_path_alone(judge)
 
 
 def series_serve_alone(judge: Judge) -> bool:
     """Return whether no smaller model serves than series that integrate whatever acts."""
-    asked = judge.asked
-    return not (asked.scene.has_formulas or asked.scene.body is None) and _smaller(judge)[1] is None
-
-
-def _smaller(judge: Judge) -> tuple[Plan | None, Plan | None]:
-    """Return the plan of an exact closed form, and that of the smallest model that serves, where series need not."""
-    exact = exact_plan(judge)
-    return exact, plan_within_accuracy(judge, exact) or exact or _swinging(judge) or _under_body_force(judge)
-
-
-def _smallest(judge: Judge) -> Plan:
-    """Return the plan of the smallest model that serves; of those that serve only nearly, with what that leaves out."""
-    asked, (exact, smaller) = judge.asked, _smaller(judge)
-    found = smaller or _integrated(judge)
-    left_out = say.what_is_left_out(asked, found.spec.force_keeps_direction)
-    pinned = found.pinned if found is exact else asked.pinned  # a pilot run or a comparison rests on their values
-    return replace(found, pinned=pinned, reasons=(*left_out, *found.reasons))
+    scene = judge.asked.scene
+    return not (scene.has_formulas or scene.body is None or any(_smaller(judge)))
 
 
 # Methods that integrate
 
 
-def _swinging(judge: Judge) -> Plan | None:
+def _of_one_angle(judge: Judge) -> Plan | None:
     """Return the plan of one angle under forces fixed in space, by the cheapest series that meets the accuracy."""
     asked, spec = judge.asked, registry.ONE_AXIS_TAYLOR
     found = swinging_fit(judge, Plan(spec.key, "", 0, tolerance=asked.accuracy)) if spec.serves(asked) else None
-    return replace(found, reasons=(say.SWINGING, *found.reasons)) if found else None
+    why = "rotation: one angle, every load turns the body about one principal axis; 2 of 7 states"
+    return replace(found, reasons=(why, *found.reasons)) if found else None
 
 
-def _under_body_force(judge: Judge) -> Plan | None:
+def _of_path_alone(judge: Judge) -> Plan | None:
     """Return exact rotation with a quadrature for the path; for a symmetric body, an integration if it costs less."""
     asked, spec = judge.asked, registry.FREE_BODY_FORCE
     if not any(asked.scene.loads.force_b) or not asked.translation or not spec.serves(asked):
@@ -128,19 +125,19 @@ def _under_body_force(judge: Judge) -> Plan | None:
     if found is None or not asked.start.is_symmetric:
         return found
     try:
-        return min(_integrated(judge), found, key=lambda plan: methods.with_cost(asked, plan).cost)
+        return min(_of_all_that_moves(judge), found, key=lambda plan: methods.with_cost(asked, plan).cost)
     except SceneError:
         return found
 
 
-def _integrated(judge: Judge) -> Plan:
+def _of_all_that_moves(judge: Judge) -> Plan:
     """Return the plan of all that moves, by series or splitting."""
     general = _whole(judge.asked)
     return cheapest_fit(judge, general, methods.splittings(judge.asked, general))
 
 
 def _whole(asked: Question) -> Plan:
-    return methods.whole_series(asked.scene, 0, asked.accuracy)
+    return methods.series_of_all(asked, 0, asked.accuracy)
 
 
 # Inputs that are known
@@ -153,7 +150,7 @@ def plan_for_inputs(asked: Question, found: Plan, driven: Callable[[int], Drive]
     Raises SceneError where none meets the scene's accuracy.
     """
     if found.model == registry.PRESCRIBED_RATES.key:
-        return without_loops(asked, found)
+        return found
     what = f"rbfmu: planning {asked.scene.name} takes long: methods are tried under its inputs"
     with said_after(PATIENCE, lambda: what):
         return _least_tight(asked, found, driven(1), driven(2))
@@ -162,7 +159,7 @@ def plan_for_inputs(asked: Question, found: Plan, driven: Callable[[int], Drive]
 def _least_tight(asked: Question, found: Plan, drive: Drive, halves: Drive) -> Plan:
     scene, names = asked.scene, asked.judged
     with_rates = tuple(dict.fromkeys((*names, "omega_b")))  # by which rest is judged
-    tight = [methods.whole_series(scene, order, 1e-18) for order in ORDERS]
+    tight = [methods.series_of_all(asked, order, 1e-18) for order in ORDERS]
     (truth, taken), (other, more) = (_run_under(halves, scene, plan, with_rates, MAX_SUBSTEPS) for plan in tight)
     for motion, substeps in ((truth, taken), (other, more)):
         refuse_unfinished(scene, np.diff(halves.time).tolist(), motion["omega_b"], substeps)
@@ -173,11 +170,12 @@ def _least_tight(asked: Question, found: Plan, drive: Drive, halves: Drive) -> P
         motion, substeps = _run_under(drive, scene, plan, names, MOST_UNDER_INPUTS)
         error = largest_error(motion, truth, names, floors) + doubt
         if error <= asked.accuracy:
-            reasons = [*without_loops(asked, found).reasons]
-            if plan is not found:
-                reasons.append(say.tighter_than_the_fmu(found.method, plan.method, plan.tolerance))
+            misses = f"{found.method}, planned for any inputs, misses the accuracy under these"
+            why = (f"{misses}: {plan.method} at {plan.tolerance:.1e} instead",) if plan is not found else ()
+            judged = f"judged by series of order {max(ORDERS)} in half steps"
+            why += (f"error {error:.1e} in a pilot run with the inputs given, {judged}",)
             cost = _cost_under(asked, plan, found, substeps, drive)
-            return replace(plan, error=error, cost=cost, reasons=(*reasons, say.under_inputs(error)))
+            return replace(plan, error=error, cost=cost, reasons=(*found.reasons, *why))
         best = min(best, error)
     expected = f"one that these inputs allow; the methods here reach {best:.1e} with them"
     raise SceneError(f"run.accuracy = {asked.accuracy!r}: expected {expected}", scene.name)
@@ -197,7 +195,7 @@ def without_loops(asked: Question, found: Plan) -> Plan:
 
 def _tighter(asked: Question, found: Plan) -> Iterator[Plan]:
     """Yield series of ever smaller tolerance, for the whole run."""
-    model = methods.whole_series(asked.scene, 0, 0.0).model
+    model = methods.series_of_all(asked, 0, 0.0).model
     general = replace(found, model=model, tolerance=asked.accuracy, substep=math.inf, order=0)
     for tolerance in methods.ever_tighter(found.tolerance if found.model == model else asked.accuracy):
         order = max(found.order, methods.likely_order(tolerance))
