@@ -81,7 +81,7 @@ def new(name: str) -> None:
 def show_plan(scene: Path, as_json: bool, code: bool, driven: dict[str, Any], model: str, **run: float | None) -> None:
     """Say which model and method a scene gets, and why."""
     if code:
-        from rbfmu.planning.formulas import code_of
+        from rbfmu.planning.select import code_of
 
         with given_scene(scene, run) as loaded:
             click.echo(code_of(loaded))

@@ -13,13 +13,14 @@ from rbfmu import arrays
 from rbfmu.exceptions import named
 from rbfmu.formulas.motion import STATE
 from rbfmu.models.formulas import EVENT
-from rbfmu.models.question import BLOCKS, BodyAtStart, Question
+from rbfmu.models.model_buffer import BLOCKS, BodyAtStart
+from rbfmu.models.question import Question
 from rbfmu.models.registry import FORMULAS
-from rbfmu.models.varied import TURN, Column, variation_of, varied_model
+from rbfmu.models.varied import TURN, Column, VariedModel, variation_of
 from rbfmu.planning import methods
-from rbfmu.runs.inputs import HOLD, Drive, Driven, drive_of, input_tables
-from rbfmu.runs.parameters import BLOCK_OF, KEYS
-from rbfmu.runs.plan import Plan
+from rbfmu.runs.inputs import HOLD, Drive, drive_of, input_tables
+from rbfmu.runs.motion import Driven
+from rbfmu.runs.plan import BLOCK_OF, KEYS, Plan
 from rbfmu.scene.scene import Scene, of_scene_or_path
 from rbfmu.simulation import refused_step
 from rbfmu.types import Array
@@ -137,7 +138,7 @@ class Varied:
             raise ValueError("by: expected at least one key")
         seeds = variation_of(scene, self.columns, _generic(scene, self.columns)).seeds
         rows = {name: np.flatnonzero(row).tolist() for name, row in seeds.items()}
-        self.model = varied_model(scene, self.columns, rows)
+        self.model = VariedModel(scene, self.columns, rows)
         self.numbers = tuple(column.name for column in self.columns)
 
     def along(
@@ -254,7 +255,7 @@ class _Run:
             for rows, view in zip(recorded, views, strict=True):
                 rows[k] = view
             if run.ended is not None and run.events is not None:
-                self.time, self._event = np.append(drive.time[:k], run.ended), run.events.last
+                self.time, self._event = np.append(drive.time[:k], run.ended), run.events.taken[-1].name
                 break
         *shown, errors, self._slopes = (rows[: len(self.time)] for rows in recorded)
         self._errors = errors.reshape(len(self.time), -1, self._model.columns)

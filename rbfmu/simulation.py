@@ -13,9 +13,9 @@ import numpy as np
 
 from rbfmu.exceptions import SimulationError as SimulationError
 from rbfmu.result import Result
-from rbfmu.runs.inputs import HOLD, Drive, Driven, drive_of, events_of, input_tables, size_of
-from rbfmu.runs.parameters import with_parameters
-from rbfmu.runs.plan import Plan, start_run
+from rbfmu.runs.inputs import HOLD, Drive, drive_of, input_tables, size_of
+from rbfmu.runs.motion import Driven, Events
+from rbfmu.runs.plan import Plan, start_run, with_parameters
 from rbfmu.runs.time_grid import last_time, steps_until
 from rbfmu.scene.consistency import doubts_after, warn
 from rbfmu.scene.scene import Scene, of_scene_or_path
@@ -80,22 +80,20 @@ def simulate(
     planned = (planned or _plan(scene, driven=driven if tables else None)).of_scene(scene)
     drive = driven(1)
     run, time = Driven(scene, planned, drive), drive.time
-    own = _Rows(run.z, planned.kernels.BLOCKS, scene.outputs.own, len(time)) if scene.outputs.own else None
-    shown = _Rows(run.z, planned.kernels.BLOCKS, scene.outputs.quantities, len(time))
-    rows, outputs = shown.rows, shown.numbers
+    blocks, asked = planned.kernels.BLOCKS, (scene.outputs.quantities, scene.outputs.own)
+    shown = [_Rows(run.z, blocks, names, len(time)) for names in asked if names]
     numbers = range(1, len(time))
     for k in numbers if progress is None else progress(numbers):
         if not run.advance(k):
             raise refused_step(scene, time[k - 1])
-        rows[k] = outputs
-        if own is not None:
-            own.rows[k] = own.numbers
+        for one in shown:
+            one.rows[k] = one.numbers
         if run.ended is not None:
             time = _ended(time, k, run.ended)
             break
-    quantities = shown.quantities(len(time)) | (own.quantities(len(time)) if own else {})
-    events = (run.events.times(), run.events.times(touched=True)) if run.events else ()
-    result = Result(time, quantities, _own_rows(scene), *events)
+    quantities = {name: values for one in shown for name, values in one.quantities(len(time)).items()}
+    happened = [run.events.times(run.events.taken, touched) for touched in (False, True)] if run.events else ()
+    result = Result(time, quantities, planned.formulas.own_rows if planned.formulas else {}, *happened)
     warn(scene, doubts_after(scene, result.quantities), stacklevel=4)
     return result
 
@@ -110,21 +108,13 @@ def refused_step(scene: Scene, begin: float) -> SimulationError:
     return SimulationError(f"{scene.name}: the step from t = {float(begin)!r} s was refused: not finite")
 
 
-def _own_rows(scene: Scene) -> dict[str, Output]:
-    if not scene.outputs.own:
-        return {}
-    from rbfmu.models.formulas import own_rows  # what has none starts sooner
-
-    return own_rows(scene)
-
-
 class _Rows:
     """Rows of numbers that stand side by side in a buffer, the first of them filled."""
 
     def __init__(self, z: Array, blocks: Mapping[str, slice], names: Collection[str], count: int) -> None:
         self._blocks = {name: blocks[name] for name in names}
-        self._first = min((block.start for block in self._blocks.values()), default=0)
-        self.numbers = z[self._first : max((block.stop for block in self._blocks.values()), default=0)]
+        self._first = min(block.start for block in self._blocks.values())
+        self.numbers = z[self._first : max(block.stop for block in self._blocks.values())]
         self.rows = np.empty((count, len(self.numbers)))
         self.rows[0] = self.numbers
 
@@ -168,13 +158,13 @@ class Simulator:
         self._identity = _identity(self.scene, self.plan)
         self._start, self._h, self._last_time = run.start, run.step, last_time(run.stop, run.step)
         self.time, self._count = run.start, 0
-        self._events = events_of(self.scene, self.plan, self._z) if self.scene.events else None
+        self._events = Events(self.scene, self.plan, self._z) if self.scene.events else None
         self._told: tuple[str, ...] = ()
 
     @property
     def events(self) -> dict[str, Array]:
         """Return the times of the last step's events by name, s; an event at its end counts for the step after."""
-        return self._events.times_of_last_step() if self._events else {}
+        return self._events.times(self._events.of_last_step()) if self._events else {}
 
     def step_to_event(self, h: float | None = None, **ports: Any) -> tuple[str, ...]:
         """Step as `step` does, but no further than to the first event; return the names of those that happen there."""

@@ -5,20 +5,20 @@ import json
 import linecache
 import math
 import sys
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from types import MappingProxyType, ModuleType
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 
 from rbfmu.formulas.check import Texts, given_to
 from rbfmu.formulas.graph import SYMBOLIC, Symbol, gradient, numbers_of, side
-from rbfmu.formulas.motion import CONSTANT, STATE, Given, Motion, by_element, closure
+from rbfmu.formulas.motion import CONSTANT, STATE, Given, by_element, closure
 from rbfmu.formulas.program import program
 from rbfmu.formulas.source import Layout, layout_of, module_of, source_of
-from rbfmu.models.question import BLOCKS, BodyAtStart
+from rbfmu.models.model_buffer import BLOCKS, BodyAtStart
 from rbfmu.scene.own import DIRECTIONS
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels import buffer
@@ -29,7 +29,6 @@ from rbfmu_kernels.models import formulas as templates
 from rbfmu_kernels.quantities import OUTPUT, Output, elements, own_output
 
 _LANES = 4
-NO_EVENTS: Mapping[str, tuple[Any, str]] = MappingProxyType({})
 EVENT = "when."
 """Before the name of an event, that of the block with the value that it watches."""
 _ENDS = ("", "_rate", "_rate_2")
@@ -59,22 +58,22 @@ class Group:
 class FormulaModel:
     """The model of formulas: `model` runs it, `source` is what a reader can print, `program` what the judge walks."""
 
-    def __init__(
-        self, motion: Motion, given: Given, loads: Mapping[str, Any], states: Mapping[str, Any], own: Mapping[str, Any],
-        asked: Collection[str], events: Mapping[str, tuple[Any, str]] = NO_EVENTS,
-    ) -> None:  # fmt: skip
-        """Take what formulas give for loads, for the rates of states and for own outputs, and events with directions.
-
-        asked: the names of quantities and own outputs.
-        """
-        self.motion, self.given = motion, given
-        self.events = {name: (when, DIRECTIONS[direction]) for name, (when, direction) in events.items()}
-        whens = {f"{EVENT}{name}": np.array(when, object) for name, (when, _) in events.items()}
-        tables = {"loads": loads, "states": states, "outputs": own, "events": {n: x for n, (x, _) in events.items()}}
+    def __init__(self, scene: Scene, given: Given, texts: Texts) -> None:
+        """Take a scene and what its formulas give, as `texts_of` does."""
+        motion, asked = texts.motion, scene.outputs.quantities
+        self.scene, self.given, self.texts, self.motion = scene, given, texts, motion
+        self.events = {name: (texts.events[name], DIRECTIONS[row.direction]) for name, row in scene.events.items()}
+        whens = {f"{EVENT}{name}": np.array(when, object) for name, (when, _) in self.events.items()}
+        loads: Mapping[str, Any] = texts.loads  # without the faults that texts may have, none is None
+        states: Mapping[str, Any] = texts.states
+        own: Mapping[str, Any] = texts.own
+        tables = {"loads": loads, "states": states, "outputs": own, "events": texts.events}
+        self.loads = loads
         self.by_key = {f"{table}.{name}": value for table, rows in tables.items() for name, value in rows.items()}
         self.all_rates = {**motion.rates(loads), **dict(by_element({f"{STATE}{n}": x for n, x in states.items()}))}
         known = {**motion.outputs(self.all_rates), **own}
-        self.shown = {name: known[name] for name in asked} | whens
+        names = (*dict.fromkeys(OUTPUT[name].judged_by or name for name in asked), *own)
+        self.shown = {name: known[name] for name in names} | whens
         self.own_outputs = {name: int(np.size(value)) for name, value in own.items()}
         read = {name.partition("[")[0] for name in self._needed()}
         self.own_states = {name: np.size(x) for name, x in states.items() if f"{STATE}{name}" in read}
@@ -94,6 +93,14 @@ class FormulaModel:
         """Return the names of the states' numbers that what is shown comes of."""
         numbers = [x for value in self.shown.values() for x in np.ravel(value)]
         return closure(self.all_rates, numbers, self.motion.graph)
+
+    @property
+    def own_rows(self) -> dict[str, Output]:
+        """Return the rows of the outputs of one's own by name, each with its formula in its meaning."""
+        return {
+            name: own_output(name, self.own_outputs[name], one.unit, " = ".join(filter(None, (one.about, one.value))))
+            for name, one in self.scene.outputs.own.items()
+        }
 
     def keys_of(self, operation: int) -> list[str]:
         """Return the keys of the formulas that an operation is part of."""
@@ -242,9 +249,10 @@ class FormulaModel:
         Constant ones, and a torque in b that is constant but for what each rate times a constant takes: its damping.
         """
         graph, rates, found = self.motion.graph, elements("omega", 3), dict[str, list[Any]]()
-        places = self._leaves("place", [x for numbers in self._loads.values() for x in numbers])
+        loads = {name: [*np.ravel(value)] for name, value in self.loads.items()}
+        places = self._leaves("place", [x for numbers in loads.values() for x in numbers])
         at_rest = {name: graph.leaf("place", name) for name in places} | dict.fromkeys(rates, 0.0)
-        for name, numbers in self._loads.items():
+        for name, numbers in loads.items():
             slopes = [gradient(x, [graph.leaf("state", rate) for rate in rates]) for x in numbers]
             across = [row[k] for i, row in enumerate(slopes) for k in range(3) if k != i]
             along = [slopes[k][k] for k in range(3)]
@@ -265,12 +273,7 @@ class FormulaModel:
     @property
     def read_by_loads(self) -> set[str]:
         """Return the names of the parameters that formulas of loads read."""
-        return self._parameters([x for numbers in self._loads.values() for x in numbers], [])
-
-    @property
-    def _loads(self) -> dict[str, list[Any]]:
-        found = {key: value for key, value in self.by_key.items() if key.startswith("loads.")}
-        return {key.removeprefix("loads."): [*np.ravel(value)] for key, value in found.items()}
+        return self._parameters([x for value in self.loads.values() for x in np.ravel(value)], [])
 
     @property
     def quantities_read(self) -> set[str]:
@@ -314,12 +317,6 @@ class FormulaModel:
 
     _base = ""
 
-    def over(self, base: str) -> "FormulaModel":
-        """Return the model of own outputs over a closed form, as `models.model_named` takes it."""
-        from rbfmu.models.over_closed_form import OverClosedForm  # which is made of this
-
-        return OverClosedForm(self, base)
-
     @property
     def _event_of_side(self) -> tuple[int, ...]:
         """Return for each side the event that alone watches it, or -1 where more rests on it."""
@@ -355,29 +352,29 @@ def size_of_block(block: slice) -> int:
     return int(block.stop - block.start)
 
 
-@lru_cache(maxsize=16)
-def _of_tables(text: str, scene: "_ByText") -> FormulaModel:
-    start = BodyAtStart(scene.scene)
+def texts_of(scene: Scene, varied: Iterable[str] = ()) -> tuple[Scene, Given, Texts]:
+    """Return a scene and its formulas on a graph; varied: places whose zeros may become other numbers.
+
+    Raises SceneError where the body is refused.
+    """
+    start = BodyAtStart(scene)
     start.check()
-    numbers = {name: start.z[block].tolist() for name, block in BLOCKS.items()}
-    given = given_to(scene.scene, numbers, bool(start.has_pivot))
-    texts = Texts(scene.scene, given)
-    asked = [*dict.fromkeys(OUTPUT[name].judged_by or name for name in scene.scene.outputs.quantities), *texts.own]
-    events = {name: (texts.events[name], row.direction) for name, row in scene.scene.events.items()}
-    return FormulaModel(texts.motion, given, texts.loads, texts.states, texts.own, asked, events)
+    given = given_to(scene, {name: start.z[block].tolist() for name, block in BLOCKS.items()}, bool(start.has_pivot))
+    given = replace(given, symbolic=given.symbolic.union(varied))
+    return scene, given, Texts(scene, given)
 
 
-class _ByText:
+@dataclass(frozen=True)
+class _Tables:
     """A scene, of which the text of its tables tells all that matters here."""
 
-    def __init__(self, scene: Scene) -> None:
-        self.scene = scene
+    text: str
+    scene: Scene = field(compare=False)
 
-    def __hash__(self) -> int:
-        return 0
 
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _ByText)
+@lru_cache(maxsize=16)
+def _of_tables(tables: _Tables) -> FormulaModel:
+    return FormulaModel(*texts_of(tables.scene))
 
 
 def formulas_of(scene: Scene) -> FormulaModel | None:
@@ -389,16 +386,10 @@ def equations_of(scene: Scene) -> FormulaModel:
     """Return the equations of a scene's motion, with formulas or without. Raises SceneError as `formulas_of`."""
     tables = {key: table for key, table in scene.to_dict().items() if key not in ("name", "run", "about", "ensemble")}
     varied = scene.ensemble.parameters if scene.ensemble else ()
-    return _of_tables(json.dumps([tables, varied]), _ByText(scene))
+    return _of_tables(_Tables(json.dumps([tables, varied]), scene))
 
 
 def own_rows(scene: Scene) -> dict[str, Output]:
-    """Return the rows of the outputs of one's own by name, each with its formula in its meaning."""
+    """Return the rows of the outputs of one's own by name."""
     formulas = formulas_of(scene)
-    if formulas is None:
-        return {}
-    sizes = formulas.own_outputs
-    return {
-        name: own_output(name, sizes[name], one.unit, " = ".join(filter(None, (one.about, one.value))))
-        for name, one in scene.outputs.own.items()
-    }
+    return formulas.own_rows if formulas else {}

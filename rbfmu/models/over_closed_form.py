@@ -19,14 +19,9 @@ class OverClosedForm(FormulaModel):
     """The model of own outputs over a closed form, of whose motion and of the time they are functions."""
 
     def __init__(self, formulas: FormulaModel, base: str) -> None:
-        tables: dict[str, dict[str, Any]] = {"loads": {}, "states": {}, "outputs": {}}  # an event takes series
-        for key, value in formulas.by_key.items():
-            table, _, name = key.partition(".")
-            tables[table][name] = value
-        loads, states, own = tables.values()
-        super().__init__(formulas.motion, formulas.given, loads, states, own, formulas.shown)
+        super().__init__(formulas.scene, formulas.given, formulas.texts)
         self._base, self._closed_form = base, model_named(base)
-        self.program = program(self.motion.graph, {}, dict(by_element(own)))
+        self.program = program(self.motion.graph, {}, dict(by_element(self.texts.own)))
 
     @cached_property
     def blocks(self) -> buffer.Layout:

@@ -3,54 +3,50 @@
 A question is made of a scene and passed on; who plans, judges or explains asks it and not the scene again.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from rbfmu.models.model_buffer import put_scene, refusal
-from rbfmu.scene.body import Body as SceneBody
+from rbfmu.models.model_buffer import BodyAtStart
+from rbfmu.scene.body import Body
 from rbfmu.scene.scene import PARAMETERS, Scene
 from rbfmu.scene.section import flattened
-from rbfmu.types import Array, Buffer
-from rbfmu_kernels.body import closed_form, fixed_axis, memory, outputs, principal
-from rbfmu_kernels.buffer import places
 from rbfmu_kernels.compile.tiered import interpreted
-from rbfmu_kernels.integrators import splitting
-from rbfmu_kernels.mechanics import inertia
-from rbfmu_kernels.models import unturned
 from rbfmu_kernels.quantities import FIXED_IN_SPACE, FORCES, IN_BUFFER_ORDER, OUTPUT, TORQUES, WEIGHTS
 from rbfmu_kernels.rotations.vec3 import cross
-from rbfmu_kernels.types import Vec3
 
-T = TypeVar("T")
+if TYPE_CHECKING:
+    from rbfmu.models.formulas import FormulaModel
+
 GROWING = {row.name for row in IN_BUFFER_ORDER if row.grows}
 """Loads and parameters with which positions, velocities, accelerations and energy grow."""
-BLOCKS, SIZE = places(memory.COMMON)
 
 
 @dataclass(frozen=True)
 class Question:
-    """What a scene asks of a model: quantities, an accuracy, and which inputs and parameters stay open.
-
-    full: whether all degrees of freedom are to be integrated, whatever the outputs depend on.
-    """
+    """What a scene asks of a model: quantities, an accuracy, and which inputs and parameters stay open."""
 
     scene: Scene
-    full: bool = False
 
     @property
-    def body(self) -> SceneBody:
+    def body(self) -> Body:
         """Return the scene's body, which all have but those whose rates are prescribed."""
         assert self.scene.body is not None
         return self.scene.body
 
     @cached_property
-    def start(self) -> "BodyAtStart":
+    def start(self) -> BodyAtStart:
         """Return the answers of the kernels about the body at the start."""
         return BodyAtStart(self.scene)
+
+    @cached_property
+    def formulas(self) -> "FormulaModel | None":
+        """Return the model of the scene's formulas, None where it has none."""
+        if not self.scene.has_formulas:
+            return None
+        from rbfmu.models.formulas import equations_of  # what has none starts sooner
+
+        return equations_of(self.scene)
 
     # What is asked
 
@@ -78,12 +74,8 @@ class Question:
         shown = self.scene.outputs
         known = dict.fromkeys(OUTPUT[name].judged_by or name for name in shown.quantities)
         known |= dict.fromkeys((*shown.own, *(f"when.{name}" for name in self.scene.events)))
-        if not self.scene.states:
-            return (*known,)
-        from rbfmu.models.formulas import formulas_of  # which asks this module
-
-        formulas = formulas_of(self.scene)
-        return (*known, *(f"states.{name}" for name in (formulas.own_states if formulas else ())))
+        read = self.formulas.own_states if self.scene.states and self.formulas else ()
+        return (*known, *(f"states.{name}" for name in read))
 
     # What varies
 
@@ -157,125 +149,3 @@ class Question:
         turned = levered or any(start.loads.torque_a) or "torque_a" in varying
         body_force = any(start.loads.force_b) or ("force_b" in varying and not start.has_pivot)
         return float(turned), float(body_force and start.needs_translation)
-
-
-def _answer(predicate: Callable[[Any], T]) -> cached_property[T]:
-    """Return what a kernel reads off the buffer of a `BodyAtStart`, run as plain Python."""
-    return cached_property(lambda start: interpreted(predicate)(start.z))
-
-
-class BodyAtStart:
-    """A body at the start of the run, its ports at zero, asked in plain Python what models ask in compiled code.
-
-    Whether a model serves a scene is decided by these answers, so that no model is compiled that is not chosen.
-    """
-
-    def __init__(self, scene: Scene) -> None:
-        self.scene = scene
-        self.z: Buffer = np.zeros(SIZE)
-        put_scene(scene, BLOCKS, self.z)
-        self.fault = interpreted(memory.initialize_body)(self.z) or interpreted(outputs.first_outputs)(self.z)
-        """The fault for which every model refuses the body: a key of `buffer.FAULTS`, or 0."""
-
-    def check(self) -> None:
-        """Raise SceneError where every model refuses the body."""
-        if self.fault:
-            raise refusal(self.scene, self.fault, BLOCKS, self.z)
-
-    # What the outputs need
-
-    has_pivot = _answer(memory.has_pivot)
-    """Whether o is fixed in space."""
-    needs_translation = _answer(memory.needs_translation)
-    """Whether an output needs the position or velocity."""
-    needs_attitude = _answer(memory.needs_attitude)
-    """Whether an output needs the attitude."""
-    needs_rate = _answer(memory.needs_rate)
-    """Whether an output needs the body's rate."""
-    shows_loads = _answer(memory.shows_loads)
-    """Whether an output changes at once when a load does."""
-
-    @property
-    def shows_more_than_momentum(self) -> bool:
-        """Return whether an output does not follow from the angular momentum in a alone."""
-        is_sphere = interpreted(principal.is_sphere)(self.body.inertia)
-        return interpreted(memory.shows_more_than_momentum)(self.z, is_sphere)
-
-    # What turns the body
-
-    body = _answer(memory.body_of)
-    """The body's constants in the equations of motion."""
-    loads = _answer(memory.loads_of)
-    """The loads on the body."""
-    rotation = _answer(memory.rotation_of)
-    """Attitude and rate."""
-    begins_to_turn = _answer(unturned.begins_to_turn)
-    """Whether an output that depends on the rotation would change."""
-    has_torque = _answer(closed_form.has_torque)
-    """Whether damping, a torque, or a force with an arm acts."""
-    has_turning_torque = _answer(closed_form.has_turning_torque)
-    """Whether a torque acts that depends on the motion or turns with the body."""
-    is_driven = _answer(closed_form.is_driven)
-    """Whether a torque acts, or a force that turns with the body on a path that an output shows."""
-    has_unknown_load = _answer(memory.has_unknown_load)
-    """Whether a load acts that models with a closed form do not know."""
-
-    @property
-    def is_damped(self) -> bool:
-        """Return whether damping acts."""
-        return any(self.body.damping_b)
-
-    @property
-    def keeps_its_rate(self) -> bool:
-        """Return whether the rate stays as it is without a torque."""
-        return interpreted(principal.keeps_its_rate)(self.z, self.rotation[1])
-
-    @property
-    def turns_path(self) -> bool:
-        """Return whether a force that turns about the rate with the body bends a path that an output shows."""
-        return interpreted(fixed_axis.turns_path)(self.z, self.rotation[1])
-
-    @property
-    def is_symmetric(self) -> bool:
-        """Return whether two moments are equal."""
-        return interpreted(splitting.is_symmetric_top)(self.body.inertia)
-
-    @property
-    def leaves_third_axis(self) -> bool:
-        """Return whether the moments across an axis differ, or a torque or damping is not about that axis alone."""
-        (q, _), (_, _, axes) = self.rotation, interpreted(principal.symmetric_frame)(self.body.inertia)
-        return interpreted(unturned.leads_astray)(q, axes, self.body, self.loads)
-
-    @cached_property
-    def principal_axes(self) -> tuple[Array, Array]:
-        """Return moments (3,), kg m2, about o with a pivot, else about the centre of mass, and R_bp (3, 3)."""
-        assert self.scene.body is not None
-        moments, R_bp = interpreted(inertia.principal_axes)(np.array(self.scene.body.M))  # type: ignore[arg-type]
-        return np.array(moments), np.array(R_bp)
-
-    # A body that turns about one axis
-
-    @cached_property
-    def axis(self) -> Vec3:
-        """Return the principal axis of most of the rate, in b."""
-        q, omega = self.rotation
-        return interpreted(fixed_axis.main_axis)(q, omega, self.body, self.loads)
-
-    @property
-    def leaves_axis(self) -> bool:
-        """Return whether anything turns the body about another axis."""
-        q, omega = self.rotation
-        return interpreted(fixed_axis.leaves_axis)(self.z, self.axis, q, omega, self.body, self.loads)
-
-    @property
-    def is_swung(self) -> bool:
-        """Return whether forces fixed in space swing the body about the axis, by a torque that depends on its angle."""
-        cosine, sine = interpreted(fixed_axis.swing)(self.z, self.axis)
-        return cosine[0] != 0.0 or sine[0] != 0.0
-
-    @property
-    def is_driven_or_damped(self) -> bool:
-        """Return whether anything else acts about the axis."""
-        q, _ = self.rotation
-        drive, damping = interpreted(fixed_axis.drive_and_damping_rate)(self.z, self.axis, q, self.body, self.loads)
-        return drive != 0.0 or damping != 0.0

@@ -7,7 +7,8 @@ from itertools import takewhile
 import numpy as np
 
 from rbfmu.models.disturbances import lost_by_symmetry, lost_near_separatrix
-from rbfmu.models.question import BodyAtStart, Question
+from rbfmu.models.model_buffer import BodyAtStart
+from rbfmu.models.question import Question
 from rbfmu.models.spec import ModelSpec
 from rbfmu.types import Array
 from rbfmu_kernels.quantities import (

@@ -3,7 +3,8 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from rbfmu.models.question import BodyAtStart, Question
+from rbfmu.models.model_buffer import BodyAtStart
+from rbfmu.models.question import Question
 from rbfmu.types import Array
 from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.models import model_named

@@ -6,26 +6,24 @@ q_ab = q_ab(t) exp(u / 2), of all other states their own.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from rbfmu.formulas.check import Texts, given_to
 from rbfmu.formulas.dual import jacobian, variables
 from rbfmu.formulas.graph import Number, Symbol, gradient
-from rbfmu.formulas.motion import CONSTANT, STATE, Given, Motion, by_element
+from rbfmu.formulas.motion import CONSTANT, STATE, by_element
 from rbfmu.formulas.program import program
 from rbfmu.formulas.source import WIDTH, layout_of
-from rbfmu.models.formulas import FormulaModel
-from rbfmu.models.question import BLOCKS, SIZE, BodyAtStart
+from rbfmu.models.formulas import FormulaModel, texts_of
+from rbfmu.models.model_buffer import BLOCKS, SIZE
 from rbfmu.scene.scene import Scene
 from rbfmu.types import Array
 from rbfmu_kernels.body.memory import inertia_of
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE, parallel_axis
-from rbfmu_kernels.quantities import OUTPUT, elements
+from rbfmu_kernels.quantities import elements
 from rbfmu_kernels.rotations.quaternion import compose_quaternions, quaternion_rate_b, rotate
 from rbfmu_kernels.rotations.vec3 import cross, skew
 
@@ -111,15 +109,12 @@ class Slopes(NamedTuple):
 class VariedModel(FormulaModel):
     """The model of a motion and its errors."""
 
-    def __init__(
-        self, motion: Motion, given: Given, texts: Texts, asked: Sequence[str], events: Mapping[str, Any],
-        columns: int, seeded: Mapping[str, Sequence[int]], ends: bool,
-    ) -> None:  # fmt: skip
-        """columns: how many there are; seeded: by the names of places, in which columns they vary; ends: whether an
-        event ends the run."""
-        super().__init__(motion, given, texts.loads, texts.states, texts.own, asked, events)
+    def __init__(self, scene: Scene, columns: Sequence[Column], seeded: Mapping[str, Sequence[int]]) -> None:
+        """seeded: by the names of places, in which columns they vary."""
+        super().__init__(*texts_of(scene, (name.partition("[")[0] for name in seeded)))
+        motion = self.motion
         graph, plain = motion.graph, [name for name in self.rates if name != "t" and not name.startswith("q[")]
-        self.columns = -(-columns // WIDTH) * WIDTH
+        self.columns = -(-len(columns) // WIDTH) * WIDTH
         self.errors = (*(TURN if "q[1]" in self.rates else ()), *plain)
         self._plain = [graph.leaf("state", name) for name in plain]
         self._q = [graph.leaf("state", name) for name in elements("q", 4)] if "q[1]" in self.rates else []
@@ -136,9 +131,9 @@ class VariedModel(FormulaModel):
             if i in corners:
                 rows[len(self.errors) + n] = self._slopes_of(Symbol(graph, graph.operations[i].of[0]))
         self.shown_slopes = {e: self._slopes_of(x) for e, x in by_element(self.shown)}
-        self._finish(rows, ends)
+        self._finish(rows)
 
-    def _finish(self, rows: Mapping[int, Slopes], ends: bool) -> None:
+    def _finish(self, rows: Mapping[int, Slopes]) -> None:
         """Make the program again, with the series of the rows' slopes beside and those of outputs as values."""
         beside: dict[Number, int] = {}
         self.pattern: list[float] = []
@@ -148,7 +143,7 @@ class VariedModel(FormulaModel):
                 constant = not isinstance(x, Symbol) or x.is_constant
                 self.pattern += [i, of, beside.setdefault(x, len(beside)), float(constant)]
         values = {x: None for s in self.shown_slopes.values() for x in (*s.by_error.values(), *s.by_column.values())}
-        if ends:
+        if any(event.stop for event in self.scene.events.values()):
             values |= {x: None for _, x in by_element(self.rates_shown)}
         self.wanted = {x: n for n, x in enumerate(values)}
         wanted = {**self.program.wanted, **dict(zip(elements("slopes", len(values)), values, strict=True))}
@@ -243,17 +238,3 @@ class VariedModel(FormulaModel):
 
 def _left(slopes: Mapping[int, Number]) -> dict[int, Number]:
     return {n: x for n, x in slopes.items() if isinstance(x, Symbol) or x != 0.0}
-
-
-def varied_model(scene: Scene, columns: Sequence[Column], seeded: Mapping[str, Sequence[int]]) -> VariedModel:
-    """Return the model of a scene varied by columns."""
-    start = BodyAtStart(scene)
-    start.check()
-    numbers = {name: start.z[block].tolist() for name, block in BLOCKS.items()}
-    given = given_to(scene, numbers, bool(start.has_pivot))
-    given = replace(given, symbolic=given.symbolic | {name.partition("[")[0] for name in seeded})
-    texts = Texts(scene, given)
-    asked = [*dict.fromkeys(OUTPUT[name].judged_by or name for name in scene.outputs.quantities), *texts.own]
-    events = {name: (texts.events[name], row.direction) for name, row in scene.events.items()}
-    ends = any(event.stop for event in scene.events.values())
-    return VariedModel(texts.motion, given, texts, asked, events, len(columns), seeded, ends)

@@ -11,11 +11,11 @@ whose estimates hold less well, so that what was fitted in the scene's own steps
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from rbfmu.models.question import GROWING, Question
-from rbfmu.models.registry import LOADED_TAYLOR
+from rbfmu.models.registry import LOADED_TAYLOR, moments_of
 from rbfmu.planning import methods
 from rbfmu.planning import reasons as say
 from rbfmu.planning.judge import Judge
@@ -45,8 +45,6 @@ LONGER, SHORTER = (2, 4, 10, 25, 50, 100), (2, 3, 4, 6, 10)
 """Numbers of communication steps that an importer may take as one, besides the whole run, and of parts of one."""
 POINT_COST = 86.0
 """The cost of a point, ns, on `methods.MACHINE`."""
-EXACT = 1e-14
-"""What closed forms lose by round-off, the exact rotation among them."""
 MAX_TRIALS = 6
 MAX_PANELS, MAX_POINTS = 1e6, 2e7
 """The most panels of a communication step, and points of a whole trial, some two seconds of work."""
@@ -64,16 +62,16 @@ class _Fit:
     """The error in other communication steps."""
 
 
-def cheapest_fit(judge: Judge, general: Plan) -> Plan:
-    """Return Taylor series of some order, or splitting for a symmetric top: the cheapest that meets the accuracy.
+def cheapest_fit(judge: Judge, general: Plan, others: Iterable[tuple[methods.Method, float]] = ()) -> Plan:
+    """Return Taylor series of some order, or another method: the cheapest that meets the accuracy.
 
     general: the plan whose method and settings are to be found, with the scene's accuracy as its tolerance.
-    Raises SceneError where no method is accurate enough.
+    others: methods besides series, with the longest step of each, s. Raises SceneError where none is accurate enough.
     """
+    if judge.asked.accuracy < SMALLEST:
+        raise refuse_accuracy(judge.asked, REACHED * SMALLEST)
     search = _Search(judge, general)
-    if search.accuracy < SMALLEST:
-        raise search.out_of_reach(REACHED * SMALLEST)
-    return search.plan_of_varying() if judge.asked.varying else search.plan()
+    return search.plan_of_varying() if judge.asked.varying else search.plan(others)
 
 
 def swinging_fit(judge: Judge, general: Plan) -> Plan | None:
@@ -117,15 +115,15 @@ class _Search:
         self.asked.start.check()
         self.shares = self.asked.load_shares
 
-    def plan(self) -> Plan:
+    def plan(self, others: Iterable[tuple[methods.Method, float]]) -> Plan:
         """Return the cheapest plan; raise SceneError where none is accurate enough."""
         self._try_tightest()
         self._fit_series()
-        if not self.asked.full:
-            self._fit_splittings()
+        for method, longest in others:  # from the longest step down, where they are cheapest
+            self.fit(method, longest)
         assert self.best
         if not self.met:
-            raise self.out_of_reach(self.best.error)
+            raise refuse_accuracy(self.asked, self.best.error)
         return self.whatever_the_step(self.bound)
 
     def plan_of_varying(self) -> Plan:
@@ -146,12 +144,11 @@ class _Search:
         if magnified <= self.accuracy and found.error <= self.accuracy:
             return self._with_reasons(found)
         if magnified > self.accuracy and (self.scene.inputs.ports or found.error <= AT_REST * self.accuracy):
-            return self._with_reasons(found, say.unstable_at_zero_inputs(growth))
-        raise self.out_of_reach(max(found.error, magnified))
-
-    def out_of_reach(self, error: float) -> SceneError:
-        """Return the error that is raised where no method's error is smaller."""
-        return refuse_accuracy(self.asked, error)
+            larger = (
+                f"with inputs at zero the motion magnifies an error {growth:.1e} times, round-off beyond the accuracy"
+            )
+            return self._with_reasons(found, f"{larger}: only the errors of substeps are held to it")
+        raise refuse_accuracy(self.asked, max(found.error, magnified))
 
     def _with_reasons(self, found: _Fit, *more: str) -> Plan:
         why = say.why_held_whatever(self.asked, found.plan, found.error, self.judge.arithmetic)
@@ -170,10 +167,11 @@ class _Search:
         assert best
         error = self.judge.try_all_steps(best.plan, best.error)
         if error > self.accuracy:
-            raise self.out_of_reach(error)
-        reason = say.why_fitted(best.plan, error, self.judge.arithmetic)
-        more = () if best.other <= self.accuracy else (say.only_in_own_steps(best.other),)
-        return replace(best.plan, error=error, cost=best.cost / self.steps, reasons=(reason, *more))
+            raise refuse_accuracy(self.asked, error)
+        reasons = [say.why_fitted(best.plan, error, self.judge.arithmetic)]
+        if best.other > self.accuracy:
+            reasons.append(f"in other communication steps than the scene's the error is up to {best.other:.1e}")
+        return replace(best.plan, error=error, cost=best.cost / self.steps, reasons=tuple(reasons))
 
     def _tighten_for_other_steps(self, fit: _Fit) -> _Fit:
         """Return the fit, its tolerance or step such that other communication steps meet the accuracy as well."""
@@ -212,7 +210,7 @@ class _Search:
             if found.error <= self.bound:
                 return
         if reached > REACHED * self.accuracy:
-            raise self.out_of_reach(reached)
+            raise refuse_accuracy(self.asked, reached)
         self.bound = REACHED * self.accuracy
 
     def _fit_series(self) -> None:
@@ -246,11 +244,6 @@ class _Search:
         assert best
         return best
 
-    def _fit_splittings(self) -> None:
-        """Fit from the longest step down, where splitting is cheapest."""
-        for method, longest in methods.splittings(self.asked, self.general):
-            self.fit(method, longest)
-
     # Values
 
     def fit(self, method: methods.Method, value: float) -> float:
@@ -273,8 +266,7 @@ class _Search:
             if enough or (error > bound and self._is_dearer(found.cost)):
                 break
             ratio = methods.ratio_to(math.sqrt(least * bound), error)
-            ratio = min(ratio, 0.03) if stuck else ratio
-            value *= min(max(ratio ** (1.0 / method.exponent), 1e-3), 1e3)
+            value = methods.nearer(value, min(ratio, 0.03) if stuck else ratio, 1e3, method.exponent)
         return value
 
     def _try_method(self, method: methods.Method, plan: Plan) -> _Fit:
@@ -336,7 +328,7 @@ def cheapest_quadrature(judge: Judge, general: Plan) -> Plan | None:
     grows = bool(asked.varying & GROWING)
     if grows and "kinetic_energy" in judge.names:
         return None
-    kept = EXACT + general.spec.conditioning(asked)
+    kept = methods.EXACT + general.spec.conditioning(asked)
     bound = asked.accuracy / 3.0 - kept
     best: Plan | None = None
     for order in ORDERS:
@@ -345,7 +337,8 @@ def cheapest_quadrature(judge: Judge, general: Plan) -> Plan | None:
             cost = POINT_COST * order * panels
             if best and cost >= best.cost:
                 break
-            trial = _trial(general, order, scene.run.step / panels)
+            method = f"elliptic functions, {_rule(order)}"
+            trial = replace(general, method=method, order=order, substep=scene.run.step / panels)
             error, _ = judge.try_out(trial, absolute=grows)
             if error <= bound:
                 best = replace(trial, error=error + kept, cost=cost)
@@ -356,9 +349,12 @@ def cheapest_quadrature(judge: Judge, general: Plan) -> Plan | None:
             panels = max(panels + 1, math.ceil(ratio * panels))
             if panels * order * communication_steps(scene) > MAX_POINTS:
                 break
-    return replace(best, reasons=say.why_quadrature(asked, best)) if best else None
+    if best is None:
+        return None
+    rotation = f"rotation: no torque, moments {moments_of(asked)} kg m2: elliptic functions"
+    path = f"path: {_rule(best.order)} in panels of {best.substep:.3g} s: error {best.error:.1e}"
+    return replace(best, reasons=(rotation, f"{path}, {asked.accuracy:g} asked"))
 
 
-def _trial(general: Plan, order: int, panel: float) -> Plan:
-    method = f"elliptic functions, Gauss's rule of {order} point{'s' if order > 1 else ''}"
-    return replace(general, method=method, order=order, substep=panel)
+def _rule(order: int) -> str:
+    return f"Gauss's rule of {order} point{'s' if order > 1 else ''}"

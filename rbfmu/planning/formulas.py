@@ -10,14 +10,15 @@ from dataclasses import replace
 from rbfmu.formulas.graph import numbers_of
 from rbfmu.formulas.motion import STATE
 from rbfmu.models import registry
-from rbfmu.models.formulas import FormulaModel, formulas_of
+from rbfmu.models.formulas import FormulaModel
+from rbfmu.models.over_closed_form import OverClosedForm
 from rbfmu.models.question import Question
 from rbfmu.planning import methods
 from rbfmu.planning import reasons as say
+from rbfmu.planning.closed_forms import exact_closed_form, exact_plan
 from rbfmu.planning.fitting import AIM, REACHED, magnified_round_off, refuse_accuracy, tolerance_of_varying
 from rbfmu.planning.judge import Judge
 from rbfmu.planning.methods import with_cost
-from rbfmu.planning.select import exact_closed_form, exact_plan, plan
 from rbfmu.runs.plan import Plan
 from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.scene import PARAMETERS, SECTIONS, Loads, Scene, SceneError
@@ -34,7 +35,7 @@ built-in series take 1.0 to 1.35 of what `methods.MACHINE` does."""
 
 def general_plan(asked: Question) -> Plan:
     """Return a plan of the scene's formulas whose order and tolerance are still open."""
-    formulas = formulas_of(asked.scene)
+    formulas = asked.formulas
     assert formulas is not None
     states = len(formulas.rates) - ("t" in formulas.rates)
     return Plan(registry.FORMULAS.key, "", states, tolerance=asked.accuracy, formulas=formulas)
@@ -71,7 +72,7 @@ def closed_plan(judge: Judge) -> Plan | None:
 
     What own outputs lose of the motion's digits is measured. The model holds for other parameters, or refuses them.
     """
-    asked, formulas = judge.asked, formulas_of(judge.scene)
+    asked, formulas = judge.asked, judge.asked.formulas
     assert formulas is not None
     plain = _without_formulas(asked.scene, formulas)
     if plain is None or exact_closed_form(plain) is None:
@@ -82,7 +83,7 @@ def closed_plan(judge: Judge) -> Plan | None:
         return None
     assert found is not None
     found = with_cost(plain, found)
-    over = formulas.over(found.spec.module)
+    over = OverClosedForm(formulas, found.spec.module)
     cost = found.cost + NS_AN_OPERATION * len(over.motion.graph.reached(over.program.wanted.values()))
     found = replace(found, cost=cost, formulas=over)
     error = judge.error_if_soon(found, otherwise=math.inf)
@@ -131,7 +132,7 @@ def _tried(judge: Judge, general: Plan, order: int) -> Iterator[Plan]:
         yield replace(plan, error=error, cost=_cost(judge, plan, substeps))
         if 0.1 * AIM * accuracy <= error <= AIM * accuracy or plan.tolerance != tolerance:
             return
-        tolerance *= min(max(methods.ratio_to(AIM * accuracy, 3.0 * error), 1e-4), 1e4)
+        tolerance = methods.nearer(tolerance, methods.ratio_to(AIM * accuracy, 3.0 * error), 1e4)
 
 
 def _cost(judge: Judge, plan: Plan, substeps: float) -> float:
@@ -172,11 +173,3 @@ def what_formulas_read(asked: Question, plan: Plan) -> tuple[str, ...]:
     if left:
         lines.append(f"left out: {', '.join(left)}, which no output shows and no formula reads that matters to one")
     return tuple(lines)
-
-
-def code_of(scene: Scene) -> str:
-    """Return the module that is made from a scene's formulas for its plan. Raises SceneError where there are none."""
-    planned = plan(scene)
-    if planned.formulas is None:
-        raise SceneError("--code: expected a scene with formulas in loads, states or outputs", scene.name)
-    return planned.formulas.text

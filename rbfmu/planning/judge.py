@@ -16,7 +16,7 @@ import numpy as np
 
 from rbfmu.exceptions import PlanningWarning as PlanningWarning
 from rbfmu.models.question import Question
-from rbfmu.planning.methods import whole_series
+from rbfmu.planning.methods import series_of_all
 from rbfmu.runs.motion import FLOORS, Steps, largest_error, largest_size, record, substeps_counted
 from rbfmu.runs.plan import Plan
 from rbfmu.runs.time_grid import communication_steps, thinned_steps
@@ -97,7 +97,7 @@ class Judge:
 
     def _tight_motion(self, order: int) -> Motion:
         """Return the motion in doubles, in small steps, for where double-double arithmetic takes too long."""
-        tight = whole_series(self.scene, order, 1e-18)
+        tight = series_of_all(self.asked, order, 1e-18)
         names = tuple(dict.fromkeys((*self.names, "omega_b")))
         parts = max(2, MOMENTS // len(self.cut_steps))
         steps = (np.repeat(self.cut_steps, parts) / parts).tolist()
@@ -203,7 +203,7 @@ class Judge:
         It is infinite where so small an error changes the motion itself.
         """
         span, truth = self.asked.span, self.truth  # first: it ends where the motion does not
-        tight, rows = whole_series(self.scene, 20, 1e-16), np.array(DIRECTIONS)
+        tight, rows = series_of_all(self.asked, 20, 1e-16), np.array(DIRECTIONS)
         worst = 0.0
         for turn, change in zip(rows, np.roll(rows, 1, axis=0), strict=True):
             run = Steps(self.scene, tight, self.steps, self.names)

@@ -7,7 +7,8 @@ from functools import partial
 
 import numpy as np
 
-from rbfmu.models.question import BodyAtStart, Question
+from rbfmu.models.model_buffer import BodyAtStart
+from rbfmu.models.question import Question
 from rbfmu.models.registry import FORMULAS, LOADED_SPLITTING, LOADED_TAYLOR, MODELS
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
@@ -17,6 +18,8 @@ from rbfmu_kernels.integrators.taylor_coefficients import MAX_ORDER
 from rbfmu_kernels.models.one_axis import ORDERS
 from rbfmu_kernels.quantities import OUTPUT
 
+EXACT = 1e-14
+"""What closed forms lose by round-off, the exact rotation among them."""
 TIGHTEST = 1e-15
 """The smallest tolerance that double precision serves."""
 LOOSEST = 1.0
@@ -74,9 +77,14 @@ def one_axis_series(general: Plan) -> Iterator[Method]:
 
 
 def whole_series(scene: Scene, order: int, tolerance: float) -> Plan:
+    """Return the plan of the series that serves whatever acts in a scene; see `series_of_all`."""
+    return series_of_all(Question(scene), order, tolerance)
+
+
+def series_of_all(asked: Question, order: int, tolerance: float) -> Plan:
     """Return the plan of the series that serves whatever acts; order: 0 where it is still to be found."""
-    model = FORMULAS if scene.has_formulas else LOADED_TAYLOR
-    return Plan(model.key, "", 0, tolerance=tolerance, order=order).of_scene(scene)
+    model = FORMULAS if asked.formulas else LOADED_TAYLOR
+    return Plan(model.key, "", 0, tolerance=tolerance, order=order, formulas=asked.formulas)
 
 
 def likely_order(accuracy: float) -> int:
@@ -93,18 +101,6 @@ def series_plan(general: Plan, order: int, tolerance: float) -> Plan:
     """Return the plan of a series; general: a plan with the scene's accuracy as its tolerance."""
     value = min(max(tolerance, 1e-3 * TIGHTEST), LOOSEST * general.tolerance)
     return replace(general, method=f"Taylor series of order {order}", order=order, tolerance=value)
-
-
-def ever_tighter(tolerance: float) -> Iterator[float]:
-    """Yield tolerances, each a tenth of the one before, down to the tightest."""
-    while tolerance > TIGHTEST:
-        tolerance = max(0.1 * tolerance, TIGHTEST)
-        yield tolerance
-
-
-def ratio_to(aim: float, error: float) -> float:
-    """Return what an error is to be multiplied by; a thousand, or a thousandth, where it is none or not finite."""
-    return aim / error if 0.0 < error < math.inf else (1e3 if error == 0.0 else 1e-3)
 
 
 def series_cost(order: int, shares: tuple[float, float]) -> float:
@@ -155,7 +151,27 @@ def _splitting_plan(general: Plan, order: int, longest: float, substep: float) -
     return replace(general, model=LOADED_SPLITTING.key, method=method, tolerance=0.0, order=order, substep=step)
 
 
-# Both
+# Settings, one after another
+
+
+def ever_tighter(tolerance: float) -> Iterator[float]:
+    """Yield tolerances, each a tenth of the one before, down to the tightest."""
+    while tolerance > TIGHTEST:
+        tolerance = max(0.1 * tolerance, TIGHTEST)
+        yield tolerance
+
+
+def ratio_to(aim: float, error: float) -> float:
+    """Return what an error is to be multiplied by; a thousand, or a thousandth, where it is none or not finite."""
+    return aim / error if 0.0 < error < math.inf else (1e3 if error == 0.0 else 1e-3)
+
+
+def nearer(value: float, ratio: float, widest: float, power: int = 1) -> float:
+    """Return the next setting where an error, which goes with a power of it, is to be multiplied by a ratio.
+
+    widest: how many times larger, or smaller, it may become at once.
+    """
+    return value * min(max(float(ratio ** (1.0 / power)), 1.0 / widest), widest)
 
 
 def tighter_plan(plan: Plan, ratio: float) -> Plan:
@@ -163,6 +179,9 @@ def tighter_plan(plan: Plan, ratio: float) -> Plan:
     if plan.tolerance > 0.0:
         return replace(plan, tolerance=min(plan.tolerance, max(ratio * plan.tolerance, 1e-3 * TIGHTEST)))
     return replace(plan, substep=ratio * plan.substep)
+
+
+# Costs
 
 
 MACHINE = "an Intel Xeon of 2026"

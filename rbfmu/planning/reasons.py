@@ -4,14 +4,12 @@ import numpy as np
 
 from rbfmu.models.disturbances import growth_rate
 from rbfmu.models.question import Question
-from rbfmu.models.registry import moments_of
 from rbfmu.models.spec import ModelSpec
 from rbfmu.runs.plan import Plan
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.quantities import FORCES, TORQUES
 from rbfmu_kernels.rotations.quaternion import rotate
 
-SWINGING = "rotation: one angle, every load turns the body about one principal axis; 2 of 7 states"
 PRESCRIBED = "rotation: 4 states, port omega_b prescribes the rates; exact for rates held over a step"
 
 
@@ -52,20 +50,6 @@ def why_exact(asked: Question, spec: ModelSpec) -> tuple[str, ...]:
     return (spec.reason(asked), *unstable)
 
 
-def why_quadrature(asked: Question, plan: Plan) -> tuple[str, ...]:
-    """Return why the rotation is exact and the path is a quadrature."""
-    rule = plan.method.rpartition(", ")[2]
-    why = f"path: {rule} in panels of {plan.substep:.3g} s: error {plan.error:.1e}"
-    rotation = f"rotation: no torque, moments {moments_of(asked)} kg m2: elliptic functions"
-    return rotation, f"{why}, {asked.accuracy:g} asked"
-
-
-def why_close(asked: Question, model: str, found: Plan | None, error: float, points: int) -> str:
-    """Return what a model that is not exact leaves out."""
-    larger = found.model if found else "the body under loads"
-    return f"{larger} dropped for {model}: {error:.1e} apart at {points} times, {asked.accuracy:g} asked"
-
-
 def why_fitted(plan: Plan, error: float, arithmetic: str) -> str:
     """Return what a plan's setting came to in a pilot run; arithmetic: of the judge."""
     how = f"at tolerance {plan.tolerance:.1e}" if plan.tolerance else f"in steps of {plan.substep:.3g} s"
@@ -81,29 +65,6 @@ def why_held_whatever(asked: Question, plan: Plan, error: float, arithmetic: str
     """Return how a plan serves inputs and parameters that no pilot run has seen."""
     held = f"{held_over_a_run(plan)}, whatever {' and '.join(sorted(asked.varying))} may be"
     return held, f"error {error:.1e} in a pilot run with inputs at zero, judged in {arithmetic}"
-
-
-def only_in_own_steps(error: float) -> str:
-    """Return where other communication steps are less accurate than asked."""
-    return f"in other communication steps than the scene's the error is up to {error:.1e}"
-
-
-def unstable_at_zero_inputs(growth: float) -> str:
-    """Return where the accuracy is that of substeps only."""
-    return (
-        f"with inputs at zero the motion magnifies an error {growth:.1e} times, round-off beyond the accuracy: only "
-        "the errors of substeps are held to it"
-    )
-
-
-def tighter_than_the_fmu(method: str, tighter: str, tolerance: float) -> str:
-    """Return why the plan of known inputs is not that of the scene's FMU."""
-    return f"{method}, planned for any inputs, misses the accuracy under these: {tighter} at {tolerance:.1e} instead"
-
-
-def under_inputs(error: float) -> str:
-    """Return the error of a run whose inputs are known."""
-    return f"error {error:.1e} in a pilot run with the inputs given, judged by series of order 24 in half steps"
 
 
 def what_inputs_cost(asked: Question, plan: Plan) -> tuple[str, ...]:

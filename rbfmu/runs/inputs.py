@@ -2,7 +2,7 @@
 
 import csv
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -10,14 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.scene import Scene
 from rbfmu.scene.section import SceneError, as_toml, fault
-from rbfmu.types import Array, Buffer
-from rbfmu_kernels.body.shell import Model
-from rbfmu_kernels.buffer import OK
-from rbfmu_kernels.compile.tiered import tiered
+from rbfmu.types import Array
 from rbfmu_kernels.quantities import elements
 
 HOLD, LINEAR = "hold", "linear"
@@ -275,77 +271,3 @@ def _linear(table: InputTable, points: Array, near: float) -> PortPieces:
     ends[jumps], begins[jumps] = table.values[first[jumps]], table.values[last[jumps]]
     slopes = (ends[1:] - begins[:-1]) / np.diff(points)[:, None]
     return PortPieces(begins[:-1], slopes)
-
-
-class Driven:
-    """A run that inputs drive, at its start: its buffer `z`, and `advance` for each communication step.
-
-    A model that takes no input derivatives gets the mean of each piece, and the last value at a communication point.
-    """
-
-    def __init__(self, scene: Scene, plan: Plan, drive: Drive, names: Collection[str] | None = None) -> None:
-        kernels, self.kernels = plan.kernels, plan.kernels
-        self.z, self.count = filled_buffer(scene, plan, names), len(drive.time) - 1
-        z, self._step, self._outputs = self.z, tiered(kernels.step, len(drive.lengths)), tiered(kernels.outputs)
-        self._lengths, self._counts = drive.lengths, drive.counts
-        takes_slopes = all(f"{port}_rate" in kernels.BLOCKS for port in drive.ports)
-        follows = not drive.is_steady and not takes_slopes
-        half = 0.5 * drive.lengths[:, None] if follows else 0.0
-        values = {port: pieces.values + half * pieces.slopes for port, pieces in drive.ports.items()}
-        last = {port: values[port] + half * pieces.slopes for port, pieces in drive.ports.items() if follows}
-        slopes = {f"{port}_rate": pieces.slopes for port, pieces in drive.ports.items() if takes_slopes}
-        self._values, self._last = _Rows(kernels, z, values), _Rows(kernels, z, last)
-        self._slopes = _Rows(kernels, z, {} if drive.is_steady else slopes)
-        for port, pieces in drive.ports.items():
-            z[kernels.BLOCKS[port]] = pieces.values[0]
-        initialize(scene, kernels, z)
-        self.events = events_of(scene, plan, z) if scene.events else None
-        self.ended: float | None = None
-        """The time of the event that ended the run, s."""
-
-    def advance(self, k: int) -> bool:
-        """Take the pieces from communication point k - 1 to k; return whether none was refused."""
-        for i in range(self._counts[k - 1], self._counts[k]):
-            self._values.put(i)
-            self._slopes.put(i)
-            before = self.z.copy() if self.events and self.events.may_end else None
-            if self._step(self.z, self._lengths[i]) != OK:
-                return False
-            self.ended = self.events.take() if self.events else None
-            if self.ended is not None and before is not None:
-                return self._go_back(before, self.ended)
-        if self._last.names:
-            self._last.put(self._counts[k] - 1)
-            self._outputs(self.z)
-        return True
-
-    def _go_back(self, before: Buffer, end: float) -> bool:
-        """Take the last piece anew, up to an event."""
-        self.z[:] = before
-        since, rest = before[self.kernels.BLOCKS["series.time"]]
-        length = (end - since) - rest
-        return length <= 0.0 or bool(self._step(self.z, length) == OK)
-
-
-def events_of(scene: Scene, plan: Plan, z: Buffer) -> Any:
-    """Return the events of a run with this buffer."""
-    from rbfmu.runs.events import Events  # what has none starts sooner
-
-    return Events(scene, plan, z)
-
-
-class _Rows:
-    """A row of numbers for each piece, and the places of the buffer that it goes to."""
-
-    def __init__(self, kernels: Model, z: Buffer, blocks: dict[str, Array]) -> None:
-        self.names, self._z = tuple(blocks), z
-        places = [np.arange(p.start, p.stop) for p in map(kernels.BLOCKS.__getitem__, blocks)]
-        at = np.concatenate([*places, np.zeros(0, np.intp)])
-        together = len(at) and bool((np.diff(at) == 1).all())
-        self._places: Any = slice(at[0], at[-1] + 1) if together else at
-        self._rows = np.hstack([*blocks.values()]) if blocks else np.zeros((0, 0))
-
-    def put(self, i: int) -> None:
-        """Set the inputs of piece i."""
-        if self.names:
-            self._z[self._places] = self._rows[i]

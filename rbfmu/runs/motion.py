@@ -1,4 +1,4 @@
-"""Motions: what a model's buffer shows over a run, and errors between two of these.
+"""Motions: runs of a model, driven or not, what its buffer shows over one, and errors between two of these.
 
 Errors are counted as a scene's `accuracy` counts them: of the attitude as an angle, rad; of all else relative to the
 largest size in the run, as a quantity that passes through zero has no error relative to itself there.
@@ -6,13 +6,13 @@ largest size in the run, as a quantity that passes through zero has no error rel
 
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from rbfmu import arrays
-from rbfmu.runs.inputs import Driven
-from rbfmu.runs.plan import Plan, start_run
+from rbfmu.runs.inputs import Drive
+from rbfmu.runs.plan import Plan, filled_buffer, initialize, start_run
 from rbfmu.scene.scene import Scene
 from rbfmu.types import Array, Buffer, Motion
 from rbfmu_kernels.body.shell import Model
@@ -40,6 +40,112 @@ class Steps:
         """Take step k, counted from 1; return whether none of its parts was refused."""
         h = self._lengths[k - 1] / self._parts
         return all(self._step(self.z, h) == OK for _ in range(self._parts))
+
+
+class Driven:
+    """A run that inputs drive, at its start: its buffer `z`, and `advance` for each communication step.
+
+    A model that takes no input derivatives gets the mean of each piece, and the last value at a communication point.
+    """
+
+    def __init__(self, scene: Scene, plan: Plan, drive: Drive, names: Collection[str] | None = None) -> None:
+        kernels, self.kernels = plan.kernels, plan.kernels
+        self.z, self.count = filled_buffer(scene, plan, names), len(drive.time) - 1
+        z, self._step, self._outputs = self.z, tiered(kernels.step, len(drive.lengths)), tiered(kernels.outputs)
+        self._lengths, self._counts = drive.lengths, drive.counts
+        takes_slopes = all(f"{port}_rate" in kernels.BLOCKS for port in drive.ports)
+        follows = not drive.is_steady and not takes_slopes
+        half = 0.5 * drive.lengths[:, None] if follows else 0.0
+        values = {port: pieces.values + half * pieces.slopes for port, pieces in drive.ports.items()}
+        last = {port: values[port] + half * pieces.slopes for port, pieces in drive.ports.items() if follows}
+        slopes = {f"{port}_rate": pieces.slopes for port, pieces in drive.ports.items() if takes_slopes}
+        self._values, self._last = _Pieces(kernels, z, values), _Pieces(kernels, z, last)
+        self._slopes = _Pieces(kernels, z, {} if drive.is_steady else slopes)
+        for port, pieces in drive.ports.items():
+            z[kernels.BLOCKS[port]] = pieces.values[0]
+        initialize(scene, kernels, z)
+        self.events = Events(scene, plan, z) if scene.events else None
+        self.ended: float | None = None
+        """The time of the event that ended the run, s."""
+
+    def advance(self, k: int) -> bool:
+        """Take the pieces from communication point k - 1 to k; return whether none was refused."""
+        for i in range(self._counts[k - 1], self._counts[k]):
+            self._values.put(i)
+            self._slopes.put(i)
+            before = self.z.copy() if self.events and self.events.ending else None
+            if self._step(self.z, self._lengths[i]) != OK:
+                return False
+            self.ended = self.events.take() if self.events else None
+            if self.ended is not None and before is not None:
+                return self._go_back(before, self.ended)
+        if self._last.names:
+            self._last.put(self._counts[k] - 1)
+            self._outputs(self.z)
+        return True
+
+    def _go_back(self, before: Buffer, end: float) -> bool:
+        """Take the last piece anew, up to an event."""
+        self.z[:] = before
+        since, rest = before[self.kernels.BLOCKS["series.time"]]
+        length = (end - since) - rest
+        return length <= 0.0 or bool(self._step(self.z, length) == OK)
+
+
+class _Pieces:
+    """A row of numbers for each piece, and the places of the buffer that it goes to."""
+
+    def __init__(self, kernels: Model, z: Buffer, blocks: dict[str, Array]) -> None:
+        self.names, self._z = tuple(blocks), z
+        places = [np.arange(p.start, p.stop) for p in map(kernels.BLOCKS.__getitem__, blocks)]
+        at = np.concatenate([*places, np.zeros(0, np.intp)])
+        together = len(at) and bool((np.diff(at) == 1).all())
+        self._places: Any = slice(at[0], at[-1] + 1) if together else at
+        self._rows = np.hstack([*blocks.values()]) if blocks else np.zeros((0, 0))
+
+    def put(self, i: int) -> None:
+        """Set the inputs of piece i."""
+        if self.names:
+            self._z[self._places] = self._rows[i]
+
+
+class Happened(NamedTuple):
+    """An event that happened; touched: what is watched came to zero and went back."""
+
+    name: str
+    time: float
+    touched: bool
+
+
+class Events:
+    """What a model lists of its last step, and what was taken of the steps before; ending: events that end the run."""
+
+    def __init__(self, scene: Scene, plan: Plan, z: Buffer) -> None:
+        blocks = plan.kernels.BLOCKS
+        self.names, self.ending = (*scene.events,), {name for name, event in scene.events.items() if event.stop}
+        self._count, self._list = z[blocks["events.listed"]], z[blocks["events.list"]].reshape(-1, 3)
+        self.taken: list[Happened] = []
+
+    def of_last_step(self) -> list[Happened]:
+        """Return what happened in the last step, in its order."""
+        from rbfmu_kernels.models.formula_events import NOT_ASKED, TOUCH  # what has none starts sooner
+
+        rows = self._list[: int(self._count[0])]
+        found = [Happened(self.names[int(e)], float(t), kind == TOUCH) for e, t, kind in rows if kind != NOT_ASKED]
+        return sorted(found, key=lambda event: event.time)
+
+    def take(self) -> float | None:
+        """Keep what happened in the last step, up to what ends the run; return the time of that, or None."""
+        for event in self.of_last_step():
+            self.taken.append(event)
+            if event.name in self.ending and not event.touched:
+                return event.time
+        return None
+
+    def times(self, happened: list[Happened], touched: bool = False) -> dict[str, Array]:
+        """Return the times of each event, s, that happened, or only touched."""
+        wanted = {name: [one.time for one in happened if one[::2] == (name, touched)] for name in self.names}
+        return {name: np.array(times) for name, times in wanted.items()}
 
 
 def record(

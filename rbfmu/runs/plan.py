@@ -9,14 +9,26 @@ from rbfmu.models.model_buffer import aligned_zeros, put_scene, refusal
 from rbfmu.models.registry import FORMULAS, MODELS
 from rbfmu.models.spec import ModelSpec
 from rbfmu.notebook import table
-from rbfmu.scene.scene import Scene
+from rbfmu.scene.scene import PARAMETERS, Scene, SceneError
+from rbfmu.scene.section import as_toml, fault
 from rbfmu.types import Buffer
 from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.compile.tiered import tiered
-from rbfmu_kernels.quantities import active_flags
+from rbfmu_kernels.quantities import IN_BUFFER_ORDER, INITIAL_VALUES, LOADS, active_flags
 
 if TYPE_CHECKING:
     from rbfmu.models.formulas import FormulaModel
+
+
+KEYS = (
+    {name: f"body.{name}" for name in PARAMETERS}
+    | {load.name: f"loads.{load.name}" for load in LOADS}
+    | {row.name: f"initial.{row.name.removesuffix('_0')}" for row in INITIAL_VALUES}
+    | {"quaternion_0": "initial.attitude.quaternion"}
+)
+"""The scene's keys by the names of parameters."""
+BLOCK_OF = {row.name: row.block for row in IN_BUFFER_ORDER}
+"""The blocks of a buffer by the names of parameters."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -82,12 +94,12 @@ class Plan:
         """Return the plan with the kernels of the scene's formulas, if it has any: a file of a plan holds none."""
         if self.formulas is not None or not scene.has_formulas:
             return self
-        from rbfmu.models.formulas import formulas_of  # what has none starts sooner
+        from rbfmu.models.formulas import equations_of  # what has none starts sooner
+        from rbfmu.models.over_closed_form import OverClosedForm
 
-        formulas = formulas_of(scene)
-        if formulas is not None and self.model != FORMULAS.key:  # own outputs over a closed form
-            formulas = formulas.over(self.spec.module)
-        return replace(self, formulas=formulas)
+        formulas = equations_of(scene)
+        own_outputs_alone = self.model != FORMULAS.key
+        return replace(self, formulas=OverClosedForm(formulas, self.spec.module) if own_outputs_alone else formulas)
 
     @property
     def settings(self) -> dict[str, float]:
@@ -142,3 +154,35 @@ def start_run(scene: Scene, plan: Plan, names: Collection[str] | None = None) ->
     z = filled_buffer(scene, plan, names)
     initialize(scene, plan.kernels, z)
     return z
+
+
+# Other values of its parameters
+
+
+def with_parameters(scene: Scene, planned: Plan, parameters: dict[str, Any]) -> Scene:
+    """Return the scene with other values. Raises SceneError for an unknown name, or one on which the plan rests."""
+    if not parameters:
+        return scene
+    own = scene.own_parameters
+    keys = KEYS | {row.name: key for key, row in own.items()}
+    block_of = BLOCK_OF | {row.name: row.block for row in own.values()}
+    for name in parameters:
+        if name not in keys or (scene.body is None and name != "quaternion_0"):
+            whole = name.partition("[")[0]
+            meant = next((key for key in (whole, f"{whole}_0") if key in keys and key != name), "")
+            expected = f"{meant}, with all of its numbers" if meant else f"one of {', '.join(keys)}"
+            raise SceneError(f"parameter {name!r}: expected {expected}", scene.name)
+    changed = scene.replace({keys[name]: _plain(value) for name, value in parameters.items()})
+    blocks, old, new = planned.kernels.BLOCKS, filled_buffer(scene, planned), filled_buffer(changed, planned)
+    for name in parameters:
+        place = blocks[block_of[name]]
+        values = old[place].tolist()
+        if name in planned.pinned and values != new[place].tolist():
+            made_for = f"{as_toml(values if len(values) > 1 else values[0])}, for which the model was planned"
+            expected = f"{made_for}; list {name!r} in inputs.parameters to vary it"
+            raise SceneError(fault(name, parameters[name], expected), scene.name)
+    return changed
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if hasattr(value, "tolist") else value

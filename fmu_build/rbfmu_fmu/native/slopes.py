@@ -15,7 +15,7 @@ from rbfmu.formulas.check import Texts, given_to
 from rbfmu.formulas.graph import LEAVES, Graph, Number, Symbol, arctangent, changes_of, square_root
 from rbfmu.formulas.motion import STATE, Motion, by_element, product, rotation_of
 from rbfmu.formulas.source import VALUES, lines_of
-from rbfmu.models.question import BLOCKS, BodyAtStart
+from rbfmu.models.model_buffer import BLOCKS, BodyAtStart
 from rbfmu_fmu.description import Description
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.mechanics.inertia import parallel_axis

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rbfmu import rotate
-from rbfmu.planning.select import prescribed_rates_error
+from rbfmu.planning.closed_forms import prescribed_rates_error
 from rbfmu.runs.motion import attitude_error
 from rbfmu.scene.scene import Scene
 from tests.support.references.free_rotation_mp import angle_to, compose

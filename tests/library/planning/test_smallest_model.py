@@ -13,7 +13,8 @@ import rbfmu
 from rbfmu.models.disturbances import GROWTH, growth_rate
 from rbfmu.models.question import Question
 from rbfmu.models.registry import CLOSED_FORMS, smaller_closed_forms
-from rbfmu.planning.select import SHARE, plan
+from rbfmu.planning.closed_forms import SHARE
+from rbfmu.planning.select import plan
 from rbfmu.runs.motion import largest_error
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.runs.time_grid import time_grid

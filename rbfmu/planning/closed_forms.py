@@ -1,0 +1,172 @@
+"""Plans of models that need no integration: those that are exact, and smaller ones that are within the accuracy.
+
+Of a closed form that is exact only round-off counts, for which there are formulas. A smaller model is judged by
+it, or by the motion in double-double arithmetic.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from rbfmu.models import registry
+from rbfmu.models.disturbances import GROWTH, growth_rate
+from rbfmu.models.question import GROWING, Question
+from rbfmu.models.spec import ModelSpec
+from rbfmu.planning import reasons as say
+from rbfmu.planning.judge import Judge, least_sizes, lost_to_cancellation
+from rbfmu.planning.methods import EXACT
+from rbfmu.runs.motion import largest_error
+from rbfmu.runs.plan import Plan
+from rbfmu.runs.time_grid import communication_steps, thinned_steps
+from rbfmu.scene.scene import Scene, SceneError
+from rbfmu.types import Motion
+from rbfmu_kernels.integrators.substeps import ROUND_OFF
+from rbfmu_kernels.quantities import OUTPUTS
+
+CONDITIONED = 0.1
+"""The part of the accuracy that a model may lose by its conditioning where another one serves as well."""
+TRANSLATION = {row.name for row in OUTPUTS if row.of_origin}
+CONSERVED = {row.name for row in OUTPUTS if row.conserved}
+DIFFERENCES = {row.name for row in OUTPUTS if row.cancels}
+"""Quantities that are sums of terms that may cancel, so that round-off counts for more than in the state."""
+LITTLE = 0.1
+"""The part of the accuracy that what cancels may lose by a bound before a closed form is compared."""
+DERIVED = 1e-9
+"""The accuracy below which these are compared even where the state is exact."""
+SHARE = 0.8
+"""The part of the accuracy that the error of a model that leaves something out may be, if no closed form judges it."""
+
+
+def _refuse_below(asked: Question, error: float) -> None:
+    if asked.accuracy < error:
+        expected = f"at least {error:.1e}, what double precision keeps"
+        raise SceneError(f"run.accuracy = {asked.accuracy!r}: expected {expected}", asked.scene.name)
+
+
+# Rates that are prescribed
+
+
+def prescribed_rates_error(scene: Scene) -> float:
+    """Return what prescribed rates lose of the attitude, rad: up to 0.6 eps for each change of the rates.
+
+    It does not matter how far the body turns between them. Rates that change within a step, which the native FMU takes,
+    lose as much for each radian.
+    """
+    return ROUND_OFF * (1.0 + communication_steps(scene))
+
+
+def prescribed_plan(asked: Question) -> Plan:
+    """Return the plan of rates that a port prescribes."""
+    spec, error = registry.PRESCRIBED_RATES, prescribed_rates_error(asked.scene)
+    _refuse_below(asked, error)
+    return Plan(spec.key, spec.method, spec.states, error=error, reasons=(say.PRESCRIBED,))
+
+
+# Closed forms that are exact
+
+
+def exact_closed_form(asked: Question) -> ModelSpec | None:
+    """Return the smallest model with a closed form that is exact for this scene, and well conditioned if any is."""
+    exact = [spec for spec in registry.CLOSED_FORMS if spec.serves(asked)]
+    good = (spec for spec in exact if spec.conditioning(asked) <= CONDITIONED * asked.accuracy)
+    return next(good, exact[0] if exact else None)
+
+
+def exact_plan(judge: Judge) -> Plan | None:
+    """Return the plan of a closed form that is exact, with its round-off; raise SceneError where that is too large."""
+    asked = judge.asked
+    spec = exact_closed_form(asked)
+    if spec is None:
+        return None
+    found, delicate = Plan(spec.key, spec.method, 0), asked.accuracy < DERIVED and set(judge.names) & DIFFERENCES
+    motion = _coarse_motion(judge, spec)
+    error = EXACT + (ROUND_OFF * _angle(asked, motion) if spec.angle_round_off else 0.0)
+    error += spec.conditioning(asked)
+    lost = lost_to_cancellation(asked, motion)
+    if delicate or lost > LITTLE * asked.accuracy:
+        error = max(error, judge.error_if_soon(found, otherwise=lost if lost > LITTLE * asked.accuracy else 0.0))
+    if delicate and "alpha_b" in delicate:
+        found = replace(found, pinned=asked.pinned)
+    _refuse_below(asked, error)
+    return replace(found, error=error, reasons=say.why_exact(asked, spec))
+
+
+def _coarse_motion(judge: Judge, spec: ModelSpec) -> Motion:
+    """Return a closed form's motion at some times, to know sizes by."""
+    cancelling = tuple(name for name in judge.names if name in DIFFERENCES)
+    names = tuple(dict.fromkeys((*cancelling, "omega_b"))) if spec.angle_round_off else cancelling
+    if not names:
+        return {}  # without running the model, which would be loaded or compiled
+    return judge.motion_by(Plan(spec.key, "", 0), names, thinned_steps(judge.scene, 100))
+
+
+def _angle(asked: Question, motion: Motion) -> float:
+    """Return the largest angle that the body may turn by, rad."""
+    return float(np.max(np.linalg.norm(motion["omega_b"], axis=1))) * asked.span
+
+
+# Models that are not exact, but within the accuracy
+
+
+def plan_within_accuracy(judge: Judge, exact: Plan | None) -> Plan | None:
+    """Return the smallest model that stays within the accuracy, if nothing varies that turns it.
+
+    exact: the closed form that serves exactly, by which smaller models are judged; where there is none, they are judged
+    by the motion in double-double arithmetic.
+    """
+    asked, names = judge.asked, judge.names
+    smaller = [*registry.smaller_closed_forms(exact.model if exact else "")]
+    if not smaller or not asked.rotation or not _may_be_compared(asked):
+        return None
+    if "force_b" in asked.varying and "acceleration" in names and "quaternion" not in names:
+        names = (*names, "quaternion")  # ports are at zero here: what they bring is as wrong as the attitude
+    shown = tuple(dict.fromkeys((*names, "omega_b")))  # of the rates only how much they change is measured
+    truth = judge.motion_by(replace(exact, pinned=asked.pinned), shown) if exact else judge.motion
+    bound = (1.0 if exact else SHARE) * asked.accuracy - EXACT
+    for spec in smaller:
+        if _may_be_close(asked, spec, truth, names):
+            candidate = Plan(spec.key, spec.method, 0, pinned=asked.pinned)
+            error = judge.compare(candidate, truth, names, bool(asked.varying & GROWING))
+            if error <= bound:
+                dropped = f"{exact.model if exact else 'the body under loads'} dropped for {spec.key}"
+                why = f"{dropped}: {error:.1e} apart at {len(truth['omega_b']) - 1} times, {asked.accuracy:g} asked"
+                return replace(candidate, error=error + (exact.error if exact else 0.0), reasons=(why,))
+    return None
+
+
+def _may_be_compared(asked: Question) -> bool:
+    """Return whether nothing varies on which the rotation or the size of the compared quantities depends."""
+    names = set(asked.judged)
+    rests = {*registry.ONE_AXIS.rests_on(asked)}
+    if asked.translation or "acceleration" in names:
+        rests = rests | {"r_oc_b"}
+        if any(asked.scene.loads.force_b):
+            rests = rests | {"mass"}
+    if names & {"acceleration", "kinetic_energy"}:
+        rests = rests | GROWING
+    return not rests & asked.varying
+
+
+def _may_be_close(asked: Question, spec: ModelSpec, truth: Motion, names: tuple[str, ...]) -> bool:
+    """Return whether it is worth running a model, judged by the larger one's motion."""
+    kept = TRANSLATION | CONSERVED if spec.stands_still else set()
+    if growth_rate(asked) * asked.span > GROWTH and not set(names) <= kept:
+        return False
+    if spec.stands_still:
+        return _stays(asked, truth, names)
+    if spec.rates_from is None:
+        return True
+    rates = truth["omega_b"]
+    change = float(np.max(np.linalg.norm(rates - spec.rates_from(asked, rates), axis=1)))
+    fastest = float(np.max(np.linalg.norm(rates, axis=1)))
+    if "omega_b" in names and change > asked.accuracy * fastest:
+        return False
+    return 0.01 * change * min(asked.span, 1.0 / fastest if fastest > 0.0 else math.inf) <= asked.accuracy
+
+
+def _stays(asked: Question, truth: Motion, names: tuple[str, ...]) -> bool:
+    """Return whether all compared quantities stay as they begin, except for the path."""
+    names = tuple(n for n in names if n not in (*TRANSLATION, "kinetic_energy"))
+    still = {n: truth[n][:1] + 0.0 * truth[n] for n in names}
+    return largest_error(still, truth, names, least_sizes(asked, truth)) <= asked.accuracy
