@@ -2,9 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +10,8 @@ from numpy.typing import ArrayLike
 from rbfmu.exceptions import SceneError, SimulationError
 from rbfmu.extras import needed
 from rbfmu.identification.charts import Chart, changes, chart_of, split
-from rbfmu.identification.measured import QUATERNION, Measured, measured, residuals, slopes_of_residuals
+from rbfmu.identification.found import Fit
+from rbfmu.identification.measured import QUATERNION, Measured, measured, residuals
 from rbfmu.runs.inputs import HOLD, drive_of, input_tables
 from rbfmu.scene.scene import Scene, of_scene_or_path
 from rbfmu.sensitivities import Varied
@@ -36,69 +34,6 @@ PART_OF_DIRECTION = 0.02
 """The share of a direction that the data do not tell, from which on a number is not told."""
 FOLLOWS = 4.0
 """How many standard deviations the correlation of successive residuals may be from that of noise."""
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Fit:
-    """What `fit` gives.
-
-    scene: the fitted one; names, values, standard_errors: of the numbers that were free, (n,), NaN and infinite where
-    the data do not tell them; of an attitude the turn in b from the scene's, rad; covariance, correlation: (n, n);
-    unknown: what the data do not tell, in words; residuals: measured less fitted by output, of a quaternion a turn in
-    b, rad, (times, k), NaN at gaps; sigma: the standard deviation of each output's; doubts: in which way residuals do
-    not look like noise, in words; measured: the data.
-    """
-
-    scene: Scene
-    names: tuple[str, ...]
-    values: Array
-    standard_errors: Array
-    covariance: Array
-    unknown: tuple[str, ...]
-    residuals: Mapping[str, Array]
-    sigma: Mapping[str, float]
-    doubts: tuple[str, ...]
-    measured: Measured
-
-    def __repr__(self) -> str:
-        told = ", ".join(
-            f"{name} = {value:.6g} +- {error:.2g}"
-            for name, value, error in zip(self.names, self.values, self.standard_errors, strict=True)
-        )
-        return f"Fit({self.scene.name}: {told})"
-
-    @property
-    def correlation(self) -> Array:
-        """Return the correlation of the numbers' errors, (n, n); NaN where the data do not tell one."""
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return np.asarray(self.covariance / np.outer(self.standard_errors, self.standard_errors))
-
-    def posterior(self, runs: int = 1000, seed: int = 1) -> Scene:
-        """Return the fitted scene with an ensemble of what the data leave open, each key on its own.
-
-        Raises ValueError where there is something that they do not tell.
-        """
-        if self.unknown:
-            raise ValueError(f"{self.scene.name}: expected data that tell all numbers: {'; '.join(self.unknown)}")
-        from rbfmu.identification.saved import with_ensemble
-
-        return with_ensemble(self, runs, seed)
-
-    def save(self, path: str | Path, source: str | Path | None = None) -> None:
-        """Write the fitted scene as a TOML file, each number with its standard error in a comment.
-
-        source: the file of the scene that was fitted, whose own comments then stay. Needs tomlkit.
-        """
-        from rbfmu.identification.saved import write_scene
-
-        write_scene(self, Path(path), Path(source) if source else None)
-
-    def plot(self, path: str | Path | None = None) -> Any:
-        """Draw residuals over their standard deviation, a panel an output; return the matplotlib.figure.Figure."""
-        from rbfmu.plot import plot_residuals
-
-        of = {name: rows / (self.sigma[name] or 1.0) for name, rows in self.residuals.items()}
-        return plot_residuals(self.measured.time, of, path, self.scene.name)
 
 
 @of_scene_or_path
@@ -151,6 +86,7 @@ class _Search:
         self, scene: Scene, data: Measured, keys: list[str], given: dict[str, float], loss: str, inputs: tuple[Any, str]
     ) -> None:
         self._least_squares = needed("scipy.optimize", "fit").least_squares
+        self._block_diagonal = needed("scipy.linalg", "fit").block_diag
         self._scene, self._data, self._given, self._loss, self._inputs = scene, data, given, loss, inputs
         self._charts: list[Chart] = [chart_of(scene, key) for key in keys]
         names = [column.name for chart in self._charts for column in chart.columns]
@@ -184,15 +120,17 @@ class _Search:
         time = np.unique(np.append(scene.run.start, data.time))
         found = self._varied.along_drive(scene, drive_of(scene, tables, interpolate, time=time))
         rows = np.searchsorted(time, data.time)
-        parts = [chart.slopes(row) for chart, row in zip(self._charts, split(self._charts, p), strict=True)]
-        by_coordinate = _block_diagonal(parts)
-        left, slopes = {}, {}
+        by_coordinate, left, slopes = self._slopes(p), dict[str, Array](), dict[str, Array]()
         for name, values in data.values.items():
-            run = found.values[name][rows]
             of = found.of["attitude" if name == QUATERNION else name][rows]
-            left[name] = residuals(name, run, values)
-            slopes[name] = slopes_of_residuals(name, run, values, of) @ by_coordinate
+            left[name], by_number = residuals(name, found.values[name][rows], values, of)
+            slopes[name] = by_number @ by_coordinate
         return left, slopes
+
+    def _slopes(self, p: Array) -> Array:
+        """Return the derivatives of all numbers by coordinates."""
+        at = zip(self._charts, split(self._charts, p), strict=True)
+        return np.asarray(self._block_diagonal(*(chart.slopes(row) for chart, row in at)))
 
     def _nearest(self, p: Array, data: Measured, sigma: Mapping[str, float], held: float) -> Array:
         """Return the coordinates of the least sum of squares, held to where they begin."""
@@ -228,10 +166,9 @@ class _Search:
         left, _ = self._evaluated(p, self._data)  # raises what the scene refuses
         f, J = self._stacked(p, self._data, sigma)
         told, unknown = self._told(J, _scatter(f, self._loss, len(p)))
-        at = split(self._charts, p)
-        slopes = _block_diagonal([chart.slopes(row) for chart, row in zip(self._charts, at, strict=True)])
+        slopes, at = self._slopes(p), zip(self._charts, split(self._charts, p), strict=True)
         covariance = slopes @ told @ slopes.T
-        values = np.concatenate([chart.numbers(row) for chart, row in zip(self._charts, at, strict=True)])
+        values = np.concatenate([chart.numbers(row) for chart, row in at])
         sizes = np.concatenate([np.full(chart.count, chart.size) for chart in self._charts])
         lost = np.zeros(len(p), dtype=bool)
         for direction in unknown:
@@ -316,11 +253,3 @@ def _scatter(f: Array, loss: str, n: int) -> float:
 def _too_large(f: Array, given: Mapping[str, float]) -> list[str]:
     size = _deviation(f)
     return [f"residuals are {size:.2g} times the noise that was given"] if given and size > 1.5 else []
-
-
-def _block_diagonal(parts: Sequence[Array]) -> Array:
-    ends = np.cumsum([0, *(len(part) for part in parts)])
-    found = np.zeros((ends[-1], ends[-1]))
-    for part, (a, b) in zip(parts, pairwise(ends), strict=True):
-        found[a:b, a:b] = part
-    return found
