@@ -119,7 +119,10 @@ def licenses(with_pythonfmu: bool) -> dict[str, bytes]:
     """Return the notices by their place in an FMU; with_pythonfmu: of the kind that contains pythonfmu."""
     texts = {"license.txt": _text("licenses.txt").substitute(pythonfmu=PYTHONFMU if with_pythonfmu else "")}
     texts |= {"rbfmu.txt": _own(), "fmi.txt": _of_headers()}
-    texts |= {"pythonfmu.txt": _of_package("pythonfmu")} if with_pythonfmu else {}
+    if with_pythonfmu:
+        files = importlib.metadata.files("pythonfmu") or []
+        licence = next(file for file in files if re.fullmatch(r"LICEN[CS]E(\.\w+)?", file.name))
+        texts["pythonfmu.txt"] = licence.read_text("utf-8")
     return {f"{LICENSES}/{name}": text.encode() for name, text in texts.items()}
 
 
@@ -127,11 +130,6 @@ def _own() -> str:
     """Return the licence of rbfmu, which lies in the package or, of a clone, above it."""
     package = Path(rbfmu.__file__).parent
     return next(path for path in (package / "LICENSE", package.parent / "LICENSE") if path.exists()).read_text("utf-8")
-
-
-def _of_package(name: str) -> str:
-    files = importlib.metadata.files(name) or []
-    return next(file for file in files if re.fullmatch(r"LICEN[CS]E(\.\w+)?", file.name)).read_text("utf-8")
 
 
 def _of_headers() -> str:
@@ -170,17 +168,17 @@ def picture(scene: Scene) -> bytes:
     axes.set_axis_off()
     axes.set_aspect("equal")
     shape = shape_of(scene)
-    _draw_box(axes, shape)
-    _draw_axes(axes, shape)
+    R_bp = np.array(evaluated(matrix_from_quaternion, shape.q_bp))
+    _draw_box(axes, shape, R_bp)
+    _draw_axes(axes, shape, R_bp)
     axes.margins(0.06)
     file = io.BytesIO()
     figure.savefig(file, format="png", dpi=DPI, metadata={"Software": None})
     return file.getvalue()
 
 
-def _draw_box(axes: Any, shape: Shape) -> None:
+def _draw_box(axes: Any, shape: Shape, R_bp: Array) -> None:
     """Draw the three faces that are seen; a box hides none of them by another."""
-    R_bp = np.array(evaluated(matrix_from_quaternion, shape.q_bp))
     for k, name in enumerate(SHADES):
         normal = R_bp[:, k] if R_bp[:, k] @ VIEW[2] > 0.0 else -R_bp[:, k]
         across = [R_bp[:, j] * shape.sides[j] / 2.0 for j in range(3) if j != k]
@@ -190,9 +188,8 @@ def _draw_box(axes: Any, shape: Shape) -> None:
         axes.fill(seen[:, 0], seen[:, 1], facecolor=SHADES[name], edgecolor=EDGE, linewidth=0.8, joinstyle="round")
 
 
-def _draw_axes(axes: Any, shape: Shape) -> None:
+def _draw_axes(axes: Any, shape: Shape, R_bp: Array) -> None:
     """Draw the axes of b from o, beyond the box, and the centre of mass."""
-    R_bp = np.array(evaluated(matrix_from_quaternion, shape.q_bp))
     corners = [np.array(shape.centre) + R_bp @ (np.array(s) * shape.sides / 2.0) for s in product((-1, 1), repeat=3)]
     for k, name in enumerate(COLOURS):
         length = max(0.0, *(corner[k] for corner in corners)) + AXIS * shape.radius
@@ -202,6 +199,4 @@ def _draw_axes(axes: Any, shape: Shape) -> None:
         axes.annotate(name, (1.08 * x, 1.08 * y), color=COLOURS[name], fontsize=9, ha="center", va="center")
         axes.plot([0.0, 1.12 * x], [0.0, 1.12 * y], alpha=0.0)  # what the view must have in it
     x, y, _ = VIEW @ np.array(shape.centre)
-    axes.plot(
-        [x], [y], marker="o", markersize=4.5, markerfacecolor="white", markeredgecolor="black", markeredgewidth=1.0
-    )
+    axes.plot([x], [y], marker="o", markersize=4.5, mfc="white", mec="black", mew=1.0)
