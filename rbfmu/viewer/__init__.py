@@ -9,7 +9,7 @@ from rbfmu.extras import needed
 from rbfmu.result import FORMATS, Result
 from rbfmu.scene.scene import Scene, faults_of, load_scene
 from rbfmu.scene.toml_file import read_file
-from rbfmu.viewer.motion import Motion, motion_of_driven_scene, motion_of_result, motion_of_scene
+from rbfmu.viewer.motion import Motion, motion_of_result, motion_of_scene
 
 
 def view(
@@ -32,7 +32,8 @@ def view(
     ModuleNotFoundError without viser, and ValueError where a result has no attitude.
     """
     needed("viser", "view")
-    motion = _motion(source, scene, stop, (inputs, interpolate), progress, ghosts)
+    driven = {} if inputs is None else {"inputs": inputs, "interpolate": interpolate}
+    motion = _motion(source, scene, stop, driven, progress, ghosts)
     if path is not None:
         page = motion.page
         with named(path):
@@ -40,23 +41,21 @@ def view(
     return motion
 
 
-def _motion(source: Any, scene: Any, stop: float | None, driven: tuple[Any, str], progress: Any, ghosts: int) -> Motion:
-    result = source if isinstance(source, Result) else None
-    if isinstance(source, str | Path) and Path(source).suffix in FORMATS:
-        result = Result.load(source)
-    if ghosts and (result is not None or driven[0] is not None):
+def _motion(source: Any, scene: Any, stop: float | None, driven: dict[str, Any], progress: Any, ghosts: int) -> Motion:
+    is_file = isinstance(source, str | Path) and Path(source).suffix in FORMATS
+    result = Result.load(source) if is_file else source
+    is_result = isinstance(result, Result)
+    if ghosts and (is_result or driven):
         raise ValueError(f"ghosts = {ghosts}: expected a scene with them, and no inputs")
-    if result is not None:
-        if driven[0] is not None:
+    if is_result:
+        if driven:
             raise ValueError("inputs: expected a scene with them, as a result is shown as it is")
-        title = "motion" if result is source else Path(source).stem
+        title = Path(source).stem if is_file else "motion"
         return motion_of_result(result.until(stop), title, *_scene_and_shape(scene))
     loaded, shape = _scene_and_shape(source)
     with faults_of(str(source) if stop is None else f"{source} with stop {stop!r}"):
         shown = loaded if stop is None else loaded.replace(run={"stop": stop})
-        if driven[0] is None:
-            return motion_of_scene(shown, shape, progress, ghosts)
-        return motion_of_driven_scene(shown, *driven, shape)
+        return motion_of_scene(shown, shape, progress, ghosts, driven)
 
 
 def _scene_and_shape(scene: Scene | str | Path | None) -> tuple[Any, dict[str, Any] | None]:

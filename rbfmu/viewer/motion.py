@@ -5,7 +5,7 @@ Ghosts are members of a scene's ensemble, shown beside the scene's own motion.
 
 import math
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from html import escape
@@ -87,6 +87,7 @@ def pictures(span: float, largest_rate: float, rows: float = math.inf) -> Pictur
 
 
 NEEDED = ("quaternion", "omega_a", "angular_momentum_a")
+NOT_DRIVEN: Mapping[str, Any] = {}
 UP: Vec3 = (0.0, 0.0, 1.0)
 
 
@@ -165,30 +166,31 @@ def motion_of_scene(
     written: dict[str, Any] | None = None,
     progress: Callable[[float], Any] | None = None,
     ghosts: int = 0,
+    driven: Mapping[str, Any] = NOT_DRIVEN,
 ) -> Motion:
-    """Simulate a scene with its ports at zero at the instants of the pictures; written: its file's `body.shape`.
+    """Simulate a scene, and show it; written: its file's `body.shape`; driven: inputs, and how to interpolate them.
 
+    Under inputs it is shown as its communication step lets, with ports at zero at the instants of the pictures.
     ghosts: how many members of its ensemble are shown beside it. Raises SceneError, and ValueError for too many ghosts.
     """
     check_ghosts(scene, ghosts)
-    wanted, span = scene.replace({"outputs.quantities": _quantities_to_show(scene)}), scene.run.stop - scene.run.start
+    possible = default_quantities(scene.body, scene.inputs)
+    shown = {*scene.outputs.quantities, *(name for name in NEEDED if name in possible)}
+    wanted = scene.replace({"outputs.quantities": tuple(name for name in QUANTITIES if name in shown)})
+    if driven:
+        return motion_of_result(simulate(wanted, **driven), scene.name, scene, written)
+    span = scene.run.stop - scene.run.start
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SceneWarning)  # of steps that are not those of the pictures
         chosen = plan(wanted, progress=progress)
         result = simulate(_with_step_of(wanted, pictures(span, 0.0)), planned=chosen)
     fine = pictures(span, _largest(rate_of(result)))
-    result = simulate(_with_step_of(wanted, fine), planned=chosen)
+    wanted = _with_step_of(wanted, fine)
+    result = simulate(wanted, planned=chosen)
     notes = ("inputs are zero",) if scene.inputs.ports else ()
-    shown = _motion(scene.name, result, fine.played, scene, written, notes)
-    return replace(shown, ghosts=ghosts_of(_with_step_of(wanted, fine), ghosts))
-
-
-def motion_of_driven_scene(
-    scene: Scene, inputs: Any, interpolate: str, written: dict[str, Any] | None = None
-) -> Motion:
-    """Simulate a scene under these inputs, with its own communication step, and show what can be shown of that."""
-    wanted = scene.replace({"outputs.quantities": _quantities_to_show(scene)})
-    return motion_of_result(simulate(wanted, inputs=inputs, interpolate=interpolate), scene.name, scene, written)
+    return replace(
+        _motion(scene.name, result, fine.played, scene, written), notes=notes, ghosts=ghosts_of(wanted, ghosts)
+    )
 
 
 def motion_of_result(
@@ -200,23 +202,15 @@ def motion_of_result(
         raise ValueError(f"time: expected at least two points in time in the result, which has {len(result.time)}")
     shown = pictures(float(result.time[-1] - result.time[0]), _largest(rate_of(result)), len(result.time))
     rows = np.linspace(0.0, len(result.time) - 1.0, shown.number).round().astype(int)
-    thinned = Result(result.time[rows], {name: values[rows] for name, values in result.quantities.items()})
-    return _motion(title, thinned, shown.played, scene, written, ())
+    thinned = {name: values[rows] for name, values in result.quantities.items()}
+    return _motion(title, Result(result.time[rows], thinned, result.rows), shown.played, scene, written)
 
 
-def _motion(
-    title: str, result: Result, played: float, scene: Scene | None, written: Any, notes: tuple[str, ...]
-) -> Motion:
+def _motion(title: str, result: Result, played: float, scene: Scene | None, written: Any) -> Motion:
     pivot = scene is not None and scene.body is not None and scene.body.pivot
     gravity = np.array(scene.loads.gravity_a if scene else (0.0, 0.0, 0.0))
     up = -gravity / np.linalg.norm(gravity) if gravity.any() else np.array(UP)
-    return Motion(title, result, shape_of(scene, written), played, pivot, tuple(up.tolist()), notes)
-
-
-def _quantities_to_show(scene: Scene) -> tuple[str, ...]:
-    possible = default_quantities(scene.body, scene.inputs)
-    needed = {name for name in NEEDED if name in possible}
-    return tuple(name for name in QUANTITIES if name in needed | set(scene.outputs.quantities))
+    return Motion(title, result, shape_of(scene, written), played, pivot, tuple(up.tolist()))
 
 
 def _with_step_of(scene: Scene, shown: Pictures) -> Scene:
