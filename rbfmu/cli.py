@@ -13,7 +13,7 @@ import click
 import rbfmu
 
 from rbfmu.cli_output import (  # isort: skip
-    PATH, Commands, check_target, choice_option, file_option, folder_option, given_scene, input_options, keys_option,
+    PATH, Commands, check_target, choice_option, file_option, folder_option, open_scene, input_options, keys_option,
     method_option, model_option, plan_text, plot_option, print_changes, print_end, print_ensemble, print_fit,
     print_keys, print_verdict, print_verification, print_written, run_options, say_what_is_kept,
     say_where_nothing_is_kept, scene_argument, usage_errors, write,
@@ -80,7 +80,7 @@ def new(name: str) -> None:
 @run_options
 def show_plan(scene: Path, as_json: bool, code: bool, driven: dict[str, Any], model: str, **run: float | None) -> None:
     """Say which model and method a scene gets, and why."""
-    given = given_scene(scene, run)
+    given = open_scene(scene, run)
     if code:
         from rbfmu.planning.formulas import code_of
 
@@ -132,7 +132,7 @@ def run(
     from rbfmu.result import check_attitude
 
     kept = KeptPlan(scene, {"model": model, **run})
-    with given_scene(scene, run) as loaded:
+    with open_scene(scene, run) as loaded:
         with usage_errors():
             check_attitude(output, loaded.outputs.quantities)
         known = _plan_of(nullcontext(loaded), kept, model, driven)
@@ -151,7 +151,7 @@ def warm(scenes: tuple[Path, ...]) -> None:
 
     for scene in scenes:
         kept = KeptPlan(scene, {"model": "planned", "step": None, "stop": None, "accuracy": None})
-        with given_scene(scene, {}) as loaded, usage_errors():
+        with open_scene(scene, {}) as loaded, usage_errors():
             warm_scene(loaded, rbfmu.Plan.from_dict(_plan_of(nullcontext(loaded), kept, "planned", {})["plan"]))
 
 
@@ -181,7 +181,7 @@ def ensemble(
         raise click.UsageError("--resume: expected --output with the store to go on with")
     if workers and scheduler:
         raise click.UsageError("--workers: expected no --scheduler with it, which has workers of its own")
-    with given_scene(scene, run) as loaded, usage_errors():
+    with open_scene(scene, run) as loaded, usage_errors():
         check_store(output, resume)
         if plot:
             needed("scipy.stats", "ensemble")  # known to be there before anything runs
@@ -213,7 +213,7 @@ def show_sensitivity(
     **run: float | None,
 ) -> None:  # fmt: skip
     """Print, save or draw how a scene's outputs hang on its numbers: derivatives along the motion."""
-    with given_scene(scene, run) as loaded, usage_errors():
+    with open_scene(scene, run) as loaded, usage_errors():
         found = rbfmu.sensitivity(loaded, by, **driven)
         write(found, output, plot, loaded.name)
     print_changes(found)
@@ -239,7 +239,7 @@ def fit_scene(
     """
     from rbfmu.identification.measured import sigma_of
 
-    with given_scene(scene, {}) as loaded, usage_errors():
+    with open_scene(scene, {}) as loaded, usage_errors():
         found = rbfmu.fit(loaded, data, free, None if sigma is None else sigma_of(sigma), loss, **driven)
         if output:
             found.save(output, scene)
@@ -303,7 +303,7 @@ def build(
         if lacks:
             raise click.UsageError(f"{option}: expected {other} with it")
     kind = "native" if native else "python"
-    with usage_errors(rbfmu_fmu.BuildError), given_scene(scene, run) as loaded:
+    with usage_errors(rbfmu_fmu.BuildError), open_scene(scene, run) as loaded:
         if slow := [one.name for one in platforms_named(names) if takes_minutes(one)]:
             why = "the first time takes minutes, as ziglang builds the platform's C library"
             click.echo(f"Note: compiling for {', '.join(slow)}: {why}", err=True)

@@ -10,16 +10,13 @@ from contextlib import contextmanager
 from functools import wraps
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+import rbfmu
 from rbfmu._interrupt import interruptible
 from rbfmu.exceptions import SceneError, SceneWarning, SimulationError
-
-if TYPE_CHECKING:
-    from rbfmu.runs.plan import Plan
-    from rbfmu.scene.scene import Scene
 
 MOST_TIMES = 5
 """The times of an event that are printed."""
@@ -110,14 +107,14 @@ def check_target(path: Path | None, option: str, endings: Sequence[str]) -> None
         raise click.UsageError(f"{option} {str(path)!r}: there is no folder {str(path.parent)!r}")
 
 
-def expected_error(scene: "Scene", planned: "Plan", driven: bool) -> str:
+def expected_error(scene: "rbfmu.Scene", planned: "rbfmu.Plan", driven: bool) -> str:
     """Return what error a plan expects, and of which run where others may set inputs or parameters."""
     of_run = ["the inputs given" if driven else "inputs at zero"] * bool(scene.inputs.ports)
     of_run += ["the scene's parameters"] * bool(scene.inputs.parameters)
     return f"expected: error {planned.error:.1e}" + (f" with {' and '.join(of_run)}" if of_run else "")
 
 
-def plan_text(scene: "Scene", chosen: "Plan", variables: int, full: tuple[int, int], driven: bool) -> str:
+def plan_text(scene: "rbfmu.Scene", chosen: "rbfmu.Plan", variables: int, full: tuple[int, int], driven: bool) -> str:
     """Return what is said of a plan; variables: of its FMU; full: states and variables of the full model."""
     from rbfmu.planning.methods import MACHINE
 
@@ -129,7 +126,7 @@ def plan_text(scene: "Scene", chosen: "Plan", variables: int, full: tuple[int, i
     return "\n".join([*lines, f"{states} and {variables} FMU variables{beside}"])
 
 
-def print_end(scene: "Scene", planned: "Plan", result: Any, driven: bool) -> None:
+def print_end(scene: "rbfmu.Scene", planned: "rbfmu.Plan", result: "rbfmu.Result", driven: bool) -> None:
     """Print the model and its method, why they serve, the error to expect, and the last values."""
     if scene.inputs.ports:  # their course is known, so that no loop is closed
         from rbfmu.models.question import Question
@@ -145,14 +142,14 @@ def print_end(scene: "Scene", planned: "Plan", result: Any, driven: bool) -> Non
         _print_columns([("event", "times", "at t (s)"), *_events(result)])
 
 
-def print_changes(found: Any) -> None:
+def print_changes(found: "rbfmu.Sensitivity") -> None:
     """Print how far each output moves at most where each key's numbers change by 1 %."""
     changes = [found.changes(name) for name in found.of]
     rows = [(key, *(f"{of[key].max():.3g}" for of in changes)) for key in found.keys]
     _print_columns([("1 % of", *found.of), *rows])
 
 
-def print_fit(found: Any) -> None:
+def print_fit(found: "rbfmu.Fit") -> None:
     """Print the numbers with their standard errors, what the data do not tell, and how residuals look."""
     rows = [("number", "value", "standard error")]
     for name, value, error in zip(found.names, found.values, found.standard_errors, strict=True):
@@ -164,7 +161,7 @@ def print_fit(found: Any) -> None:
     click.echo("\n".join([*found.unknown, *(found.doubts or ("residuals look like noise",))]))
 
 
-def _events(result: Any) -> Iterator[tuple[str, str, str]]:
+def _events(result: "rbfmu.Result") -> Iterator[tuple[str, str, str]]:
     """Yield a row for each event, and for each that touched zero without one, with the first of its times."""
     kinds = {"": result.events, ", touches": {name: times for name, times in result.touches.items() if len(times)}}
     for kind, events in kinds.items():
@@ -187,17 +184,18 @@ def print_written(*paths: Path | None) -> None:
         click.echo(f"written: {written}")
 
 
-def print_ensemble(planned: Any, result: Any) -> None:
+def print_ensemble(planned: "rbfmu.Plan", result: "rbfmu.EnsembleResult") -> None:
     """Print the models, what failed, and mean and spread of the runs at their end."""
     click.echo("\n".join([f"{planned.model}: {planned.method}", *planned.reasons]))
     redrawn = int((result.redrawn > 0).sum())
     click.echo(f"{result.runs:,} runs, {len(result.failed):,} of them failed, {redrawn:,} drawn again")
     for index, text in [*result.failed.items()][:MOST_FAILED]:
         click.echo(f"run {index}: {text}")
-    rows = [(f"at t = {result.time[-1]:g} s", "unit", "mean", "standard deviation")]
-    for name, row in result.rows.items():
-        rows.append((name, row.unit, *(" ".join(f"{x: .6g}" for x in values) for values in result.at_end(name))))
-    _print_columns(rows)
+    rows = [
+        (name, row.unit, *(" ".join(f"{x: .6g}" for x in values) for values in result.at_end(name)))
+        for name, row in result.rows.items()
+    ]
+    _print_columns([(f"at t = {result.time[-1]:g} s", "unit", "mean", "standard deviation"), *rows])
     for name in result.counts:
         times = result.first_of(name)
         first = f", first at {times.mean():.6g} s, standard deviation {times.std():.3g} s" if len(times) else ""
@@ -322,7 +320,7 @@ def folder_option(default: str, text: str) -> Callable[..., Any]:
 
 
 @contextmanager
-def given_scene(path: Path, run: dict[str, float | None]) -> Iterator["Scene"]:
+def open_scene(path: Path, run: dict[str, float | None]) -> Iterator["rbfmu.Scene"]:
     """Return the scene of a file with the options given; errors name the file, also from inside."""
     from rbfmu.scene.scene import faults_of, load_scene
 

@@ -30,7 +30,7 @@ from rbfmu_fmu.native.object_code import object_files
 from rbfmu_fmu.native.platforms import Platform, platforms_named, this_platform
 from rbfmu_fmu.native.slopes import slopes_header
 from rbfmu_fmu.presentation import presentation_files
-from rbfmu_fmu.python.pythonfmu_traps import LEFT_OUT, builder_imports_undone
+from rbfmu_fmu.python.pythonfmu_traps import LEFT_OUT, undo_builder_imports
 from rbfmu_fmu.python.slave_access import CODE, LIBRARY, OBJECT
 
 PYTHON = Path(__file__).parent / "python"
@@ -150,7 +150,7 @@ def build_python_fmu(scene: Scene, plan: Plan, path: Path, terminals: bool = Fal
     identity = hash_of(files | {"templates": (SCRIPT + PACKAGE).encode()})[:12]
     with tempfile.TemporaryDirectory(prefix="rbfmu_") as folder:
         script, package = _write_sources(Path(folder), files, description, identity)
-        with builder_imports_undone():
+        with undo_builder_imports():
             raw = FmuBuilder.build_FMU(script, dest=Path(folder) / "out", project_files=[package])
         with zipfile.ZipFile(raw) as archive:
             contents = {n: archive.read(n) for n in archive.namelist() if not LEFT_OUT.fullmatch(n)}

@@ -7,6 +7,7 @@ import importlib.metadata
 import io
 import math
 import re
+from collections.abc import Iterable
 from html import escape
 from itertools import product
 from pathlib import Path
@@ -83,16 +84,18 @@ def page(scene: Scene, plan: Plan, d: Description, icon: str, course: str = "") 
 
 def _formulas(scene: Scene) -> str:
     """Return the scene's formulas as they stand in it, or that no load depends on the position."""
-    named = {"loads": scene.load_formulas, "formulas": scene.formulas}
-    named["rates of states"] = {name: row.rate for name, row in scene.states.items()}
-    rows = [
-        f"<tr><td>{escape(table)}</td><td>{escape(name)}</td><td><code>{escape(text)}</code></td></tr>\n"
-        for table, texts in named.items()
-        for name, text in texts.items()
-    ]
     if not scene.load_formulas:
         return "<p>No load depends on the position.</p>\n"
-    return f"<table>\n<tr><th>formulas of</th><th>name</th><th>text</th></tr>\n{''.join(rows)}</table>\n"
+    named = {"loads": scene.load_formulas, "formulas": scene.formulas}
+    named["rates of states"] = {name: row.rate for name, row in scene.states.items()}
+    rows = [(escape(of), escape(n), f"<code>{escape(text)}</code>") for of in named for n, text in named[of].items()]
+    return _html_table(("formulas of", "name", "text"), rows)
+
+
+def _html_table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    tagged = [("th", heads), *(("td", row) for row in rows)]
+    lines = [f"<tr>{''.join(f'<{tag}>{cell}</{tag}>' for cell in row)}</tr>\n" for tag, row in tagged]
+    return f"<table>\n{''.join(lines)}</table>\n"
 
 
 def _by_whom(d: Description) -> str:
@@ -102,9 +105,8 @@ def _by_whom(d: Description) -> str:
 
 def _table(d: Description, causality: str) -> str:
     """Return a table with a row a block, or nothing where there are none."""
-    rows = [("th", HEADS), *(("td", _row(variables)) for variables in blocks(d, causality).values())]
-    lines = [f"<tr>{''.join(f'<{tag}>{escape(cell)}</{tag}>' for cell in row)}</tr>\n" for tag, row in rows]
-    return f"<h3>{causality.capitalize()}s</h3>\n<table>\n{''.join(lines)}</table>\n" if len(rows) > 1 else ""
+    rows = [map(escape, _row(variables)) for variables in blocks(d, causality).values()]
+    return f"<h3>{causality.capitalize()}s</h3>\n{_html_table(HEADS, rows)}" if rows else ""
 
 
 def _row(variables: list[Variable]) -> tuple[str, ...]:

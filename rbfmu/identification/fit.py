@@ -11,7 +11,7 @@ from rbfmu.exceptions import SceneError, SimulationError
 from rbfmu.extras import needed
 from rbfmu.identification.charts import Chart, changes, chart_of, split
 from rbfmu.identification.found import Fit
-from rbfmu.identification.measured import QUATERNION, Measured, measured, residuals
+from rbfmu.identification.measured import QUATERNION, Measured, read_measured, residuals
 from rbfmu.runs.inputs import HOLD, drive_of, input_tables
 from rbfmu.scene.scene import Scene, of_scene_or_path
 from rbfmu.sensitivities import Varied
@@ -50,7 +50,8 @@ def fit(
 ) -> Fit:
     """Return the scene whose motion is nearest to what was measured, in the sense of least squares.
 
-    data: see `measured`: rates, quaternions of either sign or any outputs, at any times from run.start on, with gaps.
+    data: see `measured.read_measured`: rates, quaternions of either sign or any outputs, at any times from run.start
+    on, with gaps.
     free: keys as of `sensitivity`; they begin at the scene's values. An inertia stays one that a body can have, a mass
     positive. sigma: the standard deviation of the noise, of all numbers or by output (of a quaternion that of a small
     turn, rad); estimated for each output without it. loss: "linear", or "soft_l1", "huber", "cauchy" where some data
@@ -62,14 +63,14 @@ def fit(
     """
     if loss not in LOSSES:
         raise ValueError(f"loss = {loss!r}: expected one of {', '.join(LOSSES)}")
-    known = measured(scene, data)
+    known = read_measured(scene, data)
     keys = [free] if isinstance(free, str) else [*dict.fromkeys(free)]
     if not keys:
         raise ValueError("free: expected at least one key")
-    return _Search(scene, known, keys, _given(sigma, known), loss, (inputs, interpolate)).fit()
+    return _Search(scene, known, keys, _deviations(sigma, known), loss, (inputs, interpolate)).fit()
 
 
-def _given(sigma: Any, data: Measured) -> dict[str, float]:
+def _deviations(sigma: Any, data: Measured) -> dict[str, float]:
     """Return the standard deviations that are given, by output."""
     given = dict.fromkeys(data.values, sigma) if not isinstance(sigma, Mapping) else dict(sigma)
     if unknown := [name for name in given if name not in data.values]:
@@ -95,7 +96,7 @@ class _Search:
         if data.count < len(names):
             raise ValueError(f"data: {data.count} numbers: expected at least {len(names)}, as many as are free")
         self._names = tuple(names)
-        self._asked = _asked(scene, data)
+        self._asked = _scene_to_run(scene, data)
         self._varied = Varied(self._asked, keys)
 
     def fit(self) -> Fit:
@@ -108,12 +109,12 @@ class _Search:
             if part == 1.0 or data.count >= 2 * len(p):
                 p = self._nearest(p, data, sigma, HELD if part < 1.0 else HELD_LAST)
         for _ in range(0 if len(self._given) == len(self._data.values) else 2):
-            left, _ = self._evaluated(p, self._data)
+            left, _ = self._evaluate(p, self._data)
             sigma = {name: self._given.get(name) or _deviation(left[name]) for name in sigma}
             p = self._nearest(p, self._data, sigma, HELD_LAST)
-        return self._found(p, sigma)
+        return self._finish(p, sigma)
 
-    def _evaluated(self, p: Array, data: Measured) -> tuple[dict[str, Array], dict[str, Array]]:
+    def _evaluate(self, p: Array, data: Measured) -> tuple[dict[str, Array], dict[str, Array]]:
         """Return residuals and their slopes by coordinates, by output."""
         scene = self._asked.replace(changes(self._charts, p))
         tables, interpolate = ({} if self._inputs[0] is None else input_tables(scene, *self._inputs)), self._inputs[1]
@@ -139,7 +140,7 @@ class _Search:
         def both(x: Array) -> tuple[Array, Array]:
             if (key := x.tobytes()) not in seen:
                 seen.clear()
-                seen[key] = self._stacked(x, data, sigma)
+                seen[key] = self._stack(x, data, sigma)
             f, J = seen[key]
             return np.append(f, held * (x - begin)), np.vstack([J, held * np.eye(len(x))])
 
@@ -150,10 +151,10 @@ class _Search:
         )  # fmt: skip
         return np.asarray(found.x)
 
-    def _stacked(self, p: Array, data: Measured, sigma: Mapping[str, float]) -> tuple[Array, Array]:
+    def _stack(self, p: Array, data: Measured, sigma: Mapping[str, float]) -> tuple[Array, Array]:
         """Return residuals over their standard deviation, without gaps, and their slopes."""
         try:
-            left, slopes = self._evaluated(p, data)
+            left, slopes = self._evaluate(p, data)
         except (SceneError, SimulationError, ValueError, OverflowError):
             return np.full(data.count, REFUSED), np.zeros((data.count, len(p)))
         f = np.concatenate([(left[name] / sigma[name]).ravel() for name in left])
@@ -161,11 +162,11 @@ class _Search:
         known = np.isfinite(f)
         return f[known], J[known]
 
-    def _found(self, p: Array, sigma: Mapping[str, float]) -> Fit:
+    def _finish(self, p: Array, sigma: Mapping[str, float]) -> Fit:
         scene = self._scene.replace(changes(self._charts, p))
-        left, _ = self._evaluated(p, self._data)  # raises what the scene refuses
-        f, J = self._stacked(p, self._data, sigma)
-        told, unknown = self._told(J, _scatter(f, self._loss, len(p)))
+        left, _ = self._evaluate(p, self._data)  # raises what the scene refuses
+        f, J = self._stack(p, self._data, sigma)
+        told, unknown = self._tell_apart(J, _scatter(f, self._loss, len(p)))
         slopes, at = self._slopes(p), zip(self._charts, split(self._charts, p), strict=True)
         covariance = slopes @ told @ slopes.T
         values = np.concatenate([chart.numbers(row) for chart, row in at])
@@ -173,14 +174,14 @@ class _Search:
         lost = np.zeros(len(p), dtype=bool)
         for direction in unknown:
             lost |= np.abs(slopes @ direction) / sizes > PART_OF_DIRECTION
-        said = tuple(self._said(slopes @ direction / sizes, slopes @ direction) for direction in unknown)
+        said = tuple(self._meaning(slopes @ direction / sizes, slopes @ direction) for direction in unknown)
         errors = np.where(lost, np.inf, np.sqrt(np.diag(covariance)))
         covariance[lost, :] = covariance[:, lost] = np.nan
-        doubts = (*_following(left), *_too_large(f, self._given))
+        doubts = (*_trends(left), *_too_large(f, self._given))
         return Fit(scene, self._names, np.where(lost, np.nan, values), errors, covariance, said, left, dict(sigma),
                    doubts, self._data)  # fmt: skip
 
-    def _told(self, J: Array, scatter: float) -> tuple[Array, list[Array]]:
+    def _tell_apart(self, J: Array, scatter: float) -> tuple[Array, list[Array]]:
         """Return the covariance of coordinates in what the data tell, and the directions that they do not."""
         axes = np.eye(J.shape[1])
         seen = np.linalg.norm(J, axis=0) > 1e-12 * np.linalg.norm(J)
@@ -189,7 +190,7 @@ class _Search:
         known = s * UNTOLD > math.sqrt(scatter)
         return scatter * (V[known].T / s[known] ** 2) @ V[known], [*axes[~seen], *V[~known]]
 
-    def _said(self, relative: Array, direction: Array) -> str:
+    def _meaning(self, relative: Array, direction: Array) -> str:
         """Return what a direction means, in words."""
         at = [n for n in np.argsort(-np.abs(relative)) if abs(relative[n]) > 0.05 * np.max(np.abs(relative))]
         at.sort()
@@ -200,7 +201,7 @@ class _Search:
         return f"{', '.join(self._names[n] for n in at)}: nothing tells a common change of them, as {ratio}"
 
 
-def _following(left: Mapping[str, Array]) -> list[str]:
+def _trends(left: Mapping[str, Array]) -> list[str]:
     """Return in words which residuals do not look like noise, as each follows the one before."""
     found = []
     for name, rows in left.items():
@@ -214,7 +215,7 @@ def _following(left: Mapping[str, Array]) -> list[str]:
     return found
 
 
-def _asked(scene: Scene, data: Measured) -> Scene:
+def _scene_to_run(scene: Scene, data: Measured) -> Scene:
     """Return the scene that runs as long as was measured, shows what was measured, and goes on at events."""
     tables = {name: table for name, table in scene.to_dict().items() if name not in ("events", "ensemble")}
     own = {name: row for name, row in tables["outputs"].items() if name in data.values}

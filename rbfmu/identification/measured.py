@@ -39,7 +39,7 @@ class Measured:
         return Measured(self.time[:n], {name: rows[:n] for name, rows in self.values.items()})
 
 
-def measured(scene: Scene, data: Any) -> Measured:
+def read_measured(scene: Scene, data: Any) -> Measured:
     """Return data as measured outputs of a scene.
 
     data: the path of a CSV file with a column `time` and columns by the FMU's names, empty where there is a gap; of an
@@ -50,17 +50,17 @@ def measured(scene: Scene, data: Any) -> Measured:
     if isinstance(data, str | Path):
         path = Path(data)
         if path.suffix == ".csv":
-            return _checked(scene, _read(scene, path), str(path))
+            return _check(scene, _read(scene, path), str(path))
         data, where = Result.load(path), str(path)
     else:
         where = "data"
     known = {"time": data.time, **data.quantities} if isinstance(data, Result) else data
     if not isinstance(known, Mapping) or "time" not in known:
         raise ValueError(f"{where}: expected a file, a Result, or a mapping with time and outputs by name")
-    return _checked(scene, known, where)
+    return _check(scene, known, where)
 
 
-def _checked(scene: Scene, known: Mapping[str, Any], where: str) -> Measured:
+def _check(scene: Scene, known: Mapping[str, Any], where: str) -> Measured:
     sizes = {name: row.size for name, row in OUTPUT.items()}
     try:
         columns = {name: np.array(value, dtype=np.float64) for name, value in known.items()}

@@ -38,7 +38,7 @@ def motion_page(motion: Motion) -> str:
     filled = {"TITLE": escape(motion.title), "LEGEND": _legend(geometry), "DATA": data}
     panel = re.sub(r"\$([A-Z]+)", lambda found: filled[found[1]], panel)
     titled = f"<title>{filled['TITLE']}</title>"
-    page = re.sub("<title>.*?</title>", lambda _: titled, recorded_page(geometry), count=1)
+    page = re.sub("<title>.*?</title>", lambda _: titled, record_page(geometry), count=1)
     before, end, after = page.rpartition("</body>")
     return f"{before}{panel}{end}{after}"
 
@@ -99,7 +99,7 @@ def _longest(vectors: Any) -> str:
     return f"longest {float(np.max(np.linalg.norm(vectors, axis=1))):.3g}"
 
 
-def recorded_page(geometry: Geometry) -> str:
+def record_page(geometry: Geometry) -> str:
     """Return the page that plays the motion."""
     with _server() as server:
         _look(server, geometry)

@@ -70,7 +70,7 @@ def _object_file(model: Any, platform: Platform, feature: str) -> bytes:
     known = isinstance(model, Model) and model.step.__module__.startswith("rbfmu_kernels.")
     if not known:  # its source is not among those that tell what is kept from what is stale
         return _compile(model, platform, feature)
-    return kept_or_compiled(f"{model.name} {platform} {feature}", lambda: _compile(model, platform, feature))
+    return keep_or_compile(f"{model.name} {platform} {feature}", lambda: _compile(model, platform, feature))
 
 
 def _compile(model: Any, platform: Platform, feature: str) -> bytes:
@@ -176,7 +176,7 @@ def _check_self_contained(module: Any) -> None:
         raise NotSelfContainedError(f"the compiled model needs {', '.join(sorted(foreign))}")
 
 
-def kept_or_compiled(what: str, compile_anew: Callable[[], bytes]) -> bytes:
+def keep_or_compile(what: str, compile_anew: Callable[[], bytes]) -> bytes:
     """Return object code from disk, or compile and keep it; what: the model and the platform."""
     file = _cache_folder() / f"{hashlib.sha256(_made_with() + what.encode()).hexdigest()}.o"
     code = read_kept(file)
