@@ -203,14 +203,10 @@ EARTH_RATE = 7.292115e-5
 """rad/s: the earth turns under the brick, about the north axis of the local frame at the equator."""
 
 
-def _nasa() -> dict[str, tuple[tuple[float, ...], ...]]:
-    """Return the figures of nasa_brick.csv by simulation: time, three rates, three angles a row."""
-    with Path(__file__).with_name("nasa_brick.csv").open(newline="", encoding="ascii") as file:
-        _, *rows = csv.reader(line for line in file if not line.startswith("#"))
-    return {name: tuple(tuple(map(float, row[1:])) for row in found) for name, found in groupby(rows, lambda r: r[0])}
-
-
-NASA = _nasa()
+_TABLE = Path(__file__).with_name("nasa_brick.csv").read_text(encoding="ascii").splitlines()
+_, *_ROWS = csv.reader(line for line in _TABLE if not line.startswith("#"))
+NASA = {name: tuple(tuple(map(float, row[1:])) for row in rows) for name, rows in groupby(_ROWS, lambda row: row[0])}
+"""The figures of nasa_brick.csv by simulation: time, three rates, three angles a row."""
 
 
 def errors_against_nasa(simulation: str, time: Array, q_ab: Array, omega_b: Array) -> list[tuple[float, float, float]]:

@@ -135,12 +135,17 @@ def describe(scene: Scene, plan: Plan) -> Description:
     kernels, z = plan.kernels, filled_buffer(scene, plan)
     sizes, shown = nominal_sizes(scene, kernels, z), _blocks(scene, plan)
     outputs = [place for name, place in kernels.BLOCKS.items() if name in OUTPUT]
+    counts = [
+        Count(f"{name}_count", kernels.BLOCKS["events.counts"].start + e,
+              f"how often {event.about or event.when} came to zero, {event.direction}")
+        for e, (name, event) in enumerate(scene.events.items())
+    ]  # fmt: skip
     return Description(
         name=scene.name,
         identifier=identifier(scene.name),
         about=scene.about.model_dump(),
         variables=tuple(v for block in shown for v in _variables(block, plan, z, sizes)),
-        counts=tuple(_counts(scene, plan)),
+        counts=tuple(counts),
         start_buffer=tuple(z.tolist()),
         start=scene.run.start,
         stop=scene.run.stop,
@@ -223,21 +228,11 @@ def _blocks(scene: Scene, plan: Plan) -> list[_Block]:
     of_own = scene.own_parameters.values()
     found += [_Block(row, places[row.block], "parameter") for row in of_own if row.name in needed]
     found += [_output(row, scene, plan) for row in _output_rows(scene, plan)]
-    return [*found, *_times_of_events(scene, plan)]
-
-
-def _times_of_events(scene: Scene, plan: Plan) -> Iterator[_Block]:
-    """Yield when each event happened last, at first the start; a time of its own follows no input."""
     for e, (name, event) in enumerate(scene.events.items()):
-        place = plan.kernels.BLOCKS["events.times"].start + e
-        row = own_output(f"{name}_time", 1, "s", f"last time of {event.about or event.when}")
-        yield _Block(row, slice(place, place + 1), "output")
-
-
-def _counts(scene: Scene, plan: Plan) -> Iterator[Count]:
-    for e, (name, event) in enumerate(scene.events.items()):
-        place = plan.kernels.BLOCKS["events.counts"].start + e
-        yield Count(f"{name}_count", place, f"how often {event.about or event.when} came to zero, {event.direction}")
+        first = places["events.times"].start + e
+        last = own_output(f"{name}_time", 1, "s", f"last time of {event.about or event.when}")  # at first the start
+        found.append(_Block(last, slice(first, first + 1), "output"))  # which follows no input
+    return found
 
 
 def _output_rows(scene: Scene, plan: Plan) -> Iterator[Output]:

@@ -161,11 +161,9 @@ AXIS = 0.8
 
 def picture(scene: Scene) -> bytes:
     """Return a PNG of 200 by 200 points, the same bytes for the same scene and the same matplotlib."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(INCHES, INCHES), dpi=DPI)
-    FigureCanvasAgg(figure)
     axes = figure.add_axes((0.02, 0.02, 0.96, 0.96))
     axes.set_axis_off()
     axes.set_aspect("equal")
