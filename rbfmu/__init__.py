@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from rbfmu.ensembles.running import run_ensemble as run_ensemble
     from rbfmu.exceptions import SceneWarning as SceneWarning
     from rbfmu.exceptions import SimulationError as SimulationError
-    from rbfmu.identification.fit import Fit as Fit
     from rbfmu.identification.fit import fit as fit
+    from rbfmu.identification.found import Fit as Fit
     from rbfmu.linearization import Linearization as Linearization
     from rbfmu.linearization import linearize as linearize
     from rbfmu.progress import progress_bar as progress_bar
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from rbfmu.simulation import simulate as simulate
     from rbfmu.studies.chart import Chart as Chart
     from rbfmu.studies.chart import chart as chart
-    from rbfmu.viewer import view as view
+    from rbfmu.viewer.motion import view as view
 
 __version__ = "0.2.0"
 
@@ -50,7 +50,7 @@ _MODULES = {
     "sensitivities": ("Sensitivity", "sensitivity"),
     "studies.chart": ("Chart", "chart"),
     "simulation": ("Simulator", "compiled_step", "plan", "simulate"),
-    "viewer": ("view",),
+    "viewer.motion": ("view",),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}
 

@@ -4,26 +4,24 @@ import json
 import shlex
 import tomllib
 import warnings
-from collections.abc import Sequence
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+import rbfmu
+
 from rbfmu.cli_output import (  # isort: skip
-    PICTURES, SAVED, STORES, Commands, check_target, choice_option, file_option, folder_option, given_scene,
-    input_options, keys_option, method_option, model_option, plan_text, print_changes, print_end, print_ensemble,
-    print_fit, print_keys, print_verdict, print_verification, print_written, run_options, say_what_is_kept,
-    say_where_nothing_is_kept, usage_errors, write_new,
+    PATH, Commands, check_target, choice_option, file_option, folder_option, open_scene, input_options, keys_option,
+    method_option, model_option, plan_text, plot_option, print_changes, print_end, print_ensemble, print_fit,
+    print_keys, print_verdict, print_verification, print_written, run_options, say_what_is_kept,
+    say_where_nothing_is_kept, scene_argument, usage_errors, write,
 )  # fmt: skip
 from rbfmu.exceptions import SceneWarning, named
 from rbfmu.extras import needed
 from rbfmu.kept_plans import KeptPlan
 from rbfmu.progress import bar, progress_bar
-
-if TYPE_CHECKING:
-    from rbfmu.scene.scene import Scene
 
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
@@ -41,12 +39,11 @@ def demo(folder: Path) -> None:
     """Simulate NASA's tumbling brick in three ways, compare them with each other and with NASA, draw it."""
     from rich.console import Console
 
-    from rbfmu_fmu import VerificationError
-    from rbfmu_fmu.demo import run_demo
+    import rbfmu_fmu.demo
 
     say_where_nothing_is_kept()
-    with usage_errors(VerificationError), named(folder):
-        passed = run_demo(folder, Console(highlight=False))
+    with usage_errors(rbfmu_fmu.VerificationError), named(folder):
+        passed = rbfmu_fmu.demo.run_demo(folder, Console(highlight=False))
     click.get_current_context().exit(0 if passed else 1)
 
 
@@ -61,18 +58,21 @@ def keys() -> None:
 def new(name: str) -> None:
     """Write a commented scene file NAME.toml to begin with: it runs as it is."""
     from rbfmu.scene.keys import new_scene
-    from rbfmu.scene.scene import Scene
 
     path = Path(name if name.endswith(".toml") else f"{name}.toml")
     check_target(path, "NAME", (".toml",))
     text = new_scene(path.stem)
-    Scene.from_dict(tomllib.loads(text), str(path))
-    write_new(path, text)
+    rbfmu.Scene.from_dict(tomllib.loads(text), str(path))
+    try:
+        with named(path), path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError:
+        raise click.UsageError(f"{path}: exists already, and stays as it is") from None
     click.echo(f"{path} (next: rbfmu run {shlex.quote(str(path))})")
 
 
 @main.command("plan")
-@click.argument("scene", metavar="SCENE", type=click.Path(path_type=Path))
+@scene_argument
 @click.option("--json", "as_json", is_flag=True, help="Print model, method, substep, states and reasons as JSON.")
 @click.option("--code", is_flag=True, help="Print the kernels that are made from the scene's formulas.")
 @input_options
@@ -80,33 +80,35 @@ def new(name: str) -> None:
 @run_options
 def show_plan(scene: Path, as_json: bool, code: bool, driven: dict[str, Any], model: str, **run: float | None) -> None:
     """Say which model and method a scene gets, and why."""
+    given = open_scene(scene, run)
     if code:
         from rbfmu.planning.select import code_of
 
-        with given_scene(scene, run) as loaded:
+        with given as loaded:
             click.echo(code_of(loaded))
         return
-    kept = KeptPlan(scene, {"model": model, **run})
-    known = None if driven else kept.read()
-    if known is None:
-        with given_scene(scene, run) as loaded:
-            known = _plan_of(loaded, model, kept, driven)
+    known = _plan_of(given, KeptPlan(scene, {"model": model, **run}), model, driven)
     for doubt in known["doubts"]:
         warnings.warn(doubt, SceneWarning, stacklevel=2)  # of a plan that was made now they are said already
     click.echo(json.dumps(known["plan"] | {"variables": known["variables"]}, indent=1) if as_json else known["text"])
 
 
-def _plan_of(scene: "Scene", model: str, kept: KeptPlan, driven: dict[str, Any]) -> dict[str, Any]:
-    """Plan a scene; return what is said of the plan and of doubts; keep it where no inputs are given."""
+def _plan_of(
+    given: AbstractContextManager["rbfmu.Scene"], kept: KeptPlan, model: str, driven: dict[str, Any]
+) -> dict[str, Any]:
+    """Return what is said of a scene's plan and of doubts: kept, or made now, and kept where no inputs are given."""
+    known = None if driven else kept.read()
+    if known is not None:
+        return known
     from rbfmu.scene.consistency import doubts_before
-    from rbfmu.simulation import plan
     from rbfmu_fmu.description import sizes
 
-    with bar(f"planning {scene.name}") as tell:
-        chosen = plan(scene, full=model == "full", progress=tell, **driven)
-    variables, full = sizes(scene, chosen)
-    text = plan_text(scene, chosen, variables, full, bool(driven))
-    doubts = [f"{scene.name}: {doubt}" for doubt in doubts_before(scene)]
+    with given as scene:
+        with bar(f"planning {scene.name}") as tell:
+            chosen = rbfmu.plan(scene, full=model == "full", progress=tell, **driven)
+        variables, full = sizes(scene, chosen)
+        text = plan_text(scene, chosen, variables, full, bool(driven))
+        doubts = [f"{scene.name}: {doubt}" for doubt in doubts_before(scene)]
     known = {"plan": chosen.to_dict(), "variables": variables, "text": text, "doubts": doubts}
     if not driven:
         kept.keep(known)
@@ -114,9 +116,9 @@ def _plan_of(scene: "Scene", model: str, kept: KeptPlan, driven: dict[str, Any])
 
 
 @main.command()
-@click.argument("scene", metavar="SCENE", type=click.Path(path_type=Path))
-@file_option("Save to FILE (.csv, .npz or .aem).", "-o", "--output")
-@file_option("Draw to FILE (.png, .svg or .pdf).", "--plot")
+@scene_argument
+@file_option("Save to FILE (.csv, .npz or .aem).", (".csv", ".npz", ".aem"))
+@plot_option("Draw")
 @input_options
 @model_option
 @run_options
@@ -128,50 +130,39 @@ def run(
     The units of the columns of FILE.csv are written to FILE.units.csv.
     """
     from rbfmu.result import check_attitude
-    from rbfmu.runs.plan import Plan
-    from rbfmu.simulation import simulate
 
-    check_target(output, "--output", SAVED)
-    check_target(plot, "--plot", PICTURES)
     kept = KeptPlan(scene, {"model": model, **run})
-    with given_scene(scene, run) as loaded:
+    with open_scene(scene, run) as loaded:
         with usage_errors():
             check_attitude(output, loaded.outputs.quantities)
-        known = None if driven else kept.read()
-        planned = Plan.from_dict((known or _plan_of(loaded, model, kept, driven))["plan"]).of_scene(loaded)
-        result = simulate(loaded, planned=planned, progress=progress_bar(loaded.name), **driven)
-    if output:
-        result.save(output)
-    if plot:
-        from rbfmu.plot import plot_result
-
-        plot_result(result, plot, loaded.name)
+        known = _plan_of(nullcontext(loaded), kept, model, driven)
+        planned = rbfmu.Plan.from_dict(known["plan"]).of_scene(loaded)
+        result = rbfmu.simulate(loaded, planned=planned, progress=progress_bar(loaded.name), **driven)
+    write(result, output, plot, loaded.name)
     print_end(loaded, planned, result, bool(driven))
-    units = output.with_suffix(".units.csv") if output and output.suffix == ".csv" else None
-    print_written(output, units, plot)
+    print_written(output, output.with_suffix(".units.csv") if output and output.suffix == ".csv" else None, plot)
 
 
 @main.command()
-@click.argument("scenes", metavar="SCENE...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("scenes", metavar="SCENE...", nargs=-1, required=True, type=PATH)
 def warm(scenes: tuple[Path, ...]) -> None:
     """Keep plans and compiled code of scenes, so that processes that share the cache plan and compile nothing."""
     from rbfmu.ensembles.running import warm as warm_scene
-    from rbfmu.runs.plan import Plan
 
     for scene in scenes:
         kept = KeptPlan(scene, {"model": "planned", "step": None, "stop": None, "accuracy": None})
-        with given_scene(scene, {}) as loaded, usage_errors():
-            warm_scene(loaded, Plan.from_dict((kept.read() or _plan_of(loaded, "planned", kept, {}))["plan"]))
+        with open_scene(scene, {}) as loaded, usage_errors():
+            warm_scene(loaded, rbfmu.Plan.from_dict(_plan_of(nullcontext(loaded), kept, "planned", {})["plan"]))
 
 
 @main.command()
-@click.argument("scene", metavar="SCENE", type=click.Path(path_type=Path))
-@click.option("-o", "--output", type=click.Path(path_type=Path), metavar="STORE", help="Keep in STORE (.npz or .zarr).")
+@scene_argument
+@file_option("Keep in STORE (.npz or .zarr).", (".npz", ".zarr"), metavar="STORE", type=PATH)
 @click.option("--runs", type=click.IntRange(1), help="In place of the scene's ensemble.runs.")
 @click.option("--workers", type=click.IntRange(1), help="Threads.  [one for each processor]")
 @click.option("--scheduler", metavar="ADDRESS", help="Of Dask, in place of threads: tcp://HOST:PORT.")
 @click.option("--resume", is_flag=True, help="Go on with a STORE that is there.")
-@file_option("Draw to FILE (.png, .svg or .pdf).", "--plot")
+@plot_option("Draw")
 @input_options
 @run_options
 def ensemble(
@@ -184,15 +175,13 @@ def ensemble(
     """
     from rbfmu.ensembles.members import with_runs
     from rbfmu.ensembles.planning import plan_ensemble
-    from rbfmu.ensembles.running import check_store, dask_client, run_ensemble
+    from rbfmu.ensembles.running import check_store, dask_client
 
-    check_target(output, "--output", STORES)
-    check_target(plot, "--plot", PICTURES)
     if resume and output is None:
         raise click.UsageError("--resume: expected --output with the store to go on with")
     if workers and scheduler:
         raise click.UsageError("--workers: expected no --scheduler with it, which has workers of its own")
-    with given_scene(scene, run) as loaded, usage_errors():
+    with open_scene(scene, run) as loaded, usage_errors():
         check_store(output, resume)
         if plot:
             needed("scipy.stats", "ensemble")  # known to be there before anything runs
@@ -201,7 +190,7 @@ def ensemble(
             with bar(f"planning {asked.name}") as tell:
                 planned = plan_ensemble(asked, tell)
             try:
-                found = run_ensemble(asked, output, executor, resume=resume, planned=planned, **driven)
+                found = rbfmu.run_ensemble(asked, output, executor, resume=resume, planned=planned, **driven)
             except KeyboardInterrupt:
                 if output:
                     say_what_is_kept(output)
@@ -213,10 +202,10 @@ def ensemble(
 
 
 @main.command("sensitivity")
-@click.argument("scene", metavar="SCENE", type=click.Path(path_type=Path))
+@scene_argument
 @keys_option("--by", "by", "Such as initial.omega_b; several stand one after another.")
-@file_option("Save to FILE (.csv or .npz).", "-o", "--output")
-@file_option("Draw what matters when to FILE (.png, .svg or .pdf).", "--plot")
+@file_option("Save to FILE (.csv or .npz).", (".csv", ".npz"))
+@plot_option("Draw what matters when")
 @input_options
 @run_options
 def show_sensitivity(
@@ -224,28 +213,21 @@ def show_sensitivity(
     **run: float | None,
 ) -> None:  # fmt: skip
     """Print, save or draw how a scene's outputs hang on its numbers: derivatives along the motion."""
-    from rbfmu.sensitivities import ENDINGS, sensitivity
-
-    check_target(output, "--output", ENDINGS)
-    check_target(plot, "--plot", PICTURES)
-    with given_scene(scene, run) as loaded, usage_errors():
-        found = sensitivity(loaded, by, **driven)
-        if output:
-            found.save(output)
-        if plot:
-            found.plot(plot, loaded.name)
+    with open_scene(scene, run) as loaded, usage_errors():
+        found = rbfmu.sensitivity(loaded, by, **driven)
+        write(found, output, plot, loaded.name)
     print_changes(found)
     print_written(output, plot)
 
 
 @main.command("fit")
-@click.argument("scene", metavar="SCENE", type=click.Path(path_type=Path))
-@click.argument("data", metavar="DATA", type=click.Path(path_type=Path))
+@scene_argument
+@click.argument("data", metavar="DATA", type=PATH)
 @keys_option("--free", "free", "What is fitted, such as body.inertia; several stand one after another.")
 @click.option("--sigma", metavar="NUMBER|FILE", help="Noise: a number, or a CSV file with a column an output.")
 @choice_option("--loss", ["linear", "soft_l1", "huber", "cauchy"], "Other than linear: where data may be far off.")
-@file_option("Write the fitted scene to FILE.toml.", "-o", "--output")
-@file_option("Draw residuals to FILE (.png, .svg or .pdf).", "--plot")
+@file_option("Write the fitted scene to FILE.toml.", (".toml",))
+@plot_option("Draw residuals")
 @input_options
 def fit_scene(
     scene: Path, data: Path, free: tuple[str, ...], sigma: str | None, loss: str, output: Path | None,
@@ -255,13 +237,10 @@ def fit_scene(
 
     Exit status 1 where residuals do not look like noise.
     """
-    from rbfmu.identification.fit import fit
     from rbfmu.identification.measured import sigma_of
 
-    check_target(output, "--output", (".toml",))
-    check_target(plot, "--plot", PICTURES)
-    with given_scene(scene, {}) as loaded, usage_errors():
-        found = fit(loaded, data, free, None if sigma is None else sigma_of(sigma), loss, **driven)
+    with open_scene(scene, {}) as loaded, usage_errors():
+        found = rbfmu.fit(loaded, data, free, None if sigma is None else sigma_of(sigma), loss, **driven)
         if output:
             found.save(output, scene)
         if plot:
@@ -272,9 +251,9 @@ def fit_scene(
 
 
 @main.command()
-@click.argument("source", metavar="SCENE|RESULT", type=click.Path(path_type=Path))
-@file_option("Page to write, also over one that is there.  [motion.html, if there is none]", "-o", "--output")
-@click.option("--scene", "body", type=click.Path(path_type=Path), help="Whose body a RESULT (.csv, .npz, .aem) moves.")
+@click.argument("source", metavar="SCENE|RESULT", type=PATH)
+@file_option("Page to write, also over one that is there.  [motion.html, if there is none]", (".html",))
+@click.option("--scene", "body", type=PATH, help="Whose body a RESULT (.csv, .npz, .aem) moves.")
 @click.option("--stop", type=float, help="End of what is shown (s).")
 @click.option("--ghosts", type=click.IntRange(0), default=0, metavar="N",
               help="Show N runs of the scene's ensemble as pale bodies.")  # fmt: skip
@@ -286,22 +265,19 @@ def view(
 
     A SCENE is simulated; a RESULT is shown as it is.
     """
-    from rbfmu.viewer import view as write_page
-
-    check_target(output, "--output", (".html",))
     target = output or Path("motion.html")
     if output is None and target.exists():
         raise click.UsageError(f"{target}: exists already, and stays as it is; -o {target} writes over it")
     say_where_nothing_is_kept()
     with usage_errors(), bar(f"planning {source.stem}") as tell:
-        motion = write_page(source, target, scene=body, stop=stop, progress=tell, ghosts=ghosts, **driven)
+        motion = rbfmu.view(source, target, scene=body, stop=stop, progress=tell, ghosts=ghosts, **driven)
     size = target.stat().st_size / 1e6
     click.echo(f"{target}: {size:.1f} MB, {len(motion.result.time)} pictures, played in {motion.played:.3g} s")
 
 
 @main.command()
-@click.argument("scene", metavar="SCENE", type=click.Path(path_type=Path))
-@file_option("FMU to write.  [NAME.fmu]", "-o", "--output")
+@scene_argument
+@file_option("FMU to write.  [NAME.fmu]", (".fmu",))
 @click.option("--native", is_flag=True, help="Compiled: the importer needs no Python.")
 @click.option("--platform", "platforms", default="", metavar="NAME,...",
               help="Of a native FMU: linux64, win64, darwin64, linux-aarch64, darwin-aarch64; all.")  # fmt: skip
@@ -311,47 +287,46 @@ def view(
 @model_option
 @run_options
 def build(
-    scene: Path, output: Path | None, native: bool, platforms: str, fmi: str, scalars: bool,
-    terminals: bool, model: str,
-    **run: float | None,
+    scene: Path, output: Path | None, native: bool, platforms: str, fmi: str, scalars: bool, terminals: bool,
+    model: str, **run: float | None,
 ) -> None:  # fmt: skip
     """Build a scene's FMU for co-simulation (FMI 2.0, pythonfmu or native; FMI 3.0, native)."""
-    from rbfmu_fmu import BuildError
-    from rbfmu_fmu import build as build_fmu
+    import rbfmu_fmu
     from rbfmu_fmu.description import file_name
+    from rbfmu_fmu.native.linking import takes_minutes
+    from rbfmu_fmu.native.platforms import platforms_named
 
-    check_target(output, "--output", (".fmu",))
     names = [name.strip() for name in platforms.split(",") if name.strip()]
-    if names and not native:
-        raise click.UsageError("--platform: expected --native with it")
-    if fmi == "3" and not native:
-        raise click.UsageError("--fmi 3: expected --native with it")
-    if scalars and fmi != "3":
-        raise click.UsageError("--scalars: expected --fmi 3 with it")
+    needs = ((names and not native, "--platform", "--native"), (fmi == "3" and not native, "--fmi 3", "--native"),
+             (scalars and fmi != "3", "--scalars", "--fmi 3"))  # fmt: skip
+    for lacks, option, other in needs:
+        if lacks:
+            raise click.UsageError(f"{option}: expected {other} with it")
     kind = "native" if native else "python"
-    with usage_errors(BuildError), given_scene(scene, run) as loaded:
-        _say_what_takes_minutes(names)
+    with usage_errors(rbfmu_fmu.BuildError), open_scene(scene, run) as loaded:
+        if slow := [one.name for one in platforms_named(names) if takes_minutes(one)]:
+            why = "the first time takes minutes, as ziglang builds the platform's C library"
+            click.echo(f"Note: compiling for {', '.join(slow)}: {why}", err=True)
         target = output or Path(file_name(loaded.name))
-        click.echo(build_fmu(loaded, target, kind, names, model == "full", int(fmi), scalars, terminals))
+        click.echo(rbfmu_fmu.build(loaded, target, kind, names, model == "full", int(fmi), scalars, terminals))
 
 
 @main.command()
-@click.argument("fmu", metavar="FILE.fmu", type=click.Path(path_type=Path))
+@click.argument("fmu", metavar="FILE.fmu", type=PATH)
 @click.option("--seed", default=1, show_default=True, help="Of the signal that drives the inputs.")
 def verify(fmu: Path, seed: int) -> None:
     """Compare an FMU with direct calls of its kernels, bit by bit, and validate it."""
-    from rbfmu_fmu import VerificationError
-    from rbfmu_fmu import verify as verify_fmu
+    import rbfmu_fmu
 
     say_where_nothing_is_kept()
-    with usage_errors(VerificationError):
-        found = verify_fmu(fmu, seed)
+    with usage_errors(rbfmu_fmu.VerificationError):
+        found = rbfmu_fmu.verify(fmu, seed)
     print_verification(found)
     click.get_current_context().exit(0 if found.passed else 1)
 
 
 @main.command()
-@click.argument("scene", metavar="[SCENE]", required=False, type=click.Path(path_type=Path))
+@click.argument("scene", metavar="[SCENE]", required=False, type=PATH)
 @folder_option("rbfmu_chart", "Folder for the tables and pictures.")
 @click.option("--quick", is_flag=True, help="Few cases and methods: to see that it runs.")
 @method_option
@@ -360,13 +335,12 @@ def chart(scene: Path | None, folder: Path, quick: bool, method: Path | None) ->
 
     Of SCENE, with its ports at zero; or, if none is given, of eight motions and a loop closed through an FMU.
     """
-    from rbfmu.studies.chart import chart as chart_of
     from rbfmu.studies.chart.motions import run_charts
     from rbfmu_fmu.cosimulation_chart import run_cosimulation_chart
 
     with usage_errors(), bar("chart") as progress, named(folder):
         if scene is not None:
-            paths = chart_of(scene, quick, progress, method).save(folder)
+            paths = rbfmu.chart(scene, quick, progress, method).save(folder)
         else:
             paths = run_charts(folder, quick, progress, method) + run_cosimulation_chart(folder, quick, progress)
     click.echo("\n".join(map(str, paths)))
@@ -388,12 +362,3 @@ def stability(folder: Path, quick: bool, method: Path | None) -> None:
     print_laws(findings)
     print_verdict(sum(f.kind != OWN for f in findings), wrong, f"{len(paths)} files in {folder}")
     click.get_current_context().exit(1 if wrong else 0)
-
-
-def _say_what_takes_minutes(platforms: Sequence[str]) -> None:
-    from rbfmu_fmu.native.linking import takes_minutes
-    from rbfmu_fmu.native.platforms import platforms_named
-
-    if slow := [platform.name for platform in platforms_named(platforms) if takes_minutes(platform)]:
-        why = "the first time takes minutes, as ziglang builds the platform's C library"
-        click.echo(f"Note: compiling for {', '.join(slow)}: {why}", err=True)

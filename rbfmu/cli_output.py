@@ -10,16 +10,13 @@ from contextlib import contextmanager
 from functools import wraps
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+import rbfmu
 from rbfmu._interrupt import interruptible
-from rbfmu.exceptions import SceneError, SceneWarning, SimulationError, named
-
-if TYPE_CHECKING:
-    from rbfmu.runs.plan import Plan
-    from rbfmu.scene.scene import Scene
+from rbfmu.exceptions import SceneError, SceneWarning, SimulationError
 
 MOST_TIMES = 5
 """The times of an event that are printed."""
@@ -110,41 +107,26 @@ def check_target(path: Path | None, option: str, endings: Sequence[str]) -> None
         raise click.UsageError(f"{option} {str(path)!r}: there is no folder {str(path.parent)!r}")
 
 
-def write_new(path: Path, text: str) -> None:
-    """Write a file that must not be there yet."""
-    try:
-        with named(path), path.open("x", encoding="utf-8") as file:
-            file.write(text)
-    except FileExistsError:
-        raise click.UsageError(f"{path}: exists already, and stays as it is") from None
-
-
-def expected_error(scene: "Scene", planned: "Plan", driven: bool) -> str:
+def expected_error(scene: "rbfmu.Scene", planned: "rbfmu.Plan", driven: bool) -> str:
     """Return what error a plan expects, and of which run where others may set inputs or parameters."""
     of_run = ["the inputs given" if driven else "inputs at zero"] * bool(scene.inputs.ports)
     of_run += ["the scene's parameters"] * bool(scene.inputs.parameters)
     return f"expected: error {planned.error:.1e}" + (f" with {' and '.join(of_run)}" if of_run else "")
 
 
-def plan_text(scene: "Scene", chosen: "Plan", variables: int, full: tuple[int, int], driven: bool) -> str:
+def plan_text(scene: "rbfmu.Scene", chosen: "rbfmu.Plan", variables: int, full: tuple[int, int], driven: bool) -> str:
     """Return what is said of a plan; variables: of its FMU; full: states and variables of the full model."""
     from rbfmu.planning.methods import MACHINE
 
     cost = f"about {float(f'{chosen.cost:.2g}'):,.0f} ns a step of {scene.run.step:g} s on {MACHINE}"
-    lines = [
-        f"{chosen.model}: {chosen.method}",
-        f"{expected_error(scene, chosen, driven)}, {cost}",
-        *chosen.reasons,
-    ]
+    lines = [f"{chosen.model}: {chosen.method}", f"{expected_error(scene, chosen, driven)}, {cost}", *chosen.reasons]
+    against = f", against {full[0]} and {full[1]} of the full model"
+    beside = f"; the whole body has {full[0]} states" if scene.has_formulas else against
     states = f"{chosen.states} state{'s' * (chosen.states != 1)}"
-    if scene.has_formulas:
-        lines.append(f"{states} and {variables} FMU variables; the whole body has {full[0]} states")
-    else:
-        lines.append(f"{states} and {variables} FMU variables, against {full[0]} and {full[1]} of the full model")
-    return "\n".join(lines)
+    return "\n".join([*lines, f"{states} and {variables} FMU variables{beside}"])
 
 
-def print_end(scene: "Scene", planned: "Plan", result: Any, driven: bool) -> None:
+def print_end(scene: "rbfmu.Scene", planned: "rbfmu.Plan", result: "rbfmu.Result", driven: bool) -> None:
     """Print the model and its method, why they serve, the error to expect, and the last values."""
     if scene.inputs.ports:  # their course is known, so that no loop is closed
         from rbfmu.models.question import Question
@@ -153,24 +135,21 @@ def print_end(scene: "Scene", planned: "Plan", result: Any, driven: bool) -> Non
         planned = without_loops(Question(scene), planned)
     error = f"{expected_error(scene, planned, driven)}, accuracy asked {scene.run.accuracy:g}"
     click.echo("\n".join([f"{planned.model}: {planned.method}", error, *planned.reasons]))
-    rows = [("at the end", "unit", f"t = {result.time[-1]:g} s")]
-    for name, values in result.quantities.items():
-        rows.append((name, result.units[name], " ".join(f"{x: .8g}" for x in values[-1:].ravel())))
-    _print_columns(rows)
+    last = {name: " ".join(f"{x: .8g}" for x in values[-1:].ravel()) for name, values in result.quantities.items()}
+    rows = [(name, result.units[name], numbers) for name, numbers in last.items()]
+    _print_columns([("at the end", "unit", f"t = {result.time[-1]:g} s"), *rows])
     if result.events:
         _print_columns([("event", "times", "at t (s)"), *_events(result)])
 
 
-def print_changes(found: Any) -> None:
+def print_changes(found: "rbfmu.Sensitivity") -> None:
     """Print how far each output moves at most where each key's numbers change by 1 %."""
-    keys = found.keys
-    rows = [("1 % of", *found.of)]
-    largest = {name: {key: x.max() for key, x in found.changes(name).items()} for name in found.of}
-    rows += [(key, *(f"{largest[name][key]:.3g}" for name in found.of)) for key in keys]
-    _print_columns(rows)
+    changes = [found.changes(name) for name in found.of]
+    rows = [(key, *(f"{of[key].max():.3g}" for of in changes)) for key in found.keys]
+    _print_columns([("1 % of", *found.of), *rows])
 
 
-def print_fit(found: Any) -> None:
+def print_fit(found: "rbfmu.Fit") -> None:
     """Print the numbers with their standard errors, what the data do not tell, and how residuals look."""
     rows = [("number", "value", "standard error")]
     for name, value, error in zip(found.names, found.values, found.standard_errors, strict=True):
@@ -182,7 +161,7 @@ def print_fit(found: Any) -> None:
     click.echo("\n".join([*found.unknown, *(found.doubts or ("residuals look like noise",))]))
 
 
-def _events(result: Any) -> Iterator[tuple[str, str, str]]:
+def _events(result: "rbfmu.Result") -> Iterator[tuple[str, str, str]]:
     """Yield a row for each event, and for each that touched zero without one, with the first of its times."""
     kinds = {"": result.events, ", touches": {name: times for name, times in result.touches.items() if len(times)}}
     for kind, events in kinds.items():
@@ -191,11 +170,12 @@ def _events(result: Any) -> Iterator[tuple[str, str, str]]:
             yield f"{name}{kind}", f"{len(times)}", shown + (" ..." if len(times) > MOST_TIMES else "")
 
 
-def _first_times(times: Any) -> str:
-    """Return what is said of first times (n,), s."""
-    if not len(times):
-        return ""
-    return f", first at {times.mean():.6g} s, standard deviation {times.std():.3g} s"
+def write(found: Any, output: Path | None, plot: Path | None, title: str) -> None:
+    """Save and draw what was found, where that is asked for."""
+    if output:
+        found.save(output)
+    if plot:
+        found.plot(plot, title)
 
 
 def print_written(*paths: Path | None) -> None:
@@ -204,22 +184,22 @@ def print_written(*paths: Path | None) -> None:
         click.echo(f"written: {written}")
 
 
-def print_ensemble(planned: Any, result: Any) -> None:
+def print_ensemble(planned: "rbfmu.Plan", result: "rbfmu.EnsembleResult") -> None:
     """Print the models, what failed, and mean and spread of the runs at their end."""
     click.echo("\n".join([f"{planned.model}: {planned.method}", *planned.reasons]))
     redrawn = int((result.redrawn > 0).sum())
     click.echo(f"{result.runs:,} runs, {len(result.failed):,} of them failed, {redrawn:,} drawn again")
     for index, text in [*result.failed.items()][:MOST_FAILED]:
         click.echo(f"run {index}: {text}")
-    rows = [(f"at t = {result.time[-1]:g} s", "unit", "mean", "standard deviation")]
-    for name, row in result.rows.items():
-        mean, spread = result.at_end(name)
-        numbers = (" ".join(f"{x: .6g}" for x in values) for values in (mean, spread))
-        rows.append((name, row.unit, *numbers))
-    _print_columns(rows)
+    rows = [
+        (name, row.unit, *(" ".join(f"{x: .6g}" for x in values) for values in result.at_end(name)))
+        for name, row in result.rows.items()
+    ]
+    _print_columns([(f"at t = {result.time[-1]:g} s", "unit", "mean", "standard deviation"), *rows])
     for name in result.counts:
         times = result.first_of(name)
-        click.echo(f"{name}: in {len(times):,} of {len(result.good):,} runs{_first_times(times)}")
+        first = f", first at {times.mean():.6g} s, standard deviation {times.std():.3g} s" if len(times) else ""
+        click.echo(f"{name}: in {len(times):,} of {len(result.good):,} runs{first}")
 
 
 def _print_columns(rows: Sequence[Sequence[str]]) -> None:
@@ -246,10 +226,8 @@ def print_keys() -> None:
 
 def print_verification(found: Any) -> None:
     """Print what `rbfmu_fmu.verify` found."""
-    rows = [("output", "unit", "largest difference to the kernels")]
-    for name, difference in found.differences.items():
-        rows.append((name, found.units[name], repr(difference)))
-    _print_columns(rows)
+    rows = [(name, found.units[name], repr(difference)) for name, difference in found.differences.items()]
+    _print_columns([("output", "unit", "largest difference to the kernels"), *rows])
     click.echo(f"{found.steps_done} of {found.steps_asked} steps done; inputs from seed {found.seed}")
     click.echo(f"planned and full model differ by {found.to_full:.1e}, accuracy asked {found.accuracy:g}")
     for problem in found.problems:
@@ -264,9 +242,9 @@ def print_verdict(findings: int, wrong: Sequence[str], written: str) -> None:
         click.echo(f"does not hold: {text}")
 
 
-SAVED = (".csv", ".npz", ".aem")
-STORES = (".npz", ".zarr")
+PATH = click.Path(path_type=Path)
 PICTURES = (".png", ".svg", ".pdf")
+scene_argument = click.argument("scene", metavar="SCENE", type=PATH)
 
 
 def choice_option(name: str, known: Sequence[str], text: str) -> Callable[[Any], Any]:
@@ -277,12 +255,12 @@ def choice_option(name: str, known: Sequence[str], text: str) -> Callable[[Any],
 model_option = choice_option(
     "--model", ["planned", "full"], "The smallest that serves the scene, or all degrees of freedom."
 )
-
-
 method_option = click.option(
-    "--method", type=click.Path(path_type=Path), metavar="FILE.py",
+    "--method",
+    type=PATH,
+    metavar="FILE.py",
     help="Besides, a method of your own: step(q, omega, h, body, loads) in FILE.",
-)  # fmt: skip
+)
 
 
 def input_options(command: Callable[..., Any]) -> Any:
@@ -295,15 +273,13 @@ def input_options(command: Callable[..., Any]) -> Any:
 
     interpolate = choice_option("--interpolate", ["hold", "linear"], "Between the rows of --inputs.")
     text = "Drive the ports: columns time, torque_b[1], ...  [ports at zero]"
-    inputs = click.option("--inputs", type=click.Path(path_type=Path), metavar="FILE.csv", help=text)
-    return inputs(interpolate(call))
+    return click.option("--inputs", type=PATH, metavar="FILE.csv", help=text)(interpolate(call))
 
 
 def run_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options of commands that plan a run: keys of the scene's table [run]."""
     for key, unit in (("step", " (s)"), ("stop", " (s)"), ("accuracy", "")):
-        option = click.option(f"--{key}", type=float, help=f"In place of the scene's run.{key}{unit}.")
-        command = option(command)
+        command = click.option(f"--{key}", type=float, help=f"In place of the scene's run.{key}{unit}.")(command)
     return command
 
 
@@ -321,9 +297,20 @@ def keys_option(option: str, name: str, text: str) -> Callable[..., Any]:
     return add
 
 
-def file_option(text: str, *names: str) -> Callable[..., Any]:
-    """Return the option of a file to write."""
-    return click.option(*names, type=click.Path(dir_okay=False, path_type=Path), help=text)
+def file_option(text: str, endings: Sequence[str], *names: str, **more: Any) -> Callable[..., Any]:
+    """Return the option of a file to write, by default --output, which is refused at once where it cannot be."""
+
+    def checked(_: click.Context, option: click.Parameter, path: Path | None) -> Path | None:
+        check_target(path, option.opts[-1], endings)
+        return path
+
+    kind = {"type": click.Path(dir_okay=False, path_type=Path), "callback": checked, **more}
+    return click.option(*(names or ("-o", "--output")), help=text, **kind)
+
+
+def plot_option(text: str) -> Callable[..., Any]:
+    """Return the option of a picture to draw."""
+    return file_option(f"{text} to FILE (.png, .svg or .pdf).", PICTURES, "--plot")
 
 
 def folder_option(default: str, text: str) -> Callable[..., Any]:
@@ -333,7 +320,7 @@ def folder_option(default: str, text: str) -> Callable[..., Any]:
 
 
 @contextmanager
-def given_scene(path: Path, run: dict[str, float | None]) -> Iterator["Scene"]:
+def open_scene(path: Path, run: dict[str, float | None]) -> Iterator["rbfmu.Scene"]:
     """Return the scene of a file with the options given; errors name the file, also from inside."""
     from rbfmu.scene.scene import faults_of, load_scene
 

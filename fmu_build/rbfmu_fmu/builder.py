@@ -30,7 +30,7 @@ from rbfmu_fmu.native.object_code import object_files
 from rbfmu_fmu.native.platforms import Platform, platforms_named, this_platform
 from rbfmu_fmu.native.slopes import slopes_header
 from rbfmu_fmu.presentation import presentation_files
-from rbfmu_fmu.python.pythonfmu_traps import LEFT_OUT, builder_imports_undone
+from rbfmu_fmu.python.pythonfmu_traps import LEFT_OUT, undo_builder_imports
 from rbfmu_fmu.python.slave_access import CODE, LIBRARY, OBJECT
 
 PYTHON = Path(__file__).parent / "python"
@@ -80,7 +80,7 @@ def _identify(version: FmiVersion, d: Description, abilities: dict[str, str], pa
     another scene, whose buffer it would fill with other numbers.
     """
     xml = model_description(version, d, UNSET, abilities)
-    xml.set(version.identity, guid_of(parts, xml))
+    xml.set(version.identity, f"{{{uuid.UUID(hash_of(parts | {'': tostring(xml)})[:32])}}}")
     return xml
 
 
@@ -147,10 +147,10 @@ def build_python_fmu(scene: Scene, plan: Plan, path: Path, terminals: bool = Fal
     plan = plan.of_scene(scene)
     description = describe(scene, plan)
     files = _package_files(plan, description)
-    identity = hash_of(files | {"templates": (SCRIPT + PACKAGE).encode()})
+    identity = hash_of(files | {"templates": (SCRIPT + PACKAGE).encode()})[:12]
     with tempfile.TemporaryDirectory(prefix="rbfmu_") as folder:
         script, package = _write_sources(Path(folder), files, description, identity)
-        with builder_imports_undone():
+        with undo_builder_imports():
             raw = FmuBuilder.build_FMU(script, dest=Path(folder) / "out", project_files=[package])
         with zipfile.ZipFile(raw) as archive:
             contents = {n: archive.read(n) for n in archive.namelist() if not LEFT_OUT.fullmatch(n)}
@@ -182,16 +182,11 @@ def _shipped_code(plan: Plan) -> tuple[str, bytes]:
 
 def _write_sources(folder: Path, files: dict[str, bytes], description: Description, identity: str) -> tuple[Path, Path]:
     """Write the FMU's entry, and the package that has all else; return both."""
-    package = folder / f"rbfmu_{identity[:12]}"
-    package.mkdir()
-    for name, content in files.items():
+    package, script = folder / f"rbfmu_{identity}", folder / f"{description.identifier}_{identity}.py"
+    for name, content in (files | {"__init__.py": PACKAGE.format(identity=identity).encode()}).items():
         (package / name).parent.mkdir(parents=True, exist_ok=True)
         (package / name).write_bytes(content)
-    (package / "__init__.py").write_text(PACKAGE.format(identity=identity[:12]), encoding="utf-8", newline="\n")
-    script = folder / f"{description.identifier}_{identity[:12]}.py"
-    script.write_text(
-        SCRIPT.format(package=package.name, identifier=description.identifier), encoding="utf-8", newline="\n"
-    )
+    script.write_bytes(SCRIPT.format(package=package.name, identifier=description.identifier).encode())
     return script, package
 
 
@@ -228,11 +223,6 @@ def hash_of(files: dict[str, bytes]) -> str:
     for name in sorted(files):
         digest.update(f"{name}\0{len(files[name])}\0".encode() + files[name])
     return digest.hexdigest()
-
-
-def guid_of(contents: dict[str, bytes], xml: Element) -> str:
-    """Return a guid made from an FMU's contents and its description, whose own guid must not be set yet."""
-    return f"{{{uuid.UUID(hash_of(contents | {'': tostring(xml)})[:32])}}}"
 
 
 def write_archive(contents: dict[str, bytes], path: Path) -> None:

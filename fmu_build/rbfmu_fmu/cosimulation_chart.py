@@ -16,7 +16,6 @@ import rbfmu
 from rbfmu.plot import COLORS, open_frame
 from rbfmu.studies.chart.measure import Progress, machine
 from rbfmu.studies.chart.result import write_rows
-from rbfmu.studies.dop853 import STAGES, A
 from rbfmu.types import Array
 from rbfmu_fmu.builder import build_python_fmu
 from rbfmu_fmu.description import describe
@@ -54,12 +53,16 @@ class Loop:
         """Return (q_ab, omega_b)."""
         return np.array(self.unit.outputs()[:-1])
 
-    def step(self, t: float, H: float, n: int, torque: Callable[[float], Array]) -> None:
-        """Take a communication step in n parts, each with the torque of its middle, as a function of [0, 1]."""
+    def step(self, t: float, H: float, n: int, torque: Callable[[float], Array]) -> Array:
+        """Take a communication step in n parts, each with the torque of its middle, as a function of [0, 1].
+
+        Return the controller's answer to the state that it leads to.
+        """
         for i in range(n):
             self.unit.set_inputs(torque((i + 0.5) / n).tolist())
             self.unit.fmu.doStep(t + i * H / n, H / n)
             self.calls += 1
+        return controller(self.state())
 
 
 class Way(NamedTuple):
@@ -96,8 +99,7 @@ def run_loop(loop: Loop, way: str, steps: int, n: int) -> Array:
             if np.isnan(after[0]):
                 return np.full(7, np.nan)
         else:
-            loop.step(k * H, H, n, partial(rule, before, now))
-            after = controller(loop.state())
+            after = loop.step(k * H, H, n, partial(rule, before, now))
         before, now = now, after
     return loop.state()
 
@@ -111,8 +113,7 @@ def _iterate(loop: Loop, t: float, H: float, n: int, now: Array) -> Array:
 
     for _ in range(MAX_ROUNDS):
         loop.unit.fmu.setFMUState(saved)
-        loop.step(t, H, n, line)
-        guess, after = after, controller(loop.state())
+        guess, after = after, loop.step(t, H, n, line)
         change = float(np.max(np.abs(after - guess)))
         if change <= SETTLED or not change < LARGEST_CHANGE:
             break
@@ -120,23 +121,13 @@ def _iterate(loop: Loop, t: float, H: float, n: int, now: Array) -> Array:
     return after if change <= SETTLED else np.full(3, np.nan)
 
 
-def reference(steps: int = 400) -> Array:
-    """Return the continuous loop's final state, by DOP853's tableau at a fixed step."""
-    scene = rbfmu.Scene.from_dict(SCENE)
-    moments = np.array([1.0, 2.0, 3.0])
-
-    def rates(y: Array) -> Array:
-        q, omega = y[:4], y[4:]
-        torque = controller(y) - np.cross(omega, moments * omega)
-        return np.concatenate((rbfmu.quaternion_rate_b(q, omega), torque / moments))
-
-    y, h = np.array([*scene.initial.quaternion, *scene.initial.omega_b]), FINAL_TIME / steps
-    for _ in range(steps):
-        k = np.zeros((STAGES, 7))
-        for s in range(STAGES):
-            k[s] = rates(y + h * (A[s, :s] @ k[:s]))
-        y = y + h * (A[STAGES] @ k)
-    return y
+def reference() -> Array:
+    """Return the continuous loop's final state: the controller is a formula of the scene."""
+    eps, towards = "[q_ab[2], q_ab[3], q_ab[4]]", "where(q_ab[1] > 0, 1, -1)"  # by the shorter way
+    law = f"-{2.0 * STIFFNESS!r}*{towards}*{eps} - {DAMPING!r}*omega_b"
+    closed = rbfmu.Scene.from_dict(SCENE | {"loads": SCENE["loads"] | {"torque_b": law}, "inputs": {}})
+    found = rbfmu.simulate(closed)
+    return np.append(found.quaternion[-1], found.omega_b[-1])
 
 
 @contextmanager
@@ -198,13 +189,11 @@ def draw(points: Sequence[Point], path: Path) -> Path:
     for color, way in zip(COLORS, WAYS, strict=True):
         for n in SUBSTEPS:
             chosen = [p for p in points if p.way == way and p.substeps == n and p.attitude_error < 1.0]
-            errors = [p.attitude_error for p in chosen]
-            steps = [p.communication_step for p in chosen]
+            errors, steps = [p.attitude_error for p in chosen], [p.communication_step for p in chosen]
             work = [p.steps_of_the_fmu / FINAL_TIME for p in chosen]
-            once = n == 1
-            by_step.loglog(steps, errors, "-" if once else "x", color=color, linewidth=1.8, markersize=6)
-            by_work.loglog(work, errors, "-" if once else ":", color=color, linewidth=1.8 if once else 1.2)
-            if once:
+            by_step.loglog(steps, errors, "-" if n == 1 else "x", color=color, linewidth=1.8, markersize=6)
+            by_work.loglog(work, errors, "-" if n == 1 else ":", color=color, linewidth=1.8 if n == 1 else 1.2)
+            if n == 1:
                 white = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
                 by_step.annotate(WAYS[way].label, (steps[-1], errors[-1]), (6, 0), color=color, fontsize=10, bbox=white,
                                  textcoords="offset points", va="center")  # fmt: skip

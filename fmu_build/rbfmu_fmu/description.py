@@ -19,23 +19,11 @@ from rbfmu.planning.select import with_all_outputs
 from rbfmu.runs.plan import filled_buffer
 from rbfmu.runs.time_grid import last_time
 from rbfmu.types import Buffer
+from rbfmu_kernels import quantities
 from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.buffer import CHANGED, FAULTS, OK
 from rbfmu_kernels.compile.tiered import tiered
-from rbfmu_kernels.quantities import (
-    ANGLE,
-    BY_NAME,
-    FORCES,
-    IN_BUFFER_ORDER,
-    OUTPUT,
-    PORTS,
-    TORQUES,
-    Output,
-    Parameter,
-    Quantity,
-    indices,
-    own_output,
-)
+from rbfmu_kernels.quantities import BY_NAME, FORCES, OUTPUT, PORTS, TORQUES, Output, Parameter, Quantity, own_output
 
 AXES = ("x", "y", "z")
 _EULER_PARAMETERS = ("scalar part", "vector part x", "vector part y", "vector part z")
@@ -129,12 +117,10 @@ class Description:
 
     def to_dict(self) -> dict[str, Any]:
         """Return a dict for JSON: this, and what is said of parameters that a model does not serve."""
-        variables = [
-            {key: value for key, value in asdict(v).items() if key not in ("follows", "begins_with")}
-            for v in self.variables
-        ]
-        known = {"variables": variables, "last_time": self.last_time, "faults": FAULTS, "changed": CHANGED}
-        return asdict(self) | known
+        known = asdict(self) | {"last_time": self.last_time, "faults": FAULTS, "changed": CHANGED}
+        for v in known["variables"]:
+            del v["follows"], v["begins_with"]
+        return known
 
 
 def blocks(d: Description, *causalities: str) -> dict[str, list[Variable]]:
@@ -149,12 +135,17 @@ def describe(scene: Scene, plan: Plan) -> Description:
     kernels, z = plan.kernels, filled_buffer(scene, plan)
     sizes, shown = nominal_sizes(scene, kernels, z), _blocks(scene, plan)
     outputs = [place for name, place in kernels.BLOCKS.items() if name in OUTPUT]
+    counts = [
+        Count(f"{name}_count", kernels.BLOCKS["events.counts"].start + e,
+              f"how often {event.about or event.when} came to zero, {event.direction}")
+        for e, (name, event) in enumerate(scene.events.items())
+    ]  # fmt: skip
     return Description(
         name=scene.name,
         identifier=identifier(scene.name),
         about=scene.about.model_dump(),
         variables=tuple(v for block in shown for v in _variables(block, plan, z, sizes)),
-        counts=tuple(_counts(scene, plan)),
+        counts=tuple(counts),
         start_buffer=tuple(z.tolist()),
         start=scene.run.start,
         stop=scene.run.stop,
@@ -231,27 +222,17 @@ def _blocks(scene: Scene, plan: Plan) -> list[_Block]:
     for name, port in scene.inputs.own.items():
         own = Parameter(name, port.size, port.unit or "1", port.about or "input")
         found.append(_Block(own, places[name], "input"))
-    for row in IN_BUFFER_ORDER:
+    for row in quantities.IN_BUFFER_ORDER:
         if row.name in needed and row.name not in ports:  # a port's name is taken: its known part stays inside
             found.append(_Block(row, places[row.block], "parameter"))
     of_own = scene.own_parameters.values()
     found += [_Block(row, places[row.block], "parameter") for row in of_own if row.name in needed]
     found += [_output(row, scene, plan) for row in _output_rows(scene, plan)]
-    return [*found, *_times_of_events(scene, plan)]
-
-
-def _times_of_events(scene: Scene, plan: Plan) -> Iterator[_Block]:
-    """Yield when each event happened last, at first the start; a time of its own follows no input."""
     for e, (name, event) in enumerate(scene.events.items()):
-        place = plan.kernels.BLOCKS["events.times"].start + e
-        row = own_output(f"{name}_time", 1, "s", f"last time of {event.about or event.when}")
-        yield _Block(row, slice(place, place + 1), "output")
-
-
-def _counts(scene: Scene, plan: Plan) -> Iterator[Count]:
-    for e, (name, event) in enumerate(scene.events.items()):
-        place = plan.kernels.BLOCKS["events.counts"].start + e
-        yield Count(f"{name}_count", place, f"how often {event.about or event.when} came to zero, {event.direction}")
+        first = places["events.times"].start + e
+        last = own_output(f"{name}_time", 1, "s", f"last time of {event.about or event.when}")  # at first the start
+        found.append(_Block(last, slice(first, first + 1), "output"))  # which follows no input
+    return found
 
 
 def _output_rows(scene: Scene, plan: Plan) -> Iterator[Output]:
@@ -300,7 +281,7 @@ def _variables(block: _Block, plan: Plan, z: Any, sizes: Mapping[str, float]) ->
             follows=follows,
             begins_with=begins_with,
         )
-        for i, (index, component) in enumerate(zip(indices(row), components(row), strict=True))
+        for i, (index, component) in enumerate(zip(quantities.indices(row), components(row), strict=True))
     ]
 
 
@@ -310,10 +291,8 @@ def _rate_blocks(plan: Plan, name: str, causality: str) -> list[slice]:
     That knows loads that stay as they are, and no formulas.
     """
     kernels = plan.kernels
-    if causality == "output":
-        names = [f"d_{name}"] if hasattr(kernels, "output_rates") and not plan.formulas else []
-    else:
-        names = [f"{name}_rate", f"{name}_rate_2"] if causality == "input" else []
+    of_output = (f"d_{name}",) if hasattr(kernels, "output_rates") and not plan.formulas else ()
+    names = {"input": (f"{name}_rate", f"{name}_rate_2"), "output": of_output}.get(causality, ())
     return [kernels.BLOCKS[n] for n in names if n in kernels.BLOCKS]
 
 
@@ -348,7 +327,7 @@ def nominal_sizes(scene: Scene, kernels: Model, filled: Buffer) -> Mapping[str, 
     z = filled.copy()
     sizes: dict[str, float] = {}
     if int(tiered(kernels.initialize)(z)) == OK:
-        sized = {n for n, row in OUTPUT.items() if row.error != ANGLE and not row.judged_by}
+        sized = {n for n, row in OUTPUT.items() if row.error != quantities.ANGLE and not row.judged_by}
         sized -= {n for n, row in OUTPUT.items() if row.cancels and not row.conserved}
         for name, place in kernels.BLOCKS.items():
             row = BY_NAME.get(name.removeprefix("constant_"))
@@ -384,10 +363,8 @@ def arrays(d: Description) -> list[FmiVariable]:
 
 def _array(name: str, first: int, size: int) -> FmiVariable:
     elements = BY_NAME[name].elements if name in BY_NAME else ()
-    if size == 1:
-        return FmiVariable(name, (first,), ())
     if not elements:
-        return FmiVariable(name, tuple(range(first, first + size)), (size,))
+        return FmiVariable(name, tuple(range(first, first + size)), (size,) if size > 1 else ())
     place = {frozenset(element.split(",")): first + k for k, element in enumerate(elements)}
     rows = sorted({row for pair in place for row in pair})
     return FmiVariable(name, tuple(place[frozenset((i, j))] for i in rows for j in rows), (len(rows), len(rows)))

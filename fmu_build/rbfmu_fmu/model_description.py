@@ -65,9 +65,8 @@ def _type_definitions(version: FmiVersion, d: Description) -> list[Element]:
     definitions, kind = Element("TypeDefinitions"), version.real if version.nested else f"{version.real}Type"
     for unit in sorted(_units(d), key=_fmi_name):
         if name := _unit(unit).quantity:
-            definition = _element(version, "SimpleType", kind, {}, _of_unit(unit))
-            definition.set("name", name)
-            definitions.append(definition)
+            definitions.append(_element(version, "SimpleType", kind, {}, _of_unit(unit)))
+            definitions[-1].set("name", name)
     return [definitions] if len(definitions) else []
 
 
@@ -95,12 +94,9 @@ def _variables(version: FmiVersion, d: Description) -> Iterator[Element]:
         time = {"name": TIME.name, "valueReference": str(len(named)), "causality": "independent"}
         time |= {"variability": "continuous", "unit": TIME.unit, "description": TIME.meaning}
         yield Element(version.real, time)
-    status = _element(version, "ScalarVariable", version.integer, STATUS | updated, STATUS_RANGE)
-    status.set("valueReference", str(version.status_reference(d)))
-    yield status
-    for reference, count in version.counted(d):
-        said = STATUS | updated | {"name": count.name, "description": count.meaning}
-        element = _element(version, "ScalarVariable", version.integer, said, {"min": "0"})
+    counts = [(r, {"name": one.name, "description": one.meaning}, {"min": "0"}) for r, one in version.counted(d)]
+    for reference, differs, limits in [(version.status_reference(d), {}, STATUS_RANGE), *counts]:
+        element = _element(version, "ScalarVariable", version.integer, STATUS | updated | differs, limits)
         element.set("valueReference", str(reference))
         yield element
 
@@ -159,11 +155,8 @@ def _unit_definitions(names: set[str]) -> Element:
 def _of_unit(name: str) -> dict[str, str]:
     """Return the attributes quantity, unit and displayUnit, as far as there are any."""
     unit = _unit(name)
-    attributes = {"quantity": unit.quantity} if unit.quantity else {}
-    attributes["unit"] = _fmi_name(name)
-    if unit.display:
-        attributes["displayUnit"] = unit.display[0][0]
-    return attributes
+    display = {"displayUnit": unit.display[0][0]} if unit.display else {}
+    return ({"quantity": unit.quantity} if unit.quantity else {}) | {"unit": _fmi_name(name)} | display
 
 
 def _fmi_name(unit: str) -> str:
@@ -227,23 +220,18 @@ MECHANICAL_PORTS = {
 def terminals(d: Description, arrays: bool = False) -> Element:
     """Return terminalsAndIcons.xml; arrays: a variable is a whole block, not one of its numbers."""
     root = Element("fmiTerminalsAndIcons", fmiVersion=TERMINALS_VERSION)
-    known, groups = blocks(d, "input", "output"), []
-    for name, (about_it, members) in GROUPS.items():
-        if found := {block: known[block] for block in members if block in known}:
-            groups.append(_terminal(name, about_it, found, arrays))
-    if groups:
-        SubElement(root, "Terminals").extend(groups)
+    known, listed = blocks(d, "input", "output"), Element("Terminals")
+    for name, (meaning, members) in GROUPS.items():
+        terminal = Element("Terminal", name=name, matchingRule="bus", description=meaning)
+        for block in (one for one in members if one in known):
+            inner = SubElement(terminal, "Terminal", name=block, matchingRule="plug")
+            names = {"value": block} if arrays else _members(known[block])
+            for member, variable in names.items():
+                said = {"variableName": variable, "memberName": member, "variableKind": "signal"}
+                SubElement(inner, "TerminalMemberVariable", said)
+        listed.extend([terminal] if len(terminal) else [])
+    root.extend([listed] if len(listed) else [])
     return root
-
-
-def _terminal(name: str, meaning: str, found: dict[str, list[Variable]], arrays: bool) -> Element:
-    terminal = Element("Terminal", name=name, matchingRule="bus", description=meaning)
-    for block, variables in found.items():
-        inner = SubElement(terminal, "Terminal", name=block, matchingRule="plug")
-        members = {"value": block} if arrays else _members(variables)
-        for member, variable in members.items():
-            SubElement(inner, "TerminalMemberVariable", variableName=variable, memberName=member, variableKind="signal")
-    return terminal
 
 
 def _members(variables: list[Variable]) -> dict[str, str]:
@@ -262,21 +250,21 @@ def osp_description(d: Description) -> Element:
     """Return it, with the groups of all inputs and outputs. A group that is part of a port does not stand alone."""
     root = Element("OspModelDescription", xmlns=OSP_NAMESPACE, version="1.0")
     groups, known = SubElement(root, "VariableGroups"), blocks(d, "input", "output")
-    ports = {name: port for name, port in MECHANICAL_PORTS.items() if _is_port(known, port[1], port[2])}
-    parts = {block for _, *both in ports.values() for block in both}
+    ports = {
+        name: (kind, both)
+        for name, (kind, *both) in MECHANICAL_PORTS.items()
+        if known.keys() >= {*both} and known[both[1]][0].causality == "output"
+    }
+    parts = {block for _, both in ports.values() for block in both}
     groups.extend(_osp_group(block, known[block]) for block in KINDS if block in known and block not in parts)
-    for name, (kind, load, rate) in ports.items():
-        SubElement(groups, kind, name=name).extend((_osp_group(load, known[load]), _osp_group(rate, known[rate])))
+    for name, (kind, both) in ports.items():
+        SubElement(groups, kind, name=name).extend(_osp_group(block, known[block]) for block in both)
     return root
-
-
-def _is_port(known: dict[str, list[Variable]], load: str, rate: str) -> bool:
-    return load in known and rate in known and known[rate][0].causality == "output"
 
 
 def _osp_group(block: str, variables: list[Variable]) -> Element:
     group = Element(KINDS[block], name=block)
-    for v, axis in zip(variables, AXES if len(variables) == 3 else [None] * len(variables), strict=True):
-        named = {"axis": axis} if axis else {}
-        SubElement(group, "Variable", {"ref": v.name, "unit": unit_of(v), **named})
+    for k, v in enumerate(variables):
+        axis = {"axis": AXES[k]} if len(variables) == 3 else {}
+        SubElement(group, "Variable", {"ref": v.name, "unit": unit_of(v), **axis})
     return group

@@ -7,6 +7,7 @@ import importlib.metadata
 import io
 import math
 import re
+from collections.abc import Iterable
 from html import escape
 from itertools import product
 from pathlib import Path
@@ -83,16 +84,18 @@ def page(scene: Scene, plan: Plan, d: Description, icon: str, course: str = "") 
 
 def _formulas(scene: Scene) -> str:
     """Return the scene's formulas as they stand in it, or that no load depends on the position."""
-    named = {"loads": scene.load_formulas, "formulas": scene.formulas}
-    named["rates of states"] = {name: row.rate for name, row in scene.states.items()}
-    rows = [
-        f"<tr><td>{escape(table)}</td><td>{escape(name)}</td><td><code>{escape(text)}</code></td></tr>\n"
-        for table, texts in named.items()
-        for name, text in texts.items()
-    ]
     if not scene.load_formulas:
         return "<p>No load depends on the position.</p>\n"
-    return f"<table>\n<tr><th>formulas of</th><th>name</th><th>text</th></tr>\n{''.join(rows)}</table>\n"
+    named = {"loads": scene.load_formulas, "formulas": scene.formulas}
+    named["rates of states"] = {name: row.rate for name, row in scene.states.items()}
+    rows = [(escape(of), escape(n), f"<code>{escape(text)}</code>") for of in named for n, text in named[of].items()]
+    return _html_table(("formulas of", "name", "text"), rows)
+
+
+def _html_table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    tagged = [("th", heads), *(("td", row) for row in rows)]
+    lines = [f"<tr>{''.join(f'<{tag}>{cell}</{tag}>' for cell in row)}</tr>\n" for tag, row in tagged]
+    return f"<table>\n{''.join(lines)}</table>\n"
 
 
 def _by_whom(d: Description) -> str:
@@ -102,9 +105,8 @@ def _by_whom(d: Description) -> str:
 
 def _table(d: Description, causality: str) -> str:
     """Return a table with a row a block, or nothing where there are none."""
-    rows = [("th", HEADS), *(("td", _row(variables)) for variables in blocks(d, causality).values())]
-    lines = [f"<tr>{''.join(f'<{tag}>{escape(cell)}</{tag}>' for cell in row)}</tr>\n" for tag, row in rows]
-    return f"<h3>{causality.capitalize()}s</h3>\n<table>\n{''.join(lines)}</table>\n" if len(rows) > 1 else ""
+    rows = [map(escape, _row(variables)) for variables in blocks(d, causality).values()]
+    return f"<h3>{causality.capitalize()}s</h3>\n{_html_table(HEADS, rows)}" if rows else ""
 
 
 def _row(variables: list[Variable]) -> tuple[str, ...]:
@@ -119,7 +121,10 @@ def licenses(with_pythonfmu: bool) -> dict[str, bytes]:
     """Return the notices by their place in an FMU; with_pythonfmu: of the kind that contains pythonfmu."""
     texts = {"license.txt": _text("licenses.txt").substitute(pythonfmu=PYTHONFMU if with_pythonfmu else "")}
     texts |= {"rbfmu.txt": _own(), "fmi.txt": _of_headers()}
-    texts |= {"pythonfmu.txt": _of_package("pythonfmu")} if with_pythonfmu else {}
+    if with_pythonfmu:
+        files = importlib.metadata.files("pythonfmu") or []
+        licence = next(file for file in files if re.fullmatch(r"LICEN[CS]E(\.\w+)?", file.name))
+        texts["pythonfmu.txt"] = licence.read_text("utf-8")
     return {f"{LICENSES}/{name}": text.encode() for name, text in texts.items()}
 
 
@@ -127,11 +132,6 @@ def _own() -> str:
     """Return the licence of rbfmu, which lies in the package or, of a clone, above it."""
     package = Path(rbfmu.__file__).parent
     return next(path for path in (package / "LICENSE", package.parent / "LICENSE") if path.exists()).read_text("utf-8")
-
-
-def _of_package(name: str) -> str:
-    files = importlib.metadata.files(name) or []
-    return next(file for file in files if re.fullmatch(r"LICEN[CS]E(\.\w+)?", file.name)).read_text("utf-8")
 
 
 def _of_headers() -> str:
@@ -161,26 +161,24 @@ AXIS = 0.8
 
 def picture(scene: Scene) -> bytes:
     """Return a PNG of 200 by 200 points, the same bytes for the same scene and the same matplotlib."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(INCHES, INCHES), dpi=DPI)
-    FigureCanvasAgg(figure)
     axes = figure.add_axes((0.02, 0.02, 0.96, 0.96))
     axes.set_axis_off()
     axes.set_aspect("equal")
     shape = shape_of(scene)
-    _draw_box(axes, shape)
-    _draw_axes(axes, shape)
+    R_bp = np.array(evaluated(matrix_from_quaternion, shape.q_bp))
+    _draw_box(axes, shape, R_bp)
+    _draw_axes(axes, shape, R_bp)
     axes.margins(0.06)
     file = io.BytesIO()
     figure.savefig(file, format="png", dpi=DPI, metadata={"Software": None})
     return file.getvalue()
 
 
-def _draw_box(axes: Any, shape: Shape) -> None:
+def _draw_box(axes: Any, shape: Shape, R_bp: Array) -> None:
     """Draw the three faces that are seen; a box hides none of them by another."""
-    R_bp = np.array(evaluated(matrix_from_quaternion, shape.q_bp))
     for k, name in enumerate(SHADES):
         normal = R_bp[:, k] if R_bp[:, k] @ VIEW[2] > 0.0 else -R_bp[:, k]
         across = [R_bp[:, j] * shape.sides[j] / 2.0 for j in range(3) if j != k]
@@ -190,9 +188,8 @@ def _draw_box(axes: Any, shape: Shape) -> None:
         axes.fill(seen[:, 0], seen[:, 1], facecolor=SHADES[name], edgecolor=EDGE, linewidth=0.8, joinstyle="round")
 
 
-def _draw_axes(axes: Any, shape: Shape) -> None:
+def _draw_axes(axes: Any, shape: Shape, R_bp: Array) -> None:
     """Draw the axes of b from o, beyond the box, and the centre of mass."""
-    R_bp = np.array(evaluated(matrix_from_quaternion, shape.q_bp))
     corners = [np.array(shape.centre) + R_bp @ (np.array(s) * shape.sides / 2.0) for s in product((-1, 1), repeat=3)]
     for k, name in enumerate(COLOURS):
         length = max(0.0, *(corner[k] for corner in corners)) + AXIS * shape.radius
@@ -202,6 +199,4 @@ def _draw_axes(axes: Any, shape: Shape) -> None:
         axes.annotate(name, (1.08 * x, 1.08 * y), color=COLOURS[name], fontsize=9, ha="center", va="center")
         axes.plot([0.0, 1.12 * x], [0.0, 1.12 * y], alpha=0.0)  # what the view must have in it
     x, y, _ = VIEW @ np.array(shape.centre)
-    axes.plot(
-        [x], [y], marker="o", markersize=4.5, markerfacecolor="white", markeredgecolor="black", markeredgewidth=1.0
-    )
+    axes.plot([x], [y], marker="o", markersize=4.5, mfc="white", mec="black", mew=1.0)

@@ -77,7 +77,7 @@ def verify(path: str | Path, seed: int = 1) -> Verification:
     _check_runs_here(path)
     problems += [f"fmpy validate: {text}" for text in validate_fmu(str(path))]
     description = describe(scene, plan)
-    problems += _missing(path, description)
+    problems += _gaps(path, description)
     time = time_grid(scene.run.start, scene.run.stop, scene.run.step)[: MAX_STEPS + 1]
     inputs = _signal(scene, description, len(time) - 1, np.random.default_rng(seed))
     recorded, log = _through_fmpy(path, description, time, inputs)
@@ -125,7 +125,7 @@ def _scene_inside(path: Path) -> tuple[Scene, Plan, list[str]]:
     return scene, Plan.from_dict(data["plan"]).of_scene(scene), problems
 
 
-def _missing(path: Path, description: Description) -> list[str]:
+def _gaps(path: Path, description: Description) -> list[str]:
     """Return variables, units and dependencies that an importer needs and does not find."""
     model = fmpy.read_model_description(str(path), validate=False)
     found, version = {v.name: v for v in model.modelVariables}, version_in(model)
@@ -153,9 +153,8 @@ def _with_dependencies(path: Path, model: Any) -> dict[str, set[str]]:
 
 def _signal(scene: Scene, description: Description, steps: int, random: np.random.Generator) -> Array:
     """Return piecewise-constant inputs (steps, n): about 1 m/s2 for forces, 1 rad/s2 for torques, 1 rad/s for rates."""
-    scale = input_sizes(scene)
-    blocks = [v.block for v in description.inputs]
-    levels = random.normal(size=(steps // HELD_STEPS + 1, len(blocks))) * [scale[b] for b in blocks]
+    sizes, names = input_sizes(scene), [v.block for v in description.inputs]
+    levels = random.normal(size=(steps // HELD_STEPS + 1, len(names))) * [sizes[name] for name in names]
     return np.repeat(levels, HELD_STEPS, axis=0)[:steps]
 
 

@@ -30,11 +30,11 @@ _BOUNDED = {f"loads.{load.name}" for load in BOUNDED}
 class Chart:
     """One key's coordinates: `value(p)` for the scene, and `slopes(p)`, of its numbers by coordinates."""
 
-    lowest = -math.inf
+    lowest, reach = -math.inf, math.inf
 
     def __init__(self, scene: Scene, key: str) -> None:
         self.key, self.columns = key, columns_of(scene, key)
-        self.start = np.array(_value(scene, key), dtype=np.float64).ravel()
+        self.start = np.array(value_of(scene, key.partition("[")[0]), dtype=np.float64).ravel()
         self.size = float(np.max(np.abs(self.start), initial=0.0)) or 1.0
         self.chosen = [column.at for column in self.columns]
         if key in _BOUNDED:
@@ -58,17 +58,13 @@ class Chart:
     @property
     def bounds(self) -> tuple[Array, Array]:
         """Return the least and the largest that each coordinate may be."""
-        low = np.asarray((self.lowest - self.start[self.chosen]) / self.size)
-        return low, np.full(len(low), math.inf)
+        low = np.maximum((self.lowest - self.start[self.chosen]) / self.size, -self.reach)
+        return low, np.full(self.count, self.reach)
 
 
-class _Logarithmic(Chart):
-    @property
-    def bounds(self) -> tuple[Array, Array]:
-        return np.full(self.count, -FARTHEST), np.full(self.count, FARTHEST)
+class _Mass(Chart):
+    reach = FARTHEST
 
-
-class _Mass(_Logarithmic):
     def numbers(self, p: Array) -> Array:
         return np.asarray(self.start * np.exp(p))
 
@@ -88,7 +84,9 @@ class _Attitude(Chart):
         return np.linalg.inv(arrays.rotvec_rate_b(p, np.eye(3)).T)
 
 
-class _Inertia(_Logarithmic):
+class _Inertia(Chart):
+    reach = FARTHEST
+
     def __init__(self, scene: Scene, key: str) -> None:
         super().__init__(scene, key)
         M = self.start.reshape(3, 3)
@@ -138,19 +136,13 @@ def chart_of(scene: Scene, key: str) -> Chart:
     return _Mass(scene, key) if key == MASS else Chart(scene, key)
 
 
-def _value(scene: Scene, key: str) -> Any:
-    columns_of(scene, key)  # raises ValueError for an unknown one
-    table, _, name = key.partition("[")[0].partition(".")
-    if key == ATTITUDE:
-        return scene.initial.quaternion
-    if table == "constants":
-        return scene.constants[name].value
-    if table == "states":
-        return scene.states[name].start
-    if key == INERTIA:
-        assert scene.body is not None
-        return scene.body.M_c
-    return getattr(getattr(scene, table), name)
+def value_of(scene: Scene, key: str) -> Any:
+    """Return what a scene has for a key without an index, of an attitude the quaternion."""
+    table, _, name = key.partition(".")
+    if table in ("constants", "states"):
+        row = getattr(scene, table)[name]
+        return row.value if table == "constants" else row.start
+    return getattr(getattr(scene, table), {ATTITUDE: "quaternion", INERTIA: "M_c"}.get(key, name))
 
 
 def changes(charts: Sequence[Chart], p: Array) -> dict[str, Any]:

@@ -2,9 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +10,8 @@ from numpy.typing import ArrayLike
 from rbfmu.exceptions import SceneError, SimulationError
 from rbfmu.extras import needed
 from rbfmu.identification.charts import Chart, changes, chart_of, split
-from rbfmu.identification.measured import QUATERNION, Measured, measured, residuals, slopes_of_residuals
+from rbfmu.identification.found import Fit
+from rbfmu.identification.measured import QUATERNION, Measured, read_measured, residuals
 from rbfmu.runs.inputs import HOLD, drive_of, input_tables
 from rbfmu.scene.scene import Scene, of_scene_or_path
 from rbfmu.sensitivities import Varied
@@ -38,69 +36,6 @@ FOLLOWS = 4.0
 """How many standard deviations the correlation of successive residuals may be from that of noise."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Fit:
-    """What `fit` gives.
-
-    scene: the fitted one; names, values, standard_errors: of the numbers that were free, (n,), NaN and infinite where
-    the data do not tell them; of an attitude the turn in b from the scene's, rad; covariance, correlation: (n, n);
-    unknown: what the data do not tell, in words; residuals: measured less fitted by output, of a quaternion a turn in
-    b, rad, (times, k), NaN at gaps; sigma: the standard deviation of each output's; doubts: in which way residuals do
-    not look like noise, in words; measured: the data.
-    """
-
-    scene: Scene
-    names: tuple[str, ...]
-    values: Array
-    standard_errors: Array
-    covariance: Array
-    unknown: tuple[str, ...]
-    residuals: Mapping[str, Array]
-    sigma: Mapping[str, float]
-    doubts: tuple[str, ...]
-    measured: Measured
-
-    def __repr__(self) -> str:
-        told = ", ".join(
-            f"{name} = {value:.6g} +- {error:.2g}"
-            for name, value, error in zip(self.names, self.values, self.standard_errors, strict=True)
-        )
-        return f"Fit({self.scene.name}: {told})"
-
-    @property
-    def correlation(self) -> Array:
-        """Return the correlation of the numbers' errors, (n, n); NaN where the data do not tell one."""
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return np.asarray(self.covariance / np.outer(self.standard_errors, self.standard_errors))
-
-    def posterior(self, runs: int = 1000, seed: int = 1) -> Scene:
-        """Return the fitted scene with an ensemble of what the data leave open, each key on its own.
-
-        Raises ValueError where there is something that they do not tell.
-        """
-        if self.unknown:
-            raise ValueError(f"{self.scene.name}: expected data that tell all numbers: {'; '.join(self.unknown)}")
-        from rbfmu.identification.saved import with_ensemble
-
-        return with_ensemble(self, runs, seed)
-
-    def save(self, path: str | Path, source: str | Path | None = None) -> None:
-        """Write the fitted scene as a TOML file, each number with its standard error in a comment.
-
-        source: the file of the scene that was fitted, whose own comments then stay. Needs tomlkit.
-        """
-        from rbfmu.identification.saved import write_scene
-
-        write_scene(self, Path(path), Path(source) if source else None)
-
-    def plot(self, path: str | Path | None = None) -> Any:
-        """Draw residuals over their standard deviation, a panel an output; return the matplotlib.figure.Figure."""
-        from rbfmu.plot import plot_residuals
-
-        of = {name: rows / (self.sigma[name] or 1.0) for name, rows in self.residuals.items()}
-        return plot_residuals(self.measured.time, of, path, self.scene.name)
-
-
 @of_scene_or_path
 def fit(
     scene: Scene,
@@ -115,7 +50,8 @@ def fit(
 ) -> Fit:
     """Return the scene whose motion is nearest to what was measured, in the sense of least squares.
 
-    data: see `measured`: rates, quaternions of either sign or any outputs, at any times from run.start on, with gaps.
+    data: see `measured.read_measured`: rates, quaternions of either sign or any outputs, at any times from run.start
+    on, with gaps.
     free: keys as of `sensitivity`; they begin at the scene's values. An inertia stays one that a body can have, a mass
     positive. sigma: the standard deviation of the noise, of all numbers or by output (of a quaternion that of a small
     turn, rad); estimated for each output without it. loss: "linear", or "soft_l1", "huber", "cauchy" where some data
@@ -127,14 +63,14 @@ def fit(
     """
     if loss not in LOSSES:
         raise ValueError(f"loss = {loss!r}: expected one of {', '.join(LOSSES)}")
-    known = measured(scene, data)
+    known = read_measured(scene, data)
     keys = [free] if isinstance(free, str) else [*dict.fromkeys(free)]
     if not keys:
         raise ValueError("free: expected at least one key")
-    return _Search(scene, known, keys, _given(sigma, known), loss, (inputs, interpolate)).fit()
+    return _Search(scene, known, keys, _deviations(sigma, known), loss, (inputs, interpolate)).fit()
 
 
-def _given(sigma: Any, data: Measured) -> dict[str, float]:
+def _deviations(sigma: Any, data: Measured) -> dict[str, float]:
     """Return the standard deviations that are given, by output."""
     given = dict.fromkeys(data.values, sigma) if not isinstance(sigma, Mapping) else dict(sigma)
     if unknown := [name for name in given if name not in data.values]:
@@ -151,6 +87,7 @@ class _Search:
         self, scene: Scene, data: Measured, keys: list[str], given: dict[str, float], loss: str, inputs: tuple[Any, str]
     ) -> None:
         self._least_squares = needed("scipy.optimize", "fit").least_squares
+        self._block_diagonal = needed("scipy.linalg", "fit").block_diag
         self._scene, self._data, self._given, self._loss, self._inputs = scene, data, given, loss, inputs
         self._charts: list[Chart] = [chart_of(scene, key) for key in keys]
         names = [column.name for chart in self._charts for column in chart.columns]
@@ -159,7 +96,7 @@ class _Search:
         if data.count < len(names):
             raise ValueError(f"data: {data.count} numbers: expected at least {len(names)}, as many as are free")
         self._names = tuple(names)
-        self._asked = _asked(scene, data)
+        self._asked = _scene_to_run(scene, data)
         self._varied = Varied(self._asked, keys)
 
     def fit(self) -> Fit:
@@ -172,27 +109,29 @@ class _Search:
             if part == 1.0 or data.count >= 2 * len(p):
                 p = self._nearest(p, data, sigma, HELD if part < 1.0 else HELD_LAST)
         for _ in range(0 if len(self._given) == len(self._data.values) else 2):
-            left, _ = self._evaluated(p, self._data)
+            left, _ = self._evaluate(p, self._data)
             sigma = {name: self._given.get(name) or _deviation(left[name]) for name in sigma}
             p = self._nearest(p, self._data, sigma, HELD_LAST)
-        return self._found(p, sigma)
+        return self._finish(p, sigma)
 
-    def _evaluated(self, p: Array, data: Measured) -> tuple[dict[str, Array], dict[str, Array]]:
+    def _evaluate(self, p: Array, data: Measured) -> tuple[dict[str, Array], dict[str, Array]]:
         """Return residuals and their slopes by coordinates, by output."""
         scene = self._asked.replace(changes(self._charts, p))
         tables, interpolate = ({} if self._inputs[0] is None else input_tables(scene, *self._inputs)), self._inputs[1]
         time = np.unique(np.append(scene.run.start, data.time))
         found = self._varied.along_drive(scene, drive_of(scene, tables, interpolate, time=time))
         rows = np.searchsorted(time, data.time)
-        parts = [chart.slopes(row) for chart, row in zip(self._charts, split(self._charts, p), strict=True)]
-        by_coordinate = _block_diagonal(parts)
-        left, slopes = {}, {}
+        by_coordinate, left, slopes = self._slopes(p), dict[str, Array](), dict[str, Array]()
         for name, values in data.values.items():
-            run = found.values[name][rows]
             of = found.of["attitude" if name == QUATERNION else name][rows]
-            left[name] = residuals(name, run, values)
-            slopes[name] = slopes_of_residuals(name, run, values, of) @ by_coordinate
+            left[name], by_number = residuals(name, found.values[name][rows], values, of)
+            slopes[name] = by_number @ by_coordinate
         return left, slopes
+
+    def _slopes(self, p: Array) -> Array:
+        """Return the derivatives of all numbers by coordinates."""
+        at = zip(self._charts, split(self._charts, p), strict=True)
+        return np.asarray(self._block_diagonal(*(chart.slopes(row) for chart, row in at)))
 
     def _nearest(self, p: Array, data: Measured, sigma: Mapping[str, float], held: float) -> Array:
         """Return the coordinates of the least sum of squares, held to where they begin."""
@@ -201,7 +140,7 @@ class _Search:
         def both(x: Array) -> tuple[Array, Array]:
             if (key := x.tobytes()) not in seen:
                 seen.clear()
-                seen[key] = self._stacked(x, data, sigma)
+                seen[key] = self._stack(x, data, sigma)
             f, J = seen[key]
             return np.append(f, held * (x - begin)), np.vstack([J, held * np.eye(len(x))])
 
@@ -212,10 +151,10 @@ class _Search:
         )  # fmt: skip
         return np.asarray(found.x)
 
-    def _stacked(self, p: Array, data: Measured, sigma: Mapping[str, float]) -> tuple[Array, Array]:
+    def _stack(self, p: Array, data: Measured, sigma: Mapping[str, float]) -> tuple[Array, Array]:
         """Return residuals over their standard deviation, without gaps, and their slopes."""
         try:
-            left, slopes = self._evaluated(p, data)
+            left, slopes = self._evaluate(p, data)
         except (SceneError, SimulationError, ValueError, OverflowError):
             return np.full(data.count, REFUSED), np.zeros((data.count, len(p)))
         f = np.concatenate([(left[name] / sigma[name]).ravel() for name in left])
@@ -223,27 +162,26 @@ class _Search:
         known = np.isfinite(f)
         return f[known], J[known]
 
-    def _found(self, p: Array, sigma: Mapping[str, float]) -> Fit:
+    def _finish(self, p: Array, sigma: Mapping[str, float]) -> Fit:
         scene = self._scene.replace(changes(self._charts, p))
-        left, _ = self._evaluated(p, self._data)  # raises what the scene refuses
-        f, J = self._stacked(p, self._data, sigma)
-        told, unknown = self._told(J, _scatter(f, self._loss, len(p)))
-        at = split(self._charts, p)
-        slopes = _block_diagonal([chart.slopes(row) for chart, row in zip(self._charts, at, strict=True)])
+        left, _ = self._evaluate(p, self._data)  # raises what the scene refuses
+        f, J = self._stack(p, self._data, sigma)
+        told, unknown = self._tell_apart(J, _scatter(f, self._loss, len(p)))
+        slopes, at = self._slopes(p), zip(self._charts, split(self._charts, p), strict=True)
         covariance = slopes @ told @ slopes.T
-        values = np.concatenate([chart.numbers(row) for chart, row in zip(self._charts, at, strict=True)])
+        values = np.concatenate([chart.numbers(row) for chart, row in at])
         sizes = np.concatenate([np.full(chart.count, chart.size) for chart in self._charts])
         lost = np.zeros(len(p), dtype=bool)
         for direction in unknown:
             lost |= np.abs(slopes @ direction) / sizes > PART_OF_DIRECTION
-        said = tuple(self._said(slopes @ direction / sizes, slopes @ direction) for direction in unknown)
+        said = tuple(self._meaning(slopes @ direction / sizes, slopes @ direction) for direction in unknown)
         errors = np.where(lost, np.inf, np.sqrt(np.diag(covariance)))
         covariance[lost, :] = covariance[:, lost] = np.nan
-        doubts = (*_following(left), *_too_large(f, self._given))
+        doubts = (*_trends(left), *_too_large(f, self._given))
         return Fit(scene, self._names, np.where(lost, np.nan, values), errors, covariance, said, left, dict(sigma),
                    doubts, self._data)  # fmt: skip
 
-    def _told(self, J: Array, scatter: float) -> tuple[Array, list[Array]]:
+    def _tell_apart(self, J: Array, scatter: float) -> tuple[Array, list[Array]]:
         """Return the covariance of coordinates in what the data tell, and the directions that they do not."""
         axes = np.eye(J.shape[1])
         seen = np.linalg.norm(J, axis=0) > 1e-12 * np.linalg.norm(J)
@@ -252,7 +190,7 @@ class _Search:
         known = s * UNTOLD > math.sqrt(scatter)
         return scatter * (V[known].T / s[known] ** 2) @ V[known], [*axes[~seen], *V[~known]]
 
-    def _said(self, relative: Array, direction: Array) -> str:
+    def _meaning(self, relative: Array, direction: Array) -> str:
         """Return what a direction means, in words."""
         at = [n for n in np.argsort(-np.abs(relative)) if abs(relative[n]) > 0.05 * np.max(np.abs(relative))]
         at.sort()
@@ -263,7 +201,7 @@ class _Search:
         return f"{', '.join(self._names[n] for n in at)}: nothing tells a common change of them, as {ratio}"
 
 
-def _following(left: Mapping[str, Array]) -> list[str]:
+def _trends(left: Mapping[str, Array]) -> list[str]:
     """Return in words which residuals do not look like noise, as each follows the one before."""
     found = []
     for name, rows in left.items():
@@ -277,7 +215,7 @@ def _following(left: Mapping[str, Array]) -> list[str]:
     return found
 
 
-def _asked(scene: Scene, data: Measured) -> Scene:
+def _scene_to_run(scene: Scene, data: Measured) -> Scene:
     """Return the scene that runs as long as was measured, shows what was measured, and goes on at events."""
     tables = {name: table for name, table in scene.to_dict().items() if name not in ("events", "ensemble")}
     own = {name: row for name, row in tables["outputs"].items() if name in data.values}
@@ -316,11 +254,3 @@ def _scatter(f: Array, loss: str, n: int) -> float:
 def _too_large(f: Array, given: Mapping[str, float]) -> list[str]:
     size = _deviation(f)
     return [f"residuals are {size:.2g} times the noise that was given"] if given and size > 1.5 else []
-
-
-def _block_diagonal(parts: Sequence[Array]) -> Array:
-    ends = np.cumsum([0, *(len(part) for part in parts)])
-    found = np.zeros((ends[-1], ends[-1]))
-    for part, (a, b) in zip(parts, pairwise(ends), strict=True):
-        found[a:b, a:b] = part
-    return found

@@ -39,7 +39,7 @@ class Measured:
         return Measured(self.time[:n], {name: rows[:n] for name, rows in self.values.items()})
 
 
-def measured(scene: Scene, data: Any) -> Measured:
+def read_measured(scene: Scene, data: Any) -> Measured:
     """Return data as measured outputs of a scene.
 
     data: the path of a CSV file with a column `time` and columns by the FMU's names, empty where there is a gap; of an
@@ -50,17 +50,17 @@ def measured(scene: Scene, data: Any) -> Measured:
     if isinstance(data, str | Path):
         path = Path(data)
         if path.suffix == ".csv":
-            return _checked(scene, _read(scene, path), str(path))
+            return _check(scene, _read(scene, path), str(path))
         data, where = Result.load(path), str(path)
     else:
         where = "data"
     known = {"time": data.time, **data.quantities} if isinstance(data, Result) else data
     if not isinstance(known, Mapping) or "time" not in known:
         raise ValueError(f"{where}: expected a file, a Result, or a mapping with time and outputs by name")
-    return _checked(scene, known, where)
+    return _check(scene, known, where)
 
 
-def _checked(scene: Scene, known: Mapping[str, Any], where: str) -> Measured:
+def _check(scene: Scene, known: Mapping[str, Any], where: str) -> Measured:
     sizes = {name: row.size for name, row in OUTPUT.items()}
     try:
         columns = {name: np.array(value, dtype=np.float64) for name, value in known.items()}
@@ -106,11 +106,7 @@ def _unit(rows: Array, where: str) -> Array:
 
 
 def _read(scene: Scene, path: Path) -> dict[str, Array]:
-    with named(path), path.open(newline="", encoding="utf-8-sig") as file:
-        try:
-            header, *rows = [row for row in csv.reader(file, skipinitialspace=True) if row] or [[]]
-        except (UnicodeDecodeError, csv.Error) as error:
-            raise ValueError(f"{path}: not a CSV file: {error}") from None
+    header, *rows = _rows(path) or [[]]
     names = [name.strip() for name in header]
     if "time" not in names or len({*names}) < len(names):
         raise ValueError(f"{path}: expected a column time, and each column once, not {', '.join(names) or 'nothing'}")
@@ -125,6 +121,14 @@ def _read(scene: Scene, path: Path) -> dict[str, Array]:
             raise ValueError(f"{path}: column {next(iter(flat))!r}: expected outputs; {missing[0]!r} is missing")
         known[name] = np.stack([flat.pop(one) for one in wanted], axis=1)
     return known
+
+
+def _rows(path: Path) -> list[list[str]]:
+    with named(path), path.open(newline="", encoding="utf-8-sig") as file:
+        try:
+            return [row for row in csv.reader(file, skipinitialspace=True) if row]
+        except (UnicodeDecodeError, csv.Error) as error:
+            raise ValueError(f"{path}: not a CSV file: {error}") from None
 
 
 def _numbers(path: Path, k: int, row: list[str], names: list[str]) -> list[float]:
@@ -145,8 +149,7 @@ def sigma_of(text: str) -> float | dict[str, float]:
         return float(text)
     except ValueError:
         path = Path(text)
-    with named(path), path.open(newline="", encoding="utf-8-sig") as file:
-        rows = [row for row in csv.reader(file, skipinitialspace=True) if row]
+    rows = _rows(path)
     if len(rows) != 2:
         raise ValueError(f"{path}: expected a row of outputs' names and a row of their standard deviations")
     return dict(zip(rows[0], _numbers(path, 1, rows[1], rows[0]), strict=True))
@@ -155,22 +158,15 @@ def sigma_of(text: str) -> float | dict[str, float]:
 # How far a run is from it
 
 
-def residuals(name: str, run: Array, data: Array) -> Array:
-    """Return what was measured less what a run has, (times, k); of an attitude as a turn in b, rad, either sign."""
-    if name == QUATERNION:
-        turn = arrays.compose_quaternions(run * (1.0, -1.0, -1.0, -1.0), data)
-        return np.asarray(2.0 * _sign(turn[:, :1]) * turn[:, 1:])
-    return data - run
+def residuals(name: str, run: Array, data: Array, slopes: Array) -> tuple[Array, Array]:
+    """Return what was measured less what a run has, (times, k), and the derivatives of that.
 
-
-def slopes_of_residuals(name: str, run: Array, data: Array, slopes: Array) -> Array:
-    """Return the derivatives of `residuals`; slopes: those of the run, of an attitude as rotation vectors in b."""
+    slopes: the derivatives of the run, of an attitude as rotation vectors in b; so are its residuals turns in b, rad,
+    for quaternions of either sign.
+    """
     if name != QUATERNION:
-        return -slopes
+        return data - run, -slopes
     turn = arrays.compose_quaternions(run * (1.0, -1.0, -1.0, -1.0), data)
+    turn = np.where(turn[:, :1] < 0.0, -1.0, 1.0) * turn
     across = arrays.skew(turn[:, 1:])
-    return np.asarray(-_sign(turn[:, :1, None]) * (turn[:, 0, None, None] * np.eye(3) - across) @ slopes)
-
-
-def _sign(x: Array) -> Array:
-    return np.where(x < 0.0, -1.0, 1.0)
+    return 2.0 * turn[:, 1:], -(turn[:, 0, None, None] * np.eye(3) - across) @ slopes

@@ -1,6 +1,5 @@
 """Where things are drawn: a motion in lengths of which 1 is half the body's size as drawn."""
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -21,82 +20,43 @@ STROBE = 1.0
 """The angle between pictures (rad) from which on a spin looks wrong."""
 
 
-@dataclass(frozen=True)
 class Geometry:
     """A motion as it is drawn."""
 
-    motion: Motion
-
-    @cached_property
-    def paths(self) -> Array:
-        """Return where o comes to (n, 3), m, also those of the ghosts."""
-        return np.vstack([self.motion.position, *(ghost.position for ghost in self.motion.ghosts)])
-
-    @cached_property
-    def reach(self) -> float:
-        """Return the half of the box round all paths of o, diagonally (m)."""
-        return float(np.linalg.norm(np.ptp(self.paths, axis=0))) / 2.0
-
-    @cached_property
-    def body_radius(self) -> float:
-        """Return the radius of the body about o (m)."""
-        return self.motion.shape.radius + float(np.linalg.norm(self.motion.shape.centre))
-
-    @cached_property
-    def enlarged(self) -> float:
-        """Return how many times too large the body is drawn beside all paths."""
-        return max(1.0, self.reach / (LONGEST * self.body_radius))
-
-    @cached_property
-    def unit(self) -> float:
-        """Return the metres of a path in one length of the drawing."""
-        return self.body_radius * self.enlarged
-
-    @cached_property
-    def origin_a(self) -> Array:
-        """Return where the axes of a are drawn (m): at its origin, or at the path's beginning if that is far off."""
-        path = self.motion.position
-        far = np.linalg.norm(path[0]) > 2.0 * self.reach + 4.0 * self.unit
-        return path[0] if far else np.zeros(3)
-
-    @cached_property
-    def middle(self) -> Array:
-        """Return the middle of what is drawn (m)."""
+    def __init__(self, motion: Motion) -> None:
+        self.motion, shape = motion, motion.shape
+        self.paths = np.vstack([motion.position, *(ghost.position for ghost in motion.ghosts)])
+        """Where o comes to (n, 3), m, also those of the ghosts."""
+        self.reach = float(np.linalg.norm(np.ptp(self.paths, axis=0))) / 2.0
+        """The half of the box round all paths of o, diagonally (m)."""
+        self.body_radius = shape.radius + float(np.linalg.norm(shape.centre))
+        """The radius of the body about o (m)."""
+        self.enlarged = max(1.0, self.reach / (LONGEST * self.body_radius))
+        """How many times too large the body is drawn beside all paths."""
+        self.unit = self.body_radius * self.enlarged
+        """The metres of a path in one length of the drawing."""
+        begin = motion.position[0]
+        is_far = np.linalg.norm(begin) > 2.0 * self.reach + 4.0 * self.unit
+        self.origin_a = begin if is_far else np.zeros(3)
+        """Where the axes of a are drawn (m): at its origin, or at the path's beginning if that is far off."""
         points = np.vstack([self.paths, self.origin_a[None]])
-        return np.asarray((points.min(axis=0) + points.max(axis=0)) / 2.0)
+        self.middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
+        """The middle of what is drawn (m)."""
+        self.path, self.ghost_paths = self.place(motion.position), [self.place(g.position) for g in motion.ghosts]
+        """o in the drawing (n, 3), and that of each ghost."""
+        lever = rotate(motion.quaternion, np.array(shape.centre) / self.body_radius)
+        self.base = self.path if motion.pivot else self.path + lever
+        """Where arrows begin (n, 3): at the centre of mass, with a pivot at o."""
+        self.toward = _toward(np.array(motion.up), self.path[-1] - self.path[0])
+        """The direction from the middle to whom looks."""
+        right = np.cross(motion.up, self.toward)
+        right /= np.linalg.norm(right)
+        self.screen = np.stack([right, np.cross(self.toward, right), self.toward])
+        """The directions to the right, upwards and to whom looks, as rows."""
 
     def place(self, points: Array) -> Array:
         """Return points of a (..., 3), m, in the drawing."""
         return np.asarray((points - self.middle) / self.unit)
-
-    @cached_property
-    def path(self) -> Array:
-        """Return o in the drawing (n, 3)."""
-        return self.place(self.motion.position)
-
-    @cached_property
-    def ghost_paths(self) -> list[Array]:
-        """Return o of each ghost in the drawing, (n, 3) each."""
-        return [self.place(ghost.position) for ghost in self.motion.ghosts]
-
-    @cached_property
-    def base(self) -> Array:
-        """Return where arrows begin (n, 3): at the centre of mass, with a pivot at o."""
-        lever = rotate(self.motion.quaternion, np.array(self.motion.shape.centre) / self.body_radius)
-        return self.path if self.motion.pivot else self.path + lever
-
-    @cached_property
-    def toward(self) -> Array:
-        """Return the direction from the middle to whom looks: across the path, a little from above."""
-        up, way = np.array(self.motion.up), self.path[-1] - self.path[0]
-        side = np.eye(3)[int(np.argmin(np.abs(up)))]
-        across = np.cross(up, way)
-        if np.linalg.norm(across) > 1.0:
-            side = -across
-        side = side - up * (up @ side)
-        side /= np.linalg.norm(side)
-        direction = 0.85 * side + 0.35 * np.cross(up, side) + 0.4 * up
-        return np.asarray(direction / np.linalg.norm(direction))
 
     @cached_property
     def points(self) -> Array:
@@ -107,13 +67,6 @@ class Geometry:
         paths = self.place(self.paths)
         bodies = [paths + sign * side for sign in (-1.0, 1.0) for side in self.screen[:2]]
         return np.vstack([self.place(self.origin_a) + AXIS_A * np.eye(3), *tips, *arrows, *bodies])
-
-    @cached_property
-    def screen(self) -> Array:
-        """Return the directions to the right, upwards and to whom looks, as rows."""
-        right = np.cross(self.motion.up, self.toward)
-        right /= np.linalg.norm(right)
-        return np.stack([right, np.cross(self.toward, right), self.toward])
 
     def camera(self, field_of_view: float) -> tuple[Array, Array]:
         """Return the point that is looked at, and where from, so that all that is drawn just fits, with its letters."""
@@ -142,3 +95,15 @@ class Geometry:
 
     def _tips(self, axis: int) -> Array:
         return np.asarray(rotate(self.motion.quaternion, np.eye(3)[axis]))
+
+
+def _toward(up: Array, way: Array) -> Array:
+    """Return the direction to look from: across the way of o, a little from above."""
+    side = np.eye(3)[int(np.argmin(np.abs(up)))]
+    across = np.cross(up, way)
+    if np.linalg.norm(across) > 1.0:
+        side = -across
+    side = side - up * (up @ side)
+    side /= np.linalg.norm(side)
+    direction = 0.85 * side + 0.35 * np.cross(up, side) + 0.4 * up
+    return np.asarray(direction / np.linalg.norm(direction))

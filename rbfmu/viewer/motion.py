@@ -1,14 +1,15 @@
-"""What is shown of a motion: attitude, path, angular momentum, rate and ghosts, and at which instants.
+"""What is shown of a scene or a result: attitude, path, angular momentum, rate and ghosts, and at which instants.
 
 Ghosts are members of a scene's ensemble, shown beside the scene's own motion.
 """
 
 import math
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from html import escape
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,10 +19,12 @@ from rbfmu.ensembles.chunks import Work, run_chunk
 from rbfmu.ensembles.members import ensemble_of
 from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.ensembles.variables import ALL
-from rbfmu.exceptions import SceneWarning
-from rbfmu.result import Result
+from rbfmu.exceptions import SceneWarning, named
+from rbfmu.extras import needed
+from rbfmu.result import FORMATS, Result
 from rbfmu.scene.consistency import default_quantities
-from rbfmu.scene.scene import QUANTITIES, Scene
+from rbfmu.scene.scene import QUANTITIES, Scene, faults_of, load_scene
+from rbfmu.scene.toml_file import read_file
 from rbfmu.simulation import plan, simulate
 from rbfmu.types import Array
 from rbfmu.viewer.shape import Shape, shape_of
@@ -87,6 +90,7 @@ def pictures(span: float, largest_rate: float, rows: float = math.inf) -> Pictur
 
 
 NEEDED = ("quaternion", "omega_a", "angular_momentum_a")
+NOT_DRIVEN: Mapping[str, Any] = {}
 UP: Vec3 = (0.0, 0.0, 1.0)
 
 
@@ -165,30 +169,31 @@ def motion_of_scene(
     written: dict[str, Any] | None = None,
     progress: Callable[[float], Any] | None = None,
     ghosts: int = 0,
+    driven: Mapping[str, Any] = NOT_DRIVEN,
 ) -> Motion:
-    """Simulate a scene with its ports at zero at the instants of the pictures; written: its file's `body.shape`.
+    """Simulate a scene, and show it; written: its file's `body.shape`; driven: inputs, and how to interpolate them.
 
+    Under inputs it is shown as its communication step lets, with ports at zero at the instants of the pictures.
     ghosts: how many members of its ensemble are shown beside it. Raises SceneError, and ValueError for too many ghosts.
     """
     check_ghosts(scene, ghosts)
-    wanted, span = scene.replace({"outputs.quantities": _quantities_to_show(scene)}), scene.run.stop - scene.run.start
+    possible = default_quantities(scene.body, scene.inputs)
+    shown = {*scene.outputs.quantities, *(name for name in NEEDED if name in possible)}
+    wanted = scene.replace({"outputs.quantities": tuple(name for name in QUANTITIES if name in shown)})
+    if driven:
+        return motion_of_result(simulate(wanted, **driven), scene.name, scene, written)
+    span = scene.run.stop - scene.run.start
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SceneWarning)  # of steps that are not those of the pictures
         chosen = plan(wanted, progress=progress)
         result = simulate(_with_step_of(wanted, pictures(span, 0.0)), planned=chosen)
     fine = pictures(span, _largest(rate_of(result)))
-    result = simulate(_with_step_of(wanted, fine), planned=chosen)
+    wanted = _with_step_of(wanted, fine)
+    result = simulate(wanted, planned=chosen)
     notes = ("inputs are zero",) if scene.inputs.ports else ()
-    shown = _motion(scene.name, result, fine.played, scene, written, notes)
-    return replace(shown, ghosts=ghosts_of(_with_step_of(wanted, fine), ghosts))
-
-
-def motion_of_driven_scene(
-    scene: Scene, inputs: Any, interpolate: str, written: dict[str, Any] | None = None
-) -> Motion:
-    """Simulate a scene under these inputs, with its own communication step, and show what can be shown of that."""
-    wanted = scene.replace({"outputs.quantities": _quantities_to_show(scene)})
-    return motion_of_result(simulate(wanted, inputs=inputs, interpolate=interpolate), scene.name, scene, written)
+    return replace(
+        _motion(scene.name, result, fine.played, scene, written), notes=notes, ghosts=ghosts_of(wanted, ghosts)
+    )
 
 
 def motion_of_result(
@@ -200,23 +205,15 @@ def motion_of_result(
         raise ValueError(f"time: expected at least two points in time in the result, which has {len(result.time)}")
     shown = pictures(float(result.time[-1] - result.time[0]), _largest(rate_of(result)), len(result.time))
     rows = np.linspace(0.0, len(result.time) - 1.0, shown.number).round().astype(int)
-    thinned = Result(result.time[rows], {name: values[rows] for name, values in result.quantities.items()})
-    return _motion(title, thinned, shown.played, scene, written, ())
+    thinned = {name: values[rows] for name, values in result.quantities.items()}
+    return _motion(title, Result(result.time[rows], thinned, result.rows), shown.played, scene, written)
 
 
-def _motion(
-    title: str, result: Result, played: float, scene: Scene | None, written: Any, notes: tuple[str, ...]
-) -> Motion:
+def _motion(title: str, result: Result, played: float, scene: Scene | None, written: Any) -> Motion:
     pivot = scene is not None and scene.body is not None and scene.body.pivot
     gravity = np.array(scene.loads.gravity_a if scene else (0.0, 0.0, 0.0))
     up = -gravity / np.linalg.norm(gravity) if gravity.any() else np.array(UP)
-    return Motion(title, result, shape_of(scene, written), played, pivot, tuple(up.tolist()), notes)
-
-
-def _quantities_to_show(scene: Scene) -> tuple[str, ...]:
-    possible = default_quantities(scene.body, scene.inputs)
-    needed = {name for name in NEEDED if name in possible}
-    return tuple(name for name in QUANTITIES if name in needed | set(scene.outputs.quantities))
+    return Motion(title, result, shape_of(scene, written), played, pivot, tuple(up.tolist()))
 
 
 def _with_step_of(scene: Scene, shown: Pictures) -> Scene:
@@ -225,3 +222,61 @@ def _with_step_of(scene: Scene, shown: Pictures) -> Scene:
 
 def _largest(vectors: Array | None) -> float:
     return 0.0 if vectors is None else float(np.max(np.linalg.norm(vectors, axis=1)))
+
+
+# --- what users call
+
+
+def view(
+    source: Scene | Result | str | Path,
+    path: str | Path | None = None,
+    *,
+    scene: Scene | str | Path | None = None,
+    stop: float | None = None,
+    inputs: Any = None,
+    interpolate: str = "hold",
+    progress: Callable[[float], Any] | None = None,
+    ghosts: int = 0,
+) -> Motion:
+    """Return a motion that a notebook plays in 3D; with a path, write the page that plays it in any browser as well.
+
+    source: a scene, a result, or a file of either (.toml, .csv, .npz, .aem); scene: whose body a result moves, else a
+    plain body is drawn; stop: the end of what is shown, s, if it is not the run's; inputs, interpolate: what drives a
+    scene's ports, as for `simulate`; progress: is told which part of planning is done; ghosts: how many runs of the
+    scene's ensemble, up to 50, are shown as pale bodies beside its own motion. Raises SceneError, SimulationError,
+    ModuleNotFoundError without viser, and ValueError where a result has no attitude.
+    """
+    needed("viser", "view")
+    driven = {} if inputs is None else {"inputs": inputs, "interpolate": interpolate}
+    motion = _motion_of(source, scene, stop, driven, progress, ghosts)
+    if path is not None:
+        page = motion.page
+        with named(path):
+            Path(path).write_text(page, encoding="utf-8")
+    return motion
+
+
+def _motion_of(
+    source: Any, scene: Any, stop: float | None, driven: dict[str, Any], progress: Any, ghosts: int
+) -> Motion:
+    is_file = isinstance(source, str | Path) and Path(source).suffix in FORMATS
+    result = Result.load(source) if is_file else source
+    is_result = isinstance(result, Result)
+    if ghosts and (is_result or driven):
+        raise ValueError(f"ghosts = {ghosts}: expected a scene with them, and no inputs")
+    if is_result:
+        if driven:
+            raise ValueError("inputs: expected a scene with them, as a result is shown as it is")
+        title = Path(source).stem if is_file else "motion"
+        return motion_of_result(result.until(stop), title, *_scene_and_shape(scene))
+    loaded, shape = _scene_and_shape(source)
+    with faults_of(str(source) if stop is None else f"{source} with stop {stop!r}"):
+        shown = loaded if stop is None else loaded.replace(run={"stop": stop})
+        return motion_of_scene(shown, shape, progress, ghosts, driven)
+
+
+def _scene_and_shape(scene: Scene | str | Path | None) -> tuple[Any, dict[str, Any] | None]:
+    """Return a scene, and the shape that its file gives to the body."""
+    if scene is None or isinstance(scene, Scene):
+        return scene, None
+    return load_scene(scene), read_file(Path(scene))[0].get("body", {}).get("shape")

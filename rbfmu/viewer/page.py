@@ -4,7 +4,7 @@ import base64
 import json
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from html import escape
 from importlib.resources import files
 from itertools import pairwise
@@ -18,7 +18,6 @@ from rbfmu.types import Array
 from rbfmu.viewer import geometry as lengths
 from rbfmu.viewer.geometry import AXIS_A, AXIS_B, STROBE, Geometry
 from rbfmu.viewer.motion import Motion
-from rbfmu_kernels.quantities import OUTPUT
 
 BODY, MOMENTUM, RATE, TRACE, FIXED = (130, 165, 205), (213, 94, 0), (0, 130, 95), (190, 90, 150), (120, 120, 120)
 CHUNKS = 200
@@ -36,20 +35,20 @@ def motion_page(motion: Motion) -> str:
     geometry = Geometry(motion)
     panel = files("rbfmu.viewer").joinpath("panel.html").read_text(encoding="utf-8")
     data = json.dumps(_data(geometry)).replace("<", "\\u003c")
-    filled = {"TITLE": escape(geometry.motion.title), "LEGEND": _legend(geometry), "DATA": data}
+    filled = {"TITLE": escape(motion.title), "LEGEND": _legend(geometry), "DATA": data}
     panel = re.sub(r"\$([A-Z]+)", lambda found: filled[found[1]], panel)
     titled = f"<title>{filled['TITLE']}</title>"
-    page = re.sub("<title>.*?</title>", lambda _: titled, recorded_page(geometry), count=1)
+    page = re.sub("<title>.*?</title>", lambda _: titled, record_page(geometry), count=1)
     before, end, after = page.rpartition("</body>")
     return f"{before}{panel}{end}{after}"
 
 
 def _data(geometry: Geometry) -> dict[str, Any]:
     result = geometry.motion.result
-    span = float(result.time[-1] - result.time[0])
-    played = (result.time - result.time[0]) * (geometry.motion.played / span)
+    passed = result.time - result.time[0]
+    played = passed * (geometry.motion.played / float(passed[-1]))
     quantities = [
-        {key: getattr(OUTPUT[name], key) for key in ("name", "unit", "meaning", "components")}
+        {key: getattr(result.rows[name], key) for key in ("name", "unit", "meaning", "components")}
         | {"values": _as_base64(values)}
         for name, values in result.quantities.items()
     ]
@@ -85,10 +84,8 @@ def _notes(geometry: Geometry) -> list[str]:
         notes.append("the axes of a stand where the path begins")
     notes.append(_pace(span / motion.played))
     if motion.largest_turn > STROBE:
-        turn = np.degrees(motion.largest_turn)
-        notes.append(
-            f"it turns by up to {turn:.0f}° between pictures, so its spin is not seen as it is: show a shorter time"
-        )
+        turn = f"it turns by up to {np.degrees(motion.largest_turn):.0f}° between pictures"
+        notes.append(f"{turn}, so its spin is not seen as it is: show a shorter time")
     return [*notes, *motion.notes]
 
 
@@ -102,7 +99,7 @@ def _longest(vectors: Any) -> str:
     return f"longest {float(np.max(np.linalg.norm(vectors, axis=1))):.3g}"
 
 
-def recorded_page(geometry: Geometry) -> str:
+def record_page(geometry: Geometry) -> str:
     """Return the page that plays the motion."""
     with _server() as server:
         _look(server, geometry)
@@ -122,15 +119,12 @@ def recorded_page(geometry: Geometry) -> str:
 def _server() -> Iterator[viser.ViserServer]:
     """Run viser's server on this machine alone; it says nothing."""
     console = rich.get_console()
-    said, console.quiet = console.quiet, True
-    try:
+    with ExitStack() as stack:
+        stack.callback(setattr, console, "quiet", console.quiet)
+        console.quiet = True
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-        try:
-            yield server
-        finally:
-            server.stop()
-    finally:
-        console.quiet = said
+        stack.callback(server.stop)
+        yield server
 
 
 def _look(server: viser.ViserServer, geometry: Geometry) -> None:

@@ -1,4 +1,4 @@
-/* The life of an instance, its values and its steps; cosimulation.h says what each function does. */
+/* The life of an instance and its values; cosimulation.h says what each function does. */
 
 #include <math.h>
 #include <stdarg.h>
@@ -9,7 +9,6 @@
 #include "instance.h"
 
 #define CACHE_LINE 64
-#define ROUND_OFF 1e-9 /* of an importer's clock, relative; half a step at most */
 
 /* --- the rules of calls */
 
@@ -25,6 +24,14 @@ int fit(Instance *m, const char *call, const unsigned v[], size_t n, size_t n_va
     size_t expected = 0;
     for (size_t i = 0; i < n; i++) expected += elements_of(v[i]).n;
     return n_values == expected || !refuse(m, call, "%zu values: expected %zu", n_values, expected);
+}
+
+int exchanged_in_update(Instance *m, const char *call, const unsigned v[], size_t n, Update how) {
+    for (size_t i = 0; i < n; i++)
+        if (m->update != how || !m->intermediate[v[i]])
+            return !refuse(m, call, "%s cannot be %s in this intermediate update", named(v[i]).text,
+                           how == CAN_SET ? "set" : "read");
+    return 1;
 }
 
 /* Whether these value references are of Real variables, and so many values fit; any_output: whether there are outputs
@@ -293,58 +300,4 @@ Status get_integers(Instance *m, const char *call, const unsigned r[], size_t n,
 Status no_variables(Instance *m, const char *call, const unsigned r[], size_t n, const char *kind) {
     if (!given(m, call, n, r, r)) return CALL_ERROR;
     return n ? refuse(m, call, "%s is no %s", named(r[0]).text, kind) : CALL_OK;
-}
-
-/* --- steps */
-
-/* Why a step cannot even be tried, or null. */
-static const char *impossible(const State *s, double t, double h) {
-    double clock = fmin(ROUND_OFF * fmax(h, fmax(fabs(t), fabs(s->time))), 0.5 * h);
-    if (!(h > 0.0) || !isfinite(t + h)) return "the step size must be positive, and all times finite";
-    if (!(t + h > t)) return "the step is too small for this time";
-    if (fabs(t - s->time) > clock) return "this is not the time where the instance stands";
-    if (t + h > s->stop + clock) return "the experiment ends before";
-    return NULL;
-}
-
-Status not_taken(Instance *m, const char *call, Status status, double t, double h, const char *reason) {
-    m->now.status = STEP_REJECTED;
-    m->now.discarded = status == CALL_DISCARD;
-    return answer(m, status, call, "step from t = %s by %s s refused: %s (it stands at t = %s)", number(t).text,
-                  number(h).text, reason, number(m->now.time).text);
-}
-
-Status do_step(Instance *m, const char *call, double t, double h) {
-    const char *reason;
-    if (m) m->returned_early = 0;
-    if (!allowed(m, call, DO_STEP)) return CALL_ERROR;
-    if ((reason = impossible(&m->now, t, h))) return not_taken(m, call, CALL_ERROR, t, h, reason);
-    return m->host.update ? take_updated_step(m, call, t, h) : take_step(m, call, t, h);
-}
-
-Status take_step(Instance *m, const char *call, double t, double h) {
-    if (m->step(m->now.z, h))
-        return not_taken(m, call, CALL_DISCARD, t, h, "no finite motion, or none that the accuracy allows");
-    m->now.time = t + h;
-    m->now.status = t + h > LAST_TIME ? PAST_STOP : STEP_OK;
-    m->now.stale = m->now.discarded = 0;
-    return CALL_OK;
-}
-
-Status get_last_successful_time(Instance *m, const char *call, double *t) {
-    if (!given(m, call, 1, t, t)) return CALL_ERROR;
-    *t = m->now.time;
-    return CALL_OK;
-}
-
-Status get_discarded(Instance *m, const char *call, int *discarded) {
-    if (!given(m, call, 1, discarded, discarded)) return CALL_ERROR;
-    *discarded = m->now.discarded != 0;
-    return CALL_OK;
-}
-
-Status get_returned_early(Instance *m, const char *call, int *early) {
-    if (!given(m, call, 1, early, early)) return CALL_ERROR;
-    *early = m->returned_early;
-    return CALL_OK;
 }

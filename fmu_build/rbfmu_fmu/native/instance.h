@@ -71,11 +71,6 @@ static inline int exchanged(Instance *m, const char *call, const unsigned v[], s
     return m->update == NO_UPDATE || exchanged_in_update(m, call, v, n, how);
 }
 
-/* A step that is possible: as the inputs now are, or as the importer gives them in intermediate updates. */
-Status take_step(Instance *m, const char *call, double t, double h);
-Status take_updated_step(Instance *m, const char *call, double t, double h);
-Status not_taken(Instance *m, const char *call, Status status, double t, double h, const char *reason);
-
 void *allocate(const Host *host, size_t size);
 void release(const Host *host, void *memory);
 

@@ -70,7 +70,7 @@ def _object_file(model: Any, platform: Platform, feature: str) -> bytes:
     known = isinstance(model, Model) and model.step.__module__.startswith("rbfmu_kernels.")
     if not known:  # its source is not among those that tell what is kept from what is stale
         return _compile(model, platform, feature)
-    return kept_or_compiled(f"{model.name} {platform} {feature}", lambda: _compile(model, platform, feature))
+    return keep_or_compile(f"{model.name} {platform} {feature}", lambda: _compile(model, platform, feature))
 
 
 def _compile(model: Any, platform: Platform, feature: str) -> bytes:
@@ -113,11 +113,10 @@ def _entry_module(model: Model, name: str) -> Any:
     """Return the model's entry as an LLVM module whose only external function has a plain C signature."""
     function, size = getattr(model, name), model.SIZE
     pointer = types.CPointer(types.float64)
-    second = {
+    entry = {
         "step": lambda p, h: function(carray(p, (size,)), h),
         "feedthrough": lambda p, change: function(carray(p, (size,)), carray(change, (size,))),
-    }
-    entry = second.get(name, lambda p: function(carray(p, (size,))))
+    }.get(name, lambda p: function(carray(p, (size,))))
     signature = types.int64(pointer, SECOND[name]) if name in SECOND else types.int64(pointer)
     try:
         source, inner = llvm_source(code_for_callers(entry, signature))
@@ -176,22 +175,15 @@ def _check_self_contained(module: Any) -> None:
         raise NotSelfContainedError(f"the compiled model needs {', '.join(sorted(foreign))}")
 
 
-def kept_or_compiled(what: str, compile_anew: Callable[[], bytes]) -> bytes:
+def keep_or_compile(what: str, compile_anew: Callable[[], bytes]) -> bytes:
     """Return object code from disk, or compile and keep it; what: the model and the platform."""
-    file = _cache_folder() / f"{hashlib.sha256(_made_with() + what.encode()).hexdigest()}.o"
+    versions = [numba.__version__, llvmlite.__version__, sys.version, llvm.get_process_triple()]
+    made_with = "\n".join([SOURCES, *versions, COMPILER.read_text(encoding="utf-8")])
+    folder = Path(numba.config.CACHE_DIR or Path(__file__).parent / "__pycache__") / "rbfmu_objects"
+    file = folder / f"{hashlib.sha256((made_with + what).encode()).hexdigest()}.o"
     code = read_kept(file)
     if code is None:
         code = compile_anew()
         with suppress(OSError):
             keep_file(file, code, MOST)
     return code
-
-
-def _cache_folder() -> Path:
-    return Path(numba.config.CACHE_DIR or Path(__file__).parent / "__pycache__") / "rbfmu_objects"
-
-
-def _made_with() -> bytes:
-    """Return the sources and versions that object code is made with."""
-    versions = [numba.__version__, llvmlite.__version__, sys.version, llvm.get_process_triple()]
-    return "\n".join([SOURCES, *versions, COMPILER.read_text(encoding="utf-8")]).encode()

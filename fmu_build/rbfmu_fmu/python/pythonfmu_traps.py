@@ -38,7 +38,7 @@ _LIBRARIES: set[str] = set()  # of pythonfmu's, that this FMU was loaded from
 
 
 @contextlib.contextmanager
-def builder_imports_undone() -> Iterator[None]:
+def undo_builder_imports() -> Iterator[None]:
     """Forget what the builder imports: a later instance in this process would meet modules whose files are gone."""
     path, before, no_bytecode = list(sys.path), set(sys.modules), sys.dont_write_bytecode
     sys.dont_write_bytecode = True

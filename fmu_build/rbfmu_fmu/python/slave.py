@@ -100,7 +100,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
             status, counts = len(self.access.offsets), self.access.counts
             for r in references:
                 if not status <= r <= status + len(counts):
-                    raise ValueError(f"{self.access.named(traps.reference_given(r))} is no Integer variable")
+                    raise ValueError(f"{self.access.name_of(traps.reference_given(r))} is no Integer variable")
             return [self._status if r == status else int(self._z[counts[r - status - 1]]) for r in references]
         except BaseException as error:
             raise self._survivable("fmi2GetInteger", error) from None
@@ -108,7 +108,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
     def _known(self, references: list[int]) -> None:
         if references and not (min(references) >= 0 and max(references) < len(self.access.offsets)):
             wrong = next(r for r in references if not 0 <= r < len(self.access.offsets))
-            raise ValueError(f"{self.access.named(traps.reference_given(wrong))} is no Real variable")
+            raise ValueError(f"{self.access.name_of(traps.reference_given(wrong))} is no Real variable")
 
     def _settable(self, reference: int) -> None:
         causality = self.access.causality[reference]
@@ -260,18 +260,18 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         return state
 
 
-def _refusing(call: str, kind: str) -> Callable[..., list[Any]]:
+def _refusal_of(call: str, kind: str) -> Callable[..., list[Any]]:
     def refuse(self: Slave, references: list[int], values: Sequence[Any] = ()) -> list[Any]:
         """Refuse any value reference: no variable has this type, or none of it can be set."""
         if references:
-            name = self.access.named(traps.reference_given(references[0]))
+            name = self.access.name_of(traps.reference_given(references[0]))
             raise self._survivable(call, ValueError(f"{name} is no {kind}"))
         return []
 
     return refuse
 
 
-Slave.set_integer = _refusing("fmi2SetInteger", "Integer variable that can be set")
+Slave.set_integer = _refusal_of("fmi2SetInteger", "Integer variable that can be set")
 for _kind in ("Boolean", "String"):
     for _way in ("Get", "Set"):
-        setattr(Slave, f"{_way}_{_kind}".lower(), _refusing(f"fmi2{_way}{_kind}", f"{_kind} variable"))
+        setattr(Slave, f"{_way}_{_kind}".lower(), _refusal_of(f"fmi2{_way}{_kind}", f"{_kind} variable"))

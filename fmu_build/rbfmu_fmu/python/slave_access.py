@@ -68,7 +68,7 @@ class Access:
         self._folder = folder
         self._entries: Entries | None = None
 
-    def named(self, reference: int) -> str:
+    def name_of(self, reference: int) -> str:
         """Return what a value reference stands for, by its name if it has one."""
         names = [*self.names, "status", *(name for name, *_ in self.description["counts"])]
         return names[reference] if reference < len(names) else f"value reference {reference}"

@@ -149,7 +149,7 @@ def test_object_code_is_compiled_once_and_anew_where_the_kept_file_is_damaged(tm
     codes = iter([b"first", b"second", b"third"])
 
     def code(what="a model"):
-        return object_code.kept_or_compiled(what, lambda: next(codes))
+        return object_code.keep_or_compile(what, lambda: next(codes))
 
     assert code() == code() == b"first"
     (file,) = tmp_path.rglob("*.o")
@@ -170,15 +170,15 @@ def test_object_code_is_compiled_once_and_anew_where_the_kept_file_is_damaged(tm
 @pytest.mark.parametrize("changed", ["SOURCES", "COMPILER"])
 def test_object_code_of_other_sources_is_not_taken(changed, tmp_path, monkeypatch):
     monkeypatch.setattr(object_code.numba.config, "CACHE_DIR", str(tmp_path))
-    assert object_code.kept_or_compiled("a model", lambda: b"first") == b"first"
+    assert object_code.keep_or_compile("a model", lambda: b"first") == b"first"
     monkeypatch.setattr(object_code, changed, Path(__file__) if changed == "COMPILER" else "others")
-    assert object_code.kept_or_compiled("a model", lambda: b"second") == b"second"
+    assert object_code.keep_or_compile("a model", lambda: b"second") == b"second"
 
 
 def test_where_nothing_can_be_kept_a_model_is_compiled_each_time(tmp_path, monkeypatch):
     (tmp_path / "file").touch()
     monkeypatch.setattr(object_code.numba.config, "CACHE_DIR", str(tmp_path / "file"))
-    assert [object_code.kept_or_compiled("a model", lambda code=code: code) for code in (b"1", b"2")] == [b"1", b"2"]
+    assert [object_code.keep_or_compile("a model", lambda code=code: code) for code in (b"1", b"2")] == [b"1", b"2"]
 
 
 def test_a_build_takes_what_is_kept(monkeypatch):

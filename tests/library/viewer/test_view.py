@@ -131,6 +131,13 @@ def test_inputs_drive_what_is_shown(tmp_path: Path) -> None:
         rbfmu.view(tmp_path / "it.npz", tmp_path / "it.html", inputs=table)
 
 
+def test_outputs_of_ones_own_are_in_the_panel(tmp_path: Path) -> None:
+    scene = rbfmu.Scene.from_dict(THROWN | {"outputs": {"spin": {"value": "norm(omega_b)", "unit": "rad/s"}}})
+    shown = rbfmu.view(scene, tmp_path / "it.html").page
+    again = rbfmu.view(rbfmu.simulate(scene)).page
+    assert all('"name": "spin", "unit": "rad/s"' in page for page in (shown, again))
+
+
 def test_the_command_says_what_it_wrote(tmp_path: Path) -> None:
     done = call("view", SCENES / "top_precessing.toml", "-o", tmp_path / "top.html", "--stop", "0.2")
     assert done.exit_code == 0, done.output

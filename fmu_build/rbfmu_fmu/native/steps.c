@@ -1,11 +1,15 @@
-/* Inputs that change within a step: the importer gives them while the step is taken.
+/* Steps, and inputs that change within one: the importer gives them while the step is taken.
 
    It is asked twice, for the middle and for the end of the step, and again where it wants the step to end early. The
    input then follows the parabola through these two values and that of the beginning, by the kernels' own derivatives
    of inputs, and keeps the last one. Inputs that the importer leaves as they are give the same bits as a step without
    updates. After the step, outputs can be read. */
 
+#include <math.h>
+
 #include "instance.h"
+
+#define ROUND_OFF 1e-9 /* of an importer's clock, relative; half a step at most */
 
 enum { INPUTS = FIRST_PARAMETER, ROOM = INPUTS + 1 /* C has no arrays of no size */ };
 
@@ -14,13 +18,34 @@ typedef struct {
     double begin[ROOM], middle[ROOM], end[ROOM];
 } Course;
 
-int exchanged_in_update(Instance *m, const char *call, const unsigned v[], size_t n, Update how) {
-    for (size_t i = 0; i < n; i++)
-        if (m->update != how || !m->intermediate[v[i]])
-            return !refuse(m, call, "%s cannot be %s in this intermediate update", named(v[i]).text,
-                           how == CAN_SET ? "set" : "read");
-    return 1;
+/* Why a step cannot even be tried, or null. */
+static const char *impossible(const State *s, double t, double h) {
+    double clock = fmin(ROUND_OFF * fmax(h, fmax(fabs(t), fabs(s->time))), 0.5 * h);
+    if (!(h > 0.0) || !isfinite(t + h)) return "the step size must be positive, and all times finite";
+    if (!(t + h > t)) return "the step is too small for this time";
+    if (fabs(t - s->time) > clock) return "this is not the time where the instance stands";
+    if (t + h > s->stop + clock) return "the experiment ends before";
+    return NULL;
 }
+
+static Status not_taken(Instance *m, const char *call, Status status, double t, double h, const char *reason) {
+    m->now.status = STEP_REJECTED;
+    m->now.discarded = status == CALL_DISCARD;
+    return answer(m, status, call, "step from t = %s by %s s refused: %s (it stands at t = %s)", number(t).text,
+                  number(h).text, reason, number(m->now.time).text);
+}
+
+/* A step that is possible, as the inputs now are. */
+static Status take_step(Instance *m, const char *call, double t, double h) {
+    if (m->step(m->now.z, h))
+        return not_taken(m, call, CALL_DISCARD, t, h, "no finite motion, or none that the accuracy allows");
+    m->now.time = t + h;
+    m->now.status = t + h > LAST_TIME ? PAST_STOP : STEP_OK;
+    m->now.stale = m->now.discarded = 0;
+    return CALL_OK;
+}
+
+/* --- intermediate updates */
 
 int is_updating(Instance *m, const char *call) {
     if (!m || m->update == NO_UPDATE) return 0;
@@ -125,7 +150,8 @@ static Status follow(Instance *m, const char *call, double t, double h, const Co
     return status;
 }
 
-Status take_updated_step(Instance *m, const char *call, double t, double h) {
+/* A step that is possible, as the importer gives the inputs in intermediate updates. */
+static Status take_updated_step(Instance *m, const char *call, double t, double h) {
     Course course;
     EarlyReturn early = {0, t};
     double whole = h;
@@ -143,5 +169,33 @@ Status take_updated_step(Instance *m, const char *call, double t, double h) {
     m->returned_early = h < whole;
     if (m->returned_early) m->now.time = early.time; /* which t + h is but for round-off */
     update(m, CAN_GET, m->now.time, NULL);
+    return CALL_OK;
+}
+
+/* --- what importers call */
+
+Status do_step(Instance *m, const char *call, double t, double h) {
+    const char *reason;
+    if (m) m->returned_early = 0;
+    if (!allowed(m, call, DO_STEP)) return CALL_ERROR;
+    if ((reason = impossible(&m->now, t, h))) return not_taken(m, call, CALL_ERROR, t, h, reason);
+    return m->host.update ? take_updated_step(m, call, t, h) : take_step(m, call, t, h);
+}
+
+Status get_last_successful_time(Instance *m, const char *call, double *t) {
+    if (!given(m, call, 1, t, t)) return CALL_ERROR;
+    *t = m->now.time;
+    return CALL_OK;
+}
+
+Status get_discarded(Instance *m, const char *call, int *discarded) {
+    if (!given(m, call, 1, discarded, discarded)) return CALL_ERROR;
+    *discarded = m->now.discarded != 0;
+    return CALL_OK;
+}
+
+Status get_returned_early(Instance *m, const char *call, int *early) {
+    if (!given(m, call, 1, early, early)) return CALL_ERROR;
+    *early = m->returned_early;
     return CALL_OK;
 }
