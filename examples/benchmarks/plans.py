@@ -11,10 +11,8 @@ import sys
 from collections.abc import Sequence
 
 from rbfmu.studies.chart.cases import CASES
-from rbfmu.studies.chart.findings import Verdict, verdicts
-from rbfmu.studies.chart.measure import Extent, machine
-from rbfmu.studies.chart.motions import charts_of
-from rbfmu.studies.chart.result import Chart
+from rbfmu.studies.chart.measure import Extent, charts_of, machine
+from rbfmu.studies.chart.result import Chart, Verdict, verdicts
 from rbfmu.studies.chart.tables import plans_text
 
 FASTEST = ("rbfmu, as planned", "heyoka.py", "numbalsoda LSODA", "numbalsoda DOP853", "SciPy odeint")

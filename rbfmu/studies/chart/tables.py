@@ -5,19 +5,21 @@ import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 
 from rbfmu.studies.chart.cases import FLOOR, OUTPUT_STEP
-from rbfmu.studies.chart.contestants import short
-from rbfmu.studies.chart.findings import (
+from rbfmu.studies.chart.methods import short
+from rbfmu.studies.chart.result import (
     DEAREST,
     REFUSED,
     SIDES,
+    STOPPED,
+    Chart,
     Reach,
     Verdict,
     above_round_off,
     cheapest,
+    name_of,
     noise,
     reaches,
 )
-from rbfmu.studies.chart.result import STOPPED, Chart, name_of
 
 WIDTH = 80
 UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"), (1e-12, "ps"), (1e-15, "fs"))
