@@ -2,7 +2,7 @@
 
 import csv
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
@@ -12,6 +12,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.padding import Padding
 from rich.table import Table
+
+from rbfmu.studies.reference_methods import OneStepMethod
 
 
 class Law(NamedTuple):
@@ -93,13 +95,21 @@ def exponent(larger: float, smaller: float, ratio: float = 2.0) -> float:
     return math.log(quotient) / math.log(ratio) if 0.0 < quotient < math.inf else math.nan
 
 
+CURVE = "your method"
+"""The column of a study that has the curve of a reader's own method."""
+
+
 @dataclass
 class Study:
-    """Measurements of laws that share a picture: findings, and the picture's curves as columns of equal length."""
+    """Measurements of laws that share a picture: findings, and the picture's curves as columns of equal length.
+
+    curve: returns that of any one-step method, where there is one.
+    """
 
     name: str
     findings: list[Finding]
     columns: dict[str, Any] = field(default_factory=dict)
+    curve: Callable[[OneStepMethod], list[float]] | None = None
 
 
 _NUMBERS = {"law": int, "predicted": float, "measured": float, "tolerance": float}

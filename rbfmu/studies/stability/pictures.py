@@ -12,9 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from rbfmu.plot import COLORS, open_frame
-from rbfmu.studies.stability.findings import Study
+from rbfmu.studies.stability.findings import CURVE, Study
 from rbfmu.studies.stability.maps import ACCURACY, LARGEST_ERROR, LONG_TURN, OURS, TURN, VERDICTS, Row
-from rbfmu.studies.stability.own_laws import CURVE
 
 BLUE, VERMILION, GREEN, PURPLE = COLORS
 ORANGE, SKY, BLACK, GREY = "#e69f00", "#56b4e9", "#000000", "#777777"
