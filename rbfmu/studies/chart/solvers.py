@@ -17,7 +17,7 @@ from rbfmu.scene.scene import Scene
 from rbfmu.studies.chart.cases import ALL, PATH, PLACES, RATES, ROTATION, Case, FormulaCase, kind_of_case
 from rbfmu.studies.chart.methods import Method, NotFeasibleError, Run, module, timer, tolerances
 from rbfmu_kernels.body.memory import body_of, loads_of, motion_of
-from rbfmu_kernels.mechanics.equations_of_motion import State, state_rates
+from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State, state_rates
 
 MAX_STEPS = 10**6
 """The largest number of steps between two outputs; the solvers' default limits are much lower."""
@@ -84,20 +84,27 @@ def _rates(put: Any) -> Any:
     return rates
 
 
+def rates_in_numpy(body: Body, loads: Loads, q: Any, w: Any) -> tuple[Any, Any, Any]:
+    """Return d/dt of q_ab, omega_b and v_c, of arrays as users write them; of numbers, or of expressions of others."""
+    (e, x, y, z), u = q, q[1:]
+    R = np.array((
+        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - e * z), 2.0 * (x * z + e * y)),
+        (2.0 * (x * y + e * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - e * x)),
+        (2.0 * (x * z - e * y), 2.0 * (y * z + e * x), 1.0 - 2.0 * (x * x + y * y)),
+    ))  # fmt: skip
+    torque = loads.torque_b + R.T @ loads.torque_a + np.cross(body.arm_b, loads.force_b + R.T @ loads.force_a)
+    turning = torque - np.cross(w, np.array(body.inertia) @ w) - np.array(body.damping_b) * w
+    dq = [-0.5 * (u @ w), *(0.5 * (e * w + np.cross(u, w)))]
+    dv = body.is_free * np.array(loads.gravity_a) + body.inverse_mass * (loads.force_a + R @ loads.force_b)
+    return dq, np.array(body.inertia_inverse) @ turning, dv
+
+
 def _numpy_rates(case: Case) -> Callable[[float, Any], Any]:
-    """Return the same rates in NumPy, as users write them."""
-    body, loads = case.body, case.loads
-    M, M_inverse, arm, damping = (np.array(x) for x in (body.inertia, body.inertia_inverse, body.arm_b, body.damping_b))
-    gravity_a, force_a, force_b = (np.array(x) for x in (loads.gravity_a, loads.force_a, loads.force_b))
-    torque_a, torque_b = np.array(loads.torque_a), np.array(loads.torque_b)
+    body, loads = Body._make(map(np.array, case.body)), Loads._make(map(np.array, case.loads))
 
     def rates(t: float, y: Any) -> Any:
-        e, u, w = y[0], y[1:4], y[4:7]
-        skew = np.array([[0.0, -u[2], u[1]], [u[2], 0.0, -u[0]], [-u[1], u[0], 0.0]])
-        R = np.eye(3) + 2.0 * (e * skew + skew @ skew)
-        torque = np.cross(arm, force_b + R.T @ force_a) + torque_b + R.T @ torque_a - damping * w - np.cross(w, M @ w)
-        f = [-0.5 * u @ w, *(0.5 * (e * w + np.cross(u, w))), *(M_inverse @ torque)]
-        return f if len(y) == 7 else [*f, *y[10:13], *(gravity_a + body.inverse_mass * (force_a + R @ force_b))]
+        dq, dw, dv = rates_in_numpy(body, loads, y[:4], y[4:7])
+        return [*dq, *dw] if len(y) == ROTATION else [*dq, *dw, *y[10:], *dv]
 
     return rates
 
@@ -246,19 +253,8 @@ def equations(case: Case, numbers: int) -> list[tuple[Any, Any]]:
         return _equations_of_formulas(case, module("heyoka"))
     sizes = {"q": 4, "w": 3, "r": 3, "v": 3}
     q, w, r, v = (np.array(module("heyoka").make_vars(*(f"{x}{i}" for i in range(n)))) for x, n in sizes.items())
-    (e, x, y, z) = q = q if numbers >= ROTATION else np.array(case.start.q_ab)
-    body, loads, u = case.body, case.loads, q[1:]
-    R = np.array((
-        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - e * z), 2.0 * (x * z + e * y)),
-        (2.0 * (x * y + e * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - e * x)),
-        (2.0 * (x * z - e * y), 2.0 * (y * z + e * x), 1.0 - 2.0 * (x * x + y * y)),
-    ))  # fmt: skip
-    force = loads.force_b + R.T @ loads.force_a
-    torque = loads.torque_b + R.T @ loads.torque_a + np.cross(body.arm_b, force)
-    turning = torque - np.cross(w, np.array(body.inertia) @ w) - np.array(body.damping_b) * w
-    dq = [-0.5 * (u @ w), *(0.5 * (e * w + np.cross(u, w)))]
-    dv = body.is_free * np.array(loads.gravity_a) + body.inverse_mass * (loads.force_a + R @ loads.force_b)
-    dw = np.array(body.inertia_inverse) @ turning
+    turned = q if numbers >= ROTATION else np.array(case.start.q_ab)
+    dq, dw, dv = rates_in_numpy(case.body, case.loads, turned, w)
     rates = (*dq, *dw, *v, *(dv + 0.0 * v))  # no number alone is a right-hand side
     return list(zip((*q, *w, *r, *v), rates, strict=True))[PLACES[numbers]]
 
