@@ -36,7 +36,7 @@ def rows(found: Sequence[Verdict]) -> list[dict[str, object]]:
             "accuracy": v.accuracy, "plan": v.method, "error": v.error, "seconds": v.cost * v.chart.span,
             "peer": v.peer.method if v.peer else "",
             "peer_seconds": v.peer.cost * v.chart.span if v.peer else math.nan,
-            "even": v.even, "noise": v.noise,
+            "even": v.even, "noise": v.chart.noise,
         }
         for v in sorted(found, key=lambda v: v.chart.many)
     ]  # fmt: skip

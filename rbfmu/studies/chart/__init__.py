@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from rbfmu.scene.scene import Scene, of_scene_or_path
-from rbfmu.studies.chart.result import SIDES, Chart, above_round_off, cheapest, verdicts, write_rows
+from rbfmu.studies.chart.result import SIDES, Chart, verdicts, write_rows
 
 __all__ = ["Chart", "chart", "run_charts", "write_charts"]
 
@@ -89,7 +89,7 @@ def answers(chart: Chart) -> Iterator[dict[str, object]]:
     for accuracy in DECADES:
         found = _of(chart) | {"accuracy": accuracy}
         for side, families in SIDES.items():
-            offer = cheapest(above_round_off(chart), families, accuracy)
+            offer = chart.cheapest(families, accuracy)
             cost = offer.cost * chart.span if offer else math.nan
             found |= {side: offer.method if offer else "", f"{side}_cost": cost}
         yield found

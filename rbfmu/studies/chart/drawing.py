@@ -27,10 +27,7 @@ from rbfmu.studies.chart.result import (
     Reach,
     Row,
     Verdict,
-    above_round_off,
     front,
-    name_of,
-    reaches,
 )
 from rbfmu.studies.chart.tables import conditions, cost_text, headline, method_of, short_number, times, why_no_further
 
@@ -56,9 +53,9 @@ def figure_of(chart: Chart) -> Figure:
     _accuracy_asked(axes, chart)
     axes.plot([max(chart.plan.error, FLOOR)], [chart.plan.seconds], marker="*", markersize=24, color="#000000",
               markeredgecolor="white", markeredgewidth=1.2, zorder=6, clip_on=False)  # fmt: skip
-    ends = lines | {"rbfmu's plan": [row for row in above_round_off(chart) if row.kind == "rbfmu's plan" and
+    ends = lines | {"rbfmu's plan": [row for row in chart.above_round_off if row.kind == "rbfmu's plan" and
                                      row.value == chart.plan.value]}  # fmt: skip
-    labels = {reach.kind: _label(reach) for reach in reaches(chart)}
+    labels = {reach.kind: _label(reach) for reach in chart.reaches}
     name_lines(axes, ends, ERROR, labels.__getitem__, 0.062)
     _words(figure, chart)
     return figure
@@ -72,7 +69,7 @@ def _figure(width: float, height: float) -> Figure:
 
 def _lines(chart: Chart) -> dict[str, list[Row]]:
     """Return the front of each kind; that of closed forms only where it is not the plan itself."""
-    lines = lines_of(above_round_off(chart), ERROR)
+    lines = lines_of(chart.above_round_off, ERROR)
     if chart.model in (row.method for row in lines.get("exact", ())):
         del lines["exact"]
     return lines
@@ -108,7 +105,7 @@ def _accuracy_asked(axes: Any, chart: Chart) -> None:
 def _label(reach: Reach) -> str:
     """Return a kind's name, and its cost at the accuracy asked."""
     without = "stopped" if reach.stopped else "misses"
-    return f"{name_of(reach.kind)}  {cost_text(reach.cost) if math.isfinite(reach.cost) else without}"
+    return f"{reach.name}  {cost_text(reach.cost) if math.isfinite(reach.cost) else without}"
 
 
 def _words(figure: Figure, chart: Chart) -> None:

@@ -54,11 +54,6 @@ def kind_of(method: str, family: str) -> str:
     return next(name for name in KINDS if method.startswith(name))
 
 
-def name_of(kind: str) -> str:
-    """Return how a kind of methods is called."""
-    return "closed form" if kind == "exact" else kind
-
-
 @dataclass(frozen=True)
 class Row:
     """One method at one setting, or a plan at the accuracy that it was made for.
@@ -150,6 +145,41 @@ class Chart:
         return self.plans[0]
 
     @cached_property
+    def above_round_off(self) -> list[Row]:
+        """Return the measurements with errors of at least `FLOOR`."""
+        return [replace(row, error=max(row.error, FLOOR)) for row in self.rows]
+
+    @cached_property
+    def noise(self) -> float:
+        """Return the ratio within which costs count as equal: 19 of 20 points that are compared have a smaller spread.
+
+        These cost at most ten times as much as the plan; dear runs are timed less often.
+        """
+        return float(np.percentile([row.spread for row in self.rows if row.seconds <= 10.0 * self.plan.seconds], 95.0))
+
+    def cheapest(self, families: Sequence[str], accuracy: float) -> "Offer | None":
+        """Return the cheapest method of some families that reaches an accuracy."""
+        return cheapest([row for row in self.above_round_off if row.family in families], accuracy)
+
+    @cached_property
+    def reaches(self) -> "list[Reach]":
+        """Return what each kind of method costs at the accuracy asked, the cheapest first."""
+        found = filter(None, map(self._reach, KINDS))
+        return sorted(found, key=lambda reach: (reach.cost, reach.least))
+
+    def _reach(self, kind: str) -> "Reach | None":
+        rows = [row for row in self.above_round_off if row.kind == kind]
+        ends = [end for end in self.ends if end.kind == kind and not end.why.startswith("not run")]
+        if not rows and not ends:
+            return None
+        if kind == "rbfmu's plan":
+            return Reach(kind, self.plan.detail, self.plan.seconds, self.plan.error, self.plan.detail, "")
+        offer = cheapest(rows, max(self.accuracy, FLOOR)) or Offer("", math.inf)
+        end = min(ends, key=lambda end: end.error, default=None)
+        least, best, why = (end.error, end.method, end.why) if end else (rows[0].error, rows[0].method, "")
+        return Reach(kind, offer.method, offer.cost, least, best, why, any(end.stopped for end in ends))
+
+    @cached_property
     def table(self) -> str:
         """Return the findings as text of at most 80 columns."""
         from rbfmu.studies.chart.tables import chart_text
@@ -225,15 +255,6 @@ ERROR: Callable[[Row], float] = attrgetter("error")
 """The error by which methods are compared."""
 
 
-@dataclass(frozen=True)
-class Offer:
-    """A method, and the processor time in s by which it reaches an accuracy, for a simulated second."""
-
-    method: str
-    family: str
-    cost: float
-
-
 def front(rows: Iterable[Row], error: Callable[[Row], float] = ERROR, gain: float = 1.0) -> list[Row]:
     """Return the Pareto front by rising cost: each error is below `gain` times that of the row before."""
     kept: list[Row] = []
@@ -261,30 +282,20 @@ def cost_of(rows: Iterable[Row], accuracy: float) -> float | None:
     return float(coarse.seconds * (fine.seconds / coarse.seconds) ** part)
 
 
-def cheapest(rows: Sequence[Row], families: Sequence[str], accuracy: float) -> Offer | None:
-    """Return the cheapest method of some families."""
-    offers = []
-    for method in dict.fromkeys(row.method for row in rows if row.family in families):
-        mine = [row for row in rows if row.method == method]
-        if (cost := cost_of(mine, accuracy)) is not None:
-            offers.append(Offer(method, mine[0].family, cost))
+@dataclass(frozen=True)
+class Offer:
+    """A method, and the processor time in s by which it reaches an accuracy, for a simulated second."""
+
+    method: str
+    cost: float
+
+
+def cheapest(rows: Sequence[Row], accuracy: float) -> Offer | None:
+    """Return the cheapest method of these rows that reaches an accuracy."""
+    names = dict.fromkeys(row.method for row in rows)
+    costs = ((name, cost_of([row for row in rows if row.method == name], accuracy)) for name in names)
+    offers = [Offer(name, cost) for name, cost in costs if cost is not None]
     return min(offers, key=lambda offer: offer.cost, default=None)
-
-
-def above_round_off(chart: Chart) -> list[Row]:
-    """Return the measurements with errors of at least `FLOOR`."""
-    return [replace(row, error=max(row.error, FLOOR)) for row in chart.rows]
-
-
-def noise(chart: Chart) -> float:
-    """Return the ratio within which costs count as equal: 19 of 20 points that may be compared have a smaller spread.
-
-    These cost at most ten times as much as the plan; dear runs are timed less often.
-    """
-    return float(np.percentile([row.spread for row in chart.rows if row.seconds <= 10.0 * chart.plan.seconds], 95.0))
-
-
-# What the accuracy asked costs, by kind
 
 
 @dataclass(frozen=True)
@@ -303,26 +314,10 @@ class Reach:
     why: str
     stopped: bool = False
 
-
-def reaches(chart: Chart) -> list[Reach]:
-    """Return what each kind of method costs at the accuracy asked, the cheapest first."""
-    rows = above_round_off(chart)
-    found = [_reach(chart, kind, [row for row in rows if row.kind == kind]) for kind in KINDS]
-    return sorted((reach for reach in found if reach), key=lambda reach: (reach.cost, reach.least))
-
-
-def _reach(chart: Chart, kind: str, rows: Sequence[Row]) -> Reach | None:
-    ends = [end for end in chart.ends if end.kind == kind and not end.why.startswith("not run")]
-    if not rows and not ends:
-        return None
-    if kind == "rbfmu's plan":
-        plan = chart.plan
-        return Reach(kind, plan.detail, plan.seconds, plan.error, plan.detail, "")
-    offer = cheapest(rows, [row.family for row in rows], max(chart.accuracy, FLOOR))
-    end = min(ends, key=lambda end: end.error, default=None)
-    least, best, why = (end.error, end.method, end.why) if end else (rows[0].error, rows[0].method, "")
-    stopped = any(end.stopped for end in ends)
-    return Reach(kind, offer.method if offer else "", offer.cost if offer else math.inf, least, best, why, stopped)
+    @property
+    def name(self) -> str:
+        """Return how the kind is called."""
+        return "closed form" if self.kind == "exact" else self.kind
 
 
 # Each plan beside the best of the others
@@ -332,8 +327,7 @@ def _reach(chart: Chart, kind: str, rows: Sequence[Row]) -> Reach | None:
 class Verdict:
     """A plan for an accuracy, the best other method at the plan's error, the best peer at that accuracy.
 
-    plan: None where it is refused; stopped: the peers that the time limit stopped before that accuracy; noise: the
-    ratio within which costs count as equal.
+    plan: None where it is refused; stopped: whether the time limit stopped a peer before that accuracy.
     """
 
     chart: Chart
@@ -341,8 +335,7 @@ class Verdict:
     plan: Row | None
     rival: Offer | None
     peer: Offer | None
-    stopped: tuple[str, ...]
-    noise: float
+    stopped: bool
 
     @property
     def method(self) -> str:
@@ -372,12 +365,12 @@ class Verdict:
     @property
     def even(self) -> bool:
         """Return whether both costs are equal within the noise."""
-        return 1.0 / self.noise <= self.lead <= self.noise
+        return 1.0 / self.chart.noise <= self.lead <= self.chart.noise
 
     @property
     def kept(self) -> bool:
         """Return whether the plan keeps its accuracy and costs no more than `DEAREST` allows."""
-        return self.error <= self.accuracy and self.dearness <= DEAREST * self.noise
+        return self.error <= self.accuracy and self.dearness <= DEAREST * self.chart.noise
 
 
 def verdicts(charts: Sequence[Chart]) -> list[Verdict]:
@@ -388,8 +381,8 @@ def verdicts(charts: Sequence[Chart]) -> list[Verdict]:
 
 def _verdict(chart: Chart, accuracy: float) -> Verdict:
     plan = next((row for row in chart.rows if row.family == "planned" and row.value == accuracy), None)
-    rows, peers = above_round_off(chart), {row.method for row in chart.rows if row.family == "peer"}
-    others, error = SIDES["library"] + SIDES["integrator"], min(plan.error if plan else math.inf, accuracy)
-    rival = cheapest(rows, others, max(error, FLOOR))
-    stopped = tuple(e.method for e in chart.ends if e.stopped and e.method in peers and e.error > accuracy)
-    return Verdict(chart, accuracy, plan, rival, cheapest(rows, SIDES["peer"], accuracy), stopped, noise(chart))
+    error = max(min(plan.error if plan else math.inf, accuracy), FLOOR)
+    peers = {row.method for row in chart.rows if row.family == "peer"}
+    stopped = any(e.stopped and e.method in peers and e.error > accuracy for e in chart.ends)
+    rival = chart.cheapest(SIDES["library"] + SIDES["integrator"], error)
+    return Verdict(chart, accuracy, plan, rival, chart.cheapest(SIDES["peer"], accuracy), stopped)
