@@ -335,7 +335,7 @@ def chart(scene: Path | None, folder: Path, quick: bool, method: Path | None) ->
 
     Of SCENE, with its ports at zero; or, if none is given, of eight motions and a loop closed through an FMU.
     """
-    from rbfmu.studies.chart.motions import run_charts
+    from rbfmu.studies.chart import run_charts
     from rbfmu_fmu.cosimulation_chart import run_cosimulation_chart
 
     with usage_errors(), bar("chart") as progress, named(folder):

@@ -270,7 +270,7 @@ def row_of(key: str, mark: float, bodies: int, rounds: int, others: Sequence[str
     seconds = least(rounds, {name: run for name, (run, _) in runs.items()}, SECONDS, MOST_SECONDS, process_time)
     errors = {name: error for name, (_, error) in runs.items()}
     costs = {name: 1e6 * seconds[name] / (len(run()) * batch.case.span) for name, (run, _) in runs.items()}
-    return Row(batch.case.title, mark, errors, costs)
+    return Row(batch.case.scene.name, mark, errors, costs)
 
 
 # Whole calls
@@ -317,7 +317,7 @@ def call_of(key: str, mark: float, runs: int, rounds: int) -> Call:
     seconds = least(rounds, contestants, SECONDS, MOST_SECONDS, process_time)
     error = batch.error(result.final["quaternion"][:BODIES]) / mark
     cost, theirs = (1e6 * seconds[name] / n / case.span for name, n in (("ours", runs), ("theirs", BODIES)))
-    return Call(case.title, mark, runs, error, cost, theirs, 1e3 * seconds["planned"])
+    return Call(case.scene.name, mark, runs, error, cost, theirs, 1e3 * seconds["planned"])
 
 
 def calls(motions: Sequence[str] = ("c", "d"), marks: Sequence[float] = MARKS, rounds: int = 9) -> list[Call]:

@@ -22,7 +22,7 @@ from rbfmu.extras import needed_of
 from rbfmu.models.model_buffer import aligned_zeros
 from rbfmu.runs.plan import start_run
 from rbfmu.studies.chart.cases import CASES, Case
-from rbfmu.studies.chart.solvers import equations, start_of, states_of, times_of
+from rbfmu.studies.chart.solvers import equations
 
 MOTIONS, STEPS, ACCURACIES = ("a", "d", "c'", "c"), (0.1, 0.01), (1e-6, 1e-9, 1e-12)
 TOLERANCES = [10.0 ** (-0.5 * k) for k in range(6, 32)]
@@ -80,7 +80,7 @@ def planned(case: Case, accuracy: float) -> tuple[str, float, Callable[[], None]
             raise ArithmeticError(f"{case.key}: a step was refused")
 
     run()
-    return plan.method, case.error(states_of(case, rows)), run
+    return plan.method, case.error(case.motion_of(rows)), run
 
 
 @cache
@@ -88,19 +88,19 @@ def _integrator(key: str, tolerance: float) -> Any:
     with needed_of("bench"):
         import heyoka
     case = CASES[key]
-    return heyoka.taylor_adaptive(equations(case, case.numbers), list(start_of(case)), tol=tolerance)
+    return heyoka.taylor_adaptive(equations(case, case.numbers), list(case.integrated), tol=tolerance)
 
 
 def _peer(case: Case, tolerance: float) -> tuple[float, Callable[[], Any]]:
     """Return the error of heyoka at a tolerance, and its run."""
-    series, y, grid = _integrator(case.key, tolerance), start_of(case), times_of(case)
+    series, y, grid = _integrator(case.key, tolerance), case.integrated, case.times
 
     def run() -> Any:
         series.time = 0.0
         series.state[:] = y
         return series.propagate_grid(grid)
 
-    return case.error(states_of(case, run()[-1])), run
+    return case.error(case.motion_of(run()[-1])), run
 
 
 def _peer_within(case: Case, error: float) -> tuple[float, float, Callable[[], Any] | None]:
@@ -120,7 +120,7 @@ def rows_of(key: str, step: float, accuracies: Sequence[float], rounds: int) -> 
         tolerance, peer_error, peer = _peer_within(case, accuracy if case.torque_free else error)
         own, other = least(rounds, {"plan": run, "peer": peer}, SECONDS).values() if peer else (math.nan, math.nan)
         ns = 1e9 / case.outputs
-        yield Row(case.title, step, accuracy, method, error, ns * own, tolerance, peer_error, ns * other)
+        yield Row(case.scene.name, step, accuracy, method, error, ns * own, tolerance, peer_error, ns * other)
 
 
 def goals(rows: Sequence[Row]) -> list[Goal]:

@@ -16,8 +16,8 @@ import numpy as np
 import rbfmu
 from rbfmu.extras import needed
 from rbfmu.sensitivities import Varied
-from rbfmu.studies.chart.formulas import kind_of_case
-from rbfmu.studies.chart.solvers import equations, start_of
+from rbfmu.studies.chart.cases import kind_of_case
+from rbfmu.studies.chart.solvers import equations
 
 SCENES = ("tumbling_brick", "top_precessing", "formulas/gravity_gradient", "formulas/spring_pendulum")
 ACCURACY, ROWS, ROUNDS = 1e-9, 1000, 9
@@ -37,7 +37,7 @@ def of_heyoka(scene: rbfmu.Scene) -> Callable[[], Any]:
     case = kind_of_case(scene)(scene)
     system = equations(case, case.numbers)
     series = heyoka.taylor_adaptive(
-        heyoka.var_ode_sys(system, heyoka.var_args.vars, order=1), start_of(case), tol=ACCURACY, compact_mode=True
+        heyoka.var_ode_sys(system, heyoka.var_args.vars, order=1), case.integrated, tol=ACCURACY, compact_mode=True
     )
     start, grid = series.state.copy(), np.linspace(0.0, scene.run.stop - scene.run.start, ROWS + 1)
 

@@ -30,9 +30,9 @@ from rbfmu.planning.select import with_all_outputs
 from rbfmu.runs.motion import attitude_error, relative_error
 from rbfmu.runs.plan import filled_buffer, initialize
 from rbfmu.studies.chart.cases import CHECKPOINTS, Case
+from rbfmu.studies.chart.contestants import ABSENT, MUJOCO_INTEGRATORS, peers
 from rbfmu.studies.chart.measure import machine
 from rbfmu.studies.chart.methods import NotFeasibleError
-from rbfmu.studies.chart.peers import ABSENT, MUJOCO_INTEGRATORS, peers
 from rbfmu.studies.chart.result import write_rows
 from rbfmu.studies.chart.simulators import MuJoCo
 

@@ -11,10 +11,8 @@ import sys
 from collections.abc import Sequence
 
 from rbfmu.studies.chart.cases import CASES
-from rbfmu.studies.chart.findings import Verdict, verdicts
-from rbfmu.studies.chart.measure import Extent, machine
-from rbfmu.studies.chart.motions import charts_of
-from rbfmu.studies.chart.result import Chart
+from rbfmu.studies.chart.measure import Extent, charts_of, machine
+from rbfmu.studies.chart.result import Chart, Verdict, verdicts
 from rbfmu.studies.chart.tables import plans_text
 
 FASTEST = ("rbfmu, as planned", "heyoka.py", "numbalsoda LSODA", "numbalsoda DOP853", "SciPy odeint")
@@ -38,7 +36,7 @@ def rows(found: Sequence[Verdict]) -> list[dict[str, object]]:
             "accuracy": v.accuracy, "plan": v.method, "error": v.error, "seconds": v.cost * v.chart.span,
             "peer": v.peer.method if v.peer else "",
             "peer_seconds": v.peer.cost * v.chart.span if v.peer else math.nan,
-            "even": v.even, "noise": v.noise,
+            "even": v.even, "noise": v.chart.noise,
         }
         for v in sorted(found, key=lambda v: v.chart.many)
     ]  # fmt: skip

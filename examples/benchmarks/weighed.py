@@ -21,8 +21,7 @@ import rbfmu
 from rbfmu.models.registry import MODELS
 from rbfmu.runs.plan import filled_buffer, initialize
 from rbfmu.studies.chart.cases import CASES, Case
-from rbfmu.studies.chart.contestants import ClosedForm, Planned, Substeps
-from rbfmu.studies.chart.methods import Method, NotFeasibleError, Run
+from rbfmu.studies.chart.methods import ClosedForm, Method, NotFeasibleError, Planned, Run, Substeps
 
 ACCURACIES = (1e-3, 1e-6, 1e-9, 1e-12)
 ORDERS = (6, 8, 12, 16, 20, 24)
@@ -69,7 +68,7 @@ def dop853(keys: Sequence[str] = ("c", "c'", "d", "f")) -> dict[str, float]:
                 continue
             least = least_seconds(runs)
             ratio = least.get("DOP853, error control", np.inf) / least["plan"]
-            ratios[f"{CASES[key].title}, {accuracy:g}: DOP853 / plan ({runs['plan'].detail})"] = ratio
+            ratios[f"{CASES[key].scene.name}, {accuracy:g}: DOP853 / plan ({runs['plan'].detail})"] = ratio
     return ratios
 
 
@@ -81,7 +80,7 @@ def free(keys: Sequence[str] = ("a", "b")) -> dict[str, float]:
             series = best_of([Substeps(order) for order in ORDERS], CASES[key], accuracy)
             least = least_seconds(series | {"exact": ClosedForm(MODELS["torque-free body"]).run(CASES[key], 5.0)})
             name = min(series, key=least.__getitem__)
-            ratios[f"{CASES[key].title}, {accuracy:g}: exact / {name}"] = least["exact"] / least[name]
+            ratios[f"{CASES[key].scene.name}, {accuracy:g}: exact / {name}"] = least["exact"] / least[name]
     return ratios
 
 

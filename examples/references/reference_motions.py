@@ -220,7 +220,7 @@ def main() -> None:
     motions = {}
     for key, case in CASES.items():
         motions[key] = {"scene": case.scene.to_dict(), **reference_motion(key)}
-        print(f"{key}: {case.title}")
+        print(f"{key}: {case.scene.name}")
     text = json.dumps(
         {"written by": "examples/references/reference_motions.py", "motions": motions}, indent=1, ensure_ascii=False
     )

@@ -1,9 +1,10 @@
 """The 8th-order Runge-Kutta pair DOP853 for the motion of a body, with error control inside a communication step.
 
 A contestant and a subject of laws: series cost 1.7 to 12 times less at the same accuracy (`rbfmu chart`), so that no
-plan takes it. Works in a piece of a model's buffer: 12 stages of 16 numbers are too many for tuples. States: see
-`rigid_body_state`. As a model, `tolerance` is the largest estimated error of a substep, or 0 for substeps of at most
-`substep` without error control. Inputs may change within a step: see `body.driven`.
+plan takes it. It is compiled, as the peer of SciPy's that is called from Python at each stage, and needs no package.
+Works in its model's buffer: 12 stages of 16 numbers are too many for tuples. States: see `rigid_body_state`. As a
+model, `tolerance` is the largest estimated error of a substep, or 0 for substeps of at most `substep` without error
+control. Inputs may change within a step: see `body.driven`.
 Source: E. Hairer, S. P. Norsett & G. Wanner, Solving Ordinary Differential Equations I, 2nd ed. 1993, II.5 and II.10.
 """
 
@@ -13,6 +14,7 @@ import numpy as np
 
 from rbfmu.models.spec import ModelSpec
 from rbfmu.runs.plan import Plan
+from rbfmu.studies.reference_methods import OneStepMethod
 from rbfmu_kernels.body.driven import DRIVEN, STEP_SIZE, finish, keep, load_polynomial_of, part_to_integrate
 from rbfmu_kernels.body.memory import STATE_START, body_of, loads_of
 from rbfmu_kernels.body.shell import Model, make_model
@@ -22,142 +24,114 @@ from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.integrators import rigid_body_state as state
 from rbfmu_kernels.integrators.rigid_body_state import OMEGA, R_C, ROTATION, STATE_SIZE, V_C, WHOLE_STATE
 from rbfmu_kernels.integrators.substeps import LONGEST_STEP, count_substep, substeps_in, tolerance_of_substep
-from rbfmu_kernels.mechanics.equations_of_motion import (
-    Body,
-    LoadPolynomial,
-    Loads,
-    State,
-    angular_acceleration,
-    constant_loads,
-    is_changing,
-    loads_after,
-    turning_acceleration,
-)
+from rbfmu_kernels.mechanics import equations_of_motion as motion
+from rbfmu_kernels.mechanics.equations_of_motion import Body, LoadPolynomial, Loads, State
 from rbfmu_kernels.rotations.quaternion import quaternion_rate_b
 from rbfmu_kernels.rotations.vec3 import dot, largest_component
 from rbfmu_kernels.types import Buffer
 
 STAGES = 12
-
+_COLUMNS = ([], [0], [0, 1], [0, 2], [0, 2, 3], *([0, *range(3, s)] for s in range(5, STAGES)), [0, *range(5, STAGES)])
 A = np.zeros((STAGES + 1, STAGES))
-"""A[s, l]: weight of rate l in stage s; row 12 holds the weights of the result."""
-A[1, [0]] = [0.05260015195876773]
-A[2, [0, 1]] = [0.0197250569845379, 0.0591751709536137]
-A[3, [0, 2]] = [0.02958758547680685, 0.08876275643042054]
-A[4, [0, 2, 3]] = [0.2413651341592667, -0.8845494793282861, 0.924834003261792]
-A[5, [0, 3, 4]] = [0.037037037037037035, 0.17082860872947386, 0.12546768756682242]
-A[6, [0, 3, 4, 5]] = [0.037109375, 0.17025221101954405, 0.06021653898045596, -0.017578125]
-A[7, [0, 3, 4, 5, 6]] = [
-    0.03709200011850479, 0.17038392571223998, 0.10726203044637328, -0.015319437748624402, 0.008273789163814023,
-]  # fmt: skip
-A[8, [0, 3, 4, 5, 6, 7]] = [
-    0.6241109587160757, -3.3608926294469414, -0.868219346841726, 27.59209969944671, 20.154067550477894,
-    -43.48988418106996,
-]  # fmt: skip
-A[9, [0, 3, 4, 5, 6, 7, 8]] = [
+"""A[s, l]: weight of rate l in stage s; row 12 holds the weights of the result. Given: all that are not 0, by rows."""
+A[tuple(np.transpose([(s, l) for s, columns in enumerate(_COLUMNS) for l in columns]))] = [
+    0.05260015195876773, 0.0197250569845379, 0.0591751709536137, 0.02958758547680685, 0.08876275643042054,
+    0.2413651341592667, -0.8845494793282861, 0.924834003261792, 0.037037037037037035, 0.17082860872947386,
+    0.12546768756682242, 0.037109375, 0.17025221101954405, 0.06021653898045596, -0.017578125, 0.03709200011850479,
+    0.17038392571223998, 0.10726203044637328, -0.015319437748624402, 0.008273789163814023, 0.6241109587160757,
+    -3.3608926294469414, -0.868219346841726, 27.59209969944671, 20.154067550477894, -43.48988418106996,
     0.47766253643826434, -2.4881146199716677, -0.590290826836843, 21.230051448181193, 15.279233632882423,
-    -33.28821096898486, -0.020331201708508627,
-]  # fmt: skip
-A[10, [0, 3, 4, 5, 6, 7, 8, 9]] = [
-    -0.9371424300859873, 5.186372428844064, 1.0914373489967295, -8.149787010746927, -18.52006565999696,
-    22.739487099350505, 2.4936055526796523, -3.0467644718982196,
-]  # fmt: skip
-A[11, [0, 3, 4, 5, 6, 7, 8, 9, 10]] = [
+    -33.28821096898486, -0.020331201708508627, -0.9371424300859873, 5.186372428844064, 1.0914373489967295,
+    -8.149787010746927, -18.52006565999696, 22.739487099350505, 2.4936055526796523, -3.0467644718982196,
     2.273310147516538, -10.53449546673725, -2.0008720582248625, -17.9589318631188, 27.94888452941996,
     -2.8589982771350235, -8.87285693353063, 12.360567175794303, 0.6433927460157636,
-]  # fmt: skip
-A[12, [0, 5, 6, 7, 8, 9, 10, 11]] = [
     0.054293734116568765, 4.450312892752409, 1.8915178993145003, -5.801203960010585, 0.3111643669578199,
     -0.1521609496625161, 0.20136540080403034, 0.04471061572777259,
 ]  # fmt: skip
-
 C = np.sum(A, axis=1)
 """C[s]: the time of stage s in the step."""
-
-E5, E3 = np.zeros(STAGES), np.zeros(STAGES)
-"""Weights of the rates in the two error estimates."""
-E5[[0, 5, 6, 7, 8, 9, 10, 11]] = [
+E5, E3 = np.zeros(STAGES), A[STAGES].copy()
+"""Weights of the rates in the two error estimates: those of order 5, and the result's less those of order 3."""
+E5[[0, *range(5, STAGES)]] = [
     0.01312004499419488, -1.2251564463762044, -0.4957589496572502, 1.6643771824549864, -0.35032884874997366,
     0.3341791187130175, 0.08192320648511571, -0.022355307863886294,
 ]  # fmt: skip
-E3[[0, 5, 6, 7, 8, 9, 10, 11]] = [
-    -0.18980075407240762, 4.450312892752409, 1.8915178993145003, -5.801203960010585, -0.4226823213237919,
-    -0.1521609496625161, 0.20136540080403034, 0.02265179219836082,
-]  # fmt: skip
+E3[[0, 8, 11]] -= [0.2440944881889764, 0.7338466882816118, 0.022058823529411766]
 
-WORK = STATE_SIZE * (STAGES + 1)
-"""Size of the work space: a trial state, then the stages' rates."""
+_, _BEFORE = places(DRIVEN)
+_LAYOUT = places(DRIVEN | {"pad_3": -_BEFORE % 8, "work": STATE_SIZE * (STAGES + 1)})
+"""The work space, a trial state and then the stages' rates, begins at a cache line if the buffer does."""
+_TOLERANCE, _SPAN, _SUBSTEP, _WORK = _LAYOUT.starts("tolerance", "span", "substep", "work")
 
 
 @kernel
-def _stage_rates(w: int, s: int) -> int:
-    """Return where the rates of stage s begin in the work space z[w:]."""
-    return w + STATE_SIZE * (s + 1)
+def _stage_rates(s: int) -> int:
+    """Return where the rates of stage s begin."""
+    return _WORK + STATE_SIZE * (s + 1)
 
 
 @kernel(inline=False)
-def _rates(z: Buffer, y: int, k: int, n: int, body: Body, loads: Loads) -> None:
+def _put_rates(z: Buffer, y: int, k: int, n: int, body: Body, loads: Loads) -> None:
     """Set z[k:] to d/dt of the state z[y:]."""
     q_ab, omega_b = state.attitude(z, y), state.omega(z, y)
     state.put_attitude(z, k, quaternion_rate_b(q_ab, omega_b))
-    state.put_omega(z, k, angular_acceleration(q_ab, omega_b, body, loads))
+    state.put_omega(z, k, motion.angular_acceleration(q_ab, omega_b, body, loads))
     if n == WHOLE_STATE:
         state.put_position(z, k, state.velocity(z, y))
-        state.put_velocity(z, k, turning_acceleration(q_ab, body, loads))
+        state.put_velocity(z, k, motion.turning_acceleration(q_ab, body, loads))
 
 
 @kernel
-def _combine(z: Buffer, y: int, w: int, n: int, s: int, h: float) -> None:
-    """Set the trial state z[w:] to z[y:] + h sum_l A[s, l] k_l; s is a literal: the sum unrolls and zeros vanish."""
+def _combine(z: Buffer, n: int, s: int, h: float) -> None:
+    """Set the trial state to y + h sum_l A[s, l] k_l; s is a literal: the sum unrolls and zeros vanish."""
     for j in range(n):
         total = 0.0
         for l in range(s):
             if A[s, l] != 0.0:
-                total += A[s, l] * z[_stage_rates(w, l) + j]
-        z[w + j] = z[y + j] + h * total
+                total += A[s, l] * z[_stage_rates(l) + j]
+        z[_WORK + j] = z[STATE_START + j] + h * total
 
 
 @kernel(inline=False)
-def _stage_loads(loads: LoadPolynomial, t: float) -> Loads:
-    return loads_after(loads, t)
+def _loads_at(loads: LoadPolynomial, t: float) -> Loads:
+    return motion.loads_after(loads, t)
 
 
 @kernel
-def _stage(
-    z: Buffer, y: int, w: int, n: int, s: int, t: float, h: float, body: Body, loads: LoadPolynomial, changing: bool
-) -> None:
-    """Compute stage s (a literal): its trial state and rates, with the loads at t + c_s h."""
-    _combine(z, y, w, n, s, h)
-    now = _stage_loads(loads, t + C[s] * h) if changing else loads.value
-    _rates(z, w, _stage_rates(w, s), n, body, now)
+def _stage(z: Buffer, n: int, s: int, t: float, h: float, body: Body, loads: LoadPolynomial) -> None:
+    """Compute stage s > 0 (a literal): its trial state and rates, with the loads at t + c_s h."""
+    _combine(z, n, s, h)
+    now = _loads_at(loads, t + C[s] * h) if motion.is_changing(loads) else loads.value
+    _put_rates(z, _WORK, _stage_rates(s), n, body, now)
 
 
 @kernel(inline=False)
-def dop853_step(z: Buffer, y: int, w: int, n: int, t: float, h: float, body: Body, loads: LoadPolynomial) -> None:
-    """Step with order 8 from the state z[y:] to the trial state z[w:], not normalised; the stages' rates stay.
+def dop853_step(z: Buffer, n: int, t: float, h: float, body: Body, loads: LoadPolynomial) -> None:
+    """Step with order 8 to the trial state, not normalised; the stages' rates stay.
 
     t: time since the polynomial's beginning.  Stable to h d / I = 6.394 (damping) and h omega / 2 = 5.96 (attitude).
     """
-    changing = is_changing(loads)
-    _rates(z, y, _stage_rates(w, 0), n, body, _stage_loads(loads, t) if changing else loads.value)
-    _stage(z, y, w, n, 1, t, h, body, loads, changing)
-    _stage(z, y, w, n, 2, t, h, body, loads, changing)
-    _stage(z, y, w, n, 3, t, h, body, loads, changing)
-    _stage(z, y, w, n, 4, t, h, body, loads, changing)
-    _stage(z, y, w, n, 5, t, h, body, loads, changing)
-    _stage(z, y, w, n, 6, t, h, body, loads, changing)
-    _stage(z, y, w, n, 7, t, h, body, loads, changing)
-    _stage(z, y, w, n, 8, t, h, body, loads, changing)
-    _stage(z, y, w, n, 9, t, h, body, loads, changing)
-    _stage(z, y, w, n, 10, t, h, body, loads, changing)
-    _stage(z, y, w, n, 11, t, h, body, loads, changing)
-    _combine(z, y, w, n, 12, h)
+    now = _loads_at(loads, t) if motion.is_changing(loads) else loads.value
+    _put_rates(z, STATE_START, _stage_rates(0), n, body, now)
+    _stage(z, n, 1, t, h, body, loads)
+    _stage(z, n, 2, t, h, body, loads)
+    _stage(z, n, 3, t, h, body, loads)
+    _stage(z, n, 4, t, h, body, loads)
+    _stage(z, n, 5, t, h, body, loads)
+    _stage(z, n, 6, t, h, body, loads)
+    _stage(z, n, 7, t, h, body, loads)
+    _stage(z, n, 8, t, h, body, loads)
+    _stage(z, n, 9, t, h, body, loads)
+    _stage(z, n, 10, t, h, body, loads)
+    _stage(z, n, 11, t, h, body, loads)
+    _combine(z, n, 12, h)
 
 
 @kernel(inline=False)
-def _error(z: Buffer, y: int, w: int, n: int, h: float, span: float) -> float:
+def _error(z: Buffer, n: int, h: float) -> float:
     """Estimate the step's error: attitude in rad, the rest relative to the size of its vector (at least 1 for r, v)."""
-    rate = max(largest_component(state.omega(z, y)), largest_component(state.omega(z, w)), 1e-300)
+    y, span = STATE_START, z[_SPAN]
+    rate = max(largest_component(state.omega(z, y)), largest_component(state.omega(z, _WORK)), 1e-300)
     rate = rate if rate * span <= 1.0 else 1.0 / span
     position = max(largest_component(state.position(z, y)), 1.0)
     velocity = max(largest_component(state.velocity(z, y)), 1.0)
@@ -165,7 +139,7 @@ def _error(z: Buffer, y: int, w: int, n: int, h: float, span: float) -> float:
     for j in range(n):
         e5, e3 = 0.0, 0.0
         for l in range(STAGES):
-            k = z[_stage_rates(w, l) + j]
+            k = z[_stage_rates(l) + j]
             e5 += E5[l] * k
             e3 += E3[l] * k
         size = 0.5 if j < OMEGA else (rate if j < R_C else (position if j < V_C else velocity))
@@ -177,45 +151,30 @@ def _error(z: Buffer, y: int, w: int, n: int, h: float, span: float) -> float:
 
 
 @kernel
-def first_step(z: Buffer, y: int, body: Body, loads: Loads) -> float:
-    """Return a step size to begin with: half a radian at the rate and acceleration of the state z[y:]."""
-    omega = state.omega(z, y)
-    alpha = angular_acceleration(state.attitude(z, y), omega, body, loads)
-    rate_scale = math.sqrt(dot(omega, omega)) + math.sqrt(math.sqrt(dot(alpha, alpha)))
-    return 0.5 / rate_scale if rate_scale > 0.0 else LONGEST_STEP
+def _accept(z: Buffer, n: int) -> None:
+    """Take the trial state as the state, its quaternion scaled to length 1."""
+    copy_numbers(z, _WORK + OMEGA, STATE_START + OMEGA, n - OMEGA)
+    state.put_unit_attitude(z, STATE_START, state.attitude(z, _WORK))
 
 
 @kernel(inline=False)
-def dop853_march(z: Buffer, y: int, w: int, n: int, h: float, substep: float, body: Body, loads: LoadPolynomial) -> int:
-    """Advance the state z[y:] by h in equal steps of at most `substep`, without error control.
+def _march(z: Buffer, n: int, h: float, body: Body, loads: LoadPolynomial) -> int:
+    """Advance the state by h in equal steps of at most `substep`, without error control.
 
     STEP_REJECTED where that needs too many; the state is then unchanged.
     """
-    count = substeps_in(h, substep)
-    if count == 0:
-        return STEP_REJECTED
+    count = substeps_in(h, z[_SUBSTEP])
     for i in range(count):
-        dop853_step(z, y, w, n, h / count * i, h / count, body, loads)
-        _accept(z, y, w, n)
-    return OK
+        dop853_step(z, n, h / count * i, h / count, body, loads)
+        _accept(z, n)
+    return OK if count > 0 else STEP_REJECTED
 
 
 @kernel(inline=False)
-def dop853_advance(
-    z: Buffer,
-    y: int,
-    w: int,
-    size: int,
-    n: int,
-    h: float,
-    tolerance: float,
-    span: float,
-    body: Body,
-    loads: LoadPolynomial,
-) -> int:
-    """Advance the state z[y:] by h, each step's estimated error at most `tolerance`; span: see `body.memory.SETTINGS`.
+def _follow(z: Buffer, n: int, h: float, body: Body, loads: LoadPolynomial) -> int:
+    """Advance the state by h, each step's estimated error at most its share of `tolerance`.
 
-    z[size] keeps the step size, and next to it stands the count of the steps tried.
+    z[STEP_SIZE] keeps the step size, and next to it stands the count of the steps tried.
 
     Equal parts reach h: each step is the rest divided by the number of steps that the kept size would need.
     STEP_REJECTED where the motion is not finite or needs too many steps; the caller then restores state and size.
@@ -223,43 +182,33 @@ def dop853_advance(
     rest, low, steps = h, 0.0, 0  # rest + low: the time left, so that a thousand steps end where h does
     while rest > 0.0:
         steps += 1
-        count = substeps_in(rest, z[size])
+        count = substeps_in(rest, z[STEP_SIZE])
         if count == 0 or steps >= MAX_SUBSTEPS:
             return STEP_REJECTED
         part = (rest + low) / count
-        dop853_step(z, y, w, n, h - rest, part, body, loads)
-        count_substep(z, size)
-        error = _error(z, y, w, n, part, span) / tolerance_of_substep(tolerance, span, part)
+        dop853_step(z, n, h - rest, part, body, loads)
+        count_substep(z, STEP_SIZE)
+        error = _error(z, n, part) / tolerance_of_substep(z[_TOLERANCE], z[_SPAN], part)
         if error <= 1.0:
             growth = 6.0 if error < 2.6e-7 else 0.9 / math.sqrt(math.sqrt(math.sqrt(error)))
-            _accept(z, y, w, n)
+            _accept(z, n)
             left = 0.0 if count == 1 else rest - part
             low += (rest - left) - part
             rest = left
-            z[size] = max(z[size], part * growth) if growth >= 1.0 else part * growth
+            z[STEP_SIZE] = max(z[STEP_SIZE], part * growth) if growth >= 1.0 else part * growth
         else:
             shrink = 0.9 / math.sqrt(math.sqrt(math.sqrt(error))) if math.isfinite(error) else 0.0
-            z[size] = part * max(0.2, shrink)
+            z[STEP_SIZE] = part * max(0.2, shrink)
     return OK
 
 
 @kernel
-def _accept(z: Buffer, y: int, w: int, n: int) -> None:
-    """Take the trial state as the state, its quaternion scaled to length 1."""
-    copy_numbers(z, w + OMEGA, y + OMEGA, n - OMEGA)
-    state.put_unit_attitude(z, y, state.attitude(z, w))
-
-
-_, _BEFORE = places(DRIVEN)
-_LAYOUT = places(DRIVEN | {"pad_3": -_BEFORE % 8, "work": WORK})
-"""The work space begins at a cache line if the buffer does."""
-
-_TOLERANCE, _SPAN, _SUBSTEP, _WORK = _LAYOUT.starts("tolerance", "span", "substep", "work")
-
-
-@kernel
 def _set_up(z: Buffer) -> int:
-    z[STEP_SIZE] = first_step(z, STATE_START, body_of(z), loads_of(z))
+    """Set the step size to begin with: half a radian at the rate and acceleration of the start."""
+    omega = state.omega(z, STATE_START)
+    alpha = motion.angular_acceleration(state.attitude(z, STATE_START), omega, body_of(z), loads_of(z))
+    rate_scale = math.sqrt(dot(omega, omega)) + math.sqrt(math.sqrt(dot(alpha, alpha)))
+    z[STEP_SIZE] = 0.5 / rate_scale if rate_scale > 0.0 else LONGEST_STEP
     return 0
 
 
@@ -269,10 +218,7 @@ def _advance(z: Buffer, h: float) -> int:
     keep(z)
     body, loads = body_of(z), load_polynomial_of(z)
     n = max(ROTATION, part_to_integrate(z, body, loads))
-    if z[_TOLERANCE] > 0.0:
-        status = dop853_advance(z, STATE_START, _WORK, STEP_SIZE, n, h, z[_TOLERANCE], z[_SPAN], body, loads)
-    else:
-        status = dop853_march(z, STATE_START, _WORK, n, h, z[_SUBSTEP], body, loads)
+    status = _follow(z, n, h, body, loads) if z[_TOLERANCE] > 0.0 else _march(z, n, h, body, loads)
     return finish(z, n, h, status, body, loads)
 
 
@@ -294,10 +240,16 @@ class Dop853Plan(Plan):
         return LOADED_DOP853
 
 
-def dop853_step_of_state(start: State, h: float, body: Body, loads: Loads) -> State:
-    """Return the state of a body after one step without error control, its quaternion not normalised."""
-    z = np.zeros(STATE_SIZE + WORK)
-    state.put_attitude(z, 0, start.q_ab)
-    state.put_omega(z, 0, start.omega_b)
-    dop853_step(z, 0, STATE_SIZE, ROTATION, 0.0, h, body, constant_loads(loads))
-    return State(start.r_c, start.v_c, state.attitude(z, STATE_SIZE), state.omega(z, STATE_SIZE))
+def _steps(start: State, h: float, n: int, body: Body, loads: Loads) -> State:
+    """Return the state of a body after n steps without error control, its quaternion not normalised."""
+    z = np.zeros(LOADED_DOP853.SIZE)
+    state.put_attitude(z, STATE_START, start.q_ab)
+    state.put_omega(z, STATE_START, start.omega_b)
+    for _ in range(n):
+        dop853_step(z, ROTATION, 0.0, h, body, motion.constant_loads(loads))
+        copy_numbers(z, _WORK, STATE_START, ROTATION)
+    return State(start.r_c, start.v_c, state.attitude(z, STATE_START), state.omega(z, STATE_START))
+
+
+DOP853 = OneStepMethod("DOP853", _steps, 8, float(STAGES))
+"""The method without error control, of attitude and rates alone."""

@@ -6,6 +6,7 @@ iteration. Preprocessing (E. Hairer & G. Vilmart, J. Phys. A 39 (2006); R. McLac
 order at no cost per step.
 """
 
+import math
 from typing import Any
 
 from rbfmu_kernels.compile.decorator import kernel
@@ -113,7 +114,8 @@ def moser_veselov(order: int) -> Any:
 
     def steps(y: State, h: float, n: int, body: Body, loads: Loads) -> State:
         M = body.inertia
-        moments = (M[0][0], M[1][1], M[2][2])
+        unit = 2.0 ** round(math.log2(max(M[0][0], M[1][1], M[2][2])))  # else powers of a planet's moments overflow
+        moments = (M[0][0] / unit, M[1][1] / unit, M[2][2] / unit)
         return _steps(y, h, n, moments, _modified(order, h, moments, y.omega_b))
 
     return steps

@@ -16,31 +16,12 @@ from numba import njit
 from rbfmu.studies.moser_veselov import moser_veselov
 from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.integrators.splitting import rkn4_steps, rkn6_steps, strang_steps
-from rbfmu_kernels.mechanics.equations_of_motion import (
-    NO_LOADS,
-    Body,
-    Loads,
-    Rates,
-    State,
-    angular_acceleration,
-    linear_acceleration,
-    state_rates,
-)
+from rbfmu_kernels.mechanics import equations_of_motion as motion
+from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, Body, Loads, Rates, State, state_rates
 from rbfmu_kernels.mechanics.inertia import add_scaled_matrix
-from rbfmu_kernels.rotations.euler_angles import (
-    ZYX,
-    euler_from_quaternion,
-    euler_rate_b,
-    matrix_from_euler,
-    quaternion_from_euler,
-)
-from rbfmu_kernels.rotations.matrix import (
-    invert_matrix,
-    matrix_from_quaternion,
-    matrix_rate_b,
-    quaternion_from_matrix,
-    transform,
-)
+from rbfmu_kernels.rotations import euler_angles as euler
+from rbfmu_kernels.rotations import matrix as matrices
+from rbfmu_kernels.rotations.euler_angles import ZYX
 from rbfmu_kernels.rotations.quaternion import add_scaled_quaternion, compose_quaternions, normalize, quaternion_rate_b
 from rbfmu_kernels.rotations.rotation_vector import quaternion_from_rotvec
 from rbfmu_kernels.rotations.vec3 import add, add_scaled, cross, scale, subtract
@@ -99,26 +80,44 @@ def explicit_euler_step(state: State, h: float, body: Body, loads: Loads) -> Sta
 def semi_implicit_euler_step(state: State, h: float, body: Body, loads: Loads) -> State:
     """Advance the rates first, then position and attitude with the new rates, and normalise, as game engines do."""
     r, v, q, omega = state
-    v = add_scaled(v, h, linear_acceleration(q, body, loads))
-    omega = add_scaled(omega, h, angular_acceleration(q, omega, body, loads))
+    v = add_scaled(v, h, motion.linear_acceleration(q, body, loads))
+    omega = add_scaled(omega, h, motion.angular_acceleration(q, omega, body, loads))
     return _unit_attitude(advance(State(r, v, q, omega), h, Rates(v, NONE, quaternion_rate_b(q, omega), NONE)))
 
 
-@kernel(inline=False)
-def rk4_not_normalised_step(state: State, h: float, body: Body, loads: Loads) -> State:
-    """Take a step of classical Runge-Kutta on q as on any vector: each step scales |q| by 1 - (h omega)^6 / 9216.
+def _summed(advance: Any) -> Any:
+    """Return a function that gives k1 + 2 k2 + 2 k3 + k4, so that a state is rounded once and not four times."""
 
-    The order is 4; steps are stable up to h omega = 4 sqrt 2 (attitude) and h d / I = 2.785 (damping).
+    @njit(error_model="numpy", forceinline=True)  # type: ignore[untyped-decorator]
+    def summed(k1: Any, k2: Any, k3: Any, k4: Any) -> Any:
+        return advance(advance(advance(k1, 1.0, k4), 2.0, k2), 2.0, k3)
+
+    return summed
+
+
+def rk4(rates: Any, advance: Any) -> Any:
+    """Return a step of the classical method of Runge and Kutta; `more` is passed to the rates.
+
+    The order is 4. On q as on any vector each step scales |q| by 1 - (h omega)^6 / 9216, and steps are stable up to
+    h omega = 4 sqrt 2 (attitude) and h d / I = 2.785 (damping). On the nine numbers of R, |R^T R - I| =
+    n (h omega)^6 / 72 after n steps; on yaw, pitch and roll (ZYX) it is singular where cos(pitch) = 0.
     """
-    k1 = state_rates(state, body, loads)
-    k2 = state_rates(advance(state, 0.5 * h, k1), body, loads)
-    k3 = state_rates(advance(state, 0.5 * h, k2), body, loads)
-    k4 = state_rates(advance(state, h, k3), body, loads)
-    rates = advance(advance(advance(k1, 1.0, k4), 2.0, k2), 2.0, k3)  # the state is rounded once, not four times
-    return advance(state, h / 6.0, rates)
+    summed = _summed(advance)
+
+    @njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+    def step(y: Any, h: float, *more: Any) -> Any:
+        k1 = rates(y, *more)
+        k2 = rates(advance(y, 0.5 * h, k1), *more)
+        k3 = rates(advance(y, 0.5 * h, k2), *more)
+        return advance(y, h / 6.0, summed(k1, k2, k3, rates(advance(y, h, k3), *more)))
+
+    return step
 
 
-@kernel(inline=False)
+rk4_not_normalised_step = rk4(state_rates, advance)
+
+
+@njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
 def rk4_step(state: State, h: float, body: Body, loads: Loads) -> State:
     """Take a step of classical Runge-Kutta and normalise the attitude after it."""
     return _unit_attitude(rk4_not_normalised_step(state, h, body, loads))
@@ -159,31 +158,31 @@ def implicit_midpoint_step(state: State, h: float, body: Body, loads: Loads) -> 
 
 @kernel
 def _loads_in_b(R_ab: Matrix, loads: Loads) -> Loads:
-    R_ba = invert_matrix(R_ab)
-    force_b = add(loads.force_b, transform(R_ba, loads.force_a))
-    torque_b = add(loads.torque_b, transform(R_ba, loads.torque_a))
+    R_ba = matrices.invert_matrix(R_ab)
+    force_b = add(loads.force_b, matrices.transform(R_ba, loads.force_a))
+    torque_b = add(loads.torque_b, matrices.transform(R_ba, loads.torque_a))
     return Loads(loads.gravity_a, NONE, force_b, NONE, torque_b)
 
 
 @kernel
 def _accelerations(R_ab: Matrix, omega_b: Vec3, body: Body, loads: Loads) -> tuple[Vec3, Vec3]:
-    force_a = add(loads.force_a, transform(R_ab, loads.force_b))
-    a_c = linear_acceleration(NO_TURN, body, Loads(loads.gravity_a, force_a, NONE, NONE, NONE))
-    return a_c, angular_acceleration(NO_TURN, omega_b, body, _loads_in_b(R_ab, loads))
+    force_a = add(loads.force_a, matrices.transform(R_ab, loads.force_b))
+    a_c = motion.linear_acceleration(NO_TURN, body, Loads(loads.gravity_a, force_a, NONE, NONE, NONE))
+    return a_c, motion.angular_acceleration(NO_TURN, omega_b, body, _loads_in_b(R_ab, loads))
 
 
 @kernel(inline=False)
 def _matrix_rates(state: OtherState, body: Body, loads: Loads) -> OtherState:
     _, v, R_ab, omega = state
     a_c, alpha = _accelerations(R_ab, omega, body, loads)
-    return OtherState(v, a_c, matrix_rate_b(R_ab, omega), alpha)
+    return OtherState(v, a_c, matrices.matrix_rate_b(R_ab, omega), alpha)
 
 
 @kernel(inline=False)
 def _angle_rates(state: OtherState, body: Body, loads: Loads) -> OtherState:
     _, v, angles, omega = state
-    a_c, alpha = _accelerations(matrix_from_euler(ZYX, angles), omega, body, loads)
-    return OtherState(v, a_c, euler_rate_b(ZYX, angles, omega), alpha)
+    a_c, alpha = _accelerations(euler.matrix_from_euler(ZYX, angles), omega, body, loads)
+    return OtherState(v, a_c, euler.euler_rate_b(ZYX, angles, omega), alpha)
 
 
 def _advance_by(add: Callable[[Any, float, Any], Any]) -> Any:
@@ -191,46 +190,13 @@ def _advance_by(add: Callable[[Any, float, Any], Any]) -> Any:
 
     @njit(error_model="numpy", forceinline=True)  # type: ignore[untyped-decorator]
     def advance(state: OtherState, s: float, k: OtherState) -> OtherState:
-        r, v, omega = (
-            add_scaled(state.r_c, s, k.r_c),
-            add_scaled(state.v_c, s, k.v_c),
-            add_scaled(state.omega_b, s, k.omega_b),
-        )
-        return OtherState(r, v, add(state.attitude, s, k.attitude), omega)
+        r, v = add_scaled(state.r_c, s, k.r_c), add_scaled(state.v_c, s, k.v_c)
+        return OtherState(r, v, add(state.attitude, s, k.attitude), add_scaled(state.omega_b, s, k.omega_b))
 
     return advance
 
 
 _advance_vector, _advance_matrix = _advance_by(add_scaled), _advance_by(add_scaled_matrix)
-
-
-def _weighted_sum(advance: Any) -> Any:
-    """Return a function that advances a state by four rates with the weights 1/6, 1/3, 1/3, 1/6."""
-
-    @njit(error_model="numpy", forceinline=True)  # type: ignore[untyped-decorator]
-    def weighted_sum(y: Any, h: float, k1: Any, k2: Any, k3: Any, k4: Any) -> Any:
-        after = advance(advance(y, h / 6.0, k1), h / 3.0, k2)
-        return advance(advance(after, h / 3.0, k3), h / 6.0, k4)
-
-    return weighted_sum
-
-
-def rk4(rates: Any, advance: Any) -> Any:
-    """Return a step of the classical method of Runge and Kutta; `more` is passed to the rates.
-
-    On the nine numbers of R, |R^T R - I| = n (h omega)^6 / 72 after n steps; on yaw, pitch and roll (ZYX) it is
-    singular where cos(pitch) = 0.
-    """
-    weighted_sum = _weighted_sum(advance)
-
-    @njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
-    def step(y: Any, h: float, *more: Any) -> Any:
-        k1 = rates(y, *more)
-        k2 = rates(advance(y, 0.5 * h, k1), *more)
-        k3 = rates(advance(y, 0.5 * h, k2), *more)
-        return weighted_sum(y, h, k1, k2, k3, rates(advance(y, h, k3), *more))
-
-    return step
 
 
 # Lie group methods: within a step, the attitude is q exp(u)
@@ -252,7 +218,7 @@ def _local_rates(local: OtherState, q: Quaternion, correction: float, body: Body
     return OtherState(v, a_c, du, alpha)
 
 
-_local_rk4, _add_rates = rk4(_local_rates, _advance_vector), _weighted_sum(_advance_vector)
+_local_rk4, _summed_rates = rk4(_local_rates, _advance_vector), _summed(_advance_vector)
 
 
 @njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
@@ -275,7 +241,7 @@ def cf4_step(state: State, h: float, body: Body, loads: Loads) -> State:
     q2 = compose_quaternions(q, quaternion_from_rotvec(y2.attitude))
     last = OtherState(y4.r_c, y4.v_c, subtract(y4.attitude, y2.attitude), y4.omega_b)
     k4 = _local_rates(last, q2, 0.0, body, loads)
-    r, v, u, omega = _add_rates(local, h, k1, k2, k3, k4)
+    r, v, u, omega = _advance_vector(local, h / 6.0, _summed_rates(k1, k2, k3, k4))
     u = scale(0.5, u)
     lean = scale(h / 6.0, subtract(k1.attitude, k4.attitude))
     q = compose_quaternions(q, quaternion_from_rotvec(add(u, lean)))
@@ -322,10 +288,10 @@ def compiled_loop(step: Callable[[Any, float, Body, Loads], Any]) -> Steps:
     return loop  # type: ignore[no-any-return]
 
 
-_MATRIX = convert(OtherState, matrix_from_quaternion), convert(State, quaternion_from_matrix)
+_MATRIX = convert(OtherState, matrices.matrix_from_quaternion), convert(State, matrices.quaternion_from_matrix)
 _ANGLES = (
-    convert(OtherState, lambda q: euler_from_quaternion(ZYX, q)),
-    convert(State, lambda angles: quaternion_from_euler(ZYX, angles)),
+    convert(OtherState, lambda q: euler.euler_from_quaternion(ZYX, q)),
+    convert(State, lambda angles: euler.quaternion_from_euler(ZYX, angles)),
 )
 _ALL = (
     OneStepMethod("explicit Euler", compiled_loop(explicit_euler_step), 1, 1),
@@ -347,12 +313,6 @@ REFERENCE_INTEGRATORS = {integrator.name: integrator for integrator in _ALL}
 TORQUE_FREE_INTEGRATORS = {integrator.name: integrator for integrator in _FREE}
 """The methods for bodies in principal axes without loads or damping, by name."""
 ALL_INTEGRATORS = REFERENCE_INTEGRATORS | TORQUE_FREE_INTEGRATORS
-
-
-def integrator(method: str | OneStepMethod) -> OneStepMethod:
-    """Return a method as it is, or one of those above by its name."""
-    return ALL_INTEGRATORS[method] if isinstance(method, str) else method
-
 
 SPLITTINGS = {
     "Strang": OneStepMethod("splitting, order 2 (Strang)", strang_steps, 2, 1),

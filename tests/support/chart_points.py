@@ -4,8 +4,7 @@ import math
 from dataclasses import replace
 
 from rbfmu.studies.chart.cases import CASES, reference
-from rbfmu.studies.chart.findings import verdicts
-from rbfmu.studies.chart.result import Chart, Row, kind_of
+from rbfmu.studies.chart.result import Chart, Row, kind_of, verdicts
 from rbfmu_kernels.mechanics.equations_of_motion import State
 
 

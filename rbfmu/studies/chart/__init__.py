@@ -3,15 +3,19 @@
 All methods and installed peers are run on a scene as it is, with its ports at zero, and judged by its true motion.
 """
 
-from collections.abc import Callable
-from dataclasses import replace
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 from rbfmu.scene.scene import Scene, of_scene_or_path
-from rbfmu.studies.chart.result import Chart
+from rbfmu.studies.chart.result import SIDES, Chart, verdicts, write_rows
 
-__all__ = ["Chart", "chart"]
+__all__ = ["Chart", "chart", "run_charts", "write_charts"]
+
+QUICK_MOTIONS = ("a", "c", "d")
+DECADES = tuple(10.0**-k for k in range(2, 15))
 
 
 @of_scene_or_path
@@ -35,3 +39,57 @@ def chart(
     progress(0, 1, f"{scene.name}: the true motion")
     found = measure(case_of(scene), what, progress)
     return replace(found, whole=scene.run.stop - scene.run.start)
+
+
+# The charts of the eight motions, and what they say together
+
+
+def run_charts(
+    folder: Path, quick: bool, progress: Callable[[int, int, str], Any], method: Path | None = None
+) -> list[Path]:
+    """Chart the eight motions (quick: three of them, by few methods); return the files, `answers.txt` first of texts.
+
+    progress, method: as in `chart`.
+    """
+    from rbfmu.studies.chart.cases import CASES
+    from rbfmu.studies.chart.measure import charts_of, extent
+
+    return write_charts(folder, charts_of(QUICK_MOTIONS if quick else tuple(CASES), extent(quick, method), progress))
+
+
+def write_charts(folder: Path, charts: Sequence[Chart]) -> list[Path]:
+    """Write all measurements, what to use for an accuracy, and each chart; return the files."""
+    from rbfmu.studies.chart.drawing import draw_answers, draw_kept
+    from rbfmu.studies.chart.tables import plans_text
+
+    folder.mkdir(parents=True, exist_ok=True)
+    judged, head = verdicts(charts), charts[0].machine + charts[0].absent
+    text = folder / "answers.txt"
+    text.write_text(plans_text(judged, charts[0].machine) + "\n", encoding="utf-8")
+    files = [
+        write_rows(folder / "work_precision.csv", (_of(c) | asdict(row) for c in charts for row in c.rows), head),
+        write_rows(folder / "endings.csv", (_of(c) | asdict(end) for c in charts for end in c.ends), head),
+        write_rows(folder / "answers.csv", (row for c in charts for row in answers(c)), head),
+        text,
+        draw_answers(judged, folder / "answers.png"),
+    ]
+    for one in charts:
+        name = one.key.replace("'", "2")
+        files += one.save(folder, f"case_{name}_many" if one.many else f"case_{name}")
+        files += [] if one.many else draw_kept(one, folder / f"kept_{name}.png")
+    return files
+
+
+def _of(chart: Chart) -> dict[str, object]:
+    return {"case": chart.key, "title": chart.scene, "outputs": chart.outputs}
+
+
+def answers(chart: Chart) -> Iterator[dict[str, object]]:
+    """Yield, accuracy by accuracy, the cheapest method of the library, of plans, of common integrators and of peers."""
+    for accuracy in DECADES:
+        found = _of(chart) | {"accuracy": accuracy}
+        for side, families in SIDES.items():
+            offer = chart.cheapest(families, accuracy)
+            cost = offer.cost * chart.span if offer else math.nan
+            found |= {side: offer.method if offer else "", f"{side}_cost": cost}
+        yield found

@@ -1,12 +1,14 @@
 """A scene as a case on which methods compete: its outputs, its accuracy, its true motion; and eight motions as such.
 
 The true motion is what `planning.reference` gives in double-double arithmetic; that of the eight motions was computed
-once, to 40 digits.
+once, to 40 digits. What solvers integrate is the full state or a part of it, or, of a scene with formulas, the states
+that these name.
 """
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import pairwise
@@ -16,8 +18,10 @@ from typing import Any
 import numpy as np
 
 from rbfmu import arrays
+from rbfmu.models.formulas import FormulaModel, formulas_of
 from rbfmu.models.question import Question
 from rbfmu.planning.judge import MAX_REFERENCE_STEPS, least_sizes
+from rbfmu.planning.methods import ORDERS_OF_SERIES, whole_series
 from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
 from rbfmu.runs.motion import largest_error
 from rbfmu.runs.plan import Plan, start_run
@@ -28,11 +32,12 @@ from rbfmu_kernels.body.memory import body_of, loads_of, motion_of
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.integrators.splitting import is_symmetric_top
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
-from rbfmu_kernels.models.loaded import LOADED_TAYLOR
-from rbfmu_kernels.quantities import OUTPUT, active_flags
+from rbfmu_kernels.quantities import OUTPUT
 
 RATES, PATH, ROTATION, ALL = 3, 6, 7, 13
 """How many numbers solvers integrate: omega_b; r_c and v_c; q_ab and omega_b; q_ab, omega_b, r_c and v_c."""
+PLACES = {RATES: slice(4, 7), PATH: slice(7, 13), ROTATION: slice(0, 7), ALL: slice(0, 13)}
+"""Where these stand among q_ab, omega_b, r_c and v_c."""
 POINTS, MAX_OUTPUTS = 200, 20_000
 """The largest number of points at which errors are measured, and of communication steps of a charted run."""
 FLOOR = 1e-15
@@ -46,28 +51,33 @@ OUTPUT_STEP = 0.01
 DRIFTS = ("energy", "momentum", "vertical momentum")
 REFERENCES = Path(__file__).with_name("reference_motions.json")
 """The file is written by examples/references/reference_motions.py."""
-_GENERAL = Plan("body under loads, by series", "", 13, order=12)
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
     """A scene with its outputs at all communication points, and its ports at zero.
 
-    outputs: the number of equally spaced states that a method returns over the run; names: the blocks by which it is
-    judged; quantities: those that models compute; points: the largest number of checkpoints among the outputs.
-    Of the eight motions, key: that of its true motion; title: the name that a user would give it; keeps: what it
-    conserves out of `DRIFTS`; accuracies: those that plans are made for (none: that of the scene, and further digits).
+    outputs: the number of equally spaced states that a method returns over the run; points: the largest number of
+    checkpoints among the outputs. Of the eight motions, key: that of its true motion; keeps: what it conserves out of
+    `DRIFTS`; accuracies: those that plans are made for (none: that of the scene, and further digits).
     """
 
     scene: Scene
     outputs: int = CHECKPOINTS
-    names: tuple[str, ...] = ("quaternion", "omega_b")
-    quantities: tuple[str, ...] = ("quaternion", "omega_b")
     points: int = CHECKPOINTS
     key: str = ""
-    title: str = ""
     keeps: tuple[str, ...] = ()
     accuracies: tuple[float, ...] = ()
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Return the blocks by which methods are judged."""
+        return Question(self.scene).judged
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """Return the blocks that models compute."""
+        return tuple(dict.fromkeys((*self.scene.outputs.quantities, *self.names)))
 
     @property
     def span(self) -> float:
@@ -126,15 +136,36 @@ class Case:
 
     # The equations of motion
 
-    @property
-    def blocks(self) -> Mapping[str, slice]:
-        """Return the places of a model's quantities in its buffer."""
-        return LOADED_TAYLOR.BLOCKS
+    @cached_property
+    def general(self) -> Plan:
+        """Return a plan of the model of everything that may act, whose buffer holds body, loads and states."""
+        return whole_series(self.asked, ORDERS_OF_SERIES[0], 1.0)
 
     @cached_property
     def buffer(self) -> Array:
-        """Return the buffer of a body under loads at the start, which holds body and loads."""
-        return start_run(self.scene, _GENERAL)
+        """Return the buffer of that model at the start."""
+        return start_run(self.asked, self.general, self.names)
+
+    @cached_property
+    def state_places(self) -> list[int]:
+        """Return where the buffer has q_ab, omega_b, r_c and v_c."""
+        blocks = self.general.kernels.BLOCKS
+        return [i for name in ("q", "omega", "r_c", "v_c") for i in range(blocks[name].start, blocks[name].stop)]
+
+    @property
+    def places(self) -> list[int]:
+        """Return where the buffer has the numbers that solvers integrate."""
+        return self.state_places[PLACES[self.numbers]]
+
+    @property
+    def integrated(self) -> Array:
+        """Return the numbers that solvers integrate, at the start."""
+        return self.buffer[self.places]
+
+    @property
+    def times(self) -> Array:
+        """Return the times of the start and of all outputs, from 0 on."""
+        return np.arange(self.outputs + 1.0) * self.interval
 
     @cached_property
     def body(self) -> Body:
@@ -170,6 +201,12 @@ class Case:
         """Return whether splitting with the symmetric free rotation applies."""
         return not self.torque_free and bool(is_symmetric_top(self.body.inertia)) and not any(self.body.damping_b)
 
+    @property
+    def turns_freely(self) -> bool:
+        """Return whether attitude and rates of a torque-free body in principal axes are all that is asked for."""
+        mixed = [x for i, row in enumerate(self.body.inertia) for j, x in enumerate(row) if i != j]
+        return self.torque_free and self.numbers in (RATES, ROTATION) and not any(mixed) and all(self.moments)
+
     @cached_property
     def rate(self) -> float:
         """Return the largest |omega| at start and checkpoints, rad/s; 0 where no quantity depends on the rotation."""
@@ -192,15 +229,6 @@ class Case:
     def floors(self) -> Mapping[str, float]:
         """Return the least sizes that errors are relative to, by name."""
         return least_sizes(Question(self.scene), self.truth) if self.scene.body else {}
-
-    def states_of(self, rows: Array) -> Motion:
-        """Return the quantities at the checkpoints from a model's rows of `quantities` at the outputs."""
-        chosen, motion, first = rows[self.checkpoints], {}, 0
-        for name in self.quantities:
-            size = self.blocks[name].stop - self.blocks[name].start
-            motion[name] = chosen[:, first : first + size]
-            first += size
-        return motion
 
     def error(self, states: Any) -> float:
         """Return the largest error of states, or of quantities, at the checkpoints as the scene's accuracy counts."""
@@ -235,16 +263,64 @@ class Case:
         """Return the judged quantities of states; what is one already, as it is."""
         if isinstance(states, dict):
             return states
-        z, blocks, outputs = self.buffer.copy(), LOADED_TAYLOR.BLOCKS, tiered(LOADED_TAYLOR.outputs)
-        z[blocks["active"]] = active_flags(self.names)
-        rows: dict[str, list[Array]] = {name: [] for name in self.names}
-        for r, v, q, omega in states:
-            z[blocks["q"]], z[blocks["omega"]] = np.array(q) / np.linalg.norm(q), omega
-            z[blocks["r_c"]], z[blocks["v_c"]] = r, v
+        return self._shown(((*q, *omega, *r, *v) for r, v, q, omega in states), self.state_places)
+
+    def motion_of(self, rows: Array) -> Motion:
+        """Return what is judged from the numbers that solvers integrate, at the start and at all outputs."""
+        return self._shown(rows[1:][self.checkpoints], self.places)
+
+    def _shown(self, rows: Iterable[Any], places: Sequence[int]) -> Motion:
+        """Return what is judged from numbers of the buffer at the checkpoints; quaternions may have any length."""
+        z, kernels = self.buffer.copy(), self.general.kernels
+        blocks, outputs = kernels.BLOCKS, tiered(kernels.outputs)
+        found: dict[str, list[Array]] = {name: [] for name in self.names}
+        for time, row in zip(np.cumsum(self.outputs_between) * self.interval, rows, strict=True):
+            z[places] = row
+            if "series.time" in blocks:  # which formulas may read
+                z[blocks["series.time"]] = self.scene.run.start + time, 0.0
+            z[blocks["q"]] /= np.linalg.norm(z[blocks["q"]])
             outputs(z)
             for name in self.names:
-                rows[name].append(z[blocks[name]].copy())
-        return {name: np.array(found) for name, found in rows.items()}
+                found[name].append(z[blocks[name]].copy())
+        return {name: np.array(values) for name, values in found.items()}
+
+
+class FormulaCase(Case):
+    """A scene whose loads, states or outputs are formulas; its time counts from the start of the run."""
+
+    @cached_property
+    def formulas(self) -> FormulaModel:
+        """Return the model of the formulas."""
+        found = formulas_of(self.asked)
+        assert found is not None
+        return found
+
+    @cached_property
+    def names_of_states(self) -> list[str]:
+        """Return the names of the numbers that solvers integrate."""
+        return [name for name in self.formulas.rates if name != "t"]
+
+    @property
+    def numbers(self) -> int:
+        """Return how many numbers solvers integrate."""
+        return len(self.names_of_states)
+
+    @property
+    def places(self) -> list[int]:
+        """Return where the buffer has them."""
+        return [self.formulas.place(name) for name in self.names_of_states]
+
+    @cached_property
+    def rate(self) -> float:
+        """Return the largest |omega| that is known, rad/s."""
+        rates = self.truth.get("omega_b", np.array([self.scene.initial.omega_b]))
+        return float(np.max(np.linalg.norm(rates, axis=1)))
+
+    @property
+    def has_corners(self) -> bool:
+        """Return whether formulas have corners, or tables."""
+        graph = self.formulas.motion.graph
+        return any(graph.operations[i].kind == "side" for i in graph.reached(self.formulas.rates.values()))
 
 
 def state_of(r: Any, v: Any, q: Any, omega: Any) -> State:
@@ -252,20 +328,20 @@ def state_of(r: Any, v: Any, q: Any, omega: Any) -> State:
     return State(*(tuple(map(float, x)) for x in (r, v, q, omega)))  # type: ignore[arg-type]
 
 
+def kind_of_case(scene: Scene) -> type[Case]:
+    """Return the kind of case that a scene is."""
+    return FormulaCase if scene.has_formulas else Case
+
+
 def case_of(scene: Scene) -> Case:
     """Return the case of a scene, of whose run so much is charted as the reference follows in some seconds."""
-    from rbfmu.studies.chart.formulas import kind_of_case  # of which one is a case of those here
-
-    question, kind = Question(scene), kind_of_case(scene)
-    names = question.judged
-    quantities = tuple(dict.fromkeys((*scene.outputs.quantities, *names)))
     if scene.body is not None:
-        question.start.check()
+        Question(scene).start.check()
     steps = communication_steps(scene)
     whole = steps * scene.run.step <= (scene.run.stop - scene.run.start) * (1.0 + 1e-9)
     outputs = min(max(steps if whole else steps - 1, 1), MAX_OUTPUTS)
     while True:
-        case = kind(_first_steps(scene, outputs), outputs, names, quantities, POINTS)
+        case = kind_of_case(scene)(_first_steps(scene, outputs), outputs, POINTS)
         try:
             assert case.truth
             return case
@@ -302,55 +378,17 @@ def _known_motion(case: Case) -> Motion:
     return {name: np.vstack((getattr(initial, name), rows)) for name, rows in after.items()}
 
 
-BRICK = {"inertia": [1.0, 2.0, 3.0]}
-_LEANING = {"attitude": {"quaternion": [math.cos(0.3), math.sin(0.3), 0.0, 0.0]}}
+def _known_case(key: str, tables: dict[str, Any]) -> Case:
+    """Return one of the eight, which is asked for attitude and rates if its tables name no quantities."""
+    keeps, stop = tuple(tables.pop("keeps", ())), tables["run"]["stop"]
+    asked = {"outputs": {"quantities": ["quaternion", "omega_b"]}, "run": {"stop": stop, "step": stop / CHECKPOINTS}}
+    return Case(Scene.from_dict(asked | tables | {"run": asked["run"]}, key), key=key, keeps=keeps, accuracies=_PLANNED)
+
+
 _PLANNED = (1e-3, 1e-6, 1e-9, 1e-12)
-
-
-def _motion(
-    key: str, title: str, name: str, stop: float, body: Mapping[str, Any], omega_b: Sequence[float],
-    keeps: tuple[str, ...] = (), asked: tuple[str, ...] = ("quaternion", "omega_b"), **more: Any,
-) -> Case:  # fmt: skip
-    tables = {
-        "name": name,
-        "body": {"mass": 1.0, **body},
-        "initial": {"omega_b": list(omega_b)} | more.pop("initial", {}),
-        "loads": {"gravity_a": [0.0, 0.0, 0.0]} | more,
-        "run": {"stop": stop, "step": stop / CHECKPOINTS},
-    }
-    scene = Scene.from_dict(tables, name)
-    return Case(scene, names=asked, quantities=asked, key=key, title=title, keeps=keeps, accuracies=_PLANNED)
-
-
-def _top(key: str, title: str, name: str, middle: float) -> Case:
-    """Return a heavy top, m g r = 1 N m, moments (1, middle, 0.3) about the pivot, numbers exact in binary."""
-    arm = 0.125
-    body = {"inertia": [1.0 - arm * arm, middle - arm * arm, 0.3], "r_oc_b": [0.0, 0.0, arm], "pivot": True}
-    keeps, weight = ("energy", "vertical momentum"), [0.0, 0.0, -8.0]
-    return _motion(key, title, name, 10.0, body, (0.0, 0.0, 50.0), keeps, initial=_LEANING, gravity_a=weight)
-
-
-_KEPT, _RATES, _TURNED = ("energy", "momentum"), (0.3, 1.0, 0.2), {"attitude": {"quaternion": [0.5, 0.5, 0.5, 0.5]}}
-_OFF_CENTRE = {"mass": 2.0, "inertia": [1.0, 2.0, 2.5], "r_oc_b": [0.1, -0.2, 0.05]}
-CASES = {
-    case.key: case
-    for case in (
-        _motion("a", "free body", "free_body", 100.0, BRICK, _RATES, _KEPT, initial=_TURNED),
-        _motion("b", "free body, flipping", "flipping", 60.0, BRICK, (1e-4, 2.0, 1e-4), _KEPT),
-        _motion("g", "free body, 1e6 turns", "million_turns", 6e6, BRICK, _RATES, _KEPT, initial=_TURNED),
-        _top("c", "heavy top", "heavy_top", 1.0),
-        _top("c'", "heavy top, three moments", "three_moments", 1.25),
-        _motion("d", "constant body torque", "body_torque", 20.0, BRICK, (0.1, 0.2, 0.3), torque_b=[0.1, 0.05, -0.2]),
-        _motion("e", "damped spin", "damped_spin", 10.0, BRICK, (0.0, 0.0, 10.0), damping_b=[0.5, 0.5, 0.5]),
-        _motion("f", "thruster off the centre", "thruster", 20.0, _OFF_CENTRE, (0.3, -0.5, 0.8),
-                asked=("quaternion", "omega_b", "position"), initial={"velocity": [1.0, 0.0, 0.0]},
-                gravity_a=[0.0, 0.0, -9.81], force_b=[1.0, 0.5, -2.0]),
-    )
-}  # fmt: skip
-"""The eight motions by key: a to e as in the literature on these methods, f with six degrees of freedom, g a long run.
-
-Of all but f the path has a closed form, so that no method has to compute it.
-"""
+_TABLES = tomllib.loads(Path(__file__).with_name("motions.toml").read_text(encoding="utf-8"))
+CASES = {key: _known_case(key, tables) for key, tables in _TABLES.items()}
+"""The eight motions by key."""
 
 
 def few_and_many(keys: Sequence[str] = tuple(CASES)) -> list[Case]:

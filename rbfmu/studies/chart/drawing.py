@@ -15,9 +15,20 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from rbfmu.plot import open_frame
 from rbfmu.studies.chart.cases import CHECKPOINTS, DRIFTS, FLOOR, OUTPUT_STEP
-from rbfmu.studies.chart.contestants import TAKES_NO, short
-from rbfmu.studies.chart.findings import REFUSED, Reach, Verdict, above_round_off, error_of, front, reaches
-from rbfmu.studies.chart.result import KINDS, OWN_KINDS, STOPPED, Chart, Row, name_of
+from rbfmu.studies.chart.methods import short
+from rbfmu.studies.chart.result import (
+    ERROR,
+    KINDS,
+    OWN_KINDS,
+    REFUSED,
+    STOPPED,
+    TAKES_NO,
+    Chart,
+    Reach,
+    Row,
+    Verdict,
+    front,
+)
 from rbfmu.studies.chart.tables import conditions, cost_text, headline, method_of, short_number, times, why_no_further
 
 DPI = 120
@@ -37,15 +48,15 @@ def figure_of(chart: Chart) -> Figure:
     figure = _figure(10.5, 8.0)
     axes = figure.add_axes((0.085, 0.235, 0.635, 0.555))
     lines = _lines(chart)
-    draw_lines(axes, lines, error_of, {end.method for end in chart.ends if end.stopped})
+    draw_lines(axes, lines, ERROR, {end.method for end in chart.ends if end.stopped})
     _limits(axes, chart, [row for line in lines.values() for row in line])
     _accuracy_asked(axes, chart)
     axes.plot([max(chart.plan.error, FLOOR)], [chart.plan.seconds], marker="*", markersize=24, color="#000000",
               markeredgecolor="white", markeredgewidth=1.2, zorder=6, clip_on=False)  # fmt: skip
-    ends = lines | {"rbfmu's plan": [row for row in above_round_off(chart) if row.kind == "rbfmu's plan" and
+    ends = lines | {"rbfmu's plan": [row for row in chart.above_round_off if row.kind == "rbfmu's plan" and
                                      row.value == chart.plan.value]}  # fmt: skip
-    labels = {reach.kind: _label(reach) for reach in reaches(chart)}
-    name_lines(axes, ends, error_of, labels.__getitem__, 0.062)
+    labels = {reach.kind: _label(reach) for reach in chart.reaches}
+    name_lines(axes, ends, ERROR, labels.__getitem__, 0.062)
     _words(figure, chart)
     return figure
 
@@ -58,7 +69,7 @@ def _figure(width: float, height: float) -> Figure:
 
 def _lines(chart: Chart) -> dict[str, list[Row]]:
     """Return the front of each kind; that of closed forms only where it is not the plan itself."""
-    lines = lines_of(above_round_off(chart), error_of)
+    lines = lines_of(chart.above_round_off, ERROR)
     if chart.model in (row.method for row in lines.get("exact", ())):
         del lines["exact"]
     return lines
@@ -94,7 +105,7 @@ def _accuracy_asked(axes: Any, chart: Chart) -> None:
 def _label(reach: Reach) -> str:
     """Return a kind's name, and its cost at the accuracy asked."""
     without = "stopped" if reach.stopped else "misses"
-    return f"{name_of(reach.kind)}  {cost_text(reach.cost) if math.isfinite(reach.cost) else without}"
+    return f"{reach.name}  {cost_text(reach.cost) if math.isfinite(reach.cost) else without}"
 
 
 def _words(figure: Figure, chart: Chart) -> None:

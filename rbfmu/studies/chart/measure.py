@@ -12,11 +12,9 @@ from time import thread_time
 from typing import Any
 
 from rbfmu.planning.select import plan
-from rbfmu.studies.chart.cases import FLOOR, RATES, ROTATION, Case
-from rbfmu.studies.chart.contestants import Planned, contestants, too_small, why_not
-from rbfmu.studies.chart.formulas import FormulaCase
-from rbfmu.studies.chart.methods import FixedSteps, Method, NotFeasibleError, Run
-from rbfmu.studies.chart.peers import ABSENT, absent, peers
+from rbfmu.studies.chart.cases import FLOOR, RATES, ROTATION, Case, few_and_many
+from rbfmu.studies.chart.contestants import ABSENT, absent, contestants, peers, too_small, why_not
+from rbfmu.studies.chart.methods import FixedSteps, Method, NotFeasibleError, Planned, Run
 from rbfmu.studies.chart.result import STOPPED, YOURS, Chart, End, Row, kind_of
 from rbfmu.studies.chart.solvers import Solver
 from rbfmu.studies.own_method import method_of_file
@@ -40,7 +38,7 @@ _NOT_OWN = "{}: it has attitude and rates, and the scene asks for more, or has f
 
 def _takes_step(case: Case) -> bool:
     """Return whether a step of attitude and rates is all that a case needs."""
-    return case.scene.body is not None and not isinstance(case, FormulaCase) and case.numbers in (RATES, ROTATION)
+    return case.scene.body is not None and case.numbers in (RATES, ROTATION)
 
 
 @dataclass(frozen=True)
@@ -71,11 +69,11 @@ def extent(quick: bool, method: str | Path | None) -> Extent:
 
 def measure(case: Case, what: Extent, progress: Progress, first_calls: dict[str, float] | None = None) -> Chart:
     """Return the chart of a case; first_calls: what is known of the time that methods take to compile, s."""
-    name = case.title or case.scene.name
+    name = case.scene.name
     planned = plan(case.asked)
     methods = [m for m in contestants(case, peers()[0]) if not what.only or m.name in what.only]
     own = [] if what.own is None else [FixedSteps(what.own, YOURS, _takes_step)]
-    methods += [method for method in own if method.suits(case)]
+    methods += [method for method in own if not why_not(method, case) and method.suits(case)]
     first_calls, total = {} if first_calls is None else first_calls, len(methods) + what.repeats
     found: list[Tried] = []
     ends: list[End] = []
@@ -99,6 +97,17 @@ def measure(case: Case, what: Extent, progress: Progress, first_calls: dict[str,
         next((m.refusal for m in methods if isinstance(m, Planned)), ""),
         tuple(line for line in machine() if line not in absent()), key=case.key, many=case.many,
     )  # fmt: skip
+
+
+def charts_of(keys: Sequence[str], what: Extent, progress: Progress) -> list[Chart]:
+    """Return a chart of each of the eight motions named, with few and with many outputs."""
+    cases, first_calls = few_and_many(keys), dict[str, float]()
+    share = 1000
+
+    def part(i: int) -> Progress:
+        return lambda done, total, text: progress(i * share + done * share // total, len(cases) * share, text)
+
+    return [measure(case, what, part(i), first_calls) for i, case in enumerate(cases)]
 
 
 @dataclass

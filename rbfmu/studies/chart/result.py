@@ -1,16 +1,26 @@
-"""What a chart holds: all measurements on a case, how far each method came, and the models that are too small."""
+"""What a chart holds, and what it says.
+
+All measurements on a case, how far each method came, and the models that are too small; the cost of an accuracy, by
+kind of method; plans beside the best of the others.
+"""
 
 import csv
 import math
 import re
-from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
+from itertools import pairwise
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
-from rbfmu.studies.chart.contestants import TooSmall
+import numpy as np
 
+from rbfmu.studies.chart.cases import FLOOR
+
+TAKES_NO = "takes no"
+"""How the reason begins why a model does not serve a scene with ports, or with parameters to be changed."""
 STOPPED = "stopped: time limit"
 YOURS = "your method"
 KINDS = {
@@ -42,11 +52,6 @@ def kind_of(method: str, family: str) -> str:
     if method.startswith("SciPy") and method != "SciPy odeint":
         return "SciPy solve_ivp"
     return next(name for name in KINDS if method.startswith(name))
-
-
-def name_of(kind: str) -> str:
-    """Return how a kind of methods is called."""
-    return "closed form" if kind == "exact" else kind
 
 
 @dataclass(frozen=True)
@@ -92,6 +97,18 @@ class End:
 
 
 @dataclass(frozen=True)
+class TooSmall:
+    """A model that is smaller than the plan's, and its error as the scene's accuracy counts it.
+
+    why: why it has none, if so.
+    """
+
+    model: str
+    error: float
+    why: str = ""
+
+
+@dataclass(frozen=True)
 class Chart:
     """Accuracy against cost on a scene; `print` shows a table, `save` writes table, CSV file and picture.
 
@@ -126,6 +143,41 @@ class Chart:
     def plan(self) -> Row:
         """Return the plan for the accuracy asked."""
         return self.plans[0]
+
+    @cached_property
+    def above_round_off(self) -> list[Row]:
+        """Return the measurements with errors of at least `FLOOR`."""
+        return [replace(row, error=max(row.error, FLOOR)) for row in self.rows]
+
+    @cached_property
+    def noise(self) -> float:
+        """Return the ratio within which costs count as equal: 19 of 20 points that are compared have a smaller spread.
+
+        These cost at most ten times as much as the plan; dear runs are timed less often.
+        """
+        return float(np.percentile([row.spread for row in self.rows if row.seconds <= 10.0 * self.plan.seconds], 95.0))
+
+    def cheapest(self, families: Sequence[str], accuracy: float) -> "Offer | None":
+        """Return the cheapest method of some families that reaches an accuracy."""
+        return cheapest([row for row in self.above_round_off if row.family in families], accuracy)
+
+    @cached_property
+    def reaches(self) -> "list[Reach]":
+        """Return what each kind of method costs at the accuracy asked, the cheapest first."""
+        found = filter(None, map(self._reach, KINDS))
+        return sorted(found, key=lambda reach: (reach.cost, reach.least))
+
+    def _reach(self, kind: str) -> "Reach | None":
+        rows = [row for row in self.above_round_off if row.kind == kind]
+        ends = [end for end in self.ends if end.kind == kind and not end.why.startswith("not run")]
+        if not rows and not ends:
+            return None
+        if kind == "rbfmu's plan":
+            return Reach(kind, self.plan.detail, self.plan.seconds, self.plan.error, self.plan.detail, "")
+        offer = cheapest(rows, max(self.accuracy, FLOOR)) or Offer("", math.inf)
+        end = min(ends, key=lambda end: end.error, default=None)
+        least, best, why = (end.error, end.method, end.why) if end else (rows[0].error, rows[0].method, "")
+        return Reach(kind, offer.method, offer.cost, least, best, why, any(end.stopped for end in ends))
 
     @cached_property
     def table(self) -> str:
@@ -185,3 +237,152 @@ def write_rows(path: Path, rows: Iterable[dict[str, Any]], head: Iterable[str]) 
         writer.writeheader()
         writer.writerows(rows)
     return path
+
+
+# What charts say: the cost of an accuracy, by kind of method; plans beside the best of the others
+
+SIDES = {
+    "library": ("exact", "DOP853", "Taylor", "splitting"),
+    "planned": ("planned",),
+    "integrator": ("classic", "Moser-Veselov"),
+    "peer": ("peer",),
+}
+"""Who offers families of methods: the library, its plans, which choose among them, integrators in common use, peers."""
+DEAREST = 1.3
+"""The largest cost of a plan relative to the best other method; a plan is made without knowing the true error."""
+REFUSED = "refused"
+ERROR: Callable[[Row], float] = attrgetter("error")
+"""The error by which methods are compared."""
+
+
+def front(rows: Iterable[Row], error: Callable[[Row], float] = ERROR, gain: float = 1.0) -> list[Row]:
+    """Return the Pareto front by rising cost: each error is below `gain` times that of the row before."""
+    kept: list[Row] = []
+    for row in sorted(rows, key=lambda row: row.seconds):
+        if not kept or error(row) < gain * error(kept[-1]):
+            kept.append(row)
+    return kept
+
+
+def cost_of(rows: Iterable[Row], accuracy: float) -> float | None:
+    """Return the cost of an accuracy by one method's rows, interpolated by a power law; None if out of reach.
+
+    Between two settings the error of a method of order p falls as its cost^-p; plans and closed forms have no setting
+    between.
+    """
+    best = front(rows)
+    if not best or best[-1].error > accuracy:
+        return None
+    if best[0].error <= accuracy:
+        return best[0].seconds
+    coarse, fine = next(pair for pair in pairwise(best) if pair[1].error <= accuracy)
+    if fine.family in ("exact", "planned"):
+        return fine.seconds
+    part = math.log(coarse.error / accuracy) / math.log(coarse.error / fine.error)
+    return float(coarse.seconds * (fine.seconds / coarse.seconds) ** part)
+
+
+@dataclass(frozen=True)
+class Offer:
+    """A method, and the processor time in s by which it reaches an accuracy, for a simulated second."""
+
+    method: str
+    cost: float
+
+
+def cheapest(rows: Sequence[Row], accuracy: float) -> Offer | None:
+    """Return the cheapest method of these rows that reaches an accuracy."""
+    names = dict.fromkeys(row.method for row in rows)
+    costs = ((name, cost_of([row for row in rows if row.method == name], accuracy)) for name in names)
+    offers = [Offer(name, cost) for name, cost in costs if cost is not None]
+    return min(offers, key=lambda offer: offer.cost, default=None)
+
+
+@dataclass(frozen=True)
+class Reach:
+    """The cheapest way to the accuracy asked by a kind of method.
+
+    cost: s for a simulated second, infinite where none meets the accuracy; least: the smallest error of the kind, by
+    `best`, and why that ended; stopped: whether the time limit stopped one, which might else come further.
+    """
+
+    kind: str
+    method: str
+    cost: float
+    least: float
+    best: str
+    why: str
+    stopped: bool = False
+
+    @property
+    def name(self) -> str:
+        """Return how the kind is called."""
+        return "closed form" if self.kind == "exact" else self.kind
+
+
+# Each plan beside the best of the others
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A plan for an accuracy, the best other method at the plan's error, the best peer at that accuracy.
+
+    plan: None where it is refused; stopped: whether the time limit stopped a peer before that accuracy.
+    """
+
+    chart: Chart
+    accuracy: float
+    plan: Row | None
+    rival: Offer | None
+    peer: Offer | None
+    stopped: bool
+
+    @property
+    def method(self) -> str:
+        """Return what the plan chose."""
+        return self.plan.detail if self.plan else REFUSED
+
+    @property
+    def error(self) -> float:
+        """Return the plan's error; infinite where there is none."""
+        return self.plan.error if self.plan else math.inf
+
+    @property
+    def cost(self) -> float:
+        """Return the plan's cost for a simulated second; infinite where there is none."""
+        return self.plan.seconds if self.plan else math.inf
+
+    @property
+    def dearness(self) -> float:
+        """Return the cost relative to the best other method's, 0 where none is as accurate."""
+        return self.cost / self.rival.cost if self.rival else 0.0
+
+    @property
+    def lead(self) -> float:
+        """Return the best peer's cost over the plan's: infinite if no peer is as accurate, 0 if there is no plan."""
+        return self.peer.cost / self.cost if self.peer else math.inf
+
+    @property
+    def even(self) -> bool:
+        """Return whether both costs are equal within the noise."""
+        return 1.0 / self.chart.noise <= self.lead <= self.chart.noise
+
+    @property
+    def kept(self) -> bool:
+        """Return whether the plan keeps its accuracy and costs no more than `DEAREST` allows."""
+        return self.error <= self.accuracy and self.dearness <= DEAREST * self.chart.noise
+
+
+def verdicts(charts: Sequence[Chart]) -> list[Verdict]:
+    """Return a verdict for each chart and each accuracy that plans were asked for."""
+    asked = {row.value for chart in charts for row in chart.rows if row.family == "planned"}
+    return [_verdict(chart, accuracy) for chart in charts for accuracy in sorted(asked, reverse=True)]
+
+
+def _verdict(chart: Chart, accuracy: float) -> Verdict:
+    plan = next((row for row in chart.rows if row.family == "planned" and row.value == accuracy), None)
+    error = max(min(plan.error if plan else math.inf, accuracy), FLOOR)
+    peers = {row.method for row in chart.rows if row.family == "peer"}
+    stopped = any(e.stopped and e.method in peers and e.error > accuracy for e in chart.ends)
+    rival = chart.cheapest(SIDES["library"] + SIDES["integrator"], error)
+    return Verdict(chart, accuracy, plan, rival, chart.cheapest(SIDES["peer"], accuracy), stopped)

@@ -223,9 +223,7 @@ class Drake(Method):
             else:
                 yaw, pitch, roll = arrays.euler_from_quaternion("ZYX", np.array(initial.quaternion))
                 ball.set_angles(context, (roll, pitch, yaw))
-                ball.set_angular_velocity(
-                    context, arrays.rotate(np.array(initial.quaternion), np.array(initial.omega_b))
-                )
+                ball.set_angular_velocity(context, omega_a)
             made.Initialize()
             return made
 
@@ -267,9 +265,8 @@ class Drake(Method):
         body = plant.AddRigidBody("body", tree.SpatialInertia(mass, r, inertia))
         ball = None
         if scene_body.pivot or any(loads.damping_b):
-            ball = plant.AddJoint(
-                tree.BallRpyJoint("ball", plant.world_frame(), body.body_frame(), damping=loads.damping_b[0])
-            )
+            frames = plant.world_frame(), body.body_frame()
+            ball = plant.AddJoint(tree.BallRpyJoint("ball", *frames, damping=loads.damping_b[0]))
         plant.mutable_gravity_field().set_gravity_vector(loads.gravity_a)
         plant.Finalize()
         return plant, body, ball

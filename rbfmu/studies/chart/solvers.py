@@ -3,7 +3,7 @@
 SciPy's solvers call a right-hand side that Numba compiled; numbalsoda's are called from compiled code themselves.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from itertools import islice
 from typing import Any
@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 from numba import carray, cfunc, njit
 
+from rbfmu.formulas.graph import KNOWN, numbers_of
+from rbfmu.formulas.source import function_of
 from rbfmu.scene.scene import Scene
-from rbfmu.studies.chart.cases import ALL, PATH, RATES, ROTATION, Case, state_of
-from rbfmu.studies.chart.formulas import FormulaCase, kind_of_case
+from rbfmu.studies.chart.cases import ALL, PATH, PLACES, RATES, ROTATION, Case, FormulaCase, kind_of_case
 from rbfmu.studies.chart.methods import Method, NotFeasibleError, Run, module, timer, tolerances
 from rbfmu_kernels.body.memory import body_of, loads_of, motion_of
-from rbfmu_kernels.mechanics.equations_of_motion import State, state_rates
+from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State, state_rates
 
 MAX_STEPS = 10**6
 """The largest number of steps between two outputs; the solvers' default limits are much lower."""
@@ -47,9 +48,27 @@ def put_rates(t: float, f: Any, y: Any, z: Any) -> None:
         f[n - 3], f[n - 2], f[n - 1] = dv
 
 
+@cache
 def _put_rates_of(case: Case) -> Any:
     """Return what puts the rates of the case's numbers: that above, or one that is made from its formulas."""
-    return case.put_rates if isinstance(case, FormulaCase) else put_rates
+    if not isinstance(case, FormulaCase):
+        return put_rates
+    begin, names = case.scene.run.start, dict[str, Any]()
+    leaves = _leaves(case, [f"y[{i}]" for i in range(case.numbers)], f"(t + {begin!r})" if begin else "t")
+    exec(function_of("put_rates", case.formulas.motion.graph, _rates_in_graph(case), leaves), names)  # our own text
+    return njit(error_model="numpy")(names["put_rates"])
+
+
+def _rates_in_graph(case: FormulaCase) -> list[Any]:
+    """Return the rates of the numbers that are integrated, as symbols of the graph of the formulas."""
+    return [case.formulas.rates[name] for name in case.names_of_states]
+
+
+def _leaves(case: FormulaCase, states: Sequence[Any], time: Any) -> dict[str, Any]:
+    """Return what stands for states and time in the graph, and the values of all that stays as it is at the start."""
+    known = {str(row.value) for row in case.formulas.motion.graph.operations if row.kind in ("place", "input")}
+    values = {name: float(case.buffer[case.formulas.place(name)]) for name in known}
+    return {**values, **dict(zip(case.names_of_states, states, strict=True)), "t": time}
 
 
 @cache
@@ -65,59 +84,35 @@ def _rates(put: Any) -> Any:
     return rates
 
 
+def rates_in_numpy(body: Body, loads: Loads, q: Any, w: Any) -> tuple[Any, Any, Any]:
+    """Return d/dt of q_ab, omega_b and v_c, of arrays as users write them; of numbers, or of expressions of others."""
+    (e, x, y, z), u = q, q[1:]
+    R = np.array((
+        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - e * z), 2.0 * (x * z + e * y)),
+        (2.0 * (x * y + e * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - e * x)),
+        (2.0 * (x * z - e * y), 2.0 * (y * z + e * x), 1.0 - 2.0 * (x * x + y * y)),
+    ))  # fmt: skip
+    torque = loads.torque_b + R.T @ loads.torque_a + np.cross(body.arm_b, loads.force_b + R.T @ loads.force_a)
+    turning = torque - np.cross(w, np.array(body.inertia) @ w) - np.array(body.damping_b) * w
+    dq = [-0.5 * (u @ w), *(0.5 * (e * w + np.cross(u, w)))]
+    dv = body.is_free * np.array(loads.gravity_a) + body.inverse_mass * (loads.force_a + R @ loads.force_b)
+    return dq, np.array(body.inertia_inverse) @ turning, dv
+
+
 def _numpy_rates(case: Case) -> Callable[[float, Any], Any]:
-    """Return the same rates in NumPy, as users write them."""
-    body, loads = case.body, case.loads
-    M, M_inverse, arm, damping = (np.array(x) for x in (body.inertia, body.inertia_inverse, body.arm_b, body.damping_b))
-    gravity_a, force_a, force_b = (np.array(x) for x in (loads.gravity_a, loads.force_a, loads.force_b))
-    torque_a, torque_b = np.array(loads.torque_a), np.array(loads.torque_b)
+    body, loads = Body._make(map(np.array, case.body)), Loads._make(map(np.array, case.loads))
 
     def rates(t: float, y: Any) -> Any:
-        e, u, w = y[0], y[1:4], y[4:7]
-        skew = np.array([[0.0, -u[2], u[1]], [u[2], 0.0, -u[0]], [-u[1], u[0], 0.0]])
-        R = np.eye(3) + 2.0 * (e * skew + skew @ skew)
-        torque = np.cross(arm, force_b + R.T @ force_a) + torque_b + R.T @ torque_a - damping * w - np.cross(w, M @ w)
-        f = [-0.5 * u @ w, *(0.5 * (e * w + np.cross(u, w))), *(M_inverse @ torque)]
-        return f if len(y) == 7 else [*f, *y[10:13], *(gravity_a + body.inverse_mass * (force_a + R @ force_b))]
+        dq, dw, dv = rates_in_numpy(body, loads, y[:4], y[4:7])
+        return [*dq, *dw] if len(y) == ROTATION else [*dq, *dw, *y[10:], *dv]
 
     return rates
-
-
-_PLACES = {RATES: slice(4, 7), PATH: slice(7, 13), ROTATION: slice(0, 7), ALL: slice(0, 13)}
-"""Where the numbers that are integrated stand among q_ab, omega_b, r_c and v_c."""
-
-
-def _whole_start(case: Case) -> Any:
-    r, v, q, omega = case.start
-    return np.array((*q, *omega, *r, *v))
-
-
-def start_of(case: Case) -> Any:
-    """Return the numbers that are integrated, at the start."""
-    if isinstance(case, FormulaCase):
-        return case.buffer[case.places]
-    return _whole_start(case)[_PLACES[case.numbers]]
-
-
-def times_of(case: Case) -> Any:
-    """Return the times of the start and of all outputs."""
-    return np.arange(case.outputs + 1) * case.interval
-
-
-def states_of(case: Case, rows: Any) -> Any:
-    """Return the states at the checkpoints, or what is judged, from the rows at the start and at all outputs."""
-    chosen = rows[1:][case.checkpoints]
-    if isinstance(case, FormulaCase):
-        return case.motion_of(chosen)
-    whole = np.tile(_whole_start(case), (len(chosen), 1))
-    whole[:, _PLACES[case.numbers]] = chosen
-    return [state_of(x[7:10], x[10:], x[:4], x[4:7]) for x in whole]
 
 
 class Solver(Method):
     """A solver whose tolerance is varied, of any equations: also of those that formulas give."""
 
-    setting = "rtol = atol"
+    setting, takes_formulas = "rtol = atol", True
 
     def settings(self, case: Case, quick: bool) -> Iterator[float]:
         """Return tolerances."""
@@ -134,7 +129,7 @@ class SolveIvp(Solver):
     def run(self, case: Case, value: float) -> Run:
         """Return a run at a tolerance."""
         solve = module("scipy.integrate").solve_ivp
-        y, times, z = start_of(case), times_of(case), case.buffer
+        y, times, z = case.integrated, case.times, case.buffer
         compiled = _rates(_put_rates_of(case))
         rates = (lambda t, y: compiled(t, y, z)) if self.compiled else _numpy_rates(case)
 
@@ -144,7 +139,7 @@ class SolveIvp(Solver):
         first = once()
         if not first.success:
             raise NotFeasibleError(first.message)
-        found = states_of(case, first.y.T)
+        found = case.motion_of(first.y.T)
         return Run(lambda: found, timer(lambda k: [once() for _ in range(k)]), float(first.nfev))
 
 
@@ -156,7 +151,7 @@ class Odeint(Solver):
     def run(self, case: Case, value: float) -> Run:
         """Return a run at a tolerance."""
         odeint = module("scipy.integrate").odeint
-        y, times, more, rates = start_of(case), times_of(case), (case.buffer,), _rates(_put_rates_of(case))
+        y, times, more, rates = case.integrated, case.times, (case.buffer,), _rates(_put_rates_of(case))
 
         def once(full: bool = False) -> Any:
             limits = {"rtol": value, "atol": value, "mxstep": MAX_STEPS}
@@ -165,7 +160,7 @@ class Odeint(Solver):
         rows, told = once(True)
         if told["message"] != "Integration successful.":
             raise NotFeasibleError(told["message"])
-        found = states_of(case, rows)
+        found = case.motion_of(rows)
         return Run(lambda: found, timer(lambda k: [once() for _ in range(k)]), float(told["nfe"][-1]))
 
 
@@ -202,12 +197,12 @@ class Numbalsoda(Solver):
 
     def run(self, case: Case, value: float) -> Run:
         """Return a run at a tolerance."""
-        y, times, z = start_of(case), times_of(case), case.buffer
+        y, times, z = case.integrated, case.times, case.buffer
         solved, address = _solved(self.method), _callback(_put_rates_of(case), len(y), len(z)).address
         rows, success = solved(address, y, times, z, value, 1)
         if not success:
             raise NotFeasibleError("numbalsoda gave up")
-        found = states_of(case, rows)
+        found = case.motion_of(rows)
         return Run(lambda: found, timer(lambda k: solved(address, y, times, z, value, k)), float("nan"))
 
 
@@ -225,7 +220,7 @@ class Heyoka(Solver):
 
     def run(self, case: Case, value: float) -> Run:
         """Return a run at a tolerance."""
-        y, grid = start_of(case), times_of(case)
+        y, grid = case.integrated, case.times
         series = _integrator(case.scene, case.numbers, value)
         success = module("heyoka").taylor_outcome.time_limit
 
@@ -237,7 +232,7 @@ class Heyoka(Solver):
         outcome, *_, rows = once()
         if outcome != success:
             raise NotFeasibleError(str(outcome))
-        found = states_of(case, rows)
+        found = case.motion_of(rows)
         return Run(lambda: found, timer(lambda k: [once() for _ in range(k)]), float("nan"))
 
 
@@ -255,21 +250,31 @@ def equations(case: Case, numbers: int) -> list[tuple[Any, Any]]:
     Zeros cost nothing: heyoka.py drops terms and factors that are zero before it compiles.
     """
     if isinstance(case, FormulaCase):
-        return case.in_heyoka(module("heyoka"))
+        return _equations_of_formulas(case, module("heyoka"))
     sizes = {"q": 4, "w": 3, "r": 3, "v": 3}
     q, w, r, v = (np.array(module("heyoka").make_vars(*(f"{x}{i}" for i in range(n)))) for x, n in sizes.items())
-    (e, x, y, z) = q = q if numbers >= ROTATION else np.array(case.start.q_ab)
-    body, loads, u = case.body, case.loads, q[1:]
-    R = np.array((
-        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - e * z), 2.0 * (x * z + e * y)),
-        (2.0 * (x * y + e * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - e * x)),
-        (2.0 * (x * z - e * y), 2.0 * (y * z + e * x), 1.0 - 2.0 * (x * x + y * y)),
-    ))  # fmt: skip
-    force = loads.force_b + R.T @ loads.force_a
-    torque = loads.torque_b + R.T @ loads.torque_a + np.cross(body.arm_b, force)
-    turning = torque - np.cross(w, np.array(body.inertia) @ w) - np.array(body.damping_b) * w
-    dq = [-0.5 * (u @ w), *(0.5 * (e * w + np.cross(u, w)))]
-    dv = body.is_free * np.array(loads.gravity_a) + body.inverse_mass * (loads.force_a + R @ loads.force_b)
-    dw = np.array(body.inertia_inverse) @ turning
+    turned = q if numbers >= ROTATION else np.array(case.start.q_ab)
+    dq, dw, dv = rates_in_numpy(case.body, case.loads, turned, w)
     rates = (*dq, *dw, *v, *(dv + 0.0 * v))  # no number alone is a right-hand side
-    return list(zip((*q, *w, *r, *v), rates, strict=True))[_PLACES[numbers]]
+    return list(zip((*q, *w, *r, *v), rates, strict=True))[PLACES[numbers]]
+
+
+def _equations_of_formulas(case: FormulaCase, heyoka: Any) -> list[tuple[Any, Any]]:
+    variables = [heyoka.make_vars(f"y{i}") for i in range(case.numbers)]
+    leaves = _leaves(case, variables, heyoka.time + case.scene.run.start)
+    rates = numbers_of(case.formulas.motion.graph, _rates_in_graph(case), leaves, heyoka_functions(heyoka))
+    return list(zip(variables, map(heyoka.expression, rates), strict=True))
+
+
+def heyoka_functions(heyoka: Any) -> dict[str, Callable[..., Any]]:
+    """Return the operations on expressions of heyoka.py; of numbers alone they are known."""
+    theirs = {name: getattr(heyoka, name) for name in ("sqrt", "sin", "cos", "exp", "log")}
+    theirs |= {"atan2": lambda y, x, _: heyoka.atan2(y, x), "power": lambda x, exponent: x**exponent}
+
+    def chosen(kind: str) -> Callable[..., Any]:
+        def operation(*of: Any) -> Any:
+            return KNOWN[kind](*of) if all(isinstance(x, float) for x in of) else theirs[kind](*of)
+
+        return operation
+
+    return {**KNOWN, **{kind: chosen(kind) for kind in theirs}}

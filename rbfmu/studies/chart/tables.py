@@ -5,19 +5,8 @@ import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 
 from rbfmu.studies.chart.cases import FLOOR, OUTPUT_STEP
-from rbfmu.studies.chart.contestants import short
-from rbfmu.studies.chart.findings import (
-    DEAREST,
-    REFUSED,
-    SIDES,
-    Reach,
-    Verdict,
-    above_round_off,
-    cheapest,
-    noise,
-    reaches,
-)
-from rbfmu.studies.chart.result import STOPPED, Chart, name_of
+from rbfmu.studies.chart.methods import short
+from rbfmu.studies.chart.result import DEAREST, REFUSED, SIDES, STOPPED, Chart, Reach, Verdict
 
 WIDTH = 80
 UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"), (1e-12, "ps"), (1e-15, "fs"))
@@ -58,16 +47,16 @@ def _kinds(chart: Chart) -> Iterator[str]:
     asked = short_number(chart.accuracy)
     yield from textwrap.wrap(
         f"What an error of at most {asked} costs: processor time, for a simulated second and for the run, of the "
-        f"cheapest method of each kind. Costs within a factor of {noise(chart):.2f} are even.",
+        f"cheapest method of each kind. Costs within a factor of {chart.noise:.2f} are even.",
         WIDTH,
     )
     yield _KIND.format("kind", "cheapest method", "for 1 s", "the run", "of plan's")
-    for reach in reaches(chart):
+    for reach in chart.reaches:
         yield from _kind(chart, reach)
 
 
 def _kind(chart: Chart, reach: Reach) -> Iterator[str]:
-    name = name_of(reach.kind)
+    name = reach.name
     if math.isfinite(reach.cost):
         ratio = times(reach.cost / chart.plan.seconds)
         yield _KIND.format(name, reach.method, cost_text(reach.cost), cost_text(reach.cost * chart.span), ratio)
@@ -101,10 +90,10 @@ def _models(chart: Chart) -> Iterator[str]:
 
 def headline(chart: Chart) -> Iterator[str]:
     """Yield two lines: which method costs least at the accuracy asked, and what is beside it."""
-    plan, first = chart.plan, reaches(chart)[0]
+    plan, first = chart.plan, chart.reaches[0]
     asked = f"{chart.scene} at {short_number(chart.accuracy)}{', ports at zero' if chart.ports else ''}"
     ratio, planned = plan.seconds / first.cost, f"{chart.model}: {plan.detail}"
-    if ratio <= noise(chart):
+    if ratio <= chart.noise:
         yield f"{asked}: use rbfmu's plan, {cost_text(plan.seconds)} per simulated second"
         yield f"{planned}; {_beside(chart)}"
     else:
@@ -113,11 +102,11 @@ def headline(chart: Chart) -> Iterator[str]:
 
 
 def _beside(chart: Chart) -> str:
-    peer = cheapest(above_round_off(chart), SIDES["peer"], max(chart.accuracy, FLOOR))
+    peer = chart.cheapest(SIDES["peer"], max(chart.accuracy, FLOOR))
     if peer is None:
         return "no peer meets that" if any(row.family == "peer" for row in chart.rows) else "no peer is charted"
     ratio = peer.cost / chart.plan.seconds
-    return f"{peer.method} is even" if ratio <= noise(chart) else f"best peer {peer.method}, {times(ratio)} that"
+    return f"{peer.method} is even" if ratio <= chart.noise else f"best peer {peer.method}, {times(ratio)} that"
 
 
 def why_no_further(chart: Chart) -> str:
@@ -136,7 +125,7 @@ def plans_text(found: Sequence[Verdict], machine: Iterable[str]) -> str:
 
 
 def _plans(found: Sequence[Verdict]) -> Iterator[list[str]]:
-    largest = max(v.noise for v in found)
+    largest = max(v.chart.noise for v in found)
     yield textwrap.wrap(
         "Processor time for a simulated second with at most an error: as rbfmu plans it, and by the cheapest peer, at "
         "the setting that just meets the error (known in hindsight; a plan has to find it). It costs: the peer's time "

@@ -4,23 +4,30 @@
 `failures` those that do not hold.
 """
 
+import math
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 from warnings import catch_warnings, simplefilter
 
+import numpy as np
+
 from rbfmu.exceptions import SceneWarning
 from rbfmu.studies.own_method import method_of_file
-from rbfmu.studies.stability import method_laws, model_laws, top_laws
-from rbfmu.studies.stability.findings import Finding, Study, failures, read_findings, write_columns, write_findings
-from rbfmu.studies.stability.maps import METHODS, QUICK_METHODS, Row, findings_of_maps, verdicts
-from rbfmu.studies.stability.own_laws import own_laws
+from rbfmu.studies.reference_methods import OneStepMethod
+from rbfmu.studies.stability import method_laws as laws
+from rbfmu.studies.stability import model_laws, top_laws
+from rbfmu.studies.stability.findings import CURVE, OWN, Finding, Study, exponent, failures, read_findings
+from rbfmu.studies.stability.findings import write_columns as write_columns
+from rbfmu.studies.stability.findings import write_findings as write_findings
+from rbfmu.studies.stability.maps import METHODS, QUICK_METHODS, Row, findings_of_maps, verdict_of_steps, verdicts
 
 __all__ = ["STUDIES", "Finding", "Study", "failures", "read_findings", "run_stability", "write_findings"]
 
 STUDIES: tuple[Callable[[bool], Study], ...] = (
-    method_laws.growth_factors, method_laws.drift, method_laws.gimbal_passage, method_laws.gyroscopic_blow_up,
-    method_laws.damping_limits, method_laws.moser_veselov_limits, method_laws.energy_drift, method_laws.small_angles,
+    laws.growth_factors, laws.drift, laws.gimbal_passage, laws.gyroscopic_blow_up, laws.damping_limits,
+    laws.moser_veselov_limits, laws.energy_drift, laws.small_angles,
     top_laws.intermediate_axis, top_laws.sleeping_top, top_laws.splitting_resonance,
     model_laws.product_models, model_laws.orders_and_error_control,
 )  # fmt: skip
@@ -44,21 +51,29 @@ def run_stability(
     folder.mkdir(parents=True, exist_ok=True)
     studies: list[Study] = []
     rows: list[Row] = []
-    pictures: list[Path] = []
-    tables: list[Path] = []
-    names = QUICK_METHODS if quick else tuple(METHODS)
-    parts: list[Callable[[], object]] = [lambda study=study: studies.append(study(quick)) for study in STUDIES]  # type: ignore[misc]
-    parts += [lambda name=name: rows.extend(verdicts(name, quick)) for name in names]  # type: ignore[misc]
+    paths: list[Path] = []
+
+    def measure(study: Callable[[], Study]) -> None:
+        studies.append(study())
+
+    def judge(name: str | OneStepMethod) -> None:
+        rows.extend(verdicts(name, quick))
+
+    def picture(k: int) -> None:
+        paths.append(draw(studies[k], folder))
+
+    parts: list[Callable[[], object]] = [partial(measure, partial(study, quick)) for study in STUDIES]
+    parts += [partial(judge, name) for name in (QUICK_METHODS if quick else METHODS)]
     if own:
-        parts += [lambda: studies.append(own_laws(own, studies)), lambda: rows.extend(verdicts(own, quick))]
-    parts.append(lambda: tables.extend(_write(folder, studies, rows)))
-    parts += [lambda k=k: pictures.append(draw(studies[k], folder)) for k in range(len(STUDIES))]  # type: ignore[misc]
-    parts.append(lambda: pictures.append(draw_maps(rows, folder / "maps.png")))
+        parts += [partial(measure, partial(own_laws, own, studies)), partial(judge, own)]
+    parts.append(lambda: paths.extend(_write(folder, studies, rows)))
+    parts += [partial(picture, k) for k in range(len(STUDIES))]
+    parts.append(lambda: paths.append(draw_maps(rows, folder / "maps.png")))
     with catch_warnings():
         simplefilter("ignore", SceneWarning)  # whole turns between points are intended here
         for part in parts if progress is None else progress(parts):
             part()
-    return tables + pictures
+    return paths
 
 
 def _write(folder: Path, studies: Sequence[Study], rows: list[Row]) -> list[Path]:
@@ -70,3 +85,50 @@ def _write(folder: Path, studies: Sequence[Study], rows: list[Row]) -> list[Path
         *(write_columns(folder / f"{study.name}.csv", study.columns) for study in studies if study.columns),
         write_columns(folder / "maps.csv", maps),
     ]
+
+
+# A method of the reader's own: no theory predicts what it does, an exact motion stands beside it
+
+
+ROUND_OFF, ROUGH, RATIO = 1e-11, 1e-3, 0.1
+
+
+def own_laws(method: OneStepMethod, studies: Sequence[Study]) -> Study:
+    """Return what is found of a method, and put its curves beside those of the studies that were measured."""
+    for study in studies:
+        if study.curve is not None:
+            study.columns[CURVE] = study.curve(method)
+    short, long = (abs(error) for error in laws.energies(method, laws.H, [1000, 10_000]))
+    measured = (
+        (1, "growth of |q| in a step less 1, h omega = 0.1", 0.0, laws.growth(method, 0.1) - 1.0),
+        (2, "largest h omega up to which |q| does not grow", math.inf, largest_stable(partial(laws.growth, method))),
+        (4, "error in rad at h omega / delta = 1", 0.0, laws.passage_error(method, 1.0)),
+        (5, "thin rod, nutation over its start after 1 s", 1.0, laws.rod_growth(method)[-1]),
+        (6, "largest h d / I", math.inf, largest_stable(partial(laws.decay_factor, method))),
+        (8, "relative energy error after 1000 steps, h = 0.1", 0.0, short),
+        (8, "relative energy error after 10,000 steps", 0.0, long),
+        (14, "order: the power of h in the attitude's error", math.inf, order(method)),
+    )
+    findings = [Finding(law, f"{method.name}: {what}", exact, found, 0.0, OWN) for law, what, exact, found in measured]
+    return Study("your_method", findings)
+
+
+def largest_stable(factor: Callable[[float], float]) -> float:
+    """Return up to where a step's factor is at most 1 in size, but for round-off; infinite if no end is found."""
+    last = 0.0
+    for x in np.linspace(0.05, 20.0, 400).tolist():
+        if not abs(factor(x)) - 1e-12 <= 1.0:
+            return laws.crossing(lambda x: abs(factor(x)) - 1e-12, last, x)
+        last = x
+    return math.inf
+
+
+def order(method: OneStepMethod) -> float:
+    """Return the order between two steps where the error is small, yet more than round-off, else NaN."""
+    before = math.inf
+    for k in range(10):
+        error = verdict_of_steps(method, 0.5 * 0.5**k, RATIO)[1]
+        if error < ROUGH and before < 64.0 * ROUGH:
+            return exponent(before, error) if error > ROUND_OFF else math.nan
+        before = error
+    return math.nan

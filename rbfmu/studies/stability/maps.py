@@ -22,7 +22,7 @@ LARGEST_ERROR = 0.1
 TURN, LONG_TURN, CHECKS = 100.0, 1000.0, 20
 """A run turns by TURN rad, or by LONG_TURN rad with steps above one radian, and is compared at CHECKS points."""
 CHECK_TIMES = sorted({turn * (k + 1) / CHECKS for turn in (TURN, LONG_TURN) for k in range(CHECKS)})
-_Q_0, _OMEGA_0 = (0.8, 0.4, -0.4, 0.2), (0.1, 0.2, 0.96875)
+_START = at((0.8, 0.4, -0.4, 0.2), (0.1, 0.2, 0.96875))
 """The initial state: a rotation at about 1 rad/s, mostly about the axis of the least moment."""
 ACCURACY = 1e-9
 """The accuracy in rad that is asked of the product, which bounds its error in each cell of a map."""
@@ -57,9 +57,8 @@ def grid(quick: bool) -> tuple[list[float], list[float]]:
 
 def map_scene(ratio: float, turn: float = TURN, n: int = CHECKS, ports: tuple[str, ...] = ()) -> Scene:
     """Return the free body of a map; a port rules out the exact models."""
-    body, start = {"inertia": moments(ratio)}, at(_Q_0, _OMEGA_0)
-    scene = scene_of(body, start, ["quaternion"], turn, turn / n, accuracy=ACCURACY)
-    return scene.replace({"inputs.ports": list(ports)})
+    more = {"run.accuracy": ACCURACY, "inputs.ports": list(ports)}
+    return scene_of({"inertia": moments(ratio)}, _START, ["quaternion"], turn, turn / n, **more)
 
 
 def _verdict(ratio: float, turn: float, attitudes: Any) -> Verdict:
@@ -74,7 +73,7 @@ def _verdict(ratio: float, turn: float, attitudes: Any) -> Verdict:
 def verdict_of_steps(method: OneStepMethod, h: float, ratio: float) -> Verdict:
     """Return the verdict on a one-step method with a fixed step."""
     turn, n = steps_of_a_turn(h)
-    path = method.path(at(_Q_0, _OMEGA_0), turn / n, [n // CHECKS] * CHECKS, free_body(moments(ratio)))
+    path = method.path(_START, turn / n, [n // CHECKS] * CHECKS, free_body(moments(ratio)))
     return _verdict(ratio, turn, np.array([method.state_of(y).q_ab for y in path]))
 
 
@@ -88,14 +87,12 @@ def verdict_of_product(ports: tuple[str, ...], planned: Plan | None, h: float, r
     return _verdict(ratio, turn, result.quaternion[n // CHECKS :: n // CHECKS])
 
 
-_PORT = ("torque_b",)
-_DOP853 = Dop853Plan("body under loads", "", 7, tolerance=1e-14)
-_SERIES = Plan("body under loads, by series", "", 7, tolerance=1e-14, order=16)
+_with_port = partial(verdict_of_product, ("torque_b",))
 OURS: dict[str, Callable[[float, float], Verdict]] = {
     "rbfmu planned": partial(verdict_of_product, (), None),
-    "rbfmu, a port": partial(verdict_of_product, _PORT, None),
-    "rbfmu DOP853": partial(verdict_of_product, _PORT, _DOP853),
-    "rbfmu Taylor 16": partial(verdict_of_product, _PORT, _SERIES),
+    "rbfmu, a port": partial(_with_port, None),
+    "rbfmu DOP853": partial(_with_port, Dop853Plan("body under loads", "", 7, tolerance=1e-14)),
+    "rbfmu Taylor 16": partial(_with_port, Plan("body under loads, by series", "", 7, tolerance=1e-14, order=16)),
 }
 METHODS = {name: partial(verdict_of_steps, method) for name, method in ALL_INTEGRATORS.items()} | OURS
 """The functions that return a verdict for (h, ratio), by the method's name."""
@@ -105,9 +102,8 @@ QUICK_METHODS = ("semi-implicit Euler", "RK4, quaternion", *OURS)
 def verdicts(method: str | OneStepMethod, quick: bool) -> list[Row]:
     """Return the rows of one map, of a method by name or as it is."""
     steps, ratios = grid(quick)
-    name, judge = (
-        (method, METHODS[method]) if isinstance(method, str) else (method.name, partial(verdict_of_steps, method))
-    )
+    name = method if isinstance(method, str) else method.name
+    judge = METHODS[method] if isinstance(method, str) else partial(verdict_of_steps, method)
     return [(name, h, ratio, *judge(h, ratio)) for ratio in ratios for h in steps]
 
 

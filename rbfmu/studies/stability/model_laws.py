@@ -1,18 +1,17 @@
 """Laws 13 and 14: the product's models against 40-digit references, their orders, and their error control."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from rbfmu.runs.motion import Steps, substeps_counted
 from rbfmu.runs.plan import Plan, start_run
-from rbfmu.scene.scene import Scene
 from rbfmu.simulation import simulate
 from rbfmu.studies.dop853 import Dop853Plan
 from rbfmu.studies.stability.findings import AT_MOST, RECORDED, Finding, Study, exponent
-from rbfmu.studies.stability.motions import MOTIONS, POINTS, error_of, error_of_model, prescribed_error, truth
+from rbfmu.studies.stability.motions import MOTIONS, POINTS, STATE, error_of, error_of_model, prescribed_error, truth
 
 SWING, LOADED, SERIES, TOP = "one swinging axis", "body under loads", "body under loads, by series", "symmetric top"
 MOMENTUM, BODY_FORCE = "angular momentum", "torque-free body, body force"
@@ -74,16 +73,12 @@ CASES = (
 
 def product_models(quick: bool) -> Study:
     """Measure law 13: the error of each model stays within its bound; `quick` changes nothing here."""
-    errors = [error_of_model(case.motion, case.planned) for case in CASES] + [prescribed_error()]
-    names = [case.name for case in CASES] + ["prescribed rates"]
-    motions = [case.motion for case in CASES] + ["held, then changing"]
-    bounds = [case.bound for case in CASES] + [1e-14]
-    findings = [
-        Finding(13, f"{name}: largest error", bound, error, 0.0, AT_MOST, motion)
-        for name, motion, bound, error in zip(names, motions, bounds, errors, strict=True)
-    ]
-    findings += [Finding(13, "series and DOP853 apart, loads that change", 1e-11, _apart(), 0.0, AT_MOST)]
-    return Study("product_models", findings, {"model": names, "motion": motions, "bound": bounds, "error": errors})
+    rows = [(case.name, case.motion, case.bound, error_of_model(case.motion, case.planned)) for case in CASES]
+    rows.append(("prescribed rates", "held, then changing", 1e-14, prescribed_error()))
+    findings = [Finding(13, f"{name}: largest error", most, error, 0.0, AT_MOST, at) for name, at, most, error in rows]
+    findings.append(Finding(13, "series and DOP853 apart, loads that change", 1e-11, _apart(), 0.0, AT_MOST))
+    columns = dict(zip(("model", "motion", "bound", "error"), map(list, zip(*rows, strict=True)), strict=True))
+    return Study("product_models", findings, columns)
 
 
 _CHANGING = {
@@ -97,8 +92,7 @@ _CHANGING = {
 
 def _driven(case: Case) -> dict[str, Any]:
     """Return the state of the loaded body after five steps with changing loads, or nothing if a step is refused."""
-    tables = MOTIONS["loaded"].to_dict() | {"inputs": {"ports": list(_CHANGING)}}
-    scene, kernels = Scene.from_dict(tables), case.planned.kernels
+    scene, kernels = MOTIONS["loaded"].replace({"inputs.ports": list(_CHANGING)}), case.planned.kernels
     z = start_run(scene, case.planned)
     for _ in range(5):
         for name, value in _CHANGING.items():
@@ -106,7 +100,7 @@ def _driven(case: Case) -> dict[str, Any]:
                 z[kernels.BLOCKS[block]] = part * np.array(value)
         if kernels.step(z, 1.0):
             return {}
-    return {n: z[kernels.BLOCKS[n]].copy()[None, :] for n in ("quaternion", "omega_b", "position", "velocity")}
+    return {name: z[kernels.BLOCKS[name]].copy()[None, :] for name in STATE}
 
 
 def _apart() -> float:
@@ -115,34 +109,29 @@ def _apart() -> float:
     return error_of(one, other) if one and other else math.inf
 
 
-def _error(case: Case, step: float) -> float:
-    """Return the error at the points of comparison, computed with another communication step."""
-    tables = MOTIONS[case.motion].to_dict()
-    every = round(tables["run"]["step"] / step)
-    tables["run"]["step"] = step
-    result = simulate(Scene.from_dict(tables), planned=case.planned)
+_ORDERS = (
+    ("splitting of order 2", 2.0, 0.01, Case(TOP, "top", 0.0, order=2)),
+    ("splitting of order 4", 4.0, 0.04, Case(TOP, "gentle top", 0.0, order=4)),
+    ("splitting of order 6", 6.0, 0.1, Case(TOP, "top", 0.0, order=6)),
+    ("Gauss's rule of 1 point", 2.0, 0.125, Case(BODY_FORCE, "body force", 0.0, order=1)),
+    ("Gauss's rule of 2 points", 4.0, 0.125, Case(BODY_FORCE, "body force", 0.0, order=2)),
+    ("DOP853", 8.0, 0.4, Case(LOADED, "motor", 0.0)),
+    ("series of order 6, attitude by 3 derivatives", 6.0, 0.125, Case(SERIES, "motor", 0.0, order=6)),
+    ("series of order 8, attitude by 3 derivatives", 6.0, 0.125, Case(SERIES, "motor", 0.0, order=8)),
+)
+"""The name, the order, a step in s, and the case: halving that step divides the error by 2 to the order."""
+
+
+def _error_at(case: Case, step: float) -> float:
+    """Return the error with a substep; of series, which choose their own, with such communication steps."""
+    if case.model != SERIES:
+        return error_of_model(case.motion, case._replace(substep=step).planned)
+    scene = MOTIONS[case.motion]
+    every, planned = round(scene.run.step / step), case._replace(tolerance=math.inf).planned
+    result = simulate(scene.replace({"run.step": step}), planned=planned)
     return error_of({name: values[every::every] for name, values in result.quantities.items()}, truth(case.motion))
 
 
-def _error_at_substep(model: str, motion: str, order: int) -> Callable[[float], float]:
-    return lambda h: error_of_model(motion, Case(model, motion, 0.0, substep=h, order=order).planned)
-
-
-def _error_of_whole_steps(motion: str, order: int) -> Callable[[float], float]:
-    return lambda h: _error(Case(SERIES, motion, 0.0, tolerance=math.inf, order=order), h)
-
-
-_ORDERS: tuple[tuple[str, float, float, Callable[[float], float]], ...] = (
-    ("splitting of order 2", 2.0, 0.01, _error_at_substep(TOP, "top", 2)),
-    ("splitting of order 4", 4.0, 0.04, _error_at_substep(TOP, "gentle top", 4)),
-    ("splitting of order 6", 6.0, 0.1, _error_at_substep(TOP, "top", 6)),
-    ("Gauss's rule of 1 point", 2.0, 0.125, _error_at_substep(BODY_FORCE, "body force", 1)),
-    ("Gauss's rule of 2 points", 4.0, 0.125, _error_at_substep(BODY_FORCE, "body force", 2)),
-    ("DOP853", 8.0, 0.4, _error_at_substep(LOADED, "motor", 0)),
-    ("series of order 6, attitude by 3 derivatives", 6.0, 0.125, _error_of_whole_steps("motor", 6)),
-    ("series of order 8, attitude by 3 derivatives", 6.0, 0.125, _error_of_whole_steps("motor", 8)),
-)
-"""The name, the order, a step in s, and the error by step: halving that step divides the error by 2 to the order."""
 _CONTROLLED = (
     ("DOP853", Case(LOADED, "gentle top", 0.0), 1.0 / 8.0, 17.2),
     ("series of order 6", Case(SERIES, "gentle top", 0.0, order=6), 1.0 / 5.0, 0.107),
@@ -166,8 +155,8 @@ def orders_and_error_control(quick: bool) -> Study:
     findings: list[Finding] = []
     halvings = range(4)
     columns: dict[str, Sequence[float]] = {"halvings of the step": list(halvings)}
-    for name, order, h, error_at in _ORDERS:
-        errors = columns[name] = [error_at(h * 0.5**k) for k in halvings]
+    for name, order, h, case in _ORDERS:
+        errors = columns[name] = [_error_at(case, h * 0.5**k) for k in halvings]
         findings.append(Finding(14, f"{name}: order", order, exponent(errors[0], errors[1]), 0.02))
     for name, case, power, ratio in _CONTROLLED:
         few, many = (_substeps(case._replace(tolerance=t)) for t in (1e-10, 1e-14))

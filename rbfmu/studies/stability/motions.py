@@ -2,50 +2,38 @@
 
 import json
 import math
+import tomllib
 from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rbfmu.result import Result
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.simulation import SimulationError, simulate
-from rbfmu.studies.dop853 import dop853_step_of_state
-from rbfmu.studies.reference_methods import OneStepMethod, integrator
+from rbfmu.studies.chart.cases import CASES
 from rbfmu.types import Array
-from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS as NO_LOADS
-from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
+from rbfmu_kernels.mechanics.equations_of_motion import Body, State
 from rbfmu_kernels.mechanics.inertia import diagonal, inverse_inertia
-from rbfmu_kernels.mechanics.newton_euler import kinetic_energy
-from rbfmu_kernels.rotations.quaternion import angle_between
+from rbfmu_kernels.rotations.rotation_vector import quaternion_from_rotvec
+from rbfmu_kernels.rotations.vec3 import scale
 from rbfmu_kernels.types import Quaternion, Vec3
 
 ZERO: Vec3 = (0.0, 0.0, 0.0)
 UPRIGHT: Quaternion = (1.0, 0.0, 0.0, 0.0)
 SPHERE: Vec3 = (1.0, 1.0, 1.0)
-BRICK: Vec3 = (1.0, 2.0, 3.0)
-TUMBLE = State(ZERO, ZERO, (0.5, 0.5, 0.5, 0.5), (0.3, 1.0, 0.2))
-"""With BRICK, this is case a of the work-precision diagrams."""
-TOP_MOMENTS: Vec3 = (1.0, 1.0, 0.3)
-"""Moments of inertia about the pivot; the centre of mass is on the z axis, and m g l = 1 N m."""
-WEIGHT = Loads(ZERO, (0.0, 0.0, -1.0), ZERO, ZERO, ZERO)
+TUMBLING, FLIPPING, HEAVY_TOP = CASES["a"], CASES["b"], CASES["c"]
+"""Motions of the charts: a brick that tumbles, that brick about its middle axis, and a fast top with m g l = 1 N m."""
+BRICK = TUMBLING.moments
 
 
 def free_body(moments: Vec3, damping_b: Vec3 = ZERO) -> Body:
     """Return a free body in principal axes."""
     M = diagonal(moments)
     return Body(1.0, M, inverse_inertia(M), ZERO, damping_b, 1.0)
-
-
-def heavy_top() -> Body:
-    """Return a symmetric body on a pivot, its weight 1 acting at (0, 0, 1)."""
-    M = diagonal(TOP_MOMENTS)
-    return Body(0.0, M, inverse_inertia(M), (0.0, 0.0, 1.0), ZERO, 0.0)
 
 
 def at(q: Quaternion, omega_b: Vec3) -> State:
@@ -58,63 +46,23 @@ def spin(rate: float) -> State:
     return at(UPRIGHT, (0.0, 0.0, rate))
 
 
-def angle(a: State, q: Quaternion) -> float:
-    """Return the attitude's error in rad; NaN where it is not finite."""
-    return angle_between(a.q_ab, q)
-
-
 def attitude_after(state: State, t: float) -> Quaternion:
     """Return the attitude of a sphere, upright at first, after the time t; its rate is constant."""
-    omega = state.omega_b
-    rate = math.hypot(*omega)
-    s = math.sin(0.5 * rate * t) / rate
-    return math.cos(0.5 * rate * t), s * omega[0], s * omega[1], s * omega[2]
+    return quaternion_from_rotvec(scale(t, state.omega_b))
 
 
 def scene_of(
-    body: Mapping[str, Any], start: State, asked: Sequence[str], stop: float, step: float,
-    loads: Mapping[str, Any] = MappingProxyType({"gravity_a": ZERO}), accuracy: float = 1e-6, **initial: Any,
-) -> Scene:  # fmt: skip
-    """Return the scene of a body of 1 kg, unless another mass is given, without loads, unless there are some."""
-    return Scene.from_dict({
+    body: Mapping[str, Any], start: State, asked: Sequence[str], stop: float, step: float, **more: Any
+) -> Scene:
+    """Return the scene of a body of 1 kg without weight; more: further keys, as `Scene.replace` takes them."""
+    tables = {
         "body": {"mass": 1.0, **body},
-        "initial": {"attitude": {"quaternion": list(start.q_ab)}, "omega_b": list(start.omega_b), **initial},
-        "loads": dict(loads),
+        "initial": {"attitude": {"quaternion": list(start.q_ab)}, "omega_b": list(start.omega_b)},
+        "loads": {"gravity_a": ZERO},
         "outputs": {"quantities": list(asked)},
-        "run": {"stop": stop, "step": step, "accuracy": accuracy},
-    })  # fmt: skip
-
-
-def free_motion(moments: Vec3, start: State, stop: float, step: float) -> Result:
-    """Return the torque-free motion by the product's model."""
-    scene = scene_of({"inertia": moments}, start, ["omega_b"], stop, step)
-    return simulate(scene, planned=Plan("torque-free body", "", 3))
-
-
-def damped_rate(planned: Plan, x: float) -> float:
-    """Return the rate after one step of a product's model from a damped spin of 1 rad/s with h d / I = x."""
-    loads = {"gravity_a": ZERO, "damping_b": (x, x, x)}
-    scene = scene_of({"inertia": SPHERE}, spin(1.0), ["omega_b"], 1.0, 1.0, loads)
-    return float(simulate(scene, planned=planned).omega_b[1, 2])
-
-
-def rotational_energy(moments: Vec3, state: State) -> float:
-    """Return omega . M omega / 2."""
-    return kinetic_energy(0.0, diagonal(moments), ZERO, state.omega_b)
-
-
-def top_energy(state: State) -> float:
-    """Return the kinetic and potential energy of the heavy top."""
-    q = state.q_ab
-    return rotational_energy(TOP_MOMENTS, state) + 1.0 - 2.0 * (q[1] * q[1] + q[2] * q[2])
-
-
-def one_step(method: str | OneStepMethod) -> Any:
-    """Return `step(state, h, body, loads)` to an integrator's own form, or of DOP853 without normalisation."""
-    if method == "DOP853":
-        return dop853_step_of_state
-    taken = integrator(method)
-    return lambda state, h, body, loads: taken.path(state, h, [1], body, loads)[0]
+        "run": {"stop": stop, "step": step},
+    }
+    return Scene.from_dict(tables).replace(more)
 
 
 REFERENCES = Path(__file__).with_name("reference_motions.json")
@@ -123,72 +71,16 @@ POINTS = 10
 """The number of points at which a motion is compared."""
 STATE = ("quaternion", "omega_b", "position", "velocity")
 DERIVED = ("omega_a", "angular_momentum_a", "kinetic_energy")
-TURNED: Quaternion = (0.8, 0.4, -0.4, 0.2)
-MOVING = {"position": [1.0, 2.0, 3.0], "velocity": [0.1, 0.2, -0.3]}
-NO_WEIGHT = {"gravity_a": [0.0, 0.0, 0.0]}
-HEAVY_BRICK = {"mass": 2.0, "inertia": [1.0, 2.0, 3.0]}
-OFF_CENTRE = {
-    "mass": 2.0,
-    "inertia": [[1.0, 0.1, 0.05], [0.1, 1.2, 0.02], [0.05, 0.02, 1.5]],
-    "r_oc_b": [0.1, -0.2, 0.3],
-}
-PENDULUM = {"mass": 2.0, "inertia": [1.0, 2.0, 2.5], "r_oc_b": [0.0, 0.0, -0.5], "pivot": True}
-TOP = {"mass": 1.0, "inertia": [0.984375, 0.984375, 0.3], "r_oc_b": [0.0, 0.0, 0.125], "pivot": True}
-"""With the loads `TOP_WEIGHT`, this is the heavy top (case c) of the work-precision diagrams."""
-TOP_WEIGHT = {"gravity_a": [0.0, 0.0, -8.0]}
-LOADED = {
-    "gravity_a": [0.0, 0.0, -1.0], "force_b": [1.0, 0.5, 0.2], "force_a": [0.3, 0.1, -0.4],
-    "torque_b": [0.1, 0.2, 0.1], "torque_a": [0.05, 0.0, 0.02], "damping_b": [0.1, 0.05, 0.02],
-}  # fmt: skip
 
 
-def _motion(
-    body: Mapping[str, Any], omega_b: tuple[float, float, float], stop: float, loads: Mapping[str, Any],
-    quantities: tuple[str, ...] = (*STATE, *DERIVED), quaternion: Quaternion = TURNED,
-) -> Scene:  # fmt: skip
-    moving = {} if "pivot" in body else MOVING
-    return scene_of(body, at(quaternion, omega_b), quantities, stop, stop / POINTS, loads, 1e-9, **moving)
+def _motion(tables: dict[str, Any]) -> Scene:
+    run = tables["run"] | {"step": tables["run"]["stop"] / POINTS, "accuracy": 1e-9}
+    return Scene.from_dict({"outputs": {"quantities": [*STATE, *DERIVED]}} | tables | {"run": run})
 
 
-def _swing(rate: float, **loads: Any) -> Scene:
-    """Return a pendulum that hangs down and starts with a rate about x, in rad/s."""
-    gravity = {"gravity_a": [0.0, 0.0, -9.81]}
-    return _motion(PENDULUM, (rate, 0.0, 0.0), 20.0, gravity | loads, quaternion=UPRIGHT)
-
-
-_OVER_THE_TOP = 2.0 * math.sqrt(2.0 * 9.81 * 0.5 / 1.5)
-"""The initial rate in rad/s that just takes the pendulum to its upright position."""
-
-MOTIONS: dict[str, Scene] = {
-    "fall": _motion(HEAVY_BRICK, (0.0, 0.0, 0.0), 20.0, {"force_a": [0.3, 0.1, 0.7]}, ("position", "velocity")),
-    "spin": _motion(HEAVY_BRICK, (0.0, 0.0, 3.7), 100.0, NO_WEIGHT),
-    "sphere": _motion({"mass": 2.0, "inertia": [1.5, 1.5, 1.5]}, (1.0, -2.0, 3.0), 100.0, NO_WEIGHT),
-    "run-down": _motion(HEAVY_BRICK, (0.0, 0.0, 3.7), 60.0,
-                        NO_WEIGHT | {"torque_b": [0, 0, 0.6], "damping_b": [0, 0, 0.2]}),
-    "slow run-down": _motion(HEAVY_BRICK, (0.0, 3.7, 0.0), 20.0, NO_WEIGHT | {"damping_b": [0, 0.01, 0]}),
-    "swing": _swing(1.0),
-    "nearly upright": _swing(_OVER_THE_TOP * (1.0 - 1e-7)),
-    "turning over": _swing(9.0),
-    "damped swing": _swing(9.0, damping_b=[0.2, 0.0, 0.0], torque_b=[1.0, 0.0, 0.0]),
-    "coin": _motion({"mass": 2.0, "inertia": [1.0, 1.0, 1.6]}, (1.0, -2.0, 3.0), 100.0, NO_WEIGHT),
-    "spin-up": _motion({"mass": 2.0, "inertia": [1.0, 1.0, 0.6]}, (0.3, -0.2, 1.0), 40.0,
-                       NO_WEIGHT | {"torque_b": [0, 0, 0.4], "damping_b": [0.02, 0.02, 0.1]},
-                       ("omega_b", "kinetic_energy")),
-    "tumble": _motion(HEAVY_BRICK, (0.3, 1.0, 0.2), 200.0, NO_WEIGHT),
-    "flips": _motion({"mass": 2.0, "inertia": [3.0, 1.0, 2.0]}, (1e-4, 1e-4, 2.0), 60.0, NO_WEIGHT),
-    "top": _motion(TOP, (0.0, 0.0, 50.0), 10.0, TOP_WEIGHT),
-    "gentle top": _motion(TOP, (0.0, 0.0, 5.0), 10.0, TOP_WEIGHT),
-    "pulled": _motion(HEAVY_BRICK, (1.0, 2.0, -1.0), 20.0, NO_WEIGHT | {"torque_a": [0.1, 0.2, -0.1]},
-                      ("angular_momentum_a",)),
-    "pulled sphere": _motion({"mass": 2.0, "inertia": [1.5, 1.5, 1.5]}, (1.0, -2.0, 3.0), 20.0,
-                             NO_WEIGHT | {"torque_a": [0.1, 0.2, -0.1]},
-                             ("omega_a", "angular_momentum_a", "kinetic_energy")),
-    "body force": _motion(HEAVY_BRICK, (1.0, 2.0, -1.0), 20.0, NO_WEIGHT | {"force_b": [0.3, -0.2, 0.5]}),
-    "loaded": _motion(OFF_CENTRE, (1.0, 2.0, -1.0), 20.0, LOADED),
-    "damped rates": _motion(HEAVY_BRICK, (1.0, 2.0, -1.0), 20.0,
-                            NO_WEIGHT | {"torque_b": [0.1, 0.2, -0.1], "damping_b": [0.1, 0.05, 0.02]}, ("omega_b",)),
-    "motor": _motion(HEAVY_BRICK, (0.1, 0.2, 0.3), 20.0, NO_WEIGHT | {"torque_b": [0.1, 0.05, -0.2]}),
-}  # fmt: skip
+_TABLES = tomllib.loads(Path(__file__).with_name("motions.toml").read_text(encoding="utf-8"))
+MOTIONS = {key: _motion(tables) for key, tables in _TABLES.items()}
+"""The motions on which laws 13 and 14 are measured."""
 
 
 @cache

@@ -2,36 +2,24 @@
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from rbfmu.result import Result
+from rbfmu import arrays
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import SceneError
 from rbfmu.simulation import simulate
-from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, SPLITTINGS
+from rbfmu.studies.reference_methods import SPLITTINGS
 from rbfmu.studies.stability.findings import RECORDED, Finding, Study, exponent
-from rbfmu.studies.stability.method_laws import crossing
-from rbfmu.studies.stability.motions import (
-    BRICK,
-    TOP,
-    TOP_MOMENTS,
-    TOP_WEIGHT,
-    UPRIGHT,
-    WEIGHT,
-    at,
-    free_body,
-    free_motion,
-    heavy_top,
-    scene_of,
-    top_energy,
-)
+from rbfmu.studies.stability.method_laws import METHODS, RK4, SEMI, crossing
+from rbfmu.studies.stability.motions import BRICK, FLIPPING, HEAVY_TOP, UPRIGHT, scene_of
+from rbfmu.types import Array
 from rbfmu_kernels.integrators.splitting import resonant_step
 from rbfmu_kernels.mechanics.equations_of_motion import State
+from rbfmu_kernels.mechanics.newton_euler import kinetic_energy
 from rbfmu_kernels.types import Vec3
-
-_DISTURBED: Vec3 = (1e-4, 2.0, 1e-4)
 
 
 def flip_rate(moments: Vec3, omega_2: float) -> float:
@@ -51,73 +39,76 @@ def time_between_flips(moments: Vec3, omega: Vec3) -> float:
     return math.log(16.0 / mc) / flip_rate(moments, w_2)
 
 
-def _crossings(time: Any, values: Any) -> list[float]:
-    """Return the times at which values change their sign, by linear interpolation."""
-    k = np.flatnonzero(np.signbit(values[1:]) != np.signbit(values[:-1]))
-    found: list[float] = (time[k] - values[k] * (time[k + 1] - time[k]) / (values[k + 1] - values[k])).tolist()
-    return found
+def _free_rates(omega_b: Vec3, times: Array) -> Array:
+    """Return the exact rates of the brick."""
+    return np.asarray(arrays.free_rotation(BRICK, UPRIGHT, omega_b, times)[1])
 
 
-def _time_between_flips(result: Result) -> float:
-    """Return the time between the first two flips of a motion."""
-    first, second = _crossings(result.time, result.omega_b[:, 1])[:2]
-    return second - first
+def _measured_time(time: Array, omega_2: Array) -> float:
+    """Return the time between the first two changes of sign, by linear interpolation."""
+    k = np.flatnonzero(np.signbit(omega_2[1:]) != np.signbit(omega_2[:-1]))[:2]
+    first, second = time[k] - omega_2[k] * (time[k + 1] - time[k]) / (omega_2[k + 1] - omega_2[k])
+    return float(second - first)
 
 
 def _flips_about_a_pivot() -> tuple[float, float]:
     """Return the predicted and measured time between flips of a weightless brick on a pivot 0.5 m from its centre."""
     body = {"inertia": BRICK, "r_oc_b": (0.0, 0.0, 0.5), "pivot": True}
-    result = simulate(scene_of(body, at(UPRIGHT, _DISTURBED), ["omega_b"], 40.0, 1e-3))
-    return time_between_flips((1.25, 2.25, 3.0), _DISTURBED), _time_between_flips(result)
+    result = simulate(scene_of(body, FLIPPING.start, ["omega_b"], 40.0, 1e-3))
+    predicted = time_between_flips((1.25, 2.25, 3.0), FLIPPING.start.omega_b)
+    return predicted, _measured_time(result.time, result.omega_b[:, 1])
 
 
 def intermediate_axis(quick: bool) -> Study:
     """Measure law 10: a spin about the middle axis flips again and again, at predicted intervals."""
-    time = np.arange(0.0, 30.0 if quick else 62.0, 0.25)
-    start, body = at(UPRIGHT, _DISTURBED), free_body(BRICK)
-    exact = free_motion(BRICK, start, float(time[-1]), 0.25).omega_b[:, 1].tolist()
-    columns: dict[str, Any] = {"time": time.tolist(), "exact": exact}
-    for name, h in (("RK4, quaternion", 0.25), ("semi-implicit Euler", 0.05)):
-        states = REFERENCE_INTEGRATORS[name].path(start, h, [round(0.25 / h)] * (len(time) - 1), body)
+    time, start = np.arange(0.0, 30.0 if quick else 62.0, 0.25), FLIPPING.start
+    columns: dict[str, Any] = {"time": time.tolist(), "exact": _free_rates(start.omega_b, time)[:, 1].tolist()}
+    for name, h in ((RK4, 0.25), (SEMI, 0.05)):
+        states = METHODS[name].path(start, h, [round(0.25 / h)] * (len(time) - 1), FLIPPING.body)
         columns[f"{name}, h = {h:g} s"] = [y.omega_b[1] for y in (start, *states)]
-    tiny = free_motion(BRICK, at(UPRIGHT, (1e-8, 2.0, 1e-8)), 8.0, 1.0).omega_b[:, 0]
-    growth = exponent(tiny[8], tiny[5], math.e) / 3.0
-    predicted = time_between_flips(BRICK, _DISTURBED)
-    measured = _time_between_flips(free_motion(BRICK, start, 32.0, 1e-3))
+    tiny = _free_rates((1e-8, 2.0, 1e-8), np.array([5.0, 8.0]))[:, 0]
+    fine = np.linspace(0.0, 32.0, 32_001)
+    measured = _measured_time(fine, _free_rates(start.omega_b, fine)[:, 1])
     findings = [
-        Finding(10, "growth of a disturbance of the middle axis, 1/s", flip_rate(BRICK, 2.0), growth, 2e-5),
-        Finding(10, "time between flips, s", predicted, measured, 1e-8),
+        Finding(10, "growth of a disturbance of the middle axis, 1/s", flip_rate(BRICK, 2.0),
+                exponent(tiny[1], tiny[0], math.e) / 3.0, 2e-5),
+        Finding(10, "time between flips, s", time_between_flips(BRICK, start.omega_b), measured, 1e-8),
         Finding(10, "that time for (1, 2, 3), (1e-4, 2, 1e-4), s", 18.954193, measured, 3e-8),
-    ]
+    ]  # fmt: skip
     if not quick:
         findings.append(Finding(10, "time between flips about a pivot, s", *_flips_about_a_pivot(), 1e-6))
     return Study("intermediate_axis", findings, columns)
 
 
-_CRITICAL = 2.0 * math.sqrt(TOP_MOMENTS[0]) / TOP_MOMENTS[2]
+_I_1, _, _I_3 = HEAVY_TOP.moments
+_CRITICAL = 2.0 * math.sqrt(_I_1) / _I_3
 """The critical spin in rad/s, from (I3 w3)^2 = 4 I1 m g l."""
 
 
-def _tilted(tilt: float, rate: float) -> State:
-    return at((math.cos(0.5 * tilt), math.sin(0.5 * tilt), 0.0, 0.0), (0.0, 0.0, rate))
-
-
-def _tilts(tilt: float, rate: float, stop: float) -> Any:
+def _tilts(tilt: float, rate: float, stop: float) -> Array:
     """Return the top's tilt every 0.1 s."""
-    scene = scene_of(TOP, _tilted(tilt, rate), ["quaternion"], 0.1 * round(10.0 * stop), 0.1, TOP_WEIGHT)
-    q = simulate(scene, planned=Plan("symmetric top", "", 7, substep=0.02, order=4)).quaternion[1:]
-    return 2.0 * np.arctan2(np.hypot(q[:, 1], q[:, 2]), np.hypot(q[:, 0], q[:, 3]))
+    changes = {
+        "initial.attitude": {"rotvec": [tilt, 0.0, 0.0]}, "initial.omega_b": [0.0, 0.0, rate],
+        "outputs.quantities": ["quaternion"], "run.stop": 0.1 * round(10.0 * stop), "run.step": 0.1,
+    }  # fmt: skip
+    planned = Plan("symmetric top", "", 7, substep=0.02, order=4)
+    q = simulate(HEAVY_TOP.scene.replace(changes), planned=planned).quaternion[1:]
+    return np.asarray(2.0 * np.arctan2(np.hypot(q[:, 1], q[:, 2]), np.hypot(q[:, 0], q[:, 3])))
+
+
+def largest_tilt(ratio: float, stop: float = 60.0) -> float:
+    """Return the largest tilt of a top that leans by 0.001 rad, at a part of the critical spin."""
+    return float(np.max(_tilts(1e-3, ratio * _CRITICAL, stop)))
 
 
 def tilt_growth(ratio: float) -> float:
     """Return the growth rate of the tilt, 1/s: sqrt(m g l / I1 - (I3 w3 / (2 I1))^2) for w3 below the critical spin."""
-    return math.sqrt((1.0 - ratio * ratio) / TOP_MOMENTS[0])
+    return math.sqrt((1.0 - ratio * ratio) / _I_1)
 
 
 def _measured_growth(ratio: float) -> float:
     """Return the growth rate of the tilt between t = 4 / sigma and 8 / sigma, from an initial tilt of 1e-7 rad."""
-    sigma = tilt_growth(ratio)
-    tilts = _tilts(1e-7, ratio * _CRITICAL, 8.0 / sigma)
+    tilts = _tilts(1e-7, ratio * _CRITICAL, 8.0 / tilt_growth(ratio))
     half = len(tilts) // 2
     return exponent(tilts[-1], tilts[half - 1], math.e) / (0.1 * (len(tilts) - half))
 
@@ -125,35 +116,41 @@ def _measured_growth(ratio: float) -> float:
 def sleeping_top(quick: bool) -> Study:
     """Measure law 11: an upright top stays up if it spins fast enough."""
     ratios = [0.3, 0.6, 0.9, 1.1, 1.5] if quick else np.linspace(0.05, 1.6, 63).tolist()
-    tilts = [float(np.max(_tilts(1e-3, r * _CRITICAL, 30.0 if quick else 60.0))) for r in ratios]
-    columns: dict[str, Any] = {"spin over critical": ratios, "largest tilt": tilts}
-    columns["predicted"] = [1e-3 / math.sqrt(1.0 - 1.0 / (r * r)) if r > 1.0 else math.nan for r in ratios]
-    below = (0.2, 0.5, 0.8)
-    growths = [_measured_growth(r) for r in below]
-    slope, offset = np.polyfit([r * r for r in below], [g * g for g in growths], 1)
+    columns: dict[str, Any] = {
+        "spin over critical": ratios,
+        "largest tilt": [largest_tilt(r, 30.0 if quick else 60.0) for r in ratios],
+        "predicted": [1e-3 / math.sqrt(1.0 - 1.0 / (r * r)) if r > 1.0 else math.nan for r in ratios],
+    }
+    growths = {ratio: _measured_growth(ratio) for ratio in (0.2, 0.5, 0.8)}
+    slope, offset = np.polyfit([r * r for r in growths], [g * g for g in growths.values()], 1)
     findings = [
         Finding(11, f"growth of the tilt at {r:g} of the critical spin, 1/s", tilt_growth(r), g, 2e-4)
-        for r, g in zip(below, growths, strict=True)
+        for r, g in growths.items()
     ]
     findings += [
         Finding(11, "spin at which the growth ends, over 2 sqrt(I1 m g l) / I3", 1.0,
                 math.sqrt(-float(offset) / float(slope)), 2e-4),
         *(
             Finding(11, f"largest tilt over the first one at {r:g} of the critical spin", 1.0 / math.sqrt(1.0 - r**-2),
-                    float(np.max(_tilts(1e-3, r * _CRITICAL, 60.0))) / 1e-3, 1e-5)
+                    largest_tilt(r) / 1e-3, 1e-5)
             for r in (1.1, 1.5)
         ),
     ]  # fmt: skip
     return Study("sleeping_top", findings, columns)
 
 
-_FAST = _tilted(0.6, 50.0)
+def _top_energy(state: State) -> float:
+    """Return the kinetic and potential energy of the heavy top, in m g l."""
+    q = state.q_ab
+    kinetic = kinetic_energy(0.0, HEAVY_TOP.body.inertia, (0.0, 0.0, 0.0), state.omega_b)
+    return kinetic + 1.0 - 2.0 * (q[1] * q[1] + q[2] * q[2])
 
 
 def _energy_error(method: str, h: float) -> float:
-    """Return the largest energy error of the fast heavy top (case c) over 10 s, in m g l."""
-    states = SPLITTINGS[method].path(_FAST, h, [1] * round(10.0 / h), heavy_top(), WEIGHT)
-    return max(abs(top_energy(y) - top_energy(_FAST)) for y in states)
+    """Return the largest energy error of the fast heavy top over 10 s, in m g l."""
+    top = HEAVY_TOP
+    states = SPLITTINGS[method].path(top.start, h, [1] * round(10.0 / h), top.body, top.loads)
+    return max(abs(_top_energy(y) - _top_energy(top.start)) for y in states)
 
 
 def _peak(function: Callable[[float], float], low: float, high: float) -> float:
@@ -169,7 +166,7 @@ def _largest_substep() -> float:
     """Return the substep in s beyond which the product's model of a symmetric top refuses the fast top."""
 
     def refused(h: float) -> float:
-        scene = scene_of(TOP, at(UPRIGHT, _FAST.omega_b), ["quaternion", "omega_b"], 0.1, 0.1, TOP_WEIGHT)
+        scene = HEAVY_TOP.scene.replace({"run.stop": 0.1, "run.step": 0.1, "initial.attitude": {"quaternion": UPRIGHT}})
         try:
             simulate(scene, planned=Plan("symmetric top", "", 7, substep=h, order=2))
         except SceneError:
@@ -181,14 +178,13 @@ def _largest_substep() -> float:
 
 def splitting_resonance(quick: bool) -> Study:
     """Measure law 12: splitting steps in resonance with the free precession gain energy."""
-    resonance = resonant_step(heavy_top()[1], _FAST[3])
+    resonance = resonant_step(HEAVY_TOP.body.inertia, HEAVY_TOP.start.omega_b)
     steps = np.geomspace(0.03, 0.6, 13 if quick else 121).tolist()
-    columns: dict[str, Any] = {"h": steps}
-    columns |= {name: [_energy_error(name, h) for h in steps] for name in SPLITTINGS}
+    columns = {"h": steps} | {name: [_energy_error(name, h) for h in steps] for name in SPLITTINGS}
     findings = [
         Finding(12, "resonant step 2 pi I1 / (I3 w3), s", 2.0 * math.pi / (0.3 * 50.0), resonance, 1e-15),
         Finding(12, "Strang, step of the largest energy error over the resonant one", 1.0,
-                _peak(lambda h: _energy_error("Strang", h), 0.40, 0.44) / resonance, 2e-2),
+                _peak(partial(_energy_error, "Strang"), 0.40, 0.44) / resonance, 2e-2),
         Finding(12, "largest substep that the model takes, over the resonant one", 0.5,
                 _largest_substep() / resonance, 1e-6),
         *(

@@ -33,7 +33,7 @@ class Unit(model_cases.Unit):
     """A body by series."""
 
     def __init__(self, scene, order=16, tolerance=1e-10, span=0.0, ports=()):
-        tables = scene.to_dict() | {"inputs": {"ports": list(ports)}}
+        tables = scene.to_dict() | {"inputs": {"ports": list(ports)}, "outputs": {}}
         plan = Plan("body under loads, by series", "", 13, tolerance=tolerance, order=order, span=span)
         super().__init__(Scene.from_dict(tables, "dense"), plan)
 

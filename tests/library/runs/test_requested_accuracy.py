@@ -18,7 +18,7 @@ FORCED = ("c", "c'", "d", "e", "f")
 def run(key: str, accuracy: float) -> tuple[Plan, dict[str, float]]:
     """The plan and the errors of a case's scene at an accuracy."""
     case = CASES[key]
-    tables = case.scene.to_dict()
+    tables = case.scene.to_dict() | {"outputs": {}}
     tables["run"]["accuracy"] = accuracy
     scene = Scene.from_dict(tables, key)
     planned = rbfmu.plan(scene)

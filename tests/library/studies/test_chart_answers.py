@@ -6,14 +6,12 @@ from dataclasses import replace
 
 import pytest
 
-from rbfmu.studies.chart import drawing, findings, measure, methods, solvers, tables
+from rbfmu.studies.chart import answers, drawing, measure, methods, solvers, tables
 from rbfmu.studies.chart.cases import CASES, Case
-from rbfmu.studies.chart.contestants import TooSmall, contestants, why_not
-from rbfmu.studies.chart.findings import cost_of, front, noise, verdicts
+from rbfmu.studies.chart.contestants import contestants, why_not
 from rbfmu.studies.chart.measure import Extent, Tried, explore
 from rbfmu.studies.chart.methods import NotFeasibleError, Run
-from rbfmu.studies.chart.motions import answers
-from rbfmu.studies.chart.result import KINDS, STOPPED, Chart, End, Row
+from rbfmu.studies.chart.result import KINDS, STOPPED, Chart, End, Row, TooSmall, cost_of, front, verdicts
 from rbfmu.studies.chart.tables import WIDTH, plans_text
 from tests.support.chart_points import judged, made_chart, made_plan, made_row, true_states, turned_by
 from tests.support.covering import some_of
@@ -120,7 +118,7 @@ def test_noise_is_how_far_halves_of_the_repeats_come_apart() -> None:
     row = tried.row(CASES["e"])
     assert (row.run_seconds, row.seconds, row.spread) == (2.0, 0.2, tried.spread)
     rows = [replace(row, spread=1.0 + 0.01 * k) for k in range(100)]
-    assert noise(made_chart(made_plan(1e-10, 1.0, spread=2.0), *rows)) == pytest.approx(1.95)
+    assert made_chart(made_plan(1e-10, 1.0, spread=2.0), *rows).noise == pytest.approx(1.95)
 
 
 POWER_LAW = [made_row("RK4, quaternion", "classic", n**-4.0, 1e-6 * n) for n in (10.0, 20.0, 40.0, 80.0)]
@@ -239,9 +237,9 @@ def test_the_headline_names_what_to_use(peer: float, first: str, second: str) ->
 
 def test_noise_is_that_of_what_costs_about_as_much_as_the_plan() -> None:
     noisy = [replace(row, spread=9.0 if row.seconds > 1e-5 else row.spread) for row in made_up(3.0).rows]
-    assert findings.noise(made_up(3.0, rows=tuple(noisy))) == pytest.approx(1.05)
+    assert made_up(3.0, rows=tuple(noisy)).noise == pytest.approx(1.05)
     noisy = [replace(row, spread=1.4) for row in made_up(3.0).rows]
-    assert findings.noise(made_up(3.0, rows=tuple(noisy))) == pytest.approx(1.4)
+    assert made_up(3.0, rows=tuple(noisy)).noise == pytest.approx(1.4)
 
 
 def test_the_table_has_every_answer() -> None:

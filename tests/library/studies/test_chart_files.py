@@ -10,11 +10,9 @@ import numba
 import pytest
 
 from examples.benchmarks import plans
-from rbfmu.studies.chart import Chart, contestants, drawing, measure, peers
+from rbfmu.studies.chart import QUICK_MOTIONS, Chart, contestants, drawing, measure, methods, run_charts, write_charts
 from rbfmu.studies.chart.cases import CASES, CHECKPOINTS, few_and_many
-from rbfmu.studies.chart.findings import verdicts
-from rbfmu.studies.chart.motions import QUICK_MOTIONS, run_charts, write_charts
-from rbfmu.studies.chart.result import KINDS, STOPPED, End, kind_of
+from rbfmu.studies.chart.result import KINDS, STOPPED, End, kind_of, verdicts
 from rbfmu.studies.chart.tables import WIDTH, plans_text
 from tests.support.chart_points import judged, made_chart, made_plan, made_row
 from tests.support.pictures import overlaps
@@ -51,7 +49,7 @@ def test_figures_tell_machine_and_versions(files: dict[str, Path]) -> None:
     assert f"numba {numba.__version__}" in head[1]
     assert "SciPy" in head[2]
     named = "\n".join(head)
-    assert all(name in named for name in peers._PEERS)
+    assert all(name in named for name in contestants._PEERS)
 
 
 @pytest.mark.thorough
@@ -75,7 +73,7 @@ def test_answers_on_the_terminal_name_every_motion_and_fit_it(files: dict[str, P
     text = files["answers.txt"].read_text()
     assert max(map(len, text.splitlines())) <= WIDTH
     for key in QUICK_MOTIONS:
-        assert f"{CASES[key].title} ({key})" in text
+        assert f"{CASES[key].scene.name} ({key})" in text
     assert "elliptic functions" in text
     assert "are even" in text
 
@@ -99,7 +97,8 @@ def made_up() -> list[Chart]:
         drifts = [f"{name.replace(' ', '_')}_drift" for name in case.keeps]
         rows = [replace(row, spread=1.05, **dict.fromkeys(drifts, row.error)) for row in mine]
         chart = made_chart(*rows, ends=tuple(End(kind_of(name, "peer"), name, 1e-10, STOPPED) for name in names))
-        what = {"scene": case.title, "key": case.key, "outputs": case.outputs, "many": case.many, "span": case.span}
+        what = {"scene": case.scene.name, "span": case.span}
+        what |= {"key": case.key, "outputs": case.outputs, "many": case.many}
         charts.append(replace(chart, accuracy=1e-6, **what))
     return charts
 
@@ -150,7 +149,7 @@ def test_labels_at_one_place_are_spread_about_it() -> None:
 
 
 def test_every_line_has_its_name() -> None:
-    made = [*peers.peers()[0], *contestants.library_methods(), *contestants.reference_integrators()]
-    assert {kind_of(method.name, method.family) for method in (*made, contestants.Planned())} <= set(KINDS)
+    made = [*contestants.peers()[0], *contestants.own_methods()]
+    assert {kind_of(method.name, method.family) for method in (*made, methods.Planned())} <= set(KINDS)
     assert kind_of("SciPy odeint", "peer") == "SciPy odeint"
     assert kind_of("SciPy LSODA", "peer") == "SciPy solve_ivp"

@@ -17,7 +17,7 @@ import pytest
 from examples.references import reference_motions
 from rbfmu import quaternion_from_euler, rotate
 from rbfmu.models.registry import CLOSED_FORMS
-from rbfmu.studies.chart import contestants, methods, peers, simulators, solvers
+from rbfmu.studies.chart import contestants, methods, simulators, solvers
 from rbfmu.studies.chart.cases import (
     ALL,
     CASES,
@@ -36,7 +36,7 @@ from tests.support.covering import some_of
 from tests.support.paths import ROOT
 from tests.support.references import free_rotation_mp, reference_mp
 
-OWN = {method.name: method for method in (*contestants.library_methods(), contestants.Planned())}
+OWN = {method.name: method for method in (*contestants.own_methods(), methods.Planned())}
 
 
 def test_steps_divide_the_checkpoints_intervals() -> None:
@@ -70,7 +70,7 @@ def test_many_outputs_are_of_the_same_motion() -> None:
     many = CASES["c"].with_many_outputs()
     assert many.outputs == 1000
     for name in ("RK4, quaternion", "splitting, order 4"):
-        method = {m.name: m for m in (*contestants.library_methods(), *contestants.reference_integrators())}[name]
+        method = OWN[name]
         few = CASES["c"].error(method.run(CASES["c"], 0.005).states())
         assert many.error(method.run(many, 0.005).states()) == few  # the same steps
 
@@ -98,7 +98,7 @@ def test_plans_keep_their_promise(accuracy: float) -> None:
 
 
 def _solvers() -> list[methods.Method]:
-    return [method for name in ("SciPy", "numbalsoda", "heyoka.py") for method in peers._PEERS[name][2]()]
+    return [method for name in ("SciPy", "numbalsoda", "heyoka.py") for method in contestants._PEERS[name][2]()]
 
 
 @pytest.mark.parametrize("method", _solvers(), ids=lambda method: method.name)
@@ -111,27 +111,27 @@ def test_solvers_have_the_same_equations_at_few_and_at_many_outputs(method: meth
             assert case.error(method.run(case, 1e-8).states()) < 1e-5
 
 
-@pytest.mark.parametrize("integrator", peers.MUJOCO_INTEGRATORS)
+@pytest.mark.parametrize("integrator", contestants.MUJOCO_INTEGRATORS)
 def test_mujoco_has_the_same_equations_at_few_and_at_many_outputs(integrator: str) -> None:
     pytest.importorskip("mujoco")
-    assert "implicitfast" in peers.MUJOCO_INTEGRATORS
+    assert "implicitfast" in contestants.MUJOCO_INTEGRATORS
     for case in few_and_many(["d", "f"]):
         found = case.error(simulators.MuJoCo(integrator).run(case, 0.0005).states())
         assert found < 0.06  # first order: 0.05 at this step
 
 
 def test_absent_peers_are_named_and_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(peers, "_package", lambda name: None)
-    monkeypatch.setattr(peers, "peers", peers.peers.__wrapped__)
-    assert peers.peers()[0] == ()
-    lines = peers.absent()
-    assert len(lines) == len(peers._PEERS)
+    monkeypatch.setattr(contestants, "_package", lambda name: None)
+    monkeypatch.setattr(contestants, "peers", contestants.peers.__wrapped__)
+    assert contestants.peers()[0] == ()
+    lines = contestants.absent()
+    assert len(lines) == len(contestants._PEERS)
     assert 'heyoka.py: not installed (pip install "rbfmu[bench]")' in lines
 
 
 def test_the_extras_that_are_named_install_their_peers() -> None:
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
-    for package, extra, _ in peers._PEERS.values():
+    for package, extra, _ in contestants._PEERS.values():
         assert any(re.fullmatch(rf"{package}([>=].*)?", wanted) for wanted in extras[extra])
 
 
@@ -151,8 +151,8 @@ def test_a_closed_form_under_torque_competes() -> None:
 
 
 def test_methods_for_free_bodies_compete_where_no_load_makes_a_torque() -> None:
-    assert [key for key, case in CASES.items() if contestants._turns_freely(case)] == ["a", "b", "g"]
-    assert [key for key, case in CASES.items() if contestants._is_top(case)] == ["c"]
+    assert [key for key, case in CASES.items() if case.turns_freely] == ["a", "b", "g"]
+    assert [key for key, case in CASES.items() if case.top] == ["c"]
 
 
 # References and errors

@@ -8,11 +8,11 @@ import pytest
 import rbfmu
 from rbfmu.formulas.graph import Graph, numbers_of
 from rbfmu.formulas.source import function_of
-from rbfmu.studies.chart import cases, measure, peers
-from rbfmu.studies.chart.contestants import contestants, why_not
-from rbfmu.studies.chart.formulas import FormulaCase, heyoka_functions
+from rbfmu.studies.chart import cases, contestants, measure
+from rbfmu.studies.chart.cases import FormulaCase
+from rbfmu.studies.chart.contestants import why_not
 from rbfmu.studies.chart.simulators import MuJoCo
-from rbfmu.studies.chart.solvers import Heyoka, Odeint, SolveIvp
+from rbfmu.studies.chart.solvers import Heyoka, Odeint, SolveIvp, heyoka_functions
 from tests.library.formulas.test_series import CASES, POINTS, graph_of, truth
 from tests.support.paths import ROOT
 
@@ -73,7 +73,7 @@ def test_each_operation_is_the_same_function_for_others(name: str, translated: o
 
 
 def installed(name: str) -> object:
-    found = next((m for m in peers.peers()[0] if m.name == name), None)
+    found = next((m for m in contestants.peers()[0] if m.name == name), None)
     if found is None:
         pytest.skip(f"{name} is not installed")
     return found
@@ -105,7 +105,7 @@ def test_only_those_compete_that_take_formulas() -> None:
     assert not why_not(Heyoka(), satellite)
     assert why_not(MuJoCo("RK4"), satellite) == "takes no formulas"
     assert why_not(SolveIvp("LSODA", compiled=False), satellite) == "formulas are compiled"
-    competing = contestants(satellite, [Odeint(), Heyoka(), MuJoCo("RK4")])
+    competing = contestants.contestants(satellite, [Odeint(), Heyoka(), MuJoCo("RK4")])
     assert {method.family for method in competing} == {"Taylor", "peer", "planned"}
     assert "MuJoCo RK4" not in [method.name for method in competing]
 

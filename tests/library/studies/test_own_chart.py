@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rbfmu
-from rbfmu.studies.chart import Chart, cases, contestants, measure, methods, peers, solvers
+from rbfmu.studies.chart import Chart, cases, contestants, measure, methods, solvers
 from rbfmu.studies.chart.cases import ALL, PATH, RATES, ROTATION, state_of
 from rbfmu.studies.chart.methods import NotFeasibleError
 from rbfmu.studies.chart.simulators import MuJoCo
@@ -101,7 +101,7 @@ def test_what_is_not_finite_has_an_infinite_error(satellite: cases.Case, by_mpma
 
 
 def _of_peers() -> list[methods.Method]:
-    return [*peers.peers()[0], *contestants.reference_integrators(), *contestants.library_methods()]
+    return [*contestants.peers()[0], *contestants.own_methods()]
 
 
 @pytest.mark.parametrize("name", [
@@ -124,8 +124,8 @@ def test_all_follow_the_same_motion_in_their_own_ways(satellite: cases.Case, nam
 )
 def test_solvers_integrate_what_the_outputs_need_and_no_more(name: str, numbers: int) -> None:
     case = gallery(name)
-    assert case.numbers == numbers == len(solvers.start_of(case))
-    for method in (solvers.Odeint(), *(m for m in peers.peers()[0] if m.name == "heyoka.py")):
+    assert case.numbers == numbers == len(case.integrated)
+    for method in (solvers.Odeint(), *(m for m in contestants.peers()[0] if m.name == "heyoka.py")):
         assert case.error(method.run(case, 1e-10).states()) < 1e-6
 
 
@@ -159,7 +159,7 @@ def test_errors_are_measured_at_the_end_and_at_a_few_hundred_points_at_most() ->
 
 
 def test_closed_forms_compete_only_where_ports_leave_them_exact() -> None:
-    closed = {form.name: form for form in map(contestants.ClosedForm, contestants.CLOSED_FORMS)}
+    closed = {form.name: form for form in map(methods.ClosedForm, contestants.CLOSED_FORMS)}
     free, driven = gallery("t_handle"), gallery("controlled_satellite")
     assert [name for name, form in closed.items() if form.suits(free)] == ["torque-free body"]
     assert not any(form.suits(driven) for form in closed.values())
@@ -264,13 +264,13 @@ def test_prescribed_rates_are_charted_at_rest() -> None:
 
 
 def test_absent_peers_are_lines(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(peers, "_package", lambda name: None)
-    none = peers.peers.__wrapped__()
+    monkeypatch.setattr(contestants, "_package", lambda name: None)
+    none = contestants.peers.__wrapped__()
     monkeypatch.setattr("rbfmu.studies.chart.measure.peers", lambda: none)
-    monkeypatch.setattr(peers, "peers", lambda: none)
+    monkeypatch.setattr(contestants, "peers", lambda: none)
     few(monkeypatch, "Taylor, order 12")
     found = rbfmu.chart(ROOT / "examples/scenes/thrown_ball.toml", quick=True)
-    for name in peers._PEERS:
+    for name in contestants._PEERS:
         assert f"{name}: not installed" in found.table
     assert "no peer is charted" in found.table
 

@@ -303,7 +303,7 @@ def test_an_error_that_is_no_size_is_a_finding_that_does_not_hold(sizes: tuple[f
 
 
 def test_a_pictures_ticks_stand_on_their_axes(monkeypatch: pytest.MonkeyPatch) -> None:
-    row = pictures.Picture(("title", "x", "y"), ticks={"x": {0.5: "a half"}, "y": {2.0: "two"}})
+    row = pictures.Picture("title", "x", "y", ticks={"x": [(0.5, "a half")], "y": [(2.0, "two")]})
     monkeypatch.setitem(pictures.PICTURES, "made", row)
     (axes,) = pictures.figure_of(Study("made", [], {"x": [0.0, 1.0]})).axes
     assert [text.get_text() for text in axes.get_xticklabels()] == ["a half"]
