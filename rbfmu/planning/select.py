@@ -171,9 +171,9 @@ def _least_tight(asked: Question, found: Plan, drive: Drive, halves: Drive) -> P
         error = largest_error(motion, truth, names, floors) + doubt
         if error <= asked.accuracy:
             misses = f"{found.method}, planned for any inputs, misses the accuracy under these"
-            why = (f"{misses}: {plan.method} at {plan.tolerance:.1e} instead",) if plan is not found else ()
+            why = [f"{misses}: {plan.method} at {plan.tolerance:.1e} instead"] if plan is not found else []
             judged = f"judged by series of order {max(ORDERS)} in half steps"
-            why += (f"error {error:.1e} in a pilot run with the inputs given, {judged}",)
+            why.append(f"error {error:.1e} in a pilot run with the inputs given, {judged}")
             cost = _cost_under(asked, plan, found, substeps, drive)
             return replace(plan, error=error, cost=cost, reasons=(*found.reasons, *why))
         best = min(best, error)
