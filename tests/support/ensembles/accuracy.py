@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 import rbfmu
-from rbfmu.ensembles.chunks import Work, run_chunk
+from rbfmu.ensembles.chunks import Chunk, Work, run_chunk
 from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.runs.motion import attitude_error
 
@@ -48,7 +48,13 @@ def drawn(seed: int, runs: int) -> rbfmu.Scene:
 
 def errors(scene: rbfmu.Scene, plan: rbfmu.Plan) -> np.ndarray:
     """The error of each member over the accuracy; NaN of those that fail."""
-    found, truth = (run_chunk(Work(scene, one, scene.ensemble.runs), 0) for one in (plan, _tight(plan)))
+    return errors_beside(
+        scene, plan, *(run_chunk(Work(scene, one, scene.ensemble.runs), 0) for one in (plan, tight(plan)))
+    )
+
+
+def errors_beside(scene: rbfmu.Scene, plan: rbfmu.Plan, found: Chunk, truth: Chunk) -> np.ndarray:
+    """The same of members that were run."""
     columns = Work(scene, plan, 1).columns
     a, b = columns.split(found.rows), columns.split(truth.rows)
     worst = np.zeros(len(found.rows))
@@ -62,7 +68,7 @@ def errors(scene: rbfmu.Scene, plan: rbfmu.Plan) -> np.ndarray:
     return worst / scene.run.accuracy
 
 
-def _tight(plan: rbfmu.Plan) -> rbfmu.Plan:
+def tight(plan: rbfmu.Plan) -> rbfmu.Plan:
     return replace(plan, order=24, tolerance=1e-17, span=0.0)
 
 
