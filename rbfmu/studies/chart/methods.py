@@ -23,7 +23,8 @@ from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.studies.chart.cases import MOST_RADIANS, Case, FormulaCase
 from rbfmu.studies.dop853 import Dop853Plan
-from rbfmu.studies.reference_methods import OneStepMethod, midpoint
+from rbfmu.studies.one_step import OneStepMethod
+from rbfmu.studies.reference_methods import midpoint
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
 
 PLANNING = 30.0

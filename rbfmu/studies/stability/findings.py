@@ -14,7 +14,7 @@ from rich.markup import escape
 from rich.padding import Padding
 from rich.table import Table
 
-from rbfmu.studies.reference_methods import OneStepMethod
+from rbfmu.studies.one_step import OneStepMethod
 
 
 class Law(NamedTuple):

@@ -5,13 +5,8 @@ from typing import Any
 
 import pytest
 
-from rbfmu.studies.reference_methods import (
-    MAX_ROUNDS,
-    REFERENCE_INTEGRATORS,
-    TORQUE_FREE_INTEGRATORS,
-    OneStepMethod,
-    midpoint,
-)
+from rbfmu.studies.one_step import OneStepMethod
+from rbfmu.studies.reference_methods import MAX_ROUNDS, REFERENCE_INTEGRATORS, TORQUE_FREE_INTEGRATORS, midpoint
 from rbfmu_kernels.exact.free_rotation import free_rotation
 from rbfmu_kernels.integrators.splitting import rkn6_steps
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, Body, Loads, State
