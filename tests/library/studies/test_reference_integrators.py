@@ -71,6 +71,13 @@ def test_drift_adds_up_over_calls_of_steps(method: OneStepMethod) -> None:
     assert once == twice
 
 
+@pytest.mark.parametrize("method", TORQUE_FREE_INTEGRATORS.values(), ids=lambda m: m.name)
+def test_a_body_of_a_planet_s_size_turns_like_a_small_one(method: OneStepMethod) -> None:
+    """2026-11-24: powers of its moments overflowed, and `rbfmu chart` of the earth ended with a traceback."""
+    large = BRICK._replace(inertia=diagonal(tuple(2.0**130 * moment for moment in MOMENTS)))
+    assert method.run(TUMBLE, 0.1, 20, large, NO_LOADS) == method.run(TUMBLE, 0.1, 20, BRICK, NO_LOADS)
+
+
 def test_implicit_midpoint_keeps_energy_and_length_of_q() -> None:
     q, omega = REFERENCE_INTEGRATORS["implicit midpoint"].steps(TUMBLE, 0.1, 10_000, BRICK, NO_LOADS)[2:]
     energy = sum(moment * w * w for moment, w in zip(MOMENTS, omega, strict=True))
