@@ -358,7 +358,7 @@ _ANGLES = (
     convert(OtherState, lambda q: euler.euler_from_quaternion(ZYX, q)),
     convert(State, lambda angles: euler.quaternion_from_euler(ZYX, angles)),
 )
-_ALL = (
+REFERENCE_INTEGRATORS = {method.name: method for method in (
     OneStepMethod("explicit Euler", compiled_loop(explicit_euler_step), 1, 1),
     OneStepMethod("semi-implicit Euler", compiled_loop(semi_implicit_euler_step), 1, 1),
     OneStepMethod("implicit midpoint", compiled_loop(implicit_midpoint_step), 2, 0),
@@ -368,14 +368,12 @@ _ALL = (
     OneStepMethod("RK4, Euler angles", compiled_loop(rk4(_angle_rates, _advance_vector)), 4, 4, *_ANGLES),
     OneStepMethod("RKMK4", compiled_loop(rkmk4_step), 4, 4),
     OneStepMethod("CF4", compiled_loop(cf4_step), 4, 4),
-)
-_FREE = (
+)}  # fmt: skip
+"""The methods for any body and any loads, by name."""
+TORQUE_FREE_INTEGRATORS = {method.name: method for method in (
     OneStepMethod("Moser-Veselov", moser_veselov(2), 2, 0),
     OneStepMethod("Moser-Veselov, order 10", moser_veselov(10), 10, 0),
-)
-REFERENCE_INTEGRATORS = {integrator.name: integrator for integrator in _ALL}
-"""The methods for any body and any loads, by name."""
-TORQUE_FREE_INTEGRATORS = {integrator.name: integrator for integrator in _FREE}
+)}  # fmt: skip
 """The methods for bodies in principal axes without loads or damping, by name."""
 ALL_INTEGRATORS = REFERENCE_INTEGRATORS | TORQUE_FREE_INTEGRATORS
 
