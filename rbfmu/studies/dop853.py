@@ -14,7 +14,7 @@ import numpy as np
 
 from rbfmu.models.spec import ModelSpec
 from rbfmu.runs.plan import Plan
-from rbfmu.studies.reference_methods import OneStepMethod
+from rbfmu.studies.one_step import OneStepMethod
 from rbfmu_kernels.body.driven import DRIVEN, STEP_SIZE, finish, keep, load_polynomial_of, part_to_integrate
 from rbfmu_kernels.body.memory import STATE_START, body_of, loads_of
 from rbfmu_kernels.body.shell import Model, make_model

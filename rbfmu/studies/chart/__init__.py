@@ -28,7 +28,7 @@ def chart(
     """Chart accuracy against cost of every method and installed peer on a scene, or that of a scene file.
 
     quick: few methods and settings, to see that it runs; progress: called with (done, total, text); method: a
-    file with a method of one's own (`rbfmu.studies.own_method`), which competes.
+    file with a method of one's own (`rbfmu.studies.one_step`), which competes.
     A full chart takes one or two minutes. Raises SceneError where the accuracy asked cannot be met.
     """
     from rbfmu.studies.chart.cases import case_of

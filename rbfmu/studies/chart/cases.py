@@ -48,7 +48,8 @@ CHECKPOINTS = 5
 """The number of points at which the eight motions are known, and of the outputs of a run with few outputs."""
 OUTPUT_STEP = 0.01
 """The time in s between the outputs of a run with many outputs."""
-DRIFTS = ("energy", "momentum", "vertical momentum")
+DRIFTS = {name: f"{name.replace(' ', '_')}_drift" for name in ("energy", "momentum", "vertical momentum")}
+"""The columns of the drifts of what a motion may conserve."""
 REFERENCES = Path(__file__).with_name("reference_motions.json")
 """The file is written by examples/references/reference_motions.py."""
 
@@ -244,13 +245,13 @@ class Case:
         if not self.keeps:
             return {}
         with np.errstate(all="ignore"):
-            now = self._conserved(self._judged_quantities(states))
-            before = self._conserved({name: rows[:1] for name, rows in self.truth.items()})
+            now = self.conserved(self._judged_quantities(states))
+            before = self.conserved({name: rows[:1] for name, rows in self.truth.items()})
             sizes = {name: np.linalg.norm(before["momentum" if "momentum" in name else name]) for name in DRIFTS}
             found = {name: np.linalg.norm(now[name] - before[name], axis=1) / sizes[name] for name in self.keeps}
-        return {f"{name.replace(' ', '_')}_drift": float(np.max(rows)) for name, rows in found.items()}
+        return {DRIFTS[name]: float(np.max(rows)) for name, rows in found.items()}
 
-    def _conserved(self, motion: Motion) -> dict[str, Array]:
+    def conserved(self, motion: Motion) -> dict[str, Array]:
         """Return the energy (with that of the weight about a pivot) and the angular momentum as rows."""
         q, omega = motion["quaternion"], motion["omega_b"]
         h_b = arrays.angular_momentum(np.array(self.body.inertia), omega)

@@ -4,9 +4,10 @@ Which peers are installed, how to install the others, and why a method is not tr
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
+from itertools import takewhile
 from operator import attrgetter
 
 from rbfmu.extras import remedy
@@ -42,18 +43,16 @@ def _package(name: str) -> str | None:
         return None
 
 
-def _scipy_methods() -> list[Method]:
-    return [*map(SolveIvp, ("DOP853", "RK45", "LSODA")), SolveIvp("LSODA", compiled=False), Odeint()]
-
-
 _PEERS: dict[str, tuple[str, str, Callable[[], Sequence[Method]]]] = {
-    "SciPy": ("scipy", "bench", _scipy_methods),
+    "SciPy": ("scipy", "bench", lambda: [
+        *map(SolveIvp, ("DOP853", "RK45", "LSODA")), SolveIvp("LSODA", compiled=False), Odeint(),
+    ]),
     "numbalsoda": ("numbalsoda", "bench-fortran", lambda: [Numbalsoda(m) for m in ("lsoda", "dop853")]),
     "heyoka.py": ("heyoka", "bench", lambda: [Heyoka()]),
     "MuJoCo": ("mujoco", "bench", lambda: [MuJoCo(m) for m in MUJOCO_INTEGRATORS]),
     "Basilisk": ("bsk", "bench-simulators", lambda: [Basilisk(m) for m in ("RK4", "RKF78")]),
     "Drake": ("drake", "bench-simulators", lambda: [Drake("runge_kutta3", "RK3"), Drake("runge_kutta5", "RK5")]),
-}
+}  # fmt: skip
 """For each peer: its package, the extra of this library that installs it, and its methods."""
 ABSENT = "not installed"
 
@@ -127,16 +126,10 @@ def too_small(case: Case, planned: Plan) -> list[TooSmall]:
     """Return the models that stand before the plan's and miss the accuracy, from the smallest."""
     if case.scene.body is None or isinstance(case, FormulaCase):
         return []
-    found = [TooSmall(spec.key, *_error_of(case, spec)) for spec in _before(planned)]
+    before = takewhile(lambda spec: spec.key != planned.model, MODELS.values())
+    smaller = [spec for spec in before if spec.closed_form or spec is ONE_AXIS_TAYLOR]
+    found = [TooSmall(spec.key, *_error_of(case, spec)) for spec in smaller]
     return [model for model in found if model.why or not model.error <= case.scene.run.accuracy]
-
-
-def _before(planned: Plan) -> Iterator[ModelSpec]:
-    for key, spec in MODELS.items():
-        if key == planned.model:
-            return
-        if spec.closed_form or spec is ONE_AXIS_TAYLOR:
-            yield spec
 
 
 def _error_of(case: Case, spec: ModelSpec) -> tuple[float, str]:

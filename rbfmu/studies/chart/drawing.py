@@ -16,19 +16,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from rbfmu.plot import open_frame
 from rbfmu.studies.chart.cases import CHECKPOINTS, DRIFTS, FLOOR, OUTPUT_STEP
 from rbfmu.studies.chart.methods import short
-from rbfmu.studies.chart.result import (
-    ERROR,
-    KINDS,
-    OWN_KINDS,
-    REFUSED,
-    STOPPED,
-    TAKES_NO,
-    Chart,
-    Reach,
-    Row,
-    Verdict,
-    front,
-)
+from rbfmu.studies.chart.result import ERROR, KINDS, OWN_KINDS, REFUSED, STOPPED, TAKES_NO, Chart, Row, Verdict, front
 from rbfmu.studies.chart.tables import conditions, cost_text, headline, method_of, short_number, times, why_no_further
 
 DPI = 120
@@ -55,7 +43,10 @@ def figure_of(chart: Chart) -> Figure:
               markeredgecolor="white", markeredgewidth=1.2, zorder=6, clip_on=False)  # fmt: skip
     ends = lines | {"rbfmu's plan": [row for row in chart.above_round_off if row.kind == "rbfmu's plan" and
                                      row.value == chart.plan.value]}  # fmt: skip
-    labels = {reach.kind: _label(reach) for reach in chart.reaches}
+    labels = {}
+    for reach in chart.reaches:
+        missed = "stopped" if reach.stopped else "misses"
+        labels[reach.kind] = f"{reach.name}  {cost_text(reach.cost) if math.isfinite(reach.cost) else missed}"
     name_lines(axes, ends, ERROR, labels.__getitem__, 0.062)
     _words(figure, chart)
     return figure
@@ -100,12 +91,6 @@ def _accuracy_asked(axes: Any, chart: Chart) -> None:
     axes.annotate(f"asked: {short_number(chart.accuracy)}", (chart.accuracy, 1.0), (0, 4),
                   xycoords=("data", "axes fraction"), textcoords="offset points", ha="center", va="bottom",
                   fontsize=11, weight="bold", color=DARK)  # fmt: skip
-
-
-def _label(reach: Reach) -> str:
-    """Return a kind's name, and its cost at the accuracy asked."""
-    without = "stopped" if reach.stopped else "misses"
-    return f"{reach.name}  {cost_text(reach.cost) if math.isfinite(reach.cost) else without}"
 
 
 def _words(figure: Figure, chart: Chart) -> None:
@@ -223,8 +208,7 @@ def spread(places: Sequence[float], apart: float, highest: float = 1.0) -> list[
 
 def draw_kept(chart: Chart, path: Path) -> list[Path]:
     """Draw the drift of conserved quantities against cost; no file if nothing is conserved."""
-    columns = {name: f"{name.replace(' ', '_')}_drift" for name in DRIFTS}
-    kept = {name: _drift_of(column) for name, column in columns.items()
+    kept = {name: _drift_of(column) for name, column in DRIFTS.items()
             if any(math.isfinite(getattr(row, column)) for row in chart.rows)}  # fmt: skip
     if not kept:
         return []

@@ -17,8 +17,7 @@ from rbfmu.studies.chart.contestants import ABSENT, absent, contestants, peers, 
 from rbfmu.studies.chart.methods import FixedSteps, Method, NotFeasibleError, Planned, Run
 from rbfmu.studies.chart.result import STOPPED, YOURS, Chart, End, Row, kind_of
 from rbfmu.studies.chart.solvers import Solver
-from rbfmu.studies.own_method import method_of_file
-from rbfmu.studies.reference_methods import OneStepMethod
+from rbfmu.studies.one_step import OneStepMethod, method_of_file
 
 Progress = Callable[[int, int, str], Any]
 LARGEST_ERROR = 1.0

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from importlib import import_module
 from time import thread_time
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -23,7 +23,8 @@ from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.studies.chart.cases import MOST_RADIANS, Case, FormulaCase
 from rbfmu.studies.dop853 import Dop853Plan
-from rbfmu.studies.reference_methods import OneStepMethod, midpoint
+from rbfmu.studies.one_step import OneStepMethod
+from rbfmu.studies.reference_methods import midpoint
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
 
 PLANNING = 30.0
@@ -111,15 +112,23 @@ def module(name: str) -> Any:
 # Fixed steps
 
 
+class EqualSteps(NamedTuple):
+    """Steps of a size h in s, n of them to each output."""
+
+    h: float
+    n: int
+    outputs: int
+
+
 @njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
-def _repeated(loop: Any, y: Any, h: float, n: int, outputs: int, body: Body, loads: Loads, k: int) -> Any:
+def _repeated(loop: Any, y: Any, steps: EqualSteps, body: Body, loads: Loads, k: int) -> Any:
     """Solve k times; h depends formally (by 0 *) on the last solution, so that the compiler removes no solution."""
     z = y
     for _ in range(k):
-        step = h + 0.0 * z.omega_b[0]
+        step = steps.h + 0.0 * z.omega_b[0]
         z = y
-        for _ in range(outputs):
-            z = loop(z, step, n, body, loads)
+        for _ in range(steps.outputs):
+            z = loop(z, step, steps.n, body, loads)
     return z
 
 
@@ -169,7 +178,7 @@ class FixedSteps(Method):
             return [method.state_of(y) for y in method.path(case.start, value, counts, body, loads)]
 
         if hasattr(method.steps, "py_func"):
-            seconds = timer(lambda k: _repeated(method.steps, start, value, n, outputs, body, loads, k))
+            seconds = timer(lambda k: _repeated(method.steps, start, EqualSteps(value, n, outputs), body, loads, k))
         else:  # the loop is not compiled: one long run, of which the calls are a small part
             seconds = timer(lambda k: method.steps(start, value, outputs * n * k, body, loads))
         evaluations = float(method.evaluations * outputs * n)

@@ -212,9 +212,8 @@ class Chart:
     def __repr__(self) -> str:
         from rbfmu.studies.chart.tables import headline
 
-        return "\n".join(
-            (f"Chart of {self.scene}: {len(self.rows)} points; print it, or save(folder)", *headline(self))
-        )
+        what = f"Chart of {self.scene}: {len(self.rows)} points; print it, or save(folder)"
+        return "\n".join((what, *headline(self)))
 
     def _repr_html_(self) -> str:
         """Return picture and table for a notebook."""

@@ -239,9 +239,8 @@ class Heyoka(Solver):
 @cache
 def _integrator(scene: Scene, numbers: int, tolerance: float) -> Any:
     """Return an integrator, whose state is still to be set."""
-    return module("heyoka").taylor_adaptive(
-        equations(kind_of_case(scene)(scene), numbers), [0.0] * numbers, tol=tolerance
-    )
+    system = equations(kind_of_case(scene)(scene), numbers)
+    return module("heyoka").taylor_adaptive(system, [0.0] * numbers, tol=tolerance)
 
 
 def equations(case: Case, numbers: int) -> list[tuple[Any, Any]]:

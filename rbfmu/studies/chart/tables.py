@@ -56,13 +56,12 @@ def _kinds(chart: Chart) -> Iterator[str]:
 
 
 def _kind(chart: Chart, reach: Reach) -> Iterator[str]:
-    name = reach.name
     if math.isfinite(reach.cost):
         ratio = times(reach.cost / chart.plan.seconds)
-        yield _KIND.format(name, reach.method, cost_text(reach.cost), cost_text(reach.cost * chart.span), ratio)
+        yield _KIND.format(reach.name, reach.method, cost_text(reach.cost), cost_text(reach.cost * chart.span), ratio)
     else:
         least = short_number(reach.least) if math.isfinite(reach.least) else "none below 1"
-        said = f"{name:22}{'stopped' if reach.stopped else 'misses it'}: {least} by {reach.best} ({reach.why})"
+        said = f"{reach.name:22}{'stopped' if reach.stopped else 'misses it'}: {least} by {reach.best} ({reach.why})"
         yield from textwrap.wrap(said, WIDTH, subsequent_indent=" " * 24)
 
 
@@ -135,13 +134,9 @@ def _plans(found: Sequence[Verdict]) -> Iterator[list[str]]:
     )
     for key in dict.fromkeys(v.chart.key for v in found):
         mine = sorted((v for v in found if v.chart.key == key), key=lambda v: v.chart.outputs)
-        chart = mine[0].chart
-        head = f"{chart.scene} ({key}), {chart.span:,.0f} s; outputs: {' or '.join(_counts(mine))}"
+        chart, counts = mine[0].chart, dict.fromkeys(f"{v.chart.outputs:,}" for v in mine)
+        head = f"{chart.scene} ({key}), {chart.span:,.0f} s; outputs: {' or '.join(counts)}"
         yield [head, _PLAN.format("error", "outputs", "plan", "for 1 s", "best peer", "it costs"), *map(_plan, mine)]
-
-
-def _counts(found: Sequence[Verdict]) -> Iterator[str]:
-    yield from (f"{count:,}" for count in dict.fromkeys(v.chart.outputs for v in found))
 
 
 def _plan(v: Verdict) -> str:

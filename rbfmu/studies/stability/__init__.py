@@ -14,8 +14,7 @@ from warnings import catch_warnings, simplefilter
 import numpy as np
 
 from rbfmu.exceptions import SceneWarning
-from rbfmu.studies.own_method import method_of_file
-from rbfmu.studies.reference_methods import OneStepMethod
+from rbfmu.studies.one_step import OneStepMethod, method_of_file
 from rbfmu.studies.stability import method_laws as laws
 from rbfmu.studies.stability import model_laws, top_laws
 from rbfmu.studies.stability.findings import CURVE, OWN, Finding, Study, exponent, failures, read_findings
@@ -43,7 +42,7 @@ def run_stability(
     """Measure all laws and maps, write CSV files and pictures into a folder; return their paths, `laws.csv` first.
 
     progress: wraps the sequence of parts, for instance in a progress bar; a part takes a few seconds. method: a file
-    with a method of one's own, which is measured as well (`rbfmu.studies.own_method`).
+    with a method of one's own, which is measured as well (`rbfmu.studies.one_step`).
     """
     from rbfmu.studies.stability.pictures import draw, draw_maps
 

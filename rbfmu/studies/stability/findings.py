@@ -14,7 +14,8 @@ from rich.markup import escape
 from rich.padding import Padding
 from rich.table import Table
 
-from rbfmu.studies.reference_methods import OneStepMethod
+from rbfmu.studies.chart.result import write_rows
+from rbfmu.studies.one_step import OneStepMethod
 
 
 class Law(NamedTuple):
@@ -90,11 +91,8 @@ _NAMES = ("law", "what", "place", "kind", "predicted", "measured", "tolerance", 
 
 def write_columns(path: Path, columns: Mapping[str, Sequence[Any]]) -> Path:
     """Write a CSV file with all digits."""
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(columns)
-        writer.writerows(zip(*columns.values(), strict=True))
-    return path
+    rows = zip(*columns.values(), strict=True)
+    return write_rows(path, (dict(zip(columns, row, strict=True)) for row in rows), ())
 
 
 def write_findings(path: Path, findings: Sequence[Finding]) -> Path:

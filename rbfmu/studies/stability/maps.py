@@ -11,7 +11,8 @@ from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.simulation import SimulationError, simulate
 from rbfmu.studies.dop853 import Dop853Plan
-from rbfmu.studies.reference_methods import ALL_INTEGRATORS, OneStepMethod
+from rbfmu.studies.one_step import OneStepMethod
+from rbfmu.studies.reference_methods import ALL_INTEGRATORS
 from rbfmu.studies.stability.findings import AT_MOST, Finding
 from rbfmu.studies.stability.motions import at, attitude_error, free_body, references, scene_of
 from rbfmu_kernels.types import Vec3

@@ -12,7 +12,8 @@ from rbfmu import arrays
 from rbfmu.runs.plan import Plan
 from rbfmu.simulation import simulate
 from rbfmu.studies.dop853 import DOP853, STAGES, A, Dop853Plan
-from rbfmu.studies.reference_methods import ALL_INTEGRATORS, TORQUE_FREE_INTEGRATORS, OneStepMethod
+from rbfmu.studies.one_step import OneStepMethod
+from rbfmu.studies.reference_methods import ALL_INTEGRATORS, TORQUE_FREE_INTEGRATORS
 from rbfmu.studies.stability import motions
 from rbfmu.studies.stability.findings import AT_MOST, RECORDED, Finding, Study, exponent
 from rbfmu.studies.stability.motions import SPHERE, TUMBLING, UPRIGHT, ZERO, at, attitude_after, free_body, spin

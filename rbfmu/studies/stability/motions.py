@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from rbfmu.runs.motion import largest_error
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.simulation import SimulationError, simulate
@@ -126,18 +127,11 @@ def attitude_error(q: ArrayLike, true_q: ArrayLike) -> float:
 
 def error_of(found: Mapping[str, Array], true: Mapping[str, Array]) -> float:
     """Return the largest error: attitude in rad, others relative to the largest norm (at least 1 m, 1 m/s)."""
-    worst = 0.0
-    for name, values in found.items():
-        rows = values.reshape(len(values), -1)
-        if not np.all(np.isfinite(rows)):
-            return math.inf
-        if name == "quaternion":
-            error = attitude_error(rows, true[name])
-        else:
-            size = max(float(np.max(np.linalg.norm(true[name], axis=1))), float(name in ("position", "velocity")))
-            error = float(np.max(np.linalg.norm(rows - true[name], axis=1))) / size
-        worst = max(worst, error)
-    return worst
+    rows = {name: values.reshape(len(values), -1) for name, values in found.items()}
+    if not all(np.all(np.isfinite(values)) for values in rows.values()):
+        return math.inf
+    turned = attitude_error(rows["quaternion"], true["quaternion"]) if "quaternion" in rows else 0.0
+    return max(turned, largest_error(rows, true, rows.keys() - {"quaternion"}))
 
 
 def error_of_model(key: str, planned: Plan) -> float:

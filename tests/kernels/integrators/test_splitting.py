@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from rbfmu.studies.reference_methods import OneStepMethod
+from rbfmu.studies.one_step import OneStepMethod
 from rbfmu_kernels.exact.free_rotation import free_rotation
 from rbfmu_kernels.integrators import splitting
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, Body, Loads, State

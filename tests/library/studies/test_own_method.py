@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import rbfmu
-from rbfmu.studies.own_method import method_of_file
+from rbfmu.studies.one_step import method_of_file
 from rbfmu.studies.stability import largest_stable, method_laws, motions, order, own_laws
 from rbfmu.studies.stability.findings import CURVE
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS

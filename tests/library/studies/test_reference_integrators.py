@@ -5,13 +5,8 @@ from typing import Any
 
 import pytest
 
-from rbfmu.studies.reference_methods import (
-    MAX_ROUNDS,
-    REFERENCE_INTEGRATORS,
-    TORQUE_FREE_INTEGRATORS,
-    OneStepMethod,
-    midpoint,
-)
+from rbfmu.studies.one_step import OneStepMethod
+from rbfmu.studies.reference_methods import MAX_ROUNDS, REFERENCE_INTEGRATORS, TORQUE_FREE_INTEGRATORS, midpoint
 from rbfmu_kernels.exact.free_rotation import free_rotation
 from rbfmu_kernels.integrators.splitting import rkn6_steps
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, Body, Loads, State
@@ -74,6 +69,13 @@ def test_drift_adds_up_over_calls_of_steps(method: OneStepMethod) -> None:
     for _ in range(2):
         twice = method.steps(twice, 0.3, 100, BRICK, NO_LOADS)
     assert once == twice
+
+
+@pytest.mark.parametrize("method", TORQUE_FREE_INTEGRATORS.values(), ids=lambda m: m.name)
+def test_a_body_of_a_planet_s_size_turns_like_a_small_one(method: OneStepMethod) -> None:
+    """2026-11-24: powers of its moments overflowed, and `rbfmu chart` of the earth ended with a traceback."""
+    large = BRICK._replace(inertia=diagonal(tuple(2.0**130 * moment for moment in MOMENTS)))
+    assert method.run(TUMBLE, 0.1, 20, large, NO_LOADS) == method.run(TUMBLE, 0.1, 20, BRICK, NO_LOADS)
 
 
 def test_implicit_midpoint_keeps_energy_and_length_of_q() -> None:

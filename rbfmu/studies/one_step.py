@@ -1,16 +1,68 @@
-"""A one-step method of the reader's own, from a file: as Numba compiles it, or else as Python."""
+"""What a one-step method is; and one of the reader's own, from a file: as Numba compiles it, or else as Python."""
 
 import inspect
 import math
 import runpy
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from numba import NumbaError, njit
 
-from rbfmu.studies.reference_methods import OneStepMethod, Steps, compiled_loop
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, Body, Loads, State
+from rbfmu_kernels.rotations.quaternion import normalize
+
+
+def convert(kind: Any, attitude: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Return a function that makes a state of another kind, whose attitude is a function of the state's."""
+    return lambda state: kind(state[0], state[1], attitude(state[2]), state[3])
+
+
+_with_unit_quaternion = convert(State, normalize)
+
+
+Steps = Callable[[Any, float, int, Body, Loads], Any]
+"""A function `steps(y, h, n, body, loads)` that takes n steps of size h; all numbers except n are floats."""
+
+
+@dataclass(frozen=True)
+class OneStepMethod:
+    """A one-step method, its order, and its evaluations of the right-hand side per step.
+
+    Where the number varies that is 0, where it is not known NaN.
+    """
+
+    name: str
+    steps: Steps
+    order: int
+    evaluations: float
+    start: Callable[[State], Any] = lambda state: state
+    state_of: Callable[[Any], State] = _with_unit_quaternion
+
+    def run(self, state: State, h: float, n: int, body: Body, loads: Loads) -> State:
+        """Return the state after n steps of h."""
+        return self.state_of(self.path(state, h, [n], body, loads)[0])
+
+    def path(self, state: State, h: float, counts: Iterable[int], body: Body, loads: Loads = NO_LOADS) -> list[Any]:
+        """Return the states in the method's own form after so many steps of h each, one after the other."""
+        y = self.start(state)
+        return [y := self.steps(y, h, n, body, loads) for n in counts]
+
+
+def compiled_loop(step: Callable[[Any, float, Body, Loads], Any]) -> Steps:
+    """Return a loop of n steps of a one-step kernel, compiled at the first call."""
+
+    @njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+    def loop(y: Any, h: float, n: int, body: Body, loads: Loads) -> Any:
+        for _ in range(n):
+            y = step(y, h, body, loads)
+        return y
+
+    return loop  # type: ignore[no-any-return]
+
+
+# A method of the reader's own
 
 EXPECTED = "expected a function step(q, omega, h, body, loads) that returns (q, omega): 4 and 3 finite numbers"
 _I = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
