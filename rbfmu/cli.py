@@ -13,10 +13,10 @@ import click
 import rbfmu
 
 from rbfmu.cli_output import (  # isort: skip
-    PATH, Commands, check_target, choice_option, file_option, folder_option, open_scene, input_options, keys_option,
-    method_option, model_option, plan_text, plot_option, print_changes, print_end, print_ensemble, print_fit,
-    print_keys, print_verdict, print_verification, print_written, run_options, say_what_is_kept,
-    say_where_nothing_is_kept, scene_argument, usage_errors, write,
+    PATH, Commands, check_target, choice_option, file_option, folder_option, input_options, keys_option, kind_options,
+    method_option, model_option, open_scene, plan_text, plot_option, print_changes, print_end, print_ensemble,
+    print_fit, print_keys, print_verdict, print_verification, print_written, run_options, say_what_is_kept,
+    say_where_nothing_is_kept, scene_argument, usage_errors, worker_options, write,
 )  # fmt: skip
 from rbfmu.exceptions import SceneWarning, named
 from rbfmu.extras import needed
@@ -159,14 +159,13 @@ def warm(scenes: tuple[Path, ...]) -> None:
 @scene_argument
 @file_option("Keep in STORE (.npz or .zarr).", (".npz", ".zarr"), metavar="STORE", type=PATH)
 @click.option("--runs", type=click.IntRange(1), help="In place of the scene's ensemble.runs.")
-@click.option("--workers", type=click.IntRange(1), help="Threads.  [one for each processor]")
-@click.option("--scheduler", metavar="ADDRESS", help="Of Dask, in place of threads: tcp://HOST:PORT.")
+@worker_options
 @click.option("--resume", is_flag=True, help="Go on with a STORE that is there.")
 @plot_option("Draw")
 @input_options
 @run_options
 def ensemble(
-    scene: Path, output: Path | None, runs: int | None, workers: int | None, scheduler: str | None, resume: bool,
+    scene: Path, output: Path | None, runs: int | None, workers: AbstractContextManager[Any], resume: bool,
     plot: Path | None, driven: dict[str, Any], **run: float | None,
 ) -> None:  # fmt: skip
     """Run a scene many times, with the numbers that its table [ensemble] varies.
@@ -175,18 +174,16 @@ def ensemble(
     """
     from rbfmu.ensembles.members import with_runs
     from rbfmu.ensembles.planning import plan_ensemble
-    from rbfmu.ensembles.running import check_store, dask_client
+    from rbfmu.ensembles.running import check_store
 
     if resume and output is None:
         raise click.UsageError("--resume: expected --output with the store to go on with")
-    if workers and scheduler:
-        raise click.UsageError("--workers: expected no --scheduler with it, which has workers of its own")
     with open_scene(scene, run) as loaded, usage_errors():
         check_store(output, resume)
         if plot:
             needed("scipy.stats", "ensemble")  # known to be there before anything runs
         asked = with_runs(loaded, runs)
-        with dask_client(scheduler) if scheduler else nullcontext(workers) as executor:
+        with workers as executor:
             with bar(f"planning {asked.name}") as tell:
                 planned = plan_ensemble(asked, tell)
             try:
@@ -278,37 +275,21 @@ def view(
 @main.command()
 @scene_argument
 @file_option("FMU to write.  [NAME.fmu]", (".fmu",))
-@click.option("--native", is_flag=True, help="Compiled: the importer needs no Python.")
-@click.option("--platform", "platforms", default="", metavar="NAME,...",
-              help="Of a native FMU: linux64, win64, darwin64, linux-aarch64, darwin-aarch64; all.")  # fmt: skip
-@choice_option("--fmi", ["2", "3"], "Version of FMI: 2.0, or 3.0 with arrays as variables; 3 with --native.")
-@click.option("--scalars", is_flag=True, help="Of FMI 3.0: no arrays, as importers that cannot take them need it.")
-@click.option("--terminals", is_flag=True, help="Of FMI 2.0: list terminals, at which some importers fail; 3.0 does.")
+@kind_options
 @model_option
 @run_options
-def build(
-    scene: Path, output: Path | None, native: bool, platforms: str, fmi: str, scalars: bool, terminals: bool,
-    model: str, **run: float | None,
-) -> None:  # fmt: skip
+def build(scene: Path, output: Path | None, kind: dict[str, Any], model: str, **run: float | None) -> None:
     """Build a scene's FMU for co-simulation (FMI 2.0, pythonfmu or native; FMI 3.0, native)."""
     import rbfmu_fmu
     from rbfmu_fmu.description import file_name
     from rbfmu_fmu.native.linking import takes_minutes
     from rbfmu_fmu.native.platforms import platforms_named
 
-    names = [name.strip() for name in platforms.split(",") if name.strip()]
-    needs = ((names and not native, "--platform", "--native"), (fmi == "3" and not native, "--fmi 3", "--native"),
-             (scalars and fmi != "3", "--scalars", "--fmi 3"))  # fmt: skip
-    for lacks, option, other in needs:
-        if lacks:
-            raise click.UsageError(f"{option}: expected {other} with it")
-    kind = "native" if native else "python"
     with usage_errors(rbfmu_fmu.BuildError), open_scene(scene, run) as loaded:
-        if slow := [one.name for one in platforms_named(names) if takes_minutes(one)]:
+        if slow := [one.name for one in platforms_named(kind["platforms"]) if takes_minutes(one)]:
             why = "the first time takes minutes, as ziglang builds the platform's C library"
             click.echo(f"Note: compiling for {', '.join(slow)}: {why}", err=True)
-        target = output or Path(file_name(loaded.name))
-        click.echo(rbfmu_fmu.build(loaded, target, kind, names, model == "full", int(fmi), scalars, terminals))
+        click.echo(rbfmu_fmu.build(loaded, output or Path(file_name(loaded.name)), full=model == "full", **kind))
 
 
 @main.command()

@@ -6,7 +6,7 @@ Rich is loaded where it draws, as loading it takes a tenth of a short run.
 import math
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from functools import wraps
 from itertools import groupby
 from pathlib import Path
@@ -295,6 +295,53 @@ def keys_option(option: str, name: str, text: str) -> Callable[..., Any]:
         return click.option(option, name, multiple=True, required=True, metavar="KEY", help=text)(add_more(call))
 
     return add
+
+
+def worker_options(command: Callable[..., Any]) -> Any:
+    """Add the options that say who runs members of an ensemble; commands get what yields an executor, or a number."""
+
+    @click.option("--workers", type=click.IntRange(1), help="Threads.  [one for each processor]")
+    @click.option("--scheduler", metavar="ADDRESS", help="Of Dask, in place of threads: tcp://HOST:PORT.")
+    @wraps(command)
+    def call(*args: Any, workers: int | None, scheduler: str | None, **others: Any) -> Any:
+        if workers and scheduler:
+            raise click.UsageError("--workers: expected no --scheduler with it, which has workers of its own")
+        from rbfmu.ensembles.running import dask_client
+
+        return command(*args, workers=dask_client(scheduler) if scheduler else nullcontext(workers), **others)
+
+    return call
+
+
+def kind_options(command: Callable[..., Any]) -> Any:
+    """Add the options that say what kind of FMU is built; commands get the arguments of `rbfmu_fmu.build` for it."""
+
+    @click.option("--native", is_flag=True, help="Compiled: the importer needs no Python.")
+    @click.option(
+        "--platform",
+        default="",
+        metavar="NAME,...",
+        help="Of a native FMU: linux64, win64, darwin64, linux-aarch64, darwin-aarch64; all.",
+    )
+    @choice_option("--fmi", ["2", "3"], "Version of FMI: 2.0, or 3.0 with arrays as variables; 3 with --native.")
+    @click.option("--scalars", is_flag=True, help="Of FMI 3.0: no arrays, as importers that cannot take them need it.")
+    @click.option(
+        "--terminals", is_flag=True, help="Of FMI 2.0: list terminals, at which some importers fail; 3.0 does."
+    )
+    @wraps(command)
+    def call(*args: Any, native: bool, platform: str, fmi: str, scalars: bool, terminals: bool, **others: Any) -> Any:
+        platforms = [name.strip() for name in platform.split(",") if name.strip()]
+        for is_alone, option, needed in (
+            (platforms and not native, "--platform", "--native"),
+            (fmi == "3" and not native, "--fmi 3", "--native"),
+            (scalars and fmi != "3", "--scalars", "--fmi 3"),
+        ):
+            if is_alone:
+                raise click.UsageError(f"{option}: expected {needed} with it")
+        kind = {"kind": "native" if native else "python", "platforms": platforms}
+        return command(*args, kind=kind | {"fmi": int(fmi), "scalars": scalars, "terminals": terminals}, **others)
+
+    return call
 
 
 def file_option(text: str, endings: Sequence[str], *names: str, **more: Any) -> Callable[..., Any]:
