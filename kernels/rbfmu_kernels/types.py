@@ -2,6 +2,8 @@
 
 from typing import Protocol, get_args, get_origin, overload
 
+__all__ = ["Matrix", "Quaternion", "Vec3"]
+
 Vec3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 """Euler parameters (eta, eps_1, eps_2, eps_3): scalar first."""

@@ -36,6 +36,8 @@ from .free_rotation_setup import put_free_rotation as put_free_rotation
 from .free_rotation_setup import read_free_rotation as read_free_rotation
 from .uniform_rotation import power_for, without_turns
 
+__all__ = ["free_rotation", "free_rotation_at", "free_rotation_setup"]
+
 _LAST_TURN = 1e28  # of psi / (4 pi): double-double has no digit left there
 _LAST_X = 0.4334246564202994  # u = 600 on the separatrix: from there on the body rests at the middle axis, to 1e-260
 

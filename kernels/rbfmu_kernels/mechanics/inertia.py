@@ -11,6 +11,11 @@ from ..rotations.matrix import compose_matrices
 from ..rotations.vec3 import add, add_scaled, dot, scale, subtract
 from ..types import Matrix, Vec3
 
+__all__ = [
+    "add_scaled_matrix", "adjugate_symmetric", "check_inertia", "diagonal", "inertia_of_points", "inverse_inertia",
+    "parallel_axis", "point_inertia", "principal_axes", "rotate_inertia", "scale_matrix", "trace",
+]  # fmt: skip
+
 INERTIA_TOLERANCE = 1e-12
 """Share of the trace by which round-off may break symmetry, sign and triangle inequality; below it a moment is zero."""
 NOT_FINITE, NOT_SYMMETRIC, NEGATIVE, TRIANGLE = 1, 2, 3, 4

@@ -5,6 +5,8 @@ from ..rotations import vec3
 from ..rotations.matrix import transform
 from ..types import Matrix, Vec3
 
+__all__ = ["compose_omega", "point_acceleration", "point_velocity", "vector_rate"]
+
 
 @kernel
 def compose_omega(omega_ab_a: Vec3, R_ab: Matrix, omega_bc_b: Vec3) -> Vec3:

@@ -6,6 +6,12 @@ from ..rotations.vec3 import add, cross, dot, scale, subtract
 from ..types import Matrix, Vec3
 from .inertia import add_scaled_matrix, diagonal, inverse_inertia, point_inertia
 
+__all__ = [
+    "angular_momentum", "angular_momentum_o", "damping_torque", "euler_equation", "gyroscopic_torque",
+    "inverse_newton_euler_c", "inverse_newton_euler_o", "kinetic_energy", "linear_momentum", "newton_euler_c",
+    "newton_euler_o", "relative_acceleration",
+]  # fmt: skip
+
 
 @kernel
 def angular_momentum(M_c: Matrix, omega: Vec3) -> Vec3:

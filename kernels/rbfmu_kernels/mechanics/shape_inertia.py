@@ -6,6 +6,8 @@ from ..compile.decorator import kernel
 from ..types import Matrix, Vec3
 from .inertia import diagonal
 
+__all__ = ["beam_inertia", "box_inertia", "cylinder_inertia", "ellipsoid_inertia", "sphere_inertia"]
+
 
 @kernel
 def is_negative(mass: float, size: float) -> bool:

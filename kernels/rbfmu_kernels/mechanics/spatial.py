@@ -9,6 +9,11 @@ from ..rotations.matrix import compose_matrices, invert_matrix, transform
 from ..types import Matrix, Matrix6, Transform, Vec3, Vec6
 from .inertia import parallel_axis
 
+__all__ = [
+    "spatial_inertia", "transform_compose", "transform_from_matrix", "transform_invert", "transform_point",
+    "twist_at", "wrench_at",
+]  # fmt: skip
+
 
 @kernel
 def transform_from_matrix(R_ab: Matrix, r_ab_a: Vec3) -> Transform:

@@ -12,6 +12,8 @@ from ..compile.decorator import kernel
 from ..compile.wide import bits_of, choose, number_of
 from .double_double import two_product
 
+__all__ = ["atan2", "sincos"]
+
 _ROUND = 1.5 * 2.0**52  # adding and subtracting it rounds to an integer
 _LARGEST = 1e15
 _TWO_OVER_PI = 0.6366197723675814

@@ -5,6 +5,8 @@ from ..types import Quaternion, Vec3
 from . import vec3
 from .quaternion import compose_quaternions, invert_quaternion, quaternion_rate_b, rotate
 
+__all__ = ["attitude_error", "attitude_error_rate"]
+
 
 @kernel
 def attitude_error(q_ad: Quaternion, q_ab: Quaternion) -> Quaternion:

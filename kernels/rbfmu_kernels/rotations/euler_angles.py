@@ -11,6 +11,13 @@ from ..numerics.elementary import atan2, sincos
 from ..types import Matrix, Quaternion, Vec3
 from .matrix import is_no_rotation, matrix_from_quaternion, quaternion_from_matrix
 
+__all__ = [
+    "XYX", "XYZ", "XZX", "XZY", "YXY", "YXZ", "YZX", "YZY", "ZXY", "ZXZ", "ZYX", "ZYZ", "euler_from_matrix",
+    "euler_from_quaternion", "euler_rate_a", "euler_rate_b", "euler_rate_is_singular", "euler_rate_matrix_a",
+    "euler_rate_matrix_b", "matrix_from_euler", "quaternion_from_euler", "xyx", "xyz", "xzx", "xzy", "yxy", "yxz",
+    "yzx", "yzy", "zxy", "zxz", "zyx", "zyz",
+]  # fmt: skip
+
 NAMES = ["XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX", "XYX", "XZX", "YXY", "YZY", "ZXZ", "ZYZ"]
 NAMES += [name.lower() for name in NAMES]
 

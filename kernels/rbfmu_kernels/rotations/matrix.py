@@ -8,6 +8,12 @@ from ..types import Matrix, Quaternion, Vec3
 from . import vec3
 from .quaternion import compose_quaternions, normalize, square_of
 
+__all__ = [
+    "compose_matrices", "invert_matrix", "matrix_from_quaternion", "matrix_rate_a", "matrix_rate_b",
+    "nearest_rotation", "omega_a_from_matrix_rate", "omega_b_from_matrix_rate", "quaternion_from_matrix",
+    "rotation_x", "rotation_y", "rotation_z", "transform",
+]  # fmt: skip
+
 
 @kernel
 def rotation_x(angle: float) -> Matrix:

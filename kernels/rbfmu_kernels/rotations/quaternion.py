@@ -8,6 +8,12 @@ from ..numerics.elementary import atan2, scale_for_squares, sincos
 from ..types import Quaternion, Vec3
 from . import vec3
 
+__all__ = [
+    "add_scaled_quaternion", "angle_between", "compose_quaternions", "invert_quaternion", "normalize",
+    "omega_a_from_quaternion_rate", "omega_b_from_quaternion_rate", "quaternion_rate_a", "quaternion_rate_b",
+    "rotate", "slerp",
+]  # fmt: skip
+
 
 @kernel
 def compose_quaternions(q_ab: Quaternion, q_bc: Quaternion) -> Quaternion:

@@ -8,6 +8,11 @@ from ..types import Quaternion, Vec3
 from . import vec3
 from .quaternion import normalize, square_of
 
+__all__ = [
+    "gibbs_from_quaternion", "gibbs_is_singular", "gibbs_rate_a", "gibbs_rate_b", "mrp_from_quaternion",
+    "mrp_is_singular", "mrp_rate_a", "mrp_rate_b", "mrp_shadow", "quaternion_from_gibbs", "quaternion_from_mrp",
+]  # fmt: skip
+
 
 @kernel
 def gibbs_from_quaternion(q_ab: Quaternion) -> Vec3:

@@ -8,6 +8,12 @@ from ..types import Matrix, Quaternion, Vec3
 from . import vec3
 from .matrix import matrix_from_quaternion, quaternion_from_matrix
 
+__all__ = [
+    "axis_angle_from_matrix", "axis_angle_from_quaternion", "matrix_from_axis_angle", "matrix_from_rotvec",
+    "quaternion_from_axis_angle", "quaternion_from_rotvec", "rotvec_from_matrix", "rotvec_from_quaternion",
+    "rotvec_rate_a", "rotvec_rate_b", "rotvec_rate_is_singular",
+]  # fmt: skip
+
 
 @kernel
 def quaternion_from_rotvec(u: Vec3) -> Quaternion:

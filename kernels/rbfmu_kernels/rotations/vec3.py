@@ -6,6 +6,8 @@ from ..compile.decorator import kernel
 from ..numerics.elementary import scale_for_squares
 from ..types import Matrix, Vec3
 
+__all__ = ["add", "add_scaled", "cross", "dot", "norm", "scale", "skew", "subtract", "unskew"]
+
 
 @kernel
 def add(a: Vec3, b: Vec3) -> Vec3:
