@@ -120,9 +120,9 @@ class Texts:
         """Take formulas in an order in which each comes after those that it names."""
         left = dict(texts)
         while left:
-            ready = [name for name, text in left.items() if not self._names_in(name, text) & {*left}]
+            ready = [name for name, text in left.items() if not self._names_in(text) & {*left}]
             if not ready:
-                circle = " -> ".join(_circle({n: self._names_in(n, t) & {*left} for n, t in left.items()}))
+                circle = " -> ".join(_circle({n: self._names_in(t) & {*left} for n, t in left.items()}))
                 self.faults.append(f"formulas.{next(iter(left))}: expected formulas without a circle, not {circle}")
                 return
             for name in ready:
@@ -130,7 +130,8 @@ class Texts:
                 if found is not None:
                     self.motion.names[name] = found
 
-    def _names_in(self, name: str, text: str) -> set[str]:
+    @staticmethod
+    def _names_in(text: str) -> set[str]:
         try:
             return names_in(text)
         except FormulaError:
@@ -146,7 +147,9 @@ class Texts:
             if shape is None and not key.startswith("formulas") and shape_of(found) not in ((), (3,)):
                 raise FormulaError(text, 0, "a scalar or a vector of 3 numbers")
         except FormulaError as error:
-            self.faults.append(f"{key}: {error}")
+            own = sorted(self._names_in(text) & {*self._scene.outputs.own} - {*self.motion.names})
+            hint = f"\n{own[0]} is an output: give its formula a name in [formulas], which both can read" if own else ""
+            self.faults.append(f"{key}: {error}{hint}")
             return None
         return found
 

@@ -165,11 +165,11 @@ def what_formulas_read(asked: Question, plan: Plan) -> tuple[str, ...]:
     formulas = plan.formulas
     assert formulas is not None
     kept = {name.partition("[")[0] for name in formulas.rates}
-    parts = {"attitude": ("q", 4), "rates": ("omega", 3), "path": ("r_c", 3), "velocity": ("v_c", 3)}
+    parts = {"attitude": ("q", 4), "rates": ("omega", 3), "position": ("r_c", 3), "velocity": ("v_c", 3)}
     sizes = [f"{what} {size}" for what, (name, size) in parts.items() if name in kept]
     sizes += [f"{name} {len(row.start)}" for name, row in asked.scene.states.items() if f"{STATE}{name}" in kept]
     left = [what for what, (name, _) in parts.items() if name not in kept]
     lines = [f"states: {', '.join(sizes) or 'none'}"]
     if left:
-        lines.append(f"left out: {', '.join(left)}, which no output shows and no formula reads that matters to one")
+        lines.append(f"left out: {', '.join(left)}, which no output needs")
     return tuple(lines)
