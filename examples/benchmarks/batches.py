@@ -16,24 +16,23 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 import rbfmu
 from examples.benchmarks.support.goals import Goal, status
 from examples.benchmarks.support.least import least
-from rbfmu.ensembles.loops import advance_lanes, compile_lanes
+from rbfmu.ensembles.loops import compile_lanes, run_alone, run_in_lanes, undriven
 from rbfmu.ensembles.members import draw, member
 from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.ensembles.running import run_ensemble
 from rbfmu.extras import needed_of
-from rbfmu.models.model_buffer import aligned_zeros
 from rbfmu.planning.reference import reference_motion
 from rbfmu.runs.motion import attitude_error
 from rbfmu.runs.plan import Plan, filled_buffer
 from rbfmu.scene.scene import Scene
 from rbfmu.studies.chart.cases import CASES, ROTATION, Case
 from rbfmu.studies.chart.solvers import equations
+from rbfmu_kernels.body.members import Driving, Members
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, Body
 from rbfmu_kernels.models.loaded import LOADED_TAYLOR
 
@@ -122,39 +121,19 @@ def ours(batch: Batch, mark: float, run: Callable[..., Any]) -> Iterator[Run]:
     places = np.concatenate([np.arange(block.start, block.stop) for block in varied])
     kept = np.arange(blocks["quaternion"].start, blocks["quaternion"].stop)
     steps, count = np.array([batch.case.span]), len(batch.scenes)
-    rows, ends = np.empty((count, 1, 4)), np.empty((count, 2), dtype=np.int64)
+    rows, ends, none = np.empty((count, 1, 4)), np.empty((count, 2), dtype=np.int64), np.empty(0, dtype=np.int64)
+    control, *driving = undriven(steps, count)
     for looser in LOOSER:
         settings = replace(plan, tolerance=looser * plan.tolerance)
         filled = [filled_buffer(scene, settings) for scene in batch.scenes]
         values = np.array([z[places] for z in filled])
 
         def once(base: Array = filled[0], values: Array = values) -> Array:
-            run(LOADED_TAYLOR, base, places, values, steps, kept, rows, ends)
+            members = Members(base, places, values, kept, rows, ends, none, np.empty((count, 0)))
+            run(LOADED_TAYLOR, members, control, Driving(*driving))
             return rows[:, 0] if np.all(ends == (0, 1)) else np.full((count, 4), np.nan)
 
         yield once
-
-
-def one_by_one(
-    kernels: Any, base: Array, places: Any, values: Array, steps: Array, kept: Any, rows: Array, ends: Any
-) -> None:
-    """Run members one after the other, in compiled code."""
-    _loop(kernels.initialize, kernels.step, aligned_zeros(len(base)), base, places, values, steps, kept, rows, ends)
-
-
-@njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
-def _loop(
-    initialize: Any, step: Any, z: Any, base: Any, places: Any, values: Any, steps: Any, kept: Any, rows: Any, ends: Any
-) -> None:
-    for i in range(len(values)):
-        z[:] = base
-        for j in range(len(places)):
-            z[places[j]] = values[i, j]
-        ends[i, 0], ends[i, 1] = initialize(z), 0
-        for k in range(len(steps)):
-            ends[i, 1] += 1 if step(z, steps[k]) == 0 else 0
-        for j in range(len(kept)):
-            rows[i, -1, j] = z[kept[j]]
 
 
 def heyokas(batch: Batch, size: int) -> Iterator[Run]:
@@ -259,8 +238,8 @@ def row_of(key: str, mark: float, bodies: int, rounds: int, others: Sequence[str
     """Measure a motion at a mark, ours and others."""
     batch = Batch(CASES[key], bodies)
     contestants: dict[str, Callable[[], Iterator[Run]]] = {
-        LANES: lambda: ours(batch, mark, advance_lanes),
-        ALONE: lambda: ours(batch, mark, one_by_one),
+        LANES: lambda: ours(batch, mark, run_in_lanes),
+        ALONE: lambda: ours(batch, mark, run_alone),
         FOUR: lambda: heyokas(batch, 4),
         EIGHT: lambda: heyokas(batch, 8),
         ROLLOUT: lambda: rollouts(batch),

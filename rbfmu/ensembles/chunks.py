@@ -10,18 +10,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rbfmu.ensembles.control import Control, driven_members, wrong_input
-from rbfmu.ensembles.loops import advance_lanes, compile_lanes, compiled, entries, run_driven, run_members
+from rbfmu.ensembles.loops import compile_lanes, run_alone, run_in_lanes, undriven
 from rbfmu.ensembles.members import Samples, draw, ensemble_of, member, refusals
 from rbfmu.ensembles.statistics import MOST_NUMBERS, MOST_SAMPLED, Summary, most_points, sample_of, summary_of
 from rbfmu.ensembles.variables import ALL, COUNT, FINAL, FIRST, STATISTICS, Columns, columns_of, flat, varied_rows
 from rbfmu.exceptions import SceneError
-from rbfmu.models.model_buffer import aligned_zeros, refusal
+from rbfmu.models.model_buffer import refusal
 from rbfmu.runs.inputs import HOLD, drive_of
 from rbfmu.runs.plan import Plan, filled_buffer
 from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.scene import Scene
 from rbfmu.simulation import refused_step
 from rbfmu.types import Array, Indices
+from rbfmu_kernels.body.members import Driving, Members
 from rbfmu_kernels.compile.stamp import SOURCES, hash_of_sources
 
 SECONDS, MOST_MEMBERS, MOST_BYTES, SUMMED_BYTES = 0.1, 16384, 8e6, 64e6
@@ -33,10 +34,10 @@ members are summed up together, the less is left to merge.
 """
 SET_UP, STATISTICS_OF_ONE = 1e-5, 5e-9
 """What a member takes besides its steps, and what statistics of one number take, s."""
-LANES_FROM, LANES_GAIN, WORTH_COMPILING = 300.0, 3.0, 2.0
-"""The cost of a step, ns, from which on lanes take less time for it than one member does, how many times less; and the
-time of all members one by one, s, from which on lanes are compiled, once, beside the first of them: ten seconds of a
-processor, which pay at the next call if not at this one."""
+LANES_FROM, FORMULAS_FROM, LANES_GAIN, WORTH_COMPILING = 300.0, 100.0, 3.0, 2.0
+"""The cost of a step, ns, from which on lanes take less time for it than one member does, also where loads are
+formulas, and how many times less; and the time of all members one by one, s, from which on lanes are compiled, once,
+beside the first of them: four to ten seconds of a processor, which pay at the next call if not at this one."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,8 @@ def members_of_a_chunk(scene: Scene, plan: Plan, control: Control | None = None)
     keep = ensemble_of(scene).keep
     numbers = columns_of(scene).width * (steps + 1 if set(keep) - {FINAL} else 1)
     numbers += steps * (control.numbers(scene) if control else 0)
-    cost = plan.cost / (LANES_GAIN if _has_lanes(plan) and not control else 1.0)
+    one_by_one = plan.formulas or control  # as they were before they went in lanes: sums keep their bits
+    cost = plan.cost / (LANES_GAIN if _has_lanes(plan) and not one_by_one else 1.0)
     seconds = cost * 1e-9 * steps + SET_UP
     seconds += STATISTICS_OF_ONE * numbers if STATISTICS in keep else 0.0
     bytes_of_outputs = MOST_BYTES if ALL in keep else SUMMED_BYTES
@@ -178,13 +180,15 @@ def _outputs(
     of_events = [kernels.BLOCKS[name] for name in ("events.counts", "events.earliest") if work.scene.events]
     after = np.array([place for block in of_events for place in range(block.start, block.stop)], dtype=np.int64)
     noted = np.zeros((len(which), len(after)))
-    of_all = filled_buffer(work.scene, plan), places, values[which], steps, work.columns.places(kernels.BLOCKS)
+    base, kept = filled_buffer(work.scene, plan), work.columns.places(kernels.BLOCKS)
+    members = Members(base, places, values[which], kept, rows, ends, after, noted)
     if work.control:
-        function, *driven = driven_members(work.control, work.scene, kernels, (samples.first + which).tolist())
-        z, (base, *own, _, kept) = aligned_zeros(kernels.SIZE), of_all
-        compiled(run_driven)(*entries(kernels), function, z, base, *own, kept, rows, ends, after, noted, *driven)
-    elif not (_has_lanes(plan) and advance_lanes(kernels, *of_all, rows, ends, compile_now=False)):
-        compiled(run_members)(*entries(kernels), aligned_zeros(kernels.SIZE), *of_all, rows, ends, after, noted)
+        control, *driving = driven_members(work.control, work.scene, kernels, (samples.first + which).tolist())
+    else:
+        control, *driving = undriven(steps, len(which))
+    given = kernels, members, control, Driving(*driving)
+    if not (_has_lanes(plan) and run_in_lanes(*given, compile_now=False)):
+        run_alone(*given)
         if compiling_pays(work, len(steps)):  # beside the members to come, of which each has the same bits either way
             compile_lanes(kernels)
     bad = np.flatnonzero((ends[:, 0] != 0) | (ends[:, 1] < len(steps)))
@@ -197,7 +201,7 @@ def compiling_pays(work: Work, steps: int) -> bool:
 
 
 def _has_lanes(plan: Plan) -> bool:
-    return plan.cost >= LANES_FROM and bool(plan.kernels.lanes)
+    return bool(plan.kernels.lanes) and plan.cost >= (FORMULAS_FROM if plan.formulas else LANES_FROM)
 
 
 def varied_numbers(scene: Scene, applied: Mapping[str, Array], blocks: dict[str, slice]) -> tuple[Indices, Array]:

@@ -60,7 +60,7 @@ class Controller:
         return np.random.Generator(stream).standard_normal((steps, self.noise))
 
     def compiled(self) -> Any:
-        """Return the function, compiled for `loops.run_driven`. Raises an error of Numba's where it cannot be."""
+        """Return the function, compiled for `loops.run_members`. Raises an error of Numba's where it cannot be."""
         if hasattr(self.function, "compile"):  # not where the JIT is disabled
             self.function.compile(CONTROLLED)
         return self.function
@@ -147,7 +147,7 @@ def _places(scene: Scene, blocks: dict[str, slice], ending: str = "") -> Indices
 
 
 def driven_members(control: Control, scene: Scene, kernels: Model, numbers: Sequence[int]) -> tuple[Any, ...]:
-    """Return the compiled controller, and what else `loops.run_driven` takes from `ports` on, of the members named.
+    """Return the compiled controller, and what else `loops.run_members` takes from `ports` on, of the members named.
 
     Raises SceneError where the table of one is wrong.
     """
@@ -174,7 +174,7 @@ def _rows(scene: Scene, drive: Drive, part: str) -> Array:
 
 
 def wrong_input(scene: Scene, end: Sequence[int]) -> str:
-    """Return what is said of a member whose controller gave a number that is not finite; end: see `run_driven`."""
+    """Return what is said of a member whose controller gave a number that is not finite; end: see `body.members`."""
     names = [name for port in scene.inputs.ports for name in elements(port, size_of(scene, port))]
     time = drive_of(scene, {}, HOLD).time[end[1]]
     return f"{scene.name}: the controller gave {names[-1 - end[0]]} at t = {float(time)!r} s: expected a finite number"

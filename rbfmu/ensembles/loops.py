@@ -5,10 +5,8 @@ addresses: one loop serves all models, with the code that `simulate` calls. Lane
 side by side, where their model knows how, with the same bits.
 """
 
-import math
 from collections.abc import Callable
 from functools import cache
-from importlib import import_module
 from threading import Thread
 from typing import Any
 
@@ -16,8 +14,10 @@ import numpy as np
 from numba import config, float64, int64, njit, typeof, types
 
 from rbfmu.models.model_buffer import aligned_zeros
+from rbfmu_kernels.body.members import Driving, Members, Room, begin, drive, note, pieces_before, record
 from rbfmu_kernels.compile.simd import widest
-from rbfmu_kernels.compile.tiered import is_kept
+from rbfmu_kernels.compile.tiered import has_code
+from rbfmu_kernels.models.formula_lanes import MARKS
 from rbfmu_kernels.numerics.elementary import sincos
 
 _NUMBERS, _TABLE, _BLOCK = float64[::1], float64[:, ::1], float64[:, :, ::1]
@@ -46,93 +46,35 @@ def entries(model: Any) -> tuple[Any, Any]:
 
 
 def run_members(
-    initialize: Any, step: Any, z: Any, base: Any, places: Any, values: Any, steps: Any, kept: Any, rows: Any,
-    ends: Any, after: Any, noted: Any,
+    initialize: Any, step: Any, control: Any, base: Any, places: Any, values: Any, kept: Any, rows: Any, ends: Any,
+    after: Any, noted: Any, ports: Any, rates: Any, time: Any, lengths: Any, counts: Any, given: Any, slopes: Any,
+    start: Any, noise: Any, outputs: Any, inputs: Any, z: Any, state: Any,
 ) -> int:  # fmt: skip
-    """Run members by a model's `initialize` and `step`, one after the other.
+    """Run members by a model's `initialize` and `step`, one after the other: see `body.members`.
 
-    z, base (size,): the buffer to run in, and what it holds before a member's values (m, p) are put to places (p,).
-    steps (n,): s. kept (K,): places of the outputs. rows (m, n + 1, K): outputs at each point; (m, 1, K): the last.
-    ends (m, 2): what `initialize` returned, and the number of steps done. noted (m, E): what stands at the places after
-    (E,) when a member's run is over.
+    z (SIZE,), state (k,): room for one.
     """
-    size, points, width = len(base), rows.shape[1], len(kept)
+    members = Members(base, places, values, kept, rows, ends, after, noted)
+    driving = Driving(ports, rates, time, lengths, counts, given, slopes, start, noise)
+    room, steps = Room(outputs, inputs), len(time) - 1
     for i in range(len(values)):
-        for j in range(size):
-            z[j] = base[j]
-        for j in range(len(places)):
-            z[places[j]] = values[i, j]
-        ends[i, 0] = initialize(z)
-        ends[i, 1] = 0
-        if ends[i, 0] == 0:
-            for j in range(width):
-                rows[i, 0, j] = z[kept[j]]
-            for k in range(len(steps)):
-                if step(z, steps[k]) != 0:
-                    break
-                ends[i, 1] = k + 1
-                point = k + 1 if points > 1 else 0
-                for j in range(width):
-                    rows[i, point, j] = z[kept[j]]
-        for j in range(len(after)):
-            noted[i, j] = z[after[j]]
+        begin(z, state, i, len(base), members, driving)
+        ends[i, 0], k = initialize(z), 0
+        fine = ends[i, 0] == 0
+        while fine:
+            record(z, i, k, steps, members)
+            if k == steps:
+                break
+            for piece in range(pieces_before(driving, i, k), pieces_before(driving, i, k + 1)):
+                fine = fine and drive(z, state, i, k, piece, control, members, driving, room)
+                fine = fine and step(z, lengths[piece]) == 0
+            k += 1
+        note(z, i, members)
     return 0
 
 
 def hold(t: float, outputs: Any, state: Any, inputs: Any, noise: Any) -> None:
     """Leave the inputs of members that no controller has as they are."""
-
-
-def run_driven(
-    initialize: Any, step: Any, control: Any, z: Any, base: Any, places: Any, values: Any, kept: Any, rows: Any,
-    ends: Any, after: Any, noted: Any, ports: Any, rates: Any, time: Any, lengths: Any, counts: Any, given: Any,
-    slopes: Any, start: Any, noise: Any,
-) -> int:  # fmt: skip
-    """Run members as `run_members` does, their ports driven by tables, and by a controller after these.
-
-    ports (P,): their places. rates (P or 0,): those of their derivatives. time (n + 1,): the communication points, s.
-    lengths (L,): s, of pieces of the run in which inputs are held, or linear with slopes (L, P); given (L, P): those of
-    tables, NaN where there are none. counts (1 or m, n + 1): how many pieces lie before each point. start (k,): state
-    of the controller. noise (m, n, q). Where an input is not finite, ends[i, 0] is -1 - its place among the ports.
-    """
-    steps, points, width = len(time) - 1, rows.shape[1], len(kept)
-    outputs, inputs, state = np.empty(width), np.empty(len(ports)), np.empty(len(start))
-    for i in range(len(values)):
-        pieces, k = counts[min(i, len(counts) - 1)], 0
-        z[:] = base
-        for j in range(len(places)):
-            z[places[j]] = values[i, j]
-        for j in range(len(ports)):
-            if not math.isnan(given[pieces[0], j]):
-                z[ports[j]] = given[pieces[0], j]
-        state[:] = start
-        ends[i, 0] = initialize(z)
-        fine = ends[i, 0] == 0
-        while fine:
-            if points > 1 or k == steps:
-                for j in range(width):
-                    rows[i, k if points > 1 else 0, j] = z[kept[j]]
-            ends[i, 1] = k
-            if k == steps:
-                break
-            for piece in range(pieces[k], pieces[k + 1]):
-                for j in range(len(ports)):
-                    inputs[j] = z[ports[j]] if math.isnan(given[piece, j]) else given[piece, j]
-                if piece == pieces[k]:
-                    for j in range(width):
-                        outputs[j] = z[kept[j]]
-                    control(time[k], outputs, state, inputs, noise[i, k])
-                for j in range(len(ports)):
-                    z[ports[j]] = inputs[j]
-                    if len(rates):
-                        z[rates[j]] = slopes[piece, j]
-                    if fine and not math.isfinite(inputs[j]):
-                        ends[i, 0], fine = -1 - j, False
-                fine = fine and step(z, lengths[piece]) == 0
-            k += 1
-        for j in range(len(after)):
-            noted[i, j] = z[after[j]]
-    return 0
 
 
 LANES, ROWS = 16, 8
@@ -150,14 +92,14 @@ def moments(rows: Any, good: Any, first: int, angles: Any, pairs: Any, mean: Any
     whole = count - count % LANES
     sums, starts = np.empty(LANES), np.empty(ROWS, np.uint64)
     flat, size = rows.reshape(rows.size), rows.shape[1] * own
-    for begin in range(0, count, ROWS):  # so many rows at a time: what is read and written lies side by side
+    for top in range(0, count, ROWS):  # so many rows at a time: what is read and written lies side by side
         for i in range(ROWS):  # beyond the last member it is once more that one
-            starts[i] = np.uint64(good[min(begin + i, count - 1)] * size + first * own)
+            starts[i] = np.uint64(good[min(top + i, count - 1)] * size + first * own)
         for t in range(len(mean)):
             for j in range(own):
                 row, place = x[t * width + j], np.uint64(t * own + j)
                 for i in range(ROWS):
-                    row[begin + i] = flat[starts[i] + place] + 0.0  # sorting leaves no order to -0 and 0
+                    row[top + i] = flat[starts[i] + place] + 0.0  # sorting leaves no order to -0 and 0
     for t in range(len(mean)):
         for j in range(len(angles)):
             for i in range(count):
@@ -191,44 +133,12 @@ def moments(rows: Any, good: Any, first: int, angles: Any, pairs: Any, mean: Any
     return 0
 
 
+_CONTROL = types.FunctionType(types.void(*CONTROLLED))
+_OF_MEMBERS = (_CONTROL, _NUMBERS, _INDICES, _TABLE, _INDICES, _BLOCK, _PAIRS, _INDICES, _TABLE)
+_OF_DRIVING = (_INDICES, _INDICES, _NUMBERS, _NUMBERS, _PAIRS, _TABLE, _TABLE, _NUMBERS, _BLOCK)
+_GIVEN = (*_OF_MEMBERS, *_OF_DRIVING, _NUMBERS, _NUMBERS)
 _SIGNATURES: dict[Callable[..., Any], Any] = {
-    run_members: int64(
-        _INITIALIZE,
-        _STEP,
-        _NUMBERS,
-        _NUMBERS,
-        _INDICES,
-        _TABLE,
-        _NUMBERS,
-        _INDICES,
-        _BLOCK,
-        int64[:, ::1],
-        _INDICES,
-        _TABLE,
-    ),
-    run_driven: int64(
-        _INITIALIZE,
-        _STEP,
-        types.FunctionType(types.void(*CONTROLLED)),
-        _NUMBERS,
-        _NUMBERS,
-        _INDICES,
-        _TABLE,
-        _INDICES,
-        _BLOCK,
-        int64[:, ::1],
-        _INDICES,
-        _TABLE,
-        _INDICES,
-        _INDICES,
-        _NUMBERS,
-        _NUMBERS,
-        int64[:, ::1],
-        _TABLE,
-        _TABLE,
-        _NUMBERS,
-        _BLOCK,
-    ),
+    run_members: int64(_INITIALIZE, _STEP, *_GIVEN, _NUMBERS, _NUMBERS),
     moments: int64(_BLOCK, _INDICES, int64, _INDICES, _PAIRS, _TABLE, _TABLE, _TABLE),
 }
 
@@ -239,36 +149,74 @@ _CACHE_LINE = 8
 """The numbers in a cache line."""
 
 
-def advance_lanes(
-    kernels: Any, base: Any, places: Any, values: Any, steps: Any, kept: Any, rows: Any, ends: Any,
-    compile_now: bool = True,
-) -> bool:  # fmt: skip
-    """Do what `loops.run_members` does, with the same bits; return False, with nothing done, where lanes do not serve.
+def undriven(steps: Any, members: int) -> tuple[Any, ...]:
+    """Return what `run_members` takes of a controller, and of what drives so many members, where nothing does."""
+    time, none = np.concatenate([[0.0], np.cumsum(steps)]), np.empty(0, dtype=np.int64)
+    counts, table = np.arange(len(time))[None, :], np.empty((len(steps), 0))
+    return (
+        _hold(),
+        none,
+        none,
+        time,
+        steps,
+        counts,
+        table,
+        table,
+        np.empty(0),
+        np.empty((members, len(steps), 0)),
+    )
 
-    kernels: the model; base (size,): its filled buffer. places (p,), values (m, p): what a member has of its
-    own, and where. steps (n,): s. kept (K,): places of the outputs. rows (m, n + 1, K) or (m, 1, K): outputs at each
-    point, or the last. ends (m, 2): what `initialize` returned, and the number of steps done. compile_now: else lanes
-    serve where their code is there already, or kept on disk.
+
+@cache
+def _hold() -> Any:
+    return njit(types.void(*CONTROLLED))(hold)
+
+
+def run_alone(kernels: Any, members: Members, control: Any, driving: Driving) -> None:
+    """Run members of a model one after the other."""
+    given = control, *members, *driving, *_room(members, driving)
+    compiled(run_members)(*entries(kernels), *given, aligned_zeros(kernels.SIZE), np.empty(len(driving.start)))
+
+
+def _room(members: Members, driving: Driving) -> tuple[Any, Any]:
+    return np.empty(len(members.kept)), np.empty(len(driving.ports))
+
+
+def run_in_lanes(kernels: Any, members: Members, control: Any, driving: Driving, compile_now: bool = True) -> bool:
+    """Do what `run_alone` does, with the same bits; return False, with nothing done, where lanes do not serve.
+
+    compile_now: else lanes serve where their code is there already, or kept on disk.
     """
-    if not kernels.lanes or config.DISABLE_JIT or len(values) < 2:
+    if not kernels.lanes or config.DISABLE_JIT or len(members.values) < 2 or not _are_alike(driving):
         return False
-    (run, scratch), count = _lanes_of(kernels), min(AT_ONCE, len(values))
-    given = base, places, values, steps, kept, rows, ends, _buffers(count, kernels), np.zeros(count, np.int64), scratch
-    if not (compile_now or is_kept(run, *given)):
+    run, signature, room = _lanes_of(kernels, min(AT_ONCE, len(members.values)), len(driving.start))
+    if not (compile_now or has_code(run, signature)):
         return False
-    run(*given)
+    _compile(run, signature)
+    run.disable_compile()  # whatever the controller, it is called by its address
+    run(control, *members, *driving, *_room(members, driving), *room)
     return True
 
 
-def _lanes_of(kernels: Any) -> tuple[Any, Any]:
-    """Return the function that runs members side by side, and its scratch space."""
-    lanes = import_module(kernels.lanes)
-    return lanes.run_in_eight if widest() == 8 else lanes.run_in_four, aligned_zeros(lanes.SCRATCH)
+def _are_alike(driving: Driving) -> bool:
+    """Return whether the pieces of all members' runs are equally long, so that all go on together."""
+    counts = driving.counts - driving.counts[:, :1]
+    lengths = driving.lengths.reshape(len(counts), -1) if (counts == counts[0]).all() else driving.lengths[None, :]
+    return bool((counts == counts[0]).all() and (lengths == lengths[0]).all())
 
 
-def _buffers(count: int, kernels: Any) -> Any:
-    size = -(-kernels.SIZE // _CACHE_LINE) * _CACHE_LINE
-    return aligned_zeros(count * size).reshape(count, size)[:, : kernels.SIZE]
+def _lanes_of(kernels: Any, count: int = 2, states: int = 0) -> tuple[Any, tuple[Any, ...], tuple[Any, ...]]:
+    """Return the function that runs members side by side, its arguments' types, and room for so many at a time."""
+    lanes, width = kernels.lanes(), widest()
+    size, count = -(-kernels.SIZE // _CACHE_LINE) * _CACHE_LINE, max(count, width)
+    buffers = aligned_zeros(count * size).reshape(count, size)[:, : kernels.SIZE]
+    room = buffers, np.empty((count, states)), np.zeros((count, MARKS)), aligned_zeros(lanes.SCRATCH)
+    return lanes.run_in_eight if width == 8 else lanes.run_in_four, (*_GIVEN, *map(typeof, room)), room
+
+
+def _compile(run: Any, signature: tuple[Any, ...]) -> None:
+    if not has_code(run, signature):
+        run.compile(signature)
 
 
 _COMPILING: dict[Any, Thread] = {}
@@ -281,10 +229,8 @@ def compile_lanes(kernels: Any) -> Thread | None:
     """
     if not kernels.lanes or config.DISABLE_JIT:
         return None
-    run, _ = _lanes_of(kernels)
+    run, signature, _ = _lanes_of(kernels)
     if run not in _COMPILING:
-        buffers = typeof(_buffers(2, kernels))
-        signature = (_NUMBERS, _INDICES, _TABLE, _NUMBERS, _INDICES, _BLOCK, int64[:, ::1], buffers, _INDICES, _NUMBERS)
-        _COMPILING[run] = Thread(target=run.compile, args=(signature,))
+        _COMPILING[run] = Thread(target=_compile, args=(run, signature))
         _COMPILING[run].start()
     return _COMPILING[run]

@@ -14,9 +14,14 @@ from rbfmu.formulas.program import Factor, Program
 
 WIDTH = 4
 """How many sums are made at once."""
-KERNELS = ("constants", "first", "further", "values", "feedthrough")
+SERIES = ("constants", "first", "further")
+KERNELS = (*SERIES, "values", "feedthrough")
 KERNELS_OVER = ("values", "feedthrough", "loads")
-_NEEDED = "import math\n\nfrom rbfmu_kernels.numerics.elementary import atan2, exponential, logarithm, sincos\n"
+_NEEDED = """import math
+
+from rbfmu_kernels.compile.wide import choose
+from rbfmu_kernels.numerics.elementary import atan2, exponential, logarithm, sincos
+"""
 HEAD = '''\
 """Formulas of a scene as kernels, written by rbfmu.formulas.source; places are those of the model's buffer."""
 
@@ -25,6 +30,7 @@ import math
 from rbfmu_kernels.buffer import NOT_FINITE
 from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers
+from rbfmu_kernels.compile.wide import choose
 from rbfmu_kernels.models import model_named
 from rbfmu_kernels.models.formulas import make_formulas, make_over
 from rbfmu_kernels.numerics.elementary import atan2, exponential, logarithm, sincos
@@ -87,7 +93,7 @@ def _level(program: Program, i: int, slot: int) -> int:
 def source_of(program: Program, layout: Layout, changes: Changes) -> str:
     """Return the text of a module with KERNELS; changes: see `_Writer.feedthrough`."""
     writer = _Writer(program, layout)
-    series = map(writer.function, ("constants", "first", "further"))
+    series = map(writer.function, SERIES)
     return HEAD + "\n\n".join(["", *series, writer.values(), writer.feedthrough(changes)])[1:]
 
 
@@ -115,6 +121,20 @@ PLACES = {places!r}
 KERNELS = {{{", ".join(f"{name!r}: {name}" for name in kernels)}}}
 MODEL = {maker} (BLOCKS, {size}), KERNELS, PLACES)
 """
+
+
+def source_of_lanes(program: Program, layout: Layout) -> str:
+    """Return the text of a module with the kernels of series for several bodies side by side; layout: `wide_layout`."""
+    return HEAD + "\n\n".join(["", *map(_WideWriter(program, layout).function, SERIES)])[1:]
+
+
+def wide_layout(program: Program, layout: Layout) -> Layout:
+    """Return a layout in whose rows each factor stands once: a lane is a body, and no sums of one go side by side."""
+    return layout._replace(groups=(), row=layout.head + len(_factors_of(program)))
+
+
+def _factors_of(program: Program) -> list[Factor]:
+    return [*dict.fromkeys(factor for slots in program.slots.values() for slot in slots for factor in slot)]
 
 
 class _Writer:
@@ -259,10 +279,13 @@ class _Writer:
             yield at + lane, slot.first
             yield at + WIDTH + lane, slot.last
 
+    def _factors(self) -> Iterator[tuple[int, Factor]]:
+        """Yield the places in a row of all factors."""
+        return (place for g in range(len(self._layout.groups)) for place in self._places(g))
+
     def _first_factors(self) -> Iterator[tuple[int, str]]:
-        for g in range(len(self._layout.groups)):
-            for at, factor in self._places(g):
-                yield at, "0.0" if factor.slope else self._name(factor.of)
+        for at, factor in self._factors():
+            yield at, "0.0" if factor.slope else self._name(factor.of)
 
     @property
     def _factors_left(self) -> Iterator[tuple[int, str]]:
@@ -288,7 +311,7 @@ class _Writer:
             _, rate, rate_2 = self._layout.leaves[str(value)]
             return f"z[{rate}] if k == 1 else 0.5 * z[{rate_2}] if k == 2 else 0.0"
         if kind == "select":
-            return f"{b} if {self._name(of[0])} > 0.0 else {c}"
+            return f"choose({self._name(of[0])} > 0.0, {b}, {c})"
         if i not in self._program.slots:
             return self._linear(kind, of, a, b)
         x = self._first(of[0]) if kind in ("log", "power") else self._first(of[1]) if kind == "divide" else ""
@@ -299,7 +322,7 @@ class _Writer:
             case "divide":
                 return f"({a} - {p}) / {x}"
             case "sqrt":
-                return f"0.5 * ({a} - {p}) / {self._first(i)} if {self._first(i)} != 0.0 else 0.0"
+                return f"choose({self._first(i)} != 0.0, 0.5 * ({a} - {p}) / {self._first(i)}, 0.0)"
             case "exp" | "sin":
                 return f"{p} * inverse"
             case "cos":
@@ -327,11 +350,8 @@ class _Writer:
 
     def _first(self, i: int) -> str:
         """Return the text of an operation's first coefficient: where it is a factor, it stands in the first row."""
-        for g in range(len(self._layout.groups)):
-            for at, factor in self._places(g):
-                if factor == Factor(i):
-                    return f"z[w + {self._layout.start + at}]"
-        raise AssertionError("what divides is a factor of what is solved for")
+        at = next(at for at, factor in self._factors() if factor == Factor(i))  # of what is solved for
+        return f"z[w + {self._layout.start + at}]"
 
     def _put_rates(self, divided: str) -> Iterator[str]:
         """Yield the lines that set the states' next coefficients."""
@@ -342,6 +362,34 @@ class _Writer:
             else:
                 known = self._name(rate.index) if isinstance(rate, Symbol) else repr(float(rate))
                 yield f"z[r + {at}] = {'0.0' if divided else known}"
+
+
+class _WideWriter(_Writer):
+    """Writes the same sums for numbers of several bodies, with the same bits: each on its own, of factors that are kept
+    once. What is not yet known of an order counts as zero, as it does where sums of one body go side by side."""
+
+    def _factors(self) -> Iterator[tuple[int, Factor]]:
+        yield from enumerate(_factors_of(self._program), self._head)
+
+    def _orders(self) -> Iterator[str]:
+        yield from (f"z[r + {at}] = 0.0" for at, _ in self._factors())
+        slots = [(i, s) for i, own in self._program.slots.items() for s in range(len(own))]
+        for n, level in enumerate(self._program.levels):
+            yield from self._sums_of([slot for slot in slots if _level(self._program, *slot) == n])
+            yield from (f"{self._name(i)} = {self._coefficient(i)}" for i in level)
+            yield from (f"z[r + {at}] = {self._factor(one)}" for at, one in self._factors() if one.of in level)
+        yield from (f"z[r + {at}] = {self._name(i)}" for at, i in self._watched())
+
+    def _sums_of(self, slots: list[tuple[int, int]]) -> Iterator[str]:
+        if not slots:
+            return
+        places = {factor: at for at, factor in self._factors()}
+        yield from (f"{self._sum(*slot)} = 0.0" for slot in slots)
+        yield "for j in range(k + 1):"
+        yield f"    a, b = r - (k - j) * {self._layout.row}, r - j * {self._layout.row}"
+        for i, s in slots:
+            first, last = self._program.slots[i][s]
+            yield f"    {self._sum(i, s)} += z[a + {places[first]}] * z[b + {places[last]}]"
 
 
 VALUES = {
@@ -357,7 +405,7 @@ VALUES = {
     "atan2": "atan2({}, {})",
     "power": "exponential({1} * logarithm({0}))",
     "side": "math.copysign(1.0, {})",
-    "select": "{1} if {0} > 0.0 else {2}",
+    "select": "choose({0} > 0.0, {1}, {2})",
 }
 
 

@@ -7,7 +7,7 @@ import math
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from types import ModuleType
 from typing import Any
 
@@ -17,13 +17,13 @@ from rbfmu.formulas.check import Texts, given_to
 from rbfmu.formulas.graph import SYMBOLIC, Symbol, gradient, numbers_of, side
 from rbfmu.formulas.motion import CONSTANT, STATE, Given, by_element, closure
 from rbfmu.formulas.program import program
-from rbfmu.formulas.source import Layout, layout_of, module_of, source_of
+from rbfmu.formulas.source import SERIES, Layout, layout_of, module_of, source_of, source_of_lanes, wide_layout
 from rbfmu.models.model_buffer import BLOCKS, BodyAtStart
 from rbfmu.scene.own import DIRECTIONS
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels import buffer
 from rbfmu_kernels.body import driven, memory
-from rbfmu_kernels.body.shell import Model
+from rbfmu_kernels.body.shell import Lanes, Model
 from rbfmu_kernels.models import formula_events as events_of_model
 from rbfmu_kernels.models import formulas as templates
 from rbfmu_kernels.quantities import OUTPUT, Output, elements, own_output
@@ -338,13 +338,28 @@ class FormulaModel:
     def model(self) -> Model:
         """Return the kernels; their text stands where tracebacks look for it."""
         if self.key not in _MADE:
-            file = f"<formulas {self.key}>"
-            linecache.cache[file] = (len(self.text), None, self.text.splitlines(keepends=True), file)
-            made = ModuleType(f"{__name__}.formulas_{self.key}")
-            sys.modules[made.__name__] = made  # where kept code looks for what it was compiled of
-            exec(compile(self.text, file, "exec"), vars(made))  # our own text, of numbers and places alone
-            _MADE[self.key] = made.MODEL
+            made = _module_of(self.key, self.text)
+            _MADE[self.key] = replace(made.MODEL, lanes=None if self._base else cache(lambda: self._lanes(made)))
         return _MADE[self.key]
+
+    def _lanes(self, made: Any) -> Lanes:
+        """Return what runs many bodies at once; made: the model's module."""
+        layout = wide_layout(self.program, self._placed)
+        text = source_of_lanes(self.program, layout)
+        constant = f"LANES_{hashlib.sha256((self.key + text).encode()).hexdigest()[:16]}"
+        kernels = vars(_module_of(constant, text))
+        wide = {f"wide_{name}": kernels[name] for name in SERIES} | {"WIDE_ROW": layout.row}
+        return templates.make_lanes(made.MODEL, made.PLACES | made.KERNELS, constant, wide)
+
+
+def _module_of(name: str, text: str) -> ModuleType:
+    """Return a module of generated text."""
+    file = f"<formulas {name}>"
+    linecache.cache[file] = (len(text), None, text.splitlines(keepends=True), file)
+    made = ModuleType(f"{__name__}.formulas_{name}")
+    sys.modules[made.__name__] = made  # where kept code looks for what it was compiled of
+    exec(compile(text, file, "exec"), vars(made))  # our own text, of numbers and places alone
+    return made
 
 
 def size_of_block(block: slice) -> int:

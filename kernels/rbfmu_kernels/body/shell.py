@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from types import FunctionType
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..buffer import STEP_REJECTED, Layout
 from ..compile.decorator import kernel
@@ -18,6 +18,17 @@ from .outputs import feedthrough, first_outputs, output_rates, outputs
 Entry = Callable[[Any], int]
 
 
+class Lanes(NamedTuple):
+    """What runs many bodies of a model at once: members of an ensemble, see `body.members`, four or eight side by side.
+
+    SCRATCH: the numbers of work space that it needs, at a cache line.
+    """
+
+    run_in_four: Any
+    run_in_eight: Any
+    SCRATCH: int
+
+
 @dataclass(frozen=True, eq=False)
 class Model:
     """A model: the layout of its buffer, and kernels over that buffer, its whole memory: a copy of it is a snapshot.
@@ -25,8 +36,8 @@ class Model:
     name: module and constant, as `models.model_named` takes it. BLOCKS, SIZE: the places of the buffer's blocks, and
     its size. initialize: returns 0, or a key of `buffer.FAULTS`. step: takes the buffer and h, s; returns `buffer.OK`
     or `buffer.STEP_REJECTED`. outputs, output_rates: refresh the outputs, or their time derivatives. feedthrough: see
-    `outputs.feedthrough`. ORDERS: those that a plan may set, if any. lanes: the module that steps many bodies at once,
-    where there is one.
+    `outputs.feedthrough`. ORDERS: those that a plan may set, if any. lanes: what finds those that run many bodies at
+    once, where there are any.
     """
 
     name: str
@@ -38,7 +49,7 @@ class Model:
     output_rates: Entry = output_rates
     feedthrough: Callable[[Any, Any], int] = feedthrough
     ORDERS: Sequence[int] = ()
-    lanes: str = ""
+    lanes: Callable[[], Any] | None = None
 
 
 def set_up(z: Buffer) -> int:

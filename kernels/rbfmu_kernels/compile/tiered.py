@@ -147,8 +147,12 @@ def _in_python(value: Any) -> Any:
 
 def is_kept(kernel: Any, *args: Any) -> bool:
     """Return whether a kernel's code for such arguments is compiled already, or is kept on disk; it is loaded then."""
+    return has_code(kernel, tuple(map(_type_of, args)))
+
+
+def has_code(kernel: Any, signature: tuple[Any, ...]) -> bool:
+    """Return the same for arguments of these types."""
     try:
-        signature = tuple(map(_type_of, args))
         if signature in kernel.overloads:
             return True
         kept = kernel._cache.load_overload(signature, kernel.targetctx)

@@ -188,6 +188,7 @@ _register_unary(math.ceil, _intrinsic("llvm.ceil"))
 
 
 _register_binary(operator.and_, MaskType, types.Boolean, MaskType, lambda builder, a, b: builder.and_(a, b))
+_register_binary(operator.xor, MaskType, types.Boolean, MaskType, lambda builder, a, b: builder.xor(a, b))
 _register_binary(operator.or_, MaskType, types.Boolean, MaskType, lambda builder, a, b: builder.or_(a, b))
 
 
@@ -271,6 +272,8 @@ for _function, _result, _make in (
     (operator.and_, WideIntType, lambda builder, a, b: builder.and_(a, b)),
     (operator.xor, WideIntType, lambda builder, a, b: builder.xor(a, b)),
     (operator.lshift, WideIntType, lambda builder, a, b: builder.shl(a, b)),
+    (operator.rshift, WideIntType, lambda builder, a, b: builder.ashr(a, b)),
+    (operator.sub, WideIntType, lambda builder, a, b: builder.sub(a, b)),
     (operator.add, WideIntType, lambda builder, a, b: builder.add(a, b)),
     (operator.ne, MaskType, lambda builder, a, b: builder.icmp_unsigned("!=", a, b)),
 ):

@@ -13,7 +13,7 @@ from typing import Any
 
 from ..body import driven, memory
 from ..body.outputs import outputs
-from ..body.shell import Model, bind, initialize, step
+from ..body.shell import Lanes, Model, bind, initialize, step
 from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED
 from ..buffer_access import copy_numbers, pair_at, put_pair_at, put_quaternion_at, quaternion_at
 from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, put_lanes
@@ -33,7 +33,9 @@ from ..numerics.elementary import exponential, logarithm
 from ..rotations.quaternion import normalize
 from ..types import Buffer
 from . import formula_events as events
+from . import formula_lanes as lanes_of_formulas
 from . import formula_variations as variations
+from .formula_lanes import PENDING
 
 ORDERS = range(6, 31, 2)
 SERIES = {"series.stands": 1, "series.reach": 1, "series.since": 2, "series.begun": 2}
@@ -64,6 +66,7 @@ NEAR = 0.2
 # of the rates of these, at least one each, as an empty tuple has no type.
 _missing: Any = None
 constants = first = further = values = begin = put_states = excess_at = settle = cut = advance_anew = _missing
+prepare = make = begun = reaches_over = evaluate = keep_step = needs_series = follow = end_step = _missing
 set_up_events = event_excess = reach_to_touch = clear_list = _missing
 holds = change = loads = advance = refresh = note = side_of_event = event_root = _missing
 shift_corner = vary = put_errors = _missing
@@ -176,9 +179,9 @@ def reach_to_corner(z: Buffer, h: float) -> float:
     return reach
 
 
-def begin_series(z: Buffer) -> bool:
-    """Make the series from the states now, and their reach; return whether they lead anywhere."""
-    n, ended = int(z[ORDER]), z[SINCE] >= z[REACH]
+def prepare_series(z: Buffer) -> None:
+    """Set what series begin with from the states now."""
+    ended = z[SINCE] >= z[REACH]
     if NUMBER_OF_ERRORS and ended:
         shift_corner(z)
     for i in range(len(STATES)):
@@ -189,15 +192,23 @@ def begin_series(z: Buffer) -> bool:
                 z[SIZES + g] = max(z[SIZES + g], abs(z[ROWS + i]))
     for i in range(NUMBER_OF_SIDES):
         z[ON + i], z[FLIPS + i] = z[NEXT + i] if ended else 0.0, 0.0
-    settled = False
+
+
+def make_series(z: Buffer) -> bool:
+    """Make the series, again where sides change; return whether they are settled."""
     for _ in range(3 * NUMBER_OF_SIDES + 1):
         constants(z, WORK)
         first(z, WORK)
-        for k in range(1, n):
+        for k in range(1, int(z[ORDER])):
             further(z, WORK, k)
-        settled = settle(z)
-        if settled:
-            break
+        if settle(z):
+            return True
+    return False
+
+
+def begin_to_serve(z: Buffer, settled: bool) -> bool:
+    """Set how far series reach that were made, from now on; return whether they lead anywhere."""
+    n, ended = int(z[ORDER]), z[SINCE] >= z[REACH]
     h, longest = z[driven.STEP_SIZE], z[LONGEST]
     for _ in range(200):
         excess = excess_at(z, h)
@@ -254,12 +265,13 @@ def change_inputs(z: Buffer, h: float) -> None:
         z[RATES[i]] += h * z[RATES_2[i]]
 
 
-def advance_formulas(z: Buffer, h: float) -> int:
-    """Advance by h; reject the step and change nothing where the motion cannot be followed."""
-    if NUMBER_OF_EVENTS:
-        clear_list(z)
-    if not (z[STANDS] != 0.0 and z[SINCE] + h <= z[REACH] and holds(z)):
-        return advance_anew(z, h)  # type: ignore[no-any-return]
+def reaches_over_step(z: Buffer, h: float) -> bool:
+    """Return whether the series that stands serves a whole step."""
+    return bool(z[STANDS] != 0.0 and z[SINCE] + h <= z[REACH] and holds(z))
+
+
+def evaluate_at_end(z: Buffer, h: float) -> int:
+    """Advance by h, over which the series serves."""
     since, time = pair_at(z, SINCE), pair_at(z, TIME)
     put_pair_at(z, SINCE, dd.add_float(since, h))
     put_pair_at(z, TIME, dd.add_float(time, h))
@@ -272,35 +284,54 @@ def advance_formulas(z: Buffer, h: float) -> int:
     return STEP_REJECTED
 
 
-def advance_by_series(z: Buffer, h: float) -> int:
-    """Advance by h where a new series has to be made."""
+def advance_formulas(z: Buffer, h: float) -> int:
+    """Advance by h; reject the step and change nothing where the motion cannot be followed."""
+    if NUMBER_OF_EVENTS:
+        clear_list(z)
+    return evaluate(z, h) if reaches_over(z, h) else advance_anew(z, h)  # type: ignore[no-any-return]
+
+
+def keep_before_step(z: Buffer) -> None:
+    """Keep what a step that is refused leaves as it was; a series that others inputs were made with serves no more."""
     copy_numbers(z, MEMORY, KEPT, MEMORY_SIZE)
-    end = dd.add_float(pair_at(z, TIME), h)
     if not holds(z):
         z[STANDS] = 0.0
         for i in range(NUMBER_OF_INPUTS):
             z[HELD + i] = z[INPUTS[i]]
-    rest, status, crept = h, STEP_REJECTED, 0
-    for _ in range(int(MAX_SUBSTEPS)):
-        if not (z[STANDS] != 0.0 and z[SINCE] < z[REACH]) and not begin(z):
-            break
-        since = pair_at(z, SINCE)
-        left = (z[REACH] - since[0]) - since[1]
-        if rest <= left * (1.0 + 1e-9):
-            put_pair_at(z, SINCE, dd.add_float(since, rest))
-            put_states(z, z[SINCE])
-            status = OK
-            break
-        put_states(z, z[REACH])
-        put_pair_at(z, SINCE, (z[REACH], 0.0))
-        change(z, left)
-        put_pair_at(z, TIME, dd.add_float(pair_at(z, BEGUN), z[REACH]))
-        rest -= left
-        z[STANDS] = 0.0
-        crept += 1 if z[REACH] < CREEPING * h else 0
-        if crept > MOST_CREPT or (NUMBER_OF_EVENTS and z[LISTED] > events.MOST_LISTED):
-            break
-    put_pair_at(z, TIME, end)
+
+
+def needs_a_series(z: Buffer) -> bool:
+    """Return whether no series stands that leads further."""
+    return not (z[STANDS] != 0.0 and z[SINCE] < z[REACH])
+
+
+def follow_series(z: Buffer, h: float, rest: float, crept: int) -> tuple[int, float, int]:
+    """Follow the series that stands to the end of the step, or as far as it reaches.
+
+    rest: what is left of the step; crept: how often series in it have crept. Return a status, PENDING where the next
+    series is to be made, and both anew.
+    """
+    since = pair_at(z, SINCE)
+    left = (z[REACH] - since[0]) - since[1]
+    if rest <= left * (1.0 + 1e-9):
+        put_pair_at(z, SINCE, dd.add_float(since, rest))
+        put_states(z, z[SINCE])
+        return OK, rest, crept
+    put_states(z, z[REACH])
+    put_pair_at(z, SINCE, (z[REACH], 0.0))
+    change(z, left)
+    put_pair_at(z, TIME, dd.add_float(pair_at(z, BEGUN), z[REACH]))
+    z[STANDS] = 0.0
+    crept += 1 if z[REACH] < CREEPING * h else 0
+    status = STEP_REJECTED if crept > MOST_CREPT else PENDING
+    if NUMBER_OF_EVENTS and z[LISTED] > events.MOST_LISTED:
+        status = STEP_REJECTED
+    return status, rest - left, crept
+
+
+def end_of_step(z: Buffer, h: float, rest: float, status: int) -> int:
+    """Show what the step has come to; reject it, with nothing changed, where that is not finite."""
+    put_pair_at(z, TIME, dd.add_float(pair_at(z, KEPT + (TIME - MEMORY)), h))
     if status == OK:
         change(z, rest)
         for i in range(NUMBER_OF_INPUTS):
@@ -312,6 +343,21 @@ def advance_by_series(z: Buffer, h: float) -> int:
         z[INPUTS[i]] = z[HELD + i]
     z[STANDS] = 0.0
     return STEP_REJECTED
+
+
+def advance_by_series(z: Buffer, h: float) -> int:
+    """Advance by h where a new series has to be made."""
+    keep_step(z)
+    rest, status, crept = h, PENDING, 0
+    for _ in range(int(MAX_SUBSTEPS)):
+        if needs_series(z):
+            prepare(z)
+            if not begun(z, make(z)):
+                break
+        status, rest, crept = follow(z, h, rest, crept)
+        if status != PENDING:
+            break
+    return end_step(z, h, rest, status)  # type: ignore[no-any-return]
 
 
 def outputs_now(z: Buffer) -> int:
@@ -376,7 +422,15 @@ _TEMPLATES: Mapping[str, Callable[..., Any]] = {
     "cut": reach_to_corner,
     "holds": holds_inputs,
     "change": change_inputs,
-    "begin": begin_series,
+    "prepare": prepare_series,
+    "make": make_series,
+    "begun": begin_to_serve,
+    "reaches_over": reaches_over_step,
+    "evaluate": evaluate_at_end,
+    "keep_step": keep_before_step,
+    "needs_series": needs_a_series,
+    "follow": follow_series,
+    "end_step": end_of_step,
     "advance_anew": advance_by_series,
 }
 """In an order in which each is bound before those that call it."""
@@ -393,9 +447,7 @@ def make_formulas(
     constant: a name that no other scene's formulas have; generated: its kernels, by name; places: what the templates'
     globals are.
     """
-    own = {**places, **generated}
-    for name, template in _TEMPLATES.items():
-        own[name] = bind(template, __name__, constant, **own)
+    own = _bound(constant, {**places, **generated})
     entries = {
         "set_up": bind(set_up_formulas, __name__, constant, **own),
         "advance": bind(advance_formulas, __name__, constant, **own),
@@ -409,3 +461,21 @@ def make_formulas(
         feedthrough=generated["feedthrough"],
         ORDERS=ORDERS,
     )
+
+
+def _bound(constant: str, own: dict[str, Any], templates: Mapping[str, Callable[..., Any]] = _TEMPLATES) -> Any:
+    for name, template in templates.items():
+        own[name] = bind(template, __name__, constant, **own)
+    return own
+
+
+def make_lanes(model: Model, own: Mapping[str, Any], constant: str, wide: Mapping[str, Any]) -> Lanes:
+    """Return what runs many bodies of a model at once.
+
+    own: the kernels and places that `make_formulas` was given; constant: a name that no others have; wide: the kernels
+    of series over numbers of several bodies, by name, and WIDE_ROW, the length of a row there.
+    """
+    found = _bound(model.name.partition(".")[2], {**own}) | wide | {"initialize": model.initialize}
+    found = _bound(constant, found, lanes_of_formulas.TEMPLATES)
+    scratch = own["ROWS"] + wide["WIDE_ROW"] * (max(ORDERS) + 1)
+    return Lanes(found["run_in_four"], found["run_in_eight"], 8 * scratch)

@@ -9,6 +9,8 @@ splitting: the loads' impulses between exact flows of the free body.
 """
 
 import math
+from functools import partial
+from importlib import import_module
 
 from ..body import driven, memory
 from ..body.shell import commit_motion, make_model
@@ -95,7 +97,7 @@ LOADED_TAYLOR = make_model(
     _set_up_loaded_taylor,
     _advance_loaded_taylor,
     ORDERS=ORDERS,
-    lanes=f"{__package__}.loaded_taylor_lanes",
+    lanes=partial(import_module, f"{__package__}.loaded_taylor_lanes"),
 )
 
 

@@ -8,8 +8,9 @@ import math
 from typing import Any
 
 from ..body.driven import STEP_SIZE, finish_steadily, keep, keep_inputs, load_polynomial_of, part_to_integrate
+from ..body.members import Driving, Members, Room, begin, drive, note, pieces_before, record
 from ..body.memory import STATE_START, body_of
-from ..buffer import OK, Layout
+from ..buffer import OK, STEP_REJECTED, Layout
 from ..compile.decorator import kernel
 from ..compile.simd import eight_wide, four_wide, lane_at, put_lane_at, width_of
 from ..integrators import rigid_body_state as state
@@ -42,63 +43,60 @@ torque fixed in a acts, whether the inertia is diagonal. The first is 0 where la
 
 @kernel(inline=False)
 def run_in_four(
-    base: Any, places: Any, values: Any, steps: Any, kept: Any, rows: Any, ends: Any, buffers: Any, statuses: Any,
-    scratch: Any,
+    control: Any, base: Any, places: Any, values: Any, kept: Any, rows: Any, ends: Any, after: Any, noted: Any,
+    ports: Any, rates: Any, time: Any, lengths: Any, counts: Any, given: Any, slopes: Any, start: Any, noise: Any,
+    outputs: Any, inputs: Any, buffers: Any, states: Any, marks: Any, scratch: Any,
 ) -> None:  # fmt: skip
-    """Run members of an ensemble, four side by side.
+    """Run members of an ensemble, four side by side: see `body.members`. The pieces of all are equally long.
 
-    base (SIZE,): what a buffer holds before a member's values (m, p) are put to places (p,). steps (n,): s.
-    kept (K,): places of the outputs. rows (m, n + 1, K) or (m, 1, K): outputs at each point, or the last.
-    ends (m, 2): what `initialize` returned, and the number of steps done. buffers (b, SIZE): room for some members at a
-    time; statuses (b,): of these.
+    buffers (b, SIZE), states (b, k), marks (b, 1 or more): room for some members at a time; scratch: for all lanes.
     """
+    members = Members(base, places, values, kept, rows, ends, after, noted)
+    driving = Driving(ports, rates, time, lengths, counts, given, slopes, start, noise)
     c, s = four_wide(scratch, 0), four_wide(scratch, 4 * lanes.COLUMNS_SIZE)
-    _run(base, places, values, steps, kept, rows, ends, buffers, statuses, c, s)
+    _run(control, members, driving, Room(outputs, inputs), buffers, states, marks, c, s)
 
 
 @kernel(inline=False)
 def run_in_eight(
-    base: Any, places: Any, values: Any, steps: Any, kept: Any, rows: Any, ends: Any, buffers: Any, statuses: Any,
-    scratch: Any,
+    control: Any, base: Any, places: Any, values: Any, kept: Any, rows: Any, ends: Any, after: Any, noted: Any,
+    ports: Any, rates: Any, time: Any, lengths: Any, counts: Any, given: Any, slopes: Any, start: Any, noise: Any,
+    outputs: Any, inputs: Any, buffers: Any, states: Any, marks: Any, scratch: Any,
 ) -> None:  # fmt: skip
     """Do the same, eight side by side."""
+    members = Members(base, places, values, kept, rows, ends, after, noted)
+    driving = Driving(ports, rates, time, lengths, counts, given, slopes, start, noise)
     c, s = eight_wide(scratch, 0), eight_wide(scratch, 8 * lanes.COLUMNS_SIZE)
-    _run(base, places, values, steps, kept, rows, ends, buffers, statuses, c, s)
+    _run(control, members, driving, Room(outputs, inputs), buffers, states, marks, c, s)
 
 
 @kernel
 def _run(
-    base: Any, places: Any, values: Any, steps: Any, kept: Any, rows: Any, ends: Any, buffers: Any, statuses: Any,
-    c: Buffer, s: Buffer,
+    control: Any, members: Members, driving: Driving, room: Room, buffers: Any, states: Any, marks: Any, c: Buffer,
+    s: Buffer,
 ) -> None:  # fmt: skip
-    for first in range(0, len(values), len(buffers)):
-        count = min(len(buffers), len(values) - first)
+    statuses, steps = marks[:, 0], len(driving.time) - 1
+    for first in range(0, len(members.values), len(buffers)):
+        count = min(len(buffers), len(members.values) - first)
         for i in range(count):
-            statuses[i] = _begin(buffers[i], base, places, values[first + i])
-            ends[first + i, 0], ends[first + i, 1] = statuses[i], 0
+            begin(buffers[i], states[i], first + i, _WORK, members, driving)
+            statuses[i] = members.ends[first + i, 0] = initialize(buffers[i])  # the work space is written first
             if statuses[i] == OK:
-                _record(buffers[i], kept, rows[first + i, 0])
-        for k in range(len(steps)):
-            advance(buffers[:count], steps[k], c, s, statuses[:count])
+                record(buffers[i], first + i, 0, steps, members)
+        for k in range(steps):
+            before = pieces_before(driving, first, 0)
+            for piece in range(pieces_before(driving, first, k), pieces_before(driving, first, k + 1)):
+                for i in range(count):
+                    own = pieces_before(driving, first + i, 0) + piece - before
+                    z, state = buffers[i], states[i]
+                    if statuses[i] == OK and not drive(z, state, first + i, k, own, control, members, driving, room):
+                        statuses[i] = STEP_REJECTED
+                advance(buffers[:count], driving.lengths[piece], c, s, statuses[:count])
             for i in range(count):
                 if statuses[i] == OK:
-                    ends[first + i, 1] = k + 1
-                    _record(buffers[i], kept, rows[first + i, k + 1 if rows.shape[1] > 1 else 0])
-
-
-@kernel
-def _begin(z: Buffer, base: Any, places: Any, values: Any) -> int:
-    for j in range(_WORK):  # the work space is written before it is read
-        z[j] = base[j]
-    for j in range(len(places)):
-        z[places[j]] = values[j]
-    return initialize(z)
-
-
-@kernel
-def _record(z: Buffer, kept: Any, row: Any) -> None:
-    for j in range(len(kept)):
-        row[j] = z[kept[j]]
+                    record(buffers[i], first + i, k + 1, steps, members)
+        for i in range(count):
+            note(buffers[i], first + i, members)
 
 
 @kernel

@@ -34,7 +34,7 @@ def sincos(x: float) -> tuple[float, float]:
     x is in rad.  Error <= 0.8 ulp to |x| = 2e5; beyond that eps |x|, as x itself has; from 1e15 on x counts as 0.
     Infinite x gives NaN.
     """
-    x = x - x if abs(x) > _LARGEST else x
+    x = choose(abs(x) > _LARGEST, x - x, x)
     shifted = x * _TWO_OVER_PI + _ROUND
     k = shifted - _ROUND
     first = x - k * _PIO2_1
@@ -135,21 +135,21 @@ def atan2(y: float, x: float) -> float:
     """
     ax, ay = abs(x), abs(y)
     steep = ay > ax
-    n, d = (ax if steep else ay), (ay if steep else ax)
+    n, d = choose(steep, ax, ay), choose(steep, ay, ax)
     turn = n > 0.5 * d  # turn the point by -pi / 4; d - n is exact here
-    n, d = (n - d if turn else n), (n + d if turn else d)
-    d = 1.0 if d == 0.0 else d
+    n, d = choose(turn, n - d, n), choose(turn, n + d, d)
+    d = choose(d == 0.0, 1.0, d)
     t = n / d
     z = t * t
     error = -t * (z * _atan_series(z))
     # All eight octants: +-(t + error) + a multiple of pi / 4.
     left = math.copysign(1.0, x) < 0.0
-    eighths = 1.0 if turn else 0.0
-    eighths = 2.0 - eighths if steep else eighths
-    eighths = 4.0 - eighths if left else eighths
-    mirror = steep != left
-    t = -t if mirror else t
-    error = -error if mirror else error
+    eighths = choose(turn, 1.0, 0.0)
+    eighths = choose(steep, 2.0 - eighths, eighths)
+    eighths = choose(left, 4.0 - eighths, eighths)
+    mirror = steep ^ left
+    t = choose(mirror, -t, t)
+    error = choose(mirror, -error, error)
     base = eighths * _PIO4_HI
     total = base + t
     return math.copysign(total + ((t - (total - base)) + (eighths * _PIO4_LO + error)), y)
@@ -238,17 +238,17 @@ def exponential(x: float) -> float:
     """Return e^x; 0 below -708 and infinity above 708, near where doubles end.  Error <= 1 ulp."""
     product, e = two_product(x, _LOG2_E)
     inside = abs(x) <= 708.0
-    found = exp2(product if inside else 0.0, e + x * _LOG2_E_LOW if inside else 0.0)
-    return found if inside else (x if x != x else (math.inf if x > 0.0 else 0.0))
+    found = exp2(choose(inside, product, 0.0), choose(inside, e + x * _LOG2_E_LOW, 0.0))
+    return choose(inside, found, choose(x != x, x, choose(x > 0.0, math.inf, 0.0)))
 
 
 @kernel
 def logarithm(x: float) -> float:
     """Return ln x; -infinity at 0, NaN below.  Error <= 1 ulp (the algorithm and coefficients of FDLIBM's log)."""
-    if not 0.0 < x < math.inf:
-        return -math.inf if x == 0.0 else (x if x > 0.0 else math.nan)
+    inside = (x > 0.0) & (x < math.inf)
+    beyond = choose(x == 0.0, -math.inf, choose(x > 0.0, x, math.nan))
     small = x < 2.0**-1022
-    x = x * 2.0**54 if small else x
+    x = choose(inside, choose(small, x * 2.0**54, x), 1.0)
     bits = bits_of(x)
     # so many halvings that what is left is between the roots of 1/2 and 2
     k = (bits - bits_of(0.7071067811865476)) >> 52
@@ -262,5 +262,5 @@ def logarithm(x: float) -> float:
         + w * (2.857142874366239149e-01 + w * (1.818357216161805012e-01 + w * 1.479819860511658591e-01))
     )
     half = 0.5 * f * f
-    n = float(k) - (54.0 if small else 0.0)
-    return n * _LN_2 - ((half - (s * (half + (odd + even)) + n * _LN_2_LOW)) - f)
+    n = (number_of(bits_of(_ROUND) + k) - _ROUND) - choose(small, 54.0, 0.0)
+    return choose(inside, n * _LN_2 - ((half - (s * (half + (odd + even)) + n * _LN_2_LOW)) - f), beyond)

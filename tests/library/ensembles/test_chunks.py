@@ -10,13 +10,13 @@ from numba import config
 from rbfmu import SceneError, SimulationError, load_scene, simulate
 from rbfmu.ensembles import chunks, loops
 from rbfmu.ensembles.chunks import Work, members_of_a_chunk, run_chunk
-from rbfmu.ensembles.loops import AT_ONCE, advance_lanes, compiled, entries, run_members
+from rbfmu.ensembles.loops import AT_ONCE, run_alone, run_in_lanes, undriven
 from rbfmu.ensembles.members import draw, member
 from rbfmu.ensembles.planning import plan_ensemble
-from rbfmu.models.model_buffer import aligned_zeros
 from rbfmu.models.registry import MODELS
 from rbfmu.runs.plan import Plan, filled_buffer
 from rbfmu.scene.scene import Scene
+from rbfmu_kernels.body.members import Driving, Members
 from rbfmu_kernels.models.free import FREE_TRIAXIAL
 from rbfmu_kernels.models.loaded import LOADED_TAYLOR
 from tests.support.paths import SCENES
@@ -160,10 +160,10 @@ def test_members_side_by_side_have_the_bits_of_single_runs(monkeypatch):
     taken = []
 
     def noted(*arguments, **options):
-        taken.append(loops.advance_lanes(*arguments, **options))
+        taken.append(loops.run_in_lanes(*arguments, **options))
         return taken[-1]
 
-    monkeypatch.setattr(chunks, "advance_lanes", noted)
+    monkeypatch.setattr(chunks, "run_in_lanes", noted)
     loops.compile_lanes(LOADED_TAYLOR).join()
     body, initial, loads, vary = CASES["body under loads, by series"]
     scene = ensemble_scene(body, initial, loads, vary, runs=21)
@@ -175,7 +175,7 @@ def test_members_side_by_side_have_the_bits_of_single_runs(monkeypatch):
 @pytest.mark.parametrize("worth", [0.0, math.inf])
 def test_lanes_are_compiled_beside_the_first_members_where_that_pays(monkeypatch, worth):
     begun = []
-    monkeypatch.setattr(loops, "is_kept", lambda *given: False)
+    monkeypatch.setattr(loops, "has_code", lambda *given: False)
     monkeypatch.setattr(chunks, "compile_lanes", begun.append)
     monkeypatch.setattr(chunks, "WORTH_COMPILING", worth)
     body, initial, loads, vary = CASES["body under loads, by series"]
@@ -246,33 +246,30 @@ def members(count):
     return values
 
 
-NONE_NOTED = np.empty(0, dtype=np.int64), np.empty((0, 0))
-
-
-def given(count, points):
-    rows = np.full((count, points, 4), -1.0)
-    return PLACES, members(count), STEPS, KEPT, rows, np.empty((count, 2), dtype=np.int64)
+def given(count, points, model=LOADED_TAYLOR):
+    rows, none = np.full((count, points, 4), -1.0), np.empty(0, dtype=np.int64)
+    own = members(max(count, 6))[:count]
+    common = filled_buffer(SCENE, PLAN), PLACES, own, KEPT, rows, np.full((count, 2), -9), none
+    control, *driving = undriven(STEPS, count)
+    return model, Members(*common, np.empty((count, 0))), control, Driving(*driving)
 
 
 @pytest.mark.skipif(bool(config.DISABLE_JIT), reason="lanes are compiled code")
 @pytest.mark.parametrize("points", [1, 4])
 def test_lanes_give_what_the_loop_gives(points):
-    base, count = filled_buffer(SCENE, PLAN), AT_ONCE + 13
-    *others, rows, ends = given(count, points)
-    assert advance_lanes(LOADED_TAYLOR, base, *others, rows, ends)
-    *others, expected, expected_ends = given(count, points)
-    compiled(run_members)(
-        *entries(LOADED_TAYLOR), aligned_zeros(len(base)), base, *others, expected, expected_ends, *NONE_NOTED
-    )
-    np.testing.assert_array_equal(ends, expected_ends)
+    found, expected = given(AT_ONCE + 13, points), given(AT_ONCE + 13, points)
+    assert run_in_lanes(*found)
+    run_alone(*expected)
+    ends = found[1].ends
+    np.testing.assert_array_equal(ends, expected[1].ends)
     assert ends[2, 0] != 0
     assert ends[5].tolist() == [0, 0]
     assert np.all(np.delete(ends, (2, 5), axis=0) == (0, 3))
-    np.testing.assert_array_equal(rows, expected)
+    np.testing.assert_array_equal(found[1].rows, expected[1].rows)
 
 
 @pytest.mark.parametrize(("model", "count"), [(FREE_TRIAXIAL, 10), (LOADED_TAYLOR, 1)])
 def test_other_models_and_single_members_are_left_to_the_loop(model, count):
-    arguments = [array[:count] if i in (1, 4, 5) else array for i, array in enumerate(given(10, 1))]
-    assert not advance_lanes(model, filled_buffer(SCENE, PLAN), *arguments)
-    assert np.all(arguments[-2] == -1.0)
+    arguments = given(count, 1, model)
+    assert not run_in_lanes(*arguments)
+    assert np.all(arguments[1].rows == -1.0)
