@@ -4,10 +4,13 @@ Bodies of a motion whose moments, mass, rates and torque differ by 1 %, from the
 end, on one thread. The tolerance of each, or MuJoCo's step, is the loosest at which the worst true error of an attitude
 is at most the mark, against double-double arithmetic; our order is the plan's. Costs are the least CPU times
 of runs in turn.
-`python -m examples.benchmarks.batches` prints all and exits with status 1 where a goal is missed.
+`python -m examples.benchmarks.batches` prints all and exits with status 1 where a goal is missed; with a seed and a
+number, such as 7700 20, it measures whole calls of so many random motions.
 """
 
 import math
+import sys
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -257,10 +260,11 @@ def row_of(key: str, mark: float, bodies: int, rounds: int, others: Sequence[str
 
 @dataclass(frozen=True)
 class Call:
-    """`run_ensemble` as users call it, on one thread with what is kept on disk, beside heyoka.py in batches of four.
+    """`run_ensemble` as users call it, on one thread with what is kept on disk, beside heyoka.py in batches.
 
     Costs are CPU times, us a body-second, heyoka.py's at the loosest tolerance with a third of the accuracy; planning
-    and drawing are in ours; planned: ms before the first member. error: the worst of some members, over the accuracy.
+    and drawing are in ours; first: that of the first call; planned: ms before the first member. error: the worst of
+    some members, over the accuracy.
     """
 
     motion: str
@@ -268,35 +272,47 @@ class Call:
     runs: int
     error: float
     cost: float
-    heyoka: float
+    first: float
+    heyoka: dict[str, float]
     planned: float
 
+    def __str__(self) -> str:
+        ratios = ", ".join(f"{name} {self.ratio(name):.2f}" for name in self.heyoka)
+        return (
+            f"{self.motion}, {self.mark:.1e}, {self.runs:,} runs: {self.cost:.3g} us a body-second (first call "
+            f"{self.first:.3g}), error {self.error:.2g} of the accuracy; ours / {ratios}; "
+            f"{self.planned:.0f} ms before the first member"
+        )
 
-def call_of(key: str, mark: float, runs: int, rounds: int) -> Call:
+    def ratio(self, name: str = FOUR) -> float:
+        """Return our cost over the other's."""
+        return self.cost / self.heyoka[name]
+
+
+def call_of(case: Case, mark: float, runs: int, rounds: int, keep: Sequence[str] = ("final",)) -> Call:
     """Measure a motion whose rates vary by 0.02 rad/s."""
-    case = CASES[key]
     tables, rates = case.asking(mark).to_dict(), case.scene.initial.omega_b
     tables["run"]["step"] = case.span
     vary = {"initial.omega_b": {"normal": [list(rates), [0.02] * 3]}}
-    scene = Scene.from_dict(tables | {"ensemble": {"runs": runs, "keep": ["final"], "vary": vary}}, key)
+    scene = Scene.from_dict(tables | {"ensemble": {"runs": runs, "keep": list(keep), "vary": vary}}, case.scene.name)
     if compiling := compile_lanes(plan_ensemble(scene).kernels):
         compiling.join()  # as it is where an ensemble ran before
+    begin = process_time()
     result = run_ensemble(scene, executor=1, progress=False)
+    first = process_time() - begin
     batch = Batch(case, 0)
     samples = draw(scene, 0, runs)
     batch.scenes = [member(scene, samples, k) for k in range(BODIES)]
-    chosen = within(batch, mark / 3.0, heyokas(batch, 4))
-    if chosen is None:
-        raise RuntimeError(f"heyoka.py does not reach {mark / 3.0:g} on {key}")
-    contestants = {
-        "ours": lambda: run_ensemble(scene, executor=1, progress=False),
-        "planned": lambda: plan_ensemble(scene),
-        "theirs": chosen[0],
-    }
-    seconds = least(rounds, contestants, SECONDS, MOST_SECONDS, process_time)
-    error = batch.error(result.final["quaternion"][:BODIES]) / mark
-    cost, theirs = (1e6 * seconds[name] / n / case.span for name, n in (("ours", runs), ("theirs", BODIES)))
-    return Call(case.scene.name, mark, runs, error, cost, theirs, 1e3 * seconds["planned"])
+    found = {name: within(batch, mark / 3.0, heyokas(batch, size)) for name, size in ((FOUR, 4), (EIGHT, 8))}
+    theirs = {name: one[0] for name, one in found.items() if one is not None}
+    ours = {"ours": lambda: run_ensemble(scene, executor=1, progress=False), "planned": lambda: plan_ensemble(scene)}
+    seconds = least(rounds, ours | theirs, SECONDS, MOST_SECONDS, process_time)
+    unit = 1e6 / case.span
+    return Call(
+        case.scene.name, mark, runs, batch.error(result.final["quaternion"][:BODIES]) / mark,
+        unit * seconds["ours"] / runs, unit * first / runs,
+        {name: unit * seconds[name] / BODIES for name in theirs}, 1e3 * seconds["planned"],
+    )  # fmt: skip
 
 
 def calls(motions: Sequence[str] = ("c", "d"), marks: Sequence[float] = MARKS, rounds: int = 9) -> list[Call]:
@@ -305,11 +321,43 @@ def calls(motions: Sequence[str] = ("c", "d"), marks: Sequence[float] = MARKS, r
     for key in motions:
         for mark in marks:
             for runs in (4_096, 100_000):
-                one = call_of(key, mark, runs, rounds)
-                found.append(one)
-                print(f"{one.motion}, {mark:g}, {runs} runs: {one.cost:.3g} us a body-second, error {one.error:.2g} of "
-                      f"the accuracy; heyoka.py {one.heyoka:.3g}; ours / it {one.cost / one.heyoka:.2g}; "
-                      f"{one.planned:.0f} ms before the first member", flush=True)  # fmt: skip
+                found.append(call_of(CASES[key], mark, runs, rounds))
+                print(found[-1], flush=True)
+    return found
+
+
+def random_motion(seed: int) -> Case:
+    """Return a body of random moments and start, under a torque or as a top, and seldom one that is symmetric."""
+    r = np.random.default_rng(seed)
+    a, b = np.sort(r.uniform(0.5, 3.0, 2))
+    moments, span = [a, b, r.uniform(b - a + 0.05, a + b - 0.05)], r.uniform(1.0, 6.0)
+    q = r.normal(size=4)
+    top = {"pivot": True, "r_oc_b": [0.0, 0.0, r.uniform(0.1, 0.4)]} if r.random() < 0.5 else {}
+    loads = {"gravity_a": [0.0, 0.0, -9.81]} if top else {"torque_b": r.normal(0.0, 0.5, 3).tolist()}
+    tables = {
+        "body": {"mass": 1.0, "inertia": moments, **top},
+        "initial": {
+            "attitude": {"quaternion": (q / np.linalg.norm(q)).tolist()},
+            "omega_b": r.normal(0, 3, 3).tolist(),
+        },
+        "loads": {"gravity_a": [0.0, 0.0, 0.0]} | loads,
+        "outputs": {"quantities": ["quaternion", "omega_b"]},
+        "run": {"stop": span, "step": span},
+    }
+    return Case(Scene.from_dict(tables, f"seed {seed}, {'a top' if top else 'under a torque'}"))
+
+
+def random_calls(seed: int, count: int) -> list[Call]:
+    """Print and return whole calls of random motions at random accuracies, with what is kept by default."""
+    found = []
+    warnings.simplefilter("ignore", rbfmu.SceneWarning)  # of steps in which a body turns more than once
+    for one in range(seed, seed + count):
+        accuracy = 10.0 ** np.random.default_rng([one, 1]).uniform(-10.0, -5.0)
+        found.append(call_of(random_motion(one), accuracy, 100_000, 3, ("final", "statistics")))
+        print(found[-1], flush=True)
+    for name in (FOUR, EIGHT):
+        ratios = [call.ratio(name) for call in found if name in call.heyoka]
+        print(f"ours / {name}: median {np.median(ratios):.2f}, largest {max(ratios):.2f} of {len(ratios)}")
     return found
 
 
@@ -318,9 +366,7 @@ def goals(rows: Sequence[Row], whole: Sequence[Call] = ()) -> list[Goal]:
     found = [Goal(f"{row.motion}, {row.mark:g}, ours / {FOUR}", row.ratio(FOUR), most=GOAL) for row in rows]
     many = (call for call in whole if call.runs > 10_000)
     return found + [
-        Goal(
-            f"{call.motion}, {call.mark:g}, {call.runs} runs, whole call / {FOUR}", call.cost / call.heyoka, most=WHOLE
-        )
+        Goal(f"{call.motion}, {call.mark:g}, {call.runs} runs, whole call / {FOUR}", call.ratio(), most=WHOLE)
         for call in many
     ]
 
@@ -346,4 +392,5 @@ def main(
 
 
 if __name__ == "__main__":
-    raise SystemExit(status(goals(main(), calls())))
+    numbers = [int(text) for text in sys.argv[1:]]
+    raise SystemExit(status(goals([], random_calls(*numbers)) if numbers else goals(main(), calls())))
