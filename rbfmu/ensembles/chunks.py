@@ -1,6 +1,8 @@
 """A chunk of an ensemble: its members' numbers drawn, run in compiled code, and summed up; what its bits rest on."""
 
-from collections.abc import Mapping
+import math
+import threading
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -126,19 +128,47 @@ def run_chunk(work: Work, index: int) -> Chunk:
     first = index * work.size
     samples = draw(work.scene, first, min(work.size, work.runs - first))
     count = len(samples)
-    rows, events, failed = run_samples(work, samples, ends_alone=not (work.keeps(STATISTICS) or work.keeps(ALL)))
+    summed = work.keeps(STATISTICS) and not work.keeps(ALL)
+    ends_alone = not (work.keeps(STATISTICS) or work.keeps(ALL))
+    rows, events, failed = run_samples(work, samples, ends_alone, new_rows if not summed else _ROOM.rows)
     good = np.array([i for i in range(count) if i not in failed], dtype=np.int64)
     summary = None
     if work.keeps(STATISTICS):
         sample = sample_of(rows, good, first, work.columns, work.share)
         summary = summary_of(rows, good, work.columns, work.most_points, index)._replace(sample=sample)
-    kept = rows if work.keeps(ALL) else np.ascontiguousarray(rows[:, -1:])
+    kept = rows[:, -1:].copy() if summed else rows
     messages = {first + i: text for i, text in sorted(failed.items())}
     return Chunk(first, samples.applied, samples.redrawn, kept, events, messages, summary)
 
 
-def run_samples(work: Work, samples: Samples, ends_alone: bool) -> tuple[Array, dict[str, Any], dict[int, str]]:
+class _Room(threading.local):
+    """Room of a thread for rows that are summed up at once: new memory for each chunk takes as long as filling it."""
+
+    def __init__(self) -> None:
+        self._numbers = np.empty(0)
+
+    def rows(self, *shape: int) -> Array:
+        """Return an array of this shape, which is that of before."""
+        size = math.prod(shape)
+        if self._numbers.size < size:
+            self._numbers = np.empty(size)
+        return self._numbers[:size].reshape(shape)
+
+
+_ROOM = _Room()
+
+
+def new_rows(*shape: int) -> Array:
+    """Return an array of this shape."""
+    return np.empty(shape)
+
+
+def run_samples(
+    work: Work, samples: Samples, ends_alone: bool, room: Callable[..., Array] = new_rows
+) -> tuple[Array, dict[str, Any], dict[int, str]]:
     """Return outputs (m, n, K) of members, at all points or at the end alone, events, and what is said of failures.
+
+    room: what gives the array for them.
 
     Of members that failed rows are NaN, and nothing happened. Of events the first time is NaN where there is none.
     """
@@ -149,7 +179,8 @@ def run_samples(work: Work, samples: Samples, ends_alone: bool) -> tuple[Array, 
     noted, said = np.zeros((count, 2 * len(work.scene.events))), dict[int, str]()
     rows = np.empty((0, points, work.columns.width))
     if len(which):
-        rows, noted[which], said = _outputs(work, samples, which, steps, points)
+        rows = room(len(which), points, work.columns.width)
+        noted[which], said = _outputs(work, samples, which, steps, rows)
     if failed:
         ran, rows = rows, np.empty((count, *rows.shape[1:]))
         rows[which] = ran
@@ -168,14 +199,11 @@ def _events(scene: Scene, noted: Array) -> dict[str, Any]:
     return found
 
 
-def _outputs(
-    work: Work, samples: Samples, which: Indices, steps: Array, points: int
-) -> tuple[Array, Array, dict[int, str]]:
-    """Return the outputs (m, n, K) of the members named, by row, how often and when first events happened (m, 2 E),
+def _outputs(work: Work, samples: Samples, which: Indices, steps: Array, rows: Array) -> tuple[Array, dict[int, str]]:
+    """Set the outputs (m, n, K) of the members named, by row; return how often and when first events happened (m, 2 E),
     and what is said of those that were refused."""
     plan, kernels = work.plan, work.plan.kernels
     places, values = varied_numbers(work.scene, samples.applied, kernels.BLOCKS)
-    rows = np.empty((len(which), points, work.columns.width))
     ends = np.empty((len(which), 2), dtype=np.int64)
     of_events = [kernels.BLOCKS[name] for name in ("events.counts", "events.earliest") if work.scene.events]
     after = np.array([place for block in of_events for place in range(block.start, block.stop)], dtype=np.int64)
@@ -192,7 +220,7 @@ def _outputs(
         if compiling_pays(work, len(steps)):  # beside the members to come, of which each has the same bits either way
             compile_lanes(kernels)
     bad = np.flatnonzero((ends[:, 0] != 0) | (ends[:, 1] < len(steps)))
-    return rows, noted, {int(which[k]): _message(work.scene, plan, samples, int(which[k]), ends[k]) for k in bad}
+    return noted, {int(which[k]): _message(work.scene, plan, samples, int(which[k]), ends[k]) for k in bad}
 
 
 def compiling_pays(work: Work, steps: int) -> bool:

@@ -15,7 +15,8 @@ from numba import config, float64, int64, njit, typeof, types
 
 from rbfmu.models.model_buffer import aligned_zeros
 from rbfmu_kernels.body.members import Driving, Members, Room, begin, drive, note, pieces_before, record
-from rbfmu_kernels.compile.simd import widest
+from rbfmu_kernels.compile.decorator import kernel
+from rbfmu_kernels.compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers, widest
 from rbfmu_kernels.compile.tiered import has_code
 from rbfmu_kernels.models.formula_lanes import MARKS
 from rbfmu_kernels.numerics.elementary import sincos
@@ -39,9 +40,9 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def entries(model: Any) -> tuple[Any, Any]:
     """Return `initialize` and `step` of a model, compiled for `run_members`."""
-    for kernel, arguments in ((model.initialize, (_NUMBERS,)), (model.step, (_NUMBERS, float64))):
-        if hasattr(kernel, "compile"):  # not where the JIT is disabled
-            kernel.compile(arguments)
+    for entry, arguments in ((model.initialize, (_NUMBERS,)), (model.step, (_NUMBERS, float64))):
+        if hasattr(entry, "compile"):  # not where the JIT is disabled
+            entry.compile(arguments)
     return model.initialize, model.step
 
 
@@ -79,6 +80,23 @@ def hold(t: float, outputs: Any, state: Any, inputs: Any, noise: Any) -> None:
 
 LANES, ROWS = 16, 8
 """Sums that are added up side by side, in an order that no processor changes; members that are read side by side."""
+
+
+@kernel
+def _products(a: Any, c: float, b: Any, d: float, count: int) -> float:
+    """Return the sum of (a + c) (b + d) over so many numbers, a multiple of LANES: vectors, which stay in registers."""
+    c_4, d_4 = lanes(c, c, c, c), lanes(d, d, d, d)
+    s_0 = s_1 = s_2 = s_3 = lanes(0.0, 0.0, 0.0, 0.0)
+    for i in range(0, count, LANES):
+        s_0 = add_lanes(s_0, multiply_lanes(add_lanes(lanes_at(a, i), c_4), add_lanes(lanes_at(b, i), d_4)))
+        s_1 = add_lanes(s_1, multiply_lanes(add_lanes(lanes_at(a, i + 4), c_4), add_lanes(lanes_at(b, i + 4), d_4)))
+        s_2 = add_lanes(s_2, multiply_lanes(add_lanes(lanes_at(a, i + 8), c_4), add_lanes(lanes_at(b, i + 8), d_4)))
+        s_3 = add_lanes(s_3, multiply_lanes(add_lanes(lanes_at(a, i + 12), c_4), add_lanes(lanes_at(b, i + 12), d_4)))
+    total = 0.0
+    for four in (s_0, s_1, s_2, s_3):
+        for number in numbers(four):
+            total += number
+    return total
 
 
 def moments(rows: Any, good: Any, first: int, angles: Any, pairs: Any, mean: Any, products: Any, x: Any) -> int:
@@ -120,13 +138,7 @@ def moments(rows: Any, good: Any, first: int, angles: Any, pairs: Any, mean: Any
         for p in range(len(pairs)):
             a, b = x[t * width + pairs[p, 0]], x[t * width + pairs[p, 1]]
             mean_a, mean_b = mean[t, pairs[p, 0]], mean[t, pairs[p, 1]]
-            sums[:] = 0.0
-            for i in range(0, whole, LANES):
-                for k in range(LANES):
-                    sums[k] += (a[i + k] - mean_a) * (b[i + k] - mean_b)
-            total = 0.0
-            for k in range(LANES):
-                total += sums[k]
+            total = _products(a, -mean_a, b, -mean_b, whole)
             for i in range(whole, count):
                 total += (a[i] - mean_a) * (b[i] - mean_b)
             products[t, p] = total
@@ -207,11 +219,11 @@ def _are_alike(driving: Driving) -> bool:
 
 def _lanes_of(kernels: Any, count: int = 2, states: int = 0) -> tuple[Any, tuple[Any, ...], tuple[Any, ...]]:
     """Return the function that runs members side by side, its arguments' types, and room for so many at a time."""
-    lanes, width = kernels.lanes(), widest()
+    found, width = kernels.lanes(), widest()
     size, count = -(-kernels.SIZE // _CACHE_LINE) * _CACHE_LINE, max(count, width)
     buffers = aligned_zeros(count * size).reshape(count, size)[:, : kernels.SIZE]
-    room = buffers, np.empty((count, states)), np.zeros((count, MARKS)), aligned_zeros(lanes.SCRATCH)
-    return lanes.run_in_eight if width == 8 else lanes.run_in_four, (*_GIVEN, *map(typeof, room)), room
+    room = buffers, np.empty((count, states)), np.zeros((count, MARKS)), aligned_zeros(found.SCRATCH)
+    return found.run_in_eight if width == 8 else found.run_in_four, (*_GIVEN, *map(typeof, room)), room
 
 
 def _compile(run: Any, signature: tuple[Any, ...]) -> None:

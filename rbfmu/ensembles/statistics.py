@@ -29,7 +29,7 @@ SETS = 4
 """Sets of points of a level that become one of the next."""
 LEAST_WEIGHT = 8
 """For how many members a point stands where not all fit: what is left to merge is so much less than what was run."""
-SUMMED_AT_ONCE = 200_000
+SUMMED_AT_ONCE = 100_000
 """Numbers that are summed up and sorted together: more lie side by side where rows are long, fewer stay in a cache."""
 
 
