@@ -199,7 +199,9 @@ def run_in_lanes(kernels: Any, members: Members, control: Any, driving: Driving,
 
     compile_now: else lanes serve where their code is there already, or kept on disk.
     """
-    if not kernels.lanes or config.DISABLE_JIT or len(members.values) < 2 or not _are_alike(driving):
+    if not kernels.lanes or config.DISABLE_JIT or len(members.values) < 2:
+        return False
+    if kernels.lanes().IN_STEP and not _are_alike(driving):
         return False
     run, signature, room = _lanes_of(kernels, min(AT_ONCE, len(members.values)), len(driving.start))
     if not (compile_now or has_code(run, signature)):

@@ -21,12 +21,14 @@ Entry = Callable[[Any], int]
 class Lanes(NamedTuple):
     """What runs many bodies of a model at once: members of an ensemble, see `body.members`, four or eight side by side.
 
-    SCRATCH: the numbers of work space that it needs, at a cache line.
+    SCRATCH: the numbers of work space that it needs, at a cache line. IN_STEP: whether all must be driven in pieces of
+    equal length.
     """
 
     run_in_four: Any
     run_in_eight: Any
     SCRATCH: int
+    IN_STEP: bool
 
 
 @dataclass(frozen=True, eq=False)

@@ -478,4 +478,4 @@ def make_lanes(model: Model, own: Mapping[str, Any], constant: str, wide: Mappin
     found = _bound(model.name.partition(".")[2], {**own}) | wide | {"initialize": model.initialize}
     found = _bound(constant, found, lanes_of_formulas.TEMPLATES)
     scratch = own["ROWS"] + wide["WIDE_ROW"] * (max(ORDERS) + 1)
-    return Lanes(found["run_in_four"], found["run_in_eight"], 8 * scratch)
+    return Lanes(found["run_in_four"], found["run_in_eight"], 8 * scratch, IN_STEP=False)

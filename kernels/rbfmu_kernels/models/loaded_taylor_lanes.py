@@ -31,6 +31,8 @@ initialize, step = LOADED_TAYLOR.initialize, LOADED_TAYLOR.step
 WIDEST = 8
 SCRATCH = WIDEST * (lanes.COLUMNS_SIZE + WORK)
 """The numbers of work space that lanes need, at a cache line."""
+IN_STEP = True
+"""All are driven in pieces of equal length, as they go on together."""
 _PENDING = -1
 """The status of a body that is still to be advanced."""
 _SURELY = 0.95
