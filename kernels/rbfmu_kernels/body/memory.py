@@ -7,7 +7,7 @@ A model's buffer begins with these blocks; what its method needs besides follows
 import math
 
 from .. import quantities
-from ..buffer import NEGATIVE, places
+from ..buffer import NEGATIVE, NOT_FINITE, places
 from ..buffer_access import matrix_at, put_matrix_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..integrators.rigid_body_state import STATE_BLOCKS, STATE_SIZE, Centre, Rotation
@@ -90,7 +90,7 @@ def _fault_of_parameters(z: Buffer) -> int:
     for i in range(_END):
         finite += 0.0 * z[i]
     if finite != 0.0:
-        return 8
+        return NOT_FINITE
     if not z[_MASS] > 0.0:
         return 1
     for k in range(len(_NOT_NEGATIVE)):

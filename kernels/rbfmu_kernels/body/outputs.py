@@ -1,5 +1,6 @@
 """The outputs of a body's model and their time derivatives, from its state and the inputs now set."""
 
+from ..buffer import NOT_FINITE
 from ..buffer_access import matrix_at, put_quaternion_at, put_vec3_at, vec3_at
 from ..compile.decorator import kernel
 from ..mechanics import newton_euler
@@ -115,7 +116,7 @@ def first_outputs(z: Buffer) -> int:
     total = 0.0
     for i in range(_FIRST, _END):
         total += 0.0 * z[i]
-    return 0 if total == 0.0 else 8
+    return 0 if total == 0.0 else NOT_FINITE
 
 
 _INPUTS = memory.BLOCKS[next(iter(memory.INPUTS))].start

@@ -88,11 +88,13 @@ def make_model(
     outputs, or returns STEP_REJECTED. fields: further ones of `Model`.
     """
     module = python_function(own_advance).__module__
-    entries = {
-        "initialize": bind(initialize, module, constant, set_up=own_set_up),
-        "step": bind(step, module, constant, advance=own_advance),
-    }
-    return Model(f"{module.rpartition('.')[2]}.{constant}", *layout, **entries | fields)
+    return Model(
+        f"{module.rpartition('.')[2]}.{constant}",
+        *layout,
+        initialize=bind(initialize, module, constant, set_up=own_set_up),
+        step=bind(step, module, constant, advance=own_advance),
+        **fields,
+    )
 
 
 @kernel

@@ -7,7 +7,7 @@ from ..buffer_access import record
 from ..compile.decorator import kernel
 from ..compile.wide import alike, all_of, any_of, choose
 from ..numerics import double_double as dd
-from ..numerics.double_double import DoubleDouble, Vector, two_product, two_sum
+from ..numerics.double_double import ONE_OVER_PI, DoubleDouble, Vector, two_product, two_sum
 from ..numerics.elementary import power_of_two_for
 from ..numerics.elliptic import NEAREST_KC, angle_in_half_turns, climb_scale
 from ..rotations.quaternion import compose_quaternions, invert_quaternion
@@ -15,8 +15,6 @@ from ..types import _SHAPES, Quaternion, Vec3
 from . import free_rotation_series
 from .free_rotation_series import NEAR, SEPARATRIX, STEADY, TUMBLING, Series, SteadyTurn
 from .uniform_rotation import ONE_OVER_4PI, turning_about
-
-_ONE_OVER_PI: DoubleDouble = (0.3183098861837907, -1.9678676675182486e-17)
 
 
 class Polhode(NamedTuple):
@@ -47,7 +45,7 @@ def symmetric_polhode(
     rate = dd.divide(dd.multiply(g, ONE_OVER_4PI), i_r)
     lam = dd.divide(dd.multiply(gap(i_s, i_r), w_s), i_r)
     x = angle_in_half_turns(am_s, am_c)
-    nu = dd.multiply(lam, _ONE_OVER_PI)
+    nu = dd.multiply(lam, ONE_OVER_PI)
     zero, one = alike(g[0], 0.0), alike(g[0], 1.0)
     return Polhode(m_s, g[0], w_s, rate, nu, x, (alike(g[0], -0.25), zero), zero, (one, zero))
 
@@ -76,7 +74,7 @@ def triaxial_polhode(
     # T over a half turn is pi y (2 - total) / (2 AGM).
     half_turn = dd.scale(0.125, dd.divide(dd.multiply(y, dd.add_float(dd.negate(total), 2.0)), agm))
     half_turn = dd.choose(middle, dd.add_float(half_turn, -0.25), dd.negate(half_turn))
-    nu = dd.multiply(dd.multiply(lam, agm), _ONE_OVER_PI)
+    nu = dd.multiply(dd.multiply(lam, agm), ONE_OVER_PI)
     rate = dd.multiply(rate, ONE_OVER_4PI)
     return Polhode(a_s, g[0], rate_s, rate, nu, x, half_turn, kappa[0] * rho[0], agm)
 

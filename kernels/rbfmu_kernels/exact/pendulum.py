@@ -13,7 +13,7 @@ from ..buffer_access import record
 from ..compile.decorator import kernel
 from ..numerics import double_double as dd
 from ..numerics import elliptic
-from ..numerics.double_double import DoubleDouble
+from ..numerics.double_double import ONE_OVER_PI, DoubleDouble
 from ..numerics.elementary import power_of_two_for, sincos_half_turns
 from .uniform_rotation import without_turns
 
@@ -49,7 +49,6 @@ PENDULUM_SIZE, put_pendulum, read_pendulum, _ = record(Pendulum)
 _SIZE, _, _read_theta, _flatten_theta = record(elliptic.Theta)
 _, _, _read_near, _flatten_near = record(NearSeries, _SIZE)
 ORDINARY, NEAR, SEPARATRIX = 0.0, 1.0, 2.0
-_ONE_OVER_PI: DoubleDouble = (0.3183098861837907, -1.9678676675182486e-17)
 _LEAST_KC = 1e-300
 """Below, a motion is on the separatrix: K(k) = ln(4 / kc), so that a turn takes 690 of its time scales or more."""
 _MAX_TURNS = 1e28  # of the phase: double-double has no digit left there
@@ -70,7 +69,7 @@ def pendulum_setup(x: DoubleDouble, y: DoubleDouble, z: DoubleDouble) -> Pendulu
     if swings and sign < 0.0:
         half_turns = dd.add_float(dd.negate(half_turns), 1.0)
     start = dd.scale(0.5 * side * (1.0 if swings else sign), half_turns)
-    rate = dd.scale(0.5, dd.multiply(dd.multiply(fastest, agm), _ONE_OVER_PI))
+    rate = dd.scale(0.5, dd.multiply(dd.multiply(fastest, agm), ONE_OVER_PI))
     if y[0] == 0.0 and z[0] == 0.0:  # balanced at the top
         rate, w = (0.0, 0.0), (0.0, 0.0)
     series = _flatten_theta(elliptic.theta_series(kc)) if kind == ORDINARY else _flatten_near(_near_series(kc, agm))

@@ -7,7 +7,7 @@ from ..compile.decorator import kernel
 from ..numerics import double_double as dd
 from ..numerics.double_double import DoubleDouble, Vector, two_product, two_sum
 from ..numerics.elementary import power_of_two_for, round_to_integer, sincos_half_turns
-from ..types import Quaternion, Vec3
+from ..types import Buffer, Quaternion, Vec3
 
 ONE_OVER_4PI: DoubleDouble = (0.07957747154594767, -4.919669168795622e-18)
 
@@ -19,7 +19,13 @@ class Turning(NamedTuple):
     rate: DoubleDouble
 
 
-TURNING_SIZE, put_turning, read_turning, _ = record(Turning)
+TURNING_SIZE, put_turning, _read_turning, _ = record(Turning)
+
+
+@kernel
+def turning_at(z: Buffer, i: int) -> Turning:
+    """Return the turning that begins at z[i]."""
+    return _read_turning(z[i : i + TURNING_SIZE])  # type: ignore[no-any-return]
 
 
 @kernel

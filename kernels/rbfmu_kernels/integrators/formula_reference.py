@@ -19,14 +19,14 @@ from .polynomials import (
     OF_ROOTS,
     ROUGHLY,
     begins_at_zero,
-    bound_of,
     first_root,
     first_touch,
+    is_at_corner,
     known_until,
-    polynomial,
+    side_from,
 )
 
-ORDER, TOLERANCE, AT_CORNER, BEYOND, AT_REST = 26, 1e-22, 1e-13, 1e-9, 1e-10
+ORDER, TOLERANCE, BEYOND, AT_REST = 26, 1e-22, 1e-9, 1e-10
 LENGTH = ORDER + 1
 ENOUGH, STEADY = 0.15, 2.1
 """What a fifth of the steps must do of the times, and how much more than a tenth of them where they grow longer."""
@@ -205,12 +205,8 @@ def _settled(operations: Any, states: Any, sides: Any, s: Any, unit: float) -> b
         _expand(operations, states, s, unit)
         changed = False
         for i in range(sides.shape[0]):
-            n, side = int(sides[i, 0]), 0.0
-            at = operations[n, 1] * LENGTH
-            for k in range(1 if sides[i, 1] != 0.0 else 0, LENGTH):
-                if s[0, at + k] != 0.0:
-                    side = math.copysign(1.0, s[0, at + k])
-                    break
+            n = int(sides[i, 0])
+            side = side_from(s[0], operations[n, 1] * LENGTH, 1, 1 if sides[i, 1] != 0.0 else 0, ORDER)
             side = 1.0 if side == 0.0 and s[0, n * LENGTH] == 0.0 else side
             if side != 0.0 and side != s[0, n * LENGTH]:
                 s[0, n * LENGTH] = side
@@ -249,9 +245,7 @@ def _to_corner(operations: Any, sides: Any, touching: Any, s: Any, longest: floa
         reach = known_until(s[0], corner, 1, ORDER, reach, CORNER_KNOWN)
     for i in range(sides.shape[0]):
         at = operations[int(sides[i, 0]), 1] * LENGTH
-        size, _ = bound_of(s[0], at, 1, ORDER, reach)
-        off = abs(polynomial(s[0], at, 1, ORDER, reach))
-        sides[i, 2] = 1.0 if reach < longest and off <= AT_CORNER * size else 0.0
+        sides[i, 2] = 1.0 if reach < longest and is_at_corner(s[0], at, 1, ORDER, reach) else 0.0
     return reach
 
 

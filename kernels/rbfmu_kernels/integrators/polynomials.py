@@ -84,6 +84,26 @@ def begins_at_zero(z: Buffer, i: int, row: int, n: int) -> bool:
     return bool(z[i] == 0.0 and size > 0.0)
 
 
+AT_CORNER = 1e-13
+"""The size, relative to its terms, below which a number at a series' end is at its corner, whose side rates rest on."""
+
+
+@kernel
+def is_at_corner(z: Buffer, i: int, row: int, n: int, t: float) -> bool:
+    """Return whether a polynomial is zero at t, to round-off of its terms."""
+    size, _ = bound_of(z, i, row, n, t)
+    return abs(polynomial(z, i, row, n, t)) <= AT_CORNER * size
+
+
+@kernel
+def side_from(z: Buffer, i: int, row: int, first: int, n: int) -> float:
+    """Return the sign of the first coefficient that is not zero, from the one of degree `first` on; 0 if all are."""
+    for k in range(first, n + 1):
+        if z[i + k * row] != 0.0:
+            return math.copysign(1.0, z[i + k * row])
+    return 0.0
+
+
 CLOSE, TOUCHING, OF_ROOTS = 1e-4, 1e-10, 1e-7
 """The parts of its bound below which a polynomial's least value is looked for, and counts as zero; and that of roots.
 

@@ -17,16 +17,7 @@ from ..body.shell import Lanes, Model, bind, initialize, step
 from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED
 from ..buffer_access import copy_numbers, pair_at, put_pair_at, put_quaternion_at, quaternion_at
 from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, put_lanes
-from ..integrators.polynomials import (
-    OF_ROOTS,
-    ROUGHLY,
-    begins_at_zero,
-    bound_of,
-    first_root,
-    first_touch,
-    known_until,
-    polynomial,
-)
+from ..integrators import polynomials
 from ..integrators.substeps import count_substep, power_of, tolerance_of_substep
 from ..numerics import double_double as dd
 from ..numerics.elementary import exponential, logarithm
@@ -47,8 +38,8 @@ A series ends where a number comes to zero whose side its coefficients rest on (
 The side after a corner is that to which the first derivative that is not zero leads. Where either side leads back to
 the corner, what slides along it is refused.
 """
-BEYOND, AT_REST = 1e-7, 1e-8
-"""How far beyond a touch a series goes on, and how far one goes that begins at it, as parts of its reach.
+AT_REST = 1e-8
+"""How far a series goes that begins at a touch, as a part of its reach; it goes on beyond one by `events.BEYOND`.
 
 The root of what touches zero is smooth there but for its sign: the series has it negative beyond, and the next one,
 which begins beyond, positive. A root that begins at zero counts as zero for the first of its series. What either
@@ -56,8 +47,6 @@ misses is the square of these parts.
 """
 CREEPING, MOST_CREPT = 1e-7, 20_000
 """Series that reach over so small a part of a communication step, and how many: what creeps on comes to no end."""
-ROUND_OFF = 1e-13
-"""The size, relative to its terms, below which a number at a series' end is at its corner, whose side rates rest on."""
 NEAR = 0.2
 """How far from the size that it was estimated for, as a part of it, a step is not estimated once more."""
 
@@ -83,7 +72,7 @@ NUMBER_OF_INPUTS = NUMBER_TOUCHING = NUMBER_OF_SIDES = WATCHED = SIDES = ON = NE
 SHOWN: tuple[float, ...] = ()
 OF_EVENT: tuple[int, ...] = ()
 NUMBER_OF_EVENTS = LISTED = NUMBER_OF_ERRORS = 0
-ACTIVE = KEPT = MEMORY = MEMORY_SIZE = LAST = LAST_SIZE = WORK = ROWS = ROW = OWN = OWN_STARTS = OWN_SIZE = ATTITUDE = 0
+ACTIVE = KEPT = MEMORY = MEMORY_SIZE = LAST = WORK = ROWS = ROW = OWN = OWN_STARTS = OWN_SIZE = ATTITUDE = 0
 
 
 def set_up_formulas(z: Buffer) -> int:
@@ -127,12 +116,10 @@ def excess_of(z: Buffer, h: float) -> float:
 def settle_sides(z: Buffer) -> bool:
     """Return whether all sides are those to which the series lead; else change one, for which they are made again."""
     for i in range(NUMBER_OF_SIDES):
-        side = side_of_event(z, i) if OF_EVENT[i] >= 0 else 0.0
-        for k in range(int(z[ORDER]) + 1 if OF_EVENT[i] >= 0 else 1 if z[ON + i] != 0.0 else 0, int(z[ORDER]) + 1):
-            term = z[WATCHED + k * ROW + i]
-            if term != 0.0:
-                side = math.copysign(1.0, term)
-                break
+        if OF_EVENT[i] >= 0:
+            side = side_of_event(z, i)
+        else:
+            side = polynomials.side_from(z, WATCHED + i, ROW, 1 if z[ON + i] != 0.0 else 0, int(z[ORDER]))
         side = 1.0 if side == 0.0 and z[SIDES + i] == 0.0 else side
         if side not in (0.0, z[SIDES + i]):
             z[SIDES + i] = side
@@ -149,33 +136,31 @@ def reach_to_corner(z: Buffer, h: float) -> float:
     """
     n, corner = int(z[ORDER]), -1
     for i in range(WATCHED, WATCHED + NUMBER_OF_SIDES + 2 * NUMBER_TOUCHING):
-        h = known_until(z, i, ROW, n, h, ROUGHLY)
+        h = polynomials.known_until(z, i, ROW, n, h, polynomials.ROUGHLY)
     reach = h
     for i in range(NUMBER_OF_SIDES):
         at = WATCHED + i
         if OF_EVENT[i] >= 0:
             root = event_root(z, i, h)
         elif z[ON + i] != 0.0 or z[at] == 0.0:  # the root at the beginning is left out
-            root = first_root(z, at + ROW, ROW, n - 1, 0.0, h)
+            root = polynomials.first_root(z, at + ROW, ROW, n - 1, 0.0, h)
         else:
-            root = first_root(z, at, ROW, n, 0.0, h)
+            root = polynomials.first_root(z, at, ROW, n, 0.0, h)
         if root < reach:
             reach, corner = root, at
     for i in range(WATCHED + NUMBER_OF_SIDES, WATCHED + NUMBER_OF_SIDES + NUMBER_TOUCHING):
-        if begins_at_zero(z, i, ROW, n):
+        if polynomials.begins_at_zero(z, i, ROW, n):
             reach, corner = min(reach, AT_REST * h), -1
         else:
-            touch = first_touch(z, i, ROW, n, 0.0, h, 1.0, OF_ROOTS)
-            if touch < h and touch + BEYOND * h < reach:
-                reach, corner = touch + BEYOND * h, i
+            touch = polynomials.first_touch(z, i, ROW, n, 0.0, h, 1.0, polynomials.OF_ROOTS)
+            if touch < h and touch + events.BEYOND * h < reach:
+                reach, corner = touch + events.BEYOND * h, i
     if corner >= 0:  # known well enough, or reached for by the next series
-        reach = known_until(z, corner, ROW, n, reach, tolerance_of_substep(z[TOLERANCE], z[SPAN], h))
+        reach = polynomials.known_until(z, corner, ROW, n, reach, tolerance_of_substep(z[TOLERANCE], z[SPAN], h))
     if NUMBER_OF_EVENTS:
         reach = reach_to_touch(z, h, reach)
     for i in range(NUMBER_OF_SIDES):
-        size, _ = bound_of(z, WATCHED + i, ROW, n, reach)
-        off = abs(polynomial(z, WATCHED + i, ROW, n, reach))
-        z[NEXT + i] = 1.0 if reach < h and off <= ROUND_OFF * size else 0.0
+        z[NEXT + i] = 1.0 if reach < h and polynomials.is_at_corner(z, WATCHED + i, ROW, n, reach) else 0.0
     return reach
 
 
@@ -448,15 +433,13 @@ def make_formulas(
     globals are.
     """
     own = _bound(constant, {**places, **generated})
-    entries = {
-        "set_up": bind(set_up_formulas, __name__, constant, **own),
-        "advance": bind(advance_formulas, __name__, constant, **own),
-    }
+    own_set_up = bind(set_up_formulas, __name__, constant, **own)
+    own_advance = bind(advance_formulas, __name__, constant, **own)
     return Model(
         f"formulas.{constant}",
         *layout,
-        initialize=bind(initialize, __name__, constant, set_up=entries["set_up"]),
-        step=bind(step, __name__, constant, advance=entries["advance"]),
+        initialize=bind(initialize, __name__, constant, set_up=own_set_up),
+        step=bind(step, __name__, constant, advance=own_advance),
         outputs=bind(outputs_now, __name__, constant, **own),
         feedthrough=generated["feedthrough"],
         ORDERS=ORDERS,

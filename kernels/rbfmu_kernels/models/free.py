@@ -55,9 +55,7 @@ def _advance_constant_rate(z: Buffer, h: float) -> int:
     t = closed_form.time_after(z, h)
     q = compose_quaternions(
         closed_form.first_attitude(z),
-        uniform_rotation.rotation_after(
-            uniform_rotation.read_turning(z[_TURNING : _TURNING + uniform_rotation.TURNING_SIZE]), t
-        ),
+        uniform_rotation.rotation_after(uniform_rotation.turning_at(z, _TURNING), t),
     )
     return closed_form.finish_step(z, h, q, memory.rotation_of(z).omega_b)
 
@@ -105,17 +103,11 @@ def _advance_free_symmetric(z: Buffer, h: float) -> int:
     if not memory.skips_model_checks(z) and closed_form.is_driven(z):
         return STEP_REJECTED
     t = closed_form.time_after(z, h)
-    q, back = (
-        closed_form.first_attitude(z),
-        uniform_rotation.rotation_after(
-            uniform_rotation.read_turning(z[_ABOUT_AXIS : _ABOUT_AXIS + uniform_rotation.TURNING_SIZE]), t
-        ),
-    )
+    q = closed_form.first_attitude(z)
+    back = uniform_rotation.rotation_after(uniform_rotation.turning_at(z, _ABOUT_AXIS), t)
     if memory.needs_attitude(z):
-        about_momentum = uniform_rotation.read_turning(
-            z[_ABOUT_MOMENTUM : _ABOUT_MOMENTUM + uniform_rotation.TURNING_SIZE]
-        )
-        q = compose_quaternions(compose_quaternions(q, uniform_rotation.rotation_after(about_momentum, t)), back)
+        about = uniform_rotation.rotation_after(uniform_rotation.turning_at(z, _ABOUT_MOMENTUM), t)
+        q = compose_quaternions(compose_quaternions(q, about), back)
     return closed_form.finish_step(z, h, q, rotate(invert_quaternion(back), vec3_at(z, _OMEGA_0)))
 
 

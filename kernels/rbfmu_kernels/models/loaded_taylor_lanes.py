@@ -1,7 +1,9 @@
 """Communication steps of `loaded_taylor` for many bodies at once, in the lanes of a vector: the bits are the same.
 
-A lane takes one body after another. Bodies that differ in what is decided once for all lanes (`_kind`) do not share a
-vector; those of a step that lanes do not know are taken alone.
+A lane takes one body after another, each with its own substeps. What a lane's body has is in columns, see `COLUMNS`,
+and its series are in a work space of `WORK` wide numbers. Loads hold, and no force turns with the body. Bodies that
+differ in what is decided once for all lanes (`_kind`) do not share a vector; those of a step that lanes do not know, or
+that cannot go on in one, are taken alone.
 """
 
 import math
@@ -10,16 +12,30 @@ from typing import Any
 from ..body.driven import STEP_SIZE, finish_steadily, keep, keep_inputs, load_polynomial_of, part_to_integrate
 from ..body.members import Driving, Members, Room, begin, drive, note, pieces_before, record
 from ..body.memory import STATE_START, body_of
-from ..buffer import OK, STEP_REJECTED, Layout
+from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED, Layout, places
+from ..buffer_access import matrix_at, vec3_at
 from ..compile.decorator import kernel
 from ..compile.simd import eight_wide, four_wide, lane_at, put_lane_at, width_of
+from ..compile.wide import alike, all_of, any_of, choose
 from ..integrators import rigid_body_state as state
-from ..integrators import taylor_lanes as lanes
+from ..integrators import taylor
 from ..integrators.dense_output import COOL_DOWN, COOL_DOWN_STEPS, LEAST_REACH, NONE, turning_of
-from ..integrators.rigid_body_state import ROTATION, WHOLE_STATE
-from ..integrators.substeps import Method
-from ..integrators.taylor_coefficients import WORK, SpaceFixedLoads, known_torques, space_fixed_loads
-from ..mechanics.equations_of_motion import angular_acceleration
+from ..integrators.rigid_body_state import RATE_ONLY, ROTATION, WHOLE_STATE
+from ..integrators.substeps import Method, nearer_size, parts_in, tolerance_of_substep
+from ..integrators.taylor_coefficients import (
+    FORCE,
+    RATE,
+    TORQUE,
+    WORK,
+    SpaceFixedLoads,
+    Torques,
+    known_torques,
+    motion_series,
+    put_factors,
+    space_fixed_loads,
+)
+from ..mechanics.equations_of_motion import Body, angular_acceleration
+from ..rotations.quaternion import compose_quaternions, invert_quaternion, rotate
 from ..rotations.vec3 import is_nonzero
 from ..types import Buffer, Matrix, Vec3
 from .loaded import LOADED_TAYLOR, is_series_tried
@@ -29,7 +45,22 @@ _TOLERANCE, _SPAN, _ORDER, _WORK = _LAYOUT.starts("tolerance", "span", "order", 
 _SERIES, _HELD = _LAYOUT.starts("validity", "held_inputs")
 initialize, step = LOADED_TAYLOR.initialize, LOADED_TAYLOR.step
 WIDEST = 8
-SCRATCH = WIDEST * (lanes.COLUMNS_SIZE + WORK)
+COLUMNS = state.STATE_BLOCKS | {
+    "inertia": 9, "inverse": 9, "arm": 3, "damping": 3, "force_a": 3, "torque_a": 3, "torque_b": 3,
+    "size": 1, "count": 1, "rest": 1, "low": 1, "tried": 1, "is_new": 1, "has_failed": 1, "member": 1,
+}  # fmt: skip
+"""State and constants of a lane's body, force_a 0 where it has no arm; the step size and the substeps taken; what is
+left of the communication step, as a sum; the tries in it; whether it has just begun, and whether it cannot go on; the
+body's number, -1 for none."""
+_, COLUMNS_SIZE = _COLUMNS = places(COLUMNS)
+STATE = 0
+(
+    INERTIA, INVERSE, ARM, DAMPING, FORCE_A, TORQUE_A, TORQUE_B, SIZE, COUNT, REST, LOW, TRIED, IS_NEW, HAS_FAILED,
+    MEMBER,
+) = _COLUMNS.starts(*list(COLUMNS)[len(state.STATE_BLOCKS) :])  # fmt: skip
+_TRIES = 64
+"""Shorter and shorter steps that are tried at once."""
+SCRATCH = WIDEST * (COLUMNS_SIZE + WORK)
 """The numbers of work space that lanes need, at a cache line."""
 IN_STEP = True
 """All are driven in pieces of equal length, as they go on together."""
@@ -41,6 +72,9 @@ _SURELY = 0.95
 Kind = tuple[int, int, float, float, bool, bool, bool]
 """How much of the state is integrated, the order, tolerance and span, whether a force fixed in a acts on an arm and a
 torque fixed in a acts, whether the inertia is diagonal. The first is 0 where lanes do not serve."""
+
+
+# Members and communication steps
 
 
 @kernel(inline=False)
@@ -55,7 +89,7 @@ def run_in_four(
     """
     members = Members(base, places, values, kept, rows, ends, after, noted)
     driving = Driving(ports, rates, time, lengths, counts, given, slopes, start, noise)
-    c, s = four_wide(scratch, 0), four_wide(scratch, 4 * lanes.COLUMNS_SIZE)
+    c, s = four_wide(scratch, 0), four_wide(scratch, 4 * COLUMNS_SIZE)
     _run(control, members, driving, Room(outputs, inputs), buffers, states, marks, c, s)
 
 
@@ -68,7 +102,7 @@ def run_in_eight(
     """Do the same, eight side by side."""
     members = Members(base, places, values, kept, rows, ends, after, noted)
     driving = Driving(ports, rates, time, lengths, counts, given, slopes, start, noise)
-    c, s = eight_wide(scratch, 0), eight_wide(scratch, 8 * lanes.COLUMNS_SIZE)
+    c, s = eight_wide(scratch, 0), eight_wide(scratch, 8 * COLUMNS_SIZE)
     _run(control, members, driving, Room(outputs, inputs), buffers, states, marks, c, s)
 
 
@@ -153,12 +187,12 @@ def _advance_kind(buffers: Any, first: int, h: float, c: Buffer, s: Buffer, stat
         _load(buffers[first if found < 0 else found], c, lane, h, found)  # a lane without a body has a copy
         busy += 1 if found >= 0 else 0
     while busy > 0:
-        lanes.begin_substeps(c, s, method, fixed)
-        lanes.take_substeps(c, s, method, fixed)
+        begin_substeps(c, s, method, fixed)
+        take_substeps(c, s, method, fixed)
         for lane in range(width_of(c)):
-            member = int(lane_at(c, lanes.MEMBER, lane))
-            failed = lane_at(c, lanes.HAS_FAILED, lane) != 0.0
-            if member < 0 or (lane_at(c, lanes.REST, lane) > 0.0 and not failed):
+            member = int(lane_at(c, MEMBER, lane))
+            failed = lane_at(c, HAS_FAILED, lane) != 0.0
+            if member < 0 or (lane_at(c, REST, lane) > 0.0 and not failed):
                 continue
             z = buffers[member]
             statuses[member] = step(z, h) if failed else _unload(z, c, lane, n, h)
@@ -166,8 +200,8 @@ def _advance_kind(buffers: Any, first: int, h: float, c: Buffer, s: Buffer, stat
             if found >= 0:
                 _load(buffers[found], c, lane, h, found)
             else:
-                put_lane_at(c, lanes.MEMBER, lane, -1.0)
-                put_lane_at(c, lanes.REST, lane, 0.0)
+                put_lane_at(c, MEMBER, lane, -1.0)
+                put_lane_at(c, REST, lane, 0.0)
                 busy -= 1
 
 
@@ -198,22 +232,22 @@ def _load(z: Buffer, c: Buffer, lane: int, h: float, member: int) -> None:
     """Let a lane begin with a body."""
     body, loads = body_of(z), load_polynomial_of(z)
     for k in range(ROTATION):
-        put_lane_at(c, lanes.STATE + k, lane, z[STATE_START + k])
-    _put_rows(c, lanes.INERTIA, lane, body.inertia)
-    _put_rows(c, lanes.INVERSE, lane, body.inertia_inverse)
-    _put(c, lanes.ARM, lane, body.arm_b)
-    _put(c, lanes.DAMPING, lane, body.damping_b)
+        put_lane_at(c, STATE + k, lane, z[STATE_START + k])
+    _put_rows(c, INERTIA, lane, body.inertia)
+    _put_rows(c, INVERSE, lane, body.inertia_inverse)
+    _put(c, ARM, lane, body.arm_b)
+    _put(c, DAMPING, lane, body.damping_b)
     lever_force = space_fixed_loads(body, loads).lever_force
-    _put(c, lanes.FORCE_A, lane, loads.value.force_a if lever_force else (0.0, 0.0, 0.0))
-    _put(c, lanes.TORQUE_A, lane, loads.value.torque_a)
-    _put(c, lanes.TORQUE_B, lane, known_torques(loads, body)[0])
-    put_lane_at(c, lanes.SIZE, lane, z[STEP_SIZE])
-    put_lane_at(c, lanes.REST, lane, h)
-    put_lane_at(c, lanes.LOW, lane, 0.0)
-    put_lane_at(c, lanes.TRIED, lane, 0.0)
-    put_lane_at(c, lanes.COUNT, lane, 0.0)
-    put_lane_at(c, lanes.IS_NEW, lane, 1.0)
-    put_lane_at(c, lanes.MEMBER, lane, float(member))
+    _put(c, FORCE_A, lane, loads.value.force_a if lever_force else (0.0, 0.0, 0.0))
+    _put(c, TORQUE_A, lane, loads.value.torque_a)
+    _put(c, TORQUE_B, lane, known_torques(loads, body)[0])
+    put_lane_at(c, SIZE, lane, z[STEP_SIZE])
+    put_lane_at(c, REST, lane, h)
+    put_lane_at(c, LOW, lane, 0.0)
+    put_lane_at(c, TRIED, lane, 0.0)
+    put_lane_at(c, COUNT, lane, 0.0)
+    put_lane_at(c, IS_NEW, lane, 1.0)
+    put_lane_at(c, MEMBER, lane, float(member))
 
 
 @kernel(inline=False)
@@ -221,14 +255,118 @@ def _unload(z: Buffer, c: Buffer, lane: int, n: int, h: float) -> int:
     """Commit what a lane has made of a body, as `step` does; it is taken alone where that is not finite."""
     keep(z)
     for k in range(ROTATION):
-        z[STATE_START + k] = lane_at(c, lanes.STATE + k, lane)
+        z[STATE_START + k] = lane_at(c, STATE + k, lane)
     if finish_steadily(z, n, h) != OK:
         return step(z, h)
     if is_series_tried(z, h):
         z[_SERIES + COOL_DOWN] = COOL_DOWN_STEPS
     z[_SERIES] = NONE
     z[_SERIES + COOL_DOWN] -= 1.0
-    z[STEP_SIZE] = lane_at(c, lanes.SIZE, lane)
-    z[STEP_SIZE + 1] += lane_at(c, lanes.COUNT, lane)
+    z[STEP_SIZE] = lane_at(c, SIZE, lane)
+    z[STEP_SIZE + 1] += lane_at(c, COUNT, lane)
     keep_inputs(z, _HELD)
     return OK
+
+
+# Substeps of all lanes
+
+
+@kernel
+def _bodies(c: Buffer) -> Body:
+    return Body(
+        inverse_mass=0.0, inertia=matrix_at(c, INERTIA), inertia_inverse=matrix_at(c, INVERSE), arm_b=vec3_at(c, ARM),
+        damping_b=vec3_at(c, DAMPING), is_free=0.0,
+    )  # fmt: skip
+
+
+@kernel
+def _torques(c: Buffer) -> Torques:
+    """Return coefficients of the torque that is known in b, of which only the first is not zero."""
+    zero = alike(c[REST], 0.0)
+    return vec3_at(c, TORQUE_B), (zero, zero, zero), (zero, zero, zero)
+
+
+@kernel
+def _choose_vector(condition: bool, a: Vec3, b: Vec3) -> Vec3:
+    return (choose(condition, a[0], b[0]), choose(condition, a[1], b[1]), choose(condition, a[2], b[2]))
+
+
+@kernel
+def _turn_loads_anew(c: Buffer, s: Buffer, anew: bool) -> None:
+    """Set row 0 of the loads that are fixed in a, as b sees them, in the lanes that begin anew."""
+    q_ba = invert_quaternion(state.attitude(c, STATE))
+    put_factors(s, FORCE, _choose_vector(anew, rotate(q_ba, vec3_at(c, FORCE_A)), vec3_at(s, FORCE)))
+    put_factors(s, TORQUE, _choose_vector(anew, rotate(q_ba, vec3_at(c, TORQUE_A)), vec3_at(s, TORQUE)))
+
+
+@kernel(inline=False)
+def begin_substeps(c: Buffer, s: Buffer, method: Method, fixed: SpaceFixedLoads) -> None:
+    """Make the series of all lanes.
+
+    Where a lane begins, those of the others are made again, to the same bits.
+    """
+    (n, order, _, _), body, torques = method, _bodies(c), _torques(c)
+    m = taylor.derivatives_of_attitude(order)
+    turned = fixed.lever_force or fixed.torque
+    is_new, eighth = c[IS_NEW] > 0.0, c[TRIED] / taylor.STEPS_OF_LOADS
+    first = 0 if n == RATE_ONLY else m
+    if any_of(is_new):
+        put_factors(s, RATE, state.omega(c, STATE))
+        if turned:
+            _turn_loads_anew(c, s, is_new)
+        motion_series(s, 0, first, m, body, torques, fixed)
+        c[IS_NEW] = 0.0
+    anew = eighth == math.ceil(eighth)
+    if turned and any_of(anew):
+        _turn_loads_anew(c, s, anew)
+        first = 0
+    motion_series(s, first, order, 0, body, torques, fixed)
+
+
+@kernel(inline=False)
+def take_substeps(c: Buffer, s: Buffer, method: Method, fixed: SpaceFixedLoads) -> None:
+    """Take a substep in each lane, whose size meets the tolerance there."""
+    body, rest, low, order = _bodies(c), c[REST], c[LOW], method.order
+    acceleration = alike(rest, 0.0)
+    if fixed.lever_force or fixed.torque:
+        acceleration = taylor.space_fixed_acceleration(s, body, fixed)
+    part, count, excess = _try_substeps(c, s, method, acceleration)
+    for _ in range(_TRIES):
+        fits = excess <= 1.0
+        if all_of(fits):
+            break
+        c[SIZE] = choose(fits, c[SIZE], nearer_size(part, order, 2.0 * excess))
+        c[TRIED] = choose(fits, c[TRIED], c[TRIED] + 1.0)
+        part, count, excess = _try_substeps(c, s, method, acceleration)
+    c[TRIED], c[COUNT] = c[TRIED] + 1.0, c[COUNT] + 1.0
+    goes_on = (excess <= 1.0) & (rest < MAX_SUBSTEPS * c[SIZE]) & (c[TRIED] < MAX_SUBSTEPS)
+    c[HAS_FAILED] = choose(goes_on, 0.0, 1.0)
+    nearer, is_last = nearer_size(part, order, 1.4 * excess), count == 1.0
+    c[SIZE] = choose(is_last, max(c[SIZE], nearer), nearer)
+    left = choose(is_last, 0.0, rest - part)
+    c[LOW], c[REST] = low + ((rest - left) - part), left
+    _move_state(c, s, method.n, order, part, body, fixed)
+
+
+@kernel
+def _try_substeps(c: Buffer, s: Buffer, method: Method, acceleration: float) -> tuple[float, float, float]:
+    """Return the substeps to be taken, how many are left, and the estimated errors over those which are allowed."""
+    count: float = parts_in(c[REST], c[SIZE])
+    part = (c[REST] + c[LOW]) / count
+    alpha_fixed = choose(count > 1.0, acceleration, 0.0)
+    steps = choose(count < taylor.STEPS_OF_LOADS, count, float(taylor.STEPS_OF_LOADS))
+    error = taylor.estimated_error(s, method, part, 0.0, alpha_fixed, steps)
+    return part, count, error / tolerance_of_substep(method.tolerance, method.span, part)
+
+
+@kernel
+def _move_state(c: Buffer, s: Buffer, n: int, order: int, part: float, body: Body, fixed: SpaceFixedLoads) -> None:
+    q, half, m = state.attitude(c, STATE), (1.0, 0.0, 0.0, 0.0), taylor.derivatives_of_attitude(order)
+    if n != RATE_ONLY:
+        half = taylor.half_turn(s, m, part)
+    taylor.put_sums(s, order, part, fixed)
+    state.put_omega(c, STATE, vec3_at(s, RATE))
+    if n != RATE_ONLY:
+        motion_series(s, 0, m, m, body, _torques(c), fixed)
+        q = compose_quaternions(compose_quaternions(q, half), invert_quaternion(taylor.half_turn(s, m, -part)))
+        state.put_unit_attitude(c, STATE, q)

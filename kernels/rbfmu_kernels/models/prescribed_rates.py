@@ -12,7 +12,7 @@ from ..body.shell import Model, bind, step
 from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED, places
 from ..buffer_access import pair_at, put_pair_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
-from ..exact.uniform_rotation import TURNING_SIZE, Turning, put_turning, read_turning, rotation_after, turning_about
+from ..exact.uniform_rotation import TURNING_SIZE, Turning, put_turning, rotation_after, turning_about, turning_at
 from ..numerics import double_double as dd
 from ..numerics.double_double import DoubleDouble, two_sum
 from ..rotations.euler_angles import ZYX, euler_from_quaternion, euler_rate_b
@@ -68,7 +68,7 @@ def _advance(z: Buffer, h: float) -> int:
     t, low = two_sum(high, h)
     low += rest
     anchor = quaternion_at(z, _ANCHOR if steady else _Q)
-    kept = read_turning(z[_TURNING : _TURNING + TURNING_SIZE])
+    kept = turning_at(z, _TURNING)
     turning = kept if steady else turning_about(dd.vector(omega))
     q = normalize(compose_quaternions(anchor, rotation_after(turning, (t, low))))
     if not (norm(scale(t, omega)) < LARGEST_TURN and math.isfinite(q[0] + q[1] + q[2] + q[3])):

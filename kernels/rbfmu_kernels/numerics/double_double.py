@@ -16,6 +16,7 @@ DoubleDouble = tuple[float, float]
 Vector = tuple[DoubleDouble, DoubleDouble, DoubleDouble]
 
 PI: DoubleDouble = (3.141592653589793116, 1.224646799147353207e-16)
+ONE_OVER_PI: DoubleDouble = (0.3183098861837907, -1.9678676675182486e-17)
 
 _SPLIT = 134217729.0  # 2^27 + 1
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..compile.decorator import kernel
 from ..compile.wide import bits_of, choose, number_of
-from .double_double import two_product
+from .double_double import PI, two_product
 
 __all__ = ["atan2", "sincos"]
 
@@ -21,7 +21,7 @@ _TWO_OVER_PI = 0.6366197723675814
 _PIO2_1 = 1.5707963267923333
 _PIO2_2 = 2.5633441515839558e-12
 _PIO2_3 = 1.0562999066987428e-23
-_PI, _PI_LOW = 3.141592653589793116, 1.224646799147353207e-16
+_PI, _PI_LOW = PI
 _SPLIT = 2.0**27 + 1.0
 _PI_1 = _SPLIT * _PI - (_SPLIT * _PI - _PI)
 _PI_2 = _PI - _PI_1

@@ -18,7 +18,7 @@ from typing import NamedTuple
 from ..compile.decorator import kernel
 from ..compile.wide import all_of, always, any_of, choose
 from . import double_double as dd
-from .double_double import DoubleDouble, two_product, two_sum
+from .double_double import ONE_OVER_PI, DoubleDouble, two_product, two_sum
 from .elementary import exp2, power_of_two_for, round_to_integer
 
 
@@ -92,11 +92,10 @@ def climb_scale(
     size = 1.0 / (s[0] * s[0] + c[0] * c[0])
     sin_2, cos_2 = 2.0 * s[0] * c[0] * size, (c[0] - s[0]) * (c[0] + s[0]) * size
     rest = sin_2 * h * (0.09375 * h * cos_2 - 0.25 - 0.125 * h)
-    x = dd.add_float(dd.add_float(angle_in_half_turns(s, c), _ONE_OVER_PI[0] * rest), 2.0 * turns)
+    x = dd.add_float(dd.add_float(angle_in_half_turns(s, c), ONE_OVER_PI[0] * rest), 2.0 * turns)
     return (agm, total, dd.scale(halves, x))
 
 
-_ONE_OVER_PI: DoubleDouble = (0.3183098861837907, -1.9678676675182486e-17)
 _SIN_PI_8: DoubleDouble = (0.3826834323650898, -1.0050772696461588e-17)
 _COS_PI_8: DoubleDouble = (0.9238795325112867, 1.7645047084336677e-17)
 _SQRT_HALF: DoubleDouble = (0.7071067811865476, -4.833646656726457e-17)
@@ -137,7 +136,7 @@ def angle_in_half_turns(y: DoubleDouble, x: DoubleDouble) -> DoubleDouble:
     p = 1.0 / 11.0 - z * (1.0 / 13.0) + z2 * p
     p = 1.0 / 7.0 - z * (1.0 / 9.0) + z2 * p
     p = 1.0 / 3.0 - z * (1.0 / 5.0) + z2 * p
-    angle = dd.multiply(dd.add_float(t, -t[0] * z * p), _ONE_OVER_PI)
+    angle = dd.multiply(dd.add_float(t, -t[0] * z * p), ONE_OVER_PI)
     angle = dd.add_float(angle, 0.125 * eighths)
     angle = dd.choose(left, dd.add_float(dd.scale(-1.0, angle), 1.0), angle)
     return dd.scale(choose(below, -1.0, 1.0), angle)

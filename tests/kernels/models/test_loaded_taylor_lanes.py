@@ -10,9 +10,8 @@ from rbfmu.scene.scene import Scene
 from rbfmu_kernels.buffer import OK, STEP_REJECTED
 from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.compile.simd import eight_wide, four_wide
-from rbfmu_kernels.integrators.taylor_lanes import COLUMNS_SIZE
 from rbfmu_kernels.models.loaded import LOADED_TAYLOR
-from rbfmu_kernels.models.loaded_taylor_lanes import SCRATCH, advance
+from rbfmu_kernels.models.loaded_taylor_lanes import COLUMNS_SIZE, SCRATCH, advance
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="lanes are compiled code")
 
