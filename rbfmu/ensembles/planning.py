@@ -17,9 +17,9 @@ import numpy as np
 
 from rbfmu.ensembles import draws
 from rbfmu.ensembles.draws import normal_scores, probabilities
+from rbfmu.ensembles.drivers import differ
 from rbfmu.ensembles.fitting import MEMBERS, fit_of_members, for_the_worst, highest_in_lanes, with_likely_error
 from rbfmu.ensembles.members import Samples, ensemble_of, member, refusals, samples_at
-from rbfmu.ensembles.result import differ
 from rbfmu.exceptions import SceneWarning
 from rbfmu.models.question import Question
 from rbfmu.models.registry import FORMULAS, LOADED_TAYLOR, MODELS, PRESCRIBED_RATES
