@@ -3,12 +3,13 @@
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu.ensembles.attitudes import ANGLES, ATTITUDE, moments_of
+from rbfmu.ensembles.drivers import LEAST, MOST_RANKED, Drivers, columns, differ, drivers_of
 from rbfmu.ensembles.members import ensemble_of
 from rbfmu.ensembles.store import Checkpoint
 from rbfmu.ensembles.variables import (
@@ -28,33 +29,6 @@ from rbfmu.extras import needed
 from rbfmu.notebook import numbers_text, table
 from rbfmu.scene.scene import Scene
 from rbfmu.types import Array, Indices
-from rbfmu_kernels.quantities import indices
-
-MOST_RANKED = 20_000
-"""Runs that are ranked; the first ones."""
-SURE = 3.0
-"""Standard deviations of a correlation of independent numbers, above which one is not chance."""
-ALIKE = 1e-12
-"""The part of a quantity's largest number by which round-off alone makes runs differ."""
-
-
-class Drivers(NamedTuple):
-    """Rank correlations (p, q) of p numbers that vary with q numbers at the end; chance: what chance alone may make."""
-
-    varied: tuple[str, ...]
-    ends: tuple[str, ...]
-    correlations: Array
-    chance: float
-
-    def __repr__(self) -> str:
-        """Return what drives each number at the end most."""
-        lines = [
-            f"Drivers({len(self.varied)} numbers that vary, {len(self.ends)} at the end; the largest correlations:"
-        ]
-        for end, column in zip(self.ends, self.correlations.T, strict=True):
-            if len(column) and abs(column[k := int(np.argmax(np.abs(column)))]) > self.chance:
-                lines.append(f"{end}: {column[k]:.2f} with {self.varied[k]}")
-        return "\n  ".join(lines) + ")"
 
 
 def _checkpoint(store: Path) -> Path:
@@ -170,7 +144,16 @@ class EnsembleResult:
 
     def drivers(self) -> Drivers:
         """Return the rank correlations of what varies with how the runs end."""
-        return drivers_of(self)
+        rows, applied, ended = self.good[:MOST_RANKED], dict[str, Array](), dict[str, Array]()
+        if len(rows) < LEAST:
+            return drivers_of(applied, ended)
+        for key, values in self.samples.items():
+            found = columns(key, varied_rows(self.scene)[key], values[rows])
+            applied |= dict([*found.items()][len(found) == 4 :])  # of an attitude the vector part of its quaternion
+        for name in self.ended:
+            found, values = columns(name, self.rows[name], self.ends(name)[rows]), flat(self.ends(name)[rows])
+            ended |= {one: found[one] for one, apart in zip(found, differ(values), strict=True) if apart}
+        return drivers_of(applied, ended)
 
     def at_end(self, name: str) -> tuple[Array, Array]:
         """Return mean and standard deviation (k,) of a quantity at the end of the good runs, NaN of none.
@@ -223,47 +206,3 @@ class EnsembleResult:
         from rbfmu.ensembles.zarr_store import arrays_of_folder
 
         return cls(scene, arrays_of_folder(path, known.results), known.progress.failed)
-
-
-def drivers_of(result: "EnsembleResult") -> Drivers:
-    """Return Spearman's rank correlations; numbers that are the same in all runs are left out."""
-    rows = result.good[:MOST_RANKED]
-    varied, ends = ({}, {}) if len(rows) < 3 else (_varying(_applied(result, rows)), _varying(_ended(result, rows)))
-    if not varied or not ends:
-        return Drivers(tuple(varied), tuple(ends), np.empty((len(varied), len(ends))), 1.0)
-    rank = needed("scipy.stats", "ensemble").rankdata
-    a, b = (_centred(rank(np.column_stack([*columns.values()]), axis=0)) for columns in (varied, ends))
-    return Drivers(tuple(varied), tuple(ends), a.T @ b, SURE / float(np.sqrt(len(rows) - 1)))
-
-
-def differ(values: Array) -> NDArray[np.bool_]:
-    """Return which components (k,) of a quantity's numbers (n, k) differ by more than round-off."""
-    return np.asarray(np.ptp(values, axis=0) > ALIKE * np.max(np.abs(values)))
-
-
-def _centred(ranks: Array) -> Array:
-    apart = ranks - ranks.mean(axis=0)
-    return np.asarray(apart / np.linalg.norm(apart, axis=0))
-
-
-def _applied(result: "EnsembleResult", rows: Any) -> dict[str, Array]:
-    """Return the numbers applied (n,); of an attitude the vector part of its quaternion."""
-    found: dict[str, Array] = {}
-    for key, values in result.samples.items():
-        columns = flat(values[rows])
-        names = [f"{key}{index}" for index in indices(varied_rows(result.scene)[key])]
-        found |= {name: columns[:, k] for k, name in enumerate(names) if not (columns.shape[1] == 4 and k == 0)}
-    return found
-
-
-def _ended(result: "EnsembleResult", rows: Any) -> dict[str, Array]:
-    found: dict[str, Array] = {}
-    for name in result.ended:
-        columns = flat(result.ends(name)[rows])
-        apart = differ(columns)
-        found |= {f"{name}{index}": columns[:, k] for k, index in enumerate(indices(result.rows[name])) if apart[k]}
-    return found
-
-
-def _varying(columns: dict[str, Array]) -> dict[str, Array]:
-    return {name: values for name, values in columns.items() if len(values) and np.ptp(values) > 0.0}

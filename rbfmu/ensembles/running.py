@@ -15,10 +15,11 @@ from typing import Any
 
 from rbfmu.ensembles.chunks import Chunk, Work, members_of_a_chunk, origin, run_chunk
 from rbfmu.ensembles.control import control_of
+from rbfmu.ensembles.lock import store_lock
 from rbfmu.ensembles.members import with_runs
 from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.ensembles.result import EnsembleResult
-from rbfmu.ensembles.store import Store, refuse_existing, store_lock
+from rbfmu.ensembles.store import Store, refuse_existing
 from rbfmu.exceptions import SimulationError, named
 from rbfmu.extras import needed
 from rbfmu.progress import bar

@@ -1,18 +1,22 @@
 """Ensembles on Dask: the same bits, whichever worker is killed; a scheduler that is lost is said, and nothing lost."""
 
 import os
+import pickle
 import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from numba import config
 
 from rbfmu import SimulationError
 from rbfmu.ensembles import running
+from rbfmu.ensembles.chunks import Work, run_chunk
 from rbfmu.ensembles.result import EnsembleResult
+from rbfmu_kernels.models.loaded import LOADED_TAYLOR
 from tests.support.command_line import call
-from tests.support.ensembles.satellite import FILE, assert_same, run, satellite
+from tests.support.ensembles.satellite import FILE, PLAN, assert_same, run, satellite
 from tests.support.paths import ROOT
 
 distributed = pytest.importorskip("distributed")
@@ -68,6 +72,35 @@ def test_a_worker_that_is_killed_is_replaced(whole, cluster, tmp_path):
         assert_same(whole, run(satellite(), executor=Fatal(client, tmp_path / "killed")))
         client.wait_for_workers(2, timeout=60)
         assert len(before & set(client.run(os.getpid).values())) == 1
+
+
+def compiled_and_found():
+    """How often a worker compiled the model's step, and how often it found the code kept."""
+    stats = LOADED_TAYLOR.step.stats
+    return sum(stats.cache_misses.values()), sum(stats.cache_hits.values())
+
+
+@pytest.mark.thorough
+@pytest.mark.skipif(bool(config.DISABLE_JIT), reason="nothing is compiled")
+def test_four_workers_share_one_cache_and_little_is_sent(whole, tmp_path):
+    env = {"NUMBA_CACHE_DIR": str(tmp_path / "kept")}
+    options = {"n_workers": 4, "threads_per_worker": 1, "dashboard_address": None, "env": env}
+    with distributed.LocalCluster(**options) as cluster, distributed.Client(cluster) as client:
+        assert_same(whole, run(satellite(), executor=client))
+        found = [*client.run(compiled_and_found).values()]
+    used = [one for one in found if sum(one)]
+    assert [sum(column) for column in zip(*used, strict=True)] == [1, len(used) - 1]
+    assert len(used) > 1
+    scene = satellite().replace({"ensemble.keep": ["final"], "ensemble.runs": 4096})
+    work = Work(scene, PLAN, 1024)
+    there, chunk = running.packed(work), run_chunk(work, 0)
+    back, numbers = len(pickle.dumps(chunk)), (chunk.rows.nbytes + sum(a.nbytes for a in chunk.samples.values()))
+    said = sum(len(text.encode()) for text in chunk.failed.values())
+    print(
+        f"sent a chunk: {len(there)} bytes; back a run: {back / 1024:.1f} bytes, {numbers / 1024:.1f} of them numbers"
+    )
+    assert len(there) < 8_000  # each task has them, whatever its members
+    assert back < numbers + 16 * 1024 + 1.5 * said + 4_000
 
 
 @pytest.mark.thorough

@@ -15,7 +15,7 @@ from rbfmu import EnsembleResult, SceneError, SimulationError, run_ensemble
 from rbfmu.ensembles import running
 from rbfmu.ensembles import store as stores
 from rbfmu.ensembles.chunks import origin, run_chunk
-from rbfmu.ensembles.store import store_lock
+from rbfmu.ensembles.lock import store_lock
 from rbfmu.ensembles.zarr_store import ZarrStore
 from rbfmu.runs.plan import Plan
 from tests.support.covering import some_of
@@ -331,7 +331,7 @@ def test_damage_of_what_a_folder_says_of_its_numbers_is_said(scene, tmp_path):
 HELD = """
 import sys
 from pathlib import Path
-from rbfmu.ensembles.store import store_lock
+from rbfmu.ensembles.lock import store_lock
 with store_lock(Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()
