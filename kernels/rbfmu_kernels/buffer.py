@@ -37,8 +37,8 @@ MAX_SUBSTEPS = 1e7
 """Substeps in one communication step (seconds of work) above which a step is refused rather than hang the host."""
 
 
-NOT_FINITE = 8
-"""The fault of numbers that are not finite."""
+NO_MASS, TWO_ZERO_MOMENTS, NO_ATTITUDE, NOT_FINITE, BEAM_TURNS = 1, 6, 7, 8, 9
+"""Faults of parameters; those from 2 to 5 are one more than what `mechanics.inertia.check_inertia` returns."""
 CHANGED = "*"
 """As the block of a fault: whatever was changed from what the model was planned for."""
 
@@ -47,15 +47,15 @@ CHANGED = "*"
 ) = range(11, 21)  # fmt: skip
 """The faults of bodies that are not a model's."""
 FAULTS: dict[int, tuple[str, str]] = {
-    1: ("mass", "expected a positive number (kg)"),
+    NO_MASS: ("mass", "expected a positive number (kg)"),
     2: ("inertia", "expected finite numbers (kg m2)"),
     3: ("inertia", "expected a symmetric matrix"),
     4: ("inertia", "expected no negative principal moment"),
     5: ("inertia", "expected no principal moment above the sum of the other two"),
-    6: ("inertia", "expected at most one zero principal moment (a slender beam)"),
-    7: ("quaternion_0", "expected finite numbers, not all zero"),
+    TWO_ZERO_MOMENTS: ("inertia", "expected at most one zero principal moment (a slender beam)"),
+    NO_ATTITUDE: ("quaternion_0", "expected finite numbers, not all zero"),
     NOT_FINITE: ("", "expected finite numbers in all parameters and initial values"),
-    9: ("omega_b_0", "expected no rate about a slender beam's own axis, where it has no inertia"),
+    BEAM_TURNS: ("omega_b_0", "expected no rate about a slender beam's own axis, where it has no inertia"),
     TORQUE_ACTS: (CHANGED, "expected loads without torque: this model is torque-free"),
     NO_TOP: (CHANGED, "expected two equal moments, no damping: this model is a symmetric top"),
     RESONANT: (CHANGED, "expected a rate at which the planned substep is below half the resonance of a top's "

@@ -14,8 +14,7 @@ _CLOCKS = {"elapsed": 2, "q_0": 4, "r_0": 3, "v_0": 3, "a_c": 3, "since_a_c": 2}
 CLOSED_FORM = memory.COMMON | _CLOCKS
 """The buffer of all bodies and, besides, the time since the start, the attitude then; position and velocity of the
 centre of mass when its acceleration last changed, that acceleration, and the time since then."""
-_BLOCKS, _ = places(CLOSED_FORM)
-_ELAPSED, _Q_0, _R_0, _V_0, _A_C, _SINCE_A_C = (_BLOCKS[n].start for n in _CLOCKS)
+_ELAPSED, _Q_0, _R_0, _V_0, _A_C, _SINCE_A_C = places(CLOSED_FORM).starts(*_CLOCKS)
 
 
 @kernel

@@ -12,14 +12,14 @@ from ..mechanics.newton_euler import damping_torque
 from ..numerics import double_double as dd
 from ..numerics.double_double import DoubleDouble, two_product
 from ..numerics.elementary import power_of_two_for
-from ..rotations.matrix import transform
+from ..rotations.matrix import invert_matrix, transform
 from ..rotations.quaternion import invert_quaternion, rotate
 from ..rotations.vec3 import add, cross, dot, is_nonzero, norm, scale
 from ..types import Buffer, Quaternion, Vec3
 from . import memory
 from .principal import is_sphere
 
-_Q_0, _MASS, _R_OC = (memory.BLOCKS[n].start for n in ("quaternion_0", "mass", "r_oc_b"))
+_Q_0, _MASS, _R_OC = memory.LAYOUT.starts("quaternion_0", "mass", "r_oc_b")
 _PARALLEL = 8.0 * 2.0**-52
 """The part of a vector's length that lies across an axis by round-off."""
 
@@ -34,7 +34,7 @@ def main_axis(q: Quaternion, omega: Vec3, body: Body, loads: Loads) -> Vec3:
     if _may_be_oblique(body, loads) and is_nonzero(v):
         return scale(1.0 / norm(v), v)
     moments, R = memory.principal_frame(body.inertia)
-    e = ((R[0][0], R[1][0], R[2][0]), (R[0][1], R[1][1], R[2][1]), (R[0][2], R[1][2], R[2][2]))
+    e = invert_matrix(R)  # its rows are the axes
     x, y, w = abs(dot(e[0], v)), abs(dot(e[1], v)), abs(dot(e[2], v))
     if not is_nonzero(v):
         x, y = _clearance(moments[0], e[0], body.arm_b), _clearance(moments[1], e[1], body.arm_b)

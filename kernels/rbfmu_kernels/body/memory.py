@@ -7,7 +7,7 @@ A model's buffer begins with these blocks; what its method needs besides follows
 import math
 
 from .. import quantities
-from ..buffer import NEGATIVE, NOT_FINITE, places
+from ..buffer import BEAM_TURNS, NEGATIVE, NO_ATTITUDE, NO_MASS, NOT_FINITE, TWO_ZERO_MOMENTS, places
 from ..buffer_access import matrix_at, put_matrix_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..integrators.rigid_body_state import STATE_BLOCKS, STATE_SIZE, Centre, Rotation
@@ -33,26 +33,24 @@ OUTPUT_RATES = {f"d_{name}": size for name, size in OUTPUTS.items()}
 """Time derivatives of the outputs, refreshed by `output_rates` alone."""
 MEMORY = STATE_BLOCKS | {"inverse_mass": 1, "M": 9, "M_inverse": 9, "arm": 3}
 COMMON = INPUTS | PARAMETERS | SETTINGS | OUTPUTS | OUTPUT_RATES | MEMORY
-BLOCKS, _ = places(COMMON)
+LAYOUT = places(COMMON)
+BLOCKS = LAYOUT.blocks
 
 _AT = {name: block.start for name, block in BLOCKS.items()}
 _INPUTS = _AT[next(iter(INPUTS))]
-_AMONG_INPUTS, _ = places(INPUTS)
-_FORCE_A, _FORCE_B, _TORQUE_A, _TORQUE_B = (
-    _AMONG_INPUTS[n].start for n in ("force_a", "force_b", "torque_a", "torque_b")
-)
-_MASS, _INERTIA, _R_OC, _GRAVITY, _DAMPING = (_AT[n] for n in ("mass", "inertia", "r_oc_b", "gravity_a", "damping_b"))
-_CONSTANT_FORCE_A, _CONSTANT_FORCE_B, _CONSTANT_TORQUE_A, _CONSTANT_TORQUE_B = (
-    _AT[f"constant_{n}"] for n in ("force_a", "force_b", "torque_a", "torque_b")
+_FORCE_A, _FORCE_B, _TORQUE_A, _TORQUE_B = places(INPUTS).starts("force_a", "force_b", "torque_a", "torque_b")
+_MASS, _INERTIA, _R_OC, _GRAVITY, _DAMPING = LAYOUT.starts("mass", "inertia", "r_oc_b", "gravity_a", "damping_b")
+_CONSTANT_FORCE_A, _CONSTANT_FORCE_B, _CONSTANT_TORQUE_A, _CONSTANT_TORQUE_B = LAYOUT.starts(
+    "constant_force_a", "constant_force_b", "constant_torque_a", "constant_torque_b"
 )
 _END = BLOCKS[next(reversed(PARAMETERS))].stop
 _NOT_NEGATIVE = tuple((BLOCKS[load.block].start, BLOCKS[load.block].stop) for load in quantities.BOUNDED)
-_POSITION_0, _VELOCITY_0, _Q_0, _OMEGA_0 = (_AT[n] for n in ("position_0", "velocity_0", "quaternion_0", "omega_b_0"))
+_POSITION_0, _VELOCITY_0, _Q_0, _OMEGA_0 = LAYOUT.starts("position_0", "velocity_0", "quaternion_0", "omega_b_0")
 _PIVOT, _SUBSTEP = _AT["pivot"], _AT["substep"]
 STATE_START = _AT["q"]
 """Where the state begins: see `rigid_body_state`."""
 _OMEGA, _R_C, _V_C = _AT["omega"], _AT["r_c"], _AT["v_c"]
-_INVERSE_MASS, _M, _M_INVERSE, _ARM = (_AT[n] for n in ("inverse_mass", "M", "M_inverse", "arm"))
+_INVERSE_MASS, _M, _M_INVERSE, _ARM = LAYOUT.starts("inverse_mass", "M", "M_inverse", "arm")
 
 
 @kernel(inline=False)
@@ -68,10 +66,10 @@ def initialize_body(z: Buffer) -> int:
     omega = vec3_at(z, _OMEGA_0)
     (low, middle, _), axes = principal_axes(M)
     if middle <= INERTIA_TOLERANCE * trace(M):
-        return 6
+        return TWO_ZERO_MOMENTS
     beam_rate = axes[0][0] * omega[0] + axes[1][0] * omega[1] + axes[2][0] * omega[2]
     if low <= INERTIA_TOLERANCE * trace(M) and abs(beam_rate) > INERTIA_TOLERANCE * math.sqrt(dot(omega, omega)):
-        return 9
+        return BEAM_TURNS
     put_matrix_at(z, _M, M)
     put_matrix_at(z, _M_INVERSE, inverse_inertia(M))
     z[_INVERSE_MASS] = 0.0 if pivot else 1.0 / mass
@@ -92,7 +90,7 @@ def _fault_of_parameters(z: Buffer) -> int:
     if finite != 0.0:
         return NOT_FINITE
     if not z[_MASS] > 0.0:
-        return 1
+        return NO_MASS
     for k in range(len(_NOT_NEGATIVE)):
         first, end = _NOT_NEGATIVE[k]
         for i in range(first, end):
@@ -100,7 +98,7 @@ def _fault_of_parameters(z: Buffer) -> int:
                 return NEGATIVE + k
     q = quaternion_at(z, _Q_0)
     if not (q[0] != 0.0 or q[1] != 0.0 or q[2] != 0.0 or q[3] != 0.0):
-        return 7
+        return NO_ATTITUDE
     fault = check_inertia(inertia_of(z))
     return 0 if fault == 0.0 else int(fault) + 1
 

@@ -12,14 +12,13 @@ from ..rotations.vec3 import add, cross, dot, scale, subtract
 from ..types import Buffer, Quaternion, Vec3
 from . import memory
 
-_AT = {name: block.start for name, block in memory.BLOCKS.items()}
-_MASS, _M, _R_OC, _POSITION_0 = (_AT[n] for n in ("mass", "M", "r_oc_b", "position_0"))
-_POSITION, _VELOCITY, _ACCELERATION = (_AT[n] for n in ("position", "velocity", "acceleration"))
-_Q, _RPY, _OMEGA_B, _OMEGA_A = (_AT[n] for n in ("quaternion", "rpy", "omega_b", "omega_a"))
-_ALPHA, _MOMENTUM, _ENERGY = (_AT[n] for n in ("alpha_b", "angular_momentum_a", "kinetic_energy"))
-_D_POSITION, _D_VELOCITY, _D_ACCELERATION = (_AT[n] for n in ("d_position", "d_velocity", "d_acceleration"))
-_D_Q, _D_RPY, _D_OMEGA_B, _D_OMEGA_A = (_AT[n] for n in ("d_quaternion", "d_rpy", "d_omega_b", "d_omega_a"))
-_D_ALPHA, _D_MOMENTUM, _D_ENERGY = (_AT[n] for n in ("d_alpha_b", "d_angular_momentum_a", "d_kinetic_energy"))
+_MASS, _M, _R_OC, _POSITION_0 = memory.LAYOUT.starts("mass", "M", "r_oc_b", "position_0")
+_POSITION, _VELOCITY, _ACCELERATION = memory.LAYOUT.starts("position", "velocity", "acceleration")
+_Q, _RPY, _OMEGA_B, _OMEGA_A = memory.LAYOUT.starts("quaternion", "rpy", "omega_b", "omega_a")
+_ALPHA, _MOMENTUM, _ENERGY = memory.LAYOUT.starts("alpha_b", "angular_momentum_a", "kinetic_energy")
+_D_POSITION, _D_VELOCITY, _D_ACCELERATION = memory.LAYOUT.starts("d_position", "d_velocity", "d_acceleration")
+_D_Q, _D_RPY, _D_OMEGA_B, _D_OMEGA_A = memory.LAYOUT.starts("d_quaternion", "d_rpy", "d_omega_b", "d_omega_a")
+_D_ALPHA, _D_MOMENTUM, _D_ENERGY = memory.LAYOUT.starts("d_alpha_b", "d_angular_momentum_a", "d_kinetic_energy")
 _SHOWS_Q, _SHOWS_RPY, _SHOWS_OMEGA_A = (memory.ACTIVE[n] for n in ("quaternion", "rpy", "omega_a"))
 _SHOWS_MOMENTUM, _SHOWS_ENERGY = (memory.ACTIVE[n] for n in ("angular_momentum_a", "kinetic_energy"))
 _FIRST, _END = memory.BLOCKS[next(iter(memory.OUTPUTS))].start, memory.BLOCKS[next(reversed(memory.OUTPUTS))].stop

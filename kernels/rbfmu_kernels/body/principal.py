@@ -10,16 +10,17 @@ from ..mechanics.inertia import INERTIA_TOLERANCE, principal_axes
 from ..numerics import double_double as dd
 from ..numerics.double_double import DoubleDouble, Vector, two_product, two_sum
 from ..numerics.elementary import power_of_two_for
+from ..rotations.matrix import invert_matrix
 from ..rotations.vec3 import add_scaled, scale
 from ..types import Buffer, Matrix, Vec3
-from .memory import BLOCKS, has_pivot, inertia_of, principal_frame
+from .memory import LAYOUT, has_pivot, inertia_of, principal_frame
 
 Axes = tuple[Vector, Vector, Vector]
 """The three principal axes, each in b."""
 Inertia = tuple[DoubleDouble, DoubleDouble, DoubleDouble, DoubleDouble, DoubleDouble, DoubleDouble]
 """The elements 11, 22, 33, 12, 13, 23."""
 
-_MASS, _R_OC = BLOCKS["mass"].start, BLOCKS["r_oc_b"].start
+_MASS, _R_OC = LAYOUT.starts("mass", "r_oc_b")
 _ZERO: DoubleDouble = (0.0, 0.0)
 _ONE: DoubleDouble = (1.0, 0.0)
 _NEGLIGIBLE = 2.0**-106
@@ -106,7 +107,7 @@ def _scaled(M: Inertia) -> Inertia:
 @kernel(inline=False)
 def _orthonormal(R: Matrix) -> Axes:
     """Return the columns of R, orthonormal to round-off, to twice the digits, by one step of Newton's method."""
-    x, y, w = (R[0][0], R[1][0], R[2][0]), (R[0][1], R[1][1], R[2][1]), (R[0][2], R[1][2], R[2][2])
+    x, y, w = invert_matrix(R)
     xy, xw, yw = _half_dot(x, y)[0], _half_dot(x, w)[0], _half_dot(y, w)[0]
     return _corrected(x, xy, y, xw, w), _corrected(y, xy, x, yw, w), _corrected(w, xw, x, yw, y)
 

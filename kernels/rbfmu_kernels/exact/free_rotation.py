@@ -15,7 +15,7 @@ bounded: the error does not grow.
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..buffer_access import put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
@@ -203,6 +203,22 @@ _LEAST_KC_SQUARED = 1e-6
 _LEAST, _LARGEST = 1e-60, 1e60
 
 
+class Bodies(NamedTuple):
+    """Moments (m, 3), and attitudes (m, 4) and rates (m, 3) at the start, of m bodies: see `free_rotation`."""
+
+    moments: Any
+    q_0: Any
+    omega_b_0: Any
+
+
+class Motions(NamedTuple):
+    """Times (m, n), or (1, n) of all bodies, and the attitudes (m, n, 4) and rates (m, n, 3) then."""
+
+    t: Any
+    q: Any
+    omega: Any
+
+
 @kernel(inline=False)
 def free_rotations_in_four(moments: Any, q_0: Any, omega_b_0: Any, t: Any, scratch: Any, q: Any, omega: Any) -> bool:
     """Set q (m, n, 4) and omega (m, n, 3) to the motions of m bodies at n times, four bodies at a time.
@@ -210,42 +226,45 @@ def free_rotations_in_four(moments: Any, q_0: Any, omega_b_0: Any, t: Any, scrat
     moments (m, 3), q_0 (m, 4), omega_b_0 (m, 3): see `free_rotation`. t (m, n), or (1, n) of all bodies. Returns
     whether any of the moments are singular.
     """
-    return _motions(moments, q_0, omega_b_0, t, q, omega, four_wide(scratch, 0), four_wide(scratch, 4 * _ROWS))
+    bodies, found = Bodies(moments, q_0, omega_b_0), Motions(t, q, omega)
+    return _motions(bodies, found, four_wide(scratch, 0), four_wide(scratch, 4 * _ROWS))
 
 
 @kernel(inline=False)
 def free_rotations_in_eight(moments: Any, q_0: Any, omega_b_0: Any, t: Any, scratch: Any, q: Any, omega: Any) -> bool:
     """Do the same, eight at a time."""
-    return _motions(moments, q_0, omega_b_0, t, q, omega, eight_wide(scratch, 0), eight_wide(scratch, 8 * _ROWS))
+    bodies, found = Bodies(moments, q_0, omega_b_0), Motions(t, q, omega)
+    return _motions(bodies, found, eight_wide(scratch, 0), eight_wide(scratch, 8 * _ROWS))
 
 
 @kernel
-def _motions(
-    moments: Any, q_0: Any, omega_b_0: Any, t: Any, q: Any, omega: Any, tumbling: Any, near: Any
-) -> bool:  # fmt: skip
-    width, tumblers, nearers, singular = width_of(tumbling), 0, 0, False
-    for i in range(len(moments)):
-        kind = _kind_of(vec3_at(moments[i], 0), vec3_at(omega_b_0[i], 0))
+def _motions(bodies: Bodies, found: Motions, tumbling: Any, near: Any) -> bool:
+    tumblers, nearers, singular = 0, 0, False
+    for i in range(len(bodies.moments)):
+        moments = vec3_at(bodies.moments[i], 0)
+        kind = _kind_of(moments, vec3_at(bodies.omega_b_0[i], 0))
         if kind == TUMBLING:
-            _load(tumbling, tumblers, i, moments[i], q_0[i], omega_b_0[i])
-            tumblers += 1
+            tumblers = _join(tumbling, tumblers, i, bodies, found)
         elif kind == NEAR:
-            _load(near, nearers, i, moments[i], q_0[i], omega_b_0[i])
-            nearers += 1
+            nearers = _join(near, nearers, i, bodies, found)
         else:
-            singular |= free_rotation_is_singular(vec3_at(moments[i], 0))
-            _alone(moments[i], q_0[i], omega_b_0[i], t[i % len(t)], q[i], omega[i])
-        if tumblers == width:
-            _together(tumbling, tumblers, moments, q_0, omega_b_0, t, q, omega)
-            tumblers = 0
-        if nearers == width:
-            _together(near, nearers, moments, q_0, omega_b_0, t, q, omega)
-            nearers = 0
+            singular |= free_rotation_is_singular(moments)
+            _alone(i, bodies, found)
     if tumblers > 0:
-        _together(tumbling, tumblers, moments, q_0, omega_b_0, t, q, omega)
+        _together(tumbling, tumblers, bodies, found)
     if nearers > 0:
-        _together(near, nearers, moments, q_0, omega_b_0, t, q, omega)
+        _together(near, nearers, bodies, found)
     return singular
+
+
+@kernel
+def _join(c: Any, count: int, body: int, bodies: Bodies, found: Motions) -> int:
+    """Give a body the next lane, and move all bodies once each lane has one; return how many wait."""
+    _load(c, count, body, bodies)
+    if count + 1 < width_of(c):
+        return count + 1
+    _together(c, count + 1, bodies, found)
+    return 0
 
 
 @kernel
@@ -280,41 +299,38 @@ def _kind_of(moments: Vec3, omega: Vec3) -> float:
 
 
 @kernel
-def _load(c: Any, lane: int, body: int, moments: Any, q_0: Any, omega: Any) -> None:
+def _load(c: Any, lane: int, body: int, bodies: Bodies) -> None:
     for k in range(3):
-        put_lane_at(c, _MOMENTS + k, lane, moments[k])
-        put_lane_at(c, _OMEGA + k, lane, omega[k])
+        put_lane_at(c, _MOMENTS + k, lane, bodies.moments[body, k])
+        put_lane_at(c, _OMEGA + k, lane, bodies.omega_b_0[body, k])
     for k in range(4):
-        put_lane_at(c, _Q + k, lane, q_0[k])
+        put_lane_at(c, _Q + k, lane, bodies.q_0[body, k])
     put_lane_at(c, _BODY, lane, float(body))
 
 
 @kernel(inline=False)
-def _alone(moments: Any, q_0: Any, omega_b_0: Any, t: Any, q: Any, omega: Any) -> None:
-    setup = free_rotation_setup(vec3_at(moments, 0), quaternion_at(q_0, 0), vec3_at(omega_b_0, 0))
+def _alone(body: int, bodies: Bodies, found: Motions) -> None:
+    moments, omega = vec3_at(bodies.moments[body], 0), vec3_at(bodies.omega_b_0[body], 0)
+    setup = free_rotation_setup(moments, quaternion_at(bodies.q_0[body], 0), omega)
+    t = found.t[body % len(found.t)]
     for k in range(len(t)):
         attitude, rate = free_rotation_at(setup, t[k])
-        put_quaternion_at(q[k], 0, attitude)
-        put_vec3_at(omega[k], 0, rate)
+        put_quaternion_at(found.q[body, k], 0, attitude)
+        put_vec3_at(found.omega[body, k], 0, rate)
 
 
 @kernel(inline=False)
-def _together(c: Any, count: int, moments: Any, q_0: Any, omega_b_0: Any, t: Any, q: Any, omega: Any) -> None:
+def _together(c: Any, count: int, bodies: Bodies, found: Motions) -> None:
+    """Move the bodies in the first `count` lanes; the others have copies of the first."""
     for lane in range(count, width_of(c)):
-        first = int(lane_at(c, _BODY, 0))
-        _load(c, lane, first, moments[first], q_0[first], omega_b_0[first])
-    _set_up_and_run(c, count, t, q, omega)
-
-
-@kernel
-def _set_up_and_run(c: Any, count: int, t: Any, q: Any, omega: Any) -> None:
+        _load(c, lane, int(lane_at(c, _BODY, 0)), bodies)
     attitude: Quaternion = quaternion_at(c, _Q)
     start, rates = dd.vector(vec3_at(c, _MOMENTS)), dd.vector(vec3_at(c, _OMEGA))
     scaled, attitude, rates, unit = scaled_for_setup(start, attitude, rates)
     motion = tumbling_setup(scaled, attitude, rates, unit)
-    for k in range(t.shape[1]):
+    for k in range(found.t.shape[1]):
         for lane in range(width_of(c)):
-            put_lane_at(c, _TIME, lane, t[int(lane_at(c, _BODY, lane)) % len(t), k])
+            put_lane_at(c, _TIME, lane, found.t[int(lane_at(c, _BODY, lane)) % len(found.t), k])
         time = scaled_time(motion, (c[_TIME], 0.0))
         place = place_at(motion, time)
         put_quaternion_at(c, _RESULT, free_attitude_at(motion, time, place))
@@ -322,6 +338,6 @@ def _set_up_and_run(c: Any, count: int, t: Any, q: Any, omega: Any) -> None:
         for lane in range(count):
             body = int(lane_at(c, _BODY, lane))
             for j in range(4):
-                q[body, k, j] = lane_at(c, _RESULT + j, lane)
+                found.q[body, k, j] = lane_at(c, _RESULT + j, lane)
             for j in range(3):
-                omega[body, k, j] = lane_at(c, _RESULT + 4 + j, lane)
+                found.omega[body, k, j] = lane_at(c, _RESULT + 4 + j, lane)

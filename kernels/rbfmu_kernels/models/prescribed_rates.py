@@ -9,7 +9,7 @@ import math
 
 from .. import quantities
 from ..body.shell import Model, bind, step
-from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED, places
+from ..buffer import MAX_SUBSTEPS, NO_ATTITUDE, OK, STEP_REJECTED, places
 from ..buffer_access import pair_at, put_pair_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..exact.uniform_rotation import TURNING_SIZE, Turning, put_turning, rotation_after, turning_about, turning_at
@@ -46,7 +46,7 @@ def initialize(z: Buffer) -> int:
     q = quaternion_at(z, _Q_0)
     total = abs(q[0]) + abs(q[1]) + abs(q[2]) + abs(q[3])
     if not (total > 0.0 and math.isfinite(total)):
-        return 7
+        return NO_ATTITUDE
     put_quaternion_at(z, _Q, normalize(q))
     _put_anchor(z, quaternion_at(z, _Q), _AT_REST, (0.0, 0.0), turning_about(dd.vector(_AT_REST)))
     return outputs(z)
