@@ -35,7 +35,7 @@ from rbfmu.runs.plan import Plan, filled_buffer
 from rbfmu.scene.scene import Scene
 from rbfmu.studies.chart.cases import CASES, ROTATION, Case
 from rbfmu.studies.chart.solvers import equations
-from rbfmu_kernels.body.members import Driving, Members
+from rbfmu_kernels.body.members import Members
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, Body
 from rbfmu_kernels.models.loaded import LOADED_TAYLOR
 
@@ -125,7 +125,7 @@ def ours(batch: Batch, mark: float, run: Callable[..., Any]) -> Iterator[Run]:
     kept = np.arange(blocks["quaternion"].start, blocks["quaternion"].stop)
     steps, count = np.array([batch.case.span]), len(batch.scenes)
     rows, ends, none = np.empty((count, 1, 4)), np.empty((count, 2), dtype=np.int64), np.empty(0, dtype=np.int64)
-    control, *driving = undriven(steps, count)
+    control, driving = undriven(steps, count)
     for looser in LOOSER:
         settings = replace(plan, tolerance=looser * plan.tolerance)
         filled = [filled_buffer(scene, settings) for scene in batch.scenes]
@@ -133,7 +133,7 @@ def ours(batch: Batch, mark: float, run: Callable[..., Any]) -> Iterator[Run]:
 
         def once(base: Array = filled[0], values: Array = values) -> Array:
             members = Members(base, places, values, kept, rows, ends, none, np.empty((count, 0)))
-            run(LOADED_TAYLOR, members, control, Driving(*driving))
+            run(LOADED_TAYLOR, members, control, driving)
             return rows[:, 0] if np.all(ends == (0, 1)) else np.full((count, 4), np.nan)
 
         yield once

@@ -24,7 +24,7 @@ from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.scene import Scene
 from rbfmu.simulation import refused_step
 from rbfmu.types import Array, Indices
-from rbfmu_kernels.body.members import Driving, Members
+from rbfmu_kernels.body.members import Members
 from rbfmu_kernels.compile.stamp import SOURCES, hash_of_sources
 
 SECONDS, MOST_MEMBERS, MOST_BYTES, SUMMED_BYTES = 0.1, 16384, 8e6, 64e6
@@ -211,10 +211,10 @@ def _outputs(work: Work, samples: Samples, which: Indices, steps: Array, rows: A
     base, kept = filled_buffer(work.scene, plan), work.columns.places(kernels.BLOCKS)
     members = Members(base, places, values[which], kept, rows, ends, after, noted)
     if work.control:
-        control, *driving = driven_members(work.control, work.scene, kernels, (samples.first + which).tolist())
+        control, driving = driven_members(work.control, work.scene, kernels, (samples.first + which).tolist())
     else:
-        control, *driving = undriven(steps, len(which))
-    given = kernels, members, control, Driving(*driving)
+        control, driving = undriven(steps, len(which))
+    given = kernels, members, control, driving
     if not (_has_lanes(plan) and run_in_lanes(*given, compile_now=False)):
         run_alone(*given)
         if compiling_pays(work, len(steps)):  # beside the members to come, of which each has the same bits either way

@@ -20,6 +20,7 @@ from rbfmu.runs.inputs import HOLD, Drive, InputTables, drive_of, input_tables, 
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene
 from rbfmu.types import Array, Indices
+from rbfmu_kernels.body.members import Driving
 from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.compile.shapes import python_function
 from rbfmu_kernels.quantities import elements
@@ -59,7 +60,7 @@ class Controller:
         stream = np.random.Philox(key=key_of(seed, STREAM), counter=np.array([0, number, 0, 0], dtype=np.uint64))
         return np.random.Generator(stream).standard_normal((steps, self.noise))
 
-    def compiled(self) -> Any:
+    def compiled(self) -> Callable[..., None]:
         """Return the function, compiled for `loops.run_members`. Raises an error of Numba's where it cannot be."""
         if hasattr(self.function, "compile"):  # not where the JIT is disabled
             self.function.compile(CONTROLLED)
@@ -146,8 +147,10 @@ def _places(scene: Scene, blocks: dict[str, slice], ending: str = "") -> Indices
     return np.concatenate([*of_ports, np.empty(0)]).astype(np.int64)
 
 
-def driven_members(control: Control, scene: Scene, kernels: Model, numbers: Sequence[int]) -> tuple[Any, ...]:
-    """Return the compiled controller, and what else `loops.run_members` takes from `ports` on, of the members named.
+def driven_members(
+    control: Control, scene: Scene, kernels: Model, numbers: Sequence[int]
+) -> tuple[Callable[..., None], Driving]:
+    """Return the compiled controller, and what drives the members named.
 
     Raises SceneError where the table of one is wrong.
     """
@@ -163,7 +166,7 @@ def driven_members(control: Control, scene: Scene, kernels: Model, numbers: Sequ
         noise[i] = one.noise_of(ensemble_of(scene).seed, number, len(time) - 1)
     state, ports = np.array(one.state), _places(scene, kernels.BLOCKS)
     rates = _places(scene, kernels.BLOCKS, "_rate") if slopes.any() else np.empty(0, dtype=np.int64)
-    return one.compiled(), ports, rates, time, lengths, counts, given, slopes, state, noise
+    return one.compiled(), Driving(ports, rates, time, lengths, counts, given, slopes, state, noise)
 
 
 def _rows(scene: Scene, drive: Drive, part: str) -> Array:

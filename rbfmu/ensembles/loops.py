@@ -14,6 +14,7 @@ import numpy as np
 from numba import config, float64, int64, njit, typeof, types
 
 from rbfmu.models.model_buffer import aligned_zeros
+from rbfmu.types import Array
 from rbfmu_kernels.body.members import Driving, Members, Room, begin, drive, note, pieces_before, record
 from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers, widest
@@ -47,28 +48,24 @@ def entries(model: Any) -> tuple[Any, Any]:
 
 
 def run_members(
-    initialize: Any, step: Any, control: Any, base: Any, places: Any, values: Any, kept: Any, rows: Any, ends: Any,
-    after: Any, noted: Any, ports: Any, rates: Any, time: Any, lengths: Any, counts: Any, given: Any, slopes: Any,
-    start: Any, noise: Any, outputs: Any, inputs: Any, z: Any, state: Any,
-) -> int:  # fmt: skip
+    initialize: Any, step: Any, control: Any, members: Members, driving: Driving, room: Room, z: Any, state: Any
+) -> int:
     """Run members by a model's `initialize` and `step`, one after the other: see `body.members`.
 
     z (SIZE,), state (k,): room for one.
     """
-    members = Members(base, places, values, kept, rows, ends, after, noted)
-    driving = Driving(ports, rates, time, lengths, counts, given, slopes, start, noise)
-    room, steps = Room(outputs, inputs), len(time) - 1
-    for i in range(len(values)):
-        begin(z, state, i, len(base), members, driving)
-        ends[i, 0], k = initialize(z), 0
-        fine = ends[i, 0] == 0
+    steps = len(driving.time) - 1
+    for i in range(len(members.values)):
+        begin(z, state, i, len(members.base), members, driving)
+        members.ends[i, 0], k = initialize(z), 0
+        fine = members.ends[i, 0] == 0
         while fine:
             record(z, i, k, steps, members)
             if k == steps:
                 break
             for piece in range(pieces_before(driving, i, k), pieces_before(driving, i, k + 1)):
                 fine = fine and drive(z, state, i, k, piece, control, members, driving, room)
-                fine = fine and step(z, lengths[piece]) == 0
+                fine = fine and step(z, driving.lengths[piece]) == 0
             k += 1
         note(z, i, members)
     return 0
@@ -145,10 +142,12 @@ def moments(rows: Any, good: Any, first: int, angles: Any, pairs: Any, mean: Any
     return 0
 
 
-_CONTROL = types.FunctionType(types.void(*CONTROLLED))
-_OF_MEMBERS = (_CONTROL, _NUMBERS, _INDICES, _TABLE, _INDICES, _BLOCK, _PAIRS, _INDICES, _TABLE)
-_OF_DRIVING = (_INDICES, _INDICES, _NUMBERS, _NUMBERS, _PAIRS, _TABLE, _TABLE, _NUMBERS, _BLOCK)
-_GIVEN = (*_OF_MEMBERS, *_OF_DRIVING, _NUMBERS, _NUMBERS)
+_GIVEN = (
+    types.FunctionType(types.void(*CONTROLLED)),
+    types.NamedTuple((_NUMBERS, _INDICES, _TABLE, _INDICES, _BLOCK, _PAIRS, _INDICES, _TABLE), Members),
+    types.NamedTuple((_INDICES, _INDICES, _NUMBERS, _NUMBERS, _PAIRS, _TABLE, _TABLE, _NUMBERS, _BLOCK), Driving),
+    types.NamedUniTuple(_NUMBERS, 2, Room),
+)
 _SIGNATURES: dict[Callable[..., Any], Any] = {
     run_members: int64(_INITIALIZE, _STEP, *_GIVEN, _NUMBERS, _NUMBERS),
     moments: int64(_BLOCK, _INDICES, int64, _INDICES, _PAIRS, _TABLE, _TABLE, _TABLE),
@@ -161,37 +160,30 @@ _CACHE_LINE = 8
 """The numbers in a cache line."""
 
 
-def undriven(steps: Any, members: int) -> tuple[Any, ...]:
-    """Return what `run_members` takes of a controller, and of what drives so many members, where nothing does."""
-    time, none = np.concatenate([[0.0], np.cumsum(steps)]), np.empty(0, dtype=np.int64)
-    counts, table = np.arange(len(time))[None, :], np.empty((len(steps), 0))
-    return (
-        _hold(),
-        none,
-        none,
-        time,
-        steps,
-        counts,
-        table,
-        table,
-        np.empty(0),
-        np.empty((members, len(steps), 0)),
+def undriven(steps: Array, members: int) -> tuple[Callable[..., None], Driving]:
+    """Return the controller, and what drives so many members, where nothing does."""
+    time, none, table = (
+        np.concatenate([[0.0], np.cumsum(steps)]),
+        np.empty(0, dtype=np.int64),
+        np.empty((len(steps), 0)),
     )
+    counts, noise = np.arange(len(time))[None, :], np.empty((members, len(steps), 0))
+    return _hold(), Driving(none, none, time, steps, counts, table, table, np.empty(0), noise)
 
 
 @cache
-def _hold() -> Any:
-    return njit(types.void(*CONTROLLED))(hold)
+def _hold() -> Callable[..., None]:
+    return njit(types.void(*CONTROLLED))(hold)  # type: ignore[no-any-return]
 
 
 def run_alone(kernels: Any, members: Members, control: Any, driving: Driving) -> None:
     """Run members of a model one after the other."""
-    given = control, *members, *driving, *_room(members, driving)
+    given = control, members, driving, _room(members, driving)
     compiled(run_members)(*entries(kernels), *given, aligned_zeros(kernels.SIZE), np.empty(len(driving.start)))
 
 
-def _room(members: Members, driving: Driving) -> tuple[Any, Any]:
-    return np.empty(len(members.kept)), np.empty(len(driving.ports))
+def _room(members: Members, driving: Driving) -> Room:
+    return Room(np.empty(len(members.kept)), np.empty(len(driving.ports)))
 
 
 def run_in_lanes(kernels: Any, members: Members, control: Any, driving: Driving, compile_now: bool = True) -> bool:
@@ -208,7 +200,7 @@ def run_in_lanes(kernels: Any, members: Members, control: Any, driving: Driving,
         return False
     _compile(run, signature)
     run.disable_compile()  # whatever the controller, it is called by its address
-    run(control, *members, *driving, *_room(members, driving), *room)
+    run(control, members, driving, _room(members, driving), *room)
     return True
 
 

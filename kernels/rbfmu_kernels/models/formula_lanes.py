@@ -176,28 +176,20 @@ def run_in_lanes(
 
 
 def run_in_four(
-    control: Any, base: Any, places: Any, values: Any, kept: Any, rows: Any, ends: Any, after: Any, noted: Any,
-    ports: Any, rates: Any, time: Any, lengths: Any, counts: Any, given: Any, slopes: Any, start: Any, noise: Any,
-    outputs: Any, inputs: Any, buffers: Any, states: Any, marks: Any, scratch: Any,
-) -> None:  # fmt: skip
+    control: Any, members: Members, driving: Driving, room: Room, buffers: Any, states: Any, marks: Any, scratch: Any
+) -> None:
     """Run members of an ensemble, four side by side: see `body.members`.
 
     buffers (b, SIZE), states (b, k), marks (b, MARKS): room for as many members; scratch: for all lanes.
     """
-    members = Members(base, places, values, kept, rows, ends, after, noted)
-    driving = Driving(ports, rates, time, lengths, counts, given, slopes, start, noise)
-    run(four_wide(scratch, 0), control, members, driving, Room(outputs, inputs), buffers, states, marks)
+    run(four_wide(scratch, 0), control, members, driving, room, buffers, states, marks)
 
 
 def run_in_eight(
-    control: Any, base: Any, places: Any, values: Any, kept: Any, rows: Any, ends: Any, after: Any, noted: Any,
-    ports: Any, rates: Any, time: Any, lengths: Any, counts: Any, given: Any, slopes: Any, start: Any, noise: Any,
-    outputs: Any, inputs: Any, buffers: Any, states: Any, marks: Any, scratch: Any,
-) -> None:  # fmt: skip
+    control: Any, members: Members, driving: Driving, room: Room, buffers: Any, states: Any, marks: Any, scratch: Any
+) -> None:
     """Do the same, eight side by side."""
-    members = Members(base, places, values, kept, rows, ends, after, noted)
-    driving = Driving(ports, rates, time, lengths, counts, given, slopes, start, noise)
-    run(eight_wide(scratch, 0), control, members, driving, Room(outputs, inputs), buffers, states, marks)
+    run(eight_wide(scratch, 0), control, members, driving, room, buffers, states, marks)
 
 
 TEMPLATES: Mapping[str, Callable[..., Any]] = {

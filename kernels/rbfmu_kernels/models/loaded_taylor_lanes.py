@@ -79,31 +79,23 @@ torque fixed in a acts, whether the inertia is diagonal. The first is 0 where la
 
 @kernel(inline=False)
 def run_in_four(
-    control: Any, base: Any, places: Any, values: Any, kept: Any, rows: Any, ends: Any, after: Any, noted: Any,
-    ports: Any, rates: Any, time: Any, lengths: Any, counts: Any, given: Any, slopes: Any, start: Any, noise: Any,
-    outputs: Any, inputs: Any, buffers: Any, states: Any, marks: Any, scratch: Any,
-) -> None:  # fmt: skip
+    control: Any, members: Members, driving: Driving, room: Room, buffers: Any, states: Any, marks: Any, scratch: Any
+) -> None:
     """Run members of an ensemble, four side by side: see `body.members`. The pieces of all are equally long.
 
     buffers (b, SIZE), states (b, k), marks (b, 1 or more): room for some members at a time; scratch: for all lanes.
     """
-    members = Members(base, places, values, kept, rows, ends, after, noted)
-    driving = Driving(ports, rates, time, lengths, counts, given, slopes, start, noise)
     c, s = four_wide(scratch, 0), four_wide(scratch, 4 * COLUMNS_SIZE)
-    _run(control, members, driving, Room(outputs, inputs), buffers, states, marks, c, s)
+    _run(control, members, driving, room, buffers, states, marks, c, s)
 
 
 @kernel(inline=False)
 def run_in_eight(
-    control: Any, base: Any, places: Any, values: Any, kept: Any, rows: Any, ends: Any, after: Any, noted: Any,
-    ports: Any, rates: Any, time: Any, lengths: Any, counts: Any, given: Any, slopes: Any, start: Any, noise: Any,
-    outputs: Any, inputs: Any, buffers: Any, states: Any, marks: Any, scratch: Any,
-) -> None:  # fmt: skip
+    control: Any, members: Members, driving: Driving, room: Room, buffers: Any, states: Any, marks: Any, scratch: Any
+) -> None:
     """Do the same, eight side by side."""
-    members = Members(base, places, values, kept, rows, ends, after, noted)
-    driving = Driving(ports, rates, time, lengths, counts, given, slopes, start, noise)
     c, s = eight_wide(scratch, 0), eight_wide(scratch, 8 * COLUMNS_SIZE)
-    _run(control, members, driving, Room(outputs, inputs), buffers, states, marks, c, s)
+    _run(control, members, driving, room, buffers, states, marks, c, s)
 
 
 @kernel

@@ -16,7 +16,7 @@ from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.models.registry import MODELS
 from rbfmu.runs.plan import Plan, filled_buffer
 from rbfmu.scene.scene import Scene
-from rbfmu_kernels.body.members import Driving, Members
+from rbfmu_kernels.body.members import Members
 from rbfmu_kernels.models.free import FREE_TRIAXIAL
 from rbfmu_kernels.models.loaded import LOADED_TAYLOR
 from tests.support.paths import SCENES
@@ -250,8 +250,8 @@ def given(count, points, model=LOADED_TAYLOR):
     rows, none = np.full((count, points, 4), -1.0), np.empty(0, dtype=np.int64)
     own = members(max(count, 6))[:count]
     common = filled_buffer(SCENE, PLAN), PLACES, own, KEPT, rows, np.full((count, 2), -9), none
-    control, *driving = undriven(STEPS, count)
-    return model, Members(*common, np.empty((count, 0))), control, Driving(*driving)
+    control, driving = undriven(STEPS, count)
+    return model, Members(*common, np.empty((count, 0))), control, driving
 
 
 @pytest.mark.skipif(bool(config.DISABLE_JIT), reason="lanes are compiled code")
