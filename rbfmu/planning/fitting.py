@@ -144,10 +144,9 @@ class _Search:
         if magnified <= self.accuracy and found.error <= self.accuracy:
             return self._with_reasons(found)
         if magnified > self.accuracy and (self.scene.inputs.ports or found.error <= AT_REST * self.accuracy):
-            larger = (
-                f"with inputs at zero the motion magnifies an error {growth:.1e} times, round-off beyond the accuracy"
-            )
-            return self._with_reasons(found, f"{larger}: only the errors of substeps are held to it")
+            grown = f"with inputs at zero the motion magnifies an error {growth:.1e} times"
+            held = "round-off beyond the accuracy: only the errors of substeps are held to it"
+            return self._with_reasons(found, f"{grown}, {held}")
         raise refuse_accuracy(self.asked, max(found.error, magnified))
 
     def _with_reasons(self, found: _Fit, *more: str) -> Plan:

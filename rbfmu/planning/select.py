@@ -170,12 +170,14 @@ def _least_tight(asked: Question, found: Plan, drive: Drive, halves: Drive) -> P
         motion, substeps = _run_under(drive, scene, plan, names, MOST_UNDER_INPUTS)
         error = largest_error(motion, truth, names, floors) + doubt
         if error <= asked.accuracy:
-            misses = f"{found.method}, planned for any inputs, misses the accuracy under these"
-            why = [f"{misses}: {plan.method} at {plan.tolerance:.1e} instead"] if plan is not found else []
+            reasons = [*found.reasons]
+            if plan is not found:
+                misses = f"{found.method}, planned for any inputs, misses the accuracy under these"
+                reasons.append(f"{misses}: {plan.method} at {plan.tolerance:.1e} instead")
             judged = f"judged by series of order {max(ORDERS)} in half steps"
-            why.append(f"error {error:.1e} in a pilot run with the inputs given, {judged}")
+            reasons.append(f"error {error:.1e} in a pilot run with the inputs given, {judged}")
             cost = _cost_under(asked, plan, found, substeps, drive)
-            return replace(plan, error=error, cost=cost, reasons=(*found.reasons, *why))
+            return replace(plan, error=error, cost=cost, reasons=tuple(reasons))
         best = min(best, error)
     expected = f"one that these inputs allow; the methods here reach {best:.1e} with them"
     raise SceneError(f"run.accuracy = {asked.accuracy!r}: expected {expected}", scene.name)
