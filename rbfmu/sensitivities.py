@@ -56,9 +56,12 @@ class Sensitivity:
         return f"Sensitivity(of {', '.join(self.of)} by {', '.join(self.numbers)}; {len(self.time)} times)"
 
     @property
-    def keys(self) -> tuple[str, ...]:
-        """Return the keys that have the numbers."""
-        return tuple(dict.fromkeys(name.partition("[")[0] for name in self.numbers))
+    def keys(self) -> dict[str, list[int]]:
+        """Return the keys that have the numbers, and which these are; of one number alone its own name."""
+        found: dict[str, list[int]] = {}
+        for n, number in enumerate(self.numbers):
+            found.setdefault(number.partition("[")[0], []).append(n)
+        return {key if len(at) > 1 else self.numbers[at[0]]: at for key, at in found.items()}
 
     def changes(self, name: str) -> dict[str, Array]:
         """Return how far an output moves (times,), in its unit, where a key's numbers change together by 1 %.
@@ -66,12 +69,9 @@ class Sensitivity:
         Each number of a key changes by 0.01 of the largest of them, or by 0.01 where all are zero or it is an attitude.
         The sizes of what they make are added as those of independent errors are.
         """
-        found = {}
-        for key in self.keys:
-            at = [n for n, number in enumerate(self.numbers) if number.partition("[")[0] == key]
-            scale = PERCENT * (float(np.max(self.sizes[at])) or 1.0)
-            found[key] = scale * np.linalg.norm(self.of[name][:, :, at], axis=(1, 2))
-        return found
+        scales = {key: PERCENT * (float(np.max(self.sizes[at])) or 1.0) for key, at in self.keys.items()}
+        slopes = self.of[name]
+        return {key: scales[key] * np.linalg.norm(slopes[:, :, at], axis=(1, 2)) for key, at in self.keys.items()}
 
     def save(self, path: str | Path) -> None:
         """Write `.npz` (time, and derivatives by output) or `.csv` (a column `omega_b[1] by constants.k` each)."""

@@ -144,3 +144,5 @@ def test_a_change_is_one_percent_of_the_largest_number_of_a_key():
     assert change["initial.omega_b"][0] == pytest.approx(0.03 * np.sqrt(3.0))
     assert change["initial.attitude"][0] == 0.0
     assert found.changes("attitude")["initial.attitude"][0] == pytest.approx(0.01 * np.sqrt(3.0))
+    one = rbfmu.sensitivity(scene(), ["body.inertia[1,1]"])
+    assert [*one.changes("omega_b")] == [*one.numbers] == ["body.inertia[1,1]"]
