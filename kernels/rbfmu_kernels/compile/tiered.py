@@ -8,6 +8,7 @@ is kept on disk from an earlier run serves from the first call.
 import math
 from collections.abc import Callable
 from functools import cache
+from threading import Lock
 from time import process_time
 from types import FunctionType, ModuleType
 from typing import Any, ParamSpec, TypeGuard, TypeVar, cast
@@ -150,15 +151,20 @@ def is_kept(kernel: Any, *args: Any) -> bool:
     return has_code(kernel, tuple(map(_type_of, args)))
 
 
+_LOADING = Lock()
+"""Of two threads that load the same code one waits: Numba takes code that is there twice for two that both serve."""
+
+
 def has_code(kernel: Any, signature: tuple[Any, ...]) -> bool:
     """Return the same for arguments of these types."""
     try:
         if signature in kernel.overloads:
             return True
-        kept = kernel._cache.load_overload(signature, kernel.targetctx)
-        if kept is not None:
-            kernel.add_overload(kept)
-        return kept is not None
+        with _LOADING:
+            kept = None if signature in kernel.overloads else kernel._cache.load_overload(signature, kernel.targetctx)
+            if kept is not None and signature not in kernel.overloads:
+                kernel.add_overload(kept)
+        return signature in kernel.overloads
     except Exception:  # Numba's internals behave otherwise than where they were tried
         return False
 

@@ -5,6 +5,8 @@ import os
 import subprocess
 import sys
 import threading
+from concurrent.futures import ThreadPoolExecutor
+from time import sleep
 from types import SimpleNamespace
 from typing import Any
 
@@ -178,3 +180,25 @@ def test_other_work_is_announced_but_not_while_something_is_compiled(monkeypatch
         monkeypatch.setattr(said.Compilations, "ended", said.Compilations.begun)
         threads[-1].join()
     assert capsys.readouterr().err == "at work\n"
+
+
+class SlowlyKept:
+    """A kernel whose code is kept on disk, and takes some time to load."""
+
+    def __init__(self):
+        self.overloads, self.added, self.targetctx, self._cache = {}, 0, None, self
+
+    def load_overload(self, signature, context):
+        sleep(0.02)
+        return signature
+
+    def add_overload(self, kept):
+        self.overloads[kept] = kept
+        self.added += 1
+
+
+def test_threads_that_ask_for_kept_code_at_once_load_it_once():
+    kernel = SlowlyKept()
+    with ThreadPoolExecutor(4) as pool:
+        assert all(pool.map(lambda _: tiered.has_code(kernel, ("float64",)), range(4)))
+    assert kernel.added == 1
