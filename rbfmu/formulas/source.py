@@ -14,6 +14,8 @@ from rbfmu.formulas.program import Factor, Program
 
 WIDTH = 4
 """How many sums are made at once."""
+MOST_SUMS = 12
+"""How many of these a loop makes beside one another: what is more finds no register, of 16, and goes through memory."""
 SERIES = ("constants", "first", "further")
 KERNELS = (*SERIES, "values", "feedthrough")
 KERNELS_OVER = ("values", "feedthrough", "loads")
@@ -256,6 +258,14 @@ class _Writer:
             for at, factor in self._places(g):
                 known = self._level_of.get(factor.of, -1) < self._level_of_group(self._layout.groups[g])
                 yield f"z[r + {at}] = {self._factor(factor) if known else '0.0'}"
+        for n in range(0, len(groups), MOST_SUMS):
+            yield from self._loop(groups[n : n + MOST_SUMS])
+        for g in groups:
+            names = [self._sum(*slot) for slot in self._layout.groups[g]]
+            yield f"{', '.join((names + ['_'] * WIDTH)[:WIDTH])} = numbers(s{g})"
+
+    def _loop(self, groups: list[int]) -> Iterator[str]:
+        """Yield the lines that sum the products of groups."""
         for g in groups:
             yield f"s{g} = lanes(0.0, 0.0, 0.0, 0.0)"
         yield "for j in range(k + 1):"
@@ -264,9 +274,6 @@ class _Writer:
             at = self._head + 2 * WIDTH * g
             product = f"multiply_lanes(lanes_at(z, a + {at}), lanes_at(z, b + {at + WIDTH}))"
             yield f"    s{g} = add_lanes(s{g}, {product})"
-        for g in groups:
-            names = [self._sum(*slot) for slot in self._layout.groups[g]]
-            yield f"{', '.join((names + ['_'] * WIDTH)[:WIDTH])} = numbers(s{g})"
 
     def _sum(self, i: int, slot: int) -> str:
         return f"p{i}" if slot == 0 else f"p{i}_{slot}"

@@ -28,6 +28,11 @@ from rbfmu_kernels.rotations.quaternion import compose_quaternions, quaternion_r
 from rbfmu_kernels.rotations.vec3 import cross, skew
 
 TURN = elements("rotvec_b", 3)
+ROWS_MEET, APART = 64, 8
+"""Rows that are 64 numbers apart, or a multiple, share places of a cache, which has room for few of a column.
+
+They are as long as a multiple and 8 numbers, a line of the cache, so that each begins in another place than the last.
+"""
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
@@ -196,7 +201,9 @@ class VariedModel(FormulaModel):
     @cached_property
     def layout(self) -> Any:
         """Return where the generated kernels find their numbers, and templates the series of errors after them."""
-        return layout_of(self.program, len(self.errors) * self.columns)
+        size = len(self.errors) * self.columns
+        row = layout_of(self.program, size).row
+        return layout_of(self.program, size + (APART - row) % ROWS_MEET)
 
     @property
     def _places(self) -> dict[str, Any]:

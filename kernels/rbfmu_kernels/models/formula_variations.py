@@ -22,6 +22,7 @@ from ..types import Buffer
 # -1 - column for B), the column of its series, and 1 where that is constant. Rows beyond the errors are those of sides.
 NUMBER_OF_ERRORS = COLUMNS = ERRORS = PATTERN = ENTRIES = SHIFTS = RATES_BEFORE = OF_ERRORS = OF_ENTRIES = 0
 STATE_OF: tuple[int, ...] = (-1,)
+add_products: Any = None
 ORDER = REACH = NEXT = WATCHED = NUMBER_OF_SIDES = ROWS = ROW = 0
 
 
@@ -51,6 +52,33 @@ def shift_of_corner(z: Buffer) -> None:
         z[RATES_BEFORE + i] = slope_of(z, ROWS + STATE_OF[i], ROW, n, reach) if STATE_OF[i] >= 0 else 0.0
 
 
+def add_products_of(z: Buffer, to: int, term: int, of: int, last: int) -> None:
+    """Add the sum over j <= last of a series' coefficients times the columns of a row of errors, j orders before.
+
+    Twelve columns at a time take each coefficient once, and their sums do not wait for one another.
+    """
+    d = 0
+    while d + 12 <= COLUMNS:
+        s0, s1, s2 = lanes_at(z, to + d), lanes_at(z, to + d + 4), lanes_at(z, to + d + 8)
+        for j in range(last + 1):
+            a, b = z[term + j * ROW], of + d - j * ROW
+            four = lanes(a, a, a, a)
+            s0 = add_lanes(s0, multiply_lanes(four, lanes_at(z, b)))
+            s1 = add_lanes(s1, multiply_lanes(four, lanes_at(z, b + 4)))
+            s2 = add_lanes(s2, multiply_lanes(four, lanes_at(z, b + 8)))
+        put_lanes(z, to + d, s0)
+        put_lanes(z, to + d + 4, s1)
+        put_lanes(z, to + d + 8, s2)
+        d += 12
+    while d < COLUMNS:
+        s0 = lanes_at(z, to + d)
+        for j in range(last + 1):
+            a = z[term + j * ROW]
+            s0 = add_lanes(s0, multiply_lanes(lanes(a, a, a, a), lanes_at(z, of + d - j * ROW)))
+        put_lanes(z, to + d, s0)
+        d += 4
+
+
 def vary_series(z: Buffer, ended: bool) -> None:
     """Make the series of errors; ended: whether that of the motion before ended, at a corner if a shift is noted."""
     n = int(z[ORDER])
@@ -74,13 +102,7 @@ def vary_series(z: Buffer, ended: bool) -> None:
                     z[here + ROW + row * COLUMNS - 1 - of] += z[term + k * ROW]
                 else:
                     last = 0 if z[at + 3] != 0.0 else k
-                    for d in range(0, COLUMNS, 4):
-                        to, total_of = here + ROW + row * COLUMNS + d, here + of * COLUMNS + d
-                        total = lanes_at(z, to)
-                        for j in range(last + 1):
-                            a = z[term + j * ROW]
-                            total = add_lanes(total, multiply_lanes(lanes(a, a, a, a), lanes_at(z, total_of - j * ROW)))
-                        put_lanes(z, to, total)
+                    add_products(z, here + ROW + row * COLUMNS, term, here + of * COLUMNS, last)
         part = 1.0 / (k + 1)
         for i in range(NUMBER_OF_ERRORS * COLUMNS):
             z[here + ROW + i] *= part
@@ -98,6 +120,7 @@ def put_errors_at(z: Buffer, t: float) -> None:
 
 TEMPLATES: Mapping[str, Callable[..., Any]] = {
     "shift_corner": shift_of_corner,
+    "add_products": add_products_of,
     "vary": vary_series,
     "put_errors": put_errors_at,
 }
