@@ -237,13 +237,11 @@ def _blocks(scene: Scene, plan: Plan) -> list[_Block]:
 
 def _output_rows(scene: Scene, plan: Plan) -> Iterator[Output]:
     yield from (row for name, row in OUTPUT.items() if name in scene.outputs.quantities)
-    for name, size in plan.formulas.own_states.items() if plan.formulas else ():
-        state = scene.states[name]
-        yield own_output(name, size, state.unit, state.about or f"state with the rate {state.rate}")
-    if scene.outputs.own:
-        from rbfmu.models.formulas import own_rows  # what has none starts sooner
-
-        yield from own_rows(scene).values()
+    if plan.formulas:
+        for name, size in plan.formulas.own_states.items():
+            state = scene.states[name]
+            yield own_output(name, size, state.unit, state.about or f"state with the rate {state.rate}")
+        yield from plan.formulas.own_rows.values()
 
 
 def _output(row: Output, scene: Scene, plan: Plan) -> _Block:

@@ -47,9 +47,9 @@ def output_rows(scene: Scene) -> dict[str, Output]:
     known = {name: OUTPUT[name] for name in scene.outputs.quantities}
     if not scene.outputs.own:
         return known
-    from rbfmu.models.formulas import own_rows  # what has none starts sooner
+    from rbfmu.models.formulas import equations_of  # what has none starts sooner
 
-    return known | own_rows(scene)
+    return known | equations_of(scene).own_rows
 
 
 def varied_rows(scene: Scene) -> Mapping[str, Parameter | Load]:

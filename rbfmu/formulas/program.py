@@ -11,6 +11,9 @@ from typing import NamedTuple
 
 from rbfmu.formulas.graph import LEAVES, Graph, Number, Operation, Symbol, cosine, sine
 
+WIDTH = 4
+"""How many sums are made at once."""
+
 
 class Factor(NamedTuple):
     """One of the two factors of products that are summed: an operation's coefficients, or their slopes j x[j]."""
@@ -134,3 +137,54 @@ def _slots(operation: Operation, i: int, changing: set[int], graph: Graph) -> tu
             products = (Slot(b, Factor(of[0], slope=True)), Slot(a, Factor(of[1], slope=True)))
             return (*products, Slot(Factor(of[2]), Factor(i, slope=True)))
     return ()
+
+
+# Where its numbers stand
+
+
+class Layout(NamedTuple):
+    """Where what stands: leaves by name in the buffer, and in a row of the work space states and factors.
+
+    leaves: the place of each parameter and each state; of each input that of its value, its rate and its second rate.
+    targets: where what is wanted goes; sides: where they are kept; states: the column of each in a row, after which
+    that which has sides stands; row: its length.
+    """
+
+    leaves: Mapping[str, tuple[int, ...]]
+    targets: Mapping[str, int]
+    sides: Mapping[int, int]
+    states: Mapping[str, int]
+    constants: Mapping[int, int]
+    groups: tuple[tuple[tuple[int, int], ...], ...]
+    head: int
+    beside: int
+    row: int
+
+    @property
+    def start(self) -> int:
+        """Return where the first row begins in the work space, after the constants."""
+        return -(-len(self.constants) // WIDTH) * WIDTH
+
+
+def layout_of(program: Program, more: int = 0) -> Layout:
+    """Return the places of a program's numbers in a row; those of the buffer are still missing.
+
+    more: columns at its end for series that templates make. Each group of slots, (operation, which of its), is of one
+    level.
+    """
+    groups: list[tuple[tuple[int, int], ...]] = []
+    for n in range(len(program.levels)):
+        here = [(i, s) for i, slots in program.slots.items() for s in range(len(slots)) if level_of(program, i, s) == n]
+        groups += [tuple(here[j : j + WIDTH]) for j in range(0, len(here), WIDTH)]
+    states = {name: i for i, name in enumerate(program.states)}
+    head = -(-(len(states) + len(program.sides) + 2 * len(program.touching)) // WIDTH) * WIDTH
+    constants = {i: n for n, i in enumerate(program.constants)}
+    beside = head + 2 * WIDTH * len(groups)
+    row = beside + -(-len(program.beside) // WIDTH) * WIDTH + more
+    return Layout({}, {}, {}, states, constants, tuple(groups), head, beside, row)
+
+
+def level_of(program: Program, i: int, slot: int) -> int:
+    """Return the level that makes a sum: of an angle's three the first two make the third's numerator."""
+    level = next(n for n, level in enumerate(program.levels) if i in level)
+    return level - 1 if program.graph.operations[i].kind == "atan2" and slot < 2 else level

@@ -7,15 +7,13 @@ space has the k-th coefficients of the states and of all factors of the next ord
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 from rbfmu.formulas.graph import Graph, Number, Symbol, numbers_of
-from rbfmu.formulas.program import Factor, Program
+from rbfmu.formulas.program import WIDTH, Factor, Layout, Program, level_of
 
-WIDTH = 4
-"""How many sums are made at once."""
 MOST_SUMS = 12
-"""How many of these a loop makes beside one another: what is more finds no register, of 16, and goes through memory."""
+"""How many groups of sums a loop makes beside one another: more find no register, of 16, and go through memory."""
 SERIES = ("constants", "first", "further")
 KERNELS = (*SERIES, "values", "feedthrough")
 KERNELS_OVER = ("values", "feedthrough", "loads")
@@ -34,7 +32,7 @@ from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers
 from rbfmu_kernels.compile.wide import choose
 from rbfmu_kernels.models import model_named
-from rbfmu_kernels.models.formulas import make_formulas, make_over
+from rbfmu_kernels.models.formula_models import make_formulas, make_over
 from rbfmu_kernels.numerics.elementary import atan2, exponential, logarithm, sincos
 from rbfmu_kernels.types import Buffer
 
@@ -42,54 +40,6 @@ from rbfmu_kernels.types import Buffer
 
 
 Changes = Mapping[int, Mapping[int, Number]]
-
-
-class Layout(NamedTuple):
-    """Where what stands: leaves by name in the buffer, and in a row of the work space states and factors.
-
-    leaves: the place of each parameter and each state; of each input that of its value, its rate and its second rate.
-    targets: where what is wanted goes; sides: where they are kept; states: the column of each in a row, after which
-    that which has sides stands; row: its length.
-    """
-
-    leaves: Mapping[str, tuple[int, ...]]
-    targets: Mapping[str, int]
-    sides: Mapping[int, int]
-    states: Mapping[str, int]
-    constants: Mapping[int, int]
-    groups: tuple[tuple[tuple[int, int], ...], ...]
-    head: int
-    beside: int
-    row: int
-
-    @property
-    def start(self) -> int:
-        """Return where the first row begins in the work space, after the constants."""
-        return -(-len(self.constants) // WIDTH) * WIDTH
-
-
-def layout_of(program: Program, more: int = 0) -> Layout:
-    """Return the places of a program's numbers in a row; those of the buffer are still missing.
-
-    more: columns at its end for series that templates make. Each group of slots, (operation, which of its), is of one
-    level.
-    """
-    groups: list[tuple[tuple[int, int], ...]] = []
-    for n in range(len(program.levels)):
-        here = [(i, s) for i, slots in program.slots.items() for s in range(len(slots)) if _level(program, i, s) == n]
-        groups += [tuple(here[j : j + WIDTH]) for j in range(0, len(here), WIDTH)]
-    states = {name: i for i, name in enumerate(program.states)}
-    head = -(-(len(states) + len(program.sides) + 2 * len(program.touching)) // WIDTH) * WIDTH
-    constants = {i: n for n, i in enumerate(program.constants)}
-    beside = head + 2 * WIDTH * len(groups)
-    row = beside + -(-len(program.beside) // WIDTH) * WIDTH + more
-    return Layout({}, {}, {}, states, constants, tuple(groups), head, beside, row)
-
-
-def _level(program: Program, i: int, slot: int) -> int:
-    """Return the level that makes a sum: of an angle's three the first two make the third's numerator."""
-    level = next(n for n, level in enumerate(program.levels) if i in level)
-    return level - 1 if program.graph.operations[i].kind == "atan2" and slot < 2 else level
 
 
 def source_of(program: Program, layout: Layout, changes: Changes) -> str:
@@ -248,7 +198,7 @@ class _Writer:
         yield from enumerate((*watched, *self._program.touching), len(self._layout.states))
 
     def _level_of_group(self, group: tuple[tuple[int, int], ...]) -> int:
-        return _level(self._program, *group[0])
+        return level_of(self._program, *group[0])
 
     def _sums(self, groups: list[int]) -> Iterator[str]:
         """Yield the lines that store the factors which are known by now, and sum the products of groups."""
@@ -382,7 +332,7 @@ class _WideWriter(_Writer):
         yield from (f"z[r + {at}] = 0.0" for at, _ in self._factors())
         slots = [(i, s) for i, own in self._program.slots.items() for s in range(len(own))]
         for n, level in enumerate(self._program.levels):
-            yield from self._sums_of([slot for slot in slots if _level(self._program, *slot) == n])
+            yield from self._sums_of([slot for slot in slots if level_of(self._program, *slot) == n])
             yield from (f"{self._name(i)} = {self._coefficient(i)}" for i in level)
             yield from (f"z[r + {at}] = {self._factor(one)}" for at, one in self._factors() if one.of in level)
         yield from (f"z[r + {at}] = {self._name(i)}" for at, i in self._watched())

@@ -16,9 +16,9 @@ import numpy as np
 from rbfmu.formulas.check import Texts, given_to
 from rbfmu.formulas.graph import SYMBOLIC, Symbol, gradient, numbers_of, side
 from rbfmu.formulas.motion import CONSTANT, STATE, Given, by_element, closure
-from rbfmu.formulas.program import program
-from rbfmu.formulas.source import SERIES, Layout, layout_of, module_of, source_of, source_of_lanes, wide_layout
-from rbfmu.models.model_buffer import BLOCKS, BodyAtStart
+from rbfmu.formulas.program import Layout, layout_of, program
+from rbfmu.formulas.source import SERIES, module_of, source_of, source_of_lanes, wide_layout
+from rbfmu.models.model_buffer import BLOCKS, BodyAtStart, size_of_block
 from rbfmu.scene.own import DIRECTIONS
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels import buffer
@@ -26,6 +26,7 @@ from rbfmu_kernels.body import driven, memory
 from rbfmu_kernels.body.shell import Lanes, Model
 from rbfmu_kernels.models import formula_events as events_of_model
 from rbfmu_kernels.models import formulas as templates
+from rbfmu_kernels.models.formula_models import make_lanes
 from rbfmu_kernels.quantities import OUTPUT, Output, elements, own_output
 
 _LANES = 4
@@ -349,7 +350,7 @@ class FormulaModel:
         constant = f"LANES_{hashlib.sha256((self.key + text).encode()).hexdigest()[:16]}"
         kernels = vars(_module_of(constant, text))
         wide = {f"wide_{name}": kernels[name] for name in SERIES} | {"WIDE_ROW": layout.row}
-        return templates.make_lanes(made.MODEL, made.PLACES | made.KERNELS, constant, wide)
+        return make_lanes(made.MODEL, made.PLACES | made.KERNELS, constant, wide)
 
 
 def _module_of(name: str, text: str) -> ModuleType:
@@ -360,11 +361,6 @@ def _module_of(name: str, text: str) -> ModuleType:
     sys.modules[made.__name__] = made  # where kept code looks for what it was compiled of
     exec(compile(text, file, "exec"), vars(made))  # our own text, of numbers and places alone
     return made
-
-
-def size_of_block(block: slice) -> int:
-    """Return how many numbers a block has."""
-    return int(block.stop - block.start)
 
 
 def texts_of(scene: Scene, varied: Iterable[str] = ()) -> tuple[Scene, Given, Texts]:
@@ -402,9 +398,3 @@ def equations_of(scene: Scene) -> FormulaModel:
     tables = {key: table for key, table in scene.to_dict().items() if key not in ("name", "run", "about", "ensemble")}
     varied = scene.ensemble.parameters if scene.ensemble else ()
     return _of_tables(_Tables(json.dumps([tables, varied]), scene))
-
-
-def own_rows(scene: Scene) -> dict[str, Output]:
-    """Return the rows of the outputs of one's own by name."""
-    formulas = formulas_of(scene)
-    return formulas.own_rows if formulas else {}

@@ -188,3 +188,8 @@ class BodyAtStart:
         q, _ = self.rotation
         drive, damping = interpreted(fixed_axis.drive_and_damping_rate)(self.z, self.axis, q, self.body, self.loads)
         return drive != 0.0 or damping != 0.0
+
+
+def size_of_block(block: slice) -> int:
+    """Return how many numbers a block has."""
+    return int(block.stop - block.start)

@@ -6,7 +6,8 @@ from typing import Any
 from rbfmu.formulas.motion import CONSTANT, by_element
 from rbfmu.formulas.program import program
 from rbfmu.formulas.source import source_over
-from rbfmu.models.formulas import FormulaModel, size_of_block
+from rbfmu.models.formulas import FormulaModel
+from rbfmu.models.model_buffer import size_of_block
 from rbfmu_kernels import buffer
 from rbfmu_kernels.body import memory
 from rbfmu_kernels.models import model_named

@@ -14,8 +14,7 @@ import numpy as np
 from rbfmu.formulas.dual import jacobian, variables
 from rbfmu.formulas.graph import Number, Symbol, gradient
 from rbfmu.formulas.motion import CONSTANT, STATE, by_element
-from rbfmu.formulas.program import program
-from rbfmu.formulas.source import WIDTH, layout_of
+from rbfmu.formulas.program import WIDTH, layout_of, program
 from rbfmu.models.formulas import FormulaModel, texts_of
 from rbfmu.models.model_buffer import BLOCKS, SIZE
 from rbfmu.scene.scene import Scene

@@ -1,6 +1,6 @@
 """Models of formulas for loads, states and outputs: Taylor series of all that outputs depend on, in steps of their own.
 
-What stands here are templates: `make_formulas` binds them to one scene's generated kernels (`constants`, `first`,
+What stands here are templates: `formula_models` binds them to one scene's generated kernels (`constants`, `first`,
 `further`, `values`) and to the places of its numbers. A series serves as many communication steps as it reaches over
 while inputs hold, so that an output is an evaluation. Its reach is where its last two terms are within the tolerance
 (A. Jorba & M. Zou, Experimental Mathematics 14, 2005): of the attitude in rad, of other states relative to the largest
@@ -13,7 +13,6 @@ from typing import Any
 
 from ..body import driven, memory
 from ..body.outputs import outputs
-from ..body.shell import Lanes, Model, bind, initialize, step
 from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED
 from ..buffer_access import copy_numbers, pair_at, put_pair_at, put_quaternion_at, quaternion_at
 from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, put_lanes
@@ -24,7 +23,6 @@ from ..numerics.elementary import exponential, logarithm
 from ..rotations.quaternion import normalize
 from ..types import Buffer
 from . import formula_events as events
-from . import formula_lanes as lanes_of_formulas
 from . import formula_variations as variations
 from .formula_lanes import PENDING
 
@@ -378,27 +376,7 @@ def outputs_over(z: Buffer) -> int:
     return refresh(z) or values(z)  # type: ignore[no-any-return]
 
 
-def make_over(
-    constant: str,
-    base: Model,
-    layout: tuple[dict[str, slice], int],
-    generated: Mapping[str, Callable[..., Any]],
-    places: Mapping[str, Any],
-) -> Model:
-    """Return the model of own outputs over a closed form, whose blocks the layout begins with; else as below."""
-    own = {**places, **generated, "begin": base.initialize, "advance": base.step, "refresh": base.outputs}
-    return Model(
-        f"formulas.{constant}",
-        *layout,
-        initialize=bind(initialize_over, __name__, constant, **own),
-        step=bind(step_over, __name__, constant, **own),
-        outputs=bind(outputs_over, __name__, constant, **own),
-        output_rates=base.output_rates,
-        feedthrough=generated["feedthrough"],
-    )
-
-
-_TEMPLATES: Mapping[str, Callable[..., Any]] = {
+TEMPLATES: Mapping[str, Callable[..., Any]] = {
     **events.TEMPLATES,
     **variations.TEMPLATES,
     "excess_at": excess_of,
@@ -419,46 +397,3 @@ _TEMPLATES: Mapping[str, Callable[..., Any]] = {
     "advance_anew": advance_by_series,
 }
 """In an order in which each is bound before those that call it."""
-
-
-def make_formulas(
-    constant: str,
-    layout: tuple[dict[str, slice], int],
-    generated: Mapping[str, Callable[..., Any]],
-    places: Mapping[str, Any],
-) -> Model:
-    """Return the model of one scene's formulas.
-
-    constant: a name that no other scene's formulas have; generated: its kernels, by name; places: what the templates'
-    globals are.
-    """
-    own = _bound(constant, {**places, **generated})
-    own_set_up = bind(set_up_formulas, __name__, constant, **own)
-    own_advance = bind(advance_formulas, __name__, constant, **own)
-    return Model(
-        f"formulas.{constant}",
-        *layout,
-        initialize=bind(initialize, __name__, constant, set_up=own_set_up),
-        step=bind(step, __name__, constant, advance=own_advance),
-        outputs=bind(outputs_now, __name__, constant, **own),
-        feedthrough=generated["feedthrough"],
-        ORDERS=ORDERS,
-    )
-
-
-def _bound(constant: str, own: dict[str, Any], templates: Mapping[str, Callable[..., Any]] = _TEMPLATES) -> Any:
-    for name, template in templates.items():
-        own[name] = bind(template, __name__, constant, **own)
-    return own
-
-
-def make_lanes(model: Model, own: Mapping[str, Any], constant: str, wide: Mapping[str, Any]) -> Lanes:
-    """Return what runs many bodies of a model at once.
-
-    own: the kernels and places that `make_formulas` was given; constant: a name that no others have; wide: the kernels
-    of series over numbers of several bodies, by name, and WIDE_ROW, the length of a row there.
-    """
-    found = _bound(model.name.partition(".")[2], {**own}) | wide | {"initialize": model.initialize}
-    found = _bound(constant, found, lanes_of_formulas.TEMPLATES)
-    scratch = own["ROWS"] + wide["WIDE_ROW"] * (max(ORDERS) + 1)
-    return Lanes(found["run_in_four"], found["run_in_eight"], 8 * scratch, IN_STEP=False)

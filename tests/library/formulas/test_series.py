@@ -9,8 +9,8 @@ from scipy.interpolate import CubicSpline
 
 from rbfmu.formulas.graph import Graph, Symbol, gradient
 from rbfmu.formulas.meaning import Table, value_of
-from rbfmu.formulas.program import program
-from rbfmu.formulas.source import layout_of, source_of
+from rbfmu.formulas.program import layout_of, program
+from rbfmu.formulas.source import source_of
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.integrators import formula_reference as reference
 
