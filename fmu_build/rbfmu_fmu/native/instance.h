@@ -65,7 +65,8 @@ int fresh(Instance *m, const char *call);
 int fit(Instance *m, const char *call, const unsigned v[], size_t n, size_t n_values);
 
 /* Whether variables may be read or set: in an intermediate update only some may; if not, refuse. */
-int exchanged(Instance *m, const char *call, const unsigned v[], size_t n, Update how);
+int exchanged_in_update(Instance *m, const char *call, const unsigned v[], size_t n, Update how);
+#define exchanged(m, call, v, n, how) ((m)->update == NO_UPDATE || exchanged_in_update(m, call, v, n, how))
 
 void *allocate(const Host *host, size_t size);
 void release(const Host *host, void *memory);

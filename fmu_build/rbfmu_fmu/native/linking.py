@@ -19,7 +19,7 @@ FMI_HEADERS = Path(str(find_spec("fmpy").origin)).parent / "c-code"  # type: ign
 HEADERS = ("cosimulation.h", "instance.h", "model.h")
 """The headers of `native/`, which stand beside every C source when it is compiled."""
 
-ANY_VERSION = ("derivatives.c", "messages.c", "saved_states.c", "steps.c", "values.c")
+ANY_VERSION = ("values.c", "steps.c", "derivatives.c", "messages.c", "saved_states.c")
 """The C sources of an FMU that know no version of FMI."""
 
 EXPORTS = ("exports.c",)

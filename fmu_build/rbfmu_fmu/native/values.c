@@ -26,8 +26,7 @@ int fit(Instance *m, const char *call, const unsigned v[], size_t n, size_t n_va
     return n_values == expected || !refuse(m, call, "%zu values: expected %zu", n_values, expected);
 }
 
-int exchanged(Instance *m, const char *call, const unsigned v[], size_t n, Update how) {
-    if (m->update == NO_UPDATE) return 1;
+int exchanged_in_update(Instance *m, const char *call, const unsigned v[], size_t n, Update how) {
     for (size_t i = 0; i < n; i++)
         if (m->update != how || !m->intermediate[v[i]])
             return !refuse(m, call, "%s cannot be %s in this intermediate update", named(v[i]).text,
