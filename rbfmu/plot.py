@@ -38,15 +38,13 @@ class Picture(Figure):
 
 def plot_result(result: Rows, path: str | Path | None = None, title: str = "") -> Figure:
     """Draw one panel for each quantity over time, to a file too where a path is given; return the figure."""
-    figure = Picture(figsize=(8.0, 1.2 + 1.9 * len(result.quantities)), layout="constrained")
-    panels = figure.subplots(len(result.quantities), 1, sharex=True, squeeze=False)[:, 0]
+    figure, panels = _panels(len(result.quantities), height=1.9)
     for axes, (name, values) in zip(panels, result.quantities.items(), strict=True):
         row = result.rows[name]
         turn = 2.0 * math.pi if row.unit == "rad" else math.inf
         draw_components(axes, result.time, values, row.components, turn)
         axes.set_ylabel(quantity_label(row), fontsize=9)
     _mark_events(panels, getattr(result, "events", {}))
-    panels[-1].set_xlabel("time (s)")
     figure.suptitle(title, fontsize=11)
     return with_file(figure, path)
 
@@ -58,8 +56,7 @@ def plot_changes(
     title: str = "",
 ) -> Figure:
     """Draw a panel for each output: how far it moves (times,) as each key's numbers change by 1 %, on a log scale."""
-    figure = Picture(figsize=(8.0, 1.2 + 2.2 * len(changes)), layout="constrained")
-    panels = figure.subplots(len(changes), 1, sharex=True, squeeze=False)[:, 0]
+    figure, panels = _panels(len(changes), height=2.2)
     for axes, (name, lines) in zip(panels, changes.items(), strict=True):
         for k, (key, sizes) in enumerate(lines.items()):
             style = ("-", "--", ":")[k // len(COLORS) % 3]
@@ -71,15 +68,13 @@ def plot_changes(
         open_frame(axes, grid=True)
         axes.margins(x=0.0)
     panels[0].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=9)
-    panels[-1].set_xlabel("time (s)")
     figure.suptitle(f"{title}: change by 1 % of each key's numbers (0.01 of what is zero)".lstrip(": "), fontsize=10)
     return with_file(figure, path)
 
 
 def plot_residuals(time: Array, rows: Mapping[str, Array], path: str | Path | None = None, title: str = "") -> Figure:
     """Draw a panel for each output: what was measured less what was fitted (times, k), over its noise."""
-    figure = Picture(figsize=(8.0, 1.2 + 2.0 * len(rows)), layout="constrained")
-    panels = figure.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]
+    figure, panels = _panels(len(rows), height=2.0)
     for axes, (name, values) in zip(panels, rows.items(), strict=True):
         far = 6.0
         for k, column in enumerate(values.T):
@@ -90,9 +85,16 @@ def plot_residuals(time: Array, rows: Mapping[str, Array], path: str | Path | No
         axes.set_ylabel("attitude" if name == "quaternion" else name, fontsize=9)
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=9)
         open_frame(axes)
-    panels[-1].set_xlabel("time (s)")
     figure.suptitle(f"{title}: measured less fitted, in standard deviations; beyond 6 at the edge", fontsize=10)
     return with_file(figure, path)
+
+
+def _panels(count: int, height: float) -> tuple[Picture, Any]:
+    """Return a figure, and its panels one below the other, which share the axis of time."""
+    figure = Picture(figsize=(8.0, 1.2 + height * count), layout="constrained")
+    panels = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+    panels[-1].set_xlabel("time (s)")
+    return figure, panels
 
 
 def _mark_events(panels: Any, events: Mapping[str, Any]) -> None:

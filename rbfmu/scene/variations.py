@@ -184,7 +184,9 @@ class _Reader:
         if self.key in readers:
             return readers[self.key]()
         if is_own(self.key):
-            return self._distribution(self.path, self.value, self.key, Numbers((3,) if _has_lists(self.value) else ()))
+            given = self.value.items() if isinstance(self.value, Mapping) else ()
+            vector = any(_nested(x, 1 if kind == RELATIVE else 2) for kind, x in given)
+            return self._distribution(self.path, self.value, self.key, Numbers((3,) if vector else ()))
         if self.key not in RULES:
             return self._refuse_key()
         return self._distribution(self.path, self.value, self.key, RULES[self.key])
@@ -265,7 +267,7 @@ class _Reader:
         found: Found = (), ""
         if set(value) != {AXES}:
             kind = next((kind for kind in DISTRIBUTIONS if kind in value), "")
-            shape = (3, 3) if kind and _has_rows(value[kind]) else (3,)
+            shape = (3, 3) if kind and _nested(value[kind], 3) else (3,)
             if len(shape) == 2 and AXES in value:
                 self.refuse(value, f"principal moments, or no {AXES}: a matrix has its axes")
             found = self._distribution(self.path, value, INERTIA, Numbers(shape, "kg m2"), beside=(AXES,))
@@ -302,12 +304,17 @@ class _Reader:
         """Return the marginals of a rotation vector, given their standard deviations."""
         path = f"{self.path}.{name}"
         rule = Numbers((3,), unit, " >= 0: standard deviations, or one for all", not_negative)
-        try:
-            spread = components(_read(rule, value, True), (3,))
-        except ValueError as error:
-            return self.refuse(value, str(error), path)[0]
+        spread = self._constants(path, value, rule, one_for_all=True)
         names = component_names(f"{self.key}.{name}", (3,))
-        return tuple(Marginal(n, NORMAL, (0.0, s)) for n, s in zip(names, spread, strict=True))
+        return tuple(Marginal(n, NORMAL, (0.0, s)) for n, s in zip(names, spread, strict=False))
+
+    def _constants(self, path: str, value: Any, rule: Numbers, one_for_all: bool = False) -> list[float]:
+        """Return a key's numbers one after another, none where they are refused."""
+        try:
+            return components(_read(rule, value, one_for_all), rule.shape)
+        except ValueError as error:
+            self.refuse(value, str(error), path)
+            return []
 
     def _shape(self) -> Found:
         value = self.value
@@ -328,11 +335,8 @@ class _Reader:
         path, name = f"{self.path}.{key}", f"{SHAPE}.{key}"
         if isinstance(value, Mapping):
             return self._distribution(path, value, name, rule, relative=False)[0]
-        try:
-            row = components(rule(value), rule.shape)
-        except ValueError as error:
-            return self.refuse(value, str(error), path)[0]
-        return tuple(Marginal(n, FIXED, (x,)) for n, x in zip(component_names(name, rule.shape), row, strict=True))
+        row = self._constants(path, value, rule)
+        return tuple(Marginal(n, FIXED, (x,)) for n, x in zip(component_names(name, rule.shape), row, strict=False))
 
 
 def _read(rule: Numbers, value: Any, one_for_all: bool) -> Any:
@@ -343,15 +347,6 @@ def _read(rule: Numbers, value: Any, one_for_all: bool) -> Any:
     return rule(value)
 
 
-def _has_lists(value: Any) -> bool:
-    """Return whether a distribution's arguments are vectors; of a relative one its only argument."""
-    given = value.values() if isinstance(value, Mapping) else ()
-    return any(
-        isinstance(x, list | tuple) and (key == RELATIVE or any(isinstance(item, list | tuple) for item in x))
-        for key, x in zip(value, given, strict=False)
-    )
-
-
-def _has_rows(value: Any) -> bool:
-    items = value if isinstance(value, list | tuple) else ()
-    return any(isinstance(row, list | tuple) for item in items if isinstance(item, list | tuple) for row in item)
+def _nested(value: Any, levels: int) -> bool:
+    """Return whether lists stand within lists, so many levels deep."""
+    return isinstance(value, list | tuple) and (levels == 1 or any(_nested(item, levels - 1) for item in value))

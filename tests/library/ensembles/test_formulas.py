@@ -79,6 +79,7 @@ def test_other_processes_give_the_same_bits_and_a_store_is_read_again(kind, scen
     ({"constants.m": {"normal": [1.0, 0.1]}}, "distributions of 3 numbers"),
     ({"constants.m": {"relative": [0.1] * 3}}, "relative to numbers that are not 0"),
     ({"constants.d": {"normal": 3.0}}, "mean, standard deviation"),
+    ({"constants.d": 0.02}, "expected a table with one of normal"),
 ])  # fmt: skip
 def test_wrong_keys_of_ones_own_are_refused(vary, said):
     with pytest.raises(rbfmu.SceneError, match=said):
