@@ -1,7 +1,9 @@
 """What is drawn: each member by seed and number alone, distributions as their textbooks have them."""
 
 import math
+import platform
 import sys
+from statistics import NormalDist
 
 import numpy as np
 import pytest
@@ -124,6 +126,14 @@ def test_values_are_distributed_as_stated(distribution, expected, design):
     assert stats.kstest(found, expected.cdf).pvalue > LIKELY
     if design == "latin_hypercube":  # one in each of as many equal shares
         assert sorted(np.floor(4096 * expected.cdf(found))) == list(range(4096))
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="elsewhere compilers of Python fuse sums and products")
+def test_normal_scores_have_the_bits_of_pythons_own():
+    middle = [0.075, 0.5, 0.925]
+    edges = [x for m in middle for x in (np.nextafter(m, 0.0), m, np.nextafter(m, 1.0))]
+    u = np.concatenate([edges, [1e-300, 2.0**-54, 1.0 - 2.0**-53], np.random.default_rng(1).random(20_000)])
+    np.testing.assert_array_equal(normal_scores(u), [NormalDist().inv_cdf(x) for x in u.tolist()])
 
 
 def test_normal_scores_are_those_of_scipy():
