@@ -192,19 +192,21 @@ def test_rows_of_peers_are_quoted_with_every_accuracy() -> None:
 
 
 def test_who_is_ahead_where_is_what_the_readme_says() -> None:
-    """With few outputs nobody is ahead of plans; with many some at 1e-3, and heyoka.py with torques in b."""
+    """With few outputs nobody is ahead of plans; with many LSODA at 1e-3, and heyoka.py with the thruster."""
     behind = [row for row in record.read("peers")[1] if row["even"] == "False"]
     behind = [row for row in behind if not float(row["seconds"]) < float(row["peer_seconds"])]
     assert all(int(row["outputs"]) > CASES[row["case"]].outputs for row in behind)
     coarse = [row for row in behind if float(row["accuracy"]) == 1e-3]
-    assert {(row["case"], row["peer"]) for row in coarse if row["peer"] != "numbalsoda LSODA"} == {("c'", "heyoka.py")}
-    assert all(float(row["peer_seconds"]) >= 0.64 * float(row["seconds"]) for row in coarse)
+    assert {row["peer"] for row in coarse} == {"numbalsoda LSODA"}
+    assert all(float(row["peer_seconds"]) >= 0.66 * float(row["seconds"]) for row in coarse)
     others = [row for row in behind if float(row["accuracy"]) != 1e-3]
-    assert {("f", "heyoka.py")} <= {(row["case"], row["peer"]) for row in others} <= {(c, "heyoka.py") for c in "df"}
-    assert all(float(row["peer_seconds"]) >= 0.8 * float(row["seconds"]) for row in others)
+    assert {(row["case"], row["peer"]) for row in others} == {("f", "heyoka.py")}
+    assert all(float(row["peer_seconds"]) >= 0.87 * float(row["seconds"]) for row in others)
     many = [row for row in record.read("peers")[1] if int(row["outputs"]) > CASES[row["case"]].outputs]
     sure = [row for row in many if "**" in pages.times(row)]
-    assert [(row["case"], float(row["accuracy"])) for row in sure] == []
+    assert [
+        (row["case"], float(row["accuracy"])) for row in sure if float(row["seconds"]) > float(row["peer_seconds"])
+    ] == []
 
 
 @pytest.mark.thorough
