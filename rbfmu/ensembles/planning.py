@@ -98,7 +98,7 @@ def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) 
 
 
 def _by_series(scene: Scene, judges: list[Judge]) -> tuple[bool, Plan | None]:
-    """Return whether series serve alone, and those that are fitted to all members together, if any are tight enough.
+    """Return whether series were fitted to pilots together, and those that hold for all members, if any do.
 
     Where the worst member asks for a far tighter tolerance than pilots do, another order is the cheapest.
     """
