@@ -131,7 +131,7 @@ def run_chunk(work: Work, index: int) -> Chunk:
     summed = work.keeps(STATISTICS) and not work.keeps(ALL)
     ends_alone = not (work.keeps(STATISTICS) or work.keeps(ALL))
     rows, events, failed = run_samples(work, samples, ends_alone, new_rows if not summed else _ROOM.rows)
-    good = np.array([i for i in range(count) if i not in failed], dtype=np.int64)
+    good = _all_but(failed, count)
     summary = None
     if work.keeps(STATISTICS):
         sample = sample_of(rows, good, first, work.columns, work.share)
@@ -163,6 +163,11 @@ def new_rows(*shape: int) -> Array:
     return np.empty(shape)
 
 
+def _all_but(failed: Mapping[int, str], count: int) -> Indices:
+    """Return the rows of the members that did not fail."""
+    return np.delete(np.arange(count), [*failed])
+
+
 def run_samples(
     work: Work, samples: Samples, ends_alone: bool, room: Callable[..., Array] = new_rows
 ) -> tuple[Array, dict[str, Any], dict[int, str]]:
@@ -175,7 +180,7 @@ def run_samples(
     steps, count = drive_of(work.scene, {}, HOLD).lengths, len(samples)
     points = 1 if ends_alone else len(steps) + 1
     failed = refusals(work.scene, samples)
-    which = np.array([i for i in range(count) if i not in failed], dtype=np.int64)
+    which = _all_but(failed, count)
     noted, said = np.zeros((count, 2 * len(work.scene.events))), dict[int, str]()
     rows = np.empty((0, points, work.columns.width))
     if len(which):

@@ -18,7 +18,7 @@ from rbfmu.ensembles.variables import Columns
 from rbfmu.models.registry import LOADED_TAYLOR
 from rbfmu.planning.fitting import REACHED
 from rbfmu.planning.judge import Judge
-from rbfmu.planning.methods import TIGHTEST, likely_order, ratio_to, series_cost, series_plan, whole_series, with_cost
+from rbfmu.planning.methods import TIGHTEST, likely_order, ratio_to, series_cost, series_of_all, series_plan
 from rbfmu.runs.motion import FLOORS
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.runs.time_grid import communication_steps
@@ -61,11 +61,7 @@ def fit_of_members(judges: Sequence[Judge], general: Plan, highest: int, part: f
     None where no tolerance is tight enough.
     """
     asked = judges[0].asked
-    tight = whole_series(asked.scene, MAX_ORDER - 4, TIGHT)
-    if judges[0].try_out(tight)[0] <= LITTLE * asked.accuracy:  # else all are followed in double-double arithmetic
-        for judge in judges[1:]:
-            judge.follow_by(whole_series(judge.scene, tight.order, TIGHT))
-    looser = replace(general, tolerance=LOOSER * asked.accuracy)
+    looser, steps = replace(general, tolerance=LOOSER * asked.accuracy), communication_steps(asked.scene)
 
     def worst(plan: Plan, of: Sequence[Judge]) -> tuple[float, float]:
         found = [judge.try_out(plan) for judge in of]
@@ -80,7 +76,7 @@ def fit_of_members(judges: Sequence[Judge], general: Plan, highest: int, part: f
         order, idle, tolerance = likely.order + min(way, 0), 0, likely.tolerance
         while 6 <= order <= highest and idle < 2:
             found, tolerance, substeps = _loosest(lambda plan: worst(plan, hard), looser, order, tolerance, bound)
-            cost = series_cost(order, asked.load_shares) * substeps * at_bound(found, bound)
+            cost = series_cost(order, asked.load_shares) * at_bound(found, bound, substeps, steps)
             idle = idle + 1 if found is None or cost >= least else 0
             if found is not None and cost < least:
                 best, least = found, cost
@@ -90,13 +86,31 @@ def fit_of_members(judges: Sequence[Judge], general: Plan, highest: int, part: f
     found, _, substeps = _loosest(lambda plan: worst(plan, judges), looser, best.order, best.tolerance, bound)
     if found is None:
         return None
-    steps = communication_steps(asked.scene)
     return replace(found, cost=series_cost(found.order, asked.load_shares) * substeps / steps)
 
 
-def at_bound(found: Plan | None, bound: float) -> float:
-    """Return what substeps are to be multiplied by where the error is the bound: it goes with their length^order."""
-    return (max(found.error, TINY) / bound) ** (1.0 / found.order) if found else 1.0
+def follow_in_doubles(judges: Sequence[Judge]) -> None:
+    """Take tight series of two orders for the truth, where these agree: what they differ by is mostly round-off.
+
+    Else all are followed in double-double arithmetic, which takes as long as all else here.
+    """
+    for judge in judges:
+        judge.follow_by(series_of_all(judge.asked, MAX_ORDER - 4, TIGHT))
+        if judge.try_out(series_of_all(judge.asked, MAX_ORDER - 8, TIGHT))[0] > LITTLE * judge.asked.accuracy:
+            for one in judges:
+                one.forget()
+            return
+
+
+def at_bound(found: Plan | None, bound: float, substeps: float, steps: int) -> float:
+    """Return the substeps where the error is the bound: it goes with their length^order.
+
+    They are whole ones in each communication step, but for series that serve many of these.
+    """
+    if found is None:
+        return math.inf
+    fewer: float = substeps * (max(found.error, TINY) / bound) ** (1.0 / found.order)
+    return fewer if substeps < steps else steps * math.ceil(fewer / steps)
 
 
 def _loosest(
@@ -128,7 +142,7 @@ def highest_in_lanes(judges: list[Judge], general: Plan) -> int:
     return HIGHEST
 
 
-class _Scouts:
+class Scouts:
     """Many more members than pilots, whose errors tell of those of all: runs beside a far tighter tolerance.
 
     Errors of a few pilots say little of the worst of many members, which may come near to where nearly equal starts
@@ -142,7 +156,12 @@ class _Scouts:
         most = min(int(MOST_BYTES / (8.0 * self.columns.width * (steps + 1))), int(1e9 * SECONDS / (plan.cost * steps)))
         cube = draws.at_random(ensemble_of(scene), 0, max(min(most, SCOUTS), FEWEST), APART)
         self.samples = samples_at(self.scene, cube)
-        self.truth = self._run(replace(plan, tolerance=TIGHTER * plan.tolerance, order=min(plan.order + 2, MAX_ORDER)))
+        self.exact = replace(plan, tolerance=TIGHTER * plan.tolerance, order=min(plan.order + 2, MAX_ORDER))
+        self.truth = self._run(self.exact)
+
+    def tell_of(self, plan: Plan) -> bool:
+        """Return whether they were followed by series much tighter than a plan."""
+        return self.exact.tolerance <= LITTLE * plan.tolerance
 
     def _run(self, plan: Plan) -> Array:
         return run_samples(Work(self.scene, plan, len(self.samples)), self.samples, ends_alone=False)[0]
@@ -152,13 +171,12 @@ class _Scouts:
         return likely_worst(_errors(self.columns, self._run(plan), self.truth), MEMBERS)
 
 
-def for_the_worst(scene: Scene, fitted: Plan, pilot: Judge) -> Plan | None:
+def for_the_worst(scouts: Scouts, fitted: Plan) -> Plan | None:
     """Return series with their likely error, at a tolerance with which the worst of all members meets the accuracy.
 
     None where none is likely to.
     """
-    accuracy, found, kept = scene.run.accuracy, fitted, None
-    scouts = _Scouts(scene, with_cost(pilot.asked, fitted), pilot.names)
+    accuracy, found, kept = scouts.scene.run.accuracy, fitted, None
     least, pilots = max(1e-3 * found.tolerance, TIGHTEST), max(found.error, TINY) / found.tolerance
     most = min(REACHED / pilots, LOOSER) * accuracy  # the farthest pilot meets it as well
     while found.tolerance >= least:
@@ -188,7 +206,7 @@ def with_likely_error(scene: Scene, found: Plan, names: tuple[str, ...]) -> Plan
     """Return the plan of series with the error that the worst of all members is likely to have."""
     if found.model != LOADED_TAYLOR.key:
         return found
-    return replace(found, error=max(found.error, _Scouts(scene, found, names).likely_worst(found)))
+    return replace(found, error=max(found.error, Scouts(scene, found, names).likely_worst(found)))
 
 
 def likely_worst(errors: Array, runs: int) -> float:

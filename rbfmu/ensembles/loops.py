@@ -195,11 +195,12 @@ def run_in_lanes(kernels: Any, members: Members, control: Any, driving: Driving,
         return False
     if kernels.lanes().IN_STEP and not _are_alike(driving):
         return False
-    run, signature, room = _lanes_of(kernels, min(AT_ONCE, len(members.values)), len(driving.start))
+    run, signature = _lanes_of(kernels)
     if not (compile_now or has_code(run, signature)):
         return False
     _compile(run, signature)
     run.disable_compile()  # whatever the controller, it is called by its address
+    room = _room_of_lanes(kernels, min(AT_ONCE, len(members.values)), len(driving.start))
     run(control, members, driving, _room(members, driving), *room)
     return True
 
@@ -211,13 +212,19 @@ def _are_alike(driving: Driving) -> bool:
     return bool((counts == counts[0]).all() and (lengths == lengths[0]).all())
 
 
-def _lanes_of(kernels: Any, count: int = 2, states: int = 0) -> tuple[Any, tuple[Any, ...], tuple[Any, ...]]:
-    """Return the function that runs members side by side, its arguments' types, and room for so many at a time."""
-    found, width = kernels.lanes(), widest()
-    size, count = -(-kernels.SIZE // _CACHE_LINE) * _CACHE_LINE, max(count, width)
+@cache
+def _lanes_of(kernels: Any) -> tuple[Any, tuple[Any, ...]]:
+    """Return the function that runs members side by side, and its arguments' types."""
+    found = kernels.lanes()
+    run = found.run_in_eight if widest() == 8 else found.run_in_four
+    return run, (*_GIVEN, *map(typeof, _room_of_lanes(kernels, 2, 0)))
+
+
+def _room_of_lanes(kernels: Any, count: int, states: int) -> tuple[Array, ...]:
+    """Return room for so many members at a time, whose controllers have so many numbers of their own."""
+    size, count = -(-kernels.SIZE // _CACHE_LINE) * _CACHE_LINE, max(count, widest())
     buffers = aligned_zeros(count * size).reshape(count, size)[:, : kernels.SIZE]
-    room = buffers, np.empty((count, states)), np.zeros((count, MARKS)), aligned_zeros(found.SCRATCH)
-    return found.run_in_eight if width == 8 else found.run_in_four, (*_GIVEN, *map(typeof, room)), room
+    return buffers, np.empty((count, states)), np.zeros((count, MARKS)), aligned_zeros(kernels.lanes().SCRATCH)
 
 
 def _compile(run: Any, signature: tuple[Any, ...]) -> None:
@@ -235,7 +242,7 @@ def compile_lanes(kernels: Any) -> Thread | None:
     """
     if not kernels.lanes or config.DISABLE_JIT:
         return None
-    run, signature, _ = _lanes_of(kernels)
+    run, signature = _lanes_of(kernels)
     if run not in _COMPILING:
         _COMPILING[run] = Thread(target=_compile, args=(run, signature))
         _COMPILING[run].start()

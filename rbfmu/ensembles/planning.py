@@ -22,8 +22,10 @@ from rbfmu.ensembles.fitting import (
     DEARER,
     MEMBERS,
     PART,
+    Scouts,
     dearest,
     fit_of_members,
+    follow_in_doubles,
     for_the_worst,
     highest_in_lanes,
     with_likely_error,
@@ -38,6 +40,7 @@ from rbfmu.planning.judge import Judge
 from rbfmu.planning.methods import TIGHTEST, ever_tighter, whole_series, with_cost
 from rbfmu.planning.select import series_serve_alone
 from rbfmu.runs.plan import Plan
+from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.consistency import warn
 from rbfmu.scene.ensemble import SOBOL
 from rbfmu.scene.scene import Scene, SceneError, faults_of
@@ -107,9 +110,14 @@ def _by_series(scene: Scene, judges: list[Judge]) -> tuple[bool, Plan | None]:
             return False, None
         asked = judges[0].asked
         general = replace(whole_series(scene, 0, scene.run.accuracy), pinned=asked.pinned)
-        highest, part, found = highest_in_lanes(judges, general), PART, None
+        if communication_steps(scene) == 1:  # which no series has to serve beyond: members go side by side
+            general = replace(general, substep=scene.run.step)
+        follow_in_doubles(judges)
+        highest, part, found, scouts = highest_in_lanes(judges, general), PART, None, None
         while fitted := fit_of_members(judges, general, highest, part):
-            found = for_the_worst(scene, fitted, judges[0])
+            if scouts is None or not scouts.tell_of(fitted):
+                scouts = Scouts(scene, with_cost(asked, fitted), judges[0].names)
+            found = for_the_worst(scouts, fitted)
             if found is None:
                 return True, None
             found = with_cost(asked, cheap := dearest(judges, found))

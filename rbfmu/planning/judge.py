@@ -111,6 +111,11 @@ class Judge:
         names = tuple(dict.fromkeys((*self.names, "omega_b")))
         self.__dict__["motion"] = self.motion_by(plan, names)
 
+    def forget(self) -> None:
+        """Leave the truth to be found anew."""
+        for name in ("motion", "truth", "floors"):
+            self.__dict__.pop(name, None)
+
     def error_if_soon(self, plan: Plan, otherwise: float = 0.0) -> float:
         """Return the plan's error where the truth takes no more than seconds."""
         return otherwise if self._exact is None else self.try_out(plan)[0]

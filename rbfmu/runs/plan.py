@@ -35,12 +35,12 @@ BLOCK_OF = {row.name: row.block for row in IN_BUFFER_ORDER}
 class Plan:
     """What simulates a scene, and why.
 
-    substep: s, infinite where the method chooses or needs none; tolerance: largest estimated error of a substep, or of
-    all substeps of a run of `span` s together where that is not 0; 0 where none is estimated; order: of the splitting
-    or of the series, 0 where there is none; formulas: those of the scene, if it has any; pinned: parameters by whose
-    values the model was judged, so that an importer must not change them; error: the largest that is expected, as the
-    scene's `accuracy` counts; cost: ns a communication step in which the outputs asked for are computed, on
-    `methods.MACHINE`.
+    substep: s, infinite where the method chooses or needs none, of series that which is tried first; tolerance: largest
+    estimated error of a substep, or of all substeps of a run of `span` s together where that is not 0; 0 where none is
+    estimated; order: of the splitting or of the series, 0 where there is none; formulas: those of the scene, if it has
+    any; pinned: parameters by whose values the model was judged, so that an importer must not change them; error: the
+    largest that is expected, as the scene's `accuracy` counts; cost: ns a communication step in which the outputs asked
+    for are computed, on `methods.MACHINE`.
     """
 
     model: str

@@ -1,8 +1,9 @@
 """Models of a body under any of the scene's loads, and of one with two equal moments under those without damping.
 
 `loaded_taylor`: by Taylor series inside a communication step. `tolerance` is the largest estimated error of a substep,
-and `order` is that of the series; both come from the plan. Inputs may change within a step: see `body.driven`. While
-they hold, and steps are short, a series serves many of them: see `integrators.dense_output`.
+`order` is that of the series, and `substep`, where it is not 0, the one that is tried first; they come from the plan.
+Inputs may change within a step: see `body.driven`. While they hold, and steps are short, a series serves many of them:
+see `integrators.dense_output`.
 
 `loaded_splitting`: two equal moments under loads that depend on the attitude alone, such as those of heavy tops, by
 splitting: the loads' impulses between exact flows of the free body.
@@ -31,7 +32,9 @@ _, _BEFORE = places(driven.DRIVEN | {"order": 1} | _DENSE)
 _LOADED_TAYLOR_LAYOUT = places(driven.DRIVEN | {"order": 1} | _DENSE | {"pad_3": -_BEFORE % 8, "work": WORK})
 """The work space begins at a cache line if the buffer does."""
 
-_TOLERANCE, _SPAN, _ORDER, _WORK = _LOADED_TAYLOR_LAYOUT.starts("tolerance", "span", "order", "work")
+_TOLERANCE, _SPAN, _SUBSTEP, _ORDER, _WORK = _LOADED_TAYLOR_LAYOUT.starts(
+    "tolerance", "span", "substep", "order", "work"
+)
 _SERIES, _SERIES_BEFORE, _HELD = _LOADED_TAYLOR_LAYOUT.starts(
     next(iter(dense.SERIES_BLOCKS)), "kept_before", "held_inputs"
 )
@@ -41,6 +44,8 @@ _ROOM = Room(state=memory.STATE_START, work=_WORK, size=driven.STEP_SIZE)
 @kernel
 def _set_up_loaded_taylor(z: Buffer) -> int:
     z[driven.STEP_SIZE] = LONGEST_STEP  # the series themselves say at once how much is too long
+    if z[_SUBSTEP] > 0.0:  # none that serves many steps is tried where it is the whole step
+        z[driven.STEP_SIZE] = z[_SUBSTEP]
     z[_SERIES], z[_SERIES + dense.COOL_DOWN] = dense.NONE, 0.0
     driven.keep_inputs(z, _HELD)
     return 0
