@@ -76,8 +76,9 @@ def fit_of_members(judges: Sequence[Judge], general: Plan, highest: int, part: f
         order, idle, tolerance = likely.order + min(way, 0), 0, likely.tolerance
         while 6 <= order <= highest and idle < 2:
             found, tolerance, substeps = _loosest(lambda plan: worst(plan, hard), looser, order, tolerance, bound)
-            cost = series_cost(order, asked.load_shares) * at_bound(found, bound, substeps, steps)
-            idle = idle + 1 if found is None or cost >= least else 0
+            cost = series_cost(order, asked.load_shares)
+            cost *= at_bound(found, bound, looser.tolerance, substeps, steps) if found else math.inf
+            idle = idle + 1 if cost >= least else 0
             if found is not None and cost < least:
                 best, least = found, cost
             order += way
@@ -102,13 +103,14 @@ def follow_in_doubles(judges: Sequence[Judge]) -> None:
             return
 
 
-def at_bound(found: Plan | None, bound: float, substeps: float, steps: int) -> float:
-    """Return the substeps where the error is the bound: it goes with their length^order.
+def at_bound(found: Plan, bound: float, loosest: float, substeps: float, steps: int) -> float:
+    """Return the substeps where the error is the bound, or the tolerance is the loosest.
 
-    They are whole ones in each communication step, but for series that serve many of these.
+    The error goes with their length^order. They are whole ones in each communication step, but for series that serve
+    many of these.
     """
-    if found is None:
-        return math.inf
+    if found.tolerance >= loosest:
+        return substeps
     fewer: float = substeps * (max(found.error, TINY) / bound) ** (1.0 / found.order)
     return fewer if substeps < steps else steps * math.ceil(fewer / steps)
 

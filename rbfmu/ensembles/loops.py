@@ -17,7 +17,7 @@ from rbfmu.models.model_buffer import aligned_zeros
 from rbfmu.types import Array
 from rbfmu_kernels.body.members import Driving, Members, Room, begin, drive, note, pieces_before, record
 from rbfmu_kernels.compile.decorator import kernel
-from rbfmu_kernels.compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers, widest
+from rbfmu_kernels.compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes, widest
 from rbfmu_kernels.compile.tiered import has_code
 from rbfmu_kernels.models.formula_lanes import MARKS
 from rbfmu_kernels.numerics.elementary import sincos
@@ -75,8 +75,37 @@ def hold(t: float, outputs: Any, state: Any, inputs: Any, noise: Any) -> None:
     """Leave the inputs of members that no controller has as they are."""
 
 
-LANES, ROWS = 16, 8
-"""Sums that are added up side by side, in an order that no processor changes; members that are read side by side."""
+LANES = 16
+"""Sums that are added up side by side, in an order that no processor changes."""
+
+
+@kernel
+def _put_columns(rows: Any, good: Any, first: int, at: Any, x: Any) -> None:
+    """Put numbers of the good members, from a time on, to the places at (p,) of x and after each: see `moments`.
+
+    Four by four; beyond the last member it is once more that one.
+    """
+    count, own, used = len(good), rows.shape[2], len(at)
+    size, last = rows.shape[1] * own, count - 1
+    flat, to = rows.reshape(rows.size), x.reshape(x.size)
+    zero = lanes(0.0, 0.0, 0.0, 0.0)  # which is added as sorting leaves no order to -0 and 0
+    for top in range(0, count, 4):
+        i = good[top] * size + first * own
+        j = good[min(top + 1, last)] * size + first * own
+        k = good[min(top + 2, last)] * size + first * own
+        m = good[min(top + 3, last)] * size + first * own
+        for p in range(0, used - used % 4, 4):
+            a_0, a_1, a_2, a_3 = numbers(add_lanes(lanes_at(flat, i + p), zero))
+            b_0, b_1, b_2, b_3 = numbers(add_lanes(lanes_at(flat, j + p), zero))
+            c_0, c_1, c_2, c_3 = numbers(add_lanes(lanes_at(flat, k + p), zero))
+            d_0, d_1, d_2, d_3 = numbers(add_lanes(lanes_at(flat, m + p), zero))
+            put_lanes(to, at[p] + top, lanes(a_0, b_0, c_0, d_0))
+            put_lanes(to, at[p + 1] + top, lanes(a_1, b_1, c_1, d_1))
+            put_lanes(to, at[p + 2] + top, lanes(a_2, b_2, c_2, d_2))
+            put_lanes(to, at[p + 3] + top, lanes(a_3, b_3, c_3, d_3))
+        for p in range(used - used % 4, used):
+            four = lanes(flat[i + p], flat[j + p], flat[k + p], flat[m + p])
+            put_lanes(to, at[p] + top, add_lanes(four, zero))
 
 
 @kernel
@@ -104,17 +133,10 @@ def moments(rows: Any, good: Any, first: int, angles: Any, pairs: Any, mean: Any
     members, each column a row.
     """
     count, own, width = len(good), rows.shape[2], mean.shape[1]
-    whole = count - count % LANES
-    sums, starts = np.empty(LANES), np.empty(ROWS, np.uint64)
-    flat, size = rows.reshape(rows.size), rows.shape[1] * own
-    for top in range(0, count, ROWS):  # so many rows at a time: what is read and written lies side by side
-        for i in range(ROWS):  # beyond the last member it is once more that one
-            starts[i] = np.uint64(good[min(top + i, count - 1)] * size + first * own)
-        for t in range(len(mean)):
-            for j in range(own):
-                row, place = x[t * width + j], np.uint64(t * own + j)
-                for i in range(ROWS):
-                    row[top + i] = flat[starts[i] + place] + 0.0  # sorting leaves no order to -0 and 0
+    whole, sums, at = count - count % LANES, np.empty(LANES), np.empty(len(mean) * own, np.int64)
+    for p in range(len(at)):
+        at[p] = (p // own * width + p % own) * x.shape[1]
+    _put_columns(rows, good, first, at, x)
     for t in range(len(mean)):
         for j in range(len(angles)):
             for i in range(count):

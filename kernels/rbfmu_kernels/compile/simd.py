@@ -40,6 +40,16 @@ def put_lanes(z: Any, i: int, a: Lanes) -> None:
     z[i], z[i + 1], z[i + 2], z[i + 3] = a
 
 
+def cyclic_at(z: Any, i: int, j: int) -> Lanes:
+    """Return (y, z, x, w) of the numbers (x, y, z, w) at z[i]; these stand at z[j] where no vector has one of each."""
+    return lanes_at(z, j)
+
+
+def put_cyclic(z: Any, j: int, a: Lanes) -> None:
+    """Store what `cyclic_at` reads at z[j], where it does."""
+    put_lanes(z, j, a)
+
+
 def add_lanes(a: Lanes, b: Lanes) -> Lanes:
     """Add lane by lane."""
     return (a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3])
@@ -94,6 +104,14 @@ def _lanes_at(context: Any, builder: Any, signature: Any, args: Any) -> Any:
 def _put_lanes(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     builder.store(args[2], _place(context, builder, signature, args)).align = 8
     return context.get_dummy_value()
+
+
+@register(cyclic_at, lambda z, i, j: _LANES(z, intp, intp) if _are(types.Array, z) else None)
+def _cyclic_at(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    return _lanes_at(context, builder, signature, [args[0], args[2]])
+
+
+register(put_cyclic, lambda z, j, a: types.none(z, intp, a) if _are(types.Array, z) else None)(_put_lanes)
 
 
 def _place(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -270,6 +288,26 @@ def _put_wide_lanes(context: Any, builder: Any, signature: Any, args: Any) -> An
     z, i, four = args
     for k in range(4):
         _store(builder, builder.extract_value(four, k), z, builder.add(i, i.type(k)), signature.args[0].width)
+    return context.get_dummy_value()
+
+
+@register(
+    cyclic_at,
+    lambda z, i, j: types.UniTuple(WideType(z.width), 4)(z, intp, intp) if _are(WideArrayType, z) else None,
+    (WideArrayType, types.Any, types.Any),
+)
+def _wide_cyclic_at(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    z, i, _ = args
+    wide = [_load(builder, z, builder.add(i, i.type(k)), signature.args[0].width) for k in (1, 2, 0, 3)]
+    return context.make_tuple(builder, signature.return_type, wide)
+
+
+@register(
+    put_cyclic,
+    lambda z, j, a: types.none(z, intp, a) if _are(WideArrayType, z) else None,
+    (WideArrayType, types.Any, types.Any),
+)
+def _put_wide_cyclic(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     return context.get_dummy_value()
 
 

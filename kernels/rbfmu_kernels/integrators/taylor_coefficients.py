@@ -4,19 +4,19 @@ There are series of the body rate and of those loads that turn in b to full orde
 attitude, and of the acceleration by a force that turns with the body, as far as `taylor` needs.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..buffer import places
 from ..buffer_access import put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
-from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes
+from ..compile.simd import add_lanes, cyclic_at, lanes, lanes_at, multiply_lanes, numbers, put_cyclic, put_lanes
 from ..compile.wide import all_of
 from ..mechanics.equations_of_motion import Body, LoadPolynomial, Loads, acting_loads, is_changing
 from ..rotations.matrix import transform
 from ..rotations.quaternion import add_scaled_quaternion, compose_quaternions, invert_quaternion, rotate
-from ..rotations.vec3 import add, cross, is_nonzero, scale, subtract
+from ..rotations.vec3 import add, cross, is_nonzero, scale
 from ..types import Buffer, Matrix, Quaternion, Vec3
 
 MAX_ORDER = 24
@@ -73,28 +73,53 @@ def product(series: int, k: int) -> int:
 def put_factors(s: Buffer, i: int, v: Vec3) -> None:
     """Store a vector as both factors of a product, in lanes: what is read as it was written need not be waited for."""
     put_lanes(s, i, lanes(v[0], v[1], v[2], 0.0))
-    put_lanes(s, product(i, 0), lanes(v[1], v[2], v[0], 0.0))
+    put_cyclic(s, i + _SECOND, lanes(v[1], v[2], v[0], 0.0))
+
+
+@kernel
+def _second_at(s: Buffer, i: int) -> Any:
+    """Return a vector as the second factor of a product: (y, z, x, 0)."""
+    return cyclic_at(s, i, i + _SECOND)
 
 
 @kernel
 def _inner_products(s: Buffer, u: int, v: int, k: int) -> Vec3:
-    """Return the sum of u_j v_(k-j), lane by lane, but for its two ends: the newest terms are waited for least."""
+    """Return the sum of u_j and v_(k-j) as second factor, but for its two ends: the newest are waited for least."""
     low = high = lanes(0.0, 0.0, 0.0, 0.0)
     i, j = ROW * ((k + 1) >> 1), ROW * (k >> 1)
     if i == j and k > 0:
-        low = multiply_lanes(lanes_at(s, u + i), lanes_at(s, v + i))
+        low = multiply_lanes(lanes_at(s, u + i), _second_at(s, v + i))
     while i > ROW:
         i, j = i - ROW, j + ROW
-        low = add_lanes(low, multiply_lanes(lanes_at(s, u + i), lanes_at(s, v + j)))
-        high = add_lanes(high, multiply_lanes(lanes_at(s, u + j), lanes_at(s, v + i)))
+        low = add_lanes(low, multiply_lanes(lanes_at(s, u + i), _second_at(s, v + j)))
+        high = add_lanes(high, multiply_lanes(lanes_at(s, u + j), _second_at(s, v + i)))
     x, y, z, _ = numbers(add_lanes(low, high))
     return (x, y, z)
 
 
 @kernel
+def _outer_products(s: Buffer, u: int, v: int, k: int) -> Vec3:
+    """Return the sum of u_j x v_(k-j), as (z, x, y), but for its two ends."""
+    low = high = low_back = high_back = lanes(0.0, 0.0, 0.0, 0.0)
+    i, j = ROW * ((k + 1) >> 1), ROW * (k >> 1)
+    if i == j and k > 0:
+        low = multiply_lanes(lanes_at(s, u + i), _second_at(s, v + i))
+        low_back = multiply_lanes(_second_at(s, u + i), lanes_at(s, v + i))
+    while i > ROW:
+        i, j = i - ROW, j + ROW
+        low = add_lanes(low, multiply_lanes(lanes_at(s, u + i), _second_at(s, v + j)))
+        high = add_lanes(high, multiply_lanes(lanes_at(s, u + j), _second_at(s, v + i)))
+        low_back = add_lanes(low_back, multiply_lanes(_second_at(s, u + i), lanes_at(s, v + j)))
+        high_back = add_lanes(high_back, multiply_lanes(_second_at(s, u + j), lanes_at(s, v + i)))
+    a, b, c, _ = numbers(add_lanes(low, high))
+    d, e, f, _ = numbers(add_lanes(low_back, high_back))
+    return (a - d, b - e, c - f)
+
+
+@kernel
 def _products(s: Buffer, k: int, rate: Vec3, first: Vec3) -> Vec3:
     """Return the k-th coefficients of w_2 w_3, w_3 w_1, w_1 w_2; of omega, the k-th and the first."""
-    v, x, y = _inner_products(s, RATE, product(RATE, 0), k)
+    v, x, y = _inner_products(s, RATE, RATE, k)
     a, b, c = first
     if k == 0:
         return (b * c, c * a, a * b)
@@ -132,7 +157,7 @@ def _gyroscopic_term(s: Buffer, k: int, M: Matrix, products: Vec3) -> Vec3:
 @kernel
 def _cross_term(s: Buffer, u: int, k: int, newest: Vec3, rate: Vec3) -> Vec3:
     """Return the k-th coefficient of u x omega, whose k-th coefficients are given."""
-    v, x, y = subtract(_inner_products(s, u, product(RATE, 0), k), _inner_products(s, product(u, 0), RATE, k))
+    v, x, y = _outer_products(s, u, RATE, k)
     last = cross(vec3_at(s, u), rate)
     return last if k == 0 else add((x, y, v), add(last, cross(newest, vec3_at(s, RATE))))
 

@@ -64,8 +64,8 @@ SCRATCH = WIDEST * (COLUMNS_SIZE + WORK)
 """The numbers of work space that lanes need, at a cache line."""
 IN_STEP = True
 """All are driven in pieces of equal length, as they go on together."""
-_PENDING = -1
-"""The status of a body that is still to be advanced."""
+_PENDING, _LATER = -1, -2
+"""The status of a body that is still to be advanced: with the others of its kind, or after these."""
 _SURELY = 0.95
 """The part of the least reach that pays: where a series is likely to fall short of it, none is tried, lanes serve."""
 
@@ -136,14 +136,17 @@ def advance(buffers: Any, h: float, c: Buffer, s: Buffer, statuses: Any) -> None
     """
     for i in range(len(buffers)):
         if statuses[i] == OK:
-            statuses[i] = _PENDING
-    for i in range(len(buffers)):
-        if statuses[i] == _PENDING:
-            kind = _kind(buffers[i], h)
+            statuses[i] = _LATER
+    for first in range(len(buffers)):
+        if statuses[first] == _LATER:
+            kind = _kind(buffers[first], h)
             if kind[0] == 0:
-                statuses[i] = step(buffers[i], h)
-            else:
-                _advance_kind(buffers, i, h, c, s, statuses, kind)
+                statuses[first] = step(buffers[first], h)
+                continue
+            for i in range(first, len(buffers)):
+                if statuses[i] == _LATER and (i == first or _kind(buffers[i], h) == kind):
+                    statuses[i] = _PENDING
+            _advance_kind(buffers, first, h, c, s, statuses, kind)
 
 
 @kernel(inline=False)
@@ -175,7 +178,7 @@ def _advance_kind(buffers: Any, first: int, h: float, c: Buffer, s: Buffer, stat
     fixed, method = SpaceFixedLoads(lever_force, torque, False), Method(n, order, tolerance, span)
     following, busy = first, 0
     for lane in range(width_of(c)):
-        following, found = _next(buffers, following, h, statuses, kind)
+        following, found = _next(following, statuses)
         _load(buffers[first if found < 0 else found], c, lane, h, found)  # a lane without a body has a copy
         busy += 1 if found >= 0 else 0
     while busy > 0:
@@ -188,7 +191,7 @@ def _advance_kind(buffers: Any, first: int, h: float, c: Buffer, s: Buffer, stat
                 continue
             z = buffers[member]
             statuses[member] = step(z, h) if failed else _unload(z, c, lane, n, h)
-            following, found = _next(buffers, following, h, statuses, kind)
+            following, found = _next(following, statuses)
             if found >= 0:
                 _load(buffers[found], c, lane, h, found)
             else:
@@ -198,10 +201,10 @@ def _advance_kind(buffers: Any, first: int, h: float, c: Buffer, s: Buffer, stat
 
 
 @kernel
-def _next(buffers: Any, i: int, h: float, statuses: Any, kind: Kind) -> tuple[int, int]:
-    """Return where to look next, and the next body of a kind from i on, or -1."""
-    while i < len(buffers):
-        if statuses[i] == _PENDING and _kind(buffers[i], h) == kind:
+def _next(i: int, statuses: Any) -> tuple[int, int]:
+    """Return where to look next, and the next body of the kind from i on, or -1."""
+    while i < len(statuses):
+        if statuses[i] == _PENDING:
             return i + 1, i
         i += 1
     return i, -1
