@@ -165,20 +165,20 @@ class Judge:
         truth = {name: self.truth[name][points] for name in self.names}
         return self._error(plan, steps, truth, parts, absolute)
 
-    def try_all_steps(self, plan: Plan, error: float) -> float:
-        """Return the error with the round-off of all the run's steps, of which `try_out` took several at once.
+    def try_all_steps(self, plan: Plan) -> float:
+        """Return a plan's error with the round-off of all the run's steps, of which `try_out` took several at once.
 
         Of very long runs the first steps are taken, and their round-off is counted for all.
         """
         total, taken = communication_steps(self.scene), len(self.steps)
         parts = round(total / taken)
         if parts <= 1:
-            return error
+            return plan.error
         count = max(min(taken, MAX_COUNTED // parts), 1)
         truth = {name: self.truth[name][: count + 1] for name in self.names}
         together, _ = self._error(plan, self.steps[:count], truth)
         apart, _ = self._error(plan, self.steps[:count], truth, parts)
-        return error + max(apart - together, 0.0) * taken / count
+        return plan.error + max(apart - together, 0.0) * taken / count
 
     def _error(
         self, plan: Plan, steps: list[float], truth: Motion, parts: int = 1, absolute: bool = False

@@ -83,7 +83,7 @@ def _cheapest(judge: Judge, full: bool) -> Plan:
     if asked.scene.body is None:
         return methods.with_cost(asked, prescribed_plan(asked))
     if full:
-        return replace(methods.with_cost(asked, cheapest_fit(judge, _whole(asked))), pinned=asked.pinned)
+        return replace(methods.with_cost(asked, cheapest_fit(judge)), pinned=asked.pinned)
     found = next(filter(None, _smaller(judge)), None) or _of_all_that_moves(judge)
     left_out = say.what_is_left_out(asked, found.spec.force_keeps_direction)
     pinned = found.pinned if found.spec.closed_form else asked.pinned  # a pilot run rests on their values
@@ -111,7 +111,7 @@ def series_serve_alone(judge: Judge) -> bool:
 def _of_one_angle(judge: Judge) -> Plan | None:
     """Return the plan of one angle under forces fixed in space, by the cheapest series that meets the accuracy."""
     asked, spec = judge.asked, registry.ONE_AXIS_TAYLOR
-    found = swinging_fit(judge, Plan(spec.key, "", 0, tolerance=asked.accuracy)) if spec.serves(asked) else None
+    found = swinging_fit(judge) if spec.serves(asked) else None
     why = "rotation: one angle, every load turns the body about one principal axis; 2 of 7 states"
     return replace(found, reasons=(why, *found.reasons)) if found else None
 
@@ -121,7 +121,7 @@ def _of_path_alone(judge: Judge) -> Plan | None:
     asked, spec = judge.asked, registry.FREE_BODY_FORCE
     if not any(asked.scene.loads.force_b) or not asked.translation or not spec.serves(asked):
         return None
-    found = cheapest_quadrature(judge, Plan(spec.key, "", 0, pinned=asked.pinned))
+    found = cheapest_quadrature(judge)
     if found is None or not asked.start.is_symmetric:
         return found
     try:
@@ -132,12 +132,7 @@ def _of_path_alone(judge: Judge) -> Plan | None:
 
 def _of_all_that_moves(judge: Judge) -> Plan:
     """Return the plan of all that moves, by series or splitting."""
-    general = _whole(judge.asked)
-    return cheapest_fit(judge, general, methods.splittings(judge.asked, general))
-
-
-def _whole(asked: Question) -> Plan:
-    return methods.series_of_all(asked, 0, asked.accuracy)
+    return cheapest_fit(judge, methods.splittings(judge.asked))
 
 
 # Inputs that are known
@@ -198,10 +193,10 @@ def without_loops(asked: Question, found: Plan) -> Plan:
 def _tighter(asked: Question, found: Plan) -> Iterator[Plan]:
     """Yield series of ever smaller tolerance, for the whole run."""
     model = methods.series_of_all(asked, 0, 0.0).model
-    general = replace(found, model=model, tolerance=asked.accuracy, substep=math.inf, order=0)
+    general = replace(found, model=model, tolerance=asked.accuracy, substep=math.inf)
     for tolerance in methods.ever_tighter(found.tolerance if found.model == model else asked.accuracy):
         order = max(found.order, methods.likely_order(tolerance))
-        yield replace(methods.series(general, order, asked.load_shares).plan_of(tolerance), span=asked.span)
+        yield replace(methods.series_plan(general, order, tolerance), span=asked.span)
 
 
 def _cost_under(asked: Question, plan: Plan, found: Plan, substeps: float, drive: Drive) -> float:
