@@ -271,25 +271,9 @@ class _Writer:
             return f"choose({self._name(of[0])} > 0.0, {b}, {c})"
         if i not in self._program.slots:
             return self._linear(kind, of, a, b)
-        x = self._first(of[0]) if kind in ("log", "power") else self._first(of[1]) if kind == "divide" else ""
-        p = self._sum(i, 0)
-        match kind:
-            case "multiply":
-                return p
-            case "divide":
-                return f"({a} - {p}) / {x}"
-            case "sqrt":
-                return f"choose({self._first(i)} != 0.0, 0.5 * ({a} - {p}) / {self._first(i)}, 0.0)"
-            case "exp" | "sin":
-                return f"{p} * inverse"
-            case "cos":
-                return f"-{p} * inverse"
-            case "log":
-                return f"({a} - {p} * inverse) / {x}"
-            case "power":
-                return f"({self._name(of[1])} * {p} - {self._sum(i, 1)}) / {x} * inverse"
-        products = f"{p} - {self._sum(i, 1)} - {self._sum(i, 2)}"  # of atan2
-        return f"({products}) / {self._first(of[2])} * inverse"
+        text, divisor = COEFFICIENTS[kind]
+        first = "" if divisor is None else self._first((*of, i)[divisor])
+        return text.format(*(self._sum(i, s) for s in range(3)), a=a, x=first, exponent=self._name(of[-1]))
 
     def _linear(self, kind: str, of: tuple[int, ...], a: str, b: str) -> str:
         """Return the text of a sum, a difference, or a product or quotient with a constant."""
@@ -364,6 +348,21 @@ VALUES = {
     "side": "math.copysign(1.0, {})",
     "select": "choose({0} > 0.0, {1}, {2})",
 }
+
+
+COEFFICIENTS: Mapping[str, tuple[str, int | None]] = {
+    "multiply": ("{0}", None),
+    "divide": ("({a} - {0}) / {x}", 1),
+    "sqrt": ("choose({x} != 0.0, 0.5 * ({a} - {0}) / {x}, 0.0)", -1),
+    "exp": ("{0} * inverse", None),
+    "sin": ("{0} * inverse", None),
+    "cos": ("-{0} * inverse", None),
+    "log": ("({a} - {0} * inverse) / {x}", 0),
+    "power": ("({exponent} * {0} - {1}) / {x} * inverse", 0),
+    "atan2": ("({0} - {1} - {2}) / {x} * inverse", 2),
+}
+"""The k-th coefficients, k > 0, of operations by their sums; a: that of what they are of; x: a first coefficient, and
+of which of these it is, where -1 stands for the operation itself."""
 
 
 def lines_of(
