@@ -12,7 +12,7 @@ import numpy as np
 from rbfmu.models import registry
 from rbfmu.models.disturbances import GROWTH, growth_rate
 from rbfmu.models.question import GROWING, Question
-from rbfmu.models.spec import ModelSpec
+from rbfmu.models.registry import ModelSpec
 from rbfmu.planning import reasons as say
 from rbfmu.planning.judge import Judge, least_sizes, lost_to_cancellation
 from rbfmu.planning.methods import EXACT
@@ -150,10 +150,10 @@ def _may_be_compared(asked: Question) -> bool:
 
 def _may_be_close(asked: Question, spec: ModelSpec, truth: Motion, names: tuple[str, ...]) -> bool:
     """Return whether it is worth running a model, judged by the larger one's motion."""
-    kept = TRANSLATION | CONSERVED if spec.stands_still else set()
+    kept = set() if spec.states else TRANSLATION | CONSERVED
     if growth_rate(asked) * asked.span > GROWTH and not set(names) <= kept:
         return False
-    if spec.stands_still:
+    if not spec.states:
         return _stays(asked, truth, names)
     if spec.rates_from is None:
         return True

@@ -4,7 +4,7 @@ import numpy as np
 
 from rbfmu.models.disturbances import growth_rate
 from rbfmu.models.question import Question
-from rbfmu.models.spec import ModelSpec
+from rbfmu.models.registry import ModelSpec
 from rbfmu.runs.plan import Plan
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.quantities import FORCES, TORQUES
