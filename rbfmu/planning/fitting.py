@@ -59,21 +59,21 @@ class Tried(NamedTuple):
     other: float = 0.0
 
 
-def cheapest_fit(judge: Judge, others: Iterable[Plan] = ()) -> Plan:
+def cheapest_fit(asked: Question, judge: Judge, others: Iterable[Plan] = ()) -> Plan:
     """Return Taylor series of some order, or another method: the cheapest that meets the accuracy.
 
     others: candidates besides series. Raises SceneError where none is accurate enough.
     """
-    if judge.asked.accuracy < SMALLEST:
-        raise refuse_accuracy(judge.asked, REACHED * SMALLEST)
-    search = _Search(judge)
-    return search.plan_of_varying() if judge.asked.varying else search.plan(others)
+    if asked.accuracy < SMALLEST:
+        raise refuse_accuracy(asked, REACHED * SMALLEST)
+    search = _Search(asked, judge)
+    return search.plan_of_varying() if asked.varying else search.plan(others)
 
 
-def swinging_fit(judge: Judge) -> Plan | None:
+def swinging_fit(asked: Question, judge: Judge) -> Plan | None:
     """Return series of one angle that meet the accuracy at the least cost; None where none does."""
-    search = _Search(judge)
-    for candidate in methods.one_axis_series(judge.asked):
+    search = _Search(asked, judge)
+    for candidate in methods.one_axis_series(asked):
         search.fit(candidate, 0.1 * search.accuracy)
     return search.whatever_the_step() if search.met else None
 
@@ -100,10 +100,10 @@ def magnified_round_off(growth: float) -> float:
 class _Search:
     """Pilot runs of one scene, and the best that they found."""
 
-    def __init__(self, judge: Judge) -> None:
-        self.judge, self.asked, self.accuracy = judge, judge.asked, judge.asked.accuracy
+    def __init__(self, asked: Question, judge: Judge) -> None:
+        self.asked, self.judge, self.accuracy = asked, judge, asked.accuracy
         self.bound = AIM * self.accuracy
-        self.steps = communication_steps(judge.scene)
+        self.steps = communication_steps(asked.scene)
         self.best: Tried | None = None
         self.met: list[Tried] = []
         self.work = 0.0
@@ -291,16 +291,16 @@ def _better(a: Tried, b: Tried, bound: float) -> bool:
 # Quadrature
 
 
-def cheapest_quadrature(judge: Judge) -> Plan | None:
+def cheapest_quadrature(asked: Question, judge: Judge) -> Plan | None:
     """Return the cheapest points of Gauss's rule and panels a communication step; None where they miss the accuracy.
 
     The rotation is exact, and the path an integral over time alone, of a smooth function: with n points a panel of
     length h, Gauss's rule has an error that goes with h^(2 n). Panels are no longer in other communication steps, so
     that their error is no larger either.
     """
-    asked, run, best = judge.asked, judge.scene.run, None
+    run, best = asked.scene.run, None
     grows = bool(asked.varying & GROWING)
-    if grows and "kinetic_energy" in judge.names:
+    if grows and "kinetic_energy" in asked.judged:
         return None
     kept = methods.EXACT + FREE_BODY_FORCE.conditioning(asked)
     bound = asked.accuracy / 3.0 - kept
@@ -323,6 +323,6 @@ def cheapest_quadrature(judge: Judge) -> Plan | None:
             if not ratio * panels < MAX_PANELS:
                 break
             panels = max(panels + 1, math.ceil(ratio * panels))
-            if panels * order * communication_steps(judge.scene) > MAX_POINTS:
+            if panels * order * communication_steps(asked.scene) > MAX_POINTS:
                 break
     return best

@@ -43,12 +43,11 @@ def _general(asked: Question) -> Plan:
     return replace(methods.series_of_all(asked, 0, asked.accuracy), states=len(rates) - ("t" in rates))
 
 
-def formula_plan(judge: Judge) -> Plan:
+def formula_plan(asked: Question, judge: Judge) -> Plan:
     """Return the cheapest plan whose error is within the accuracy. Raises SceneError where none is."""
-    asked = judge.asked
     asked.start.check()
     if asked.varying:
-        return _plan_of_varying(judge)
+        return _plan_of_varying(asked, judge)
     tried = list[Plan]()
 
     def error_at(order: int, tolerance: float) -> float | None:
@@ -77,17 +76,17 @@ def _too_many_events(asked: Question) -> SceneError:
     return SceneError(f"events: expected {expected}", asked.scene.name)
 
 
-def closed_plan(judge: Judge) -> Plan | None:
+def closed_plan(asked: Question, judge: Judge) -> Plan | None:
     """Return the plan of own outputs over a closed form that is exact; None where there is none.
 
     What own outputs lose of the motion's digits is measured. The model holds for other parameters, or refuses them.
     """
-    asked, formulas = judge.asked, _known(judge.asked.formulas)
+    formulas = _known(asked.formulas)
     plain = _without_formulas(asked.scene, formulas)
     if plain is None or exact_closed_form(plain) is None:
         return None
     try:
-        found = exact_plan(Judge(plain))
+        found = exact_plan(plain, Judge(plain))
     except SceneError:  # beyond round-off: series have the same, and say so of what is asked
         return None
     assert found is not None
@@ -137,9 +136,9 @@ def _cost(asked: Question, plan: Plan, substeps: float) -> float:
     return series * substeps / communication_steps(asked.scene) + states * NS_SHOWN
 
 
-def _plan_of_varying(judge: Judge) -> Plan:
+def _plan_of_varying(asked: Question, judge: Judge) -> Plan:
     """Return a plan whose tolerance is one of the whole run, as no pilot run has seen what ports supply."""
-    asked, growth = judge.asked, judge.growth()
+    growth = judge.growth()
     tolerance = tolerance_of_varying(asked, growth)
     order = max(methods.likely_order(tolerance), 12)
     plan = replace(methods.series_plan(_general(asked), order, tolerance), span=asked.span, pinned=asked.pinned)

@@ -184,7 +184,7 @@ def test_a_quadrature_of_too_many_points_is_not_tried(monkeypatch):
         monkeypatch.setattr(
             judge, "try_out", lambda trial, **_: points.append(trial.order * 10.0 / trial.substep) or (1.0, 0.0)
         )
-        fitting.cheapest_quadrature(judge)
+        fitting.cheapest_quadrature(judge.asked, judge)
         assert (max(points) > 20) == (most > 20)
         points.clear()
 
