@@ -89,6 +89,11 @@ def _factors_of(program: Program) -> list[Factor]:
     return [*dict.fromkeys(factor for slots in program.slots.values() for slot in slots for factor in slot)]
 
 
+def _kernel(name: str, takes: str, gives: str, lines: Iterable[str]) -> str:
+    body = "".join(f"    {line}\n" for line in lines)
+    return f"@kernel(inline=False)\ndef {name}({takes}) -> {gives}:\n{body}"
+
+
 class _Writer:
     def __init__(self, program: Program, layout: Layout) -> None:
         self._program, self._layout, self._graph = program, layout, program.graph
@@ -114,37 +119,34 @@ class _Writer:
                 takes += ", k: int"
                 lines = [*self._read_constants(), f"r = w + {self._layout.start} + k * {self._layout.row}"]
                 lines += ["inverse = 1.0 / k", *self._orders(), *self._put_rates(" / (k + 1)")]
-        body = "\n".join(f"    {line}" for line in lines or ["pass"])
-        return f"@kernel(inline=False)\ndef {name}({takes}) -> None:\n{body}\n"
+        return _kernel(name, takes, "None", lines or ["pass"])
 
     def values(self, name: str = "values", wanted: Mapping[str, Number] | None = None) -> str:
         """Return the text of the kernel that sets what is wanted, from the states in the buffer."""
         wanted = self._program.wanted if wanted is None else wanted
-        reached = self._graph.reached(wanted.values())
-        lines = [f"{self._name(i)} = {self._value(i, in_row=False)}" for i in reached if self._is_variable(i)]
+        lines = self._now(wanted.values())
         lines += [f"z[{self._layout.targets[element]}] = {self._text(x)}" for element, x in wanted.items()]
         sums = " + ".join(["0.0", *(f"0.0 * z[{self._layout.targets[element]}]" for element in wanted)])
-        body = "\n".join(f"    {line}" for line in [*lines, f"return 0 if {sums} == 0.0 else NOT_FINITE"])
-        return f"@kernel(inline=False)\ndef {name}(z: Buffer) -> int:\n{body}\n"
+        return _kernel(name, "z: Buffer", "int", [*lines, f"return 0 if {sums} == 0.0 else NOT_FINITE"])
 
     def feedthrough(self, changes: Changes) -> str:
         """Return the text of the kernel that, given by how much inputs change, sets by how much outputs do at once.
 
         changes: by the place of an output's number, its derivatives by the place of the input's number.
         """
-        reached = self._graph.reached(x for slopes in changes.values() for x in slopes.values())
-        lines = [f"{self._name(i)} = {self._value(i, in_row=False)}" for i in reached if self._is_variable(i)]
+        lines = self._now(x for slopes in changes.values() for x in slopes.values())
         for at, slopes in changes.items():
             terms = (f"{self._text(x)} * change[{place}]" for place, x in slopes.items())
             lines.append(f"change[{at}] = {' + '.join(terms) or 0.0}")
-        body = "\n".join(f"    {line}" for line in [*lines, "return 0"])
-        return f"@kernel(inline=False)\ndef feedthrough(z: Buffer, change: Buffer) -> int:\n{body}\n"
+        return _kernel("feedthrough", "z: Buffer, change: Buffer", "int", [*lines, "return 0"])
 
     def _text(self, x: Number) -> str:
         return self._name(x.index) if isinstance(x, Symbol) else repr(float(x))
 
-    def _is_variable(self, i: int) -> bool:
-        return self._graph.operations[i].kind != "number"
+    def _now(self, numbers: Iterable[Number]) -> list[str]:
+        """Return the lines that make what numbers come of from the states in the buffer."""
+        reached = (i for i in self._graph.reached(numbers) if self._graph.operations[i].kind != "number")
+        return [f"{self._name(i)} = {self._value(i, in_row=False)}" for i in reached]
 
     def _read_sides(self, readers: Iterable[int]) -> Iterator[str]:
         used = {j for i in readers for j in self._graph.operations[i].of}
