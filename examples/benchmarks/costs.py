@@ -23,7 +23,7 @@ from examples.benchmarks.support.goals import Goal, status
 from rbfmu.extras import needed_of
 from rbfmu.models import registry
 from rbfmu.models.question import Question
-from rbfmu.models.spec import ModelSpec
+from rbfmu.models.registry import ModelSpec
 from rbfmu.planning.methods import NS, SPLITTING_COSTS, series_cost, terms, with_cost
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import QUANTITIES, Scene

@@ -34,11 +34,10 @@ from rbfmu.ensembles.members import Samples, ensemble_of, member, refusals, samp
 from rbfmu.exceptions import SceneWarning
 from rbfmu.models.question import Question
 from rbfmu.models.registry import FORMULAS, LOADED_TAYLOR, MODELS, PRESCRIBED_RATES
-from rbfmu.planning import plan
 from rbfmu.planning import reasons as say
 from rbfmu.planning.judge import Judge
 from rbfmu.planning.methods import TIGHTEST, ever_tighter, whole_series, with_cost
-from rbfmu.planning.select import series_serve_alone
+from rbfmu.planning.select import cheapest, series_serve_alone
 from rbfmu.runs.plan import Plan
 from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.consistency import warn
@@ -85,7 +84,7 @@ def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) 
         found = []
         for k, judge in enumerate(judges):
             with faults_of(f"{scene.name}, pilot member {k + 1}"):
-                found.append(plan(judge.scene, judge=judge))
+                found.append(cheapest(judge.asked, judge))
             tell(0.9 * (k + 1) / len(judges))
         chosen, growth = _accurate(_for_all(found).of_scene(scene), judges)
         chosen = with_likely_error(scene, chosen, judges[0].names)

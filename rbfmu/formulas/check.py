@@ -3,6 +3,8 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from rbfmu.formulas.graph import Number, Symbol
 from rbfmu.formulas.meaning import CONSTANTS, FUNCTIONS, Array, Table, shape_of
 from rbfmu.formulas.motion import CONSTANT, LOADS, Given, Motion
@@ -67,7 +69,7 @@ class Texts:
                 return
             for name, force in self.motion.forces_of(potential).items():
                 known = self.loads.get(name)
-                self.loads[name] = force + (self.motion.constant_load(name) if known is None else known)
+                self.loads[name] = force + (np.array(getattr(self._scene.loads, name)) if known is None else known)
         if asked := [name for name in ENERGIES if name in self._scene.outputs.own]:
             self.faults += self._without_potential(asked[0])
         rates = self.motion.rates(self.loads)

@@ -303,33 +303,24 @@ def changes_of(numbers: Sequence[Number], of_leaves: Mapping[Symbol, Number]) ->
     return [changes[x.index] if isinstance(x, Symbol) else 0.0 for x in numbers]
 
 
+_PARTIALS: Mapping[str, Callable[[Symbol, Symbol, Symbol, Symbol], Sequence[Number]]] = {
+    "add": lambda y, a, b, c: (1.0, 1.0),
+    "subtract": lambda y, a, b, c: (1.0, -1.0),
+    "multiply": lambda y, a, b, c: (b, a),
+    "divide": lambda y, a, b, c: (1.0 / b, -(y / b)),
+    "sqrt": lambda y, a, b, c: (0.5 / y,),
+    "sin": lambda y, a, b, c: (cosine(a),),
+    "cos": lambda y, a, b, c: (-sine(a),),
+    "exp": lambda y, a, b, c: (y,),
+    "log": lambda y, a, b, c: (1.0 / a,),
+    "atan2": lambda y, a, b, c: (b / c, -(a / c), 0.0),  # the last, x^2 + y^2, is there for its series alone
+    "power": lambda y, a, b, c: (b * y / a, y * logarithm(a)),
+    "select": lambda y, a, b, c: (0.0, select(a, 1.0, 0.0), select(a, 0.0, 1.0)),
+}
+"""The derivatives of an operation y by each of the numbers that it is of; those of a side are zero."""
+
+
 def _partials(y: Symbol) -> Sequence[Number]:
-    """Return the derivative of an operation by each of the numbers that it is of."""
     kind, of, _ = y.operation
     a, b, c = (*(Symbol(y.graph, i) for i in of), y, y, y)[:3]
-    match kind:
-        case "add":
-            return 1.0, 1.0
-        case "subtract":
-            return 1.0, -1.0
-        case "multiply":
-            return b, a
-        case "divide":
-            return 1.0 / b, -(y / b)
-        case "sqrt":
-            return (0.5 / y,)
-        case "sin":
-            return (cosine(a),)
-        case "cos":
-            return (-sine(a),)
-        case "exp":
-            return (y,)
-        case "log":
-            return (1.0 / a,)
-        case "atan2":  # the last, x^2 + y^2, is there for its series alone
-            return b / c, -(a / c), 0.0
-        case "power":
-            return b * y / a, y * logarithm(a)
-        case "select":
-            return 0.0, select(a, 1.0, 0.0), select(a, 0.0, 1.0)
-    return (0.0,) * len(of)
+    return _PARTIALS[kind](y, a, b, c) if kind in _PARTIALS else (0.0,) * len(of)

@@ -112,21 +112,9 @@ def _cross(a: Array, b: Array) -> Array:
     return np.array([a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1], object)
 
 
-def _norm(a: Array) -> Number:
-    return graph.square_root(_dot(a, a))
-
-
-def _tangent(x: Number) -> Number:
-    return graph.sine(x) / graph.cosine(x)
-
-
 def _beside(x: Number) -> Number:
     """Return the root of 1 - x^2, which keeps its digits near 1 as a product."""
     return graph.square_root((1.0 - x) * (1.0 + x))
-
-
-def _absolute(x: Number) -> Number:
-    return graph.select(graph.side(x), x, -x)
 
 
 def _least(a: Number, b: Number) -> Number:
@@ -135,10 +123,6 @@ def _least(a: Number, b: Number) -> Number:
 
 def _largest(a: Number, b: Number) -> Number:
     return graph.select(graph.side(a - b), a, b)
-
-
-def _clip(x: Number, low: Number, high: Number) -> Number:
-    return _least(_largest(x, low), high)
 
 
 def _where(condition: Array, a: Array, b: Array) -> Array:
@@ -151,20 +135,24 @@ def _where(condition: Array, a: Array, b: Array) -> Array:
 FUNCTIONS: Mapping[str, Function] = {
     "dot": Function("a, b", "scalar product of two vectors", _dot),
     "cross": Function("a, b", "vector product of two vectors", _cross),
-    "norm": Function("v", "length of a vector", _norm),
+    "norm": Function("v", "length of a vector", lambda v: graph.square_root(_dot(v, v))),
     "sin": Function("x", "sine of an angle in rad", _of_scalars(graph.sine)),
     "cos": Function("x", "cosine of an angle in rad", _of_scalars(graph.cosine)),
-    "tan": Function("x", "tangent of an angle in rad", _of_scalars(_tangent)),
+    "tan": Function("x", "tangent of an angle in rad", _of_scalars(lambda x: graph.sine(x) / graph.cosine(x))),
     "asin": Function("x", "angle in [-pi/2, pi/2], rad", _of_scalars(lambda x: graph.arctangent(x, _beside(x)))),
     "acos": Function("x", "angle in [0, pi], rad", _of_scalars(lambda x: graph.arctangent(_beside(x), x))),
     "atan2": Function("y, x", "angle of (x, y) in (-pi, pi], rad", _of_scalars(graph.arctangent)),
     "exp": Function("x", "exponential", _of_scalars(graph.exponential)),
     "log": Function("x", "natural logarithm", _of_scalars(graph.logarithm)),
     "sqrt": Function("x", "square root", _of_scalars(graph.square_root)),
-    "abs": Function("x", "absolute value", _of_scalars(_absolute)),
+    "abs": Function("x", "absolute value", _of_scalars(lambda x: graph.select(graph.side(x), x, -x))),
     "min": Function("a, b", "the smaller of two scalars", _of_scalars(_least)),
     "max": Function("a, b", "the larger of two scalars", _of_scalars(_largest)),
-    "clip": Function("x, low, high", "x, but no smaller than low, and no larger than high", _of_scalars(_clip)),
+    "clip": Function(
+        "x, low, high",
+        "x, but no smaller than low, and no larger than high",
+        _of_scalars(lambda x, low, high: _least(_largest(x, low), high)),
+    ),
     "table": Function("name, x", "a table of the scene at x", _table),
     "where": Function("condition, a, b", "a where the condition holds, else b", _where),
 }
@@ -181,14 +169,6 @@ def value_of(text: str, names: Mapping[str, Array], functions: Mapping[str, Func
     found = _Reader(text, names, functions).value(read(text))
     if isinstance(found, Condition | Table):
         raise FormulaError(text, 0, "a number, a vector or a matrix; where(condition, 1, 0) makes a number")
-    return found
-
-
-def condition_of(text: str, names: Mapping[str, Array], functions: Mapping[str, Function] = FUNCTIONS) -> Condition:
-    """Return the condition that a formula states. Raises FormulaError."""
-    found = _Reader(text, names, functions).value(read(text))
-    if not isinstance(found, Condition):
-        raise FormulaError(text, 0, "a condition, such as x > 0")
     return found
 
 

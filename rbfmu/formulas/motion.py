@@ -23,6 +23,7 @@ LOADS = ("force_a", "force_b", "torque_a", "torque_b")
 CONSTANT, STATE = "constants.", "states."
 """What the names of constants and states of one's own begin with on the graph, where bodies have names as well."""
 _ZERO = (0.0, 0.0, 0.0)
+AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 def by_element(values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
@@ -106,25 +107,22 @@ class Motion:
         """Return a vector of a in b."""
         return product(self.R.T, v)
 
+    def turns(self) -> Iterator[Array]:
+        """Yield how q changes as by a rate about each axis of b."""
+        return (np.array(interpreted(quaternion_rate_b)(tuple(self.q), axis), object) for axis in AXES)
+
     def forces_of(self, potential: Number) -> dict[str, Array]:
         """Return the force at o, in a, and the torque, in b, that follow from a potential.
 
         The work in a small displacement is -dV: the force is minus the slope over the path, and the torque about c
-        (about o with a pivot) minus that over a small turn about each axis of b, by which q changes as by a rate.
+        (about o with a pivot) minus that over a small turn about each axis of b.
         """
         slopes = gradient(potential, [*self.q, *([] if self._given.pivot else self._r_c)])
-        turns = (
-            interpreted(quaternion_rate_b)(tuple(self.q), (axis[0], axis[1], axis[2])) for axis in np.eye(3).tolist()
-        )
-        torque = np.array([-1.0 * _dot(np.array(slopes[:4], object), np.array(turn, object)) for turn in turns], object)
+        torque = np.array([-1.0 * _dot(np.array(slopes[:4], object), turn) for turn in self.turns()], object)
         if self._given.pivot:
             return {"torque_b": torque}
         force = _each_times(-1.0, np.array(slopes[4:], object))
         return {"force_a": force, "torque_b": _add(torque, -1.0, _cross(self._arm, self.to_b(force)))}
-
-    def constant_load(self, name: str) -> Array:
-        """Return what a scene gives as numbers for a load, to which a formula is added."""
-        return np.array(self._given.numbers[f"constant_{name}"], object)
 
     def potential_energy(self, potential: Number) -> Number:
         """Return the potential of gravity, of a constant force_a and of a load's own."""
@@ -212,11 +210,8 @@ def rotation_of(q: Array) -> Array:
     """Return R of a unit quaternion: I + 2 eta S + 2 S S (E&G 6.163)."""
     S = np.array(interpreted(skew)(tuple(q[1:])), object)
     SS = product(S, S)
-    return _matrix(lambda i, j: float(i == j) + 2.0 * (q[0] * S[i, j] + SS[i, j]))
-
-
-def _matrix(of: Any) -> Array:
-    return np.array([[of(i, j) for j in range(3)] for i in range(3)], object)
+    rows = ([float(i == j) + 2.0 * (q[0] * S[i, j] + SS[i, j]) for j in range(3)] for i in range(3))
+    return np.array([*rows], object)
 
 
 def product(a: Array, b: Array) -> Array:

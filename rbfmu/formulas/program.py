@@ -72,13 +72,7 @@ def program(
 
     watched: sides that no rate rests on, of which series are made as well; beside: see `Program`.
     """
-    numbers = [*rates.values(), *watched, *beside]
-    for i in graph.reached(numbers):  # each of the two is the other's derivative
-        operation = graph.operations[i]
-        if operation.kind in ("sin", "cos"):
-            angle = Symbol(graph, operation.of[0])
-            numbers += [sine(angle), cosine(angle)]
-    reached = graph.reached(numbers)
+    reached = with_pairs(graph, [*rates.values(), *watched, *beside])
     changing = _changing(graph, reached)
     level: dict[int, int] = {}
     slots = {}
@@ -95,6 +89,17 @@ def program(
     constants = (i for i in reached if i not in {*changing, *sides} and graph.operations[i].kind != "number")
     used = {i: s for i, s in slots.items() if s}
     return Program(graph, tuple(constants), tuple(levels), used, sides, touching, rates, wanted, tuple(beside))
+
+
+def with_pairs(graph: Graph, numbers: Iterable[Number]) -> list[int]:
+    """Return the operations that numbers come of, with the cosine of each sine: each is the other's derivative."""
+    ends = [*numbers]
+    for i in graph.reached(ends):
+        operation = graph.operations[i]
+        if operation.kind in ("sin", "cos"):
+            angle = Symbol(graph, operation.of[0])
+            ends += [sine(angle), cosine(angle)]
+    return graph.reached(ends)
 
 
 def _changing(graph: Graph, reached: Sequence[int]) -> set[int]:

@@ -89,6 +89,11 @@ def _factors_of(program: Program) -> list[Factor]:
     return [*dict.fromkeys(factor for slots in program.slots.values() for slot in slots for factor in slot)]
 
 
+def _kernel(name: str, takes: str, gives: str, lines: Iterable[str]) -> str:
+    body = "".join(f"    {line}\n" for line in lines)
+    return f"@kernel(inline=False)\ndef {name}({takes}) -> {gives}:\n{body}"
+
+
 class _Writer:
     def __init__(self, program: Program, layout: Layout) -> None:
         self._program, self._layout, self._graph = program, layout, program.graph
@@ -114,37 +119,34 @@ class _Writer:
                 takes += ", k: int"
                 lines = [*self._read_constants(), f"r = w + {self._layout.start} + k * {self._layout.row}"]
                 lines += ["inverse = 1.0 / k", *self._orders(), *self._put_rates(" / (k + 1)")]
-        body = "\n".join(f"    {line}" for line in lines or ["pass"])
-        return f"@kernel(inline=False)\ndef {name}({takes}) -> None:\n{body}\n"
+        return _kernel(name, takes, "None", lines or ["pass"])
 
     def values(self, name: str = "values", wanted: Mapping[str, Number] | None = None) -> str:
         """Return the text of the kernel that sets what is wanted, from the states in the buffer."""
         wanted = self._program.wanted if wanted is None else wanted
-        reached = self._graph.reached(wanted.values())
-        lines = [f"{self._name(i)} = {self._value(i, in_row=False)}" for i in reached if self._is_variable(i)]
+        lines = self._now(wanted.values())
         lines += [f"z[{self._layout.targets[element]}] = {self._text(x)}" for element, x in wanted.items()]
         sums = " + ".join(["0.0", *(f"0.0 * z[{self._layout.targets[element]}]" for element in wanted)])
-        body = "\n".join(f"    {line}" for line in [*lines, f"return 0 if {sums} == 0.0 else NOT_FINITE"])
-        return f"@kernel(inline=False)\ndef {name}(z: Buffer) -> int:\n{body}\n"
+        return _kernel(name, "z: Buffer", "int", [*lines, f"return 0 if {sums} == 0.0 else NOT_FINITE"])
 
     def feedthrough(self, changes: Changes) -> str:
         """Return the text of the kernel that, given by how much inputs change, sets by how much outputs do at once.
 
         changes: by the place of an output's number, its derivatives by the place of the input's number.
         """
-        reached = self._graph.reached(x for slopes in changes.values() for x in slopes.values())
-        lines = [f"{self._name(i)} = {self._value(i, in_row=False)}" for i in reached if self._is_variable(i)]
+        lines = self._now(x for slopes in changes.values() for x in slopes.values())
         for at, slopes in changes.items():
             terms = (f"{self._text(x)} * change[{place}]" for place, x in slopes.items())
             lines.append(f"change[{at}] = {' + '.join(terms) or 0.0}")
-        body = "\n".join(f"    {line}" for line in [*lines, "return 0"])
-        return f"@kernel(inline=False)\ndef feedthrough(z: Buffer, change: Buffer) -> int:\n{body}\n"
+        return _kernel("feedthrough", "z: Buffer, change: Buffer", "int", [*lines, "return 0"])
 
     def _text(self, x: Number) -> str:
         return self._name(x.index) if isinstance(x, Symbol) else repr(float(x))
 
-    def _is_variable(self, i: int) -> bool:
-        return self._graph.operations[i].kind != "number"
+    def _now(self, numbers: Iterable[Number]) -> list[str]:
+        """Return the lines that make what numbers come of from the states in the buffer."""
+        reached = (i for i in self._graph.reached(numbers) if self._graph.operations[i].kind != "number")
+        return [f"{self._name(i)} = {self._value(i, in_row=False)}" for i in reached]
 
     def _read_sides(self, readers: Iterable[int]) -> Iterator[str]:
         used = {j for i in readers for j in self._graph.operations[i].of}
@@ -271,25 +273,9 @@ class _Writer:
             return f"choose({self._name(of[0])} > 0.0, {b}, {c})"
         if i not in self._program.slots:
             return self._linear(kind, of, a, b)
-        x = self._first(of[0]) if kind in ("log", "power") else self._first(of[1]) if kind == "divide" else ""
-        p = self._sum(i, 0)
-        match kind:
-            case "multiply":
-                return p
-            case "divide":
-                return f"({a} - {p}) / {x}"
-            case "sqrt":
-                return f"choose({self._first(i)} != 0.0, 0.5 * ({a} - {p}) / {self._first(i)}, 0.0)"
-            case "exp" | "sin":
-                return f"{p} * inverse"
-            case "cos":
-                return f"-{p} * inverse"
-            case "log":
-                return f"({a} - {p} * inverse) / {x}"
-            case "power":
-                return f"({self._name(of[1])} * {p} - {self._sum(i, 1)}) / {x} * inverse"
-        products = f"{p} - {self._sum(i, 1)} - {self._sum(i, 2)}"  # of atan2
-        return f"({products}) / {self._first(of[2])} * inverse"
+        text, divisor = COEFFICIENTS[kind]
+        first = "" if divisor is None else self._first((*of, i)[divisor])
+        return text.format(*(self._sum(i, s) for s in range(3)), a=a, x=first, exponent=self._name(of[-1]))
 
     def _linear(self, kind: str, of: tuple[int, ...], a: str, b: str) -> str:
         """Return the text of a sum, a difference, or a product or quotient with a constant."""
@@ -364,6 +350,21 @@ VALUES = {
     "side": "math.copysign(1.0, {})",
     "select": "choose({0} > 0.0, {1}, {2})",
 }
+
+
+COEFFICIENTS: Mapping[str, tuple[str, int | None]] = {
+    "multiply": ("{0}", None),
+    "divide": ("({a} - {0}) / {x}", 1),
+    "sqrt": ("choose({x} != 0.0, 0.5 * ({a} - {0}) / {x}, 0.0)", -1),
+    "exp": ("{0} * inverse", None),
+    "sin": ("{0} * inverse", None),
+    "cos": ("-{0} * inverse", None),
+    "log": ("({a} - {0} * inverse) / {x}", 0),
+    "power": ("({exponent} * {0} - {1}) / {x} * inverse", 0),
+    "atan2": ("({0} - {1} - {2}) / {x} * inverse", 2),
+}
+"""The k-th coefficients, k > 0, of operations by their sums; a: that of what they are of; x: a first coefficient, and
+of which of these it is, where -1 stands for the operation itself."""
 
 
 def lines_of(

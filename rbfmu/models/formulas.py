@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, lru_cache
+from itertools import accumulate
 from types import ModuleType
 from typing import Any
 
@@ -286,11 +287,7 @@ class FormulaModel:
     def _places(self) -> dict[str, Any]:
         """Return what the templates' globals are."""
         blocks, groups, layout = self.blocks.blocks, self.groups, self.layout
-        starts, ends, at = [], [], 0
-        for group in groups:
-            starts.append(at)
-            at += len(group.states)
-            ends.append(at)
+        ends = [*accumulate(len(group.states) for group in groups)]
         own = [f"{STATE}{n}" for n in self.given.states]
         where = {name.removeprefix("series."): block.start for name, block in blocks.items()}
         work = where["work"]
@@ -302,7 +299,7 @@ class FormulaModel:
         )
         return {name.upper(): where[name] for name in numbers} | {
             "STATES": tuple(self.place("time" if s == "t" else s) for s in self.rates),
-            "FIRSTS": tuple(starts), "ENDS": tuple(ends), "LEASTS": tuple(g.least for g in groups),
+            "FIRSTS": (0, *ends)[: len(ends)], "ENDS": tuple(ends), "LEASTS": tuple(g.least for g in groups),
             "RELATIVE": tuple(g.relative for g in groups), "ATTITUDE": int("q[1]" in self.rates),
             "INPUTS": inputs[0] or (0,), "RATES": inputs[1] or (0,), "RATES_2": inputs[2] or (0,),
             "NUMBER_OF_INPUTS": len(inputs[0]), "HELD": where["held_inputs"], "STARTS": where["start_time"],

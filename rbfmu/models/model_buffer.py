@@ -16,7 +16,6 @@ from rbfmu_kernels.integrators import splitting
 from rbfmu_kernels.mechanics import inertia
 from rbfmu_kernels.models import unturned
 from rbfmu_kernels.quantities import INITIAL_VALUES, LOADS, active_flags
-from rbfmu_kernels.types import Vec3
 
 T = TypeVar("T")
 BLOCKS, SIZE = places(memory.COMMON)
@@ -68,9 +67,11 @@ def _numbers(scene: Scene) -> dict[str, Any]:
     return numbers
 
 
-def _answer(predicate: Callable[[Any], T]) -> cached_property[T]:
-    """Return what a kernel reads off the buffer of a `BodyAtStart`, run as plain Python."""
-    return cached_property(lambda start: interpreted(predicate)(start.z))
+def _answer(
+    predicate: Callable[..., T], of: Callable[["BodyAtStart"], tuple[Any, ...]] = lambda start: (start.z,)
+) -> cached_property[T]:
+    """Return what a kernel says of a `BodyAtStart`, run as plain Python; of: what it is asked with."""
+    return cached_property(lambda start: interpreted(predicate)(*of(start)))
 
 
 class BodyAtStart:
@@ -104,12 +105,6 @@ class BodyAtStart:
     shows_loads = _answer(memory.shows_loads)
     """Whether an output changes at once when a load does."""
 
-    @property
-    def shows_more_than_momentum(self) -> bool:
-        """Return whether an output does not follow from the angular momentum in a alone."""
-        is_sphere = interpreted(principal.is_sphere)(self.body.inertia)
-        return interpreted(memory.shows_more_than_momentum)(self.z, is_sphere)
-
     # What turns the body
 
     body = _answer(memory.body_of)
@@ -134,26 +129,23 @@ class BodyAtStart:
         """Return whether damping acts."""
         return any(self.body.damping_b)
 
-    @property
-    def keeps_its_rate(self) -> bool:
-        """Return whether the rate stays as it is without a torque."""
-        return interpreted(principal.keeps_its_rate)(self.z, self.rotation[1])
-
-    @property
-    def turns_path(self) -> bool:
-        """Return whether a force that turns about the rate with the body bends a path that an output shows."""
-        return interpreted(fixed_axis.turns_path)(self.z, self.rotation[1])
-
-    @property
-    def is_symmetric(self) -> bool:
-        """Return whether two moments are equal."""
-        return interpreted(splitting.is_symmetric_top)(self.body.inertia)
-
-    @property
-    def leaves_third_axis(self) -> bool:
-        """Return whether the moments across an axis differ, or a torque or damping is not about that axis alone."""
-        (q, _), (_, _, axes) = self.rotation, interpreted(principal.symmetric_frame)(self.body.inertia)
-        return interpreted(unturned.leads_astray)(q, axes, self.body, self.loads)
+    is_sphere = _answer(principal.is_sphere, lambda start: (start.body.inertia,))
+    """Whether all moments are equal."""
+    shows_more_than_momentum = _answer(memory.shows_more_than_momentum, lambda start: (start.z, start.is_sphere))
+    """Whether an output does not follow from the angular momentum in a alone."""
+    keeps_its_rate = _answer(principal.keeps_its_rate, lambda start: (start.z, start.rotation[1]))
+    """Whether the rate stays as it is without a torque."""
+    turns_path = _answer(fixed_axis.turns_path, lambda start: (start.z, start.rotation[1]))
+    """Whether a force that turns about the rate with the body bends a path that an output shows."""
+    is_symmetric = _answer(splitting.is_symmetric_top, lambda start: (start.body.inertia,))
+    """Whether two moments are equal."""
+    symmetric_frame = _answer(principal.symmetric_frame, lambda start: (start.body.inertia,))
+    """The moment that two axes share, that of the third, and the axes, of a body that is taken as symmetric."""
+    leaves_third_axis = _answer(
+        unturned.leads_astray,
+        lambda start: (start.rotation[0], start.symmetric_frame[2], start.body, start.loads),
+    )
+    """Whether the moments across an axis differ, or a torque or damping is not about that axis alone."""
 
     @cached_property
     def principal_axes(self) -> tuple[Array, Array]:
@@ -164,17 +156,12 @@ class BodyAtStart:
 
     # A body that turns about one axis
 
-    @cached_property
-    def axis(self) -> Vec3:
-        """Return the principal axis of most of the rate, in b."""
-        q, omega = self.rotation
-        return interpreted(fixed_axis.main_axis)(q, omega, self.body, self.loads)
-
-    @property
-    def leaves_axis(self) -> bool:
-        """Return whether anything turns the body about another axis."""
-        q, omega = self.rotation
-        return interpreted(fixed_axis.leaves_axis)(self.z, self.axis, q, omega, self.body, self.loads)
+    axis = _answer(fixed_axis.main_axis, lambda start: (*start.rotation, start.body, start.loads))
+    """The principal axis of most of the rate, in b."""
+    leaves_axis = _answer(
+        fixed_axis.leaves_axis, lambda start: (start.z, start.axis, *start.rotation, start.body, start.loads)
+    )
+    """Whether anything turns the body about another axis."""
 
     @property
     def is_swung(self) -> bool:

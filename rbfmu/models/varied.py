@@ -23,7 +23,7 @@ from rbfmu_kernels.body.memory import inertia_of
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE, parallel_axis
 from rbfmu_kernels.quantities import elements
-from rbfmu_kernels.rotations.quaternion import compose_quaternions, quaternion_rate_b, rotate
+from rbfmu_kernels.rotations.quaternion import compose_quaternions, rotate
 from rbfmu_kernels.rotations.vec3 import cross, skew
 
 TURN = elements("rotvec_b", 3)
@@ -32,7 +32,6 @@ ROWS_MEET, APART = 64, 8
 
 They are as long as a multiple and 8 numbers, a line of the cache, so that each begins in another place than the last.
 """
-AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 class Column(NamedTuple):
@@ -122,7 +121,7 @@ class VariedModel(FormulaModel):
         self.errors = (*(TURN if "q[1]" in self.rates else ()), *plain)
         self._plain = [graph.leaf("state", name) for name in plain]
         self._q = [graph.leaf("state", name) for name in elements("q", 4)] if "q[1]" in self.rates else []
-        self._turns = [interpreted(quaternion_rate_b)(tuple(motion.q), axis) for axis in AXES]
+        self._turns = [*motion.turns()]
         known = {str(x.value) for x in graph.operations if x.kind == "place"}
         self.seeded = [(name, d) for name, row in seeded.items() for d in row if name in known]
         self._places_seeded = {name: graph.leaf("place", name) for name, _ in self.seeded}

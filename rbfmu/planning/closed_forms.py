@@ -12,11 +12,11 @@ import numpy as np
 from rbfmu.models import registry
 from rbfmu.models.disturbances import GROWTH, growth_rate
 from rbfmu.models.question import GROWING, Question
-from rbfmu.models.spec import ModelSpec
+from rbfmu.models.registry import ModelSpec
 from rbfmu.planning import reasons as say
 from rbfmu.planning.judge import Judge, least_sizes, lost_to_cancellation
 from rbfmu.planning.methods import EXACT
-from rbfmu.runs.motion import largest_error
+from rbfmu.runs.motion import largest_error, motion_of
 from rbfmu.runs.plan import Plan
 from rbfmu.runs.time_grid import communication_steps, thinned_steps
 from rbfmu.scene.scene import Scene, SceneError
@@ -73,14 +73,13 @@ def exact_closed_form(asked: Question) -> ModelSpec | None:
     return next(good, exact[0] if exact else None)
 
 
-def exact_plan(judge: Judge) -> Plan | None:
+def exact_plan(asked: Question, judge: Judge) -> Plan | None:
     """Return the plan of a closed form that is exact, with its round-off; raise SceneError where that is too large."""
-    asked = judge.asked
     spec = exact_closed_form(asked)
     if spec is None:
         return None
-    found, delicate = Plan(spec.key, spec.method, 0), asked.accuracy < DERIVED and set(judge.names) & DIFFERENCES
-    motion = _coarse_motion(judge, spec)
+    found, delicate = Plan(spec.key, spec.method, 0), asked.accuracy < DERIVED and set(asked.judged) & DIFFERENCES
+    motion = _coarse_motion(asked, found)
     error = EXACT + (ROUND_OFF * _angle(asked, motion) if spec.angle_round_off else 0.0)
     error += spec.conditioning(asked)
     lost = lost_to_cancellation(asked, motion)
@@ -92,13 +91,13 @@ def exact_plan(judge: Judge) -> Plan | None:
     return replace(found, error=error, reasons=say.why_exact(asked, spec))
 
 
-def _coarse_motion(judge: Judge, spec: ModelSpec) -> Motion:
+def _coarse_motion(asked: Question, found: Plan) -> Motion:
     """Return a closed form's motion at some times, to know sizes by."""
-    cancelling = tuple(name for name in judge.names if name in DIFFERENCES)
-    names = tuple(dict.fromkeys((*cancelling, "omega_b"))) if spec.angle_round_off else cancelling
+    cancelling = tuple(name for name in asked.judged if name in DIFFERENCES)
+    names = tuple(dict.fromkeys((*cancelling, "omega_b"))) if found.spec.angle_round_off else cancelling
     if not names:
         return {}  # without running the model, which would be loaded or compiled
-    return judge.motion_by(Plan(spec.key, "", 0), names, thinned_steps(judge.scene, 100))
+    return motion_of(asked.scene, found, thinned_steps(asked.scene, 100), names)
 
 
 def _angle(asked: Question, motion: Motion) -> float:
@@ -109,13 +108,13 @@ def _angle(asked: Question, motion: Motion) -> float:
 # Models that are not exact, but within the accuracy
 
 
-def plan_within_accuracy(judge: Judge, exact: Plan | None) -> Plan | None:
+def plan_within_accuracy(asked: Question, judge: Judge, exact: Plan | None) -> Plan | None:
     """Return the smallest model that stays within the accuracy, if nothing varies that turns it.
 
     exact: the closed form that serves exactly, by which smaller models are judged; where there is none, they are judged
     by the motion in double-double arithmetic.
     """
-    asked, names = judge.asked, judge.names
+    names = asked.judged
     smaller = [*registry.smaller_closed_forms(exact.model if exact else "")]
     if not smaller or not asked.rotation or not _may_be_compared(asked):
         return None
@@ -150,10 +149,10 @@ def _may_be_compared(asked: Question) -> bool:
 
 def _may_be_close(asked: Question, spec: ModelSpec, truth: Motion, names: tuple[str, ...]) -> bool:
     """Return whether it is worth running a model, judged by the larger one's motion."""
-    kept = TRANSLATION | CONSERVED if spec.stands_still else set()
+    kept = set() if spec.states else TRANSLATION | CONSERVED
     if growth_rate(asked) * asked.span > GROWTH and not set(names) <= kept:
         return False
-    if spec.stands_still:
+    if not spec.states:
         return _stays(asked, truth, names)
     if spec.rates_from is None:
         return True

@@ -4,12 +4,11 @@ The series serve any communication step alike, so that what pilot runs find hold
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 from rbfmu.formulas.graph import numbers_of
 from rbfmu.formulas.motion import STATE
-from rbfmu.models import registry
 from rbfmu.models.formulas import FormulaModel
 from rbfmu.models.over_closed_form import OverClosedForm
 from rbfmu.models.question import Question
@@ -33,32 +32,42 @@ a communication step: least squares of measured times of four scenes at five ord
 built-in series take 1.0 to 1.35 of what `methods.MACHINE` does."""
 
 
-def general_plan(asked: Question) -> Plan:
-    """Return a plan of the scene's formulas whose order and tolerance are still open."""
-    formulas = asked.formulas
+def _known(formulas: FormulaModel | None) -> FormulaModel:
     assert formulas is not None
-    states = len(formulas.rates) - ("t" in formulas.rates)
-    return Plan(registry.FORMULAS.key, "", states, tolerance=asked.accuracy, formulas=formulas)
+    return formulas
 
 
-def formula_plan(judge: Judge) -> Plan:
+def _general(asked: Question) -> Plan:
+    """Return a plan of the scene's formulas whose order and tolerance are still open."""
+    rates = _known(asked.formulas).rates
+    return replace(methods.series_of_all(asked, 0, asked.accuracy), states=len(rates) - ("t" in rates))
+
+
+def formula_plan(asked: Question, judge: Judge) -> Plan:
     """Return the cheapest plan whose error is within the accuracy. Raises SceneError where none is."""
-    asked, general = judge.asked, general_plan(judge.asked)
     asked.start.check()
     if asked.varying:
-        return _plan_of_varying(judge, general)
-    best, least = None, math.inf
-    for order in ORDERS:
-        for found in _tried(judge, general, order):
-            if asked.scene.events and found.error == math.inf:
-                raise _too_many_events(asked)
-            least = min(least, found.error)
-            if found.error <= REACHED * asked.accuracy and (best is None or found.cost < best.cost):
-                best = found
-    if best is None:
-        raise refuse_accuracy(asked, least)
-    reason = say.why_fitted(best, best.error, judge.arithmetic)
-    return replace(best, pinned=asked.pinned, reasons=(*what_formulas_read(asked, general), reason))
+        return _plan_of_varying(asked, judge)
+    tried = list[Plan]()
+
+    def error_at(order: int, tolerance: float) -> float | None:
+        plan = methods.series_plan(general, order, tolerance)
+        error, substeps = judge.try_out(plan)
+        if asked.scene.events and error == math.inf:
+            raise _too_many_events(asked)
+        tried.append(replace(plan, error=error, cost=_cost(asked, plan, substeps)))
+        return error if plan.tolerance == tolerance else None
+
+    general, aim = _general(asked), AIM * asked.accuracy
+    for order in ORDERS:  # the error goes with the tolerance, and the cost with its root of that order
+        at_order = partial(error_at, order)
+        methods.climb(asked.accuracy / 8.0, at_order, (0.1 * aim, aim), aim, (1e-4, 1e4), tries=TRIES, caution=3.0)
+    met = [plan for plan in tried if plan.error <= REACHED * asked.accuracy]
+    if not met:
+        raise refuse_accuracy(asked, min(plan.error for plan in tried))
+    best = min(met, key=lambda plan: plan.cost)
+    reasons = (*what_formulas_read(asked, best), say.why_fitted(best, judge.arithmetic))
+    return replace(best, pinned=asked.pinned, reasons=reasons)
 
 
 def _too_many_events(asked: Question) -> SceneError:
@@ -67,18 +76,17 @@ def _too_many_events(asked: Question) -> SceneError:
     return SceneError(f"events: expected {expected}", asked.scene.name)
 
 
-def closed_plan(judge: Judge) -> Plan | None:
+def closed_plan(asked: Question, judge: Judge) -> Plan | None:
     """Return the plan of own outputs over a closed form that is exact; None where there is none.
 
     What own outputs lose of the motion's digits is measured. The model holds for other parameters, or refuses them.
     """
-    asked, formulas = judge.asked, judge.asked.formulas
-    assert formulas is not None
+    formulas = _known(asked.formulas)
     plain = _without_formulas(asked.scene, formulas)
     if plain is None or exact_closed_form(plain) is None:
         return None
     try:
-        found = exact_plan(Judge(plain))
+        found = exact_plan(plain, Judge(plain))
     except SceneError:  # beyond round-off: series have the same, and say so of what is asked
         return None
     assert found is not None
@@ -119,52 +127,32 @@ def _without_formulas(scene: Scene, formulas: FormulaModel) -> Question | None:
         return None
 
 
-def _tried(judge: Judge, general: Plan, order: int) -> Iterator[Plan]:
-    """Yield plans of an order with their errors and costs, until one is as near to the accuracy as pays.
-
-    The error goes with the tolerance, and the cost with its root of that order.
-    """
-    accuracy = judge.asked.accuracy
-    tolerance = accuracy / 8.0
-    for _ in range(TRIES):
-        plan = methods.series_plan(general, order, tolerance)
-        error, substeps = judge.try_out(plan)
-        yield replace(plan, error=error, cost=_cost(judge, plan, substeps))
-        if 0.1 * AIM * accuracy <= error <= AIM * accuracy or plan.tolerance != tolerance:
-            return
-        tolerance = methods.nearer(tolerance, methods.ratio_to(AIM * accuracy, 3.0 * error), 1e4)
-
-
-def _cost(judge: Judge, plan: Plan, substeps: float) -> float:
+def _cost(asked: Question, plan: Plan, substeps: float) -> float:
     """Return ns a communication step."""
-    formulas = plan.formulas
-    assert formulas is not None
+    formulas = _known(plan.formulas)
     n, slots, states = plan.order, 4 * len(formulas.layout.groups), len(formulas.rates)
     of_an_order = len(formulas.program.varying) * NS_AN_OPERATION + states * NS_A_STATE
     series = 0.5 * n * n * slots * NS_A_TERM + n * of_an_order
-    return series * substeps / communication_steps(judge.scene) + states * NS_SHOWN
+    return series * substeps / communication_steps(asked.scene) + states * NS_SHOWN
 
 
-def _plan_of_varying(judge: Judge, general: Plan) -> Plan:
+def _plan_of_varying(asked: Question, judge: Judge) -> Plan:
     """Return a plan whose tolerance is one of the whole run, as no pilot run has seen what ports supply."""
-    asked, growth = judge.asked, judge.growth()
+    growth = judge.growth()
     tolerance = tolerance_of_varying(asked, growth)
     order = max(methods.likely_order(tolerance), 12)
-    plan = replace(methods.series_plan(general, order, tolerance), span=asked.span, pinned=asked.pinned)
+    plan = replace(methods.series_plan(_general(asked), order, tolerance), span=asked.span, pinned=asked.pinned)
     error, substeps = judge.try_out(plan)
-    magnified = magnified_round_off(growth)
-    if max(error, magnified) > asked.accuracy:
-        raise refuse_accuracy(asked, max(error, magnified))
-    why = say.why_held_whatever(asked, plan, error, judge.arithmetic)
-    reasons = (*what_formulas_read(asked, general), *why)
-    return replace(plan, error=error, cost=_cost(judge, plan, substeps), reasons=reasons)
+    plan = replace(plan, error=error, cost=_cost(asked, plan, substeps))
+    if (worst := max(error, magnified_round_off(growth))) > asked.accuracy:
+        raise refuse_accuracy(asked, worst)
+    why = say.why_held_whatever(asked, plan, judge.arithmetic)
+    return replace(plan, reasons=(*what_formulas_read(asked, plan), *why))
 
 
 def what_formulas_read(asked: Question, plan: Plan) -> tuple[str, ...]:
     """Return what is integrated for the formulas and outputs of a scene, and what is not."""
-    formulas = plan.formulas
-    assert formulas is not None
-    kept = {name.partition("[")[0] for name in formulas.rates}
+    kept = {name.partition("[")[0] for name in _known(plan.formulas).rates}
     parts = {"attitude": ("q", 4), "rates": ("omega", 3), "position": ("r_c", 3), "velocity": ("v_c", 3)}
     sizes = [f"{what} {size}" for what, (name, size) in parts.items() if name in kept]
     sizes += [f"{name} {len(row.start)}" for name, row in asked.scene.states.items() if f"{STATE}{name}" in kept]

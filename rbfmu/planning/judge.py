@@ -10,14 +10,13 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
 from rbfmu.exceptions import PlanningWarning as PlanningWarning
 from rbfmu.models.question import Question
 from rbfmu.planning.methods import series_of_all
-from rbfmu.runs.motion import FLOORS, Steps, largest_error, largest_size, record, substeps_counted
+from rbfmu.runs.motion import FLOORS, Steps, largest_error, largest_size, motion_of, record, substeps_counted
 from rbfmu.runs.plan import Plan
 from rbfmu.runs.time_grid import communication_steps, thinned_steps
 from rbfmu.scene.scene import Scene, SceneError
@@ -65,11 +64,11 @@ class Judge:
     """
 
     def __init__(
-        self, asked: Question, progress: Callable[[float], Any] | None = None, fewer: Question | None = None
+        self, asked: Question, progress: Callable[[float], object] | None = None, fewer: Question | None = None
     ) -> None:
         self.asked, self.scene, self.names = asked, asked.scene, asked.judged
-        own = () if fewer is None else tuple(name for name in fewer.judged if name in self.names)
-        self._asked = (self.names, own) if own else (self.names,)
+        own = tuple(name for name in fewer.judged if name in self.names) if fewer else self.names
+        self._asked = tuple(dict.fromkeys((self.names, own or self.names)))
         self.steps = thinned_steps(asked.scene, MAX_STEPS)
         self._progress = progress
         self.doubt = 0.0  # how far the truth itself may be off
@@ -165,20 +164,20 @@ class Judge:
         truth = {name: self.truth[name][points] for name in self.names}
         return self._error(plan, steps, truth, parts, absolute)
 
-    def try_all_steps(self, plan: Plan, error: float) -> float:
-        """Return the error with the round-off of all the run's steps, of which `try_out` took several at once.
+    def try_all_steps(self, plan: Plan) -> float:
+        """Return a plan's error with the round-off of all the run's steps, of which `try_out` took several at once.
 
         Of very long runs the first steps are taken, and their round-off is counted for all.
         """
         total, taken = communication_steps(self.scene), len(self.steps)
         parts = round(total / taken)
         if parts <= 1:
-            return error
+            return plan.error
         count = max(min(taken, MAX_COUNTED // parts), 1)
         truth = {name: self.truth[name][: count + 1] for name in self.names}
         together, _ = self._error(plan, self.steps[:count], truth)
         apart, _ = self._error(plan, self.steps[:count], truth, parts)
-        return error + max(apart - together, 0.0) * taken / count
+        return plan.error + max(apart - together, 0.0) * taken / count
 
     def _error(
         self, plan: Plan, steps: list[float], truth: Motion, parts: int = 1, absolute: bool = False
@@ -225,9 +224,9 @@ class Judge:
         axis = body.axis_without_inertia if body else None
         return change if axis is None else change - np.dot(change, axis) * np.array(axis)
 
-    def motion_by(self, plan: Plan, names: tuple[str, ...], steps: list[float] | None = None) -> Motion:
-        """Return the motion that a plan makes in these steps, s, by default in `cut_steps`."""
-        return record(Steps(self.scene, plan, steps or self.cut_steps, names), names)
+    def motion_by(self, plan: Plan, names: tuple[str, ...]) -> Motion:
+        """Return the motion that a plan makes in `cut_steps`."""
+        return motion_of(self.scene, plan, self.cut_steps, names)
 
     def compare(self, smaller: Plan, truth: Motion, names: tuple[str, ...], absolute: bool) -> float:
         """Return the error of a model that leaves something out, also between steps; absolute: as in `try_out`."""

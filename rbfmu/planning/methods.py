@@ -1,15 +1,14 @@
-"""Methods with a setting to be found, and what plans cost."""
+"""Candidates, each a plan whose setting is to be found, how settings follow from errors, and what plans cost."""
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import replace
 
 import numpy as np
 
 from rbfmu.models.model_buffer import BodyAtStart
 from rbfmu.models.question import Question
-from rbfmu.models.registry import FORMULAS, LOADED_SPLITTING, LOADED_TAYLOR, MODELS
+from rbfmu.models.registry import FORMULAS, LOADED_SPLITTING, LOADED_TAYLOR, MODELS, ONE_AXIS_TAYLOR
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.compile.tiered import interpreted
@@ -22,12 +21,6 @@ EXACT = 1e-14
 """What closed forms lose by round-off, the exact rotation among them."""
 TIGHTEST = 1e-15
 """The smallest tolerance that double precision serves."""
-LOOSEST = 1.0
-"""The largest tolerance over the accuracy.
-
-Looser estimates say little of the errors in other communication steps: with 10, a run in one step of more substeps than
-`fitting` tries in shorter ones was off by 7.4 times the accuracy in these.
-"""
 ORDERS_OF_SERIES = range(6, MAX_ORDER + 1, 2)
 SERIES_COSTS = ((58.0, 14.3), (10.0, 24.0), (41.0, 23.1))
 """(a, b) of a + b N ns a substep at order N, on `methods.MACHINE`; examples/benchmarks/substeps.py fits these lines.
@@ -40,40 +33,13 @@ KEPT_SERIES_COST = 1.6
 ONE_AXIS_COSTS = {4: 55.0, 8: 85.0, 16: 185.0}
 SPLITTING_COSTS = {2: 76.0, 4: 470.0, 6: 864.0}
 """Ns a substep, by order."""
+STUCK = 0.03
+"""The most that an error is to be multiplied by where the last setting changed nothing."""
 RESONANCE = 0.45
 """The longest step, as a part of that at which splitting resonates, or of the turn that it resonates with."""
 
 
-@dataclass(frozen=True)
-class Method:
-    """A method with a setting to be found: its plan at a value, ns a substep, and order.
-
-    steps: whether the value is a step, with whose power `order` the error goes; else it is a tolerance.
-    """
-
-    plan_of: Callable[[float], Plan]
-    cost: float
-    order: int
-    steps: bool = False
-
-    @property
-    def exponent(self) -> int:
-        """Return the power of the setting that the error goes with."""
-        return self.order if self.steps else 1
-
-
-# Taylor series
-
-
-def series(general: Plan, order: int, shares: tuple[float, float]) -> Method:
-    """Return the series of an order; shares: `Question.load_shares`."""
-    return Method(partial(series_plan, general, order), series_cost(order, shares), order)
-
-
-def one_axis_series(general: Plan) -> Iterator[Method]:
-    """Yield the series of one angle, from the highest order."""
-    for order in reversed(ORDERS):
-        yield Method(partial(series_plan, general, order), ONE_AXIS_COSTS[order], order)
+# Candidates: plans whose tolerance, or step, is the loosest that may serve
 
 
 def whole_series(scene: Scene, order: int, tolerance: float) -> Plan:
@@ -84,7 +50,22 @@ def whole_series(scene: Scene, order: int, tolerance: float) -> Plan:
 def series_of_all(asked: Question, order: int, tolerance: float) -> Plan:
     """Return the plan of the series that serves whatever acts; order: 0 where it is still to be found."""
     model = FORMULAS if asked.formulas else LOADED_TAYLOR
-    return Plan(model.key, "", 0, tolerance=tolerance, order=order, formulas=asked.formulas)
+    return Plan(model.key, _series(order), 0, tolerance=tolerance, order=order, formulas=asked.formulas)
+
+
+def _series(order: int) -> str:
+    return f"Taylor series of order {order}"
+
+
+def series_plan(general: Plan, order: int, tolerance: float) -> Plan:
+    """Return the plan of a series; general: a plan with the scene's accuracy as its tolerance."""
+    return at_setting(replace(general, method=_series(order), order=order), tolerance)
+
+
+def one_axis_series(asked: Question) -> Iterator[Plan]:
+    """Yield the series of one angle, from the highest order."""
+    for order in reversed(ORDERS):
+        yield Plan(ONE_AXIS_TAYLOR.key, _series(order), 0, tolerance=asked.accuracy, order=order)
 
 
 def likely_order(accuracy: float) -> int:
@@ -97,41 +78,16 @@ def likely_order(accuracy: float) -> int:
     return min(max(order, ORDERS_OF_SERIES[0]), ORDERS_OF_SERIES[-1])
 
 
-def series_plan(general: Plan, order: int, tolerance: float) -> Plan:
-    """Return the plan of a series; general: a plan with the scene's accuracy as its tolerance."""
-    value = min(max(tolerance, 1e-3 * TIGHTEST), LOOSEST * general.tolerance)
-    return replace(general, method=f"Taylor series of order {order}", order=order, tolerance=value)
-
-
-def series_cost(order: int, shares: tuple[float, float]) -> float:
-    """Return ns a substep; shares: `Question.load_shares`."""
-    plain, *more = (a + b * order for a, b in SERIES_COSTS)
-    return plain + sum(share * (cost - plain) for share, cost in zip(shares, more, strict=True))
-
-
-def work_of(substeps: float, steps: float) -> float:
-    """Return the substeps that cost as much, where fewer than steps are series that serve many of these."""
-    return substeps if substeps >= steps else min(KEPT_SERIES_COST * substeps, steps)
-
-
-def serves_many_steps(plan: Plan, shares: tuple[float, float]) -> bool:
-    """Return whether the plan, whose cost is that of its substeps alone, makes less than a series a step."""
-    return plan.model == LOADED_TAYLOR.key and 0.0 < plan.cost < series_cost(plan.order, shares)
-
-
-# Splitting
-
-
-def splittings(asked: Question, general: Plan) -> Iterator[tuple[Method, float]]:
-    """Yield the splitting methods that serve the scene's body, and the longest step of each, s."""
+def splittings(asked: Question) -> Iterator[Plan]:
+    """Yield the splitting methods that serve the scene's body."""
     if not LOADED_SPLITTING.accepts(asked):
         return
     omega = asked.scene.initial.omega_b
     turn = math.inf if _spins_unseen(asked.start) else 2.0 * math.pi / max(math.hypot(*omega), 1e-300)
     resonant = interpreted(resonant_step)(asked.body.M, omega)
     longest = min(RESONANCE * resonant, RESONANCE * turn, asked.span)
-    for order, cost in SPLITTING_COSTS.items():
-        yield Method(partial(_splitting_plan, general, order, longest), cost, order, True), longest
+    for order in SPLITTING_COSTS:
+        yield Plan(LOADED_SPLITTING.key, f"splitting of order {order}", 0, substep=longest, order=order)
 
 
 def _spins_unseen(start: BodyAtStart) -> bool:
@@ -146,12 +102,28 @@ def _spins_unseen(start: BodyAtStart) -> bool:
     )
 
 
-def _splitting_plan(general: Plan, order: int, longest: float, substep: float) -> Plan:
-    method, step = f"splitting of order {order}", min(substep, longest)
-    return replace(general, model=LOADED_SPLITTING.key, method=method, tolerance=0.0, order=order, substep=step)
-
-
 # Settings, one after another
+
+
+def at_setting(candidate: Plan, value: float) -> Plan:
+    """Return a candidate at a tolerance, or step, that is no larger than its own.
+
+    Tolerances beyond the accuracy say little of the errors in other communication steps: with 10 times as much, a run
+    in one step of more substeps than `fitting` tries in shorter ones was off by 7.4 times the accuracy in these.
+    """
+    if candidate.tolerance > 0.0:
+        return replace(candidate, tolerance=min(max(value, 1e-3 * TIGHTEST), candidate.tolerance))
+    return replace(candidate, substep=min(value, candidate.substep))
+
+
+def tighter(plan: Plan, ratio: float) -> Plan:
+    """Return the plan at a setting with which its error is likely to be multiplied by a ratio."""
+    return at_setting(plan, (plan.tolerance or plan.substep) * ratio ** (1.0 / exponent(plan)))
+
+
+def exponent(plan: Plan) -> int:
+    """Return the power of a plan's setting that its error goes with."""
+    return 1 if plan.tolerance > 0.0 else plan.order
 
 
 def ever_tighter(tolerance: float) -> Iterator[float]:
@@ -166,22 +138,57 @@ def ratio_to(aim: float, error: float) -> float:
     return aim / error if 0.0 < error < math.inf else (1e3 if error == 0.0 else 1e-3)
 
 
-def nearer(value: float, ratio: float, widest: float, power: int = 1) -> float:
-    """Return the next setting where an error, which goes with a power of it, is to be multiplied by a ratio.
+def climb(
+    value: float,
+    error_at: Callable[[float], float | None],
+    band: tuple[float, float],
+    aim: float,
+    within: tuple[float, float],
+    power: int = 1,
+    tries: int = 8,
+    caution: float = 1.0,
+) -> float:
+    """Try settings, each from the error at the last, until one is in a band; return the last.
 
-    widest: how many times larger, or smaller, it may become at once.
+    error_at: a setting's error, or None where no other one is worth a trial; aim: the error that the next setting aims
+    at, where errors count so many times (caution); within: what a setting is multiplied by at once; power: that of the
+    setting with which the error goes; tries: how many there are at most.
     """
-    return value * min(max(float(ratio ** (1.0 / power)), 1.0 / widest), widest)
-
-
-def tighter_plan(plan: Plan, ratio: float) -> Plan:
-    """Return the plan with a smaller tolerance, or step."""
-    if plan.tolerance > 0.0:
-        return replace(plan, tolerance=min(plan.tolerance, max(ratio * plan.tolerance, 1e-3 * TIGHTEST)))
-    return replace(plan, substep=ratio * plan.substep)
+    (least, bound), last = band, math.inf
+    for _ in range(tries):
+        error = error_at(value)
+        stuck = error == last  # each communication step is one substep, or the step is as short as may be
+        if error is None or least <= error <= bound or (stuck and error <= bound):
+            break
+        ratio = ratio_to(aim, caution * error)
+        ratio = float((min(ratio, STUCK) if stuck else ratio) ** (1.0 / power))
+        value, last = value * min(max(ratio, within[0]), within[1]), error
+    return value
 
 
 # Costs
+
+
+def series_cost(order: int, shares: tuple[float, float]) -> float:
+    """Return ns a substep; shares: `Question.load_shares`."""
+    plain, *more = (a + b * order for a, b in SERIES_COSTS)
+    return plain + sum(share * (cost - plain) for share, cost in zip(shares, more, strict=True))
+
+
+def substep_cost(asked: Question, plan: Plan) -> float:
+    """Return ns a substep of a plan."""
+    known = {LOADED_SPLITTING.key: SPLITTING_COSTS, ONE_AXIS_TAYLOR.key: ONE_AXIS_COSTS}.get(plan.model)
+    return known[plan.order] if known else series_cost(plan.order, asked.load_shares)
+
+
+def work_of(substeps: float, steps: float) -> float:
+    """Return the substeps that cost as much, where fewer than steps are series that serve many of these."""
+    return substeps if substeps >= steps else min(KEPT_SERIES_COST * substeps, steps)
+
+
+def serves_many_steps(plan: Plan, shares: tuple[float, float]) -> bool:
+    """Return whether the plan, whose cost is that of its substeps alone, makes less than a series a step."""
+    return plan.model == LOADED_TAYLOR.key and 0.0 < plan.cost < series_cost(plan.order, shares)
 
 
 MACHINE = "an Intel Xeon of 2026"

@@ -4,7 +4,7 @@ import numpy as np
 
 from rbfmu.models.disturbances import growth_rate
 from rbfmu.models.question import Question
-from rbfmu.models.spec import ModelSpec
+from rbfmu.models.registry import ModelSpec
 from rbfmu.runs.plan import Plan
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.quantities import FORCES, TORQUES
@@ -50,10 +50,10 @@ def why_exact(asked: Question, spec: ModelSpec) -> tuple[str, ...]:
     return (spec.reason(asked), *unstable)
 
 
-def why_fitted(plan: Plan, error: float, arithmetic: str) -> str:
+def why_fitted(plan: Plan, arithmetic: str) -> str:
     """Return what a plan's setting came to in a pilot run; arithmetic: of the judge."""
     how = f"at tolerance {plan.tolerance:.1e}" if plan.tolerance else f"in steps of {plan.substep:.3g} s"
-    return f"{plan.method} {how}: error {error:.1e} in a pilot run, judged in {arithmetic}"
+    return f"{plan.method} {how}: error {plan.error:.1e} in a pilot run, judged in {arithmetic}"
 
 
 def held_over_a_run(plan: Plan) -> str:
@@ -61,10 +61,10 @@ def held_over_a_run(plan: Plan) -> str:
     return f"{plan.method}: estimated errors of a run add up to at most {plan.tolerance:.1e}"
 
 
-def why_held_whatever(asked: Question, plan: Plan, error: float, arithmetic: str) -> tuple[str, ...]:
+def why_held_whatever(asked: Question, plan: Plan, arithmetic: str) -> tuple[str, ...]:
     """Return how a plan serves inputs and parameters that no pilot run has seen."""
     held = f"{held_over_a_run(plan)}, whatever {' and '.join(sorted(asked.varying))} may be"
-    return held, f"error {error:.1e} in a pilot run with inputs at zero, judged in {arithmetic}"
+    return held, f"error {plan.error:.1e} in a pilot run with inputs at zero, judged in {arithmetic}"
 
 
 def what_inputs_cost(asked: Question, plan: Plan) -> tuple[str, ...]:

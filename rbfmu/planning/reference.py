@@ -6,7 +6,6 @@ in double-double arithmetic.
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from decimal import Decimal, localcontext
-from functools import cached_property
 from itertools import accumulate
 from typing import Any
 
@@ -14,6 +13,7 @@ import numpy as np
 
 from rbfmu.formulas.graph import Symbol, cosine, sine
 from rbfmu.formulas.motion import STATE, by_element, closure
+from rbfmu.formulas.program import with_pairs
 from rbfmu.models.formulas import FormulaModel, equations_of
 from rbfmu.models.question import Question
 from rbfmu.scene.scene import Scene, SceneError
@@ -41,7 +41,7 @@ class ReferenceTooLongError(ArithmeticError):
 
 
 def reference_motion(
-    scene: Scene, steps: Sequence[float], most: int, progress: Callable[[float], Any] | None = None
+    scene: Scene, steps: Sequence[float], most: int, progress: Callable[[float], object] | None = None
 ) -> Motion:
     """Return what is judged of a scene, attitude and rate besides, at its start and after each step (s).
 
@@ -52,14 +52,13 @@ def reference_motion(
     listed = Listed(scene)
     most = min(most, MOST_WORK // len(listed.found))
     sides = np.array([[n, 0.0, 0.0] for n in listed.sides]).reshape(-1, 3)
-    (states, least), wanted = listed.states_with_rates, listed.places_of_wanted
     with localcontext() as context:
         context.prec = DIGITS
         here = pairs_of(listed.at_start(_exact_values(listed.formulas, scene)))
         times = pairs_of(accumulate(map(Decimal, steps), initial=Decimal(0)))
-    work, sizes = np.zeros((2, len(listed.found) * kernels.LENGTH)), np.zeros(len(least))
-    rows = np.full((times.shape[1], len(wanted)), np.nan)
-    equations = listed.operations, states, least, sides, listed.touching, wanted
+    work, sizes = np.zeros((2, len(listed.found) * kernels.LENGTH)), np.zeros(len(listed.least))
+    rows = np.full((times.shape[1], len(listed.wanted)), np.nan)
+    equations = listed.operations, listed.states, listed.least, sides, listed.touching, listed.wanted
     for first in range(0, times.shape[1], CHUNK):
         chunk = slice(max(first - 1, 0), first + CHUNK)
         taken, lately = kernels.formula_motion(
@@ -80,37 +79,41 @@ def reference_motion(
 
 
 class Listed:
-    """What is asked for, as a list of operations that `kernels.formula_motion` walks."""
+    """What is asked for, as a list of operations that `kernels.formula_motion` walks.
+
+    operations: a row for each; states: a row for each, its operation, that of its rate, its group; least: the least
+    size of each group; wanted: the operations that are asked for; sides: those that tell on which side of zero
+    something is; touching: what roots and angles of points may find at zero, and these.
+    """
 
     def __init__(self, scene: Scene) -> None:
         self._is_plain = not scene.has_formulas
         if self._is_plain:
-            names = dict.fromkeys((*Question(scene).judged, "quaternion", "omega_b"))
-            scene = scene.replace({"outputs.quantities": [*names]})
+            shown = dict.fromkeys((*Question(scene).judged, "quaternion", "omega_b"))
+            scene = scene.replace({"outputs.quantities": [*shown]})
         self.formulas = formulas = equations_of(scene)
-        self.graph, self._shown = formulas.motion.graph, {**formulas.shown}
+        self.graph, self._shown, rates = formulas.motion.graph, {**formulas.shown}, formulas.all_rates
         if self._is_plain:  # whose attitudes are made of the matrix rounded, as they always were
             self._shown["quaternion"] = formulas.motion.R
-        self.wanted = [self.graph.index_of(x) for _, x in by_element(self._shown)]
-        symbols = [Symbol(self.graph, i) for i in self.wanted]
-        self.states = closure(formulas.all_rates, symbols, self.graph)
-        self.leaves = {name: self.graph.leaf("state", name).index for name in self.states}
-        self.rates = {name: self.graph.index_of(formulas.all_rates[name]) for name in self.states}
-        self.found = self._with_pairs([*self.wanted, *self.leaves.values(), *self.rates.values()])
-        self._place = {i: n for n, i in enumerate(self.found)}
+        wanted = [self.graph.symbol_of(x) for _, x in by_element(self._shown)]
+        names = closure(rates, wanted, self.graph)
+        leaves, slopes = [self.graph.leaf("state", n) for n in names], [self.graph.symbol_of(rates[n]) for n in names]
+        self.found = with_pairs(self.graph, [*wanted, *leaves, *slopes])
+        place = {i: n for n, i in enumerate(self.found)}
+        self.operations = self._rows(place)
+        groups = formulas.groups_of(names)
+        group_of = {name: g for g, group in enumerate(groups) for name in group.states}
+        ends = zip(leaves, slopes, names, strict=True)
+        rows = [(place[leaf.index], place[slope.index], group_of[name]) for leaf, slope, name in ends]
+        self.states = np.array(rows, np.int64).reshape(-1, 3)
+        self.least = np.array([group.least if group.relative else -group.least for group in groups])
+        self.wanted = np.array([place[x.index] for x in wanted], np.int64)
+        known = [(n, self.graph.operations[i]) for n, i in enumerate(self.found)]
+        self.sides = [n for n, one in known if one.kind == "side"]
+        touching = [(place[one.of[-1]], n) for n, one in known if one.kind in ("sqrt", "atan2")]
+        self.touching = np.array(touching, np.int64).reshape(-1, 2)
 
-    def _with_pairs(self, ends: Sequence[int]) -> list[int]:
-        """Return all operations that some come of, and of each sine the cosine: the recurrences need both."""
-        symbols = [Symbol(self.graph, i) for i in ends]
-        for i in self.graph.reached(symbols):
-            operation = self.graph.operations[i]
-            if operation.kind in ("sin", "cos"):
-                angle = Symbol(self.graph, operation.of[0])
-                symbols += [self.graph.symbol_of(f(angle)) for f in (sine, cosine)]
-        return self.graph.reached(symbols)
-
-    @cached_property
-    def operations(self) -> Indices:
+    def _rows(self, place: Mapping[int, int]) -> Indices:
         """Return a row for each operation: its kind, what it is of (of a sine the cosine is second), if it changes."""
         rows, changing = np.zeros((len(self.found), 5), np.int64), set[int]()
         for n, i in enumerate(self.found):
@@ -124,35 +127,9 @@ class Listed:
                 of = of[::-1]
             if kind == "multiply" and changing.isdisjoint(of[1:]):
                 kind = "scale"
-            places = [self._place[j] for j in of]
+            places = [place[j] for j in of]
             rows[n] = [kernels.KINDS.index(kind), *places, *[0] * (3 - len(of)), i in changing]
         return rows
-
-    @cached_property
-    def states_with_rates(self) -> tuple[Indices, Array]:
-        """Return a row for each state: its operation, that of its rate, its group; and the least size of each group."""
-        groups = self.formulas.groups_of(self.states)
-        group_of = {name: g for g, group in enumerate(groups) for name in group.states}
-        rows = [(self._place[self.leaves[n]], self._place[self.rates[n]], group_of[n]) for n in self.states]
-        least = [group.least if group.relative else -group.least for group in groups]
-        return np.array(rows, np.int64).reshape(-1, 3), np.array(least)
-
-    @property
-    def sides(self) -> list[int]:
-        """Return the operations that tell on which side of zero something is."""
-        return [n for n, i in enumerate(self.found) if self.graph.operations[i].kind == "side"]
-
-    @property
-    def touching(self) -> Indices:
-        """Return the operations that roots and angles of points may find at zero, and these."""
-        operations = [(n, self.graph.operations[i]) for n, i in enumerate(self.found)]
-        rows = [(self._place[o.of[-1]], n) for n, o in operations if o.kind in ("sqrt", "atan2")]
-        return np.array(rows, np.int64).reshape(-1, 2)
-
-    @property
-    def places_of_wanted(self) -> Indices:
-        """Return the operations that are asked for."""
-        return np.array([self._place[i] for i in self.wanted], np.int64)
 
     def named(self, rows: Array) -> Motion:
         """Return the rows of each quantity."""

@@ -9,7 +9,6 @@ planned for at last, by the motion that they drive.
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -37,25 +36,21 @@ ORDERS = (MAX_ORDER - 4, MAX_ORDER)
 def plan(
     scene: Scene,
     full: bool = False,
-    progress: Callable[[float], Any] | None = None,
-    judge: Judge | None = None,
+    progress: Callable[[float], object] | None = None,
     driven: Callable[[int], Drive] | None = None,
 ) -> Plan:
     """Choose model, method and step; full: whether to integrate all degrees of freedom and outputs.
 
     progress: a function that is told from time to time which part of the motion that judges plans is known.
-    judge: that of the scene, where its motion is wanted for more than this plan.
     driven: where inputs are known, the pieces of the run, each cut into so many parts; see `plan_for_inputs`.
     Raises SceneError where the accuracy asked cannot be met.
     """
-    asked = judge.asked if judge else Question(scene)
-    if judge is None:
-        judge = Judge(Question(with_all_outputs(scene)), progress, asked) if full else Judge(asked, progress)
-    with said_after(PATIENCE, lambda: f"rbfmu: planning {scene.name} takes long: {judge.doing}"):
-        found = _cheapest(judge, full)
+    asked = Question(scene)
+    judged = Question(with_all_outputs(scene)) if full else asked
+    found = cheapest(judged, Judge(judged, progress, asked), full)
     if driven:  # which close no loop
         return plan_for_inputs(asked, found, driven)
-    return replace(found, reasons=(*found.reasons, *say.what_inputs_cost(judge.asked, found)))
+    return replace(found, reasons=(*found.reasons, *say.what_inputs_cost(judged, found)))
 
 
 def with_all_outputs(scene: Scene) -> Scene:
@@ -73,71 +68,69 @@ def code_of(scene: Scene) -> str:
     return planned.formulas.text
 
 
-def _cheapest(judge: Judge, full: bool) -> Plan:
-    """Return the cheapest plan that serves; full: of series that integrate all that is judged."""
-    asked = judge.asked
-    if asked.scene.has_formulas:
-        from rbfmu.planning.formulas import closed_plan, formula_plan  # what has none starts sooner
+def cheapest(asked: Question, judge: Judge, full: bool = False) -> Plan:
+    """Return the cheapest plan that serves; full: of series that integrate all that is judged.
 
-        return (None if full else closed_plan(judge)) or formula_plan(judge)
-    if asked.scene.body is None:
-        return methods.with_cost(asked, prescribed_plan(asked))
-    if full:
-        return replace(methods.with_cost(asked, cheapest_fit(judge, _whole(asked))), pinned=asked.pinned)
-    found = next(filter(None, _smaller(judge)), None) or _of_all_that_moves(judge)
-    left_out = say.what_is_left_out(asked, found.spec.force_keeps_direction)
-    pinned = found.pinned if found.spec.closed_form else asked.pinned  # a pilot run rests on their values
-    return methods.with_cost(asked, replace(found, pinned=pinned, reasons=(*left_out, *found.reasons)))
+    judge: that of the question. Raises SceneError where the accuracy asked cannot be met.
+    """
+    with said_after(PATIENCE, lambda: f"rbfmu: planning {asked.scene.name} takes long: {judge.doing}"):
+        if asked.scene.has_formulas:
+            from rbfmu.planning.formulas import closed_plan, formula_plan  # what has none starts sooner
+
+            return (None if full else closed_plan(asked, judge)) or formula_plan(asked, judge)
+        if asked.scene.body is None:
+            return methods.with_cost(asked, prescribed_plan(asked))
+        if full:
+            found = cheapest_fit(asked, judge)
+        else:
+            found = next(filter(None, _smaller(asked, judge)), None) or _of_all_that_moves(asked, judge)
+            left_out = say.what_is_left_out(asked, found.spec.force_keeps_direction)
+            found = replace(found, reasons=(*left_out, *found.reasons))
+        pinned = found.pinned if found.spec.closed_form else asked.pinned  # a pilot run rests on their values
+        return methods.with_cost(asked, replace(found, pinned=pinned))
 
 
-def _smaller(judge: Judge) -> Iterator[Plan | None]:
+def _smaller(asked: Question, judge: Judge) -> Iterator[Plan | None]:
     """Yield the plans of models that integrate less than all, from the smallest; None for one that does not serve."""
-    exact = exact_plan(judge)
-    yield plan_within_accuracy(judge, exact)
+    exact = exact_plan(asked, judge)
+    yield plan_within_accuracy(asked, judge, exact)
     yield exact
-    yield _of_one_angle(judge)
-    yield _of_path_alone(judge)
+    yield _of_one_angle(asked, judge)
+    yield _of_path_alone(asked, judge)
 
 
 def series_serve_alone(judge: Judge) -> bool:
     """Return whether no smaller model serves than series that integrate whatever acts."""
-    scene = judge.asked.scene
-    return not (scene.has_formulas or scene.body is None or any(_smaller(judge)))
+    scene = judge.scene
+    return not (scene.has_formulas or scene.body is None or any(_smaller(judge.asked, judge)))
 
 
 # Methods that integrate
 
 
-def _of_one_angle(judge: Judge) -> Plan | None:
+def _of_one_angle(asked: Question, judge: Judge) -> Plan | None:
     """Return the plan of one angle under forces fixed in space, by the cheapest series that meets the accuracy."""
-    asked, spec = judge.asked, registry.ONE_AXIS_TAYLOR
-    found = swinging_fit(judge, Plan(spec.key, "", 0, tolerance=asked.accuracy)) if spec.serves(asked) else None
+    found = swinging_fit(asked, judge) if registry.ONE_AXIS_TAYLOR.serves(asked) else None
     why = "rotation: one angle, every load turns the body about one principal axis; 2 of 7 states"
     return replace(found, reasons=(why, *found.reasons)) if found else None
 
 
-def _of_path_alone(judge: Judge) -> Plan | None:
+def _of_path_alone(asked: Question, judge: Judge) -> Plan | None:
     """Return exact rotation with a quadrature for the path; for a symmetric body, an integration if it costs less."""
-    asked, spec = judge.asked, registry.FREE_BODY_FORCE
-    if not any(asked.scene.loads.force_b) or not asked.translation or not spec.serves(asked):
+    if not any(asked.scene.loads.force_b) or not asked.translation or not registry.FREE_BODY_FORCE.serves(asked):
         return None
-    found = cheapest_quadrature(judge, Plan(spec.key, "", 0, pinned=asked.pinned))
+    found = cheapest_quadrature(asked, judge)
     if found is None or not asked.start.is_symmetric:
         return found
     try:
-        return min(_of_all_that_moves(judge), found, key=lambda plan: methods.with_cost(asked, plan).cost)
+        return min(_of_all_that_moves(asked, judge), found, key=lambda plan: methods.with_cost(asked, plan).cost)
     except SceneError:
         return found
 
 
-def _of_all_that_moves(judge: Judge) -> Plan:
+def _of_all_that_moves(asked: Question, judge: Judge) -> Plan:
     """Return the plan of all that moves, by series or splitting."""
-    general = _whole(judge.asked)
-    return cheapest_fit(judge, general, methods.splittings(judge.asked, general))
-
-
-def _whole(asked: Question) -> Plan:
-    return methods.series_of_all(asked, 0, asked.accuracy)
+    return cheapest_fit(asked, judge, methods.splittings(asked))
 
 
 # Inputs that are known
@@ -198,10 +191,10 @@ def without_loops(asked: Question, found: Plan) -> Plan:
 def _tighter(asked: Question, found: Plan) -> Iterator[Plan]:
     """Yield series of ever smaller tolerance, for the whole run."""
     model = methods.series_of_all(asked, 0, 0.0).model
-    general = replace(found, model=model, tolerance=asked.accuracy, substep=math.inf, order=0)
+    general = replace(found, model=model, tolerance=asked.accuracy, substep=math.inf)
     for tolerance in methods.ever_tighter(found.tolerance if found.model == model else asked.accuracy):
         order = max(found.order, methods.likely_order(tolerance))
-        yield replace(methods.series(general, order, asked.load_shares).plan_of(tolerance), span=asked.span)
+        yield replace(methods.series_plan(general, order, tolerance), span=asked.span)
 
 
 def _cost_under(asked: Question, plan: Plan, found: Plan, substeps: float, drive: Drive) -> float:

@@ -167,6 +167,11 @@ def record(
     return motion
 
 
+def motion_of(scene: Scene, plan: Plan, steps: Sequence[float], names: Sequence[str]) -> Motion:
+    """Return the motion that a plan makes of a scene, at its start and after each step, s."""
+    return record(Steps(scene, plan, steps, names), names)
+
+
 def substeps_counted(kernels: Model, z: Buffer) -> float:
     """Return the number of substeps since the start; 0 where the model counts none."""
     return float(z[kernels.BLOCKS["substeps"]][0]) if "substeps" in kernels.BLOCKS else 0.0

@@ -6,8 +6,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
 from rbfmu.models.model_buffer import aligned_zeros, put_scene, refusal
-from rbfmu.models.registry import FORMULAS, MODELS
-from rbfmu.models.spec import ModelSpec
+from rbfmu.models.registry import FORMULAS, MODELS, ModelSpec
 from rbfmu.notebook import table
 from rbfmu.scene.scene import PARAMETERS, Scene, SceneError
 from rbfmu.scene.section import as_toml, fault

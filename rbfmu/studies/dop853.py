@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from rbfmu.models.spec import ModelSpec
+from rbfmu.models.registry import ModelSpec
 from rbfmu.runs.plan import Plan
 from rbfmu.studies.one_step import OneStepMethod
 from rbfmu_kernels.body.driven import DRIVEN, STEP_SIZE, finish, keep, load_polynomial_of, part_to_integrate

@@ -74,8 +74,8 @@ FAULTS = {
     "coefficient of the splitting of order 4": Fault("integrators/splitting", "0.604872665711080", "0.604878714437737"),
     "splitting of order 6 in another order": Fault(
         "integrators/splitting",
-        "y = _drift_and_kick(y, _D6[2] * h, _K6[3] * h, u, body, loads)",
-        "y = _drift_and_kick(y, _D6[3] * h, _K6[3] * h, u, body, loads)",
+        "_DRIFTS_6 = (*_D6, _D6_MIDDLE,",
+        "_DRIFTS_6 = (*_D6[:2], _D6[3], *_D6[3:], _D6_MIDDLE,",
     ),
     "Strang's first kick whole": Fault(
         "integrators/splitting", "y = _kick(state, 0.5 * h, body, loads)", "y = _kick(state, h, body, loads)"

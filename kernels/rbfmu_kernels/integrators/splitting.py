@@ -34,6 +34,10 @@ _K6 = (0.0414649985182624, 0.198128671918067, -0.0400061921041533, 0.07525398430
 _K6_LAST = 0.5 - (_K6[0] + _K6[1] + _K6[2] + _K6[3] + _K6[4])
 _D6 = (0.123229775946271, 0.290553797799558, -0.127049212625417, -0.246331761062075, 0.357208872795928)
 _D6_MIDDLE = 1.0 - 2.0 * (_D6[0] + _D6[1] + _D6[2] + _D6[3] + _D6[4])
+_DRIFTS_4 = (*_D4, _D4_LAST, _D4_LAST, _D4[1])
+_KICKS_4 = (*_K4, _K4_MIDDLE, *_K4[:0:-1])
+_DRIFTS_6 = (*_D6, _D6_MIDDLE, *_D6[:0:-1])
+_KICKS_6 = (*_K6, _K6_LAST, _K6_LAST, *_K6[:0:-1])
 
 
 @kernel
@@ -128,36 +132,27 @@ def strang_steps(state: State, h: float, n: int, body: Body, loads: Loads) -> St
     return y
 
 
+@kernel
+def _symmetric_steps(
+    state: State, h: float, n: int, drifts: tuple[float, ...], kicks: tuple[float, ...], body: Body, loads: Loads
+) -> State:
+    """Take n steps of kicks and drifts in turns, which end with the drift and the kick that they begin with."""
+    u = 1.0 / transverse_moment(body.inertia)
+    y = _kick(state, kicks[0] * h, body, loads)
+    for i in range(1, n + 1):
+        for k in range(len(drifts)):
+            y = _drift_and_kick(y, drifts[k] * h, kicks[k + 1] * h, u, body, loads)
+        y = _drift_and_last_kick(y, drifts[0] * h, (2.0 if i < n else 1.0) * kicks[0] * h, u, body, loads)
+    return y
+
+
 @kernel(inline=False)
 def rkn4_steps(state: State, h: float, n: int, body: Body, loads: Loads) -> State:
     """Take n steps of six drifts and as many kicks: order 4."""
-    u = 1.0 / transverse_moment(body.inertia)
-    y = _kick(state, _K4[0] * h, body, loads)
-    for i in range(1, n + 1):
-        y = _drift_and_kick(y, _D4[0] * h, _K4[1] * h, u, body, loads)
-        y = _drift_and_kick(y, _D4[1] * h, _K4[2] * h, u, body, loads)
-        y = _drift_and_kick(y, _D4_LAST * h, _K4_MIDDLE * h, u, body, loads)
-        y = _drift_and_kick(y, _D4_LAST * h, _K4[2] * h, u, body, loads)
-        y = _drift_and_kick(y, _D4[1] * h, _K4[1] * h, u, body, loads)
-        y = _drift_and_last_kick(y, _D4[0] * h, (2.0 if i < n else 1.0) * _K4[0] * h, u, body, loads)
-    return y
+    return _symmetric_steps(state, h, n, _DRIFTS_4, _KICKS_4, body, loads)
 
 
 @kernel(inline=False)
 def rkn6_steps(state: State, h: float, n: int, body: Body, loads: Loads) -> State:
     """Take n steps of eleven drifts and as many kicks: order 6."""
-    u = 1.0 / transverse_moment(body.inertia)
-    y = _kick(state, _K6[0] * h, body, loads)
-    for i in range(1, n + 1):
-        y = _drift_and_kick(y, _D6[0] * h, _K6[1] * h, u, body, loads)
-        y = _drift_and_kick(y, _D6[1] * h, _K6[2] * h, u, body, loads)
-        y = _drift_and_kick(y, _D6[2] * h, _K6[3] * h, u, body, loads)
-        y = _drift_and_kick(y, _D6[3] * h, _K6[4] * h, u, body, loads)
-        y = _drift_and_kick(y, _D6[4] * h, _K6_LAST * h, u, body, loads)
-        y = _drift_and_kick(y, _D6_MIDDLE * h, _K6_LAST * h, u, body, loads)
-        y = _drift_and_kick(y, _D6[4] * h, _K6[4] * h, u, body, loads)
-        y = _drift_and_kick(y, _D6[3] * h, _K6[3] * h, u, body, loads)
-        y = _drift_and_kick(y, _D6[2] * h, _K6[2] * h, u, body, loads)
-        y = _drift_and_kick(y, _D6[1] * h, _K6[1] * h, u, body, loads)
-        y = _drift_and_last_kick(y, _D6[0] * h, (2.0 if i < n else 1.0) * _K6[0] * h, u, body, loads)
-    return y
+    return _symmetric_steps(state, h, n, _DRIFTS_6, _KICKS_6, body, loads)

@@ -12,8 +12,7 @@ from operator import attrgetter
 
 from rbfmu.extras import remedy
 from rbfmu.models.question import Question
-from rbfmu.models.registry import ANGULAR_MOMENTUM, CLOSED_FORMS, MODELS, ONE_AXIS_TAYLOR, SPIN_UP
-from rbfmu.models.spec import ModelSpec
+from rbfmu.models.registry import ANGULAR_MOMENTUM, CLOSED_FORMS, MODELS, ONE_AXIS_TAYLOR, SPIN_UP, ModelSpec
 from rbfmu.runs.motion import Steps, record
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import SceneError

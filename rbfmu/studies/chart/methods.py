@@ -15,7 +15,7 @@ from numba import njit
 
 from rbfmu.models.model_buffer import aligned_zeros
 from rbfmu.models.question import Question
-from rbfmu.models.spec import ModelSpec
+from rbfmu.models.registry import ModelSpec
 from rbfmu.planning.methods import whole_series
 from rbfmu.planning.select import plan
 from rbfmu.runs.motion import substeps_counted

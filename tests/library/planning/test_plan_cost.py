@@ -83,9 +83,9 @@ def test_a_sphere_under_a_torque_fixed_in_space_is_planned_whatever_is_asked(ask
 def test_orders_of_series_are_tried_until_two_in_a_row_are_no_cheaper(beyond, monkeypatch):
     likely, tried = likely_order(1e-9), []
     cheapest = likely + beyond
-    monkeypatch.setattr(fitting.methods, "series", lambda general, order, shares: order)
+    monkeypatch.setattr(fitting.methods, "series_of_all", lambda asked, order, accuracy: order)
     search = object.__new__(fitting._Search)
-    search.accuracy, search.general, search.shares, search.steps, search.best = 1e-9, None, None, math.inf, None
+    search.accuracy, search.asked, search.steps, search.best = 1e-9, None, math.inf, None
 
     def fit(order, value):
         tried.append(order)

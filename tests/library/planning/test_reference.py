@@ -2,6 +2,7 @@
 
 import math
 from contextlib import nullcontext
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -10,7 +11,6 @@ from numba import config
 
 from rbfmu import Scene, SceneError
 from rbfmu.models.question import Question
-from rbfmu.models.registry import FREE_BODY_FORCE
 from rbfmu.planning import fitting, select
 from rbfmu.planning import judge as judge_module
 from rbfmu.planning import reference as reference_module
@@ -102,7 +102,7 @@ def test_round_off_of_all_steps_is_counted_where_pilot_runs_take_several_at_once
                   run={"stop": 10.0, "step": 1e-4, "accuracy": 1e-9})  # fmt: skip
     judge, tight = Judge(Question(scene)), Dop853Plan("body under loads", "DOP853", 13, tolerance=1e-15)
     few, _ = judge.try_out(tight)
-    assert judge.try_all_steps(tight, few) >= 2.0 * few
+    assert judge.try_all_steps(replace(tight, error=few)) >= 2.0 * few
 
 
 def test_what_is_but_round_off_of_the_loads_counts_relative_to_them():
@@ -178,14 +178,13 @@ def test_a_quadrature_of_too_many_points_is_not_tried(monkeypatch):
     body, loads = {"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, QUIET | {"force_b": [0.1, 0.2, 0.3]}
     scene = Scene(body=body, initial={"omega_b": [3.0, 1.0, 2.0]}, loads=loads, outputs={"quantities": ["position"]},
                   run={"stop": 10.0, "step": 5.0, "accuracy": 1e-6})  # fmt: skip
-    general, points = Plan(FREE_BODY_FORCE.key, "", 13), []
-    judge = Judge(Question(scene))
+    judge, points = Judge(Question(scene)), []
     for most in (fitting.MAX_POINTS, 20):
         monkeypatch.setattr(fitting, "MAX_POINTS", most)
         monkeypatch.setattr(
             judge, "try_out", lambda trial, **_: points.append(trial.order * 10.0 / trial.substep) or (1.0, 0.0)
         )
-        fitting.cheapest_quadrature(judge, general)
+        fitting.cheapest_quadrature(judge.asked, judge)
         assert (max(points) > 20) == (most > 20)
         points.clear()
 
