@@ -6,11 +6,12 @@ Rich is loaded where it draws, as loading it takes a tenth of a short run.
 import math
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
-from functools import wraps
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import reduce, wraps
 from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import click
 
@@ -244,107 +245,88 @@ def print_verdict(findings: int, wrong: Sequence[str], written: str) -> None:
 
 PATH = click.Path(path_type=Path)
 PICTURES = (".png", ".svg", ".pdf")
-scene_argument = click.argument("scene", metavar="SCENE", type=PATH)
+Command = Callable[..., None]
+Option = Callable[[Command], Command]
+scene_argument: Option = click.argument("scene", metavar="SCENE", type=PATH)
+more_keys: Option = click.argument("more", metavar="[KEY]...", nargs=-1)
+"""Keys behind an option that has the first of them."""
 
 
-def choice_option(name: str, known: Sequence[str], text: str) -> Callable[[Any], Any]:
+def choice_option(name: str, known: Sequence[str], text: str) -> Option:
     """Return the option of a choice, by default the first."""
     return click.option(name, type=click.Choice(known), default=known[0], show_default=True, help=text)
 
 
-model_option = choice_option(
-    "--model", ["planned", "full"], "The smallest that serves the scene, or all degrees of freedom."
+_INPUTS = "Drive the ports: columns time, torque_b[1], ...  [ports at zero]"
+INPUTS = (
+    click.option("--inputs", type=PATH, metavar="FILE.csv", help=_INPUTS),
+    choice_option("--interpolate", ["hold", "linear"], "Between the rows of --inputs."),
 )
-method_option = click.option(
-    "--method",
-    type=PATH,
-    metavar="FILE.py",
+MODEL = (
+    choice_option("--model", ["planned", "full"], "The smallest that serves the scene, or all degrees of freedom."),
+)
+RUN = {"accuracy": "", "stop": " (s)", "step": " (s)"}
+"""Keys of a scene's table [run] with their units."""
+RUN_OPTIONS = tuple(
+    click.option(f"--{key}", type=float, help=f"In place of the scene's run.{key}{unit}.") for key, unit in RUN.items()
+)
+method_option: Option = click.option(
+    "--method", type=PATH, metavar="FILE.py",
     help="Besides, a method of your own: step(q, omega, h, body, loads) in FILE.",
-)
+)  # fmt: skip
 
 
-def input_options(command: Callable[..., Any]) -> Any:
-    """Add the options of commands that drive the ports by a file; they get the arguments of plans and runs for it."""
+class Driven(TypedDict):
+    """What drives the ports, as plans and runs take it."""
 
-    @wraps(command)
-    def call(*args: Any, inputs: Path | None, interpolate: str, **others: Any) -> Any:
-        driven = {} if inputs is None else {"inputs": inputs, "interpolate": interpolate}
-        return command(*args, driven=driven, **others)
-
-    interpolate = choice_option("--interpolate", ["hold", "linear"], "Between the rows of --inputs.")
-    text = "Drive the ports: columns time, torque_b[1], ...  [ports at zero]"
-    return click.option("--inputs", type=PATH, metavar="FILE.csv", help=text)(interpolate(call))
+    inputs: Path | None
+    interpolate: str
 
 
-def run_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options of commands that plan a run: keys of the scene's table [run]."""
-    for key, unit in (("step", " (s)"), ("stop", " (s)"), ("accuracy", "")):
-        command = click.option(f"--{key}", type=float, help=f"In place of the scene's run.{key}{unit}.")(command)
-    return command
+@dataclass(frozen=True)
+class Asked:
+    """A scene file, and what a command asks for beside it; run: in place of what its table [run] has."""
+
+    file: Path
+    run: dict[str, float | None] = field(default_factory=lambda: dict.fromkeys(RUN))
+    model: str = "planned"
+    driven: Driven = field(default_factory=lambda: Driven(inputs=None, interpolate="hold"))
+
+    @contextmanager
+    def opened(self) -> Iterator["rbfmu.Scene"]:
+        """Return the scene with the options given; errors name the file, also from inside."""
+        from rbfmu.scene.scene import faults_of, load_scene
+
+        say_where_nothing_is_kept()
+        given = {key: value for key, value in self.run.items() if value is not None}
+        options = " and ".join(f"--{key} {value!r}" for key, value in given.items())
+        loaded = load_scene(self.file)
+        with faults_of(f"{self.file} with {options}" if options else str(self.file)):
+            yield loaded.replace(run=given)
 
 
-def keys_option(option: str, name: str, text: str) -> Callable[..., Any]:
-    """Return the option of keys: given with it, once or more often, and behind it."""
+def scene_options(*options: Option) -> Option:
+    """Return what adds such options to a command on a scene, which gets all of them, and the file, as one."""
 
-    def add(command: Callable[..., Any]) -> Any:
+    def add(command: Command) -> Command:
         @wraps(command)
-        def call(*args: Any, more: tuple[str, ...], **others: Any) -> Any:
-            return command(*args, **{**others, name: (*others[name], *more)})
+        def call(
+            scene: Path, model: str = "planned", inputs: Path | None = None, interpolate: str = "hold", **others: Any
+        ) -> None:
+            run = {key: others.pop(key) for key in [*others] if key in RUN}  # as they were typed
+            command(Asked(scene, run, model, Driven(inputs=inputs, interpolate=interpolate)), **others)
 
-        add_more = click.argument("more", metavar="[KEY]...", nargs=-1)
-        return click.option(option, name, multiple=True, required=True, metavar="KEY", help=text)(add_more(call))
+        return with_options(*options)(call)
 
     return add
 
 
-def worker_options(command: Callable[..., Any]) -> Any:
-    """Add the options that say who runs members of an ensemble; commands get what yields an executor, or a number."""
-
-    @click.option("--workers", type=click.IntRange(1), help="Threads.  [one for each processor]")
-    @click.option("--scheduler", metavar="ADDRESS", help="Of Dask, in place of threads: tcp://HOST:PORT.")
-    @wraps(command)
-    def call(*args: Any, workers: int | None, scheduler: str | None, **others: Any) -> Any:
-        if workers and scheduler:
-            raise click.UsageError("--workers: expected no --scheduler with it, which has workers of its own")
-        from rbfmu.ensembles.running import dask_client
-
-        return command(*args, workers=dask_client(scheduler) if scheduler else nullcontext(workers), **others)
-
-    return call
+def with_options(*options: Option) -> Option:
+    """Return what adds options, in their order."""
+    return lambda command: reduce(lambda with_others, option: option(with_others), reversed(options), command)
 
 
-def kind_options(command: Callable[..., Any]) -> Any:
-    """Add the options that say what kind of FMU is built; commands get the arguments of `rbfmu_fmu.build` for it."""
-
-    @click.option("--native", is_flag=True, help="Compiled: the importer needs no Python.")
-    @click.option(
-        "--platform",
-        default="",
-        metavar="NAME,...",
-        help="Of a native FMU: linux64, win64, darwin64, linux-aarch64, darwin-aarch64; all.",
-    )
-    @choice_option("--fmi", ["2", "3"], "Version of FMI: 2.0, or 3.0 with arrays as variables; 3 with --native.")
-    @click.option("--scalars", is_flag=True, help="Of FMI 3.0: no arrays, as importers that cannot take them need it.")
-    @click.option(
-        "--terminals", is_flag=True, help="Of FMI 2.0: list terminals, at which some importers fail; 3.0 does."
-    )
-    @wraps(command)
-    def call(*args: Any, native: bool, platform: str, fmi: str, scalars: bool, terminals: bool, **others: Any) -> Any:
-        platforms = [name.strip() for name in platform.split(",") if name.strip()]
-        for is_alone, option, needed in (
-            (platforms and not native, "--platform", "--native"),
-            (fmi == "3" and not native, "--fmi 3", "--native"),
-            (scalars and fmi != "3", "--scalars", "--fmi 3"),
-        ):
-            if is_alone:
-                raise click.UsageError(f"{option}: expected {needed} with it")
-        kind = {"kind": "native" if native else "python", "platforms": platforms}
-        return command(*args, kind=kind | {"fmi": int(fmi), "scalars": scalars, "terminals": terminals}, **others)
-
-    return call
-
-
-def file_option(text: str, endings: Sequence[str], *names: str, **more: Any) -> Callable[..., Any]:
+def file_option(text: str, endings: Sequence[str], *names: str, **more: Any) -> Option:
     """Return the option of a file to write, by default --output, which is refused at once where it cannot be."""
 
     def checked(_: click.Context, option: click.Parameter, path: Path | None) -> Path | None:
@@ -355,25 +337,17 @@ def file_option(text: str, endings: Sequence[str], *names: str, **more: Any) -> 
     return click.option(*(names or ("-o", "--output")), help=text, **kind)
 
 
-def plot_option(text: str) -> Callable[..., Any]:
+def plot_option(text: str) -> Option:
     """Return the option of a picture to draw."""
     return file_option(f"{text} to FILE (.png, .svg or .pdf).", PICTURES, "--plot")
 
 
-def folder_option(default: str, text: str) -> Callable[..., Any]:
+def folder_option(default: str, text: str) -> Option:
     """Return the option of a command that writes a folder."""
     kind = click.Path(file_okay=False, path_type=Path)
     return click.option("-o", "--output", "folder", type=kind, default=Path(default), show_default=True, help=text)
 
 
-@contextmanager
-def open_scene(path: Path, run: dict[str, float | None]) -> Iterator["rbfmu.Scene"]:
-    """Return the scene of a file with the options given; errors name the file, also from inside."""
-    from rbfmu.scene.scene import faults_of, load_scene
-
-    say_where_nothing_is_kept()
-    given = {key: value for key, value in run.items() if value is not None}
-    options = " and ".join(f"--{key} {value!r}" for key, value in given.items())
-    loaded = load_scene(path)
-    with faults_of(f"{path} with {options}" if options else str(path)):
-        yield loaded.replace(run=given)
+def keys_option(option: str, text: str) -> Option:
+    """Return the option of keys, which `more_keys` may follow."""
+    return click.option(option, multiple=True, required=True, metavar="KEY", help=text)

@@ -22,13 +22,12 @@ from rbfmu import Plan, Scene
 from rbfmu.planning.select import plan
 from rbfmu.scene.scene import of_scene_or_path
 from rbfmu_fmu.description import Description, describe
-from rbfmu_fmu.fmi_version import FMI2, UNSET, FmiVersion, version_of
+from rbfmu_fmu.fmi_version import FMI2, FmiVersion, version_of
 from rbfmu_fmu.model_description import model_description, xml_bytes
-from rbfmu_fmu.native.headers import headers
+from rbfmu_fmu.native.headers import headers, scene_header
 from rbfmu_fmu.native.linking import ANY_VERSION, EXPORTS, FLAGS, HEADERS, NoLinkerError, link, source, universal
 from rbfmu_fmu.native.object_code import object_files
 from rbfmu_fmu.native.platforms import Platform, platforms_named, this_platform
-from rbfmu_fmu.native.slopes import slopes_header
 from rbfmu_fmu.presentation import presentation_files
 from rbfmu_fmu.python.pythonfmu_traps import LEFT_OUT, undo_builder_imports
 from rbfmu_fmu.python.slave_access import CODE, LIBRARY, OBJECT
@@ -79,7 +78,7 @@ def _identify(version: FmiVersion, d: Description, abilities: dict[str, str], pa
     A hash and no random number, so that the same scene gives the same file, and a saved state is refused by an FMU of
     another scene, whose buffer it would fill with other numbers.
     """
-    xml = model_description(version, d, UNSET, abilities)
+    xml = model_description(version, d, abilities)
     xml.set(version.identity, f"{{{uuid.UUID(hash_of(parts | {'': tostring(xml)})[:32])}}}")
     return xml
 
@@ -99,23 +98,22 @@ def build_native_fmu(
 
     platforms: names from `platforms.PLATFORMS`, or "all"; none: this one; terminals: list them in FMI 2.0 as well.
     """
-    chosen, plan = platforms_named(platforms), plan.of_scene(scene)
-    description = describe(scene, plan)
-    objects = {p: object_files(plan.kernels, p) for p in chosen}
-    contents = {"resources/scene.json": scene_inside(scene, plan)}
-    slopes = slopes_header(scene, plan, description)
-    parts = contents | _parts_of_libraries(description, version, slopes, objects)
-    xml = _identify(version, description, version.abilities_of(description), parts)
+    chosen, d = platforms_named(platforms), describe(scene, plan)
+    objects = {p: object_files(d.plan.kernels, p) for p in chosen}
+    contents, generated = {"resources/scene.json": scene_inside(d)}, headers(d, version)
+    parts = contents | {name: source(name) for name in (*c_sources(version), *HEADERS)}
+    parts |= {name: text.encode() for name, text in generated.items()} | {"flags": " ".join(FLAGS).encode()}
+    parts |= {f"{p.name}/{name}": code for p, files in objects.items() for name, code in files.items()}
+    xml = _identify(version, d, version.abilities_of(d), parts)
     contents["modelDescription.xml"] = xml_bytes(xml)
-    generated = headers(description, version, xml.attrib[version.identity], slopes)
+    generated["scene.h"] = scene_header(d, version, xml.attrib[version.identity])
     for folder in sorted({version.folders[p.name] for p in chosen}):
         members = [p for p in chosen if version.folders[p.name] == folder]
-        libraries = [link(c_sources(version), objects[p], p, description.identifier, generated) for p in members]
+        libraries = [link(c_sources(version), objects[p], p, d.identifier, generated) for p in members]
         for place in (folder, *_second_folders(version, members, chosen)):
-            contents[f"binaries/{place}/{description.identifier}{members[0].suffix}"] = universal(libraries)
-    shown = presentation_files(scene, plan, description, version, needs_python=False, with_terminals=terminals)
-    write_archive(contents | shown, path)
-    return path
+            contents[f"binaries/{place}/{d.identifier}{members[0].suffix}"] = universal(libraries)
+    shown = presentation_files(d, version, needs_python=False, with_terminals=terminals)
+    return write_archive(contents | shown, path)
 
 
 def _second_folders(version: FmiVersion, members: Sequence[Platform], chosen: Sequence[Platform]) -> list[str]:
@@ -129,44 +127,42 @@ def c_sources(version: FmiVersion) -> tuple[str, ...]:
     return (version.signatures, *ANY_VERSION)
 
 
-def _parts_of_libraries(
-    d: Description, version: FmiVersion, slopes: str, objects: dict[Platform, dict[str, bytes]]
-) -> dict[str, bytes]:
-    """Return what makes the libraries what they are, except for their guid."""
-    parts = {name: source(name) for name in (*c_sources(version), *HEADERS)}
-    parts |= {name: text.encode() for name, text in headers(d, version, "", slopes).items()}
-    parts |= {"flags": " ".join(FLAGS).encode()}
-    return parts | {f"{p.name}/{name}": code for p, files in objects.items() for name, code in files.items()}
-
-
 # --- the pythonfmu kind
 
 
 def build_python_fmu(scene: Scene, plan: Plan, path: Path, terminals: bool = False) -> Path:
     """Write the FMU: the same bytes for the same scene; a file that stands at `path` is replaced when done."""
-    plan = plan.of_scene(scene)
-    description = describe(scene, plan)
-    files = _package_files(plan, description)
-    identity = hash_of(files | {"templates": (SCRIPT + PACKAGE).encode()})[:12]
+    d = describe(scene, plan)
     with tempfile.TemporaryDirectory(prefix="rbfmu_") as folder:
-        script, package = _write_sources(Path(folder), files, description, identity)
+        script, package = _write_sources(Path(folder), d)
         with undo_builder_imports():
             raw = FmuBuilder.build_FMU(script, dest=Path(folder) / "out", project_files=[package])
         with zipfile.ZipFile(raw) as archive:
             contents = {n: archive.read(n) for n in archive.namelist() if not LEFT_OUT.fullmatch(n)}
-    contents["resources/scene.json"] = scene_inside(scene, plan)
-    contents["modelDescription.xml"] = xml_bytes(_identify(FMI2, description, PYTHON_ABILITIES, dict(contents)))
-    shown = presentation_files(scene, plan, description, FMI2, needs_python=True, with_terminals=terminals)
-    write_archive(contents | shown, path)
-    return path
+    contents["resources/scene.json"] = scene_inside(d)
+    contents["modelDescription.xml"] = xml_bytes(_identify(FMI2, d, PYTHON_ABILITIES, dict(contents)))
+    shown = presentation_files(d, FMI2, needs_python=True, with_terminals=terminals)
+    return write_archive(contents | shown, path)
 
 
-def _package_files(plan: Plan, description: Description) -> dict[str, bytes]:
+def _write_sources(folder: Path, d: Description) -> tuple[Path, Path]:
+    """Write the FMU's entry, and the package that has all else, by names of what is in it; return both."""
+    files = _package_files(d)
+    identity = hash_of(files | {"templates": (SCRIPT + PACKAGE).encode()})[:12]
+    package, script = folder / f"rbfmu_{identity}", folder / f"{d.identifier}_{identity}.py"
+    for name, content in (files | {"__init__.py": PACKAGE.format(identity=identity).encode()}).items():
+        (package / name).parent.mkdir(parents=True, exist_ok=True)
+        (package / name).write_bytes(content)
+    script.write_bytes(SCRIPT.format(package=package.name, identifier=d.identifier).encode())
+    return script, package
+
+
+def _package_files(d: Description) -> dict[str, bytes]:
     files = {name: (PYTHON / name).read_bytes() for name in SHIPPED}
-    name, code = _shipped_code(plan)
-    known = description.to_dict() | {"shipped_code": {name: zlib.crc32(code)}}
-    if plan.formulas:  # which name the kernels as those who make an FMU do
-        files["formulas.py"] = plan.formulas.text.replace(f"from {rbfmu_kernels.__name__}.", "from .").encode()
+    name, code = _shipped_code(d.plan)
+    known = d.to_dict() | {"shipped_code": {name: zlib.crc32(code)}}
+    if d.plan.formulas:  # which name the kernels as those who make an FMU do
+        files["formulas.py"] = d.plan.formulas.text.replace(f"from {rbfmu_kernels.__name__}.", "from .").encode()
     return kernel_sources() | files | {name: code, "description.json": json_bytes(known)}
 
 
@@ -178,16 +174,6 @@ def _shipped_code(plan: Plan) -> tuple[str, bytes]:
         return CODE + LIBRARY, link(EXPORTS, objects, platform, "model")
     except NoLinkerError:
         return CODE + OBJECT, objects["model.o"]
-
-
-def _write_sources(folder: Path, files: dict[str, bytes], description: Description, identity: str) -> tuple[Path, Path]:
-    """Write the FMU's entry, and the package that has all else; return both."""
-    package, script = folder / f"rbfmu_{identity}", folder / f"{description.identifier}_{identity}.py"
-    for name, content in (files | {"__init__.py": PACKAGE.format(identity=identity).encode()}).items():
-        (package / name).parent.mkdir(parents=True, exist_ok=True)
-        (package / name).write_bytes(content)
-    script.write_bytes(SCRIPT.format(package=package.name, identifier=description.identifier).encode())
-    return script, package
 
 
 # --- what is in an FMU, and its file
@@ -206,9 +192,9 @@ def kernel_hash() -> str:
     return hash_of(kernel_sources())
 
 
-def scene_inside(scene: Scene, plan: Plan) -> bytes:
+def scene_inside(d: Description) -> bytes:
     """Return what `verify` reads in an FMU: resources/scene.json."""
-    data = {"kernels": kernel_hash(), "plan": plan.to_dict(), "scene": scene.to_dict()}
+    data = {"kernels": kernel_hash(), "plan": d.plan.to_dict(), "scene": d.scene.to_dict()}
     return json_bytes(data, sort_keys=False)  # outputs of one's own follow each other as in the scene
 
 
@@ -225,7 +211,7 @@ def hash_of(files: dict[str, bytes]) -> str:
     return digest.hexdigest()
 
 
-def write_archive(contents: dict[str, bytes], path: Path) -> None:
+def write_archive(contents: dict[str, bytes], path: Path) -> Path:
     """Write files sorted and without times; a file that stands at `path` is replaced when all is written."""
     handle, temporary = tempfile.mkstemp(prefix=path.name, suffix=".part", dir=path.parent)
     try:
@@ -241,3 +227,4 @@ def write_archive(contents: dict[str, bytes], path: Path) -> None:
         if isinstance(error, OSError):
             error.filename = str(path)  # else a full disk names no file
         raise
+    return path

@@ -29,6 +29,9 @@ AXES = ("x", "y", "z")
 _EULER_PARAMETERS = ("scalar part", "vector part x", "vector part y", "vector part z")
 _INERTIA = {"inertia": 3}
 """Numbers of a block that say its size, where that is not all."""
+_AS_IT_IS = ("identifier", "counts", "start_buffer", "outputs_end", "start_place", "last_time")
+"""What a slave knows of a description besides its variables; of these it knows all but what only XML says."""
+_OF_XML = ("follows", "begins_with")
 
 
 @dataclass(frozen=True)
@@ -70,22 +73,16 @@ class Count(NamedTuple):
 class Description:
     """A scene's FMU: everything that a slave or a C layer must know of the model, and nothing of its formulas.
 
-    counts: those of events, whose value references follow that of `status`.
+    identifier: of C and Python; counts: those of events, whose value references follow that of `status`.
     start_place: that of the time at the start in the buffer, or -1 of a model that has no time.
     """
 
-    name: str
+    scene: Scene
+    plan: Plan
     identifier: str
-    about: dict[str, str]
-    """What tools show of it: the keys of a scene's table `about`."""
     variables: tuple[Variable, ...]
     counts: tuple[Count, ...]
     start_buffer: tuple[float, ...]
-    start: float
-    stop: float
-    step: float
-    accuracy: float
-    model: str
     outputs_end: int
     """One past the last of a model's outputs in its buffer."""
     start_place: int
@@ -93,7 +90,7 @@ class Description:
     @property
     def last_time(self) -> float:
         """Return the time from which on `status` is 2."""
-        return last_time(self.stop, self.step)
+        return last_time(self.scene.run.stop, self.scene.run.step)
 
     @property
     def inputs(self) -> tuple[Variable, ...]:
@@ -117,10 +114,10 @@ class Description:
 
     def to_dict(self) -> dict[str, Any]:
         """Return a dict for JSON: this, and what is said of parameters that a model does not serve."""
-        known = asdict(self) | {"last_time": self.last_time, "faults": FAULTS, "changed": CHANGED}
-        for v in known["variables"]:
-            del v["follows"], v["begins_with"]
-        return known
+        known = {"name": self.scene.name, "about": self.scene.about.model_dump(), **self.scene.run.model_dump()}
+        known |= {name: getattr(self, name) for name in _AS_IT_IS} | {"model": self.plan.kernels.name}
+        variables = [{k: x for k, x in asdict(v).items() if k not in _OF_XML} for v in self.variables]
+        return known | {"variables": variables, "faults": FAULTS, "changed": CHANGED}
 
 
 def blocks(d: Description, *causalities: str) -> dict[str, list[Variable]]:
@@ -141,17 +138,12 @@ def describe(scene: Scene, plan: Plan) -> Description:
         for e, (name, event) in enumerate(scene.events.items())
     ]  # fmt: skip
     return Description(
-        name=scene.name,
+        scene=scene,
+        plan=plan,
         identifier=identifier(scene.name),
-        about=scene.about.model_dump(),
         variables=tuple(v for block in shown for v in _variables(block, plan, z, sizes)),
         counts=tuple(counts),
         start_buffer=tuple(z.tolist()),
-        start=scene.run.start,
-        stop=scene.run.stop,
-        step=scene.run.step,
-        accuracy=scene.run.accuracy,
-        model=kernels.name,
         outputs_end=max(place.stop for place in (*outputs, *(block.place for block in shown))),
         start_place=kernels.BLOCKS["series.start_time"].start if plan.formulas else -1,
     )

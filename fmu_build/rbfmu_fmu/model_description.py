@@ -26,14 +26,16 @@ STATUS_MEANING = (
 STATUS = {"name": "status", "causality": "output", "variability": "discrete", "initial": "calculated"}
 STATUS |= {"description": STATUS_MEANING}
 STATUS_RANGE = {"min": "0", "max": "2"}
+UNSET = "{}"
+"""Stands for an FMU's identity while that identity is being made."""
 
 
-def model_description(version: FmiVersion, d: Description, identity: str, co_simulation: dict[str, str]) -> Element:
-    """Return modelDescription.xml; `co_simulation` holds the attributes in which kinds of FMU differ."""
+def model_description(version: FmiVersion, d: Description, co_simulation: dict[str, str]) -> Element:
+    """Return modelDescription.xml, without identity; `co_simulation` has attributes in which kinds of FMU differ."""
     about = {"generationTool": f"rbfmu {rbfmu.__version__}", "description": "One rigid body", "license": LICENSE}
-    about |= {key: text for key, text in d.about.items() if text}
+    about |= {key: text for key, text in d.scene.about.model_dump().items() if text}
     root = Element("fmiModelDescription", {
-        "fmiVersion": version.name, "modelName": d.name, version.identity: identity, **about,
+        "fmiVersion": version.name, "modelName": d.scene.name, version.identity: UNSET, **about,
         "variableNamingConvention": "structured",
     })  # fmt: skip
     SubElement(root, "CoSimulation", {
@@ -44,8 +46,8 @@ def model_description(version: FmiVersion, d: Description, identity: str, co_sim
     root.extend(_type_definitions(version, d))
     categories = (Element("Category", name=name, description=says) for name, says in LOG_CATEGORIES.items())
     SubElement(root, "LogCategories").extend(categories)
-    run = {"startTime": d.start, "stopTime": d.stop, "tolerance": d.accuracy, "stepSize": d.step}
-    SubElement(root, "DefaultExperiment", {name: repr(value) for name, value in run.items()})
+    run = {"startTime": "start", "stopTime": "stop", "tolerance": "accuracy", "stepSize": "step"}
+    SubElement(root, "DefaultExperiment", {name: repr(getattr(d.scene.run, key)) for name, key in run.items()})
     SubElement(root, "ModelVariables").extend(_variables(version, d))
     root.append(_model_structure(version, d))
     return root
@@ -242,7 +244,7 @@ def _members(variables: list[Variable]) -> dict[str, str]:
 
 def osp_place(d: Description) -> str:
     """Return where it lies in an FMU; its name is the one that libcosim looks for, where every system takes it."""
-    prefix = f"{d.name}_" if re.fullmatch(r"[A-Za-z0-9_ .-]+", d.name) else ""
+    prefix = f"{d.scene.name}_" if re.fullmatch(r"[A-Za-z0-9_ .-]+", d.scene.name) else ""
     return f"{OSP_FOLDER}/{prefix}OspModelDescription.xml"
 
 

@@ -6,6 +6,7 @@ from itertools import accumulate
 
 from rbfmu_fmu.description import Description
 from rbfmu_fmu.fmi_version import FmiVersion
+from rbfmu_fmu.native.slopes import slopes_header
 from rbfmu_fmu.python.call_rules import CALLS, LOG_CATEGORIES, PHASES, SET_REFUSAL, SETTABLE
 from rbfmu_fmu.python.slave_access import HELD, TO_VARY
 from rbfmu_kernels.buffer import CHANGED, FAULTS, OK, PAST_STOP, STEP_REJECTED
@@ -14,9 +15,9 @@ MAX_DERIVATIVE_ORDER = 2
 """The highest order of a derivative with respect to time that the C layer's table has room for."""
 
 
-def headers(d: Description, version: FmiVersion, guid: str, slopes: str) -> dict[str, str]:
-    """Return C sources by file name; slopes: of `slopes_header`."""
-    return {"call_rules.h": call_rules(), "scene.h": scene_header(d, version, guid), "slopes.h": slopes}
+def headers(d: Description, version: FmiVersion, guid: str = "") -> dict[str, str]:
+    """Return C sources by file name."""
+    return {"call_rules.h": call_rules(), "scene.h": scene_header(d, version, guid), "slopes.h": slopes_header(d)}
 
 
 def call_rules() -> str:
@@ -50,10 +51,10 @@ def scene_header(d: Description, version: FmiVersion, guid: str) -> str:
         f"#define REAL {_c(version.real)}",
         f"#define INTEGER {_c(version.integer)}",
         f"#define CATEGORIES {_row([*map(_c, LOG_CATEGORIES), 'NULL'])}",
-        f"#define START_TIME {d.start.hex()}",
+        f"#define START_TIME {d.scene.run.start.hex()}",
         f"#define LAST_TIME {d.last_time.hex()}",
         f"enum {{ START_PLACE = {d.start_place} }}; /* of the start time in the buffer, if it is there */",
-        f"#define ACCURACY {d.accuracy.hex()}",
+        f"#define ACCURACY {d.scene.run.accuracy.hex()}",
         "#define OUTPUT_DERIVATIVES" if d.output_rates else "/* no output has a derivative */",
         f"enum {{ STEP_OK = {OK}, STEP_REJECTED = {STEP_REJECTED}, PAST_STOP = {PAST_STOP} }}; /* of `status` */",
         f"enum {{ SIZE = {len(d.start_buffer)}, REALS = {len(d.variables)}, CHANGES = {d.outputs_end} }};",

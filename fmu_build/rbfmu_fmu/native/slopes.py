@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rbfmu import Plan, Scene
+from rbfmu import Scene
 from rbfmu.formulas.check import Texts, given_to
 from rbfmu.formulas.graph import LEAVES, Graph, Number, Symbol, arctangent, changes_of, square_root
 from rbfmu.formulas.motion import STATE, Motion, by_element, product, rotation_of
@@ -31,12 +31,13 @@ _IN_C = {kind: text.replace("math.", "") for kind, text in VALUES.items()} | {
 }  # fmt: skip
 
 
-def slopes_header(scene: Scene, plan: Plan, d: Description) -> str:
+def slopes_header(d: Description) -> str:
     """Return C source of `add_changes`, which adds to the changes of outputs what those of parameters make of them."""
-    start = _Start(plan.kernels.BLOCKS, {v.offset for v in d.variables if v.causality == "parameter"})
-    shown = _prescribed(start) if scene.body is None else _of_body(start, scene)
+    blocks = d.plan.kernels.BLOCKS
+    start = _Start(blocks, {v.offset for v in d.variables if v.causality == "parameter"})
+    shown = _prescribed(start) if d.scene.body is None else _of_body(start, d.scene)
     outputs = [v for v in d.outputs if v.block in shown]  # the last time of an event is none of the motion's
-    places = [v.offset - plan.kernels.BLOCKS[start.block_of(v.block)].start for v in outputs]
+    places = [v.offset - blocks[start.block_of(v.block)].start for v in outputs]
     changes = changes_of([shown[v.block][i] for v, i in zip(outputs, places, strict=True)], start.changes)
     lines, found = lines_of(start.graph, changes, start.texts, _IN_C)
     added = [f"change[{v.offset}] += {x};" for v, x in zip(outputs, found, strict=True) if x != 0.0]
