@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rbfmu.aem import read_aem, write_aem
 from rbfmu.exceptions import named
 from rbfmu.extras import needed
 from rbfmu.notebook import numbers_text, table
@@ -169,6 +168,8 @@ class Result:
         path = Path(path)
         if path.suffix not in FORMATS:
             raise ValueError(f"{str(path)!r}: expected a name that ends in {ENDINGS}")
+        from rbfmu.aem import read_aem  # a run does without
+
         columns = {".csv": _csv, ".npz": _npz, ".aem": read_aem}[path.suffix](path)
         if "time" not in columns:
             raise ValueError(f"{path}: time is missing: expected the result of a run")
@@ -208,6 +209,8 @@ class Result:
                 listed = [(t, n, kind) for kind in kinds for n, times in kinds[kind].items() for t in times.tolist()]
                 _write_table(path.with_suffix(".events.csv"), [("time", "name", "kind"), *sorted(listed)])
         elif path.suffix == ".aem":
+            from rbfmu.aem import write_aem
+
             check_attitude(path, self.quantities)
             write_aem(path, self.time, self.quaternion, self.quantities.get("omega_b"))
         else:
