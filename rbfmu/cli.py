@@ -14,9 +14,9 @@ import rbfmu
 
 from rbfmu.cli_output import (  # isort: skip
     INPUTS, MODEL, PATH, RUN_OPTIONS, Asked, Commands, check_target, choice_option, file_option, folder_option,
-    keys_option, method_option, more_keys, plan_text, plot_option, print_changes, print_end, print_ensemble, print_fit,
-    print_keys, print_verdict, print_verification, print_written, say_what_is_kept, say_where_nothing_is_kept,
-    scene_argument, scene_options, usage_errors, with_options, write,
+    keys_option, method_option, more_keys, plan_text, plot_option, print_columns, print_end, print_ensemble, print_fit,
+    print_keys, print_written, say_where_nothing_is_kept, scene_argument, scene_options, usage_errors, with_options,
+    write,
 )  # fmt: skip
 from rbfmu.exceptions import SceneWarning, named
 from rbfmu.extras import needed
@@ -162,6 +162,7 @@ def ensemble(
     """
     from rbfmu.ensembles.members import with_runs
     from rbfmu.ensembles.planning import plan_ensemble
+    from rbfmu.ensembles.result import kept_runs
     from rbfmu.ensembles.running import check_store, dask_client
 
     if workers and scheduler:
@@ -180,7 +181,9 @@ def ensemble(
                 found = rbfmu.run_ensemble(scene, output, executor, resume=resume, planned=planned, **asked.driven)
             except KeyboardInterrupt:
                 if output:
-                    say_what_is_kept(output)
+                    done, of_runs = kept_runs(output)
+                    kept = f"{done:,}{f' of {of_runs:,}' if of_runs else ''} runs are kept"
+                    click.echo(f"\n{output}: {kept}{'; --resume goes on with them' * bool(done)}", err=True)
                 raise
         if plot:
             found.plot(plot)
@@ -202,7 +205,9 @@ def show_sensitivity(
     with asked.opened() as scene, usage_errors():
         found = rbfmu.sensitivity(scene, (*by, *more), **asked.driven)
         write(found, output, plot, scene.name)
-    print_changes(found)
+    changes = [found.changes(name) for name in found.of]
+    rows = [(key, *(f"{of[key].max():.3g}" for of in changes)) for key in found.keys]
+    print_columns([("1 % of", *found.of), *rows])
     print_written(output, plot)
 
 
@@ -306,7 +311,11 @@ def verify(fmu: Path, seed: int) -> None:
     say_where_nothing_is_kept()
     with usage_errors(rbfmu_fmu.VerificationError):
         found = rbfmu_fmu.verify(fmu, seed)
-    print_verification(found)
+    rows = [(name, found.units[name], repr(difference)) for name, difference in found.differences.items()]
+    print_columns([("output", "unit", "largest difference to the kernels"), *rows])
+    click.echo(f"{found.steps_done} of {found.steps_asked} steps done; inputs from seed {found.seed}")
+    click.echo(f"planned and full model differ by {found.to_full:.1e}, accuracy asked {found.accuracy:g}")
+    click.echo("\n".join([*(f"problem: {text}" for text in found.problems), "passed" if found.passed else "FAILED"]))
     click.get_current_context().exit(0 if found.passed else 1)
 
 
@@ -345,5 +354,8 @@ def stability(folder: Path, quick: bool, method: Path | None) -> None:
         paths = run_stability(folder, quick, progress_bar("stability"), method)
     findings, wrong = read_findings(folder), failures(folder)
     print_laws(findings)
-    print_verdict(sum(f.kind != OWN for f in findings), wrong, f"{len(paths)} files in {folder}")
+    count = sum(f.kind != OWN for f in findings)
+    click.echo(f"\n{count - len(wrong)} of {count} findings hold; {len(paths)} files in {folder}")
+    for text in wrong:
+        click.echo(f"does not hold: {text}")
     click.get_current_context().exit(1 if wrong else 0)

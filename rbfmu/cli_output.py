@@ -89,15 +89,6 @@ def say_where_nothing_is_kept() -> None:
         click.echo(f"Note: compiled code cannot be kept here, so every start compiles for seconds: {remedy}", err=True)
 
 
-def say_what_is_kept(store: Path) -> None:
-    """Print how far a store is."""
-    from rbfmu.ensembles.result import kept_runs
-
-    done, runs = kept_runs(store)
-    goes_on = "; --resume goes on with them" if done else ""
-    click.echo(f"\n{store}: {done:,}{f' of {runs:,}' if runs else ''} runs are kept{goes_on}", err=True)
-
-
 def check_target(path: Path | None, option: str, endings: Sequence[str]) -> None:
     """Refuse a file that cannot be written before anything runs."""
     if path is None:
@@ -138,16 +129,9 @@ def print_end(scene: "rbfmu.Scene", planned: "rbfmu.Plan", result: "rbfmu.Result
     click.echo("\n".join([f"{planned.model}: {planned.method}", error, *planned.reasons]))
     last = {name: " ".join(f"{x: .8g}" for x in values[-1:].ravel()) for name, values in result.quantities.items()}
     rows = [(name, result.units[name], numbers) for name, numbers in last.items()]
-    _print_columns([("at the end", "unit", f"t = {result.time[-1]:g} s"), *rows])
+    print_columns([("at the end", "unit", f"t = {result.time[-1]:g} s"), *rows])
     if result.events:
-        _print_columns([("event", "times", "at t (s)"), *_events(result)])
-
-
-def print_changes(found: "rbfmu.Sensitivity") -> None:
-    """Print how far each output moves at most where each key's numbers change by 1 %."""
-    changes = [found.changes(name) for name in found.of]
-    rows = [(key, *(f"{of[key].max():.3g}" for of in changes)) for key in found.keys]
-    _print_columns([("1 % of", *found.of), *rows])
+        print_columns([("event", "times", "at t (s)"), *_events(result)])
 
 
 def print_fit(found: "rbfmu.Fit") -> None:
@@ -156,7 +140,7 @@ def print_fit(found: "rbfmu.Fit") -> None:
     for name, value, error in zip(found.names, found.values, found.standard_errors, strict=True):
         told = error < math.inf
         rows.append((name, f"{value: .8g}" if told else " not told", f"{error:.2g}" if told else ""))
-    _print_columns(rows)
+    print_columns(rows)
     noise = (f"{'attitude' if name == 'quaternion' else name} {size:.3g}" for name, size in found.sigma.items())
     click.echo(f"noise: {', '.join(noise)}")
     click.echo("\n".join([*found.unknown, *(found.doubts or ("residuals look like noise",))]))
@@ -171,7 +155,7 @@ def _events(result: "rbfmu.Result") -> Iterator[tuple[str, str, str]]:
             yield f"{name}{kind}", f"{len(times)}", shown + (" ..." if len(times) > MOST_TIMES else "")
 
 
-def write(found: Any, output: Path | None, plot: Path | None, title: str) -> None:
+def write(found: "rbfmu.Result | rbfmu.Sensitivity", output: Path | None, plot: Path | None, title: str) -> None:
     """Save and draw what was found, where that is asked for."""
     if output:
         found.save(output)
@@ -196,14 +180,14 @@ def print_ensemble(planned: "rbfmu.Plan", result: "rbfmu.EnsembleResult") -> Non
         (name, row.unit, *(" ".join(f"{x: .6g}" for x in values) for values in result.at_end(name)))
         for name, row in result.rows.items()
     ]
-    _print_columns([(f"at t = {result.time[-1]:g} s", "unit", "mean", "standard deviation"), *rows])
+    print_columns([(f"at t = {result.time[-1]:g} s", "unit", "mean", "standard deviation"), *rows])
     for name in result.counts:
         times = result.first_of(name)
         first = f", first at {times.mean():.6g} s, standard deviation {times.std():.3g} s" if len(times) else ""
         click.echo(f"{name}: in {len(times):,} of {len(result.good):,} runs{first}")
 
 
-def _print_columns(rows: Sequence[Sequence[str]]) -> None:
+def print_columns(rows: Sequence[Sequence[str]]) -> None:
     """Print rows of equal length below each other; no line is folded, so that no number is torn."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
@@ -223,24 +207,6 @@ def print_keys() -> None:
         for key in group:
             table.add_row(key.name, key.unit, escape(key.default), escape(key.meaning))
         Console(highlight=False).print(table)
-
-
-def print_verification(found: Any) -> None:
-    """Print what `rbfmu_fmu.verify` found."""
-    rows = [(name, found.units[name], repr(difference)) for name, difference in found.differences.items()]
-    _print_columns([("output", "unit", "largest difference to the kernels"), *rows])
-    click.echo(f"{found.steps_done} of {found.steps_asked} steps done; inputs from seed {found.seed}")
-    click.echo(f"planned and full model differ by {found.to_full:.1e}, accuracy asked {found.accuracy:g}")
-    for problem in found.problems:
-        click.echo(f"problem: {problem}")
-    click.echo("passed" if found.passed else "FAILED")
-
-
-def print_verdict(findings: int, wrong: Sequence[str], written: str) -> None:
-    """Print how many findings hold, what was written, and what does not hold."""
-    click.echo(f"\n{findings - len(wrong)} of {findings} findings hold; {written}")
-    for text in wrong:
-        click.echo(f"does not hold: {text}")
 
 
 PATH = click.Path(path_type=Path)

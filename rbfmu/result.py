@@ -35,13 +35,6 @@ CHUNK = 1024
 """Rows that a CSV's writer holds as text."""
 
 
-def check_shape(row: Quantity, values: Array, points: int) -> None:
-    """Raise ValueError where a quantity's array, or that of the times, has not the shape of so many points in time."""
-    shape = (points, row.size) if row.size > 1 else (points,)
-    if values.shape != shape:
-        raise ValueError(f"{row.name} has the shape {values.shape}: expected {shape}")
-
-
 def check_attitude(path: Path | None, quantities: Iterable[str]) -> None:
     """Raise ValueError where an AEM is to be written of quantities without the attitude."""
     if path is not None and path.suffix == ".aem" and "quaternion" not in quantities:
@@ -73,7 +66,7 @@ class Result:
             raise ValueError(f"quantity {unknown[0]!r}: expected some of {', '.join(known)}")
         self.rows = {name: known[name] for name in self.quantities}
         for name, values in self.quantities.items():
-            check_shape(self.rows[name], values, len(self.time))
+            _check_shape(self.rows[name], values, len(self.time))
 
     def __getattr__(self, name: str) -> Array:
         try:
@@ -175,7 +168,10 @@ class Result:
             raise ValueError(f"{path}: time is missing: expected the result of a run")
         time, quantities = columns["time"], {name: columns[name] for name in OUTPUT if name in columns}
         for name, values in {"time": time, **quantities}.items():
-            _check(path, name, values, len(time))
+            _check_shape(OUTPUT.get(name, TIME), values, len(time), f"{path}: ")
+            if bad := np.argwhere(~np.isfinite(values)).tolist():
+                found = float(values[tuple(bad[0])])
+                raise ValueError(f"{path}: {name} = {found!r} in row {bad[0][0] + 1}: expected numbers")
         if np.any(np.diff(time) <= 0.0):
             row = int(np.argmax(np.diff(time) <= 0.0)) + 1
             raise ValueError(f"{path}: time = {float(time[row])!r} in row {row + 1}: expected times that increase")
@@ -225,6 +221,12 @@ class Result:
                 file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
 
 
+def _check_shape(row: Quantity, values: Array, points: int, where: str = "") -> None:
+    shape = (points, row.size) if row.size > 1 else (points,)
+    if values.shape != shape:
+        raise ValueError(f"{where}{row.name} has the shape {values.shape}: expected {shape}")
+
+
 def _arrays(values: Mapping[str, ArrayLike]) -> dict[str, Array]:
     return {name: np.asarray(one, dtype=np.float64) for name, one in values.items()}
 
@@ -263,12 +265,3 @@ def _csv(path: Path) -> dict[str, Array]:
             continue
         columns[row.name] = np.stack([flat[name] for name in wanted], axis=1) if row.size > 1 else flat[row.name]
     return columns
-
-
-def _check(path: Path, name: str, values: Array, points: int) -> None:
-    try:
-        check_shape(OUTPUT.get(name, TIME), values, points)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
-    if bad := np.argwhere(~np.isfinite(values)).tolist():
-        raise ValueError(f"{path}: {name} = {float(values[tuple(bad[0])])!r} in row {bad[0][0] + 1}: expected numbers")

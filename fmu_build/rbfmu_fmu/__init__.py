@@ -1,7 +1,7 @@
 """Co-simulation units (FMI 2.0, FMI 3.0) of rigid-body scenes: `build` and `verify`."""
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rbfmu_fmu.builder import build as build
@@ -20,7 +20,7 @@ _HOMES = {
 __all__ = ["BuildError", "Verification", "VerificationError", "build", "verify"]
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     """Load a name's module when it is first used, as FMPy takes a tenth of a second."""
     if name not in _HOMES:
         raise AttributeError(f"module 'rbfmu_fmu' has no attribute {name!r}")

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from itertools import groupby
 from keyword import iskeyword
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from rbfmu import Plan, Scene
 from rbfmu.models.question import Question
@@ -112,7 +112,7 @@ class Description:
         """Return whether every output has a derivative."""
         return all(v.rates for v in self.outputs)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, object]:
         """Return a dict for JSON: this, and what is said of parameters that a model does not serve."""
         known = {"name": self.scene.name, "about": self.scene.about.model_dump(), **self.scene.run.model_dump()}
         known |= {name: getattr(self, name) for name in _AS_IT_IS} | {"model": self.plan.kernels.name}
@@ -249,7 +249,7 @@ def _output(row: Output, scene: Scene, plan: Plan) -> _Block:
     return _Block(row, plan.kernels.BLOCKS[name], "output", frozenset(follows), frozenset(follows | first))
 
 
-def _variables(block: _Block, plan: Plan, z: Any, sizes: Mapping[str, float]) -> list[Variable]:
+def _variables(block: _Block, plan: Plan, z: Buffer, sizes: Mapping[str, float]) -> list[Variable]:
     row, place, causality, follows, begins_with = block
     name, bounds = row.name, row.bounds if len(row.bounds) == row.size else row.bounds * row.size
     rates = _rate_blocks(plan, name, causality)
@@ -281,7 +281,7 @@ def _rate_blocks(plan: Plan, name: str, causality: str) -> list[slice]:
     That knows loads that stay as they are, and no formulas.
     """
     kernels = plan.kernels
-    of_output = (f"d_{name}",) if hasattr(kernels, "output_rates") and not plan.formulas else ()
+    of_output = (f"d_{name}",) if not plan.formulas else ()
     names = {"input": (f"{name}_rate", f"{name}_rate_2"), "output": of_output}.get(causality, ())
     return [kernels.BLOCKS[n] for n in names if n in kernels.BLOCKS]
 

@@ -6,9 +6,9 @@ form as for a series: it comes of the graph of the motion, by forward accumulati
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rbfmu import Scene
 from rbfmu.formulas.check import Texts, given_to
@@ -70,13 +70,13 @@ class _Start:
         """Return the numbers of a block."""
         return [self.graph.leaf(kind, element) for element in elements(name, size)]
 
-    def set(self, leaves: Iterable[Any], changes: Iterable[Number]) -> None:
+    def set(self, leaves: Iterable[Number], changes: Iterable[Number]) -> None:
         """Let leaves change; those that are 0 in the graph stay so."""
         self.changes |= {x: dx for x, dx in zip(leaves, changes, strict=True) if isinstance(x, Symbol)}
 
-    def of(self, values: Any) -> list[Number]:
+    def of(self, values: Iterable[Number]) -> list[Number]:
         """Return how numbers change."""
-        return changes_of([*np.ravel(values)], self.changes)
+        return changes_of([*values], self.changes)
 
     def turn(self, q: Sequence[Symbol]) -> None:
         """Let an attitude change with what it is normalised of."""
@@ -135,7 +135,7 @@ def _begin(start: _Start, motion: Motion, pivot: bool) -> None:
     mass, arm, M = known["mass"], known["r_oc_b"], known["M_c"]
     M = np.array(interpreted(parallel_axis)(M, mass, tuple(arm)), object) if pivot else M
     inverse = np.array(start.leaves("M_inverse", 9), object).reshape(3, 3)
-    by_M = np.array(start.of(M), object)
+    by_M = np.array(start.of(np.ravel(M)), object)
     start.set(start.leaves("M", 9), by_M)
     start.set(np.ravel(inverse), np.ravel(-1.0 * (inverse @ by_M.reshape(3, 3) @ inverse)))
     start.set(start.leaves("arm", 3), start.of(arm if pivot else [-1.0 * x for x in arm]))
@@ -150,7 +150,7 @@ def _begin(start: _Start, motion: Motion, pivot: bool) -> None:
             start.set(start.leaves(state, 3, "state"), start.of(values))
 
 
-def _roll_pitch_yaw(R: Any) -> list[Number]:
+def _roll_pitch_yaw(R: NDArray[np.object_]) -> list[Number]:
     """Return the angles of R = R_z(yaw) R_y(pitch) R_x(roll) by its elements; at the pole they have no derivative."""
     level = square_root(R[0][0] * R[0][0] + R[1][0] * R[1][0])
     return [arctangent(R[2][1], R[2][2]), arctangent(-1.0 * R[2][0], level), arctangent(R[1][0], R[0][0])]

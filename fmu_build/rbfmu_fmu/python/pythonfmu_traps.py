@@ -51,7 +51,7 @@ def undo_builder_imports() -> Iterator[None]:
                 del sys.modules[name]
 
 
-def keep_script(names: dict[str, Any]) -> None:
+def keep_script(names: dict[str, object]) -> None:
     """Keep the dict of the FMU's script alive: the library releases it, though not its own, at every instantiation."""
     _increment(names)
 
