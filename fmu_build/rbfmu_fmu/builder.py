@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from xml.etree.ElementTree import Element, tostring
 
-from pythonfmu.builder import FmuBuilder
+import pythonfmu
 
 import rbfmu_kernels
 from rbfmu import Plan, Scene
@@ -29,7 +29,6 @@ from rbfmu_fmu.native.linking import ANY_VERSION, EXPORTS, FLAGS, HEADERS, NoLin
 from rbfmu_fmu.native.object_code import object_files
 from rbfmu_fmu.native.platforms import Platform, platforms_named, this_platform
 from rbfmu_fmu.presentation import presentation_files
-from rbfmu_fmu.python.pythonfmu_traps import LEFT_OUT, undo_builder_imports
 from rbfmu_fmu.python.slave_access import CODE, LIBRARY, OBJECT
 
 PYTHON = Path(__file__).parent / "python"
@@ -38,6 +37,10 @@ SCRIPT, PACKAGE = ((PYTHON / name).read_text(encoding="utf-8") for name in ("ent
 
 SHIPPED = ("slave.py", "slave_access.py", "call_rules.py", "pythonfmu_traps.py")
 """The modules of a pythonfmu FMU beside the kernels."""
+
+PYTHONFMU = Path(pythonfmu.__file__).parent
+UNUSED = ("deploy.py", "csvbuilder.py", "__main__.py")
+"""Modules of pythonfmu that no FMU uses."""
 
 PYTHON_ABILITIES = {
     "needsExecutionTool": "false", "canInterpolateInputs": "false", "canNotUseMemoryManagementFunctions": "true",
@@ -133,28 +136,29 @@ def c_sources(version: FmiVersion) -> tuple[str, ...]:
 def build_python_fmu(scene: Scene, plan: Plan, path: Path, terminals: bool = False) -> Path:
     """Write the FMU: the same bytes for the same scene; a file that stands at `path` is replaced when done."""
     d = describe(scene, plan)
-    with tempfile.TemporaryDirectory(prefix="rbfmu_") as folder:
-        script, package = _write_sources(Path(folder), d)
-        with undo_builder_imports():
-            raw = FmuBuilder.build_FMU(script, dest=Path(folder) / "out", project_files=[package])
-        with zipfile.ZipFile(raw) as archive:
-            contents = {n: archive.read(n) for n in archive.namelist() if not LEFT_OUT.fullmatch(n)}
-    contents["resources/scene.json"] = scene_inside(d)
+    files = _package_files(d)
+    identity = hash_of(files | {"templates": (SCRIPT + PACKAGE).encode()})[:12]
+    package, script = f"rbfmu_{identity}", f"{d.identifier}_{identity}"
+    files["__init__.py"] = PACKAGE.format(identity=identity).encode()
+    contents = {f"resources/{package}/{name}": content for name, content in files.items()}
+    contents[f"resources/{script}.py"] = SCRIPT.format(package=package, identifier=d.identifier).encode()
+    contents |= {"resources/slavemodule.txt": script.encode(), "resources/scene.json": scene_inside(d)}
+    contents |= _parts_of_pythonfmu(d.identifier)
     contents["modelDescription.xml"] = xml_bytes(_identify(FMI2, d, PYTHON_ABILITIES, dict(contents)))
     shown = presentation_files(d, FMI2, needs_python=True, with_terminals=terminals)
     return write_archive(contents | shown, path)
 
 
-def _write_sources(folder: Path, d: Description) -> tuple[Path, Path]:
-    """Write the FMU's entry, and the package that has all else, by names of what is in it; return both."""
-    files = _package_files(d)
-    identity = hash_of(files | {"templates": (SCRIPT + PACKAGE).encode()})[:12]
-    package, script = folder / f"rbfmu_{identity}", folder / f"{d.identifier}_{identity}.py"
-    for name, content in (files | {"__init__.py": PACKAGE.format(identity=identity).encode()}).items():
-        (package / name).parent.mkdir(parents=True, exist_ok=True)
-        (package / name).write_bytes(content)
-    script.write_bytes(SCRIPT.format(package=package.name, identifier=d.identifier).encode())
-    return script, package
+def _parts_of_pythonfmu(identifier: str) -> dict[str, bytes]:
+    """Return pythonfmu's modules and its libraries by their places in an FMU.
+
+    Its own builder puts them there too, but makes an instance to ask for variables, which an FMU's code has no part in.
+    """
+    libraries = PYTHONFMU / "resources" / "binaries"
+    modules = {f"resources/pythonfmu/{file.name}": file for file in PYTHONFMU.glob("*.py") if file.name not in UNUSED}
+    compiled = (file for file in libraries.glob("*/*") if file.suffix in (".so", ".dll", ".dylib"))
+    files = modules | {f"binaries/{file.parent.name}/{identifier}{file.suffix}": file for file in compiled}
+    return {place: file.read_bytes() for place, file in files.items()}
 
 
 def _package_files(d: Description) -> dict[str, bytes]:

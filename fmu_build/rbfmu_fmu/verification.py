@@ -254,10 +254,9 @@ def _through_kernels(d: Description, time: Array, inputs: Array) -> Array:
 
 def _distance_to_full(d: Description, time: Array, inputs: Array, planned: Array) -> float:
     """Return the distance between the planned and the full model under the same inputs."""
-    scene, tighter = d.scene, d.scene.to_dict()
-    tighter["run"] |= {"stop": float(time[-1]), "accuracy": max(scene.run.accuracy / 10.0, 1e-12)}
+    scene, accuracy = d.scene, max(d.scene.run.accuracy / 10.0, 1e-12)
     try:
-        full = planning.plan(Scene.from_dict(tighter, scene.name), full=True)
+        full = planning.plan(scene.replace(run={"stop": float(time[-1]), "accuracy": accuracy}), full=True)
     except SceneError:
         return math.nan
     rows = _through_kernels(describe(scene, full), time, inputs)

@@ -28,18 +28,20 @@ def call_rules() -> str:
         f"typedef enum {_row(map(str.upper, CALLS))} Call;",
         f"typedef enum {_row(map(str.upper, SETTABLE))} Causality;",
         f"static const char *const PHASE_NAMES[] = {_row(map(_c, PHASES.values()))};",
-        "static const struct { unsigned phases; const char *refusal; } RULES[] = {",
-        *[f"    [{name.upper()}] = {{{_bits(rule.phases)}, {_c(rule.refusal)}}}," for name, rule in CALLS.items()],
-        "};",
+        *_table("static const struct { unsigned phases; const char *refusal; } RULES[]",
+                (f"[{name.upper()}] = {{{_bits(rule.phases)}, {_c(rule.refusal)}}}," for name, rule in CALLS.items())),
         f"#define SET_REFUSAL {_c(SET_REFUSAL)}",
-        "static const struct { const char *name; unsigned settable_in; } CAUSALITIES[] = {",
-        *[f"    [{name.upper()}] = {{{_c(name)}, {_bits(allowed)}}}," for name, allowed in SETTABLE.items()],
-        "};",
+        *_table("static const struct { const char *name; unsigned settable_in; } CAUSALITIES[]",
+                (f"[{name.upper()}] = {{{_c(name)}, {_bits(phases)}}}," for name, phases in SETTABLE.items())),
     ])  # fmt: skip
 
 
 def _header(name: str, about: str, lines: Iterable[str]) -> str:
     return "\n".join([f"/* {about} */", f"#ifndef {name}", f"#define {name}", *lines, "#endif", ""])
+
+
+def _table(declaration: str, rows: Iterable[str]) -> list[str]:
+    return [f"{declaration} = {{", *(f"    {row}" for row in rows), "};"]
 
 
 def scene_header(d: Description, version: FmiVersion, guid: str) -> str:
@@ -91,16 +93,18 @@ def _references(d: Description, version: FmiVersion) -> list[str]:
 
 def _variables(d: Description) -> list[str]:
     """Return three tables of the Real variables: their places, those of their derivatives, their names."""
-    lines = ["static const short OFFSETS[REALS] = {"]
-    lines += [f"    {v.offset}, /* {v.name} */" for v in d.variables]
-    lines += ["};", f"enum {{ MAX_DERIVATIVE_ORDER = {MAX_DERIVATIVE_ORDER}, NOT_PROVIDED = -1 }};"]
-    lines += ["static const short DERIVATIVES[REALS][MAX_DERIVATIVE_ORDER] = {"]
-    for v in d.variables:
-        missing = ["NOT_PROVIDED"] * (MAX_DERIVATIVE_ORDER - len(v.rates))
-        lines += [f"    {_row([*v.rates, *missing])}, /* {v.name} */"]
-    lines += ["};", "static const struct { const char *name, *block; int pinned; } VARIABLES[REALS] = {"]
-    lines += [f"    {_row((_c(v.name), _c(v.block), int(v.pinned)))}," for v in d.variables]
-    return [*lines, "};"]
+    missing = ["NOT_PROVIDED"] * MAX_DERIVATIVE_ORDER
+    rates = [(_row([*v.rates, *missing][:MAX_DERIVATIVE_ORDER]), v.name) for v in d.variables]
+    said = (f"{_row((_c(v.name), _c(v.block), int(v.pinned)))}," for v in d.variables)
+    return [
+        *_table("static const short OFFSETS[REALS]", (f"{v.offset}, /* {v.name} */" for v in d.variables)),
+        f"enum {{ MAX_DERIVATIVE_ORDER = {MAX_DERIVATIVE_ORDER}, NOT_PROVIDED = -1 }};",
+        *_table(
+            "static const short DERIVATIVES[REALS][MAX_DERIVATIVE_ORDER]",
+            (f"{row}, /* {name} */" for row, name in rates),
+        ),
+        *_table("static const struct { const char *name, *block; int pinned; } VARIABLES[REALS]", said),
+    ]
 
 
 def _refusals() -> list[str]:
@@ -113,9 +117,7 @@ def _refusals() -> list[str]:
         f"#define CHANGED {_c(CHANGED)} /* as a fault's block: all parameters that were changed */",
         f"enum {{ NO_FAULT = 0, UNKNOWN_FAULT = {unknown} }};",
         "typedef struct { const char *block, *expected; } Fault;",
-        "static const Fault FAULTS[] = {",
-        *[f"    [{code}] = {_row(map(_c, texts))}," for code, texts in faults.items()],
-        "};",
+        *_table("static const Fault FAULTS[]", (f"[{code}] = {_row(map(_c, x))}," for code, x in faults.items())),
     ]
 
 

@@ -66,7 +66,8 @@ def object_files(model: Model, platform: Platform) -> dict[str, bytes]:
 
 @cache
 def _object_file(model: Model, platform: Platform, feature: str) -> bytes:
-    if not model.step.__module__.startswith("rbfmu_kernels."):  # whose sources tell what is kept from what is stale
+    known = isinstance(model, Model) and model.step.__module__.startswith("rbfmu_kernels.")
+    if not known:  # its source is not among those that tell what is kept from what is stale
         return _compile(model, platform, feature)
     return keep_or_compile(f"{model.name} {platform} {feature}", lambda: _compile(model, platform, feature))
 
