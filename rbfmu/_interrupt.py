@@ -8,7 +8,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import Any, NoReturn
+from typing import NoReturn
 
 STATUS = 130
 """128 and the number of SIGINT: what shells expect."""
@@ -34,7 +34,7 @@ def interruptible() -> Iterator[None]:
         struck = True
         raise KeyboardInterrupt
 
-    def raise_anew(unraisable: Any) -> None:
+    def raise_anew(unraisable: "sys.UnraisableHookArgs") -> None:
         if issubclass(unraisable.exc_type, KeyboardInterrupt):
             threading.Timer(SOON, _strike_main_thread).start()  # here it could only be reported again
         else:

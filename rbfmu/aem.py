@@ -9,7 +9,6 @@ import re
 from datetime import UTC, date, datetime, timedelta
 from decimal import Decimal
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -134,7 +133,7 @@ def _epoch(t: float) -> str:
     return f"{day}T{int(minutes) // 60:02d}:{int(minutes) % 60:02d}:{'0' * (second < 10)}{second:f}"
 
 
-def _number(x: Any) -> str:
+def _number(x: float) -> str:
     """Return every digit, with a point also before an exponent."""
     text = repr(x)
     return text if "." in text else text.replace("e", ".0e")

@@ -13,10 +13,10 @@ import click
 import rbfmu
 
 from rbfmu.cli_output import (  # isort: skip
-    PATH, Commands, check_target, choice_option, file_option, folder_option, input_options, keys_option, kind_options,
-    method_option, model_option, open_scene, plan_text, plot_option, print_changes, print_end, print_ensemble,
-    print_fit, print_keys, print_verdict, print_verification, print_written, run_options, say_what_is_kept,
-    say_where_nothing_is_kept, scene_argument, usage_errors, worker_options, write,
+    INPUTS, MODEL, PATH, RUN_OPTIONS, Asked, Commands, check_target, choice_option, file_option, folder_option,
+    keys_option, method_option, more_keys, plan_text, plot_option, print_columns, print_end, print_ensemble, print_fit,
+    print_keys, print_written, say_where_nothing_is_kept, scene_argument, scene_options, usage_errors, with_options,
+    write,
 )  # fmt: skip
 from rbfmu.exceptions import SceneWarning, named
 from rbfmu.extras import needed
@@ -75,42 +75,37 @@ def new(name: str) -> None:
 @scene_argument
 @click.option("--json", "as_json", is_flag=True, help="Print model, method, substep, states and reasons as JSON.")
 @click.option("--code", is_flag=True, help="Print the kernels that are made from the scene's formulas.")
-@input_options
-@model_option
-@run_options
-def show_plan(scene: Path, as_json: bool, code: bool, driven: dict[str, Any], model: str, **run: float | None) -> None:
+@scene_options(*INPUTS, *MODEL, *RUN_OPTIONS)
+def show_plan(asked: Asked, as_json: bool, code: bool) -> None:
     """Say which model and method a scene gets, and why."""
-    given = open_scene(scene, run)
     if code:
         from rbfmu.planning.select import code_of
 
-        with given as loaded:
-            click.echo(code_of(loaded))
+        with asked.opened() as scene:
+            click.echo(code_of(scene))
         return
-    known = _plan_of(given, KeptPlan(scene, {"model": model, **run}), model, driven)
+    known = _plan_of(asked, asked.opened())
     for doubt in known["doubts"]:
         warnings.warn(doubt, SceneWarning, stacklevel=2)  # of a plan that was made now they are said already
     click.echo(json.dumps(known["plan"] | {"variables": known["variables"]}, indent=1) if as_json else known["text"])
 
 
-def _plan_of(
-    given: AbstractContextManager["rbfmu.Scene"], kept: KeptPlan, model: str, driven: dict[str, Any]
-) -> dict[str, Any]:
+def _plan_of(asked: Asked, opened: AbstractContextManager["rbfmu.Scene"]) -> dict[str, Any]:
     """Return what is said of a scene's plan and of doubts: kept, or made now, and kept where no inputs are given."""
-    known = None if driven else kept.read()
-    if known is not None:
+    is_driven, kept = asked.driven["inputs"] is not None, KeptPlan(asked.file, {"model": asked.model, **asked.run})
+    if not is_driven and (known := kept.read()) is not None:
         return known
     from rbfmu.scene.consistency import doubts_before
     from rbfmu_fmu.description import sizes
 
-    with given as scene:
+    with opened as scene:
         with bar(f"planning {scene.name}") as tell:
-            chosen = rbfmu.plan(scene, full=model == "full", progress=tell, **driven)
+            chosen = rbfmu.plan(scene, full=asked.model == "full", progress=tell, **asked.driven)
         variables, full = sizes(scene, chosen)
-        text = plan_text(scene, chosen, variables, full, bool(driven))
+        text = plan_text(scene, chosen, variables, full, is_driven)
         doubts = [f"{scene.name}: {doubt}" for doubt in doubts_before(scene)]
     known = {"plan": chosen.to_dict(), "variables": variables, "text": text, "doubts": doubts}
-    if not driven:
+    if not is_driven:
         kept.keep(known)
     return known
 
@@ -119,27 +114,21 @@ def _plan_of(
 @scene_argument
 @file_option("Save to FILE (.csv, .npz or .aem).", (".csv", ".npz", ".aem"))
 @plot_option("Draw")
-@input_options
-@model_option
-@run_options
-def run(
-    scene: Path, output: Path | None, plot: Path | None, driven: dict[str, Any], model: str, **run: float | None
-) -> None:
+@scene_options(*INPUTS, *MODEL, *RUN_OPTIONS)
+def run(asked: Asked, output: Path | None, plot: Path | None) -> None:
     """Simulate a scene, its ports at zero or driven by a file.
 
     The units of the columns of FILE.csv are written to FILE.units.csv.
     """
     from rbfmu.result import check_attitude
 
-    kept = KeptPlan(scene, {"model": model, **run})
-    with open_scene(scene, run) as loaded:
+    with asked.opened() as scene:
         with usage_errors():
-            check_attitude(output, loaded.outputs.quantities)
-        known = _plan_of(nullcontext(loaded), kept, model, driven)
-        planned = rbfmu.Plan.from_dict(known["plan"]).of_scene(loaded)
-        result = rbfmu.simulate(loaded, planned=planned, progress=progress_bar(loaded.name), **driven)
-    write(result, output, plot, loaded.name)
-    print_end(loaded, planned, result, bool(driven))
+            check_attitude(output, scene.outputs.quantities)
+        planned = rbfmu.Plan.from_dict(_plan_of(asked, nullcontext(scene))["plan"]).of_scene(scene)
+        result = rbfmu.simulate(scene, planned=planned, progress=progress_bar(scene.name), **asked.driven)
+    write(result, output, plot, scene.name)
+    print_end(scene, planned, result, asked.driven["inputs"] is not None)
     print_written(output, output.with_suffix(".units.csv") if output and output.suffix == ".csv" else None, plot)
 
 
@@ -149,24 +138,23 @@ def warm(scenes: tuple[Path, ...]) -> None:
     """Keep plans and compiled code of scenes, so that processes that share the cache plan and compile nothing."""
     from rbfmu.ensembles.running import warm as warm_scene
 
-    for scene in scenes:
-        kept = KeptPlan(scene, {"model": "planned", "step": None, "stop": None, "accuracy": None})
-        with open_scene(scene, {}) as loaded, usage_errors():
-            warm_scene(loaded, rbfmu.Plan.from_dict(_plan_of(nullcontext(loaded), kept, "planned", {})["plan"]))
+    for asked in map(Asked, scenes):
+        with asked.opened() as scene, usage_errors():
+            warm_scene(scene, rbfmu.Plan.from_dict(_plan_of(asked, nullcontext(scene))["plan"]))
 
 
 @main.command()
 @scene_argument
 @file_option("Keep in STORE (.npz or .zarr).", (".npz", ".zarr"), metavar="STORE", type=PATH)
 @click.option("--runs", type=click.IntRange(1), help="In place of the scene's ensemble.runs.")
-@worker_options
+@click.option("--workers", type=click.IntRange(1), help="Threads.  [one for each processor]")
+@click.option("--scheduler", metavar="ADDRESS", help="Of Dask, in place of threads: tcp://HOST:PORT.")
 @click.option("--resume", is_flag=True, help="Go on with a STORE that is there.")
 @plot_option("Draw")
-@input_options
-@run_options
+@scene_options(*INPUTS, *RUN_OPTIONS)
 def ensemble(
-    scene: Path, output: Path | None, runs: int | None, workers: AbstractContextManager[Any], resume: bool,
-    plot: Path | None, driven: dict[str, Any], **run: float | None,
+    asked: Asked, output: Path | None, runs: int | None, workers: int | None, scheduler: str | None, resume: bool,
+    plot: Path | None,
 ) -> None:  # fmt: skip
     """Run a scene many times, with the numbers that its table [ensemble] varies.
 
@@ -174,23 +162,28 @@ def ensemble(
     """
     from rbfmu.ensembles.members import with_runs
     from rbfmu.ensembles.planning import plan_ensemble
-    from rbfmu.ensembles.running import check_store
+    from rbfmu.ensembles.result import kept_runs
+    from rbfmu.ensembles.running import check_store, dask_client
 
+    if workers and scheduler:
+        raise click.UsageError("--workers: expected no --scheduler with it, which has workers of its own")
     if resume and output is None:
         raise click.UsageError("--resume: expected --output with the store to go on with")
-    with open_scene(scene, run) as loaded, usage_errors():
+    with asked.opened() as loaded, usage_errors():
         check_store(output, resume)
         if plot:
             needed("scipy.stats", "ensemble")  # known to be there before anything runs
-        asked = with_runs(loaded, runs)
-        with workers as executor:
-            with bar(f"planning {asked.name}") as tell:
-                planned = plan_ensemble(asked, tell)
+        scene = with_runs(loaded, runs)
+        with dask_client(scheduler) if scheduler else nullcontext(workers) as executor:
+            with bar(f"planning {scene.name}") as tell:
+                planned = plan_ensemble(scene, tell)
             try:
-                found = rbfmu.run_ensemble(asked, output, executor, resume=resume, planned=planned, **driven)
+                found = rbfmu.run_ensemble(scene, output, executor, resume=resume, planned=planned, **asked.driven)
             except KeyboardInterrupt:
                 if output:
-                    say_what_is_kept(output)
+                    done, of_runs = kept_runs(output)
+                    kept = f"{done:,}{f' of {of_runs:,}' if of_runs else ''} runs are kept"
+                    click.echo(f"\n{output}: {kept}{'; --resume goes on with them' * bool(done)}", err=True)
                 raise
         if plot:
             found.plot(plot)
@@ -200,35 +193,37 @@ def ensemble(
 
 @main.command("sensitivity")
 @scene_argument
-@keys_option("--by", "by", "Such as initial.omega_b; several stand one after another.")
+@keys_option("--by", "Such as initial.omega_b; several stand one after another.")
+@more_keys
 @file_option("Save to FILE (.csv or .npz).", (".csv", ".npz"))
 @plot_option("Draw what matters when")
-@input_options
-@run_options
+@scene_options(*INPUTS, *RUN_OPTIONS)
 def show_sensitivity(
-    scene: Path, by: tuple[str, ...], output: Path | None, plot: Path | None, driven: dict[str, Any],
-    **run: float | None,
-) -> None:  # fmt: skip
+    asked: Asked, by: tuple[str, ...], more: tuple[str, ...], output: Path | None, plot: Path | None
+) -> None:
     """Print, save or draw how a scene's outputs hang on its numbers: derivatives along the motion."""
-    with open_scene(scene, run) as loaded, usage_errors():
-        found = rbfmu.sensitivity(loaded, by, **driven)
-        write(found, output, plot, loaded.name)
-    print_changes(found)
+    with asked.opened() as scene, usage_errors():
+        found = rbfmu.sensitivity(scene, (*by, *more), **asked.driven)
+        write(found, output, plot, scene.name)
+    changes = [found.changes(name) for name in found.of]
+    rows = [(key, *(f"{of[key].max():.3g}" for of in changes)) for key in found.keys]
+    print_columns([("1 % of", *found.of), *rows])
     print_written(output, plot)
 
 
 @main.command("fit")
 @scene_argument
 @click.argument("data", metavar="DATA", type=PATH)
-@keys_option("--free", "free", "What is fitted, such as body.inertia; several stand one after another.")
+@keys_option("--free", "What is fitted, such as body.inertia; several stand one after another.")
+@more_keys
 @click.option("--sigma", metavar="NUMBER|FILE", help="Noise: a number, or a CSV file with a column an output.")
 @choice_option("--loss", ["linear", "soft_l1", "huber", "cauchy"], "Other than linear: where data may be far off.")
 @file_option("Write the fitted scene to FILE.toml.", (".toml",))
 @plot_option("Draw residuals")
-@input_options
+@scene_options(*INPUTS)
 def fit_scene(
-    scene: Path, data: Path, free: tuple[str, ...], sigma: str | None, loss: str, output: Path | None,
-    plot: Path | None, driven: dict[str, Any],
+    asked: Asked, data: Path, free: tuple[str, ...], more: tuple[str, ...], sigma: str | None, loss: str,
+    output: Path | None, plot: Path | None,
 ) -> None:  # fmt: skip
     """Fit numbers of a scene to measured motion: rates, attitudes or any outputs, with gaps.
 
@@ -236,10 +231,11 @@ def fit_scene(
     """
     from rbfmu.identification.measured import sigma_of
 
-    with open_scene(scene, {}) as loaded, usage_errors():
-        found = rbfmu.fit(loaded, data, free, None if sigma is None else sigma_of(sigma), loss, **driven)
+    with asked.opened() as scene, usage_errors():
+        noise = None if sigma is None else sigma_of(sigma)
+        found = rbfmu.fit(scene, data, (*free, *more), noise, loss, **asked.driven)
         if output:
-            found.save(output, scene)
+            found.save(output, asked.file)
         if plot:
             found.plot(plot)
     print_fit(found)
@@ -250,14 +246,12 @@ def fit_scene(
 @main.command()
 @click.argument("source", metavar="SCENE|RESULT", type=PATH)
 @file_option("Page to write, also over one that is there.  [motion.html, if there is none]", (".html",))
-@click.option("--scene", "body", type=PATH, help="Whose body a RESULT (.csv, .npz, .aem) moves.")
+@click.option("--scene", type=PATH, help="Whose body a RESULT (.csv, .npz, .aem) moves.")
 @click.option("--stop", type=float, help="End of what is shown (s).")
 @click.option("--ghosts", type=click.IntRange(0), default=0, metavar="N",
               help="Show N runs of the scene's ensemble as pale bodies.")  # fmt: skip
-@input_options
-def view(
-    source: Path, output: Path | None, body: Path | None, stop: float | None, ghosts: int, driven: dict[str, Any]
-) -> None:
+@with_options(*INPUTS)
+def view(source: Path, output: Path | None, **shown: Any) -> None:
     """Write a page that plays a motion in 3D, in any browser and without network.
 
     A SCENE is simulated; a RESULT is shown as it is.
@@ -267,7 +261,7 @@ def view(
         raise click.UsageError(f"{target}: exists already, and stays as it is; -o {target} writes over it")
     say_where_nothing_is_kept()
     with usage_errors(), bar(f"planning {source.stem}") as tell:
-        motion = rbfmu.view(source, target, scene=body, stop=stop, progress=tell, ghosts=ghosts, **driven)
+        motion = rbfmu.view(source, target, progress=tell, **shown)
     size = target.stat().st_size / 1e6
     click.echo(f"{target}: {size:.1f} MB, {len(motion.result.time)} pictures, played in {motion.played:.3g} s")
 
@@ -275,21 +269,36 @@ def view(
 @main.command()
 @scene_argument
 @file_option("FMU to write.  [NAME.fmu]", (".fmu",))
-@kind_options
-@model_option
-@run_options
-def build(scene: Path, output: Path | None, kind: dict[str, Any], model: str, **run: float | None) -> None:
+@click.option("--native", is_flag=True, help="Compiled: the importer needs no Python.")
+@click.option("--platform", default="", metavar="NAME,...",
+              help="Of a native FMU: linux64, win64, darwin64, linux-aarch64, darwin-aarch64; all.")  # fmt: skip
+@choice_option("--fmi", ["2", "3"], "Version of FMI: 2.0, or 3.0 with arrays as variables; 3 with --native.")
+@click.option("--scalars", is_flag=True, help="Of FMI 3.0: no arrays, as importers that cannot take them need it.")
+@click.option("--terminals", is_flag=True, help="Of FMI 2.0: list terminals, at which some importers fail; 3.0 does.")
+@scene_options(*MODEL, *RUN_OPTIONS)
+def build(
+    asked: Asked, output: Path | None, native: bool, platform: str, fmi: str, scalars: bool, terminals: bool
+) -> None:
     """Build a scene's FMU for co-simulation (FMI 2.0, pythonfmu or native; FMI 3.0, native)."""
     import rbfmu_fmu
     from rbfmu_fmu.description import file_name
     from rbfmu_fmu.native.linking import takes_minutes
     from rbfmu_fmu.native.platforms import platforms_named
 
-    with usage_errors(rbfmu_fmu.BuildError), open_scene(scene, run) as loaded:
-        if slow := [one.name for one in platforms_named(kind["platforms"]) if takes_minutes(one)]:
+    platforms, kind = [name.strip() for name in platform.split(",") if name.strip()], "native" if native else "python"
+    for is_alone, option, needs in (
+        (platforms and not native, "--platform", "--native"),
+        (fmi == "3" and not native, "--fmi 3", "--native"),
+        (scalars and fmi != "3", "--scalars", "--fmi 3"),
+    ):
+        if is_alone:
+            raise click.UsageError(f"{option}: expected {needs} with it")
+    with usage_errors(rbfmu_fmu.BuildError), asked.opened() as scene:
+        if slow := [one.name for one in platforms_named(platforms) if takes_minutes(one)]:
             why = "the first time takes minutes, as ziglang builds the platform's C library"
             click.echo(f"Note: compiling for {', '.join(slow)}: {why}", err=True)
-        click.echo(rbfmu_fmu.build(loaded, output or Path(file_name(loaded.name)), full=model == "full", **kind))
+        path, is_full = output or Path(file_name(scene.name)), asked.model == "full"
+        click.echo(rbfmu_fmu.build(scene, path, kind, platforms, is_full, int(fmi), scalars, terminals))
 
 
 @main.command()
@@ -302,7 +311,11 @@ def verify(fmu: Path, seed: int) -> None:
     say_where_nothing_is_kept()
     with usage_errors(rbfmu_fmu.VerificationError):
         found = rbfmu_fmu.verify(fmu, seed)
-    print_verification(found)
+    rows = [(name, found.units[name], repr(difference)) for name, difference in found.differences.items()]
+    print_columns([("output", "unit", "largest difference to the kernels"), *rows])
+    click.echo(f"{found.steps_done} of {found.steps_asked} steps done; inputs from seed {found.seed}")
+    click.echo(f"planned and full model differ by {found.to_full:.1e}, accuracy asked {found.accuracy:g}")
+    click.echo("\n".join([*(f"problem: {text}" for text in found.problems), "passed" if found.passed else "FAILED"]))
     click.get_current_context().exit(0 if found.passed else 1)
 
 
@@ -341,5 +354,8 @@ def stability(folder: Path, quick: bool, method: Path | None) -> None:
         paths = run_stability(folder, quick, progress_bar("stability"), method)
     findings, wrong = read_findings(folder), failures(folder)
     print_laws(findings)
-    print_verdict(sum(f.kind != OWN for f in findings), wrong, f"{len(paths)} files in {folder}")
+    count = sum(f.kind != OWN for f in findings)
+    click.echo(f"\n{count - len(wrong)} of {count} findings hold; {len(paths)} files in {folder}")
+    for text in wrong:
+        click.echo(f"does not hold: {text}")
     click.get_current_context().exit(1 if wrong else 0)

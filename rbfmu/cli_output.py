@@ -6,11 +6,12 @@ Rich is loaded where it draws, as loading it takes a tenth of a short run.
 import math
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
-from functools import wraps
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import reduce, wraps
 from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import click
 
@@ -88,15 +89,6 @@ def say_where_nothing_is_kept() -> None:
         click.echo(f"Note: compiled code cannot be kept here, so every start compiles for seconds: {remedy}", err=True)
 
 
-def say_what_is_kept(store: Path) -> None:
-    """Print how far a store is."""
-    from rbfmu.ensembles.result import kept_runs
-
-    done, runs = kept_runs(store)
-    goes_on = "; --resume goes on with them" if done else ""
-    click.echo(f"\n{store}: {done:,}{f' of {runs:,}' if runs else ''} runs are kept{goes_on}", err=True)
-
-
 def check_target(path: Path | None, option: str, endings: Sequence[str]) -> None:
     """Refuse a file that cannot be written before anything runs."""
     if path is None:
@@ -137,16 +129,9 @@ def print_end(scene: "rbfmu.Scene", planned: "rbfmu.Plan", result: "rbfmu.Result
     click.echo("\n".join([f"{planned.model}: {planned.method}", error, *planned.reasons]))
     last = {name: " ".join(f"{x: .8g}" for x in values[-1:].ravel()) for name, values in result.quantities.items()}
     rows = [(name, result.units[name], numbers) for name, numbers in last.items()]
-    _print_columns([("at the end", "unit", f"t = {result.time[-1]:g} s"), *rows])
+    print_columns([("at the end", "unit", f"t = {result.time[-1]:g} s"), *rows])
     if result.events:
-        _print_columns([("event", "times", "at t (s)"), *_events(result)])
-
-
-def print_changes(found: "rbfmu.Sensitivity") -> None:
-    """Print how far each output moves at most where each key's numbers change by 1 %."""
-    changes = [found.changes(name) for name in found.of]
-    rows = [(key, *(f"{of[key].max():.3g}" for of in changes)) for key in found.keys]
-    _print_columns([("1 % of", *found.of), *rows])
+        print_columns([("event", "times", "at t (s)"), *_events(result)])
 
 
 def print_fit(found: "rbfmu.Fit") -> None:
@@ -155,7 +140,7 @@ def print_fit(found: "rbfmu.Fit") -> None:
     for name, value, error in zip(found.names, found.values, found.standard_errors, strict=True):
         told = error < math.inf
         rows.append((name, f"{value: .8g}" if told else " not told", f"{error:.2g}" if told else ""))
-    _print_columns(rows)
+    print_columns(rows)
     noise = (f"{'attitude' if name == 'quaternion' else name} {size:.3g}" for name, size in found.sigma.items())
     click.echo(f"noise: {', '.join(noise)}")
     click.echo("\n".join([*found.unknown, *(found.doubts or ("residuals look like noise",))]))
@@ -170,7 +155,7 @@ def _events(result: "rbfmu.Result") -> Iterator[tuple[str, str, str]]:
             yield f"{name}{kind}", f"{len(times)}", shown + (" ..." if len(times) > MOST_TIMES else "")
 
 
-def write(found: Any, output: Path | None, plot: Path | None, title: str) -> None:
+def write(found: "rbfmu.Result | rbfmu.Sensitivity", output: Path | None, plot: Path | None, title: str) -> None:
     """Save and draw what was found, where that is asked for."""
     if output:
         found.save(output)
@@ -195,14 +180,14 @@ def print_ensemble(planned: "rbfmu.Plan", result: "rbfmu.EnsembleResult") -> Non
         (name, row.unit, *(" ".join(f"{x: .6g}" for x in values) for values in result.at_end(name)))
         for name, row in result.rows.items()
     ]
-    _print_columns([(f"at t = {result.time[-1]:g} s", "unit", "mean", "standard deviation"), *rows])
+    print_columns([(f"at t = {result.time[-1]:g} s", "unit", "mean", "standard deviation"), *rows])
     for name in result.counts:
         times = result.first_of(name)
         first = f", first at {times.mean():.6g} s, standard deviation {times.std():.3g} s" if len(times) else ""
         click.echo(f"{name}: in {len(times):,} of {len(result.good):,} runs{first}")
 
 
-def _print_columns(rows: Sequence[Sequence[str]]) -> None:
+def print_columns(rows: Sequence[Sequence[str]]) -> None:
     """Print rows of equal length below each other; no line is folded, so that no number is torn."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
@@ -224,127 +209,90 @@ def print_keys() -> None:
         Console(highlight=False).print(table)
 
 
-def print_verification(found: Any) -> None:
-    """Print what `rbfmu_fmu.verify` found."""
-    rows = [(name, found.units[name], repr(difference)) for name, difference in found.differences.items()]
-    _print_columns([("output", "unit", "largest difference to the kernels"), *rows])
-    click.echo(f"{found.steps_done} of {found.steps_asked} steps done; inputs from seed {found.seed}")
-    click.echo(f"planned and full model differ by {found.to_full:.1e}, accuracy asked {found.accuracy:g}")
-    for problem in found.problems:
-        click.echo(f"problem: {problem}")
-    click.echo("passed" if found.passed else "FAILED")
-
-
-def print_verdict(findings: int, wrong: Sequence[str], written: str) -> None:
-    """Print how many findings hold, what was written, and what does not hold."""
-    click.echo(f"\n{findings - len(wrong)} of {findings} findings hold; {written}")
-    for text in wrong:
-        click.echo(f"does not hold: {text}")
-
-
 PATH = click.Path(path_type=Path)
 PICTURES = (".png", ".svg", ".pdf")
-scene_argument = click.argument("scene", metavar="SCENE", type=PATH)
+Command = Callable[..., None]
+Option = Callable[[Command], Command]
+scene_argument: Option = click.argument("scene", metavar="SCENE", type=PATH)
+more_keys: Option = click.argument("more", metavar="[KEY]...", nargs=-1)
+"""Keys behind an option that has the first of them."""
 
 
-def choice_option(name: str, known: Sequence[str], text: str) -> Callable[[Any], Any]:
+def choice_option(name: str, known: Sequence[str], text: str) -> Option:
     """Return the option of a choice, by default the first."""
     return click.option(name, type=click.Choice(known), default=known[0], show_default=True, help=text)
 
 
-model_option = choice_option(
-    "--model", ["planned", "full"], "The smallest that serves the scene, or all degrees of freedom."
+_INPUTS = "Drive the ports: columns time, torque_b[1], ...  [ports at zero]"
+INPUTS = (
+    click.option("--inputs", type=PATH, metavar="FILE.csv", help=_INPUTS),
+    choice_option("--interpolate", ["hold", "linear"], "Between the rows of --inputs."),
 )
-method_option = click.option(
-    "--method",
-    type=PATH,
-    metavar="FILE.py",
+MODEL = (
+    choice_option("--model", ["planned", "full"], "The smallest that serves the scene, or all degrees of freedom."),
+)
+RUN = {"accuracy": "", "stop": " (s)", "step": " (s)"}
+"""Keys of a scene's table [run] with their units."""
+RUN_OPTIONS = tuple(
+    click.option(f"--{key}", type=float, help=f"In place of the scene's run.{key}{unit}.") for key, unit in RUN.items()
+)
+method_option: Option = click.option(
+    "--method", type=PATH, metavar="FILE.py",
     help="Besides, a method of your own: step(q, omega, h, body, loads) in FILE.",
-)
+)  # fmt: skip
 
 
-def input_options(command: Callable[..., Any]) -> Any:
-    """Add the options of commands that drive the ports by a file; they get the arguments of plans and runs for it."""
+class Driven(TypedDict):
+    """What drives the ports, as plans and runs take it."""
 
-    @wraps(command)
-    def call(*args: Any, inputs: Path | None, interpolate: str, **others: Any) -> Any:
-        driven = {} if inputs is None else {"inputs": inputs, "interpolate": interpolate}
-        return command(*args, driven=driven, **others)
-
-    interpolate = choice_option("--interpolate", ["hold", "linear"], "Between the rows of --inputs.")
-    text = "Drive the ports: columns time, torque_b[1], ...  [ports at zero]"
-    return click.option("--inputs", type=PATH, metavar="FILE.csv", help=text)(interpolate(call))
+    inputs: Path | None
+    interpolate: str
 
 
-def run_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options of commands that plan a run: keys of the scene's table [run]."""
-    for key, unit in (("step", " (s)"), ("stop", " (s)"), ("accuracy", "")):
-        command = click.option(f"--{key}", type=float, help=f"In place of the scene's run.{key}{unit}.")(command)
-    return command
+@dataclass(frozen=True)
+class Asked:
+    """A scene file, and what a command asks for beside it; run: in place of what its table [run] has."""
+
+    file: Path
+    run: dict[str, float | None] = field(default_factory=lambda: dict.fromkeys(RUN))
+    model: str = "planned"
+    driven: Driven = field(default_factory=lambda: Driven(inputs=None, interpolate="hold"))
+
+    @contextmanager
+    def opened(self) -> Iterator["rbfmu.Scene"]:
+        """Return the scene with the options given; errors name the file, also from inside."""
+        from rbfmu.scene.scene import faults_of, load_scene
+
+        say_where_nothing_is_kept()
+        given = {key: value for key, value in self.run.items() if value is not None}
+        options = " and ".join(f"--{key} {value!r}" for key, value in given.items())
+        loaded = load_scene(self.file)
+        with faults_of(f"{self.file} with {options}" if options else str(self.file)):
+            yield loaded.replace(run=given)
 
 
-def keys_option(option: str, name: str, text: str) -> Callable[..., Any]:
-    """Return the option of keys: given with it, once or more often, and behind it."""
+def scene_options(*options: Option) -> Option:
+    """Return what adds such options to a command on a scene, which gets all of them, and the file, as one."""
 
-    def add(command: Callable[..., Any]) -> Any:
+    def add(command: Command) -> Command:
         @wraps(command)
-        def call(*args: Any, more: tuple[str, ...], **others: Any) -> Any:
-            return command(*args, **{**others, name: (*others[name], *more)})
+        def call(
+            scene: Path, model: str = "planned", inputs: Path | None = None, interpolate: str = "hold", **others: Any
+        ) -> None:
+            run = {key: others.pop(key) for key in [*others] if key in RUN}  # as they were typed
+            command(Asked(scene, run, model, Driven(inputs=inputs, interpolate=interpolate)), **others)
 
-        add_more = click.argument("more", metavar="[KEY]...", nargs=-1)
-        return click.option(option, name, multiple=True, required=True, metavar="KEY", help=text)(add_more(call))
+        return with_options(*options)(call)
 
     return add
 
 
-def worker_options(command: Callable[..., Any]) -> Any:
-    """Add the options that say who runs members of an ensemble; commands get what yields an executor, or a number."""
-
-    @click.option("--workers", type=click.IntRange(1), help="Threads.  [one for each processor]")
-    @click.option("--scheduler", metavar="ADDRESS", help="Of Dask, in place of threads: tcp://HOST:PORT.")
-    @wraps(command)
-    def call(*args: Any, workers: int | None, scheduler: str | None, **others: Any) -> Any:
-        if workers and scheduler:
-            raise click.UsageError("--workers: expected no --scheduler with it, which has workers of its own")
-        from rbfmu.ensembles.running import dask_client
-
-        return command(*args, workers=dask_client(scheduler) if scheduler else nullcontext(workers), **others)
-
-    return call
+def with_options(*options: Option) -> Option:
+    """Return what adds options, in their order."""
+    return lambda command: reduce(lambda with_others, option: option(with_others), reversed(options), command)
 
 
-def kind_options(command: Callable[..., Any]) -> Any:
-    """Add the options that say what kind of FMU is built; commands get the arguments of `rbfmu_fmu.build` for it."""
-
-    @click.option("--native", is_flag=True, help="Compiled: the importer needs no Python.")
-    @click.option(
-        "--platform",
-        default="",
-        metavar="NAME,...",
-        help="Of a native FMU: linux64, win64, darwin64, linux-aarch64, darwin-aarch64; all.",
-    )
-    @choice_option("--fmi", ["2", "3"], "Version of FMI: 2.0, or 3.0 with arrays as variables; 3 with --native.")
-    @click.option("--scalars", is_flag=True, help="Of FMI 3.0: no arrays, as importers that cannot take them need it.")
-    @click.option(
-        "--terminals", is_flag=True, help="Of FMI 2.0: list terminals, at which some importers fail; 3.0 does."
-    )
-    @wraps(command)
-    def call(*args: Any, native: bool, platform: str, fmi: str, scalars: bool, terminals: bool, **others: Any) -> Any:
-        platforms = [name.strip() for name in platform.split(",") if name.strip()]
-        for is_alone, option, needed in (
-            (platforms and not native, "--platform", "--native"),
-            (fmi == "3" and not native, "--fmi 3", "--native"),
-            (scalars and fmi != "3", "--scalars", "--fmi 3"),
-        ):
-            if is_alone:
-                raise click.UsageError(f"{option}: expected {needed} with it")
-        kind = {"kind": "native" if native else "python", "platforms": platforms}
-        return command(*args, kind=kind | {"fmi": int(fmi), "scalars": scalars, "terminals": terminals}, **others)
-
-    return call
-
-
-def file_option(text: str, endings: Sequence[str], *names: str, **more: Any) -> Callable[..., Any]:
+def file_option(text: str, endings: Sequence[str], *names: str, **more: Any) -> Option:
     """Return the option of a file to write, by default --output, which is refused at once where it cannot be."""
 
     def checked(_: click.Context, option: click.Parameter, path: Path | None) -> Path | None:
@@ -355,25 +303,17 @@ def file_option(text: str, endings: Sequence[str], *names: str, **more: Any) -> 
     return click.option(*(names or ("-o", "--output")), help=text, **kind)
 
 
-def plot_option(text: str) -> Callable[..., Any]:
+def plot_option(text: str) -> Option:
     """Return the option of a picture to draw."""
     return file_option(f"{text} to FILE (.png, .svg or .pdf).", PICTURES, "--plot")
 
 
-def folder_option(default: str, text: str) -> Callable[..., Any]:
+def folder_option(default: str, text: str) -> Option:
     """Return the option of a command that writes a folder."""
     kind = click.Path(file_okay=False, path_type=Path)
     return click.option("-o", "--output", "folder", type=kind, default=Path(default), show_default=True, help=text)
 
 
-@contextmanager
-def open_scene(path: Path, run: dict[str, float | None]) -> Iterator["rbfmu.Scene"]:
-    """Return the scene of a file with the options given; errors name the file, also from inside."""
-    from rbfmu.scene.scene import faults_of, load_scene
-
-    say_where_nothing_is_kept()
-    given = {key: value for key, value in run.items() if value is not None}
-    options = " and ".join(f"--{key} {value!r}" for key, value in given.items())
-    loaded = load_scene(path)
-    with faults_of(f"{path} with {options}" if options else str(path)):
-        yield loaded.replace(run=given)
+def keys_option(option: str, text: str) -> Option:
+    """Return the option of keys, which `more_keys` may follow."""
+    return click.option(option, multiple=True, required=True, metavar="KEY", help=text)

@@ -2,7 +2,7 @@
 
 import math
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,12 +10,12 @@ import numpy as np
 
 from rbfmu.exceptions import SceneWarning
 from rbfmu.formulas.dual import Dual, jacobian, variables
-from rbfmu.formulas.graph import gradient, numbers_of
+from rbfmu.formulas.graph import Number, gradient, numbers_of
 from rbfmu.formulas.motion import STATE, by_element
 from rbfmu.planning.select import with_all_outputs
 from rbfmu.runs.inputs import size_of
 from rbfmu.runs.plan import Plan, start_run
-from rbfmu.scene.scene import Scene, of_scene_or_path
+from rbfmu.scene.scene import Body, Scene, of_scene_or_path
 from rbfmu.simulation import Simulator
 from rbfmu.types import Array
 from rbfmu_kernels.body.memory import body_of, loads_of, motion_of
@@ -27,10 +27,12 @@ from rbfmu_kernels.quantities import TRANSLATION, elements, needing
 from rbfmu_kernels.rotations.euler_angles import ZYX, euler_from_quaternion, euler_rate_b
 from rbfmu_kernels.rotations.quaternion import compose_quaternions, rotate
 from rbfmu_kernels.rotations.vec3 import cross, subtract
-from rbfmu_kernels.types import Quaternion
+from rbfmu_kernels.types import Quaternion, Vec3
 
 FREE = ("r_c", "v_c", "rotvec_b", "omega_b")
 """Errors of a body's state, three numbers each: the last two where no output shows the path."""
+Ports = dict[str, Any]
+"""Inputs by port: numbers, as a user gives them."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -81,9 +83,10 @@ def linearize(scene: Scene, /, t: float | None = None, **ports: Any) -> Lineariz
     t = run.start if t is None else float(t)
     if not run.start <= t <= run.stop:
         raise ValueError(f"t = {t!r}: expected a time from run.start = {run.start!r} to run.stop = {run.stop!r} (s)")
-    point = _OfFormulas(scene, t, ports) if scene.has_formulas else _of_loads(_at(scene, t, ports), ports)
-    n, rates = len(point.names), jacobian(point.rates(), point.count)
-    shown = {name: jacobian(point.output(name), point.count) for name in scene.outputs.names}
+    point = _of_formulas(scene, t, ports) if scene.has_formulas else _of_loads(_at(scene, t, ports), ports)
+    n, rates, shown = len(point.names), jacobian(point.rates, point.count), dict[str, Array]()
+    for name in scene.outputs.names:
+        shown[name] = jacobian(point.roll_pitch_yaw() if name == "rpy" else point.shown[name], point.count)
     inputs_of = [e for name in scene.inputs.ports for e in elements(name, size_of(scene, name))]
     outputs_of = [e for name, rows in shown.items() for e in elements(name, len(rows))]
     C = np.vstack([*shown.values()])
@@ -92,7 +95,7 @@ def linearize(scene: Scene, /, t: float | None = None, **ports: Any) -> Lineariz
     )
 
 
-def _simulator_at(scene: Scene, t: float, ports: dict[str, Any]) -> Simulator:
+def _simulator_at(scene: Scene, t: float, ports: Ports) -> Simulator:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SceneWarning)  # of quantities that nobody asked for; the scene's own are told
         simulator = Simulator(scene)
@@ -103,7 +106,7 @@ def _simulator_at(scene: Scene, t: float, ports: dict[str, Any]) -> Simulator:
     return simulator
 
 
-def _at(scene: Scene, t: float, ports: dict[str, Any]) -> Scene:
+def _at(scene: Scene, t: float, ports: Ports) -> Scene:
     """Return the scene that begins where this one is at time t."""
     wanted = ("quaternion",) if scene.body is None else ("position", "velocity", "quaternion", "omega_b")
     simulator = _simulator_at(scene.replace({"outputs.quantities": wanted}), t, ports)
@@ -114,143 +117,121 @@ def _at(scene: Scene, t: float, ports: dict[str, Any]) -> Scene:
     return scene.replace({f"initial.{name}": value for name, value in (initial | attitude).items()})
 
 
+Numbers = Sequence[float | Dual]
+"""What kernels give that ran as plain Python; they take dual numbers for floats."""
+
+
 class _Point:
-    """A state and inputs as variables: errors first, then inputs. names: of the errors, that of the attitude too."""
+    """A state and inputs as variables: errors first, then inputs. names: of the errors, that of the attitude too.
 
-    def __init__(self, names: Sequence[str], q0: Quaternion, inputs: Sequence[float]) -> None:
-        self.names, self.q0, self.count = tuple(names), q0, len(names) + len(inputs)
-        self.turned = variables((0.0, 0.0, 0.0), self.names.index("rotvec_b[1]"), self.count)
-        half = [0.5 * u for u in self.turned]
-        self.q_ab = interpreted(compose_quaternions)(q0, (1.0, *half))
-        self.inputs = variables(inputs, len(names), self.count)
+    rates: of the errors; shown: the numbers of quantities other than rpy, by name.
+    """
 
-    def rates(self) -> list[Any]:
-        """Return the rates of the errors."""
-        raise NotImplementedError
+    rates: Numbers
+    shown: Mapping[str, Numbers]
 
-    def output(self, name: str) -> Any:
-        """Return a quantity's numbers."""
-        return self.roll_pitch_yaw() if name == "rpy" else self.shown(name)
+    def __init__(self, names: Iterable[str], q0: Quaternion, inputs: Sequence[float]) -> None:
+        self.names, self.q0 = tuple(names), q0
+        self.count = len(self.names) + len(inputs)
+        self.turned = tuple(variables((0.0, 0.0, 0.0), self.names.index("rotvec_b[1]"), self.count))
+        self.q_ab = interpreted(compose_quaternions)(q0, (1.0, *(0.5 * u for u in self.turned)))
+        self.inputs = variables(inputs, len(self.names), self.count)
 
-    def shown(self, name: str) -> Any:
-        """Return the numbers of a quantity other than rpy."""
-        raise NotImplementedError
-
-    def turning(self, omega_0: Any, omega: Any) -> list[Any]:
+    def turning(self, omega_0: Vec3, omega: Vec3) -> Numbers:
         """Return the rate of rotvec_b to first order: omega - omega_0 - omega_0 x rotvec_b."""
-        less, carried = interpreted(subtract), interpreted(cross)(omega_0, tuple(self.turned))
-        return [*less(less(omega, omega_0), carried)]
+        less, carried = interpreted(subtract), interpreted(cross)(omega_0, self.turned)
+        return less(less(omega, omega_0), carried)
 
-    def roll_pitch_yaw(self) -> list[Any]:
+    def roll_pitch_yaw(self) -> Numbers:
         """Return what an error of the attitude makes of rpy; raise ValueError at its pole, as `euler_rate_b` warns."""
         angles = evaluated(euler_from_quaternion, ZYX, self.q0)
-        yaw, pitch, roll = interpreted(euler_rate_b)(ZYX, angles, tuple(self.turned))
+        yaw, pitch, roll = interpreted(euler_rate_b)(ZYX, angles, self.turned)
         if not np.all(np.abs(jacobian((roll, pitch, yaw), self.count)) < 0.25 / np.finfo(float).eps):
             raise ValueError("rpy has no derivative at pitch 90 deg: expected outputs without rpy")
         return [roll, pitch, yaw]
 
 
-def _of_loads(scene: Scene, ports: dict[str, Any]) -> _Point:
-    """Return the start of a scene without formulas."""
-    inputs = [x for name in scene.inputs.ports for x in ports.get(name, (0.0, 0.0, 0.0))]
-    return _Prescribed(scene, inputs) if scene.body is None else _Loaded(scene, inputs)
-
-
-def _names(blocks: Iterable[str]) -> list[str]:
+def _names(*blocks: str) -> list[str]:
     return [element for name in blocks for element in elements(name, 3)]
 
 
-class _Prescribed(_Point):
-    """An attitude under prescribed rates."""
-
-    def __init__(self, scene: Scene, inputs: list[float]) -> None:
-        super().__init__(_names(["rotvec_b"]), scene.initial.quaternion, inputs)
-        self.rates_now = tuple(inputs)
-
-    def rates(self) -> list[Any]:
-        return self.turning(self.rates_now, tuple(self.inputs))
-
-    def shown(self, name: str) -> Any:
-        return self.q_ab if name == "quaternion" else interpreted(rotate)(self.q_ab, tuple(self.inputs))
+def _of_loads(scene: Scene, ports: Ports) -> _Point:
+    """Return the start of a scene without formulas."""
+    inputs = [x for name in scene.inputs.ports for x in ports.get(name, (0.0, 0.0, 0.0))]
+    return _prescribed(scene, inputs) if scene.body is None else _loaded(scene, scene.body, inputs)
 
 
-class _Loaded(_Point):
-    """A body under loads: a buffer of its model, with variables in the places of state and inputs."""
-
-    def __init__(self, scene: Scene, inputs: list[float]) -> None:
-        assert scene.body is not None
-        self.moves = not scene.body.pivot and bool(needing(TRANSLATION) & set(scene.outputs.quantities))
-        states = FREE if self.moves else FREE[2:]
-        super().__init__(_names(states), scene.initial.quaternion, inputs)
-        asked = [n for n in scene.outputs.quantities if n != "rpy"] or ["omega_b"]
-        full = Plan("body under loads, by series", "", 3 * len(states), order=12)
-        self.blocks = full.kernels.BLOCKS
-        self.z: list[Any] = start_run(scene.replace({"outputs.quantities": asked}), full).tolist()
-        self.omega_0 = tuple(self.z[self.blocks["omega"]])
-        self.z[self.blocks["q"]] = self.q_ab
-        for k, name in enumerate(states):
-            if name != "rotvec_b":
-                block = self.blocks["omega" if name == "omega_b" else name]
-                self.z[block] = variables(self.z[block], 3 * k, self.count)
-        for k, port in enumerate(scene.inputs.ports):
-            self.z[self.blocks[port]] = self.inputs[3 * k : 3 * k + 3]
-        interpreted(outputs)(self.z)
-
-    def rates(self) -> list[Any]:
-        z, motion = self.z, interpreted(motion_of)(self.z)
-        rates = interpreted(state_rates)(motion, interpreted(body_of)(z), interpreted(loads_of)(z))
-        of_centre = [*rates.r_c, *rates.v_c] if self.moves else []
-        return [*of_centre, *self.turning(self.omega_0, motion.omega_b), *rates.omega_b]
-
-    def shown(self, name: str) -> Any:
-        return self.z[self.blocks[name]]
+def _prescribed(scene: Scene, inputs: Sequence[float]) -> _Point:
+    """Return an attitude under prescribed rates."""
+    point = _Point(_names("rotvec_b"), scene.initial.quaternion, inputs)
+    (x, y, z), omega = inputs, tuple(point.inputs)
+    point.rates = point.turning((x, y, z), omega)
+    point.shown = {"quaternion": point.q_ab, "omega_a": interpreted(rotate)(point.q_ab, omega)}
+    return point
 
 
-class _OfFormulas(_Point):
-    """A body with formulas at a time: derivatives on their graph, by its leaves, of which errors change the numbers."""
+def _loaded(scene: Scene, body: Body, inputs: Sequence[float]) -> _Point:
+    """Return a body under loads: a buffer of its model, with variables in the places of state and inputs."""
+    moves = not body.pivot and bool(needing(TRANSLATION) & set(scene.outputs.quantities))
+    states = FREE if moves else FREE[2:]
+    point = _Point(_names(*states), scene.initial.quaternion, inputs)
+    asked = [n for n in scene.outputs.quantities if n != "rpy"] or ["omega_b"]
+    full = Plan("body under loads, by series", "", 3 * len(states), order=12)
+    blocks, z = full.kernels.BLOCKS, start_run(scene.replace({"outputs.quantities": asked}), full).tolist()
+    omega_0 = tuple(z[blocks["omega"]])
+    z[blocks["q"]] = point.q_ab
+    for k, name in enumerate(states):
+        if name != "rotvec_b":
+            block = blocks["omega" if name == "omega_b" else name]
+            z[block] = variables(z[block], 3 * k, point.count)
+    for k, port in enumerate(scene.inputs.ports):
+        z[blocks[port]] = point.inputs[3 * k : 3 * k + 3]
+    interpreted(outputs)(z)
+    motion = interpreted(motion_of)(z)
+    rates = interpreted(state_rates)(motion, interpreted(body_of)(z), interpreted(loads_of)(z))
+    of_centre = [*rates.r_c, *rates.v_c] if moves else []
+    point.rates = [*of_centre, *point.turning(omega_0, motion.omega_b), *rates.omega_b]
+    point.shown = {name: z[blocks[name]] for name in asked}
+    return point
 
-    def __init__(self, scene: Scene, t: float, ports: dict[str, Any]) -> None:
-        from rbfmu.models.formulas import formulas_of  # what has none starts sooner
 
-        simulator, shown = _simulator_at(with_all_outputs(scene), t, ports), formulas_of(scene)
-        z, blocks = simulator.buffer(), simulator.plan.kernels.BLOCKS
-        assert simulator.plan.formulas is not None
-        assert shown is not None
-        self.name, self.formulas = scene.name, simulator.plan.formulas
-        held = by_element({name: z[block] for name, block in blocks.items()})
-        self.known = {element: float(x) for element, x in held} | {"t": t}
-        sizes, rates = self.formulas.given.ports, self.formulas.all_rates
-        moved = [name for name in _names(["r_c", "v_c"]) if name in shown.rates]
-        own = [name for name in rates if name.startswith(STATE) and name in shown.rates]
-        inputs = [e for name in scene.inputs.ports for e in elements(name, sizes[name])]
-        names = [*moved, *_names(["rotvec_b", "omega_b"]), *(name.removeprefix(STATE) for name in own)]
-        super().__init__(names, interpreted(quaternion_at)(z, blocks["q"].start), [self.known[e] for e in inputs])
-        self.omega_0 = tuple(z[blocks["omega"]].tolist())
-        self.omega = variables(self.omega_0, len(moved) + 3, self.count)
-        self.in_space = [rates[name] for name in moved]
-        self.turned_by = [rates[name] for name in (*elements("omega", 3), *own)]
-        graph = self.formulas.motion.graph
-        leaves = [*moved, *elements("q", 4), *elements("omega", 3), *own, *inputs]
-        self.leaves = [graph.leaf("input" if name in inputs else "state", name) for name in leaves]
-        before = variables([0.0] * len(moved), 0, self.count)
-        of_own = variables([0.0] * len(own), len(moved) + 6, self.count)
-        self.by_error = jacobian([*before, *self.q_ab, *self.omega, *of_own, *self.inputs], self.count)
+def _of_formulas(scene: Scene, t: float, ports: Ports) -> _Point:
+    """Return a body with formulas at a time: derivatives on their graph, by its leaves, whose numbers errors change."""
+    from rbfmu.models.formulas import formulas_of  # what has none starts sooner
 
-    def rates(self) -> list[Any]:
-        turning = self.turning(self.omega_0, tuple(self.omega))
-        return [*self._of(self.in_space), *turning, *self._of(self.turned_by)]
+    simulator, seen = _simulator_at(with_all_outputs(scene), t, ports), formulas_of(scene)
+    z, blocks, formulas = simulator.buffer(), simulator.plan.kernels.BLOCKS, simulator.plan.formulas
+    assert formulas is not None
+    assert seen is not None
+    held = by_element({name: z[block] for name, block in blocks.items()})
+    known = {element: float(x) for element, x in held} | {"t": t}
+    sizes, all_rates, graph = formulas.given.ports, formulas.all_rates, formulas.motion.graph
+    moved = [name for name in _names("r_c", "v_c") if name in seen.rates]
+    own = [name for name in all_rates if name.startswith(STATE) and name in seen.rates]
+    inputs = [e for name in scene.inputs.ports for e in elements(name, sizes[name])]
+    names = [*moved, *_names("rotvec_b", "omega_b"), *(name.removeprefix(STATE) for name in own)]
+    point = _Point(names, interpreted(quaternion_at)(z, blocks["q"].start), [known[e] for e in inputs])
+    omega_0 = tuple(z[blocks["omega"]].tolist())
+    omega = variables(omega_0, len(moved) + 3, point.count)
+    leaves = [*moved, *elements("q", 4), *elements("omega", 3), *own, *inputs]
+    of = [graph.leaf("input" if name in inputs else "state", name) for name in leaves]
+    before = variables([0.0] * len(moved), 0, point.count)
+    of_own = variables([0.0] * len(own), len(moved) + 6, point.count)
+    by_error = jacobian([*before, *point.q_ab, *omega, *of_own, *point.inputs], point.count)
 
-    def shown(self, name: str) -> Any:
-        return self._of([*np.ravel(self.formulas.shown[name])])
-
-    def _of(self, numbers: Sequence[Any]) -> list[Any]:
+    def errors_of(numbers: Iterable[Number]) -> list[Dual]:
         """Return what errors make of numbers of the graph; their values are not asked for."""
-        rows = [gradient(x, self.leaves) for x in numbers]
+        rows = [gradient(x, of) for x in numbers]
         try:
-            found = numbers_of(self.formulas.motion.graph, [x for row in rows for x in row], self.known)
+            found = numbers_of(graph, [x for row in rows for x in row], known)
         except (ArithmeticError, ValueError):
             found = [math.nan]
         if not np.isfinite(found).all():
-            raise ValueError(f"{self.name}: a formula has no finite derivative at t = {self.known['t']!r} s")
-        slopes = np.reshape(found, (len(rows), len(self.leaves))) @ self.by_error
-        return [Dual(math.nan, row) for row in slopes]
+            raise ValueError(f"{scene.name}: a formula has no finite derivative at t = {t!r} s")
+        return [Dual(math.nan, row) for row in np.reshape(found, (len(rows), len(of))) @ by_error]
+
+    turned_by = [all_rates[name] for name in (*elements("omega", 3), *own)]
+    in_space = errors_of(all_rates[name] for name in moved)
+    point.rates = [*in_space, *point.turning(omega_0, tuple(omega)), *errors_of(turned_by)]
+    point.shown = {name: errors_of(np.ravel(formulas.shown[name])) for name in scene.outputs.names if name != "rpy"}
+    return point

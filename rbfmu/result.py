@@ -4,18 +4,24 @@ Files are also the CSV that importers of FMUs write.
 """
 
 import csv
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rbfmu.exceptions import named
 from rbfmu.extras import needed
 from rbfmu.notebook import numbers_text, table
 from rbfmu.types import Array
-from rbfmu_kernels.quantities import OUTPUT, TIME, Output, indices
+from rbfmu_kernels.quantities import OUTPUT, TIME, Output, Quantity, indices
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+    from xarray import Dataset
 
 FORMATS = (".csv", ".npz", ".aem")
 ENDINGS = f"{', '.join(FORMATS[:-1])} or {FORMATS[-1]}"
@@ -24,16 +30,9 @@ EVENTS, TOUCHES = "events.", "touches."
 AXES = {"quaternion": "parameter", "rpy": "angle"}
 """What the components of a quantity are, if they are not along axes x, y, z."""
 NONE: Mapping[str, Output] = MappingProxyType({})
-NO_EVENTS: Mapping[str, Any] = MappingProxyType({})
+NO_EVENTS: Mapping[str, ArrayLike] = MappingProxyType({})
 CHUNK = 1024
 """Rows that a CSV's writer holds as text."""
-
-
-def check_shape(row: Any, values: Array, points: int) -> None:
-    """Raise ValueError where a quantity's array, or that of the times, has not the shape of so many points in time."""
-    shape = (points, row.size) if row.size > 1 else (points,)
-    if values.shape != shape:
-        raise ValueError(f"{row.name} has the shape {values.shape}: expected {shape}")
 
 
 def check_attitude(path: Path | None, quantities: Iterable[str]) -> None:
@@ -50,28 +49,24 @@ class Result:
 
     def __init__(
         self,
-        time: Any,
-        quantities: Mapping[str, Any],
+        time: ArrayLike,
+        quantities: Mapping[str, ArrayLike],
         own: Mapping[str, Output] = NONE,
-        events: Mapping[str, Any] = NO_EVENTS,
-        touches: Mapping[str, Any] = NO_EVENTS,
+        events: Mapping[str, ArrayLike] = NO_EVENTS,
+        touches: Mapping[str, ArrayLike] = NO_EVENTS,
     ) -> None:
         """own: the rows of quantities of one's own, by name; events, touches: their times (n,) by name, s.
 
         An event is where a formula came to zero and went on; where it went back, that is a touch.
         """
-        self.events = {name: np.asarray(times, dtype=np.float64) for name, times in events.items()}
-        self.touches = {name: np.asarray(times, dtype=np.float64) for name, times in touches.items()}
         self.time: Array = np.asarray(time, dtype=np.float64)
-        self.quantities: dict[str, Array] = {
-            name: np.asarray(values, dtype=np.float64) for name, values in quantities.items()
-        }
+        self.events, self.touches, self.quantities = map(_arrays, (events, touches, quantities))
         known = {**OUTPUT, **own}
         if unknown := [name for name in self.quantities if name not in known]:
             raise ValueError(f"quantity {unknown[0]!r}: expected some of {', '.join(known)}")
         self.rows = {name: known[name] for name in self.quantities}
         for name, values in self.quantities.items():
-            check_shape(self.rows[name], values, len(self.time))
+            _check_shape(self.rows[name], values, len(self.time))
 
     def __getattr__(self, name: str) -> Array:
         try:
@@ -91,7 +86,7 @@ class Result:
         )
         return table(f"{len(self.time)} points in time", header, rows)
 
-    def plot(self, path: str | Path | None = None, title: str = "") -> Any:
+    def plot(self, path: str | Path | None = None, title: str = "") -> "Figure":
         """Draw one panel for each quantity over time, and return the matplotlib.figure.Figure, which notebooks show.
 
         path: a file to draw to, whose ending (.png, .svg, .pdf) sets the format.
@@ -100,26 +95,27 @@ class Result:
 
         return plot_result(self, path, title)
 
-    def to_dataframe(self) -> Any:
+    def to_dataframe(self) -> "DataFrame":
         """Return a pandas.DataFrame: time (s) as index, a column for each FMU variable, units in `.attrs["units"]`."""
         columns = self.columns()
         index = columns.pop("time")
-        table = needed("pandas", "tables").DataFrame(columns, index=index)
+        table: DataFrame = needed("pandas", "tables").DataFrame(columns, index=index)
         table.index.name = "time"
         table.attrs["units"] = self.units
         return table
 
-    def to_xarray(self) -> Any:
+    def to_xarray(self) -> "Dataset":
         """Return a xarray.Dataset: a variable for each quantity, with the names of its components and its unit."""
-        variables: dict[str, Any] = {}
-        coordinates: dict[str, Any] = {"time": ("time", self.time, {"units": TIME.unit, "long_name": TIME.meaning})}
+        variables: dict[str, object] = {}
+        coordinates: dict[str, object] = {"time": ("time", self.time, {"units": TIME.unit, "long_name": TIME.meaning})}
         for name, values in self.quantities.items():
             row, axis = self.rows[name], AXES.get(name, "axis")
             attributes = {"units": row.unit, "long_name": row.meaning}
             variables[name] = ("time" if values.ndim == 1 else ("time", axis), values, attributes)
             if values.ndim == 2:
                 coordinates[axis] = list(row.components)
-        return needed("xarray", "tables").Dataset(variables, coordinates)
+        tables: Dataset = needed("xarray", "tables").Dataset(variables, coordinates)
+        return tables
 
     def columns(self) -> dict[str, Array]:
         """Return flat columns by FMU variable name: time, quaternion[1], ..."""
@@ -146,7 +142,7 @@ class Result:
         return Result(self.time[:n], quantities, self.rows, events, touches)
 
     @classmethod
-    def of_rows(cls, rows: Iterable[Mapping[str, Any]]) -> "Result":
+    def of_rows(cls, rows: Iterable[Mapping[str, ArrayLike]]) -> "Result":
         """Return the result of a loop: a row for each time, as `Simulator.values` gives it.
 
         Raises ValueError where there is none, and for what is no quantity.
@@ -165,17 +161,17 @@ class Result:
         path = Path(path)
         if path.suffix not in FORMATS:
             raise ValueError(f"{str(path)!r}: expected a name that ends in {ENDINGS}")
-        if path.suffix == ".aem":
-            from rbfmu.aem import read_aem
+        from rbfmu.aem import read_aem  # a run does without
 
-            columns = read_aem(path)
-        else:
-            columns = _npz(path) if path.suffix == ".npz" else _csv(path)
+        columns = {".csv": _csv, ".npz": _npz, ".aem": read_aem}[path.suffix](path)
         if "time" not in columns:
             raise ValueError(f"{path}: time is missing: expected the result of a run")
         time, quantities = columns["time"], {name: columns[name] for name in OUTPUT if name in columns}
         for name, values in {"time": time, **quantities}.items():
-            _check(path, name, values, len(time))
+            _check_shape(OUTPUT.get(name, TIME), values, len(time), f"{path}: ")
+            if bad := np.argwhere(~np.isfinite(values)).tolist():
+                found = float(values[tuple(bad[0])])
+                raise ValueError(f"{path}: {name} = {found!r} in row {bad[0][0] + 1}: expected numbers")
         if np.any(np.diff(time) <= 0.0):
             row = int(np.argmax(np.diff(time) <= 0.0)) + 1
             raise ValueError(f"{path}: time = {float(time[row])!r} in row {row + 1}: expected times that increase")
@@ -194,13 +190,20 @@ class Result:
         """
         path = Path(path)
         if path.suffix == ".npz":
+            kinds = {EVENTS: self.events, TOUCHES: self.touches}
+            events = {f"{kind}{name}": times for kind, found in kinds.items() for name, times in found.items()}
             with named(path):
-                np.savez(path, time=self.time, **self.quantities, **self._event_arrays())  # type: ignore[arg-type]
+                np.savez(path, time=self.time, **self.quantities, **events)  # type: ignore[arg-type]
         elif path.suffix == ".csv":
             self._write_csv(path)
-            self._write_units(path.with_suffix(".units.csv"))
+            known, columns = {"time": TIME} | self.rows, self.columns()
+            units = ((name, known[name.partition("[")[0]]) for name in columns)
+            rows = [("name", "unit", "meaning"), *((name, row.unit, row.meaning) for name, row in units)]
+            _write_table(path.with_suffix(".units.csv"), rows, csv.QUOTE_ALL)
             if self.events:
-                self._write_events(path.with_suffix(".events.csv"))
+                kinds = {"event": self.events, "touch": self.touches}
+                listed = [(t, n, kind) for kind in kinds for n, times in kinds[kind].items() for t in times.tolist()]
+                _write_table(path.with_suffix(".events.csv"), [("time", "name", "kind"), *sorted(listed)])
         elif path.suffix == ".aem":
             from rbfmu.aem import write_aem
 
@@ -208,18 +211,6 @@ class Result:
             write_aem(path, self.time, self.quaternion, self.quantities.get("omega_b"))
         else:
             raise ValueError(f"cannot save to {str(path)!r}: the name must end in {ENDINGS}")
-
-    def _event_arrays(self) -> dict[str, Array]:
-        of = {EVENTS: self.events, TOUCHES: self.touches}
-        return {f"{kind}{name}": times for kind, found in of.items() for name, times in found.items()}
-
-    def _write_events(self, path: Path) -> None:
-        listed = [(float(t), name, "event") for name, times in self.events.items() for t in times]
-        listed += [(float(t), name, "touch") for name, times in self.touches.items() for t in times]
-        with named(path), path.open("w", encoding="utf-8", newline="") as file:
-            table = csv.writer(file, lineterminator="\n")
-            table.writerow(("time", "name", "kind"))
-            table.writerows((repr(t), name, kind) for t, name, kind in sorted(listed))
 
     def _write_csv(self, path: Path) -> None:
         columns = self.columns()
@@ -229,13 +220,20 @@ class Result:
                 rows = zip(*(c[first : first + CHUNK].tolist() for c in columns.values()), strict=True)
                 file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
 
-    def _write_units(self, path: Path) -> None:
-        known = {"time": TIME} | self.rows
-        with named(path), path.open("w", encoding="utf-8", newline="") as file:
-            table = csv.writer(file, quoting=csv.QUOTE_ALL, lineterminator="\n")
-            table.writerow(("name", "unit", "meaning"))
-            rows = ((name, known[name.split("[")[0]]) for name in self.columns())
-            table.writerows((name, row.unit, row.meaning) for name, row in rows)
+
+def _check_shape(row: Quantity, values: Array, points: int, where: str = "") -> None:
+    shape = (points, row.size) if row.size > 1 else (points,)
+    if values.shape != shape:
+        raise ValueError(f"{where}{row.name} has the shape {values.shape}: expected {shape}")
+
+
+def _arrays(values: Mapping[str, ArrayLike]) -> dict[str, Array]:
+    return {name: np.asarray(one, dtype=np.float64) for name, one in values.items()}
+
+
+def _write_table(path: Path, rows: Iterable[Sequence[object]], quoting: Literal[0, 1] = csv.QUOTE_MINIMAL) -> None:
+    with named(path), path.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file, quoting=quoting, lineterminator="\n").writerows(rows)
 
 
 def _npz(path: Path) -> dict[str, Array]:
@@ -267,12 +265,3 @@ def _csv(path: Path) -> dict[str, Array]:
             continue
         columns[row.name] = np.stack([flat[name] for name in wanted], axis=1) if row.size > 1 else flat[row.name]
     return columns
-
-
-def _check(path: Path, name: str, values: Array, points: int) -> None:
-    try:
-        check_shape(OUTPUT.get(name, TIME), values, points)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
-    if bad := np.argwhere(~np.isfinite(values)).tolist():
-        raise ValueError(f"{path}: {name} = {float(values[tuple(bad[0])])!r} in row {bad[0][0] + 1}: expected numbers")

@@ -31,7 +31,6 @@ from rbfmu_fmu.native.headers import headers
 from rbfmu_fmu.native.linking import FLAGS, compiler, link, source
 from rbfmu_fmu.native.object_code import ENTRIES, object_files
 from rbfmu_fmu.native.platforms import this_platform
-from rbfmu_fmu.native.slopes import slopes_header
 
 FOLDER = Path(__file__).parent
 GOALS = {"numba loop": 1.2, "by hand": 1.0, "pythonfmu": 1.0, "first step": 1.1}
@@ -204,8 +203,7 @@ def _figures_of(text: str, folder: Path, driver: Any, repeats: int, steps: int, 
         "pythonfmu": Fmu(build_python_fmu(scene, planned, folder / "python.fmu"), folder / "python"),
     }
     described = describe(scene, planned)
-    slopes = slopes_header(scene, planned, described)
-    generated = headers(described, FMI2, fmus["native"].arguments[1], slopes)
+    generated = headers(described, FMI2, fmus["native"].arguments[1])
     if text == HAND:
         fmus |= _others(fmus["native"], folder, generated, planned)
     costs, values = _costs(scene, planned, fmus, driver, repeats, steps)

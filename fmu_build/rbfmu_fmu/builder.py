@@ -15,22 +15,20 @@ from collections.abc import Sequence
 from pathlib import Path
 from xml.etree.ElementTree import Element, tostring
 
-from pythonfmu.builder import FmuBuilder
+import pythonfmu
 
 import rbfmu_kernels
 from rbfmu import Plan, Scene
 from rbfmu.planning.select import plan
 from rbfmu.scene.scene import of_scene_or_path
 from rbfmu_fmu.description import Description, describe
-from rbfmu_fmu.fmi_version import FMI2, UNSET, FmiVersion, version_of
+from rbfmu_fmu.fmi_version import FMI2, FmiVersion, version_of
 from rbfmu_fmu.model_description import model_description, xml_bytes
-from rbfmu_fmu.native.headers import headers
+from rbfmu_fmu.native.headers import headers, scene_header
 from rbfmu_fmu.native.linking import ANY_VERSION, EXPORTS, FLAGS, HEADERS, NoLinkerError, link, source, universal
 from rbfmu_fmu.native.object_code import object_files
 from rbfmu_fmu.native.platforms import Platform, platforms_named, this_platform
-from rbfmu_fmu.native.slopes import slopes_header
 from rbfmu_fmu.presentation import presentation_files
-from rbfmu_fmu.python.pythonfmu_traps import LEFT_OUT, undo_builder_imports
 from rbfmu_fmu.python.slave_access import CODE, LIBRARY, OBJECT
 
 PYTHON = Path(__file__).parent / "python"
@@ -39,6 +37,10 @@ SCRIPT, PACKAGE = ((PYTHON / name).read_text(encoding="utf-8") for name in ("ent
 
 SHIPPED = ("slave.py", "slave_access.py", "call_rules.py", "pythonfmu_traps.py")
 """The modules of a pythonfmu FMU beside the kernels."""
+
+PYTHONFMU = Path(pythonfmu.__file__).parent
+UNUSED = ("deploy.py", "csvbuilder.py", "__main__.py")
+"""Modules of pythonfmu that no FMU uses."""
 
 PYTHON_ABILITIES = {
     "needsExecutionTool": "false", "canInterpolateInputs": "false", "canNotUseMemoryManagementFunctions": "true",
@@ -79,7 +81,7 @@ def _identify(version: FmiVersion, d: Description, abilities: dict[str, str], pa
     A hash and no random number, so that the same scene gives the same file, and a saved state is refused by an FMU of
     another scene, whose buffer it would fill with other numbers.
     """
-    xml = model_description(version, d, UNSET, abilities)
+    xml = model_description(version, d, abilities)
     xml.set(version.identity, f"{{{uuid.UUID(hash_of(parts | {'': tostring(xml)})[:32])}}}")
     return xml
 
@@ -99,23 +101,22 @@ def build_native_fmu(
 
     platforms: names from `platforms.PLATFORMS`, or "all"; none: this one; terminals: list them in FMI 2.0 as well.
     """
-    chosen, plan = platforms_named(platforms), plan.of_scene(scene)
-    description = describe(scene, plan)
-    objects = {p: object_files(plan.kernels, p) for p in chosen}
-    contents = {"resources/scene.json": scene_inside(scene, plan)}
-    slopes = slopes_header(scene, plan, description)
-    parts = contents | _parts_of_libraries(description, version, slopes, objects)
-    xml = _identify(version, description, version.abilities_of(description), parts)
+    chosen, d = platforms_named(platforms), describe(scene, plan)
+    objects = {p: object_files(d.plan.kernels, p) for p in chosen}
+    contents, generated = {"resources/scene.json": scene_inside(d)}, headers(d, version)
+    parts = contents | {name: source(name) for name in (*c_sources(version), *HEADERS)}
+    parts |= {name: text.encode() for name, text in generated.items()} | {"flags": " ".join(FLAGS).encode()}
+    parts |= {f"{p.name}/{name}": code for p, files in objects.items() for name, code in files.items()}
+    xml = _identify(version, d, version.abilities_of(d), parts)
     contents["modelDescription.xml"] = xml_bytes(xml)
-    generated = headers(description, version, xml.attrib[version.identity], slopes)
+    generated["scene.h"] = scene_header(d, version, xml.attrib[version.identity])
     for folder in sorted({version.folders[p.name] for p in chosen}):
         members = [p for p in chosen if version.folders[p.name] == folder]
-        libraries = [link(c_sources(version), objects[p], p, description.identifier, generated) for p in members]
+        libraries = [link(c_sources(version), objects[p], p, d.identifier, generated) for p in members]
         for place in (folder, *_second_folders(version, members, chosen)):
-            contents[f"binaries/{place}/{description.identifier}{members[0].suffix}"] = universal(libraries)
-    shown = presentation_files(scene, plan, description, version, needs_python=False, with_terminals=terminals)
-    write_archive(contents | shown, path)
-    return path
+            contents[f"binaries/{place}/{d.identifier}{members[0].suffix}"] = universal(libraries)
+    shown = presentation_files(d, version, needs_python=False, with_terminals=terminals)
+    return write_archive(contents | shown, path)
 
 
 def _second_folders(version: FmiVersion, members: Sequence[Platform], chosen: Sequence[Platform]) -> list[str]:
@@ -129,44 +130,43 @@ def c_sources(version: FmiVersion) -> tuple[str, ...]:
     return (version.signatures, *ANY_VERSION)
 
 
-def _parts_of_libraries(
-    d: Description, version: FmiVersion, slopes: str, objects: dict[Platform, dict[str, bytes]]
-) -> dict[str, bytes]:
-    """Return what makes the libraries what they are, except for their guid."""
-    parts = {name: source(name) for name in (*c_sources(version), *HEADERS)}
-    parts |= {name: text.encode() for name, text in headers(d, version, "", slopes).items()}
-    parts |= {"flags": " ".join(FLAGS).encode()}
-    return parts | {f"{p.name}/{name}": code for p, files in objects.items() for name, code in files.items()}
-
-
 # --- the pythonfmu kind
 
 
 def build_python_fmu(scene: Scene, plan: Plan, path: Path, terminals: bool = False) -> Path:
     """Write the FMU: the same bytes for the same scene; a file that stands at `path` is replaced when done."""
-    plan = plan.of_scene(scene)
-    description = describe(scene, plan)
-    files = _package_files(plan, description)
+    d = describe(scene, plan)
+    files = _package_files(d)
     identity = hash_of(files | {"templates": (SCRIPT + PACKAGE).encode()})[:12]
-    with tempfile.TemporaryDirectory(prefix="rbfmu_") as folder:
-        script, package = _write_sources(Path(folder), files, description, identity)
-        with undo_builder_imports():
-            raw = FmuBuilder.build_FMU(script, dest=Path(folder) / "out", project_files=[package])
-        with zipfile.ZipFile(raw) as archive:
-            contents = {n: archive.read(n) for n in archive.namelist() if not LEFT_OUT.fullmatch(n)}
-    contents["resources/scene.json"] = scene_inside(scene, plan)
-    contents["modelDescription.xml"] = xml_bytes(_identify(FMI2, description, PYTHON_ABILITIES, dict(contents)))
-    shown = presentation_files(scene, plan, description, FMI2, needs_python=True, with_terminals=terminals)
-    write_archive(contents | shown, path)
-    return path
+    package, script = f"rbfmu_{identity}", f"{d.identifier}_{identity}"
+    files["__init__.py"] = PACKAGE.format(identity=identity).encode()
+    contents = {f"resources/{package}/{name}": content for name, content in files.items()}
+    contents[f"resources/{script}.py"] = SCRIPT.format(package=package, identifier=d.identifier).encode()
+    contents |= {"resources/slavemodule.txt": script.encode(), "resources/scene.json": scene_inside(d)}
+    contents |= _parts_of_pythonfmu(d.identifier)
+    contents["modelDescription.xml"] = xml_bytes(_identify(FMI2, d, PYTHON_ABILITIES, dict(contents)))
+    shown = presentation_files(d, FMI2, needs_python=True, with_terminals=terminals)
+    return write_archive(contents | shown, path)
 
 
-def _package_files(plan: Plan, description: Description) -> dict[str, bytes]:
+def _parts_of_pythonfmu(identifier: str) -> dict[str, bytes]:
+    """Return pythonfmu's modules and its libraries by their places in an FMU.
+
+    Its own builder puts them there too, but makes an instance to ask for variables, which an FMU's code has no part in.
+    """
+    libraries = PYTHONFMU / "resources" / "binaries"
+    modules = {f"resources/pythonfmu/{file.name}": file for file in PYTHONFMU.glob("*.py") if file.name not in UNUSED}
+    compiled = (file for file in libraries.glob("*/*") if file.suffix in (".so", ".dll", ".dylib"))
+    files = modules | {f"binaries/{file.parent.name}/{identifier}{file.suffix}": file for file in compiled}
+    return {place: file.read_bytes() for place, file in files.items()}
+
+
+def _package_files(d: Description) -> dict[str, bytes]:
     files = {name: (PYTHON / name).read_bytes() for name in SHIPPED}
-    name, code = _shipped_code(plan)
-    known = description.to_dict() | {"shipped_code": {name: zlib.crc32(code)}}
-    if plan.formulas:  # which name the kernels as those who make an FMU do
-        files["formulas.py"] = plan.formulas.text.replace(f"from {rbfmu_kernels.__name__}.", "from .").encode()
+    name, code = _shipped_code(d.plan)
+    known = d.to_dict() | {"shipped_code": {name: zlib.crc32(code)}}
+    if d.plan.formulas:  # which name the kernels as those who make an FMU do
+        files["formulas.py"] = d.plan.formulas.text.replace(f"from {rbfmu_kernels.__name__}.", "from .").encode()
     return kernel_sources() | files | {name: code, "description.json": json_bytes(known)}
 
 
@@ -178,16 +178,6 @@ def _shipped_code(plan: Plan) -> tuple[str, bytes]:
         return CODE + LIBRARY, link(EXPORTS, objects, platform, "model")
     except NoLinkerError:
         return CODE + OBJECT, objects["model.o"]
-
-
-def _write_sources(folder: Path, files: dict[str, bytes], description: Description, identity: str) -> tuple[Path, Path]:
-    """Write the FMU's entry, and the package that has all else; return both."""
-    package, script = folder / f"rbfmu_{identity}", folder / f"{description.identifier}_{identity}.py"
-    for name, content in (files | {"__init__.py": PACKAGE.format(identity=identity).encode()}).items():
-        (package / name).parent.mkdir(parents=True, exist_ok=True)
-        (package / name).write_bytes(content)
-    script.write_bytes(SCRIPT.format(package=package.name, identifier=description.identifier).encode())
-    return script, package
 
 
 # --- what is in an FMU, and its file
@@ -206,9 +196,9 @@ def kernel_hash() -> str:
     return hash_of(kernel_sources())
 
 
-def scene_inside(scene: Scene, plan: Plan) -> bytes:
+def scene_inside(d: Description) -> bytes:
     """Return what `verify` reads in an FMU: resources/scene.json."""
-    data = {"kernels": kernel_hash(), "plan": plan.to_dict(), "scene": scene.to_dict()}
+    data = {"kernels": kernel_hash(), "plan": d.plan.to_dict(), "scene": d.scene.to_dict()}
     return json_bytes(data, sort_keys=False)  # outputs of one's own follow each other as in the scene
 
 
@@ -225,7 +215,7 @@ def hash_of(files: dict[str, bytes]) -> str:
     return digest.hexdigest()
 
 
-def write_archive(contents: dict[str, bytes], path: Path) -> None:
+def write_archive(contents: dict[str, bytes], path: Path) -> Path:
     """Write files sorted and without times; a file that stands at `path` is replaced when all is written."""
     handle, temporary = tempfile.mkstemp(prefix=path.name, suffix=".part", dir=path.parent)
     try:
@@ -241,3 +231,4 @@ def write_archive(contents: dict[str, bytes], path: Path) -> None:
         if isinstance(error, OSError):
             error.filename = str(path)  # else a full disk names no file
         raise
+    return path

@@ -6,9 +6,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
 
-import fmpy
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -19,7 +17,7 @@ from rbfmu.studies.chart.result import write_rows
 from rbfmu.types import Array
 from rbfmu_fmu.builder import build_python_fmu
 from rbfmu_fmu.description import describe
-from rbfmu_fmu.verification import Unit, unit_in
+from rbfmu_fmu.verification import Unit, unit_of
 
 STIFFNESS, DAMPING = 2.0, 3.0
 """N m per unit of 2 eps, N m s/rad."""
@@ -27,11 +25,12 @@ FINAL_TIME = 2.0
 MAX_ROUNDS, SETTLED, LARGEST_CHANGE = 60, 1e-11, 1e2
 """Of the iteration; N m. Beyond the last it diverges, and the body would spin too fast to follow."""
 SUBSTEPS = (1, 8)
-SCENE: dict[str, Any] = {
+LOADS = {"gravity_a": [0.0, 0.0, 0.0]}
+SCENE: dict[str, object] = {
     "name": "attitude_loop",
     "body": {"mass": 1.0, "inertia": [1.0, 2.0, 3.0]},
     "initial": {"attitude": {"rotvec": [1.2, -0.9, 0.6]}, "omega_b": [0.3, -0.5, 0.8]},
-    "loads": {"gravity_a": [0.0, 0.0, 0.0]},
+    "loads": LOADS,
     "inputs": {"ports": ["torque_b"]},
     "outputs": {"quantities": ["quaternion", "omega_b"]},
     "run": {"stop": FINAL_TIME, "step": 0.1, "accuracy": 1e-12},
@@ -65,33 +64,27 @@ class Loop:
         return controller(self.state())
 
 
-class Way(NamedTuple):
-    """How a torque is passed: over a part of a step from the controller's answers to the last two states.
-
-    A torque held over H is wrong by its change within H, so the loop is of order 1 in H however exact the body's motion
-    is; a line through the last two answers makes it order 2. The iteration (waveform relaxation) takes the line to the
-    answer at the step's end, which is of order 2 too, and diverges where H times the loop's gain is not small:
-    M. Arnold & M. Guenther, Preconditioned dynamic iteration for coupled differential-algebraic systems, BIT 41 (2001).
-
-    torque: of (answer before, answer now, part of the step); None: iterated.
-    """
-
-    label: str
-    torque: Callable[[Array, Array, float], Array] | None
-
-
-WAYS = {
-    "one step late": Way("one step late (Jacobi)", lambda before, now, part: before),
-    "held": Way("held (zero order)", lambda before, now, part: now),
-    "extrapolated": Way("extrapolated", lambda before, now, part: now + part * (now - before)),
-    "rolled back": Way("rolled back, iterated", None),
+Rule = Callable[[Array, Array, float], Array]
+"""The torque by the answers before and now, and the part of the step."""
+WAYS: dict[str, tuple[str, Rule | None]] = {
+    "one step late": ("one step late (Jacobi)", lambda before, now, part: before),
+    "held": ("held (zero order)", lambda before, now, part: now),
+    "extrapolated": ("extrapolated", lambda before, now, part: now + part * (now - before)),
+    "rolled back": ("rolled back, iterated", None),
 }
+"""How a torque is passed over a step, with its label: by a rule of the controller's last two answers, or iterated.
+
+A torque held over H is wrong by its change within H, so the loop is of order 1 in H however exact the body's motion is;
+a line through the last two answers makes it order 2. The iteration (waveform relaxation) takes the line to the answer
+at the step's end, which is of order 2 too, and diverges where H times the loop's gain is not small:
+M. Arnold & M. Guenther, Preconditioned dynamic iteration for coupled differential-algebraic systems, BIT 41 (2001).
+"""
 
 
 def run_loop(loop: Loop, way: str, steps: int, n: int) -> Array:
     """Return the final (q_ab, omega_b) of the loop in equal communication steps."""
     H, loop.calls = FINAL_TIME / steps, 0
-    before, rule = controller(loop.state()), WAYS[way].torque
+    before, rule = controller(loop.state()), WAYS[way][1]
     now = before
     for k in range(steps):
         if rule is None:
@@ -125,7 +118,7 @@ def reference() -> Array:
     """Return the continuous loop's final state: the controller is a formula of the scene."""
     eps, towards = "[q_ab[2], q_ab[3], q_ab[4]]", "where(q_ab[1] > 0, 1, -1)"  # by the shorter way
     law = f"-{2.0 * STIFFNESS!r}*{towards}*{eps} - {DAMPING!r}*omega_b"
-    closed = rbfmu.Scene.from_dict(SCENE | {"loads": SCENE["loads"] | {"torque_b": law}, "inputs": {}})
+    closed = rbfmu.Scene.from_dict(SCENE | {"loads": LOADS | {"torque_b": law}, "inputs": {}})
     found = rbfmu.simulate(closed)
     return np.append(found.quaternion[-1], found.omega_b[-1])
 
@@ -135,10 +128,9 @@ def attitude_loop() -> Iterator[Loop]:
     """Build and start the FMU of `SCENE` in a folder that goes at the end."""
     scene = rbfmu.Scene.from_dict(SCENE)
     plan = rbfmu.plan(scene)
-    with tempfile.TemporaryDirectory(prefix="rbfmu_", ignore_cleanup_errors=True) as folder:
+    with tempfile.TemporaryDirectory(prefix="rbfmu_") as folder:
         path = build_python_fmu(scene, plan, Path(folder) / "attitude_loop.fmu")
-        unzipped = fmpy.extract(str(path), str(Path(folder) / "unzipped"))
-        with unit_in(unzipped, describe(scene, plan)) as unit:
+        with unit_of(path, describe(scene, plan)) as unit:
             unit.start(0.0, FINAL_TIME, [0.0, 0.0, 0.0])
             yield Loop(unit)
             unit.fmu.terminate()
@@ -195,7 +187,7 @@ def draw(points: Sequence[Point], path: Path) -> Path:
             by_work.loglog(work, errors, "-" if n == 1 else ":", color=color, linewidth=1.8 if n == 1 else 1.2)
             if n == 1:
                 white = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
-                by_step.annotate(WAYS[way].label, (steps[-1], errors[-1]), (6, 0), color=color, fontsize=10, bbox=white,
+                by_step.annotate(WAYS[way][0], (steps[-1], errors[-1]), (6, 0), color=color, fontsize=10, bbox=white,
                                  textcoords="offset points", va="center")  # fmt: skip
     by_step.invert_xaxis()
     by_step.set(xlabel="communication step (s), finer to the right", ylabel=f"attitude error at {FINAL_TIME:g} s (rad)")

@@ -15,12 +15,12 @@ from functools import partial
 from itertools import groupby
 from pathlib import Path
 from time import perf_counter
-from typing import Any
 
 import fmpy
 import numpy as np
 from fmpy.util import read_csv
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
@@ -120,8 +120,8 @@ def _by_command(fmu: Path, target: Path, outputs: list[str]) -> Way:
     return _way("FMU, fmpy command", read_csv(target), seconds)
 
 
-def _way(name: str, recorded: Any, seconds: float) -> Way:
-    return Way(name, {n: recorded[n] for n in recorded.dtype.names}, seconds / (len(recorded) - 1))
+def _way(name: str, recorded: NDArray[np.void], seconds: float) -> Way:
+    return Way(name, {n: recorded[n] for n in recorded.dtype.names or ()}, seconds / (len(recorded) - 1))
 
 
 def _largest_difference(a: Columns, b: Columns) -> float:

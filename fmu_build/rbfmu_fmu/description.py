@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from itertools import groupby
 from keyword import iskeyword
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from rbfmu import Plan, Scene
 from rbfmu.models.question import Question
@@ -29,6 +29,9 @@ AXES = ("x", "y", "z")
 _EULER_PARAMETERS = ("scalar part", "vector part x", "vector part y", "vector part z")
 _INERTIA = {"inertia": 3}
 """Numbers of a block that say its size, where that is not all."""
+_AS_IT_IS = ("identifier", "counts", "start_buffer", "outputs_end", "start_place", "last_time")
+"""What a slave knows of a description besides its variables; of these it knows all but what only XML says."""
+_OF_XML = ("follows", "begins_with")
 
 
 @dataclass(frozen=True)
@@ -70,22 +73,16 @@ class Count(NamedTuple):
 class Description:
     """A scene's FMU: everything that a slave or a C layer must know of the model, and nothing of its formulas.
 
-    counts: those of events, whose value references follow that of `status`.
+    identifier: of C and Python; counts: those of events, whose value references follow that of `status`.
     start_place: that of the time at the start in the buffer, or -1 of a model that has no time.
     """
 
-    name: str
+    scene: Scene
+    plan: Plan
     identifier: str
-    about: dict[str, str]
-    """What tools show of it: the keys of a scene's table `about`."""
     variables: tuple[Variable, ...]
     counts: tuple[Count, ...]
     start_buffer: tuple[float, ...]
-    start: float
-    stop: float
-    step: float
-    accuracy: float
-    model: str
     outputs_end: int
     """One past the last of a model's outputs in its buffer."""
     start_place: int
@@ -93,7 +90,7 @@ class Description:
     @property
     def last_time(self) -> float:
         """Return the time from which on `status` is 2."""
-        return last_time(self.stop, self.step)
+        return last_time(self.scene.run.stop, self.scene.run.step)
 
     @property
     def inputs(self) -> tuple[Variable, ...]:
@@ -115,12 +112,12 @@ class Description:
         """Return whether every output has a derivative."""
         return all(v.rates for v in self.outputs)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, object]:
         """Return a dict for JSON: this, and what is said of parameters that a model does not serve."""
-        known = asdict(self) | {"last_time": self.last_time, "faults": FAULTS, "changed": CHANGED}
-        for v in known["variables"]:
-            del v["follows"], v["begins_with"]
-        return known
+        known = {"name": self.scene.name, "about": self.scene.about.model_dump(), **self.scene.run.model_dump()}
+        known |= {name: getattr(self, name) for name in _AS_IT_IS} | {"model": self.plan.kernels.name}
+        variables = [{k: x for k, x in asdict(v).items() if k not in _OF_XML} for v in self.variables]
+        return known | {"variables": variables, "faults": FAULTS, "changed": CHANGED}
 
 
 def blocks(d: Description, *causalities: str) -> dict[str, list[Variable]]:
@@ -141,17 +138,12 @@ def describe(scene: Scene, plan: Plan) -> Description:
         for e, (name, event) in enumerate(scene.events.items())
     ]  # fmt: skip
     return Description(
-        name=scene.name,
+        scene=scene,
+        plan=plan,
         identifier=identifier(scene.name),
-        about=scene.about.model_dump(),
         variables=tuple(v for block in shown for v in _variables(block, plan, z, sizes)),
         counts=tuple(counts),
         start_buffer=tuple(z.tolist()),
-        start=scene.run.start,
-        stop=scene.run.stop,
-        step=scene.run.step,
-        accuracy=scene.run.accuracy,
-        model=kernels.name,
         outputs_end=max(place.stop for place in (*outputs, *(block.place for block in shown))),
         start_place=kernels.BLOCKS["series.start_time"].start if plan.formulas else -1,
     )
@@ -257,7 +249,7 @@ def _output(row: Output, scene: Scene, plan: Plan) -> _Block:
     return _Block(row, plan.kernels.BLOCKS[name], "output", frozenset(follows), frozenset(follows | first))
 
 
-def _variables(block: _Block, plan: Plan, z: Any, sizes: Mapping[str, float]) -> list[Variable]:
+def _variables(block: _Block, plan: Plan, z: Buffer, sizes: Mapping[str, float]) -> list[Variable]:
     row, place, causality, follows, begins_with = block
     name, bounds = row.name, row.bounds if len(row.bounds) == row.size else row.bounds * row.size
     rates = _rate_blocks(plan, name, causality)
@@ -289,7 +281,7 @@ def _rate_blocks(plan: Plan, name: str, causality: str) -> list[slice]:
     That knows loads that stay as they are, and no formulas.
     """
     kernels = plan.kernels
-    of_output = (f"d_{name}",) if hasattr(kernels, "output_rates") and not plan.formulas else ()
+    of_output = (f"d_{name}",) if not plan.formulas else ()
     names = {"input": (f"{name}_rate", f"{name}_rate_2"), "output": of_output}.get(causality, ())
     return [kernels.BLOCKS[n] for n in names if n in kernels.BLOCKS]
 

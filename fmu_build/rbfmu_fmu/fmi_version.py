@@ -8,9 +8,6 @@ from dataclasses import dataclass, field, replace
 
 from rbfmu_fmu.description import Count, Description, FmiVariable, arrays, scalars
 
-UNSET = "{}"
-"""Stands for an FMU's identity while that identity is being made."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class FmiVersion:

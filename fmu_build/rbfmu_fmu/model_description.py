@@ -18,7 +18,7 @@ from rbfmu_kernels.quantities import PORTS, TIME, UNITS, Unit
 
 LICENSE = "MIT; see documentation/licenses"
 """The terms of the code in an FMU, which a scene's own stand beside."""
-_KINDS = {"input": ("continuous", None), "parameter": ("fixed", "exact"), "output": ("continuous", "calculated")}
+_KINDS = {"input": ("continuous", ""), "parameter": ("fixed", "exact"), "output": ("continuous", "calculated")}
 """By causality: variability and initial."""
 STATUS_MEANING = (
     "0: fine; 1: the last step was refused or missed the accuracy; 2: past the stop time, accuracy not promised"
@@ -26,14 +26,16 @@ STATUS_MEANING = (
 STATUS = {"name": "status", "causality": "output", "variability": "discrete", "initial": "calculated"}
 STATUS |= {"description": STATUS_MEANING}
 STATUS_RANGE = {"min": "0", "max": "2"}
+UNSET = "{}"
+"""Stands for an FMU's identity while that identity is being made."""
 
 
-def model_description(version: FmiVersion, d: Description, identity: str, co_simulation: dict[str, str]) -> Element:
-    """Return modelDescription.xml; `co_simulation` holds the attributes in which kinds of FMU differ."""
+def model_description(version: FmiVersion, d: Description, co_simulation: dict[str, str]) -> Element:
+    """Return modelDescription.xml, without identity; `co_simulation` has attributes in which kinds of FMU differ."""
     about = {"generationTool": f"rbfmu {rbfmu.__version__}", "description": "One rigid body", "license": LICENSE}
-    about |= {key: text for key, text in d.about.items() if text}
+    about |= _said(**d.scene.about.model_dump())
     root = Element("fmiModelDescription", {
-        "fmiVersion": version.name, "modelName": d.name, version.identity: identity, **about,
+        "fmiVersion": version.name, "modelName": d.scene.name, version.identity: UNSET, **about,
         "variableNamingConvention": "structured",
     })  # fmt: skip
     SubElement(root, "CoSimulation", {
@@ -44,11 +46,16 @@ def model_description(version: FmiVersion, d: Description, identity: str, co_sim
     root.extend(_type_definitions(version, d))
     categories = (Element("Category", name=name, description=says) for name, says in LOG_CATEGORIES.items())
     SubElement(root, "LogCategories").extend(categories)
-    run = {"startTime": d.start, "stopTime": d.stop, "tolerance": d.accuracy, "stepSize": d.step}
-    SubElement(root, "DefaultExperiment", {name: repr(value) for name, value in run.items()})
+    run = {"startTime": "start", "stopTime": "stop", "tolerance": "accuracy", "stepSize": "step"}
+    SubElement(root, "DefaultExperiment", {name: repr(getattr(d.scene.run, key)) for name, key in run.items()})
     SubElement(root, "ModelVariables").extend(_variables(version, d))
     root.append(_model_structure(version, d))
     return root
+
+
+def _said(**attributes: str) -> dict[str, str]:
+    """Return attributes in their order, without those of which nothing is said."""
+    return {name: text for name, text in attributes.items() if text}
 
 
 def _element(version: FmiVersion, outer: str, kind: str, said: dict[str, str], typed: dict[str, str]) -> Element:
@@ -73,7 +80,7 @@ def _type_definitions(version: FmiVersion, d: Description) -> list[Element]:
 def _variables(version: FmiVersion, d: Description) -> Iterator[Element]:
     """Yield all variables in the order of their value references."""
     named = version.references(d)
-    updated = {"intermediateUpdate": "true"} if d.interpolates_inputs and not version.nested else {}
+    updated = _said(intermediateUpdate="true" if d.interpolates_inputs and not version.nested else "")
     for reference, one in enumerate(named):
         members = [d.variables[k] for k in one.elements]
         first = members[0]
@@ -83,10 +90,9 @@ def _variables(version: FmiVersion, d: Description) -> Iterator[Element]:
         if first.pinned:
             about_it += f"; cannot be changed here: {TO_VARY % first.block}"
         said = {"name": one.name, "valueReference": str(reference), "causality": first.causality}
-        said |= {"variability": variability, "description": about_it} | ({"initial": initial} if initial else {})
+        said |= _said(variability=variability, description=about_it, initial=initial)
         said |= updated if first.causality != "parameter" else {}
-        name = _unit(first.unit).quantity
-        typed = ({"declaredType": name} if name else {}) | _limits_of_all(members)
+        typed = _said(declaredType=_unit(first.unit).quantity) | _limits_of_all(members)
         element = _element(version, "ScalarVariable", version.real, said, typed)
         element.extend(Element("Dimension", start=str(size)) for size in one.dimensions)
         yield element
@@ -155,8 +161,8 @@ def _unit_definitions(names: set[str]) -> Element:
 def _of_unit(name: str) -> dict[str, str]:
     """Return the attributes quantity, unit and displayUnit, as far as there are any."""
     unit = _unit(name)
-    display = {"displayUnit": unit.display[0][0]} if unit.display else {}
-    return ({"quantity": unit.quantity} if unit.quantity else {}) | {"unit": _fmi_name(name)} | display
+    display = unit.display[0][0] if unit.display else ""
+    return _said(quantity=unit.quantity, unit=_fmi_name(name), displayUnit=display)
 
 
 def _fmi_name(unit: str) -> str:
@@ -242,7 +248,7 @@ def _members(variables: list[Variable]) -> dict[str, str]:
 
 def osp_place(d: Description) -> str:
     """Return where it lies in an FMU; its name is the one that libcosim looks for, where every system takes it."""
-    prefix = f"{d.name}_" if re.fullmatch(r"[A-Za-z0-9_ .-]+", d.name) else ""
+    prefix = f"{d.scene.name}_" if re.fullmatch(r"[A-Za-z0-9_ .-]+", d.scene.name) else ""
     return f"{OSP_FOLDER}/{prefix}OspModelDescription.xml"
 
 

@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 
 import rbfmu
-from rbfmu import Plan, Scene
+from rbfmu import Scene
+from rbfmu.scene.scene import About
 from rbfmu.types import Array
 from rbfmu.viewer.shape import Shape, shape_of
 from rbfmu_fmu.description import Description, Variable, blocks, scalars
@@ -34,21 +35,16 @@ HEADS = ("name", "unit", "meaning", "components", "start")
 
 
 def presentation_files(
-    scene: Scene, plan: Plan, d: Description, version: FmiVersion, needs_python: bool, with_terminals: bool = False
+    d: Description, version: FmiVersion, needs_python: bool, with_terminals: bool = False
 ) -> dict[str, bytes]:
     """Return the files; needs_python: of the pythonfmu kind; with_terminals: list them in FMI 2.0 as well.
 
     FMI 2.0.4 allows the file, but FMI Library 3 and FMU Container fail at it in an FMU of FMI 2.0.
     """
-    course = version.course_of_inputs if d.interpolates_inputs and not needs_python else ""
-    has_arrays = version.references is not scalars
-    files = {
-        version.icon: picture(scene),
-        "documentation/index.html": page(scene, plan, d, version.icon, course).encode(),
-        **licenses(needs_python),
-    }
+    files = {version.icon: picture(d.scene), **licenses(needs_python)}
+    files["documentation/index.html"] = page(d, version, needs_python).encode()
     if with_terminals or version.name != "2.0":
-        files["terminalsAndIcons/terminalsAndIcons.xml"] = xml_bytes(terminals(d, has_arrays))
+        files["terminalsAndIcons/terminalsAndIcons.xml"] = xml_bytes(terminals(d, version.references is not scalars))
     if version.name == "2.0":  # the one that libcosim imports
         files[osp_place(d)] = xml_bytes(osp_description(d))
     if needs_python:
@@ -60,19 +56,21 @@ def _text(name: str) -> Template:
     return Template(Path(__file__).with_name(name).read_text("utf-8"))
 
 
-def page(scene: Scene, plan: Plan, d: Description, icon: str, course: str = "") -> str:
-    """Return the page; icon: the place of the FMU's picture; course: how inputs change within a step, if they can."""
-    run, pivot = scene.run, scene.body is not None and scene.body.pivot
-    said = {"name": d.name, "icon": icon, "status": STATUS_MEANING, "version": rbfmu.__version__}
+def page(d: Description, version: FmiVersion, needs_python: bool) -> str:
+    """Return the page, which says how inputs change within a step, if they can."""
+    scene, plan = d.scene, d.plan
+    run, about, pivot = scene.run, scene.about, scene.body is not None and scene.body.pivot
+    said = {"name": scene.name, "icon": version.icon, "status": STATUS_MEANING, "version": rbfmu.__version__}
     said |= {"model": plan.model, "states": str(plan.states), "method": plan.method, "error": f"{plan.error:.1e}"}
     said |= {key: f"{getattr(run, key):g}" for key in ("accuracy", "start", "stop", "step")}
-    unless = f", unless the importer {course}" if course else ""
+    interpolates = d.interpolates_inputs and not needs_python
+    unless = f", unless the importer {version.course_of_inputs}" if interpolates else ""
     held = (
         f"<p>Inputs are held over a communication step{unless}. What is lost by holding an input that changes "
         "meanwhile comes on top, and is first order in the communication step.</p>\n"
     )
     made = {
-        "about": "".join(f"<p>{escape(text)}</p>\n" for text in (d.about["description"], _by_whom(d)) if text),
+        "about": "".join(f"<p>{escape(text)}</p>\n" for text in (about.description, _by_whom(about)) if text),
         "reasons": "".join(f"<li>{escape(reason)}</li>\n" for reason in plan.reasons),
         "tables": "".join(_table(d, causality) for causality in ("input", "output", "parameter")),
         "pivot": " The body's origin o is a pivot, fixed in space." if pivot else "",
@@ -98,9 +96,9 @@ def _html_table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     return f"<table>\n{''.join(lines)}</table>\n"
 
 
-def _by_whom(d: Description) -> str:
-    words = {"author": "author", "version": "version", "license": "licence"}
-    return "; ".join(f"{word}: {d.about[key]}" for key, word in words.items() if d.about[key])
+def _by_whom(about: About) -> str:
+    words = {"author": about.author, "version": about.version, "licence": about.license}
+    return "; ".join(f"{word}: {text}" for word, text in words.items() if text)
 
 
 def _table(d: Description, causality: str) -> str:

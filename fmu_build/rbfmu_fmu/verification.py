@@ -8,18 +8,18 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 
 import fmpy
 import numpy as np
 from fmpy.fmi1 import FMICallException
+from fmpy.model_description import ModelDescription
 from fmpy.simulation import instantiate_fmu
 from fmpy.validation import validate_fmu
 
 from rbfmu import Plan, Scene, SceneError, planning
 from rbfmu.runs.motion import largest_error
-from rbfmu.runs.plan import filled_buffer, initialize
+from rbfmu.runs.plan import initialize
 from rbfmu.runs.time_grid import time_grid
 from rbfmu.types import Array
 from rbfmu_fmu.builder import kernel_hash
@@ -73,24 +73,22 @@ def verify(path: str | Path, seed: int = 1) -> Verification:
     are random and of about 1 m/s2 and 1 rad/s2, as a port that is wired wrongly shows only where it moves the body.
     """
     path = Path(path)
-    scene, plan, problems = _scene_inside(path)
+    d, problems = _inside(path)
+    run = d.scene.run
     _check_runs_here(path)
-    problems += [f"fmpy validate: {text}" for text in validate_fmu(str(path))]
-    description = describe(scene, plan)
-    problems += _gaps(path, description)
-    time = time_grid(scene.run.start, scene.run.stop, scene.run.step)[: MAX_STEPS + 1]
-    inputs = _signal(scene, description, len(time) - 1, np.random.default_rng(seed))
-    recorded, log = _through_fmpy(path, description, time, inputs)
-    expected = _through_kernels(scene, plan, time[: len(recorded)], inputs)
+    problems += [f"fmpy validate: {text}" for text in validate_fmu(str(path))] + _gaps(path, d)
+    time = time_grid(run.start, run.stop, run.step)[: MAX_STEPS + 1]
+    inputs = _signal(d, len(time) - 1, np.random.default_rng(seed))
+    recorded, log = _through_fmpy(path, d, time, inputs)
+    expected = _through_kernels(d, time[: len(recorded)], inputs)
     apart = np.nan_to_num(np.abs(recorded - expected), nan=np.inf, posinf=np.inf).max(axis=0).tolist()
-    units = {v.name: v.unit for v in description.outputs} | {count.name: "1" for count in description.counts}
+    units = {v.name: v.unit for v in d.outputs} | {count.name: "1" for count in d.counts}
     differences = dict(zip(units, apart, strict=True))
-    done = len(recorded) - 1
-    to_full = _distance_to_full(scene, description, time, inputs, expected)
-    if to_full > scene.run.accuracy:
-        problems += [f"the planned model is {to_full:.2g} from the full one: accuracy asked {scene.run.accuracy:g}"]
-    said = tuple(problems + log)
-    return Verification(seed, len(time) - 1, done, differences, units, said, to_full, scene.run.accuracy)
+    to_full = _distance_to_full(d, time, inputs, expected)
+    if to_full > run.accuracy:
+        problems += [f"the planned model is {to_full:.2g} from the full one: accuracy asked {run.accuracy:g}"]
+    asked, done, said = len(time) - 1, len(recorded) - 1, tuple(problems + log)
+    return Verification(seed, asked, done, differences, units, said, to_full, run.accuracy)
 
 
 def _check_runs_here(path: Path) -> None:
@@ -109,7 +107,8 @@ def check_plain(folder: str) -> None:
         raise VerificationError(f"FMUs are unzipped to {folder!r}, and pythonfmu crashes at {found[0]!r}: {expected}")
 
 
-def _scene_inside(path: Path) -> tuple[Scene, Plan, list[str]]:
+def _inside(path: Path) -> tuple[Description, list[str]]:
+    """Return what an FMU was built of, and whether that were other kernels."""
     try:
         with zipfile.ZipFile(path) as archive:
             data = json.loads(archive.read("resources/scene.json"))
@@ -122,14 +121,14 @@ def _scene_inside(path: Path) -> tuple[Scene, Plan, list[str]]:
     old = data.get("kernels") != kernel_hash()
     problems = ["built from other kernels than those installed: build it anew"] if old else []
     scene = Scene.from_dict(data["scene"], source=str(path))
-    return scene, Plan.from_dict(data["plan"]).of_scene(scene), problems
+    return describe(scene, Plan.from_dict(data["plan"])), problems
 
 
-def _gaps(path: Path, description: Description) -> list[str]:
+def _gaps(path: Path, d: Description) -> list[str]:
     """Return variables, units and dependencies that an importer needs and does not find."""
     model = fmpy.read_model_description(str(path), validate=False)
     found, version = {v.name: v for v in model.modelVariables}, version_in(model)
-    names = {one.name for one in version.references(description)}
+    names = {one.name for one in version.references(d)}
     problems = [f"variable {name} is missing" for name in sorted(names - set(found))]
     problems += [f"variable {v.name} has no unit" for v in found.values() if v.type == version.real and not v.unit]
     outputs = {v.name for v in found.values() if v.causality == "output"}
@@ -138,7 +137,7 @@ def _gaps(path: Path, description: Description) -> list[str]:
     return problems
 
 
-def _with_dependencies(path: Path, model: Any) -> dict[str, set[str]]:
+def _with_dependencies(path: Path, model: ModelDescription) -> dict[str, set[str]]:
     """Return names of variables whose dependencies are said; older FMPy reads silence as no dependency."""
     with zipfile.ZipFile(path) as archive:
         root = ElementTree.fromstring(archive.read("modelDescription.xml"))
@@ -151,14 +150,14 @@ def _with_dependencies(path: Path, model: Any) -> dict[str, set[str]]:
     }
 
 
-def _signal(scene: Scene, description: Description, steps: int, random: np.random.Generator) -> Array:
+def _signal(d: Description, steps: int, random: np.random.Generator) -> Array:
     """Return piecewise-constant inputs (steps, n): about 1 m/s2 for forces, 1 rad/s2 for torques, 1 rad/s for rates."""
-    sizes, names = input_sizes(scene), [v.block for v in description.inputs]
-    levels = random.normal(size=(steps // HELD_STEPS + 1, len(names))) * [sizes[name] for name in names]
+    sizes = input_sizes(d.scene)
+    levels = random.normal(size=(steps // HELD_STEPS + 1, len(d.inputs))) * [sizes[v.block] for v in d.inputs]
     return np.repeat(levels, HELD_STEPS, axis=0)[:steps]
 
 
-def version_in(model: Any) -> FmiVersion:
+def version_in(model: ModelDescription) -> FmiVersion:
     """Return the version of FMI that FMPy's description of a model is of."""
     fmi = 3 if model.fmiVersion.startswith("3") else 2
     return version_of(fmi, scalars=fmi == 3 and not any(v.dimensions for v in model.modelVariables))
@@ -170,27 +169,23 @@ class Unit:
     fmu: FMPy's, for calls that both versions have alike; messages: those of refused calls.
     """
 
-    def __init__(self, folder: str | Path, description: Description):
-        model = fmpy.read_model_description(str(folder), validate=False)
+    def __init__(self, folder: str, d: Description):
+        model = fmpy.read_model_description(folder, validate=False)
         version = version_in(model)
-        referenced = list(enumerate(version.references(description)))
-        causality = {k: description.variables[one.elements[0]].causality for k, one in referenced}
-        self._inputs, self._outputs = (
-            [k for k, _ in referenced if causality[k] == wanted] for wanted in ("input", "output")
-        )
+        causality = [d.variables[one.elements[0]].causality for one in version.references(d)]
+        self._inputs, self._outputs = ([k for k, c in enumerate(causality) if c == x] for x in ("input", "output"))
         self._old = not version.has_time
-        self._counted = () if self._old else (len(description.outputs),)
-        counts = (reference for reference, _ in version.counted(description))
-        self._integers = [*counts, version.status_reference(description)]
+        self._counted = () if self._old else (len(d.outputs),)
+        self._integers = [*(reference for reference, _ in version.counted(d)), version.status_reference(d)]
         self.messages: list[str] = []
-        self.fmu = instantiate_fmu(str(folder), model, "CoSimulation", debug_logging=True, logger=self._log)
+        self.fmu = instantiate_fmu(folder, model, "CoSimulation", debug_logging=True, logger=self._log)
         self._get, self._set = (getattr(self.fmu, f"{call}{version.real}") for call in ("get", "set"))
         self._get_integers = getattr(self.fmu, f"get{version.integer}")
 
-    def _log(self, *said: Any) -> None:
+    def _log(self, *said: object) -> None:
         """Keep a message: FMI 2.0 gives the instance's name besides status, category and text."""
         *_, status, _, message = said
-        if status:
+        if status and isinstance(message, bytes):
             self.messages.append(message.decode())
 
     def start(self, begin: float, end: float, inputs: Sequence[float]) -> None:
@@ -214,61 +209,59 @@ class Unit:
 
 
 @contextmanager
-def unit_in(folder: str | Path, description: Description) -> Iterator[Unit]:
-    """Yield an instance, and free it afterwards."""
-    unit = Unit(folder, description)
-    yield unit
-    unit.fmu.freeInstance()
+def unit_of(path: Path, d: Description) -> Iterator[Unit]:
+    """Yield an instance of an FMU, which is unzipped for it; free it afterwards."""
+    with tempfile.TemporaryDirectory(prefix="rbfmu_", ignore_cleanup_errors=True) as folder:
+        fmpy.extract(str(path), folder)
+        unit = Unit(folder, d)
+        yield unit
+        unit.fmu.freeInstance()
 
 
-def _through_fmpy(path: Path, description: Description, time: Array, inputs: Array) -> tuple[Array, list[str]]:
+def _through_fmpy(path: Path, d: Description, time: Array, inputs: Array) -> tuple[Array, list[str]]:
     """Return the outputs, a column each, at each time up to a refused step, and what was said.
 
     Not by `simulate_fmu`, which compares times by 1e-9 of their size.
     """
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        fmpy.extract(str(path), folder)
-        with unit_in(folder, description) as unit:
-            unit.start(time[0], time[-1], inputs[0].tolist())
-            points = [unit.outputs()]
-            with suppress(FMICallException):
-                for t, h, now in zip(time.tolist(), np.diff(time).tolist(), inputs.tolist(), strict=False):
-                    unit.set_inputs(now)
-                    unit.fmu.doStep(t, h)
-                    points.append(unit.outputs())
-                unit.fmu.terminate()
+    with unit_of(path, d) as unit:
+        unit.start(time[0], time[-1], inputs[0].tolist())
+        points = [unit.outputs()]
+        with suppress(FMICallException):
+            for t, h, now in zip(time.tolist(), np.diff(time).tolist(), inputs.tolist(), strict=False):
+                unit.set_inputs(now)
+                unit.fmu.doStep(t, h)
+                points.append(unit.outputs())
+            unit.fmu.terminate()
     rows = np.array(points)
     bad = int(np.count_nonzero(rows[:, -1]))
     return rows[:, :-1], unit.messages + ([f"status was not 0 at {bad} points"] if bad else [])
 
 
-def _through_kernels(scene: Scene, plan: Plan, time: Array, inputs: Array) -> Array:
+def _through_kernels(d: Description, time: Array, inputs: Array) -> Array:
     """Return the outputs, a column each, at the same times; NaN from a refused step on."""
-    kernels, z, description = plan.kernels, filled_buffer(scene, plan), describe(scene, plan)
-    places = [v.offset for v in description.inputs]
-    wanted = [*(v.offset for v in description.outputs), *(count.offset for count in description.counts)]
+    kernels, z, places = d.plan.kernels, np.array(d.start_buffer), [v.offset for v in d.inputs]
+    wanted = [*(v.offset for v in d.outputs), *(count.offset for count in d.counts)]
     rows = np.full((len(time), len(wanted)), np.nan)
     for k in range(len(time)):
         z[places] = inputs[max(k - 1, 0)]
         if k == 0:
-            initialize(scene, kernels, z)
+            initialize(d.scene, kernels, z)
         elif tiered(kernels.step, len(time) - k)(z, time[k] - time[k - 1]) != OK:
             z[:] = np.nan
         rows[k] = z[wanted]
     return rows
 
 
-def _distance_to_full(scene: Scene, description: Description, time: Array, inputs: Array, planned: Array) -> float:
+def _distance_to_full(d: Description, time: Array, inputs: Array, planned: Array) -> float:
     """Return the distance between the planned and the full model under the same inputs."""
-    tighter = scene.to_dict()
-    tighter["run"] |= {"stop": float(time[-1]), "accuracy": max(scene.run.accuracy / 10.0, 1e-12)}
+    scene, accuracy = d.scene, max(d.scene.run.accuracy / 10.0, 1e-12)
     try:
-        full = planning.plan(Scene.from_dict(tighter, scene.name), full=True)
+        full = planning.plan(scene.replace(run={"stop": float(time[-1]), "accuracy": accuracy}), full=True)
     except SceneError:
         return math.nan
-    rows = _through_kernels(scene, full, time, inputs)
+    rows = _through_kernels(describe(scene, full), time, inputs)
     of_events = {f"{name}_time" for name in scene.events}  # which a little change moves by a whole spin
-    blocks = [v.block for v in description.outputs if v.block not in of_events]
+    blocks = [v.block for v in d.outputs if v.block not in of_events]
     columns = {name: [k for k, block in enumerate(blocks) if block == name] for name in blocks}
     a, b = ({n: m[: len(planned), c] for n, c in columns.items()} for m in (planned, rows))
     for motion in (a, b):

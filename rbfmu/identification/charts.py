@@ -8,9 +8,9 @@ vector in b. What else there is has its size for a unit.
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rbfmu import arrays
 from rbfmu.scene.scene import Scene
@@ -24,28 +24,32 @@ THINNEST = 1e-9
 FARTHEST = 15.0
 """How far a logarithm may go: three million times as much, or as little."""
 PLACES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+OWN = {"constants": "value", "states": "start"}
+"""By table of numbers of one's own, which entry of a row varies."""
+Value = float | list[float] | list[list[float]] | dict[str, list[float]]
+"""What a scene has for a key: a number, a vector or matrix, an attitude."""
 _BOUNDED = {f"loads.{load.name}" for load in BOUNDED}
 
 
 class Chart:
     """One key's coordinates: `value(p)` for the scene, and `slopes(p)`, of its numbers by coordinates."""
 
-    lowest, reach = -math.inf, math.inf
+    reach = math.inf
 
     def __init__(self, scene: Scene, key: str) -> None:
-        self.key, self.columns = key, columns_of(scene, key)
-        self.start = np.array(value_of(scene, key.partition("[")[0]), dtype=np.float64).ravel()
+        self.whole, self.columns = key.partition("[")[0], columns_of(scene, key)
+        self.start = np.array(value_of(scene, self.whole), dtype=np.float64).ravel()
         self.size = float(np.max(np.abs(self.start), initial=0.0)) or 1.0
         self.chosen = [column.at for column in self.columns]
-        if key in _BOUNDED:
-            self.lowest = 0.0
+        self.lowest = 0.0 if key in _BOUNDED else -math.inf
         self.count = len(self.columns)
 
-    def value(self, p: Array) -> Any:
-        """Return what the scene has for the key (without an index)."""
-        found = self.start.copy()
+    def value(self, p: Array, before: Value | None = None) -> Value:
+        """Return what the scene has for the key (without an index); before: with another of its numbers."""
+        found = np.array(self.start if before is None else before)
         found[self.chosen] = self.numbers(p)
-        return found.tolist() if len(found) > 1 else float(found[0])
+        numbers: list[float] = found.tolist()
+        return numbers if len(numbers) > 1 else numbers[0]
 
     def numbers(self, p: Array) -> Array:
         """Return the numbers that vary."""
@@ -73,7 +77,7 @@ class _Mass(Chart):
 
 
 class _Attitude(Chart):
-    def value(self, p: Array) -> Any:
+    def value(self, p: Array, before: Value | None = None) -> Value:
         q = arrays.compose_quaternions(self.start, arrays.quaternion_from_rotvec(p))
         return {"quaternion": np.asarray(q).tolist()}
 
@@ -96,33 +100,36 @@ class _Inertia(Chart):
         self._L = np.linalg.cholesky((axes * np.maximum(values, least)) @ axes.T)
 
     def _factor(self, p: Array) -> Array:
-        full = np.concatenate([p, np.zeros(6 - len(p))])
         L = self._L.copy()
-        for n, (j, i) in enumerate(PLACES):
-            L[i, j] = L[i, j] * math.exp(full[n]) if i == j else L[i, j] + full[n] * self._L[i, i]
+        for x, (j, i) in zip(p, PLACES, strict=False):
+            L[i, j] = L[i, j] * math.exp(x) if i == j else L[i, j] + x * self._L[i, i]
         return L
 
-    def value(self, p: Array) -> Any:
-        return self._matrix(p).tolist()
+    def value(self, p: Array, before: Value | None = None) -> Value:
+        matrix: list[list[float]] = self._matrix(p).tolist()
+        return matrix
 
     def _matrix(self, p: Array) -> Array:
         L = self._factor(p)
-        E = L @ L.T
-        return np.asarray(np.trace(E) * np.eye(3) - E)
+        return _inertia_of(L @ L.T)
 
     def numbers(self, p: Array) -> Array:
-        M = self._matrix(p)
-        return np.array([M[PLACES[n]] for n in self.chosen])
+        return self._chosen_of(self._matrix(p))
 
     def slopes(self, p: Array) -> Array:
         L, rows = self._factor(p), []
         for j, i in PLACES[: len(p)]:
             dL = np.zeros((3, 3))
             dL[i, j] = L[i, i] if i == j else self._L[i, i]
-            dE = dL @ L.T + L @ dL.T
-            dM = np.trace(dE) * np.eye(3) - dE
-            rows.append([dM[PLACES[n]] for n in self.chosen])
+            rows.append(self._chosen_of(_inertia_of(dL @ L.T + L @ dL.T)))
         return np.array(rows).T
+
+    def _chosen_of(self, M: Array) -> Array:
+        return np.array([M[PLACES[n]] for n in self.chosen])
+
+
+def _inertia_of(E: Array) -> Array:
+    return np.asarray(np.trace(E) * np.eye(3) - E)
 
 
 def chart_of(scene: Scene, key: str) -> Chart:
@@ -136,25 +143,20 @@ def chart_of(scene: Scene, key: str) -> Chart:
     return _Mass(scene, key) if key == MASS else Chart(scene, key)
 
 
-def value_of(scene: Scene, key: str) -> Any:
+def value_of(scene: Scene, key: str) -> ArrayLike:
     """Return what a scene has for a key without an index, of an attitude the quaternion."""
     table, _, name = key.partition(".")
-    if table in ("constants", "states"):
-        row = getattr(scene, table)[name]
-        return row.value if table == "constants" else row.start
-    return getattr(getattr(scene, table), {ATTITUDE: "quaternion", INERTIA: "M_c"}.get(key, name))
+    if table in OWN:
+        return getattr(getattr(scene, table)[name], OWN[table])  # type: ignore[no-any-return]
+    place = {ATTITUDE: "quaternion", INERTIA: "M_c"}.get(key, name)
+    return getattr(getattr(scene, table), place)  # type: ignore[no-any-return]
 
 
-def changes(charts: Sequence[Chart], p: Array) -> dict[str, Any]:
+def changes(charts: Sequence[Chart], p: Array) -> dict[str, Value]:
     """Return what `Scene.replace` takes for coordinates."""
-    found: dict[str, Any] = {}
+    found: dict[str, Value] = {}
     for chart, row in zip(charts, split(charts, p), strict=True):
-        whole = chart.key.partition("[")[0]
-        if whole in found:  # another number of the same key
-            found[whole] = [n if i in chart.chosen else o for i, (n, o) in
-                            enumerate(zip(chart.value(row), found[whole], strict=True))]  # fmt: skip
-        else:
-            found[whole] = chart.value(row)
+        found[chart.whole] = chart.value(row, found.get(chart.whole))
     return found
 
 

@@ -11,7 +11,7 @@ from rbfmu.exceptions import SceneError, SimulationError
 from rbfmu.extras import needed
 from rbfmu.identification.charts import Chart, changes, chart_of, split
 from rbfmu.identification.found import Fit
-from rbfmu.identification.measured import QUATERNION, Measured, read_measured, residuals
+from rbfmu.identification.measured import QUATERNION, Data, Measured, read_measured, residuals
 from rbfmu.runs.inputs import HOLD, drive_of, input_tables
 from rbfmu.scene.scene import Scene, of_scene_or_path
 from rbfmu.sensitivities import Varied
@@ -40,7 +40,7 @@ FOLLOWS = 4.0
 def fit(
     scene: Scene,
     /,
-    data: Any,
+    data: Data,
     free: Sequence[str],
     sigma: float | Mapping[str, ArrayLike] | None = None,
     loss: str = "linear",
@@ -70,16 +70,18 @@ def fit(
     return _Search(scene, known, keys, _deviations(sigma, known), loss, (inputs, interpolate)).fit()
 
 
-def _deviations(sigma: Any, data: Measured) -> dict[str, float]:
+def _deviations(sigma: float | Mapping[str, ArrayLike] | None, data: Measured) -> dict[str, float]:
     """Return the standard deviations that are given, by output."""
     given = dict.fromkeys(data.values, sigma) if not isinstance(sigma, Mapping) else dict(sigma)
     if unknown := [name for name in given if name not in data.values]:
         raise ValueError(f"sigma: {unknown[0]!r}: expected some of {', '.join(data.values)}")
-    found = {name: value for name, value in given.items() if value is not None}
-    for name, value in found.items():
-        if not (np.ndim(value) == 0 and isinstance(value, int | float) and 0.0 < value < math.inf):
+    found = dict[str, float]()
+    for name, value in given.items():
+        if isinstance(value, int | float) and 0.0 < value < math.inf:
+            found[name] = float(value)
+        elif value is not None:
             raise ValueError(f"sigma: {name} = {value!r}: expected a number above 0")
-    return {name: float(value) for name, value in found.items()}
+    return found
 
 
 class _Search:

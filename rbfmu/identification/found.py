@@ -10,7 +10,7 @@ import numpy as np
 
 from rbfmu.exceptions import named
 from rbfmu.extras import needed
-from rbfmu.identification.charts import INERTIA, value_of
+from rbfmu.identification.charts import INERTIA, OWN, value_of
 from rbfmu.identification.measured import Measured
 from rbfmu.scene.scene import SECTIONS, Scene
 from rbfmu.sensitivities import ATTITUDE
@@ -65,14 +65,12 @@ class Fit:
         """
         if self.unknown:
             raise ValueError(f"{self.scene.name}: expected data that tell all numbers: {'; '.join(self.unknown)}")
-        vary: dict[str, Any] = {}
-        components: list[str] = []
-        for key, at in self._places.items():
-            vary[key], of_key = _spread(self, key, at)
-            components += of_key
+        spreads = {key: _spread(self, key, at) for key, at in self._places.items()}
+        components = [name for _, names in spreads.values() for name in names]
         matrix = self.correlation
         np.fill_diagonal(matrix, 1.0)
-        table: dict[str, Any] = {"runs": runs, "seed": seed, "vary": vary}
+        vary = {key: distribution for key, (distribution, _) in spreads.items()}
+        table: dict[str, object] = {"runs": runs, "seed": seed, "vary": vary}
         if len(components) > 1:
             table["correlation"] = {"components": components, "matrix": (0.5 * (matrix + matrix.T)).tolist()}
         return self.scene.replace({"ensemble": table})
@@ -120,8 +118,8 @@ def _put(tomlkit: Any, document: Any, scene: Scene, key: str, comment: str) -> N
     value = tomlkit.item(_as_written(scene, key))
     if key == ATTITUDE:
         value = tomlkit.inline_table().append("quaternion", value)
-    if table in ("constants", "states") and isinstance(rows.get(name), Mapping):
-        rows[name]["value" if table == "constants" else "start"] = value
+    if table in OWN and isinstance(rows.get(name), Mapping):
+        rows[name][OWN[table]] = value
         rows[name].comment(comment)
         return
     rows.pop(name, None)

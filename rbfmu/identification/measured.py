@@ -5,9 +5,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rbfmu import arrays
 from rbfmu.exceptions import named
@@ -18,6 +18,7 @@ from rbfmu_kernels.quantities import OUTPUT, elements
 
 GAPS = ("", "nan", "na", "-")
 QUATERNION = "quaternion"
+Data = str | Path | Result | Mapping[str, ArrayLike]
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class Measured:
         return Measured(self.time[:n], {name: rows[:n] for name, rows in self.values.items()})
 
 
-def read_measured(scene: Scene, data: Any) -> Measured:
+def read_measured(scene: Scene, data: Data) -> Measured:
     """Return data as measured outputs of a scene.
 
     data: the path of a CSV file with a column `time` and columns by the FMU's names, empty where there is a gap; of an
@@ -60,7 +61,7 @@ def read_measured(scene: Scene, data: Any) -> Measured:
     return _check(scene, known, where)
 
 
-def _check(scene: Scene, known: Mapping[str, Any], where: str) -> Measured:
+def _check(scene: Scene, known: Mapping[str, ArrayLike], where: str) -> Measured:
     sizes = {name: row.size for name, row in OUTPUT.items()}
     try:
         columns = {name: np.array(value, dtype=np.float64) for name, value in known.items()}

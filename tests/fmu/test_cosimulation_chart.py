@@ -65,7 +65,7 @@ def test_picture_shows_one_step_as_lines_and_eight_as_crosses_in_the_steps_colou
         styles = {round(line.get_ydata()[0] / 0.02): (line.get_marker(), line.get_linestyle()) for line in axes.lines}
         assert styles == {1: ("None", "-"), 8: many}
         assert len({line.get_color() for line in axes.lines}) == len(chart.WAYS)
-    assert [text.get_text() for text in by_step.texts] == [way.label for way in chart.WAYS.values()]
+    assert [text.get_text() for text in by_step.texts] == [label for label, _ in chart.WAYS.values()]
 
 
 @pytest.mark.parametrize(("way", "order"), [("one step late", 1), ("held", 1), ("extrapolated", 2), ("rolled back", 2)])

@@ -287,7 +287,7 @@ def test_any_name_makes_an_identifier(name):
 def test_a_name_in_any_script_is_kept_as_the_models_name():
     tables = TABLES["default"] | {"name": 'Würfel 立方体 <&> "1"'}
     description = describe(Scene.from_dict(tables), planned("default"))
-    assert description.name == tables["name"]
+    assert description.scene.name == tables["name"]
     assert description.identifier == "Wurfel__________1_"
 
 

@@ -38,7 +38,7 @@ def test_a_scene_s_own_words_are_shown():
     assert root.get("author") is None
     about = {"description": "A <b> & c", "author": "Ann", "version": "1.2", "license": "mine"}
     made = describe(Scene.from_dict(TABLES["default"] | {"about": about}), planned("default"))
-    root = model_description(FMI2, made, "{}", {})
+    root = model_description(FMI2, made, {})
     assert {key: root.get(key) for key in about} == about
 
 
@@ -128,4 +128,4 @@ def test_a_scene_whose_variables_have_no_quantity_declares_no_types():
     still = scene("fixed_camera").replace({"outputs.quantities": ["quaternion"]})
     d = describe(still, rbfmu.plan(still))
     assert {v.block for v in d.variables} == {"quaternion", "quaternion_0"}
-    assert model_description(FMI2, d, "{}", {}).find("TypeDefinitions") is None
+    assert model_description(FMI2, d, {}).find("TypeDefinitions") is None

@@ -35,7 +35,7 @@ def described(name):
 
 @cache
 def shown(name, python=False):
-    return presentation_files(scene(name), planned(name), described(name), FMI2, python)
+    return presentation_files(described(name), FMI2, python)
 
 
 @pytest.mark.parametrize("kind", ["python", "native"])
@@ -63,7 +63,7 @@ def test_terminals_are_in_an_fmu_of_fmi_2_where_they_are_asked_for(kind, tmp_pat
 
 
 def test_they_are_the_same_bytes_each_time():
-    again = presentation_files(scene("driven"), planned("driven"), described("driven"), FMI2, True)
+    again = presentation_files(described("driven"), FMI2, True)
     assert again == shown("driven", True)
 
 
@@ -149,7 +149,7 @@ def test_the_page_says_model_frames_variables_and_accuracy(name):
 )
 def test_the_page_says_how_inputs_can_change_within_a_step(version, python, unless):
     assert described("driven").interpolates_inputs
-    made = presentation_files(scene("driven"), planned("driven"), described("driven"), version, python)
+    made = presentation_files(described("driven"), version, python)
     said = Page(made["documentation/index.html"].decode()).text
     assert f"Inputs are held over a communication step{unless}. " in said
 
@@ -157,8 +157,7 @@ def test_the_page_says_how_inputs_can_change_within_a_step(version, python, unle
 def test_a_scene_s_words_are_text_on_the_page():
     words = {"description": "<script>alert(1)</script> & more", "author": "A. <b>Nn", "version": "2", "license": "own"}
     told = Scene.from_dict(TABLES["default"] | {"name": "a<b>&c", "about": words})
-    d = describe(told, planned("default"))
-    read = Page(page(told, planned("default"), d, "model.png"))
+    read = Page(page(describe(told, planned("default")), FMI2, True))
     assert words["description"] in read.text
     assert "author: A. <b>Nn; version: 2; licence: own" in read.text
 
@@ -243,7 +242,7 @@ def test_its_name_is_the_one_that_libcosim_looks_for():
 
 @pytest.mark.parametrize(("version", "member"), [(FMI3, "quaternion"), (FMI3_SCALARS, "quaternion[1]")])
 def test_fmi_3_has_its_icon_and_its_own_variables_in_terminals(version, member):
-    files_of_it = presentation_files(scene("driven"), planned("driven"), described("driven"), version, False)
+    files_of_it = presentation_files(described("driven"), version, False)
     assert files_of_it["terminalsAndIcons/icon.png"] == shown("driven")["model.png"]
     assert not any("Osp" in name or name == "model.png" for name in files_of_it)
     root = ElementTree.fromstring(files_of_it["terminalsAndIcons/terminalsAndIcons.xml"])

@@ -6,6 +6,7 @@ from itertools import accumulate
 
 from rbfmu_fmu.description import Description
 from rbfmu_fmu.fmi_version import FmiVersion
+from rbfmu_fmu.native.slopes import slopes_header
 from rbfmu_fmu.python.call_rules import CALLS, LOG_CATEGORIES, PHASES, SET_REFUSAL, SETTABLE
 from rbfmu_fmu.python.slave_access import HELD, TO_VARY
 from rbfmu_kernels.buffer import CHANGED, FAULTS, OK, PAST_STOP, STEP_REJECTED
@@ -14,9 +15,9 @@ MAX_DERIVATIVE_ORDER = 2
 """The highest order of a derivative with respect to time that the C layer's table has room for."""
 
 
-def headers(d: Description, version: FmiVersion, guid: str, slopes: str) -> dict[str, str]:
-    """Return C sources by file name; slopes: of `slopes_header`."""
-    return {"call_rules.h": call_rules(), "scene.h": scene_header(d, version, guid), "slopes.h": slopes}
+def headers(d: Description, version: FmiVersion, guid: str = "") -> dict[str, str]:
+    """Return C sources by file name."""
+    return {"call_rules.h": call_rules(), "scene.h": scene_header(d, version, guid), "slopes.h": slopes_header(d)}
 
 
 def call_rules() -> str:
@@ -27,18 +28,20 @@ def call_rules() -> str:
         f"typedef enum {_row(map(str.upper, CALLS))} Call;",
         f"typedef enum {_row(map(str.upper, SETTABLE))} Causality;",
         f"static const char *const PHASE_NAMES[] = {_row(map(_c, PHASES.values()))};",
-        "static const struct { unsigned phases; const char *refusal; } RULES[] = {",
-        *[f"    [{name.upper()}] = {{{_bits(rule.phases)}, {_c(rule.refusal)}}}," for name, rule in CALLS.items()],
-        "};",
+        *_table("static const struct { unsigned phases; const char *refusal; } RULES[]",
+                (f"[{name.upper()}] = {{{_bits(rule.phases)}, {_c(rule.refusal)}}}," for name, rule in CALLS.items())),
         f"#define SET_REFUSAL {_c(SET_REFUSAL)}",
-        "static const struct { const char *name; unsigned settable_in; } CAUSALITIES[] = {",
-        *[f"    [{name.upper()}] = {{{_c(name)}, {_bits(allowed)}}}," for name, allowed in SETTABLE.items()],
-        "};",
+        *_table("static const struct { const char *name; unsigned settable_in; } CAUSALITIES[]",
+                (f"[{name.upper()}] = {{{_c(name)}, {_bits(phases)}}}," for name, phases in SETTABLE.items())),
     ])  # fmt: skip
 
 
 def _header(name: str, about: str, lines: Iterable[str]) -> str:
     return "\n".join([f"/* {about} */", f"#ifndef {name}", f"#define {name}", *lines, "#endif", ""])
+
+
+def _table(declaration: str, rows: Iterable[str]) -> list[str]:
+    return [f"{declaration} = {{", *(f"    {row}" for row in rows), "};"]
 
 
 def scene_header(d: Description, version: FmiVersion, guid: str) -> str:
@@ -50,10 +53,10 @@ def scene_header(d: Description, version: FmiVersion, guid: str) -> str:
         f"#define REAL {_c(version.real)}",
         f"#define INTEGER {_c(version.integer)}",
         f"#define CATEGORIES {_row([*map(_c, LOG_CATEGORIES), 'NULL'])}",
-        f"#define START_TIME {d.start.hex()}",
+        f"#define START_TIME {d.scene.run.start.hex()}",
         f"#define LAST_TIME {d.last_time.hex()}",
         f"enum {{ START_PLACE = {d.start_place} }}; /* of the start time in the buffer, if it is there */",
-        f"#define ACCURACY {d.accuracy.hex()}",
+        f"#define ACCURACY {d.scene.run.accuracy.hex()}",
         "#define OUTPUT_DERIVATIVES" if d.output_rates else "/* no output has a derivative */",
         f"enum {{ STEP_OK = {OK}, STEP_REJECTED = {STEP_REJECTED}, PAST_STOP = {PAST_STOP} }}; /* of `status` */",
         f"enum {{ SIZE = {len(d.start_buffer)}, REALS = {len(d.variables)}, CHANGES = {d.outputs_end} }};",
@@ -90,16 +93,18 @@ def _references(d: Description, version: FmiVersion) -> list[str]:
 
 def _variables(d: Description) -> list[str]:
     """Return three tables of the Real variables: their places, those of their derivatives, their names."""
-    lines = ["static const short OFFSETS[REALS] = {"]
-    lines += [f"    {v.offset}, /* {v.name} */" for v in d.variables]
-    lines += ["};", f"enum {{ MAX_DERIVATIVE_ORDER = {MAX_DERIVATIVE_ORDER}, NOT_PROVIDED = -1 }};"]
-    lines += ["static const short DERIVATIVES[REALS][MAX_DERIVATIVE_ORDER] = {"]
-    for v in d.variables:
-        missing = ["NOT_PROVIDED"] * (MAX_DERIVATIVE_ORDER - len(v.rates))
-        lines += [f"    {_row([*v.rates, *missing])}, /* {v.name} */"]
-    lines += ["};", "static const struct { const char *name, *block; int pinned; } VARIABLES[REALS] = {"]
-    lines += [f"    {_row((_c(v.name), _c(v.block), int(v.pinned)))}," for v in d.variables]
-    return [*lines, "};"]
+    missing = ["NOT_PROVIDED"] * MAX_DERIVATIVE_ORDER
+    rates = [(_row([*v.rates, *missing][:MAX_DERIVATIVE_ORDER]), v.name) for v in d.variables]
+    said = (f"{_row((_c(v.name), _c(v.block), int(v.pinned)))}," for v in d.variables)
+    return [
+        *_table("static const short OFFSETS[REALS]", (f"{v.offset}, /* {v.name} */" for v in d.variables)),
+        f"enum {{ MAX_DERIVATIVE_ORDER = {MAX_DERIVATIVE_ORDER}, NOT_PROVIDED = -1 }};",
+        *_table(
+            "static const short DERIVATIVES[REALS][MAX_DERIVATIVE_ORDER]",
+            (f"{row}, /* {name} */" for row, name in rates),
+        ),
+        *_table("static const struct { const char *name, *block; int pinned; } VARIABLES[REALS]", said),
+    ]
 
 
 def _refusals() -> list[str]:
@@ -112,9 +117,7 @@ def _refusals() -> list[str]:
         f"#define CHANGED {_c(CHANGED)} /* as a fault's block: all parameters that were changed */",
         f"enum {{ NO_FAULT = 0, UNKNOWN_FAULT = {unknown} }};",
         "typedef struct { const char *block, *expected; } Fault;",
-        "static const Fault FAULTS[] = {",
-        *[f"    [{code}] = {_row(map(_c, texts))}," for code, texts in faults.items()],
-        "};",
+        *_table("static const Fault FAULTS[]", (f"[{code}] = {_row(map(_c, x))}," for code, x in faults.items())),
     ]
 
 

@@ -1,6 +1,5 @@
 """Links C and object files to a shared library, by the machine's own C compiler or, for any platform, by ziglang."""
 
-import importlib.resources
 import shutil
 import struct
 import subprocess
@@ -74,7 +73,7 @@ def link(
 
 def source(name: str) -> bytes:
     """Return the contents of a C source or header of `native/`."""
-    return importlib.resources.files("rbfmu_fmu").joinpath("native", name).read_bytes()
+    return Path(__file__).with_name(name).read_bytes()
 
 
 def compiler(platform: Platform) -> list[str]:

@@ -17,7 +17,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import llvmlite
 import llvmlite.binding as llvm
@@ -32,7 +31,7 @@ from rbfmu_kernels.compile.numba_private import llvm_source
 from rbfmu_kernels.compile.stamp import SOURCES
 
 ENTRIES = ("initialize", "step", "outputs", "output_rates", "feedthrough")
-"""The entry functions are `int64 NAME(double *buffer)`, but for SECOND; not every model has `output_rates`."""
+"""The entry functions are `int64 NAME(double *buffer)`, but for SECOND; a model may do without some."""
 
 SECOND = {"step": types.float64, "feedthrough": types.CPointer(types.float64)}
 """What an entry takes after the buffer."""
@@ -66,14 +65,14 @@ def object_files(model: Model, platform: Platform) -> dict[str, bytes]:
 
 
 @cache
-def _object_file(model: Any, platform: Platform, feature: str) -> bytes:
+def _object_file(model: Model, platform: Platform, feature: str) -> bytes:
     known = isinstance(model, Model) and model.step.__module__.startswith("rbfmu_kernels.")
     if not known:  # its source is not among those that tell what is kept from what is stale
         return _compile(model, platform, feature)
     return keep_or_compile(f"{model.name} {platform} {feature}", lambda: _compile(model, platform, feature))
 
 
-def _compile(model: Any, platform: Platform, feature: str) -> bytes:
+def _compile(model: Model, platform: Platform, feature: str) -> bytes:
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
     machine = llvm.Target.from_triple(platform.triple).create_target_machine(
@@ -88,7 +87,7 @@ def _compile(model: Any, platform: Platform, feature: str) -> bytes:
     return machine.emit_object(module)  # type: ignore[no-any-return]
 
 
-def _keep_step(module: Any, name: str) -> None:
+def _keep_step(module: llvm.ModuleRef, name: str) -> None:
     """Rename the step; optimisation removes what it does not call."""
     module.get_function("step").name = name
     for function in module.functions:
@@ -97,7 +96,7 @@ def _keep_step(module: Any, name: str) -> None:
 
 
 @cache
-def _source(model: Any) -> str:
+def _source(model: Model) -> str:
     """Return the LLVM source of all entries, which is for no platform yet."""
     first, *others = [_entry_module(model, name) for name in ENTRIES if hasattr(model, name)]
     for other in others:
@@ -109,7 +108,7 @@ def _source(model: Any) -> str:
     return re.sub(r"^target (triple|datalayout).*$", "", str(first), flags=re.MULTILINE)
 
 
-def _entry_module(model: Model, name: str) -> Any:
+def _entry_module(model: Model, name: str) -> llvm.ModuleRef:
     """Return the model's entry as an LLVM module whose only external function has a plain C signature."""
     function, size = getattr(model, name), model.SIZE
     pointer = types.CPointer(types.float64)
@@ -148,7 +147,7 @@ def _c_signature(name: str, inner: str, typed: bool) -> str:
         }}"""
 
 
-def _optimise(module: Any, target: Any) -> str:
+def _optimise(module: llvm.ModuleRef, target: llvm.TargetMachine) -> str:
     """Optimise twice: the second time finds more in loops that the first has unrolled.
 
     No pass may reorder sums: Numba marks no operation as fast, so LLVM keeps IEEE 754's order and the bits are those of
@@ -166,7 +165,7 @@ def _without_counters(source: str) -> str:
     return re.sub(r"_ZN[\w.$%]+|NumbaEnv[\w.$%]+", lambda found: names.setdefault(found[0], f"n{len(names)}"), source)
 
 
-def _check_self_contained(module: Any) -> None:
+def _check_self_contained(module: llvm.ModuleRef) -> None:
     values = [*module.functions, *module.global_variables]
     foreign = {v.name for v in values if v.is_declaration and not v.name.startswith("llvm.")} - LIBM
     if "inttoptr" in str(module):  # how LLVM spells a call through an address that Numba wrote into the code

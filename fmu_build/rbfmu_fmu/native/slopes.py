@@ -6,11 +6,11 @@ form as for a series: it comes of the graph of the motion, by forward accumulati
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from rbfmu import Plan, Scene
+from rbfmu import Scene
 from rbfmu.formulas.check import Texts, given_to
 from rbfmu.formulas.graph import LEAVES, Graph, Number, Symbol, arctangent, changes_of, square_root
 from rbfmu.formulas.motion import STATE, Motion, by_element, product, rotation_of
@@ -31,12 +31,13 @@ _IN_C = {kind: text.replace("math.", "") for kind, text in VALUES.items()} | {
 }  # fmt: skip
 
 
-def slopes_header(scene: Scene, plan: Plan, d: Description) -> str:
+def slopes_header(d: Description) -> str:
     """Return C source of `add_changes`, which adds to the changes of outputs what those of parameters make of them."""
-    start = _Start(plan.kernels.BLOCKS, {v.offset for v in d.variables if v.causality == "parameter"})
-    shown = _prescribed(start) if scene.body is None else _of_body(start, scene)
+    blocks = d.plan.kernels.BLOCKS
+    start = _Start(blocks, {v.offset for v in d.variables if v.causality == "parameter"})
+    shown = _prescribed(start) if d.scene.body is None else _of_body(start, d.scene)
     outputs = [v for v in d.outputs if v.block in shown]  # the last time of an event is none of the motion's
-    places = [v.offset - plan.kernels.BLOCKS[start.block_of(v.block)].start for v in outputs]
+    places = [v.offset - blocks[start.block_of(v.block)].start for v in outputs]
     changes = changes_of([shown[v.block][i] for v, i in zip(outputs, places, strict=True)], start.changes)
     lines, found = lines_of(start.graph, changes, start.texts, _IN_C)
     added = [f"change[{v.offset}] += {x};" for v, x in zip(outputs, found, strict=True) if x != 0.0]
@@ -69,13 +70,13 @@ class _Start:
         """Return the numbers of a block."""
         return [self.graph.leaf(kind, element) for element in elements(name, size)]
 
-    def set(self, leaves: Iterable[Any], changes: Iterable[Number]) -> None:
+    def set(self, leaves: Iterable[Number], changes: Iterable[Number]) -> None:
         """Let leaves change; those that are 0 in the graph stay so."""
         self.changes |= {x: dx for x, dx in zip(leaves, changes, strict=True) if isinstance(x, Symbol)}
 
-    def of(self, values: Any) -> list[Number]:
+    def of(self, values: Iterable[Number]) -> list[Number]:
         """Return how numbers change."""
-        return changes_of([*np.ravel(values)], self.changes)
+        return changes_of([*values], self.changes)
 
     def turn(self, q: Sequence[Symbol]) -> None:
         """Let an attitude change with what it is normalised of."""
@@ -134,7 +135,7 @@ def _begin(start: _Start, motion: Motion, pivot: bool) -> None:
     mass, arm, M = known["mass"], known["r_oc_b"], known["M_c"]
     M = np.array(interpreted(parallel_axis)(M, mass, tuple(arm)), object) if pivot else M
     inverse = np.array(start.leaves("M_inverse", 9), object).reshape(3, 3)
-    by_M = np.array(start.of(M), object)
+    by_M = np.array(start.of(np.ravel(M)), object)
     start.set(start.leaves("M", 9), by_M)
     start.set(np.ravel(inverse), np.ravel(-1.0 * (inverse @ by_M.reshape(3, 3) @ inverse)))
     start.set(start.leaves("arm", 3), start.of(arm if pivot else [-1.0 * x for x in arm]))
@@ -149,7 +150,7 @@ def _begin(start: _Start, motion: Motion, pivot: bool) -> None:
             start.set(start.leaves(state, 3, "state"), start.of(values))
 
 
-def _roll_pitch_yaw(R: Any) -> list[Number]:
+def _roll_pitch_yaw(R: NDArray[np.object_]) -> list[Number]:
     """Return the angles of R = R_z(yaw) R_y(pitch) R_x(roll) by its elements; at the pole they have no derivative."""
     level = square_root(R[0][0] * R[0][0] + R[1][0] * R[1][0])
     return [arctangent(R[2][1], R[2][2]), arctangent(-1.0 * R[2][0], level), arctangent(R[1][0], R[0][0])]

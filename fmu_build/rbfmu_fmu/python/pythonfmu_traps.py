@@ -2,7 +2,7 @@
 
 It is bundled into every FMU. All that rests on how pythonfmu works inside stands here, but for what its interface
 cannot say otherwise: an exception is fmi2Fatal, a `do_step` that returns False is fmi2Discard with fmi2Terminated;
-there is no third way to refuse.
+there is no third way to refuse. Which of its files an FMU has, `builder` says.
 """
 
 import atexit
@@ -12,17 +12,9 @@ import os
 import re
 import sys
 import threading
-from collections.abc import Iterator
 from typing import Any
 
 from .call_rules import LOG_CATEGORIES
-
-BUILDERS_INSTANCE = "dummyInstance"
-"""The builder makes an instance of this name to read the variables: it has no FMU's folder, and no logger."""
-
-LEFT_OUT = re.compile(r"modelDescription\.xml|sources/.*|resources/pythonfmu/(deploy|csvbuilder|__main__)\.py")
-"""Packed by the builder: a description with a random guid and the date, which would differ each time, and modules that
-no FMU uses."""
 
 CRASHES_IN_PATH = re.compile(r"[^A-Za-z0-9_.~/ -]" if os.name == "posix" else r"[^A-Za-z0-9_.~/ :\\-]")
 """Characters of the folder of an unzipped FMU that a URI spells otherwise, all but the space: the library looks for the
@@ -37,21 +29,7 @@ _increment.argtypes, _increment.restype = [ctypes.py_object], None
 _LIBRARIES: set[str] = set()  # of pythonfmu's, that this FMU was loaded from
 
 
-@contextlib.contextmanager
-def undo_builder_imports() -> Iterator[None]:
-    """Forget what the builder imports: a later instance in this process would meet modules whose files are gone."""
-    path, before, no_bytecode = list(sys.path), set(sys.modules), sys.dont_write_bytecode
-    sys.dont_write_bytecode = True
-    try:
-        yield
-    finally:
-        sys.path[:], sys.dont_write_bytecode = path, no_bytecode
-        for name in set(sys.modules) - before:
-            if re.search(r"(^|\.)rbfmu_[0-9a-f]{12}|_[0-9a-f]{12}$", name):
-                del sys.modules[name]
-
-
-def keep_script(names: dict[str, Any]) -> None:
+def keep_script(names: dict[str, object]) -> None:
     """Keep the dict of the FMU's script alive: the library releases it, though not its own, at every instantiation."""
     _increment(names)
 
@@ -132,17 +110,6 @@ class HeldGil:
             ctypes.pythonapi.PyGILState_Release(ctypes.c_int(0))
 
 
-class _Symbol(ctypes.Structure):
-    """The structure in which `dladdr` describes an address."""
-
-    _fields_ = (
-        ("file", ctypes.c_char_p),
-        ("base", ctypes.c_void_p),
-        ("name", ctypes.c_char_p),
-        ("address", ctypes.c_void_p),
-    )
-
-
 def release_at_exit(logger: int) -> None:
     """Save the end of a process from the library, which there, still loaded, releases its interpreter twice.
 
@@ -162,8 +129,8 @@ def release_at_exit(logger: int) -> None:
 
 def _library_of(logger: int) -> str | None:
     """Return the file of the library whose C++ object stands at an address: the object's first word points into it."""
-    symbol, table = _Symbol(), ctypes.c_void_p.from_address(logger)
-    return os.fsdecode(symbol.file) if ctypes.CDLL(None).dladdr(table, ctypes.byref(symbol)) else None
+    symbol, table = (ctypes.c_char_p * 4)(), ctypes.c_void_p.from_address(logger)  # Dl_info: first of all the file
+    return os.fsdecode(symbol[0] or b"") if ctypes.CDLL(None).dladdr(table, symbol) else None
 
 
 def _release() -> None:

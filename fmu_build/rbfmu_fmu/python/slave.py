@@ -41,19 +41,18 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         self._pack_inputs, self._unpack_outputs = inputs.pack_into, outputs.unpack_from
         self._phase, self._status, self._stale = INSTANTIATED, OK, True
         _LIVE.add(self)
-        if self.instance_name != traps.BUILDERS_INSTANCE:
-            self._logger = kwargs["logger"]
-            traps.forget_resources(kwargs["resources"])
-            traps.release_at_exit(self._logger)
-            traps.drop_messages_without_category(self._logger, self.instance_name)
-            try:
-                self._bind(access.entries())
-            except BaseException as error:
-                tell(f"[{self.instance_name}] cannot start: {error!r}")
-                raise
+        self._logger = kwargs["logger"]
+        traps.forget_resources(kwargs["resources"])
+        traps.release_at_exit(self._logger)
+        traps.drop_messages_without_category(self._logger, self.instance_name)
+        try:
+            self._bind(access.entries())
+        except BaseException as error:
+            tell(f"[{self.instance_name}] cannot start: {error!r}")
+            raise
 
     def _bind(self, entries: Entries) -> None:
-        self._where: Any = ctypes.addressof(self._buffer)
+        self._where: object = ctypes.addressof(self._buffer)
         if entries.on_array:
             import numpy
 
@@ -260,8 +259,8 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         return state
 
 
-def _refusal_of(call: str, kind: str) -> Callable[..., list[Any]]:
-    def refuse(self: Slave, references: list[int], values: Sequence[Any] = ()) -> list[Any]:
+def _refusal_of(call: str, kind: str) -> Callable[..., list[object]]:
+    def refuse(self: Slave, references: list[int], values: Sequence[object] = ()) -> list[object]:
         """Refuse any value reference: no variable has this type, or none of it can be set."""
         if references:
             name = self.access.name_of(traps.reference_given(references[0]))

@@ -30,7 +30,7 @@ FORMULAS = ".formulas"
 INPUTS_TOGETHER = 12
 """Numbers of the loads that may be inputs: between them is nothing else, so that all are set at once."""
 
-_OWNERS: list[Any] = []  # of loaded code
+_OWNERS: list[object] = []  # of loaded code
 
 
 class Entries(NamedTuple):

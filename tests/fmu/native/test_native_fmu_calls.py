@@ -359,7 +359,7 @@ __attribute__((visibility("default"))) const unsigned char *told_of(const char *
 
 
 def test_a_message_that_is_too_long_ends_with_its_buffer(tmp_path):
-    probed = headers.headers(describe(scene("driven"), planned("driven")), FMI2, "{}", "")
+    probed = headers.headers(describe(scene("driven"), planned("driven")), FMI2, "{}")
     probed["instance.h"] = f"#include <stdio.h>\n{linking.source('instance.h').decode()}{PROBE}"
     library = tmp_path / "messages.so"
     library.write_bytes(linking.link(["messages.c"], {}, this_platform(), "messages", probed))

@@ -19,7 +19,6 @@ from rbfmu_fmu.native import headers as native_headers
 from rbfmu_fmu.native import linking
 from rbfmu_fmu.native.object_code import object_files
 from rbfmu_fmu.native.platforms import this_platform
-from rbfmu_fmu.native.slopes import slopes_header
 from tests.support.fmu.fmus import planned, scene
 from tests.support.paths import C_SOURCES
 
@@ -51,8 +50,7 @@ def compiled(name, folder, compiler, flags=(), spoilt=None, fmi="fmi2"):
     """The fuzzer of a scene's C layer; spoilt: what to replace in it, (right, wrong), each to be found once."""
     version, fuzzer = FUZZERS[fmi]
     description = describe(scene(name), planned(name))
-    slopes = slopes_header(scene(name), planned(name), description)
-    headers = native_headers.headers(description, version, "{00000000-0000-0000-0000-000000000000}", slopes)
+    headers = native_headers.headers(description, version, "{00000000-0000-0000-0000-000000000000}")
     objects = object_files(planned(name).kernels, this_platform())
     sources = {file: linking.source(file).decode() for file in (*c_sources(version), *linking.HEADERS)}
     if spoilt:

@@ -37,7 +37,7 @@ class Facts:
             [r for r, c in enumerate(self.causality) if c == wanted] for wanted in ("input", "parameter", "output")
         )
         self.start = np.array(self.description.start_buffer)
-        lines = slopes_header(scene, plan, self.description).splitlines()
+        lines = slopes_header(self.description).splitlines()
         made = (line.split("double ")[-1].strip() for line in lines if line.startswith("    ") and "=" in line)
         self.changes = "\n".join(made)
 
@@ -73,7 +73,7 @@ class Model:
     # --- life
 
     def reset(self):
-        self.now = Snapshot(self.facts.start.copy(), time=self.facts.description.start)
+        self.now = Snapshot(self.facts.start.copy(), time=self.facts.description.scene.run.start)
         return OK, None
 
     def setup(self, start, stop):
