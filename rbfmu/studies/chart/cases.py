@@ -42,8 +42,6 @@ POINTS, MAX_OUTPUTS = 200, 20_000
 """The largest number of points at which errors are measured, and of communication steps of a charted run."""
 FLOOR = 1e-15
 """The least error that is told from round-off: the true motion is rounded to doubles."""
-MANY_RADIANS, MOST_RADIANS = 1e4, 1e6
-"""The angles that a body may turn by for programs that are called from Python at each step, and for other peers."""
 CHECKPOINTS = 5
 """The number of points at which the eight motions are known, and of the outputs of a run with few outputs."""
 OUTPUT_STEP = 0.01

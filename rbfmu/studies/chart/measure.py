@@ -4,33 +4,30 @@ import math
 import os
 import platform
 import random
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from itertools import takewhile
 from pathlib import Path
 from time import thread_time
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from rbfmu.extras import remedy
 from rbfmu.models.question import Question
-from rbfmu.models.registry import ANGULAR_MOMENTUM, CLOSED_FORMS, MODELS, ONE_AXIS_TAYLOR, SPIN_UP
+from rbfmu.models.registry import ANGULAR_MOMENTUM, MODELS, ONE_AXIS_TAYLOR, SPIN_UP
 from rbfmu.models.spec import ModelSpec
 from rbfmu.planning.select import plan
 from rbfmu.runs.motion import Steps, record
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import SceneError
 from rbfmu.studies.chart.cases import FLOOR, RATES, ROTATION, Case, FormulaCase, few_and_many
-from rbfmu.studies.chart.methods import Method, NotFeasibleError, Run, closed_form, fixed_steps, planned, substeps
-from rbfmu.studies.chart.result import STOPPED, TAKES_NO, YOURS, Chart, End, Row, TooSmall, kind_of
+from rbfmu.studies.chart.methods import MOST_RADIANS, Method, NotFeasibleError, Run, fixed_steps, own_methods, planned
+from rbfmu.studies.chart.result import STOPPED, TAKES_NO, YOURS, End, Measured, Progress, Row, TooSmall, kind_of
 from rbfmu.studies.chart.simulators import BASILISK, DRAKE, MUJOCO
 from rbfmu.studies.chart.solvers import HEYOKA, NUMBALSODA, SCIPY
 from rbfmu.studies.one_step import OneStepMethod, method_of_file
-from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, SPLITTINGS, TORQUE_FREE_INTEGRATORS
 from rbfmu_kernels.models.one_axis import ORDERS
 
-Progress = Callable[[int, int, str], Any]
 LARGEST_ERROR = 1.0
 """The largest error that is recorded; a larger one is no answer."""
 MAX_REFUSED = 30
@@ -48,11 +45,15 @@ _NOT_OWN = "it has attitude and rates, and the scene asks for more, or has formu
 
 
 class Peer(NamedTuple):
-    """Another program: its package, the extra of this library that installs it, and its methods."""
+    """Another program: its package, the extra of this library that installs it, and its methods.
+
+    most: the angle in rad that a body may turn by, which is less where it is called from Python at each step.
+    """
 
     package: str
     extra: str
     methods: Sequence[Method]
+    most: float = MOST_RADIANS
 
     @property
     def installed(self) -> str:
@@ -64,10 +65,10 @@ class Peer(NamedTuple):
 
 
 PEERS = {
-    "SciPy": Peer("scipy", "bench", SCIPY),
+    "SciPy": Peer("scipy", "bench", SCIPY, 1e4),
     "numbalsoda": Peer("numbalsoda", "bench-fortran", NUMBALSODA),
     "heyoka.py": Peer("heyoka", "bench", [HEYOKA]),
-    "MuJoCo": Peer("mujoco", "bench", MUJOCO),
+    "MuJoCo": Peer("mujoco", "bench", MUJOCO, 1e4),
     "Basilisk": Peer("bsk", "bench-simulators", BASILISK),
     "Drake": Peer("drake", "bench-simulators", DRAKE),
 }
@@ -84,23 +85,6 @@ def absent() -> list[str]:
     return [f"{name}: not installed ({remedy(peer.extra)})" for name, peer in PEERS.items() if not peer.installed]
 
 
-@cache
-def own_methods() -> tuple[Method, ...]:
-    """Return the library's methods but the plan, and one-step methods in common use with the same right-hand sides."""
-    return (
-        *map(closed_form, CLOSED_FORMS), substeps(0), substeps(0, False), *map(substeps, (6, 8, 12, 16, 20, 24)),
-        *(
-            fixed_steps(method, "splitting", lambda case: "" if case.top else "no top")
-            for method in SPLITTINGS.values()
-        ),
-        *(fixed_steps(method, "classic") for method in REFERENCE_INTEGRATORS.values()),
-        *(
-            fixed_steps(method, "Moser-Veselov", lambda case: "" if case.turns_freely else "under torques", 1.0)
-            for method in TORQUE_FREE_INTEGRATORS.values()
-        ),
-    )  # fmt: skip
-
-
 def contestants(case: Case) -> list[Method]:
     """Return all methods that suit a case, the plan last."""
     found = [] if case.scene.body is None else [*own_methods(), *peers()]
@@ -115,7 +99,8 @@ def why_not(method: Method, case: Case) -> str:
         return "takes no formulas"
     if reason := method.why_not(case):
         return reason
-    return f"a turn by {case.turned:.1g} rad takes it too long" if case.turned > method.most else ""
+    peer = PEERS.get(_program(method.name))
+    return f"a turn by {case.turned:.1g} rad takes it too long" if peer and case.turned > peer.most else ""
 
 
 # Measuring
@@ -153,7 +138,7 @@ def extent(quick: bool, method: str | Path | None) -> Extent:
     return replace(QUICK if quick else Extent(), own=own)
 
 
-def measure(case: Case, what: Extent, progress: Progress, first_calls: dict[str, float] | None = None) -> Chart:
+def measure(case: Case, what: Extent, progress: Progress, first_calls: dict[str, float] | None = None) -> Measured:
     """Return the chart of a case; first_calls: what is known of the time that methods take to compile, s."""
     name, chosen = case.scene.name, plan(case.asked)
     methods = [m for m in contestants(case) if not what.only or m.name in what.only]
@@ -175,7 +160,7 @@ def measure(case: Case, what: Extent, progress: Progress, first_calls: dict[str,
         for one in again:
             one.time(what.shortest)
     progress(total, total, "")
-    return Chart(
+    return Measured(
         name, chosen.model, case.scene.run.accuracy, case.span, case.outputs, tuple(case.scene.inputs.ports),
         tuple(one.row(case) for one in found), tuple(ends), tuple(too_small(case, chosen)),
         (*_not_charted(case, ends), *(f"{m.name}: {_NOT_OWN}" for m in own if m not in methods)),
@@ -184,7 +169,7 @@ def measure(case: Case, what: Extent, progress: Progress, first_calls: dict[str,
     )  # fmt: skip
 
 
-def charts_of(keys: Sequence[str], what: Extent, progress: Progress) -> list[Chart]:
+def charts_of(keys: Sequence[str], what: Extent, progress: Progress) -> list[Measured]:
     """Return a chart of each of the eight motions named, with few and with many outputs."""
     cases, first_calls = few_and_many(keys), dict[str, float]()
     share = 1000

@@ -6,7 +6,7 @@ One-step methods in equal steps, and what rbfmu offers: series, closed forms, DO
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from importlib import import_module
 from time import thread_time
 from typing import Any, NamedTuple
@@ -16,19 +16,22 @@ from numba import njit
 
 from rbfmu.models.model_buffer import aligned_zeros
 from rbfmu.models.question import Question
+from rbfmu.models.registry import CLOSED_FORMS
 from rbfmu.models.spec import ModelSpec
 from rbfmu.planning.methods import whole_series
 from rbfmu.planning.select import plan
 from rbfmu.runs.motion import substeps_counted
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene, SceneError
-from rbfmu.studies.chart.cases import MOST_RADIANS, Case, FormulaCase
+from rbfmu.studies.chart.cases import Case, FormulaCase
 from rbfmu.studies.dop853 import Dop853Plan
 from rbfmu.studies.one_step import OneStepMethod
-from rbfmu.studies.reference_methods import midpoint
+from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, SPLITTINGS, TORQUE_FREE_INTEGRATORS, midpoint
 from rbfmu.types import Motion
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
 
+MOST_RADIANS = 1e6
+"""The angle beyond which a motion is one of many turns, which takes peers too long."""
 PLANNING = 30.0
 """The processor time, s, after which no tighter plans are made."""
 
@@ -61,7 +64,7 @@ class Method:
     settings: gives values from coarse to fine, to try until the error no longer falls or a run takes too long (quick:
     few of them); run: makes a run at such a setting, or raises NotFeasibleError; why_not: says why a case is not its
     own, if so; takes_formulas: whether it integrates what formulas give; only: the motions, by key, that it is set up
-    for (none named: any); most: the angle in rad that a body may turn by; refusal: why no finer setting was tried.
+    for (none named: any); refusal: why no finer setting was tried.
     """
 
     name: str
@@ -72,7 +75,6 @@ class Method:
     why_not: Callable[[Case], str] = lambda case: ""
     takes_formulas: bool = False
     only: tuple[str, ...] = ()
-    most: float = math.inf
     refusal: str = ""
 
 
@@ -275,6 +277,24 @@ def planned() -> Method:
 
     method = Method("rbfmu, as planned", "planned", "accuracy asked", settings, run)
     return method
+
+
+@cache
+def own_methods() -> tuple[Method, ...]:
+    """Return the library's methods but the plan, and one-step methods in common use with the same right-hand sides."""
+    return (
+        *map(closed_form, CLOSED_FORMS), substeps(0), substeps(0, False),
+        *map(substeps, (6, 8, 12, 16, 20, 24)),
+        *(
+            fixed_steps(method, "splitting", lambda case: "" if case.top else "no top")
+            for method in SPLITTINGS.values()
+        ),
+        *(fixed_steps(method, "classic") for method in REFERENCE_INTEGRATORS.values()),
+        *(
+            fixed_steps(method, "Moser-Veselov", lambda case: "" if case.turns_freely else "under torques", 1.0)
+            for method in TORQUE_FREE_INTEGRATORS.values()
+        ),
+    )  # fmt: skip
 
 
 def short(number: float) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from rbfmu import arrays
-from rbfmu.studies.chart.cases import MANY_RADIANS, MOST_RADIANS, Case, state_of
+from rbfmu.studies.chart.cases import Case, state_of
 from rbfmu.studies.chart.methods import Method, NotFeasibleError, Run, module, step_counts, timer, tolerances
 from rbfmu_kernels.mechanics.equations_of_motion import State
 from rbfmu_kernels.types import Matrix
@@ -43,7 +43,7 @@ def mujoco(integrator: str) -> Method:
         return (h for h in step_counts(case, quick) if h * case.rate <= 1.0)
 
     run = partial(_run_of_mujoco, integrator)
-    return Method(f"MuJoCo {integrator}", "peer", "step (s)", settings, run, most=MANY_RADIANS)
+    return Method(f"MuJoCo {integrator}", "peer", "step (s)", settings, run)
 
 
 def _run_of_mujoco(integrator: str, case: Case, h: float) -> Run:
@@ -123,7 +123,7 @@ def basilisk(integrator: str) -> Method:
         return islice(steps, 0, None, 3 if quick else 1)
 
     setting, run = "tolerance" if integrator in CONTROLLED else "step (s)", partial(_run_of_basilisk, integrator)
-    return Method(f"Basilisk {integrator}", "peer", setting, settings, run, only=("a", "b", "d"), most=MOST_RADIANS)
+    return Method(f"Basilisk {integrator}", "peer", setting, settings, run, only=("a", "b", "d"))
 
 
 def _run_of_basilisk(integrator: str, case: Case, value: float) -> Run:
@@ -190,7 +190,6 @@ def drake(scheme: str, label: str) -> Method:
     return Method(
         f"Drake {label}", "peer", "target accuracy", lambda case, quick: tolerances(-2, -13, quick),
         partial(_run_of_drake, scheme), only=("a", "b", "c", "c'", "e") if scheme == "runge_kutta3" else ("a", "b"),
-        most=MOST_RADIANS,
     )  # fmt: skip
 
 

@@ -5,6 +5,7 @@ SciPy's solvers call a right-hand side that Numba compiled; numbalsoda's are cal
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import cache, partial
 from itertools import islice
 from typing import Any
@@ -15,18 +16,7 @@ from numba import carray, cfunc, njit
 from rbfmu.formulas.graph import KNOWN, numbers_of
 from rbfmu.formulas.source import function_of
 from rbfmu.scene.scene import Scene
-from rbfmu.studies.chart.cases import (
-    ALL,
-    MANY_RADIANS,
-    MOST_RADIANS,
-    PATH,
-    PLACES,
-    RATES,
-    ROTATION,
-    Case,
-    FormulaCase,
-    kind_of_case,
-)
+from rbfmu.studies.chart.cases import ALL, PATH, PLACES, RATES, ROTATION, Case, FormulaCase, kind_of_case
 from rbfmu.studies.chart.methods import Method, NotFeasibleError, Run, module, timer, tolerances
 from rbfmu.types import Array
 from rbfmu_kernels.body.memory import body_of, loads_of, motion_of
@@ -126,13 +116,7 @@ Prepared = tuple[Array, float, Callable[[int], Any]]
 """Rows of the numbers integrated, at the start and at all outputs; evaluations; and what solves k times."""
 
 
-def solver(
-    name: str,
-    prepare: Callable[[Case, float], Prepared],
-    why_not: Callable[[Case], str] = lambda case: "",
-    setting: str = "rtol = atol",
-    settings: Callable[[Case, bool], Iterator[float]] = lambda case, quick: tolerances(-2, -13, quick),
-) -> Method:
+def solver(name: str, prepare: Callable[[Case, float], Prepared], unfit: Callable[[Case], str] | None = None) -> Method:
     """Return a solver whose tolerance is varied, of any equations: also of those that formulas give.
 
     prepare: solves once at a tolerance; what compiles or looks up is done before.
@@ -142,11 +126,16 @@ def solver(
         rows, evaluations, repeat = prepare(case, value)
         return Run(case.motion_of(rows), timer(repeat), evaluations)
 
-    def idle(case: Case) -> str:
-        return "nothing is to be integrated" if isinstance(case, FormulaCase) and not case.numbers else why_not(case)
+    def why_not(case: Case) -> str:
+        if isinstance(case, FormulaCase) and not case.numbers:
+            return "nothing is to be integrated"
+        return unfit(case) if unfit else ""
 
-    most = MANY_RADIANS if name.startswith("SciPy") else MOST_RADIANS
-    return Method(name, "peer", setting, settings, run, idle, takes_formulas=True, most=most)
+    return Method(name, "peer", "rtol = atol", _tolerances, run, why_not, takes_formulas=True)
+
+
+def _tolerances(case: Case, quick: bool) -> Iterator[float]:
+    return tolerances(-2, -13, quick)
 
 
 def solve_ivp(method: str, compiled: bool = True) -> Method:
@@ -303,8 +292,9 @@ SCIPY = (
     solver("SciPy odeint", _odeint),
 )
 NUMBALSODA = tuple(solver(f"numbalsoda {m.upper()}", partial(_numbalsoda, m)) for m in ("lsoda", "dop853"))
-HEYOKA = solver(
-    "heyoka.py", _heyoka, _no_corners, "tol",
-    lambda case, quick: islice(tolerances(-2, -15, False), 0, None, 6 if quick else 2),
-)  # fmt: skip
+HEYOKA = replace(
+    solver("heyoka.py", _heyoka, _no_corners),
+    setting="tol",
+    settings=lambda case, quick: islice(tolerances(-2, -15, False), 0, None, 6 if quick else 2),
+)
 """At powers of ten, each of which takes seconds to compile, since it determines the order."""

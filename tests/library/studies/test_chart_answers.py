@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import pytest
 
-from rbfmu.studies.chart import answers, drawing, measure, methods, solvers, tables
+from rbfmu.studies.chart import Chart, answers, drawing, measure, methods, solvers, tables
 from rbfmu.studies.chart.cases import CASES, Case
 from rbfmu.studies.chart.measure import Extent, Tried, contestants, explore, why_not
 from rbfmu.studies.chart.methods import NotFeasibleError, Run
-from rbfmu.studies.chart.result import KINDS, STOPPED, Chart, End, Row, TooSmall, cost_of, front, verdicts
+from rbfmu.studies.chart.result import KINDS, STOPPED, End, Row, TooSmall, cost_of, front, verdicts
 from rbfmu.studies.chart.tables import WIDTH, plans_text
 from tests.support.chart_points import judged, made_chart, made_plan, made_row, true_states, turned_by
 from tests.support.covering import some_of
@@ -169,7 +169,7 @@ def test_a_peer_stopped_by_time_is_not_said_to_be_unable() -> None:
         End("MuJoCo", "MuJoCo RK4", 1e-7, ""),
     )
     for why, words in ((STOPPED, STOPPED), ("no more digits", "none reaches it")):
-        chart = made_chart(*rows, ends=(replace(slow, why=why),))
+        chart = made_chart(*rows, ends=(slow._replace(why=why),))
         (found,) = verdicts([chart])
         assert plans_text([found], ()).endswith(words)
         assert ("stopped" in drawing.cell_of(found)[3]) == chart.ends[0].stopped
@@ -248,7 +248,7 @@ def test_the_table_has_every_answer() -> None:
 
 def test_a_method_stopped_by_time_is_not_said_to_be_unable() -> None:
     one = made_up(3.0)
-    unable = made_up(3.0, ends=tuple(replace(end, why="no more digits") for end in one.ends))
+    unable = made_up(3.0, ends=tuple(end._replace(why="no more digits") for end in one.ends))
     for chart, word, other in ((one, "stopped", "misses"), (unable, "misses", "stopped")):
         labels = [text.get_text() for axes in chart.figure().axes for text in axes.texts]
         assert f"MuJoCo  {word}" in labels

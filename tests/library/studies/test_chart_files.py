@@ -149,7 +149,7 @@ def test_labels_at_one_place_are_spread_about_it() -> None:
 
 
 def test_every_line_has_its_name() -> None:
-    made = [*measure.peers(), *measure.own_methods()]
+    made = [*measure.peers(), *methods.own_methods()]
     assert {kind_of(method.name, method.family) for method in (*made, methods.planned())} <= set(KINDS)
     assert kind_of("SciPy odeint", "peer") == "SciPy odeint"
     assert kind_of("SciPy LSODA", "peer") == "SciPy solve_ivp"

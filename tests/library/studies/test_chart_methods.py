@@ -36,7 +36,7 @@ from tests.support.covering import some_of
 from tests.support.paths import ROOT
 from tests.support.references import free_rotation_mp, reference_mp
 
-OWN = {method.name: method for method in (*measure.own_methods(), methods.planned())}
+OWN = {method.name: method for method in (*methods.own_methods(), methods.planned())}
 
 
 def test_steps_divide_the_checkpoints_intervals() -> None:
@@ -130,8 +130,8 @@ def test_absent_peers_are_named_and_left_out(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_the_extras_that_are_named_install_their_peers() -> None:
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
-    for package, extra, _ in measure.PEERS.values():
-        assert any(re.fullmatch(rf"{package}([>=].*)?", wanted) for wanted in extras[extra])
+    for peer in measure.PEERS.values():
+        assert any(re.fullmatch(rf"{peer.package}([>=].*)?", wanted) for wanted in extras[peer.extra])
 
 
 def test_a_peer_that_does_not_load_is_not_feasible() -> None:

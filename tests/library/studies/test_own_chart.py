@@ -101,7 +101,7 @@ def test_what_is_not_finite_has_an_infinite_error(satellite: cases.Case, by_mpma
 
 
 def _of_peers() -> list[methods.Method]:
-    return [*measure.peers(), *measure.own_methods()]
+    return [*measure.peers(), *methods.own_methods()]
 
 
 @pytest.mark.parametrize("name", [
@@ -159,7 +159,7 @@ def test_errors_are_measured_at_the_end_and_at_a_few_hundred_points_at_most() ->
 
 
 def test_closed_forms_compete_only_where_ports_leave_them_exact() -> None:
-    closed = {form.name: form for form in map(methods.closed_form, measure.CLOSED_FORMS)}
+    closed = {form.name: form for form in map(methods.closed_form, methods.CLOSED_FORMS)}
     free, driven = gallery("t_handle"), gallery("controlled_satellite")
     assert [name for name, form in closed.items() if not form.why_not(free)] == ["torque-free body"]
     assert not any(not form.why_not(driven) for form in closed.values())
