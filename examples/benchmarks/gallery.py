@@ -30,11 +30,10 @@ from rbfmu.planning.select import with_all_outputs
 from rbfmu.runs.motion import attitude_error, relative_error
 from rbfmu.runs.plan import filled_buffer, initialize
 from rbfmu.studies.chart.cases import CHECKPOINTS, Case
-from rbfmu.studies.chart.contestants import ABSENT, MUJOCO_INTEGRATORS, peers
-from rbfmu.studies.chart.measure import machine
-from rbfmu.studies.chart.methods import NotFeasibleError
+from rbfmu.studies.chart.measure import PEERS, machine
+from rbfmu.studies.chart.methods import Method, NotFeasibleError
 from rbfmu.studies.chart.result import write_rows
-from rbfmu.studies.chart.simulators import MuJoCo
+from rbfmu.studies.chart.simulators import MUJOCO
 
 with needed_of("bench"):
     import mpmath as mp
@@ -162,19 +161,19 @@ def steps_of(scene: rbfmu.Scene) -> int:
 
 def mujoco(scene: rbfmu.Scene, true: list[Values]) -> Competitor | None:
     """Return the cheapest integrator and step that meet the accuracy, or the nearest; None: it has no such model."""
-    tried = [found for integrator in MUJOCO_INTEGRATORS for found in _refined(scene, integrator, true)]
+    tried = [found for method in MUJOCO for found in _refined(scene, method, true)]
     good = [found for found in tried if found.error <= scene.run.accuracy]
     if good:
         return min(good, key=lambda found: found.seconds(1))
     return min(tried, key=lambda found: found.error, default=None)
 
 
-def _refined(scene: rbfmu.Scene, integrator: str, true: list[Values]) -> Iterator[Competitor]:
+def _refined(scene: rbfmu.Scene, method: Method, true: list[Values]) -> Iterator[Competitor]:
     """In ever smaller steps, until the accuracy is met or errors grow."""
     parts, last = 1, math.inf
     while parts <= MAX_PARTS:
         try:
-            found = _mujoco(scene, integrator, scene.run.step / parts, true)
+            found = _mujoco(scene, method, scene.run.step / parts, true)
         except (NotFeasibleError, ValueError):  # the latter: a body that MuJoCo does not accept
             return
         yield found
@@ -183,13 +182,15 @@ def _refined(scene: rbfmu.Scene, integrator: str, true: list[Values]) -> Iterato
         parts, last = parts * 2, found.error
 
 
-def _mujoco(scene: rbfmu.Scene, integrator: str, h: float, true: list[Values]) -> Competitor:
+def _mujoco(scene: rbfmu.Scene, method: Method, h: float, true: list[Values]) -> Competitor:
     tables = scene.to_dict()
     tables["run"]["step"] = scene.run.stop / CHECKPOINTS
-    run = MuJoCo(integrator).run(Case(rbfmu.Scene.from_dict(tables, scene.name)), h)
-    states = [(np.array(q), np.array(omega), np.array(r)) for r, _, q, omega in run.states()]
+    run = method.run(Case(rbfmu.Scene.from_dict(tables, scene.name)), h)
+    states = [(np.array(q), np.array(omega), np.array(r)) for r, _, q, omega in run.found]
     error = largest_error([quantities(scene, *state) for state in states], true)
-    return Competitor(scene.name, "MuJoCo", f"{integrator} in steps of {h:.3g} s", error, run.seconds)
+    return Competitor(
+        scene.name, "MuJoCo", f"{method.name.removeprefix('MuJoCo ')} in steps of {h:.3g} s", error, run.seconds
+    )
 
 
 def everywhere_accepted(scene: rbfmu.Scene) -> rbfmu.Scene:
@@ -218,7 +219,7 @@ def competitors(name: str) -> list[Competitor]:
     if scene.body is None:
         return found
     found.append(own(scene, "full", rbfmu.plan(scene, full=True), true))
-    other = mujoco(everywhere_accepted(scene), true) if peers()[1]["MuJoCo"] != ABSENT else None
+    other = mujoco(everywhere_accepted(scene), true) if PEERS["MuJoCo"].installed else None
     return found + ([other] if other else [])
 
 

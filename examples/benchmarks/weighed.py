@@ -21,7 +21,7 @@ import rbfmu
 from rbfmu.models.registry import MODELS
 from rbfmu.runs.plan import filled_buffer, initialize
 from rbfmu.studies.chart.cases import CASES, Case
-from rbfmu.studies.chart.methods import ClosedForm, Method, NotFeasibleError, Planned, Run, Substeps
+from rbfmu.studies.chart.methods import Method, NotFeasibleError, Run, closed_form, planned, substeps
 
 ACCURACIES = (1e-3, 1e-6, 1e-9, 1e-12)
 ORDERS = (6, 8, 12, 16, 20, 24)
@@ -33,7 +33,7 @@ def first_within(method: Method, case: Case, accuracy: float) -> Run | None:
     """Return the run of the coarsest setting whose error is within the accuracy."""
     for value in method.settings(case, False):
         run = method.run(case, value)
-        if case.error(run.states()) <= accuracy:
+        if case.error(run.found) <= accuracy:
             return run
     return None
 
@@ -61,9 +61,9 @@ def dop853(keys: Sequence[str] = ("c", "c'", "d", "f")) -> dict[str, float]:
     ratios = {}
     for key in keys:
         for accuracy in ACCURACIES:
-            runs = best_of([Substeps(0)], CASES[key], accuracy)
+            runs = best_of([substeps(0)], CASES[key], accuracy)
             try:
-                runs["plan"] = Planned().run(CASES[key], accuracy)
+                runs["plan"] = planned().run(CASES[key], accuracy)
             except NotFeasibleError:
                 continue
             least = least_seconds(runs)
@@ -77,8 +77,8 @@ def free(keys: Sequence[str] = ("a", "b")) -> dict[str, float]:
     ratios = {}
     for key in keys:
         for accuracy in ACCURACIES[:3]:
-            series = best_of([Substeps(order) for order in ORDERS], CASES[key], accuracy)
-            least = least_seconds(series | {"exact": ClosedForm(MODELS["torque-free body"]).run(CASES[key], 5.0)})
+            series = best_of(map(substeps, ORDERS), CASES[key], accuracy)
+            least = least_seconds(series | {"exact": closed_form(MODELS["torque-free body"]).run(CASES[key], 5.0)})
             name = min(series, key=least.__getitem__)
             ratios[f"{CASES[key].scene.name}, {accuracy:g}: exact / {name}"] = least["exact"] / least[name]
     return ratios

@@ -44,15 +44,19 @@ MAX_ROUNDS = 100
 # Quaternions
 
 
-@kernel
-def advance(state: State, s: float, rates: Rates) -> State:
-    """Return state + s rates."""
-    return State(
-        add_scaled(state.r_c, s, rates.r_c),
-        add_scaled(state.v_c, s, rates.v_c),
-        add_scaled_quaternion(state.q_ab, s, rates.q_ab),
-        add_scaled(state.omega_b, s, rates.omega_b),
-    )
+def _advance_by(kind: Any, add: Callable[[Any, float, Any], Any]) -> Any:
+    """Return a function that gives state + s rates as a state of a kind, where `add` does so for attitudes."""
+
+    @njit(error_model="numpy", forceinline=True)  # type: ignore[untyped-decorator]
+    def advance(state: Any, s: float, rates: Any) -> Any:
+        r, v, attitude, omega = state
+        dr, dv, turned, dw = rates
+        return kind(add_scaled(r, s, dr), add_scaled(v, s, dv), add(attitude, s, turned), add_scaled(omega, s, dw))
+
+    return advance
+
+
+advance: Callable[[State, float, Rates], State] = _advance_by(State, add_scaled_quaternion)
 
 
 @kernel
@@ -174,18 +178,7 @@ def _angle_rates(state: OtherState, body: Body, loads: Loads) -> OtherState:
     return OtherState(v, a_c, euler.euler_rate_b(ZYX, angles, omega), alpha)
 
 
-def _advance_by(add: Callable[[Any, float, Any], Any]) -> Any:
-    """Return a function that gives state + s k, where `add` does so for attitudes."""
-
-    @njit(error_model="numpy", forceinline=True)  # type: ignore[untyped-decorator]
-    def advance(state: OtherState, s: float, k: OtherState) -> OtherState:
-        r, v = add_scaled(state.r_c, s, k.r_c), add_scaled(state.v_c, s, k.v_c)
-        return OtherState(r, v, add(state.attitude, s, k.attitude), add_scaled(state.omega_b, s, k.omega_b))
-
-    return advance
-
-
-_advance_vector, _advance_matrix = _advance_by(add_scaled), _advance_by(add_scaled_matrix)
+_advance_vector, _advance_matrix = _advance_by(OtherState, add_scaled), _advance_by(OtherState, add_scaled_matrix)
 
 
 # Lie group methods: within a step, the attitude is q exp(u)
@@ -279,16 +272,13 @@ def _coefficients(moments: Vec3) -> tuple[list[float], list[float]]:
     a, b, c = moments
     D = a * b * c
 
-    def inverse_powers(n: int) -> float:
-        return float(a**-n + b**-n + c**-n)
-
     def powers(n: int) -> float:
         return float(a**n + b**n + c**n)
 
     def mixed(n: int, m: int) -> float:
         return float((a**n + b**n) / c**m + (b**n + c**n) / a**m + (c**n + a**n) / b**m)
 
-    X1, X2, X3, X4 = (inverse_powers(n) for n in (1, 2, 3, 4))
+    X1, X2, X3, X4 = (powers(-n) for n in (1, 2, 3, 4))
     S1, S2, S3, S4 = (powers(n) for n in (1, 2, 3, 4))
     t11, t12, t21, t13, t31, t22 = (mixed(*nm) for nm in ((1, 1), (1, 2), (2, 1), (1, 3), (3, 1), (2, 2)))
     s = [

@@ -3,34 +3,146 @@
 import base64
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from functools import cached_property
 from html import escape
 from importlib.resources import files
 from itertools import pairwise
-from typing import Any, NamedTuple
 
 import numpy as np
 import rich
 import viser
 
+from rbfmu.arrays import rotate
 from rbfmu.types import Array
-from rbfmu.viewer import geometry as lengths
-from rbfmu.viewer.geometry import AXIS_A, AXIS_B, STROBE, Geometry
-from rbfmu.viewer.motion import Motion
+from rbfmu.viewer.motion import Shown
 
-BODY, MOMENTUM, RATE, TRACE, FIXED = (130, 165, 205), (213, 94, 0), (0, 130, 95), (190, 90, 150), (120, 120, 120)
+# Where things are drawn: in lengths of which 1 is half the body's size as drawn
+
+
+LONGEST = 8.0
+"""The reach of a path, in sizes of the body, up to which the body is drawn to the scale of its path."""
+AXIS_B, AXIS_A, LONGEST_ARROW = 1.6, 2.1, {"h": 2.6, "ω": 2.0}
+"""Lengths of the axes of b, of a, and of the longest angular momentum and rate."""
+LETTER = 0.25
+"""How far letters stand out beyond tips."""
+STILL = 0.05
+"""The way of an axis' tip (rad) that is no trace."""
+STROBE = 1.0
+"""The angle between pictures (rad) from which on a spin looks wrong."""
+
+
+class Geometry:
+    """A motion as it is drawn."""
+
+    def __init__(self, motion: Shown) -> None:
+        self.motion, shape = motion, motion.shape
+        self.paths = np.vstack([motion.position, *(ghost.position for ghost in motion.ghosts)])
+        """Where o comes to (n, 3), m, also those of the ghosts."""
+        self.reach = float(np.linalg.norm(np.ptp(self.paths, axis=0))) / 2.0
+        """The half of the box round all paths of o, diagonally (m)."""
+        self.body_radius = shape.radius + float(np.linalg.norm(shape.centre))
+        """The radius of the body about o (m)."""
+        self.enlarged = max(1.0, self.reach / (LONGEST * self.body_radius))
+        """How many times too large the body is drawn beside all paths."""
+        self.unit = self.body_radius * self.enlarged
+        """The metres of a path in one length of the drawing."""
+        begin = motion.position[0]
+        is_far = np.linalg.norm(begin) > 2.0 * self.reach + 4.0 * self.unit
+        self.origin_a = begin if is_far else np.zeros(3)
+        """Where the axes of a are drawn (m): at its origin, or at the path's beginning if that is far off."""
+        points = np.vstack([self.paths, self.origin_a[None]])
+        self.middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
+        """The middle of what is drawn (m)."""
+        self.path, self.ghost_paths = self.place(motion.position), [self.place(g.position) for g in motion.ghosts]
+        """o in the drawing (n, 3), and that of each ghost."""
+        lever = rotate(motion.quaternion, np.array(shape.centre) / self.body_radius)
+        self.base = self.path if motion.pivot else self.path + lever
+        """Where arrows begin (n, 3): at the centre of mass, with a pivot at o."""
+        self.toward = _toward(np.array(motion.up), self.path[-1] - self.path[0])
+        """The direction from the middle to whom looks."""
+        right = np.cross(motion.up, self.toward)
+        right /= np.linalg.norm(right)
+        self.screen = np.stack([right, np.cross(self.toward, right), self.toward])
+        """The directions to the right, upwards and to whom looks, as rows."""
+
+    def place(self, points: Array) -> Array:
+        """Return points of a (..., 3), m, in the drawing."""
+        return np.asarray((points - self.middle) / self.unit)
+
+    @cached_property
+    def points(self) -> Array:
+        """Return the outermost points of all that is drawn (n, 3): bodies, and tips of axes and arrows."""
+        arrows = [self.base + vectors for vectors in self.arrows.values()]
+        tips = [self.path + AXIS_B * self._tips(k) for k in range(3)]
+        paths = self.place(self.paths)
+        bodies = [paths + sign * side for sign in (-1.0, 1.0) for side in self.screen[:2]]
+        return np.vstack([self.place(self.origin_a) + AXIS_A * np.eye(3), *tips, *arrows, *bodies])
+
+    def camera(self, field_of_view: float) -> tuple[Array, Array]:
+        """Return the point that is looked at, and where from, so that all that is drawn just fits, with its letters."""
+        seen = self.points @ self.screen.T
+        middle = (seen.min(axis=0) + seen.max(axis=0)) / 2.0
+        aside = np.max(np.abs(seen - middle)[:, :2], axis=1) + LETTER
+        distance = float(np.max(aside / np.tan(field_of_view / 2.0) + seen[:, 2] - middle[2]))
+        return middle @ self.screen, (middle + np.array([0.0, 0.0, distance])) @ self.screen
+
+    @cached_property
+    def arrows(self) -> dict[str, Array]:
+        """Return angular momentum and rate (n, 3), as far as they are known, as arrows by their names."""
+        known = {"h": self.motion.angular_momentum, "ω": self.motion.rate}
+        return {
+            name: vectors * (LONGEST_ARROW[name] / (float(np.max(np.linalg.norm(vectors, axis=1))) or 1.0))
+            for name, vectors in known.items()
+            if vectors is not None
+        }
+
+    @cached_property
+    def traced(self) -> int | None:
+        """Return the axis of b whose tip goes the shortest way that is one, or None."""
+        ways = [float(np.sum(np.linalg.norm(np.diff(self._tips(k), axis=0), axis=1))) for k in range(3)]
+        moved = [k for k in range(3) if ways[k] > STILL]
+        return min(moved, key=lambda k: (ways[k], -k)) if moved and self.motion.largest_turn < STROBE else None
+
+    @cached_property
+    def trace(self) -> Array:
+        """Return the way of the traced axis' tip (n, 3) in the drawing."""
+        return self.path + AXIS_B * self._tips(self.traced or 0)
+
+    def _tips(self, axis: int) -> Array:
+        return np.asarray(rotate(self.motion.quaternion, np.eye(3)[axis]))
+
+
+def _toward(up: Array, way: Array) -> Array:
+    """Return the direction to look from: across the way of o, a little from above."""
+    side = np.eye(3)[int(np.argmin(np.abs(up)))]
+    across = np.cross(up, way)
+    if np.linalg.norm(across) > 1.0:
+        side = -across
+    side = side - up * (up @ side)
+    side /= np.linalg.norm(side)
+    direction = 0.85 * side + 0.35 * np.cross(up, side) + 0.4 * up
+    return np.asarray(direction / np.linalg.norm(direction))
+
+
+# The page
+
+
+Color = tuple[int, int, int]
+BODY, TRACE, FIXED = (130, 165, 205), (190, 90, 150), (120, 120, 120)
+ARROW = {"h": (213, 94, 0), "ω": (0, 130, 95)}
 CHUNKS = 200
 """Pieces of the trace, each of which appears when the tip has passed."""
 TAIL = 60.0
 """The length of the trace that stays, in sizes of the body."""
 FIELD_OF_VIEW = 0.7
 LETTERS = ("x", "y", "z")
-SEEN = {MOMENTUM: "#dca640", RATE: "#15a092", TRACE: "#c95fa6"}
+SEEN = {"h": "#dca640", "ω": "#15a092", "trace": "#c95fa6"}
 """What colours look like in the drawing's light."""
 
 
-def motion_page(motion: Motion) -> str:
+def motion_page(motion: Shown) -> str:
     """Return the page that plays a motion."""
     geometry = Geometry(motion)
     panel = files("rbfmu.viewer").joinpath("panel.html").read_text(encoding="utf-8")
@@ -43,7 +155,7 @@ def motion_page(motion: Motion) -> str:
     return f"{before}{panel}{end}{after}"
 
 
-def _data(geometry: Geometry) -> dict[str, Any]:
+def _data(geometry: Geometry) -> dict[str, object]:
     result = geometry.motion.result
     passed = result.time - result.time[0]
     played = passed * (geometry.motion.played / float(passed[-1]))
@@ -55,7 +167,7 @@ def _data(geometry: Geometry) -> dict[str, Any]:
     return {"time": _as_base64(result.time), "played": _as_base64(played), "quantities": quantities}
 
 
-def _as_base64(values: Any) -> str:
+def _as_base64(values: Array) -> str:
     return base64.b64encode(np.ascontiguousarray(values, dtype="<f8").tobytes()).decode("ascii")
 
 
@@ -64,11 +176,11 @@ def _legend(geometry: Geometry) -> str:
     rows = [("axes", "thin axes: a, fixed in space; thick axes: b, fixed in the body; x red, y green, z blue")]
     if motion.angular_momentum is not None:
         point = "o" if motion.pivot else "the centre of mass"
-        rows.append((SEEN[MOMENTUM], f"h: angular momentum about {point}, {_longest(motion.angular_momentum)} kg m²/s"))
+        rows.append((SEEN["h"], f"h: angular momentum about {point}, {_longest(motion.angular_momentum)} kg m²/s"))
     if motion.rate is not None:
-        rows.append((SEEN[RATE], f"ω: angular velocity of b in a, {_longest(motion.rate)} rad/s"))
+        rows.append((SEEN["ω"], f"ω: angular velocity of b in a, {_longest(motion.rate)} rad/s"))
     if geometry.traced is not None:
-        rows.append((SEEN[TRACE], f"trace: tip of the body's axis {LETTERS[geometry.traced]}_b"))
+        rows.append((SEEN["trace"], f"trace: tip of the body's axis {LETTERS[geometry.traced]}_b"))
     rows += [("", note) for note in _notes(geometry)]
     return "".join(f'<li><i style="background:{color}"></i>{escape(text)}</li>' for color, text in rows)
 
@@ -95,7 +207,7 @@ def _pace(factor: float) -> str:
     return f"{factor:.3g} times as fast as it is" if factor > 1.0 else f"slowed down {1.0 / factor:.3g} times"
 
 
-def _longest(vectors: Any) -> str:
+def _longest(vectors: Array) -> str:
     return f"longest {float(np.max(np.linalg.norm(vectors, axis=1))):.3g}"
 
 
@@ -103,15 +215,16 @@ def record_page(geometry: Geometry) -> str:
     """Return the page that plays the motion."""
     with _server() as server:
         _look(server, geometry)
-        parts: list[Any] = [_body(server, geometry), _Trace(server, geometry), *_arrows(server, geometry)]
-        parts += _ghosts(server, geometry)
+        scene, motion = server.scene, geometry.motion
+        parts = [_body(scene, geometry), _trace(scene, geometry), *_ghosts(scene, geometry)]
+        parts += [_arrow(scene, name, vectors, geometry.base) for name, vectors in geometry.arrows.items()]
         recording = server.get_scene_serializer()
-        pauses = np.diff(geometry.motion.result.time)
-        pauses *= geometry.motion.played / pauses.sum()
-        for k in range(len(geometry.path)):
-            for part in parts:
-                part.show(k)
-            recording.insert_sleep(float(pauses[k]) if k < len(pauses) else 1.0 / 30.0)
+        pauses = np.diff(motion.result.time)
+        pauses *= motion.played / pauses.sum()
+        for k, pause in enumerate([*pauses.tolist(), 1.0 / 30.0]):
+            for show in parts:
+                show(k)
+            recording.insert_sleep(pause)
         return str(recording.as_html())
 
 
@@ -134,37 +247,40 @@ def _look(server: viser.ViserServer, geometry: Geometry) -> None:
     camera = server.initial_camera
     camera.look_at, camera.position, camera.up = target, place, np.array(geometry.motion.up)
     camera.fov, camera.near, camera.far = FIELD_OF_VIEW, distance / 100.0, distance * 100.0
-    _axes(server, "/a", AXIS_A, 0.012, "a", geometry.place(geometry.origin_a))
+    _axes(server.scene, "/a", AXIS_A, 0.012, "a", geometry.place(geometry.origin_a))
 
 
-def _axes(server: viser.ViserServer, name: str, length: float, radius: float, frame: str, position: Any) -> Any:
-    axes = server.scene.add_frame(name, axes_length=length, axes_radius=radius, origin_radius=0.0, position=position)
+Show = Callable[[int], None]
+"""What brings a part of the drawing to where it is in picture k."""
+
+
+def _axes(
+    scene: viser.SceneApi, name: str, length: float, radius: float, frame: str, position: Array
+) -> viser.FrameHandle:
+    axes = scene.add_frame(name, axes_length=length, axes_radius=radius, origin_radius=0.0, position=position)
     for letter, place in zip(LETTERS, np.eye(3) * 1.07 * length, strict=True):
-        server.scene.add_label(f"{name}/{letter}", f"{letter}_{frame}", position=place, anchor="center-center")
+        scene.add_label(f"{name}/{letter}", f"{letter}_{frame}", position=place, anchor="center-center")
     return axes
 
 
-class _Moving(NamedTuple):
-    """A frame with what is drawn in it, and where it comes to: q_ab (n, 4), o (n, 3) in the drawing."""
+def _moving(frame: viser.FrameHandle, quaternion: Array, path: Array) -> Show:
+    """Move a frame with what is drawn in it: q_ab (n, 4), and o (n, 3) in the drawing."""
 
-    frame: Any
-    quaternion: Array
-    path: Array
+    def show(k: int) -> None:
+        frame.wxyz, frame.position = quaternion[k], path[k]
 
-    def show(self, k: int) -> None:
-        self.frame.wxyz, self.frame.position = self.quaternion[k], self.path[k]
+    return show
 
 
-def _body(server: viser.ViserServer, geometry: Geometry) -> _Moving:
+def _body(scene: viser.SceneApi, geometry: Geometry) -> Show:
     """Draw the body and the axes of b, which move with it."""
-    shape, scene = geometry.motion.shape, server.scene
-    axes = _axes(server, "/b", AXIS_B, 0.03, "b", geometry.path[0])
+    centre = np.array(geometry.motion.shape.centre) / geometry.body_radius
+    axes = _axes(scene, "/b", AXIS_B, 0.03, "b", geometry.path[0])
     _add_shape(scene, "/b/body", geometry, 0.85)
-    if any(shape.centre):
-        centre = np.array(shape.centre) / geometry.body_radius  # thicker than an axis, which may lie in it
+    if any(centre):  # thicker than an axis, which may lie in it
         scene.add_cylinder("/b/stem", radius=0.06, height=float(np.linalg.norm(centre)), color=FIXED,
                            wxyz=_turn_of_z(centre), position=centre / 2.0)  # fmt: skip
-    return _Moving(axes, geometry.motion.quaternion, geometry.path)
+    return _moving(axes, geometry.motion.quaternion, geometry.path)
 
 
 def _turn_of_z(way: Array) -> Array:
@@ -174,12 +290,11 @@ def _turn_of_z(way: Array) -> Array:
     return half / np.linalg.norm(half) if z > -1.0 + 1e-9 else np.array([0.0, 1.0, 0.0, 0.0])
 
 
-def _add_shape(scene: Any, name: str, geometry: Geometry, opacity: float) -> None:
+def _add_shape(scene: viser.SceneApi, name: str, geometry: Geometry, opacity: float) -> None:
     """Draw the body's shape in the frame that the name begins with."""
     shape = geometry.motion.shape
-    sides = np.array(shape.sides) / geometry.body_radius
-    place: dict[str, Any] = {"wxyz": shape.q_bp, "position": np.array(shape.centre) / geometry.body_radius}
-    place |= {"color": BODY, "opacity": opacity}
+    sides, centre = np.array(shape.sides) / geometry.body_radius, np.array(shape.centre) / geometry.body_radius
+    place = {"wxyz": shape.q_bp, "position": centre, "color": BODY, "opacity": opacity}
     if shape.kind == "box":
         scene.add_box(name, dimensions=sides, **place)
     elif shape.kind == "cylinder":
@@ -188,69 +303,60 @@ def _add_shape(scene: Any, name: str, geometry: Geometry, opacity: float) -> Non
         scene.add_icosphere(name, radius=0.5, scale=tuple(sides), flat_shading=True, **place)
 
 
-def _ghosts(server: viser.ViserServer, geometry: Geometry) -> Iterator[_Moving]:
+def _ghosts(scene: viser.SceneApi, geometry: Geometry) -> Iterator[Show]:
     """Draw members of the ensemble: pale bodies."""
     paths = geometry.ghost_paths
     for number, (ghost, path) in enumerate(zip(geometry.motion.ghosts, paths, strict=True)):
-        frame = server.scene.add_frame(f"/ghost_{number}", show_axes=False)
-        _add_shape(server.scene, f"/ghost_{number}/body", geometry, max(0.1, min(0.3, 3.0 / len(paths))))
-        yield _Moving(frame, ghost.quaternion, path)
+        frame = scene.add_frame(f"/ghost_{number}", show_axes=False)
+        _add_shape(scene, f"/ghost_{number}/body", geometry, max(0.1, min(0.3, 3.0 / len(paths))))
+        yield _moving(frame, ghost.quaternion, path)
 
 
-class _Arrow:
-    """A vector of a, drawn from the body; hidden where it is zero."""
+def _arrow(scene: viser.SceneApi, name: str, vectors: Array, base: Array) -> Show:
+    """Draw a vector of a from the body; it is hidden where it is zero."""
+    ends, sizes = np.stack([base, base + vectors], axis=1), np.linalg.norm(vectors, axis=1)
+    arrow = scene.add_arrows(f"/{name}", ends[:1], ARROW[name], shaft_radius=0.035, head_radius=0.09, head_length=0.25)
+    label = scene.add_label(f"/{name}_label", name, anchor="center-center")
 
-    def __init__(self, server: viser.ViserServer, name: str, color: Any, vectors: Array, base: Array) -> None:
-        self.ends, self.lengths = np.stack([base, base + vectors], axis=1), np.linalg.norm(vectors, axis=1)
-        size = {"shaft_radius": 0.035, "head_radius": 0.09, "head_length": 0.25}
-        self.arrow = server.scene.add_arrows(f"/{name}", self.ends[:1], color, **size)
-        self.label = server.scene.add_label(f"/{name}_label", name, anchor="center-center")
-
-    def show(self, k: int) -> None:
-        seen = bool(self.lengths[k] > 0.02)
-        _set_visible(self.arrow, seen)
-        _set_visible(self.label, seen)
+    def show(k: int) -> None:
+        seen = bool(sizes[k] > 0.02)
+        _set_visible(arrow, seen)
+        _set_visible(label, seen)
         if seen:
-            base, tip = self.ends[k]
-            self.arrow.points = self.ends[k : k + 1]
-            self.label.position = tip + 0.2 * (tip - base) / self.lengths[k]
+            arrow.points = ends[k : k + 1]
+            label.position = ends[k, 1] + 0.2 * (ends[k, 1] - ends[k, 0]) / sizes[k]
+
+    return show
 
 
-def _arrows(server: viser.ViserServer, geometry: Geometry) -> Iterator[_Arrow]:
-    h, omega = geometry.motion.angular_momentum, geometry.motion.rate
-    if h is not None:
-        yield _Arrow(server, "h", MOMENTUM, geometry.arrows(h, lengths.MOMENTUM), geometry.base)
-    if omega is not None:
-        yield _Arrow(server, "ω", RATE, geometry.arrows(omega, lengths.RATE), geometry.base)
+def _trace(scene: viser.SceneApi, geometry: Geometry) -> Show:
+    """Draw the path of o, and the way of an axis' tip, which appears in pieces and goes again when it is long."""
+    if np.ptp(geometry.path, axis=0).any():
+        _line(scene, "/path", geometry.path, FIXED)
+    tip = geometry.trace
+    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(tip, axis=0), axis=1))])
+    borders = np.unique(np.linspace(0, len(tip) - 1, CHUNKS + 1).round().astype(int)).tolist()
+    pieces = [
+        (last, _line(scene, f"/trace/{first}", tip[first : last + 1], TRACE, visible=False))
+        for first, last in pairwise(borders)
+        if geometry.traced is not None
+    ]
+
+    def show(k: int) -> None:
+        for last, piece in pieces:
+            _set_visible(piece, bool(last <= k and way[k] - way[last] < TAIL))
+
+    return show
 
 
-class _Trace:
-    """The path of o, and the way of an axis' tip, which appears in pieces and goes again when it is long."""
-
-    def __init__(self, server: viser.ViserServer, geometry: Geometry) -> None:
-        self.pieces: list[tuple[int, float, Any]] = []
-        if np.ptp(geometry.path, axis=0).any():
-            _line(server, "/path", geometry.path, FIXED)
-        tip = geometry.trace
-        if geometry.traced is None:
-            return
-        self.way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(tip, axis=0), axis=1))])
-        borders = np.unique(np.linspace(0, len(tip) - 1, CHUNKS + 1).round().astype(int))
-        for first, last in pairwise(borders):
-            piece = _line(server, f"/trace/{first}", tip[first : last + 1], TRACE, visible=False)
-            self.pieces.append((int(last), float(self.way[last]), piece))
-
-    def show(self, k: int) -> None:
-        for last, way, piece in self.pieces:
-            _set_visible(piece, bool(last <= k and self.way[k] - way < TAIL))
-
-
-def _set_visible(part: Any, visible: bool) -> None:
+def _set_visible(part: viser.SceneNodeHandle, visible: bool) -> None:
     """Record it only where it changes: each setting is a message in the page."""
     if part.visible != visible:
         part.visible = visible
 
 
-def _line(server: viser.ViserServer, name: str, points: Array, color: Any, visible: bool = True) -> Any:
+def _line(
+    scene: viser.SceneApi, name: str, points: Array, color: Color, visible: bool = True
+) -> viser.LineSegmentsHandle:
     ends = np.stack([points[:-1], points[1:]], axis=1)
-    return server.scene.add_line_segments(name, ends, color, thickness=0.02, visible=visible)
+    return scene.add_line_segments(name, ends, color, thickness=0.02, visible=visible)

@@ -12,7 +12,7 @@ import rbfmu
 from examples.benchmarks import gallery as bench
 from examples.gallery import page as gallery
 from examples.gallery import surroundings as around
-from rbfmu.studies.stability.top_laws import time_between_flips
+from rbfmu.studies.stability.motion_laws import time_between_flips
 from tests.support.covering import some_of
 from tests.support.paths import ROOT
 

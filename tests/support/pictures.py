@@ -15,7 +15,7 @@ def overlaps(figure: Any) -> list[tuple[str, str]]:
         hidden |= {tick.label1 for tick in axes.xaxis.get_major_ticks() if not left <= tick.get_loc() <= right}
         hidden |= {tick.label1 for tick in axes.yaxis.get_major_ticks() if not bottom <= tick.get_loc() <= top}
     texts = [t for t in figure.findobj(Text) if t.get_visible() and t.get_text().strip() and t not in hidden]
-    boxes = [(t.get_text(), Text.get_window_extent(t, figure.canvas.get_renderer())) for t in texts]
+    boxes = [(t.get_text(), Text.get_window_extent(t)) for t in texts]
     boxes = [(text, box) for text, box in boxes if box.width > 1.0]
     page = figure.bbox
     outside = [(text, "figure") for text, b in boxes if min(b.x0, b.y0) < 0.0 or b.x1 > page.x1 or b.y1 > page.y1]

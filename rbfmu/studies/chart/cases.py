@@ -42,8 +42,6 @@ POINTS, MAX_OUTPUTS = 200, 20_000
 """The largest number of points at which errors are measured, and of communication steps of a charted run."""
 FLOOR = 1e-15
 """The least error that is told from round-off: the true motion is rounded to doubles."""
-MOST_RADIANS = 1e6
-"""The angle beyond which a motion is one of many turns, which takes peers too long."""
 CHECKPOINTS = 5
 """The number of points at which the eight motions are known, and of the outputs of a run with few outputs."""
 OUTPUT_STEP = 0.01
@@ -212,6 +210,11 @@ class Case:
     def rate(self) -> float:
         """Return the largest |omega| at start and checkpoints, rad/s; 0 where no quantity depends on the rotation."""
         return float(np.max(np.linalg.norm(self.truth["omega_b"], axis=1))) if self.needs.rotation else 0.0
+
+    @property
+    def turned(self) -> float:
+        """Return the angle in rad that the body turns by, at most."""
+        return self.rate * self.span
 
     # Errors
 

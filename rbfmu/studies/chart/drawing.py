@@ -4,11 +4,12 @@ import math
 import textwrap
 from collections.abc import Callable, Collection, Sequence
 from itertools import groupby
+from operator import attrgetter
 from pathlib import Path
 from statistics import mean
 from typing import Any
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
@@ -16,10 +17,11 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from rbfmu.plot import open_frame
 from rbfmu.studies.chart.cases import CHECKPOINTS, DRIFTS, FLOOR, OUTPUT_STEP
 from rbfmu.studies.chart.methods import short
-from rbfmu.studies.chart.result import ERROR, KINDS, OWN_KINDS, REFUSED, STOPPED, TAKES_NO, Chart, Row, Verdict, front
+from rbfmu.studies.chart.result import KINDS, OWN_KINDS, REFUSED, STOPPED, TAKES_NO, Measured, Row, Verdict, front
 from rbfmu.studies.chart.tables import conditions, cost_text, headline, method_of, short_number, times, why_no_further
 
 DPI = 120
+_ERROR: Callable[[Row], float] = attrgetter("error")
 GAIN = 0.8
 """A point is drawn only if its error is below this part of the last one's, so that a line ends with its digits."""
 LEAST_DRIFT = 1e-17
@@ -31,12 +33,12 @@ _HOW = (
 )
 
 
-def figure_of(chart: Chart) -> Figure:
+def figure_of(chart: Measured) -> Figure:
     """Return the picture of a chart: error against cost, seen in ten seconds."""
-    figure = _figure(10.5, 8.0)
+    figure = Figure(figsize=(10.5, 8.0), dpi=DPI)
     axes = figure.add_axes((0.085, 0.235, 0.635, 0.555))
     lines = _lines(chart)
-    draw_lines(axes, lines, ERROR, {end.method for end in chart.ends if end.stopped})
+    draw_lines(axes, lines, _ERROR, {end.method for end in chart.ends if end.stopped})
     _limits(axes, chart, [row for line in lines.values() for row in line])
     _accuracy_asked(axes, chart)
     axes.plot([max(chart.plan.error, FLOOR)], [chart.plan.seconds], marker="*", markersize=24, color="#000000",
@@ -47,26 +49,20 @@ def figure_of(chart: Chart) -> Figure:
     for reach in chart.reaches:
         missed = "stopped" if reach.stopped else "misses"
         labels[reach.kind] = f"{reach.name}  {cost_text(reach.cost) if math.isfinite(reach.cost) else missed}"
-    name_lines(axes, ends, ERROR, labels.__getitem__, 0.062)
+    name_lines(axes, ends, _ERROR, labels.__getitem__, 0.062)
     _words(figure, chart)
     return figure
 
 
-def _figure(width: float, height: float) -> Figure:
-    figure = Figure(figsize=(width, height), dpi=DPI, facecolor="white")
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def _lines(chart: Chart) -> dict[str, list[Row]]:
+def _lines(chart: Measured) -> dict[str, list[Row]]:
     """Return the front of each kind; that of closed forms only where it is not the plan itself."""
-    lines = lines_of(chart.above_round_off, ERROR)
+    lines = lines_of(chart.above_round_off, _ERROR)
     if chart.model in (row.method for row in lines.get("exact", ())):
         del lines["exact"]
     return lines
 
 
-def _limits(axes: Any, chart: Chart, rows: Sequence[Row]) -> None:
+def _limits(axes: Axes, chart: Measured, rows: Sequence[Row]) -> None:
     errors = [row.error for row in rows] + [chart.accuracy]
     axes.set_xlim(min(3.0 * max(errors), 3.0), 0.3 * min(*errors, FLOOR))
     costs = [row.seconds for row in rows]
@@ -76,14 +72,14 @@ def _limits(axes: Any, chart: Chart, rows: Sequence[Row]) -> None:
     axes.set_ylabel("processor time for a simulated second")
 
 
-def _name_ticks(axes: Any) -> None:
+def _name_ticks(axes: Axes) -> None:
     axes.yaxis.set_major_formatter(FuncFormatter(lambda cost, _: cost_text(cost).replace(".0 ", " ")))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda error, _: short_number(error)))
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_minor_formatter(NullFormatter())  # it would name ticks within a decade
 
 
-def _accuracy_asked(axes: Any, chart: Chart) -> None:
+def _accuracy_asked(axes: Axes, chart: Measured) -> None:
     """Shade where the accuracy is missed, and say so."""
     left, _ = axes.get_xlim()
     axes.axvspan(left, chart.accuracy, color=PALE, linewidth=0, zorder=-1)
@@ -93,7 +89,7 @@ def _accuracy_asked(axes: Any, chart: Chart) -> None:
                   fontsize=11, weight="bold", color=DARK)  # fmt: skip
 
 
-def _words(figure: Figure, chart: Chart) -> None:
+def _words(figure: Figure, chart: Measured) -> None:
     first, second = headline(chart)
     title = textwrap.wrap(first, 84)
     below = 0.966 - 0.036 * len(title)
@@ -105,7 +101,7 @@ def _words(figure: Figure, chart: Chart) -> None:
     figure.text(0.015, 0.15, "\n".join(lines[:6]), fontsize=9.5, va="top", color=DARK, linespacing=1.35)
 
 
-def _further(chart: Chart) -> str:
+def _further(chart: Measured) -> str:
     more = [(times(row.seconds / chart.plan.seconds), short_number(row.value)) for row in chart.plans[1:]]
     why = why_no_further(chart)
     if not more:
@@ -116,7 +112,7 @@ def _further(chart: Chart) -> str:
     return "Further digits, and their cost by that of the plan: " + ", ".join([*said, *end])
 
 
-def _small(chart: Chart) -> str:
+def _small(chart: Measured) -> str:
     wrong = [f"{m.model} {short_number(m.error)}" for m in chart.too_small if not m.why]
     said = [f"Models that are too small, and their errors: {', '.join(wrong)}."] if wrong else []
     for why in dict.fromkeys(m.why for m in chart.too_small if m.why.startswith(TAKES_NO)):
@@ -139,7 +135,7 @@ def lines_of(rows: Sequence[Row], error: Callable[[Row], float]) -> dict[str, li
 
 
 def draw_lines(
-    axes: Any, lines: dict[str, list[Row]], error: Callable[[Row], float], stopped: Collection[str] = ()
+    axes: Axes, lines: dict[str, list[Row]], error: Callable[[Row], float], stopped: Collection[str] = ()
 ) -> None:  # fmt: skip
     """Draw the lines by kind, those of the library over all others; stopped: methods whose line ends in an arrow."""
     for kind, line in reversed(lines.items()):
@@ -158,7 +154,7 @@ def draw_lines(
 
 
 def name_lines(
-    axes: Any,
+    axes: Axes,
     lines: dict[str, list[Row]],
     error: Callable[[Row], float],
     text: Callable[[str], str] = str,
@@ -206,14 +202,14 @@ def spread(places: Sequence[float], apart: float, highest: float = 1.0) -> list[
 # Drifts
 
 
-def draw_kept(chart: Chart, path: Path) -> list[Path]:
+def draw_kept(chart: Measured, path: Path) -> list[Path]:
     """Draw the drift of conserved quantities against cost; no file if nothing is conserved."""
     kept = {name: _drift_of(column) for name, column in DRIFTS.items()
             if any(math.isfinite(getattr(row, column)) for row in chart.rows)}  # fmt: skip
     if not kept:
         return []
     width = 1.5 + 6.9 * len(kept)
-    figure = _figure(width, 7.0)
+    figure = Figure(figsize=(width, 7.0), dpi=DPI)
     panels = figure.subplots(1, len(kept), sharey=True, squeeze=False)[0]
     figure.subplots_adjust(left=1.05 / width, right=1.0 - 1.85 / width, wspace=0.4, top=0.86, bottom=0.09)
     figure.suptitle(f"{chart.scene.capitalize()}: drift of what the motion conserves\n"
@@ -247,7 +243,7 @@ def draw_answers(found: Sequence[Verdict], path: Path) -> Path:
     n = len(accuracies)
     columns = {(many, a): i + many * (n + 0.3) for many in (False, True) for i, a in enumerate(accuracies)}
     width, height = 3.0 + 3.2 * n, 2.0 + 0.95 * len(rows)
-    figure = _figure(width, height)
+    figure = Figure(figsize=(width, height), dpi=DPI)
     axes = figure.add_axes((2.4 / width, 0.02, 1.0 - 2.5 / width, 0.97 - 1.5 / height))
     for key in rows:
         if not any(v.chart.many for v in found if v.chart.key == key):
@@ -274,7 +270,7 @@ def draw_answers(found: Sequence[Verdict], path: Path) -> Path:
     return path
 
 
-def _draw_cell(axes: Any, x: float, y: float, v: Verdict) -> None:
+def _draw_cell(axes: Axes, x: float, y: float, v: Verdict) -> None:
     color, name, cost, other = cell_of(v)
     axes.add_patch(Rectangle((x - 0.48, y - 0.45), 0.96, 0.9, color=color, linewidth=0))
     axes.text(x, y - 0.25, name, ha="center", va="center", fontsize=9.5)

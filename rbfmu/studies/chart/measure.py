@@ -1,25 +1,33 @@
-"""Measure a case: every method's settings from coarse to fine, then all of them timed in turns."""
+"""Measure a case: who competes on it, every method's settings from coarse to fine, then all of them timed in turns."""
 
 import math
 import os
 import platform
 import random
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
+from itertools import takewhile
 from pathlib import Path
 from time import thread_time
-from typing import Any
+from typing import NamedTuple
 
+from rbfmu.extras import remedy
+from rbfmu.models.question import Question
+from rbfmu.models.registry import ANGULAR_MOMENTUM, MODELS, ONE_AXIS_TAYLOR, SPIN_UP
+from rbfmu.models.spec import ModelSpec
 from rbfmu.planning.select import plan
-from rbfmu.studies.chart.cases import FLOOR, RATES, ROTATION, Case, few_and_many
-from rbfmu.studies.chart.contestants import ABSENT, absent, contestants, peers, too_small, why_not
-from rbfmu.studies.chart.methods import FixedSteps, Method, NotFeasibleError, Planned, Run
-from rbfmu.studies.chart.result import STOPPED, YOURS, Chart, End, Row, kind_of
-from rbfmu.studies.chart.solvers import Solver
+from rbfmu.runs.motion import Steps, record
+from rbfmu.runs.plan import Plan
+from rbfmu.scene.scene import SceneError
+from rbfmu.studies.chart.cases import FLOOR, RATES, ROTATION, Case, FormulaCase, few_and_many
+from rbfmu.studies.chart.methods import MOST_RADIANS, Method, NotFeasibleError, Run, fixed_steps, own_methods, planned
+from rbfmu.studies.chart.result import STOPPED, TAKES_NO, YOURS, End, Measured, Progress, Row, TooSmall, kind_of
+from rbfmu.studies.chart.simulators import BASILISK, DRAKE, MUJOCO
+from rbfmu.studies.chart.solvers import HEYOKA, NUMBALSODA, SCIPY
 from rbfmu.studies.one_step import OneStepMethod, method_of_file
+from rbfmu_kernels.models.one_axis import ORDERS
 
-Progress = Callable[[int, int, str], Any]
 LARGEST_ERROR = 1.0
 """The largest error that is recorded; a larger one is no answer."""
 MAX_REFUSED = 30
@@ -30,14 +38,78 @@ QUICK_METHODS = (
     "torque-free body", "DOP853, error control", "Taylor, order 12", "splitting, order 4", "RK4, quaternion",
     "Moser-Veselov, order 10", "SciPy DOP853", "SciPy odeint", "rbfmu, as planned",
 )  # fmt: skip
+_NOT_OWN = "it has attitude and rates, and the scene asks for more, or has formulas"
 
 
-_NOT_OWN = "{}: it has attitude and rates, and the scene asks for more, or has formulas"
+# Who competes
 
 
-def _takes_step(case: Case) -> bool:
-    """Return whether a step of attitude and rates is all that a case needs."""
-    return case.scene.body is not None and case.numbers in (RATES, ROTATION)
+class Peer(NamedTuple):
+    """Another program: its package, the extra of this library that installs it, and its methods.
+
+    most: the angle in rad that a body may turn by, which is less where it is called from Python at each step.
+    """
+
+    package: str
+    extra: str
+    methods: Sequence[Method]
+    most: float = MOST_RADIANS
+
+    @property
+    def installed(self) -> str:
+        """Return the version that is installed, or nothing."""
+        try:
+            return version(self.package)
+        except PackageNotFoundError:
+            return ""
+
+
+PEERS = {
+    "SciPy": Peer("scipy", "bench", SCIPY, 1e4),
+    "numbalsoda": Peer("numbalsoda", "bench-fortran", NUMBALSODA),
+    "heyoka.py": Peer("heyoka", "bench", [HEYOKA]),
+    "MuJoCo": Peer("mujoco", "bench", MUJOCO, 1e4),
+    "Basilisk": Peer("bsk", "bench-simulators", BASILISK),
+    "Drake": Peer("drake", "bench-simulators", DRAKE),
+}
+"""The peers by name."""
+
+
+def peers() -> list[Method]:
+    """Return the methods of the peers that are installed."""
+    return [method for peer in PEERS.values() if peer.installed for method in peer.methods]
+
+
+def absent() -> list[str]:
+    """Return a line for each peer that is not installed."""
+    return [f"{name}: not installed ({remedy(peer.extra)})" for name, peer in PEERS.items() if not peer.installed]
+
+
+def contestants(case: Case) -> list[Method]:
+    """Return all methods that suit a case, the plan last."""
+    found = [] if case.scene.body is None else [*own_methods(), *peers()]
+    return [*(method for method in found if not why_not(method, case)), planned()]
+
+
+def why_not(method: Method, case: Case) -> str:
+    """Return why a method is not tried on a case, else nothing."""
+    if method.only and case.key not in method.only:
+        return "set up for the motions of `rbfmu chart` alone"
+    if isinstance(case, FormulaCase) and not method.takes_formulas:
+        return "takes no formulas"
+    if reason := method.why_not(case):
+        return reason
+    peer = PEERS.get(_program(method.name))
+    return f"a turn by {case.turned:.1g} rad takes it too long" if peer and case.turned > peer.most else ""
+
+
+# Measuring
+
+
+def _takes_no_step(case: Case) -> str:
+    """Say why a case needs more than a step of attitude and rates, if it does."""
+    takes = case.scene.body is not None and case.numbers in (RATES, ROTATION)
+    return "" if takes else _NOT_OWN
 
 
 @dataclass(frozen=True)
@@ -66,13 +138,12 @@ def extent(quick: bool, method: str | Path | None) -> Extent:
     return replace(QUICK if quick else Extent(), own=own)
 
 
-def measure(case: Case, what: Extent, progress: Progress, first_calls: dict[str, float] | None = None) -> Chart:
+def measure(case: Case, what: Extent, progress: Progress, first_calls: dict[str, float] | None = None) -> Measured:
     """Return the chart of a case; first_calls: what is known of the time that methods take to compile, s."""
-    name = case.scene.name
-    planned = plan(case.asked)
-    methods = [m for m in contestants(case, peers()[0]) if not what.only or m.name in what.only]
-    own = [] if what.own is None else [FixedSteps(what.own, YOURS, _takes_step)]
-    methods += [method for method in own if not why_not(method, case) and method.suits(case)]
+    name, chosen = case.scene.name, plan(case.asked)
+    methods = [m for m in contestants(case) if not what.only or m.name in what.only]
+    own = [] if what.own is None else [fixed_steps(what.own, YOURS, _takes_no_step)]
+    methods += [method for method in own if not why_not(method, case)]
     first_calls, total = {} if first_calls is None else first_calls, len(methods) + what.repeats
     found: list[Tried] = []
     ends: list[End] = []
@@ -89,16 +160,16 @@ def measure(case: Case, what: Extent, progress: Progress, first_calls: dict[str,
         for one in again:
             one.time(what.shortest)
     progress(total, total, "")
-    return Chart(
-        name, planned.model, case.scene.run.accuracy, case.span, case.outputs, tuple(case.scene.inputs.ports),
-        tuple(one.row(case) for one in found), tuple(ends), tuple(too_small(case, planned)),
-        (*_not_charted(case, ends), *(_NOT_OWN.format(m.name) for m in own if m not in methods)),
-        next((m.refusal for m in methods if isinstance(m, Planned)), ""),
+    return Measured(
+        name, chosen.model, case.scene.run.accuracy, case.span, case.outputs, tuple(case.scene.inputs.ports),
+        tuple(one.row(case) for one in found), tuple(ends), tuple(too_small(case, chosen)),
+        (*_not_charted(case, ends), *(f"{m.name}: {_NOT_OWN}" for m in own if m not in methods)),
+        next((m.refusal for m in methods if m.refusal), ""),
         tuple(line for line in machine() if line not in absent()), key=case.key, many=case.many,
     )  # fmt: skip
 
 
-def charts_of(keys: Sequence[str], what: Extent, progress: Progress) -> list[Chart]:
+def charts_of(keys: Sequence[str], what: Extent, progress: Progress) -> list[Measured]:
     """Return a chart of each of the eight motions named, with few and with many outputs."""
     cases, first_calls = few_and_many(keys), dict[str, float]()
     share = 1000
@@ -180,8 +251,7 @@ def _first_run(case: Case, method: Method, value: float, first_calls: dict[str, 
     """Return a run that is ready to be timed, its error, and its time in s; the very first call compiles."""
     start = thread_time()
     run = method.run(case, value)
-    states = run.states()
-    error, drifts = case.error(states), case.drifts(states)
+    error, drifts = case.error(run.found), case.drifts(run.found)
     if method.name not in first_calls:
         run.seconds(1)
         first = thread_time() - start
@@ -194,15 +264,12 @@ def _not_charted(case: Case, ends: Sequence[End]) -> Iterator[str]:
     if case.scene.body is None:
         yield "Peers: the scene has no body, and prescribed rates are theirs to supply"
         return
-    told = {}
-    for method in peers()[0]:
-        if not method.suits(case):
-            told[_program(method.name)] = "set up for the motions of `rbfmu chart` alone"
-        elif why := why_not(method, case):
-            told[method.name if isinstance(method, Solver) else _program(method.name)] = why
-    programs = {method.name for method in peers()[0]}
+    told, names = {}, {method.name for method in peers()}
+    for method in peers():
+        if why := why_not(method, case):
+            told[method.name if method.takes_formulas else _program(method.name)] = why
     for end in ends:
-        if end.method in programs and math.isinf(end.error) and end.why.startswith("not run"):
+        if end.method in names and math.isinf(end.error) and end.why.startswith("not run"):
             told[_program(end.method)] = end.why.split(": ", 1)[1]
     yield from (f"{name}: {why}" for name, why in told.items())
     yield from absent()
@@ -213,13 +280,49 @@ def _program(method: str) -> str:
     return method.split()[0]
 
 
+# Models that are too small
+
+
+def too_small(case: Case, chosen: Plan) -> list[TooSmall]:
+    """Return the models that stand before the plan's and miss the accuracy, from the smallest."""
+    if case.scene.body is None or isinstance(case, FormulaCase):
+        return []
+    before = takewhile(lambda spec: spec.key != chosen.model, MODELS.values())
+    smaller = [spec for spec in before if spec.closed_form or spec is ONE_AXIS_TAYLOR]
+    found = [TooSmall(spec.key, *_error_of(case, spec)) for spec in smaller]
+    return [model for model in found if model.why or not model.error <= case.scene.run.accuracy]
+
+
+def _error_of(case: Case, spec: ModelSpec) -> tuple[float, str]:
+    """Return the error of a model that leaves something out, or why it has none."""
+    scene, asked = case.asked, Question(case.asked)
+    hidden = {ANGULAR_MOMENTUM.key: asked.attitude or asked.rotation, SPIN_UP.key: asked.attitude}
+    if hidden.get(spec.key) and not spec.accepts(asked):
+        return math.inf, "shows no attitude" if asked.attitude else "shows no rates in b"
+    order = 0 if spec.closed_form else max(ORDERS)
+    chosen = Plan(spec.key, spec.method, 0, tolerance=FLOOR if order else 0.0, order=order, pinned=("mass",))
+    steps = [case.interval * n for n in case.outputs_between]
+    try:
+        motion = record(Steps(scene, chosen, steps, case.names), case.names)
+    except SceneError as refusal:
+        return math.inf, str(refusal)
+    error = case.error({name: rows[1:] for name, rows in motion.items()})
+    varying = spec.rests_on(asked) & asked.varying
+    if error <= scene.run.accuracy and varying:
+        return error, f"{TAKES_NO} {' or '.join(sorted(varying))}"
+    return error, ""
+
+
+# The machine
+
+
 def machine() -> list[str]:
     """Return lines on the machine and the packages for a file's head."""
-    packages = ("numpy", "numba", "llvmlite")
-    theirs = ", ".join(f"{name} {found}" for name, found in peers()[1].items() if found != ABSENT)
+    packages = ", ".join(f"{name} {version(name)}" for name in ("numpy", "numba", "llvmlite"))
+    theirs = ", ".join(f"{name} {peer.installed}" for name, peer in PEERS.items() if peer.installed)
     return [
         f"{_processor()}, {os.cpu_count()} processors, {platform.platform()}",
-        f"Python {platform.python_version()}, " + ", ".join(f"{name} {version(name)}" for name in packages),
+        f"Python {platform.python_version()}, {packages}",
         *([theirs] if theirs else []),
         *absent(),
     ]

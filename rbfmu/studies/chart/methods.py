@@ -4,8 +4,9 @@ One-step methods in equal steps, and what rbfmu offers: series, closed forms, DO
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 from importlib import import_module
 from time import thread_time
 from typing import Any, NamedTuple
@@ -15,18 +16,21 @@ from numba import njit
 
 from rbfmu.models.model_buffer import aligned_zeros
 from rbfmu.models.question import Question
-from rbfmu.models.registry import ModelSpec
+from rbfmu.models.registry import CLOSED_FORMS, ModelSpec
 from rbfmu.planning.methods import whole_series
 from rbfmu.planning.select import plan
 from rbfmu.runs.motion import substeps_counted
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene, SceneError
-from rbfmu.studies.chart.cases import MOST_RADIANS, Case, FormulaCase
+from rbfmu.studies.chart.cases import Case, FormulaCase
 from rbfmu.studies.dop853 import Dop853Plan
 from rbfmu.studies.one_step import OneStepMethod
-from rbfmu.studies.reference_methods import midpoint
+from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, SPLITTINGS, TORQUE_FREE_INTEGRATORS, midpoint
+from rbfmu.types import Motion
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
 
+MOST_RADIANS = 1e6
+"""The angle beyond which a motion is one of many turns, which takes peers too long."""
 PLANNING = 30.0
 """The processor time, s, after which no tighter plans are made."""
 
@@ -35,39 +39,42 @@ class NotFeasibleError(Exception):
     """The error of a method that cannot do a case at a setting; the message says why."""
 
 
-@dataclass(frozen=True)
-class Run:
-    """A method at a setting: its states at the checkpoints, and the time of k solutions with all outputs.
+Found = Sequence[State] | Motion
+"""What a method returns at the checkpoints: states, or the quantities by which it is judged."""
 
-    states: what the case's `error` takes; seconds: of the processor; evaluations: those of the right-hand side in one
-    solution (0: none, NaN: not counted); detail: the method that a plan chose.
+
+class Run(NamedTuple):
+    """A method at a setting: what it found at the checkpoints, and the time of k solutions with all outputs.
+
+    seconds: of the processor; evaluations: those of the right-hand side in one solution (0: none, NaN: not counted);
+    detail: the method that a plan chose.
     """
 
-    states: Callable[[], Any]
+    found: Found
     seconds: Callable[[int], float]
     evaluations: float
     detail: str = ""
 
 
+@dataclass
 class Method:
-    """A method that competes; those of a family share a colour, `setting` is the name and unit of what is varied."""
+    """A method that competes; those of a family share a colour, `setting` is the name and unit of what is varied.
 
-    name = ""
-    family = "peer"
-    setting = "step (s)"
-    takes_formulas = False
+    settings: gives values from coarse to fine, to try until the error no longer falls or a run takes too long (quick:
+    few of them); run: makes a run at such a setting, or raises NotFeasibleError; why_not: says why a case is not its
+    own, if so; takes_formulas: whether it integrates what formulas give; only: the motions, by key, that it is set up
+    for (none named: any); refusal: why no finer setting was tried.
+    """
 
-    def suits(self, case: Case) -> bool:
-        """Return whether the method applies to the case."""
-        return True
-
-    def settings(self, case: Case, quick: bool) -> Iterator[float]:
-        """Return values from coarse to fine, to try until the error no longer falls or a run takes too long."""
-        return step_counts(case, quick)
-
-    def run(self, case: Case, value: float) -> Run:
-        """Return a run at a setting; raise NotFeasibleError."""
-        raise NotImplementedError
+    name: str
+    family: str
+    setting: str
+    settings: Callable[[Case, bool], Iterator[float]]
+    run: Callable[[Case, float], Run]
+    why_not: Callable[[Case], str] = lambda case: ""
+    takes_formulas: bool = False
+    only: tuple[str, ...] = ()
+    refusal: str = ""
 
 
 def timer(repeat: Callable[[int], Any]) -> Callable[[int], float]:
@@ -141,50 +148,34 @@ def _midpoint_rounds(loop: Any, y: Any, h: float, n: int, body: Body, loads: Loa
     return total
 
 
-class FixedSteps(Method):
-    """A one-step method in equal steps, such as those of `rbfmu.studies.reference_methods`.
+def fixed_steps(
+    method: OneStepMethod, family: str, why_not: Callable[[Case], str] = lambda case: "", largest: float = 16.0
+) -> Method:
+    """Return a one-step method in equal steps, such as those of `rbfmu.studies.reference_methods`.
 
-    applies: whether it suits a case; largest: the step that is tried first, rad.
+    largest: the step that is tried first, rad. A run of very many turns begins finer: the equation of Moser and Veselov
+    has no solution for steps of more than 1 rad, and near there each of millions of steps would take thousands of
+    rounds.
     """
 
-    def __init__(
-        self, method: OneStepMethod, family: str, applies: Callable[[Case], bool] = lambda case: True,
-        largest: float = 16.0,
-    ) -> None:  # fmt: skip
-        self.method, self.name, self.family = method, method.name, family
-        self.applies, self.largest = applies, largest
+    def settings(case: Case, quick: bool) -> Iterator[float]:
+        return step_counts(case, quick, 0.25 * largest if case.turned > MOST_RADIANS else largest)
 
-    def suits(self, case: Case) -> bool:
-        """Return whether the method applies."""
-        return self.applies(case)
+    return Method(method.name, family, "step (s)", settings, partial(_run_of_steps, method), why_not)
 
-    def settings(self, case: Case, quick: bool) -> Iterator[float]:
-        """Return step sizes, which begin finer in a run of very many turns.
 
-        The equation of Moser and Veselov has no solution for steps of more than 1 rad; near there each of millions of
-        steps would take thousands of rounds.
-        """
-        many = case.rate * case.span > MOST_RADIANS
-        return step_counts(case, quick, 0.25 * self.largest if many else self.largest)
-
-    def run(self, case: Case, value: float) -> Run:
-        """Return a run with steps of `value`."""
-        method, body, loads = self.method, case.body, case.loads
-        n, outputs = round(case.interval / value), case.outputs
-        start = method.start(case.start)
-
-        def states() -> list[State]:
-            counts = [n * some for some in case.outputs_between]
-            return [method.state_of(y) for y in method.path(case.start, value, counts, body, loads)]
-
-        if hasattr(method.steps, "py_func"):
-            seconds = timer(lambda k: _repeated(method.steps, start, EqualSteps(value, n, outputs), body, loads, k))
-        else:  # the loop is not compiled: one long run, of which the calls are a small part
-            seconds = timer(lambda k: method.steps(start, value, outputs * n * k, body, loads))
-        evaluations = float(method.evaluations * outputs * n)
-        if method.name == "implicit midpoint":
-            evaluations = _midpoint_rounds(method.steps, start, value, outputs * n, body, loads)
-        return Run(states, seconds, evaluations)
+def _run_of_steps(method: OneStepMethod, case: Case, h: float) -> Run:
+    body, loads, n, outputs = case.body, case.loads, round(case.interval / h), case.outputs
+    start = method.start(case.start)
+    path = method.path(case.start, h, [n * some for some in case.outputs_between], body, loads)
+    if hasattr(method.steps, "py_func"):
+        seconds = timer(lambda k: _repeated(method.steps, start, EqualSteps(h, n, outputs), body, loads, k))
+    else:  # the loop is not compiled: one long run, of which the calls are a small part
+        seconds = timer(lambda k: method.steps(start, h, outputs * n * k, body, loads))
+    evaluations = float(method.evaluations * outputs * n)
+    if method.name == "implicit midpoint":
+        evaluations = _midpoint_rounds(method.steps, start, h, outputs * n, body, loads)
+    return Run([method.state_of(y) for y in path], seconds, evaluations)
 
 
 # The product's models, stepped from output to output
@@ -220,90 +211,89 @@ def run_of_unit(case: Case, scene: Scene, chosen: Plan, per_substep: float = mat
     found = dict(zip(case.quantities, parts, strict=True))
     evaluations = per_substep * (fixed or substeps_counted(kernels, z))
     seconds = timer(lambda k: _steps_repeated(kernels.step, z, start, case.interval, at, out, k))
-    return Run(lambda: found, seconds, evaluations, chosen.method)
+    return Run(found, seconds, evaluations, chosen.method)
 
 
-class Substeps(Method):
-    """The series of a body under loads, with error control, or DOP853, with it or in equal steps.
+def substeps(order: int, controlled: bool = True) -> Method:
+    """Return the series of a body under loads, with error control, or DOP853, with it or in equal steps.
 
     order: the order of the Taylor series, 0 for DOP853.
     """
+    name = f"Taylor, order {order}" if order else f"DOP853, {'error control' if controlled else 'fixed steps'}"
 
-    def __init__(self, order: int, controlled: bool = True) -> None:
-        self.order, self.controlled, self.takes_formulas = order, controlled, order > 0
-        steps = "error control" if controlled else "fixed steps"
-        self.name = f"Taylor, order {order}" if order else f"DOP853, {steps}"
-        self.family = "Taylor" if order else "DOP853"
-        self.setting = "tolerance" if controlled else "step (s)"
-
-    def settings(self, case: Case, quick: bool) -> Iterator[float]:
-        """Return tolerances or step sizes."""
+    def settings(case: Case, quick: bool) -> Iterator[float]:
         largest = -3 if isinstance(case, FormulaCase) else 0  # what is rougher may run away, in many substeps
-        return tolerances(largest, -16 if self.order else -15, quick) if self.controlled else step_counts(case, quick)
+        return tolerances(largest, -16 if order else -15, quick) if controlled else step_counts(case, quick)
 
-    def run(self, case: Case, value: float) -> Run:
-        """Return a run with a tolerance or step of `value`."""
-        substep, tolerance = (math.inf, value) if self.controlled else (value, 0.0)
-        chosen: Plan = Dop853Plan("body under loads", self.name, 13, substep, tolerance)
-        if self.order:
-            chosen = replace(whole_series(case.asked, self.order, value), method=self.name)
-        fixed = 0.0 if self.controlled else float(case.outputs * round(case.interval / value))
-        return run_of_unit(case, case.asking(1.0), chosen, self.order or 12.0, fixed)
+    def run(case: Case, value: float) -> Run:
+        substep, tolerance = (math.inf, value) if controlled else (value, 0.0)
+        chosen: Plan = Dop853Plan("body under loads", name, 13, substep, tolerance)
+        if order:
+            chosen = replace(whole_series(case.asked, order, value), method=name)
+        fixed = 0.0 if controlled else float(case.outputs * round(case.interval / value))
+        return run_of_unit(case, case.asking(1.0), chosen, order or 12.0, fixed)
 
-
-class ClosedForm(Method):
-    """A model with a closed form that is exact for the scene, whatever its ports supply."""
-
-    family, setting = "exact", "outputs"
-
-    def __init__(self, spec: ModelSpec) -> None:
-        self.spec, self.name = spec, spec.key
-
-    def suits(self, case: Case) -> bool:
-        """Return whether the model is exact."""
-        return self.spec.serves(Question(case.asked))
-
-    def settings(self, case: Case, quick: bool) -> Iterator[float]:
-        """Return one setting: as many outputs as asked for."""
-        yield float(case.outputs)
-
-    def run(self, case: Case, value: float) -> Run:
-        """Return a run of all outputs."""
-        return run_of_unit(case, case.asked, Plan(self.spec.key, self.spec.method, 0))
+    family, setting = "Taylor" if order else "DOP853", "tolerance" if controlled else "step (s)"
+    return Method(name, family, setting, settings, run, takes_formulas=order > 0)
 
 
-class Planned(Method):
-    """The plans that `rbfmu.plan` makes, with all of a model's outputs: for the accuracy asked, and each further digit.
+def closed_form(spec: ModelSpec) -> Method:
+    """Return a model with a closed form that is exact for a scene, whatever its ports supply."""
+    return Method(
+        spec.key, "exact", "outputs",
+        lambda case, quick: iter([float(case.outputs)]),
+        lambda case, value: run_of_unit(case, case.asked, Plan(spec.key, spec.method, 0)),
+        lambda case: "" if spec.serves(Question(case.asked)) else "it is not exact",
+    )  # fmt: skip
 
-    refusal: why no tighter plans are made.
+
+def planned() -> Method:
+    """Return the plans that `rbfmu.plan` makes, with all of a model's outputs.
+
+    They are for the accuracies that a case names; where it names none, for that of its scene and each further digit,
+    until one is refused or takes too long.
     """
 
-    name, family, setting = "rbfmu, as planned", "planned", "accuracy asked"
-
-    def __init__(self) -> None:
-        self.refusal = ""
-
-    def settings(self, case: Case, quick: bool) -> Iterator[float]:
-        """Yield the case's accuracies; if it names none, further digits until one is refused or takes too long."""
+    def settings(case: Case, quick: bool) -> Iterator[float]:
         if case.accuracies:
             yield from case.accuracies[: 2 if quick else None]
             return
         begin, accuracy = thread_time(), case.scene.run.accuracy
-        while not self.refusal:
+        while not method.refusal:
             yield accuracy
             accuracy = float(f"{0.1 * accuracy:.12g}")
             if thread_time() > begin + (0.0 if quick else PLANNING):
-                self.refusal = f"{short(accuracy)}: not tried{'' if quick else ', as planning takes long'}"
+                method.refusal = f"{short(accuracy)}: not tried{'' if quick else ', as planning takes long'}"
 
-    def run(self, case: Case, value: float) -> Run:
-        """Return a run as planned for the accuracy."""
+    def run(case: Case, value: float) -> Run:
         scene = case.asking(value)
         try:
             chosen = plan(scene)
         except SceneError as error:
-            self.refusal = f"{short(value)}: {error}"
+            method.refusal = f"{short(value)}: {error}"
             raise NotFeasibleError(str(error)) from None
         return run_of_unit(case, scene, chosen)
+
+    method = Method("rbfmu, as planned", "planned", "accuracy asked", settings, run)
+    return method
+
+
+@cache
+def own_methods() -> tuple[Method, ...]:
+    """Return the library's methods but the plan, and one-step methods in common use with the same right-hand sides."""
+    return (
+        *map(closed_form, CLOSED_FORMS), substeps(0), substeps(0, False),
+        *map(substeps, (6, 8, 12, 16, 20, 24)),
+        *(
+            fixed_steps(method, "splitting", lambda case: "" if case.top else "no top")
+            for method in SPLITTINGS.values()
+        ),
+        *(fixed_steps(method, "classic") for method in REFERENCE_INTEGRATORS.values()),
+        *(
+            fixed_steps(method, "Moser-Veselov", lambda case: "" if case.turns_freely else "under torques", 1.0)
+            for method in TORQUE_FREE_INTEGRATORS.values()
+        ),
+    )  # fmt: skip
 
 
 def short(number: float) -> str:

@@ -6,19 +6,20 @@ kind of method; plans beside the best of the others.
 
 import csv
 import math
-import re
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
 from rbfmu.studies.chart.cases import FLOOR
 
+Progress = Callable[[int, int, str], object]
+"""What is called with (done, total, text)."""
 TAKES_NO = "takes no"
 """How the reason begins why a model does not serve a scene with ports, or with parameters to be changed."""
 STOPPED = "stopped: time limit"
@@ -81,8 +82,7 @@ class Row:
     vertical_momentum_drift: float = math.nan
 
 
-@dataclass(frozen=True)
-class End:
+class End(NamedTuple):
     """The smallest error that a method reached (infinite: none below 1), and why no finer setting was tried."""
 
     kind: str
@@ -96,8 +96,7 @@ class End:
         return self.why == STOPPED
 
 
-@dataclass(frozen=True)
-class TooSmall:
+class TooSmall(NamedTuple):
     """A model that is smaller than the plan's, and its error as the scene's accuracy counts it.
 
     why: why it has none, if so.
@@ -109,8 +108,8 @@ class TooSmall:
 
 
 @dataclass(frozen=True)
-class Chart:
-    """Accuracy against cost on a scene; `print` shows a table, `save` writes table, CSV file and picture.
+class Measured:
+    """Accuracy against cost on a scene: what a chart shows.
 
     model: the plan's; accuracy: the one asked; span, outputs: of the charted run, s; ports: those that are at zero;
     rows: all measurements; ends: how far each method came; too_small: models that the plan's is larger than; absent:
@@ -179,55 +178,8 @@ class Chart:
         least, best, why = (end.error, end.method, end.why) if end else (rows[0].error, rows[0].method, "")
         return Reach(kind, offer.method, offer.cost, least, best, why, any(end.stopped for end in ends))
 
-    @cached_property
-    def table(self) -> str:
-        """Return the findings as text of at most 80 columns."""
-        from rbfmu.studies.chart.tables import chart_text
 
-        return chart_text(self)
-
-    def figure(self) -> Any:
-        """Return the picture as a figure of matplotlib."""
-        from rbfmu.studies.chart.drawing import figure_of
-
-        return figure_of(self)
-
-    def save(self, folder: str | Path, name: str = "") -> list[Path]:
-        """Write NAME.csv (all measurements), NAME.txt (the table) and NAME.png to a folder; return the files.
-
-        name: the scene's, if none is given.
-        """
-        folder = Path(folder)
-        folder.mkdir(parents=True, exist_ok=True)
-        stem = re.sub(r"[^\w.-]+", "_", name or self.scene) or "scene"
-        csv, text, picture = (folder / f"{stem}{ending}" for ending in (".csv", ".txt", ".png"))
-        write_rows(csv, map(asdict, self.rows), [*self.machine, *self.absent])
-        text.write_text(self.table + "\n", encoding="utf-8")
-        self.figure().savefig(picture)
-        return [csv, text, picture]
-
-    def __str__(self) -> str:
-        return self.table
-
-    def __repr__(self) -> str:
-        from rbfmu.studies.chart.tables import headline
-
-        what = f"Chart of {self.scene}: {len(self.rows)} points; print it, or save(folder)"
-        return "\n".join((what, *headline(self)))
-
-    def _repr_html_(self) -> str:
-        """Return picture and table for a notebook."""
-        from base64 import b64encode
-        from html import escape
-        from io import BytesIO
-
-        buffer = BytesIO()
-        self.figure().savefig(buffer, format="png")
-        picture = b64encode(buffer.getvalue()).decode()
-        return f'<img src="data:image/png;base64,{picture}" width="880"/><pre>{escape(self.table)}</pre>'
-
-
-def write_rows(path: Path, rows: Iterable[dict[str, Any]], head: Iterable[str]) -> Path:
+def write_rows(path: Path, rows: Iterable[Mapping[str, object]], head: Iterable[str]) -> Path:
     """Write a CSV file whose first lines, after #, say where the figures come from."""
     rows = list(rows)
     with path.open("w", newline="", encoding="utf-8") as file:
@@ -250,11 +202,9 @@ SIDES = {
 DEAREST = 1.3
 """The largest cost of a plan relative to the best other method; a plan is made without knowing the true error."""
 REFUSED = "refused"
-ERROR: Callable[[Row], float] = attrgetter("error")
-"""The error by which methods are compared."""
 
 
-def front(rows: Iterable[Row], error: Callable[[Row], float] = ERROR, gain: float = 1.0) -> list[Row]:
+def front(rows: Iterable[Row], error: Callable[[Row], float] = attrgetter("error"), gain: float = 1.0) -> list[Row]:
     """Return the Pareto front by rising cost: each error is below `gain` times that of the row before."""
     kept: list[Row] = []
     for row in sorted(rows, key=lambda row: row.seconds):
@@ -281,8 +231,7 @@ def cost_of(rows: Iterable[Row], accuracy: float) -> float | None:
     return float(coarse.seconds * (fine.seconds / coarse.seconds) ** part)
 
 
-@dataclass(frozen=True)
-class Offer:
+class Offer(NamedTuple):
     """A method, and the processor time in s by which it reaches an accuracy, for a simulated second."""
 
     method: str
@@ -297,8 +246,7 @@ def cheapest(rows: Sequence[Row], accuracy: float) -> Offer | None:
     return min(offers, key=lambda offer: offer.cost, default=None)
 
 
-@dataclass(frozen=True)
-class Reach:
+class Reach(NamedTuple):
     """The cheapest way to the accuracy asked by a kind of method.
 
     cost: s for a simulated second, infinite where none meets the accuracy; least: the smallest error of the kind, by
@@ -326,30 +274,18 @@ class Reach:
 class Verdict:
     """A plan for an accuracy, the best other method at the plan's error, the best peer at that accuracy.
 
-    plan: None where it is refused; stopped: whether the time limit stopped a peer before that accuracy.
+    method: what the plan chose; error, cost: its own, for a simulated second, infinite where it is refused; stopped:
+    whether the time limit stopped a peer before that accuracy.
     """
 
-    chart: Chart
+    chart: Measured
     accuracy: float
-    plan: Row | None
+    method: str
+    error: float
+    cost: float
     rival: Offer | None
     peer: Offer | None
     stopped: bool
-
-    @property
-    def method(self) -> str:
-        """Return what the plan chose."""
-        return self.plan.detail if self.plan else REFUSED
-
-    @property
-    def error(self) -> float:
-        """Return the plan's error; infinite where there is none."""
-        return self.plan.error if self.plan else math.inf
-
-    @property
-    def cost(self) -> float:
-        """Return the plan's cost for a simulated second; infinite where there is none."""
-        return self.plan.seconds if self.plan else math.inf
 
     @property
     def dearness(self) -> float:
@@ -372,16 +308,17 @@ class Verdict:
         return self.error <= self.accuracy and self.dearness <= DEAREST * self.chart.noise
 
 
-def verdicts(charts: Sequence[Chart]) -> list[Verdict]:
+def verdicts(charts: Sequence[Measured]) -> list[Verdict]:
     """Return a verdict for each chart and each accuracy that plans were asked for."""
     asked = {row.value for chart in charts for row in chart.rows if row.family == "planned"}
     return [_verdict(chart, accuracy) for chart in charts for accuracy in sorted(asked, reverse=True)]
 
 
-def _verdict(chart: Chart, accuracy: float) -> Verdict:
+def _verdict(chart: Measured, accuracy: float) -> Verdict:
     plan = next((row for row in chart.rows if row.family == "planned" and row.value == accuracy), None)
-    error = max(min(plan.error if plan else math.inf, accuracy), FLOOR)
+    chosen = (plan.detail, plan.error, plan.seconds) if plan else (REFUSED, math.inf, math.inf)
+    error = max(min(chosen[1], accuracy), FLOOR)
     peers = {row.method for row in chart.rows if row.family == "peer"}
     stopped = any(e.stopped and e.method in peers and e.error > accuracy for e in chart.ends)
     rival = chart.cheapest(SIDES["library"] + SIDES["integrator"], error)
-    return Verdict(chart, accuracy, plan, rival, chart.cheapest(SIDES["peer"], accuracy), stopped)
+    return Verdict(chart, accuracy, *chosen, rival, chart.cheapest(SIDES["peer"], accuracy), stopped)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable, Iterator
+from functools import partial
 from itertools import islice
 from time import thread_time
 from typing import Any
@@ -35,238 +36,227 @@ def _inertia(M: Matrix) -> str:
     return f'{kind}="{_text((M[0][0], M[1][1], M[2][2], *(mixed if any(mixed) else ())))}"'
 
 
-class MuJoCo(Method):
-    """A single free body, or one on a ball joint, stepped in C."""
+def mujoco(integrator: str) -> Method:
+    """Return a single free body, or one on a ball joint, stepped in C; without the steps that MuJoCo warns of."""
 
-    def __init__(self, integrator: str) -> None:
-        self.integrator, self.name = integrator, f"MuJoCo {integrator}"
-
-    def settings(self, case: Case, quick: bool) -> Iterator[float]:
-        """Return step sizes, without those that MuJoCo warns of."""
+    def settings(case: Case, quick: bool) -> Iterator[float]:
         return (h for h in step_counts(case, quick) if h * case.rate <= 1.0)
 
-    def run(self, case: Case, value: float) -> Run:
-        """Return a run with steps of `value`."""
-        mujoco = module("mujoco")
-        mujoco.set_mju_user_warning(lambda text: None)  # else it writes a log to the working folder
-        body, loads, initial = case.scene.body, case.scene.loads, case.scene.initial
-        assert body is not None
-        ball = body.pivot or any(loads.damping_b)
-        if len(set(loads.damping_b)) > 1:
-            raise NotFeasibleError("a ball joint's damping is the same about all axes")
-        if any(body.r_oc_b) and any(loads.force_a):
-            raise NotFeasibleError("a force fixed in space acts at the centre of mass")
-        text = _MUJOCO.format(
-            h=value,
-            integrator=self.integrator,
-            gravity=_text(loads.gravity_a),
-            joint=f'<joint type="ball" damping="{loads.damping_b[0]}"/>' if ball else '<freejoint align="false"/>',
-            at=_text(body.r_oc_b),
-            mass=body.mass,
-            inertia=_inertia(body.M_c),
-            load=_text((*loads.force_b, *loads.torque_b)),
-        )
-        try:
-            model = mujoco.MjModel.from_xml_string(text)
-        except ValueError as error:
-            raise NotFeasibleError(str(error)) from None
-        data, n = mujoco.MjData(model), round(case.interval / value)
+    run = partial(_run_of_mujoco, integrator)
+    return Method(f"MuJoCo {integrator}", "peer", "step (s)", settings, run)
 
-        def begin() -> None:
-            mujoco.mj_resetData(model, data)
-            data.qpos[:] = (*(() if ball else initial.position), *initial.quaternion)
-            data.qvel[:] = (*(() if ball else initial.velocity), *initial.omega_b)
-            data.ctrl[:] = 1.0
-            data.xfrc_applied[-1] = (*loads.force_a, *loads.torque_a)
 
-        def state() -> State:
-            q, omega = np.array(data.qpos[-4:]), np.array(data.qvel[-3:])
-            if ball:
-                return state_of(case.start.r_c, case.start.v_c, q, omega)
-            r = data.qpos[:3] + arrays.rotate(q, np.array(body.r_oc_b))
-            v = data.qvel[:3] + arrays.rotate(q, np.cross(omega, body.r_oc_b))
-            return state_of(r, v, q, omega)
+def _run_of_mujoco(integrator: str, case: Case, h: float) -> Run:
+    program = module("mujoco")
+    program.set_mju_user_warning(lambda text: None)  # else it writes a log to the working folder
+    body, loads, initial = case.scene.body, case.scene.loads, case.scene.initial
+    assert body is not None
+    ball = body.pivot or any(loads.damping_b)
+    if len(set(loads.damping_b)) > 1:
+        raise NotFeasibleError("a ball joint's damping is the same about all axes")
+    if any(body.r_oc_b) and any(loads.force_a):
+        raise NotFeasibleError("a force fixed in space acts at the centre of mass")
+    text = _MUJOCO.format(
+        h=h,
+        integrator=integrator,
+        gravity=_text(loads.gravity_a),
+        joint=f'<joint type="ball" damping="{loads.damping_b[0]}"/>' if ball else '<freejoint align="false"/>',
+        at=_text(body.r_oc_b),
+        mass=body.mass,
+        inertia=_inertia(body.M_c),
+        load=_text((*loads.force_b, *loads.torque_b)),
+    )
+    try:
+        model = program.MjModel.from_xml_string(text)
+    except ValueError as error:
+        raise NotFeasibleError(str(error)) from None
+    data, n = program.MjData(model), round(case.interval / h)
 
-        def states() -> list[State]:
+    def begin() -> None:
+        program.mj_resetData(model, data)
+        data.qpos[:] = (*(() if ball else initial.position), *initial.quaternion)
+        data.qvel[:] = (*(() if ball else initial.velocity), *initial.omega_b)
+        data.ctrl[:] = 1.0
+        data.xfrc_applied[-1] = (*loads.force_a, *loads.torque_a)
+
+    def state() -> State:
+        q, omega = np.array(data.qpos[-4:]), np.array(data.qvel[-3:])
+        if ball:
+            return state_of(case.start.r_c, case.start.v_c, q, omega)
+        r = data.qpos[:3] + arrays.rotate(q, np.array(body.r_oc_b))
+        v = data.qvel[:3] + arrays.rotate(q, np.cross(omega, body.r_oc_b))
+        return state_of(r, v, q, omega)
+
+    begin()
+    found = [(program.mj_step(model, data, n * some), state())[1] for some in case.outputs_between]
+    out = np.zeros((case.outputs, len(data.qpos)))
+
+    def repeat(k: int) -> None:
+        step, qpos = program.mj_step, data.qpos
+        for _ in range(k):
             begin()
-            return [(mujoco.mj_step(model, data, n * some), state())[1] for some in case.outputs_between]
+            for row in out:
+                step(model, data, n)
+                row[:] = qpos
 
-        out = np.zeros((case.outputs, len(data.qpos)))
-
-        def repeat(k: int) -> None:
-            step, qpos = mujoco.mj_step, data.qpos
-            for _ in range(k):
-                begin()
-                for row in out:
-                    step(model, data, n)
-                    row[:] = qpos
-
-        return Run(states, timer(repeat), float((4 if self.integrator == "RK4" else 1) * case.outputs * n))
+    return Run(found, timer(repeat), float((4 if integrator == "RK4" else 1) * case.outputs * n))
 
 
 # Basilisk
 
 
-class Basilisk(Method):
-    """A spacecraft hub with a constant torque."""
+CONTROLLED = ("RKF78",)
+"""The integrators of Basilisk with error control."""
 
-    def __init__(self, integrator: str) -> None:
-        self.integrator, self.name = integrator, f"Basilisk {integrator}"
-        self.controlled = integrator == "RKF78"
-        self.setting = "tolerance" if self.controlled else "step (s)"
 
-    def suits(self, case: Case) -> bool:
-        """Return whether the case suits: no pivot, damping, or force off the centre; a million turns take too long."""
-        return case.key in ("a", "b", "d")
+def basilisk(integrator: str) -> Method:
+    """Return a spacecraft hub with a constant torque; time is in whole nanoseconds.
 
-    def settings(self, case: Case, quick: bool) -> Iterator[float]:
-        """Return tolerances or step sizes; time is in whole nanoseconds."""
-        if self.controlled:
+    No pivot, damping, or force off the centre; a million turns take too long.
+    """
+
+    def settings(case: Case, quick: bool) -> Iterator[float]:
+        if integrator in CONTROLLED:
             return tolerances(-6, -13, quick)  # a radian a step is as accurate as larger ones
         whole = (n for n in range(1, 10**6) if round(case.interval * 1e9) % n == 0)
         steps = (case.interval / n for n in whole if case.interval / n * case.rate <= 4.0)
         return islice(steps, 0, None, 3 if quick else 1)
 
-    def run(self, case: Case, value: float) -> Run:
-        """Return a run in steps of `value`, or with error control in tasks of a radian, which keep the MRPs regular."""
-        n = math.ceil(case.interval * max(1.0, case.rate)) if self.controlled else round(case.interval / value)
-        n = n if round(case.interval * 1e9) % n == 0 else math.ceil(case.interval) * 4
-        recorder: Any = None
+    setting, run = "tolerance" if integrator in CONTROLLED else "step (s)", partial(_run_of_basilisk, integrator)
+    return Method(f"Basilisk {integrator}", "peer", setting, settings, run, only=("a", "b", "d"))
 
-        def execute() -> float:
-            nonlocal recorder
-            nanoseconds = round(case.interval * 1e9) // n
-            simulation, recorder = self._simulation(case, value, nanoseconds)
-            simulation.InitializeSimulation()
-            simulation.ConfigureStopTime(case.outputs * n * nanoseconds)
-            start = thread_time()
-            simulation.ExecuteSimulation()
-            return thread_time() - start
 
-        def states() -> list[State]:
-            execute()
-            sigma, omega = np.array(recorder.sigma_BN), np.array(recorder.omega_BN_B)
-            rows = range(n, case.outputs * n + 1, n)[case.checkpoints]
-            q_ab = arrays.quaternion_from_mrp(sigma)
-            return [state_of(case.start.r_c, case.start.v_c, q_ab[i], omega[i]) for i in rows]
+def _run_of_basilisk(integrator: str, case: Case, value: float) -> Run:
+    """Return a run in steps of `value`, or with error control in tasks of a radian, which keep the MRPs regular."""
+    controlled = integrator in CONTROLLED
+    n = math.ceil(case.interval * max(1.0, case.rate)) if controlled else round(case.interval / value)
+    n = n if round(case.interval * 1e9) % n == 0 else math.ceil(case.interval) * 4
+    nanoseconds = round(case.interval * 1e9) // n
 
-        evaluations = math.nan if self.controlled else 4.0 * case.outputs * n
-        return Run(states, lambda k: sum(execute() for _ in range(k)), evaluations)
+    def execute() -> tuple[float, Any]:
+        simulation, recorder = _basilisk(integrator, case, value, nanoseconds)
+        simulation.InitializeSimulation()
+        simulation.ConfigureStopTime(case.outputs * n * nanoseconds)
+        start = thread_time()
+        simulation.ExecuteSimulation()
+        return thread_time() - start, recorder
 
-    def _simulation(self, case: Case, value: float, nanoseconds: int) -> tuple[Any, Any]:
-        """Return a simulation for one run, since starting the same one again gives a warning."""
-        base = module("Basilisk.utilities.SimulationBaseClass")
-        craft, forces = module("Basilisk.simulation.spacecraft"), module("Basilisk.simulation.extForceTorque")
-        integrators = module("Basilisk.simulation.svIntegrators")
-        simulation = base.SimBaseClass()
-        simulation.CreateNewProcess("process").addTask(simulation.CreateNewTask("task", nanoseconds))
-        hub = craft.Spacecraft()
-        initial, moments, body = case.scene.initial, case.moments, case.scene.body
-        assert body is not None
-        hub.hub.mHub = body.mass
-        hub.hub.IHubPntBc_B = [[moments[i] if i == j else 0.0 for j in range(3)] for i in range(3)]
-        e, *x = initial.quaternion
-        hub.hub.sigma_BNInit = [[a / (1.0 + e)] for a in x]
-        hub.hub.omega_BN_BInit = [[w] for w in initial.omega_b]
-        integrator = getattr(integrators, f"svIntegrator{self.integrator}")(hub)
-        if self.controlled:
-            integrator.relTol = integrator.absTol = value
-        hub.setIntegrator(integrator)
-        simulation.AddModelToTask("task", hub)
-        torque = forces.ExtForceTorque()
-        torque.extTorquePntB_B = [[t] for t in case.scene.loads.torque_b]
-        hub.addDynamicEffector(torque)
-        simulation.AddModelToTask("task", torque)
-        recorder = hub.scStateOutMsg.recorder(nanoseconds)
-        simulation.AddModelToTask("task", recorder)
-        simulation.kept = (integrator, torque, hub)
-        return simulation, recorder
+    _, recorder = execute()
+    q_ab, omega = arrays.quaternion_from_mrp(np.array(recorder.sigma_BN)), np.array(recorder.omega_BN_B)
+    rows = range(n, case.outputs * n + 1, n)[case.checkpoints]
+    found = [state_of(case.start.r_c, case.start.v_c, q_ab[i], omega[i]) for i in rows]
+    return Run(found, lambda k: sum(execute()[0] for _ in range(k)), math.nan if controlled else 4.0 * case.outputs * n)
+
+
+def _basilisk(integrator: str, case: Case, value: float, nanoseconds: int) -> tuple[Any, Any]:
+    """Return a simulation for one run, since starting the same one again gives a warning."""
+    base = module("Basilisk.utilities.SimulationBaseClass")
+    craft, forces = module("Basilisk.simulation.spacecraft"), module("Basilisk.simulation.extForceTorque")
+    integrators = module("Basilisk.simulation.svIntegrators")
+    simulation = base.SimBaseClass()
+    simulation.CreateNewProcess("process").addTask(simulation.CreateNewTask("task", nanoseconds))
+    hub = craft.Spacecraft()
+    initial, moments, body = case.scene.initial, case.moments, case.scene.body
+    assert body is not None
+    hub.hub.mHub = body.mass
+    hub.hub.IHubPntBc_B = [[moments[i] if i == j else 0.0 for j in range(3)] for i in range(3)]
+    e, *x = initial.quaternion
+    hub.hub.sigma_BNInit = [[a / (1.0 + e)] for a in x]
+    hub.hub.omega_BN_BInit = [[w] for w in initial.omega_b]
+    stepper = getattr(integrators, f"svIntegrator{integrator}")(hub)
+    if integrator in CONTROLLED:
+        stepper.relTol = stepper.absTol = value
+    hub.setIntegrator(stepper)
+    simulation.AddModelToTask("task", hub)
+    torque = forces.ExtForceTorque()
+    torque.extTorquePntB_B = [[t] for t in case.scene.loads.torque_b]
+    hub.addDynamicEffector(torque)
+    simulation.AddModelToTask("task", torque)
+    recorder = hub.scStateOutMsg.recorder(nanoseconds)
+    simulation.AddModelToTask("task", recorder)
+    simulation.kept = (stepper, torque, hub)
+    return simulation, recorder
 
 
 # Drake
 
 
-class Drake(Method):
-    """A multibody plant of one free body, or of one on a ball joint."""
+def drake(scheme: str, label: str) -> Method:
+    """Return a multibody plant of one free body, or of one on a ball joint.
 
-    setting = "target accuracy"
+    No load turns with the body (a Python callback), and the turns are few; RK5 does not finish on ball joints, since it
+    runs into the singularity of their Euler angles.
+    """
+    return Method(
+        f"Drake {label}", "peer", "target accuracy", lambda case, quick: tolerances(-2, -13, quick),
+        partial(_run_of_drake, scheme), only=("a", "b", "c", "c'", "e") if scheme == "runge_kutta3" else ("a", "b"),
+    )  # fmt: skip
 
-    def __init__(self, scheme: str, label: str) -> None:
-        self.scheme, self.name = scheme, f"Drake {label}"
 
-    def suits(self, case: Case) -> bool:
-        """Return whether the case suits: no load turns with the body (a Python callback), and the turns are few.
+def _run_of_drake(scheme: str, case: Case, accuracy: float) -> Run:
+    analysis = module("pydrake.systems.analysis")
+    plant, body, ball = _plant(case)
+    initial = case.scene.initial
 
-        RK5 does not finish on ball joints, since it runs into the singularity of their Euler angles.
-        """
-        return case.key in ("a", "b") or (case.key in ("c", "c'", "e") and self.scheme == "runge_kutta3")
+    def simulator() -> Any:
+        made = analysis.Simulator(plant)
+        integrator = analysis.ResetIntegratorFromFlags(made, scheme, case.interval)
+        integrator.set_target_accuracy(accuracy)
+        context = made.get_mutable_context()
+        omega_a = arrays.rotate(np.array(initial.quaternion), np.array(initial.omega_b))
+        if ball is None:
+            plant.SetPositions(context, (*initial.quaternion, *initial.position))
+            plant.SetVelocities(context, (*omega_a, *initial.velocity))
+        else:
+            yaw, pitch, roll = arrays.euler_from_quaternion("ZYX", np.array(initial.quaternion))
+            ball.set_angles(context, (roll, pitch, yaw))
+            ball.set_angular_velocity(context, omega_a)
+        made.Initialize()
+        return made
 
-    def settings(self, case: Case, quick: bool) -> Iterator[float]:
-        """Return accuracies."""
-        return tolerances(-2, -13, quick)
+    def seconds(k: int) -> float:
+        total = 0.0
+        for _ in range(k):
+            made = simulator()
+            start = thread_time()
+            for i in range(1, case.outputs + 1):
+                made.AdvanceTo(i * case.interval)
+            total += thread_time() - start
+        return total
 
-    def run(self, case: Case, value: float) -> Run:
-        """Return a run at a target accuracy."""
-        analysis = module("pydrake.systems.analysis")
-        plant, body, ball = self._plant(case)
-        initial = case.scene.initial
+    made, found = simulator(), []
+    for t in case.times[1:][case.checkpoints]:
+        try:
+            made.AdvanceTo(t)
+        except RuntimeError as error:  # the joint's pitch came close to 90 degrees
+            raise NotFeasibleError(str(error)) from None
+        context = made.get_context()
+        R = plant.EvalBodyPoseInWorld(context, body).rotation()
+        omega = R.matrix().T @ plant.EvalBodySpatialVelocityInWorld(context, body).rotational()
+        found.append(state_of(case.start.r_c, case.start.v_c, arrays.quaternion_from_matrix(R.matrix()), omega))
+    return Run(found, seconds, float(made.get_integrator().get_num_derivative_evaluations()))
 
-        def simulator() -> Any:
-            made = analysis.Simulator(plant)
-            integrator = analysis.ResetIntegratorFromFlags(made, self.scheme, case.interval)
-            integrator.set_target_accuracy(value)
-            context = made.get_mutable_context()
-            omega_a = arrays.rotate(np.array(initial.quaternion), np.array(initial.omega_b))
-            if ball is None:
-                plant.SetPositions(context, (*initial.quaternion, *initial.position))
-                plant.SetVelocities(context, (*omega_a, *initial.velocity))
-            else:
-                yaw, pitch, roll = arrays.euler_from_quaternion("ZYX", np.array(initial.quaternion))
-                ball.set_angles(context, (roll, pitch, yaw))
-                ball.set_angular_velocity(context, omega_a)
-            made.Initialize()
-            return made
 
-        def states() -> list[State]:
-            made, found = simulator(), []
-            for t in (case.interval * np.arange(1, case.outputs + 1))[case.checkpoints]:
-                try:
-                    made.AdvanceTo(t)
-                except RuntimeError as error:  # the joint's pitch came close to 90 degrees
-                    raise NotFeasibleError(str(error)) from None
-                context = made.get_context()
-                R = plant.EvalBodyPoseInWorld(context, body).rotation()
-                omega = R.matrix().T @ plant.EvalBodySpatialVelocityInWorld(context, body).rotational()
-                found.append(state_of(case.start.r_c, case.start.v_c, arrays.quaternion_from_matrix(R.matrix()), omega))
-            evaluations.append(made.get_integrator().get_num_derivative_evaluations())
-            return found
+def _plant(case: Case) -> tuple[Any, Any, Any]:
+    multibody, tree = module("pydrake.multibody.plant"), module("pydrake.multibody.tree")
+    scene_body, loads = case.scene.body, case.scene.loads
+    assert scene_body is not None
+    plant = multibody.MultibodyPlant(time_step=0.0)
+    M, r, mass = scene_body.M_o, scene_body.r_oc_b, scene_body.mass
+    inertia = tree.UnitInertia(*(M[k][k] / mass for k in range(3)))
+    body = plant.AddRigidBody("body", tree.SpatialInertia(mass, r, inertia))
+    ball = None
+    if scene_body.pivot or any(loads.damping_b):
+        frames = plant.world_frame(), body.body_frame()
+        ball = plant.AddJoint(tree.BallRpyJoint("ball", *frames, damping=loads.damping_b[0]))
+    plant.mutable_gravity_field().set_gravity_vector(loads.gravity_a)
+    plant.Finalize()
+    return plant, body, ball
 
-        def seconds(k: int) -> float:
-            total = 0.0
-            for _ in range(k):
-                made = simulator()
-                start = thread_time()
-                for i in range(1, case.outputs + 1):
-                    made.AdvanceTo(i * case.interval)
-                total += thread_time() - start
-            return total
 
-        evaluations: list[int] = []
-        found = states()
-        return Run(lambda: found, seconds, float(evaluations[0]))
+# The simulators
 
-    def _plant(self, case: Case) -> tuple[Any, Any, Any]:
-        multibody, tree = module("pydrake.multibody.plant"), module("pydrake.multibody.tree")
-        scene_body, loads = case.scene.body, case.scene.loads
-        assert scene_body is not None
-        plant = multibody.MultibodyPlant(time_step=0.0)
-        M, r, mass = scene_body.M_o, scene_body.r_oc_b, scene_body.mass
-        inertia = tree.UnitInertia(*(M[k][k] / mass for k in range(3)))
-        body = plant.AddRigidBody("body", tree.SpatialInertia(mass, r, inertia))
-        ball = None
-        if scene_body.pivot or any(loads.damping_b):
-            frames = plant.world_frame(), body.body_frame()
-            ball = plant.AddJoint(tree.BallRpyJoint("ball", *frames, damping=loads.damping_b[0]))
-        plant.mutable_gravity_field().set_gravity_vector(loads.gravity_a)
-        plant.Finalize()
-        return plant, body, ball
+
+MUJOCO = tuple(map(mujoco, ("Euler", "implicit", "implicitfast", "RK4")))
+BASILISK = tuple(map(basilisk, ("RK4", "RKF78")))
+DRAKE = drake("runge_kutta3", "RK3"), drake("runge_kutta5", "RK5")

@@ -3,8 +3,10 @@
 SciPy's solvers call a right-hand side that Numba compiled; numbalsoda's are called from compiled code themselves.
 """
 
+import math
 from collections.abc import Callable, Iterator, Sequence
-from functools import cache
+from dataclasses import replace
+from functools import cache, partial
 from itertools import islice
 from typing import Any
 
@@ -16,6 +18,7 @@ from rbfmu.formulas.source import function_of
 from rbfmu.scene.scene import Scene
 from rbfmu.studies.chart.cases import ALL, PATH, PLACES, RATES, ROTATION, Case, FormulaCase, kind_of_case
 from rbfmu.studies.chart.methods import Method, NotFeasibleError, Run, module, timer, tolerances
+from rbfmu.types import Array
 from rbfmu_kernels.body.memory import body_of, loads_of, motion_of
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State, state_rates
 
@@ -109,59 +112,72 @@ def _numpy_rates(case: Case) -> Callable[[float, Any], Any]:
     return rates
 
 
-class Solver(Method):
-    """A solver whose tolerance is varied, of any equations: also of those that formulas give."""
-
-    setting, takes_formulas = "rtol = atol", True
-
-    def settings(self, case: Case, quick: bool) -> Iterator[float]:
-        """Return tolerances."""
-        return tolerances(-2, -13, quick)
+Prepared = tuple[Array, float, Callable[[int], Any]]
+"""Rows of the numbers integrated, at the start and at all outputs; evaluations; and what solves k times."""
 
 
-class SolveIvp(Solver):
-    """`scipy.integrate.solve_ivp` with right-hand sides that are compiled with Numba or written in NumPy."""
+def solver(name: str, prepare: Callable[[Case, float], Prepared], unfit: Callable[[Case], str] | None = None) -> Method:
+    """Return a solver whose tolerance is varied, of any equations: also of those that formulas give.
 
-    def __init__(self, method: str, compiled: bool = True) -> None:
-        self.method, self.compiled = method, compiled
-        self.name = f"SciPy {method}" if compiled else f"SciPy {method}, NumPy"
+    prepare: solves once at a tolerance; what compiles or looks up is done before.
+    """
 
-    def run(self, case: Case, value: float) -> Run:
-        """Return a run at a tolerance."""
+    def run(case: Case, value: float) -> Run:
+        rows, evaluations, repeat = prepare(case, value)
+        return Run(case.motion_of(rows), timer(repeat), evaluations)
+
+    def why_not(case: Case) -> str:
+        if isinstance(case, FormulaCase) and not case.numbers:
+            return "nothing is to be integrated"
+        return unfit(case) if unfit else ""
+
+    return Method(name, "peer", "rtol = atol", _tolerances, run, why_not, takes_formulas=True)
+
+
+def _tolerances(case: Case, quick: bool) -> Iterator[float]:
+    return tolerances(-2, -13, quick)
+
+
+def solve_ivp(method: str, compiled: bool = True) -> Method:
+    """Return `scipy.integrate.solve_ivp` with right-hand sides compiled with Numba, or written in NumPy."""
+
+    def why_not(case: Case) -> str:
+        if compiled:
+            return ""
+        if isinstance(case, FormulaCase):
+            return "formulas are compiled"
+        return "written for attitude and rates" if case.numbers < ROTATION else ""
+
+    def prepare(case: Case, value: float) -> Prepared:
         solve = module("scipy.integrate").solve_ivp
         y, times, z = case.integrated, case.times, case.buffer
-        compiled = _rates(_put_rates_of(case))
-        rates = (lambda t, y: compiled(t, y, z)) if self.compiled else _numpy_rates(case)
+        fast = _rates(_put_rates_of(case))
+        rates = (lambda t, y: fast(t, y, z)) if compiled else _numpy_rates(case)
 
         def once() -> Any:
-            return solve(rates, (0.0, times[-1]), y, self.method, times, rtol=value, atol=value)
+            return solve(rates, (0.0, times[-1]), y, method, times, rtol=value, atol=value)
 
         first = once()
         if not first.success:
             raise NotFeasibleError(first.message)
-        found = case.motion_of(first.y.T)
-        return Run(lambda: found, timer(lambda k: [once() for _ in range(k)]), float(first.nfev))
+        return first.y.T, float(first.nfev), lambda k: [once() for _ in range(k)]
+
+    return solver(f"SciPy {method}{'' if compiled else ', NumPy'}", prepare, why_not)
 
 
-class Odeint(Solver):
-    """`scipy.integrate.odeint`: LSODA, called once for all outputs with a right-hand side compiled with Numba."""
+def _odeint(case: Case, value: float) -> Prepared:
+    """Prepare `scipy.integrate.odeint`: LSODA, called once for all outputs, its right-hand side compiled with Numba."""
+    odeint = module("scipy.integrate").odeint
+    y, times, more, rates = case.integrated, case.times, (case.buffer,), _rates(_put_rates_of(case))
 
-    name = "SciPy odeint"
+    def once(full: bool = False) -> Any:
+        limits = {"rtol": value, "atol": value, "mxstep": MAX_STEPS}
+        return odeint(rates, y, times, more, full_output=full, tfirst=True, **limits)
 
-    def run(self, case: Case, value: float) -> Run:
-        """Return a run at a tolerance."""
-        odeint = module("scipy.integrate").odeint
-        y, times, more, rates = case.integrated, case.times, (case.buffer,), _rates(_put_rates_of(case))
-
-        def once(full: bool = False) -> Any:
-            limits = {"rtol": value, "atol": value, "mxstep": MAX_STEPS}
-            return odeint(rates, y, times, more, full_output=full, tfirst=True, **limits)
-
-        rows, told = once(True)
-        if told["message"] != "Integration successful.":
-            raise NotFeasibleError(told["message"])
-        found = case.motion_of(rows)
-        return Run(lambda: found, timer(lambda k: [once() for _ in range(k)]), float(told["nfe"][-1]))
+    rows, told = once(True)
+    if told["message"] != "Integration successful.":
+        raise NotFeasibleError(told["message"])
+    return rows, float(told["nfe"][-1]), lambda k: [once() for _ in range(k)]
 
 
 @cache
@@ -189,51 +205,39 @@ def _solved(method: str) -> Any:
     return solved
 
 
-class Numbalsoda(Solver):
-    """numbalsoda's LSODA or DOP853, called from a compiled loop."""
-
-    def __init__(self, method: str) -> None:
-        self.method, self.name = method, f"numbalsoda {method.upper()}"
-
-    def run(self, case: Case, value: float) -> Run:
-        """Return a run at a tolerance."""
-        y, times, z = case.integrated, case.times, case.buffer
-        solved, address = _solved(self.method), _callback(_put_rates_of(case), len(y), len(z)).address
-        rows, success = solved(address, y, times, z, value, 1)
-        if not success:
-            raise NotFeasibleError("numbalsoda gave up")
-        found = case.motion_of(rows)
-        return Run(lambda: found, timer(lambda k: solved(address, y, times, z, value, k)), float("nan"))
+def _numbalsoda(method: str, case: Case, value: float) -> Prepared:
+    """Prepare numbalsoda's LSODA or DOP853, called from a compiled loop."""
+    y, times, z = case.integrated, case.times, case.buffer
+    solved, address = _solved(method), _callback(_put_rates_of(case), len(y), len(z)).address
+    rows, success = solved(address, y, times, z, value, 1)
+    if not success:
+        raise NotFeasibleError("numbalsoda gave up")
+    return rows, math.nan, lambda k: solved(address, y, times, z, value, k)
 
 
 # heyoka.py: Taylor series that LLVM compiles, with dense output, for the equations of one body
 
 
-class Heyoka(Solver):
-    """`taylor_adaptive`, compiled once for a motion and tolerance; `propagate_grid` evaluates its series at outputs."""
+def _heyoka(case: Case, value: float) -> Prepared:
+    """Prepare `taylor_adaptive`, compiled once for a motion and tolerance; its series are evaluated at outputs."""
+    y, grid = case.integrated, case.times
+    series = _integrator(case.scene, case.numbers, value)
+    success = module("heyoka").taylor_outcome.time_limit
 
-    setting, name = "tol", "heyoka.py"
+    def once() -> Any:
+        series.time = 0.0
+        series.state[:] = y
+        return series.propagate_grid(grid)
 
-    def settings(self, case: Case, quick: bool) -> Iterator[float]:
-        """Return powers of ten; each takes seconds to compile, since it determines the order."""
-        return islice(tolerances(-2, -15, False), 0, None, 6 if quick else 2)
+    outcome, *_, rows = once()
+    if outcome != success:
+        raise NotFeasibleError(str(outcome))
+    return rows, math.nan, lambda k: [once() for _ in range(k)]
 
-    def run(self, case: Case, value: float) -> Run:
-        """Return a run at a tolerance."""
-        y, grid = case.integrated, case.times
-        series = _integrator(case.scene, case.numbers, value)
-        success = module("heyoka").taylor_outcome.time_limit
 
-        def once() -> Any:
-            series.time = 0.0
-            series.state[:] = y
-            return series.propagate_grid(grid)
-
-        outcome, *_, rows = once()
-        if outcome != success:
-            raise NotFeasibleError(str(outcome))
-        found = case.motion_of(rows)
-        return Run(lambda: found, timer(lambda k: [once() for _ in range(k)]), float("nan"))
+def _no_corners(case: Case) -> str:
+    corners = isinstance(case, FormulaCase) and case.has_corners
+    return "formulas have corners or tables, over which its series would go on" if corners else ""
 
 
 @cache
@@ -277,3 +281,20 @@ def heyoka_functions(heyoka: Any) -> dict[str, Callable[..., Any]]:
         return operation
 
     return {**KNOWN, **{kind: chosen(kind) for kind in theirs}}
+
+
+# The solvers
+
+
+SCIPY = (
+    *map(solve_ivp, ("DOP853", "RK45", "LSODA")),
+    solve_ivp("LSODA", compiled=False),
+    solver("SciPy odeint", _odeint),
+)
+NUMBALSODA = tuple(solver(f"numbalsoda {m.upper()}", partial(_numbalsoda, m)) for m in ("lsoda", "dop853"))
+HEYOKA = replace(
+    solver("heyoka.py", _heyoka, _no_corners),
+    setting="tol",
+    settings=lambda case, quick: islice(tolerances(-2, -15, False), 0, None, 6 if quick else 2),
+)
+"""At powers of ten, each of which takes seconds to compile, since it determines the order."""

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from rbfmu.studies.chart.cases import FLOOR, OUTPUT_STEP
 from rbfmu.studies.chart.methods import short
-from rbfmu.studies.chart.result import DEAREST, REFUSED, SIDES, STOPPED, Chart, Reach, Verdict
+from rbfmu.studies.chart.result import DEAREST, REFUSED, SIDES, STOPPED, Measured, Reach, Verdict
 
 WIDTH = 80
 UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"), (1e-12, "ps"), (1e-15, "fs"))
@@ -26,14 +26,14 @@ def join_parts(parts: Iterable[Iterable[str]]) -> str:
     return "\n\n".join(filter(None, ("\n".join(line.rstrip() for line in part) for part in parts)))
 
 
-def chart_text(chart: Chart) -> str:
+def chart_text(chart: Measured) -> str:
     """Return all that a chart says."""
     head = wrap_lines([*headline(chart), f"charted: {conditions(chart)}"])
     ends = wrap_lines(chart.absent), wrap_lines(chart.machine)
     return join_parts((head, _kinds(chart), _digits(chart), _models(chart), *ends))
 
 
-def conditions(chart: Chart) -> str:
+def conditions(chart: Measured) -> str:
     """Return how the scene was run."""
     whole = chart.whole or chart.span
     part = f"the first {chart.span:,.8g} s of " if chart.span < 0.999 * whole else ""
@@ -43,7 +43,7 @@ def conditions(chart: Chart) -> str:
     return f"{said}; {' and '.join(chart.ports)} at zero all the time, so that others may step over outputs"
 
 
-def _kinds(chart: Chart) -> Iterator[str]:
+def _kinds(chart: Measured) -> Iterator[str]:
     asked = short_number(chart.accuracy)
     yield from textwrap.wrap(
         f"What an error of at most {asked} costs: processor time, for a simulated second and for the run, of the "
@@ -55,7 +55,7 @@ def _kinds(chart: Chart) -> Iterator[str]:
         yield from _kind(chart, reach)
 
 
-def _kind(chart: Chart, reach: Reach) -> Iterator[str]:
+def _kind(chart: Measured, reach: Reach) -> Iterator[str]:
     if math.isfinite(reach.cost):
         ratio = times(reach.cost / chart.plan.seconds)
         yield _KIND.format(reach.name, reach.method, cost_text(reach.cost), cost_text(reach.cost * chart.span), ratio)
@@ -65,7 +65,7 @@ def _kind(chart: Chart, reach: Reach) -> Iterator[str]:
         yield from textwrap.wrap(said, WIDTH, subsequent_indent=" " * 24)
 
 
-def _digits(chart: Chart) -> Iterator[str]:
+def _digits(chart: Measured) -> Iterator[str]:
     yield "What each further digit costs, as rbfmu plans it:"
     yield _DIGIT.format("accuracy", "method", "error", "for 1 s", "of plan's")
     for row in chart.plans:
@@ -74,7 +74,7 @@ def _digits(chart: Chart) -> Iterator[str]:
     yield from textwrap.wrap(why_no_further(chart), WIDTH)
 
 
-def _models(chart: Chart) -> Iterator[str]:
+def _models(chart: Measured) -> Iterator[str]:
     if not chart.too_small:
         return
     yield "Smaller models than the plan's, which do not serve:"
@@ -87,7 +87,7 @@ def _models(chart: Chart) -> Iterator[str]:
             yield _MODEL.format(model.model, short_number(model.error), ratio)
 
 
-def headline(chart: Chart) -> Iterator[str]:
+def headline(chart: Measured) -> Iterator[str]:
     """Yield two lines: which method costs least at the accuracy asked, and what is beside it."""
     plan, first = chart.plan, chart.reaches[0]
     asked = f"{chart.scene} at {short_number(chart.accuracy)}{', ports at zero' if chart.ports else ''}"
@@ -100,7 +100,7 @@ def headline(chart: Chart) -> Iterator[str]:
         yield f"rbfmu's plan costs {times(ratio)} that ({planned})"
 
 
-def _beside(chart: Chart) -> str:
+def _beside(chart: Measured) -> str:
     peer = chart.cheapest(SIDES["peer"], max(chart.accuracy, FLOOR))
     if peer is None:
         return "no peer meets that" if any(row.family == "peer" for row in chart.rows) else "no peer is charted"
@@ -108,7 +108,7 @@ def _beside(chart: Chart) -> str:
     return f"{peer.method} is even" if ratio <= chart.noise else f"best peer {peer.method}, {times(ratio)} that"
 
 
-def why_no_further(chart: Chart) -> str:
+def why_no_further(chart: Measured) -> str:
     """Return why there are no plans for further digits than the chart has."""
     if chart.refusal:
         return chart.refusal
@@ -140,7 +140,7 @@ def _plans(found: Sequence[Verdict]) -> Iterator[list[str]]:
 
 
 def _plan(v: Verdict) -> str:
-    cost = cost_text(v.cost) if v.plan else ""
+    cost = cost_text(v.cost) if v.method != REFUSED else ""
     peer = v.peer.method if v.peer else STOPPED if v.stopped else "none reaches it"
     return _PLAN.format(short(v.accuracy), count_of(v), method_of(v), cost, peer, against(v))
 

@@ -14,9 +14,10 @@ from warnings import catch_warnings, simplefilter
 import numpy as np
 
 from rbfmu.exceptions import SceneWarning
+from rbfmu.studies.chart.result import write_rows
 from rbfmu.studies.one_step import OneStepMethod, method_of_file
 from rbfmu.studies.stability import method_laws as laws
-from rbfmu.studies.stability import model_laws, top_laws
+from rbfmu.studies.stability import motion_laws
 from rbfmu.studies.stability.findings import CURVE, OWN, Finding, Study, exponent, failures, read_findings
 from rbfmu.studies.stability.findings import write_columns as write_columns
 from rbfmu.studies.stability.findings import write_findings as write_findings
@@ -27,8 +28,8 @@ __all__ = ["STUDIES", "Finding", "Study", "failures", "read_findings", "run_stab
 STUDIES: tuple[Callable[[bool], Study], ...] = (
     laws.growth_factors, laws.drift, laws.gimbal_passage, laws.gyroscopic_blow_up, laws.damping_limits,
     laws.moser_veselov_limits, laws.energy_drift, laws.small_angles,
-    top_laws.intermediate_axis, top_laws.sleeping_top, top_laws.splitting_resonance,
-    model_laws.product_models, model_laws.orders_and_error_control,
+    motion_laws.intermediate_axis, motion_laws.sleeping_top, motion_laws.splitting_resonance,
+    motion_laws.product_models, motion_laws.orders_and_error_control,
 )  # fmt: skip
 """Each measures one or more laws; the argument asks for a quick, coarse run."""
 
@@ -48,41 +49,30 @@ def run_stability(
 
     own = None if method is None else method_of_file(method)
     folder.mkdir(parents=True, exist_ok=True)
-    studies: list[Study] = []
-    rows: list[Row] = []
-    paths: list[Path] = []
-
-    def measure(study: Callable[[], Study]) -> None:
-        studies.append(study())
-
-    def judge(name: str | OneStepMethod) -> None:
-        rows.extend(verdicts(name, quick))
-
-    def picture(k: int) -> None:
-        paths.append(draw(studies[k], folder))
-
-    parts: list[Callable[[], object]] = [partial(measure, partial(study, quick)) for study in STUDIES]
-    parts += [partial(judge, name) for name in (QUICK_METHODS if quick else METHODS)]
-    if own:
-        parts += [partial(measure, partial(own_laws, own, studies)), partial(judge, own)]
-    parts.append(lambda: paths.extend(_write(folder, studies, rows)))
-    parts += [partial(picture, k) for k in range(len(STUDIES))]
-    parts.append(lambda: paths.append(draw_maps(rows, folder / "maps.png")))
+    studies, rows, paths = list[Study](), list[Row](), list[Path]()
+    judged = [(name, METHODS[name]) for name in (QUICK_METHODS if quick else METHODS)]
+    judged += [(own.name, partial(verdict_of_steps, own))] if own else []
+    parts: list[tuple[list[Any], Callable[[], Sequence[object]]]] = [
+        *((studies, lambda study=study: [study(quick)]) for study in STUDIES),
+        *((rows, partial(verdicts, *one, quick)) for one in judged),
+        *([(studies, lambda: [own_laws(own, studies)])] if own else ()),
+        (paths, lambda: _write(folder, studies, rows)),
+        *((paths, lambda k=k: [draw(studies[k], folder)]) for k in range(len(STUDIES))),
+        (paths, lambda: [draw_maps(rows, folder / "maps.png")]),
+    ]
     with catch_warnings():
         simplefilter("ignore", SceneWarning)  # whole turns between points are intended here
-        for part in parts if progress is None else progress(parts):
-            part()
+        for found, part in parts if progress is None else progress(parts):
+            found.extend(part())
     return paths
 
 
-def _write(folder: Path, studies: Sequence[Study], rows: list[Row]) -> list[Path]:
+def _write(folder: Path, studies: Sequence[Study], rows: Sequence[Row]) -> list[Path]:
     findings = [f for study in studies for f in study.findings] + findings_of_maps(rows)
-    names = ("method", "h_omega", "moment_ratio", "verdict", "error")
-    maps = {name: [row[k] for row in rows] for k, name in enumerate(names)}
     return [
         write_findings(folder / "laws.csv", sorted(findings, key=lambda f: f.law)),
         *(write_columns(folder / f"{study.name}.csv", study.columns) for study in studies if study.columns),
-        write_columns(folder / "maps.csv", maps),
+        write_rows(folder / "maps.csv", (row._asdict() for row in rows), ()),
     ]
 
 

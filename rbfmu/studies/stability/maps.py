@@ -1,9 +1,9 @@
 """Where a method is right, wrong or not finite: maps over the step and the body's shape, against 40-digit truth."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from rbfmu.studies.one_step import OneStepMethod
 from rbfmu.studies.reference_methods import ALL_INTEGRATORS
 from rbfmu.studies.stability.findings import AT_MOST, Finding
 from rbfmu.studies.stability.motions import at, attitude_error, free_body, references, scene_of
+from rbfmu.types import Array
 from rbfmu_kernels.types import Vec3
 
 VERDICTS = RIGHT, WRONG, NOT_FINITE, REFUSED = "right", "wrong", "not finite", "refused with a message"
@@ -30,8 +31,16 @@ ACCURACY = 1e-9
 
 Verdict = tuple[str, float]
 """One of VERDICTS, and the largest error in rad."""
-Row = tuple[str, float, float, str, float]
-"""The method, h omega, the ratio of moments, the verdict, and the largest error in rad."""
+
+
+class Row(NamedTuple):
+    """A cell of a map; error: the largest, in rad."""
+
+    method: str
+    h_omega: float
+    moment_ratio: float
+    verdict: str
+    error: float
 
 
 def moments(ratio: float) -> Vec3:
@@ -62,7 +71,7 @@ def map_scene(ratio: float, turn: float = TURN, n: int = CHECKS, ports: tuple[st
     return scene_of({"inertia": moments(ratio)}, _START, ["quaternion"], turn, turn / n, **more)
 
 
-def _verdict(ratio: float, turn: float, attitudes: Any) -> Verdict:
+def _verdict(ratio: float, turn: float, attitudes: Array) -> Verdict:
     """Return the verdict on quaternions of shape (CHECKS, 4)."""
     if not np.all(np.isfinite(attitudes)):
         return NOT_FINITE, math.inf
@@ -100,15 +109,13 @@ METHODS = {name: partial(verdict_of_steps, method) for name, method in ALL_INTEG
 QUICK_METHODS = ("semi-implicit Euler", "RK4, quaternion", *OURS)
 
 
-def verdicts(method: str | OneStepMethod, quick: bool) -> list[Row]:
-    """Return the rows of one map, of a method by name or as it is."""
+def verdicts(name: str, judge: Callable[[float, float], Verdict], quick: bool) -> list[Row]:
+    """Return the rows of one map."""
     steps, ratios = grid(quick)
-    name = method if isinstance(method, str) else method.name
-    judge = METHODS[method] if isinstance(method, str) else partial(verdict_of_steps, method)
-    return [(name, h, ratio, *judge(h, ratio)) for ratio in ratios for h in steps]
+    return [Row(name, h, ratio, *judge(h, ratio)) for ratio in ratios for h in steps]
 
 
-def findings_of_maps(rows: list[Row]) -> list[Finding]:
+def findings_of_maps(rows: Iterable[Row]) -> list[Finding]:
     """Return the findings: in each cell the product reaches the accuracy asked and refuses nothing."""
     where = "h omega {:.3g}, moments {:g}".format
     return [

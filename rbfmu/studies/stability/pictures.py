@@ -211,24 +211,22 @@ _COLUMNS = 4
 
 def draw_maps(rows: Sequence[Row], path: Path) -> Path:
     """Draw panels in the order of the rows, with the titles of rbfmu's in bold."""
-    names = list(dict.fromkeys(row[0] for row in rows))
+    names = list(dict.fromkeys(row.method for row in rows))
     lines = math.ceil((len(names) + 1) / _COLUMNS)
     figure = Figure(figsize=(11.5, 1.5 + 2.25 * lines))
     panels = figure.subplots(lines, _COLUMNS, sharex=True, sharey=True, squeeze=False).ravel()
     height = figure.get_size_inches()[1]
     figure.subplots_adjust(0.075, 0.62 / height, 0.99, 1.0 - 1.15 / height, wspace=0.11, hspace=0.3)
     for panel, name in zip(panels, names, strict=False):
-        _draw_map(panel, name, [row for row in rows if row[0] == name])
+        _draw_map(panel, name, [row for row in rows if row.method == name])
     for k, panel in enumerate(panels):
         if k + _COLUMNS >= len(names):
             panel.tick_params(labelbottom=True)
         if k >= len(names):
             panel.set_axis_off()
-    worst = _worst([row for row in rows if row[0] in OURS])
-    seen = {row[3] for row in rows}
-    handles = [
-        Patch(color=color, label=verdict) for color, verdict in zip(_COLORS, VERDICTS, strict=True) if verdict in seen
-    ]
+    worst = _worst([row for row in rows if row.method in OURS])
+    seen = {row.verdict for row in rows}
+    handles = [Patch(color=c, label=verdict) for c, verdict in zip(_COLORS, VERDICTS, strict=True) if verdict in seen]
     panels[len(names)].legend(handles=handles, loc="center", frameon=False, fontsize=11)
     figure.supxlabel("hω: turn in one step (rad)")
     figure.supylabel("least moment over the largest (0.01: rod, 1: sphere)")
@@ -244,7 +242,7 @@ def draw_maps(rows: Sequence[Row], path: Path) -> Path:
 
 
 def _draw_map(panel: Any, name: str, rows: Sequence[Row]) -> None:
-    steps, ratios = sorted({row[1] for row in rows}), sorted({row[2] for row in rows})
+    steps, ratios = sorted({row.h_omega for row in rows}), sorted({row.moment_ratio for row in rows})
     values = np.zeros((len(ratios), len(steps)))
     for _, h, ratio, verdict, _ in rows:
         values[ratios.index(ratio), steps.index(h)] = VERDICTS.index(verdict)
@@ -253,7 +251,7 @@ def _draw_map(panel: Any, name: str, rows: Sequence[Row]) -> None:
     panel.set_xticks([0.01, 0.1, 1.0, 10.0], ["0.01", "0.1", "1", "10"], fontsize=8)
     panel.set_yticks([0.01, 0.1, 1.0], ["0.01", "0.1", "1"], fontsize=8)
     panel.minorticks_off()
-    right = sum(row[3] == VERDICTS[0] for row in rows) / len(rows)
+    right = sum(row.verdict == VERDICTS[0] for row in rows) / len(rows)
     title = f"{name.replace('quaternion not', 'q not')}: {right:.0%} right"
     if name in OURS:
         title = f"{name}: within {_worst(rows):.0e} rad"
@@ -262,7 +260,7 @@ def _draw_map(panel: Any, name: str, rows: Sequence[Row]) -> None:
 
 def _worst(rows: Sequence[Row]) -> float:
     """Return the largest error, rounded up to one digit."""
-    largest = max(row[4] for row in rows)
+    largest = max(row.error for row in rows)
     unit = 10.0 ** math.floor(math.log10(largest)) if 0.0 < largest < math.inf else 1.0
     return math.ceil(largest / unit) * unit if math.isfinite(largest) else largest
 

@@ -6,12 +6,11 @@ from dataclasses import replace
 
 import pytest
 
-from rbfmu.studies.chart import answers, drawing, measure, methods, solvers, tables
+from rbfmu.studies.chart import Chart, answers, drawing, measure, methods, solvers, tables
 from rbfmu.studies.chart.cases import CASES, Case
-from rbfmu.studies.chart.contestants import contestants, why_not
-from rbfmu.studies.chart.measure import Extent, Tried, explore
+from rbfmu.studies.chart.measure import Extent, Tried, contestants, explore, why_not
 from rbfmu.studies.chart.methods import NotFeasibleError, Run
-from rbfmu.studies.chart.result import KINDS, STOPPED, Chart, End, Row, TooSmall, cost_of, front, verdicts
+from rbfmu.studies.chart.result import KINDS, STOPPED, End, Row, TooSmall, cost_of, front, verdicts
 from rbfmu.studies.chart.tables import WIDTH, plans_text
 from tests.support.chart_points import judged, made_chart, made_plan, made_row, true_states, turned_by
 from tests.support.covering import some_of
@@ -20,23 +19,17 @@ from tests.support.pictures import overlaps
 WHAT = Extent(0.3, 2, 1e-3)
 
 
-class _Made(methods.Method):
+def _made(errors: list[float], seconds: list[float]) -> methods.Method:
     """A method whose errors and times are given."""
 
-    name = "MuJoCo, made up"
-
-    def __init__(self, errors: list[float], seconds: list[float]) -> None:
-        self.given = list(zip(errors, seconds, strict=True))
-
-    def settings(self, case: Case, quick: bool):
-        return map(float, range(len(self.given)))
-
-    def run(self, case: Case, value: float) -> Run:
-        error, seconds = self.given[int(value)]
+    def run(case: Case, value: float) -> Run:
+        error = errors[int(value)]
         if error < 0.0:
             raise NotFeasibleError("not with me")
         turned = [(r, v, turned_by(q, error), w) for r, v, q, w in true_states(case.key)]
-        return Run(lambda: turned, lambda k: k * seconds, 1.0)
+        return Run(turned, lambda k: k * seconds[int(value)], 1.0)
+
+    return methods.Method("MuJoCo, made up", "peer", "step (s)", lambda *_: map(float, range(len(errors))), run)
 
 
 def test_time_to_compile_is_that_of_the_first_run_beyond_what_two_runs_take(monkeypatch) -> None:
@@ -47,9 +40,11 @@ def test_time_to_compile_is_that_of_the_first_run_beyond_what_two_runs_take(monk
         clock[0] += seconds
         return seconds
 
-    run = Run(lambda: [work(5.0 + 3.0)] and true_states("a"), lambda k: work(3.0 * k), 1.0)
-    method = _Made([0.0], [0.0])
-    monkeypatch.setattr(method, "run", lambda case, value: run)
+    def run(case: Case, value: float) -> Run:
+        work(5.0 + 3.0)
+        return Run(true_states("a"), lambda k: work(3.0 * k), 1.0)
+
+    method = replace(_made([0.0], [0.0]), run=run)
     monkeypatch.setattr(measure, "thread_time", lambda: clock[0])
     first_calls: dict[str, float] = {}
     explore(WHAT, CASES["a"], method, first_calls)
@@ -68,27 +63,23 @@ def test_time_to_compile_is_that_of_the_first_run_beyond_what_two_runs_take(monk
     ],
 )
 def test_why_a_method_ended_is_kept(errors, seconds, points: int, smallest: float, why: str) -> None:
-    found, ending = explore(WHAT, CASES["a"], _Made(errors, seconds), {})
+    found, ending = explore(WHAT, CASES["a"], _made(errors, seconds), {})
     assert len(found) == points
     assert ending.error == pytest.approx(smallest, rel=1e-6)
     assert (ending.why, ending.stopped) == (why, why == STOPPED)
 
 
 def test_a_method_that_runs_at_no_step_size_is_given_up() -> None:
-    class Refusing(_Made):
-        def settings(self, case: Case, quick: bool):
-            return methods.step_counts(case, quick)
+    def run(case: Case, value: float) -> Run:
+        raise NotFeasibleError("never")
 
-        def run(self, case: Case, value: float) -> Run:
-            raise NotFeasibleError("never")
-
-    found, ending = explore(WHAT, CASES["a"], Refusing([], []), {})
+    found, ending = explore(WHAT, CASES["a"], replace(_made([], []), settings=methods.step_counts, run=run), {})
     assert found == []
     assert ending.why.endswith("never")
 
 
 def test_no_finer_setting_is_tried_below_round_off() -> None:
-    made = _Made([1e-4, 0.0, 0.0], [0.01] * 3)
+    made = _made([1e-4, 0.0, 0.0], [0.01] * 3)
     found, ending = explore(WHAT, replace(CASES["a"], accuracies=()), made, {})
     assert [tried.value for tried in found] == [0.0, 1.0]
     assert ending.why == "no more digits"
@@ -97,20 +88,21 @@ def test_no_finer_setting_is_tried_below_round_off() -> None:
 
 @pytest.mark.parametrize("key", ["a", "g"])
 def test_what_it_takes_to_get_ready_is_no_part_of_the_cost(key: str) -> None:
-    (tried,), _ = explore(WHAT, CASES[key], _Made([1e-3], [1e-5]), {_Made.name: 0.0})
+    (tried,), _ = explore(WHAT, CASES[key], _made([1e-3], [1e-5]), {"MuJoCo, made up": 0.0})
     assert tried.seconds == 1e-5
 
 
-def test_long_motions_are_said_to_be_beyond_the_peers_time() -> None:
-    for peer in (solvers.Odeint(), solvers.Heyoka()):
+def test_long_motions_are_said_to_be_beyond_the_peers_time(monkeypatch) -> None:
+    monkeypatch.setattr(measure, "peers", lambda: [*solvers.SCIPY, solvers.HEYOKA])
+    for peer in measure.peers():
         assert why_not(peer, CASES["g"]) == "a turn by 7e+06 rad takes it too long"
-        assert peer not in contestants(CASES["g"], [peer])
-        assert peer in contestants(CASES["a"], [peer])
+        assert peer not in contestants(CASES["g"])
+        assert peer in contestants(CASES["a"])
 
 
 def test_noise_is_how_far_halves_of_the_repeats_come_apart() -> None:
     times = iter([3.0, 2.2, 2.0, 2.5, 4.0, 2.4])
-    tried = Tried(_Made([], []), 0.1, Run(list, lambda k: k * next(times), 1.0), 1e-6, 5.0)
+    tried = Tried(_made([], []), 0.1, Run([], lambda k: k * next(times), 1.0), 1e-6, 5.0)
     for _ in range(6):
         tried.time(1e-9)
     assert tried.seconds == 2.0
@@ -177,7 +169,7 @@ def test_a_peer_stopped_by_time_is_not_said_to_be_unable() -> None:
         End("MuJoCo", "MuJoCo RK4", 1e-7, ""),
     )
     for why, words in ((STOPPED, STOPPED), ("no more digits", "none reaches it")):
-        chart = made_chart(*rows, ends=(replace(slow, why=why),))
+        chart = made_chart(*rows, ends=(slow._replace(why=why),))
         (found,) = verdicts([chart])
         assert plans_text([found], ()).endswith(words)
         assert ("stopped" in drawing.cell_of(found)[3]) == chart.ends[0].stopped
@@ -256,7 +248,7 @@ def test_the_table_has_every_answer() -> None:
 
 def test_a_method_stopped_by_time_is_not_said_to_be_unable() -> None:
     one = made_up(3.0)
-    unable = made_up(3.0, ends=tuple(replace(end, why="no more digits") for end in one.ends))
+    unable = made_up(3.0, ends=tuple(end._replace(why="no more digits") for end in one.ends))
     for chart, word, other in ((one, "stopped", "misses"), (unable, "misses", "stopped")):
         labels = [text.get_text() for axes in chart.figure().axes for text in axes.texts]
         assert f"MuJoCo  {word}" in labels

@@ -10,7 +10,7 @@ import numba
 import pytest
 
 from examples.benchmarks import plans
-from rbfmu.studies.chart import QUICK_MOTIONS, Chart, contestants, drawing, measure, methods, run_charts, write_charts
+from rbfmu.studies.chart import QUICK_MOTIONS, Chart, drawing, measure, methods, run_charts, write_charts
 from rbfmu.studies.chart.cases import CASES, CHECKPOINTS, few_and_many
 from rbfmu.studies.chart.result import KINDS, STOPPED, End, kind_of, verdicts
 from rbfmu.studies.chart.tables import WIDTH, plans_text
@@ -49,7 +49,7 @@ def test_figures_tell_machine_and_versions(files: dict[str, Path]) -> None:
     assert f"numba {numba.__version__}" in head[1]
     assert "SciPy" in head[2]
     named = "\n".join(head)
-    assert all(name in named for name in contestants._PEERS)
+    assert all(name in named for name in measure.PEERS)
 
 
 @pytest.mark.thorough
@@ -149,7 +149,7 @@ def test_labels_at_one_place_are_spread_about_it() -> None:
 
 
 def test_every_line_has_its_name() -> None:
-    made = [*contestants.peers()[0], *contestants.own_methods()]
-    assert {kind_of(method.name, method.family) for method in (*made, methods.Planned())} <= set(KINDS)
+    made = [*measure.peers(), *methods.own_methods()]
+    assert {kind_of(method.name, method.family) for method in (*made, methods.planned())} <= set(KINDS)
     assert kind_of("SciPy odeint", "peer") == "SciPy odeint"
     assert kind_of("SciPy LSODA", "peer") == "SciPy solve_ivp"

@@ -17,7 +17,7 @@ import pytest
 from examples.references import reference_motions
 from rbfmu import quaternion_from_euler, rotate
 from rbfmu.models.registry import CLOSED_FORMS
-from rbfmu.studies.chart import contestants, methods, simulators, solvers
+from rbfmu.studies.chart import measure, methods, simulators, solvers
 from rbfmu.studies.chart.cases import (
     ALL,
     CASES,
@@ -36,7 +36,7 @@ from tests.support.covering import some_of
 from tests.support.paths import ROOT
 from tests.support.references import free_rotation_mp, reference_mp
 
-OWN = {method.name: method for method in (*contestants.own_methods(), methods.Planned())}
+OWN = {method.name: method for method in (*methods.own_methods(), methods.planned())}
 
 
 def test_steps_divide_the_checkpoints_intervals() -> None:
@@ -59,7 +59,7 @@ print(min(timer(lambda k: sum(range(1000)))(1) for _ in range(100)) > 0.0)
 
 @pytest.mark.parametrize("key", ["a", "b", "g"])
 def test_exact_motion_is_exact(key: str) -> None:
-    assert CASES[key].error(OWN["torque-free body"].run(CASES[key], 5).states()) < 1e-15
+    assert CASES[key].error(OWN["torque-free body"].run(CASES[key], 5).found) < 1e-15
 
 
 def test_many_outputs_are_of_the_same_motion() -> None:
@@ -71,34 +71,34 @@ def test_many_outputs_are_of_the_same_motion() -> None:
     assert many.outputs == 1000
     for name in ("RK4, quaternion", "splitting, order 4"):
         method = OWN[name]
-        few = CASES["c"].error(method.run(CASES["c"], 0.005).states())
-        assert many.error(method.run(many, 0.005).states()) == few  # the same steps
+        few = CASES["c"].error(method.run(CASES["c"], 0.005).found)
+        assert many.error(method.run(many, 0.005).found) == few  # the same steps
 
 
 @pytest.mark.thorough
 def test_a_plan_gives_the_same_motion_at_many_outputs() -> None:
     for key in ("a", "d"):
         many = CASES[key].with_many_outputs()
-        assert many.error(OWN["rbfmu, as planned"].run(many, 1e-6).states()) <= 1e-6
+        assert many.error(OWN["rbfmu, as planned"].run(many, 1e-6).found) <= 1e-6
 
 
 @pytest.mark.parametrize("name", some_of(["Taylor, order 12", "DOP853, error control"], 1))
 @pytest.mark.parametrize("key", ["d", "e", "f"])
 def test_substeps_meet_their_tolerance(key: str, name: str) -> None:
-    assert CASES[key].error(OWN[name].run(CASES[key], 1e-12).states()) < 1e-12 * 60  # steps
+    assert CASES[key].error(OWN[name].run(CASES[key], 1e-12).found) < 1e-12 * 60  # steps
 
 
 @pytest.mark.parametrize("accuracy", [1e-3, 1e-6, 1e-9])
 def test_plans_keep_their_promise(accuracy: float) -> None:
     for key in ("c", "c'", "d", "f"):
-        assert CASES[key].error(OWN["rbfmu, as planned"].run(CASES[key], accuracy).states()) <= accuracy
+        assert CASES[key].error(OWN["rbfmu, as planned"].run(CASES[key], accuracy).found) <= accuracy
 
 
 # Peers
 
 
 def _solvers() -> list[methods.Method]:
-    return [method for name in ("SciPy", "numbalsoda", "heyoka.py") for method in contestants._PEERS[name][2]()]
+    return [*solvers.SCIPY, *solvers.NUMBALSODA, solvers.HEYOKA]
 
 
 @pytest.mark.parametrize("method", _solvers(), ids=lambda method: method.name)
@@ -108,31 +108,30 @@ def test_solvers_have_the_same_equations_at_few_and_at_many_outputs(method: meth
             pytest.importorskip(name)
     for key in ("c'", "e", "f"):
         for case in few_and_many([key]):
-            assert case.error(method.run(case, 1e-8).states()) < 1e-5
+            assert case.error(method.run(case, 1e-8).found) < 1e-5
 
 
-@pytest.mark.parametrize("integrator", contestants.MUJOCO_INTEGRATORS)
-def test_mujoco_has_the_same_equations_at_few_and_at_many_outputs(integrator: str) -> None:
+@pytest.mark.parametrize("method", simulators.MUJOCO, ids=lambda method: method.name)
+def test_mujoco_has_the_same_equations_at_few_and_at_many_outputs(method: methods.Method) -> None:
     pytest.importorskip("mujoco")
-    assert "implicitfast" in contestants.MUJOCO_INTEGRATORS
+    assert "MuJoCo implicitfast" in [method.name for method in simulators.MUJOCO]
     for case in few_and_many(["d", "f"]):
-        found = case.error(simulators.MuJoCo(integrator).run(case, 0.0005).states())
+        found = case.error(method.run(case, 0.0005).found)
         assert found < 0.06  # first order: 0.05 at this step
 
 
 def test_absent_peers_are_named_and_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(contestants, "_package", lambda name: None)
-    monkeypatch.setattr(contestants, "peers", contestants.peers.__wrapped__)
-    assert contestants.peers()[0] == ()
-    lines = contestants.absent()
-    assert len(lines) == len(contestants._PEERS)
+    monkeypatch.setattr(measure.Peer, "installed", "")
+    assert measure.peers() == []
+    lines = measure.absent()
+    assert len(lines) == len(measure.PEERS)
     assert 'heyoka.py: not installed (pip install "rbfmu[bench]")' in lines
 
 
 def test_the_extras_that_are_named_install_their_peers() -> None:
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
-    for package, extra, _ in contestants._PEERS.values():
-        assert any(re.fullmatch(rf"{package}([>=].*)?", wanted) for wanted in extras[extra])
+    for peer in measure.PEERS.values():
+        assert any(re.fullmatch(rf"{peer.package}([>=].*)?", wanted) for wanted in extras[peer.extra])
 
 
 def test_a_peer_that_does_not_load_is_not_feasible() -> None:
@@ -143,11 +142,11 @@ def test_a_peer_that_does_not_load_is_not_feasible() -> None:
 def test_a_closed_form_under_torque_competes() -> None:
     """Damping about one axis."""
     closed = OWN["one axis"]
-    suited = {key: [s.key for s in CLOSED_FORMS if OWN[s.key].suits(case)] for key, case in CASES.items()}
+    suited = {key: [s.key for s in CLOSED_FORMS if not OWN[s.key].why_not(case)] for key, case in CASES.items()}
     free, none = {key: ["torque-free body"] for key in "abg"}, {key: [] for key in ("c", "c'", "d", "f")}
     assert suited == free | none | {"e": ["one axis"]}
     run = closed.run(CASES["e"], *closed.settings(CASES["e"], False))
-    assert CASES["e"].error(run.states()) < 1e-13
+    assert CASES["e"].error(run.found) < 1e-13
 
 
 def test_methods_for_free_bodies_compete_where_no_load_makes_a_torque() -> None:
@@ -259,10 +258,10 @@ def test_drake_starts_where_the_scene_does(on_a_joint: bool, monkeypatch) -> Non
     case, plant, joint = CASES["a"], MagicMock(), MagicMock()
     initial = case.scene.initial
     monkeypatch.setattr(simulators, "module", MagicMock())
-    monkeypatch.setattr(simulators.Drake, "_plant", lambda self, of: (plant, "body", joint if on_a_joint else None))
+    monkeypatch.setattr(simulators, "_plant", lambda of: (plant, "body", joint if on_a_joint else None))
     plant.EvalBodyPoseInWorld().rotation().matrix.return_value = np.eye(3)
     plant.EvalBodySpatialVelocityInWorld().rotational.return_value = np.zeros(3)
-    simulators.Drake("runge_kutta3", "RK3").run(case, 1e-6).states()
+    simulators.DRAKE[0].run(case, 1e-6)
     omega_a = rotate(np.array(initial.quaternion), np.array(initial.omega_b))
     if on_a_joint:
         (_, (roll, pitch, yaw)), (_, rates) = joint.set_angles.call_args.args, joint.set_angular_velocity.call_args.args

@@ -8,11 +8,11 @@ import pytest
 import rbfmu
 from rbfmu.formulas.graph import Graph, numbers_of
 from rbfmu.formulas.source import function_of
-from rbfmu.studies.chart import cases, contestants, measure
+from rbfmu.studies.chart import cases, measure
 from rbfmu.studies.chart.cases import FormulaCase
-from rbfmu.studies.chart.contestants import why_not
-from rbfmu.studies.chart.simulators import MuJoCo
-from rbfmu.studies.chart.solvers import Heyoka, Odeint, SolveIvp, heyoka_functions
+from rbfmu.studies.chart.measure import why_not
+from rbfmu.studies.chart.simulators import MUJOCO
+from rbfmu.studies.chart.solvers import HEYOKA, SCIPY, heyoka_functions
 from tests.library.formulas.test_series import CASES, POINTS, graph_of, truth
 from tests.support.paths import ROOT
 
@@ -73,7 +73,7 @@ def test_each_operation_is_the_same_function_for_others(name: str, translated: o
 
 
 def installed(name: str) -> object:
-    found = next((m for m in contestants.peers()[0] if m.name == name), None)
+    found = next((m for m in measure.peers() if m.name == name), None)
     if found is None:
         pytest.skip(f"{name} is not installed")
     return found
@@ -85,27 +85,28 @@ def test_peers_follow_the_motion_of_formulas_in_their_own_ways(name: str) -> Non
     assert case.numbers == 16
     assert {"position", "quaternion", "far", "states.u"} == {*case.names}
     method = installed(name)
-    assert case.error(method.run(case, 1e-11).states()) < 1e-8
-    assert case.error(method.run(case, 1e-3).states()) > 1e-8  # it is theirs, not the true motion
+    assert case.error(method.run(case, 1e-11).found) < 1e-8
+    assert case.error(method.run(case, 1e-3).found) > 1e-8  # it is theirs, not the true motion
 
 
 @pytest.mark.parametrize("name", [pytest.param("drone", marks=pytest.mark.thorough), "projectile"])
 def test_solvers_follow_corners_and_tables_too(name: str) -> None:
     case = case_of(name)
     assert case.has_corners
-    assert case.error(Odeint().run(case, 1e-10).states()) < 1e-4
+    assert case.error(SCIPY[-1].run(case, 1e-10).found) < 1e-4
 
 
 # What is charted
 
 
-def test_only_those_compete_that_take_formulas() -> None:
+def test_only_those_compete_that_take_formulas(monkeypatch: pytest.MonkeyPatch) -> None:
     drone, satellite = case_of("drone"), case_of("gravity_gradient")
-    assert "corners or tables" in why_not(Heyoka(), drone)
-    assert not why_not(Heyoka(), satellite)
-    assert why_not(MuJoCo("RK4"), satellite) == "takes no formulas"
-    assert why_not(SolveIvp("LSODA", compiled=False), satellite) == "formulas are compiled"
-    competing = contestants.contestants(satellite, [Odeint(), Heyoka(), MuJoCo("RK4")])
+    assert "corners or tables" in why_not(HEYOKA, drone)
+    assert not why_not(HEYOKA, satellite)
+    assert why_not(MUJOCO[-1], satellite) == "takes no formulas"
+    assert why_not(SCIPY[3], satellite) == "formulas are compiled"
+    monkeypatch.setattr(measure, "peers", lambda: [*SCIPY, HEYOKA, *MUJOCO])
+    competing = measure.contestants(satellite)
     assert {method.family for method in competing} == {"Taylor", "peer", "planned"}
     assert "MuJoCo RK4" not in [method.name for method in competing]
 
@@ -117,7 +118,7 @@ def test_what_is_not_integrated_leaves_peers_nothing_to_do() -> None:
         "run": {"stop": 1.0, "step": 0.1},
     }
     case = cases.case_of(rbfmu.Scene.from_dict(tables, "wave"))
-    assert why_not(Odeint(), case) == "nothing is to be integrated"
+    assert why_not(SCIPY[-1], case) == "nothing is to be integrated"
 
 
 def test_a_scene_with_formulas_has_its_chart(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import rbfmu
-from rbfmu.studies.chart import Chart, cases, contestants, measure, methods, solvers
+from rbfmu.studies.chart import Chart, cases, measure, methods, solvers
 from rbfmu.studies.chart.cases import ALL, PATH, RATES, ROTATION, state_of
 from rbfmu.studies.chart.methods import NotFeasibleError
-from rbfmu.studies.chart.simulators import MuJoCo
+from rbfmu.studies.chart.simulators import MUJOCO
 from rbfmu.studies.chart.tables import WIDTH
 from rbfmu_kernels.mechanics.equations_of_motion import State
 from tests.support.command_line import call
@@ -101,7 +101,7 @@ def test_what_is_not_finite_has_an_infinite_error(satellite: cases.Case, by_mpma
 
 
 def _of_peers() -> list[methods.Method]:
-    return [*contestants.peers()[0], *contestants.own_methods()]
+    return [*measure.peers(), *methods.own_methods()]
 
 
 @pytest.mark.parametrize("name", [
@@ -113,7 +113,7 @@ def test_all_follow_the_same_motion_in_their_own_ways(satellite: cases.Case, nam
     if method is None:
         pytest.skip(f"{name} is not installed")
     value = 0.001 if "RK4" in name else 1e-9
-    assert satellite.error(method.run(satellite, value).states()) < 1e-6
+    assert satellite.error(method.run(satellite, value).found) < 1e-6
 
 
 # What is charted of a scene
@@ -125,8 +125,8 @@ def test_all_follow_the_same_motion_in_their_own_ways(satellite: cases.Case, nam
 def test_solvers_integrate_what_the_outputs_need_and_no_more(name: str, numbers: int) -> None:
     case = gallery(name)
     assert case.numbers == numbers == len(case.integrated)
-    for method in (solvers.Odeint(), *(m for m in contestants.peers()[0] if m.name == "heyoka.py")):
-        assert case.error(method.run(case, 1e-10).states()) < 1e-6
+    for method in (solvers.SCIPY[-1], *(m for m in measure.peers() if m.name == "heyoka.py")):
+        assert case.error(method.run(case, 1e-10).found) < 1e-6
 
 
 def test_a_run_too_long_for_the_reference_is_charted_in_part(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -159,19 +159,19 @@ def test_errors_are_measured_at_the_end_and_at_a_few_hundred_points_at_most() ->
 
 
 def test_closed_forms_compete_only_where_ports_leave_them_exact() -> None:
-    closed = {form.name: form for form in map(methods.ClosedForm, contestants.CLOSED_FORMS)}
+    closed = {form.name: form for form in map(methods.closed_form, methods.CLOSED_FORMS)}
     free, driven = gallery("t_handle"), gallery("controlled_satellite")
-    assert [name for name, form in closed.items() if form.suits(free)] == ["torque-free body"]
-    assert not any(form.suits(driven) for form in closed.values())
+    assert [name for name, form in closed.items() if not form.why_not(free)] == ["torque-free body"]
+    assert not any(not form.why_not(driven) for form in closed.values())
     planned = rbfmu.plan(driven.scene)
-    small = {model.model: model for model in contestants.too_small(driven, planned)}
+    small = {model.model: model for model in measure.too_small(driven, planned)}
     assert small["torque-free body"].why == "takes no torque_b"
     assert small["torque-free body"].error < 1e-12
 
 
 def test_models_too_small_are_named_with_their_errors() -> None:
     case = gallery("flywheel")
-    small = contestants.too_small(case, rbfmu.plan(case.scene))
+    small = measure.too_small(case, rbfmu.plan(case.scene))
     assert [model.model for model in small] == ["no rotation", "constant rate", "angular momentum"]
     decayed = 1.0 - math.exp(-0.02 / 0.4 * 100.0)  # of the rate; the energy's is its square
     assert small[1].error == pytest.approx(1.0 - (1.0 - decayed) ** 2, rel=1e-6)
@@ -181,16 +181,16 @@ def test_models_too_small_are_named_with_their_errors() -> None:
 def test_what_mujoco_cannot_model_is_said() -> None:
     pytest.importorskip("mujoco")
     with pytest.raises(NotFeasibleError, match="damping is the same"):
-        MuJoCo("RK4").run(gallery("flywheel"), 0.1)
+        MUJOCO[-1].run(gallery("flywheel"), 0.1)
     with pytest.raises(NotFeasibleError, match="centre of mass"):
-        MuJoCo("RK4").run(cases.case_of(scene_of(SATELLITE, **{"loads.force_a": [1.0, 0.0, 0.0]})), 0.01)
+        MUJOCO[-1].run(cases.case_of(scene_of(SATELLITE, **{"loads.force_a": [1.0, 0.0, 0.0]})), 0.01)
 
 
 def test_mujoco_knows_loads_fixed_in_space() -> None:
     pytest.importorskip("mujoco")
     loads = {"loads.force_a": [1.0, 0.0, 0.5], "loads.torque_a": [0.2, -0.1, 0.1], "body.r_oc_b": [0.0, 0.0, 0.0]}
     case = cases.case_of(scene_of(SATELLITE, **loads))
-    assert case.error(MuJoCo("RK4").run(case, 0.001).states()) < 1e-6
+    assert case.error(MUJOCO[-1].run(case, 0.001).found) < 1e-6
 
 
 # Charts
@@ -198,10 +198,9 @@ def test_mujoco_knows_loads_fixed_in_space() -> None:
 
 def few(monkeypatch: pytest.MonkeyPatch, *names: str) -> None:
     """Let few methods compete, which need little compilation."""
-    chosen = contestants.contestants
+    chosen = measure.contestants
     monkeypatch.setattr(
-        "rbfmu.studies.chart.measure.contestants",
-        lambda case, them: [m for m in chosen(case, them) if m.name in (*names, "rbfmu, as planned")],
+        measure, "contestants", lambda case: [m for m in chosen(case) if m.name in (*names, "rbfmu, as planned")]
     )
 
 
@@ -264,13 +263,10 @@ def test_prescribed_rates_are_charted_at_rest() -> None:
 
 
 def test_absent_peers_are_lines(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(contestants, "_package", lambda name: None)
-    none = contestants.peers.__wrapped__()
-    monkeypatch.setattr("rbfmu.studies.chart.measure.peers", lambda: none)
-    monkeypatch.setattr(contestants, "peers", lambda: none)
+    monkeypatch.setattr(measure.Peer, "installed", "")
     few(monkeypatch, "Taylor, order 12")
     found = rbfmu.chart(ROOT / "examples/scenes/thrown_ball.toml", quick=True)
-    for name in contestants._PEERS:
+    for name in measure.PEERS:
         assert f"{name}: not installed" in found.table
     assert "no peer is charted" in found.table
 

@@ -13,10 +13,10 @@ import pytest
 from rbfmu.models.registry import MODELS
 from rbfmu.studies import dop853, stability
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS
-from rbfmu.studies.stability import Finding, Study, maps, method_laws, model_laws, motions, pictures
+from rbfmu.studies.stability import Finding, Study, maps, method_laws, motion_laws, motions, pictures
 from rbfmu.studies.stability.findings import AT_MOST, LAWS, RECORDED, exponent, print_laws
 from rbfmu.studies.stability.method_laws import crossing, growth, stability_polynomial
-from rbfmu.studies.stability.top_laws import flip_rate, time_between_flips
+from rbfmu.studies.stability.motion_laws import flip_rate, time_between_flips
 from rbfmu_kernels.models import free, one_axis
 from tests.support.command_line import call
 from tests.support.covering import some_of
@@ -65,9 +65,9 @@ def test_all_laws_are_measured_and_named() -> None:
 
 
 def test_every_model_that_a_plan_may_choose_is_held_against_its_reference() -> None:
-    assert {case.model for case in model_laws.CASES} | {"prescribed rates"} == {*MODELS, model_laws.LOADED}  # DOP853
-    assert {case.order for case in model_laws.CASES if case.model == model_laws.SWING} == set(one_axis.ORDERS)
-    assert {1, 2, *model_laws.QUADRATURE_BOUNDS} == set(free.ORDERS)
+    assert {case.model for case in motion_laws.CASES} | {"prescribed rates"} == {*MODELS, motion_laws.LOADED}  # DOP853
+    assert {case.order for case in motion_laws.CASES if case.model == motion_laws.SWING} == set(one_axis.ORDERS)
+    assert {1, 2, *motion_laws.QUADRATURE_BOUNDS} == set(free.ORDERS)
 
 
 @pytest.mark.parametrize("key", motions.MOTIONS)
@@ -204,9 +204,8 @@ def test_product_is_right_at_any_step(name: str, h: float) -> None:
 def test_a_tile_of_the_product_that_is_wrong_or_refused_is_a_finding_that_fails() -> None:
     ours = next(iter(maps.OURS))
     rows = [(ours, 0.1, 1.0, "right", 2e-9), (ours, 1.0, 1.0, "refused with a message", math.inf)]
-    found = maps.findings_of_maps(
-        [*rows, (ours, 1.0, 0.1, "right", 1e-12), ("RK4, quaternion", 1.0, 1.0, "wrong", 1.0)]
-    )
+    rows += [(ours, 1.0, 0.1, "right", 1e-12), ("RK4, quaternion", 1.0, 1.0, "wrong", 1.0)]
+    found = maps.findings_of_maps([maps.Row(*row) for row in rows])
     assert [f.holds for f in found] == [False, False, True]
 
 
@@ -288,9 +287,10 @@ def test_command_prints_the_table_and_fails_with_a_finding(
 def test_a_method_that_refuses_a_step_is_infinitely_far_from_the_other(monkeypatch):
     """2026-11-22: under a wrong error estimate the command ended with a traceback instead of a finding."""
     where = {"quaternion": np.ones((1, 4)), "omega_b": np.ones((1, 3))}
-    for refused in (model_laws.SERIES, model_laws.LOADED):
-        monkeypatch.setattr(model_laws, "_driven", lambda case, refused=refused: {} if case.model == refused else where)
-        assert model_laws._apart() == math.inf
+    for refused in (motion_laws.SERIES, motion_laws.LOADED):
+        driven = {motion_laws.SERIES: where, motion_laws.LOADED: where} | {refused: {}}
+        monkeypatch.setattr(motion_laws, "_driven", lambda case, driven=driven: driven[case.model])
+        assert motion_laws._apart() == math.inf
 
 
 @pytest.mark.parametrize(
@@ -315,7 +315,7 @@ def test_no_picture_says_a_smaller_error_than_was_found(error: float, said: str,
     """2026-11-22: 1.32e-10 rad were "within 1e-10 rad"."""
     drawn = []
     monkeypatch.setattr(pictures.Figure, "savefig", lambda figure, path, **more: drawn.append(figure))
-    rows = [("rbfmu planned", h, ratio, "right", error) for h in (0.1, 1.0) for ratio in (0.1, 1.0)]
+    rows = [maps.Row("rbfmu planned", h, ratio, "right", error) for h in (0.1, 1.0) for ratio in (0.1, 1.0)]
     pictures.draw_maps(rows, tmp_path / "maps.png")
     (figure,) = drawn
     assert f"(bold) is {said} rad at any step" in figure.get_suptitle()

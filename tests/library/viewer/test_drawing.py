@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 import rbfmu
-from rbfmu.viewer.geometry import AXIS_B, LONGEST, MOMENTUM, RATE, Geometry
-from rbfmu.viewer.motion import FPS, MAX_PICTURES, MAX_TURN, motion_of_scene, pictures
-from rbfmu.viewer.page import _turn_of_z
+from rbfmu.viewer.page import AXIS_B, LONGEST, LONGEST_ARROW, Geometry, _turn_of_z
 from rbfmu.viewer.shape import PLAIN, THINNEST, equivalent_box, shape_of
+from rbfmu.viewer.view import FPS, MAX_PICTURES, MAX_TURN, motion_of_scene, pictures
 
 MASS, SIDES = 3.0, (0.3, 0.2, 0.5)
 
@@ -79,10 +78,10 @@ def test_few_rows_are_not_shown_for_minutes() -> None:
 def test_arrows_and_trace_are_those_of_the_motion() -> None:
     motion = motion_of_scene(scene(initial={"omega_b": [0.3, 2.0, 0.2]}, loads={"gravity_a": [0, 0, 0]}))
     drawn = Geometry(motion)
-    for vectors, length in ((motion.angular_momentum, MOMENTUM), (motion.rate, RATE)):
-        arrows = drawn.arrows(vectors, length)
+    for name, vectors in (("h", motion.angular_momentum), ("ω", motion.rate)):
+        arrows = drawn.arrows[name]
         sizes = np.linalg.norm(arrows, axis=1)
-        assert sizes.max() == pytest.approx(length)
+        assert sizes.max() == pytest.approx(LONGEST_ARROW[name])
         np.testing.assert_allclose(arrows * np.linalg.norm(vectors, axis=1)[:, None], vectors * sizes[:, None])
     assert drawn.traced == 1
     R_ab = rbfmu.matrix_from_quaternion(motion.quaternion)
@@ -137,7 +136,7 @@ def test_paths_of_ghosts_count_as_well() -> None:
 def test_ghosts_are_refused_before_anything_is_planned(
     monkeypatch: pytest.MonkeyPatch, ghosts: int, error: type[Exception], said: str
 ) -> None:
-    monkeypatch.delattr("rbfmu.viewer.motion.plan")
+    monkeypatch.delattr("rbfmu.viewer.view.plan")
     with pytest.raises(error, match=said):
         motion_of_scene(scene(), ghosts=ghosts)
 
