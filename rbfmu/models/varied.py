@@ -182,7 +182,7 @@ class VariedModel(FormulaModel):
         """Return the sizes of the blocks of errors."""
         size = len(self.errors) * self.columns
         blocks = {"errors": size, "seeds": len(self.seeded), "slopes": len(self.wanted), "pattern": len(self.pattern)}
-        return blocks | {"shifts": self.columns, "rates_before": len(self.errors)}
+        return blocks | {"shifts": self.columns, "rates_before": len(self.errors), "bounded": 1}
 
     @cached_property
     def layout(self) -> Any:
@@ -195,11 +195,13 @@ class VariedModel(FormulaModel):
     def _places(self) -> dict[str, Any]:
         blocks, rows = self.blocks.blocks, self.blocks.blocks["series.work"].start + self.layout.start
         size, states = len(self.errors) * self.columns, [*self.rates]
+        of = [name.partition("[")[0] for name in self.errors]
         return super()._places | {
             "NUMBER_OF_ERRORS": len(self.errors), "COLUMNS": self.columns, "ENTRIES": len(self.pattern) // 4,
             "STATE_OF": tuple(-1 if n in TURN else states.index(n) for n in self.errors) or (-1,),
+            "GROUPS": tuple((of.index(n), of.index(n) + of.count(n)) for n in dict.fromkeys(of)) or ((0, 0),),
             "OF_ENTRIES": rows + self.layout.beside, "OF_ERRORS": rows + self.layout.row - size,
-            **{n.upper(): blocks[n].start for n in ("errors", "pattern", "shifts", "rates_before")},
+            **{n.upper(): blocks[n].start for n in ("errors", "pattern", "shifts", "rates_before", "bounded")},
         }  # fmt: skip
 
     def numbers(self, variation: Variation) -> dict[str, list[float]]:
