@@ -27,8 +27,10 @@ from rbfmu.types import Array
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.quantities import BY_NAME, OUTPUT, elements
 
-TIGHTER = 0.01
+TIGHTER = 0.3
 """The tolerance of the run over the scene's accuracy: an error of the motion is one of where slopes are taken."""
+SHARE = 1e-4
+"""What of the tolerance is left for one substep, of a run that has hundreds: what sets the order of least cost."""
 ATTITUDE = "initial.attitude"
 PERCENT, ENDINGS = 0.01, (".csv", ".npz")
 _BLOCKS = {key: (BLOCK_OF[name], name) for name, key in KEYS.items() if name != "quaternion_0"}
@@ -154,7 +156,7 @@ class Varied:
     ) -> Sensitivity:
         """Return the derivatives at the communication points of a drive."""
         try:
-            run = _Run(self, scene, self._plan(scene, planned), drive)
+            run = _Run(self, scene, *self._plan(scene, planned), drive)
         except ZeroDivisionError:  # of kernels that run as plain Python; where compiled, the number is not finite
             expected = "expected no norm, root or angle, in an output or a load, of what is zero at the start"
             raise ValueError(f"{scene.name}: a formula has no derivative: {expected}") from None
@@ -173,13 +175,15 @@ class Varied:
             raise ValueError(f"covariance: expected a matrix {(n, n)} for {', '.join(self.numbers)}")
         return {name: np.einsum("tkn,nm,tlm->tkl", S, covariance, S) for name, S in of.items()}
 
-    def _plan(self, scene: Scene, planned: Plan | None) -> Plan:
+    def _plan(self, scene: Scene, planned: Plan | None) -> tuple[Plan, bool]:
+        """Return the plan of the run, and whether errors bound its substeps too: not those of a plan that is given."""
         if planned is not None and planned.order in self.model.model.ORDERS:
-            return replace(planned, model=FORMULAS.key, formulas=self.model)
+            return replace(planned, model=FORMULAS.key, formulas=self.model), False
         asked, states = Question(scene), len(self.model.rates)
         tolerance = max(TIGHTER * asked.accuracy, methods.TIGHTEST)
-        order = max(methods.likely_order(tolerance), 12)
-        return Plan(FORMULAS.key, "", states, tolerance=tolerance, order=order, span=asked.span, formulas=self.model)
+        order = methods.likely_order(SHARE * tolerance)
+        own = Plan(FORMULAS.key, "", states, tolerance=tolerance, order=order, span=asked.span, formulas=self.model)
+        return own, True
 
 
 def columns_of(scene: Scene, key: str) -> list[Column]:
@@ -238,28 +242,30 @@ def _generic(scene: Scene, columns: Sequence[Column]) -> Array:
 class _Run:
     """A run of a motion with its errors, recorded."""
 
-    def __init__(self, varied: Varied, scene: Scene, plan: Plan, drive: Drive) -> None:
+    def __init__(self, varied: Varied, scene: Scene, plan: Plan, bounded: bool, drive: Drive) -> None:
         self._model, self._scene, self._count = varied.model, scene, len(varied.columns)
         run = Driven(scene, plan, drive, [name for name in self._model.shown if name in OUTPUT])
         blocks, z, self.time, self._event = plan.kernels.BLOCKS, run.z, drive.time, ""
+        z[blocks["bounded"]] = bounded
         for name, row in self._model.numbers(variation_of(scene, varied.columns, z)).items():
             z[blocks[name]] = row
         tiered(plan.kernels.outputs)(z)
         at = [-1 if c.block == "rotvec_b" else blocks[block_of(c)].start + c.at for c in varied.columns]
         self.sizes = np.array([abs(z[i]) if i >= 0 else 0.0 for i in at])
-        views = [z[blocks[name]] for name in (*self._model.shown, "errors", "slopes")]
-        recorded = [np.empty((len(drive.time), len(view))) for view in views]
+        names = (*self._model.shown, "errors", "slopes")
+        places = [np.arange(blocks[name].start, blocks[name].stop) for name in names]
+        at_all, ends = np.concatenate(places), np.cumsum([len(row) for row in places])
+        recorded = np.empty((len(drive.time), len(at_all)))
         for k in range(len(drive.time)):
             if k and not run.advance(k):
                 raise refused_step(scene, drive.time[k - 1])
-            for rows, view in zip(recorded, views, strict=True):
-                rows[k] = view
+            recorded[k] = z[at_all]
             if run.ended is not None and run.events is not None:
                 self.time, self._event = np.append(drive.time[:k], run.ended), run.events.taken[-1].name
                 break
-        *shown, errors, self._slopes = (rows[: len(self.time)] for rows in recorded)
+        *values, errors, self._slopes = np.split(recorded[: len(self.time)], ends[:-1], axis=1)
         self._errors = errors.reshape(len(self.time), -1, self._model.columns)
-        self.values = dict(zip(self._model.shown, shown, strict=True))
+        self.values = dict(zip(self._model.shown, values, strict=True))
 
     def slopes(self) -> dict[str, Array]:
         """Return the derivatives of each output."""

@@ -7,12 +7,12 @@ q_ab = q_ab(t) exp(u / 2), of all other states their own.
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from rbfmu.formulas.dual import jacobian, variables
-from rbfmu.formulas.graph import Number, Symbol, gradient
+from rbfmu.formulas.graph import Number, Symbol, changes_of
 from rbfmu.formulas.motion import CONSTANT, STATE, by_element
 from rbfmu.formulas.program import WIDTH, layout_of, program
 from rbfmu.models.formulas import FormulaModel, texts_of
@@ -26,6 +26,7 @@ from rbfmu_kernels.quantities import elements
 from rbfmu_kernels.rotations.quaternion import compose_quaternions, rotate
 from rbfmu_kernels.rotations.vec3 import cross, skew
 
+Key = TypeVar("Key", int, str)
 TURN = elements("rotvec_b", 3)
 ROWS_MEET, APART = 64, 8
 """Rows that are 64 numbers apart, or a multiple, share places of a cache, which has room for few of a column.
@@ -102,11 +103,8 @@ def by_row(values: Mapping[str, Array]) -> list[tuple[str, Array]]:
     return [one for name, rows in values.items() for one in zip(elements(name, len(rows)), rows, strict=True)]
 
 
-class Slopes(NamedTuple):
-    """The derivatives of a number, by the row of errors and by columns; those that are zero are left out."""
-
-    by_error: Mapping[int, Number]
-    by_column: Mapping[int, Number]
+Slopes = dict[int, Number]
+"""The derivatives of a number, by the row of errors, or -1 - column; those that are zero are left out."""
 
 
 class VariedModel(FormulaModel):
@@ -119,33 +117,32 @@ class VariedModel(FormulaModel):
         graph, plain = motion.graph, [name for name in self.rates if name != "t" and not name.startswith("q[")]
         self.columns = -(-len(columns) // WIDTH) * WIDTH
         self.errors = (*(TURN if "q[1]" in self.rates else ()), *plain)
-        self._plain = [graph.leaf("state", name) for name in plain]
-        self._q = [graph.leaf("state", name) for name in elements("q", 4)] if "q[1]" in self.rates else []
-        self._turns = [*motion.turns()]
+        q = [graph.leaf("state", name) for name in elements("q", 4)] if "q[1]" in self.rates else []
+        turns = [*motion.turns()] if q else []
         known = {str(x.value) for x in graph.operations if x.kind == "place"}
         self.seeded = [(name, d) for name, row in seeded.items() for d in row if name in known]
-        self._places_seeded = {name: graph.leaf("place", name) for name, _ in self.seeded}
-        names = elements("seeds", len(self.seeded))
-        self._seeds = {one: graph.leaf("place", name) for one, name in zip(self.seeded, names, strict=True)}
-        rows = {i: self._slopes_of(self.rates[name]) for i, name in enumerate(self.errors) if name not in TURN}
-        rows |= {i: self._turning(i) for i, name in enumerate(self.errors) if name in TURN}
-        corners = [i for n, i in enumerate(self.program.sides) if self._event_of_side[n] < 0]
-        for n, i in enumerate(self.program.sides):
-            if i in corners:
-                rows[len(self.errors) + n] = self._slopes_of(Symbol(graph, graph.operations[i].of[0]))
-        self.shown_slopes = {e: self._slopes_of(x) for e, x in by_element(self.shown)}
+        self._changes_of_leaves: dict[int, dict[Symbol, Number]] = {
+            **{i: dict(zip(q, turn, strict=True)) for i, turn in enumerate(turns)},
+            **{i: {graph.leaf("state", name): 1.0} for i, name in enumerate(plain, len(turns))},
+            **{-1 - d: {} for d in range(len(columns))},
+        }
+        for one, (name, d) in zip(elements("seeds", len(self.seeded)), self.seeded, strict=True):
+            self._changes_of_leaves[-1 - d][graph.leaf("place", name)] = graph.leaf("place", one)
+        rows = self._slopes_of({i: self.rates[name] for i, name in enumerate(self.errors) if name not in TURN})
+        rows |= {i: self._turning(i) for i in range(len(turns))}
+        sides = {len(self.errors) + n: i for n, i in enumerate(self.program.sides) if self._event_of_side[n] < 0}
+        rows |= self._slopes_of({n: Symbol(graph, graph.operations[i].of[0]) for n, i in sides.items()})
+        self.shown_slopes = self._slopes_of(dict(by_element(self.shown)))
         self._finish(rows)
 
     def _finish(self, rows: Mapping[int, Slopes]) -> None:
         """Make the program again, with the series of the rows' slopes beside and those of outputs as values."""
         beside: dict[Number, int] = {}
         self.pattern: list[float] = []
-        for i, slopes in rows.items():
-            entries = [*slopes.by_error.items(), *((-1 - d, x) for d, x in slopes.by_column.items())]
-            for of, x in entries:
-                constant = not isinstance(x, Symbol) or x.is_constant
-                self.pattern += [i, of, beside.setdefault(x, len(beside)), float(constant)]
-        values = {x: None for s in self.shown_slopes.values() for x in (*s.by_error.values(), *s.by_column.values())}
+        for of, i, x in sorted((of, i, x) for i, slopes in rows.items() for of, x in slopes.items()):
+            constant = not isinstance(x, Symbol) or x.is_constant
+            self.pattern += [i, of, beside.setdefault(x, len(beside)), float(constant)]
+        values = {x: None for slopes in self.shown_slopes.values() for x in slopes.values()}
         if any(event.stop for event in self.scene.events.values()):
             values |= {x: None for _, x in by_element(self.rates_shown)}
         self.wanted = {x: n for n, x in enumerate(values)}
@@ -156,45 +153,35 @@ class VariedModel(FormulaModel):
     def _turning(self, i: int) -> Slopes:
         """Return the slopes of a rate of the rotation vector: u' = the error of omega_b - omega_b x u."""
         carried = interpreted(skew)(tuple(self.motion.omega))[i]
-        slopes = {n: -carried[n] for n in range(3) if isinstance(carried[n], Symbol) or carried[n] != 0.0}
-        return Slopes(slopes | {self.errors.index(f"omega[{i + 1}]"): 1.0}, {})
+        slopes: Slopes = {n: -carried[n] for n in range(3) if isinstance(carried[n], Symbol) or carried[n] != 0.0}
+        return slopes | {self.errors.index(f"omega[{i + 1}]"): 1.0}
 
-    def _slopes_of(self, x: Number) -> Slopes:
-        found = gradient(x, [*self._plain, *self._q, *self._places_seeded.values()])
-        n = len(self._plain)
-        by_error: dict[int, Number] = {}
-        for name, slope in zip((leaf.operation.value for leaf in self._plain), found, strict=False):
-            by_error[self.errors.index(str(name))] = slope
-        for k, turn in enumerate(self._turns if self._q else ()):
-            by_error[k] = sum((g * dq for g, dq in zip(found[n : n + 4], turn, strict=True)), 0.0)
-        by_column: dict[int, Number] = {}
-        for name, slope in zip(self._places_seeded, found[n + len(self._q) :], strict=True):
-            for one, d in self.seeded:
-                if one == name:
-                    by_column[d] = by_column.get(d, 0.0) + self._seeds[one, d] * slope
-        return Slopes(_left(by_error), _left(by_column))
+    def _slopes_of(self, numbers: Mapping[Key, Number]) -> dict[Key, Slopes]:
+        """Return the slopes of numbers, error by error: where all turns with q, products of q serve over and over."""
+        found: dict[Key, Slopes] = {key: {} for key in numbers}
+        for of, leaves in self._changes_of_leaves.items():
+            for key, slope in zip(numbers, changes_of([*numbers.values()], leaves), strict=True):
+                if isinstance(slope, Symbol) or slope != 0.0:
+                    found[key][of] = slope
+        return found
 
     @cached_property
-    def rates_shown(self) -> dict[str, Any]:
+    def rates_shown(self) -> dict[str, list[Number]]:
         """Return the time derivatives of what is shown, by its name; of an attitude its rate in b."""
-        leaves = [self.motion.graph.leaf("state", name) for name in self.rates]
-        found = {}
-        for name, value in self.shown.items():
-            rows = (gradient(x, leaves) for x in np.ravel(value))
-            slopes = [sum((g * r for g, r in zip(row, self.rates.values(), strict=True)), 0.0) for row in rows]
-            found[name] = np.array(self.motion.omega if name == "quaternion" else slopes, object)
-        return found
+        leaves = {self.motion.graph.leaf("state", name): rate for name, rate in self.rates.items()}
+        found = {name: changes_of([*np.ravel(value)], leaves) for name, value in self.shown.items()}
+        return found | ({"quaternion": [*self.motion.omega]} if "quaternion" in found else {})
 
     def rates_at(self, name: str, values: Array) -> Array:
         """Return the time derivatives of what is shown; values: those of the block "slopes", (n,)."""
-        return np.array([values[self.wanted[x]] for x in np.ravel(self.rates_shown[name])])
+        return np.array([values[self.wanted[x]] for x in self.rates_shown[name]])
 
     @property
     def more_blocks(self) -> dict[str, int]:
         """Return the sizes of the blocks of errors."""
         size = len(self.errors) * self.columns
         blocks = {"errors": size, "seeds": len(self.seeded), "slopes": len(self.wanted), "pattern": len(self.pattern)}
-        return blocks | {"shifts": self.columns, "rates_before": len(self.errors)}
+        return blocks | {"shifts": self.columns, "rates_before": len(self.errors), "bounded": 1}
 
     @cached_property
     def layout(self) -> Any:
@@ -207,11 +194,13 @@ class VariedModel(FormulaModel):
     def _places(self) -> dict[str, Any]:
         blocks, rows = self.blocks.blocks, self.blocks.blocks["series.work"].start + self.layout.start
         size, states = len(self.errors) * self.columns, [*self.rates]
+        of = [name.partition("[")[0] for name in self.errors]
         return super()._places | {
             "NUMBER_OF_ERRORS": len(self.errors), "COLUMNS": self.columns, "ENTRIES": len(self.pattern) // 4,
             "STATE_OF": tuple(-1 if n in TURN else states.index(n) for n in self.errors) or (-1,),
+            "GROUPS": tuple((of.index(n), of.index(n) + of.count(n)) for n in dict.fromkeys(of)) or ((0, 0),),
             "OF_ENTRIES": rows + self.layout.beside, "OF_ERRORS": rows + self.layout.row - size,
-            **{n.upper(): blocks[n].start for n in ("errors", "pattern", "shifts", "rates_before")},
+            **{n.upper(): blocks[n].start for n in ("errors", "pattern", "shifts", "rates_before", "bounded")},
         }  # fmt: skip
 
     def numbers(self, variation: Variation) -> dict[str, list[float]]:
@@ -231,15 +220,12 @@ class VariedModel(FormulaModel):
         """
         found = []
         for element in elements(name, int(np.size(self.shown[name]))):
-            by_error, by_column = self.shown_slopes[element]
             total = np.zeros((len(errors), columns))
-            for i, x in by_error.items():
-                total += values[:, self.wanted[x], None] * errors[:, i, :columns]
-            for d, x in by_column.items():
-                total[:, d] += values[:, self.wanted[x]]
+            for of, x in self.shown_slopes[element].items():
+                slope = values[:, self.wanted[x]]
+                if of < 0:
+                    total[:, -1 - of] += slope
+                else:
+                    total += slope[:, None] * errors[:, of, :columns]
             found.append(total)
         return np.stack(found, axis=1)
-
-
-def _left(slopes: Mapping[int, Number]) -> dict[int, Number]:
-    return {n: x for n, x in slopes.items() if isinstance(x, Symbol) or x != 0.0}

@@ -3,27 +3,37 @@
 Errors e of the motion obey e' = A(t) e + B(t), linear along it, with a column for each number that varies. The scene's
 generated kernels make the series of what is not zero in A and B beside those of the motion; from these the series of e
 follow by the same recurrence, e[k + 1] = (sum over j of A[j] e[k - j] + B[k]) / (k + 1), for four columns at a time.
-They reach as far as those of the motion, whose substeps do not hang on them: so its bits are those of a run without.
+They reach as far as those of the motion, with the bits of a run without them, or less far where they bound substeps as
+well (BOUNDED): how well a motion is known does not tell how well its derivatives are, which a body at rest has too.
 
 Where rates jump, at a side of what loads depend on, errors move the time at which that happens, and so the motion after
 it: e jumps by (rates before - rates after) times that shift of time (the saltation matrix: R. I. Leine & H. Nijmeijer,
 Dynamics and Bifurcations of Non-Smooth Mechanical Systems, 2004, ch. 7).
 """
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, put_lanes
+from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes
 from ..integrators.polynomials import polynomial, slope_of
+from ..integrators.substeps import power_of, tolerance_of_substep
+from ..numerics.elementary import exponential, logarithm
 from ..types import Buffer
 
 # What templates are bound to, see `formulas`. NUMBER_OF_ERRORS: rows of e, each COLUMNS wide; STATE_OF: of each row the
-# column of the state whose error it is, or -1. The pattern has four numbers for each entry: row, from what (a row, or
-# -1 - column for B), the column of its series, and 1 where that is constant. Rows beyond the errors are those of sides.
+# column of the state whose error it is, or -1; GROUPS: the first row of each vector's errors, and the one after them.
+# The pattern has four numbers for each entry: row, from what (a row, or -1 - column for B), the column of its series,
+# and 1 where that is constant. Rows beyond the errors are those of sides.
 NUMBER_OF_ERRORS = COLUMNS = ERRORS = PATTERN = ENTRIES = SHIFTS = RATES_BEFORE = OF_ERRORS = OF_ENTRIES = 0
 STATE_OF: tuple[int, ...] = (-1,)
+GROUPS: tuple[tuple[int, int], ...] = ((0, 0),)
 add_products: Any = None
-ORDER = REACH = NEXT = WATCHED = NUMBER_OF_SIDES = ROWS = ROW = 0
+squares: Any = None
+ORDER = TOLERANCE = SPAN = REACH = NEXT = WATCHED = NUMBER_OF_SIDES = ROWS = ROW = 0
+
+BEGINNING = 4
+"""The last of the terms that set the size of errors: those of a path, by a torque's, begin to grow with t^4."""
 
 
 def shift_of_corner(z: Buffer) -> None:
@@ -108,6 +118,33 @@ def vary_series(z: Buffer, ended: bool) -> None:
             z[here + ROW + i] *= part
 
 
+def squares_at(z: Buffer, h: float, first: int, end: int, at: int, last: int) -> Any:
+    """Return the sums of squares of what terms at .. last make of rows first .. end by h, for four columns."""
+    total, power = lanes(0.0, 0.0, 0.0, 0.0), power_of(h * h, at)
+    for k in range(at, last + 1):
+        four = lanes(power, power, power, power)
+        for i in range(OF_ERRORS + k * ROW + first, OF_ERRORS + k * ROW + end, COLUMNS):
+            total = add_lanes(total, multiply_lanes(four, multiply_lanes(lanes_at(z, i), lanes_at(z, i))))
+        power *= h * h
+    return total
+
+
+def reach_of_errors(z: Buffer, h: float) -> float:
+    """Return how far the series of errors reach, at most h: where their last two terms are within the tolerance.
+
+    Of each column, relative to what the first terms make of a vector's errors by then.
+    """
+    n, worst = int(z[ORDER]), 0.0
+    for first, end in GROUPS:
+        for d in range(0, COLUMNS, 4):
+            sizes = numbers(squares(z, h, first * COLUMNS + d, end * COLUMNS, 0, BEGINNING))
+            lasts = numbers(squares(z, h, first * COLUMNS + d, end * COLUMNS, n - 1, n))
+            for size, last in zip(sizes, lasts):  # noqa: B905  (Numba knows no strict)
+                worst = max(worst, last / size if size > 0.0 else 0.0)
+    excess = math.sqrt(worst) / tolerance_of_substep(z[TOLERANCE], z[SPAN], h)
+    return h * exponential(-logarithm(excess) / (n - 2)) if excess > 1.0 else h
+
+
 def put_errors_at(z: Buffer, t: float) -> None:
     """Set the errors to those at t of their series."""
     n, times = int(z[ORDER]), lanes(t, t, t, t)
@@ -122,5 +159,7 @@ TEMPLATES: Mapping[str, Callable[..., Any]] = {
     "shift_corner": shift_of_corner,
     "add_products": add_products_of,
     "vary": vary_series,
+    "squares": squares_at,
+    "errors_reach": reach_of_errors,
     "put_errors": put_errors_at,
 }

@@ -56,7 +56,7 @@ constants = first = further = values = begin = put_states = excess_at = settle =
 prepare = make = begun = reaches_over = evaluate = keep_step = needs_series = follow = end_step = _missing
 set_up_events = event_excess = reach_to_touch = clear_list = _missing
 holds = change = loads = advance = refresh = note = side_of_event = event_root = _missing
-shift_corner = vary = put_errors = _missing
+shift_corner = vary = errors_reach = put_errors = _missing
 INPUTS: tuple[int, ...] = ()
 RATES: tuple[int, ...] = ()
 RATES_2: tuple[int, ...] = ()
@@ -69,7 +69,7 @@ ORDER = TOLERANCE = SPAN = TIME = STARTS = LONGEST = SIZES = HELD = STANDS = REA
 NUMBER_OF_INPUTS = NUMBER_TOUCHING = NUMBER_OF_SIDES = WATCHED = SIDES = ON = NEXT = FLIPS = 0
 SHOWN: tuple[float, ...] = ()
 OF_EVENT: tuple[int, ...] = ()
-NUMBER_OF_EVENTS = LISTED = NUMBER_OF_ERRORS = 0
+NUMBER_OF_EVENTS = LISTED = NUMBER_OF_ERRORS = BOUNDED = 0
 ACTIVE = KEPT = MEMORY = MEMORY_SIZE = LAST = WORK = ROWS = ROW = OWN = OWN_STARTS = OWN_SIZE = ATTITUDE = 0
 
 
@@ -203,14 +203,15 @@ def begin_to_serve(z: Buffer, settled: bool) -> bool:
         h = min(h * ratio, longest)
         if abs(ratio - 1.0) <= NEAR or h == longest:
             break
+    if NUMBER_OF_ERRORS:
+        vary(z, ended)
+        h = errors_reach(z, h) if z[BOUNDED] != 0.0 else h
     z[driven.STEP_SIZE], z[REACH], z[STANDS] = h, cut(z, h), 1.0
     put_pair_at(z, SINCE, (0.0, 0.0))
     put_pair_at(z, BEGUN, pair_at(z, TIME))
     count_substep(z, driven.STEP_SIZE)
     if settled and NUMBER_OF_EVENTS:
         note(z, ended)
-    if settled and NUMBER_OF_ERRORS:
-        vary(z, ended)
     return settled and z[REACH] > 0.0
 
 

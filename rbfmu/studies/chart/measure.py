@@ -14,8 +14,7 @@ from typing import NamedTuple
 
 from rbfmu.extras import remedy
 from rbfmu.models.question import Question
-from rbfmu.models.registry import ANGULAR_MOMENTUM, MODELS, ONE_AXIS_TAYLOR, SPIN_UP
-from rbfmu.models.spec import ModelSpec
+from rbfmu.models.registry import ANGULAR_MOMENTUM, MODELS, ONE_AXIS_TAYLOR, SPIN_UP, ModelSpec
 from rbfmu.planning.select import plan
 from rbfmu.runs.motion import Steps, record
 from rbfmu.runs.plan import Plan
