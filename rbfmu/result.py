@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from rbfmu.csv_table import read_columns
 from rbfmu.exceptions import named
 from rbfmu.extras import needed
 from rbfmu.notebook import numbers_text, table
 from rbfmu.types import Array
-from rbfmu_kernels.quantities import OUTPUT, TIME, Output, indices
+from rbfmu_kernels.quantities import OUTPUT, TIME, Output, elements, indices
 
 FORMATS = (".csv", ".npz", ".aem")
 ENDINGS = f"{', '.join(FORMATS[:-1])} or {FORMATS[-1]}"
@@ -170,7 +171,7 @@ class Result:
 
             columns = read_aem(path)
         else:
-            columns = _npz(path) if path.suffix == ".npz" else _csv(path)
+            columns = _npz(path) if path.suffix == ".npz" else by_quantity(path, read_columns(path))
         if "time" not in columns:
             raise ValueError(f"{path}: time is missing: expected the result of a run")
         time, quantities = columns["time"], {name: columns[name] for name in OUTPUT if name in columns}
@@ -248,25 +249,23 @@ def _npz(path: Path) -> dict[str, Array]:
         raise ValueError(f"{path}: cannot be read as arrays of NumPy ({error}): expected the result of a run") from None
 
 
-def _csv(path: Path) -> dict[str, Array]:
-    with path.open(encoding="utf-8", newline="") as file:
-        names = next(csv.reader(file), [])
-        try:
-            rows = np.loadtxt(file, delimiter=",", ndmin=2, dtype=np.float64)
-        except ValueError as error:
-            raise ValueError(f"{path}: {error}: expected numbers") from None
-    if rows.shape[1] != len(names):
-        raise ValueError(f"{path}: expected a row of {len(names)} numbers for each time, not {rows.shape[1]}")
-    flat = {name.strip(): rows[:, k] for k, name in enumerate(names)}
-    columns = {"time": flat["time"]} if "time" in flat else {}
-    for row in OUTPUT.values():
-        wanted = [row.name + index for index in indices(row)]
-        if missing := [name for name in wanted if name not in flat]:
-            if len(missing) < len(wanted):
-                raise ValueError(f"{path}: {missing[0]} is missing: expected all of {', '.join(wanted)}")
-            continue
-        columns[row.name] = np.stack([flat[name] for name in wanted], axis=1) if row.size > 1 else flat[row.name]
-    return columns
+def by_quantity(path: Path, flat: Mapping[str, Array]) -> dict[str, Array]:
+    """Return columns by FMU variable name as arrays by quantity; those of others, if not complete, as they are.
+
+    Raises ValueError where one of the quantities is not complete.
+    """
+    names = [name.partition("[")[0] for name in flat]
+    found = dict[str, Array]()
+    for name in dict.fromkeys(names):
+        wanted = elements(name, OUTPUT[name].size if name in OUTPUT else names.count(name))
+        missing = [one for one in wanted if one not in flat]
+        if missing and name in OUTPUT:
+            raise ValueError(f"{path}: {missing[0]} is missing: expected all of {', '.join(wanted)}")
+        if missing:
+            found |= {one: values for one, values in flat.items() if one.partition("[")[0] == name}
+        else:
+            found[name] = np.stack([flat[one] for one in wanted], axis=1) if len(wanted) > 1 else flat[wanted[0]]
+    return found
 
 
 def _check(path: Path, name: str, values: Array, points: int) -> None:

@@ -143,7 +143,7 @@ def describe(scene: Scene, plan: Plan) -> Description:
     return Description(
         name=scene.name,
         identifier=identifier(scene.name),
-        about=scene.about.model_dump(),
+        about=scene.about.table(),
         variables=tuple(v for block in shown for v in _variables(block, plan, z, sizes)),
         counts=tuple(counts),
         start_buffer=tuple(z.tolist()),

@@ -34,13 +34,9 @@ def default_quantities(body: Body | None, inputs: "Inputs | None") -> tuple[str,
     return tuple(row.name for row in OUTPUTS if not (body is not None and body.pivot and row.of_origin))
 
 
-def faults_between(good: Mapping[str, Any], rates: tuple[str, Any] | None = None) -> Iterator[str]:
-    """Yield all contradictions between those sections that are valid by themselves; a missing body is None.
-
-    rates: the key and value of the initial rates as written in the file, if the key is not `initial.omega_b`.
-    """
+def faults_between(good: Mapping[str, Any]) -> Iterator[str]:
+    """Yield all contradictions between those sections that are valid by themselves; a missing body is None."""
     inputs, body, initial = good.get("inputs"), good.get("body"), good.get("initial")
-    rates = rates or ("initial.omega_b", initial and initial.omega_b)
     if inputs is not None:
         prescribed = "omega_b" in inputs.ports
         if "body" in good and body is None and not prescribed:
@@ -49,7 +45,7 @@ def faults_between(good: Mapping[str, Any], rates: tuple[str, Any] | None = None
             if name in inputs.ports:
                 yield fault("inputs.parameters", inputs.parameters, f"no {name}: it is an input, by inputs.ports")
         if prescribed:
-            yield from _faults_of_prescribed_rates(good, rates)
+            yield from _faults_of_prescribed_rates(good)
             return
     if body is not None and body.pivot:
         if initial is not None and any(initial.velocity):
@@ -57,10 +53,10 @@ def faults_between(good: Mapping[str, Any], rates: tuple[str, Any] | None = None
         if inputs is not None and "velocity_0" in inputs.parameters:
             yield fault("inputs.parameters", inputs.parameters, "no velocity_0: the pivot holds o")
     if body is not None and (axis := body.axis_without_inertia) is not None:
-        yield from _faults_of_beam(body, np.array(axis), good, rates)
+        yield from _faults_of_beam(body, np.array(axis), good)
 
 
-def _faults_of_prescribed_rates(good: Mapping[str, Any], rates: tuple[str, Any]) -> Iterator[str]:
+def _faults_of_prescribed_rates(good: Mapping[str, Any]) -> Iterator[str]:
     inputs, outputs, initial = good["inputs"], good.get("outputs"), good.get("initial")
     if len(inputs.ports) > 1:
         yield fault("inputs.ports", inputs.ports, "omega_b alone: it prescribes the rates, so loads have no effect")
@@ -72,10 +68,11 @@ def _faults_of_prescribed_rates(good: Mapping[str, Any], rates: tuple[str, Any])
     if outputs is not None and set(outputs.quantities) - set(PRESCRIBED):
         yield fault("outputs.quantities", outputs.quantities, f"names out of {', '.join(PRESCRIBED)}: {why}")
     if initial is not None and any(initial.omega_b):
-        yield fault(rates[0], rates[1], "zero, or no such key: the port omega_b prescribes the rates")
+        key, rates = initial.rates_said
+        yield fault(key, rates, "zero, or no such key: the port omega_b prescribes the rates")
 
 
-def _faults_of_beam(body: Body, axis: Array, good: Mapping[str, Any], rates: tuple[str, Any]) -> Iterator[str]:
+def _faults_of_beam(body: Body, axis: Array, good: Mapping[str, Any]) -> Iterator[str]:
     """Yield the faults of a body without inertia about `axis`: a torque about that axis makes the rate unbounded."""
     initial, loads, inputs = (good.get(key) for key in ("initial", "loads", "inputs"))
     about = f"about {_direction(axis)}, where inertia is zero to {NEGLIGIBLE:g} of its trace"
@@ -83,8 +80,8 @@ def _faults_of_beam(body: Body, axis: Array, good: Mapping[str, Any], rates: tup
     lever = np.zeros(3) if body.pivot else -np.cross(body.r_oc_b, axis)
     levered = not _small(lever, np.array(body.r_oc_b))
     if initial is not None and not _small(axis @ np.array(initial.omega_b), np.array(initial.omega_b)):
-        unit = "deg/s" if rates[0].endswith("_deg") else "rad/s"
-        yield fault(rates[0], rates[1], f"no rate {about} ({unit})")
+        key, rates = initial.rates_said
+        yield fault(key, rates, f"no rate {about} ({'deg/s' if key.endswith('_deg') else 'rad/s'})")
     if loads is not None:
         yield from _faults_of_loads(loads, axis, lever, levered, about)
     if inputs is not None:

@@ -5,9 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import field_serializer
 
-from rbfmu.exceptions import SceneError
 from rbfmu.scene.body import SHAPES, Body, axis_without_moment
 from rbfmu.scene.own import PARAMETER_END, is_own, parameter_of
 from rbfmu.scene.section import Numbers, Rule, Section, as_toml, fault, joined, names, one_word, plain, whole
@@ -120,13 +118,14 @@ NESTED = ("body", "initial", "loads", "run", *PARAMETER_END)
 MOST_RUNS = 1_000_000_000
 
 
-_CORRELATION = Rule("a table", lambda value: value).means("which of these numbers depend on each other")
+_CORRELATION = Rule("a table", Correlation.read).means("which of these numbers depend on each other")
 _PARTS = ("final", "statistics", "all")
 _KEEP = names(_PARTS, least=1).means(
     'what is kept: of each run its end ("final") or all of it, and statistics over time'
 )
 _VARY = Rule(
-    'a table: keys of the scene, each with a distribution, such as "body.mass" = { normal = [50.0, 0.5] }', tuple
+    'a table: keys of the scene, each with a distribution, such as "body.mass" = { normal = [50.0, 0.5] }',
+    read_variations,
 )
 
 
@@ -142,28 +141,20 @@ class Ensemble(Section):
     vary: Annotated[tuple[Variation, ...], _VARY.means("what varies: keys of the scene, each a distribution")]
     correlation: Annotated[Correlation | None, _CORRELATION] = None
 
-    @classmethod
-    def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
-        if "vary" in data:
-            data["vary"] = read_variations(data["vary"], faults)
-        correlation = data.pop("correlation", None)
-        if correlation is not None:
-            try:
-                data["correlation"] = Correlation.read(correlation)
-            except SceneError as error:
-                faults += error.faults
-        if data.get("design") == GRID and "runs" not in data and isinstance(data.get("vary"), tuple):
-            data["runs"] = min(math.prod(m.points or 1 for m in _varying(data["vary"])), MOST_RUNS)
-        return data
+    def _resolved(self, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
+        return {key: value for key, value in data.items() if key != "correlation" or value is not None}
 
-    @field_serializer("vary")
-    def _vary_table(self, vary: tuple[Variation, ...]) -> dict[str, Any]:
-        return {variation.key: variation.table for variation in vary}
+    def _faults_together(self) -> Iterator[str]:
+        """Let a grid have as many runs as points."""
+        good = vars(self)
+        if good.get("design") == GRID and "runs" not in self._given and "vary" in good:
+            good["runs"] = min(math.prod(m.points or 1 for m in self.varying), MOST_RUNS)
+        yield from ()
 
     @property
     def varying(self) -> tuple[Marginal, ...]:
         """Return the distributions of all numbers that vary."""
-        return tuple(_varying(self.vary))
+        return tuple(m for variation in self.vary for m in variation.marginals if m.varies)
 
     def variation_of(self, key: str) -> Variation | None:
         """Return how a key varies, or None."""
@@ -183,7 +174,7 @@ class Ensemble(Section):
 
     def table(self) -> dict[str, Any]:
         """Return the table from which the ensemble is made again."""
-        return self.model_dump(mode="json", exclude_none=True)
+        return super().table() | {"vary": {variation.key: variation.table for variation in self.vary}}
 
     def _contradictions(self) -> Iterator[str]:
         yield from self._faults_of_grid()
@@ -224,10 +215,6 @@ class Ensemble(Section):
                     yield fault("ensemble.correlation.covariance", row[k], expected)
 
 
-def _varying(vary: tuple[Variation, ...]) -> Iterator[Marginal]:
-    return (marginal for variation in vary for marginal in variation.marginals if marginal.varies)
-
-
 def _without_points(variation: Variation, marginal: Marginal) -> str:
     """Return the fault of a number in a grid that has no points, and perhaps cannot have any."""
     path = joined("ensemble.vary", variation.key)
@@ -248,7 +235,8 @@ def as_written(value: Any, tables: Mapping[str, Any], faults: list[str]) -> Any:
     A member's inertia follows from the shape where mass or sizes vary, as it would in the member's own scene file.
     faults: those of keys that are written twice are added.
     """
-    value = value.table() if isinstance(value, Ensemble) else value
+    if isinstance(value, Ensemble) and any(isinstance(tables.get(name), Mapping) for name in ("body", "initial")):
+        value = value.table()
     vary = value.get("vary") if isinstance(value, Mapping) else None
     if not isinstance(vary, Mapping):
         return value
@@ -318,7 +306,7 @@ def without_idle_shape(ensemble: Ensemble, body: Body | None) -> Ensemble:
     if SHAPES[shape.form].read(shape.table).inertia(body.mass) == body.inertia:
         return ensemble
     vary = tuple(variation for variation in ensemble.vary if variation is not shape)
-    return ensemble.model_copy(update={"vary": vary})
+    return ensemble._with(vary=vary)
 
 
 def faults_with(ensemble: Ensemble, good: Mapping[str, Any]) -> Iterator[str]:

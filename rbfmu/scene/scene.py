@@ -1,9 +1,9 @@
 """The scene: body, initial state, loads, inputs, outputs and run, given in a TOML file or in Python, and checked."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from functools import wraps
+from functools import cached_property, wraps
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Concatenate, ParamSpec, Self, TypeVar
@@ -16,7 +16,10 @@ from rbfmu.scene.changes import as_tables, with_changes
 from rbfmu.scene.consistency import default_quantities, doubts_before, faults_between, warn
 from rbfmu.scene.ensemble import Ensemble, as_written, faults_of_own, faults_with, without_idle_shape
 from rbfmu.scene.own import Constant, Event, Named, Port, Shown, State, Table
-from rbfmu.scene.section import Numbers, SceneError, Section, as_toml, fault, line, names, numbers, one_of, positive
+
+from rbfmu.scene.section import (  # isort: skip
+    POSITIVE, Numbers, Rule, SceneError, Section, as_lists, as_toml, checked, fault, line, names, numbers, one_of,
+)  # fmt: skip
 from rbfmu.scene.toml_file import read_file, with_description
 from rbfmu_kernels import quantities
 from rbfmu_kernels.types import Quaternion, Vec3
@@ -37,9 +40,8 @@ _PORTS = names(PORTS).means(
     "loads that another unit supplies, added to the known ones; omega_b alone (prescribed rates); inputs of one's own "
     "that formulas read, { name, size, unit, start }"
 )
-_PARAMETERS = names(PARAMETERS).means(
-    "FMU parameters that an importer will change, so that the plan holds for every value"
-)
+_KNOWN = names(PARAMETERS)
+_PARAMETERS = Rule(_KNOWN.words, lambda value: tuple(value) if isinstance(value, list | tuple) else None, _KNOWN.choice)
 _ACCURACY = Numbers((), "", " in (0, 1]", lambda x: 0.0 < x <= 1.0).means(
     "largest error over the run: attitude in rad, rates relative to their largest, position and velocity relative to "
     "theirs, at least 1 m and 1 m/s"
@@ -65,32 +67,37 @@ class Initial(Section):
     quaternion: Annotated[Quaternion, numbers("quaternion_0")] = _IDENTITY
     omega_b: Annotated[Vec3, numbers("omega_b_0")] = ZERO
 
-    @classmethod
-    def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
+    def _resolved(self, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
         if "attitude" in data:
-            try:
-                data["quaternion"] = Attitude.read(data.pop("attitude")).q_ab()
-            except SceneError as error:
-                faults += error.faults
-        given = one_of(cls, data, ("omega_b", "omega_b_deg"), faults)
+            attitude: Attitude | None = checked(Attitude, data.pop("attitude"), "", faults)
+            data |= {"quaternion": attitude.q_ab()} if attitude else {}
+        given = one_of(Initial, data, ("omega_b", "omega_b_deg"), faults)
         degrees = data.pop("omega_b_deg", None)
         if given == "omega_b_deg":
-            try:
-                data["omega_b"] = tuple(map(math.radians, _DEGREES(degrees)))
-            except ValueError as error:
-                faults.append(fault("initial.omega_b_deg", degrees, str(error)))
+            rates: Vec3 | None = checked(_DEGREES, degrees, "initial.omega_b_deg", faults)
+            data |= {"omega_b": tuple(map(math.radians, rates))} if rates else {}
+            vars(self)["rates_said"] = "initial.omega_b_deg", degrees
         return data
 
-    def __repr_args__(self) -> Iterable[tuple[str | None, Any]]:
-        """Return what makes the section again."""
-        for name, value in self._set().items():
-            yield ("attitude", {name: value}) if name == "quaternion" else (name, value)
+    @cached_property
+    def rates_said(self) -> tuple[str, object]:
+        """Return the key and the value by which the initial rates were given."""
+        return "initial.omega_b", self.omega_b
+
+    def _shown(self) -> dict[str, Any]:
+        return dict(("attitude", {k: x}) if k == "quaternion" else (k, x) for k, x in self._set().items())
+
+    def table(self) -> dict[str, Any]:
+        """Return the table as a file has it."""
+        found = super().table()
+        return found | {"attitude": {"quaternion": found.pop("quaternion")}}
 
 
 class Loads(Section):
-    """The known loads; those that are formulas stand in `Scene.load_formulas`, and are zero here."""
+    """The known loads; those that are formulas stand in `formulas`, and are zero here."""
 
     _path: ClassVar[str] = "loads"
+    _spellings: ClassVar[Mapping[str, tuple[str, ...]]] = {"formulas": ()}
 
     gravity_a: Annotated[Vec3, numbers("gravity_a")] = (0.0, 0.0, -9.81)
     force_a: Annotated[Vec3, numbers("force_a")] = ZERO
@@ -98,40 +105,56 @@ class Loads(Section):
     torque_a: Annotated[Vec3, numbers("torque_a")] = ZERO
     torque_b: Annotated[Vec3, numbers("torque_b")] = ZERO
     damping_b: Annotated[Vec3, numbers("damping_b")] = ZERO
+    formulas: Annotated[Mapping[str, str], named.LOAD_FORMULAS] = NOTHING
+
+    def _apart(self, data: Mapping[str, Any], faults: list[str]) -> tuple[Mapping[str, Any], dict[str, Any]]:
+        texts = {name: value for name, value in data.items() if named.is_formula(name, value)}
+        return {name: value for name, value in data.items() if name not in texts}, {"formulas": texts} if texts else {}
+
+    def _shown(self) -> dict[str, Any]:
+        return {name: x for name, x in self._set().items() if name != "formulas"} | dict(self.formulas)
+
+    def table(self) -> dict[str, Any]:
+        """Return the table as a file has it."""
+        found = super().table()
+        formulas: dict[str, Any] = found.pop("formulas")
+        return found | formulas
 
 
 class Inputs(Section):
     """The inputs that other FMUs supply, and the parameters that an importer may change."""
 
     _path: ClassVar[str] = "inputs"
-
     _spellings: ClassVar[Mapping[str, tuple[str, ...]]] = {"own": ()}
 
     ports: Annotated[tuple[str, ...], _PORTS] = ()
-    parameters: Annotated[tuple[str, ...], _PARAMETERS] = ()
+    parameters: Annotated[
+        tuple[str, ...],
+        _PARAMETERS.means("FMU parameters that an importer will change, so that the plan holds for every value"),
+    ] = ()
     own: Annotated[Mapping[str, Port], named.PORTS] = NOTHING
 
-    @classmethod
-    def read(cls, value: Any) -> Self:
-        """Return the section of a table, of whose ports those that are tables are inputs of one's own."""
-        ports = value.get("ports") if isinstance(value, Mapping) else None
-        if not isinstance(ports, list | tuple) or not any(isinstance(x, Mapping) for x in ports):
-            return super().read(value)
-        try:
-            own = [named.port(x) for x in ports if isinstance(x, Mapping)]
-        except ValueError as error:
-            raise SceneError(f"inputs.ports: expected {error}") from None
-        found = super().read({**value, "ports": [x for x in ports if not isinstance(x, Mapping)]})
-        rows = Named({one.name: one for one in own})
-        if twice := [one.name for one in own if one is not rows[one.name]]:
-            raise SceneError(f"inputs.ports: expected each name once, not twice {twice[0]}")
-        return found.model_copy(update={"ports": (*found.ports, *rows), "own": rows})
+    def _apart(self, data: Mapping[str, Any], faults: list[str]) -> tuple[Mapping[str, Any], dict[str, Any]]:
+        ports = data.get("ports")
+        if not isinstance(ports, list | tuple) or not (rows := [x for x in ports if isinstance(x, Mapping)]):
+            return data, {}
+        own = [one for row in rows if (one := checked(named.Port, row, "inputs.ports", faults))]
+        found = Named({one.name: one for one in own})
+        if twice := [one.name for one in own if one is not found[one.name]]:
+            faults.append(f"inputs.ports: expected each name once, not twice {twice[0]}")
+        return {**data, "ports": [x for x in ports if not isinstance(x, Mapping)]}, {"own": found}
 
-    def as_written(self) -> dict[str, Any]:
+    def _faults_together(self) -> Iterator[str]:
+        """Let the ports have those of one's own among them."""
+        if "ports" in vars(self):
+            vars(self)["ports"] += tuple(self.own)
+        yield from ()
+
+    def table(self) -> dict[str, Any]:
         """Return the table as a file has it."""
-        known = [name for name in self.ports if name not in self.own]
-        ports = [*known, *named.as_written(self.own).values()]
-        return {"ports": ports, "parameters": list(self.parameters)}
+        found = super().table()
+        own: dict[str, Any] = found.pop("own")
+        return found | {"ports": [*(name for name in self.ports if name not in own), *own.values()]}
 
 
 class Outputs(Section):
@@ -139,38 +162,33 @@ class Outputs(Section):
 
     _path: ClassVar[str] = "outputs"
 
+    _spellings: ClassVar[Mapping[str, tuple[str, ...]]] = {"own": ()}
+
     quantities: Annotated[tuple[str, ...], names(QUANTITIES).means("what someone will look at")] = QUANTITIES
     own: Annotated[Mapping[str, Shown], named.OUTPUTS] = NOTHING
 
-    @classmethod
-    def read(cls, value: Any) -> Self:
-        """Return the section of a table, in which whatever is a table or a text is an output of one's own."""
-        if not isinstance(value, Mapping):
-            return super().read(value)
-        keys = cls._keys()
-        shown = {name: item for name, item in value.items() if isinstance(item, Mapping | str) and name not in keys}
-        found = {name: item for name, item in value.items() if name not in shown}
-        asked = value.get("quantities")
-        energies = [name for name in named.ENERGIES if isinstance(asked, list | tuple) and name in asked]
-        shown |= {name: {"value": name, "unit": "J", "about": named.ENERGIES[name]} for name in energies}
-        if shown:
-            found["own"] = {**found.get("own", {}), **shown}
-            if isinstance(asked := found.get("quantities"), list | tuple):
-                found["quantities"] = [name for name in asked if not isinstance(name, str) or name not in shown]
-        return super().read(found)
+    def _apart(self, data: Mapping[str, Any], faults: list[str]) -> tuple[Mapping[str, Any], dict[str, Any]]:
+        """Return whatever is a table or a text as an output of one's own, and energies that are asked for."""
+        shown = {name: x for name, x in data.items() if isinstance(x, Mapping | str) and name not in self._keys}
+        left = {name: x for name, x in data.items() if name not in shown}
+        if isinstance(asked := data.get("quantities"), list | tuple):
+            energies = [name for name in named.ENERGIES if name in asked]
+            shown |= {name: {"value": name, "unit": "J", "about": named.ENERGIES[name]} for name in energies}
+            left["quantities"] = [name for name in asked if not isinstance(name, str) or name not in shown]
+        return left, {"own": shown} if shown else {}
 
     def _contradictions(self) -> Iterator[str]:
         if not self.names:
-            yield fault("outputs.quantities", self.quantities, f"{self._rule('quantities').words}, at least one")
+            yield fault("outputs.quantities", self.quantities, f"{self._rules['quantities'].words}, at least one")
 
     @property
     def names(self) -> tuple[str, ...]:
         """Return the names of all that is shown."""
         return (*self.quantities, *self.own)
 
-    def as_written(self) -> dict[str, Any]:
+    def table(self) -> dict[str, Any]:
         """Return the table as a file has it."""
-        shown = named.as_written(self.own)
+        shown: dict[str, Any] = as_lists(self.own)
         return {"quantities": [*self.quantities, *shown]} | shown
 
 
@@ -181,7 +199,7 @@ class Run(Section):
 
     start: Annotated[float, Numbers((), "s").means("time at the start")] = 0.0
     stop: Annotated[float, Numbers((), "s").means("time at the end")] = 10.0
-    step: Annotated[float, positive("s").means("communication step")] = 0.01
+    step: Annotated[float, Numbers((), "s", *POSITIVE).means("communication step")] = 0.01
     accuracy: Annotated[float, _ACCURACY] = 1e-6
 
     def _contradictions(self) -> Iterator[str]:
@@ -209,16 +227,8 @@ class About(Section):
     license: Annotated[str, _TEXT.means("terms under which the scene may be used")] = ""
 
 
-_SECTIONS: tuple[type[Section], ...] = (Body, Initial, Loads, Inputs, Outputs, Run, About, Ensemble)
-SECTIONS: Mapping[str, type[Section]] = {section._path: section for section in _SECTIONS}
-OPTIONAL = ("body", "ensemble")
-"""The tables that a scene may do without."""
-
-
 class Scene(Section):
     """One rigid body and what is known about its run; immutable. An invalid scene raises SceneError with all faults."""
-
-    _spellings: ClassVar[Mapping[str, tuple[str, ...]]] = {"load_formulas": ()}
 
     name: Annotated[str, _NAME.means("title, and the FMU's name; by default the file's")] = "scene"
     body: Body | None = None
@@ -234,7 +244,11 @@ class Scene(Section):
     states: Annotated[Mapping[str, State], named.STATES] = NOTHING
     tables: Annotated[Mapping[str, Table], named.TABLES] = NOTHING
     events: Annotated[Mapping[str, Event], named.EVENTS] = NOTHING
-    load_formulas: Annotated[Mapping[str, str], named.FORMULAS] = NOTHING
+
+    @property
+    def load_formulas(self) -> Mapping[str, str]:
+        """Return the loads that are formulas, by name."""
+        return self.loads.formulas
 
     @property
     def has_formulas(self) -> bool:
@@ -256,35 +270,37 @@ class Scene(Section):
         if self.has_formulas or self.formulas or self.tables:
             from rbfmu.formulas.check import faults_of_texts  # what has none starts sooner
 
-            yield from faults_of_texts(self)
+            yield from faults_of_texts(self._worded())
 
-    @classmethod
-    def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
-        good: dict[str, Any] = {}
-        rates = _rates_as_written(data.get("initial"))
-        if isinstance(loads := data.get("loads"), Mapping):
-            data["loads"], data["load_formulas"] = named.apart(loads)
-        data["ensemble"] = as_written(data.get("ensemble"), data, faults)
-        data["inputs"], listed = named.listed_apart(data.get("inputs", {}), data)
-        for key, section in SECTIONS.items():
-            if key in OPTIONAL and data.get(key) is None:
-                good[key] = data.pop(key, None)
-                continue
-            try:
-                good[key] = section.read(data.pop(key, {}))
-            except SceneError as error:
-                faults += error.faults
-        if listed and "inputs" in good:
-            good["inputs"] = good["inputs"].model_copy(update={"parameters": (*good["inputs"].parameters, *listed)})
-        if "outputs" in good and "quantities" not in good["outputs"].model_fields_set:
-            default = default_quantities(good.get("body"), good.get("inputs"))
-            own = good["outputs"].own
-            good["outputs"] = Outputs.model_construct({"own"} if own else set(), quantities=default, own=own)
-        faults += faults_between(good, rates)
+    def _resolved(self, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
+        return data | {"ensemble": as_written(data.get("ensemble"), data, faults)}
+
+    def _faults_together(self) -> Iterator[str]:
+        good = vars(self)
+        if "outputs" in good and "quantities" not in self.outputs._given:
+            quantities = default_quantities(good.get("body"), good.get("inputs"))
+            good["outputs"] = self.outputs._with(quantities=quantities)
+        yield from faults_between(good)
+        if {"inputs", *self._own_tables} <= good.keys():
+            known = (*PARAMETERS, *(row.name for row in self.own_parameters.values()))
+            faults: list[str] = []
+            checked(names(known), self.inputs.parameters, "inputs.parameters", faults)
+            yield from faults
         if good.get("ensemble") is not None:
-            faults += faults_with(good["ensemble"], good)
+            yield from faults_with(good["ensemble"], good)
             good["ensemble"] = without_idle_shape(good["ensemble"], good.get("body"))
-        return data | good
+
+    def _worded(self) -> Self:
+        """Return the scene with the same texts, names and sizes and other numbers, so that many have this one."""
+        ones = {"mass": 1.0, "inertia": (), "r_oc_b": ZERO}
+        loads = {name: (1.0 if any(x) else 0.0,) for name, x in self.loads._values().items() if name != "formulas"}
+        return self._with(
+            **{name: getattr(type(self), name) for name in ("name", "initial", "run", "about")},
+            body=self.body and self.body._with(**ones),
+            loads=self.loads._with(**loads),
+            constants=Named({name: one._with(value=(1.0,) * len(one.value)) for name, one in self.constants.items()}),
+            states=Named({name: one._with(start=(1.0,) * len(one.start)) for name, one in self.states.items()}),
+        )
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], source: str = "scene") -> Self:
@@ -301,8 +317,8 @@ class Scene(Section):
         for key in SECTIONS:
             section = getattr(self, key)
             for name, value in section._set().items() if section is not None else ():
-                rule = type(section)._rule(name)
-                yield f"{key}.{name}", as_toml(value), getattr(rule, "unit", ""), rule.meaning
+                rule = section._rules[name]
+                yield f"{key}.{name}", as_toml(value), rule.unit, rule.meaning
 
     def _repr_html_(self) -> str:
         return table(self.name, ("key", "value", "unit", "meaning"), self.rows())
@@ -313,32 +329,25 @@ class Scene(Section):
         The other keys of a table stay; a section (`Run(...)`) or None replaces the whole table. A new key removes the
         one that it excludes (omega_b_deg removes omega_b, shape removes inertia). Outputs that were not requested by
         name follow from the new motion. A shape was turned into its inertia when the scene was made, so a new mass
-        alone does not change the inertia. Raises SceneError; pydantic's `model_copy(update=...)` checks nothing.
+        alone does not change the inertia. Raises SceneError.
         """
-        new = self.to_dict()
-        if "quantities" not in self.outputs.model_fields_set:
-            del new["outputs"]["quantities"]
+        new = self._values()
         for name, value in as_tables({**changes, **tables}).items():
-            new[name] = with_changes(new.get(name), value, SECTIONS.get(name))
+            table = as_lists(new.get(name))
+            if name == "outputs" and "quantities" not in self.outputs._given:
+                del table["quantities"]
+            new[name] = with_changes(table, value, SECTIONS.get(name))
         return type(self).from_dict(new, self.name)
 
     def to_dict(self) -> dict[str, Any]:
         """Return nested tables from which `from_dict` makes an equal scene; vectors are lists."""
         untold = {"about"} if self.about == About() else set()
-        untold |= {name for name in ("constants", "formulas", "states", "tables", "events") if not getattr(self, name)}
-        tables: dict[str, Any] = self.model_dump(mode="json", exclude_none=True, exclude=untold)
-        tables["loads"] |= tables.pop("load_formulas")
-        tables |= {"inputs": self.inputs.as_written(), "outputs": self.outputs.as_written()}
-        own = {**self._own_tables, "tables": self.tables, "events": self.events}
-        tables |= {name: named.as_written(rows) for name, rows in own.items() if rows}
-        tables["initial"]["attitude"] = {"quaternion": tables["initial"].pop("quaternion")}
-        return tables
+        return {name: table for name, table in self.table().items() if table != {} and name not in untold}
 
 
-def _rates_as_written(initial: Any) -> tuple[str, Any] | None:
-    """Return the key and value of initial rates that are given in degrees, or None."""
-    given = isinstance(initial, Mapping) and "omega_b_deg" in initial and "omega_b" not in initial
-    return ("initial.omega_b_deg", initial["omega_b_deg"]) if given else None
+SECTIONS: Mapping[str, type[Section]] = {
+    name: section for name, section in Scene._rules.items() if isinstance(section, type)
+}
 
 
 def load_scene(path: str | Path) -> Scene:

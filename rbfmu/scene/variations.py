@@ -11,7 +11,10 @@ import numpy as np
 from rbfmu.scene.attitude import Attitude
 from rbfmu.scene.body import SHAPES, TRIANGLE, six_numbers
 from rbfmu.scene.own import is_own
-from rbfmu.scene.section import Numbers, Rule, as_toml, closest, fault, flattened, joined, not_negative, numbers, plain
+
+from rbfmu.scene.section import (  # isort: skip
+    NOT_NEGATIVE, POSITIVE, Numbers, Rule, SceneError, as_toml, closest, fault, flattened, joined, numbers, plain,
+)  # fmt: skip
 from rbfmu_kernels.quantities import IN_BUFFER_ORDER, INITIAL_VALUES, LOADS, PARAMETERS, Load, Parameter, indices
 
 _BY_NAME = {row.name: row for row in IN_BUFFER_ORDER}
@@ -36,15 +39,15 @@ def _location(rule: Numbers) -> Numbers:
 
 
 def _median(rule: Numbers) -> Numbers:
-    return Numbers(rule.shape, rule.unit, " > 0", lambda x: x > 0.0)
+    return Numbers(rule.shape, rule.unit, *POSITIVE)
 
 
 def _spread(rule: Numbers) -> Numbers:
-    return Numbers(rule.shape, rule.unit, " >= 0", not_negative)
+    return Numbers(rule.shape, rule.unit, *NOT_NEGATIVE)
 
 
 def _share(rule: Numbers) -> Numbers:
-    return Numbers(rule.shape, "", " >= 0", not_negative)
+    return Numbers(rule.shape, "", *NOT_NEGATIVE)
 
 
 DISTRIBUTIONS: Mapping[str, Distribution] = {
@@ -141,12 +144,11 @@ RULES: Mapping[str, Numbers] = {
 KEYS = (*RULES, INERTIA, ATTITUDE, SHAPE)
 
 
-def read_variations(vary: Any, faults: list[str]) -> tuple[Variation, ...]:
-    """Return the keys that vary, and add the faults of the table `ensemble.vary`."""
+def read_variations(vary: object) -> tuple[Variation, ...] | None:
+    """Return the keys that vary, of the table `ensemble.vary`. Raises SceneError."""
     if not isinstance(vary, Mapping) or not vary:
-        faults.append(fault("ensemble.vary", vary, "a table: keys of the scene, each with a distribution"))
-        return ()
-    found = []
+        return None
+    found, faults = list[Variation](), list[str]()
     for key, value in vary.items():
         reader = _Reader(str(key), value, faults)
         before = len(faults)
@@ -155,6 +157,8 @@ def read_variations(vary: Any, faults: list[str]) -> tuple[Variation, ...]:
             reader.refuse(value, "a distribution in which something varies")
         if len(faults) == before:
             found.append(Variation(str(key), form, marginals, json.dumps(value, default=_for_json)))
+    if faults:
+        raise SceneError(faults)
     return tuple(found)
 
 
@@ -291,10 +295,10 @@ class _Reader:
             return self._normal_about_zero(name, value[name], ABOUT[name]), f"about {name}"
         if "euler" in value:
             try:
-                Attitude._rule("euler")(value["euler"])
+                Attitude._rules["euler"](value["euler"])
             except ValueError as error:
                 return self.refuse(value["euler"], str(error), f"{self.path}.euler")
-        rule = Attitude._rule(name if name in VARYING_ANGLES else "rotvec")
+        rule = Attitude._rules[name if name in VARYING_ANGLES else "rotvec"]
         assert isinstance(rule, Numbers)
         path = f"{self.path}.{name}"
         found, _ = self._distribution(path, value[name], f"{ATTITUDE}.{name}", rule, relative=False)
@@ -303,7 +307,7 @@ class _Reader:
     def _normal_about_zero(self, name: str, value: Any, unit: str) -> tuple[Marginal, ...]:
         """Return the marginals of a rotation vector, given their standard deviations."""
         path = f"{self.path}.{name}"
-        rule = Numbers((3,), unit, " >= 0: standard deviations, or one for all", not_negative)
+        rule = Numbers((3,), unit, " >= 0: standard deviations, or one for all", NOT_NEGATIVE[1])
         spread = self._constants(path, value, rule, one_for_all=True)
         names = component_names(f"{self.key}.{name}", (3,))
         return tuple(Marginal(n, NORMAL, (0.0, s)) for n, s in zip(names, spread, strict=False))
@@ -327,7 +331,7 @@ class _Reader:
             return self.refuse(value, f"a {kind} with {' and '.join(keys)}")
         found: tuple[Marginal, ...] = ()
         for key in keys:
-            found += self._size(key, value[key], section._rule(key))
+            found += self._size(key, value[key], section._rules[key])
         return found, kind
 
     def _size(self, key: str, value: Any, rule: Rule) -> tuple[Marginal, ...]:
