@@ -100,7 +100,7 @@ def _plan_of(
     known = None if driven else kept.read()
     if known is not None:
         return known
-    from rbfmu.scene.consistency import doubts_before
+    from rbfmu.scene.scene import doubts_before
     from rbfmu_fmu.description import sizes
 
     with given as scene:

@@ -14,12 +14,14 @@ from rbfmu.types import Array
 
 
 def read_columns(
-    path: Path, expected: str = "a number", holds: Callable[[float], bool] = lambda x: True, gaps: Collection[str] = ()
+    path: Path, expected: str = "a number", holds: Callable[[float], bool] = lambda x: True,
+    gaps: Collection[str] = (), needed: str = "time",
 ) -> dict[str, Array]:  # fmt: skip
     """Return the columns (rows,) of a file by the names in its header.
 
     expected: which numbers a cell may have, in words; holds: whether it may; gaps: what stands for none, in lower case,
-    and is NaN. Raises SceneError with the first fault of each column; rows are counted from 1, without the header.
+    and is NaN; needed: a column that must be there, if any. Raises SceneError with the first fault of each column, in
+    which rows are counted from 1, without the header.
     """
     source = str(path)
     try:
@@ -27,6 +29,9 @@ def read_columns(
         names = [name.strip() for row in csv.reader(lines[:1], skipinitialspace=True) for name in row]
         if twice := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
             raise SceneError((f"column {name!r} stands twice: expected each column once" for name in twice), source)
+        if needed and needed not in names:
+            said = f"column {needed!r} is missing: expected it in the header, not {', '.join(names) or 'nothing'}"
+            raise SceneError(said, source)
         table = _plain_numbers(lines[1:])
         if table is None or table.shape[1] != len(names):
             rows = [row for row in csv.reader(lines[1:], skipinitialspace=True) if row]

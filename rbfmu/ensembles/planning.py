@@ -38,9 +38,8 @@ from rbfmu.planning.judge import Judge
 from rbfmu.planning.methods import TIGHTEST, ever_tighter, whole_series, with_cost
 from rbfmu.planning.select import series_serve_alone
 from rbfmu.runs.plan import Plan
-from rbfmu.scene.consistency import warn
 from rbfmu.scene.ensemble import SOBOL
-from rbfmu.scene.scene import Scene, SceneError, faults_of
+from rbfmu.scene.scene import Scene, SceneError, faults_of, warn
 from rbfmu.scene.variations import SHAPE
 from rbfmu.simulation import SimulationError, simulate
 from rbfmu.types import Array

@@ -9,7 +9,6 @@ import numpy as np
 
 from rbfmu import arrays
 from rbfmu.csv_table import read_columns
-from rbfmu.exceptions import named
 from rbfmu.result import Result, by_quantity
 from rbfmu.scene.scene import Scene
 from rbfmu.types import Array
@@ -49,10 +48,7 @@ def read_measured(scene: Scene, data: Any) -> Measured:
     if isinstance(data, str | Path):
         path = Path(data)
         if path.suffix == ".csv":
-            flat = _columns(path)
-            if "time" not in flat:
-                raise ValueError(f"{path}: expected a column time, not {', '.join(flat) or 'nothing'}")
-            return _check(scene, by_quantity(path, flat), str(path))
+            return _check(scene, by_quantity(path, _columns(path)), str(path))
         data, where = Result.load(path), str(path)
     else:
         where = "data"
@@ -107,9 +103,8 @@ def _unit(rows: Array, where: str) -> Array:
     return np.asarray(rows / lengths[:, None])
 
 
-def _columns(path: Path) -> dict[str, Array]:
-    with named(path):
-        return read_columns(path, "a number, or nothing for a gap", gaps=GAPS)
+def _columns(path: Path, needed: str = "time") -> dict[str, Array]:
+    return read_columns(path, "a number, or nothing for a gap", gaps=GAPS, needed=needed)
 
 
 def sigma_of(text: str) -> float | dict[str, float]:
@@ -118,7 +113,7 @@ def sigma_of(text: str) -> float | dict[str, float]:
         return float(text)
     except ValueError:
         path = Path(text)
-    columns = _columns(path)
+    columns = _columns(path, needed="")
     if any(len(rows) != 1 for rows in columns.values()):
         raise ValueError(f"{path}: expected a row of outputs' names and a row of their standard deviations")
     return {name: float(rows[0]) for name, rows in columns.items()}

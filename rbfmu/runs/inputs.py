@@ -134,9 +134,9 @@ def _read(path: Path, scene: Scene, faults: list[str]) -> InputTables:
     for name in flat.keys() - {"time", *known}:
         faults.append(f"column {as_toml(name)}: expected one of time, {', '.join(known)}")
     ports = {known[name]: elements(known[name], size_of(scene, known[name])) for name in flat if name in known}
-    wanted = ["time", *(name for names in ports.values() for name in names)]
+    wanted = [name for names in ports.values() for name in names]
     faults += [
-        f"column {name!r} is missing: expected all of {', '.join(wanted)}" for name in wanted if name not in flat
+        f"column {name!r} is missing: expected all of time, {', '.join(wanted)}" for name in wanted if name not in flat
     ]
     if not faults and not len(flat["time"]):
         faults.append("no rows: expected a header, and a row of numbers a time")

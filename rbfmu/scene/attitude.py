@@ -1,7 +1,7 @@
 """The attitude of a scene: a quaternion, read from any of its representations."""
 
 import math
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -59,10 +59,8 @@ _MATRIX = Numbers((3, 3), then=rotation_matrix)
 _IN_ORDER = "Euler angles in the sequence's order"
 
 
-class Attitude(Section):
+class Attitude(Section, path="initial.attitude"):
     """The table `initial.attitude`, which gives the attitude in exactly one representation."""
-
-    _path: ClassVar[str] = "initial.attitude"
 
     euler: Annotated[str | None, _EULER] = None
     angles_deg: Annotated[Vec3 | None, _angles("deg", _IN_ORDER)] = None

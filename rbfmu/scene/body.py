@@ -85,10 +85,9 @@ KINDS = ("box", "beam", "cylinder", "sphere", "ellipsoid")
 _KINDS = " or ".join(f'"{kind}"' for kind in KINDS)
 
 
-class Shape(Section):
+class Shape(Section, path="body.shape"):
     """The table of a homogeneous body's shape: its kind, and sizes in the order in which the kernel takes them."""
 
-    _path: ClassVar[str] = "body.shape"
     kind: Annotated[str, one_word(KINDS, _KINDS)]
 
     @classmethod
@@ -139,15 +138,12 @@ def _read_shape(value: object) -> Shape:
 _MASS = numbers("mass")
 
 
-class Body(Section):
+class Body(Section, path="body"):
     """A rigid body; `inertia` is M_c, symmetric, from 3 principal moments, a 3x3 matrix or a `shape` table."""
 
-    _path: ClassVar[str] = "body"
-    _spellings: ClassVar[Mapping[str, tuple[str, ...]]] = {"inertia": ("inertia", "shape")}
+    _spellings: ClassVar = {"inertia": ("inertia", "shape")}
 
-    _other_keys: ClassVar[Mapping[str, tuple[str, str]]] = {
-        "shape": ("", "a table in place of inertia: that of a homogeneous body")
-    }
+    _other_keys: ClassVar = {"shape": ("", "a table in place of inertia: that of a homogeneous body")}
 
     mass: Annotated[float, _MASS]
     inertia: Annotated[Matrix, Inertia().means(BY_NAME["inertia"].meaning)]

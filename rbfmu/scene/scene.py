@@ -1,230 +1,41 @@
-"""The scene: body, initial state, loads, inputs, outputs and run, given in a TOML file or in Python, and checked."""
+"""The scene: its tables together, from a file or from Python, changes of it, and what in it looks like a slip.
+
+Such doubts are warnings: a wrong unit, or too long a communication step.
+"""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from functools import cached_property, wraps
+from functools import wraps
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any, ClassVar, Concatenate, ParamSpec, Self, TypeVar
+from typing import Annotated, Any, Concatenate, ParamSpec, Self, TypeVar
 
+import numpy as np
+
+from rbfmu.exceptions import SceneWarning as SceneWarning
 from rbfmu.notebook import table
 from rbfmu.scene import own as named
-from rbfmu.scene.attitude import Attitude
 from rbfmu.scene.body import ZERO, Body
-from rbfmu.scene.changes import as_tables, with_changes
-from rbfmu.scene.consistency import default_quantities, doubts_before, faults_between, warn
-from rbfmu.scene.ensemble import Ensemble, as_written, faults_of_own, faults_with, without_idle_shape
-from rbfmu.scene.own import Constant, Event, Named, Port, Shown, State, Table
+from rbfmu.scene.ensemble import Ensemble, as_written, faults_with, without_idle_shape
+from rbfmu.scene.own import Constant, Event, Named, State, Table
+from rbfmu.scene.section import SceneError, Section, as_lists, as_toml, checked, fault, line, names
 
-from rbfmu.scene.section import (  # isort: skip
-    POSITIVE, Numbers, Rule, SceneError, Section, as_lists, as_toml, checked, fault, line, names, numbers, one_of,
+from rbfmu.scene.tables import (  # isort: skip
+    NOTHING, PARAMETERS, PORTS, QUANTITIES, About, Initial, Inputs, Loads, Outputs, Run, default_quantities,
+    faults_between,
 )  # fmt: skip
 from rbfmu.scene.toml_file import read_file, with_description
-from rbfmu_kernels import quantities
-from rbfmu_kernels.types import Quaternion, Vec3
+from rbfmu.types import Array
+from rbfmu_kernels.compile.tiered import evaluated
+from rbfmu_kernels.mechanics import inertia
+from rbfmu_kernels.quantities import ANGLE, OUTPUTS, Parameter
 
 __all__ = ["PARAMETERS", "PORTS", "QUANTITIES", "About", "Body", "Initial", "Inputs", "Loads", "Outputs", "Run",
            "Scene", "SceneError", "load_scene"]  # fmt: skip
 
-PORTS = quantities.PORTS
-PARAMETERS = tuple(row.name for row in quantities.IN_BUFFER_ORDER)
-QUANTITIES = tuple(quantities.OUTPUT)
-MAX_STEPS = 1e8
-"""The largest number of communication steps of a run; their results take some 20 GB."""
-NOTHING: Mapping[str, Any] = Named()
-_IDENTITY = (1.0, 0.0, 0.0, 0.0)
-_DEGREES = Numbers((3,), "deg/s")
 _NAME = line("1 to 200 printable characters without / and \\", 200, unwanted="/\\")
-_PORTS = names(PORTS).means(
-    "loads that another unit supplies, added to the known ones; omega_b alone (prescribed rates); inputs of one's own "
-    "that formulas read, { name, size, unit, start }"
-)
-_KNOWN = names(PARAMETERS)
-_PARAMETERS = Rule(_KNOWN.words, lambda value: tuple(value) if isinstance(value, list | tuple) else None, _KNOWN.choice)
-_ACCURACY = Numbers((), "", " in (0, 1]", lambda x: 0.0 < x <= 1.0).means(
-    "largest error over the run: attitude in rad, rates relative to their largest, position and velocity relative to "
-    "theirs, at least 1 m and 1 m/s"
-)
-_TEXT = line("at most 1000 printable characters", 1000)
-
-
-class Initial(Section):
-    """The initial state; `quaternion` comes from the table `attitude`."""
-
-    _path: ClassVar[str] = "initial"
-    _spellings: ClassVar[Mapping[str, tuple[str, ...]]] = {
-        "quaternion": ("attitude",),
-        "omega_b": ("omega_b", "omega_b_deg"),
-    }
-    _other_keys: ClassVar[Mapping[str, tuple[str, str]]] = {
-        "attitude": ("", "a table: initial attitude of the body (b) in space (a)"),
-        "omega_b_deg": ("deg/s", "in place of omega_b"),
-    }
-
-    position: Annotated[Vec3, numbers("position_0")] = ZERO
-    velocity: Annotated[Vec3, numbers("velocity_0")] = ZERO
-    quaternion: Annotated[Quaternion, numbers("quaternion_0")] = _IDENTITY
-    omega_b: Annotated[Vec3, numbers("omega_b_0")] = ZERO
-
-    def _resolved(self, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
-        if "attitude" in data:
-            attitude: Attitude | None = checked(Attitude, data.pop("attitude"), "", faults)
-            data |= {"quaternion": attitude.q_ab()} if attitude else {}
-        given = one_of(Initial, data, ("omega_b", "omega_b_deg"), faults)
-        degrees = data.pop("omega_b_deg", None)
-        if given == "omega_b_deg":
-            rates: Vec3 | None = checked(_DEGREES, degrees, "initial.omega_b_deg", faults)
-            data |= {"omega_b": tuple(map(math.radians, rates))} if rates else {}
-            vars(self)["rates_said"] = "initial.omega_b_deg", degrees
-        return data
-
-    @cached_property
-    def rates_said(self) -> tuple[str, object]:
-        """Return the key and the value by which the initial rates were given."""
-        return "initial.omega_b", self.omega_b
-
-    def _shown(self) -> dict[str, Any]:
-        return dict(("attitude", {k: x}) if k == "quaternion" else (k, x) for k, x in self._set().items())
-
-    def table(self) -> dict[str, Any]:
-        """Return the table as a file has it."""
-        found = super().table()
-        return found | {"attitude": {"quaternion": found.pop("quaternion")}}
-
-
-class Loads(Section):
-    """The known loads; those that are formulas stand in `formulas`, and are zero here."""
-
-    _path: ClassVar[str] = "loads"
-    _spellings: ClassVar[Mapping[str, tuple[str, ...]]] = {"formulas": ()}
-
-    gravity_a: Annotated[Vec3, numbers("gravity_a")] = (0.0, 0.0, -9.81)
-    force_a: Annotated[Vec3, numbers("force_a")] = ZERO
-    force_b: Annotated[Vec3, numbers("force_b")] = ZERO
-    torque_a: Annotated[Vec3, numbers("torque_a")] = ZERO
-    torque_b: Annotated[Vec3, numbers("torque_b")] = ZERO
-    damping_b: Annotated[Vec3, numbers("damping_b")] = ZERO
-    formulas: Annotated[Mapping[str, str], named.LOAD_FORMULAS] = NOTHING
-
-    def _apart(self, data: Mapping[str, Any], faults: list[str]) -> tuple[Mapping[str, Any], dict[str, Any]]:
-        texts = {name: value for name, value in data.items() if named.is_formula(name, value)}
-        return {name: value for name, value in data.items() if name not in texts}, {"formulas": texts} if texts else {}
-
-    def _shown(self) -> dict[str, Any]:
-        return {name: x for name, x in self._set().items() if name != "formulas"} | dict(self.formulas)
-
-    def table(self) -> dict[str, Any]:
-        """Return the table as a file has it."""
-        found = super().table()
-        formulas: dict[str, Any] = found.pop("formulas")
-        return found | formulas
-
-
-class Inputs(Section):
-    """The inputs that other FMUs supply, and the parameters that an importer may change."""
-
-    _path: ClassVar[str] = "inputs"
-    _spellings: ClassVar[Mapping[str, tuple[str, ...]]] = {"own": ()}
-
-    ports: Annotated[tuple[str, ...], _PORTS] = ()
-    parameters: Annotated[
-        tuple[str, ...],
-        _PARAMETERS.means("FMU parameters that an importer will change, so that the plan holds for every value"),
-    ] = ()
-    own: Annotated[Mapping[str, Port], named.PORTS] = NOTHING
-
-    def _apart(self, data: Mapping[str, Any], faults: list[str]) -> tuple[Mapping[str, Any], dict[str, Any]]:
-        ports = data.get("ports")
-        if not isinstance(ports, list | tuple) or not (rows := [x for x in ports if isinstance(x, Mapping)]):
-            return data, {}
-        own = [one for row in rows if (one := checked(named.Port, row, "inputs.ports", faults))]
-        found = Named({one.name: one for one in own})
-        if twice := [one.name for one in own if one is not found[one.name]]:
-            faults.append(f"inputs.ports: expected each name once, not twice {twice[0]}")
-        return {**data, "ports": [x for x in ports if not isinstance(x, Mapping)]}, {"own": found}
-
-    def _faults_together(self) -> Iterator[str]:
-        """Let the ports have those of one's own among them."""
-        if "ports" in vars(self):
-            vars(self)["ports"] += tuple(self.own)
-        yield from ()
-
-    def table(self) -> dict[str, Any]:
-        """Return the table as a file has it."""
-        found = super().table()
-        own: dict[str, Any] = found.pop("own")
-        return found | {"ports": [*(name for name in self.ports if name not in own), *own.values()]}
-
-
-class Outputs(Section):
-    """The requested output quantities, and those of one's own, which are always shown."""
-
-    _path: ClassVar[str] = "outputs"
-
-    _spellings: ClassVar[Mapping[str, tuple[str, ...]]] = {"own": ()}
-
-    quantities: Annotated[tuple[str, ...], names(QUANTITIES).means("what someone will look at")] = QUANTITIES
-    own: Annotated[Mapping[str, Shown], named.OUTPUTS] = NOTHING
-
-    def _apart(self, data: Mapping[str, Any], faults: list[str]) -> tuple[Mapping[str, Any], dict[str, Any]]:
-        """Return whatever is a table or a text as an output of one's own, and energies that are asked for."""
-        shown = {name: x for name, x in data.items() if isinstance(x, Mapping | str) and name not in self._keys}
-        left = {name: x for name, x in data.items() if name not in shown}
-        if isinstance(asked := data.get("quantities"), list | tuple):
-            energies = [name for name in named.ENERGIES if name in asked]
-            shown |= {name: {"value": name, "unit": "J", "about": named.ENERGIES[name]} for name in energies}
-            left["quantities"] = [name for name in asked if not isinstance(name, str) or name not in shown]
-        return left, {"own": shown} if shown else {}
-
-    def _contradictions(self) -> Iterator[str]:
-        if not self.names:
-            yield fault("outputs.quantities", self.quantities, f"{self._rules['quantities'].words}, at least one")
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Return the names of all that is shown."""
-        return (*self.quantities, *self.own)
-
-    def table(self) -> dict[str, Any]:
-        """Return the table as a file has it."""
-        shown: dict[str, Any] = as_lists(self.own)
-        return {"quantities": [*self.quantities, *shown]} | shown
-
-
-class Run(Section):
-    """The run: from start to stop in communication steps."""
-
-    _path: ClassVar[str] = "run"
-
-    start: Annotated[float, Numbers((), "s").means("time at the start")] = 0.0
-    stop: Annotated[float, Numbers((), "s").means("time at the end")] = 10.0
-    step: Annotated[float, Numbers((), "s", *POSITIVE).means("communication step")] = 0.01
-    accuracy: Annotated[float, _ACCURACY] = 1e-6
-
-    def _contradictions(self) -> Iterator[str]:
-        span, resolution = self.stop - self.start, 4.0 * max(math.ulp(self.start), math.ulp(self.stop))
-        if not self.stop > self.start:
-            yield fault("run.stop", self.stop, f"a time after run.start = {self.start!r} (s)")
-        elif not math.isfinite(span):
-            yield fault("run.stop", self.stop, "a span from run.start that is a number (s)")
-        elif self.step > span:
-            yield fault("run.step", self.step, f"at most stop - start = {span!r} (s)")
-        elif span > MAX_STEPS * self.step:
-            yield fault("run.step", self.step, f"at least {span / MAX_STEPS:.2g}: a run has at most 1e8 steps")
-        elif self.step < resolution:
-            yield fault("run.step", self.step, f"at least {resolution:.2g}, what the clock resolves there (s)")
-
-
-class About(Section):
-    """What tools show of a scene's FMU."""
-
-    _path: ClassVar[str] = "about"
-
-    description: Annotated[str, _TEXT.means("what it is; by default the first paragraph of the file's comment")] = ""
-    author: Annotated[str, _TEXT.means("who made the scene")] = ""
-    version: Annotated[str, _TEXT.means("version of the scene")] = ""
-    license: Annotated[str, _TEXT.means("terms under which the scene may be used")] = ""
 
 
 class Scene(Section):
@@ -256,17 +67,11 @@ class Scene(Section):
         return bool(self.load_formulas or self.states or self.outputs.own or self.events)
 
     @property
-    def _own_tables(self) -> dict[str, Mapping[str, Constant | State]]:
-        return {"constants": self.constants, "states": self.states}
-
-    @property
-    def own_parameters(self) -> dict[str, quantities.Parameter]:
+    def own_parameters(self) -> dict[str, Parameter]:
         """Return the parameters of one's own, constants and starts of states, by the keys that set them."""
-        return named.parameters(self._own_tables)
+        return named.parameters(vars(self))
 
     def _contradictions(self) -> Iterator[str]:
-        if self.ensemble is not None:
-            yield from faults_of_own(self.ensemble, self._own_tables)
         if self.has_formulas or self.formulas or self.tables:
             from rbfmu.formulas.check import faults_of_texts  # what has none starts sooner
 
@@ -281,7 +86,7 @@ class Scene(Section):
             quantities = default_quantities(good.get("body"), good.get("inputs"))
             good["outputs"] = self.outputs._with(quantities=quantities)
         yield from faults_between(good)
-        if {"inputs", *self._own_tables} <= good.keys():
+        if {"inputs", "constants", "states"} <= good.keys():
             known = (*PARAMETERS, *(row.name for row in self.own_parameters.values()))
             faults: list[str] = []
             checked(names(known), self.inputs.parameters, "inputs.parameters", faults)
@@ -305,12 +110,10 @@ class Scene(Section):
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], source: str = "scene") -> Self:
         """Return the scene of nested tables as in a file; `source` names it in messages and by default."""
-        try:
+        with faults_of(source):
             if not isinstance(data, Mapping):
                 raise SceneError(fault("scene", data, f"tables {', '.join(SECTIONS)}"))
             return cls.read({"name": Path(source).stem or "scene"} | dict(data))
-        except SceneError as error:
-            raise SceneError(error.faults, source) from None
 
     def rows(self) -> Iterator[tuple[str, str, str, str]]:
         """Return key, value, unit and meaning of what is not as by default."""
@@ -318,7 +121,7 @@ class Scene(Section):
             section = getattr(self, key)
             for name, value in section._set().items() if section is not None else ():
                 rule = section._rules[name]
-                yield f"{key}.{name}", as_toml(value), rule.unit, rule.meaning
+                yield f"{key}.{name}", as_toml(value), getattr(rule, "unit", ""), rule.meaning
 
     def _repr_html_(self) -> str:
         return table(self.name, ("key", "value", "unit", "meaning"), self.rows())
@@ -332,11 +135,11 @@ class Scene(Section):
         alone does not change the inertia. Raises SceneError.
         """
         new = self._values()
-        for name, value in as_tables({**changes, **tables}).items():
+        for name, value in _merged(_merged({}, changes), tables).items():
             table = as_lists(new.get(name))
             if name == "outputs" and "quantities" not in self.outputs._given:
                 del table["quantities"]
-            new[name] = with_changes(table, value, SECTIONS.get(name))
+            new[name] = _with_changes(table, value, SECTIONS.get(name))
         return type(self).from_dict(new, self.name)
 
     def to_dict(self) -> dict[str, Any]:
@@ -350,10 +153,91 @@ SECTIONS: Mapping[str, type[Section]] = {
 }
 
 
+def _with_changes(table: Any, value: Any, section: type[Section] | None) -> Any:
+    """Return the table with the new keys, and without the keys that these exclude."""
+    if not isinstance(value, Mapping) or not isinstance(table, Mapping):
+        return value
+    if section is None:  # a table with names of one's own, of which a new value keeps unit and meaning
+        return {**table, **{key: _in_row(table.get(key), item) for key, item in value.items()}}
+    excluded = {key for keys in section._spellings.values() if set(keys) & set(value) for key in keys}
+    return {key: item for key, item in table.items() if key not in excluded} | dict(value)
+
+
+def _in_row(row: Any, item: Any) -> Any:
+    """Return what replaces a constant's, an output's or a state's row: of a value or a start alone the rest stays."""
+    return {**row, next(iter(row)): item} if isinstance(row, Mapping) and not isinstance(item, Mapping) else item
+
+
+def _merged(tables: Mapping[str, Any], changes: Mapping[str, Any], dotted: bool = True) -> dict[str, Any]:
+    """Return tables with changes, whose dotted keys stand for tables in tables; dots of keys inside belong to these."""
+    found = dict(tables)
+    for key, value in changes.items():
+        first, _, rest = str(key).partition(".") if dotted else (str(key), "", "")
+        value, known = {rest: value} if rest else value, found.get(first)
+        inside = known if isinstance(known, dict) else {}
+        found[first] = _merged(inside, value, bool(rest)) if isinstance(value, Mapping) else value
+    return found
+
+
 def load_scene(path: str | Path) -> Scene:
     """Read a scene file (TOML). Raises SceneError with all that is wrong with it."""
     path = Path(path)
     return Scene.from_dict(with_description(*read_file(path), path.name), source=str(path))
+
+
+# What looks like a slip
+
+THINNEST = 0.05
+"""The least plausible mass (kg) by the cube of the least radius of gyration (m3).
+
+A solid ball has 17 times its density, so this is a 400th of air. The least radius is taken, as beams and cables have a
+long one. Large solar sails have 0.02 to 5, frames in space 50, hulls of ships, asteroids and planets 1e4. An inertia in
+kg cm2 in place of kg m2 makes it 1e6 times less: of a compact satellite 0.02.
+"""
+SMALLEST = 1e-4
+"""The smallest plausible radius of gyration, in m."""
+PERIODIC = tuple(row.name for row in OUTPUTS if row.error == ANGLE or row.unit == "rad")
+"""Quantities that do not show a turn between two points."""
+
+
+def warn(scene: Scene, doubts: Iterable[str], stacklevel: int = 3) -> None:
+    """Issue a SceneWarning for each doubt."""
+    for doubt in doubts:
+        warnings.warn(f"{scene.name}: {doubt}", SceneWarning, stacklevel=stacklevel)
+
+
+def doubts_before(scene: Scene) -> Iterator[str]:
+    """Yield the doubts that a scene raises: an implausible radius of gyration, or more than one turn per step."""
+    if scene.body is not None:
+        yield from _size(scene.body)
+    yield from _turns(scene, math.hypot(*scene.initial.omega_b), "at the start")
+
+
+def doubts_after(scene: Scene, motion: Mapping[str, Array]) -> Iterator[str]:
+    """Yield the doubts that only the results of a run raise; `motion` holds them by quantity."""
+    found = next((motion[row.name] for row in OUTPUTS if row.unit == "rad/s" and row.name in motion), None)
+    if found is not None and not any(_turns(scene, math.hypot(*scene.initial.omega_b), "")):
+        yield from _turns(scene, float(np.max(np.linalg.norm(found, axis=1))), "at the fastest")
+
+
+def _size(body: Body) -> Iterator[str]:
+    moments = evaluated(inertia.principal_axes, body.M_c)[0]
+    least, radius = (math.sqrt(max(moment, 0.0) / body.mass) for moment in (moments[0], moments[2]))
+    largest = math.cbrt(body.mass / THINNEST)
+    if least > largest:
+        wrong = f"is at least {least:.3g} m, beyond {largest:.3g} m, where {body.mass:g} kg are thinner than air"
+    elif 0.0 < radius < SMALLEST:
+        wrong = f"is {radius:.3g} m, below {1e3 * SMALLEST:g} mm"
+    else:
+        return
+    yield f"the body's radius of gyration {wrong}; mass in kg, inertia in kg m2?"
+
+
+def _turns(scene: Scene, rate: float, when: str) -> Iterator[str]:
+    turns = rate * scene.run.step / (2.0 * math.pi)
+    if turns > 1.0 and (shown := [name for name in scene.outputs.quantities if name in PERIODIC]):
+        lost = f"{turns:.3g} turns a communication step {when}, which {' and '.join(shown)} cannot show"
+        yield f"run.step = {scene.run.step!r}: {lost}; a turn takes {scene.run.step / turns:.3g} s"
 
 
 P = ParamSpec("P")

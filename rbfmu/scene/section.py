@@ -87,7 +87,7 @@ class Rule:
 
     Rules are our own and no library's: one says what a whole vector has to be, with its unit, where Pydantic's checks
     (`Field(gt=0)`, `Literal`, unions) speak of each component and of each branch of a union by itself, and would need a
-    table that turns every kind of error back into these words. Without it a scene is loaded a tenth of a second sooner.
+    table that turns every kind of error back into these words. Without it the first scene is there a sixth sooner.
     """
 
     def __init__(self, words: str, made: Callable[[Any], object], choice: str = "", unit: str = "") -> None:
@@ -261,9 +261,9 @@ class Section:
     _given: frozenset[str]
     """The fields that are not by default."""
 
-    def __init_subclass__(cls) -> None:
+    def __init_subclass__(cls, path: str = "") -> None:
         """Find the rules, and record the table of each key, so that an error can name it where the key is misplaced."""
-        found = dict[str, Any]()
+        cls._path, found = path or cls._path, dict[str, Any]()
         for name, hint in get_annotations(cls).items():
             for said in (*getattr(hint, "__metadata__", ()), hint, *get_args(hint)):
                 if isinstance(said, Rule) or (isinstance(said, type) and issubclass(said, Section)):
@@ -342,7 +342,10 @@ class Section:
 
     def table(self) -> dict[str, Any]:
         """Return the table from which the section is made again; vectors are lists."""
-        return {name: as_lists(value) for name, value in self._values().items() if value is not None}
+        found = {name: as_lists(value) for name, value in self._values().items() if value is not None}
+        for name in [name for name, keys in self._spellings.items() if not keys]:
+            found |= found.pop(name)
+        return found
 
     def _apart(self, data: Mapping[str, Any], faults: list[str]) -> tuple[Mapping[str, Any], dict[str, Any]]:
         """Return the table without what stands there by names of one's own, and the fields that are made of that."""

@@ -168,8 +168,8 @@ W = "time,omega_b[1],omega_b[2],omega_b[3]\n"
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "expected a column time"),
-        ("a,b\n1,2\n", "expected a column time"),
+        ("", "column 'time' is missing"),
+        ("a,b\n1,2\n", "column 'time' is missing"),
         ("time,time\n1,2\n", "each column once"),
         (W, "expected at least two finite times"),
         (W + "0,1,2,3\n", "at least two finite times"),
@@ -185,7 +185,7 @@ W = "time,omega_b[1],omega_b[2],omega_b[3]\n"
         ("time,speed\n0,1\n1,1\n", "'speed': expected outputs among position"),
         ("time,quaternion[1],quaternion[2],quaternion[3],quaternion[4]\n0,2,0,0,0\n1,1,0,0,0\n", "has length 2"),
         (W + "0,nan,2,3\nnan,1,2,3\n", "finite times"),
-        ("time;omega_b[1]\n0;1\n1;1\n", "expected a column time"),
+        ("time;omega_b[1]\n0;1\n1;1\n", "column 'time' is missing"),
         (W + "0,1,2,3\n1,1,,\n", "data: 4 numbers: expected at least 6"),
     ],
 )
