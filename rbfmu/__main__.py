@@ -9,16 +9,11 @@ from rbfmu._interrupt import leave
 YOUNG = 200_000
 """Objects between two searches for garbage: a command imports and compiles a million that stay until its end."""
 
-SETTINGS = {"PYDANTIC_DISABLE_PLUGINS": "__all__", "OPENBLAS_NUM_THREADS": "1"}
-"""Or Pydantic reads the metadata of all installed packages, and NumPy starts threads that no command needs, which takes
-a tenth of a short run."""
-
 
 def main() -> None:
     """Run the command line, whose imports take long enough for a Ctrl-C."""
     gc.set_threshold(YOUNG)
-    for name, value in SETTINGS.items():
-        os.environ.setdefault(name, value)
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # or NumPy starts threads that no command needs
     atexit.register(gc.freeze)  # at the end all goes anyway
     try:
         from rbfmu.cli import main as command

@@ -95,7 +95,7 @@ def _plan_of(asked: Asked, opened: AbstractContextManager["rbfmu.Scene"]) -> dic
     is_driven, kept = asked.driven["inputs"] is not None, KeptPlan(asked.file, {"model": asked.model, **asked.run})
     if not is_driven and (known := kept.read()) is not None:
         return known
-    from rbfmu.scene.consistency import doubts_before
+    from rbfmu.scene.scene import doubts_before
     from rbfmu_fmu.description import sizes
 
     with opened as scene:

@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from rbfmu.csv_table import read_columns
 from rbfmu.exceptions import named
 from rbfmu.extras import needed
 from rbfmu.notebook import numbers_text, table
 from rbfmu.types import Array
-from rbfmu_kernels.quantities import OUTPUT, TIME, Output, Quantity, indices
+from rbfmu_kernels.quantities import OUTPUT, TIME, Output, Quantity, elements, indices
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -163,7 +164,8 @@ class Result:
             raise ValueError(f"{str(path)!r}: expected a name that ends in {ENDINGS}")
         from rbfmu.aem import read_aem  # a run does without
 
-        columns = {".csv": _csv, ".npz": _npz, ".aem": read_aem}[path.suffix](path)
+        readers = {".csv": lambda path: by_quantity(path, read_columns(path)), ".npz": _npz, ".aem": read_aem}
+        columns = readers[path.suffix](path)
         if "time" not in columns:
             raise ValueError(f"{path}: time is missing: expected the result of a run")
         time, quantities = columns["time"], {name: columns[name] for name in OUTPUT if name in columns}
@@ -246,22 +248,20 @@ def _npz(path: Path) -> dict[str, Array]:
         raise ValueError(f"{path}: cannot be read as arrays of NumPy ({error}): expected the result of a run") from None
 
 
-def _csv(path: Path) -> dict[str, Array]:
-    with path.open(encoding="utf-8", newline="") as file:
-        names = next(csv.reader(file), [])
-        try:
-            rows = np.loadtxt(file, delimiter=",", ndmin=2, dtype=np.float64)
-        except ValueError as error:
-            raise ValueError(f"{path}: {error}: expected numbers") from None
-    if rows.shape[1] != len(names):
-        raise ValueError(f"{path}: expected a row of {len(names)} numbers for each time, not {rows.shape[1]}")
-    flat = {name.strip(): rows[:, k] for k, name in enumerate(names)}
-    columns = {"time": flat["time"]} if "time" in flat else {}
-    for row in OUTPUT.values():
-        wanted = [row.name + index for index in indices(row)]
-        if missing := [name for name in wanted if name not in flat]:
-            if len(missing) < len(wanted):
-                raise ValueError(f"{path}: {missing[0]} is missing: expected all of {', '.join(wanted)}")
-            continue
-        columns[row.name] = np.stack([flat[name] for name in wanted], axis=1) if row.size > 1 else flat[row.name]
-    return columns
+def by_quantity(path: Path, flat: Mapping[str, Array]) -> dict[str, Array]:
+    """Return columns by FMU variable name as arrays by quantity; those of others, if not complete, as they are.
+
+    Raises ValueError where one of the quantities is not complete.
+    """
+    names = [name.partition("[")[0] for name in flat]
+    found = dict[str, Array]()
+    for name in dict.fromkeys(names):
+        wanted = elements(name, OUTPUT[name].size if name in OUTPUT else names.count(name))
+        missing = [one for one in wanted if one not in flat]
+        if missing and name in OUTPUT:
+            raise ValueError(f"{path}: {missing[0]} is missing: expected all of {', '.join(wanted)}")
+        if missing:
+            found |= {one: values for one, values in flat.items() if one.partition("[")[0] == name}
+        else:
+            found[name] = np.stack([flat[one] for one in wanted], axis=1) if len(wanted) > 1 else flat[wanted[0]]
+    return found

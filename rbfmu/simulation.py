@@ -17,8 +17,7 @@ from rbfmu.runs.inputs import HOLD, Drive, drive_of, input_tables, size_of
 from rbfmu.runs.motion import Driven, Events
 from rbfmu.runs.plan import Plan, start_run, with_parameters
 from rbfmu.runs.time_grid import last_time, steps_until
-from rbfmu.scene.consistency import doubts_after, warn
-from rbfmu.scene.scene import Scene, of_scene_or_path
+from rbfmu.scene.scene import Scene, doubts_after, of_scene_or_path, warn
 from rbfmu.scene.section import as_toml, fault
 from rbfmu.types import Array
 from rbfmu_kernels.buffer import OK, PAST_STOP

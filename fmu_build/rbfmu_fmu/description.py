@@ -114,7 +114,7 @@ class Description:
 
     def to_dict(self) -> dict[str, object]:
         """Return a dict for JSON: this, and what is said of parameters that a model does not serve."""
-        known = {"name": self.scene.name, "about": self.scene.about.model_dump(), **self.scene.run.model_dump()}
+        known = {"name": self.scene.name, "about": self.scene.about.table(), **self.scene.run.table()}
         known |= {name: getattr(self, name) for name in _AS_IT_IS} | {"model": self.plan.kernels.name}
         variables = [{k: x for k, x in asdict(v).items() if k not in _OF_XML} for v in self.variables]
         return known | {"variables": variables, "faults": FAULTS, "changed": CHANGED}

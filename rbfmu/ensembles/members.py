@@ -175,7 +175,7 @@ def _rule(scene: Scene, key: str) -> Numbers | None:
     rule = RULES.get(key)
     if key.startswith(f"{SHAPE}.") and scene.ensemble is not None:
         shape = scene.ensemble.variation_of(SHAPE)
-        rule = SHAPES[shape.form]._rule(key.removeprefix(f"{SHAPE}.")) if shape else None  # type: ignore[assignment]
+        rule = SHAPES[shape.form]._rules[key.removeprefix(f"{SHAPE}.")] if shape else None
     return rule if rule is not None and rule.bound else None
 
 

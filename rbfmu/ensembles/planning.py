@@ -40,9 +40,8 @@ from rbfmu.planning.methods import TIGHTEST, ever_tighter, whole_series, with_co
 from rbfmu.planning.select import cheapest, series_serve_alone
 from rbfmu.runs.plan import Plan
 from rbfmu.runs.time_grid import communication_steps
-from rbfmu.scene.consistency import warn
 from rbfmu.scene.ensemble import SOBOL
-from rbfmu.scene.scene import Scene, SceneError, faults_of
+from rbfmu.scene.scene import Scene, SceneError, faults_of, warn
 from rbfmu.scene.variations import SHAPE
 from rbfmu.simulation import SimulationError, simulate
 from rbfmu.types import Array

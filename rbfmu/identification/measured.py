@@ -1,7 +1,5 @@
 """Measured motion: outputs of a scene at any times, with gaps, and how far they are from a run."""
 
-import csv
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,11 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rbfmu import arrays
-from rbfmu.exceptions import named
-from rbfmu.result import Result
+from rbfmu.csv_table import read_columns
+from rbfmu.result import Result, by_quantity
 from rbfmu.scene.scene import Scene
 from rbfmu.types import Array
-from rbfmu_kernels.quantities import OUTPUT, elements
+from rbfmu_kernels.quantities import OUTPUT
 
 GAPS = ("", "nan", "na", "-")
 QUATERNION = "quaternion"
@@ -51,7 +49,7 @@ def read_measured(scene: Scene, data: Data) -> Measured:
     if isinstance(data, str | Path):
         path = Path(data)
         if path.suffix == ".csv":
-            return _check(scene, _read(scene, path), str(path))
+            return _check(scene, by_quantity(path, _columns(path)), str(path))
         data, where = Result.load(path), str(path)
     else:
         where = "data"
@@ -106,42 +104,8 @@ def _unit(rows: Array, where: str) -> Array:
     return np.asarray(rows / lengths[:, None])
 
 
-def _read(scene: Scene, path: Path) -> dict[str, Array]:
-    header, *rows = _rows(path) or [[]]
-    names = [name.strip() for name in header]
-    if "time" not in names or len({*names}) < len(names):
-        raise ValueError(f"{path}: expected a column time, and each column once, not {', '.join(names) or 'nothing'}")
-    table = np.array([_numbers(path, k, row, names) for k, row in enumerate(rows, 1)]).reshape(len(rows), len(names))
-    flat = dict(zip(names, table.T, strict=True))
-    known: dict[str, Array] = {"time": flat.pop("time")}
-    while flat:
-        name = next(iter(flat)).partition("[")[0]
-        size = OUTPUT[name].size if name in OUTPUT else sum(n.partition("[")[0] == name for n in flat)
-        wanted = elements(name, size)
-        if missing := [one for one in wanted if one not in flat]:
-            raise ValueError(f"{path}: column {next(iter(flat))!r}: expected outputs; {missing[0]!r} is missing")
-        known[name] = np.stack([flat.pop(one) for one in wanted], axis=1)
-    return known
-
-
-def _rows(path: Path) -> list[list[str]]:
-    with named(path), path.open(newline="", encoding="utf-8-sig") as file:
-        try:
-            return [row for row in csv.reader(file, skipinitialspace=True) if row]
-        except (UnicodeDecodeError, csv.Error) as error:
-            raise ValueError(f"{path}: not a CSV file: {error}") from None
-
-
-def _numbers(path: Path, k: int, row: list[str], names: list[str]) -> list[float]:
-    if len(row) != len(names):
-        raise ValueError(f"{path}: row {k} has {len(row)} cells: expected {len(names)}, as many as the header")
-    found = []
-    for name, cell in zip(names, map(str.strip, row), strict=True):
-        try:
-            found.append(math.nan if cell.lower() in GAPS else float(cell))
-        except ValueError:
-            raise ValueError(f"{path}: {name} = {cell!r} in row {k}: expected a number, or nothing for a gap") from None
-    return found
+def _columns(path: Path, needed: str = "time") -> dict[str, Array]:
+    return read_columns(path, "a number, or nothing for a gap", gaps=GAPS, needed=needed)
 
 
 def sigma_of(text: str) -> float | dict[str, float]:
@@ -150,10 +114,10 @@ def sigma_of(text: str) -> float | dict[str, float]:
         return float(text)
     except ValueError:
         path = Path(text)
-    rows = _rows(path)
-    if len(rows) != 2:
+    columns = _columns(path, needed="")
+    if any(len(rows) != 1 for rows in columns.values()):
         raise ValueError(f"{path}: expected a row of outputs' names and a row of their standard deviations")
-    return dict(zip(rows[0], _numbers(path, 1, rows[1], rows[0]), strict=True))
+    return {name: float(rows[0]) for name, rows in columns.items()}
 
 
 # How far a run is from it

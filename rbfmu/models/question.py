@@ -12,7 +12,7 @@ from rbfmu.scene.body import Body
 from rbfmu.scene.scene import PARAMETERS, Scene
 from rbfmu.scene.section import flattened
 from rbfmu_kernels.compile.tiered import interpreted
-from rbfmu_kernels.quantities import FIXED_IN_SPACE, FORCES, IN_BUFFER_ORDER, OUTPUT, TORQUES, WEIGHTS
+from rbfmu_kernels.quantities import FIXED_IN_SPACE, FORCES, IN_BUFFER_ORDER, LOADS, OUTPUT, TORQUES, WEIGHTS
 from rbfmu_kernels.rotations.vec3 import cross
 
 if TYPE_CHECKING:
@@ -118,7 +118,7 @@ class Question:
     def acting(self) -> frozenset[str]:
         """Return the names of the known loads that are not zero."""
         loads = self.scene.loads
-        return frozenset(name for name in type(loads).model_fields if any(flattened(getattr(loads, name))))
+        return frozenset(row.name for row in LOADS if any(flattened(getattr(loads, row.name))))
 
     @cached_property
     def turning(self) -> set[str]:

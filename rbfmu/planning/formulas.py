@@ -20,7 +20,7 @@ from rbfmu.planning.judge import Judge
 from rbfmu.planning.methods import with_cost
 from rbfmu.runs.plan import Plan
 from rbfmu.runs.time_grid import communication_steps
-from rbfmu.scene.scene import PARAMETERS, SECTIONS, Loads, Scene, SceneError
+from rbfmu.scene.scene import PARAMETERS, SECTIONS, Scene, SceneError
 from rbfmu_kernels.models.formula_events import MOST_LISTED
 
 ORDERS = range(8, 25, 2)
@@ -118,7 +118,7 @@ def _without_formulas(scene: Scene, formulas: FormulaModel) -> Question | None:
     tables = {name: table for name, table in scene.to_dict().items() if name in SECTIONS and name != "ensemble"}
     tables["outputs"] = {"quantities": names}
     tables["inputs"] = {"parameters": [name for name in PARAMETERS if name in listed]}
-    tables["loads"] = {name: x for name, x in tables["loads"].items() if name in Loads.model_fields}
+    tables["loads"] = {name: x for name, x in tables["loads"].items() if name != "potential"}
     graph = formulas.motion.graph
     tables["loads"] |= {name: numbers_of(graph, load, graph.numbers) for name, load in loads.items()}
     try:

@@ -24,7 +24,7 @@ from rbfmu.scene.section import flattened
 from rbfmu.types import Array, Motion
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE
-from rbfmu_kernels.quantities import DISSIPATIVE, FORCES, OUTPUT, OUTPUTS, TORQUES
+from rbfmu_kernels.quantities import DISSIPATIVE, FORCES, LOADS, OUTPUT, OUTPUTS, TORQUES
 from rbfmu_kernels.rotations.quaternion import compose_quaternions
 
 MAX_STEPS = 20_000
@@ -286,7 +286,7 @@ def _parts(asked: Question, motion: Motion) -> dict[str, tuple[float, float]]:
 def natural_sizes(asked: Question, motion: Motion) -> dict[str, float]:
     """Return the size of each quantity that the scene's loads and rates make where they are not in balance."""
     body, loads = asked.body, asked.scene.loads
-    size = {name: math.hypot(*flattened(getattr(loads, name))) for name in type(loads).model_fields}
+    size = {row.name: math.hypot(*flattened(getattr(loads, row.name))) for row in LOADS}
     force = body.mass * size["gravity_a"] if body.pivot else sum(size[name] for name in sorted(FORCES))
     arm, (low, middle, high) = math.hypot(*body.r_oc_b), asked.start.principal_axes[0].tolist()
     least = low if low > INERTIA_TOLERANCE * high else middle

@@ -1,15 +1,14 @@
 """What drives a run: tables of times and values, from Python or a CSV file, and the pieces that they cut steps to."""
 
-import csv
 import math
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rbfmu.csv_table import read_columns
 from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.scene import Scene
 from rbfmu.scene.section import SceneError, as_toml, fault
@@ -124,58 +123,29 @@ def _not_finite(name: str, values: Array) -> Iterator[str]:
 
 def _read(path: Path, scene: Scene, faults: list[str]) -> InputTables:
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            header, *rows = [row for row in csv.reader(file, skipinitialspace=True) if row] or [[]]
+        flat = read_columns(path, "a finite number", math.isfinite)
     except OSError as error:
         faults.append(f"cannot be read ({error.strerror}): expected a CSV file of inputs")
         return {}
-    except (UnicodeDecodeError, csv.Error) as error:
-        faults.append(f"not a CSV file: {error}")
+    except SceneError as error:
+        faults += error.faults
         return {}
-    names = [name.strip() for name in header]
-    columns = _columns(names, scene, faults)
-    if not faults and not rows:
+    known = {name: port for port in scene.inputs.ports for name in elements(port, size_of(scene, port))}
+    for name in flat.keys() - {"time", *known}:
+        faults.append(f"column {as_toml(name)}: expected one of time, {', '.join(known)}")
+    ports = {known[name]: elements(known[name], size_of(scene, known[name])) for name in flat if name in known}
+    wanted = [name for names in ports.values() for name in names]
+    faults += [
+        f"column {name!r} is missing: expected all of time, {', '.join(wanted)}" for name in wanted if name not in flat
+    ]
+    if not faults and not len(flat["time"]):
         faults.append("no rows: expected a header, and a row of numbers a time")
     if faults:
         return {}
-    numbers = _numbers(names, rows, faults)
-    times = numbers[:, names.index("time")]
-    return {port: InputTable(times, numbers[:, places]) for port, places in columns.items()}
-
-
-def _columns(names: list[str], scene: Scene, faults: list[str]) -> dict[str, list[int]]:
-    """Return where each port's components stand; note what is missing, unknown or twice."""
-    known = {name: port for port in scene.inputs.ports for name in elements(port, size_of(scene, port))}
-    faults += [
-        f"column {name!r} stands twice: expected it once" for name in dict.fromkeys(names) if names.count(name) > 1
-    ]
-    for name in names:
-        if name != "time" and name not in known:
-            faults.append(f"column {as_toml(name)}: expected one of time, {', '.join(known)}")
-    ports = dict.fromkeys(known[name] for name in names if name in known)
-    wanted = ["time", *(name for name, port in known.items() if port in ports)]
-    faults += [
-        f"column {name!r} is missing: expected all of {', '.join(wanted)}" for name in wanted if name not in names
-    ]
-    if faults:
-        return {}
-    return {port: [names.index(name) for name in known if known[name] == port] for port in ports}
-
-
-def _numbers(names: list[str], rows: list[list[str]], faults: list[str]) -> Array:
-    """Return the file's numbers; NaN for what is none, of which the first of each column is noted."""
-    table, said = np.full((len(rows), len(names)), np.nan), set[str]()
-    for k, row in enumerate(rows):
-        if len(row) != len(names):
-            faults.append(f"row {k + 1} has {len(row)} cells: expected {len(names)}, as many as the header")
-            break
-        for i, cell in enumerate(map(str.strip, row)):
-            with suppress(ValueError):  # `float` takes 1_0 and other scripts' digits as well, which no importer does
-                table[k, i] = float(cell) if cell.isascii() and "_" not in cell else math.nan
-            if not math.isfinite(table[k, i]) and names[i] not in said:
-                said.add(names[i])
-                faults.append(f"{names[i]} = {as_toml(cell)} in row {k + 1}: expected a finite number")
-    return table
+    return {
+        port: InputTable(flat["time"], np.stack([flat[name] for name in names], axis=1))
+        for port, names in ports.items()
+    }
 
 
 # Their times

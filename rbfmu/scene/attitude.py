@@ -1,7 +1,7 @@
 """The attitude of a scene: a quaternion, read from any of its representations."""
 
 import math
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -16,7 +16,6 @@ UNIT_TOLERANCE = 1e-6
 """The largest deviation of a quaternion's length from 1, or of R R^T from the identity; seven digits suffice."""
 LARGEST_ANGLE = 1e9
 """A float resolves a larger angle no finer than 1e-7, so a larger angle must be a mistake."""
-ZERO = (0.0, 0.0, 0.0)
 NORMALIZED = 8 * 2.0**-52
 """A quaternion whose |q|^2 differs from 1 by no more than this is already normalised, and no bit of it changes."""
 
@@ -56,43 +55,40 @@ _EULER = one_word(tuple(euler_angles.NAMES), 'an Euler sequence such as "ZYX" or
     'Euler sequence such as "ZYX" (intrinsic) or "xyz" (extrinsic), with angles_deg or angles'
 )
 _QUATERNION = Numbers((4,), bound=": eta, eps_1, eps_2, eps_3", then=unit_quaternion)
-_MATRIX, _UNTURNED = Numbers((3, 3), then=rotation_matrix), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+_MATRIX = Numbers((3, 3), then=rotation_matrix)
 _IN_ORDER = "Euler angles in the sequence's order"
 
 
-class Attitude(Section):
+class Attitude(Section, path="initial.attitude"):
     """The table `initial.attitude`, which gives the attitude in exactly one representation."""
 
-    _path: ClassVar[str] = "initial.attitude"
+    euler: Annotated[str | None, _EULER] = None
+    angles_deg: Annotated[Vec3 | None, _angles("deg", _IN_ORDER)] = None
+    angles: Annotated[Vec3 | None, _angles("rad", _IN_ORDER)] = None
+    quaternion: Annotated[Quaternion | None, _QUATERNION.means("Euler parameters q_ab, scalar first")] = None
+    rotvec: Annotated[Vec3 | None, _angles("rad", "rotation vector: axis times angle")] = None
+    matrix: Annotated[Matrix | None, _MATRIX.means("rotation matrix R_ab, by rows")] = None
 
-    euler: Annotated[str, _EULER] = "ZYX"
-    angles_deg: Annotated[Vec3, _angles("deg", _IN_ORDER)] = ZERO
-    angles: Annotated[Vec3, _angles("rad", _IN_ORDER)] = ZERO
-    quaternion: Annotated[Quaternion, _QUATERNION.means("Euler parameters q_ab, scalar first")] = (1.0, 0.0, 0.0, 0.0)
-    rotvec: Annotated[Vec3, _angles("rad", "rotation vector: axis times angle")] = ZERO
-    matrix: Annotated[Matrix, _MATRIX.means("rotation matrix R_ab, by rows")] = _UNTURNED
-
-    @classmethod
-    def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
+    def _resolved(self, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
         given = set(data) - {"angles_deg", "angles"}
         ways = "euler (with angles_deg or angles), quaternion, rotvec or matrix"
         if len(given) != 1 and not faults:
-            faults.append(fault(cls._path, data, f"exactly one of {ways}"))
+            faults.append(fault(self._path, data, f"exactly one of {ways}"))
         elif given == {"euler"} and len(data) != 2 and not faults:
-            faults.append(fault(cls._path, data, "euler with either angles_deg or angles"))
+            faults.append(fault(self._path, data, "euler with either angles_deg or angles"))
         elif len(given) == 1 and given != {"euler"} and len(data) != 1:
-            faults.append(fault(cls._path, data, f"{given.pop()} alone; angles belong to euler"))
+            faults.append(fault(self._path, data, f"{given.pop()} alone; angles belong to euler"))
         return data
 
     def q_ab(self) -> Quaternion:
         """Return q_ab."""
-        given = self.model_fields_set
-        if "euler" in given:
-            x, y, z = map(math.radians, self.angles_deg) if "angles_deg" in given else self.angles
+        if self.euler is not None:
+            x, y, z = self.angles or map(math.radians, self.angles_deg or ())
             sequence = euler_angles.sequence(self.euler)
             return normalized(evaluated(euler_angles.quaternion_from_euler, sequence, (x, y, z)))
-        if "rotvec" in given:
+        if self.rotvec is not None:
             return normalized(evaluated(rotvec.quaternion_from_rotvec, self.rotvec))
-        if "matrix" in given:
+        if self.matrix is not None:
             return normalized(evaluated(rotation.quaternion_from_matrix, self.matrix))
+        assert self.quaternion is not None
         return self.quaternion

@@ -5,7 +5,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from rbfmu.scene.section import FLAG, Numbers, SceneError, Section, fault, flattened, numbers, one_of, plain, positive
+from rbfmu.scene.section import (  # isort: skip
+    FLAG, POSITIVE, Numbers, SceneError, Section, fault, flattened, numbers, one_of, one_word, plain,
+)  # fmt: skip
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.mechanics import inertia as _inertia
 from rbfmu_kernels.mechanics import shape_inertia as _shapes
@@ -26,7 +28,7 @@ class Inertia(Numbers):
         self.choice = "3 principal moments or a 3x3 matrix"
         self.words = f"{self.choice} about the centre of mass ({_UNIT})"
 
-    def _read(self, value: Any) -> Matrix:
+    def _made(self, value: object) -> Matrix:
         value = plain(value)
         items = value if isinstance(value, list | tuple) else ()
         rows = any(isinstance(item, list | tuple) or getattr(item, "shape", ()) for item in items)
@@ -79,16 +81,19 @@ def _moments(M: Matrix) -> str:
     return ", ".join(f"{moment:.6g}" for moment in _principal_axes(M)[0])
 
 
-class Shape(Section):
+KINDS = ("box", "beam", "cylinder", "sphere", "ellipsoid")
+_KINDS = " or ".join(f'"{kind}"' for kind in KINDS)
+
+
+class Shape(Section, path="body.shape"):
     """The table of a homogeneous body's shape: its kind, and sizes in the order in which the kernel takes them."""
 
-    _path: ClassVar[str] = "body.shape"
-    kind: str
+    kind: Annotated[str, one_word(KINDS, _KINDS)]
 
     @classmethod
     def sizes(cls) -> list[str]:
         """Return the keys of the sizes."""
-        return [key for key in cls._keys() if key != "kind"]
+        return [key for key in cls._keys if key != "kind"]
 
     def inertia(self, mass: float) -> Matrix:
         """Return M_c."""
@@ -97,58 +102,48 @@ class Shape(Section):
         return found
 
 
+_SIZE, _SIZES = Numbers((), "m", *POSITIVE), Numbers((3,), "m", *POSITIVE)
+
+
 class _Beam(Shape):
-    length: Annotated[float, positive("m").means("beam along x: its length")]
+    length: Annotated[float, _SIZE.means("beam along x: its length")]
 
 
 class _Box(Shape):
-    sides: Annotated[Vec3, positive("m", 3).means("box: its sides along x, y, z")]
+    sides: Annotated[Vec3, _SIZES.means("box: its sides along x, y, z")]
 
 
 class _Cylinder(Shape):
-    radius: Annotated[float, positive("m").means("cylinder about z: its radius")]
-    length: Annotated[float, positive("m").means("cylinder about z: its length")]
+    radius: Annotated[float, _SIZE.means("cylinder about z: its radius")]
+    length: Annotated[float, _SIZE.means("cylinder about z: its length")]
 
 
 class _Sphere(Shape):
-    radius: Annotated[float, positive("m").means("sphere: its radius")]
+    radius: Annotated[float, _SIZE.means("sphere: its radius")]
 
 
 class _Ellipsoid(Shape):
-    semiaxes: Annotated[Vec3, positive("m", 3).means("ellipsoid: its semiaxes along x, y, z")]
+    semiaxes: Annotated[Vec3, _SIZES.means("ellipsoid: its semiaxes along x, y, z")]
 
 
-SHAPES: Mapping[str, type[Shape]] = {
-    "box": _Box,
-    "beam": _Beam,
-    "cylinder": _Cylinder,
-    "sphere": _Sphere,
-    "ellipsoid": _Ellipsoid,
-}
+SHAPES: Mapping[str, type[Shape]] = dict(zip(KINDS, (_Box, _Beam, _Cylinder, _Sphere, _Ellipsoid), strict=True))
 
 
-def _read_shape(value: Any) -> Shape:
-    kinds = " or ".join(f'"{kind}"' for kind in SHAPES)
+def _read_shape(value: object) -> Shape:
     if not isinstance(value, Mapping) or "kind" not in value:
-        raise SceneError(fault("body.shape", value, f"a table with kind = {kinds}"))
-    kind = value["kind"]
-    if not isinstance(kind, str) or kind not in SHAPES:
-        raise SceneError(fault("body.shape.kind", kind, kinds))
-    return SHAPES[kind].read(value)
+        raise SceneError(fault("body.shape", value, f"a table with kind = {_KINDS}"))
+    return SHAPES[Shape._rules["kind"].read(value["kind"], "body.shape.kind")].read(value)
 
 
 _MASS = numbers("mass")
 
 
-class Body(Section):
+class Body(Section, path="body"):
     """A rigid body; `inertia` is M_c, symmetric, from 3 principal moments, a 3x3 matrix or a `shape` table."""
 
-    _path: ClassVar[str] = "body"
-    _spellings: ClassVar[Mapping[str, tuple[str, ...]]] = {"inertia": ("inertia", "shape")}
+    _spellings: ClassVar = {"inertia": ("inertia", "shape")}
 
-    _other_keys: ClassVar[Mapping[str, tuple[str, str]]] = {
-        "shape": ("", "a table in place of inertia: that of a homogeneous body")
-    }
+    _other_keys: ClassVar = {"shape": ("", "a table in place of inertia: that of a homogeneous body")}
 
     mass: Annotated[float, _MASS]
     inertia: Annotated[Matrix, Inertia().means(BY_NAME["inertia"].meaning)]
@@ -193,30 +188,15 @@ class Body(Section):
         """Return the body axis about which `M` has no moment (a slender beam's own), if there is one."""
         return axis_without_moment(self.M)
 
-    @classmethod
-    def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
-        given = one_of(cls, data, ("inertia", "shape"), faults)
+    def _resolved(self, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
+        given = one_of(Body, data, ("inertia", "shape"), faults)
         shape = data.pop("shape", None)
         if given == "shape":
-            data["inertia"] = cls._inertia_of_shape(shape, data.get("mass"), faults)
+            data["inertia"] = _inertia_of_shape(shape, data.get("mass"), faults)
         elif "inertia" not in data:
             faults.append(f"body.inertia is missing: expected {Inertia().words}, or a shape")
             data["inertia"] = (1.0, 1.0, 1.0)
         return data
-
-    @classmethod
-    def _inertia_of_shape(cls, shape: Any, mass: Any, faults: list[str]) -> Any:
-        """Return M_c, or unit moments as a placeholder if there are faults."""
-        try:
-            M = _read_shape(shape).inertia(_MASS(mass))
-            if all(map(math.isfinite, flattened(M))) and evaluated(_inertia.trace, M) > 0.0:
-                return M
-            faults.append(fault("body.shape", shape, f"a size whose inertia is a normal number ({_UNIT})"))
-        except SceneError as error:
-            faults += error.faults
-        except ValueError:
-            pass  # this fault is reported at body.mass
-        return (1.0, 1.0, 1.0)
 
     def _contradictions(self) -> Iterator[str]:
         """Yield a fault if `M` is not finite or two of its moments are zero: a free point mass has no attitude."""
@@ -225,3 +205,17 @@ class Body(Section):
         elif _principal_axes(self.M)[0][1] <= _least_moment(self.M):
             about = "o, the pivot" if self.pivot else "the centre of mass"
             yield fault("body.inertia", self.inertia, f"at most one zero moment about {about} (a slender beam has one)")
+
+
+def _inertia_of_shape(shape: object, mass: object, faults: list[str]) -> Matrix | Vec3:
+    """Return M_c, or unit moments as a placeholder if there are faults."""
+    try:
+        M = _read_shape(shape).inertia(_MASS(mass))
+        if all(map(math.isfinite, flattened(M))) and evaluated(_inertia.trace, M) > 0.0:
+            return M
+        faults.append(fault("body.shape", shape, f"a size whose inertia is a normal number ({_UNIT})"))
+    except SceneError as error:
+        faults += error.faults
+    except ValueError:
+        pass  # this fault is reported at body.mass
+    return (1.0, 1.0, 1.0)

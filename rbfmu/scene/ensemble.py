@@ -5,9 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import field_serializer
 
-from rbfmu.exceptions import SceneError
 from rbfmu.scene.body import SHAPES, Body, axis_without_moment
 from rbfmu.scene.own import PARAMETER_END, is_own, parameter_of
 from rbfmu.scene.section import Numbers, Rule, Section, as_toml, fault, joined, names, one_word, plain, whole
@@ -53,11 +51,10 @@ _COMPONENTS = Rule(
 _SQUARE = Rule("a symmetric matrix: a list of rows of finite numbers", _square)
 
 
-class Correlation(Section):
+class Correlation(Section, path="ensemble.correlation"):
     """Which numbers depend on each other, by the correlation or the covariance of them."""
 
-    _path: ClassVar[str] = "ensemble.correlation"
-
+    meaning: ClassVar[str] = "which of these numbers depend on each other"
     components: Annotated[tuple[str, ...], _COMPONENTS.means("numbers that depend on each other")]
     matrix: Annotated[
         Rows | None, _SQUARE.means("their correlations, or of what is not normal those of its scores")
@@ -120,50 +117,37 @@ NESTED = ("body", "initial", "loads", "run", *PARAMETER_END)
 MOST_RUNS = 1_000_000_000
 
 
-_CORRELATION = Rule("a table", lambda value: value).means("which of these numbers depend on each other")
 _PARTS = ("final", "statistics", "all")
 _KEEP = names(_PARTS, least=1).means(
     'what is kept: of each run its end ("final") or all of it, and statistics over time'
 )
 _VARY = Rule(
-    'a table: keys of the scene, each with a distribution, such as "body.mass" = { normal = [50.0, 0.5] }', tuple
+    'a table: keys of the scene, each with a distribution, such as "body.mass" = { normal = [50.0, 0.5] }',
+    read_variations,
 )
 
 
-class Ensemble(Section):
+class Ensemble(Section, path="ensemble"):
     """Runs of one scene in which some of its numbers vary."""
-
-    _path: ClassVar[str] = "ensemble"
 
     runs: Annotated[int, whole(1, MOST_RUNS).means("number of runs; of a grid: that of its points")] = 1000
     seed: Annotated[int, whole(0, 2**63 - 1).means("run i depends on seed and i alone")] = 0
     design: Annotated[str, one_word(DESIGNS, CHOICE).means("how values are drawn: " + CHOICE)] = RANDOM
     keep: Annotated[tuple[str, ...], _KEEP] = ("final", "statistics")
     vary: Annotated[tuple[Variation, ...], _VARY.means("what varies: keys of the scene, each a distribution")]
-    correlation: Annotated[Correlation | None, _CORRELATION] = None
+    correlation: Correlation | None = None
 
-    @classmethod
-    def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
-        if "vary" in data:
-            data["vary"] = read_variations(data["vary"], faults)
-        correlation = data.pop("correlation", None)
-        if correlation is not None:
-            try:
-                data["correlation"] = Correlation.read(correlation)
-            except SceneError as error:
-                faults += error.faults
-        if data.get("design") == GRID and "runs" not in data and isinstance(data.get("vary"), tuple):
-            data["runs"] = min(math.prod(m.points or 1 for m in _varying(data["vary"])), MOST_RUNS)
-        return data
-
-    @field_serializer("vary")
-    def _vary_table(self, vary: tuple[Variation, ...]) -> dict[str, Any]:
-        return {variation.key: variation.table for variation in vary}
+    def _faults_together(self) -> Iterator[str]:
+        """Let a grid have as many runs as points."""
+        good = vars(self)
+        if good.get("design") == GRID and "runs" not in self._given and "vary" in good:
+            good["runs"] = min(math.prod(m.points or 1 for m in self.varying), MOST_RUNS)
+        yield from ()
 
     @property
     def varying(self) -> tuple[Marginal, ...]:
         """Return the distributions of all numbers that vary."""
-        return tuple(_varying(self.vary))
+        return tuple(m for variation in self.vary for m in variation.marginals if m.varies)
 
     def variation_of(self, key: str) -> Variation | None:
         """Return how a key varies, or None."""
@@ -183,19 +167,17 @@ class Ensemble(Section):
 
     def table(self) -> dict[str, Any]:
         """Return the table from which the ensemble is made again."""
-        return self.model_dump(mode="json", exclude_none=True)
+        return super().table() | {"vary": {variation.key: variation.table for variation in self.vary}}
 
     def _contradictions(self) -> Iterator[str]:
         yield from self._faults_of_grid()
         if self.correlation is not None:
             yield from self._faults_of_correlation(self.correlation)
-        keys = {variation.key: variation.table for variation in self.vary}
-        if {DEGREES, "initial.omega_b"} <= keys.keys():
-            yield fault(joined("ensemble.vary", DEGREES), keys[DEGREES], "initial.omega_b or this, not both")
-        own = self.variation_of(INERTIA)
-        if SHAPE in keys and own and own.form not in ("", RELATIVE):
-            expected = f"{RELATIVE} or {AXES}: the inertia follows from {SHAPE}"
-            yield fault(joined("ensemble.vary", INERTIA), own.table, expected)
+        of_rates, own = self.variation_of(DEGREES), self.variation_of(INERTIA)
+        if of_rates and self.variation_of("initial.omega_b"):
+            yield of_rates.refused("initial.omega_b or this, not both")
+        if self.variation_of(SHAPE) and own and own.form not in ("", RELATIVE):
+            yield own.refused(f"{RELATIVE} or {AXES}: the inertia follows from {SHAPE}")
 
     def _faults_of_grid(self) -> Iterator[str]:
         is_grid = self.design == GRID
@@ -204,8 +186,7 @@ class Ensemble(Section):
             if wrong and is_grid:
                 yield _without_points(variation, wrong[0])
             elif wrong:
-                expected = 'points in a grid alone: design = "grid"'
-                yield fault(joined("ensemble.vary", variation.key), variation.table, expected)
+                yield variation.refused('points in a grid alone: design = "grid"')
         if is_grid and (count := math.prod(m.points or 1 for m in self.varying)) != self.runs:
             yield fault("ensemble.runs", self.runs, f"no such key, or {count}: the points of the grid")
 
@@ -224,19 +205,13 @@ class Ensemble(Section):
                     yield fault("ensemble.correlation.covariance", row[k], expected)
 
 
-def _varying(vary: tuple[Variation, ...]) -> Iterator[Marginal]:
-    return (marginal for variation in vary for marginal in variation.marginals if marginal.varies)
-
-
 def _without_points(variation: Variation, marginal: Marginal) -> str:
     """Return the fault of a number in a grid that has no points, and perhaps cannot have any."""
-    path = joined("ensemble.vary", variation.key)
     if marginal.name.startswith(f"{INERTIA}.{AXES}["):
-        return fault(f"{path}.{AXES}", variation.table[AXES], "no such key in a grid")
+        return variation.refused("no such key in a grid", AXES)
     if variation.key == ATTITUDE and variation.form not in VARYING_ANGLES:
-        expected = f"no such key in a grid; or {', '.join(VARYING_ANGLES)}, which may have points"
-        return fault(path, variation.table, expected)
-    return fault(path, variation.table, "points = the number of values in the grid, at least 1")
+        return variation.refused(f"no such key in a grid; or {', '.join(VARYING_ANGLES)}, which may have points")
+    return variation.refused("points = the number of values in the grid, at least 1")
 
 
 # The ensemble and the rest of its scene
@@ -248,7 +223,8 @@ def as_written(value: Any, tables: Mapping[str, Any], faults: list[str]) -> Any:
     A member's inertia follows from the shape where mass or sizes vary, as it would in the member's own scene file.
     faults: those of keys that are written twice are added.
     """
-    value = value.table() if isinstance(value, Ensemble) else value
+    if isinstance(value, Ensemble) and any(isinstance(tables.get(name), Mapping) for name in ("body", "initial")):
+        value = value.table()
     vary = value.get("vary") if isinstance(value, Mapping) else None
     if not isinstance(vary, Mapping):
         return value
@@ -261,7 +237,9 @@ def _by_dotted_key(vary: Mapping[str, Any], faults: list[str]) -> dict[str, Any]
     found: dict[str, Any] = {}
     for key, value in vary.items():
         inside = isinstance(value, Mapping) and (
-            key in NESTED or (key == SHAPE and "kind" not in value) or (key == ATTITUDE and _lacks_sequence(value))
+            key in NESTED
+            or (key == SHAPE and "kind" not in value)
+            or (key == ATTITUDE and [*value] in (["angles"], ["angles_deg"]))
         )
         items = (
             _by_dotted_key({f"{key}.{name}": item for name, item in value.items()}, faults) if inside else {key: value}
@@ -273,10 +251,6 @@ def _by_dotted_key(vary: Mapping[str, Any], faults: list[str]) -> dict[str, Any]
 
 def _twice(key: str, value: Any, other: Any) -> str:
     return fault(joined("ensemble.vary", key), value, f"this or {as_toml(other)}, not both")
-
-
-def _lacks_sequence(attitude: Mapping[str, Any]) -> bool:
-    return len(attitude) == 1 and next(iter(attitude)) in ("angles", "angles_deg")
 
 
 def _with_shape(vary: dict[str, Any], body: Any, faults: list[str]) -> dict[str, Any]:
@@ -302,11 +276,11 @@ def _with_attitude(vary: dict[str, Any], initial: Any) -> dict[str, Any]:
     attitude = initial.get("attitude") if isinstance(initial, Mapping) else None
     for name in VARYING_ANGLES:
         key = f"{ATTITUDE}.{name}"
-        if key in vary and ATTITUDE not in vary and isinstance(attitude, Mapping):
-            sequence = {"euler": attitude["euler"]} if "euler" in attitude and name != "rotvec" else {}
-            if sequence or name == "rotvec":
-                table = sequence | {name: vary[key]}
-                vary = {(ATTITUDE if k == key else k): (table if k == key else v) for k, v in vary.items()}
+        if not isinstance(attitude, Mapping) or ATTITUDE in vary or key not in vary:
+            continue
+        if name == "rotvec" or "euler" in attitude:
+            sequence = {} if name == "rotvec" else {"euler": attitude["euler"]}
+            vary = dict((ATTITUDE, {**sequence, name: x}) if k == key else (k, x) for k, x in vary.items())
     return vary
 
 
@@ -318,54 +292,35 @@ def without_idle_shape(ensemble: Ensemble, body: Body | None) -> Ensemble:
     if SHAPES[shape.form].read(shape.table).inertia(body.mass) == body.inertia:
         return ensemble
     vary = tuple(variation for variation in ensemble.vary if variation is not shape)
-    return ensemble.model_copy(update={"vary": vary})
+    return ensemble._with(vary=vary)
 
 
 def faults_with(ensemble: Ensemble, good: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the contradictions between an ensemble and the other sections of its scene."""
+    """Yield the contradictions between an ensemble and the other tables of its scene, those that are good."""
     body, inputs = good.get("body"), good.get("inputs")
     prescribed = inputs is not None and "omega_b" in inputs.ports
     for variation in ensemble.vary:
-        path = joined("ensemble.vary", variation.key)
+        name, _, key = variation.key.partition(".")
+        table, own = good.get(name), is_own(variation.key)
         if prescribed and variation.key != ATTITUDE:
-            yield fault(path, variation.table, f"{ATTITUDE} at most: the port omega_b prescribes the rates")
+            yield variation.refused(f"{ATTITUDE} at most: the port omega_b prescribes the rates")
         elif variation.key == "initial.velocity" and body is not None and body.pivot:
-            yield fault(path, variation.table, "no such key: the pivot holds o")
-        elif RELATIVE in (m.kind for m in variation.marginals) and variation.key.partition(".")[0] in good:
-            yield from _faults_of_relative(variation, path, good)
-
-
-def faults_of_own(ensemble: Ensemble, tables: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
-    """Yield what is wrong with keys of a scene's own; tables: its constants and states by name."""
-    for variation in ensemble.vary:
-        table, _, name = variation.key.partition(".")
-        if not is_own(variation.key):
+            yield variation.refused("no such key: the pivot holds o")
+        elif table is None:
             continue
-        path, one = joined("ensemble.vary", variation.key), tables[table].get(name)
-        if one is None:
-            known = ", ".join(f"{table}.{name}" for name in tables[table]) or f"none: the scene has no {table}"
-            yield fault(path, variation.table, f"a key out of {known}")
-        elif len(one.numbers) != len(variation.marginals):
-            yield fault(path, variation.table, f"distributions of {len(one.numbers)} numbers")
-        elif variation.is_relative and any(
-            m.varies and x == 0.0 for x, m in zip(one.numbers, variation.marginals, strict=True)
-        ):
-            yield fault(path, variation.table, f"{RELATIVE} to numbers that are not 0 in the scene")
-
-
-def _faults_of_relative(variation: Variation, path: str, good: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a fault where a distribution is relative to 0, or would break a beam's equal moments."""
-    section = good.get(variation.key.partition(".")[0])
-    if section is None:
-        return
-    if variation.key == INERTIA:
-        if axis_without_moment(good["body"].M_c) is not None:
-            yield fault(path, variation.table, "body.mass, or the length of its shape: a beam's two moments are equal")
-        return
-    relative = zip(variation.marginals, nominal_value(variation.key, good), strict=True)
-    if zero := next((m.name for m, x in relative if m.varies and x == 0.0), ""):
-        expected = f"0 for {zero}, as it is 0 in the scene; or a distribution that is not relative"
-        yield fault(f"{path}.{RELATIVE}", variation.table[RELATIVE], expected)
+        elif own and key not in table:
+            known = ", ".join(f"{name}.{key}" for key in table) or f"none: the scene has no {name}"
+            yield variation.refused(f"a key out of {known}")
+        elif own and len(table[key].numbers) != len(variation.marginals):
+            yield variation.refused(f"distributions of {len(table[key].numbers)} numbers")
+        elif variation.is_relative and variation.key == INERTIA:
+            if axis_without_moment(table.M_c) is not None:  # a member's moments would differ
+                yield variation.refused("body.mass, or the length of its shape: a beam's two moments are equal")
+        elif variation.is_relative:
+            relative = zip(variation.marginals, nominal_value(variation.key, good), strict=True)
+            if zero := next((m.name for m, x in relative if m.varies and x == 0.0), ""):
+                expected = f"0 for {zero}, as it is 0 in the scene; or a distribution that is not relative"
+                yield variation.refused(expected, RELATIVE)
 
 
 def nominal_value(key: str, sections: Mapping[str, Any]) -> list[float]:

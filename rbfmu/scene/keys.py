@@ -40,7 +40,7 @@ INTRODUCTION = """\
 # of an ensemble of runs."""
 
 
-HIDDEN = (("ensemble", "correlation"), ("outputs", "own"))
+HIDDEN = ("ensemble", "correlation")
 
 
 class Key(NamedTuple):
@@ -69,13 +69,13 @@ def scene_keys() -> Iterator[Key]:
     """Return all keys, table by table."""
     yield _key(Scene, "name")
     for section in SECTIONS.values():
-        yield from (_key(section, key) for key in section._keys() if (section._path, key) not in HIDDEN)
+        yield from (_key(section, key) for key in section._keys if (section._path, key) != HIDDEN)
         yield from (key for key in OF_FORMULAS if key.table == section._path)
         if section is Body:
             yield from _shape_keys()
         if inside := INSIDE.get(section):
-            yield from (_key(inside, key)._replace(default="") for key in inside._keys())
-    yield from (Key(table, "NAME", "", "", Scene._rule(table).meaning) for table in OWN)
+            yield from (_key(inside, key)._replace(default="") for key in inside._keys)
+    yield from (Key(table, "NAME", "", "", Scene._rules[table].meaning) for table in OWN)
 
 
 def _shape_keys() -> Iterator[Key]:
@@ -86,16 +86,15 @@ def _shape_keys() -> Iterator[Key]:
 
 
 def _key(section: type[Section], name: str) -> Key:
-    field = section.model_fields.get(name)
-    if field is None or name not in section._keys():
+    if name not in section._rules or name not in section._keys:
         unit, meaning = section._other_keys[name]
         return Key(section._path, name, unit, "", meaning)
-    rule = section._rule(name)
+    rule = section._rules[name]
     meaning = f"{rule.meaning}: {rule.choice}" if rule.choice else rule.meaning
-    default = REQUIRED if field.is_required() else as_toml(_plain(field.default))
+    default = as_toml(_plain(getattr(section, name))) if hasattr(section, name) else REQUIRED
     if section is SECTIONS["outputs"]:
         default = OF_THE_MOTION
-    return Key(section._path, name, getattr(rule, "unit", ""), default, meaning)
+    return Key(section._path, name, rule.unit, default, meaning)
 
 
 def _plain(value: object) -> object:

@@ -4,11 +4,13 @@ Texts are checked where all of them are together, see `rbfmu.formulas.check`.
 """
 
 import keyword
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
-from typing import Any, NamedTuple, TypeGuard, TypeVar
+from typing import Annotated, Any, Self, TypeGuard, TypeVar
 
-from rbfmu.scene.section import FLAG, Numbers, Rule, as_toml, joined, line, one_word, plain
+from rbfmu.scene.section import (  # isort: skip
+    FLAG, Numbers, Readable, Rule, SceneError, Section, checked, fault, joined, line, one_word, plain,
+)  # fmt: skip
 from rbfmu_kernels.quantities import Parameter
 
 T = TypeVar("T")
@@ -21,13 +23,46 @@ ENERGIES = {
 """Outputs that are made as those of one's own are, by name."""
 PARAMETER_END = {"constants": "", "states": "_0"}
 """The tables whose names are parameters, by what follows the name: of a state that is its start."""
-_UNIT, _ABOUT = line("a unit, such as N m", 40), line("at most 200 printable characters", 200)
-_BESIDE = {"unit": _UNIT, "about": _ABOUT}
-_TEXT = "a formula, such as 2*k*sin(t)"
-_METHOD = one_word(("linear", "cubic"), "linear or cubic")
 DIRECTIONS = {"rising": 1.0, "falling": -1.0, "any": 0.0}
-_DIRECTION = one_word(tuple(DIRECTIONS), "rising, falling or any")
+MOST_ROWS = 64
+_UNIT, _ABOUT = line("a unit, such as N m", 40), line("at most 200 printable characters", 200)
 _SCALAR, _VECTOR = Numbers(()), Numbers((3,))
+
+
+def _one_or_three(value: object) -> object:
+    if isinstance(plain(value), list | tuple):
+        return _VECTOR(value)
+    try:
+        return (_SCALAR(value),)
+    except ValueError:
+        return None
+
+
+def _row(value: object) -> tuple[float, ...] | None:
+    rows = plain(value)
+    return tuple(map(_SCALAR, rows)) if isinstance(rows, list | tuple) else None
+
+
+def _text(value: object) -> str | None:
+    """Return a formula; of a list of them the sum."""
+    if _is_sum(value):
+        return " + ".join(f"({item})" for item in value)
+    return value if isinstance(value, str) and value.strip() else None
+
+
+def _is_sum(value: object) -> TypeGuard[Sequence[str]]:
+    """Return whether a value is several texts, which add up."""
+    return isinstance(value, list | tuple) and bool(value) and all(isinstance(x, str) for x in value)
+
+
+def _is_name(value: object) -> bool:
+    return isinstance(value, str) and value.isidentifier() and value.isascii() and not keyword.iskeyword(value)
+
+
+NUMBERS = Rule("a number, or 3 numbers", _one_or_three)
+TEXT = Rule("a formula, such as 2*k*sin(t)", _text)
+_NAME = Rule("letters, digits and _", lambda value: value if _is_name(value) else None)
+_ROW = Rule("a list of numbers", _row)
 
 
 class Named(dict[str, T]):
@@ -37,58 +72,141 @@ class Named(dict[str, T]):
         return hash(tuple(self.items()))
 
 
-class Constant(NamedTuple):
+class Entry(Section):
+    """What has a name of one's own: a table, or where nothing else is said the value of its first key."""
+
+    @classmethod
+    def read(cls, value: object, path: str = "") -> Self:
+        """Return the entry, or an entry itself."""
+        return super().read(value if isinstance(value, cls | Mapping) else {next(iter(cls._rules)): value}, path)
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """Return the numbers of its first key: of a constant its value, of a state its start."""
+        found: tuple[float, ...] = getattr(self, next(iter(self._rules)))
+        return found
+
+    def table(self) -> dict[str, Any]:
+        """Return the entry as a file has it."""
+        found = {name: value for name, value in super().table().items() if value != ""}
+        return {name: x[0] if isinstance(x, list) and len(x) == 1 else x for name, x in found.items()}
+
+
+class Constant(Entry):
     """A number or a vector of one's own."""
 
-    value: tuple[float, ...]
-    unit: str = ""
-    about: str = ""
-
-    @property
-    def numbers(self) -> tuple[float, ...]:
-        """Return the parameter's numbers."""
-        return self.value
+    value: Annotated[tuple[float, ...], NUMBERS]
+    unit: Annotated[str, _UNIT] = ""
+    about: Annotated[str, _ABOUT] = ""
 
 
-class State(NamedTuple):
+class State(Entry):
     """A state of one's own: its start, and its rate as a formula."""
 
-    start: tuple[float, ...]
-    rate: str
-    unit: str = ""
-    about: str = ""
-
-    @property
-    def numbers(self) -> tuple[float, ...]:
-        """Return the parameter's numbers."""
-        return self.start
+    start: Annotated[tuple[float, ...], NUMBERS]
+    rate: Annotated[str, TEXT]
+    unit: Annotated[str, _UNIT] = ""
+    about: Annotated[str, _ABOUT] = ""
 
 
-class Shown(NamedTuple):
+class Shown(Entry):
     """An output of one's own: its value as a formula."""
 
-    value: str
-    unit: str = ""
-    about: str = ""
+    value: Annotated[str, TEXT]
+    unit: Annotated[str, _UNIT] = ""
+    about: Annotated[str, _ABOUT] = ""
 
 
-class Event(NamedTuple):
+class Event(Entry):
     """An event: when a formula comes to zero, in which direction, and whether the run ends there."""
 
-    when: str
-    direction: str = "any"
-    stop: bool = False
-    about: str = ""
+    when: Annotated[str, TEXT]
+    direction: Annotated[str, one_word(DIRECTIONS, "rising, falling or any")] = "any"
+    stop: Annotated[bool, FLAG] = False
+    about: Annotated[str, _ABOUT] = ""
 
 
-class Port(NamedTuple):
-    """An input of one's own, that formulas read."""
+class Port(Entry):
+    """An input of one's own, that formulas read; its size is that of its start, if that is given."""
 
-    name: str
-    start: tuple[float, ...] = ()
-    size: int = 3
-    unit: str = ""
-    about: str = ""
+    name: Annotated[str, _NAME]
+    start: Annotated[tuple[float, ...], NUMBERS]
+    size: Annotated[int, Rule("1 or 3", lambda n: int(n) if plain(n) in (1, 3) and n is not True else None)]
+    unit: Annotated[str, _UNIT] = ""
+    about: Annotated[str, _ABOUT] = ""
+
+    def _resolved(self, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
+        start = plain(data.get("start"))
+        size = data.get("size", 3 if start is None or isinstance(start, list | tuple) else 1)
+        return {"start": [0.0] * 3 if size == 3 else 0.0, "size": size, **data}
+
+    def _contradictions(self) -> Iterator[str]:
+        if len(self.start) != self.size:
+            yield fault(f"{self._path}.start", self.start, f"as many numbers as size says, {self.size}")
+
+
+class Table(Entry):
+    """A table of one's own: y over x, by straight lines or a natural cubic spline."""
+
+    x: Annotated[tuple[float, ...], _ROW]
+    y: Annotated[tuple[float, ...], _ROW]
+    method: Annotated[str, one_word(("linear", "cubic"), "linear or cubic")] = "linear"
+    about: Annotated[str, _ABOUT] = ""
+
+    def _contradictions(self) -> Iterator[str]:
+        if len(self.x) != len(self.y) or not 2 <= len(self.x) <= MOST_ROWS:
+            expected = f"as many y as x, 2 to {MOST_ROWS}, not {len(self.y)} and {len(self.x)}"
+            yield fault(f"{self._path}.y", self.y, expected)
+        elif any(b <= a for a, b in pairwise(self.x)):
+            yield fault(f"{self._path}.x", self.x, "numbers that increase")
+
+
+class NamedTable(Rule):
+    """The rule of a table with names of one's own, each of which has an entry; path: of the table in a file."""
+
+    def __init__(self, path: str, entry: Readable, words: str, meaning: str) -> None:
+        super().__init__(words, lambda value: value)
+        self.path, self.entry, self.meaning = path, entry, meaning
+
+    def read(self, value: object, path: str) -> Named[Any]:
+        """Return the entries by name, or such a table itself."""
+        if isinstance(value, Named):
+            return value
+        if not isinstance(value, Mapping):
+            raise SceneError(fault(path, value, self.words))
+        faults: list[str] = []
+        for name in value:
+            if not _is_name(name):
+                faults.append(fault(joined(self.path, str(name)), value[name], f"a name of {_NAME.words}"))
+        found = {n: checked(self.entry, item, joined(self.path, n), faults) for n, item in value.items() if _is_name(n)}
+        if faults:
+            raise SceneError(faults)
+        return Named(found)
+
+
+CONSTANTS = NamedTable(
+    "constants", Constant, "a table of numbers", "numbers of one's own: NAME = value, or { value, unit, about }"
+)
+TABLES = NamedTable(
+    "tables", Table, "a table of tables",
+    "tables of one's own: NAME = { x, y, method, about }, with method linear or cubic; constant outside",
+)  # fmt: skip
+FORMULAS = NamedTable("formulas", TEXT, "a table of formulas", "names for parts of formulas: NAME = text")
+STATES = NamedTable(
+    "states", State, "a table of states",
+    "states of one's own: NAME = { start, rate, unit, about }, the rate as a formula",
+)  # fmt: skip
+OUTPUTS = NamedTable(
+    "outputs", Shown, "a table of formulas",
+    "outputs of one's own, which may also stand beside `quantities`: NAME = text, or { value, unit, about }",
+)  # fmt: skip
+EVENTS = NamedTable(
+    "events", Event, "a table of events",
+    "when a formula comes to zero: NAME = { when, direction, stop, about }, with direction rising, falling or any; "
+    "stop = true ends the run there",
+)  # fmt: skip
+PORTS = NamedTable("inputs.ports", Port, "a table of inputs", "inputs of one's own, as they stand in `ports`")
+LOAD_FORMULAS = NamedTable("loads", TEXT, "a table of formulas", "loads that are formulas")
 
 
 def is_own(key: str) -> bool:
@@ -109,175 +227,27 @@ def parameters(tables: Mapping[str, Mapping[str, Constant | State]]) -> dict[str
         for name, one in tables[table].items():
             meaning = (one.about or table.removesuffix("s")) + (", at the start" if end else "")
             block = f"{table}.{name}{end}"
-            own = Parameter(f"{name}{end}", len(one.numbers), one.unit or "1", meaning, own_block=block)
-            found[f"{table}.{name}"] = own
+            found[f"{table}.{name}"] = Parameter(
+                f"{name}{end}", len(one.numbers), one.unit or "1", meaning, own_block=block
+            )
     return found
 
 
-def as_written(rows: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a table of constants, states or outputs as a file has it."""
-    return {
-        name: {key: _plain(value) for key, value in row._asdict().items() if value != ""} for name, row in rows.items()
-    }
-
-
-def _plain(value: Any) -> Any:
-    return value if isinstance(value, str | int) else value[0] if len(value) == 1 else list(value)
-
-
-class Table(NamedTuple):
-    """A table of one's own: y over x, by straight lines or a natural cubic spline."""
-
-    x: tuple[float, ...]
-    y: tuple[float, ...]
-    method: str = "linear"
-    about: str = ""
-
-
-def port(value: Any) -> Port:
-    """Return an input of one's own; its size is that of its start, if that is given."""
-    rules: dict[str, Callable[[Any], Any]] = {"name": _identifier, "start": one_or_three, "size": _size, **_BESIDE}
-    found = _entry(Port, rules, value, ("start", "size", *_BESIDE))
-    size = len(found.start) if found.start and "size" not in value else found.size
-    if found.start and len(found.start) != size:
-        raise ValueError(f"as many numbers in start as size says, not {len(found.start)} and {size}")
-    return found._replace(start=found.start or (0.0,) * size, size=size)
-
-
-def _size(value: Any) -> int:
-    if value not in (1, 3) or isinstance(value, bool):
-        raise ValueError("1 or 3")
-    return int(value)
-
-
-def _identifier(name: Any) -> str:
-    if not (isinstance(name, str) and name.isidentifier() and name.isascii() and not keyword.iskeyword(name)):
-        raise ValueError("letters, digits and _")
-    return name
-
-
-MOST_ROWS = 64
-
-
-def table(value: Any) -> Table:
-    """Return a table of numbers."""
-    found = _entry(Table, {"x": _row, "y": _row, "method": _METHOD, "about": _ABOUT}, value, ("method", "about"))
-    if len(found.x) != len(found.y) or not 2 <= len(found.x) <= MOST_ROWS:
-        raise ValueError(f"as many y as x, 2 to {MOST_ROWS}, not {len(found.y)} and {len(found.x)}")
-    if any(b <= a for a, b in pairwise(found.x)):
-        raise ValueError("x that increases")
-    return found
-
-
-def _row(value: Any) -> tuple[float, ...]:
-    rows = plain(value)
-    if not isinstance(rows, list | tuple):
-        raise ValueError("a list of numbers")
-    return tuple(map(_SCALAR, rows))
-
-
-def apart(loads: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the loads that are numbers, and those that are formulas, or several that add up."""
-    texts = {
-        name: value for name, value in loads.items() if name in LOADS and (isinstance(value, str) or _is_sum(value))
-    }
-    return {name: value for name, value in loads.items() if name not in texts}, texts
+def is_formula(name: str, value: object) -> bool:
+    """Return whether a load is given as a formula, or as several that add up."""
+    return name in LOADS and (isinstance(value, str) or _is_sum(value))
 
 
 def listed_apart(inputs: Any, tables: Mapping[str, Any]) -> tuple[Any, tuple[str, ...]]:
     """Return the table of inputs without the constants and starts of states that its parameters list, and these."""
-    known = {parameter_of(f"{table}.{name}") for table in PARAMETER_END for name in tables.get(table) or {}}
     listed = inputs.get("parameters") if isinstance(inputs, Mapping) else None
     if not isinstance(listed, list | tuple):
         return inputs, ()
+    known = {
+        parameter_of(f"{table}.{name}")
+        for table in PARAMETER_END
+        if isinstance(tables.get(table), Mapping)
+        for name in tables[table]
+    }
     own = tuple(name for name in dict.fromkeys(x for x in listed if isinstance(x, str)) if name in known)
     return {**inputs, "parameters": [x for x in listed if x not in own]}, own
-
-
-def _is_sum(value: Any) -> TypeGuard[Sequence[str]]:
-    """Return whether a value is several texts, which add up."""
-    return isinstance(value, list | tuple) and bool(value) and all(isinstance(x, str) for x in value)
-
-
-def text(value: Any) -> str:
-    """Return a formula; of a list of them the sum."""
-    if _is_sum(value):
-        return " + ".join(f"({item})" for item in value)
-    if not isinstance(value, str) or not value.strip():
-        raise ValueError(_TEXT)
-    return value
-
-
-def one_or_three(value: Any) -> tuple[float, ...]:
-    """Return a number, or the numbers of a vector."""
-    if isinstance(plain(value), list | tuple):
-        return _VECTOR(value)  # type: ignore[no-any-return]
-    try:
-        return (_SCALAR(value),)
-    except ValueError:
-        raise ValueError("a number, or 3 numbers") from None
-
-
-def _entry(
-    kind: Callable[..., T],
-    rules: Mapping[str, Callable[[Any], Any]],
-    value: Any,
-    optional: Collection[str] = ("unit", "about"),
-) -> T:
-    """Return an entry of a table, given as such or, where nothing else is said, by its first key's value."""
-    if not isinstance(value, Mapping):
-        value = {next(iter(rules)): value}
-    if unknown := [key for key in value if key not in rules]:
-        raise ValueError(f"keys out of {', '.join(rules)}, not {unknown[0]}")
-    found = {}
-    for key, rule in rules.items():
-        if key in value:
-            try:
-                found[key] = rule(value[key])
-            except ValueError as error:
-                raise ValueError(f"{key} to be {error}, not {as_toml(value[key])}") from None
-    if missing := [key for key in rules if key not in found and key not in optional]:
-        raise ValueError(f"a table with {', '.join(missing)} as well")
-    return kind(**found)
-
-
-def _table(words: str, entry: Callable[[Any], T]) -> Rule:
-    """Return the rule of a table with names of one's own."""
-
-    def read(value: Any) -> Named[T] | None:
-        if not isinstance(value, Mapping):
-            return None
-        found = Named[T]()
-        for name, item in value.items():
-            try:
-                _identifier(name)
-            except ValueError as error:
-                raise ValueError(f"names of {error}, not {as_toml(name)}") from None
-            try:
-                found[name] = entry(item)
-            except ValueError as error:
-                raise ValueError(f"{joined('', name)} to be {error}") from None
-        return found
-
-    return Rule(words, read)
-
-
-CONSTANTS = _table("a table of numbers", lambda x: _entry(Constant, {"value": one_or_three, **_BESIDE}, x)).means(
-    "numbers of one's own: NAME = value, or { value, unit, about }"
-)
-TABLES = _table("a table of tables", table).means(
-    "tables of one's own: NAME = { x, y, method, about }, with method linear or cubic; constant outside"
-)
-FORMULAS = _table("a table of formulas", text).means("names for parts of formulas: NAME = text")
-STATES = _table(
-    "a table of states", lambda x: _entry(State, {"start": one_or_three, "rate": text, **_BESIDE}, x)
-).means("states of one's own: NAME = { start, rate, unit, about }, the rate as a formula")
-OUTPUTS = _table("a table of formulas", lambda x: _entry(Shown, {"value": text, **_BESIDE}, x)).means(
-    "outputs of one's own, which may also stand beside `quantities`: NAME = text, or { value, unit, about }"
-)
-_OF_AN_EVENT: dict[str, Callable[[Any], Any]] = {"when": text, "direction": _DIRECTION, "stop": FLAG, "about": _ABOUT}
-EVENTS = _table("a table of events", lambda x: _entry(Event, _OF_AN_EVENT, x, ("direction", "stop", "about"))).means(
-    "when a formula comes to zero: NAME = { when, direction, stop, about }, with direction rising, falling or any; "
-    "stop = true ends the run there"
-)
-PORTS = _table("a table of inputs", port).means("inputs of one's own, as they stand in `ports`")

@@ -7,15 +7,15 @@ import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from copy import copy
 from datetime import date, time
+from inspect import get_annotations
 from numbers import Real
-from typing import Any, ClassVar, Self
-
-from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError
-from pydantic_core import core_schema
+from typing import Any, ClassVar, Protocol, Self, TypeVar, dataclass_transform, get_args
 
 from rbfmu.exceptions import SceneError as SceneError
-from rbfmu_kernels.quantities import BY_NAME, NOT_NEGATIVE
+from rbfmu_kernels.quantities import BY_NAME
+from rbfmu_kernels.quantities import NOT_NEGATIVE as NO_LESS_THAN_ZERO
 
+T = TypeVar("T")
 LONGEST = 72
 """Characters of a value that a message shows."""
 
@@ -52,7 +52,7 @@ def _spelling(value: object, depth: int) -> str:
         return "a very large integer"
 
 
-def _first(items: Collection[Any]) -> Iterator[Any]:
+def _first(items: Collection[T]) -> Iterator[T]:
     return (item for item, _ in zip(items, range(LONGEST), strict=False))
 
 
@@ -62,20 +62,36 @@ def joined(path: str, key: str) -> str:
     return f"{path}.{key}" if path else key
 
 
+class Readable(Protocol):
+    """What makes what is stored of a value: the rule of a key, or a table of them."""
+
+    def read(self, value: object, path: str) -> Any:
+        """Return what is stored; raise SceneError where the value at this path is refused."""
+
+
+def checked(rule: Readable, value: object, path: str, faults: list[str]) -> Any:
+    """Return what a rule stores of a value, or None of one that is refused, whose faults are added."""
+    try:
+        return rule.read(value, path)
+    except SceneError as error:
+        faults += error.faults
+        return None
+
+
 class Rule:
     """The rule of one key: a call returns the value to store, or raises a ValueError that says what was expected.
 
-    words: which values are allowed. read: returns what is stored of a value, and None of one that is refused in these
+    words: which values are allowed. made: returns what is stored of a value, and None of one that is refused in these
     words; it may raise a ValueError in words of its own. choice: the words in a list of keys, where unit and meaning do
     not suffice.
 
-    Pydantic keeps, compares, copies and writes the tables; it does not check values. Its own checks (`Field(gt=0)`,
-    `Literal`, unions) know neither unit nor shape, speak of each component of a vector and of each branch of a union
-    by itself, and would need a table that turns every kind of error back into the words of these rules.
+    Rules are our own and no library's: one says what a whole vector has to be, with its unit, where Pydantic's checks
+    (`Field(gt=0)`, `Literal`, unions) speak of each component and of each branch of a union by itself, and would need a
+    table that turns every kind of error back into these words. Without it the first scene is there a sixth sooner.
     """
 
-    def __init__(self, words: str, read: Callable[[Any], Any], choice: str = "") -> None:
-        self.words, self.read, self.choice, self.meaning = words, read, choice, ""
+    def __init__(self, words: str, made: Callable[[Any], object], choice: str = "", unit: str = "") -> None:
+        self.words, self.made, self.choice, self.unit, self.meaning = words, made, choice, unit, ""
 
     def means(self, meaning: str) -> Self:
         """Return the rule of a key with this meaning."""
@@ -83,14 +99,25 @@ class Rule:
         rule.meaning = meaning
         return rule
 
-    def __call__(self, value: Any) -> Any:
+    def __call__(self, value: object) -> Any:
         """Return the value as stored."""
-        if (found := self.read(value)) is None:
+        if (found := self.made(value)) is None:
             raise ValueError(self.words)
         return found
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        return core_schema.no_info_plain_validator_function(self)
+    def read(self, value: object, path: str) -> Any:
+        """Return the value as stored; raise SceneError where it is refused."""
+        try:
+            return self(value)
+        except SceneError:
+            raise
+        except ValueError as error:
+            raise SceneError(fault(path, value, str(error))) from None
+
+
+POSITIVE = " > 0", lambda x: x > 0.0
+NOT_NEGATIVE = " >= 0", lambda x: x >= 0.0
+"""Bounds of numbers: in words, and whether a number holds them."""
 
 
 class Numbers(Rule):
@@ -105,25 +132,23 @@ class Numbers(Rule):
         unit: str = "",
         bound: str = "",
         holds: Callable[[float], bool] = math.isfinite,
-        then: Callable[[Any], Any] | None = None,
+        then: Callable[[Any], object] = lambda floats: floats,
     ) -> None:
-        self.shape, self.unit, self.bound, self.holds, self.then = shape, unit, bound, holds, then
-        super().__init__(self._words(""), self._read)
+        self.shape, self.bound, self.holds, self.then = shape, bound, holds, then
+        self._unit_said = f" ({unit})" if unit else ""
+        super().__init__(self._words(""), self._made, unit=unit)
 
     def _words(self, finite: str) -> str:
-        unit = f" ({self.unit})" if self.unit else ""
         sized = {0: f"a {finite}number", 1: f"{self.shape[0] if self.shape else 1} {finite}numbers"}
-        return sized.get(len(self.shape), f"3 rows of 3 {finite}numbers") + self.bound + unit
+        return sized.get(len(self.shape), f"3 rows of 3 {finite}numbers") + self.bound + self._unit_said
 
-    def _read(self, value: Any) -> Any:
+    def _made(self, value: object) -> object:
         floats = self.floats(value, self.shape)
         if not all(map(math.isfinite, flattened(floats))):
             raise ValueError(self._words("finite "))
-        if not all(map(self.holds, flattened(floats))):
-            return None
-        return self.then(floats) if self.then else floats
+        return self.then(floats) if all(map(self.holds, flattened(floats))) else None
 
-    def floats(self, value: Any, shape: tuple[int, ...]) -> Any:
+    def floats(self, value: object, shape: tuple[int, ...]) -> Any:
         """Return the value as (nested) tuples of floats, infinite where an integer is too large."""
         value = plain(value)
         if shape:
@@ -152,38 +177,22 @@ def flattened(value: Any) -> Iterator[float]:
         yield value
 
 
-def positive(unit: str, *shape: int) -> Numbers:
-    """Return the rule of numbers above 0."""
-    return Numbers(shape, unit, " > 0", lambda x: x > 0.0)
-
-
 def numbers(name: str) -> Numbers:
     """Return the rule of a parameter, a load or an initial value, given its name in the table of quantities."""
     row = BY_NAME[name]
-    shape = () if row.size == 1 else (row.size,)
-    unit = "" if row.unit == "1" else row.unit
-    if row.bounds != NOT_NEGATIVE:
-        rule = Numbers(shape, unit)
-    elif getattr(row, "positive", False):
-        rule = positive(unit, *shape)
-    else:
-        rule = Numbers(shape, unit, " >= 0", not_negative)
+    bound = () if row.bounds != NO_LESS_THAN_ZERO else POSITIVE if getattr(row, "positive", False) else NOT_NEGATIVE
+    rule = Numbers(() if row.size == 1 else (row.size,), "" if row.unit == "1" else row.unit, *bound)
     return rule.means(row.meaning)
-
-
-def not_negative(x: float) -> bool:
-    """Return whether x >= 0."""
-    return x >= 0.0
 
 
 def whole(least: int, most: int) -> Rule:
     """Return the rule of a whole number from `least` to `most`."""
 
-    def read(value: Any) -> int | None:
+    def made(value: object) -> int | None:
         value = plain(value)
         return value if isinstance(value, int) and not isinstance(value, bool) and least <= value <= most else None
 
-    return Rule(f"a whole number from {least} to {most}", read)
+    return Rule(f"a whole number from {least} to {most}", made)
 
 
 FLAG = Rule("true or false", lambda value: value if isinstance(value, bool) else None)
@@ -192,11 +201,12 @@ FLAG = Rule("true or false", lambda value: value if isinstance(value, bool) else
 def line(words: str, longest: int, unwanted: str = "") -> Rule:
     """Return the rule of a printable line; one in which some characters are unwanted is not blank either."""
 
-    def read(value: Any) -> str | None:
-        good = isinstance(value, str) and value.isprintable() and len(value) <= longest
-        return value if good and (not unwanted or (value.strip() and not set(value) & set(unwanted))) else None
+    def made(value: object) -> str | None:
+        if not isinstance(value, str) or not value.isprintable() or len(value) > longest:
+            return None
+        return value if not unwanted or (value.strip() and not set(value) & set(unwanted)) else None
 
-    return Rule(words, read)
+    return Rule(words, made)
 
 
 def one_word(known: Collection[str], words: str) -> Rule:
@@ -209,7 +219,7 @@ def names(known: tuple[str, ...], least: int = 0) -> Rule:
     choice = f"out of {', '.join(known)}"
     words = f"a list of distinct names {choice}"
 
-    def read(value: Any) -> tuple[str, ...] | None:
+    def made(value: object) -> tuple[str, ...] | None:
         if not isinstance(value, list | tuple) or not all(isinstance(name, str) for name in value):
             return None
         for name in value:
@@ -223,7 +233,7 @@ def names(known: tuple[str, ...], least: int = 0) -> Rule:
             raise ValueError(f"{words}, at least one")
         return tuple(value)
 
-    return Rule(words, read, choice)
+    return Rule(words, made, choice)
 
 
 def closest(name: str, known: Iterable[str]) -> str:
@@ -233,90 +243,146 @@ def closest(name: str, known: Iterable[str]) -> str:
     return lower[near[0]] if near else ""
 
 
-class Section(BaseModel):
-    """A table of the scene: immutable, compared by value; an invalid one raises SceneError with all of its faults."""
+@dataclass_transform(kw_only_default=True, frozen_default=True)
+class Section:
+    """A table of the scene: immutable, compared by value; an invalid one raises SceneError with all of its faults.
 
-    model_config = ConfigDict(frozen=True, defer_build=True)
+    A field's rule stands in its annotation: `Annotated[type, rule]`, or the section that it is.
+    """
+
     _path: ClassVar[str] = ""
     _spellings: ClassVar[Mapping[str, tuple[str, ...]]] = {}
     _other_keys: ClassVar[Mapping[str, tuple[str, str]]] = {}
     """The unit and the meaning of each key that is not a field."""
     _homes: ClassVar[dict[str, str]] = {}
+    _rules: ClassVar[Mapping[str, Any]] = {}
+    _keys: ClassVar[tuple[str, ...]] = ()
+    """The keys as the file spells them; several keys may stand for one field."""
+    _given: frozenset[str]
+    """The fields that are not by default."""
+
+    def __init_subclass__(cls, path: str = "") -> None:
+        """Find the rules, and record the table of each key, so that an error can name it where the key is misplaced."""
+        cls._path, found = path or cls._path, dict[str, Any]()
+        for name, hint in get_annotations(cls).items():
+            for said in (*getattr(hint, "__metadata__", ()), hint, *get_args(hint)):
+                if isinstance(said, Rule) or (isinstance(said, type) and issubclass(said, Section)):
+                    found.setdefault(name, said)
+        cls._rules = {**cls._rules, **found}
+        cls._keys = tuple(key for name in cls._rules for key in cls._spellings.get(name, (name,)))
+        for key in cls._keys if cls._path else ():
+            cls._homes.setdefault(key, joined(cls._path, key))
 
     def __init__(self, /, **data: Any) -> None:
-        faults = list(self._unknown_keys(data))
-        values = self._resolved({key: value for key, value in data.items() if key in self._keys()}, faults)
-        try:
-            super().__init__(**values)
-        except ValidationError as error:
-            faults += [self._in_words(entry) for entry in error.errors(include_url=False)]
-        if not faults:
-            faults += self._contradictions()
+        self._fill(self._path, data)
+
+    def _fill(self, path: str, data: Mapping[str, Any]) -> None:
+        faults: list[str] = []
+        data, beside = self._apart(data, faults)
+        faults += self._unknown_keys(path, data)
+        given = self._resolved({key: value for key, value in data.items() if key in self._keys}, faults) | beside
+        own = vars(self)
+        own |= {"_path": path, "_given": frozenset(given)}
+        for name, rule in self._rules.items():
+            default = getattr(type(self), name, ...)
+            if name not in given and default is ...:
+                faults.append(f"{joined(path, name)} is missing: expected {rule.words}")
+            elif name not in given or (given[name] is None and default is None and isinstance(rule, type)):
+                own[name] = default
+            else:
+                known = len(faults)
+                value = checked(rule, given[name], joined(path, name), faults)
+                if len(faults) == known:
+                    own[name] = value
+        faults += self._faults_together()
+        faults += [] if faults else self._contradictions()
         if faults:
             raise SceneError(faults)
 
     @classmethod
-    def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
-        """Record the table of each key, so that an error can name it where the key is misplaced."""
-        for key in cls._keys() if cls._path else ():
-            cls._homes.setdefault(key, joined(cls._path, key))
-
-    def _set(self) -> dict[str, Any]:
-        """Return the fields that are not as by default."""
-        fields = type(self).model_fields
-        return {name: getattr(self, name) for name in fields if getattr(self, name) != fields[name].default}
-
-    def __repr_args__(self) -> Iterable[tuple[str | None, Any]]:
-        return self._set().items()
-
-    @classmethod
-    def read(cls, value: Any) -> Self:
+    def read(cls, value: object, path: str = "") -> Self:
         """Return the section of a table, or the section itself."""
         if isinstance(value, cls):
             return value
+        path = path or cls._path
         if not isinstance(value, Mapping):
-            raise SceneError([fault(cls._path, value, f"a table with keys out of {', '.join(cls._keys())}")])
-        return cls(**{str(key): item for key, item in value.items()})
+            raise SceneError([fault(path, value, f"a table with keys out of {', '.join(cls._keys)}")])
+        made = cls.__new__(cls)
+        made._fill(path, {str(key): item for key, item in value.items()})
+        return made
 
-    @classmethod
-    def _keys(cls) -> list[str]:
-        """Return the keys as the file spells them; several keys may stand for one field."""
-        return [key for name in cls.model_fields for key in cls._spellings.get(name, (name,))]
+    def __setattr__(self, name: str, value: object) -> None:
+        raise ValueError(f"{type(self).__name__}.{name} is frozen: Scene.replace returns a scene with other values")
 
-    @classmethod
-    def _rule(cls, name: str) -> Rule:
-        return next(rule for rule in cls.model_fields[name].metadata if isinstance(rule, Rule))
+    def _values(self) -> dict[str, Any]:
+        return {name: vars(self)[name] for name in self._rules}
 
-    @classmethod
-    def _resolved(cls, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
+    def __eq__(self, other: object) -> bool:
+        return type(self) is type(other) and isinstance(other, Section) and self._values() == other._values()
+
+    def __hash__(self) -> int:
+        return hash((type(self), *self._values().values()))
+
+    def _with(self, **fields: object) -> Self:
+        """Return the section with other values, which are not checked."""
+        other = copy(self)
+        vars(other).update(fields)
+        return other
+
+    def _set(self) -> dict[str, Any]:
+        """Return the fields that are not as by default."""
+        return {name: value for name, value in self._values().items() if value != getattr(type(self), name, None)}
+
+    def _shown(self) -> dict[str, Any]:
+        """Return the keys and values that make the section again."""
+        return self._set()
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({', '.join(f'{name}={value!r}' for name, value in self._shown().items())})"
+
+    def table(self) -> dict[str, Any]:
+        """Return the table from which the section is made again; vectors are lists."""
+        found = {name: as_lists(value) for name, value in self._values().items() if value is not None}
+        for name in [name for name, keys in self._spellings.items() if not keys]:
+            found |= found.pop(name)
+        return found
+
+    def _apart(self, data: Mapping[str, Any], faults: list[str]) -> tuple[Mapping[str, Any], dict[str, Any]]:
+        """Return the table without what stands there by names of one's own, and the fields that are made of that."""
+        return data, {}
+
+    def _resolved(self, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
         """Return the fields, made from the keys that stand for them."""
         return data
 
-    def _contradictions(self) -> Iterable[str]:
-        """Return the contradictions between fields that are valid by themselves."""
+    def _faults_together(self) -> Iterable[str]:
+        """Return the contradictions between those fields that are valid by themselves."""
         return ()
 
-    @classmethod
-    def _unknown_keys(cls, data: Mapping[str, Any]) -> Iterator[str]:
-        keys = cls._keys()
+    def _contradictions(self) -> Iterable[str]:
+        """Return the contradictions between fields that are all valid by themselves."""
+        return ()
+
+    def _unknown_keys(self, path: str, data: Mapping[str, object]) -> Iterator[str]:
         for key, value in data.items():
-            if key not in keys:
-                path = joined(cls._path, key)
-                near = cls._homes.get(key, path)
-                near = closest(key, keys) if near == path else near
-                hint = f"did you mean {near}?" if near else f"expected one of {', '.join(keys)}"
-                yield f"{path} = {as_toml(value)}: unknown key; {hint}"
-
-    @classmethod
-    def _in_words(cls, error: Mapping[str, Any]) -> str:
-        name = str(error["loc"][0])
-        path = joined(cls._path, name)
-        if error["type"] == "missing":
-            return f"{path} is missing: expected {cls._rule(name).words}"
-        return fault(path, error["input"], str(error["ctx"]["error"]))
+            if key not in self._keys:
+                here = joined(path, key)
+                near = self._homes.get(key, here)
+                near = closest(key, self._keys) if near == here else near
+                hint = f"did you mean {near}?" if near else f"expected one of {', '.join(self._keys)}"
+                yield f"{here} = {as_toml(value)}: unknown key; {hint}"
 
 
-def one_of(section: type[Section], data: dict[str, Any], keys: tuple[str, ...], faults: list[str]) -> str:
+def as_lists(value: Any) -> Any:
+    """Return what is stored as a file has it."""
+    if isinstance(value, Section):
+        return value.table()
+    if isinstance(value, Mapping):
+        return {key: as_lists(item) for key, item in value.items()}
+    return [as_lists(item) for item in value] if isinstance(value, tuple) else value
+
+
+def one_of(section: type[Section], data: Mapping[str, object], keys: tuple[str, ...], faults: list[str]) -> str:
     """Return the exclusive key that is given, or an empty string; several keys add a fault."""
     given = [key for key in keys if key in data]
     if len(given) > 1:

@@ -4,6 +4,8 @@ import json
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
+from itertools import repeat, starmap
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +13,11 @@ import numpy as np
 from rbfmu.scene.attitude import Attitude
 from rbfmu.scene.body import SHAPES, TRIANGLE, six_numbers
 from rbfmu.scene.own import is_own
-from rbfmu.scene.section import Numbers, Rule, as_toml, closest, fault, flattened, joined, not_negative, numbers, plain
+
+from rbfmu.scene.section import (  # isort: skip
+    NOT_NEGATIVE, POSITIVE, Numbers, Rule, SceneError, as_toml, checked, closest, fault, flattened, joined,
+    numbers, plain,
+)  # fmt: skip
 from rbfmu_kernels.quantities import IN_BUFFER_ORDER, INITIAL_VALUES, LOADS, PARAMETERS, Load, Parameter, indices
 
 _BY_NAME = {row.name: row for row in IN_BUFFER_ORDER}
@@ -31,20 +37,30 @@ class Distribution(NamedTuple):
     ascending: bool = False
 
 
+class Alike(Numbers):
+    """The rule of numbers of which one stands for a vector of equal ones."""
+
+    def _made(self, value: object) -> object:
+        value = plain(value)
+        if self.shape and not isinstance(value, list | tuple):
+            value = np.full(self.shape, Numbers((), self.unit, self.bound, self.holds)(value))
+        return super()._made(value)
+
+
 def _location(rule: Numbers) -> Numbers:
     return rule
 
 
 def _median(rule: Numbers) -> Numbers:
-    return Numbers(rule.shape, rule.unit, " > 0", lambda x: x > 0.0)
+    return Numbers(rule.shape, rule.unit, *POSITIVE)
 
 
 def _spread(rule: Numbers) -> Numbers:
-    return Numbers(rule.shape, rule.unit, " >= 0", not_negative)
+    return Alike(rule.shape, rule.unit, *NOT_NEGATIVE)
 
 
 def _share(rule: Numbers) -> Numbers:
-    return Numbers(rule.shape, "", " >= 0", not_negative)
+    return Alike(rule.shape, "", *NOT_NEGATIVE)
 
 
 DISTRIBUTIONS: Mapping[str, Distribution] = {
@@ -123,6 +139,11 @@ class Variation:
         """Return what the file says of the key."""
         return json.loads(self.text)
 
+    def refused(self, expected: str, part: str = "") -> str:
+        """Return the fault of what the file says of the key, or of a part of it."""
+        path = joined("ensemble.vary", self.key)
+        return fault(f"{path}.{part}", self.table[part], expected) if part else fault(path, self.table, expected)
+
 
 QUANTITY_OF: Mapping[str, Parameter | Load] = (
     {f"body.{row.name}": row for row in PARAMETERS}
@@ -141,21 +162,26 @@ RULES: Mapping[str, Numbers] = {
 KEYS = (*RULES, INERTIA, ATTITUDE, SHAPE)
 
 
-def read_variations(vary: Any, faults: list[str]) -> tuple[Variation, ...]:
-    """Return the keys that vary, and add the faults of the table `ensemble.vary`."""
+def read_variations(vary: object) -> tuple[Variation, ...] | None:
+    """Return the keys that vary, of the table `ensemble.vary`. Raises SceneError."""
     if not isinstance(vary, Mapping) or not vary:
-        faults.append(fault("ensemble.vary", vary, "a table: keys of the scene, each with a distribution"))
-        return ()
-    found = []
+        return None
+    found, faults = list[Variation](), list[str]()
     for key, value in vary.items():
-        reader = _Reader(str(key), value, faults)
-        before = len(faults)
-        marginals, form = reader.read()
-        if len(faults) == before and not any(m.varies for m in marginals) and key != SHAPE:
-            reader.refuse(value, "a distribution in which something varies")
-        if len(faults) == before:
-            found.append(Variation(str(key), form, marginals, json.dumps(value, default=_for_json)))
+        try:
+            found.append(_variation(str(key), value, joined("ensemble.vary", str(key))))
+        except SceneError as error:
+            faults += error.faults
+    if faults:
+        raise SceneError(faults)
     return tuple(found)
+
+
+def _variation(key: str, value: Any, path: str) -> Variation:
+    marginals, form = _READERS.get(key, partial(_numbers, key))(value, path)
+    if not any(m.varies for m in marginals) and key != SHAPE:
+        raise SceneError(fault(path, value, "a distribution in which something varies"))
+    return Variation(key, form, marginals, json.dumps(value, default=_for_json))
 
 
 def _for_json(value: Any) -> Any:
@@ -163,190 +189,155 @@ def _for_json(value: Any) -> Any:
     return dict(value) if isinstance(value, Mapping) else plain(value)
 
 
-Found = tuple[tuple[Marginal, ...], str]
+Marginals = tuple[Marginal, ...]
+Found = tuple[Marginals, str]
 """The marginals of a key, and the form in which they are given."""
 
 
-class _Reader:
-    """The reader of one key's distributions."""
+class Distributed:
+    """The rule of a number or a vector that varies; rule: of its values."""
 
-    def __init__(self, key: str, value: Any, faults: list[str]) -> None:
-        self.key, self.value, self.faults = key, value, faults
-        self.path = joined("ensemble.vary", key)
+    def __init__(self, name: str, rule: Numbers, relative: bool = True) -> None:
+        self.names, self.rule = component_names(name, rule.shape), rule
+        self.kinds = {kind: row for kind, row in DISTRIBUTIONS.items() if relative or kind != RELATIVE}
 
-    def refuse(self, value: Any, expected: str, path: str = "") -> Found:
-        self.faults.append(fault(path or self.path, value, expected))
-        return (), ""
-
-    def read(self) -> Found:
-        """Return the marginals and the form."""
-        readers = {INERTIA: self._inertia, ATTITUDE: self._attitude, SHAPE: self._shape}
-        if self.key in readers:
-            return readers[self.key]()
-        if is_own(self.key):
-            given = self.value.items() if isinstance(self.value, Mapping) else ()
-            vector = any(_nested(x, 1 if kind == RELATIVE else 2) for kind, x in given)
-            return self._distribution(self.path, self.value, self.key, Numbers((3,) if vector else ()))
-        if self.key not in RULES:
-            return self._refuse_key()
-        return self._distribution(self.path, self.value, self.key, RULES[self.key])
-
-    def _refuse_key(self) -> Found:
-        if self.key.startswith(f"{SHAPE}."):
-            expected = f'no such key without body.shape; or "{SHAPE}" = {{ kind = ..., sides = {{ normal = ... }} }}'
-        elif self.key.startswith(f"{ATTITUDE}."):
-            expected = f'"{ATTITUDE}" = {{ rotvec_deg = 2.0 }}, {{ euler = "ZYX", angles_deg = {{ normal = ... }} }}'
-        elif self.key.startswith("run."):
-            expected = "a key of body, initial or loads: all runs have the same times and accuracy"
-        else:
-            near = closest(self.key, KEYS)
-            expected = f"did you mean {near}?" if near else f"keys out of {', '.join(KEYS)}"
-            self.faults.append(f"{self.path} = {as_toml(self.value)}: unknown key; {expected}")
-            return (), ""
-        return self.refuse(self.value, expected)
-
-    # Numbers
-
-    def _distribution(
-        self, path: str, value: Any, name: str, rule: Numbers, beside: tuple[str, ...] = (), relative: bool = True
-    ) -> Found:
-        """Return the marginals of a number or a vector, and the kind. beside: other keys that the table may have."""
-        kinds = [kind for kind in DISTRIBUTIONS if relative or kind != RELATIVE]
-        given = [key for key in value if key in kinds] if isinstance(value, Mapping) else []
-        others = set(value) - {*kinds, "points", *beside} if isinstance(value, Mapping) else set()
-        if len(given) != 1 or others:
-            ways = ", ".join(f"{kind} = {DISTRIBUTIONS[kind].expected}" for kind in kinds)
-            return self.refuse(value, f"a table with one of {ways}", path)
-        kind = given[0]
-        rows = self._arguments(f"{path}.{kind}", kind, value[kind], rule)
-        points = self._points(f"{path}.points", value.get("points", 0), rule.shape)
-        names = component_names(name, rule.shape)
-        if rows is None or points is None:
-            return (), ""
+    def read(self, value: object, path: str) -> Marginals:
+        """Return the marginals. Raises SceneError."""
+        given = [key for key in value if key in self.kinds] if isinstance(value, Mapping) else []
+        if not isinstance(value, Mapping) or len(given) != 1 or set(value) - {*given, "points"}:
+            ways = ", ".join(f"{kind} = {row.expected}" for kind, row in self.kinds.items())
+            raise SceneError(fault(path, value, f"a table with one of {ways}"))
+        kind, faults = given[0], list[str]()
+        rows = checked(self._arguments(kind), value[kind], f"{path}.{kind}", faults)
+        several = f", or {len(self.names)} of them" if len(self.names) > 1 else ""
+        points_rule = Rule(f"a number of points of the grid{several}", self._points)
+        points = checked(points_rule, value.get("points", 0), f"{path}.points", faults)
+        if faults:
+            raise SceneError(faults)
         columns = zip(*rows, strict=True)
-        return tuple(
-            Marginal(n, kind, arguments, p) for n, arguments, p in zip(names, columns, points, strict=True)
-        ), kind
+        return tuple(starmap(Marginal, zip(self.names, repeat(kind, len(self.names)), columns, points, strict=True)))
 
-    def _arguments(self, path: str, kind: str, value: Any, rule: Numbers) -> list[list[float]] | None:
-        """Return the numbers of each argument, flattened to the key's components."""
-        distribution = DISTRIBUTIONS[kind]
-        rules, expected = [make(rule) for make in distribution.rules], distribution.expected
-        values = [value] if kind == RELATIVE else value
-        if not isinstance(values, list | tuple) or len(values) != len(rules):
-            self.refuse(value, f"{expected}, each {rule.words}", path)
-            return None
-        one_for_all = [make in (_spread, _share) for make in distribution.rules]
-        try:
-            found = [_read(*each) for each in zip(rules, values, one_for_all, strict=True)]
-            rows = [components(one, rule.shape) for one in found]
-        except ValueError as error:
-            self.refuse(value, f"{expected}: {error}", path)
-            return None
-        if distribution.ascending and any(list(c) != sorted(c) for c in zip(*rows, strict=True)):
-            self.refuse(value, f"{expected} in ascending order", path)
-            return None
-        return rows
+    def _arguments(self, kind: str) -> Rule:
+        """Return the rule of the numbers of each argument, flattened to the key's components."""
+        expected, makers, ascending = self.kinds[kind]
+        rules = [make(self.rule) for make in makers]
 
-    def _points(self, path: str, value: Any, shape: tuple[int, ...]) -> list[int] | None:
-        count = len(component_names("", shape))
-        each = list(value) if isinstance(value, list | tuple) else [value] * count
-        whole = all(isinstance(n, int) and not isinstance(n, bool) and 0 <= n <= 10**6 for n in each)
-        if not whole or len(each) != count:
-            several = f", or {count} of them" if count > 1 else ""
-            self.refuse(value, f"a number of points of the grid{several}", path)
-            return None
-        return each
-
-    # Inertia, attitude, shape
-
-    def _inertia(self) -> Found:
-        value = self.value
-        if not isinstance(value, Mapping) or not value:
-            return self._distribution(self.path, value, INERTIA, Numbers((3,), "kg m2"))
-        found: Found = (), ""
-        if set(value) != {AXES}:
-            kind = next((kind for kind in DISTRIBUTIONS if kind in value), "")
-            shape = (3, 3) if kind and _nested(value[kind], 3) else (3,)
-            if len(shape) == 2 and AXES in value:
-                self.refuse(value, f"principal moments, or no {AXES}: a matrix has its axes")
-            found = self._distribution(self.path, value, INERTIA, Numbers(shape, "kg m2"), beside=(AXES,))
-        axes = self._normal_about_zero(AXES, value[AXES], "deg") if AXES in value else ()
-        return (*found[0], *axes), found[1]
-
-    def _attitude(self) -> Found:
-        value = self.value
-        if value == UNIFORM:
-            names = component_names(f"{ATTITUDE}.{UNIFORM}", (3,))
-            return tuple(Marginal(name, UNIFORM, (0.0, 1.0)) for name in names), UNIFORM
-        if isinstance(value, Mapping) and set(value) <= {*VARYING_ANGLES, *ABOUT, "euler"}:
-            given = [key for key in value if key != "euler"]
-            if len(given) == 1 and ("euler" in value) == given[0].startswith("angles"):
-                return self._angles(given[0], value)
-        ways = '"uniform", { rotvec_deg = 2.0 } about the scene\'s, or { euler = "ZYX", angles_deg = { normal = ... } }'
-        return self.refuse(value, f"{ways}, or {{ rotvec = {{ normal = ... }} }}")
-
-    def _angles(self, name: str, value: Mapping[str, Any]) -> Found:
-        if name in ABOUT and not isinstance(value[name], Mapping):
-            return self._normal_about_zero(name, value[name], ABOUT[name]), f"about {name}"
-        if "euler" in value:
+        def made(value: object) -> list[list[float]] | None:
+            values = [value] if kind == RELATIVE else value
+            if not isinstance(values, list | tuple) or len(values) != len(rules):
+                return None
             try:
-                Attitude._rule("euler")(value["euler"])
+                rows = [components(rule(one), self.rule.shape) for rule, one in zip(rules, values, strict=True)]
             except ValueError as error:
-                return self.refuse(value["euler"], str(error), f"{self.path}.euler")
-        rule = Attitude._rule(name if name in VARYING_ANGLES else "rotvec")
-        assert isinstance(rule, Numbers)
-        path = f"{self.path}.{name}"
-        found, _ = self._distribution(path, value[name], f"{ATTITUDE}.{name}", rule, relative=False)
-        return found, name
+                raise ValueError(f"{expected}: {error}") from None
+            if ascending and any(list(column) != sorted(column) for column in zip(*rows, strict=True)):
+                raise ValueError(f"{expected} in ascending order")
+            return rows
 
-    def _normal_about_zero(self, name: str, value: Any, unit: str) -> tuple[Marginal, ...]:
-        """Return the marginals of a rotation vector, given their standard deviations."""
-        path = f"{self.path}.{name}"
-        rule = Numbers((3,), unit, " >= 0: standard deviations, or one for all", not_negative)
-        spread = self._constants(path, value, rule, one_for_all=True)
-        names = component_names(f"{self.key}.{name}", (3,))
-        return tuple(Marginal(n, NORMAL, (0.0, s)) for n, s in zip(names, spread, strict=False))
+        return Rule(f"{expected}, each {rules[0].words}", made)
 
-    def _constants(self, path: str, value: Any, rule: Numbers, one_for_all: bool = False) -> list[float]:
-        """Return a key's numbers one after another, none where they are refused."""
-        try:
-            return components(_read(rule, value, one_for_all), rule.shape)
-        except ValueError as error:
-            self.refuse(value, str(error), path)
-            return []
-
-    def _shape(self) -> Found:
-        value = self.value
-        kind = value.get("kind") if isinstance(value, Mapping) else None
-        if not isinstance(kind, str) or kind not in SHAPES:
-            return self.refuse(value, f"a table with kind out of {', '.join(SHAPES)}, and its sizes")
-        section = SHAPES[kind]
-        keys = section.sizes()
-        if set(value) != {"kind", *keys}:
-            return self.refuse(value, f"a {kind} with {' and '.join(keys)}")
-        found: tuple[Marginal, ...] = ()
-        for key in keys:
-            found += self._size(key, value[key], section._rule(key))
-        return found, kind
-
-    def _size(self, key: str, value: Any, rule: Rule) -> tuple[Marginal, ...]:
-        assert isinstance(rule, Numbers)
-        path, name = f"{self.path}.{key}", f"{SHAPE}.{key}"
-        if isinstance(value, Mapping):
-            return self._distribution(path, value, name, rule, relative=False)[0]
-        row = self._constants(path, value, rule)
-        return tuple(Marginal(n, FIXED, (x,)) for n, x in zip(component_names(name, rule.shape), row, strict=False))
+    def _points(self, value: object) -> list[int] | None:
+        each = list(value) if isinstance(value, list | tuple) else [value] * len(self.names)
+        found = [n for n in each if isinstance(n, int) and not isinstance(n, bool) and 0 <= n <= 10**6]
+        return found if len(found) == len(each) == len(self.names) else None
 
 
-def _read(rule: Numbers, value: Any, one_for_all: bool) -> Any:
-    """Return the numbers; one number stands for a vector of equal ones where that is allowed."""
-    value = plain(value)
-    if one_for_all and rule.shape and not isinstance(value, list | tuple):
-        value = np.full(rule.shape, Numbers((), rule.unit, rule.bound, rule.holds)(value))
-    return rule(value)
+def _about_zero(name: str, unit: str) -> Numbers:
+    """Return the rule of a rotation vector's standard deviations, of which it makes marginals."""
+    names = component_names(name, (3,))
+    bound = " >= 0: standard deviations, or one for all", NOT_NEGATIVE[1]
+    return Alike(
+        (3,), unit, *bound, lambda s: tuple(Marginal(n, NORMAL, (0.0, x)) for n, x in zip(names, s, strict=True))
+    )
 
 
-def _nested(value: Any, levels: int) -> bool:
+def _numbers(key: str, value: Any, path: str) -> Found:
+    """Return how numbers vary that stand for themselves: of a body, a start or a load, or of one's own."""
+    if key in RULES:
+        rule = RULES[key]
+    elif is_own(key):
+        given = value.items() if isinstance(value, Mapping) else ()
+        rule = Numbers((3,) if any(_nested(x, 1 if kind == RELATIVE else 2) for kind, x in given) else ())
+    elif key.startswith(f"{SHAPE}."):
+        expected = f'no such key without body.shape; or "{SHAPE}" = {{ kind = ..., sides = {{ normal = ... }} }}'
+        raise SceneError(fault(path, value, expected))
+    elif key.startswith(f"{ATTITUDE}."):
+        expected = f'"{ATTITUDE}" = {{ rotvec_deg = 2.0 }}, {{ euler = "ZYX", angles_deg = {{ normal = ... }} }}'
+        raise SceneError(fault(path, value, expected))
+    elif key.startswith("run."):
+        expected = "a key of body, initial or loads: all runs have the same times and accuracy"
+        raise SceneError(fault(path, value, expected))
+    else:
+        near = closest(key, KEYS)
+        expected = f"did you mean {near}?" if near else f"keys out of {', '.join(KEYS)}"
+        raise SceneError(f"{path} = {as_toml(value)}: unknown key; {expected}")
+    marginals = Distributed(key, rule).read(value, path)
+    return marginals, marginals[0].kind
+
+
+def _inertia(value: Any, path: str) -> Found:
+    moments, faults = value, list[str]()
+    found, axes = (), ()
+    if isinstance(value, Mapping) and AXES in value:
+        moments = {key: item for key, item in value.items() if key != AXES}
+        axes = checked(_about_zero(f"{INERTIA}.{AXES}", "deg"), value[AXES], f"{path}.{AXES}", faults)
+    if moments or moments is value:
+        matrix = isinstance(moments, Mapping) and any(
+            _nested(moments[kind], 3) for kind in DISTRIBUTIONS if kind in moments
+        )
+        if matrix and axes:
+            faults.append(fault(path, value, f"principal moments, or no {AXES}: a matrix has its axes"))
+        found = checked(Distributed(INERTIA, Numbers((3, 3) if matrix else (3,), "kg m2")), moments, path, faults)
+    if faults:
+        raise SceneError(faults)
+    return (*found, *axes), found[0].kind if found else ""
+
+
+def _attitude(value: Any, path: str) -> Found:
+    if value == UNIFORM:
+        names = component_names(f"{ATTITUDE}.{UNIFORM}", (3,))
+        return tuple(Marginal(name, UNIFORM, (0.0, 1.0)) for name in names), UNIFORM
+    given = [key for key in value if key != "euler"] if isinstance(value, Mapping) else []
+    if (
+        len(given) != 1
+        or given[0] not in {*VARYING_ANGLES, *ABOUT}
+        or ("euler" in value) != given[0].startswith("angles")
+    ):
+        ways = '"uniform", { rotvec_deg = 2.0 } about the scene\'s, or { euler = "ZYX", angles_deg = { normal = ... } }'
+        raise SceneError(fault(path, value, f"{ways}, or {{ rotvec = {{ normal = ... }} }}"))
+    name = given[0]
+    angles, here = value[name], f"{path}.{name}"
+    if name in ABOUT and not isinstance(angles, Mapping):
+        return _about_zero(f"{ATTITUDE}.{name}", ABOUT[name]).read(angles, here), f"about {name}"
+    if "euler" in value:
+        Attitude._rules["euler"].read(value["euler"], f"{path}.euler")
+    rule = Attitude._rules[name if name in VARYING_ANGLES else "rotvec"]
+    return Distributed(f"{ATTITUDE}.{name}", rule, relative=False).read(angles, here), name
+
+
+def _shape(value: Any, path: str) -> Found:
+    kind = value.get("kind") if isinstance(value, Mapping) else None
+    if not isinstance(kind, str) or kind not in SHAPES:
+        raise SceneError(fault(path, value, f"a table with kind out of {', '.join(SHAPES)}, and its sizes"))
+    keys, faults, found = SHAPES[kind].sizes(), list[str](), list[Marginal]()
+    if set(value) != {"kind", *keys}:
+        raise SceneError(fault(path, value, f"a {kind} with {' and '.join(keys)}"))
+    for key in keys:
+        name, rule, size = f"{SHAPE}.{key}", SHAPES[kind]._rules[key], value[key]
+        if isinstance(size, Mapping):
+            found += checked(Distributed(name, rule, relative=False), size, f"{path}.{key}", faults) or ()
+        else:
+            row = components(checked(rule, size, f"{path}.{key}", faults), rule.shape)
+            found += (Marginal(n, FIXED, (x,)) for n, x in zip(component_names(name, rule.shape), row, strict=False))
+    if faults:
+        raise SceneError(faults)
+    return tuple(found), kind
+
+
+_READERS: Mapping[str, Callable[[Any, str], Found]] = {INERTIA: _inertia, ATTITUDE: _attitude, SHAPE: _shape}
+"""What reads the keys whose tables have forms of their own."""
+
+
+def _nested(value: object, levels: int) -> bool:
     """Return whether lists stand within lists, so many levels deep."""
     return isinstance(value, list | tuple) and (levels == 1 or any(_nested(item, levels - 1) for item in value))

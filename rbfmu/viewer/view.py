@@ -20,8 +20,8 @@ from rbfmu.ensembles.variables import ALL
 from rbfmu.exceptions import SceneWarning, named
 from rbfmu.extras import needed
 from rbfmu.result import FORMATS, Result
-from rbfmu.scene.consistency import default_quantities
 from rbfmu.scene.scene import QUANTITIES, Scene, faults_of, load_scene
+from rbfmu.scene.tables import default_quantities
 from rbfmu.scene.toml_file import read_file
 from rbfmu.simulation import plan, simulate
 from rbfmu.types import Array

@@ -145,13 +145,13 @@ def test_columns_of_others_are_left_out(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("a,b\n1,2\n", "time is missing"),
+        ("a,b\n1,2\n", "'time' is missing"),
         ("time,omega_b[1],omega_b[3]\n0,1,2\n", r"omega_b\[2\] is missing"),
         (GOOD + "0,1,2,3\n0,1,2,3\n", r"time = 0.0 in row 2: expected times that increase"),
         (GOOD + "0,1,2,3\n1,1,nan,3\n", r"omega_b = nan in row 2: expected numbers"),
-        (GOOD + "0,1,2,3\n1,1,2\n", "expected numbers"),
-        (GOOD + "0,1,2\n", "expected a row of 4 numbers"),
-        (GOOD + "0,1,2,x\n", "expected numbers"),
+        (GOOD + "0,1,2,3\n1,1,2\n", "row 2 has 3 cells: expected 4"),
+        (GOOD + "0,1,2\n", "row 1 has 3 cells: expected 4"),
+        (GOOD + "0,1,2,x\n", r'omega_b\[3\] = "x" in row 1: expected a number'),
     ],
 )
 def test_what_is_no_result_is_refused(text: str, message: str, tmp_path: Path) -> None:

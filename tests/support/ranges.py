@@ -33,7 +33,7 @@ TESTS = (
     "tests/fmu/test_verification.py",
     "tests/project/command_line/test_cli.py",
 )
-SHOWN = ("numba", "llvmlite", "numpy", "fmpy", "pythonfmu", "matplotlib", "click", "rich", "pydantic")
+SHOWN = ("numba", "llvmlite", "numpy", "fmpy", "pythonfmu", "matplotlib", "click", "rich")
 
 
 def python_of(version: str) -> str | None:

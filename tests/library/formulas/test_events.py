@@ -178,7 +178,7 @@ def test_events_of_motions_are_as_many_as_to_40_digits_and_as_pages_say():
 
 
 @pytest.mark.parametrize(("event", "said"), [
-    ("2*3", "expected a formula that changes"), ("omega_b", "a scalar"), ({"direction": "rising"}, "a table with when"),
+    ("2*3", "expected a formula that changes"), ("omega_b", "a scalar"), ({"direction": "rising"}, "when is missing"),
     ({"when": "t", "direction": "up"}, "rising, falling or any"), ({"when": "t", "stop": 1}, "true or false"),
     ("nothing", "nothing"),
 ])  # fmt: skip

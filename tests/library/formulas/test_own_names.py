@@ -17,7 +17,7 @@ def test_own_outputs_stand_without_quantities_and_rows_keep_their_neighbours():
     assert one.outputs.names[-1] == "turned"
     assert "omega_b" in one.outputs.quantities
     other = one.replace({"constants.n": 0.4, "run.stop": 3.0})
-    assert other.constants["n"] == ((0.4,), "rad/s", "")
+    assert (other.constants["n"].value, other.constants["n"].unit) == ((0.4,), "rad/s")
     assert other.constants["spare"] == one.constants["spare"]
     assert other.outputs.names[-1] == "turned"
 
@@ -83,7 +83,7 @@ def test_ports_of_ones_own_enter_formulas():
 
 
 @pytest.mark.parametrize(("port", "said"), [
-    ({"size": 3}, "a table with name as well"), ({"name": "u", "size": 2}, "1 or 3"),
+    ({"size": 3}, r"ports\.name is missing"), ({"name": "u", "size": 2}, "1 or 3"),
     ({"name": "u", "size": 1, "start": [1, 2, 3]}, "as many numbers"), ({"name": "t"}, "another name"),
     ({"name": "mass"}, "another name"), ({"name": "h"}, "another name"), ({"name": "2u"}, "letters, digits"),
 ])  # fmt: skip

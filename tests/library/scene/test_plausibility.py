@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import rbfmu
-from rbfmu.scene.consistency import doubts_after, doubts_before
+from rbfmu.scene.scene import doubts_after, doubts_before
 from tests.support.command_line import call
 from tests.support.scenes.scene_tables import SMALLEST, scene
 

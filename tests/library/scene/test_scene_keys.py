@@ -154,7 +154,7 @@ def test_a_scene_s_description_is_its_file_s_first_paragraph(before: str, descri
 def test_a_description_that_is_given_stays(tmp_path: Path) -> None:
     path = tmp_path / "my.toml"
     path.write_text("# A brick\n" + BODY + '[about]\ndescription = "Another"\nauthor = "Ann"\n')
-    assert rbfmu.load_scene(path).about.model_dump() == {
+    assert rbfmu.load_scene(path).about.table() == {
         "description": "Another",
         "author": "Ann",
         "version": "",

@@ -34,7 +34,7 @@ def test_a_command_spares_what_libraries_do_at_import_unless_it_is_asked_for(mon
     monkeypatch.setattr(atexit, "register", lambda function: None)
     monkeypatch.setattr(os, "environ", {"OPENBLAS_NUM_THREADS": "2"})
     rbfmu.__main__.main()
-    assert os.environ == {"OPENBLAS_NUM_THREADS": "2", "PYDANTIC_DISABLE_PLUGINS": "__all__"}
+    assert os.environ == {"OPENBLAS_NUM_THREADS": "2"}
 
 
 def test_a_run_by_a_kept_plan_loads_only_what_it_needs(monkeypatch, tmp_path):

@@ -1,0 +1,78 @@
+"""Tables of numbers with named columns, read from CSV files."""
+
+import csv
+import json
+import math
+import warnings
+from collections.abc import Callable, Collection
+from pathlib import Path
+
+import numpy as np
+
+from rbfmu.exceptions import SceneError
+from rbfmu.types import Array
+
+
+def read_columns(
+    path: Path, expected: str = "a number", holds: Callable[[float], bool] = lambda x: True,
+    gaps: Collection[str] = (), needed: str = "time",
+) -> dict[str, Array]:  # fmt: skip
+    """Return the columns (rows,) of a file by the names in its header.
+
+    expected: which numbers a cell may have, in words; holds: whether it may; gaps: what stands for none, in lower case,
+    and is NaN; needed: a column that must be there, if any. Raises SceneError with the first fault of each column, in
+    which rows are counted from 1, without the header.
+    """
+    source = str(path)
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        names = [name.strip() for row in csv.reader(lines[:1], skipinitialspace=True) for name in row]
+        if twice := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
+            raise SceneError((f"column {name!r} stands twice: expected each column once" for name in twice), source)
+        if needed and needed not in names:
+            said = f"column {needed!r} is missing: expected it in the header, not {', '.join(names) or 'nothing'}"
+            raise SceneError(said, source)
+        table = _plain_numbers(lines[1:])
+        if table is None or table.shape[1] != len(names):
+            rows = [row for row in csv.reader(lines[1:], skipinitialspace=True) if row]
+            table = _numbers(source, names, rows, expected, holds, gaps)
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise SceneError(f"not a CSV file: {error}", source) from None
+    return dict(zip(names, table.T, strict=True))
+
+
+def _plain_numbers(lines: list[str]) -> Array | None:
+    """Return finite numbers without quotes, fast, or None where there is anything else."""
+    with warnings.catch_warnings(action="ignore", category=UserWarning):  # of a file without rows
+        try:
+            table = np.loadtxt(lines, delimiter=",", ndmin=2, comments=None)
+        except ValueError:
+            return None
+    return table if np.isfinite(table).all() else None
+
+
+def _numbers(
+    source: str, names: list[str], rows: list[list[str]], expected: str, holds: Callable[[float], bool],
+    gaps: Collection[str],
+) -> Array:  # fmt: skip
+    table, faults = np.full((len(rows), len(names)), np.nan), dict[str, str]()
+    for k, row in enumerate(rows):
+        if len(row) != len(names):
+            said = f"row {k + 1} has {len(row)} cells: expected {len(names)}, as many as the header"
+            raise SceneError([*faults.values(), said], source)
+        for i, (name, cell) in enumerate(zip(names, map(str.strip, row), strict=True)):
+            if cell.lower() not in gaps:
+                table[k, i], good = _number(cell)
+                if not good or not holds(table[k, i]):
+                    faults.setdefault(name, f"{name} = {json.dumps(cell)} in row {k + 1}: expected {expected}")
+    if faults:
+        raise SceneError(faults.values(), source)
+    return table
+
+
+def _number(cell: str) -> tuple[float, bool]:
+    """Return a number, and whether it is one: `float` takes 1_0 and other scripts' digits, which no importer does."""
+    try:
+        return float(cell), cell.isascii() and "_" not in cell
+    except ValueError:
+        return math.nan, False

@@ -1,0 +1,290 @@
+"""The tables of a scene beside its body, its ensemble and names of its own, and what contradicts between tables."""
+
+import math
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+
+from rbfmu.scene import own as named
+from rbfmu.scene.attitude import Attitude
+from rbfmu.scene.body import ZERO, Body
+from rbfmu.scene.own import Named, Port, Shown
+
+from rbfmu.scene.section import (  # isort: skip
+    POSITIVE, Numbers, Rule, Section, as_lists, checked, fault, line, names, numbers, one_of,
+)  # fmt: skip
+from rbfmu.types import Array
+from rbfmu_kernels import quantities
+from rbfmu_kernels.quantities import LOADS, OUTPUTS, TORQUES
+from rbfmu_kernels.types import Quaternion, Vec3
+
+PORTS = quantities.PORTS
+PARAMETERS = tuple(row.name for row in quantities.IN_BUFFER_ORDER)
+QUANTITIES = tuple(quantities.OUTPUT)
+MAX_STEPS = 1e8
+"""The largest number of communication steps of a run; their results take some 20 GB."""
+NOTHING: Mapping[str, Any] = Named()
+_IDENTITY = (1.0, 0.0, 0.0, 0.0)
+_DEGREES = Numbers((3,), "deg/s")
+_PORTS = names(PORTS).means(
+    "loads that another unit supplies, added to the known ones; omega_b alone (prescribed rates); inputs of one's own "
+    "that formulas read, { name, size, unit, start }"
+)
+_KNOWN = names(PARAMETERS)
+_PARAMETERS = Rule(
+    _KNOWN.words, lambda value: tuple(value) if isinstance(value, list | tuple) else None, _KNOWN.choice
+).means("FMU parameters that an importer will change, so that the plan holds for every value")
+_ACCURACY = Numbers((), "", " in (0, 1]", lambda x: 0.0 < x <= 1.0).means(
+    "largest error over the run: attitude in rad, rates relative to their largest, position and velocity relative to "
+    "theirs, at least 1 m and 1 m/s"
+)
+_TEXT = line("at most 1000 printable characters", 1000)
+
+
+class Initial(Section, path="initial"):
+    """The initial state; `quaternion` comes from the table `attitude`."""
+
+    _spellings: ClassVar = {"quaternion": ("attitude",), "omega_b": ("omega_b", "omega_b_deg")}
+    _other_keys: ClassVar = {
+        "attitude": ("", "a table: initial attitude of the body (b) in space (a)"),
+        "omega_b_deg": ("deg/s", "in place of omega_b"),
+    }
+
+    position: Annotated[Vec3, numbers("position_0")] = ZERO
+    velocity: Annotated[Vec3, numbers("velocity_0")] = ZERO
+    quaternion: Annotated[Quaternion, numbers("quaternion_0")] = _IDENTITY
+    omega_b: Annotated[Vec3, numbers("omega_b_0")] = ZERO
+
+    def _resolved(self, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
+        if "attitude" in data:
+            attitude: Attitude | None = checked(Attitude, data.pop("attitude"), "", faults)
+            data |= {"quaternion": attitude.q_ab()} if attitude else {}
+        given = one_of(Initial, data, ("omega_b", "omega_b_deg"), faults)
+        degrees = data.pop("omega_b_deg", None)
+        if given == "omega_b_deg":
+            rates: Vec3 | None = checked(_DEGREES, degrees, "initial.omega_b_deg", faults)
+            data |= {"omega_b": tuple(map(math.radians, rates))} if rates else {}
+            vars(self)["rates_said"] = "initial.omega_b_deg", degrees
+        return data
+
+    @cached_property
+    def rates_said(self) -> tuple[str, object]:
+        """Return the key and the value by which the initial rates were given."""
+        return "initial.omega_b", self.omega_b
+
+    def _shown(self) -> dict[str, Any]:
+        return dict(("attitude", {k: x}) if k == "quaternion" else (k, x) for k, x in self._set().items())
+
+    def table(self) -> dict[str, Any]:
+        """Return the table as a file has it."""
+        found = super().table()
+        return found | {"attitude": {"quaternion": found.pop("quaternion")}}
+
+
+class Loads(Section, path="loads"):
+    """The known loads; those that are formulas stand in `formulas`, and are zero here."""
+
+    _spellings: ClassVar = {"formulas": ()}
+
+    gravity_a: Annotated[Vec3, numbers("gravity_a")] = (0.0, 0.0, -9.81)
+    force_a: Annotated[Vec3, numbers("force_a")] = ZERO
+    force_b: Annotated[Vec3, numbers("force_b")] = ZERO
+    torque_a: Annotated[Vec3, numbers("torque_a")] = ZERO
+    torque_b: Annotated[Vec3, numbers("torque_b")] = ZERO
+    damping_b: Annotated[Vec3, numbers("damping_b")] = ZERO
+    formulas: Annotated[Mapping[str, str], named.LOAD_FORMULAS] = NOTHING
+
+    def _apart(self, data: Mapping[str, Any], faults: list[str]) -> tuple[Mapping[str, Any], dict[str, Any]]:
+        texts = {name: value for name, value in data.items() if named.is_formula(name, value)}
+        return {name: value for name, value in data.items() if name not in texts}, {"formulas": texts} if texts else {}
+
+
+class Inputs(Section, path="inputs"):
+    """The inputs that other FMUs supply, and the parameters that an importer may change."""
+
+    _spellings: ClassVar = {"own": ()}
+
+    ports: Annotated[tuple[str, ...], _PORTS] = ()
+    parameters: Annotated[tuple[str, ...], _PARAMETERS] = ()
+    own: Annotated[Mapping[str, Port], named.PORTS] = NOTHING
+
+    def _apart(self, data: Mapping[str, Any], faults: list[str]) -> tuple[Mapping[str, Any], dict[str, Any]]:
+        ports = data.get("ports")
+        if not isinstance(ports, list | tuple) or not (rows := [x for x in ports if isinstance(x, Mapping)]):
+            return data, {}
+        own = [one for row in rows if (one := checked(named.Port, row, "inputs.ports", faults))]
+        found = Named({one.name: one for one in own})
+        if twice := [one.name for one in own if one is not found[one.name]]:
+            faults.append(f"inputs.ports: expected each name once, not twice {twice[0]}")
+        return {**data, "ports": [x for x in ports if not isinstance(x, Mapping)]}, {"own": found}
+
+    def _faults_together(self) -> Iterator[str]:
+        """Let the ports have those of one's own among them."""
+        if "ports" in vars(self):
+            vars(self)["ports"] += tuple(self.own)
+        yield from ()
+
+    def table(self) -> dict[str, Any]:
+        """Return the table as a file has it."""
+        ports = [*(name for name in self.ports if name not in self.own), *as_lists(self.own).values()]
+        return {"ports": ports, "parameters": list(self.parameters)}
+
+
+class Outputs(Section, path="outputs"):
+    """The requested output quantities, and those of one's own, which are always shown."""
+
+    _spellings: ClassVar = {"own": ()}
+    quantities: Annotated[tuple[str, ...], names(QUANTITIES).means("what someone will look at")] = QUANTITIES
+    own: Annotated[Mapping[str, Shown], named.OUTPUTS] = NOTHING
+
+    def _apart(self, data: Mapping[str, Any], faults: list[str]) -> tuple[Mapping[str, Any], dict[str, Any]]:
+        """Return whatever is a table or a text as an output of one's own, and energies that are asked for."""
+        shown = {name: x for name, x in data.items() if isinstance(x, Mapping | str) and name not in self._keys}
+        left = {name: x for name, x in data.items() if name not in shown}
+        if isinstance(asked := data.get("quantities"), list | tuple):
+            energies = [name for name in named.ENERGIES if name in asked]
+            shown |= {name: {"value": name, "unit": "J", "about": named.ENERGIES[name]} for name in energies}
+            left["quantities"] = [name for name in asked if not isinstance(name, str) or name not in shown]
+        return left, {"own": shown} if shown else {}
+
+    def _contradictions(self) -> Iterator[str]:
+        if not self.names:
+            yield fault("outputs.quantities", self.quantities, f"{self._rules['quantities'].words}, at least one")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Return the names of all that is shown."""
+        return (*self.quantities, *self.own)
+
+    def table(self) -> dict[str, Any]:
+        """Return the table as a file has it."""
+        return super().table() | {"quantities": [*self.names]}
+
+
+class Run(Section, path="run"):
+    """The run: from start to stop in communication steps."""
+
+    start: Annotated[float, Numbers((), "s").means("time at the start")] = 0.0
+    stop: Annotated[float, Numbers((), "s").means("time at the end")] = 10.0
+    step: Annotated[float, Numbers((), "s", *POSITIVE).means("communication step")] = 0.01
+    accuracy: Annotated[float, _ACCURACY] = 1e-6
+
+    def _contradictions(self) -> Iterator[str]:
+        span, resolution = self.stop - self.start, 4.0 * max(math.ulp(self.start), math.ulp(self.stop))
+        if not self.stop > self.start:
+            yield fault("run.stop", self.stop, f"a time after run.start = {self.start!r} (s)")
+        elif not math.isfinite(span):
+            yield fault("run.stop", self.stop, "a span from run.start that is a number (s)")
+        elif self.step > span:
+            yield fault("run.step", self.step, f"at most stop - start = {span!r} (s)")
+        elif span > MAX_STEPS * self.step:
+            yield fault("run.step", self.step, f"at least {span / MAX_STEPS:.2g}: a run has at most 1e8 steps")
+        elif self.step < resolution:
+            yield fault("run.step", self.step, f"at least {resolution:.2g}, what the clock resolves there (s)")
+
+
+class About(Section, path="about"):
+    """What tools show of a scene's FMU."""
+
+    description: Annotated[str, _TEXT.means("what it is; by default the first paragraph of the file's comment")] = ""
+    author: Annotated[str, _TEXT.means("who made the scene")] = ""
+    version: Annotated[str, _TEXT.means("version of the scene")] = ""
+    license: Annotated[str, _TEXT.means("terms under which the scene may be used")] = ""
+
+
+# What contradicts between tables, each valid by itself
+
+PRESCRIBED = tuple(row.name for row in OUTPUTS if row.kinematic)
+"""Quantities that follow from prescribed rates."""
+NEGLIGIBLE = 1e-12
+"""The relative size up to which a part of a vector counts as round-off, as in the kernels."""
+
+
+def default_quantities(body: Body | None, inputs: Inputs | None) -> tuple[str, ...]:
+    """Return the default outputs: all quantities that this motion has."""
+    if inputs is not None and "omega_b" in inputs.ports:
+        return PRESCRIBED
+    return tuple(row.name for row in OUTPUTS if not (body is not None and body.pivot and row.of_origin))
+
+
+def faults_between(good: Mapping[str, Any]) -> Iterator[str]:
+    """Yield all contradictions between those sections that are valid by themselves; a missing body is None."""
+    inputs, body, initial = good.get("inputs"), good.get("body"), good.get("initial")
+    if inputs is not None:
+        prescribed = "omega_b" in inputs.ports
+        if "body" in good and body is None and not prescribed:
+            yield 'body is missing: expected a table [body] with mass and inertia (or shape), or ports = ["omega_b"]'
+        for name in inputs.parameters:
+            if name in inputs.ports:
+                yield fault("inputs.parameters", inputs.parameters, f"no {name}: it is an input, by inputs.ports")
+        if prescribed:
+            yield from _faults_of_prescribed_rates(good)
+            return
+    if body is not None and body.pivot:
+        if initial is not None and any(initial.velocity):
+            yield fault("initial.velocity", initial.velocity, "zero: the pivot holds o (m/s)")
+        if inputs is not None and "velocity_0" in inputs.parameters:
+            yield fault("inputs.parameters", inputs.parameters, "no velocity_0: the pivot holds o")
+    if body is not None and (axis := body.axis_without_inertia) is not None:
+        yield from _faults_of_beam(body, np.array(axis), good)
+
+
+def _faults_of_prescribed_rates(good: Mapping[str, Any]) -> Iterator[str]:
+    inputs, outputs, initial = good["inputs"], good.get("outputs"), good.get("initial")
+    if len(inputs.ports) > 1:
+        yield fault("inputs.ports", inputs.ports, "omega_b alone: it prescribes the rates, so loads have no effect")
+    why = "the port omega_b prescribes the rates, and nothing else is modelled"
+    if good.get("body") is not None:
+        yield f"a table [body] is given: expected none, as {why}"
+    if set(inputs.parameters) - {"quaternion_0", "omega_b"}:
+        yield fault("inputs.parameters", inputs.parameters, f"quaternion_0 at most: {why}")
+    if outputs is not None and set(outputs.quantities) - set(PRESCRIBED):
+        yield fault("outputs.quantities", outputs.quantities, f"names out of {', '.join(PRESCRIBED)}: {why}")
+    if initial is not None and any(initial.omega_b):
+        key, rates = initial.rates_said
+        yield fault(key, rates, "zero, or no such key: the port omega_b prescribes the rates")
+
+
+def _faults_of_beam(body: Body, axis: Array, good: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the faults of a body without inertia about `axis`: a torque about that axis makes the rate unbounded."""
+    initial, loads, inputs = (good.get(key) for key in ("initial", "loads", "inputs"))
+    about = f"about {_direction(axis)}, where inertia is zero to {NEGLIGIBLE:g} of its trace"
+    # A force at o has the moment -r x F about the centre of mass of a free body, and no moment about a pivot.
+    lever = np.zeros(3) if body.pivot else -np.cross(body.r_oc_b, axis)
+    levered = not _small(lever, np.array(body.r_oc_b))
+    if initial is not None and not _small(axis @ np.array(initial.omega_b), np.array(initial.omega_b)):
+        key, rates = initial.rates_said
+        yield fault(key, rates, f"no rate {about} ({'deg/s' if key.endswith('_deg') else 'rad/s'})")
+    if loads is not None:
+        yield from _faults_of_loads(loads, axis, lever, levered, about)
+    if inputs is not None:
+        for port in inputs.ports:
+            if port in TORQUES or levered:
+                yield fault("inputs.ports", inputs.ports, f"no {port}: it can act {about}")
+
+
+def _faults_of_loads(loads: Loads, axis: Array, lever: Array, levered: bool, about: str) -> Iterator[str]:
+    if not _small(axis @ np.array(loads.torque_b), np.array(loads.torque_b)):
+        yield fault("loads.torque_b", loads.torque_b, f"no torque {about} (N m)")
+    if any(loads.torque_a):
+        yield fault("loads.torque_a", loads.torque_a, f"zero, or torque_b: this one can come to act {about} (N m)")
+    if levered and not _small(lever @ np.array(loads.force_b), np.array(loads.force_b) * np.linalg.norm(lever)):
+        yield fault("loads.force_b", loads.force_b, f"a force at o without moment {about} (N)")
+    if levered and any(loads.force_a):
+        yield fault("loads.force_a", loads.force_a, f"zero, or force_b: this one can come to act {about} (N)")
+    for load in (row for row in LOADS if row.dissipates):
+        coefficients = getattr(loads, load.name)
+        damped = np.array(coefficients) * axis
+        if not _small(np.cross(damped, axis), damped):
+            yield fault(f"loads.{load.name}", coefficients, f"one that makes no torque {about} ({load.unit})")
+
+
+def _small(part: Array, whole: Array) -> bool:
+    """Return whether a part of a vector is round-off."""
+    return bool(np.linalg.norm(part) <= NEGLIGIBLE * np.linalg.norm(whole))
+
+
+def _direction(axis: Array) -> str:
+    return "(" + ", ".join(f"{x + 0.0:.4g}" for x in axis) + ")"
