@@ -40,6 +40,7 @@ INTERNALS: dict[str, str] = {
         },
         "An array function's loop is compiled once and cached, and becomes a NumPy gufunc with fixed core sizes.": {
             "numba.core.ccallback": "CFunc.compile CFunc.address", "numba.np.ufunc._internal": "fromfunc",
+            "numba.core": "cgutils.for_range_slice",
         },
         "Sums and products are lowered by the signature that is known.": {
             "numba.core.lowering": "Lower.lower_binop", "numba.core": "ir.UNDEFINED",

@@ -25,6 +25,7 @@ from rbfmu_kernels.compile import compiler, stamp, tiled_gufunc
 from rbfmu_kernels.compile.compiler import _IntermediateCode
 from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.compile.reduced import made_once
+from rbfmu_kernels.compile.shapes import Item
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="needs the compiler")
 
@@ -180,7 +181,7 @@ def test_loops_over_tiles_are_vectorised_over_items(monkeypatch):
     monkeypatch.setattr(tiled_gufunc, "DiskCache", lambda loop: NullCache())  # stored code has no source left
     compiled = tiled_gufunc._compiled
     monkeypatch.setattr(tiled_gufunc, "_compiled", lambda loop: loops.append(compiled(loop)) or loops[-1])
-    tiled_gufunc.tiled_gufuncs(rotate)
+    tiled_gufunc.tiled_gufuncs(Item(rotate), 0)
     assert re.search(r"fmul <\d+ x double>", loops[0].inspect_llvm())
 
 
