@@ -7,7 +7,7 @@ import numpy as np
 from numba import config, float64, guvectorize
 
 from ..types import Shape
-from .decorator import kept_on_disk
+from .code_cache import kept_on_disk
 from .numba_private import MISSING
 from .shapes import Item
 

@@ -2,7 +2,7 @@
 
 Each row was tried with Numba 0.61.0, 0.62.1, 0.63.1, 0.64.0, 0.65.1, 0.66.0, 0.67.0 and 0.68.1. Where a row is missing,
 `MISSING` names it, and what Numba documents compiles instead (`decorator`, `gufunc`): the first call is slower, and the
-bits are the same. Where all are there but behave otherwise, `reduced.internals_serve` finds it.
+bits are the same. Where all are there but behave otherwise, `compiler.internals_serve` finds it.
 """
 
 import importlib

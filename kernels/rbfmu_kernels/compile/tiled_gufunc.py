@@ -17,8 +17,9 @@ from numba import float64, intp, types
 
 from ..types import Shape
 from . import tile
+from .code_cache import DiskCache, made_once
+from .compiler import pipeline
 from .numba_private import CFunc, fromfunc, trigger_event
-from .reduced import DiskCache, made_once, pipeline
 from .shapes import Item, python_function
 
 _LOOP_SIGNATURE = types.void(types.CPointer(types.CPointer(float64)), types.CPointer(intp), types.CPointer(intp), intp)
