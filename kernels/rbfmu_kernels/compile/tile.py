@@ -6,6 +6,7 @@ a time.
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import wraps
 
 import numpy as np
 from llvmlite import ir
@@ -123,76 +124,95 @@ def tile_of(typingctx: Context, rows: types.Literal) -> Intrinsic:
     return _POINTER(rows), generate
 
 
-@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
-def to_tile(
-    typingctx: Context, tile: types.Type, items: types.Type, row: types.Literal, size: types.Literal
-) -> Intrinsic:
-    """Move sixteen items of `size` numbers, packed at `items`, to the tile's rows from `row` on."""
-    first, width = row.literal_value, size.literal_value
+def _move(move: Callable[..., None]) -> Callable[..., None]:
+    """Return the intrinsic `(tile, items, row, size)` that moves sixteen items of `size` numbers, packed at `items`.
 
-    def move(builder: Builder, tile: Value, items: Value, *_: Value) -> None:
-        for half in range(0, ITEMS, LANES):
-            _ask_for(builder, items, half * width, width, writing=False)
-            for n, column in enumerate(columns_of(builder, items, half * width, width)):
-                store(builder, column, _at(builder, tile, (first + n) * ITEMS + half))
+    In the tile they have the rows from `row` on; both numbers are literals.
+    """
 
-    return _doing(types.void(_POINTER, _POINTER, row, size), move)
+    @intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
+    @wraps(move)
+    def moving(
+        typingctx: Context, tile: types.Type, items: types.Type, row: types.Literal, size: types.Literal
+    ) -> Intrinsic:
+        def put(builder: Builder, tile: Value, items: Value, *_: Value) -> None:
+            move(builder, tile, items, row.literal_value, size.literal_value)
 
+        return _doing(types.void(_POINTER, _POINTER, row, size), put)
 
-@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
-def from_tile(
-    typingctx: Context, tile: types.Type, items: types.Type, row: types.Literal, size: types.Literal
-) -> Intrinsic:
-    """Move the tile's rows from `row` on to sixteen items of `size` numbers, packed at `items`."""
-
-    def move(builder: Builder, tile: Value, items: Value, *_: Value) -> None:
-        for half in range(0, ITEMS, LANES):
-            _ask_for(builder, items, half * size.literal_value, size.literal_value, writing=True)
-            _store_rows(builder, tile, row.literal_value, size.literal_value, items, half)
-
-    return _doing(types.void(_POINTER, _POINTER, row, size), move)
+    return moving  # type: ignore[no-any-return]
 
 
-@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
-def stream_tile(
-    typingctx: Context, tile: types.Type, items: types.Type, row: types.Literal, size: types.Literal
-) -> Intrinsic:
+@_move
+def to_tile(builder: Builder, tile: Value, items: Value, row: int, size: int) -> None:
+    """Move items to the tile."""
+    for half in range(0, ITEMS, LANES):
+        _ask_for(builder, items, half * size, size, writing=False)
+        for n, column in enumerate(columns_of(builder, items, half * size, size)):
+            store(builder, column, _at(builder, tile, (row + n) * ITEMS + half))
+
+
+@_move
+def from_tile(builder: Builder, tile: Value, items: Value, row: int, size: int) -> None:
+    """Move the tile's rows to items."""
+    for half in range(0, ITEMS, LANES):
+        _ask_for(builder, items, half * size, size, writing=True)
+        _store_rows(builder, tile, row, size, items, half)
+
+
+@_move
+def stream_tile(builder: Builder, tile: Value, items: Value, row: int, size: int) -> None:
     """Move items as `from_tile` does, but past the caches, in whole cache lines.
 
     Memory that is written only need not be read first.
     """
-
-    def move(builder: Builder, tile: Value, items: Value, *_: Value) -> None:
-        count = _int64(ITEMS * size.literal_value)
-        lines = _stack(builder, count.constant)
-        for half in range(0, ITEMS, LANES):
-            _store_rows(builder, tile, row.literal_value, size.literal_value, lines, half)
-        builder.asm(ir.FunctionType(ir.VoidType(), [lines.type]), "", "r,~{memory}", [lines], True)  # all in place
-        before = _before_line(builder, items, count)
-        behind = builder.add(before, builder.and_(builder.sub(count, before), _int64(-LANES)))
-        for start, stop, step in ((_int64(0), before, 1), (before, behind, LANES), (behind, count, 1)):
-            with cgutils.for_range_slice(builder, start, stop, _int64(step), _int64) as (i, _):
-                _stream(builder, builder.gep(lines, [i]), builder.gep(items, [i]), step)
-
-    return _doing(types.void(_POINTER, _POINTER, row, size), move)
+    lines, count = _stack(builder, ITEMS * size), _int64(ITEMS * size)
+    for half in range(0, ITEMS, LANES):
+        _store_rows(builder, tile, row, size, lines, half)
+    builder.asm(ir.FunctionType(ir.VoidType(), [lines.type]), "", "r,~{memory}", [lines], True)  # all in place
+    before = _before_line(builder, items, count)
+    behind = builder.add(before, builder.and_(builder.sub(count, before), _int64(-LANES)))
+    for start, stop, step in ((_int64(0), before, 1), (before, behind, LANES), (behind, count, 1)):
+        with cgutils.for_range_slice(builder, start, stop, _int64(step), _int64) as (i, _):
+            _stream(builder, builder.gep(lines, [i]), builder.gep(items, [i]), step)
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def end_stream(typingctx: Context) -> Intrinsic:
+def _hint(put: Callable[[Builder], None]) -> Callable[[], None]:
+    """Return the intrinsic without arguments that puts an instruction in its place."""
+    return intrinsic(wraps(put)(lambda typingctx: _doing(types.void(), put)))  # type: ignore[no-any-return]
+
+
+@_hint
+def end_stream(builder: Builder) -> None:
     """Let other threads see what was streamed before they see that the call is over."""
-
-    def fence(builder: Builder) -> None:
-        kind = ir.FunctionType(ir.VoidType(), [])
-        builder.call(builder.module.declare_intrinsic("llvm.x86.sse.sfence", (), kind), [])
-
-    return _doing(types.void(), fence)
-
-
-@intrinsic  # type: ignore[untyped-decorator]
-def in_turn(typingctx: Context) -> Intrinsic:
-    """Put an empty instruction that keeps LLVM from vectorising a copying loop, whose gathers and scatters are slow."""
     kind = ir.FunctionType(ir.VoidType(), [])
-    return _doing(types.void(), lambda builder: builder.asm(kind, "", "~{memory}", [], True))
+    builder.call(builder.module.declare_intrinsic("llvm.x86.sse.sfence", (), kind), [])
+
+
+@_hint
+def in_turn(builder: Builder) -> None:
+    """Put an empty instruction that keeps LLVM from vectorising a copying loop, whose gathers and scatters are slow."""
+    builder.asm(ir.FunctionType(ir.VoidType(), []), "", "~{memory}", [], True)
+
+
+@_hint
+def in_vectors(builder: Builder) -> None:
+    """End a loop's body so that LLVM does not unroll it before vectorising, but interleaves two vectors' instructions.
+
+    A chain of dependent operations alone would leave the processor idle half of the time.
+    """
+    module, branch = builder.module, builder.branch
+
+    def branch_with_hints(target: ir.Block) -> Value:
+        del builder.branch
+        jump = branch(target)
+        loop = module.add_metadata([_int32(len(module.metadata))])
+        hints = [["llvm.loop.interleave.count", _int32(2)], ["llvm.loop.unroll.disable"]]
+        loop.operands = (loop, *map(module.add_metadata, hints))  # a loop's first operand is itself
+        jump.set_metadata("llvm.loop", loop)
+        return jump
+
+    builder.branch = branch_with_hints  # the next one, from which the loop starts over
 
 
 @intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
@@ -238,30 +258,6 @@ def _places(builder: Builder, item: Value, strides: Value, lengths: list[int]) -
             stride = builder.extract_value(strides, axis)
             offset = builder.add(offset, builder.mul(stride, stride.type(i)))
         yield _moved(builder, item, offset)
-
-
-@intrinsic  # type: ignore[untyped-decorator]
-def in_vectors(typingctx: Context) -> Intrinsic:
-    """End a loop's body so that LLVM does not unroll it before vectorising, but interleaves two vectors' instructions.
-
-    A chain of dependent operations alone would leave the processor idle half of the time.
-    """
-
-    def hint(builder: Builder) -> None:
-        module, branch = builder.module, builder.branch
-
-        def branch_with_hints(target: ir.Block) -> Value:
-            del builder.branch
-            jump = branch(target)
-            loop = module.add_metadata([_int32(len(module.metadata))])
-            hints = [["llvm.loop.interleave.count", _int32(2)], ["llvm.loop.unroll.disable"]]
-            loop.operands = (loop, *map(module.add_metadata, hints))  # a loop's first operand is itself
-            jump.set_metadata("llvm.loop", loop)
-            return jump
-
-        builder.branch = branch_with_hints  # the next one, from which the loop starts over
-
-    return _doing(types.void(), hint)
 
 
 def _moved(builder: Builder, pointer: Value, offset: Value) -> Value:
