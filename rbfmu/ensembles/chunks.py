@@ -25,7 +25,7 @@ from rbfmu.scene.scene import Scene
 from rbfmu.simulation import refused_step
 from rbfmu.types import Array, Indices
 from rbfmu_kernels.body.members import Members
-from rbfmu_kernels.compile.stamp import SOURCES, hash_of_sources
+from rbfmu_kernels.compile.code_cache import SOURCES, hash_of_sources
 
 SECONDS, MOST_MEMBERS, MOST_BYTES, SUMMED_BYTES = 0.1, 16384, 8e6, 64e6
 """What a chunk takes by its plan; the most members, and bytes of their outputs, that it has, where all are handed back

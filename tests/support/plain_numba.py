@@ -95,7 +95,7 @@ def main(without: str, path: str) -> None:
 
     assert (without if ":" in without else "") == numba_private.MISSING
     if without == "broken":
-        from rbfmu_kernels.compile.reduced import internals_serve
+        from rbfmu_kernels.compile.compiler import internals_serve
 
         assert not internals_serve()
         np.savez(path, **of_a_caller())

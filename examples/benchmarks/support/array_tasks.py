@@ -14,7 +14,7 @@ import rbfmu
 import rbfmu_kernels as k
 from rbfmu.extras import needed_of, remedy
 from rbfmu_kernels.compile.gufunc import plain_gufunc
-from rbfmu_kernels.compile.shapes import core_shapes
+from rbfmu_kernels.compile.shapes import Item, core_shapes
 from rbfmu_kernels.rotations.euler_angles import sequence
 
 with needed_of("bench"):
@@ -165,7 +165,7 @@ def plain_calls(d: dict[str, Any]) -> dict[str, Callable[[], Any]]:
 
     def call(kernel: Any, arrays: str, *constants: int) -> Callable[[], Any]:
         out = np.empty((len(d["q"]), *core_shapes(kernel)[1][0]))
-        return lambda: loop(kernel, *constants)(*(d[a] for a in arrays.split()), out=out)
+        return lambda: loop(Item(kernel, constants))(*(d[a] for a in arrays.split()), out=out)
 
     return {name: call(*given) for name, given in kernels.items()}
 

@@ -26,9 +26,9 @@ from numba import carray, types
 from rbfmu.kept_plans import keep_file, read_kept
 from rbfmu_fmu.native.platforms import BuildError, Platform
 from rbfmu_kernels.body.shell import Model
+from rbfmu_kernels.compile.code_cache import SOURCES
 from rbfmu_kernels.compile.decorator import code_for_callers
 from rbfmu_kernels.compile.numba_private import llvm_source
-from rbfmu_kernels.compile.stamp import SOURCES
 
 ENTRIES = ("initialize", "step", "outputs", "output_rates", "feedthrough")
 """The entry functions are `int64 NAME(double *buffer)`, but for SECOND; a model may do without some."""

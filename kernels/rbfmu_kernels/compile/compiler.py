@@ -5,15 +5,17 @@ kernel calls is called by compiled code only, into which it is merged, so that L
 """
 
 import gc
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, partial
 from typing import Any, ClassVar
 
 from llvmlite import binding
-from numba import types
+from numba import njit, types
 
 from . import numba_private as inside
+from .code_cache import DiskCache, made_once
+from .numba_private import CALLED_BY_CODE
 
 
 class _Remembering(inside.Context):  # type: ignore[misc]
@@ -240,3 +242,84 @@ class CalleeCache(inside.FunctionCache):  # type: ignore[misc]
     """A cache of what CalleeCompiler makes."""
 
     _impl_class = _CalleeCacheImplementation
+
+
+# Kernels by these compilers
+
+
+def reduced_kernel(function: Callable[..., Any], *, inline: bool) -> Any:
+    """Return the kernel of a function."""
+    compiled = _njit(inline)(pipeline_class=pipeline)(function)
+    if hasattr(compiled, "_cache"):  # not where the JIT is disabled
+        _keep_on_disk(compiled, DiskCache(function))
+        _compile_callees_bare(compiled, inline)
+    return compiled
+
+
+def _njit(inline: bool) -> Any:
+    # _nrt: kernels allocate nothing, and counting references to a buffer costs half of a small model's step
+    return partial(njit, error_model="numpy", nogil=True, forceinline=inline, _nrt=False)
+
+
+def _keep_on_disk(dispatcher: Any, kept: DiskCache) -> None:
+    compiled = dispatcher.compile
+
+    def compile_once(signature: Any) -> Any:
+        with made_once(kept):
+            return compiled(signature)
+
+    dispatcher._cache, dispatcher.compile = kept, compile_once
+
+
+def _compile_callees_bare(compiled: Any, inline: bool) -> None:
+    """Let compiled callers have the function without machine code of its own and what Python needs to call it."""
+    as_numba_does = compiled.get_call_template, compiled.get_overload
+
+    @cache
+    def template_and_overload() -> Any:
+        if not internals_serve():
+            return as_numba_does
+        callee = _bare(compiled.py_func, inline)
+        if not inline:  # what is merged into its caller is sooner compiled than stored
+            _keep_on_disk(callee, DiskCache(compiled.py_func, CalleeCache))
+        return callee.get_call_template, callee.get_overload
+
+    @cache
+    def template(args: Any) -> Any:
+        return template_and_overload()[0](args, {})
+
+    def template_of(args: Any, kws: Any) -> Any:
+        args = tuple(map(types.unliteral, args))
+        return template_and_overload()[0](args, kws) if kws else template(args)
+
+    # a number that is known at compile time is no type of its own: one function serves all, and LLVM merges numbers
+    compiled.get_call_template = template_of
+    compiled.get_overload = lambda sig: template_and_overload()[1](sig)
+
+
+def _bare(function: Callable[..., Any], inline: bool) -> Any:
+    return _njit(inline)(pipeline_class=CalleeCompiler, **CALLED_BY_CODE)(function)
+
+
+def code_for_callers(function: Callable[..., Any], signature: Any) -> Any:
+    """Return what Numba compiles of a function that is called by compiled code only: the same on every processor."""
+    compiler = CalleeCompiler if internals_serve() else inside.Compiler
+    return njit(signature, pipeline_class=compiler, **CALLED_BY_CODE)(function)
+
+
+def pipeline(*state: Any) -> Any:
+    """Return the compiler of a function: that of kernels, or Numba's own where the internals behave otherwise."""
+    return (KernelCompiler if internals_serve() else inside.Compiler)(*state)
+
+
+@cache
+def internals_serve() -> bool:
+    """Tell whether Numba's internals make right code of a small kernel and of one that it calls.
+
+    This is asked before anything is compiled.
+    """
+    callee = _bare(lambda x: x + 1.0, False)
+    try:
+        return bool(_njit(False)(pipeline_class=KernelCompiler)(lambda x: 2.0 * callee(x))(2.0) == 6.0)
+    except Exception:
+        return False

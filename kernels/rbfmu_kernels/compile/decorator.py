@@ -6,13 +6,12 @@ Where Numba's internals do not serve, its documented `njit` does: the first call
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
-from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, overload
 
-from numba import config, njit
+from numba import njit
 
+from .code_cache import kept_on_disk
 from .numba_private import CALLED_BY_CODE, MISSING
-from .stamp import SOURCES
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -38,23 +37,11 @@ def _plain_code_for_callers(function: Callable[..., Any], signature: Any) -> Any
     return njit(signature, **CALLED_BY_CODE)(function)
 
 
-def kept_on_disk(compiled: Callable[[bool], Any]) -> Any:
-    """Compile with a cache in a folder of these sources, as Numba's stamp does not see what a function calls."""
-    folder = config.CACHE_DIR
-    config.CACHE_DIR = str(Path(folder or Path(__file__).parents[1] / "__pycache__") / SOURCES)
-    try:
-        return compiled(True)
-    except RuntimeError:  # no folder can be written
-        return compiled(False)
-    finally:
-        config.CACHE_DIR = folder
-
-
 if MISSING:
     _compile, code_for_callers = _plain_kernel, _plain_code_for_callers
 else:
-    from .reduced import code_for_callers as code_for_callers
-    from .reduced import reduced_kernel as _compile
+    from .compiler import code_for_callers as code_for_callers
+    from .compiler import reduced_kernel as _compile
     from .said import announce_compilation
 
     announce_compilation()

@@ -1,16 +1,15 @@
 """Array functions made from a scalar kernel's one definition."""
 
-import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from numba import config, float64, guvectorize
 
 from ..types import Shape
-from .decorator import kept_on_disk
+from .code_cache import kept_on_disk
 from .numba_private import MISSING
-from .shapes import argument_shapes, core_shapes, python_function
+from .shapes import Item
 
 STREAMED = 20 << 20
 """Bytes: results of this size or more go past the caches.
@@ -20,33 +19,33 @@ fast where others use the memory too.
 """
 
 
-def gufuncs(kernel: Callable[..., Any], *constants: int, singular: Callable[..., bool] | None = None) -> list[Any]:
+def gufuncs(
+    kernel: Callable[..., Any], *constants: int, singular: Callable[..., bool] | None = None
+) -> Sequence[Callable[..., Any]]:
     """Return two gufuncs that map `kernel(*constants, ...)` over leading axes.
 
     The first is for whole arrays; the second for the pieces of a large one, which go past the caches however small.
     singular: a kernel of the first few arguments. The gufunc then takes a mark before its arguments: an array of shape
     (), zero, which becomes 1 where `singular` is true for an item.
     """
+    item = Item(kernel, constants, singular)
     if config.DISABLE_JIT:
-        return [interpreted(kernel, *constants, singular=singular)] * 2
+        return [interpreted(item)] * 2
     if not MISSING:
         from .tiled_gufunc import tiled_gufuncs
 
         try:
-            return tiled_gufuncs(kernel, *constants, singular=singular)
+            return tiled_gufuncs(item, STREAMED, 0)
         except Exception:  # Numba's internals behave otherwise than where they were tried
             pass
-    return [plain_gufunc(kernel, *constants, singular=singular)] * 2
+    return [plain_gufunc(item)] * 2
 
 
-def interpreted(kernel: Callable[..., Any], *constants: int, singular: Callable[..., bool] | None = None) -> Any:
+def interpreted(item: Item) -> Callable[..., Any]:
     """Return such a gufunc, item by item, without compilation (for NUMBA_DISABLE_JIT=1)."""
-    arguments, results = core_shapes(kernel)
-    shapes = [*arguments.values()]
-    checked = len(argument_shapes(singular)) if singular else 0
+    shapes, results = item.inputs, item.results
 
     def call(*args: Any, out: Any = None) -> Any:
-        mark, args = (args[0], args[1:]) if checked else (np.zeros(()), args)
         if len(args) != len(shapes):
             raise TypeError(f"{len(shapes)} arguments are needed")
         arrays = [np.asarray(a) for a in args]
@@ -55,14 +54,14 @@ def interpreted(kernel: Callable[..., Any], *constants: int, singular: Callable[
         if any(a.shape[a.ndim - len(s) :] != s for a, s in zip(arrays, shapes, strict=True)):
             raise ValueError("wrong trailing shape")
         leading = np.broadcast_shapes(*(a.shape[: a.ndim - len(s)] for a, s in zip(arrays, shapes, strict=True)))
-        arrays = [np.broadcast_to(a, leading + s) for a, s in zip(arrays, shapes, strict=True)]
         given = out if isinstance(out, tuple) else (out,) * len(results)
         outs = [np.empty(leading + s) for s in results]  # not over an argument that is still to be read
+        rows = [np.broadcast_to(a, leading + s) for a, s in zip(arrays, shapes, strict=True)]
         for index in np.ndindex(*leading):
-            items = [_as_tuple(a[index]) for a in arrays]
-            if singular and singular(*constants, *items[:checked]):
-                mark[()] = 1.0
-            value = kernel(*constants, *items)
+            items = [*item.constants, *(_as_tuple(a[index]) for a in rows[bool(item.singular) :])]
+            if item.singular and item.singular(*items[: len(item.constants) + item.checked]):
+                arrays[0][()] = 1.0
+            value = item.kernel(*items)
             for target, part in zip(outs, value if len(results) > 1 else (value,), strict=True):
                 target[index] = part
         for target, found in zip(given, outs, strict=True):
@@ -78,64 +77,39 @@ def _as_tuple(array: Any) -> Any:
     return tuple(_as_tuple(a) for a in array) if np.ndim(array) else float(array)
 
 
-def plain_gufunc(
-    kernel: Callable[..., Any], *constants: int, singular: Callable[..., bool] | None = None
-) -> Callable[..., Any]:
-    """Return what `gufuncs` returns one of, with a loop that takes one item after the other."""
-    arguments, results = core_shapes(kernel)
-    checked = len(argument_shapes(singular)) if singular else 0
-    inputs = [()] * bool(checked) + [*arguments.values()]
-    sizes = sorted({n for shape in inputs + results for n in shape})
-    source = _loop_source(constants, [f"n{n}" for n in sizes], [*arguments.values()], results, checked)
-    name = "_".join([python_function(kernel).__name__, "items", *map(str, constants)])
-    scope = {"__name__": python_function(kernel).__module__, "kernel": kernel, "singular": singular}
-    exec(compile(source.replace("LOOP", name), inspect.getfile(python_function(kernel)), "exec"), scope)
-    types = [float64[(slice(None),) * max(1, len(shape))] for shape in [(0,)] * len(sizes) + inputs + results]
-    layout = ",".join([*(f"(n{n})" for n in sizes), *map(_layout, inputs)]) + "->" + ",".join(map(_layout, results))
-    loop = kept_on_disk(lambda cache: guvectorize([tuple(types)], layout, cache=cache)(scope[name]))
-    return _with_sizes(loop, [np.empty(n) for n in sizes])
+def plain_gufunc(item: Item) -> Callable[..., Any]:
+    """Return what `gufuncs` returns one of, with a loop that takes one item after the other.
 
-
-def _layout(shape: Shape) -> str:
-    return "(" + ",".join(f"n{n}" for n in shape) + ")"
-
-
-def _with_sizes(loop: Any, sizes: list[Any]) -> Callable[..., Any]:
-    """Bind core sizes to their numbers by first arguments, as `guvectorize` knows sizes by name only."""
+    `guvectorize` knows core sizes by name only: the first arguments are arrays of these sizes.
+    """
+    shapes = item.inputs + item.results
+    sizes, names = sorted({n for shape in shapes for n in shape}), [f"a{k}" for k in range(len(shapes))]
+    given = [_source_of(name, shape) for name, shape in zip(names, item.inputs, strict=False)]
+    lines = item.lines(given[bool(item.singular) :], "a0[0] = 1.0")
+    for k, (name, shape) in enumerate(zip(names[len(item.inputs) :], item.results, strict=True)):
+        for index in np.ndindex(*shape):
+            lines += [f"{name}[{_comma(index)}] = r{k}{''.join(f'[{i}]' for i in index)}"]
+    function = item.function("items", ", ".join([*(f"n{n}" for n in sizes), *names]), lines, {})
+    types = [float64[(slice(None),) * max(1, len(shape))] for shape in [(0,)] * len(sizes) + shapes]
+    layout = "".join(f"(n{n})," for n in sizes) + item.layout("n")
+    loop = kept_on_disk(lambda cache: guvectorize([tuple(types)], layout, cache=cache)(function))
+    first = [np.empty(n) for n in sizes]
 
     def call(*args: Any, **kwargs: Any) -> Any:
         if "axes" in kwargs:
-            kwargs["axes"] = [(0,)] * len(sizes) + kwargs["axes"]
+            kwargs["axes"] = [(0,)] * len(first) + kwargs["axes"]
         with np.errstate(all="ignore"):  # branch-free code evaluates what it does not select
-            return loop(*sizes, *args, **kwargs)
+            return loop(*first, *args, **kwargs)
 
     return call
 
 
-def _loop_source(
-    constants: tuple[int, ...], sizes: list[str], arguments: list[Shape], results: list[Shape], checked: int
-) -> str:
-    """Return the source of the function LOOP on one item; checked: how many arguments `singular` takes."""
-    names = [f"a{k}" for k in range(len(arguments))]
-    outs = [f"r{k}" for k in range(len(results))]
-    items = [_item(name, shape) for name, shape in zip(names, arguments, strict=True)]
-    fixed = [*map(str, constants)]
-    parts = [f"r[{k}]" for k in range(len(results))] if len(results) > 1 else ["r"]
-    lines = [f"def LOOP({', '.join(sizes + ['mark'] * bool(checked) + names + outs)}):"]
-    lines += [f"    if singular({', '.join(fixed + items[:checked])}): mark[0] = 1.0"] * bool(checked)
-    lines += [f"    r = kernel({', '.join(fixed + items)})"]
-    for out, shape, part in zip(outs, results, parts, strict=True):
-        for index in np.ndindex(*shape):
-            lines += [f"    {out}[{_comma(index) or 0}] = {part}{''.join(f'[{i}]' for i in index)}"]
-    return "\n".join(lines) + "\n"
-
-
-def _item(name: str, shape: Shape, index: tuple[int, ...] = ()) -> str:
+def _source_of(name: str, shape: Shape, index: tuple[int, ...] = ()) -> str:
     """Return the source of an item as a number or a (nested) tuple."""
     if len(index) == len(shape):
-        return f"{name}[{_comma(index) or 0}]"
-    return "(" + "".join(_item(name, shape, (*index, i)) + ", " for i in range(shape[len(index)])) + ")"
+        return f"{name}[{_comma(index)}]"
+    return "(" + "".join(_source_of(name, shape, (*index, i)) + ", " for i in range(shape[len(index)])) + ")"
 
 
 def _comma(index: tuple[int, ...]) -> str:
-    return ", ".join(map(str, index))
+    return ", ".join(map(str, index)) or "0"

@@ -2,7 +2,7 @@
 
 Each row was tried with Numba 0.61.0, 0.62.1, 0.63.1, 0.64.0, 0.65.1, 0.66.0, 0.67.0 and 0.68.1. Where a row is missing,
 `MISSING` names it, and what Numba documents compiles instead (`decorator`, `gufunc`): the first call is slower, and the
-bits are the same. Where all are there but behave otherwise, `reduced.internals_serve` finds it.
+bits are the same. Where all are there but behave otherwise, `compiler.internals_serve` finds it.
 """
 
 import importlib
@@ -40,6 +40,7 @@ INTERNALS: dict[str, str] = {
         },
         "An array function's loop is compiled once and cached, and becomes a NumPy gufunc with fixed core sizes.": {
             "numba.core.ccallback": "CFunc.compile CFunc.address", "numba.np.ufunc._internal": "fromfunc",
+            "numba.core": "cgutils.for_range_slice",
         },
         "Sums and products are lowered by the signature that is known.": {
             "numba.core.lowering": "Lower.lower_binop", "numba.core": "ir.UNDEFINED",

@@ -9,13 +9,15 @@ to branch on a condition that may: it is asked `any_of` and `all_of`.
 
 import math
 import operator
-from collections.abc import Callable
-from typing import Any, TypeVar
+from collections.abc import Callable, Mapping, Sequence
+from typing import TypeVar
 
 import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.extending import lower_builtin, lower_cast, models, register_model, type_callable
+
+from .codegen import Builder, Context, Make, Signature, Value, cast_all, register, splat
 
 T = TypeVar("T")
 
@@ -45,117 +47,102 @@ def always(x: float) -> bool:
     return True
 
 
+def bits_of(x: float) -> np.int64:
+    """Return the bits of a number as an integer."""
+    return np.float64(x).view(np.int64)
+
+
+def number_of(bits: np.int64) -> float:
+    """Return the number that an integer has the bits of."""
+    return float(np.int64(bits).view(np.float64))
+
+
+# Types of what there is one of in each lane
+
+
 class InLanes(types.Type):  # type: ignore[misc]
-    """The type of what there is one of in each of `width` lanes."""
+    """The type of a vector of `width` lanes.
+
+    lane: the type in one of them; plain: types of what is one for all lanes.
+    """
+
+    lane, plain = types.float64, types.Number
 
     def __init__(self, width: int) -> None:
         self.width = width
         super().__init__(f"{type(self).__name__}({width})")
 
-
-def register_value(kind: type[types.Type], value: Callable[[int], Any]) -> None:
-    """Let Numba know what LLVM has for a type; value: from its width."""
-
-    @register_model(kind)
-    class Value(models.PrimitiveModel):  # type: ignore[misc]
-        def __init__(self, manager: Any, of: Any) -> None:
-            super().__init__(manager, of, value(of.width))
+    def unify(self, typingctx: object, other: types.Type) -> types.Type | None:
+        """Return itself as the type of a variable that is sometimes one for all lanes."""
+        return self if isinstance(other, self.plain) else None
 
 
 class WideType(InLanes):
-    """The type of a number in each of `width` lanes."""
+    """The type of a number in each lane."""
 
-    def unify(self, typingctx: Any, other: Any) -> Any:
-        """Return itself as the type of a variable that is sometimes one number for all lanes."""
-        return self if isinstance(other, types.Number) else None
+    def unify(self, typingctx: object, other: types.Type) -> types.Type | None:
+        """Return also the type of four wide numbers, see `simd`, for a variable that is sometimes four plain ones."""
+        return other if is_four_wide(other) else super().unify(typingctx, other)
 
 
 class MaskType(InLanes):
-    """The type of a condition in each of `width` lanes, on which no code can branch."""
+    """The type of a condition in each lane, on which no code can branch."""
 
-    def unify(self, typingctx: Any, other: Any) -> Any:
-        """Return itself as the type of a variable that is sometimes one condition for all lanes."""
-        return self if isinstance(other, types.Boolean) else None
+    lane, plain = types.boolean, types.Boolean
 
 
-register_value(WideType, lambda width: ir.VectorType(ir.DoubleType(), width))
+class WideIntType(InLanes):
+    """The type of the bits of a number in each lane."""
+
+    lane, plain = types.int64, types.Integer
 
 
-register_value(MaskType, lambda width: ir.VectorType(ir.IntType(1), width))
+def is_four_wide(kind: types.Type) -> bool:
+    """Return whether a type is that of four wide numbers."""
+    return isinstance(kind, types.UniTuple) and len(kind) == 4 and isinstance(kind.dtype, WideType)
 
 
-Generate = Callable[[Any, Any, Any, Any], Any]
-"""What makes machine code: of Numba's context, LLVM's builder, the signature, the arguments."""
-
-
-def register(function: Any, typer: Callable[..., Any], *kinds: tuple[Any, ...]) -> Callable[[Generate], Generate]:
-    """Let Numba know a function: return a decorator of what makes its machine code.
-
-    typer: the type of its result, or its signature, from the types of its arguments, None where others know them;
-    kinds: tuples of types of arguments; any, if there are none.
-    """
-    type_callable(function)(lambda context: typer)
-
-    def let_lower(generate: Generate) -> Generate:
-        for arguments in kinds or ((types.VarArg(types.Any),),):
-            lower_builtin(function, *arguments)(generate)
-        return generate
-
-    return let_lower
-
-
-def width_among(kind: type[InLanes], *args: Any) -> int:
-    """Return the width of the types of a kind among those of arguments, 0 where there is none."""
-    return max((one.width for one in args if isinstance(one, kind)), default=0)
-
-
-# One number for all lanes
-
-
-def splat(builder: Any, number: Any, width: int) -> Any:
-    """Return a vector of equal numbers."""
-    one = ir.Constant(ir.VectorType(number.type, width), ir.Undefined)
-    one = builder.insert_element(one, number, ir.Constant(ir.IntType(32), 0))
-    return builder.shuffle_vector(one, one, ir.Constant(ir.VectorType(ir.IntType(32), width), [0] * width))
+@register_model(WideType)
+@register_model(MaskType)
+@register_model(WideIntType)
+class _Vector(models.PrimitiveModel):  # type: ignore[misc]
+    def __init__(self, manager: Mapping[types.Type, models.DataModel], of: InLanes) -> None:
+        super().__init__(manager, of, ir.VectorType(manager[of.lane].get_value_type(), of.width))
 
 
 @lower_cast(types.Number, WideType)  # type: ignore[untyped-decorator]
-def _wide_number(context: Any, builder: Any, source: Any, target: Any, number: Any) -> Any:
-    return splat(builder, context.cast(builder, number, source, types.float64), target.width)
+@lower_cast(types.Boolean, MaskType)  # type: ignore[untyped-decorator]
+@lower_cast(types.Integer, WideIntType)  # type: ignore[untyped-decorator]
+def _one_for_all(context: Context, builder: Builder, source: types.Type, target: InLanes, one: Value) -> Value:
+    return splat(builder, context.cast(builder, one, source, target.lane), target.width)
 
 
-lower_cast(types.Boolean, MaskType)(
-    lambda context, builder, source, target, condition: splat(builder, condition, target.width)
-)
+# Functions
 
 
-# Operations on two: one of them may be plain, which is that of all lanes
-
-
-def _register_binary(function: Any, kind: type[InLanes], plain: Any, result: type[InLanes], make: Any) -> None:
-    def typer(a: Any, b: Any) -> Any:
-        width = width_among(kind, a, b)
-        return result(width) if width and all(isinstance(x, kind | plain) for x in (a, b)) else None
-
-    @register(function, typer, (kind, kind), (kind, plain), (plain, kind))
-    def _(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        wide = kind(width_among(kind, *signature.args))
-        return make(
-            builder, *(context.cast(builder, a, own, wide) for a, own in zip(args, signature.args, strict=True))
-        )
-
-
-def _register_unary(function: Callable[..., Any], make: Callable[..., Any]) -> None:
+def _register_unary(function: Callable[..., object], make: Make) -> None:
     lower = register(function, lambda a: a if isinstance(a, WideType) else None, (WideType,))
     lower(lambda context, builder, signature, args: make(builder, args[0]))
 
 
-def _compared(sign: str) -> Callable[..., Any]:
+def _register_binary(function: Callable[..., object], kind: type[InLanes], result: type[InLanes], make: Make) -> None:
+    """Let Numba know an operation on two; one of them may be plain, which is that of all lanes."""
+
+    def typer(a: types.Type, b: types.Type) -> types.Type | None:
+        widths = [x.width for x in (a, b) if isinstance(x, kind)]
+        return result(*widths[:1]) if widths and all(isinstance(x, kind | kind.plain) for x in (a, b)) else None
+
+    @register(function, typer, (kind, kind), (kind, kind.plain), (kind.plain, kind))
+    def _(context: Context, builder: Builder, signature: Signature, args: Sequence[Value]) -> Value:
+        return make(builder, *cast_all(context, builder, signature, args, kind(signature.return_type.width)))
+
+
+def _compared(sign: str) -> Make:
     return lambda builder, a, b: (builder.fcmp_unordered if sign == "!=" else builder.fcmp_ordered)(sign, a, b)
 
 
-def _intrinsic(name: str) -> Callable[..., Any]:
-    def make(builder: Any, *numbers: Any) -> Any:
+def _intrinsic(name: str) -> Make:
+    def make(builder: Builder, *numbers: Value) -> Value:
         kind, module = numbers[0].type, builder.module
         full = f"{name}.v{kind.count}f64"
         known = module.globals.get(full) or ir.Function(module, ir.FunctionType(kind, [kind] * len(numbers)), full)
@@ -164,39 +151,39 @@ def _intrinsic(name: str) -> Callable[..., Any]:
     return make
 
 
-for _functions, _make in {
-    (operator.add, operator.iadd): lambda builder, a, b: builder.fadd(a, b),
-    (operator.sub, operator.isub): lambda builder, a, b: builder.fsub(a, b),
-    (operator.mul, operator.imul): lambda builder, a, b: builder.fmul(a, b),
-    (operator.truediv,): lambda builder, a, b: builder.fdiv(a, b),
-    (max,): lambda builder, a, b: builder.select(builder.fcmp_ordered(">", b, a), b, a),
-    (math.copysign,): _intrinsic("llvm.copysign"),
-}.items():
-    for _function in _functions:
-        _register_binary(_function, WideType, types.Number, WideType, _make)
-for _sign, _comparison in {
+_SIGNS = {
     "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq, "!=": operator.ne,
-}.items():  # fmt: skip
-    _register_binary(_comparison, WideType, types.Number, MaskType, _compared(_sign))
-_register_unary(operator.neg, lambda builder, a: builder.fneg(a))
+}  # fmt: skip
+_BINARY: list[tuple[type[InLanes], type[InLanes], dict[Callable[..., object], Make]]] = [
+    (WideType, WideType, {
+        operator.add: Builder.fadd, operator.iadd: Builder.fadd, operator.sub: Builder.fsub,
+        operator.isub: Builder.fsub, operator.mul: Builder.fmul, operator.imul: Builder.fmul,
+        operator.truediv: Builder.fdiv, math.copysign: _intrinsic("llvm.copysign"),
+        max: lambda builder, a, b: builder.select(builder.fcmp_ordered(">", b, a), b, a),
+    }),
+    (WideType, MaskType, {function: _compared(sign) for sign, function in _SIGNS.items()}),
+    (MaskType, MaskType, {operator.and_: Builder.and_, operator.or_: Builder.or_, operator.xor: Builder.xor}),
+    (WideIntType, WideIntType, {
+        operator.and_: Builder.and_, operator.xor: Builder.xor, operator.lshift: Builder.shl,
+        operator.rshift: Builder.ashr, operator.sub: Builder.sub, operator.add: Builder.add,
+    }),
+    (WideIntType, MaskType, {operator.ne: lambda builder, a, b: builder.icmp_unsigned("!=", a, b)}),
+]  # fmt: skip
+"""What operations on two give: the type of one of them at least, that of the result, and instructions of each."""
+for _kind, _result, _functions in _BINARY:
+    for _function, _make in _functions.items():
+        _register_binary(_function, _kind, _result, _make)
+_register_unary(operator.neg, Builder.fneg)
 _register_unary(abs, _intrinsic("llvm.fabs"))
 _register_unary(math.sqrt, _intrinsic("llvm.sqrt"))
 _register_unary(math.ceil, _intrinsic("llvm.ceil"))
 
 
-# Conditions
-
-
-_register_binary(operator.and_, MaskType, types.Boolean, MaskType, lambda builder, a, b: builder.and_(a, b))
-_register_binary(operator.xor, MaskType, types.Boolean, MaskType, lambda builder, a, b: builder.xor(a, b))
-_register_binary(operator.or_, MaskType, types.Boolean, MaskType, lambda builder, a, b: builder.or_(a, b))
-
-
-def _register_summary(function: Callable[..., Any], sign: str, bits_of: Callable[[int], int]) -> None:
+def _register_summary(function: Callable[..., object], sign: str, bits_of: Callable[[int], int]) -> None:
     """Let a function compare a mask's bits with a number; a condition that is one for all lanes is itself."""
 
-    @register(function, lambda a: types.boolean if isinstance(a, MaskType | types.Boolean) else None, (types.Any,))
-    def _(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    @register(function, lambda a: types.boolean if isinstance(a, MaskType | types.Boolean) else None)
+    def _(context: Context, builder: Builder, signature: Signature, args: Sequence[Value]) -> Value:
         if not isinstance(signature.args[0], MaskType):
             return args[0]
         bits = builder.bitcast(args[0], ir.IntType(args[0].type.count))
@@ -208,19 +195,19 @@ _register_summary(all_of, "==", lambda width: (1 << width) - 1)
 
 
 @register(alike, lambda x, value: x if isinstance(x, WideType | types.Float) else None)
-def _alike(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+def _alike(context: Context, builder: Builder, signature: Signature, args: Sequence[Value]) -> Value:
     return context.cast(builder, args[1], signature.args[1], signature.return_type)
 
 
 @register(always, lambda x: MaskType(x.width) if isinstance(x, WideType) else types.boolean)
-def _always(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+def _always(context: Context, builder: Builder, signature: Signature, args: Sequence[Value]) -> Value:
     true = context.get_constant(types.boolean, True)
     return context.cast(builder, true, types.boolean, signature.return_type)
 
 
 @type_callable(choose)  # type: ignore[untyped-decorator]
-def _type_choose(context: Any) -> Any:
-    def typer(condition: Any, a: Any, b: Any) -> Any:
+def _type_choose(context: Context) -> Callable[..., types.Type | None]:
+    def typer(condition: types.Type, a: types.Type, b: types.Type) -> types.Type | None:
         if isinstance(condition, MaskType):
             return WideType(condition.width)
         return context.unify_pairs(a, b) if isinstance(condition, types.Boolean) else None
@@ -229,52 +216,26 @@ def _type_choose(context: Any) -> Any:
 
 
 @lower_builtin(choose, types.VarArg(types.Any))  # type: ignore[untyped-decorator]
-def _choose(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+def _choose(context: Context, builder: Builder, signature: Signature, args: Sequence[Value]) -> Value:
     kind = signature.return_type
     a, b = (context.cast(builder, x, k, kind) for x, k in zip(args[1:], signature.args[1:], strict=True))
     return builder.select(args[0], a, b)
 
 
-def bits_of(x: float) -> np.int64:
-    """Return the bits of a number as an integer."""
-    return np.float64(x).view(np.int64)
-
-
-def number_of(bits: np.int64) -> float:
-    """Return the number that an integer has the bits of."""
-    return float(np.int64(bits).view(np.float64))
-
-
-class WideIntType(InLanes):
-    """The type of the bits of a number in each of `width` lanes."""
-
-
-register_value(WideIntType, lambda width: ir.VectorType(ir.IntType(64), width))
-
-
-@lower_cast(types.Integer, WideIntType)  # type: ignore[untyped-decorator]
-def _wide_integer(context: Any, builder: Any, source: Any, target: Any, number: Any) -> Any:
-    return splat(builder, context.cast(builder, number, source, types.int64), target.width)
-
-
-def _register_bits(function: Callable[..., Any], one: Any, other: Any, wide: Any, other_wide: Any) -> None:
-    def typer(a: Any) -> Any:
-        return other_wide(a.width) if isinstance(a, wide) else (other if isinstance(a, one) else None)
+def _register_bits(
+    function: Callable[..., object],
+    one: type[types.Type],
+    other: types.Type,
+    wide: type[InLanes],
+    as_wide: type[InLanes],
+) -> None:
+    def typer(a: types.Type) -> types.Type | None:
+        return as_wide(a.width) if isinstance(a, wide) else (other if isinstance(a, one) else None)
 
     @register(function, typer)
-    def _(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    def _(context: Context, builder: Builder, signature: Signature, args: Sequence[Value]) -> Value:
         return builder.bitcast(args[0], context.get_value_type(signature.return_type))
 
 
 _register_bits(bits_of, types.Float, types.int64, WideType, WideIntType)
 _register_bits(number_of, types.Integer, types.float64, WideIntType, WideType)
-for _function, _result, _make in (
-    (operator.and_, WideIntType, lambda builder, a, b: builder.and_(a, b)),
-    (operator.xor, WideIntType, lambda builder, a, b: builder.xor(a, b)),
-    (operator.lshift, WideIntType, lambda builder, a, b: builder.shl(a, b)),
-    (operator.rshift, WideIntType, lambda builder, a, b: builder.ashr(a, b)),
-    (operator.sub, WideIntType, lambda builder, a, b: builder.sub(a, b)),
-    (operator.add, WideIntType, lambda builder, a, b: builder.add(a, b)),
-    (operator.ne, MaskType, lambda builder, a, b: builder.icmp_unsigned("!=", a, b)),
-):
-    _register_binary(_function, WideIntType, types.Integer, _result, _make)

@@ -21,10 +21,11 @@ from numba.core.registry import cpu_target
 from numba.cpython import builtins
 
 from rbfmu_kernels import free_rotation, free_rotation_at, free_rotation_setup, rotate
-from rbfmu_kernels.compile import compiler, stamp, tiled_gufunc
+from rbfmu_kernels.compile import code_cache, compiler, tiled_gufunc
+from rbfmu_kernels.compile.code_cache import made_once
 from rbfmu_kernels.compile.compiler import _IntermediateCode
 from rbfmu_kernels.compile.decorator import kernel
-from rbfmu_kernels.compile.reduced import made_once
+from rbfmu_kernels.compile.shapes import Item
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="needs the compiler")
 
@@ -153,13 +154,13 @@ def test_callees_are_found_in_the_cache(tmp_path, monkeypatch):
 
 
 def test_a_change_of_any_module_makes_cached_code_stale(tmp_path):
-    package = Path(stamp.__file__).parents[1]
+    package = Path(code_cache.__file__).parents[1]
     copy = shutil.copytree(package, tmp_path / package.name, ignore=shutil.ignore_patterns("__pycache__"))
-    assert stamp.hash_of_sources(copy) == stamp.SOURCES
+    assert code_cache.hash_of_sources(copy) == code_cache.SOURCES
     for path in copy.rglob("*.py"):
         content = path.read_bytes()
         path.write_bytes(content + b"#")
-        assert stamp.hash_of_sources(copy) != stamp.SOURCES, path
+        assert code_cache.hash_of_sources(copy) != code_cache.SOURCES, path
         path.write_bytes(content)
 
 
@@ -180,7 +181,7 @@ def test_loops_over_tiles_are_vectorised_over_items(monkeypatch):
     monkeypatch.setattr(tiled_gufunc, "DiskCache", lambda loop: NullCache())  # stored code has no source left
     compiled = tiled_gufunc._compiled
     monkeypatch.setattr(tiled_gufunc, "_compiled", lambda loop: loops.append(compiled(loop)) or loops[-1])
-    tiled_gufunc.tiled_gufuncs(rotate)
+    tiled_gufunc.tiled_gufuncs(Item(rotate), 0)
     assert re.search(r"fmul <\d+ x double>", loops[0].inspect_llvm())
 
 

@@ -15,7 +15,7 @@ import pytest
 
 import rbfmu
 from rbfmu.runs.plan import Plan
-from rbfmu_kernels.compile import reduced, said, tiered
+from rbfmu_kernels.compile import numba_private, said, tiered
 from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.mechanics.inertia import principal_axes
 from rbfmu_kernels.models.free import FREE_TRIAXIAL
@@ -165,7 +165,7 @@ def test_short_ones_and_those_of_others_are_not_announced(monkeypatch, capsys):
 def test_where_no_code_is_kept_the_compiler_is_not_set_up_to_load_it(monkeypatch):
     """That takes as long as a short run in plain Python, which compiles nothing."""
     set_up = []
-    monkeypatch.setattr(reduced.rtsys, "initialize", set_up.append)
+    monkeypatch.setattr(numba_private.rtsys, "initialize", set_up.append)
     assert not tiered.is_kept(kernel(lambda x: x + 1.0), 1.0)
     assert set_up == []
 

@@ -13,7 +13,7 @@ from numba import njit
 import rbfmu
 from rbfmu_kernels import free_rotation as body_at
 from rbfmu_kernels.compile.gufunc import gufuncs, interpreted
-from rbfmu_kernels.compile.shapes import core_shapes
+from rbfmu_kernels.compile.shapes import Item, core_shapes
 from rbfmu_kernels.exact.free_rotation import FREE_ROTATION_SIZE, free_rotation_at, free_rotation_setup
 from rbfmu_kernels.rotations import euler_angles, quaternion, rotation_vector
 from tests.kernels.mechanics import test_inverse_dynamics, test_kinematics, test_spatial
@@ -166,7 +166,7 @@ def test_no_kernel_raises(name, number):
 )
 def test_interpreted_functions_have_the_same_bits(kernel):
     args = {"rotate": (Q, V[:1]), "angle_between": (Q, Q[3])}.get(kernel.__name__, (Q,))
-    ours, theirs = interpreted(kernel)(*args), gufuncs(kernel)[0](*args)
+    ours, theirs = interpreted(Item(kernel))(*args), gufuncs(kernel)[0](*args)
     for a, b in zip(ours, theirs, strict=True):
         assert (a == b).all()
 

@@ -1,0 +1,108 @@
+"""Compiled code on disk, with a stamp of all sources, as Numba's own sees a function's file but not what it calls."""
+
+import hashlib
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import cached_property
+from os.path import exists
+from pathlib import Path
+from typing import Any
+
+from numba import config
+
+from . import numba_private as inside
+
+try:
+    import fcntl
+except ImportError:  # Windows: each process compiles for itself
+    fcntl = None  # type: ignore[assignment]
+
+_PACKAGE = Path(__file__).parents[1]
+
+
+def hash_of_sources(package: Path) -> str:
+    """Return a hash of all modules below a folder."""
+    digest = hashlib.sha256()
+    for path in sorted(package.rglob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+SOURCES = hash_of_sources(_PACKAGE)
+"""The hash of this package's sources."""
+
+
+def stamp_of(function: Callable[..., Any]) -> str:
+    """Return the stamp of a function's code: the hash of all kernels, and of its own file where that is elsewhere."""
+    file = Path(function.__code__.co_filename)
+    return SOURCES if file.is_relative_to(_PACKAGE) else SOURCES + hashlib.sha256(file.read_bytes()).hexdigest()[:16]
+
+
+def kept_on_disk(compiled: Callable[[bool], Any]) -> Any:
+    """Compile with a cache in a folder of these sources, as Numba's stamp does not see what a function calls."""
+    folder = config.CACHE_DIR
+    config.CACHE_DIR = str(Path(folder or _PACKAGE / "__pycache__") / SOURCES)
+    try:
+        return compiled(True)
+    except RuntimeError:  # no folder can be written
+        return compiled(False)
+    finally:
+        config.CACHE_DIR = folder
+
+
+class DiskCache:
+    """The cache of one function; none where no folder for it can be written, or where Numba's cannot be used.
+
+    It is looked for at the first use, and read without loading Numba's compiler, which costs 0.2 s and is not needed.
+    """
+
+    def __init__(self, function: Callable[..., Any], kind: Any = None) -> None:
+        """kind: CalleeCache; without, it is Numba's own."""
+        self._function, self._kind = function, kind
+
+    def load_overload(self, signature: Any, context: Any) -> Any:
+        """Return stored code, or None where there is none."""
+        try:
+            if not exists(self._cache._cache_file._index_path):
+                return None  # before what follows, which takes 25 ms the first time
+            inside.rtsys.initialize(context)  # object code names its functions, and must find all that it names
+            return self._cache._load_overload(signature, context)
+        except Exception:  # Numba's internals behave otherwise than where they were tried
+            return None
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._cache, name)
+
+    @cached_property
+    def _cache(self) -> Any:
+        try:
+            cache = (self._kind or inside.FunctionCache)(self._function)
+            name = cache._impl.filename_base + ("-callee" if self._kind else "")
+            cache._cache_file = inside.IndexDataCacheFile(cache._cache_path, name, stamp_of(self._function))
+        except (RuntimeError, AttributeError, TypeError):
+            return inside.NullCache()
+        return cache
+
+
+@contextmanager
+def made_once(kept: Any) -> Iterator[None]:
+    """Let one process at a time compile what a cache keeps, so that those which wait find what the first has made.
+
+    Where files cannot be locked, each compiles. Threads wait at Numba's own lock, which comes first: one that had the
+    file's lock and waited for Numba's would be waited for by the one that has Numba's and compiles a caller.
+    """
+    with inside.global_compiler_lock:
+        handle, path = None, ""
+        with suppress(OSError, AttributeError):  # the latter also without fcntl: then no file is left behind
+            locked = fcntl.flock
+            path = f"{kept._cache_file._index_path}.lock"
+            handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+            locked(handle, fcntl.LOCK_EX)
+        try:
+            yield
+        finally:
+            if handle is not None:
+                with suppress(OSError):
+                    os.unlink(path)  # who waits gets the lock still; who comes now makes a new file, and finds code
+                os.close(handle)
