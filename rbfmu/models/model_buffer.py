@@ -152,8 +152,8 @@ class BodyAtStart:
     @property
     def leaves_third_axis(self) -> bool:
         """Return whether the moments across an axis differ, or a torque or damping is not about that axis alone."""
-        (q, _), (_, _, axes) = self.rotation, interpreted(principal.symmetric_frame)(self.body.inertia)
-        return interpreted(unturned.leads_astray)(q, axes, self.body, self.loads)
+        _, _, axes = interpreted(principal.symmetric_frame)(self.body.inertia)
+        return interpreted(unturned.leads_astray)(self.z, axes)
 
     @cached_property
     def principal_axes(self) -> tuple[Array, Array]:
@@ -167,14 +167,12 @@ class BodyAtStart:
     @cached_property
     def axis(self) -> Vec3:
         """Return the principal axis of most of the rate, in b."""
-        q, omega = self.rotation
-        return interpreted(fixed_axis.main_axis)(q, omega, self.body, self.loads)
+        return interpreted(fixed_axis.main_axis)(self.z)
 
     @property
     def leaves_axis(self) -> bool:
         """Return whether anything turns the body about another axis."""
-        q, omega = self.rotation
-        return interpreted(fixed_axis.leaves_axis)(self.z, self.axis, q, omega, self.body, self.loads)
+        return interpreted(fixed_axis.leaves_axis)(self.z, self.axis)
 
     @property
     def is_swung(self) -> bool:
@@ -185,8 +183,7 @@ class BodyAtStart:
     @property
     def is_driven_or_damped(self) -> bool:
         """Return whether anything else acts about the axis."""
-        q, _ = self.rotation
-        drive, damping = interpreted(fixed_axis.drive_and_damping_rate)(self.z, self.axis, q, self.body, self.loads)
+        drive, damping = interpreted(fixed_axis.drive_and_damping_rate)(self.z, self.axis)
         return drive != 0.0 or damping != 0.0
 
 
